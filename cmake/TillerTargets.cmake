@@ -1,0 +1,108 @@
+# One CMake target per folder. An include of a folder that is not in DEPENDS fails to build, because
+# each library offers its headers through an include root of its own (see tiller_library).
+
+include(GNUInstallDirs)
+
+set(CMAKE_C_STANDARD 99)
+set(CMAKE_CXX_STANDARD 17)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_C_EXTENSIONS OFF)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+
+add_library(tiller_flags INTERFACE)
+target_compile_options(tiller_flags INTERFACE -Wall -Wextra -Wshadow -Wconversion -Wno-sign-conversion)
+if(TILLER_SANITIZE)
+  add_compile_options(-fsanitize=${TILLER_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
+  add_link_options(-fsanitize=${TILLER_SANITIZE})
+endif()
+if(TILLER_REPRODUCIBLE)
+  add_compile_options(-ffp-contract=off)
+endif()
+
+# What runtime code is compiled with: no exceptions, no RTTI, and never -ffast-math (NaN checks must work).
+set(TILLER_RUNTIME_OPTIONS $<$<COMPILE_LANGUAGE:CXX>:-fno-exceptions -fno-rtti>)
+
+# tiller_library(name SOURCES a.cpp ... DEPENDS core scalar ...)
+#
+# Makes the static library tiller_<name> from runtime/<name>. Its headers are included as
+# "<name>/file.hpp"; the include root is a folder of links that holds that one name, so that a folder
+# that is not in DEPENDS cannot be included by accident.
+function(tiller_library name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS;PRIVATE_LIBS;PUBLIC_LIBS" ${ARGN})
+  set(target tiller_${name})
+  set(root ${PROJECT_BINARY_DIR}/include_roots/${name})
+  file(MAKE_DIRECTORY ${root})
+  if(NOT EXISTS ${root}/${name})
+    file(CREATE_LINK ${CMAKE_CURRENT_SOURCE_DIR} ${root}/${name} SYMBOLIC)
+  endif()
+  if(ARG_SOURCES)
+    add_library(${target} STATIC ${ARG_SOURCES})
+    set(scope PUBLIC)
+    target_link_libraries(${target} PRIVATE $<BUILD_INTERFACE:tiller_flags> ${ARG_PRIVATE_LIBS})
+    target_compile_options(${target} PRIVATE ${TILLER_RUNTIME_OPTIONS})
+  else()
+    add_library(${target} INTERFACE)
+    set(scope INTERFACE)
+  endif()
+  target_include_directories(${target} ${scope}
+    $<BUILD_INTERFACE:${root}>
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/runtime/include>
+    $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>
+    $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/tiller/runtime>)
+  foreach(dep IN LISTS ARG_DEPENDS)
+    target_link_libraries(${target} ${scope} tiller_${dep})
+  endforeach()
+  target_link_libraries(${target} ${scope} ${ARG_PUBLIC_LIBS})
+  set_target_properties(${target} PROPERTIES EXPORT_NAME ${name})
+  add_library(tiller::${name} ALIAS ${target})
+  set_property(GLOBAL APPEND PROPERTY TILLER_RUNTIME_TARGETS ${target})
+endfunction()
+
+# tiller_isa_sources(target file.cpp ...)
+#
+# Compiles each file once per instruction set of the target architecture, with TILLER_COMPILE_ISA set to its
+# name (see scalar/isa.hpp). The flags never reach any other file, and these copies are optimised even in debug
+# builds: an inline function of the standard library that is emitted out of line in the AVX-512 copy could be
+# the one the linker keeps for everybody.
+if(TILLER_REPRODUCIBLE)
+  set(TILLER_ISAS scalar)
+elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+  set(TILLER_ISAS sse2 avx2 avx512)
+elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
+  set(TILLER_ISAS neon)
+else()
+  set(TILLER_ISAS scalar)
+endif()
+set(TILLER_ISA_FLAGS_sse2 -msse2)
+set(TILLER_ISA_FLAGS_avx2 -mavx2 -mfma)
+set(TILLER_ISA_FLAGS_avx512 -mavx512f -mavx512cd -mavx512dq -mavx512bw -mavx512vl -mfma -mprefer-vector-width=512)
+function(tiller_isa_sources target)
+  foreach(source IN LISTS ARGN)
+    get_filename_component(stem ${source} NAME_WE)
+    get_filename_component(path ${source} ABSOLUTE)
+    foreach(isa IN LISTS TILLER_ISAS)
+      set(copy ${CMAKE_CURRENT_BINARY_DIR}/${stem}_${isa}.cpp)
+      file(CONFIGURE OUTPUT ${copy} CONTENT "#include \"${path}\"\n" @ONLY)
+      set_source_files_properties(${copy} PROPERTIES
+        COMPILE_OPTIONS "-O3;${TILLER_ISA_FLAGS_${isa}}"
+        COMPILE_DEFINITIONS "TILLER_COMPILE_ISA=${isa};TILLER_COMPILE_ISA_${isa}=1")
+      target_sources(${target} PRIVATE ${copy})
+    endforeach()
+  endforeach()
+endfunction()
+
+# tiller_test(name SOURCES a_test.cpp ... LIBS tiller_core ... LABELS slow)
+#
+# A GoogleTest program registered with ctest as <name>. Every test prints what it measured.
+function(tiller_test name)
+  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LIBS;LABELS;ARGS" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE tiller_flags ${ARG_LIBS} GTest::gtest GTest::gtest_main)
+  add_test(NAME ${name} COMMAND ${name} ${ARG_ARGS})
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 300)
+  endif()
+  set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${ARG_TIMEOUT})
+endfunction()
