@@ -1,0 +1,260 @@
+#include "sim/plant.hpp"
+
+#include <cmath>
+#include <sstream>
+
+#include "sim/check.hpp"
+#include "sim/effects/effects.hpp"
+#include "sim/motor_line.hpp"
+#include "sim/sensor.hpp"
+
+namespace tiller::sim {
+namespace {
+
+std::int64_t to_us(double seconds) {
+  return std::llround(seconds * 1e6);
+}
+
+double or_zero(const std::map<std::string, double>& values, const std::string& name) {
+  const auto at = values.find(name);
+  return at == values.end() ? 0.0 : at->second;
+}
+
+/// An effect and the joint it acts on (null for effects of the motor).
+struct PlacedEffect {
+  std::unique_ptr<Effect> effect;
+  std::size_t joint;
+  bool on_joint;
+};
+
+}  // namespace
+
+struct Plant::Impl {
+  Impl(const PlantOptions& o, const MechanismInfo& i)
+      : options(o),
+        info(i),
+        parameters(merged_parameters(o, i)),
+        line(to_us(o.command_latency_s), to_us(o.watchdog_timeout_s), o.command_limit),
+        history(to_us(o.measurement_latency_s)),
+        process_noise(o.seed, "process." + i.commands[0].name),
+        step_us(to_us(o.step_s)),
+        state(i.states.size()) {
+    for (const std::size_t s : info.measured) measurements.push_back(info.states[s]);
+    for (const Channel& c : measurements) {
+      encoders.push_back({or_zero(o.encoder_noise_sd, c.name), or_zero(o.encoder_step, c.name),
+                          NoiseStream(o.seed, "encoder." + c.name)});
+    }
+    for (const HiddenEffect& e : o.effects) place_effect(e);
+  }
+
+  void place_effect(const HiddenEffect& e) {
+    const EffectInfo& what = *find_effect(e.kind);
+    effects.push_back({what.make(e.parameters.at(what.parameter)),
+                       static_cast<std::size_t>(find_port(e, info)), what.port == PortKind::joint});
+  }
+
+  /// A new world each time: nothing that ODE keeps inside can leak from one run into the next.
+  void build() {
+    mechanism = info.build(parameters);
+    for (PlacedEffect& e : effects) {
+      if (e.on_joint) e.effect->attach(mechanism->joint(e.joint));
+      e.effect->reset();
+    }
+  }
+
+  /// ODE takes forces at the start of a step, so viscous friction is stable while coefficient * step is
+  /// below twice the inertia; a tenth of that keeps its decay honest as well.
+  bool friction_is_stable(std::string& error) const {
+    for (std::size_t j = 0; j < info.joints.size(); ++j) {
+      double coefficient = mechanism->own_damping(j);
+      for (const PlacedEffect& e : effects) {
+        if (e.on_joint && e.joint == j) coefficient += e.effect->damping();
+      }
+      const double most = 0.2 * mechanism->joint(j).least_inertia() / options.step_s;
+      if (coefficient <= most) continue;
+      std::ostringstream text;
+      text << "viscous friction " << coefficient << " at joint " << info.joints[j]
+           << " is too stiff for step_s = " << options.step_s << ": at most " << most
+           << "; choose a smaller step_s";
+      error = text.str();
+      return false;
+    }
+    return true;
+  }
+
+  void reset() {
+    state = info.default_state;
+    for (std::size_t i = 0; i < state.size(); ++i) {
+      const auto at = options.initial_state.find(info.states[i].name);
+      if (at != options.initial_state.end()) state[i] = at->second;
+    }
+    build();
+    mechanism->place(state);
+    line.reset();
+    time_us = carried_us = 0;
+    motor = 0;
+    dropped = 0;
+    history.reset(state);
+  }
+
+  /// The mean force that the motor makes over the coming step.
+  double drive_motor() {
+    double force = line.wanted();
+    for (PlacedEffect& e : effects) {
+      if (!e.on_joint) force = e.effect->drive(force, time_us, options.step_s);
+    }
+    return force;
+  }
+
+  void push_joints() {
+    for (PlacedEffect& e : effects) {
+      if (e.on_joint) e.effect->push(mechanism->joint(e.joint));
+    }
+    if (options.process_noise_sd <= 0) return;
+    // drawn per millisecond and not per step: a finer physics step feels the same force
+    const auto millisecond = static_cast<std::uint64_t>(time_us / 1000);
+    mechanism->joint(info.actuated).add_force(options.process_noise_sd * process_noise.normal(millisecond));
+  }
+
+  void step() {
+    motor = drive_motor();
+    mechanism->joint(info.actuated).add_force(motor);
+    push_joints();
+    mechanism->step(options.step_s);
+    time_us += step_us;
+    line.deliver(time_us);
+    mechanism->read_state(state.data());
+    history.push(time_us, state);
+  }
+
+  PlantOptions options;
+  const MechanismInfo& info;
+  std::map<std::string, double> parameters;
+  std::unique_ptr<Mechanism> mechanism;
+  MotorLine line;
+  StateHistory history;
+  NoiseStream process_noise;
+  std::vector<Encoder> encoders;
+  std::vector<PlacedEffect> effects;
+  std::vector<Channel> measurements;
+  std::int64_t step_us;
+  std::int64_t time_us = 0;
+  std::int64_t carried_us = 0;
+  std::vector<double> state;  // (states) at time_us
+  double motor = 0;
+  std::uint64_t dropped = 0;
+};
+
+Plant::Plant(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Plant::~Plant() = default;
+
+std::unique_ptr<Plant> Plant::make(const PlantOptions& options, std::string& error) {
+  const MechanismInfo* info = find_mechanism(options.kind);
+  if (info == nullptr) {
+    error = "unknown plant '" + options.kind + "'; known:";
+    for (const MechanismInfo& known : mechanisms()) error += " " + known.kind;
+    return nullptr;
+  }
+  if (!check_options(options, *info, error)) return nullptr;
+  auto impl = std::make_unique<Impl>(options, *info);
+  impl->reset();
+  if (!impl->friction_is_stable(error)) return nullptr;
+  return std::unique_ptr<Plant>(new Plant(std::move(impl)));
+}
+
+const PlantOptions& Plant::options() const {
+  return impl_->options;
+}
+const std::vector<Channel>& Plant::measurements() const {
+  return impl_->measurements;
+}
+const std::vector<Channel>& Plant::commands() const {
+  return impl_->info.commands;
+}
+const std::vector<Channel>& Plant::states() const {
+  return impl_->info.states;
+}
+
+double Plant::parameter(const std::string& name) const {
+  const auto at = impl_->parameters.find(name);
+  return at == impl_->parameters.end() ? std::nan("") : at->second;
+}
+
+void Plant::reset() {
+  impl_->reset();
+}
+
+void Plant::apply(const double* command) {
+  if (!std::isfinite(command[0])) {
+    ++impl_->dropped;
+    return;
+  }
+  impl_->line.send(command[0], impl_->time_us);
+}
+
+void Plant::advance(double duration_s) {
+  impl_->carried_us += to_us(duration_s);
+  for (; impl_->carried_us >= impl_->step_us; impl_->carried_us -= impl_->step_us) impl_->step();
+}
+
+std::int64_t Plant::time_us() const {
+  return impl_->time_us;
+}
+
+std::int64_t Plant::measured_us() const {
+  return std::max<std::int64_t>(0, impl_->time_us - to_us(impl_->options.measurement_latency_s));
+}
+
+void Plant::measure(double* out) const {
+  std::vector<double> seen;
+  impl_->history.at(measured_us(), seen);
+  for (std::size_t i = 0; i < impl_->encoders.size(); ++i) {
+    out[i] = impl_->encoders[i].read(seen[impl_->info.measured[i]], measured_us());
+  }
+}
+
+void Plant::true_state(double* out) const {
+  std::copy(impl_->state.begin(), impl_->state.end(), out);
+}
+void Plant::motor(double* out) const {
+  out[0] = impl_->motor;
+}
+double Plant::energy_J() const {
+  return impl_->mechanism->energy_J();
+}
+bool Plant::watchdog_tripped() const {
+  return impl_->line.tripped();
+}
+std::uint64_t Plant::watchdog_trips() const {
+  return impl_->line.trips();
+}
+std::uint64_t Plant::dropped_commands() const {
+  return impl_->dropped;
+}
+
+std::string plant_help() {
+  std::ostringstream out;
+  for (const MechanismInfo& info : mechanisms()) {
+    out << info.kind << ": " << info.help << "\n  parameters:\n";
+    for (const ParameterInfo& p : info.parameters) {
+      out << "    " << p.name << " = " << p.default_value << "  " << p.help << "\n";
+    }
+    out << "  states:";
+    for (const Channel& c : info.states) out << " " << c.name;
+    out << "\n  measured:";
+    for (const std::size_t i : info.measured) out << " " << info.states[i].name;
+    out << "\n  commands:";
+    for (const Channel& c : info.commands) out << " " << c.name;
+    out << "\n  joints:";
+    for (const std::string& name : info.joints) out << " " << name;
+    out << "\n";
+  }
+  out << "hidden effects:\n";
+  for (const EffectInfo& e : effect_infos()) {
+    out << "  " << e.kind << ":" << e.parameter << "=VALUE  " << e.help
+        << (e.port == PortKind::joint ? " (at a joint)" : " (at a command)") << "\n";
+  }
+  return out.str();
+}
+
+}  // namespace tiller::sim
