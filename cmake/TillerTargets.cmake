@@ -77,7 +77,8 @@ else()
 endif()
 set(TILLER_ISA_FLAGS_sse2 -msse2)
 set(TILLER_ISA_FLAGS_avx2 -mavx2 -mfma)
-set(TILLER_ISA_FLAGS_avx512 -mavx512f -mavx512cd -mavx512dq -mavx512bw -mavx512vl -mfma -mprefer-vector-width=512)
+set(TILLER_ISA_FLAGS_avx512 -mavx512f -mavx512cd -mavx512dq -mavx512bw -mavx512vl -mfma -mprefer-vector-width=512
+    -Wno-uninitialized -Wno-maybe-uninitialized)  # false in GCC 12's own intrinsics headers
 function(tiller_isa_sources target)
   foreach(source IN LISTS ARGN)
     get_filename_component(stem ${source} NAME_WE)

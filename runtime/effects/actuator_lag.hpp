@@ -1,0 +1,26 @@
+#pragma once
+
+#include "effects/effect_info.hpp"
+
+namespace tiller {
+
+/// First-order lag of an actuator: T dy/dt = u - y, exact for a command that is constant over the step:
+/// y+ = u + (y - u) e^(-dt/T). What acts is the mean of y over the step, u + (y - u) (T/dt) (1 - e^(-dt/T)), so that
+/// the impulse is right even where T is far below the step. T = 0 passes u through, to the last bit.
+template <class S>
+struct ActuatorLag {
+  static constexpr Hook hook = Hook::input;
+  static constexpr EffectInfo info = {"actuator_lag", PortKind::input, 1, {"time_constant_s"}, {"s"}, {0.0}, 1,
+                                      "first-order lag between command and force"};
+  static S apply(const S& u, S* state, const S* p, const S& dt) {
+    const S ratio = max(p[0], S(1e-9)) / dt;
+    const S left = exp(S(-1.0) / ratio);
+    const S distance = state[0] - u;
+    const auto present = p[0] > S(0.0);
+    const S mean = select(present, u + distance * (ratio * (S(1.0) - left)), u);
+    state[0] = select(present, u + distance * left, u);
+    return mean;
+  }
+};
+
+}  // namespace tiller

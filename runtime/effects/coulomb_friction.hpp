@@ -1,0 +1,22 @@
+#pragma once
+
+#include "effects/effect_info.hpp"
+
+namespace tiller {
+
+/// Dry friction: at most `friction`, against the motion, and exactly what stops the joint where that suffices (true
+/// sticking: v becomes 0, not a small number). The alternative, friction * tanh(v / v0), creeps when it should stick
+/// and is unstable at 20 ms for any v0 small enough to look like dry friction. Same time-stepping as Moreau's:
+/// the force is the projection of the stopping impulse onto [-friction, friction].
+template <class S>
+struct CoulombFriction {
+  static constexpr Hook hook = Hook::dissipation;
+  static constexpr EffectInfo info = {"coulomb_friction", PortKind::joint, 1, {"friction_SI"}, {"N or N m"}, {0.0}, 0,
+                                      "dry friction: a constant force against the motion, sticking at rest"};
+  static S force(const S& v_free, const S& gain, const S* p) {
+    const S stopping = -v_free / gain;
+    return max(-p[0], min(p[0], stopping));
+  }
+};
+
+}  // namespace tiller

@@ -1,0 +1,26 @@
+#pragma once
+
+#include "effects/effect_info.hpp"
+
+namespace tiller {
+
+/// Transport delay of an input: what acts during a period is the command's mean over that period shifted back by the
+/// delay d. For commands constant over periods that is a weighted sum of the last ones, with hat weights
+/// w_i = max(0, 1 - |d/period - i|). Every lane may have its own d; the history belongs to the input, not to the
+/// particle. d = 0 passes the command through, to the last bit.
+template <class S>
+struct InputDelay {
+  static constexpr Hook hook = Hook::period_input;
+  static constexpr EffectInfo info = {"input_delay", PortKind::input, 1, {"delay_s"}, {"s"}, {0.0}, 0,
+                                      "transport delay between command and force"};
+  /// past(i) is the command i periods ago, i = 0..steps.
+  template <class Past>
+  static S apply_period(const Past& past, int steps, const S* p, const S& period) {
+    const S periods = p[0] / period;
+    S sum = past(0) * max(S(0.0), S(1.0) - periods);
+    for (int i = 1; i <= steps; ++i) sum += past(i) * max(S(0.0), S(1.0) - abs(periods - S(i)));
+    return select(p[0] > S(0.0), sum, past(0));
+  }
+};
+
+}  // namespace tiller

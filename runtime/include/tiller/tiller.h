@@ -1,0 +1,332 @@
+/* tiller: model predictive control with an online posterior, in one block of memory that you own.
+ * SPDX-License-Identifier: BSD-3-Clause
+ *
+ * The manual is this header. The life of a controller:
+ *
+ *     tiller_config_t config;                      // from a robot file: `tiller export robot.toml`
+ *     size_t size = tiller_size(&config);          // bytes, exact
+ *     tiller_t* t;
+ *     tiller_init(&t, &config, memory, size);      // memory aligned to TILLER_ALIGNMENT; no heap, ever
+ *     tiller_arm(t);                               // STANDBY -> ACTIVE
+ *     for (;;) {
+ *       tiller_measurement_t m = ...;              // your encoders
+ *       tiller_command_t c;
+ *       tiller_tick(t, now_us, &m, &c);            // sense, validate, learn, plan, gate, record
+ *       ...                                        // send c.value: it is finite and within the limits
+ *     }
+ *
+ * Rules that hold everywhere:
+ *   - `tiller_tick` always fills the command. Whatever went wrong, the command is safe to send; the
+ *     returned status says why it is what it is.
+ *   - Nothing allocates, blocks, locks, prints or throws after tiller_init. An instance is used by one
+ *     thread at a time; instances are independent.
+ *   - Units are SI; names carry them. Stamps are microseconds of any one monotonic clock.
+ *   - Arrays are sized by the TILLER_MAX constants and filled from the front.
+ *   - Structs begin with size and version. Fill them with the *_default() functions, then change fields.
+ */
+#ifndef TILLER_TILLER_H_
+#define TILLER_TILLER_H_
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "tiller/model.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define TILLER_VERSION_MAJOR 0
+#define TILLER_VERSION_MINOR 1
+#define TILLER_CONFIG_VERSION 1u
+#define TILLER_ALIGNMENT 64u /**< of the caller's block: one AVX-512 register, one cache line */
+#define TILLER_MAX_MEASUREMENTS TILLER_MAX_STATES
+
+/* ---- status ------------------------------------------------------------------------------------- */
+
+/** Codes are in bands: 1..99 usage, 100..199 fault, 200..299 limited; 0 is ok. */
+typedef enum tiller_status {
+#define TILLER_STATUS(code, name, band, text) tiller_status_##name = code,
+#include "tiller/status.def"
+#undef TILLER_STATUS
+  tiller_status_force_int = 0x7fffffff
+} tiller_status_t;
+
+/** One sentence for a status; never NULL. */
+const char* tiller_status_text(tiller_status_t status);
+/** The status's name, e.g. "sensor_stale"; "unknown" for a code that does not exist. */
+const char* tiller_status_name(tiller_status_t status);
+
+/* ---- configuration ------------------------------------------------------------------------------ */
+
+typedef enum tiller_prior_kind {
+  tiller_prior_fixed = 0,      /**< a = value */
+  tiller_prior_uniform = 1,    /**< on [low, high] */
+  tiller_prior_normal = 2,     /**< mean a, standard deviation b, cut to [low, high] */
+  tiller_prior_log_normal = 3  /**< median a, standard deviation b of the logarithm, cut to [low, high] */
+} tiller_prior_kind_t;
+
+/** What is believed of a parameter before the first measurement. */
+typedef struct tiller_prior {
+  uint32_t kind;               /**< tiller_prior_kind_t */
+  uint32_t reserved;
+  double a, b;                 /**< see the kind */
+  double low, high;            /**< hard bounds; -INFINITY, INFINITY for none */
+} tiller_prior_t;
+
+/** The effects' kinds: one for each line of effects.def, in its order. */
+typedef enum tiller_effect_kind {
+#define TILLER_EFFECT(name, Type) tiller_effect_##name,
+#include "tiller/effects.def"
+#undef TILLER_EFFECT
+  tiller_effect_kind_count
+} tiller_effect_kind_t;
+
+/** An effect at a port of the model. Its parameters follow the model's in `priors`, in the order in
+ *  which the effects stand here. */
+typedef struct tiller_effect {
+  uint32_t kind;               /**< tiller_effect_kind_t */
+  uint32_t port;               /**< index of the joint (friction, offset) or of the input (lag, delay) */
+} tiller_effect_t;
+
+typedef enum tiller_integrator {
+  tiller_integrator_semi_implicit_euler = 0,
+  tiller_integrator_midpoint = 1,
+  tiller_integrator_rk4 = 2
+} tiller_integrator_t;
+
+typedef enum tiller_planner_kind {
+  tiller_planner_random_shooting = 0,
+  tiller_planner_cem = 1,
+  tiller_planner_mppi = 2,
+  tiller_planner_kind_count
+} tiller_planner_kind_t;
+
+typedef enum tiller_risk {
+  tiller_risk_mean = 0,        /**< expected cost over the particles */
+  tiller_risk_cvar = 1         /**< mean of the worst (1 - alpha) share of whole trajectories */
+} tiller_risk_t;
+
+/** How the posterior is kept. */
+typedef struct tiller_posterior_config {
+  uint32_t enabled;            /**< 0: frozen at the prior (the state is still estimated) */
+  uint32_t particles;          /**< N, a multiple of 16, 16..4096 */
+  uint32_t window;             /**< transitions kept for moves, 16..1024 */
+  uint32_t moves_per_tick;     /**< Metropolis moves per tick, a multiple of 8, 0..N */
+  double ess_fraction;         /**< resample when the effective sample size falls below this share of N */
+  double noise_scale_shape;    /**< a0 of the inverse gamma over the common noise variance scale; the
+                                    larger, the more the configured noise is believed; 0 < a0 <= 1e6 */
+} tiller_posterior_config_t;
+
+/** How commands are planned. Sampling planners draw `rollouts` sequences of `knots` values per input. */
+typedef struct tiller_planner_config {
+  uint32_t kind;               /**< tiller_planner_kind_t */
+  uint32_t horizon;            /**< steps of period_s, 2..512 */
+  uint32_t knots;              /**< control points per input over the horizon, linear in between, 2..64 */
+  uint32_t rollouts;           /**< K, a multiple of 16, 16..8192 */
+  uint32_t particles;          /**< M particles of the posterior per rollout, 1..64 */
+  uint32_t iterations;         /**< cap per tick, 1..100 */
+  uint32_t deadline_us;        /**< per tick, from its start, by hooks.now_ns; 0: iterations alone decide */
+  uint32_t risk;               /**< tiller_risk_t */
+  double cvar_alpha;           /**< in [0, 1): 0 is the mean, .9 the mean of the worst tenth */
+  double noise_sd[TILLER_MAX_INPUTS];  /**< of the samples, in the input's unit */
+  double temperature;          /**< MPPI: target effective share of the rollouts, in (0, 1] */
+  double elite_fraction;       /**< CEM, in (0, 1] */
+  double smoothing;            /**< CEM: share of the old mean and spread that is kept, in [0, 1) */
+} tiller_planner_config_t;
+
+/** Stage cost  (x-t)' Q (x-t) + u' R u + du' S du  per step and  (x-t)' Qf (x-t)  at the end, all diagonal;
+ *  differences of angles are wrapped; du is the change per period. */
+typedef struct tiller_cost_config {
+  double target[TILLER_MAX_STATES];           /**< t */
+  double state_weight[TILLER_MAX_STATES];     /**< Q >= 0 */
+  double terminal_weight[TILLER_MAX_STATES];  /**< Qf >= 0 */
+  double input_weight[TILLER_MAX_INPUTS];     /**< R >= 0 */
+  double input_rate_weight[TILLER_MAX_INPUTS];/**< S >= 0 */
+} tiller_cost_config_t;
+
+/** Limits and the answers to faults. */
+typedef struct tiller_safety_config {
+  double input_low[TILLER_MAX_INPUTS];        /**< command limits, finite */
+  double input_high[TILLER_MAX_INPUTS];
+  double input_rate_per_s[TILLER_MAX_INPUTS]; /**< largest change of the command; INFINITY for none */
+  double safe_command[TILLER_MAX_INPUTS];     /**< sent in SAFE and before ACTIVE; usually zero */
+  double hold_gain[TILLER_MAX_INPUTS * TILLER_MAX_STATES]; /**< HOLD: u = -K (x - target); row-major,
+                                                   row stride TILLER_MAX_STATES */
+  double measurement_low[TILLER_MAX_MEASUREMENTS];  /**< outside: sensor_out_of_range; +-INFINITY for none */
+  double measurement_high[TILLER_MAX_MEASUREMENTS];
+  double measurement_rate_per_s[TILLER_MAX_MEASUREMENTS]; /**< faster: sensor_jump; INFINITY for none */
+  double sensor_timeout_s;                    /**< older than this: SAFE */
+  uint32_t frozen_ticks;                      /**< identical readings in a row under a moving plan: SAFE; 0: off */
+  uint32_t bad_ticks_to_safe;                 /**< consecutive rejected measurements: SAFE */
+  uint32_t hold_ticks_to_safe;                /**< consecutive ticks in HOLD: SAFE; 0: HOLD may last */
+} tiller_safety_config_t;
+
+/** Everything a controller is made from. Constant after init (it is copied into the block); the model
+ *  table is not copied. The host tools write it from a robot file; see docs/robot_file.md. */
+typedef struct tiller_config {
+  uint32_t size;               /**< sizeof(tiller_config_t) */
+  uint32_t version;            /**< TILLER_CONFIG_VERSION */
+  const tiller_model_t* model;
+  uint64_t seed;               /**< of every random number: same seed, same inputs, same commands */
+
+  double period_s;             /**< of the control tick, 1e-4..1 */
+  uint32_t substeps;           /**< integrator steps per period, 1..64 */
+  uint32_t integrator;         /**< tiller_integrator_t */
+  tiller_body_t body;
+
+  uint32_t effect_count;
+  uint32_t param_count;        /**< model parameters + effect parameters */
+  tiller_effect_t effects[TILLER_MAX_EFFECTS];
+  tiller_prior_t priors[TILLER_MAX_PARAMS];
+
+  uint32_t measurement_count;  /**< ny */
+  uint32_t record_ticks;       /**< ticks kept in the block, 0..65536 */
+  uint8_t measured_state[16];  /**< (ny) index of the state that each measurement reads */
+  double measurement_sd[TILLER_MAX_MEASUREMENTS];  /**< of the sensor, quantisation included */
+  double process_sd[TILLER_MAX_STATES];  /**< random change of the state that the model does not explain,
+                                              per square root of a second; same unit as the state */
+  double initial_state[TILLER_MAX_STATES];     /**< expected at the first measurement */
+  double initial_state_sd[TILLER_MAX_STATES];  /**< and how sure that is */
+
+  tiller_posterior_config_t posterior;
+  tiller_planner_config_t planner;
+  tiller_cost_config_t cost;
+  tiller_safety_config_t safety;
+} tiller_config_t;
+
+/** Fills every field with a documented default for a model: RK4, one substep, MPPI, all parameters
+ *  missing a prior (kind fixed at NaN, refused by tiller_init), command limits zero. */
+tiller_status_t tiller_config_default(tiller_config_t* config, const tiller_model_t* model);
+
+/** What is wrong with a configuration: the first reason, and the name of the field in `field` (a literal). */
+tiller_status_t tiller_config_check(const tiller_config_t* config, const char** field);
+
+/** The caller's services; all may be null. */
+typedef struct tiller_hooks {
+  uint32_t size;               /**< sizeof(tiller_hooks_t) */
+  uint32_t version;            /**< TILLER_CONFIG_VERSION */
+  void* context;
+  /** Monotonic nanoseconds; needed for deadlines and for the tick times that tiller_info reports. */
+  int64_t (*now_ns)(void* context);
+  /** Runs work(arg, 0..n-1), in any order, on any threads, and returns when all are done. Null: a loop.
+   *  The commands do not depend on it, to the last bit. */
+  void (*parallel_for)(void* context, uint32_t n, void (*work)(void* arg, uint32_t index), void* arg);
+} tiller_hooks_t;
+
+/* ---- the controller ----------------------------------------------------------------------------- */
+
+typedef struct tiller tiller_t;
+
+typedef enum tiller_state {
+  tiller_state_init = 0,       /**< no measurement yet: safe command */
+  tiller_state_standby = 1,    /**< measuring and learning, safe command; waits for tiller_arm */
+  tiller_state_active = 2,     /**< planning */
+  tiller_state_hold = 3,       /**< planner unusable, sensors fresh: HOLD feedback */
+  tiller_state_safe = 4        /**< latched safe command until tiller_reset */
+} tiller_state_t;
+const char* tiller_state_name(tiller_state_t state);
+
+typedef struct tiller_measurement {
+  int64_t stamp_us;            /**< when the sensors were read */
+  uint32_t sequence;           /**< copied into the command that answers it */
+  uint32_t command_latency_us; /**< from the stamp to when the answering command takes hold, if known */
+  double value[TILLER_MAX_MEASUREMENTS]; /**< (ny) NaN marks a missing value: it is skipped by the filter,
+                                              and counted */
+} tiller_measurement_t;
+
+typedef struct tiller_command {
+  int64_t stamp_us;            /**< now_us of the tick */
+  uint32_t sequence;           /**< of the measurement that it answers */
+  uint32_t state;              /**< tiller_state_t after the tick */
+  double value[TILLER_MAX_INPUTS]; /**< (nu) finite, within limits and rate limits */
+} tiller_command_t;
+
+/** What a controller says of itself after a tick. Counters never decrease and wrap at 2^64. */
+typedef struct tiller_info {
+  uint64_t ticks;
+  uint32_t state;              /**< tiller_state_t */
+  int32_t status;              /**< tiller_status_t of the last tick */
+  int32_t first_fault;         /**< tiller_status_t that led to SAFE or HOLD; ok if none */
+  uint32_t planner_iterations; /**< completed in the last tick */
+  double plan_cost;            /**< of the chosen plan, under the configured risk */
+  double effective_samples;    /**< of the posterior, 1..N */
+  double likelihood_exponent;  /**< 1 once all data are taken in at full weight */
+  double noise_scale;          /**< estimated noise over configured noise, standard deviations */
+  double acceptance;           /**< share of accepted moves, running mean */
+  uint64_t resamplings;
+  int64_t tick_ns, posterior_ns, plan_ns; /**< of the last tick; 0 without hooks.now_ns */
+  double state_mean[TILLER_MAX_STATES];
+  double state_sd[TILLER_MAX_STATES];
+  double param_mean[TILLER_MAX_PARAMS];
+  double param_sd[TILLER_MAX_PARAMS];
+  uint64_t rejected_measurements, missing_values, late_plans, gate_cuts, gate_rejections, plan_failures,
+      posterior_failures;
+} tiller_info_t;
+
+/** Exact bytes that tiller_init needs; 0 if the configuration is not valid (tiller_config_check says why). */
+size_t tiller_size(const tiller_config_t* config);
+
+/** Lays a controller out in `memory` (the caller's, aligned to TILLER_ALIGNMENT, alive as long as *t) and
+ *  draws the particles from the priors. `hooks` may be null. Afterwards the state is INIT. */
+tiller_status_t tiller_init(tiller_t** t, const tiller_config_t* config, const tiller_hooks_t* hooks,
+                            void* memory, size_t size);
+
+/** Permits motion: INIT or STANDBY -> planning begins with the next valid measurement. */
+tiller_status_t tiller_arm(tiller_t* t);
+/** Stops motion: -> STANDBY with the safe command. From SAFE: wrong_state. */
+tiller_status_t tiller_disarm(tiller_t* t);
+/** Latches SAFE at once, for reasons that only the caller sees (emergency stop, actuator fault, bus-off). */
+tiller_status_t tiller_stop(tiller_t* t, tiller_status_t why);
+/** Leaves SAFE: -> INIT, disarmed. The posterior over the parameters is kept; the state estimate starts anew. */
+tiller_status_t tiller_reset(tiller_t* t);
+
+/** One control period. `measurement` may be null (nothing new). Always fills *command.
+ *  Returns the first reason why the command is not an unlimited fresh plan; ok otherwise.
+ *  Cost: bounded by the configuration; see tiller_info and `./dev bench rollout`. */
+tiller_status_t tiller_tick(tiller_t* t, int64_t now_us, const tiller_measurement_t* measurement,
+                            tiller_command_t* command);
+
+/** For replay: the next tick's planner does exactly this many iterations, whatever the clock says. */
+tiller_status_t tiller_force_iterations(tiller_t* t, uint32_t iterations);
+
+void tiller_get_info(const tiller_t* t, tiller_info_t* info);
+/** Full covariance of the parameters, (np x np) row-major, zero rows for fixed ones. Cost: O(N np^2). */
+tiller_status_t tiller_get_covariance(const tiller_t* t, double* covariance);
+/** Weighted quantile q in [0, 1] of parameter `param`. Cost: O(N log N). */
+tiller_status_t tiller_get_quantile(const tiller_t* t, uint32_t param, double q, double* value);
+/** The planned inputs, (horizon x nu) row-major, first the one in force. Returns the number of steps copied. */
+uint32_t tiller_get_plan(const tiller_t* t, double* inputs, uint32_t steps);
+/** One particle: params (np), state (nx), normalised weight; any pointer may be null. */
+tiller_status_t tiller_get_particle(const tiller_t* t, uint32_t index, double* params, double* state,
+                                    double* weight);
+
+/** A recorded tick: every input and output, enough to replay it bit by bit. */
+typedef struct tiller_record {
+  uint64_t tick;
+  int64_t now_us;
+  tiller_measurement_t measurement;
+  tiller_command_t command;
+  int32_t status;
+  uint32_t has_measurement;
+  uint32_t planner_iterations;
+  uint32_t reserved;
+  double plan_cost, effective_samples, noise_scale;
+  int64_t tick_ns;
+  double state_mean[TILLER_MAX_STATES];
+  double param_mean[TILLER_MAX_PARAMS];
+  double param_sd[TILLER_MAX_PARAMS];
+} tiller_record_t;
+
+/** Copies the record of tick `tick` (0 is the first) if the ring still holds it. */
+tiller_status_t tiller_get_record(const tiller_t* t, uint64_t tick, tiller_record_t* record);
+
+/** Name of the instruction set that this process runs ("avx512", "avx2", "sse2", "neon", "scalar"). */
+const char* tiller_instruction_set(void);
+/** "major.minor" of the library. */
+const char* tiller_version(void);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstdint>
+
+#include "core/arena.hpp"
+#include "rollout/rollout.hpp"
+
+namespace tiller {
+
+/// When to stop: after `iterations`, or when the clock passes `deadline_ns` (if there is a clock).
+struct Deadline {
+  const tiller_hooks_t* hooks = nullptr;  // null, or hooks->now_ns null: no clock
+  std::int64_t deadline_ns = 0;           // 0: none
+  std::uint32_t iterations = 1;
+  bool passed() const {
+    return deadline_ns != 0 && hooks && hooks->now_ns && hooks->now_ns(hooks->context) >= deadline_ns;
+  }
+};
+
+struct PlanRequest {
+  const Belief* belief = nullptr;
+  const double* last_command = nullptr;  // (nu) in force: the rate limit starts there
+  std::uint64_t tick = 0;                // names the random numbers of this plan
+  Deadline deadline;
+};
+
+struct PlanResult {
+  tiller_status_t status = tiller_status_ok;  // ok, iteration_capped, or plan_not_finite (command: the shifted
+                                              // old plan, still within limits)
+  std::uint32_t iterations = 0;
+  double cost = 0.0;  // of the chosen sequence, under the configured risk
+};
+
+/// A planner: one entry of planners.def. Anytime: plan always fills `command` (nu), finite and within limits and
+/// rate limits, even with zero iterations. Nothing allocates after lay_out.
+struct PlannerTable {
+  const char* name;
+  /// Lays the planner out (null while the arena measures). The config and the table outlive it.
+  void* (*lay_out)(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+                   const tiller_hooks_t* hooks);
+  PlanResult (*plan)(void* self, const PlanRequest& request, double* command);
+  void (*reset)(void* self);
+  /// (horizon x nu) inputs of the present plan.
+  const float* (*sequence)(const void* self);
+};
+
+/// By kind (tiller_planner_kind_t); null if there is none.
+const PlannerTable* find_planner(std::uint32_t kind);
+
+}  // namespace tiller

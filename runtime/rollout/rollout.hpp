@@ -1,0 +1,123 @@
+#pragma once
+
+#include <cstdint>
+
+#include "scalar/isa.hpp"
+#include "tiller/tiller.h"
+
+namespace tiller {
+
+/// Rows of lanes: row i, lane l stands at data[i * stride + l]; a splat has one value a row, data[i].
+template <class T>
+struct Lanes {
+  const T* data = nullptr;
+  std::uint32_t stride = 0;  // 0: splat
+  bool splat() const { return stride == 0; }
+};
+
+/// An effect bound to its port, its parameters and its states.
+struct EffectSlot {
+  std::uint16_t kind = 0;   // tiller_effect_kind_t
+  std::uint16_t port = 0;   // joint or input
+  std::uint16_t param = 0;  // first row in the particle's parameters
+  std::uint16_t state = 0;  // first row in the particle's effect states
+};
+
+/// How one control period is stepped: the same for planner, posterior and gap.
+struct StepSetup {
+  double period_s = 0.02;
+  std::uint32_t substeps = 1;
+  tiller_integrator_t integrator = tiller_integrator_rk4;
+  tiller_body_t body = {0.0, -9.81, 0.0, 0.0};
+  std::uint32_t effect_count = 0;
+  std::uint32_t effect_state_count = 0;   // ns
+  std::uint32_t delay_steps = 0;          // history rows that rollouts read, 0..TILLER_MAX_DELAY_STEPS + 1
+  EffectSlot effects[TILLER_MAX_EFFECTS];
+};
+
+/// Binds the configuration's effects; the delay bound comes from the priors' upper bounds.
+/// Refuses (bad_effect) an effect whose port the model lacks.
+tiller_status_t make_step_setup(const tiller_config_t& config, StepSetup& setup);
+
+/// Weights of the quadratic cost, in the precision of the rollouts.
+template <class T>
+struct CostWeights {
+  T target[TILLER_MAX_STATES];
+  T state[TILLER_MAX_STATES];
+  T terminal[TILLER_MAX_STATES];
+  T input[TILLER_MAX_INPUTS];
+  T input_rate[TILLER_MAX_INPUTS];
+};
+template <class T>
+CostWeights<T> make_cost_weights(const tiller_cost_config_t& cost);
+
+/// One batch: `lanes` trajectories of `horizon` periods. All rows are padded: `lanes` is a multiple of
+/// kLanePadding and every lane array is readable (writable) up to that.
+constexpr std::uint32_t kLanePadding = 16;
+
+template <class T>
+struct RolloutJob {
+  const StepSetup* setup = nullptr;
+  std::uint32_t lanes = 0;
+  std::uint32_t horizon = 0;
+  double period_s = 0.0;             // 0: the setup's; else a measured period
+  Lanes<T> state;                    // (nx) start
+  Lanes<T> params;                   // (np) model's, then effects'
+  Lanes<T> effect_state;             // (ns) start
+  Lanes<T> controls;                 // (horizon * nu)
+  const T* history = nullptr;        // (delay_steps x nu) commands before controls[0], newest first; may be
+                                     // null where delay_steps is 0 and the cost has no input-rate weight
+  const T* previous_input = nullptr; // (nu) for the input-rate cost of step 0; null: as controls[0]
+  const CostWeights<T>* cost = nullptr;  // null: no cost
+  T* cost_out = nullptr;             // (lanes)
+  T* final_state = nullptr;          // (nx x lanes), row stride `lanes`; nullable
+  T* final_effect_state = nullptr;   // (ns x lanes); nullable
+  T* trajectory = nullptr;           // ((horizon + 1) * nx x lanes); nullable
+};
+
+/// One period, linearised by dual numbers: next = f(state, u), a = d next / d state, b = d next / d u.
+struct LineariseJob {
+  const StepSetup* setup = nullptr;
+  std::uint32_t lanes = 0;
+  double period_s = 0.0;             // 0: the setup's
+  Lanes<double> state;               // (nx)
+  Lanes<double> params;              // (np)
+  Lanes<double> effect_state;        // (ns)
+  Lanes<double> control;             // (nu) command in force during the period
+  const double* history = nullptr;   // (delay_steps x nu) commands before it, newest first
+  double* next_state = nullptr;      // (nx x lanes)
+  double* next_effect_state = nullptr;  // (ns x lanes); may alias effect_state.data; nullable
+  double* a = nullptr;               // (nx * nx x lanes), row r * nx + c; nullable
+  double* b = nullptr;               // (nx * nu x lanes); nullable
+};
+
+/// The type erasure: one table per (model, instruction set), one batch x horizon a call.
+struct RolloutTable {
+  Isa isa = Isa::scalar;
+  std::uint32_t width_f32 = 1, width_f64 = 1;
+  void (*rollout_f32)(const tiller_model_t& model, const RolloutJob<float>& job) = nullptr;
+  void (*rollout_f64)(const tiller_model_t& model, const RolloutJob<double>& job) = nullptr;
+  void (*linearise)(const tiller_model_t& model, const LineariseJob& job) = nullptr;
+};
+
+/// A model compiled from a template: its tables by instruction set; null where not built.
+struct ModelKernels {
+  const RolloutTable* table[kIsaCount];
+};
+
+/// The table to use for `model` on this processor: the template's best, or the lane loop over the C function.
+const RolloutTable& select_rollout(const tiller_model_t& model, Isa best = best_isa());
+
+/// M hypotheses to plan over: what the posterior hands to a planner. Rows of M, unpadded.
+struct Belief {
+  std::uint32_t count = 0;          // M
+  const float* params = nullptr;    // (np x M)
+  const float* state = nullptr;     // (nx x M)
+  const float* effect_state = nullptr;  // (ns x M)
+  const float* history = nullptr;   // (delay_steps x nu) newest first, shared
+};
+
+/// Wrapped difference a - b of state i of the model.
+double state_difference(const tiller_model_t& model, std::uint32_t i, double a, double b);
+
+}  // namespace tiller
