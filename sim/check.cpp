@@ -13,6 +13,7 @@ namespace {
 template <class List, class Name>
 std::vector<std::string> names_of(const List& list, Name name) {
   std::vector<std::string> names;
+  names.reserve(list.size());
   for (const auto& entry : list) names.push_back(name(entry));
   return names;
 }

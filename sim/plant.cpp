@@ -202,7 +202,7 @@ std::int64_t Plant::time_us() const {
 }
 
 std::int64_t Plant::measured_us() const {
-  return std::max<std::int64_t>(0, impl_->time_us - to_us(impl_->options.measurement_latency_s));
+  return impl_->time_us - to_us(impl_->options.measurement_latency_s);
 }
 
 void Plant::measure(double* out) const {

@@ -47,7 +47,8 @@ class Plant {
   void advance(double duration_s);
 
   std::int64_t time_us() const;  ///< instant of the bodies' state: whole physics steps
-  /// The instant that measure() shows: the latency ago, not before zero.
+  /// The instant that measure() shows: the latency ago. Negative at first: the plant stood in its initial
+  /// state before it was let go.
   std::int64_t measured_us() const;
   void measure(double* out) const;     ///< (measurements) latency, noise, quantisation
   void true_state(double* out) const;  ///< (states) now, without any error

@@ -18,11 +18,11 @@ std::unique_ptr<Effect> make(double parameter) {
 
 const std::vector<EffectInfo>& effect_infos() {
   static const std::vector<EffectInfo> all = {
-      {"viscous_friction", PortKind::joint, "coefficient", false, "N s/m or N m s: force against the rate",
+      {"viscous_friction", PortKind::joint, "damping_SI", false, "N s/m or N m s: force against the rate",
        make<ViscousFriction>},
-      {"coulomb_friction", PortKind::joint, "force", false, "N or N m: dry friction that sticks",
+      {"coulomb_friction", PortKind::joint, "friction_SI", false, "N or N m: dry friction that sticks",
        make<CoulombFriction>},
-      {"constant_offset", PortKind::joint, "force", true, "N or N m: a force that never ends",
+      {"constant_offset", PortKind::joint, "force_SI", true, "N or N m: a force that never ends",
        make<ConstantOffset>},
       {"actuator_lag", PortKind::command, "time_constant_s", false, "first-order lag of the motor",
        make<ActuatorLag>},

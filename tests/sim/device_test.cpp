@@ -60,7 +60,7 @@ TEST(Watchdog, CountsFromTheArrivalAtTheDevice) {
 TEST(Watchdog, LeavesHiddenForcesAlone) {
   PlantOptions o = cart_pole();
   o.watchdog_timeout_s = 0.02;
-  o.effects = {{"constant_offset", "", {{"force", 1.0}}}};
+  o.effects = {{"constant_offset", "", {{"force_SI", 1.0}}}};
   auto plant = make(o);
   command(*plant, 0.0);
   plant->advance(0.5);

@@ -85,7 +85,7 @@ TEST(CommandLatency, ActsLikeADelayOfTheLine) {
 
 TEST(ConstantOffset, PushesWithoutACommand) {
   PlantOptions o = cart_pole();
-  o.effects = {{"constant_offset", "cart", {{"force", -1.1}}}};
+  o.effects = {{"constant_offset", "cart", {{"force_SI", -1.1}}}};
   auto plant = make(o);
   plant->advance(1.0);
   const auto x = truth(*plant);
@@ -96,7 +96,7 @@ TEST(ConstantOffset, PushesWithoutACommand) {
 TEST(ConstantOffset, BalancesThePendulumWhereItMust) {
   PlantOptions o = pendulum();
   o.parameters["damping_Nms"] = 0.2;
-  o.effects = {{"constant_offset", "joint", {{"force", 1.0}}}};
+  o.effects = {{"constant_offset", "joint", {{"force_SI", 1.0}}}};
   auto plant = make(o);
   plant->advance(20.0);
   // m g l sin a = 1; twenty seconds are over a hundred time constants, so a millionth covers the rest
@@ -106,8 +106,8 @@ TEST(ConstantOffset, BalancesThePendulumWhereItMust) {
 TEST(Effects, AtZeroParametersChangeNothing) {
   PlantOptions plain = cart_pole(), zero = plain;
   zero.effects = {
-      {"viscous_friction", "cart", {{"coefficient", 0}}}, {"viscous_friction", "pole", {{"coefficient", 0}}},
-      {"coulomb_friction", "cart", {{"force", 0}}},       {"constant_offset", "cart", {{"force", 0}}},
+      {"viscous_friction", "cart", {{"damping_SI", 0}}},  {"viscous_friction", "pole", {{"damping_SI", 0}}},
+      {"coulomb_friction", "cart", {{"friction_SI", 0}}}, {"constant_offset", "cart", {{"force_SI", 0}}},
       {"actuator_lag", "", {{"time_constant_s", 0}}},     {"input_delay", "", {{"delay_s", 0}}}};
   auto a = make(plain), b = make(zero);
   for (int i = 0; i < 200; ++i) {

@@ -7,7 +7,7 @@ namespace {
 
 TEST(DryFriction, HoldsTheCartBelowItsForceAndLetsGoAbove) {
   PlantOptions o = cart_pole();
-  o.effects = {{"coulomb_friction", "", {{"force", 2.0}}}};
+  o.effects = {{"coulomb_friction", "", {{"friction_SI", 2.0}}}};
   auto held = make(o);
   command(*held, 1.99);
   held->advance(5.0);
@@ -27,7 +27,7 @@ TEST(DryFriction, StopsATurningJointInFiniteTime) {
   PlantOptions o = pendulum();
   o.parameters["gravity_m_s2"] = 0;
   o.initial_state["rate_rad_s"] = rate;
-  o.effects = {{"coulomb_friction", "joint", {{"force", torque}}}};
+  o.effects = {{"coulomb_friction", "joint", {{"friction_SI", torque}}}};
   auto plant = make(o);
   const double stop_s = rate * inertia / torque;  // 2 s
   plant->advance(stop_s / 2);
@@ -45,11 +45,11 @@ TEST(DryFriction, PendulumRestsAwayFromTheBottom) {
   PlantOptions o = pendulum();
   // m g l sin(0.3) = 0.725 Nm
   o.initial_state["angle_rad"] = 0.3;
-  o.effects = {{"coulomb_friction", "joint", {{"force", 0.75}}}};
+  o.effects = {{"coulomb_friction", "joint", {{"friction_SI", 0.75}}}};
   auto plant = make(o);
   plant->advance(5.0);
   EXPECT_NEAR(truth(*plant)[0], 0.3, 1e-9);
-  o.effects[0].parameters["force"] = 0.70;
+  o.effects[0].parameters["friction_SI"] = 0.70;
   auto slides = make(o);
   slides->advance(5.0);
   EXPECT_LT(truth(*slides)[0], 0.29);
@@ -63,7 +63,7 @@ TEST(ViscousFriction, DecaysAsAnExponential) {
     o.parameters["gravity_m_s2"] = 0;
     o.initial_state["rate_rad_s"] = rate;
     if (hidden) {
-      o.effects = {{"viscous_friction", "", {{"coefficient", coefficient}}}};
+      o.effects = {{"viscous_friction", "", {{"damping_SI", coefficient}}}};
     } else {
       o.parameters["damping_Nms"] = coefficient;
     }
@@ -79,7 +79,7 @@ TEST(ViscousFriction, DecaysAsAnExponential) {
 TEST(ViscousFriction, ActsOnThePoleHingeWhenAsked) {
   PlantOptions o = cart_pole();
   o.initial_state["angle_rad"] = 3.141592653589793 + 0.3;
-  o.effects = {{"viscous_friction", "pole", {{"coefficient", 0.02}}}};
+  o.effects = {{"viscous_friction", "pole", {{"damping_SI", 0.02}}}};
   auto plant = make(o);
   const double start = plant->energy_J();
   double before = start;
@@ -94,7 +94,7 @@ TEST(ViscousFriction, ActsOnThePoleHingeWhenAsked) {
 
 TEST(ViscousFriction, TooStiffForTheStepIsRefused) {
   PlantOptions o = cart_pole();
-  o.effects = {{"viscous_friction", "cart", {{"coefficient", 500}}}};
+  o.effects = {{"viscous_friction", "cart", {{"damping_SI", 500}}}};
   std::string error;
   EXPECT_EQ(Plant::make(o, error), nullptr);  // 500 * 0.0005 / 1 kg = 0.25 > 0.2
   EXPECT_NE(error.find("cart"), std::string::npos) << error;

@@ -35,7 +35,7 @@ TEST(Options, UnknownNamesAreRefusedWithTheKnownOnes) {
       }),
       {"backlash", "viscous_friction", "coulomb_friction", "constant_offset", "actuator_lag", "input_delay"});
   expect_refused(with([](PlantOptions& o) {
-                   o.effects = {{"coulomb_friction", "wheel", {{"force", 1}}}};
+                   o.effects = {{"coulomb_friction", "wheel", {{"friction_SI", 1}}}};
                  }),
                  {"wheel", "cart, pole"});
   expect_refused(with([](PlantOptions& o) {
@@ -45,7 +45,7 @@ TEST(Options, UnknownNamesAreRefusedWithTheKnownOnes) {
   expect_refused(with([](PlantOptions& o) {
                    o.effects = {{"coulomb_friction", "", {{"mu", 1}}}};
                  }),
-                 {"'mu'", "coulomb_friction", "force"});
+                 {"'mu'", "coulomb_friction", "friction_SI"});
 }
 
 TEST(Options, NumbersThatCannotBeAreRefused) {
@@ -69,18 +69,18 @@ TEST(Options, NumbersThatCannotBeAreRefused) {
   expect_refused(with([](PlantOptions& o) { o.process_noise_sd = std::nan(""); }), {"process_noise_sd"});
   expect_refused(with([](PlantOptions& o) { o.command_limit = -5; }), {"command_limit"});
   expect_refused(with([](PlantOptions& o) {
-                   o.effects = {{"coulomb_friction", "", {{"force", -1}}}};
+                   o.effects = {{"coulomb_friction", "", {{"friction_SI", -1}}}};
                  }),
-                 {"coulomb_friction", "force = -1"});
+                 {"coulomb_friction", "friction_SI = -1"});
   expect_refused(with([](PlantOptions& o) {
                    o.effects = {{"input_delay", "", {}}};
                  }),
                  {"input_delay", "delay_s"});
-  expect_refused(
-      with([](PlantOptions& o) {
-        o.effects = {{"coulomb_friction", "", {{"force", 1}}}, {"coulomb_friction", "cart", {{"force", 2}}}};
-      }),
-      {"coulomb_friction", "twice"});
+  expect_refused(with([](PlantOptions& o) {
+                   o.effects = {{"coulomb_friction", "", {{"friction_SI", 1}}},
+                                {"coulomb_friction", "cart", {{"friction_SI", 2}}}};
+                 }),
+                 {"coulomb_friction", "twice"});
 }
 
 TEST(Options, ChannelsAreNamedWithTheirUnits) {
@@ -113,10 +113,10 @@ TEST(Options, CommandLineTextIsRead) {
     EXPECT_FALSE(error.empty());
   }
   HiddenEffect e;
-  EXPECT_TRUE(parse_effect("coulomb_friction@pole:force=0.5", e, error)) << error;
+  EXPECT_TRUE(parse_effect("coulomb_friction@pole:friction_SI=0.5", e, error)) << error;
   EXPECT_EQ(e.kind, "coulomb_friction");
   EXPECT_EQ(e.port, "pole");
-  EXPECT_EQ(e.parameters.at("force"), 0.5);
+  EXPECT_EQ(e.parameters.at("friction_SI"), 0.5);
   EXPECT_TRUE(parse_effect("input_delay:delay_s=0.02", e, error)) << error;
   EXPECT_TRUE(e.port.empty());
   for (const char* bad : {"", "@pole", "x@:a=1", "x:a", "x:a=1,a=2"})

@@ -91,7 +91,7 @@ TEST(Encoder, LatencyShowsThePast) {
     plant->advance(0.001);
     angles.push_back(truth(*plant)[1]);
     const int shown = std::max(0, i - 12);
-    ASSERT_EQ(plant->measured_us(), shown * 1000);
+    ASSERT_EQ(plant->measured_us(), (i - 12) * 1000);
     ASSERT_EQ(reading(*plant)[1], angles[static_cast<std::size_t>(shown)]) << i;
   }
 }
@@ -170,7 +170,8 @@ TEST(Seed, ResetRepeatsTheRun) {
   PlantOptions o = cart_pole();
   o.encoder_noise_sd["angle_rad"] = 0.01;
   o.process_noise_sd = 2;
-  o.effects = {{"actuator_lag", "", {{"time_constant_s", 0.03}}}, {"coulomb_friction", "", {{"force", 0.3}}}};
+  o.effects = {{"actuator_lag", "", {{"time_constant_s", 0.03}}},
+               {"coulomb_friction", "", {{"friction_SI", 0.3}}}};
   auto plant = make(o);
   std::vector<double> first;
   for (int round = 0; round < 2; ++round) {

@@ -1,0 +1,154 @@
+#include "sim/serve.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+namespace tiller::sim {
+namespace {
+
+constexpr std::int64_t lockstep_epoch_us = 1'000'000;
+// how long a wait may last before the stop flag is looked at again
+constexpr std::int64_t look_up_us = 50'000;
+
+std::int64_t wall_us() {
+  using std::chrono::duration_cast, std::chrono::microseconds, std::chrono::steady_clock;
+  return duration_cast<microseconds>(steady_clock::now().time_since_epoch()).count();
+}
+
+std::int64_t to_us(double seconds) {
+  return std::llround(seconds * 1e6);
+}
+
+class Server {
+ public:
+  Server(Plant& plant, PlantLink& link, const ServeOptions& options, ServeReport& report)
+      : plant_(plant), link_(link), options_(options), report_(report) {
+    measurement_.value.resize(plant.measurements().size());
+  }
+
+  int run() {
+    if (!(options_.period_s >= plant_.options().step_s)) {
+      report_.error = "period_s must be at least one physics step";
+      return 1;
+    }
+    while (!over() && (options_.lockstep ? lockstep_period() : real_time_period())) {
+    }
+    report_.error = link_.error();
+    return report_.error.empty() ? 0 : 1;
+  }
+
+ private:
+  bool stopped() const { return options_.stop != nullptr && *options_.stop != 0; }
+  bool over() const {
+    return stopped() || (options_.duration_s > 0 && plant_.time_us() >= to_us(options_.duration_s));
+  }
+
+  void read_encoders(std::int64_t epoch_us) {
+    measurement_.stamp_us = epoch_us + plant_.measured_us();
+    plant_.measure(measurement_.value.data());
+  }
+
+  bool usable(const PlantCommand& command) {
+    const bool finite =
+        std::all_of(command.value.begin(), command.value.end(), [](double v) { return std::isfinite(v); });
+    if (finite && command.value.size() == plant_.commands().size()) return true;
+    ++report_.bad_commands;
+    return false;
+  }
+
+  void apply(const PlantCommand& command) {
+    plant_.apply(command.value.data());
+    ++report_.commands;
+    answered_ = true;
+  }
+
+  void end_period() {
+    ++report_.periods;
+    ++measurement_.sequence;
+    link_.after_period(plant_);
+    if (options_.on_period) options_.on_period(plant_, measurement_);
+  }
+
+  /// True when the answer to the current measurement came before the deadline.
+  bool wait_for_answer(std::int64_t deadline_us) {
+    PlantCommand command;
+    while (!stopped() && link_.error().empty()) {
+      const std::int64_t left_us = deadline_us - wall_us();
+      if (!link_.receive(command, std::clamp<std::int64_t>(left_us, 0, look_up_us))) {
+        if (left_us <= 0) return false;
+      } else if (command.sequence != measurement_.sequence) {
+        ++report_.stale_commands;
+      } else if (usable(command)) {
+        apply(command);
+        return true;
+      }
+    }
+    return false;
+  }
+
+  bool lockstep_period() {
+    read_encoders(lockstep_epoch_us);
+    do {
+      if (!link_.publish(measurement_)) return false;
+      const double wait_s = answered_ ? options_.answer_timeout_s : options_.first_answer_repeat_s;
+      if (wait_for_answer(wall_us() + to_us(wait_s))) break;
+      if (stopped() || !link_.error().empty()) return false;
+      if (answered_) ++report_.missing_answers;
+    } while (!answered_);
+    plant_.advance(options_.period_s);
+    end_period();
+    return true;
+  }
+
+  /// The bodies follow the wall clock; a command acts from the moment at which it arrives.
+  void catch_up() {
+    // counted here and not by plant_.time_us(), which leaves out what the plant carries to its next step
+    const std::int64_t behind_us = wall_us() - start_us_ - advanced_us_;
+    if (behind_us <= 0) return;
+    plant_.advance(1e-6 * static_cast<double>(behind_us));
+    advanced_us_ += behind_us;
+  }
+
+  bool real_time_period() {
+    if (start_us_ == 0) start_us_ = due_us_ = wall_us();
+    const std::int64_t period_us = to_us(options_.period_s);
+    if (wall_us() - due_us_ > period_us) {
+      // a burst of readings would not bring back the time that the machine has lost
+      ++report_.late_periods;
+      due_us_ = wall_us();
+    }
+    due_us_ += period_us;
+    catch_up();
+    read_encoders(start_us_);
+    if (!link_.publish(measurement_)) return false;
+    PlantCommand command;
+    for (std::int64_t left_us; !stopped() && (left_us = due_us_ - wall_us()) > 0;) {
+      const bool received = link_.receive(command, std::min(left_us, look_up_us));
+      if (!link_.error().empty()) return false;
+      catch_up();
+      if (received && usable(command)) apply(command);
+    }
+    end_period();
+    return true;
+  }
+
+  Plant& plant_;
+  PlantLink& link_;
+  const ServeOptions& options_;
+  ServeReport& report_;
+  PlantMeasurement measurement_{0, 0, {}};
+  bool answered_ = false;
+  std::int64_t start_us_ = 0;     // real time: the wall clock at plant time zero
+  std::int64_t due_us_ = 0;       // real time: when the current period ends
+  std::int64_t advanced_us_ = 0;  // real time: asked of the plant so far
+};
+
+}  // namespace
+
+int serve(Plant& plant, PlantLink& link, const ServeOptions& options, ServeReport& report) {
+  report = ServeReport{};
+  return Server(plant, link, options, report).run();
+}
+
+}  // namespace tiller::sim

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <csignal>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "sim/plant.hpp"
+
+namespace tiller::sim {
+
+/// One reading of all encoders, as it leaves the plant.
+struct PlantMeasurement {
+  std::int64_t stamp_us;      ///< when the encoders were read
+  std::uint32_t sequence;     ///< 0, 1, 2, ...
+  std::vector<double> value;  // (measurements)
+};
+
+/// One command, as it reaches the plant.
+struct PlantCommand {
+  static constexpr std::int64_t kUnnumbered = -1;  ///< the protocol has no number (bare motor torque)
+  std::int64_t sequence = kUnnumbered;             ///< of the measurement that it answers
+  std::vector<double> value;                       // (commands)
+};
+
+/// How measurements leave and commands arrive: LCM, a CAN bus, or a test's own.
+class PlantLink {
+ public:
+  virtual ~PlantLink() = default;
+  /// False with a reason in error() when the link is gone for good; a full queue is not such a case.
+  virtual bool publish(const PlantMeasurement& measurement) = 0;
+  /// Waits at most timeout_us (0: only looks) for the next command, in the order of arrival.
+  virtual bool receive(PlantCommand& command, std::int64_t timeout_us) = 0;
+  virtual std::string error() const = 0;  ///< empty while the link works
+  /// After every period: cyclic messages of the device, told the watchdog's state.
+  virtual void after_period(const Plant&) {}
+};
+
+struct ServeOptions {
+  double period_s = 0.02;
+  /// Lockstep: simulated time waits for the answer to each measurement. Real time: it follows the wall clock.
+  bool lockstep = true;
+  /// Lockstep: wall time to wait for an answer; then simulated time goes on without it and the watchdog
+  /// counts. Before the first answer there is no such limit: the plant waits, repeating its first
+  /// measurement.
+  double answer_timeout_s = 1.0;
+  double first_answer_repeat_s = 0.1;                ///< how often the first measurement is repeated
+  double duration_s = 0;                             ///< simulated; 0: until stop
+  const volatile std::sig_atomic_t* stop = nullptr;  ///< serve returns soon after this becomes non-zero
+  /// Called after each period, for traces and progress; may be empty.
+  std::function<void(const Plant&, const PlantMeasurement&)> on_period;
+};
+
+/// What happened, for the caller to print.
+struct ServeReport {
+  std::uint64_t periods = 0;
+  std::uint64_t commands = 0;         ///< applied
+  std::uint64_t missing_answers = 0;  ///< lockstep: periods that went on without one
+  std::uint64_t stale_commands = 0;   ///< lockstep: answers to another measurement, ignored
+  std::uint64_t bad_commands = 0;     ///< wrong count or not finite, ignored
+  std::uint64_t late_periods = 0;     ///< real time: periods that began more than one period late
+  std::string error;                  ///< empty: ended by duration or stop
+};
+
+/// Serves the plant until the duration is over, stop is set or the link fails. Returns 0, or 1 with the
+/// reason in report.error. In real time stamps are CLOCK_MONOTONIC, so a runtime on the same machine can tell
+/// the age of a reading; in lockstep they are simulated time, starting at one second so that none is
+/// negative.
+int serve(Plant& plant, PlantLink& link, const ServeOptions& options, ServeReport& report);
+
+}  // namespace tiller::sim

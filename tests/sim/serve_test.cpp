@@ -1,0 +1,194 @@
+#include "sim/serve.hpp"
+
+#include <cmath>
+#include <deque>
+#include <limits>
+
+#include "plants.hpp"
+
+// The loop of the servers over a link without a network. Nothing here waits for the wall clock to pass a
+// bound: lockstep is exact, and of real time only what cannot depend on scheduling is asked.
+
+namespace tiller::sim {
+namespace {
+
+/// Answers each measurement by a function; keeps all that was published.
+class ScriptedLink final : public PlantLink {
+ public:
+  using Answer = std::function<std::deque<PlantCommand>(const PlantMeasurement&)>;
+  explicit ScriptedLink(Answer answer) : answer_(std::move(answer)) {}
+
+  bool publish(const PlantMeasurement& m) override {
+    published.push_back(m);
+    for (PlantCommand& c : answer_(m)) queue_.push_back(std::move(c));
+    return fail_after < 0 || static_cast<int>(published.size()) <= fail_after;
+  }
+  bool receive(PlantCommand& command, std::int64_t) override {
+    if (queue_.empty()) return false;
+    command = queue_.front();
+    queue_.pop_front();
+    return true;
+  }
+  std::string error() const override {
+    return fail_after >= 0 && static_cast<int>(published.size()) > fail_after ? "the cable is cut" : "";
+  }
+
+  std::vector<PlantMeasurement> published;
+  int fail_after = -1;
+
+ private:
+  Answer answer_;
+  std::deque<PlantCommand> queue_;
+};
+
+double push_N(std::uint32_t sequence) {
+  return 3 * std::sin(0.2 * sequence);
+}
+
+std::deque<PlantCommand> obedient(const PlantMeasurement& m) {
+  return {{m.sequence, {push_N(m.sequence)}}};
+}
+
+ServeOptions lockstep(double duration_s) {
+  ServeOptions o;
+  o.period_s = 0.01;
+  o.duration_s = duration_s;
+  o.answer_timeout_s = 0.001;
+  o.first_answer_repeat_s = 0.001;
+  return o;
+}
+
+TEST(Serve, LockstepIsTheSameAsDrivingThePlantByHand) {
+  auto served = make(cart_pole()), by_hand = make(cart_pole());
+  ScriptedLink link(obedient);
+  ServeReport report;
+  ASSERT_EQ(serve(*served, link, lockstep(1.0), report), 0) << report.error;
+  for (std::uint32_t k = 0; k < 100; ++k) {
+    ASSERT_EQ(link.published[k].sequence, k);
+    ASSERT_EQ(link.published[k].stamp_us, 1'000'000 + by_hand->time_us());
+    ASSERT_EQ(link.published[k].value, reading(*by_hand));
+    command(*by_hand, push_N(k));
+    by_hand->advance(0.01);
+  }
+  EXPECT_EQ(truth(*served), truth(*by_hand));
+  EXPECT_EQ(report.periods, 100u);
+  EXPECT_EQ(report.commands, 100u);
+  EXPECT_EQ(report.missing_answers + report.stale_commands + report.bad_commands, 0u);
+}
+
+TEST(Serve, TimeStandsStillUntilTheFirstAnswer) {
+  auto plant = make(cart_pole());
+  int deaf = 5;
+  ScriptedLink link([&](const PlantMeasurement& m) {
+    if (deaf-- > 0) return std::deque<PlantCommand>{};
+    return obedient(m);
+  });
+  ServeReport report;
+  ASSERT_EQ(serve(*plant, link, lockstep(0.1), report), 0);
+  for (int i = 0; i <= 5; ++i) {
+    EXPECT_EQ(link.published[static_cast<std::size_t>(i)].sequence, 0u);
+    EXPECT_EQ(link.published[static_cast<std::size_t>(i)].stamp_us, 1'000'000);
+  }
+  EXPECT_EQ(report.periods, 10u);
+  EXPECT_EQ(report.missing_answers, 0u);
+}
+
+TEST(Serve, ADeadControllerTripsTheWatchdogInSimulatedTime) {
+  PlantOptions o = cart_pole();
+  o.watchdog_timeout_s = 0.05;
+  auto plant = make(o);
+  ScriptedLink link([](const PlantMeasurement& m) {
+    return m.sequence < 10 ? std::deque<PlantCommand>{{m.sequence, {2.0}}} : std::deque<PlantCommand>{};
+  });
+  ServeOptions options = lockstep(0.3);
+  std::vector<double> force;
+  options.on_period = [&](const Plant& p, const PlantMeasurement&) { force.push_back(motor(p)); };
+  ServeReport report;
+  ASSERT_EQ(serve(*plant, link, options, report), 0);
+  ASSERT_EQ(force.size(), 30u);
+  // the last command is given at 90 ms and dies at 140 ms: the period that ends there is the last one with
+  // force
+  for (std::size_t k = 0; k < force.size(); ++k) EXPECT_EQ(force[k], k < 14 ? 2.0 : 0.0) << k;
+  EXPECT_TRUE(plant->watchdog_tripped());
+  EXPECT_EQ(report.missing_answers, 20u);
+}
+
+TEST(Serve, CommandsThatCannotBeMeantAreCountedAndIgnored) {
+  auto plant = make(cart_pole());
+  ScriptedLink link([](const PlantMeasurement& m) {
+    return std::deque<PlantCommand>{{m.sequence - 1, {100.0}},
+                                    {m.sequence, {std::nan("")}},
+                                    {m.sequence, {1.0, 2.0}},
+                                    {m.sequence, {}},
+                                    {m.sequence, {0.5}}};
+  });
+  ServeOptions options = lockstep(0.1);
+  options.on_period = [&](const Plant& p, const PlantMeasurement&) { ASSERT_EQ(motor(p), 0.5); };
+  ServeReport report;
+  ASSERT_EQ(serve(*plant, link, options, report), 0);
+  EXPECT_EQ(report.commands, 10u);
+  EXPECT_EQ(report.stale_commands, 10u);
+  EXPECT_EQ(report.bad_commands, 30u);
+}
+
+TEST(Serve, ALinkThatDiesEndsItWithTheReason) {
+  auto plant = make(cart_pole());
+  ScriptedLink link(obedient);
+  link.fail_after = 7;
+  ServeReport report;
+  EXPECT_EQ(serve(*plant, link, lockstep(1.0), report), 1);
+  EXPECT_EQ(report.error, "the cable is cut");
+  EXPECT_EQ(report.periods, 7u);
+}
+
+TEST(Serve, StopFlagEndsItInBothModes) {
+  for (const bool in_lockstep : {true, false}) {
+    volatile std::sig_atomic_t stop = 0;
+    auto plant = make(cart_pole());
+    ScriptedLink link([&](const PlantMeasurement& m) {
+      if (m.sequence == 3) stop = 1;
+      return obedient(m);
+    });
+    ServeOptions options = lockstep(0);
+    options.period_s = 0.002;
+    options.lockstep = in_lockstep;
+    options.stop = &stop;
+    ServeReport report;
+    EXPECT_EQ(serve(*plant, link, options, report), 0);
+    EXPECT_GE(report.periods, 3u);
+    EXPECT_LE(report.periods, 4u);
+  }
+}
+
+TEST(Serve, RealTimeNumbersStampsAndAppliesEverything) {
+  auto plant = make(cart_pole());
+  ScriptedLink link([](const PlantMeasurement& m) {
+    return std::deque<PlantCommand>{{m.sequence, {1.0}}, {PlantCommand::kUnnumbered, {2.0}}};
+  });
+  ServeOptions options = lockstep(0.05);
+  options.period_s = 0.002;
+  options.lockstep = false;
+  ServeReport report;
+  ASSERT_EQ(serve(*plant, link, options, report), 0);
+  ASSERT_GE(link.published.size(), 2u);
+  for (std::size_t k = 1; k < link.published.size(); ++k) {
+    ASSERT_EQ(link.published[k].sequence, k);
+    ASSERT_GT(link.published[k].stamp_us, link.published[k - 1].stamp_us);
+  }
+  EXPECT_GE(plant->time_us(), 50'000);
+  EXPECT_GE(report.commands, 2u);
+  EXPECT_EQ(motor(*plant), 2.0);  // the last one that came, whatever its number
+}
+
+TEST(Serve, PeriodBelowThePhysicsStepIsRefused) {
+  auto plant = make(cart_pole());
+  ScriptedLink link(obedient);
+  ServeOptions options = lockstep(1);
+  options.period_s = 0.0001;
+  ServeReport report;
+  EXPECT_EQ(serve(*plant, link, options, report), 1);
+  EXPECT_NE(report.error.find("period_s"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace tiller::sim
