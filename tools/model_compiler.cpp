@@ -1,0 +1,282 @@
+#include "tools/model_compiler.hpp"
+
+#include <fcntl.h>
+#include <spawn.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <sstream>
+
+#include "model_build_config.hpp"
+#include "scalar/isa.hpp"
+
+extern char** environ;
+
+namespace tiller::tools {
+namespace fs = std::filesystem;
+namespace {
+
+std::vector<std::string> split(const std::string& text, char separator) {
+  std::vector<std::string> parts;
+  std::stringstream stream(text);
+  for (std::string part; std::getline(stream, part, separator);)
+    if (!part.empty()) parts.push_back(part);
+  return parts;
+}
+
+// The flags of TillerTargets.cmake are one CMake string with blanks or semicolons between them.
+std::vector<std::string> split_flags(std::string text) {
+  for (char& c : text)
+    if (c == ';') c = ' ';
+  return split(text, ' ');
+}
+
+std::string environment(const char* name, const std::string& otherwise) {
+  const char* value = std::getenv(name);
+  return value && *value ? value : otherwise;
+}
+
+std::string read_file(const fs::path& path) {
+  std::ifstream stream(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
+}
+
+// FNV-1a, 64 bits: names a cache entry; it guards against staleness, not against an adversary, who could
+// write into the user's cache folder only with the user's own rights.
+std::uint64_t hash(const std::string& text) {
+  std::uint64_t h = 0xcbf29ce484222325u;
+  for (const unsigned char c : text) h = (h ^ c) * 0x100000001b3u;
+  return h;
+}
+
+// A configured compiler may be absent where the install tree was copied to: then PATH's.
+std::string compiler(bool cpp) {
+  const std::string configured = cpp ? TILLER_MODEL_CXX : TILLER_MODEL_CC;
+  const std::string fallback = cpp ? "c++" : "cc";
+  return environment(cpp ? "TILLER_CXX" : "TILLER_CC", fs::exists(configured) ? configured : fallback);
+}
+
+// TILLER_INCLUDE, else the install tree that this program stands in, else the build tree.
+std::vector<std::string> include_folders() {
+  std::vector<std::string> folders = split(environment("TILLER_INCLUDE", ""), ':');
+  if (folders.empty()) {
+    std::error_code failed;
+    const fs::path program = fs::read_symlink("/proc/self/exe", failed);
+    const fs::path installed = program.parent_path().parent_path() / TILLER_MODEL_INSTALL_INCLUDEDIR;
+    if (!failed && fs::exists(installed / "tiller/runtime/rollout/rollout.hpp"))
+      folders = {(installed / "tiller/runtime").string(), installed.string()};
+    else
+      folders = split(TILLER_MODEL_BUILD_INCLUDES, ';');
+  }
+  for (const std::string& folder : split(TILLER_MODEL_PACKAGE_INCLUDES, ';')) folders.push_back(folder);
+  return folders;
+}
+
+std::vector<std::string> isa_flags(Isa isa) {
+  std::vector<std::string> flags;
+  if (isa == Isa::sse2) flags = split_flags(TILLER_MODEL_FLAGS_sse2);
+  if (isa == Isa::avx2) flags = split_flags(TILLER_MODEL_FLAGS_avx2);
+  if (isa == Isa::avx512) flags = split_flags(TILLER_MODEL_FLAGS_avx512);
+  const std::string name = isa_name(isa);
+  flags.push_back("-DTILLER_COMPILE_ISA=" + name);
+  flags.push_back("-DTILLER_COMPILE_ISA_" + name + "=1");
+  return flags;
+}
+
+std::vector<std::string> command_line(bool cpp) {
+  std::vector<std::string> argv = {compiler(cpp), "-shared", "-fPIC", "-Wall", "-Wextra"};
+  if (cpp) {
+    // Hidden, because copies of the same templates for other instruction sets live in the program.
+    for (const char* flag : {"-std=c++17", "-O3", "-fno-exceptions", "-fno-rtti", "-fvisibility=hidden",
+                             "-fvisibility-inlines-hidden"})
+      argv.emplace_back(flag);
+    for (const std::string& flag : isa_flags(best_isa())) argv.push_back(flag);
+  } else {
+    for (const char* flag : {"-std=c99", "-O2"}) argv.emplace_back(flag);
+  }
+  if (std::strcmp(TILLER_MODEL_REPRODUCIBLE, "ON") == 0) argv.emplace_back("-ffp-contract=off");
+  for (const std::string& folder : include_folders()) argv.push_back("-I" + folder);
+  return argv;
+}
+
+// Null unless the folder is ours alone: a stranger who could write into it could have us load his code.
+fs::path cache_folder(std::string& error) {
+  fs::path folder = environment("TILLER_CACHE", "");
+  if (folder.empty()) {
+    const std::string home = environment("HOME", "");
+    const std::string base = environment("XDG_CACHE_HOME", home.empty() ? "" : home + "/.cache");
+    folder = base.empty() ? fs::temp_directory_path() / ("tiller-" + std::to_string(getuid()))
+                          : fs::path(base) / "tiller" / "models";
+  }
+  std::error_code failed;
+  const bool fresh = fs::create_directories(folder, failed);
+  if (fresh) fs::permissions(folder, fs::perms::owner_all, failed);
+  struct stat info = {};
+  if (stat(folder.c_str(), &info) != 0 || access(folder.c_str(), W_OK) != 0) {
+    error = folder.string() + ": compiled models cannot be kept there; set TILLER_CACHE to a folder that can be written";
+    return {};
+  }
+  if (info.st_uid != getuid() || (info.st_mode & (S_IWGRP | S_IWOTH)) != 0) {
+    error = folder.string() +
+            ": others may write there, so compiled models in it are not to be trusted; set TILLER_CACHE to a "
+            "folder of your own (mode 700)";
+    return {};
+  }
+  return folder;
+}
+
+// The compiler's dependency file: "target: a b \<newline> c", blanks inside names escaped by a backslash.
+std::vector<std::string> read_dependencies(const fs::path& path) {
+  const std::string text = read_file(path);
+  std::vector<std::string> files;
+  std::string word;
+  const auto colon = text.find(": ");
+  for (std::size_t i = colon == std::string::npos ? text.size() : colon + 2; i < text.size(); ++i) {
+    const char c = text[i];
+    if (c == '\\' && i + 1 < text.size() && text[i + 1] == ' ') {
+      word += text[++i];
+    } else if (c == '$' && i + 1 < text.size() && text[i + 1] == '$') {
+      word += text[++i];
+    } else if (c == ' ' || c == '\n' || (c == '\\' && i + 1 < text.size() && text[i + 1] == '\n')) {
+      if (!word.empty()) files.push_back(word);
+      word.clear();
+    } else {
+      word += c;
+    }
+  }
+  return files;
+}
+
+// Everything that was included is older than the copy. Without a dependency file nothing is known: compile.
+bool is_fresh(const fs::path& object, const fs::path& dependencies) {
+  std::error_code failed;
+  const auto built = fs::last_write_time(object, failed);
+  if (failed) return false;
+  const std::vector<std::string> files = read_dependencies(dependencies);
+  for (const std::string& file : files) {
+    const auto changed = fs::last_write_time(file, failed);
+    if (failed || changed > built) return false;
+  }
+  return !files.empty();
+}
+
+// The C++ text around a user's header. Paths with quotes were refused before.
+std::string wrapper_source(const std::string& path, const std::string& type) {
+  return "#include \"rollout/export_model.hpp\"\n#include \"" + path + "\"\nTILLER_EXPORT_MODEL(" + type + ")\n";
+}
+
+// Of a compiler's output what a reader wants first: from the first error on, at most 30 lines.
+std::string first_errors(const std::string& output) {
+  std::vector<std::string> lines = split(output, '\n');
+  std::size_t first = 0;
+  while (first < lines.size() && lines[first].find("error") == std::string::npos) ++first;
+  if (first == lines.size()) first = 0;
+  std::string text;
+  for (std::size_t i = first; i < lines.size() && i < first + 30; ++i) text += "  | " + lines[i] + "\n";
+  return text;
+}
+
+bool compile(std::vector<std::string> argv, const std::string& path, const fs::path& object, std::string& error) {
+  const fs::path partial = object.string() + "." + std::to_string(getpid());
+  fs::path dependencies = object;
+  dependencies.replace_extension(".d");
+  for (const std::string& word : std::vector<std::string>{"-MMD", "-MF", dependencies.string(), "-MT", "model", "-o",
+                                                          partial.string()})
+    argv.push_back(word);
+  std::fprintf(stderr, "tiller: compiling model %s (once) ...\n", path.c_str());
+  const ChildResult child = run_child(argv);
+  std::error_code failed;
+  if (!child.started) {
+    error = path + ": no compiler '" + argv[0] + "' on this machine (" + child.output +
+            "); install one (package build-essential) or set TILLER_CXX and TILLER_CC";
+    return false;
+  }
+  if (child.exit_code != 0) {
+    fs::remove(partial, failed);
+    error = path + ": the model does not compile:\n" + first_errors(child.output) + "  with: " + argv[0] +
+            " (the authoring rules are in docs/own_model.md)";
+    return false;
+  }
+  // Renamed when whole: two processes that compile at once leave one good copy.
+  fs::rename(partial, object, failed);
+  if (failed) error = object.string() + ": " + failed.message();
+  return !failed;
+}
+
+}  // namespace
+
+ChildResult run_child(const std::vector<std::string>& argv) {
+  ChildResult result;
+  int ends[2];
+  if (pipe2(ends, O_CLOEXEC) != 0) {
+    result.output = std::strerror(errno);
+    return result;
+  }
+  std::vector<char*> words;
+  for (const std::string& word : argv) words.push_back(const_cast<char*>(word.c_str()));
+  words.push_back(nullptr);
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
+  posix_spawn_file_actions_adddup2(&actions, ends[1], 1);
+  posix_spawn_file_actions_adddup2(&actions, ends[1], 2);
+  pid_t child = 0;
+  const int failure = posix_spawnp(&child, words[0], &actions, nullptr, words.data(), environ);
+  posix_spawn_file_actions_destroy(&actions);
+  close(ends[1]);
+  if (failure != 0) {
+    close(ends[0]);
+    result.output = std::strerror(failure);
+    return result;
+  }
+  result.started = true;
+  char buffer[4096];
+  for (;;) {
+    const ssize_t n = read(ends[0], buffer, sizeof buffer);
+    if (n > 0) result.output.append(buffer, static_cast<std::size_t>(n));
+    if (n == 0 || (n < 0 && errno != EINTR)) break;
+  }
+  close(ends[0]);
+  int status = 0;
+  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
+  }
+  result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  return result;
+}
+
+std::string compile_model(const std::string& path, const std::string& type, std::string& error) {
+  const bool cpp = !type.empty();
+  const fs::path folder = cache_folder(error);
+  if (folder.empty()) return "";
+  std::vector<std::string> argv = command_line(cpp);
+  std::string key = std::string(TILLER_MODEL_VERSION_TEXT) + '\n' + path + '\n' + type + '\n' + read_file(path);
+  for (const std::string& word : argv) key += '\n' + word;
+  char name[40];
+  std::snprintf(name, sizeof name, "%016llx", static_cast<unsigned long long>(hash(key)));
+  const fs::path object = folder / (fs::path(path).stem().string() + "-" + name + ".so");
+  fs::path dependencies = object;
+  dependencies.replace_extension(".d");
+  if (is_fresh(object, dependencies)) return object.string();
+
+  if (cpp) {
+    fs::path wrapper = object;
+    wrapper.replace_extension(".cpp");
+    std::ofstream(wrapper) << wrapper_source(path, type);
+    argv.push_back(wrapper.string());
+  } else {
+    argv.push_back(path);
+    argv.emplace_back("-lm");
+  }
+  return compile(argv, path, object, error) ? object.string() : "";
+}
+
+}  // namespace tiller::tools
