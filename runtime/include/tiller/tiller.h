@@ -216,7 +216,7 @@ typedef struct tiller_hooks {
 
 /* ---- the controller ----------------------------------------------------------------------------- */
 
-typedef struct tiller tiller_t;
+typedef struct tiller_controller tiller_t;
 
 typedef enum tiller_state {
   tiller_state_init = 0,       /**< no measurement yet: safe command */
