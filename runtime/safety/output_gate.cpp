@@ -1,0 +1,85 @@
+#include "safety/output_gate.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tiller {
+namespace {
+
+/// Cuts below this share of the range are rounding, not news: a planner that samples in single precision
+/// lands within 6e-8 of a limit. They are made all the same, but neither reported nor counted.
+constexpr double kRounding = 1e-6;
+
+/// Stamps are whole microseconds, so the true time since the last command may be up to one longer.
+constexpr double kStampGrain_s = 1e-6;
+
+/// Change allowed since the last command. Written so that neither 0 * infinity nor a NaN slips through.
+double rate_step(double rate_per_s, double elapsed_s, double period_s) {
+  if (!(rate_per_s > 0.0)) return 0.0;
+  if (std::isinf(rate_per_s)) return rate_per_s;
+  const double time_s = elapsed_s > 0.0 ? std::min(elapsed_s + kStampGrain_s, period_s) : 0.0;
+  return time_s > 0.0 ? rate_per_s * time_s : 0.0;
+}
+
+}  // namespace
+
+OutputGate::OutputGate(const GateLimits& limits) : limits_(limits) {
+  limits_.count = std::min<std::uint32_t>(limits.count, TILLER_MAX_INPUTS);
+  for (std::uint32_t i = 0; i < TILLER_MAX_INPUTS; ++i) {
+    double& low = limits_.low[i];
+    double& high = limits_.high[i];
+    double& safe = limits_.safe_command[i];
+    if (!std::isfinite(safe)) safe = 0.0;
+    if (!std::isfinite(low) || !std::isfinite(high) || low > high) low = high = safe;
+    safe = std::clamp(safe, low, high);
+    last_[i] = safe;
+  }
+}
+
+bool OutputGate::all_finite(const double* command) const {
+  if (command == nullptr) return false;
+  for (std::uint32_t i = 0; i < limits_.count; ++i)
+    if (!std::isfinite(command[i])) return false;
+  return true;
+}
+
+tiller_status_t OutputGate::limit_input(std::uint32_t i, double elapsed_s, double& value) const {
+  const double low = limits_.low[i], high = limits_.high[i];
+  const double step = rate_step(limits_.rate_per_s[i], elapsed_s, limits_.period_s);
+  const double tolerance = kRounding * (high - low);
+  const double wanted = value;
+
+  const double within = std::clamp(wanted, low, high);
+  value = std::clamp(within, std::max(low, last_[i] - step), std::min(high, last_[i] + step));
+
+  if (std::abs(wanted - within) > tolerance) return tiller_status_command_limited;
+  if (std::abs(within - value) > tolerance) return tiller_status_rate_limited;
+  return tiller_status_ok;
+}
+
+tiller_status_t OutputGate::pass(const double* wanted, const double* fallback, double elapsed_s,
+                                 double* out) {
+  const bool usable = all_finite(wanted);
+  const double* source = usable ? wanted : all_finite(fallback) ? fallback : limits_.safe_command;
+
+  tiller_status_t status = tiller_status_ok;
+  for (std::uint32_t i = 0; i < limits_.count; ++i) {
+    out[i] = source[i];
+    const tiller_status_t limited = limit_input(i, elapsed_s, out[i]);
+    if (status == tiller_status_ok) status = limited;
+  }
+  if (status != tiller_status_ok) ++cuts_;
+  if (!usable) {
+    ++rejections_;
+    status = tiller_status_command_not_finite;
+  }
+  std::copy(out, out + limits_.count, last_);
+  return status;
+}
+
+void OutputGate::send_safe(double* out) {
+  std::copy(limits_.safe_command, limits_.safe_command + limits_.count, out);
+  std::copy(out, out + limits_.count, last_);
+}
+
+}  // namespace tiller

@@ -1,0 +1,225 @@
+#include "safety/sensor_guard.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <initializer_list>
+#include <limits>
+
+namespace tiller {
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr std::int64_t kPeriod_us = 20000;
+
+/// A cart's position (not an angle, at most 5 m/s) and a pole's angle (at most 20 rad/s).
+SensorLimits cart_and_pole() {
+  SensorLimits limits;
+  limits.count = 2;
+  limits.angle_mask = 2u;
+  limits.low[0] = -2.0, limits.high[0] = 2.0, limits.rate_per_s[0] = 5.0;
+  limits.low[1] = -kInf, limits.high[1] = kInf, limits.rate_per_s[1] = 20.0;
+  limits.timeout_us = 100000;
+  limits.ahead_us = kPeriod_us;
+  limits.frozen_ticks = 3;
+  limits.bad_ticks_to_safe = 3;
+  return limits;
+}
+
+tiller_measurement_t reading(std::int64_t stamp_us, double position, double angle) {
+  tiller_measurement_t m = {};
+  m.stamp_us = stamp_us;
+  m.value[0] = position;
+  m.value[1] = angle;
+  return m;
+}
+
+struct Bench {
+  SensorGuard guard{cart_and_pole()};
+  SensorVerdict at(std::int64_t now_us, const tiller_measurement_t& m) { return guard.check(now_us, &m); }
+  SensorVerdict at(std::int64_t stamp_us, double position, double angle) {
+    return at(stamp_us, reading(stamp_us, position, angle));
+  }
+  SensorVerdict nothing(std::int64_t now_us) { return guard.check(now_us, nullptr); }
+};
+
+TEST(SensorGuard, TakesGoodReadings) {
+  Bench b;
+  for (int k = 0; k < 10; ++k) {
+    const SensorVerdict v = b.at(k * kPeriod_us, 0.01 * k, 3.0 + 0.1 * k);
+    EXPECT_EQ(v.status, tiller_status_ok);
+    EXPECT_TRUE(v.usable);
+    EXPECT_FALSE(v.lost);
+  }
+  EXPECT_EQ(b.guard.rejected(), 0u);
+}
+
+TEST(SensorGuard, NothingNewIsFineUntilTheTimeout) {
+  Bench b;
+  (void)b.at(0, 0.0, 0.0);
+  const SensorVerdict fresh = b.nothing(100000);
+  EXPECT_EQ(fresh.status, tiller_status_no_new_measurement);
+  EXPECT_FALSE(fresh.usable);
+  EXPECT_FALSE(fresh.lost);
+  const SensorVerdict stale = b.nothing(100001);
+  EXPECT_EQ(stale.status, tiller_status_sensor_stale);
+  EXPECT_TRUE(stale.lost);
+}
+
+TEST(SensorGuard, BeforeTheFirstReadingNothingIsLost) {
+  Bench b;
+  const SensorVerdict v = b.nothing(1000000000);
+  EXPECT_EQ(v.status, tiller_status_no_new_measurement);
+  EXPECT_FALSE(v.lost);
+}
+
+TEST(SensorGuard, TheSameReadingAgainIsNothingNew) {
+  Bench b;
+  const tiller_measurement_t m = reading(0, 0.5, 0.5);
+  (void)b.at(0, m);
+  const SensorVerdict v = b.at(kPeriod_us, m);
+  EXPECT_EQ(v.status, tiller_status_no_new_measurement);
+  EXPECT_EQ(b.guard.rejected(), 0u);
+  EXPECT_EQ(b.at(100001, m).status, tiller_status_sensor_stale)
+      << "a driver that repeats its last frame is stale";
+}
+
+TEST(SensorGuard, RefusesOldAndFutureStamps) {
+  Bench b;
+  EXPECT_EQ(b.at(500000, reading(399999, 0.0, 0.0)).status, tiller_status_sensor_stale);
+  EXPECT_EQ(b.at(500000, reading(520001, 0.0, 0.0)).status, tiller_status_sensor_stale);
+  EXPECT_EQ(b.at(500000, reading(519999, 0.0, 0.0)).status, tiller_status_ok) << "clock skew below a period";
+}
+
+TEST(SensorGuard, RefusesStampsOutOfOrder) {
+  Bench b;
+  (void)b.at(kPeriod_us, 0.0, 0.0);
+  EXPECT_EQ(b.at(2 * kPeriod_us, reading(kPeriod_us, 0.1, 0.0)).status, tiller_status_time_backwards);
+  EXPECT_EQ(b.at(2 * kPeriod_us, reading(kPeriod_us - 1, 0.0, 0.0)).status, tiller_status_time_backwards);
+  EXPECT_EQ(b.guard.rejected(), 2u);
+  EXPECT_EQ(b.at(2 * kPeriod_us, 0.0, 0.0).status, tiller_status_ok);
+}
+
+TEST(SensorGuard, CallersClockGoingBackIsSeenEvenWithoutAReading) {
+  Bench b;
+  (void)b.at(10 * kPeriod_us, 0.0, 0.0);
+  EXPECT_EQ(b.nothing(9 * kPeriod_us).status, tiller_status_time_backwards);
+  EXPECT_EQ(b.nothing(8 * kPeriod_us).status, tiller_status_time_backwards);
+  EXPECT_TRUE(b.nothing(7 * kPeriod_us).lost);
+}
+
+TEST(SensorGuard, ExtremeStampsDoNotOverflow) {
+  Bench b;
+  const std::int64_t low = std::numeric_limits<std::int64_t>::min();
+  const std::int64_t high = std::numeric_limits<std::int64_t>::max();
+  EXPECT_EQ(b.at(high, reading(low, 0.0, 0.0)).status, tiller_status_sensor_stale);
+  EXPECT_EQ(elapsed_us(high, low), high);
+  EXPECT_EQ(elapsed_us(low, high), low);
+  EXPECT_EQ(elapsed_us(5, 3), 2);
+  Bench c;
+  EXPECT_EQ(c.at(low, reading(high, 0.0, 0.0)).status, tiller_status_sensor_stale);
+}
+
+TEST(SensorGuard, RefusesInfinityAndSkipsMissingValues) {
+  Bench b;
+  EXPECT_EQ(b.at(0, kNan, 0.0).status, tiller_status_sensor_not_finite)
+      << "the first reading must be complete";
+  (void)b.at(kPeriod_us, 0.0, 0.0);
+  EXPECT_EQ(b.at(2 * kPeriod_us, kInf, 0.0).status, tiller_status_sensor_not_finite);
+  EXPECT_EQ(b.at(3 * kPeriod_us, -kInf, 0.0).status, tiller_status_sensor_not_finite);
+  const SensorVerdict partial = b.at(4 * kPeriod_us, kNan, 0.1);
+  EXPECT_EQ(partial.status, tiller_status_ok);
+  EXPECT_TRUE(partial.usable);
+  EXPECT_EQ(b.guard.missing(), 1u);
+  EXPECT_EQ(b.at(5 * kPeriod_us, kNan, kNan).status, tiller_status_sensor_not_finite) << "all missing";
+  EXPECT_EQ(b.guard.missing(), 1u) << "a rejected reading is counted as rejected, not as missing";
+}
+
+TEST(SensorGuard, OneDeadSensorIsStaleByItself) {
+  Bench b;
+  (void)b.at(0, 0.0, 0.0);
+  SensorVerdict v;
+  std::int64_t t = 0;
+  while (!v.lost && t < 1000000) {
+    t += kPeriod_us;
+    v = b.at(t, kNan, 1e-6 * static_cast<double>(t));
+  }
+  EXPECT_EQ(t, 120000) << "the first tick past 0.1 s without a position";
+  EXPECT_EQ(v.status, tiller_status_sensor_stale);
+  EXPECT_FALSE(v.usable);
+}
+
+TEST(SensorGuard, RefusesOutOfRangeAndJumps) {
+  Bench b;
+  (void)b.at(0, 0.0, 3.1);
+  EXPECT_EQ(b.at(kPeriod_us, 2.5, 3.1).status, tiller_status_sensor_out_of_range);
+  EXPECT_EQ(b.at(2 * kPeriod_us, 0.3, 3.1).status, tiller_status_sensor_jump) << "7.5 m/s over 40 ms";
+  EXPECT_EQ(b.at(3 * kPeriod_us, 0.29, 3.1).status, tiller_status_ok)
+      << "4.8 m/s over the 60 ms since the last";
+}
+
+TEST(SensorGuard, AngleJumpsAreWrapped) {
+  Bench b;
+  (void)b.at(0, 0.0, 3.1);
+  EXPECT_EQ(b.at(kPeriod_us, 0.0, -3.1).status, tiller_status_ok) << "0.083 rad through pi";
+  EXPECT_EQ(b.at(2 * kPeriod_us, 0.0, -2.1).status, tiller_status_sensor_jump) << "50 rad/s";
+}
+
+TEST(SensorGuard, JumpIsMeasuredFromTheLastValueThatWasSeen) {
+  Bench b;
+  (void)b.at(0, 0.0, 0.0);
+  (void)b.at(kPeriod_us, kNan, 0.0);
+  EXPECT_EQ(b.at(2 * kPeriod_us, 0.19, 0.0).status, tiller_status_ok) << "0.19 m in 40 ms, not in 20";
+}
+
+TEST(SensorGuard, RejectionsInARowLoseTheSensors) {
+  Bench b;
+  (void)b.at(0, 0.0, 0.0);
+  EXPECT_FALSE(b.at(kPeriod_us, 5.0, 0.0).lost);
+  EXPECT_FALSE(b.at(kPeriod_us + 1, 5.0, 0.0).lost);
+  EXPECT_FALSE(b.at(kPeriod_us + 2, 0.0, 0.0).lost) << "a good one between resets the count";
+  EXPECT_FALSE(b.at(kPeriod_us + 3, 5.0, 0.0).lost);
+  EXPECT_FALSE(b.at(kPeriod_us + 4, 5.0, 0.0).lost);
+  EXPECT_FALSE(b.nothing(kPeriod_us + 5).lost) << "silence is judged by its age, not by this count";
+  EXPECT_TRUE(b.at(kPeriod_us + 6, 5.0, 0.0).lost);
+  EXPECT_EQ(b.guard.rejected(), 5u);
+}
+
+TEST(SensorGuard, FrozenOnlyWhenTheRobotShouldMove) {
+  Bench b;
+  std::int64_t t = 0;
+  (void)b.at(t, 0.125, 0.5);
+  for (int k = 0; k < 2; ++k) (void)b.at(t += kPeriod_us, 0.125, 0.5);
+  EXPECT_FALSE(b.guard.frozen(true)) << "two repeats of three";
+  (void)b.at(t += kPeriod_us, 0.125, 0.5);
+  EXPECT_TRUE(b.guard.frozen(true));
+  EXPECT_FALSE(b.guard.frozen(false));
+  (void)b.at(t += kPeriod_us, 0.125, std::nextafter(0.5, 1.0));
+  EXPECT_FALSE(b.guard.frozen(true)) << "the last bit moved: alive";
+  EXPECT_EQ(b.guard.repeats(), 0u);
+}
+
+TEST(SensorGuard, FrozenCheckCanBeSwitchedOff) {
+  SensorLimits limits = cart_and_pole();
+  limits.frozen_ticks = 0;
+  SensorGuard guard(limits);
+  for (int k = 0; k < 100; ++k) {
+    const tiller_measurement_t m = reading(k * kPeriod_us, 0.0, 0.0);
+    (void)guard.check(m.stamp_us, &m);
+  }
+  EXPECT_FALSE(guard.frozen(true));
+}
+
+TEST(SensorGuard, RestartForgetsReadingsButNotCounters) {
+  Bench b;
+  (void)b.at(0, 0.0, 0.0);
+  (void)b.at(kPeriod_us, 9.0, 0.0);
+  b.guard.restart();
+  EXPECT_FALSE(b.nothing(10000000).lost) << "as before the first reading";
+  EXPECT_EQ(b.at(10000000, 1.9, 2.0).status, tiller_status_ok) << "no jump from what was forgotten";
+  EXPECT_EQ(b.guard.rejected(), 1u);
+}
+
+}  // namespace
+}  // namespace tiller
