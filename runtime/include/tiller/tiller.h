@@ -301,6 +301,16 @@ uint32_t tiller_get_plan(const tiller_t* t, double* inputs, uint32_t steps);
 tiller_status_t tiller_get_particle(const tiller_t* t, uint32_t index, double* params, double* state,
                                     double* weight);
 
+/** What the caller did between two ticks, as tiller_record_t.calls keeps it. */
+typedef enum tiller_call {
+  tiller_call_none = 0,
+  tiller_call_arm = 1,
+  tiller_call_disarm = 2,
+  tiller_call_stop = 3,
+  tiller_call_reset = 4,
+  tiller_call_lost = 15        /**< more than eight calls before one tick: the rest were not kept */
+} tiller_call_t;
+
 /** A recorded tick: every input and output, enough to replay it bit by bit. */
 typedef struct tiller_record {
   uint64_t tick;
@@ -310,7 +320,8 @@ typedef struct tiller_record {
   int32_t status;
   uint32_t has_measurement;
   uint32_t planner_iterations;
-  uint32_t reserved;
+  uint32_t calls;              /**< accepted tiller_arm/disarm/stop/reset since the tick before, four bits each
+                                    (tiller_call_t), the first in the lowest */
   double plan_cost, effective_samples, noise_scale;
   int64_t tick_ns;
   double state_mean[TILLER_MAX_STATES];

@@ -1,0 +1,209 @@
+#pragma once
+
+// The rollout kernel of one model for the instruction set that this source is compiled for. Several registers of
+// trajectories are in flight: their steps do not depend on each other, which hides the latency of the arithmetic
+// (with one register a step waits for itself most of the time).
+
+#include "rollout/step.hpp"
+#include "scalar/pack.hpp"
+
+TILLER_ISA_NAMESPACE_BEGIN
+
+template <template <class> class M>
+struct Kernel {
+  using Model = StaticModel<M>;
+  static constexpr int kStates = Model::kStates, kInputs = Model::kInputs;
+
+  template <class P>
+  static TILLER_INLINE P load_row(const Lanes<typename P::value_type>& rows, int row, std::uint32_t lane) {
+    return rows.splat() ? P(rows.data[row]) : P::load(rows.data + static_cast<std::size_t>(row) * rows.stride + lane);
+  }
+  template <class S, class P, class Fields, class Count>
+  static TILLER_INLINE void load_fields(Fields& fields, Count count, const Lanes<typename P::value_type>& rows,
+                                        int first_row, std::uint32_t lane) {
+    each(count, [&](auto i) { fields[i] = S(load_row<P>(rows, first_row + i, lane)); });
+  }
+  template <class S, class P, class T>
+  static TILLER_INLINE void load_parameters(Parameters<Model, S>& p, const StepSetup& setup, const Lanes<T>& rows,
+                                            std::uint32_t lane) {
+    load_fields<S, P>(p.model, Model::np(), rows, 0, lane);
+    int last = Model::kParams;
+    for (std::uint32_t e = 0; e < setup.effect_count; ++e) {
+      const int end = setup.effects[e].param + effect_info(setup.effects[e].kind).param_count;
+      if (end > last) last = end;
+    }
+    for (int i = Model::kParams; i < last; ++i) p.effect[i - Model::kParams] = S(load_row<P>(rows, i, lane));
+  }
+
+  template <class P, class T>
+  static TILLER_INLINE P input_cost(const CostWeights<T>& cost, const typename Model::template Input<P>& u,
+                                    const typename Model::template Input<P>& before) {
+    P sum = P(0.0);
+    each(Model::nu(), [&](auto i) {
+      const P change = u[i] - before[i];
+      sum = sum + P(cost.input[i]) * u[i] * u[i] + P(cost.input_rate[i]) * change * change;
+    });
+    return sum;
+  }
+
+  template <class T>
+  static TILLER_INLINE void store_state(T* rows, std::size_t stride, std::uint32_t lane,
+                                        const typename Model::template State<Pack<T>>& x) {
+    each(Model::nx(), [&](auto i) { x[i].store(rows + static_cast<std::size_t>(i) * stride + lane); });
+  }
+
+  /// The whole horizon of kRegisters registers beginning at `lane`.
+  template <class T, int kRegisters, bool kEffects, bool kSplat, tiller_integrator_t kIntegrator>
+  static void roll(const Stepper<Model, Pack<T>>& stepper, const RolloutJob<T>& job, std::uint32_t lane) {
+    using P = Pack<T>;
+    using Input = typename Model::template Input<P>;
+    const StepSetup& setup = *job.setup;
+    Trajectory<Model, P> t[kRegisters];
+    Parameters<Model, P> p[kSplat ? 1 : kRegisters];
+    Input before[kRegisters];
+    P cost[kRegisters];
+    for (int r = 0; r < kRegisters; ++r) {
+      const std::uint32_t at = lane + static_cast<std::uint32_t>(r * P::width);
+      load_fields<P, P>(t[r].x, Model::nx(), job.state, 0, at);
+      if (!kSplat || r == 0) {
+        if constexpr (kEffects)
+          load_parameters<P, P>(p[r], setup, job.params, at);
+        else
+          load_fields<P, P>(p[r].model, Model::np(), job.params, 0, at);
+      }
+      if constexpr (kEffects)
+        for (std::uint32_t s = 0; s < setup.effect_state_count; ++s)
+          t[r].effect_state[s] = load_row<P>(job.effect_state, static_cast<int>(s), at);
+      if (job.previous_input)
+        each(Model::nu(), [&](auto i) { before[r][i] = P(job.previous_input[i]); });
+      else
+        load_fields<P, P>(before[r], Model::nu(), job.controls, 0, at);
+      cost[r] = P(0.0);
+    }
+    for (std::uint32_t step = 0; step < job.horizon; ++step) {
+      for (int r = 0; r < kRegisters; ++r) {
+        const std::uint32_t at = lane + static_cast<std::uint32_t>(r * P::width);
+        const auto& params = p[kSplat ? 0 : r];
+        if (job.trajectory)
+          store_state<T>(job.trajectory + static_cast<std::size_t>(step) * kStates * job.lanes, job.lanes, at, t[r].x);
+        Input u;
+        load_fields<P, P>(u, Model::nu(), job.controls, static_cast<int>(step) * kInputs, at);
+        if (job.cost) {
+          cost[r] = cost[r] + state_cost<Model, P>(stepper.model, job.cost->target, job.cost->state, t[r].x) +
+                    input_cost<P>(*job.cost, u, before[r]);
+          before[r] = u;
+        }
+        if constexpr (kEffects) {
+          const auto past = [&](int age, int input) {
+            const int then = static_cast<int>(step) - age;
+            return then >= 0 ? load_row<P>(job.controls, then * kInputs + input, at)
+                             : P(job.history[(-then - 1) * kInputs + input]);
+          };
+          stepper.advance(t[r], stepper.acting_command(u, params, past), params);
+        } else {
+          stepper.template advance_bare<kIntegrator>(t[r].x, u, params.model);
+        }
+      }
+    }
+    for (int r = 0; r < kRegisters; ++r) {
+      const std::uint32_t at = lane + static_cast<std::uint32_t>(r * P::width);
+      if (job.cost && job.cost_out)
+        (cost[r] + state_cost<Model, P>(stepper.model, job.cost->target, job.cost->terminal, t[r].x))
+            .store(job.cost_out + at);
+      if (job.trajectory)
+        store_state<T>(job.trajectory + static_cast<std::size_t>(job.horizon) * kStates * job.lanes, job.lanes, at,
+                       t[r].x);
+      if (job.final_state) store_state<T>(job.final_state, job.lanes, at, t[r].x);
+      if (kEffects && job.final_effect_state)
+        for (std::uint32_t s = 0; s < setup.effect_state_count; ++s)
+          t[r].effect_state[s].store(job.final_effect_state + static_cast<std::size_t>(s) * job.lanes + at);
+    }
+  }
+
+  template <class T, int kRegisters, bool kEffects, bool kSplat, tiller_integrator_t kIntegrator>
+  static void roll_all(const RolloutJob<T>& job) {
+    const Stepper<Model, Pack<T>> stepper({}, *job.setup, job.period_s > 0.0 ? job.period_s : job.setup->period_s);
+    constexpr std::uint32_t kWidth = static_cast<std::uint32_t>(Pack<T>::width);
+    std::uint32_t lane = 0;
+    for (; lane + kRegisters * kWidth <= job.lanes; lane += kRegisters * kWidth)
+      roll<T, kRegisters, kEffects, kSplat, kIntegrator>(stepper, job, lane);
+    for (; lane < job.lanes; lane += kWidth) roll<T, 1, kEffects, kSplat, kIntegrator>(stepper, job, lane);
+  }
+
+  /// Planning without effects is the path worth a copy per integrator; everything else shares one.
+  static void rollout_f32(const tiller_model_t&, const RolloutJob<float>& job) {
+    if (job.setup->effect_count == 0 && job.params.splat()) {
+      switch (job.setup->integrator) {
+        case tiller_integrator_semi_implicit_euler:
+          return roll_all<float, 4, false, true, tiller_integrator_semi_implicit_euler>(job);
+        case tiller_integrator_midpoint: return roll_all<float, 4, false, true, tiller_integrator_midpoint>(job);
+        default: return roll_all<float, 4, false, true, tiller_integrator_rk4>(job);
+      }
+    }
+    roll_all<float, 2, true, false, tiller_integrator_rk4>(job);
+  }
+  static void rollout_f64(const tiller_model_t&, const RolloutJob<double>& job) {
+    roll_all<double, 2, true, false, tiller_integrator_rk4>(job);
+  }
+
+  // ---- linearisation -----------------------------------------------------------------------------
+
+  template <int kDirections, bool kInputsToo>
+  static void linearise_lane(const LineariseJob& job, std::uint32_t lane) {
+    using P = Pack<double>;
+    using D = Dual<P, kDirections>;
+    const StepSetup& setup = *job.setup;
+    const Stepper<Model, D> stepper({}, setup, job.period_s > 0.0 ? job.period_s : setup.period_s);
+    Trajectory<Model, D> t;
+    Parameters<Model, D> p;
+    typename Model::template Input<D> u;
+    load_fields<D, P>(t.x, Model::nx(), job.state, 0, lane);
+    each(Model::nx(), [&](auto i) { t.x[i].d[i] = P(1.0); });
+    load_fields<D, P>(u, Model::nu(), job.control, 0, lane);
+    if constexpr (kInputsToo) each(Model::nu(), [&](auto i) { u[i].d[kStates + i] = P(1.0); });
+    load_parameters<D, P>(p, setup, job.params, lane);
+    for (std::uint32_t s = 0; s < setup.effect_state_count; ++s)
+      t.effect_state[s] = D(load_row<P>(job.effect_state, static_cast<int>(s), lane));
+    const auto past = [&](int age, int input) {
+      D value = u[Index<0>{}];
+      each(Model::nu(), [&](auto i) {
+        if (static_cast<int>(i) == input) value = u[i];
+      });
+      return age == 0 ? value : D(job.history[(age - 1) * kInputs + input]);
+    };
+    stepper.advance(t, stepper.acting_command(u, p, past), p);
+
+    const auto row = [&](double* rows, int i) { return rows + static_cast<std::size_t>(i) * job.lanes + lane; };
+    each(Model::nx(), [&](auto i) {
+      t.x[i].v.store(row(job.next_state, i));
+      if (job.a)
+        for (int c = 0; c < kStates; ++c) t.x[i].d[c].store(row(job.a, i * kStates + c));
+      if constexpr (kInputsToo)
+        for (int c = 0; c < kInputs; ++c) t.x[i].d[kStates + c].store(row(job.b, i * kInputs + c));
+    });
+    if (job.next_effect_state)
+      for (std::uint32_t s = 0; s < setup.effect_state_count; ++s)
+        t.effect_state[s].v.store(row(job.next_effect_state, static_cast<int>(s)));
+  }
+  static void linearise(const tiller_model_t&, const LineariseJob& job) {
+    for (std::uint32_t lane = 0; lane < job.lanes; lane += static_cast<std::uint32_t>(Pack<double>::width)) {
+      if (job.b)
+        linearise_lane<kStates + kInputs, true>(job, lane);
+      else
+        linearise_lane<kStates, false>(job, lane);
+    }
+  }
+
+  static constexpr RolloutTable table(Isa isa) {
+    RolloutTable t;
+    t.isa = isa;
+    t.width_f32 = Pack<float>::width;
+    t.width_f64 = Pack<double>::width;
+    t.rollout_f32 = &rollout_f32;
+    t.rollout_f64 = &rollout_f64;
+    t.linearise = &linearise;
+    return t;
+  }
+};
+
+TILLER_ISA_NAMESPACE_END

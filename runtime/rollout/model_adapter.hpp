@@ -1,0 +1,161 @@
+#pragma once
+
+// What the stepper asks of a model, for models written as templates (StaticModel: every count and index is a
+// constant, loops unroll, fields stay in registers) and as C tables (TableModel: loops with run-time counts).
+
+#include <utility>
+
+#include "scalar/dual.hpp"
+#include "tiller/model.hpp"
+
+namespace tiller {
+
+#define TILLER_INLINE inline __attribute__((always_inline))
+
+/// f(Index<0>{}) ... f(Index<N-1>{}), unrolled by the language, or f(0) ... f(n-1), a loop.
+template <class F, int... I>
+TILLER_INLINE void each_of(F&& f, std::integer_sequence<int, I...>) {
+  (f(Index<I>{}), ...);
+}
+template <int N, class F>
+TILLER_INLINE void each(Index<N>, F&& f) {
+  each_of(f, std::make_integer_sequence<int, N>{});
+}
+template <class F>
+TILLER_INLINE void each(int n, F&& f) {
+  for (int i = 0; i < n; ++i) f(i);
+}
+
+/// A model written as a template.
+template <template <class> class M>
+struct StaticModel {
+  template <class S>
+  using State = typename M<S>::State;
+  template <class S>
+  using Input = typename M<S>::Input;
+  template <class S>
+  using Params = typename M<S>::Params;
+  template <class S>
+  using Force = typename M<S>::Force;
+
+  static constexpr int kStates = State<double>::count;
+  static constexpr int kInputs = Input<double>::count;
+  static constexpr int kParams = Params<double>::count;
+  static constexpr int kForces = Force<double>::count;
+  static constexpr Index<kStates> nx() { return {}; }
+  static constexpr Index<kInputs> nu() { return {}; }
+  static constexpr Index<kParams> np() { return {}; }
+  static constexpr Index<kForces> nf() { return {}; }
+  static_assert(sizeof(M<double>::joints) / sizeof(tiller_joint_t) == kForces, "one joint for each force, in order");
+  static_assert(kStates <= TILLER_MAX_STATES && kInputs <= TILLER_MAX_INPUTS && kParams <= TILLER_MAX_PARAMS &&
+                    kForces <= TILLER_MAX_JOINTS,
+                "raise the TILLER_MAX constants");
+
+  template <int I>
+  static constexpr bool is_angle(Index<I>) {
+    return (M<double>::angles >> I) & 1u;
+  }
+  template <class S, int J>
+  static TILLER_INLINE S* position(State<S>& x, Index<J>) {
+    if constexpr (M<double>::joints[J].position == TILLER_NO_POSITION)
+      return nullptr;
+    else
+      return &x[Index<M<double>::joints[J].position>{}];
+  }
+  template <class S, int J>
+  static TILLER_INLINE S& velocity(State<S>& x, Index<J>) {
+    return x[Index<M<double>::joints[J].velocity>{}];
+  }
+  template <int J>
+  static constexpr auto force_index(Index<J>) {
+    return Index<M<double>::joints[J].force>{};
+  }
+
+  template <class S>
+  static TILLER_INLINE State<S> dynamics(const State<S>& x, const Input<S>& u, const Force<S>& f, const Body<S>& body,
+                                         const Params<S>& p) {
+    return M<S>::dynamics(x, u, f, body, p);
+  }
+
+  /// Accelerations (nf) of all joints for a unit force at joint j: a column of the inverse inertia, by a dual number
+  /// along that force. A difference of two calls would lose it to rounding in f32 where other forces are large.
+  template <class S, int J>
+  static TILLER_INLINE void force_response(const State<S>& x, const Input<S>& u, const Force<S>& f, const Body<S>& body,
+                                           const Params<S>& p, Index<J> j, S* column) {
+    using D = Dual<S, 1>;
+    State<D> xd;
+    Input<D> ud;
+    Force<D> fd;
+    Params<D> pd;
+    each(nx(), [&](auto i) { xd[i] = D(x[i]); });
+    each(nu(), [&](auto i) { ud[i] = D(u[i]); });
+    each(nf(), [&](auto i) { fd[i] = D(f[i]); });
+    each(np(), [&](auto i) { pd[i] = D(p[i]); });
+    fd[force_index(j)].d[0] = S(1.0);
+    const Body<D> bd = {D(body.gravity_x_m_s2), D(body.gravity_z_m_s2), D(body.payload_kg), D(body.payload_kgm2)};
+    State<D> dx = M<D>::dynamics(xd, ud, fd, bd, pd);
+    each(nf(), [&](auto i) { column[i] = velocity<D>(dx, i).d[0]; });
+  }
+};
+
+/// Fields by run-time index, for C tables.
+template <class S, int Max>
+struct FieldArray {
+  S v[Max];
+  S& operator[](int i) { return v[i]; }
+  const S& operator[](int i) const { return v[i]; }
+};
+
+/// A model written in C: double only.
+struct TableModel {
+  template <class S>
+  using State = FieldArray<S, TILLER_MAX_STATES>;
+  template <class S>
+  using Input = FieldArray<S, TILLER_MAX_INPUTS>;
+  template <class S>
+  using Params = FieldArray<S, TILLER_MAX_PARAMS>;
+  template <class S>
+  using Force = FieldArray<S, TILLER_MAX_JOINTS>;
+
+  const tiller_model_t* table;
+  explicit TableModel(const tiller_model_t& model) : table(&model) {}
+
+  int nx() const { return static_cast<int>(table->state_count); }
+  int nu() const { return static_cast<int>(table->input_count); }
+  int np() const { return static_cast<int>(table->param_count); }
+  int nf() const { return static_cast<int>(table->joint_count); }
+  bool is_angle(int i) const { return (table->angle_mask >> i) & 1u; }
+  template <class S>
+  S* position(State<S>& x, int j) const {
+    return table->joints[j].position == TILLER_NO_POSITION ? nullptr : &x[table->joints[j].position];
+  }
+  template <class S>
+  S& velocity(State<S>& x, int j) const {
+    return x[table->joints[j].velocity];
+  }
+  int force_index(int j) const { return table->joints[j].force; }
+
+  static tiller_body_t plain(const Body<double>& b) {
+    return {b.gravity_x_m_s2, b.gravity_z_m_s2, b.payload_kg, b.payload_kgm2};
+  }
+  template <class S>
+  State<S> dynamics(const State<S>& x, const Input<S>& u, const Force<S>& f, const Body<S>& body,
+                    const Params<S>& p) const {
+    const tiller_body_t b = plain(body);
+    State<S> dx;
+    table->dynamics(x.v, u.v, f.v, &b, p.v, dx.v);
+    return dx;
+  }
+  /// The dynamics are affine in the force: one difference is exact but for rounding, which double bears.
+  template <class S>
+  void force_response(const State<S>& x, const Input<S>& u, const Force<S>& f, const Body<S>& body, const Params<S>& p,
+                      int j, S* column) const {
+    Force<S> more = f, less = f;
+    more[force_index(j)] += 1.0;
+    less[force_index(j)] -= 1.0;
+    State<S> a = dynamics<S>(x, u, more, body, p), b = dynamics<S>(x, u, less, body, p);
+    for (int i = 0; i < nf(); ++i) column[i] = 0.5 * (velocity<S>(a, i) - velocity<S>(b, i));
+  }
+};
+
+}  // namespace tiller

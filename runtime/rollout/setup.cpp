@@ -1,0 +1,75 @@
+#include <cmath>
+
+#include "effects/effect_info.hpp"
+#include "rollout/rollout.hpp"
+
+namespace tiller {
+namespace {
+
+/// Periods that the longest delay allowed by its prior spans, rounded up; 0 where it is not bounded.
+std::uint32_t delay_rows(const tiller_prior_t& prior, double period_s) {
+  double longest = prior.high;
+  if (prior.kind == tiller_prior_fixed) longest = prior.a;
+  if (!(longest >= 0.0) || !std::isfinite(longest)) return 0;
+  return static_cast<std::uint32_t>(std::ceil(longest / period_s - 1e-9));
+}
+
+}  // namespace
+
+tiller_status_t make_step_setup(const tiller_config_t& config, StepSetup& setup) {
+  const tiller_model_t& model = *config.model;
+  setup = StepSetup{};
+  setup.period_s = config.period_s;
+  setup.substeps = config.substeps;
+  setup.integrator = static_cast<tiller_integrator_t>(config.integrator);
+  setup.body = config.body;
+  if (config.effect_count > TILLER_MAX_EFFECTS) return tiller_status_bad_effect;
+  std::uint32_t param = model.param_count, state = 0;
+  for (std::uint32_t e = 0; e < config.effect_count; ++e) {
+    const tiller_effect_t& effect = config.effects[e];
+    if (effect.kind >= effect_kind_count()) return tiller_status_bad_effect;
+    const EffectInfo& info = effect_info(effect.kind);
+    const std::uint32_t ports = info.port == PortKind::joint ? model.joint_count : model.input_count;
+    if (effect.port >= ports) return tiller_status_bad_effect;
+    setup.effects[e] = {static_cast<std::uint16_t>(effect.kind), static_cast<std::uint16_t>(effect.port),
+                        static_cast<std::uint16_t>(param), static_cast<std::uint16_t>(state)};
+    if (param + static_cast<std::uint32_t>(info.param_count) > TILLER_MAX_PARAMS) return tiller_status_bad_effect;
+    if (effect.kind == tiller_effect_input_delay) {
+      const tiller_prior_t& prior = config.priors[param];
+      const std::uint32_t rows = delay_rows(prior, config.period_s);
+      const bool none = prior.kind == tiller_prior_fixed && prior.a == 0.0;
+      if ((rows == 0 && !none) || rows > TILLER_MAX_DELAY_STEPS) return tiller_status_bad_effect;
+      if (rows > setup.delay_steps) setup.delay_steps = rows;
+    }
+    param += static_cast<std::uint32_t>(info.param_count);
+    state += static_cast<std::uint32_t>(info.state_count);
+    if (state > TILLER_MAX_EFFECT_STATES) return tiller_status_bad_effect;
+  }
+  setup.effect_count = config.effect_count;
+  setup.effect_state_count = state;
+  return param == config.param_count ? tiller_status_ok : tiller_status_bad_dimension;
+}
+
+template <class T>
+CostWeights<T> make_cost_weights(const tiller_cost_config_t& cost) {
+  CostWeights<T> w{};
+  for (int i = 0; i < TILLER_MAX_STATES; ++i) {
+    w.target[i] = static_cast<T>(cost.target[i]);
+    w.state[i] = static_cast<T>(cost.state_weight[i]);
+    w.terminal[i] = static_cast<T>(cost.terminal_weight[i]);
+  }
+  for (int i = 0; i < TILLER_MAX_INPUTS; ++i) {
+    w.input[i] = static_cast<T>(cost.input_weight[i]);
+    w.input_rate[i] = static_cast<T>(cost.input_rate_weight[i]);
+  }
+  return w;
+}
+template CostWeights<float> make_cost_weights<float>(const tiller_cost_config_t&);
+template CostWeights<double> make_cost_weights<double>(const tiller_cost_config_t&);
+
+double state_difference(const tiller_model_t& model, std::uint32_t i, double a, double b) {
+  const double difference = a - b;
+  return (model.angle_mask >> i) & 1u ? std::remainder(difference, 6.283185307179586) : difference;
+}
+
+}  // namespace tiller

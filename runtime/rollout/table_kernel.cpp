@@ -1,0 +1,163 @@
+// Rollouts of a model that is written in C: one lane after the other through the same stepper as everybody's.
+// Linearisation by central differences of the whole step, effects included.
+
+#include <cmath>
+
+#include "rollout/step.hpp"
+
+namespace tiller {
+namespace {
+
+using Step = Stepper<TableModel, double>;
+
+template <class T>
+double cell(const Lanes<T>& rows, std::size_t row, std::uint32_t lane) {
+  return static_cast<double>(rows.splat() ? rows.data[row] : rows.data[row * rows.stride + lane]);
+}
+
+template <class T>
+void load(const TableModel& model, const StepSetup& setup, const Lanes<T>& state, const Lanes<T>& params,
+          const Lanes<T>& effect_state, std::uint32_t lane, Trajectory<TableModel, double>& t,
+          Parameters<TableModel, double>& p) {
+  for (int i = 0; i < model.nx(); ++i) t.x[i] = cell(state, static_cast<std::size_t>(i), lane);
+  for (std::uint32_t s = 0; s < setup.effect_state_count; ++s) t.effect_state[s] = cell(effect_state, s, lane);
+  for (int i = 0; i < model.np(); ++i) p.model[i] = cell(params, static_cast<std::size_t>(i), lane);
+  for (std::uint32_t e = 0; e < setup.effect_count; ++e) {
+    const EffectSlot& slot = setup.effects[e];
+    for (int i = slot.param; i < slot.param + effect_info(slot.kind).param_count; ++i)
+      p.effect[i - model.np()] = cell(params, static_cast<std::size_t>(i), lane);
+  }
+}
+
+template <class T>
+double input_cost(const CostWeights<T>& cost, int count, const double* u, const double* before) {
+  double sum = 0.0;
+  for (int i = 0; i < count; ++i) {
+    const double change = u[i] - before[i];
+    sum += static_cast<double>(cost.input[i]) * u[i] * u[i] + static_cast<double>(cost.input_rate[i]) * change * change;
+  }
+  return sum;
+}
+
+template <class T>
+void roll_lane(const TableModel& model, const Step& step, const RolloutJob<T>& job, std::uint32_t lane) {
+  const StepSetup& setup = *job.setup;
+  const int nx = model.nx(), nu = model.nu();
+  Trajectory<TableModel, double> t{};
+  Parameters<TableModel, double> p{};
+  load(model, setup, job.state, job.params, job.effect_state, lane, t, p);
+  double before[TILLER_MAX_INPUTS];
+  for (int i = 0; i < nu; ++i)
+    before[i] = job.previous_input ? static_cast<double>(job.previous_input[i])
+                                   : cell(job.controls, static_cast<std::size_t>(i), lane);
+  const auto keep = [&](T* rows) {
+    for (int i = 0; i < nx; ++i) rows[static_cast<std::size_t>(i) * job.lanes + lane] = static_cast<T>(t.x[i]);
+  };
+  double cost = 0.0;
+  for (std::uint32_t k = 0; k < job.horizon; ++k) {
+    if (job.trajectory) keep(job.trajectory + static_cast<std::size_t>(k) * nx * job.lanes);
+    Step::Input u{};
+    for (int i = 0; i < nu; ++i) u[i] = cell(job.controls, static_cast<std::size_t>(k) * nu + i, lane);
+    if (job.cost) {
+      cost += state_cost<TableModel, double>(model, job.cost->target, job.cost->state, t.x) +
+              input_cost(*job.cost, nu, u.v, before);
+      for (int i = 0; i < nu; ++i) before[i] = u[i];
+    }
+    const auto past = [&](int age, int input) {
+      const int then = static_cast<int>(k) - age;
+      return then >= 0 ? cell(job.controls, static_cast<std::size_t>(then * nu + input), lane)
+                       : static_cast<double>(job.history[(-then - 1) * nu + input]);
+    };
+    step.advance(t, step.acting_command(u, p, past), p);
+  }
+  if (job.cost && job.cost_out)
+    job.cost_out[lane] = static_cast<T>(
+        cost + state_cost<TableModel, double>(model, job.cost->target, job.cost->terminal, t.x));
+  if (job.trajectory) keep(job.trajectory + static_cast<std::size_t>(job.horizon) * nx * job.lanes);
+  if (job.final_state) keep(job.final_state);
+  if (job.final_effect_state)
+    for (std::uint32_t s = 0; s < setup.effect_state_count; ++s)
+      job.final_effect_state[static_cast<std::size_t>(s) * job.lanes + lane] = static_cast<T>(t.effect_state[s]);
+}
+
+template <class T>
+void rollout(const tiller_model_t& table, const RolloutJob<T>& job) {
+  const TableModel model(table);
+  const Step step(model, *job.setup, job.period_s > 0.0 ? job.period_s : job.setup->period_s);
+  for (std::uint32_t lane = 0; lane < job.lanes; ++lane) roll_lane(model, step, job, lane);
+}
+
+/// One step from a state and a command, in full.
+struct OneStep {
+  const TableModel& model;
+  const Step& step;
+  const LineariseJob& job;
+  Parameters<TableModel, double> p{};
+
+  Trajectory<TableModel, double> operator()(Trajectory<TableModel, double> t, const Step::Input& u) const {
+    const auto past = [&](int age, int input) {
+      return age == 0 ? u[input] : job.history[(age - 1) * model.nu() + input];
+    };
+    step.advance(t, step.acting_command(u, p, past), p);
+    return t;
+  }
+};
+
+/// Width of a central difference: cube root of the rounding unit, relative to the value's size.
+double difference_width(double value) { return 6e-6 * (std::fabs(value) > 1.0 ? std::fabs(value) : 1.0); }
+
+void linearise_lane(const TableModel& model, const Step& step, const LineariseJob& job, std::uint32_t lane) {
+  const int nx = model.nx(), nu = model.nu();
+  OneStep one{model, step, job};
+  Trajectory<TableModel, double> t{};
+  load(model, *job.setup, job.state, job.params, job.effect_state, lane, t, one.p);
+  Step::Input u{};
+  for (int i = 0; i < nu; ++i) u[i] = cell(job.control, static_cast<std::size_t>(i), lane);
+  const auto at = [&](double* rows, int row) -> double& { return rows[static_cast<std::size_t>(row) * job.lanes + lane]; };
+  for (int c = 0; job.a && c < nx; ++c) {
+    const double width = difference_width(t.x[c]);
+    auto more = t, less = t;
+    more.x[c] += width;
+    less.x[c] -= width;
+    more = one(more, u);
+    less = one(less, u);
+    for (int r = 0; r < nx; ++r) at(job.a, r * nx + c) = (more.x[r] - less.x[r]) / (2.0 * width);
+  }
+  for (int c = 0; job.b && c < nu; ++c) {
+    const double width = difference_width(u[c]);
+    auto more = u, less = u;
+    more[c] += width;
+    less[c] -= width;
+    const auto high = one(t, more), low = one(t, less);
+    for (int r = 0; r < nx; ++r) at(job.b, r * nu + c) = (high.x[r] - low.x[r]) / (2.0 * width);
+  }
+  const auto next = one(t, u);
+  for (int i = 0; i < nx; ++i) at(job.next_state, i) = next.x[i];
+  if (job.next_effect_state)
+    for (std::uint32_t s = 0; s < job.setup->effect_state_count; ++s)
+      at(job.next_effect_state, static_cast<int>(s)) = next.effect_state[s];
+}
+
+void linearise(const tiller_model_t& table, const LineariseJob& job) {
+  const TableModel model(table);
+  const Step step(model, *job.setup, job.period_s > 0.0 ? job.period_s : job.setup->period_s);
+  for (std::uint32_t lane = 0; lane < job.lanes; ++lane) linearise_lane(model, step, job, lane);
+}
+
+RolloutTable make() {
+  RolloutTable t;
+  t.rollout_f32 = &rollout<float>;
+  t.rollout_f64 = &rollout<double>;
+  t.linearise = &linearise;
+  return t;
+}
+
+}  // namespace
+
+const RolloutTable& table_kernel();
+const RolloutTable& table_kernel() {
+  static const RolloutTable table = make();
+  return table;
+}
+
+}  // namespace tiller
