@@ -28,7 +28,7 @@ struct PlanResult {
   tiller_status_t status = tiller_status_ok;  // ok, iteration_capped, or plan_not_finite (command: the shifted
                                               // old plan, still within limits)
   std::uint32_t iterations = 0;
-  double cost = 0.0;  // of the chosen sequence, under the configured risk
+  double cost = 0.0;  // of the chosen sequence, under the configured risk; infinity where no iteration was completed
 };
 
 /// A planner: one entry of planners.def. Anytime: plan always fills `command` (nu), finite and within limits and
@@ -46,5 +46,7 @@ struct PlannerTable {
 
 /// By kind (tiller_planner_kind_t); null if there is none.
 const PlannerTable* find_planner(std::uint32_t kind);
+/// What it does, in half a sentence; null if there is none.
+const char* planner_help(std::uint32_t kind);
 
 }  // namespace tiller

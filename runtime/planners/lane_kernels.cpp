@@ -1,0 +1,220 @@
+// Compiled once per instruction set. Nothing here may be an out-of-line function of the standard library (see
+// tiller_isa_sources): plain arrays and packs only.
+
+#include "planners/lane_table.hpp"
+#include "scalar/pack.hpp"
+
+TILLER_ISA_NAMESPACE_BEGIN
+namespace {
+
+using F = Pack<float>;
+constexpr std::uint32_t kWidth = static_cast<std::uint32_t>(F::width);
+constexpr float kInfinity = __builtin_huge_valf();
+constexpr float kLargest = 3.402823466e38f;
+
+// ---- noise --------------------------------------------------------------------------------------
+
+/// A word that is a random function of (a, b, index). A keyed version of a 32-bit mixer with three multiplications
+/// (constants found by C. Wellons' search for low avalanche bias, "triple32", bias 0.02): `a` shifts the index, `b`
+/// enters between two rounds, so that rows with neighbouring `a` are not shifted copies of each other. Philox, which
+/// makes the keys, needs 20 widening multiplications a word, which lanes lack: five times the cost.
+IntPack keyed_word(IntPack index, std::uint32_t a, std::uint32_t b) {
+  IntPack x = index + IntPack(a);
+  x = (x ^ (x >> 17)) * IntPack(std::uint32_t{0xed5ad4bbu});
+  x = (x ^ (x >> 11)) * IntPack(std::uint32_t{0xac4c1b51u});
+  x = x ^ IntPack(b);
+  x = (x ^ (x >> 15)) * IntPack(std::uint32_t{0x31848babu});
+  return x ^ (x >> 14);
+}
+
+/// Box-Muller: two independent normals from two words. The turn is folded to the half angle pi v / 2, |v| <= 1, where
+/// short polynomials (minimax in v^2, errors 7e-9 and 5e-8) need no range reduction; the double-angle formulas give
+/// the rest. The largest radius is sqrt(46 log 2) = 5.6, met once in 2^23 draws.
+void normal_pair(IntPack radius_word, IntPack turn_word, F& first, F& second) {
+  const F u = F(1.0f) - to_unit_float(radius_word);  // (0, 1]
+  const F radius = sqrt(log(u) * F(-2.0f));
+  const F v = fma(to_unit_float(turn_word), F(2.0f), F(-1.0f));
+  const F z = v * v;
+  F s = fma(z, F(0.0001516785319f), F(-0.0046741575f));
+  s = fma(z, s, F(0.07968992687f));
+  s = fma(z, s, F(-0.6459637613f));
+  s = fma(z, s, F(1.57079632f)) * v;
+  F c = fma(z, F(0.0008581906197f), F(-0.02081062755f));
+  c = fma(z, c, F(0.2536507447f));
+  c = fma(z, c, F(-1.233698215f));
+  c = fma(z, c, F(0.9999999535f));
+  first = radius * ((s + s) * c);
+  second = radius * fma(s * F(-2.0f), s, F(1.0f));
+}
+
+void store_clamped(const SampleJob& job, std::uint32_t row, std::uint32_t lane, const F& normal) {
+  const F x = fma(normal, F(job.sd[row]), F(job.mean[row]));
+  min(max(x, F(job.low[row])), F(job.high[row])).store(job.knots + row * job.stride + lane);
+}
+
+void sample(const SampleJob& job) {
+  for (std::uint32_t pair = 0; 2 * pair < job.rows; ++pair) {
+    const NoiseKey& key = job.keys[pair];
+    const bool both = 2 * pair + 1 < job.rows;
+    IntPack index = counting(job.first_rollout);
+    for (std::uint32_t lane = 0; lane < job.lanes; lane += kWidth) {
+      F first, second;
+      normal_pair(keyed_word(index, key.word[0], key.word[1]), keyed_word(index, key.word[2], key.word[3]), first,
+                  second);
+      store_clamped(job, 2 * pair, lane, first);
+      if (both) store_clamped(job, 2 * pair + 1, lane, second);
+      index = index + IntPack(kWidth);
+    }
+  }
+}
+
+// ---- controls -----------------------------------------------------------------------------------
+
+/// `kVectors` vectors of rollouts at once: the rate limit is a chain along time of some 12 cycles a step, and four
+/// chains side by side fill the units that one leaves idle.
+template <std::uint32_t kVectors, bool kRateLimited>
+void expand_group(const ExpandJob& job, std::uint32_t input, std::uint32_t lane) {
+  const KnotGrid& grid = job.grid;
+  const float* row = job.knots + input * grid.knots * job.stride + lane;
+  float* out = job.controls + input * job.lanes + lane;
+  const F step(job.rate_step[input]);
+  F u[kVectors], from[kVectors], slope[kVectors];
+  for (std::uint32_t v = 0; v < kVectors; ++v) u[v] = F(job.start[input]);
+  for (std::uint32_t knot = 0; knot + 1 < grid.knots; ++knot) {
+    for (std::uint32_t v = 0; v < kVectors; ++v) {
+      from[v] = F::load(row + knot * job.stride + v * kWidth);
+      slope[v] = F::load(row + (knot + 1) * job.stride + v * kWidth) - from[v];
+    }
+    for (std::uint32_t t = grid.first_step[knot]; t < grid.first_step[knot + 1]; ++t) {
+      const F fraction(grid.fraction[t]);
+      for (std::uint32_t v = 0; v < kVectors; ++v) {
+        const F wish = fma(slope[v], fraction, from[v]);
+        u[v] = kRateLimited ? min(max(wish, u[v] - step), u[v] + step) : wish;
+        u[v].store(out + t * grid.inputs * job.lanes + v * kWidth);
+      }
+    }
+  }
+}
+
+template <bool kRateLimited>
+void expand_input(const ExpandJob& job, std::uint32_t input) {
+  std::uint32_t lane = 0;
+  for (; lane + 4 * kWidth <= job.lanes; lane += 4 * kWidth) expand_group<4, kRateLimited>(job, input, lane);
+  for (; lane < job.lanes; lane += kWidth) expand_group<1, kRateLimited>(job, input, lane);
+}
+
+void expand(const ExpandJob& job) {
+  for (std::uint32_t input = 0; input < job.grid.inputs; ++input) {
+    if (job.rate_step[input] >= 0.0f)
+      expand_input<true>(job, input);
+    else
+      expand_input<false>(job, input);
+  }
+}
+
+// ---- risk ---------------------------------------------------------------------------------------
+
+F finite_or_infinity(const F& x) { return select(abs(x) <= F(kLargest), x, F(kInfinity)); }
+
+void mean_risk(const RiskJob& job) {
+  const F scale(1.0f / static_cast<float>(job.particles));
+  for (std::uint32_t lane = 0; lane < job.lanes; lane += kWidth) {
+    F sum(0.0f);
+    for (std::uint32_t m = 0; m < job.particles; ++m) sum += F::load(job.cost + m * job.lanes + lane);
+    finite_or_infinity(sum * scale).store(job.risk + lane);
+  }
+}
+
+/// CVaR of an empirical distribution with equal weights (Rockafellar and Uryasev, "Optimization of conditional
+/// value-at-risk", 2000; the atom at the quantile counts by the fraction that is left, their 2002 paper, eq. 21).
+/// The costliest n of M in each lane by insertion into a sorted list of vectors: n M min/max pairs, without a branch.
+void tail_risk(const RiskJob& job) {
+  constexpr std::uint32_t kMost = 64;
+  const std::uint32_t whole = static_cast<std::uint32_t>(job.tail);
+  const float part = job.tail - static_cast<float>(whole);
+  const std::uint32_t kept = whole + (part > 0.0f ? 1u : 0u);
+  const F scale(1.0f / job.tail);
+  F top[kMost];  // descending
+  for (std::uint32_t lane = 0; lane < job.lanes; lane += kWidth) {
+    for (std::uint32_t i = 0; i < kept; ++i) top[i] = F(-kInfinity);
+    for (std::uint32_t m = 0; m < job.particles; ++m) {
+      F x = finite_or_infinity(F::load(job.cost + m * job.lanes + lane));
+      for (std::uint32_t i = 0; i < kept; ++i) {
+        const F larger = max(top[i], x);
+        x = min(top[i], x);
+        top[i] = larger;
+      }
+    }
+    F sum(0.0f);
+    for (std::uint32_t i = 0; i < whole; ++i) sum += top[i];
+    if (part > 0.0f) sum = fma(top[whole], F(part), sum);
+    finite_or_infinity(sum * scale).store(job.risk + lane);
+  }
+}
+
+void risk(const RiskJob& job) {
+  if (job.tail >= static_cast<float>(job.particles))
+    mean_risk(job);
+  else
+    tail_risk(job);
+}
+
+// ---- reductions over rollouts -------------------------------------------------------------------
+
+CostRange range(const float* cost, std::uint32_t n) {
+  F low(kInfinity), high(-kInfinity), count(0.0f);
+  for (std::uint32_t i = 0; i < n; i += kWidth) {
+    const F x = F::load(cost + i);
+    const auto finite = abs(x) <= F(kLargest);
+    low = min(low, select(finite, x, F(kInfinity)));
+    high = max(high, select(finite, x, F(-kInfinity)));
+    count += select(finite, F(1.0f), F(0.0f));
+  }
+  CostRange r{kInfinity, -kInfinity, static_cast<std::uint32_t>(reduce_add(count))};
+  float lows[kWidth], highs[kWidth];
+  low.store(lows);
+  high.store(highs);
+  for (std::uint32_t i = 0; i < kWidth; ++i) {
+    r.low = lows[i] < r.low ? lows[i] : r.low;
+    r.high = highs[i] > r.high ? highs[i] : r.high;
+  }
+  return r;
+}
+
+WeightSums weigh(const float* cost, std::uint32_t n, float low, float inverse_lambda, float* weight) {
+  constexpr float kNothing = -80.0f;  // e^-80 is 1e-35, still a normal number
+  F sum(0.0f), squares(0.0f);
+  for (std::uint32_t i = 0; i < n; i += kWidth) {
+    const F exponent = (F(low) - F::load(cost + i)) * F(inverse_lambda);
+    // max(NaN, x) is x: a cost of infinity ends in the same place as a large one
+    const F w = select(exponent > F(kNothing), exp(max(exponent, F(kNothing))), F(0.0f));
+    w.store(weight + i);
+    sum += w;
+    squares = fma(w, w, squares);
+  }
+  return {reduce_add(sum), reduce_add(squares)};
+}
+
+void moments(const float* x, std::uint32_t rows, std::uint32_t stride, std::uint32_t n, const float* weight,
+             const float* centre, float* first, float* second) {
+  for (std::uint32_t row = 0; row < rows; ++row) {
+    const float* values = x + row * stride;
+    const F c(centre[row]);
+    F sum(0.0f), squares(0.0f);
+    for (std::uint32_t i = 0; i < n; i += kWidth) {
+      const F d = F::load(values + i) - c;
+      const F wd = F::load(weight + i) * d;
+      sum += wd;
+      squares = fma(wd, d, squares);
+    }
+    first[row] = reduce_add(sum);
+    if (second) second[row] = reduce_add(squares);
+  }
+}
+
+}  // namespace
+
+extern const LaneTable kPlannerLanes;
+const LaneTable kPlannerLanes = {Isa::TILLER_COMPILE_ISA, sample, expand, risk, range, weigh, moments};
+
+TILLER_ISA_NAMESPACE_END

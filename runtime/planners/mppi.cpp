@@ -1,0 +1,110 @@
+#include <cmath>
+
+#include "planners/sampler.hpp"
+
+namespace tiller {
+namespace {
+
+// Model predictive path integral control in its information-theoretic form: weights exp(-(S - S_min) / lambda) and the
+// weighted mean of the noise (Williams et al., "Information theoretic MPC for model-based reinforcement learning",
+// ICRA 2017, eqs. 20-26 and algorithm 2). Differences, and why:
+//   - the base distribution is the present mean, so the cross term lambda u' Sigma^-1 eps of their eq. 25 is gone (the
+//     limit alpha -> 1 of their later papers); the cost of control is the configured quadratic alone;
+//   - the mean is taken over the noise as applied, after the limits: an input that cannot be had earns no weight;
+//   - lambda is not a setting: it is solved for, so that the effective sample size (sum w)^2 / sum w^2 is the configured
+//     share of K. A fixed lambda means something else for every cost, state and horizon;
+//   - the mean of good samples may be worse than any of them (two ways around an obstacle), so the step towards it is
+//     halved while it costs more than staying.
+
+constexpr double kShareTolerance = 0.02;  // of log effective sample size; the update hardly depends on it
+constexpr int kMostHalvings = 3;
+
+/// log(effective sample size / wished) as a function of log lambda, growing; each value costs one pass over K.
+struct ShareEquation {
+  const Sampler& s;
+  double wished;
+  WeightSums sums;
+
+  double operator()(double log_lambda) {
+    sums = s.lanes->weigh(s.cost, s.rollouts, s.range.low, static_cast<float>(std::exp(-log_lambda)), s.weight);
+    return std::log(static_cast<double>(sums.sum) * static_cast<double>(sums.sum) /
+                    (static_cast<double>(sums.sum_of_squares) * wished));
+  }
+};
+
+/// Solves from a start by bracketing (steps that double) and then false position, Illinois variant: some five passes.
+/// Stops at the ends of [low, high], where the wish is out of reach. The weights are those of the value returned.
+double solve_log_lambda(ShareEquation& f, double start, double low, double high) {
+  double x = std::fmin(std::fmax(start, low), high), y = f(x);
+  if (std::fabs(y) <= kShareTolerance) return x;
+  double other = x, other_y = y;
+  for (double step = 0.5; (other_y < 0.0) == (y < 0.0); step *= 2.0) {
+    x = other;
+    y = other_y;
+    if (x <= low && y > 0.0) return x;
+    if (x >= high && y < 0.0) return x;
+    other = std::fmin(std::fmax(x + (y < 0.0 ? step : -step), low), high);
+    other_y = f(other);
+    if (std::fabs(other_y) <= kShareTolerance) return other;
+  }
+  double at = other;
+  for (int i = 0; i < 20; ++i) {
+    at = (x * other_y - other * y) / (other_y - y);
+    const double value = f(at);
+    if (std::fabs(value) <= kShareTolerance) break;
+    if ((value < 0.0) == (other_y < 0.0)) {
+      y *= 0.5;  // Illinois: an end that stays is given half its weight
+    } else {
+      x = other;
+      y = other_y;
+    }
+    other = at;
+    other_y = value;
+  }
+  return at;
+}
+
+/// Fills the weights; their sum.
+double weigh_samples(Sampler& s) {
+  const double width = static_cast<double>(s.range.high) - static_cast<double>(s.range.low);
+  if (!(width > 0.0)) return static_cast<double>(s.lanes->weigh(s.cost, s.rollouts, s.range.low, 1.0f, s.weight).sum);
+  ShareEquation f{s, std::fmax(1.0, s.settings->temperature * s.range.finite), {}};
+  const double scale = std::log(width);
+  const double start = s.lambda > 0.0 ? std::log(s.lambda) : scale - 2.0;
+  // between the two ends a single sample and all of them get the weight, as far as f32 can tell
+  s.lambda = std::exp(solve_log_lambda(f, start, scale - 16.0, scale + 7.0));
+  return static_cast<double>(f.sums.sum);
+}
+
+void begin(Sampler&) {}
+
+void update(Sampler& s) {
+  const double total = weigh_samples(s);
+  s.lanes->moments(s.knots, s.rows, s.rollouts, s.rollouts, s.weight, s.row_mean, s.row_sum, nullptr);
+  for (std::uint32_t r = 0; r < s.rows; ++r) s.mean[r] += static_cast<double>(s.row_sum[r]) / total;
+}
+
+double choose(Sampler& s) {
+  double cost = evaluate_mean(s);
+  for (int i = 0; i < kMostHalvings && !(cost <= s.mean_cost_before); ++i) {
+    for (std::uint32_t r = 0; r < s.rows; ++r) s.mean[r] = 0.5 * (s.mean[r] + s.before[r]);
+    cost = evaluate_mean(s);
+  }
+  if (cost <= s.mean_cost_before) return cost;
+  for (std::uint32_t r = 0; r < s.rows; ++r) s.mean[r] = s.before[r];
+  return s.mean_cost_before;
+}
+
+constexpr SamplingMethod kMethod = {"mppi", begin, update, choose};
+
+void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+              const tiller_hooks_t* hooks) {
+  return lay_out_sampler(arena, config, setup, table, hooks, kMethod);
+}
+
+}  // namespace
+
+extern const PlannerTable mppi_planner;
+const PlannerTable mppi_planner = {kMethod.name, lay_out, plan_by_sampling, reset_sampler, sampled_sequence};
+
+}  // namespace tiller

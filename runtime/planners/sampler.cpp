@@ -1,0 +1,386 @@
+#include "planners/sampler.hpp"
+
+#include <cmath>
+#include <initializer_list>
+#include <limits>
+
+#include "core/rng.hpp"
+#include "planners/flush_to_zero.hpp"
+
+namespace tiller {
+namespace {
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+// Bounds of what lanes compute with: squares and sums over 8192 rollouts stay finite in f32.
+constexpr double kLaneBound = 1e15;
+constexpr std::uint32_t kMostSlots = 8;
+constexpr std::uint32_t kControlBytes = 32 * 1024;  // of a chunk: two thirds of a 48 kB first-level cache
+
+float lane_number(double x) { return static_cast<float>(std::fmin(std::fmax(x, -kLaneBound), kLaneBound)); }
+
+std::uint32_t pad_lanes(std::uint32_t n) { return (n + kLanePadding - 1) / kLanePadding * kLanePadding; }
+
+/// Lanes of a chunk: 64 are four AVX-512 vectors in flight; 128 halve the cost of a call where there are enough
+/// rollouts to share and the controls still fit the cache.
+std::uint32_t choose_chunk_lanes(const tiller_planner_config_t& p, std::uint32_t inputs) {
+  const bool fits = p.horizon * inputs * 128 * sizeof(float) <= kControlBytes;
+  const std::uint32_t lanes = fits && p.rollouts >= 1024 ? 128 : 64;
+  return lanes < p.rollouts ? lanes : p.rollouts;
+}
+
+// ---- before the rollouts ------------------------------------------------------------------------
+
+void take_limits(Sampler& s, const tiller_config_t& config) {
+  for (std::uint32_t i = 0; i < s.inputs; ++i) {
+    InputLimit& limit = s.limits[i];
+    limit.low = config.safety.input_low[i];
+    limit.high = config.safety.input_high[i];
+    limit.step = config.safety.input_rate_per_s[i] * config.period_s;
+    s.fallback[i] = config.safety.safe_command[i];
+    s.rate_step[i] = limit.step < limit.high - limit.low ? lane_number(limit.step) : -1.0f;
+    for (std::uint32_t j = 0; j < s.grid.knots; ++j) {
+      s.row_low[i * s.grid.knots + j] = lane_number(limit.low);
+      s.row_high[i * s.grid.knots + j] = lane_number(limit.high);
+    }
+  }
+}
+
+void start_from_command(Sampler& s, const double* last_command) {
+  for (std::uint32_t i = 0; i < s.inputs; ++i) {
+    s.start[i] = admit_command(s.limits[i], last_command ? last_command[i] : s.fallback[i], s.fallback[i]);
+    s.start_lanes[i] = lane_number(s.start[i]);
+  }
+}
+
+/// The old plan, as many periods later as ticks went by (a plan that pauses in HOLD does not come back stale).
+void shift_plan(Sampler& s, std::uint64_t tick) {
+  if (s.has_plan) {
+    const std::uint64_t gone = tick > s.last_tick ? tick - s.last_tick : 1;
+    const std::uint32_t periods = gone < s.grid.horizon ? static_cast<std::uint32_t>(gone) : s.grid.horizon;
+    for (std::uint32_t i = 0; i < s.inputs; ++i)
+      shift_knots(s.mean + i * s.grid.knots, s.grid.knots, s.grid.horizon, periods);
+  }
+  s.last_tick = tick;
+  s.has_plan = true;
+}
+
+/// Copies rows of M to a splat per particle and to padded lanes (the padding repeats particle 0).
+void pack_rows(const float* rows, std::uint32_t count, std::uint32_t m, std::uint32_t stride, std::uint32_t padded,
+               float* splats, float* lanes) {
+  for (std::uint32_t r = 0; r < count; ++r)
+    for (std::uint32_t j = 0; j < padded; ++j) {
+      const float x = rows[r * stride + (j < m ? j : 0)];
+      lanes[r * padded + j] = x;
+      if (j < m) splats[j * count + r] = x;
+    }
+}
+
+/// False if there is nothing to plan over.
+bool take_belief(Sampler& s, const Belief* belief) {
+  if (!belief || belief->count == 0) return false;
+  s.particles = belief->count < s.most_particles ? belief->count : s.most_particles;
+  s.padded = pad_lanes(s.particles);
+  pack_rows(belief->state, s.states, s.particles, belief->count, s.padded, s.particle_state, s.lane_state);
+  pack_rows(belief->params, s.params, s.particles, belief->count, s.padded, s.particle_params, s.lane_params);
+  pack_rows(belief->effect_state, s.effect_states, s.particles, belief->count, s.padded, s.particle_effects,
+            s.lane_effects);
+  return true;
+}
+
+float risk_tail(const Sampler& s) {
+  if (s.settings->risk != tiller_risk_cvar) return static_cast<float>(s.particles);
+  return static_cast<float>((1.0 - s.settings->cvar_alpha) * s.particles);
+}
+
+void prepare_iteration(Sampler& s) {
+  for (std::uint32_t pair = 0; 2 * pair < s.rows; ++pair) {
+    const std::uint64_t high = (std::uint64_t{kRngPlanner} << 32) | (s.iteration << 16) | pair;
+    const Philox::Words words = Philox::draw(s.seed, s.request->tick, high);
+    for (int i = 0; i < 4; ++i) s.keys[pair].word[i] = words.w[i];
+  }
+  for (std::uint32_t r = 0; r < s.rows; ++r) {
+    s.row_mean[r] = lane_number(s.mean[r]);
+    s.row_spread[r] = lane_number(s.spread[r]);
+  }
+}
+
+// ---- the rollouts -------------------------------------------------------------------------------
+
+RolloutJob<float> common_job(const Sampler& s) {
+  RolloutJob<float> job;
+  job.setup = s.setup;
+  job.horizon = s.grid.horizon;
+  job.history = s.request->belief->history;
+  job.previous_input = s.start_lanes;
+  job.cost = &s.cost_weights;
+  return job;
+}
+
+void sample_chunk(Sampler& s, std::uint32_t first, std::uint32_t lanes) {
+  SampleJob job;
+  job.rows = s.rows;
+  job.first_rollout = first;
+  job.lanes = lanes;
+  job.stride = s.rollouts;
+  job.keys = s.keys;
+  job.mean = s.row_mean;
+  job.sd = s.row_spread;
+  job.low = s.row_low;
+  job.high = s.row_high;
+  job.knots = s.knots + first;
+  s.lanes->sample(job);
+  if (first != 0) return;
+  // rollout 0 is the mean itself, rollout 1 the best sample so far: nothing found is lost again
+  for (std::uint32_t r = 0; r < s.rows; ++r) s.knots[r * s.rollouts] = s.row_mean[r];
+  if (s.best_cost < kInfinity)
+    for (std::uint32_t r = 0; r < s.rows; ++r) s.knots[r * s.rollouts + 1] = static_cast<float>(s.best[r]);
+}
+
+void expand_chunk(Sampler& s, std::uint32_t first, std::uint32_t lanes, float* controls) {
+  ExpandJob job;
+  job.grid = s.grid;
+  job.lanes = lanes;
+  job.stride = s.rollouts;
+  job.knots = s.knots + first;
+  job.start = s.start_lanes;
+  job.rate_step = s.rate_step;
+  job.controls = controls;
+  s.lanes->expand(job);
+}
+
+/// False if the deadline passed on the way. The clock is read once a rollout call.
+bool evaluate_chunk(Sampler& s, std::uint32_t slot, std::uint32_t chunk) {
+  const std::uint32_t first = chunk * s.chunk_lanes;
+  const std::uint32_t left = s.rollouts - first;
+  const std::uint32_t lanes = left < s.chunk_lanes ? left : s.chunk_lanes;
+  float* controls = s.controls + std::size_t{slot} * s.grid.horizon * s.inputs * s.chunk_lanes;
+  float* cost = s.particle_cost + std::size_t{slot} * s.most_particles * s.chunk_lanes;
+  sample_chunk(s, first, lanes);
+  expand_chunk(s, first, lanes, controls);
+  RolloutJob<float> job = common_job(s);
+  job.lanes = lanes;
+  job.controls = {controls, lanes};
+  for (std::uint32_t m = 0; m < s.particles; ++m) {
+    if (s.request->deadline.passed()) return false;
+    job.state = {s.particle_state + m * s.states, 0};
+    job.params = {s.particle_params + m * s.params, 0};
+    job.effect_state = {s.particle_effects + m * s.effect_states, 0};
+    job.cost_out = cost + m * lanes;
+    s.table->rollout_f32(*s.model, job);
+  }
+  RiskJob risk;
+  risk.particles = s.particles;
+  risk.lanes = lanes;
+  risk.tail = risk_tail(s);
+  risk.cost = cost;
+  risk.risk = s.cost + first;
+  s.lanes->risk(risk);
+  return true;
+}
+
+void evaluate_slot(void* self, std::uint32_t slot) {
+  Sampler& s = *static_cast<Sampler*>(self);
+  const FlushToZero flush;
+  for (std::uint32_t chunk = slot; chunk < s.chunks; chunk += s.slots)
+    if (!evaluate_chunk(s, slot, chunk)) {
+      s.aborted[slot] = 1;
+      return;
+    }
+}
+
+/// All K rollouts; false if the deadline passed on the way, and then nothing of the iteration counts.
+bool evaluate(Sampler& s) {
+  if (!s.hooks || !s.hooks->parallel_for) {
+    // one thread keeps to one slot, whose scratch stays in the cache
+    for (std::uint32_t chunk = 0; chunk < s.chunks; ++chunk)
+      if (!evaluate_chunk(s, 0, chunk)) return false;
+    return true;
+  }
+  for (std::uint32_t slot = 0; slot < s.slots; ++slot) s.aborted[slot] = 0;
+  s.hooks->parallel_for(s.hooks->context, s.slots, evaluate_slot, &s);
+  for (std::uint32_t slot = 0; slot < s.slots; ++slot)
+    if (s.aborted[slot]) return false;
+  return true;
+}
+
+void keep_best(Sampler& s) {
+  if (!(static_cast<double>(s.range.low) < s.best_cost)) return;
+  s.best_cost = static_cast<double>(s.range.low);
+  const std::uint32_t k = cheapest_rollout(s);
+  for (std::uint32_t r = 0; r < s.rows; ++r) s.best[r] = static_cast<double>(s.knots[r * s.rollouts + k]);
+}
+
+/// Iterations until the cap, the deadline, or no finite sample; the number completed.
+std::uint32_t iterate(Sampler& s, PlanResult& result) {
+  const Deadline& deadline = s.request->deadline;
+  for (s.iteration = 0; s.iteration < deadline.iterations; ++s.iteration) {
+    if (deadline.passed()) break;
+    prepare_iteration(s);
+    if (!evaluate(s)) break;
+    s.range = s.lanes->range(s.cost, s.rollouts);
+    if (s.range.finite == 0) {
+      result.status = tiller_status_plan_not_finite;
+      return s.iteration;
+    }
+    keep_best(s);
+    s.mean_cost_before = static_cast<double>(s.cost[0]);
+    for (std::uint32_t r = 0; r < s.rows; ++r) s.before[r] = s.mean[r];
+    s.method->update(s);
+  }
+  if (s.iteration < deadline.iterations) result.status = tiller_status_iteration_capped;
+  return s.iteration;
+}
+
+// ---- layout -------------------------------------------------------------------------------------
+
+/// Numbers that both passes of the layout need.
+struct Sizes {
+  std::uint32_t rows, horizon, knots, rollouts, chunk_lanes, chunks, slots, particles, padded, states, params, effects;
+};
+
+Sizes measure(const tiller_config_t& config, const StepSetup& setup) {
+  const tiller_planner_config_t& p = config.planner;
+  Sizes z{};
+  z.rows = config.model->input_count * p.knots;
+  z.horizon = p.horizon;
+  z.knots = p.knots;
+  z.rollouts = p.rollouts;
+  z.chunk_lanes = choose_chunk_lanes(p, config.model->input_count);
+  z.chunks = (p.rollouts + z.chunk_lanes - 1) / z.chunk_lanes;
+  z.slots = z.chunks < kMostSlots ? z.chunks : kMostSlots;
+  z.particles = p.particles;
+  z.padded = pad_lanes(p.particles);
+  z.states = config.model->state_count;
+  z.params = config.param_count;
+  z.effects = setup.effect_state_count;
+  return z;
+}
+
+/// Takes every array; into a Sampler of nobody while the arena measures.
+void take_arrays(Arena& arena, const Sizes& z, std::uint32_t inputs, Sampler& s) {
+  auto* first_step = arena.take<std::uint32_t>(z.knots);
+  auto* fraction = arena.take<float>(z.horizon);
+  s.grid = {z.horizon, inputs, z.knots, first_step, fraction};
+  if (first_step && fraction) fill_grid(z.horizon, z.knots, first_step, fraction);
+  for (float** row : {&s.row_low, &s.row_high, &s.row_mean, &s.row_spread, &s.row_sum, &s.row_squares})
+    *row = arena.take<float>(z.rows);
+  for (double** row : {&s.mean, &s.spread, &s.best, &s.before}) *row = arena.take<double>(z.rows);
+  s.sequence = arena.take<float>(z.horizon * inputs);
+  s.particle_state = arena.take<float>(z.particles * z.states);
+  s.particle_params = arena.take<float>(z.particles * z.params);
+  s.particle_effects = arena.take<float>(z.particles * z.effects);
+  s.lane_state = arena.take<float>(z.padded * z.states);
+  s.lane_params = arena.take<float>(z.padded * z.params);
+  s.lane_effects = arena.take<float>(z.padded * z.effects);
+  s.lane_cost = arena.take<float>(z.padded);
+  s.keys = arena.take<NoiseKey>((z.rows + 1) / 2);
+  s.knots = arena.take<float>(std::size_t{z.rows} * z.rollouts);
+  s.cost = arena.take<float>(z.rollouts);
+  s.weight = arena.take<float>(z.rollouts);
+  s.controls = arena.take<float>(std::size_t{z.slots} * z.horizon * inputs * z.chunk_lanes);
+  s.particle_cost = arena.take<float>(std::size_t{z.slots} * z.particles * z.chunk_lanes);
+  s.aborted = arena.take<std::uint32_t>(z.slots);
+}
+
+}  // namespace
+
+Sampler* lay_out_sampler(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                         const RolloutTable& table, const tiller_hooks_t* hooks, const SamplingMethod& method) {
+  auto* s = arena.take<Sampler>(1);
+  Sampler nobody;
+  const Sizes z = measure(config, setup);
+  take_arrays(arena, z, config.model->input_count, s ? *s : nobody);
+  if (arena.measuring() || !arena.fits()) return nullptr;
+  s->method = &method;
+  s->settings = &config.planner;
+  s->model = config.model;
+  s->setup = &setup;
+  s->table = &table;
+  s->lanes = &select_lanes(table.isa);
+  s->hooks = hooks;
+  s->seed = config.seed;
+  s->cost_weights = make_cost_weights<float>(config.cost);
+  s->states = z.states;
+  s->inputs = config.model->input_count;
+  s->params = z.params;
+  s->effect_states = z.effects;
+  s->rollouts = z.rollouts;
+  s->rows = z.rows;
+  s->chunk_lanes = z.chunk_lanes;
+  s->chunks = z.chunks;
+  s->slots = z.slots;
+  s->most_particles = z.particles;
+  s->most_padded = z.padded;
+  take_limits(*s, config);
+  reset_sampler(s);
+  return s;
+}
+
+void reset_sampler(void* self) {
+  Sampler& s = *static_cast<Sampler*>(self);
+  s.has_plan = false;
+  s.lambda = 0.0;
+  for (std::uint32_t r = 0; r < s.rows; ++r) {
+    const std::uint32_t input = r / s.grid.knots;
+    s.mean[r] = admit_command(s.limits[input], 0.0, 0.0);
+    s.spread[r] = s.settings->noise_sd[input];
+  }
+  start_from_command(s, nullptr);
+  expand_sequence(s.grid, s.limits, s.mean, s.start, s.sequence, nullptr);
+}
+
+PlanResult plan_by_sampling(void* self, const PlanRequest& request, double* command) {
+  Sampler& s = *static_cast<Sampler*>(self);
+  const FlushToZero flush;
+  PlanResult result;
+  s.request = &request;
+  start_from_command(s, request.last_command);
+  shift_plan(s, request.tick);
+  result.cost = std::numeric_limits<double>::infinity();
+  s.best_cost = std::numeric_limits<double>::infinity();
+  if (take_belief(s, request.belief)) {
+    s.method->begin(s);
+    result.iterations = iterate(s, result);
+    if (result.iterations > 0) result.cost = s.method->choose(s);
+  } else {
+    result.status = tiller_status_plan_not_finite;
+  }
+  expand_sequence(s.grid, s.limits, s.mean, s.start, s.sequence, command);
+  s.request = nullptr;
+  return result;
+}
+
+const float* sampled_sequence(const void* self) { return static_cast<const Sampler*>(self)->sequence; }
+
+double evaluate_mean(Sampler& s) {
+  expand_sequence(s.grid, s.limits, s.mean, s.start, s.sequence, nullptr);
+  RolloutJob<float> job = common_job(s);
+  job.lanes = s.padded;
+  job.state = {s.lane_state, s.padded};
+  job.params = {s.lane_params, s.padded};
+  job.effect_state = {s.lane_effects, s.padded};
+  job.controls = {s.sequence, 0};
+  job.cost_out = s.lane_cost;
+  s.table->rollout_f32(*s.model, job);
+  // the same reduction as the samples': particle costs become a column of one lane, here the first of 16
+  float column[kLanePadding * 64];
+  for (std::uint32_t m = 0; m < s.particles; ++m)
+    for (std::uint32_t l = 0; l < kLanePadding; ++l) column[m * kLanePadding + l] = s.lane_cost[m];
+  float risk_lanes[kLanePadding];
+  RiskJob risk;
+  risk.particles = s.particles;
+  risk.lanes = kLanePadding;
+  risk.tail = risk_tail(s);
+  risk.cost = column;
+  risk.risk = risk_lanes;
+  s.lanes->risk(risk);
+  return static_cast<double>(risk_lanes[0]);
+}
+
+std::uint32_t cheapest_rollout(const Sampler& s) {
+  std::uint32_t k = 0;
+  while (k + 1 < s.rollouts && s.cost[k] != s.range.low) ++k;
+  return k;
+}
+
+}  // namespace tiller

@@ -1,0 +1,119 @@
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <new>
+#include <vector>
+
+#include "double_integrator.h"
+#include "plain_rollout.hpp"
+#include "planners/planner.hpp"
+
+namespace tiller_test {
+
+/// A mass of 1 kg on a line, 20 ms, |u| <= 5 N: the configuration that the tests vary.
+inline tiller_config_t line_config(std::uint32_t planner) {
+  tiller_config_t c{};
+  c.size = sizeof c;
+  c.version = TILLER_CONFIG_VERSION;
+  c.model = &double_integrator;
+  c.seed = 1;
+  c.period_s = 0.02;
+  c.substeps = 1;
+  c.param_count = 1;
+  c.planner.kind = planner;
+  c.planner.horizon = 50;
+  c.planner.knots = 6;
+  c.planner.rollouts = 256;
+  c.planner.particles = 1;
+  c.planner.iterations = 1;
+  c.planner.risk = tiller_risk_mean;
+  for (double& sd : c.planner.noise_sd) sd = 2.0;
+  c.planner.temperature = 0.05;
+  c.planner.elite_fraction = 0.1;
+  c.planner.smoothing = 0.1;
+  c.cost.state_weight[0] = 1.0;
+  c.cost.state_weight[1] = 0.1;
+  c.cost.terminal_weight[0] = 20.0;
+  c.cost.terminal_weight[1] = 10.0;
+  c.cost.input_weight[0] = 0.01;
+  for (std::uint32_t i = 0; i < TILLER_MAX_INPUTS; ++i) {
+    c.safety.input_low[i] = -5.0;
+    c.safety.input_high[i] = 5.0;
+    c.safety.input_rate_per_s[i] = std::numeric_limits<double>::infinity();
+  }
+  return c;
+}
+
+/// A planner in a block of its own, of exactly the measured size, and a belief to plan over.
+class Bench {
+ public:
+  explicit Bench(const tiller_config_t& config, const tiller_hooks_t* hooks = nullptr,
+                 const tiller::RolloutTable& table = plain_rollout())
+      : config_(config), table_(tiller::find_planner(config.planner.kind)) {
+    setup_.period_s = config.period_s;
+    setup_.substeps = config.substeps;
+    setup_.integrator = static_cast<tiller_integrator_t>(config.integrator);
+    setup_.body = config.body;
+    tiller::Arena measure;
+    table_->lay_out(measure, config_, setup_, table, hooks);
+    block_.reset(new (std::align_val_t{64}) unsigned char[measure.used()]);
+    tiller::Arena arena(block_.get(), measure.used());
+    planner_ = table_->lay_out(arena, config_, setup_, table, hooks);
+    bytes_ = measure.used();
+    const std::uint32_t m = config.planner.particles;
+    params.assign(std::size_t{m} * config.param_count, 1.0f);
+    state.assign(std::size_t{m} * config.model->state_count, 0.0f);
+    belief.count = m;
+    belief.params = params.data();
+    belief.state = state.data();
+    belief.history = nullptr;
+    request.belief = &belief;
+    request.last_command = last_command;
+    request.deadline.hooks = hooks;
+    request.deadline.iterations = config.planner.iterations;
+  }
+  Bench(const Bench&) = delete;
+  Bench& operator=(const Bench&) = delete;
+
+  /// All particles at one state.
+  void set_state(const std::vector<double>& x) {
+    for (std::size_t i = 0; i < x.size(); ++i)
+      for (std::uint32_t j = 0; j < belief.count; ++j) state[i * belief.count + j] = static_cast<float>(x[i]);
+  }
+  /// Plans one tick on from the command before.
+  tiller::PlanResult plan() {
+    const tiller::PlanResult result = plan_again();
+    std::memcpy(last_command, command, sizeof command);
+    ++request.tick;
+    return result;
+  }
+  tiller::PlanResult plan_again() { return table_->plan(planner_, request, command); }
+  void reset() { table_->reset(planner_); }
+  const float* sequence() const { return table_->sequence(planner_); }
+  bool laid_out() const { return planner_ != nullptr; }
+  std::size_t bytes() const { return bytes_; }
+  const tiller_config_t& config() const { return config_; }
+
+  std::vector<float> params, state;  // (np x M), (nx x M)
+  tiller::Belief belief;
+  tiller::PlanRequest request;
+  double last_command[TILLER_MAX_INPUTS] = {};
+  double command[TILLER_MAX_INPUTS] = {};
+
+ private:
+  struct FreeBlock {
+    void operator()(unsigned char* p) const { ::operator delete[](p, std::align_val_t{64}); }
+  };
+  tiller_config_t config_;
+  tiller::StepSetup setup_;
+  const tiller::PlannerTable* table_;
+  std::unique_ptr<unsigned char[], FreeBlock> block_;
+  void* planner_ = nullptr;
+  std::size_t bytes_ = 0;
+};
+
+}  // namespace tiller_test
