@@ -1,0 +1,171 @@
+#include "tools/robot_file.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "tools/robot_sections.hpp"
+
+namespace tiller::tools {
+namespace {
+
+Words top_level_keys() {
+  Words keys;
+  for (const SectionSpec& section : robot_sections()) {
+    const std::string name = section.name;
+    if (name == "prior" || name.find('.') != std::string::npos) continue;
+    keys.push_back(name.substr(0, name.find('[')));
+  }
+  return keys;
+}
+
+void refuse_unknown_sections(FileErrors& errors, const toml::table& root) {
+  const Words known = top_level_keys();
+  for (auto&& [name, node] : root) {
+    const std::string word(name.str());
+    if (index_of(known, word) >= 0) continue;
+    if (node.is_table() || node.is_array_of_tables()) {
+      errors.at_table(node, "[" + word + "]", "unknown section", remedy_for_unknown(word, known));
+    } else {
+      errors.at(node, word, "stands outside every section",
+                "move it below the section that it belongs to; sections: " + join(known));
+    }
+  }
+}
+
+void read_robot(FileErrors& errors, const toml::table& root, RobotFile& robot) {
+  SectionReader section(errors, "robot", "robot", section_table(errors, root, "robot"));
+  if (const auto name = section.text("name")) robot.name = *name;
+  if (const auto seed = section.count("seed")) robot.config.seed = static_cast<std::uint64_t>(*seed);
+  section.refuse_unknown();
+}
+
+/// Whether the model is there; without it, the names that everything else refers to are unknown.
+bool read_model(FileErrors& errors, const toml::table& root, RobotFile& robot) {
+  const toml::table* table = section_table(errors, root, "model");
+  SectionReader section(errors, "model", "model", table);
+  const std::size_t before = errors.list().size();
+  robot.model_request.name = section.text("name").value_or("");
+  robot.model_request.file = section.text("file").value_or("");
+  robot.model_request.type = section.text("type").value_or("");
+  section.refuse_unknown();
+  if (!section.has("name") && !section.has("file")) {
+    section.missing("name", "write name = one of: " + join(builtin_model_names()) +
+                                "; or file = \"my_model.hpp\" with type = \"MyModel\"");
+    return false;
+  }
+  if (errors.list().size() != before && (robot.model_request.name + robot.model_request.file).empty()) {
+    return false;
+  }
+  std::string problem;
+  robot.model = load_model(robot.model_request, problem);
+  if (robot.model) return true;
+  const std::string key = section.has("name") ? "name" : "file";
+  const std::string near = nearest(robot.model_request.name, builtin_model_names());
+  section.error(key, problem, near.empty() ? "see docs/robot_file.md" : "did you mean " + near + "?");
+  return false;
+}
+
+void take_names(RobotFile& robot) {
+  const tiller_model_t& model = *robot.model;
+  robot.states.assign(model.state_names, model.state_names + model.state_count);
+  robot.inputs.assign(model.input_names, model.input_names + model.input_count);
+  robot.params.assign(model.param_names, model.param_names + model.param_count);
+}
+
+void read_bound_sections(FileErrors& errors, const toml::table& root, RobotFile& robot) {
+  for (const char* name : {"body", "noise", "start", "posterior", "planner", "cost", "safety", "recorder"}) {
+    SectionReader section(errors, name, name, section_table(errors, root, name));
+    section.read_bound(robot.config, robot.states, robot.inputs);
+    if (std::string(name) == "safety") read_hold_gain(section, robot);
+    section.refuse_unknown();
+  }
+  SectionReader model(errors, "model", "model", root["model"].as_table());
+  model.read_bound(robot.config, robot.states, robot.inputs);
+}
+
+/// What only the library's own check sees: combinations of values.
+void check_whole(FileErrors& errors, const toml::table& root, RobotFile& robot) {
+  const char* field = "";
+  const tiller_status_t status = tiller_config_check(&robot.config, &field);
+  if (status == tiller_status_ok) return;
+  const std::string path = field ? field : "";
+  const std::string section = path.substr(0, path.find('.'));
+  const std::string key = path.find('.') == std::string::npos ? path : path.substr(path.find('.') + 1);
+  const std::string remedy = "see `tiller help robot-file`";
+  if (const toml::node* node = root[section][key].node()) {
+    errors.at(*node, path, tiller_status_text(status), remedy);
+  } else if (const toml::node* table = root[section].node()) {
+    errors.at_table(*table, path, tiller_status_text(status), remedy);
+  } else {
+    errors.at_line(errors.last_line(), path, tiller_status_text(status), remedy);
+  }
+}
+
+bool read_controller(FileErrors& errors, const toml::table& root, RobotFile& robot) {
+  if (!read_model(errors, root, robot)) return false;
+  const tiller_status_t status = tiller_config_default(&robot.config, robot.model);
+  if (status != tiller_status_ok) {
+    errors.at_line(1, "model", tiller_status_text(status), "correct the model's table");
+    return false;
+  }
+  take_names(robot);
+  read_robot(errors, root, robot);
+  read_effects(errors, root, robot);  // before the parameters: both fill `priors`, the model's come first
+  read_parameters(errors, root, robot);
+  read_measurements(errors, root, robot);
+  read_bound_sections(errors, root, robot);
+  read_limits(errors, root, robot);
+  read_transport(errors, root, robot);
+  read_sim(errors, root, robot);
+  read_log_map(errors, root, robot);
+  if (errors.empty()) check_whole(errors, root, robot);
+  return errors.empty();
+}
+
+}  // namespace
+
+int index_of(const Words& names, const std::string& name) {
+  const auto found = std::find(names.begin(), names.end(), name);
+  return found == names.end() ? -1 : static_cast<int>(found - names.begin());
+}
+
+std::unique_ptr<RobotFile> parse_robot_file(const std::string& text, const std::string& path,
+                                            std::string& errors_out) {
+  FileErrors errors(path, text);
+  auto robot = std::make_unique<RobotFile>();
+  robot->path = path;
+  robot->name = std::filesystem::path(path).stem().string();
+  robot->model_request.robot_dir = std::filesystem::path(path).parent_path().string();
+  try {
+    const toml::table root = toml::parse(std::string_view(text), std::string_view(path));
+    refuse_unknown_sections(errors, root);
+    read_controller(errors, root, *robot);
+  } catch (const toml::parse_error& error) {
+    errors.at(error.source(), "TOML", std::string(error.description()), "correct the syntax (toml.io)");
+  }
+  if (errors.empty()) return robot;
+  errors_out = errors.text();
+  return nullptr;
+}
+
+std::unique_ptr<RobotFile> read_robot_file(const std::string& path, std::string& errors) {
+  std::error_code code;
+  if (std::filesystem::is_directory(path, code)) {
+    errors = path + ": is a folder; name the robot file (.toml) in it\n";
+    return nullptr;
+  }
+  std::ifstream file(path, std::ios::binary);
+  std::stringstream text;
+  if (file) text << file.rdbuf();
+  if (!file || !(text || file.peek() == EOF)) {
+    errors = path + ": cannot be read: " + std::strerror(errno) + "; name an existing robot file (.toml)\n";
+    return nullptr;
+  }
+  return parse_robot_file(text.str(), path, errors);
+}
+
+}  // namespace tiller::tools

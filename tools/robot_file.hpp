@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "tiller/tiller.h"
+#include "tools/file_errors.hpp"
+#include "tools/identify_log.hpp"
+#include "tools/model_loader.hpp"
+#include "tools/text.hpp"
+
+namespace tiller::tools {
+
+/// [transport]: how the robot is reached. `line` is 0 where the file has no such section.
+struct TransportSection {
+  int line = 0;
+  std::string kind;  ///< "lcm", "socketcan"; empty: not given
+  std::string url = "udpm://239.255.76.67:7667?ttl=0";
+  std::string channel_prefix = "TILLER_";
+  std::string interface = "can0";
+  bool stamp_on_arrival = false;         ///< the plant has a clock of its own
+  int sensor_node = 63;                  ///< of the sensor board
+  std::vector<int> actuator_nodes;       ///< (nu) CANSimple node of each input
+  std::vector<double> torque_per_input;  ///< (nu) motor torque for one unit of the input
+};
+
+struct SimEffect {
+  std::string kind;
+  std::string port;
+  std::map<std::string, double> parameters;
+};
+
+/// [sim]: the stand-in plant. `line` is 0 where the file has no such section.
+struct SimSection {
+  int line = 0;
+  std::string plant;
+  bool draw = false;  ///< true parameters and effects from the priors
+  std::map<std::string, double> parameters, state, sensor_sd, sensor_step;
+  std::vector<SimEffect> effects;
+  double process_noise_sd = 0;
+  double measurement_latency_s = 0;
+  double command_latency_s = 0;
+  double watchdog_s = 0.1;
+  double step_s = 0.0005;
+  std::uint64_t seed = 1;
+};
+
+/// A robot file, read, checked and complete.
+struct RobotFile {
+  std::string path;
+  std::string name;
+  ModelRequest model_request;
+  const tiller_model_t* model = nullptr;
+  tiller_config_t config{};
+  Words states, inputs, measurements;
+  Words params;  ///< (param_count) the model's, then each effect's as "<port>.<parameter>"
+  TransportSection transport;
+  SimSection sim;
+  LogMap log;
+};
+
+/// Reads a robot file. Null: `errors` holds everything that is wrong, one line each, with file, line, key,
+/// value and remedy. A model file is compiled on the way (see load_model).
+std::unique_ptr<RobotFile> read_robot_file(const std::string& path, std::string& errors);
+
+/// The same from text; `path` stands in errors and is where relative model files are looked for.
+std::unique_ptr<RobotFile> parse_robot_file(const std::string& text, const std::string& path,
+                                            std::string& errors);
+
+/// Index of a name; -1 if it is not there.
+int index_of(const Words& names, const std::string& name);
+
+}  // namespace tiller::tools

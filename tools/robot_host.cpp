@@ -1,0 +1,182 @@
+// [transport], [sim] and [log]: what the host's programs need beside the controller's configuration.
+
+#include "tools/robot_sections.hpp"
+
+namespace tiller::tools {
+namespace {
+
+int line_of(const toml::node& node) { return static_cast<int>(node.source().begin.line); }
+
+const KeySpec kFinite = {"", "", KeyKind::number, "", "", -1e12, 1e12, false, -1, nullptr, ""};
+
+/// { name = number } with names that only the plant knows: it checks them when it is made.
+void read_map(SectionReader& section, const std::string& key, std::map<std::string, double>& out) {
+  const toml::table* table = section.subtable(key);
+  if (!table) return;
+  for (auto&& [name, node] : *table) {
+    const std::string word(name.str());
+    if (const auto value = checked_number(section.errors(), node, section.path_of(key + "." + word), kFinite)) {
+      out[word] = *value;
+    }
+  }
+}
+
+void read_sensors(SectionReader& section, const RobotFile& robot, SimSection& sim) {
+  const toml::table* table = section.subtable("sensors");
+  if (!table) return;
+  for (auto&& [name, node] : *table) {
+    const std::string word(name.str());
+    const std::string path = section.path_of("sensors." + word);
+    if (index_of(robot.measurements, word) < 0) {
+      section.errors().at(node, path, "is not measured", remedy_for_unknown(word, robot.measurements));
+    } else if (!node.is_table()) {
+      section.errors().at(node, path, "is " + kind_text(node), "write { sd = ..., step = ... }");
+    } else {
+      SectionReader sensor(section.errors(), "sim.sensors.*", path, node.as_table());
+      sensor.refuse_unknown();
+      sim.sensor_sd[word] = sensor.number("sd").value_or(0);
+      sim.sensor_step[word] = sensor.number("step").value_or(0);
+    }
+  }
+}
+
+void read_sim_effect(FileErrors& errors, const toml::table& table, std::size_t index, SimSection& sim) {
+  const std::string path = "sim.effects[" + std::to_string(index) + "]";
+  SectionReader section(errors, "sim.effects[]", path, &table);
+  SimEffect effect;
+  if (!section.has("kind")) section.missing("kind", "name the hidden effect; `tiller sim --help` lists them");
+  effect.kind = section.text("kind").value_or("");
+  effect.port = section.text("port").value_or("");
+  for (auto&& [name, node] : table) {
+    const std::string word(name.str());
+    if (word == "kind" || word == "port") continue;
+    if (const auto value = checked_number(errors, node, path + "." + word, kFinite)) {
+      effect.parameters[word] = *value;
+    }
+  }
+  sim.effects.push_back(std::move(effect));
+}
+
+void read_sim_effects(SectionReader& section, SimSection& sim) {
+  const toml::node* node = section.node("effects");
+  if (!node) return;
+  const toml::array* list = node->as_array();
+  if (!list) {
+    section.error("effects", "is " + kind_text(*node), "head each effect with [[sim.effects]]");
+    return;
+  }
+  std::size_t index = 0;
+  for (const toml::node& element : *list) {
+    ++index;
+    if (const toml::table* table = element.as_table()) {
+      read_sim_effect(section.errors(), *table, index, sim);
+    } else {
+      section.errors().at(element, "sim.effects", "is " + kind_text(element), "head each with [[sim.effects]]");
+    }
+  }
+}
+
+/// Keys that belong to another kind of transport would be ignored in silence: refuse them.
+void refuse_foreign_keys(SectionReader& section, const std::string& kind) {
+  for (const std::string& key : keys_of("transport")) {
+    const std::string help = find_key("transport", key)->help;
+    const bool common = help.find(':') == std::string::npos;
+    if (!section.has(key) || common || help.compare(0, kind.size() + 1, kind + ":") == 0) continue;
+    section.error(key, "is no key of the transport " + kind, "leave it out, or choose another kind");
+  }
+}
+
+void read_nodes(SectionReader& section, const RobotFile& robot, TransportSection& transport) {
+  std::vector<double> nodes(robot.inputs.size(), -1);
+  std::vector<double> ratios(robot.inputs.size(), 1);
+  section.numbers("nodes", robot.inputs, "input", nodes.data());
+  section.numbers("torque_per_input", robot.inputs, "input", ratios.data());
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    if (section.has("nodes") && nodes[i] < 0) {
+      section.error("nodes", "no CAN node for " + robot.inputs[i], "add " + robot.inputs[i] + " = its node");
+    }
+    transport.actuator_nodes.push_back(static_cast<int>(nodes[i] < 0 ? static_cast<double>(i) : nodes[i]));
+  }
+  transport.torque_per_input = ratios;
+}
+
+}  // namespace
+
+void read_transport(FileErrors& errors, const toml::table& root, RobotFile& robot) {
+  const toml::table* table = section_table(errors, root, "transport");
+  if (!table) return;
+  SectionReader section(errors, "transport", "transport", table);
+  TransportSection& transport = robot.transport;
+  transport.line = line_of(*table);
+  section.refuse_unknown();
+  if (!section.has("kind")) section.missing("kind", "write kind = \"lcm\" or \"socketcan\"");
+  const auto kind = section.choice("kind");
+  if (!kind) return;
+  transport.kind = find_key("transport", "kind")->choices()[*kind];
+  refuse_foreign_keys(section, transport.kind);
+  if (const auto v = section.text("url")) transport.url = *v;
+  if (const auto v = section.text("channel_prefix")) transport.channel_prefix = *v;
+  if (const auto v = section.flag("stamp_on_arrival")) transport.stamp_on_arrival = *v;
+  if (const auto v = section.text("interface")) transport.interface = *v;
+  if (const auto v = section.count("sensor_node")) transport.sensor_node = static_cast<int>(*v);
+  read_nodes(section, robot, transport);
+}
+
+void read_sim(FileErrors& errors, const toml::table& root, RobotFile& robot) {
+  const toml::table* table = section_table(errors, root, "sim");
+  SectionReader section(errors, "sim", "sim", table);
+  SimSection& sim = robot.sim;
+  sim.plant = section.text("plant").value_or(robot.model->name);
+  if (!table) return;
+  sim.line = line_of(*table);
+  section.refuse_unknown();
+  sim.draw = section.flag("draw").value_or(false);
+  read_map(section, "parameters", sim.parameters);
+  read_map(section, "state", sim.state);
+  read_sensors(section, robot, sim);
+  read_sim_effects(section, sim);
+  if (const auto v = section.number("process_noise_sd")) sim.process_noise_sd = *v;
+  if (const auto v = section.number("measurement_latency_s")) sim.measurement_latency_s = *v;
+  if (const auto v = section.number("command_latency_s")) sim.command_latency_s = *v;
+  if (const auto v = section.number("watchdog_s")) sim.watchdog_s = *v;
+  if (const auto v = section.number("step_s")) sim.step_s = *v;
+  if (const auto v = section.count("seed")) sim.seed = static_cast<std::uint64_t>(*v);
+}
+
+void read_log_map(FileErrors& errors, const toml::table& root, RobotFile& robot) {
+  const toml::table* table = section_table(errors, root, "log");
+  SectionReader section(errors, "log", "log", table);
+  if (!table) return;
+  section.refuse_unknown();
+  LogMap& log = robot.log;
+  if (const auto time = section.text("time")) log.time = *time;
+  if (const auto input = section.choice("input")) log.input = find_key("log", "input")->choices()[*input];
+  Words names = robot.states;
+  names.insert(names.end(), robot.inputs.begin(), robot.inputs.end());
+  const auto read_words = [&](const char* key, const Words& known, std::map<std::string, std::string>& out) {
+    const toml::table* words = section.subtable(key);
+    if (!words) return;
+    for (auto&& [name, node] : *words) {
+      const std::string word(name.str());
+      const std::string path = section.path_of(std::string(key) + "." + word);
+      if (index_of(known, word) < 0) {
+        errors.at(node, path, "is no state or input of the model", remedy_for_unknown(word, known));
+      } else if (!node.is_string()) {
+        errors.at(node, path, "is " + kind_text(node), "write a text in quotes");
+      } else {
+        out[word] = *node.value<std::string>();
+      }
+    }
+  };
+  read_words("columns", names, log.columns);
+  names.emplace_back("time");
+  read_words("units", names, log.units);
+  for (const auto& [name, unit] : log.units) {
+    if (unit_factor(unit) == 0) {
+      errors.at(*table->get("units"), section.path_of("units." + name), "unit '" + unit + "' is not known",
+                "known: " + known_units());
+    }
+  }
+}
+
+}  // namespace tiller::tools

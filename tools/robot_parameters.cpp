@@ -1,0 +1,223 @@
+// [parameters], [[effects]] and the priors in both.
+
+#include <cmath>
+#include <limits>
+
+#include "effects/effect_info.hpp"
+#include "tools/robot_sections.hpp"
+
+namespace tiller::tools {
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr const char* kPriorRemedy =
+    "write a number, { uniform = [low, high] }, { normal = [mean, sd] } or { log_normal = [median, sd of log] }";
+
+const KeySpec kAnyNumber = {"", "", KeyKind::number, "", "", -kInf, kInf, false, -1, nullptr, ""};
+
+struct PriorForm {
+  const char* name;
+  tiller_prior_kind_t kind;
+};
+constexpr PriorForm kForms[] = {{"uniform", tiller_prior_uniform},
+                                {"normal", tiller_prior_normal},
+                                {"log_normal", tiller_prior_log_normal}};
+
+bool read_pair(FileErrors& errors, const toml::node& node, const std::string& path, double pair[2]) {
+  const toml::array* list = node.as_array();
+  if (!list || list->size() != 2) {
+    errors.at(node, path, "is no list of two numbers", kPriorRemedy);
+    return false;
+  }
+  for (std::size_t i = 0; i < 2; ++i) {
+    const auto value = checked_number(errors, *list->get(i), path, kAnyNumber);
+    if (!value) return false;
+    pair[i] = *value;
+  }
+  return true;
+}
+
+bool check_form(FileErrors& errors, const toml::node& node, const std::string& path, tiller_prior_kind_t kind,
+                const double pair[2]) {
+  if (kind == tiller_prior_uniform && pair[0] >= pair[1]) {
+    const bool equal = pair[0] == pair[1];
+    errors.at(node, path, equal ? "the range is empty" : "the range is reversed",
+              equal ? "write the number " + number_text(pair[0]) + " for a known parameter"
+                    : "write [" + number_text(pair[1]) + ", " + number_text(pair[0]) + "]");
+    return false;
+  }
+  if (kind != tiller_prior_uniform && !(pair[1] > 0)) {
+    errors.at(node, path, "the standard deviation is not positive",
+              "write a positive second number, or the number " + number_text(pair[0]) + " for a known parameter");
+    return false;
+  }
+  if (kind == tiller_prior_log_normal && !(pair[0] > 0)) {
+    errors.at(node, path, "the median of a log-normal is not positive",
+              "write a positive first number, or use normal");
+    return false;
+  }
+  return true;
+}
+
+void read_prior_table(FileErrors& errors, const toml::table& table, const std::string& path,
+                      tiller_prior_t& out) {
+  SectionReader section(errors, "prior", path, &table);
+  const std::size_t before = errors.list().size();
+  section.refuse_unknown();
+  int forms = 0;
+  double pair[2] = {0, 0};
+  for (const PriorForm& form : kForms) {
+    const toml::node* node = section.node(form.name);
+    if (!node) continue;
+    ++forms;
+    if (!read_pair(errors, *node, path + "." + form.name, pair)) return;
+    if (!check_form(errors, *node, path + "." + form.name, form.kind, pair)) return;
+    out.kind = form.kind;
+  }
+  const auto low = section.number("low");
+  const auto high = section.number("high");
+  if (errors.list().size() != before) return;
+  if (forms != 1) {
+    errors.at(table, path, forms == 0 ? "is no prior" : "has more than one prior", kPriorRemedy);
+    return;
+  }
+  const bool uniform = out.kind == tiller_prior_uniform;
+  if (uniform && (low || high)) {
+    errors.at(table, path, "a uniform prior has its bounds already", "leave low and high out");
+    return;
+  }
+  if (low && high && *low >= *high) {
+    errors.at(table, path, "low is not below high", "exchange low and high");
+    return;
+  }
+  out.a = pair[0];
+  out.b = pair[1];
+  out.low = uniform ? pair[0] : low.value_or(-kInf);
+  out.high = uniform ? pair[1] : high.value_or(kInf);
+}
+
+int find_port_index(const tiller_model_t& model, PortKind kind, const std::string& name, Words& known) {
+  if (kind == PortKind::input) {
+    known.assign(model.input_names, model.input_names + model.input_count);
+  } else {
+    for (std::uint32_t i = 0; i < model.joint_count; ++i) known.emplace_back(model.joints[i].name);
+  }
+  return index_of(known, name);
+}
+
+void read_effect_params(SectionReader& section, const EffectInfo& info, const std::string& port,
+                        RobotFile& robot) {
+  Words names;
+  for (int i = 0; i < info.param_count; ++i) {
+    const std::string name = info.param_names[i];
+    names.push_back(name);
+    robot.params.push_back(port + "." + name);
+    if (robot.params.size() > TILLER_MAX_PARAMS) continue;
+    tiller_prior_t& prior = robot.config.priors[robot.params.size() - 1];
+    if (const toml::node* node = section.node(name)) {
+      read_prior(section.errors(), *node, section.path_of(name), info.param_low[i], prior);
+    } else {
+      section.missing(name, std::string("give it a value or a prior; ") + kPriorRemedy);
+    }
+  }
+  section.refuse_unknown(names);
+}
+
+void read_effect(FileErrors& errors, const toml::table& table, std::size_t index, RobotFile& robot) {
+  SectionReader section(errors, "effects[]", "effects[" + std::to_string(index) + "]", &table);
+  const auto kind = section.choice("kind");
+  if (!section.has("kind")) section.missing("kind", "write kind = one of: " + join(effect_names()));
+  const auto port = section.text("port");
+  if (!kind) return;
+  const EffectInfo& info = effect_info(*kind);
+  Words known;
+  const int port_index = find_port_index(*robot.model, info.port, port.value_or(""), known);
+  const std::string what = info.port == PortKind::joint ? "joint" : "input";
+  if (!section.has("port")) {
+    section.missing("port", "write port = one of the model's " + what + "s: " + join(known));
+  } else if (port && port_index < 0) {
+    section.error("port", std::string(robot.model->name) + " has no " + what + " of that name for " + info.name,
+                  remedy_for_unknown(*port, known));
+  }
+  if (robot.config.effect_count >= TILLER_MAX_EFFECTS) {
+    errors.at_table(table, section.path_of("kind"), "too many effects",
+                    "keep at most " + std::to_string(TILLER_MAX_EFFECTS));
+    return;
+  }
+  tiller_effect_t& effect = robot.config.effects[robot.config.effect_count++];
+  effect.kind = *kind;
+  effect.port = static_cast<std::uint32_t>(port_index < 0 ? 0 : port_index);
+  read_effect_params(section, info, port.value_or("?"), robot);
+}
+
+}  // namespace
+
+void read_prior(FileErrors& errors, const toml::node& node, const std::string& path, double hard_low,
+                tiller_prior_t& out) {
+  const std::size_t before = errors.list().size();
+  if (const toml::table* table = node.as_table()) {
+    read_prior_table(errors, *table, path, out);
+    if (errors.list().size() != before) return;
+    const bool cut = out.kind != tiller_prior_uniform;
+    if (cut && out.low < hard_low) out.low = hard_low;  // no sense in asking for what physics rules out
+    if (!cut && out.low < hard_low) {
+      errors.at(node, path, "the range reaches below " + number_text(hard_low),
+                "start the range at " + number_text(hard_low) + " or above");
+    }
+    return;
+  }
+  if (!node.is_number()) {
+    errors.at(node, path, "is " + kind_text(node), kPriorRemedy);
+    return;
+  }
+  KeySpec spec = kAnyNumber;
+  spec.low = hard_low;
+  if (const auto value = checked_number(errors, node, path, spec)) {
+    out = {tiller_prior_fixed, 0, *value, 0, *value, *value};
+  }
+}
+
+void read_parameters(FileErrors& errors, const toml::table& root, RobotFile& robot) {
+  const toml::table* table = section_table(errors, root, "parameters");
+  SectionReader section(errors, "parameters", "parameters", table);
+  const Words names(robot.params.begin(), robot.params.begin() + robot.model->param_count);
+  section.refuse_unknown(names);
+  Words lacking;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (const toml::node* node = section.node(names[i])) {
+      read_prior(errors, *node, section.path_of(names[i]), -kInf, robot.config.priors[i]);
+    } else {
+      lacking.push_back(names[i]);
+    }
+  }
+  if (!lacking.empty()) {
+    errors.missing(table, "parameters." + join(lacking, ", parameters."),
+                   std::string("every parameter of ") + robot.model->name + " needs a value or a prior: " +
+                       kPriorRemedy);
+  }
+}
+
+void read_effects(FileErrors& errors, const toml::table& root, RobotFile& robot) {
+  const toml::node* node = root.get("effects");
+  if (node && !node->is_array()) {
+    errors.at_table(*node, "effects", "is " + kind_text(*node), "head each effect with [[effects]]");
+  } else if (node) {
+    std::size_t index = 0;
+    for (const toml::node& element : *node->as_array()) {
+      ++index;
+      if (const toml::table* table = element.as_table()) {
+        read_effect(errors, *table, index, robot);
+      } else {
+        errors.at(element, "effects", "is " + kind_text(element), "head each effect with [[effects]]");
+      }
+    }
+  }
+  if (robot.params.size() > TILLER_MAX_PARAMS) {
+    errors.at_table(*node, "effects",
+                    "model and effects have " + std::to_string(robot.params.size()) + " parameters",
+                    "keep at most " + std::to_string(TILLER_MAX_PARAMS));
+  }
+  robot.config.param_count = static_cast<std::uint32_t>(robot.params.size());
+}
+
+}  // namespace tiller::tools

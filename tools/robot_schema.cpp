@@ -1,0 +1,274 @@
+#include "tools/robot_schema.hpp"
+
+#include <cstddef>
+#include <limits>
+
+#include "effects/effect_info.hpp"
+#include "planners/planner.hpp"
+
+namespace tiller::tools {
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr double kBig = 1e12;  // of weights and noise levels: squares must stay finite in f32
+using K = KeyKind;
+
+constexpr int hand = -1;
+#define AT(field) static_cast<int>(offsetof(tiller_config_t, field))
+
+const std::vector<SectionSpec> kSections = {
+    {"robot", "[robot]", "Name and random seed."},
+    {"model", "[model]", "Which equations of motion, and how they are stepped."},
+    {"parameters", "[parameters]",
+     "One key for each parameter of the model (`tiller models` lists them): a number if it is known, else a prior. "
+     "None may be left out."},
+    {"prior", "a prior",
+     "`0.1` (known), `{ uniform = [low, high] }`, `{ normal = [mean, sd] }` or `{ log_normal = [median, sd of the "
+     "logarithm] }`; the last two may be cut to a range by low and high."},
+    {"effects[]", "[[effects]]",
+     "Physics that the model lacks, as often as needed (`tiller effects` lists them). Beside the keys below, each "
+     "parameter of the effect takes a number or a prior."},
+    {"body", "[body]", "What acts on the robot from outside its model."},
+    {"measurement", "[measurement]",
+     "One key for each measured state, in the order in which the transport delivers them; the value is a table."},
+    {"measurement.*", "below [measurement]: state = { ... }", "One sensor."},
+    {"noise", "[noise]", "Random change of the state that the model does not explain."},
+    {"start", "[start]", "What is believed of the state at the first measurement."},
+    {"posterior", "[posterior]", "Particles over the parameters that have a prior."},
+    {"planner", "[planner]", "How commands are planned."},
+    {"cost", "[cost]",
+     "The task: (x-t)' Q (x-t) + u' R u + du' S du per step and (x-t)' Qf (x-t) at the end of the horizon; all "
+     "diagonal, differences of angles wrapped. States and inputs that are not named weigh nothing."},
+    {"limits", "[limits]", "One key for each input of the model; the value is a table."},
+    {"limits.*", "below [limits]: input = { ... }", "What the output gate lets through."},
+    {"safety", "[safety]", "The answers to faults."},
+    {"recorder", "[recorder]", "The ring of past ticks inside the controller's block."},
+    {"transport", "[transport]",
+     "How `tiller run` reaches the robot. The keys after `kind` belong to one kind each, see docs."},
+    {"sim", "[sim]", "The stand-in plant of `tiller sim`, `tiller demo` and `tiller run --sim`; nothing else reads it."},
+    {"sim.sensors.*", "in [sim]: sensors = { state = { ... } }", "What the plant's encoders do to the truth."},
+    {"sim.effects[]", "[[sim.effects]]",
+     "Physics that the plant has and the model may lack. Beside the keys below, the effect's own parameter takes a "
+     "number."},
+    {"log", "[log]", "How `tiller identify` reads logs from elsewhere; logs of tiller need nothing."},
+};
+
+const std::vector<KeySpec> kKeys = {
+    {"robot", "name", K::text, "", "the file's name", 0, 0, false, hand, nullptr, "shown in logs and reports"},
+    {"robot", "seed", K::count, "", "1", 0, 9007199254740992.0, false, hand, nullptr,
+     "of every random number of the controller; the same seed and inputs give the same commands"},
+
+    {"model", "name", K::text, "", "this or file", 0, 0, false, hand, nullptr, "a built-in model"},
+    {"model", "file", K::text, "", "this or name", 0, 0, false, hand, nullptr,
+     "a model of your own, relative to the robot file: a C++ header (.hpp) or a C source (.c)"},
+    {"model", "type", K::text, "", kRequired, 0, 0, false, hand, nullptr,
+     "with file: the C++ template's name, or the C tiller_model_t's name"},
+    {"model", "period_s", K::number, "s", nullptr, 1e-4, 1, false, AT(period_s), nullptr, "control period"},
+    {"model", "substeps", K::count, "", nullptr, 1, 64, false, AT(substeps), nullptr, "integrator steps per period"},
+    {"model", "integrator", K::choice, "", nullptr, 0, 0, false, AT(integrator), integrator_names,
+     "how the model is stepped, for planner and posterior alike"},
+
+    {"prior", "uniform", K::other, "SI", "one of three", 0, 0, false, hand, nullptr, "[low, high]"},
+    {"prior", "normal", K::other, "SI", "one of three", 0, 0, false, hand, nullptr, "[mean, standard deviation]"},
+    {"prior", "log_normal", K::other, "SI", "one of three", 0, 0, false, hand, nullptr,
+     "[median, standard deviation of the logarithm]"},
+    {"prior", "low", K::number, "SI", "none", -kInf, kInf, false, hand, nullptr, "hard lower bound"},
+    {"prior", "high", K::number, "SI", "none", -kInf, kInf, false, hand, nullptr, "hard upper bound"},
+
+    {"effects[]", "kind", K::choice, "", kRequired, 0, 0, false, hand, effect_names, "which effect"},
+    {"effects[]", "port", K::text, "", kRequired, 0, 0, false, hand, nullptr,
+     "name of the joint (friction, offset) or of the input (lag, delay) on which it acts"},
+
+    {"body", "gravity_x_m_s2", K::number, "m/s^2", nullptr, -100, 100, false, AT(body.gravity_x_m_s2), nullptr,
+     "along +x; not zero on a slope"},
+    {"body", "gravity_z_m_s2", K::number, "m/s^2", nullptr, -100, 100, false, AT(body.gravity_z_m_s2), nullptr,
+     "along +z, upwards"},
+    {"body", "payload_kg", K::number, "kg", nullptr, 0, 1e6, false, AT(body.payload_kg), nullptr,
+     "mass added at the model's payload point"},
+    {"body", "payload_kgm2", K::number, "kg m^2", nullptr, 0, 1e6, false, AT(body.payload_kgm2), nullptr,
+     "inertia added about the payload point"},
+
+    {"measurement.*", "sd", K::number, "SI", kRequired, 0, kBig, true, hand, nullptr,
+     "standard deviation of the sensor, quantisation (step / sqrt 12) included"},
+    {"measurement.*", "low", K::number, "SI", "none", -kInf, kInf, false, hand, nullptr,
+     "smaller readings are rejected (sensor_out_of_range)"},
+    {"measurement.*", "high", K::number, "SI", "none", -kInf, kInf, false, hand, nullptr,
+     "larger readings are rejected (sensor_out_of_range)"},
+    {"measurement.*", "rate_per_s", K::number, "SI/s", "none", 0, kInf, true, hand, nullptr,
+     "readings that change faster are rejected (sensor_jump)"},
+
+    {"noise", "process_sd", K::state_numbers, "SI/sqrt(s)", nullptr, 0, kBig, false, AT(process_sd), nullptr,
+     "standard deviation per square root of a second, by state"},
+
+    {"start", "state", K::state_numbers, "SI", nullptr, -kBig, kBig, false, AT(initial_state), nullptr,
+     "expected state, by state"},
+    {"start", "sd", K::state_numbers, "SI", nullptr, 0, kBig, false, AT(initial_state_sd), nullptr,
+     "how sure that is, by state"},
+
+    {"posterior", "enabled", K::flag, "", nullptr, 0, 1, false, AT(posterior.enabled), nullptr,
+     "false: frozen at the prior (the state is still estimated)"},
+    {"posterior", "particles", K::count, "", nullptr, 16, 4096, false, AT(posterior.particles), nullptr,
+     "N, a multiple of 16"},
+    {"posterior", "window", K::count, "", nullptr, 16, 1024, false, AT(posterior.window), nullptr,
+     "transitions kept for moves"},
+    {"posterior", "moves_per_tick", K::count, "", nullptr, 0, 4096, false, AT(posterior.moves_per_tick), nullptr,
+     "Metropolis moves per tick, a multiple of 8, at most N"},
+    {"posterior", "ess_fraction", K::number, "", nullptr, 0, 1, true, AT(posterior.ess_fraction), nullptr,
+     "resample when the effective sample size falls below this share of N"},
+    {"posterior", "noise_scale_shape", K::number, "", nullptr, 0, 1e6, true, AT(posterior.noise_scale_shape),
+     nullptr, "the larger, the more the configured noise is believed"},
+
+    {"planner", "kind", K::choice, "", nullptr, 0, 0, false, AT(planner.kind), planner_names, "which planner"},
+    {"planner", "horizon", K::count, "periods", nullptr, 2, 512, false, AT(planner.horizon), nullptr,
+     "steps that are looked ahead"},
+    {"planner", "knots", K::count, "", nullptr, 2, 64, false, AT(planner.knots), nullptr,
+     "control points per input over the horizon, linear in between"},
+    {"planner", "rollouts", K::count, "", nullptr, 16, 8192, false, AT(planner.rollouts), nullptr,
+     "K sampled command sequences per iteration, a multiple of 16"},
+    {"planner", "particles", K::count, "", nullptr, 1, 64, false, AT(planner.particles), nullptr,
+     "M particles of the posterior that each sequence is tried on"},
+    {"planner", "iterations", K::count, "", nullptr, 1, 100, false, AT(planner.iterations), nullptr, "cap per tick"},
+    {"planner", "deadline_us", K::count, "us", nullptr, 0, 1e6, false, AT(planner.deadline_us), nullptr,
+     "from the tick's start; 0: the iterations alone decide. Lockstep runs ignore it, so that they repeat"},
+    {"planner", "risk", K::choice, "", nullptr, 0, 0, false, AT(planner.risk), risk_names,
+     "what is minimised over the particles: the mean, or the mean of the worst share"},
+    {"planner", "cvar_alpha", K::number, "", nullptr, 0, 0.999, false, AT(planner.cvar_alpha), nullptr,
+     "with risk = \"cvar\": 0.9 is the mean of the worst tenth"},
+    {"planner", "noise_sd", K::input_numbers, "SI", nullptr, 0, kBig, true, AT(planner.noise_sd), nullptr,
+     "spread of the sampled commands, by input"},
+    {"planner", "temperature", K::number, "", nullptr, 0, 1, true, AT(planner.temperature), nullptr,
+     "MPPI: effective share of the rollouts that decides"},
+    {"planner", "elite_fraction", K::number, "", nullptr, 0, 1, true, AT(planner.elite_fraction), nullptr,
+     "CEM: share of the rollouts that is kept"},
+    {"planner", "smoothing", K::number, "", nullptr, 0, 0.999, false, AT(planner.smoothing), nullptr,
+     "CEM: share of the old mean and spread that is kept"},
+
+    {"cost", "target", K::state_numbers, "SI", nullptr, -kBig, kBig, false, AT(cost.target), nullptr,
+     "t, by state"},
+    {"cost", "state_weight", K::state_numbers, "1/SI^2", nullptr, 0, kBig, false, AT(cost.state_weight), nullptr,
+     "Q, by state"},
+    {"cost", "terminal_weight", K::state_numbers, "1/SI^2", nullptr, 0, kBig, false, AT(cost.terminal_weight),
+     nullptr, "Qf, by state"},
+    {"cost", "input_weight", K::input_numbers, "1/SI^2", nullptr, 0, kBig, false, AT(cost.input_weight), nullptr,
+     "R, by input"},
+    {"cost", "input_rate_weight", K::input_numbers, "1/SI^2", nullptr, 0, kBig, false,
+     AT(cost.input_rate_weight), nullptr, "S, by input, on the change per period"},
+
+    {"limits.*", "low", K::number, "SI", kRequired, -kBig, kBig, false, hand, nullptr, "smallest command"},
+    {"limits.*", "high", K::number, "SI", kRequired, -kBig, kBig, false, hand, nullptr, "largest command"},
+    {"limits.*", "rate_per_s", K::number, "SI/s", "none", 0, kInf, true, hand, nullptr,
+     "largest change of the command"},
+    {"limits.*", "safe", K::number, "SI", "0", -kBig, kBig, false, hand, nullptr,
+     "command in SAFE and before the controller is armed"},
+
+    {"safety", "sensor_timeout_s", K::number, "s", nullptr, 0, 3600, true, AT(safety.sensor_timeout_s), nullptr,
+     "a measurement older than this leads to SAFE"},
+    {"safety", "frozen_ticks", K::count, "ticks", nullptr, 0, 1e6, false, AT(safety.frozen_ticks), nullptr,
+     "identical readings in a row under a moving plan lead to SAFE; 0: off"},
+    {"safety", "bad_ticks_to_safe", K::count, "ticks", nullptr, 1, 1e6, false, AT(safety.bad_ticks_to_safe),
+     nullptr, "rejected measurements in a row lead to SAFE"},
+    {"safety", "hold_ticks_to_safe", K::count, "ticks", nullptr, 0, 1e6, false, AT(safety.hold_ticks_to_safe),
+     nullptr, "ticks in a row in HOLD lead to SAFE; 0: HOLD may last"},
+    {"safety", "hold_gain", K::other, "SI/SI", "0", 0, 0, false, hand, nullptr,
+     "HOLD commands u = -K (x - target): { input = { state = gain } }"},
+
+    {"recorder", "ticks", K::count, "ticks", nullptr, 0, 65536, false, AT(record_ticks), nullptr,
+     "kept inside the block"},
+
+    {"transport", "kind", K::choice, "", kRequired, 0, 0, false, hand,
+     [] { return Words{"lcm", "socketcan"}; }, "how the robot is reached"},
+    {"transport", "url", K::text, "", "udpm://239.255.76.67:7667?ttl=0", 0, 0, false, hand, nullptr,
+     "lcm: the provider; ttl=0 keeps messages on this machine"},
+    {"transport", "channel_prefix", K::text, "", "TILLER_", 0, 0, false, hand, nullptr,
+     "lcm: what the channels' names begin with"},
+    {"transport", "stamp_on_arrival", K::flag, "", "false", 0, 1, false, hand, nullptr,
+     "true: the robot's stamps are of another clock, take the time of arrival"},
+    {"transport", "interface", K::text, "", "can0", 0, 0, false, hand, nullptr, "socketcan: network interface"},
+    {"transport", "nodes", K::input_numbers, "", "0, 1, ..", 0, 63, false, hand, nullptr,
+     "socketcan: CANSimple node of each input's motor, { input = node }"},
+    {"transport", "torque_per_input", K::input_numbers, "Nm/SI", "1", -1e6, 1e6, false, hand, nullptr,
+     "socketcan: motor torque for one unit of the input (a wheel's radius, a gear's ratio), { input = factor }"},
+    {"transport", "sensor_node", K::count, "", "63", 0, 63, false, hand, nullptr, "socketcan: node of the sensor board"},
+
+    {"sim", "plant", K::text, "", "the model's name", 0, 0, false, hand, nullptr, "kind of plant"},
+    {"sim", "parameters", K::other, "SI", "the plant's own", 0, 0, false, hand, nullptr,
+     "true values, { name = number }"},
+    {"sim", "draw", K::flag, "", "false", 0, 1, false, hand, nullptr,
+     "true: parameters and effects of the plant are drawn from the priors of this file, by the seed"},
+    {"sim", "state", K::other, "SI", "[start] state", 0, 0, false, hand, nullptr, "true start, { state = number }"},
+    {"sim", "sensors", K::other, "", "no noise", 0, 0, false, hand, nullptr, "{ state = { sd = .., step = .. } }"},
+    {"sim", "effects", K::other, "", "none", 0, 0, false, hand, nullptr, "hidden physics, as [[sim.effects]]"},
+    {"sim", "process_noise_sd", K::number, "SI", "0", 0, kBig, false, hand, nullptr,
+     "random force on the actuated joint"},
+    {"sim", "measurement_latency_s", K::number, "s", "0", 0, 10, false, hand, nullptr,
+     "a measurement shows the plant this long ago"},
+    {"sim", "command_latency_s", K::number, "s", "0", 0, 10, false, hand, nullptr,
+     "a command reaches the motor this much later"},
+    {"sim", "watchdog_s", K::number, "s", "0.1", 0, 10, false, hand, nullptr,
+     "no command for this long: the motor stops; 0: no watchdog"},
+    {"sim", "step_s", K::number, "s", "0.0005", 1e-6, 1e-3, false, hand, nullptr, "physics step, whole microseconds"},
+    {"sim", "seed", K::count, "", "1", 0, 9007199254740992.0, false, hand, nullptr, "of the plant's noise and of draw"},
+
+    {"sim.sensors.*", "sd", K::number, "SI", "0", 0, kBig, false, hand, nullptr, "standard deviation of the noise"},
+    {"sim.sensors.*", "step", K::number, "SI", "0", 0, kBig, false, hand, nullptr, "quantisation; 0: none"},
+
+    {"sim.effects[]", "kind", K::text, "", kRequired, 0, 0, false, hand, nullptr, "which effect"},
+    {"sim.effects[]", "port", K::text, "", "the actuated one", 0, 0, false, hand, nullptr,
+     "joint or command on which it acts"},
+
+    {"log", "time", K::text, "", "time_s", 0, 0, false, hand, nullptr, "column of the stamps"},
+    {"log", "columns", K::other, "", "the same names", 0, 0, false, hand, nullptr,
+     "{ state or input = \"column\" }"},
+    {"log", "units", K::other, "", "SI", 0, 0, false, hand, nullptr,
+     "{ time, state or input = \"unit\" }, e.g. { angle_rad = \"deg\" }"},
+    {"log", "input", K::choice, "", "hold", 0, 0, false, hand, [] { return Words{"hold", "mean"}; },
+     "hold: a row's input is in force until the next (commands); mean: measured at the row's instant"},
+};
+
+}  // namespace
+
+const std::vector<SectionSpec>& robot_sections() { return kSections; }
+const std::vector<KeySpec>& robot_keys() { return kKeys; }
+
+Words keys_of(const std::string& section) {
+  Words keys;
+  for (const KeySpec& spec : kKeys) {
+    if (section == spec.section) keys.emplace_back(spec.key);
+  }
+  return keys;
+}
+
+const KeySpec* find_key(const std::string& section, const std::string& key) {
+  for (const KeySpec& spec : kKeys) {
+    if (section == spec.section && key == spec.key) return &spec;
+  }
+  return nullptr;
+}
+
+Words planner_names() {
+  Words names;
+  for (std::uint32_t kind = 0; kind < tiller_planner_kind_count; ++kind) {
+    const PlannerTable* planner = find_planner(kind);
+    names.emplace_back(planner ? planner->name : "?");
+  }
+  return names;
+}
+
+Words integrator_names() { return {"semi_implicit_euler", "midpoint", "rk4"}; }
+Words risk_names() { return {"mean", "cvar"}; }
+
+Words effect_names() {
+  Words names;
+  for (std::uint32_t kind = 0; kind < effect_kind_count(); ++kind) names.emplace_back(effect_info(kind).name);
+  return names;
+}
+
+Words builtin_model_names() {
+  Words names;
+  for (std::uint32_t i = 0; const tiller_model_t* model = tiller_builtin_model(i); ++i) {
+    names.emplace_back(model->name);
+  }
+  return names;
+}
+
+}  // namespace tiller::tools
