@@ -50,6 +50,7 @@ class Server {
   }
 
   bool usable(const PlantCommand& command) {
+    if (!command.has_value) return true;
     const bool finite =
         std::all_of(command.value.begin(), command.value.end(), [](double v) { return std::isfinite(v); });
     if (finite && command.value.size() == plant_.commands().size()) return true;
@@ -58,9 +59,9 @@ class Server {
   }
 
   void apply(const PlantCommand& command) {
+    if (!command.has_value) return;
     plant_.apply(command.value.data());
     ++report_.commands;
-    answered_ = true;
   }
 
   void end_period() {
@@ -77,11 +78,11 @@ class Server {
       const std::int64_t left_us = deadline_us - wall_us();
       if (!link_.receive(command, std::clamp<std::int64_t>(left_us, 0, look_up_us))) {
         if (left_us <= 0) return false;
-      } else if (command.sequence != measurement_.sequence) {
+      } else if (command.sequence != measurement_.sequence && command.sequence != PlantCommand::kUnnumbered) {
         ++report_.stale_commands;
       } else if (usable(command)) {
         apply(command);
-        return true;
+        if (command.sequence != PlantCommand::kUnnumbered) return answered_ = true;
       }
     }
     return false;

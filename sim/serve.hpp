@@ -19,9 +19,10 @@ struct PlantMeasurement {
 
 /// One command, as it reaches the plant.
 struct PlantCommand {
-  static constexpr std::int64_t kUnnumbered = -1;  ///< the protocol has no number (bare motor torque)
+  static constexpr std::int64_t kUnnumbered = -1;  ///< a bare motor command: acts, but answers nothing
   std::int64_t sequence = kUnnumbered;             ///< of the measurement that it answers
   std::vector<double> value;                       // (commands)
+  bool has_value = true;  ///< false: an answer only, the motor has got its command before
 };
 
 /// How measurements leave and commands arrive: LCM, a CAN bus, or a test's own.
@@ -33,8 +34,8 @@ class PlantLink {
   /// Waits at most timeout_us (0: only looks) for the next command, in the order of arrival.
   virtual bool receive(PlantCommand& command, std::int64_t timeout_us) = 0;
   virtual std::string error() const = 0;  ///< empty while the link works
-  /// After every period: cyclic messages of the device, told the watchdog's state.
-  virtual void after_period(const Plant&) {}
+  /// After every period: what a device sends on its own, and what it learns from its watchdog.
+  virtual void after_period(const Plant& /*plant*/) {}
 };
 
 struct ServeOptions {

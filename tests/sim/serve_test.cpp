@@ -131,6 +131,27 @@ TEST(Serve, CommandsThatCannotBeMeantAreCountedAndIgnored) {
   EXPECT_EQ(report.bad_commands, 30u);
 }
 
+TEST(Serve, BareMotorCommandsActWhileTheAnswerIsAwaited) {
+  auto plant = make(cart_pole());
+  PlantCommand answer;
+  ScriptedLink link([&](const PlantMeasurement& m) {
+    answer.sequence = m.sequence;
+    answer.has_value = false;
+    // every third answer comes without a command of its own: the motor keeps the last one
+    if (m.sequence % 3 == 2) return std::deque<PlantCommand>{answer};
+    return std::deque<PlantCommand>{{PlantCommand::kUnnumbered, {0.1 * m.sequence}}, answer};
+  });
+  ServeOptions options = lockstep(0.3);
+  std::vector<double> force;
+  options.on_period = [&](const Plant& p, const PlantMeasurement&) { force.push_back(motor(p)); };
+  ServeReport report;
+  ASSERT_EQ(serve(*plant, link, options, report), 0);
+  for (std::size_t k = 0; k < force.size(); ++k)
+    EXPECT_EQ(force[k], 0.1 * static_cast<double>(k % 3 == 2 ? k - 1 : k));
+  EXPECT_EQ(report.commands, 20u);
+  EXPECT_EQ(report.missing_answers + report.stale_commands, 0u);
+}
+
 TEST(Serve, ALinkThatDiesEndsItWithTheReason) {
   auto plant = make(cart_pole());
   ScriptedLink link(obedient);

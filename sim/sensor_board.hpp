@@ -1,0 +1,17 @@
+#pragma once
+
+#include <cstdint>
+
+#include "sim/can_frame.hpp"
+#include "sim/serve.hpp"
+
+namespace tiller::sim {
+
+/// The frames of one reading: the stamp, then each channel in micro-units. A value beyond what the frame
+/// holds (2147 units) is sent as not valid.
+CanFrames sensor_frames(std::uint32_t node, const PlantMeasurement& measurement);
+
+/// True when the frame is the controller's status for this board; answered is the measurement's number.
+bool read_controller_status(std::uint32_t node, const CanFrame& frame, std::uint32_t& answered);
+
+}  // namespace tiller::sim

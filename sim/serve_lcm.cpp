@@ -1,0 +1,106 @@
+#include "sim/serve_lcm.hpp"
+
+#include <poll.h>
+
+#include <algorithm>
+#include <ctime>
+#include <deque>
+
+#include <lcm/lcm-cpp.hpp>
+#include <tiller_lcm/command_t.hpp>
+#include <tiller_lcm/measurement_t.hpp>
+
+namespace tiller::sim {
+namespace {
+
+constexpr int value_capacity = 12;   // of measurement_t
+constexpr int command_capacity = 4;  // of command_t
+// a full socket buffer passes, a missing route does not
+constexpr int failures_until_dead = 20;
+
+class LcmLink final : public PlantLink {
+ public:
+  LcmLink(const LcmOptions& options, const Plant& plant)
+      : lcm_(options.url),
+        channel_out_(options.channel_prefix + "MEASUREMENT"),
+        url_(options.url),
+        latency_us_(static_cast<std::int32_t>(plant.options().command_latency_s * 1e6 + 0.5)) {
+    if (!lcm_.good()) return;
+    lcm_.subscribe(options.channel_prefix + "COMMAND", &LcmLink::on_command, this);
+  }
+
+  bool good() const { return lcm_.good(); }
+
+  bool publish(const PlantMeasurement& m) override {
+    tiller_lcm::measurement_t out{};
+    out.stamp_us = m.stamp_us;
+    out.sequence = m.sequence;
+    out.command_latency_us = latency_us_;
+    out.count = static_cast<std::int32_t>(m.value.size());
+    out.valid_mask = (1 << m.value.size()) - 1;
+    std::copy(m.value.begin(), m.value.end(), out.value);
+    failures_ = lcm_.publish(channel_out_, &out) == 0 ? 0 : failures_ + 1;
+    if (failures_ >= failures_until_dead) {
+      error_ =
+          "LCM cannot send on '" + url_ +
+          "': is there a multicast route? (ip link set lo multicast on; ip route add 224.0.0.0/4 dev lo)";
+    }
+    return error_.empty();
+  }
+
+  bool receive(PlantCommand& command, std::int64_t timeout_us) override {
+    if (commands_.empty()) wait_and_handle(timeout_us);
+    if (commands_.empty()) return false;
+    command = std::move(commands_.front());
+    commands_.pop_front();
+    return true;
+  }
+
+  std::string error() const override { return error_; }
+
+ private:
+  void wait_and_handle(std::int64_t timeout_us) {
+    pollfd wanted{lcm_.getFileno(), POLLIN, 0};
+    const timespec timeout{timeout_us / 1'000'000, (timeout_us % 1'000'000) * 1000};
+    if (ppoll(&wanted, 1, &timeout, nullptr) > 0 && lcm_.handle() != 0) {
+      error_ = "LCM cannot receive on '" + url_ + "'";
+    }
+  }
+
+  void on_command(const lcm::ReceiveBuffer*, const std::string&, const tiller_lcm::command_t* in) {
+    PlantCommand command;
+    command.sequence = in->sequence;
+    // a wrong count leaves a wrong size, which the loop counts as a bad command
+    command.value.assign(in->value, in->value + std::clamp(in->count, 0, command_capacity));
+    commands_.push_back(std::move(command));
+  }
+
+  lcm::LCM lcm_;
+  std::string channel_out_;
+  std::string url_;
+  std::int32_t latency_us_;
+  int failures_ = 0;
+  std::deque<PlantCommand> commands_;
+  std::string error_;
+};
+
+}  // namespace
+
+std::unique_ptr<PlantLink> open_lcm_link(const LcmOptions& options, const Plant& plant, std::string& error) {
+  if (plant.measurements().size() > value_capacity || plant.commands().size() > command_capacity) {
+    error = "the plant has more channels than the LCM types hold";
+    return nullptr;
+  }
+  auto link = std::make_unique<LcmLink>(options, plant);
+  if (link->good()) return link;
+  error = "LCM cannot open '" + options.url + "': check the URL and, for udpm, the multicast route";
+  return nullptr;
+}
+
+int serve_lcm(Plant& plant, const LcmOptions& lcm, const ServeOptions& options, ServeReport& report) {
+  report = ServeReport{};
+  const auto link = open_lcm_link(lcm, plant, report.error);
+  return link == nullptr ? 1 : serve(plant, *link, options, report);
+}
+
+}  // namespace tiller::sim
