@@ -13,7 +13,7 @@
 
 #include <type_traits>
 
-#include "scalar/real.hpp"
+#include "tiller/scalar.hpp"
 
 namespace tiller {
 

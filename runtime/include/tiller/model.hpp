@@ -33,6 +33,7 @@
 #include <utility>
 
 #include "tiller/model.h"
+#include "tiller/scalar.hpp"
 
 namespace tiller {
 
