@@ -169,9 +169,14 @@ bool is_fresh(const fs::path& object, const fs::path& dependencies) {
   return !files.empty();
 }
 
-// The C++ text around a user's header. Paths with quotes were refused before.
+// The C++ text around a user's header. Everything is hidden but the one entry. Paths with quotes were refused
+// before.
 std::string wrapper_source(const std::string& path, const std::string& type) {
-  return "#include \"rollout/export_model.hpp\"\n#include \"" + path + "\"\nTILLER_EXPORT_MODEL(" + type + ")\n";
+  return "#include \"rollout/export_model.hpp\"\n#include \"" + path +
+         "\"\n"
+         "extern \"C\" __attribute__((visibility(\"default\"))) const tiller_model_t* tiller_model(void);\n"
+         "TILLER_EXPORT_MODEL(" +
+         type + ")\n";
 }
 
 // Of a compiler's output what a reader wants first: from the first error on, at most 30 lines.

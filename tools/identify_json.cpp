@@ -1,0 +1,128 @@
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "tools/identify.hpp"
+
+namespace tiller::tools {
+namespace {
+
+using nlohmann::json;
+
+// JSON has no NaN; what is not finite becomes null. Six digits are more than any of this is known to.
+json number(double value) {
+  if (!std::isfinite(value)) return nullptr;
+  if (value == 0) return 0.0;
+  const double scale = std::pow(10.0, 6 - std::ceil(std::log10(std::fabs(value))));
+  return std::isfinite(scale) && scale > 0 ? std::round(value * scale) / scale : value;
+}
+
+json numbers(const std::vector<double>& values) {
+  json list = json::array();
+  for (const double v : values) list.push_back(number(v));
+  return list;
+}
+
+json log_json(const Log& log) {
+  return {{"path", log.path},
+          {"rows", log.rows()},
+          {"length_s", number(log.time_s.back())},
+          {"step_s", number(median_step_s(log))},
+          {"stretches", split_at_gaps(log).size()}};
+}
+
+json param_json(const ParamSummary& p) {
+  json out = {{"name", p.name}, {"fixed", p.fixed}, {"mean", number(p.mean)}};
+  if (p.fixed) return out;
+  out["sd"] = number(p.sd);
+  out["interval_90"] = {number(p.low), number(p.high)};
+  out["median"] = number(p.median);
+  out["prior"] = {{"mean", number(p.prior_mean)},
+                  {"sd", number(p.prior_sd)},
+                  {"interval_90", {number(p.prior_low), number(p.prior_high)}}};
+  return out;
+}
+
+json score_json(const Score& score, const RobotFile& robot) {
+  json list = json::array();
+  for (const StateScore& state : score.states) {
+    json horizons = json::array();
+    for (const HorizonError& e : state.horizons)
+      horizons.push_back({{"horizon_s", e.horizon_s},
+                          {"rollouts", e.rollouts},
+                          {"rms_end", number(e.rms_end)},
+                          {"median_abs_end", number(e.median_end)},
+                          {"rms_along", number(e.rms_along)}});
+    list.push_back({{"state", robot.model->state_names[state.state]},
+                    {"horizons", horizons},
+                    {"rms_by_step", numbers(state.curve)}});
+  }
+  return list;
+}
+
+json traces_json(const Score& score, const RobotFile& robot) {
+  json list = json::array();
+  for (const RolloutTrace& trace : score.traces)
+    list.push_back({{"path", trace.path},
+                    {"state", robot.model->state_names[trace.state]},
+                    {"start_s", number(trace.start_s)},
+                    {"period_s", trace.period_s},
+                    {"measured", numbers(trace.measured)},
+                    {"mean", numbers(trace.mean)},
+                    {"low", numbers(trace.low)},
+                    {"high", numbers(trace.high)}});
+  return list;
+}
+
+// Draws of the parameters that were learnt: (draws x learnt), for marginals and pairs.
+json samples_json(const Fit& fit) {
+  const std::size_t np = fit.params.size();
+  json rows = json::array();
+  for (std::uint32_t s = 0; s < fit.sample_count; ++s) {
+    json row = json::array();
+    for (std::size_t i = 0; i < np; ++i)
+      if (!fit.params[i].fixed) row.push_back(number(fit.samples[s * np + i]));
+    if (!row.empty()) rows.push_back(row);
+  }
+  return rows;
+}
+
+json candidate_json(const Assessed& assessed, const RobotFile& robot) {
+  const Fit& fit = assessed.fit;
+  json params = json::array();
+  for (const ParamSummary& p : fit.params) params.push_back(param_json(p));
+  const bool held_out = !assessed.on_held_out.states.empty();
+  return {{"name", assessed.candidate.name},
+          {"learns", assessed.candidate.learns()},
+          {"parameters", params},
+          {"noise_scale", number(fit.noise_scale)},
+          {"effective_samples", number(fit.effective_samples)},
+          {"exponent", number(fit.exponent)},
+          {"transitions", fit.transitions},
+          {"refused", fit.refused},
+          {"gated", fit.gated},
+          {"diverged", assessed.on_held_out.diverged + assessed.on_fitted.diverged},
+          {"fitted", score_json(assessed.on_fitted, robot)},
+          {"held_out", score_json(assessed.on_held_out, robot)},
+          {"samples", samples_json(fit)},
+          {"traces", traces_json(held_out ? assessed.on_held_out : assessed.on_fitted, robot)}};
+}
+
+}  // namespace
+
+std::string identify_json(const RobotFile& robot, const Identified& result) {
+  json out = {{"tiller", tiller_version()},
+              {"robot", robot.name},
+              {"robot_file", robot.path},
+              {"model", robot.model->name},
+              {"period_s", robot.config.period_s},
+              {"warnings", result.warnings},
+              {"logs", json::array()},
+              {"held_out", json::array()},
+              {"candidates", json::array()}};
+  for (const Log& log : result.logs) out["logs"].push_back(log_json(log));
+  for (const Log& log : result.hold_out) out["held_out"].push_back(log_json(log));
+  for (const Assessed& assessed : result.candidates) out["candidates"].push_back(candidate_json(assessed, robot));
+  return out.dump(1) + "\n";
+}
+
+}  // namespace tiller::tools

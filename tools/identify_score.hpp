@@ -1,0 +1,52 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tools/identify_fit.hpp"
+
+namespace tiller::tools {
+
+/// Errors of rollouts that begin at many points of the logs and follow the logged inputs: how well a planner would
+/// have foreseen the robot.
+struct HorizonError {
+  double horizon_s = 0;
+  double rms_end = 0;     ///< of the error at the horizon's end
+  double median_end = 0;  ///< of its absolute value: what one rollout near an upright cannot dominate
+  double rms_along = 0;   ///< over the whole way there
+  std::size_t rollouts = 0;
+};
+
+/// One measured state that is a joint's position (every measured state where no position is measured).
+struct StateScore {
+  std::uint32_t state = 0;
+  std::vector<HorizonError> horizons;
+  std::vector<double> curve;  ///< RMS error after 1, 2, ... steps, up to the longest horizon
+};
+
+/// A rollout to look at: time, measured, predicted by the posterior's mean and the 5-95 % of its draws.
+struct RolloutTrace {
+  std::string path;
+  std::uint32_t state = 0;
+  double period_s = 0, start_s = 0;
+  std::vector<double> measured, mean, low, high;
+};
+
+struct ScoreOptions {
+  std::vector<double> horizons_s = {1.0, 2.0};
+  double start_every_s = 0.05;
+  double half_width_s = 0.03;  ///< of the data that a start state is estimated from
+  std::uint32_t traces = 4;    ///< kept, spread over the logs
+};
+
+struct Score {
+  std::vector<StateScore> states;
+  std::vector<RolloutTrace> traces;
+  std::size_t diverged = 0;  ///< rollouts that were not finite
+};
+
+/// Rolls the candidate out from every start of the grids, at the posterior's mean; `fit` as fit() left it. A start
+/// counts for a horizon if the log lasts that long after it.
+Score score(const Candidate& candidate, const Fit& fit, const std::vector<Grid>& grids, const ScoreOptions& options);
+
+}  // namespace tiller::tools
