@@ -48,7 +48,7 @@ void normal_pair(IntPack radius_word, IntPack turn_word, F& first, F& second) {
 }
 
 void store_clamped(const SampleJob& job, std::uint32_t row, std::uint32_t lane, const F& normal) {
-  const F x = fma(normal, F(job.sd[row]), F(job.mean[row]));
+  const F x = fma(normal * F::load(job.scale + lane % kScales), F(job.sd[row]), F(job.mean[row]));
   min(max(x, F(job.low[row])), F(job.high[row])).store(job.knots + row * job.stride + lane);
 }
 

@@ -14,16 +14,20 @@ struct NoiseKey {
   std::uint32_t word[4];
 };
 
-/// knots(row, rollout) = clamp(mean(row) + sd(row) * normal(key(row / 2), rollout), low(row), high(row)).
+/// Rollouts 16 apart share a scale.
+constexpr std::uint32_t kScales = 16;
+
+/// knots(row, rollout) = clamp(mean(row) + sd(row) * scale(rollout mod 16) * normal(key(row / 2), rollout), low, high).
 /// The normal of a rollout is a function of its key and its number alone. Cost in AVX-512: about 1.5 ns a vector row.
 struct SampleJob {
   std::uint32_t rows = 0;           // inputs * knots
-  std::uint32_t first_rollout = 0;  // number of lane 0
+  std::uint32_t first_rollout = 0;  // number of lane 0, a multiple of 16
   std::uint32_t lanes = 0;
   std::uint32_t stride = 0;         // of `knots`
   const NoiseKey* keys = nullptr;   // ((rows + 1) / 2)
   const float* mean = nullptr;      // (rows)
   const float* sd = nullptr;        // (rows)
+  const float* scale = nullptr;     // (kScales)
   const float* low = nullptr;       // (rows)
   const float* high = nullptr;      // (rows)
   float* knots = nullptr;           // (rows x lanes)

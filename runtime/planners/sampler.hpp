@@ -53,6 +53,7 @@ struct Sampler {
   float* row_low = nullptr;           // (rows)
   float* row_high = nullptr;          // (rows)
   float rate_step[TILLER_MAX_INPUTS] = {};  // negative: none
+  float scale[kScales] = {};          // of the noise, by rollout mod 16
 
   // ---- the plan, kept from tick to tick
   double* mean = nullptr;             // (rows) within limits
