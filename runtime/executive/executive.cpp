@@ -1,0 +1,304 @@
+#include "executive/executive.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tiller {
+namespace {
+
+/// A gap of more periods than this is not bridged by one transition: the filters begin anew, the parameters
+/// stay.
+constexpr double kLongestGap_periods = 4.0;
+
+bool is_fault(tiller_status_t status) {
+  return status >= 1 && status < 200;
+}
+
+bool all_finite(const double* values, std::uint32_t count) {
+  return std::all_of(values, values + count, [](double v) { return std::isfinite(v); });
+}
+
+}  // namespace
+
+void Executive::Tick::note(tiller_status_t reason) {
+  if (status == tiller_status_ok || (is_fault(reason) && !is_fault(status))) status = reason;
+}
+
+tiller_status_t Executive::tick(std::int64_t now_us, const tiller_measurement_t* measurement,
+                                tiller_command_t& command) {
+  Tick tick = begin_tick(now_us, measurement);
+  sense(tick);
+  learn(tick);
+  watch_motion(tick);
+  plan(tick);
+  gate(tick, command);
+  record(tick, command);
+  return static_cast<tiller_status_t>(info_.status);
+}
+
+Executive::Tick Executive::begin_tick(std::int64_t now_us, const tiller_measurement_t* measurement) {
+  Tick tick;
+  tick.now_us = now_us;
+  tick.start_ns = clock_ns();
+  tick.measurement = measurement;
+  const bool first = info_.ticks == 0;
+  tick.elapsed_s = first ? config_.period_s : static_cast<double>(elapsed_us(now_us, last_now_us_)) * 1e-6;
+  last_now_us_ = now_us;
+  info_.posterior_ns = info_.plan_ns = 0;
+  return tick;
+}
+
+// ---- sense and validate --------------------------------------------------------------------------------
+
+void Executive::sense(Tick& tick) {
+  const SensorVerdict verdict = guard_.check(tick.now_us, tick.measurement);
+  tick.usable = verdict.usable;
+  tick.note(verdict.status);
+  if (verdict.usable) machine_.on_measurement();
+  if (verdict.lost) (void)machine_.on(Event::sensor_fault, verdict.status);
+  info_.rejected_measurements = guard_.rejected();
+  info_.missing_values = guard_.missing();
+}
+
+// ---- learn -----------------------------------------------------------------------------------------------
+
+void Executive::learn(Tick& tick) {
+  // in SAFE the drive may be off, or somebody may be pushing the robot: nothing to learn from
+  if (!tick.usable || machine_.state() == tiller_state_safe) {
+    tick.usable = false;
+    return;
+  }
+  const std::int64_t start_ns = clock_ns();
+  const tiller_status_t status = take_in(tick);
+  tick.note(status);
+  // `tempered` is news, not a fault; after any fault the estimate may still be the best there is, see
+  // read_posterior
+  if (is_fault(status)) ++info_.posterior_failures;
+  read_posterior(tick);
+  info_.posterior_ns = clock_ns() - start_ns;
+}
+
+tiller_status_t Executive::take_in(Tick& tick) {
+  const tiller_measurement_t& m = *tick.measurement;
+  tick.period_s = static_cast<double>(elapsed_us(m.stamp_us, stamp_us_)) * 1e-6;
+  const std::int64_t begin_us = stamp_us_;
+  const bool gap = filters_run_ && tick.period_s > kLongestGap_periods * config_.period_s;
+  stamp_us_ = m.stamp_us;
+  sequence_ = m.sequence;
+  const std::int64_t age_us = elapsed_us(tick.now_us, m.stamp_us);
+  answer_us_ = std::max<std::int64_t>(0, static_cast<std::int64_t>(m.command_latency_us) - age_us);
+
+  if (!filters_run_ || gap) {
+    if (gap) ++info_.posterior_failures;
+    tick.restarted = true;
+    const tiller_status_t status = posterior_->start(m.value);
+    filters_run_ = status == tiller_status_ok;
+    return status;
+  }
+  Transition transition;
+  transition.period_s = tick.period_s;
+  timeline_.mean(begin_us, 0.0, tick.period_s, transition.input);
+  std::copy(m.value, m.value + config_.measurement_count, transition.measured);
+  return posterior_->update(transition);
+}
+
+void Executive::read_posterior(Tick& tick) {
+  posterior_->moments(info_.param_mean, info_.param_sd, info_.state_mean, info_.state_sd);
+  info_.effective_samples = posterior_->effective_samples();
+  info_.likelihood_exponent = posterior_->exponent();
+  info_.noise_scale = posterior_->noise_scale();
+  info_.acceptance = posterior_->acceptance();
+  info_.resamplings = posterior_->resamplings();
+  if (filters_run_ && all_finite(info_.state_mean, config_.model->state_count)) return;
+  // nothing can be planned from this; the next measurement begins the filters anew
+  tick.note(tiller_status_state_not_finite);
+  tick.usable = false;
+  filters_run_ = false;
+}
+
+// ---- frozen sensors --------------------------------------------------------------------------------------
+
+void Executive::watch_motion(Tick& tick) {
+  if (config_.safety.frozen_ticks == 0 || !tick.usable) return;
+  const bool fresh = guard_.repeats() == 0 || tick.restarted;
+  if (fresh || !moving() || !motion_.begun()) {
+    posterior_->draw(1, info_.ticks, nullptr, nullptr, effect_state_, nullptr);
+    motion_.begin(info_.state_mean, info_.param_mean, effect_state_);
+    return;
+  }
+  const std::uint32_t nu = config_.model->input_count;
+  double input[TILLER_MAX_INPUTS];
+  timeline_.mean(stamp_us_, -tick.period_s, 0.0, input);
+  for (std::uint32_t row = 0; row < setup_.delay_steps; ++row) {
+    const double end_s = -tick.period_s - row * config_.period_s;
+    timeline_.mean(stamp_us_, end_s - config_.period_s, end_s, history_ + row * nu);
+  }
+  motion_.step(tick.period_s, input, history_);
+  if (!guard_.frozen(motion_.should_move(config_.safety.frozen_ticks))) return;
+  tick.note(tiller_status_sensor_frozen);
+  tick.usable = false;
+  (void)machine_.on(Event::sensor_fault, tiller_status_sensor_frozen);
+}
+
+// ---- plan ------------------------------------------------------------------------------------------------
+
+void Executive::plan(Tick& tick) {
+  tick.iterations = 0;
+  if (moving()) {
+    if (!was_moving_) enter_motion();
+    const std::int64_t start_ns = clock_ns();
+    if (tick.usable) {
+      replan(tick);
+    } else {
+      continue_plan(tick);
+    }
+    info_.plan_ns = clock_ns() - start_ns;
+  }
+  count_hold(tick);
+  was_moving_ = moving();
+  forced_iterations_ = kNotForced;
+}
+
+/// Motion begins: what was planned before the robot stood still is no warm start.
+void Executive::enter_motion() {
+  planner_table_->reset(planner_);
+  plan_.clear();
+  unrenewed_plans_ = 0;
+}
+
+void Executive::replan(Tick& tick) {
+  const double ahead_s = static_cast<double>(elapsed_us(takes_hold_us(tick), stamp_us_)) * 1e-6;
+  const double bounded_s = std::min(ahead_s, kLongestGap_periods * config_.period_s);
+  belief_.draw(*posterior_, timeline_, info_.ticks, stamp_us_, bounded_s);
+
+  PlanRequest request;
+  request.belief = &belief_.belief();
+  request.last_command = gate_.last();
+  request.tick = info_.ticks;
+  request.deadline = deadline(tick);
+  const PlanResult result = planner_table_->plan(planner_, request, tick.wanted);
+  tick.iterations = result.iterations;
+  info_.plan_cost = result.cost;
+
+  if (is_fault(result.status)) return fail_plan(tick, result.status);
+  if (!all_finite(tick.wanted, config_.model->input_count))
+    return fail_plan(tick, tiller_status_plan_not_finite);
+  plan_.keep(tick.now_us, planner_table_->sequence(planner_), tick.wanted);
+
+  if (result.iterations == 0) {
+    // no time for a single iteration: the planner moved its last plan on by a step
+    ++info_.late_plans;
+    tick.note(tiller_status_deadline_missed);
+    if (++unrenewed_plans_ > plan_.horizon() / 2) return fail_plan(tick, tiller_status_deadline_missed);
+    return;
+  }
+  unrenewed_plans_ = 0;
+  tick.note(result.status);
+  (void)machine_.on(Event::plan_good);
+}
+
+void Executive::continue_plan(Tick& tick) {
+  if (machine_.state() != tiller_state_active) return;  // HOLD answers with its feedback
+  const std::uint32_t step = plan_.step_at(tick.now_us);
+  if (step >= plan_.horizon()) return fail_plan(tick, tick.status);
+  std::copy(plan_.step(step), plan_.step(step) + config_.model->input_count, tick.wanted);
+}
+
+void Executive::fail_plan(Tick& tick, tiller_status_t why) {
+  ++info_.plan_failures;
+  tick.note(why);
+  (void)machine_.on(Event::plan_failed, why);
+}
+
+Deadline Executive::deadline(const Tick& tick) {
+  Deadline deadline;
+  deadline.hooks = &hooks_;
+  deadline.iterations = config_.planner.iterations;
+  if (forced_iterations_ != kNotForced) {
+    // a replay: the clock of the recording has already decided
+    deadline.iterations = forced_iterations_;
+  } else if (has_clock() && config_.planner.deadline_us > 0) {
+    deadline.deadline_ns = tick.start_ns + std::int64_t{config_.planner.deadline_us} * 1000;
+  }
+  return deadline;
+}
+
+/// u = -K (x - target), with differences of angles wrapped.
+void Executive::hold_command(double* command) const {
+  const tiller_model_t& model = *config_.model;
+  for (std::uint32_t i = 0; i < model.input_count; ++i) {
+    command[i] = 0.0;
+    for (std::uint32_t x = 0; x < model.state_count; ++x) {
+      const double gain = config_.safety.hold_gain[i * TILLER_MAX_STATES + x];
+      // a state without a gain has no say, not even by being infinite
+      if (gain != 0.0)
+        command[i] -= gain * state_difference(model, x, info_.state_mean[x], config_.cost.target[x]);
+    }
+  }
+}
+
+void Executive::count_hold(Tick& tick) {
+  hold_ticks_ = machine_.state() == tiller_state_hold ? hold_ticks_ + 1 : 0;
+  const std::uint32_t most = config_.safety.hold_ticks_to_safe;
+  if (most > 0 && hold_ticks_ >= most) (void)machine_.on(Event::hold_expired, tick.status);
+}
+
+// ---- gate ------------------------------------------------------------------------------------------------
+
+void Executive::gate(Tick& tick, tiller_command_t& command) {
+  double hold[TILLER_MAX_INPUTS] = {};
+  command = tiller_command_t{};
+  if (moving()) {
+    hold_command(hold);
+    const double* wanted = machine_.state() == tiller_state_hold ? hold : tick.wanted;
+    tick.note(gate_.pass(wanted, hold, tick.elapsed_s, command.value));
+  } else {
+    gate_.send_safe(command.value);
+  }
+  if (machine_.first_fault() != tiller_status_ok) {
+    // HOLD and SAFE: what led there is why the command is what it is
+    tick.status = machine_.first_fault();
+  }
+  command.stamp_us = tick.now_us;
+  command.sequence = sequence_;
+  command.state = machine_.state();
+  timeline_.push(takes_hold_us(tick), command.value);
+  info_.gate_cuts = gate_.cuts();
+  info_.gate_rejections = gate_.rejections();
+}
+
+/// Never before now: a latency that has run out already, or that the caller does not know, ends with the
+/// tick.
+std::int64_t Executive::takes_hold_us(const Tick& tick) const {
+  std::int64_t at_us = 0;
+  return __builtin_add_overflow(tick.now_us, answer_us_, &at_us) ? tick.now_us : at_us;
+}
+
+// ---- record ----------------------------------------------------------------------------------------------
+
+void Executive::record(const Tick& tick, const tiller_command_t& command) {
+  info_.state = machine_.state();
+  info_.status = tick.status;
+  info_.first_fault = machine_.first_fault();
+  info_.planner_iterations = tick.iterations;
+  info_.tick_ns = clock_ns() - tick.start_ns;
+
+  tiller_record_t record{};
+  record.tick = info_.ticks++;
+  record.now_us = tick.now_us;
+  if (tick.measurement) record.measurement = *tick.measurement;
+  record.has_measurement = tick.measurement != nullptr;
+  record.command = command;
+  record.status = tick.status;
+  record.planner_iterations = tick.iterations;
+  record.plan_cost = info_.plan_cost;
+  record.effective_samples = info_.effective_samples;
+  record.noise_scale = info_.noise_scale;
+  record.tick_ns = info_.tick_ns;
+  std::copy(info_.state_mean, info_.state_mean + TILLER_MAX_STATES, record.state_mean);
+  std::copy(info_.param_mean, info_.param_mean + TILLER_MAX_PARAMS, record.param_mean);
+  std::copy(info_.param_sd, info_.param_sd + TILLER_MAX_PARAMS, record.param_sd);
+  recorder_.push(record);
+}
+
+}  // namespace tiller

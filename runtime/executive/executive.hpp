@@ -1,0 +1,133 @@
+#pragma once
+
+#include <cstdint>
+
+#include "core/arena.hpp"
+#include "executive/command_timeline.hpp"
+#include "executive/motion_check.hpp"
+#include "executive/plan_memory.hpp"
+#include "executive/planning_belief.hpp"
+#include "executive/recorder.hpp"
+#include "planners/planner.hpp"
+#include "posterior/posterior.hpp"
+#include "safety/output_gate.hpp"
+#include "safety/sensor_guard.hpp"
+#include "safety/state_machine.hpp"
+
+namespace tiller {
+
+/// One controller: everything between a measurement and a command. It owns nothing but its piece of the
+/// block.
+///
+/// A tick is   sense -> validate -> learn -> plan -> gate -> record.   Each step has its answer to bad input
+/// (docs/safety.md lists them); none of them allocates, blocks, throws or prints.
+class Executive {
+ public:
+  /// Lays out the controller; null while the arena measures. `config` has passed config_check; its model and
+  /// what the hooks point to outlive the controller, the structs themselves are copied.
+  static Executive* lay_out(Arena& arena, const tiller_config_t& config, const tiller_hooks_t* hooks);
+
+  // lifecycle.cpp: what the caller asks for between ticks
+  tiller_status_t arm();
+  tiller_status_t disarm();
+  tiller_status_t stop(tiller_status_t why);
+  tiller_status_t reset();
+  void force_iterations(std::uint32_t iterations) { forced_iterations_ = iterations; }
+
+  // executive.cpp
+  tiller_status_t tick(std::int64_t now_us, const tiller_measurement_t* measurement,
+                       tiller_command_t& command);
+
+  const tiller_config_t& config() const { return config_; }
+  const tiller_info_t& info() const { return info_; }
+  const Posterior& posterior() const { return *posterior_; }
+  const Recorder& recorder() const { return recorder_; }
+  const PlanMemory& plan() const { return plan_; }
+  std::int64_t last_now_us() const { return last_now_us_; }
+
+ private:
+  /// What one tick finds out on its way.
+  struct Tick {
+    std::int64_t now_us = 0;
+    std::int64_t start_ns = 0;
+    const tiller_measurement_t* measurement = nullptr;  // as it came, nullable
+    bool usable = false;                                // new, valid and learned from: a plan can be made
+    double elapsed_s = 0.0;                             // since the tick before
+    double period_s = 0.0;                              // between the last two measurements taken in
+    double wanted[TILLER_MAX_INPUTS] = {};
+    tiller_status_t status = tiller_status_ok;
+    std::uint32_t iterations = 0;
+    bool restarted = false;  // the filters began anew in this tick
+
+    /// The first fault stands, else the first limit: a fault is the better reason for a command.
+    void note(tiller_status_t reason);
+  };
+
+  Executive() = default;
+  friend class Arena;
+
+  // the tick, in order
+  Tick begin_tick(std::int64_t now_us, const tiller_measurement_t* measurement);
+  void sense(Tick& tick);
+  void learn(Tick& tick);
+  void watch_motion(Tick& tick);
+  void plan(Tick& tick);
+  void gate(Tick& tick, tiller_command_t& command);
+  void record(const Tick& tick, const tiller_command_t& command);
+
+  // learn
+  tiller_status_t take_in(Tick& tick);
+  void read_posterior(Tick& tick);
+  // plan
+  void enter_motion();
+  void replan(Tick& tick);
+  void continue_plan(Tick& tick);
+  void fail_plan(Tick& tick, tiller_status_t why);
+  Deadline deadline(const Tick& tick);
+  void hold_command(double* command) const;
+  void count_hold(Tick& tick);
+  // gate
+  std::int64_t takes_hold_us(const Tick& tick) const;
+
+  bool moving() const {
+    return machine_.state() == tiller_state_active || machine_.state() == tiller_state_hold;
+  }
+  bool has_clock() const { return hooks_.now_ns != nullptr; }
+  std::int64_t clock_ns() const { return has_clock() ? hooks_.now_ns(hooks_.context) : 0; }
+
+  // constant after lay_out
+  tiller_config_t config_{};
+  tiller_hooks_t hooks_{};
+  StepSetup setup_;
+  const RolloutTable* table_ = nullptr;
+  const PlannerTable* planner_table_ = nullptr;
+
+  // the parts
+  SensorGuard guard_;
+  StateMachine machine_;
+  OutputGate gate_;
+  Posterior* posterior_ = nullptr;
+  void* planner_ = nullptr;
+  PlanningBelief belief_;
+  PlanMemory plan_;
+  CommandTimeline timeline_;
+  MotionCheck motion_;
+  Recorder recorder_;
+
+  // where it stands
+  tiller_info_t info_{};
+  std::int64_t last_now_us_ = 0;
+  std::int64_t stamp_us_ = 0;   // of the last measurement taken in
+  std::int64_t answer_us_ = 0;  // from now to when a command takes hold, as of the last measurement
+  std::uint32_t sequence_ = 0;  // of the last measurement taken in
+  bool filters_run_ = false;    // stamp_us_ is the start of the next transition
+  bool was_moving_ = false;
+  std::uint32_t hold_ticks_ = 0;
+  std::uint32_t unrenewed_plans_ = 0;  // in a row, by planners that had no time for an iteration
+  static constexpr std::uint32_t kNotForced = 0xffffffffu;
+  std::uint32_t forced_iterations_ = kNotForced;
+  double* history_ = nullptr;      // (delay_steps x nu) scratch
+  float* effect_state_ = nullptr;  // (ns) scratch
+};
+
+}  // namespace tiller

@@ -1,0 +1,72 @@
+#include <cmath>
+
+#include "executive/executive.hpp"
+
+namespace tiller {
+namespace {
+
+GateLimits gate_limits(const tiller_config_t& config) {
+  GateLimits limits;
+  limits.count = config.model->input_count;
+  limits.period_s = config.period_s;
+  for (std::uint32_t i = 0; i < limits.count; ++i) {
+    limits.low[i] = config.safety.input_low[i];
+    limits.high[i] = config.safety.input_high[i];
+    limits.rate_per_s[i] = config.safety.input_rate_per_s[i];
+    limits.safe_command[i] = config.safety.safe_command[i];
+  }
+  return limits;
+}
+
+SensorLimits sensor_limits(const tiller_config_t& config) {
+  SensorLimits limits;
+  limits.count = config.measurement_count;
+  for (std::uint32_t i = 0; i < limits.count; ++i) {
+    limits.low[i] = config.safety.measurement_low[i];
+    limits.high[i] = config.safety.measurement_high[i];
+    limits.rate_per_s[i] = config.safety.measurement_rate_per_s[i];
+    if ((config.model->angle_mask >> config.measured_state[i]) & 1u) limits.angle_mask |= 1u << i;
+  }
+  limits.timeout_us = std::llround(config.safety.sensor_timeout_s * 1e6);
+  limits.ahead_us = std::llround(config.period_s * 1e6);
+  limits.frozen_ticks = config.safety.frozen_ticks;
+  limits.bad_ticks_to_safe = config.safety.bad_ticks_to_safe;
+  return limits;
+}
+
+}  // namespace
+
+Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const tiller_hooks_t* hooks) {
+  Executive* placed = arena.take<Executive>(1);
+  // while measuring, a stand-in on the stack takes the pointers: both runs pass through the same lines below
+  Executive stand_in;
+  Executive& self = placed ? *placed : stand_in;
+  self.config_ = config;
+  if (hooks) self.hooks_ = *hooks;
+  if (make_step_setup(self.config_, self.setup_) != tiller_status_ok) return nullptr;
+  self.table_ = &select_rollout(*config.model);
+  self.planner_table_ = find_planner(config.planner.kind);
+  if (self.planner_table_ == nullptr) return nullptr;
+
+  self.guard_ = SensorGuard(sensor_limits(config));
+  self.gate_ = OutputGate(gate_limits(config));
+  self.posterior_ = Posterior::lay_out(arena, self.config_, self.setup_, *self.table_, &self.hooks_);
+  self.planner_ = self.planner_table_->lay_out(arena, self.config_, self.setup_, *self.table_, &self.hooks_);
+  self.belief_.lay_out(arena, self.config_, self.setup_, *self.table_);
+  self.plan_.lay_out(arena, self.config_);
+  self.timeline_.lay_out(arena, config.model->input_count);
+  self.motion_.lay_out(arena, self.config_, self.setup_, *self.table_);
+  self.recorder_.lay_out(arena, self.config_);
+  self.history_ = arena.take<double>(std::size_t{self.setup_.delay_steps} * config.model->input_count);
+  self.effect_state_ = arena.take<float>(self.setup_.effect_state_count);
+  if (placed == nullptr) return nullptr;
+
+  self.posterior_->reset();
+  self.planner_table_->reset(self.planner_);
+  self.info_.effective_samples = self.posterior_->effective_samples();
+  self.info_.noise_scale = self.posterior_->noise_scale();
+  self.posterior_->moments(self.info_.param_mean, self.info_.param_sd, nullptr, nullptr);
+  return placed;
+}
+
+}  // namespace tiller

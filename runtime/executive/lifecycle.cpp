@@ -1,0 +1,44 @@
+#include "executive/executive.hpp"
+
+namespace tiller {
+
+tiller_status_t Executive::arm() {
+  const tiller_status_t status = machine_.on(Event::arm);
+  if (status == tiller_status_ok) recorder_.note_call(tiller_call_arm);
+  return status;
+}
+
+tiller_status_t Executive::disarm() {
+  const tiller_status_t status = machine_.on(Event::disarm);
+  if (status != tiller_status_ok) return status;
+  recorder_.note_call(tiller_call_disarm);
+  info_.state = machine_.state();
+  info_.first_fault = machine_.first_fault();
+  return status;
+}
+
+tiller_status_t Executive::stop(tiller_status_t why) {
+  const tiller_status_t reason = why == tiller_status_ok ? tiller_status_stopped : why;
+  const tiller_status_t status = machine_.on(Event::stop, reason);
+  recorder_.note_call(tiller_call_stop);
+  info_.state = machine_.state();
+  info_.first_fault = machine_.first_fault();
+  return status;
+}
+
+tiller_status_t Executive::reset() {
+  const tiller_status_t status = machine_.on(Event::reset);
+  if (status != tiller_status_ok) return status;
+  recorder_.note_call(tiller_call_reset);
+  guard_.restart();
+  motion_.clear();
+  plan_.clear();
+  filters_run_ = false;
+  hold_ticks_ = 0;
+  unrenewed_plans_ = 0;
+  info_.state = machine_.state();
+  info_.first_fault = machine_.first_fault();
+  return status;
+}
+
+}  // namespace tiller
