@@ -1,0 +1,77 @@
+#pragma once
+
+#include <cstdint>
+
+#include "scalar/isa.hpp"
+
+namespace tiller {
+
+/// Rows of the upper triangle of an n x n matrix, row by row: (0,0) (0,1) .. (0,n-1) (1,1) ..
+constexpr std::uint32_t triangle_rows(std::uint32_t n) { return n * (n + 1) / 2; }
+/// Row of element (r, c), r <= c.
+constexpr std::uint32_t triangle_row(std::uint32_t n, std::uint32_t r, std::uint32_t c) {
+  return r * n - r * (r + 1) / 2 + c;
+}
+
+/// Smallest innovation variance: far below any sensor's, far above what rounding leaves of a sum that cancels.
+constexpr double kVarianceFloor = 1e-24;
+
+/// P' = A P A^T + diag(q) in lanes. Every array is rows of lanes with a stride of its own; covariances hold their
+/// upper triangle only, so they are symmetric by construction.
+struct PredictJob {
+  std::uint32_t nx = 0;
+  std::uint32_t lanes = 0;             // a multiple of 16
+  const double* a = nullptr;           // (nx * nx), row r * nx + c
+  std::uint32_t a_stride = 0;
+  const double* covariance = nullptr;  // (triangle)
+  std::uint32_t covariance_stride = 0;
+  const double* process_variance = nullptr;  // (nx) of this period
+  double* predicted = nullptr;         // (triangle); may alias `covariance`
+  std::uint32_t predicted_stride = 0;
+};
+
+/// Where a filter stands in memory, in lanes.
+struct FilterRows {
+  double* state = nullptr;         // (nx)
+  double* covariance = nullptr;    // (triangle)
+  double* effect_state = nullptr;  // (ns)
+  std::uint32_t stride = 0;
+};
+
+/// Scalar measurement updates one after the other. Lanes whose result is not finite keep the filter that they had
+/// in `to` and get an infinite squared error; all others are written to `to`.
+struct CorrectJob {
+  std::uint32_t nx = 0, ns = 0, ny = 0;
+  std::uint32_t lanes = 0;              // a multiple of 16
+  std::uint32_t angle_mask = 0;         // states whose innovation wraps to +-pi
+  const std::uint8_t* measured_state = nullptr;  // (ny)
+  const double* measured = nullptr;     // (ny), NaN: missing
+  const double* variance = nullptr;     // (ny)
+  FilterRows from;                      // predicted
+  FilterRows to;
+  double* squared_error = nullptr;      // (lanes) += innovation^2 / its variance
+  double* log_variance = nullptr;       // (lanes) += log of the innovation's variance
+  double* normalised = nullptr;         // (ny x lanes) innovation / its deviation, 0 if missing; nullable
+};
+
+struct WeighResult {
+  double largest = 0.0;            // of the logits
+  double sum = 0.0;                // of exp(logit - largest)
+  double effective_samples = 0.0;  // (sum w)^2 / sum w^2; 0 if no logit is finite
+};
+
+/// The loops over particles that are compiled per instruction set.
+struct FilterTable {
+  Isa isa = Isa::scalar;
+  void (*predict)(const PredictJob& job) = nullptr;
+  void (*correct)(const CorrectJob& job) = nullptr;
+  /// logit_i = base_i + exponent * gain_i; writes exp(logit_i - largest) to `weight` unless it is null.
+  /// n is a multiple of 16; gain is finite everywhere, base may be -infinity.
+  WeighResult (*weigh)(std::uint32_t n, const double* base, const double* gain, double exponent,
+                       double* weight) = nullptr;
+};
+
+/// The copy for this processor (best_isa).
+const FilterTable& filter_table();
+
+}  // namespace tiller

@@ -1,0 +1,174 @@
+// The extended Kalman filter's algebra with one particle per lane. Compiled once per instruction set.
+//
+// A particle's 4 x 4 algebra is too small for a matrix library and too short for SIMD inside one matrix; across
+// particles every operation is the same, so each matrix element becomes a register of lanes.
+
+#include "posterior/filter_lanes.hpp"
+#include "scalar/pack.hpp"
+#include "tiller/model.h"
+
+TILLER_ISA_NAMESPACE_BEGIN
+
+namespace {
+
+using P = Pack<double>;
+constexpr std::uint32_t kMaxStates = TILLER_MAX_STATES;
+constexpr std::uint32_t kMaxTriangle = triangle_rows(kMaxStates);
+
+/// The number of states as a constant where it is common (the compiler then keeps the loops in registers), else
+/// as a variable.
+template <std::uint32_t N>
+struct Count {
+  constexpr explicit Count(std::uint32_t) {}
+  constexpr operator std::uint32_t() const { return N; }
+};
+template <>
+struct Count<0> {
+  std::uint32_t n;
+  explicit Count(std::uint32_t count) : n(count) {}
+  operator std::uint32_t() const { return n; }
+};
+
+template <std::uint32_t N>
+void predict_lanes(const PredictJob& job) {
+  const Count<N> nx(job.nx);
+  constexpr std::uint32_t max = N ? N : kMaxStates;
+  for (std::uint32_t lane = 0; lane < job.lanes; lane += P::width) {
+    P p[max * max], a[max * max];
+    for (std::uint32_t r = 0; r < nx; ++r)
+      for (std::uint32_t c = r; c < nx; ++c)
+        p[r * nx + c] = p[c * nx + r] =
+            P::load(job.covariance + triangle_row(nx, r, c) * job.covariance_stride + lane);
+    for (std::uint32_t i = 0; i < nx * nx; ++i) a[i] = P::load(job.a + i * job.a_stride + lane);
+    for (std::uint32_t r = 0; r < nx; ++r) {
+      P ap[max];  // row r of A P
+      for (std::uint32_t c = 0; c < nx; ++c) {
+        P sum = a[r * nx] * p[c];
+        for (std::uint32_t k = 1; k < nx; ++k) sum = fma(a[r * nx + k], p[k * nx + c], sum);
+        ap[c] = sum;
+      }
+      for (std::uint32_t c = r; c < nx; ++c) {
+        P sum = c == r ? P(job.process_variance[r]) : P(0.0);
+        for (std::uint32_t k = 0; k < nx; ++k) sum = fma(ap[k], a[c * nx + k], sum);
+        sum.store(job.predicted + triangle_row(nx, r, c) * job.predicted_stride + lane);
+      }
+    }
+  }
+}
+
+P wrap_to_pi(const P& angle) {
+  constexpr double kTurn = 6.283185307179586476925;
+  return angle - P(kTurn) * nearest(angle * P(1.0 / kTurn));
+}
+
+/// Rounding may take a variance that the data have made tiny below zero; a zero is harmless, a negative one is not.
+/// (NaN stays NaN: max gives its second argument then.)
+P not_negative(const P& variance) { return max(P(0.0), variance); }
+
+template <std::uint32_t N>
+void correct_lanes(const CorrectJob& job) {
+  const Count<N> nx(job.nx);
+  constexpr std::uint32_t max_states = N ? N : kMaxStates;
+  constexpr std::uint32_t max_triangle = N ? triangle_rows(N) : kMaxTriangle;
+  const std::uint32_t rows = triangle_rows(nx);
+  for (std::uint32_t lane = 0; lane < job.lanes; lane += P::width) {
+    P x[max_states], p[max_triangle];
+    for (std::uint32_t i = 0; i < nx; ++i) x[i] = P::load(job.from.state + i * job.from.stride + lane);
+    for (std::uint32_t i = 0; i < rows; ++i) p[i] = P::load(job.from.covariance + i * job.from.stride + lane);
+    P squared = P::load(job.squared_error + lane), logs = P::load(job.log_variance + lane);
+
+    for (std::uint32_t k = 0; k < job.ny; ++k) {
+      const bool missing = !(job.measured[k] == job.measured[k]);
+      if (missing) {
+        if (job.normalised) P(0.0).store(job.normalised + k * job.lanes + lane);
+        continue;
+      }
+      const std::uint32_t m = job.measured_state[k];
+      P innovation = P(job.measured[k]) - x[m];
+      if (job.angle_mask >> m & 1u) innovation = wrap_to_pi(innovation);
+      P column[max_states];  // P h^T
+      for (std::uint32_t i = 0; i < nx; ++i) column[i] = p[i < m ? triangle_row(nx, i, m) : triangle_row(nx, m, i)];
+      const P variance = max(P(kVarianceFloor), column[m] + P(job.variance[k]));
+      const P inverse = P(1.0) / variance;
+      for (std::uint32_t r = 0; r < nx; ++r) {
+        const P gain = column[r] * inverse;
+        x[r] = fma(gain, innovation, x[r]);
+        for (std::uint32_t c = r; c < nx; ++c) {
+          P& element = p[triangle_row(nx, r, c)];
+          element = element - gain * column[c];
+          if (c == r) element = not_negative(element);
+        }
+      }
+      squared += innovation * innovation * inverse;
+      logs += log(variance);
+      if (job.normalised) (innovation * sqrt(inverse)).store(job.normalised + k * job.lanes + lane);
+    }
+
+    // a sum is finite only if all of its terms are: one test for the lane
+    P sum = squared + logs;
+    for (std::uint32_t i = 0; i < nx; ++i) sum += x[i];
+    for (std::uint32_t i = 0; i < rows; ++i) sum += p[i];
+    P effect[TILLER_MAX_EFFECT_STATES];
+    for (std::uint32_t i = 0; i < job.ns; ++i) {
+      effect[i] = P::load(job.from.effect_state + i * job.from.stride + lane);
+      sum += effect[i];
+    }
+    const auto finite = (sum - sum) == P(0.0);
+    auto keep = [&](double* to, const P& value) { select(finite, value, P::load(to)).store(to); };
+    for (std::uint32_t i = 0; i < nx; ++i) keep(job.to.state + i * job.to.stride + lane, x[i]);
+    for (std::uint32_t i = 0; i < rows; ++i) keep(job.to.covariance + i * job.to.stride + lane, p[i]);
+    for (std::uint32_t i = 0; i < job.ns; ++i) keep(job.to.effect_state + i * job.to.stride + lane, effect[i]);
+    select(finite, squared, P(__builtin_huge_val())).store(job.squared_error + lane);
+    select(finite, logs, P(0.0)).store(job.log_variance + lane);
+  }
+}
+
+void predict(const PredictJob& job) {
+  switch (job.nx) {
+    case 2: return predict_lanes<2>(job);
+    case 4: return predict_lanes<4>(job);
+    default: return predict_lanes<0>(job);
+  }
+}
+
+void correct(const CorrectJob& job) {
+  switch (job.nx) {
+    case 2: return correct_lanes<2>(job);
+    case 4: return correct_lanes<4>(job);
+    default: return correct_lanes<0>(job);
+  }
+}
+
+WeighResult weigh(std::uint32_t n, const double* base, const double* gain, double exponent, double* weight) {
+  const P power(exponent);
+  P top(-__builtin_huge_val());
+  for (std::uint32_t i = 0; i < n; i += P::width)
+    top = max(fma(power, P::load(gain + i), P::load(base + i)), top);
+  WeighResult result;
+  result.largest = top.lane(0);
+  for (int i = 1; i < P::width; ++i)
+    if (top.lane(i) > result.largest) result.largest = top.lane(i);
+  if (!(result.largest > -__builtin_huge_val() && result.largest < __builtin_huge_val())) return result;
+
+  const P largest(result.largest), lowest(-700.0);  // exp of less underflows to denormals, which are slow
+  P sum(0.0), squares(0.0);
+  for (std::uint32_t i = 0; i < n; i += P::width) {
+    const P logit = fma(power, P::load(gain + i), P::load(base + i)) - largest;
+    const P w = select(logit > lowest, exp(max(logit, lowest)), P(0.0));
+    sum += w;
+    squares = fma(w, w, squares);
+    if (weight) w.store(weight + i);
+  }
+  result.sum = reduce_add(sum);
+  result.effective_samples = result.sum * result.sum / reduce_add(squares);
+  return result;
+}
+
+}  // namespace
+
+const FilterTable& filter_copy() {
+  static const FilterTable table = {Isa::TILLER_COMPILE_ISA, predict, correct, weigh};
+  return table;
+}
+
+TILLER_ISA_NAMESPACE_END

@@ -1,0 +1,65 @@
+#include "posterior/prior.hpp"
+
+#include <cmath>
+#include <limits>
+
+namespace tiller {
+
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+bool is_log(const tiller_prior_t& prior) { return prior.kind == tiller_prior_log_normal; }
+
+/// The normal in the coordinate.
+double centre(const tiller_prior_t& prior) { return is_log(prior) ? std::log(prior.a) : prior.a; }
+
+/// Area of the standard normal above z.
+double upper_tail(double z) { return 0.5 * std::erfc(z * 0.70710678118654752440); }
+
+/// z in [low, high] below which lies the share u of the normal cut to [low, high]. Works with upper tails, and
+/// mirrors intervals that lie left of the middle, so that no difference of numbers near one is taken.
+double cut_normal_quantile(double low, double high, double u) {
+  if (low + high < 0.0) return -cut_normal_quantile(-high, -low, 1.0 - u);
+  // beyond 30 deviations the tail is below any double that matters
+  double left = std::fmax(low, -30.0), right = std::fmin(high, std::fmax(30.0, left));
+  const double above_low = upper_tail(left), above_high = upper_tail(right);
+  const double target = above_low + u * (above_high - above_low);
+  for (int i = 0; i < 64; ++i) {
+    const double middle = 0.5 * (left + right);
+    (upper_tail(middle) > target ? left : right) = middle;
+  }
+  return 0.5 * (left + right);
+}
+
+}  // namespace
+
+double to_coordinate(const tiller_prior_t& prior, double value) { return is_log(prior) ? std::log(value) : value; }
+
+double from_coordinate(const tiller_prior_t& prior, double coordinate) {
+  return is_log(prior) ? std::exp(coordinate) : coordinate;
+}
+
+double coordinate_low(const tiller_prior_t& prior) {
+  if (is_log(prior)) return prior.low > 0.0 ? std::log(prior.low) : -kInfinity;
+  return prior.low;
+}
+
+double coordinate_high(const tiller_prior_t& prior) { return is_log(prior) ? std::log(prior.high) : prior.high; }
+
+double log_prior(const tiller_prior_t& prior, double coordinate) {
+  if (!(coordinate >= coordinate_low(prior) && coordinate <= coordinate_high(prior))) return -kInfinity;
+  if (prior.kind == tiller_prior_fixed || prior.kind == tiller_prior_uniform) return 0.0;
+  const double z = (coordinate - centre(prior)) / prior.b;
+  return -0.5 * z * z;
+}
+
+double prior_quantile(const tiller_prior_t& prior, double u) {
+  if (prior.kind == tiller_prior_fixed) return prior.a;
+  if (prior.kind == tiller_prior_uniform) return prior.low + u * (prior.high - prior.low);
+  const double low = (coordinate_low(prior) - centre(prior)) / prior.b;
+  const double high = (coordinate_high(prior) - centre(prior)) / prior.b;
+  return centre(prior) + prior.b * cut_normal_quantile(low, high, u);
+}
+
+}  // namespace tiller
