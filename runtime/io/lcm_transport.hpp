@@ -1,0 +1,60 @@
+#pragma once
+
+#include <cstdint>
+
+#include "io/open_error.hpp"
+#include "io/sequence_gate.hpp"
+#include "tiller/transport.h"
+
+struct _lcm_t;
+
+namespace tiller {
+
+/// Messages over LCM (UDP multicast): channels <prefix>MEASUREMENT, <prefix>COMMAND, <prefix>TELEMETRY with
+/// the types of runtime/io/lcm. docs/lcm.md is the plant's view.
+struct LcmOptions {
+  const char* url = "udpm://239.255.76.67:7667?ttl=0";  ///< ttl=0 keeps messages on this machine
+  const char* channel_prefix = "TILLER_";               ///< letters, digits, _ and -; at most 40 characters
+  std::uint32_t measurement_count = 0;                  ///< ny; messages with another count are refused
+  std::uint32_t input_count = 0;                        ///< nu
+  /// A message that waited longer than this between its arrival and poll is refused: the runtime was stopped
+  /// or starved, and what it reads is the past. 0: never.
+  std::int64_t max_wait_us = 500000;
+  /// Replace the plant's stamp by this machine's monotonic clock at poll: for plants with a clock of their
+  /// own.
+  bool stamp_on_arrival = false;
+};
+
+/// Owned by the caller, filled by lcm_transport_open. One thread at a time; liblcm's own thread reads the
+/// socket.
+struct LcmTransport {
+  static constexpr std::uint32_t kMaxPrefix = 40;
+
+  _lcm_t* lcm = nullptr;
+  LcmOptions options;  // its strings are not kept
+  char command_channel[kMaxPrefix + 16] = "";
+  char telemetry_channel[kMaxPrefix + 16] = "";
+  SequenceGate gate;
+  bool has_new = false;
+  tiller_measurement_t newest{};
+  tiller_transport_counters_t counters{};
+  /// Why a message was last refused (a literal), for a tool's report; null if none was.
+  const char* refusal = nullptr;
+};
+
+extern const tiller_transport_t kLcmTransport;
+
+/// Joins the multicast group and subscribes. Takes milliseconds; seconds where multicast does not work.
+[[nodiscard]] tiller_status_t lcm_transport_open(LcmTransport* transport, const LcmOptions& options,
+                                                 OpenError* error);
+
+/// What the controller says of itself, for whoever listens. Cost: one encode of 600 bytes and one sendmsg.
+tiller_status_t lcm_send_telemetry(LcmTransport* transport, std::int64_t stamp_us, const tiller_info_t& info,
+                                   std::uint32_t state_count, std::uint32_t param_count);
+
+/// Takes one encoded measurement, as the subscription does: any bytes, any length. `waited_us` is the time
+/// since its arrival. True if it is now the newest one.
+bool lcm_take_measurement(LcmTransport* transport, const void* data, std::uint32_t size,
+                          std::int64_t waited_us);
+
+}  // namespace tiller
