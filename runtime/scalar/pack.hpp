@@ -84,7 +84,8 @@ struct Pack {
   friend Mask operator>(const Pack& a, const Pack& b) { return {a.v > b.v}; }
   friend Mask operator>=(const Pack& a, const Pack& b) { return {a.v >= b.v}; }
   friend Mask operator==(const Pack& a, const Pack& b) { return {a.v == b.v}; }
-  friend Mask operator!=(const Pack& a, const Pack& b) { return {a.v != b.v}; }
+  // not xsimd's !=: its AVX copies are ordered comparisons, false for NaN != NaN (8.1)
+  friend Mask operator!=(const Pack& a, const Pack& b) { return {!(a.v == b.v)}; }
 #else
   static Pack load(const T* p) { return Register<T>(*p); }
   void store(T* p) const { *p = v.v; }
