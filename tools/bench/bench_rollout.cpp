@@ -1,15 +1,14 @@
 // ./dev bench rollout: the kernel against the same template in plain double, in one process.
 //
-// Times are the median of interleaved rounds: on a shared machine a ratio of medians taken in turn holds where two
-// absolute times do not. Rows whose goal is missed say so.
+// Goals: 25x (AVX-512) and 12x (AVX2) over plain double, and 0.65 and 1.3 ns per rollout-step with stage cost.
 
-#include <algorithm>
-#include <chrono>
+#include <cmath>
 #include <cstdio>
-#include <cstring>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "bench_table.hpp"
 #include "models/cart_pole.hpp"
 #include "rollout/rollout.hpp"
 #include "rollout/step.hpp"
@@ -19,7 +18,7 @@ namespace {
 using namespace tiller;
 
 constexpr std::uint32_t kRollouts = 1536, kHorizon = 50;
-constexpr int kRounds = 41;
+constexpr double kSteps = double(kRollouts) * kHorizon;
 
 tiller_config_t cart_pole_config(tiller_integrator_t integrator) {
   tiller_config_t c{};
@@ -88,116 +87,92 @@ double plain_double(const Batch<double>& b, tiller_integrator_t integrator) {
   return total;
 }
 
-double seconds(const std::chrono::steady_clock::time_point& since) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
-}
-double median(std::vector<double> v) {
-  std::sort(v.begin(), v.end());
-  return v[v.size() / 2];
-}
-
-struct Row {
-  std::string what;
-  double ns;        // per rollout-step
-  double ratio;     // plain double over this
-  double ns_goal;   // 0: none
-  double ratio_goal;
+struct Case {
+  const char* name;
+  std::vector<tiller_effect_t> effects;
+};
+const Case kCases[] = {
+    {"none", {}},
+    {"viscous friction (cart)", {{tiller_effect_viscous_friction, 0}}},
+    {"viscous + Coulomb (cart)", {{tiller_effect_viscous_friction, 0}, {tiller_effect_coulomb_friction, 0}}},
+    {"viscous + Coulomb (cart), lag, delay",
+     {{tiller_effect_viscous_friction, 0}, {tiller_effect_coulomb_friction, 0}, {tiller_effect_actuator_lag, 0},
+      {tiller_effect_input_delay, 0}}},
 };
 
-void print(const Row& r) {
-  std::string verdict = "-";
-  if (r.ratio_goal > 0 || r.ns_goal > 0)
-    verdict = (r.ratio_goal <= 0 || r.ratio >= r.ratio_goal) && (r.ns_goal <= 0 || r.ns <= r.ns_goal) ? "met" : "short";
-  char goal[64] = "-";
-  if (r.ratio_goal > 0) std::snprintf(goal, sizeof goal, ">= %.0fx", r.ratio_goal);
-  if (r.ns_goal > 0) {
-    const std::size_t n = std::strlen(goal);
-    std::snprintf(goal + n, sizeof goal - n, " <= %.2f ns", r.ns_goal);
-  }
-  std::printf("%-52s %8.3f ns %8.1fx   goal %-20s %s\n", r.what.c_str(), r.ns, r.ratio, goal, verdict.c_str());
+struct Integration {
+  const char* name;
+  tiller_integrator_t integrator;
+  double avx512_ns, avx2_ns;  // goals
+};
+const Integration kIntegrations[] = {
+    {"semi-implicit Euler", tiller_integrator_semi_implicit_euler, 0.65, 1.3},
+    {"RK4", tiller_integrator_rk4, 2.6, 5.0},
+};
+
+std::vector<Isa> isas() {
+  std::vector<Isa> all;
+  for (int i = 0; i < kIsaCount; ++i)
+    if (has_isa(static_cast<Isa>(i))) all.push_back(static_cast<Isa>(i));
+  return all;
 }
 
-void compare(tiller_integrator_t integrator, const char* name) {
-  const tiller_config_t config = cart_pole_config(integrator);
-  Batch<double> plain(config);
-  Batch<float> lanes(config);
-  std::vector<Isa> isas;
-  for (int i = 0; i < kIsaCount; ++i)
-    if (has_isa(static_cast<Isa>(i))) isas.push_back(static_cast<Isa>(i));
-  std::vector<double> plain_s;
-  std::vector<std::vector<double>> lane_s(isas.size());
-  const double steps = double(kRollouts) * kHorizon;
-  volatile double keep = 0.0;
-  for (int round = 0; round < kRounds; ++round) {
-    auto start = std::chrono::steady_clock::now();
-    keep = plain_double(plain, integrator);
-    plain_s.push_back(seconds(start));
-    for (std::size_t i = 0; i < isas.size(); ++i) {
-      const RolloutTable& table = select_rollout(*config.model, isas[i]);
-      table.rollout_f32(*config.model, lanes.job);
-      start = std::chrono::steady_clock::now();
-      for (int n = 0; n < 4; ++n) table.rollout_f32(*config.model, lanes.job);
-      lane_s[i].push_back(seconds(start) / 4);
+}  // namespace
+
+int main(int argc, char** argv) {
+  bench::Table table;
+  for (const Integration& way : kIntegrations) {
+    const tiller_config_t config = cart_pole_config(way.integrator);
+    auto plain = std::make_shared<Batch<double>>(config);
+    table.add(std::string(way.name) + "/plain", [plain, way](benchmark::State& state) {
+      for (auto _ : state) benchmark::DoNotOptimize(plain_double(*plain, way.integrator));
+    });
+    for (Isa isa : isas()) {
+      auto lanes = std::make_shared<Batch<float>>(config);
+      table.add(std::string(way.name) + "/" + isa_name(isa), [lanes, config, isa](benchmark::State& state) {
+        const RolloutTable& rollouts = select_rollout(*config.model, isa);
+        for (auto _ : state) rollouts.rollout_f32(*config.model, lanes->job);
+        benchmark::DoNotOptimize(lanes->cost[0]);
+      });
     }
   }
-  (void)keep;
-  double mean = 0.0;
-  for (float c : lanes.cost) mean += double(c);
-  std::printf("\ncart-pole, %s, stage cost, N=%u, K=%u (sum of costs: double %.6g, lanes %.6g)\n", name, kHorizon, kRollouts,
-              plain_double(plain, integrator), mean);
-  const double base = median(plain_s);
-  print({"same template, one double at a time, libm", base / steps * 1e9, 1.0, 0, 0});
-  for (std::size_t i = 0; i < isas.size(); ++i) {
-    const double t = median(lane_s[i]);
-    const bool euler = integrator == tiller_integrator_semi_implicit_euler;
-    double ratio_goal = 0, ns_goal = 0;
-    if (isas[i] == Isa::avx512) ratio_goal = euler ? 25 : 0, ns_goal = euler ? 0.65 : 2.6;
-    if (isas[i] == Isa::avx2) ratio_goal = euler ? 12 : 0, ns_goal = euler ? 1.3 : 5.0;
-    print({std::string("f32 lanes, ") + isa_name(isas[i]), t / steps * 1e9, base / t, ns_goal, ratio_goal});
-  }
-}
-
-void effects_cost() {
-  std::printf("\ncost of effects (best instruction set, semi-implicit Euler, f32)\n");
-  struct Case {
-    const char* name;
-    std::vector<tiller_effect_t> effects;
-  };
-  const Case cases[] = {
-      {"none", {}},
-      {"viscous friction (cart)", {{tiller_effect_viscous_friction, 0}}},
-      {"viscous + Coulomb (cart)", {{tiller_effect_viscous_friction, 0}, {tiller_effect_coulomb_friction, 0}}},
-      {"viscous + Coulomb (cart), lag, delay",
-       {{tiller_effect_viscous_friction, 0}, {tiller_effect_coulomb_friction, 0}, {tiller_effect_actuator_lag, 0},
-        {tiller_effect_input_delay, 0}}},
-  };
-  double bare = 0.0;
-  for (const Case& c : cases) {
+  for (const Case& c : kCases) {
     tiller_config_t config = cart_pole_config(tiller_integrator_semi_implicit_euler);
     config.effect_count = static_cast<std::uint32_t>(c.effects.size());
     for (std::size_t i = 0; i < c.effects.size(); ++i) config.effects[i] = c.effects[i];
     config.param_count = 3 + config.effect_count;
     for (tiller_prior_t& p : config.priors) p = {tiller_prior_uniform, 0, 0, 0, 0, 0.05};
-    Batch<float> lanes(config);
-    const RolloutTable& table = select_rollout(*config.model);
-    std::vector<double> times;
-    for (int round = 0; round < kRounds; ++round) {
-      const auto start = std::chrono::steady_clock::now();
-      table.rollout_f32(*config.model, lanes.job);
-      times.push_back(seconds(start));
-    }
-    const double ns = median(times) / (double(kRollouts) * kHorizon) * 1e9;
-    if (bare == 0.0) bare = ns;
-    std::printf("%-52s %8.3f ns %8.1fx the bare step\n", c.name, ns, ns / bare);
+    auto lanes = std::make_shared<Batch<float>>(config);
+    table.add(std::string("effects/") + c.name, [lanes, config](benchmark::State& state) {
+      const RolloutTable& rollouts = select_rollout(*config.model);
+      for (auto _ : state) rollouts.rollout_f32(*config.model, lanes->job);
+      benchmark::DoNotOptimize(lanes->cost[0]);
+    });
   }
-}
+  table.run(argc, argv);
 
-}  // namespace
-
-int main() {
-  std::printf("instruction set in use: %s\n", isa_name(best_isa()));
-  compare(tiller_integrator_semi_implicit_euler, "semi-implicit Euler");
-  compare(tiller_integrator_rk4, "RK4");
-  effects_cost();
-  return 0;
+  std::printf("instruction set in use: %s; cart-pole, N=%u, K=%u, stage cost, f32 lanes\n", isa_name(best_isa()), kHorizon,
+              kRollouts);
+  for (const Integration& way : kIntegrations) {
+    const double plain = table.seconds(std::string(way.name) + "/plain");
+    table.heading(std::string(way.name) + ": per rollout-step, and against the same template in plain double with libm");
+    table.row("plain double", plain / kSteps * 1e9, "ns");
+    for (Isa isa : isas()) {
+      const bool euler = way.integrator == tiller_integrator_semi_implicit_euler;
+      const double t = table.seconds(std::string(way.name) + "/" + isa_name(isa));
+      bench::Goal ns, ratio;
+      if (isa == Isa::avx512) ns = bench::at_most(way.avx512_ns), ratio = bench::at_least(25);
+      if (isa == Isa::avx2) ns = bench::at_most(way.avx2_ns), ratio = bench::at_least(12);
+      table.row(std::string(isa_name(isa)) + ", time", t / kSteps * 1e9, "ns", ns);
+      table.row(std::string(isa_name(isa)) + ", speed-up", plain / t, "x", euler ? ratio : bench::Goal{});
+    }
+  }
+  table.heading("cost of effects (semi-implicit Euler, instruction set in use), against none");
+  const double bare = table.seconds(std::string("effects/") + kCases[0].name);
+  for (const Case& c : kCases) {
+    const double t = table.seconds(std::string("effects/") + c.name);
+    table.row(c.name, t / kSteps * 1e9, "ns");
+    table.row(std::string(c.name) + ", ratio", t / bare, "x");
+  }
+  return table.finish();
 }
