@@ -62,6 +62,7 @@ body { margin: 0 auto; padding: 20px clamp(12px, 3vw, 40px) 48px; max-width: 150
   color: #22262b; font: 16px/1.5 system-ui, -apple-system, "Segoe UI", "DejaVu Sans", sans-serif; }
 h1 { font-size: clamp(22px, 3vw, 32px); line-height: 1.2; margin: 0 0 4px; }
 h2 { font-size: 19px; margin: 34px 0 8px; }
+h3 { font-size: 15px; margin: 0 0 2px; }
 p { max-width: 80ch; margin: 6px 0; }
 .lead { color: #5a626b; margin: 0 0 14px; }
 .outcome { display: inline-block; padding: 4px 14px; border-radius: 6px; font-weight: 600; margin: 4px 0 10px; }
@@ -75,7 +76,7 @@ table { border-collapse: collapse; font-size: 15px; font-variant-numeric: tabula
 th, td { padding: 6px 14px 6px 0; text-align: right; white-space: nowrap; border-bottom: 1px solid #e3e6ea; }
 th { color: #5a626b; font-weight: 500; } th:first-child, td:first-child { text-align: left; }
 .grid { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 400px), 1fr));
-  gap: 18px 24px; }
+  gap: 22px 28px; margin: 14px 0; }
 .grid .wide { grid-column: 1 / -1; }
 figure { margin: 0; } figure svg { width: 100%; height: auto; display: block; }
 figcaption { color: #5a626b; font-size: 14px; line-height: 1.4; }
@@ -87,8 +88,7 @@ footer { margin-top: 40px; color: #5a626b; font-size: 14px; }
 def axes(title: str, xlabel: str = "time (s)", height: float = 3.6, width: float = 6.0, **layout):
     """A figure and its axes at the common size (inches at 72 dpi)."""
     figure, ax = plt.subplots(figsize=(width, height), **layout)
-    first = np.ravel(ax)[0]
-    first.set_title(title)
+    figure.set_label(title)  # becomes a heading of the page: legible at any width, and never under a legend
     np.ravel(ax)[-1].set_xlabel(xlabel)
     return figure, ax
 
@@ -117,8 +117,9 @@ def svg(figure, caption: str = "", wide: bool = False) -> str:
     text = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", text, count=1)
     text = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1)
     text = _unique_ids(text)
+    title = f"<h3>{html.escape(figure.get_label())}</h3>" if figure.get_label() else ""
     note = f"<figcaption>{html.escape(caption)}</figcaption>" if caption else ""
-    return f'<figure{" class=wide" if wide else ""}>{text}{note}</figure>'
+    return f'<figure{" class=wide" if wide else ""}>{title}{text}{note}</figure>'
 
 
 _figures = 0

@@ -1,0 +1,247 @@
+"""One page about a run: python -m tiller_tools.report run.csv -o run.html
+
+The CSV is the log of `tiller run` or `tiller demo`: a row a tick, columns as RunLog writes them (measured states and
+commands by name, mean.*, sd.*, q05.*, q95.*, true.*, ess, tick_us, deadline_us, state, status). Beside it may lie a
+JSON of the same name (or --meta FILE) with what the log does not say; every key is optional:
+
+    {"title": "cart_pole", "outcome": "upright after 2.4 s", "good": true,
+     "limits": {"force_N": [-20, 20]}, "target": {"angle_rad": 0},
+     "priors": {"pole_mass_kg": [0.052, 0.148]}, "facts": {"planner": "mppi", "seed": "1"}}
+
+"priors" holds 5 % and 95 % of the prior; without it the first row's quantiles stand for it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from . import page
+from .table import ReportError, Table, read_json, read_table, write_page
+
+_WORDS = ("state", "status")
+_TICK_COLUMNS = {"ess", "noise_scale", "plan_cost", "iterations", "tick_us", "deadline_us"}
+
+
+class Run:
+    """The log's columns sorted by what they are."""
+
+    def __init__(self, table: Table, words: dict[str, list[str]], meta: dict):
+        self.table, self.words, self.meta = table, words, meta
+        self.time = table["time_s"]
+        if not np.all(np.isfinite(self.time)):
+            raise ReportError(f"{table.path}: column 'time_s' has empty cells")
+        means = table.after_prefix("mean.")
+        self.params = table.after_prefix("q05.")
+        self.states = [name for name in means if name not in self.params]
+        plain = [name for name in table.names if "." not in name and name != "time_s"]
+        self.inputs = [name for name in plain if name not in means and name not in _TICK_COLUMNS]
+
+    def column(self, name: str) -> np.ndarray | None:
+        return self.table[name] if name in self.table else None
+
+    def last(self, name: str) -> float:
+        """The last value that is there; NaN if there is none."""
+        values = self.column(name)
+        finite = values[np.isfinite(values)] if values is not None else np.array([])
+        return float(finite[-1]) if len(finite) else float("nan")
+
+    def prior(self, name: str) -> tuple[float, float]:
+        given = self.meta.get("priors", {}).get(name)
+        return tuple(given) if given else (float(self.table[f"q05.{name}"][0]), float(self.table[f"q95.{name}"][0]))
+
+
+def read_run(path: Path, meta_path: Path | None) -> Run:
+    table = read_table(path, required=("time_s",), text=_WORDS)
+    if meta_path is None and path.with_suffix(".json").exists():
+        meta_path = path.with_suffix(".json")
+    meta = read_json(meta_path) if meta_path else {}
+    return Run(table, _read_words(path), meta)
+
+
+def _read_words(path: Path) -> dict[str, list[str]]:
+    with open(path, newline="", encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file)]
+    return {name: [row[name] for row in rows] for name in _WORDS if rows and name in rows[0]}
+
+
+# ---- figures ---------------------------------------------------------------------------------------
+
+
+def _finite_line(ax, time, values, **style):
+    keep = np.isfinite(values)
+    ax.plot(time[keep], values[keep], **style)
+
+
+def state_figure(run: Run, name: str) -> str:
+    figure, ax = page.axes(name)
+    cut = page.thin(len(run.time))
+    time = run.time[cut]
+    measured, truth = run.column(name), run.column(f"true.{name}")
+    mean, sd = run.table[f"mean.{name}"][cut], run.column(f"sd.{name}")
+    if measured is not None:
+        _finite_line(ax, time, measured[cut], color=page.MEASURED, linestyle="none", marker=".", markersize=3.5,
+                     label="measured")
+    if sd is not None:
+        ax.fill_between(time, mean - 1.645 * sd[cut], mean + 1.645 * sd[cut], color=page.BAND, linewidth=0)
+    _finite_line(ax, time, mean, color=page.ESTIMATE, label="estimate, 90 %")
+    if truth is not None:
+        _finite_line(ax, time, truth[cut], color=page.TRUTH, linewidth=1.2, linestyle=(0, (4, 2)), label="truth")
+    target = run.meta.get("target", {}).get(name)
+    if target is not None:
+        ax.axhline(target, color="#6b737c", linewidth=0.9, linestyle=":", label="target")
+    ax.margins(x=0.01)
+    page.legend(ax)
+    return page.svg(figure)
+
+
+def input_figure(run: Run, name: str) -> str:
+    figure, ax = page.axes(f"command {name}")
+    # every tick: a command that is thinned would look smoother than it is
+    ax.step(run.time, run.table[name], where="post", color=page.ESTIMATE, linewidth=1.1, label="command")
+    limits = run.meta.get("limits", {}).get(name)
+    if limits:
+        for i, limit in enumerate(limits):
+            ax.axhline(limit, color=page.LIMIT, linewidth=1.1, linestyle=(0, (5, 3)), label="limit" if i == 0 else None)
+        room = 0.08 * (limits[1] - limits[0])
+        ax.set_ylim(limits[0] - room, limits[1] + room)
+    ax.margins(x=0.01)
+    page.legend(ax)
+    return page.svg(figure)
+
+
+def param_figure(run: Run, name: str) -> str:
+    figure, ax = page.axes(f"posterior of {name}")
+    cut = page.thin(len(run.time))
+    time, mean = run.time[cut], run.table[f"mean.{name}"][cut]
+    low, high = run.prior(name)
+    ax.axhspan(low, high, color=page.PRIOR, label="prior 90 %")
+    ax.fill_between(time, run.table[f"q05.{name}"][cut], run.table[f"q95.{name}"][cut], color=page.BAND, linewidth=0,
+                    label="posterior 90 %")
+    _finite_line(ax, time, mean, color=page.ESTIMATE, label="mean")
+    truth = run.last(f"true.{name}")
+    if np.isfinite(truth):
+        ax.axhline(truth, color=page.TRUTH, linewidth=1.3, linestyle=(0, (4, 2)), label="truth")
+    ax.margins(x=0.01)
+    page.legend(ax)
+    return page.svg(figure)
+
+
+def ess_figure(run: Run) -> str:
+    figure, ax = page.axes("effective sample size")
+    _finite_line(ax, run.time, run.table["ess"], color=page.ESTIMATE, linewidth=1.1)
+    ax.set_ylim(bottom=0)
+    ax.margins(x=0.01)
+    return page.svg(figure, "Particles that carry the posterior; it falls as data come in and rises at each resampling.")
+
+
+def tick_figure(run: Run) -> str:
+    ticks = run.table["tick_us"] / 1000
+    ticks = ticks[np.isfinite(ticks) & (ticks > 0)]
+    deadline = run.last("deadline_us") / 1000
+    figure, ax = page.axes("time of a tick", xlabel="ms")
+    if len(ticks):
+        # the first tick also faults the pages in; it must not stretch the axis for all others
+        top = 1.15 * max(np.percentile(ticks, 99.5), deadline if np.isfinite(deadline) else 0)
+        outside = int(np.sum(ticks > top))
+        ax.hist(ticks[ticks <= top], bins=np.linspace(0, top, 60), color=page.ESTIMATE, label="ticks")
+        if outside:
+            ax.text(0.99, 0.9, f"{outside} longer, up to {ticks.max():.1f} ms", transform=ax.transAxes, ha="right",
+                    fontsize=9)
+    if np.isfinite(deadline) and deadline > 0:
+        ax.axvline(deadline, color=page.LIMIT, linestyle=(0, (5, 3)), label=f"deadline {deadline:g} ms")
+    ax.set_ylabel("ticks")
+    page.legend(ax)
+    late = np.mean(ticks > deadline) if np.isfinite(deadline) and deadline > 0 and len(ticks) else None
+    note = "" if late is None else f"{late:.1%} of the ticks took longer than the deadline on this machine."
+    return page.svg(figure, note)
+
+
+# ---- the page --------------------------------------------------------------------------------------
+
+
+def param_table(run: Run) -> str:
+    body = []
+    for name in run.params:
+        low, high, truth = run.last(f"q05.{name}"), run.last(f"q95.{name}"), run.last(f"true.{name}")
+        prior = run.prior(name)
+        shrink = (prior[1] - prior[0]) / (high - low) if high > low else float("nan")
+        inside = "" if not np.isfinite(truth) else "yes" if low <= truth <= high else "no"
+        body.append([name, page.number(truth), f"{page.number(prior[0])} … {page.number(prior[1])}",
+                     page.number(run.last(f"mean.{name}")), page.number(run.last(f"sd.{name}"), 2),
+                     f"{page.number(low)} … {page.number(high)}", inside or "–",
+                     f"{page.number(shrink, 2)} ×" if np.isfinite(shrink) else "–"])
+    header = ["parameter", "truth", "prior 90 %", "mean", "sd", "posterior 90 %", "truth inside", "narrower by"]
+    return page.rows(header, body)
+
+
+def run_facts(run: Run) -> str:
+    pairs = [(name, str(value)) for name, value in run.meta.get("facts", {}).items()]
+    pairs.append(("length", f"{run.time[-1] - run.time[0]:.2f} s"))
+    pairs.append(("ticks", f"{len(run.time)}"))
+    if "tick_us" in run.table:
+        ticks = run.table["tick_us"] / 1000
+        pairs.append(("tick, median / 99 %", f"{np.nanmedian(ticks):.2f} / {np.nanpercentile(ticks, 99):.2f} ms"))
+    if "state" in run.words:
+        pairs.append(("state at the end", run.words["state"][-1]))
+    return page.facts(pairs)
+
+
+def status_table(run: Run) -> str:
+    counts = Counter(run.words.get("status", []))
+    if set(counts) <= {"ok"}:
+        return ""
+    body = [[name, str(count)] for name, count in counts.most_common()]
+    return "<h2>What the ticks reported</h2>" + page.rows(["status", "ticks"], body)
+
+
+def build(run: Run) -> str:
+    title = run.meta.get("title") or run.table.path.stem
+    body = [f"<h1>{page.html.escape(title)}</h1>"]
+    if run.meta.get("outcome"):
+        body.append(page.outcome(run.meta["outcome"], run.meta.get("good")))
+    body.append(run_facts(run))
+    if run.params:
+        body += ["<h2>What was learnt</h2>", param_table(run),
+                 page.grid([param_figure(run, name) for name in run.params])]
+    body.append("<h2>How it moved</h2>")
+    body.append(page.grid([state_figure(run, name) for name in run.states] +
+                          [input_figure(run, name) for name in run.inputs]))
+    inner = [ess_figure(run)] if "ess" in run.table else []
+    inner += [tick_figure(run)] if "tick_us" in run.table else []
+    if inner:
+        body += ["<h2>How it computed</h2>", page.grid(inner)]
+    body.append(status_table(run))
+    body.append(f"<footer>From <code>{page.html.escape(run.table.path.name)}</code>. Bands are 5 to 95 %.</footer>")
+    return page.page(title, "".join(body))
+
+
+def write_report(csv_path: str | Path, out: str | Path, meta: str | Path | None = None) -> Path:
+    """Reads the log and writes the page; raises ReportError with a sentence for the user."""
+    run = read_run(Path(csv_path), Path(meta) if meta else None)
+    write_page(out, build(run))
+    return Path(out)
+
+
+def main(argv: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="tiller_tools.report", description="A page from the log of a run.")
+    parser.add_argument("csv", help="log of `tiller run` or `tiller demo`")
+    parser.add_argument("-o", "--out", help="page to write (default: the log's name with .html)")
+    parser.add_argument("--meta", help="JSON with title, outcome, limits, ... (default: the log's name with .json)")
+    options = parser.parse_args(argv)
+    try:
+        out = write_report(options.csv, options.out or Path(options.csv).with_suffix(".html"), options.meta)
+    except ReportError as error:
+        print(f"report: {error}", file=sys.stderr)
+        return 1
+    print(out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
