@@ -3,10 +3,13 @@
 #include <poll.h>
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <ctime>
 #include <deque>
 
-#include <lcm/lcm-cpp.hpp>
+#include <lcm/lcm.h>
+
 #include <tiller_lcm/command_t.hpp>
 #include <tiller_lcm/measurement_t.hpp>
 
@@ -21,15 +24,21 @@ constexpr int failures_until_dead = 20;
 class LcmLink final : public PlantLink {
  public:
   LcmLink(const LcmOptions& options, const Plant& plant)
-      : lcm_(options.url),
+      : lcm_(lcm_create(options.url.c_str())),
         channel_out_(options.channel_prefix + "MEASUREMENT"),
         url_(options.url),
-        latency_us_(static_cast<std::int32_t>(plant.options().command_latency_s * 1e6 + 0.5)) {
-    if (!lcm_.good()) return;
-    lcm_.subscribe(options.channel_prefix + "COMMAND", &LcmLink::on_command, this);
+        latency_us_(static_cast<std::int32_t>(std::lround(plant.options().command_latency_s * 1e6))) {
+    if (lcm_ == nullptr) return;
+    // not lcm::LCM::subscribe: it prints each message that it cannot decode, and tells nobody
+    lcm_subscribe(lcm_, (options.channel_prefix + "COMMAND").c_str(), &LcmLink::on_command, this);
   }
+  ~LcmLink() override {
+    if (lcm_ != nullptr) lcm_destroy(lcm_);
+  }
+  LcmLink(const LcmLink&) = delete;
+  LcmLink& operator=(const LcmLink&) = delete;
 
-  bool good() const { return lcm_.good(); }
+  bool good() const { return lcm_ != nullptr; }
 
   bool publish(const PlantMeasurement& m) override {
     tiller_lcm::measurement_t out{};
@@ -39,7 +48,11 @@ class LcmLink final : public PlantLink {
     out.count = static_cast<std::int32_t>(m.value.size());
     out.valid_mask = (1 << m.value.size()) - 1;
     std::copy(m.value.begin(), m.value.end(), out.value);
-    failures_ = lcm_.publish(channel_out_, &out) == 0 ? 0 : failures_ + 1;
+    std::array<unsigned char, 256> bytes{};
+    const int size = out.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    const bool sent =
+        size > 0 && lcm_publish(lcm_, channel_out_.c_str(), bytes.data(), static_cast<unsigned>(size)) == 0;
+    failures_ = sent ? 0 : failures_ + 1;
     if (failures_ >= failures_until_dead) {
       error_ =
           "LCM cannot send on '" + url_ +
@@ -60,22 +73,26 @@ class LcmLink final : public PlantLink {
 
  private:
   void wait_and_handle(std::int64_t timeout_us) {
-    pollfd wanted{lcm_.getFileno(), POLLIN, 0};
+    pollfd wanted{lcm_get_fileno(lcm_), POLLIN, 0};
     const timespec timeout{timeout_us / 1'000'000, (timeout_us % 1'000'000) * 1000};
-    if (ppoll(&wanted, 1, &timeout, nullptr) > 0 && lcm_.handle() != 0) {
+    if (ppoll(&wanted, 1, &timeout, nullptr) > 0 && lcm_handle(lcm_) != 0) {
       error_ = "LCM cannot receive on '" + url_ + "'";
     }
   }
 
-  void on_command(const lcm::ReceiveBuffer*, const std::string&, const tiller_lcm::command_t* in) {
+  static void on_command(const lcm_recv_buf_t* buffer, const char*, void* user) {
+    tiller_lcm::command_t in{};
     PlantCommand command;
-    command.sequence = in->sequence;
-    // a wrong count leaves a wrong size, which the loop counts as a bad command
-    command.value.assign(in->value, in->value + std::clamp(in->count, 0, command_capacity));
-    commands_.push_back(std::move(command));
+    // what cannot be decoded, or has a wrong count, leaves a wrong size, which the loop counts as a bad
+    // command
+    if (in.decode(buffer->data, 0, static_cast<int>(buffer->data_size)) >= 0) {
+      command.sequence = in.sequence;
+      command.value.assign(in.value, in.value + std::clamp(in.count, 0, command_capacity));
+    }
+    static_cast<LcmLink*>(user)->commands_.push_back(std::move(command));
   }
 
-  lcm::LCM lcm_;
+  lcm_t* lcm_;
   std::string channel_out_;
   std::string url_;
   std::int32_t latency_us_;
