@@ -1,0 +1,246 @@
+#include <cmath>
+
+#include "abi/checks.hpp"
+#include "effects/effect_info.hpp"
+#include "planners/planner.hpp"
+#include "rollout/rollout.hpp"
+
+// Every field that tiller_init relies on, group by group in the order of the struct; the first reason wins.
+// Conditions are written so that a NaN fails them.
+
+namespace tiller {
+namespace {
+
+// names of array elements: a finding's field is a literal, so that nothing formats text here
+#define TILLER_FOUR(f) f "[0]", f "[1]", f "[2]", f "[3]"
+#define TILLER_EIGHT(f) TILLER_FOUR(f), f "[4]", f "[5]", f "[6]", f "[7]"
+#define TILLER_TWELVE(f) TILLER_EIGHT(f), f "[8]", f "[9]", f "[10]", f "[11]"
+#define TILLER_SIXTEEN(f) TILLER_TWELVE(f), f "[12]", f "[13]", f "[14]", f "[15]"
+using Names4 = const char* const[4];
+using Names8 = const char* const[8];
+using Names12 = const char* const[12];
+using Names16 = const char* const[16];
+static_assert(TILLER_MAX_INPUTS == 4 && TILLER_MAX_STATES == 12 && TILLER_MAX_MEASUREMENTS == 12,
+              "names below");
+static_assert(TILLER_MAX_PARAMS == 16 && TILLER_MAX_EFFECTS == 8, "names below");
+
+constexpr Finding kGood = {};
+
+bool positive(double v) {
+  return v > 0.0 && std::isfinite(v);
+}
+bool not_negative(double v) {
+  return v >= 0.0 && std::isfinite(v);
+}
+bool in(std::uint32_t v, std::uint32_t low, std::uint32_t high) {
+  return v >= low && v <= high;
+}
+
+Finding check_struct(const tiller_config_t& c) {
+  if (c.size != sizeof(tiller_config_t)) return {tiller_status_version_mismatch, "size"};
+  if (c.version != TILLER_CONFIG_VERSION) return {tiller_status_version_mismatch, "version"};
+  if (c.model == nullptr) return {tiller_status_null_argument, "model"};
+  return check_model(*c.model);
+}
+
+Finding check_step(const tiller_config_t& c) {
+  if (!(c.period_s >= 1e-4 && c.period_s <= 1.0)) return {tiller_status_bad_period, "period_s"};
+  if (!in(c.substeps, 1, 64)) return {tiller_status_bad_period, "substeps"};
+  if (c.integrator > tiller_integrator_rk4) return {tiller_status_bad_period, "integrator"};
+  if (!std::isfinite(c.body.gravity_x_m_s2)) return {tiller_status_bad_limit, "body.gravity_x_m_s2"};
+  if (!std::isfinite(c.body.gravity_z_m_s2)) return {tiller_status_bad_limit, "body.gravity_z_m_s2"};
+  if (!not_negative(c.body.payload_kg)) return {tiller_status_bad_limit, "body.payload_kg"};
+  if (!not_negative(c.body.payload_kgm2)) return {tiller_status_bad_limit, "body.payload_kgm2"};
+  return kGood;
+}
+
+Finding check_effects(const tiller_config_t& c) {
+  static Names8 fields = {TILLER_EIGHT("effects")};
+  if (c.effect_count > TILLER_MAX_EFFECTS) return {tiller_status_bad_dimension, "effect_count"};
+  std::uint32_t params = c.model->param_count, states = 0;
+  for (std::uint32_t e = 0; e < c.effect_count; ++e) {
+    if (c.effects[e].kind >= effect_kind_count()) return {tiller_status_bad_effect, fields[e]};
+    const EffectInfo& info = effect_info(c.effects[e].kind);
+    const std::uint32_t ports = info.port == PortKind::joint ? c.model->joint_count : c.model->input_count;
+    if (c.effects[e].port >= ports) return {tiller_status_bad_effect, fields[e]};
+    params += static_cast<std::uint32_t>(info.param_count);
+    states += static_cast<std::uint32_t>(info.state_count);
+  }
+  if (states > TILLER_MAX_EFFECT_STATES) return {tiller_status_bad_effect, "effect_count"};
+  if (c.param_count != params || params > TILLER_MAX_PARAMS)
+    return {tiller_status_bad_dimension, "param_count"};
+  return kGood;
+}
+
+/// The values that a prior allows, as an interval; an empty one is refused.
+bool prior_support(const tiller_prior_t& p, double& low, double& high) {
+  low = p.low;
+  high = p.high;
+  if (p.kind == tiller_prior_fixed) {
+    low = high = p.a;
+    return std::isfinite(p.a);
+  }
+  if (!(p.low < p.high)) return false;
+  if (p.kind == tiller_prior_uniform) return std::isfinite(p.low) && std::isfinite(p.high);
+  if (!std::isfinite(p.a) || !positive(p.b)) return false;
+  // bounds further than eight deviations from the middle leave nothing to draw from
+  if (p.kind == tiller_prior_normal) return p.low < p.a + 8.0 * p.b && p.high > p.a - 8.0 * p.b;
+  if (p.kind != tiller_prior_log_normal || !(p.a > 0.0) || !(p.high > 0.0)) return false;
+  low = std::fmax(p.low, 0.0);
+  return std::log(low) < std::log(p.a) + 8.0 * p.b && std::log(high) > std::log(p.a) - 8.0 * p.b;
+}
+
+Finding check_priors(const tiller_config_t& c) {
+  static Names16 fields = {TILLER_SIXTEEN("priors")};
+  double low = 0.0, high = 0.0;
+  for (std::uint32_t i = 0; i < c.param_count; ++i)
+    if (!prior_support(c.priors[i], low, high)) return {tiller_status_bad_prior, fields[i]};
+
+  // an effect's parameter has bounds of its own: a negative friction would drive the robot
+  std::uint32_t param = c.model->param_count;
+  for (std::uint32_t e = 0; e < c.effect_count; ++e) {
+    const EffectInfo& info = effect_info(c.effects[e].kind);
+    for (int i = 0; i < info.param_count; ++i, ++param) {
+      (void)prior_support(c.priors[param], low, high);
+      if (low < info.param_low[i]) return {tiller_status_bad_prior, fields[param]};
+    }
+  }
+  StepSetup setup;
+  const tiller_status_t status = make_step_setup(c, setup);  // the longest delay comes from its prior
+  return status == tiller_status_ok ? kGood : Finding{status, "effects"};
+}
+
+Finding check_noise(const tiller_config_t& c) {
+  static Names12 measured = {TILLER_TWELVE("measured_state")}, sd = {TILLER_TWELVE("measurement_sd")};
+  static Names12 process = {TILLER_TWELVE("process_sd")}, start = {TILLER_TWELVE("initial_state")};
+  static Names12 start_sd = {TILLER_TWELVE("initial_state_sd")};
+  const std::uint32_t nx = c.model->state_count;
+  if (!in(c.measurement_count, 1, TILLER_MAX_MEASUREMENTS))
+    return {tiller_status_bad_dimension, "measurement_count"};
+  for (std::uint32_t i = 0; i < c.measurement_count; ++i) {
+    if (c.measured_state[i] >= nx) return {tiller_status_bad_dimension, measured[i]};
+    if (!positive(c.measurement_sd[i])) return {tiller_status_bad_noise, sd[i]};
+  }
+  for (std::uint32_t i = 0; i < nx; ++i) {
+    if (!not_negative(c.process_sd[i])) return {tiller_status_bad_noise, process[i]};
+    if (!std::isfinite(c.initial_state[i])) return {tiller_status_bad_seed, start[i]};
+    if (!not_negative(c.initial_state_sd[i])) return {tiller_status_bad_seed, start_sd[i]};
+  }
+  // without any process noise the filter believes its first guess for ever
+  for (std::uint32_t j = 0; j < c.model->joint_count; ++j)
+    if (!positive(c.process_sd[c.model->joints[j].velocity]))
+      return {tiller_status_bad_noise, process[c.model->joints[j].velocity]};
+  return kGood;
+}
+
+Finding check_posterior(const tiller_posterior_config_t& p) {
+  if (!in(p.particles, 16, 4096) || p.particles % 16 != 0)
+    return {tiller_status_bad_posterior, "posterior.particles"};
+  if (!in(p.window, 16, 1024)) return {tiller_status_bad_posterior, "posterior.window"};
+  if (p.moves_per_tick > p.particles || p.moves_per_tick % 8 != 0)
+    return {tiller_status_bad_posterior, "posterior.moves_per_tick"};
+  if (!(p.ess_fraction > 0.0 && p.ess_fraction <= 1.0))
+    return {tiller_status_bad_posterior, "posterior.ess_fraction"};
+  if (!(p.noise_scale_shape > 0.0 && p.noise_scale_shape <= 1e6))
+    return {tiller_status_bad_posterior, "posterior.noise_scale_shape"};
+  return kGood;
+}
+
+Finding check_planner(const tiller_config_t& c) {
+  static Names4 noise = {TILLER_FOUR("planner.noise_sd")};
+  const tiller_planner_config_t& p = c.planner;
+  constexpr tiller_status_t kBad = tiller_status_bad_planner;
+  if (find_planner(p.kind) == nullptr) return {kBad, "planner.kind"};
+  if (!in(p.horizon, 2, 512)) return {kBad, "planner.horizon"};
+  if (!in(p.knots, 2, 64)) return {kBad, "planner.knots"};
+  if (!in(p.rollouts, 16, 8192) || p.rollouts % 16 != 0) return {kBad, "planner.rollouts"};
+  if (!in(p.particles, 1, 64)) return {kBad, "planner.particles"};
+  if (!in(p.iterations, 1, 100)) return {kBad, "planner.iterations"};
+  if (p.risk > tiller_risk_cvar) return {kBad, "planner.risk"};
+  if (!(p.cvar_alpha >= 0.0 && p.cvar_alpha < 1.0)) return {kBad, "planner.cvar_alpha"};
+  for (std::uint32_t i = 0; i < c.model->input_count; ++i)
+    if (!positive(p.noise_sd[i])) return {kBad, noise[i]};
+  if (!(p.temperature > 0.0 && p.temperature <= 1.0)) return {kBad, "planner.temperature"};
+  if (!(p.elite_fraction > 0.0 && p.elite_fraction <= 1.0)) return {kBad, "planner.elite_fraction"};
+  if (!(p.smoothing >= 0.0 && p.smoothing < 1.0)) return {kBad, "planner.smoothing"};
+  return kGood;
+}
+
+Finding check_cost(const tiller_config_t& c) {
+  static Names12 target = {TILLER_TWELVE("cost.target")}, state = {TILLER_TWELVE("cost.state_weight")};
+  static Names12 terminal = {TILLER_TWELVE("cost.terminal_weight")};
+  static Names4 input = {TILLER_FOUR("cost.input_weight")}, rate = {TILLER_FOUR("cost.input_rate_weight")};
+  for (std::uint32_t i = 0; i < c.model->state_count; ++i) {
+    if (!std::isfinite(c.cost.target[i])) return {tiller_status_bad_cost, target[i]};
+    if (!not_negative(c.cost.state_weight[i])) return {tiller_status_bad_cost, state[i]};
+    if (!not_negative(c.cost.terminal_weight[i])) return {tiller_status_bad_cost, terminal[i]};
+  }
+  for (std::uint32_t i = 0; i < c.model->input_count; ++i) {
+    if (!not_negative(c.cost.input_weight[i])) return {tiller_status_bad_cost, input[i]};
+    if (!not_negative(c.cost.input_rate_weight[i])) return {tiller_status_bad_cost, rate[i]};
+  }
+  return kGood;
+}
+
+Finding check_commands(const tiller_config_t& c) {
+  static Names4 low = {TILLER_FOUR("safety.input_low")}, high = {TILLER_FOUR("safety.input_high")};
+  static Names4 rate = {TILLER_FOUR("safety.input_rate_per_s")}, safe = {TILLER_FOUR("safety.safe_command")};
+  static Names4 gain = {TILLER_FOUR("safety.hold_gain")};
+  const tiller_safety_config_t& s = c.safety;
+  constexpr tiller_status_t kBad = tiller_status_bad_limit;
+  for (std::uint32_t i = 0; i < c.model->input_count; ++i) {
+    if (!std::isfinite(s.input_low[i])) return {kBad, low[i]};
+    if (!std::isfinite(s.input_high[i]) || s.input_high[i] < s.input_low[i]) return {kBad, high[i]};
+    if (!(s.input_rate_per_s[i] > 0.0)) return {kBad, rate[i]};
+    if (!(s.safe_command[i] >= s.input_low[i] && s.safe_command[i] <= s.input_high[i]))
+      return {kBad, safe[i]};
+    for (std::uint32_t x = 0; x < c.model->state_count; ++x)
+      if (!std::isfinite(s.hold_gain[i * TILLER_MAX_STATES + x])) return {kBad, gain[i]};
+  }
+  return kGood;
+}
+
+Finding check_sensors(const tiller_config_t& c) {
+  static Names12 low = {TILLER_TWELVE("safety.measurement_low")},
+                 high = {TILLER_TWELVE("safety.measurement_high")};
+  static Names12 rate = {TILLER_TWELVE("safety.measurement_rate_per_s")};
+  const tiller_safety_config_t& s = c.safety;
+  constexpr tiller_status_t kBad = tiller_status_bad_limit;
+  for (std::uint32_t i = 0; i < c.measurement_count; ++i) {
+    if (std::isnan(s.measurement_low[i])) return {kBad, low[i]};
+    if (!(s.measurement_high[i] > s.measurement_low[i])) return {kBad, high[i]};
+    if (!(s.measurement_rate_per_s[i] > 0.0)) return {kBad, rate[i]};
+  }
+  // a timeout below the period would call every measurement stale before the next can come
+  if (!(s.sensor_timeout_s >= c.period_s && s.sensor_timeout_s <= 3600.0))
+    return {kBad, "safety.sensor_timeout_s"};
+  if (s.bad_ticks_to_safe == 0) return {kBad, "safety.bad_ticks_to_safe"};
+  return kGood;
+}
+
+}  // namespace
+
+Finding check_config(const tiller_config_t& c) {
+  Finding finding = check_struct(c);
+  if (finding.status == tiller_status_ok) finding = check_step(c);
+  if (finding.status == tiller_status_ok) finding = check_effects(c);
+  if (finding.status == tiller_status_ok) finding = check_priors(c);
+  if (finding.status == tiller_status_ok) finding = check_noise(c);
+  if (finding.status == tiller_status_ok) finding = check_posterior(c.posterior);
+  if (finding.status == tiller_status_ok) finding = check_planner(c);
+  if (finding.status == tiller_status_ok) finding = check_cost(c);
+  if (finding.status == tiller_status_ok) finding = check_commands(c);
+  if (finding.status == tiller_status_ok) finding = check_sensors(c);
+  if (finding.status == tiller_status_ok && c.record_ticks > 65536)
+    finding = {tiller_status_bad_dimension, "record_ticks"};
+  return finding;
+}
+
+}  // namespace tiller
+
+extern "C" tiller_status_t tiller_config_check(const tiller_config_t* config, const char** field) {
+  const tiller::Finding finding =
+      config ? tiller::check_config(*config) : tiller::Finding{tiller_status_null_argument, "config"};
+  if (field != nullptr) *field = finding.field;
+  return finding.status;
+}

@@ -1,0 +1,87 @@
+#include "abi/controller.hpp"
+
+#include <cstdint>
+
+using tiller::Arena;
+using tiller::Executive;
+
+static_assert(Arena::kAlignment == TILLER_ALIGNMENT, "the caller aligns the block as the arena needs it");
+
+namespace {
+
+/// The one layout: tiller_size runs it to measure, tiller_init to place.
+tiller_controller* lay_out(Arena& arena, const tiller_config_t& config, const tiller_hooks_t* hooks) {
+  tiller_controller* controller = arena.take<tiller_controller>(1);
+  Executive* executive = Executive::lay_out(arena, config, hooks);
+  if (arena.measuring() || executive == nullptr) return nullptr;
+  controller->executive = executive;
+  return controller;
+}
+
+std::size_t measure(const tiller_config_t& config) {
+  Arena arena;
+  (void)lay_out(arena, config, nullptr);
+  return arena.used();
+}
+
+bool hooks_match(const tiller_hooks_t* hooks) {
+  return hooks == nullptr ||
+         (hooks->size == sizeof(tiller_hooks_t) && hooks->version == TILLER_CONFIG_VERSION);
+}
+
+}  // namespace
+
+extern "C" {
+
+size_t tiller_size(const tiller_config_t* config) {
+  return tiller_config_check(config, nullptr) == tiller_status_ok ? measure(*config) : 0;
+}
+
+tiller_status_t tiller_init(tiller_t** t, const tiller_config_t* config, const tiller_hooks_t* hooks,
+                            void* memory, size_t size) {
+  if (t == nullptr) return tiller_status_null_argument;
+  *t = nullptr;
+  if (config == nullptr || memory == nullptr) return tiller_status_null_argument;
+  const tiller_status_t checked = tiller_config_check(config, nullptr);
+  if (checked != tiller_status_ok) return checked;
+  if (!hooks_match(hooks)) return tiller_status_version_mismatch;
+  if (reinterpret_cast<std::uintptr_t>(memory) % TILLER_ALIGNMENT != 0)
+    return tiller_status_memory_misaligned;
+  // measured first: a layout that runs out of room half way would hand null pieces to the parts
+  if (size < measure(*config)) return tiller_status_memory_too_small;
+  Arena arena(memory, size);
+  *t = lay_out(arena, *config, hooks);
+  return *t != nullptr ? tiller_status_ok : tiller_status_memory_too_small;
+}
+
+tiller_status_t tiller_arm(tiller_t* t) {
+  return t ? t->executive->arm() : tiller_status_null_argument;
+}
+
+tiller_status_t tiller_disarm(tiller_t* t) {
+  return t ? t->executive->disarm() : tiller_status_null_argument;
+}
+
+tiller_status_t tiller_stop(tiller_t* t, tiller_status_t why) {
+  return t ? t->executive->stop(why) : tiller_status_null_argument;
+}
+
+tiller_status_t tiller_reset(tiller_t* t) {
+  return t ? t->executive->reset() : tiller_status_null_argument;
+}
+
+tiller_status_t tiller_tick(tiller_t* t, int64_t now_us, const tiller_measurement_t* measurement,
+                            tiller_command_t* command) {
+  if (command != nullptr) *command = tiller_command_t{};
+  if (t == nullptr || command == nullptr) return tiller_status_null_argument;
+  return t->executive->tick(now_us, measurement, *command);
+}
+
+tiller_status_t tiller_force_iterations(tiller_t* t, uint32_t iterations) {
+  if (t == nullptr) return tiller_status_null_argument;
+  if (iterations > 100) return tiller_status_bad_planner;
+  t->executive->force_iterations(iterations);
+  return tiller_status_ok;
+}
+
+}  // extern "C"

@@ -1,0 +1,46 @@
+#include "abi/checks.hpp"
+
+namespace tiller {
+namespace {
+
+bool all_named(const char* const* names, std::uint32_t count) {
+  if (count > 0 && names == nullptr) return false;
+  for (std::uint32_t i = 0; i < count; ++i)
+    if (names[i] == nullptr || names[i][0] == '\0') return false;
+  return true;
+}
+
+bool joints_fit(const tiller_model_t& m) {
+  if (m.joint_count > 0 && m.joints == nullptr) return false;
+  for (std::uint32_t j = 0; j < m.joint_count; ++j) {
+    const tiller_joint_t& joint = m.joints[j];
+    if (joint.name == nullptr || joint.name[0] == '\0') return false;
+    if (joint.position >= m.state_count && joint.position != TILLER_NO_POSITION) return false;
+    if (joint.velocity >= m.state_count || joint.force >= m.joint_count) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+Finding check_model(const tiller_model_t& m) {
+  if (m.size != sizeof(tiller_model_t)) return {tiller_status_version_mismatch, "model.size"};
+  if (m.version != TILLER_MODEL_VERSION) return {tiller_status_version_mismatch, "model.version"};
+  if (m.name == nullptr || m.name[0] == '\0') return {tiller_status_bad_model, "model.name"};
+  if (m.state_count == 0 || m.state_count > TILLER_MAX_STATES)
+    return {tiller_status_bad_model, "model.state_count"};
+  if (m.input_count == 0 || m.input_count > TILLER_MAX_INPUTS)
+    return {tiller_status_bad_model, "model.input_count"};
+  if (m.param_count > TILLER_MAX_PARAMS) return {tiller_status_bad_model, "model.param_count"};
+  if (m.joint_count > TILLER_MAX_JOINTS) return {tiller_status_bad_model, "model.joint_count"};
+  if (!all_named(m.state_names, m.state_count)) return {tiller_status_bad_model, "model.state_names"};
+  if (!all_named(m.input_names, m.input_count)) return {tiller_status_bad_model, "model.input_names"};
+  if (!all_named(m.param_names, m.param_count)) return {tiller_status_bad_model, "model.param_names"};
+  if (!all_named(m.force_names, m.joint_count)) return {tiller_status_bad_model, "model.force_names"};
+  if (!joints_fit(m)) return {tiller_status_bad_model, "model.joints"};
+  if (m.angle_mask >> m.state_count != 0) return {tiller_status_bad_model, "model.angle_mask"};
+  if (m.dynamics == nullptr && m.kernels == nullptr) return {tiller_status_bad_model, "model.dynamics"};
+  return {};
+}
+
+}  // namespace tiller

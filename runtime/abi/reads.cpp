@@ -1,0 +1,83 @@
+#include <algorithm>
+
+#include "abi/controller.hpp"
+#include "scalar/isa.hpp"
+
+#define TILLER_TEXT_OF(x) #x
+#define TILLER_TEXT(x) TILLER_TEXT_OF(x)
+
+extern "C" {
+
+void tiller_get_info(const tiller_t* t, tiller_info_t* info) {
+  if (info == nullptr) return;
+  *info = t != nullptr ? t->executive->info() : tiller_info_t{};
+}
+
+tiller_status_t tiller_get_covariance(const tiller_t* t, double* covariance) {
+  if (t == nullptr || covariance == nullptr) return tiller_status_null_argument;
+  t->executive->posterior().covariance(covariance);
+  return tiller_status_ok;
+}
+
+tiller_status_t tiller_get_quantile(const tiller_t* t, uint32_t param, double q, double* value) {
+  if (t == nullptr || value == nullptr) return tiller_status_null_argument;
+  if (param >= t->executive->config().param_count) return tiller_status_bad_dimension;
+  if (!(q >= 0.0 && q <= 1.0)) return tiller_status_bad_limit;
+  *value = t->executive->posterior().quantile(param, q);
+  return tiller_status_ok;
+}
+
+uint32_t tiller_get_plan(const tiller_t* t, double* inputs, uint32_t steps) {
+  if (t == nullptr || inputs == nullptr) return 0;
+  const tiller::PlanMemory& plan = t->executive->plan();
+  const uint32_t nu = t->executive->config().model->input_count;
+  const uint32_t first = plan.step_at(t->executive->last_now_us());
+  const uint32_t count = std::min(steps, plan.horizon() - first);
+  for (uint32_t i = 0; i < count; ++i)
+    std::copy(plan.step(first + i), plan.step(first + i) + nu, inputs + i * nu);
+  return count;
+}
+
+tiller_status_t tiller_get_particle(const tiller_t* t, uint32_t index, double* params, double* state,
+                                    double* weight) {
+  if (t == nullptr) return tiller_status_null_argument;
+  if (index >= t->executive->posterior().size()) return tiller_status_bad_dimension;
+  t->executive->posterior().particle(index, params, state, weight);
+  return tiller_status_ok;
+}
+
+tiller_status_t tiller_get_record(const tiller_t* t, uint64_t tick, tiller_record_t* record) {
+  if (t == nullptr || record == nullptr) return tiller_status_null_argument;
+  const tiller::Recorder& recorder = t->executive->recorder();
+  const tiller_record_t* found = recorder.find(tick);
+  if (found == nullptr)
+    return recorder.overwritten(tick) ? tiller_status_record_overwritten : tiller_status_bad_dimension;
+  *record = *found;
+  return tiller_status_ok;
+}
+
+const char* tiller_state_name(tiller_state_t state) {
+  switch (state) {
+    case tiller_state_init:
+      return "INIT";
+    case tiller_state_standby:
+      return "STANDBY";
+    case tiller_state_active:
+      return "ACTIVE";
+    case tiller_state_hold:
+      return "HOLD";
+    case tiller_state_safe:
+      return "SAFE";
+  }
+  return "unknown";
+}
+
+const char* tiller_instruction_set(void) {
+  return tiller::isa_name(tiller::best_isa());
+}
+
+const char* tiller_version(void) {
+  return TILLER_TEXT(TILLER_VERSION_MAJOR) "." TILLER_TEXT(TILLER_VERSION_MINOR);
+}
+
+}  // extern "C"
