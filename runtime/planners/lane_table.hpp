@@ -37,7 +37,7 @@ struct SampleJob {
 struct KnotGrid {
   std::uint32_t horizon = 0, inputs = 0, knots = 0;
   const std::uint32_t* first_step = nullptr;  // (knots) first step at or after knot j; the last is the horizon
-  const float* fraction = nullptr;            // (horizon) of the way from the step's knot to the next
+  const float* fraction = nullptr;            // (horizon) of the way from the step's knot to the next, in [0, 1]
 };
 
 /// Linear interpolation, then the rate limit along time from `start`.

@@ -90,9 +90,14 @@ double choose(Sampler& s) {
     for (std::uint32_t r = 0; r < s.rows; ++r) s.mean[r] = 0.5 * (s.mean[r] + s.before[r]);
     cost = evaluate_mean(s);
   }
-  if (cost <= s.mean_cost_before) return cost;
-  for (std::uint32_t r = 0; r < s.rows; ++r) s.mean[r] = s.before[r];
-  return s.mean_cost_before;
+  if (!(cost <= s.mean_cost_before)) {
+    for (std::uint32_t r = 0; r < s.rows; ++r) s.mean[r] = s.before[r];
+    cost = s.mean_cost_before;
+  }
+  if (cost <= s.warm_cost) return cost;
+  // several updates that were not looked at led astray: the best sample is at least as good as the warm start
+  for (std::uint32_t r = 0; r < s.rows; ++r) s.mean[r] = s.best[r];
+  return s.best_cost;
 }
 
 constexpr SamplingMethod kMethod = {"mppi", begin, update, choose};

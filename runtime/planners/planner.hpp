@@ -7,6 +7,7 @@
 
 namespace tiller {
 
+/// The clock is read once a rollout call, by whichever thread works: hooks.now_ns must bear that if parallel_for is set.
 /// When to stop: after `iterations`, or when the clock passes `deadline_ns` (if there is a clock).
 struct Deadline {
   const tiller_hooks_t* hooks = nullptr;  // null, or hooks->now_ns null: no clock
@@ -20,7 +21,7 @@ struct Deadline {
 struct PlanRequest {
   const Belief* belief = nullptr;
   const double* last_command = nullptr;  // (nu) in force: the rate limit starts there
-  std::uint64_t tick = 0;                // names the random numbers of this plan
+  std::uint64_t tick = 0;                // names the random numbers; the old plan is shifted by one period a tick
   Deadline deadline;
 };
 

@@ -57,13 +57,16 @@ void start_from_command(Sampler& s, const double* last_command) {
   }
 }
 
-/// The old plan, as many periods later as ticks went by (a plan that pauses in HOLD does not come back stale).
+/// The old plan, as many periods later as ticks went by (one that pauses in HOLD does not come back stale; one that
+/// is asked again in its tick goes on from where it stands).
 void shift_plan(Sampler& s, std::uint64_t tick) {
-  if (s.has_plan) {
-    const std::uint64_t gone = tick > s.last_tick ? tick - s.last_tick : 1;
-    const std::uint32_t periods = gone < s.grid.horizon ? static_cast<std::uint32_t>(gone) : s.grid.horizon;
-    for (std::uint32_t i = 0; i < s.inputs; ++i)
-      shift_knots(s.mean + i * s.grid.knots, s.grid.knots, s.grid.horizon, periods);
+  if (s.has_plan && tick > s.last_tick) {
+    const std::uint64_t ticks = tick - s.last_tick;
+    // two horizons later every knot is the last one
+    const std::uint64_t most = 2 * s.clock.horizon;
+    const std::uint32_t gone = advance_clock(s.clock, static_cast<std::uint32_t>(ticks < most ? ticks : most));
+    for (std::uint32_t i = 0; i < s.inputs; ++i) shift_knots(s.mean + i * s.grid.knots, s.grid.knots, gone);
+    fill_grid(s.clock, s.first_step, s.fraction);
   }
   s.last_tick = tick;
   s.has_plan = true;
@@ -230,6 +233,7 @@ std::uint32_t iterate(Sampler& s, PlanResult& result) {
     }
     keep_best(s);
     s.mean_cost_before = static_cast<double>(s.cost[0]);
+    if (s.iteration == 0) s.warm_cost = s.mean_cost_before;
     for (std::uint32_t r = 0; r < s.rows; ++r) s.before[r] = s.mean[r];
     s.method->update(s);
   }
@@ -264,10 +268,9 @@ Sizes measure(const tiller_config_t& config, const StepSetup& setup) {
 
 /// Takes every array; into a Sampler of nobody while the arena measures.
 void take_arrays(Arena& arena, const Sizes& z, std::uint32_t inputs, Sampler& s) {
-  auto* first_step = arena.take<std::uint32_t>(z.knots);
-  auto* fraction = arena.take<float>(z.horizon);
-  s.grid = {z.horizon, inputs, z.knots, first_step, fraction};
-  if (first_step && fraction) fill_grid(z.horizon, z.knots, first_step, fraction);
+  s.first_step = arena.take<std::uint32_t>(z.knots);
+  s.fraction = arena.take<float>(z.horizon);
+  s.grid = {z.horizon, inputs, z.knots, s.first_step, s.fraction};
   for (float** row : {&s.row_low, &s.row_high, &s.row_mean, &s.row_spread, &s.row_sum, &s.row_squares})
     *row = arena.take<float>(z.rows);
   for (double** row : {&s.mean, &s.spread, &s.best, &s.before}) *row = arena.take<double>(z.rows);
@@ -328,6 +331,8 @@ void reset_sampler(void* self) {
   Sampler& s = *static_cast<Sampler*>(self);
   s.has_plan = false;
   s.lambda = 0.0;
+  s.clock = {s.grid.horizon, s.grid.knots, 0};
+  fill_grid(s.clock, s.first_step, s.fraction);
   for (std::uint32_t r = 0; r < s.rows; ++r) {
     const std::uint32_t input = r / s.grid.knots;
     s.mean[r] = admit_command(s.limits[input], 0.0, 0.0);
@@ -339,7 +344,6 @@ void reset_sampler(void* self) {
 
 PlanResult plan_by_sampling(void* self, const PlanRequest& request, double* command) {
   Sampler& s = *static_cast<Sampler*>(self);
-  const FlushToZero flush;
   PlanResult result;
   s.request = &request;
   start_from_command(s, request.last_command);
@@ -347,6 +351,7 @@ PlanResult plan_by_sampling(void* self, const PlanRequest& request, double* comm
   result.cost = std::numeric_limits<double>::infinity();
   s.best_cost = std::numeric_limits<double>::infinity();
   if (take_belief(s, request.belief)) {
+    const FlushToZero flush;  // not around the limits: a denormal command in force is a number like any other
     s.method->begin(s);
     result.iterations = iterate(s, result);
     if (result.iterations > 0) result.cost = s.method->choose(s);

@@ -49,13 +49,16 @@ struct Sampler {
   std::uint32_t rollouts = 0, rows = 0;               // rows = inputs * knots
   std::uint32_t chunk_lanes = 0, chunks = 0, slots = 0;  // slots: scratch places, each works off every slots-th chunk
   std::uint32_t most_particles = 0, most_padded = 0;
-  KnotGrid grid;
+  KnotGrid grid;                      // points at the two arrays below
   float* row_low = nullptr;           // (rows)
   float* row_high = nullptr;          // (rows)
   float rate_step[TILLER_MAX_INPUTS] = {};  // negative: none
   float scale[kScales] = {};          // of the noise, by rollout mod 16
 
   // ---- the plan, kept from tick to tick
+  KnotClock clock;
+  std::uint32_t* first_step = nullptr;  // (knots) of the clock's present phase
+  float* fraction = nullptr;          // (horizon)
   double* mean = nullptr;             // (rows) within limits
   double* spread = nullptr;           // (rows) standard deviation of the samples
   float* sequence = nullptr;          // (horizon x inputs) the mean under the limits
@@ -79,6 +82,7 @@ struct Sampler {
   double* best = nullptr;             // (rows) and its knots
   double* before = nullptr;           // (rows) mean before the last update
   double mean_cost_before = 0.0;      // and its cost
+  double warm_cost = 0.0;             // of the shifted old plan
 
   // ---- one iteration
   std::uint32_t iteration = 0;

@@ -18,33 +18,27 @@ double admit_command(const InputLimit& limit, double last, double fallback) {
   return std::fmin(std::fmax(std::isnan(u) ? 0.0 : u, limit.low), limit.high);
 }
 
-void fill_grid(std::uint32_t horizon, std::uint32_t knots, std::uint32_t* first_step, float* fraction) {
-  // step t stands at t (knots - 1) / (horizon - 1); integers, so that a step on a knot is not lost to rounding
-  const std::uint32_t spans = knots - 1, steps = horizon - 1;
+void fill_grid(const KnotClock& clock, std::uint32_t* first_step, float* fraction) {
+  const std::uint32_t steps = clock.steps(), last_segment = clock.knots - 2;
   std::uint32_t filled = 0;  // segments whose first step is known
-  for (std::uint32_t t = 0; t < horizon; ++t) {
-    std::uint32_t segment = t * spans / steps;
-    if (segment >= spans) segment = spans - 1;
+  for (std::uint32_t t = 0; t < clock.horizon; ++t) {
+    const std::uint32_t at = t * clock.spans() + clock.phase;  // in knots, times `steps`
+    const std::uint32_t segment = at / steps < last_segment ? at / steps : last_segment;
     while (filled <= segment) first_step[filled++] = t;
-    fraction[t] = static_cast<float>(static_cast<double>(t * spans - segment * steps) / steps);
+    const double part = static_cast<double>(at - segment * steps) / steps;
+    fraction[t] = static_cast<float>(part < 1.0 ? part : 1.0);
   }
-  while (filled < knots) first_step[filled++] = horizon;
+  while (filled < clock.knots) first_step[filled++] = clock.horizon;
 }
 
-void shift_knots(double* knots, std::uint32_t count, std::uint32_t horizon, std::uint32_t periods) {
-  const double last = knots[count - 1];
-  const double shift = static_cast<double>(periods) * (count - 1) / (horizon - 1);  // in knots
-  for (std::uint32_t j = 0; j < count; ++j) {
-    const double at = j + shift;
-    const double whole = std::floor(at);
-    // ascending j reads only at or ahead of what it writes
-    if (whole + 1.0 >= count) {
-      knots[j] = last;
-    } else {
-      const std::uint32_t k = static_cast<std::uint32_t>(whole);
-      knots[j] = knots[k] + (knots[k + 1] - knots[k]) * (at - whole);
-    }
-  }
+std::uint32_t advance_clock(KnotClock& clock, std::uint32_t periods) {
+  const std::uint64_t at = clock.phase + std::uint64_t{periods} * clock.spans();
+  clock.phase = static_cast<std::uint32_t>(at % clock.steps());
+  return static_cast<std::uint32_t>(at / clock.steps());
+}
+
+void shift_knots(double* knots, std::uint32_t count, std::uint32_t gone) {
+  for (std::uint32_t j = 0; j < count; ++j) knots[j] = knots[j + gone < count ? j + gone : count - 1];
 }
 
 void expand_sequence(const KnotGrid& grid, const InputLimit* limits, const double* knots, const double* start,

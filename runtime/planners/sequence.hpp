@@ -19,12 +19,26 @@ double limit_command(const InputLimit& limit, double wish, double last);
 /// `last`, brought into the limits; `fallback` in its place if it is not a number.
 double admit_command(const InputLimit& limit, double last, double fallback);
 
-/// Fills the grid's arrays: knots stand evenly from the first step to the last.
-void fill_grid(std::uint32_t horizon, std::uint32_t knots, std::uint32_t* first_step, float* fraction);
+/// Knots slide with time: they stay where they are on the clock while the horizon moves over them, so that shifting a
+/// plan by a period is exact whatever their spacing. (Knots fixed to the horizon would have to be read off anew at
+/// every tick, and a sequence that is interpolated again and again is a different one: after 8 ticks its kinks are off
+/// by a third, and a cart-pole swings up at 8 % more cost.) Knot j stands j * steps / spans - phase / spans periods
+/// after now, steps = horizon - 1 and spans = knots - 1; behind the last knot, at most one knot spacing, its value holds.
+struct KnotClock {
+  std::uint32_t horizon = 2, knots = 2;
+  std::uint32_t phase = 0;  // 0..steps - 1; whole numbers, so that nothing drifts
+  std::uint32_t steps() const { return horizon - 1; }
+  std::uint32_t spans() const { return knots - 1; }
+};
 
-/// Moves one input's knots by `periods` into the past: the piecewise linear sequence is read at the shifted knot
-/// times (exact there; in between it is again linear, so a kink is rounded off); behind its end the last value holds.
-void shift_knots(double* knots, std::uint32_t count, std::uint32_t horizon, std::uint32_t periods);
+/// Fills the grid's arrays, first_step (knots) and fraction (horizon); behind the last knot its value holds.
+void fill_grid(const KnotClock& clock, std::uint32_t* first_step, float* fraction);
+
+/// Lets `periods` go by: the clock's new phase, and by how many knots every row has to move up.
+std::uint32_t advance_clock(KnotClock& clock, std::uint32_t periods);
+
+/// Drops the first `gone` of one input's knots; the last is repeated in the free places.
+void shift_knots(double* knots, std::uint32_t count, std::uint32_t gone);
 
 /// Fills `sequence` (horizon x inputs) from `knots` (inputs * knots, input-major) under the limits, step by step from
 /// `start` (inputs), and `command` (inputs) with its first step in full precision; command may be null.
