@@ -1,0 +1,56 @@
+#pragma once
+
+#include <linux/can.h>
+#include <linux/can/raw.h>
+#include <net/if.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace tiller_test {
+
+/// A peer on the bus: a bare raw socket, so that the test does not check the transport against itself.
+class RawBus {
+ public:
+  explicit RawBus(const char* interface) {
+    socket_ = ::socket(PF_CAN, SOCK_RAW, CAN_RAW);
+    sockaddr_can address{};
+    address.can_family = AF_CAN;
+    address.can_ifindex = static_cast<int>(if_nametoindex(interface));
+    ok_ = socket_ >= 0 && bind(socket_, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0;
+  }
+  ~RawBus() { ::close(socket_); }
+  RawBus(const RawBus&) = delete;
+  RawBus& operator=(const RawBus&) = delete;
+  bool ok() const { return ok_; }
+
+  bool send(std::uint32_t id, const std::vector<std::uint8_t>& bytes) {
+    can_frame frame{};
+    frame.can_id = id;
+    frame.can_dlc = static_cast<std::uint8_t>(bytes.size());
+    for (std::size_t i = 0; i < bytes.size(); ++i) frame.data[i] = bytes[i];
+    return ::write(socket_, &frame, sizeof frame) == sizeof frame;
+  }
+  /// False if nothing comes within `timeout_ms`.
+  bool receive(can_frame& frame, int timeout_ms) {
+    pollfd wanted = {socket_, POLLIN, 0};
+    return ::poll(&wanted, 1, timeout_ms) > 0 && ::read(socket_, &frame, sizeof frame) == sizeof frame;
+  }
+
+ private:
+  int socket_ = -1;
+  bool ok_ = false;
+};
+
+inline std::vector<std::uint8_t> bytes_of(std::uint32_t low, std::uint32_t high) {
+  std::vector<std::uint8_t> bytes;
+  for (std::uint32_t word : {low, high})
+    for (int shift = 0; shift < 32; shift += 8) bytes.push_back(static_cast<std::uint8_t>(word >> shift));
+  return bytes;
+}
+
+}  // namespace tiller_test

@@ -1,0 +1,296 @@
+// The SocketCAN transport on virtual CAN: real sockets and queues of the kernel, but no arbitration, no bit
+// rate and no bus-off of its own (error frames are injected). Run by run_on_can.sh, which makes the
+// interfaces.
+#include "io/socketcan_transport.hpp"
+
+#include <gtest/gtest.h>
+#include <linux/can/error.h>
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <limits>
+#include <memory>
+#include <string>
+
+#include "raw_bus.hpp"
+
+namespace tiller {
+namespace {
+
+using tiller_test::bytes_of;
+using tiller_test::RawBus;
+
+constexpr std::uint32_t kMotor = 3, kBoard = 48;
+constexpr std::uint32_t kHeartbeat = kMotor << 5 | 0x01, kEstimates = kMotor << 5 | 0x09,
+                        kTorque = kMotor << 5 | 0x0e, kAxisState = kMotor << 5 | 0x07,
+                        kMode = kMotor << 5 | 0x0b;
+constexpr std::uint32_t kStamp = kBoard << 5, kStatus = kBoard << 5 | 0x01, kValue = kBoard << 5 | 0x10;
+
+/// A cart on one wheel: position from the motor's encoder, angle from the sensor board.
+SocketCanOptions cart(const char* interface) {
+  SocketCanOptions options;
+  options.interface = interface;
+  options.layout.motor_count = 1;
+  options.layout.motors[0] = {kMotor, 0.05};
+  options.layout.sensor_node = kBoard;
+  options.layout.channel_count = 2;
+  options.layout.channels[0] = {CanSource::kMotorPosition, 0};
+  options.layout.channels[1] = {CanSource::kSensor, 0};
+  return options;
+}
+
+std::uint32_t bits(float value) {
+  std::uint32_t word;
+  std::memcpy(&word, &value, sizeof word);
+  return word;
+}
+
+float float_at(const can_frame& frame) {
+  float value;
+  std::memcpy(&value, frame.data, sizeof value);
+  return value;
+}
+
+tiller_command_t command_of(std::uint32_t sequence, tiller_state_t state, double force_N) {
+  tiller_command_t command{};
+  command.sequence = sequence;
+  command.state = state;
+  command.value[0] = force_N;
+  return command;
+}
+
+class SocketCan : public ::testing::Test {
+ protected:
+  void open(const SocketCanOptions& options) {
+    OpenError error;
+    ASSERT_EQ(tiller_status_ok, socketcan_open(&transport_, options, &error)) << error.text;
+  }
+  void TearDown() override { kSocketCanTransport.close(&transport_); }
+
+  tiller_status_t poll() { return kSocketCanTransport.poll(&transport_, &measurement_); }
+  tiller_status_t send(const tiller_command_t& command) {
+    return kSocketCanTransport.send(&transport_, &command);
+  }
+  tiller_transport_counters_t counters() {
+    tiller_transport_counters_t counters;
+    kSocketCanTransport.counters(&transport_, &counters);
+    return counters;
+  }
+  void send_measurement(RawBus& bus, std::uint32_t sequence, std::int32_t angle_urad, float turns) {
+    bus.send(kEstimates, bytes_of(bits(turns), bits(0.0f)));
+    bus.send(kValue, bytes_of(static_cast<std::uint32_t>(angle_urad), (sequence & 0xffffu) | 1u << 16));
+    bus.send(kStamp, bytes_of(20000 * sequence, sequence));
+  }
+
+  SocketCanTransport transport_;
+  tiller_measurement_t measurement_{};
+};
+
+// The driver as its manual describes it: torques count in closed loop and torque mode alone.
+struct EmulatedDriver {
+  bool torque_mode = false;
+  std::uint8_t axis_state = 1;
+  float torque_Nm = 0.0f;
+  std::uint32_t answered = 0xffffffff;
+
+  void take(const can_frame& frame) {
+    if (frame.can_id == kMode) torque_mode = frame.data[0] == 1 && frame.data[4] == 1;
+    if (frame.can_id == kAxisState) axis_state = frame.data[0];
+    if (frame.can_id == kTorque && torque_mode && axis_state == 8) torque_Nm = float_at(frame);
+    if (frame.can_id == kStatus) std::memcpy(&answered, frame.data, 4);
+  }
+};
+
+TEST_F(SocketCan, AThousandTicksInLockstepWithAnEmulatedDriver) {
+  open(cart("vcan0"));
+  RawBus bus("vcan0");
+  ASSERT_TRUE(bus.ok());
+  EmulatedDriver driver;
+  for (std::uint32_t k = 0; k < 1000; ++k) {
+    bus.send(kHeartbeat, bytes_of(0, driver.axis_state));
+    send_measurement(bus, k, static_cast<std::int32_t>(1000 * k), 0.01f * static_cast<float>(k));
+    ASSERT_EQ(tiller_status_ok, poll()) << k;  // virtual CAN delivers before write returns
+    EXPECT_EQ(k, measurement_.sequence);
+    EXPECT_EQ(20000 * static_cast<std::int64_t>(k), measurement_.stamp_us);
+    EXPECT_DOUBLE_EQ(1e-3 * k, measurement_.value[1]);
+    // turns travel as float: 24 bits of at most 10 turns of 0.314 m
+    EXPECT_NEAR(0.01 * k * 2 * 3.14159265358979 * 0.05, measurement_.value[0], 3.2e-7);
+    const double force_N = 10.0 * std::sin(0.1 * k);
+    ASSERT_EQ(tiller_status_ok, send(command_of(k, tiller_state_active, force_N)));
+    can_frame frame;
+    while (driver.answered != k) {
+      ASSERT_TRUE(bus.receive(frame, 5000)) << "no status frame for " << k;
+      driver.take(frame);
+    }
+    EXPECT_EQ(static_cast<float>(force_N * 0.05), driver.torque_Nm);
+  }
+  EXPECT_EQ(8, driver.axis_state);
+  const tiller_transport_counters_t c = counters();
+  EXPECT_EQ(4000u, c.received);
+  EXPECT_EQ(1000u, c.sent);
+  EXPECT_EQ(0u, c.bad_messages + c.dropped_old + c.queue_full + c.bus_errors + c.overflows);
+}
+
+TEST_F(SocketCan, FramesOfOthersNeitherArriveNorCount) {
+  open(cart("vcan0"));
+  RawBus bus("vcan0");
+  bus.send((kMotor + 1) << 5 | 0x01, bytes_of(1, 0));   // another motor
+  bus.send(kHeartbeat | CAN_RTR_FLAG, {});              // a request
+  bus.send(kHeartbeat | CAN_EFF_FLAG, bytes_of(1, 0));  // the same bits as a 29-bit identifier
+  ASSERT_EQ(tiller_status_ok, send(command_of(0, tiller_state_standby, 0.0)));  // and one's own
+  EXPECT_EQ(tiller_status_no_new_measurement, poll());
+  EXPECT_EQ(0u, counters().received + counters().bad_messages);
+}
+
+TEST_F(SocketCan, CansendFeedsAndCandumpShowsTheLiteralBytes) {
+  open(cart("vcan0"));
+  // node 48: 0x600; node 3: 0x060. Angle 3141593 urad = 0x2fefd9; sequence 7; stamp 140000 us = 0x222e0.
+  ASSERT_EQ(0, std::system("cansend vcan0 069#0000803F00000000 && cansend vcan0 610#D9EF2F0007000100 && "
+                           "cansend vcan0 600#E022020007000000"));
+  ASSERT_EQ(tiller_status_ok, poll());
+  EXPECT_EQ(7u, measurement_.sequence);
+  EXPECT_EQ(140000, measurement_.stamp_us);
+  EXPECT_DOUBLE_EQ(3.141593, measurement_.value[1]);
+  EXPECT_NEAR(0.3141592653589793, measurement_.value[0], 1e-12);
+
+  // candump listens once the kernel lists a receiver of everything on vcan0
+  std::FILE* dump = popen(
+      "candump -L -n 4 -T 20000 vcan0 & "
+      "until grep -q '^ *vcan0 ' /proc/net/can/rcvlist_all; do sleep .1; done; echo started; wait",
+      "r");
+  ASSERT_NE(nullptr, dump);
+  std::string seen;
+  char line[256];
+  while (std::fgets(line, sizeof line, dump) != nullptr && std::strcmp(line, "started\n") != 0) seen += line;
+  ASSERT_EQ(tiller_status_ok, send(command_of(7, tiller_state_active, 10.0)));  // 10 N * 0.05 m = 0.5 Nm
+  while (std::fgets(line, sizeof line, dump) != nullptr) seen += line;
+  pclose(dump);
+  EXPECT_NE(std::string::npos, seen.find("06B#0100000001000000")) << seen;
+  EXPECT_NE(std::string::npos, seen.find("067#08000000")) << seen;
+  EXPECT_NE(std::string::npos, seen.find("06E#0000003F")) << seen;
+  EXPECT_NE(std::string::npos, seen.find("601#0700000002010000")) << seen;
+}
+
+TEST_F(SocketCan, NotANumberIsNotSent) {
+  open(cart("vcan0"));
+  RawBus bus("vcan0");
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(tiller_status_command_not_finite, send(command_of(0, tiller_state_active, nan)));
+  // finite, but not as the float that the frame carries
+  EXPECT_EQ(tiller_status_command_not_finite, send(command_of(0, tiller_state_active, 1e300)));
+  can_frame frame;
+  EXPECT_FALSE(bus.receive(frame, 50));
+}
+
+TEST_F(SocketCan, ErrorFramesBecomeStates) {
+  open(cart("vcan0"));
+  RawBus bus("vcan0");
+  const auto controller = [](std::uint8_t detail) {
+    return std::vector<std::uint8_t>{0, detail, 0, 0, 0, 0, 0, 0};
+  };
+  const auto inject = [&](std::uint32_t error, std::uint8_t detail) {
+    ASSERT_TRUE(bus.send(CAN_ERR_FLAG | error, controller(detail)));
+  };
+  inject(CAN_ERR_CRTL, CAN_ERR_CRTL_TX_WARNING);
+  EXPECT_EQ(tiller_status_no_new_measurement, poll());
+  inject(CAN_ERR_CRTL, CAN_ERR_CRTL_TX_PASSIVE);
+  EXPECT_EQ(tiller_status_bus_off, poll());
+  EXPECT_EQ(tiller_status_bus_off, poll()) << "a state, not an event";
+  inject(CAN_ERR_CRTL, CAN_ERR_CRTL_ACTIVE);
+  EXPECT_EQ(tiller_status_no_new_measurement, poll());
+  inject(CAN_ERR_BUSOFF, 0);
+  EXPECT_EQ(tiller_status_bus_off, poll());
+  inject(CAN_ERR_CRTL, CAN_ERR_CRTL_ACTIVE);
+  EXPECT_EQ(tiller_status_bus_off, poll()) << "bus-off ends by a restart alone";
+  inject(CAN_ERR_RESTARTED, 0);
+  EXPECT_EQ(tiller_status_no_new_measurement, poll());
+  inject(CAN_ERR_CRTL, CAN_ERR_CRTL_RX_OVERFLOW);
+  EXPECT_EQ(tiller_status_no_new_measurement, poll());
+  EXPECT_EQ(1u, counters().overflows);
+  EXPECT_EQ(7u, counters().bus_errors);
+}
+
+TEST_F(SocketCan, AFaultOfTheMotorComesBeforeTheMeasurement) {
+  open(cart("vcan0"));
+  RawBus bus("vcan0");
+  bus.send(kHeartbeat, bytes_of(0x1000000, 1));  // watchdog expired
+  send_measurement(bus, 0, 0, 0.0f);
+  EXPECT_EQ(tiller_status_actuator_fault, poll());
+  EXPECT_STREQ("a motor reports an axis error", transport_.robot.fault_text());
+  ASSERT_EQ(tiller_status_ok, socketcan_clear_faults(&transport_));
+  can_frame frame;
+  ASSERT_TRUE(bus.receive(frame, 5000));
+  EXPECT_EQ(kMotor << 5 | 0x18, frame.can_id);
+  bus.send(kHeartbeat, bytes_of(0, 1));
+  EXPECT_EQ(tiller_status_ok, poll());
+}
+
+TEST_F(SocketCan, AFullQueueIsCountedAndNeverWaitedFor) {
+  ASSERT_EQ(0, std::system("tc qdisc add dev vx0 root netem delay 20ms limit 10"))
+      << "tc and the module sch_netem are needed";
+  open(cart("vx0"));
+  int full = 0;
+  for (std::uint32_t k = 0; k < 100; ++k) {
+    const tiller_status_t status = send(command_of(k, tiller_state_standby, 0.0));
+    ASSERT_TRUE(status == tiller_status_ok || status == tiller_status_queue_full) << status;
+    full += status == tiller_status_queue_full;
+  }
+  EXPECT_EQ(0, std::system("tc qdisc del dev vx0 root"));
+  // 200 frames into a queue of 10 that lets each wait for 20 ms: only a sender that waits loses none
+  EXPECT_GT(full, 0);
+  EXPECT_GE(counters().queue_full, static_cast<std::uint64_t>(full));
+  EXPECT_EQ(100u - static_cast<unsigned>(full), counters().sent);
+}
+
+TEST_F(SocketCan, EveryFrameThatTheKernelLostIsCounted) {
+  SocketCanOptions options = cart("vcan0");
+  options.receive_buffer_bytes = 4096;
+  open(options);
+  RawBus bus("vcan0");
+  constexpr std::uint64_t kFrames = 2000;
+  for (std::uint64_t k = 0; k < kFrames; ++k) ASSERT_TRUE(bus.send(kHeartbeat, bytes_of(0, 1)));
+  for (int i = 0; i < 10; ++i) poll();
+  // the kernel tells its losses with the next frame that gets through
+  ASSERT_TRUE(bus.send(kHeartbeat, bytes_of(0, 1)));
+  poll();
+  const tiller_transport_counters_t c = counters();
+  std::printf("received %llu, lost in the kernel's queue %llu\n", static_cast<unsigned long long>(c.received),
+              static_cast<unsigned long long>(c.overflows));
+  EXPECT_GT(c.overflows, 0u);
+  EXPECT_EQ(kFrames + 1, c.received + c.overflows);
+}
+
+TEST_F(SocketCan, AnInterfaceThatGoesDownClosesTheTransportUntilItIsBack) {
+  open(cart("vcan1"));
+  ASSERT_EQ(0, std::system("ip link set vcan1 down"));
+  EXPECT_EQ(tiller_status_transport_closed, poll());
+  EXPECT_EQ(tiller_status_transport_closed, send(command_of(0, tiller_state_standby, 0.0)));
+  EXPECT_EQ(tiller_status_transport_closed, poll());
+  ASSERT_EQ(0, std::system("ip link set vcan1 up"));
+  RawBus bus("vcan1");
+  bus.send(kHeartbeat, bytes_of(0, 1));
+  EXPECT_EQ(tiller_status_no_new_measurement, poll());
+  EXPECT_EQ(tiller_status_ok, send(command_of(0, tiller_state_standby, 0.0)));
+}
+
+TEST(SocketCanOpen, ErrorsTellTheRemedy) {
+  const auto text_for = [](const char* interface) {
+    SocketCanTransport transport;
+    OpenError error;
+    EXPECT_NE(tiller_status_ok, socketcan_open(&transport, cart(interface), &error)) << interface;
+    std::printf("%s\n", error.text);
+    return std::string(error.text);
+  };
+  EXPECT_NE(std::string::npos, text_for("can7").find("ip link add can7 type vcan"));
+  EXPECT_NE(std::string::npos, text_for("lo").find("not a CAN interface"));
+  EXPECT_NE(std::string::npos, text_for("a_name_that_is_too_long").find("15 characters"));
+  ASSERT_EQ(0, std::system("ip link set vcan1 down"));
+  EXPECT_NE(std::string::npos, text_for("vcan1").find("ip link set vcan1 up"));
+  ASSERT_EQ(0, std::system("ip link set vcan1 up"));
+}
+
+}  // namespace
+}  // namespace tiller
