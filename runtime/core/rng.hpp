@@ -84,6 +84,7 @@ enum RngPurpose : std::uint32_t {
   kRngMove = 3,
   kRngSelect = 4,
   kRngPlanner = 5,
+  kRngMotion = 6,
 };
 
 }  // namespace tiller

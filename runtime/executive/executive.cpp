@@ -119,25 +119,34 @@ void Executive::read_posterior(Tick& tick) {
 // ---- frozen sensors --------------------------------------------------------------------------------------
 
 void Executive::watch_motion(Tick& tick) {
-  if (config_.safety.frozen_ticks == 0 || !tick.usable) return;
+  const std::uint32_t window = config_.safety.frozen_ticks;
+  if (window == 0 || !tick.usable) return;
   const bool fresh = guard_.repeats() == 0 || tick.restarted;
   if (fresh || !moving() || !motion_.begun()) {
-    posterior_->draw(1, info_.ticks, nullptr, nullptr, effect_state_, nullptr);
-    motion_.begin(info_.state_mean, info_.param_mean, effect_state_);
+    motion_.begin(*posterior_, info_.ticks, info_.state_mean, info_.state_sd);
     return;
   }
-  const std::uint32_t nu = config_.model->input_count;
-  double input[TILLER_MAX_INPUTS];
-  timeline_.mean(stamp_us_, -tick.period_s, 0.0, input);
-  for (std::uint32_t row = 0; row < setup_.delay_steps; ++row) {
-    const double end_s = -tick.period_s - row * config_.period_s;
-    timeline_.mean(stamp_us_, end_s - config_.period_s, end_s, history_ + row * nu);
+  step_motion(tick);
+  if (motion_.steps() < window) return;
+  if (!guard_.frozen(motion_.should_move())) {
+    motion_.begin(*posterior_, info_.ticks, info_.state_mean, info_.state_sd);
+    return;
   }
-  motion_.step(tick.period_s, input, history_);
-  if (!guard_.frozen(motion_.should_move(config_.safety.frozen_ticks))) return;
   tick.note(tiller_status_sensor_frozen);
   tick.usable = false;
   (void)machine_.on(Event::sensor_fault, tiller_status_sensor_frozen);
+}
+
+void Executive::step_motion(const Tick& tick) {
+  const std::uint32_t nu = config_.model->input_count;
+  double input[TILLER_MAX_INPUTS], before[TILLER_MAX_INPUTS];
+  timeline_.mean(stamp_us_, -tick.period_s, 0.0, input);
+  for (std::uint32_t row = 0; row < setup_.delay_steps; ++row) {
+    const double end_s = -tick.period_s - row * config_.period_s;
+    timeline_.mean(stamp_us_, end_s - config_.period_s, end_s, before);
+    for (std::uint32_t i = 0; i < nu; ++i) history_[row * nu + i] = static_cast<float>(before[i]);
+  }
+  motion_.step(tick.period_s, input, history_);
 }
 
 // ---- plan ------------------------------------------------------------------------------------------------

@@ -71,6 +71,7 @@ class Executive {
   void sense(Tick& tick);
   void learn(Tick& tick);
   void watch_motion(Tick& tick);
+  void step_motion(const Tick& tick);
   void plan(Tick& tick);
   void gate(Tick& tick, tiller_command_t& command);
   void record(const Tick& tick, const tiller_command_t& command);
@@ -126,8 +127,7 @@ class Executive {
   std::uint32_t unrenewed_plans_ = 0;  // in a row, by planners that had no time for an iteration
   static constexpr std::uint32_t kNotForced = 0xffffffffu;
   std::uint32_t forced_iterations_ = kNotForced;
-  double* history_ = nullptr;      // (delay_steps x nu) scratch
-  float* effect_state_ = nullptr;  // (ns) scratch
+  float* history_ = nullptr;  // (delay_steps x nu) scratch
 };
 
 }  // namespace tiller

@@ -57,8 +57,7 @@ Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const
   self.timeline_.lay_out(arena, config.model->input_count);
   self.motion_.lay_out(arena, self.config_, self.setup_, *self.table_);
   self.recorder_.lay_out(arena, self.config_);
-  self.history_ = arena.take<double>(std::size_t{self.setup_.delay_steps} * config.model->input_count);
-  self.effect_state_ = arena.take<float>(self.setup_.effect_state_count);
+  self.history_ = arena.take<float>(std::size_t{self.setup_.delay_steps} * config.model->input_count);
   if (placed == nullptr) return nullptr;
 
   self.posterior_->reset();

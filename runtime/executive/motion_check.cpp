@@ -3,62 +3,77 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/rng.hpp"
+
 namespace tiller {
 
 void MotionCheck::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
                           const RolloutTable& table) {
-  const tiller_model_t& model = *config.model;
+  const std::size_t nx = config.model->state_count, ns = setup.effect_state_count;
   config_ = &config;
   setup_ = &setup;
   table_ = &table;
-  base_ = arena.take<double>(model.state_count);
-  state_ = arena.take<double>(model.state_count);
-  params_ = arena.take<double>(config.param_count);
-  effect_state_ = arena.take<double>(setup.effect_state_count);
-  final_state_ = arena.take<double>(std::size_t{model.state_count} * kLanePadding);
-  final_effect_ = arena.take<double>(std::size_t{setup.effect_state_count} * kLanePadding);
+  base_ = arena.take<float>(nx * kLanes);
+  state_ = arena.take<float>(nx * kLanes);
+  params_ = arena.take<float>(config.param_count * kLanes);
+  effect_state_ = arena.take<float>(ns * kLanes);
+  final_state_ = arena.take<float>(nx * kLanes);
+  final_effect_ = arena.take<float>(ns * kLanes);
 }
 
-void MotionCheck::begin(const double* state, const double* params, const float* effect_state) {
-  const std::uint32_t nx = config_->model->state_count;
-  std::copy(state, state + nx, base_);
-  std::copy(state, state + nx, state_);
-  std::copy(params, params + config_->param_count, params_);
-  std::copy(effect_state, effect_state + setup_->effect_state_count, effect_state_);
+void MotionCheck::begin(const Posterior& posterior, std::uint64_t tick, const double* state_mean,
+                        const double* state_sd) {
+  posterior.draw(kLanes, tick, params_, nullptr, effect_state_, nullptr);
+  Rng rng(config_->seed, kRngMotion, tick);
+  for (std::uint32_t x = 0; x < config_->model->state_count; ++x) {
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+      // the first hypothesis is the estimate itself
+      const double spread = lane == 0 ? 0.0 : kSpread * state_sd[x] * rng.normal();
+      state_[x * kLanes + lane] = static_cast<float>(state_mean[x] + spread);
+    }
+  }
+  std::copy(state_, state_ + std::size_t{config_->model->state_count} * kLanes, base_);
+  std::fill(moved_, moved_ + kLanes, false);
   steps_ = 0;
   begun_ = true;
 }
 
-void MotionCheck::step(double period_s, const double* input, const double* history) {
+void MotionCheck::step(double period_s, const double* input, const float* history) {
   const tiller_model_t& model = *config_->model;
-  RolloutJob<double> job;
+  float controls[TILLER_MAX_INPUTS];
+  std::copy(input, input + model.input_count, controls);
+  RolloutJob<float> job;
   job.setup = setup_;
-  job.lanes = kLanePadding;
+  job.lanes = kLanes;
   job.horizon = 1;
   job.period_s = period_s;
-  job.state = {state_, 0};
-  job.params = {params_, 0};
-  job.effect_state = {effect_state_, 0};
-  job.controls = {input, 0};
+  job.state = {state_, kLanes};
+  job.params = {params_, kLanes};
+  job.effect_state = {effect_state_, kLanes};
+  job.controls = {controls, 0};
   job.history = history;
   job.final_state = final_state_;
   job.final_effect_state = setup_->effect_state_count > 0 ? final_effect_ : nullptr;
-  table_->rollout_f64(model, job);
-  for (std::uint32_t i = 0; i < model.state_count; ++i)
-    state_[i] = final_state_[std::size_t{i} * kLanePadding];
-  for (std::uint32_t i = 0; i < setup_->effect_state_count; ++i)
-    effect_state_[i] = final_effect_[std::size_t{i} * kLanePadding];
+  table_->rollout_f32(model, job);
+  std::swap(state_, final_state_);
+  std::swap(effect_state_, final_effect_);
   ++steps_;
+  note_moves();
 }
 
-bool MotionCheck::should_move(std::uint32_t steps) const {
-  if (!begun_ || steps_ < steps) return false;
+bool MotionCheck::should_move() const {
+  return begun_ && std::all_of(moved_, moved_ + kLanes, [](bool moved) { return moved; });
+}
+
+void MotionCheck::note_moves() {
   for (std::uint32_t i = 0; i < config_->measurement_count; ++i) {
     const std::uint32_t x = config_->measured_state[i];
-    const double change = state_difference(*config_->model, x, state_[x], base_[x]);
-    if (std::abs(change) > kDeviations * config_->measurement_sd[i]) return true;
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+      const std::uint32_t at = x * kLanes + lane;
+      const double change = state_difference(*config_->model, x, state_[at], base_[at]);
+      if (std::abs(change) > kDeviations * config_->measurement_sd[i]) moved_[lane] = true;
+    }
   }
-  return false;
 }
 
 }  // namespace tiller

@@ -3,46 +3,56 @@
 #include <cstdint>
 
 #include "core/arena.hpp"
+#include "posterior/posterior.hpp"
 #include "rollout/rollout.hpp"
 
 namespace tiller {
 
-/// Tells whether the robot ought to have moved while its readings repeat. From the last estimate before the
-/// readings froze, the model is stepped under the commands in force, with no correction: once a measured
-/// value should differ by more than the sensor could hide, repeating bits are a dead sensor and not a robot
-/// at rest.
+/// Tells whether the robot ought to have moved while its readings repeated. From the estimate before the
+/// readings froze, sixteen hypotheses (particles of the posterior, states spread by what the filter is unsure
+/// of) are stepped under the commands in force, with no correction. When over a window of repeated readings
+/// every one of them should have moved further than the sensor could hide, repeating bits are a dead sensor
+/// and not a robot at rest.
 ///
-/// Judging by the commands alone was rejected: a cart that stands balanced under jittering commands repeats
-/// an encoder's quantum rightly, and a pendulum may rest under constant torque.
+/// Rejected: judging by the commands alone (a cart that stands balanced under jittering commands repeats an
+/// encoder's quantum rightly, and a pendulum may rest under constant torque), and one long prediction (open
+/// loop, the smallest error of the model walks away from a robot that rests).
 class MotionCheck {
  public:
   void lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
                const RolloutTable& table);
 
-  /// A new base: state (nx), params (np), effect states (ns).
-  void begin(const double* state, const double* params, const float* effect_state);
+  /// A new window. state_mean, state_sd (nx) are the present estimate.
+  void begin(const Posterior& posterior, std::uint64_t tick, const double* state_mean,
+             const double* state_sd);
   /// One repeated reading: `input` (nu) was in force for `period_s`, with commands before it (delay_steps x
   /// nu).
-  void step(double period_s, const double* input, const double* history);
-  bool begun() const { return begun_; }
+  void step(double period_s, const double* input, const float* history);
   void clear() { begun_ = false; }
 
-  /// True after at least `steps` repeated readings in which some measured value should have moved by more
-  /// than kDeviations of its sensor's noise.
-  bool should_move(std::uint32_t steps) const;
+  bool begun() const { return begun_; }
+  /// Repeated readings in this window.
+  std::uint32_t steps() const { return steps_; }
+  /// True if every hypothesis has moved some measured value by more than kDeviations of its sensor's noise.
+  bool should_move() const;
 
  private:
-  static constexpr double kDeviations = 6.0;  // a false alarm of the sensor's own noise: one in 5e8
+  static constexpr double kDeviations = 6.0;  // the sensor's own noise does this once in 5e8
+  static constexpr double kSpread = 2.0;      // of the start states, in the filter's standard deviations
+  static constexpr std::uint32_t kLanes = kLanePadding;
+
+  void note_moves();
 
   const tiller_config_t* config_ = nullptr;
   const StepSetup* setup_ = nullptr;
   const RolloutTable* table_ = nullptr;
-  double* base_ = nullptr;          // (nx)
-  double* state_ = nullptr;         // (nx)
-  double* params_ = nullptr;        // (np)
-  double* effect_state_ = nullptr;  // (ns)
-  double* final_state_ = nullptr;   // (nx x kLanePadding)
-  double* final_effect_ = nullptr;  // (ns x kLanePadding)
+  float* base_ = nullptr;          // (nx x kLanes)
+  float* state_ = nullptr;         // (nx x kLanes)
+  float* params_ = nullptr;        // (np x kLanes)
+  float* effect_state_ = nullptr;  // (ns x kLanes)
+  float* final_state_ = nullptr;   // (nx x kLanes)
+  float* final_effect_ = nullptr;  // (ns x kLanes)
+  bool moved_[kLanes] = {};
   std::uint32_t steps_ = 0;
   bool begun_ = false;
 };

@@ -52,11 +52,6 @@ void PlanningBelief::draw(const Posterior& posterior, const CommandTimeline& tim
   fill_history(timeline, stamp_us, ahead_s);
 }
 
-void PlanningBelief::first_effect_state(float* effect_state) const {
-  for (std::uint32_t s = 0; s < setup_->effect_state_count; ++s)
-    effect_state[s] = effect_state_[std::size_t{s} * belief_.count];
-}
-
 void PlanningBelief::step_ahead(const CommandTimeline& timeline, std::int64_t stamp_us, double from_s,
                                 double to_s) {
   const std::uint32_t nx = config_->model->state_count, count = belief_.count;

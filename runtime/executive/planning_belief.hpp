@@ -23,8 +23,6 @@ class PlanningBelief {
             std::int64_t stamp_us, double ahead_s);
 
   const Belief& belief() const { return belief_; }
-  /// Effect states (ns) of the first hypothesis.
-  void first_effect_state(float* effect_state) const;
 
  private:
   void step_ahead(const CommandTimeline& timeline, std::int64_t stamp_us, double from_s, double to_s);
