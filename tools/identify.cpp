@@ -125,6 +125,9 @@ std::string identify_text(const RobotFile& robot, const Identified& result) {
                             best.fit.effective_samples);
   append_parameters(best, text);
   text += format("  noise: %.2f times what the robot file says\n", best.fit.noise_scale);
+  if (best.fit.noise_scale > 3)
+    text += "  so much noise means that the model misses something in these logs, or that an input was not what it was "
+            "logged to be;\n  the intervals above are wide enough for the noise, not for a wrong model\n";
   if (best.fit.exponent < 1)
     text += format("  not converged: the data count with exponent %.3f; give more --moves\n", best.fit.exponent);
   if (!result.hold_out.empty()) append_errors(result, robot, true, text);

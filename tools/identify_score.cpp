@@ -86,8 +86,10 @@ class Tally {
     double sum = 0;
     for (std::size_t k = 0; k < error.size(); ++k) {
       if (!std::isfinite(error[k])) break;
-      square_[k] += error[k] * error[k];
-      ++count_[k];
+      if (error.size() == longest_) {  // the same starts all along, or the curve would jump where starts drop out
+        square_[k] += error[k] * error[k];
+        ++count_[k];
+      }
       sum += error[k] * error[k];
       for (auto& h : horizons_)
         if (h.steps == k + 1) {

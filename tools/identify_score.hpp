@@ -21,7 +21,7 @@ struct HorizonError {
 struct StateScore {
   std::uint32_t state = 0;
   std::vector<HorizonError> horizons;
-  std::vector<double> curve;  ///< RMS error after 1, 2, ... steps, up to the longest horizon
+  std::vector<double> curve;  ///< RMS error after 1, 2, ... steps, of the starts that last the longest horizon
 };
 
 /// A rollout to look at: time, measured, predicted by the posterior's mean and the 5-95 % of its draws.

@@ -221,9 +221,12 @@ def build(run: Run) -> str:
     return page.page(title, "".join(body))
 
 
-def write_report(csv_path: str | Path, out: str | Path, meta: str | Path | None = None) -> Path:
+def write_report(csv_path: str | Path, out: str | Path, meta: str | Path | None = None,
+                 title: str | None = None) -> Path:
     """Reads the log and writes the page; raises ReportError with a sentence for the user."""
     run = read_run(Path(csv_path), Path(meta) if meta else None)
+    if title:
+        run.meta["title"] = title
     write_page(out, build(run))
     return Path(out)
 
@@ -233,9 +236,11 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("csv", help="log of `tiller run` or `tiller demo`")
     parser.add_argument("-o", "--out", help="page to write (default: the log's name with .html)")
     parser.add_argument("--meta", help="JSON with title, outcome, limits, ... (default: the log's name with .json)")
+    parser.add_argument("--title", help="heading of the page")
     options = parser.parse_args(argv)
     try:
-        out = write_report(options.csv, options.out or Path(options.csv).with_suffix(".html"), options.meta)
+        out = write_report(options.csv, options.out or Path(options.csv).with_suffix(".html"), options.meta,
+                           options.title)
     except ReportError as error:
         print(f"report: {error}", file=sys.stderr)
         return 1

@@ -1,0 +1,90 @@
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+
+#include "tools/commands.hpp"
+#include "tools/identify.hpp"
+#include "tools/report.hpp"
+
+namespace tiller::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool write_text(const fs::path& path, const std::string& text, std::string& error) {
+  std::error_code code;
+  fs::create_directories(path.parent_path(), code);
+  std::ofstream stream(path, std::ios::binary);
+  stream << text;
+  stream.flush();
+  if (stream) return true;
+  error = path.string() + ": cannot be written; name another folder with -o";
+  return false;
+}
+
+/// identify.json and the page made from it. The tables are printed already: what fails here loses no result.
+int write_results(const IdentifyOptions& options, const RobotFile& robot, const Identified& result) {
+  const fs::path json = fs::path(options.folder) / "identify.json", page = fs::path(options.folder) / "identify.html";
+  std::string error;
+  if (!write_text(json, identify_json(robot, result), error)) {
+    complain(error);
+    return kExitLogIncomplete;
+  }
+  std::printf("\nresult: %s\n", fs::absolute(json).c_str());
+  if (!run_python_tool("identify_report", {json.string(), "-o", page.string()}, error)) {
+    complain(error);
+    return kExitLogIncomplete;
+  }
+  std::printf("report: %s\n", fs::absolute(page).c_str());
+  return kExitOk;
+}
+
+int identify_command(IdentifyOptions& options) {
+  const auto robot = read_robot_or_complain(options.robot);
+  if (!robot) return kExitBadInput;
+  Identified result;
+  std::string error;
+  const bool good = identify(*robot, options, result, error);
+  for (const std::string& warning : result.warnings) std::fprintf(stderr, "warning: %s\n", warning.c_str());
+  if (!good) return complain(error);
+  std::fputs(identify_text(*robot, result).c_str(), stdout);
+  return options.folder.empty() ? static_cast<int>(kExitOk) : write_results(options, *robot, result);
+}
+
+std::string check_multiple(const std::string& text, unsigned of) {
+  const unsigned long value = std::strtoul(text.c_str(), nullptr, 10);
+  return value % of == 0 ? "" : "must be a multiple of " + std::to_string(of);
+}
+
+}  // namespace
+
+void add_identify_command(CLI::App& app, int& exit_code) {
+  auto* command = app.add_subcommand("identify", "learn the parameters of a robot file from logs of the real robot");
+  auto options = std::make_shared<IdentifyOptions>();
+  command->add_option("ROBOT", options->robot, "robot file (.toml): model, effects, priors, sensors, [log]")->required();
+  command->add_option("LOGS", options->logs, "CSV files to learn from")->required();
+  command->add_option("--hold-out", options->hold_out, "CSV files to judge with, kept away from learning");
+  command->add_option("-o,--out", options->folder, "folder for identify.json and identify.html");
+  command->add_option("--particles", options->fit.particles, "of the posterior (default 1024)")
+      ->check(CLI::Range(64, 4096))
+      ->check([](const std::string& text) { return check_multiple(text, 16); });
+  command->add_option("--window", options->fit.window, "transitions that moves rerun (default 1024)")
+      ->check(CLI::Range(16, 1024));
+  command->add_option("--moves", options->fit.moves, "Metropolis moves per transition (default 64)")
+      ->check(CLI::Range(0, 1024))
+      ->check([](const std::string& text) { return check_multiple(text, 8); });
+  command->add_option("--horizon", options->score.horizons_s, "seconds that rollouts look ahead (default 1 2)")
+      ->check(CLI::Range(0.01, 60.0));
+  command->footer(
+      "Fits the model without its effects, then with one effect more at a time, and compares how well each foresees\n"
+      "the robot from many points of the logs. Only what was held out can be trusted to compare.\n\n"
+      "Examples:\n"
+      "  tiller identify my_robot.toml run1.csv run2.csv --hold-out run3.csv -o out/identify\n"
+      "      learn from two logs, judge with the third, leave a page\n"
+      "  tiller identify robots/dfki_pendulum.toml data/dfki_simple_pendulum/d*_measured.csv \\\n"
+      "      --hold-out data/dfki_simple_pendulum/pd_system_identification_measured.csv\n"
+      "      the measured pendulum that comes with tiller (docs/identify.md tells what to see)");
+  command->callback([options, &exit_code] { exit_code = identify_command(*options); });
+}
+
+}  // namespace tiller::tools

@@ -1,0 +1,206 @@
+"""One page about a fit: python -m tiller_tools.identify_report identify.json -o identify.html
+
+The JSON is what `tiller identify -o FOLDER` writes: candidates from the nominal model to the one with every effect,
+each with parameters, draws, rollout errors and a few rollouts beside what was measured.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from . import page
+from .table import ReportError, read_json, write_page
+
+
+def _learnt(candidate: dict) -> list[dict]:
+    return [p for p in candidate["parameters"] if not p["fixed"]]
+
+
+def _short(candidate: dict, model: str) -> str:
+    """The part of a candidate's name that tells it from the others."""
+    name = candidate["name"]
+    if name == "nominal":
+        return "nominal"
+    extra = name.split(" + ")[1:]
+    return "+ " + extra[-1].split(" (")[0].replace("_", " ") if extra else f"{model}, fitted"
+
+
+def _array(values) -> np.ndarray:
+    return np.array([np.nan if v is None else v for v in values], dtype=float)
+
+
+# ---- figures ---------------------------------------------------------------------------------------
+
+
+def marginal_figure(candidate: dict, index: int) -> str:
+    param = _learnt(candidate)[index]
+    draws = np.array(candidate["samples"])[:, index]
+    figure, ax = page.axes(param["name"], xlabel=param["name"], height=3.0)
+    low, high = param["prior"]["interval_90"]
+    ax.axvspan(low, high, color=page.PRIOR, label="prior 90 %")
+    ax.hist(draws, bins=40, density=True, color=page.BAND, label="posterior")
+    ax.axvline(param["mean"], color=page.ESTIMATE, label="mean")
+    ax.set_yticks([])
+    ax.spines["left"].set_visible(False)
+    ax.grid(axis="y", visible=False)
+    page.legend(ax)
+    caption = ""
+    if not low <= param["mean"] <= high:
+        caption = "The posterior leaves the prior's 90 %: the prior, or the model, deserves a second look."
+    return page.svg(figure, caption)
+
+
+def pairs_figure(candidate: dict) -> str | None:
+    learnt = _learnt(candidate)
+    if len(learnt) < 2:
+        return None
+    draws = np.array(candidate["samples"])
+    n = len(learnt)
+    figure, axes = page.plt.subplots(n, n, figsize=(6.0, 5.6), squeeze=False)
+    figure.set_label("pairs of parameters")
+    for r in range(n):
+        for c in range(n):
+            ax = axes[r][c]
+            if c > r:
+                ax.axis("off")
+                continue
+            if c == r:
+                ax.hist(draws[:, r], bins=30, color=page.BAND)
+                ax.set_yticks([])
+            else:
+                ax.plot(draws[:, c], draws[:, r], ".", color=page.ESTIMATE, markersize=2, alpha=0.4)
+            ax.tick_params(labelsize=7, labelleft=c == 0 and r > 0, labelbottom=r == n - 1)
+            ax.locator_params(nbins=3)
+            if r == n - 1:
+                ax.set_xlabel(learnt[c]["name"], fontsize=8)
+            if c == 0 and r > 0:
+                ax.set_ylabel(learnt[r]["name"], fontsize=8)
+    return page.svg(figure, "Draws from the posterior. A slanted cloud means that the logs fix a combination better "
+                            "than each parameter alone.")
+
+
+def horizon_figure(result: dict, which: str, state_index: int) -> str:
+    state = result["candidates"][0][which][state_index]["state"]
+    title = f"error of {state} over the horizon, {'held-out' if which == 'held_out' else 'fitted'} logs"
+    figure, ax = page.axes(title, xlabel="horizon (s)")
+    for i, candidate in enumerate(result["candidates"]):
+        curve = _array(candidate[which][state_index]["rms_by_step"])
+        time = result["period_s"] * np.arange(1, len(curve) + 1)
+        ax.plot(time, curve, color=page.MEASURED if i == 0 else page.CYCLE[(i - 1) % len(page.CYCLE)],
+                label=_short(candidate, result["model"]))
+    ax.set_ylabel("RMS error")
+    ax.set_ylim(bottom=0)
+    ax.margins(x=0.01)
+    ax.legend(loc="upper left")
+    return page.svg(figure, "From every start the logged inputs are replayed through the model. The curve takes the "
+                            "starts that last to its end.")
+
+
+def trace_figure(result: dict, index: int) -> str:
+    best, nominal = result["candidates"][-1]["traces"][index], result["candidates"][0]["traces"][index]
+    figure, ax = page.axes(f"{best['state']} from {best['start_s']:.2f} s of {Path(best['path']).stem}",
+                           xlabel="horizon (s)")
+    time = best["period_s"] * np.arange(len(best["mean"]))
+    ax.fill_between(time, _array(best["low"]), _array(best["high"]), color=page.BAND, linewidth=0)
+    ax.plot(time, _array(nominal["mean"]), color=page.MEASURED, linestyle=(0, (4, 2)), label="nominal")
+    ax.plot(time, _array(best["mean"]), color=page.ESTIMATE, label="fitted, 90 %")
+    ax.plot(time, _array(best["measured"]), color=page.TRUTH, linewidth=1.2, label="measured")
+    ax.margins(x=0.01)
+    page.legend(ax)
+    return page.svg(figure)
+
+
+# ---- the page --------------------------------------------------------------------------------------
+
+
+def param_table(candidate: dict) -> str:
+    body = []
+    for p in candidate["parameters"]:
+        if p["fixed"]:
+            body.append([p["name"], "known", page.number(p["mean"]), "", ""])
+        else:
+            prior, post = p["prior"]["interval_90"], p["interval_90"]
+            body.append([p["name"], f"{page.number(prior[0])} … {page.number(prior[1])}", page.number(p["mean"]),
+                         page.number(p["sd"], 2), f"{page.number(post[0])} … {page.number(post[1])}"])
+    return page.rows(["parameter", "prior 90 %", "mean", "sd", "posterior 90 %"], body)
+
+
+def error_table(result: dict, which: str, state_index: int) -> str:
+    horizons = result["candidates"][0][which][state_index]["horizons"]
+    header = ["model"] + [f"{h['horizon_s']:g} s: RMS (median)" for h in horizons] + ["noise"]
+    body = []
+    for candidate in result["candidates"]:
+        cells = [f"{page.number(h['rms_end'], 3)} ({page.number(h['median_abs_end'], 3)})" if h["rollouts"] else "–"
+                 for h in candidate[which][state_index]["horizons"]]
+        noise = f"{page.number(candidate['noise_scale'], 3)} ×" if candidate["learns"] else "–"
+        body.append([_short(candidate, result["model"])] + cells + [noise])
+    return page.rows(header, body)
+
+
+def errors_section(result: dict, which: str, title: str) -> str:
+    parts = [f"<h2>{title}</h2>"]
+    for i, state in enumerate(result["candidates"][0][which]):
+        rollouts = state["horizons"][0]["rollouts"]
+        parts.append(f"<p>{page.html.escape(state['state'])}, {rollouts} rollouts, begun at states estimated from the "
+                     f"log alone. Error at the end of the horizon; the median of the absolute error in brackets.</p>")
+        parts.append(error_table(result, which, i))
+        parts.append(page.grid([horizon_figure(result, which, i)]))
+    return "".join(parts)
+
+
+def build(result: dict) -> str:
+    best = result["candidates"][-1]
+    logs = ", ".join(Path(log["path"]).name for log in result["logs"])
+    held = ", ".join(Path(log["path"]).name for log in result["held_out"]) or "none"
+    body = [f"<h1>{page.html.escape(result['robot'])}: parameters from logs</h1>",
+            f"<p class=lead>{page.html.escape(best['name'])}. Fitted: {page.html.escape(logs)}. Held out: "
+            f"{page.html.escape(held)}.</p>",
+            page.facts([("transitions", str(best["transitions"])),
+                        ("effective samples", page.number(best["effective_samples"], 3)),
+                        ("noise over the robot file's", f"{page.number(best['noise_scale'], 3)} ×")])]
+    for warning in result["warnings"]:
+        body.append(f"<p>⚠ {page.html.escape(warning)}</p>")
+    body += ["<h2>What was learnt</h2>", param_table(best)]
+    if _learnt(best):
+        figures = [marginal_figure(best, i) for i in range(len(_learnt(best)))] + [pairs_figure(best)]
+        body.append(page.grid([figure for figure in figures if figure]))
+    if result["held_out"]:
+        body.append(errors_section(result, "held_out", "How well it foresees logs that were held out"))
+    body.append(errors_section(result, "fitted", "… and the logs that it was fitted to"))
+    body += ["<h2>Some rollouts</h2>", page.grid([trace_figure(result, i) for i in range(len(best["traces"]))])]
+    body.append(f"<footer>From <code>{page.html.escape(result['robot_file'])}</code>, tiller "
+                f"{page.html.escape(result['tiller'])}.</footer>")
+    return page.page(f"{result['robot']}: parameters from logs", "".join(body))
+
+
+def write_report(json_path: str | Path, out: str | Path) -> Path:
+    """Reads identify.json and writes the page; raises ReportError with a sentence for the user."""
+    result = read_json(json_path)
+    for key in ("robot", "candidates", "logs", "held_out"):
+        if key not in result:
+            raise ReportError(f"{json_path}: no key '{key}'; expected the JSON of `tiller identify -o FOLDER`")
+    if not result["candidates"]:
+        raise ReportError(f"{json_path}: no candidate was fitted")
+    write_page(out, build(result))
+    return Path(out)
+
+
+def main(argv: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="tiller_tools.identify_report", description="A page from identify.json.")
+    parser.add_argument("json", help="what `tiller identify -o FOLDER` left")
+    parser.add_argument("-o", "--out", help="page to write (default: the JSON's name with .html)")
+    options = parser.parse_args(argv)
+    try:
+        print(write_report(options.json, options.out or Path(options.json).with_suffix(".html")))
+    except ReportError as error:
+        print(f"identify report: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
