@@ -21,10 +21,12 @@ struct TransportSection {
   std::string url = "udpm://239.255.76.67:7667?ttl=0";
   std::string channel_prefix = "TILLER_";
   std::string interface = "can0";
-  bool stamp_on_arrival = false;         ///< the plant has a clock of its own
-  int sensor_node = 63;                  ///< of the sensor board
-  std::vector<int> actuator_nodes;       ///< (nu) CANSimple node of each input
-  std::vector<double> torque_per_input;  ///< (nu) motor torque for one unit of the input
+  bool stamp_on_arrival = false;        ///< the plant has a clock of its own
+  std::vector<std::uint32_t> nodes;     ///< (nu) CANSimple node of each input's motor
+  std::vector<double> wheel_radius_m;   ///< (nu)
+  std::uint32_t sensor_node = 48;
+  Words channels;                       ///< (ny) "board:0", "position:force_N", ...; empty: the board's, in order
+  double heartbeat_timeout_s = 0.5;
 };
 
 struct SimEffect {

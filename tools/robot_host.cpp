@@ -86,18 +86,58 @@ void refuse_foreign_keys(SectionReader& section, const std::string& kind) {
   }
 }
 
-void read_nodes(SectionReader& section, const RobotFile& robot, TransportSection& transport) {
+void read_motors(SectionReader& section, const RobotFile& robot, TransportSection& transport) {
   std::vector<double> nodes(robot.inputs.size(), -1);
-  std::vector<double> ratios(robot.inputs.size(), 1);
+  transport.wheel_radius_m.assign(robot.inputs.size(), 1);
   section.numbers("nodes", robot.inputs, "input", nodes.data());
-  section.numbers("torque_per_input", robot.inputs, "input", ratios.data());
+  section.numbers("wheel_radius_m", robot.inputs, "input", transport.wheel_radius_m.data());
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     if (section.has("nodes") && nodes[i] < 0) {
       section.error("nodes", "no CAN node for " + robot.inputs[i], "add " + robot.inputs[i] + " = its node");
     }
-    transport.actuator_nodes.push_back(static_cast<int>(nodes[i] < 0 ? static_cast<double>(i) : nodes[i]));
+    if (nodes[i] < 0) nodes[i] = static_cast<double>(i + 1);
+    transport.nodes.push_back(static_cast<std::uint32_t>(nodes[i]));
+    if (transport.wheel_radius_m[i] == 0) {
+      section.error("wheel_radius_m", "a lever of zero moves nothing", "write the wheel's radius, or 1");
+    }
   }
-  transport.torque_per_input = ratios;
+}
+
+bool is_channel(const std::string& word, const Words& inputs) {
+  const std::size_t colon = word.find(':');
+  if (colon == std::string::npos) return false;
+  const std::string source = word.substr(0, colon);
+  const std::string rest = word.substr(colon + 1);
+  if (source == "position" || source == "velocity") return index_of(inputs, rest) >= 0;
+  const bool digits = !rest.empty() && rest.find_first_not_of("0123456789") == std::string::npos;
+  return source == "board" && digits && rest.size() <= 2 && std::stoi(rest) < TILLER_MAX_MEASUREMENTS;
+}
+
+void read_channels(SectionReader& section, const RobotFile& robot, TransportSection& transport) {
+  const toml::table* table = section.subtable("channels");
+  if (!table) return;
+  transport.channels.assign(robot.measurements.size(), "");
+  for (auto&& [name, node] : *table) {
+    const std::string word(name.str());
+    const std::string path = section.path_of("channels." + word);
+    const int row = index_of(robot.measurements, word);
+    const std::string text = node.value_or(std::string());
+    if (row < 0) {
+      section.errors().at(node, path, "is not measured", remedy_for_unknown(word, robot.measurements));
+    } else if (!is_channel(text, robot.inputs)) {
+      section.errors().at(node, path, "is no channel",
+                          "write \"board:0\" to \"board:11\", or \"position:\" or \"velocity:\" and one of: " +
+                              join(robot.inputs));
+    } else {
+      transport.channels[static_cast<std::size_t>(row)] = text;
+    }
+  }
+  for (std::size_t i = 0; i < robot.measurements.size(); ++i) {
+    if (!table->contains(robot.measurements[i])) {
+      section.error("channels", "no channel for " + robot.measurements[i],
+                    "add " + robot.measurements[i] + " = \"board:" + std::to_string(i) + "\"");
+    }
+  }
 }
 
 }  // namespace
@@ -118,8 +158,10 @@ void read_transport(FileErrors& errors, const toml::table& root, RobotFile& robo
   if (const auto v = section.text("channel_prefix")) transport.channel_prefix = *v;
   if (const auto v = section.flag("stamp_on_arrival")) transport.stamp_on_arrival = *v;
   if (const auto v = section.text("interface")) transport.interface = *v;
-  if (const auto v = section.count("sensor_node")) transport.sensor_node = static_cast<int>(*v);
-  read_nodes(section, robot, transport);
+  if (const auto v = section.count("sensor_node")) transport.sensor_node = static_cast<std::uint32_t>(*v);
+  if (const auto v = section.number("heartbeat_timeout_s")) transport.heartbeat_timeout_s = *v;
+  read_motors(section, robot, transport);
+  read_channels(section, robot, transport);
 }
 
 void read_sim(FileErrors& errors, const toml::table& root, RobotFile& robot) {

@@ -1,0 +1,51 @@
+#include <cstdio>
+#include <filesystem>
+
+#include "tools/commands.hpp"
+#include "tools/export_config.hpp"
+
+namespace tiller::tools {
+namespace {
+
+struct Arguments {
+  std::string robot, out, prefix;
+};
+
+int export_command(const Arguments& a) {
+  const auto robot = read_robot_or_complain(a.robot);
+  if (!robot) return kExitBadInput;
+  const std::string stem = std::filesystem::path(a.robot).stem().string();
+  const std::string text = export_c(*robot, c_identifier(a.prefix.empty() ? stem : a.prefix));
+  if (a.out.empty() || a.out == "-") {
+    std::fputs(text.c_str(), stdout);
+    return kExitOk;
+  }
+  std::FILE* file = std::fopen(a.out.c_str(), "w");
+  const bool written = file && std::fputs(text.c_str(), file) >= 0;
+  if (!file || std::fclose(file) != 0 || !written) {
+    std::perror(("tiller: " + a.out + ": cannot be written").c_str());
+    return kExitBadInput;
+  }
+  std::printf("%s: %s_config(), compile it with C99 and link the tiller runtime\n", a.out.c_str(),
+              c_identifier(a.prefix.empty() ? stem : a.prefix).c_str());
+  return kExitOk;
+}
+
+}  // namespace
+
+void add_export_command(CLI::App& app, int& exit_code) {
+  auto* command = app.add_subcommand("export", "write a robot file as a constant C configuration");
+  auto a = std::make_shared<Arguments>();
+  command->add_option("ROBOT", a->robot, "robot file (.toml)")->required();
+  command->add_option("-o,--out", a->out, "C file (default: stdout)");
+  command->add_option("--prefix", a->prefix, "of the C names (default: the robot file's name)");
+  command->footer("For targets without files, and for programs that link the library.\n\n"
+                  "Examples:\n"
+                  "  tiller export robots/cart_pole.toml -o cart_pole_config.c\n"
+                  "      tiller_config_t cart_pole_config(void), in C99\n"
+                  "  tiller export robots/pendulum.toml --prefix arm | head -40\n"
+                  "      arm_config(), read on the screen");
+  command->callback([a, &exit_code] { exit_code = export_command(*a); });
+}
+
+}  // namespace tiller::tools

@@ -1,0 +1,156 @@
+// check, models, effects, help and version: commands that only tell.
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "effects/effect_info.hpp"
+#include "tools/commands.hpp"
+#include "tools/robot_help.hpp"
+#include "tools/robot_schema.hpp"
+
+namespace tiller::tools {
+namespace {
+
+std::string prior_text(const tiller_prior_t& p) {
+  const std::string a = number_text(p.a);
+  const std::string b = number_text(p.b);
+  std::string text;
+  if (p.kind == tiller_prior_fixed) return a + " (known)";
+  if (p.kind == tiller_prior_uniform) return "uniform on [" + number_text(p.low) + ", " + number_text(p.high) + "]";
+  text = (p.kind == tiller_prior_normal ? "normal, mean " : "log-normal, median ") + a + ", sd " +
+         (p.kind == tiller_prior_normal ? "" : "of the logarithm ") + b;
+  if (std::isfinite(p.low)) text += ", at least " + number_text(p.low);
+  if (std::isfinite(p.high)) text += ", at most " + number_text(p.high);
+  return text;
+}
+
+int check_command(const std::string& path) {
+  const auto robot = read_robot_or_complain(path);
+  if (!robot) return kExitBadInput;
+  const tiller_config_t& c = robot->config;
+  std::printf("%s: %s is valid\n", path.c_str(), robot->name.c_str());
+  std::printf("  model      %s: states %s; inputs %s\n", robot->model->name, join(robot->states).c_str(),
+              join(robot->inputs).c_str());
+  std::printf("  period     %s s, %u substep(s) of %s\n", number_text(c.period_s).c_str(), c.substeps,
+              integrator_names()[c.integrator].c_str());
+  for (std::size_t i = 0; i < robot->params.size(); ++i) {
+    std::printf("  parameter  %-24s %s\n", robot->params[i].c_str(), prior_text(c.priors[i]).c_str());
+  }
+  for (std::size_t i = 0; i < robot->measurements.size(); ++i) {
+    std::printf("  measured   %-24s sd %s\n", robot->measurements[i].c_str(), number_text(c.measurement_sd[i]).c_str());
+  }
+  for (std::size_t i = 0; i < robot->inputs.size(); ++i) {
+    std::printf("  input      %-24s %s .. %s, safe %s\n", robot->inputs[i].c_str(),
+                number_text(c.safety.input_low[i]).c_str(), number_text(c.safety.input_high[i]).c_str(),
+                number_text(c.safety.safe_command[i]).c_str());
+  }
+  std::printf("  planner    %s, %u steps ahead (%.3g s), %u rollouts x %u particles x %u iterations\n",
+              planner_names()[c.planner.kind].c_str(), c.planner.horizon, c.planner.horizon * c.period_s,
+              c.planner.rollouts, c.planner.particles, c.planner.iterations);
+  std::printf("  posterior  %s, %u particles\n", c.posterior.enabled ? "learning" : "frozen at the prior",
+              c.posterior.particles);
+  std::printf("  memory     %zu bytes\n", tiller_size(&c));
+  return kExitOk;
+}
+
+void print_model(const tiller_model_t& m) {
+  const auto names = [](const char* const* list, std::uint32_t n) { return join(Words(list, list + n)); };
+  Words joints;
+  for (std::uint32_t i = 0; i < m.joint_count; ++i) joints.emplace_back(m.joints[i].name);
+  std::printf("%s\n  states      %s\n  inputs      %s\n  parameters  %s\n  joints      %s\n", m.name,
+              names(m.state_names, m.state_count).c_str(), names(m.input_names, m.input_count).c_str(),
+              names(m.param_names, m.param_count).c_str(), join(joints).c_str());
+}
+
+int models_command() {
+  for (std::uint32_t i = 0; const tiller_model_t* model = tiller_builtin_model(i); ++i) print_model(*model);
+  std::printf("\nA model of your own: [model] file = \"my_model.hpp\", type = \"MyModel\" (docs/own_model.md)\n");
+  return kExitOk;
+}
+
+int effects_command() {
+  for (std::uint32_t kind = 0; kind < effect_kind_count(); ++kind) {
+    const EffectInfo& info = effect_info(kind);
+    std::printf("%-18s port: a%s   parameters:", info.name, info.port == PortKind::joint ? " joint" : "n input");
+    for (int i = 0; i < info.param_count; ++i) {
+      std::printf(" %s (%s%s)", info.param_names[i], info.param_units[i],
+                  std::isfinite(info.param_low[i]) ? (", >= " + number_text(info.param_low[i])).c_str() : "");
+    }
+    std::printf("\n  %s\n", info.help);
+  }
+  return kExitOk;
+}
+
+int help_command(CLI::App& app, const std::string& topic, bool markdown) {
+  if (topic == "robot-file") {
+    std::fputs((markdown ? robot_file_markdown() : robot_file_help()).c_str(), stdout);
+    return kExitOk;
+  }
+  if (topic.empty()) {
+    std::fputs(app.help().c_str(), stdout);
+    return kExitOk;
+  }
+  Words known = {"robot-file"};
+  for (const CLI::App* command : app.get_subcommands(nullptr)) {
+    if (command->get_name() == topic) {
+      std::fputs(command->help().c_str(), stdout);
+      return kExitOk;
+    }
+    known.push_back(command->get_name());
+  }
+  const std::string near = nearest(topic, known);
+  return complain("help: no topic '" + topic + "'; " + (near.empty() ? "" : "did you mean " + near + "? ") +
+                  "known: " + join(known));
+}
+
+}  // namespace
+
+void add_check_command(CLI::App& app, int& exit_code) {
+  auto* command = app.add_subcommand("check", "read a robot file and say what it means, or what is wrong with it");
+  auto path = std::make_shared<std::string>();
+  command->add_option("ROBOT", *path, "robot file (.toml)")->required();
+  command->footer("Every error is told at once: file, line, key, value and remedy.\n\n"
+                  "Examples:\n"
+                  "  tiller check robots/cart_pole.toml\n"
+                  "      model, priors, sensors, planner and the bytes that the controller needs\n"
+                  "  tiller check my_robot.toml && tiller run my_robot.toml --sim --seconds 5\n"
+                  "      only a right file goes on");
+  command->callback([path, &exit_code] { exit_code = check_command(*path); });
+}
+
+void add_models_command(CLI::App& app, int& exit_code) {
+  auto* command = app.add_subcommand("models", "the built-in models: states, inputs, parameters, joints");
+  command->footer("Examples:\n  tiller models\n      all of them\n  tiller models | grep -A4 pendulum\n      one");
+  command->callback([&exit_code] { exit_code = models_command(); });
+}
+
+void add_effects_command(CLI::App& app, int& exit_code) {
+  auto* command = app.add_subcommand("effects", "physics that can be added to any model: friction, lag, delay, ...");
+  command->footer("Examples:\n  tiller effects\n      ports and parameters of each\n"
+                  "  tiller effects | grep friction\n      only these");
+  command->callback([&exit_code] { exit_code = effects_command(); });
+}
+
+void add_help_command(CLI::App& app, int& exit_code) {
+  auto* command = app.add_subcommand("help", "help on a command, or on the robot file");
+  auto topic = std::make_shared<std::string>();
+  auto markdown = std::make_shared<bool>(false);
+  command->add_option("TOPIC", *topic, "a command, or robot-file");
+  command->add_flag("--markdown", *markdown, "robot-file as the table of docs/robot_file.md");
+  command->footer("Examples:\n  tiller help robot-file\n      every key with unit, range and default\n"
+                  "  tiller help run\n      the same as tiller run --help");
+  command->callback([&app, topic, markdown, &exit_code] { exit_code = help_command(app, *topic, *markdown); });
+}
+
+void add_version_command(CLI::App& app, int& exit_code) {
+  auto* command = app.add_subcommand("version", "version and instruction set");
+  command->footer("Examples:\n  tiller version\n      \"tiller 0.1, avx512\"\n"
+                  "  tiller version | cut -d, -f1\n      the version alone");
+  command->callback([&exit_code] {
+    std::printf("tiller %s, %s\n", tiller_version(), tiller_instruction_set());
+    exit_code = kExitOk;
+  });
+}
+
+}  // namespace tiller::tools

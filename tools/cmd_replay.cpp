@@ -1,0 +1,79 @@
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+
+#include "tools/commands.hpp"
+#include "tools/record_file.hpp"
+
+namespace tiller::tools {
+namespace {
+
+struct Arguments {
+  std::string robot, record;
+};
+
+struct FreeBlock {
+  void operator()(void* block) const { std::free(block); }
+};
+
+bool same_command(const tiller_command_t& a, const tiller_command_t& b, std::uint32_t inputs) {
+  return a.state == b.state && std::memcmp(a.value, b.value, inputs * sizeof(double)) == 0;
+}
+
+/// Feeds the recorded inputs to a fresh controller; the number of ticks whose command differs in any bit.
+int replay(tiller_t* controller, const std::vector<RecordEntry>& entries, std::uint32_t inputs) {
+  (void)tiller_arm(controller);
+  int different = 0;
+  for (const RecordEntry& entry : entries) {
+    const tiller_record_t& r = entry.record;
+    if (entry.stop_status != 0) (void)tiller_stop(controller, static_cast<tiller_status_t>(entry.stop_status));
+    (void)tiller_force_iterations(controller, r.planner_iterations);
+    tiller_command_t command;
+    (void)tiller_tick(controller, r.now_us, r.has_measurement ? &r.measurement : nullptr, &command);
+    if (same_command(command, r.command, inputs)) continue;
+    if (++different == 1) {
+      std::printf("first difference in tick %llu: recorded %.17g, replayed %.17g\n",
+                  static_cast<unsigned long long>(r.tick), r.command.value[0], command.value[0]);
+    }
+  }
+  return different;
+}
+
+int replay_command(const Arguments& a) {
+  const auto robot = read_robot_or_complain(a.robot);
+  if (!robot) return kExitBadInput;
+  tiller_config_t config;
+  std::vector<RecordEntry> entries;
+  std::string error;
+  if (!read_record_file(a.record, config, entries, error)) return complain(error);
+  config.model = robot->model;
+  const std::size_t size = tiller_size(&config);
+  if (size == 0) return complain(a.record + ": its configuration does not fit the model of " + a.robot);
+  std::unique_ptr<void, FreeBlock> block(std::aligned_alloc(
+      TILLER_ALIGNMENT, (size + TILLER_ALIGNMENT - 1) / TILLER_ALIGNMENT * TILLER_ALIGNMENT));
+  tiller_t* controller = nullptr;
+  const tiller_status_t status = tiller_init(&controller, &config, nullptr, block.get(), size);
+  if (status != tiller_status_ok) return complain(a.record + ": " + tiller_status_text(status));
+  const int different = replay(controller, entries, robot->model->input_count);
+  std::printf("%zu ticks replayed on %s, %d different\n", entries.size(), tiller_instruction_set(), different);
+  return different == 0 ? kExitOk : kExitBadInput;
+}
+
+}  // namespace
+
+void add_replay_command(CLI::App& app, int& exit_code) {
+  auto* command = app.add_subcommand("replay", "run a record again and compare every command to the last bit");
+  auto a = std::make_shared<Arguments>();
+  command->add_option("RECORD", a->record, "written by tiller run --record")->required();
+  command->add_option("ROBOT", a->robot, "the robot file of that run: the model is taken from it")->required();
+  command->footer("Bits are promised on the same instruction set and build.\n\n"
+                  "Examples:\n"
+                  "  tiller run robots/cart_pole.toml --sim --seconds 5 --record out/run.rec\n"
+                  "      make a record\n"
+                  "  tiller replay out/run.rec robots/cart_pole.toml\n"
+                  "      \"250 ticks replayed on avx512, 0 different\"");
+  command->callback([a, &exit_code] { exit_code = replay_command(*a); });
+}
+
+}  // namespace tiller::tools

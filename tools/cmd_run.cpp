@@ -1,0 +1,143 @@
+#include <cstdio>
+#include <filesystem>
+
+#include "tools/commands.hpp"
+#include "tools/model_plant.hpp"
+#include "tools/report.hpp"
+#include "tools/run_facts.hpp"
+#include "tools/run_loop.hpp"
+
+namespace tiller::tools {
+namespace {
+
+struct Arguments {
+  std::string robot, transport, log, report, record;
+  bool sim = false, lockstep = false, real_time = false, quiet = false;
+  double seconds = 0;
+  double wait_s = 10;
+  Overrides overrides;
+};
+
+/// The robot, and the plant that it is where it is in this process.
+struct Opened {
+  std::unique_ptr<SimPlant> ode;
+  std::unique_ptr<ModelPlant> model;
+  std::unique_ptr<Link> link;  // after the plants: it goes before them
+  std::vector<double> true_params;
+};
+
+bool open_plant(const Arguments& a, const RobotFile& robot, Opened& opened, std::string& error) {
+  if (robot.sim.plant == "model") {
+    opened.model = ModelPlant::make(robot, error);
+    if (!opened.model) return false;
+    opened.link = make_model_link(robot, *opened.model);
+    opened.true_params = opened.model->true_params();
+    return true;
+  }
+  opened.ode = make_sim_plant(robot, error);
+  if (!opened.ode) return false;
+  opened.link = make_sim_link(robot, *opened.ode, a.real_time);
+  opened.true_params = opened.ode->true_params;
+  return true;
+}
+
+bool open_link(const Arguments& a, const RobotFile& robot, Opened& opened) {
+  std::string error;
+  std::unique_ptr<Link>& link = opened.link;
+  if (a.sim) {
+    (void)open_plant(a, robot, opened, error);
+  } else {
+    TransportLinkOptions options;
+    options.kind = a.transport.empty() ? robot.transport.kind : a.transport == "can" ? "socketcan" : a.transport;
+    options.lockstep = a.lockstep;
+    if (options.kind.empty()) {
+      error = robot.path + ": no [transport] section; add one, name one with --transport, or try --sim";
+    } else {
+      link = make_transport_link(robot, options, error);
+    }
+  }
+  if (!link) complain(error);
+  return link != nullptr;
+}
+
+/// The page, from wherever the whole log is.
+int report_run(const Arguments& a, const RobotFile& robot, const RunResult& result) {
+  if (a.report.empty()) return result.exit_code;
+  if (result.readable_log.empty()) {
+    complain("no report: the log that it is made from is not complete");
+    return result.exit_code ? result.exit_code : static_cast<int>(kExitLogIncomplete);
+  }
+  std::string error;
+  const bool safe = result.exit_code == kExitSafe;
+  const auto fault = static_cast<tiller_status_t>(result.info.first_fault);
+  const std::string outcome = safe ? std::string("ended in SAFE: ") + tiller_status_text(fault) : "";
+  if (write_run_facts(robot, result, {robot.name, outcome, !safe}, error) &&
+      write_report(result.readable_log, a.report, error)) {
+    std::printf("report: %s\n", std::filesystem::absolute(a.report).c_str());
+    return result.exit_code;
+  }
+  complain(error);
+  return result.exit_code ? result.exit_code : static_cast<int>(kExitLogIncomplete);
+}
+
+int run_command(Arguments& a) {
+  auto robot = read_robot_or_complain(a.robot);
+  if (!robot || !apply_overrides(a.overrides, *robot)) return kExitBadInput;
+  // a plan that ends by the wall clock is not repeatable: in lockstep the iterations alone decide
+  const bool simulated = a.lockstep || (a.sim && !a.real_time);
+  if (simulated) robot->config.planner.deadline_us = 0;
+  if (!a.report.empty() && a.log.empty()) {
+    a.log = std::filesystem::path(a.report).replace_extension(".csv").string();
+  }
+  Opened opened;
+  if (!open_link(a, *robot, opened)) return kExitBadInput;
+  RunOptions options;
+  options.seconds = a.seconds;
+  options.threads = a.overrides.threads;
+  options.quiet = a.quiet;
+  options.log = a.log;
+  options.record = a.record;
+  options.first_wait_s = a.wait_s;
+  options.true_params = opened.true_params;
+  const RunResult result = run_robot(*robot, *opened.link, options);
+  if (result.exit_code == kExitBadInput) return kExitBadInput;
+  std::fputs(summary(*robot, options, result).c_str(), stdout);
+  if (const std::string counted = opened.link->counters(); !counted.empty()) std::printf("  %s\n", counted.c_str());
+  if (!result.readable_log.empty()) std::printf("log: %s\n", result.readable_log.c_str());
+  return report_run(a, *robot, result);
+}
+
+}  // namespace
+
+void add_run_command(CLI::App& app, int& exit_code) {
+  auto* command = app.add_subcommand("run", "steer a robot (or its stand-in) by its robot file");
+  auto a = std::make_shared<Arguments>();
+  command->add_option("ROBOT", a->robot, "robot file (.toml)")->required();
+  auto* sim = command->add_flag("--sim", a->sim, "the plant of [sim] in this process, as fast as it goes");
+  command->add_flag("--real-time", a->real_time, "with --sim: not faster than the wall clock")->needs(sim);
+  command->add_option("--transport", a->transport, "instead of the robot file's: lcm or can")
+      ->check(CLI::IsMember({"lcm", "can", "socketcan"}))
+      ->excludes(sim);
+  command->add_flag("--lockstep", a->lockstep,
+                    "time is that of the measurements; each tick waits for one, and the same seed gives the same "
+                    "commands");
+  command->add_option("--seconds", a->seconds, "end after this much robot time (default: at Ctrl-C)")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--wait", a->wait_s, "wall time in s to wait for the first measurement")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--log", a->log, "write a CSV row per tick");
+  command->add_option("--report", a->report, "write a one-file HTML page (and its CSV beside it)");
+  command->add_option("--record", a->record, "write every input and output, for tiller replay");
+  command->add_flag("--quiet", a->quiet, "no progress");
+  add_override_options(*command, a->overrides);
+  command->footer(
+      "Ctrl-C stops the robot with its safe command and keeps the log.\n\n"
+      "Examples:\n"
+      "  tiller run robots/cart_pole.toml --sim --seconds 10 --report out/run.html\n"
+      "      the controller against the stand-in plant, as fast as it goes, with a page at the end\n"
+      "  tiller run robots/cart_pole.toml --transport lcm --log run.csv\n"
+      "      a robot (or `tiller sim robots/cart_pole.toml --serve lcm`) over LCM, until Ctrl-C");
+  command->callback([a, &exit_code] { exit_code = run_command(*a); });
+}
+
+}  // namespace tiller::tools

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <string>
+
+#include "tools/exit_codes.hpp"
+#include "tools/robot_file.hpp"
+
+namespace tiller::tools {
+
+// One source per command, cmd_<name>.cpp, which adds its subcommand with options and two examples, and leaves
+// how it ended in `exit_code`. main.cpp lists them.
+void add_demo_command(CLI::App& app, int& exit_code);
+void add_run_command(CLI::App& app, int& exit_code);
+void add_sim_command(CLI::App& app, int& exit_code);
+void add_identify_command(CLI::App& app, int& exit_code);
+void add_export_command(CLI::App& app, int& exit_code);
+void add_replay_command(CLI::App& app, int& exit_code);
+void add_check_command(CLI::App& app, int& exit_code);
+void add_models_command(CLI::App& app, int& exit_code);
+void add_effects_command(CLI::App& app, int& exit_code);
+void add_help_command(CLI::App& app, int& exit_code);
+void add_version_command(CLI::App& app, int& exit_code);
+
+/// Reads a robot file or tells on stderr everything that is wrong with it (null; the caller ends with
+/// kExitBadInput).
+std::unique_ptr<RobotFile> read_robot_or_complain(const std::string& path);
+
+/// Prints "tiller: ..." on stderr and returns kExitBadInput.
+int complain(const std::string& text);
+
+/// Changes of a robot file that the command line asks for.
+struct Overrides {
+  std::uint64_t seed = 0;   ///< of controller and plant; 0: as in the file
+  std::string planner;      ///< empty: as in the file
+  bool frozen = false;      ///< posterior stays at the prior
+  unsigned threads = 1;
+};
+void add_override_options(CLI::App& command, Overrides& overrides);
+/// False after a complaint.
+bool apply_overrides(const Overrides& overrides, RobotFile& robot);
+
+}  // namespace tiller::tools

@@ -1,0 +1,219 @@
+#include "tools/export_config.hpp"
+
+#include <cctype>
+#include <cmath>
+#include <filesystem>
+
+#include "effects/effect_info.hpp"
+#include "tools/robot_schema.hpp"
+
+namespace tiller::tools {
+namespace {
+
+std::string c_number(double value) {
+  if (std::isnan(value)) return "NAN";
+  if (std::isinf(value)) return value > 0 ? "INFINITY" : "-INFINITY";
+  const std::string text = number_text(value);
+  return text.find_first_of(".e") == std::string::npos ? text + ".0" : text;
+}
+
+/// Writes designated initialisers; what is zero is left out, as C fills it with zero.
+class Initialiser {
+ public:
+  explicit Initialiser(std::string indent) : indent_(std::move(indent)) {}
+
+  void word(const std::string& field, const std::string& value) { text_ += indent_ + "." + field + " = " + value + ",\n"; }
+  void count(const char* field, std::uint64_t value) { word(field, std::to_string(value) + "u"); }
+  void number(const char* field, double value) { word(field, c_number(value)); }
+
+  void numbers(const char* field, const double* values, std::size_t size, const Words& names) {
+    std::string list;
+    for (std::size_t i = 0; i < size; ++i) {
+      // -0.0 and NaN are not zero bits: only true zeros are left out
+      if (values[i] == 0 && !std::signbit(values[i])) continue;
+      const std::string name = i < names.size() ? " /* " + names[i] + " */" : "";
+      list += indent_ + "  [" + std::to_string(i) + "] = " + c_number(values[i]) + "," + name + "\n";
+    }
+    if (!list.empty()) word(field, "{\n" + list + indent_ + "}");
+  }
+
+  void group(const char* field, const Initialiser& inner) { word(field, "{\n" + inner.text() + indent_ + "}"); }
+  const std::string& text() const { return text_; }
+  const std::string& indent() const { return indent_; }
+
+ private:
+  std::string indent_;
+  std::string text_;
+};
+
+std::string enum_name(const char* prefix, const Words& names, std::uint32_t value) {
+  return "tiller_" + std::string(prefix) + "_" + names.at(value);
+}
+
+std::string effects_text(const RobotFile& robot) {
+  std::string text = "{\n";
+  for (std::uint32_t i = 0; i < robot.config.effect_count; ++i) {
+    const tiller_effect_t& e = robot.config.effects[i];
+    text += "    {" + enum_name("effect", effect_names(), e.kind) + ", " + std::to_string(e.port) + "u},\n";
+  }
+  return text + "  }";
+}
+
+std::string priors_text(const RobotFile& robot) {
+  const Words kinds = {"fixed", "uniform", "normal", "log_normal"};
+  std::string text = "{\n";
+  for (std::uint32_t i = 0; i < TILLER_MAX_PARAMS; ++i) {
+    const tiller_prior_t& p = robot.config.priors[i];
+    text += "    {" + enum_name("prior", kinds, p.kind) + ", 0, " + c_number(p.a) + ", " + c_number(p.b) + ", " +
+            c_number(p.low) + ", " + c_number(p.high) + "},";
+    text += i < robot.params.size() ? " /* " + robot.params[i] + " */\n" : "\n";
+  }
+  return text + "  }";
+}
+
+std::string measured_text(const RobotFile& robot) {
+  std::string text;
+  for (std::uint32_t i = 0; i < robot.config.measurement_count; ++i) {
+    text += (i ? ", " : "") + std::to_string(robot.config.measured_state[i]);
+  }
+  return "{" + text + "}";
+}
+
+Initialiser posterior_part(const tiller_posterior_config_t& p) {
+  Initialiser part("    ");
+  part.count("enabled", p.enabled);
+  part.count("particles", p.particles);
+  part.count("window", p.window);
+  part.count("moves_per_tick", p.moves_per_tick);
+  part.number("ess_fraction", p.ess_fraction);
+  part.number("noise_scale_shape", p.noise_scale_shape);
+  return part;
+}
+
+Initialiser planner_part(const RobotFile& robot) {
+  const tiller_planner_config_t& p = robot.config.planner;
+  Initialiser part("    ");
+  part.word("kind", enum_name("planner", planner_names(), p.kind));
+  part.count("horizon", p.horizon);
+  part.count("knots", p.knots);
+  part.count("rollouts", p.rollouts);
+  part.count("particles", p.particles);
+  part.count("iterations", p.iterations);
+  part.count("deadline_us", p.deadline_us);
+  part.word("risk", enum_name("risk", risk_names(), p.risk));
+  part.number("cvar_alpha", p.cvar_alpha);
+  part.numbers("noise_sd", p.noise_sd, TILLER_MAX_INPUTS, robot.inputs);
+  part.number("temperature", p.temperature);
+  part.number("elite_fraction", p.elite_fraction);
+  part.number("smoothing", p.smoothing);
+  return part;
+}
+
+Initialiser cost_part(const RobotFile& robot) {
+  const tiller_cost_config_t& c = robot.config.cost;
+  Initialiser part("    ");
+  part.numbers("target", c.target, TILLER_MAX_STATES, robot.states);
+  part.numbers("state_weight", c.state_weight, TILLER_MAX_STATES, robot.states);
+  part.numbers("terminal_weight", c.terminal_weight, TILLER_MAX_STATES, robot.states);
+  part.numbers("input_weight", c.input_weight, TILLER_MAX_INPUTS, robot.inputs);
+  part.numbers("input_rate_weight", c.input_rate_weight, TILLER_MAX_INPUTS, robot.inputs);
+  return part;
+}
+
+Initialiser safety_part(const RobotFile& robot) {
+  const tiller_safety_config_t& s = robot.config.safety;
+  Initialiser part("    ");
+  part.numbers("input_low", s.input_low, TILLER_MAX_INPUTS, robot.inputs);
+  part.numbers("input_high", s.input_high, TILLER_MAX_INPUTS, robot.inputs);
+  part.numbers("input_rate_per_s", s.input_rate_per_s, TILLER_MAX_INPUTS, robot.inputs);
+  part.numbers("safe_command", s.safe_command, TILLER_MAX_INPUTS, robot.inputs);
+  part.numbers("hold_gain", s.hold_gain, TILLER_MAX_INPUTS * TILLER_MAX_STATES, {});
+  part.numbers("measurement_low", s.measurement_low, TILLER_MAX_MEASUREMENTS, robot.measurements);
+  part.numbers("measurement_high", s.measurement_high, TILLER_MAX_MEASUREMENTS, robot.measurements);
+  part.numbers("measurement_rate_per_s", s.measurement_rate_per_s, TILLER_MAX_MEASUREMENTS, robot.measurements);
+  part.number("sensor_timeout_s", s.sensor_timeout_s);
+  part.count("frozen_ticks", s.frozen_ticks);
+  part.count("bad_ticks_to_safe", s.bad_ticks_to_safe);
+  part.count("hold_ticks_to_safe", s.hold_ticks_to_safe);
+  return part;
+}
+
+std::string config_text(const RobotFile& robot) {
+  const tiller_config_t& c = robot.config;
+  Initialiser all("  ");
+  all.word("size", "sizeof(tiller_config_t)");
+  all.word("version", "TILLER_CONFIG_VERSION");
+  all.count("seed", c.seed);
+  all.number("period_s", c.period_s);
+  all.count("substeps", c.substeps);
+  all.word("integrator", enum_name("integrator", integrator_names(), c.integrator));
+  Initialiser body("    ");
+  body.number("gravity_x_m_s2", c.body.gravity_x_m_s2);
+  body.number("gravity_z_m_s2", c.body.gravity_z_m_s2);
+  body.number("payload_kg", c.body.payload_kg);
+  body.number("payload_kgm2", c.body.payload_kgm2);
+  all.group("body", body);
+  all.count("effect_count", c.effect_count);
+  all.count("param_count", c.param_count);
+  if (c.effect_count > 0) all.word("effects", effects_text(robot));
+  all.word("priors", priors_text(robot));
+  all.count("measurement_count", c.measurement_count);
+  all.count("record_ticks", c.record_ticks);
+  all.word("measured_state", measured_text(robot));
+  all.numbers("measurement_sd", c.measurement_sd, TILLER_MAX_MEASUREMENTS, robot.measurements);
+  all.numbers("process_sd", c.process_sd, TILLER_MAX_STATES, robot.states);
+  all.numbers("initial_state", c.initial_state, TILLER_MAX_STATES, robot.states);
+  all.numbers("initial_state_sd", c.initial_state_sd, TILLER_MAX_STATES, robot.states);
+  all.group("posterior", posterior_part(c.posterior));
+  all.group("planner", planner_part(robot));
+  all.group("cost", cost_part(robot));
+  all.group("safety", safety_part(robot));
+  return all.text();
+}
+
+/// How the program that links this gets the model.
+std::string model_text(const RobotFile& robot, std::string& declaration) {
+  if (!robot.model_request.name.empty()) return "tiller_find_model(\"" + robot.model_request.name + "\")";
+  declaration = "/* The model of " + std::filesystem::path(robot.model_request.file).filename().string() +
+                ": compile and link that file too. */\n"
+                "const tiller_model_t* tiller_model(void);\n\n";
+  return "tiller_model()";
+}
+
+}  // namespace
+
+std::string c_identifier(const std::string& name) {
+  std::string id;
+  for (const char c : name) id += std::isalnum(static_cast<unsigned char>(c)) ? c : '_';
+  if (id.empty() || std::isdigit(static_cast<unsigned char>(id[0]))) id = "robot_" + id;
+  return id;
+}
+
+std::string export_c(const RobotFile& robot, const std::string& prefix) {
+  std::string declaration;
+  const std::string model = model_text(robot, declaration);
+  const std::string file = std::filesystem::path(robot.path).filename().string();
+  return "/* Written by `tiller export` from " + file + "; edit that file instead.\n"
+         " *\n"
+         " *     tiller_config_t config = " + prefix + "_config();\n"
+         " *     size_t size = tiller_size(&config);\n"
+         " */\n"
+         "#include <math.h>\n"
+         "\n"
+         "#include \"tiller/tiller.h\"\n"
+         "\n"
+         "#if TILLER_VERSION_MAJOR != " + std::to_string(TILLER_VERSION_MAJOR) +
+         "\n#error \"this configuration was exported for another version of tiller: run tiller export again\"\n"
+         "#endif\n"
+         "\n" + declaration +
+         "static const tiller_config_t " + prefix + "_constants = {\n" + config_text(robot) + "};\n"
+         "\n"
+         "tiller_config_t " + prefix + "_config(void);\n"
+         "tiller_config_t " + prefix + "_config(void) {\n"
+         "  tiller_config_t config = " + prefix + "_constants;\n"
+         "  config.model = " + model + ";\n"
+         "  return config;\n"
+         "}\n";
+}
+
+}  // namespace tiller::tools

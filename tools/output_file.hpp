@@ -1,0 +1,50 @@
+#pragma once
+
+#include <string>
+
+namespace tiller::tools {
+
+/// A file that grows during a run and must not stop it. What cannot be written is kept in memory; the first
+/// refusal is told at once on stderr, and closing tries again, then rescues the rest into the folder for
+/// temporary files. Nothing is formatted or written in here but whole blocks, so the exact byte that the system
+/// accepted last is known.
+class OutputFile {
+ public:
+  OutputFile() = default;
+  ~OutputFile();
+  OutputFile(const OutputFile&) = delete;
+  OutputFile& operator=(const OutputFile&) = delete;
+
+  /// Creates or empties the file. Where that is refused, everything is kept for rescue.
+  void open(const std::string& path);
+  void write(const char* bytes, std::size_t size);
+  void write(const std::string& text) { write(text.data(), text.size()); }
+  /// Hands what is buffered to the operating system.
+  void flush();
+  /// False: something is missing in the file at its path; message() says what, and where the rest is.
+  bool close();
+
+  bool complete() const { return failure_.empty() && !lost_; }
+  const std::string& path() const { return path_; }
+  /// Where the whole content is readable after close: path(), or the rescued copy; empty if nowhere.
+  const std::string& readable_path() const { return readable_; }
+  const std::string& message() const { return message_; }
+
+ private:
+  bool drain();
+  void fail(const char* what);
+  void rescue();
+  bool copy_written(int to) const;
+
+  static constexpr std::size_t kKeep = std::size_t{256} << 20;  // bytes kept at most when the disk refuses
+
+  std::string path_;
+  int descriptor_ = -1;
+  std::size_t written_ = 0;  // bytes in the file
+  std::string pending_;      // bytes after them
+  std::string failure_, message_, readable_;
+  bool open_ = false;
+  bool lost_ = false;
+};
+
+}  // namespace tiller::tools

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "tiller/tiller.h"
+#include "tools/output_file.hpp"
+
+namespace tiller::tools {
+
+/// One tick of a record file: what the host did to the controller before it, then the tick itself.
+struct RecordEntry {
+  std::uint32_t stop_status = 0;  ///< tiller_stop with this status before the tick; 0: not
+  std::uint32_t reserved = 0;
+  tiller_record_t record{};
+};
+
+/// Record files are of one build of tiller: structs as they are in memory. Layout: "TILLREC1", uint32 sizes of
+/// tiller_config_t and of RecordEntry, the configuration with its model pointer zero, then entries.
+void write_record_header(OutputFile& file, const tiller_config_t& config);
+void write_record(OutputFile& file, const RecordEntry& entry);
+
+/// False with a message in `error` that names the file and what is wrong with it.
+bool read_record_file(const std::string& path, tiller_config_t& config, std::vector<RecordEntry>& entries,
+                      std::string& error);
+
+}  // namespace tiller::tools

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tools/output_file.hpp"
+#include "tools/robot_file.hpp"
+
+namespace tiller::tools {
+
+/// What one tick leaves behind, for the log, the screen and the report.
+struct TickView {
+  double time_s = 0;                                  ///< since the first measurement, robot time
+  const tiller_measurement_t* measurement = nullptr;  ///< null: nothing new
+  const tiller_command_t* command = nullptr;
+  const tiller_info_t* info = nullptr;
+  tiller_status_t status = tiller_status_ok;
+  double tick_us = 0;                                 ///< wall time of tiller_tick
+  const double* q05 = nullptr;                        // (param_count)
+  const double* q95 = nullptr;                        // (param_count)
+  const double* true_state = nullptr;                 // (nx); null: not known
+};
+
+/// One CSV row per tick. Columns, in this order:
+///
+///   time_s             robot time since the first measurement
+///   <measured>...      what the sensors said, by the state's name; empty: nothing new or missing
+///   <input>...         the command that answers it, in force from this row on
+///   mean.<state>...    estimate of the state          sd.<state>...     and its standard deviation
+///   mean.<param>...    posterior of the parameters    sd.<param>...     (fixed ones are left out)
+///   q05.<param>...     5 % quantile                   q95.<param>...    95 % quantile
+///   ess, noise_scale, plan_cost, iterations, tick_us, deadline_us (0: none)
+///   state, status      words: "active", "ok"
+///   true.<state>..., true.<param>...    where the plant is in this process
+class RunLog {
+ public:
+  /// `true_params` (param_count, NaN: not known) may be empty.
+  RunLog(const RobotFile& robot, bool has_true_state, std::vector<double> true_params);
+
+  void open(const std::string& path);
+  void add(const TickView& tick);
+  void flush() { file_.flush(); }
+  bool close() { return file_.close(); }
+  const OutputFile& file() const { return file_; }
+  std::string header() const;
+
+ private:
+  void number(double value);
+
+  const RobotFile& robot_;
+  bool has_true_state_;
+  std::vector<double> true_params_;
+  std::vector<std::size_t> inferred_;  // indices of parameters that are not fixed
+  std::string row_;
+  OutputFile file_;
+};
+
+}  // namespace tiller::tools

@@ -1,0 +1,303 @@
+#include "tools/run_loop.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+
+#include "tools/exit_codes.hpp"
+#include "tools/progress.hpp"
+#include "tools/record_file.hpp"
+#include "tools/run_log.hpp"
+#include "tools/thread_pool.hpp"
+
+namespace tiller::tools {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+volatile std::sig_atomic_t stop_requested = 0;
+
+void on_signal(int signal) {
+  if (stop_requested != 0) std::signal(signal, SIG_DFL);  // asked twice: the next one ends the process
+  stop_requested = 1;
+}
+
+std::int64_t now_ns(void*) {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now().time_since_epoch()).count();
+}
+
+void parallel_for(void* pool, std::uint32_t n, void (*work)(void*, std::uint32_t), void* arg) {
+  static_cast<ThreadPool*>(pool)->run(n, work, arg);
+}
+
+struct FreeBlock {
+  void operator()(void* block) const { std::free(block); }
+};
+
+class Runner {
+ public:
+  Runner(const RobotFile& robot, Link& link, const RunOptions& options)
+      : robot_(robot),
+        config_(robot.config),
+        link_(link),
+        options_(options),
+        pool_(options.threads),
+        log_(robot, knows_truth(), options.true_params),
+        progress_(robot, Progress::style_for_stdout(options.quiet), options.seconds, options.true_params) {
+    if (!options.record.empty()) config_.record_ticks = std::max(config_.record_ticks, 1u);
+  }
+
+  RunResult run() {
+    if (!init()) return result_;
+    if (!wait_for_first()) return result_;
+    open_files();
+    (void)tiller_arm(controller_);
+    while (!is_over()) {
+      tick();
+      if (!is_over()) sensed_ = link_.wait(stop_.flag());
+    }
+    end();
+    return result_;
+  }
+
+ private:
+  bool knows_truth() {
+    double state[TILLER_MAX_STATES];
+    return link_.truth(state);
+  }
+
+  bool fail(const std::string& text) {
+    std::fprintf(stderr, "tiller: %s\n", text.c_str());
+    result_.exit_code = kExitBadInput;
+    return false;
+  }
+
+  bool init() {
+    const std::size_t size = tiller_size(&config_);
+    block_.reset(size > 0 ? std::aligned_alloc(TILLER_ALIGNMENT, (size + TILLER_ALIGNMENT - 1) / TILLER_ALIGNMENT *
+                                                                     TILLER_ALIGNMENT)
+                          : nullptr);
+    if (!block_) {
+      const char* field = "";
+      const tiller_status_t status = tiller_config_check(&config_, &field);
+      return fail(robot_.path + ": " + (field ? field : "") + ": " + tiller_status_text(status));
+    }
+    hooks_.size = sizeof hooks_;
+    hooks_.version = TILLER_CONFIG_VERSION;
+    hooks_.context = &pool_;
+    hooks_.now_ns = now_ns;
+    hooks_.parallel_for = pool_.size() > 1 ? parallel_for : nullptr;
+    const tiller_status_t status = tiller_init(&controller_, &config_, &hooks_, block_.get(), size);
+    return status == tiller_status_ok || fail(robot_.path + ": " + tiller_status_text(status));
+  }
+
+  bool wait_for_first() {
+    const auto until = Clock::now() + std::chrono::duration<double>(options_.first_wait_s);
+    const auto tell = Clock::now() + std::chrono::seconds(1);
+    bool told = false;
+    do {
+      sensed_ = link_.wait(stop_.flag());
+      if (sensed_.fresh) {
+        start_us_ = sensed_.now_us;
+        return true;
+      }
+      if (!told && Clock::now() > tell) progress_.say("waiting for the first measurement ...");
+      told = told || Clock::now() > tell;
+    } while (stop_.flag() == 0 && Clock::now() < until);
+    if (stop_.flag() != 0) return fail("interrupted before the first measurement");
+    const std::string counted = link_.counters();
+    const std::string why = sensed_.fault == tiller_status_ok ? "" : std::string(tiller_status_text(sensed_.fault)) + "; ";
+    return fail(why + format("no measurement within %.0f s", options_.first_wait_s) +
+                (counted.empty() ? "" : " (" + counted + ")") +
+                "; start the robot first, e.g. `tiller sim " + robot_.path + " --serve lcm`, and compare [transport]");
+  }
+
+  void open_files() {
+    if (!options_.log.empty()) log_.open(options_.log);
+    if (options_.record.empty()) return;
+    record_.open(options_.record);
+    write_record_header(record_, config_);
+  }
+
+  bool is_over() const {
+    if (stop_.flag() != 0) return true;
+    if (static_cast<double>(safe_ticks_) * config_.period_s > kSafeFor_s) return true;
+    return options_.seconds > 0 && time_s() >= options_.seconds;
+  }
+
+  double time_s() const { return 1e-6 * static_cast<double>(sensed_.now_us - start_us_); }
+
+  void tick() {
+    RecordEntry entry;
+    if (sensed_.fault != tiller_status_ok && info_.state != tiller_state_safe) {
+      (void)tiller_stop(controller_, sensed_.fault);
+      entry.stop_status = static_cast<std::uint32_t>(sensed_.fault);
+    }
+    const auto begin = Clock::now();
+    status_ = tiller_tick(controller_, sensed_.now_us, sensed_.fresh ? &sensed_.measurement : nullptr, &command_);
+    tick_us_.push_back(1e-3 * static_cast<double>(std::chrono::nanoseconds(Clock::now() - begin).count()));
+    (void)link_.send(command_);
+    tiller_get_info(controller_, &info_);
+    note_tick(entry);
+  }
+
+  void note_tick(RecordEntry& entry) {
+    link_.tell(info_, command_.stamp_us);
+    safe_ticks_ = info_.state == tiller_state_safe ? safe_ticks_ + 1 : 0;
+    if (safe_ticks_ == 1) tell_safe();
+    if (!options_.record.empty() && info_.ticks > 0 &&
+        tiller_get_record(controller_, info_.ticks - 1, &entry.record) == tiller_status_ok) {
+      write_record(record_, entry);
+    }
+    const TickView view = look();
+    log_.add(view);
+    progress_.show(view);
+    // half a second is what a crash may cost; a write each tick would disturb the tick times
+    if (++rows_ * config_.period_s >= kFlushEvery_s) {
+      rows_ = 0;
+      log_.flush();
+      record_.flush();
+    }
+  }
+
+  TickView look() {
+    TickView view;
+    view.time_s = time_s();
+    view.measurement = sensed_.fresh ? &sensed_.measurement : nullptr;
+    view.command = &command_;
+    view.info = &info_;
+    view.status = status_;
+    view.tick_us = tick_us_.empty() ? 0 : tick_us_.back();
+    for (std::uint32_t i = 0; i < config_.param_count; ++i) {
+      if (config_.priors[i].kind == tiller_prior_fixed) continue;
+      (void)tiller_get_quantile(controller_, i, 0.05, &q05_[i]);
+      (void)tiller_get_quantile(controller_, i, 0.95, &q95_[i]);
+    }
+    view.q05 = q05_;
+    view.q95 = q95_;
+    view.true_state = link_.truth(true_state_) ? true_state_ : nullptr;
+    return view;
+  }
+
+  void tell_safe() {
+    const auto why = static_cast<tiller_status_t>(info_.first_fault);
+    progress_.finish(look());
+    progress_.say("SAFE at " + format("%.2f s", time_s()) + ": " + tiller_status_name(why) + ": " +
+                  tiller_status_text(why) + "; the safe command is being sent");
+  }
+
+  /// The safe command goes out more than once: a datagram may be lost.
+  void end() {
+    const bool safe = info_.state == tiller_state_safe;
+    if (!safe) (void)tiller_disarm(controller_);
+    progress_.finish(look());
+    tiller_command_t last{};
+    for (int i = 0; i < 3; ++i) {
+      (void)tiller_tick(controller_, sensed_.now_us, nullptr, &last);
+      (void)link_.send(last);
+    }
+    close_files();
+    fill_result(safe);
+  }
+
+  void close_files() {
+    const bool log_complete = options_.log.empty() || log_.close();
+    const bool record_complete = options_.record.empty() || record_.close();
+    for (const OutputFile* file : {&log_.file(), static_cast<const OutputFile*>(&record_)}) {
+      if (!file->message().empty()) std::fprintf(stderr, "tiller: %s\n", file->message().c_str());
+    }
+    result_.readable_log = log_.file().readable_path();
+    if (!log_complete || !record_complete) result_.exit_code = kExitLogIncomplete;
+  }
+
+  void fill_result(bool safe) {
+    if (safe) result_.exit_code = kExitSafe;
+    result_.interrupted = stop_.flag() != 0;
+    result_.ticks = info_.ticks;
+    result_.time_s = time_s();
+    result_.info = info_;
+    result_.q05.assign(q05_, q05_ + config_.param_count);
+    result_.q95.assign(q95_, q95_ + config_.param_count);
+    if (link_.truth(true_state_)) result_.last_true_state.assign(true_state_, true_state_ + config_.model->state_count);
+    if (tick_us_.empty()) return;
+    std::sort(tick_us_.begin(), tick_us_.end());
+    const auto at = [&](double q) { return tick_us_[static_cast<std::size_t>(q * static_cast<double>(tick_us_.size() - 1))]; };
+    result_.tick_us_median = at(0.5);
+    result_.tick_us_p99 = at(0.99);
+    result_.tick_us_max = tick_us_.back();
+    const double deadline_us = config_.planner.deadline_us;
+    if (deadline_us > 0) result_.late_ticks = static_cast<std::uint64_t>(tick_us_.end() - std::upper_bound(tick_us_.begin(), tick_us_.end(), deadline_us));
+  }
+
+  static constexpr double kSafeFor_s = 0.5;  // the safe command is repeated that long before the run ends
+  static constexpr double kFlushEvery_s = 0.5;
+
+  const RobotFile& robot_;
+  tiller_config_t config_;
+  Link& link_;
+  const RunOptions& options_;
+  StopFlag stop_;
+  ThreadPool pool_;
+  RunLog log_;
+  OutputFile record_;
+  Progress progress_;
+  tiller_hooks_t hooks_{};
+  std::unique_ptr<void, FreeBlock> block_;
+  tiller_t* controller_ = nullptr;
+  Sensed sensed_;
+  tiller_command_t command_{};
+  tiller_info_t info_{};
+  tiller_status_t status_ = tiller_status_ok;
+  std::int64_t start_us_ = 0;
+  std::uint64_t safe_ticks_ = 0;
+  int rows_ = 0;
+  double q05_[TILLER_MAX_PARAMS] = {};
+  double q95_[TILLER_MAX_PARAMS] = {};
+  double true_state_[TILLER_MAX_STATES] = {};
+  std::vector<double> tick_us_;
+  RunResult result_;
+};
+
+}  // namespace
+
+StopFlag::StopFlag() {
+  stop_requested = 0;
+  std::signal(SIGINT, on_signal);
+  std::signal(SIGTERM, on_signal);
+}
+StopFlag::~StopFlag() {
+  std::signal(SIGINT, SIG_DFL);
+  std::signal(SIGTERM, SIG_DFL);
+}
+const volatile std::sig_atomic_t& StopFlag::flag() const { return stop_requested; }
+
+RunResult run_robot(const RobotFile& robot, Link& link, const RunOptions& options) {
+  return Runner(robot, link, options).run();
+}
+
+std::string summary(const RobotFile& robot, const RunOptions& options, const RunResult& result) {
+  std::string text = format("%.2f s, %llu ticks, ended in %s%s\n", result.time_s,
+                            static_cast<unsigned long long>(result.ticks),
+                            tiller_state_name(static_cast<tiller_state_t>(result.info.state)),
+                            result.interrupted ? " (interrupted)" : "");
+  for (std::size_t i = 0; i < robot.params.size(); ++i) {
+    if (robot.config.priors[i].kind == tiller_prior_fixed) continue;
+    text += format("  %-24s %.4g +- %.2g   90 %% in [%.4g, %.4g]", robot.params[i].c_str(), result.info.param_mean[i],
+                   result.info.param_sd[i], result.q05[i], result.q95[i]);
+    if (i < options.true_params.size() && std::isfinite(options.true_params[i])) {
+      text += format("   true %.4g", options.true_params[i]);
+    }
+    text += "\n";
+  }
+  text += format("  tick %.2f ms median, %.2f ms 99 %%, %.2f ms max", result.tick_us_median / 1000,
+                 result.tick_us_p99 / 1000, result.tick_us_max / 1000);
+  if (robot.config.planner.deadline_us > 0) {
+    text += format("; %llu over the deadline of %.1f ms", static_cast<unsigned long long>(result.late_ticks),
+                   robot.config.planner.deadline_us / 1000.0);
+  }
+  return text + "\n";
+}
+
+}  // namespace tiller::tools

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tools/link.hpp"
+#include "tools/robot_file.hpp"
+
+namespace tiller::tools {
+
+struct RunOptions {
+  double seconds = 0;          ///< robot time after the first measurement; 0: until Ctrl-C
+  unsigned threads = 1;
+  bool quiet = false;
+  std::string log;             ///< CSV; empty: none
+  std::string record;          ///< every input and output, for `tiller replay`; empty: none
+  double first_wait_s = 10;    ///< wall time to wait for the first measurement
+  std::vector<double> true_params;  ///< (param_count) where the plant is in this process
+};
+
+/// What a run came to.
+struct RunResult {
+  int exit_code = 0;
+  std::uint64_t ticks = 0;
+  double time_s = 0;
+  tiller_info_t info{};
+  std::vector<double> q05, q95;        // (param_count) at the end
+  std::vector<double> last_true_state; // (nx) empty: not known
+  std::string readable_log;            ///< where the whole log is; empty: none
+  double tick_us_median = 0, tick_us_p99 = 0, tick_us_max = 0;
+  std::uint64_t late_ticks = 0;        ///< over the planner's deadline, if it has one
+  bool interrupted = false;
+};
+
+/// link -> tiller_tick -> link, until the time is over, Ctrl-C, or SAFE. Shows progress on stdout; what goes
+/// wrong is told on stderr. Leaves the robot with its safe command, whatever the reason of the end.
+RunResult run_robot(const RobotFile& robot, Link& link, const RunOptions& options);
+
+/// The last lines of a run: state, posterior (beside the truth where it is known), tick times.
+std::string summary(const RobotFile& robot, const RunOptions& options, const RunResult& result);
+
+/// SIGINT and SIGTERM set a flag while an object of this class lives; a second one ends the process.
+class StopFlag {
+ public:
+  StopFlag();
+  ~StopFlag();
+  StopFlag(const StopFlag&) = delete;
+  StopFlag& operator=(const StopFlag&) = delete;
+  const volatile std::sig_atomic_t& flag() const;
+};
+
+}  // namespace tiller::tools
