@@ -1,0 +1,279 @@
+// Run by in_network_namespace.sh: real multicast on a loopback that nobody else sees.
+#include "io/lcm_transport.hpp"
+
+#include <gtest/gtest.h>
+#include <poll.h>
+
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include <lcm/lcm-cpp.hpp>
+
+#include "tiller_lcm/command_t.hpp"
+#include "tiller_lcm/measurement_t.hpp"
+#include "tiller_lcm/telemetry_t.hpp"
+
+namespace tiller {
+namespace {
+
+constexpr int kPatienceMs = 20000;  // only ever waited for in full by a test that fails
+
+LcmOptions two_values() {
+  LcmOptions options;
+  options.measurement_count = 2;
+  options.input_count = 1;
+  return options;
+}
+
+tiller_lcm::measurement_t message_of(std::int64_t sequence) {
+  tiller_lcm::measurement_t message{};
+  message.stamp_us = 1000000 + 20000 * sequence;
+  message.sequence = sequence;
+  message.count = 2;
+  message.valid_mask = 3;
+  message.value[0] = 0.25 * static_cast<double>(sequence);
+  message.value[1] = -1.0;
+  return message;
+}
+
+template <class Message>
+std::vector<unsigned char> encoded(const Message& message) {
+  std::vector<unsigned char> bytes(static_cast<std::size_t>(message.getEncodedSize()));
+  message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+  return bytes;
+}
+
+class Lcm : public ::testing::Test {
+ protected:
+  void SetUp() override { open(two_values()); }
+  void TearDown() override { kLcmTransport.close(&transport_); }
+  void open(const LcmOptions& options) {
+    kLcmTransport.close(&transport_);
+    OpenError error;
+    ASSERT_EQ(tiller_status_ok, lcm_transport_open(&transport_, options, &error)) << error.text;
+  }
+  tiller_status_t poll() { return kLcmTransport.poll(&transport_, &measurement_); }
+  /// Polls as the executive does, sleeping on the descriptor in between.
+  template <class Done>
+  bool poll_until(Done done) {
+    for (;;) {
+      const tiller_status_t status = poll();
+      if (done(status)) return true;
+      pollfd wanted = {kLcmTransport.descriptor(&transport_), POLLIN, 0};
+      if (::poll(&wanted, 1, kPatienceMs) <= 0) return false;
+    }
+  }
+  tiller_transport_counters_t counters() {
+    tiller_transport_counters_t counters;
+    kLcmTransport.counters(&transport_, &counters);
+    return counters;
+  }
+  bool take(const tiller_lcm::measurement_t& message, std::int64_t waited_us = 0) {
+    const std::vector<unsigned char> bytes = encoded(message);
+    return lcm_take_measurement(&transport_, bytes.data(), static_cast<std::uint32_t>(bytes.size()), waited_us);
+  }
+
+  LcmTransport transport_;
+  tiller_measurement_t measurement_{};
+};
+
+/// A plant: publishes measurements, remembers commands.
+struct Plant {
+  lcm::LCM lcm{"udpm://239.255.76.67:7667?ttl=0"};
+  std::vector<tiller_lcm::command_t> commands;
+  std::vector<tiller_lcm::telemetry_t> telemetry;
+
+  Plant() {
+    lcm.subscribe("TILLER_COMMAND", &Plant::on_command, this);
+    lcm.subscribe("TILLER_TELEMETRY", &Plant::on_telemetry, this);
+  }
+  void on_command(const lcm::ReceiveBuffer*, const std::string&, const tiller_lcm::command_t* command) {
+    commands.push_back(*command);
+  }
+  void on_telemetry(const lcm::ReceiveBuffer*, const std::string&, const tiller_lcm::telemetry_t* message) {
+    telemetry.push_back(*message);
+  }
+};
+
+TEST_F(Lcm, ThreeThousandMeasurementsAreAnsweredInLockstep) {
+  Plant plant;
+  constexpr int kTicks = 3000;
+  for (int k = 0; k < kTicks; ++k) {
+    const tiller_lcm::measurement_t message = message_of(k);
+    ASSERT_EQ(0, plant.lcm.publish("TILLER_MEASUREMENT", &message));
+    ASSERT_TRUE(poll_until([](tiller_status_t status) { return status == tiller_status_ok; })) << k;
+    ASSERT_EQ(static_cast<std::uint32_t>(k), measurement_.sequence);
+    EXPECT_EQ(message.stamp_us, measurement_.stamp_us);
+    EXPECT_EQ(message.value[0], measurement_.value[0]);
+    tiller_command_t command{};
+    command.stamp_us = measurement_.stamp_us;
+    command.sequence = measurement_.sequence;
+    command.state = tiller_state_active;
+    command.value[0] = 1.0 / (1 + k);
+    ASSERT_EQ(tiller_status_ok, kLcmTransport.send(&transport_, &command));
+    ASSERT_GT(plant.lcm.handleTimeout(kPatienceMs), 0) << k;
+  }
+  ASSERT_EQ(static_cast<std::size_t>(kTicks), plant.commands.size());
+  for (int k = 0; k < kTicks; ++k) {
+    EXPECT_EQ(k, plant.commands[static_cast<std::size_t>(k)].sequence);
+    EXPECT_EQ(1.0 / (1 + k), plant.commands[static_cast<std::size_t>(k)].value[0]);
+  }
+  const tiller_transport_counters_t c = counters();
+  std::printf("received %llu of %d, sent %llu\n", static_cast<unsigned long long>(c.received), kTicks,
+              static_cast<unsigned long long>(c.sent));
+  EXPECT_EQ(3000u, c.received);
+  EXPECT_EQ(3000u, c.sent);
+  EXPECT_EQ(0u, c.bad_messages + c.dropped_old);
+}
+
+TEST_F(Lcm, ForeignAndShortPacketsAreIgnoredAndCounted) {
+  Plant plant;
+  const tiller_lcm::command_t foreign{};
+  plant.lcm.publish("TILLER_MEASUREMENT", &foreign);  // another fingerprint
+  const std::vector<unsigned char> whole = encoded(message_of(1));
+  plant.lcm.publish("TILLER_MEASUREMENT", whole.data(), static_cast<unsigned>(whole.size() - 1));
+  plant.lcm.publish("TILLER_MEASUREMENT", whole.data(), 3);
+  tiller_lcm::measurement_t wrong = message_of(1);
+  wrong.count = 3;
+  plant.lcm.publish("TILLER_MEASUREMENT", &wrong);
+  plant.lcm.publish("OTHER_MEASUREMENT", &wrong);  // not even looked at
+  ASSERT_TRUE(poll_until([&](tiller_status_t) { return counters().bad_messages >= 4; }));
+  const tiller_lcm::measurement_t good = message_of(2);
+  plant.lcm.publish("TILLER_MEASUREMENT", &good);
+  ASSERT_TRUE(poll_until([](tiller_status_t status) { return status == tiller_status_ok; }));
+  EXPECT_EQ(2u, measurement_.sequence);
+  EXPECT_EQ(4u, counters().bad_messages);
+  EXPECT_EQ(1u, counters().received);
+}
+
+TEST_F(Lcm, EveryTruncationIsRefused) {
+  const std::vector<unsigned char> whole = encoded(message_of(1));
+  for (std::size_t size = 0; size < whole.size(); ++size) {
+    // a copy of its own length, so that a sanitizer sees the first byte beyond it
+    const std::vector<unsigned char> part(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size));
+    EXPECT_FALSE(lcm_take_measurement(&transport_, part.data(), static_cast<std::uint32_t>(size), 0)) << size;
+  }
+  EXPECT_EQ(whole.size(), counters().bad_messages);
+  EXPECT_TRUE(take(message_of(1)));
+}
+
+TEST_F(Lcm, TheNewestWins) {
+  for (int k = 0; k < 10; ++k) EXPECT_TRUE(take(message_of(k)));
+  ASSERT_EQ(tiller_status_ok, poll());
+  EXPECT_EQ(9u, measurement_.sequence);
+  EXPECT_EQ(9u, counters().dropped_old);
+  EXPECT_EQ(tiller_status_no_new_measurement, poll()) << "a measurement is handed out once";
+}
+
+TEST_F(Lcm, OldAndRepeatedSequencesAreRefused) {
+  EXPECT_TRUE(take(message_of(10)));
+  EXPECT_FALSE(take(message_of(10)));
+  EXPECT_FALSE(take(message_of(9)));
+  ASSERT_EQ(tiller_status_ok, poll());
+  EXPECT_EQ(10u, measurement_.sequence);
+  EXPECT_FALSE(take(message_of(10))) << "nor once it was read";
+  EXPECT_EQ(tiller_status_no_new_measurement, poll());
+  EXPECT_EQ(3u, counters().dropped_old);
+}
+
+TEST_F(Lcm, WhatWaitedTooLongIsRefused) {
+  EXPECT_FALSE(take(message_of(1), two_values().max_wait_us + 1));
+  EXPECT_EQ(1u, counters().dropped_old);
+  EXPECT_TRUE(take(message_of(2), two_values().max_wait_us));
+}
+
+TEST_F(Lcm, ContentOutsideItsRangeIsRefused) {
+  const auto refused = [&](void (*change)(tiller_lcm::measurement_t&)) {
+    tiller_lcm::measurement_t message = message_of(1);
+    change(message);
+    return !take(message);
+  };
+  EXPECT_TRUE(refused([](tiller_lcm::measurement_t& m) { m.count = 1; }));
+  EXPECT_TRUE(refused([](tiller_lcm::measurement_t& m) { m.count = 2147483647; }));
+  EXPECT_TRUE(refused([](tiller_lcm::measurement_t& m) { m.count = -1; }));
+  EXPECT_TRUE(refused([](tiller_lcm::measurement_t& m) { m.sequence = -1; }));
+  EXPECT_TRUE(refused([](tiller_lcm::measurement_t& m) { m.sequence = 4294967296; }));
+  EXPECT_TRUE(refused([](tiller_lcm::measurement_t& m) { m.command_latency_us = -1; }));
+  EXPECT_EQ(6u, counters().bad_messages);
+  EXPECT_NE(nullptr, transport_.refusal);
+}
+
+TEST_F(Lcm, AMissingValueIsNotANumber) {
+  tiller_lcm::measurement_t message = message_of(1);
+  message.valid_mask = 2;
+  ASSERT_TRUE(take(message));
+  ASSERT_EQ(tiller_status_ok, poll());
+  EXPECT_TRUE(std::isnan(measurement_.value[0]));
+  EXPECT_EQ(-1.0, measurement_.value[1]);
+}
+
+TEST_F(Lcm, ACommandThatIsNotFiniteIsNotSent) {
+  tiller_command_t command{};
+  command.value[0] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(tiller_status_command_not_finite, kLcmTransport.send(&transport_, &command));
+  command.value[0] = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(tiller_status_command_not_finite, kLcmTransport.send(&transport_, &command));
+  EXPECT_EQ(0u, counters().sent);
+}
+
+TEST_F(Lcm, TelemetryArrivesWhole) {
+  Plant plant;
+  tiller_info_t info{};
+  info.ticks = 42;
+  info.state = tiller_state_hold;
+  info.status = tiller_status_deadline_missed;
+  info.effective_samples = 123.5;
+  for (int i = 0; i < TILLER_MAX_STATES; ++i) info.state_mean[i] = i;
+  for (int i = 0; i < TILLER_MAX_PARAMS; ++i) info.param_sd[i] = 10 + i;
+  ASSERT_EQ(tiller_status_ok, lcm_send_telemetry(&transport_, 77, info, TILLER_MAX_STATES, TILLER_MAX_PARAMS));
+  ASSERT_GT(plant.lcm.handleTimeout(kPatienceMs), 0);
+  ASSERT_EQ(1u, plant.telemetry.size());
+  const tiller_lcm::telemetry_t& message = plant.telemetry[0];
+  EXPECT_EQ(77, message.stamp_us);
+  EXPECT_EQ(42, message.tick);
+  EXPECT_EQ(3, message.state);
+  EXPECT_EQ(202, message.status);
+  EXPECT_EQ(123.5, message.effective_samples);
+  EXPECT_EQ(11.0, message.state_mean[11]);
+  EXPECT_EQ(25.0, message.param_sd[15]);
+  EXPECT_EQ(tiller_status_bad_dimension,
+            lcm_send_telemetry(&transport_, 77, info, TILLER_MAX_STATES + 1, TILLER_MAX_PARAMS));
+}
+
+TEST_F(Lcm, StampsOfArrivalReplaceAForeignClock) {
+  LcmOptions options = two_values();
+  options.stamp_on_arrival = true;
+  open(options);
+  ASSERT_TRUE(take(message_of(1)));
+  ASSERT_EQ(tiller_status_ok, poll());
+  const std::int64_t first_us = measurement_.stamp_us;
+  EXPECT_NE(message_of(1).stamp_us, first_us);
+  ASSERT_TRUE(take(message_of(2)));
+  ASSERT_EQ(tiller_status_ok, poll());
+  EXPECT_GE(measurement_.stamp_us, first_us);
+}
+
+TEST(LcmOpen, ErrorsTellWhatIsWrong) {
+  const auto text_for = [](const LcmOptions& options) {
+    LcmTransport transport;
+    OpenError error;
+    EXPECT_NE(tiller_status_ok, lcm_transport_open(&transport, options, &error));
+    std::printf("%s\n", error.text);
+    return std::string(error.text);
+  };
+  LcmOptions options = two_values();
+  options.url = "nonsense://";
+  EXPECT_NE(std::string::npos, text_for(options).find("nonsense://"));
+  options = two_values();
+  options.channel_prefix = "ANY.*";
+  EXPECT_NE(std::string::npos, text_for(options).find("channel_prefix 'ANY.*'"));
+  options = two_values();
+  options.measurement_count = TILLER_MAX_MEASUREMENTS + 1;
+  EXPECT_NE(std::string::npos, text_for(options).find("13 measurements"));
+}
+
+}  // namespace
+}  // namespace tiller
