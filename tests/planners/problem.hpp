@@ -94,7 +94,7 @@ class Bench {
   tiller::PlanResult plan_again() { return table_->plan(planner_, request, command); }
   void reset() { table_->reset(planner_); }
   const float* sequence() const { return table_->sequence(planner_); }
-  bool laid_out() const { return planner_ != nullptr; }
+  const void* planner() const { return planner_; }
   std::size_t bytes() const { return bytes_; }
   const tiller_config_t& config() const { return config_; }
 
