@@ -169,13 +169,23 @@ bool is_fresh(const fs::path& object, const fs::path& dependencies) {
   return !files.empty();
 }
 
-// The C++ text around a user's header. Everything is hidden but the one entry. Paths with quotes were refused
-// before.
+// The C++ text around a user's header. Everything is hidden but the one entry. The kernel asks for the effects'
+// metadata; the copy here keeps the object free of symbols that the loading program would have to export. Paths
+// with quotes were refused before.
 std::string wrapper_source(const std::string& path, const std::string& type) {
-  return "#include \"rollout/export_model.hpp\"\n#include \"" + path +
-         "\"\n"
-         "extern \"C\" __attribute__((visibility(\"default\"))) const tiller_model_t* tiller_model(void);\n"
-         "TILLER_EXPORT_MODEL(" +
+  return "#include \"rollout/export_model.hpp\"\n#include \"" + path + R"("
+namespace tiller {
+namespace {
+constexpr EffectInfo kInfos[] = {
+#define TILLER_EFFECT(name, Type) Type<double>::info,
+#include "tiller/effects.def"
+#undef TILLER_EFFECT
+};
+}  // namespace
+const EffectInfo& effect_info(std::uint32_t kind) { return kInfos[kind]; }
+}  // namespace tiller
+extern "C" __attribute__((visibility("default"))) const tiller_model_t* tiller_model(void);
+TILLER_EXPORT_MODEL()" +
          type + ")\n";
 }
 
@@ -264,6 +274,7 @@ std::string compile_model(const std::string& path, const std::string& type, std:
   if (folder.empty()) return "";
   std::vector<std::string> argv = command_line(cpp);
   std::string key = std::string(TILLER_MODEL_VERSION_TEXT) + '\n' + path + '\n' + type + '\n' + read_file(path);
+  if (cpp) key += wrapper_source(path, type);
   for (const std::string& word : argv) key += '\n' + word;
   char name[40];
   std::snprintf(name, sizeof name, "%016llx", static_cast<unsigned long long>(hash(key)));
