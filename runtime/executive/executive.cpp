@@ -10,9 +10,7 @@ namespace {
 /// stay.
 constexpr double kLongestGap_periods = 4.0;
 
-bool is_fault(tiller_status_t status) {
-  return status >= 1 && status < 200;
-}
+bool is_fault(tiller_status_t status) { return status >= 1 && status < 200; }
 
 bool all_finite(const double* values, std::uint32_t count) {
   return std::all_of(values, values + count, [](double v) { return std::isfinite(v); });
@@ -190,8 +188,7 @@ void Executive::replan(Tick& tick) {
   info_.plan_cost = result.cost;
 
   if (is_fault(result.status)) return fail_plan(tick, result.status);
-  if (!all_finite(tick.wanted, config_.model->input_count))
-    return fail_plan(tick, tiller_status_plan_not_finite);
+  if (!all_finite(tick.wanted, config_.model->input_count)) return fail_plan(tick, tiller_status_plan_not_finite);
   plan_.keep(tick.now_us, planner_table_->sequence(planner_), tick.wanted);
 
   if (result.iterations == 0) {
@@ -202,7 +199,9 @@ void Executive::replan(Tick& tick) {
     return;
   }
   unrenewed_plans_ = 0;
-  tick.note(result.status);
+  // a replay stops by count where the recording stopped by its clock: the same thing, so the same status
+  const bool cut_short = forced_iterations_ != kNotForced && result.iterations < config_.planner.iterations;
+  tick.note(cut_short ? tiller_status_iteration_capped : result.status);
   (void)machine_.on(Event::plan_good);
 }
 
@@ -240,8 +239,7 @@ void Executive::hold_command(double* command) const {
     for (std::uint32_t x = 0; x < model.state_count; ++x) {
       const double gain = config_.safety.hold_gain[i * TILLER_MAX_STATES + x];
       // a state without a gain has no say, not even by being infinite
-      if (gain != 0.0)
-        command[i] -= gain * state_difference(model, x, info_.state_mean[x], config_.cost.target[x]);
+      if (gain != 0.0) command[i] -= gain * state_difference(model, x, info_.state_mean[x], config_.cost.target[x]);
     }
   }
 }

@@ -35,8 +35,7 @@ class Executive {
   void force_iterations(std::uint32_t iterations) { forced_iterations_ = iterations; }
 
   // executive.cpp
-  tiller_status_t tick(std::int64_t now_us, const tiller_measurement_t* measurement,
-                       tiller_command_t& command);
+  tiller_status_t tick(std::int64_t now_us, const tiller_measurement_t* measurement, tiller_command_t& command);
 
   const tiller_config_t& config() const { return config_; }
   const tiller_info_t& info() const { return info_; }
@@ -90,9 +89,7 @@ class Executive {
   // gate
   std::int64_t takes_hold_us(const Tick& tick) const;
 
-  bool moving() const {
-    return machine_.state() == tiller_state_active || machine_.state() == tiller_state_hold;
-  }
+  bool moving() const { return machine_.state() == tiller_state_active || machine_.state() == tiller_state_hold; }
   bool has_clock() const { return hooks_.now_ns != nullptr; }
   std::int64_t clock_ns() const { return has_clock() ? hooks_.now_ns(hooks_.context) : 0; }
 

@@ -19,12 +19,10 @@ namespace tiller {
 /// loop, the smallest error of the model walks away from a robot that rests).
 class MotionCheck {
  public:
-  void lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
-               const RolloutTable& table);
+  void lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table);
 
   /// A new window. state_mean, state_sd (nx) are the present estimate.
-  void begin(const Posterior& posterior, std::uint64_t tick, const double* state_mean,
-             const double* state_sd);
+  void begin(const Posterior& posterior, std::uint64_t tick, const double* state_mean, const double* state_sd);
   /// One repeated reading: `input` (nu) was in force for `period_s`, with commands before it (delay_steps x
   /// nu).
   void step(double period_s, const double* input, const float* history);

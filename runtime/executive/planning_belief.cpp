@@ -12,8 +12,7 @@ StepSetup without_delays(const StepSetup& setup) {
   result.effect_count = 0;
   result.delay_steps = 0;
   for (std::uint32_t e = 0; e < setup.effect_count; ++e)
-    if (setup.effects[e].kind != tiller_effect_input_delay)
-      result.effects[result.effect_count++] = setup.effects[e];
+    if (setup.effects[e].kind != tiller_effect_input_delay) result.effects[result.effect_count++] = setup.effects[e];
   return result;
 }
 
@@ -52,8 +51,7 @@ void PlanningBelief::draw(const Posterior& posterior, const CommandTimeline& tim
   fill_history(timeline, stamp_us, ahead_s);
 }
 
-void PlanningBelief::step_ahead(const CommandTimeline& timeline, std::int64_t stamp_us, double from_s,
-                                double to_s) {
+void PlanningBelief::step_ahead(const CommandTimeline& timeline, std::int64_t stamp_us, double from_s, double to_s) {
   const std::uint32_t nx = config_->model->state_count, count = belief_.count;
   fill_controls(timeline, stamp_us, from_s, to_s);
   RolloutJob<float> job;
@@ -73,8 +71,7 @@ void PlanningBelief::step_ahead(const CommandTimeline& timeline, std::int64_t st
 }
 
 /// Each hypothesis has its own delay, so each sees another piece of the same timeline.
-void PlanningBelief::fill_controls(const CommandTimeline& timeline, std::int64_t stamp_us, double from_s,
-                                   double to_s) {
+void PlanningBelief::fill_controls(const CommandTimeline& timeline, std::int64_t stamp_us, double from_s, double to_s) {
   const std::uint32_t nu = config_->model->input_count;
   double command[TILLER_MAX_INPUTS];
   for (std::uint32_t lane = 0; lane < belief_.count; ++lane) {

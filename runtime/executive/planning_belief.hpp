@@ -14,13 +14,12 @@ namespace tiller {
 /// ignores this starts from where the robot was.
 class PlanningBelief {
  public:
-  void lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
-               const RolloutTable& table);
+  void lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table);
 
   /// Draws from the posterior as of `stamp_us` and steps `ahead_s` on under the commands of the timeline.
   /// Less than a hundredth of a period is not stepped: it is below what the model is good for.
-  void draw(const Posterior& posterior, const CommandTimeline& timeline, std::uint64_t tick,
-            std::int64_t stamp_us, double ahead_s);
+  void draw(const Posterior& posterior, const CommandTimeline& timeline, std::uint64_t tick, std::int64_t stamp_us,
+            double ahead_s);
 
   const Belief& belief() const { return belief_; }
 
@@ -28,8 +27,7 @@ class PlanningBelief {
   void step_ahead(const CommandTimeline& timeline, std::int64_t stamp_us, double from_s, double to_s);
   void fill_controls(const CommandTimeline& timeline, std::int64_t stamp_us, double from_s, double to_s);
   void fill_history(const CommandTimeline& timeline, std::int64_t stamp_us, double ahead_s);
-  static void narrow(const float* padded, std::uint32_t rows, std::uint32_t lanes, std::uint32_t count,
-                     float* to);
+  static void narrow(const float* padded, std::uint32_t rows, std::uint32_t lanes, std::uint32_t count, float* to);
 
   const tiller_config_t* config_ = nullptr;
   const RolloutTable* table_ = nullptr;

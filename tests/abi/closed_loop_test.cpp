@@ -1,0 +1,84 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "rig.hpp"
+
+// The built-in models steered on plants that share no code with them.
+
+namespace {
+
+using rig::CartPolePlant;
+using rig::Loop;
+using rig::PendulumPlant;
+
+TEST(ClosedLoop, PendulumStandsUnderEveryPlanner) {
+  for (std::uint32_t kind = 0; kind < tiller_planner_kind_count; ++kind) {
+    PendulumPlant plant;
+    tiller_config_t config = rig::pendulum_config();
+    config.planner.kind = kind;
+    // random shooting refines nothing: it needs the samples
+    if (kind == tiller_planner_random_shooting) config.planner.rollouts = 512;
+    Loop loop(config, plant);
+    ASSERT_TRUE(loop.ready());
+    loop.activate(1);
+    loop.run(400);
+    const tiller_info_t info = loop.info();
+    std::printf("planner %u: after 8 s angle %.3f rad, mass %.3f +- %.3f kg (truth 1.2), state %s\n", kind,
+                plant.angle_rad, info.param_mean[0], info.param_sd[0], tiller_state_name(loop.state()));
+    EXPECT_LT(std::cos(plant.angle_rad), -0.98) << "within 0.2 rad of upright";
+    EXPECT_EQ(loop.state(), tiller_state_active);
+    EXPECT_TRUE(loop.commands_allowed());
+    // the prior is uniform over +-0.4 kg (sd 0.23); a swing-up tells the mass far better than a tenth of that
+    EXPECT_NEAR(info.param_mean[0], 1.2, 0.05);
+    EXPECT_LT(info.param_sd[0], 0.023);
+  }
+}
+
+TEST(ClosedLoop, CartPoleStands) {
+  CartPolePlant plant;
+  Loop loop(rig::cart_pole_config(), plant);
+  ASSERT_TRUE(loop.ready());
+  loop.activate(1);
+  loop.run(400);
+  const tiller_info_t info = loop.info();
+  std::printf(
+      "cart-pole: after 8 s angle %.3f rad, position %.3f m, pole %.3f +- %.3f kg (truth 0.12), "
+      "half length %.3f +- %.3f m (truth 0.45)\n",
+      plant.x[1], plant.x[0], info.param_mean[1], info.param_sd[1], info.param_mean[2], info.param_sd[2]);
+  EXPECT_GT(std::cos(plant.x[1]), 0.98) << "within 0.2 rad of upright";
+  EXPECT_EQ(loop.state(), tiller_state_active);
+  EXPECT_TRUE(loop.commands_allowed());
+  EXPECT_NEAR(info.param_mean[2], 0.45, 0.05);
+}
+
+TEST(ClosedLoop, KnownLatencyIsPlannedFor) {
+  // each command takes hold 15 of 20 ms after its measurement; the controller is told
+  const auto run = [](std::uint32_t told_us) {
+    PendulumPlant plant;
+    Loop loop(rig::pendulum_config(), plant);
+    (void)tiller_arm(loop.controller());
+    double before = 0.0, error = 0.0;
+    for (int i = 0; i < 400; ++i) {
+      tiller_measurement_t m = loop.measure();
+      m.command_latency_us = told_us;
+      tiller_command_t command;
+      (void)tiller_tick(loop.controller(), m.stamp_us, &m, &command);
+      plant.step(&before, 0.015);
+      plant.step(command.value, 0.005);
+      before = command.value[0];
+      loop.pass(20000);
+      const double off = std::remainder(plant.angle_rad - 3.141592653589793, 6.283185307179586);
+      if (i >= 300) error += off * off / 100.0;
+    }
+    const tiller_info_t info = loop.info();
+    std::printf("told %u us: mass %.4f +- %.4f kg (truth 1.2), rms angle error %.4f rad, noise scale %.2f\n", told_us,
+                info.param_mean[0], info.param_sd[0], std::sqrt(error), info.noise_scale);
+    return info;
+  };
+  const tiller_info_t told = run(15000), untold = run(0);
+  EXPECT_NEAR(told.param_mean[0], 1.2, 0.02);
+  EXPECT_LT(told.noise_scale, untold.noise_scale) << "commands at the wrong time look like noise";
+}
+
+}  // namespace

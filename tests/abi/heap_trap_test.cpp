@@ -1,0 +1,176 @@
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdlib>
+#include <limits>
+#include <new>
+
+#include "rig.hpp"
+
+// Nothing allocates after tiller_init. Every allocation function of the process is counted: the C library's by taking
+// their place (which new and delete, Eigen and the C++ library end in), or by the sanitizer's own hooks.
+
+namespace {
+std::atomic<bool> trap_set{false};
+std::atomic<std::uint64_t> heap_calls{0};
+void count() {
+  if (trap_set.load(std::memory_order_relaxed)) heap_calls.fetch_add(1, std::memory_order_relaxed);
+}
+}  // namespace
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+extern "C" int __sanitizer_install_malloc_and_free_hooks(void (*)(const volatile void*, std::size_t),
+                                                         void (*)(const volatile void*));
+namespace {
+const int installed = __sanitizer_install_malloc_and_free_hooks([](const volatile void*, std::size_t) { count(); },
+                                                                [](const volatile void*) { count(); });
+}  // namespace
+#else
+extern "C" {
+void* __libc_malloc(std::size_t);
+void* __libc_calloc(std::size_t, std::size_t);
+void* __libc_realloc(void*, std::size_t);
+void* __libc_memalign(std::size_t, std::size_t);
+void __libc_free(void*);
+
+void* malloc(std::size_t n) {
+  count();
+  return __libc_malloc(n);
+}
+void* calloc(std::size_t n, std::size_t size) {
+  count();
+  return __libc_calloc(n, size);
+}
+void* realloc(void* p, std::size_t n) {
+  count();
+  return __libc_realloc(p, n);
+}
+void free(void* p) {
+  count();
+  __libc_free(p);
+}
+void* memalign(std::size_t alignment, std::size_t n) {
+  count();
+  return __libc_memalign(alignment, n);
+}
+void* aligned_alloc(std::size_t alignment, std::size_t n) {
+  count();
+  return __libc_memalign(alignment, n);
+}
+int posix_memalign(void** p, std::size_t alignment, std::size_t n) {
+  count();
+  *p = __libc_memalign(alignment, n);
+  return *p ? 0 : ENOMEM;
+}
+}  // extern "C"
+#endif
+
+namespace {
+
+using rig::Loop;
+using rig::PendulumPlant;
+
+std::uint64_t heap_calls_in(void (*work)(void*), void* arg) {
+  heap_calls = 0;
+  trap_set = true;
+  work(arg);
+  trap_set = false;
+  return heap_calls;
+}
+
+TEST(HeapTrap, Catches) {
+  void* volatile kept = nullptr;
+  const auto each_way = [](void* at) {
+    void* volatile* p = static_cast<void* volatile*>(at);
+    *p = std::malloc(10);
+    *p = std::realloc(*p, 1000);
+    std::free(*p);
+    *p = std::calloc(3, 3);
+    std::free(*p);
+    *p = ::operator new(8);
+    ::operator delete(*p);
+    *p = ::operator new (64, std::align_val_t{64});
+    ::operator delete (*p, std::align_val_t{64});
+  };
+  EXPECT_GE(heap_calls_in(each_way, const_cast<void**>(&kept)), 9u);
+}
+
+/// Ticks with all that happens to a controller in a long life.
+void long_life(void* arg) {
+  Loop& loop = *static_cast<Loop*>(arg);
+  tiller_t* t = loop.controller();
+  (void)tiller_arm(t);
+  for (int i = 0; i < 100000; ++i) {
+    tiller_measurement_t m = loop.measure();
+    if (i % 101 == 7) m.value[0] = std::numeric_limits<double>::quiet_NaN();
+    if (i % 1009 == 9) m.value[0] += 3.0;
+    if (i % 5003 == 11) (void)tiller_stop(t, tiller_status_ok);
+    if (i % 5003 == 13) {
+      (void)tiller_reset(t);
+      (void)tiller_arm(t);
+    }
+    if (i % 3001 == 15) {
+      (void)tiller_disarm(t);
+      (void)tiller_arm(t);
+    }
+    (void)loop.tick(i % 67 == 3 ? nullptr : &m);
+    if (i % 1000 == 0) {
+      double covariance[TILLER_MAX_PARAMS * TILLER_MAX_PARAMS], q = 0.0, plan[8];
+      tiller_record_t record;
+      (void)tiller_get_covariance(t, covariance);
+      (void)tiller_get_quantile(t, 0, 0.9, &q);
+      (void)tiller_get_plan(t, plan, 8);
+      (void)tiller_get_record(t, static_cast<std::uint64_t>(i), &record);
+    }
+  }
+}
+
+std::int64_t ticking_clock(void* context) { return *static_cast<std::int64_t*>(context) += 20000; }
+void serial_for(void*, std::uint32_t n, void (*work)(void*, std::uint32_t), void* arg) {
+  for (std::uint32_t i = 0; i < n; ++i) work(arg, i);
+}
+
+TEST(HeapTrap, NothingIn100000TicksOfEveryPlanner) {
+  for (std::uint32_t kind = 0; kind < tiller_planner_kind_count; ++kind) {
+    tiller_config_t config = rig::pendulum_config();
+    config.planner.kind = kind;
+    config.planner.rollouts = 16;
+    config.planner.particles = 2;
+    config.planner.horizon = 8;
+    config.planner.knots = 3;
+    config.planner.deadline_us = 500;
+    config.planner.risk = tiller_risk_cvar;
+    config.posterior.particles = 16;
+    config.posterior.moves_per_tick = 8;
+    config.effect_count = 3;  // all that has a state or a memory
+    config.effects[0] = {tiller_effect_coulomb_friction, 0};
+    config.effects[1] = {tiller_effect_actuator_lag, 0};
+    config.effects[2] = {tiller_effect_input_delay, 0};
+    config.priors[3] = {tiller_prior_uniform, 0, 0.0, 0.0, 0.0, 0.2};
+    config.priors[4] = {tiller_prior_uniform, 0, 0.0, 0.0, 0.0, 0.05};
+    config.priors[5] = {tiller_prior_uniform, 0, 0.0, 0.0, 0.0, 0.03};
+    config.param_count = 6;
+    std::int64_t clock = 0;
+    tiller_hooks_t hooks = {};
+    hooks.size = sizeof hooks;
+    hooks.version = TILLER_CONFIG_VERSION;
+    hooks.context = &clock;
+    hooks.now_ns = ticking_clock;
+    hooks.parallel_for = serial_for;
+    PendulumPlant plant;
+    Loop loop(config, plant, &hooks);
+    ASSERT_TRUE(loop.ready());
+    EXPECT_EQ(heap_calls_in(long_life, &loop), 0u);
+    EXPECT_TRUE(loop.commands_allowed());
+    EXPECT_TRUE(loop.block().canaries_alive());
+    const tiller_info_t info = loop.info();
+    std::printf("planner %u: %llu ticks, %llu resamplings, %llu rejected: 0 heap calls\n", kind,
+                static_cast<unsigned long long>(info.ticks), static_cast<unsigned long long>(info.resamplings),
+                static_cast<unsigned long long>(info.rejected_measurements));
+    EXPECT_EQ(info.ticks, 100000u);
+    EXPECT_GT(info.resamplings, 0u) << "the paths that matter were not taken";
+  }
+}
+
+}  // namespace

@@ -1,0 +1,211 @@
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <limits>
+#include <thread>
+#include <vector>
+
+#include "rig.hpp"
+
+// The same inputs give the same commands, to the last bit: twice, on one or two threads, and from the records.
+
+namespace {
+
+using rig::Loop;
+using rig::PendulumPlant;
+
+tiller_config_t config_of(std::uint32_t kind) {
+  tiller_config_t config = rig::pendulum_config();
+  config.planner.kind = kind;
+  config.planner.iterations = 3;
+  config.record_ticks = 400;
+  return config;
+}
+
+tiller_hooks_t hooks_with(void* context) {
+  tiller_hooks_t hooks = {};
+  hooks.size = sizeof hooks;
+  hooks.version = TILLER_CONFIG_VERSION;
+  hooks.context = context;
+  return hooks;
+}
+
+std::vector<tiller_record_t> records_of(Loop& loop) {
+  std::vector<tiller_record_t> records(loop.info().ticks);
+  for (std::uint64_t i = 0; i < records.size(); ++i)
+    EXPECT_EQ(tiller_get_record(loop.controller(), i, &records[i]), tiller_status_ok);
+  return records;
+}
+
+/// Bits of everything that is a result. Times are not, and neither are the calls, which the replay makes itself.
+void expect_same(const std::vector<tiller_record_t>& a, const std::vector<tiller_record_t>& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    ASSERT_EQ(std::memcmp(&a[i].command, &b[i].command, sizeof a[i].command), 0) << "command of tick " << i;
+    ASSERT_EQ(std::memcmp(a[i].state_mean, b[i].state_mean, sizeof a[i].state_mean), 0) << "state of tick " << i;
+    ASSERT_EQ(std::memcmp(a[i].param_mean, b[i].param_mean, sizeof a[i].param_mean), 0) << "mean of tick " << i;
+    ASSERT_EQ(std::memcmp(a[i].param_sd, b[i].param_sd, sizeof a[i].param_sd), 0) << "deviation of tick " << i;
+    ASSERT_EQ(std::memcmp(&a[i].plan_cost, &b[i].plan_cost, sizeof(double)), 0) << "cost of tick " << i;
+    ASSERT_EQ(a[i].status, b[i].status) << "status of tick " << i;
+    ASSERT_EQ(a[i].planner_iterations, b[i].planner_iterations) << "iterations of tick " << i;
+    ASSERT_EQ(a[i].calls, b[i].calls) << "calls before tick " << i;
+  }
+}
+
+/// A run with everything in it: swings, faults, silence, disarming, a stop and a reset.
+std::vector<tiller_record_t> eventful_run(const tiller_config_t& config, const tiller_hooks_t* hooks) {
+  PendulumPlant plant;
+  Loop loop(config, plant, hooks);
+  EXPECT_TRUE(loop.ready());
+  loop.run(3);
+  loop.activate(80);
+  for (int i = 0; i < 40; ++i) {
+    tiller_measurement_t m = loop.measure();
+    m.command_latency_us = static_cast<std::uint32_t>(500 * i);
+    if (i % 7 == 3) m.value[0] = std::numeric_limits<double>::quiet_NaN();
+    (void)loop.tick(i % 5 == 1 ? nullptr : &m);
+    if (i == 20) loop.wait(3000);
+  }
+  (void)tiller_disarm(loop.controller());
+  (void)tiller_arm(loop.controller());
+  loop.run(20);
+  (void)tiller_stop(loop.controller(), tiller_status_actuator_fault);
+  loop.run(2);
+  (void)tiller_reset(loop.controller());
+  loop.run(2);
+  loop.activate(60);
+  EXPECT_EQ(loop.state(), tiller_state_active);
+  EXPECT_TRUE(loop.commands_allowed());
+  return records_of(loop);
+}
+
+/// Feeds recorded inputs, calls and iteration counts to a second controller that has no clock.
+std::vector<tiller_record_t> replay(const tiller_config_t& config, const std::vector<tiller_record_t>& recorded) {
+  PendulumPlant unused;
+  Loop loop(config, unused);
+  tiller_t* t = loop.controller();
+  for (const tiller_record_t& r : recorded) {
+    for (std::uint32_t calls = r.calls; calls != 0; calls >>= 4) {
+      switch (calls & 15u) {
+        case tiller_call_arm: (void)tiller_arm(t); break;
+        case tiller_call_disarm: (void)tiller_disarm(t); break;
+        case tiller_call_stop: (void)tiller_stop(t, static_cast<tiller_status_t>(r.status)); break;
+        case tiller_call_reset: (void)tiller_reset(t); break;
+        default: ADD_FAILURE() << "call " << (calls & 15u); break;
+      }
+    }
+    (void)tiller_force_iterations(t, r.planner_iterations);
+    tiller_command_t command;
+    (void)tiller_tick(t, r.now_us, r.has_measurement ? &r.measurement : nullptr, &command);
+  }
+  return records_of(loop);
+}
+
+class EveryPlanner : public ::testing::TestWithParam<std::uint32_t> {};
+INSTANTIATE_TEST_SUITE_P(Kinds, EveryPlanner, ::testing::Range(0u, std::uint32_t{tiller_planner_kind_count}));
+
+TEST_P(EveryPlanner, SameInputsSameBits) {
+  const tiller_config_t config = config_of(GetParam());
+  expect_same(eventful_run(config, nullptr), eventful_run(config, nullptr));
+}
+
+TEST_P(EveryPlanner, AnotherSeedIsAnotherRun) {
+  tiller_config_t other = config_of(GetParam());
+  const auto first = eventful_run(other, nullptr);
+  other.seed = 2;
+  const auto second = eventful_run(other, nullptr);
+  EXPECT_NE(std::memcmp(&first.back().command, &second.back().command, sizeof first.back().command), 0)
+      << "or the comparison of bits could not fail";
+}
+
+/// Every task on a thread of its own, odd ones first, two at a time: the order is not the loop's.
+void two_threads(void*, std::uint32_t n, void (*work)(void*, std::uint32_t), void* arg) {
+  std::thread odd([&] {
+    for (std::uint32_t i = 1; i < n; i += 2) work(arg, i);
+  });
+  for (std::uint32_t i = 0; i < n; i += 2) work(arg, i);
+  odd.join();
+}
+void backwards(void* context, std::uint32_t n, void (*work)(void*, std::uint32_t), void* arg) {
+  *static_cast<std::uint64_t*>(context) += n;
+  for (std::uint32_t i = n; i-- > 0;) work(arg, i);
+}
+
+TEST_P(EveryPlanner, OneAndTwoThreadsAndReversedTasksGiveTheSameBits) {
+  const tiller_config_t config = config_of(GetParam());
+  const auto serial = eventful_run(config, nullptr);
+  tiller_hooks_t hooks = hooks_with(nullptr);
+  hooks.parallel_for = two_threads;
+  expect_same(serial, eventful_run(config, &hooks));
+  std::uint64_t tasks = 0;
+  hooks = hooks_with(&tasks);
+  hooks.parallel_for = backwards;
+  expect_same(serial, eventful_run(config, &hooks));
+  EXPECT_GT(tasks, 1000u) << "the hook was hardly used";
+}
+
+TEST_P(EveryPlanner, RecordsReplayBitByBit) {
+  const tiller_config_t config = config_of(GetParam());
+  const auto recorded = eventful_run(config, nullptr);
+  expect_same(recorded, replay(config, recorded));
+}
+
+/// A clock of the test's own: how long a look at it takes depends on nothing but how often it was looked at, so that
+/// some ticks finish all iterations, some a few, some none.
+struct UnevenClock {
+  std::uint64_t looks = 0;
+  std::int64_t now_ns = 0;
+  static std::int64_t look(void* context) {
+    auto& clock = *static_cast<UnevenClock*>(context);
+    const bool slow = ++clock.looks % 13 == 0;
+    return clock.now_ns += slow ? 3000000 : 500000;
+  }
+};
+
+TEST_P(EveryPlanner, ADeadlineInTheRecordingIsReplayedWithoutAClock) {
+  tiller_config_t config = config_of(GetParam());
+  config.planner.deadline_us = 4000;
+  UnevenClock clock;
+  tiller_hooks_t hooks = hooks_with(&clock);
+  hooks.now_ns = UnevenClock::look;
+  const auto recorded = eventful_run(config, &hooks);
+  int counts[4] = {};
+  for (const auto& r : recorded) ++counts[r.planner_iterations < 3 ? r.planner_iterations : 3];
+  std::printf("ticks with 0, 1, 2, 3 iterations: %d %d %d %d\n", counts[0], counts[1], counts[2], counts[3]);
+  EXPECT_GT(counts[1] + counts[2], 40) << "the deadline hardly bound";
+  EXPECT_GT(counts[3], 5) << "it bound always";
+  expect_same(recorded, replay(config, recorded));
+}
+
+TEST(Records, RingGivesUpItsOldest) {
+  PendulumPlant plant;
+  tiller_config_t config = rig::pendulum_config();
+  config.record_ticks = 8;
+  Loop loop(config, plant);
+  loop.run(20);
+  tiller_record_t record;
+  EXPECT_EQ(tiller_get_record(loop.controller(), 11, &record), tiller_status_record_overwritten);
+  EXPECT_EQ(tiller_get_record(loop.controller(), 12, &record), tiller_status_ok);
+  EXPECT_EQ(record.tick, 12u);
+  EXPECT_EQ(tiller_get_record(loop.controller(), 20, &record), tiller_status_bad_dimension);
+
+  config.record_ticks = 0;
+  Loop silent(config, plant);
+  silent.run(3);
+  EXPECT_EQ(tiller_get_record(silent.controller(), 0, &record), tiller_status_bad_dimension);
+}
+
+TEST(Records, TooManyCallsAreMarked) {
+  PendulumPlant plant;
+  Loop loop(rig::pendulum_config(), plant);
+  for (int i = 0; i < 9; ++i) (void)tiller_arm(loop.controller());
+  loop.run(2);
+  tiller_record_t record;
+  ASSERT_EQ(tiller_get_record(loop.controller(), 0, &record), tiller_status_ok);
+  EXPECT_EQ(record.calls >> 28, static_cast<std::uint32_t>(tiller_call_lost));
+  EXPECT_EQ(record.calls & 0x0fffffffu, 0x01111111u);
+  ASSERT_EQ(tiller_get_record(loop.controller(), 1, &record), tiller_status_ok);
+  EXPECT_EQ(record.calls, 0u);
+}
+
+}  // namespace
