@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -30,7 +31,7 @@ CanFrame frame_of(std::uint32_t node, std::uint32_t command, std::vector<std::ui
   CanFrame frame;
   frame.id = node << 5 | command;
   frame.length = static_cast<std::uint8_t>(bytes.size());
-  std::memcpy(frame.data, bytes.data(), bytes.size());
+  std::copy(bytes.begin(), bytes.end(), frame.data);
   return frame;
 }
 
