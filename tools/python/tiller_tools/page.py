@@ -139,9 +139,10 @@ def number(value, digits: int = 4) -> str:
     """For readers: about four significant digits, a dash for what is not known."""
     if value is None or not np.isfinite(value):
         return "–"
-    if value != 0 and not 1e-3 <= abs(value) < 1e6:
-        return f"{value:.{digits - 2}e}"
-    return f"{value:.{digits}g}"
+    if value != 0 and not 1e-5 <= abs(value) < 1e6:
+        return f"{value:.{digits - 1}e}"
+    decimals = 0 if value == 0 else max(0, digits - 1 - int(np.floor(np.log10(abs(value)))))
+    return f"{value:.{decimals}f}"
 
 
 def rows(header: list[str], body: list[list[str]]) -> str:

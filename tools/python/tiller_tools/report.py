@@ -132,6 +132,20 @@ def param_figure(run: Run, name: str) -> str:
     return page.svg(figure)
 
 
+def spread_figure(run: Run) -> str:
+    """All parameters in one view: a posterior that has narrowed a hundredfold is a line in its own plot."""
+    figure, ax = page.axes("spread of the posterior over the prior's")
+    cut = page.thin(len(run.time))
+    for name in run.params:
+        low, high = run.prior(name)
+        width = (run.table[f"q95.{name}"] - run.table[f"q05.{name}"]) / (high - low)
+        keep = np.isfinite(width) & (width > 0)
+        ax.semilogy(run.time[keep][cut], width[keep][cut], label=name, linewidth=1.3)
+    ax.margins(x=0.01)
+    ax.legend(loc="upper right")
+    return page.svg(figure, "Width of the 90 % interval, over that of the prior.")
+
+
 def ess_figure(run: Run) -> str:
     figure, ax = page.axes("effective sample size")
     _finite_line(ax, run.time, run.table["ess"], color=page.ESTIMATE, linewidth=1.1)
@@ -175,20 +189,21 @@ def param_table(run: Run) -> str:
         body.append([name, page.number(truth), f"{page.number(prior[0])} … {page.number(prior[1])}",
                      page.number(run.last(f"mean.{name}")), page.number(run.last(f"sd.{name}"), 2),
                      f"{page.number(low)} … {page.number(high)}", inside or "–",
-                     f"{page.number(shrink, 2)} ×" if np.isfinite(shrink) else "–"])
+                     f"{shrink:.0f} ×" if np.isfinite(shrink) else "–"])
     header = ["parameter", "truth", "prior 90 %", "mean", "sd", "posterior 90 %", "truth inside", "narrower by"]
     return page.rows(header, body)
 
 
 def run_facts(run: Run) -> str:
-    pairs = [(name, str(value)) for name, value in run.meta.get("facts", {}).items()]
-    pairs.append(("length", f"{run.time[-1] - run.time[0]:.2f} s"))
-    pairs.append(("ticks", f"{len(run.time)}"))
+    given = run.meta.get("facts")
+    if given:
+        return page.facts([(name, str(value)) for name, value in given.items()])
+    pairs = [("length", f"{run.time[-1] - run.time[0]:.2f} s"), ("ticks", f"{len(run.time)}")]
     if "tick_us" in run.table:
         ticks = run.table["tick_us"] / 1000
         pairs.append(("tick, median / 99 %", f"{np.nanmedian(ticks):.2f} / {np.nanpercentile(ticks, 99):.2f} ms"))
-    if "state" in run.words:
-        pairs.append(("state at the end", run.words["state"][-1]))
+    if run.words.get("state"):
+        pairs.append(("ended in", run.words["state"][-1]))
     return page.facts(pairs)
 
 
@@ -208,7 +223,7 @@ def build(run: Run) -> str:
     body.append(run_facts(run))
     if run.params:
         body += ["<h2>What was learnt</h2>", param_table(run),
-                 page.grid([param_figure(run, name) for name in run.params])]
+                 page.grid([param_figure(run, name) for name in run.params] + [spread_figure(run)])]
     body.append("<h2>How it moved</h2>")
     body.append(page.grid([state_figure(run, name) for name in run.states] +
                           [input_figure(run, name) for name in run.inputs]))
