@@ -16,9 +16,7 @@ constexpr double kTwoPi = 6.283185307179586;
 constexpr std::uint32_t kNodes = 64;  // 6 bits of the identifier
 constexpr std::uint32_t kBoardChannels = 12;
 
-std::uint32_t can_id(std::uint32_t node, std::uint32_t command) {
-  return node << 5 | command;
-}
+std::uint32_t can_id(std::uint32_t node, std::uint32_t command) { return node << 5 | command; }
 
 const char* motor_error(const CanLayout& layout, std::uint32_t i) {
   const CanMotor& motor = layout.motors[i];
@@ -34,8 +32,7 @@ const char* motor_error(const CanLayout& layout, std::uint32_t i) {
 const char* channel_error(const CanLayout& layout, const CanChannel& channel) {
   switch (channel.source) {
     case CanSource::kSensor:
-      if (layout.sensor_node == CanLayout::kNoBoard)
-        return "a channel reads the sensor board, and there is none";
+      if (layout.sensor_node == CanLayout::kNoBoard) return "a channel reads the sensor board, and there is none";
       return channel.index < kBoardChannels ? nullptr : "a sensor board has channels 0..11";
     case CanSource::kMotorPosition:
     case CanSource::kMotorVelocity:
@@ -48,8 +45,7 @@ const char* channel_error(const CanLayout& layout, const CanChannel& channel) {
 
 const char* can_layout_error(const CanLayout& layout) {
   if (layout.motor_count < 1 || layout.motor_count > TILLER_MAX_INPUTS) return "there must be 1..4 motors";
-  if (layout.channel_count < 1 || layout.channel_count > TILLER_MAX_MEASUREMENTS)
-    return "there must be 1..12 channels";
+  if (layout.channel_count < 1 || layout.channel_count > TILLER_MAX_MEASUREMENTS) return "there must be 1..12 channels";
   if (layout.sensor_node >= kNodes && layout.sensor_node != CanLayout::kNoBoard)
     return "the sensor board's node_id is above 63";
   for (std::uint32_t i = 0; i < layout.motor_count; ++i)
@@ -90,18 +86,15 @@ bool CanRobot::receive(const CanFrame& frame, std::int64_t arrival_us) {
 
 bool CanRobot::receive_motor(Motor& motor, double radius_m, std::uint32_t command, const CanFrame& frame) {
   switch (command) {
-    case TILLER_ODRIVE_HEARTBEAT_FRAME_ID:
-      return heartbeat(motor, frame);
-    case TILLER_ODRIVE_GET_ENCODER_ESTIMATES_FRAME_ID:
-      return encoder(motor, radius_m, frame);
+    case TILLER_ODRIVE_HEARTBEAT_FRAME_ID: return heartbeat(motor, frame);
+    case TILLER_ODRIVE_GET_ENCODER_ESTIMATES_FRAME_ID: return encoder(motor, radius_m, frame);
     case TILLER_ODRIVE_GET_ERROR_FRAME_ID: {
       tiller_odrive_get_error_t message;
       if (tiller_odrive_get_error_unpack(&message, frame.data, frame.length) != 0) return false;
       motor.axis_error = message.active_errors;
       return true;
     }
-    default:
-      return false;
+    default: return false;
   }
 }
 
@@ -117,8 +110,7 @@ bool CanRobot::heartbeat(Motor& motor, const CanFrame& frame) {
   if (message.axis_state == motor.wanted) {
     motor.confirmed = true;
     motor.waiting = 0;
-  } else if (motor.confirmed &&
-             motor.wanted == TILLER_ODRIVE_HEARTBEAT_AXIS_STATE_CLOSED_LOOP_CONTROL_CHOICE) {
+  } else if (motor.confirmed && motor.wanted == TILLER_ODRIVE_HEARTBEAT_AXIS_STATE_CLOSED_LOOP_CONTROL_CHOICE) {
     motor.disarmed = true;
   } else {
     motor.mode_due = true;
@@ -148,8 +140,7 @@ bool CanRobot::receive_board(std::uint32_t command, const CanFrame& frame) {
     stamp_time_us_ = message.time_us;
     return true;
   }
-  const std::uint32_t channel =
-      command - TILLER_SENSORS_VALUE_FRAME_ID;  // wraps far above 11 for smaller ones
+  const std::uint32_t channel = command - TILLER_SENSORS_VALUE_FRAME_ID;  // wraps far above 11 for smaller ones
   if (channel >= kBoardChannels) return false;
   tiller_sensors_value_t message;
   if (tiller_sensors_value_unpack(&message, frame.data, frame.length) != 0) return false;
@@ -183,8 +174,7 @@ void CanRobot::complete(std::int64_t arrival_us) {
   tiller_measurement_t measurement{};
   measurement.sequence = board ? stamp_sequence_ : ++own_sequence_;
   measurement.stamp_us = board && !layout_.stamp_on_arrival ? unwrap(stamp_time_us_) : arrival_us;
-  for (std::uint32_t i = 0; i < layout_.channel_count; ++i)
-    measurement.value[i] = channel_value(layout_.channels[i]);
+  for (std::uint32_t i = 0; i < layout_.channel_count; ++i) measurement.value[i] = channel_value(layout_.channels[i]);
   has_stamp_ = false;
   have_values_ = 0;
   assembling_ = false;
@@ -223,12 +213,9 @@ std::int64_t CanRobot::unwrap(std::uint32_t time_us) {
 
 double CanRobot::channel_value(const CanChannel& channel) const {
   switch (channel.source) {
-    case CanSource::kMotorPosition:
-      return motors_[channel.index].position;
-    case CanSource::kMotorVelocity:
-      return motors_[channel.index].velocity;
-    case CanSource::kSensor:
-      break;
+    case CanSource::kMotorPosition: return motors_[channel.index].position;
+    case CanSource::kMotorVelocity: return motors_[channel.index].velocity;
+    case CanSource::kSensor: break;
   }
   return values_[channel.index];
 }
@@ -245,8 +232,7 @@ const char* CanRobot::fault_text() const {
     const Motor& motor = motors_[i];
     if (motor.axis_error != 0) return "a motor reports an axis error";
     if (motor.disarmed) return "a motor has left closed loop on its own";
-    if (motor.waiting > kArmHeartbeats &&
-        motor.wanted == TILLER_ODRIVE_HEARTBEAT_AXIS_STATE_CLOSED_LOOP_CONTROL_CHOICE)
+    if (motor.waiting > kArmHeartbeats && motor.wanted == TILLER_ODRIVE_HEARTBEAT_AXIS_STATE_CLOSED_LOOP_CONTROL_CHOICE)
       return "a motor does not enter closed loop: calibrate it, clear its errors";
   }
   return silent_;

@@ -88,7 +88,6 @@ tiller_status_t publish(LcmTransport* transport, const char* channel, const Mess
     ++transport->counters.queue_full;
     return tiller_status_queue_full;
   }
-  ++transport->counters.sent;
   return tiller_status_ok;
 }
 
@@ -104,7 +103,9 @@ tiller_status_t lcm_send(void* self, const tiller_command_t* command) {
     if (!std::isfinite(command->value[i])) return tiller_status_command_not_finite;
     message.value[i] = command->value[i];
   }
-  return publish<tiller_lcm::command_t, 128>(transport, transport->command_channel, message);
+  const tiller_status_t status = publish<tiller_lcm::command_t, 128>(transport, transport->command_channel, message);
+  if (status == tiller_status_ok) ++transport->counters.sent;
+  return status;
 }
 
 int lcm_descriptor(void* self) {
@@ -137,11 +138,10 @@ tiller_status_t check_options(const LcmOptions& options, OpenError* error) {
                    options.channel_prefix, LcmTransport::kMaxPrefix);
     return tiller_status_bad_message;
   }
-  if (options.measurement_count < 1 || options.measurement_count > TILLER_MAX_MEASUREMENTS ||
-      options.input_count < 1 || options.input_count > TILLER_MAX_INPUTS) {
+  if (options.measurement_count < 1 || options.measurement_count > TILLER_MAX_MEASUREMENTS || options.input_count < 1 ||
+      options.input_count > TILLER_MAX_INPUTS) {
     set_open_error(error, "lcm: %u measurements and %u inputs; messages hold 1..%d and 1..%d",
-                   options.measurement_count, options.input_count, TILLER_MAX_MEASUREMENTS,
-                   TILLER_MAX_INPUTS);
+                   options.measurement_count, options.input_count, TILLER_MAX_MEASUREMENTS, TILLER_MAX_INPUTS);
     return tiller_status_bad_dimension;
   }
   return tiller_status_ok;
@@ -158,8 +158,7 @@ const tiller_transport_t kLcmTransport = {sizeof(tiller_transport_t),
                                           lcm_counters,
                                           lcm_close};
 
-bool lcm_take_measurement(LcmTransport* transport, const void* data, std::uint32_t size,
-                          std::int64_t waited) {
+bool lcm_take_measurement(LcmTransport* transport, const void* data, std::uint32_t size, std::int64_t waited) {
   tiller_transport_counters_t& counters = transport->counters;
   tiller_lcm::measurement_t message{};
   if (size > 4096 || message.decode(data, 0, static_cast<int>(size)) < 0)

@@ -25,17 +25,13 @@ tiller_status_t memory_send(void* self, const tiller_command_t* command) {
   return tiller_status_ok;
 }
 
-int memory_descriptor(void*) {
-  return -1;
-}
+int memory_descriptor(void*) { return -1; }
 
 void memory_counters(const void* self, tiller_transport_counters_t* counters) {
   *counters = static_cast<const MemoryTransport*>(self)->counters;
 }
 
-void memory_close(void* self) {
-  memory_set_fault(static_cast<MemoryTransport*>(self), tiller_status_transport_closed);
-}
+void memory_close(void* self) { memory_set_fault(static_cast<MemoryTransport*>(self), tiller_status_transport_closed); }
 
 }  // namespace
 

@@ -21,9 +21,7 @@ namespace {
 // Bounds a tick on a babbling bus: 512 frames are 50 ms of a full 1 Mbit/s bus.
 constexpr int kMaxFramesPerPoll = 512;
 
-SocketCanTransport* transport_of(void* self) {
-  return static_cast<SocketCanTransport*>(self);
-}
+SocketCanTransport* transport_of(void* self) { return static_cast<SocketCanTransport*>(self); }
 
 // ---- receiving ----
 
@@ -34,8 +32,7 @@ void take_error_frame(SocketCanTransport* transport, const can_frame& frame) {
   if ((frame.can_id & CAN_ERR_RESTARTED) != 0) transport->bus = CanBusState::kActive;
   if ((frame.can_id & CAN_ERR_CRTL) != 0 && frame.can_dlc > 1) {
     const std::uint8_t detail = frame.data[1];
-    if ((detail & (CAN_ERR_CRTL_RX_OVERFLOW | CAN_ERR_CRTL_TX_OVERFLOW)) != 0)
-      ++transport->counters.overflows;
+    if ((detail & (CAN_ERR_CRTL_RX_OVERFLOW | CAN_ERR_CRTL_TX_OVERFLOW)) != 0) ++transport->counters.overflows;
     // bus-off ends by a restart alone, so these move between active and passive only
     if (transport->bus != CanBusState::kBusOff) {
       if ((detail & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) != 0)
@@ -155,9 +152,7 @@ tiller_status_t socketcan_send(void* self, const tiller_command_t* command) {
   return write_frames(transport, frames, count);
 }
 
-int socketcan_descriptor(void* self) {
-  return transport_of(self)->socket;
-}
+int socketcan_descriptor(void* self) { return transport_of(self)->socket; }
 
 void socketcan_counters(const void* self, tiller_transport_counters_t* counters) {
   const auto* transport = static_cast<const SocketCanTransport*>(self);
@@ -192,8 +187,7 @@ tiller_status_t open_socket(SocketCanTransport* transport, OpenError* error) {
   return tiller_status_io_error;
 }
 
-tiller_status_t find_interface(const SocketCanTransport* transport, const char* name, int& index,
-                               OpenError* error) {
+tiller_status_t find_interface(const SocketCanTransport* transport, const char* name, int& index, OpenError* error) {
   ifreq request{};
   if (std::strlen(name) >= sizeof request.ifr_name) {
     set_open_error(error, "socketcan: interface name '%.40s' is longer than 15 characters", name);
@@ -201,11 +195,10 @@ tiller_status_t find_interface(const SocketCanTransport* transport, const char* 
   }
   std::strcpy(request.ifr_name, name);
   if (ioctl(transport->socket, SIOCGIFINDEX, &request) != 0) {
-    set_open_error(
-        error,
-        "socketcan: there is no interface '%s' (ip -brief link lists them). A virtual one: sudo ip "
-        "link add %s type vcan; sudo ip link set %s up",
-        name, name, name);
+    set_open_error(error,
+                   "socketcan: there is no interface '%s' (ip -brief link lists them). A virtual one: sudo ip "
+                   "link add %s type vcan; sudo ip link set %s up",
+                   name, name, name);
     return tiller_status_io_error;
   }
   index = request.ifr_ifindex;
@@ -235,15 +228,13 @@ bool set_option(int socket, int level, int name, const void* value, socklen_t si
   return setsockopt(socket, level, name, value, size) == 0;
 }
 
-tiller_status_t configure(const SocketCanTransport* transport, const SocketCanOptions& options,
-                          OpenError* error) {
+tiller_status_t configure(const SocketCanTransport* transport, const SocketCanOptions& options, OpenError* error) {
   can_filter filters[3 * TILLER_MAX_INPUTS + 1];
   const std::uint32_t count = make_filters(options.layout, filters);
   const int off = 0, on = 1;
   const can_err_mask_t errors = CAN_ERR_MASK;
   const int s = transport->socket;
-  bool ok =
-      set_option(s, SOL_CAN_RAW, CAN_RAW_FILTER, filters, static_cast<socklen_t>(count * sizeof *filters));
+  bool ok = set_option(s, SOL_CAN_RAW, CAN_RAW_FILTER, filters, static_cast<socklen_t>(count * sizeof *filters));
   ok = ok && set_option(s, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors);
   ok = ok && set_option(s, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &off, sizeof off);
   ok = ok && set_option(s, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);
@@ -273,8 +264,7 @@ const tiller_transport_t kSocketCanTransport = {
     sizeof(tiller_transport_t), TILLER_TRANSPORT_VERSION, "socketcan",    socketcan_poll, socketcan_send,
     socketcan_descriptor,       socketcan_counters,       socketcan_close};
 
-tiller_status_t socketcan_open(SocketCanTransport* transport, const SocketCanOptions& options,
-                               OpenError* error) {
+tiller_status_t socketcan_open(SocketCanTransport* transport, const SocketCanOptions& options, OpenError* error) {
   if (transport == nullptr || options.interface == nullptr) return tiller_status_null_argument;
   if (const char* wrong = can_layout_error(options.layout)) {
     set_open_error(error, "socketcan: %s", wrong);

@@ -1,0 +1,44 @@
+"""A cart-pole in Python that tiller steers over LCM, in lockstep. docs/lcm.md explains it."""
+import argparse
+import math
+import lcm
+from tiller_lcm import command_t, measurement_t
+
+CART_KG, POLE_KG, HALF_LENGTH_M, FRICTION_NS_M, G_M_S2 = 1.0, 0.2, 0.4, 0.3, 9.81
+PERIOD_US, STEP_S = 20000, 0.001
+
+def step(x, angle, v, rate, force):
+    """A uniform rod on a cart; angle 0 is upright and grows towards +x. Lagrange's equations, solved for a."""
+    s, c = math.sin(angle), math.cos(angle)
+    push = force - FRICTION_NS_M * v + POLE_KG * HALF_LENGTH_M * rate * rate * s
+    a = (push - 0.75 * POLE_KG * G_M_S2 * s * c) / (CART_KG + POLE_KG - 0.75 * POLE_KG * c * c)
+    v, rate = v + STEP_S * a, rate + STEP_S * 0.75 * (G_M_S2 * s - a * c) / HALF_LENGTH_M
+    return x + STEP_S * v, angle + STEP_S * rate, v, rate
+
+def answer(bus, inbox, sequence, timeout_ms):
+    """The command that answers this measurement, or None."""
+    while bus.handle_timeout(timeout_ms):
+        while inbox:
+            command = command_t.decode(inbox.pop())
+            if command.sequence == sequence: return command
+
+options = argparse.ArgumentParser(description=__doc__)
+options.add_argument("--angle_rad", type=float, default=math.pi, help="at the start; 0 is upright")
+options.add_argument("--seconds", type=float, default=10.0)
+options.add_argument("--url", default="udpm://239.255.76.67:7667?ttl=0")
+options.add_argument("--prefix", default="TILLER_")
+options = options.parse_args()
+bus, inbox, state, force, met = lcm.LCM(options.url), [], (0.0, options.angle_rad, 0.0, 0.0), 0.0, False
+bus.subscribe(options.prefix + "COMMAND", lambda channel, data: inbox.append(data))
+for k in range(int(options.seconds * 1e6 / PERIOD_US)):
+    m = measurement_t()  # two encoders, no rates: the order of the robot file's [measurement]
+    m.sequence, m.stamp_us, m.count, m.valid_mask, m.value[:2] = k, 10**6 + k * PERIOD_US, 2, 0b11, state[:2]
+    command = None
+    while command is None:
+        bus.publish(options.prefix + "MEASUREMENT", m.encode())
+        command = answer(bus, inbox, k, 1000 if met else 100)
+        if met: break  # the runtime is gone: the motor's watchdog
+        met = command is not None  # before the first answer it may only not have been started yet
+    force = command.value[0] if command and math.isfinite(command.value[0]) else 0.0
+    for _ in range(round(PERIOD_US * 1e-6 / STEP_S)): state = step(*state, force)
+print("time_s %.2f position_m %.3f angle_rad %.3f" % (k * PERIOD_US * 1e-6, state[0], math.remainder(state[1], math.tau)))
