@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cmath>
+#include <iterator>
 #include <memory>
 #include <random>
 #include <vector>
@@ -53,7 +54,7 @@ inline tiller_config_t cart_pole_config() {
 }
 
 struct CartPoleLog {
-  double params[4];
+  double params[TILLER_MAX_PARAMS];
   double first[2];
   std::vector<tiller::Transition> transitions;
   std::vector<double> last_state;
@@ -68,7 +69,7 @@ inline CartPoleLog simulate_cart_pole(const tiller_config_t& c, int steps, unsig
   std::uniform_real_distribution<double> u01;
   CartPoleLog log;
   log.params[0] = c.priors[0].a;
-  for (int i = 1; i < 4; ++i)
+  for (std::uint32_t i = 1; i < c.param_count; ++i)
     log.params[i] = c.priors[i].low + u01(random) * (c.priors[i].high - c.priors[i].low);
   tiller::StepSetup setup;
   (void)tiller::make_step_setup(c, setup);
@@ -79,7 +80,8 @@ inline CartPoleLog simulate_cart_pole(const tiller_config_t& c, int steps, unsig
   for (int i = 0; i < 4; ++i) x[i] = c.initial_state[i] + c.initial_state_sd[i] * n(random);
   for (int k = 0; k < 2; ++k) log.first[k] = x[k] + c.measurement_sd[k] * n(random);
   double push = 0.0;
-  std::vector<double> out(4 * lanes), none(lanes);
+  std::vector<double> out(4 * lanes), effects(TILLER_MAX_EFFECT_STATES), effects_out(TILLER_MAX_EFFECT_STATES * lanes);
+  double history[TILLER_MAX_DELAY_STEPS + 2] = {};
   for (int t = 0; t < steps; ++t) {
     if (t % 8 == 0) push = force_N * (2.0 * u01(random) - 1.0) - 4.0 * x[0];
     tiller::RolloutJob<double> job;
@@ -89,12 +91,17 @@ inline CartPoleLog simulate_cart_pole(const tiller_config_t& c, int steps, unsig
     job.period_s = c.period_s;
     job.state = {x, 0};
     job.params = {log.params, 0};
-    job.effect_state = {none.data(), 0};
+    job.effect_state = {effects.data(), 0};
+    job.final_effect_state = effects_out.data();
+    job.history = history;
     job.controls = {&push, 0};
     job.final_state = out.data();
     table.rollout_f64(*c.model, job);
     for (int i = 0; i < 4; ++i)
       x[i] = out[i * lanes] + std::sqrt(c.period_s) * c.process_sd[i] * n(random);
+    for (std::uint32_t i = 0; i < setup.effect_state_count; ++i) effects[i] = effects_out[i * lanes];
+    for (std::size_t i = std::size(history) - 1; i > 0; --i) history[i] = history[i - 1];
+    history[0] = push;
     tiller::Transition transition;
     transition.period_s = c.period_s;
     transition.input[0] = push;

@@ -97,6 +97,9 @@ inline tiller_config_t config() {
   return c;
 }
 
+/// Taken in: ok or a limited band's status, neither refused nor a fault.
+inline bool works(tiller_status_t status) { return status == tiller_status_ok || status >= 200; }
+
 /// A posterior in a block of its own.
 class Instance {
  public:

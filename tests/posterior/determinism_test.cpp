@@ -1,0 +1,199 @@
+// The same bits on every run and for every number of threads; no heap; the selection for the planner.
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <thread>
+#include <vector>
+
+#include "cart_pole_rig.hpp"
+
+// The linker sends every call of these to us (see CMakeLists.txt), from whichever library it comes.
+extern "C" {
+void* __real_malloc(std::size_t);
+void* __real_calloc(std::size_t, std::size_t);
+void* __real_realloc(void*, std::size_t);
+void __real_free(void*);
+}
+namespace {
+std::atomic<long> heap_calls{0};
+}
+extern "C" {
+void* __wrap_malloc(std::size_t n) {
+  ++heap_calls;
+  return __real_malloc(n);
+}
+void* __wrap_calloc(std::size_t n, std::size_t m) {
+  ++heap_calls;
+  return __real_calloc(n, m);
+}
+void* __wrap_realloc(void* p, std::size_t n) {
+  ++heap_calls;
+  return __real_realloc(p, n);
+}
+void __wrap_free(void* p) {
+  ++heap_calls;
+  __real_free(p);
+}
+}
+// operator new and delete stand in the C++ library, which was linked without us: they get bodies that are seen.
+void* operator new(std::size_t n) {
+  void* p = std::malloc(n ? n : 1);
+  if (!p) std::abort();
+  return p;
+}
+void operator delete(void* p) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t) noexcept { std::free(p); }
+
+namespace {
+
+/// As many threads as asked for, started for each call: slow, and nothing to get wrong.
+struct Threads {
+  explicit Threads(unsigned count) : n(count) {
+    hooks.size = sizeof hooks;
+    hooks.version = TILLER_CONFIG_VERSION;
+    hooks.context = this;
+    hooks.parallel_for = [](void* self, std::uint32_t items, void (*work)(void*, std::uint32_t), void* arg) {
+      const unsigned threads = static_cast<Threads*>(self)->n;
+      std::vector<std::thread> running;
+      for (unsigned t = 0; t < threads; ++t)
+        running.emplace_back([=] {
+          for (std::uint32_t i = t; i < items; i += threads) work(arg, i);
+        });
+      for (auto& thread : running) thread.join();
+    };
+  }
+  unsigned n;
+  tiller_hooks_t hooks{};
+};
+
+std::vector<double> outcome(tiller::Posterior& p) {
+  std::vector<double> all = {p.exponent(), p.noise_scale(), p.effective_samples(), p.quantile(1, 0.3)};
+  for (std::uint32_t i = 0; i < p.size(); ++i) {
+    double params[4], state[4], weight;
+    p.particle(i, params, state, &weight);
+    all.insert(all.end(), params, params + 4);
+    all.insert(all.end(), state, state + 4);
+    all.push_back(weight);
+  }
+  return all;
+}
+
+void run(rig::CartPole& p, const rig::CartPoleLog& log) {
+  ASSERT_EQ(p->start(log.first), tiller_status_ok);
+  for (const auto& t : log.transitions) ASSERT_TRUE(rig::works(p->update(t)));
+}
+
+TEST(Determinism, ThreadsAndRepetitionKeepEveryBit) {
+  auto c = rig::cart_pole_config();
+  c.posterior.particles = 1024;  // enough for the filter step itself to be spread over threads
+  c.posterior.window = 32;
+  const auto log = rig::simulate_cart_pole(c, 60, 11);
+  rig::CartPole plain(c);
+  run(plain, log);
+  const auto expected = outcome(*plain.instance->operator->());
+  for (unsigned count : {1u, 2u, 4u}) {
+    Threads threads(count);
+    rig::CartPole p(c, &threads.hooks);
+    run(p, log);
+    EXPECT_EQ(outcome(*p.instance->operator->()), expected) << count << " threads";
+  }
+  plain->reset();
+  run(plain, log);
+  EXPECT_EQ(outcome(*plain.instance->operator->()), expected) << "after reset";
+  c.seed = 2;
+  rig::CartPole other(c);
+  run(other, log);
+  EXPECT_NE(outcome(*other.instance->operator->()), expected) << "the seed matters";
+}
+
+TEST(Determinism, NoHeapInTenThousandUpdates) {
+  auto c = rig::config();
+  c.priors[1] = rig::uniform(0.0, 1.0);
+  c.posterior.particles = 64;
+  c.posterior.window = 32;
+  c.posterior.moves_per_tick = 8;
+  auto log = rig::simulate(c, 0.9, 0.3, 10000, 12);
+  rig::Instance p(c);
+  const long at_work = heap_calls;
+  { std::vector<double> proof(100); ASSERT_GT(proof.capacity(), 0u); }
+  ASSERT_GT(heap_calls, at_work) << "the trap itself must work";
+  int faults = 0;
+  const long before = heap_calls;
+  p->reset();
+  (void)p->start(&log.first);
+  for (std::size_t k = 0; k < log.transitions.size(); ++k) {
+    faults += rig::works(p->update(log.transitions[k])) ? 0 : 1;
+    double mean[2], sd[2], state[2], covariance[4];
+    float params[16], states[16];
+    if (k % 100 == 0) {
+      p->moments(mean, sd, state, nullptr);
+      p->covariance(covariance);
+      (void)p->quantile(0, 0.5);
+      p->draw(8, k, params, states, nullptr, nullptr);
+    }
+    if (k % 3000 == 2999) (void)p->start(&log.first);  // closes a window
+  }
+  EXPECT_EQ(heap_calls, before);
+  EXPECT_EQ(faults, 0);
+}
+
+/// Stratified: a particle of weight w is chosen between floor(Mw) - 1 and ceil(Mw) + 1 times; states and parameters
+/// of one column belong to one particle; the same tick draws the same.
+TEST(Draw, StratifiedAndWhole) {
+  const auto c = rig::config();
+  const auto log = rig::simulate(c, 0.9, 0.3, 12, 13);
+  rig::Instance p(c);
+  rig::run(*p, log);
+  const std::uint32_t m = 64;
+  std::vector<float> params(2 * m), state(2 * m), again(2 * m);
+  p->draw(m, 5, params.data(), state.data(), nullptr, nullptr);
+  p->draw(m, 5, again.data(), nullptr, nullptr, nullptr);
+  EXPECT_EQ(params, again);
+  std::vector<int> found(m, 0);
+  for (std::uint32_t i = 0; i < p->size(); ++i) {
+    double theta[2], x[2], weight;
+    p->particle(i, theta, x, &weight);
+    int times = 0;
+    for (std::uint32_t k = 0; k < m; ++k) {
+      if (params[k] != static_cast<float>(theta[0]) || state[k] != static_cast<float>(x[0])) continue;
+      EXPECT_EQ(state[m + k], static_cast<float>(x[1]));
+      found[k] = 1;
+      ++times;
+    }
+    EXPECT_LE(times, std::ceil(m * weight) + 1);
+  }
+  for (int hit : found) EXPECT_TRUE(hit);
+}
+
+/// Commands before the next one, newest first: what a delay needs.
+TEST(Draw, HistoryIsNewestFirst) {
+  auto c = rig::cart_pole_config();
+  c.effect_count = 2;
+  c.effects[1] = {tiller_effect_input_delay, 0};
+  c.param_count = 5;
+  c.priors[4] = rig::uniform(0.0, 0.06);
+  c.safety.safe_command[0] = 0.25;
+  rig::CartPole p(c);
+  ASSERT_EQ(p.setup.delay_steps, 3u);
+  const double first[2] = {0.0, 3.14};
+  ASSERT_EQ(p->start(first), tiller_status_ok);
+  for (int k = 1; k <= 2; ++k) {
+    tiller::Transition t;
+    t.period_s = c.period_s;
+    t.input[0] = k;
+    t.measured[0] = 0.0;
+    t.measured[1] = 3.14;
+    ASSERT_TRUE(rig::works(p->update(t)));
+  }
+  float history[3];
+  p->draw(1, 0, nullptr, nullptr, nullptr, history);
+  EXPECT_EQ(history[0], 2.0f);
+  EXPECT_EQ(history[1], 1.0f);
+  EXPECT_EQ(history[2], 0.25f) << "before the start the safe command was in force";
+}
+
+}  // namespace
