@@ -4,7 +4,7 @@ import math
 import lcm
 from tiller_lcm import command_t, measurement_t
 
-CART_KG, POLE_KG, HALF_LENGTH_M, FRICTION_NS_M, G_M_S2 = 1.0, 0.2, 0.4, 0.3, 9.81
+CART_KG, POLE_KG, HALF_LENGTH_M, FRICTION_NS_M, G_M_S2 = 1.0, 0.08, 0.35, 0.25, 9.81
 PERIOD_US, STEP_S = 20000, 0.001
 
 def step(x, angle, v, rate, force):
@@ -28,16 +28,16 @@ options.add_argument("--seconds", type=float, default=10.0)
 options.add_argument("--url", default="udpm://239.255.76.67:7667?ttl=0")
 options.add_argument("--prefix", default="TILLER_")
 options = options.parse_args()
-bus, inbox, state, force, met = lcm.LCM(options.url), [], (0.0, options.angle_rad, 0.0, 0.0), 0.0, False
+bus, inbox, state, met, command = lcm.LCM(options.url), [], (0.0, options.angle_rad, 0.0, 0.0), False, None
 bus.subscribe(options.prefix + "COMMAND", lambda channel, data: inbox.append(data))
 for k in range(int(options.seconds * 1e6 / PERIOD_US)):
     m = measurement_t()  # two encoders, no rates: the order of the robot file's [measurement]
     m.sequence, m.stamp_us, m.count, m.valid_mask, m.value[:2] = k, 10**6 + k * PERIOD_US, 2, 0b11, state[:2]
-    command = None
+    patience_ms, command = (1000 if command else 20) if met else 100, None
     while command is None:
         bus.publish(options.prefix + "MEASUREMENT", m.encode())
-        command = answer(bus, inbox, k, 1000 if met else 100)
-        if met: break  # the runtime is gone: the motor's watchdog
+        command = answer(bus, inbox, k, patience_ms)
+        if met: break  # no answer: the runtime is gone, and the motor's watchdog acts
         met = command is not None  # before the first answer it may only not have been started yet
     force = command.value[0] if command and math.isfinite(command.value[0]) else 0.0
     for _ in range(round(PERIOD_US * 1e-6 / STEP_S)): state = step(*state, force)
