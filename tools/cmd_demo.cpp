@@ -87,6 +87,7 @@ int report_demo(const Arguments& a, const RobotFile& robot, const std::string& f
 int demo_command(const Arguments& a) {
   auto robot = read_robot_or_complain(demo_robot());
   if (!robot || !apply_overrides(a.overrides, *robot)) return kExitBadInput;
+  if (a.fast) robot->config.planner.deadline_us = 0;  // no clock, so the same seed gives the same run
   std::string error;
   const auto plant = make_sim_plant(*robot, error);
   if (!plant) return complain(error);

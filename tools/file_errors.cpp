@@ -45,6 +45,11 @@ void FileErrors::at_line(int line, const std::string& key, std::string problem, 
   errors_.push_back({line, key, "", std::move(problem), std::move(remedy)});
 }
 
+bool FileErrors::has_below(const std::string& prefix) const {
+  return std::any_of(errors_.begin(), errors_.end(),
+                     [&](const FileError& error) { return error.key.rfind(prefix, 0) == 0; });
+}
+
 // Columns of toml++ count code points; names and numbers are ASCII, and a comment after them is not quoted.
 std::string FileErrors::quote(const toml::source_region& region) const {
   if (region.begin.line == 0 || region.begin.line > lines_.size()) return "";

@@ -31,6 +31,8 @@ class FileErrors {
   void missing(const toml::node* table, const std::string& key, std::string remedy);
   void at_line(int line, const std::string& key, std::string problem, std::string remedy);
 
+  /// Whether a key that begins with `prefix` is among the errors.
+  bool has_below(const std::string& prefix) const;
   bool empty() const { return errors_.empty(); }
   const std::vector<FileError>& list() const { return errors_; }
   /// One error a line: "file:line: key = value: problem; remedy", ordered by line.

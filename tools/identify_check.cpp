@@ -33,9 +33,9 @@ std::string column_of(const LogMap& map, const std::string& field) {
 // encoder's step does not drown the change: 1 when units agree.
 double rate_ratio(const Log& log, const std::vector<double>& position, const std::vector<double>& rate) {
   const std::size_t span = std::max<std::size_t>(1, log.rows() / 200);
-  double cross = 0, square = 0, area = 0;
+  double cross = 0, square = 0;
   for (std::size_t i = span; i < log.rows(); i += span) {
-    area = 0;
+    double area = 0;
     for (std::size_t k = i - span + 1; k <= i; ++k)
       area += 0.5 * (rate[k] + rate[k - 1]) * (log.time_s[k] - log.time_s[k - 1]);
     const double change = position[i] - position[i - span];
@@ -56,7 +56,7 @@ std::string guess_unit(double ratio) {
                  {1000, "time is in ms, or the position in thousands of the rate's unit"},
                  {1e-3, "the position is in mm, or time in ms"},
                  {1e-6, "time is in us"},
-                 {-1, "the rate's sign is reversed"}};
+                 {-1, "one of the two has its sign reversed (unit \"-rad\", \"-m/s\", ...)"}};
   for (const auto& guess : guesses)
     if (ratio / guess.ratio > 0.8 && ratio / guess.ratio < 1.25) return guess.remedy;
   return "units or columns do not match";

@@ -22,7 +22,8 @@ constexpr struct {
               {"rad/s", 1},       {"deg/s", kPi / 180}, {"rpm", kPi / 30},  {"rev/s", 2 * kPi},
               {"m", 1},           {"cm", 1e-2},        {"mm", 1e-3},        {"m/s", 1},
               {"cm/s", 1e-2},     {"mm/s", 1e-3},      {"Nm", 1},           {"mNm", 1e-3},
-              {"N", 1},           {"kN", 1e3},         {"-rad", -1},        {"-deg", -kPi / 180}};
+              {"N", 1},           {"kN", 1e3},         {"-m", -1},          {"-m/s", -1},      {"-rad", -1},        {"-rad/s", -1},      {"-deg", -kPi / 180},
+                          {"-deg/s", -kPi / 180}};
 
 // One column of the file that is read: where it stands and where it goes.
 struct Channel {
@@ -125,7 +126,7 @@ void check_stamps(const Log& log, const std::string& column, Problems& problems)
       problems.add(log.line[i], "column '" + column + "': the stamp repeats line " + std::to_string(log.line[i - 1]) +
                                     "; delete one of the rows");
     if (step < 0)
-      problems.add(log.line[i], "column '" + column + "': time goes backwards by " + number_text(-step) +
+      problems.add(log.line[i], "column '" + column + "': time goes backwards by " + format("%.6g", -step) +
                                     " s; if two runs were joined, give them as two files");
   }
 }
@@ -178,15 +179,16 @@ bool read_log(const std::string& path, const LogMap& map, const tiller_model_t& 
   log.state.resize(model.state_count);
   log.input.resize(model.input_count);
   std::ifstream file(path, std::ios::binary);
-  if (!file || file.peek(), file.fail()) {
-    const bool opened = file.is_open();
-    error = path + ": " + (opened ? "the file is empty, or is a folder" : std::strerror(errno)) +
-            "; expected a CSV with a header";
+  if (!file) {
+    error = path + ": " + std::strerror(errno) + "; expected a CSV with a header";
+    return false;
+  }
+  std::string header;
+  if (!std::getline(file, header)) {
+    error = path + ": the file is empty, or is a folder; expected a CSV with a header";
     return false;
   }
   Problems problems(path);
-  std::string header;
-  std::getline(file, header);
   if (is_separator_other_than_comma(header))
     problems.add(1, "columns are separated by something else than a comma; export the log with commas");
   std::vector<Channel> channels = make_channels(map, model, measured, log);

@@ -18,6 +18,19 @@ constexpr const char* kFooter =
     "Exit codes: 0 done; 1 wrong input, nothing was moved; 2 done, but a log or report is incomplete;\n"
     "3 the controller latched SAFE. Each command: tiller COMMAND --help";
 
+/// CLI11 only says that a command is required; a misspelt one deserves its nearest.
+bool is_misspelt(const CLI::App& app, int argc, char** argv) {
+  if (argc < 2 || argv[1][0] == '-') return false;
+  tiller::tools::Words known;
+  for (const CLI::App* command : app.get_subcommands(nullptr)) known.push_back(command->get_name());
+  if (tiller::tools::index_of(known, argv[1]) >= 0) return false;
+  const std::string near = tiller::tools::nearest(argv[1], known);
+  tiller::tools::complain(std::string("there is no command '") + argv[1] + "'; " +
+                          (near.empty() ? "" : "did you mean " + near + "? ") +
+                          "commands: " + tiller::tools::join(known));
+  return true;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -31,6 +44,7 @@ int main(int argc, char** argv) {
                          add_effects_command, add_help_command, add_version_command}) {
     add(app, exit_code);
   }
+  if (is_misspelt(app, argc, argv)) return kExitBadInput;
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -14,6 +14,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <set>
 #include <sstream>
 
 #include "model_build_config.hpp"
@@ -189,15 +190,24 @@ TILLER_EXPORT_MODEL()" +
          type + ")\n";
 }
 
-// Of a compiler's output what a reader wants first: from the first error on, at most 30 lines.
+// Of a compiler's output what a reader can act on: each place with an error once, with the lines that quote it.
+// The rest is the chain of templates through which every instruction set repeats the same error.
 std::string first_errors(const std::string& output) {
-  std::vector<std::string> lines = split(output, '\n');
-  std::size_t first = 0;
-  while (first < lines.size() && lines[first].find("error") == std::string::npos) ++first;
-  if (first == lines.size()) first = 0;
+  std::set<std::string> places;
   std::string text;
-  for (std::size_t i = first; i < lines.size() && i < first + 30; ++i) text += "  | " + lines[i] + "\n";
-  return text;
+  bool keep = false;
+  int count = 0;
+  for (const std::string& line : split(output, '\n')) {
+    const auto at = line.find("error: ");
+    if (at != std::string::npos) {
+      keep = places.insert(line.substr(0, at)).second && count < 5;
+      if (keep) ++count;
+    } else if (line.empty() || line[0] != ' ') {
+      keep = false;  // "In file included from", "required from", warnings
+    }
+    if (keep) text += "  | " + line + "\n";
+  }
+  return text.empty() ? "  | " + output : text;
 }
 
 bool compile(std::vector<std::string> argv, const std::string& path, const fs::path& object, std::string& error) {

@@ -1,12 +1,14 @@
 #include "tools/robot_file.hpp"
 
 #include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 
+#include "tools/config_trace.hpp"
 #include "tools/robot_sections.hpp"
 
 namespace tiller::tools {
@@ -65,7 +67,7 @@ bool read_model(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   if (robot.model) return true;
   const std::string key = section.has("name") ? "name" : "file";
   const std::string near = nearest(robot.model_request.name, builtin_model_names());
-  section.error(key, problem, near.empty() ? "see docs/robot_file.md" : "did you mean " + near + "?");
+  section.error(key, problem, near.empty() || near == robot.model_request.name ? "see docs/robot_file.md" : "did you mean " + near + "?");
   return false;
 }
 
@@ -87,21 +89,41 @@ void read_bound_sections(FileErrors& errors, const toml::table& root, RobotFile&
   model.read_bound(robot.config, robot.states, robot.inputs);
 }
 
-/// What only the library's own check sees: combinations of values.
+/// Step by step into the file, as far as the path goes there: keys that are left out have defaults.
+const toml::node* find_node(const toml::table& root, const Words& path, std::string& found) {
+  const toml::node* node = &root;
+  for (const std::string& step : path) {
+    const toml::node* next = nullptr;
+    if (const toml::table* table = node->as_table()) next = table->get(step);
+    if (const toml::array* list = node->as_array()) next = list->get(std::stoul(step));
+    if (!next) break;
+    node = next;
+    const bool element = node->is_table() && std::isdigit(static_cast<unsigned char>(step[0]));
+    found += element ? "[" + std::to_string(std::stoul(step) + 1) + "]" : (found.empty() ? "" : ".") + step;
+  }
+  return node == &root ? nullptr : node;
+}
+
+std::string remedy_for(const Words& path) {
+  const KeySpec* spec = path.size() > 1 ? find_key(path[0], path[1]) : nullptr;
+  return (spec ? std::string(spec->help) + "; " : std::string()) + "see `tiller help robot-file`";
+}
+
+/// What only the library's own check sees: multiples, and combinations of values.
 void check_whole(FileErrors& errors, const toml::table& root, RobotFile& robot) {
-  const char* field = "";
+  const char* field = nullptr;
   const tiller_status_t status = tiller_config_check(&robot.config, &field);
   if (status == tiller_status_ok) return;
-  const std::string path = field ? field : "";
-  const std::string section = path.substr(0, path.find('.'));
-  const std::string key = path.find('.') == std::string::npos ? path : path.substr(path.find('.') + 1);
-  const std::string remedy = "see `tiller help robot-file`";
-  if (const toml::node* node = root[section][key].node()) {
-    errors.at(*node, path, tiller_status_text(status), remedy);
-  } else if (const toml::node* table = root[section].node()) {
-    errors.at_table(*table, path, tiller_status_text(status), remedy);
+  const Words path = trace_field(robot, field ? field : "");
+  std::string found;
+  const toml::node* node = find_node(root, path, found);
+  const std::string key = join(path, ".");
+  if (!node) {
+    errors.at_line(errors.last_line(), key, tiller_status_text(status), remedy_for(path));
+  } else if (node->is_table() && !node->as_table()->is_inline()) {
+    errors.at_table(*node, key, tiller_status_text(status), remedy_for(path));
   } else {
-    errors.at_line(errors.last_line(), path, tiller_status_text(status), remedy);
+    errors.at(*node, found, tiller_status_text(status), remedy_for(path));
   }
 }
 
@@ -145,7 +167,7 @@ std::unique_ptr<RobotFile> parse_robot_file(const std::string& text, const std::
     refuse_unknown_sections(errors, root);
     read_controller(errors, root, *robot);
   } catch (const toml::parse_error& error) {
-    errors.at(error.source(), "TOML", std::string(error.description()), "correct the syntax (toml.io)");
+    errors.at_line(static_cast<int>(error.source().begin.line), "TOML", std::string(error.description()), "correct the syntax (toml.io)");
   }
   if (errors.empty()) return robot;
   errors_out = errors.text();

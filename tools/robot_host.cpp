@@ -21,9 +21,14 @@ void read_map(SectionReader& section, const std::string& key, std::map<std::stri
   }
 }
 
+/// With a wrong [measurement], names of measurements are not known: saying so twice would hide the cause.
+bool knows_measurements(const FileErrors& errors) {
+  return !errors.has_below("measurement") && !errors.has_below("[measurement]");
+}
+
 void read_sensors(SectionReader& section, const RobotFile& robot, SimSection& sim) {
   const toml::table* table = section.subtable("sensors");
-  if (!table) return;
+  if (!table || !knows_measurements(section.errors())) return;
   for (auto&& [name, node] : *table) {
     const std::string word(name.str());
     const std::string path = section.path_of("sensors." + word);
@@ -115,7 +120,7 @@ bool is_channel(const std::string& word, const Words& inputs) {
 
 void read_channels(SectionReader& section, const RobotFile& robot, TransportSection& transport) {
   const toml::table* table = section.subtable("channels");
-  if (!table) return;
+  if (!table || !knows_measurements(section.errors())) return;
   transport.channels.assign(robot.measurements.size(), "");
   for (auto&& [name, node] : *table) {
     const std::string word(name.str());

@@ -107,20 +107,19 @@ int find_port_index(const tiller_model_t& model, PortKind kind, const std::strin
 
 void read_effect_params(SectionReader& section, const EffectInfo& info, const std::string& port,
                         RobotFile& robot) {
-  Words names;
+  const Words names(info.param_names, info.param_names + info.param_count);
+  const Words meant = section.refuse_unknown(names);
   for (int i = 0; i < info.param_count; ++i) {
-    const std::string name = info.param_names[i];
-    names.push_back(name);
+    const std::string& name = names[static_cast<std::size_t>(i)];
     robot.params.push_back(port + "." + name);
     if (robot.params.size() > TILLER_MAX_PARAMS) continue;
     tiller_prior_t& prior = robot.config.priors[robot.params.size() - 1];
     if (const toml::node* node = section.node(name)) {
       read_prior(section.errors(), *node, section.path_of(name), info.param_low[i], prior);
-    } else {
-      section.missing(name, std::string("give it a value or a prior; ") + kPriorRemedy);
+    } else if (index_of(meant, name) < 0) {
+      section.missing(name, std::string("give it a value or a prior: ") + kPriorRemedy);
     }
   }
-  section.refuse_unknown(names);
 }
 
 void read_effect(FileErrors& errors, const toml::table& table, std::size_t index, RobotFile& robot) {
@@ -181,12 +180,12 @@ void read_parameters(FileErrors& errors, const toml::table& root, RobotFile& rob
   const toml::table* table = section_table(errors, root, "parameters");
   SectionReader section(errors, "parameters", "parameters", table);
   const Words names(robot.params.begin(), robot.params.begin() + robot.model->param_count);
-  section.refuse_unknown(names);
+  const Words meant = section.refuse_unknown(names);
   Words lacking;
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (const toml::node* node = section.node(names[i])) {
       read_prior(errors, *node, section.path_of(names[i]), -kInf, robot.config.priors[i]);
-    } else {
+    } else if (index_of(meant, names[i]) < 0) {
       lacking.push_back(names[i]);
     }
   }

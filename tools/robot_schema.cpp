@@ -61,8 +61,8 @@ const std::vector<KeySpec> kKeys = {
     {"model", "name", K::text, "", "this or file", 0, 0, false, hand, nullptr, "a built-in model"},
     {"model", "file", K::text, "", "this or name", 0, 0, false, hand, nullptr,
      "a model of your own, relative to the robot file: a C++ header (.hpp) or a C source (.c)"},
-    {"model", "type", K::text, "", kRequired, 0, 0, false, hand, nullptr,
-     "with file: the C++ template's name, or the C tiller_model_t's name"},
+    {"model", "type", K::text, "", "none", 0, 0, false, hand, nullptr,
+     "required with a header: the C++ template's name. A C source exports tiller_model() and has none"},
     {"model", "period_s", K::number, "s", nullptr, 1e-4, 1, false, AT(period_s), nullptr, "control period"},
     {"model", "substeps", K::count, "", nullptr, 1, 64, false, AT(substeps), nullptr, "integrator steps per period"},
     {"model", "integrator", K::choice, "", nullptr, 0, 0, false, AT(integrator), integrator_names,
@@ -98,7 +98,7 @@ const std::vector<KeySpec> kKeys = {
      "readings that change faster are rejected (sensor_jump)"},
 
     {"noise", "process_sd", K::state_numbers, "SI/sqrt(s)", nullptr, 0, kBig, false, AT(process_sd), nullptr,
-     "standard deviation per square root of a second, by state"},
+     "standard deviation per square root of a second, by state; default 0.01 for joint velocities, 0 for positions"},
 
     {"start", "state", K::state_numbers, "SI", nullptr, -kBig, kBig, false, AT(initial_state), nullptr,
      "expected state, by state"},

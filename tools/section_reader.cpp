@@ -8,13 +8,15 @@
 namespace tiller::tools {
 namespace {
 
-std::string range_text(const KeySpec& spec) {
+/// What to write: "a number above 0 and at most 10".
+std::string number_remedy(const char* what, const KeySpec& spec) {
   const bool low = std::isfinite(spec.low);
   const bool high = std::isfinite(spec.high);
   const std::string from = (spec.low_open ? "above " : "at least ") + number_text(spec.low);
-  if (low && high) return from + " and at most " + number_text(spec.high);
-  if (low) return from;
-  return high ? "at most " + number_text(spec.high) : "finite";
+  const std::string write = std::string("write a ") + what;
+  if (low && high) return write + " " + from + " and at most " + number_text(spec.high);
+  if (low) return write + " " + from;
+  return high ? write + " at most " + number_text(spec.high) : std::string("write a finite ") + what;
 }
 
 bool in_range(const KeySpec& spec, double value) {
@@ -52,22 +54,22 @@ std::string remedy_for_unknown(const std::string& word, const Words& known) {
 std::optional<double> checked_number(FileErrors& errors, const toml::node& node, const std::string& path,
                                      const KeySpec& spec) {
   if (!node.is_number()) {
-    errors.at(node, path, "is " + kind_text(node), "write a number without quotes, " + range_text(spec));
+    errors.at(node, path, "is " + kind_text(node), number_remedy("number", spec) + ", without quotes");
     return std::nullopt;
   }
   const double value = *node.value<double>();
   if (std::isnan(value)) {
-    errors.at(node, path, "is not a number", "write a number " + range_text(spec));
+    errors.at(node, path, "is not a number", number_remedy("number", spec));
     return std::nullopt;
   }
   if (std::isinf(value)) {
     errors.at(node, path, "is infinite",
               std::isinf(spec.high) ? "leave the key out where there is no limit"
-                                    : "write a number " + range_text(spec));
+                                    : number_remedy("number", spec));
     return std::nullopt;
   }
   if (!in_range(spec, value)) {
-    errors.at(node, path, "is out of range", "write a number " + range_text(spec));
+    errors.at(node, path, "is out of range", number_remedy("number", spec));
     return std::nullopt;
   }
   return value;
@@ -91,12 +93,12 @@ std::optional<std::int64_t> SectionReader::count(const std::string& key) {
   const toml::node* value = node(key);
   if (!value) return std::nullopt;
   if (!value->is_integer()) {
-    error(key, "is " + kind_text(*value), "write a whole number " + range_text(entry));
+    error(key, "is " + kind_text(*value), number_remedy("whole number", entry));
     return std::nullopt;
   }
   const std::int64_t whole = *value->value<std::int64_t>();
   if (!in_range(entry, static_cast<double>(whole))) {
-    error(key, "is out of range", "write a whole number " + range_text(entry));
+    error(key, "is out of range", number_remedy("whole number", entry));
     return std::nullopt;
   }
   return whole;
@@ -205,15 +207,18 @@ void SectionReader::read_bound(tiller_config_t& config, const Words& states, con
   }
 }
 
-void SectionReader::refuse_unknown(const Words& also) {
-  if (!table_) return;
+Words SectionReader::refuse_unknown(const Words& also) {
+  Words meant;
+  if (!table_) return meant;
   Words known = keys_of(schema_);
   known.insert(known.end(), also.begin(), also.end());
   for (auto&& [name, value] : *table_) {
     const std::string word(name.str());
     if (std::find(known.begin(), known.end(), word) != known.end()) continue;
     errors_->at(value, path_of(word), "unknown key", remedy_for_unknown(word, known));
+    meant.push_back(nearest(word, known));
   }
+  return meant;
 }
 
 }  // namespace tiller::tools

@@ -1,9 +1,7 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <optional>
-#include <set>
 #include <string>
 
 #include "tiller/tiller.h"
@@ -41,8 +39,9 @@ class SectionReader {
 
   /// Reads every key of the section that the schema ties to a field of the configuration.
   void read_bound(tiller_config_t& config, const Words& states, const Words& inputs);
-  /// Errors for keys that neither the schema nor `also` knows.
-  void refuse_unknown(const Words& also = {});
+  /// Errors for keys that neither the schema nor `also` knows. Returns what they were probably meant to be, so
+  /// that a misspelt key is not told as missing as well.
+  Words refuse_unknown(const Words& also = {});
 
   FileErrors& errors() { return *errors_; }
 

@@ -54,11 +54,13 @@ std::string join(const Words& words, const char* separator) {
 }
 
 std::string number_text(double value) {
-  for (int digits = 1; digits < 17; ++digits) {
+  std::string shortest;
+  for (int digits = 1; digits <= 17; ++digits) {  // more digits may be shorter: 2e+01, but 20
     std::string text = format("%.*g", digits, value);
-    if (std::strtod(text.c_str(), nullptr) == value) return text;
+    const bool same = std::strtod(text.c_str(), nullptr) == value || value != value;
+    if (same && (shortest.empty() || text.size() < shortest.size())) shortest = text;
   }
-  return format("%.17g", value);
+  return shortest;
 }
 
 std::string format(const char* pattern, ...) {

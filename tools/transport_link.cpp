@@ -81,6 +81,8 @@ class TransportLink : public Link {
   bool truth(double*) const override { return false; }
 
   void tell(const tiller_info_t& info, std::int64_t stamp_us) override {
+    // mean over about ten ticks: one that was held up by the machine says little of the next
+    compute_us_ += 0.1 * (1e-3 * static_cast<double>(info.tick_ns) - compute_us_);
     if (options_.kind != "lcm") return;
     (void)lcm_send_telemetry(&lcm_, stamp_us, info, robot_.model->state_count, robot_.config.param_count);
   }
@@ -154,7 +156,17 @@ class TransportLink : public Link {
     missed_ = !came;
     note_fault(sensed, last_us + period_us_);
     last_us_ = sensed.now_us = monotonic_us();
+    if (sensed.fresh) foresee_latency(sensed);
     return sensed;
+  }
+
+  /// A command acts after the tick that computes it, not at the stamp that it answers. Robots seldom say how much
+  /// later; unaccounted for, 1.5 ms at a 20 ms period pull the friction of the cart-pole by several standard
+  /// deviations.
+  void foresee_latency(Sensed& sensed) const {
+    if (sensed.measurement.command_latency_us != 0) return;
+    const double latency_us = static_cast<double>(sensed.now_us - sensed.measurement.stamp_us) + compute_us_;
+    sensed.measurement.command_latency_us = static_cast<std::uint32_t>(std::clamp(latency_us, 0.0, 1e6));
   }
 
   /// The first wait has no measurement to count from: it returns nothing fresh and time stands still.
@@ -187,6 +199,7 @@ class TransportLink : public Link {
   LcmTransport lcm_;
   SocketCanTransport can_;
   std::int64_t last_us_ = 0;
+  double compute_us_ = 0;  // what a tick takes
   bool missed_ = false;
   bool faulted_ = false;
 };

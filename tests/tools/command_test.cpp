@@ -1,0 +1,237 @@
+// The tiller program as a user meets it: help, exit codes, runs, Ctrl-C, logs that cannot be written.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <thread>
+
+namespace {
+
+namespace fs = std::filesystem;
+using Words = std::vector<std::string>;
+
+const std::string kCartPole = std::string(TILLER_TEST_ROBOTS) + "/cart_pole.toml";
+
+struct Ended {
+  int code = -1;
+  std::string out;  // stdout and stderr
+};
+
+class Command : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string made = (fs::temp_directory_path() / "tiller-command-XXXXXX").string();
+    ASSERT_NE(mkdtemp(made.data()), nullptr);
+    folder_ = made;
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  pid_t start(const Words& arguments) {
+    const pid_t child = fork();
+    if (child != 0) return child;
+    if (chdir(folder_.c_str()) != 0) _exit(126);
+    const int out = open("out.txt", O_WRONLY | O_CREAT | O_TRUNC, 0666);
+    dup2(out, STDOUT_FILENO);
+    dup2(out, STDERR_FILENO);
+    std::vector<char*> argv = {const_cast<char*>(TILLER_TEST_COMMAND)};
+    for (const std::string& word : arguments) argv.push_back(const_cast<char*>(word.c_str()));
+    argv.push_back(nullptr);
+    execv(TILLER_TEST_COMMAND, argv.data());
+    _exit(127);
+  }
+
+  Ended finish(pid_t child) {
+    int status = 0;
+    waitpid(child, &status, 0);
+    Ended ended;
+    ended.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+    ended.out = text_of("out.txt");
+    return ended;
+  }
+
+  Ended run(const Words& arguments) {
+    const Ended ended = finish(start(arguments));
+    std::printf("$ tiller");
+    for (const std::string& word : arguments) std::printf(" %s", word.c_str());
+    std::printf("   -> %d\n", ended.code);
+    return ended;
+  }
+
+  std::string text_of(const std::string& name) const {
+    std::ifstream file(folder_ + "/" + name, std::ios::binary);
+    std::stringstream text;
+    text << file.rdbuf();
+    return text.str();
+  }
+
+  /// Columns 0..n of every row of a CSV: time, measurements and command, without the tick times behind them.
+  std::string first_columns(const std::string& name, int columns) const {
+    std::istringstream rows(text_of(name));
+    std::string kept;
+    for (std::string row; std::getline(rows, row);) {
+      std::size_t end = 0;
+      for (int i = 0; i < columns && end != std::string::npos; ++i) end = row.find(',', end + 1);
+      kept += row.substr(0, end) + "\n";
+    }
+    return kept;
+  }
+
+  std::string folder_;
+};
+
+bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+
+TEST_F(Command, HelpTeaches) {
+  const Ended top = run({"--help"});
+  EXPECT_EQ(top.code, 0);
+  EXPECT_TRUE(contains(top.out, "First steps:")) << top.out;
+  for (const char* name : {"demo", "run", "sim", "identify", "export", "replay", "check", "models", "effects",
+                           "help", "version"}) {
+    const Ended help = run({name, "--help"});
+    EXPECT_EQ(help.code, 0) << name;
+    const std::size_t examples = help.out.find("Examples:");
+    ASSERT_NE(examples, std::string::npos) << name << " has no examples";
+    const std::string after = help.out.substr(examples);
+    int count = 0;
+    const std::string call = std::string("\n  tiller ");
+    for (std::size_t at = 0; (at = after.find(call, at)) != std::string::npos; ++at) ++count;
+    EXPECT_GE(count, 2) << name << " shows fewer than two examples:\n" << after;
+  }
+  EXPECT_TRUE(contains(run({"help", "robot-file"}).out, "[parameters]"));
+  EXPECT_TRUE(contains(run({"help", "demos"}).out, "did you mean demo?"));
+}
+
+TEST_F(Command, TellsAndChecks) {
+  EXPECT_EQ(run({"version"}).out.rfind("tiller 0.", 0), 0u);
+  EXPECT_TRUE(contains(run({"models"}).out, "parameters  cart_mass_kg, pole_mass_kg, half_length_m"));
+  EXPECT_TRUE(contains(run({"effects"}).out, "viscous_friction"));
+  const Ended check = run({"check", kCartPole});
+  EXPECT_EQ(check.code, 0);
+  EXPECT_TRUE(contains(check.out, "pole_mass_kg             uniform on [0.05, 0.15]")) << check.out;
+}
+
+TEST_F(Command, WrongInputEndsWithOneAndARemedy) {
+  struct Case {
+    Words arguments;
+    const char* says;
+  };
+  std::ofstream(folder_ + "/wrong.toml") << "[model]\nname = \"cartpole\"\n";
+  std::ofstream(folder_ + "/text.rec") << "not a record";
+  const Case cases[] = {
+      {{"run", "none.toml"}, "none.toml: cannot be read"},
+      {{"run", "wrong.toml", "--sim"}, "wrong.toml:2: model.name = \"cartpole\""},
+      {{"check", "wrong.toml"}, "did you mean cart_pole?"},
+      {{"run", kCartPole, "--sim", "--planner", "cme"}, "did you mean cem?"},
+      {{"run", kCartPole, "--transport", "serial"}, "--transport"},
+      {{"run", kCartPole, "--transport", "can", "--wait", "1"}, "[transport]"},
+      {{"run", kCartPole, "--sim", "--seconds", "-1"}, "--seconds"},
+      {{"replay", "text.rec", kCartPole}, "is no record of tiller"},
+      {{"rum"}, "did you mean run?"},
+      {{}, "subcommand is required"},
+  };
+  for (const Case& wrong : cases) {
+    const Ended ended = run(wrong.arguments);
+    EXPECT_EQ(ended.code, 1) << ended.out;
+    EXPECT_TRUE(contains(ended.out, wrong.says)) << "expected '" << wrong.says << "' in\n" << ended.out;
+  }
+}
+
+TEST_F(Command, LockstepRunsRepeatToTheLastBitOnAnyThreads) {
+  const Words base = {"run", kCartPole, "--sim", "--seconds", "1", "--seed", "5", "--quiet", "--log"};
+  for (const char* log : {"a.csv", "b.csv", "c.csv"}) {
+    Words arguments = base;
+    arguments.emplace_back(log);
+    if (std::string(log) == "c.csv") arguments.insert(arguments.end(), {"--threads", "2"});
+    ASSERT_EQ(run(arguments).code, 0);
+  }
+  const std::string a = first_columns("a.csv", 4);
+  EXPECT_EQ(std::count(a.begin(), a.end(), '\n'), 51);  // header, and ticks at 0, 0.02, ..., 0.98 s
+  EXPECT_EQ(a, first_columns("b.csv", 4));
+  EXPECT_EQ(a, first_columns("c.csv", 4));
+}
+
+TEST_F(Command, AnotherSeedIsAnotherRun) {
+  ASSERT_EQ(run({"run", kCartPole, "--sim", "--seconds", "0.5", "--seed", "5", "--quiet", "--log", "a.csv"}).code, 0);
+  ASSERT_EQ(run({"run", kCartPole, "--sim", "--seconds", "0.5", "--seed", "6", "--quiet", "--log", "b.csv"}).code, 0);
+  EXPECT_NE(first_columns("a.csv", 4), first_columns("b.csv", 4));
+}
+
+TEST_F(Command, ARecordReplaysToTheLastBit) {
+  ASSERT_EQ(run({"run", kCartPole, "--sim", "--seconds", "1", "--quiet", "--record", "run.rec"}).code, 0);
+  const Ended same = run({"replay", "run.rec", kCartPole});
+  EXPECT_EQ(same.code, 0) << same.out;
+  EXPECT_TRUE(contains(same.out, ", 0 different")) << same.out;
+  // one bit of one recorded command changed: found. The command's first value stands in the last entry.
+  std::string bytes = text_of("run.rec");
+  ASSERT_GT(bytes.size(), 10000u);
+  for (std::size_t i = bytes.size() / 2; i < bytes.size(); i += 64) bytes[i] = static_cast<char>(bytes[i] ^ 1);
+  std::ofstream(folder_ + "/bent.rec", std::ios::binary) << bytes;
+  EXPECT_EQ(run({"replay", "bent.rec", kCartPole}).code, 1);
+}
+
+TEST_F(Command, ProgressIsAPlainLineEveryHalfSecondWithoutATerminal) {
+  const Ended ended = run({"run", kCartPole, "--sim", "--seconds", "2"});
+  EXPECT_EQ(ended.code, 0);
+  EXPECT_FALSE(contains(ended.out, "\033")) << "escape codes in a file";
+  int lines = 0;
+  for (std::size_t at = 0; (at = ended.out.find("  ACTIVE  ", at)) != std::string::npos; ++at) ++lines;
+  EXPECT_EQ(lines, 4) << ended.out;  // at 0, 0.5, 1 and 1.5 s; the end has a summary
+  EXPECT_TRUE(contains(ended.out, "true 0.")) << "the summary shows the truth of a plant in process";
+}
+
+TEST_F(Command, CtrlCStopsSafelyAndKeepsTheLog) {
+  const pid_t child = start({"run", kCartPole, "--sim", "--real-time", "--log", "run.csv"});
+  // the first flush comes after half a second of robot time; wait for it, not for a time
+  for (int i = 0; i < 600 && text_of("run.csv").size() < 2000; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  ASSERT_EQ(kill(child, SIGINT), 0);
+  const Ended ended = finish(child);
+  EXPECT_EQ(ended.code, 0) << ended.out;
+  EXPECT_TRUE(contains(ended.out, "(interrupted)")) << ended.out;
+  EXPECT_TRUE(contains(ended.out, "log: run.csv")) << ended.out;
+  const std::string csv = text_of("run.csv");
+  EXPECT_EQ(csv.back(), '\n') << "the last row is whole";
+}
+
+TEST_F(Command, AFullDiskDoesNotStopTheRobotAndIsTold) {
+  setenv("TMPDIR", folder_.c_str(), 1);
+  const Ended ended = run({"run", kCartPole, "--sim", "--seconds", "1", "--quiet", "--log", "/dev/full"});
+  unsetenv("TMPDIR");
+  EXPECT_EQ(ended.code, 2) << ended.out;
+  EXPECT_TRUE(contains(ended.out, "No space left on device")) << ended.out;
+  EXPECT_TRUE(contains(ended.out, "1.00 s, ")) << "the run went on to its end:\n" << ended.out;
+  int rescued_rows = 0;
+  for (const auto& entry : fs::directory_iterator(folder_)) {
+    if (entry.path().filename().string().rfind("tiller-", 0) != 0) continue;
+    const std::string rows = text_of(entry.path().filename().string());
+    rescued_rows = static_cast<int>(std::count(rows.begin(), rows.end(), '\n'));
+  }
+  EXPECT_EQ(rescued_rows, 51) << ended.out;
+}
+
+TEST_F(Command, DemoEndsUprightWithItsLog) {
+  const Ended ended = run({"demo", "--fast", "--no-report", "--seconds", "8", "--out", "made/here"});
+  EXPECT_EQ(ended.code, 0) << ended.out;
+  EXPECT_TRUE(contains(ended.out, "\nUPRIGHT: ")) << ended.out;
+  EXPECT_TRUE(contains(ended.out, "pole_mass_kg")) << ended.out;
+  EXPECT_TRUE(fs::exists(folder_ + "/made/here/demo.csv"));
+}
+
+TEST_F(Command, DemoWhereNoFolderCanBeMade) {
+  setenv("TMPDIR", folder_.c_str(), 1);
+  const Ended ended = run({"demo", "--fast", "--no-report", "--seconds", "0.5", "--out", "/proc/none"});
+  unsetenv("TMPDIR");
+  EXPECT_EQ(ended.code, 2) << ended.out;
+  EXPECT_TRUE(contains(ended.out, "/proc/none: files cannot be made there")) << ended.out;
+}
+
+}  // namespace

@@ -1,0 +1,74 @@
+// `tiller export`: the C file, compiled as C99, holds the same bytes as the robot file does.
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "tools/export_config.hpp"
+#include "tools/robot_file.hpp"
+
+extern "C" {
+tiller_config_t cart_pole_config(void);
+tiller_config_t pendulum_config(void);
+}
+
+namespace tiller::tools {
+namespace {
+
+template <class T>
+void expect_same_bytes(const char* what, const T& exported, const T& read) {
+  const auto* a = reinterpret_cast<const unsigned char*>(&exported);
+  const auto* b = reinterpret_cast<const unsigned char*>(&read);
+  for (std::size_t i = 0; i < sizeof(T); ++i) {
+    ASSERT_EQ(a[i], b[i]) << what << ", byte " << i << " of " << sizeof(T);
+  }
+}
+
+class Exported : public testing::TestWithParam<std::pair<const char*, tiller_config_t (*)()>> {};
+
+TEST_P(Exported, IsTheRobotFile) {
+  std::string errors;
+  const auto robot = read_robot_file(std::string(TILLER_TEST_ROBOTS) + "/" + GetParam().first + ".toml", errors);
+  ASSERT_NE(robot, nullptr) << errors;
+  const tiller_config_t exported = GetParam().second();
+  const tiller_config_t& read = robot->config;
+  EXPECT_EQ(exported.model, read.model);
+  // group by group: the compiler may leave anything in the padding between them
+  expect_same_bytes("effects", exported.effects, read.effects);
+  expect_same_bytes("measured_state", exported.measured_state, read.measured_state);
+  expect_same_bytes("measurement_sd", exported.measurement_sd, read.measurement_sd);
+  expect_same_bytes("process_sd", exported.process_sd, read.process_sd);
+  expect_same_bytes("initial_state", exported.initial_state, read.initial_state);
+  expect_same_bytes("initial_state_sd", exported.initial_state_sd, read.initial_state_sd);
+  expect_same_bytes("body", exported.body, read.body);
+  expect_same_bytes("posterior", exported.posterior, read.posterior);
+  expect_same_bytes("planner", exported.planner, read.planner);
+  expect_same_bytes("cost", exported.cost, read.cost);
+  for (std::uint32_t i = 0; i < read.param_count; ++i) expect_same_bytes("prior", exported.priors[i], read.priors[i]);
+  const std::size_t safety_fields = offsetof(tiller_safety_config_t, hold_ticks_to_safe) + sizeof(std::uint32_t);
+  EXPECT_EQ(std::memcmp(&exported.safety, &read.safety, safety_fields), 0);
+  EXPECT_EQ(exported.size, read.size);
+  EXPECT_EQ(exported.version, read.version);
+  EXPECT_EQ(exported.seed, read.seed);
+  EXPECT_EQ(exported.period_s, read.period_s);
+  EXPECT_EQ(exported.substeps, read.substeps);
+  EXPECT_EQ(exported.integrator, read.integrator);
+  EXPECT_EQ(exported.param_count, read.param_count);
+  EXPECT_EQ(exported.effect_count, read.effect_count);
+  EXPECT_EQ(exported.measurement_count, read.measurement_count);
+  EXPECT_EQ(exported.record_ticks, read.record_ticks);
+  EXPECT_EQ(tiller_size(&exported), tiller_size(&read));
+}
+
+INSTANTIATE_TEST_SUITE_P(Shipped, Exported,
+                         testing::Values(std::make_pair("cart_pole", &cart_pole_config),
+                                         std::make_pair("pendulum", &pendulum_config)),
+                         [](const auto& tested) { return std::string(tested.param.first); });
+
+TEST(Export, NamesAreCIdentifiers) {
+  EXPECT_EQ(c_identifier("cart-pole 2"), "cart_pole_2");
+  EXPECT_EQ(c_identifier("7dof"), "robot_7dof");
+  EXPECT_EQ(c_identifier(""), "robot_");
+}
+
+}  // namespace
+}  // namespace tiller::tools

@@ -1,0 +1,183 @@
+// Wrong robot files, one mistake each: the error names file, line, key, value and remedy.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "robot_text.hpp"
+#include "tools/robot_file.hpp"
+
+namespace tiller::tools {
+namespace {
+
+using test::kGoodRobot;
+using test::line_of;
+
+struct Mistake {
+  const char* name;
+  const char* from;    // this text of the good file ...
+  const char* to;      // ... becomes this
+  const char* at;      // the error's line is that of this text in the wrong file
+  const char* key;     // dotted key that the error names
+  const char* says;    // part of the problem or remedy
+};
+
+const Mistake kMistakes[] = {
+    {"unknown_key", "horizon = 40", "horizn = 40", "horizn", "planner.horizn", "did you mean horizon?"},
+    {"unknown_key_in_limits", "safe = 1", "save = 1", "force_N = { low", "limits.force_N.save", "did you mean safe?"},
+    {"unknown_section", "[recorder]", "[recoder]", "[recoder]", "[recoder]", "did you mean recorder?"},
+    {"key_outside_sections", "[robot]\n", "period_s = 1\n[robot]\n", "period_s = 1", "period_s",
+     "outside every section"},
+    {"number_as_text", "horizon = 40", "horizon = \"40\"", "horizon", "planner.horizon = \"40\"",
+     "write a whole number"},
+    {"fraction_for_count", "knots = 8", "knots = 8.5", "knots", "planner.knots = 8.5", "write a whole number"},
+    {"text_as_number", "name = \"bench\"", "name = 3", "name = 3", "robot.name = 3", "write a text in quotes"},
+    {"flag_as_number", "window = 32", "window = 32\nenabled = 1", "enabled = 1", "posterior.enabled = 1",
+     "write true or false"},
+    {"table_as_number", "target = { angle_rad = 0 }", "target = 0", "target = 0", "cost.target = 0",
+     "write a table"},
+    {"section_as_value", "[robot]\nname = \"bench\"\nseed = 7\n", "robot = 3\n", "robot = 3", "robot = 3",
+     "head the section with [robot]"},
+    {"out_of_range", "substeps = 2", "substeps = 65", "substeps", "model.substeps = 65",
+     "at least 1 and at most 64"},
+    {"period_zero", "period_s = 0.02", "period_s = 0", "period_s", "model.period_s = 0", "at least 0.0001"},
+    {"not_a_number", "sensor_timeout_s = 0.1", "sensor_timeout_s = nan", "sensor_timeout_s",
+     "safety.sensor_timeout_s = nan", "is not a number"},
+    {"infinite_limit", "high = 18", "high = inf", "force_N = { low", "limits.force_N.high = inf", "is infinite"},
+    {"negative_sd", "angle_rad = { sd = 0.002 }", "angle_rad = { sd = -0.002 }", "sd = -0.002",
+     "measurement.angle_rad.sd = -0.002", "above 0"},
+    {"missing_sd", "angle_rad = { sd = 0.002 }", "angle_rad = { low = -9 }", "low = -9",
+     "measurement.angle_rad.sd", "write sd ="},
+    {"measurement_reversed", "low = -2, high = 2", "low = 2, high = -2", "low = 2", "measurement.position_m.low",
+     "exchange low and high"},
+    {"unknown_measured_state", "angle_rad = { sd = 0.002 }", "angle = { sd = 0.002 }", "angle = { sd",
+     "measurement.angle", "did you mean angle_rad?"},
+    {"unknown_state_in_noise", "process_sd = { velocity_m_s", "process_sd = { velocity", "process_sd",
+     "noise.process_sd.velocity", "did you mean velocity_m_s?"},
+    {"unknown_input", "noise_sd = { force_N = 8 }", "noise_sd = { torque_Nm = 8 }", "noise_sd",
+     "planner.noise_sd.torque_Nm", "known: force_N"},
+    {"missing_prior", "pole_mass_kg = { uniform = [0.05, 0.15] }\n", "", "[parameters]", "parameters.pole_mass_kg",
+     "needs a value or a prior"},
+    {"unknown_parameter", "cart_mass_kg = 1.0\npole", "cart_mass = 1.0\npole", "cart_mass = 1.0",
+     "parameters.cart_mass", "did you mean cart_mass_kg?"},
+    {"prior_reversed", "uniform = [0.05, 0.15]", "uniform = [0.15, 0.05]", "uniform", "parameters.pole_mass_kg.uniform",
+     "write [0.05, 0.15]"},
+    {"prior_empty", "uniform = [0.05, 0.15]", "uniform = [0.1, 0.1]", "uniform", "parameters.pole_mass_kg.uniform",
+     "write the number 0.1"},
+    {"prior_sd_negative", "normal = [0.5, 0.1]", "normal = [0.5, -0.1]", "normal", "parameters.half_length_m.normal",
+     "standard deviation is not positive"},
+    {"prior_of_one_number", "uniform = [0.05, 0.15]", "uniform = [0.05]", "uniform", "parameters.pole_mass_kg.uniform",
+     "is no list of two numbers"},
+    {"prior_unknown_form", "uniform = [0.05, 0.15]", "uniformly = [0.05, 0.15]", "uniformly",
+     "parameters.pole_mass_kg.uniformly", "did you mean uniform?"},
+    {"prior_twice", "normal = [0.5, 0.1]", "normal = [0.5, 0.1], uniform = [0, 1]", "half_length_m",
+     "parameters.half_length_m", "more than one prior"},
+    {"prior_as_text", "pole_mass_kg = { uniform = [0.05, 0.15] }", "pole_mass_kg = \"light\"", "\"light\"",
+     "parameters.pole_mass_kg = \"light\"", "write a number, { uniform"},
+    {"prior_nan", "uniform = [0.05, 0.15]", "uniform = [nan, 0.15]", "uniform", "parameters.pole_mass_kg.uniform = nan",
+     "is not a number"},
+    {"log_normal_median", "log_normal = [0.2, 0.5]", "log_normal = [-0.2, 0.5]", "log_normal",
+     "effects[1].damping_SI.log_normal", "median of a log-normal is not positive"},
+    {"friction_below_zero", "{ log_normal = [0.2, 0.5], high = 2 }", "{ uniform = [-0.1, 0.5] }", "uniform = [-0.1",
+     "effects[1].damping_SI", "start the range at 0"},
+    {"unknown_effect", "kind = \"viscous_friction\"\nport = \"cart\"\ndamping_SI", "kind = \"viscos_friction\"\nport = \"cart\"\ndamping_SI",
+     "viscos_friction", "effects[1].kind = \"viscos_friction\"", "did you mean viscous_friction?"},
+    {"unknown_port", "port = \"cart\"\ndamping_SI", "port = \"wheel\"\ndamping_SI", "port = \"wheel\"",
+     "effects[1].port = \"wheel\"", "known: cart, pole"},
+    {"joint_for_input_port", "port = \"force_N\"", "port = \"cart\"\n", "port = \"cart\"\n\ntime", "effects[2].port = \"cart\"",
+     "known: force_N"},
+    {"missing_port", "port = \"force_N\"\n", "", "[[effects]]\nkind = \"actuator", "effects[2].port",
+     "one of the model's inputs: force_N"},
+    {"missing_effect_parameter", "time_constant_s = 0.01\n", "", "[[effects]]\nkind = \"actuator",
+     "effects[2].time_constant_s", "give it a value or a prior"},
+    {"unknown_effect_parameter", "time_constant_s = 0.01", "time_constant = 0.01", "time_constant = 0.01",
+     "effects[2].time_constant", "did you mean time_constant_s?"},
+    {"unknown_model", "name = \"cart_pole\"", "name = \"cartpole\"", "cartpole", "model.name = \"cartpole\"",
+     "did you mean cart_pole?"},
+    {"missing_model_file", "name = \"cart_pole\"", "file = \"nowhere.hpp\"\ntype = \"Robot\"", "nowhere",
+     "model.file = \"nowhere.hpp\"", "no such model file"},
+    {"model_twice", "name = \"cart_pole\"", "name = \"cart_pole\"\nfile = \"a.hpp\"", "name = \"cart_pole\"",
+     "model.name", "keep one"},
+    {"no_model", "name = \"cart_pole\"\n", "", "[model]", "model.name", "cart_pole"},
+    {"unknown_planner", "kind = \"cem\"", "kind = \"mpi\"", "kind = \"mpi\"", "planner.kind = \"mpi\"",
+     "did you mean mppi?"},
+    {"unknown_integrator", "\"midpoint\"", "\"euler\"", "euler", "model.integrator = \"euler\"",
+     "known: semi_implicit_euler, midpoint, rk4"},
+    {"limit_reversed", "low = -20, high = 18", "low = 18, high = -20", "low = 18", "limits.force_N.low = 18",
+     "write low = -20, high = 18"},
+    {"limit_missing", "force_N = { low = -20, high = 18, rate_per_s = 400, safe = 1 }", "", "[limits]",
+     "limits.force_N", "every input needs limits"},
+    {"limit_without_high", "high = 18, ", "", "force_N = { low", "limits.force_N.high", "write high ="},
+    {"safe_outside_limits", "safe = 1 }", "safe = 30 }", "safe = 30", "limits.force_N.safe = 30",
+     "between low and high"},
+    {"rate_zero", "rate_per_s = 400", "rate_per_s = 0", "rate_per_s = 0", "limits.force_N.rate_per_s = 0", "above 0"},
+    {"no_measurement", "position_m = { sd = 0.001, low = -2, high = 2, rate_per_s = 20 }\nangle_rad = { sd = 0.002 }\n",
+     "", "[measurement]", "[measurement]", "at least one measured state"},
+    {"hold_gain_state", "hold_gain = { force_N = { velocity_m_s", "hold_gain = { force_N = { velocty_m_s", "hold_gain",
+     "safety.hold_gain.force_N.velocty_m_s", "did you mean velocity_m_s?"},
+    {"weight_negative", "input_weight = { force_N = 0.001 }", "input_weight = { force_N = -1 }", "input_weight",
+     "cost.input_weight.force_N = -1", "at least 0"},
+    {"foreign_transport_key", "interface = \"can7\"", "interface = \"can7\"\nurl = \"udpm://\"", "url",
+     "transport.url", "no key of the transport socketcan"},
+    {"unknown_transport", "kind = \"socketcan\"", "kind = \"canbus\"", "canbus", "transport.kind = \"canbus\"",
+     "known: lcm, socketcan"},
+    {"bad_channel", "\"board:0\"", "\"board:12\"", "board:12", "transport.channels.angle_rad = \"board:12\"",
+     "\"board:0\" to \"board:11\""},
+    {"sensor_not_measured", "sensors.position_m", "sensors.velocity_m_s", "sensors.velocity",
+     "sim.sensors.velocity_m_s", "is not measured"},
+    {"unknown_unit", "\"deg\"", "\"degrees celsius\"", "units", "log.units.angle_rad", "is not known"},
+    {"syntax", "horizon = 40", "horizon = = 40", "horizon = = 40", "TOML", "correct the syntax"},
+    {"key_twice", "horizon = 40", "horizon = 40\nhorizon = 41", "horizon = 41", "TOML", "correct the syntax"},
+    // what only the library's own check sees, traced back to its key
+    {"particles_not_lanes", "particles = 128", "particles = 100", "particles = 100", "posterior.particles", ""},
+};
+
+class RobotFileMistake : public testing::TestWithParam<Mistake> {};
+
+TEST_P(RobotFileMistake, IsToldWithLineKeyAndRemedy) {
+  const Mistake& mistake = GetParam();
+  const std::string text = test::with(mistake.from, mistake.to);
+  ASSERT_FALSE(text.empty()) << "the good file has no '" << mistake.from << "'";
+  ASSERT_NE(text.find(mistake.at), std::string::npos) << mistake.at;
+  std::string errors;
+  EXPECT_EQ(parse_robot_file(text, "folder/robot.toml", errors), nullptr) << "was accepted";
+  std::printf("%s", errors.c_str());
+  const std::string where = "folder/robot.toml:" + std::to_string(line_of(text, mistake.at)) + ": ";
+  EXPECT_EQ(errors.rfind(where, 0), 0u) << "expected to begin with " << where;
+  EXPECT_NE(errors.find(mistake.key), std::string::npos) << mistake.key;
+  EXPECT_NE(errors.find(mistake.says), std::string::npos) << mistake.says;
+  EXPECT_NE(errors.find("; "), std::string::npos) << "has no remedy";
+  EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << "one mistake, one line";
+}
+
+std::string mistake_name(const testing::TestParamInfo<Mistake>& info) { return info.param.name; }
+INSTANTIATE_TEST_SUITE_P(All, RobotFileMistake, testing::ValuesIn(kMistakes), mistake_name);
+
+TEST(RobotFileErrors, AllAreToldAtOnceInTheOrderOfTheFile) {
+  std::string text = kGoodRobot;
+  const std::pair<const char*, const char*> changes[] = {
+      {"substeps = 2", "substeps = 0"}, {"port = \"cart\"", "port = \"wheel\""}, {"knots = 8", "knot = 8"}};
+  for (const auto& [from, to] : changes) text.replace(text.find(from), std::string(from).size(), to);
+  std::string errors;
+  EXPECT_EQ(parse_robot_file(text, "r.toml", errors), nullptr);
+  const std::size_t first = errors.find("model.substeps");
+  const std::size_t second = errors.find("effects[1].port");
+  const std::size_t third = errors.find("planner.knot");
+  ASSERT_NE(third, std::string::npos) << errors;
+  EXPECT_LT(first, second);
+  EXPECT_LT(second, third);
+}
+
+TEST(RobotFileErrors, FilesThatAreNone) {
+  std::string errors;
+  EXPECT_EQ(read_robot_file("does/not/exist.toml", errors), nullptr);
+  EXPECT_NE(errors.find("does/not/exist.toml: cannot be read: No such file"), std::string::npos) << errors;
+  EXPECT_EQ(read_robot_file("/tmp", errors), nullptr);
+  EXPECT_NE(errors.find("is a folder"), std::string::npos) << errors;
+  EXPECT_EQ(parse_robot_file("", "empty.toml", errors), nullptr);
+  EXPECT_NE(errors.find("empty.toml:1: model.name: missing"), std::string::npos) << errors;
+  EXPECT_EQ(parse_robot_file(std::string("\x00\xff\xfe[", 4), "binary.toml", errors), nullptr);
+  EXPECT_NE(errors.find("binary.toml:1: TOML"), std::string::npos) << errors;
+}
+
+}  // namespace
+}  // namespace tiller::tools

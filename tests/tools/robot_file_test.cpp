@@ -1,0 +1,165 @@
+// Right robot files: every value arrives where it belongs, and the documentation tells the truth.
+#include "tools/robot_file.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <sstream>
+
+#include "robot_text.hpp"
+#include "tools/robot_help.hpp"
+#include "tools/robot_schema.hpp"
+
+namespace tiller::tools {
+namespace {
+
+std::unique_ptr<RobotFile> good() {
+  std::string errors;
+  auto robot = parse_robot_file(test::kGoodRobot, "bench.toml", errors);
+  EXPECT_NE(robot, nullptr) << errors;
+  return robot;
+}
+
+TEST(RobotFile, NamesAndModel) {
+  const auto robot = good();
+  ASSERT_NE(robot, nullptr);
+  EXPECT_EQ(robot->name, "bench");
+  EXPECT_EQ(robot->config.seed, 7u);
+  EXPECT_EQ(robot->config.model, tiller_find_model("cart_pole"));
+  EXPECT_EQ(join(robot->params),
+            "cart_mass_kg, pole_mass_kg, half_length_m, cart.damping_SI, force_N.time_constant_s");
+  EXPECT_EQ(join(robot->measurements), "position_m, angle_rad");
+  EXPECT_EQ(robot->config.substeps, 2u);
+  EXPECT_EQ(robot->config.integrator, static_cast<std::uint32_t>(tiller_integrator_midpoint));
+}
+
+TEST(RobotFile, PriorsAndEffects) {
+  const auto robot = good();
+  ASSERT_NE(robot, nullptr);
+  const tiller_config_t& c = robot->config;
+  ASSERT_EQ(c.param_count, 5u);
+  const tiller_prior_t expected[] = {{tiller_prior_fixed, 0, 1.0, 0, 1.0, 1.0},
+                                     {tiller_prior_uniform, 0, 0.05, 0.15, 0.05, 0.15},
+                                     {tiller_prior_normal, 0, 0.5, 0.1, 0.2, INFINITY},
+                                     {tiller_prior_log_normal, 0, 0.2, 0.5, 0.0, 2.0},
+                                     {tiller_prior_fixed, 0, 0.01, 0, 0.01, 0.01}};
+  for (std::size_t i = 0; i < 5; ++i) {
+    EXPECT_EQ(c.priors[i].kind, expected[i].kind) << i;
+    EXPECT_EQ(c.priors[i].a, expected[i].a) << i;
+    EXPECT_EQ(c.priors[i].low, expected[i].low) << i;
+    EXPECT_EQ(c.priors[i].high, expected[i].high) << i;
+    if (expected[i].kind != tiller_prior_fixed && expected[i].kind != tiller_prior_uniform) {
+      EXPECT_EQ(c.priors[i].b, expected[i].b) << i;
+    }
+  }
+  ASSERT_EQ(c.effect_count, 2u);
+  EXPECT_EQ(c.effects[0].kind, static_cast<std::uint32_t>(tiller_effect_viscous_friction));
+  EXPECT_EQ(c.effects[0].port, 0u);
+  EXPECT_EQ(c.effects[1].kind, static_cast<std::uint32_t>(tiller_effect_actuator_lag));
+}
+
+TEST(RobotFile, SensorsLimitsAndPlanner) {
+  const auto robot = good();
+  ASSERT_NE(robot, nullptr);
+  const tiller_config_t& c = robot->config;
+  EXPECT_EQ(c.measurement_count, 2u);
+  EXPECT_EQ(c.measured_state[1], 1u);
+  EXPECT_EQ(c.measurement_sd[0], 0.001);
+  EXPECT_EQ(c.safety.measurement_low[0], -2);
+  EXPECT_EQ(c.safety.measurement_rate_per_s[0], 20);
+  EXPECT_EQ(c.safety.measurement_high[1], INFINITY);
+  EXPECT_EQ(c.safety.input_low[0], -20);
+  EXPECT_EQ(c.safety.input_high[0], 18);
+  EXPECT_EQ(c.safety.input_rate_per_s[0], 400);
+  EXPECT_EQ(c.safety.safe_command[0], 1);
+  EXPECT_EQ(c.safety.hold_gain[2], 4);
+  EXPECT_EQ(c.planner.kind, static_cast<std::uint32_t>(tiller_planner_cem));
+  EXPECT_EQ(c.planner.risk, static_cast<std::uint32_t>(tiller_risk_cvar));
+  EXPECT_EQ(c.planner.noise_sd[0], 8);
+  EXPECT_EQ(c.cost.terminal_weight[1], 100);
+  EXPECT_EQ(c.initial_state[1], 3.14);
+  EXPECT_EQ(c.record_ticks, 100u);
+}
+
+TEST(RobotFile, HostSections) {
+  const auto robot = good();
+  ASSERT_NE(robot, nullptr);
+  EXPECT_EQ(robot->transport.kind, "socketcan");
+  EXPECT_EQ(robot->transport.interface, "can7");
+  EXPECT_EQ(robot->transport.nodes, std::vector<std::uint32_t>{3});
+  EXPECT_EQ(robot->transport.wheel_radius_m, std::vector<double>{0.05});
+  EXPECT_EQ(join(robot->transport.channels), "position:force_N, board:0");
+  EXPECT_EQ(robot->sim.sensor_step.at("position_m"), 0.0002);
+  EXPECT_EQ(robot->sim.watchdog_s, 0.2);
+  ASSERT_EQ(robot->sim.effects.size(), 1u);
+  EXPECT_EQ(robot->sim.effects[0].parameters.at("coefficient"), 0.1);
+  EXPECT_EQ(robot->log.units.at("angle_rad"), "deg");
+}
+
+// Sensors are delivered in the order of the file, not in that of their names.
+TEST(RobotFile, MeasurementsKeepTheOrderOfTheFile) {
+  std::string text = test::with("position_m = { sd = 0.001, low", "rate_rad_s = { sd = 0.1 }\nposition_m = { sd = 0.001, low");
+  const std::string channels = "channels = { ";
+  text.insert(text.find(channels) + channels.size(), "rate_rad_s = \"velocity:force_N\", ");
+  std::string errors;
+  const auto robot = parse_robot_file(text, "r.toml", errors);
+  ASSERT_NE(robot, nullptr) << errors;
+  EXPECT_EQ(join(robot->measurements), "rate_rad_s, position_m, angle_rad");
+  EXPECT_EQ(robot->config.measured_state[0], 3u);
+}
+
+TEST(RobotFile, ShippedFilesAreValid) {
+  for (const char* name : {"cart_pole.toml", "pendulum.toml"}) {
+    std::string errors;
+    const auto robot = read_robot_file(std::string(TILLER_TEST_ROBOTS) + "/" + name, errors);
+    ASSERT_NE(robot, nullptr) << errors;
+    EXPECT_GT(tiller_size(&robot->config), 0u) << name;
+  }
+}
+
+// A key that the schema ties to a field must be read: each one alone, at its lower or upper end.
+TEST(RobotFile, EveryBoundKeyReachesItsField) {
+  int checked = 0;
+  for (const KeySpec& key : robot_keys()) {
+    if (key.offset < 0 || key.kind != KeyKind::count) continue;
+    const std::string section = key.section;
+    const std::string header = "[" + section + "]\n";
+    std::string text = test::kGoodRobot;
+    const std::string present = "\n" + std::string(key.key) + " = ";
+    const std::size_t begin = text.find(header);
+    ASSERT_NE(begin, std::string::npos) << header;
+    const std::size_t end = text.find("\n[", begin + 1);
+    const std::size_t old = text.find(present, begin);
+    if (old != std::string::npos && old < end) {
+      const std::size_t line_end = text.find('\n', old + 1);
+      text.erase(old + 1, line_end - old);
+    }
+    const std::uint32_t value = std::string(key.key) == "moves_per_tick" ? 8 : static_cast<std::uint32_t>(key.low);
+    text.insert(begin + header.size(), std::string(key.key) + " = " + std::to_string(value) + "\n");
+    std::string errors;
+    const auto robot = parse_robot_file(text, "r.toml", errors);
+    if (!robot) {  // a lower end that another key forbids is an answer too, if it names the key
+      EXPECT_NE(errors.find(key.key), std::string::npos) << errors;
+      continue;
+    }
+    std::uint32_t stored;
+    std::memcpy(&stored, reinterpret_cast<const char*>(&robot->config) + key.offset, sizeof stored);
+    EXPECT_EQ(stored, value) << section << "." << key.key;
+    ++checked;
+  }
+  EXPECT_GE(checked, 10);
+}
+
+TEST(RobotFile, DocumentationIsTheSchema) {
+  std::ifstream file(TILLER_TEST_DOCS "/robot_file.md");
+  std::stringstream text;
+  text << file.rdbuf();
+  EXPECT_NE(text.str().find(robot_file_markdown()), std::string::npos)
+      << "docs/robot_file.md is not what the schema says; paste the output of `tiller help robot-file --markdown` "
+         "below its heading \"Every key\"";
+}
+
+}  // namespace
+}  // namespace tiller::tools
