@@ -157,8 +157,8 @@ struct UnevenClock {
   std::int64_t now_ns = 0;
   static std::int64_t look(void* context) {
     auto& clock = *static_cast<UnevenClock*>(context);
-    const bool slow = ++clock.looks % 13 == 0;
-    return clock.now_ns += slow ? 3000000 : 500000;
+    ++clock.looks;
+    return clock.now_ns += clock.looks % 211 == 0 ? 5000000 : clock.looks % 17 == 0 ? 1500000 : 60000;
   }
 };
 
