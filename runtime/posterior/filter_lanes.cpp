@@ -3,8 +3,8 @@
 namespace tiller {
 
 // The copies live in namespaces named after their instruction set; the build says which there are.
-#define TILLER_DECLARE_COPY(name) \
-  namespace name {                \
+#define TILLER_DECLARE_COPY(name)   \
+  namespace name {                  \
   const FilterTable& filter_copy(); \
   }
 #ifdef TILLER_POSTERIOR_scalar
@@ -33,7 +33,7 @@ const FilterTable& filter_table() {
 #endif
     default: break;
   }
-  // the target's baseline, which is always there
+    // the target's baseline, which is always there
 #if defined(TILLER_POSTERIOR_sse2)
   return sse2::filter_copy();
 #elif defined(TILLER_POSTERIOR_neon)

@@ -20,13 +20,13 @@ constexpr double kVarianceFloor = 1e-24;
 /// upper triangle only, so they are symmetric by construction.
 struct PredictJob {
   std::uint32_t nx = 0;
-  std::uint32_t lanes = 0;             // a multiple of 16
-  const double* a = nullptr;           // (nx * nx), row r * nx + c
+  std::uint32_t lanes = 0;    // a multiple of 16
+  const double* a = nullptr;  // (nx * nx), row r * nx + c
   std::uint32_t a_stride = 0;
   const double* covariance = nullptr;  // (triangle)
   std::uint32_t covariance_stride = 0;
   const double* process_variance = nullptr;  // (nx) of this period
-  double* predicted = nullptr;         // (triangle); may alias `covariance`
+  double* predicted = nullptr;               // (triangle); may alias `covariance`
   std::uint32_t predicted_stride = 0;
 };
 
@@ -42,16 +42,16 @@ struct FilterRows {
 /// in `to` and get an infinite squared error; all others are written to `to`.
 struct CorrectJob {
   std::uint32_t nx = 0, ns = 0, ny = 0;
-  std::uint32_t lanes = 0;              // a multiple of 16
-  std::uint32_t angle_mask = 0;         // states whose innovation wraps to +-pi
+  std::uint32_t lanes = 0;                       // a multiple of 16
+  std::uint32_t angle_mask = 0;                  // states whose innovation wraps to +-pi
   const std::uint8_t* measured_state = nullptr;  // (ny)
-  const double* measured = nullptr;     // (ny), NaN: missing
-  const double* variance = nullptr;     // (ny)
-  FilterRows from;                      // predicted
+  const double* measured = nullptr;              // (ny), NaN: missing
+  const double* variance = nullptr;              // (ny)
+  FilterRows from;                               // predicted
   FilterRows to;
-  double* squared_error = nullptr;      // (lanes) += innovation^2 / its variance
-  double* log_variance = nullptr;       // (lanes) += log of the innovation's variance
-  double* normalised = nullptr;         // (ny x lanes) innovation / its deviation, 0 if missing; nullable
+  double* squared_error = nullptr;  // (lanes) += innovation^2 / its variance
+  double* log_variance = nullptr;   // (lanes) += log of the innovation's variance
+  double* normalised = nullptr;     // (ny x lanes) innovation / its deviation, 0 if missing; nullable
 };
 
 struct WeighResult {

@@ -37,8 +37,7 @@ void predict_lanes(const PredictJob& job) {
     P p[max * max], a[max * max];
     for (std::uint32_t r = 0; r < nx; ++r)
       for (std::uint32_t c = r; c < nx; ++c)
-        p[r * nx + c] = p[c * nx + r] =
-            P::load(job.covariance + triangle_row(nx, r, c) * job.covariance_stride + lane);
+        p[r * nx + c] = p[c * nx + r] = P::load(job.covariance + triangle_row(nx, r, c) * job.covariance_stride + lane);
     for (std::uint32_t i = 0; i < nx * nx; ++i) a[i] = P::load(job.a + i * job.a_stride + lane);
     for (std::uint32_t r = 0; r < nx; ++r) {
       P ap[max];  // row r of A P
@@ -142,8 +141,7 @@ void correct(const CorrectJob& job) {
 WeighResult weigh(std::uint32_t n, const double* base, const double* gain, double exponent, double* weight) {
   const P power(exponent);
   P top(-__builtin_huge_val());
-  for (std::uint32_t i = 0; i < n; i += P::width)
-    top = max(fma(power, P::load(gain + i), P::load(base + i)), top);
+  for (std::uint32_t i = 0; i < n; i += P::width) top = max(fma(power, P::load(gain + i), P::load(base + i)), top);
   WeighResult result;
   result.largest = top.lane(0);
   for (int i = 1; i < P::width; ++i)

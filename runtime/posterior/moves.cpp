@@ -163,8 +163,7 @@ void Posterior::set_lane(std::uint32_t lane, std::uint32_t particle) {
 
 void Posterior::accept(std::uint32_t moves, bool pairs) {
   std::uint32_t accepted = 0;
-  for (std::uint32_t m = 0; m < moves; ++m)
-    accepted += try_move(proposals_[m], pairs ? moves + m : m, m) ? 1u : 0u;
+  for (std::uint32_t m = 0; m < moves; ++m) accepted += try_move(proposals_[m], pairs ? moves + m : m, m) ? 1u : 0u;
   acceptance_ += 0.05 * (static_cast<double>(accepted) / moves - acceptance_);
 }
 

@@ -168,8 +168,7 @@ void Posterior::reset() {
 
 /// The filters at a start(): the configured state, corrected by the first measurement, which does not count into
 /// the likelihood (it depends on no parameter).
-void Posterior::begin_filters(FilterRows rows, std::uint32_t lanes, double* squared_error,
-                              double* log_variance) const {
+void Posterior::begin_filters(FilterRows rows, std::uint32_t lanes, double* squared_error, double* log_variance) const {
   for (std::uint32_t l = 0; l < lanes; ++l) squared_error[l] = log_variance[l] = 0.0;
   for (std::uint32_t r = 0; r < nx_; ++r) {
     const double sd = config_->initial_state_sd[r];
@@ -262,8 +261,7 @@ void Posterior::predict_chunk(std::uint32_t c) const {
 void Posterior::predict_covariance(const Chunk& chunk, double period_s, const double* covariance,
                                    std::uint32_t stride) const {
   double variance[TILLER_MAX_STATES];
-  for (std::uint32_t i = 0; i < nx_; ++i)
-    variance[i] = config_->process_sd[i] * config_->process_sd[i] * period_s;
+  for (std::uint32_t i = 0; i < nx_; ++i) variance[i] = config_->process_sd[i] * config_->process_sd[i] * period_s;
   PredictJob job;
   job.nx = nx_;
   job.lanes = kChunk;
@@ -312,8 +310,8 @@ bool Posterior::explained(const Transition& t, std::uint32_t k) const {
   for (std::uint32_t i = 0; i < n_; ++i) {
     const Chunk& chunk = chunks_[i / kChunk];
     const std::uint32_t lane = i % kChunk;
-    const double error = state_difference(*config_->model, state, t.measured[k],
-                                          chunk.predicted.state[state * kChunk + lane]);
+    const double error =
+        state_difference(*config_->model, state, t.measured[k], chunk.predicted.state[state * kChunk + lane]);
     const double variance = chunk.predicted.covariance[row * kChunk + lane] + measurement_variance_[k];
     // the first particle usually ends the search
     if (cloud_.weight[i] > 0.0 && error * error <= kGate * kGate * scale * variance) return true;

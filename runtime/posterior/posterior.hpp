@@ -12,8 +12,8 @@ namespace tiller {
 
 /// What happened between two measurements.
 struct Transition {
-  double period_s = 0.0;                       // measured
-  double input[TILLER_MAX_INPUTS] = {};        // mean command in force over the period
+  double period_s = 0.0;                          // measured
+  double input[TILLER_MAX_INPUTS] = {};           // mean command in force over the period
   double measured[TILLER_MAX_MEASUREMENTS] = {};  // (ny) at its end; NaN: missing
 };
 
@@ -80,11 +80,11 @@ class Posterior {
 
   /// What each particle carries: rows of N.
   struct Cloud {
-    double* params = nullptr;        // (np x N)
-    double* coordinate = nullptr;    // (d x N)
+    double* params = nullptr;      // (np x N)
+    double* coordinate = nullptr;  // (d x N)
     FilterRows filter;
-    double* squared_error = nullptr;  // (N) over all data
-    double* log_variance = nullptr;   // (N) over all data
+    double* squared_error = nullptr;       // (N) over all data
+    double* log_variance = nullptr;        // (N) over all data
     double* base_squared_error = nullptr;  // (N) what came before the window's start (exact windows only)
     double* base_log_variance = nullptr;
     double* log_likelihood = nullptr;  // (N) of all data
@@ -101,7 +101,7 @@ class Posterior {
     double* coordinate = nullptr;  // (d)
     FilterRows filter;
     FilterRows predicted;
-    double* jacobian = nullptr;    // (nx * nx)
+    double* jacobian = nullptr;       // (nx * nx)
     double* squared_error = nullptr;  // (1)
     double* log_variance = nullptr;   // (1)
     double* normalised = nullptr;     // (ny)
@@ -128,8 +128,7 @@ class Posterior {
   void begin_filters(FilterRows rows, std::uint32_t lanes, double* squared_error, double* log_variance) const;
   void predict();
   void predict_chunk(std::uint32_t chunk) const;
-  void predict_covariance(const Chunk& chunk, double period_s, const double* covariance,
-                          std::uint32_t stride) const;
+  void predict_covariance(const Chunk& chunk, double period_s, const double* covariance, std::uint32_t stride) const;
   CorrectJob correct_job(const double* measured, std::uint32_t lanes) const;
   void gate(Transition& transition);
   bool explained(const Transition& transition, std::uint32_t k) const;
@@ -177,7 +176,7 @@ class Posterior {
   const FilterTable* filter_ = nullptr;
   const tiller_hooks_t* hooks_ = nullptr;
   std::uint32_t n_ = 0, nx_ = 0, nu_ = 0, np_ = 0, ns_ = 0, ny_ = 0, triangle_ = 0;
-  std::uint32_t d_ = 0;                            // inferred parameters
+  std::uint32_t d_ = 0;                             // inferred parameters
   std::uint32_t inferred_[TILLER_MAX_PARAMS] = {};  // (d) their rows
   double measurement_variance_[TILLER_MAX_MEASUREMENTS] = {};
   bool enabled_ = true;
@@ -185,10 +184,10 @@ class Posterior {
   // the cloud and the window
   Cloud cloud_;
   Ring<Transition> window_;
-  double* window_history_ = nullptr;   // (window + 1) x (delay_steps * nu)
-  double* input_history_ = nullptr;    // (kHistory x nu) newest first
-  std::uint64_t window_begin_ = 0;     // first transition of the window
-  bool window_exact_ = true;           // begins at a start(): any lane's filter there is known exactly
+  double* window_history_ = nullptr;  // (window + 1) x (delay_steps * nu)
+  double* input_history_ = nullptr;   // (kHistory x nu) newest first
+  std::uint64_t window_begin_ = 0;    // first transition of the window
+  bool window_exact_ = true;          // begins at a start(): any lane's filter there is known exactly
   double start_measured_[TILLER_MAX_MEASUREMENTS] = {};
   StartLaw start_law_{};
   PastSummary past_{};
@@ -206,14 +205,14 @@ class Posterior {
 
   // where it stands
   bool started_ = false;
-  std::uint64_t tick_ = 0;             // updates since reset: names the random numbers
-  std::uint64_t scalars_ = 0;          // measured values that count, n of the noise's posterior
+  std::uint64_t tick_ = 0;     // updates since reset: names the random numbers
+  std::uint64_t scalars_ = 0;  // measured values that count, n of the noise's posterior
   double exponent_ = 1.0;
   double effective_samples_ = 0.0;
   double noise_scale_ = 1.0;
   double acceptance_ = 0.0;
-  std::uint32_t cursor_ = 0;           // next particle to move
-  std::uint32_t moved_ = 0;            // since the last resampling or change of exponent, saturates at N
+  std::uint32_t cursor_ = 0;  // next particle to move
+  std::uint32_t moved_ = 0;   // since the last resampling or change of exponent, saturates at N
   std::uint32_t gate_run_[TILLER_MAX_MEASUREMENTS] = {};
   std::uint64_t resamplings_ = 0, gated_ = 0;
 };

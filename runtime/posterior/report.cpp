@@ -35,8 +35,7 @@ void Posterior::moments(double* param_mean, double* param_sd, double* state_mean
       within += cloud_.weight[k] * variance[k];
     }
     if (state_mean) state_mean[i] = row[heaviest] + mean;
-    if (state_sd)
-      state_sd[i] = std::sqrt(std::fmax(0.0, between - mean * mean) + noise_scale_ * noise_scale_ * within);
+    if (state_sd) state_sd[i] = std::sqrt(std::fmax(0.0, between - mean * mean) + noise_scale_ * noise_scale_ * within);
   }
 }
 
@@ -60,9 +59,8 @@ double Posterior::quantile(std::uint32_t param, double q) const {
   const double* row = cloud_.params + param * n_;
   for (std::uint32_t k = 0; k < n_; ++k) order_[k] = k;
   // ties by index: the order, and so the sum's bits, are the same in every standard library
-  std::sort(order_, order_ + n_, [row](std::uint32_t a, std::uint32_t b) {
-    return row[a] != row[b] ? row[a] < row[b] : a < b;
-  });
+  std::sort(order_, order_ + n_,
+            [row](std::uint32_t a, std::uint32_t b) { return row[a] != row[b] ? row[a] < row[b] : a < b; });
   // each particle stands at the middle of its share of the weight
   double below = 0.0, last_at = 0.0;
   for (std::uint32_t k = 0; k < n_; ++k) {

@@ -26,10 +26,10 @@ inline tiller_config_t cart_pole_config() {
   c.effect_count = 1;
   c.effects[0] = {tiller_effect_viscous_friction, 0};
   c.param_count = 4;
-  c.priors[0] = fixed(1.0);            // cart_mass_kg
-  c.priors[1] = uniform(0.1, 0.3);     // pole_mass_kg
-  c.priors[2] = uniform(0.15, 0.45);   // half_length_m
-  c.priors[3] = uniform(0.25, 0.75);   // cart.damping_SI
+  c.priors[0] = fixed(1.0);           // cart_mass_kg
+  c.priors[1] = uniform(0.1, 0.3);    // pole_mass_kg
+  c.priors[2] = uniform(0.15, 0.45);  // half_length_m
+  c.priors[3] = uniform(0.25, 0.75);  // cart.damping_SI
   c.measurement_count = 2;
   c.measured_state[0] = 0;
   c.measured_state[1] = 1;
@@ -97,8 +97,7 @@ inline CartPoleLog simulate_cart_pole(const tiller_config_t& c, int steps, unsig
     job.controls = {&push, 0};
     job.final_state = out.data();
     table.rollout_f64(*c.model, job);
-    for (int i = 0; i < 4; ++i)
-      x[i] = out[i * lanes] + std::sqrt(c.period_s) * c.process_sd[i] * n(random);
+    for (int i = 0; i < 4; ++i) x[i] = out[i * lanes] + std::sqrt(c.period_s) * c.process_sd[i] * n(random);
     for (std::uint32_t i = 0; i < setup.effect_state_count; ++i) effects[i] = effects_out[i * lanes];
     for (std::size_t i = std::size(history) - 1; i > 0; --i) history[i] = history[i - 1];
     history[0] = push;

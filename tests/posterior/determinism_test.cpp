@@ -119,7 +119,10 @@ TEST(Determinism, NoHeapInTenThousandUpdates) {
   auto log = rig::simulate(c, 0.9, 0.3, 10000, 12);
   rig::Instance p(c);
   const long at_work = heap_calls;
-  { std::vector<double> proof(100); ASSERT_GT(proof.capacity(), 0u); }
+  {
+    std::vector<double> proof(100);
+    ASSERT_GT(proof.capacity(), 0u);
+  }
   ASSERT_GT(heap_calls, at_work) << "the trap itself must work";
   int faults = 0;
   const long before = heap_calls;

@@ -101,8 +101,9 @@ void expect_agreement(const tiller_config_t& base, int steps, int runs, bool bot
       sum.high += gap.high / runs;
     }
     const double few = 4.0 / std::sqrt(static_cast<double>(runs));
-    std::printf("%d steps, window %u, parameter %u, %d runs: mean %+.3f sd, sd ratio %.3f, q05 %+.3f sd, q95 %+.3f sd\n",
-                steps, base.posterior.window, param, runs, sum.mean, sum.sd_ratio, sum.low, sum.high);
+    std::printf(
+        "%d steps, window %u, parameter %u, %d runs: mean %+.3f sd, sd ratio %.3f, q05 %+.3f sd, q95 %+.3f sd\n", steps,
+        base.posterior.window, param, runs, sum.mean, sum.sd_ratio, sum.low, sum.high);
     EXPECT_LT(std::fabs(sum.mean), few * bound.mean());
     EXPECT_LT(std::fabs(sum.sd_ratio - 1.0), few * bound.sd());
     EXPECT_LT(std::fabs(sum.low), few * bound.tail());
@@ -154,8 +155,9 @@ TEST(Exact, TemperingEndsAtTheExactPosterior) {
   }
   const rig::GridPosterior exact(c, log);
   const Gap gap = compare(*p, 0, exact.gain);
-  std::printf("prior sd %.3f -> %.5f; tempered in %d of 60 updates, exponent down to %.3f; mean %+.3f sd, sd ratio %.3f\n",
-              1.0 / std::sqrt(12.0), exact.gain.sd, tempered, smallest, gap.mean, gap.sd_ratio);
+  std::printf(
+      "prior sd %.3f -> %.5f; tempered in %d of 60 updates, exponent down to %.3f; mean %+.3f sd, sd ratio %.3f\n",
+      1.0 / std::sqrt(12.0), exact.gain.sd, tempered, smallest, gap.mean, gap.sd_ratio);
   EXPECT_GT(tempered, 0);
   EXPECT_EQ(p->exponent(), 1.0);
   const Bounds bound(c.posterior.particles);

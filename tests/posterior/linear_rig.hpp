@@ -141,8 +141,8 @@ struct Log {
 
 /// Simulates the system with process and measurement noise scaled by `noise` (a standard deviation), forces drawn
 /// anew every five steps.
-inline Log simulate(const tiller_config_t& c, double gain, double damping, int steps, unsigned seed,
-                    double noise = 1.0, double force = 1.0) {
+inline Log simulate(const tiller_config_t& c, double gain, double damping, int steps, unsigned seed, double noise = 1.0,
+                    double force = 1.0) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> n;
   double position = c.initial_state[0] + noise * c.initial_state_sd[0] * n(random);
