@@ -1,0 +1,328 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "bench.hpp"
+
+namespace {
+
+using bench::Bench;
+using bench::known_pendulum;
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+// ---- transitions ---------------------------------------------------------------------------------------
+
+TEST(Transition, CarriesTheCommandThatWasInForce) {
+  Bench b;
+  b.activate();  // answers zero
+  for (int k = 1; k <= 5; ++k) {
+    fakes::planner.command[0] = k;
+    (void)b.tick();
+    const tiller::Transition& t = fakes::posterior.transitions.back();
+    EXPECT_DOUBLE_EQ(t.period_s, 0.02);
+    EXPECT_EQ(t.input[0], k - 1.0) << "exact: one command held for the whole period";
+    EXPECT_EQ(t.measured[0], 0.1);
+  }
+}
+
+TEST(Transition, LatencySplitsThePeriodBetweenTwoCommands) {
+  Bench b;
+  b.activate();
+  for (int k = 1; k <= 6; ++k) {
+    fakes::planner.command[0] = k;
+    tiller_measurement_t m = b.reading(0.1);
+    m.command_latency_us = 5000;
+    (void)b.tick(&m);
+    // a quarter of the period the command before the last, three quarters the last; the first ones had no latency
+    if (k >= 3) {
+      EXPECT_NEAR(fakes::posterior.transitions.back().input[0], 0.25 * (k - 2) + 0.75 * (k - 1), 1e-12);
+    }
+  }
+}
+
+TEST(Transition, LatencyThatHasRunOutDoesNotReachIntoThePast) {
+  Bench b;
+  b.activate();
+  for (int k = 1; k <= 4; ++k) {
+    fakes::planner.command[0] = k;
+    tiller_measurement_t m = b.reading(0.1);
+    m.stamp_us -= 10000;          // read half a period ago,
+    m.command_latency_us = 3000;  // which is more than the latency claimed
+    (void)b.tick(&m);
+    if (k >= 3) {
+      EXPECT_NEAR(fakes::posterior.transitions.back().input[0], 0.5 * (k - 2) + 0.5 * (k - 1), 1e-12);
+    }
+  }
+}
+
+TEST(Transition, MissedMeasurementMakesALongerPeriodWithTheMeanCommand) {
+  Bench b;
+  b.activate();
+  fakes::planner.command[0] = 2.0;
+  fakes::planner.sequence = {0.0f, 6.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
+  (void)b.tick();
+  (void)b.tick(nullptr);  // the plan's second step: 6
+  EXPECT_EQ(b.command.value[0], 6.0);
+  (void)b.tick();
+  const tiller::Transition& t = fakes::posterior.transitions.back();
+  EXPECT_DOUBLE_EQ(t.period_s, 0.04);
+  EXPECT_NEAR(t.input[0], 4.0, 1e-12);
+}
+
+TEST(Transition, MeasuredStampsCountAndNotThePeriod) {
+  Bench b;
+  b.activate();
+  b.now_us += 3500;
+  (void)b.tick();
+  EXPECT_NEAR(fakes::posterior.transitions.back().period_s, 0.0235, 1e-12);
+}
+
+TEST(Transition, GapBeyondFourPeriodsStartsTheFilters) {
+  tiller_config_t config = known_pendulum();
+  config.safety.sensor_timeout_s = 10.0;
+  Bench b(config);
+  b.activate();
+  EXPECT_EQ(fakes::posterior.starts, 1);
+  b.now_us += 3 * b.period_us;
+  (void)b.tick();
+  EXPECT_EQ(fakes::posterior.starts, 1);
+  EXPECT_NEAR(fakes::posterior.transitions.back().period_s, 0.08, 1e-12);
+  b.now_us += 3 * b.period_us + 1;
+  (void)b.tick();
+  EXPECT_EQ(fakes::posterior.starts, 2);
+  EXPECT_EQ(fakes::posterior.transitions.size(), 1u);
+  EXPECT_EQ(b.executive->info().posterior_failures, 1u);
+  EXPECT_EQ(b.state(), tiller_state_active) << "planned from the new start";
+}
+
+TEST(Transition, NoLearningInSafe) {
+  Bench b;
+  b.activate();
+  (void)b.executive->stop(tiller_status_stopped);
+  const std::size_t before = fakes::posterior.transitions.size();
+  for (int i = 0; i < 5; ++i) EXPECT_EQ(b.tick(), tiller_status_stopped);
+  EXPECT_EQ(fakes::posterior.transitions.size(), before);
+  (void)b.executive->reset();
+  (void)b.tick();
+  EXPECT_EQ(fakes::posterior.starts, 2) << "the state estimate begins anew";
+}
+
+// ---- faults of the posterior ---------------------------------------------------------------------------
+
+TEST(Learn, DegeneratePosteriorIsCountedAndPlanningGoesOn) {
+  Bench b;
+  b.activate();
+  fakes::posterior.update_status = tiller_status_posterior_degenerate;
+  const int plans = fakes::planner.plans;
+  EXPECT_EQ(b.tick(), tiller_status_posterior_degenerate);
+  EXPECT_EQ(fakes::planner.plans, plans + 1);
+  EXPECT_EQ(b.state(), tiller_state_active);
+  EXPECT_EQ(b.executive->info().posterior_failures, 1u);
+  fakes::posterior.update_status = tiller_status_tempered;
+  EXPECT_EQ(b.tick(), tiller_status_tempered);
+  EXPECT_EQ(b.executive->info().posterior_failures, 1u) << "news, not a failure";
+}
+
+TEST(Learn, StateThatIsNotFiniteIsNotPlannedFromAndBeginsAnew) {
+  Bench b;
+  b.activate();
+  fakes::posterior.state[1] = kNan;
+  const int plans = fakes::planner.plans;
+  EXPECT_EQ(b.tick(), tiller_status_state_not_finite);
+  EXPECT_EQ(fakes::planner.plans, plans);
+  EXPECT_TRUE(std::isfinite(b.command.value[0]));
+  fakes::posterior.state[1] = 0.0;
+  EXPECT_EQ(b.tick(), tiller_status_ok);
+  EXPECT_EQ(fakes::posterior.starts, 2);
+  EXPECT_EQ(fakes::planner.plans, plans + 1);
+}
+
+TEST(Learn, HoldWithAStateThatIsNotFiniteSendsTheSafeCommand) {
+  tiller_config_t config = known_pendulum();
+  config.safety.safe_command[0] = 0.5;
+  Bench b(config);
+  b.activate();
+  fakes::planner.result.status = tiller_status_plan_not_finite;
+  (void)b.tick();
+  ASSERT_EQ(b.state(), tiller_state_hold);
+  fakes::posterior.state[0] = fakes::posterior.state[1] = kNan;
+  tiller_measurement_t m = b.reading(kNan);
+  (void)b.tick(&m);  // rejected: the estimate is still good
+  EXPECT_NE(b.command.value[0], 0.5);
+  fakes::posterior.state[1] = kNan;
+  fakes::posterior.start_status = tiller_status_sensor_not_finite;
+  m = b.reading(0.2);
+  (void)b.tick(&m);
+  EXPECT_TRUE(std::isfinite(b.command.value[0]));
+}
+
+// ---- faults of the planner -----------------------------------------------------------------------------
+
+TEST(Plan, FailureIsHoldWithFeedbackAndRecoversByItself) {
+  Bench b;
+  b.activate();
+  fakes::planner.result.status = tiller_status_plan_not_finite;
+  fakes::planner.command[0] = 9.0;
+  EXPECT_EQ(b.tick(0.1), tiller_status_plan_not_finite);
+  EXPECT_EQ(b.state(), tiller_state_hold);
+  EXPECT_DOUBLE_EQ(b.command.value[0], -2.0 * 0.1) << "u = -K (x - target), not the planner's";
+  EXPECT_EQ(b.executive->info().first_fault, tiller_status_plan_not_finite);
+  EXPECT_EQ(b.tick(0.15), tiller_status_plan_not_finite);
+  EXPECT_DOUBLE_EQ(b.command.value[0], -2.0 * 0.15);
+  EXPECT_EQ(b.executive->info().plan_failures, 2u);
+
+  fakes::planner.result.status = tiller_status_ok;
+  const int resets = fakes::planner.resets;
+  EXPECT_EQ(b.tick(), tiller_status_ok);
+  EXPECT_EQ(b.state(), tiller_state_active);
+  EXPECT_EQ(b.command.value[0], 9.0);
+  EXPECT_EQ(b.executive->info().first_fault, tiller_status_ok);
+  EXPECT_EQ(fakes::planner.resets, resets) << "HOLD is motion: the warm start stays";
+}
+
+TEST(Plan, CommandThatIsNotFiniteIsAFailureWhateverTheStatusSays) {
+  for (double bad : {kNan, std::numeric_limits<double>::infinity()}) {
+    Bench b;
+    b.activate();
+    fakes::planner.command[0] = bad;
+    EXPECT_EQ(b.tick(0.1), tiller_status_plan_not_finite);
+    EXPECT_EQ(b.state(), tiller_state_hold);
+    EXPECT_DOUBLE_EQ(b.command.value[0], -0.2);
+  }
+}
+
+TEST(Plan, HoldAngleErrorIsWrapped) {
+  tiller_config_t config = known_pendulum();
+  config.cost.target[0] = 3.0;
+  Bench b(config);
+  b.activate();
+  fakes::planner.result.status = tiller_status_plan_not_finite;
+  (void)b.tick(-3.1);
+  EXPECT_NEAR(b.command.value[0], -2.0 * (-6.1 + 6.283185307179586), 1e-12);
+}
+
+TEST(Plan, CommandBeyondTheLimitsIsCutAndCounted) {
+  Bench b;
+  b.activate();
+  fakes::planner.command[0] = 50.0;
+  EXPECT_EQ(b.tick(), tiller_status_command_limited);
+  EXPECT_EQ(b.command.value[0], 10.0);
+  EXPECT_EQ(b.executive->info().gate_cuts, 1u);
+  EXPECT_EQ(b.state(), tiller_state_active);
+  (void)b.tick();
+  EXPECT_EQ(fakes::planner.last_command[0], 10.0) << "the planner is told what was sent, not what it wished";
+}
+
+TEST(Plan, NoTimeForAnIterationKeepsThePlanAndThenHolds) {
+  Bench b;
+  b.activate();
+  fakes::planner.result = {tiller_status_iteration_capped, 0, 0.0};
+  fakes::planner.command[0] = 1.0;
+  for (int i = 0; i < 4; ++i) {
+    EXPECT_EQ(b.tick(), tiller_status_deadline_missed) << i;
+    EXPECT_EQ(b.state(), tiller_state_active) << "half of the horizon of eight is trusted";
+    EXPECT_EQ(b.command.value[0], 1.0);
+  }
+  (void)b.tick();
+  EXPECT_EQ(b.state(), tiller_state_hold);
+  EXPECT_EQ(b.executive->info().first_fault, tiller_status_deadline_missed);
+  EXPECT_EQ(b.executive->info().late_plans, 5u);
+  fakes::planner.result = {tiller_status_iteration_capped, 1, 0.0};
+  EXPECT_EQ(b.tick(), tiller_status_iteration_capped);
+  EXPECT_EQ(b.state(), tiller_state_active);
+}
+
+TEST(Plan, WarmStartIsDroppedOnlyWhenMotionBegins) {
+  Bench b;
+  (void)b.tick();
+  EXPECT_EQ(fakes::planner.plans, 0) << "STANDBY does not plan";
+  const int resets = fakes::planner.resets;
+  b.activate();
+  EXPECT_EQ(fakes::planner.resets, resets + 1);
+  (void)b.tick();
+  EXPECT_EQ(fakes::planner.resets, resets + 1);
+  (void)b.executive->disarm();
+  (void)b.tick();
+  b.activate();
+  EXPECT_EQ(fakes::planner.resets, resets + 2);
+}
+
+TEST(Plan, ForcedIterationsHoldForOneTick) {
+  Bench b;
+  b.activate();
+  const std::uint32_t configured = fakes::planner.iterations_asked;
+  b.executive->force_iterations(7);
+  (void)b.tick();
+  EXPECT_EQ(fakes::planner.iterations_asked, 7u);
+  (void)b.tick();
+  EXPECT_EQ(fakes::planner.iterations_asked, configured);
+}
+
+std::int64_t fixed_clock(void*) { return 5000; }
+
+TEST(Plan, DeadlineCountsFromTheTicksStartAndNeedsAClock) {
+  tiller_config_t config = known_pendulum();
+  config.planner.deadline_us = 3;
+  {
+    Bench b(config);
+    b.activate();
+    EXPECT_EQ(fakes::planner.deadline_ns, 0);
+  }
+  tiller_hooks_t hooks = {};
+  hooks.now_ns = fixed_clock;
+  Bench b(config, &hooks);
+  b.activate();
+  EXPECT_EQ(fakes::planner.deadline_ns, 5000 + 3000);
+  b.executive->force_iterations(2);
+  (void)b.tick();
+  EXPECT_EQ(fakes::planner.deadline_ns, 0) << "a replay has no clock";
+}
+
+TEST(Plan, BeginsWhereTheRobotWillBeWhenTheCommandTakesHold) {
+  Bench b;
+  b.activate();
+  fakes::posterior.state[1] = 1.0;  // rad/s
+  (void)b.tick(0.5);
+  EXPECT_EQ(fakes::planner.belief_state[0], 0.5f) << "no latency: from the measurement";
+  tiller_measurement_t m = b.reading(0.5);
+  m.command_latency_us = 10000;
+  (void)b.tick(&m);
+  // 10 ms at 1 rad/s, less what gravity and damping take: 0.5 (9.81 / 0.5 sin 0.5 + 0.5 / 0.125) 1e-4 = 6.7e-4
+  EXPECT_NEAR(fakes::planner.belief_state[0], 0.51 - 6.7e-4, 1e-5);
+}
+
+// ---- the record ----------------------------------------------------------------------------------------
+
+TEST(Record, KeepsEveryInputAndOutput) {
+  Bench b;
+  b.activate();
+  fakes::planner.command[0] = 1.25;
+  fakes::planner.result = {tiller_status_ok, 2, 33.0};
+  tiller_measurement_t m = b.reading(0.3);
+  m.sequence = 77;
+  m.command_latency_us = 1234;
+  const std::int64_t now_us = b.now_us;
+  (void)b.tick(&m);
+  const tiller_record_t* r = b.executive->recorder().find(1);
+  ASSERT_NE(r, nullptr);
+  EXPECT_EQ(r->tick, 1u);
+  EXPECT_EQ(r->now_us, now_us);
+  EXPECT_EQ(r->has_measurement, 1u);
+  EXPECT_EQ(r->measurement.sequence, 77u);
+  EXPECT_EQ(r->measurement.command_latency_us, 1234u);
+  EXPECT_EQ(r->measurement.value[0], 0.3);
+  EXPECT_EQ(r->command.sequence, 77u);
+  EXPECT_EQ(r->command.value[0], 1.25);
+  EXPECT_EQ(r->planner_iterations, 2u);
+  EXPECT_EQ(r->plan_cost, 33.0);
+  EXPECT_EQ(r->state_mean[0], 0.3);
+  EXPECT_EQ(r->calls, 0u);
+  ASSERT_NE(b.executive->recorder().find(0), nullptr);
+  EXPECT_EQ(b.executive->recorder().find(0)->calls, static_cast<std::uint32_t>(tiller_call_arm));
+  (void)b.tick(nullptr);
+  EXPECT_EQ(b.executive->recorder().find(2)->has_measurement, 0u);
+}
+
+}  // namespace

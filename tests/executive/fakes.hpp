@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "planners/planner.hpp"
+#include "posterior/posterior.hpp"
+
+namespace fakes {
+
+/// What the fake planner is to answer and what it was asked.
+struct Planner {
+  double command[TILLER_MAX_INPUTS] = {};
+  tiller::PlanResult result = {tiller_status_ok, 1, 0.0};
+  std::function<void()> before_answer;  // may change the two above
+  int plans = 0, resets = 0;
+  std::uint32_t iterations_asked = 0;
+  std::int64_t deadline_ns = 0;
+  double last_command[TILLER_MAX_INPUTS] = {};
+  std::vector<float> belief_state;  // (nx x M)
+  std::vector<float> sequence;      // (horizon x nu)
+};
+extern Planner planner;
+
+/// What the fake posterior is to answer and what it was told. Its state mean is the last measurement and zero
+/// velocities, its parameters are one half.
+struct Posterior {
+  tiller_status_t start_status = tiller_status_ok, update_status = tiller_status_ok;
+  int starts = 0;
+  std::vector<tiller::Transition> transitions;
+  double state[TILLER_MAX_STATES] = {};
+  double state_sd = 0.0;
+  double param[TILLER_MAX_PARAMS] = {};
+  float param_step = 0.0f;  // particle i of a draw has param + i * param_step
+};
+extern Posterior posterior;
+
+/// Both as new.
+void reset();
+
+}  // namespace fakes

@@ -1,0 +1,55 @@
+#include "executive/motion_check.hpp"
+
+#include <gtest/gtest.h>
+
+#include "bench.hpp"
+
+namespace {
+
+class Motion : public ::testing::Test {
+ protected:
+  Motion() : config_(bench::known_pendulum()), storage_(1 << 16), source_storage_(1 << 16) {
+    fakes::reset();
+    (void)make_step_setup(config_, setup_);
+    const tiller::RolloutTable& table = tiller::select_rollout(*config_.model);
+    tiller::Arena arena = storage_.arena();
+    motion_.lay_out(arena, config_, setup_, table);
+    tiller::Arena source_arena = source_storage_.arena();
+    source_ = tiller::Posterior::lay_out(source_arena, config_, setup_, table, nullptr);
+  }
+  bool moves(double angle, double rate_sd, double torque_Nm, int steps) {
+    const double mean[] = {angle, 0.0}, sd[] = {0.0, rate_sd};
+    motion_.begin(*source_, 1, mean, sd);
+    for (int i = 0; i < steps; ++i) motion_.step(0.02, &torque_Nm, nullptr);
+    EXPECT_EQ(motion_.steps(), static_cast<std::uint32_t>(steps));
+    return motion_.should_move();
+  }
+  tiller_config_t config_;
+  bench::Storage storage_, source_storage_;
+  tiller::StepSetup setup_;
+  tiller::MotionCheck motion_;
+  tiller::Posterior* source_ = nullptr;
+};
+
+TEST_F(Motion, NothingIsExpectedBeforeItBegins) { EXPECT_FALSE(motion_.should_move()); }
+
+TEST_F(Motion, TorqueMoves) { EXPECT_TRUE(moves(0.0, 0.0, 0.5, 10)); }
+
+TEST_F(Motion, RestRests) {
+  EXPECT_FALSE(moves(0.0, 0.0, 0.0, 100));
+  // held at 0.3 rad by the torque that balances gravity: 0.25 kg m * 9.81 * sin 0.3
+  EXPECT_FALSE(moves(0.3, 0.0, 0.25 * 9.81 * 0.29552020666, 100));
+}
+
+TEST_F(Motion, TooLittleToSeeIsNoMotion) {
+  // the sensor's noise is 1 mrad; this torque leans the pendulum by 2.4 mrad, below six deviations
+  EXPECT_FALSE(moves(0.0, 0.0, 0.006, 25));
+}
+
+TEST_F(Motion, DoubtAboutTheRateIsDoubtAboutTheMotion) {
+  // 0.1 Nm moves it by 12 sensor deviations in 0.2 s, a rate of -0.09 rad/s that it may have had takes that back
+  EXPECT_TRUE(moves(0.0, 0.0, 0.1, 10));
+  EXPECT_FALSE(moves(0.0, 0.06, 0.1, 10));
+}
+
+}  // namespace
