@@ -3,6 +3,7 @@
 // A batch of rollouts with random but reproducible content, for any registered model.
 
 #include <cmath>
+#include <cstdlib>
 #include <vector>
 
 #include "core/rng.hpp"
