@@ -5,8 +5,8 @@
 #   include/tiller  the C ABI and the authoring headers
 #   include/tiller/runtime/<part>   headers of the parts; with this folder on the path "<part>/file.hpp" works
 #   lib/cmake/tiller  tillerConfig.cmake
-#   bin/tiller      the command
-#   share/tiller    its Python package
+#
+# The command, its Python package and the robot files are installed by tools/, message types by runtime/io.
 
 include(CMakePackageConfigHelpers)
 set(TILLER_CMAKE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/tiller)
@@ -108,15 +108,6 @@ endforeach()
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/runtime/include/tiller DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
   FILES_MATCHING PATTERN "*.hpp" PATTERN "*.h" PATTERN "*.def")
 install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
-
-# The command is whichever executable of tools/ is called tiller.
-if(TARGET tiller)
-  install(TARGETS tiller RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
-endif()
-if(EXISTS ${PROJECT_SOURCE_DIR}/tools/python)
-  install(DIRECTORY ${PROJECT_SOURCE_DIR}/tools/python DESTINATION ${CMAKE_INSTALL_DATADIR}/tiller
-    PATTERN "__pycache__" EXCLUDE)
-endif()
 
 # Names for tillerConfig.cmake: what the exported targets link, no more.
 foreach(package IN ITEMS Eigen3::Eigen:EIGEN xsimd:XSIMD)

@@ -32,4 +32,7 @@ endforeach()
 
 if(COMMAND_BUILT)
   run(${WORK}/prefix/bin/tiller --help)
+  if(NOT out MATCHES "identify")
+    message(FATAL_ERROR "the installed command's help does not name its subcommands:\n${out}")
+  endif()
 endif()
