@@ -1,0 +1,271 @@
+// Models from outside: compiled once, refused with reasons.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+#include "rollout/rollout.hpp"
+#include "tools/model_compiler.hpp"
+#include "tools/model_loader.hpp"
+
+namespace tiller::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Loader : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::path(testing::TempDir()) / (std::string("loader_") +
+              testing::UnitTest::GetInstance()->current_test_info()->name());
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+    setenv("TILLER_CACHE", (folder_ / "cache").c_str(), 1);
+    unsetenv("TILLER_CXX");
+    unsetenv("TILLER_CC");
+    unsetenv("TILLER_INCLUDE");
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  std::string write(const std::string& name, const std::string& text) const {
+    std::ofstream(folder_ / name) << text;
+    return (folder_ / name).string();
+  }
+  const tiller_model_t* load(const std::string& file, const std::string& type = "") {
+    ModelRequest request;
+    request.file = file;
+    request.type = type;
+    request.robot_dir = folder_.string();
+    error_.clear();
+    return load_model(request, error_);
+  }
+  int objects() const {
+    int count = 0;
+    if (fs::exists(folder_ / "cache"))
+      for (const auto& entry : fs::directory_iterator(folder_ / "cache")) count += entry.path().extension() == ".so";
+    return count;
+  }
+  void expect_said(const std::string& word) const {
+    EXPECT_NE(error_.find(word), std::string::npos) << "lacks '" << word << "': " << error_;
+  }
+
+  fs::path folder_;
+  std::string error_;
+};
+
+// x'' = u / m, in C.
+std::string mass_c(const std::string& extra = "") {
+  return R"(#include "tiller/model.h"
+static void dynamics(const double* x, const double* u, const double* f, const tiller_body_t* body, const double* p,
+                     double* dxdt) {
+  (void)f; (void)body;
+  dxdt[0] = x[1];
+  dxdt[1] = u[0] / p[0];
+}
+static const char* const states[] = {"position_m", "velocity_m_s"};
+static const char* const inputs[] = {"force_N"};
+static const char* const params[] = {"mass_kg"};
+static const tiller_model_t model = {.size = sizeof(tiller_model_t), .version = TILLER_MODEL_VERSION, .name = "mass",
+  .state_count = 2, .input_count = 1, .param_count = 1, .state_names = states, .input_names = inputs,
+  .param_names = params, .dynamics = dynamics)" +
+         extra + R"(};
+const tiller_model_t* tiller_model(void);
+const tiller_model_t* tiller_model(void) { return &model; }
+)";
+}
+
+// The same as a template, with a joint.
+std::string mass_hpp(const std::string& divisor = "p.mass_kg") {
+  return R"(#pragma once
+#include "tiller/model.hpp"
+namespace mine {
+template <class S>
+struct Mass {
+  static constexpr const char* name = "mass";
+  TILLER_FIELDS(State, S, position_m, velocity_m_s);
+  TILLER_FIELDS(Input, S, force_N);
+  TILLER_FIELDS(Params, S, mass_kg);
+  TILLER_FIELDS(Force, S, rail_N);
+  static constexpr tiller_joint_t joints[] = {{"rail", 0, 1, 0, 0}};
+  static constexpr unsigned angles = 0;
+  static State dynamics(const State& x, const Input& u, const Force& f, const tiller::Body<S>&, const Params& p) {
+    return {x.velocity_m_s, (u.force_N + f.rail_N) / )" +
+         divisor + R"(};
+  }
+};
+}  // namespace mine
+)";
+}
+
+TEST_F(Loader, BuiltInByName) {
+  ModelRequest request;
+  request.name = "cart_pole";
+  const tiller_model_t* model = load_model(request, error_);
+  ASSERT_NE(model, nullptr) << error_;
+  EXPECT_STREQ(model->name, "cart_pole");
+  request.name = "cartpole";
+  EXPECT_EQ(load_model(request, error_), nullptr);
+  expect_said("no built-in model 'cartpole'");
+  expect_said("pendulum");
+}
+
+TEST_F(Loader, CIsCompiledOnceAndAgainWhenItChanges) {
+  write("mass.c", mass_c());
+  const tiller_model_t* model = load("mass.c");
+  ASSERT_NE(model, nullptr) << error_;
+  EXPECT_EQ(objects(), 1);
+  testing::internal::CaptureStderr();
+  EXPECT_NE(load("mass.c"), nullptr) << error_;
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "") << "the kept copy serves";
+  EXPECT_EQ(objects(), 1);
+  write("mass.c", mass_c() + "\n/* changed */\n");
+  EXPECT_NE(load("mass.c"), nullptr) << error_;
+  EXPECT_EQ(objects(), 2);
+  const double x[] = {0, 2}, u[] = {3}, p[] = {1.5};
+  const tiller_body_t body = {0, -9.81, 0, 0};
+  double dxdt[2];
+  model->dynamics(x, u, nullptr, &body, p, dxdt);
+  EXPECT_EQ(dxdt[1], 2.0);
+}
+
+TEST_F(Loader, IncludedFilesCount) {
+  write("divisor.hpp", "#define DIVISOR p.mass_kg\n");
+  write("mass.hpp", "#include \"divisor.hpp\"\n" + mass_hpp("DIVISOR"));
+  ASSERT_NE(load("mass.hpp", "mine::Mass"), nullptr) << error_;
+  // what is included may be newer than the copy: a file of tomorrow stands for an edit
+  fs::last_write_time(folder_ / "divisor.hpp", fs::file_time_type::clock::now() + std::chrono::hours(24));
+  testing::internal::CaptureStderr();
+  EXPECT_NE(load("mass.hpp", "mine::Mass"), nullptr) << error_;
+  EXPECT_NE(testing::internal::GetCapturedStderr().find("compiling model"), std::string::npos);
+}
+
+TEST_F(Loader, TemplateRunsInTheLanesOfThisMachine) {
+  write("mass.hpp", mass_hpp());
+  const tiller_model_t* model = load("mass.hpp", "mine::Mass");
+  ASSERT_NE(model, nullptr) << error_;
+  ASSERT_EQ(model->param_count, 1u);
+  EXPECT_STREQ(model->joints[0].name, "rail");
+  ASSERT_NE(model->kernels, nullptr);
+  EXPECT_EQ(select_rollout(*model).isa, best_isa());
+
+  StepSetup setup;
+  setup.period_s = 0.1;
+  const double state[] = {1, 0}, params[] = {2.0}, controls[] = {4, 4, 4};
+  double final_state[2 * kLanePadding];
+  RolloutJob<double> job;
+  job.setup = &setup;
+  job.lanes = kLanePadding;
+  job.horizon = 3;
+  job.state.data = state;
+  job.params.data = params;
+  job.controls.data = controls;
+  job.final_state = final_state;
+  select_rollout(*model).rollout_f64(*model, job);
+  EXPECT_NEAR(final_state[0], 1 + 0.5 * 2 * 0.09, 1e-12);  // RK4 is exact for a constant acceleration
+  EXPECT_NEAR(final_state[kLanePadding], 0.6, 1e-12);
+}
+
+TEST_F(Loader, CompilerErrorsNameTheUsersFileAndLine) {
+  std::string text = mass_hpp();
+  text.replace(text.find("x.velocity_m_s,"), 14, "x.velocity_mps");
+  const std::string path = write("broken.hpp", text);
+  EXPECT_EQ(load("broken.hpp", "mine::Mass"), nullptr);
+  expect_said("does not compile");
+  expect_said(path + ":14:15: error:");
+  expect_said("velocity_mps");
+  EXPECT_LT(std::count(error_.begin(), error_.end(), '\n'), 25) << "no chain of templates: " << error_;
+  std::printf("%s\n", error_.c_str());
+  write("broken.c", "int tiller_model(void { return 0; }\n");
+  EXPECT_EQ(load("broken.c"), nullptr);
+  expect_said("broken.c:1:");
+  EXPECT_EQ(objects(), 0) << "a failed compilation leaves nothing to be loaded";
+}
+
+TEST_F(Loader, WrongRequestsAreRefused) {
+  EXPECT_EQ(load("nowhere.hpp", "Mass"), nullptr);
+  expect_said("no such model file");
+  write("mass.hpp", mass_hpp());
+  EXPECT_EQ(load("mass.hpp"), nullptr);
+  expect_said("type must name the struct");
+  for (const char* type : {"Mass); system(\"true\"", "1Mass", "a::", "::a", "a b", "a:b", "Mass<int>"}) {
+    EXPECT_EQ(load("mass.hpp", type), nullptr) << type;
+    expect_said("type must name the struct");
+  }
+  write("mass.c", mass_c());
+  EXPECT_EQ(load("mass.c", "Mass"), nullptr);
+  expect_said("has no type");
+  write("mass.py", "");
+  EXPECT_EQ(load("mass.py"), nullptr);
+  expect_said("this is '.py'");
+  write("text.so", "not an object");
+  EXPECT_EQ(load("text.so"), nullptr);
+  expect_said("cannot be loaded");
+  EXPECT_EQ(load("mass.hpp", "mine::Weight"), nullptr);
+  expect_said("Weight");
+  EXPECT_EQ(load_model({}, error_), nullptr);
+  expect_said("needs name");
+}
+
+TEST_F(Loader, FileNamesAreNeverCommands) {
+  const fs::path trap = folder_ / "trap";
+  const std::string name = "a b;touch " + trap.filename().string() + ";$(touch trap)`touch trap`.c";
+  fs::current_path(folder_);
+  write(name, mass_c());
+  EXPECT_NE(load(name), nullptr) << error_;
+  EXPECT_FALSE(fs::exists(trap));
+  write("quote\".hpp", mass_hpp());
+  EXPECT_EQ(load("quote\".hpp", "mine::Mass"), nullptr);
+  expect_said("rename it");
+}
+
+TEST_F(Loader, MissingCompilerAndReadOnlyCache) {
+  write("mass.c", mass_c());
+  setenv("TILLER_CC", "/nonexistent/cc", 1);
+  EXPECT_EQ(load("mass.c"), nullptr);
+  expect_said("no compiler '/nonexistent/cc'");
+  expect_said("TILLER_CC");
+  unsetenv("TILLER_CC");
+  setenv("TILLER_CACHE", "/proc/nowhere", 1);
+  EXPECT_EQ(load("mass.c"), nullptr);
+  expect_said("TILLER_CACHE");
+}
+
+TEST_F(Loader, ACacheThatOthersMayWriteIsNotTrusted) {
+  write("mass.c", mass_c());
+  fs::create_directories(folder_ / "cache");
+  fs::permissions(folder_ / "cache", fs::perms::all);
+  EXPECT_EQ(load("mass.c"), nullptr);
+  expect_said("not to be trusted");
+}
+
+TEST_F(Loader, TablesAreChecked) {
+  const struct {
+    const char* from;
+    const char* to;
+    const char* said;
+  } cases[] = {
+      {"TILLER_MODEL_VERSION, .name", "77, .name", "size or version"},
+      {".state_count = 2", ".state_count = 13", "state_count is 13; allowed: 1 to 12"},
+      {".input_count = 1", ".input_count = 0", "input_count is 0"},
+      {".dynamics = dynamics", ".jacobian = 0", "has no dynamics"},
+      {"\"velocity_m_s\"", "\"position_m\"", "has 'position_m' twice"},
+      {".param_names = params", ".param_names = 0", "param_names is null"},
+      {".name = \"mass\"", ".name = \"\"", "has no name"},
+      {"return &model;", "return 0;", "returned null"},
+      {"tiller_model(void)", "my_model(void)", "has no function"},
+  };
+  for (const auto& c : cases) {
+    std::string text = mass_c();
+    for (std::size_t at = text.find(c.from); at != std::string::npos; at = text.find(c.from, at + 1)) {
+      text.replace(at, std::string(c.from).size(), c.to);
+    }
+    write("table.c", text);
+    EXPECT_EQ(load("table.c"), nullptr) << c.said;
+    expect_said(c.said);
+  }
+}
+
+}  // namespace
+}  // namespace tiller::tools
