@@ -193,7 +193,7 @@ tiller_status_t find_interface(const SocketCanTransport* transport, const char* 
     set_open_error(error, "socketcan: interface name '%.40s' is longer than 15 characters", name);
     return tiller_status_io_error;
   }
-  std::strcpy(request.ifr_name, name);
+  std::memcpy(request.ifr_name, name, std::strlen(name) + 1);
   if (ioctl(transport->socket, SIOCGIFINDEX, &request) != 0) {
     set_open_error(error,
                    "socketcan: there is no interface '%s' (ip -brief link lists them). A virtual one: sudo ip "
@@ -202,13 +202,6 @@ tiller_status_t find_interface(const SocketCanTransport* transport, const char* 
     return tiller_status_io_error;
   }
   index = request.ifr_ifindex;
-  if (ioctl(transport->socket, SIOCGIFFLAGS, &request) == 0 && (request.ifr_flags & IFF_UP) == 0) {
-    set_open_error(error,
-                   "socketcan: interface '%s' is down. sudo ip link set %s up type can bitrate 500000 "
-                   "(your bus's bit rate; a virtual interface has none)",
-                   name, name);
-    return tiller_status_io_error;
-  }
   return tiller_status_ok;
 }
 
@@ -258,6 +251,20 @@ tiller_status_t bind_to(const SocketCanTransport* transport, const char* name, i
   return tiller_status_io_error;
 }
 
+// After bind, so that an interface of another kind is called what it is.
+tiller_status_t check_up(const SocketCanTransport* transport, const char* name, OpenError* error) {
+  ifreq request{};
+  std::memcpy(request.ifr_name, name, std::strlen(name) + 1);
+  if (ioctl(transport->socket, SIOCGIFFLAGS, &request) == 0 && (request.ifr_flags & IFF_UP) == 0) {
+    set_open_error(error,
+                   "socketcan: interface '%s' is down. sudo ip link set %s up type can bitrate 500000 "
+                   "(your bus's bit rate; a virtual interface has none)",
+                   name, name);
+    return tiller_status_io_error;
+  }
+  return tiller_status_ok;
+}
+
 }  // namespace
 
 const tiller_transport_t kSocketCanTransport = {
@@ -277,6 +284,7 @@ tiller_status_t socketcan_open(SocketCanTransport* transport, const SocketCanOpt
   if (status == tiller_status_ok) status = find_interface(transport, options.interface, index, error);
   if (status == tiller_status_ok) status = configure(transport, options, error);
   if (status == tiller_status_ok) status = bind_to(transport, options.interface, index, error);
+  if (status == tiller_status_ok) status = check_up(transport, options.interface, error);
   if (status != tiller_status_ok) socketcan_close(transport);
   return status;
 }
