@@ -155,7 +155,8 @@ TEST(Learn, HoldWithAStateThatIsNotFiniteSendsTheSafeCommand) {
   fakes::posterior.start_status = tiller_status_sensor_not_finite;
   m = b.reading(0.2);
   (void)b.tick(&m);
-  EXPECT_TRUE(std::isfinite(b.command.value[0]));
+  EXPECT_EQ(b.command.value[0], 0.5);
+  EXPECT_EQ(b.executive->info().gate_rejections, 1u);
 }
 
 // ---- faults of the planner -----------------------------------------------------------------------------

@@ -239,7 +239,8 @@ typedef struct tiller_command {
   int64_t stamp_us;            /**< now_us of the tick */
   uint32_t sequence;           /**< of the measurement that it answers */
   uint32_t state;              /**< tiller_state_t after the tick */
-  double value[TILLER_MAX_INPUTS]; /**< (nu) finite, within limits and rate limits */
+  double value[TILLER_MAX_INPUTS]; /**< (nu) finite and within limits; in ACTIVE and HOLD within rate limits too
+                                        (the safe command goes out at once, see docs/safety.md) */
 } tiller_command_t;
 
 /** What a controller says of itself after a tick. Counters never decrease and wrap at 2^64. */
@@ -260,8 +261,12 @@ typedef struct tiller_info {
   double state_sd[TILLER_MAX_STATES];
   double param_mean[TILLER_MAX_PARAMS];
   double param_sd[TILLER_MAX_PARAMS];
-  uint64_t rejected_measurements, missing_values, late_plans, gate_cuts, gate_rejections, plan_failures,
-      posterior_failures;
+  uint64_t rejected_measurements; /**< whole measurements that the guard refused */
+  uint64_t missing_values;     /**< NaN in measurements that were taken in */
+  uint64_t late_plans;         /**< ticks whose deadline left no time for a single iteration */
+  uint64_t gate_cuts, gate_rejections; /**< commands cut to a limit; commands with NaN or infinity */
+  uint64_t plan_failures;      /**< ticks without a finite plan, or with a plan that was used up */
+  uint64_t posterior_failures; /**< degenerate updates, and filters begun anew after a gap of measurements */
 } tiller_info_t;
 
 /** Exact bytes that tiller_init needs; 0 if the configuration is not valid (tiller_config_check says why). */
