@@ -143,6 +143,9 @@ TEST_F(Robot, TheClockGoesOnOverItsThirtyTwoBits) {
   measurement(2, 0x10u);
   ASSERT_TRUE(robot.take(&taken));
   EXPECT_EQ(0x100000010ll, taken.stamp_us);
+  measurement(3, 0x8u);
+  ASSERT_TRUE(robot.take(&taken));
+  EXPECT_EQ(0x100000008ll, taken.stamp_us) << "a clock that goes back is shown as it is; the controller refuses it";
 }
 
 TEST_F(Robot, AnInvalidReadingIsMissing) {
