@@ -142,6 +142,7 @@ TEST(Learn, StateThatIsNotFiniteIsNotPlannedFromAndBeginsAnew) {
 TEST(Learn, HoldWithAStateThatIsNotFiniteSendsTheSafeCommand) {
   tiller_config_t config = known_pendulum();
   config.safety.safe_command[0] = 0.5;
+  config.safety.hold_gain[1] = 1.0;
   Bench b(config);
   b.activate();
   fakes::planner.result.status = tiller_status_plan_not_finite;
