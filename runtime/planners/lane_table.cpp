@@ -2,9 +2,9 @@
 
 namespace tiller {
 
-#define TILLER_LANE_COPY(isa)             \
-  namespace isa {                         \
-  extern const LaneTable kPlannerLanes;   \
+#define TILLER_LANE_COPY(isa)           \
+  namespace isa {                       \
+  extern const LaneTable kPlannerLanes; \
   }
 #ifdef TILLER_HAS_ISA_scalar
 TILLER_LANE_COPY(scalar)

@@ -23,14 +23,14 @@ struct SampleJob {
   std::uint32_t rows = 0;           // inputs * knots
   std::uint32_t first_rollout = 0;  // number of lane 0, a multiple of 16
   std::uint32_t lanes = 0;
-  std::uint32_t stride = 0;         // of `knots`
-  const NoiseKey* keys = nullptr;   // ((rows + 1) / 2)
-  const float* mean = nullptr;      // (rows)
-  const float* sd = nullptr;        // (rows)
-  const float* scale = nullptr;     // (kScales)
-  const float* low = nullptr;       // (rows)
-  const float* high = nullptr;      // (rows)
-  float* knots = nullptr;           // (rows x lanes)
+  std::uint32_t stride = 0;        // of `knots`
+  const NoiseKey* keys = nullptr;  // ((rows + 1) / 2)
+  const float* mean = nullptr;     // (rows)
+  const float* sd = nullptr;       // (rows)
+  const float* scale = nullptr;    // (kScales)
+  const float* low = nullptr;      // (rows)
+  const float* high = nullptr;     // (rows)
+  float* knots = nullptr;          // (rows x lanes)
 };
 
 /// Where the steps of the horizon stand between the knots.
@@ -44,11 +44,11 @@ struct KnotGrid {
 struct ExpandJob {
   KnotGrid grid;
   std::uint32_t lanes = 0;
-  std::uint32_t stride = 0;            // of `knots`
-  const float* knots = nullptr;        // (inputs * knots x lanes)
-  const float* start = nullptr;        // (inputs) command in force
-  const float* rate_step = nullptr;    // (inputs) largest change a step; negative: no limit
-  float* controls = nullptr;           // (horizon * inputs x lanes), row stride `lanes`
+  std::uint32_t stride = 0;          // of `knots`
+  const float* knots = nullptr;      // (inputs * knots x lanes)
+  const float* start = nullptr;      // (inputs) command in force
+  const float* rate_step = nullptr;  // (inputs) largest change a step; negative: no limit
+  float* controls = nullptr;         // (horizon * inputs x lanes), row stride `lanes`
 };
 
 /// Per rollout: the mean of the `tail` costliest of M particles (M: the plain mean; the last may count by a

@@ -11,8 +11,8 @@ namespace {
 //   - the base distribution is the present mean, so the cross term lambda u' Sigma^-1 eps of their eq. 25 is gone (the
 //     limit alpha -> 1 of their later papers); the cost of control is the configured quadratic alone;
 //   - the mean is taken over the noise as applied, after the limits: an input that cannot be had earns no weight;
-//   - lambda is not a setting: it is solved for, so that the effective sample size (sum w)^2 / sum w^2 is the configured
-//     share of K. A fixed lambda means something else for every cost, state and horizon;
+//   - lambda is not a setting: it is solved for, so that the effective sample size (sum w)^2 / sum w^2 is the
+//     configured share of K. A fixed lambda means something else for every cost, state and horizon;
 //   - the mean of good samples may be worse than any of them (two ways around an obstacle), so the step towards it is
 //     halved while it costs more than staying.
 

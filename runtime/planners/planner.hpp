@@ -7,8 +7,8 @@
 
 namespace tiller {
 
-/// The clock is read once a rollout call, by whichever thread works: hooks.now_ns must bear that if parallel_for is set.
-/// When to stop: after `iterations`, or when the clock passes `deadline_ns` (if there is a clock).
+/// When to stop: after `iterations`, or when the clock passes `deadline_ns` (if there is a clock). The clock is read
+/// once a rollout call, by whichever thread works: hooks.now_ns must bear that where parallel_for is set.
 struct Deadline {
   const tiller_hooks_t* hooks = nullptr;  // null, or hooks->now_ns null: no clock
   std::int64_t deadline_ns = 0;           // 0: none

@@ -25,7 +25,7 @@ struct SamplingMethod {
 
 /// The sampling core: K rollouts around a mean sequence of knots, evaluated on M particles under the risk. A plan is
 ///
-///     shift the mean -> [ draw knots -> expand -> roll out on each particle -> risk -> method ] x iterations -> command
+///     shift the mean -> [ draw knots, expand, roll out on each particle, risk, method ] x iterations -> command
 ///
 /// Rollouts are worked off in chunks of a fixed partition, small enough that a chunk's controls stay in the first-level
 /// cache while M particles run over them (common random numbers: each particle meets the same controls). A chunk
@@ -46,63 +46,63 @@ struct Sampler {
   double fallback[TILLER_MAX_INPUTS] = {};  // the safe command
 
   std::uint32_t states = 0, inputs = 0, params = 0, effect_states = 0;
-  std::uint32_t rollouts = 0, rows = 0;               // rows = inputs * knots
+  std::uint32_t rollouts = 0, rows = 0;                  // rows = inputs * knots
   std::uint32_t chunk_lanes = 0, chunks = 0, slots = 0;  // slots: scratch places, each works off every slots-th chunk
-  std::uint32_t most_particles = 0, most_padded = 0;
-  KnotGrid grid;                      // points at the two arrays below
-  float* row_low = nullptr;           // (rows)
-  float* row_high = nullptr;          // (rows)
+  std::uint32_t most_particles = 0;
+  KnotGrid grid;                            // points at the two arrays below
+  float* row_low = nullptr;                 // (rows)
+  float* row_high = nullptr;                // (rows)
   float rate_step[TILLER_MAX_INPUTS] = {};  // negative: none
-  float scale[kScales] = {};          // of the noise, by rollout mod 16
+  float scale[kScales] = {};                // of the noise, by rollout mod 16
 
   // ---- the plan, kept from tick to tick
   KnotClock clock;
-  std::uint32_t* first_step = nullptr;  // (knots) of the clock's present phase
-  float* fraction = nullptr;          // (horizon)
-  double* mean = nullptr;             // (rows) within limits
-  double* spread = nullptr;           // (rows) standard deviation of the samples
-  float* sequence = nullptr;          // (horizon x inputs) the mean under the limits
+  std::uint32_t* first_step = nullptr;   // (knots) of the clock's present phase
+  float* fraction = nullptr;             // (horizon)
+  double* mean = nullptr;                // (rows) within limits
+  double* spread = nullptr;              // (rows) standard deviation of the samples
+  float* sequence = nullptr;             // (horizon x inputs) the mean under the limits
   double start[TILLER_MAX_INPUTS] = {};  // command in force, within limits
-  double lambda = 0.0;                // MPPI's last one; 0: none yet
+  double lambda = 0.0;                   // MPPI's last one; 0: none yet
   std::uint64_t last_tick = 0;
   bool has_plan = false;
 
   // ---- one plan
   const PlanRequest* request = nullptr;
-  std::uint32_t particles = 0, padded = 0;  // M, and M padded to kLanePadding
-  float* particle_state = nullptr;    // (M x nx) each particle's row is a splat for the rollouts
-  float* particle_params = nullptr;   // (M x np)
-  float* particle_effects = nullptr;  // (M x ns)
-  float* lane_state = nullptr;        // (nx x padded) particles as lanes, for one sequence on all of them
-  float* lane_params = nullptr;       // (np x padded)
-  float* lane_effects = nullptr;      // (ns x padded)
-  float* lane_cost = nullptr;         // (padded)
+  std::uint32_t particles = 0, padded = 0;    // M, and M padded to kLanePadding
+  float* particle_state = nullptr;            // (M x nx) each particle's row is a splat for the rollouts
+  float* particle_params = nullptr;           // (M x np)
+  float* particle_effects = nullptr;          // (M x ns)
+  float* lane_state = nullptr;                // (nx x padded) particles as lanes, for one sequence on all of them
+  float* lane_params = nullptr;               // (np x padded)
+  float* lane_effects = nullptr;              // (ns x padded)
+  float* lane_cost = nullptr;                 // (padded)
   float start_lanes[TILLER_MAX_INPUTS] = {};  // start, in f32
-  double best_cost = 0.0;             // cheapest sample of this plan
-  double* best = nullptr;             // (rows) and its knots
-  double* before = nullptr;           // (rows) mean before the last update
-  double mean_cost_before = 0.0;      // and its cost
-  double warm_cost = 0.0;             // of the shifted old plan
+  double best_cost = 0.0;                     // cheapest sample of this plan
+  double* best = nullptr;                     // (rows) and its knots
+  double* before = nullptr;                   // (rows) mean before the last update
+  double mean_cost_before = 0.0;              // and its cost
+  double warm_cost = 0.0;                     // of the shifted old plan
 
   // ---- one iteration
   std::uint32_t iteration = 0;
-  NoiseKey* keys = nullptr;           // ((rows + 1) / 2)
-  float* row_mean = nullptr;          // (rows)
-  float* row_spread = nullptr;        // (rows)
-  float* row_sum = nullptr;           // (rows)
-  float* row_squares = nullptr;       // (rows)
-  float* knots = nullptr;             // (rows x K)
-  float* cost = nullptr;              // (K)
-  float* weight = nullptr;            // (K)
+  NoiseKey* keys = nullptr;      // ((rows + 1) / 2)
+  float* row_mean = nullptr;     // (rows)
+  float* row_spread = nullptr;   // (rows)
+  float* row_sum = nullptr;      // (rows)
+  float* row_squares = nullptr;  // (rows)
+  float* knots = nullptr;        // (rows x K)
+  float* cost = nullptr;         // (K)
+  float* weight = nullptr;       // (K)
   CostRange range{};
-  float* controls = nullptr;          // (slots x horizon * inputs x chunk_lanes)
-  float* particle_cost = nullptr;     // (slots x M x chunk_lanes)
-  std::uint32_t* aborted = nullptr;   // (slots)
+  float* controls = nullptr;         // (slots x horizon * inputs x chunk_lanes)
+  float* particle_cost = nullptr;    // (slots x M x chunk_lanes)
+  std::uint32_t* aborted = nullptr;  // (slots)
 };
 
 /// PlannerTable's functions for every method; `self` is a Sampler.
-Sampler* lay_out_sampler(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
-                         const RolloutTable& table, const tiller_hooks_t* hooks, const SamplingMethod& method);
+Sampler* lay_out_sampler(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+                         const tiller_hooks_t* hooks, const SamplingMethod& method);
 PlanResult plan_by_sampling(void* self, const PlanRequest& request, double* command);
 void reset_sampler(void* self);
 const float* sampled_sequence(const void* self);
@@ -110,6 +110,14 @@ const float* sampled_sequence(const void* self);
 /// Cost of the present mean under the limits and the risk; fills the sequence. One rollout with a lane per particle:
 /// about the price of 16 sampled rollouts.
 double evaluate_mean(Sampler& s);
+
+/// Takes the command in force, brought into the limits; the safe command if `last_command` is null.
+void start_from_command(Sampler& s, const double* last_command);
+
+/// What lanes may compute with: squares and sums over 8192 rollouts of it stay finite in f32.
+float lane_number(double x);
+
+inline std::uint32_t pad_lanes(std::uint32_t n) { return (n + kLanePadding - 1) / kLanePadding * kLanePadding; }
 
 /// Number of the cheapest rollout of this iteration, the first of equals.
 std::uint32_t cheapest_rollout(const Sampler& s);

@@ -23,7 +23,8 @@ double admit_command(const InputLimit& limit, double last, double fallback);
 /// plan by a period is exact whatever their spacing. (Knots fixed to the horizon would have to be read off anew at
 /// every tick, and a sequence that is interpolated again and again is a different one: after 8 ticks its kinks are off
 /// by a third, and a cart-pole swings up at 8 % more cost.) Knot j stands j * steps / spans - phase / spans periods
-/// after now, steps = horizon - 1 and spans = knots - 1; behind the last knot, at most one knot spacing, its value holds.
+/// after now, steps = horizon - 1 and spans = knots - 1; behind the last knot, for at most one knot spacing, its
+/// value holds.
 struct KnotClock {
   std::uint32_t horizon = 2, knots = 2;
   std::uint32_t phase = 0;  // 0..steps - 1; whole numbers, so that nothing drifts

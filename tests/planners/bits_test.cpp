@@ -44,8 +44,8 @@ TEST_P(Bits, do_not_depend_on_threads) {
     const tiller_hooks_t hooks = pool.hooks();
     Bench bench(shared_work(GetParam()), &hooks);
     EXPECT_EQ(run(bench), reference) << threads << " threads";
-    std::printf("%s: %u threads, %llu pieces of work done by workers\n", tiller::find_planner(GetParam())->name, threads,
-                static_cast<unsigned long long>(pool.served_by_workers()));
+    std::printf("%s: %u threads, %llu pieces of work done by workers\n", tiller::find_planner(GetParam())->name,
+                threads, static_cast<unsigned long long>(pool.served_by_workers()));
   }
 }
 

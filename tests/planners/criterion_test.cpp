@@ -73,7 +73,7 @@ TEST_P(Criterion, reported_cost_is_the_sequences) {
 TEST_P(Criterion, never_rises_above_the_warm_start) {
   for (const std::uint32_t iterations : {1u, 4u}) {
     tiller_config_t c = three_masses(GetParam(), 0.5);
-    c.planner.rollouts = 32;          // few and wild, so that the mean of the samples is often bad
+    c.planner.rollouts = 32;  // few and wild, so that the mean of the samples is often bad
     c.planner.noise_sd[0] = 50.0;
     c.planner.iterations = iterations;
     Bench bench(c);

@@ -15,6 +15,20 @@ static const char* const force_names[] = {"slide_N"};
 static const tiller_joint_t joints[] = {{"slide", 0, 1, 0, 0}};
 
 const tiller_model_t double_integrator = {
-    sizeof(tiller_model_t), TILLER_MODEL_VERSION, "double_integrator", 2, 1, 1, 1,
-    state_names, input_names, param_names, force_names, joints, 0, dynamics, 0, 0,
+    sizeof(tiller_model_t),
+    TILLER_MODEL_VERSION,
+    "double_integrator",
+    2,
+    1,
+    1,
+    1,
+    state_names,
+    input_names,
+    param_names,
+    force_names,
+    joints,
+    0,
+    dynamics,
+    0,
+    0,
 };

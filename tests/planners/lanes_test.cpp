@@ -47,7 +47,8 @@ std::vector<tiller::NoiseKey> make_keys(std::uint64_t seed, std::uint64_t tick, 
 /// Standard normals (rows x lanes), from rollout `first` on.
 std::vector<float> normals(const LaneTable& lanes, const std::vector<tiller::NoiseKey>& keys, std::uint32_t rows,
                            std::uint32_t n, std::uint32_t first = 0) {
-  std::vector<float> out(std::size_t{rows} * n), zero(rows, 0.0f), one(rows, 1.0f), low(rows, -1e15f), high(rows, 1e15f);
+  std::vector<float> out(std::size_t{rows} * n), zero(rows, 0.0f), one(rows, 1.0f), low(rows, -1e15f),
+      high(rows, 1e15f);
   const std::vector<float> scale(tiller::kScales, 1.0f);
   tiller::SampleJob job;
   job.rows = rows;
@@ -76,7 +77,8 @@ constexpr std::uint32_t kRows = 12, kDraws = 8192;  // the largest K
 TEST_P(Lanes, noise_has_the_moments_and_the_distribution_of_a_normal) {
   std::vector<double> x;
   for (std::uint64_t tick = 0; tick < 10; ++tick)
-    for (const float v : normals(lanes, make_keys(3, tick, kRows / 2), kRows, kDraws)) x.push_back(static_cast<double>(v));
+    for (const float v : normals(lanes, make_keys(3, tick, kRows / 2), kRows, kDraws))
+      x.push_back(static_cast<double>(v));
   const double n = static_cast<double>(x.size());  // 983040
   double m[5] = {};
   for (const double v : x)
@@ -143,7 +145,7 @@ TEST_P(Lanes, the_second_word_of_a_key_breaks_shifted_copies) {
     return correlation(x.data() + 1, x.data() + 2 * kDraws, kDraws - 1);
   };
   EXPECT_GT(shifted_correlation(), 0.9);
-  for (const int i : {1, 3}) keys[1].word[i] ^= 1;  // the least difference
+  for (const int i : {1, 3}) keys[1].word[i] ^= 1;     // the least difference
   EXPECT_LT(std::fabs(shifted_correlation()), 0.055);  // five standard errors
 }
 

@@ -52,7 +52,7 @@ void expect_within(const tiller_config_t& c, double last, double u) {
   ASSERT_TRUE(std::isfinite(u)) << u;
   ASSERT_GE(u, low);
   ASSERT_LE(u, high);
-  if (std::isnan(last)) return;  // no command in force: the limits alone
+  if (std::isnan(last)) return;                             // no command in force: the limits alone
   const double from = std::min(std::max(last, low), high);  // one outside the limits is brought back in at once
   ASSERT_LE(std::fabs(u - from), c.safety.input_rate_per_s[0] * c.period_s) << "from " << from << " to " << u;
 }

@@ -40,7 +40,8 @@ double closed_loop_cost(const tiller_config_t& c, Policy policy) {
   double x[2] = {1.0, 0.0}, cost = 0.0;
   for (std::uint32_t t = 0; t < 300; ++t) {
     const double u = policy(t, x);
-    cost += c.cost.state_weight[0] * x[0] * x[0] + c.cost.state_weight[1] * x[1] * x[1] + c.cost.input_weight[0] * u * u;
+    cost +=
+        c.cost.state_weight[0] * x[0] * x[0] + c.cost.state_weight[1] * x[1] * x[1] + c.cost.input_weight[0] * u * u;
     const double velocity = x[1];
     x[1] += c.period_s * u;
     x[0] += c.period_s * velocity;

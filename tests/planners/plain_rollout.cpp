@@ -26,7 +26,8 @@ void rollout(const tiller_model_t& model, const tiller::RolloutJob<float>& job) 
     for (std::uint32_t i = 0; i < model.input_count; ++i) before[i] = static_cast<double>(job.previous_input[i]);
     double cost = 0.0;
     for (std::uint32_t t = 0; t < job.horizon; ++t) {
-      for (std::uint32_t i = 0; i < model.input_count; ++i) u[i] = lane_of(job.controls, t * model.input_count + i, lane);
+      for (std::uint32_t i = 0; i < model.input_count; ++i)
+        u[i] = lane_of(job.controls, t * model.input_count + i, lane);
       for (std::uint32_t i = 0; i < model.state_count; ++i) {
         const double e = tiller::state_difference(model, i, x[i], static_cast<double>(w.target[i]));
         cost += static_cast<double>(w.state[i]) * e * e;

@@ -9,9 +9,9 @@ namespace tiller_test {
 /// A suite that runs on every line of planners.def.
 class EveryPlanner : public ::testing::TestWithParam<std::uint32_t> {};
 
-#define TILLER_EVERY_PLANNER(suite)                                                                               \
-  INSTANTIATE_TEST_SUITE_P(planners, suite,                                                                       \
-                           ::testing::Range(0u, static_cast<std::uint32_t>(tiller_planner_kind_count)),           \
+#define TILLER_EVERY_PLANNER(suite)                                                                     \
+  INSTANTIATE_TEST_SUITE_P(planners, suite,                                                             \
+                           ::testing::Range(0u, static_cast<std::uint32_t>(tiller_planner_kind_count)), \
                            [](const auto& p) { return tiller::find_planner(p.param)->name; })
 
 }  // namespace tiller_test

@@ -21,7 +21,8 @@ struct Sequence {
   std::vector<float> fraction;
   std::vector<double> knots;
 
-  Sequence(std::uint32_t horizon, std::uint32_t count) : clock{horizon, count, 0}, first_step(count), fraction(horizon) {
+  Sequence(std::uint32_t horizon, std::uint32_t count)
+      : clock{horizon, count, 0}, first_step(count), fraction(horizon) {
     tiller::fill_grid(clock, first_step.data(), fraction.data());
   }
   void advance(std::uint32_t periods) {
@@ -42,7 +43,8 @@ TEST(Sequence, interpolates_from_the_first_step_to_the_last) {
   Sequence s(11, 3);
   s.knots = {0.0, 5.0, -5.0};
   const std::vector<float> u = s.inputs(kFree, 0.0);
-  for (int t = 0; t < 11; ++t) EXPECT_FLOAT_EQ(u[t], t <= 5 ? static_cast<float>(t) : 15.0f - 2.0f * static_cast<float>(t));
+  for (int t = 0; t < 11; ++t)
+    EXPECT_FLOAT_EQ(u[t], t <= 5 ? static_cast<float>(t) : 15.0f - 2.0f * static_cast<float>(t));
 }
 
 TEST(Sequence, shifts_exactly_whatever_the_spacing) {

@@ -77,8 +77,8 @@ TEST_P(SwingUp, within_six_seconds_and_held) {
       tiller_config_t c = cart_pole(GetParam(), particles);
       c.seed = seed;
       const double upright = time_upright(c);
-      std::printf("%s, %u particles, seed %d: upright for good after %.2f s\n",
-                  tiller::find_planner(GetParam())->name, particles, static_cast<int>(seed), upright);
+      std::printf("%s, %u particles, seed %d: upright for good after %.2f s\n", tiller::find_planner(GetParam())->name,
+                  particles, static_cast<int>(seed), upright);
       // random shooting is reported as it is; the other two reach it in 20 of 20 seeds
       const double bound = GetParam() == tiller_planner_random_shooting ? std::numeric_limits<double>::infinity() : 6.0;
       EXPECT_LE(upright, bound);

@@ -109,7 +109,8 @@ std::vector<Case> cases() {
   std::vector<Case> all;
   all.push_back({"mppi K=1536 N=50 M=1", cart_pole_config(tiller_planner_mppi, 1536, 50, 1), 90, 140});
   all.push_back({"cem K=1536 N=50 M=1", cart_pole_config(tiller_planner_cem, 1536, 50, 1), 0, 0});
-  all.push_back({"random_shooting K=1536 N=50 M=1", cart_pole_config(tiller_planner_random_shooting, 1536, 50, 1), 0, 0});
+  all.push_back(
+      {"random_shooting K=1536 N=50 M=1", cart_pole_config(tiller_planner_random_shooting, 1536, 50, 1), 0, 0});
   all.push_back({"mppi K=512 N=50 M=1", cart_pole_config(tiller_planner_mppi, 512, 50, 1), 0, 0});
   all.push_back({"mppi K=512 N=50 M=8", cart_pole_config(tiller_planner_mppi, 512, 50, 8), 0, 0});
   all.push_back({"cem K=512 N=50 M=8", cart_pole_config(tiller_planner_cem, 512, 50, 8), 0, 0});
@@ -120,8 +121,8 @@ std::vector<Case> cases() {
   return all;
 }
 
-/// The parts of one iteration, each over all K rollouts; their sum is the plan, but for the Philox keys, lambda's further
-/// passes and the final evaluation of the mean.
+/// The parts of one iteration, each over all K rollouts; their sum is the plan, but for the Philox keys, lambda's
+/// further passes and the final evaluation of the mean.
 void add_parts(bench::Table& table, const std::shared_ptr<Planning>& p) {
   p->plan();
   const Sampler& s = p->sampler();
