@@ -1,6 +1,8 @@
 /* Swings a pendulum up whose mass and damping nobody told us, and holds it there.
  *
- *     cc -std=c99 minimal.c $(pkg-config ...) or, with CMake: target_link_libraries(minimal tiller::abi)
+ * CMakeLists.txt: find_package(tiller REQUIRED)
+ *                 add_executable(minimal minimal.c)
+ *                 target_link_libraries(minimal PRIVATE tiller::tiller m)
  */
 #include <math.h>
 #include <stdint.h>
@@ -27,9 +29,9 @@ int main(void) {
   /* the controller: what is known of the robot, what is wanted, what is allowed */
   tiller_config_t config;
   tiller_config_default(&config, tiller_find_model("pendulum"));
-  config.priors[0] = (tiller_prior_t){tiller_prior_uniform, 0, 0, 0, 0.8, 1.6};   /* mass_kg */
-  config.priors[1] = (tiller_prior_t){tiller_prior_fixed, 0, 0.5, 0, 0, 0};       /* length_m, measured */
-  config.priors[2] = (tiller_prior_t){tiller_prior_uniform, 0, 0, 0, 0.0, 0.2};   /* damping_Nms */
+  config.priors[0] = (tiller_prior_t){tiller_prior_uniform, 0, 0, 0, 0.8, 1.6}; /* mass_kg */
+  config.priors[1] = (tiller_prior_t){tiller_prior_fixed, 0, 0.5, 0, 0, 0};     /* length_m, measured */
+  config.priors[2] = (tiller_prior_t){tiller_prior_uniform, 0, 0, 0, 0.0, 0.2}; /* damping_Nms */
   config.cost.target[0] = 3.14159265;
   config.cost.state_weight[0] = config.cost.terminal_weight[0] = 10.0;
   config.cost.state_weight[1] = config.cost.terminal_weight[1] = 0.5;

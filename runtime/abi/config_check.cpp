@@ -20,9 +20,11 @@ using Names4 = const char* const[4];
 using Names8 = const char* const[8];
 using Names12 = const char* const[12];
 using Names16 = const char* const[16];
-static_assert(TILLER_MAX_INPUTS == 4 && TILLER_MAX_STATES == 12 && TILLER_MAX_MEASUREMENTS == 12,
-              "names below");
-static_assert(TILLER_MAX_PARAMS == 16 && TILLER_MAX_EFFECTS == 8, "names below");
+static_assert(TILLER_MAX_INPUTS == 4, "names below");
+static_assert(TILLER_MAX_EFFECTS == 8, "names below");
+static_assert(TILLER_MAX_STATES == 12, "names below");
+static_assert(TILLER_MAX_MEASUREMENTS == 12, "names below");
+static_assert(TILLER_MAX_PARAMS == 16, "names below");
 
 constexpr Finding kGood = {};
 
