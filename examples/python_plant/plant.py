@@ -41,4 +41,5 @@ for k in range(int(options.seconds * 1e6 / PERIOD_US)):
         met = command is not None  # before the first answer it may only not have been started yet
     force = command.value[0] if command and math.isfinite(command.value[0]) else 0.0
     for _ in range(round(PERIOD_US * 1e-6 / STEP_S)): state = step(*state, force)
-print("time_s %.2f position_m %.3f angle_rad %.3f" % (k * PERIOD_US * 1e-6, state[0], math.remainder(state[1], math.tau)))
+angle = math.remainder(state[1], math.tau)
+print("time_s %.2f position_m %.3f angle_rad %.3f" % (k * PERIOD_US * 1e-6, state[0], angle))

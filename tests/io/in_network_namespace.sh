@@ -17,7 +17,8 @@ for isolated in "unshare -n" "unshare -rn"; do
 done
 # passwordless sudo makes the namespace; the program still runs as this user
 if sudo -n true 2>/dev/null; then
-  exec sudo -n unshare -n sh -c "$route"' && exec "$@"' sh setpriv --reuid "$(id -u)" --regid "$(id -g)" --clear-groups "$@"
+  exec sudo -n unshare -n sh -c "$route"' && exec "$@"' sh \
+    setpriv --reuid "$(id -u)" --regid "$(id -g)" --clear-groups "$@"
 fi
 cat >&2 <<'END'
 cannot make a network namespace. Run as root, or allow namespaces to users:

@@ -25,7 +25,9 @@ done
 # The metapackage names the newest kernel. Debian keeps everything in linux-image-*, Ubuntu has the CAN modules
 # in linux-modules-* and linux-modules-extra-*.
 arch=$(dpkg --print-architecture)
-dependency() { apt-cache depends "$1" 2>/dev/null | sed -n 's/^ *|\{0,1\}Depends: \(linux-image-[0-9].*\)$/\1/p' | head -n 1; }
+dependency() {
+  apt-cache depends "$1" 2>/dev/null | sed -n 's/^ *|\{0,1\}Depends: \(linux-image-[0-9].*\)$/\1/p' | head -n 1
+}
 image=
 for meta in linux-image-$arch linux-image-cloud-$arch linux-image-generic linux-image-virtual; do
   image=$(dependency "$meta")

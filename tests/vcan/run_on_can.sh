@@ -23,6 +23,7 @@ cp "$here/can_interfaces.sh" "$folder/can_interfaces.sh"
 echo "virtual CAN: on this kernel, $(uname -r)"
 code=0
 # shellcheck disable=SC2086
-(cd "$folder" && PATH=$folder:$PATH timeout -k 5 "$limit_s" $isolated sh -c './can_interfaces.sh && . ./commands') || code=$?
+(cd "$folder" &&
+  PATH=$folder:$PATH timeout -k 5 "$limit_s" $isolated sh -c './can_interfaces.sh && . ./commands') || code=$?
 echo "VIRTUAL CAN: exit $code"
 exit "$code"
