@@ -65,12 +65,12 @@ void add_identify_command(CLI::App& app, int& exit_code) {
   command->add_option("LOGS", options->logs, "CSV files to learn from")->required();
   command->add_option("--hold-out", options->hold_out, "CSV files to judge with, kept away from learning");
   command->add_option("-o,--out", options->folder, "folder for identify.json and identify.html");
-  command->add_option("--particles", options->fit.particles, "of the posterior (default 1024)")
+  command->add_option("--particles", options->fit.particles, "of the posterior (default 512)")
       ->check(CLI::Range(64, 4096))
       ->check([](const std::string& text) { return check_multiple(text, 16); });
-  command->add_option("--window", options->fit.window, "transitions that moves rerun (default 1024)")
+  command->add_option("--window", options->fit.window, "transitions that moves rerun (default 128)")
       ->check(CLI::Range(16, 1024));
-  command->add_option("--moves", options->fit.moves, "Metropolis moves per transition (default 64)")
+  command->add_option("--moves", options->fit.moves, "Metropolis moves per transition (default 32)")
       ->check(CLI::Range(0, 1024))
       ->check([](const std::string& text) { return check_multiple(text, 8); });
   command->add_option("--horizon", options->score.horizons_s, "seconds that rollouts look ahead (default 1 2)")

@@ -60,7 +60,7 @@ constexpr const char* kRobot = R"(
 [model]
 name = "pendulum"
 period_s = 0.01
-substeps = 8
+substeps = 4
 [parameters]
 mass_kg = { uniform = [0.4, 1.2] }
 length_m = 0.4
@@ -90,11 +90,19 @@ Identified identify_or_fail(const RobotFile& robot, const IdentifyOptions& optio
   return result;
 }
 
+// Enough to find the same means within a fraction of a deviation, in seconds under sanitizers' builds too.
+IdentifyOptions quick() {
+  IdentifyOptions options;
+  options.fit.particles = 256;
+  options.fit.window = 64;
+  return options;
+}
+
 TEST(Identify, FindsParametersThatAreKnown) {
   std::string error;
   const auto robot = parse_robot_file(kRobot, "test.toml", error);
   ASSERT_TRUE(robot) << error;
-  IdentifyOptions options;
+  IdentifyOptions options = quick();
   options.logs = {write_log("known1.csv", 1), write_log("known2.csv", 2)};
   options.hold_out = {write_log("known3.csv", 3)};
   const Identified result = identify_or_fail(*robot, options);
@@ -109,7 +117,7 @@ TEST(Identify, FindsParametersThatAreKnown) {
   for (const auto& k : known) {
     const ParamSummary& p = param(best, k.name);
     // Four standard deviations: a right posterior fails this once in 16,000 per parameter, and the seeds are fixed.
-    // (With one substep instead of eight the mass ends seven off: friction enters each step first order.)
+    // (With one substep instead of four the mass ends seven off: friction enters each step first order.)
     EXPECT_NEAR(p.mean, k.truth, 4 * p.sd) << k.name;
     EXPECT_LT(p.sd, 0.2 * p.prior_sd) << k.name << " was hardly learnt";
   }
@@ -124,7 +132,7 @@ TEST(Identify, MeasuredPendulum) {
   std::string error;
   const auto robot = read_robot_file(TILLER_TEST_ROBOTS "/dfki_pendulum.toml", error);
   ASSERT_TRUE(robot) << error;
-  IdentifyOptions options;
+  IdentifyOptions options = quick();
   options.logs = {kData + "ddp_measured.csv", kData + "direct_collocation_measured.csv"};
   options.hold_out = {kData + "pd_system_identification_measured.csv"};
   const Identified result = identify_or_fail(*robot, options);
@@ -155,10 +163,9 @@ TEST(Identify, SameBitsTwice) {
   std::string error;
   const auto robot = parse_robot_file(kRobot, "test.toml", error);
   ASSERT_TRUE(robot) << error;
-  IdentifyOptions options;
+  IdentifyOptions options = quick();
   options.logs = {write_log("twice.csv", 4)};
   options.fit.particles = 128;
-  options.fit.window = 64;
   EXPECT_EQ(identify_json(*robot, identify_or_fail(*robot, options)),
             identify_json(*robot, identify_or_fail(*robot, options)));
 }
@@ -167,10 +174,9 @@ TEST(Identify, JsonHasWhatThePageNeeds) {
   std::string error;
   const auto robot = parse_robot_file(kRobot, "test.toml", error);
   ASSERT_TRUE(robot) << error;
-  IdentifyOptions options;
+  IdentifyOptions options = quick();
   options.logs = {write_log("json.csv", 5)};
   options.fit.particles = 128;
-  options.fit.window = 64;
   const nlohmann::json json = nlohmann::json::parse(identify_json(*robot, identify_or_fail(*robot, options)));
   EXPECT_EQ(json["model"], "pendulum");
   EXPECT_EQ(json["held_out"].size(), 0u);
@@ -187,7 +193,7 @@ TEST(Identify, EveryBadLogIsNamed) {
   std::string error;
   const auto robot = parse_robot_file(kRobot, "test.toml", error);
   ASSERT_TRUE(robot) << error;
-  IdentifyOptions options;
+  IdentifyOptions options = quick();
   options.logs = {"/nonexistent/a.csv", write_log("fine.csv", 6)};
   options.hold_out = {"/nonexistent/b.csv"};
   Identified result;
