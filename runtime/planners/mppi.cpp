@@ -32,36 +32,48 @@ struct ShareEquation {
   }
 };
 
-/// Solves from a start by bracketing (steps that double) and then false position, Illinois variant: some five passes.
-/// Stops at the ends of [low, high], where the wish is out of reach. The weights are those of the value returned.
+struct Point {
+  double x, y;  // log lambda, the equation's value
+  bool solves() const { return std::fabs(y) <= kShareTolerance; }
+};
+
+/// Steps that double, from `a` uphill or downhill, until the sign changes or an end of [low, high] is reached; the last
+/// two points (the last one is the better if nothing brackets).
+void bracket(ShareEquation& f, Point& a, Point& b, double low, double high) {
+  double step = a.y < 0.0 ? 0.5 : -0.5;
+  b = a;
+  while (!b.solves() && (b.y < 0.0) == (a.y < 0.0) && (step > 0.0 ? b.x < high : b.x > low)) {
+    a = b;
+    b.x = std::fmin(std::fmax(a.x + step, low), high);
+    b.y = f(b.x);
+    step *= 2.0;
+  }
+}
+
+/// False position, Illinois variant: an end that stays is given half its weight, so that both ends move.
+Point close_in(ShareEquation& f, Point a, Point b) {
+  for (int i = 0; i < 20 && !b.solves(); ++i) {
+    Point next;
+    next.x = (a.x * b.y - b.x * a.y) / (b.y - a.y);
+    next.y = f(next.x);
+    if ((next.y < 0.0) == (b.y < 0.0))
+      a.y *= 0.5;
+    else
+      a = b;
+    b = next;
+  }
+  return b;
+}
+
+/// Some five passes over K. At an end of [low, high] where the wish is out of reach. The weights are those of the value
+/// returned.
 double solve_log_lambda(ShareEquation& f, double start, double low, double high) {
-  double x = std::fmin(std::fmax(start, low), high), y = f(x);
-  if (std::fabs(y) <= kShareTolerance) return x;
-  double other = x, other_y = y;
-  for (double step = 0.5; (other_y < 0.0) == (y < 0.0); step *= 2.0) {
-    x = other;
-    y = other_y;
-    if (x <= low && y > 0.0) return x;
-    if (x >= high && y < 0.0) return x;
-    other = std::fmin(std::fmax(x + (y < 0.0 ? step : -step), low), high);
-    other_y = f(other);
-    if (std::fabs(other_y) <= kShareTolerance) return other;
-  }
-  double at = other;
-  for (int i = 0; i < 20; ++i) {
-    at = (x * other_y - other * y) / (other_y - y);
-    const double value = f(at);
-    if (std::fabs(value) <= kShareTolerance) break;
-    if ((value < 0.0) == (other_y < 0.0)) {
-      y *= 0.5;  // Illinois: an end that stays is given half its weight
-    } else {
-      x = other;
-      y = other_y;
-    }
-    other = at;
-    other_y = value;
-  }
-  return at;
+  Point a, b;
+  a.x = std::fmin(std::fmax(start, low), high);
+  a.y = f(a.x);
+  bracket(f, a, b, low, high);
+  const bool bracketed = (a.y < 0.0) != (b.y < 0.0);
+  return (bracketed ? close_in(f, a, b) : b).x;
 }
 
 /// Fills the weights; their sum.

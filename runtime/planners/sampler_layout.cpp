@@ -93,7 +93,7 @@ Sampler* lay_out_sampler(Arena& arena, const tiller_config_t& config, const Step
   Sampler nobody;
   const Sizes z = measure(config, setup);
   take_arrays(arena, z, config.model->input_count, s ? *s : nobody);
-  if (arena.measuring() || !arena.fits()) return nullptr;
+  if (!s || !arena.fits()) return nullptr;  // measuring, or a block that is too small
   s->method = &method;
   s->settings = &config.planner;
   s->model = config.model;
