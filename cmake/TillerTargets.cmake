@@ -79,6 +79,11 @@ set(TILLER_ISA_FLAGS_sse2 -msse2)
 set(TILLER_ISA_FLAGS_avx2 -mavx2 -mfma)
 set(TILLER_ISA_FLAGS_avx512 -mavx512f -mavx512cd -mavx512dq -mavx512bw -mavx512vl -mfma -mprefer-vector-width=512
     -Wno-uninitialized -Wno-maybe-uninitialized)  # false in GCC 12's own intrinsics headers
+if(TILLER_SANITIZE)
+  set(TILLER_ISA_OPTIMISATION -O1)  # instrumented at -O3, one kernel takes minutes to compile
+else()
+  set(TILLER_ISA_OPTIMISATION -O3)
+endif()
 function(tiller_isa_sources target)
   foreach(source IN LISTS ARGN)
     get_filename_component(stem ${source} NAME_WE)
@@ -87,7 +92,7 @@ function(tiller_isa_sources target)
       set(copy ${CMAKE_CURRENT_BINARY_DIR}/${stem}_${isa}.cpp)
       file(CONFIGURE OUTPUT ${copy} CONTENT "#include \"${path}\"\n" @ONLY)
       set_source_files_properties(${copy} PROPERTIES
-        COMPILE_OPTIONS "-O3;${TILLER_ISA_FLAGS_${isa}}"
+        COMPILE_OPTIONS "${TILLER_ISA_OPTIMISATION};${TILLER_ISA_FLAGS_${isa}}"
         COMPILE_DEFINITIONS "TILLER_COMPILE_ISA=${isa};TILLER_COMPILE_ISA_${isa}=1")
       target_sources(${target} PRIVATE ${copy})
     endforeach()

@@ -127,6 +127,13 @@ void check_whole(FileErrors& errors, const toml::table& root, RobotFile& robot) 
   }
 }
 
+void choose_substeps(const toml::table& root, RobotFile& robot) {
+  robot.substeps = advise_substeps(robot.config);
+  if (root["model"]["substeps"]) return;
+  robot.config.substeps = robot.substeps.needed;
+  robot.substeps = advise_substeps(robot.config);
+}
+
 bool read_controller(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   if (!read_model(errors, root, robot)) return false;
   const tiller_status_t status = tiller_config_default(&robot.config, robot.model);
@@ -145,6 +152,7 @@ bool read_controller(FileErrors& errors, const toml::table& root, RobotFile& rob
   read_sim(errors, root, robot);
   read_log_map(errors, root, robot);
   if (errors.empty()) check_whole(errors, root, robot);
+  if (errors.empty()) choose_substeps(root, robot);
   return errors.empty();
 }
 

@@ -10,6 +10,7 @@
 #include "tools/file_errors.hpp"
 #include "tools/identify_log.hpp"
 #include "tools/model_loader.hpp"
+#include "tools/substeps.hpp"
 #include "tools/text.hpp"
 
 namespace tiller::tools {
@@ -62,6 +63,7 @@ struct RobotFile {
   TransportSection transport;
   SimSection sim;
   LogMap log;
+  SubstepAdvice substeps;  ///< what the period needs; taken where the file does not say
 };
 
 /// Reads a robot file. Null: `errors` holds everything that is wrong, one line each, with file, line, key,

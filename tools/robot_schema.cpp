@@ -64,7 +64,8 @@ const std::vector<KeySpec> kKeys = {
     {"model", "type", K::text, "", "none", 0, 0, false, hand, nullptr,
      "required with a header: the C++ template's name. A C source exports tiller_model() and has none"},
     {"model", "period_s", K::number, "s", nullptr, 1e-4, 1, false, AT(period_s), nullptr, "control period"},
-    {"model", "substeps", K::count, "", nullptr, 1, 64, false, AT(substeps), nullptr, "integrator steps per period"},
+    {"model", "substeps", K::count, "", "by the noise", 1, 64, false, AT(substeps), nullptr,
+     "integrator steps per period; left out: as many as keep its error below a tenth of the noise"},
     {"model", "integrator", K::choice, "", nullptr, 0, 0, false, AT(integrator), integrator_names,
      "how the model is stepped, for planner and posterior alike"},
 
