@@ -61,7 +61,8 @@ std::string check_multiple(const std::string& text, unsigned of) {
 void add_identify_command(CLI::App& app, int& exit_code) {
   auto* command = app.add_subcommand("identify", "learn the parameters of a robot file from logs of the real robot");
   auto options = std::make_shared<IdentifyOptions>();
-  command->add_option("ROBOT", options->robot, "robot file (.toml): model, effects, priors, sensors, [log]")->required();
+  command->add_option("ROBOT", options->robot, "robot file (.toml): model, effects, priors, sensors, [log]")
+      ->required();
   command->add_option("LOGS", options->logs, "CSV files to learn from")->required();
   command->add_option("--hold-out", options->hold_out, "CSV files to judge with, kept away from learning");
   command->add_option("-o,--out", options->folder, "folder for identify.json and identify.html");

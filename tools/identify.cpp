@@ -76,8 +76,7 @@ void append_errors(const Identified& result, const RobotFile& robot, bool held_o
   const Score& first = held_out ? result.candidates[0].on_held_out : result.candidates[0].on_fitted;
   for (std::size_t s = 0; s < first.states.size(); ++s) {
     text += format("\nrollouts of %s on %s: RMS error (median of the absolute error) after\n",
-                   robot.model->state_names[first.states[s].state],
-                   held_out ? "the held-out logs" : "the fitted logs");
+                   robot.model->state_names[first.states[s].state], held_out ? "the held-out logs" : "the fitted logs");
     text += format("  %-64s", "model");
     for (const HorizonError& e : first.states[s].horizons) text += format(" %17s", format("%g s", e.horizon_s).c_str());
     text += "\n";
@@ -119,15 +118,16 @@ bool identify(const RobotFile& robot, const IdentifyOptions& options, Identified
 
 std::string identify_text(const RobotFile& robot, const Identified& result) {
   const Assessed& best = result.candidates.back();
-  std::string text = format("%s: %s\n%llu transitions from %zu log(s); effective sample size %.0f\n\n",
-                            robot.name.c_str(), best.candidate.name.c_str(),
-                            static_cast<unsigned long long>(best.fit.transitions), result.logs.size(),
-                            best.fit.effective_samples);
+  std::string text =
+      format("%s: %s\n%llu transitions from %zu log(s); effective sample size %.0f\n\n", robot.name.c_str(),
+             best.candidate.name.c_str(), static_cast<unsigned long long>(best.fit.transitions), result.logs.size(),
+             best.fit.effective_samples);
   append_parameters(best, text);
   text += format("  noise: %.2f times what the robot file says\n", best.fit.noise_scale);
   if (best.fit.noise_scale > 3)
-    text += "  so much noise means that the model misses something in these logs, or that an input was not what it was "
-            "logged to be;\n  the intervals above are wide enough for the noise, not for a wrong model\n";
+    text +=
+        "  so much noise means that the model misses something in these logs, or that an input was not what it was "
+        "logged to be;\n  the intervals above are wide enough for the noise, not for a wrong model\n";
   if (best.fit.exponent < 1)
     text += format("  not converged: the data count with exponent %.3f; give more --moves\n", best.fit.exponent);
   if (!result.hold_out.empty()) append_errors(result, robot, true, text);

@@ -20,8 +20,8 @@ struct IdentifyOptions {
 struct Assessed {
   Candidate candidate;
   Fit fit;
-  Score on_fitted;   ///< rollouts on the logs that were fitted
-  Score on_held_out; ///< and on those that were not; no states if none were given
+  Score on_fitted;    ///< rollouts on the logs that were fitted
+  Score on_held_out;  ///< and on those that were not; no states if none were given
 };
 
 struct Identified {

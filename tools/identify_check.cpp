@@ -102,8 +102,7 @@ std::string check_rate(const Log& log, const LogMap& map, const tiller_model_t& 
 }
 
 // Without a rate to compare with: many turns in a log are possible, but degrees are likelier.
-void hint_degrees(const Log& log, const LogMap& map, const tiller_model_t& model,
-                  std::vector<std::string>& warnings) {
+void hint_degrees(const Log& log, const LogMap& map, const tiller_model_t& model, std::vector<std::string>& warnings) {
   for (std::uint32_t i = 0; i < model.state_count; ++i) {
     if ((model.angle_mask >> i & 1u) == 0 || log.state[i].empty()) continue;
     const Range range = range_of(log.state[i]);

@@ -18,10 +18,9 @@ double mean_input(const Log& log, bool hold, std::size_t i, std::size_t a) {
 // Mean input over [from, to), which may begin and end between rows.
 double mean_over(const Log& log, bool hold, std::size_t i, const Segment& segment, double from, double to) {
   const auto begin = log.time_s.begin();
-  auto row = static_cast<std::size_t>(
-      std::upper_bound(begin + static_cast<std::ptrdiff_t>(segment.first),
-                       begin + static_cast<std::ptrdiff_t>(segment.last), from) -
-      begin);
+  auto row = static_cast<std::size_t>(std::upper_bound(begin + static_cast<std::ptrdiff_t>(segment.first),
+                                                       begin + static_cast<std::ptrdiff_t>(segment.last), from) -
+                                      begin);
   row = row > segment.first ? row - 1 : segment.first;
   double area = 0;
   for (; row + 1 < segment.last && log.time_s[row] < to; ++row) {
@@ -64,10 +63,10 @@ Stretch make_stretch(const Log& log, bool hold, const tiller_config_t& config, c
 double interpolate(const Log& log, const std::vector<double>& values, const Segment& segment, double t) {
   if (values.empty()) return kNaN;
   const auto begin = log.time_s.begin();
-  const auto after = static_cast<std::size_t>(
-      std::upper_bound(begin + static_cast<std::ptrdiff_t>(segment.first) + 1,
-                       begin + static_cast<std::ptrdiff_t>(segment.last) - 1, t) -
-      begin);
+  const auto after =
+      static_cast<std::size_t>(std::upper_bound(begin + static_cast<std::ptrdiff_t>(segment.first) + 1,
+                                                begin + static_cast<std::ptrdiff_t>(segment.last) - 1, t) -
+                               begin);
   const double share = (t - log.time_s[after - 1]) / (log.time_s[after] - log.time_s[after - 1]);
   return values[after - 1] + share * (values[after] - values[after - 1]);
 }

@@ -16,9 +16,7 @@ double centre(const tiller_prior_t& prior) {
   return prior.kind == tiller_prior_uniform ? 0.5 * (prior.low + prior.high) : prior.a;
 }
 
-tiller_prior_t fixed_at(double value) {
-  return {tiller_prior_fixed, 0, value, 0, -INFINITY, INFINITY};
-}
+tiller_prior_t fixed_at(double value) { return {tiller_prior_fixed, 0, value, 0, -INFINITY, INFINITY}; }
 
 // The robot's model with its first `effects` effects.
 Candidate with_effects(const RobotFile& robot, std::uint32_t effects) {

@@ -32,17 +32,17 @@ struct ParamSummary {
 
 struct FitOptions {
   // on the measured pendulum eight times this work moves no mean by a quarter of its deviation
-  std::uint32_t particles = 512;   ///< a multiple of 16
-  std::uint32_t window = 128;      ///< transitions that moves rerun exactly
-  std::uint32_t moves = 32;        ///< per transition, a multiple of 8
+  std::uint32_t particles = 512;         ///< a multiple of 16
+  std::uint32_t window = 128;            ///< transitions that moves rerun exactly
+  std::uint32_t moves = 32;              ///< per transition, a multiple of 8
   std::function<void(double)> progress;  ///< share done, 0..1; may be empty
 };
 
 struct Fit {
   std::vector<ParamSummary> params;
-  std::vector<double> samples;      ///< (sample_count x np) equally weighted draws
+  std::vector<double> samples;  ///< (sample_count x np) equally weighted draws
   std::uint32_t sample_count = 0;
-  std::vector<double> covariance;   ///< (np x np)
+  std::vector<double> covariance;  ///< (np x np)
   double effective_samples = 0, noise_scale = 1, exponent = 1;
   std::uint64_t transitions = 0, refused = 0, gated = 0;
 };

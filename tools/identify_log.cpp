@@ -17,13 +17,34 @@ constexpr double kPi = 3.14159265358979323846;
 constexpr struct {
   const char* name;
   double factor;
-} kUnits[] = {{"s", 1},           {"ms", 1e-3},        {"us", 1e-6},        {"ns", 1e-9},
-              {"rad", 1},         {"deg", kPi / 180},  {"rev", 2 * kPi},    {"mrad", 1e-3},
-              {"rad/s", 1},       {"deg/s", kPi / 180}, {"rpm", kPi / 30},  {"rev/s", 2 * kPi},
-              {"m", 1},           {"cm", 1e-2},        {"mm", 1e-3},        {"m/s", 1},
-              {"cm/s", 1e-2},     {"mm/s", 1e-3},      {"Nm", 1},           {"mNm", 1e-3},
-              {"N", 1},           {"kN", 1e3},         {"-m", -1},          {"-m/s", -1},      {"-rad", -1},        {"-rad/s", -1},      {"-deg", -kPi / 180},
-                          {"-deg/s", -kPi / 180}};
+} kUnits[] = {{"s", 1},
+              {"ms", 1e-3},
+              {"us", 1e-6},
+              {"ns", 1e-9},
+              {"rad", 1},
+              {"deg", kPi / 180},
+              {"rev", 2 * kPi},
+              {"mrad", 1e-3},
+              {"rad/s", 1},
+              {"deg/s", kPi / 180},
+              {"rpm", kPi / 30},
+              {"rev/s", 2 * kPi},
+              {"m", 1},
+              {"cm", 1e-2},
+              {"mm", 1e-3},
+              {"m/s", 1},
+              {"cm/s", 1e-2},
+              {"mm/s", 1e-3},
+              {"Nm", 1},
+              {"mNm", 1e-3},
+              {"N", 1},
+              {"kN", 1e3},
+              {"-m", -1},
+              {"-m/s", -1},
+              {"-rad", -1},
+              {"-rad/s", -1},
+              {"-deg", -kPi / 180},
+              {"-deg/s", -kPi / 180}};
 
 // One column of the file that is read: where it stands and where it goes.
 struct Channel {
@@ -38,8 +59,10 @@ struct Channel {
 std::vector<std::string> split_row(const std::string& text) {
   std::vector<std::string> cells(1);
   for (const char c : text) {
-    if (c == ',') cells.emplace_back();
-    else if (c != '\r' && c != '"') cells.back() += c;
+    if (c == ',')
+      cells.emplace_back();
+    else if (c != '\r' && c != '"')
+      cells.back() += c;
   }
   for (std::string& cell : cells) {
     const auto first = cell.find_first_not_of(" \t");
@@ -172,8 +195,8 @@ std::string known_units() {
   return join(names);
 }
 
-bool read_log(const std::string& path, const LogMap& map, const tiller_model_t& model,
-              const std::vector<int>& measured, Log& log, std::string& error) {
+bool read_log(const std::string& path, const LogMap& map, const tiller_model_t& model, const std::vector<int>& measured,
+              Log& log, std::string& error) {
   log = {};
   log.path = path;
   log.state.resize(model.state_count);

@@ -35,8 +35,8 @@ struct Log {
 
 /// Reads `path` and checks what can be checked without physics: columns, numbers, stamps. False with every reason
 /// in `error` as "file:line: column: problem; remedy".
-bool read_log(const std::string& path, const LogMap& map, const tiller_model_t& model,
-              const std::vector<int>& measured, Log& log, std::string& error);
+bool read_log(const std::string& path, const LogMap& map, const tiller_model_t& model, const std::vector<int>& measured,
+              Log& log, std::string& error);
 
 /// Physics that a log cannot have by accident: a channel that never moves, an angle in degrees, a rate that is not
 /// the change of its position, stamps in another unit than seconds. Errors as above; what is merely odd goes to

@@ -18,9 +18,8 @@ class Roller {
     for (std::uint32_t i = 0; i < np; ++i)
       for (std::uint32_t lane = 0; lane < kLanes; ++lane)
         params_[std::size_t{i} * kLanes + lane] =
-            lane == 0 || fit.sample_count == 0
-                ? fit.params[i].mean
-                : fit.samples[std::size_t{(lane * 37) % fit.sample_count} * np + i];
+            lane == 0 || fit.sample_count == 0 ? fit.params[i].mean
+                                               : fit.samples[std::size_t{(lane * 37) % fit.sample_count} * np + i];
   }
 
   // (steps + 1) x nx x lanes
@@ -193,7 +192,8 @@ Score score(const Candidate& candidate, const Fit& fit, const std::vector<Grid>&
   const tiller_config_t& config = candidate.config;
   const tiller_model_t& model = *config.model;
   std::vector<Tally> tallies;
-  for (const std::uint32_t state : compared_states(config)) tallies.emplace_back(state, options.horizons_s, config.period_s);
+  for (const std::uint32_t state : compared_states(config))
+    tallies.emplace_back(state, options.horizons_s, config.period_s);
   const double shortest_s = *std::min_element(options.horizons_s.begin(), options.horizons_s.end());
   const auto shortest = static_cast<std::size_t>(std::llround(shortest_s / config.period_s));
   Roller roller(candidate, fit);
@@ -213,8 +213,8 @@ Score score(const Candidate& candidate, const Fit& fit, const std::vector<Grid>&
     }
     if (!finite) ++result.diverged;
     if (s % trace_stride == trace_stride / 2)
-      result.traces.push_back(make_trace(*start.grid, start.point, start.steps, tallies.front().state(),
-                                         model.state_count, trajectory));
+      result.traces.push_back(
+          make_trace(*start.grid, start.point, start.steps, tallies.front().state(), model.state_count, trajectory));
   }
   for (Tally& tally : tallies) result.states.push_back(tally.result());
   return result;

@@ -97,8 +97,8 @@ std::vector<std::string> command_line(bool cpp) {
   std::vector<std::string> argv = {compiler(cpp), "-shared", "-fPIC", "-Wall", "-Wextra"};
   if (cpp) {
     // Hidden, because copies of the same templates for other instruction sets live in the program.
-    for (const char* flag : {"-std=c++17", "-O3", "-fno-exceptions", "-fno-rtti", "-fvisibility=hidden",
-                             "-fvisibility-inlines-hidden"})
+    for (const char* flag :
+         {"-std=c++17", "-O3", "-fno-exceptions", "-fno-rtti", "-fvisibility=hidden", "-fvisibility-inlines-hidden"})
       argv.emplace_back(flag);
     for (const std::string& flag : isa_flags(best_isa())) argv.push_back(flag);
   } else {
@@ -123,7 +123,8 @@ fs::path cache_folder(std::string& error) {
   if (fresh) fs::permissions(folder, fs::perms::owner_all, failed);
   struct stat info = {};
   if (stat(folder.c_str(), &info) != 0 || access(folder.c_str(), W_OK) != 0) {
-    error = folder.string() + ": compiled models cannot be kept there; set TILLER_CACHE to a folder that can be written";
+    error =
+        folder.string() + ": compiled models cannot be kept there; set TILLER_CACHE to a folder that can be written";
     return {};
   }
   if (info.st_uid != getuid() || (info.st_mode & (S_IWGRP | S_IWOTH)) != 0) {
@@ -143,11 +144,10 @@ std::vector<std::string> read_dependencies(const fs::path& path) {
   const auto colon = text.find(": ");
   for (std::size_t i = colon == std::string::npos ? text.size() : colon + 2; i < text.size(); ++i) {
     const char c = text[i];
-    if (c == '\\' && i + 1 < text.size() && text[i + 1] == ' ') {
+    const char next = i + 1 < text.size() ? text[i + 1] : '\0';
+    if ((c == '\\' && next == ' ') || (c == '$' && next == '$')) {
       word += text[++i];
-    } else if (c == '$' && i + 1 < text.size() && text[i + 1] == '$') {
-      word += text[++i];
-    } else if (c == ' ' || c == '\n' || (c == '\\' && i + 1 < text.size() && text[i + 1] == '\n')) {
+    } else if (c == ' ' || c == '\n' || (c == '\\' && next == '\n')) {
       if (!word.empty()) files.push_back(word);
       word.clear();
     } else {
@@ -214,8 +214,8 @@ bool compile(std::vector<std::string> argv, const std::string& path, const fs::p
   const fs::path partial = object.string() + "." + std::to_string(getpid());
   fs::path dependencies = object;
   dependencies.replace_extension(".d");
-  for (const std::string& word : std::vector<std::string>{"-MMD", "-MF", dependencies.string(), "-MT", "model", "-o",
-                                                          partial.string()})
+  for (const std::string& word :
+       std::vector<std::string>{"-MMD", "-MF", dependencies.string(), "-MT", "model", "-o", partial.string()})
     argv.push_back(word);
   std::fprintf(stderr, "tiller: compiling model %s (once) ...\n", path.c_str());
   const ChildResult child = run_child(argv);
@@ -247,6 +247,7 @@ ChildResult run_child(const std::vector<std::string>& argv) {
     return result;
   }
   std::vector<char*> words;
+  words.reserve(argv.size() + 1);
   for (const std::string& word : argv) words.push_back(const_cast<char*>(word.c_str()));
   words.push_back(nullptr);
   posix_spawn_file_actions_t actions;

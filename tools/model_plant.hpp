@@ -19,9 +19,9 @@ class ModelPlant {
  public:
   static std::unique_ptr<ModelPlant> make(const RobotFile& robot, std::string& error);
 
-  void advance(const double* command);   ///< one period under a held command
-  void measure(double* out);             ///< (ny) noise, then quantisation
-  const double* state() const { return state_; }           ///< (nx) the truth
+  void advance(const double* command);            ///< one period under a held command
+  void measure(double* out);                      ///< (ny) noise, then quantisation
+  const double* state() const { return state_; }  ///< (nx) the truth
   std::int64_t time_us() const { return time_us_; }
   const std::vector<double>& true_params() const { return true_params_; }  ///< by robot.params; NaN: no such thing
 

@@ -22,12 +22,11 @@ struct DeadZonePendulum {
     return max(torque - half_width, zero) - max(zero - torque - half_width, zero);
   }
 
-  static State dynamics(const State& x, const Input& u, const Force& f, const tiller::Body<S>& body,
-                        const Params& p) {
+  static State dynamics(const State& x, const Input& u, const Force& f, const tiller::Body<S>& body, const Params& p) {
     const S mass = p.mass_kg + body.payload_kg;
     const S inertia = mass * p.length_m * p.length_m + body.payload_kgm2;
-    const S gravity = mass * p.length_m *
-                      (body.gravity_x_m_s2 * cos(x.angle_rad) + body.gravity_z_m_s2 * sin(x.angle_rad));
+    const S gravity =
+        mass * p.length_m * (body.gravity_x_m_s2 * cos(x.angle_rad) + body.gravity_z_m_s2 * sin(x.angle_rad));
     const S drive = p.torque_gain * pass_dead_zone(u.torque_Nm, p.dead_zone_Nm);
     return {x.rate_rad_s, (drive + f.joint_Nm + gravity) / inertia};
   }

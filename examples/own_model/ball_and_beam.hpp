@@ -18,8 +18,7 @@ struct BallAndBeam {
   static constexpr tiller_joint_t joints[] = {{"ball", 0, 2, 0, 0}, {"beam", 1, 3, 1, 0}};
   static constexpr unsigned angles = 1u << 1;
 
-  static State dynamics(const State& x, const Input& u, const Force& f, const tiller::Body<S>& body,
-                        const Params& p) {
+  static State dynamics(const State& x, const Input& u, const Force& f, const tiller::Body<S>& body, const Params& p) {
     const S mass = p.ball_mass_kg + body.payload_kg;
     const S sine = sin(x.angle_rad), cosine = cos(x.angle_rad);
     const S along = body.gravity_x_m_s2 * cosine + body.gravity_z_m_s2 * sine;

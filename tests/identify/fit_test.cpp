@@ -21,7 +21,9 @@ const ParamSummary& param(const Assessed& assessed, const std::string& name) {
   return assessed.fit.params.front();
 }
 
-const HorizonError& error_at(const Score& score, std::size_t horizon) { return score.states.at(0).horizons.at(horizon); }
+const HorizonError& error_at(const Score& score, std::size_t horizon) {
+  return score.states.at(0).horizons.at(horizon);
+}
 
 // ---- a pendulum of this file's own ----
 

@@ -18,8 +18,8 @@ namespace fs = std::filesystem;
 class Loader : public testing::Test {
  protected:
   void SetUp() override {
-    folder_ = fs::path(testing::TempDir()) / (std::string("loader_") +
-              testing::UnitTest::GetInstance()->current_test_info()->name());
+    folder_ = fs::path(testing::TempDir()) /
+              (std::string("loader_") + testing::UnitTest::GetInstance()->current_test_info()->name());
     fs::remove_all(folder_);
     fs::create_directories(folder_);
     setenv("TILLER_CACHE", (folder_ / "cache").c_str(), 1);

@@ -71,7 +71,7 @@ TEST(Log, ReadsWhatIsRight) {
   EXPECT_TRUE(outcome.warnings.empty()) << outcome.warnings[0];
   ASSERT_EQ(outcome.log.rows(), 300u);
   EXPECT_NEAR(median_step_s(outcome.log), 0.01, 1e-9);
-  EXPECT_NEAR(outcome.log.state[0][25], 0.5, 1e-6);   // a quarter of the swing's second
+  EXPECT_NEAR(outcome.log.state[0][25], 0.5, 1e-6);  // a quarter of the swing's second
   EXPECT_NEAR(outcome.log.input[0][0], 0.1, 1e-6);
 }
 
@@ -117,7 +117,8 @@ std::vector<Bad> bad_logs() {
       {"only_header", "time,position,velocity,torque\n", {"0 rows are too few"}},
       {"short", swing(5), {"5 rows are too few"}},
       {"semicolons", "time;position;velocity;torque\n0;0;0;0\n", {":1:", "separated", "commas"}},
-      {"no_column", with_line(good, 1, "time,pos,velocity,torque\n"),
+      {"no_column",
+       with_line(good, 1, "time,pos,velocity,torque\n"),
        {":1:", "'position'", "angle_rad", "time, pos, velocity, torque", "[log] columns"}},
       {"typing_error", with_line(good, 1, "time,positon,velocity,torque\n"), {"did you mean 'positon'"}},
       {"twice", with_line(good, 1, "time,position,position,torque\n"), {":1:", "'position' appears twice"}},
@@ -145,7 +146,8 @@ TEST(Log, SaysWhatIsWrongWithEveryBadOne) {
     EXPECT_FALSE(outcome.good) << bad.name;
     EXPECT_NE(outcome.error.find(path), std::string::npos) << bad.name << ": " << outcome.error;
     for (const std::string& word : bad.said)
-      EXPECT_NE(outcome.error.find(word), std::string::npos) << bad.name << " lacks '" << word << "': " << outcome.error;
+      EXPECT_NE(outcome.error.find(word), std::string::npos)
+          << bad.name << " lacks '" << word << "': " << outcome.error;
     std::printf("%s\n", outcome.error.c_str());
   }
 }
