@@ -65,8 +65,7 @@ void print_intro(const RobotFile& robot) {
       "friction it knows to +- 50 %%. It sees two noisy encoders, swings the pole up, and learns on the way.\n"
       "Robot file: %s   seed %llu   planner %s   %s\n\n",
       robot.path.c_str(), static_cast<unsigned long long>(robot.sim.seed),
-      planner_names()[robot.config.planner.kind].c_str(),
-      tiller_instruction_set());
+      planner_names()[robot.config.planner.kind].c_str(), tiller_instruction_set());
 }
 
 int report_demo(const Arguments& a, const RobotFile& robot, const std::string& folder, const RunResult& result,
@@ -104,9 +103,9 @@ int demo_command(const Arguments& a) {
   if (result.exit_code == kExitBadInput) return kExitBadInput;
   double angle_rad = NAN;
   const bool upright = is_upright(*robot, result, angle_rad);
-  const std::string outcome = format("%s: the pole is %.3f rad from upright after %.1f s (below %.1f rad counts)",
-                                     upright ? "UPRIGHT" : "NOT UPRIGHT", std::fabs(angle_rad), result.time_s,
-                                     kUpright_rad);
+  const std::string outcome =
+      format("%s: the pole is %.3f rad from upright after %.1f s (below %.1f rad counts)",
+             upright ? "UPRIGHT" : "NOT UPRIGHT", std::fabs(angle_rad), result.time_s, kUpright_rad);
   std::printf("\n%s\n", outcome.c_str());
   std::fputs(summary(*robot, options, result).c_str(), stdout);
   if (!result.readable_log.empty()) std::printf("log: %s\n", fs::absolute(result.readable_log).c_str());
@@ -125,11 +124,12 @@ void add_demo_command(CLI::App& app, int& exit_code) {
   command->add_flag("--fast", a->fast, "do not wait for the wall clock");
   command->add_flag("--no-report", a->no_report, "the CSV only");
   add_override_options(*command, a->overrides);
-  command->footer("Examples:\n"
-                  "  tiller demo\n"
-                  "      12 s of robot time; true parameters of seed 1; out/demo.html at the end\n"
-                  "  tiller demo --seed 7 --planner cem --frozen\n"
-                  "      another robot, another planner, and no learning: compare the reports");
+  command->footer(
+      "Examples:\n"
+      "  tiller demo\n"
+      "      12 s of robot time; true parameters of seed 1; out/demo.html at the end\n"
+      "  tiller demo --seed 7 --planner cem --frozen\n"
+      "      another robot, another planner, and no learning: compare the reports");
   command->callback([a, &exit_code] { exit_code = demo_command(*a); });
 }
 

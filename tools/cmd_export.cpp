@@ -39,12 +39,13 @@ void add_export_command(CLI::App& app, int& exit_code) {
   command->add_option("ROBOT", a->robot, "robot file (.toml)")->required();
   command->add_option("-o,--out", a->out, "C file (default: stdout)");
   command->add_option("--prefix", a->prefix, "of the C names (default: the robot file's name)");
-  command->footer("For targets without files, and for programs that link the library.\n\n"
-                  "Examples:\n"
-                  "  tiller export robots/cart_pole.toml -o cart_pole_config.c\n"
-                  "      tiller_config_t cart_pole_config(void), in C99\n"
-                  "  tiller export robots/pendulum.toml --prefix arm | head -40\n"
-                  "      arm_config(), read on the screen");
+  command->footer(
+      "For targets without files, and for programs that link the library.\n\n"
+      "Examples:\n"
+      "  tiller export robots/cart_pole.toml -o cart_pole_config.c\n"
+      "      tiller_config_t cart_pole_config(void), in C99\n"
+      "  tiller export robots/pendulum.toml --prefix arm | head -40\n"
+      "      arm_config(), read on the screen");
   command->callback([a, &exit_code] { exit_code = export_command(*a); });
 }
 

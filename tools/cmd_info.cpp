@@ -112,12 +112,13 @@ void add_check_command(CLI::App& app, int& exit_code) {
   auto* command = app.add_subcommand("check", "read a robot file and say what it means, or what is wrong with it");
   auto path = std::make_shared<std::string>();
   command->add_option("ROBOT", *path, "robot file (.toml)")->required();
-  command->footer("Every error is told at once: file, line, key, value and remedy.\n\n"
-                  "Examples:\n"
-                  "  tiller check robots/cart_pole.toml\n"
-                  "      model, priors, sensors, planner and the bytes that the controller needs\n"
-                  "  tiller check my_robot.toml && tiller run my_robot.toml --sim --seconds 5\n"
-                  "      only a right file goes on");
+  command->footer(
+      "Every error is told at once: file, line, key, value and remedy.\n\n"
+      "Examples:\n"
+      "  tiller check robots/cart_pole.toml\n"
+      "      model, priors, sensors, planner and the bytes that the controller needs\n"
+      "  tiller check my_robot.toml && tiller run my_robot.toml --sim --seconds 5\n"
+      "      only a right file goes on");
   command->callback([path, &exit_code] { exit_code = check_command(*path); });
 }
 
@@ -129,8 +130,9 @@ void add_models_command(CLI::App& app, int& exit_code) {
 
 void add_effects_command(CLI::App& app, int& exit_code) {
   auto* command = app.add_subcommand("effects", "physics that can be added to any model: friction, lag, delay, ...");
-  command->footer("Examples:\n  tiller effects\n      ports and parameters of each\n"
-                  "  tiller effects | grep friction\n      only these");
+  command->footer(
+      "Examples:\n  tiller effects\n      ports and parameters of each\n"
+      "  tiller effects | grep friction\n      only these");
   command->callback([&exit_code] { exit_code = effects_command(); });
 }
 
@@ -140,15 +142,17 @@ void add_help_command(CLI::App& app, int& exit_code) {
   auto markdown = std::make_shared<bool>(false);
   command->add_option("TOPIC", *topic, "a command, or robot-file");
   command->add_flag("--markdown", *markdown, "robot-file as the table of docs/robot_file.md");
-  command->footer("Examples:\n  tiller help robot-file\n      every key with unit, range and default\n"
-                  "  tiller help run\n      the same as tiller run --help");
+  command->footer(
+      "Examples:\n  tiller help robot-file\n      every key with unit, range and default\n"
+      "  tiller help run\n      the same as tiller run --help");
   command->callback([&app, topic, markdown, &exit_code] { exit_code = help_command(app, *topic, *markdown); });
 }
 
 void add_version_command(CLI::App& app, int& exit_code) {
   auto* command = app.add_subcommand("version", "version and instruction set");
-  command->footer("Examples:\n  tiller version\n      \"tiller 0.1, avx512\"\n"
-                  "  tiller version | cut -d, -f1\n      the version alone");
+  command->footer(
+      "Examples:\n  tiller version\n      \"tiller 0.1, avx512\"\n"
+      "  tiller version | cut -d, -f1\n      the version alone");
   command->callback([&exit_code] {
     std::printf("tiller %s, %s\n", tiller_version(), tiller_instruction_set());
     exit_code = kExitOk;

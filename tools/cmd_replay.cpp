@@ -50,8 +50,8 @@ int replay_command(const Arguments& a) {
   config.model = robot->model;
   const std::size_t size = tiller_size(&config);
   if (size == 0) return complain(a.record + ": its configuration does not fit the model of " + a.robot);
-  std::unique_ptr<void, FreeBlock> block(std::aligned_alloc(
-      TILLER_ALIGNMENT, (size + TILLER_ALIGNMENT - 1) / TILLER_ALIGNMENT * TILLER_ALIGNMENT));
+  std::unique_ptr<void, FreeBlock> block(
+      std::aligned_alloc(TILLER_ALIGNMENT, (size + TILLER_ALIGNMENT - 1) / TILLER_ALIGNMENT * TILLER_ALIGNMENT));
   tiller_t* controller = nullptr;
   const tiller_status_t status = tiller_init(&controller, &config, nullptr, block.get(), size);
   if (status != tiller_status_ok) return complain(a.record + ": " + tiller_status_text(status));
@@ -67,12 +67,13 @@ void add_replay_command(CLI::App& app, int& exit_code) {
   auto a = std::make_shared<Arguments>();
   command->add_option("RECORD", a->record, "written by tiller run --record")->required();
   command->add_option("ROBOT", a->robot, "the robot file of that run: the model is taken from it")->required();
-  command->footer("Bits are promised on the same instruction set and build.\n\n"
-                  "Examples:\n"
-                  "  tiller run robots/cart_pole.toml --sim --seconds 5 --record out/run.rec\n"
-                  "      make a record\n"
-                  "  tiller replay out/run.rec robots/cart_pole.toml\n"
-                  "      \"250 ticks replayed on avx512, 0 different\"");
+  command->footer(
+      "Bits are promised on the same instruction set and build.\n\n"
+      "Examples:\n"
+      "  tiller run robots/cart_pole.toml --sim --seconds 5 --record out/run.rec\n"
+      "      make a record\n"
+      "  tiller replay out/run.rec robots/cart_pole.toml\n"
+      "      \"250 ticks replayed on avx512, 0 different\"");
   command->callback([a, &exit_code] { exit_code = replay_command(*a); });
 }
 

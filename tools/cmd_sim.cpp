@@ -47,15 +47,17 @@ int serve_plant(const Arguments& a, const RobotFile& robot, sim::Plant& plant, s
   options.answer_timeout_s = a.answer_timeout_s;
   options.stop = &stop.flag();
   double next_s = 0;
+  bool tripped = false;
   options.on_period = [&](const sim::Plant& p, const sim::PlantMeasurement&) {
     const double time_s = 1e-6 * static_cast<double>(p.time_us());
-    if (time_s < next_s) return;
+    if (time_s < next_s && p.watchdog_tripped() == tripped) return;
     next_s = time_s + 0.5;
+    tripped = p.watchdog_tripped();
     std::vector<double> state(p.states().size());
     p.true_state(state.data());
     std::printf("%7.2f s", time_s);
     for (std::size_t i = 0; i < state.size(); ++i) std::printf("  %s %.3f", p.states()[i].name.c_str(), state[i]);
-    std::printf("%s\n", p.watchdog_tripped() ? "  WATCHDOG: no command, the motor is off" : "");
+    std::printf("%s\n", tripped ? "  WATCHDOG: no command, the motor is off" : "");
     std::fflush(stdout);
   };
   if (a.serve == "lcm") {
@@ -82,10 +84,11 @@ int sim_command(const Arguments& a) {
   sim::ServeReport report;
   const int code = serve_plant(a, *robot, *made->plant, report);
   const auto n = [](std::uint64_t value) { return static_cast<unsigned long long>(value); };
-  std::printf("%llu periods, %llu commands, %llu missing answers, %llu stale, %llu bad, %llu late periods, "
-              "%llu watchdog trips\n",
-              n(report.periods), n(report.commands), n(report.missing_answers), n(report.stale_commands),
-              n(report.bad_commands), n(report.late_periods), n(made->plant->watchdog_trips()));
+  std::printf(
+      "%llu periods, %llu commands, %llu missing answers, %llu stale, %llu bad, %llu late periods, "
+      "%llu watchdog trips\n",
+      n(report.periods), n(report.commands), n(report.missing_answers), n(report.stale_commands),
+      n(report.bad_commands), n(report.late_periods), n(made->plant->watchdog_trips()));
   return code == 0 ? static_cast<int>(kExitOk) : complain(report.error);
 }
 
@@ -95,25 +98,25 @@ void add_sim_command(CLI::App& app, int& exit_code) {
   auto* command = app.add_subcommand("sim", "serve the stand-in plant of a robot file to `tiller run`");
   auto a = std::make_shared<Arguments>();
   command->add_option("ROBOT", a->robot, "robot file (.toml) with a [sim] section")->required();
-  command->add_option("--serve", a->serve, "how: lcm or can (default lcm)")
-      ->check(CLI::IsMember({"lcm", "can"}));
+  command->add_option("--serve", a->serve, "how: lcm or can (default lcm)")->check(CLI::IsMember({"lcm", "can"}));
   auto* lockstep = command->add_flag("--lockstep", a->lockstep, "simulated time waits for each command");
-  command->add_flag("--real-time", a->real_time, "simulated time follows the wall clock (default)")
-      ->excludes(lockstep);
+  command->add_flag("--real-time", a->real_time, "simulated time follows the wall clock (default)")->excludes(lockstep);
   command->add_option("--seconds", a->seconds, "end after this much simulated time (default: at Ctrl-C)")
       ->check(CLI::PositiveNumber);
-  command->add_option("--answer-timeout", a->answer_timeout_s,
-                      "lockstep: wall time in s after which time goes on without a command")
+  command
+      ->add_option("--answer-timeout", a->answer_timeout_s,
+                   "lockstep: wall time in s after which time goes on without a command")
       ->check(CLI::PositiveNumber);
   command->add_option("--seed", a->seed, "of the plant, instead of the robot file's")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{9007199254740992}));
-  command->footer("Examples:\n"
-                  "  tiller sim robots/cart_pole.toml --serve lcm\n"
-                  "      a cart-pole over LCM in real time; steer it from another terminal:\n"
-                  "      tiller run robots/cart_pole.toml --transport lcm\n"
-                  "  tiller sim robots/cart_pole.toml --serve can --lockstep --seed 3\n"
-                  "      the same on a CAN bus, waiting for each command\n\n" +
-                  sim::plant_help());
+  command->footer(
+      "Examples:\n"
+      "  tiller sim robots/cart_pole.toml --serve lcm\n"
+      "      a cart-pole over LCM in real time; steer it from another terminal:\n"
+      "      tiller run robots/cart_pole.toml --transport lcm\n"
+      "  tiller sim robots/cart_pole.toml --serve can --lockstep --seed 3\n"
+      "      the same on a CAN bus, waiting for each command\n\n" +
+      sim::plant_help());
   command->callback([a, &exit_code] { exit_code = sim_command(*a); });
 }
 

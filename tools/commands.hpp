@@ -32,9 +32,9 @@ int complain(const std::string& text);
 
 /// Changes of a robot file that the command line asks for.
 struct Overrides {
-  std::uint64_t seed = 0;   ///< of controller and plant; 0: as in the file
-  std::string planner;      ///< empty: as in the file
-  bool frozen = false;      ///< posterior stays at the prior
+  std::uint64_t seed = 0;  ///< of controller and plant; 0: as in the file
+  std::string planner;     ///< empty: as in the file
+  bool frozen = false;     ///< posterior stays at the prior
   unsigned threads = 1;
 };
 void add_override_options(CLI::App& command, Overrides& overrides);

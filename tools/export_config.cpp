@@ -22,7 +22,9 @@ class Initialiser {
  public:
   explicit Initialiser(std::string indent) : indent_(std::move(indent)) {}
 
-  void word(const std::string& field, const std::string& value) { text_ += indent_ + "." + field + " = " + value + ",\n"; }
+  void word(const std::string& field, const std::string& value) {
+    text_ += indent_ + "." + field + " = " + value + ",\n";
+  }
   void count(const char* field, std::uint64_t value) { word(field, std::to_string(value) + "u"); }
   void number(const char* field, double value) { word(field, c_number(value)); }
 
@@ -193,25 +195,38 @@ std::string export_c(const RobotFile& robot, const std::string& prefix) {
   std::string declaration;
   const std::string model = model_text(robot, declaration);
   const std::string file = std::filesystem::path(robot.path).filename().string();
-  return "/* Written by `tiller export` from " + file + "; edit that file instead.\n"
+  return "/* Written by `tiller export` from " + file +
+         "; edit that file instead.\n"
          " *\n"
-         " *     tiller_config_t config = " + prefix + "_config();\n"
+         " *     tiller_config_t config = " +
+         prefix +
+         "_config();\n"
          " *     size_t size = tiller_size(&config);\n"
          " */\n"
          "#include <math.h>\n"
          "\n"
          "#include \"tiller/tiller.h\"\n"
          "\n"
-         "#if TILLER_VERSION_MAJOR != " + std::to_string(TILLER_VERSION_MAJOR) +
+         "#if TILLER_VERSION_MAJOR != " +
+         std::to_string(TILLER_VERSION_MAJOR) +
          "\n#error \"this configuration was exported for another version of tiller: run tiller export again\"\n"
          "#endif\n"
-         "\n" + declaration +
-         "static const tiller_config_t " + prefix + "_constants = {\n" + config_text(robot) + "};\n"
+         "\n" +
+         declaration + "static const tiller_config_t " + prefix + "_constants = {\n" + config_text(robot) +
+         "};\n"
          "\n"
-         "tiller_config_t " + prefix + "_config(void);\n"
-         "tiller_config_t " + prefix + "_config(void) {\n"
-         "  tiller_config_t config = " + prefix + "_constants;\n"
-         "  config.model = " + model + ";\n"
+         "tiller_config_t " +
+         prefix +
+         "_config(void);\n"
+         "tiller_config_t " +
+         prefix +
+         "_config(void) {\n"
+         "  tiller_config_t config = " +
+         prefix +
+         "_constants;\n"
+         "  config.model = " +
+         model +
+         ";\n"
          "  return config;\n"
          "}\n";
 }

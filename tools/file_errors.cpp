@@ -27,12 +27,10 @@ void FileErrors::at(const toml::node& node, const std::string& key, std::string 
 
 void FileErrors::at(const toml::source_region& region, const std::string& key, std::string problem,
                     std::string remedy) {
-  errors_.push_back({static_cast<int>(region.begin.line), key, quote(region), std::move(problem),
-                     std::move(remedy)});
+  errors_.push_back({static_cast<int>(region.begin.line), key, quote(region), std::move(problem), std::move(remedy)});
 }
 
-void FileErrors::at_table(const toml::node& table, const std::string& key, std::string problem,
-                          std::string remedy) {
+void FileErrors::at_table(const toml::node& table, const std::string& key, std::string problem, std::string remedy) {
   at_line(static_cast<int>(table.source().begin.line), key, std::move(problem), std::move(remedy));
 }
 

@@ -37,9 +37,9 @@ class Link {
 std::unique_ptr<Link> make_sim_link(const RobotFile& robot, SimPlant& plant, bool paced);
 
 struct TransportLinkOptions {
-  std::string kind;          ///< "lcm" or "socketcan"
-  bool lockstep = false;     ///< the stamps are the time; a tick waits for its measurement
-  double patience_s = 2.0;   ///< lockstep: wall time to wait for a measurement before ticking without one
+  std::string kind;         ///< "lcm" or "socketcan"
+  bool lockstep = false;    ///< the stamps are the time; a tick waits for its measurement
+  double patience_s = 2.0;  ///< lockstep: wall time to wait for a measurement before ticking without one
 };
 
 /// A robot behind a transport. Null with a message in `error`.

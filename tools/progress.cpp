@@ -61,8 +61,8 @@ Progress::Style Progress::style_for_stdout(bool quiet) {
 
 std::string Progress::line(const TickView& tick) const {
   const tiller_info_t& info = *tick.info;
-  std::string text = time_text(tick.time_s, end_s_) + "  " +
-                     upper(tiller_state_name(static_cast<tiller_state_t>(info.state)));
+  std::string text =
+      time_text(tick.time_s, end_s_) + "  " + upper(tiller_state_name(static_cast<tiller_state_t>(info.state)));
   for (std::size_t i = 0; i < robot_.states.size(); ++i) {
     text += format("  %s %.3f", robot_.states[i].c_str(), info.state_mean[i]);
   }

@@ -37,8 +37,9 @@ std::string last_lines(const std::string& text, std::size_t count) {
 }  // namespace
 
 bool run_python_tool(const std::string& module, const std::vector<std::string>& arguments, std::string& error) {
-  std::vector<std::string> command = {"env", "PYTHONPATH=" + package_folder(), "PYTHONDONTWRITEBYTECODE=1", interpreter(), "-m",
-                                      "tiller_tools." + module};
+  std::vector<std::string> command = {
+      "env", "PYTHONPATH=" + package_folder(), "PYTHONDONTWRITEBYTECODE=1", interpreter(),
+      "-m",  "tiller_tools." + module};
   command.insert(command.end(), arguments.begin(), arguments.end());
   const ChildResult child = run_child(command);
   if (child.started && child.exit_code == 0) return true;

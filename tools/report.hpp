@@ -7,8 +7,7 @@ namespace tiller::tools {
 
 /// Runs one of the Python tools (tiller_tools.<module>) with arguments. The interpreter is TILLER_PYTHON, else
 /// the one that the build was configured with. False with a message in `error`.
-bool run_python_tool(const std::string& module, const std::vector<std::string>& arguments,
-                     std::string& error);
+bool run_python_tool(const std::string& module, const std::vector<std::string>& arguments, std::string& error);
 
 /// The one-file HTML page of a run's CSV; facts beside the log (see write_run_facts) are taken in.
 bool write_report(const std::string& log, const std::string& page, std::string& error);

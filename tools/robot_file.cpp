@@ -67,7 +67,9 @@ bool read_model(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   if (robot.model) return true;
   const std::string key = section.has("name") ? "name" : "file";
   const std::string near = nearest(robot.model_request.name, builtin_model_names());
-  section.error(key, problem, near.empty() || near == robot.model_request.name ? "see docs/robot_file.md" : "did you mean " + near + "?");
+  section.error(
+      key, problem,
+      near.empty() || near == robot.model_request.name ? "see docs/robot_file.md" : "did you mean " + near + "?");
   return false;
 }
 
@@ -163,8 +165,7 @@ int index_of(const Words& names, const std::string& name) {
   return found == names.end() ? -1 : static_cast<int>(found - names.begin());
 }
 
-std::unique_ptr<RobotFile> parse_robot_file(const std::string& text, const std::string& path,
-                                            std::string& errors_out) {
+std::unique_ptr<RobotFile> parse_robot_file(const std::string& text, const std::string& path, std::string& errors_out) {
   FileErrors errors(path, text);
   auto robot = std::make_unique<RobotFile>();
   robot->path = path;
@@ -175,7 +176,8 @@ std::unique_ptr<RobotFile> parse_robot_file(const std::string& text, const std::
     refuse_unknown_sections(errors, root);
     read_controller(errors, root, *robot);
   } catch (const toml::parse_error& error) {
-    errors.at_line(static_cast<int>(error.source().begin.line), "TOML", std::string(error.description()), "correct the syntax (toml.io)");
+    errors.at_line(static_cast<int>(error.source().begin.line), "TOML", std::string(error.description()),
+                   "correct the syntax (toml.io)");
   }
   if (errors.empty()) return robot;
   errors_out = errors.text();

@@ -22,11 +22,11 @@ struct TransportSection {
   std::string url = "udpm://239.255.76.67:7667?ttl=0";
   std::string channel_prefix = "TILLER_";
   std::string interface = "can0";
-  bool stamp_on_arrival = false;        ///< the plant has a clock of its own
-  std::vector<std::uint32_t> nodes;     ///< (nu) CANSimple node of each input's motor
-  std::vector<double> wheel_radius_m;   ///< (nu)
+  bool stamp_on_arrival = false;       ///< the plant has a clock of its own
+  std::vector<std::uint32_t> nodes;    ///< (nu) CANSimple node of each input's motor
+  std::vector<double> wheel_radius_m;  ///< (nu)
   std::uint32_t sensor_node = 48;
-  Words channels;                       ///< (ny) "board:0", "position:force_N", ...; empty: the board's, in order
+  Words channels;  ///< (ny) "board:0", "position:force_N", ...; empty: the board's, in order
   double heartbeat_timeout_s = 0.5;
 };
 
@@ -71,8 +71,7 @@ struct RobotFile {
 std::unique_ptr<RobotFile> read_robot_file(const std::string& path, std::string& errors);
 
 /// The same from text; `path` stands in errors and is where relative model files are looked for.
-std::unique_ptr<RobotFile> parse_robot_file(const std::string& text, const std::string& path,
-                                            std::string& errors);
+std::unique_ptr<RobotFile> parse_robot_file(const std::string& text, const std::string& path, std::string& errors);
 
 /// Index of a name; -1 if it is not there.
 int index_of(const Words& names, const std::string& name);

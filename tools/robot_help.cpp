@@ -116,11 +116,11 @@ std::string robot_file_help() {
     for (const KeySpec& key : robot_keys()) {
       if (std::string(key.section) != section.name) continue;
       const std::string fallback = fallback_of(key);
-      text += "    " + std::string(key.key) + "   " +
-              joined({type_text(key), key.unit, range_text(key),
-                      fallback == kRequired ? fallback : "default " + fallback},
-                     ", ") +
-              "\n" + wrapped(key.help, "        ", 100);
+      text +=
+          "    " + std::string(key.key) + "   " +
+          joined({type_text(key), key.unit, range_text(key), fallback == kRequired ? fallback : "default " + fallback},
+                 ", ") +
+          "\n" + wrapped(key.help, "        ", 100);
     }
   }
   return text;
@@ -137,7 +137,8 @@ std::string robot_file_markdown() {
       rows += "| `" + std::string(key.key) + "` | " + escaped(type_text(key)) + " | " + key.unit + " | " +
               range_text(key) + " | " + escaped(fallback_of(key)) + " | " + escaped(key.help) + " |\n";
     }
-    if (!rows.empty()) text += "\n| key | value | unit | range | default | meaning |\n|---|---|---|---|---|---|\n" + rows;
+    if (!rows.empty())
+      text += "\n| key | value | unit | range | default | meaning |\n|---|---|---|---|---|---|\n" + rows;
     text += "\n";
   }
   return text;

@@ -130,9 +130,9 @@ void read_channels(SectionReader& section, const RobotFile& robot, TransportSect
     if (row < 0) {
       section.errors().at(node, path, "is not measured", remedy_for_unknown(word, robot.measurements));
     } else if (!is_channel(text, robot.inputs)) {
-      section.errors().at(node, path, "is no channel",
-                          "write \"board:0\" to \"board:11\", or \"position:\" or \"velocity:\" and one of: " +
-                              join(robot.inputs));
+      section.errors().at(
+          node, path, "is no channel",
+          "write \"board:0\" to \"board:11\", or \"position:\" or \"velocity:\" and one of: " + join(robot.inputs));
     } else {
       transport.channels[static_cast<std::size_t>(row)] = text;
     }

@@ -19,9 +19,8 @@ struct PriorForm {
   const char* name;
   tiller_prior_kind_t kind;
 };
-constexpr PriorForm kForms[] = {{"uniform", tiller_prior_uniform},
-                                {"normal", tiller_prior_normal},
-                                {"log_normal", tiller_prior_log_normal}};
+constexpr PriorForm kForms[] = {
+    {"uniform", tiller_prior_uniform}, {"normal", tiller_prior_normal}, {"log_normal", tiller_prior_log_normal}};
 
 bool read_pair(FileErrors& errors, const toml::node& node, const std::string& path, double pair[2]) {
   const toml::array* list = node.as_array();
@@ -52,15 +51,13 @@ bool check_form(FileErrors& errors, const toml::node& node, const std::string& p
     return false;
   }
   if (kind == tiller_prior_log_normal && !(pair[0] > 0)) {
-    errors.at(node, path, "the median of a log-normal is not positive",
-              "write a positive first number, or use normal");
+    errors.at(node, path, "the median of a log-normal is not positive", "write a positive first number, or use normal");
     return false;
   }
   return true;
 }
 
-void read_prior_table(FileErrors& errors, const toml::table& table, const std::string& path,
-                      tiller_prior_t& out) {
+void read_prior_table(FileErrors& errors, const toml::table& table, const std::string& path, tiller_prior_t& out) {
   SectionReader section(errors, "prior", path, &table);
   const std::size_t before = errors.list().size();
   section.refuse_unknown();
@@ -105,8 +102,7 @@ int find_port_index(const tiller_model_t& model, PortKind kind, const std::strin
   return index_of(known, name);
 }
 
-void read_effect_params(SectionReader& section, const EffectInfo& info, const std::string& port,
-                        RobotFile& robot) {
+void read_effect_params(SectionReader& section, const EffectInfo& info, const std::string& port, RobotFile& robot) {
   const Words names(info.param_names, info.param_names + info.param_count);
   const Words meant = section.refuse_unknown(names);
   for (int i = 0; i < info.param_count; ++i) {
@@ -190,9 +186,9 @@ void read_parameters(FileErrors& errors, const toml::table& root, RobotFile& rob
     }
   }
   if (!lacking.empty()) {
-    errors.missing(table, "parameters." + join(lacking, ", parameters."),
-                   std::string("every parameter of ") + robot.model->name + " needs a value or a prior: " +
-                       kPriorRemedy);
+    errors.missing(
+        table, "parameters." + join(lacking, ", parameters."),
+        std::string("every parameter of ") + robot.model->name + " needs a value or a prior: " + kPriorRemedy);
   }
 }
 
@@ -212,8 +208,7 @@ void read_effects(FileErrors& errors, const toml::table& root, RobotFile& robot)
     }
   }
   if (robot.params.size() > TILLER_MAX_PARAMS) {
-    errors.at_table(*node, "effects",
-                    "model and effects have " + std::to_string(robot.params.size()) + " parameters",
+    errors.at_table(*node, "effects", "model and effects have " + std::to_string(robot.params.size()) + " parameters",
                     "keep at most " + std::to_string(TILLER_MAX_PARAMS));
   }
   robot.config.param_count = static_cast<std::uint32_t>(robot.params.size());

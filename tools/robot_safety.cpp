@@ -75,8 +75,8 @@ void read_measurements(FileErrors& errors, const toml::table& root, RobotFile& r
   robot.config.measurement_count = 0;
   if (!table || table->empty()) {
     errors.missing(table, "[measurement]",
-                   "name at least one measured state, e.g. " + robot.states.front() + " = { sd = 0.001 }; states: " +
-                       join(robot.states));
+                   "name at least one measured state, e.g. " + robot.states.front() +
+                       " = { sd = 0.001 }; states: " + join(robot.states));
     return;
   }
   for (const Entry& entry : in_file_order(*table)) {

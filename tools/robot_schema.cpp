@@ -45,7 +45,8 @@ const std::vector<SectionSpec> kSections = {
     {"recorder", "[recorder]", "The ring of past ticks inside the controller's block."},
     {"transport", "[transport]",
      "How `tiller run` reaches the robot. The keys after `kind` belong to one kind each, see docs."},
-    {"sim", "[sim]", "The stand-in plant of `tiller sim`, `tiller demo` and `tiller run --sim`; nothing else reads it."},
+    {"sim", "[sim]",
+     "The stand-in plant of `tiller sim`, `tiller demo` and `tiller run --sim`; nothing else reads it."},
     {"sim.sensors.*", "in [sim]: sensors = { state = { ... } }", "What the plant's encoders do to the truth."},
     {"sim.effects[]", "[[sim.effects]]",
      "Physics that the plant has and the model may lack. Beside the keys below, the effect's own parameter takes a "
@@ -116,8 +117,8 @@ const std::vector<KeySpec> kKeys = {
      "Metropolis moves per tick, a multiple of 8, at most N"},
     {"posterior", "ess_fraction", K::number, "", nullptr, 0, 1, true, AT(posterior.ess_fraction), nullptr,
      "resample when the effective sample size falls below this share of N"},
-    {"posterior", "noise_scale_shape", K::number, "", nullptr, 0, 1e6, true, AT(posterior.noise_scale_shape),
-     nullptr, "the larger, the more the configured noise is believed"},
+    {"posterior", "noise_scale_shape", K::number, "", nullptr, 0, 1e6, true, AT(posterior.noise_scale_shape), nullptr,
+     "the larger, the more the configured noise is believed"},
 
     {"planner", "kind", K::choice, "", nullptr, 0, 0, false, AT(planner.kind), planner_names, "which planner"},
     {"planner", "horizon", K::count, "periods", nullptr, 2, 512, false, AT(planner.horizon), nullptr,
@@ -144,16 +145,15 @@ const std::vector<KeySpec> kKeys = {
     {"planner", "smoothing", K::number, "", nullptr, 0, 0.999, false, AT(planner.smoothing), nullptr,
      "CEM: share of the old mean and spread that is kept"},
 
-    {"cost", "target", K::state_numbers, "SI", nullptr, -kBig, kBig, false, AT(cost.target), nullptr,
-     "t, by state"},
+    {"cost", "target", K::state_numbers, "SI", nullptr, -kBig, kBig, false, AT(cost.target), nullptr, "t, by state"},
     {"cost", "state_weight", K::state_numbers, "1/SI^2", nullptr, 0, kBig, false, AT(cost.state_weight), nullptr,
      "Q, by state"},
-    {"cost", "terminal_weight", K::state_numbers, "1/SI^2", nullptr, 0, kBig, false, AT(cost.terminal_weight),
-     nullptr, "Qf, by state"},
+    {"cost", "terminal_weight", K::state_numbers, "1/SI^2", nullptr, 0, kBig, false, AT(cost.terminal_weight), nullptr,
+     "Qf, by state"},
     {"cost", "input_weight", K::input_numbers, "1/SI^2", nullptr, 0, kBig, false, AT(cost.input_weight), nullptr,
      "R, by input"},
-    {"cost", "input_rate_weight", K::input_numbers, "1/SI^2", nullptr, 0, kBig, false,
-     AT(cost.input_rate_weight), nullptr, "S, by input, on the change per period"},
+    {"cost", "input_rate_weight", K::input_numbers, "1/SI^2", nullptr, 0, kBig, false, AT(cost.input_rate_weight),
+     nullptr, "S, by input, on the change per period"},
 
     {"limits.*", "low", K::number, "SI", kRequired, -kBig, kBig, false, hand, nullptr, "smallest command"},
     {"limits.*", "high", K::number, "SI", kRequired, -kBig, kBig, false, hand, nullptr, "largest command"},
@@ -166,10 +166,10 @@ const std::vector<KeySpec> kKeys = {
      "a measurement older than this leads to SAFE"},
     {"safety", "frozen_ticks", K::count, "ticks", nullptr, 0, 1e6, false, AT(safety.frozen_ticks), nullptr,
      "identical readings in a row under a moving plan lead to SAFE; 0: off"},
-    {"safety", "bad_ticks_to_safe", K::count, "ticks", nullptr, 1, 1e6, false, AT(safety.bad_ticks_to_safe),
-     nullptr, "rejected measurements in a row lead to SAFE"},
-    {"safety", "hold_ticks_to_safe", K::count, "ticks", nullptr, 0, 1e6, false, AT(safety.hold_ticks_to_safe),
-     nullptr, "ticks in a row in HOLD lead to SAFE; 0: HOLD may last"},
+    {"safety", "bad_ticks_to_safe", K::count, "ticks", nullptr, 1, 1e6, false, AT(safety.bad_ticks_to_safe), nullptr,
+     "rejected measurements in a row lead to SAFE"},
+    {"safety", "hold_ticks_to_safe", K::count, "ticks", nullptr, 0, 1e6, false, AT(safety.hold_ticks_to_safe), nullptr,
+     "ticks in a row in HOLD lead to SAFE; 0: HOLD may last"},
     {"safety", "hold_gain", K::other, "SI/SI", "0", 0, 0, false, hand, nullptr,
      "HOLD commands u = -K (x - target): { input = { state = gain } }"},
 
@@ -177,7 +177,10 @@ const std::vector<KeySpec> kKeys = {
      "kept inside the block"},
 
     {"transport", "kind", K::choice, "", kRequired, 0, 0, false, hand,
-     [] { return Words{"lcm", "socketcan"}; }, "how the robot is reached"},
+     [] {
+       return Words{"lcm", "socketcan"};
+     },
+     "how the robot is reached"},
     {"transport", "url", K::text, "", "udpm://239.255.76.67:7667?ttl=0", 0, 0, false, hand, nullptr,
      "lcm: the provider; ttl=0 keeps messages on this machine"},
     {"transport", "channel_prefix", K::text, "", "TILLER_", 0, 0, false, hand, nullptr,
@@ -190,7 +193,8 @@ const std::vector<KeySpec> kKeys = {
     {"transport", "wheel_radius_m", K::input_numbers, "m", "1", -1e3, 1e3, false, hand, nullptr,
      "socketcan: lever between motor and input, { input = radius }; 1 where the input is the motor's own torque, "
      "negative for a motor mounted mirrored"},
-    {"transport", "sensor_node", K::count, "", "48", 0, 63, false, hand, nullptr, "socketcan: node of the sensor board"},
+    {"transport", "sensor_node", K::count, "", "48", 0, 63, false, hand, nullptr,
+     "socketcan: node of the sensor board"},
     {"transport", "channels", K::other, "", "\"board:0\", ..", 0, 0, false, hand, nullptr,
      "socketcan: what each measurement is, { state = \"board:0\" }, \"position:<input>\" or \"velocity:<input>\" for "
      "a motor's own encoder"},
@@ -224,11 +228,13 @@ const std::vector<KeySpec> kKeys = {
      "joint or command on which it acts"},
 
     {"log", "time", K::text, "", "time_s", 0, 0, false, hand, nullptr, "column of the stamps"},
-    {"log", "columns", K::other, "", "the same names", 0, 0, false, hand, nullptr,
-     "{ state or input = \"column\" }"},
+    {"log", "columns", K::other, "", "the same names", 0, 0, false, hand, nullptr, "{ state or input = \"column\" }"},
     {"log", "units", K::other, "", "SI", 0, 0, false, hand, nullptr,
      "{ time, state or input = \"unit\" }, e.g. { angle_rad = \"deg\" }"},
-    {"log", "input", K::choice, "", "hold", 0, 0, false, hand, [] { return Words{"hold", "mean"}; },
+    {"log", "input", K::choice, "", "hold", 0, 0, false, hand,
+     [] {
+       return Words{"hold", "mean"};
+     },
      "hold: a row's input is in force until the next (commands); mean: measured at the row's instant"},
 };
 

@@ -10,20 +10,20 @@ namespace tiller::tools {
 /// What a value of the robot file may be.
 enum class KeyKind {
   text,
-  flag,             // true or false
-  count,            // whole number
-  number,           // finite number
-  choice,           // one of a list of names
-  state_numbers,    // table: state name = number
-  input_numbers,    // table: input name = number
-  prior,            // number (fixed) or table, see the section "prior"
-  other             // a table or list with a reader of its own
+  flag,           // true or false
+  count,          // whole number
+  number,         // finite number
+  choice,         // one of a list of names
+  state_numbers,  // table: state name = number
+  input_numbers,  // table: input name = number
+  prior,          // number (fixed) or table, see the section "prior"
+  other           // a table or list with a reader of its own
 };
 
 /// One key of the robot file. A key with an offset is read, checked and stored from this entry alone; its
 /// default is what tiller_config_default() leaves there, so that no default is written down twice.
 struct KeySpec {
-  const char* section;   ///< "planner"; "measurement.*" for the tables below one with free names
+  const char* section;  ///< "planner"; "measurement.*" for the tables below one with free names
   const char* key;
   KeyKind kind;
   const char* unit;      ///< "" where it has none; "SI" is the unit of the state, input or port

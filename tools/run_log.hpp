@@ -15,10 +15,10 @@ struct TickView {
   const tiller_command_t* command = nullptr;
   const tiller_info_t* info = nullptr;
   tiller_status_t status = tiller_status_ok;
-  double tick_us = 0;                                 ///< wall time of tiller_tick
-  const double* q05 = nullptr;                        // (param_count)
-  const double* q95 = nullptr;                        // (param_count)
-  const double* true_state = nullptr;                 // (nx); null: not known
+  double tick_us = 0;                  ///< wall time of tiller_tick
+  const double* q05 = nullptr;         // (param_count)
+  const double* q95 = nullptr;         // (param_count)
+  const double* true_state = nullptr;  // (nx); null: not known
 };
 
 /// One CSV row per tick. Columns, in this order:

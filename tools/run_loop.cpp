@@ -36,6 +36,8 @@ struct FreeBlock {
   void operator()(void* block) const { std::free(block); }
 };
 
+using Block = std::unique_ptr<void, FreeBlock>;
+
 class Runner {
  public:
   Runner(const RobotFile& robot, Link& link, const RunOptions& options)
@@ -76,21 +78,44 @@ class Runner {
 
   bool init() {
     const std::size_t size = tiller_size(&config_);
-    block_.reset(size > 0 ? std::aligned_alloc(TILLER_ALIGNMENT, (size + TILLER_ALIGNMENT - 1) / TILLER_ALIGNMENT *
-                                                                     TILLER_ALIGNMENT)
-                          : nullptr);
-    if (!block_) {
-      const char* field = "";
-      const tiller_status_t status = tiller_config_check(&config_, &field);
-      return fail(robot_.path + ": " + (field ? field : "") + ": " + tiller_status_text(status));
-    }
     hooks_.size = sizeof hooks_;
     hooks_.version = TILLER_CONFIG_VERSION;
     hooks_.context = &pool_;
     hooks_.now_ns = now_ns;
     hooks_.parallel_for = pool_.size() > 1 ? parallel_for : nullptr;
-    const tiller_status_t status = tiller_init(&controller_, &config_, &hooks_, block_.get(), size);
+    Block spare;
+    tiller_t* rehearsal = nullptr;
+    if (!make_controller(size, spare, rehearsal) || !make_controller(size, block_, controller_)) return false;
+    rehearse(rehearsal);
+    return true;
+  }
+
+  bool make_controller(std::size_t size, Block& block, tiller_t*& controller) {
+    constexpr std::size_t alignment = TILLER_ALIGNMENT;
+    if (size > 0) block.reset(std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment));
+    if (!block) {
+      const char* field = "";
+      const tiller_status_t status = tiller_config_check(&config_, &field);
+      return fail(robot_.path + ": " + (field ? field : "") + ": " + tiller_status_text(status));
+    }
+    const tiller_status_t status = tiller_init(&controller, &config_, &hooks_, block.get(), size);
     return status == tiller_status_ok || fail(robot_.path + ": " + tiller_status_text(status));
+  }
+
+  /// A few ticks of a controller of its own, so that code, lanes and threads are warm when the robot's first tick
+  /// comes: cold, it takes six times as long on a desk machine, and seconds where the processor is emulated.
+  void rehearse(tiller_t* rehearsal) const {
+    tiller_measurement_t m{};
+    tiller_command_t command;
+    for (std::uint32_t i = 0; i < config_.measurement_count; ++i) {
+      m.value[i] = config_.initial_state[config_.measured_state[i]];
+    }
+    (void)tiller_arm(rehearsal);
+    for (std::uint32_t tick = 1; tick <= 3; ++tick) {
+      m.sequence = tick;
+      m.stamp_us = static_cast<std::int64_t>(1e6 * config_.period_s * tick);
+      (void)tiller_tick(rehearsal, m.stamp_us, &m, &command);
+    }
   }
 
   bool wait_for_first() {
@@ -108,10 +133,11 @@ class Runner {
     } while (stop_.flag() == 0 && Clock::now() < until);
     if (stop_.flag() != 0) return fail("interrupted before the first measurement");
     const std::string counted = link_.counters();
-    const std::string why = sensed_.fault == tiller_status_ok ? "" : std::string(tiller_status_text(sensed_.fault)) + "; ";
+    const std::string why =
+        sensed_.fault == tiller_status_ok ? "" : std::string(tiller_status_text(sensed_.fault)) + "; ";
     return fail(why + format("no measurement within %.0f s", options_.first_wait_s) +
-                (counted.empty() ? "" : " (" + counted + ")") +
-                "; start the robot first, e.g. `tiller sim " + robot_.path + " --serve lcm`, and compare [transport]");
+                (counted.empty() ? "" : " (" + counted + ")") + "; start the robot first, e.g. `tiller sim " +
+                robot_.path + " --serve lcm`, and compare [transport]");
   }
 
   void open_files() {
@@ -184,8 +210,10 @@ class Runner {
   void tell_safe() {
     const auto why = static_cast<tiller_status_t>(info_.first_fault);
     progress_.finish(look());
-    progress_.say("SAFE at " + format("%.2f s", time_s()) + ": " + tiller_status_name(why) + ": " +
-                  tiller_status_text(why) + "; the safe command is being sent");
+    const std::string text = "SAFE at " + format("%.2f s", time_s()) + ": " + tiller_status_name(why) + ": " +
+                             tiller_status_text(why) + "; the safe command is being sent";
+    if (options_.quiet) std::fprintf(stderr, "tiller: %s\n", text.c_str());
+    progress_.say(text);
   }
 
   /// The safe command goes out more than once: a datagram may be lost.
@@ -223,12 +251,16 @@ class Runner {
     if (link_.truth(true_state_)) result_.last_true_state.assign(true_state_, true_state_ + config_.model->state_count);
     if (tick_us_.empty()) return;
     std::sort(tick_us_.begin(), tick_us_.end());
-    const auto at = [&](double q) { return tick_us_[static_cast<std::size_t>(q * static_cast<double>(tick_us_.size() - 1))]; };
+    const auto at = [&](double q) {
+      return tick_us_[static_cast<std::size_t>(q * static_cast<double>(tick_us_.size() - 1))];
+    };
     result_.tick_us_median = at(0.5);
     result_.tick_us_p99 = at(0.99);
     result_.tick_us_max = tick_us_.back();
     const double deadline_us = config_.planner.deadline_us;
-    if (deadline_us > 0) result_.late_ticks = static_cast<std::uint64_t>(tick_us_.end() - std::upper_bound(tick_us_.begin(), tick_us_.end(), deadline_us));
+    if (deadline_us > 0)
+      result_.late_ticks =
+          static_cast<std::uint64_t>(tick_us_.end() - std::upper_bound(tick_us_.begin(), tick_us_.end(), deadline_us));
   }
 
   static constexpr double kSafeFor_s = 0.5;  // the safe command is repeated that long before the run ends
@@ -244,7 +276,7 @@ class Runner {
   OutputFile record_;
   Progress progress_;
   tiller_hooks_t hooks_{};
-  std::unique_ptr<void, FreeBlock> block_;
+  Block block_;
   tiller_t* controller_ = nullptr;
   Sensed sensed_;
   tiller_command_t command_{};
@@ -278,10 +310,9 @@ RunResult run_robot(const RobotFile& robot, Link& link, const RunOptions& option
 }
 
 std::string summary(const RobotFile& robot, const RunOptions& options, const RunResult& result) {
-  std::string text = format("%.2f s, %llu ticks, ended in %s%s\n", result.time_s,
-                            static_cast<unsigned long long>(result.ticks),
-                            tiller_state_name(static_cast<tiller_state_t>(result.info.state)),
-                            result.interrupted ? " (interrupted)" : "");
+  std::string text = format(
+      "%.2f s, %llu ticks, ended in %s%s\n", result.time_s, static_cast<unsigned long long>(result.ticks),
+      tiller_state_name(static_cast<tiller_state_t>(result.info.state)), result.interrupted ? " (interrupted)" : "");
   for (std::size_t i = 0; i < robot.params.size(); ++i) {
     if (robot.config.priors[i].kind == tiller_prior_fixed) continue;
     text += format("  %-24s %.4g +- %.2g   90 %% in [%.4g, %.4g]", robot.params[i].c_str(), result.info.param_mean[i],

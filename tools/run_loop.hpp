@@ -9,12 +9,12 @@
 namespace tiller::tools {
 
 struct RunOptions {
-  double seconds = 0;          ///< robot time after the first measurement; 0: until Ctrl-C
+  double seconds = 0;  ///< robot time after the first measurement; 0: until Ctrl-C
   unsigned threads = 1;
   bool quiet = false;
-  std::string log;             ///< CSV; empty: none
-  std::string record;          ///< every input and output, for `tiller replay`; empty: none
-  double first_wait_s = 10;    ///< wall time to wait for the first measurement
+  std::string log;                  ///< CSV; empty: none
+  std::string record;               ///< every input and output, for `tiller replay`; empty: none
+  double first_wait_s = 10;         ///< wall time to wait for the first measurement
   std::vector<double> true_params;  ///< (param_count) where the plant is in this process
 };
 
@@ -24,11 +24,11 @@ struct RunResult {
   std::uint64_t ticks = 0;
   double time_s = 0;
   tiller_info_t info{};
-  std::vector<double> q05, q95;        // (param_count) at the end
-  std::vector<double> last_true_state; // (nx) empty: not known
-  std::string readable_log;            ///< where the whole log is; empty: none
+  std::vector<double> q05, q95;         // (param_count) at the end
+  std::vector<double> last_true_state;  // (nx) empty: not known
+  std::string readable_log;             ///< where the whole log is; empty: none
   double tick_us_median = 0, tick_us_p99 = 0, tick_us_max = 0;
-  std::uint64_t late_ticks = 0;        ///< over the planner's deadline, if it has one
+  std::uint64_t late_ticks = 0;  ///< over the planner's deadline, if it has one
   bool interrupted = false;
 };
 

@@ -64,8 +64,7 @@ std::optional<double> checked_number(FileErrors& errors, const toml::node& node,
   }
   if (std::isinf(value)) {
     errors.at(node, path, "is infinite",
-              std::isinf(spec.high) ? "leave the key out where there is no limit"
-                                    : number_remedy("number", spec));
+              std::isinf(spec.high) ? "leave the key out where there is no limit" : number_remedy("number", spec));
     return std::nullopt;
   }
   if (!in_range(spec, value)) {
@@ -196,12 +195,8 @@ void SectionReader::read_bound(tiller_config_t& config, const Words& states, con
       case KeyKind::number:
         if (const auto v = number(entry.key)) store(config, entry.offset, 0, *v);
         break;
-      case KeyKind::state_numbers:
-        numbers(entry.key, states, "state", numbers_at(config, entry.offset));
-        break;
-      case KeyKind::input_numbers:
-        numbers(entry.key, inputs, "input", numbers_at(config, entry.offset));
-        break;
+      case KeyKind::state_numbers: numbers(entry.key, states, "state", numbers_at(config, entry.offset)); break;
+      case KeyKind::input_numbers: numbers(entry.key, inputs, "input", numbers_at(config, entry.offset)); break;
       default: std::abort();  // only these kinds have a place in the configuration
     }
   }

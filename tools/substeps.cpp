@@ -25,8 +25,11 @@ double draw(const tiller_prior_t& p, Rng& rng) {
 class Trial {
  public:
   explicit Trial(const tiller_config_t& config)
-      : config_(config), table_(select_rollout(*config.model)), nx_(config.model->state_count),
-        nu_(config.model->input_count), periods_(std::clamp(config.planner.horizon, 2u, kMostPeriods)) {
+      : config_(config),
+        table_(select_rollout(*config.model)),
+        nx_(config.model->state_count),
+        nu_(config.model->input_count),
+        periods_(std::clamp(config.planner.horizon, 2u, kMostPeriods)) {
     Rng rng(1, kRngPrior, 0);
     for (std::uint32_t i = 0; i < config.param_count; ++i)
       for (std::uint32_t l = 0; l < kLanes; ++l) params_.push_back(draw(config.priors[i], rng));

@@ -11,8 +11,8 @@ namespace tiller::tools {
 /// integrator makes in one period stays below a tenth of the random change that the configuration expects in it
 /// (process_sd * sqrt(period)). Above that the posterior takes the integrator's error for physics.
 struct SubstepAdvice {
-  std::uint32_t needed = 1;   ///< 1, 2, 4, ... 64; 64 also if even that is not enough
-  double error_share = 0.0;   ///< with the configured substeps: worst state's RMS error over its noise
+  std::uint32_t needed = 1;  ///< 1, 2, 4, ... 64; 64 also if even that is not enough
+  double error_share = 0.0;  ///< with the configured substeps: worst state's RMS error over its noise
   std::uint32_t worst_state = 0;
 };
 

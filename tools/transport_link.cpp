@@ -55,9 +55,7 @@ CanLayout can_layout(const RobotFile& robot) {
 class TransportLink : public Link {
  public:
   TransportLink(const RobotFile& robot, const TransportLinkOptions& options)
-      : robot_(robot),
-        options_(options),
-        period_us_(std::llround(1e6 * robot.config.period_s)) {}
+      : robot_(robot), options_(options), period_us_(std::llround(1e6 * robot.config.period_s)) {}
   ~TransportLink() override {
     if (table_) table_->close(self_);
   }

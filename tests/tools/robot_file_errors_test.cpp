@@ -14,11 +14,11 @@ using test::line_of;
 
 struct Mistake {
   const char* name;
-  const char* from;    // this text of the good file ...
-  const char* to;      // ... becomes this
-  const char* at;      // the error's line is that of this text in the wrong file
-  const char* key;     // dotted key that the error names
-  const char* says;    // part of the problem or remedy
+  const char* from;  // this text of the good file ...
+  const char* to;    // ... becomes this
+  const char* at;    // the error's line is that of this text in the wrong file
+  const char* key;   // dotted key that the error names
+  const char* says;  // part of the problem or remedy
 };
 
 const Mistake kMistakes[] = {
@@ -33,20 +33,18 @@ const Mistake kMistakes[] = {
     {"text_as_number", "name = \"bench\"", "name = 3", "name = 3", "robot.name = 3", "write a text in quotes"},
     {"flag_as_number", "window = 32", "window = 32\nenabled = 1", "enabled = 1", "posterior.enabled = 1",
      "write true or false"},
-    {"table_as_number", "target = { angle_rad = 0 }", "target = 0", "target = 0", "cost.target = 0",
-     "write a table"},
+    {"table_as_number", "target = { angle_rad = 0 }", "target = 0", "target = 0", "cost.target = 0", "write a table"},
     {"section_as_value", "[robot]\nname = \"bench\"\nseed = 7\n", "robot = 3\n", "robot = 3", "robot = 3",
      "head the section with [robot]"},
-    {"out_of_range", "substeps = 2", "substeps = 65", "substeps", "model.substeps = 65",
-     "at least 1 and at most 64"},
+    {"out_of_range", "substeps = 2", "substeps = 65", "substeps", "model.substeps = 65", "at least 1 and at most 64"},
     {"period_zero", "period_s = 0.02", "period_s = 0", "period_s", "model.period_s = 0", "at least 0.0001"},
     {"not_a_number", "sensor_timeout_s = 0.1", "sensor_timeout_s = nan", "sensor_timeout_s",
      "safety.sensor_timeout_s = nan", "is not a number"},
     {"infinite_limit", "high = 18", "high = inf", "force_N = { low", "limits.force_N.high = inf", "is infinite"},
     {"negative_sd", "angle_rad = { sd = 0.002 }", "angle_rad = { sd = -0.002 }", "sd = -0.002",
      "measurement.angle_rad.sd = -0.002", "above 0"},
-    {"missing_sd", "angle_rad = { sd = 0.002 }", "angle_rad = { low = -9 }", "low = -9",
-     "measurement.angle_rad.sd", "write sd ="},
+    {"missing_sd", "angle_rad = { sd = 0.002 }", "angle_rad = { low = -9 }", "low = -9", "measurement.angle_rad.sd",
+     "write sd ="},
     {"measurement_reversed", "low = -2, high = 2", "low = 2, high = -2", "low = 2", "measurement.position_m.low",
      "exchange low and high"},
     {"unknown_measured_state", "angle_rad = { sd = 0.002 }", "angle = { sd = 0.002 }", "angle = { sd",
@@ -79,12 +77,13 @@ const Mistake kMistakes[] = {
      "effects[1].damping_SI.log_normal", "median of a log-normal is not positive"},
     {"friction_below_zero", "{ log_normal = [0.2, 0.5], high = 2 }", "{ uniform = [-0.1, 0.5] }", "uniform = [-0.1",
      "effects[1].damping_SI", "start the range at 0"},
-    {"unknown_effect", "kind = \"viscous_friction\"\nport = \"cart\"\ndamping_SI", "kind = \"viscos_friction\"\nport = \"cart\"\ndamping_SI",
-     "viscos_friction", "effects[1].kind = \"viscos_friction\"", "did you mean viscous_friction?"},
+    {"unknown_effect", "kind = \"viscous_friction\"\nport = \"cart\"\ndamping_SI",
+     "kind = \"viscos_friction\"\nport = \"cart\"\ndamping_SI", "viscos_friction",
+     "effects[1].kind = \"viscos_friction\"", "did you mean viscous_friction?"},
     {"unknown_port", "port = \"cart\"\ndamping_SI", "port = \"wheel\"\ndamping_SI", "port = \"wheel\"",
      "effects[1].port = \"wheel\"", "known: cart, pole"},
-    {"joint_for_input_port", "port = \"force_N\"", "port = \"cart\"\n", "port = \"cart\"\n\ntime", "effects[2].port = \"cart\"",
-     "known: force_N"},
+    {"joint_for_input_port", "port = \"force_N\"", "port = \"cart\"\n", "port = \"cart\"\n\ntime",
+     "effects[2].port = \"cart\"", "known: force_N"},
     {"missing_port", "port = \"force_N\"\n", "", "[[effects]]\nkind = \"actuator", "effects[2].port",
      "one of the model's inputs: force_N"},
     {"missing_effect_parameter", "time_constant_s = 0.01\n", "", "[[effects]]\nkind = \"actuator",
@@ -116,8 +115,8 @@ const Mistake kMistakes[] = {
      "safety.hold_gain.force_N.velocty_m_s", "did you mean velocity_m_s?"},
     {"weight_negative", "input_weight = { force_N = 0.001 }", "input_weight = { force_N = -1 }", "input_weight",
      "cost.input_weight.force_N = -1", "at least 0"},
-    {"foreign_transport_key", "interface = \"can7\"", "interface = \"can7\"\nurl = \"udpm://\"", "url",
-     "transport.url", "no key of the transport socketcan"},
+    {"foreign_transport_key", "interface = \"can7\"", "interface = \"can7\"\nurl = \"udpm://\"", "url", "transport.url",
+     "no key of the transport socketcan"},
     {"unknown_transport", "kind = \"socketcan\"", "kind = \"canbus\"", "canbus", "transport.kind = \"canbus\"",
      "known: lcm, socketcan"},
     {"bad_channel", "\"board:0\"", "\"board:12\"", "board:12", "transport.channels.angle_rad = \"board:12\"",

@@ -28,8 +28,7 @@ TEST(RobotFile, NamesAndModel) {
   EXPECT_EQ(robot->name, "bench");
   EXPECT_EQ(robot->config.seed, 7u);
   EXPECT_EQ(robot->config.model, tiller_find_model("cart_pole"));
-  EXPECT_EQ(join(robot->params),
-            "cart_mass_kg, pole_mass_kg, half_length_m, cart.damping_SI, force_N.time_constant_s");
+  EXPECT_EQ(join(robot->params), "cart_mass_kg, pole_mass_kg, half_length_m, cart.damping_SI, force_N.time_constant_s");
   EXPECT_EQ(join(robot->measurements), "position_m, angle_rad");
   EXPECT_EQ(robot->config.substeps, 2u);
   EXPECT_EQ(robot->config.integrator, static_cast<std::uint32_t>(tiller_integrator_midpoint));
@@ -100,7 +99,8 @@ TEST(RobotFile, HostSections) {
 
 // Sensors are delivered in the order of the file, not in that of their names.
 TEST(RobotFile, MeasurementsKeepTheOrderOfTheFile) {
-  std::string text = test::with("position_m = { sd = 0.001, low", "rate_rad_s = { sd = 0.1 }\nposition_m = { sd = 0.001, low");
+  std::string text =
+      test::with("position_m = { sd = 0.001, low", "rate_rad_s = { sd = 0.1 }\nposition_m = { sd = 0.001, low");
   const std::string channels = "channels = { ";
   text.insert(text.find(channels) + channels.size(), "rate_rad_s = \"velocity:force_N\", ");
   std::string errors;

@@ -129,8 +129,7 @@ TEST_F(Scratch, ReadOnlyFolderLosesNothing) {
     EXPECT_FALSE(file.close());
   }
   std::printf("%s\n", file.message().c_str());
-  EXPECT_NE(file.message().find(folder_ + "/closed/log.csv: cannot be created: Permission denied"),
-            std::string::npos);
+  EXPECT_NE(file.message().find(folder_ + "/closed/log.csv: cannot be created: Permission denied"), std::string::npos);
   ASSERT_NE(file.readable_path(), "") << "nothing was rescued";
   const std::string rescued = read_all(file.readable_path());
   EXPECT_EQ(rescued.substr(0, 4), "0\n1\n");
@@ -223,7 +222,8 @@ TEST(Progress, BlockTellsWhatARunIsWatchedFor) {
   tick.q05 = q05;
   tick.q95 = q95;
   for (const std::string& text : {progress.block(tick), progress.line(tick)}) {
-    for (const char* part : {"3.00", "12 s", "ACTIVE", "angle_rad", "cost", "pole_mass_kg", "0.1 +- 0.004", "97", "1.23 ms"}) {
+    for (const char* part :
+         {"3.00", "12 s", "ACTIVE", "angle_rad", "cost", "pole_mass_kg", "0.1 +- 0.004", "97", "1.23 ms"}) {
       EXPECT_NE(text.find(part), std::string::npos) << part << " in\n" << text;
     }
   }
