@@ -109,6 +109,17 @@ install(DIRECTORY ${PROJECT_SOURCE_DIR}/runtime/include/tiller DESTINATION ${CMA
   FILES_MATCHING PATTERN "*.hpp" PATTERN "*.h" PATTERN "*.def")
 install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
 
+# The liblcm of a Python environment goes along: the installed command must not need the build folder.
+if(TARGET lcm AND TARGET tiller_command AND TILLER_VENV)
+  get_target_property(lcm_file lcm LOCATION)
+  string(FIND "${lcm_file}" "${TILLER_VENV}/" at)
+  if(at EQUAL 0)
+    install(IMPORTED_RUNTIME_ARTIFACTS lcm LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR})
+    file(RELATIVE_PATH up ${CMAKE_INSTALL_FULL_BINDIR} ${CMAKE_INSTALL_FULL_LIBDIR})
+    set_property(TARGET tiller_command PROPERTY INSTALL_RPATH "$ORIGIN/${up}")
+  endif()
+endif()
+
 # Names for tillerConfig.cmake: what the exported targets link, no more.
 foreach(package IN ITEMS Eigen3::Eigen:EIGEN xsimd:XSIMD)
   string(REGEX MATCH "^(.*):([A-Z]+)$" unused ${package})
