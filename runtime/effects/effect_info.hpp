@@ -14,7 +14,7 @@ enum class Hook {
   period_input,  ///< input = apply_period(history of inputs, parameters): once a period, before anything else
   input,         ///< input = apply(input, state, parameters, dt): once a substep, advances the effect's own state
   force,         ///< generalised force = force(q, v, parameters): enters the dynamics as it stands
-  dissipation    ///< generalised force after the free step, implicit: force(v_free, dt/m, parameters)
+  dissipation    ///< generalised force after the free step, implicit: force(v, v_free, dt/m, parameters)
 };
 
 struct EffectInfo {
