@@ -20,6 +20,8 @@ void count() {
 }  // namespace
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+// a tick is some fifty times slower here, and the promise of 1e5 is kept by the plain build: these look for other faults
+constexpr int kTicks = 5000;
 extern "C" int __sanitizer_install_malloc_and_free_hooks(void (*)(const volatile void*, std::size_t),
                                                          void (*)(const volatile void*));
 namespace {
@@ -27,6 +29,7 @@ const int installed = __sanitizer_install_malloc_and_free_hooks([](const volatil
                                                                 [](const volatile void*) { count(); });
 }  // namespace
 #else
+constexpr int kTicks = 100000;
 extern "C" {
 void* __libc_malloc(std::size_t);
 void* __libc_calloc(std::size_t, std::size_t);
@@ -101,7 +104,7 @@ void long_life(void* arg) {
   Loop& loop = *static_cast<Loop*>(arg);
   tiller_t* t = loop.controller();
   (void)tiller_arm(t);
-  for (int i = 0; i < 100000; ++i) {
+  for (int i = 0; i < kTicks; ++i) {
     tiller_measurement_t m = loop.measure();
     if (i % 101 == 7) m.value[0] = std::numeric_limits<double>::quiet_NaN();
     if (i % 1009 == 9) m.value[0] += 3.0;
@@ -131,7 +134,7 @@ void serial_for(void*, std::uint32_t n, void (*work)(void*, std::uint32_t), void
   for (std::uint32_t i = 0; i < n; ++i) work(arg, i);
 }
 
-TEST(HeapTrap, NothingIn100000TicksOfEveryPlanner) {
+TEST(HeapTrap, NothingInALongLifeOfEveryPlanner) {
   for (std::uint32_t kind = 0; kind < tiller_planner_kind_count; ++kind) {
     tiller_config_t config = rig::pendulum_config();
     config.planner.kind = kind;
@@ -168,7 +171,7 @@ TEST(HeapTrap, NothingIn100000TicksOfEveryPlanner) {
     std::printf("planner %u: %llu ticks, %llu resamplings, %llu rejected: 0 heap calls\n", kind,
                 static_cast<unsigned long long>(info.ticks), static_cast<unsigned long long>(info.resamplings),
                 static_cast<unsigned long long>(info.rejected_measurements));
-    EXPECT_EQ(info.ticks, 100000u);
+    EXPECT_EQ(info.ticks, std::uint64_t{kTicks});
     EXPECT_GT(info.resamplings, 0u) << "the paths that matter were not taken";
   }
 }
