@@ -15,8 +15,8 @@ std::string trimmed(std::string text) {
 
 }  // namespace
 
-FileErrors::FileErrors(std::string path, std::string source) : path_(std::move(path)) {
-  std::istringstream stream(std::move(source));
+FileErrors::FileErrors(std::string path, const std::string& source) : path_(std::move(path)) {
+  std::istringstream stream(source);
   for (std::string line; std::getline(stream, line);) lines_.push_back(std::move(line));
   if (lines_.empty()) lines_.emplace_back();
 }

@@ -19,7 +19,7 @@ struct FileError {
 /// Collects everything that is wrong with one file, so that its owner corrects it in one go.
 class FileErrors {
  public:
-  FileErrors(std::string path, std::string source);
+  FileErrors(std::string path, const std::string& source);
 
   /// An error at a value of the file; its text is quoted.
   void at(const toml::node& node, const std::string& key, std::string problem, std::string remedy);

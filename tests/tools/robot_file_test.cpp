@@ -119,6 +119,18 @@ TEST(RobotFile, ShippedFilesAreValid) {
   }
 }
 
+TEST(RobotFile, TheQuickStartsFileIsValid) {
+  std::ifstream file(TILLER_TEST_DOCS "/quick_start.md");
+  std::stringstream page;
+  page << file.rdbuf();
+  const std::string text = page.str();
+  const std::size_t begin = text.find("```toml\n");
+  ASSERT_NE(begin, std::string::npos);
+  const std::size_t end = text.find("```", begin + 8);
+  std::string errors;
+  EXPECT_NE(parse_robot_file(text.substr(begin + 8, end - begin - 8), "quick_start.md", errors), nullptr) << errors;
+}
+
 // A key that the schema ties to a field must be read: each one alone, at its lower or upper end.
 TEST(RobotFile, EveryBoundKeyReachesItsField) {
   int checked = 0;
