@@ -296,12 +296,12 @@ class Runner {
 
 StopFlag::StopFlag() {
   stop_requested = 0;
-  std::signal(SIGINT, on_signal);
-  std::signal(SIGTERM, on_signal);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, on_signal);
+  // a reader of the progress that goes away (`| head`) must not end the process between two commands
+  std::signal(SIGPIPE, SIG_IGN);
 }
 StopFlag::~StopFlag() {
-  std::signal(SIGINT, SIG_DFL);
-  std::signal(SIGTERM, SIG_DFL);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, SIG_DFL);
 }
 const volatile std::sig_atomic_t& StopFlag::flag() const { return stop_requested; }
 
