@@ -17,8 +17,9 @@ int export_command(const Arguments& a) {
   const std::string stem = std::filesystem::path(a.robot).stem().string();
   const std::string text = export_c(*robot, c_identifier(a.prefix.empty() ? stem : a.prefix));
   if (a.out.empty() || a.out == "-") {
-    std::fputs(text.c_str(), stdout);
-    return kExitOk;
+    if (std::fputs(text.c_str(), stdout) >= 0 && std::fflush(stdout) == 0) return kExitOk;
+    std::perror("tiller: stdout: cannot be written");
+    return kExitBadInput;
   }
   std::FILE* file = std::fopen(a.out.c_str(), "w");
   const bool written = file && std::fputs(text.c_str(), file) >= 0;
