@@ -18,6 +18,9 @@ class CommandTimeline {
 
   void lay_out(Arena& arena, std::uint32_t input_count);
 
+  /// Forgets all commands: a stamp from a clock that went wrong would hold back every later one.
+  void clear() { ring_.clear(); }
+
   /// `command` (nu) holds from `from_us` on. A moment before that of the newest command counts as the
   /// newest's: commands do not overtake one another on their way to the motor.
   void push(std::int64_t from_us, const double* command);

@@ -84,7 +84,10 @@ tiller_status_t Executive::take_in(Tick& tick) {
   stamp_us_ = m.stamp_us;
   sequence_ = m.sequence;
   const std::int64_t age_us = elapsed_us(tick.now_us, m.stamp_us);
-  answer_us_ = std::max<std::int64_t>(0, static_cast<std::int64_t>(m.command_latency_us) - age_us);
+  // bounded, for the measurement comes from outside: a latency of an hour, told once, would put this command an hour
+  // ahead, and until then the timeline would believe none of those that follow
+  const std::int64_t most_us = std::llround(kLongestGap_periods * config_.period_s * 1e6);
+  answer_us_ = std::clamp<std::int64_t>(elapsed_us(m.command_latency_us, age_us), 0, most_us);
 
   if (!filters_run_ || gap) {
     if (gap) ++info_.posterior_failures;

@@ -1,3 +1,5 @@
+#include <limits>
+
 #include "executive/executive.hpp"
 
 namespace tiller {
@@ -33,6 +35,8 @@ tiller_status_t Executive::reset() {
   guard_.restart();
   motion_.clear();
   plan_.clear();
+  timeline_.clear();
+  timeline_.push(std::numeric_limits<std::int64_t>::min(), gate_.last());  // in force until the next one
   filters_run_ = false;
   hold_ticks_ = 0;
   unrenewed_plans_ = 0;

@@ -57,6 +57,37 @@ TEST(Transition, LatencyThatHasRunOutDoesNotReachIntoThePast) {
   }
 }
 
+TEST(Transition, AbsurdLatencyToldOnceHoldsBackNoLaterCommand) {
+  Bench b;
+  b.activate();
+  for (int k = 1; k <= 8; ++k) {
+    fakes::planner.command[0] = k;
+    tiller_measurement_t m = b.reading(0.1);
+    if (k == 2) m.command_latency_us = 0xffffffffu;
+    (void)b.tick(&m);
+  }
+  EXPECT_NEAR(fakes::posterior.transitions.back().input[0], 7.0, 1e-12);
+}
+
+TEST(Transition, ClockThatJumpsAheadForOneTickIsForgottenByAReset) {
+  Bench b;
+  b.activate();
+  fakes::planner.command[0] = 5.0;
+  (void)b.tick();
+  b.now_us += 3600000000;
+  (void)b.tick(nullptr);
+  ASSERT_EQ(b.state(), tiller_state_safe);
+  b.now_us -= 3600000000;
+  ASSERT_EQ(b.executive->reset(), tiller_status_ok);
+  ASSERT_EQ(b.executive->arm(), tiller_status_ok);
+  for (int k = 1; k <= 4; ++k) {
+    fakes::planner.command[0] = k;
+    tiller_measurement_t m = b.reading(0.1);
+    (void)b.tick(&m);
+  }
+  EXPECT_NEAR(fakes::posterior.transitions.back().input[0], 3.0, 1e-12);
+}
+
 TEST(Transition, MissedMeasurementMakesALongerPeriodWithTheMeanCommand) {
   Bench b;
   b.activate();
