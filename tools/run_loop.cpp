@@ -296,7 +296,10 @@ class Runner {
 
 StopFlag::StopFlag() {
   stop_requested = 0;
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, on_signal);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+    const auto before = std::signal(signal, on_signal);
+    if (signal == SIGHUP && before == SIG_IGN) std::signal(signal, SIG_IGN);  // nohup: meant to outlive the terminal
+  }
   // a reader of the progress that goes away (`| head`) must not end the process between two commands
   std::signal(SIGPIPE, SIG_IGN);
 }
