@@ -120,7 +120,7 @@ void add_demo_command(CLI::App& app, int& exit_code) {
   auto* command = app.add_subcommand("demo", "swing up a cart-pole whose parameters are unknown; leaves a report");
   auto a = std::make_shared<Arguments>();
   command->add_option("--out", a->folder, "folder for demo.csv and demo.html (default out)");
-  command->add_option("--seconds", a->seconds, "robot time (default 12)")->check(CLI::Range(0.1, 600.0));
+  command->add_option("--seconds", a->seconds, "robot time (default 12)")->check(number_between(0.1, 600.0));
   command->add_flag("--fast", a->fast, "do not wait for the wall clock");
   command->add_flag("--no-report", a->no_report, "the CSV only");
   add_override_options(*command, a->overrides);

@@ -75,7 +75,7 @@ void add_identify_command(CLI::App& app, int& exit_code) {
       ->check(CLI::Range(0, 1024))
       ->check([](const std::string& text) { return check_multiple(text, 8); });
   command->add_option("--horizon", options->score.horizons_s, "seconds that rollouts look ahead (default 1 2)")
-      ->check(CLI::Range(0.01, 60.0));
+      ->check(number_between(0.01, 60.0));
   command->footer(
       "Fits the model without its effects, then with one effect more at a time, and compares how well each foresees\n"
       "the robot from many points of the logs. Only what was held out can be trusted to compare.\n\n"

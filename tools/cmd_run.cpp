@@ -122,9 +122,9 @@ void add_run_command(CLI::App& app, int& exit_code) {
                     "time is that of the measurements; each tick waits for one, and the same seed gives the same "
                     "commands");
   command->add_option("--seconds", a->seconds, "end after this much robot time (default: at Ctrl-C)")
-      ->check(CLI::PositiveNumber);
+      ->check(number_between(0.001, 1e9));
   command->add_option("--wait", a->wait_s, "wall time in s to wait for the first measurement")
-      ->check(CLI::PositiveNumber);
+      ->check(number_between(0.001, 1e9));
   command->add_option("--log", a->log, "write a CSV row per tick");
   command->add_option("--report", a->report, "write a one-file HTML page (and its CSV beside it)");
   command->add_option("--record", a->record, "write every input and output, for tiller replay");

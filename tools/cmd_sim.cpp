@@ -102,11 +102,11 @@ void add_sim_command(CLI::App& app, int& exit_code) {
   auto* lockstep = command->add_flag("--lockstep", a->lockstep, "simulated time waits for each command");
   command->add_flag("--real-time", a->real_time, "simulated time follows the wall clock (default)")->excludes(lockstep);
   command->add_option("--seconds", a->seconds, "end after this much simulated time (default: at Ctrl-C)")
-      ->check(CLI::PositiveNumber);
+      ->check(number_between(0.001, 1e9));
   command
       ->add_option("--answer-timeout", a->answer_timeout_s,
                    "lockstep: wall time in s after which time goes on without a command")
-      ->check(CLI::PositiveNumber);
+      ->check(number_between(0.001, 1e9));
   command->add_option("--seed", a->seed, "of the plant, instead of the robot file's")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{9007199254740992}));
   command->footer(

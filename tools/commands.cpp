@@ -21,6 +21,18 @@ std::unique_ptr<RobotFile> read_robot_or_complain(const std::string& path) {
   return robot;
 }
 
+CLI::Validator number_between(double low, double high) {
+  const std::string range = number_text(low) + " .. " + number_text(high);
+  return CLI::Validator(
+      [low, high, range](std::string& text) {
+        char* end = nullptr;
+        const double value = std::strtod(text.c_str(), &end);
+        const bool good = end != text.c_str() && *end == '\0' && value >= low && value <= high;  // NaN: not
+        return good ? std::string() : "'" + text + "' is not a number within " + range;
+      },
+      "in [" + range + "]");
+}
+
 int complain(const std::string& text) {
   const bool ends = !text.empty() && text.back() == '\n';
   std::fprintf(stderr, "tiller: %s%s", text.c_str(), ends ? "" : "\n");

@@ -27,6 +27,9 @@ void add_version_command(CLI::App& app, int& exit_code);
 /// kExitBadInput).
 std::unique_ptr<RobotFile> read_robot_or_complain(const std::string& path);
 
+/// For options that take a number: finite and within [low, high]. (CLI11's own ranges let NaN through.)
+CLI::Validator number_between(double low, double high);
+
 /// Prints "tiller: ..." on stderr and returns kExitBadInput.
 int complain(const std::string& text);
 

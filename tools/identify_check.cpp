@@ -1,6 +1,7 @@
 // What physics says about a log before anything is fitted to it.
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "tools/identify_log.hpp"
 #include "tools/text.hpp"

@@ -1,6 +1,7 @@
 #include "tools/robot_help.hpp"
 
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 
 #include "tools/robot_schema.hpp"

@@ -19,12 +19,15 @@ std::int64_t elapsed_us(std::int64_t a, std::int64_t b) {
 
 void SensorGuard::restart() {
   started_ = false;
+  still_us_ = 0;
   repeats_ = 0;
   bad_ticks_ = 0;
 }
 
 SensorVerdict SensorGuard::check(std::int64_t now_us, const tiller_measurement_t* measurement) {
   const bool went_back = clocked_ && now_us < now_us_;
+  // a clock that stands still ages nothing: each such tick then counts for a period
+  if (clocked_ && now_us == now_us_) still_us_ += limits_.ahead_us;
   now_us_ = now_us;
   clocked_ = true;
 
@@ -40,6 +43,7 @@ SensorVerdict SensorGuard::check(std::int64_t now_us, const tiller_measurement_t
 
   if (verdict.status == tiller_status_ok) {
     accept(*measurement);
+    still_us_ = 0;
     bad_ticks_ = 0;
     verdict.usable = true;
   } else if (verdict.status != tiller_status_no_new_measurement) {
@@ -122,7 +126,7 @@ bool SensorGuard::repeated(const tiller_measurement_t& measurement) const {
 bool SensorGuard::stale(std::int64_t now_us) const {
   if (!started_) return false;
   for (std::uint32_t i = 0; i < limits_.count; ++i)
-    if (elapsed_us(now_us, seen_us_[i]) > limits_.timeout_us) return true;
+    if (elapsed_us(now_us, seen_us_[i]) > limits_.timeout_us - still_us_) return true;
   return false;
 }
 

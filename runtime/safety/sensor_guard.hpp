@@ -66,6 +66,7 @@ class SensorGuard {
   bool started_ = false;                                // a measurement has been accepted
   bool clocked_ = false;                                // now_us_ is known
   std::int64_t now_us_ = 0;                             // of the last check
+  std::int64_t still_us_ = 0;                           // ticks without news while the clock stood still
   std::int64_t stamp_us_ = 0;                           // of the last accepted measurement
   double value_[TILLER_MAX_MEASUREMENTS] = {};          // last accepted, as it came (NaN where missing)
   double seen_[TILLER_MAX_MEASUREMENTS] = {};           // last value that was not missing

@@ -29,6 +29,16 @@ TILLER_ISA_NAMESPACE_BEGIN
 #ifdef TILLER_PACK_XSIMD
 template <class T>
 using Register = xsimd::batch<T, xsimd::default_arch>;
+
+/// A register's bits as another register. Not xsimd::bitwise_cast: its template argument is the register up to
+/// xsimd 8 and the element from xsimd 9 on. The copy compiles to nothing.
+template <class To, class From>
+To same_bits(const From& from) {
+  static_assert(sizeof(To) == sizeof(From), "registers of one width");
+  To to;
+  std::memcpy(static_cast<void*>(&to), static_cast<const void*>(&from), sizeof to);
+  return to;
+}
 #else
 /// One lane, for targets without SIMD and for the reproducible build.
 template <class T>
@@ -271,7 +281,7 @@ inline IntPack counting(std::uint32_t first) {
 inline Pack<float> to_unit_float(const IntPack& a) {
   const IntPack one = (a >> 9) | IntPack(std::uint32_t{0x3f800000u});
 #ifdef TILLER_PACK_XSIMD
-  return Pack<float>(xsimd::bitwise_cast<xsimd::batch<float, xsimd::default_arch>>(one.v)) - 1.0f;
+  return Pack<float>(same_bits<xsimd::batch<float, xsimd::default_arch>>(one.v)) - 1.0f;
 #else
   float f;
   std::memcpy(&f, &one.v, sizeof f);
@@ -341,12 +351,12 @@ void sincos(const Pack<T>& x, Pack<T>& sine, Pack<T>& cosine) {
   using Ints = xsimd::batch<typename C::Int, xsimd::default_arch>;
   using Floats = xsimd::batch<T, xsimd::default_arch>;
   constexpr int kSignShift = static_cast<int>(sizeof(T)) * 8 - 2;
-  const Ints q = xsimd::bitwise_cast<Ints>(shifted.v);
+  const Ints q = same_bits<Ints>(shifted.v);
   const Ints two(static_cast<typename C::Int>(2)), one(static_cast<typename C::Int>(1));
   // bit 0 moved to the second-highest place reads as 2.0 or 0.0: a float mask without an integer compare
-  const auto swap = xsimd::bitwise_cast<Floats>((q & one) << kSignShift) != Floats(T(0));
-  const Floats sine_sign = xsimd::bitwise_cast<Floats>((q & two) << kSignShift);
-  const Floats cosine_sign = xsimd::bitwise_cast<Floats>(((q + one) & two) << kSignShift);
+  const auto swap = same_bits<Floats>((q & one) << kSignShift) != Floats(T(0));
+  const Floats sine_sign = same_bits<Floats>((q & two) << kSignShift);
+  const Floats cosine_sign = same_bits<Floats>(((q + one) & two) << kSignShift);
   sine = Pack<T>(xsimd::select(swap, c.v, s.v) ^ sine_sign);
   cosine = Pack<T>(xsimd::select(swap, s.v, c.v) ^ cosine_sign);
 #else

@@ -55,6 +55,16 @@ TEST(SensorGuard, TakesGoodReadings) {
   EXPECT_EQ(b.guard.rejected(), 0u);
 }
 
+// The caller's clock may hang while the loop goes on: five periods without news are 0.1 s whatever it says.
+TEST(SensorGuard, AClockThatStandsStillAgesByTicks) {
+  Bench b;
+  (void)b.at(0, 0.0, 0.0);
+  for (int k = 0; k < 5; ++k) EXPECT_FALSE(b.nothing(0).lost) << k;
+  const SensorVerdict v = b.nothing(0);
+  EXPECT_EQ(v.status, tiller_status_sensor_stale);
+  EXPECT_TRUE(v.lost);
+}
+
 TEST(SensorGuard, NothingNewIsFineUntilTheTimeout) {
   Bench b;
   (void)b.at(0, 0.0, 0.0);
