@@ -171,7 +171,7 @@ const std::vector<KeySpec> kKeys = {
     {"safety", "hold_ticks_to_safe", K::count, "ticks", nullptr, 0, 1e6, false, AT(safety.hold_ticks_to_safe), nullptr,
      "ticks in a row in HOLD lead to SAFE; 0: HOLD may last"},
     {"safety", "hold_gain", K::other, "SI/SI", "0", 0, 0, false, hand, nullptr,
-     "HOLD commands u = -K (x - target): { input = { state = gain } }"},
+     "HOLD commands u = safe - K (x - target): { input = { state = gain } }"},
 
     {"recorder", "ticks", K::count, "ticks", nullptr, 0, 65536, false, AT(record_ticks), nullptr,
      "kept inside the block"},

@@ -238,7 +238,7 @@ Deadline Executive::deadline(const Tick& tick) {
 void Executive::hold_command(double* command) const {
   const tiller_model_t& model = *config_.model;
   for (std::uint32_t i = 0; i < model.input_count; ++i) {
-    command[i] = 0.0;
+    command[i] = config_.safety.safe_command[i];
     for (std::uint32_t x = 0; x < model.state_count; ++x) {
       const double gain = config_.safety.hold_gain[i * TILLER_MAX_STATES + x];
       // a state without a gain has no say, not even by being infinite

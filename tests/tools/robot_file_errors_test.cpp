@@ -59,6 +59,8 @@ const Mistake kMistakes[] = {
      "parameters.cart_mass", "did you mean cart_mass_kg?"},
     {"prior_reversed", "uniform = [0.05, 0.15]", "uniform = [0.15, 0.05]", "uniform", "parameters.pole_mass_kg.uniform",
      "write [0.05, 0.15]"},
+    {"prior_of_negative_mass", "uniform = [0.05, 0.15]", "uniform = [-0.05, 0.15]", "uniform",
+     "parameters.pole_mass_kg", "start the range at 0 or above"},
     {"prior_empty", "uniform = [0.05, 0.15]", "uniform = [0.1, 0.1]", "uniform", "parameters.pole_mass_kg.uniform",
      "write the number 0.1"},
     {"prior_sd_negative", "normal = [0.5, 0.1]", "normal = [0.5, -0.1]", "normal", "parameters.half_length_m.normal",

@@ -151,7 +151,7 @@ typedef struct tiller_safety_config {
   double input_high[TILLER_MAX_INPUTS];
   double input_rate_per_s[TILLER_MAX_INPUTS]; /**< largest change of the command; INFINITY for none */
   double safe_command[TILLER_MAX_INPUTS];     /**< sent in SAFE and before ACTIVE; usually zero */
-  double hold_gain[TILLER_MAX_INPUTS * TILLER_MAX_STATES]; /**< HOLD: u = -K (x - target); row-major,
+  double hold_gain[TILLER_MAX_INPUTS * TILLER_MAX_STATES]; /**< HOLD: u = safe - K (x - target); row-major,
                                                    row stride TILLER_MAX_STATES */
   double measurement_low[TILLER_MAX_MEASUREMENTS];  /**< outside: sensor_out_of_range; +-INFINITY for none */
   double measurement_high[TILLER_MAX_MEASUREMENTS];
