@@ -17,15 +17,9 @@ struct CanFrame {
 using CanFrames = std::vector<CanFrame>;
 
 /// CANSimple and the sensor board number their messages alike: node << 5 | command.
-constexpr std::uint32_t can_id(std::uint32_t node, std::uint32_t command) {
-  return node << 5 | command;
-}
-constexpr std::uint32_t can_node(std::uint32_t id) {
-  return id >> 5;
-}
-constexpr std::uint32_t can_command(std::uint32_t id) {
-  return id & 31u;
-}
+constexpr std::uint32_t can_id(std::uint32_t node, std::uint32_t command) { return node << 5 | command; }
+constexpr std::uint32_t can_node(std::uint32_t id) { return id >> 5; }
+constexpr std::uint32_t can_command(std::uint32_t id) { return id & 31u; }
 constexpr std::uint32_t can_node_count = 64;
 
 }  // namespace tiller::sim

@@ -39,8 +39,8 @@ bool CanSocket::open(const std::string& interface, const std::vector<std::uint32
   if (fd_ < 0) return fail(std::string("no socket: ") + std::strerror(errno));
   const unsigned index = if_nametoindex(interface.c_str());
   if (index == 0) {
-    return fail("does not exist; for a virtual one: ip link add dev " + interface +
-                " type vcan; ip link set " + interface + " up");
+    return fail("does not exist; for a virtual one: ip link add dev " + interface + " type vcan; ip link set " +
+                interface + " up");
   }
   std::vector<can_filter> filters;
   filters.reserve(nodes.size());

@@ -88,9 +88,8 @@ bool check_encoders(const PlantOptions& o, const MechanismInfo& info, std::strin
 bool check_times(const PlantOptions& o, std::string& error) {
   const double step_us = o.step_s * 1e6;
   if (!(step_us >= 1 && step_us <= 1000) || std::fabs(step_us - std::round(step_us)) > 1e-6) {
-    error =
-        "step_s = " + number(o.step_s) +
-        ": must be a whole number of microseconds from 1e-06 to 0.001 (ODE is of first order in the step)";
+    error = "step_s = " + number(o.step_s) +
+            ": must be a whole number of microseconds from 1e-06 to 0.001 (ODE is of first order in the step)";
     return false;
   }
   return not_negative(o.measurement_latency_s, "measurement_latency_s", error) &&
@@ -151,8 +150,7 @@ std::map<std::string, double> merged_parameters(const PlantOptions& options, con
 
 bool check_options(const PlantOptions& options, const MechanismInfo& info, std::string& error) {
   return check_parameters(options, info, error) && check_initial_state(options, info, error) &&
-         check_encoders(options, info, error) && check_times(options, error) &&
-         check_effects(options, info, error);
+         check_encoders(options, info, error) && check_times(options, error) && check_effects(options, info, error);
 }
 
 }  // namespace tiller::sim

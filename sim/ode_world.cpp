@@ -28,9 +28,7 @@ OdeWorld::OdeWorld(double gravity_m_s2) : gravity_m_s2_(gravity_m_s2) {
   dWorldSetAutoDisableFlag(id_, 0);
 }
 
-OdeWorld::~OdeWorld() {
-  dWorldDestroy(id_);
-}
+OdeWorld::~OdeWorld() { dWorldDestroy(id_); }
 
 void OdeWorld::step(double step_s) {
   prepare_ode();
@@ -44,8 +42,8 @@ double OdeWorld::energy_J(std::initializer_list<dBodyID> bodies) const {
     dBodyGetMass(body, &mass);
     const dReal* v = dBodyGetLinearVel(body);
     dVector3 w;
-    dBodyVectorFromWorld(body, dBodyGetAngularVel(body)[0], dBodyGetAngularVel(body)[1],
-                         dBodyGetAngularVel(body)[2], w);
+    dBodyVectorFromWorld(body, dBodyGetAngularVel(body)[0], dBodyGetAngularVel(body)[1], dBodyGetAngularVel(body)[2],
+                         w);
     energy += 0.5 * mass.mass * (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
     for (int i = 0; i < 3; ++i) {
       for (int k = 0; k < 3; ++k) energy += 0.5 * w[i] * mass.I[4 * i + k] * w[k];

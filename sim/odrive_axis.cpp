@@ -28,20 +28,12 @@ OdriveAxis::Event OdriveAxis::receive(const CanFrame& frame, CanFrames& replies)
     return Event::kNone;
   }
   switch (command) {
-    case TILLER_ODRIVE_ESTOP_FRAME_ID:
-      fail(kEstopRequested);
-      return Event::kDisarmed;
-    case TILLER_ODRIVE_CLEAR_ERRORS_FRAME_ID:
-      errors_ = 0;
-      return Event::kNone;
-    case TILLER_ODRIVE_SET_AXIS_STATE_FRAME_ID:
-      return set_axis_state(frame);
-    case TILLER_ODRIVE_SET_CONTROLLER_MODE_FRAME_ID:
-      return set_controller_mode(frame);
-    case TILLER_ODRIVE_SET_INPUT_TORQUE_FRAME_ID:
-      return set_input_torque(frame);
-    default:
-      return ignore();
+    case TILLER_ODRIVE_ESTOP_FRAME_ID: fail(kEstopRequested); return Event::kDisarmed;
+    case TILLER_ODRIVE_CLEAR_ERRORS_FRAME_ID: errors_ = 0; return Event::kNone;
+    case TILLER_ODRIVE_SET_AXIS_STATE_FRAME_ID: return set_axis_state(frame);
+    case TILLER_ODRIVE_SET_CONTROLLER_MODE_FRAME_ID: return set_controller_mode(frame);
+    case TILLER_ODRIVE_SET_INPUT_TORQUE_FRAME_ID: return set_input_torque(frame);
+    default: return ignore();
   }
 }
 
@@ -93,8 +85,8 @@ CanFrame OdriveAxis::encoder_estimates(double position_rev, double velocity_rev_
   tiller_odrive_get_encoder_estimates_t out{};
   out.pos_estimate = static_cast<float>(position_rev);
   out.vel_estimate = static_cast<float>(velocity_rev_s);
-  CanFrame frame = frame_of(node_, TILLER_ODRIVE_GET_ENCODER_ESTIMATES_FRAME_ID,
-                            TILLER_ODRIVE_GET_ENCODER_ESTIMATES_LENGTH);
+  CanFrame frame =
+      frame_of(node_, TILLER_ODRIVE_GET_ENCODER_ESTIMATES_FRAME_ID, TILLER_ODRIVE_GET_ENCODER_ESTIMATES_LENGTH);
   tiller_odrive_get_encoder_estimates_pack(frame.data.data(), &out, frame.data.size());
   return frame;
 }

@@ -29,7 +29,7 @@ struct PlantOptions {
   double measurement_latency_s = 0;                ///< a measurement shows the plant this long ago
   double command_latency_s = 0;                    ///< a command reaches the motor this much later
   double command_limit = 1000;                     ///< the motor saturates at +- this (command units)
-  double watchdog_timeout_s = 0.1;  ///< no command for this long: motor at zero; 0: no watchdog
+  double watchdog_timeout_s = 0.1;                 ///< no command for this long: motor at zero; 0: no watchdog
 
   double step_s = 0.0005;  ///< physics step: whole microseconds, at most 1 ms
   std::uint64_t seed = 1;  ///< of every random stream

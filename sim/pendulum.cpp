@@ -69,8 +69,7 @@ class Pendulum final : public Mechanism {
 MechanismInfo pendulum_info() {
   MechanismInfo info;
   info.kind = "pendulum";
-  info.help =
-      "a ball on a massless arm with a motor in the hinge; angle 0 hangs, counter-clockwise is positive";
+  info.help = "a ball on a massless arm with a motor in the hinge; angle 0 hangs, counter-clockwise is positive";
   info.parameters = {
       {"mass_kg", 0.5, 0, false, "mass of the ball"},
       {"length_m", 0.5, 0, false, "hinge to the ball's centre"},

@@ -11,9 +11,7 @@
 namespace tiller::sim {
 namespace {
 
-std::int64_t to_us(double seconds) {
-  return std::llround(seconds * 1e6);
-}
+std::int64_t to_us(double seconds) { return std::llround(seconds * 1e6); }
 
 double or_zero(const std::map<std::string, double>& values, const std::string& name) {
   const auto at = values.find(name);
@@ -49,8 +47,8 @@ struct Plant::Impl {
 
   void place_effect(const HiddenEffect& e) {
     const EffectInfo& what = *find_effect(e.kind);
-    effects.push_back({what.make(e.parameters.at(what.parameter)),
-                       static_cast<std::size_t>(find_port(e, info)), what.port == PortKind::joint});
+    effects.push_back({what.make(e.parameters.at(what.parameter)), static_cast<std::size_t>(find_port(e, info)),
+                       what.port == PortKind::joint});
   }
 
   /// A new world each time: nothing that ODE keeps inside can leak from one run into the next.
@@ -74,8 +72,7 @@ struct Plant::Impl {
       if (coefficient <= most) continue;
       std::ostringstream text;
       text << "viscous friction " << coefficient << " at joint " << info.joints[j]
-           << " is too stiff for step_s = " << options.step_s << ": at most " << most
-           << "; choose a smaller step_s";
+           << " is too stiff for step_s = " << options.step_s << ": at most " << most << "; choose a smaller step_s";
       error = text.str();
       return false;
     }
@@ -162,27 +159,17 @@ std::unique_ptr<Plant> Plant::make(const PlantOptions& options, std::string& err
   return std::unique_ptr<Plant>(new Plant(std::move(impl)));
 }
 
-const PlantOptions& Plant::options() const {
-  return impl_->options;
-}
-const std::vector<Channel>& Plant::measurements() const {
-  return impl_->measurements;
-}
-const std::vector<Channel>& Plant::commands() const {
-  return impl_->info.commands;
-}
-const std::vector<Channel>& Plant::states() const {
-  return impl_->info.states;
-}
+const PlantOptions& Plant::options() const { return impl_->options; }
+const std::vector<Channel>& Plant::measurements() const { return impl_->measurements; }
+const std::vector<Channel>& Plant::commands() const { return impl_->info.commands; }
+const std::vector<Channel>& Plant::states() const { return impl_->info.states; }
 
 double Plant::parameter(const std::string& name) const {
   const auto at = impl_->parameters.find(name);
   return at == impl_->parameters.end() ? std::nan("") : at->second;
 }
 
-void Plant::reset() {
-  impl_->reset();
-}
+void Plant::reset() { impl_->reset(); }
 
 void Plant::apply(const double* command) {
   if (!std::isfinite(command[0])) {
@@ -197,13 +184,9 @@ void Plant::advance(double duration_s) {
   for (; impl_->carried_us >= impl_->step_us; impl_->carried_us -= impl_->step_us) impl_->step();
 }
 
-std::int64_t Plant::time_us() const {
-  return impl_->time_us;
-}
+std::int64_t Plant::time_us() const { return impl_->time_us; }
 
-std::int64_t Plant::measured_us() const {
-  return impl_->time_us - to_us(impl_->options.measurement_latency_s);
-}
+std::int64_t Plant::measured_us() const { return impl_->time_us - to_us(impl_->options.measurement_latency_s); }
 
 void Plant::measure(double* out) const {
   std::vector<double> seen;
@@ -213,24 +196,12 @@ void Plant::measure(double* out) const {
   }
 }
 
-void Plant::true_state(double* out) const {
-  std::copy(impl_->state.begin(), impl_->state.end(), out);
-}
-void Plant::motor(double* out) const {
-  out[0] = impl_->motor;
-}
-double Plant::energy_J() const {
-  return impl_->mechanism->energy_J();
-}
-bool Plant::watchdog_tripped() const {
-  return impl_->line.tripped();
-}
-std::uint64_t Plant::watchdog_trips() const {
-  return impl_->line.trips();
-}
-std::uint64_t Plant::dropped_commands() const {
-  return impl_->dropped;
-}
+void Plant::true_state(double* out) const { std::copy(impl_->state.begin(), impl_->state.end(), out); }
+void Plant::motor(double* out) const { out[0] = impl_->motor; }
+double Plant::energy_J() const { return impl_->mechanism->energy_J(); }
+bool Plant::watchdog_tripped() const { return impl_->line.tripped(); }
+std::uint64_t Plant::watchdog_trips() const { return impl_->line.trips(); }
+std::uint64_t Plant::dropped_commands() const { return impl_->dropped; }
 
 std::string plant_help() {
   std::ostringstream out;

@@ -16,9 +16,7 @@ std::int64_t wall_us() {
   return duration_cast<microseconds>(steady_clock::now().time_since_epoch()).count();
 }
 
-std::int64_t to_us(double seconds) {
-  return std::llround(seconds * 1e6);
-}
+std::int64_t to_us(double seconds) { return std::llround(seconds * 1e6); }
 
 class Server {
  public:
@@ -40,9 +38,7 @@ class Server {
 
  private:
   bool stopped() const { return options_.stop != nullptr && *options_.stop != 0; }
-  bool over() const {
-    return stopped() || (options_.duration_s > 0 && plant_.time_us() >= to_us(options_.duration_s));
-  }
+  bool over() const { return stopped() || (options_.duration_s > 0 && plant_.time_us() >= to_us(options_.duration_s)); }
 
   void read_encoders(std::int64_t epoch_us) {
     measurement_.stamp_us = epoch_us + plant_.measured_us();

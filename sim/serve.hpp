@@ -22,7 +22,7 @@ struct PlantCommand {
   static constexpr std::int64_t kUnnumbered = -1;  ///< a bare motor command: acts, but answers nothing
   std::int64_t sequence = kUnnumbered;             ///< of the measurement that it answers
   std::vector<double> value;                       // (commands)
-  bool has_value = true;  ///< false: an answer only, the motor has got its command before
+  bool has_value = true;                           ///< false: an answer only, the motor has got its command before
 };
 
 /// How measurements leave and commands arrive: LCM, a CAN bus, or a test's own.

@@ -54,9 +54,8 @@ class LcmLink final : public PlantLink {
         size > 0 && lcm_publish(lcm_, channel_out_.c_str(), bytes.data(), static_cast<unsigned>(size)) == 0;
     failures_ = sent ? 0 : failures_ + 1;
     if (failures_ >= failures_until_dead) {
-      error_ =
-          "LCM cannot send on '" + url_ +
-          "': is there a multicast route? (ip link set lo multicast on; ip route add 224.0.0.0/4 dev lo)";
+      error_ = "LCM cannot send on '" + url_ +
+               "': is there a multicast route? (ip link set lo multicast on; ip route add 224.0.0.0/4 dev lo)";
     }
     return error_.empty();
   }

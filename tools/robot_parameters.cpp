@@ -175,7 +175,8 @@ void read_prior(FileErrors& errors, const toml::node& node, const std::string& p
 /// Masses, inertias and lengths are not negative; their names say what they are.
 double lowest_of_unit(const std::string& name) {
   for (const std::string ending : {"_kg", "_kgm2", "length_m"})
-    if (name.size() >= ending.size() && name.compare(name.size() - ending.size(), ending.size(), ending) == 0) return 0.0;
+    if (name.size() >= ending.size() && name.compare(name.size() - ending.size(), ending.size(), ending) == 0)
+      return 0.0;
   return -kInf;
 }
 

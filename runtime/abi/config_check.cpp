@@ -28,15 +28,9 @@ static_assert(TILLER_MAX_PARAMS == 16, "names below");
 
 constexpr Finding kGood = {};
 
-bool positive(double v) {
-  return v > 0.0 && std::isfinite(v);
-}
-bool not_negative(double v) {
-  return v >= 0.0 && std::isfinite(v);
-}
-bool in(std::uint32_t v, std::uint32_t low, std::uint32_t high) {
-  return v >= low && v <= high;
-}
+bool positive(double v) { return v > 0.0 && std::isfinite(v); }
+bool not_negative(double v) { return v >= 0.0 && std::isfinite(v); }
+bool in(std::uint32_t v, std::uint32_t low, std::uint32_t high) { return v >= low && v <= high; }
 
 Finding check_struct(const tiller_config_t& c) {
   if (c.size != sizeof(tiller_config_t)) return {tiller_status_version_mismatch, "size"};
@@ -69,8 +63,7 @@ Finding check_effects(const tiller_config_t& c) {
     states += static_cast<std::uint32_t>(info.state_count);
   }
   if (states > TILLER_MAX_EFFECT_STATES) return {tiller_status_bad_effect, "effect_count"};
-  if (c.param_count != params || params > TILLER_MAX_PARAMS)
-    return {tiller_status_bad_dimension, "param_count"};
+  if (c.param_count != params || params > TILLER_MAX_PARAMS) return {tiller_status_bad_dimension, "param_count"};
   return kGood;
 }
 
@@ -117,8 +110,7 @@ Finding check_noise(const tiller_config_t& c) {
   static Names12 process = {TILLER_TWELVE("process_sd")}, start = {TILLER_TWELVE("initial_state")};
   static Names12 start_sd = {TILLER_TWELVE("initial_state_sd")};
   const std::uint32_t nx = c.model->state_count;
-  if (!in(c.measurement_count, 1, TILLER_MAX_MEASUREMENTS))
-    return {tiller_status_bad_dimension, "measurement_count"};
+  if (!in(c.measurement_count, 1, TILLER_MAX_MEASUREMENTS)) return {tiller_status_bad_dimension, "measurement_count"};
   for (std::uint32_t i = 0; i < c.measurement_count; ++i) {
     if (c.measured_state[i] >= nx) return {tiller_status_bad_dimension, measured[i]};
     if (!positive(c.measurement_sd[i])) return {tiller_status_bad_noise, sd[i]};
@@ -136,13 +128,11 @@ Finding check_noise(const tiller_config_t& c) {
 }
 
 Finding check_posterior(const tiller_posterior_config_t& p) {
-  if (!in(p.particles, 16, 4096) || p.particles % 16 != 0)
-    return {tiller_status_bad_posterior, "posterior.particles"};
+  if (!in(p.particles, 16, 4096) || p.particles % 16 != 0) return {tiller_status_bad_posterior, "posterior.particles"};
   if (!in(p.window, 16, 1024)) return {tiller_status_bad_posterior, "posterior.window"};
   if (p.moves_per_tick > p.particles || p.moves_per_tick % 8 != 0)
     return {tiller_status_bad_posterior, "posterior.moves_per_tick"};
-  if (!(p.ess_fraction > 0.0 && p.ess_fraction <= 1.0))
-    return {tiller_status_bad_posterior, "posterior.ess_fraction"};
+  if (!(p.ess_fraction > 0.0 && p.ess_fraction <= 1.0)) return {tiller_status_bad_posterior, "posterior.ess_fraction"};
   if (!(p.noise_scale_shape > 0.0 && p.noise_scale_shape <= 1e6))
     return {tiller_status_bad_posterior, "posterior.noise_scale_shape"};
   return kGood;
@@ -194,8 +184,7 @@ Finding check_commands(const tiller_config_t& c) {
     if (!std::isfinite(s.input_low[i])) return {kBad, low[i]};
     if (!std::isfinite(s.input_high[i]) || s.input_high[i] < s.input_low[i]) return {kBad, high[i]};
     if (!(s.input_rate_per_s[i] > 0.0)) return {kBad, rate[i]};
-    if (!(s.safe_command[i] >= s.input_low[i] && s.safe_command[i] <= s.input_high[i]))
-      return {kBad, safe[i]};
+    if (!(s.safe_command[i] >= s.input_low[i] && s.safe_command[i] <= s.input_high[i])) return {kBad, safe[i]};
     for (std::uint32_t x = 0; x < c.model->state_count; ++x)
       if (!std::isfinite(s.hold_gain[i * TILLER_MAX_STATES + x])) return {kBad, gain[i]};
   }
@@ -203,8 +192,7 @@ Finding check_commands(const tiller_config_t& c) {
 }
 
 Finding check_sensors(const tiller_config_t& c) {
-  static Names12 low = {TILLER_TWELVE("safety.measurement_low")},
-                 high = {TILLER_TWELVE("safety.measurement_high")};
+  static Names12 low = {TILLER_TWELVE("safety.measurement_low")}, high = {TILLER_TWELVE("safety.measurement_high")};
   static Names12 rate = {TILLER_TWELVE("safety.measurement_rate_per_s")};
   const tiller_safety_config_t& s = c.safety;
   constexpr tiller_status_t kBad = tiller_status_bad_limit;
@@ -214,8 +202,7 @@ Finding check_sensors(const tiller_config_t& c) {
     if (!(s.measurement_rate_per_s[i] > 0.0)) return {kBad, rate[i]};
   }
   // a timeout below the period would call every measurement stale before the next can come
-  if (!(s.sensor_timeout_s >= c.period_s && s.sensor_timeout_s <= 3600.0))
-    return {kBad, "safety.sensor_timeout_s"};
+  if (!(s.sensor_timeout_s >= c.period_s && s.sensor_timeout_s <= 3600.0)) return {kBad, "safety.sensor_timeout_s"};
   if (s.bad_ticks_to_safe == 0) return {kBad, "safety.bad_ticks_to_safe"};
   return kGood;
 }

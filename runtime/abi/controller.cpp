@@ -25,8 +25,7 @@ std::size_t measure(const tiller_config_t& config) {
 }
 
 bool hooks_match(const tiller_hooks_t* hooks) {
-  return hooks == nullptr ||
-         (hooks->size == sizeof(tiller_hooks_t) && hooks->version == TILLER_CONFIG_VERSION);
+  return hooks == nullptr || (hooks->size == sizeof(tiller_hooks_t) && hooks->version == TILLER_CONFIG_VERSION);
 }
 
 }  // namespace
@@ -37,16 +36,15 @@ size_t tiller_size(const tiller_config_t* config) {
   return tiller_config_check(config, nullptr) == tiller_status_ok ? measure(*config) : 0;
 }
 
-tiller_status_t tiller_init(tiller_t** t, const tiller_config_t* config, const tiller_hooks_t* hooks,
-                            void* memory, size_t size) {
+tiller_status_t tiller_init(tiller_t** t, const tiller_config_t* config, const tiller_hooks_t* hooks, void* memory,
+                            size_t size) {
   if (t == nullptr) return tiller_status_null_argument;
   *t = nullptr;
   if (config == nullptr || memory == nullptr) return tiller_status_null_argument;
   const tiller_status_t checked = tiller_config_check(config, nullptr);
   if (checked != tiller_status_ok) return checked;
   if (!hooks_match(hooks)) return tiller_status_version_mismatch;
-  if (reinterpret_cast<std::uintptr_t>(memory) % TILLER_ALIGNMENT != 0)
-    return tiller_status_memory_misaligned;
+  if (reinterpret_cast<std::uintptr_t>(memory) % TILLER_ALIGNMENT != 0) return tiller_status_memory_misaligned;
   // measured first: a layout that runs out of room half way would hand null pieces to the parts
   if (size < measure(*config)) return tiller_status_memory_too_small;
   Arena arena(memory, size);
@@ -54,21 +52,15 @@ tiller_status_t tiller_init(tiller_t** t, const tiller_config_t* config, const t
   return *t != nullptr ? tiller_status_ok : tiller_status_memory_too_small;
 }
 
-tiller_status_t tiller_arm(tiller_t* t) {
-  return t ? t->executive->arm() : tiller_status_null_argument;
-}
+tiller_status_t tiller_arm(tiller_t* t) { return t ? t->executive->arm() : tiller_status_null_argument; }
 
-tiller_status_t tiller_disarm(tiller_t* t) {
-  return t ? t->executive->disarm() : tiller_status_null_argument;
-}
+tiller_status_t tiller_disarm(tiller_t* t) { return t ? t->executive->disarm() : tiller_status_null_argument; }
 
 tiller_status_t tiller_stop(tiller_t* t, tiller_status_t why) {
   return t ? t->executive->stop(why) : tiller_status_null_argument;
 }
 
-tiller_status_t tiller_reset(tiller_t* t) {
-  return t ? t->executive->reset() : tiller_status_null_argument;
-}
+tiller_status_t tiller_reset(tiller_t* t) { return t ? t->executive->reset() : tiller_status_null_argument; }
 
 tiller_status_t tiller_tick(tiller_t* t, int64_t now_us, const tiller_measurement_t* measurement,
                             tiller_command_t* command) {

@@ -27,10 +27,8 @@ Finding check_model(const tiller_model_t& m) {
   if (m.size != sizeof(tiller_model_t)) return {tiller_status_version_mismatch, "model.size"};
   if (m.version != TILLER_MODEL_VERSION) return {tiller_status_version_mismatch, "model.version"};
   if (m.name == nullptr || m.name[0] == '\0') return {tiller_status_bad_model, "model.name"};
-  if (m.state_count == 0 || m.state_count > TILLER_MAX_STATES)
-    return {tiller_status_bad_model, "model.state_count"};
-  if (m.input_count == 0 || m.input_count > TILLER_MAX_INPUTS)
-    return {tiller_status_bad_model, "model.input_count"};
+  if (m.state_count == 0 || m.state_count > TILLER_MAX_STATES) return {tiller_status_bad_model, "model.state_count"};
+  if (m.input_count == 0 || m.input_count > TILLER_MAX_INPUTS) return {tiller_status_bad_model, "model.input_count"};
   if (m.param_count > TILLER_MAX_PARAMS) return {tiller_status_bad_model, "model.param_count"};
   if (m.joint_count > TILLER_MAX_JOINTS) return {tiller_status_bad_model, "model.joint_count"};
   if (!all_named(m.state_names, m.state_count)) return {tiller_status_bad_model, "model.state_names"};

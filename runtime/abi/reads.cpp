@@ -33,13 +33,11 @@ uint32_t tiller_get_plan(const tiller_t* t, double* inputs, uint32_t steps) {
   const uint32_t nu = t->executive->config().model->input_count;
   const uint32_t first = plan.step_at(t->executive->last_now_us());
   const uint32_t count = std::min(steps, plan.horizon() - first);
-  for (uint32_t i = 0; i < count; ++i)
-    std::copy(plan.step(first + i), plan.step(first + i) + nu, inputs + i * nu);
+  for (uint32_t i = 0; i < count; ++i) std::copy(plan.step(first + i), plan.step(first + i) + nu, inputs + i * nu);
   return count;
 }
 
-tiller_status_t tiller_get_particle(const tiller_t* t, uint32_t index, double* params, double* state,
-                                    double* weight) {
+tiller_status_t tiller_get_particle(const tiller_t* t, uint32_t index, double* params, double* state, double* weight) {
   if (t == nullptr) return tiller_status_null_argument;
   if (index >= t->executive->posterior().size()) return tiller_status_bad_dimension;
   t->executive->posterior().particle(index, params, state, weight);
@@ -58,26 +56,17 @@ tiller_status_t tiller_get_record(const tiller_t* t, uint64_t tick, tiller_recor
 
 const char* tiller_state_name(tiller_state_t state) {
   switch (state) {
-    case tiller_state_init:
-      return "INIT";
-    case tiller_state_standby:
-      return "STANDBY";
-    case tiller_state_active:
-      return "ACTIVE";
-    case tiller_state_hold:
-      return "HOLD";
-    case tiller_state_safe:
-      return "SAFE";
+    case tiller_state_init: return "INIT";
+    case tiller_state_standby: return "STANDBY";
+    case tiller_state_active: return "ACTIVE";
+    case tiller_state_hold: return "HOLD";
+    case tiller_state_safe: return "SAFE";
   }
   return "unknown";
 }
 
-const char* tiller_instruction_set(void) {
-  return tiller::isa_name(tiller::best_isa());
-}
+const char* tiller_instruction_set(void) { return tiller::isa_name(tiller::best_isa()); }
 
-const char* tiller_version(void) {
-  return TILLER_TEXT(TILLER_VERSION_MAJOR) "." TILLER_TEXT(TILLER_VERSION_MINOR);
-}
+const char* tiller_version(void) { return TILLER_TEXT(TILLER_VERSION_MAJOR) "." TILLER_TEXT(TILLER_VERSION_MINOR); }
 
 }  // extern "C"

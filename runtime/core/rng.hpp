@@ -53,9 +53,7 @@ class Rng {
     return (static_cast<double>(bits) + 0.5) * (1.0 / 9007199254740992.0);
   }
   /// Uniform on 0..n-1 for n < 2^32 (Lemire's multiply-shift; its bias of n/2^32 is far below any use here).
-  std::uint32_t below(std::uint32_t n) {
-    return static_cast<std::uint32_t>((std::uint64_t{next_u32()} * n) >> 32);
-  }
+  std::uint32_t below(std::uint32_t n) { return static_cast<std::uint32_t>((std::uint64_t{next_u32()} * n) >> 32); }
   /// Standard normal by Box-Muller; the second of each pair is kept.
   double normal() {
     if (has_spare_) {

@@ -10,8 +10,8 @@ namespace tiller {
 template <class S>
 struct ActuatorLag {
   static constexpr Hook hook = Hook::input;
-  static constexpr EffectInfo info = {"actuator_lag", PortKind::input, 1, {"time_constant_s"}, {"s"}, {0.0}, 1,
-                                      "first-order lag between command and force"};
+  static constexpr EffectInfo info = {"actuator_lag", PortKind::input, 1, {"time_constant_s"},
+                                      {"s"},          {0.0},           1, "first-order lag between command and force"};
   static S apply(const S& u, S* state, const S* p, const S& dt) {
     const S ratio = max(p[0], S(1e-9)) / dt;
     const S left = exp(S(-1.0) / ratio);

@@ -8,8 +8,9 @@ namespace tiller {
 template <class S>
 struct ConstantOffset {
   static constexpr Hook hook = Hook::force;
-  static constexpr EffectInfo info = {"constant_offset", PortKind::joint, 1, {"force_SI"}, {"N or N m"},
-                                      {-__builtin_huge_val()}, 0, "a constant force or torque at the joint"};
+  static constexpr EffectInfo info = {
+      "constant_offset", PortKind::joint,         1, {"force_SI"},
+      {"N or N m"},      {-__builtin_huge_val()}, 0, "a constant force or torque at the joint"};
   static S force(const S&, const S&, const S* p) { return p[0]; }
 };
 

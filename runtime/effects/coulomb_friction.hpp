@@ -11,8 +11,9 @@ namespace tiller {
 template <class S>
 struct CoulombFriction {
   static constexpr Hook hook = Hook::dissipation;
-  static constexpr EffectInfo info = {"coulomb_friction", PortKind::joint, 1, {"friction_SI"}, {"N or N m"}, {0.0}, 0,
-                                      "dry friction: a constant force against the motion, sticking at rest"};
+  static constexpr EffectInfo info = {
+      "coulomb_friction", PortKind::joint, 1, {"friction_SI"},
+      {"N or N m"},       {0.0},           0, "dry friction: a constant force against the motion, sticking at rest"};
   static S force(const S&, const S& v_free, const S& gain, const S* p) {
     const S stopping = -v_free / gain;
     return max(-p[0], min(p[0], stopping));

@@ -11,8 +11,8 @@ namespace tiller {
 template <class S>
 struct InputDelay {
   static constexpr Hook hook = Hook::period_input;
-  static constexpr EffectInfo info = {"input_delay", PortKind::input, 1, {"delay_s"}, {"s"}, {0.0}, 0,
-                                      "transport delay between command and force"};
+  static constexpr EffectInfo info = {"input_delay", PortKind::input, 1, {"delay_s"},
+                                      {"s"},         {0.0},           0, "transport delay between command and force"};
   /// past(i) is the command i periods ago, i = 0..steps.
   template <class Past>
   static S apply_period(const Past& past, int steps, const S* p, const S& period) {

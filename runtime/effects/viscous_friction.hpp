@@ -11,9 +11,9 @@ namespace tiller {
 template <class S>
 struct ViscousFriction {
   static constexpr Hook hook = Hook::dissipation;
-  static constexpr EffectInfo info = {"viscous_friction", PortKind::joint, 1, {"damping_SI"},
-                                      {"N s/m or N m s/rad"}, {0.0}, 0,
-                                      "friction proportional to the joint's velocity"};
+  static constexpr EffectInfo info = {
+      "viscous_friction",     PortKind::joint, 1, {"damping_SI"},
+      {"N s/m or N m s/rad"}, {0.0},           0, "friction proportional to the joint's velocity"};
   /// v: the velocity before the step; v_free: after it, without this force; gain: dt times inverse inertia.
   static S force(const S& v, const S& v_free, const S& gain, const S* p) {
     const S c = p[0] * gain;

@@ -45,8 +45,7 @@ struct LcmTransport {
 extern const tiller_transport_t kLcmTransport;
 
 /// Joins the multicast group and subscribes. Takes milliseconds; seconds where multicast does not work.
-[[nodiscard]] tiller_status_t lcm_transport_open(LcmTransport* transport, const LcmOptions& options,
-                                                 OpenError* error);
+[[nodiscard]] tiller_status_t lcm_transport_open(LcmTransport* transport, const LcmOptions& options, OpenError* error);
 
 /// What the controller says of itself, for whoever listens. Cost: one encode of 600 bytes and one sendmsg.
 tiller_status_t lcm_send_telemetry(LcmTransport* transport, std::int64_t stamp_us, const tiller_info_t& info,
@@ -54,7 +53,6 @@ tiller_status_t lcm_send_telemetry(LcmTransport* transport, std::int64_t stamp_u
 
 /// Takes one encoded measurement, as the subscription does: any bytes, any length. `waited_us` is the time
 /// since its arrival. True if it is now the newest one.
-bool lcm_take_measurement(LcmTransport* transport, const void* data, std::uint32_t size,
-                          std::int64_t waited_us);
+bool lcm_take_measurement(LcmTransport* transport, const void* data, std::uint32_t size, std::int64_t waited_us);
 
 }  // namespace tiller

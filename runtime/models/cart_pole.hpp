@@ -25,8 +25,8 @@ struct CartPole {
     const S tip = p.half_length_m * 2.0;
     const S all = p.cart_mass_kg + p.pole_mass_kg + body.payload_kg;
     const S moment = p.pole_mass_kg * p.half_length_m + body.payload_kg * tip;
-    const S inertia = p.pole_mass_kg * p.half_length_m * p.half_length_m * (4.0 / 3.0) +
-                      body.payload_kg * tip * tip + body.payload_kgm2;
+    const S inertia = p.pole_mass_kg * p.half_length_m * p.half_length_m * (4.0 / 3.0) + body.payload_kg * tip * tip +
+                      body.payload_kgm2;
     S sine, cosine;
     sincos(x.angle_rad, sine, cosine);
     const S coupling = moment * cosine;

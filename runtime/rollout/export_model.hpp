@@ -15,16 +15,15 @@
 #define TILLER_ISA_VALUE_2(name) ::tiller::Isa::name
 #define TILLER_ISA_VALUE(name) TILLER_ISA_VALUE_2(name)
 
-#define TILLER_EXPORT_MODEL(Type)                                                                             \
-  extern "C" const tiller_model_t* tiller_model(void);                                                        \
-  extern "C" const tiller_model_t* tiller_model(void) {                                                       \
-    static const ::tiller::RolloutTable table =                                                               \
-        ::tiller::Kernel<Type>::table(TILLER_ISA_VALUE(TILLER_COMPILE_ISA));                                  \
-    static const ::tiller::ModelKernels kernels = [] {                                                        \
-      ::tiller::ModelKernels k{};                                                                             \
-      k.table[static_cast<int>(TILLER_ISA_VALUE(TILLER_COMPILE_ISA))] = &table;                               \
-      return k;                                                                                               \
-    }();                                                                                                      \
-    static const tiller_model_t model = ::tiller::ModelTable<Type>::make(&kernels);                           \
-    return &model;                                                                                            \
+#define TILLER_EXPORT_MODEL(Type)                                                                                    \
+  extern "C" const tiller_model_t* tiller_model(void);                                                               \
+  extern "C" const tiller_model_t* tiller_model(void) {                                                              \
+    static const ::tiller::RolloutTable table = ::tiller::Kernel<Type>::table(TILLER_ISA_VALUE(TILLER_COMPILE_ISA)); \
+    static const ::tiller::ModelKernels kernels = [] {                                                               \
+      ::tiller::ModelKernels k{};                                                                                    \
+      k.table[static_cast<int>(TILLER_ISA_VALUE(TILLER_COMPILE_ISA))] = &table;                                      \
+      return k;                                                                                                      \
+    }();                                                                                                             \
+    static const tiller_model_t model = ::tiller::ModelTable<Type>::make(&kernels);                                  \
+    return &model;                                                                                                   \
   }

@@ -30,8 +30,8 @@ struct StepSetup {
   tiller_integrator_t integrator = tiller_integrator_rk4;
   tiller_body_t body = {0.0, -9.81, 0.0, 0.0};
   std::uint32_t effect_count = 0;
-  std::uint32_t effect_state_count = 0;   // ns
-  std::uint32_t delay_steps = 0;          // history rows that rollouts read, 0..TILLER_MAX_DELAY_STEPS + 1
+  std::uint32_t effect_state_count = 0;  // ns
+  std::uint32_t delay_steps = 0;         // history rows that rollouts read, 0..TILLER_MAX_DELAY_STEPS + 1
   EffectSlot effects[TILLER_MAX_EFFECTS];
 };
 
@@ -60,35 +60,35 @@ struct RolloutJob {
   const StepSetup* setup = nullptr;
   std::uint32_t lanes = 0;
   std::uint32_t horizon = 0;
-  double period_s = 0.0;             // 0: the setup's; else a measured period
-  Lanes<T> state;                    // (nx) start
-  Lanes<T> params;                   // (np) model's, then effects'
-  Lanes<T> effect_state;             // (ns) start
-  Lanes<T> controls;                 // (horizon * nu)
-  const T* history = nullptr;        // (delay_steps x nu) commands before controls[0], newest first; may be
-                                     // null where delay_steps is 0 and the cost has no input-rate weight
-  const T* previous_input = nullptr; // (nu) for the input-rate cost of step 0; null: as controls[0]
+  double period_s = 0.0;                 // 0: the setup's; else a measured period
+  Lanes<T> state;                        // (nx) start
+  Lanes<T> params;                       // (np) model's, then effects'
+  Lanes<T> effect_state;                 // (ns) start
+  Lanes<T> controls;                     // (horizon * nu)
+  const T* history = nullptr;            // (delay_steps x nu) commands before controls[0], newest first; may be
+                                         // null where delay_steps is 0 and the cost has no input-rate weight
+  const T* previous_input = nullptr;     // (nu) for the input-rate cost of step 0; null: as controls[0]
   const CostWeights<T>* cost = nullptr;  // null: no cost
-  T* cost_out = nullptr;             // (lanes)
-  T* final_state = nullptr;          // (nx x lanes), row stride `lanes`; nullable
-  T* final_effect_state = nullptr;   // (ns x lanes); nullable
-  T* trajectory = nullptr;           // ((horizon + 1) * nx x lanes); nullable
+  T* cost_out = nullptr;                 // (lanes)
+  T* final_state = nullptr;              // (nx x lanes), row stride `lanes`; nullable
+  T* final_effect_state = nullptr;       // (ns x lanes); nullable
+  T* trajectory = nullptr;               // ((horizon + 1) * nx x lanes); nullable
 };
 
 /// One period, linearised by dual numbers: next = f(state, u), a = d next / d state, b = d next / d u.
 struct LineariseJob {
   const StepSetup* setup = nullptr;
   std::uint32_t lanes = 0;
-  double period_s = 0.0;             // 0: the setup's
-  Lanes<double> state;               // (nx)
-  Lanes<double> params;              // (np)
-  Lanes<double> effect_state;        // (ns)
-  Lanes<double> control;             // (nu) command in force during the period
-  const double* history = nullptr;   // (delay_steps x nu) commands before it, newest first
-  double* next_state = nullptr;      // (nx x lanes)
+  double period_s = 0.0;                // 0: the setup's
+  Lanes<double> state;                  // (nx)
+  Lanes<double> params;                 // (np)
+  Lanes<double> effect_state;           // (ns)
+  Lanes<double> control;                // (nu) command in force during the period
+  const double* history = nullptr;      // (delay_steps x nu) commands before it, newest first
+  double* next_state = nullptr;         // (nx x lanes)
   double* next_effect_state = nullptr;  // (ns x lanes); may alias effect_state.data; nullable
-  double* a = nullptr;               // (nx * nx x lanes), row r * nx + c; nullable
-  double* b = nullptr;               // (nx * nu x lanes); nullable
+  double* a = nullptr;                  // (nx * nx x lanes), row r * nx + c; nullable
+  double* b = nullptr;                  // (nx * nu x lanes); nullable
 };
 
 /// The type erasure: one table per (model, instruction set), one batch x horizon a call.
@@ -110,11 +110,11 @@ const RolloutTable& select_rollout(const tiller_model_t& model, Isa best = best_
 
 /// M hypotheses to plan over: what the posterior hands to a planner. Rows of M, unpadded.
 struct Belief {
-  std::uint32_t count = 0;          // M
-  const float* params = nullptr;    // (np x M)
-  const float* state = nullptr;     // (nx x M)
+  std::uint32_t count = 0;              // M
+  const float* params = nullptr;        // (np x M)
+  const float* state = nullptr;         // (nx x M)
   const float* effect_state = nullptr;  // (ns x M)
-  const float* history = nullptr;   // (delay_steps x nu) newest first, shared
+  const float* history = nullptr;       // (delay_steps x nu) newest first, shared
 };
 
 /// Wrapped difference a - b of state i of the model.

@@ -74,9 +74,7 @@ struct Stepper {
     const State k3 = model.template dynamics<S>(along(x, k2, 0.5 * substep_s), u, f, body, p);
     const State k4 = model.template dynamics<S>(along(x, k3, substep_s), u, f, body, p);
     State next;
-    each(model.nx(), [&](auto i) {
-      next[i] = x[i] + S(substep_s / 6.0) * (k1[i] + S(2.0) * (k2[i] + k3[i]) + k4[i]);
-    });
+    each(model.nx(), [&](auto i) { next[i] = x[i] + S(substep_s / 6.0) * (k1[i] + S(2.0) * (k2[i] + k3[i]) + k4[i]); });
     return next;
   }
   TILLER_INLINE State free_step(tiller_integrator_t integrator, const State& x, const Input& u, const Force& f,
@@ -101,9 +99,9 @@ struct Stepper {
     for (std::uint32_t e = 0; e < setup.effect_count; ++e) {
       const EffectSlot& slot = setup.effects[e];
       switch (slot.kind) {
-#define TILLER_EFFECT(name, Type)                                     \
-  case tiller_effect_##name:                                          \
-    if constexpr (Type<S>::hook == kHook) visit(Type<S>{}, slot);     \
+#define TILLER_EFFECT(name, Type)                                 \
+  case tiller_effect_##name:                                      \
+    if constexpr (Type<S>::hook == kHook) visit(Type<S>{}, slot); \
     break;
 #include "tiller/effects.def"
 #undef TILLER_EFFECT
@@ -142,9 +140,8 @@ struct Stepper {
         if (static_cast<int>(j) != slot.port) return;
         if (column_of != static_cast<int>(j)) model.template force_response<S>(middle, u, f, body, p.model, j, column);
         column_of = j;
-        const S push =
-            effect.force(model.template velocity<S>(before, j), model.template velocity<S>(next, j),
-                         S(substep_s) * column[j], effect_params(p, slot));
+        const S push = effect.force(model.template velocity<S>(before, j), model.template velocity<S>(next, j),
+                                    S(substep_s) * column[j], effect_params(p, slot));
         each(model.nf(), [&](auto i) {
           const S change = S(substep_s) * column[i] * push;
           model.template velocity<S>(next, i) = model.template velocity<S>(next, i) + change;
@@ -170,7 +167,8 @@ struct Stepper {
         each(model.nf(), [&](auto j) {
           if (static_cast<int>(j) != slot.port) return;
           S* q = model.template position<S>(before, j);
-          f[model.force_index(j)] = f[model.force_index(j)] +
+          f[model.force_index(j)] =
+              f[model.force_index(j)] +
               effect.force(q ? *q : S(0.0), model.template velocity<S>(before, j), effect_params(p, slot));
         });
       });

@@ -71,8 +71,8 @@ void roll_lane(const TableModel& model, const Step& step, const RolloutJob<T>& j
     step.advance(t, step.acting_command(u, p, past), p);
   }
   if (job.cost && job.cost_out)
-    job.cost_out[lane] = static_cast<T>(
-        cost + state_cost<TableModel, double>(model, job.cost->target, job.cost->terminal, t.x));
+    job.cost_out[lane] =
+        static_cast<T>(cost + state_cost<TableModel, double>(model, job.cost->target, job.cost->terminal, t.x));
   if (job.trajectory) keep(job.trajectory + static_cast<std::size_t>(job.horizon) * nx * job.lanes);
   if (job.final_state) keep(job.final_state);
   if (job.final_effect_state)
@@ -113,7 +113,9 @@ void linearise_lane(const TableModel& model, const Step& step, const LineariseJo
   load(model, *job.setup, job.state, job.params, job.effect_state, lane, t, one.p);
   Step::Input u{};
   for (int i = 0; i < nu; ++i) u[i] = cell(job.control, static_cast<std::size_t>(i), lane);
-  const auto at = [&](double* rows, int row) -> double& { return rows[static_cast<std::size_t>(row) * job.lanes + lane]; };
+  const auto at = [&](double* rows, int row) -> double& {
+    return rows[static_cast<std::size_t>(row) * job.lanes + lane];
+  };
   for (int c = 0; job.a && c < nx; ++c) {
     const double width = difference_width(t.x[c]);
     auto more = t, less = t;

@@ -57,8 +57,7 @@ tiller_status_t OutputGate::limit_input(std::uint32_t i, double elapsed_s, doubl
   return tiller_status_ok;
 }
 
-tiller_status_t OutputGate::pass(const double* wanted, const double* fallback, double elapsed_s,
-                                 double* out) {
+tiller_status_t OutputGate::pass(const double* wanted, const double* fallback, double elapsed_s, double* out) {
   const bool usable = all_finite(wanted);
   const double* source = usable ? wanted : all_finite(fallback) ? fallback : limits_.safe_command;
 

@@ -129,10 +129,10 @@ template <class T>
 bool all(const PackMask<T>& m) {
   return xsimd::all(m.m);
 }
-#define TILLER_PACK_UNARY(name)         \
-  template <class T>                    \
-  Pack<T> name(const Pack<T>& a) {      \
-    return xsimd::name(a.v);            \
+#define TILLER_PACK_UNARY(name)    \
+  template <class T>               \
+  Pack<T> name(const Pack<T>& a) { \
+    return xsimd::name(a.v);       \
   }
 TILLER_PACK_UNARY(abs)
 TILLER_PACK_UNARY(sqrt)
@@ -184,10 +184,10 @@ template <class T>
 bool all(const PackMask<T>& m) {
   return m.m;
 }
-#define TILLER_PACK_UNARY(name)         \
-  template <class T>                    \
-  Pack<T> name(const Pack<T>& a) {      \
-    return std::name(a.v.v);            \
+#define TILLER_PACK_UNARY(name)    \
+  template <class T>               \
+  Pack<T> name(const Pack<T>& a) { \
+    return std::name(a.v.v);       \
   }
 TILLER_PACK_UNARY(abs)
 TILLER_PACK_UNARY(sqrt)
@@ -227,14 +227,12 @@ T reduce_add(const Pack<T>& a) {
 #endif
 
 // Two-argument functions for each element type, not templates, so that plain numbers convert: min(x, 1.0).
-#define TILLER_PACK_FUNCTIONS(T)                                                                             \
-  inline Pack<T> select(const PackMask<T>& m, const Pack<T>& a, const Pack<T>& b) {                          \
-    return select_pack<T>(m, a, b);                                                                          \
-  }                                                                                                          \
-  inline Pack<T> fma(const Pack<T>& a, const Pack<T>& b, const Pack<T>& c) { return fma_pack<T>(a, b, c); }  \
-  inline Pack<T> min(const Pack<T>& a, const Pack<T>& b) { return min_pack<T>(a, b); }                       \
-  inline Pack<T> max(const Pack<T>& a, const Pack<T>& b) { return max_pack<T>(a, b); }                       \
-  inline Pack<T> copysign(const Pack<T>& a, const Pack<T>& b) { return copysign_pack<T>(a, b); }             \
+#define TILLER_PACK_FUNCTIONS(T)                                                                                      \
+  inline Pack<T> select(const PackMask<T>& m, const Pack<T>& a, const Pack<T>& b) { return select_pack<T>(m, a, b); } \
+  inline Pack<T> fma(const Pack<T>& a, const Pack<T>& b, const Pack<T>& c) { return fma_pack<T>(a, b, c); }           \
+  inline Pack<T> min(const Pack<T>& a, const Pack<T>& b) { return min_pack<T>(a, b); }                                \
+  inline Pack<T> max(const Pack<T>& a, const Pack<T>& b) { return max_pack<T>(a, b); }                                \
+  inline Pack<T> copysign(const Pack<T>& a, const Pack<T>& b) { return copysign_pack<T>(a, b); }                      \
   inline Pack<T> atan2(const Pack<T>& a, const Pack<T>& b) { return atan2_pack<T>(a, b); }
 TILLER_PACK_FUNCTIONS(float)
 TILLER_PACK_FUNCTIONS(double)
@@ -317,9 +315,9 @@ struct Table<double> {
   static constexpr double kSin[6] = {-1.66666666666666307295e-1, 8.33333333332211858878e-3,
                                      -1.98412698295895385996e-4, 2.75573136213857245213e-6,
                                      -2.50507477628578072866e-8, 1.58962301576546568060e-10};
-  static constexpr double kCos[6] = {4.16666666666665929218e-2,  -1.38888888888730564116e-3,
-                                     2.48015872888517045348e-5,  -2.75573141792967388112e-7,
-                                     2.08757008419747316778e-9,  -1.13585365213876817300e-11};
+  static constexpr double kCos[6] = {4.16666666666665929218e-2, -1.38888888888730564116e-3,
+                                     2.48015872888517045348e-5, -2.75573141792967388112e-7,
+                                     2.08757008419747316778e-9, -1.13585365213876817300e-11};
 };
 
 template <class T>

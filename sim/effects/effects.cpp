@@ -22,10 +22,8 @@ const std::vector<EffectInfo>& effect_infos() {
        make<ViscousFriction>},
       {"coulomb_friction", PortKind::joint, "friction_SI", false, "N or N m: dry friction that sticks",
        make<CoulombFriction>},
-      {"constant_offset", PortKind::joint, "force_SI", true, "N or N m: a force that never ends",
-       make<ConstantOffset>},
-      {"actuator_lag", PortKind::command, "time_constant_s", false, "first-order lag of the motor",
-       make<ActuatorLag>},
+      {"constant_offset", PortKind::joint, "force_SI", true, "N or N m: a force that never ends", make<ConstantOffset>},
+      {"actuator_lag", PortKind::command, "time_constant_s", false, "first-order lag of the motor", make<ActuatorLag>},
       {"input_delay", PortKind::command, "delay_s", false, "pure delay of the motor", make<InputDelay>},
   };
   return all;

@@ -5,12 +5,12 @@
 #include <tiller/tiller.h>
 
 static int failures = 0;
-#define CHECK(condition)                                                \
-  do {                                                                  \
-    if (!(condition)) {                                                 \
-      printf("%s:%d: failed: %s\n", __FILE__, __LINE__, #condition);    \
-      ++failures;                                                       \
-    }                                                                   \
+#define CHECK(condition)                                             \
+  do {                                                               \
+    if (!(condition)) {                                              \
+      printf("%s:%d: failed: %s\n", __FILE__, __LINE__, #condition); \
+      ++failures;                                                    \
+    }                                                                \
   } while (0)
 
 static void fill(tiller_config_t* c) {

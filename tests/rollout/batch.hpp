@@ -39,7 +39,10 @@ struct Batch {
   RolloutJob<T> job;
 
   Batch(const tiller_config_t& config, std::uint32_t lane_count, std::uint32_t steps, std::uint64_t seed = 1)
-      : lanes(lane_count), horizon(steps), nx(config.model->state_count), nu(config.model->input_count),
+      : lanes(lane_count),
+        horizon(steps),
+        nx(config.model->state_count),
+        nu(config.model->input_count),
         np(config.param_count) {
     const tiller_status_t status = make_step_setup(config, setup);
     if (status != tiller_status_ok) std::abort();

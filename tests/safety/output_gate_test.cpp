@@ -145,24 +145,15 @@ double any_double(Rng& rng) {
 
 double adversarial(Rng& rng, double low, double high) {
   switch (rng.below(10)) {
-    case 0:
-      return kNan;
-    case 1:
-      return kInf;
-    case 2:
-      return -kInf;
-    case 3:
-      return std::numeric_limits<double>::max();
-    case 4:
-      return std::numeric_limits<double>::denorm_min();
-    case 5:
-      return low;
-    case 6:
-      return std::nextafter(high, kInf);
-    case 7:
-      return any_double(rng);
-    default:
-      return low + (high - low) * (1.5 * rng.uniform() - 0.25);
+    case 0: return kNan;
+    case 1: return kInf;
+    case 2: return -kInf;
+    case 3: return std::numeric_limits<double>::max();
+    case 4: return std::numeric_limits<double>::denorm_min();
+    case 5: return low;
+    case 6: return std::nextafter(high, kInf);
+    case 7: return any_double(rng);
+    default: return low + (high - low) * (1.5 * rng.uniform() - 0.25);
   }
 }
 

@@ -91,8 +91,7 @@ TEST(SensorGuard, TheSameReadingAgainIsNothingNew) {
   const SensorVerdict v = b.at(kPeriod_us, m);
   EXPECT_EQ(v.status, tiller_status_no_new_measurement);
   EXPECT_EQ(b.guard.rejected(), 0u);
-  EXPECT_EQ(b.at(100001, m).status, tiller_status_sensor_stale)
-      << "a driver that repeats its last frame is stale";
+  EXPECT_EQ(b.at(100001, m).status, tiller_status_sensor_stale) << "a driver that repeats its last frame is stale";
 }
 
 TEST(SensorGuard, RefusesOldAndFutureStamps) {
@@ -133,8 +132,7 @@ TEST(SensorGuard, ExtremeStampsDoNotOverflow) {
 
 TEST(SensorGuard, RefusesInfinityAndSkipsMissingValues) {
   Bench b;
-  EXPECT_EQ(b.at(0, kNan, 0.0).status, tiller_status_sensor_not_finite)
-      << "the first reading must be complete";
+  EXPECT_EQ(b.at(0, kNan, 0.0).status, tiller_status_sensor_not_finite) << "the first reading must be complete";
   (void)b.at(kPeriod_us, 0.0, 0.0);
   EXPECT_EQ(b.at(2 * kPeriod_us, kInf, 0.0).status, tiller_status_sensor_not_finite);
   EXPECT_EQ(b.at(3 * kPeriod_us, -kInf, 0.0).status, tiller_status_sensor_not_finite);
@@ -165,8 +163,7 @@ TEST(SensorGuard, RefusesOutOfRangeAndJumps) {
   (void)b.at(0, 0.0, 3.1);
   EXPECT_EQ(b.at(kPeriod_us, 2.5, 3.1).status, tiller_status_sensor_out_of_range);
   EXPECT_EQ(b.at(2 * kPeriod_us, 0.3, 3.1).status, tiller_status_sensor_jump) << "7.5 m/s over 40 ms";
-  EXPECT_EQ(b.at(3 * kPeriod_us, 0.29, 3.1).status, tiller_status_ok)
-      << "4.8 m/s over the 60 ms since the last";
+  EXPECT_EQ(b.at(3 * kPeriod_us, 0.29, 3.1).status, tiller_status_ok) << "4.8 m/s over the 60 ms since the last";
 }
 
 TEST(SensorGuard, AngleJumpsAreWrapped) {

@@ -5,8 +5,8 @@
 namespace tiller {
 namespace {
 
-constexpr tiller_state_t kInit = tiller_state_init, kStandby = tiller_state_standby,
-                         kActive = tiller_state_active, kHold = tiller_state_hold, kSafe = tiller_state_safe;
+constexpr tiller_state_t kInit = tiller_state_init, kStandby = tiller_state_standby, kActive = tiller_state_active,
+                         kHold = tiller_state_hold, kSafe = tiller_state_safe;
 
 /// A machine brought to `state` by the events that lead there.
 StateMachine machine_in(tiller_state_t state) {
@@ -87,8 +87,7 @@ const Entry kSpecification[] = {
 };
 
 TEST(StateMachine, EveryStateWithEveryEvent) {
-  ASSERT_EQ(sizeof kSpecification / sizeof *kSpecification,
-            static_cast<std::size_t>(kStateCount * kEventCount));
+  ASSERT_EQ(sizeof kSpecification / sizeof *kSpecification, static_cast<std::size_t>(kStateCount * kEventCount));
   bool seen[kStateCount][kEventCount] = {};
   for (const Entry& e : kSpecification) {
     StateMachine m = machine_in(e.from);

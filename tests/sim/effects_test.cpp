@@ -105,10 +105,9 @@ TEST(ConstantOffset, BalancesThePendulumWhereItMust) {
 
 TEST(Effects, AtZeroParametersChangeNothing) {
   PlantOptions plain = cart_pole(), zero = plain;
-  zero.effects = {
-      {"viscous_friction", "cart", {{"damping_SI", 0}}},  {"viscous_friction", "pole", {{"damping_SI", 0}}},
-      {"coulomb_friction", "cart", {{"friction_SI", 0}}}, {"constant_offset", "cart", {{"force_SI", 0}}},
-      {"actuator_lag", "", {{"time_constant_s", 0}}},     {"input_delay", "", {{"delay_s", 0}}}};
+  zero.effects = {{"viscous_friction", "cart", {{"damping_SI", 0}}},  {"viscous_friction", "pole", {{"damping_SI", 0}}},
+                  {"coulomb_friction", "cart", {{"friction_SI", 0}}}, {"constant_offset", "cart", {{"force_SI", 0}}},
+                  {"actuator_lag", "", {{"time_constant_s", 0}}},     {"input_delay", "", {{"delay_s", 0}}}};
   auto a = make(plain), b = make(zero);
   for (int i = 0; i < 200; ++i) {
     const double u = 5 * std::sin(0.1 * i);

@@ -57,8 +57,7 @@ TEST(DryFriction, PendulumRestsAwayFromTheBottom) {
 
 TEST(ViscousFriction, DecaysAsAnExponential) {
   const double inertia = 0.5 * 0.5 * 0.5, coefficient = 0.1, rate = 3.0;
-  for (const bool hidden :
-       {false, true}) {  // the plant's own parameter and the hidden effect are one physics
+  for (const bool hidden : {false, true}) {  // the plant's own parameter and the hidden effect are one physics
     PlantOptions o = pendulum();
     o.parameters["gravity_m_s2"] = 0;
     o.initial_state["rate_rad_s"] = rate;

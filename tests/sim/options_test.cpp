@@ -9,8 +9,7 @@ namespace {
 void expect_refused(const PlantOptions& options, const std::vector<std::string>& words) {
   std::string error;
   EXPECT_EQ(Plant::make(options, error), nullptr);
-  for (const std::string& word : words)
-    EXPECT_NE(error.find(word), std::string::npos) << word << " in: " << error;
+  for (const std::string& word : words) EXPECT_NE(error.find(word), std::string::npos) << word << " in: " << error;
 }
 
 PlantOptions with(void (*change)(PlantOptions&)) {
@@ -21,11 +20,9 @@ PlantOptions with(void (*change)(PlantOptions&)) {
 
 TEST(Options, UnknownNamesAreRefusedWithTheKnownOnes) {
   expect_refused(with([](PlantOptions& o) { o.kind = "unicycle"; }), {"unicycle", "pendulum", "cart_pole"});
-  expect_refused(
-      with([](PlantOptions& o) { o.parameters["pole_mass"] = 1; }),
-      {"pole_mass", "cart_pole", "cart_mass_kg", "pole_mass_kg", "half_length_m", "cart_friction_Ns_m"});
-  expect_refused(with([](PlantOptions& o) { o.initial_state["theta"] = 1; }),
-                 {"theta", "position_m", "rate_rad_s"});
+  expect_refused(with([](PlantOptions& o) { o.parameters["pole_mass"] = 1; }),
+                 {"pole_mass", "cart_pole", "cart_mass_kg", "pole_mass_kg", "half_length_m", "cart_friction_Ns_m"});
+  expect_refused(with([](PlantOptions& o) { o.initial_state["theta"] = 1; }), {"theta", "position_m", "rate_rad_s"});
   expect_refused(with([](PlantOptions& o) { o.encoder_noise_sd["rate_rad_s"] = 1; }),
                  {"rate_rad_s", "position_m, angle_rad"});
   expect_refused(with([](PlantOptions& o) { o.encoder_step["x"] = 1; }), {"'x'", "position_m, angle_rad"});
@@ -49,16 +46,12 @@ TEST(Options, UnknownNamesAreRefusedWithTheKnownOnes) {
 }
 
 TEST(Options, NumbersThatCannotBeAreRefused) {
-  expect_refused(with([](PlantOptions& o) { o.parameters["pole_mass_kg"] = 0; }),
-                 {"pole_mass_kg", "greater than 0"});
+  expect_refused(with([](PlantOptions& o) { o.parameters["pole_mass_kg"] = 0; }), {"pole_mass_kg", "greater than 0"});
   expect_refused(with([](PlantOptions& o) { o.parameters["cart_friction_Ns_m"] = -1; }),
                  {"cart_friction_Ns_m = -1", "at least 0"});
-  expect_refused(with([](PlantOptions& o) { o.parameters["cart_mass_kg"] = std::nan(""); }),
-                 {"cart_mass_kg"});
-  expect_refused(with([](PlantOptions& o) { o.initial_state["angle_rad"] = HUGE_VAL; }),
-                 {"angle_rad", "finite"});
-  expect_refused(with([](PlantOptions& o) { o.encoder_noise_sd["angle_rad"] = -0.1; }),
-                 {"encoder noise", "angle_rad"});
+  expect_refused(with([](PlantOptions& o) { o.parameters["cart_mass_kg"] = std::nan(""); }), {"cart_mass_kg"});
+  expect_refused(with([](PlantOptions& o) { o.initial_state["angle_rad"] = HUGE_VAL; }), {"angle_rad", "finite"});
+  expect_refused(with([](PlantOptions& o) { o.encoder_noise_sd["angle_rad"] = -0.1; }), {"encoder noise", "angle_rad"});
   expect_refused(with([](PlantOptions& o) { o.encoder_step["angle_rad"] = std::nan(""); }), {"encoder step"});
   expect_refused(with([](PlantOptions& o) { o.step_s = 0.002; }), {"step_s = 0.002", "0.001"});
   expect_refused(with([](PlantOptions& o) { o.step_s = 0; }), {"step_s"});
@@ -72,10 +65,7 @@ TEST(Options, NumbersThatCannotBeAreRefused) {
                    o.effects = {{"coulomb_friction", "", {{"friction_SI", -1}}}};
                  }),
                  {"coulomb_friction", "friction_SI = -1"});
-  expect_refused(with([](PlantOptions& o) {
-                   o.effects = {{"input_delay", "", {}}};
-                 }),
-                 {"input_delay", "delay_s"});
+  expect_refused(with([](PlantOptions& o) { o.effects = {{"input_delay", "", {}}}; }), {"input_delay", "delay_s"});
   expect_refused(with([](PlantOptions& o) {
                    o.effects = {{"coulomb_friction", "", {{"friction_SI", 1}}},
                                 {"coulomb_friction", "cart", {{"friction_SI", 2}}}};
@@ -119,14 +109,13 @@ TEST(Options, CommandLineTextIsRead) {
   EXPECT_EQ(e.parameters.at("friction_SI"), 0.5);
   EXPECT_TRUE(parse_effect("input_delay:delay_s=0.02", e, error)) << error;
   EXPECT_TRUE(e.port.empty());
-  for (const char* bad : {"", "@pole", "x@:a=1", "x:a", "x:a=1,a=2"})
-    EXPECT_FALSE(parse_effect(bad, e, error)) << bad;
+  for (const char* bad : {"", "@pole", "x@:a=1", "x:a", "x:a=1,a=2"}) EXPECT_FALSE(parse_effect(bad, e, error)) << bad;
 }
 
 TEST(Options, HelpNamesEverything) {
   const std::string help = plant_help();
-  for (const char* word : {"pendulum", "cart_pole", "half_length_m", "damping_Nms", "coulomb_friction",
-                           "delay_s", "force_N", "torque_Nm", "pole"}) {
+  for (const char* word : {"pendulum", "cart_pole", "half_length_m", "damping_Nms", "coulomb_friction", "delay_s",
+                           "force_N", "torque_Nm", "pole"}) {
     EXPECT_NE(help.find(word), std::string::npos) << word;
   }
 }

@@ -31,9 +31,7 @@ inline PlantOptions cart_pole() {
   return o;
 }
 
-inline void command(Plant& plant, double value) {
-  plant.apply(&value);
-}
+inline void command(Plant& plant, double value) { plant.apply(&value); }
 
 inline std::vector<double> truth(const Plant& plant) {
   std::vector<double> x(plant.states().size());

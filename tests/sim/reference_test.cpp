@@ -38,20 +38,15 @@ State rk4(const State& x, double h, double F, const Parameters& p) {
   return y;
 }
 
-double force_at(int tick) {
-  return 4 * std::sin(0.11 * tick) + 2 * std::sin(0.033 * tick + 1);
-}
+double force_at(int tick) { return 4 * std::sin(0.11 * tick) + 2 * std::sin(0.033 * tick + 1); }
 
 /// Largest difference of any state over 2 s of a force that changes every 10 ms.
 double worst_difference(const Parameters& p, const State& start, double step_s) {
   PlantOptions o = cart_pole();
   o.step_s = step_s;
-  o.parameters = {
-      {"cart_mass_kg", p.M}, {"pole_mass_kg", p.m}, {"half_length_m", p.l}, {"cart_friction_Ns_m", p.b}};
-  o.initial_state = {{"position_m", start[0]},
-                     {"angle_rad", start[1]},
-                     {"velocity_m_s", start[2]},
-                     {"rate_rad_s", start[3]}};
+  o.parameters = {{"cart_mass_kg", p.M}, {"pole_mass_kg", p.m}, {"half_length_m", p.l}, {"cart_friction_Ns_m", p.b}};
+  o.initial_state = {
+      {"position_m", start[0]}, {"angle_rad", start[1]}, {"velocity_m_s", start[2]}, {"rate_rad_s", start[3]}};
   auto plant = make(o);
   State x = start;
   double worst = 0;
@@ -72,8 +67,8 @@ TEST(Reference, CartPoleFollowsItsLagrangian) {
     for (const State& start : starts) {
       const double coarse = worst_difference(p, start, 0.001);
       const double fine = worst_difference(p, start, 0.0005);
-      std::printf("M %.2f m %.2f l %.2f b %.2f from %.2f rad: %.2e at 1 ms, %.2e at 0.5 ms, ratio %.2f\n",
-                  p.M, p.m, p.l, p.b, start[1], coarse, fine, coarse / fine);
+      std::printf("M %.2f m %.2f l %.2f b %.2f from %.2f rad: %.2e at 1 ms, %.2e at 0.5 ms, ratio %.2f\n", p.M, p.m,
+                  p.l, p.b, start[1], coarse, fine, coarse / fine);
       // first order: acceleration (up to 60 rad/s^2 where the rod whips through) times h / 2 = 0.015 in the
       // rates at 0.5 ms, and three times that for what two seconds of swinging make of it
       EXPECT_LT(fine, 0.045);

@@ -170,8 +170,7 @@ TEST(Seed, ResetRepeatsTheRun) {
   PlantOptions o = cart_pole();
   o.encoder_noise_sd["angle_rad"] = 0.01;
   o.process_noise_sd = 2;
-  o.effects = {{"actuator_lag", "", {{"time_constant_s", 0.03}}},
-               {"coulomb_friction", "", {{"friction_SI", 0.3}}}};
+  o.effects = {{"actuator_lag", "", {{"time_constant_s", 0.03}}}, {"coulomb_friction", "", {{"friction_SI", 0.3}}}};
   auto plant = make(o);
   std::vector<double> first;
   for (int round = 0; round < 2; ++round) {

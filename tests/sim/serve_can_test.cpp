@@ -128,9 +128,7 @@ ServeOptions lockstep(double duration_s) {
   return o;
 }
 
-float push_Nm(std::uint32_t sequence) {
-  return static_cast<float>(0.12 * std::sin(0.2 * sequence));
-}
+float push_Nm(std::uint32_t sequence) { return static_cast<float>(0.12 * std::sin(0.2 * sequence)); }
 
 TEST(ServeCan, LockstepOverTheBusIsTheSameAsByHand) {
   PlantOptions o = cart_pole();

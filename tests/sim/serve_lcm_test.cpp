@@ -26,8 +26,7 @@ constexpr int give_up_ms = 20'000;
 class Controller {
  public:
   using Answer = std::function<void(Controller&, const measurement_t&)>;
-  explicit Controller(Answer answer)
-      : lcm_(lcm_create(LcmOptions().url.c_str())), answer_(std::move(answer)) {
+  explicit Controller(Answer answer) : lcm_(lcm_create(LcmOptions().url.c_str())), answer_(std::move(answer)) {
     EXPECT_NE(lcm_, nullptr);
     lcm_subscribe(lcm_, "TILLER_MEASUREMENT", &Controller::on_measurement, this);
   }
@@ -71,13 +70,9 @@ command_t reply(const measurement_t& m, double value) {
   return c;
 }
 
-double push_N(std::int64_t sequence) {
-  return 3 * std::sin(0.2 * static_cast<double>(sequence));
-}
+double push_N(std::int64_t sequence) { return 3 * std::sin(0.2 * static_cast<double>(sequence)); }
 
-void obey(Controller& c, const measurement_t& m) {
-  c.send(reply(m, push_N(m.sequence)));
-}
+void obey(Controller& c, const measurement_t& m) { c.send(reply(m, push_N(m.sequence))); }
 
 ServeReport run(Plant& plant, const ServeOptions& options, Controller& controller) {
   ServeReport report;

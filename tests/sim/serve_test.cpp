@@ -41,13 +41,9 @@ class ScriptedLink final : public PlantLink {
   std::deque<PlantCommand> queue_;
 };
 
-double push_N(std::uint32_t sequence) {
-  return 3 * std::sin(0.2 * sequence);
-}
+double push_N(std::uint32_t sequence) { return 3 * std::sin(0.2 * sequence); }
 
-std::deque<PlantCommand> obedient(const PlantMeasurement& m) {
-  return {{m.sequence, {push_N(m.sequence)}}};
-}
+std::deque<PlantCommand> obedient(const PlantMeasurement& m) { return {{m.sequence, {push_N(m.sequence)}}}; }
 
 ServeOptions lockstep(double duration_s) {
   ServeOptions o;
@@ -146,8 +142,7 @@ TEST(Serve, BareMotorCommandsActWhileTheAnswerIsAwaited) {
   options.on_period = [&](const Plant& p, const PlantMeasurement&) { force.push_back(motor(p)); };
   ServeReport report;
   ASSERT_EQ(serve(*plant, link, options, report), 0);
-  for (std::size_t k = 0; k < force.size(); ++k)
-    EXPECT_EQ(force[k], 0.1 * static_cast<double>(k % 3 == 2 ? k - 1 : k));
+  for (std::size_t k = 0; k < force.size(); ++k) EXPECT_EQ(force[k], 0.1 * static_cast<double>(k % 3 == 2 ? k - 1 : k));
   EXPECT_EQ(report.commands, 20u);
   EXPECT_EQ(report.missing_answers + report.stale_commands, 0u);
 }

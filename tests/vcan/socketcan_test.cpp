@@ -24,9 +24,8 @@ using tiller_test::bytes_of;
 using tiller_test::RawBus;
 
 constexpr std::uint32_t kMotor = 3, kBoard = 48;
-constexpr std::uint32_t kHeartbeat = kMotor << 5 | 0x01, kEstimates = kMotor << 5 | 0x09,
-                        kTorque = kMotor << 5 | 0x0e, kAxisState = kMotor << 5 | 0x07,
-                        kMode = kMotor << 5 | 0x0b;
+constexpr std::uint32_t kHeartbeat = kMotor << 5 | 0x01, kEstimates = kMotor << 5 | 0x09, kTorque = kMotor << 5 | 0x0e,
+                        kAxisState = kMotor << 5 | 0x07, kMode = kMotor << 5 | 0x0b;
 constexpr std::uint32_t kStamp = kBoard << 5, kStatus = kBoard << 5 | 0x01, kValue = kBoard << 5 | 0x10;
 
 /// A cart on one wheel: position from the motor's encoder, angle from the sensor board.
@@ -71,9 +70,7 @@ class SocketCan : public ::testing::Test {
   void TearDown() override { kSocketCanTransport.close(&transport_); }
 
   tiller_status_t poll() { return kSocketCanTransport.poll(&transport_, &measurement_); }
-  tiller_status_t send(const tiller_command_t& command) {
-    return kSocketCanTransport.send(&transport_, &command);
-  }
+  tiller_status_t send(const tiller_command_t& command) { return kSocketCanTransport.send(&transport_, &command); }
   tiller_transport_counters_t counters() {
     tiller_transport_counters_t counters;
     kSocketCanTransport.counters(&transport_, &counters);
@@ -137,9 +134,9 @@ TEST_F(SocketCan, AThousandTicksInLockstepWithAnEmulatedDriver) {
 TEST_F(SocketCan, FramesOfOthersNeitherArriveNorCount) {
   open(cart("vcan0"));
   RawBus bus("vcan0");
-  bus.send((kMotor + 1) << 5 | 0x01, bytes_of(1, 0));   // another motor
-  bus.send(kHeartbeat | CAN_RTR_FLAG, {});              // a request
-  bus.send(kHeartbeat | CAN_EFF_FLAG, bytes_of(1, 0));  // the same bits as a 29-bit identifier
+  bus.send((kMotor + 1) << 5 | 0x01, bytes_of(1, 0));                           // another motor
+  bus.send(kHeartbeat | CAN_RTR_FLAG, {});                                      // a request
+  bus.send(kHeartbeat | CAN_EFF_FLAG, bytes_of(1, 0));                          // the same bits as a 29-bit identifier
   ASSERT_EQ(tiller_status_ok, send(command_of(0, tiller_state_standby, 0.0)));  // and one's own
   EXPECT_EQ(tiller_status_no_new_measurement, poll());
   EXPECT_EQ(0u, counters().received + counters().bad_messages);
@@ -188,9 +185,7 @@ TEST_F(SocketCan, NotANumberIsNotSent) {
 TEST_F(SocketCan, ErrorFramesBecomeStates) {
   open(cart("vcan0"));
   RawBus bus("vcan0");
-  const auto controller = [](std::uint8_t detail) {
-    return std::vector<std::uint8_t>{0, detail, 0, 0, 0, 0, 0, 0};
-  };
+  const auto controller = [](std::uint8_t detail) { return std::vector<std::uint8_t>{0, detail, 0, 0, 0, 0, 0, 0}; };
   const auto inject = [&](std::uint32_t error, std::uint8_t detail) {
     ASSERT_TRUE(bus.send(CAN_ERR_FLAG | error, controller(detail)));
   };

@@ -46,8 +46,13 @@ struct Batch {
   RolloutJob<T> job;
 
   explicit Batch(const tiller_config_t& config)
-      : state{0, T(3.14159265), 0, 0}, params{1, T(0.1), T(0.5)}, controls(kRollouts * kHorizon), cost(kRollouts),
-        effect_state(TILLER_MAX_EFFECT_STATES), history(TILLER_MAX_DELAY_STEPS), weights(make_cost_weights<T>(config.cost)) {
+      : state{0, T(3.14159265), 0, 0},
+        params{1, T(0.1), T(0.5)},
+        controls(kRollouts * kHorizon),
+        cost(kRollouts),
+        effect_state(TILLER_MAX_EFFECT_STATES),
+        history(TILLER_MAX_DELAY_STEPS),
+        weights(make_cost_weights<T>(config.cost)) {
     if (make_step_setup(config, setup) != tiller_status_ok) std::abort();
     for (std::size_t i = 0; i < controls.size(); ++i) controls[i] = T(10.0 * std::sin(0.37 * double(i % 7919)));
     params.resize(TILLER_MAX_PARAMS, T(0.01));
@@ -96,7 +101,9 @@ const Case kCases[] = {
     {"viscous friction (cart)", {{tiller_effect_viscous_friction, 0}}},
     {"viscous + Coulomb (cart)", {{tiller_effect_viscous_friction, 0}, {tiller_effect_coulomb_friction, 0}}},
     {"viscous + Coulomb (cart), lag, delay",
-     {{tiller_effect_viscous_friction, 0}, {tiller_effect_coulomb_friction, 0}, {tiller_effect_actuator_lag, 0},
+     {{tiller_effect_viscous_friction, 0},
+      {tiller_effect_coulomb_friction, 0},
+      {tiller_effect_actuator_lag, 0},
       {tiller_effect_input_delay, 0}}},
 };
 
@@ -151,11 +158,12 @@ int main(int argc, char** argv) {
   }
   table.run(argc, argv);
 
-  std::printf("instruction set in use: %s; cart-pole, N=%u, K=%u, stage cost, f32 lanes\n", isa_name(best_isa()), kHorizon,
-              kRollouts);
+  std::printf("instruction set in use: %s; cart-pole, N=%u, K=%u, stage cost, f32 lanes\n", isa_name(best_isa()),
+              kHorizon, kRollouts);
   for (const Integration& way : kIntegrations) {
     const double plain = table.seconds(std::string(way.name) + "/plain");
-    table.heading(std::string(way.name) + ": per rollout-step, and against the same template in plain double with libm");
+    table.heading(std::string(way.name) +
+                  ": per rollout-step, and against the same template in plain double with libm");
     table.row("plain double", plain / kSteps * 1e9, "ns");
     for (Isa isa : isas()) {
       const bool euler = way.integrator == tiller_integrator_semi_implicit_euler;

@@ -76,8 +76,7 @@ class Table : private benchmark::BenchmarkReporter {
   void ReportRuns(const std::vector<Run>& runs) override {
     for (const Run& run : runs)
       if (run.run_type == Run::RT_Iteration && run.iterations > 0)  // none: the run failed
-        times_[run.run_name.function_name].push_back(run.real_accumulated_time /
-                                                     static_cast<double>(run.iterations));
+        times_[run.run_name.function_name].push_back(run.real_accumulated_time / static_cast<double>(run.iterations));
   }
   double at(const std::string& name, double quantile) const {
     const auto found = times_.find(name);

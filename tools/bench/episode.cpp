@@ -19,7 +19,7 @@ namespace {
 constexpr double kUprightRad = 0.2;
 
 struct AlignedFree {
-  void operator()(void* p) const { ::operator delete(p, std::align_val_t{TILLER_ALIGNMENT}); }
+  void operator()(void* p) const { ::operator delete (p, std::align_val_t{TILLER_ALIGNMENT}); }
 };
 
 double prior_sd(const tiller_prior_t& p) {
@@ -107,8 +107,8 @@ EpisodeResult run_episode(const tools::RobotFile& given, const EpisodeOptions& o
     static_cast<tools::ThreadPool*>(context)->run(n, work, arg);
   };
   const std::size_t size = tiller_size(&robot.config);
-  const std::unique_ptr<void, AlignedFree> memory(::operator new(std::max<std::size_t>(size, 1),
-                                                                 std::align_val_t{TILLER_ALIGNMENT}));
+  const std::unique_ptr<void, AlignedFree> memory(
+      ::operator new (std::max<std::size_t>(size, 1), std::align_val_t{TILLER_ALIGNMENT}));
   tiller_t* t = nullptr;
   const tiller_status_t status = tiller_init(&t, &robot.config, &hooks, memory.get(), size);
   if (status != tiller_status_ok) {

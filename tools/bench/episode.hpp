@@ -10,12 +10,12 @@ namespace tiller::bench {
 
 /// One run of a robot file against its stand-in plant, in lockstep: what is varied.
 struct EpisodeOptions {
-  std::uint64_t seed = 1;                          ///< of the plant's truth and noise, and of the controller
+  std::uint64_t seed = 1;  ///< of the plant's truth and noise, and of the controller
   tiller_planner_kind_t planner = tiller_planner_mppi;
-  bool frozen = false;                             ///< the posterior stays at the prior
+  bool frozen = false;  ///< the posterior stays at the prior
   double seconds = 10.0;
   unsigned threads = 1;
-  bool clock = false;                              ///< give the controller a clock: the robot file's deadline holds
+  bool clock = false;  ///< give the controller a clock: the robot file's deadline holds
 };
 
 /// What one parameter came to.
@@ -28,16 +28,16 @@ struct ParameterResult {
 
 struct EpisodeResult {
   std::uint64_t seed = 0;
-  double upright_from_s = -1;     ///< since when |angle| < 0.2 rad has held without a break; -1: not at the end
-  double cost = 0;                ///< mean stage cost of the true states
+  double upright_from_s = -1;  ///< since when |angle| < 0.2 rad has held without a break; -1: not at the end
+  double cost = 0;             ///< mean stage cost of the true states
   double worst_position_m = 0;
-  std::uint64_t command_hash = 0; ///< of every bit of every command
+  std::uint64_t command_hash = 0;  ///< of every bit of every command
   std::uint64_t ticks = 0, late_plans = 0, rejected = 0;
   double tick_us_median = 0, tick_us_p99 = 0, tick_us_worst = 0;  ///< 0 without a clock
   int state = 0, status = 0;
   double noise_scale = 0, effective_samples = 0, acceptance = 0;
-  std::vector<ParameterResult> parameters;         ///< those with a prior
-  std::string error;                               ///< not empty: the episode could not run
+  std::vector<ParameterResult> parameters;  ///< those with a prior
+  std::string error;                        ///< not empty: the episode could not run
 
   bool upright() const { return upright_from_s >= 0 && upright_from_s <= 6.0; }
 };

@@ -65,29 +65,29 @@ using Index = std::integral_constant<int, I>;
 #define TILLER_FOR_11(m, S, a, ...) m(S, a) TILLER_FOR_10(m, S, __VA_ARGS__)
 #define TILLER_FOR_12(m, S, a, ...) m(S, a) TILLER_FOR_11(m, S, __VA_ARGS__)
 #define TILLER_PICK(_1, _2, _3, _4, _5, _6, _7, _8, _9, _10, _11, _12, n, ...) n
-#define TILLER_FOR_EACH(m, S, ...)                                                                              \
-  TILLER_PICK(__VA_ARGS__, TILLER_FOR_12, TILLER_FOR_11, TILLER_FOR_10, TILLER_FOR_9, TILLER_FOR_8,             \
-              TILLER_FOR_7, TILLER_FOR_6, TILLER_FOR_5, TILLER_FOR_4, TILLER_FOR_3, TILLER_FOR_2, TILLER_FOR_1) \
+#define TILLER_FOR_EACH(m, S, ...)                                                                                \
+  TILLER_PICK(__VA_ARGS__, TILLER_FOR_12, TILLER_FOR_11, TILLER_FOR_10, TILLER_FOR_9, TILLER_FOR_8, TILLER_FOR_7, \
+              TILLER_FOR_6, TILLER_FOR_5, TILLER_FOR_4, TILLER_FOR_3, TILLER_FOR_2, TILLER_FOR_1)                 \
   (m, S, __VA_ARGS__)
 #define TILLER_FIELD_DECLARE(S, a) S a;
 #define TILLER_FIELD_NAME(S, a) #a,
 #define TILLER_FIELD_POINTER(S, a) &Fields::a,
 
 /// A struct of named numbers of type S that also knows its names and can be walked by index.
-#define TILLER_FIELDS(Name, S, ...)                                                         \
-  struct Name {                                                                             \
-    TILLER_FOR_EACH(TILLER_FIELD_DECLARE, S, __VA_ARGS__)                                   \
-    using Fields = Name;                                                                    \
+#define TILLER_FIELDS(Name, S, ...)                                                              \
+  struct Name {                                                                                  \
+    TILLER_FOR_EACH(TILLER_FIELD_DECLARE, S, __VA_ARGS__)                                        \
+    using Fields = Name;                                                                         \
     static constexpr const char* names[] = {TILLER_FOR_EACH(TILLER_FIELD_NAME, S, __VA_ARGS__)}; \
-    static constexpr int count = static_cast<int>(sizeof(names) / sizeof(names[0]));        \
-    template <int I>                                                                        \
-    S& operator[](::tiller::Index<I>) {                                                     \
-      constexpr S Fields::*at[] = {TILLER_FOR_EACH(TILLER_FIELD_POINTER, S, __VA_ARGS__)};  \
-      return this->*at[I];                                                                  \
-    }                                                                                       \
-    template <int I>                                                                        \
-    const S& operator[](::tiller::Index<I>) const {                                         \
-      constexpr S Fields::*at[] = {TILLER_FOR_EACH(TILLER_FIELD_POINTER, S, __VA_ARGS__)};  \
-      return this->*at[I];                                                                  \
-    }                                                                                       \
+    static constexpr int count = static_cast<int>(sizeof(names) / sizeof(names[0]));             \
+    template <int I>                                                                             \
+    S& operator[](::tiller::Index<I>) {                                                          \
+      constexpr S Fields::*at[] = {TILLER_FOR_EACH(TILLER_FIELD_POINTER, S, __VA_ARGS__)};       \
+      return this->*at[I];                                                                       \
+    }                                                                                            \
+    template <int I>                                                                             \
+    const S& operator[](::tiller::Index<I>) const {                                              \
+      constexpr S Fields::*at[] = {TILLER_FOR_EACH(TILLER_FIELD_POINTER, S, __VA_ARGS__)};       \
+      return this->*at[I];                                                                       \
+    }                                                                                            \
   }
