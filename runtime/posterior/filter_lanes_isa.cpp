@@ -112,7 +112,7 @@ void correct_lanes(const CorrectJob& job) {
       effect[i] = P::load(job.from.effect_state + i * job.from.stride + lane);
       sum += effect[i];
     }
-    const auto finite = (sum - sum) == P(0.0);
+    const auto finite = (sum - sum) == P(0.0);  // NOLINT(misc-redundant-expression): NaN where not finite
     auto keep = [&](double* to, const P& value) { select(finite, value, P::load(to)).store(to); };
     for (std::uint32_t i = 0; i < nx; ++i) keep(job.to.state + i * job.to.stride + lane, x[i]);
     for (std::uint32_t i = 0; i < rows; ++i) keep(job.to.covariance + i * job.to.stride + lane, p[i]);

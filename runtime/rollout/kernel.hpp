@@ -59,7 +59,8 @@ struct Kernel {
     using Input = typename Model::template Input<P>;
     const StepSetup& setup = *job.setup;
     Trajectory<Model, P> t[kRegisters];
-    Parameters<Model, P> p[kSplat ? 1 : kRegisters];
+    constexpr int kParameterSets = kSplat ? 1 : kRegisters;  // NOLINT(bugprone-branch-clone): equal for one register
+    Parameters<Model, P> p[kParameterSets];
     Input before[kRegisters];
     P cost[kRegisters];
     for (int r = 0; r < kRegisters; ++r) {

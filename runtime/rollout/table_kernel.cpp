@@ -33,7 +33,7 @@ template <class T>
 double input_cost(const CostWeights<T>& cost, int count, const double* u, const double* before) {
   double sum = 0.0;
   for (int i = 0; i < count; ++i) {
-    const double change = u[i] - before[i];
+    const double change = u[i] - before[i];  // NOLINT(clang-analyzer-core.UndefinedBinaryOperatorResult): nu are set
     sum += static_cast<double>(cost.input[i]) * u[i] * u[i] + static_cast<double>(cost.input_rate[i]) * change * change;
   }
   return sum;
@@ -65,8 +65,11 @@ void roll_lane(const TableModel& model, const Step& step, const RolloutJob<T>& j
     }
     const auto past = [&](int age, int input) {
       const int then = static_cast<int>(k) - age;
-      return then >= 0 ? cell(job.controls, static_cast<std::size_t>(then * nu + input), lane)
-                       : static_cast<double>(job.history[(-then - 1) * nu + input]);
+      return then >= 0
+                 ? cell(job.controls,
+                        static_cast<std::size_t>(then) * static_cast<std::size_t>(nu) + static_cast<std::size_t>(input),
+                        lane)
+                 : static_cast<double>(job.history[(-then - 1) * nu + input]);
     };
     step.advance(t, step.acting_command(u, p, past), p);
   }

@@ -22,7 +22,7 @@ double largest_difference(const std::vector<double>& a, const std::vector<double
 
 class EveryModel : public ::testing::TestWithParam<const tiller_model_t*> {};
 INSTANTIATE_TEST_SUITE_P(Models, EveryModel, ::testing::ValuesIn(all_models()),
-                         [](const auto& info) { return std::string(info.param->name); });
+                         [](const auto& model) { return std::string(model.param->name); });
 
 TEST_P(EveryModel, TableIsComplete) {
   const tiller_model_t& m = *GetParam();

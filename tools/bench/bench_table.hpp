@@ -22,15 +22,16 @@
 namespace tiller::bench {
 
 struct Goal {
-  enum Kind { none, low, high } kind = none;
+  enum Kind { kNone, kLow, kHigh } kind = kNone;
   double bound = 0.0;
 };
-inline Goal at_most(double bound) { return {Goal::low, bound}; }
-inline Goal at_least(double bound) { return {Goal::high, bound}; }
+inline Goal at_most(double bound) { return {Goal::kLow, bound}; }
+inline Goal at_least(double bound) { return {Goal::kHigh, bound}; }
 
 class Table : private benchmark::BenchmarkReporter {
  public:
-  void add(const std::string& name, std::function<void(benchmark::State&)> body) {
+  void add(const std::string& name, const std::function<void(benchmark::State&)>& body) {
+    // NOLINTNEXTLINE(clang-analyzer-cplusplus.NewDeleteLeaks): the library keeps what is registered
     benchmark::RegisterBenchmark(name.c_str(), [body](benchmark::State& s) { body(s); })
         ->Repetitions(kRepetitions)
         ->MinTime(kMinTime)
@@ -56,9 +57,9 @@ class Table : private benchmark::BenchmarkReporter {
   void row(const std::string& what, double figure, const std::string& unit, Goal goal = {}) {
     char bound[64] = "";
     const char* verdict = "";
-    if (goal.kind != Goal::none) {
-      std::snprintf(bound, sizeof bound, "goal %s %.4g", goal.kind == Goal::low ? "<=" : ">=", goal.bound);
-      const bool met = goal.kind == Goal::low ? figure <= goal.bound : figure >= goal.bound;
+    if (goal.kind != Goal::kNone) {
+      std::snprintf(bound, sizeof bound, "goal %s %.4g", goal.kind == Goal::kLow ? "<=" : ">=", goal.bound);
+      const bool met = goal.kind == Goal::kLow ? figure <= goal.bound : figure >= goal.bound;
       verdict = met ? "met" : "short";
       ++(met ? met_ : short_);
     }
@@ -83,7 +84,7 @@ class Table : private benchmark::BenchmarkReporter {
     if (found == times_.end()) return NAN;
     std::vector<double> v = found->second;
     std::sort(v.begin(), v.end());
-    return v[static_cast<std::size_t>(quantile * static_cast<double>(v.size() - 1) + 0.5)];
+    return v[static_cast<std::size_t>(std::lround(quantile * static_cast<double>(v.size() - 1)))];
   }
   std::map<std::string, std::vector<double>> times_;
   int met_ = 0, short_ = 0;
