@@ -6,6 +6,7 @@
 
 #include "core/rng.hpp"
 #include "rollout/rollout.hpp"
+#include "tools/plant_setup.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -13,12 +14,9 @@ namespace {
 constexpr std::uint32_t kLanes = 16, kMostPeriods = 100, kMostSubsteps = 64;
 constexpr double kTolerance = 0.1;  // of the noise
 
-double draw(const tiller_prior_t& p, Rng& rng) {
-  double value = p.a;
-  if (p.kind == tiller_prior_uniform) value = p.low + (p.high - p.low) * rng.uniform();
-  if (p.kind == tiller_prior_normal) value = p.a + p.b * rng.normal();
-  if (p.kind == tiller_prior_log_normal) value = p.a * std::exp(p.b * rng.normal());
-  return p.kind == tiller_prior_fixed ? value : std::clamp(value, p.low, p.high);
+double draw(const tiller_prior_t& prior, Rng& rng) {
+  return draw_from_prior(
+      prior, [](void* context) { return static_cast<Rng*>(context)->uniform(); }, &rng);
 }
 
 /// What the trial trajectories share: everything but the substeps.
