@@ -75,6 +75,10 @@ elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
 else()
   set(TILLER_ISAS scalar)
 endif()
+# A build for one known processor, or a quick one at the desk, may leave copies out.
+if(TILLER_ISA_ONLY)
+  set(TILLER_ISAS ${TILLER_ISA_ONLY})
+endif()
 set(TILLER_ISA_FLAGS_sse2 -msse2)
 set(TILLER_ISA_FLAGS_avx2 -mavx2 -mfma)
 set(TILLER_ISA_FLAGS_avx512 -mavx512f -mavx512cd -mavx512dq -mavx512bw -mavx512vl -mfma -mprefer-vector-width=512

@@ -108,6 +108,21 @@ Initialiser planner_part(const RobotFile& robot) {
   part.number("temperature", p.temperature);
   part.number("elite_fraction", p.elite_fraction);
   part.number("smoothing", p.smoothing);
+  part.count("interpolation", p.interpolation);
+  part.count("adapt_covariance", p.adapt_covariance);
+  part.number("noise_colour", p.noise_colour);
+  part.number("filter", p.filter);
+  part.count("shooting", p.shooting);
+  part.count("qp_solver", p.qp_solver);
+  part.count("qp_iterations", p.qp_iterations);
+  part.count("refine_iterations", p.refine_iterations);
+  part.number("qp_tolerance", p.qp_tolerance);
+  part.number("regularisation", p.regularisation);
+  part.count("levels", p.levels);
+  part.count("nodes", p.nodes);
+  part.count("hold_steps", p.hold_steps);
+  part.count("predict_delay", p.predict_delay);
+  part.number("exploration", p.exploration);
   return part;
 }
 
@@ -119,6 +134,13 @@ Initialiser cost_part(const RobotFile& robot) {
   part.numbers("terminal_weight", c.terminal_weight, TILLER_MAX_STATES, robot.states);
   part.numbers("input_weight", c.input_weight, TILLER_MAX_INPUTS, robot.inputs);
   part.numbers("input_rate_weight", c.input_rate_weight, TILLER_MAX_INPUTS, robot.inputs);
+  part.count("terminal", c.terminal);
+  part.number("saturating_weight", c.saturating_weight);
+  part.numbers("saturating_width", c.saturating_width, TILLER_MAX_STATES, robot.states);
+  part.numbers("state_low", c.state_low, TILLER_MAX_STATES, robot.states);
+  part.numbers("state_high", c.state_high, TILLER_MAX_STATES, robot.states);
+  part.numbers("bound_weight", c.bound_weight, TILLER_MAX_STATES, robot.states);
+  part.count("hard_bounds", c.hard_bounds);
   return part;
 }
 

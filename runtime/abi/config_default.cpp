@@ -59,7 +59,24 @@ tiller_planner_config_t default_planner() {
   p.temperature = 0.05;
   p.elite_fraction = 0.1;
   p.smoothing = 0.1;
+  p.filter = 1.0;
+  p.shooting = tiller_shooting_multiple;
+  p.qp_solver = tiller_qp_riccati;
+  p.qp_iterations = 50;
+  p.refine_iterations = 2;
+  p.qp_tolerance = 1e-6;
+  p.regularisation = 1e-9;
+  p.levels = 5;
+  p.nodes = 1024;
+  p.hold_steps = 5;
+  p.exploration = 0.5;
   return p;
+}
+
+void set_cost(tiller_cost_config_t& c) {
+  std::fill(c.saturating_width, c.saturating_width + TILLER_MAX_STATES, kInf);
+  std::fill(c.state_low, c.state_low + TILLER_MAX_STATES, -kInf);
+  std::fill(c.state_high, c.state_high + TILLER_MAX_STATES, kInf);
 }
 
 void set_safety(tiller_safety_config_t& s) {
@@ -96,6 +113,7 @@ extern "C" tiller_status_t tiller_config_default(tiller_config_t* config, const 
   tiller::spread_noise(c);
   c.posterior = tiller::default_posterior();
   c.planner = tiller::default_planner();
+  tiller::set_cost(c.cost);
   tiller::set_safety(c.safety);
   *config = c;
   return tiller_status_ok;

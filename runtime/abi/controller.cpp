@@ -69,6 +69,12 @@ tiller_status_t tiller_tick(tiller_t* t, int64_t now_us, const tiller_measuremen
   return t->executive->tick(now_us, measurement, *command);
 }
 
+tiller_status_t tiller_prepare(tiller_t* t) {
+  if (t == nullptr) return tiller_status_null_argument;
+  t->executive->prepare();
+  return tiller_status_ok;
+}
+
 tiller_status_t tiller_force_iterations(tiller_t* t, uint32_t iterations) {
   if (t == nullptr) return tiller_status_null_argument;
   if (iterations > 100) return tiller_status_bad_planner;

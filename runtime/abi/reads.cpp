@@ -37,6 +37,14 @@ uint32_t tiller_get_plan(const tiller_t* t, double* inputs, uint32_t steps) {
   return count;
 }
 
+tiller_status_t tiller_get_feedback(const tiller_t* t, uint32_t step, double* gain, double* state, double* input) {
+  if (t == nullptr) return tiller_status_null_argument;
+  const tiller::PlannerTable& planner = t->executive->planner_table();
+  if (planner.feedback == nullptr) return tiller_status_bad_planner;
+  const bool there = planner.feedback(t->executive->planner(), step, gain, state, input);
+  return there ? tiller_status_ok : tiller_status_bad_dimension;
+}
+
 tiller_status_t tiller_get_particle(const tiller_t* t, uint32_t index, double* params, double* state, double* weight) {
   if (t == nullptr) return tiller_status_null_argument;
   if (index >= t->executive->posterior().size()) return tiller_status_bad_dimension;

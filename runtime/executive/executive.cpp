@@ -174,6 +174,7 @@ void Executive::enter_motion() {
   planner_table_->reset(planner_);
   plan_.clear();
   unrenewed_plans_ = 0;
+  task_tick_ = info_.ticks;
 }
 
 void Executive::replan(Tick& tick) {
@@ -185,6 +186,7 @@ void Executive::replan(Tick& tick) {
   request.belief = &belief_.belief();
   request.last_command = gate_.last();
   request.tick = info_.ticks;
+  request.task_step = info_.ticks - task_tick_;
   request.deadline = deadline(tick);
   const PlanResult result = planner_table_->plan(planner_, request, tick.wanted);
   tick.iterations = result.iterations;

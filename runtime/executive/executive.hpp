@@ -33,6 +33,7 @@ class Executive {
   tiller_status_t stop(tiller_status_t why);
   tiller_status_t reset();
   void force_iterations(std::uint32_t iterations) { forced_iterations_ = iterations; }
+  void prepare();
 
   // executive.cpp
   tiller_status_t tick(std::int64_t now_us, const tiller_measurement_t* measurement, tiller_command_t& command);
@@ -42,6 +43,8 @@ class Executive {
   const Posterior& posterior() const { return *posterior_; }
   const Recorder& recorder() const { return recorder_; }
   const PlanMemory& plan() const { return plan_; }
+  const PlannerTable& planner_table() const { return *planner_table_; }
+  const void* planner() const { return planner_; }
   std::int64_t last_now_us() const { return last_now_us_; }
 
  private:
@@ -120,6 +123,7 @@ class Executive {
   std::uint32_t sequence_ = 0;  // of the last measurement taken in
   bool filters_run_ = false;    // stamp_us_ is the start of the next transition
   bool was_moving_ = false;
+  std::uint64_t task_tick_ = 0;  // tick in which motion began: step 0 of a reference
   std::uint32_t hold_ticks_ = 0;
   std::uint32_t unrenewed_plans_ = 0;  // in a row, by planners that had no time for an iteration
   static constexpr std::uint32_t kNotForced = 0xffffffffu;

@@ -45,4 +45,16 @@ tiller_status_t Executive::reset() {
   return status;
 }
 
+/// The belief is that of the last plan: what changes until the next tick is the planner's business to correct.
+void Executive::prepare() {
+  if (planner_table_->prepare == nullptr || !was_moving_) return;
+  recorder_.note_call(tiller_call_prepare);
+  PlanRequest expected;
+  expected.belief = &belief_.belief();
+  expected.last_command = gate_.last();
+  expected.tick = info_.ticks;
+  expected.task_step = info_.ticks - task_tick_;
+  planner_table_->prepare(planner_, expected);
+}
+
 }  // namespace tiller

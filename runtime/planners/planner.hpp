@@ -22,6 +22,7 @@ struct PlanRequest {
   const Belief* belief = nullptr;
   const double* last_command = nullptr;  // (nu) in force: the rate limit starts there
   std::uint64_t tick = 0;                // names the random numbers; the old plan is shifted by one period a tick
+  std::uint64_t task_step = 0;           // periods since the task began: the row of a reference that is due now
   Deadline deadline;
 };
 
@@ -43,6 +44,11 @@ struct PlannerTable {
   void (*reset)(void* self);
   /// (horizon x nu) inputs of the present plan.
   const float* (*sequence)(const void* self);
+  /// What can be done before the next measurement, for the tick after that of the last plan; null: nothing. The plan
+  /// that follows may differ in its bits from one without preparation, never in its contract.
+  void (*prepare)(void* self, const PlanRequest& expected) = nullptr;
+  /// Feedback around the plan: see tiller_get_feedback; null: none. False past the horizon or before the first plan.
+  bool (*feedback)(const void* self, std::uint32_t step, double* gain, double* state, double* input) = nullptr;
 };
 
 /// By kind (tiller_planner_kind_t); null if there is none.

@@ -33,13 +33,17 @@ const FilterTable& filter_table() {
 #endif
     default: break;
   }
-    // the target's baseline, which is always there
+  // the least of those built: the target's baseline, or the one instruction set of a build for a known processor
 #if defined(TILLER_POSTERIOR_sse2)
   return sse2::filter_copy();
 #elif defined(TILLER_POSTERIOR_neon)
   return neon::filter_copy();
-#else
+#elif defined(TILLER_POSTERIOR_scalar)
   return scalar::filter_copy();
+#elif defined(TILLER_POSTERIOR_avx2)
+  return avx2::filter_copy();
+#else
+  return avx512::filter_copy();
 #endif
 }
 

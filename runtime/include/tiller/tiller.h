@@ -38,7 +38,7 @@ extern "C" {
 
 #define TILLER_VERSION_MAJOR 0
 #define TILLER_VERSION_MINOR 1
-#define TILLER_CONFIG_VERSION 1u
+#define TILLER_CONFIG_VERSION 2u
 #define TILLER_ALIGNMENT 64u /**< of the caller's block: one AVX-512 register, one cache line */
 #define TILLER_MAX_MEASUREMENTS TILLER_MAX_STATES
 
@@ -104,8 +104,27 @@ typedef enum tiller_planner_kind {
 
 typedef enum tiller_risk {
   tiller_risk_mean = 0,        /**< expected cost over the particles */
-  tiller_risk_cvar = 1         /**< mean of the worst (1 - alpha) share of whole trajectories */
+  tiller_risk_cvar = 1,        /**< mean of the worst (1 - alpha) share of whole trajectories */
+  tiller_risk_worst = 2        /**< the costliest particle */
 } tiller_risk_t;
+
+/** What stands between the knots of a sampled sequence. */
+typedef enum tiller_interpolation {
+  tiller_interpolation_linear = 0,
+  tiller_interpolation_cubic = 1  /**< monotone cubic (Fritsch and Carlson 1980): smooth, never beyond its knots */
+} tiller_interpolation_t;
+
+/** How a gradient planner's trajectory hangs together between its iterations. */
+typedef enum tiller_shooting {
+  tiller_shooting_single = 0,   /**< states follow from the inputs: every iterate is a motion of the model */
+  tiller_shooting_multiple = 1  /**< states are variables too; their defects are closed by the iterations */
+} tiller_shooting_t;
+
+/** Who solves the quadratic programs of `sqp`. */
+typedef enum tiller_qp_solver {
+  tiller_qp_riccati = 0,       /**< interior point over a Riccati sweep: exploits the horizon's structure */
+  tiller_qp_osqp = 1           /**< OSQP (operator splitting, sparse): general */
+} tiller_qp_solver_t;
 
 /** How the posterior is kept. */
 typedef struct tiller_posterior_config {
@@ -118,7 +137,9 @@ typedef struct tiller_posterior_config {
                                     larger, the more the configured noise is believed; 0 < a0 <= 1e6 */
 } tiller_posterior_config_t;
 
-/** How commands are planned. Sampling planners draw `rollouts` sequences of `knots` values per input. */
+/** How commands are planned. Sampling planners draw `rollouts` sequences of `knots` values per input; gradient
+ *  planners (ilqr, sqp) linearise around one sequence, on up to TILLER_MAX_SCENARIOS particles. Each setting names
+ *  the planners that read it; docs/planners.md tells when to use which. */
 typedef struct tiller_planner_config {
   uint32_t kind;               /**< tiller_planner_kind_t */
   uint32_t horizon;            /**< steps of period_s, 2..512 */
@@ -133,16 +154,102 @@ typedef struct tiller_planner_config {
   double temperature;          /**< MPPI: target effective share of the rollouts, in (0, 1] */
   double elite_fraction;       /**< CEM, in (0, 1] */
   double smoothing;            /**< CEM: share of the old mean and spread that is kept, in [0, 1) */
+
+  /* sampling planners */
+  uint32_t interpolation;      /**< tiller_interpolation_t */
+  uint32_t adapt_covariance;   /**< MPPI, CEM: 1: the spread of each knot follows the weighted samples */
+  double noise_colour;         /**< power of the samples' spectrum over the knots goes as f^-colour; 0 white, 2 a
+                                    random walk; in [0, 4] */
+  double filter;               /**< MPPI, PDDM's beta in (0, 1]: n_t = beta noise_t + (1 - beta) n_(t-1); 1: off */
+
+  /* gradient planners */
+  uint32_t shooting;           /**< tiller_shooting_t */
+  uint32_t qp_solver;          /**< SQP: tiller_qp_solver_t */
+  uint32_t qp_iterations;      /**< SQP: cap of the solver per quadratic program, 1..10000 */
+  uint32_t refine_iterations;  /**< hybrid: gradient iterations on the best sample, 0..20 */
+  double qp_tolerance;         /**< SQP: largest KKT residual that counts as solved, > 0 */
+  double regularisation;       /**< iLQR, SQP, hybrid: least addition to the inputs' curvature, >= 0 */
+
+  /* tree search */
+  uint32_t levels;             /**< MCTS: values per input between its limits, 2..16 */
+  uint32_t nodes;              /**< MCTS: size of the pool, 16..65536 */
+  uint32_t hold_steps;         /**< MCTS: periods for which a choice holds, 1..horizon */
+  uint32_t predict_delay;      /**< 1: each particle is brought forward over its own input delay and the plan
+                                    starts there; gradient planners always do */
+  double exploration;          /**< MCTS: weight of the confidence bound, in shares of the costs' range, >= 0 */
 } tiller_planner_config_t;
 
-/** Stage cost  (x-t)' Q (x-t) + u' R u + du' S du  per step and  (x-t)' Qf (x-t)  at the end, all diagonal;
- *  differences of angles are wrapped; du is the change per period. */
+/** A circle to keep out of, in the plane of two states of the model. */
+typedef struct tiller_obstacle {
+  uint32_t x_state, y_state;   /**< indices of the states that are the plane's axes */
+  double x_m, y_m;             /**< centre */
+  double radius_m;             /**< the robot's own radius and any margin included, > 0 */
+  double weight;               /**< cost per step: weight * depth^2, depth = max(0, radius - distance); >= 0 */
+} tiller_obstacle_t;
+#define TILLER_MAX_OBSTACLES 8
+
+/** What the last state of the horizon costs. */
+typedef enum tiller_terminal {
+  tiller_terminal_diagonal = 0,/**< (x-t)' Qf (x-t) */
+  tiller_terminal_lqr = 1      /**< that, and the LQR cost-to-go at `target` for the priors' centre: the horizon then
+                                    goes on for ever as far as the model is linear there */
+} tiller_terminal_t;
+
+/** A cost of your own in C: the slow path, one lane at a time, with central differences for gradients. The fast one
+ *  is a template beside the model (docs/costs.md). Pure functions; what is not finite fails the trajectory. */
+typedef struct tiller_own_cost {
+  uint32_t size;               /**< sizeof(tiller_own_cost_t) */
+  uint32_t version;            /**< TILLER_CONFIG_VERSION */
+  /** Cost of one step in state x (nx) under input u (nu) with the model's parameters p (np); time_s since the task
+   *  began. Required. */
+  double (*stage)(const double* x, const double* u, const double* p, double time_s, void* context);
+  /** Cost of the horizon's last state; null: none. */
+  double (*terminal)(const double* x, const double* p, double time_s, void* context);
+  void* context;
+} tiller_own_cost_t;
+
+/** The task. Every term is off while its weight is zero. Per step
+ *
+ *    (x-t)' Q (x-t) + u' R u + du' S du                      du: change per period; differences of angles wrapped
+ *  + w_s (1 - exp(-1/2 sum_i ((x_i-t_i) / width_i)^2))       saturating (Deisenroth and Rasmussen, PILCO, 2011)
+ *  + sum_i b_i max(0, low_i - x_i, x_i - high_i)^2           soft bounds
+ *  + obstacles + demonstration + own
+ *
+ *  and at the end of the horizon Qf in the place of Q, without the inputs. Where a reference is given, its row takes
+ *  the place of t. */
 typedef struct tiller_cost_config {
   double target[TILLER_MAX_STATES];           /**< t */
   double state_weight[TILLER_MAX_STATES];     /**< Q >= 0 */
   double terminal_weight[TILLER_MAX_STATES];  /**< Qf >= 0 */
   double input_weight[TILLER_MAX_INPUTS];     /**< R >= 0 */
   double input_rate_weight[TILLER_MAX_INPUTS];/**< S >= 0 */
+
+  uint32_t terminal;           /**< tiller_terminal_t */
+  uint32_t obstacle_count;     /**< 0..TILLER_MAX_OBSTACLES */
+  double saturating_weight;    /**< w_s >= 0 */
+  double saturating_width[TILLER_MAX_STATES]; /**< > 0; INFINITY: the state has no say */
+
+  double state_low[TILLER_MAX_STATES];        /**< bounds of the unwrapped state; -INFINITY, INFINITY for none */
+  double state_high[TILLER_MAX_STATES];
+  double bound_weight[TILLER_MAX_STATES];     /**< b >= 0 */
+  uint32_t hard_bounds;        /**< bit i: `sqp` keeps the bounds of state i as constraints (softened by an exact
+                                    penalty only where they cannot be kept); other planners know b alone */
+  uint32_t reserved;
+  tiller_obstacle_t obstacles[TILLER_MAX_OBSTACLES];
+
+  /* A trajectory to track: row k is the target k periods after the task began; the last row holds. The arrays are
+   * the caller's and outlive the controller, as the model's table does. */
+  const double* reference;     /**< (reference_steps x nx), row-major; null: `target` */
+  /* A demonstrated distribution: a Gaussian per period. Cost per step w_d / 2 |W_k (x - mean_k)|^2, W_k' W_k the
+   * inverse covariance: what a trajectory adds to the KL divergence from the demonstration (Englert et al. 2013). */
+  const double* demonstration_mean;  /**< (demonstration_steps x nx) */
+  const double* demonstration_root;  /**< W: (demonstration_steps x nx x nx), row-major */
+  uint32_t reference_steps;
+  uint32_t demonstration_steps;
+  double demonstration_weight; /**< w_d >= 0 */
+
+  const tiller_own_cost_t* own;/**< null: the cost template that the model's kernels were compiled with, if any */
+  double own_weight;           /**< >= 0 */
 } tiller_cost_config_t;
 
 /** Limits and the answers to faults. */
@@ -286,6 +393,11 @@ tiller_status_t tiller_stop(tiller_t* t, tiller_status_t why);
 /** Leaves SAFE: -> INIT, disarmed. The posterior over the parameters is kept; the state estimate starts anew. */
 tiller_status_t tiller_reset(tiller_t* t);
 
+/** Does now what the next tick's plan needs and can be done without its measurement (gradient planners: shift,
+ *  linearise, factorise), so that the tick itself is short: Diehl's real-time iteration, split into preparation and
+ *  feedback. Optional; call it after the command was sent. Planners without a preparation do nothing. */
+tiller_status_t tiller_prepare(tiller_t* t);
+
 /** One control period. `measurement` may be null (nothing new). Always fills *command.
  *  Returns the first reason why the command is not an unlimited fresh plan; ok otherwise.
  *  Cost: bounded by the configuration; see tiller_info and `./dev bench rollout`. */
@@ -302,6 +414,10 @@ tiller_status_t tiller_get_covariance(const tiller_t* t, double* covariance);
 tiller_status_t tiller_get_quantile(const tiller_t* t, uint32_t param, double q, double* value);
 /** The planned inputs, (horizon x nu) row-major, first the one in force. Returns the number of steps copied. */
 uint32_t tiller_get_plan(const tiller_t* t, double* inputs, uint32_t steps);
+/** Feedback around the plan, from planners that have it (ilqr, sqp, hybrid): u = input + gain (x - state) for plan
+ *  step `step`. gain (nu x nx, row-major), state (nx), input (nu); any pointer may be null. bad_planner where the
+ *  planner has none, bad_dimension past the horizon. */
+tiller_status_t tiller_get_feedback(const tiller_t* t, uint32_t step, double* gain, double* state, double* input);
 /** One particle: params (np), state (nx), normalised weight; any pointer may be null. */
 tiller_status_t tiller_get_particle(const tiller_t* t, uint32_t index, double* params, double* state,
                                     double* weight);
@@ -313,6 +429,7 @@ typedef enum tiller_call {
   tiller_call_disarm = 2,
   tiller_call_stop = 3,
   tiller_call_reset = 4,
+  tiller_call_prepare = 5,
   tiller_call_lost = 15        /**< more than eight calls before one tick: the rest were not kept */
 } tiller_call_t;
 
