@@ -49,6 +49,9 @@ struct PlannerTable {
   void (*prepare)(void* self, const PlanRequest& expected) = nullptr;
   /// Feedback around the plan: see tiller_get_feedback; null: none. False past the horizon or before the first plan.
   bool (*feedback)(const void* self, std::uint32_t step, double* gain, double* state, double* input) = nullptr;
+  /// Knows nothing of input delays: its setup has none, belief.history is null, and every hypothesis comes brought
+  /// forward to when its first command acts (as planner.predict_delay asks for any planner).
+  bool undelayed = false;
 };
 
 /// By kind (tiller_planner_kind_t); null if there is none.

@@ -52,6 +52,7 @@ bool take_belief(Sampler& s, const Belief* belief) {
 }
 
 float risk_tail(const Sampler& s) {
+  if (s.settings->risk == tiller_risk_worst) return 1.0f;
   if (s.settings->risk != tiller_risk_cvar) return static_cast<float>(s.particles);
   return static_cast<float>((1.0 - s.settings->cvar_alpha) * s.particles);
 }

@@ -69,7 +69,9 @@ class Posterior {
   void particle(std::uint32_t index, double* params, double* state, double* weight) const;
   /// Chooses `count` particles by stratified sampling from the weights (stream `tick`), into rows of `count`:
   /// params (np x count), state (nx x count), effect_state (ns x count); history (delay_steps x nu), newest first.
-  /// Every pointer nullable.
+  /// Every pointer nullable. A particle of weight w is expected count * w times. The strata are slices along the
+  /// direction of the parameters that is least known, and any first few columns come from its whole width. Uses
+  /// scratch of the instance: not while another thread reads quantiles. Cost: O(N d^2).
   void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
             float* history) const;
 
@@ -167,6 +169,9 @@ class Posterior {
   void close_window();
   const double* history_of(std::uint64_t index) const;
 
+  // selection.cpp
+  void order_by_principal_direction() const;
+
   double* scratch_row(std::uint32_t row) const { return scratch_ + std::size_t{row} * n_; }
 
   // constant after lay_out
@@ -197,7 +202,7 @@ class Posterior {
   double* scratch_ = nullptr;          // (kScratchRows x N)
   double* gathered_ = nullptr;         // (d x N) coordinates of a rerun's lanes
   std::uint32_t* index_ = nullptr;     // (N)
-  std::uint32_t* order_ = nullptr;     // (N) for quantiles
+  std::uint32_t* order_ = nullptr;     // (N) for quantiles and selections
   Proposal* proposals_ = nullptr;      // (N / 2)
   unsigned char* use_lane_ = nullptr;  // (N)
   Transition now_;                     // being taken in

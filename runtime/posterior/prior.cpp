@@ -47,6 +47,10 @@ double coordinate_low(const tiller_prior_t& prior) {
 
 double coordinate_high(const tiller_prior_t& prior) { return is_log(prior) ? std::log(prior.high) : prior.high; }
 
+double prior_spread(const tiller_prior_t& prior) {
+  return prior.kind == tiller_prior_uniform ? (prior.high - prior.low) / std::sqrt(12.0) : prior.b;
+}
+
 double log_prior(const tiller_prior_t& prior, double coordinate) {
   if (!(coordinate >= coordinate_low(prior) && coordinate <= coordinate_high(prior))) return -kInfinity;
   if (prior.kind == tiller_prior_fixed || prior.kind == tiller_prior_uniform) return 0.0;

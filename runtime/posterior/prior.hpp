@@ -14,6 +14,9 @@ double from_coordinate(const tiller_prior_t& prior, double coordinate);
 double coordinate_low(const tiller_prior_t& prior);
 double coordinate_high(const tiller_prior_t& prior);
 
+/// Standard deviation of the coordinate under a prior that is not fixed, its cut left out of account; > 0.
+double prior_spread(const tiller_prior_t& prior);
+
 /// Log density over the coordinate up to a constant; -infinity outside of the bounds.
 double log_prior(const tiller_prior_t& prior, double coordinate);
 

@@ -1,9 +1,8 @@
-// What the posterior tells: moments, quantiles, particles, and the selection for the planner.
+// What the posterior tells: moments, quantiles, particles.
 
 #include <algorithm>
 #include <cmath>
 
-#include "core/rng.hpp"
 #include "posterior/posterior.hpp"
 
 namespace tiller {
@@ -81,26 +80,6 @@ void Posterior::particle(std::uint32_t index, double* params, double* state, dou
   for (std::uint32_t i = 0; i < np_ && params; ++i) params[i] = cloud_.params[i * n_ + index];
   for (std::uint32_t i = 0; i < nx_ && state; ++i) state[i] = cloud_.filter.state[i * n_ + index];
   if (weight) *weight = cloud_.weight[index];
-}
-
-void Posterior::draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
-                     float* history) const {
-  Rng rng(config_->seed, kRngSelect, tick);
-  double below = cloud_.weight[0];
-  std::uint32_t chosen = 0;
-  for (std::uint32_t m = 0; m < count; ++m) {
-    const double pointer = (m + rng.uniform()) / count;
-    while (pointer > below && chosen + 1 < n_) below += cloud_.weight[++chosen];
-    while (!(cloud_.weight[chosen] > 0.0) && chosen > 0) --chosen;  // rounding at the end of the sum
-    auto copy = [&](float* to, const double* from, std::uint32_t rows) {
-      for (std::uint32_t i = 0; i < rows && to; ++i) to[i * count + m] = static_cast<float>(from[i * n_ + chosen]);
-    };
-    copy(params, cloud_.params, np_);
-    copy(state, cloud_.filter.state, nx_);
-    copy(effect_state, cloud_.filter.effect_state, ns_);
-  }
-  for (std::uint32_t i = 0; i < setup_.delay_steps * nu_ && history; ++i)
-    history[i] = static_cast<float>(input_history_[i]);
 }
 
 }  // namespace tiller

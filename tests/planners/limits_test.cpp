@@ -33,7 +33,7 @@ tiller_config_t random_problem(std::mt19937_64& random, std::uint32_t planner) {
   c.planner.rollouts = 16;
   c.planner.particles = 1 + below(random, 2);
   c.planner.noise_sd[0] = pick(random, {0.0, 1e-3, 2.0, 1e6, 1e300});
-  c.planner.risk = below(random, 2);
+  c.planner.risk = below(random, 3);
   c.planner.cvar_alpha = uniform(random, 0.0, 0.99);
   c.planner.temperature = pick(random, {1e-9, 0.02, 1.0});
   c.planner.elite_fraction = pick(random, {1e-9, 0.1, 1.0});

@@ -172,6 +172,82 @@ TEST(Draw, StratifiedAndWhole) {
   for (int hit : found) EXPECT_TRUE(hit);
 }
 
+/// A cloud whose weights differ by orders of magnitude: nothing was resampled or moved.
+tiller_config_t weighted_cloud() {
+  auto c = rig::config();
+  c.posterior.ess_fraction = 0.01;
+  c.posterior.moves_per_tick = 0;
+  c.posterior.particles = 64;
+  return c;
+}
+
+TEST(Draw, ExpectsEachParticleMTimesItsWeight) {
+  const auto c = weighted_cloud();
+  rig::Instance p(c);
+  rig::run(*p, rig::simulate(c, 0.9, 0.3, 25, 13));
+  const std::uint32_t m = 8, ticks = 20000;
+  std::vector<double> value(p->size()), weight(p->size()), found(p->size(), 0.0);
+  for (std::uint32_t i = 0; i < p->size(); ++i) {
+    double theta[2];
+    p->particle(i, theta, nullptr, &weight[i]);
+    value[i] = theta[0];
+  }
+  std::vector<float> params(2 * m);
+  for (std::uint32_t t = 0; t < ticks; ++t) {
+    p->draw(m, t, params.data(), nullptr, nullptr, nullptr);
+    for (std::uint32_t k = 0; k < m; ++k)
+      for (std::uint32_t i = 0; i < p->size(); ++i) found[i] += params[k] == static_cast<float>(value[i]) ? 1.0 : 0.0;
+  }
+  double heaviest = 0.0, lightest = 1.0;
+  for (std::uint32_t i = 0; i < p->size(); ++i) {
+    const double expected = m * weight[i] * ticks;
+    // the count of one tick varies by at most m w (multinomial); five deviations for 64 particles
+    EXPECT_NEAR(found[i], expected, 5.0 * std::sqrt(expected) + 1.0) << i;
+    heaviest = std::max(heaviest, weight[i]);
+    lightest = std::min(lightest, weight[i]);
+  }
+  EXPECT_GT(heaviest, 10.0 * lightest);  // the weights did differ
+}
+
+/// Variance over ticks of the selection's mean parameter, in shares of what independent draws would have.
+double variance_share(rig::Instance& p, std::uint32_t m, std::uint32_t used) {
+  double mean = 0.0, variance = 0.0;
+  for (std::uint32_t i = 0; i < p->size(); ++i) {
+    double theta[2], weight;
+    p->particle(i, theta, nullptr, &weight);
+    mean += weight * theta[0];
+    variance += weight * theta[0] * theta[0];
+  }
+  variance -= mean * mean;
+  const std::uint32_t ticks = 4000;
+  std::vector<float> params(2 * m);
+  double squares = 0.0;
+  for (std::uint32_t t = 0; t < ticks; ++t) {
+    p->draw(m, t, params.data(), nullptr, nullptr, nullptr);
+    double sum = 0.0;
+    for (std::uint32_t k = 0; k < used; ++k) sum += static_cast<double>(params[k]);
+    squares += (sum / used - mean) * (sum / used - mean);
+  }
+  return squares / ticks / (variance / used);
+}
+
+TEST(Draw, VariesFarLessThanIndependentDraws) {
+  for (const bool weighted : {false, true}) {
+    const auto c = weighted ? weighted_cloud() : rig::config();
+    rig::Instance p(c);
+    rig::run(*p, rig::simulate(c, 0.9, 0.3, 25, 13));
+    // Eight slices of a bell: the variance within slices is about 5 % of the whole. Strata over particles as they
+    // happen to lie would give about 1 (independent) in the place of it. The first four of the eight columns stand
+    // for every second slice, so their mean is off by half a slice at most: still far below independent draws.
+    const double all = variance_share(p, 8, 8), first_half = variance_share(p, 8, 4), single = variance_share(p, 1, 1);
+    std::printf("%s: variance of the mean of 8: %.3f of independent draws', of the first 4 of 8: %.3f, of 1: %.3f\n",
+                weighted ? "uneven weights" : "even weights", all, first_half, single);
+    EXPECT_LT(all, 0.15);
+    EXPECT_LT(first_half, 0.5);
+    EXPECT_NEAR(single, 1.0, 0.1);
+  }
+}
+
 /// Commands before the next one, newest first: what a delay needs.
 TEST(Draw, HistoryIsNewestFirst) {
   auto c = rig::cart_pole_config();
