@@ -4,6 +4,8 @@
 // trajectories are in flight: their steps do not depend on each other, which hides the latency of the arithmetic
 // (with one register a step waits for itself most of the time).
 
+#include "rollout/lq_scenarios.hpp"
+#include "rollout/lq_sweep.hpp"
 #include "rollout/step.hpp"
 #include "scalar/pack.hpp"
 
@@ -195,6 +197,10 @@ struct Kernel {
     }
   }
 
+  static constexpr LqKernel kLq = lq::Sweep<kStates, kInputs>::kernel();
+  static constexpr LqKernel kLqRate = lq::Sweep<kStates + kInputs, kInputs>::kernel();
+  static constexpr LqKernel kLqScenarios = lq::ScenarioSweep<kStates, kInputs>::kernel();
+
   static constexpr RolloutTable table(Isa isa) {
     RolloutTable t;
     t.isa = isa;
@@ -203,6 +209,9 @@ struct Kernel {
     t.rollout_f32 = &rollout_f32;
     t.rollout_f64 = &rollout_f64;
     t.linearise = &linearise;
+    t.lq = &kLq;
+    t.lq_rate = &kLqRate;
+    t.lq_scenarios = &kLqScenarios;
     return t;
   }
 };

@@ -91,6 +91,8 @@ struct LineariseJob {
   double* b = nullptr;                  // (nx * nu x lanes); nullable
 };
 
+struct LqKernel;
+
 /// The type erasure: one table per (model, instruction set), one batch x horizon a call.
 struct RolloutTable {
   Isa isa = Isa::scalar;
@@ -98,6 +100,11 @@ struct RolloutTable {
   void (*rollout_f32)(const tiller_model_t& model, const RolloutJob<float>& job) = nullptr;
   void (*rollout_f64)(const tiller_model_t& model, const RolloutJob<double>& job) = nullptr;
   void (*linearise)(const tiller_model_t& model, const LineariseJob& job) = nullptr;
+  // Riccati sweeps of the model's sizes (rollout/lq.hpp): (nx, nu), (nx + nu, nu), and (nx, nu) for scenarios; null:
+  // the general one serves. Use select_lq.
+  const LqKernel* lq = nullptr;
+  const LqKernel* lq_rate = nullptr;
+  const LqKernel* lq_scenarios = nullptr;
 };
 
 /// A model compiled from a template: its tables by instruction set; null where not built.
