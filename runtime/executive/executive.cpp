@@ -186,7 +186,7 @@ void Executive::replan(Tick& tick) {
   request.belief = &belief_.belief();
   request.last_command = gate_.last();
   request.tick = info_.ticks;
-  request.task_step = info_.ticks - task_tick_;
+  request.task_step = info_.ticks - task_tick_ + belief_.lead_periods();
   request.deadline = deadline(tick);
   const PlanResult result = planner_table_->plan(planner_, request, tick.wanted);
   tick.iterations = result.iterations;

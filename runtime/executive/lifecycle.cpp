@@ -53,7 +53,7 @@ void Executive::prepare() {
   expected.belief = &belief_.belief();
   expected.last_command = gate_.last();
   expected.tick = info_.ticks;
-  expected.task_step = info_.ticks - task_tick_;
+  expected.task_step = info_.ticks - task_tick_ + belief_.lead_periods();
   planner_table_->prepare(planner_, expected);
 }
 

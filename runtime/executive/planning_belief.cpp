@@ -1,6 +1,7 @@
 #include "executive/planning_belief.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace tiller {
 namespace {
@@ -19,13 +20,14 @@ StepSetup without_delays(const StepSetup& setup) {
 }  // namespace
 
 void PlanningBelief::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
-                             const RolloutTable& table) {
+                             const RolloutTable& table, bool over_delays) {
   const std::uint32_t count = config.planner.particles;
   const std::uint32_t nx = config.model->state_count, nu = config.model->input_count;
   const std::uint32_t ns = setup.effect_state_count;
   config_ = &config;
   setup_ = &setup;
   table_ = &table;
+  over_delays_ = over_delays;
   undelayed_ = without_delays(setup);
   lanes_ = (count + kLanePadding - 1) / kLanePadding * kLanePadding;
   params_ = arena.take<float>(std::size_t{config.param_count} * count + kLanePadding);
@@ -35,56 +37,118 @@ void PlanningBelief::lay_out(Arena& arena, const tiller_config_t& config, const 
   controls_ = arena.take<float>(std::size_t{nu} * lanes_);
   final_state_ = arena.take<float>(std::size_t{nx} * lanes_);
   final_effect_ = arena.take<float>(std::size_t{ns} * lanes_);
-  belief_ = {count, params_, state_, effect_state_, history_};
+  ways_ = arena.take<Way>(count);
+  belief_ = {count, params_, state_, effect_state_, over_delays ? nullptr : history_};
 }
 
 void PlanningBelief::draw(const Posterior& posterior, const CommandTimeline& timeline, std::uint64_t tick,
                           std::int64_t stamp_us, double ahead_s) {
   posterior.draw(belief_.count, tick, params_, state_, effect_state_, nullptr);
-  if (ahead_s < kLeastShare * config_->period_s) ahead_s = 0.0;
+  measure_ways(ahead_s);
   // steps no longer than the period: that is the step for which the substeps were chosen
-  for (double at_s = 0.0; at_s < ahead_s;) {
-    const double to_s = std::min(ahead_s, at_s + config_->period_s);
-    step_ahead(timeline, stamp_us, at_s, to_s);
-    at_s = to_s;
-  }
-  fill_history(timeline, stamp_us, ahead_s);
+  step_parts(timeline, stamp_us);
+  std::uint32_t most = 0;
+  for (std::uint32_t lane = 0; lane < belief_.count; ++lane) most = std::max(most, ways_[lane].whole);
+  for (std::uint32_t left = most; left > 0; --left) step_whole(timeline, stamp_us, left);
+  if (!over_delays_) fill_history(timeline, stamp_us, ahead_s);
 }
 
-void PlanningBelief::step_ahead(const CommandTimeline& timeline, std::int64_t stamp_us, double from_s, double to_s) {
-  const std::uint32_t nx = config_->model->state_count, count = belief_.count;
-  fill_controls(timeline, stamp_us, from_s, to_s);
-  RolloutJob<float> job;
-  job.setup = &undelayed_;
-  job.lanes = lanes_;
-  job.horizon = 1;
-  job.period_s = to_s - from_s;
-  job.state = {state_, count};
-  job.params = {params_, count};
-  job.effect_state = {effect_state_, count};
-  job.controls = {controls_, lanes_};
-  job.final_state = final_state_;
-  job.final_effect_state = setup_->effect_state_count > 0 ? final_effect_ : nullptr;
-  table_->rollout_f32(*config_->model, job);
-  narrow(final_state_, nx, lanes_, count, state_);
-  narrow(final_effect_, setup_->effect_state_count, lanes_, count, effect_state_);
+/// A hypothesis's own delay; one that is not a number, or outside of what the setup provides for, has none.
+double PlanningBelief::delay_s(const EffectSlot& slot, std::uint32_t lane) const {
+  const double delay_s = static_cast<double>(params_[std::size_t{slot.param} * belief_.count + lane]);
+  const double longest_s = (setup_->delay_steps + 1) * config_->period_s;
+  return delay_s > 0.0 ? std::min(delay_s, longest_s) : 0.0;
+}
+
+void PlanningBelief::measure_ways(double ahead_s) {
+  const double period_s = config_->period_s;
+  double sum_s = 0.0;
+  for (std::uint32_t lane = 0; lane < belief_.count; ++lane) {
+    double longest_s = 0.0;
+    for (std::uint32_t e = 0; e < setup_->effect_count && over_delays_; ++e)
+      if (setup_->effects[e].kind == tiller_effect_input_delay)
+        longest_s = std::max(longest_s, delay_s(setup_->effects[e], lane));
+    Way& way = ways_[lane];
+    way.total_s = std::max(ahead_s, 0.0) + longest_s;
+    // a period less a rounding is a period
+    way.whole = static_cast<std::uint32_t>(way.total_s / period_s + kLeastShare);
+    way.part_s = way.total_s - way.whole * period_s;
+    if (way.part_s < kLeastShare * period_s) way.part_s = 0.0;
+    sum_s += way.total_s;
+  }
+  lead_periods_ = static_cast<std::uint32_t>(sum_s / (belief_.count * period_s) + 0.5);
+}
+
+/// The parts of periods that come first, a rollout for each of the lengths that a register of hypotheses has.
+void PlanningBelief::step_parts(const CommandTimeline& timeline, std::int64_t stamp_us) {
+  for (std::uint32_t first = 0; first < belief_.count; first += kLanePadding) {
+    const std::uint32_t end = std::min(first + kLanePadding, belief_.count);
+    for (std::uint32_t lane = first; lane < end; ++lane)
+      fill_controls(timeline, stamp_us, lane, 0.0, ways_[lane].part_s);
+    for (std::uint32_t lane = first; lane < end; ++lane) {
+      const double part_s = ways_[lane].part_s;
+      if (!(part_s > 0.0)) continue;
+      step(first, kLanePadding, part_s);
+      for (std::uint32_t same = lane; same < end; ++same) {
+        if (ways_[same].part_s != part_s) continue;
+        take_final(first, kLanePadding, same);
+        ways_[same].part_s = 0.0;
+      }
+    }
+  }
+}
+
+/// One whole period of those hypotheses that have `left` or more to go, counted from their ends.
+void PlanningBelief::step_whole(const CommandTimeline& timeline, std::int64_t stamp_us, std::uint32_t left) {
+  const double period_s = config_->period_s;
+  for (std::uint32_t lane = 0; lane < belief_.count; ++lane) {
+    const double from_s = ways_[lane].total_s - left * period_s;
+    fill_controls(timeline, stamp_us, lane, from_s, from_s + period_s);
+  }
+  step(0, lanes_, period_s);
+  for (std::uint32_t lane = 0; lane < belief_.count; ++lane)
+    if (ways_[lane].whole >= left) take_final(0, lanes_, lane);
 }
 
 /// Each hypothesis has its own delay, so each sees another piece of the same timeline.
-void PlanningBelief::fill_controls(const CommandTimeline& timeline, std::int64_t stamp_us, double from_s, double to_s) {
+void PlanningBelief::fill_controls(const CommandTimeline& timeline, std::int64_t stamp_us, std::uint32_t lane,
+                                   double from_s, double to_s) {
   const std::uint32_t nu = config_->model->input_count;
   double command[TILLER_MAX_INPUTS];
-  for (std::uint32_t lane = 0; lane < belief_.count; ++lane) {
-    timeline.mean(stamp_us, from_s, to_s, command);
-    for (std::uint32_t i = 0; i < nu; ++i) controls_[i * lanes_ + lane] = static_cast<float>(command[i]);
-    for (std::uint32_t e = 0; e < setup_->effect_count; ++e) {
-      const EffectSlot& slot = setup_->effects[e];
-      if (slot.kind != tiller_effect_input_delay) continue;
-      const double delay_s = static_cast<double>(params_[std::size_t{slot.param} * belief_.count + lane]);
-      timeline.mean(stamp_us, from_s - delay_s, to_s - delay_s, command);
-      controls_[slot.port * lanes_ + lane] = static_cast<float>(command[slot.port]);
-    }
+  timeline.mean(stamp_us, from_s, to_s, command);
+  for (std::uint32_t i = 0; i < nu; ++i) controls_[i * lanes_ + lane] = static_cast<float>(command[i]);
+  for (std::uint32_t e = 0; e < setup_->effect_count; ++e) {
+    const EffectSlot& slot = setup_->effects[e];
+    if (slot.kind != tiller_effect_input_delay) continue;
+    const double back_s = delay_s(slot, lane);
+    timeline.mean(stamp_us, from_s - back_s, to_s - back_s, command);
+    controls_[slot.port * lanes_ + lane] = static_cast<float>(command[slot.port]);
   }
+}
+
+/// One step of `lanes` lanes from `first_lane` on, into the final arrays.
+void PlanningBelief::step(std::uint32_t first_lane, std::uint32_t lanes, double period_s) {
+  const std::uint32_t count = belief_.count;
+  RolloutJob<float> job;
+  job.setup = &undelayed_;
+  job.lanes = lanes;
+  job.horizon = 1;
+  job.period_s = period_s;
+  job.state = {state_ + first_lane, count};
+  job.params = {params_ + first_lane, count};
+  job.effect_state = {effect_state_ + first_lane, count};
+  job.controls = {controls_ + first_lane, lanes_};
+  job.final_state = final_state_;
+  job.final_effect_state = setup_->effect_state_count > 0 ? final_effect_ : nullptr;
+  table_->rollout_f32(*config_->model, job);
+}
+
+void PlanningBelief::take_final(std::uint32_t first_lane, std::uint32_t lanes, std::uint32_t lane) {
+  const std::size_t from = lane - first_lane, count = belief_.count;
+  for (std::uint32_t i = 0; i < config_->model->state_count; ++i)
+    state_[i * count + lane] = final_state_[i * lanes + from];
+  for (std::uint32_t i = 0; i < setup_->effect_state_count; ++i)
+    effect_state_[i * count + lane] = final_effect_[i * lanes + from];
 }
 
 /// Commands before the first planned one, in steps of the nominal period, newest first.
@@ -96,13 +160,6 @@ void PlanningBelief::fill_history(const CommandTimeline& timeline, std::int64_t 
     timeline.mean(stamp_us, end_s - config_->period_s, end_s, command);
     for (std::uint32_t i = 0; i < nu; ++i) history_[row * nu + i] = static_cast<float>(command[i]);
   }
-}
-
-void PlanningBelief::narrow(const float* padded, std::uint32_t rows, std::uint32_t lanes, std::uint32_t count,
-                            float* to) {
-  for (std::uint32_t row = 0; row < rows; ++row)
-    std::copy(padded + std::size_t{row} * lanes, padded + std::size_t{row} * lanes + count,
-              to + std::size_t{row} * count);
 }
 
 }  // namespace tiller

@@ -12,26 +12,51 @@ namespace tiller {
 /// The M hypotheses that a planner plans over, brought forward to the moment when the command being planned
 /// takes hold. Between the sensors' stamp and that moment the commands already sent act: a planner that
 /// ignores this starts from where the robot was.
+///
+/// With `over_delays` the moment is that at which the command acts on the robot, input delay included, and each
+/// hypothesis has its own: what is left to plan has no delay in it (a Smith predictor with a posterior for its model).
+/// Where the inputs of one hypothesis differ in delay it goes forward by the longest, and the others' last commands are
+/// taken to hold until then.
 class PlanningBelief {
  public:
-  void lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table);
+  void lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+               bool over_delays);
 
   /// Draws from the posterior as of `stamp_us` and steps `ahead_s` on under the commands of the timeline.
   /// Less than a hundredth of a period is not stepped: it is below what the model is good for.
+  /// Cost: at most M + (ahead + delay) / period rollouts of one step.
   void draw(const Posterior& posterior, const CommandTimeline& timeline, std::uint64_t tick, std::int64_t stamp_us,
             double ahead_s);
 
   const Belief& belief() const { return belief_; }
+  /// The setup that fits the belief: without delays where they have been gone over.
+  const StepSetup& planner_setup() const { return over_delays_ ? undelayed_ : *setup_; }
+  /// Periods from the stamp of the last draw to the hypotheses' states, their mean, rounded.
+  std::uint32_t lead_periods() const { return lead_periods_; }
 
  private:
-  void step_ahead(const CommandTimeline& timeline, std::int64_t stamp_us, double from_s, double to_s);
-  void fill_controls(const CommandTimeline& timeline, std::int64_t stamp_us, double from_s, double to_s);
+  /// How far one hypothesis goes: a part of a period, then whole ones, so that each whole one falls together with the
+  /// hold of a command where ticks are regular.
+  struct Way {
+    double total_s = 0.0;
+    double part_s = 0.0;
+    std::uint32_t whole = 0;
+  };
+
+  void measure_ways(double ahead_s);
+  double delay_s(const EffectSlot& slot, std::uint32_t lane) const;
+  void step_parts(const CommandTimeline& timeline, std::int64_t stamp_us);
+  void step_whole(const CommandTimeline& timeline, std::int64_t stamp_us, std::uint32_t left);
+  void fill_controls(const CommandTimeline& timeline, std::int64_t stamp_us, std::uint32_t lane, double from_s,
+                     double to_s);
+  void step(std::uint32_t first_lane, std::uint32_t lanes, double period_s);
+  void take_final(std::uint32_t first_lane, std::uint32_t lanes, std::uint32_t lane);
   void fill_history(const CommandTimeline& timeline, std::int64_t stamp_us, double ahead_s);
-  static void narrow(const float* padded, std::uint32_t rows, std::uint32_t lanes, std::uint32_t count, float* to);
 
   const tiller_config_t* config_ = nullptr;
   const RolloutTable* table_ = nullptr;
   const StepSetup* setup_ = nullptr;
+  bool over_delays_ = false;
   StepSetup undelayed_;            // the setup without its delays: the controls below have them already
   std::uint32_t lanes_ = 0;        // M, padded
   float* params_ = nullptr;        // (np x M) and room to read up to `lanes_`
@@ -41,6 +66,8 @@ class PlanningBelief {
   float* controls_ = nullptr;      // (nu x lanes)
   float* final_state_ = nullptr;   // (nx x lanes)
   float* final_effect_ = nullptr;  // (ns x lanes)
+  Way* ways_ = nullptr;            // (M)
+  std::uint32_t lead_periods_ = 0;
   Belief belief_;
 };
 

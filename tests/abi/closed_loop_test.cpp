@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "rig.hpp"
@@ -79,6 +80,48 @@ TEST(ClosedLoop, KnownLatencyIsPlannedFor) {
   const tiller_info_t told = run(15000), untold = run(0);
   EXPECT_NEAR(told.param_mean[0], 1.2, 0.02);
   EXPECT_LT(told.noise_scale, untold.noise_scale) << "commands at the wrong time look like noise";
+}
+
+/// Mean of 1 + cos(angle) over the last 4 of 10 s (0: upright) with a motor that answers 110 ms late.
+double fall_behind_delay(std::uint64_t seed, bool known, bool predicted) {
+  PendulumPlant plant;
+  tiller_config_t config = rig::pendulum_config();
+  config.seed = seed;
+  if (known) {
+    config.effect_count = 1;
+    config.effects[0] = {tiller_effect_input_delay, 0};
+    config.param_count = 4;
+    config.priors[3] = {tiller_prior_fixed, 0, 0.11, 0.0, -INFINITY, INFINITY};
+  }
+  config.planner.predict_delay = predicted;
+  Loop loop(config, plant);
+  EXPECT_TRUE(loop.ready());
+  (void)tiller_arm(loop.controller());
+  double sent[6] = {}, off = 0.0;  // newest first
+  for (int i = 0; i < 500; ++i) {
+    const tiller_measurement_t m = loop.measure();
+    tiller_command_t command;
+    (void)tiller_tick(loop.controller(), m.stamp_us, &m, &command);
+    plant.step(&sent[5], 0.01);
+    plant.step(&sent[4], 0.01);
+    std::copy_backward(sent, sent + 5, sent + 6);
+    sent[0] = command.value[0];
+    loop.pass(20000);
+    if (i >= 300) off += (1.0 + std::cos(plant.angle_rad)) / 200.0;
+  }
+  return off;
+}
+
+TEST(ClosedLoop, DelayIsPlannedForInTheRolloutsOrAheadOfThem) {
+  for (const std::uint64_t seed : {1001u, 1002u, 1003u}) {
+    const double ignored = fall_behind_delay(seed, false, false), rolled = fall_behind_delay(seed, true, false),
+                 predicted = fall_behind_delay(seed, true, true);
+    std::printf("110 ms delay, 1 + cos(angle): ignored %.1e, in the rollouts %.1e, predicted %.1e\n", ignored, rolled,
+                predicted);
+    EXPECT_GT(ignored, 0.1) << "or the delay were no difficulty";
+    EXPECT_LT(predicted, 1e-3) << "it stands within 0.05 rad";
+    EXPECT_LT(rolled, 1e-3);
+  }
 }
 
 }  // namespace

@@ -150,6 +150,24 @@ TEST_P(EveryPlanner, RecordsReplayBitByBit) {
   expect_same(recorded, replay(config, recorded));
 }
 
+TEST(PredictedDelay, RepeatsAndReplaysBitByBit) {
+  tiller_config_t config = config_of(tiller_planner_mppi);
+  config.effect_count = 1;
+  config.effects[0] = {tiller_effect_input_delay, 0};
+  config.param_count = 4;
+  config.priors[3] = {tiller_prior_uniform, 0, 0.0, 0.0, 0.0, 0.06};  // unknown: each particle has its own
+  const auto in_rollouts = eventful_run(config, nullptr);
+  config.planner.predict_delay = 1;
+  const auto recorded = eventful_run(config, nullptr);
+  expect_same(recorded, eventful_run(config, nullptr));
+  tiller_hooks_t hooks = hooks_with(nullptr);
+  hooks.parallel_for = two_threads;
+  expect_same(recorded, eventful_run(config, &hooks));
+  expect_same(recorded, replay(config, recorded));
+  EXPECT_NE(std::memcmp(&recorded.back().command, &in_rollouts.back().command, sizeof recorded.back().command), 0)
+      << "or nothing was predicted";
+}
+
 /// A clock of the test's own: how long a look at it takes depends on nothing but how often it was looked at, so that
 /// some ticks finish all iterations, some a few, some none.
 struct UnevenClock {

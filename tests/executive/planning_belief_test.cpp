@@ -27,12 +27,12 @@ void integrate(double& angle, double& rate, double time_s, double half, const To
 }
 
 struct Source {
-  explicit Source(tiller_config_t c) : config(c), storage(1 << 16), source_storage(1 << 16) {
+  explicit Source(tiller_config_t c, bool over_delays = false) : config(c), storage(1 << 16), source_storage(1 << 16) {
     fakes::reset();
     EXPECT_EQ(make_step_setup(config, setup), tiller_status_ok);
     const tiller::RolloutTable& table = tiller::select_rollout(*config.model);
     tiller::Arena arena = storage.arena();
-    belief.lay_out(arena, config, setup, table);
+    belief.lay_out(arena, config, setup, table, over_delays);
     timeline.lay_out(arena, 1);
     tiller::Arena source_arena = source_storage.arena();
     source = tiller::Posterior::lay_out(source_arena, config, setup, table, nullptr);
@@ -112,6 +112,115 @@ TEST(PlanningBelief, HypothesesDifferByTheirParameters) {
     integrate(angle, rate, 0.02, half, [](double) { return 0.0; });
     EXPECT_NEAR(b.state[3 + i], rate, 1e-4) << i;
   }
+}
+
+/// A pendulum with an input delay of up to 60 ms, 20 ms periods.
+tiller_config_t delayed_pendulum(std::uint32_t particles) {
+  tiller_config_t config = bench::known_pendulum();
+  config.planner.particles = particles;
+  config.effect_count = 1;
+  config.effects[0] = {tiller_effect_input_delay, 0};
+  config.param_count = 4;
+  config.priors[3] = {tiller_prior_uniform, 0, 0.0, 0.0, 0.0, 0.06};
+  return config;
+}
+
+/// The same steps in double, one hypothesis by itself: a part of a period, then whole ones, each under one command.
+void step_exactly(const tiller_config_t& config, const float* params, double torque_Nm, double time_s, double* x) {
+  StepSetup setup;
+  ASSERT_EQ(make_step_setup(config, setup), tiller_status_ok);
+  setup.effect_count = setup.delay_steps = 0;
+  double p[4], next[2 * tiller::kLanePadding];
+  for (int i = 0; i < 4; ++i) p[i] = static_cast<double>(params[i]);
+  tiller::RolloutJob<double> job;
+  job.setup = &setup;
+  job.lanes = tiller::kLanePadding;
+  job.horizon = 1;
+  job.period_s = time_s;
+  job.state = {x, 0};
+  job.params = {p, 0};
+  job.controls = {&torque_Nm, 0};
+  job.final_state = next;
+  tiller::select_rollout(*config.model).rollout_f64(*config.model, job);
+  x[0] = next[0];
+  x[1] = next[tiller::kLanePadding];
+}
+
+TEST(PlanningBeliefOverDelays, GoesOnUntilTheFirstCommandActs) {
+  const double commands_Nm[] = {2.0, -3.0, 5.0, 1.0};  // the last one was sent a period ago
+  double worst = 0.0;
+  for (const double periods : {0.0, 1.0, 2.5}) {
+    Source s(delayed_pendulum(3), true);
+    for (int k = 0; k < 4; ++k) s.push(1000000 - 20000 * (4 - k), commands_Nm[k]);
+    fakes::posterior.param[3] = 0.02 * periods;
+    fakes::posterior.state[0] = 0.4;
+    fakes::posterior.state[1] = 2.0;
+    s.belief.draw(*s.source, s.timeline, 0, 1000000, 0.0);
+    const Belief& b = s.belief.belief();
+    EXPECT_EQ(b.history, nullptr);
+    EXPECT_EQ(s.belief.planner_setup().effect_count, 0u);
+    EXPECT_EQ(s.belief.planner_setup().delay_steps, 0u);
+    EXPECT_EQ(s.belief.lead_periods(), static_cast<std::uint32_t>(periods + 0.5));
+    const float params[] = {0.5f, 0.5f, 0.5f, 0.0f};
+    double x[2] = {static_cast<double>(0.4f), 2.0}, angle = 0.4, rate = 2.0;
+    const int whole = static_cast<int>(periods);
+    const double part_s = 0.02 * (periods - whole);
+    if (part_s > 0.0) step_exactly(s.config, params, commands_Nm[3 - whole], part_s, x);
+    for (int k = whole; k > 0; --k) step_exactly(s.config, params, commands_Nm[4 - k], 0.02, x);
+    integrate(angle, rate, 0.02 * periods, 0.5, [&](double t) {
+      const int back = static_cast<int>(std::ceil(periods - t / 0.02));
+      return commands_Nm[4 - back];
+    });
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      // three steps of RK4 in float: some ten roundings of 6e-8 at a size of two
+      EXPECT_NEAR(b.state[i], x[0], 2e-6) << periods;
+      EXPECT_NEAR(b.state[3 + i], x[1], 2e-6) << periods;
+      worst = std::max({worst, std::fabs(static_cast<double>(b.state[i]) - x[0]),
+                        std::fabs(static_cast<double>(b.state[3 + i]) - x[1])});
+      // and that is the motion: 10 us steps of first order in the rate are good for 1e-4
+      EXPECT_NEAR(b.state[i], angle, 2e-4) << periods;
+      EXPECT_NEAR(b.state[3 + i], rate, 2e-4) << periods;
+    }
+  }
+  std::printf("largest difference from the same steps in double: %.1e\n", worst);
+}
+
+TEST(PlanningBeliefOverDelays, EachHypothesisByItsOwnDelay) {
+  // 20 hypotheses, two registers: delays 0, 3, .. 57 ms, and with them masses and lengths
+  Source s(delayed_pendulum(20), true);
+  for (int k = 0; k < 4; ++k) s.push(1000000 - 20000 * (4 - k), 3.0 * (k % 2 ? -1.0 : 1.0));
+  fakes::posterior.param[3] = 0.0;
+  fakes::posterior.param_step = 0.003f;
+  fakes::posterior.state[0] = -0.7;
+  s.belief.draw(*s.source, s.timeline, 0, 1000000, 0.004);
+  const Belief& b = s.belief.belief();
+  for (std::uint32_t i = 0; i < 20; ++i) {
+    const float grown = 0.5f + 0.003f * static_cast<float>(i);
+    const double delay_s = static_cast<double>(0.003f * static_cast<float>(i)), half = static_cast<double>(grown);
+    double angle = -0.7, rate = 0.0;
+    // sent at -80, -60, -40 and -20 ms: acting as much later as the delay
+    integrate(angle, rate, 0.004 + delay_s, half, [&](double t) {
+      const double sent = t - delay_s;
+      const int k = sent >= -0.02 ? 3 : sent >= -0.04 ? 2 : sent >= -0.06 ? 1 : 0;
+      return 3.0 * (k % 2 ? -1.0 : 1.0);
+    });
+    // ahead of the whole periods stands a part whose command is a mean where it changes within: of 6 Nm, 4 ms by at
+    // most 16 ms, over 0.125 kg m2, in the angle
+    EXPECT_NEAR(b.state[i], angle, 1.6e-3) << i;
+    EXPECT_NEAR(b.state[20 + i], rate, 5e-2) << i;
+  }
+}
+
+TEST(PlanningBeliefOverDelays, DelaysThatAreNoNumbersAreNone) {
+  Source s(delayed_pendulum(3), true);
+  s.push(0, 1.0);
+  fakes::posterior.param[3] = std::nan("");
+  fakes::posterior.state[0] = 0.4;
+  s.belief.draw(*s.source, s.timeline, 0, 1000000, 0.0);
+  EXPECT_EQ(s.belief.belief().state[0], 0.4f);
+  fakes::posterior.param[3] = 1e30;  // as far as the setup provides for
+  s.belief.draw(*s.source, s.timeline, 0, 1000000, 0.0);
+  EXPECT_EQ(s.belief.lead_periods(), 4u);
 }
 
 }  // namespace
