@@ -1,8 +1,7 @@
 #include <cmath>
 
-#include "abi/checks.hpp"
+#include "abi/check_parts.hpp"
 #include "effects/effect_info.hpp"
-#include "planners/planner.hpp"
 #include "rollout/rollout.hpp"
 
 // Every field that tiller_init relies on, group by group in the order of the struct; the first reason wins.
@@ -10,27 +9,6 @@
 
 namespace tiller {
 namespace {
-
-// names of array elements: a finding's field is a literal, so that nothing formats text here
-#define TILLER_FOUR(f) f "[0]", f "[1]", f "[2]", f "[3]"
-#define TILLER_EIGHT(f) TILLER_FOUR(f), f "[4]", f "[5]", f "[6]", f "[7]"
-#define TILLER_TWELVE(f) TILLER_EIGHT(f), f "[8]", f "[9]", f "[10]", f "[11]"
-#define TILLER_SIXTEEN(f) TILLER_TWELVE(f), f "[12]", f "[13]", f "[14]", f "[15]"
-using Names4 = const char* const[4];
-using Names8 = const char* const[8];
-using Names12 = const char* const[12];
-using Names16 = const char* const[16];
-static_assert(TILLER_MAX_INPUTS == 4, "names below");
-static_assert(TILLER_MAX_EFFECTS == 8, "names below");
-static_assert(TILLER_MAX_STATES == 12, "names below");
-static_assert(TILLER_MAX_MEASUREMENTS == 12, "names below");
-static_assert(TILLER_MAX_PARAMS == 16, "names below");
-
-constexpr Finding kGood = {};
-
-bool positive(double v) { return v > 0.0 && std::isfinite(v); }
-bool not_negative(double v) { return v >= 0.0 && std::isfinite(v); }
-bool in(std::uint32_t v, std::uint32_t low, std::uint32_t high) { return v >= low && v <= high; }
 
 Finding check_struct(const tiller_config_t& c) {
   if (c.size != sizeof(tiller_config_t)) return {tiller_status_version_mismatch, "size"};
@@ -135,42 +113,6 @@ Finding check_posterior(const tiller_posterior_config_t& p) {
   if (!(p.ess_fraction > 0.0 && p.ess_fraction <= 1.0)) return {tiller_status_bad_posterior, "posterior.ess_fraction"};
   if (!(p.noise_scale_shape > 0.0 && p.noise_scale_shape <= 1e6))
     return {tiller_status_bad_posterior, "posterior.noise_scale_shape"};
-  return kGood;
-}
-
-Finding check_planner(const tiller_config_t& c) {
-  static Names4 noise = {TILLER_FOUR("planner.noise_sd")};
-  const tiller_planner_config_t& p = c.planner;
-  constexpr tiller_status_t kBad = tiller_status_bad_planner;
-  if (find_planner(p.kind) == nullptr) return {kBad, "planner.kind"};
-  if (!in(p.horizon, 2, 512)) return {kBad, "planner.horizon"};
-  if (!in(p.knots, 2, 64)) return {kBad, "planner.knots"};
-  if (!in(p.rollouts, 16, 8192) || p.rollouts % 16 != 0) return {kBad, "planner.rollouts"};
-  if (!in(p.particles, 1, 64)) return {kBad, "planner.particles"};
-  if (!in(p.iterations, 1, 100)) return {kBad, "planner.iterations"};
-  if (p.risk > tiller_risk_cvar) return {kBad, "planner.risk"};
-  if (!(p.cvar_alpha >= 0.0 && p.cvar_alpha < 1.0)) return {kBad, "planner.cvar_alpha"};
-  for (std::uint32_t i = 0; i < c.model->input_count; ++i)
-    if (!positive(p.noise_sd[i])) return {kBad, noise[i]};
-  if (!(p.temperature > 0.0 && p.temperature <= 1.0)) return {kBad, "planner.temperature"};
-  if (!(p.elite_fraction > 0.0 && p.elite_fraction <= 1.0)) return {kBad, "planner.elite_fraction"};
-  if (!(p.smoothing >= 0.0 && p.smoothing < 1.0)) return {kBad, "planner.smoothing"};
-  return kGood;
-}
-
-Finding check_cost(const tiller_config_t& c) {
-  static Names12 target = {TILLER_TWELVE("cost.target")}, state = {TILLER_TWELVE("cost.state_weight")};
-  static Names12 terminal = {TILLER_TWELVE("cost.terminal_weight")};
-  static Names4 input = {TILLER_FOUR("cost.input_weight")}, rate = {TILLER_FOUR("cost.input_rate_weight")};
-  for (std::uint32_t i = 0; i < c.model->state_count; ++i) {
-    if (!std::isfinite(c.cost.target[i])) return {tiller_status_bad_cost, target[i]};
-    if (!not_negative(c.cost.state_weight[i])) return {tiller_status_bad_cost, state[i]};
-    if (!not_negative(c.cost.terminal_weight[i])) return {tiller_status_bad_cost, terminal[i]};
-  }
-  for (std::uint32_t i = 0; i < c.model->input_count; ++i) {
-    if (!not_negative(c.cost.input_weight[i])) return {tiller_status_bad_cost, input[i]};
-    if (!not_negative(c.cost.input_rate_weight[i])) return {tiller_status_bad_cost, rate[i]};
-  }
   return kGood;
 }
 

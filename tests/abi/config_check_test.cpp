@@ -6,6 +6,7 @@
 #include <set>
 #include <string>
 
+#include "planners/planner.hpp"
 #include "rig.hpp"
 
 // Every field that tiller_init relies on is spoiled, one at a time; the check must name that field.
@@ -15,6 +16,34 @@ namespace {
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
 using C = tiller_config_t;
+
+const double kRows[8] = {0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};
+const double kRowsWithNan[8] = {0.0, 1.0, 2.0, kNan, 4.0, 5.0, 6.0, 7.0};
+
+/// A right obstacle, to be spoiled.
+tiller_obstacle_t& obstacle(C& c) {
+  c.cost.obstacle_count = 1;
+  c.cost.obstacles[0] = {0, 1, 0.5, -0.5, 0.1, 100.0};
+  return c.cost.obstacles[0];
+}
+
+/// A right demonstration of two periods of two states.
+void demonstrate(C& c) {
+  c.cost.demonstration_mean = c.cost.demonstration_root = kRows;
+  c.cost.demonstration_steps = 2;
+  c.cost.demonstration_weight = 1.0;
+}
+
+double no_cost(const double*, const double*, const double*, double, void*) { return 0.0; }
+
+/// A right cost of one's own, anew at every call.
+tiller_own_cost_t& own(C& c) {
+  static tiller_own_cost_t cost;
+  cost = {sizeof(tiller_own_cost_t), TILLER_CONFIG_VERSION, no_cost, nullptr, nullptr};
+  c.cost.own = &cost;
+  c.cost.own_weight = 1.0;
+  return cost;
+}
 
 struct Spoiled {
   const char* field;
@@ -95,17 +124,83 @@ const Spoiled kSpoiled[] = {
     {"planner.rollouts", tiller_status_bad_planner, [](C& c) { c.planner.rollouts = 20; }},
     {"planner.particles", tiller_status_bad_planner, [](C& c) { c.planner.particles = 0; }},
     {"planner.iterations", tiller_status_bad_planner, [](C& c) { c.planner.iterations = 0; }},
-    {"planner.risk", tiller_status_bad_planner, [](C& c) { c.planner.risk = 2; }},
+    {"planner.risk", tiller_status_bad_planner, [](C& c) { c.planner.risk = 3; }},
     {"planner.cvar_alpha", tiller_status_bad_planner, [](C& c) { c.planner.cvar_alpha = 1.0; }},
     {"planner.noise_sd[0]", tiller_status_bad_planner, [](C& c) { c.planner.noise_sd[0] = 0.0; }},
     {"planner.temperature", tiller_status_bad_planner, [](C& c) { c.planner.temperature = 0.0; }},
     {"planner.elite_fraction", tiller_status_bad_planner, [](C& c) { c.planner.elite_fraction = 1.5; }},
     {"planner.smoothing", tiller_status_bad_planner, [](C& c) { c.planner.smoothing = 1.0; }},
+    {"planner.interpolation", tiller_status_bad_planner, [](C& c) { c.planner.interpolation = 2; }},
+    {"planner.adapt_covariance", tiller_status_bad_planner, [](C& c) { c.planner.adapt_covariance = 2; }},
+    {"planner.noise_colour", tiller_status_bad_planner, [](C& c) { c.planner.noise_colour = 4.5; }},
+    {"planner.noise_colour", tiller_status_bad_planner, [](C& c) { c.planner.noise_colour = kNan; }},
+    {"planner.filter", tiller_status_bad_planner, [](C& c) { c.planner.filter = 0.0; }},
+    {"planner.filter", tiller_status_bad_planner, [](C& c) { c.planner.filter = 1.1; }},
+    {"planner.filter", tiller_status_bad_planner, [](C& c) { c.planner.filter = kNan; }},
+    {"planner.shooting", tiller_status_bad_planner, [](C& c) { c.planner.shooting = 2; }},
+    {"planner.qp_solver", tiller_status_bad_planner, [](C& c) { c.planner.qp_solver = 2; }},
+    {"planner.qp_iterations", tiller_status_bad_planner, [](C& c) { c.planner.qp_iterations = 0; }},
+    {"planner.qp_iterations", tiller_status_bad_planner, [](C& c) { c.planner.qp_iterations = 10001; }},
+    {"planner.refine_iterations", tiller_status_bad_planner, [](C& c) { c.planner.refine_iterations = 21; }},
+    {"planner.qp_tolerance", tiller_status_bad_planner, [](C& c) { c.planner.qp_tolerance = 0.0; }},
+    {"planner.qp_tolerance", tiller_status_bad_planner, [](C& c) { c.planner.qp_tolerance = kNan; }},
+    {"planner.regularisation", tiller_status_bad_planner, [](C& c) { c.planner.regularisation = -1e-9; }},
+    {"planner.regularisation", tiller_status_bad_planner, [](C& c) { c.planner.regularisation = kInf; }},
+    {"planner.levels", tiller_status_bad_planner, [](C& c) { c.planner.levels = 1; }},
+    {"planner.levels", tiller_status_bad_planner, [](C& c) { c.planner.levels = 17; }},
+    {"planner.nodes", tiller_status_bad_planner, [](C& c) { c.planner.nodes = 15; }},
+    {"planner.nodes", tiller_status_bad_planner, [](C& c) { c.planner.nodes = 65537; }},
+    {"planner.hold_steps", tiller_status_bad_planner, [](C& c) { c.planner.hold_steps = 0; }},
+    {"planner.hold_steps", tiller_status_bad_planner, [](C& c) { c.planner.hold_steps = 513; }},
+    {"planner.predict_delay", tiller_status_bad_planner, [](C& c) { c.planner.predict_delay = 2; }},
+    {"planner.exploration", tiller_status_bad_planner, [](C& c) { c.planner.exploration = -0.1; }},
+    {"planner.exploration", tiller_status_bad_planner, [](C& c) { c.planner.exploration = kNan; }},
     {"cost.target[0]", tiller_status_bad_cost, [](C& c) { c.cost.target[0] = kInf; }},
     {"cost.state_weight[0]", tiller_status_bad_cost, [](C& c) { c.cost.state_weight[0] = -1.0; }},
     {"cost.terminal_weight[1]", tiller_status_bad_cost, [](C& c) { c.cost.terminal_weight[1] = kNan; }},
     {"cost.input_weight[0]", tiller_status_bad_cost, [](C& c) { c.cost.input_weight[0] = -1.0; }},
     {"cost.input_rate_weight[0]", tiller_status_bad_cost, [](C& c) { c.cost.input_rate_weight[0] = kInf; }},
+    {"cost.terminal", tiller_status_bad_cost, [](C& c) { c.cost.terminal = 2; }},
+    {"cost.saturating_weight", tiller_status_bad_cost, [](C& c) { c.cost.saturating_weight = -1.0; }},
+    {"cost.saturating_weight", tiller_status_bad_cost, [](C& c) { c.cost.saturating_weight = kNan; }},
+    {"cost.saturating_width[1]", tiller_status_bad_cost, [](C& c) { c.cost.saturating_width[1] = 0.0; }},
+    {"cost.saturating_width[1]", tiller_status_bad_cost, [](C& c) { c.cost.saturating_width[1] = kNan; }},
+    {"cost.state_low[0]", tiller_status_bad_cost, [](C& c) { c.cost.state_low[0] = kNan; }},
+    {"cost.state_high[0]", tiller_status_bad_cost, [](C& c) { c.cost.state_high[0] = kNan; }},
+    {"cost.state_high[1]", tiller_status_bad_cost, [](C& c) { c.cost.state_low[1] = c.cost.state_high[1] = 1.0; }},
+    {"cost.bound_weight[0]", tiller_status_bad_cost, [](C& c) { c.cost.bound_weight[0] = -1.0; }},
+    {"cost.bound_weight[0]", tiller_status_bad_cost, [](C& c) { c.cost.bound_weight[0] = kInf; }},
+    {"cost.hard_bounds", tiller_status_bad_cost, [](C& c) { c.cost.hard_bounds = 1u << 2; }},
+    {"cost.obstacle_count", tiller_status_bad_cost, [](C& c) { c.cost.obstacle_count = 9; }},
+    {"cost.obstacles[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).x_state = 2; }},
+    {"cost.obstacles[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).y_state = 2; }},
+    {"cost.obstacles[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).y_state = 0; }},
+    {"cost.obstacles[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).x_m = kNan; }},
+    {"cost.obstacles[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).y_m = kInf; }},
+    {"cost.obstacles[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).radius_m = 0.0; }},
+    {"cost.obstacles[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).weight = -1.0; }},
+    {"cost.reference_steps", tiller_status_bad_cost, [](C& c) { c.cost.reference_steps = 2; }},
+    {"cost.reference_steps", tiller_status_bad_cost, [](C& c) { c.cost.reference = kRows; }},
+    {"cost.reference", tiller_status_bad_cost,
+     [](C& c) { c.cost.reference = kRowsWithNan, c.cost.reference_steps = 2; }},
+    {"cost.demonstration_mean", tiller_status_bad_cost,
+     [](C& c) { demonstrate(c), c.cost.demonstration_mean = nullptr; }},
+    {"cost.demonstration_mean", tiller_status_bad_cost,
+     [](C& c) { demonstrate(c), c.cost.demonstration_mean = kRowsWithNan; }},
+    {"cost.demonstration_mean", tiller_status_bad_cost, [](C& c) { demonstrate(c), c.cost.demonstration_steps = 0; }},
+    {"cost.demonstration_root", tiller_status_bad_cost,
+     [](C& c) { demonstrate(c), c.cost.demonstration_root = nullptr; }},
+    {"cost.demonstration_root", tiller_status_bad_cost,
+     [](C& c) { demonstrate(c), c.cost.demonstration_root = kRowsWithNan; }},
+    {"cost.demonstration_weight", tiller_status_bad_cost,
+     [](C& c) { demonstrate(c), c.cost.demonstration_weight = -1.0; }},
+    {"cost.demonstration_weight", tiller_status_bad_cost, [](C& c) { c.cost.demonstration_weight = kNan; }},
+    {"cost.demonstration_weight", tiller_status_bad_cost, [](C& c) { c.cost.demonstration_weight = 1.0; }},
+    {"cost.own_weight", tiller_status_bad_cost, [](C& c) { c.cost.own_weight = -1.0; }},
+    {"cost.own_weight", tiller_status_bad_cost, [](C& c) { c.cost.own_weight = kNan; }},
+    {"cost.own.size", tiller_status_version_mismatch, [](C& c) { own(c).size = 8; }},
+    {"cost.own.version", tiller_status_version_mismatch, [](C& c) { own(c).version = 1; }},
+    {"cost.own.stage", tiller_status_null_argument, [](C& c) { own(c).stage = nullptr; }},
     {"safety.input_low[0]", tiller_status_bad_limit, [](C& c) { c.safety.input_low[0] = -kInf; }},
     {"safety.input_high[0]", tiller_status_bad_limit, [](C& c) { c.safety.input_high[0] = -4.0; }},
     {"safety.input_high[0]", tiller_status_bad_limit, [](C& c) { c.safety.input_high[0] = kNan; }},
@@ -133,6 +228,55 @@ TEST(ConfigCheck, NamesTheFieldThatIsWrong) {
     EXPECT_STREQ(field, s.field);
     EXPECT_EQ(tiller_size(&c), 0u) << s.field;
   }
+}
+
+/// What is unusual and right: everything that a range ends with, each optional part given.
+TEST(ConfigCheck, AcceptsTheEndsOfTheRanges) {
+  C c = rig::pendulum_config();
+  tiller_planner_config_t& p = c.planner;
+  p.risk = tiller_risk_worst;
+  p.interpolation = tiller_interpolation_cubic;
+  p.adapt_covariance = p.predict_delay = 1;
+  p.noise_colour = 4.0;
+  p.filter = 1.0;
+  p.qp_iterations = 10000;
+  p.refine_iterations = 20;
+  p.regularisation = p.exploration = 0.0;
+  p.particles = 64;  // more than TILLER_MAX_SCENARIOS: gradient planners take the first ones
+  p.levels = 16;
+  p.nodes = 65536;
+  c.cost.terminal = tiller_terminal_lqr;
+  c.cost.saturating_weight = 1.0;
+  c.cost.saturating_width[0] = kInf;
+  c.cost.state_low[0] = -1.0;
+  c.cost.hard_bounds = 3;
+  (void)obstacle(c);
+  c.cost.obstacles[0].weight = 0.0;
+  c.cost.reference = kRows;
+  c.cost.reference_steps = 4;
+  demonstrate(c);
+  (void)own(c);
+  const char* field = nullptr;
+  EXPECT_EQ(tiller_config_check(&c, &field), tiller_status_ok) << field;
+}
+
+// levels^inputs children must fit into the pool, a choice into the horizon: where the planner is the tree search.
+TEST(ConfigCheck, TreeSearchSettingsGoTogether) {
+  std::uint32_t kind = 0;
+  while (kind < tiller_planner_kind_count && std::string(tiller::find_planner(kind)->name) != "mcts") ++kind;
+  C c = rig::pendulum_config();
+  const char* field = nullptr;
+  c.planner.levels = c.planner.nodes = 16;
+  EXPECT_EQ(tiller_config_check(&c, &field), tiller_status_ok) << "of no interest to mppi: " << field;
+  if (kind == tiller_planner_kind_count) GTEST_SKIP() << "built without a tree search";
+  c.planner.kind = kind;
+  EXPECT_EQ(tiller_config_check(&c, &field), tiller_status_bad_planner);
+  EXPECT_STREQ(field, "planner.levels");
+  c.planner.levels = 15;
+  EXPECT_EQ(tiller_config_check(&c, &field), tiller_status_ok) << field;
+  c.planner.hold_steps = c.planner.horizon + 1;
+  EXPECT_EQ(tiller_config_check(&c, &field), tiller_status_bad_planner);
+  EXPECT_STREQ(field, "planner.hold_steps");
 }
 
 /// A model table of the test's own; one member is spoiled at a time.

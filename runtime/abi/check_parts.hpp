@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cmath>
+
+#include "abi/checks.hpp"
+
+// What the groups of tiller_config_check share. Conditions are written so that a NaN fails them.
+
+namespace tiller {
+
+// names of array elements: a finding's field is a literal, so that nothing formats text here
+#define TILLER_FOUR(f) f "[0]", f "[1]", f "[2]", f "[3]"
+#define TILLER_EIGHT(f) TILLER_FOUR(f), f "[4]", f "[5]", f "[6]", f "[7]"
+#define TILLER_TWELVE(f) TILLER_EIGHT(f), f "[8]", f "[9]", f "[10]", f "[11]"
+#define TILLER_SIXTEEN(f) TILLER_TWELVE(f), f "[12]", f "[13]", f "[14]", f "[15]"
+using Names4 = const char* const[4];
+using Names8 = const char* const[8];
+using Names12 = const char* const[12];
+using Names16 = const char* const[16];
+static_assert(TILLER_MAX_INPUTS == 4, "names below");
+static_assert(TILLER_MAX_EFFECTS == 8, "names below");
+static_assert(TILLER_MAX_STATES == 12, "names below");
+static_assert(TILLER_MAX_MEASUREMENTS == 12, "names below");
+static_assert(TILLER_MAX_PARAMS == 16, "names below");
+
+constexpr Finding kGood = {};
+
+inline bool positive(double v) { return v > 0.0 && std::isfinite(v); }
+inline bool not_negative(double v) { return v >= 0.0 && std::isfinite(v); }
+inline bool in(std::uint32_t v, std::uint32_t low, std::uint32_t high) { return v >= low && v <= high; }
+
+Finding check_planner(const tiller_config_t& c);
+Finding check_cost(const tiller_config_t& c);
+
+}  // namespace tiller
