@@ -2,6 +2,7 @@
 
 #include "abi/check_parts.hpp"
 #include "planners/planner.hpp"
+#include "planners/qp/osqp_qp.hpp"
 
 // How is planned, and for what: the groups `planner` and `cost` of tiller_config_check.
 
@@ -34,7 +35,8 @@ Finding check_sampling(const tiller_planner_config_t& p, std::uint32_t inputs) {
 Finding check_gradient(const tiller_planner_config_t& p) {
   constexpr tiller_status_t kBad = tiller_status_bad_planner;
   if (p.shooting > tiller_shooting_multiple) return {kBad, "planner.shooting"};
-  if (p.qp_solver > tiller_qp_osqp) return {kBad, "planner.qp_solver"};
+  if (p.qp_solver > tiller_qp_osqp || (p.qp_solver == tiller_qp_osqp && !has_osqp()))
+    return {kBad, "planner.qp_solver"};
   if (!in(p.qp_iterations, 1, 10000)) return {kBad, "planner.qp_iterations"};
   if (p.refine_iterations > 20) return {kBad, "planner.refine_iterations"};
   if (!positive(p.qp_tolerance)) return {kBad, "planner.qp_tolerance"};
