@@ -77,7 +77,8 @@ RolloutJob<float> common_job(const Sampler& s) {
   job.horizon = s.grid.horizon;
   job.history = s.request->belief->history;
   job.previous_input = s.start_lanes;
-  job.cost = &s.cost_weights;
+  job.cost = &s.cost_terms;
+  job.task_step = s.request->task_step;
   return job;
 }
 

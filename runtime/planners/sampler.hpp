@@ -41,7 +41,7 @@ struct Sampler {
   const LaneTable* lanes = nullptr;
   const tiller_hooks_t* hooks = nullptr;
   std::uint64_t seed = 0;
-  CostWeights<float> cost_weights{};
+  CostTerms<float> cost_terms{};
   InputLimit limits[TILLER_MAX_INPUTS];
   double fallback[TILLER_MAX_INPUTS] = {};  // the safe command
 

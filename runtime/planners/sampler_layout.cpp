@@ -102,7 +102,7 @@ Sampler* lay_out_sampler(Arena& arena, const tiller_config_t& config, const Step
   s->lanes = &select_lanes(table.isa);
   s->hooks = hooks;
   s->seed = config.seed;
-  s->cost_weights = make_cost_weights<float>(config.cost);
+  if (lay_out_cost(config, setup, table, nullptr, &s->cost_terms) != tiller_status_ok) return nullptr;
   s->states = z.states;
   s->inputs = config.model->input_count;
   s->params = z.params;

@@ -6,12 +6,14 @@
 
 #include "rollout/lq_scenarios.hpp"
 #include "rollout/lq_sweep.hpp"
+#include "rollout/own_cost.hpp"
 #include "rollout/step.hpp"
 #include "scalar/pack.hpp"
 
 TILLER_ISA_NAMESPACE_BEGIN
 
-template <template <class> class M>
+/// Cost is a cost of one's own beside the model: see docs/costs.md.
+template <template <class> class M, template <class> class Cost = NoCost>
 struct Kernel {
   using Model = StaticModel<M>;
   static constexpr int kStates = Model::kStates, kInputs = Model::kInputs;
@@ -37,14 +39,20 @@ struct Kernel {
     for (int i = Model::kParams; i < last; ++i) p.effect[i - Model::kParams] = S(load_row<P>(rows, i, lane));
   }
 
+  /// Every term; out of line, so that the loops of a quadratic cost keep their registers to themselves.
   template <class P, class T>
-  static TILLER_INLINE P input_cost(const CostWeights<T>& cost, const typename Model::template Input<P>& u,
-                                    const typename Model::template Input<P>& before) {
-    P sum = P(0.0);
-    each(Model::nu(), [&](auto i) {
-      const P change = u[i] - before[i];
-      sum = sum + P(cost.input[i]) * u[i] * u[i] + P(cost.input_rate[i]) * change * change;
-    });
+  static __attribute__((noinline)) P every_cost(const RolloutJob<T>& job, std::uint32_t step,
+                                                const typename Model::template State<P>& x,
+                                                const typename Model::template Input<P>* u,
+                                                const typename Model::template Input<P>& before,
+                                                const typename Model::template Params<P>& p) {
+    const CostTerms<T>& cost = *job.cost;
+    const std::uint64_t row = job.task_step + step;
+    P sum = u ? every_state_cost<Model, P>(Model{}, cost, cost.state, row, x) +
+                    input_cost<Model, P>(Model{}, cost, *u, before)
+              : every_terminal_cost<Model, P>(Model{}, cost, row, x);
+    if (cost.has(kCostOwnTemplate) || cost.has(kCostOwnFunction))
+      sum = sum + OwnCost<Model, Cost, P>::evaluate(cost, x, u, p, static_cast<double>(row) * job.setup->period_s);
     return sum;
   }
 
@@ -55,7 +63,8 @@ struct Kernel {
   }
 
   /// The whole horizon of kRegisters registers beginning at `lane`.
-  template <class T, int kRegisters, bool kEffects, bool kSplat, tiller_integrator_t kIntegrator>
+  /// kExtra: the cost may have more than its quadratic terms.
+  template <class T, int kRegisters, bool kEffects, bool kSplat, bool kExtra, tiller_integrator_t kIntegrator>
   static void roll(const Stepper<Model, Pack<T>>& stepper, const RolloutJob<T>& job, std::uint32_t lane) {
     using P = Pack<T>;
     using Input = typename Model::template Input<P>;
@@ -92,8 +101,11 @@ struct Kernel {
         Input u;
         load_fields<P, P>(u, Model::nu(), job.controls, static_cast<int>(step) * kInputs, at);
         if (job.cost) {
-          cost[r] = cost[r] + state_cost<Model, P>(stepper.model, job.cost->target, job.cost->state, t[r].x) +
-                    input_cost<P>(*job.cost, u, before[r]);
+          if (kExtra && !job.cost->only_quadratic())
+            cost[r] = cost[r] + every_cost<P>(job, step, t[r].x, &u, before[r], params.model);
+          else
+            cost[r] = cost[r] + state_cost<Model, P>(stepper.model, job.cost->target, job.cost->state, t[r].x) +
+                      input_cost<Model, P>(stepper.model, *job.cost, u, before[r]);
           before[r] = u;
         }
         if constexpr (kEffects) {
@@ -110,9 +122,12 @@ struct Kernel {
     }
     for (int r = 0; r < kRegisters; ++r) {
       const std::uint32_t at = lane + static_cast<std::uint32_t>(r * P::width);
-      if (job.cost && job.cost_out)
-        (cost[r] + state_cost<Model, P>(stepper.model, job.cost->target, job.cost->terminal, t[r].x))
-            .store(job.cost_out + at);
+      if (job.cost && job.cost_out) {
+        const P last = kExtra && !job.cost->only_quadratic()
+                           ? every_cost<P>(job, job.horizon, t[r].x, nullptr, before[r], p[kSplat ? 0 : r].model)
+                           : state_cost<Model, P>(stepper.model, job.cost->target, job.cost->terminal, t[r].x);
+        (cost[r] + last).store(job.cost_out + at);
+      }
       if (job.trajectory)
         store_state<T>(job.trajectory + static_cast<std::size_t>(job.horizon) * kStates * job.lanes, job.lanes, at,
                        t[r].x);
@@ -123,30 +138,33 @@ struct Kernel {
     }
   }
 
-  template <class T, int kRegisters, bool kEffects, bool kSplat, tiller_integrator_t kIntegrator>
+  template <class T, int kRegisters, bool kEffects, bool kSplat, bool kExtra, tiller_integrator_t kIntegrator>
   static void roll_all(const RolloutJob<T>& job) {
     const Stepper<Model, Pack<T>> stepper({}, *job.setup, job.period_s > 0.0 ? job.period_s : job.setup->period_s);
     constexpr std::uint32_t kWidth = static_cast<std::uint32_t>(Pack<T>::width);
     std::uint32_t lane = 0;
     for (; lane + kRegisters * kWidth <= job.lanes; lane += kRegisters * kWidth)
-      roll<T, kRegisters, kEffects, kSplat, kIntegrator>(stepper, job, lane);
-    for (; lane < job.lanes; lane += kWidth) roll<T, 1, kEffects, kSplat, kIntegrator>(stepper, job, lane);
+      roll<T, kRegisters, kEffects, kSplat, kExtra, kIntegrator>(stepper, job, lane);
+    for (; lane < job.lanes; lane += kWidth) roll<T, 1, kEffects, kSplat, kExtra, kIntegrator>(stepper, job, lane);
   }
 
+  template <bool kExtra>
+  static void roll_bare(const RolloutJob<float>& job) {
+    switch (job.setup->integrator) {
+      case tiller_integrator_semi_implicit_euler:
+        return roll_all<float, 4, false, true, kExtra, tiller_integrator_semi_implicit_euler>(job);
+      case tiller_integrator_midpoint: return roll_all<float, 4, false, true, kExtra, tiller_integrator_midpoint>(job);
+      default: return roll_all<float, 4, false, true, kExtra, tiller_integrator_rk4>(job);
+    }
+  }
   /// Planning without effects is the path worth a copy per integrator; everything else shares one.
   static void rollout_f32(const tiller_model_t&, const RolloutJob<float>& job) {
-    if (job.setup->effect_count == 0 && job.params.splat()) {
-      switch (job.setup->integrator) {
-        case tiller_integrator_semi_implicit_euler:
-          return roll_all<float, 4, false, true, tiller_integrator_semi_implicit_euler>(job);
-        case tiller_integrator_midpoint: return roll_all<float, 4, false, true, tiller_integrator_midpoint>(job);
-        default: return roll_all<float, 4, false, true, tiller_integrator_rk4>(job);
-      }
-    }
-    roll_all<float, 2, true, false, tiller_integrator_rk4>(job);
+    if (job.setup->effect_count == 0 && job.params.splat())
+      return !job.cost || job.cost->only_quadratic() ? roll_bare<false>(job) : roll_bare<true>(job);
+    roll_all<float, 2, true, false, true, tiller_integrator_rk4>(job);
   }
   static void rollout_f64(const tiller_model_t&, const RolloutJob<double>& job) {
-    roll_all<double, 2, true, false, tiller_integrator_rk4>(job);
+    roll_all<double, 2, true, false, true, tiller_integrator_rk4>(job);
   }
 
   // ---- linearisation -----------------------------------------------------------------------------
@@ -212,6 +230,7 @@ struct Kernel {
     t.lq = &kLq;
     t.lq_rate = &kLqRate;
     t.lq_scenarios = &kLqScenarios;
+    t.own_cost = OwnCost<Model, Cost, double>::kTemplate;
     return t;
   }
 };

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "rollout/cost.hpp"
 #include "scalar/isa.hpp"
 #include "tiller/tiller.h"
 
@@ -39,18 +40,6 @@ struct StepSetup {
 /// Refuses (bad_effect) an effect whose port the model lacks.
 tiller_status_t make_step_setup(const tiller_config_t& config, StepSetup& setup);
 
-/// Weights of the quadratic cost, in the precision of the rollouts.
-template <class T>
-struct CostWeights {
-  T target[TILLER_MAX_STATES];
-  T state[TILLER_MAX_STATES];
-  T terminal[TILLER_MAX_STATES];
-  T input[TILLER_MAX_INPUTS];
-  T input_rate[TILLER_MAX_INPUTS];
-};
-template <class T>
-CostWeights<T> make_cost_weights(const tiller_cost_config_t& cost);
-
 /// One batch: `lanes` trajectories of `horizon` periods. All rows are padded: `lanes` is a multiple of
 /// kLanePadding and every lane array is readable (writable) up to that.
 constexpr std::uint32_t kLanePadding = 16;
@@ -60,19 +49,20 @@ struct RolloutJob {
   const StepSetup* setup = nullptr;
   std::uint32_t lanes = 0;
   std::uint32_t horizon = 0;
-  double period_s = 0.0;                 // 0: the setup's; else a measured period
-  Lanes<T> state;                        // (nx) start
-  Lanes<T> params;                       // (np) model's, then effects'
-  Lanes<T> effect_state;                 // (ns) start
-  Lanes<T> controls;                     // (horizon * nu)
-  const T* history = nullptr;            // (delay_steps x nu) commands before controls[0], newest first; may be
-                                         // null where delay_steps is 0 and the cost has no input-rate weight
-  const T* previous_input = nullptr;     // (nu) for the input-rate cost of step 0; null: as controls[0]
-  const CostWeights<T>* cost = nullptr;  // null: no cost
-  T* cost_out = nullptr;                 // (lanes)
-  T* final_state = nullptr;              // (nx x lanes), row stride `lanes`; nullable
-  T* final_effect_state = nullptr;       // (ns x lanes); nullable
-  T* trajectory = nullptr;               // ((horizon + 1) * nx x lanes); nullable
+  double period_s = 0.0;               // 0: the setup's; else a measured period
+  Lanes<T> state;                      // (nx) start
+  Lanes<T> params;                     // (np) model's, then effects'
+  Lanes<T> effect_state;               // (ns) start
+  Lanes<T> controls;                   // (horizon * nu)
+  const T* history = nullptr;          // (delay_steps x nu) commands before controls[0], newest first; may be
+                                       // null where delay_steps is 0 and the cost has no input-rate weight
+  const T* previous_input = nullptr;   // (nu) for the input-rate cost of step 0; null: as controls[0]
+  const CostTerms<T>* cost = nullptr;  // null: no cost
+  std::uint64_t task_step = 0;         // periods since the task began: the time row of step 0
+  T* cost_out = nullptr;               // (lanes)
+  T* final_state = nullptr;            // (nx x lanes), row stride `lanes`; nullable
+  T* final_effect_state = nullptr;     // (ns x lanes); nullable
+  T* trajectory = nullptr;             // ((horizon + 1) * nx x lanes); nullable
 };
 
 /// One period, linearised by dual numbers: next = f(state, u), a = d next / d state, b = d next / d u.
@@ -92,6 +82,39 @@ struct LineariseJob {
 };
 
 struct LqKernel;
+/// The cost along one trajectory, to second order: lane l is step l of the horizon, at time row task_step + l. The
+/// first `stages` lanes are steps; with `terminal` set, lane `stages` is the horizon's last state (no input) and
+/// stages < lanes. What stands in the lanes behind that is not defined.
+///
+///   cost(x + dx, u + du, b + db) ~ value + lx' dx + lu' du + lb' db
+///                                  + 1/2 dx' lxx dx + du' lux dx + 1/2 du' luu du + the rate's coupling
+///
+/// with b the input of the step before. The input rate's term s (u - b)^2 is in value, lu, lb = -2 s (u - b) and luu
+/// (its 2 s); its other second derivatives are constant and diagonal: lbb = 2 s, lub = -2 s, s = cost->input_rate.
+///
+/// [lxx lux'; lux luu] is positive semidefinite. Exact: quadratic terms, demonstration, cost-to-go. Saturating:
+/// w exp(-q/2) diag(1/width^2), the true one without its negative part. Bounds and obstacles: Gauss-Newton. Own cost:
+/// the true one (nested duals of the template, central differences of a C function) with its negative eigenvalues
+/// set to 0. lux is zero but for an own cost.
+struct QuadratiseJob {
+  const StepSetup* setup = nullptr;
+  const CostTerms<double>* cost = nullptr;
+  std::uint32_t lanes = 0;   // a multiple of kLanePadding
+  std::uint32_t stages = 0;  // <= lanes
+  bool terminal = false;
+  std::uint64_t task_step = 0;  // time row of lane 0
+  Lanes<double> state;          // (nx)
+  Lanes<double> control;        // (nu); what stands in the terminal's lane has no say
+  Lanes<double> before;         // (nu) control of the step before
+  Lanes<double> params;         // (np) for an own cost
+  double* value = nullptr;      // (lanes); every output is nullable
+  double* lx = nullptr;         // (nx x lanes)
+  double* lu = nullptr;         // (nu x lanes)
+  double* lb = nullptr;         // (nu x lanes)
+  double* lxx = nullptr;        // (nx * nx x lanes), row r * nx + c
+  double* luu = nullptr;        // (nu * nu x lanes)
+  double* lux = nullptr;        // (nu * nx x lanes), row r * nx + c: input r, state c
+};
 
 /// The type erasure: one table per (model, instruction set), one batch x horizon a call.
 struct RolloutTable {
@@ -105,6 +128,8 @@ struct RolloutTable {
   const LqKernel* lq = nullptr;
   const LqKernel* lq_rate = nullptr;
   const LqKernel* lq_scenarios = nullptr;
+  void (*quadratise)(const tiller_model_t& model, const QuadratiseJob& job) = nullptr;
+  bool own_cost = false;  // compiled with a cost template beside the model
 };
 
 /// A model compiled from a template: its tables by instruction set; null where not built.

@@ -50,23 +50,6 @@ tiller_status_t make_step_setup(const tiller_config_t& config, StepSetup& setup)
   return param == config.param_count ? tiller_status_ok : tiller_status_bad_dimension;
 }
 
-template <class T>
-CostWeights<T> make_cost_weights(const tiller_cost_config_t& cost) {
-  CostWeights<T> w{};
-  for (int i = 0; i < TILLER_MAX_STATES; ++i) {
-    w.target[i] = static_cast<T>(cost.target[i]);
-    w.state[i] = static_cast<T>(cost.state_weight[i]);
-    w.terminal[i] = static_cast<T>(cost.terminal_weight[i]);
-  }
-  for (int i = 0; i < TILLER_MAX_INPUTS; ++i) {
-    w.input[i] = static_cast<T>(cost.input_weight[i]);
-    w.input_rate[i] = static_cast<T>(cost.input_rate_weight[i]);
-  }
-  return w;
-}
-template CostWeights<float> make_cost_weights<float>(const tiller_cost_config_t&);
-template CostWeights<double> make_cost_weights<double>(const tiller_cost_config_t&);
-
 double state_difference(const tiller_model_t& model, std::uint32_t i, double a, double b) {
   const double difference = a - b;
   return (model.angle_mask >> i) & 1u ? std::remainder(difference, 6.283185307179586) : difference;

@@ -186,18 +186,4 @@ struct Stepper {
   }
 };
 
-/// Quadratic cost; one text for lanes and duals. `state` is Q or Qf.
-template <class Model, class S, class T>
-TILLER_INLINE S state_cost(const Model& model, const T* target, const T* weight,
-                           const typename Model::template State<S>& x) {
-  S sum = S(0.0);
-  each(model.nx(), [&](auto i) {
-    S difference = x[i] - S(target[i]);
-    if (model.is_angle(i))
-      difference = difference - S(6.283185307179586) * nearest(difference * S(0.15915494309189535));
-    sum = sum + S(weight[i]) * difference * difference;
-  });
-  return sum;
-}
-
 }  // namespace tiller

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "rollout/cost_text.hpp"
 #include "rollout/step.hpp"
 
 namespace tiller {
@@ -30,13 +31,27 @@ void load(const TableModel& model, const StepSetup& setup, const Lanes<T>& state
 }
 
 template <class T>
-double input_cost(const CostWeights<T>& cost, int count, const double* u, const double* before) {
-  double sum = 0.0;
-  for (int i = 0; i < count; ++i) {
-    const double change = u[i] - before[i];  // NOLINT(clang-analyzer-core.UndefinedBinaryOperatorResult): nu are set
-    sum += static_cast<double>(cost.input[i]) * u[i] * u[i] + static_cast<double>(cost.input_rate[i]) * change * change;
-  }
-  return sum;
+double own_cost(const RolloutJob<T>& job, std::uint64_t row, const double* x, const double* u, const double* p) {
+  const CostTerms<T>& cost = *job.cost;
+  if (!cost.has(kCostOwnFunction)) return 0.0;
+  const double time_s = static_cast<double>(row) * job.setup->period_s;
+  if (u) return static_cast<double>(cost.own_weight) * cost.own->stage(x, u, p, time_s, cost.own->context);
+  if (!cost.own->terminal) return 0.0;
+  return static_cast<double>(cost.own_weight) * cost.own->terminal(x, p, time_s, cost.own->context);
+}
+
+template <class T>
+double stage_cost(const TableModel& model, const RolloutJob<T>& job, std::uint32_t step, const Step::State& x,
+                  const Step::Input& u, const Step::Input& before, const double* p) {
+  const std::uint64_t row = job.task_step + step;
+  return every_state_cost<TableModel, double>(model, *job.cost, job.cost->state, row, x) +
+         input_cost<TableModel, double>(model, *job.cost, u, before) + own_cost(job, row, x.v, u.v, p);
+}
+
+template <class T>
+double terminal_cost(const TableModel& model, const RolloutJob<T>& job, const Step::State& x, const double* p) {
+  const std::uint64_t row = job.task_step + job.horizon;
+  return every_terminal_cost<TableModel, double>(model, *job.cost, row, x) + own_cost(job, row, x.v, nullptr, p);
 }
 
 template <class T>
@@ -46,7 +61,7 @@ void roll_lane(const TableModel& model, const Step& step, const RolloutJob<T>& j
   Trajectory<TableModel, double> t{};
   Parameters<TableModel, double> p{};
   load(model, setup, job.state, job.params, job.effect_state, lane, t, p);
-  double before[TILLER_MAX_INPUTS];
+  Step::Input before{};
   for (int i = 0; i < nu; ++i)
     before[i] = job.previous_input ? static_cast<double>(job.previous_input[i])
                                    : cell(job.controls, static_cast<std::size_t>(i), lane);
@@ -59,9 +74,8 @@ void roll_lane(const TableModel& model, const Step& step, const RolloutJob<T>& j
     Step::Input u{};
     for (int i = 0; i < nu; ++i) u[i] = cell(job.controls, static_cast<std::size_t>(k) * nu + i, lane);
     if (job.cost) {
-      cost += state_cost<TableModel, double>(model, job.cost->target, job.cost->state, t.x) +
-              input_cost(*job.cost, nu, u.v, before);
-      for (int i = 0; i < nu; ++i) before[i] = u[i];
+      cost += stage_cost(model, job, k, t.x, u, before, p.model.v);
+      before = u;
     }
     const auto past = [&](int age, int input) {
       const int then = static_cast<int>(k) - age;
@@ -73,9 +87,7 @@ void roll_lane(const TableModel& model, const Step& step, const RolloutJob<T>& j
     };
     step.advance(t, step.acting_command(u, p, past), p);
   }
-  if (job.cost && job.cost_out)
-    job.cost_out[lane] =
-        static_cast<T>(cost + state_cost<TableModel, double>(model, job.cost->target, job.cost->terminal, t.x));
+  if (job.cost && job.cost_out) job.cost_out[lane] = static_cast<T>(cost + terminal_cost(model, job, t.x, p.model.v));
   if (job.trajectory) keep(job.trajectory + static_cast<std::size_t>(job.horizon) * nx * job.lanes);
   if (job.final_state) keep(job.final_state);
   if (job.final_effect_state)

@@ -16,7 +16,7 @@ double lane_of(const tiller::Lanes<float>& rows, std::uint32_t row, std::uint32_
 void rollout(const tiller_model_t& model, const tiller::RolloutJob<float>& job) {
   if (on_plain_rollout) on_plain_rollout();
   const double dt = job.setup->period_s;
-  const tiller::CostWeights<float>& w = *job.cost;
+  const tiller::CostTerms<float>& w = *job.cost;
   for (std::uint32_t lane = 0; lane < job.lanes; ++lane) {
     double x[TILLER_MAX_STATES], p[TILLER_MAX_PARAMS] = {}, u[TILLER_MAX_INPUTS], before[TILLER_MAX_INPUTS];
     double dxdt[TILLER_MAX_STATES];

@@ -35,7 +35,7 @@ struct Batch {
   std::uint32_t lanes, horizon, nx, nu, np;
   std::vector<T> state, params, controls, effect_state, history, cost, final_state, final_effect, trajectory;
   StepSetup setup;
-  CostWeights<T> weights;
+  CostTerms<T> weights{};
   RolloutJob<T> job;
 
   Batch(const tiller_config_t& config, std::uint32_t lane_count, std::uint32_t steps, std::uint64_t seed = 1)

@@ -162,7 +162,7 @@ void add_parts(bench::Table& table, const std::shared_ptr<Planning>& p) {
     job.params = {s.particle_params, 0};
     job.controls = {s.controls, s.chunk_lanes};
     job.previous_input = s.start_lanes;
-    job.cost = &s.cost_weights;
+    job.cost = &s.cost_terms;
     job.cost_out = s.particle_cost;
     for (auto _ : state)
       for (std::uint32_t chunk = 0; chunk < s.chunks; ++chunk) s.table->rollout_f32(*s.model, job);

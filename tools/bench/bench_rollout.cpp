@@ -10,6 +10,7 @@
 
 #include "bench_table.hpp"
 #include "models/cart_pole.hpp"
+#include "rollout/cost_text.hpp"
 #include "rollout/rollout.hpp"
 #include "rollout/step.hpp"
 
@@ -41,7 +42,7 @@ tiller_config_t cart_pole_config(tiller_integrator_t integrator) {
 template <class T>
 struct Batch {
   std::vector<T> state, params, controls, cost, effect_state, history;
-  CostWeights<T> weights;
+  CostTerms<T> weights;
   StepSetup setup;
   RolloutJob<T> job;
 
@@ -52,7 +53,7 @@ struct Batch {
         cost(kRollouts),
         effect_state(TILLER_MAX_EFFECT_STATES),
         history(TILLER_MAX_DELAY_STEPS),
-        weights(make_cost_weights<T>(config.cost)) {
+        weights(make_cost_terms<T>(config.cost)) {
     if (make_step_setup(config, setup) != tiller_status_ok) std::abort();
     for (std::size_t i = 0; i < controls.size(); ++i) controls[i] = T(10.0 * std::sin(0.37 * double(i % 7919)));
     params.resize(TILLER_MAX_PARAMS, T(0.01));

@@ -1,0 +1,95 @@
+#include "rollout/cost.hpp"
+
+#include <cmath>
+
+#include "rollout/cost_to_go.hpp"
+#include "rollout/rollout.hpp"
+
+namespace tiller {
+namespace {
+
+/// Which terms have a weight.
+std::uint32_t present_terms(const tiller_cost_config_t& cost) {
+  std::uint32_t terms = 0;
+  if (cost.saturating_weight > 0.0) terms |= kCostSaturating;
+  for (double weight : cost.bound_weight)
+    if (weight > 0.0) terms |= kCostBounds;
+  for (std::uint32_t k = 0; k < cost.obstacle_count; ++k)
+    if (cost.obstacles[k].weight > 0.0) terms |= kCostObstacles;
+  if (cost.reference && cost.reference_steps > 0) terms |= kCostReference;
+  if (cost.demonstration_weight > 0.0 && cost.demonstration_mean && cost.demonstration_root &&
+      cost.demonstration_steps > 0)
+    terms |= kCostDemonstration;
+  if (cost.own_weight > 0.0) terms |= cost.own ? kCostOwnFunction : kCostOwnTemplate;
+  return terms;
+}
+
+template <class T>
+void take_states(const tiller_cost_config_t& cost, CostTerms<T>& terms) {
+  for (int i = 0; i < TILLER_MAX_STATES; ++i) {
+    terms.target[i] = static_cast<T>(cost.target[i]);
+    terms.state[i] = static_cast<T>(cost.state_weight[i]);
+    terms.terminal[i] = static_cast<T>(cost.terminal_weight[i]);
+    const double width = cost.saturating_width[i];
+    terms.inverse_width[i] = width > 0.0 ? static_cast<T>(1.0 / width) : T(0);
+    // a bound without a weight is none, whatever stands there
+    const bool bounded = cost.bound_weight[i] > 0.0;
+    terms.low[i] = bounded ? static_cast<T>(cost.state_low[i]) : T(-INFINITY);
+    terms.high[i] = bounded ? static_cast<T>(cost.state_high[i]) : T(INFINITY);
+    terms.bound[i] = bounded ? static_cast<T>(cost.bound_weight[i]) : T(0);
+  }
+}
+
+}  // namespace
+
+template <class T>
+CostTerms<T> make_cost_terms(const tiller_cost_config_t& cost) {
+  CostTerms<T> terms{};
+  take_states(cost, terms);
+  for (int i = 0; i < TILLER_MAX_INPUTS; ++i) {
+    terms.input[i] = static_cast<T>(cost.input_weight[i]);
+    terms.input_rate[i] = static_cast<T>(cost.input_rate_weight[i]);
+  }
+  terms.extra = present_terms(cost);
+  terms.saturating_weight = static_cast<T>(cost.saturating_weight);
+  for (std::uint32_t k = 0; k < cost.obstacle_count && k < TILLER_MAX_OBSTACLES; ++k) {
+    const tiller_obstacle_t& o = cost.obstacles[k];
+    if (!(o.weight > 0.0)) continue;
+    terms.obstacles[terms.obstacle_count++] = {o.x_state,
+                                               o.y_state,
+                                               static_cast<T>(o.x_m),
+                                               static_cast<T>(o.y_m),
+                                               static_cast<T>(o.radius_m),
+                                               static_cast<T>(o.weight)};
+  }
+  terms.reference = cost.reference;
+  terms.reference_rows = cost.reference_steps;
+  terms.demonstration_mean = cost.demonstration_mean;
+  terms.demonstration_root = cost.demonstration_root;
+  terms.demonstration_rows = cost.demonstration_steps;
+  terms.demonstration_weight = static_cast<T>(cost.demonstration_weight);
+  terms.own = cost.own;
+  terms.own_weight = static_cast<T>(cost.own_weight);
+  return terms;
+}
+template CostTerms<float> make_cost_terms<float>(const tiller_cost_config_t&);
+template CostTerms<double> make_cost_terms<double>(const tiller_cost_config_t&);
+
+tiller_status_t lay_out_cost(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+                             CostTerms<double>* exact, CostTerms<float>* lanes) {
+  if (exact) *exact = make_cost_terms<double>(config.cost);
+  if (lanes) *lanes = make_cost_terms<float>(config.cost);
+  if (config.cost.terminal != tiller_terminal_lqr) return tiller_status_ok;
+  double p[TILLER_MAX_STATES * TILLER_MAX_STATES] = {};
+  if (!lqr_cost_to_go(config, setup, table, p)) return tiller_status_bad_cost;
+  const std::uint32_t count = config.model->state_count * config.model->state_count;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    if (exact) exact->cost_to_go[i] = p[i];
+    if (lanes) lanes->cost_to_go[i] = static_cast<float>(p[i]);
+  }
+  if (exact) exact->extra |= kCostToGo;
+  if (lanes) lanes->extra |= kCostToGo;
+  return tiller_status_ok;
+}
+
+}  // namespace tiller

@@ -1,0 +1,83 @@
+#pragma once
+
+// The cost of a trajectory, as the kernels hold it: every term of tiller_cost_config_t in the precision of the
+// rollouts. The formulas are in cost_text.hpp, one text for numbers, lanes and duals; docs/costs.md explains them.
+
+#include <cstddef>
+#include <cstdint>
+
+#include "tiller/tiller.h"
+
+namespace tiller {
+
+struct RolloutTable;
+struct StepSetup;
+
+/// Terms beyond the quadratic around one target, as bits of CostTerms::extra.
+enum CostTerm : std::uint32_t {
+  kCostSaturating = 1u << 0,
+  kCostBounds = 1u << 1,
+  kCostObstacles = 1u << 2,
+  kCostReference = 1u << 3,
+  kCostDemonstration = 1u << 4,
+  kCostToGo = 1u << 5,         // the matrix at the end of the horizon
+  kCostOwnFunction = 1u << 6,  // the caller's, in C
+  kCostOwnTemplate = 1u << 7   // the one that the kernel was compiled with
+};
+
+/// A circle to keep out of.
+template <class T>
+struct CostObstacle {
+  std::uint32_t x_state, y_state;
+  T x_m, y_m, radius_m, weight;
+};
+
+/// Plain data: it may be copied, and lies in the planner's part of the block. The arrays of a reference or a
+/// demonstration are the caller's doubles and are read row by row as they are.
+template <class T>
+struct CostTerms {
+  T target[TILLER_MAX_STATES];
+  T state[TILLER_MAX_STATES];     // Q
+  T terminal[TILLER_MAX_STATES];  // Qf
+  T input[TILLER_MAX_INPUTS];
+  T input_rate[TILLER_MAX_INPUTS];
+
+  std::uint32_t extra;  // CostTerm bits; 0: quadratic around `target`, and nothing below is read
+  std::uint32_t obstacle_count;
+  T saturating_weight;
+  T inverse_width[TILLER_MAX_STATES];  // 0 where a state has no say
+  T low[TILLER_MAX_STATES], high[TILLER_MAX_STATES], bound[TILLER_MAX_STATES];
+  CostObstacle<T> obstacles[TILLER_MAX_OBSTACLES];
+  T cost_to_go[TILLER_MAX_STATES * TILLER_MAX_STATES];  // P, (nx x nx) row-major, symmetric
+
+  const double* reference;           // (reference_rows x nx)
+  const double* demonstration_mean;  // (demonstration_rows x nx)
+  const double* demonstration_root;  // (demonstration_rows x nx x nx)
+  std::uint32_t reference_rows, demonstration_rows;
+  T demonstration_weight;
+  T own_weight;
+  const tiller_own_cost_t* own;
+
+  bool only_quadratic() const { return extra == 0; }
+  bool has(CostTerm term) const { return (extra & term) != 0; }
+};
+
+/// Every term but the cost-to-go matrix, which takes a model: see lay_out_cost.
+template <class T>
+CostTerms<T> make_cost_terms(const tiller_cost_config_t& cost);
+
+/// Every term, in both precisions; either may be null. With tiller_terminal_lqr the cost-to-go of the infinite horizon
+/// around the target: parameters at their priors' centres, the constant input that holds the target best, the
+/// differences of state and input from there (delays, lags and dry friction left out). The discrete Riccati equation
+/// is solved by structure-preserving doubling (Chu, Fan, Lin and Wang 2004, Int. J. Control 77:767). bad_cost where it
+/// has no solution: an unstable motion that no input reaches, or an input without a weight.
+/// No memory but the stack's (about 60 kB); about 0.1 ms.
+tiller_status_t lay_out_cost(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+                             CostTerms<double>* exact, CostTerms<float>* lanes);
+
+/// Row of a table of `rows` that is due at `step`: the last row holds.
+inline __attribute__((always_inline)) std::size_t cost_row(std::uint64_t step, std::uint32_t rows) {
+  return step < rows ? static_cast<std::size_t>(step) : std::size_t{rows} - 1;
+}
+
+}  // namespace tiller

@@ -1,0 +1,203 @@
+#include "rollout/cost_to_go.hpp"
+
+#include <cmath>
+
+namespace tiller {
+namespace {
+
+constexpr int kMaxN = TILLER_MAX_STATES;
+
+/// A small square matrix with its size; row-major.
+struct Square {
+  int n;
+  double v[kMaxN * kMaxN];
+  double& operator()(int r, int c) { return v[r * n + c]; }
+  double operator()(int r, int c) const { return v[r * n + c]; }
+};
+
+Square zero(int n) {
+  Square m{};
+  m.n = n;
+  return m;
+}
+Square product(const Square& a, const Square& b) {
+  Square m = zero(a.n);
+  for (int r = 0; r < a.n; ++r)
+    for (int k = 0; k < a.n; ++k)
+      for (int c = 0; c < a.n; ++c) m(r, c) += a(r, k) * b(k, c);
+  return m;
+}
+Square transpose(const Square& a) {
+  Square m = zero(a.n);
+  for (int r = 0; r < a.n; ++r)
+    for (int c = 0; c < a.n; ++c) m(r, c) = a(c, r);
+  return m;
+}
+
+/// m x = b for the n columns of b, by elimination with partial pivoting; false where m is singular.
+bool solve(Square m, Square& b) {
+  const int n = m.n;
+  for (int k = 0; k < n; ++k) {
+    int pivot = k;
+    for (int r = k + 1; r < n; ++r)
+      if (std::fabs(m(r, k)) > std::fabs(m(pivot, k))) pivot = r;
+    if (!(std::fabs(m(pivot, k)) > 0.0)) return false;
+    for (int c = 0; c < n; ++c) {
+      const double one = m(k, c), other = b(k, c);
+      m(k, c) = m(pivot, c), m(pivot, c) = one;
+      b(k, c) = b(pivot, c), b(pivot, c) = other;
+    }
+    for (int r = 0; r < n; ++r) {
+      if (r == k) continue;
+      const double factor = m(r, k) / m(k, k);
+      for (int c = 0; c < n; ++c) m(r, c) -= factor * m(k, c), b(r, c) -= factor * b(k, c);
+    }
+  }
+  for (int r = 0; r < n; ++r)
+    for (int c = 0; c < n; ++c) b(r, c) /= m(r, r);
+  return true;
+}
+
+/// What a parameter is before anything was measured.
+double centre(const tiller_prior_t& prior) {
+  if (prior.kind == tiller_prior_fixed) return prior.a;
+  if (prior.kind == tiller_prior_uniform) return 0.5 * (prior.low + prior.high);
+  return std::fmin(std::fmax(prior.a, prior.low), prior.high);
+}
+
+/// The model around the target: one period, x+ = next + a dx + b du.
+struct LinearModel {
+  int nx, nu;
+  double next[kMaxN];
+  double a[kMaxN * kMaxN];
+  double b[kMaxN * TILLER_MAX_INPUTS];
+};
+
+/// The setup with those effects alone that are smooth at rest and have no memory: a delay or a lag would hide the input
+/// from the state, and dry friction holds whatever stands still (even with a coefficient of zero, in its derivative).
+StepSetup without_memory(const StepSetup& setup) {
+  StepSetup s = setup;
+  s.effect_count = 0;
+  s.delay_steps = 0;
+  for (std::uint32_t e = 0; e < setup.effect_count; ++e)
+    if (setup.effects[e].kind == tiller_effect_viscous_friction ||
+        setup.effects[e].kind == tiller_effect_constant_offset)
+      s.effects[s.effect_count++] = setup.effects[e];
+  return s;
+}
+
+/// Around the target with the parameters at their priors' centres. The kernels work in whole registers, hence the
+/// padding.
+struct Linearisation {
+  double params[TILLER_MAX_PARAMS] = {};
+  double effect_state[TILLER_MAX_EFFECT_STATES] = {};
+  double history[(TILLER_MAX_DELAY_STEPS + 1) * TILLER_MAX_INPUTS] = {};
+  double next[kMaxN * kLanePadding];
+  double a[kMaxN * kMaxN * kLanePadding];
+  double b[kMaxN * TILLER_MAX_INPUTS * kLanePadding];
+
+  explicit Linearisation(const tiller_config_t& config) {
+    for (std::uint32_t i = 0; i < config.param_count && i < TILLER_MAX_PARAMS; ++i)
+      params[i] = centre(config.priors[i]);
+  }
+  LinearModel at(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table, const double* u) {
+    LinearModel m{};
+    m.nx = static_cast<int>(config.model->state_count);
+    m.nu = static_cast<int>(config.model->input_count);
+    LineariseJob job;
+    job.setup = &setup;
+    job.lanes = kLanePadding;
+    job.state = {config.cost.target, 0};
+    job.params = {params, 0};
+    job.effect_state = {effect_state, 0};
+    job.control = {u, 0};
+    job.history = history;
+    job.next_state = next;
+    job.a = a;
+    job.b = b;
+    table.linearise(*config.model, job);
+    for (int i = 0; i < m.nx; ++i) m.next[i] = next[i * static_cast<int>(kLanePadding)];
+    for (int i = 0; i < m.nx * m.nx; ++i) m.a[i] = a[i * static_cast<int>(kLanePadding)];
+    for (int i = 0; i < m.nx * m.nu; ++i) m.b[i] = b[i * static_cast<int>(kLanePadding)];
+    return m;
+  }
+};
+
+/// One Gauss-Newton step towards the input that holds the target: min |next + b du - target|^2, the smallest du where
+/// several do. False where it is not finite.
+bool hold_target(const tiller_config_t& config, const LinearModel& m, double* u) {
+  Square normal = zero(m.nu), right = zero(m.nu);
+  double largest = 0.0;
+  for (int r = 0; r < m.nu; ++r)
+    for (int c = 0; c < m.nu; ++c) {
+      for (int i = 0; i < m.nx; ++i) normal(r, c) += m.b[i * m.nu + r] * m.b[i * m.nu + c];
+      largest = std::fmax(largest, std::fabs(normal(r, c)));
+    }
+  if (!(largest > 0.0)) return std::isfinite(largest);
+  for (int r = 0; r < m.nu; ++r) {
+    normal(r, r) += 1e-10 * largest;
+    for (int i = 0; i < m.nx; ++i)
+      right(r, 0) -= m.b[i * m.nu + r] *
+                     state_difference(*config.model, static_cast<std::uint32_t>(i), m.next[i], config.cost.target[i]);
+  }
+  if (!solve(normal, right)) return false;
+  for (int r = 0; r < m.nu; ++r) u[r] += right(r, 0);
+  for (int r = 0; r < m.nu; ++r)
+    if (!std::isfinite(u[r])) return false;
+  return true;
+}
+
+/// H = lim of Q + A'(H^-1 + G)^-1 A with G = B R^-1 B', in doubling steps: after k of them the horizon is 2^k periods.
+bool double_riccati(Square a, Square g, Square h, double* p) {
+  const int n = a.n;
+  for (int k = 0; k < 64; ++k) {
+    Square w = product(g, h);
+    for (int i = 0; i < n; ++i) w(i, i) += 1.0;
+    Square wa = a, wg = g;  // W^-1 A and W^-1 G, W = I + G H
+    if (!solve(w, wa) || !solve(w, wg)) return false;
+    const Square at = transpose(a);
+    const Square more_g = product(product(a, wg), at), more_h = product(product(at, h), wa);
+    a = product(a, wa);
+    double change = 0.0, size = 0.0;
+    for (int r = 0; r < n; ++r)
+      for (int c = 0; c < n; ++c) {
+        g(r, c) += 0.5 * (more_g(r, c) + more_g(c, r));
+        const double addition = 0.5 * (more_h(r, c) + more_h(c, r));
+        h(r, c) += addition;
+        change = std::fmax(change, std::fabs(addition));
+        size = std::fmax(size, std::fabs(h(r, c)));
+      }
+    if (!std::isfinite(change) || !std::isfinite(size) || size > 1e15) return false;
+    if (change <= 1e-13 * size) {
+      for (int i = 0; i < n * n; ++i) p[i] = h.v[i];
+      return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+bool lqr_cost_to_go(const tiller_config_t& config, const StepSetup& full, const RolloutTable& table, double* p) {
+  const StepSetup setup = without_memory(full);
+  Linearisation linearisation(config);
+  double u[TILLER_MAX_INPUTS] = {};
+  LinearModel m = linearisation.at(config, setup, table, u);
+  for (int k = 0; k < 5; ++k) {
+    if (!hold_target(config, m, u)) return false;
+    m = linearisation.at(config, setup, table, u);
+  }
+  Square a = zero(m.nx), g = zero(m.nx), h = zero(m.nx);
+  for (int i = 0; i < m.nx * m.nx; ++i) a.v[i] = m.a[i];
+  for (int r = 0; r < m.nx; ++r) {
+    h(r, r) = config.cost.state_weight[r];
+    for (int c = 0; c < m.nx; ++c)
+      for (int j = 0; j < m.nu; ++j) {
+        if (!(config.cost.input_weight[j] > 0.0)) return false;
+        g(r, c) += m.b[r * m.nu + j] * m.b[c * m.nu + j] / config.cost.input_weight[j];
+      }
+  }
+  return double_riccati(a, g, h, p);
+}
+
+}  // namespace tiller
