@@ -39,6 +39,8 @@ class CartPole final : public Mechanism {
     out[3] = hinge_.rate();
   }
 
+  void drive(const double* motor) override { rail_.add_force(motor[0]); }
+
   void step(double step_s) override {
     rail_.add_force(-friction_Ns_m_ * rail_.rate());
     world_.step(step_s);

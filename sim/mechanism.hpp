@@ -32,6 +32,8 @@ class Mechanism {
   /// Moves the bodies to the state (order of state_channels) and forgets all forces.
   virtual void place(const std::vector<double>& state) = 0;
   virtual void read_state(double* out) const = 0;
+  /// Adds the forces that the motors make (commands) for the coming step only.
+  virtual void drive(const double* motor) = 0;
   /// Adds the plant's own passive forces (its viscous friction), then steps the world.
   virtual void step(double step_s) = 0;
   virtual double energy_J() const = 0;                      ///< kinetic and potential
@@ -56,9 +58,9 @@ struct MechanismInfo {
   std::vector<Channel> states;
   std::vector<double> default_state;  // (states), hanging at rest
   std::vector<std::size_t> measured;  // indices of states that an encoder measures
-  std::vector<Channel> commands;      // one: the actuated joint's
+  std::vector<Channel> commands;      // one for each motor
   std::vector<std::string> joints;    // ports of joint effects
-  std::size_t actuated;               // index of the joint that the motor drives
+  std::size_t actuated;               // index of the joint that the (first) motor drives
   std::unique_ptr<Mechanism> (*build)(const std::map<std::string, double>& parameters);
 };
 
@@ -67,5 +69,7 @@ const MechanismInfo* find_mechanism(const std::string& kind);  ///< null: unknow
 
 MechanismInfo cart_pole_info();
 MechanismInfo pendulum_info();
+MechanismInfo acrobot_info();
+MechanismInfo planar_quadrotor_info();
 
 }  // namespace tiller::sim

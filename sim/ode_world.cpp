@@ -8,6 +8,8 @@ namespace {
 
 // ODE keeps process-wide tables and scratch memory for each thread that steps a world. Nothing closes ODE:
 // plants may die in any order, and static destructors of the caller may still hold one.
+constexpr double two_pi = 6.283185307179586;
+
 void prepare_ode() {
   static std::once_flag once;
   std::call_once(once, [] { dInitODE2(0); });
@@ -64,11 +66,12 @@ void SliderJoint::set_dry_friction(double force) {
   dJointSetSliderParam(id_, dParamFMax, force);
 }
 
-HingeJoint::HingeJoint(OdeWorld& world, dBodyID body, dBodyID parent, double axis_y, double least_inertia)
+HingeJoint::HingeJoint(OdeWorld& world, dBodyID body, dBodyID parent, double axis_y, double least_inertia,
+                       double anchor_z_m)
     : id_(dJointCreateHinge(world.id(), nullptr)), least_inertia_(least_inertia) {
   // the moving body first: then ODE's angle is that of the body against its parent, right-handed
   dJointAttach(id_, body, parent);
-  dJointSetHingeAnchor(id_, 0, 0, 0);
+  dJointSetHingeAnchor(id_, 0, 0, anchor_z_m);
   dJointSetHingeAxis(id_, 0, axis_y, 0);
 }
 
@@ -83,10 +86,36 @@ void HingeJoint::place(double angle_rad) {
 }
 
 void HingeJoint::follow() {
-  constexpr double two_pi = 6.283185307179586;
   const double now = dJointGetHingeAngle(id_);
   angle_rad_ += std::remainder(now - seen_rad_, two_pi);
   seen_rad_ = now;
+}
+
+void FreeAxis::set_dry_friction(double force) {
+  if (motor_ == nullptr) {
+    motor_ = dJointCreateLMotor(world_.id(), nullptr);
+    dJointAttach(motor_, body_, nullptr);
+    dJointSetLMotorNumAxes(motor_, 1);
+    dJointSetLMotorAxis(motor_, 0, 0, axis_ == 0 ? 1 : 0, 0, axis_ == 2 ? 1 : 0);
+    dJointSetLMotorParam(motor_, dParamVel, 0);
+  }
+  dJointSetLMotorParam(motor_, dParamFMax, force);
+}
+
+void FreeTilt::set_dry_friction(double torque_Nm) {
+  if (motor_ == nullptr) {
+    motor_ = dJointCreateAMotor(world_.id(), nullptr);
+    dJointAttach(motor_, body_, nullptr);
+    dJointSetAMotorNumAxes(motor_, 1);
+    dJointSetAMotorAxis(motor_, 0, 0, 0, -1, 0);
+    dJointSetAMotorParam(motor_, dParamVel, 0);
+  }
+  dJointSetAMotorParam(motor_, dParamFMax, torque_Nm);
+}
+
+void FreeTilt::follow() {
+  const dReal* rotation = dBodyGetRotation(body_);  // three rows of four: the body's z axis is (-sin, 0, cos)
+  angle_rad_ += std::remainder(std::atan2(-rotation[2], rotation[10]) - angle_rad_, two_pi);
 }
 
 }  // namespace tiller::sim

@@ -18,7 +18,7 @@ struct HiddenEffect {
 /// Everything that decides how a plant moves and what its sensors tell. Names that a plant does not have
 /// are refused by Plant::make with a list of those it has. Times are in seconds; noise in channel units.
 struct PlantOptions {
-  std::string kind = "cart_pole";               ///< "pendulum" or "cart_pole"
+  std::string kind = "cart_pole";               ///< see plant_help()
   std::map<std::string, double> parameters;     ///< physical parameters that differ from the default
   std::map<std::string, double> initial_state;  ///< by state name; default: hanging at rest
   std::vector<HiddenEffect> effects;            ///< actuator effects act in this order

@@ -33,6 +33,8 @@ class Pendulum final : public Mechanism {
     out[1] = hinge_.rate();
   }
 
+  void drive(const double* motor) override { hinge_.add_force(motor[0]); }
+
   void step(double step_s) override {
     hinge_.add_force(-damping_Nms_ * hinge_.rate());
     world_.step(step_s);

@@ -1,5 +1,6 @@
 #include "sim/plant.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <sstream>
 
@@ -18,10 +19,10 @@ double or_zero(const std::map<std::string, double>& values, const std::string& n
   return at == values.end() ? 0.0 : at->second;
 }
 
-/// An effect and the joint it acts on (null for effects of the motor).
+/// An effect and the joint or the command it acts on.
 struct PlacedEffect {
   std::unique_ptr<Effect> effect;
-  std::size_t joint;
+  std::size_t port;
   bool on_joint;
 };
 
@@ -32,11 +33,12 @@ struct Plant::Impl {
       : options(o),
         info(i),
         parameters(merged_parameters(o, i)),
-        line(to_us(o.command_latency_s), to_us(o.watchdog_timeout_s), o.command_limit),
+        lines(i.commands.size(), MotorLine(to_us(o.command_latency_s), to_us(o.watchdog_timeout_s), o.command_limit)),
         history(to_us(o.measurement_latency_s)),
         process_noise(o.seed, "process." + i.commands[0].name),
         step_us(to_us(o.step_s)),
-        state(i.states.size()) {
+        state(i.states.size()),
+        motor(i.commands.size()) {
     for (const std::size_t s : info.measured) measurements.push_back(info.states[s]);
     for (const Channel& c : measurements) {
       encoders.push_back({or_zero(o.encoder_noise_sd, c.name), or_zero(o.encoder_step, c.name),
@@ -55,7 +57,7 @@ struct Plant::Impl {
   void build() {
     mechanism = info.build(parameters);
     for (PlacedEffect& e : effects) {
-      if (e.on_joint) e.effect->attach(mechanism->joint(e.joint));
+      if (e.on_joint) e.effect->attach(mechanism->joint(e.port));
       e.effect->reset();
     }
   }
@@ -66,7 +68,7 @@ struct Plant::Impl {
     for (std::size_t j = 0; j < info.joints.size(); ++j) {
       double coefficient = mechanism->own_damping(j);
       for (const PlacedEffect& e : effects) {
-        if (e.on_joint && e.joint == j) coefficient += e.effect->damping();
+        if (e.on_joint && e.port == j) coefficient += e.effect->damping();
       }
       const double most = 0.2 * mechanism->joint(j).least_inertia() / options.step_s;
       if (coefficient <= most) continue;
@@ -87,25 +89,25 @@ struct Plant::Impl {
     }
     build();
     mechanism->place(state);
-    line.reset();
+    for (MotorLine& line : lines) line.reset();
     time_us = carried_us = 0;
-    motor = 0;
+    std::fill(motor.begin(), motor.end(), 0.0);
     dropped = 0;
     history.reset(state);
   }
 
-  /// The mean force that the motor makes over the coming step.
-  double drive_motor() {
-    double force = line.wanted();
+  /// The mean forces that the motors make over the coming step.
+  void drive_motors() {
+    for (std::size_t i = 0; i < motor.size(); ++i) motor[i] = lines[i].wanted();
     for (PlacedEffect& e : effects) {
-      if (!e.on_joint) force = e.effect->drive(force, time_us, options.step_s);
+      if (!e.on_joint) motor[e.port] = e.effect->drive(motor[e.port], time_us, options.step_s);
     }
-    return force;
+    mechanism->drive(motor.data());
   }
 
   void push_joints() {
     for (PlacedEffect& e : effects) {
-      if (e.on_joint) e.effect->push(mechanism->joint(e.joint));
+      if (e.on_joint) e.effect->push(mechanism->joint(e.port));
     }
     if (options.process_noise_sd <= 0) return;
     // drawn per millisecond and not per step: a finer physics step feels the same force
@@ -114,12 +116,11 @@ struct Plant::Impl {
   }
 
   void step() {
-    motor = drive_motor();
-    mechanism->joint(info.actuated).add_force(motor);
+    drive_motors();
     push_joints();
     mechanism->step(options.step_s);
     time_us += step_us;
-    line.deliver(time_us);
+    for (MotorLine& line : lines) line.deliver(time_us);
     mechanism->read_state(state.data());
     history.push(time_us, state);
   }
@@ -128,7 +129,7 @@ struct Plant::Impl {
   const MechanismInfo& info;
   std::map<std::string, double> parameters;
   std::unique_ptr<Mechanism> mechanism;
-  MotorLine line;
+  std::vector<MotorLine> lines;  // (commands)
   StateHistory history;
   NoiseStream process_noise;
   std::vector<Encoder> encoders;
@@ -138,7 +139,7 @@ struct Plant::Impl {
   std::int64_t time_us = 0;
   std::int64_t carried_us = 0;
   std::vector<double> state;  // (states) at time_us
-  double motor = 0;
+  std::vector<double> motor;  // (commands)
   std::uint64_t dropped = 0;
 };
 
@@ -172,11 +173,12 @@ double Plant::parameter(const std::string& name) const {
 void Plant::reset() { impl_->reset(); }
 
 void Plant::apply(const double* command) {
-  if (!std::isfinite(command[0])) {
+  const std::size_t count = impl_->lines.size();
+  if (!std::all_of(command, command + count, [](double value) { return std::isfinite(value); })) {
     ++impl_->dropped;
     return;
   }
-  impl_->line.send(command[0], impl_->time_us);
+  for (std::size_t i = 0; i < count; ++i) impl_->lines[i].send(command[i], impl_->time_us);
 }
 
 void Plant::advance(double duration_s) {
@@ -197,10 +199,10 @@ void Plant::measure(double* out) const {
 }
 
 void Plant::true_state(double* out) const { std::copy(impl_->state.begin(), impl_->state.end(), out); }
-void Plant::motor(double* out) const { out[0] = impl_->motor; }
+void Plant::motor(double* out) const { std::copy(impl_->motor.begin(), impl_->motor.end(), out); }
 double Plant::energy_J() const { return impl_->mechanism->energy_J(); }
-bool Plant::watchdog_tripped() const { return impl_->line.tripped(); }
-std::uint64_t Plant::watchdog_trips() const { return impl_->line.trips(); }
+bool Plant::watchdog_tripped() const { return impl_->lines[0].tripped(); }
+std::uint64_t Plant::watchdog_trips() const { return impl_->lines[0].trips(); }
 std::uint64_t Plant::dropped_commands() const { return impl_->dropped; }
 
 std::string plant_help() {
