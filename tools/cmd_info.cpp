@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 
 #include "effects/effect_info.hpp"
+#include "planners/planner.hpp"
 #include "tools/commands.hpp"
 #include "tools/robot_help.hpp"
 #include "tools/robot_schema.hpp"
@@ -23,6 +25,40 @@ std::string prior_text(const tiller_prior_t& p) {
   if (std::isfinite(p.low)) text += ", at least " + number_text(p.low);
   if (std::isfinite(p.high)) text += ", at most " + number_text(p.high);
   return text;
+}
+
+/// Terms of the cost beside the quadratic ones.
+void print_cost(const RobotFile& robot) {
+  const tiller_cost_config_t& c = robot.config.cost;
+  Words terms;
+  if (c.terminal == tiller_terminal_lqr) terms.emplace_back("LQR cost-to-go at the end");
+  if (c.saturating_weight > 0) terms.emplace_back("saturating");
+  Words bounded;
+  for (std::size_t i = 0; i < robot.states.size(); ++i)
+    if (c.bound_weight[i] > 0 || (c.hard_bounds >> i & 1)) bounded.push_back(robot.states[i]);
+  if (!bounded.empty()) terms.push_back("bounds of " + join(bounded));
+  if (c.obstacle_count > 0) terms.push_back(std::to_string(c.obstacle_count) + " obstacle(s)");
+  if (c.reference) terms.push_back(format("a reference of %.3g s", c.reference_steps * robot.config.period_s));
+  if (c.demonstration_mean)
+    terms.push_back(format("a demonstration of %.3g s", c.demonstration_steps * robot.config.period_s));
+  if (c.own_weight > 0) terms.emplace_back("a cost of your own");
+  std::printf("  cost       quadratic%s%s\n", terms.empty() ? "" : ", ", terms.empty() ? "" : join(terms).c_str());
+}
+
+/// Settings that differ from their default and that the chosen planner does not read.
+void print_unread(const RobotFile& robot) {
+  tiller_config_t plain;
+  if (tiller_config_default(&plain, robot.model) != tiller_status_ok) return;
+  const std::string planner = planner_names()[robot.config.planner.kind];
+  Words unread;
+  for (const KeySpec& key : robot_keys()) {
+    if (std::string(key.section) != "planner" || key.offset < 0 || planner_reads(key, planner)) continue;
+    const std::size_t size = key.kind == KeyKind::number ? sizeof(double) : sizeof(std::uint32_t);
+    const auto* now = reinterpret_cast<const char*>(&robot.config) + key.offset;
+    const auto* then = reinterpret_cast<const char*>(&plain) + key.offset;
+    if (key.kind != KeyKind::input_numbers && std::memcmp(now, then, size) != 0) unread.emplace_back(key.key);
+  }
+  if (!unread.empty()) std::printf("             %s does not read %s\n", planner.c_str(), join(unread).c_str());
 }
 
 int check_command(const std::string& path) {
@@ -47,9 +83,14 @@ int check_command(const std::string& path) {
                 number_text(c.safety.input_low[i]).c_str(), number_text(c.safety.input_high[i]).c_str(),
                 number_text(c.safety.safe_command[i]).c_str());
   }
-  std::printf("  planner    %s, %u steps ahead (%.3g s), %u rollouts x %u particles x %u iterations\n",
-              planner_names()[c.planner.kind].c_str(), c.planner.horizon, c.planner.horizon * c.period_s,
-              c.planner.rollouts, c.planner.particles, c.planner.iterations);
+  const std::string planner = planner_names()[c.planner.kind];
+  const bool samples = planner_reads(*find_key("planner", "rollouts"), planner);
+  std::printf("  planner    %s, %u steps ahead (%.3g s), %s%u particles x %u iterations\n", planner.c_str(),
+              c.planner.horizon, c.planner.horizon * c.period_s,
+              samples ? format("%u rollouts x ", c.planner.rollouts).c_str() : "", c.planner.particles,
+              c.planner.iterations);
+  print_unread(*robot);
+  print_cost(*robot);
   std::printf("  posterior  %s, %u particles\n", c.posterior.enabled ? "learning" : "frozen at the prior",
               c.posterior.particles);
   std::printf("  memory     %zu bytes\n", tiller_size(&c));
@@ -68,6 +109,31 @@ void print_model(const tiller_model_t& m) {
 int models_command() {
   for (std::uint32_t i = 0; const tiller_model_t* model = tiller_builtin_model(i); ++i) print_model(*model);
   std::printf("\nA model of your own: [model] file = \"my_model.hpp\", type = \"MyModel\" (docs/own_model.md)\n");
+  return kExitOk;
+}
+
+/// The keys of [planner] that a planner reads, several to a line.
+void print_settings(const std::string& planner) {
+  std::string line;
+  for (const KeySpec& key : robot_keys()) {
+    if (std::string(key.section) != "planner" || std::string(key.key) == "kind" || !planner_reads(key, planner))
+      continue;
+    if (line.size() + std::string(key.key).size() > 96) {
+      std::printf("  %s\n", line.c_str());
+      line.clear();
+    }
+    line += (line.empty() ? "" : " ") + std::string(key.key);
+  }
+  std::printf("  %s\n", line.c_str());
+}
+
+int planners_command() {
+  for (std::uint32_t kind = 0; kind < tiller_planner_kind_count; ++kind) {
+    const std::string name = planner_names()[kind];
+    std::printf("%-18s %s\n", name.c_str(), planner_help(kind));
+    print_settings(name);
+  }
+  std::printf("\nSettings of [planner]: tiller help robot-file. When to use which: docs/planners.md\n");
   return kExitOk;
 }
 
@@ -134,6 +200,15 @@ void add_effects_command(CLI::App& app, int& exit_code) {
       "Examples:\n  tiller effects\n      ports and parameters of each\n"
       "  tiller effects | grep friction\n      only these");
   command->callback([&exit_code] { exit_code = effects_command(); });
+}
+
+void add_planners_command(CLI::App& app, int& exit_code) {
+  auto* command =
+      app.add_subcommand("planners", "how commands can be planned, and the settings that each planner reads");
+  command->footer(
+      "Examples:\n  tiller planners\n      all of them\n"
+      "  tiller run robots/cart_pole.toml --sim --planner cem\n      another than the robot file's");
+  command->callback([&exit_code] { exit_code = planners_command(); });
 }
 
 void add_help_command(CLI::App& app, int& exit_code) {

@@ -21,13 +21,44 @@ bool same_command(const tiller_command_t& a, const tiller_command_t& b, std::uin
   return a.state == b.state && std::memcmp(a.value, b.value, inputs * sizeof(double)) == 0;
 }
 
+/// What the host did to the controller before the tick, in its order. False: more than the record keeps.
+bool repeat_calls(tiller_t* controller, const RecordEntry& entry) {
+  for (std::uint32_t calls = entry.record.calls; calls != 0; calls >>= 4) {
+    switch (calls & 15u) {
+      case tiller_call_arm: (void)tiller_arm(controller); break;
+      case tiller_call_disarm: (void)tiller_disarm(controller); break;
+      case tiller_call_stop: (void)tiller_stop(controller, static_cast<tiller_status_t>(entry.stop_status)); break;
+      case tiller_call_reset: (void)tiller_reset(controller); break;
+      case tiller_call_prepare: (void)tiller_prepare(controller); break;
+      default: return false;
+    }
+  }
+  return true;
+}
+
+/// What the record's configuration points to is not in the record: it is taken from the robot file. False where that
+/// is another task.
+bool take_pointers(const RobotFile& robot, tiller_config_t& config) {
+  const tiller_cost_config_t& from = robot.config.cost;
+  tiller_cost_config_t& to = config.cost;
+  config.model = robot.model;
+  if (to.reference_steps != from.reference_steps || to.demonstration_steps != from.demonstration_steps) return false;
+  to.reference = from.reference;
+  to.demonstration_mean = from.demonstration_mean;
+  to.demonstration_root = from.demonstration_root;
+  to.own = from.own;
+  return true;
+}
+
 /// Feeds the recorded inputs to a fresh controller; the number of ticks whose command differs in any bit.
 int replay(tiller_t* controller, const std::vector<RecordEntry>& entries, std::uint32_t inputs) {
-  (void)tiller_arm(controller);
   int different = 0;
   for (const RecordEntry& entry : entries) {
     const tiller_record_t& r = entry.record;
-    if (entry.stop_status != 0) (void)tiller_stop(controller, static_cast<tiller_status_t>(entry.stop_status));
+    if (!repeat_calls(controller, entry)) {
+      std::printf("tick %llu: more than eight calls came before it, and the record kept eight\n",
+                  static_cast<unsigned long long>(r.tick));
+    }
     (void)tiller_force_iterations(controller, r.planner_iterations);
     tiller_command_t command;
     (void)tiller_tick(controller, r.now_us, r.has_measurement ? &r.measurement : nullptr, &command);
@@ -47,7 +78,9 @@ int replay_command(const Arguments& a) {
   std::vector<RecordEntry> entries;
   std::string error;
   if (!read_record_file(a.record, config, entries, error)) return complain(error);
-  config.model = robot->model;
+  if (!take_pointers(*robot, config)) {
+    return complain(a.record + ": the reference or the demonstration of " + a.robot + " has another length by now");
+  }
   const std::size_t size = tiller_size(&config);
   if (size == 0) return complain(a.record + ": its configuration does not fit the model of " + a.robot);
   std::unique_ptr<void, FreeBlock> block(

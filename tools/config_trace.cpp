@@ -51,6 +51,11 @@ Words trace_field(const RobotFile& robot, const std::string& field) {
   if (name == "initial_state_sd") return {"start", "sd", name_at(robot.states, i)};
   if (name == "record_ticks") return {"recorder", "ticks"};
   const std::string input = name_at(robot.inputs, i);
+  if (name == "cost.obstacles") return {"cost", "obstacles", std::to_string(i)};
+  if (name == "cost.state_low") return {"cost", "bounds", name_at(robot.states, i), "low"};
+  if (name == "cost.state_high") return {"cost", "bounds", name_at(robot.states, i), "high"};
+  if (name == "cost.bound_weight") return {"cost", "bounds", name_at(robot.states, i), "weight"};
+  if (name.rfind("cost.own.", 0) == 0) return {"model", "file"};
   if (name == "safety.input_low") return {"limits", input, "low"};
   if (name == "safety.input_high") return {"limits", input, "high"};
   if (name == "safety.input_rate_per_s") return {"limits", input, "rate_per_s"};

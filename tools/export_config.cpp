@@ -108,12 +108,12 @@ Initialiser planner_part(const RobotFile& robot) {
   part.number("temperature", p.temperature);
   part.number("elite_fraction", p.elite_fraction);
   part.number("smoothing", p.smoothing);
-  part.count("interpolation", p.interpolation);
+  part.word("interpolation", enum_name("interpolation", interpolation_names(), p.interpolation));
   part.count("adapt_covariance", p.adapt_covariance);
   part.number("noise_colour", p.noise_colour);
   part.number("filter", p.filter);
-  part.count("shooting", p.shooting);
-  part.count("qp_solver", p.qp_solver);
+  part.word("shooting", enum_name("shooting", shooting_names(), p.shooting));
+  part.word("qp_solver", enum_name("qp", qp_solver_names(), p.qp_solver));
   part.count("qp_iterations", p.qp_iterations);
   part.count("refine_iterations", p.refine_iterations);
   part.number("qp_tolerance", p.qp_tolerance);
@@ -126,7 +126,38 @@ Initialiser planner_part(const RobotFile& robot) {
   return part;
 }
 
-Initialiser cost_part(const RobotFile& robot) {
+std::string obstacles_text(const RobotFile& robot) {
+  std::string text = "{\n";
+  for (std::uint32_t i = 0; i < robot.config.cost.obstacle_count; ++i) {
+    const tiller_obstacle_t& o = robot.config.cost.obstacles[i];
+    text += "      {" + std::to_string(o.x_state) + "u, " + std::to_string(o.y_state) + "u, " + c_number(o.x_m) + ", " +
+            c_number(o.y_m) + ", " + c_number(o.radius_m) + ", " + c_number(o.weight) + "}, /* " +
+            robot.states[o.x_state] + ", " + robot.states[o.y_state] + " */\n";
+  }
+  return text + "    }";
+}
+
+/// An array of its own, which the configuration points to; nothing where there are no values.
+std::string array_text(const std::string& name, const double* values, std::size_t rows, std::size_t columns) {
+  if (!values) return "";
+  std::string text = "static const double " + name + "[" + std::to_string(rows * columns) + "] = {\n";
+  for (std::size_t k = 0; k < rows; ++k) {
+    text += "  ";
+    for (std::size_t i = 0; i < columns; ++i) text += c_number(values[k * columns + i]) + ",";
+    text += "\n";
+  }
+  return text + "};\n\n";
+}
+
+std::string arrays_text(const RobotFile& robot, const std::string& prefix) {
+  const tiller_cost_config_t& c = robot.config.cost;
+  const std::size_t nx = robot.states.size();
+  return array_text(prefix + "_reference", c.reference, c.reference_steps, nx) +
+         array_text(prefix + "_demonstration_mean", c.demonstration_mean, c.demonstration_steps, nx) +
+         array_text(prefix + "_demonstration_root", c.demonstration_root, c.demonstration_steps, nx * nx);
+}
+
+Initialiser cost_part(const RobotFile& robot, const std::string& prefix) {
   const tiller_cost_config_t& c = robot.config.cost;
   Initialiser part("    ");
   part.numbers("target", c.target, TILLER_MAX_STATES, robot.states);
@@ -134,13 +165,24 @@ Initialiser cost_part(const RobotFile& robot) {
   part.numbers("terminal_weight", c.terminal_weight, TILLER_MAX_STATES, robot.states);
   part.numbers("input_weight", c.input_weight, TILLER_MAX_INPUTS, robot.inputs);
   part.numbers("input_rate_weight", c.input_rate_weight, TILLER_MAX_INPUTS, robot.inputs);
-  part.count("terminal", c.terminal);
+  part.word("terminal", enum_name("terminal", terminal_names(), c.terminal));
+  part.count("obstacle_count", c.obstacle_count);
   part.number("saturating_weight", c.saturating_weight);
   part.numbers("saturating_width", c.saturating_width, TILLER_MAX_STATES, robot.states);
   part.numbers("state_low", c.state_low, TILLER_MAX_STATES, robot.states);
   part.numbers("state_high", c.state_high, TILLER_MAX_STATES, robot.states);
   part.numbers("bound_weight", c.bound_weight, TILLER_MAX_STATES, robot.states);
   part.count("hard_bounds", c.hard_bounds);
+  if (c.obstacle_count > 0) part.word("obstacles", obstacles_text(robot));
+  if (c.reference) part.word("reference", prefix + "_reference");
+  if (c.demonstration_mean) {
+    part.word("demonstration_mean", prefix + "_demonstration_mean");
+    part.word("demonstration_root", prefix + "_demonstration_root");
+  }
+  part.count("reference_steps", c.reference_steps);
+  part.count("demonstration_steps", c.demonstration_steps);
+  part.number("demonstration_weight", c.demonstration_weight);
+  part.number("own_weight", c.own_weight);
   return part;
 }
 
@@ -162,7 +204,7 @@ Initialiser safety_part(const RobotFile& robot) {
   return part;
 }
 
-std::string config_text(const RobotFile& robot) {
+std::string config_text(const RobotFile& robot, const std::string& prefix) {
   const tiller_config_t& c = robot.config;
   Initialiser all("  ");
   all.word("size", "sizeof(tiller_config_t)");
@@ -190,7 +232,7 @@ std::string config_text(const RobotFile& robot) {
   all.numbers("initial_state_sd", c.initial_state_sd, TILLER_MAX_STATES, robot.states);
   all.group("posterior", posterior_part(c.posterior));
   all.group("planner", planner_part(robot));
-  all.group("cost", cost_part(robot));
+  all.group("cost", cost_part(robot, prefix));
   all.group("safety", safety_part(robot));
   return all.text();
 }
@@ -200,7 +242,8 @@ std::string model_text(const RobotFile& robot, std::string& declaration) {
   if (!robot.model_request.name.empty()) return "tiller_find_model(\"" + robot.model_request.name + "\")";
   declaration = "/* The model of " + std::filesystem::path(robot.model_request.file).filename().string() +
                 ": compile and link that file too. */\n"
-                "const tiller_model_t* tiller_model(void);\n\n";
+                "const tiller_model_t* tiller_model(void);\n" +
+                (robot.own_cost ? "const tiller_own_cost_t* tiller_cost(void);\n" : "") + "\n";
   return "tiller_model()";
 }
 
@@ -234,7 +277,8 @@ std::string export_c(const RobotFile& robot, const std::string& prefix) {
          "\n#error \"this configuration was exported for another version of tiller: run tiller export again\"\n"
          "#endif\n"
          "\n" +
-         declaration + "static const tiller_config_t " + prefix + "_constants = {\n" + config_text(robot) +
+         declaration + arrays_text(robot, prefix) + "static const tiller_config_t " + prefix + "_constants = {\n" +
+         config_text(robot, prefix) +
          "};\n"
          "\n"
          "tiller_config_t " +
@@ -247,8 +291,8 @@ std::string export_c(const RobotFile& robot, const std::string& prefix) {
          prefix +
          "_constants;\n"
          "  config.model = " +
-         model +
-         ";\n"
+         model + ";\n" + (robot.own_cost ? "  config.cost.own = tiller_cost();\n" : "") +
+         ""
          "  return config;\n"
          "}\n";
 }

@@ -173,7 +173,9 @@ bool is_fresh(const fs::path& object, const fs::path& dependencies) {
 // The C++ text around a user's header. Everything is hidden but the one entry. The kernel asks for the effects'
 // metadata; the copy here keeps the object free of symbols that the loading program would have to export. Paths
 // with quotes were refused before.
-std::string wrapper_source(const std::string& path, const std::string& type) {
+std::string wrapper_source(const std::string& path, const std::string& type, const std::string& cost_type) {
+  const std::string entry =
+      cost_type.empty() ? "TILLER_EXPORT_MODEL(" + type : "TILLER_EXPORT_MODEL_WITH_COST(" + type + ", " + cost_type;
   return "#include \"rollout/export_model.hpp\"\n#include \"" + path + R"("
 namespace tiller {
 namespace {
@@ -186,8 +188,8 @@ constexpr EffectInfo kInfos[] = {
 const EffectInfo& effect_info(std::uint32_t kind) { return kInfos[kind]; }
 }  // namespace tiller
 extern "C" __attribute__((visibility("default"))) const tiller_model_t* tiller_model(void);
-TILLER_EXPORT_MODEL()" +
-         type + ")\n";
+)" + entry +
+         ")\n";
 }
 
 // Of a compiler's output what a reader can act on: each place with an error once, with the lines that quote it.
@@ -279,13 +281,14 @@ ChildResult run_child(const std::vector<std::string>& argv) {
   return result;
 }
 
-std::string compile_model(const std::string& path, const std::string& type, std::string& error) {
+std::string compile_model(const std::string& path, const std::string& type, const std::string& cost_type,
+                          std::string& error) {
   const bool cpp = !type.empty();
   const fs::path folder = cache_folder(error);
   if (folder.empty()) return "";
   std::vector<std::string> argv = command_line(cpp);
   std::string key = std::string(TILLER_MODEL_VERSION_TEXT) + '\n' + path + '\n' + type + '\n' + read_file(path);
-  if (cpp) key += wrapper_source(path, type);
+  if (cpp) key += wrapper_source(path, type, cost_type);
   for (const std::string& word : argv) key += '\n' + word;
   char name[40];
   std::snprintf(name, sizeof name, "%016llx", static_cast<unsigned long long>(hash(key)));
@@ -297,7 +300,7 @@ std::string compile_model(const std::string& path, const std::string& type, std:
   if (cpp) {
     fs::path wrapper = object;
     wrapper.replace_extension(".cpp");
-    std::ofstream(wrapper) << wrapper_source(path, type);
+    std::ofstream(wrapper) << wrapper_source(path, type, cost_type);
     argv.push_back(wrapper.string());
   } else {
     argv.push_back(path);

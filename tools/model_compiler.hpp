@@ -16,8 +16,10 @@ struct ChildResult {
 ChildResult run_child(const std::vector<std::string>& argv);
 
 /// Compiles a model source into a shared object that exports `tiller_model`, or finds it in the cache.
-/// `path` is absolute and exists; `type` is the struct's name for ".hpp" and "" for ".c". Returns the shared
+/// `path` is absolute and exists; `type` is the struct's name for ".hpp" and "" for ".c", `cost_type` the cost
+/// template's or "". Returns the shared
 /// object's path, or "" with `error` set. Prints one line to stderr when it compiles.
-std::string compile_model(const std::string& path, const std::string& type, std::string& error);
+std::string compile_model(const std::string& path, const std::string& type, const std::string& cost_type,
+                          std::string& error);
 
 }  // namespace tiller::tools

@@ -48,7 +48,24 @@ bool is_type_name(const std::string& type) {
 // The wrapper quotes the path in an #include, where these characters have no escape.
 bool is_quotable(const std::string& path) { return path.find_first_of("\"\\\n\r") == std::string::npos; }
 
-const tiller_model_t* open_object(const std::string& object, const std::string& shown, std::string& error) {
+/// The cost beside the model; null without one, with `error` set where it cannot be used.
+const tiller_own_cost_t* find_own_cost(void* handle, const std::string& shown, std::string& error) {
+  using Entry = const tiller_own_cost_t* (*)(void);
+  const auto entry = reinterpret_cast<Entry>(dlsym(handle, "tiller_cost"));
+  if (!entry) return nullptr;
+  const tiller_own_cost_t* cost = entry();
+  if (!cost || !cost->stage) {
+    error = shown + ": tiller_cost() returned " + (cost ? "a cost without stage" : "null") + "; see docs/own_model.md";
+  } else if (cost->size != sizeof(tiller_own_cost_t) || cost->version != TILLER_CONFIG_VERSION) {
+    error = shown +
+            ": the size or version of tiller_cost() is not this tiller's; set size = sizeof(tiller_own_cost_t) "
+            "and version = TILLER_CONFIG_VERSION, and compile against these headers";
+  }
+  return error.empty() ? cost : nullptr;
+}
+
+const tiller_model_t* open_object(const std::string& object, const std::string& shown, std::string& error,
+                                  const tiller_own_cost_t** own) {
   void* handle = dlopen(object.c_str(), RTLD_NOW | RTLD_LOCAL);  // never closed: the table stays in use
   if (!handle) {
     error = shown + ": the compiled model cannot be loaded: " + dlerror();
@@ -62,12 +79,16 @@ const tiller_model_t* open_object(const std::string& object, const std::string& 
   }
   const tiller_model_t* model = entry();
   const std::string problem = check_model_table(model);
-  if (problem.empty()) return model;
-  error = shown + ": " + problem;
-  return nullptr;
+  if (!problem.empty()) {
+    error = shown + ": " + problem;
+    return nullptr;
+  }
+  const tiller_own_cost_t* cost = find_own_cost(handle, shown, error);
+  if (own) *own = cost;
+  return error.empty() ? model : nullptr;
 }
 
-const tiller_model_t* load_file(const ModelRequest& request, std::string& error) {
+const tiller_model_t* load_file(const ModelRequest& request, std::string& error, const tiller_own_cost_t** own) {
   std::error_code failed;
   const std::string path = model_path(request);
   if (!fs::is_regular_file(path, failed)) {
@@ -75,7 +96,7 @@ const tiller_model_t* load_file(const ModelRequest& request, std::string& error)
     return nullptr;
   }
   const std::string kind = fs::path(path).extension().string();
-  if (kind == ".so") return open_object(path, path, error);
+  if (kind == ".so") return open_object(path, path, error, own);
   const bool cpp = kind == ".hpp" || kind == ".h" || kind == ".hxx";
   if (!cpp && kind != ".c") {
     error = path + ": a model is a .hpp (C++ template), a .c (C table) or a .so (compiled); this is '" + kind + "'";
@@ -90,12 +111,19 @@ const tiller_model_t* load_file(const ModelRequest& request, std::string& error)
     error = path + ": [model] type is for .hpp files; a C file exports tiller_model() and has no type";
     return nullptr;
   }
+  if (!request.cost_type.empty() && (!cpp || !is_type_name(request.cost_type))) {
+    error =
+        path + ": [model] cost_type " +
+        (cpp ? "must name a cost template in the header, e.g. cost_type = \"MyCost\"; it is '" + request.cost_type + "'"
+             : std::string("is for .hpp files; a C file exports tiller_cost() instead"));
+    return nullptr;
+  }
   if (!is_quotable(path)) {
     error = path + ": quotes, backslashes and line ends in a model's path cannot be compiled; rename it";
     return nullptr;
   }
-  const std::string object = compile_model(path, cpp ? request.type : "", error);
-  return object.empty() ? nullptr : open_object(object, path, error);
+  const std::string object = compile_model(path, cpp ? request.type : "", request.cost_type, error);
+  return object.empty() ? nullptr : open_object(object, path, error, own);
 }
 
 std::string check_names(const char* what, const char* const* names, std::uint32_t count) {
@@ -169,13 +197,18 @@ std::string check_model_table(const tiller_model_t* model) {
   return problem.empty() ? "" : "model '" + std::string(model->name) + "': " + problem;
 }
 
-const tiller_model_t* load_model(const ModelRequest& request, std::string& error) {
+const tiller_model_t* load_model(const ModelRequest& request, std::string& error, const tiller_own_cost_t** own) {
+  if (own) *own = nullptr;
   if (!request.name.empty() && !request.file.empty()) {
     error = "[model] has both name and file; keep one";
     return nullptr;
   }
+  if (!request.name.empty() && !request.cost_type.empty()) {
+    error = "[model] cost_type is for a header of your own; a built-in model has none";
+    return nullptr;
+  }
   if (!request.name.empty()) return find_builtin(request.name, error);
-  if (!request.file.empty()) return load_file(request, error);
+  if (!request.file.empty()) return load_file(request, error, own);
   error = "[model] needs name (one of: " + known_models() + ") or file";
   return nullptr;
 }

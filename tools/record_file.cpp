@@ -13,6 +13,8 @@ constexpr std::uint32_t kSizes[2] = {sizeof(tiller_config_t), sizeof(RecordEntry
 void write_record_header(OutputFile& file, const tiller_config_t& config) {
   tiller_config_t copy = config;
   copy.model = nullptr;
+  copy.cost.reference = copy.cost.demonstration_mean = copy.cost.demonstration_root = nullptr;
+  copy.cost.own = nullptr;
   file.write(kMagic, sizeof kMagic);
   file.write(reinterpret_cast<const char*>(kSizes), sizeof kSizes);
   file.write(reinterpret_cast<const char*>(&copy), sizeof copy);

@@ -17,7 +17,7 @@ struct RecordEntry {
 };
 
 /// Record files are of one build of tiller: structs as they are in memory. Layout: "TILLREC1", uint32 sizes of
-/// tiller_config_t and of RecordEntry, the configuration with its model pointer zero, then entries.
+/// tiller_config_t and of RecordEntry, the configuration with its pointers zero, then entries.
 void write_record_header(OutputFile& file, const tiller_config_t& config);
 void write_record(OutputFile& file, const RecordEntry& entry);
 

@@ -53,6 +53,7 @@ bool read_model(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   robot.model_request.name = section.text("name").value_or("");
   robot.model_request.file = section.text("file").value_or("");
   robot.model_request.type = section.text("type").value_or("");
+  robot.model_request.cost_type = section.text("cost_type").value_or("");
   section.refuse_unknown();
   if (!section.has("name") && !section.has("file")) {
     section.missing("name", "write name = one of: " + join(builtin_model_names()) +
@@ -63,7 +64,7 @@ bool read_model(FileErrors& errors, const toml::table& root, RobotFile& robot) {
     return false;
   }
   std::string problem;
-  robot.model = load_model(robot.model_request, problem);
+  robot.model = load_model(robot.model_request, problem, &robot.own_cost);
   if (robot.model) return true;
   const std::string key = section.has("name") ? "name" : "file";
   const std::string near = nearest(robot.model_request.name, builtin_model_names());
@@ -149,6 +150,7 @@ bool read_controller(FileErrors& errors, const toml::table& root, RobotFile& rob
   read_parameters(errors, root, robot);
   read_measurements(errors, root, robot);
   read_bound_sections(errors, root, robot);
+  read_cost_terms(errors, root, robot);
   read_limits(errors, root, robot);
   read_transport(errors, root, robot);
   read_sim(errors, root, robot);

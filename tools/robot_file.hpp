@@ -51,12 +51,19 @@ struct SimSection {
   std::uint64_t seed = 1;
 };
 
+/// The arrays that the configuration's cost points to.
+struct TaskRows {
+  std::vector<double> reference, demonstration_mean, demonstration_root;
+};
+
 /// A robot file, read, checked and complete.
 struct RobotFile {
   std::string path;
   std::string name;
   ModelRequest model_request;
   const tiller_model_t* model = nullptr;
+  const tiller_own_cost_t* own_cost = nullptr;  ///< of a C source that exports tiller_cost()
+  std::shared_ptr<const TaskRows> rows;         ///< what `config.cost` points to
   tiller_config_t config{};
   Words states, inputs, measurements;
   Words params;  ///< (param_count) the model's, then each effect's as "<port>.<parameter>"

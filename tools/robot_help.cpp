@@ -72,6 +72,8 @@ std::string range_text(const KeySpec& key) {
   return high ? "<= " + number_text(key.high) : "";
 }
 
+std::string help_text(const KeySpec& key) { return (key.readers ? std::string(key.readers) + ": " : "") + key.help; }
+
 std::string joined(const Words& parts, const char* separator) {
   std::string text;
   for (const std::string& part : parts) {
@@ -121,7 +123,7 @@ std::string robot_file_help() {
           "    " + std::string(key.key) + "   " +
           joined({type_text(key), key.unit, range_text(key), fallback == kRequired ? fallback : "default " + fallback},
                  ", ") +
-          "\n" + wrapped(key.help, "        ", 100);
+          "\n" + wrapped(help_text(key), "        ", 100);
     }
   }
   return text;
@@ -136,7 +138,7 @@ std::string robot_file_markdown() {
     for (const KeySpec& key : robot_keys()) {
       if (std::string(key.section) != section.name) continue;
       rows += "| `" + std::string(key.key) + "` | " + escaped(type_text(key)) + " | " + key.unit + " | " +
-              range_text(key) + " | " + escaped(fallback_of(key)) + " | " + escaped(key.help) + " |\n";
+              range_text(key) + " | " + escaped(fallback_of(key)) + " | " + escaped(help_text(key)) + " |\n";
     }
     if (!rows.empty())
       text += "\n| key | value | unit | range | default | meaning |\n|---|---|---|---|---|---|\n" + rows;

@@ -14,6 +14,8 @@ constexpr double kBig = 1e12;  // of weights and noise levels: squares must stay
 using K = KeyKind;
 
 constexpr int hand = -1;
+constexpr const char* kSampling = "random_shooting, cem, mppi, hybrid";
+constexpr const char* kGradient = "ilqr, sqp, hybrid";
 #define AT(field) static_cast<int>(offsetof(tiller_config_t, field))
 
 const std::vector<SectionSpec> kSections = {
@@ -38,7 +40,12 @@ const std::vector<SectionSpec> kSections = {
     {"planner", "[planner]", "How commands are planned."},
     {"cost", "[cost]",
      "The task: (x-t)' Q (x-t) + u' R u + du' S du per step and (x-t)' Qf (x-t) at the end of the horizon; all "
-     "diagonal, differences of angles wrapped. States and inputs that are not named weigh nothing."},
+     "diagonal, differences of angles wrapped. States and inputs that are not named weigh nothing. The other terms "
+     "are added per step, each with its weight."},
+    {"cost.bounds.*", "in [cost]: bounds = { state = { ... } }",
+     "Bounds of one state: soft by a weight, hard for sqp."},
+    {"cost.obstacles[]", "[[cost.obstacles]]",
+     "A circle in the plane of two states of the model, as often as needed, at most 8 times."},
     {"limits", "[limits]", "One key for each input of the model; the value is a table."},
     {"limits.*", "below [limits]: input = { ... }", "What the output gate lets through."},
     {"safety", "[safety]", "The answers to faults."},
@@ -64,6 +71,9 @@ const std::vector<KeySpec> kKeys = {
      "a model of your own, relative to the robot file: a C++ header (.hpp) or a C source (.c)"},
     {"model", "type", K::text, "", "none", 0, 0, false, hand, nullptr,
      "required with a header: the C++ template's name. A C source exports tiller_model() and has none"},
+    {"model", "cost_type", K::text, "", "none", 0, 0, false, hand, nullptr,
+     "name of a cost template in the same header (docs/costs.md), compiled into the model's kernels. A C source exports "
+     "tiller_cost() instead; cost.own_weight weighs it"},
     {"model", "period_s", K::number, "s", nullptr, 1e-4, 1, false, AT(period_s), nullptr, "control period"},
     {"model", "substeps", K::count, "", "by the noise", 1, 64, false, AT(substeps), nullptr,
      "integrator steps per period; left out: as many as keep its error below a tenth of the noise"},
@@ -123,27 +133,63 @@ const std::vector<KeySpec> kKeys = {
     {"planner", "kind", K::choice, "", nullptr, 0, 0, false, AT(planner.kind), planner_names, "which planner"},
     {"planner", "horizon", K::count, "periods", nullptr, 2, 512, false, AT(planner.horizon), nullptr,
      "steps that are looked ahead"},
-    {"planner", "knots", K::count, "", nullptr, 2, 64, false, AT(planner.knots), nullptr,
-     "control points per input over the horizon, linear in between"},
-    {"planner", "rollouts", K::count, "", nullptr, 16, 8192, false, AT(planner.rollouts), nullptr,
-     "K sampled command sequences per iteration, a multiple of 16"},
     {"planner", "particles", K::count, "", nullptr, 1, 64, false, AT(planner.particles), nullptr,
-     "M particles of the posterior that each sequence is tried on"},
+     "M particles of the posterior that each sequence is tried on; ilqr, sqp and hybrid's gradient steps take the "
+     "first 8 of them"},
     {"planner", "iterations", K::count, "", nullptr, 1, 100, false, AT(planner.iterations), nullptr, "cap per tick"},
     {"planner", "deadline_us", K::count, "us", nullptr, 0, 1e6, false, AT(planner.deadline_us), nullptr,
      "from the tick's start; 0: the iterations alone decide. Lockstep runs ignore it, so that they repeat"},
     {"planner", "risk", K::choice, "", nullptr, 0, 0, false, AT(planner.risk), risk_names,
-     "what is minimised over the particles: the mean, or the mean of the worst share"},
+     "what is minimised over the particles: the mean, the mean of the worst share, or the worst"},
     {"planner", "cvar_alpha", K::number, "", nullptr, 0, 0.999, false, AT(planner.cvar_alpha), nullptr,
      "with risk = \"cvar\": 0.9 is the mean of the worst tenth"},
+    {"planner", "predict_delay", K::flag, "", nullptr, 0, 1, false, AT(planner.predict_delay), nullptr,
+     "true: each particle is brought forward over its own input delay and the plan starts there; ilqr, sqp and hybrid "
+     "always do"},
+
+    {"planner", "knots", K::count, "", nullptr, 2, 64, false, AT(planner.knots), nullptr,
+     "control points per input over the horizon", kSampling},
+    {"planner", "rollouts", K::count, "", nullptr, 16, 8192, false, AT(planner.rollouts), nullptr,
+     "K sampled command sequences per iteration, a multiple of 16", kSampling},
     {"planner", "noise_sd", K::input_numbers, "SI", nullptr, 0, kBig, true, AT(planner.noise_sd), nullptr,
-     "spread of the sampled commands, by input"},
+     "spread of the sampled commands, by input", kSampling},
+    {"planner", "noise_colour", K::number, "", nullptr, 0, 4, false, AT(planner.noise_colour), nullptr,
+     "power of the samples' spectrum over the knots goes as frequency^-colour: 0 white, 2 a random walk", kSampling},
+    {"planner", "interpolation", K::choice, "", nullptr, 0, 0, false, AT(planner.interpolation), interpolation_names,
+     "what stands between the knots; cubic is smooth and never beyond its knots", kSampling},
     {"planner", "temperature", K::number, "", nullptr, 0, 1, true, AT(planner.temperature), nullptr,
-     "MPPI: effective share of the rollouts that decides"},
+     "effective share of the rollouts that decides", "mppi, hybrid"},
+    {"planner", "filter", K::number, "", nullptr, 0, 1, true, AT(planner.filter), nullptr,
+     "share of the new noise in a knot's, the rest is the noise of the knot before; 1: off", "mppi, hybrid"},
+    {"planner", "adapt_covariance", K::flag, "", nullptr, 0, 1, false, AT(planner.adapt_covariance), nullptr,
+     "the spread of each knot follows the weighted samples", "cem, mppi, hybrid"},
     {"planner", "elite_fraction", K::number, "", nullptr, 0, 1, true, AT(planner.elite_fraction), nullptr,
-     "CEM: share of the rollouts that is kept"},
+     "share of the rollouts that is kept", "cem"},
     {"planner", "smoothing", K::number, "", nullptr, 0, 0.999, false, AT(planner.smoothing), nullptr,
-     "CEM: share of the old mean and spread that is kept"},
+     "share of the old mean and spread that is kept", "cem"},
+
+    {"planner", "shooting", K::choice, "", nullptr, 0, 0, false, AT(planner.shooting), shooting_names,
+     "single: states follow from the inputs; multiple: states are variables too, and the iterations close their defects",
+     "ilqr, sqp"},
+    {"planner", "regularisation", K::number, "", nullptr, 0, 1e6, false, AT(planner.regularisation), nullptr,
+     "least addition to the inputs' curvature", kGradient},
+    {"planner", "qp_solver", K::choice, "", nullptr, 0, 0, false, AT(planner.qp_solver), qp_solver_names,
+     "of the quadratic programs: an interior point method over a Riccati sweep, or OSQP", "sqp"},
+    {"planner", "qp_iterations", K::count, "", nullptr, 1, 10000, false, AT(planner.qp_iterations), nullptr,
+     "cap of that solver per quadratic program", "sqp"},
+    {"planner", "qp_tolerance", K::number, "", nullptr, 0, 1, true, AT(planner.qp_tolerance), nullptr,
+     "largest KKT residual that counts as solved", "sqp"},
+    {"planner", "refine_iterations", K::count, "", nullptr, 0, 20, false, AT(planner.refine_iterations), nullptr,
+     "gradient iterations on the best sample", "hybrid"},
+
+    {"planner", "levels", K::count, "", nullptr, 2, 16, false, AT(planner.levels), nullptr,
+     "values per input between its limits; levels^inputs must be below nodes", "mcts"},
+    {"planner", "nodes", K::count, "", nullptr, 16, 65536, false, AT(planner.nodes), nullptr, "size of the tree",
+     "mcts"},
+    {"planner", "hold_steps", K::count, "periods", nullptr, 1, 512, false, AT(planner.hold_steps), nullptr,
+     "how long a choice holds, at most the horizon", "mcts"},
+    {"planner", "exploration", K::number, "", nullptr, 0, 1e6, false, AT(planner.exploration), nullptr,
+     "weight of the confidence bound, in shares of the costs' range", "mcts"},
 
     {"cost", "target", K::state_numbers, "SI", nullptr, -kBig, kBig, false, AT(cost.target), nullptr, "t, by state"},
     {"cost", "state_weight", K::state_numbers, "1/SI^2", nullptr, 0, kBig, false, AT(cost.state_weight), nullptr,
@@ -154,6 +200,42 @@ const std::vector<KeySpec> kKeys = {
      "R, by input"},
     {"cost", "input_rate_weight", K::input_numbers, "1/SI^2", nullptr, 0, kBig, false, AT(cost.input_rate_weight),
      nullptr, "S, by input, on the change per period"},
+    {"cost", "terminal", K::choice, "", nullptr, 0, 0, false, AT(cost.terminal), terminal_names,
+     "diagonal: Qf alone; lqr: and the LQR cost-to-go at the target for the priors' centre, as if the horizon went on "
+     "for ever"},
+    {"cost", "saturating_weight", K::number, "", nullptr, 0, kBig, false, AT(cost.saturating_weight), nullptr,
+     "w: per step w (1 - exp(-1/2 sum ((x-t) / width)^2))"},
+    {"cost", "saturating_width", K::state_numbers, "SI", "no say", 0, kBig, true, AT(cost.saturating_width), nullptr,
+     "by state, in the saturating term; states that are not named have no say in it"},
+    {"cost", "bounds", K::other, "", "none", 0, 0, false, hand, nullptr,
+     "bounds of states, { state = { low = .., high = .., weight = .., hard = .. } }"},
+    {"cost", "obstacles", K::other, "", "none", 0, 0, false, hand, nullptr,
+     "circles to keep out of, as [[cost.obstacles]]"},
+    {"cost", "reference", K::text, "", "none", 0, 0, false, hand, nullptr,
+     "a CSV of the trajectory to track (below), which takes the place of the target"},
+    {"cost", "demonstration", K::other, "", "none", 0, 0, false, hand, nullptr,
+     "a list of CSVs of demonstrations, or one CSV of their means and deviations (below)"},
+    {"cost", "demonstration_weight", K::number, "", nullptr, 0, kBig, false, AT(cost.demonstration_weight), nullptr,
+     "w: per step w / 2 (x - mean)' inverse covariance (x - mean)"},
+    {"cost", "own_weight", K::number, "", "1 with a cost of your own", 0, kBig, false, AT(cost.own_weight), nullptr,
+     "of model.cost_type or tiller_cost()"},
+
+    {"cost.bounds.*", "low", K::number, "SI", "none", -kBig, kBig, false, hand, nullptr, "of the state, not wrapped"},
+    {"cost.bounds.*", "high", K::number, "SI", "none", -kBig, kBig, false, hand, nullptr, "of the state, not wrapped"},
+    {"cost.bounds.*", "weight", K::number, "1/SI^2", "0", 0, kBig, false, hand, nullptr,
+     "b: per step b times the square of what the state is outside"},
+    {"cost.bounds.*", "hard", K::flag, "", "false", 0, 1, false, hand, nullptr,
+     "true: sqp keeps the bounds as constraints; other planners know the weight alone"},
+
+    {"cost.obstacles[]", "x_state", K::text, "", kRequired, 0, 0, false, hand, nullptr,
+     "the state that is the plane's first axis"},
+    {"cost.obstacles[]", "y_state", K::text, "", kRequired, 0, 0, false, hand, nullptr, "and the second"},
+    {"cost.obstacles[]", "x_m", K::number, "m", kRequired, -kBig, kBig, false, hand, nullptr, "centre"},
+    {"cost.obstacles[]", "y_m", K::number, "m", kRequired, -kBig, kBig, false, hand, nullptr, "centre"},
+    {"cost.obstacles[]", "radius_m", K::number, "m", kRequired, 0, kBig, true, hand, nullptr,
+     "the robot's own radius and any margin included"},
+    {"cost.obstacles[]", "weight", K::number, "1/m^2", kRequired, 0, kBig, false, hand, nullptr,
+     "per step weight times depth^2, depth = how far inside the circle"},
 
     {"limits.*", "low", K::number, "SI", kRequired, -kBig, kBig, false, hand, nullptr, "smallest command"},
     {"limits.*", "high", K::number, "SI", kRequired, -kBig, kBig, false, hand, nullptr, "largest command"},
@@ -258,6 +340,12 @@ const KeySpec* find_key(const std::string& section, const std::string& key) {
   return nullptr;
 }
 
+bool planner_reads(const KeySpec& key, const std::string& planner) {
+  if (!key.readers) return true;
+  const std::string readers = std::string(", ") + key.readers + ", ";
+  return readers.find(", " + planner + ", ") != std::string::npos;
+}
+
 Words planner_names() {
   Words names;
   for (std::uint32_t kind = 0; kind < tiller_planner_kind_count; ++kind) {
@@ -268,7 +356,11 @@ Words planner_names() {
 }
 
 Words integrator_names() { return {"semi_implicit_euler", "midpoint", "rk4"}; }
-Words risk_names() { return {"mean", "cvar"}; }
+Words risk_names() { return {"mean", "cvar", "worst"}; }
+Words interpolation_names() { return {"linear", "cubic"}; }
+Words shooting_names() { return {"single", "multiple"}; }
+Words qp_solver_names() { return {"riccati", "osqp"}; }
+Words terminal_names() { return {"diagonal", "lqr"}; }
 
 Words effect_names() {
   Words names;

@@ -33,6 +33,7 @@ struct KeySpec {
   int offset;            ///< bytes into tiller_config_t; -1: read by hand
   Words (*choices)();    ///< names of a choice in the order of their values; else null
   const char* help;
+  const char* readers = nullptr;  ///< of [planner]: the planners that read it, "mppi, cem"; null: all
 };
 
 constexpr const char* kRequired = "required";
@@ -52,9 +53,16 @@ Words keys_of(const std::string& section);
 /// The entry; null if the section has no such key.
 const KeySpec* find_key(const std::string& section, const std::string& key);
 
+/// Whether the planner reads the key of [planner].
+bool planner_reads(const KeySpec& key, const std::string& planner);
+
 Words planner_names();
 Words integrator_names();
 Words risk_names();
+Words interpolation_names();
+Words shooting_names();
+Words qp_solver_names();
+Words terminal_names();
 Words effect_names();
 Words builtin_model_names();
 

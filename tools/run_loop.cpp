@@ -115,6 +115,7 @@ class Runner {
       m.sequence = tick;
       m.stamp_us = static_cast<std::int64_t>(1e6 * config_.period_s * tick);
       (void)tiller_tick(rehearsal, m.stamp_us, &m, &command);
+      (void)tiller_prepare(rehearsal);
     }
   }
 
@@ -167,6 +168,7 @@ class Runner {
     (void)link_.send(command_);
     tiller_get_info(controller_, &info_);
     note_tick(entry);
+    (void)tiller_prepare(controller_);  // the command is out: what waits for no measurement is done while none is due
   }
 
   void note_tick(RecordEntry& entry) {

@@ -93,8 +93,8 @@ TEST_F(Command, HelpTeaches) {
   const Ended top = run({"--help"});
   EXPECT_EQ(top.code, 0);
   EXPECT_TRUE(contains(top.out, "First steps:")) << top.out;
-  for (const char* name :
-       {"demo", "run", "sim", "identify", "export", "replay", "check", "models", "effects", "help", "version"}) {
+  for (const char* name : {"demo", "run", "sim", "identify", "export", "replay", "check", "models", "effects",
+                           "planners", "help", "version"}) {
     const Ended help = run({name, "--help"});
     EXPECT_EQ(help.code, 0) << name;
     const std::size_t examples = help.out.find("Examples:");
@@ -113,6 +113,11 @@ TEST_F(Command, TellsAndChecks) {
   EXPECT_EQ(run({"version"}).out.rfind("tiller 0.", 0), 0u);
   EXPECT_TRUE(contains(run({"models"}).out, "parameters  cart_mass_kg, pole_mass_kg, half_length_m"));
   EXPECT_TRUE(contains(run({"effects"}).out, "viscous_friction"));
+  const std::string planners = run({"planners"}).out;
+  const std::string of_cem =
+      planners.substr(planners.find("\ncem "), planners.find("\nmppi ") - planners.find("\ncem "));
+  EXPECT_TRUE(contains(of_cem, "elite_fraction")) << planners;
+  EXPECT_FALSE(contains(of_cem, "temperature")) << planners;
   const Ended check = run({"check", kCartPole});
   EXPECT_EQ(check.code, 0);
   EXPECT_TRUE(contains(check.out, "pole_mass_kg             uniform on [0.05, 0.15]")) << check.out;

@@ -9,6 +9,7 @@
 extern "C" {
 tiller_config_t cart_pole_config(void);
 tiller_config_t pendulum_config(void);
+tiller_config_t task_config(void);
 }
 
 namespace tiller::tools {
@@ -63,6 +64,28 @@ INSTANTIATE_TEST_SUITE_P(Shipped, Exported,
                          testing::Values(std::make_pair("cart_pole", &cart_pole_config),
                                          std::make_pair("pendulum", &pendulum_config)),
                          [](const auto& tested) { return std::string(tested.param.first); });
+
+// Every term of the cost and every setting of the planners: fields, and the arrays that fields point to.
+TEST(Export, TheWholeTask) {
+  std::string errors;
+  const auto robot = read_robot_file(TILLER_TEST_TASK "/task.toml", errors);
+  ASSERT_NE(robot, nullptr) << errors;
+  const tiller_config_t exported = task_config();
+  tiller_cost_config_t read = robot->config.cost;
+  ASSERT_EQ(read.reference_steps, 51u);
+  ASSERT_EQ(read.demonstration_steps, 21u);
+  ASSERT_EQ(exported.cost.reference_steps, 51u);
+  ASSERT_EQ(exported.cost.demonstration_steps, 21u);
+  for (std::size_t i = 0; i < 51 * 4; ++i) ASSERT_EQ(exported.cost.reference[i], read.reference[i]) << i;
+  for (std::size_t i = 0; i < 21 * 4; ++i) ASSERT_EQ(exported.cost.demonstration_mean[i], read.demonstration_mean[i]);
+  for (std::size_t i = 0; i < 21 * 16; ++i) ASSERT_EQ(exported.cost.demonstration_root[i], read.demonstration_root[i]);
+  read.reference = exported.cost.reference;
+  read.demonstration_mean = exported.cost.demonstration_mean;
+  read.demonstration_root = exported.cost.demonstration_root;
+  expect_same_bytes("cost", exported.cost, read);
+  expect_same_bytes("planner", exported.planner, robot->config.planner);
+  EXPECT_EQ(tiller_size(&exported), tiller_size(&robot->config));
+}
 
 TEST(Export, NamesAreCIdentifiers) {
   EXPECT_EQ(c_identifier("cart-pole 2"), "cart_pole_2");

@@ -164,6 +164,22 @@ TEST(RobotFile, EveryBoundKeyReachesItsField) {
   EXPECT_GE(checked, 10);
 }
 
+// What a key says of its readers names planners, and `tiller planners` goes by it.
+TEST(RobotFile, PlannersReadTheirSettings) {
+  const KeySpec& elite = *find_key("planner", "elite_fraction");
+  EXPECT_TRUE(planner_reads(elite, "cem"));
+  EXPECT_FALSE(planner_reads(elite, "mppi"));
+  EXPECT_FALSE(planner_reads(elite, "ce"));
+  EXPECT_TRUE(planner_reads(*find_key("planner", "horizon"), "mppi"));
+  const Words known = {"random_shooting", "cem", "mppi", "ilqr", "sqp", "mcts", "hybrid"};
+  for (const std::string& name : planner_names()) EXPECT_GE(index_of(known, name), 0) << name << " reads nothing";
+  for (const KeySpec& key : robot_keys()) {
+    std::string readers = key.readers ? std::string(key.readers) + ", " : "";
+    for (std::size_t end; (end = readers.find(", ")) != std::string::npos; readers.erase(0, end + 2))
+      EXPECT_GE(index_of(known, readers.substr(0, end)), 0) << key.key << ": " << readers;
+  }
+}
+
 TEST(RobotFile, DocumentationIsTheSchema) {
   std::ifstream file(TILLER_TEST_DOCS "/robot_file.md");
   std::stringstream text;
