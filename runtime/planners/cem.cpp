@@ -9,11 +9,12 @@ namespace {
 // Cross-entropy method (Rubinstein 1999; for control: Kobilarov 2012) with a diagonal Gaussian over the knots. From
 // iCEM (Pinneri et al., "Sample-efficient cross-entropy method for real-time planning", CoRL 2020) come the elite that
 // is kept over the iterations and over the ticks (as rollouts 1 and 0 of the core) and the choice of the best sample
-// where the mean of the elites is worse. Its coloured noise has no counterpart: knots are smooth already.
+// where the mean of the elites is worse; its coloured noise is noise_colour, for every method.
 
 constexpr double kSpreadFloor = 0.1;  // of noise_sd: a collapsed spread finds nothing when the scene changes
 
 void begin(Sampler& s) {
+  if (s.settings->adapt_covariance) return;  // the spread goes on from the tick before
   for (std::uint32_t r = 0; r < s.rows; ++r) s.spread[r] = s.settings->noise_sd[r / s.grid.knots];
 }
 
@@ -48,8 +49,10 @@ void update(Sampler& s) {
     const double variance = static_cast<double>(s.row_squares[r]) / count - shift * shift;
     const double spread = keep * s.spread[r] + (1.0 - keep) * std::sqrt(std::fmax(variance, 0.0));
     s.mean[r] += (1.0 - keep) * shift;
+    if (s.settings->adapt_covariance) continue;
     s.spread[r] = std::fmax(spread, kSpreadFloor * s.settings->noise_sd[r / s.grid.knots]);
   }
+  if (s.settings->adapt_covariance) adapt_spread(s);
 }
 
 double choose(Sampler& s) {

@@ -51,7 +51,15 @@ void store_clamped(const SampleJob& job, std::uint32_t row, std::uint32_t lane, 
   min(max(x, F(job.low[row])), F(job.high[row])).store(job.knots + row * job.stride + lane);
 }
 
-void sample(const SampleJob& job) {
+/// Raw normals, or clamped samples around the mean.
+template <bool kRaw>
+void draw_rows(const SampleJob& job) {
+  const auto store = [&job](std::uint32_t row, std::uint32_t lane, const F& normal) {
+    if (kRaw)
+      normal.store(job.knots + row * job.stride + lane);
+    else
+      store_clamped(job, row, lane, normal);
+  };
   for (std::uint32_t pair = 0; 2 * pair < job.rows; ++pair) {
     const NoiseKey& key = job.keys[pair];
     const bool both = 2 * pair + 1 < job.rows;
@@ -60,34 +68,95 @@ void sample(const SampleJob& job) {
       F first, second;
       normal_pair(keyed_word(index, key.word[0], key.word[1]), keyed_word(index, key.word[2], key.word[3]), first,
                   second);
-      store_clamped(job, 2 * pair, lane, first);
-      if (both) store_clamped(job, 2 * pair + 1, lane, second);
+      store(2 * pair, lane, first);
+      if (both) store(2 * pair + 1, lane, second);
       index = index + IntPack(kWidth);
     }
   }
 }
 
+/// In place from the last knot back: a knot's sum reads those up to itself, which are still white.
+void mix_rows(const SampleJob& job) {
+  for (std::uint32_t first = 0; first < job.rows; first += job.row_knots)
+    for (std::uint32_t lane = 0; lane < job.lanes; lane += kWidth)
+      for (std::uint32_t j = job.row_knots; j-- > 0;) {
+        const float* coefficient = job.mix + j * job.row_knots;
+        F sum(0.0f);
+        for (std::uint32_t i = 0; i <= j; ++i)
+          sum = fma(F::load(job.knots + (first + i) * job.stride + lane), F(coefficient[i]), sum);
+        store_clamped(job, first + j, lane, sum);
+      }
+}
+
+void sample(const SampleJob& job) {
+  if (!job.mix) return draw_rows<false>(job);
+  draw_rows<true>(job);
+  mix_rows(job);
+}
+
 // ---- controls -----------------------------------------------------------------------------------
+
+/// Tangent at a knot between two secants, per knot spacing: their mean, cut to three times the flatter one, and zero at
+/// a peak. That is inside the square of Fritsch and Carlson ("Monotone piecewise cubic interpolation", SIAM J. Numer.
+/// Anal. 1980, section 4), so the curve is monotone between any two knots. sequence.cpp has it for numbers.
+F knot_tangent(const F& a, const F& b) {
+  const F steep = F(3.0f) * min(max(a, b), F(0.0f)), flat = F(3.0f) * max(min(a, b), F(0.0f));
+  return min(max(F(0.5f) * (a + b), steep), flat);
+}
+
+/// What stands between two knots, over the fraction of the way; for lines only the first two are read.
+struct Segment {
+  F from, slope, square, cube, low, high;
+};
+
+template <bool kCubic>
+Segment make_segment(const F& before, const F& from, const F& to, const F& after) {
+  Segment s;
+  s.from = from;
+  s.slope = to - from;
+  if (kCubic) {
+    const F secant = s.slope, begin = knot_tangent(from - before, secant), end = knot_tangent(secant, after - to);
+    s.slope = begin;
+    s.square = F(3.0f) * secant - begin - begin - end;
+    s.cube = begin + end - secant - secant;
+    s.low = min(from, to);
+    s.high = max(from, to);
+  }
+  return s;
+}
+
+template <bool kCubic>
+F at(const Segment& s, const F& fraction) {
+  if (!kCubic) return fma(s.slope, fraction, s.from);
+  // rounding may lead a hair out of the knots' interval: the limits hold to the last bit
+  return min(max(fma(fma(fma(s.cube, fraction, s.square), fraction, s.slope), fraction, s.from), s.low), s.high);
+}
 
 /// `kVectors` vectors of rollouts at once: the rate limit is a chain along time of some 12 cycles a step, and four
 /// chains side by side fill the units that one leaves idle.
-template <std::uint32_t kVectors, bool kRateLimited>
+template <std::uint32_t kVectors, bool kRateLimited, bool kCubic>
 void expand_group(const ExpandJob& job, std::uint32_t input, std::uint32_t lane) {
   const KnotGrid& grid = job.grid;
   const float* row = job.knots + input * grid.knots * job.stride + lane;
   float* out = job.controls + input * job.lanes + lane;
   const F step(job.rate_step[input]);
-  F u[kVectors], from[kVectors], slope[kVectors];
+  F u[kVectors];
+  Segment segment[kVectors];
   for (std::uint32_t v = 0; v < kVectors; ++v) u[v] = F(job.start[input]);
   for (std::uint32_t knot = 0; knot + 1 < grid.knots; ++knot) {
     for (std::uint32_t v = 0; v < kVectors; ++v) {
-      from[v] = F::load(row + knot * job.stride + v * kWidth);
-      slope[v] = F::load(row + (knot + 1) * job.stride + v * kWidth) - from[v];
+      const auto value = [&](std::uint32_t j) { return F::load(row + j * job.stride + v * kWidth); };
+      const bool first = knot == 0, last = knot + 2 == grid.knots;
+      if (kCubic)
+        segment[v] = make_segment<true>(first ? F(job.before[input]) : value(knot - 1), value(knot), value(knot + 1),
+                                        value(last ? knot + 1 : knot + 2));
+      else
+        segment[v] = make_segment<false>(F(0.0f), value(knot), value(knot + 1), F(0.0f));
     }
     for (std::uint32_t t = grid.first_step[knot]; t < grid.first_step[knot + 1]; ++t) {
       const F fraction(grid.fraction[t]);
       for (std::uint32_t v = 0; v < kVectors; ++v) {
-        const F wish = fma(slope[v], fraction, from[v]);
+        const F wish = at<kCubic>(segment[v], fraction);
         u[v] = kRateLimited ? min(max(wish, u[v] - step), u[v] + step) : wish;
         u[v].store(out + t * grid.inputs * job.lanes + v * kWidth);
       }
@@ -95,20 +164,28 @@ void expand_group(const ExpandJob& job, std::uint32_t input, std::uint32_t lane)
   }
 }
 
-template <bool kRateLimited>
+template <bool kRateLimited, bool kCubic>
 void expand_input(const ExpandJob& job, std::uint32_t input) {
   std::uint32_t lane = 0;
-  for (; lane + 4 * kWidth <= job.lanes; lane += 4 * kWidth) expand_group<4, kRateLimited>(job, input, lane);
-  for (; lane < job.lanes; lane += kWidth) expand_group<1, kRateLimited>(job, input, lane);
+  for (; lane + 4 * kWidth <= job.lanes; lane += 4 * kWidth) expand_group<4, kRateLimited, kCubic>(job, input, lane);
+  for (; lane < job.lanes; lane += kWidth) expand_group<1, kRateLimited, kCubic>(job, input, lane);
+}
+
+template <bool kCubic>
+void expand_inputs(const ExpandJob& job) {
+  for (std::uint32_t input = 0; input < job.grid.inputs; ++input) {
+    if (job.rate_step[input] >= 0.0f)
+      expand_input<true, kCubic>(job, input);
+    else
+      expand_input<false, kCubic>(job, input);
+  }
 }
 
 void expand(const ExpandJob& job) {
-  for (std::uint32_t input = 0; input < job.grid.inputs; ++input) {
-    if (job.rate_step[input] >= 0.0f)
-      expand_input<true>(job, input);
-    else
-      expand_input<false>(job, input);
-  }
+  if (job.before)
+    expand_inputs<true>(job);
+  else
+    expand_inputs<false>(job);
 }
 
 // ---- risk ---------------------------------------------------------------------------------------

@@ -30,7 +30,11 @@ struct SampleJob {
   const float* scale = nullptr;    // (kScales)
   const float* low = nullptr;      // (rows)
   const float* high = nullptr;     // (rows)
-  float* knots = nullptr;          // (rows x lanes)
+  // Correlates one input's normals along its knots: n'(j) = sum over i <= j of mix(j, i) n(i). Null: white.
+  // Cost: knots^2 / 2 multiplications a rollout and input.
+  const float* mix = nullptr;   // (row_knots x row_knots) lower triangular, row-major
+  std::uint32_t row_knots = 0;  // knots per input; read where `mix` is set
+  float* knots = nullptr;       // (rows x lanes)
 };
 
 /// Where the steps of the horizon stand between the knots.
@@ -40,7 +44,8 @@ struct KnotGrid {
   const float* fraction = nullptr;            // (horizon) of the way from the step's knot to the next, in [0, 1]
 };
 
-/// Linear interpolation, then the rate limit along time from `start`.
+/// Interpolation between the knots, then the rate limit along time from `start`. With `before` it is the monotone cubic
+/// of knot_tangent, and never leaves the interval of the two knots around it; else linear.
 struct ExpandJob {
   KnotGrid grid;
   std::uint32_t lanes = 0;
@@ -48,6 +53,7 @@ struct ExpandJob {
   const float* knots = nullptr;      // (inputs * knots x lanes)
   const float* start = nullptr;      // (inputs) command in force
   const float* rate_step = nullptr;  // (inputs) largest change a step; negative: no limit
+  const float* before = nullptr;     // (inputs) value a knot ahead of the first; null: linear
   float* controls = nullptr;         // (horizon * inputs x lanes), row stride `lanes`
 };
 

@@ -94,6 +94,7 @@ void update(Sampler& s) {
   const double total = weigh_samples(s);
   s.lanes->moments(s.knots, s.rows, s.rollouts, s.rollouts, s.weight, s.row_mean, s.row_sum, nullptr);
   for (std::uint32_t r = 0; r < s.rows; ++r) s.mean[r] += static_cast<double>(s.row_sum[r]) / total;
+  if (s.settings->adapt_covariance) adapt_spread(s);
 }
 
 double choose(Sampler& s) {

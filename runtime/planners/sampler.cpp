@@ -21,7 +21,12 @@ void shift_plan(Sampler& s, std::uint64_t tick) {
     // two horizons later every knot is the last one
     const std::uint64_t most = 2 * s.clock.horizon;
     const std::uint32_t gone = advance_clock(s.clock, static_cast<std::uint32_t>(ticks < most ? ticks : most));
-    for (std::uint32_t i = 0; i < s.inputs; ++i) shift_knots(s.mean + i * s.grid.knots, s.grid.knots, gone);
+    for (std::uint32_t i = 0; i < s.inputs; ++i) {
+      double* row = s.mean + i * s.grid.knots;
+      if (gone > 0) s.knot_before[i] = row[gone < s.grid.knots ? gone - 1 : s.grid.knots - 1];
+      shift_knots(row, s.grid.knots, gone);
+    }
+    if (s.settings->adapt_covariance) shift_spread(s, gone);
     fill_grid(s.clock, s.first_step, s.fraction);
   }
   s.last_tick = tick;
@@ -58,6 +63,7 @@ float risk_tail(const Sampler& s) {
 }
 
 void prepare_iteration(Sampler& s) {
+  for (std::uint32_t i = 0; i < s.inputs; ++i) s.before_lanes[i] = lane_number(s.knot_before[i]);
   for (std::uint32_t pair = 0; 2 * pair < s.rows; ++pair) {
     const std::uint64_t high = (std::uint64_t{kRngPlanner} << 32) | (s.iteration << 16) | pair;
     const Philox::Words words = Philox::draw(s.seed, s.request->tick, high);
@@ -94,6 +100,8 @@ void sample_chunk(Sampler& s, std::uint32_t first, std::uint32_t lanes) {
   job.scale = s.scale;
   job.low = s.row_low;
   job.high = s.row_high;
+  job.mix = s.mix;
+  job.row_knots = s.grid.knots;
   job.knots = s.knots + first;
   s.lanes->sample(job);
   if (first != 0) return;
@@ -111,6 +119,7 @@ void expand_chunk(Sampler& s, std::uint32_t first, std::uint32_t lanes, float* c
   job.knots = s.knots + first;
   job.start = s.start_lanes;
   job.rate_step = s.rate_step;
+  job.before = s.cubic ? s.before_lanes : nullptr;
   job.controls = controls;
   s.lanes->expand(job);
 }
@@ -224,15 +233,19 @@ PlanResult plan_by_sampling(void* self, const PlanRequest& request, double* comm
   } else {
     result.status = tiller_status_plan_not_finite;
   }
-  expand_sequence(s.grid, s.limits, s.mean, s.start, s.sequence, command);
+  expand_mean(s, command);
   s.request = nullptr;
   return result;
 }
 
 const float* sampled_sequence(const void* self) { return static_cast<const Sampler*>(self)->sequence; }
 
+void expand_mean(Sampler& s, double* command) {
+  expand_sequence(s.grid, s.limits, s.mean, s.start, s.sequence, command, s.cubic ? s.knot_before : nullptr);
+}
+
 double evaluate_mean(Sampler& s) {
-  expand_sequence(s.grid, s.limits, s.mean, s.start, s.sequence, nullptr);
+  expand_mean(s, nullptr);
   RolloutJob<float> job = common_job(s);
   job.lanes = s.padded;
   job.state = {s.lane_state, s.padded};

@@ -54,35 +54,39 @@ struct Sampler {
   float* row_high = nullptr;                // (rows)
   float rate_step[TILLER_MAX_INPUTS] = {};  // negative: none
   float scale[kScales] = {};                // of the noise, by rollout mod 16
+  float* mix = nullptr;                     // (knots x knots) of the noise along the knots; null: white
+  bool cubic = false;                       // between the knots
 
   // ---- the plan, kept from tick to tick
   KnotClock clock;
-  std::uint32_t* first_step = nullptr;   // (knots) of the clock's present phase
-  float* fraction = nullptr;             // (horizon)
-  double* mean = nullptr;                // (rows) within limits
-  double* spread = nullptr;              // (rows) standard deviation of the samples
-  float* sequence = nullptr;             // (horizon x inputs) the mean under the limits
-  double start[TILLER_MAX_INPUTS] = {};  // command in force, within limits
-  double lambda = 0.0;                   // MPPI's last one; 0: none yet
+  std::uint32_t* first_step = nullptr;         // (knots) of the clock's present phase
+  float* fraction = nullptr;                   // (horizon)
+  double* mean = nullptr;                      // (rows) within limits
+  double* spread = nullptr;                    // (rows) standard deviation of the samples
+  float* sequence = nullptr;                   // (horizon x inputs) the mean under the limits
+  double start[TILLER_MAX_INPUTS] = {};        // command in force, within limits
+  double knot_before[TILLER_MAX_INPUTS] = {};  // knot that was the last to fall off the front
+  double lambda = 0.0;                         // MPPI's last one; 0: none yet
   std::uint64_t last_tick = 0;
   bool has_plan = false;
 
   // ---- one plan
   const PlanRequest* request = nullptr;
-  std::uint32_t particles = 0, padded = 0;    // M, and M padded to kLanePadding
-  float* particle_state = nullptr;            // (M x nx) each particle's row is a splat for the rollouts
-  float* particle_params = nullptr;           // (M x np)
-  float* particle_effects = nullptr;          // (M x ns)
-  float* lane_state = nullptr;                // (nx x padded) particles as lanes, for one sequence on all of them
-  float* lane_params = nullptr;               // (np x padded)
-  float* lane_effects = nullptr;              // (ns x padded)
-  float* lane_cost = nullptr;                 // (padded)
-  float start_lanes[TILLER_MAX_INPUTS] = {};  // start, in f32
-  double best_cost = 0.0;                     // cheapest sample of this plan
-  double* best = nullptr;                     // (rows) and its knots
-  double* before = nullptr;                   // (rows) mean before the last update
-  double mean_cost_before = 0.0;              // and its cost
-  double warm_cost = 0.0;                     // of the shifted old plan
+  std::uint32_t particles = 0, padded = 0;     // M, and M padded to kLanePadding
+  float* particle_state = nullptr;             // (M x nx) each particle's row is a splat for the rollouts
+  float* particle_params = nullptr;            // (M x np)
+  float* particle_effects = nullptr;           // (M x ns)
+  float* lane_state = nullptr;                 // (nx x padded) particles as lanes, for one sequence on all of them
+  float* lane_params = nullptr;                // (np x padded)
+  float* lane_effects = nullptr;               // (ns x padded)
+  float* lane_cost = nullptr;                  // (padded)
+  float start_lanes[TILLER_MAX_INPUTS] = {};   // start, in f32
+  float before_lanes[TILLER_MAX_INPUTS] = {};  // knot_before, in f32
+  double best_cost = 0.0;                      // cheapest sample of this plan
+  double* best = nullptr;                      // (rows) and its knots
+  double* before = nullptr;                    // (rows) mean before the last update
+  double mean_cost_before = 0.0;               // and its cost
+  double warm_cost = 0.0;                      // of the shifted old plan
 
   // ---- one iteration
   std::uint32_t iteration = 0;
@@ -113,6 +117,21 @@ double evaluate_mean(Sampler& s);
 
 /// Takes the command in force, brought into the limits; the safe command if `last_command` is null.
 void start_from_command(Sampler& s, const double* last_command);
+
+/// Expands the present mean under the limits into the sequence; `command` may be null.
+void expand_mean(Sampler& s, double* command);
+
+// ---- options (sampler_options.cpp) --------------------------------------------------------------
+
+/// Whether noise_colour or filter ask for noise that is not white along the knots.
+bool mixes_noise(const tiller_planner_config_t& p);
+/// Fills mix (knots x knots). O(knots^3).
+void fill_mix(const tiller_planner_config_t& p, float* mix);
+
+/// adapt_covariance: moves every knot's spread towards that of this iteration's weighted samples.
+void adapt_spread(Sampler& s);
+/// Moves the spread up with the knots; the free places begin at noise_sd.
+void shift_spread(Sampler& s, std::uint32_t gone);
 
 /// What lanes may compute with: squares and sums over 8192 rollouts of it stay finite in f32.
 float lane_number(double x);

@@ -25,6 +25,7 @@ std::uint32_t choose_chunk_lanes(const tiller_planner_config_t& p, std::uint32_t
 /// Numbers that both passes of the layout need.
 struct Sizes {
   std::uint32_t rows, horizon, knots, rollouts, chunk_lanes, chunks, slots, particles, padded, states, params, effects;
+  bool mixed;
 };
 
 Sizes measure(const tiller_config_t& config, const StepSetup& setup) {
@@ -42,6 +43,7 @@ Sizes measure(const tiller_config_t& config, const StepSetup& setup) {
   z.states = config.model->state_count;
   z.params = config.param_count;
   z.effects = setup.effect_state_count;
+  z.mixed = mixes_noise(p);
   return z;
 }
 
@@ -62,6 +64,7 @@ void take_arrays(Arena& arena, const Sizes& z, std::uint32_t inputs, Sampler& s)
   s.lane_effects = arena.take<float>(z.padded * z.effects);
   s.lane_cost = arena.take<float>(z.padded);
   s.keys = arena.take<NoiseKey>((z.rows + 1) / 2);
+  if (z.mixed) s.mix = arena.take<float>(std::size_t{z.knots} * z.knots);
   s.knots = arena.take<float>(std::size_t{z.rows} * z.rollouts);
   s.cost = arena.take<float>(z.rollouts);
   s.weight = arena.take<float>(z.rollouts);
@@ -115,7 +118,9 @@ Sampler* lay_out_sampler(Arena& arena, const tiller_config_t& config, const Step
   s->most_particles = z.particles;
   for (std::uint32_t i = 0; i < kScales; ++i)
     s->scale[i] = static_cast<float>(std::pow(kFinestScale, static_cast<double>(i) / (kScales - 1)));
+  s->cubic = config.planner.interpolation == tiller_interpolation_cubic;
   take_limits(*s, config);
+  if (s->mix) fill_mix(config.planner, s->mix);
   reset_sampler(s);
   return s;
 }
@@ -131,8 +136,9 @@ void reset_sampler(void* self) {
     s.mean[r] = admit_command(s.limits[input], 0.0, 0.0);
     s.spread[r] = s.settings->noise_sd[input];
   }
+  for (std::uint32_t i = 0; i < s.inputs; ++i) s.knot_before[i] = s.mean[i * s.grid.knots];
   start_from_command(s, nullptr);
-  expand_sequence(s.grid, s.limits, s.mean, s.start, s.sequence, nullptr);
+  expand_mean(s, nullptr);
 }
 
 }  // namespace tiller

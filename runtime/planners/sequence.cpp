@@ -41,18 +41,50 @@ void shift_knots(double* knots, std::uint32_t count, std::uint32_t gone) {
   for (std::uint32_t j = 0; j < count; ++j) knots[j] = knots[j + gone < count ? j + gone : count - 1];
 }
 
+namespace {
+
+// Numbers' copy of lane_kernels.cpp, see there.
+double knot_tangent(double a, double b) {
+  const double steep = 3.0 * std::fmin(std::fmax(a, b), 0.0), flat = 3.0 * std::fmax(std::fmin(a, b), 0.0);
+  return std::fmin(std::fmax(0.5 * (a + b), steep), flat);
+}
+
+struct Segment {
+  double from, slope, square, cube, low, high;
+  double at(double fraction) const {
+    const double value = from + fraction * (slope + fraction * (square + fraction * cube));
+    return std::fmin(std::fmax(value, low), high);
+  }
+};
+
+/// Segment `j` of one input's knots.
+Segment make_segment(const double* row, std::uint32_t count, std::uint32_t j, const double* before) {
+  const double from = row[j], to = row[j + 1], secant = to - from;
+  Segment s = {from, secant, 0.0, 0.0, std::fmin(from, to), std::fmax(from, to)};
+  if (!before) return s;
+  const double begin = knot_tangent(from - (j > 0 ? row[j - 1] : *before), secant);
+  const double end = knot_tangent(secant, (j + 2 < count ? row[j + 2] : to) - to);
+  s.slope = begin;
+  s.square = 3.0 * secant - begin - begin - end;
+  s.cube = begin + end - secant - secant;
+  return s;
+}
+
+}  // namespace
+
 void expand_sequence(const KnotGrid& grid, const InputLimit* limits, const double* knots, const double* start,
-                     float* sequence, double* command) {
+                     float* sequence, double* command, const double* before) {
   for (std::uint32_t i = 0; i < grid.inputs; ++i) {
-    const double* row = knots + i * grid.knots;
     double u = start[i];
-    for (std::uint32_t segment = 0; segment + 1 < grid.knots; ++segment)
+    for (std::uint32_t segment = 0; segment + 1 < grid.knots; ++segment) {
+      const Segment line = make_segment(knots + i * grid.knots, grid.knots, segment, before ? before + i : nullptr);
       for (std::uint32_t t = grid.first_step[segment]; t < grid.first_step[segment + 1]; ++t) {
-        const double wish = row[segment] + (row[segment + 1] - row[segment]) * static_cast<double>(grid.fraction[t]);
+        const double wish = line.at(static_cast<double>(grid.fraction[t]));
         u = limit_command(limits[i], wish, u);
         sequence[t * grid.inputs + i] = static_cast<float>(u);
         if (t == 0 && command) command[i] = u;
       }
+    }
   }
 }
 

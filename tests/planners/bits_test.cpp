@@ -36,17 +36,26 @@ std::vector<double> run(Bench& bench) {
   return all;
 }
 
-TEST_P(Bits, do_not_depend_on_threads) {
-  Bench alone(shared_work(GetParam()));
+void expect_same_on_any_threads(const tiller_config_t& config) {
+  Bench alone(config);
   const std::vector<double> reference = run(alone);
   for (const std::uint32_t threads : {1u, 2u, 4u}) {
     ThreadPool pool(threads);
     const tiller_hooks_t hooks = pool.hooks();
-    Bench bench(shared_work(GetParam()), &hooks);
+    Bench bench(config, &hooks);
     EXPECT_EQ(run(bench), reference) << threads << " threads";
-    std::printf("%s: %u threads, %llu pieces of work done by workers\n", tiller::find_planner(GetParam())->name,
-                threads, static_cast<unsigned long long>(pool.served_by_workers()));
+    std::printf("%s: %u threads, %llu pieces of work done by workers\n",
+                tiller::find_planner(config.planner.kind)->name, threads,
+                static_cast<unsigned long long>(pool.served_by_workers()));
   }
+}
+
+TEST_P(Bits, do_not_depend_on_threads) { expect_same_on_any_threads(shared_work(GetParam())); }
+
+TEST_P(Bits, do_not_depend_on_threads_with_every_option) {
+  tiller_config_t c = shared_work(GetParam());
+  switch_options_on(c);
+  expect_same_on_any_threads(c);
 }
 
 TEST_P(Bits, repeat) {

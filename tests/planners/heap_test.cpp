@@ -88,6 +88,7 @@ TEST_P(Heap, is_not_touched_by_plans) {
   c.planner.risk = tiller_risk_cvar;
   c.planner.cvar_alpha = 0.5;
   c.planner.rollouts = 64;
+  switch_options_on(c);
   Bench bench(c);
   const std::vector<double> states[2] = {{1.0, 0.0}, {std::nan(""), 0.0}};
   const long before = heap_calls;

@@ -156,7 +156,9 @@ TEST_P(Lanes, controls_are_the_interpolated_rate_limited_knots) {
   std::uniform_real_distribution<float> uniform(-5.0f, 5.0f);
   for (const std::uint32_t horizon : {2u, 7u, 50u, 133u})
     for (const std::uint32_t knots : {2u, 3u, 6u, 20u})
-      for (const double step : {0.3, std::numeric_limits<double>::infinity()}) {
+      for (const double step :
+           {0.3, -0.3, std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()}) {
+        const bool cubic = std::signbit(step);  // each limit with either curve
         constexpr std::uint32_t kInputs = 2, kLanes = 48;
         std::vector<std::uint32_t> first_step(knots);
         std::vector<float> fraction(horizon);
@@ -166,7 +168,9 @@ TEST_P(Lanes, controls_are_the_interpolated_rate_limited_knots) {
         std::vector<float> rows(kInputs * knots * kLanes), controls(horizon * kInputs * kLanes);
         for (float& x : rows) x = uniform(random);
         const float start[kInputs] = {1.0f, -2.0f};
-        const float rate = std::isinf(step) ? -1.0f : static_cast<float>(step);
+        const float rate = std::isinf(step) ? -1.0f : static_cast<float>(std::fabs(step));
+        const float before[kInputs] = {2.5f, -4.0f};
+        const double befores[kInputs] = {2.5, -4.0};
         const float rates[kInputs] = {rate, rate};
         tiller::ExpandJob job;
         job.grid = {horizon, kInputs, knots, first_step.data(), fraction.data()};
@@ -174,15 +178,17 @@ TEST_P(Lanes, controls_are_the_interpolated_rate_limited_knots) {
         job.knots = rows.data();
         job.start = start;
         job.rate_step = rates;
+        job.before = cubic ? before : nullptr;
         job.controls = controls.data();
         lanes.expand(job);
-        const tiller::InputLimit limits[kInputs] = {{-5.0, 5.0, step}, {-5.0, 5.0, step}};
+        const tiller::InputLimit limits[kInputs] = {{-5.0, 5.0, std::fabs(step)}, {-5.0, 5.0, std::fabs(step)}};
         const double starts[kInputs] = {1.0, -2.0};
         for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
           std::vector<double> mean(kInputs * knots);
           for (std::size_t r = 0; r < mean.size(); ++r) mean[r] = static_cast<double>(rows[r * kLanes + lane]);
           std::vector<float> sequence(horizon * kInputs);
-          tiller::expand_sequence(job.grid, limits, mean.data(), starts, sequence.data(), nullptr);
+          tiller::expand_sequence(job.grid, limits, mean.data(), starts, sequence.data(), nullptr,
+                                  cubic ? befores : nullptr);
           for (std::size_t i = 0; i < sequence.size(); ++i)  // float against double: 133 roundings of 5 * 6e-8
             ASSERT_NEAR(controls[i * kLanes + lane], sequence[i], 4e-5) << horizon << " " << knots << " " << i;
         }

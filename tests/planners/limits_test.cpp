@@ -37,6 +37,10 @@ tiller_config_t random_problem(std::mt19937_64& random, std::uint32_t planner) {
   c.planner.cvar_alpha = uniform(random, 0.0, 0.99);
   c.planner.temperature = pick(random, {1e-9, 0.02, 1.0});
   c.planner.elite_fraction = pick(random, {1e-9, 0.1, 1.0});
+  c.planner.interpolation = below(random, 2);
+  c.planner.adapt_covariance = below(random, 2);
+  c.planner.noise_colour = pick(random, {0.0, 0.5, 2.0, 4.0});
+  c.planner.filter = pick(random, {0.01, 0.7, 1.0});
   const double size = pick(random, {1e-6, 1.0, 20.0, 1e6, 1e300});
   const double a = uniform(random, -size, size), b = uniform(random, -size, size);
   c.safety.input_low[0] = std::min(a, b);

@@ -48,6 +48,14 @@ inline tiller_config_t line_config(std::uint32_t planner) {
   return c;
 }
 
+/// Every option of the sampling planners that is off by default.
+inline void switch_options_on(tiller_config_t& c) {
+  c.planner.interpolation = tiller_interpolation_cubic;
+  c.planner.adapt_covariance = 1;
+  c.planner.noise_colour = 1.5;
+  c.planner.filter = 0.7;
+}
+
 /// A planner in a block of its own, of exactly the measured size, and a belief to plan over.
 class Bench {
  public:

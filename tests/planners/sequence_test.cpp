@@ -4,7 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <random>
 #include <vector>
@@ -20,23 +22,28 @@ struct Sequence {
   std::vector<std::uint32_t> first_step;
   std::vector<float> fraction;
   std::vector<double> knots;
+  bool cubic = false;
+  double before = 0.0;
 
   Sequence(std::uint32_t horizon, std::uint32_t count)
       : clock{horizon, count, 0}, first_step(count), fraction(horizon) {
     tiller::fill_grid(clock, first_step.data(), fraction.data());
   }
   void advance(std::uint32_t periods) {
-    tiller::shift_knots(knots.data(), clock.knots, tiller::advance_clock(clock, periods));
+    const std::uint32_t gone = tiller::advance_clock(clock, periods);
+    if (gone > 0) before = knots[std::min(gone, clock.knots) - 1];
+    tiller::shift_knots(knots.data(), clock.knots, gone);
     tiller::fill_grid(clock, first_step.data(), fraction.data());
   }
   std::vector<float> inputs(const InputLimit& limit, double start) const {
     std::vector<float> all(clock.horizon);
     tiller::expand_sequence({clock.horizon, 1, clock.knots, first_step.data(), fraction.data()}, &limit, knots.data(),
-                            &start, all.data(), nullptr);
+                            &start, all.data(), nullptr, cubic ? &before : nullptr);
     return all;
   }
 };
 
+constexpr std::uint32_t kCubic = 1024;  // beside the number of knots
 constexpr InputLimit kFree = {-1e6, 1e6, std::numeric_limits<double>::infinity()};
 
 TEST(Sequence, interpolates_from_the_first_step_to_the_last) {
@@ -51,9 +58,10 @@ TEST(Sequence, shifts_exactly_whatever_the_spacing) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> uniform(-10.0, 10.0);
   for (const std::uint32_t horizon : {2u, 3u, 17u, 50u, 512u})
-    for (const std::uint32_t count : {2u, 3u, 6u, 13u, 64u}) {
-      Sequence s(horizon, count);
-      for (std::uint32_t j = 0; j < count; ++j) s.knots.push_back(uniform(random));
+    for (const std::uint32_t count : {2u, 3u, 6u, 13u, 64u, 2u | kCubic, 3u | kCubic, 6u | kCubic, 64u | kCubic}) {
+      Sequence s(horizon, count & ~kCubic);
+      s.cubic = (count & kCubic) != 0;
+      for (std::uint32_t j = 0; j < s.clock.knots; ++j) s.knots.push_back(uniform(random));
       const std::vector<float> old = s.inputs(kFree, 0.0);
       for (std::uint32_t gone = 1; gone < horizon + 3; ++gone) {
         s.advance(1);
@@ -61,10 +69,42 @@ TEST(Sequence, shifts_exactly_whatever_the_spacing) {
         for (std::uint32_t t = 0; t < horizon; ++t) {
           const std::uint32_t then = t + gone < horizon ? t + gone : horizon - 1;
           // fractions are floats; where knots stand closer than steps, a slope of 20 a fraction of a step away
-          ASSERT_NEAR(now[t], old[then], 1e-5) << horizon << " steps, " << count << " knots, " << gone << " gone";
+          // (a cubic's is three times the secant's at most)
+          ASSERT_NEAR(now[t], old[then], 3e-5) << horizon << " steps, " << count << " knots, " << gone << " gone";
         }
       }
     }
+}
+
+TEST(Sequence, cubic_is_monotone_between_knots_and_smooth_across_them) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> uniform(-10.0, 10.0);
+  double sharpest_line = 0.0, sharpest_cubic = 0.0;
+  for (int trial = 0; trial < 200; ++trial) {
+    Sequence s(501, 6);  // a knot every hundred steps
+    for (int j = 0; j < 6; ++j) s.knots.push_back(uniform(random));
+    s.before = uniform(random);
+    const std::vector<float> line = s.inputs(kFree, 0.0);
+    s.cubic = true;
+    const std::vector<float> cubic = s.inputs(kFree, 0.0);
+    for (int j = 0; j < 6; ++j) EXPECT_NEAR(cubic[100 * j], s.knots[j], 1e-5);
+    for (int t = 0; t + 1 < 501; ++t) {
+      const double rise = s.knots[t / 100 + 1] - s.knots[t / 100];
+      ASSERT_GE((cubic[t + 1] - cubic[t]) * rise, -1e-5) << "falls where its knots rise";
+      ASSERT_LE(cubic[t], std::max(s.knots[t / 100], s.knots[t / 100 + 1]) + 1e-6);
+      ASSERT_GE(cubic[t], std::min(s.knots[t / 100], s.knots[t / 100 + 1]) - 1e-6);
+    }
+    for (int j = 1; j < 5; ++j) {
+      const auto kink = [&](const std::vector<float>& u) {
+        return std::fabs(static_cast<double>(u[100 * j + 1] - 2.0f * u[100 * j] + u[100 * j - 1]));
+      };
+      sharpest_line = std::max(sharpest_line, kink(line));
+      sharpest_cubic = std::max(sharpest_cubic, kink(cubic));
+    }
+  }
+  std::printf("sharpest kink at a knot: lines %.4f, cubic %.4f\n", sharpest_line, sharpest_cubic);
+  // the slope of a cubic does not jump: what is left is curvature, which falls with the step squared
+  EXPECT_LT(sharpest_cubic, 0.1 * sharpest_line);
 }
 
 TEST(Sequence, many_periods_at_once_are_as_many_single_ones) {

@@ -1,0 +1,176 @@
+// Options of the sampling planners, against their definitions.
+
+#include <gtest/gtest.h>
+
+#include "planners/sampler.hpp"
+#include "problem.hpp"
+
+namespace tiller_test {
+namespace {
+
+using tiller::Sampler;
+
+const Sampler& sampler_of(const Bench& bench) { return *static_cast<const Sampler*>(bench.planner()); }
+
+/// One knot grid of a plan whose samples are not cut by limits.
+tiller_config_t wide_config(std::uint32_t planner, std::uint32_t knots) {
+  tiller_config_t c = line_config(planner);
+  c.planner.knots = knots;
+  c.planner.rollouts = 8192;
+  c.safety.input_low[0] = -1e6;
+  c.safety.input_high[0] = 1e6;
+  return c;
+}
+
+/// Second moments (knots x knots) of the coarsest samples of 40 first iterations, in units of noise_sd.
+std::vector<double> sample_moments(const tiller_config_t& c) {
+  const std::uint32_t n = c.planner.knots;
+  std::vector<double> sum(std::size_t{n} * n, 0.0);
+  double count = 0.0;
+  for (std::uint64_t seed = 0; seed < 40; ++seed) {
+    tiller_config_t one = c;
+    one.seed = seed;
+    one.planner.horizon = 3;
+    Bench bench(one);
+    bench.plan();
+    const Sampler& s = sampler_of(bench);
+    // the samples lie around zero, the mean of a new plan; every 16th has the whole spread, and 0 is the mean itself
+    for (std::uint32_t k = tiller::kScales; k < s.rollouts; k += tiller::kScales) {
+      for (std::uint32_t i = 0; i < n; ++i)
+        for (std::uint32_t j = 0; j < n; ++j)
+          sum[i * n + j] += static_cast<double>(s.knots[i * s.rollouts + k]) *
+                            static_cast<double>(s.knots[j * s.rollouts + k]) /
+                            (c.planner.noise_sd[0] * c.planner.noise_sd[0]);
+      count += 1.0;
+    }
+  }
+  for (double& x : sum) x /= count;
+  return sum;
+}
+
+// 20440 samples: a standard deviation of 0.7 % of a correlation, 1 % of a variance; four of them
+constexpr double kMomentError = 0.04;
+
+TEST(NoiseColour, keeps_the_spread_of_every_knot_and_has_the_spectrum) {
+  constexpr std::uint32_t kKnots = 12;
+  double last_neighbours = -1.0;
+  for (const double colour : {0.0, 1.0, 2.0, 4.0}) {
+    tiller_config_t c = wide_config(tiller_planner_cem, kKnots);
+    c.planner.noise_colour = colour;
+    const std::vector<double> moments = sample_moments(c);
+    // the power spectrum's own sum, written out over twice the knots, the constant as strong as the slowest wave
+    const auto expected = [&](std::uint32_t apart) {
+      double sum = 0.0, power = 0.0;
+      for (int k = -static_cast<int>(kKnots) + 1; k <= static_cast<int>(kKnots); ++k) {
+        const double share = std::pow(std::max(std::abs(k), 1), -colour);
+        sum += share * std::cos(3.141592653589793 * k * apart / kKnots);
+        power += share;
+      }
+      return sum / power;
+    };
+    for (std::uint32_t i = 0; i < kKnots; ++i)
+      for (std::uint32_t j = 0; j < kKnots; ++j)
+        EXPECT_NEAR(moments[i * kKnots + j], expected(i > j ? i - j : j - i), kMomentError)
+            << colour << " " << i << " " << j;
+    EXPECT_GT(expected(1), last_neighbours + 0.1 * (colour < 4.0));
+    last_neighbours = expected(1);
+    std::printf("colour %.0f: correlation of neighbouring knots %.3f, of ends %.3f\n", colour, expected(1),
+                expected(kKnots - 1));
+  }
+}
+
+TEST(Filter, is_pddms_recursion_over_the_knots) {
+  constexpr std::uint32_t kKnots = 6;
+  constexpr double kBeta = 0.6;
+  tiller_config_t c = wide_config(tiller_planner_mppi, kKnots);
+  c.planner.filter = kBeta;
+  const std::vector<double> moments = sample_moments(c);
+  for (std::uint32_t i = 0; i < kKnots; ++i)
+    for (std::uint32_t j = 0; j < kKnots; ++j) {
+      double expected = 0.0;  // n_t = beta sum_s (1 - beta)^(t - s) u_s
+      for (std::uint32_t s = 0; s <= std::min(i, j); ++s)
+        expected += kBeta * std::pow(1.0 - kBeta, i - s) * kBeta * std::pow(1.0 - kBeta, j - s);
+      EXPECT_NEAR(moments[i * kKnots + j], expected, kMomentError) << i << " " << j;
+    }
+  c.planner.kind = tiller_planner_cem;  // which does not filter
+  EXPECT_NEAR(sample_moments(c)[0], 1.0, kMomentError);
+}
+
+TEST(AdaptCovariance, leaves_the_spread_where_all_samples_are_equal) {
+  for (const std::uint32_t kind : {std::uint32_t{tiller_planner_mppi}, std::uint32_t{tiller_planner_cem}}) {
+    tiller_config_t c = wide_config(kind, 6);
+    c.planner.rollouts = 1024;
+    c.planner.adapt_covariance = 1;
+    c.planner.elite_fraction = 1.0;
+    c.cost = {};
+    Bench bench(c);
+    bench.request.deadline.iterations = 10;
+    bench.plan();
+    for (std::uint32_t r = 0; r < 6; ++r)
+      // 1024 samples say as much as 240 of the whole spread: 5 % an iteration, a random walk of 10; three deviations
+      EXPECT_NEAR(sampler_of(bench).spread[r], 2.0, 0.9) << kind << " " << r;
+  }
+}
+
+TEST(AdaptCovariance, narrows_to_what_matters_between_floor_and_ceiling) {
+  for (const std::uint32_t kind : {std::uint32_t{tiller_planner_mppi}, std::uint32_t{tiller_planner_cem}}) {
+    tiller_config_t c = wide_config(kind, 6);
+    c.planner.rollouts = 1024;
+    c.planner.adapt_covariance = 1;
+    c.cost = {};
+    c.cost.terminal_weight[1] = 1.0;  // the velocity at the end: every input counts the same, their differences nothing
+    c.cost.input_weight[0] = 1.0;
+    c.planner.noise_sd[0] = 20.0;
+    Bench bench(c);
+    bench.request.deadline.iterations = 30;
+    bench.plan();
+    const Sampler& s = sampler_of(bench);
+    for (std::uint32_t r = 0; r < 6; ++r) {
+      EXPECT_GE(s.spread[r], 2.0 * (1.0 - 1e-12)) << "the floor";
+      EXPECT_LT(s.spread[r], 12.0) << "a sharp optimum wants less than 20 N";
+    }
+    bench.reset();
+    EXPECT_EQ(s.spread[0], 20.0);
+  }
+}
+
+TEST(AdaptCovariance, never_leaves_floor_and_ceiling_and_moves_with_the_knots) {
+  tiller_config_t c = line_config(tiller_planner_mppi);
+  c.planner.adapt_covariance = 1;
+  Bench bench(c);
+  const Sampler& s = sampler_of(bench);
+  double least = 1e9, most = 0.0;
+  for (int t = 0; t < 500; ++t) {
+    bench.set_state({std::sin(0.3 * t), std::cos(0.2 * t)});
+    bench.plan();
+    for (std::uint32_t r = 0; r < s.rows; ++r) {
+      least = std::min(least, s.spread[r]);
+      most = std::max(most, s.spread[r]);
+    }
+  }
+  std::printf("spread from %.3f to %.3f, noise_sd 2\n", least, most);
+  EXPECT_GE(least, 0.2 * (1.0 - 1e-12));
+  EXPECT_LE(most, 4.0 * (1.0 + 1e-12));
+  EXPECT_LT(least, 1.0) << "or nothing adapted";
+  bench.request.tick += 1000;  // every knot is new
+  bench.request.deadline.iterations = 0;
+  bench.plan();
+  for (std::uint32_t r = 0; r < s.rows; ++r) EXPECT_EQ(s.spread[r], 2.0);
+}
+
+TEST(Interpolation, cubic_plans_slide_unchanged) {
+  tiller_config_t c = line_config(tiller_planner_mppi);
+  c.planner.interpolation = tiller_interpolation_cubic;
+  Bench bench(c);
+  bench.set_state({1.0, 0.0});
+  bench.plan();
+  const std::vector<float> old(bench.sequence(), bench.sequence() + 50);
+  bench.request.deadline.iterations = 0;
+  for (std::uint32_t t = 1; t < 50; ++t) {
+    bench.plan();
+    EXPECT_NEAR(bench.command[0], static_cast<double>(old[t]), 1e-5) << t;  // rounding of float at 5 N
+  }
+}
+
+}  // namespace
+}  // namespace tiller_test
