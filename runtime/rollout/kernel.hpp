@@ -7,6 +7,7 @@
 #include "rollout/lq_scenarios.hpp"
 #include "rollout/lq_sweep.hpp"
 #include "rollout/own_cost.hpp"
+#include "rollout/quadratise_lanes.hpp"
 #include "rollout/step.hpp"
 #include "scalar/pack.hpp"
 
@@ -230,6 +231,7 @@ struct Kernel {
     t.lq = &kLq;
     t.lq_rate = &kLqRate;
     t.lq_scenarios = &kLqScenarios;
+    t.quadratise = &Quadratiser<Model, Cost>::quadratise;
     t.own_cost = OwnCost<Model, Cost, double>::kTemplate;
     return t;
   }

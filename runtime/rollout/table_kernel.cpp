@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "rollout/cost_text.hpp"
+#include "rollout/quadratise.hpp"
 #include "rollout/step.hpp"
 
 namespace tiller {
@@ -161,11 +161,72 @@ void linearise(const tiller_model_t& table, const LineariseJob& job) {
   for (std::uint32_t lane = 0; lane < job.lanes; ++lane) linearise_lane(model, step, job, lane);
 }
 
+// ---- the cost to second order ------------------------------------------------------------------------
+
+using PlainExpansion = Expansion<double, TILLER_MAX_STATES, TILLER_MAX_INPUTS>;
+
+void store_expansion(const PlainExpansion& e, int nx, int nu, const QuadratiseJob& job, std::uint32_t lane) {
+  const auto all = [&](double* rows, const double* values, int count) {
+    if (rows)
+      for (int i = 0; i < count; ++i) rows[static_cast<std::size_t>(i) * job.lanes + lane] = values[i];
+  };
+  all(job.value, &e.value, 1);
+  all(job.lx, e.lx, nx);
+  all(job.lu, e.lu, nu);
+  all(job.lb, e.lb, nu);
+  all(job.lxx, e.lxx, nx * nx);
+  all(job.luu, e.luu, nu * nu);
+  all(job.lux, e.lux, nu * nx);
+}
+
+void add_own_function(const TableModel& model, const QuadratiseJob& job, std::uint32_t lane, bool stage,
+                      const Step::State& x, const Step::Input& u, PlainExpansion& e) {
+  constexpr int kN = TILLER_MAX_STATES + TILLER_MAX_INPUTS;
+  const int nx = model.nx(), nu = model.nu(), n = stage ? nx + nu : nx;
+  double z[kN], p[TILLER_MAX_PARAMS] = {}, value, gradient[kN], hessian[kN * kN];
+  for (int i = 0; i < nx; ++i) z[i] = x[i];
+  for (int i = 0; i < nu; ++i) z[nx + i] = u[i];
+  for (int i = 0; i < model.np(); ++i) p[i] = cell(job.params, static_cast<std::size_t>(i), lane);
+  const double time_s = static_cast<double>(job.task_step + lane) * job.setup->period_s;
+  difference_own(*job.cost->own, stage, nx, n, z, p, time_s, value, gradient, hessian);
+  add_own<kN>(job.cost->own_weight, nx, nu, n, value, gradient, hessian, e);
+}
+
+void quadratise_lane(const TableModel& model, const QuadratiseJob& job, std::uint32_t lane, bool stage) {
+  const CostTerms<double>& cost = *job.cost;
+  const auto due = [&](const double* table, std::uint32_t rows, int count, int index) {
+    return table[cost_row(job.task_step + lane, rows) * static_cast<std::size_t>(count) +
+                 static_cast<std::size_t>(index)];
+  };
+  Step::State x{};
+  Step::Input u{}, before{};
+  for (int i = 0; i < model.nx(); ++i) x[i] = cell(job.state, static_cast<std::size_t>(i), lane);
+  PlainExpansion e;
+  e.clear(model.nx(), model.nu());
+  expand_states<TILLER_MAX_STATES, TableModel, double>(model, cost, stage ? cost.state : cost.terminal, due, x, e);
+  if (stage) {
+    for (int i = 0; i < model.nu(); ++i) {
+      u[i] = cell(job.control, static_cast<std::size_t>(i), lane);
+      before[i] = cell(job.before, static_cast<std::size_t>(i), lane);
+    }
+    expand_inputs<TableModel, double>(model, cost, u, before, e);
+  }
+  if (cost.has(kCostOwnFunction)) add_own_function(model, job, lane, stage, x, u, e);
+  store_expansion(e, model.nx(), model.nu(), job, lane);
+}
+
+void quadratise(const tiller_model_t& table, const QuadratiseJob& job) {
+  const TableModel model(table);
+  for (std::uint32_t lane = 0; lane < job.stages; ++lane) quadratise_lane(model, job, lane, true);
+  if (job.terminal) quadratise_lane(model, job, job.stages, false);
+}
+
 RolloutTable make() {
   RolloutTable t;
   t.rollout_f32 = &rollout<float>;
   t.rollout_f64 = &rollout<double>;
   t.linearise = &linearise;
+  t.quadratise = &quadratise;
   return t;
 }
 
