@@ -28,6 +28,21 @@
 // `using namespace tiller;` for min, max and select of plain numbers). The dynamics are affine in the forces, and
 // a joint's velocity is the derivative of its position. Field names carry SI units and become the names in robot
 // files, logs, plots and reports.
+//
+// A cost of your own stands beside the model, under the same rules; the second derivatives that gradient planners need
+// follow from the same text (docs/costs.md):
+//
+//     template <class S>
+//     struct KeepSlow {
+//       using M = Pendulum<S>;
+//       /// Cost of one control period; time_s counts from the beginning of the task.
+//       static S stage(const typename M::State& x, const typename M::Input& u, const typename M::Params& p,
+//                      const S& time_s) {
+//         return p.mass_kg * x.rate_rad_s * x.rate_rad_s;
+//       }
+//       /// Cost of the horizon's last state.
+//       static S terminal(const typename M::State& x, const typename M::Params& p, const S& time_s) { return S(0.0); }
+//     };
 
 #include <type_traits>
 #include <utility>
