@@ -202,7 +202,7 @@ const std::vector<KeySpec> kKeys = {
      nullptr, "S, by input, on the change per period"},
     {"cost", "terminal", K::choice, "", nullptr, 0, 0, false, AT(cost.terminal), terminal_names,
      "diagonal: Qf alone; lqr: and the LQR cost-to-go at the target for the priors' centre, as if the horizon went on "
-     "for ever"},
+     "for ever; every input needs an input_weight"},
     {"cost", "saturating_weight", K::number, "", nullptr, 0, kBig, false, AT(cost.saturating_weight), nullptr,
      "w: per step w (1 - exp(-1/2 sum ((x-t) / width)^2))"},
     {"cost", "saturating_width", K::state_numbers, "SI", "no say", 0, kBig, true, AT(cost.saturating_width), nullptr,

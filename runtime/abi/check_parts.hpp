@@ -31,5 +31,7 @@ inline bool in(std::uint32_t v, std::uint32_t low, std::uint32_t high) { return 
 
 Finding check_planner(const tiller_config_t& c);
 Finding check_cost(const tiller_config_t& c);
+/// That the LQR cost-to-go exists, if it is asked for; after every other check, since it steps the model.
+Finding check_cost_to_go(const tiller_config_t& c);
 
 }  // namespace tiller

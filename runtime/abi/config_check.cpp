@@ -164,6 +164,7 @@ Finding check_config(const tiller_config_t& c) {
   if (finding.status == tiller_status_ok) finding = check_sensors(c);
   if (finding.status == tiller_status_ok && c.record_ticks > 65536)
     finding = {tiller_status_bad_dimension, "record_ticks"};
+  if (finding.status == tiller_status_ok) finding = check_cost_to_go(c);
   return finding;
 }
 

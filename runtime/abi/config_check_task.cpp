@@ -3,6 +3,8 @@
 #include "abi/check_parts.hpp"
 #include "planners/planner.hpp"
 #include "planners/qp/osqp_qp.hpp"
+#include "rollout/cost.hpp"
+#include "rollout/rollout.hpp"
 
 // How is planned, and for what: the groups `planner` and `cost` of tiller_config_check.
 
@@ -163,6 +165,14 @@ Finding check_cost(const tiller_config_t& c) {
   if (finding.status == tiller_status_ok) finding = check_rows(c.cost, states);
   if (finding.status == tiller_status_ok) finding = check_own(c.cost);
   return finding;
+}
+
+Finding check_cost_to_go(const tiller_config_t& c) {
+  if (c.cost.terminal != tiller_terminal_lqr) return kGood;
+  StepSetup setup;
+  tiller_status_t status = make_step_setup(c, setup);
+  if (status == tiller_status_ok) status = lay_out_cost(c, setup, select_rollout(*c.model), nullptr, nullptr);
+  return status == tiller_status_ok ? kGood : Finding{status, "cost.terminal"};
 }
 
 }  // namespace tiller

@@ -24,14 +24,6 @@ std::size_t measure(const tiller_config_t& config) {
   return arena.used();
 }
 
-/// What can be wrong with a cost only once the model is known: a cost-to-go that does not exist.
-tiller_status_t check_cost(const tiller_config_t& config) {
-  tiller::StepSetup setup;
-  const tiller_status_t status = tiller::make_step_setup(config, setup);
-  if (status != tiller_status_ok) return status;
-  return tiller::lay_out_cost(config, setup, tiller::select_rollout(*config.model), nullptr, nullptr);
-}
-
 bool hooks_match(const tiller_hooks_t* hooks) {
   return hooks == nullptr || (hooks->size == sizeof(tiller_hooks_t) && hooks->version == TILLER_CONFIG_VERSION);
 }
@@ -51,8 +43,6 @@ tiller_status_t tiller_init(tiller_t** t, const tiller_config_t* config, const t
   if (config == nullptr || memory == nullptr) return tiller_status_null_argument;
   const tiller_status_t checked = tiller_config_check(config, nullptr);
   if (checked != tiller_status_ok) return checked;
-  const tiller_status_t costed = check_cost(*config);
-  if (costed != tiller_status_ok) return costed;
   if (!hooks_match(hooks)) return tiller_status_version_mismatch;
   if (reinterpret_cast<std::uintptr_t>(memory) % TILLER_ALIGNMENT != 0) return tiller_status_memory_misaligned;
   // measured first: a layout that runs out of room half way would hand null pieces to the parts

@@ -36,6 +36,77 @@ TEST(ClosedLoop, PendulumStandsUnderEveryPlanner) {
   }
 }
 
+/// The energy that the pendulum lacks to stand, as a share of what lifting it takes; counts its calls.
+double energy_cost(const double* x, const double* u, const double* p, double, void* context) {
+  ++*static_cast<std::uint64_t*>(context);
+  const double height = 0.5 * (1.0 - std::cos(x[0]));
+  const double share = x[1] * x[1] * p[1] / (4.0 * 9.81) + height - 1.0;
+  return 20.0 * share * share + 2.0 * (1.0 - height) + 0.01 * u[0] * u[0];
+}
+double energy_at_the_end(const double* x, const double* p, double time_s, void* context) {
+  const double none = 0.0;
+  return 10.0 * energy_cost(x, &none, p, time_s, context);
+}
+
+// No weight but that of the cost in C: what stands, stands by it alone.
+TEST(ClosedLoop, OwnCostInCStandsThePendulum) {
+  std::uint64_t calls = 0;
+  const tiller_own_cost_t own = {sizeof(tiller_own_cost_t), TILLER_CONFIG_VERSION, energy_cost, energy_at_the_end,
+                                 &calls};
+  tiller_config_t config = rig::pendulum_config();
+  for (int i = 0; i < 2; ++i) config.cost.state_weight[i] = config.cost.terminal_weight[i] = 0.0;
+  config.cost.own = &own;
+  config.planner.knots = 10;
+  config.planner.horizon = 50;
+  for (const double weight : {1.0, 0.0}) {
+    config.cost.own_weight = weight;
+    calls = 0;
+    PendulumPlant plant;
+    Loop loop(config, plant);
+    ASSERT_TRUE(loop.ready());
+    loop.activate(1);
+    loop.run(400);
+    std::printf("own weight %.0f: after 8 s angle %.3f rad, %llu calls\n", weight, plant.angle_rad,
+                static_cast<unsigned long long>(calls));
+    if (weight > 0.0) {
+      EXPECT_LT(std::cos(plant.angle_rad), -0.98) << "within 0.2 rad of upright";
+      EXPECT_GT(calls, 400u * 128u * 40u);
+    } else {
+      EXPECT_GT(std::cos(plant.angle_rad), 0.0) << "nothing asks for it";
+      EXPECT_EQ(calls, 0u);
+    }
+    EXPECT_EQ(loop.state(), tiller_state_active);
+    EXPECT_TRUE(loop.commands_allowed());
+  }
+}
+
+// A trajectory that only the reference knows: half a turn away and back.
+TEST(ClosedLoop, AReferenceIsFollowedFromTheBeginningOfTheTask) {
+  double rows[2 * 200];
+  for (int k = 0; k < 200; ++k) {
+    rows[2 * k] = 0.5 * std::sin(0.04 * k);  // rad, one period in 3.1 s
+    rows[2 * k + 1] = 0.5 * 2.0 * std::cos(0.04 * k);
+  }
+  tiller_config_t config = rig::pendulum_config();
+  config.cost.reference = rows;
+  config.cost.reference_steps = 200;
+  config.cost.target[0] = 0.0;
+  config.planner.horizon = 20;
+  PendulumPlant plant;
+  Loop loop(config, plant);
+  ASSERT_TRUE(loop.ready());
+  loop.run(50);  // the task begins with the motion, not with the controller
+  (void)tiller_arm(loop.controller());
+  double worst = 0.0;
+  for (int k = 0; k < 200; ++k) {
+    if (k >= 50) worst = std::max(worst, std::fabs(plant.angle_rad - rows[2 * k]));
+    (void)loop.tick();
+  }
+  std::printf("largest deviation from the reference after 1 s: %.3f rad\n", worst);
+  // a tenth of the amplitude, and well below the 0.5 rad s^-1 * 1 s that a task begun with the controller would show
+  EXPECT_LT(worst, 0.05);
+}
+
 TEST(ClosedLoop, CartPoleStands) {
   CartPolePlant plant;
   Loop loop(rig::cart_pole_config(), plant);

@@ -161,6 +161,8 @@ const Spoiled kSpoiled[] = {
     {"cost.input_weight[0]", tiller_status_bad_cost, [](C& c) { c.cost.input_weight[0] = -1.0; }},
     {"cost.input_rate_weight[0]", tiller_status_bad_cost, [](C& c) { c.cost.input_rate_weight[0] = kInf; }},
     {"cost.terminal", tiller_status_bad_cost, [](C& c) { c.cost.terminal = 2; }},
+    {"cost.terminal", tiller_status_bad_cost,  // an input that costs nothing has no cost-to-go
+     [](C& c) { c.cost.terminal = tiller_terminal_lqr, c.cost.input_weight[0] = 0.0; }},
     {"cost.saturating_weight", tiller_status_bad_cost, [](C& c) { c.cost.saturating_weight = -1.0; }},
     {"cost.saturating_weight", tiller_status_bad_cost, [](C& c) { c.cost.saturating_weight = kNan; }},
     {"cost.saturating_width[1]", tiller_status_bad_cost, [](C& c) { c.cost.saturating_width[1] = 0.0; }},
@@ -246,6 +248,7 @@ TEST(ConfigCheck, AcceptsTheEndsOfTheRanges) {
   p.levels = 16;
   p.nodes = 65536;
   c.cost.terminal = tiller_terminal_lqr;
+  c.cost.input_weight[0] = 0.01;
   c.cost.saturating_weight = 1.0;
   c.cost.saturating_width[0] = kInf;
   c.cost.state_low[0] = -1.0;

@@ -5,6 +5,7 @@
 #include <limits>
 #include <vector>
 
+#include "planners/planner.hpp"
 #include "rig.hpp"
 
 namespace {
@@ -193,6 +194,43 @@ TEST(Reads, ParticlesAddUpToTheMoments) {
   }
   EXPECT_NEAR(sum, 1.0, 1e-12);
   EXPECT_NEAR(mean, info.param_mean[0], 1e-12);
+}
+
+// Planners without feedback say so; those that have it give it around the plan that they also tell.
+TEST(Feedback, IsGivenAroundThePlanOrRefused) {
+  double gain[TILLER_MAX_INPUTS * TILLER_MAX_STATES], state[TILLER_MAX_STATES], input[TILLER_MAX_INPUTS];
+  EXPECT_EQ(tiller_get_feedback(nullptr, 0, gain, state, input), tiller_status_null_argument);
+  EXPECT_EQ(tiller_prepare(nullptr), tiller_status_null_argument);
+  for (std::uint32_t kind = 0; kind < tiller_planner_kind_count; ++kind) {
+    const tiller::PlannerTable& planner = *tiller::find_planner(kind);
+    tiller_config_t config = rig::pendulum_config();
+    config.planner.kind = kind;
+    PendulumPlant plant;
+    Loop loop(config, plant);
+    ASSERT_TRUE(loop.ready());
+    if (planner.feedback == nullptr) {
+      loop.activate(5);
+      EXPECT_EQ(tiller_get_feedback(loop.controller(), 0, gain, state, input), tiller_status_bad_planner);
+      EXPECT_EQ(tiller_prepare(loop.controller()), tiller_status_ok) << "and preparation is nothing";
+      continue;
+    }
+    EXPECT_EQ(tiller_get_feedback(loop.controller(), 0, gain, state, input), tiller_status_bad_dimension)
+        << planner.name << ": there is no plan yet";
+    loop.activate(20);
+    double plan[40];
+    ASSERT_EQ(tiller_get_plan(loop.controller(), plan, 40), 40u);
+    double norm = 0.0;
+    for (std::uint32_t step = 0; step < config.planner.horizon; ++step) {
+      ASSERT_EQ(tiller_get_feedback(loop.controller(), step, gain, state, input), tiller_status_ok) << planner.name;
+      EXPECT_NEAR(input[0], plan[step], 1e-4) << planner.name << ", step " << step;
+      for (const double value : {gain[0], gain[1], state[0], state[1]}) ASSERT_TRUE(std::isfinite(value));
+      norm += std::fabs(gain[0]) + std::fabs(gain[1]);
+    }
+    EXPECT_GT(norm, 0.0) << planner.name << ": a feedback that answers nothing";
+    EXPECT_EQ(tiller_get_feedback(loop.controller(), config.planner.horizon, gain, state, input),
+              tiller_status_bad_dimension);
+    EXPECT_EQ(tiller_get_feedback(loop.controller(), 0, nullptr, nullptr, nullptr), tiller_status_ok);
+  }
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <thread>
 #include <vector>
 
+#include "planners/planner.hpp"
 #include "rig.hpp"
 
 // The same inputs give the same commands, to the last bit: twice, on one or two threads, and from the records.
@@ -52,7 +53,7 @@ void expect_same(const std::vector<tiller_record_t>& a, const std::vector<tiller
   }
 }
 
-/// A run with everything in it: swings, faults, silence, disarming, a stop and a reset.
+/// A run with everything in it: swings, faults, silence, preparation, disarming, a stop and a reset.
 std::vector<tiller_record_t> eventful_run(const tiller_config_t& config, const tiller_hooks_t* hooks) {
   PendulumPlant plant;
   Loop loop(config, plant, hooks);
@@ -64,6 +65,7 @@ std::vector<tiller_record_t> eventful_run(const tiller_config_t& config, const t
     m.command_latency_us = static_cast<std::uint32_t>(500 * i);
     if (i % 7 == 3) m.value[0] = std::numeric_limits<double>::quiet_NaN();
     (void)loop.tick(i % 5 == 1 ? nullptr : &m);
+    if (i % 3 != 2) (void)tiller_prepare(loop.controller());
     if (i == 20) loop.wait(3000);
   }
   (void)tiller_disarm(loop.controller());
@@ -91,6 +93,7 @@ std::vector<tiller_record_t> replay(const tiller_config_t& config, const std::ve
         case tiller_call_disarm: (void)tiller_disarm(t); break;
         case tiller_call_stop: (void)tiller_stop(t, static_cast<tiller_status_t>(r.status)); break;
         case tiller_call_reset: (void)tiller_reset(t); break;
+        case tiller_call_prepare: (void)tiller_prepare(t); break;
         default: ADD_FAILURE() << "call " << (calls & 15u); break;
       }
     }
@@ -148,6 +151,15 @@ TEST_P(EveryPlanner, RecordsReplayBitByBit) {
   const tiller_config_t config = config_of(GetParam());
   const auto recorded = eventful_run(config, nullptr);
   expect_same(recorded, replay(config, recorded));
+}
+
+TEST_P(EveryPlanner, PreparationIsRecordedWhereThereIsOne) {
+  const bool prepares = tiller::find_planner(GetParam())->prepare != nullptr;
+  const auto recorded = eventful_run(config_of(GetParam()), nullptr);
+  int prepared = 0;
+  for (const tiller_record_t& r : recorded)
+    for (std::uint32_t calls = r.calls; calls != 0; calls >>= 4) prepared += (calls & 15u) == tiller_call_prepare;
+  EXPECT_EQ(prepared > 0, prepares);
 }
 
 TEST(PredictedDelay, RepeatsAndReplaysBitByBit) {

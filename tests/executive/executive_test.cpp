@@ -358,4 +358,41 @@ TEST(Record, KeepsEveryInputAndOutput) {
   EXPECT_EQ(b.executive->recorder().find(2)->has_measurement, 0u);
 }
 
+// A task begins with the motion: the row of a reference that is due is the plan's business to look up.
+TEST(Task, StepsCountFromWhereMotionBegins) {
+  Bench b;
+  for (int i = 0; i < 3; ++i) (void)b.tick();  // STANDBY: no task
+  EXPECT_EQ(fakes::planner.plans, 0);
+  b.activate();
+  EXPECT_EQ(fakes::planner.task_step, 0u);
+  EXPECT_EQ(fakes::planner.tick, 3u);
+  for (std::uint64_t step = 1; step < 5; ++step) {
+    (void)b.tick();
+    EXPECT_EQ(fakes::planner.task_step, step);
+  }
+  (void)b.executive->disarm();
+  (void)b.tick();
+  b.activate();
+  EXPECT_EQ(fakes::planner.task_step, 0u) << "motion begins anew, and the task with it";
+}
+
+TEST(Task, PreparationIsForTheNextTick) {
+  Bench b;
+  b.executive->prepare();
+  EXPECT_EQ(fakes::planner.preparations, 0) << "nothing is planned before motion";
+  b.activate();
+  (void)b.tick();
+  b.executive->prepare();
+  EXPECT_EQ(fakes::planner.preparations, 1);
+  (void)b.tick();
+  EXPECT_EQ(fakes::planner.expected_tick, fakes::planner.tick);
+  EXPECT_EQ(fakes::planner.expected_task_step, fakes::planner.task_step);
+  EXPECT_EQ(b.executive->recorder().find(1)->calls, 0u);
+  EXPECT_EQ(b.executive->recorder().find(2)->calls, static_cast<std::uint32_t>(tiller_call_prepare));
+  (void)b.executive->disarm();
+  (void)b.tick();
+  b.executive->prepare();
+  EXPECT_EQ(fakes::planner.preparations, 1);
+}
+
 }  // namespace

@@ -23,6 +23,8 @@ PlanResult plan(void* pointer, const PlanRequest& request, double* command) {
   fakes::Planner& fake = fakes::planner;
   const tiller_config_t& config = *static_cast<Self*>(pointer)->config;
   ++fake.plans;
+  fake.tick = request.tick;
+  fake.task_step = request.task_step;
   fake.iterations_asked = request.deadline.iterations;
   fake.deadline_ns = request.deadline.deadline_ns;
   const std::size_t values = std::size_t{config.model->state_count} * request.belief->count;
@@ -36,7 +38,13 @@ PlanResult plan(void* pointer, const PlanRequest& request, double* command) {
 
 void reset(void*) { ++fakes::planner.resets; }
 const float* sequence(const void*) { return fakes::planner.sequence.data(); }
-constexpr PlannerTable kFake = {"fake", lay_out, plan, reset, sequence};
+void prepare(void*, const PlanRequest& expected) {
+  ++fakes::planner.preparations;
+  fakes::planner.expected_tick = expected.tick;
+  fakes::planner.expected_task_step = expected.task_step;
+}
+bool feedback(const void*, std::uint32_t step, double*, double*, double*) { return step < 8; }
+constexpr PlannerTable kFake = {"fake", lay_out, plan, reset, sequence, prepare, feedback};
 
 }  // namespace
 

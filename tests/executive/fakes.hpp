@@ -14,7 +14,9 @@ struct Planner {
   double command[TILLER_MAX_INPUTS] = {};
   tiller::PlanResult result = {tiller_status_ok, 1, 0.0};
   std::function<void()> before_answer;  // may change the two above
-  int plans = 0, resets = 0;
+  int plans = 0, resets = 0, preparations = 0;
+  std::uint64_t tick = 0, task_step = 0;                    // of the last plan
+  std::uint64_t expected_tick = 0, expected_task_step = 0;  // of the last preparation
   std::uint32_t iterations_asked = 0;
   std::int64_t deadline_ns = 0;
   double last_command[TILLER_MAX_INPUTS] = {};

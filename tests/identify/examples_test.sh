@@ -10,7 +10,8 @@ shift 4
 
 rm -rf "$work"
 mkdir -p "$work"
-cp -r "$examples/damped_pendulum_c99" "$examples/own_model" "$examples/dead_zone_pendulum" "$work"
+cp -r "$examples/damped_pendulum_c99" "$examples/own_model" "$examples/own_cost_c99" \
+  "$examples/dead_zone_pendulum" "$work"
 export TILLER_CACHE="$work/cache"
 cd "$work"
 
@@ -47,7 +48,10 @@ try() {
 includes_list=$*
 try own_model position_m ball_mass_kg
 try damped_pendulum_c99 angle_rad mass_kg
-[ "$(find "$TILLER_CACHE" -name '*.so' | wc -l)" -eq 2 ] || fail "each model is compiled once"
+try own_cost_c99 angle_rad mass_kg
+grep -q 'a cost of your own' own_cost_c99.check || fail "check own_cost_c99 does not tell of its cost"
+grep -q 'config.cost.own = tiller_cost()' own_cost_c99_config.c || fail "the export lacks the cost"
+[ "$(find "$TILLER_CACHE" -name '*.so' | wc -l)" -eq 3 ] || fail "each model is compiled once"
 
 # dead_zone_pendulum reads logs from elsewhere, so its own log goes through other columns
 "$tiller" check dead_zone_pendulum/robot.toml | grep -q dead_zone_Nm || fail "check dead_zone_pendulum"

@@ -111,6 +111,59 @@ TEST_F(Loader, BuiltInByName) {
   expect_said("pendulum");
 }
 
+/// A cost beside the model of mass_c().
+std::string cost_c(const std::string& stage = "stage", const std::string& version = "TILLER_CONFIG_VERSION") {
+  return "#include \"tiller/tiller.h\"\n" + mass_c() + R"(
+static double stage(const double* x, const double* u, const double* p, double time_s, void* context) {
+  (void)context;
+  return x[0] + 10 * u[0] + 100 * p[0] + 1000 * time_s;
+}
+static const tiller_own_cost_t cost = {.size = sizeof(tiller_own_cost_t), .stage = )" +
+         stage + ", .version = " + version + R"(};
+const tiller_own_cost_t* tiller_cost(void);
+const tiller_own_cost_t* tiller_cost(void) { (void)stage; return &cost; }
+)";
+}
+
+TEST_F(Loader, ACostStandsBesideTheModelInC) {
+  ModelRequest request;
+  request.robot_dir = folder_.string();
+  request.file = "cost.c";
+  write("cost.c", cost_c());
+  const tiller_own_cost_t* own = nullptr;
+  ASSERT_NE(load_model(request, error_, &own), nullptr) << error_;
+  ASSERT_NE(own, nullptr);
+  const double x[] = {1.0, 0.0}, u = 2.0, p = 3.0;
+  EXPECT_EQ(own->stage(x, &u, &p, 4.0, nullptr), 4321.0);
+  EXPECT_EQ(own->terminal, nullptr);
+  request.file = "mass.c";
+  write("mass.c", mass_c());
+  ASSERT_NE(load_model(request, error_, &own), nullptr) << error_;
+  EXPECT_EQ(own, nullptr) << "a model without a cost";
+}
+
+TEST_F(Loader, RefusesCostsThatAreNone) {
+  write("null.c", cost_c("0"));
+  EXPECT_EQ(load("null.c"), nullptr);
+  expect_said("a cost without stage");
+  write("old.c", cost_c("stage", "1"));
+  EXPECT_EQ(load("old.c"), nullptr);
+  expect_said("TILLER_CONFIG_VERSION");
+  ModelRequest request;
+  request.robot_dir = folder_.string();
+  request.file = "mass.c";
+  request.cost_type = "Cost";
+  write("mass.c", mass_c());
+  EXPECT_EQ(load_model(request, error_), nullptr);
+  expect_said("cost_type is for .hpp files");
+  request.file = "mass.hpp";
+  request.type = "mine::Mass";
+  request.cost_type = "Cost; int x";
+  write("mass.hpp", mass_hpp());
+  EXPECT_EQ(load_model(request, error_), nullptr);
+  expect_said("must name a cost template");
+}
+
 TEST_F(Loader, CIsCompiledOnceAndAgainWhenItChanges) {
   write("mass.c", mass_c());
   const tiller_model_t* model = load("mass.c");

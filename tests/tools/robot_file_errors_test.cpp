@@ -132,6 +132,8 @@ const Mistake kMistakes[] = {
     {"qp_tolerance_zero", "knots = 8", "knots = 8\nqp_tolerance = 0", "qp_tol", "planner.qp_tolerance = 0", "above 0"},
     {"unknown_terminal", "[cost]", "[cost]\nterminal = \"riccati\"", "riccati", "cost.terminal = \"riccati\"",
      "known: diagonal, lqr"},
+    {"lqr_without_input_weight", "input_weight = { force_N = 0.001 }", "terminal = \"lqr\"", "terminal = \"lqr\"",
+     "cost.terminal = \"lqr\"", "every input needs an input_weight"},
     {"width_zero", "[cost]", "[cost]\nsaturating_width = { angle_rad = 0 }", "saturating_width",
      "cost.saturating_width.angle_rad = 0", "above 0"},
     {"bound_of_unknown_state", "[cost]", "[cost]\nbounds = { positon_m = { low = 0, weight = 1 } }", "positon_m",
