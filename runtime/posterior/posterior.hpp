@@ -70,8 +70,9 @@ class Posterior {
   /// Chooses `count` particles by stratified sampling from the weights (stream `tick`), into rows of `count`:
   /// params (np x count), state (nx x count), effect_state (ns x count); history (delay_steps x nu), newest first.
   /// Every pointer nullable. A particle of weight w is expected count * w times. The strata are slices along the
-  /// direction of the parameters that is least known, and any first few columns come from its whole width. Uses
-  /// scratch of the instance: not while another thread reads quantiles. Cost: O(N d^2).
+  /// direction of the parameters that is least known, and any first few columns come from its whole width. A single
+  /// one is the posterior's mean (certainty equivalence), not a particle. Uses scratch of the instance: not while
+  /// another thread reads quantiles. Cost: O(N d^2).
   void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
             float* history) const;
 
@@ -171,6 +172,8 @@ class Posterior {
 
   // selection.cpp
   void order_by_principal_direction() const;
+  void take_mean(float* params, float* state, float* effect_state) const;
+  void take_strata(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state) const;
 
   double* scratch_row(std::uint32_t row) const { return scratch_ + std::size_t{row} * n_; }
 

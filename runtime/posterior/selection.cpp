@@ -91,8 +91,31 @@ void Posterior::order_by_principal_direction() const {
   for (std::uint32_t k = 0; k < n_; ++k) order_[first[slice_of(k)]++] = k;
 }
 
+/// One hypothesis: the mean, which stands for the cloud better than any single particle.
+void Posterior::take_mean(float* params, float* state, float* effect_state) const {
+  double mean[TILLER_MAX_PARAMS], state_mean[TILLER_MAX_STATES];
+  moments(params ? mean : nullptr, nullptr, state ? state_mean : nullptr, nullptr);
+  for (std::uint32_t i = 0; i < np_ && params; ++i) params[i] = static_cast<float>(mean[i]);
+  for (std::uint32_t i = 0; i < nx_ && state; ++i) state[i] = static_cast<float>(state_mean[i]);
+  for (std::uint32_t i = 0; i < ns_ && effect_state; ++i) {
+    double sum = 0.0;
+    for (std::uint32_t k = 0; k < n_; ++k) sum += cloud_.weight[k] * cloud_.filter.effect_state[i * n_ + k];
+    effect_state[i] = static_cast<float>(sum);
+  }
+}
+
 void Posterior::draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
                      float* history) const {
+  if (count == 1)
+    take_mean(params, state, effect_state);
+  else
+    take_strata(count, tick, params, state, effect_state);
+  for (std::uint32_t i = 0; i < setup_.delay_steps * nu_ && history; ++i)
+    history[i] = static_cast<float>(input_history_[i]);
+}
+
+void Posterior::take_strata(std::uint32_t count, std::uint64_t tick, float* params, float* state,
+                            float* effect_state) const {
   order_by_principal_direction();
   Rng rng(config_->seed, kRngSelect, tick);
   double below = cloud_.weight[order_[0]];
@@ -117,8 +140,6 @@ void Posterior::draw(std::uint32_t count, std::uint64_t tick, float* params, flo
       copy(effect_state, cloud_.filter.effect_state, ns_);
     }
   }
-  for (std::uint32_t i = 0; i < setup_.delay_steps * nu_ && history; ++i)
-    history[i] = static_cast<float>(input_history_[i]);
 }
 
 }  // namespace tiller

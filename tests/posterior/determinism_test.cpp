@@ -244,7 +244,7 @@ TEST(Draw, VariesFarLessThanIndependentDraws) {
                 weighted ? "uneven weights" : "even weights", all, first_half, single);
     EXPECT_LT(all, 0.15);
     EXPECT_LT(first_half, 0.5);
-    EXPECT_NEAR(single, 1.0, 0.1);
+    EXPECT_LT(single, 1e-6);  // a single one is the mean itself, up to its rounding to f32
   }
 }
 
