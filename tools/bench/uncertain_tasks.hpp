@@ -1,0 +1,47 @@
+#pragma once
+
+// Tasks whose parameters are off by up to 30 %, and a plant to run them on: what bench_uncertainty compares.
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "rollout/rollout.hpp"
+
+namespace tiller::bench {
+
+/// One task with its settings, all of them; chosen on seeds 1001..1020.
+struct UncertainTask {
+  std::string name;
+  tiller_config_t config;          ///< priors: nominal values, all fixed
+  std::vector<std::uint32_t> off;  ///< parameters that are uniform on +-30 % of their nominal value
+  std::uint32_t ticks;
+  double rail_m = 0.0;            ///< bound on |state 0| that a run is judged by; 0: none
+  std::uint32_t hypotheses = 16;  ///< particles of expected-cost and CVaR planning
+};
+
+/// Changes one setting, for choosing them; false: there is none of that name.
+bool override_setting(UncertainTask& task, const std::string& key, double value);
+
+/// What a controller knows, and what it does with it.
+enum class Knowledge { nominal, mean, expected, cvar, oracle };
+constexpr Knowledge kKnowledge[] = {Knowledge::nominal, Knowledge::mean, Knowledge::expected, Knowledge::cvar,
+                                    Knowledge::oracle};
+const char* knowledge_name(Knowledge k);
+
+UncertainTask cart_pole_task();
+UncertainTask rail_task();
+UncertainTask acrobot_task();
+UncertainTask planar_quadrotor_task();
+
+struct UncertainRun {
+  double cost = 0.0;      ///< sum over the ticks of the task's step cost (target, weights; no bounds) at the true state
+  double farthest = 0.0;  ///< largest |state 0|
+  int bad_ticks = 0;      ///< ticks whose status was a fault
+};
+
+/// A whole run: a controller through its C interface in lockstep with the model itself at the true parameters,
+/// integrated in double by RK4 at ten steps a period, and noisy encoders. The seed draws truth and noise.
+UncertainRun run_uncertain(const UncertainTask& task, Knowledge knowledge, std::uint64_t seed);
+
+}  // namespace tiller::bench
