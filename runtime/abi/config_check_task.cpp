@@ -63,7 +63,9 @@ Finding check_tree(const tiller_planner_config_t& p, std::uint32_t inputs) {
   // how the settings go together is of no interest to planners that read none of them
   if (std::strcmp(find_planner(p.kind)->name, "mcts") != 0) return kGood;
   if (p.hold_steps > p.horizon) return {kBad, "planner.hold_steps"};
-  if (choices(p.levels, inputs) >= p.nodes) return {kBad, "planner.levels"};
+  constexpr std::uint32_t kMostChildren = 64;  // of a node
+  const std::uint32_t children = choices(p.levels, inputs);
+  if (children > kMostChildren || children >= p.nodes) return {kBad, "planner.levels"};
   return kGood;
 }
 

@@ -109,12 +109,14 @@ struct Segment {
   F from, slope, square, cube, low, high;
 };
 
-template <bool kCubic>
+enum class Curve { line, cubic, stair };
+
+template <Curve kCurve>
 Segment make_segment(const F& before, const F& from, const F& to, const F& after) {
   Segment s;
   s.from = from;
   s.slope = to - from;
-  if (kCubic) {
+  if (kCurve == Curve::cubic) {
     const F secant = s.slope, begin = knot_tangent(from - before, secant), end = knot_tangent(secant, after - to);
     s.slope = begin;
     s.square = F(3.0f) * secant - begin - begin - end;
@@ -125,16 +127,17 @@ Segment make_segment(const F& before, const F& from, const F& to, const F& after
   return s;
 }
 
-template <bool kCubic>
+template <Curve kCurve>
 F at(const Segment& s, const F& fraction) {
-  if (!kCubic) return fma(s.slope, fraction, s.from);
+  if (kCurve == Curve::stair) return s.from;
+  if (kCurve == Curve::line) return fma(s.slope, fraction, s.from);
   // rounding may lead a hair out of the knots' interval: the limits hold to the last bit
   return min(max(fma(fma(fma(s.cube, fraction, s.square), fraction, s.slope), fraction, s.from), s.low), s.high);
 }
 
 /// `kVectors` vectors of rollouts at once: the rate limit is a chain along time of some 12 cycles a step, and four
 /// chains side by side fill the units that one leaves idle.
-template <std::uint32_t kVectors, bool kRateLimited, bool kCubic>
+template <std::uint32_t kVectors, bool kRateLimited, Curve kCurve>
 void expand_group(const ExpandJob& job, std::uint32_t input, std::uint32_t lane) {
   const KnotGrid& grid = job.grid;
   const float* row = job.knots + input * grid.knots * job.stride + lane;
@@ -147,16 +150,16 @@ void expand_group(const ExpandJob& job, std::uint32_t input, std::uint32_t lane)
     for (std::uint32_t v = 0; v < kVectors; ++v) {
       const auto value = [&](std::uint32_t j) { return F::load(row + j * job.stride + v * kWidth); };
       const bool first = knot == 0, last = knot + 2 == grid.knots;
-      if (kCubic)
-        segment[v] = make_segment<true>(first ? F(job.before[input]) : value(knot - 1), value(knot), value(knot + 1),
-                                        value(last ? knot + 1 : knot + 2));
+      if (kCurve == Curve::cubic)
+        segment[v] = make_segment<kCurve>(first ? F(job.before[input]) : value(knot - 1), value(knot), value(knot + 1),
+                                          value(last ? knot + 1 : knot + 2));
       else
-        segment[v] = make_segment<false>(F(0.0f), value(knot), value(knot + 1), F(0.0f));
+        segment[v] = make_segment<kCurve>(F(0.0f), value(knot), value(knot + 1), F(0.0f));
     }
     for (std::uint32_t t = grid.first_step[knot]; t < grid.first_step[knot + 1]; ++t) {
       const F fraction(grid.fraction[t]);
       for (std::uint32_t v = 0; v < kVectors; ++v) {
-        const F wish = at<kCubic>(segment[v], fraction);
+        const F wish = at<kCurve>(segment[v], fraction);
         u[v] = kRateLimited ? min(max(wish, u[v] - step), u[v] + step) : wish;
         u[v].store(out + t * grid.inputs * job.lanes + v * kWidth);
       }
@@ -164,28 +167,27 @@ void expand_group(const ExpandJob& job, std::uint32_t input, std::uint32_t lane)
   }
 }
 
-template <bool kRateLimited, bool kCubic>
+template <bool kRateLimited, Curve kCurve>
 void expand_input(const ExpandJob& job, std::uint32_t input) {
   std::uint32_t lane = 0;
-  for (; lane + 4 * kWidth <= job.lanes; lane += 4 * kWidth) expand_group<4, kRateLimited, kCubic>(job, input, lane);
-  for (; lane < job.lanes; lane += kWidth) expand_group<1, kRateLimited, kCubic>(job, input, lane);
+  for (; lane + 4 * kWidth <= job.lanes; lane += 4 * kWidth) expand_group<4, kRateLimited, kCurve>(job, input, lane);
+  for (; lane < job.lanes; lane += kWidth) expand_group<1, kRateLimited, kCurve>(job, input, lane);
 }
 
-template <bool kCubic>
+template <Curve kCurve>
 void expand_inputs(const ExpandJob& job) {
   for (std::uint32_t input = 0; input < job.grid.inputs; ++input) {
     if (job.rate_step[input] >= 0.0f)
-      expand_input<true, kCubic>(job, input);
+      expand_input<true, kCurve>(job, input);
     else
-      expand_input<false, kCubic>(job, input);
+      expand_input<false, kCurve>(job, input);
   }
 }
 
 void expand(const ExpandJob& job) {
-  if (job.before)
-    expand_inputs<true>(job);
-  else
-    expand_inputs<false>(job);
+  if (job.hold) return expand_inputs<Curve::stair>(job);
+  if (job.before) return expand_inputs<Curve::cubic>(job);
+  expand_inputs<Curve::line>(job);
 }
 
 // ---- risk ---------------------------------------------------------------------------------------

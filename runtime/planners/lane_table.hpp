@@ -45,7 +45,7 @@ struct KnotGrid {
 };
 
 /// Interpolation between the knots, then the rate limit along time from `start`. With `before` it is the monotone cubic
-/// of knot_tangent, and never leaves the interval of the two knots around it; else linear.
+/// of knot_tangent, and never leaves the interval of the two knots around it; with `hold` a stair; else linear.
 struct ExpandJob {
   KnotGrid grid;
   std::uint32_t lanes = 0;
@@ -54,6 +54,7 @@ struct ExpandJob {
   const float* start = nullptr;      // (inputs) command in force
   const float* rate_step = nullptr;  // (inputs) largest change a step; negative: no limit
   const float* before = nullptr;     // (inputs) value a knot ahead of the first; null: linear
+  bool hold = false;                 // each knot's value until the next, in the place of a curve
   float* controls = nullptr;         // (horizon * inputs x lanes), row stride `lanes`
 };
 

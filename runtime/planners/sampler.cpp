@@ -26,6 +26,7 @@ void shift_plan(Sampler& s, std::uint64_t tick) {
       if (gone > 0) s.knot_before[i] = row[gone < s.grid.knots ? gone - 1 : s.grid.knots - 1];
       shift_knots(row, s.grid.knots, gone);
     }
+    s.gone += gone;
     if (s.settings->adapt_covariance) shift_spread(s, gone);
     fill_grid(s.clock, s.first_step, s.fraction);
   }
@@ -73,6 +74,7 @@ void prepare_iteration(Sampler& s) {
     s.row_mean[r] = lane_number(s.mean[r]);
     s.row_spread[r] = lane_number(s.spread[r]);
   }
+  if (s.method->draw) s.method->draw(s);
 }
 
 // ---- the rollouts -------------------------------------------------------------------------------
@@ -103,7 +105,7 @@ void sample_chunk(Sampler& s, std::uint32_t first, std::uint32_t lanes) {
   job.mix = s.mix;
   job.row_knots = s.grid.knots;
   job.knots = s.knots + first;
-  s.lanes->sample(job);
+  if (!s.method->draw) s.lanes->sample(job);
   if (first != 0) return;
   // rollout 0 is the mean itself, rollout 1 the best sample so far: nothing found is lost again
   for (std::uint32_t r = 0; r < s.rows; ++r) s.knots[r * s.rollouts] = s.row_mean[r];
@@ -120,6 +122,7 @@ void expand_chunk(Sampler& s, std::uint32_t first, std::uint32_t lanes, float* c
   job.start = s.start_lanes;
   job.rate_step = s.rate_step;
   job.before = s.cubic ? s.before_lanes : nullptr;
+  job.hold = s.method->holds;
   job.controls = controls;
   s.lanes->expand(job);
 }
@@ -192,9 +195,13 @@ std::uint32_t iterate(Sampler& s, PlanResult& result) {
   for (s.iteration = 0; s.iteration < deadline.iterations; ++s.iteration) {
     if (deadline.passed()) break;
     prepare_iteration(s);
-    if (!evaluate(s)) break;
+    if (!evaluate(s)) {
+      if (s.method->cancel) s.method->cancel(s);
+      break;
+    }
     s.range = s.lanes->range(s.cost, s.rollouts);
     if (s.range.finite == 0) {
+      if (s.method->cancel) s.method->cancel(s);
       result.status = tiller_status_plan_not_finite;
       return s.iteration;
     }
@@ -241,7 +248,8 @@ PlanResult plan_by_sampling(void* self, const PlanRequest& request, double* comm
 const float* sampled_sequence(const void* self) { return static_cast<const Sampler*>(self)->sequence; }
 
 void expand_mean(Sampler& s, double* command) {
-  expand_sequence(s.grid, s.limits, s.mean, s.start, s.sequence, command, s.cubic ? s.knot_before : nullptr);
+  expand_sequence(s.grid, s.limits, s.mean, s.start, s.sequence, command, s.cubic ? s.knot_before : nullptr,
+                  s.method->holds);
 }
 
 double evaluate_mean(Sampler& s) {

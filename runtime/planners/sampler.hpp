@@ -21,6 +21,12 @@ struct SamplingMethod {
   void (*update)(Sampler& s);
   /// Settles the mean for good and returns its cost; called if at least one iteration was completed.
   double (*choose)(Sampler& s);
+  /// Fills the knots of all rollouts, on one thread; null: normal samples around the mean.
+  void (*draw)(Sampler& s) = nullptr;
+  /// The iteration that was drawn does not count; null: nothing to undo.
+  void (*cancel)(Sampler& s) = nullptr;
+  /// Knots are hold_steps apart and hold until the next.
+  bool holds = false;
 };
 
 /// The sampling core: K rollouts around a mean sequence of knots, evaluated on M particles under the risk. A plan is
@@ -54,6 +60,7 @@ struct Sampler {
   float* row_high = nullptr;                // (rows)
   float rate_step[TILLER_MAX_INPUTS] = {};  // negative: none
   float scale[kScales] = {};                // of the noise, by rollout mod 16
+  void* companion = nullptr;                // what the method keeps beside
   float* mix = nullptr;                     // (knots x knots) of the noise along the knots; null: white
   bool cubic = false;                       // between the knots
 
@@ -68,6 +75,7 @@ struct Sampler {
   double knot_before[TILLER_MAX_INPUTS] = {};  // knot that was the last to fall off the front
   double lambda = 0.0;                         // MPPI's last one; 0: none yet
   std::uint64_t last_tick = 0;
+  std::uint32_t gone = 0;  // knots that fell off since the method last set it to 0
   bool has_plan = false;
 
   // ---- one plan
@@ -135,6 +143,11 @@ void shift_spread(Sampler& s, std::uint32_t gone);
 
 /// What lanes may compute with: squares and sums over 8192 rollouts of it stay finite in f32.
 float lane_number(double x);
+
+/// Knots of a horizon whose knots hold: one for each piece that may begin within it, and the last one's copy.
+inline std::uint32_t held_knots(std::uint32_t horizon, std::uint32_t hold) {
+  return (horizon + 2 * hold - 2) / hold + 1;
+}
 
 inline std::uint32_t pad_lanes(std::uint32_t n) { return (n + kLanePadding - 1) / kLanePadding * kLanePadding; }
 

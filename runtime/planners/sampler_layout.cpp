@@ -22,18 +22,20 @@ std::uint32_t choose_chunk_lanes(const tiller_planner_config_t& p, std::uint32_t
   return lanes < p.rollouts ? lanes : p.rollouts;
 }
 
+std::uint32_t hold_of(const tiller_planner_config_t& p) { return p.hold_steps > 0 ? p.hold_steps : 1; }
+
 /// Numbers that both passes of the layout need.
 struct Sizes {
   std::uint32_t rows, horizon, knots, rollouts, chunk_lanes, chunks, slots, particles, padded, states, params, effects;
   bool mixed;
 };
 
-Sizes measure(const tiller_config_t& config, const StepSetup& setup) {
+Sizes measure(const tiller_config_t& config, const StepSetup& setup, const SamplingMethod& method) {
   const tiller_planner_config_t& p = config.planner;
   Sizes z{};
-  z.rows = config.model->input_count * p.knots;
   z.horizon = p.horizon;
-  z.knots = p.knots;
+  z.knots = method.holds ? held_knots(p.horizon, hold_of(p)) : p.knots;
+  z.rows = config.model->input_count * z.knots;
   z.rollouts = p.rollouts;
   z.chunk_lanes = choose_chunk_lanes(p, config.model->input_count);
   z.chunks = (p.rollouts + z.chunk_lanes - 1) / z.chunk_lanes;
@@ -43,7 +45,7 @@ Sizes measure(const tiller_config_t& config, const StepSetup& setup) {
   z.states = config.model->state_count;
   z.params = config.param_count;
   z.effects = setup.effect_state_count;
-  z.mixed = mixes_noise(p);
+  z.mixed = !method.draw && mixes_noise(p);
   return z;
 }
 
@@ -94,7 +96,7 @@ Sampler* lay_out_sampler(Arena& arena, const tiller_config_t& config, const Step
                          const tiller_hooks_t* hooks, const SamplingMethod& method) {
   auto* s = arena.take<Sampler>(1);
   Sampler nobody;
-  const Sizes z = measure(config, setup);
+  const Sizes z = measure(config, setup, method);
   take_arrays(arena, z, config.model->input_count, s ? *s : nobody);
   if (!s || !arena.fits()) return nullptr;  // measuring, or a block that is too small
   s->method = &method;
@@ -118,7 +120,7 @@ Sampler* lay_out_sampler(Arena& arena, const tiller_config_t& config, const Step
   s->most_particles = z.particles;
   for (std::uint32_t i = 0; i < kScales; ++i)
     s->scale[i] = static_cast<float>(std::pow(kFinestScale, static_cast<double>(i) / (kScales - 1)));
-  s->cubic = config.planner.interpolation == tiller_interpolation_cubic;
+  s->cubic = !method.holds && config.planner.interpolation == tiller_interpolation_cubic;
   take_limits(*s, config);
   if (s->mix) fill_mix(config.planner, s->mix);
   reset_sampler(s);
@@ -129,7 +131,8 @@ void reset_sampler(void* self) {
   Sampler& s = *static_cast<Sampler*>(self);
   s.has_plan = false;
   s.lambda = 0.0;
-  s.clock = {s.grid.horizon, s.grid.knots, 0};
+  s.gone = 0;
+  s.clock = {s.grid.horizon, s.grid.knots, 0, s.method->holds ? hold_of(*s.settings) : 0};
   fill_grid(s.clock, s.first_step, s.fraction);
   for (std::uint32_t r = 0; r < s.rows; ++r) {
     const std::uint32_t input = r / s.grid.knots;

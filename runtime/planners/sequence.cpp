@@ -73,11 +73,12 @@ Segment make_segment(const double* row, std::uint32_t count, std::uint32_t j, co
 }  // namespace
 
 void expand_sequence(const KnotGrid& grid, const InputLimit* limits, const double* knots, const double* start,
-                     float* sequence, double* command, const double* before) {
+                     float* sequence, double* command, const double* before, bool hold) {
   for (std::uint32_t i = 0; i < grid.inputs; ++i) {
     double u = start[i];
     for (std::uint32_t segment = 0; segment + 1 < grid.knots; ++segment) {
-      const Segment line = make_segment(knots + i * grid.knots, grid.knots, segment, before ? before + i : nullptr);
+      Segment line = make_segment(knots + i * grid.knots, grid.knots, segment, before ? before + i : nullptr);
+      if (hold) line = {line.from, 0.0, 0.0, 0.0, line.from, line.from};
       for (std::uint32_t t = grid.first_step[segment]; t < grid.first_step[segment + 1]; ++t) {
         const double wish = line.at(static_cast<double>(grid.fraction[t]));
         u = limit_command(limits[i], wish, u);

@@ -28,8 +28,9 @@ double admit_command(const InputLimit& limit, double last, double fallback);
 struct KnotClock {
   std::uint32_t horizon = 2, knots = 2;
   std::uint32_t phase = 0;  // 0..steps - 1; whole numbers, so that nothing drifts
-  std::uint32_t steps() const { return horizon - 1; }
-  std::uint32_t spans() const { return knots - 1; }
+  std::uint32_t hold = 0;   // knots are this many periods apart; 0: spread evenly over the horizon
+  std::uint32_t steps() const { return hold > 0 ? hold : horizon - 1; }
+  std::uint32_t spans() const { return hold > 0 ? 1 : knots - 1; }
 };
 
 /// Fills the grid's arrays, first_step (knots) and fraction (horizon); behind the last knot its value holds.
@@ -44,8 +45,8 @@ void shift_knots(double* knots, std::uint32_t count, std::uint32_t gone);
 /// Fills `sequence` (horizon x inputs) from `knots` (inputs * knots, input-major) under the limits, step by step from
 /// `start` (inputs), and `command` (inputs) with its first step in full precision; command may be null. Cubic where
 /// `before` (inputs), the values a knot ahead of the first, is given: the curve through a plan's remaining knots is then
-/// the same after one has fallen off its front. Else linear.
+/// the same after one has fallen off its front. With `hold` each knot's value until the next. Else linear.
 void expand_sequence(const KnotGrid& grid, const InputLimit* limits, const double* knots, const double* start,
-                     float* sequence, double* command, const double* before = nullptr);
+                     float* sequence, double* command, const double* before = nullptr, bool hold = false);
 
 }  // namespace tiller

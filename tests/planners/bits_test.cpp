@@ -20,6 +20,8 @@ tiller_config_t shared_work(std::uint32_t planner) {
   c.planner.horizon = 20;
   c.planner.risk = tiller_risk_cvar;
   c.planner.cvar_alpha = 0.5;
+  c.planner.hold_steps = 2;  // more sequences than a search can go through
+  c.planner.levels = 16;
   return c;
 }
 
@@ -70,19 +72,22 @@ TEST_P(Bits, repeat) {
 
 TEST_P(Bits, differ_by_tick_and_by_seed) {
   tiller_config_t c = shared_work(GetParam());
-  const auto first_command = [](const tiller_config_t& config, std::uint64_t tick) {
+  // the whole plan: planners that choose among a few values often choose the same first one
+  const auto planned = [](const tiller_config_t& config, std::uint64_t tick) {
     Bench bench(config);
-    bench.set_state({0.2, 0.0});  // far from the limits, where commands meet
+    bench.set_state({0.2, 0.5});  // far from the limits, where commands meet
     bench.request.tick = tick;
     bench.plan();
-    return bench.command[0];
+    std::vector<double> plan(bench.sequence(), bench.sequence() + config.planner.horizon);
+    plan.push_back(bench.command[0]);
+    return plan;
   };
-  const double reference = first_command(c, 7);
-  EXPECT_EQ(first_command(c, 7), reference);
-  EXPECT_NE(first_command(c, 8), reference);
-  EXPECT_NE(first_command(c, 7 + (std::uint64_t{1} << 32)), reference);
+  const std::vector<double> reference = planned(c, 7);
+  EXPECT_EQ(planned(c, 7), reference);
+  EXPECT_NE(planned(c, 8), reference);
+  EXPECT_NE(planned(c, 7 + (std::uint64_t{1} << 32)), reference);
   c.seed += std::uint64_t{1} << 32;
-  EXPECT_NE(first_command(c, 7), reference);
+  EXPECT_NE(planned(c, 7), reference);
 }
 
 #if defined(__SSE2__)

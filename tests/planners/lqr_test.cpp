@@ -55,8 +55,11 @@ TEST_P(Lqr, closed_loop_cost_is_near_optimal) {
   tiller_config_t c = line_config(GetParam());
   c.planner.rollouts = 512;
   c.planner.iterations = 3;
+  c.planner.levels = 15;
   for (double& low : c.safety.input_low) low = -50.0;
   for (double& high : c.safety.input_high) high = 50.0;
+  // 15 values of an input are 7 N apart, held for 0.1 s: near the goal such a plan chatters about the best one
+  const double allowed = GetParam() == tiller_planner_mcts ? 1.6 : 1.1;
   const std::vector<Gain> gains = riccati(c, 1.0, 300);
   const double optimal = closed_loop_cost(
       c, [&](std::uint32_t t, const double* x) { return -gains[t].k[0] * x[0] - gains[t].k[1] * x[1]; });
@@ -71,7 +74,7 @@ TEST_P(Lqr, closed_loop_cost_is_near_optimal) {
     std::printf("%s seed %d: closed-loop cost %.4f, Riccati %.4f, ratio %.3f\n",
                 tiller::find_planner(c.planner.kind)->name, static_cast<int>(seed), cost, optimal, cost / optimal);
     EXPECT_GE(cost, optimal * (1.0 - 1e-9));  // nobody beats the optimum: the two costs are the same sum
-    EXPECT_LE(cost, optimal * 1.1);
+    EXPECT_LE(cost, optimal * allowed);
   }
 }
 

@@ -35,6 +35,11 @@ inline tiller_config_t line_config(std::uint32_t planner) {
   c.planner.temperature = 0.05;
   c.planner.elite_fraction = 0.1;
   c.planner.smoothing = 0.1;
+  c.planner.filter = 1.0;
+  c.planner.levels = 5;
+  c.planner.nodes = 1024;
+  c.planner.hold_steps = 5;
+  c.planner.exploration = 0.5;
   c.cost.state_weight[0] = 1.0;
   c.cost.state_weight[1] = 0.1;
   c.cost.terminal_weight[0] = 20.0;

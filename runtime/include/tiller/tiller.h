@@ -60,18 +60,18 @@ const char* tiller_status_name(tiller_status_t status);
 /* ---- configuration ------------------------------------------------------------------------------ */
 
 typedef enum tiller_prior_kind {
-  tiller_prior_fixed = 0,      /**< a = value */
-  tiller_prior_uniform = 1,    /**< on [low, high] */
-  tiller_prior_normal = 2,     /**< mean a, standard deviation b, cut to [low, high] */
-  tiller_prior_log_normal = 3  /**< median a, standard deviation b of the logarithm, cut to [low, high] */
+  tiller_prior_fixed = 0,     /**< a = value */
+  tiller_prior_uniform = 1,   /**< on [low, high] */
+  tiller_prior_normal = 2,    /**< mean a, standard deviation b, cut to [low, high] */
+  tiller_prior_log_normal = 3 /**< median a, standard deviation b of the logarithm, cut to [low, high] */
 } tiller_prior_kind_t;
 
 /** What is believed of a parameter before the first measurement. */
 typedef struct tiller_prior {
-  uint32_t kind;               /**< tiller_prior_kind_t */
+  uint32_t kind; /**< tiller_prior_kind_t */
   uint32_t reserved;
-  double a, b;                 /**< see the kind */
-  double low, high;            /**< hard bounds; -INFINITY, INFINITY for none */
+  double a, b;      /**< see the kind */
+  double low, high; /**< hard bounds; -INFINITY, INFINITY for none */
 } tiller_prior_t;
 
 /** The effects' kinds: one for each line of effects.def, in its order. */
@@ -85,8 +85,8 @@ typedef enum tiller_effect_kind {
 /** An effect at a port of the model. Its parameters follow the model's in `priors`, in the order in
  *  which the effects stand here. */
 typedef struct tiller_effect {
-  uint32_t kind;               /**< tiller_effect_kind_t */
-  uint32_t port;               /**< index of the joint (friction, offset) or of the input (lag, delay) */
+  uint32_t kind; /**< tiller_effect_kind_t */
+  uint32_t port; /**< index of the joint (friction, offset) or of the input (lag, delay) */
 } tiller_effect_t;
 
 typedef enum tiller_integrator {
@@ -99,41 +99,42 @@ typedef enum tiller_planner_kind {
   tiller_planner_random_shooting = 0,
   tiller_planner_cem = 1,
   tiller_planner_mppi = 2,
+  tiller_planner_mcts = 3,
   tiller_planner_kind_count
 } tiller_planner_kind_t;
 
 typedef enum tiller_risk {
-  tiller_risk_mean = 0,        /**< expected cost over the particles */
-  tiller_risk_cvar = 1,        /**< mean of the worst (1 - alpha) share of whole trajectories */
-  tiller_risk_worst = 2        /**< the costliest particle */
+  tiller_risk_mean = 0, /**< expected cost over the particles */
+  tiller_risk_cvar = 1, /**< mean of the worst (1 - alpha) share of whole trajectories */
+  tiller_risk_worst = 2 /**< the costliest particle */
 } tiller_risk_t;
 
 /** What stands between the knots of a sampled sequence. */
 typedef enum tiller_interpolation {
   tiller_interpolation_linear = 0,
-  tiller_interpolation_cubic = 1  /**< monotone cubic (Fritsch and Carlson 1980): smooth, never beyond its knots */
+  tiller_interpolation_cubic = 1 /**< monotone cubic (Fritsch and Carlson 1980): smooth, never beyond its knots */
 } tiller_interpolation_t;
 
 /** How a gradient planner's trajectory hangs together between its iterations. */
 typedef enum tiller_shooting {
-  tiller_shooting_single = 0,   /**< states follow from the inputs: every iterate is a motion of the model */
-  tiller_shooting_multiple = 1  /**< states are variables too; their defects are closed by the iterations */
+  tiller_shooting_single = 0,  /**< states follow from the inputs: every iterate is a motion of the model */
+  tiller_shooting_multiple = 1 /**< states are variables too; their defects are closed by the iterations */
 } tiller_shooting_t;
 
 /** Who solves the quadratic programs of `sqp`. */
 typedef enum tiller_qp_solver {
-  tiller_qp_riccati = 0,       /**< interior point over a Riccati sweep: exploits the horizon's structure */
-  tiller_qp_osqp = 1           /**< OSQP (operator splitting, sparse): general */
+  tiller_qp_riccati = 0, /**< interior point over a Riccati sweep: exploits the horizon's structure */
+  tiller_qp_osqp = 1     /**< OSQP (operator splitting, sparse): general */
 } tiller_qp_solver_t;
 
 /** How the posterior is kept. */
 typedef struct tiller_posterior_config {
-  uint32_t enabled;            /**< 0: frozen at the prior (the state is still estimated) */
-  uint32_t particles;          /**< N, a multiple of 16, 16..4096 */
-  uint32_t window;             /**< transitions kept for moves, 16..1024 */
-  uint32_t moves_per_tick;     /**< Metropolis moves per tick, a multiple of 8, 0..N */
-  double ess_fraction;         /**< resample when the effective sample size falls below this share of N */
-  double noise_scale_shape;    /**< a0 of the inverse gamma over the common noise variance scale; the
+  uint32_t enabled;         /**< 0: frozen at the prior (the state is still estimated) */
+  uint32_t particles;       /**< N, a multiple of 16, 16..4096 */
+  uint32_t window;          /**< transitions kept for moves, 16..1024 */
+  uint32_t moves_per_tick;  /**< Metropolis moves per tick, a multiple of 8, 0..N */
+  double ess_fraction;      /**< resample when the effective sample size falls below this share of N */
+  double noise_scale_shape; /**< a0 of the inverse gamma over the common noise variance scale; the
                                     larger, the more the configured noise is believed; 0 < a0 <= 1e6 */
 } tiller_posterior_config_t;
 
@@ -141,65 +142,65 @@ typedef struct tiller_posterior_config {
  *  planners (ilqr, sqp) linearise around one sequence, on up to TILLER_MAX_SCENARIOS particles. Each setting names
  *  the planners that read it; docs/planners.md tells when to use which. */
 typedef struct tiller_planner_config {
-  uint32_t kind;               /**< tiller_planner_kind_t */
-  uint32_t horizon;            /**< steps of period_s, 2..512 */
-  uint32_t knots;              /**< control points per input over the horizon, linear in between, 2..64 */
-  uint32_t rollouts;           /**< K, a multiple of 16, 16..8192 */
-  uint32_t particles;          /**< M particles of the posterior per rollout, 1..64 */
-  uint32_t iterations;         /**< cap per tick, 1..100 */
-  uint32_t deadline_us;        /**< per tick, from its start, by hooks.now_ns; 0: iterations alone decide */
-  uint32_t risk;               /**< tiller_risk_t */
-  double cvar_alpha;           /**< in [0, 1): 0 is the mean, .9 the mean of the worst tenth */
-  double noise_sd[TILLER_MAX_INPUTS];  /**< of the samples, in the input's unit */
-  double temperature;          /**< MPPI: target effective share of the rollouts, in (0, 1] */
-  double elite_fraction;       /**< CEM, in (0, 1] */
-  double smoothing;            /**< CEM: share of the old mean and spread that is kept, in [0, 1) */
+  uint32_t kind;                      /**< tiller_planner_kind_t */
+  uint32_t horizon;                   /**< steps of period_s, 2..512 */
+  uint32_t knots;                     /**< control points per input over the horizon, linear in between, 2..64 */
+  uint32_t rollouts;                  /**< K, a multiple of 16, 16..8192 */
+  uint32_t particles;                 /**< M particles of the posterior per rollout, 1..64 */
+  uint32_t iterations;                /**< cap per tick, 1..100 */
+  uint32_t deadline_us;               /**< per tick, from its start, by hooks.now_ns; 0: iterations alone decide */
+  uint32_t risk;                      /**< tiller_risk_t */
+  double cvar_alpha;                  /**< in [0, 1): 0 is the mean, .9 the mean of the worst tenth */
+  double noise_sd[TILLER_MAX_INPUTS]; /**< of the samples, in the input's unit */
+  double temperature;                 /**< MPPI: target effective share of the rollouts, in (0, 1] */
+  double elite_fraction;              /**< CEM, in (0, 1] */
+  double smoothing;                   /**< CEM: share of the old mean and spread that is kept, in [0, 1) */
 
   /* sampling planners */
-  uint32_t interpolation;      /**< tiller_interpolation_t */
-  uint32_t adapt_covariance;   /**< MPPI, CEM: 1: the spread of each knot follows the weighted samples */
-  double noise_colour;         /**< power of the samples' spectrum over the knots goes as f^-colour; 0 white, 2 a
+  uint32_t interpolation;    /**< tiller_interpolation_t */
+  uint32_t adapt_covariance; /**< MPPI, CEM: 1: the spread of each knot follows the weighted samples */
+  double noise_colour;       /**< power of the samples' spectrum over the knots goes as f^-colour; 0 white, 2 a
                                     random walk; in [0, 4] */
-  double filter;               /**< MPPI, PDDM's beta in (0, 1]: n_t = beta noise_t + (1 - beta) n_(t-1); 1: off */
+  double filter;             /**< MPPI, PDDM's beta in (0, 1]: n_t = beta noise_t + (1 - beta) n_(t-1); 1: off */
 
   /* gradient planners */
-  uint32_t shooting;           /**< tiller_shooting_t */
-  uint32_t qp_solver;          /**< SQP: tiller_qp_solver_t */
-  uint32_t qp_iterations;      /**< SQP: cap of the solver per quadratic program, 1..10000 */
-  uint32_t refine_iterations;  /**< hybrid: gradient iterations on the best sample, 0..20 */
-  double qp_tolerance;         /**< SQP: largest KKT residual that counts as solved, > 0 */
-  double regularisation;       /**< iLQR, SQP, hybrid: least addition to the inputs' curvature, >= 0 */
+  uint32_t shooting;          /**< tiller_shooting_t */
+  uint32_t qp_solver;         /**< SQP: tiller_qp_solver_t */
+  uint32_t qp_iterations;     /**< SQP: cap of the solver per quadratic program, 1..10000 */
+  uint32_t refine_iterations; /**< hybrid: gradient iterations on the best sample, 0..20 */
+  double qp_tolerance;        /**< SQP: largest KKT residual that counts as solved, > 0 */
+  double regularisation;      /**< iLQR, SQP, hybrid: least addition to the inputs' curvature, >= 0 */
 
   /* tree search */
-  uint32_t levels;             /**< MCTS: values per input between its limits, 2..16 */
-  uint32_t nodes;              /**< MCTS: size of the pool, 16..65536 */
-  uint32_t hold_steps;         /**< MCTS: periods for which a choice holds, 1..horizon */
-  uint32_t predict_delay;      /**< 1: each particle is brought forward over its own input delay and the plan
+  uint32_t levels;        /**< MCTS: values per input between its limits, 2..16 */
+  uint32_t nodes;         /**< MCTS: size of the pool, 16..65536 */
+  uint32_t hold_steps;    /**< MCTS: periods for which a choice holds, 1..horizon */
+  uint32_t predict_delay; /**< 1: each particle is brought forward over its own input delay and the plan
                                     starts there; gradient planners always do */
-  double exploration;          /**< MCTS: weight of the confidence bound, in shares of the costs' range, >= 0 */
+  double exploration;     /**< MCTS: weight of the confidence bound, in shares of the costs' range, >= 0 */
 } tiller_planner_config_t;
 
 /** A circle to keep out of, in the plane of two states of the model. */
 typedef struct tiller_obstacle {
-  uint32_t x_state, y_state;   /**< indices of the states that are the plane's axes */
-  double x_m, y_m;             /**< centre */
-  double radius_m;             /**< the robot's own radius and any margin included, > 0 */
-  double weight;               /**< cost per step: weight * depth^2, depth = max(0, radius - distance); >= 0 */
+  uint32_t x_state, y_state; /**< indices of the states that are the plane's axes */
+  double x_m, y_m;           /**< centre */
+  double radius_m;           /**< the robot's own radius and any margin included, > 0 */
+  double weight;             /**< cost per step: weight * depth^2, depth = max(0, radius - distance); >= 0 */
 } tiller_obstacle_t;
 #define TILLER_MAX_OBSTACLES 8
 
 /** What the last state of the horizon costs. */
 typedef enum tiller_terminal {
-  tiller_terminal_diagonal = 0,/**< (x-t)' Qf (x-t) */
-  tiller_terminal_lqr = 1      /**< that, and the LQR cost-to-go at `target` for the priors' centre: the horizon then
+  tiller_terminal_diagonal = 0, /**< (x-t)' Qf (x-t) */
+  tiller_terminal_lqr = 1       /**< that, and the LQR cost-to-go at `target` for the priors' centre: the horizon then
                                     goes on for ever as far as the model is linear there */
 } tiller_terminal_t;
 
 /** A cost of your own in C: the slow path, one lane at a time, with central differences for gradients. The fast one
  *  is a template beside the model (docs/costs.md). Pure functions; what is not finite fails the trajectory. */
 typedef struct tiller_own_cost {
-  uint32_t size;               /**< sizeof(tiller_own_cost_t) */
-  uint32_t version;            /**< TILLER_CONFIG_VERSION */
+  uint32_t size;    /**< sizeof(tiller_own_cost_t) */
+  uint32_t version; /**< TILLER_CONFIG_VERSION */
   /** Cost of one step in state x (nx) under input u (nu) with the model's parameters p (np); time_s since the task
    *  began. Required. */
   double (*stage)(const double* x, const double* u, const double* p, double time_s, void* context);
@@ -218,83 +219,83 @@ typedef struct tiller_own_cost {
  *  and at the end of the horizon Qf in the place of Q, without the inputs. Where a reference is given, its row takes
  *  the place of t. */
 typedef struct tiller_cost_config {
-  double target[TILLER_MAX_STATES];           /**< t */
-  double state_weight[TILLER_MAX_STATES];     /**< Q >= 0 */
-  double terminal_weight[TILLER_MAX_STATES];  /**< Qf >= 0 */
-  double input_weight[TILLER_MAX_INPUTS];     /**< R >= 0 */
-  double input_rate_weight[TILLER_MAX_INPUTS];/**< S >= 0 */
+  double target[TILLER_MAX_STATES];            /**< t */
+  double state_weight[TILLER_MAX_STATES];      /**< Q >= 0 */
+  double terminal_weight[TILLER_MAX_STATES];   /**< Qf >= 0 */
+  double input_weight[TILLER_MAX_INPUTS];      /**< R >= 0 */
+  double input_rate_weight[TILLER_MAX_INPUTS]; /**< S >= 0 */
 
-  uint32_t terminal;           /**< tiller_terminal_t */
-  uint32_t obstacle_count;     /**< 0..TILLER_MAX_OBSTACLES */
-  double saturating_weight;    /**< w_s >= 0 */
+  uint32_t terminal;                          /**< tiller_terminal_t */
+  uint32_t obstacle_count;                    /**< 0..TILLER_MAX_OBSTACLES */
+  double saturating_weight;                   /**< w_s >= 0 */
   double saturating_width[TILLER_MAX_STATES]; /**< > 0; INFINITY: the state has no say */
 
-  double state_low[TILLER_MAX_STATES];        /**< bounds of the unwrapped state; -INFINITY, INFINITY for none */
+  double state_low[TILLER_MAX_STATES]; /**< bounds of the unwrapped state; -INFINITY, INFINITY for none */
   double state_high[TILLER_MAX_STATES];
-  double bound_weight[TILLER_MAX_STATES];     /**< b >= 0 */
-  uint32_t hard_bounds;        /**< bit i: `sqp` keeps the bounds of state i as constraints (softened by an exact
+  double bound_weight[TILLER_MAX_STATES]; /**< b >= 0 */
+  uint32_t hard_bounds; /**< bit i: `sqp` keeps the bounds of state i as constraints (softened by an exact
                                     penalty only where they cannot be kept); other planners know b alone */
   uint32_t reserved;
   tiller_obstacle_t obstacles[TILLER_MAX_OBSTACLES];
 
   /* A trajectory to track: row k is the target k periods after the task began; the last row holds. The arrays are
    * the caller's and outlive the controller, as the model's table does. */
-  const double* reference;     /**< (reference_steps x nx), row-major; null: `target` */
+  const double* reference; /**< (reference_steps x nx), row-major; null: `target` */
   /* A demonstrated distribution: a Gaussian per period. Cost per step w_d / 2 |W_k (x - mean_k)|^2, W_k' W_k the
    * inverse covariance: what a trajectory adds to the KL divergence from the demonstration (Englert et al. 2013). */
-  const double* demonstration_mean;  /**< (demonstration_steps x nx) */
-  const double* demonstration_root;  /**< W: (demonstration_steps x nx x nx), row-major */
+  const double* demonstration_mean; /**< (demonstration_steps x nx) */
+  const double* demonstration_root; /**< W: (demonstration_steps x nx x nx), row-major */
   uint32_t reference_steps;
   uint32_t demonstration_steps;
   double demonstration_weight; /**< w_d >= 0 */
 
-  const tiller_own_cost_t* own;/**< null: the cost template that the model's kernels were compiled with, if any */
-  double own_weight;           /**< >= 0 */
+  const tiller_own_cost_t* own; /**< null: the cost template that the model's kernels were compiled with, if any */
+  double own_weight;            /**< >= 0 */
 } tiller_cost_config_t;
 
 /** Limits and the answers to faults. */
 typedef struct tiller_safety_config {
-  double input_low[TILLER_MAX_INPUTS];        /**< command limits, finite */
+  double input_low[TILLER_MAX_INPUTS]; /**< command limits, finite */
   double input_high[TILLER_MAX_INPUTS];
-  double input_rate_per_s[TILLER_MAX_INPUTS]; /**< largest change of the command; INFINITY for none */
-  double safe_command[TILLER_MAX_INPUTS];     /**< sent in SAFE and before ACTIVE; usually zero */
+  double input_rate_per_s[TILLER_MAX_INPUTS];              /**< largest change of the command; INFINITY for none */
+  double safe_command[TILLER_MAX_INPUTS];                  /**< sent in SAFE and before ACTIVE; usually zero */
   double hold_gain[TILLER_MAX_INPUTS * TILLER_MAX_STATES]; /**< HOLD: u = safe - K (x - target); row-major,
                                                    row stride TILLER_MAX_STATES */
-  double measurement_low[TILLER_MAX_MEASUREMENTS];  /**< outside: sensor_out_of_range; +-INFINITY for none */
+  double measurement_low[TILLER_MAX_MEASUREMENTS];         /**< outside: sensor_out_of_range; +-INFINITY for none */
   double measurement_high[TILLER_MAX_MEASUREMENTS];
   double measurement_rate_per_s[TILLER_MAX_MEASUREMENTS]; /**< faster: sensor_jump; INFINITY for none */
-  double sensor_timeout_s;                    /**< older than this: SAFE */
-  uint32_t frozen_ticks;                      /**< identical readings in a row under a moving plan: SAFE; 0: off */
-  uint32_t bad_ticks_to_safe;                 /**< consecutive rejected measurements: SAFE */
-  uint32_t hold_ticks_to_safe;                /**< consecutive ticks in HOLD: SAFE; 0: HOLD may last */
+  double sensor_timeout_s;                                /**< older than this: SAFE */
+  uint32_t frozen_ticks;       /**< identical readings in a row under a moving plan: SAFE; 0: off */
+  uint32_t bad_ticks_to_safe;  /**< consecutive rejected measurements: SAFE */
+  uint32_t hold_ticks_to_safe; /**< consecutive ticks in HOLD: SAFE; 0: HOLD may last */
 } tiller_safety_config_t;
 
 /** Everything a controller is made from. Constant after init (it is copied into the block); the model
  *  table is not copied. The host tools write it from a robot file; see docs/robot_file.md. */
 typedef struct tiller_config {
-  uint32_t size;               /**< sizeof(tiller_config_t) */
-  uint32_t version;            /**< TILLER_CONFIG_VERSION */
+  uint32_t size;    /**< sizeof(tiller_config_t) */
+  uint32_t version; /**< TILLER_CONFIG_VERSION */
   const tiller_model_t* model;
-  uint64_t seed;               /**< of every random number: same seed, same inputs, same commands */
+  uint64_t seed; /**< of every random number: same seed, same inputs, same commands */
 
-  double period_s;             /**< of the control tick, 1e-4..1 */
-  uint32_t substeps;           /**< integrator steps per period, 1..64 */
-  uint32_t integrator;         /**< tiller_integrator_t */
+  double period_s;     /**< of the control tick, 1e-4..1 */
+  uint32_t substeps;   /**< integrator steps per period, 1..64 */
+  uint32_t integrator; /**< tiller_integrator_t */
   tiller_body_t body;
 
   uint32_t effect_count;
-  uint32_t param_count;        /**< model parameters + effect parameters */
+  uint32_t param_count; /**< model parameters + effect parameters */
   tiller_effect_t effects[TILLER_MAX_EFFECTS];
   tiller_prior_t priors[TILLER_MAX_PARAMS];
 
-  uint32_t measurement_count;  /**< ny */
-  uint32_t record_ticks;       /**< ticks kept in the block, 0..65536 */
-  uint8_t measured_state[16];  /**< (ny) index of the state that each measurement reads */
-  double measurement_sd[TILLER_MAX_MEASUREMENTS];  /**< of the sensor, quantisation included */
-  double process_sd[TILLER_MAX_STATES];  /**< random change of the state that the model does not explain,
+  uint32_t measurement_count;                     /**< ny */
+  uint32_t record_ticks;                          /**< ticks kept in the block, 0..65536 */
+  uint8_t measured_state[16];                     /**< (ny) index of the state that each measurement reads */
+  double measurement_sd[TILLER_MAX_MEASUREMENTS]; /**< of the sensor, quantisation included */
+  double process_sd[TILLER_MAX_STATES];           /**< random change of the state that the model does not explain,
                                               per square root of a second; same unit as the state */
-  double initial_state[TILLER_MAX_STATES];     /**< expected at the first measurement */
-  double initial_state_sd[TILLER_MAX_STATES];  /**< and how sure that is */
+  double initial_state[TILLER_MAX_STATES];        /**< expected at the first measurement */
+  double initial_state_sd[TILLER_MAX_STATES];     /**< and how sure that is */
 
   tiller_posterior_config_t posterior;
   tiller_planner_config_t planner;
@@ -311,8 +312,8 @@ tiller_status_t tiller_config_check(const tiller_config_t* config, const char** 
 
 /** The caller's services; all may be null. */
 typedef struct tiller_hooks {
-  uint32_t size;               /**< sizeof(tiller_hooks_t) */
-  uint32_t version;            /**< TILLER_CONFIG_VERSION */
+  uint32_t size;    /**< sizeof(tiller_hooks_t) */
+  uint32_t version; /**< TILLER_CONFIG_VERSION */
   void* context;
   /** Monotonic nanoseconds; needed for deadlines and for the tick times that tiller_info reports. */
   int64_t (*now_ns)(void* context);
@@ -326,26 +327,26 @@ typedef struct tiller_hooks {
 typedef struct tiller_controller tiller_t;
 
 typedef enum tiller_state {
-  tiller_state_init = 0,       /**< no measurement yet: safe command */
-  tiller_state_standby = 1,    /**< measuring and learning, safe command; waits for tiller_arm */
-  tiller_state_active = 2,     /**< planning */
-  tiller_state_hold = 3,       /**< planner unusable, sensors fresh: HOLD feedback */
-  tiller_state_safe = 4        /**< latched safe command until tiller_reset */
+  tiller_state_init = 0,    /**< no measurement yet: safe command */
+  tiller_state_standby = 1, /**< measuring and learning, safe command; waits for tiller_arm */
+  tiller_state_active = 2,  /**< planning */
+  tiller_state_hold = 3,    /**< planner unusable, sensors fresh: HOLD feedback */
+  tiller_state_safe = 4     /**< latched safe command until tiller_reset */
 } tiller_state_t;
 const char* tiller_state_name(tiller_state_t state);
 
 typedef struct tiller_measurement {
-  int64_t stamp_us;            /**< when the sensors were read */
-  uint32_t sequence;           /**< copied into the command that answers it */
-  uint32_t command_latency_us; /**< from the stamp to when the answering command takes hold, if known */
+  int64_t stamp_us;                      /**< when the sensors were read */
+  uint32_t sequence;                     /**< copied into the command that answers it */
+  uint32_t command_latency_us;           /**< from the stamp to when the answering command takes hold, if known */
   double value[TILLER_MAX_MEASUREMENTS]; /**< (ny) NaN marks a missing value: it is skipped by the filter,
                                               and counted */
 } tiller_measurement_t;
 
 typedef struct tiller_command {
-  int64_t stamp_us;            /**< now_us of the tick */
-  uint32_t sequence;           /**< of the measurement that it answers */
-  uint32_t state;              /**< tiller_state_t after the tick */
+  int64_t stamp_us;                /**< now_us of the tick */
+  uint32_t sequence;               /**< of the measurement that it answers */
+  uint32_t state;                  /**< tiller_state_t after the tick */
   double value[TILLER_MAX_INPUTS]; /**< (nu) finite and within limits; in ACTIVE and HOLD within rate limits too
                                         (the safe command goes out at once, see docs/safety.md) */
 } tiller_command_t;
@@ -368,12 +369,12 @@ typedef struct tiller_info {
   double state_sd[TILLER_MAX_STATES];
   double param_mean[TILLER_MAX_PARAMS];
   double param_sd[TILLER_MAX_PARAMS];
-  uint64_t rejected_measurements; /**< whole measurements that the guard refused */
-  uint64_t missing_values;     /**< NaN in measurements that were taken in */
-  uint64_t late_plans;         /**< ticks whose deadline left no time for a single iteration */
+  uint64_t rejected_measurements;      /**< whole measurements that the guard refused */
+  uint64_t missing_values;             /**< NaN in measurements that were taken in */
+  uint64_t late_plans;                 /**< ticks whose deadline left no time for a single iteration */
   uint64_t gate_cuts, gate_rejections; /**< commands cut to a limit; commands with NaN or infinity */
-  uint64_t plan_failures;      /**< ticks without a finite plan, or with a plan that was used up */
-  uint64_t posterior_failures; /**< degenerate updates, and filters begun anew after a gap of measurements */
+  uint64_t plan_failures;              /**< ticks without a finite plan, or with a plan that was used up */
+  uint64_t posterior_failures;         /**< degenerate updates, and filters begun anew after a gap of measurements */
 } tiller_info_t;
 
 /** Exact bytes that tiller_init needs; 0 if the configuration is not valid (tiller_config_check says why). */
@@ -381,8 +382,8 @@ size_t tiller_size(const tiller_config_t* config);
 
 /** Lays a controller out in `memory` (the caller's, aligned to TILLER_ALIGNMENT, alive as long as *t) and
  *  draws the particles from the priors. `hooks` may be null. Afterwards the state is INIT. */
-tiller_status_t tiller_init(tiller_t** t, const tiller_config_t* config, const tiller_hooks_t* hooks,
-                            void* memory, size_t size);
+tiller_status_t tiller_init(tiller_t** t, const tiller_config_t* config, const tiller_hooks_t* hooks, void* memory,
+                            size_t size);
 
 /** Permits motion: INIT or STANDBY -> planning begins with the next valid measurement. */
 tiller_status_t tiller_arm(tiller_t* t);
@@ -419,8 +420,7 @@ uint32_t tiller_get_plan(const tiller_t* t, double* inputs, uint32_t steps);
  *  planner has none, bad_dimension past the horizon. */
 tiller_status_t tiller_get_feedback(const tiller_t* t, uint32_t step, double* gain, double* state, double* input);
 /** One particle: params (np), state (nx), normalised weight; any pointer may be null. */
-tiller_status_t tiller_get_particle(const tiller_t* t, uint32_t index, double* params, double* state,
-                                    double* weight);
+tiller_status_t tiller_get_particle(const tiller_t* t, uint32_t index, double* params, double* state, double* weight);
 
 /** What the caller did between two ticks, as tiller_record_t.calls keeps it. */
 typedef enum tiller_call {
@@ -430,7 +430,7 @@ typedef enum tiller_call {
   tiller_call_stop = 3,
   tiller_call_reset = 4,
   tiller_call_prepare = 5,
-  tiller_call_lost = 15        /**< more than eight calls before one tick: the rest were not kept */
+  tiller_call_lost = 15 /**< more than eight calls before one tick: the rest were not kept */
 } tiller_call_t;
 
 /** A recorded tick: every input and output, enough to replay it bit by bit. */
@@ -442,7 +442,7 @@ typedef struct tiller_record {
   int32_t status;
   uint32_t has_measurement;
   uint32_t planner_iterations;
-  uint32_t calls;              /**< accepted tiller_arm/disarm/stop/reset since the tick before, four bits each
+  uint32_t calls; /**< accepted tiller_arm/disarm/stop/reset since the tick before, four bits each
                                     (tiller_call_t), the first in the lowest */
   double plan_cost, effective_samples, noise_scale;
   int64_t tick_ns;
