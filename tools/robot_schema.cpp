@@ -150,7 +150,7 @@ const std::vector<KeySpec> kKeys = {
     {"planner", "knots", K::count, "", nullptr, 2, 64, false, AT(planner.knots), nullptr,
      "control points per input over the horizon", kSampling},
     {"planner", "rollouts", K::count, "", nullptr, 16, 8192, false, AT(planner.rollouts), nullptr,
-     "K sampled command sequences per iteration, a multiple of 16", kSampling},
+     "K sampled command sequences per iteration, a multiple of 16", "random_shooting, cem, mppi, mcts, hybrid"},
     {"planner", "noise_sd", K::input_numbers, "SI", nullptr, 0, kBig, true, AT(planner.noise_sd), nullptr,
      "spread of the sampled commands, by input", kSampling},
     {"planner", "noise_colour", K::number, "", nullptr, 0, 4, false, AT(planner.noise_colour), nullptr,
