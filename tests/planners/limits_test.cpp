@@ -1,7 +1,10 @@
 // Whatever goes in, what comes out is a finite command within the limits and within the rate limit of the command in
-// force.
+// force. ctest makes 20 000 plans, shared among the planners; TILLER_LIMIT_PLANS=10000000 in the environment as many:
+//
+//     TILLER_LIMIT_PLANS=10000000 planners_test --gtest_filter='*Limits*'
 
 #include <algorithm>
+#include <cstdlib>
 #include <random>
 
 #include "planner_matrix.hpp"
@@ -41,6 +44,10 @@ tiller_config_t random_problem(std::mt19937_64& random, std::uint32_t planner) {
   c.planner.adapt_covariance = below(random, 2);
   c.planner.noise_colour = pick(random, {0.0, 0.5, 2.0, 4.0});
   c.planner.filter = pick(random, {0.01, 0.7, 1.0});
+  c.planner.levels = 2 + below(random, 15);
+  c.planner.nodes = 16 + below(random, 100);
+  c.planner.hold_steps = 1 + below(random, c.planner.horizon);
+  c.planner.exploration = pick(random, {0.0, 0.5, 1e3});
   const double size = pick(random, {1e-6, 1.0, 20.0, 1e6, 1e300});
   const double a = uniform(random, -size, size), b = uniform(random, -size, size);
   c.safety.input_low[0] = std::min(a, b);
@@ -77,14 +84,23 @@ void expect_sequence_within(const Bench& bench) {
   }
 }
 
+constexpr long kPlans = 20;  // of one configuration
+
+/// Configurations for each planner.
+long configurations() {
+  const char* asked = std::getenv("TILLER_LIMIT_PLANS");
+  const long plans = asked ? std::atol(asked) : 20000;
+  return std::max(plans / (kPlans * static_cast<long>(tiller_planner_kind_count)), 1L);
+}
+
 TEST_P(Limits, are_kept_in_random_problems) {
-  constexpr int kConfigurations = 5000, kPlans = 20;
   std::mt19937_64 random(GetParam() + 11);
+  const long plans = configurations() * kPlans;
   long at_limit = 0, at_rate = 0, not_finite = 0;
-  for (int i = 0; i < kConfigurations; ++i) {
+  for (long i = 0; i < configurations(); ++i) {
     const tiller_config_t c = random_problem(random, GetParam());
     Bench bench(c);
-    for (int k = 0; k < kPlans; ++k) {
+    for (long k = 0; k < kPlans; ++k) {
       const double bad = random() % 16 == 0 ? pick(random, {kNan, kInfinity, -kInfinity, 1e30}) : 0.0;
       bench.set_state({uniform(random, -3.0, 3.0) + bad, uniform(random, -3.0, 3.0)});
       bench.request.deadline.iterations = below(random, 3);
@@ -99,12 +115,12 @@ TEST_P(Limits, are_kept_in_random_problems) {
       at_rate += std::fabs(u - last) >= 0.999 * c.safety.input_rate_per_s[0] * c.period_s;
     }
   }
-  std::printf("%s: %d plans, %ld at a limit, %ld at the rate limit, %ld without a finite sample\n",
-              tiller::find_planner(GetParam())->name, kConfigurations * kPlans, at_limit, at_rate, not_finite);
+  std::printf("%s: %ld plans, %ld at a limit, %ld at the rate limit, %ld without a finite sample\n",
+              tiller::find_planner(GetParam())->name, plans, at_limit, at_rate, not_finite);
   // the problems did reach for the limits: otherwise nothing was tested
-  EXPECT_GT(at_limit, 1000);
-  EXPECT_GT(at_rate, 1000);
-  EXPECT_GT(not_finite, 100);
+  EXPECT_GT(at_limit, plans / 100);
+  EXPECT_GT(at_rate, plans / 100);
+  EXPECT_GT(not_finite, plans / 1000);
 }
 
 TILLER_EVERY_PLANNER(Limits);
