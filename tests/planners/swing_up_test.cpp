@@ -30,7 +30,7 @@ tiller_config_t cart_pole(std::uint32_t planner, std::uint32_t particles) {
   // a tree of few values: 5 N apart, for 40 ms
   c.planner.levels = 9;
   c.planner.hold_steps = 2;
-  if (planner == tiller_planner_mcts) c.planner.iterations = 4;
+  if (planner == tiller_planner_mcts) c.planner.iterations = 2;
   c.cost.input_weight[0] = 0.001;
   c.safety.input_low[0] = -20.0;
   c.safety.input_high[0] = 20.0;
