@@ -63,7 +63,8 @@ float risk_tail(const Sampler& s) {
   return static_cast<float>((1.0 - s.settings->cvar_alpha) * s.particles);
 }
 
-void prepare_iteration(Sampler& s) {
+/// False if the deadline passed on the way.
+bool prepare_iteration(Sampler& s) {
   for (std::uint32_t i = 0; i < s.inputs; ++i) s.before_lanes[i] = lane_number(s.knot_before[i]);
   for (std::uint32_t pair = 0; 2 * pair < s.rows; ++pair) {
     const std::uint64_t high = (std::uint64_t{kRngPlanner} << 32) | (s.iteration << 16) | pair;
@@ -74,7 +75,7 @@ void prepare_iteration(Sampler& s) {
     s.row_mean[r] = lane_number(s.mean[r]);
     s.row_spread[r] = lane_number(s.spread[r]);
   }
-  if (s.method->draw) s.method->draw(s);
+  return !s.method->draw || s.method->draw(s);
 }
 
 // ---- the rollouts -------------------------------------------------------------------------------
@@ -194,8 +195,7 @@ std::uint32_t iterate(Sampler& s, PlanResult& result) {
   const Deadline& deadline = s.request->deadline;
   for (s.iteration = 0; s.iteration < deadline.iterations; ++s.iteration) {
     if (deadline.passed()) break;
-    prepare_iteration(s);
-    if (!evaluate(s)) {
+    if (!prepare_iteration(s) || !evaluate(s)) {
       if (s.method->cancel) s.method->cancel(s);
       break;
     }

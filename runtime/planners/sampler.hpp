@@ -21,8 +21,9 @@ struct SamplingMethod {
   void (*update)(Sampler& s);
   /// Settles the mean for good and returns its cost; called if at least one iteration was completed.
   double (*choose)(Sampler& s);
-  /// Fills the knots of all rollouts, on one thread; null: normal samples around the mean.
-  void (*draw)(Sampler& s) = nullptr;
+  /// Fills the knots of all rollouts, on one thread; false if the deadline passed on the way. Null: normal samples around
+  /// the mean.
+  bool (*draw)(Sampler& s) = nullptr;
   /// The iteration that was drawn does not count; null: nothing to undo.
   void (*cancel)(Sampler& s) = nullptr;
   /// Knots are hold_steps apart and hold until the next.

@@ -172,5 +172,75 @@ TEST(Interpolation, cubic_plans_slide_unchanged) {
   }
 }
 
+/// A planar quadrotor, 0.5 kg between two rotors: two inputs, each with limits and a rate limit of its own.
+TEST(TwoInputs, every_option_and_the_tree_fly_within_the_limits) {
+  for (const std::uint32_t kind : {std::uint32_t{tiller_planner_random_shooting}, std::uint32_t{tiller_planner_cem},
+                                   std::uint32_t{tiller_planner_mppi}, std::uint32_t{tiller_planner_mcts}}) {
+    tiller_config_t c = line_config(kind);
+    c.model = tiller_find_model("planar_quadrotor");
+    ASSERT_NE(c.model, nullptr);
+    c.param_count = c.model->param_count;
+    c.integrator = tiller_integrator_midpoint;
+    c.body.gravity_z_m_s2 = -9.81;
+    switch_options_on(c);
+    c.planner.filter = 1.0;
+    c.planner.rollouts = 256;
+    c.planner.iterations = 3;
+    c.planner.particles = 2;
+    c.planner.levels = 5;
+    c.planner.hold_steps = 4;
+    c.cost = {};
+    const double q[6] = {2.0, 2.0, 1.0, 0.2, 0.2, 0.1};
+    for (int i = 0; i < 6; ++i) {
+      c.cost.state_weight[i] = q[i];
+      c.cost.terminal_weight[i] = 20.0 * q[i];
+    }
+    const double high[2] = {5.0, 6.0}, rate[2] = {60.0, 90.0};
+    for (int i = 0; i < 2; ++i) {
+      c.safety.input_low[i] = 0.0;
+      c.safety.input_high[i] = high[i];
+      c.safety.input_rate_per_s[i] = rate[i];
+      c.planner.noise_sd[i] = 1.5;
+    }
+    Bench bench(c, nullptr, tiller::select_rollout(*c.model));
+    const float params[4] = {0.5f, 0.2f, 0.008f, 0.1f};
+    for (std::uint32_t i = 0; i < 4; ++i)
+      for (std::uint32_t m = 0; m < 2; ++m) bench.params[i * 2 + m] = params[i] * (m ? 1.05f : 0.95f);
+    bench.last_command[0] = bench.last_command[1] = 2.45;
+    std::vector<double> x = {-0.5, 0.2, 0.0, 0.0, 0.0, 0.0};
+    double off = 0.0;
+    for (int t = 0; t < 250; ++t) {
+      bench.set_state(x);
+      const double before[2] = {bench.last_command[0], bench.last_command[1]};
+      ASSERT_EQ(bench.plan().status, tiller_status_ok);
+      for (int i = 0; i < 2; ++i) {
+        ASSERT_GE(bench.command[i], 0.0);
+        ASSERT_LE(bench.command[i], high[i]);
+        ASSERT_LE(std::fabs(bench.command[i] - before[i]), rate[i] * c.period_s);
+      }
+      tiller::StepSetup setup;
+      setup.period_s = c.period_s;
+      setup.integrator = tiller_integrator_midpoint;
+      setup.body = c.body;
+      double next[6 * tiller::kLanePadding], p[4];
+      for (int i = 0; i < 4; ++i) p[i] = static_cast<double>(params[i]);
+      tiller::RolloutJob<double> job;
+      job.setup = &setup;
+      job.lanes = tiller::kLanePadding;
+      job.horizon = 1;
+      job.state = {x.data(), 0};
+      job.params = {p, 0};
+      job.controls = {bench.command, 0};
+      job.final_state = next;
+      tiller::select_rollout(*c.model).rollout_f64(*c.model, job);
+      for (std::size_t i = 0; i < 6; ++i) x[i] = next[i * tiller::kLanePadding];
+      if (t >= 200) off += std::hypot(x[0], x[1]) / 50.0;
+    }
+    std::printf("%s: %.3f m from the goal in the fifth second\n", tiller::find_planner(kind)->name, off);
+    // 0.54 m off at the start; the tree hovers by values 1.25 N apart, each good for 2.5 m/s2 or 30 rad/s2
+    EXPECT_LT(off, kind == tiller_planner_mcts ? 0.5 : 0.05);
+  }
+}
+
 }  // namespace
 }  // namespace tiller_test
