@@ -73,7 +73,7 @@ struct Kernel {
     Trajectory<Model, P> t[kRegisters];
     constexpr int kParameterSets = kSplat ? 1 : kRegisters;  // NOLINT(bugprone-branch-clone): equal for one register
     Parameters<Model, P> p[kParameterSets];
-    Input before[kRegisters];
+    Input before[kRegisters], commands[kRegisters];
     P cost[kRegisters];
     for (int r = 0; r < kRegisters; ++r) {
       const std::uint32_t at = lane + static_cast<std::uint32_t>(r * P::width);
@@ -109,16 +109,20 @@ struct Kernel {
                       input_cost<Model, P>(stepper.model, *job.cost, u, before[r]);
           before[r] = u;
         }
-        if constexpr (kEffects) {
-          const auto past = [&](int age, int input) {
-            const int then = static_cast<int>(step) - age;
-            return then >= 0 ? load_row<P>(job.controls, then * kInputs + input, at)
-                             : P(job.history[(-then - 1) * kInputs + input]);
-          };
-          stepper.advance(t[r], stepper.acting_command(u, params, past), params);
-        } else {
+        if constexpr (kEffects)
+          commands[r] = u;
+        else
           stepper.template advance_bare<kIntegrator>(t[r].x, u, params.model);
-        }
+      }
+      if constexpr (kEffects) {
+        const auto past = [&](int r, int age, int input) {
+          const int then = static_cast<int>(step) - age;
+          return then >= 0 ? load_row<P>(job.controls, then * kInputs + input,
+                                         lane + static_cast<std::uint32_t>(r * P::width))
+                           : P(job.history[(-then - 1) * kInputs + input]);
+        };
+        stepper.template acting_commands<kRegisters, kParameterSets>(commands, p, past);
+        stepper.template advance_all<kRegisters, kParameterSets>(t, commands, p);
       }
     }
     for (int r = 0; r < kRegisters; ++r) {
@@ -162,7 +166,9 @@ struct Kernel {
   static void rollout_f32(const tiller_model_t&, const RolloutJob<float>& job) {
     if (job.setup->effect_count == 0 && job.params.splat())
       return !job.cost || job.cost->only_quadratic() ? roll_bare<false>(job) : roll_bare<true>(job);
-    roll_all<float, 2, true, false, true, tiller_integrator_rk4>(job);
+    if (job.params.splat() && (!job.cost || job.cost->only_quadratic()))
+      return roll_all<float, 4, true, true, false, tiller_integrator_rk4>(job);
+    roll_all<float, 4, true, false, true, tiller_integrator_rk4>(job);
   }
   static void rollout_f64(const tiller_model_t&, const RolloutJob<double>& job) {
     roll_all<double, 2, true, false, true, tiller_integrator_rk4>(job);

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "scalar/dual.hpp"
+#include "scalar/sparse_dual.hpp"
 #include "tiller/model.hpp"
 
 namespace tiller {
@@ -78,11 +79,13 @@ struct StaticModel {
   }
 
   /// Accelerations (nf) of all joints for a unit force at joint j: a column of the inverse inertia, by a dual number
-  /// along that force. A difference of two calls would lose it to rounding in f32 where other forces are large.
+  /// along that force. A difference of two calls would lose it to rounding in f32 where other forces are large; and of
+  /// the sparse dual only the inertia is left to compute, everything that does not depend on the force falls away.
   template <class S, int J>
-  static TILLER_INLINE void force_response(const State<S>& x, const Input<S>& u, const Force<S>& f, const Body<S>& body,
-                                           const Params<S>& p, Index<J> j, S* column) {
-    using D = Dual<S, 1>;
+  static __attribute__((flatten, noinline)) void force_response(const State<S>& x, const Input<S>& u, const Force<S>& f,
+                                                                const Body<S>& body, const Params<S>& p, Index<J> j,
+                                                                S* column) {
+    using D = SparseDual<S>;
     State<D> xd;
     Input<D> ud;
     Force<D> fd;
@@ -91,10 +94,10 @@ struct StaticModel {
     each(nu(), [&](auto i) { ud[i] = D(u[i]); });
     each(nf(), [&](auto i) { fd[i] = D(f[i]); });
     each(np(), [&](auto i) { pd[i] = D(p[i]); });
-    fd[force_index(j)].d[0] = S(1.0);
+    fd[force_index(j)] = D::seed(f[force_index(j)]);
     const Body<D> bd = {D(body.gravity_x_m_s2), D(body.gravity_z_m_s2), D(body.payload_kg), D(body.payload_kgm2)};
     State<D> dx = M<D>::dynamics(xd, ud, fd, bd, pd);
-    each(nf(), [&](auto i) { column[i] = velocity<D>(dx, i).d[0]; });
+    each(nf(), [&](auto i) { column[i] = velocity<D>(dx, i).slope(); });
   }
 };
 

@@ -31,6 +31,20 @@ struct Parameters {
   S effect[TILLER_MAX_PARAMS];
 };
 
+constexpr int kHooks = static_cast<int>(Hook::dissipation) + 1;
+
+/// Where the kernel calls an effect.
+TILLER_INLINE Hook hook_of(std::uint32_t kind) {
+  switch (kind) {
+#define TILLER_EFFECT(name, Type) \
+  case tiller_effect_##name:      \
+    return Type<double>::hook;
+#include "tiller/effects.def"
+#undef TILLER_EFFECT
+    default: return Hook::force;  // no effect: nobody calls it
+  }
+}
+
 template <class Model, class S>
 struct Stepper {
   using State = typename Model::template State<S>;
@@ -42,9 +56,18 @@ struct Stepper {
   const StepSetup& setup;
   const Body<S> body;
   const double substep_s;
+  EffectSlot slots[kHooks][TILLER_MAX_EFFECTS];  // the setup's effects by hook, in their order
+  std::uint32_t slot_count[kHooks] = {};
+  std::uint32_t rubbing = 0;  // bit j: a dissipation acts at joint j
 
   Stepper(const Model& m, const StepSetup& s, double period_s)
-      : model(m), setup(s), body(Body<S>::from(s.body)), substep_s(period_s / s.substeps) {}
+      : model(m), setup(s), body(Body<S>::from(s.body)), substep_s(period_s / s.substeps) {
+    for (std::uint32_t e = 0; e < s.effect_count; ++e) {
+      const int hook = static_cast<int>(hook_of(s.effects[e].kind));
+      slots[hook][slot_count[hook]++] = s.effects[e];
+      if (hook == static_cast<int>(Hook::dissipation)) rubbing |= 1u << s.effects[e].port;
+    }
+  }
 
   // ---- the free step ---------------------------------------------------------------------------
 
@@ -96,8 +119,9 @@ struct Stepper {
   /// Calls visit(Type<S>{}, slot) for every effect whose hook is kHook; the switch is per register, not per lane.
   template <Hook kHook, class Visit>
   TILLER_INLINE void for_effects(Visit&& visit) const {
-    for (std::uint32_t e = 0; e < setup.effect_count; ++e) {
-      const EffectSlot& slot = setup.effects[e];
+    constexpr int kList = static_cast<int>(kHook);
+    for (std::uint32_t e = 0; e < slot_count[kList]; ++e) {
+      const EffectSlot& slot = slots[kList][e];
       switch (slot.kind) {
 #define TILLER_EFFECT(name, Type)                                 \
   case tiller_effect_##name:                                      \
@@ -113,69 +137,125 @@ struct Stepper {
     return p.effect + (slot.param - static_cast<int>(model.np()));
   }
 
-  /// past(i, port): the command of input `port` i periods ago.
-  template <class Past>
-  TILLER_INLINE Input acting_command(const Input& command, const Parameters<Model, S>& p, const Past& past) const {
-    Input acting = command;
+  // Several trajectories go through a period together, effect by effect and not one after the other: their arithmetic
+  // does not wait for each other's, and an effect is looked up once for all. kSets is 1 where they share parameters.
+
+  /// The inputs that act in this period; past(trajectory, i, port): the command of input `port` i periods ago.
+  template <int kCount, int kSets, class Past>
+  TILLER_INLINE void acting_commands(Input* commands, const Parameters<Model, S>* p, const Past& past) const {
     for_effects<Hook::period_input>([&](auto effect, const EffectSlot& slot) {
       each(model.nu(), [&](auto i) {
         if (static_cast<int>(i) != slot.port) return;
-        acting[i] = effect.apply_period([&](int age) { return past(age, static_cast<int>(i)); },
-                                        static_cast<int>(setup.delay_steps), effect_params(p, slot),
-                                        S(substep_s * setup.substeps));
+        for (int r = 0; r < kCount; ++r)
+          commands[r][i] = effect.apply_period(
+              [&](int age) { return past(r, age, static_cast<int>(i)); }, static_cast<int>(setup.delay_steps),
+              effect_params(p[kSets == 1 ? 0 : r], slot), S(substep_s * setup.substeps));
       });
     });
+  }
+  template <class Past>
+  TILLER_INLINE Input acting_command(const Input& command, const Parameters<Model, S>& p, const Past& past) const {
+    Input acting = command;
+    acting_commands<1, 1>(&acting, &p, [&](int, int age, int port) { return past(age, port); });
     return acting;
   }
 
-  TILLER_INLINE void dissipate(State& next, const State& x, const Input& u, const Force& f,
-                               const Parameters<Model, S>& p) const {
-    const double position_share = setup.integrator == tiller_integrator_semi_implicit_euler ? 1.0 : 0.5;
-    S column[TILLER_MAX_JOINTS];
-    int column_of = -1;
-    State before = x, middle;  // the inertia in the middle of the step: at its start it would cost an order
-    each(model.nx(), [&](auto i) { middle[i] = S(0.5) * (x[i] + next[i]); });
-    for_effects<Hook::dissipation>([&](auto effect, const EffectSlot& slot) {
+  /// Input effects and force effects, before the free step.
+  template <int kCount, int kSets>
+  TILLER_INLINE void act(Trajectory<Model, S>* t, Input* u, Force* f, const Parameters<Model, S>* p) const {
+    for_effects<Hook::input>([&](auto effect, const EffectSlot& slot) {
+      each(model.nu(), [&](auto i) {
+        if (static_cast<int>(i) != slot.port) return;
+        for (int r = 0; r < kCount; ++r)
+          u[r][i] = effect.apply(u[r][i], t[r].effect_state + slot.state, effect_params(p[kSets == 1 ? 0 : r], slot),
+                                 S(substep_s));
+      });
+    });
+    for_effects<Hook::force>([&](auto effect, const EffectSlot& slot) {
       each(model.nf(), [&](auto j) {
         if (static_cast<int>(j) != slot.port) return;
-        if (column_of != static_cast<int>(j)) model.template force_response<S>(middle, u, f, body, p.model, j, column);
-        column_of = j;
-        const S push = effect.force(model.template velocity<S>(before, j), model.template velocity<S>(next, j),
-                                    S(substep_s) * column[j], effect_params(p, slot));
-        each(model.nf(), [&](auto i) {
-          const S change = S(substep_s) * column[i] * push;
-          model.template velocity<S>(next, i) = model.template velocity<S>(next, i) + change;
-          if (S* q = model.template position<S>(next, i)) *q = *q + S(position_share * substep_s) * change;
-        });
+        const auto k = model.force_index(j);
+        for (int r = 0; r < kCount; ++r) {
+          S* q = model.template position<S>(t[r].x, j);
+          f[r][k] = f[r][k] + effect.force(q ? *q : S(0.0), model.template velocity<S>(t[r].x, j),
+                                           effect_params(p[kSets == 1 ? 0 : r], slot));
+        }
       });
     });
   }
 
-  /// One period with effects, from the acting command.
-  TILLER_INLINE void advance(Trajectory<Model, S>& t, const Input& command, const Parameters<Model, S>& p) const {
+  /// Accelerations for unit forces at the joints where something dissipates, in the middle of the step: the inertia at
+  /// its start would cost an order. response[r][j][i]: of joint i for a force at j.
+  using Response = S[TILLER_MAX_JOINTS][TILLER_MAX_JOINTS];
+  template <int kCount, int kSets>
+  TILLER_INLINE void respond(Response* response, const State* next, const Trajectory<Model, S>* t, const Input* u,
+                             const Force* f, const Parameters<Model, S>* p) const {
+    each(model.nf(), [&](auto j) {
+      if (!((rubbing >> static_cast<int>(j)) & 1u)) return;
+      for (int r = 0; r < kCount; ++r) {
+        State middle;
+        each(model.nx(), [&](auto i) { middle[i] = S(0.5) * (t[r].x[i] + next[r][i]); });
+        model.template force_response<S>(middle, u[r], f[r], body, p[kSets == 1 ? 0 : r].model, j, response[r][j]);
+      }
+    });
+  }
+
+  template <int kCount, int kSets>
+  TILLER_INLINE void dissipate(State* next, Trajectory<Model, S>* t, const Response* response,
+                               const Parameters<Model, S>* p) const {
+    const double position_share = setup.integrator == tiller_integrator_semi_implicit_euler ? 1.0 : 0.5;
+    for_effects<Hook::dissipation>([&](auto effect, const EffectSlot& slot) {
+      each(model.nf(), [&](auto j) {
+        if (static_cast<int>(j) != slot.port) return;
+        for (int r = 0; r < kCount; ++r) {
+          const S* column = response[r][j];
+          const S push = effect.force(model.template velocity<S>(t[r].x, j), model.template velocity<S>(next[r], j),
+                                      S(substep_s) * column[j], effect_params(p[kSets == 1 ? 0 : r], slot));
+          each(model.nf(), [&](auto i) {
+            const S change = S(substep_s) * column[i] * push;
+            model.template velocity<S>(next[r], i) = model.template velocity<S>(next[r], i) + change;
+            if (S* q = model.template position<S>(next[r], i)) *q = *q + S(position_share * substep_s) * change;
+          });
+        }
+      });
+    });
+  }
+
+  template <int kCount, int kSets, tiller_integrator_t kIntegrator>
+  TILLER_INLINE void free_steps(State* next, const Trajectory<Model, S>* t, const Input* u, const Force* f,
+                                const Parameters<Model, S>* p) const {
+    for (int r = 0; r < kCount; ++r) next[r] = free_step(kIntegrator, t[r].x, u[r], f[r], p[kSets == 1 ? 0 : r].model);
+  }
+
+  /// One period with effects, from the acting commands.
+  template <int kCount, int kSets>
+  TILLER_INLINE void advance_all(Trajectory<Model, S>* t, const Input* commands, const Parameters<Model, S>* p) const {
     for (std::uint32_t k = 0; k < setup.substeps; ++k) {
-      Input u = command;
-      for_effects<Hook::input>([&](auto effect, const EffectSlot& slot) {
-        each(model.nu(), [&](auto i) {
-          if (static_cast<int>(i) == slot.port)
-            u[i] = effect.apply(u[i], t.effect_state + slot.state, effect_params(p, slot), S(substep_s));
-        });
-      });
-      Force f = no_force();
-      State before = t.x;
-      for_effects<Hook::force>([&](auto effect, const EffectSlot& slot) {
-        each(model.nf(), [&](auto j) {
-          if (static_cast<int>(j) != slot.port) return;
-          S* q = model.template position<S>(before, j);
-          f[model.force_index(j)] =
-              f[model.force_index(j)] +
-              effect.force(q ? *q : S(0.0), model.template velocity<S>(before, j), effect_params(p, slot));
-        });
-      });
-      State next = free_step(setup.integrator, t.x, u, f, p.model);
-      dissipate(next, t.x, u, f, p);
-      t.x = next;
+      Input u[kCount];
+      Force f[kCount];
+      State next[kCount];
+      for (int r = 0; r < kCount; ++r) {
+        u[r] = commands[r];
+        f[r] = no_force();
+      }
+      act<kCount, kSets>(t, u, f, p);
+      switch (setup.integrator) {
+        case tiller_integrator_semi_implicit_euler:
+          free_steps<kCount, kSets, tiller_integrator_semi_implicit_euler>(next, t, u, f, p);
+          break;
+        case tiller_integrator_midpoint: free_steps<kCount, kSets, tiller_integrator_midpoint>(next, t, u, f, p); break;
+        default: free_steps<kCount, kSets, tiller_integrator_rk4>(next, t, u, f, p);
+      }
+      if (rubbing != 0) {
+        Response response[kCount];
+        respond<kCount, kSets>(response, next, t, u, f, p);
+        dissipate<kCount, kSets>(next, t, response, p);
+      }
+      for (int r = 0; r < kCount; ++r) t[r].x = next[r];
     }
+  }
+  TILLER_INLINE void advance(Trajectory<Model, S>& t, const Input& command, const Parameters<Model, S>& p) const {
+    advance_all<1, 1>(&t, &command, &p);
   }
 
   /// One period without effects; the integrator is a constant.

@@ -5,6 +5,7 @@
 #include "pack_checks.hpp"
 #include "scalar/dual.hpp"
 #include "scalar/isa.hpp"
+#include "scalar/sparse_dual.hpp"
 
 namespace tiller {
 #define TILLER_DECLARE(isa) \
@@ -84,6 +85,35 @@ TEST(Dual, NestsForSecondDerivatives) {
   // (x^2 sin x)'' = 2 sin x + 4 x cos x - x^2 sin x
   EXPECT_NEAR(f.d[0].d[0], 2 * std::sin(x) + 4 * x * std::cos(x) - x * x * std::sin(x), 1e-14);
   EXPECT_EQ(value_of(f), x * x * std::sin(x));
+}
+
+// One direction with known zeros: the same derivatives as the dual that carries them all.
+TEST(SparseDual, IsTheDualOfOneDirection) {
+  const auto all = [](auto x, auto y, auto z) {
+    decltype(x) s, c;
+    sincos(x * y, s, c);
+    auto sum = (s * z + c / (z + 3.0)) * x - y * z + exp(z * 0.1) * log(x + 5.0) + tanh(y) * sqrt(x * x + 1.0);
+    sum += abs(z - x) * min(x, y) - max(z, y) + select(x > y, x, z) + atan2(z, x) + copysign(x, y) + floor(x) + -y;
+    return sum + sin(z) * cos(y) + nearest(y) + 2.0 / (x + 4.0);
+  };
+  using D = Dual<double, 1>;
+  using Sparse = SparseDual<double>;
+  for (int i = 0; i < 300; ++i) {
+    const double v[3] = {0.3 + 0.01 * i, 1.7 - 0.007 * i, 0.02 * i - 2.5};
+    for (int reached = 0; reached < 8; ++reached) {  // which of the three depend on the direction
+      D d[3];
+      Sparse s[3];
+      for (int k = 0; k < 3; ++k) {
+        d[k] = (reached >> k) & 1 ? D::seed(v[k], 0) : D(v[k]);
+        s[k] = (reached >> k) & 1 ? Sparse::seed(v[k]) : Sparse(v[k]);
+      }
+      const D want = all(d[0], d[1], d[2]);
+      const Sparse got = all(s[0], s[1], s[2]);
+      EXPECT_EQ(got.v, want.v);
+      EXPECT_NEAR(got.slope(), want.d[0], 1e-14 * (1 + std::abs(want.d[0]))) << reached;
+      EXPECT_EQ(got.constant, reached == 0);
+    }
+  }
 }
 
 TEST(Dual, ValueIsThatOfPlainArithmetic) {

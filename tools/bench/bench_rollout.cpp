@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -100,12 +101,70 @@ struct Case {
 const Case kCases[] = {
     {"none", {}},
     {"viscous friction (cart)", {{tiller_effect_viscous_friction, 0}}},
+    {"lag", {{tiller_effect_actuator_lag, 0}}},
+    {"delay of up to 50 ms", {{tiller_effect_input_delay, 0}}},
     {"viscous + Coulomb (cart)", {{tiller_effect_viscous_friction, 0}, {tiller_effect_coulomb_friction, 0}}},
     {"viscous + Coulomb (cart), lag, delay",
      {{tiller_effect_viscous_friction, 0},
       {tiller_effect_coulomb_friction, 0},
       {tiller_effect_actuator_lag, 0},
       {tiller_effect_input_delay, 0}}},
+};
+
+/// Cost terms beyond the quadratic, each beside it.
+struct CostRow {
+  const char* name;
+  void (*change)(tiller_cost_config_t& cost);
+};
+double own_in_c(const double* x, const double*, const double*, double, void*) { return x[0] * x[0]; }
+const std::vector<double>& table_of(double value) {
+  static std::map<double, std::vector<double>> tables;
+  std::vector<double>& table = tables[value];
+  table.assign(16 * 2 * kHorizon, value);
+  return table;
+}
+const CostRow kCostRows[] = {
+    {"quadratic", [](tiller_cost_config_t&) {}},
+    {"saturating",
+     [](tiller_cost_config_t& c) {
+       c.saturating_weight = 1.0;
+       for (double& width : c.saturating_width) width = 1.0;
+     }},
+    {"bounds of one state",
+     [](tiller_cost_config_t& c) {
+       c.bound_weight[0] = 1.0;
+       c.state_low[0] = -1.0;
+       c.state_high[0] = 1.0;
+     }},
+    {"one obstacle",
+     [](tiller_cost_config_t& c) {
+       c.obstacle_count = 1;
+       c.obstacles[0] = {0, 1, 0.0, 0.0, 1.0, 1.0};
+     }},
+    {"eight obstacles",
+     [](tiller_cost_config_t& c) {
+       c.obstacle_count = 8;
+       for (tiller_obstacle_t& o : c.obstacles) o = {0, 1, 0.0, 0.0, 1.0, 1.0};
+     }},
+    {"reference",
+     [](tiller_cost_config_t& c) {
+       c.reference = table_of(0.1).data();
+       c.reference_steps = 2 * kHorizon;
+     }},
+    {"demonstration",
+     [](tiller_cost_config_t& c) {
+       c.demonstration_mean = table_of(0.1).data();
+       c.demonstration_root = table_of(0.2).data();
+       c.demonstration_steps = 2 * kHorizon;
+       c.demonstration_weight = 1.0;
+     }},
+    {"own cost in C",
+     [](tiller_cost_config_t& c) {
+       static const tiller_own_cost_t own = {sizeof(tiller_own_cost_t), TILLER_CONFIG_VERSION, own_in_c, nullptr,
+                                             nullptr};
+       c.own = &own;
+       c.own_weight = 1.0;
+     }},
 };
 
 struct Integration {
@@ -157,6 +216,16 @@ int main(int argc, char** argv) {
       benchmark::DoNotOptimize(lanes->cost[0]);
     });
   }
+  for (const CostRow& c : kCostRows) {
+    tiller_config_t config = cart_pole_config(tiller_integrator_semi_implicit_euler);
+    c.change(config.cost);
+    auto lanes = std::make_shared<Batch<float>>(config);
+    table.add(std::string("cost/") + c.name, [lanes, config](benchmark::State& state) {
+      const RolloutTable& rollouts = select_rollout(*config.model);
+      for (auto _ : state) rollouts.rollout_f32(*config.model, lanes->job);
+      benchmark::DoNotOptimize(lanes->cost[0]);
+    });
+  }
   table.run(argc, argv);
 
   std::printf("instruction set in use: %s; cart-pole, N=%u, K=%u, stage cost, f32 lanes\n", isa_name(best_isa()),
@@ -182,6 +251,13 @@ int main(int argc, char** argv) {
     const double t = table.seconds(std::string("effects/") + c.name);
     table.row(c.name, t / kSteps * 1e9, "ns");
     table.row(std::string(c.name) + ", ratio", t / bare, "x");
+  }
+  table.heading("cost terms (semi-implicit Euler, instruction set in use), against the quadratic cost");
+  const double quadratic = table.seconds(std::string("cost/") + kCostRows[0].name);
+  for (const CostRow& c : kCostRows) {
+    const double t = table.seconds(std::string("cost/") + c.name);
+    table.row(c.name, t / kSteps * 1e9, "ns");
+    table.row(std::string(c.name) + ", ratio", t / quadratic, "x");
   }
   return table.finish();
 }
