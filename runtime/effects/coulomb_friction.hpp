@@ -16,7 +16,8 @@ struct CoulombFriction {
       {"N or N m"},       {0.0},           0, "dry friction: a constant force against the motion, sticking at rest"};
   static S force(const S&, const S& v_free, const S& gain, const S* p) {
     const S stopping = -v_free / gain;
-    return max(-p[0], min(p[0], stopping));
+    // in this order a tie goes to the constant: no friction has no derivative either, at rest as well
+    return max(min(stopping, p[0]), -p[0]);
   }
 };
 

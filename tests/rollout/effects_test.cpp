@@ -49,6 +49,41 @@ TEST_P(EveryEffect, AtZeroIsTheIdentityToTheLastBit) {
     }
 }
 
+// Off in the Jacobian too, and at rest, where dry friction has its kink: a gradient planner begins there.
+TEST_P(EveryEffect, AtZeroIsTheIdentityInTheJacobian) {
+  const Case c = GetParam();
+  const std::uint32_t nx = c.model->state_count, nu = c.model->input_count, np = c.model->param_count;
+  tiller_config_t config = plain_config(c.model);
+  add_effect(config, c.kind, c.port);
+  const tiller_config_t bare = plain_config(c.model);
+  const std::vector<double> rest(TILLER_MAX_STATES, 0.0), history(TILLER_MAX_DELAY_STEPS * TILLER_MAX_INPUTS, 0.0);
+  std::vector<double> params(TILLER_MAX_PARAMS, 0.7);
+  for (int i = 0; i < effect_info(c.kind).param_count; ++i) params[np + static_cast<std::uint32_t>(i)] = 0.0;
+  for (Isa isa : all_isas()) {
+    std::vector<double> a[2], b[2], next(nx * 16);
+    for (int way = 0; way < 2; ++way) {
+      a[way].resize(nx * nx * 16);
+      b[way].resize(nx * nu * 16);
+      StepSetup setup;
+      ASSERT_EQ(make_step_setup(way == 0 ? bare : config, setup), tiller_status_ok);
+      LineariseJob job;
+      job.setup = &setup;
+      job.lanes = 16;
+      job.state = {rest.data(), 0};
+      job.params = {params.data(), 0};
+      job.effect_state = {rest.data(), 0};
+      job.control = {rest.data(), 0};
+      job.history = history.data();
+      job.next_state = next.data();
+      job.a = a[way].data();
+      job.b = b[way].data();
+      select_rollout(*c.model, isa).linearise(*c.model, job);
+    }
+    for (std::size_t i = 0; i < a[0].size(); ++i) EXPECT_NEAR(a[0][i], a[1][i], 1e-14) << isa_name(isa);
+    for (std::size_t i = 0; i < b[0].size(); ++i) EXPECT_NEAR(b[0][i], b[1][i], 1e-14) << isa_name(isa);
+  }
+}
+
 TEST_P(EveryEffect, ChangesTheMotionWhenOn) {
   const Case c = GetParam();
   tiller_config_t with = plain_config(c.model);
