@@ -4,6 +4,7 @@
 // trajectories are in flight: their steps do not depend on each other, which hides the latency of the arithmetic
 // (with one register a step waits for itself most of the time).
 
+#include "rollout/gradient_kernel.hpp"
 #include "rollout/lq_scenarios.hpp"
 #include "rollout/lq_sweep.hpp"
 #include "rollout/own_cost.hpp"
@@ -222,6 +223,7 @@ struct Kernel {
     }
   }
 
+  static constexpr PathKernel kPath = GradientKernel<M, Cost>::kernel();
   static constexpr LqKernel kLq = lq::Sweep<kStates, kInputs>::kernel();
   static constexpr LqKernel kLqRate = lq::Sweep<kStates + kInputs, kInputs>::kernel();
   static constexpr LqKernel kLqScenarios = lq::ScenarioSweep<kStates, kInputs>::kernel();
@@ -234,6 +236,7 @@ struct Kernel {
     t.rollout_f32 = &rollout_f32;
     t.rollout_f64 = &rollout_f64;
     t.linearise = &linearise;
+    t.path = &kPath;
     t.lq = &kLq;
     t.lq_rate = &kLqRate;
     t.lq_scenarios = &kLqScenarios;

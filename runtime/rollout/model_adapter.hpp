@@ -6,12 +6,11 @@
 #include <utility>
 
 #include "scalar/dual.hpp"
+#include "scalar/inline.hpp"
 #include "scalar/sparse_dual.hpp"
 #include "tiller/model.hpp"
 
 namespace tiller {
-
-#define TILLER_INLINE inline __attribute__((always_inline))
 
 /// f(Index<0>{}) ... f(Index<N-1>{}), unrolled by the language, or f(0) ... f(n-1), a loop.
 template <class F, int... I>

@@ -81,7 +81,6 @@ struct LineariseJob {
   double* b = nullptr;                  // (nx * nu x lanes); nullable
 };
 
-struct LqKernel;
 /// The cost along one trajectory, to second order: lane l is step l of the horizon, at time row task_step + l. The
 /// first `stages` lanes are steps; with `terminal` set, lane `stages` is the horizon's last state (no input) and
 /// stages < lanes. What stands in the lanes behind that is not defined.
@@ -115,6 +114,8 @@ struct QuadratiseJob {
   double* luu = nullptr;        // (nu * nu x lanes)
   double* lux = nullptr;        // (nu * nx x lanes), row r * nx + c: input r, state c
 };
+struct LqKernel;
+struct PathKernel;
 
 /// The type erasure: one table per (model, instruction set), one batch x horizon a call.
 struct RolloutTable {
@@ -129,7 +130,8 @@ struct RolloutTable {
   const LqKernel* lq_rate = nullptr;
   const LqKernel* lq_scenarios = nullptr;
   void (*quadratise)(const tiller_model_t& model, const QuadratiseJob& job) = nullptr;
-  bool own_cost = false;  // compiled with a cost template beside the model
+  bool own_cost = false;             // compiled with a cost template beside the model
+  const PathKernel* path = nullptr;  // of gradient planners (rollout/path.hpp); use select_path
 };
 
 /// A model compiled from a template: its tables by instruction set; null where not built.
