@@ -40,12 +40,14 @@ struct FeedbackJob {
   std::uint32_t scenarios = 1;
   const double* start = nullptr;           // (M x nz)
   const double* params = nullptr;          // (M x np)
+  std::uint32_t param_count = 0;           // np
   const double* state = nullptr;           // (N x M x nz) the path
   const double* control = nullptr;         // (N x nu)
   const double* step = nullptr;            // (N x nu)
   const double* gain = nullptr;            // (N x nu x M n)
   std::uint32_t lq_states = 0;             // n >= nz; with n = nz + nu the last nu columns act on the input before
   const double* alpha = nullptr;           // (kCandidates)
+  const double* beta = nullptr;            // (kCandidates)
   const double* low = nullptr;             // (nu)
   const double* high = nullptr;            // (nu)
   const double* most_change = nullptr;     // (nu) per period; infinity for none
