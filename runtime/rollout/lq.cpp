@@ -121,10 +121,10 @@ const LqKernel& select_lq(const RolloutTable& table, std::uint32_t states, std::
 }
 
 std::uint32_t solve_lq_box(const LqKernel& kernel, const LqProblem& problem, const LqFactor& factor, double* x,
-                           double* u, std::uint32_t most_sweeps, bool* exact) {
+                           double* u, std::uint32_t most_sweeps, bool* exact, bool factorised) {
   *exact = false;
   for (std::uint32_t sweep = 1; sweep <= most_sweeps; ++sweep) {
-    if (!kernel.factorise(problem, factor)) return 0;
+    if (!(factorised && sweep == 1) && !kernel.factorise(problem, factor)) return 0;
     kernel.roll(problem, factor, x, u);
     *exact = !factor.held || !problem.low || update_held(problem, factor, x, u) == 0;
     if (*exact || sweep == most_sweeps) return sweep;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <vector>
 
+#include "rollout/path.hpp"
+
 namespace tiller_test {
 
 void (*on_plain_rollout)() = nullptr;
@@ -48,6 +50,100 @@ void rollout(const tiller_model_t& model, const tiller::RolloutJob<float>& job) 
   }
 }
 
+// ---- for gradient planners: the same steps, one point or one candidate after the other -----------
+
+void euler(const tiller_model_t& model, const tiller::StepSetup& setup, const double* x, const double* u,
+           const double* p, double* next) {
+  double dxdt[TILLER_MAX_STATES];
+  const double force[TILLER_MAX_JOINTS] = {};
+  model.dynamics(x, u, force, &setup.body, p, dxdt);
+  for (std::uint32_t i = 0; i < model.state_count; ++i) next[i] = x[i] + setup.period_s * dxdt[i];
+}
+
+void linearise(const tiller_model_t& model, const tiller::PathJob& job) {
+  if (on_plain_rollout) on_plain_rollout();
+  const std::size_t nx = model.state_count, nu = model.input_count, n = job.lq_states;
+  for (std::size_t k = 0; k < job.horizon; ++k)
+    for (std::size_t j = 0; j < job.scenarios; ++j) {
+      const std::size_t at = k * job.scenarios + j;
+      const double *x = job.state + at * nx, *u = job.control + k * nu, *p = job.params + j * job.param_count;
+      euler(model, *job.setup, x, u, p, job.next + at * nx);
+      for (std::size_t c = 0; job.a && c < nx + nu; ++c) {
+        double xu[2][TILLER_MAX_STATES + TILLER_MAX_INPUTS], next[2][TILLER_MAX_STATES];
+        const double width = 1e-3;  // the models here are linear: wide is exact
+        for (int side = 0; side < 2; ++side) {
+          std::copy(x, x + nx, xu[side]);
+          std::copy(u, u + nu, xu[side] + nx);
+          xu[side][c] += side ? width : -width;
+          euler(model, *job.setup, xu[side], xu[side] + nx, p, next[side]);
+        }
+        for (std::size_t r = 0; r < nx; ++r) {
+          const double slope = (next[1][r] - next[0][r]) / (2.0 * width);
+          if (c < nx)
+            job.a[(at * n + r) * n + c] = slope;
+          else
+            job.b[(at * n + r) * nu + c - nx] = slope;
+        }
+      }
+    }
+}
+
+double quadratic(const tiller_model_t& model, const tiller::CostTerms<double>& w, const double* weight,
+                 const double* x) {
+  double sum = 0.0;
+  for (std::uint32_t i = 0; i < model.state_count; ++i) {
+    const double e = tiller::state_difference(model, i, x[i], w.target[i]);
+    sum += weight[i] * e * e;
+  }
+  return sum;
+}
+
+void feedback(const tiller_model_t& model, const tiller::FeedbackJob& job) {
+  if (on_plain_rollout) on_plain_rollout();
+  constexpr std::size_t kLanes = tiller::kCandidates;
+  const std::size_t nx = model.state_count, nu = model.input_count, n = job.lq_states, count = job.scenarios;
+  const tiller::CostTerms<double>& w = *job.cost;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    std::vector<double> x(job.start, job.start + count * nx), cost(count, 0.0), before(nu), u(nu);
+    std::copy(job.previous_input, job.previous_input + nu, before.begin());
+    const auto keep = [&](std::size_t k) {
+      for (std::size_t i = 0; i < count * nx; ++i) job.state_out[(k * count * nx + i) * kLanes + lane] = x[i];
+    };
+    for (std::size_t k = 0; k < job.horizon; ++k) {
+      double inputs = 0.0;
+      for (std::size_t i = 0; i < nu; ++i) {
+        const double* gain = job.gain + (k * nu + i) * count * n;
+        double wish = job.control[k * nu + i] + job.alpha[lane] * job.step[k * nu + i];
+        for (std::size_t j = 0; j < count; ++j) {
+          for (std::size_t c = 0; c < nx; ++c)
+            wish += job.beta[lane] * gain[j * n + c] * (x[j * nx + c] - job.state[(k * count + j) * nx + c]);
+          for (std::size_t c = 0; n > nx && c < nu; ++c)
+            wish += job.beta[lane] * gain[j * n + nx + c] *
+                    (before[c] - (k > 0 ? job.control[(k - 1) * nu + c] : job.previous_input[c]));
+        }
+        const double low = std::max(job.low[i], before[i] - job.most_change[i]);
+        const double high = std::min(job.high[i], before[i] + job.most_change[i]);
+        u[i] = wish < low ? low : wish > high ? high : wish;
+        job.control_out[(k * nu + i) * kLanes + lane] = u[i];
+        inputs += w.input[i] * u[i] * u[i] + w.input_rate[i] * (u[i] - before[i]) * (u[i] - before[i]);
+      }
+      keep(k);
+      for (std::size_t j = 0; j < count; ++j) {
+        cost[j] += inputs + quadratic(model, w, w.state, &x[j * nx]);
+        double next[TILLER_MAX_STATES];
+        euler(model, *job.setup, &x[j * nx], u.data(), job.params + j * job.param_count, next);
+        std::copy(next, next + nx, &x[j * nx]);
+      }
+      before = u;
+    }
+    keep(job.horizon);
+    for (std::size_t j = 0; j < count; ++j)
+      job.cost_out[j * kLanes + lane] = cost[j] + quadratic(model, w, w.terminal, &x[j * nx]);
+  }
+}
+
+constexpr tiller::PathKernel kPlainPath = {linearise, feedback};
+
 }  // namespace
 
 const tiller::RolloutTable& plain_rollout() {
@@ -55,6 +151,7 @@ const tiller::RolloutTable& plain_rollout() {
     tiller::RolloutTable t;
     t.isa = tiller::best_isa();  // the planner's lanes follow it; the rollout itself has none
     t.rollout_f32 = rollout;
+    t.path = &kPlainPath;
     return t;
   }();
   return table;

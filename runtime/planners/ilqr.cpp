@@ -1,0 +1,333 @@
+// Iterative LQR (Li and Todorov 2004; Tassa, Mansard and Todorov 2014 for inputs in a box) and its multiple-shooting
+// sister (Giftthaler et al. 2018), one linear-quadratic problem an iteration:
+//
+//   single    linearise around a motion of the model, solve, roll the model out under the gains for several step
+//             lengths at once, keep the cheapest
+//   multiple  states are variables too: linearise around any path, solve with its defects, step. One iteration a tick
+//             is the real-time iteration of Diehl et al. 2005
+//
+// Differences from the papers, and why:
+//   - the box holds for the whole sequence: which inputs are at a limit is found by an active set over Riccati sweeps
+//     (solve_lq_box), not stage by stage around the old path, so a problem that is linear takes one iteration;
+//   - curvature of the dynamics is left out (Gauss-Newton): Hessians stay positive semi-definite and nothing needs a
+//     repair; the least addition to the inputs' curvature is a setting.
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "planners/flush_to_zero.hpp"
+#include "planners/path_plan.hpp"
+
+namespace tiller {
+namespace {
+
+constexpr std::uint32_t kSweeps = 6;    // of the active set, an iteration; the next one goes on from its set
+constexpr double kRaise = 8.0;          // of the regularisation
+constexpr double kFirstRaise = 1e-3;    // from zero: in shares of the largest curvature
+constexpr double kMostRaised = 1e6;     // where it is no use to go on
+constexpr double kWeightsStand = 1e-9;  // of the risk: what moves less does not count
+constexpr double kConverged = 1e-12;    // relative gain that ends the iterations
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+struct Ilqr {
+  PathPlan plan;
+  double cost = kInfinity;  // of the path under the risk
+  double penalty = 0.0;     // of defects, multiple shooting
+  bool standing = false;    // the problem is that of the present path
+  bool solved = false;      // and the factor is its
+  bool converged = false;
+  bool settled = false;  // multiple shooting: the sequence to send is not the path's
+  bool single() const { return plan.settings->shooting == tiller_shooting_single; }
+};
+
+// The last two are the path's own inputs: under the gains and as they are.
+constexpr double kAlpha[kCandidates] = {1.0, 0.6, 0.36, 0.2, 0.08, 0.02, 0.0, 0.0};
+constexpr double kBeta[kCandidates] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0};
+constexpr double kOpenLoop[kCandidates] = {};
+
+void raise(PathPlan& p) {
+  double most = 0.0;
+  for (std::size_t i = 0; i < std::size_t{p.horizon} * p.nu; ++i)
+    most = std::fmax(most, std::fabs(p.factor.curvature[i * p.nu + i % p.nu]));
+  if (!(most > 0.0) || !std::isfinite(most)) most = 1.0;
+  p.problem.regularisation = std::fmax(kRaise * p.problem.regularisation, kFirstRaise * most);
+}
+
+void lower(PathPlan& p) {
+  p.problem.regularisation = std::fmax(p.settings->regularisation, p.problem.regularisation / kRaise);
+  if (p.problem.regularisation < 1e-9) p.problem.regularisation = p.settings->regularisation;
+}
+
+std::uint32_t cheapest(const PathPlan& p, double& cost) {
+  std::uint32_t best = 0;
+  cost = kInfinity;
+  for (std::uint32_t i = 0; i < kCandidates; ++i) {
+    const double c = candidate_risk(p, i);
+    if (c < cost) {
+      cost = c;
+      best = i;
+    }
+  }
+  return best;
+}
+
+/// The path becomes the motion of the model under the present inputs.
+bool roll_open(Ilqr& s) {
+  PathPlan& p = s.plan;
+  roll_candidates(p, kOpenLoop, kOpenLoop);
+  const double cost = candidate_risk(p, 0);
+  if (!std::isfinite(cost)) return false;
+  take_candidate(p, 0);
+  s.cost = cost;
+  return true;
+}
+
+/// The linear-quadratic problem around the present path.
+void stand(Ilqr& s) {
+  if (s.standing) return;
+  linearise_path(s.plan);
+  quadratise_path(s.plan);
+  s.standing = true;
+  s.solved = false;
+}
+
+bool solve(Ilqr& s) {
+  PathPlan& p = s.plan;
+  if (s.single())
+    clear_defects(p);
+  else
+    take_defects(p);
+  if (take_box(p)) s.solved = false;
+  s.solved = solve_path(p, kSweeps, s.solved);
+  if (!s.solved) raise(p);
+  return s.solved;
+}
+
+// ---- single shooting ----------------------------------------------------------------------------
+
+/// One iteration; false where nothing finite came of it.
+bool iterate_single(Ilqr& s) {
+  PathPlan& p = s.plan;
+  stand(s);
+  if (!solve(s)) return std::isfinite(s.cost);
+  s.solved = false;
+  roll_candidates(p, kAlpha, kBeta);
+  double cost = kInfinity, full[TILLER_MAX_SCENARIOS];
+  const std::uint32_t best = cheapest(p, cost);
+  for (std::uint32_t j = 0; j < p.scenarios; ++j) full[j] = p.candidate_cost[j * kCandidates];
+  // weights that moved make another problem of the same path
+  const bool moved = p.risk.update(full) > kWeightsStand;
+  if (moved) s.standing = false;
+  if (!(cost < s.cost)) {
+    if (!moved) raise(p);
+    s.converged = p.problem.regularisation > kMostRaised;
+    return std::isfinite(s.cost);
+  }
+  s.converged = !moved && s.cost - cost <= kConverged * std::fabs(cost);
+  take_candidate(p, best);
+  s.cost = cost;
+  s.standing = false;
+  if (best < 2)
+    lower(p);
+  else if (best > 3)
+    raise(p);
+  return true;
+}
+
+// ---- multiple shooting --------------------------------------------------------------------------
+
+constexpr double kLeastStep = 1.0 / 64.0;
+constexpr double kDescent = 1e-4;  // Armijo's share of the expected change
+
+/// l1 norm of what the path lacks of being a motion from the start.
+double defect(const PathPlan& p) {
+  const std::size_t row = std::size_t{p.scenarios} * p.nz;
+  double sum = 0.0;
+  for (std::size_t i = 0; i < p.horizon * row; ++i) sum += std::fabs(p.next[i] - p.state[i + row]);
+  for (std::size_t i = 0; i < row; ++i) sum += std::fabs(p.start[i] - p.state[i]);
+  return sum;
+}
+
+/// First-order change of the cost along the solution.
+double slope_along(const PathPlan& p) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < (std::size_t{p.horizon} + 1) * p.scenarios * p.n; ++i) sum += p.qx[i] * p.dx[i];
+  for (std::size_t i = 0; i < std::size_t{p.horizon} * p.nu; ++i) sum += p.qu[i] * p.du[i];
+  return sum;
+}
+
+/// The candidates' memory is free in multiple shooting: it keeps the path that a step begins from.
+void keep_path(PathPlan& p) {
+  std::memcpy(p.candidate_state, p.state, (std::size_t{p.horizon} + 1) * p.scenarios * p.nz * sizeof(double));
+  std::memcpy(p.candidate_control, p.control, std::size_t{p.horizon} * p.nu * sizeof(double));
+}
+void restore_path(PathPlan& p) {
+  std::memcpy(p.state, p.candidate_state, (std::size_t{p.horizon} + 1) * p.scenarios * p.nz * sizeof(double));
+  std::memcpy(p.control, p.candidate_control, std::size_t{p.horizon} * p.nu * sizeof(double));
+}
+
+/// path = kept path + alpha (dx, du)
+void step_along(PathPlan& p, double alpha) {
+  for (std::size_t row = 0; row < (std::size_t{p.horizon} + 1) * p.scenarios; ++row)
+    for (std::size_t i = 0; i < p.nz; ++i)
+      p.state[row * p.nz + i] = p.candidate_state[row * p.nz + i] + alpha * p.dx[row * p.n + i];
+  for (std::size_t k = 0; k < p.horizon; ++k)
+    for (std::size_t i = 0; i < p.nu; ++i) {
+      const double u = p.candidate_control[k * p.nu + i] + alpha * p.du[k * p.nu + i];
+      p.control[k * p.nu + i] = std::fmin(std::fmax(u, p.low[i]), p.high[i]);
+    }
+}
+
+/// One iteration; false where nothing finite came of it. Steps are judged by the l1 merit cost + penalty * defects, the
+/// penalty large enough for the solution to lower it (Nocedal and Wright 2006, eq. 18.36).
+bool iterate_multiple(Ilqr& s) {
+  PathPlan& p = s.plan;
+  stand(s);
+  const double cost = p.risk.value(p.path_cost), gap = defect(p);
+  if (!std::isfinite(cost) || !std::isfinite(gap)) return false;
+  if (!solve(s)) return true;
+  if (p.rate_limited) limit_solution(p);
+  const double slope = slope_along(p);
+  if (gap > 0.0) s.penalty = std::fmax(s.penalty, 2.0 * slope / gap);
+  const double merit = cost + s.penalty * gap, expected = slope - s.penalty * gap;
+  keep_path(p);
+  for (double alpha = 1.0; alpha >= kLeastStep; alpha *= 0.5) {
+    step_along(p, alpha);
+    s.standing = false;
+    stand(s);
+    const double now = p.risk.value(p.path_cost) + s.penalty * defect(p);
+    if (!(now <= merit + kDescent * alpha * expected)) continue;
+    const bool moved = p.risk.update(p.path_cost) > kWeightsStand;
+    if (moved) s.standing = false;
+    s.converged = !moved && -expected <= kConverged * std::fabs(merit);
+    lower(p);
+    return true;
+  }
+  // no step along the linear solution is good: the path becomes a motion of the model from the start again
+  restore_path(p);
+  s.standing = false;
+  raise(p);
+  s.converged = p.problem.regularisation > kMostRaised;
+  double rolled = kInfinity;
+  roll_candidates(p, kAlpha, kBeta);
+  const std::uint32_t best = cheapest(p, rolled);
+  if (std::isfinite(rolled)) take_candidate(p, best);
+  s.penalty = 0.0;
+  return true;
+}
+
+/// What multiple shooting sends: the path's inputs from the present start, as they are or under the gains, whichever
+/// costs less. The path itself stays what the next tick begins with.
+void settle_multiple(Ilqr& s) {
+  PathPlan& p = s.plan;
+  roll_candidates(p, kAlpha, kBeta);
+  constexpr std::uint32_t kGains = kCandidates - 2, kPlain = kCandidates - 1;
+  const double plain = candidate_risk(p, kPlain), gains = candidate_risk(p, kGains);
+  const std::uint32_t chosen = gains < plain ? kGains : kPlain;
+  s.cost = gains < plain ? gains : plain;
+  s.settled = std::isfinite(s.cost);
+  for (std::size_t i = 0; s.settled && i < std::size_t{p.horizon} * p.nu; ++i)
+    p.settled[i] = p.candidate_control[i * kCandidates + chosen];
+}
+
+// ---- a plan -------------------------------------------------------------------------------------
+
+/// False where the path cannot be made a motion of the model.
+bool begin(Ilqr& s) {
+  PathPlan& p = s.plan;
+  s.converged = false;
+  s.penalty = 0.0;
+  s.cost = kInfinity;
+  // the inputs' motion from the present start: what single shooting linearises around; already known where prepared
+  if (s.single() && !s.standing) return roll_open(s);
+  return p.has_path || roll_open(s);
+}
+
+void iterate(Ilqr& s, const Deadline& deadline, PlanResult& result) {
+  const FlushToZero flush;
+  if (!begin(s)) {
+    result.status = tiller_status_plan_not_finite;
+    return;
+  }
+  while (result.iterations < deadline.iterations && !s.converged) {
+    if (deadline.passed()) {
+      result.status = tiller_status_iteration_capped;
+      break;
+    }
+    if (!(s.single() ? iterate_single(s) : iterate_multiple(s))) break;
+    ++result.iterations;
+  }
+  if (result.iterations == 0) {
+    if (result.status == tiller_status_ok) result.status = tiller_status_plan_not_finite;
+    return;
+  }
+  if (!s.single()) settle_multiple(s);
+  result.cost = s.cost;
+}
+
+PlanResult plan(void* self, const PlanRequest& request, double* command) {
+  Ilqr& s = *static_cast<Ilqr*>(self);
+  PathPlan& p = s.plan;
+  PlanResult result;
+  result.cost = kInfinity;
+  s.settled = false;
+  take_command(p, request.last_command);
+  p.task_step = request.task_step;
+  if (request.tick != p.last_tick) s.standing = s.solved = false;  // nothing was prepared for this tick
+  shift_path(p, request.tick);
+  if (!take_belief(p, request.belief)) {
+    result.status = tiller_status_plan_not_finite;
+  } else if (request.deadline.iterations > 0) {
+    if (!p.has_path) s.standing = s.solved = false;
+    iterate(s, request.deadline, result);
+  }
+  s.standing = s.solved = false;
+  write_sequence(p, s.settled ? p.settled : p.control, command);
+  return result;
+}
+
+/// The next tick's path, problem and factor. What the measurement will bring is the start alone.
+void prepare(void* self, const PlanRequest& expected) {
+  Ilqr& s = *static_cast<Ilqr*>(self);
+  PathPlan& p = s.plan;
+  take_command(p, expected.last_command);
+  p.task_step = expected.task_step;
+  shift_path(p, expected.tick);
+  s.standing = s.solved = false;
+  if (!p.has_path || p.scenarios == 0) return;
+  const FlushToZero flush;
+  std::memcpy(p.start, p.state, std::size_t{p.scenarios} * p.nz * sizeof(double));
+  stand(s);
+  s.solved = solve(s) && p.exact;
+}
+
+void reset(void* self) {
+  Ilqr& s = *static_cast<Ilqr*>(self);
+  reset_path_plan(s.plan);
+  s.cost = kInfinity;
+  s.standing = s.solved = s.converged = false;
+}
+
+void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+              const tiller_hooks_t*) {
+  auto* s = arena.take<Ilqr>(1);
+  Ilqr nobody;
+  lay_out_path_plan(arena, config, setup, table, s ? s->plan : nobody.plan);
+  if (!s || !arena.fits()) return nullptr;
+  reset(s);
+  return s;
+}
+
+const float* sequence(const void* self) { return static_cast<const Ilqr*>(self)->plan.sequence; }
+
+bool feedback(const void* self, std::uint32_t step, double* gain, double* state, double* input) {
+  return path_feedback(static_cast<const Ilqr*>(self)->plan, step, gain, state, input);
+}
+
+}  // namespace
+
+extern const PlannerTable ilqr_planner;
+const PlannerTable ilqr_planner = {"ilqr", lay_out, plan, reset, sequence, prepare, feedback, true};
+
+}  // namespace tiller
