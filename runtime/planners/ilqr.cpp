@@ -27,6 +27,7 @@ constexpr double kRaise = 8.0;          // of the regularisation
 constexpr double kFirstRaise = 1e-3;    // from zero: in shares of the largest curvature
 constexpr double kMostRaised = 1e6;     // where it is no use to go on
 constexpr double kWeightsStand = 1e-9;  // of the risk: what moves less does not count
+constexpr double kFlat = 1e-10;         // relative change of the cost that is rounding
 constexpr double kConverged = 1e-12;    // relative gain that ends the iterations
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -120,8 +121,10 @@ bool iterate_single(Ilqr& s) {
   const bool moved = p.risk.update(full) > kWeightsStand;
   if (moved) s.standing = false;
   if (!(cost < s.cost)) {
-    if (!moved) raise(p);
-    s.converged = p.problem.regularisation > kMostRaised;
+    // the full step costs the same: nothing is left to gain, and a raise would only blunt the gains
+    const bool flat = p.risk.value(full) <= s.cost + kFlat * std::fabs(s.cost);
+    if (!moved && !flat) raise(p);
+    s.converged = (!moved && flat) || p.problem.regularisation > kMostRaised;
     return std::isfinite(s.cost);
   }
   s.converged = !moved && s.cost - cost <= kConverged * std::fabs(cost);

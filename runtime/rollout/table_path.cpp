@@ -12,8 +12,9 @@ namespace {
 using Step = Stepper<TableModel, double>;
 using Point = Trajectory<TableModel, double>;
 
-/// Width of a central difference: cube root of the rounding unit, relative to the value's size.
-double difference_width(double value) { return 6e-6 * (std::fabs(value) > 1.0 ? std::fabs(value) : 1.0); }
+/// Width of a central difference, relative to the value's size. What is differenced is one period, whose curvature is
+/// that of the dynamics times the period: wider than the textbook's cube root of the rounding unit, and 1e-12 good.
+double difference_width(double value) { return 5e-5 * (std::fabs(value) > 1.0 ? std::fabs(value) : 1.0); }
 
 /// z = (x, effect states) in one index.
 struct Plane {

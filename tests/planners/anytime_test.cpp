@@ -43,7 +43,7 @@ constexpr std::int64_t kCallsPerIteration = 32;
 constexpr std::int64_t kCallsToSettle = 4;
 
 TEST_P(Anytime, stops_at_the_deadline_within_one_rollout_call) {
-  if (!is_sampling(GetParam())) GTEST_SKIP() << "see ilqr_test.cpp";
+  if (is_gradient(GetParam())) GTEST_SKIP() << "see ilqr_test.cpp";
   const TickingClock clock;
   const tiller_hooks_t hooks = clock_hooks();
   std::int64_t worst = 0;
@@ -64,7 +64,7 @@ TEST_P(Anytime, stops_at_the_deadline_within_one_rollout_call) {
 }
 
 TEST_P(Anytime, a_partial_iteration_leaves_no_trace) {
-  if (!is_sampling(GetParam())) GTEST_SKIP() << "see ilqr_test.cpp";
+  if (is_gradient(GetParam())) GTEST_SKIP() << "see ilqr_test.cpp";
   const TickingClock clock;
   const tiller_hooks_t hooks = clock_hooks();
   Bench interrupted(long_iterations(GetParam()), &hooks), whole(long_iterations(GetParam()), &hooks);

@@ -9,10 +9,8 @@ namespace tiller_test {
 /// A suite that runs on every line of planners.def.
 class EveryPlanner : public ::testing::TestWithParam<std::uint32_t> {};
 
-/// Draws samples: its plan depends on the seed, and an iteration is many rollout calls.
-inline bool is_sampling(std::uint32_t planner) {
-  return planner == tiller_planner_random_shooting || planner == tiller_planner_cem || planner == tiller_planner_mppi;
-}
+/// Solves along a linearisation: draws nothing, and an iteration is two calls of the model's kernels.
+inline bool is_gradient(std::uint32_t planner) { return planner == tiller_planner_ilqr; }
 
 #define TILLER_EVERY_PLANNER(suite)                                                                     \
   INSTANTIATE_TEST_SUITE_P(planners, suite,                                                             \

@@ -32,7 +32,7 @@ tiller_config_t cart_pole(std::uint32_t planner, std::uint32_t particles) {
   c.planner.hold_steps = 2;
   if (planner == tiller_planner_mcts) c.planner.iterations = 2;
   c.cost.input_weight[0] = 0.001;
-  if (!is_sampling(planner)) {  // from hanging, single shooting ends in a poorer optimum
+  if (is_gradient(planner)) {  // from hanging, single shooting ends in a poorer optimum
     c.planner.shooting = tiller_shooting_multiple;
     c.planner.iterations = 3;
     if (particles > 1) c.planner.horizon = 30;  // hypotheses part company: docs/planners.md
