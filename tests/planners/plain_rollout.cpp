@@ -104,8 +104,11 @@ void feedback(const tiller_model_t& model, const tiller::FeedbackJob& job) {
   const std::size_t nx = model.state_count, nu = model.input_count, n = job.lq_states, count = job.scenarios;
   const tiller::CostTerms<double>& w = *job.cost;
   for (std::size_t lane = 0; lane < kLanes; ++lane) {
-    std::vector<double> x(job.start, job.start + count * nx), cost(count, 0.0), before(nu), u(nu);
-    std::copy(job.previous_input, job.previous_input + nu, before.begin());
+    // no vectors: the heap's test counts every call
+    double x[TILLER_MAX_SCENARIOS * TILLER_MAX_STATES], cost[TILLER_MAX_SCENARIOS] = {};
+    double before[TILLER_MAX_INPUTS], u[TILLER_MAX_INPUTS];
+    std::copy(job.start, job.start + count * nx, x);
+    std::copy(job.previous_input, job.previous_input + nu, before);
     const auto keep = [&](std::size_t k) {
       for (std::size_t i = 0; i < count * nx; ++i) job.state_out[(k * count * nx + i) * kLanes + lane] = x[i];
     };
@@ -131,10 +134,10 @@ void feedback(const tiller_model_t& model, const tiller::FeedbackJob& job) {
       for (std::size_t j = 0; j < count; ++j) {
         cost[j] += inputs + quadratic(model, w, w.state, &x[j * nx]);
         double next[TILLER_MAX_STATES];
-        euler(model, *job.setup, &x[j * nx], u.data(), job.params + j * job.param_count, next);
+        euler(model, *job.setup, &x[j * nx], u, job.params + j * job.param_count, next);
         std::copy(next, next + nx, &x[j * nx]);
       }
-      before = u;
+      std::copy(u, u + nu, before);
     }
     keep(job.horizon);
     for (std::size_t j = 0; j < count; ++j)
