@@ -2,10 +2,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 
+#include "rollout/cost.hpp"
 #include "rollout/rollout.hpp"
 #include "tools/model_compiler.hpp"
 #include "tools/model_loader.hpp"
@@ -140,6 +142,51 @@ TEST_F(Loader, ACostStandsBesideTheModelInC) {
   write("mass.c", mass_c());
   ASSERT_NE(load_model(request, error_, &own), nullptr) << error_;
   EXPECT_EQ(own, nullptr) << "a model without a cost";
+}
+
+TEST_F(Loader, ACostTemplateIsCompiledIntoTheKernels) {
+  const std::string cost = R"(
+namespace mine {
+template <class S>
+struct Cost {
+  static S stage(const typename Mass<S>::State& x, const typename Mass<S>::Input& u,
+                 const typename Mass<S>::Params& p, const S& time_s) {
+    return x.position_m + u.force_N * 10.0 + p.mass_kg * 100.0 + time_s * 1000.0;
+  }
+  static S terminal(const typename Mass<S>::State& x, const typename Mass<S>::Params&, const S&) {
+    return x.position_m * 10000.0;
+  }
+};
+}  // namespace mine
+)";
+  ModelRequest request;
+  request.robot_dir = write("mass.hpp", mass_hpp() + cost).substr(0, folder_.string().size());
+  request.file = "mass.hpp";
+  request.type = "mine::Mass";
+  request.cost_type = "mine::Cost";
+  const tiller_model_t* model = load_model(request, error_);
+  ASSERT_NE(model, nullptr) << error_;
+  tiller_config_t config;
+  ASSERT_EQ(tiller_config_default(&config, model), tiller_status_ok);
+  config.cost.own_weight = 0.5;
+  const CostTerms<double> terms = make_cost_terms<double>(config.cost);
+  const StepSetup setup;
+  const double state[] = {1.0, 0.0}, mass = 3.0, inputs[] = {2.0, 2.0};
+  double out[kLanePadding];
+  RolloutJob<double> job;
+  job.setup = &setup;
+  job.lanes = 1;
+  job.horizon = 2;
+  job.state = {state, 0};
+  job.params = {&mass, 0};
+  job.controls = {inputs, 0};
+  job.cost = &terms;
+  job.cost_out = out;
+  select_rollout(*model).rollout_f64(*model, job);
+  // at rest at 1 m, pushed by 2 N / 3 kg for two periods of 20 ms: u t^2 / 2
+  const double after_one = 1.0 + 2.0 / 3.0 * 0.0002, after_two = 1.0 + 2.0 / 3.0 * 0.0008;
+  const double expected = 0.5 * ((1.0 + 320.0) + (after_one + 320.0 + 20.0) + 10000.0 * after_two);
+  EXPECT_NEAR(out[0], expected, 1e-6);
 }
 
 TEST_F(Loader, RefusesCostsThatAreNone) {
