@@ -18,17 +18,29 @@ constexpr std::uint64_t kSeeds = 1;
 constexpr std::uint64_t kSeeds = 20;
 #endif
 
+/// How far the plant is from what its task asks for, as a share of what counts as done.
+double share_off(const std::string& file, const std::vector<double>& x, const tiller_config_t& config) {
+  // the tip within 5 % of the highest that it can be, so that small bends which keep the balance count
+  if (file == "acrobot.toml") return (1 + 0.5 * (std::cos(x[0]) + std::cos(x[0] + x[1]))) / 0.05;
+  // a place within 0.1 m, a tilt within 0.1 rad, rates within 0.5 of their units
+  double worst = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const double off = config.model->angle_mask >> i & 1 ? std::remainder(x[i] - config.cost.target[i], 2 * M_PI)
+                                                         : x[i] - config.cost.target[i];
+    worst = std::fmax(worst, std::fabs(off) / (i < x.size() / 2 ? 0.1 : 0.5));
+  }
+  return worst;
+}
+
 struct Task {
   const char* file;
   double seconds;
-  double within;       // of every position, m or rad; angles to the nearest turn
-  double rate_within;  // of every rate
 };
 
 void PrintTo(const Task& task, std::ostream* out) { *out << task.file; }
 
-/// The largest share of its tolerance that a state of the plant is off at the end; infinity for a run that failed.
-double share_off(const Task& task, std::uint64_t seed) {
+/// The share at the end of a run; infinity for one that failed.
+double run_task(const Task& task, std::uint64_t seed) {
   std::string error;
   const auto robot = read_robot_file(std::string(TILLER_ROBOTS "/") + task.file, error);
   EXPECT_NE(robot, nullptr) << error;
@@ -43,21 +55,12 @@ double share_off(const Task& task, std::uint64_t seed) {
   options.seconds = task.seconds;
   options.quiet = true;
   const RunResult result = run_robot(*robot, *link, options);
-  if (result.exit_code != 0) return INFINITY;
-  const tiller_model_t& model = *robot->model;
-  double worst = 0;
-  for (std::uint32_t i = 0; i < model.state_count; ++i) {
-    double off = result.last_true_state[i] - robot->config.cost.target[i];
-    if (model.angle_mask >> i & 1) off = std::remainder(off, 2 * M_PI);
-    const bool rate = i >= model.state_count / 2;
-    worst = std::fmax(worst, std::fabs(off) / (rate ? task.rate_within : task.within));
-  }
-  return worst;
+  return result.exit_code == 0 ? share_off(task.file, result.last_true_state, robot->config) : INFINITY;
 }
 
 class ShippedRobot : public testing::TestWithParam<Task> {};
-// a place within 0.1 m counts as reached
-INSTANTIATE_TEST_SUITE_P(Tasks, ShippedRobot, testing::Values(Task{"planar_quadrotor.toml", 6, 0.1, 0.5}),
+INSTANTIATE_TEST_SUITE_P(Tasks, ShippedRobot,
+                         testing::Values(Task{"acrobot.toml", 8}, Task{"planar_quadrotor.toml", 6}),
                          [](const auto& info) {
                            const std::string name = info.param.file;
                            return name.substr(0, name.find('.'));
@@ -66,7 +69,7 @@ INSTANTIATE_TEST_SUITE_P(Tasks, ShippedRobot, testing::Values(Task{"planar_quadr
 TEST_P(ShippedRobot, DoesItsTaskOnTwentySeeds) {
   std::uint64_t done = 0;
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
-    const double off = share_off(GetParam(), seed);
+    const double off = run_task(GetParam(), seed);
     done += off < 1;
     std::printf("seed %2llu: %.2f of its tolerance off%s\n", static_cast<unsigned long long>(seed), off,
                 off < 1 ? "" : ": NOT DONE");
