@@ -183,7 +183,7 @@ const std::vector<KeySpec> kKeys = {
      "gradient iterations on the best sample", "hybrid"},
 
     {"planner", "levels", K::count, "", nullptr, 2, 16, false, AT(planner.levels), nullptr,
-     "values per input between its limits; levels^inputs must be below nodes", "mcts"},
+     "values per input between its limits; levels^inputs at most 64 and below nodes", "mcts"},
     {"planner", "nodes", K::count, "", nullptr, 16, 65536, false, AT(planner.nodes), nullptr, "size of the tree",
      "mcts"},
     {"planner", "hold_steps", K::count, "periods", nullptr, 1, 512, false, AT(planner.hold_steps), nullptr,

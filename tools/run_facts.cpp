@@ -52,6 +52,7 @@ bool write_run_facts(const RobotFile& robot, const RunResult& result, const RunS
     json["limits"][robot.inputs[i]] = Json::array({c.safety.input_low[i], c.safety.input_high[i]});
   }
   for (std::size_t i = 0; i < robot.states.size(); ++i) {
+    if (c.cost.reference) break;  // no line across the page: the target moves
     const bool weighed = c.cost.state_weight[i] > 0 || c.cost.terminal_weight[i] > 0;
     if (weighed) json["target"][robot.states[i]] = c.cost.target[i];
   }
