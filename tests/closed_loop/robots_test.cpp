@@ -61,8 +61,8 @@ double run_task(const Task& task, std::uint64_t seed) {
 class ShippedRobot : public testing::TestWithParam<Task> {};
 INSTANTIATE_TEST_SUITE_P(Tasks, ShippedRobot,
                          testing::Values(Task{"acrobot.toml", 8}, Task{"planar_quadrotor.toml", 6}),
-                         [](const auto& info) {
-                           const std::string name = info.param.file;
+                         [](const auto& tested) {
+                           const std::string name = tested.param.file;
                            return name.substr(0, name.find('.'));
                          });
 
