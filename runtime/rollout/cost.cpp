@@ -79,6 +79,7 @@ tiller_status_t lay_out_cost(const tiller_config_t& config, const StepSetup& set
                              CostTerms<double>* exact, CostTerms<float>* lanes) {
   if (exact) *exact = make_cost_terms<double>(config.cost);
   if (lanes) *lanes = make_cost_terms<float>(config.cost);
+  if (config.cost.own_weight > 0.0 && !config.cost.own && !table.own_cost) return tiller_status_bad_cost;
   if (config.cost.terminal != tiller_terminal_lqr) return tiller_status_ok;
   double p[TILLER_MAX_STATES * TILLER_MAX_STATES] = {};
   if (!lqr_cost_to_go(config, setup, table, p)) return tiller_status_bad_cost;

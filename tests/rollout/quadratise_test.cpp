@@ -305,9 +305,17 @@ TEST(OwnCost, TemplateIsTheFunction) {
   }
 }
 
-TEST(OwnCost, ModelsWithoutOneSayNoAndIgnoreTheWeight) {
-  const tiller_model_t& m = *tiller_find_model("cart_pole");
-  EXPECT_FALSE(select_rollout(m).own_cost);
+TEST(OwnCost, WeightWithoutACostIsRefused) {
+  tiller_config_t config = plain_config(tiller_find_model("cart_pole"));
+  config.cost.own_weight = 1.0;
+  StepSetup setup;
+  ASSERT_EQ(make_step_setup(config, setup), tiller_status_ok);
+  EXPECT_FALSE(select_rollout(*config.model).own_cost);
+  EXPECT_EQ(lay_out_cost(config, setup, select_rollout(*config.model), nullptr, nullptr), tiller_status_bad_cost);
+  EXPECT_EQ(lay_out_cost(config, setup, *own_cost_tables().front(), nullptr, nullptr), tiller_status_ok);
+  const CostCase function = cost_cases(*config.model).back();
+  config.cost.own = &function.own;
+  EXPECT_EQ(lay_out_cost(config, setup, select_rollout(*config.model), nullptr, nullptr), tiller_status_ok);
 }
 
 }  // namespace
