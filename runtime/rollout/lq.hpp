@@ -39,6 +39,9 @@ struct LqProblem {
   const double* state_diagonal = nullptr;  // (N+1 x M x n)
   const double* input_diagonal = nullptr;  // (N x m)
   double regularisation = 0.0;             // and to all of quu's diagonal: a proximal term 1/2 r |u|^2
+  // Stages from here on stand in the factor as they are (same matrices, vectors and held inputs): factorise does the
+  // ones before alone. 0: all are done.
+  std::uint32_t stands_from = 0;
   const double* low = nullptr;             // (N x m), read where `held` is set
   const double* high = nullptr;            // (N x m)
 };

@@ -78,11 +78,13 @@ struct ScenarioSweep {
 
   static bool factorise(const LqProblem& p, const LqFactor& f) {
     const Sizes z(p);
-    const std::size_t s = static_cast<std::size_t>(z.stack), horizon = p.horizon;
+    const std::size_t s = static_cast<std::size_t>(z.stack), horizon = p.stands_from ? p.stands_from : p.horizon;
     const int n = z.n(), m = z.m();
     double *pa = f.scratch, *pb = pa + s * s, *carried = pb + static_cast<std::size_t>(m) * s;
-    set_blocks(p, z, horizon, f.value + horizon * s * s);
-    copy(p.qx + horizon * s, z.stack, f.slope + horizon * s);
+    if (!p.stands_from) {
+      set_blocks(p, z, horizon, f.value + horizon * s * s);
+      copy(p.qx + horizon * s, z.stack, f.slope + horizon * s);
+    }
     bool good = true;
     for (std::size_t k = horizon; k-- > 0;) {
       const double *a = p.a + k * s * n, *b = p.b + k * s * m, *ahead = f.value + (k + 1) * s * s;

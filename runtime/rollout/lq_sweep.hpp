@@ -35,16 +35,17 @@ struct Sweep {
   }
 
   static bool factorise(const LqProblem& p, const LqFactor& f) {
-    const std::size_t horizon = p.horizon;
+    const std::size_t horizon = p.stands_from ? p.stands_from : p.horizon;
     X value[n];
-    load(p.qxx + horizon * n * n, value);
-    for (int i = 0; i < n; ++i) value[i].store(f.value + (horizon * n + i) * n);
-    if (p.state_diagonal) {
-      for (int i = 0; i < n; ++i) f.value[(horizon * n + i) * n + i] += p.state_diagonal[horizon * n + i];
-      load(f.value + horizon * n * n, value);
+    if (!p.stands_from) {
+      load(p.qxx + horizon * n * n, value);
+      for (int i = 0; i < n; ++i) value[i].store(f.value + (horizon * n + i) * n);
+      if (p.state_diagonal)
+        for (int i = 0; i < n; ++i) f.value[(horizon * n + i) * n + i] += p.state_diagonal[horizon * n + i];
+      X::load(p.qx + horizon * n).store(f.slope + horizon * n);
     }
-    X slope = X::load(p.qx + horizon * n);
-    slope.store(f.slope + horizon * n);
+    load(f.value + horizon * n * n, value);
+    X slope = X::load(f.slope + horizon * n);
     bool good = true;
     for (std::size_t k = horizon; k-- > 0;) {
       const double *a = p.a + k * n * n, *b = p.b + k * n * m;

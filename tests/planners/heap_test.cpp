@@ -9,6 +9,7 @@
 #include <new>
 
 #include "planner_matrix.hpp"
+#include "planners/qp/osqp_qp.hpp"
 
 namespace {
 std::atomic<long> heap_calls{0};
@@ -98,6 +99,31 @@ TEST_P(Heap, is_not_touched_by_plans) {
   }
   bench.reset();
   EXPECT_EQ(heap_calls, before);
+}
+
+TEST(HeapOfSqp, is_not_touched_by_quadratic_programs) {
+  for (const std::uint32_t solver : {tiller_qp_riccati, tiller_qp_osqp}) {
+    if (solver == tiller_qp_osqp && !tiller::has_osqp()) continue;
+    tiller_config_t c = line_config(tiller_planner_sqp);
+    c.planner.horizon = 20;
+    c.planner.qp_solver = solver;
+    c.planner.qp_iterations = 200;
+    c.planner.qp_tolerance = 1e-3;
+    c.safety.input_rate_per_s[0] = 40.0;
+    c.cost.hard_bounds = 2u;  // speed
+    c.cost.state_low[1] = -0.3;
+    c.cost.state_high[1] = 0.3;
+    Bench bench(c);
+    const std::vector<double> states[3] = {{1.0, 0.0}, {0.5, -0.4}, {std::nan(""), 0.0}};
+    const long before = heap_calls;
+    for (int i = 0; i < 200; ++i) {
+      bench.set_state(states[i % 3]);
+      bench.plan();
+    }
+    bench.reset();
+    EXPECT_EQ(heap_calls, before) << solver;
+  }
+  EXPECT_EQ(tiller::osqp_refused_allocations(), 0);  // nor did OSQP ask its block for more
 }
 
 TILLER_EVERY_PLANNER(Heap);

@@ -10,7 +10,9 @@ namespace tiller_test {
 class EveryPlanner : public ::testing::TestWithParam<std::uint32_t> {};
 
 /// Solves along a linearisation: draws nothing, and an iteration is two calls of the model's kernels.
-inline bool is_gradient(std::uint32_t planner) { return planner == tiller_planner_ilqr; }
+inline bool is_gradient(std::uint32_t planner) {
+  return planner == tiller_planner_ilqr || planner == tiller_planner_sqp;
+}
 
 #define TILLER_EVERY_PLANNER(suite)                                                                     \
   INSTANTIATE_TEST_SUITE_P(planners, suite,                                                             \

@@ -35,6 +35,8 @@ inline tiller_config_t line_config(std::uint32_t planner) {
   c.planner.temperature = 0.05;
   c.planner.elite_fraction = 0.1;
   c.planner.smoothing = 0.1;
+  c.planner.qp_iterations = 50;
+  c.planner.qp_tolerance = 1e-6;
   c.planner.filter = 1.0;
   c.planner.levels = 5;
   c.planner.nodes = 1024;

@@ -67,5 +67,104 @@ TEST(Qp, osqp_agrees) {
   EXPECT_EQ(tiller::osqp_refused_allocations(), 0);
 }
 
+/// x+ = x + u from 0, |u| <= 1: after k steps at most k.
+OwnedQp walk(std::uint32_t horizon) {
+  OwnedQp p(1, 1, horizon);
+  for (double& v : p.a) v = 1.0;
+  for (double& v : p.b) v = 1.0;
+  for (double& v : p.quu) v = 1e-2;
+  for (double& v : p.low) v = -1.0;
+  for (double& v : p.high) v = 1.0;
+  return p;
+}
+
+TEST(Qp, least_violation_where_soft_bounds_cannot_be_kept) {
+  OwnedQp p = walk(6);
+  p.bound_state(0, 5.0, 100.0);
+  p.linear[0] = 10.0;
+  RiccatiSolver ours(p);
+  const QpReport report = ours.solve(p);
+  EXPECT_EQ(report.status, QpStatus::solved);
+  // as fast as the inputs allow, which no other motion exceeds the bound less than at any step
+  for (int k = 0; k <= 5; ++k) EXPECT_NEAR(ours.solution.x[k], k, 1e-7);
+  EXPECT_NEAR(ours.solution.x[6], 5.0, 1.0 + 1e-7);
+  EXPECT_NEAR(worst_violation(p.qp, ours.solution), 4.0, 1e-6);
+  EXPECT_LE(kkt_residual(p.qp, ours.solution).worst(), 1e-8);
+  if (!tiller::has_osqp()) return;
+  OsqpSolver theirs(p);
+  EXPECT_EQ(theirs.solve(p).status, QpStatus::solved);
+  EXPECT_NEAR(worst_violation(p.qp, theirs.solution), 4.0, 1e-3);
+}
+
+TEST(Qp, exact_penalty_keeps_what_can_be_kept) {
+  // pulled to 3 from 0 with a bound at 1: the penalty's weight is above the bound's multiplier, so nothing is exceeded
+  OwnedQp p = walk(8);
+  for (std::size_t k = 0; k <= 8; ++k) p.qxx[k] = 1.0, p.qx[k] = -3.0;
+  p.bound_state(0, -kNoBound, 1.0);
+  p.linear[0] = 100.0;
+  RiccatiSolver ours(p);
+  EXPECT_EQ(ours.solve(p).status, QpStatus::solved);
+  EXPECT_LE(worst_violation(p.qp, ours.solution), 1e-8);
+  OwnedQp hard = p;
+  hard.linear[0] = kNoBound;
+  RiccatiSolver other(hard);
+  EXPECT_EQ(other.solve(hard).status, QpStatus::solved);
+  for (int k = 0; k < 8; ++k) EXPECT_NEAR(ours.solution.u[k], other.solution.u[k], 1e-7);
+  // a weight below it buys some of the bound
+  p.linear[0] = 0.1;
+  EXPECT_EQ(ours.solve(p).status, QpStatus::solved);
+  EXPECT_GT(worst_violation(p.qp, ours.solution), 0.1);
+}
+
+TEST(Qp, infeasible_hard_bounds_are_found_within_the_cap) {
+  for (const double bound : {2.5, 5.0, 50.0}) {
+    OwnedQp p = walk(2);
+    p.bound_state(0, bound, 100.0);
+    RiccatiSolver ours(p);
+    const QpReport report = ours.solve(p);
+    EXPECT_TRUE(report.status == QpStatus::infeasible || report.status == QpStatus::capped) << bound;
+    EXPECT_LE(report.iterations, ours.limits.iterations);
+    for (int k = 0; k < 2; ++k) EXPECT_LE(std::fabs(ours.solution.u[k]), 1.0);
+    std::printf("bound %.1f: %s after %u iterations, u = %.4f %.4f\n", bound,
+                report.status == QpStatus::infeasible ? "infeasible" : "capped", report.iterations, ours.solution.u[0],
+                ours.solution.u[1]);
+    if (!tiller::has_osqp()) continue;
+    OsqpSolver theirs(p);
+    EXPECT_NE(theirs.solve(p).status, QpStatus::solved) << bound;
+  }
+}
+
+TEST(Qp, numbers_that_are_none_give_a_status) {
+  const double bad[] = {std::nan(""), kNoBound, -kNoBound};
+  for (std::uint64_t seed = 1; seed <= 20; ++seed)
+    for (const double value : bad)
+      for (int where = 0; where < 6; ++where) {
+        OwnedQp p = random_qp(seed);
+        std::vector<double>* arrays[] = {&p.a, &p.b, &p.c, &p.qxx, &p.quu, &p.start};
+        std::vector<double>& array = *arrays[where];
+        if (where == 4 && value == kNoBound) continue;  // an input that is infinitely dear stays at zero
+        array.back() = value;
+        RiccatiSolver ours(p);
+        EXPECT_EQ(ours.solve(p).status, QpStatus::broken) << "seed " << seed << " array " << where << " " << value;
+        if (!tiller::has_osqp() || seed > 3) continue;
+        OsqpSolver theirs(p);
+        EXPECT_EQ(theirs.solve(p).status, QpStatus::broken) << "OSQP, seed " << seed << " array " << where;
+        // and it works again afterwards
+        EXPECT_EQ(theirs.solve(random_qp(seed)).status, QpStatus::solved);
+      }
+}
+
+TEST(Qp, osqp_repeats_its_bits_and_stays_in_its_block) {
+  if (!tiller::has_osqp()) GTEST_SKIP() << "built without OSQP";
+  const OwnedQp p = random_qp(5);
+  OsqpSolver first(p), second(p);
+  for (int i = 0; i < 3; ++i) {
+    const QpReport a = first.solve(p), b = second.solve(p);
+    EXPECT_EQ(a.iterations, b.iterations);
+    for (std::size_t k = 0; k < p.qu.size(); ++k) EXPECT_EQ(first.solution.u[k], second.solution.u[k]);
+  }
+  EXPECT_EQ(tiller::osqp_refused_allocations(), 0);
+}
+
 }  // namespace
 }  // namespace tiller_test

@@ -31,6 +31,8 @@ tiller_config_t cart_pole(std::uint32_t planner, std::uint32_t particles) {
   c.planner.levels = 9;
   c.planner.hold_steps = 2;
   if (planner == tiller_planner_mcts) c.planner.iterations = 2;
+  c.planner.qp_iterations = 50;
+  c.planner.qp_tolerance = 1e-6;
   c.cost.input_weight[0] = 0.001;
   if (is_gradient(planner)) {  // from hanging, single shooting ends in a poorer optimum
     c.planner.shooting = tiller_shooting_multiple;

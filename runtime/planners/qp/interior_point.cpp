@@ -8,6 +8,7 @@ namespace {
 
 constexpr double kToBoundary = 0.995;  // share of the way to the nearest bound that a step may go
 constexpr double kLeastSlack = 1e-2;   // first distances from the bounds, in the variables' units
+constexpr double kNoBound = 1e20;      // beyond any number that a robot's variables take
 constexpr double kHopeless = 1e8;      // times the first multipliers
 
 using Bound = InteriorPoint::Bound;
@@ -40,7 +41,7 @@ struct Solve {
   // ---- set up -------------------------------------------------------------------------------------
 
   void add(bool of_state, std::size_t index, double sign, double bound) {
-    if (!std::isfinite(bound) || w.count == w.most_bounds) return;
+    if (!(std::fabs(bound) < kNoBound) || w.count == w.most_bounds) return;
     Bound& b = w.bound[w.count++];
     b = Bound{};
     b.at = static_cast<std::uint32_t>(index);

@@ -5,17 +5,19 @@
 namespace tiller {
 namespace {
 
-constexpr std::uint32_t kMostSweeps = 8;  // of the active set; it settles in two or three or circles for ever
+constexpr std::uint32_t kMostSweeps = 20;    // of the active set; what has not settled by then mostly circles
+constexpr std::uint32_t kClippedSweeps = 2;  // the first ones, whose guesses are far off
 
 struct ActiveSet {
   const Qp& qp;
-  RiccatiQp& w;
+  ActiveSetQp& w;
   QpSolution& at;
   const LqFactor& f;
   std::size_t m, s, N;
+  std::uint32_t sweeps = 0;
 
-  ActiveSet(const Qp& program, RiccatiQp& work, QpSolution& solution)
-      : qp(program), w(work), at(solution), f(work.interior.factor) {
+  ActiveSet(const Qp& program, ActiveSetQp& work, QpSolution& solution)
+      : qp(program), w(work), at(solution), f(work.factor) {
     m = qp.lq.inputs;
     s = qp.stacked();
     N = qp.lq.horizon;
@@ -31,11 +33,52 @@ struct ActiveSet {
     }
   }
   bool sweep() {
-    for (std::size_t i = 0; i < N * m; ++i) f.held[i] = w.held[i];
-    if (!w.interior.kernel->factorise(qp.lq, f)) return false;
+    // what changes at one stage changes the sweep there and before, nothing after it
+    std::size_t changed = 0;
+    for (std::size_t i = 0; i < N * m; ++i) {
+      if (f.held[i] != w.held[i]) changed = i / m + 1;
+      f.held[i] = w.held[i];
+    }
+    LqProblem q = qp.lq;
+    const bool first = sweeps++ == 0;
+    if (first && w.stands && changed == 0) {
+      w.kernel->resolve(q, f);
+    } else {
+      q.stands_from = first || changed == N ? 0 : static_cast<std::uint32_t>(changed);
+      if (!w.kernel->factorise(q, f)) return false;
+    }
+    w.stands = false;
+    return roll(sweeps <= kClippedSweeps);
+  }
+  /// Forward under the gains. Where `clip`, each input is cut to its bounds before the states go on: later inputs then
+  /// ask for what they would ask for under the bounds (as in control-limited differential dynamic programming; Tassa,
+  /// Mansard, Todorov 2014), which takes a set that is far off to near the right one. False for what is not finite.
+  bool roll(bool clip) {
+    const LqProblem& q = qp.lq;
+    const std::size_t n = q.states;
+    double size = 0.0;
     for (std::size_t i = 0; i < s; ++i) at.x[i] = qp.start[i];
-    w.interior.kernel->roll(qp.lq, f, at.x, at.u);
-    return true;
+    for (std::size_t k = 0; k < N; ++k) {
+      const double* x = at.x + k * s;
+      double *next = at.x + (k + 1) * s, *u = at.u + k * m;
+      for (std::size_t i = 0; i < m; ++i) {
+        const std::size_t row = k * m + i;
+        const double* gain = f.gain + row * s;
+        double sum = f.step[row];
+        for (std::size_t j = 0; j < s; ++j) sum += gain[j] * x[j];
+        w.wish[row] = static_cast<std::int8_t>(w.held[row] != 0 ? 0 : sum > high(row) ? 1 : sum < low(row) ? -1 : 0);
+        u[i] = !clip ? sum : w.wish[row] > 0 ? high(row) : w.wish[row] < 0 ? low(row) : sum;
+        size += std::fabs(u[i]);
+      }
+      for (std::size_t i = 0; i < s; ++i) {
+        const double *a = q.a + (k * s + i) * n, *b = q.b + (k * s + i) * m, *from = x + i / n * n;
+        double sum = q.c ? q.c[k * s + i] : 0.0;
+        for (std::size_t j = 0; j < n; ++j) sum += a[j] * from[j];
+        for (std::size_t j = 0; j < m; ++j) sum += b[j] * u[j];
+        next[i] = sum;
+      }
+    }
+    return std::isfinite(size);
   }
   /// d cost / du_i of stage k, the future included.
   double pull(std::size_t k, std::size_t i) const {
@@ -56,7 +99,7 @@ struct ActiveSet {
         if (low(row) == high(row)) continue;
         std::int8_t next = held;
         if (held == 0)
-          next = static_cast<std::int8_t>(at.u[row] > high(row) ? 1 : at.u[row] < low(row) ? -1 : 0);
+          next = w.wish[row];
         else if (at.input_multiplier[row] * held < 0.0)
           next = 0;
         changed |= next != held;
@@ -64,62 +107,67 @@ struct ActiveSet {
       }
     return changed;
   }
-  bool states_within() const {
-    if (!qp.state_low) return true;
-    for (std::size_t i = s; i < (N + 1) * s; ++i)
-      if (!(at.x[i] >= qp.state_low[i] && at.x[i] <= qp.state_high[i])) return false;
-    return true;
-  }
   void finish() {
-    w.interior.kernel->multipliers(qp.lq, f, at.x, at.multiplier);
+    w.kernel->multipliers(qp.lq, f, at.x, at.multiplier);
     for (std::size_t i = 0; i < (N + 1) * s; ++i) at.state_multiplier[i] = 0.0;
   }
 };
 
-bool finite(const double* row, std::size_t count) {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < count; ++i) sum += std::fabs(row[i]);
-  return std::isfinite(sum);
-}
-
 }  // namespace
 
-RiccatiQp lay_out_riccati_qp(Arena& arena, const LqProblem& sizes, const LqKernel& kernel) {
-  RiccatiQp w;
-  w.interior = lay_out_interior_point(arena, sizes, kernel);
-  w.held = arena.take<std::int8_t>(std::size_t{sizes.horizon} * sizes.inputs);
-  return w;
+bool states_within(const Qp& qp, const QpSolution& at) {
+  if (!qp.state_low) return true;
+  const std::size_t s = qp.stacked();
+  for (std::size_t i = s; i < (qp.lq.horizon + 1) * s; ++i)
+    if (!(at.x[i] >= qp.state_low[i] && at.x[i] <= qp.state_high[i])) return false;
+  return true;
 }
 
-void shift_active_set(RiccatiQp& w, const LqProblem& sizes, std::uint32_t steps) {
+void shift_active_set(ActiveSetQp& w, const LqProblem& sizes, std::uint32_t steps) {
   for (std::uint32_t k = 0; k < sizes.horizon; ++k) {
     const std::uint32_t from = k + steps < sizes.horizon ? k + steps : sizes.horizon - 1;
     for (std::uint32_t i = 0; i < sizes.inputs; ++i) w.held[k * sizes.inputs + i] = w.held[from * sizes.inputs + i];
   }
 }
 
-QpReport solve_riccati_qp(RiccatiQp& w, const Qp& qp, const QpLimits& limits, QpSolution& solution) {
+QpReport solve_active_set(ActiveSetQp& w, const Qp& qp, const QpLimits& limits, QpSolution& solution) {
   ActiveSet set(qp, w, solution);
   QpReport report;
   set.start();
   const std::uint32_t most = limits.iterations < kMostSweeps ? limits.iterations : kMostSweeps;
-  bool settled = false;
-  while (!settled && report.iterations < most) {
+  report.status = QpStatus::capped;
+  while (report.status == QpStatus::capped && report.iterations < most) {
     if (report.iterations > 0 && limits.deadline.passed()) break;
-    if (!set.sweep() || !finite(solution.u, set.N * set.m)) return report;  // not convex or not finite
+    if (!set.sweep()) {
+      report.status = QpStatus::broken;  // not convex, or not finite
+      return report;
+    }
     ++report.iterations;
-    settled = !set.update();
+    if (!set.update()) report.status = QpStatus::solved;
   }
-  if (settled && set.states_within()) {
-    set.finish();
-    report.status = QpStatus::solved;
-    return report;
-  }
+  if (report.status != QpStatus::solved) set.roll(true);
+  set.finish();
+  return report;
+}
+
+RiccatiQp lay_out_riccati_qp(Arena& arena, const LqProblem& sizes, const LqKernel& kernel) {
+  RiccatiQp w;
+  w.interior = lay_out_interior_point(arena, sizes, kernel);
+  w.set.kernel = &kernel;
+  w.set.factor = w.interior.factor;
+  w.set.held = arena.take<std::int8_t>(std::size_t{sizes.horizon} * sizes.inputs);
+  w.set.wish = arena.take<std::int8_t>(std::size_t{sizes.horizon} * sizes.inputs);
+  return w;
+}
+
+QpReport solve_riccati_qp(RiccatiQp& w, const Qp& qp, const QpLimits& limits, QpSolution& solution) {
+  const QpReport by_set = solve_active_set(w.set, qp, limits, solution);
+  if (by_set.status == QpStatus::broken || (by_set.status == QpStatus::solved && states_within(qp, solution)))
+    return by_set;
   QpLimits rest = limits;
-  rest.iterations -= report.iterations;
-  const std::uint32_t before = report.iterations;
-  report = solve_interior_point(w.interior, qp, rest, solution);
-  report.iterations += before;
+  rest.iterations -= by_set.iterations;
+  QpReport report = solve_interior_point(w.interior, qp, rest, solution);
+  report.iterations += by_set.iterations;
   return report;
 }
 

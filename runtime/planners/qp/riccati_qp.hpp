@@ -4,21 +4,31 @@
 
 namespace tiller {
 
-/// The structure-exploiting solver. First an active set over the inputs' bounds alone, whose step is one Riccati sweep
-/// with the held inputs at their bounds (a semi-smooth Newton method; Hintermueller, Ito, Kunisch 2002): without an
-/// active bound the first sweep is the answer, with the last solve's set as a start mostly the second, and it is exact
-/// to rounding. If it does not settle, or states leave their bounds, the interior point takes over.
-struct RiccatiQp {
-  InteriorPoint interior;
-  std::int8_t* held = nullptr;  // (N x m) active set of the last solve; -1 low, 1 high
+/// An active set over the inputs' bounds, whose step is one Riccati sweep with the held inputs at their bounds (a
+/// semi-smooth Newton method; Hintermueller, Ito, Kunisch 2002): without an active bound the first sweep is the answer,
+/// with the last solve's set as a start mostly the second, and it is exact to rounding.
+struct ActiveSetQp {
+  const LqKernel* kernel = nullptr;
+  LqFactor factor;              // factor.held is the set of the sweep that it stands for
+  std::int8_t* held = nullptr;  // (N x m) the set to start from: -1 low, 1 high
+  std::int8_t* wish = nullptr;  // (N x m) bounds that the last sweep ran into
+  bool stands = false;          // the factor is that of these matrices and this set: the first sweep resolves alone
 };
 
+/// Sweeps until the set settles (solved; bounds on states are not looked at), the cap or the deadline. Inputs are within
+/// their bounds and states follow from them whatever the status, unless it is broken.
+QpReport solve_active_set(ActiveSetQp& work, const Qp& qp, const QpLimits& limits, QpSolution& solution);
+bool states_within(const Qp& qp, const QpSolution& solution);
+/// Drops the sets of the first `steps` stages; the last one's is repeated.
+void shift_active_set(ActiveSetQp& work, const LqProblem& sizes, std::uint32_t steps);
+
+/// The structure-exploiting solver: the active set, and where it does not settle or states leave their bounds, the
+/// interior point.
+struct RiccatiQp {
+  InteriorPoint interior;
+  ActiveSetQp set;  // shares the interior's factor
+};
 RiccatiQp lay_out_riccati_qp(Arena& arena, const LqProblem& sizes, const LqKernel& kernel);
-
-/// Starts from work.held (and, in the interior, from solution.u); fills all of the solution.
 QpReport solve_riccati_qp(RiccatiQp& work, const Qp& qp, const QpLimits& limits, QpSolution& solution);
-
-/// Drops the active set of the first `steps` stages; the last one's is repeated.
-void shift_active_set(RiccatiQp& work, const LqProblem& sizes, std::uint32_t steps);
 
 }  // namespace tiller

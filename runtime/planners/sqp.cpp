@@ -1,0 +1,223 @@
+// Real-time sequential quadratic programming (Diehl, Bock and Schloeder 2005): an iteration linearises the path, solves
+// the quadratic program with its bounds, and rolls the model out under the program's step and gains for several step
+// lengths at once; the cheapest motion becomes the path. What bounds on states exceed counts with an exact penalty, the
+// same in the program and in the choice of the step. `prepare` shifts the path and linearises it before the measurement
+// is there; the program itself takes the deviation of the state, so what is left for the tick is its solution.
+
+#include "planners/sqp.hpp"
+
+#include <cmath>
+#include <limits>
+
+#include "planners/flush_to_zero.hpp"
+
+namespace tiller {
+namespace {
+
+constexpr double kRaise = 8.0, kFirstRaise = 1e-3, kMostRaised = 1e6;
+constexpr double kConverged = 1e-12;  // relative gain that ends the iterations
+constexpr double kRelaxed = 100.0;    // tolerances of the program: what a bound may be exceeded by unreported
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// The last two are the warm start: with the gains and as it is.
+constexpr double kAlpha[kCandidates] = {1.0, 0.6, 0.36, 0.2, 0.08, 0.02, 0.0, 0.0};
+constexpr double kBeta[kCandidates] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0};
+constexpr double kOpenLoop[kCandidates] = {};
+constexpr std::uint32_t kWarm = kCandidates - 1;
+
+bool finite_start(const PathPlan& p) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < std::size_t{p.scenarios} * p.nz; ++i) sum += std::fabs(p.start[i]);
+  for (std::size_t i = 0; i < std::size_t{p.scenarios} * p.np; ++i) sum += std::fabs(p.params[i]);
+  return std::isfinite(sum);
+}
+
+/// Penalty of what candidate `c` exceeds the bounds on states by.
+double bounds_penalty(const Sqp& s, std::uint32_t c) {
+  const PathPlan& p = s.plan;
+  double sum = 0.0;
+  for (std::size_t row = p.scenarios; s.state_bounds && row < (p.horizon + 1) * p.scenarios; ++row)
+    for (std::size_t i = 0; i < p.nx; ++i) {
+      const double x = p.candidate_state[(row * p.nz + i) * kCandidates + c];
+      sum += std::fmax(0.0, std::fmax(x - s.state_high[i], s.state_low[i] - x));
+    }
+  return s.exact_weight * sum;
+}
+
+std::uint32_t best_candidate(const Sqp& s, double& cost, double& merit) {
+  std::uint32_t best = kWarm;
+  merit = kInfinity;
+  for (std::uint32_t i = kCandidates; i-- > 0;) {
+    const double risk = candidate_risk(s.plan, i), all = risk + bounds_penalty(s, i);
+    if (!(all < merit)) continue;
+    merit = all;
+    cost = risk;
+    best = i;
+  }
+  return best;
+}
+
+void raise(PathPlan& p) {
+  double most = 0.0;
+  for (std::size_t i = 0; i < std::size_t{p.horizon} * p.nu; ++i)
+    most = std::fmax(most, std::fabs(p.factor.curvature[i * p.nu + i % p.nu]));
+  if (!(most > 0.0) || !std::isfinite(most)) most = 1.0;
+  p.problem.regularisation = std::fmax(kRaise * p.problem.regularisation, kFirstRaise * most);
+}
+
+void lower(PathPlan& p) {
+  p.problem.regularisation = std::fmax(p.settings->regularisation, p.problem.regularisation / kRaise);
+  if (p.problem.regularisation < 1e-9) p.problem.regularisation = p.settings->regularisation;
+}
+
+/// The path becomes the motion of the model under the present inputs.
+bool roll_open(Sqp& s) {
+  PathPlan& p = s.plan;
+  roll_candidates(p, kOpenLoop, kOpenLoop);
+  const double cost = candidate_risk(p, kWarm);
+  if (!std::isfinite(cost)) return false;
+  take_candidate(p, kWarm);
+  s.cost = cost;
+  return true;
+}
+
+void linearise(Sqp& s) {
+  linearise_path(s.plan);
+  quadratise_path(s.plan);
+  s.set.stands = false;
+  s.prepared = true;
+}
+
+/// One iteration; false where nothing finite came of it.
+bool iterate(Sqp& s, const Deadline& deadline) {
+  PathPlan& p = s.plan;
+  if (!s.prepared) linearise(s);
+  s.prepared = false;
+  const bool solved = solve_program(s, deadline);
+  if (solved)
+    roll_candidates(p, kAlpha, kBeta);
+  else
+    roll_candidates(p, kOpenLoop, kOpenLoop);
+  double cost = kInfinity, merit = kInfinity;
+  const std::uint32_t best = best_candidate(s, cost, merit);
+  if (!std::isfinite(cost)) return false;
+  const double warm = candidate_risk(p, kWarm) + bounds_penalty(s, kWarm);
+  double full[TILLER_MAX_SCENARIOS];
+  for (std::uint32_t j = 0; j < p.scenarios; ++j) full[j] = p.candidate_cost[j * kCandidates];
+  const double moved = solved ? p.risk.update(full) : 0.0;
+  if (moved > 1e-9) p.hessians_stand = false;
+  take_candidate(p, best);
+  s.cost = cost;
+  s.merit = merit;
+  if (best == kWarm) {
+    if (moved <= 1e-9) raise(p);
+    s.converged = solved && p.problem.regularisation > kMostRaised;
+  } else {
+    s.converged = warm - merit <= kConverged * std::fabs(merit) && moved <= 1e-9;
+    if (best < 2) lower(p);
+    if (best > 3) raise(p);
+  }
+  return true;
+}
+
+void run(Sqp& s, const PlanRequest& request, PlanResult& result) {
+  PathPlan& p = s.plan;
+  const FlushToZero flush;
+  s.converged = false;
+  s.cost = kInfinity;
+  if (!finite_start(p) || (!p.has_path && !roll_open(s))) {
+    result.status = tiller_status_plan_not_finite;
+    return;
+  }
+  while (result.iterations < request.deadline.iterations && !s.converged) {
+    if (request.deadline.passed()) {
+      result.status = tiller_status_iteration_capped;
+      break;
+    }
+    if (!iterate(s, request.deadline)) {
+      result.status = tiller_status_plan_not_finite;
+      break;
+    }
+    ++result.iterations;
+  }
+  if (result.iterations == 0) return;
+  result.cost = s.cost;
+  if (result.status != tiller_status_ok) return;
+  if (s.violation > kRelaxed * p.settings->qp_tolerance) result.status = tiller_status_bounds_relaxed;
+  if (s.unsolved) result.status = tiller_status_program_unsolved;
+}
+
+void shift(Sqp& s, std::uint64_t tick) {
+  PathPlan& p = s.plan;
+  const std::uint64_t ticks = p.has_sequence && tick > p.last_tick ? tick - p.last_tick : 0;
+  if (ticks > 0) shift_active_set(s.set, p.problem, static_cast<std::uint32_t>(ticks < p.horizon ? ticks : p.horizon));
+  shift_path(p, tick);
+}
+
+PlanResult plan(void* self, const PlanRequest& request, double* command) {
+  Sqp& s = *static_cast<Sqp*>(self);
+  PathPlan& p = s.plan;
+  PlanResult result;
+  result.cost = kInfinity;
+  s.prepared = s.prepared && s.prepared_tick == request.tick && p.has_path;
+  take_command(p, request.last_command);
+  p.task_step = request.task_step;
+  shift(s, request.tick);
+  if (!take_belief(p, request.belief)) {
+    result.status = tiller_status_plan_not_finite;
+  } else if (request.deadline.iterations > 0) {
+    s.prepared = s.prepared && p.has_path;
+    run(s, request, result);
+  }
+  s.prepared = false;
+  write_sequence(p, p.control, command);
+  return result;
+}
+
+/// The path shifted and linearised, and the program's matrices factorised, for the tick after that of the last plan.
+void prepare(void* self, const PlanRequest& expected) {
+  Sqp& s = *static_cast<Sqp*>(self);
+  PathPlan& p = s.plan;
+  if (!p.has_path || expected.tick <= p.last_tick) return;
+  const FlushToZero flush;
+  take_command(p, expected.last_command);
+  p.task_step = expected.task_step;
+  shift(s, expected.tick);
+  if (!p.has_path) return;
+  linearise(s);
+  s.prepared_tick = expected.tick;
+  prefactorise(s);
+}
+
+void reset(void* self) {
+  Sqp& s = *static_cast<Sqp*>(self);
+  reset_path_plan(s.plan);
+  s.prepared = s.converged = s.unsolved = s.set.stands = false;
+  s.violation = 0.0;
+  for (std::size_t i = 0; i < std::size_t{s.plan.horizon} * s.plan.nu; ++i) s.set.held[i] = 0;
+}
+
+void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+              const tiller_hooks_t*) {
+  auto* s = arena.take<Sqp>(1);
+  Sqp nobody;
+  Sqp& place = s ? *s : nobody;
+  lay_out_path_plan(arena, config, setup, table, place.plan);
+  lay_out_programs(arena, config, table, place);
+  if (!s || !arena.fits()) return nullptr;
+  reset(s);
+  return s;
+}
+
+const float* sequence(const void* self) { return static_cast<const Sqp*>(self)->plan.sequence; }
+
+bool feedback(const void* self, std::uint32_t step, double* gain, double* state, double* input) {
+  return path_feedback(static_cast<const Sqp*>(self)->plan, step, gain, state, input);
+}
+
+}  // namespace
+
+extern const PlannerTable sqp_planner;
+const PlannerTable sqp_planner = {"sqp", lay_out, plan, reset, sequence, prepare, feedback, true};
+
+}  // namespace tiller
