@@ -17,7 +17,7 @@
 #include <limits>
 
 #include "planners/flush_to_zero.hpp"
-#include "planners/path_plan.hpp"
+#include "planners/ilqr.hpp"
 
 namespace tiller {
 namespace {
@@ -30,17 +30,6 @@ constexpr double kWeightsStand = 1e-9;  // of the risk: what moves less does not
 constexpr double kFlat = 1e-10;         // relative change of the cost that is rounding
 constexpr double kConverged = 1e-12;    // relative gain that ends the iterations
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-struct Ilqr {
-  PathPlan plan;
-  double cost = kInfinity;  // of the path under the risk
-  double penalty = 0.0;     // of defects, multiple shooting
-  bool standing = false;    // the problem is that of the present path
-  bool solved = false;      // and the factor is its
-  bool converged = false;
-  bool settled = false;  // multiple shooting: the sequence to send is not the path's
-  bool single() const { return plan.settings->shooting == tiller_shooting_single; }
-};
 
 // The last two are the path's own inputs: under the gains and as they are.
 constexpr double kAlpha[kCandidates] = {1.0, 0.6, 0.36, 0.2, 0.08, 0.02, 0.0, 0.0};
@@ -73,17 +62,6 @@ std::uint32_t cheapest(const PathPlan& p, double& cost) {
   return best;
 }
 
-/// The path becomes the motion of the model under the present inputs.
-bool roll_open(Ilqr& s) {
-  PathPlan& p = s.plan;
-  roll_candidates(p, kOpenLoop, kOpenLoop);
-  const double cost = candidate_risk(p, 0);
-  if (!std::isfinite(cost)) return false;
-  take_candidate(p, 0);
-  s.cost = cost;
-  return true;
-}
-
 /// The linear-quadratic problem around the present path.
 void stand(Ilqr& s) {
   if (s.standing) return;
@@ -95,7 +73,7 @@ void stand(Ilqr& s) {
 
 bool solve(Ilqr& s) {
   PathPlan& p = s.plan;
-  if (s.single())
+  if (s.single)
     clear_defects(p);
   else
     take_defects(p);
@@ -105,9 +83,20 @@ bool solve(Ilqr& s) {
   return s.solved;
 }
 
+}  // namespace
+
 // ---- single shooting ----------------------------------------------------------------------------
 
-/// One iteration; false where nothing finite came of it.
+bool roll_open(Ilqr& s) {
+  PathPlan& p = s.plan;
+  roll_candidates(p, kOpenLoop, kOpenLoop);
+  const double cost = candidate_risk(p, 0);
+  if (!std::isfinite(cost)) return false;
+  take_candidate(p, 0);
+  s.cost = cost;
+  return true;
+}
+
 bool iterate_single(Ilqr& s) {
   PathPlan& p = s.plan;
   stand(s);
@@ -137,6 +126,8 @@ bool iterate_single(Ilqr& s) {
     raise(p);
   return true;
 }
+
+namespace {
 
 // ---- multiple shooting --------------------------------------------------------------------------
 
@@ -243,7 +234,7 @@ bool begin(Ilqr& s) {
   s.penalty = 0.0;
   s.cost = kInfinity;
   // the inputs' motion from the present start: what single shooting linearises around; already known where prepared
-  if (s.single() && !s.standing) return roll_open(s);
+  if (s.single && !s.standing) return roll_open(s);
   return p.has_path || roll_open(s);
 }
 
@@ -258,14 +249,14 @@ void iterate(Ilqr& s, const Deadline& deadline, PlanResult& result) {
       result.status = tiller_status_iteration_capped;
       break;
     }
-    if (!(s.single() ? iterate_single(s) : iterate_multiple(s))) break;
+    if (!(s.single ? iterate_single(s) : iterate_multiple(s))) break;
     ++result.iterations;
   }
   if (result.iterations == 0) {
     if (result.status == tiller_status_ok) result.status = tiller_status_plan_not_finite;
     return;
   }
-  if (!s.single()) settle_multiple(s);
+  if (!s.single) settle_multiple(s);
   result.cost = s.cost;
 }
 
@@ -274,12 +265,7 @@ PlanResult plan(void* self, const PlanRequest& request, double* command) {
   PathPlan& p = s.plan;
   PlanResult result;
   result.cost = kInfinity;
-  s.settled = false;
-  take_command(p, request.last_command);
-  p.task_step = request.task_step;
-  if (request.tick != p.last_tick) s.standing = s.solved = false;  // nothing was prepared for this tick
-  shift_path(p, request.tick);
-  if (!take_belief(p, request.belief)) {
+  if (!take_request(s, request)) {
     result.status = tiller_status_plan_not_finite;
   } else if (request.deadline.iterations > 0) {
     if (!p.has_path) s.standing = s.solved = false;
@@ -305,21 +291,11 @@ void prepare(void* self, const PlanRequest& expected) {
   s.solved = solve(s) && p.exact;
 }
 
-void reset(void* self) {
-  Ilqr& s = *static_cast<Ilqr*>(self);
-  reset_path_plan(s.plan);
-  s.cost = kInfinity;
-  s.standing = s.solved = s.converged = false;
-}
+void reset(void* self) { reset_ilqr(*static_cast<Ilqr*>(self)); }
 
 void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
               const tiller_hooks_t*) {
-  auto* s = arena.take<Ilqr>(1);
-  Ilqr nobody;
-  lay_out_path_plan(arena, config, setup, table, s ? s->plan : nobody.plan);
-  if (!s || !arena.fits()) return nullptr;
-  reset(s);
-  return s;
+  return lay_out_ilqr(arena, config, setup, table, config.planner.shooting == tiller_shooting_single);
 }
 
 const float* sequence(const void* self) { return static_cast<const Ilqr*>(self)->plan.sequence; }
@@ -329,6 +305,33 @@ bool feedback(const void* self, std::uint32_t step, double* gain, double* state,
 }
 
 }  // namespace
+
+bool take_request(Ilqr& s, const PlanRequest& request) {
+  PathPlan& p = s.plan;
+  s.settled = false;
+  take_command(p, request.last_command);
+  p.task_step = request.task_step;
+  if (request.tick != p.last_tick) s.standing = s.solved = false;  // nothing was prepared for this tick
+  shift_path(p, request.tick);
+  return take_belief(p, request.belief);
+}
+
+void reset_ilqr(Ilqr& s) {
+  reset_path_plan(s.plan);
+  s.cost = kInfinity;
+  s.standing = s.solved = s.converged = s.settled = false;
+}
+
+Ilqr* lay_out_ilqr(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+                   bool single) {
+  auto* s = arena.take<Ilqr>(1);
+  Ilqr nobody;
+  lay_out_path_plan(arena, config, setup, table, s ? s->plan : nobody.plan);
+  if (!s || !arena.fits()) return nullptr;
+  s->single = single;
+  reset_ilqr(*s);
+  return s;
+}
 
 extern const PlannerTable ilqr_planner;
 const PlannerTable ilqr_planner = {"ilqr", lay_out, plan, reset, sequence, prepare, feedback, true};

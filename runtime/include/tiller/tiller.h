@@ -102,6 +102,7 @@ typedef enum tiller_planner_kind {
   tiller_planner_mcts = 3,
   tiller_planner_ilqr = 4,
   tiller_planner_sqp = 5,
+  tiller_planner_hybrid = 6,
   tiller_planner_kind_count
 } tiller_planner_kind_t;
 

@@ -1,0 +1,34 @@
+#pragma once
+
+#include "planners/path_plan.hpp"
+
+namespace tiller {
+
+/// Iterative LQR: see ilqr.cpp. Also the second half of `hybrid`.
+struct Ilqr {
+  PathPlan plan;
+  double cost = 0.0;      // of the path under the risk; infinity: not known
+  double penalty = 0.0;   // of defects, multiple shooting
+  bool single = true;     // single shooting
+  bool standing = false;  // the problem is that of the present path
+  bool solved = false;    // and the factor is its
+  bool converged = false;
+  bool settled = false;  // multiple shooting: the sequence to send is not the path's
+};
+
+/// Null while the arena measures.
+Ilqr* lay_out_ilqr(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+                   bool single);
+void reset_ilqr(Ilqr& s);
+
+/// Takes command, belief and tick of a request; the path is the old plan's, shifted. False without a belief.
+bool take_request(Ilqr& s, const PlanRequest& request);
+
+/// The path becomes the motion of the model from the start under its inputs; false, and it stays, where that is not
+/// finite.
+bool roll_open(Ilqr& s);
+
+/// One iteration of single shooting from a path that is a motion; false where nothing finite came of it.
+bool iterate_single(Ilqr& s);
+
+}  // namespace tiller
