@@ -37,6 +37,7 @@ inline tiller_config_t line_config(std::uint32_t planner) {
   c.planner.smoothing = 0.1;
   c.planner.qp_iterations = 50;
   c.planner.qp_tolerance = 1e-6;
+  c.planner.refine_iterations = 2;
   c.planner.filter = 1.0;
   c.planner.levels = 5;
   c.planner.nodes = 1024;
