@@ -131,10 +131,10 @@ std::vector<Point> grid(const std::string& planner) {
     over(points, "%u knots", {6u, 10u}, [](Settings& s, unsigned v) { s.knots = v; });
   }
   if (planner == "mcts") {
-    over(points, "%u nodes", {64u, 256u, 1024u, 4096u}, [](Settings& s, unsigned v) { s.nodes = v; });
+    rollouts({16, 64, 256});
+    iterations({2, 8, 32});
     over(points, "hold %u", {3u, 5u, 10u}, [](Settings& s, unsigned v) { s.hold_steps = v; });
     over(points, "%u levels", {2u, 3u, 5u}, [](Settings& s, unsigned v) { s.levels = v; });
-    iterations({1, 100});
   }
   return points;
 }
