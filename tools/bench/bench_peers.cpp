@@ -26,7 +26,7 @@ void add_solve(std::vector<Contender>& all, const std::string& name, const tille
     config.planner.iterations = n;
     planning = std::make_shared<Planning>(config);
     planning->plan_cold();
-    figure = CartPoleProblem{}.cost(planning->planner->sequence(planning->self), 50);
+    figure = sequence_cost(planning->planner->sequence(planning->self), 50);
   }
   --n;
   char facts[200];

@@ -154,15 +154,22 @@ UncertainTask rail_task() {
 }
 
 UncertainTask acrobot_task() {
-  // two uniform rods of 1 kg and 1 m; their masses and inertias are what is not known
-  UncertainTask t{
-      "acrobot", base("acrobot", {1.0, 1.0, 1.0, 1.0, 0.5, 0.5, 1.0 / 12.0, 1.0 / 12.0}), {0, 1, 6, 7}, 300};
+  // two uniform rods of 1 kg and 0.5 m; the masses and the lower rod's centre are what is not known
+  UncertainTask t{"acrobot", base("acrobot", {1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 1.0 / 48.0, 1.0 / 48.0}), {0, 1, 5}, 400};
   tiller_config_t& c = t.config;
+  t.hypotheses = 8;
+  c.integrator = tiller_integrator_rk4;
   c.cost.target[0] = 3.141592653589793;
-  c.planner.horizon = 50;
-  c.planner.knots = 8;
-  limit(c, 0, -20.0, 20.0, 8.0);
-  weigh(c, {1.0, 0.5, 0.02, 0.02}, {100.0, 100.0, 10.0, 10.0}, 0.001);
+  c.cost.terminal = tiller_terminal_lqr;
+  c.measurement_sd[0] = c.measurement_sd[1] = 0.0005;
+  c.process_sd[3] = 0.02;
+  c.planner.horizon = 37;
+  c.planner.knots = 12;
+  c.planner.iterations = 6;
+  c.planner.interpolation = tiller_interpolation_cubic;
+  c.planner.adapt_covariance = 1;
+  limit(c, 0, -6.0, 6.0, 5.0);
+  weigh(c, {4.0, 1.0, 0.05, 0.02}, {}, 0.005);
   return t;
 }
 
@@ -171,8 +178,11 @@ UncertainTask planar_quadrotor_task() {
   tiller_config_t& c = t.config;
   c.initial_state[0] = -1.5;
   c.initial_state[1] = -0.5;
+  c.planner.kind = tiller_planner_ilqr;
+  c.planner.shooting = tiller_shooting_multiple;
+  c.planner.iterations = 3;
   c.planner.horizon = 40;
-  c.planner.knots = 8;
+  t.hypotheses = 8;
   limit(c, 0, 0.0, 6.0, 2.0);
   limit(c, 1, 0.0, 6.0, 2.0);
   weigh(c, {1.0, 1.0, 0.2, 0.05, 0.05, 0.01}, {50.0, 50.0, 10.0, 5.0, 5.0, 1.0}, 0.001);

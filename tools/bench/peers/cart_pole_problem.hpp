@@ -57,42 +57,54 @@ struct CartPoleProblem {
     for (int i = 0; i < nx; ++i) sum += kTerminalWeight[i] * x[i] * x[i];
     return 0.5 * sum;
   }
-  /// Cost of a sequence of n inputs from hanging.
-  template <class T>
-  double cost(const T* u, int n) const {
-    double x[nx], next[nx], sum = 0.0;
-    for (int i = 0; i < nx; ++i) x[i] = kStart[i];
-    for (int k = 0; k < n; ++k) {
-      sum += stage(x, static_cast<double>(u[k]));
-      step(x, static_cast<double>(u[k]), next);
-      for (int i = 0; i < nx; ++i) x[i] = next[i];
-    }
-    return sum + terminal(x);
-  }
 };
 
-/// A closed-loop run, and what it cost: the angle from the upright in which it ended, unwrapped.
+/// A motion, and what it cost. The angle counts from the upright in which the motion ended, unwrapped: the pole may be
+/// swung up on either side, and for solvers that do not wrap angles one is the other's mirror image.
 class Motion {
  public:
   void add(const double* x, double u) {
     for (int i = 0; i < CartPoleProblem::nx; ++i) rows_.push_back(x[i]);
     rows_.push_back(u);
   }
-  double cost() const {
-    if (rows_.empty()) return 0.0;
+  /// Of the steps alone; 1e9 if it is not finite.
+  double cost() const { return rows_.empty() ? 0.0 : cost_from(upright(rows_[rows_.size() - 4]), nullptr); }
+  /// And of the state that the last step ended in.
+  double cost(const double* last) const { return cost_from(upright(last[1]), last); }
+
+ private:
+  static double upright(double angle) {
     const double turn = 2.0 * CartPoleProblem::kStart[1];
-    const double upright = turn * std::nearbyint(rows_[rows_.size() - 4] / turn);
+    return turn * std::nearbyint(angle / turn);
+  }
+  double cost_from(double up, const double* last) const {
     double sum = 0.0;
     for (std::size_t k = 0; k < rows_.size(); k += 5) {
-      const double x[4] = {rows_[k], rows_[k + 1] - upright, rows_[k + 2], rows_[k + 3]};
+      const double x[4] = {rows_[k], rows_[k + 1] - up, rows_[k + 2], rows_[k + 3]};
       sum += CartPoleProblem::stage(x, rows_[k + 4]);
+    }
+    if (last) {
+      const double x[4] = {last[0], last[1] - up, last[2], last[3]};
+      sum += CartPoleProblem::terminal(x);
     }
     return std::isfinite(sum) ? sum : 1e9;
   }
-
- private:
   std::vector<double> rows_;  // (steps x (4 states, input))
 };
+
+/// Cost of a sequence of n inputs from hanging, in double.
+template <class T>
+double sequence_cost(const T* u, int n) {
+  double x[4], next[4];
+  for (int i = 0; i < 4; ++i) x[i] = CartPoleProblem::kStart[i];
+  Motion motion;
+  for (int k = 0; k < n; ++k) {
+    motion.add(x, static_cast<double>(u[k]));
+    CartPoleProblem{}.step(x, static_cast<double>(u[k]), next);
+    for (int i = 0; i < 4; ++i) x[i] = next[i];
+  }
+  return motion.cost(x);
+}
 
 /// Optimal costs from hanging, as two independent solvers agree on them.
 constexpr double kOptimumFree50 = 72.2651, kOptimumBox50 = 122.0087;

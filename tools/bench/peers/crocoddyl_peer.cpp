@@ -96,7 +96,7 @@ double reached(const Solver& solver) {
     if (std::abs(v[0]) > 1e3 || !std::isfinite(v[0])) return INFINITY;
     u.push_back(v[0]);
   }
-  return P{}.cost(u.data(), static_cast<int>(u.size()));
+  return sequence_cost(u.data(), static_cast<int>(u.size()));
 }
 template <class Solver>
 double largest(const Solver& solver) {
