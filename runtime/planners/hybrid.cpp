@@ -1,6 +1,6 @@
 // Sampling finds the valley, the gradient its floor: the first iteration of a plan is one of MPPI, the others are
 // iterations of iLQR (single shooting) from whichever costs less, what sampling settled on or the shifted old plan. The
-// refined plan becomes the sampler's mean, so that the next samples lie around it.
+// sampler keeps a mean of its own: drawn to the refined plan, it would search the valley that is known already.
 
 #include <cmath>
 #include <limits>
@@ -43,19 +43,6 @@ bool choose_start(Hybrid& h) {
   return old_is_finite && roll_open(s);
 }
 
-/// The sampler's knots on the refined plan.
-void place_knots(Hybrid& h) {
-  Sampler& s = *h.sampler;
-  const PathPlan& p = h.gradient->plan;
-  for (std::uint32_t i = 0; i < s.inputs; ++i)
-    for (std::uint32_t j = 0; j < s.grid.knots; ++j) {
-      const double at = (static_cast<double>(j) * s.clock.steps() - s.clock.phase) / s.clock.spans();
-      const double last = static_cast<double>(p.horizon - 1);
-      const std::size_t k = static_cast<std::size_t>(std::lround(std::fmin(std::fmax(at, 0.0), last)));
-      s.mean[i * s.grid.knots + j] = p.control[k * p.nu + i];
-    }
-}
-
 /// Iterations within `request`'s cap; the number completed.
 std::uint32_t iterate(Hybrid& h, const PlanRequest& request, PlanResult& result) {
   PlanRequest first = request;
@@ -80,7 +67,6 @@ std::uint32_t iterate(Hybrid& h, const PlanRequest& request, PlanResult& result)
     }
     if (!iterate_single(s)) break;
   }
-  place_knots(h);
   return done;
 }
 

