@@ -205,7 +205,8 @@ void Executive::replan(Tick& tick) {
   }
   unrenewed_plans_ = 0;
   // a replay stops by count where the recording stopped by its clock: the same thing, so the same status
-  const bool cut_short = forced_iterations_ != kNotForced && result.iterations < config_.planner.iterations;
+  const bool cut_short =
+      forced_iterations_ != kNotForced && result.iterations < config_.planner.iterations && !planner_table_->converges;
   tick.note(cut_short ? tiller_status_iteration_capped : result.status);
   (void)machine_.on(Event::plan_good);
 }

@@ -65,8 +65,9 @@ std::uint32_t iterate(Hybrid& h, const PlanRequest& request, PlanResult& result)
       result.status = tiller_status_iteration_capped;
       break;
     }
-    if (!iterate_single(s)) break;
+    if (!iterate_single(s)) s.converged = true;
   }
+  if (!s.converged && done < most && done < s.plan.settings->iterations) result.status = tiller_status_iteration_capped;
   return done;
 }
 
@@ -110,6 +111,6 @@ bool feedback(const void* self, std::uint32_t step, double* gain, double* state,
 }  // namespace
 
 extern const PlannerTable hybrid_planner;
-const PlannerTable hybrid_planner = {"hybrid", lay_out, plan, reset, sequence, nullptr, feedback, true};
+const PlannerTable hybrid_planner = {"hybrid", lay_out, plan, reset, sequence, nullptr, feedback, true, true};
 
 }  // namespace tiller

@@ -249,11 +249,15 @@ void iterate(Ilqr& s, const Deadline& deadline, PlanResult& result) {
       result.status = tiller_status_iteration_capped;
       break;
     }
-    if (!(s.single ? iterate_single(s) : iterate_multiple(s))) break;
+    if (!(s.single ? iterate_single(s) : iterate_multiple(s))) {
+      s.converged = true;  // as far as this path goes
+      break;
+    }
     ++result.iterations;
   }
+  if (!s.converged && result.iterations < s.plan.settings->iterations) result.status = tiller_status_iteration_capped;
   if (result.iterations == 0) {
-    if (result.status == tiller_status_ok) result.status = tiller_status_plan_not_finite;
+    if (s.converged) result.status = tiller_status_plan_not_finite;
     return;
   }
   if (!s.single) settle_multiple(s);
@@ -334,6 +338,6 @@ Ilqr* lay_out_ilqr(Arena& arena, const tiller_config_t& config, const StepSetup&
 }
 
 extern const PlannerTable ilqr_planner;
-const PlannerTable ilqr_planner = {"ilqr", lay_out, plan, reset, sequence, prepare, feedback, true};
+const PlannerTable ilqr_planner = {"ilqr", lay_out, plan, reset, sequence, prepare, feedback, true, true};
 
 }  // namespace tiller
