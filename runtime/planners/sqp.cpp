@@ -140,6 +140,8 @@ void run(Sqp& s, const PlanRequest& request, PlanResult& result) {
     }
     ++result.iterations;
   }
+  const bool stopped = !s.converged && result.iterations < p.settings->iterations;
+  if (stopped && result.status == tiller_status_ok) result.status = tiller_status_iteration_capped;
   if (result.iterations == 0) return;
   result.cost = s.cost;
   if (result.status != tiller_status_ok) return;
@@ -218,6 +220,6 @@ bool feedback(const void* self, std::uint32_t step, double* gain, double* state,
 }  // namespace
 
 extern const PlannerTable sqp_planner;
-const PlannerTable sqp_planner = {"sqp", lay_out, plan, reset, sequence, prepare, feedback, true};
+const PlannerTable sqp_planner = {"sqp", lay_out, plan, reset, sequence, prepare, feedback, true, true};
 
 }  // namespace tiller
