@@ -14,8 +14,8 @@ enum { mass_kg, length_m, damping_Nms };
 static void dynamics(const double* x, const double* u, const double* f, const tiller_body_t* body, const double* p,
                      double* dxdt) {
   const double inertia = p[mass_kg] * p[length_m] * p[length_m];
-  const double pull = p[mass_kg] * p[length_m] *
-                      (body->gravity_x_m_s2 * cos(x[angle_rad]) + body->gravity_z_m_s2 * sin(x[angle_rad]));
+  const double pull =
+      p[mass_kg] * p[length_m] * (body->gravity_x_m_s2 * cos(x[angle_rad]) + body->gravity_z_m_s2 * sin(x[angle_rad]));
   dxdt[angle_rad] = x[rate_rad_s];
   dxdt[rate_rad_s] = (u[0] + f[0] - p[damping_Nms] * x[rate_rad_s] + pull) / inertia;
 }

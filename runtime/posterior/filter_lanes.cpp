@@ -33,7 +33,7 @@ const FilterTable& filter_table() {
 #endif
     default: break;
   }
-  // the least of those built: the target's baseline, or the one instruction set of a build for a known processor
+    // the least of those built: the target's baseline, or the one instruction set of a build for a known processor
 #if defined(TILLER_POSTERIOR_sse2)
   return sse2::filter_copy();
 #elif defined(TILLER_POSTERIOR_neon)

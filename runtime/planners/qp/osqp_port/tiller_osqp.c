@@ -118,7 +118,7 @@ TILLER_OSQP_API void* tiller_osqp_setup(const tiller_osqp_problem* problem, doub
   settings.polishing = 0;
   settings.warm_starting = 1;
   settings.adaptive_rho = OSQP_ADAPTIVE_RHO_UPDATE_ITERATIONS; /* never by time: same inputs, same bits */
-  settings.adaptive_rho_interval = 25; /* solves come in slices of so many */
+  settings.adaptive_rho_interval = 25;                         /* solves come in slices of so many */
   settings.check_termination = 5;
   settings.eps_abs = tolerance;
   settings.eps_rel = tolerance;
@@ -127,8 +127,8 @@ TILLER_OSQP_API void* tiller_osqp_setup(const tiller_osqp_problem* problem, doub
   block_size = size;
   block_used = 0;
   order_now = problem->order;
-  const OSQPInt error = osqp_setup(&solver, &p, problem->q, &a, problem->low, problem->high, problem->m, problem->n,
-                                   &settings);
+  const OSQPInt error =
+      osqp_setup(&solver, &p, problem->q, &a, problem->low, problem->high, problem->m, problem->n, &settings);
   *used = block_used;
   block_now = NULL;
   order_now = NULL;

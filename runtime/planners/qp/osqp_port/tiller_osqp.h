@@ -22,10 +22,10 @@ typedef struct tiller_osqp_problem {
 } tiller_osqp_problem;
 
 typedef struct tiller_osqp_result {
-  int solved;                /**< 1: to the tolerance; 0: more iterations needed; -1: no solution exists or broken */
+  int solved; /**< 1: to the tolerance; 0: more iterations needed; -1: no solution exists or broken */
   int iterations;
   double primal_residual, dual_residual;
-  const double *z, *y;       /**< n, m; those of the last call */
+  const double *z, *y; /**< n, m; those of the last call */
 } tiller_osqp_result;
 
 /** Bytes that a setup takes from its block at most, for `factor_entries` entries in the factor. */
