@@ -44,7 +44,7 @@ class OsqpColumns {
       for (int c = 0; c < m_; ++c, next()) {
         for (int j = 0; k > 0 && shape_.sizes.qux && j < M_; ++j)
           for (int r = 0; r < n_; ++r)
-            visit(x_column(k) + j * n_ + r, qp ? qp->lq.qux[(k * m_ + c) * s_ + j * n_ + r] : 0.0);
+            visit(x_column(k) + j * n_ + r, qp && qp->lq.qux ? qp->lq.qux[(k * m_ + c) * s_ + j * n_ + r] : 0.0);
         for (int r = 0; r <= c; ++r)
           if (entry(shape_.quu, r * m_ + c))
             visit(u_column(k) + r,
