@@ -36,20 +36,18 @@ void add_solve(std::vector<Contender>& all, const std::string& name, const tille
   all.push_back({name + "/iteration", all.back().call, facts, static_cast<double>(n)});
 }
 
-/// Gradient planners of this build, both ways of shooting.
 void add_gradient(std::vector<Contender>& all) {
-  for (const char* planner : {"ilqr", "sqp"}) {
-    const std::uint32_t kind = planner_kind(planner);
-    if (kind == tiller_planner_kind_count) continue;
-    for (const bool limited : {false, true})
+  for (const bool limited : {false, true}) {
+    const double optimum = limited ? kOptimumBox50 : kOptimumFree50;
+    const char* task = limited ? " box" : " free";
+    if (const std::uint32_t kind = planner_kind("ilqr"); kind != tiller_planner_kind_count)
       for (const tiller_shooting_t shooting : {tiller_shooting_single, tiller_shooting_multiple}) {
         tiller_config_t config = cart_pole_config(kind, 50, limited);
         config.planner.shooting = shooting;
-        const std::string name = std::string("tiller ") + planner +
-                                 (shooting == tiller_shooting_single ? " single" : " multiple") +
-                                 (limited ? " box" : " free");
-        add_solve(all, name, config, limited ? kOptimumBox50 : kOptimumFree50);
+        add_solve(all, std::string(shooting ? "tiller ilqr multiple" : "tiller ilqr single") + task, config, optimum);
       }
+    if (const std::uint32_t kind = planner_kind("sqp"); kind != tiller_planner_kind_count)
+      add_solve(all, std::string("tiller sqp") + task, cart_pole_config(kind, 50, limited), optimum);
   }
 }
 
