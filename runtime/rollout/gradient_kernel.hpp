@@ -7,8 +7,8 @@
 #include "rollout/own_cost.hpp"
 #include "rollout/path.hpp"
 #include "rollout/step.hpp"
-#include "scalar/pack.hpp"
 #include "scalar/masked_dual.hpp"
+#include "scalar/pack.hpp"
 
 TILLER_ISA_NAMESPACE_BEGIN
 

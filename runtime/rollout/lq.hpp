@@ -42,8 +42,8 @@ struct LqProblem {
   // Stages from here on stand in the factor as they are (same matrices, vectors and held inputs): factorise does the
   // ones before alone. 0: all are done.
   std::uint32_t stands_from = 0;
-  const double* low = nullptr;             // (N x m), read where `held` is set
-  const double* high = nullptr;            // (N x m)
+  const double* low = nullptr;   // (N x m), read where `held` is set
+  const double* high = nullptr;  // (N x m)
 };
 
 /// What a factorisation leaves. The caller owns the arrays (lay_out_lq_factor); s = M n.
