@@ -62,6 +62,23 @@ TEST(Sqp, is_lqr_on_a_linear_system) {
   }
 }
 
+/// Without a rate limit the last input is no state, and the cost has no cross terms for OSQP to read.
+TEST(Sqp, osqp_is_lqr_too) {
+  if (!tiller::has_osqp()) GTEST_SKIP() << "built without OSQP";
+  tiller_config_t c = line_sqp();
+  c.planner.qp_solver = tiller_qp_osqp;
+  c.planner.qp_iterations = 10000;
+  c.planner.qp_tolerance = 1e-7;
+  double k[2];
+  first_gain(c, k);
+  Bench bench(c, nullptr, table_of(c));
+  bench.set_state({0.5, 0.25});
+  EXPECT_EQ(bench.plan().status, tiller_status_ok);
+  const double expected = -k[0] * 0.5 - k[1] * 0.25;
+  std::printf("osqp: first input %.8f, LQR %.8f\n", bench.command[0], expected);
+  EXPECT_NEAR(bench.command[0], expected, 1e-4 * std::fabs(expected));  // a residual of 1e-7 under weights down to 0.01
+}
+
 /// A linear problem with everything bounded: solved in one iteration, so a second one has nothing to add.
 TEST(Sqp, one_program_solves_a_linear_problem_with_bounds) {
   tiller_config_t c = line_sqp();
