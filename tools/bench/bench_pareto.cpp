@@ -128,8 +128,11 @@ std::vector<Point> grid(const std::string& planner) {
   }
   if (planner == "hybrid") {
     rollouts({16, 32, 64, 128, 256});
-    iterations({1, 2});
-    over(points, "refine %u", {1u, 2u, 3u, 5u}, [](Settings& s, unsigned v) { s.refine_iterations = v; });
+    // `iterations` counts the sampling one too
+    over(points, "refine %u", {1u, 2u, 3u, 5u, 10u}, [](Settings& s, unsigned v) {
+      s.refine_iterations = v;
+      s.iterations = 1 + v;
+    });
     over(points, "%u knots", {6u, 10u}, [](Settings& s, unsigned v) { s.knots = v; });
   }
   if (planner == "mcts") {

@@ -40,7 +40,7 @@ def main():
     axes.set_xlabel("CPU time a step [us], median")
     axes.set_ylabel("cost of 400 steps")
     axes.set_title("Cart-pole swing-up in closed loop, N = 50, |u| <= 20 N")
-    axes.legend(fontsize=7, ncol=2)
+    axes.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     axes.grid(True, which="both", alpha=0.2)
     figure.tight_layout()
     figure.savefig(sys.argv[2], dpi=110)
