@@ -170,7 +170,7 @@ const std::vector<KeySpec> kKeys = {
 
     {"planner", "shooting", K::choice, "", nullptr, 0, 0, false, AT(planner.shooting), shooting_names,
      "single: states follow from the inputs; multiple: states are variables too, and the iterations close their defects",
-     "ilqr, sqp"},
+     "ilqr"},
     {"planner", "regularisation", K::number, "", nullptr, 0, 1e6, false, AT(planner.regularisation), nullptr,
      "least addition to the inputs' curvature", kGradient},
     {"planner", "qp_solver", K::choice, "", nullptr, 0, 0, false, AT(planner.qp_solver), qp_solver_names,

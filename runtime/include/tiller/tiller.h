@@ -167,7 +167,7 @@ typedef struct tiller_planner_config {
   double filter;             /**< MPPI, PDDM's beta in (0, 1]: n_t = beta noise_t + (1 - beta) n_(t-1); 1: off */
 
   /* gradient planners */
-  uint32_t shooting;          /**< tiller_shooting_t */
+  uint32_t shooting;          /**< iLQR: tiller_shooting_t */
   uint32_t qp_solver;         /**< SQP: tiller_qp_solver_t */
   uint32_t qp_iterations;     /**< SQP: cap of the solver per quadratic program, 1..10000 */
   uint32_t refine_iterations; /**< hybrid: gradient iterations on the best sample, 0..20 */
