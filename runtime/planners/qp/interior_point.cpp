@@ -7,6 +7,8 @@ namespace tiller {
 namespace {
 
 constexpr double kToBoundary = 0.995;  // share of the way to the nearest bound that a step may go
+constexpr double kJam = 0.1;      // a step shorter than this share is a jam
+constexpr double kBalance = 0.8;  // of the mean complementarity: the target of a step that only balances
 constexpr double kLeastSlack = 1e-2;   // first distances from the bounds, in the variables' units
 constexpr double kNoBound = 1e20;      // beyond any number that a robot's variables take
 constexpr double kHopeless = 1e8;      // times the first multipliers
@@ -290,11 +292,12 @@ struct Solve {
     roll_step();
     return true;
   }
-  void correct(double centre) {
+  /// `second`: share of the predictor's second-order term.
+  void correct(double centre, double second) {
     for (std::uint32_t i = 0; i < w.count; ++i) {
       Bound& b = w.bound[i];
-      b.target = centre - b.t * b.y - b.dt * b.dy;
-      b.slack_target = centre - b.e * b.r - b.de * b.dr;
+      b.target = centre - b.t * b.y - second * b.dt * b.dy;
+      b.slack_target = centre - b.e * b.r - second * b.de * b.dr;
     }
     barrier_gradients();
     w.kernel->resolve(delta, w.factor);
@@ -369,6 +372,9 @@ QpReport solve_interior_point(InteriorPoint& w, const Qp& qp, const QpLimits& li
   if (!std::isfinite(size)) return report;
   const double first = std::fmax(1e-3, size / static_cast<double>(solve.N * (solve.m + solve.s)));
   solve.first_multipliers(first);
+  // After a short step the pairs are far from balanced and a bold correction keeps hitting the same bound: the next
+  // step only balances them (Colombo and Gondzio 2008 tell of this failure of Mehrotra's corrector).
+  bool jammed = false;
   for (;; ++report.iterations) {
     solve.cost_gradient();
     report.residual = solve.residual();
@@ -387,9 +393,11 @@ QpReport solve_interior_point(InteriorPoint& w, const Qp& qp, const QpLimits& li
     const double then = solve.mean_complementarity(solve.longest_step());
     if (w.count > 0) {
       const double share = then / now;
-      solve.correct(std::fmax(share * share * share * now, 0.1 * limits.tolerance));
+      const double centring = jammed ? kBalance : share * share * share;
+      solve.correct(std::fmax(centring * now, 0.1 * limits.tolerance), jammed ? 0.0 : 1.0);
     }
     const double longest = solve.longest_step();
+    jammed = longest < kJam;
     solve.move(longest < 1.0 ? kToBoundary * longest : 1.0);
   }
   solve.clip_inputs();
