@@ -38,6 +38,28 @@ TEST(Qp, random_feasible_problems_meet_the_optimality_conditions) {
               worst, worst_interior, most, by_active_set);
 }
 
+/// As a controller solves them: each program from the end of the first step of the one before, begun with its inputs,
+/// which stand on their bounds where they were active. A start like that is what jams an interior point. Inputs alone
+/// are bounded, so every program has a solution.
+TEST(Qp, interior_point_does_not_jam_on_warm_starts) {
+  std::uint32_t most = 0;
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    OwnedQp p = random_qp(seed);
+    std::fill(p.state_low.begin(), p.state_low.end(), -kNoBound);
+    std::fill(p.state_high.begin(), p.state_high.end(), kNoBound);
+    RiccatiSolver solver(p);
+    const std::size_t s = p.start.size();
+    for (int step = 0; step < 10; ++step) {
+      const QpReport report = solver.interior(p);
+      ASSERT_EQ(report.status, QpStatus::solved) << "seed " << seed << " step " << step << ": " << report.residual;
+      most = std::max(most, report.iterations);
+      p.start.assign(solver.solution.x + s, solver.solution.x + 2 * s);
+      p.qp.start = p.start.data();
+    }
+  }
+  std::printf("2000 programs, at most %u iterations\n", most);
+}
+
 TEST(Qp, osqp_agrees) {
   if (!tiller::has_osqp()) GTEST_SKIP() << "built without OSQP";
   double worst_cost = 0.0, worst_fill = 0.0;

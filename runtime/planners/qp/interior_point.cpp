@@ -7,8 +7,9 @@ namespace tiller {
 namespace {
 
 constexpr double kToBoundary = 0.995;  // share of the way to the nearest bound that a step may go
-constexpr double kJam = 0.1;      // a step shorter than this share is a jam
-constexpr double kBalance = 0.8;  // of the mean complementarity: the target of a step that only balances
+constexpr double kJam = 0.1;           // a step shorter than this share is a jam
+constexpr double kStall = 0.9;         // and so is a mean complementarity that keeps more than this share
+constexpr double kBalance = 0.8;       // of the mean complementarity: the target of a step that only balances
 constexpr double kLeastSlack = 1e-2;   // first distances from the bounds, in the variables' units
 constexpr double kNoBound = 1e20;      // beyond any number that a robot's variables take
 constexpr double kHopeless = 1e8;      // times the first multipliers
@@ -372,8 +373,10 @@ QpReport solve_interior_point(InteriorPoint& w, const Qp& qp, const QpLimits& li
   if (!std::isfinite(size)) return report;
   const double first = std::fmax(1e-3, size / static_cast<double>(solve.N * (solve.m + solve.s)));
   solve.first_multipliers(first);
-  // After a short step the pairs are far from balanced and a bold correction keeps hitting the same bound: the next
-  // step only balances them (Colombo and Gondzio 2008 tell of this failure of Mehrotra's corrector).
+  // Where a step was short, or the pairs came no nearer to zero, they are far from balanced and a bold correction runs
+  // into the same bounds again, round and round: the next step only balances them (Colombo and Gondzio 2008 tell of
+  // this failure of Mehrotra's corrector).
+  double before = INFINITY;
   bool jammed = false;
   for (;; ++report.iterations) {
     solve.cost_gradient();
@@ -391,6 +394,8 @@ QpReport solve_interior_point(InteriorPoint& w, const Qp& qp, const QpLimits& li
     }
     const double now = solve.mean_complementarity(0.0);
     const double then = solve.mean_complementarity(solve.longest_step());
+    jammed = jammed || now > kStall * before;
+    before = now;
     if (w.count > 0) {
       const double share = then / now;
       const double centring = jammed ? kBalance : share * share * share;
