@@ -18,36 +18,14 @@
 
 #include "planners/flush_to_zero.hpp"
 #include "planners/ilqr.hpp"
+#include "planners/line_search.hpp"
 
 namespace tiller {
 namespace {
 
-constexpr std::uint32_t kSweeps = 6;    // of the active set, an iteration; the next one goes on from its set
-constexpr double kRaise = 8.0;          // of the regularisation
-constexpr double kFirstRaise = 1e-3;    // from zero: in shares of the largest curvature
-constexpr double kMostRaised = 1e6;     // where it is no use to go on
-constexpr double kWeightsStand = 1e-9;  // of the risk: what moves less does not count
-constexpr double kFlat = 1e-10;         // relative change of the cost that is rounding
-constexpr double kConverged = 1e-12;    // relative gain that ends the iterations
+constexpr std::uint32_t kSweeps = 6;  // of the active set, an iteration; the next one goes on from its set
+constexpr double kFlat = 1e-10;       // relative change of the cost that is rounding
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-// The last two are the path's own inputs: under the gains and as they are.
-constexpr double kAlpha[kCandidates] = {1.0, 0.6, 0.36, 0.2, 0.08, 0.02, 0.0, 0.0};
-constexpr double kBeta[kCandidates] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0};
-constexpr double kOpenLoop[kCandidates] = {};
-
-void raise(PathPlan& p) {
-  double most = 0.0;
-  for (std::size_t i = 0; i < std::size_t{p.horizon} * p.nu; ++i)
-    most = std::fmax(most, std::fabs(p.factor.curvature[i * p.nu + i % p.nu]));
-  if (!(most > 0.0) || !std::isfinite(most)) most = 1.0;
-  p.problem.regularisation = std::fmax(kRaise * p.problem.regularisation, kFirstRaise * most);
-}
-
-void lower(PathPlan& p) {
-  p.problem.regularisation = std::fmax(p.settings->regularisation, p.problem.regularisation / kRaise);
-  if (p.problem.regularisation < 1e-9) p.problem.regularisation = p.settings->regularisation;
-}
 
 std::uint32_t cheapest(const PathPlan& p, double& cost) {
   std::uint32_t best = 0;
@@ -79,7 +57,7 @@ bool solve(Ilqr& s) {
     take_defects(p);
   if (take_box(p)) s.solved = false;
   s.solved = solve_path(p, kSweeps, s.solved);
-  if (!s.solved) raise(p);
+  if (!s.solved) raise_regularisation(p);
   return s.solved;
 }
 
@@ -88,13 +66,9 @@ bool solve(Ilqr& s) {
 // ---- single shooting ----------------------------------------------------------------------------
 
 bool roll_open(Ilqr& s) {
-  PathPlan& p = s.plan;
-  roll_candidates(p, kOpenLoop, kOpenLoop);
-  const double cost = candidate_risk(p, 0);
-  if (!std::isfinite(cost)) return false;
-  take_candidate(p, 0);
-  s.cost = cost;
-  return true;
+  const double cost = roll_open(s.plan);
+  if (std::isfinite(cost)) s.cost = cost;
+  return std::isfinite(cost);
 }
 
 bool iterate_single(Ilqr& s) {
@@ -102,17 +76,16 @@ bool iterate_single(Ilqr& s) {
   stand(s);
   if (!solve(s)) return std::isfinite(s.cost);
   s.solved = false;
-  roll_candidates(p, kAlpha, kBeta);
-  double cost = kInfinity, full[TILLER_MAX_SCENARIOS];
+  roll_candidates(p, kStepAlpha, kStepBeta);
+  double cost = kInfinity;
   const std::uint32_t best = cheapest(p, cost);
-  for (std::uint32_t j = 0; j < p.scenarios; ++j) full[j] = p.candidate_cost[j * kCandidates];
   // weights that moved make another problem of the same path
-  const bool moved = p.risk.update(full) > kWeightsStand;
+  const bool moved = weigh_full_step(p) > kWeightsStand;
   if (moved) s.standing = false;
   if (!(cost < s.cost)) {
     // the full step costs the same: nothing is left to gain, and a raise would only blunt the gains
-    const bool flat = p.risk.value(full) <= s.cost + kFlat * std::fabs(s.cost);
-    if (!moved && !flat) raise(p);
+    const bool flat = candidate_risk(p, 0) <= s.cost + kFlat * std::fabs(s.cost);
+    if (!moved && !flat) raise_regularisation(p);
     s.converged = (!moved && flat) || p.problem.regularisation > kMostRaised;
     return std::isfinite(s.cost);
   }
@@ -121,9 +94,9 @@ bool iterate_single(Ilqr& s) {
   s.cost = cost;
   s.standing = false;
   if (best < 2)
-    lower(p);
+    lower_regularisation(p);
   else if (best > 3)
-    raise(p);
+    raise_regularisation(p);
   return true;
 }
 
@@ -195,16 +168,16 @@ bool iterate_multiple(Ilqr& s) {
     const bool moved = p.risk.update(p.path_cost) > kWeightsStand;
     if (moved) s.standing = false;
     s.converged = !moved && -expected <= kConverged * std::fabs(merit);
-    lower(p);
+    lower_regularisation(p);
     return true;
   }
   // no step along the linear solution is good: the path becomes a motion of the model from the start again
   restore_path(p);
   s.standing = false;
-  raise(p);
+  raise_regularisation(p);
   s.converged = p.problem.regularisation > kMostRaised;
   double rolled = kInfinity;
-  roll_candidates(p, kAlpha, kBeta);
+  roll_candidates(p, kStepAlpha, kStepBeta);
   const std::uint32_t best = cheapest(p, rolled);
   if (std::isfinite(rolled)) take_candidate(p, best);
   s.penalty = 0.0;
@@ -215,10 +188,9 @@ bool iterate_multiple(Ilqr& s) {
 /// costs less. The path itself stays what the next tick begins with.
 void settle_multiple(Ilqr& s) {
   PathPlan& p = s.plan;
-  roll_candidates(p, kAlpha, kBeta);
-  constexpr std::uint32_t kGains = kCandidates - 2, kPlain = kCandidates - 1;
-  const double plain = candidate_risk(p, kPlain), gains = candidate_risk(p, kGains);
-  const std::uint32_t chosen = gains < plain ? kGains : kPlain;
+  roll_candidates(p, kStepAlpha, kStepBeta);
+  const double plain = candidate_risk(p, kWarm), gains = candidate_risk(p, kWarmUnderGains);
+  const std::uint32_t chosen = gains < plain ? kWarmUnderGains : kWarm;
   s.cost = gains < plain ? gains : plain;
   s.settled = std::isfinite(s.cost);
   for (std::size_t i = 0; s.settled && i < std::size_t{p.horizon} * p.nu; ++i)

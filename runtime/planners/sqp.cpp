@@ -10,20 +10,14 @@
 #include <limits>
 
 #include "planners/flush_to_zero.hpp"
+#include "planners/line_search.hpp"
 
 namespace tiller {
 namespace {
 
-constexpr double kRaise = 8.0, kFirstRaise = 1e-3, kMostRaised = 1e6;
-constexpr double kConverged = 1e-12;  // relative gain that ends the iterations
-constexpr double kRelaxed = 100.0;    // tolerances of the program: what a bound may be exceeded by unreported
+constexpr double kRelaxed = 100.0;  // tolerances of the program: what a bound may be exceeded by unreported
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-// The last two are the warm start: with the gains and as it is.
-constexpr double kAlpha[kCandidates] = {1.0, 0.6, 0.36, 0.2, 0.08, 0.02, 0.0, 0.0};
-constexpr double kBeta[kCandidates] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0};
-constexpr double kOpenLoop[kCandidates] = {};
-constexpr std::uint32_t kWarm = kCandidates - 1;
+constexpr double kNoStep[kCandidates] = {};
 
 bool finite_start(const PathPlan& p) {
   double sum = 0.0;
@@ -57,28 +51,11 @@ std::uint32_t best_candidate(const Sqp& s, double& cost, double& merit) {
   return best;
 }
 
-void raise(PathPlan& p) {
-  double most = 0.0;
-  for (std::size_t i = 0; i < std::size_t{p.horizon} * p.nu; ++i)
-    most = std::fmax(most, std::fabs(p.factor.curvature[i * p.nu + i % p.nu]));
-  if (!(most > 0.0) || !std::isfinite(most)) most = 1.0;
-  p.problem.regularisation = std::fmax(kRaise * p.problem.regularisation, kFirstRaise * most);
-}
-
-void lower(PathPlan& p) {
-  p.problem.regularisation = std::fmax(p.settings->regularisation, p.problem.regularisation / kRaise);
-  if (p.problem.regularisation < 1e-9) p.problem.regularisation = p.settings->regularisation;
-}
-
-/// The path becomes the motion of the model under the present inputs.
-bool roll_open(Sqp& s) {
-  PathPlan& p = s.plan;
-  roll_candidates(p, kOpenLoop, kOpenLoop);
-  const double cost = candidate_risk(p, kWarm);
-  if (!std::isfinite(cost)) return false;
-  take_candidate(p, kWarm);
-  s.cost = cost;
-  return true;
+/// False, and the path stays, where its motion is not finite.
+bool begin_path(Sqp& s) {
+  const double cost = roll_open(s.plan);
+  if (std::isfinite(cost)) s.cost = cost;
+  return std::isfinite(cost);
 }
 
 void linearise(Sqp& s) {
@@ -95,27 +72,25 @@ bool iterate(Sqp& s, const Deadline& deadline) {
   s.prepared = false;
   const bool solved = solve_program(s, deadline);
   if (solved)
-    roll_candidates(p, kAlpha, kBeta);
+    roll_candidates(p, kStepAlpha, kStepBeta);
   else
-    roll_candidates(p, kOpenLoop, kOpenLoop);
+    roll_candidates(p, kNoStep, kNoStep);
   double cost = kInfinity, merit = kInfinity;
   const std::uint32_t best = best_candidate(s, cost, merit);
   if (!std::isfinite(cost)) return false;
   const double warm = candidate_risk(p, kWarm) + bounds_penalty(s, kWarm);
-  double full[TILLER_MAX_SCENARIOS];
-  for (std::uint32_t j = 0; j < p.scenarios; ++j) full[j] = p.candidate_cost[j * kCandidates];
-  const double moved = solved ? p.risk.update(full) : 0.0;
-  if (moved > 1e-9) p.hessians_stand = false;
+  const bool moved = solved && weigh_full_step(p) > kWeightsStand;
+  if (moved) p.hessians_stand = false;
   take_candidate(p, best);
   s.cost = cost;
   s.merit = merit;
   if (best == kWarm) {
-    if (moved <= 1e-9) raise(p);
+    if (!moved) raise_regularisation(p);
     s.converged = solved && p.problem.regularisation > kMostRaised;
   } else {
-    s.converged = warm - merit <= kConverged * std::fabs(merit) && moved <= 1e-9;
-    if (best < 2) lower(p);
-    if (best > 3) raise(p);
+    s.converged = warm - merit <= kConverged * std::fabs(merit) && !moved;
+    if (best < 2) lower_regularisation(p);
+    if (best > 3) raise_regularisation(p);
   }
   return true;
 }
@@ -125,7 +100,7 @@ void run(Sqp& s, const PlanRequest& request, PlanResult& result) {
   const FlushToZero flush;
   s.converged = false;
   s.cost = kInfinity;
-  if (!finite_start(p) || (!p.has_path && !roll_open(s))) {
+  if (!finite_start(p) || (!p.has_path && !begin_path(s))) {
     result.status = tiller_status_plan_not_finite;
     return;
   }
