@@ -8,7 +8,7 @@ namespace {
 
 constexpr double kToBoundary = 0.995;  // share of the way to the nearest bound that a step may go
 constexpr double kJam = 0.1;           // a step shorter than this share is a jam
-constexpr double kStall = 0.9;         // and so is a mean complementarity that keeps more than this share
+constexpr double kStall = 1.0;         // and so is a mean complementarity that grows
 constexpr double kBalance = 0.8;       // of the mean complementarity: the target of a step that only balances
 constexpr double kLeastSlack = 1e-2;   // first distances from the bounds, in the variables' units
 constexpr double kNoBound = 1e20;      // beyond any number that a robot's variables take
@@ -377,7 +377,7 @@ QpReport solve_interior_point(InteriorPoint& w, const Qp& qp, const QpLimits& li
   // into the same bounds again, round and round: the next step only balances them (Colombo and Gondzio 2008 tell of
   // this failure of Mehrotra's corrector).
   double before = INFINITY;
-  bool jammed = false;
+  bool jammed = false, balanced = false;  // never twice in a row
   for (;; ++report.iterations) {
     solve.cost_gradient();
     report.residual = solve.residual();
@@ -394,12 +394,12 @@ QpReport solve_interior_point(InteriorPoint& w, const Qp& qp, const QpLimits& li
     }
     const double now = solve.mean_complementarity(0.0);
     const double then = solve.mean_complementarity(solve.longest_step());
-    jammed = jammed || now > kStall * before;
+    balanced = !balanced && (jammed || now > kStall * before);
     before = now;
     if (w.count > 0) {
       const double share = then / now;
-      const double centring = jammed ? kBalance : share * share * share;
-      solve.correct(std::fmax(centring * now, 0.1 * limits.tolerance), jammed ? 0.0 : 1.0);
+      const double centring = balanced ? kBalance : share * share * share;
+      solve.correct(std::fmax(centring * now, 0.1 * limits.tolerance), balanced ? 0.0 : 1.0);
     }
     const double longest = solve.longest_step();
     jammed = longest < kJam;
