@@ -89,6 +89,15 @@ Initialiser posterior_part(const tiller_posterior_config_t& p) {
   part.count("moves_per_tick", p.moves_per_tick);
   part.number("ess_fraction", p.ess_fraction);
   part.number("noise_scale_shape", p.noise_scale_shape);
+  part.word("kind", enum_name("posterior", posterior_names(), p.kind));
+  part.count("robust", p.robust);
+  part.count("discrepancy", p.discrepancy);
+  part.count("delay_hypotheses", p.delay_hypotheses);
+  part.count("forgetting_count", p.forgetting_count);
+  part.count("adequacy", p.adequacy);
+  part.word("forgetting", "{" + c_number(p.forgetting[0]) + ", " + c_number(p.forgetting[1]) + ", " +
+                              c_number(p.forgetting[2]) + "}");
+  part.number("scout_share", p.scout_share);
   return part;
 }
 

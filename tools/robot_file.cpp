@@ -86,6 +86,7 @@ void read_bound_sections(FileErrors& errors, const toml::table& root, RobotFile&
     SectionReader section(errors, name, name, section_table(errors, root, name));
     section.read_bound(robot.config, robot.states, robot.inputs);
     if (std::string(name) == "safety") read_hold_gain(section, robot);
+    if (std::string(name) == "posterior") read_forgetting(section, robot);
     section.refuse_unknown();
   }
   SectionReader model(errors, "model", "model", root["model"].as_table());

@@ -119,6 +119,9 @@ const std::vector<KeySpec> kKeys = {
 
     {"posterior", "enabled", K::flag, "", nullptr, 0, 1, false, AT(posterior.enabled), nullptr,
      "false: frozen at the prior (the state is still estimated)"},
+    {"posterior", "kind", K::choice, "", nullptr, 0, 0, false, AT(posterior.kind), posterior_names,
+     "filter: noisy or partial measurements (encoders alone); transition: every state measured well; conjugate: exact, "
+     "for a model that is affine in its parameters"},
     {"posterior", "particles", K::count, "", nullptr, 16, 4096, false, AT(posterior.particles), nullptr,
      "N, a multiple of 16"},
     {"posterior", "window", K::count, "", nullptr, 16, 1024, false, AT(posterior.window), nullptr,
@@ -129,6 +132,19 @@ const std::vector<KeySpec> kKeys = {
      "resample when the effective sample size falls below this share of N"},
     {"posterior", "noise_scale_shape", K::number, "", nullptr, 0, 1e6, true, AT(posterior.noise_scale_shape), nullptr,
      "the larger, the more the configured noise is believed"},
+    {"posterior", "robust", K::flag, "", nullptr, 0, 1, false, AT(posterior.robust), nullptr,
+     "transition: transitions that no particle explains count less"},
+    {"posterior", "discrepancy", K::flag, "", nullptr, 0, 1, false, AT(posterior.discrepancy), nullptr,
+     "transition: forces that the model may lack are marginalised as a linear basis in each velocity"},
+    {"posterior", "delay_hypotheses", K::count, "", nullptr, 1, TILLER_MAX_HYPOTHESES, false,
+     AT(posterior.delay_hypotheses), nullptr, "transition: input delays of 0..n-1 periods, weighed by their evidence"},
+    {"posterior", "forgetting", K::other, "per tick", "[1]", 0, 0, false, hand, nullptr,
+     "transition: shares of the old data that each tick keeps, up to three side by side, largest first; [1, 0.97] "
+     "follows parameters that change"},
+    {"posterior", "adequacy", K::flag, "", nullptr, 0, 1, false, AT(posterior.adequacy), nullptr,
+     "whether the model explains the data is tested at every tick"},
+    {"posterior", "scout_share", K::number, "", nullptr, 0, 0.5, false, AT(posterior.scout_share), nullptr,
+     "of the moves that are tried from the prior's whole width"},
 
     {"planner", "kind", K::choice, "", nullptr, 0, 0, false, AT(planner.kind), planner_names, "which planner"},
     {"planner", "horizon", K::count, "periods", nullptr, 2, 512, false, AT(planner.horizon), nullptr,
@@ -356,6 +372,7 @@ Words planner_names() {
 }
 
 Words integrator_names() { return {"semi_implicit_euler", "midpoint", "rk4"}; }
+Words posterior_names() { return {"filter", "transition", "conjugate"}; }
 Words risk_names() { return {"mean", "cvar", "worst"}; }
 Words interpolation_names() { return {"linear", "cubic"}; }
 Words shooting_names() { return {"single", "multiple"}; }

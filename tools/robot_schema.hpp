@@ -58,6 +58,7 @@ bool planner_reads(const KeySpec& key, const std::string& planner);
 
 Words planner_names();
 Words integrator_names();
+Words posterior_names();
 Words risk_names();
 Words interpolation_names();
 Words shooting_names();

@@ -17,6 +17,7 @@ void read_effects(FileErrors& errors, const toml::table& root, RobotFile& robot)
 void read_measurements(FileErrors& errors, const toml::table& root, RobotFile& robot);
 void read_limits(FileErrors& errors, const toml::table& root, RobotFile& robot);
 void read_hold_gain(SectionReader& safety, RobotFile& robot);
+void read_forgetting(SectionReader& posterior, RobotFile& robot);
 /// Bounds, obstacles, trajectories and the own cost of [cost]; after the keys that are bound to fields.
 void read_cost_terms(FileErrors& errors, const toml::table& root, RobotFile& robot);
 void read_transport(FileErrors& errors, const toml::table& root, RobotFile& robot);

@@ -2,6 +2,7 @@
 
 #include "abi/check_parts.hpp"
 #include "effects/effect_info.hpp"
+#include "posterior/posterior.hpp"
 #include "rollout/rollout.hpp"
 
 // Every field that tiller_init relies on, group by group in the order of the struct; the first reason wins.
@@ -113,7 +114,29 @@ Finding check_posterior(const tiller_posterior_config_t& p) {
   if (!(p.ess_fraction > 0.0 && p.ess_fraction <= 1.0)) return {tiller_status_bad_posterior, "posterior.ess_fraction"};
   if (!(p.noise_scale_shape > 0.0 && p.noise_scale_shape <= 1e6))
     return {tiller_status_bad_posterior, "posterior.noise_scale_shape"};
+  if (p.kind >= tiller_posterior_kind_count) return {tiller_status_bad_posterior, "posterior.kind"};
+  if (p.robust > 1) return {tiller_status_bad_posterior, "posterior.robust"};
+  if (p.discrepancy > 1) return {tiller_status_bad_posterior, "posterior.discrepancy"};
+  if (!in(p.delay_hypotheses, 1, TILLER_MAX_HYPOTHESES))
+    return {tiller_status_bad_posterior, "posterior.delay_hypotheses"};
+  if (!in(p.forgetting_count, 1, TILLER_MAX_FORGETTING))
+    return {tiller_status_bad_posterior, "posterior.forgetting_count"};
+  for (std::uint32_t i = 0; i < p.forgetting_count; ++i)
+    if (!(p.forgetting[i] >= 0.5 && p.forgetting[i] <= (i ? p.forgetting[i - 1] : 1.0)))
+      return {tiller_status_bad_posterior, "posterior.forgetting"};
+  if (p.adequacy > 1) return {tiller_status_bad_posterior, "posterior.adequacy"};
+  if (!(p.scout_share >= 0.0 && p.scout_share <= 0.5)) return {tiller_status_bad_posterior, "posterior.scout_share"};
   return kGood;
+}
+
+/// What the posterior's engine wants beyond the ranges of single settings.
+Finding check_engine(const tiller_config_t& c) {
+  StepSetup setup;
+  const tiller_status_t bound = make_step_setup(c, setup);
+  if (bound != tiller_status_ok) return {bound, "effects"};
+  const char* field = "";
+  const tiller_status_t status = Posterior::check(c, setup, select_rollout(*c.model), &field);
+  return {status, field};
 }
 
 Finding check_commands(const tiller_config_t& c) {
@@ -165,6 +188,7 @@ Finding check_config(const tiller_config_t& c) {
   if (finding.status == tiller_status_ok && c.record_ticks > 65536)
     finding = {tiller_status_bad_dimension, "record_ticks"};
   if (finding.status == tiller_status_ok) finding = check_cost_to_go(c);
+  if (finding.status == tiller_status_ok) finding = check_engine(c);
   return finding;
 }
 

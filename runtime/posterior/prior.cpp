@@ -32,6 +32,15 @@ double cut_normal_quantile(double low, double high, double u) {
   return 0.5 * (left + right);
 }
 
+void shuffle(std::uint32_t* index, std::uint32_t n, Rng& rng) {
+  for (std::uint32_t i = 0; i < n; ++i) index[i] = i;
+  for (std::uint32_t i = n; i > 1; --i) {
+    const std::uint32_t j = rng.below(i), swapped = index[i - 1];
+    index[i - 1] = index[j];
+    index[j] = swapped;
+  }
+}
+
 }  // namespace
 
 double to_coordinate(const tiller_prior_t& prior, double value) { return is_log(prior) ? std::log(value) : value; }
@@ -64,6 +73,30 @@ double prior_quantile(const tiller_prior_t& prior, double u) {
   const double low = (coordinate_low(prior) - centre(prior)) / prior.b;
   const double high = (coordinate_high(prior) - centre(prior)) / prior.b;
   return centre(prior) + prior.b * cut_normal_quantile(low, high, u);
+}
+
+PriorLaw::PriorLaw(const tiller_config_t& config) : config_(&config) {
+  for (std::uint32_t i = 0; i < config.param_count; ++i)
+    if (config.priors[i].kind != tiller_prior_fixed) inferred_[d_++] = i;
+}
+
+double PriorLaw::log_density(const double* v) const {
+  double sum = 0.0;
+  for (std::uint32_t j = 0; j < d_; ++j) sum += log_prior(marginal(j), v[j]);
+  return sum;
+}
+
+void PriorLaw::draw_one(Rng& rng, double* v) const {
+  for (std::uint32_t j = 0; j < d_; ++j) v[j] = prior_quantile(marginal(j), rng.uniform());
+}
+
+void PriorLaw::draw(std::uint64_t seed, std::uint32_t count, double* v, std::uint32_t* index) const {
+  for (std::uint32_t j = 0; j < d_; ++j) {
+    Rng rng(seed, kRngPrior, inferred_[j]);
+    shuffle(index, count, rng);
+    for (std::uint32_t k = 0; k < count; ++k)
+      v[j * count + k] = prior_quantile(marginal(j), (index[k] + rng.uniform()) / count);
+  }
 }
 
 }  // namespace tiller

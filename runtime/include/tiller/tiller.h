@@ -38,7 +38,7 @@ extern "C" {
 
 #define TILLER_VERSION_MAJOR 0
 #define TILLER_VERSION_MINOR 1
-#define TILLER_CONFIG_VERSION 2u
+#define TILLER_CONFIG_VERSION 3u
 #define TILLER_ALIGNMENT 64u /**< of the caller's block: one AVX-512 register, one cache line */
 #define TILLER_MAX_MEASUREMENTS TILLER_MAX_STATES
 
@@ -130,6 +130,20 @@ typedef enum tiller_qp_solver {
   tiller_qp_osqp = 1     /**< OSQP (operator splitting, sparse): general */
 } tiller_qp_solver_t;
 
+/** How what was measured is taken in: see docs/posterior.md. */
+typedef enum tiller_posterior_kind {
+  tiller_posterior_filter = 0,     /**< an extended Kalman filter per particle: noisy or partial measurements, effects
+                                        with states of their own */
+  tiller_posterior_transition = 1, /**< one-step residuals between measured states: every state is measured, with
+                                        noise far below a step's change; noise per state unknown */
+  tiller_posterior_conjugate = 2,  /**< exact, in closed form: as `transition`, for a model that is affine in the
+                                        inferred parameters, normal priors without bounds, one common noise scale */
+  tiller_posterior_kind_count
+} tiller_posterior_kind_t;
+
+#define TILLER_MAX_HYPOTHESES 4 /**< input delays of 0..3 periods */
+#define TILLER_MAX_FORGETTING 3
+
 /** How the posterior is kept. */
 typedef struct tiller_posterior_config {
   uint32_t enabled;         /**< 0: frozen at the prior (the state is still estimated) */
@@ -137,9 +151,34 @@ typedef struct tiller_posterior_config {
   uint32_t window;          /**< transitions kept for moves, 16..1024 */
   uint32_t moves_per_tick;  /**< Metropolis moves per tick, a multiple of 8, 0..N */
   double ess_fraction;      /**< resample when the effective sample size falls below this share of N */
-  double noise_scale_shape; /**< a0 of the inverse gamma over the common noise variance scale; the
-                                    larger, the more the configured noise is believed; 0 < a0 <= 1e6 */
+  double noise_scale_shape; /**< a0 of the inverse gamma over the noise variance's scale (`transition`: one scale per
+                                    state; else one for all); the larger, the more the configured noise is believed;
+                                    0 < a0 <= 1e6 */
+  uint32_t kind;            /**< tiller_posterior_kind_t */
+  uint32_t robust;          /**< transition: 1: one weight per transition, low where no particle explains it */
+  uint32_t discrepancy;     /**< transition: 1: [1, v, tanh(v / v0)] per velocity as forces that the model may lack,
+                                    marginalised in closed form */
+  uint32_t delay_hypotheses; /**< transition: input delays of 0..n-1 periods side by side, weighed by their evidence;
+                                    1..TILLER_MAX_HYPOTHESES, 1: no delay */
+  uint32_t forgetting_count; /**< transition: rates side by side, 1..TILLER_MAX_FORGETTING */
+  uint32_t adequacy;         /**< 1: the innovations are tested at every tick (tiller_info_t.adequacy) */
+  double forgetting[TILLER_MAX_FORGETTING]; /**< share of the old data that each tick keeps, in [0.5, 1], largest
+                                    first; 1: nothing is forgotten. The rate is chosen by predictive likelihood */
+  double scout_share; /**< of the moves that are tried from the prior's whole width, in [0, 0.5] */
 } tiller_posterior_config_t;
+
+/** A joint prior of the inferred parameters, in their order in `priors` and in their coordinates (the logarithm where
+ *  the marginal prior is log-normal): a mixture of normals, cut to the marginals' bounds; the marginals' densities do
+ *  not count then. The arrays are the caller's and outlive the controller. */
+typedef struct tiller_mixture {
+  uint32_t size;       /**< sizeof(tiller_mixture_t) */
+  uint32_t version;    /**< TILLER_CONFIG_VERSION */
+  uint32_t components; /**< 1..64 */
+  uint32_t dimension;  /**< d: number of priors that are not fixed */
+  const double* weight; /**< (components) >= 0, sum one */
+  const double* mean;   /**< (components x d) row-major */
+  const double* root;   /**< (components x d x d) lower Cholesky factors of the covariances, row-major */
+} tiller_mixture_t;
 
 /** How commands are planned. Sampling planners draw `rollouts` sequences of `knots` values per input; gradient
  *  planners (ilqr, sqp) linearise around one sequence, on up to TILLER_MAX_SCENARIOS particles. Each setting names
@@ -301,6 +340,7 @@ typedef struct tiller_config {
   double initial_state_sd[TILLER_MAX_STATES];     /**< and how sure that is */
 
   tiller_posterior_config_t posterior;
+  const tiller_mixture_t* prior_mixture; /**< joint prior in the place of the marginals; null: none */
   tiller_planner_config_t planner;
   tiller_cost_config_t cost;
   tiller_safety_config_t safety;
@@ -354,6 +394,26 @@ typedef struct tiller_command {
                                         (the safe command goes out at once, see docs/safety.md) */
 } tiller_command_t;
 
+/** Whether the model can explain what is measured. */
+typedef enum tiller_adequacy {
+  tiller_adequacy_untested = 0, /**< switched off, or too few data yet */
+  tiller_adequacy_adequate = 1,
+  tiller_adequacy_inadequate = 2 /**< no parameter value explains a channel; latched until tiller_reset */
+} tiller_adequacy_t;
+
+/** What betrays an inadequate model: what its normalised innovations go with. */
+typedef enum tiller_feature {
+  tiller_feature_none = 0,
+  tiller_feature_bias = 1,           /**< a constant */
+  tiller_feature_velocity = 2,       /**< the joint's velocity: viscous friction, drag */
+  tiller_feature_velocity_sign = 3,  /**< its sign: dry friction */
+  tiller_feature_input = 4,          /**< the input: gain */
+  tiller_feature_input_change = 5,   /**< the input's change: delay, lag */
+  tiller_feature_previous = 6,       /**< the innovation before: anything that stays for a while */
+  tiller_feature_size = 7,           /**< larger than the configured noise, or growing */
+  tiller_feature_count
+} tiller_feature_t;
+
 /** What a controller says of itself after a tick. Counters never decrease and wrap at 2^64. */
 typedef struct tiller_info {
   uint64_t ticks;
@@ -378,6 +438,15 @@ typedef struct tiller_info {
   uint64_t gate_cuts, gate_rejections; /**< commands cut to a limit; commands with NaN or infinity */
   uint64_t plan_failures;              /**< ticks without a finite plan, or with a plan that was used up */
   uint64_t posterior_failures;         /**< degenerate updates, and filters begun anew after a gap of measurements */
+  uint32_t adequacy;                   /**< tiller_adequacy_t */
+  uint32_t inadequate_channel;         /**< index of the measurement whose innovations gave the alarm */
+  uint32_t inadequate_feature;         /**< tiller_feature_t */
+  uint32_t reserved;
+  double adequacy_statistic; /**< largest test statistic over its threshold: above 1 is an alarm */
+  double noise_sd[TILLER_MAX_STATES];  /**< estimated, as process_sd; zero where the engine has no estimate per state */
+  double delay_weight[TILLER_MAX_HYPOTHESES];      /**< of input delays of 0, 1, .. periods */
+  double forgetting_weight[TILLER_MAX_FORGETTING]; /**< of the configured rates */
+  double discrepancy_share; /**< of the residuals' squares that the discrepancy basis takes up, 0..1 */
 } tiller_info_t;
 
 /** Exact bytes that tiller_init needs; 0 if the configuration is not valid (tiller_config_check says why). */

@@ -1,4 +1,4 @@
-#include "posterior/past_summary.hpp"
+#include "posterior/filter/past_summary.hpp"
 
 #include <cmath>
 #include <cstring>

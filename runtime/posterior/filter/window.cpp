@@ -4,17 +4,17 @@
 #include <cmath>
 #include <cstring>
 
-#include "posterior/posterior.hpp"
+#include "posterior/filter/filter_posterior.hpp"
 #include "posterior/tasks.hpp"
 
 namespace tiller {
 
-void Posterior::rerun(const Rerun& job) {
+void FilterPosterior::rerun(const Rerun& job) {
   job_ = job;
   for_each_chunk(hooks_, (job.lanes + kChunk - 1) / kChunk, true, [this](std::uint32_t c) { rerun_chunk(c); });
 }
 
-void Posterior::rerun_chunk(std::uint32_t c) const {
+void FilterPosterior::rerun_chunk(std::uint32_t c) const {
   const Chunk& chunk = chunks_[c];
   if (job_.anew) begin_chunk(chunk);
   for (std::uint64_t index = job_.begin; index < job_.end; ++index) {
@@ -25,7 +25,7 @@ void Posterior::rerun_chunk(std::uint32_t c) const {
   }
 }
 
-void Posterior::begin_chunk(const Chunk& chunk) const {
+void FilterPosterior::begin_chunk(const Chunk& chunk) const {
   if (window_exact_) {
     begin_filters(chunk.filter, kChunk, chunk.squared_error, chunk.log_variance);
     return;
@@ -47,11 +47,11 @@ void Posterior::begin_chunk(const Chunk& chunk) const {
   for (std::uint32_t l = 0; l < kChunk; ++l) chunk.squared_error[l] = chunk.log_variance[l] = 0.0;
 }
 
-const double* Posterior::history_of(std::uint64_t index) const {
+const double* FilterPosterior::history_of(std::uint64_t index) const {
   return window_history_ + (index % window_.capacity()) * setup_.delay_steps * nu_;
 }
 
-void Posterior::step_chunk(const Chunk& chunk, std::uint64_t index) const {
+void FilterPosterior::step_chunk(const Chunk& chunk, std::uint64_t index) const {
   const Transition& t = window_[index];
   LineariseJob job;
   job.setup = &setup_;
@@ -78,7 +78,7 @@ void Posterior::step_chunk(const Chunk& chunk, std::uint64_t index) const {
 
 /// Sets aside what the window's new start and the summary need: rows of normalised innovations, the transition's
 /// log variance, and the filter after it.
-void Posterior::keep_leaving(const Chunk& chunk, const double* log_variance_before) const {
+void FilterPosterior::keep_leaving(const Chunk& chunk, const double* log_variance_before) const {
   double* to = chunk.leaving;
   auto keep = [&](const double* from, std::uint32_t rows) {
     std::memcpy(to, from, sizeof(double) * rows * kChunk);
@@ -93,7 +93,7 @@ void Posterior::keep_leaving(const Chunk& chunk, const double* log_variance_befo
 
 /// Fits what keep_leaving set aside: the innovations into the summary, the filter into the new start law. If fewer
 /// than two lanes are finite there is nothing to fit, and the old law stays.
-void Posterior::summarise(std::uint32_t lanes) {
+void FilterPosterior::summarise(std::uint32_t lanes) {
   double* y = scratch_row(0);
   for (std::uint32_t l = 0; l < lanes; ++l) {
     const Chunk& chunk = chunks_[l / kChunk];
@@ -135,7 +135,7 @@ void Posterior::summarise(std::uint32_t lanes) {
 
 /// Moves the whole window into the summary, because a start() breaks the filters' history. Costs as much as the
 /// moves of one tick.
-void Posterior::close_window() {
+void FilterPosterior::close_window() {
   const std::uint64_t end = window_.end();
   if (window_begin_ < end) {
     const std::uint32_t wanted = 2 * config_->posterior.moves_per_tick;
@@ -153,8 +153,8 @@ void Posterior::close_window() {
       job.anew = false;
     }
   }
-  std::memcpy(cloud_.base_squared_error, cloud_.squared_error, n_ * sizeof(double));
-  std::memcpy(cloud_.base_log_variance, cloud_.log_variance, n_ * sizeof(double));
+  std::memcpy(carried_.base_squared_error, carried_.squared_error, n_ * sizeof(double));
+  std::memcpy(carried_.base_log_variance, carried_.log_variance, n_ * sizeof(double));
   window_exact_ = true;
 }
 

@@ -11,8 +11,7 @@
 #include <cmath>
 
 #include "core/rng.hpp"
-#include "posterior/posterior.hpp"
-#include "posterior/prior.hpp"
+#include "posterior/cloud.hpp"
 
 namespace tiller {
 namespace {
@@ -57,87 +56,62 @@ struct SpreadOrder {
 
 }  // namespace
 
-/// Fills order_ by slices of the projection onto the principal direction; within a slice, by number. Cost: O(N d^2).
-void Posterior::order_by_principal_direction() const {
+/// Fills `order` by slices of the projection onto the principal direction; within a slice, by number. Cost: O(N d^2).
+void Cloud::order_by_principal_direction() const {
   double mean[TILLER_MAX_PARAMS] = {}, scale[TILLER_MAX_PARAMS], matrix[TILLER_MAX_PARAMS][TILLER_MAX_PARAMS] = {};
-  for (std::uint32_t j = 0; j < d_; ++j) {
-    const double* row = cloud_.coordinate + j * n_;
-    scale[j] = 1.0 / prior_spread(config_->priors[inferred_[j]]);
-    for (std::uint32_t k = 0; k < n_; ++k) mean[j] += cloud_.weight[k] * row[k];
+  for (std::uint32_t j = 0; j < d; ++j) {
+    const double* row = coordinate + j * n;
+    scale[j] = 1.0 / prior.spread(j);
+    for (std::uint32_t k = 0; k < n; ++k) mean[j] += weight[k] * row[k];
     for (std::uint32_t i = 0; i <= j; ++i) {
-      const double* other = cloud_.coordinate + i * n_;
+      const double* other = coordinate + i * n;
       double sum = 0.0;
-      for (std::uint32_t k = 0; k < n_; ++k) sum += cloud_.weight[k] * (row[k] - mean[j]) * (other[k] - mean[i]);
+      for (std::uint32_t k = 0; k < n; ++k) sum += weight[k] * (row[k] - mean[j]) * (other[k] - mean[i]);
       matrix[i][j] = matrix[j][i] = sum * scale[i] * scale[j];
     }
   }
   double direction[TILLER_MAX_PARAMS] = {}, variance = 0.0;
-  leading_direction(matrix, d_, direction);
-  for (std::uint32_t i = 0; i < d_; ++i)
-    for (std::uint32_t j = 0; j < d_; ++j) variance += direction[i] * matrix[i][j] * direction[j];
+  leading_direction(matrix, d, direction);
+  for (std::uint32_t i = 0; i < d; ++i)
+    for (std::uint32_t j = 0; j < d; ++j) variance += direction[i] * matrix[i][j] * direction[j];
   const double slice = 2.0 * kWidest * std::sqrt(variance) / kSlices;
 
   const auto slice_of = [&](std::uint32_t k) {
     double along = 0.0;
-    for (std::uint32_t j = 0; j < d_; ++j) along += direction[j] * scale[j] * (cloud_.coordinate[j * n_ + k] - mean[j]);
+    for (std::uint32_t j = 0; j < d; ++j) along += direction[j] * scale[j] * (coordinate[j * n + k] - mean[j]);
     const double at = slice > 0.0 ? along / slice + 0.5 * kSlices : 0.0;
     // one that is not a number has no weight; any slice will do
     return at > 0.0 ? static_cast<std::uint32_t>(std::fmin(at, kSlices - 1)) : 0u;
   };
   // counting sort: stable, and the same in every standard library
   std::uint32_t first[kSlices + 1] = {};
-  for (std::uint32_t k = 0; k < n_; ++k) ++first[slice_of(k) + 1];
+  for (std::uint32_t k = 0; k < n; ++k) ++first[slice_of(k) + 1];
   for (std::uint32_t s = 0; s < kSlices; ++s) first[s + 1] += first[s];
-  for (std::uint32_t k = 0; k < n_; ++k) order_[first[slice_of(k)]++] = k;
+  for (std::uint32_t k = 0; k < n; ++k) order[first[slice_of(k)]++] = k;
 }
 
-/// One hypothesis: the mean, which stands for the cloud better than any single particle.
-void Posterior::take_mean(float* params, float* state, float* effect_state) const {
-  double mean[TILLER_MAX_PARAMS], state_mean[TILLER_MAX_STATES];
-  moments(params ? mean : nullptr, nullptr, state ? state_mean : nullptr, nullptr);
-  for (std::uint32_t i = 0; i < np_ && params; ++i) params[i] = static_cast<float>(mean[i]);
-  for (std::uint32_t i = 0; i < nx_ && state; ++i) state[i] = static_cast<float>(state_mean[i]);
-  for (std::uint32_t i = 0; i < ns_ && effect_state; ++i) {
-    double sum = 0.0;
-    for (std::uint32_t k = 0; k < n_; ++k) sum += cloud_.weight[k] * cloud_.filter.effect_state[i * n_ + k];
-    effect_state[i] = static_cast<float>(sum);
-  }
-}
-
-void Posterior::draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
-                     float* history) const {
-  if (count == 1)
-    take_mean(params, state, effect_state);
-  else
-    take_strata(count, tick, params, state, effect_state);
-  for (std::uint32_t i = 0; i < setup_.delay_steps * nu_ && history; ++i)
-    history[i] = static_cast<float>(input_history_[i]);
-}
-
-void Posterior::take_strata(std::uint32_t count, std::uint64_t tick, float* params, float* state,
-                            float* effect_state) const {
+void Cloud::draw(std::uint32_t count, std::uint64_t tick, const Drawn* what, std::uint32_t pieces) const {
   order_by_principal_direction();
-  Rng rng(config_->seed, kRngSelect, tick);
-  double below = cloud_.weight[order_[0]];
+  Rng rng(config->seed, kRngSelect, tick);
+  double below = weight[order[0]];
   std::uint32_t at = 0;
-  std::uint32_t* chosen = index_;  // (count) by stratum; a selection may be larger than the cloud
-  for (std::uint32_t begin = 0; begin < count; begin += n_) {
-    const std::uint32_t end = std::min(count, begin + n_);
+  std::uint32_t* chosen = index;  // (count) by stratum; a selection may be larger than the cloud
+  for (std::uint32_t begin = 0; begin < count; begin += n) {
+    const std::uint32_t end = std::min(count, begin + n);
     for (std::uint32_t m = begin; m < end; ++m) {
       const double pointer = (m + rng.uniform()) / count;
-      while (pointer > below && at + 1 < n_) below += cloud_.weight[order_[++at]];
-      while (!(cloud_.weight[order_[at]] > 0.0) && at > 0) --at;  // rounding at the end of the sum
-      chosen[m - begin] = order_[at];
+      while (pointer > below && at + 1 < n) below += weight[order[++at]];
+      while (!(weight[order[at]] > 0.0) && at > 0) --at;  // rounding at the end of the sum
+      chosen[m - begin] = order[at];
     }
     SpreadOrder columns(end - begin);
     for (std::uint32_t m = begin; m < end; ++m) {
       const std::uint32_t from_row = chosen[columns.next()];
-      auto copy = [&](float* to, const double* from, std::uint32_t rows) {
-        for (std::uint32_t i = 0; i < rows && to; ++i) to[i * count + m] = static_cast<float>(from[i * n_ + from_row]);
-      };
-      copy(params, cloud_.params, np_);
-      copy(state, cloud_.filter.state, nx_);
-      copy(effect_state, cloud_.filter.effect_state, ns_);
+      for (std::uint32_t piece = 0; piece < pieces; ++piece) {
+        const Drawn& p = what[piece];
+        for (std::uint32_t i = 0; i < p.rows && p.to; ++i)
+          p.to[i * count + m] = static_cast<float>(p.from[i * n + from_row]);
+      }
     }
   }
 }

@@ -1,0 +1,176 @@
+#include "posterior/cloud.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "core/rng.hpp"
+
+namespace tiller {
+
+namespace {
+
+/// Steps of the search for an exponent below the present one, each this factor down, and of the bisection after.
+constexpr double kFall = 0.7;
+constexpr int kFallSteps = 20;
+constexpr int kBisections = 10;
+
+}  // namespace
+
+Cloud Cloud::lay_out(Arena& arena, const tiller_config_t& config) {
+  Cloud c;
+  c.config = &config;
+  c.lanes = &filter_table();
+  c.n = config.posterior.particles;
+  c.np = config.param_count;
+  for (std::uint32_t i = 0; i < c.np; ++i)
+    if (config.priors[i].kind != tiller_prior_fixed) c.inferred[c.d++] = i;
+  c.prior = PriorLaw(config);
+  c.params = arena.take<double>(std::size_t{c.np} * c.n);
+  c.coordinate = arena.take<double>(std::size_t{c.d} * c.n);
+  c.log_weight = arena.take<double>(c.n);
+  c.weight = arena.take<double>(c.n);
+  c.spare = arena.take<double>(c.n);
+  c.index = arena.take<std::uint32_t>(c.n);
+  c.order = arena.take<std::uint32_t>(c.n);
+  return c;
+}
+
+void Cloud::draw_prior() {
+  prior.draw(config->seed, n, coordinate, index);
+  for (std::uint32_t i = 0; i < np; ++i)
+    for (std::uint32_t k = 0; k < n; ++k) params[i * n + k] = config->priors[i].a;
+  for (std::uint32_t j = 0; j < d; ++j)
+    for (std::uint32_t k = 0; k < n; ++k)
+      params[inferred[j] * n + k] = from_coordinate(config->priors[inferred[j]], coordinate[j * n + k]);
+  level_weights();
+}
+
+void Cloud::set_coordinate(std::uint32_t particle, const double* v) {
+  for (std::uint32_t j = 0; j < d; ++j) {
+    coordinate[j * n + particle] = v[j];
+    params[inferred[j] * n + particle] = from_coordinate(config->priors[inferred[j]], v[j]);
+  }
+}
+
+void Cloud::level_weights() {
+  for (std::uint32_t k = 0; k < n; ++k) {
+    log_weight[k] = 0.0;
+    weight[k] = 1.0 / n;
+  }
+  effective_samples = n;
+}
+
+void Cloud::set_weights(const double* base, const double* gain, double exponent) {
+  const WeighResult result = lanes->weigh(n, base, gain, exponent, weight);
+  const double log_sum = result.largest + std::log(result.sum);
+  for (std::uint32_t i = 0; i < n; ++i) {
+    weight[i] /= result.sum;
+    log_weight[i] = base[i] + exponent * gain[i] - log_sum;
+  }
+  effective_samples = result.effective_samples;
+}
+
+double Cloud::largest_exponent(const double* base, const double* gain, double present, double high,
+                               double floor) const {
+  auto ess = [&](double exponent) { return lanes->weigh(n, base, gain, exponent, nullptr).effective_samples; };
+  double good = present, bad = high;
+  if (!(good < high && ess(good) >= floor)) {
+    double best = 0.0, best_exponent = high;
+    bad = good = present;
+    for (int i = 0; i < kFallSteps; ++i) {
+      const double here = ess(good);
+      if (here > best) {
+        best = here;
+        best_exponent = good;
+      }
+      if (here >= floor) break;
+      bad = good;
+      good *= kFall;
+    }
+    if (best < floor) return best_exponent;
+  }
+  for (int i = 0; i < kBisections && bad > good; ++i) {
+    const double middle = 0.5 * (good + bad);
+    (ess(middle) >= floor ? good : bad) = middle;
+  }
+  return good;
+}
+
+/// One uniform number, N evenly spaced pointers into the cumulated weights.
+void Cloud::resample(std::uint64_t tick) {
+  Rng rng(config->seed, kRngResample, tick);
+  const double offset = rng.uniform();
+  double sum = 0.0;
+  std::uint32_t next = 0;
+  for (std::uint32_t i = 0; i < n; ++i) {
+    sum += weight[i] * n;
+    while (next < n && (next + offset < sum)) index[next++] = i;
+  }
+  // rounding may leave the last pointer beyond the sum: it belongs to the last particle that has any weight
+  std::uint32_t last = n - 1;
+  while (last > 0 && !(weight[last] > 0.0)) --last;
+  while (next < n) index[next++] = last;
+
+  for (std::uint32_t j = 0; j < d; ++j) {
+    permute(params + inferred[j] * n);
+    permute(coordinate + j * n);
+  }
+  level_weights();
+}
+
+void Cloud::permute(double* row) const {
+  std::memcpy(spare, row, n * sizeof(double));
+  for (std::uint32_t i = 0; i < n; ++i) row[i] = spare[index[i]];
+}
+
+void Cloud::moments(double* mean_out, double* sd_out) const {
+  for (std::uint32_t i = 0; i < np && (mean_out || sd_out); ++i) {
+    const double* row = params + i * n;
+    double mean = 0.0, square = 0.0;
+    for (std::uint32_t k = 0; k < n; ++k) mean += weight[k] * row[k];
+    for (std::uint32_t k = 0; k < n; ++k) square += weight[k] * (row[k] - mean) * (row[k] - mean);
+    // a fixed parameter is exact, whatever the weights' sum rounds to
+    const bool fixed = config->priors[i].kind == tiller_prior_fixed;
+    if (mean_out) mean_out[i] = fixed ? config->priors[i].a : mean;
+    if (sd_out) sd_out[i] = fixed ? 0.0 : std::sqrt(square);
+  }
+}
+
+void Cloud::covariance(double* covariance) const {
+  double mean[TILLER_MAX_PARAMS];
+  moments(mean, nullptr);
+  for (std::uint32_t i = 0; i < np * np; ++i) covariance[i] = 0.0;
+  for (std::uint32_t a = 0; a < d; ++a) {
+    for (std::uint32_t b = 0; b <= a; ++b) {
+      const std::uint32_t r = inferred[a], c = inferred[b];
+      const double *row_r = params + r * n, *row_c = params + c * n;
+      double sum = 0.0;
+      for (std::uint32_t k = 0; k < n; ++k) sum += weight[k] * (row_r[k] - mean[r]) * (row_c[k] - mean[c]);
+      covariance[r * np + c] = covariance[c * np + r] = sum;
+    }
+  }
+}
+
+double Cloud::quantile(std::uint32_t param, double q) const {
+  if (param >= np || !(q >= 0.0 && q <= 1.0)) return NAN;
+  const double* row = params + param * n;
+  for (std::uint32_t k = 0; k < n; ++k) order[k] = k;
+  // ties by index: the order, and so the sum's bits, are the same in every standard library
+  std::sort(order, order + n,
+            [row](std::uint32_t a, std::uint32_t b) { return row[a] != row[b] ? row[a] < row[b] : a < b; });
+  // each particle stands at the middle of its share of the weight
+  double below = 0.0, last_at = 0.0;
+  for (std::uint32_t k = 0; k < n; ++k) {
+    const double share = weight[order[k]], at = below + 0.5 * share;
+    if (at >= q) {
+      if (k == 0 || at <= last_at) return row[order[k]];
+      return row[order[k - 1]] + (q - last_at) / (at - last_at) * (row[order[k]] - row[order[k - 1]]);
+    }
+    below += share;
+    last_at = at;
+  }
+  return row[order[n - 1]];
+}
+
+}  // namespace tiller

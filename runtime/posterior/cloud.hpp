@@ -1,0 +1,71 @@
+#pragma once
+
+#include <cstdint>
+
+#include "core/arena.hpp"
+#include "posterior/filter_lanes.hpp"
+#include "posterior/prior.hpp"
+#include "tiller/tiller.h"
+
+namespace tiller {
+
+/// N weighted particles over the parameters: what every engine keeps, whatever else its particles carry. Rows of N.
+struct Cloud {
+  const tiller_config_t* config = nullptr;
+  const FilterTable* lanes = nullptr;
+  std::uint32_t n = 0, np = 0;
+  std::uint32_t d = 0;                             // inferred parameters
+  std::uint32_t inferred[TILLER_MAX_PARAMS] = {};  // (d) their rows
+  PriorLaw prior;
+
+  double* params = nullptr;      // (np x N)
+  double* coordinate = nullptr;  // (d x N) the inferred ones in the prior's coordinates
+  double* log_weight = nullptr;  // (N)
+  double* weight = nullptr;      // (N) sums to one
+  double effective_samples = 0.0;
+
+  // scratch
+  double* spare = nullptr;         // (N)
+  std::uint32_t* index = nullptr;  // (N)
+  std::uint32_t* order = nullptr;  // (N) for quantiles and selections
+
+  /// Takes N particles' room. What it returns is empty while the arena measures.
+  static Cloud lay_out(Arena& arena, const tiller_config_t& config);
+
+  /// Particles of equal weight from the prior (stream kRngPrior of the seed).
+  void draw_prior();
+  void set_coordinate(std::uint32_t particle, const double* coordinate);  // (d)
+  void level_weights();                                                   // all equal
+
+  // ---- weights ----
+  /// weight ~ exp(base + exponent * gain); both (N), gain finite, base may be -infinity. At least one is finite.
+  void set_weights(const double* base, const double* gain, double exponent);
+  /// The largest exponent up to `high` at which `floor` effective samples are left. Their number is not monotone in the
+  /// exponent (far below `present` the old data are unlearnt), so the search goes down from it in steps and bisects the
+  /// first that is low enough; if none is, the best of them.
+  double largest_exponent(const double* base, const double* gain, double present, double high, double floor) const;
+  /// Systematic resampling, one uniform number of stream `tick`: the particles' rows are permuted and the weights
+  /// levelled; `index` tells whom each particle descends from, for permute() of what an engine keeps beside them.
+  void resample(std::uint64_t tick);
+  void permute(double* row) const;
+
+  // ---- what it tells ----
+  /// (np) each, nullable
+  void moments(double* mean, double* sd) const;
+  void covariance(double* covariance) const;                 // (np x np)
+  double quantile(std::uint32_t param, double share) const;  // NaN for one that does not exist
+
+  /// Rows of N to copy from, rows of `count` to copy to (null: none).
+  struct Drawn {
+    const double* from;
+    std::uint32_t rows;
+    float* to;
+  };
+  /// Stratified selection of `count` particles (selection.cpp); copies their columns of each of the `pieces`.
+  void draw(std::uint32_t count, std::uint64_t tick, const Drawn* what, std::uint32_t pieces) const;
+
+ private:
+  void order_by_principal_direction() const;
+};
+
+}  // namespace tiller

@@ -1,0 +1,69 @@
+// What the posterior tells: moments, quantiles, particles.
+
+#include <cmath>
+
+#include "posterior/filter/filter_posterior.hpp"
+
+namespace tiller {
+
+void FilterPosterior::moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const {
+  cloud_.moments(param_mean, param_sd);
+  if (!state_mean && !state_sd) return;
+  std::uint32_t heaviest = 0;
+  for (std::uint32_t k = 1; k < n_; ++k)
+    if (cloud_.weight[k] > cloud_.weight[heaviest]) heaviest = k;
+  for (std::uint32_t i = 0; i < nx_; ++i) {
+    // about one particle, so that angles on both sides of the cut average rightly
+    const double* row = carried_.filter.state + i * n_;
+    const double* variance = carried_.filter.covariance + triangle_row(nx_, i, i) * n_;
+    double mean = 0.0, within = 0.0, between = 0.0;
+    for (std::uint32_t k = 0; k < n_; ++k) {
+      const double difference = state_difference(*config_->model, i, row[k], row[heaviest]);
+      mean += cloud_.weight[k] * difference;
+      between += cloud_.weight[k] * difference * difference;
+      within += cloud_.weight[k] * variance[k];
+    }
+    if (state_mean) state_mean[i] = row[heaviest] + mean;
+    if (state_sd) state_sd[i] = std::sqrt(std::fmax(0.0, between - mean * mean) + noise_scale_ * noise_scale_ * within);
+  }
+}
+
+void FilterPosterior::particle(std::uint32_t index, double* params, double* state, double* weight) const {
+  if (index >= n_) return;
+  for (std::uint32_t i = 0; i < np_ && params; ++i) params[i] = cloud_.params[i * n_ + index];
+  for (std::uint32_t i = 0; i < nx_ && state; ++i) state[i] = carried_.filter.state[i * n_ + index];
+  if (weight) *weight = cloud_.weight[index];
+}
+
+/// One hypothesis: the mean, which stands for the cloud better than any single particle.
+void FilterPosterior::take_mean(float* params, float* state, float* effect_state) const {
+  double mean[TILLER_MAX_PARAMS], state_mean[TILLER_MAX_STATES];
+  moments(params ? mean : nullptr, nullptr, state ? state_mean : nullptr, nullptr);
+  for (std::uint32_t i = 0; i < np_ && params; ++i) params[i] = static_cast<float>(mean[i]);
+  for (std::uint32_t i = 0; i < nx_ && state; ++i) state[i] = static_cast<float>(state_mean[i]);
+  for (std::uint32_t i = 0; i < ns_ && effect_state; ++i) {
+    double sum = 0.0;
+    for (std::uint32_t k = 0; k < n_; ++k) sum += cloud_.weight[k] * carried_.filter.effect_state[i * n_ + k];
+    effect_state[i] = static_cast<float>(sum);
+  }
+}
+
+void FilterPosterior::draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
+                           float* history) const {
+  if (count == 1)
+    take_mean(params, state, effect_state);
+  else
+    take_strata(count, tick, params, state, effect_state);
+  for (std::uint32_t i = 0; i < setup_.delay_steps * nu_ && history; ++i)
+    history[i] = static_cast<float>(input_history_[i]);
+}
+
+void FilterPosterior::take_strata(std::uint32_t count, std::uint64_t tick, float* params, float* state,
+                                  float* effect_state) const {
+  const Cloud::Drawn what[] = {{cloud_.params, np_, params},
+                               {carried_.filter.state, nx_, state},
+                               {carried_.filter.effect_state, ns_, effect_state}};
+  cloud_.draw(count, tick, what, 3);
+}
+
+}  // namespace tiller

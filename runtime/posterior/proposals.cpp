@@ -1,0 +1,103 @@
+// Who is asked to go where: the moves' proposals.
+
+#include "posterior/proposals.hpp"
+
+#include <cmath>
+
+#include "core/rng.hpp"
+
+namespace tiller {
+
+namespace {
+
+/// Best step of a random walk on a d-dimensional normal, in deviations (Roberts, Gelman and Gilks 1997); a
+/// difference of two particles has twice the variance (ter Braak 2006).
+constexpr double kOptimalStep = 2.38;
+/// Share of differential evolution among the proposals; the rest is a random walk with the cloud's covariance.
+constexpr double kEvolution = 0.7;
+/// Share of those that take a whole difference, to cross between separate modes.
+constexpr double kWholeDifference = 0.1;
+/// Random walk added to a difference, so that particles that are copies of one another part.
+constexpr double kJitter = 0.05;
+
+/// Lower Cholesky factor (d x d, stride TILLER_MAX_PARAMS) of the covariance of the particles that stand still.
+void spread(const Cloud& cloud, std::uint32_t first_still, std::uint32_t still, double* factor) {
+  const std::uint32_t n = cloud.n, d = cloud.d;
+  double mean[TILLER_MAX_PARAMS] = {}, sum = 0.0;
+  for (std::uint32_t k = 0; k < still; ++k) {
+    const std::uint32_t i = (first_still + k) % n;
+    sum += cloud.weight[i];
+    for (std::uint32_t j = 0; j < d; ++j) mean[j] += cloud.weight[i] * cloud.coordinate[j * n + i];
+  }
+  for (std::uint32_t j = 0; j < d; ++j) mean[j] /= sum;
+  double square[TILLER_MAX_PARAMS * TILLER_MAX_PARAMS] = {};
+  for (std::uint32_t k = 0; k < still; ++k) {
+    const std::uint32_t i = (first_still + k) % n;
+    double off[TILLER_MAX_PARAMS];
+    for (std::uint32_t j = 0; j < d; ++j) off[j] = cloud.coordinate[j * n + i] - mean[j];
+    for (std::uint32_t r = 0; r < d; ++r)
+      for (std::uint32_t c = 0; c <= r; ++c)
+        square[r * TILLER_MAX_PARAMS + c] += cloud.weight[i] / sum * off[r] * off[c];
+  }
+  for (std::uint32_t r = 0; r < d; ++r) {
+    for (std::uint32_t c = 0; c <= r; ++c) {
+      double rest = square[r * TILLER_MAX_PARAMS + c];
+      for (std::uint32_t k = 0; k < c; ++k)
+        rest -= factor[r * TILLER_MAX_PARAMS + k] * factor[c * TILLER_MAX_PARAMS + k];
+      // coordinates that are functions of one another leave nothing: the walk then stays on their line
+      const double pivot = factor[c * TILLER_MAX_PARAMS + c];
+      factor[r * TILLER_MAX_PARAMS + c] = r == c ? std::sqrt(std::fmax(rest, 0.0)) : pivot > 0.0 ? rest / pivot : 0.0;
+    }
+  }
+}
+
+}  // namespace
+
+void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::uint32_t moves, Proposal* proposals) {
+  const std::uint32_t n = cloud.n, d = cloud.d;
+  const std::uint32_t first_still = (cursor + moves) % n, still = n - moves;
+  double factor[TILLER_MAX_PARAMS * TILLER_MAX_PARAMS] = {};
+  spread(cloud, first_still, still, factor);
+  const double best = kOptimalStep / std::sqrt(static_cast<double>(d));
+
+  for (std::uint32_t m = 0; m < moves; ++m) {
+    Proposal& p = proposals[m];
+    p.particle = (cursor + m) % n;
+    Rng rng(cloud.config->seed, kRngMove, tick * 4096 + p.particle);
+    double walk[TILLER_MAX_PARAMS], difference = 0.0, noise = kJitter;
+    const std::uint32_t a = (first_still + rng.below(still)) % n, b = (first_still + rng.below(still)) % n;
+    if (rng.uniform() < kEvolution)
+      difference = rng.uniform() < kWholeDifference ? 1.0 : best * 0.70710678 * (0.3 + 0.7 * rng.uniform());
+    else
+      noise = best * std::exp(-2.3 * rng.uniform());  // a decade of step lengths: far and near both occur
+    for (std::uint32_t j = 0; j < d; ++j) walk[j] = noise * rng.normal();
+
+    double present[TILLER_MAX_PARAMS];
+    for (std::uint32_t j = 0; j < d; ++j) {
+      const double* row = cloud.coordinate + j * n;
+      present[j] = row[p.particle];
+      double to = present[j] + difference * (row[a] - row[b]);
+      for (std::uint32_t k = 0; k <= j; ++k) to += factor[j * TILLER_MAX_PARAMS + k] * walk[k];
+      // reflection keeps the proposal symmetric and does not waste it at a bound
+      if (to < cloud.prior.low(j)) to = 2.0 * cloud.prior.low(j) - to;
+      if (to > cloud.prior.high(j)) to = 2.0 * cloud.prior.high(j) - to;
+      p.coordinate[j] = to;
+    }
+    const double scouts = cloud.config->posterior.scout_share;
+    if (scouts > 0.0 && rng.uniform() < scouts) {
+      // a scout: an independent draw from the prior, whose density cancels out of the ratio
+      cloud.prior.draw_one(rng, p.coordinate);
+      p.log_prior_change = 0.0;
+    } else {
+      p.log_prior_change = cloud.prior.log_density(p.coordinate) - cloud.prior.log_density(present);
+    }
+    // refused by the prior: its lane still runs, where the particle is
+    if (!std::isfinite(p.log_prior_change)) {
+      p.log_prior_change = -INFINITY;
+      for (std::uint32_t j = 0; j < d; ++j) p.coordinate[j] = present[j];
+    }
+    p.log_uniform = std::log(rng.uniform());
+  }
+}
+
+}  // namespace tiller

@@ -1,0 +1,29 @@
+// [posterior]: what is more than a key with a place in the configuration.
+
+#include "tools/robot_sections.hpp"
+
+namespace tiller::tools {
+
+void read_forgetting(SectionReader& posterior, RobotFile& robot) {
+  const toml::node* node = posterior.node("forgetting");
+  if (!node) return;
+  const toml::array* list = node->as_array();
+  if (!list || list->empty() || list->size() > TILLER_MAX_FORGETTING) {
+    posterior.error("forgetting", "is not a list of one to three rates", "for example forgetting = [1, 0.97]");
+    return;
+  }
+  tiller_posterior_config_t& c = robot.config.posterior;
+  c.forgetting_count = 0;
+  for (const toml::node& element : *list) {
+    const std::optional<double> rate = element.value<double>();
+    const double above = c.forgetting_count ? c.forgetting[c.forgetting_count - 1] : 1.0;
+    if (!rate || !(*rate >= 0.5 && *rate <= above)) {
+      posterior.error("forgetting", "has a rate that is no number in [0.5, 1] or larger than the one before it",
+                      "shares of the old data that each tick keeps, largest first: [1, 0.97]");
+      return;
+    }
+    c.forgetting[c.forgetting_count++] = *rate;
+  }
+}
+
+}  // namespace tiller::tools
