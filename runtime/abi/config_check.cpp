@@ -3,6 +3,7 @@
 #include "abi/check_parts.hpp"
 #include "effects/effect_info.hpp"
 #include "posterior/posterior.hpp"
+#include "posterior/prior.hpp"
 #include "rollout/rollout.hpp"
 
 // Every field that tiller_init relies on, group by group in the order of the struct; the first reason wins.
@@ -82,6 +83,41 @@ Finding check_priors(const tiller_config_t& c) {
   StepSetup setup;
   const tiller_status_t status = make_step_setup(c, setup);  // the longest delay comes from its prior
   return status == tiller_status_ok ? kGood : Finding{status, "effects"};
+}
+
+/// The joint prior, after the marginals whose bounds it is cut to.
+Finding check_mixture(const tiller_config_t& c) {
+  if (!c.prior_mixture) return kGood;
+  constexpr tiller_status_t kBad = tiller_status_bad_prior;
+  const tiller_mixture_t& m = *c.prior_mixture;
+  if (m.size != sizeof(tiller_mixture_t)) return {tiller_status_version_mismatch, "prior_mixture.size"};
+  if (m.version != TILLER_CONFIG_VERSION) return {tiller_status_version_mismatch, "prior_mixture.version"};
+  tiller_config_t marginals = c;
+  marginals.prior_mixture = nullptr;
+  const PriorLaw bounds(marginals);
+  const std::uint32_t d = bounds.dimension();
+  if (!in(m.components, 1, Mixture::kMaxComponents)) return {kBad, "prior_mixture.components"};
+  if (d == 0 || m.dimension != d) return {kBad, "prior_mixture.dimension"};
+  if (!m.weight) return {tiller_status_null_argument, "prior_mixture.weight"};
+  if (!m.mean) return {tiller_status_null_argument, "prior_mixture.mean"};
+  if (!m.root) return {tiller_status_null_argument, "prior_mixture.root"};
+  double sum = 0.0;
+  for (std::uint32_t k = 0; k < m.components; ++k) {
+    if (!not_negative(m.weight[k])) return {kBad, "prior_mixture.weight"};
+    sum += m.weight[k];
+    for (std::uint32_t r = 0; r < d; ++r) {
+      const double mean = m.mean[k * d + r];
+      // a mean outside of the bounds would leave little or nothing to draw from
+      if (!(std::isfinite(mean) && mean >= bounds.low(r) && mean <= bounds.high(r)))
+        return {kBad, "prior_mixture.mean"};
+      for (std::uint32_t s = 0; s < d; ++s) {
+        const double value = m.root[(k * d + r) * d + s];
+        const bool good = s > r ? value == 0.0 : s == r ? positive(value) : std::isfinite(value);
+        if (!good) return {kBad, "prior_mixture.root"};
+      }
+    }
+  }
+  return std::fabs(sum - 1.0) <= 1e-9 ? kGood : Finding{kBad, "prior_mixture.weight"};
 }
 
 Finding check_noise(const tiller_config_t& c) {
@@ -179,6 +215,7 @@ Finding check_config(const tiller_config_t& c) {
   if (finding.status == tiller_status_ok) finding = check_step(c);
   if (finding.status == tiller_status_ok) finding = check_effects(c);
   if (finding.status == tiller_status_ok) finding = check_priors(c);
+  if (finding.status == tiller_status_ok) finding = check_mixture(c);
   if (finding.status == tiller_status_ok) finding = check_noise(c);
   if (finding.status == tiller_status_ok) finding = check_posterior(c.posterior);
   if (finding.status == tiller_status_ok) finding = check_planner(c);

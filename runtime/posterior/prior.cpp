@@ -78,24 +78,81 @@ double prior_quantile(const tiller_prior_t& prior, double u) {
 PriorLaw::PriorLaw(const tiller_config_t& config) : config_(&config) {
   for (std::uint32_t i = 0; i < config.param_count; ++i)
     if (config.priors[i].kind != tiller_prior_fixed) inferred_[d_++] = i;
+  if (config.prior_mixture) mixture_ = Mixture(*config.prior_mixture);
+}
+
+bool PriorLaw::within(const double* v) const {
+  bool inside = true;
+  for (std::uint32_t j = 0; j < d_; ++j) inside = inside && v[j] >= low(j) && v[j] <= high(j);
+  return inside;
+}
+
+void PriorLaw::covariance(double* c) const {
+  if (is_mixture()) return mixture_.covariance(c);
+  for (std::uint32_t i = 0; i < d_ * d_; ++i) c[i] = 0.0;
+  for (std::uint32_t j = 0; j < d_; ++j) c[j * d_ + j] = spread(j) * spread(j);
 }
 
 double PriorLaw::log_density(const double* v) const {
+  if (is_mixture()) return within(v) ? mixture_.log_density(v) : -kInfinity;
   double sum = 0.0;
   for (std::uint32_t j = 0; j < d_; ++j) sum += log_prior(marginal(j), v[j]);
   return sum;
 }
 
 void PriorLaw::draw_one(Rng& rng, double* v) const {
-  for (std::uint32_t j = 0; j < d_; ++j) v[j] = prior_quantile(marginal(j), rng.uniform());
+  if (!is_mixture()) {
+    for (std::uint32_t j = 0; j < d_; ++j) v[j] = prior_quantile(marginal(j), rng.uniform());
+    return;
+  }
+  for (int i = 0; i < kTries; ++i) {
+    mixture_.draw_one(rng, v);
+    if (within(v)) return;
+  }
+  for (std::uint32_t j = 0; j < d_; ++j) {
+    if (v[j] < low(j)) v[j] = std::fmin(2.0 * low(j) - v[j], high(j));
+    if (v[j] > high(j)) v[j] = std::fmax(2.0 * high(j) - v[j], low(j));
+  }
 }
 
 void PriorLaw::draw(std::uint64_t seed, std::uint32_t count, double* v, std::uint32_t* index) const {
+  if (is_mixture()) return draw_mixture(seed, count, v, index);
   for (std::uint32_t j = 0; j < d_; ++j) {
     Rng rng(seed, kRngPrior, inferred_[j]);
     shuffle(index, count, rng);
     for (std::uint32_t k = 0; k < count; ++k)
       v[j * count + k] = prior_quantile(marginal(j), (index[k] + rng.uniform()) / count);
+  }
+}
+
+void PriorLaw::draw_mixture(std::uint64_t seed, std::uint32_t count, double* v, std::uint32_t* index) const {
+  Rng strata(seed, kRngPrior, TILLER_MAX_PARAMS), again(seed, kRngPrior, TILLER_MAX_PARAMS + 1);
+  const double offset = mixture_.components() > 1 ? strata.uniform() : 0.5;
+  const auto component = [&](std::uint32_t k) { return mixture_.component_at((k + offset) / count); };
+  for (std::uint32_t j = 0; j < d_; ++j) {
+    Rng rng(seed, kRngPrior, inferred_[j]);
+    for (std::uint32_t begin = 0, end = 0; begin < count; begin = end) {
+      while (end < count && component(end) == component(begin)) ++end;
+      shuffle(index + begin, end - begin, rng);
+      for (std::uint32_t k = begin; k < end; ++k)
+        v[j * count + k] = cut_normal_quantile(-kInfinity, kInfinity, (index[k] + rng.uniform()) / (end - begin));
+    }
+  }
+  for (std::uint32_t k = 0; k < count; ++k) {
+    double one[TILLER_MAX_PARAMS];
+    for (std::uint32_t j = 0; j < d_; ++j) one[j] = v[j * count + k];
+    mixture_.place(component(k), one);
+    if (!within(one)) draw_one(again, one);
+    for (std::uint32_t j = 0; j < d_; ++j) v[j * count + k] = one[j];
+  }
+  // particles move in rotation, neighbours together: no component may keep to itself
+  for (std::uint32_t k = mixture_.components() > 1 ? count : 0; k > 1; --k) {
+    const std::uint32_t other = strata.below(k);
+    for (std::uint32_t j = 0; j < d_; ++j) {
+      const double swapped = v[j * count + k - 1];
+      v[j * count + k - 1] = v[j * count + other];
+      v[j * count + other] = swapped;
+    }
   }
 }
 

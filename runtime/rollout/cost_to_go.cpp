@@ -65,6 +65,13 @@ double centre(const tiller_prior_t& prior) {
   return std::fmin(std::fmax(prior.a, prior.low), prior.high);
 }
 
+/// The same for the j-th inferred one under a joint prior: the mixture's mean in the prior's coordinate.
+double joint_centre(const tiller_prior_t& prior, const tiller_mixture_t& joint, std::uint32_t j) {
+  double mean = 0.0;
+  for (std::uint32_t c = 0; c < joint.components; ++c) mean += joint.weight[c] * joint.mean[c * joint.dimension + j];
+  return prior.kind == tiller_prior_log_normal ? std::exp(mean) : mean;
+}
+
 /// The model around the target: one period, x+ = next + a dx + b du.
 struct LinearModel {
   int nx, nu;
@@ -97,8 +104,10 @@ struct Linearisation {
   double b[kMaxN * TILLER_MAX_INPUTS * kLanePadding];
 
   explicit Linearisation(const tiller_config_t& config) {
-    for (std::uint32_t i = 0; i < config.param_count && i < TILLER_MAX_PARAMS; ++i)
-      params[i] = centre(config.priors[i]);
+    for (std::uint32_t i = 0, inferred = 0; i < config.param_count && i < TILLER_MAX_PARAMS; ++i) {
+      const bool joint = config.prior_mixture && config.priors[i].kind != tiller_prior_fixed;
+      params[i] = joint ? joint_centre(config.priors[i], *config.prior_mixture, inferred++) : centre(config.priors[i]);
+    }
   }
   LinearModel at(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table, const double* u) {
     LinearModel m{};

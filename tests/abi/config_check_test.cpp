@@ -45,6 +45,21 @@ tiller_own_cost_t& own(C& c) {
   return cost;
 }
 
+/// A right joint prior of the pendulum's two inferred parameters, anew at every call.
+struct Joint {
+  double weight[2] = {0.25, 0.75};
+  double mean[4] = {1.0, 0.05, 1.4, 0.15};
+  double root[8] = {0.1, 0.0, -0.02, 0.01, 0.2, 0.0, 0.01, 0.02};
+  tiller_mixture_t mixture{};
+};
+Joint& joint(C& c) {
+  static Joint j;
+  j = Joint{};
+  j.mixture = {sizeof(tiller_mixture_t), TILLER_CONFIG_VERSION, 2, 2, j.weight, j.mean, j.root};
+  c.prior_mixture = &j.mixture;
+  return j;
+}
+
 struct Spoiled {
   const char* field;
   tiller_status_t status;
@@ -102,6 +117,32 @@ const Spoiled kSpoiled[] = {
        c.effect_count = 1, c.effects[0] = {tiller_effect_input_delay, 0}, c.param_count = 4;
        c.priors[3] = {tiller_prior_uniform, 0, 0, 0, 0, 1};
      }},
+    {"prior_mixture.size", tiller_status_version_mismatch, [](C& c) { joint(c).mixture.size = 8; }},
+    {"prior_mixture.version", tiller_status_version_mismatch, [](C& c) { joint(c).mixture.version = 2; }},
+    {"prior_mixture.components", tiller_status_bad_prior, [](C& c) { joint(c).mixture.components = 0; }},
+    {"prior_mixture.components", tiller_status_bad_prior, [](C& c) { joint(c).mixture.components = 65; }},
+    {"prior_mixture.dimension", tiller_status_bad_prior, [](C& c) { joint(c).mixture.dimension = 3; }},
+    {"prior_mixture.dimension", tiller_status_bad_prior,
+     [](C& c) {
+       joint(c).mixture.dimension = 0;
+       c.priors[0] = c.priors[2] = {tiller_prior_fixed, 0, 0.1, 0, 0.1, 0.1};
+     }},
+    {"prior_mixture.weight", tiller_status_null_argument, [](C& c) { joint(c).mixture.weight = nullptr; }},
+    {"prior_mixture.mean", tiller_status_null_argument, [](C& c) { joint(c).mixture.mean = nullptr; }},
+    {"prior_mixture.root", tiller_status_null_argument, [](C& c) { joint(c).mixture.root = nullptr; }},
+    {"prior_mixture.weight", tiller_status_bad_prior, [](C& c) { joint(c).weight[0] = kNan; }},
+    {"prior_mixture.weight", tiller_status_bad_prior, [](C& c) { joint(c).weight[0] = 0.2501; }},
+    {"prior_mixture.weight", tiller_status_bad_prior,
+     [](C& c) {
+       Joint& j = joint(c);
+       j.weight[0] = -0.25, j.weight[1] = 1.25;
+     }},
+    {"prior_mixture.mean", tiller_status_bad_prior, [](C& c) { joint(c).mean[3] = kNan; }},
+    {"prior_mixture.mean", tiller_status_bad_prior, [](C& c) { joint(c).mean[3] = 0.21; }},
+    {"prior_mixture.root", tiller_status_bad_prior, [](C& c) { joint(c).root[3] = 0.0; }},
+    {"prior_mixture.root", tiller_status_bad_prior, [](C& c) { joint(c).root[4] = kInf; }},
+    {"prior_mixture.root", tiller_status_bad_prior, [](C& c) { joint(c).root[5] = 1e-9; }},
+    {"prior_mixture.root", tiller_status_bad_prior, [](C& c) { joint(c).root[6] = kNan; }},
     {"measurement_count", tiller_status_bad_dimension, [](C& c) { c.measurement_count = 0; }},
     {"measurement_count", tiller_status_bad_dimension, [](C& c) { c.measurement_count = 13; }},
     {"measured_state[0]", tiller_status_bad_dimension, [](C& c) { c.measured_state[0] = 2; }},
