@@ -5,10 +5,12 @@
 // (with one register a step waits for itself most of the time).
 
 #include "rollout/gradient_kernel.hpp"
+#include "rollout/lane_rows.hpp"
 #include "rollout/lq_scenarios.hpp"
 #include "rollout/lq_sweep.hpp"
 #include "rollout/own_cost.hpp"
 #include "rollout/quadratise_lanes.hpp"
+#include "rollout/residual_kernel.hpp"
 #include "rollout/step.hpp"
 #include "scalar/pack.hpp"
 
@@ -19,27 +21,6 @@ template <template <class> class M, template <class> class Cost = NoCost>
 struct Kernel {
   using Model = StaticModel<M>;
   static constexpr int kStates = Model::kStates, kInputs = Model::kInputs;
-
-  template <class P>
-  static TILLER_INLINE P load_row(const Lanes<typename P::value_type>& rows, int row, std::uint32_t lane) {
-    return rows.splat() ? P(rows.data[row]) : P::load(rows.data + static_cast<std::size_t>(row) * rows.stride + lane);
-  }
-  template <class S, class P, class Fields, class Count>
-  static TILLER_INLINE void load_fields(Fields& fields, Count count, const Lanes<typename P::value_type>& rows,
-                                        int first_row, std::uint32_t lane) {
-    each(count, [&](auto i) { fields[i] = S(load_row<P>(rows, first_row + i, lane)); });
-  }
-  template <class S, class P, class T>
-  static TILLER_INLINE void load_parameters(Parameters<Model, S>& p, const StepSetup& setup, const Lanes<T>& rows,
-                                            std::uint32_t lane) {
-    load_fields<S, P>(p.model, Model::np(), rows, 0, lane);
-    int last = Model::kParams;
-    for (std::uint32_t e = 0; e < setup.effect_count; ++e) {
-      const int end = setup.effects[e].param + effect_info(setup.effects[e].kind).param_count;
-      if (end > last) last = end;
-    }
-    for (int i = Model::kParams; i < last; ++i) p.effect[i - Model::kParams] = S(load_row<P>(rows, i, lane));
-  }
 
   /// Every term; out of line, so that the loops of a quadratic cost keep their registers to themselves.
   template <class P, class T>
@@ -81,7 +62,7 @@ struct Kernel {
       load_fields<P, P>(t[r].x, Model::nx(), job.state, 0, at);
       if (!kSplat || r == 0) {
         if constexpr (kEffects)
-          load_parameters<P, P>(p[r], setup, job.params, at);
+          load_parameters<Model, P, P>(p[r], setup, job.params, at);
         else
           load_fields<P, P>(p[r].model, Model::np(), job.params, 0, at);
       }
@@ -190,7 +171,7 @@ struct Kernel {
     each(Model::nx(), [&](auto i) { t.x[i].d[i] = P(1.0); });
     load_fields<D, P>(u, Model::nu(), job.control, 0, lane);
     if constexpr (kInputsToo) each(Model::nu(), [&](auto i) { u[i].d[kStates + i] = P(1.0); });
-    load_parameters<D, P>(p, setup, job.params, lane);
+    load_parameters<Model, D, P>(p, setup, job.params, lane);
     for (std::uint32_t s = 0; s < setup.effect_state_count; ++s)
       t.effect_state[s] = D(load_row<P>(job.effect_state, static_cast<int>(s), lane));
     const auto past = [&](int age, int input) {
@@ -236,6 +217,7 @@ struct Kernel {
     t.rollout_f32 = &rollout_f32;
     t.rollout_f64 = &rollout_f64;
     t.linearise = &linearise;
+    t.residual = &ResidualKernel<M>::residual;
     t.path = &kPath;
     t.lq = &kLq;
     t.lq_rate = &kLqRate;

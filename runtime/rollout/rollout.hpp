@@ -116,6 +116,7 @@ struct QuadratiseJob {
 };
 struct LqKernel;
 struct PathKernel;
+struct ResidualJob;
 
 /// The type erasure: one table per (model, instruction set), one batch x horizon a call.
 struct RolloutTable {
@@ -124,6 +125,7 @@ struct RolloutTable {
   void (*rollout_f32)(const tiller_model_t& model, const RolloutJob<float>& job) = nullptr;
   void (*rollout_f64)(const tiller_model_t& model, const RolloutJob<double>& job) = nullptr;
   void (*linearise)(const tiller_model_t& model, const LineariseJob& job) = nullptr;
+  void (*residual)(const tiller_model_t& model, const ResidualJob& job) = nullptr;  // rollout/residual.hpp
   // Riccati sweeps of the model's sizes (rollout/lq.hpp): (nx, nu), (nx + nu, nu), and (nx, nu) for scenarios; null:
   // the general one serves. Use select_lq.
   const LqKernel* lq = nullptr;

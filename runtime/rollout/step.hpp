@@ -45,7 +45,8 @@ TILLER_INLINE Hook hook_of(std::uint32_t kind) {
   }
 }
 
-template <class Model, class S>
+/// Time is what the length of a step is kept in.
+template <class Model, class S, class Time = double>
 struct Stepper {
   using State = typename Model::template State<S>;
   using Input = typename Model::template Input<S>;
@@ -55,12 +56,12 @@ struct Stepper {
   const Model model;
   const StepSetup& setup;
   const Body<S> body;
-  const double substep_s;
+  Time substep_s;                                // of the steps to come
   EffectSlot slots[kHooks][TILLER_MAX_EFFECTS];  // the setup's effects by hook, in their order
   std::uint32_t slot_count[kHooks] = {};
   std::uint32_t rubbing = 0;  // bit j: a dissipation acts at joint j
 
-  Stepper(const Model& m, const StepSetup& s, double period_s)
+  Stepper(const Model& m, const StepSetup& s, const Time& period_s)
       : model(m), setup(s), body(Body<S>::from(s.body)), substep_s(period_s / s.substeps) {
     for (std::uint32_t e = 0; e < s.effect_count; ++e) {
       const int hook = static_cast<int>(hook_of(s.effects[e].kind));
@@ -71,9 +72,9 @@ struct Stepper {
 
   // ---- the free step ---------------------------------------------------------------------------
 
-  TILLER_INLINE State along(const State& x, const State& dx, double h) const {
+  TILLER_INLINE State along(const State& x, const State& dx, const Time& h) const {
     State next;
-    each(model.nx(), [&](auto i) { next[i] = x[i] + S(h) * dx[i]; });
+    each(model.nx(), [&](auto i) TILLER_INLINED { next[i] = x[i] + S(h) * dx[i]; });
     return next;
   }
 
@@ -97,7 +98,9 @@ struct Stepper {
     const State k3 = model.template dynamics<S>(along(x, k2, 0.5 * substep_s), u, f, body, p);
     const State k4 = model.template dynamics<S>(along(x, k3, substep_s), u, f, body, p);
     State next;
-    each(model.nx(), [&](auto i) { next[i] = x[i] + S(substep_s / 6.0) * (k1[i] + S(2.0) * (k2[i] + k3[i]) + k4[i]); });
+    each(model.nx(), [&](auto i) TILLER_INLINED {
+      next[i] = x[i] + S(substep_s / 6.0) * (k1[i] + S(2.0) * (k2[i] + k3[i]) + k4[i]);
+    });
     return next;
   }
   TILLER_INLINE State free_step(tiller_integrator_t integrator, const State& x, const Input& u, const Force& f,
@@ -227,32 +230,34 @@ struct Stepper {
     for (int r = 0; r < kCount; ++r) next[r] = free_step(kIntegrator, t[r].x, u[r], f[r], p[kSets == 1 ? 0 : r].model);
   }
 
-  /// One period with effects, from the acting commands.
+  /// One substep with effects, from the acting commands.
+  template <int kCount, int kSets>
+  TILLER_INLINE void substep_all(Trajectory<Model, S>* t, const Input* commands, const Parameters<Model, S>* p) const {
+    Input u[kCount];
+    Force f[kCount];
+    State next[kCount];
+    for (int r = 0; r < kCount; ++r) {
+      u[r] = commands[r];
+      f[r] = no_force();
+    }
+    act<kCount, kSets>(t, u, f, p);
+    switch (setup.integrator) {
+      case tiller_integrator_semi_implicit_euler:
+        free_steps<kCount, kSets, tiller_integrator_semi_implicit_euler>(next, t, u, f, p);
+        break;
+      case tiller_integrator_midpoint: free_steps<kCount, kSets, tiller_integrator_midpoint>(next, t, u, f, p); break;
+      default: free_steps<kCount, kSets, tiller_integrator_rk4>(next, t, u, f, p);
+    }
+    if (rubbing != 0) {
+      Response response[kCount];
+      respond<kCount, kSets>(response, next, t, u, f, p);
+      dissipate<kCount, kSets>(next, t, response, p);
+    }
+    for (int r = 0; r < kCount; ++r) t[r].x = next[r];
+  }
   template <int kCount, int kSets>
   TILLER_INLINE void advance_all(Trajectory<Model, S>* t, const Input* commands, const Parameters<Model, S>* p) const {
-    for (std::uint32_t k = 0; k < setup.substeps; ++k) {
-      Input u[kCount];
-      Force f[kCount];
-      State next[kCount];
-      for (int r = 0; r < kCount; ++r) {
-        u[r] = commands[r];
-        f[r] = no_force();
-      }
-      act<kCount, kSets>(t, u, f, p);
-      switch (setup.integrator) {
-        case tiller_integrator_semi_implicit_euler:
-          free_steps<kCount, kSets, tiller_integrator_semi_implicit_euler>(next, t, u, f, p);
-          break;
-        case tiller_integrator_midpoint: free_steps<kCount, kSets, tiller_integrator_midpoint>(next, t, u, f, p); break;
-        default: free_steps<kCount, kSets, tiller_integrator_rk4>(next, t, u, f, p);
-      }
-      if (rubbing != 0) {
-        Response response[kCount];
-        respond<kCount, kSets>(response, next, t, u, f, p);
-        dissipate<kCount, kSets>(next, t, response, p);
-      }
-      for (int r = 0; r < kCount; ++r) t[r].x = next[r];
-    }
+    for (std::uint32_t k = 0; k < setup.substeps; ++k) substep_all<kCount, kSets>(t, commands, p);
   }
   TILLER_INLINE void advance(Trajectory<Model, S>& t, const Input& command, const Parameters<Model, S>& p) const {
     advance_all<1, 1>(&t, &command, &p);

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "rollout/quadratise.hpp"
+#include "rollout/residual.hpp"
 #include "rollout/step.hpp"
 
 namespace tiller {
@@ -17,17 +18,23 @@ double cell(const Lanes<T>& rows, std::size_t row, std::uint32_t lane) {
 }
 
 template <class T>
-void load(const TableModel& model, const StepSetup& setup, const Lanes<T>& state, const Lanes<T>& params,
-          const Lanes<T>& effect_state, std::uint32_t lane, Trajectory<TableModel, double>& t,
-          Parameters<TableModel, double>& p) {
-  for (int i = 0; i < model.nx(); ++i) t.x[i] = cell(state, static_cast<std::size_t>(i), lane);
-  for (std::uint32_t s = 0; s < setup.effect_state_count; ++s) t.effect_state[s] = cell(effect_state, s, lane);
+void load_params(const TableModel& model, const StepSetup& setup, const Lanes<T>& params, std::uint32_t lane,
+                 Parameters<TableModel, double>& p) {
   for (int i = 0; i < model.np(); ++i) p.model[i] = cell(params, static_cast<std::size_t>(i), lane);
   for (std::uint32_t e = 0; e < setup.effect_count; ++e) {
     const EffectSlot& slot = setup.effects[e];
     for (int i = slot.param; i < slot.param + effect_info(slot.kind).param_count; ++i)
       p.effect[i - model.np()] = cell(params, static_cast<std::size_t>(i), lane);
   }
+}
+
+template <class T>
+void load(const TableModel& model, const StepSetup& setup, const Lanes<T>& state, const Lanes<T>& params,
+          const Lanes<T>& effect_state, std::uint32_t lane, Trajectory<TableModel, double>& t,
+          Parameters<TableModel, double>& p) {
+  for (int i = 0; i < model.nx(); ++i) t.x[i] = cell(state, static_cast<std::size_t>(i), lane);
+  for (std::uint32_t s = 0; s < setup.effect_state_count; ++s) t.effect_state[s] = cell(effect_state, s, lane);
+  load_params(model, setup, params, lane, p);
 }
 
 template <class T>
@@ -161,6 +168,58 @@ void linearise(const tiller_model_t& table, const LineariseJob& job) {
   for (std::uint32_t lane = 0; lane < job.lanes; ++lane) linearise_lane(model, step, job, lane);
 }
 
+// ---- one-step residuals ------------------------------------------------------------------------------
+
+/// One lane's sums over a block of steps, row by row.
+struct ResidualSums {
+  double squared[TILLER_MAX_STATES] = {}, projected[TILLER_MAX_STATES][kMaxBasis] = {};
+};
+
+/// Where `step` leads from its measured state.
+Step::State step_from(const TableModel& model, Step& stepper, const MeasuredStep& step,
+                      const Parameters<TableModel, double>& p) {
+  Trajectory<TableModel, double> t{};
+  Step::Input u{};
+  for (int i = 0; i < model.nx(); ++i) t.x[i] = step.state[i];
+  for (int i = 0; i < model.nu(); ++i) u[i] = step.input[i];
+  const auto past = [&](int age, int input) {
+    return age == 0 ? u[input] : step.history[(age - 1) * model.nu() + input];
+  };
+  stepper.substep_s = (step.period_s > 0.0 ? step.period_s : stepper.setup.period_s) / stepper.setup.substeps;
+  stepper.advance(t, stepper.acting_command(u, p, past), p);
+  return t.x;
+}
+
+void residual_lane(const TableModel& model, Step& stepper, const ResidualJob& job, std::uint32_t lane) {
+  const std::uint32_t nx = static_cast<std::uint32_t>(model.nx());
+  Parameters<TableModel, double> p{};
+  load_params(model, *job.setup, job.params, lane, p);
+  ResidualSums sums;
+  for (std::uint32_t k = 0; k < job.count; ++k) {
+    const MeasuredStep& step = job.steps[k];
+    const Step::State next = step_from(model, stepper, step, p);
+    for (std::uint32_t i = 0; i < nx; ++i) {
+      const double e = step.change[i] - (next.v[i] - step.state[i]);
+      if (job.residual) job.residual[(static_cast<std::size_t>(k) * nx + i) * job.lanes + lane] = static_cast<float>(e);
+      const bool missing = std::isnan(step.change[i]);
+      if (missing && std::isfinite(next.v[i])) continue;
+      sums.squared[i] += step.weight * e * e;
+      for (std::uint32_t j = 0; j < job.basis_count; ++j) sums.projected[i][j] += step.weight * step.basis[j] * e;
+    }
+  }
+  for (std::uint32_t i = 0; i < nx; ++i) {
+    if (job.squared) job.squared[static_cast<std::size_t>(i) * job.lanes + lane] += sums.squared[i];
+    for (std::uint32_t j = 0; job.projected && ((job.basis_rows >> i) & 1u) && j < job.basis_count; ++j)
+      job.projected[(static_cast<std::size_t>(i) * job.basis_count + j) * job.lanes + lane] += sums.projected[i][j];
+  }
+}
+
+void residual(const tiller_model_t& table, const ResidualJob& job) {
+  const TableModel model(table);
+  Step stepper(model, *job.setup, job.setup->period_s);
+  for (std::uint32_t lane = 0; lane < job.lanes; ++lane) residual_lane(model, stepper, job, lane);
+}
+
 // ---- the cost to second order ------------------------------------------------------------------------
 
 using PlainExpansion = Expansion<double, TILLER_MAX_STATES, TILLER_MAX_INPUTS>;
@@ -226,6 +285,7 @@ RolloutTable make() {
   t.rollout_f32 = &rollout<float>;
   t.rollout_f64 = &rollout<double>;
   t.linearise = &linearise;
+  t.residual = &residual;
   t.quadratise = &quadratise;
   return t;
 }

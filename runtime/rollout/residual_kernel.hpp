@@ -1,0 +1,253 @@
+#pragma once
+
+// One-step residuals of one model for the instruction set that this source is compiled for. A block of up to 64 steps
+// is laid out once, with what depends on the measured states alone (recorded with a step in each lane); then each
+// register of lanes goes through the block with its parameters and its sums in registers.
+
+#include "rollout/lane_rows.hpp"
+#include "rollout/residual.hpp"
+#include "scalar/shared_start.hpp"
+
+TILLER_ISA_NAMESPACE_BEGIN
+
+/// The model as the residuals' stepper sees it: says what each argument depends on, where the stepper's run-time
+/// choices would hide it from the compiler.
+template <template <class> class M>
+struct SharedStartModel : StaticModel<M> {
+  using Base = StaticModel<M>;
+  using P = Pack<float>;
+
+  template <class S>
+  static TILLER_INLINE typename Base::template State<S> dynamics(const typename Base::template State<S>& x,
+                                                                 typename Base::template Input<S> u,
+                                                                 typename Base::template Force<S> f,
+                                                                 const Body<S>& body,
+                                                                 typename Base::template Params<S> p) {
+    each(Base::nu(), [&](auto i) { u[i] = S(u[i].v); });
+    each(Base::nf(), [&](auto i) { f[i] = S(f[i].v); });
+    each(Base::np(), [&](auto i) { p[i] = S(p[i].v); });
+    const auto constant = [](const S& s) { return S(s.v, S::kConstant); };
+    return M<S>::dynamics(x, u, f,
+                          {constant(body.gravity_x_m_s2), constant(body.gravity_z_m_s2), constant(body.payload_kg),
+                           constant(body.payload_kgm2)},
+                          p);
+  }
+  /// As for plain lanes: nothing of it is shared.
+  template <class S, int J>
+  static TILLER_INLINE void force_response(const typename Base::template State<S>& x,
+                                           const typename Base::template Input<S>& u,
+                                           const typename Base::template Force<S>& f, const Body<S>& body,
+                                           const typename Base::template Params<S>& p, Index<J> j, S* column) {
+    typename Base::template State<P> xp;
+    typename Base::template Input<P> up;
+    typename Base::template Force<P> fp;
+    typename Base::template Params<P> pp;
+    P plain[Base::kForces];
+    each(Base::nx(), [&](auto i) { xp[i] = x[i].v; });
+    each(Base::nu(), [&](auto i) { up[i] = u[i].v; });
+    each(Base::nf(), [&](auto i) { fp[i] = f[i].v; });
+    each(Base::np(), [&](auto i) { pp[i] = p[i].v; });
+    const Body<P> b = {body.gravity_x_m_s2.v, body.gravity_z_m_s2.v, body.payload_kg.v, body.payload_kgm2.v};
+    Base::template force_response<P>(xp, up, fp, b, pp, j, plain);
+    each(Base::nf(), [&](auto i) { column[i] = S(plain[i]); });
+  }
+};
+
+template <template <class> class M>
+struct ResidualKernel {
+  using Model = SharedStartModel<M>;
+  using P = Pack<float>;
+  using S = SharedStart;
+  using Step = Stepper<Model, S, S>;
+  using State = typename Model::template State<S>;
+  using Input = typename Model::template Input<S>;
+  static constexpr int kStates = Model::kStates, kInputs = Model::kInputs, kSteps = static_cast<int>(kResidualBlock);
+  static constexpr int kBasis = static_cast<int>(kMaxBasis);
+  static_assert(kSteps % P::width == 0, "whole registers of steps");
+
+  /// Steps in single precision, a row for each number. Angles lie within +-pi, whatever turns were counted.
+  struct Block {
+    std::uint32_t first = 0;
+    int count = 0;
+    alignas(64) float state[kStates][kSteps + P::width];
+    alignas(64) float change[kStates][kSteps];  // 0 where missing
+    alignas(64) float weight[kStates][kSteps];  // 0 where missing
+    alignas(64) float input[kInputs][kSteps];
+    alignas(64) float basis[kBasis][kSteps];
+    alignas(64) float tape[Tape::kRows][kSteps];
+    alignas(64) float substep_s[kSteps + P::width];
+  };
+
+  static TILLER_INLINE double wrap(double angle) {
+    constexpr double kTurn = 6.28318530717958647693;
+    return angle > -3.2 && angle < 3.2 ? angle : angle - kTurn * __builtin_floor(angle / kTurn + 0.5);
+  }
+
+  static void lay_out(const ResidualJob& job, std::uint32_t first, Block& b) {
+    const StepSetup& setup = *job.setup;
+    const std::uint32_t left = job.count - first;
+    b.first = first;
+    b.count = static_cast<int>(left < kResidualBlock ? left : kResidualBlock);
+    const double share = 1.0 / setup.substeps;
+    for (int k = 0; k < b.count; ++k) {
+      const MeasuredStep& s = job.steps[first + static_cast<std::uint32_t>(k)];
+      each(Model::nx(), [&](auto i) {
+        const bool missing = s.change[i] != s.change[i];
+        b.state[i][k] = static_cast<float>(Model::is_angle(i) ? wrap(s.state[i]) : s.state[i]);
+        b.change[i][k] = missing ? 0.0f : static_cast<float>(s.change[i]);
+        b.weight[i][k] = missing ? 0.0f : static_cast<float>(s.weight);
+      });
+      each(Model::nu(), [&](auto i) { b.input[i][k] = static_cast<float>(s.input[i]); });
+      b.substep_s[k] = static_cast<float>((s.period_s > 0.0 ? s.period_s : setup.period_s) * share);
+      if (job.basis_count == 0) continue;
+      for (std::uint32_t j = 0; j < kMaxBasis; ++j)
+        b.basis[j][k] = j < job.basis_count ? static_cast<float>(s.basis[j]) : 0.0f;
+    }
+    // the recording works on whole registers: the last step is repeated
+    const int last = b.count - 1;
+    each(Model::nx(), [&](auto i) { P(b.state[i][last]).store(&b.state[i][b.count]); });
+    P(b.substep_s[last]).store(&b.substep_s[b.count]);
+  }
+
+  /// Runs the first free step of every step of the block with nothing but the shared state: what is left of it once the
+  /// compiler has dropped what nobody reads are the functions that the tape keeps.
+  template <tiller_integrator_t kIntegrator>
+  static __attribute__((flatten, noinline)) void record(const StepSetup& setup, Block& b) {
+    Step step({}, setup, S(setup.period_s));
+    typename Model::template Params<S> p;
+    Input u;
+    each(Model::np(), [&](auto i) { p[i] = S(P(1.0)); });
+    each(Model::nu(), [&](auto i) { u[i] = S(P(0.0)); });
+    for (int k = 0; k < b.count; k += P::width) {
+      Tape tape{&b.tape[0][k], kSteps, true};
+      State x;
+      each(Model::nx(), [&](auto i) { x[i] = S::of_state(P::load(&b.state[i][k]), &tape); });
+      step.substep_s = S(P::load(&b.substep_s[k]), S::kConstant);
+      step.free_step(kIntegrator, x, u, step.no_force(), p);
+    }
+  }
+
+  /// Step k of the block in all lanes of a register: how far each state moves. Without effects and with one substep.
+  template <tiller_integrator_t kIntegrator>
+  static TILLER_INLINE void advance_bare(const Step& step, const Block& b, int k,
+                                         const typename Model::template Params<S>& p, P* moved) {
+    Tape tape{const_cast<float*>(&b.tape[0][k]), kSteps, false};
+    State x;
+    Input u;
+    each(Model::nx(), [&](auto i) { x[i] = S::of_state(P(b.state[i][k]), &tape); });
+    each(Model::nu(), [&](auto i) { u[i] = S(P(b.input[i][k])); });
+    x = step.free_step(kIntegrator, x, u, step.no_force(), p);
+    each(Model::nx(), [&](auto i) { moved[i] = x[i].moved(P(b.state[i][k])); });
+  }
+  /// The same in general. The first substep begins at the shared state, the others do not.
+  static TILLER_INLINE void advance(const Step& step, const Block& b, const MeasuredStep* steps, int k,
+                                    const Parameters<Model, S>& p, P* moved) {
+    Tape tape{const_cast<float*>(&b.tape[0][k]), kSteps, false};
+    const double* history = steps[k].history;
+    Input u;
+    each(Model::nu(), [&](auto i) { u[i] = S(P(b.input[i][k])); });
+    u = step.acting_command(u, p, [&](int age, int input) {
+      return age == 0 ? S(P(b.input[input][k])) : S(P(history[(age - 1) * kInputs + input]));
+    });
+    P value[kStates];
+    each(Model::nx(), [&](auto i) {
+      value[i] = P(b.state[i][k]);
+      moved[i] = P(0.0);
+    });
+    for (std::uint32_t substep = 0; substep < step.setup.substeps; ++substep) {
+      Trajectory<Model, S> t;
+      each(Model::nx(), [&](auto i) {
+        t.x[i] = S::on_the_way(P(b.state[i][k]), value[i], moved[i], substep == 0 ? S::kShared : S::kLane, &tape);
+      });
+      step.template substep_all<1, 1>(&t, &u, &p);
+      each(Model::nx(), [&](auto i) {
+        value[i] = t.x[i].v;
+        moved[i] = t.x[i].moved(P(b.state[i][k]));
+      });
+    }
+  }
+
+  /// rows[0 ..] += sums, in double.
+  static TILLER_INLINE void add(double* rows, const P& sums) {
+    alignas(64) float all[P::width];
+    sums.store(all);
+#pragma GCC ivdep
+#pragma GCC unroll 1
+    for (int l = 0; l < P::width; ++l) rows[l] += static_cast<double>(all[l]);
+  }
+
+  template <tiller_integrator_t kIntegrator, bool kGeneral>
+  static __attribute__((flatten, noinline)) void sum(const ResidualJob& job, const Block& b) {
+    Step step({}, *job.setup, S(job.setup->period_s));
+    const std::size_t lanes = job.lanes;
+    const MeasuredStep* const steps = job.steps + b.first;
+    float* const residual = job.residual ? job.residual + static_cast<std::size_t>(b.first) * kStates * lanes : nullptr;
+    const unsigned basis_rows = job.projected ? job.basis_rows : 0u;
+    const int count = b.count;
+    for (std::uint32_t lane = 0; lane < lanes; lane += static_cast<std::uint32_t>(P::width)) {
+      Parameters<Model, S> p;
+      if constexpr (kGeneral)
+        load_parameters<Model, S, P>(p, *job.setup, job.params, lane);
+      else
+        load_fields<S, P>(p.model, Model::np(), job.params, 0, lane);
+      P squared[kStates], projected[kStates][kBasis], moved[kStates];
+      each(Model::nx(), [&](auto i) { squared[i] = P(0.0); });
+      if (basis_rows)
+        for (auto& row : projected)
+          for (P& cell : row) cell = P(0.0);
+      for (int k = 0; k < count; ++k) {
+        step.substep_s = S(P(b.substep_s[k]), S::kConstant);
+        if constexpr (kGeneral)
+          advance(step, b, steps, k, p, moved);
+        else
+          advance_bare<kIntegrator>(step, b, k, p.model, moved);
+        each(Model::nx(), [&](auto i) {
+          const P e = P(b.change[i][k]) - moved[i];
+          const P weighted = e * P(b.weight[i][k]);
+          squared[i] = squared[i] + weighted * e;
+          if (residual) e.store(residual + (static_cast<std::size_t>(k) * kStates + i) * lanes + lane);
+          if ((basis_rows >> i) & 1u)
+            for (int j = 0; j < kBasis; ++j) projected[i][j] = projected[i][j] + weighted * P(b.basis[j][k]);
+        });
+      }
+      if (job.squared) each(Model::nx(), [&](auto i) { add(job.squared + i * lanes + lane, squared[i]); });
+      for (std::uint32_t i = 0; basis_rows >> i; ++i)
+        for (std::uint32_t j = 0; ((basis_rows >> i) & 1u) && j < job.basis_count; ++j)
+          add(job.projected + (i * job.basis_count + j) * lanes + lane, projected[i][j]);
+    }
+  }
+
+  template <tiller_integrator_t kIntegrator>
+  static void run(const ResidualJob& job, Block& b) {
+    record<kIntegrator>(*job.setup, b);
+    if (job.setup->effect_count == 0 && job.setup->substeps == 1)
+      sum<kIntegrator, false>(job, b);
+    else
+      sum<tiller_integrator_rk4, true>(job, b);
+  }
+
+  /// Missing rows were summed with no weight; their residual is not a number.
+  static void mark_missing(const ResidualJob& job) {
+    for (std::uint32_t k = 0; k < job.count; ++k)
+      for (int i = 0; i < kStates; ++i)
+        if (job.steps[k].change[i] != job.steps[k].change[i])
+          for (std::uint32_t l = 0; l < job.lanes; ++l)
+            job.residual[(static_cast<std::size_t>(k) * kStates + static_cast<std::size_t>(i)) * job.lanes + l] =
+                __builtin_nanf("");
+  }
+
+  static void residual(const tiller_model_t&, const ResidualJob& job) {
+    Block b;
+    for (std::uint32_t first = 0; first < job.count; first += kResidualBlock) {
+      lay_out(job, first, b);
+      switch (job.setup->integrator) {
+        case tiller_integrator_semi_implicit_euler: run<tiller_integrator_semi_implicit_euler>(job, b); break;
+        case tiller_integrator_midpoint: run<tiller_integrator_midpoint>(job, b); break;
+        default: run<tiller_integrator_rk4>(job, b);
+      }
+    }
+    if (job.residual) mark_missing(job);
+  }
+};
+
+TILLER_ISA_NAMESPACE_END
