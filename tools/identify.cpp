@@ -58,7 +58,8 @@ void clear_line() {
 }
 
 std::string error_cell(const HorizonError& e) {
-  return e.rollouts == 0 ? std::string("-") : format("%.3f (%.3f)", e.rms_end, e.median_end);
+  return e.rollouts == 0 ? std::string("-")
+                         : format("%.3f (%.3f) %3.0f %%", e.rms_end, e.median_end, 100 * e.coverage_90);
 }
 
 void append_parameters(const Assessed& best, std::string& text) {
@@ -75,15 +76,18 @@ void append_parameters(const Assessed& best, std::string& text) {
 void append_errors(const Identified& result, const RobotFile& robot, bool held_out, std::string& text) {
   const Score& first = held_out ? result.candidates[0].on_held_out : result.candidates[0].on_fitted;
   for (std::size_t s = 0; s < first.states.size(); ++s) {
-    text += format("\nrollouts of %s on %s: RMS error (median of the absolute error) after\n",
-                   robot.model->state_names[first.states[s].state], held_out ? "the held-out logs" : "the fitted logs");
+    text += format(
+        "\nrollouts of %s on %s: RMS error (median of the absolute error),\n"
+        "  share of ends inside the predictive 90 %%\n",
+        robot.model->state_names[first.states[s].state], held_out ? "the held-out logs" : "the fitted logs");
     text += format("  %-64s", "model");
-    for (const HorizonError& e : first.states[s].horizons) text += format(" %17s", format("%g s", e.horizon_s).c_str());
+    for (const HorizonError& e : first.states[s].horizons)
+      text += format(" %21s", format("after %g s", e.horizon_s).c_str());
     text += "\n";
     for (const Assessed& a : result.candidates) {
       text += format("  %-64s", a.candidate.name.c_str());
       const Score& score = held_out ? a.on_held_out : a.on_fitted;
-      for (const HorizonError& e : score.states[s].horizons) text += format(" %17s", error_cell(e).c_str());
+      for (const HorizonError& e : score.states[s].horizons) text += format(" %21s", error_cell(e).c_str());
       text += "\n";
     }
     text += format("  %zu rollouts of %g s, begun at states estimated from the log alone\n",

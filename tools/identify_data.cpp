@@ -116,10 +116,15 @@ struct Parabola {
       for (int c = 0; c < 3; ++c) m[r][c] = c == which ? b[r] : a[r][c];
     return determinant(m) / determinant(a);
   }
+  /// Standard deviation of a coefficient, where weights are inverse variances: the inverse's diagonal.
+  double deviation(int which) const {
+    const int p = which == 0 ? 1 : 0, q = which == 2 ? 1 : 2;
+    return std::sqrt((a[p][p] * a[q][q] - a[p][q] * a[q][p]) / determinant(a));
+  }
 };
 
 bool estimate_joint(const Grid& grid, const tiller_config_t& config, const tiller_joint_t& joint, std::size_t point,
-                    std::size_t reach, double* state) {
+                    std::size_t reach, double* state, double* sd) {
   const double position_sd = deviation_of(config, joint.position), rate_sd = deviation_of(config, joint.velocity);
   Parabola fit;
   for (std::size_t p = point - reach; p <= point + reach; ++p) {
@@ -131,6 +136,8 @@ bool estimate_joint(const Grid& grid, const tiller_config_t& config, const tille
   }
   state[joint.position] = fit.coefficient(0);
   state[joint.velocity] = fit.coefficient(1);
+  sd[joint.position] = fit.deviation(0);
+  sd[joint.velocity] = fit.deviation(1);
   return std::isfinite(state[joint.position]) && std::isfinite(state[joint.velocity]);
 }
 
@@ -153,20 +160,23 @@ std::vector<Grid> make_grids(const Log& log, const LogMap& map, const tiller_con
 }
 
 bool estimate_state(const Grid& grid, const tiller_config_t& config, std::size_t point, double half_width_s,
-                    double* state) {
+                    double* state, double* sd) {
   const tiller_model_t& model = *config.model;
   const auto reach = static_cast<std::size_t>(std::max(2.0, std::round(half_width_s / grid.period_s)));
   if (point < reach || point + reach >= grid.points()) return false;
   for (std::uint32_t i = 0; i < model.state_count; ++i) {
     const auto& channel = grid.state[i];
     state[i] = (channel[point - 1] + channel[point] + channel[point + 1]) / 3;
+    sd[i] = deviation_of(config, i) / std::sqrt(3.0);
   }
   for (std::uint32_t j = 0; j < model.joint_count; ++j)
     if (model.joints[j].position != TILLER_NO_POSITION &&
-        !estimate_joint(grid, config, model.joints[j], point, reach, state))
+        !estimate_joint(grid, config, model.joints[j], point, reach, state, sd))
       return false;
   for (std::uint32_t i = 0; i < model.state_count; ++i)
     if (!std::isfinite(state[i])) return false;
+  for (std::uint32_t i = 0; i < model.state_count; ++i)
+    if (!std::isfinite(sd[i])) sd[i] = 0;  // logged, but not a sensor of the robot: taken as it is
   return true;
 }
 

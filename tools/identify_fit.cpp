@@ -90,11 +90,14 @@ bool is_taken(tiller_status_t status) { return status == tiller_status_ok || sta
 void take_in(Posterior& posterior, const std::vector<Stretch>& stretches, const FitOptions& options, Fit& result) {
   std::size_t all = 0, done = 0;
   for (const Stretch& stretch : stretches) all += stretch.steps.size();
+  result.history.begin(posterior, static_cast<std::uint32_t>(result.params.size()), all);
   for (const Stretch& stretch : stretches) {
+    result.history.begin_stretch();
     if (posterior.start(stretch.start) != tiller_status_ok) ++result.refused;
     for (const Transition& step : stretch.steps) {
       if (!is_taken(posterior.update(step))) ++result.refused;
       ++result.transitions;
+      result.history.add(posterior, step.period_s);
       if (options.progress && ++done % 64 == 0) options.progress(static_cast<double>(done) / static_cast<double>(all));
     }
   }

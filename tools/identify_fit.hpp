@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "tools/identify_data.hpp"
+#include "tools/identify_history.hpp"
 #include "tools/robot_file.hpp"
 
 namespace tiller::tools {
@@ -45,6 +46,7 @@ struct Fit {
   std::vector<double> covariance;  ///< (np x np)
   double effective_samples = 0, noise_scale = 1, exponent = 1;
   std::uint64_t transitions = 0, refused = 0, gated = 0;
+  History history;
 };
 
 /// Learns the candidate's parameters from the stretches, one after the other, through the runtime's posterior; the

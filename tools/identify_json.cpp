@@ -51,7 +51,8 @@ json score_json(const Score& score, const RobotFile& robot) {
                           {"rollouts", e.rollouts},
                           {"rms_end", number(e.rms_end)},
                           {"median_abs_end", number(e.median_end)},
-                          {"rms_along", number(e.rms_along)}});
+                          {"rms_along", number(e.rms_along)},
+                          {"coverage_90", number(e.coverage_90)}});
     list.push_back({{"state", robot.model->state_names[state.state]},
                     {"horizons", horizons},
                     {"rms_by_step", numbers(state.curve)}});
@@ -69,7 +70,9 @@ json traces_json(const Score& score, const RobotFile& robot) {
                     {"measured", numbers(trace.measured)},
                     {"mean", numbers(trace.mean)},
                     {"low", numbers(trace.low)},
-                    {"high", numbers(trace.high)}});
+                    {"high", numbers(trace.high)},
+                    {"predictive_low", numbers(trace.predictive_low)},
+                    {"predictive_high", numbers(trace.predictive_high)}});
   return list;
 }
 
@@ -84,6 +87,33 @@ json samples_json(const Fit& fit) {
     if (!row.empty()) rows.push_back(row);
   }
   return rows;
+}
+
+template <class Value>
+json series(const std::vector<Snapshot>& snapshots, Value value) {
+  json list = json::array();
+  for (const Snapshot& s : snapshots) list.push_back(number(value(s)));
+  return list;
+}
+
+// The posterior while the logs were taken in: arrays over the snapshots.
+json history_json(const Fit& fit) {
+  const std::vector<Snapshot>& all = fit.history.snapshots();
+  json params = json::array();
+  for (std::size_t i = 0; i < fit.params.size(); ++i) {
+    if (fit.params[i].fixed) continue;
+    params.push_back({{"name", fit.params[i].name},
+                      {"mean", series(all, [i](const Snapshot& s) { return s.mean[i]; })},
+                      {"low", series(all, [i](const Snapshot& s) { return s.low[i]; })},
+                      {"high", series(all, [i](const Snapshot& s) { return s.high[i]; })}});
+  }
+  return {{"data_s", series(all, [](const Snapshot& s) { return s.data_s; })},
+          {"stretches_s", numbers(fit.history.stretches_s())},
+          {"parameters", params},
+          {"effective_samples", series(all, [](const Snapshot& s) { return s.effective_samples; })},
+          {"noise_scale", series(all, [](const Snapshot& s) { return s.noise_scale; })},
+          {"exponent", series(all, [](const Snapshot& s) { return s.exponent; })},
+          {"acceptance", series(all, [](const Snapshot& s) { return s.acceptance; })}};
 }
 
 json candidate_json(const Assessed& assessed, const RobotFile& robot) {
@@ -104,6 +134,7 @@ json candidate_json(const Assessed& assessed, const RobotFile& robot) {
           {"fitted", score_json(assessed.on_fitted, robot)},
           {"held_out", score_json(assessed.on_held_out, robot)},
           {"samples", samples_json(fit)},
+          {"history", history_json(fit)},
           {"traces", traces_json(held_out ? assessed.on_held_out : assessed.on_fitted, robot)}};
 }
 

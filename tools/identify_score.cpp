@@ -4,59 +4,10 @@
 #include <cmath>
 #include <cstdint>
 
+#include "tools/identify_roller.hpp"
+
 namespace tiller::tools {
 namespace {
-
-// What of a rollout is compared with the log. Lane 0 is the mean, the others are draws.
-class Roller {
- public:
-  Roller(const Candidate& candidate, const Fit& fit)
-      : config_(candidate.config), model_(*candidate.config.model), table_(select_rollout(model_)) {
-    make_step_setup(config_, setup_);
-    const std::uint32_t np = config_.param_count;
-    params_.resize(std::size_t{np} * kLanes);
-    for (std::uint32_t i = 0; i < np; ++i)
-      for (std::uint32_t lane = 0; lane < kLanes; ++lane)
-        params_[std::size_t{i} * kLanes + lane] =
-            lane == 0 || fit.sample_count == 0 ? fit.params[i].mean
-                                               : fit.samples[std::size_t{(lane * 37) % fit.sample_count} * np + i];
-  }
-
-  // (steps + 1) x nx x lanes
-  const std::vector<double>& run(const Grid& grid, std::size_t start, std::size_t steps, const double* state) {
-    const std::uint32_t nu = model_.input_count, nx = model_.state_count;
-    controls_.resize(steps * nu);
-    for (std::size_t k = 0; k < steps; ++k)
-      for (std::uint32_t i = 0; i < nu; ++i) controls_[k * nu + i] = grid.input[i][start + k];
-    history_.assign(std::size_t{setup_.delay_steps} * nu + nu, 0.0);
-    for (std::size_t d = 0; d < setup_.delay_steps; ++d)
-      for (std::uint32_t i = 0; i < nu; ++i) history_[d * nu + i] = grid.input[i][start > d ? start - 1 - d : 0];
-    effect_state_.assign(std::size_t{setup_.effect_state_count} + 1, 0.0);
-    trajectory_.resize((steps + 1) * nx * kLanes);
-    cost_.resize(kLanes);
-    RolloutJob<double> job;
-    job.setup = &setup_;
-    job.lanes = kLanes;
-    job.horizon = static_cast<std::uint32_t>(steps);
-    job.state.data = state;
-    job.params = {params_.data(), kLanes};
-    job.effect_state.data = effect_state_.data();
-    job.controls.data = controls_.data();
-    job.history = history_.data();
-    job.trajectory = trajectory_.data();
-    table_.rollout_f64(model_, job);
-    return trajectory_;
-  }
-
-  static constexpr std::uint32_t kLanes = 64;
-
- private:
-  const tiller_config_t& config_;
-  const tiller_model_t& model_;
-  const RolloutTable& table_;
-  StepSetup setup_;
-  std::vector<double> params_, controls_, history_, effect_state_, trajectory_, cost_;
-};
 
 // Positions of joints that are measured; where none is, whatever is measured.
 std::vector<std::uint32_t> compared_states(const tiller_config_t& config) {
@@ -75,13 +26,13 @@ class Tally {
  public:
   Tally(std::uint32_t state, const std::vector<double>& horizons_s, double period_s) : state_(state) {
     for (const double h : horizons_s) {
-      horizons_.push_back({h, static_cast<std::size_t>(std::llround(h / period_s)), {}, 0, 0});
+      horizons_.push_back({h, static_cast<std::size_t>(std::llround(h / period_s)), {}, 0, 0, 0});
       longest_ = std::max(longest_, horizons_.back().steps);
     }
     square_.resize(longest_);
     count_.resize(longest_);
   }
-  void add(const std::vector<double>& error) {  // after 1, 2, ... steps
+  void add(const std::vector<double>& error, const std::vector<bool>& covered) {  // after 1, 2, ... steps
     double sum = 0;
     for (std::size_t k = 0; k < error.size(); ++k) {
       if (!std::isfinite(error[k])) break;
@@ -93,6 +44,7 @@ class Tally {
       for (auto& h : horizons_)
         if (h.steps == k + 1) {
           h.end.push_back(std::fabs(error[k]));
+          h.covered += covered[k] ? 1 : 0;
           h.along += sum;
           h.along_count += k + 1;
         }
@@ -112,6 +64,7 @@ class Tally {
       double sum = 0;
       for (const double v : h.end) sum += v * v;
       e.rms_end = std::sqrt(sum / static_cast<double>(e.rollouts));
+      e.coverage_90 = static_cast<double>(h.covered) / static_cast<double>(e.rollouts);
       e.rms_along = std::sqrt(h.along / static_cast<double>(h.along_count));
       const auto middle = h.end.begin() + static_cast<std::ptrdiff_t>(h.end.size() / 2);
       std::nth_element(h.end.begin(), middle, h.end.end());
@@ -132,6 +85,7 @@ class Tally {
     std::vector<double> end;
     double along;
     std::size_t along_count;
+    std::size_t covered;
   };
   std::uint32_t state_;
   std::size_t longest_ = 0;
@@ -140,32 +94,53 @@ class Tally {
   std::vector<std::size_t> count_;
 };
 
-RolloutTrace make_trace(const Grid& grid, std::size_t start, std::size_t steps, std::uint32_t state, std::uint32_t nx,
-                        const std::vector<double>& trajectory) {
+// The draws' quantile, where n sorted draws cut the line into n + 1 equally likely parts. Lane 0 is no draw.
+double quantile(const double* row, double q, std::vector<double>& scratch) {
+  scratch.assign(row + 1, row + Roller::kLanes);
+  std::sort(scratch.begin(), scratch.end());
+  const double at = q * (static_cast<double>(scratch.size()) + 1) - 1;
+  const double floor = std::floor(at);
+  const auto below = static_cast<std::size_t>(floor);
+  return scratch[below] + (at - floor) * (scratch[below + 1] - scratch[below]);
+}
+
+RolloutTrace make_trace(const Grid& grid, std::size_t start, std::size_t steps, std::uint32_t state, Roller& roller) {
   RolloutTrace trace;
   trace.path = grid.path;
   trace.state = state;
   trace.period_s = grid.period_s;
   trace.start_s = grid.first_time_s + static_cast<double>(start) * grid.period_s;
-  std::vector<double> lanes(Roller::kLanes);
+  std::vector<double> scratch;
   for (std::size_t k = 0; k <= steps; ++k) {
-    const double* row = trajectory.data() + (k * nx + state) * Roller::kLanes;
     trace.measured.push_back(grid.state[state][start + k]);
-    trace.mean.push_back(row[0]);
-    lanes.assign(row, row + Roller::kLanes);
-    std::sort(lanes.begin(), lanes.end());
-    trace.low.push_back(lanes[Roller::kLanes / 20]);
-    trace.high.push_back(lanes[Roller::kLanes - 1 - Roller::kLanes / 20]);
+    trace.mean.push_back(roller.foreseen(k, state)[0]);
+    trace.low.push_back(quantile(roller.foreseen(k, state), 0.05, scratch));
+    trace.high.push_back(quantile(roller.foreseen(k, state), 0.95, scratch));
+    trace.predictive_low.push_back(quantile(roller.readings(k, state), 0.05, scratch));
+    trace.predictive_high.push_back(quantile(roller.readings(k, state), 0.95, scratch));
   }
   return trace;
 }
 
+// Whether what was measured lies inside the predictive 5-95 % after 1, 2, ... steps; of an angle, the short way round.
+std::vector<bool> covered_by(const tiller_model_t& model, const Grid& grid, std::size_t start, std::size_t steps,
+                             std::uint32_t state, Roller& roller) {
+  std::vector<bool> covered;
+  std::vector<double> scratch, difference(Roller::kLanes);
+  for (std::size_t k = 1; k <= steps; ++k) {
+    for (std::uint32_t lane = 0; lane < Roller::kLanes; ++lane)
+      difference[lane] = state_difference(model, state, roller.readings(k, state)[lane], grid.state[state][start + k]);
+    covered.push_back(quantile(difference.data(), 0.05, scratch) <= 0 &&
+                      quantile(difference.data(), 0.95, scratch) >= 0);
+  }
+  return covered;
+}
+
 std::vector<double> errors_of(const tiller_model_t& model, const Grid& grid, std::size_t start, std::size_t steps,
-                              std::uint32_t state, const std::vector<double>& trajectory) {
+                              std::uint32_t state, const Roller& roller) {
   std::vector<double> error;
   for (std::size_t k = 1; k <= steps; ++k)
-    error.push_back(state_difference(model, state, trajectory[(k * model.state_count + state) * Roller::kLanes],
-                                     grid.state[state][start + k]));
+    error.push_back(state_difference(model, state, roller.foreseen(k, state)[0], grid.state[state][start + k]));
   return error;
 }
 
@@ -201,20 +176,19 @@ Score score(const Candidate& candidate, const Fit& fit, const std::vector<Grid>&
   const std::size_t trace_stride = std::max<std::size_t>(1, starts.size() / std::max(1u, options.traces));
   for (std::size_t s = 0; s < starts.size(); ++s) {
     const Start& start = starts[s];
-    double state[TILLER_MAX_STATES];
-    if (!estimate_state(*start.grid, config, start.point, options.half_width_s, state)) continue;
-    const std::vector<double>& trajectory = roller.run(*start.grid, start.point, start.steps, state);
+    double state[TILLER_MAX_STATES], sd[TILLER_MAX_STATES];
+    if (!estimate_state(*start.grid, config, start.point, options.half_width_s, state, sd)) continue;
+    roller.foresee(*start.grid, start.point, start.steps, state);
+    roller.read(*start.grid, start.point, start.steps, state, sd);
     bool finite = true;
     for (Tally& tally : tallies) {
-      const std::vector<double> error =
-          errors_of(model, *start.grid, start.point, start.steps, tally.state(), trajectory);
+      const std::vector<double> error = errors_of(model, *start.grid, start.point, start.steps, tally.state(), roller);
       finite = finite && std::isfinite(error.back());
-      tally.add(error);
+      tally.add(error, covered_by(model, *start.grid, start.point, start.steps, tally.state(), roller));
     }
     if (!finite) ++result.diverged;
     if (s % trace_stride == trace_stride / 2)
-      result.traces.push_back(
-          make_trace(*start.grid, start.point, start.steps, tallies.front().state(), model.state_count, trajectory));
+      result.traces.push_back(make_trace(*start.grid, start.point, start.steps, tallies.front().state(), roller));
   }
   for (Tally& tally : tallies) result.states.push_back(tally.result());
   return result;

@@ -11,9 +11,10 @@ namespace tiller::tools {
 /// have foreseen the robot.
 struct HorizonError {
   double horizon_s = 0;
-  double rms_end = 0;     ///< of the error at the horizon's end
-  double median_end = 0;  ///< of its absolute value: what one rollout near an upright cannot dominate
-  double rms_along = 0;   ///< over the whole way there
+  double rms_end = 0;      ///< of the error at the horizon's end
+  double median_end = 0;   ///< of its absolute value: what one rollout near an upright cannot dominate
+  double rms_along = 0;    ///< over the whole way there
+  double coverage_90 = 0;  ///< share of ends inside the predictive 5-95 % (see RolloutTrace)
   std::size_t rollouts = 0;
 };
 
@@ -24,12 +25,14 @@ struct StateScore {
   std::vector<double> curve;  ///< RMS error after 1, 2, ... steps, of the starts that last the longest horizon
 };
 
-/// A rollout to look at: time, measured, predicted by the posterior's mean and the 5-95 % of its draws.
+/// A rollout to look at: what was measured and what the posterior's mean foresees, between 5 % and 95 % of its draws
+/// alone (low, high) and of what a sensor would read (predictive: draws, doubt of the start state, process and sensor
+/// noise as estimated).
 struct RolloutTrace {
   std::string path;
   std::uint32_t state = 0;
   double period_s = 0, start_s = 0;
-  std::vector<double> measured, mean, low, high;
+  std::vector<double> measured, mean, low, high, predictive_low, predictive_high;
 };
 
 struct ScoreOptions {

@@ -128,6 +128,47 @@ TEST(Identify, FindsParametersThatAreKnown) {
   EXPECT_LT(error_at(best.on_held_out, 0).rms_end, 0.2 * error_at(result.candidates[0].on_held_out, 0).rms_end);
   EXPECT_LT(error_at(best.on_held_out, 1).rms_end, 0.05);
   EXPECT_NEAR(best.fit.noise_scale, 1.0, 0.1) << "1,600 residuals fix the scale to 2 %";
+  // Predictive bands: rollouts of the right model end inside them, those without friction miss by more than any noise.
+  EXPECT_GE(error_at(best.on_held_out, 0).coverage_90, 0.8);
+  EXPECT_LE(error_at(result.candidates[1].on_held_out, 0).coverage_90, 0.5);
+}
+
+void expect_begins_at_the_prior(const Fit& fit, const Snapshot& first) {
+  EXPECT_EQ(first.transitions, 0u);
+  for (std::size_t i = 0; i < fit.params.size(); ++i) {
+    EXPECT_EQ(first.low[i], fit.params[i].prior_low);
+    EXPECT_EQ(first.mean[i], fit.params[i].prior_mean);
+  }
+}
+
+void expect_ends_at_the_posterior(const Fit& fit, const Snapshot& last) {
+  EXPECT_EQ(last.transitions, fit.transitions);
+  EXPECT_EQ(last.effective_samples, fit.effective_samples);
+  for (std::size_t i = 0; i < fit.params.size(); ++i) {
+    EXPECT_EQ(last.high[i], fit.params[i].high);
+    EXPECT_EQ(last.mean[i], fit.params[i].mean);
+  }
+}
+
+TEST(Identify, HistoryLeadsFromThePriorToThePosterior) {
+  std::string error;
+  const auto robot = parse_robot_file(kRobot, "test.toml", error);
+  ASSERT_TRUE(robot) << error;
+  IdentifyOptions options = quick();
+  options.fit.particles = 128;
+  options.logs = {write_log("history1.csv", 7), write_log("history2.csv", 8)};
+  const Identified result = identify_or_fail(*robot, options);
+  for (const Assessed& assessed : result.candidates) {
+    const std::vector<Snapshot>& all = assessed.fit.history.snapshots();
+    ASSERT_GT(all.size(), 100u);
+    EXPECT_LE(all.size(), History::kMost);
+    expect_begins_at_the_prior(assessed.fit, all.front());
+    expect_ends_at_the_posterior(assessed.fit, all.back());
+    for (std::size_t s = 1; s < all.size(); ++s) EXPECT_GT(all[s].data_s, all[s - 1].data_s);
+    EXPECT_NEAR(all.back().data_s, 2 * 7.99, 0.02) << "two logs of 800 rows, 10 ms apart";
+    ASSERT_EQ(assessed.fit.history.stretches_s().size(), 2u);
+    EXPECT_NEAR(assessed.fit.history.stretches_s()[1], 7.99, 0.02);
+  }
 }
 
 TEST(Identify, MeasuredPendulum) {
@@ -189,6 +230,12 @@ TEST(Identify, JsonHasWhatThePageNeeds) {
   EXPECT_EQ(best["samples"][0].size(), 3u) << "only what was learnt";
   EXPECT_EQ(best["fitted"][0]["horizons"][1]["horizon_s"], 2.0);
   EXPECT_GT(best["traces"].size(), 0u);
+  EXPECT_EQ(best["traces"][0]["predictive_low"].size(), best["traces"][0]["measured"].size());
+  ASSERT_EQ(best["history"]["parameters"].size(), 3u) << "only what was learnt";
+  const std::size_t snapshots = best["history"]["data_s"].size();
+  for (const char* key : {"effective_samples", "noise_scale", "exponent", "acceptance"})
+    EXPECT_EQ(best["history"][key].size(), snapshots) << key;
+  EXPECT_EQ(best["history"]["parameters"][2]["high"].size(), snapshots);
 }
 
 TEST(Identify, EveryBadLogIsNamed) {

@@ -231,14 +231,29 @@ TEST(Grid, StartStateComesFromTheLogAlone) {
   const tiller_config_t config = pendulum_config(0.01);
   const std::vector<Grid> grids = make_grids(outcome.log, dfki_map(), config);
   ASSERT_EQ(grids.size(), 1u);
-  double state[TILLER_MAX_STATES];
-  EXPECT_FALSE(estimate_state(grids[0], config, 0, 0.03, state)) << "nothing before the first point";
-  ASSERT_TRUE(estimate_state(grids[0], config, 110, 0.03, state));
+  double state[TILLER_MAX_STATES], sd[TILLER_MAX_STATES];
+  EXPECT_FALSE(estimate_state(grids[0], config, 0, 0.03, state, sd)) << "nothing before the first point";
+  ASSERT_TRUE(estimate_state(grids[0], config, 110, 0.03, state, sd));
   const double w = 6.283185307179586;
   // a parabola over +-30 ms of a swing at 1 Hz: its cubic rest is below w^3 0.5 h^3 / 6 = 6e-4 rad and, for the
   // slope, below w^3 0.5 h^2 / 6 = 0.02 rad/s
   EXPECT_NEAR(state[0], 0.5 * std::sin(w * 1.1), 6e-4);
   EXPECT_NEAR(state[1], 0.5 * w * std::cos(w * 1.1), 0.02);
+}
+
+// Least squares on seven even points at spacing h, angle alone: slope sd = s / (h sqrt(28)), middle of the parabola
+// s sqrt(1/7 + (sum t^2)^2 / 7^2 / (sum t^4 - (sum t^2)^2 / 7)) = s sqrt(1/7 + 16/84).
+TEST(Grid, DoubtOfTheStartStateIsThatOfLeastSquares) {
+  const Outcome outcome = read(write_file("doubt.csv", swing(300)));
+  tiller_config_t config = pendulum_config(0.01);
+  config.measurement_count = 1;
+  config.measured_state[0] = 0;
+  config.measurement_sd[0] = 0.002;
+  const std::vector<Grid> grids = make_grids(outcome.log, dfki_map(), config);
+  double state[TILLER_MAX_STATES], sd[TILLER_MAX_STATES];
+  ASSERT_TRUE(estimate_state(grids[0], config, 110, 0.03, state, sd));
+  EXPECT_NEAR(sd[0], 0.002 * std::sqrt(1.0 / 7 + 16.0 / 84), 1e-8);
+  EXPECT_NEAR(sd[1], 0.002 / (0.01 * std::sqrt(28.0)), 1e-8);
 }
 
 }  // namespace

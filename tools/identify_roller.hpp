@@ -1,0 +1,45 @@
+#pragma once
+
+#include <vector>
+
+#include "core/rng.hpp"
+#include "tools/identify_data.hpp"
+#include "tools/identify_fit.hpp"
+
+namespace tiller::tools {
+
+/// A fitted candidate rolled out along logged inputs, 64 hypotheses at once: lane 0 is the posterior's mean, the others
+/// are draws.
+class Roller {
+ public:
+  static constexpr std::uint32_t kLanes = 64;
+  /// `candidate` outlives the roller.
+  Roller(const Candidate& candidate, const Fit& fit);
+
+  /// What each hypothesis foresees from `state` (nx) at grid point `start`: no noise.
+  void foresee(const Grid& grid, std::size_t start, std::size_t steps, const double* state);
+  /// What the sensors of each hypothesis would read: a start of its own (`state` with deviations `sd`), process noise
+  /// at every step and measurement noise on top, both as large as the fit found them.
+  void read(const Grid& grid, std::size_t start, std::size_t steps, const double* state, const double* sd);
+
+  const double* foreseen(std::size_t step, std::uint32_t state) const { return row(foreseen_, step, state); }
+  const double* readings(std::size_t step, std::uint32_t state) const { return row(readings_, step, state); }
+
+ private:
+  const double* row(const std::vector<double>& rows, std::size_t step, std::uint32_t state) const {
+    return rows.data() + (step * model_.state_count + state) * kLanes;
+  }
+  RolloutJob<double> job(const Grid& grid, std::size_t start, std::size_t steps);
+
+  const tiller_config_t& config_;
+  const tiller_model_t& model_;
+  const RolloutTable& table_;
+  StepSetup setup_;
+  double noise_scale_;
+  Rng rng_;
+  double sensor_sd_[TILLER_MAX_STATES] = {};
+  std::vector<double> params_, controls_, history_, effect_state_;
+  std::vector<double> foreseen_, readings_;  // ((steps + 1) * nx x lanes)
+};
+
+}  // namespace tiller::tools
