@@ -19,47 +19,11 @@ import os
 import pathlib
 import statistics
 import subprocess
-import sys
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-PEERS = ROOT / "tools/bench/peers"
-HOME = ROOT / "build/bench_peers"
-CORE = max(os.sched_getaffinity(0))
+from _driver import (HOME, PEERS, ROOT, Participant, lines_of, need_environment, note, python_of, site_packages, spread,
+                     take_turns)
 
-
-# ---- environments and programs of the peers ---------------------------------------------------------
-
-
-def note(text):
-    print(f"planning: {text}", file=sys.stderr, flush=True)
-
-
-def python_of(name):
-    return HOME / name / "bin/python"
-
-
-def need_environment(name):
-    """True if the peers of that name are there; makes their environment otherwise."""
-    wanted = (PEERS / f"requirements_{name}.txt").read_text(encoding="utf-8")
-    stamp = HOME / name / "requirements.txt"
-    if stamp.exists() and stamp.read_text(encoding="utf-8") == wanted:
-        return True
-    note(f"installing the peers '{name}' into {HOME.relative_to(ROOT) / name} (once)")
-    HOME.mkdir(parents=True, exist_ok=True)
-    with open(HOME / f"{name}.log", "w", encoding="utf-8") as log:
-        run = lambda *command: subprocess.run(command, stdout=log, stderr=log, check=False).returncode == 0
-        done = run(sys.executable, "-m", "venv", "--clear", str(HOME / name)) and run(
-            str(python_of(name)), "-m", "pip", "install", "--disable-pip-version-check", "--prefer-binary", "-r",
-            str(PEERS / f"requirements_{name}.txt"))
-    if done:
-        stamp.write_text(wanted, encoding="utf-8")
-    else:
-        note(f"they do not install here; see {(HOME / name).relative_to(ROOT)}.log")
-    return done
-
-
-def site_packages(name):
-    return next((HOME / name / "lib").glob("python3*/site-packages"))
+# ---- programs of the peers -------------------------------------------------------------------------
 
 
 def compile_peer(name, sources, flags):
@@ -98,31 +62,6 @@ def tinympc_program():
                                                   f"-I{code}"])
 
 
-# ---- rounds ----------------------------------------------------------------------------------------
-
-
-class Participant:
-    """A program that answers rounds (peers/rounds.hpp)."""
-
-    def __init__(self, command):
-        environment = dict(os.environ, OMP_NUM_THREADS="1", MKL_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
-        self.process = subprocess.Popen([str(c) for c in command], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                                        stderr=subprocess.DEVNULL, text=True, env=environment,
-                                        preexec_fn=lambda: os.sched_setaffinity(0, {CORE}))
-
-    def ask(self, what):
-        try:
-            self.process.stdin.write(what + "\n")
-            self.process.stdin.flush()
-            return json.loads(self.process.stdout.readline())
-        except (OSError, ValueError):
-            return {}
-
-    def leave(self):
-        self.process.stdin.close()
-        self.process.wait()
-
-
 def participants(build, torch):
     hover = HOME / "hover.txt"
     programs = []
@@ -141,22 +80,6 @@ def participants(build, torch):
     if torch and need_environment("torch"):
         programs.append([python_of("torch"), PEERS / "mppi_peer.py"])
     return [Participant(p) for p in programs]
-
-
-def measure(build, rounds, torch):
-    """name -> facts, and name -> seconds of each round."""
-    every = participants(build, torch)
-    facts, times = {}, {}
-    for p in every:
-        facts.update(p.ask("check"))
-    for number in range(rounds):
-        note(f"round {number + 1} of {rounds}")
-        for p in every:
-            for name, seconds in p.ask("round").items():
-                times.setdefault(name, []).append(seconds)
-    for p in every:
-        p.leave()
-    return facts, times
 
 
 # ---- the table -------------------------------------------------------------------------------------
@@ -198,11 +121,6 @@ def reached(facts):
     if "of" in facts:
         return f"u0 off by {facts['error']:.1e}, {facts['unsolved']} of {facts['of']} unsolved"
     return ", ".join(f"{k} {v:.3g}" for k, v in facts.items() if isinstance(v, (int, float)))
-
-
-def spread(values):
-    s = sorted(values)
-    return s[len(s) // 4], s[(3 * len(s)) // 4]
 
 
 def peer_table(facts, times):
@@ -254,12 +172,6 @@ def peer_table(facts, times):
 QUOTED = [("acados SQP_RTI (quoted)", 103.8, 58.0), ("GRAMPC (quoted)", 172.0, 150.0),
           ("box-DDP, 5 its (quoted)", 146.0, 30.0)]
 GOAL_COST, GOAL_US = 104.0, 20.0
-
-
-def lines_of(command):
-    out = subprocess.run([str(c) for c in command], stdout=subprocess.PIPE, text=True, check=False,
-                         preexec_fn=lambda: os.sched_setaffinity(0, {CORE})).stdout
-    return [json.loads(line) for line in out.splitlines() if line.startswith("{")]
 
 
 def front(points):
@@ -325,7 +237,7 @@ def main():
     parts = args.only or ["peers", "planners", "rollout", "pareto"]
     HOME.mkdir(parents=True, exist_ok=True)
     if "peers" in parts:
-        facts, times = measure(args.build, args.rounds, args.torch)
+        facts, times = take_turns(participants(args.build, args.torch), args.rounds)
         print(f"tiller against its peers: one core, CPU time, medians of {args.rounds} rounds [quartiles]")
         report = peer_table(facts, times)
         (HOME / "planning.json").write_text(json.dumps({"rows": report, "times": times}, indent=1), encoding="utf-8")

@@ -1,0 +1,103 @@
+"""What the drivers of the benchmarks share: environments of the peers, programs that take turns, rows with goals."""
+
+import json
+import os
+import pathlib
+import subprocess
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+PEERS = ROOT / "tools/bench/peers"
+HOME = ROOT / "build/bench_peers"
+CORE = max(os.sched_getaffinity(0))
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+
+
+def note(text):
+    print(f"{pathlib.Path(sys.argv[0]).stem}: {text}", file=sys.stderr, flush=True)
+
+
+# ---- environments of the peers ---------------------------------------------------------------------
+
+
+def python_of(name):
+    return HOME / name / "bin/python"
+
+
+def site_packages(name):
+    return next((HOME / name / "lib").glob("python3*/site-packages"))
+
+
+def need_environment(name):
+    """True if the peers of that name are there; makes their environment otherwise."""
+    wanted = (PEERS / f"requirements_{name}.txt").read_text(encoding="utf-8")
+    stamp = HOME / name / "requirements.txt"
+    if stamp.exists() and stamp.read_text(encoding="utf-8") == wanted:
+        return True
+    note(f"installing the peers '{name}' into {HOME.relative_to(ROOT) / name} (once)")
+    HOME.mkdir(parents=True, exist_ok=True)
+    with open(HOME / f"{name}.log", "w", encoding="utf-8") as log:
+        run = lambda *command: subprocess.run(command, stdout=log, stderr=log, check=False).returncode == 0
+        done = run(sys.executable, "-m", "venv", "--clear", str(HOME / name)) and run(
+            str(python_of(name)), "-m", "pip", "install", "--disable-pip-version-check", "--prefer-binary", "-r",
+            str(PEERS / f"requirements_{name}.txt"))
+    if done:
+        stamp.write_text(wanted, encoding="utf-8")
+    else:
+        note(f"they do not install here; see {(HOME / name).relative_to(ROOT)}.log")
+    return done
+
+
+# ---- programs --------------------------------------------------------------------------------------
+
+
+def _pin():
+    os.sched_setaffinity(0, {CORE})
+
+
+class Participant:
+    """A program that answers rounds (peers/rounds.hpp)."""
+
+    def __init__(self, command):
+        self.process = subprocess.Popen([str(c) for c in command], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                                        stderr=subprocess.DEVNULL, text=True, env=dict(os.environ, **ONE_THREAD),
+                                        preexec_fn=_pin)
+
+    def ask(self, what):
+        try:
+            self.process.stdin.write(what + "\n")
+            self.process.stdin.flush()
+            return json.loads(self.process.stdout.readline())
+        except (OSError, ValueError):
+            return {}
+
+    def leave(self):
+        self.process.stdin.close()
+        self.process.wait()
+
+
+def take_turns(participants, rounds):
+    """name -> facts, and name -> seconds of each round."""
+    facts, times = {}, {}
+    for p in participants:
+        facts.update(p.ask("check"))
+    for number in range(rounds):
+        note(f"round {number + 1} of {rounds}")
+        for p in participants:
+            for name, seconds in p.ask("round").items():
+                times.setdefault(name, []).append(seconds)
+    for p in participants:
+        p.leave()
+    return facts, times
+
+
+def lines_of(command):
+    """The lines of JSON that a program prints, run on one core."""
+    out = subprocess.run([str(c) for c in command], stdout=subprocess.PIPE, text=True, check=False,
+                         env=dict(os.environ, **ONE_THREAD), preexec_fn=_pin).stdout
+    return [json.loads(line) for line in out.splitlines() if line.startswith("{")]
+
+
+def spread(values):
+    s = sorted(values)
+    return s[len(s) // 4], s[(3 * len(s)) // 4]
