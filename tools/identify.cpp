@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
@@ -73,6 +74,12 @@ void append_parameters(const Assessed& best, std::string& text) {
   }
 }
 
+int longest_name(const Identified& result) {
+  std::size_t longest = 0;
+  for (const Assessed& a : result.candidates) longest = std::max(longest, a.candidate.name.size());
+  return static_cast<int>(longest);
+}
+
 void append_errors(const Identified& result, const RobotFile& robot, bool held_out, std::string& text) {
   const Score& first = held_out ? result.candidates[0].on_held_out : result.candidates[0].on_fitted;
   for (std::size_t s = 0; s < first.states.size(); ++s) {
@@ -80,12 +87,12 @@ void append_errors(const Identified& result, const RobotFile& robot, bool held_o
         "\nrollouts of %s on %s: RMS error (median of the absolute error),\n"
         "  share of ends inside the predictive 90 %%\n",
         robot.model->state_names[first.states[s].state], held_out ? "the held-out logs" : "the fitted logs");
-    text += format("  %-64s", "model");
+    text += format("  %-*s", longest_name(result), "model");
     for (const HorizonError& e : first.states[s].horizons)
       text += format(" %21s", format("after %g s", e.horizon_s).c_str());
     text += "\n";
     for (const Assessed& a : result.candidates) {
-      text += format("  %-64s", a.candidate.name.c_str());
+      text += format("  %-*s", longest_name(result), a.candidate.name.c_str());
       const Score& score = held_out ? a.on_held_out : a.on_fitted;
       for (const HorizonError& e : score.states[s].horizons) text += format(" %21s", error_cell(e).c_str());
       text += "\n";

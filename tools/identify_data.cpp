@@ -164,6 +164,8 @@ bool estimate_state(const Grid& grid, const tiller_config_t& config, std::size_t
   const tiller_model_t& model = *config.model;
   const auto reach = static_cast<std::size_t>(std::max(2.0, std::round(half_width_s / grid.period_s)));
   if (point < reach || point + reach >= grid.points()) return false;
+  double own_sd[TILLER_MAX_STATES];
+  if (sd == nullptr) sd = own_sd;
   for (std::uint32_t i = 0; i < model.state_count; ++i) {
     const auto& channel = grid.state[i];
     state[i] = (channel[point - 1] + channel[point] + channel[point + 1]) / 3;

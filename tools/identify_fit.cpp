@@ -1,5 +1,6 @@
 #include "tools/identify_fit.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <memory>
@@ -75,14 +76,15 @@ void summarise(const Posterior& posterior, const Candidate& candidate, bool prio
   }
 }
 
-void take_samples(const Posterior& posterior, std::uint32_t np, Fit& result) {
-  result.sample_count = posterior.size() < 512 ? posterior.size() : 512;
-  std::vector<float> rows(std::size_t{np} * result.sample_count);
-  posterior.draw(result.sample_count, 0, rows.data(), nullptr, nullptr, nullptr);
-  result.samples.resize(rows.size());
-  for (std::uint32_t s = 0; s < result.sample_count; ++s)
+// (count x np)
+std::vector<double> take_samples(const Posterior& posterior, std::uint32_t np, std::uint32_t count) {
+  std::vector<float> rows(std::size_t{np} * count);
+  posterior.draw(count, 0, rows.data(), nullptr, nullptr, nullptr);
+  std::vector<double> samples(rows.size());
+  for (std::uint32_t s = 0; s < count; ++s)
     for (std::uint32_t i = 0; i < np; ++i)
-      result.samples[std::size_t{s} * np + i] = static_cast<double>(rows[std::size_t{i} * result.sample_count + s]);
+      samples[std::size_t{s} * np + i] = static_cast<double>(rows[std::size_t{i} * count + s]);
+  return samples;
 }
 
 bool is_taken(tiller_status_t status) { return status == tiller_status_ok || status >= tiller_status_command_limited; }
@@ -147,10 +149,13 @@ bool fit(const Candidate& candidate, const std::vector<Stretch>& stretches, cons
   }
   const Block block = make_posterior(config, setup);
   result = {};
+  result.particles = block.posterior->size();
+  result.sample_count = std::min(result.particles, 512u);
   summarise(*block.posterior, candidate, true, result);
+  result.prior_samples = take_samples(*block.posterior, config.param_count, result.sample_count);
   take_in(*block.posterior, stretches, options, result);
   summarise(*block.posterior, candidate, false, result);
-  take_samples(*block.posterior, config.param_count, result);
+  result.samples = take_samples(*block.posterior, config.param_count, result.sample_count);
   result.covariance.resize(std::size_t{config.param_count} * config.param_count);
   block.posterior->covariance(result.covariance.data());
   result.effective_samples = block.posterior->effective_samples();

@@ -41,9 +41,11 @@ struct FitOptions {
 
 struct Fit {
   std::vector<ParamSummary> params;
-  std::vector<double> samples;  ///< (sample_count x np) equally weighted draws
+  std::vector<double> samples;        ///< (sample_count x np) equally weighted draws
+  std::vector<double> prior_samples;  ///< (sample_count x np) the same before any data
   std::uint32_t sample_count = 0;
   std::vector<double> covariance;  ///< (np x np)
+  std::uint32_t particles = 0;
   double effective_samples = 0, noise_scale = 1, exponent = 1;
   std::uint64_t transitions = 0, refused = 0, gated = 0;
   History history;

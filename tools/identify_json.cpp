@@ -77,13 +77,13 @@ json traces_json(const Score& score, const RobotFile& robot) {
 }
 
 // Draws of the parameters that were learnt: (draws x learnt), for marginals and pairs.
-json samples_json(const Fit& fit) {
+json samples_json(const Fit& fit, const std::vector<double>& samples) {
   const std::size_t np = fit.params.size();
   json rows = json::array();
-  for (std::uint32_t s = 0; s < fit.sample_count; ++s) {
+  for (std::size_t s = 0; s * np < samples.size(); ++s) {
     json row = json::array();
     for (std::size_t i = 0; i < np; ++i)
-      if (!fit.params[i].fixed) row.push_back(number(fit.samples[s * np + i]));
+      if (!fit.params[i].fixed) row.push_back(number(samples[s * np + i]));
     if (!row.empty()) rows.push_back(row);
   }
   return rows;
@@ -125,6 +125,7 @@ json candidate_json(const Assessed& assessed, const RobotFile& robot) {
           {"learns", assessed.candidate.learns()},
           {"parameters", params},
           {"noise_scale", number(fit.noise_scale)},
+          {"particles", fit.particles},
           {"effective_samples", number(fit.effective_samples)},
           {"exponent", number(fit.exponent)},
           {"transitions", fit.transitions},
@@ -133,7 +134,8 @@ json candidate_json(const Assessed& assessed, const RobotFile& robot) {
           {"diverged", assessed.on_held_out.diverged + assessed.on_fitted.diverged},
           {"fitted", score_json(assessed.on_fitted, robot)},
           {"held_out", score_json(assessed.on_held_out, robot)},
-          {"samples", samples_json(fit)},
+          {"samples", samples_json(fit, fit.samples)},
+          {"prior_samples", samples_json(fit, fit.prior_samples)},
           {"history", history_json(fit)},
           {"traces", traces_json(held_out ? assessed.on_held_out : assessed.on_fitted, robot)}};
 }

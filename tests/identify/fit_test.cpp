@@ -228,6 +228,7 @@ TEST(Identify, JsonHasWhatThePageNeeds) {
   EXPECT_EQ(best["parameters"].size(), 5u);
   EXPECT_EQ(best["samples"].size(), 128u);
   EXPECT_EQ(best["samples"][0].size(), 3u) << "only what was learnt";
+  EXPECT_EQ(best["prior_samples"].size(), 128u);
   EXPECT_EQ(best["fitted"][0]["horizons"][1]["horizon_s"], 2.0);
   EXPECT_GT(best["traces"].size(), 0u);
   EXPECT_EQ(best["traces"][0]["predictive_low"].size(), best["traces"][0]["measured"].size());

@@ -1,5 +1,6 @@
 """The pages: one file, nothing from the network, and a sentence for every input that cannot be drawn."""
 
+import json
 import os
 import re
 import sys
@@ -35,6 +36,47 @@ def write_run(path: Path, rows: int = 200, drop: tuple = ()) -> Path:
         for i in range(rows):
             file.write(",".join(str(columns[name][i]) for name in names) + "\n")
     return path
+
+
+def fit_result(learnt: int = 2, history: bool = True, held_out: bool = True) -> dict:
+    """What `tiller identify` leaves: a nominal candidate and one with `learnt` parameters."""
+    rng = np.random.default_rng(1)
+    curve = list(np.linspace(0.01, 0.3, 100))
+    trace = {"path": "runs/c.csv", "state": "angle_rad", "start_s": 0.5, "period_s": 0.02, "measured": curve,
+             "mean": curve, **{key: [v + d for v in curve] for key, d in (
+                 ("low", -0.1), ("high", 0.1), ("predictive_low", -0.2), ("predictive_high", 0.2))}}
+    trace["measured"] = curve[:50] + [None] + curve[51:]
+    horizons = [{"horizon_s": 1.0, "rollouts": 40, "rms_end": 0.1, "median_abs_end": 0.05, "rms_along": 0.05,
+                 "coverage_90": 0.875},
+                {"horizon_s": 2.0, "rollouts": 0, "rms_end": 0, "median_abs_end": 0, "rms_along": 0, "coverage_90": 0}]
+    errors = [{"state": "angle_rad", "horizons": horizons, "rms_by_step": curve}]
+
+    def candidate(name: str, learns: bool) -> dict:
+        params = [{"name": "mass_kg", "fixed": True, "mean": 1.0}]
+        over_time = []
+        time = 0.01 * np.arange(200)
+        for i in range(learnt if learns else 0):
+            width = 1 / (1 + 50 * time)
+            params.append({"name": f"damping_{i}_SI", "fixed": False, "mean": 0.5, "sd": 0.01, "median": 0.5,
+                           "interval_90": [0.49, 0.51],
+                           "prior": {"mean": 0.5, "sd": 0.3, "interval_90": [0.05, 0.95]}})
+            over_time.append({"name": f"damping_{i}_SI", "mean": [0.5] * 200, "low": list(0.5 - 0.5 * width),
+                              "high": list(0.5 + 0.5 * width)})
+        out = {"name": name, "learns": learns, "parameters": params, "noise_scale": 1.1, "particles": 512,
+               "effective_samples": 300.0, "exponent": 1.0, "transitions": 800, "refused": 0, "gated": 0, "diverged": 0,
+               "fitted": errors, "held_out": errors if held_out else [], "traces": [trace],
+               "samples": (0.5 + 0.01 * rng.standard_normal((512, learnt))).tolist() if learns else [],
+               "prior_samples": rng.random((512, learnt)).tolist() if learns else []}
+        if history:
+            out["history"] = {"data_s": list(time), "stretches_s": [0.0, 1.2], "parameters": over_time,
+                              **{key: [0.5] * 200 for key in ("effective_samples", "noise_scale", "exponent",
+                                                              "acceptance")}}
+        return out
+
+    return {"tiller": "0.1", "robot": "arm <1>", "robot_file": "arm.toml", "model": "pendulum", "period_s": 0.02,
+            "warnings": ["a warning"], "logs": [{"path": "runs/a.csv"}],
+            "held_out": [{"path": "runs/c.csv"}] if held_out else [],
+            "candidates": [candidate("nominal", False), candidate("pendulum", learnt > 0)]}
 
 
 class Pages(unittest.TestCase):
@@ -113,6 +155,30 @@ class Pages(unittest.TestCase):
         self.assertEqual(report.main([str(run)]), 0)
         self.assertTrue((self.folder / "run.html").exists())
         self.assertEqual(report.main([str(self.folder / "none.csv")]), 1)
+
+    def draw_fit(self, **options) -> str:
+        path = self.folder / "identify.json"
+        path.write_text(json.dumps(fit_result(**options)))
+        return self.check_page(identify_report.write_report(path, self.folder / "identify.html"))
+
+    def test_fit(self):
+        text = self.draw_fit()
+        for word in ("arm &lt;1&gt;", "damping_1_SI", "pairs of parameters", "While the logs were taken in",
+                     "effective sample size", "acceptance of moves", "300 of 512", "88 %", "90 % of readings",
+                     "rollouts on held-out logs", "a warning"):
+            self.assertIn(word, text)
+        self.assertLess(len(text), 2_000_000)
+
+    def test_fit_of_a_method_that_takes_all_data_at_once(self):
+        text = self.draw_fit(history=False)
+        self.assertNotIn("While the logs were taken in", text)
+        self.assertIn("damping_1_SI", text)
+
+    def test_fit_of_one_parameter_or_none(self):
+        self.assertNotIn("pairs of parameters", self.draw_fit(learnt=1))
+        text = self.draw_fit(learnt=0, held_out=False)
+        self.assertNotIn("While the logs were taken in", text)
+        self.assertIn("rollouts on fitted logs", text)
 
     def test_bad_fits(self):
         bad = self.folder / "identify.json"

@@ -36,51 +36,156 @@ def _array(values) -> np.ndarray:
 # ---- figures ---------------------------------------------------------------------------------------
 
 
+def _prior_draws(candidate: dict, index: int) -> np.ndarray:
+    return np.array([row[index] for row in candidate.get("prior_samples", [])])
+
+
 def marginal_figure(candidate: dict, index: int) -> str:
+    """The posterior over the prior, on the prior's scale while the posterior can still be seen there."""
     param = _learnt(candidate)[index]
-    draws = np.array(candidate["samples"])[:, index]
-    figure, ax = page.axes(param["name"], xlabel=param["name"], height=3.0)
+    draws, before = np.array(candidate["samples"])[:, index], _prior_draws(candidate, index)
     low, high = param["prior"]["interval_90"]
+    times = (high - low) / max(param["interval_90"][1] - param["interval_90"][0], 1e-300)
+    figure, ax = page.axes(param["name"], xlabel=param["name"], height=3.0)
     ax.axvspan(low, high, color=page.PRIOR, label="prior 90 %")
-    ax.hist(draws, bins=40, density=True, color=page.BAND, label="posterior")
+    edges = np.linspace(min(draws.min(), *before), max(draws.max(), *before), 60) if before.size else 40
+    notes = []
+    if times > 15:
+        reach = 0.8 * (draws.max() - draws.min()) + 1e-300
+        ax.set_xlim(draws.min() - reach, draws.max() + reach)
+        edges = 40
+        notes.append(f"Drawn on the posterior's scale: the prior's 90 % are {page.number(times, 2)} times as wide.")
+    elif before.size:
+        ax.hist(before, bins=edges, density=True, histtype="step", color=page.MEASURED, linewidth=1.2, label="prior")
+    ax.hist(draws, bins=edges, density=True, color=page.BAND, label="posterior")
     ax.axvline(param["mean"], color=page.ESTIMATE, label="mean")
     ax.set_yticks([])
     ax.spines["left"].set_visible(False)
     ax.grid(axis="y", visible=False)
     page.legend(ax)
-    caption = ""
     if not low <= param["mean"] <= high:
-        caption = "The posterior leaves the prior's 90 %: the prior, or the model, deserves a second look."
-    return page.svg(figure, caption)
+        notes.append("The posterior leaves the prior's 90 %: the prior, or the model, deserves a second look.")
+    return page.svg(figure, " ".join(notes))
+
+
+def _pair(ax, x: np.ndarray, y: np.ndarray, color: str) -> None:
+    ax.plot(x, y, ".", markersize=2.5, alpha=0.5, color=color)
 
 
 def pairs_figure(candidate: dict) -> str | None:
+    """Lower triangle: the posterior on its own scale; upper triangle: the same inside the prior."""
     learnt = _learnt(candidate)
     if len(learnt) < 2:
         return None
-    draws = np.array(candidate["samples"])
+    # some dots tell as much as all, and each weighs 150 bytes of the page
+    draws, before = np.array(candidate["samples"])[:250], np.array(candidate.get("prior_samples", []))[:150]
     n = len(learnt)
-    figure, axes = page.plt.subplots(n, n, figsize=(6.0, 5.6), squeeze=False)
+    side = max(5.6, 1.6 * n)
+    figure, axes = page.plt.subplots(n, n, figsize=(side + 0.4, side), squeeze=False)
     figure.set_label("pairs of parameters")
     for r in range(n):
         for c in range(n):
             ax = axes[r][c]
-            if c > r:
-                ax.axis("off")
-                continue
             if c == r:
                 ax.hist(draws[:, r], bins=30, color=page.BAND)
                 ax.set_yticks([])
+            elif c < r:
+                _pair(ax, draws[:, c], draws[:, r], color=page.ESTIMATE)
+            elif before.size:
+                _pair(ax, before[:, c], before[:, r], color=page.MEASURED)
+                _pair(ax, draws[:, c], draws[:, r], color=page.ESTIMATE)
+                ax.set_facecolor("#f8f8f8")
             else:
-                ax.plot(draws[:, c], draws[:, r], ".", color=page.ESTIMATE, markersize=2, alpha=0.4)
+                ax.axis("off")
             ax.tick_params(labelsize=7, labelleft=c == 0 and r > 0, labelbottom=r == n - 1)
+            if c > r:  # a scale of its own: labelled at the outside
+                ax.tick_params(labeltop=r == 0, labelright=c == n - 1, labelbottom=False)
             ax.locator_params(nbins=3)
             if r == n - 1:
                 ax.set_xlabel(learnt[c]["name"], fontsize=8)
             if c == 0 and r > 0:
                 ax.set_ylabel(learnt[r]["name"], fontsize=8)
     return page.svg(figure, "Draws from the posterior. A slanted cloud means that the logs fix a combination better "
-                            "than each parameter alone.")
+                            "than each parameter alone. Shaded panels: the same on the scale of the prior (grey).")
+
+
+# ---- while the logs were taken in --------------------------------------------------------------------
+
+
+def _history_axes(history: dict, title: str, **layout):
+    figure, ax = page.axes(title, xlabel="data taken in (s)", **layout)
+    for start in history["stretches_s"][1:]:
+        ax.axvline(start, color=page.MEASURED, linewidth=0.8, linestyle=(0, (1, 2)))
+    return figure, ax
+
+
+def _learnt_early(history: dict) -> bool:
+    """Whether every parameter's interval had halved within a twentieth of the data: drawn over a logarithmic axis."""
+    time = _array(history["data_s"])
+    halved = []
+    for param in history["parameters"]:
+        width = _array(param["high"]) - _array(param["low"])
+        below = np.flatnonzero(width < 0.5 * width[0])
+        halved.append(time[below[0]] if below.size else np.inf)
+    return max(halved) < time[-1] / 20
+
+
+def learning_figure(candidate: dict, index: int) -> str:
+    """Mean and 90 % of a parameter while data come in, inside the prior's 90 %."""
+    history = candidate["history"]
+    param, prior = history["parameters"][index], _learnt(candidate)[index]["prior"]["interval_90"]
+    time = _array(history["data_s"])
+    figure, ax = _history_axes(history, param["name"], height=3.2)
+    ax.axhspan(*prior, color=page.PRIOR, label="prior 90 %")
+    ax.fill_between(time, _array(param["low"]), _array(param["high"]), color=page.BAND, linewidth=0, label="90 %")
+    ax.plot(time, _array(param["mean"]), color=page.ESTIMATE, label="mean")
+    if _learnt_early(history):
+        ax.set_xscale("log")
+        ax.set_xlim(time[1], time[-1])
+    ax.margins(x=0)
+    page.legend(ax)
+    return page.svg(figure)
+
+
+def count_figure(candidate: dict) -> str:
+    history = candidate["history"]
+    figure, ax = _history_axes(history, "effective sample size", height=3.2)
+    ax.plot(_array(history["data_s"]), _array(history["effective_samples"]), color=page.ESTIMATE, linewidth=1.0)
+    ax.set_ylim(bottom=0)
+    ax.margins(x=0)
+    return page.svg(figure, f"Of {candidate['particles']} particles. It falls as data weigh them, and is restored by "
+                            "resampling and moves.")
+
+
+def shares_figure(candidate: dict) -> str:
+    history = candidate["history"]
+    figure, ax = _history_axes(history, "acceptance of moves, exponent of the likelihood", height=3.2)
+    time = _array(history["data_s"])
+    ax.plot(time, _array(history["acceptance"]), color=page.ESTIMATE, label="acceptance")
+    ax.plot(time, _array(history["exponent"]), color=page.TRUTH, label="exponent")
+    ax.set_ylim(0, 1.05)
+    ax.margins(x=0)
+    page.legend(ax)
+    return page.svg(figure, "Below an exponent of 1 the data do not yet count in full. Acceptance near 0 means that "
+                            "particles no longer move.")
+
+
+def noise_figure(candidate: dict) -> str:
+    history = candidate["history"]
+    figure, ax = _history_axes(history, "noise over the robot file's", height=3.2)
+    ax.axhline(1, color=page.MEASURED, linewidth=0.8)
+    ax.plot(_array(history["data_s"]), _array(history["noise_scale"]), color=page.ESTIMATE)
+    ax.set_ylim(bottom=0)
+    ax.margins(x=0)
+    return page.svg(figure, "A step upwards marks data that the model does not explain.")
+
+
+def history_section(candidate: dict) -> str:
+    if len(candidate.get("history", {}).get("data_s", [])) < 2 or not _learnt(candidate):
+        return ""
+    figures = [learning_figure(candidate, i) for i in range(len(_learnt(candidate)))]
+    figures += [noise_figure(candidate), count_figure(candidate), shares_figure(candidate)]
+    return "<h2>While the logs were taken in</h2>" + page.grid(figures)
 
 
 def horizon_figure(result: dict, which: str, state_index: int) -> str:
@@ -105,9 +210,13 @@ def trace_figure(result: dict, index: int) -> str:
     figure, ax = page.axes(f"{best['state']} from {best['start_s']:.2f} s of {Path(best['path']).stem}",
                            xlabel="horizon (s)")
     time = best["period_s"] * np.arange(len(best["mean"]))
-    ax.fill_between(time, _array(best["low"]), _array(best["high"]), color=page.BAND, linewidth=0)
+    if "predictive_low" in best:
+        ax.fill_between(time, _array(best["predictive_low"]), _array(best["predictive_high"]), color=page.PREDICTIVE,
+                        linewidth=0, label="90 % of readings")
+    ax.fill_between(time, _array(best["low"]), _array(best["high"]), color=page.BAND, linewidth=0,
+                    label="90 % of parameters")
     ax.plot(time, _array(nominal["mean"]), color=page.MEASURED, linestyle=(0, (4, 2)), label="nominal")
-    ax.plot(time, _array(best["mean"]), color=page.ESTIMATE, label="fitted, 90 %")
+    ax.plot(time, _array(best["mean"]), color=page.ESTIMATE, label="fitted")
     ax.plot(time, _array(best["measured"]), color=page.TRUTH, linewidth=1.2, label="measured")
     ax.margins(x=0.01)
     page.legend(ax)
@@ -129,13 +238,20 @@ def param_table(candidate: dict) -> str:
     return page.rows(["parameter", "prior 90 %", "mean", "sd", "posterior 90 %"], body)
 
 
+def _error_cells(horizon: dict) -> list[str]:
+    if not horizon["rollouts"]:
+        return ["–", "–"]
+    return [f"{page.number(horizon['rms_end'], 3)} ({page.number(horizon['median_abs_end'], 3)})",
+            f"{100 * horizon['coverage_90']:.0f} %"]
+
+
 def error_table(result: dict, which: str, state_index: int) -> str:
     horizons = result["candidates"][0][which][state_index]["horizons"]
-    header = ["model"] + [f"{h['horizon_s']:g} s: RMS (median)" for h in horizons] + ["noise"]
+    header = ["model"] + [cell for h in horizons
+                          for cell in (f"{h['horizon_s']:g} s: RMS (median)", "inside 90 %")] + ["noise"]
     body = []
     for candidate in result["candidates"]:
-        cells = [f"{page.number(h['rms_end'], 3)} ({page.number(h['median_abs_end'], 3)})" if h["rollouts"] else "–"
-                 for h in candidate[which][state_index]["horizons"]]
+        cells = [cell for h in candidate[which][state_index]["horizons"] for cell in _error_cells(h)]
         noise = f"{page.number(candidate['noise_scale'], 3)} ×" if candidate["learns"] else "–"
         body.append([_short(candidate, result["model"])] + cells + [noise])
     return page.rows(header, body)
@@ -146,7 +262,8 @@ def errors_section(result: dict, which: str, title: str) -> str:
     for i, state in enumerate(result["candidates"][0][which]):
         rollouts = state["horizons"][0]["rollouts"]
         parts.append(f"<p>{page.html.escape(state['state'])}, {rollouts} rollouts, begun at states estimated from the "
-                     f"log alone. Error at the end of the horizon; the median of the absolute error in brackets.</p>")
+                     f"log alone. Error at the end of the horizon, the median of the absolute error in brackets; and the "
+                     f"share of ends inside the predictive 90 % (parameters, start state and noise).</p>")
         parts.append(error_table(result, which, i))
         parts.append(page.grid([horizon_figure(result, which, i)]))
     return "".join(parts)
@@ -160,7 +277,7 @@ def build(result: dict) -> str:
             f"<p class=lead>{page.html.escape(best['name'])}. Fitted: {page.html.escape(logs)}. Held out: "
             f"{page.html.escape(held)}.</p>",
             page.facts([("transitions", str(best["transitions"])),
-                        ("effective samples", page.number(best["effective_samples"], 3)),
+                        ("effective samples", f"{best['effective_samples']:.0f} of {best['particles']}"),
                         ("noise over the robot file's", f"{page.number(best['noise_scale'], 3)} ×")])]
     for warning in result["warnings"]:
         body.append(f"<p>⚠ {page.html.escape(warning)}</p>")
@@ -168,10 +285,11 @@ def build(result: dict) -> str:
     if _learnt(best):
         figures = [marginal_figure(best, i) for i in range(len(_learnt(best)))] + [pairs_figure(best)]
         body.append(page.grid([figure for figure in figures if figure]))
+    body.append(history_section(best))
     if result["held_out"]:
         body.append(errors_section(result, "held_out", "How well it foresees logs that were held out"))
     body.append(errors_section(result, "fitted", "… and the logs that it was fitted to"))
-    body += ["<h2>Some rollouts</h2>", page.grid([trace_figure(result, i) for i in range(len(best["traces"]))])]
+    body += [f"<h2>Some rollouts on {'held-out' if result['held_out'] else 'fitted'} logs</h2>", page.grid([trace_figure(result, i) for i in range(len(best["traces"]))])]
     body.append(f"<footer>From <code>{page.html.escape(result['robot_file'])}</code>, tiller "
                 f"{page.html.escape(result['tiller'])}.</footer>")
     return page.page(f"{result['robot']}: parameters from logs", "".join(body))
