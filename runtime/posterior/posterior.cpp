@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "posterior/filter/filter_posterior.hpp"
+#include "posterior/transition/transition_posterior.hpp"
 
 namespace tiller {
 
@@ -18,17 +19,18 @@ constexpr double kLongestTransition = 10.0;
 Posterior* Posterior::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
                               const RolloutTable& table, const tiller_hooks_t* hooks) {
   switch (config.posterior.kind) {
+    case tiller_posterior_transition: return TransitionPosterior::lay_out(arena, config, setup, table, hooks);
     default: return FilterPosterior::lay_out(arena, config, setup, table, hooks);
   }
 }
 
-tiller_status_t Posterior::check(const tiller_config_t& config, const StepSetup&, const RolloutTable&,
+tiller_status_t Posterior::check(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
                                  const char** field) {
-  if (config.posterior.kind != tiller_posterior_filter) {
-    *field = "posterior.kind";
-    return tiller_status_bad_posterior;
+  switch (config.posterior.kind) {
+    case tiller_posterior_filter: return tiller_status_ok;
+    case tiller_posterior_transition: return TransitionPosterior::check(config, setup, table, field);
+    default: *field = "posterior.kind"; return tiller_status_bad_posterior;
   }
-  return tiller_status_ok;
 }
 
 tiller_status_t check_transition(const tiller_config_t& config, const Transition& t) {

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <cstdint>
+
+#include "posterior/transition/transition_lanes.hpp"
+#include "tiller/tiller.h"
+
+namespace tiller {
+
+/// The likelihood of one-step residuals whose noise scale and whose linear discrepancy are integrated out, per state r:
+///
+///   e_kr(theta) = b_k' beta_r + noise,  noise ~ N(0, s_r^2),  beta_r ~ N(0, s_r^2 K),  s_r^2 ~ InvGamma(a0, b_r)
+///   log L = -sum_r (a0 + n_r / 2) log(b_r + (S_r - p_r' (B_r + K^-1)^-1 p_r) / 2)
+///
+/// with S_r = sum w e^2, p_r = sum w b e, B_r = sum w b b', n_r = sum w: the normal-inverse-gamma family (Bernardo and
+/// Smith, Bayesian Theory, 1994, appendix A.2). Of beta's determinant only det(B + K^-1) depends on the data, and not on
+/// theta: it is left out here and counts in log_evidence alone.
+///
+/// b_r = a0 (q_r^2 dt + 2 m_r^2) with the configured process_sd q and measurement_sd m.
+class Evidence {
+ public:
+  Evidence() = default;
+  explicit Evidence(const tiller_config_t& config);
+
+  void clear();
+  void forget(double keep);
+  /// Counts one transition: rows (nx) of weight w; those whose change is NaN are missing.
+  void count(double weight, const double* change, const double* basis);
+  /// M = (B + K^-1)^-1 of each joint and the exponents; call after count().
+  void prepare();
+  /// The discrepancy becomes part of the likelihood from here on; what was counted before has none.
+  void add_basis(double weight, const double* change, const double* basis);
+
+  std::uint32_t nx() const { return nx_; }
+  std::uint32_t joints() const { return joints_; }
+  std::uint32_t rows() const { return nx_ + joints_ * kDiscrepancyBasis; }
+  std::uint32_t velocity(std::uint32_t joint) const { return velocity_[joint]; }
+  double known(std::uint32_t row) const { return known_[row]; }
+
+  /// Of `lanes` particles whose sums stand in rows of `stride`.
+  void log_likelihood(std::uint32_t lanes, const double* sums, std::uint32_t stride, double* out) const;
+  /// Of one particle, sums (rows) at `stride`.
+  double squared_error(const double* sums, std::uint32_t stride, std::uint32_t row) const;
+  /// What the discrepancy leaves of a new residual: e - b' E[beta | p].
+  double innovation(const double* sums, std::uint32_t stride, std::uint32_t row, double residual,
+                    const double* basis) const;
+  /// Student-t predictive of one residual: degrees of freedom, and the square of its scale (b' M b included).
+  double freedom(std::uint32_t row) const { return 2.0 * exponent(row); }
+  double scale_square(const double* sums, std::uint32_t stride, std::uint32_t row, const double* basis) const;
+  /// E[s_r^2]
+  double noise_variance(double squared_error, std::uint32_t row) const;
+  double configured_variance(std::uint32_t row) const { return b_[row] / a0_; }
+
+ private:
+  double exponent(std::uint32_t row) const { return a0_ + 0.5 * known_[row]; }
+
+  std::uint32_t nx_ = 0, joints_ = 0;
+  std::uint32_t velocity_[TILLER_MAX_JOINTS] = {};
+  std::uint32_t joint_of_[TILLER_MAX_STATES] = {};
+  double a0_ = 1.0;
+  double b_[TILLER_MAX_STATES] = {};
+  double known_[TILLER_MAX_STATES] = {};
+  double information_[TILLER_MAX_JOINTS][kDiscrepancyTriangle] = {};  // B
+  double shrinkage_[TILLER_MAX_JOINTS * kDiscrepancyTriangle] = {};   // M
+};
+
+}  // namespace tiller

@@ -1,0 +1,63 @@
+// One weight per transition, so that a glitch does not teach: full where any particle explains it, falling where none
+// does.
+
+#include <cmath>
+
+#include "posterior/transition/transition_cloud.hpp"
+
+namespace tiller {
+
+namespace {
+
+/// Deviations up to which a residual is an ordinary one: of 10^5 normal values one lies beyond.
+constexpr double kOrdinary = 4.5;
+/// Particles below this share of an even weight have no say.
+constexpr double kHasSay = 1e-2;
+/// Doubted transitions in a row after which they are believed: then the world has changed, not the sensor.
+constexpr std::uint32_t kDoubtedRun = 5;
+
+}  // namespace
+
+/// How far the worst row of a transition lies from what a particle predicts, as the square of normal deviations: the
+/// Student-t's log density ratio in the place of z^2, so that few data do not speak of many deviations.
+double TransitionCloud::surprise(std::uint32_t particle, const MeasuredStep& step, const float* basis) const {
+  double b[TILLER_MAX_JOINTS * kDiscrepancyBasis];
+  for (std::uint32_t i = 0; i < columns_; ++i) b[i] = static_cast<double>(basis[i]);
+  double worst = 0.0;
+  for (std::uint32_t r = 0; r < nx_; ++r) {
+    if (std::isnan(step.change[r])) continue;
+    double residual = std::sqrt(fresh_[r * n_ + particle]);
+    for (std::uint32_t j = 0; j < evidence_.joints(); ++j)
+      if (evidence_.velocity(j) == r && fresh_[(nx_ + j * kDiscrepancyBasis) * n_ + particle] < 0.0)
+        residual = -residual;
+    const double e = evidence_.innovation(total_ + particle, n_, r, residual, b);
+    const double freedom = evidence_.freedom(r);
+    const double square = e * e / (freedom * evidence_.scale_square(total_ + particle, n_, r, b));
+    const double z = (freedom + 1.0) * std::log1p(square);
+    if (!(z <= worst)) worst = z;
+  }
+  return worst;
+}
+
+double TransitionCloud::find_robust_weight(std::uint32_t slot) {
+  double least = INFINITY;
+  for (std::uint32_t i = 0; i < n_; ++i) {
+    if (!(cloud_.weight[i] * n_ > kHasSay)) continue;
+    const double z = surprise(i, steps_[slot], basis_ + slot * columns_);
+    if (z < least) least = z;
+    // the first particle usually ends the search
+    if (least <= kOrdinary * kOrdinary) {
+      doubted_run_ = 0;
+      return 1.0;
+    }
+  }
+  if (++doubted_run_ > kDoubtedRun) return 1.0;
+  ++doubted_;
+  const double share = kOrdinary * kOrdinary / least;
+  // the weighted square must not grow with the residual, else a large glitch widens the noise more than a small one
+  return share * share;
+}
+
+void TransitionCloud::measure_predictive(std::uint32_t) { log_predictive_ = 0.0; }
+
+}  // namespace tiller

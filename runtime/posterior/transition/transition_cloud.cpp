@@ -1,0 +1,216 @@
+// Layout, and the tick: residuals of all particles, robust weight, exponent, moves, and what leaves the ring.
+
+#include "posterior/transition/transition_cloud.hpp"
+
+#include <cmath>
+#include <cstring>
+
+#include "posterior/tasks.hpp"
+
+namespace tiller {
+
+namespace {
+
+std::uint32_t round_up(std::uint32_t value, std::uint32_t multiple) {
+  return (value + multiple - 1) / multiple * multiple;
+}
+
+}  // namespace
+
+TransitionCloud* TransitionCloud::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                                          const RolloutTable& table, const tiller_hooks_t* hooks) {
+  const std::uint32_t n = config.posterior.particles, nx = config.model->state_count, np = config.param_count;
+  const Evidence evidence(config);
+  const std::uint32_t rows = evidence.rows(), columns = evidence.joints() * kDiscrepancyBasis;
+  const std::uint32_t capacity = 2 * config.posterior.window, lanes = round_up(n / 2, 16);
+  auto* c = arena.take<TransitionCloud>(1);
+  TransitionCloud made;
+  made.cloud_ = Cloud::lay_out(arena, config);
+  made.params_ = arena.take<float>(std::size_t{np} * n);
+  made.total_ = arena.take<double>(std::size_t{rows} * n);
+  made.ring_sums_ = arena.take<double>(std::size_t{rows} * n);
+  made.log_likelihood_ = arena.take<double>(n);
+  made.fresh_ = arena.take<double>(std::size_t{rows} * n);
+  made.base_ = arena.take<double>(n);
+  made.gain_ = arena.take<double>(n);
+  std::uint32_t velocity[TILLER_MAX_JOINTS] = {};
+  for (std::uint32_t j = 0; j < evidence.joints(); ++j) velocity[j] = evidence.velocity(j);
+  made.summary_ = ResidualSummary::lay_out(arena, made.cloud_.d, nx, evidence.joints(), velocity);
+  made.steps_ = arena.take<MeasuredStep>(capacity);
+  made.weight_ = arena.take<float>(std::size_t{capacity} * nx);
+  made.basis_ = arena.take<float>(std::size_t{capacity} * columns);
+  made.history_ = arena.take<double>(std::size_t{capacity} * setup.delay_steps * config.model->input_count);
+  made.proposals_ = arena.take<Proposal>(lanes);
+  made.proposed_params_ = arena.take<float>(std::size_t{np} * lanes);
+  made.proposed_ring_ = arena.take<double>(std::size_t{rows} * lanes);
+  made.proposed_total_ = arena.take<double>(std::size_t{rows} * lanes);
+  made.proposed_likelihood_ = arena.take<double>(lanes);
+  // all particles at one transition, or the moves at a block of them
+  const std::uint32_t at_one = round_up(n, kChunk), at_block = round_up(lanes, kChunk) * kBlock;
+  made.residual_ = arena.take<float>(std::size_t{at_one > at_block ? at_one : at_block} * nx);
+  made.design_params_ = arena.take<float>(std::size_t{np} * made.summary_.points());
+  made.design_residual_ = arena.take<float>(std::size_t{nx} * made.summary_.points());
+  if (arena.measuring() || !arena.fits()) return nullptr;
+
+  made.config_ = &config;
+  made.setup_ = setup;
+  made.table_ = &table;
+  made.hooks_ = hooks;
+  made.n_ = n;
+  made.nx_ = nx;
+  made.nu_ = config.model->input_count;
+  made.np_ = np;
+  made.d_ = made.cloud_.d;
+  made.rows_ = rows;
+  made.columns_ = columns;
+  made.window_ = config.posterior.window;
+  made.capacity_ = capacity;
+  made.lanes_ = lanes;
+  made.evidence_ = evidence;
+  *c = made;
+  c->reset();
+  return c;
+}
+
+void TransitionCloud::reset(double keep) {
+  keep_ = keep;
+  cloud_.draw_prior();
+  load_params();
+  std::memset(total_, 0, sizeof(double) * rows_ * n_);
+  std::memset(ring_sums_, 0, sizeof(double) * rows_ * n_);
+  std::memset(log_likelihood_, 0, sizeof(double) * n_);
+  evidence_.clear();
+  summary_.clear();
+  begin_ = end_ = batch_ = tick_ = 0;
+  exponent_ = robust_weight_ = 1.0;
+  acceptance_ = log_predictive_ = 0.0;
+  cursor_ = moved_ = doubted_run_ = 0;
+  resamplings_ = doubted_ = work_ = 0;
+  for (std::uint32_t r = 0; r < nx_; ++r) noise_variance_[r] = evidence_.configured_variance(r);
+}
+
+void TransitionCloud::load_params() {
+  for (std::size_t i = 0; i < std::size_t{np_} * n_; ++i) params_[i] = static_cast<float>(cloud_.params[i]);
+}
+
+tiller_status_t TransitionCloud::take_in(const MeasuredStep& step) {
+  work_ = 0;
+  remember(step);
+  const std::uint32_t slot = static_cast<std::uint32_t>((end_ - 1) % capacity_);
+  std::memset(fresh_, 0, sizeof(double) * rows_ * n_);
+  sum({{params_, n_}, n_, slot, 1, fresh_, n_});
+  if (!any_alive()) {
+    --end_;
+    return tiller_status_posterior_degenerate;
+  }
+  ++tick_;
+  measure_predictive(slot);
+  robust_weight_ = config_->posterior.robust ? find_robust_weight(slot) : 1.0;
+  set_weight(slot, robust_weight_);
+  forget();
+  evidence_.count(robust_weight_, step.change, steps_[slot].basis);
+  evidence_.prepare();
+  const std::uint32_t all = rows_ * n_;
+  transition_table().add_scaled(all, robust_weight_, fresh_, total_);
+  transition_table().add_scaled(all, robust_weight_, fresh_, ring_sums_);
+  temper();
+  if (config_->posterior.enabled && config_->posterior.moves_per_tick && d_) move();
+  retire();
+  measure_noise();
+  return exponent_ < 1.0 ? tiller_status_tempered : tiller_status_ok;
+}
+
+/// Whether a particle with weight has a finite residual; the others' sums are left to temper(), or to stay where the
+/// cloud is frozen.
+bool TransitionCloud::any_alive() {
+  bool any = false;
+  for (std::uint32_t i = 0; i < n_; ++i) {
+    double sum = 0.0;
+    for (std::uint32_t r = 0; r < rows_; ++r) sum += fresh_[r * n_ + i];
+    const bool finite = std::isfinite(sum);
+    any = any || (finite && cloud_.weight[i] > 0.0);
+    for (std::uint32_t r = 0; r < rows_ && !finite && !config_->posterior.enabled; ++r) fresh_[r * n_ + i] = 0.0;
+  }
+  return any;
+}
+
+void TransitionCloud::remember(const MeasuredStep& step) {
+  const std::uint32_t slot = static_cast<std::uint32_t>(end_++ % capacity_);
+  MeasuredStep& to = steps_[slot];
+  to = step;
+  const std::uint32_t row = setup_.delay_steps * nu_;
+  to.history = nullptr;
+  if (row) {
+    std::memcpy(history_ + std::size_t{slot} * row, step.history, sizeof(double) * row);
+    to.history = history_ + std::size_t{slot} * row;
+  }
+  set_weight(slot, 1.0);
+}
+
+void TransitionCloud::set_weight(std::uint32_t slot, double weight) {
+  for (std::uint32_t r = 0; r < nx_; ++r)
+    weight_[slot * nx_ + r] = std::isnan(steps_[slot].change[r]) ? 0.0f : static_cast<float>(weight);
+}
+
+/// Every sum of squares loses its share; the newest transition, already in the ring, does not.
+void TransitionCloud::forget() {
+  if (keep_ == 1.0) return;
+  evidence_.forget(keep_);
+  summary_.forget(keep_);
+  for (std::size_t i = 0; i < std::size_t{rows_} * n_; ++i) {
+    total_[i] *= keep_;
+    ring_sums_[i] *= keep_;
+  }
+  for (std::uint64_t k = begin_; k + 1 < end_; ++k)
+    for (std::uint32_t r = 0; r < nx_; ++r) weight_[(k % capacity_) * nx_ + r] *= static_cast<float>(keep_);
+}
+
+void TransitionCloud::sum_ring(Lanes<float> params, std::uint32_t lanes, double* sums, std::uint32_t stride) {
+  const auto first = static_cast<std::uint32_t>(begin_ % capacity_), count = static_cast<std::uint32_t>(end_ - begin_);
+  const std::uint32_t head = first + count <= capacity_ ? count : capacity_ - first;
+  sum({params, lanes, first, head, sums, stride});
+  if (head < count) sum({params, lanes, 0, count - head, sums, stride});
+}
+
+void TransitionCloud::sum(const SumsJob& job) {
+  for_each_chunk(hooks_, (job.lanes + kChunk - 1) / kChunk, job.lanes * job.count >= 8192,
+                 [this, &job](std::uint32_t c) { sum_chunk(job, c); });
+  work_ += std::uint64_t{job.lanes} * job.count;
+}
+
+void TransitionCloud::sum_chunk(const SumsJob& job, std::uint32_t chunk) const {
+  const std::uint32_t first = chunk * kChunk, left = job.lanes - first, lanes = left < kChunk ? left : kChunk;
+  const std::uint32_t block = job.count < kBlock ? job.count : kBlock;
+  float* residual = residual_ + std::size_t{chunk} * kChunk * block * nx_;
+  ResidualJob steps;
+  steps.setup = &setup_;
+  steps.lanes = lanes;
+  steps.params = {job.params.data + first, job.params.stride};
+  steps.residual = residual;
+  ResidualSumJob sums;
+  sums.nx = nx_;
+  sums.joints = evidence_.joints();
+  for (std::uint32_t j = 0; j < sums.joints; ++j) sums.velocity[j] = evidence_.velocity(j);
+  sums.lanes = lanes;
+  sums.residual = residual;
+  sums.sums = job.sums + first;
+  sums.stride = job.stride;
+  for (std::uint32_t done = 0; done < job.count; done += kBlock) {
+    const std::uint32_t slot = job.slot + done, rest = job.count - done;
+    steps.count = sums.steps = rest < kBlock ? rest : kBlock;
+    steps.steps = steps_ + slot;
+    sums.weight = weight_ + slot * nx_;
+    sums.basis = basis_ + slot * columns_;
+    table_->residual(*config_->model, steps);
+    transition_table().sum_residuals(sums);
+  }
+}
+
+double TransitionCloud::discrepancy_share() const { return 0.0; }
+
+std::uint64_t TransitionCloud::work_limit() const {
+  const tiller_posterior_config_t& p = config_->posterior;
+  return std::uint64_t{3} * n_ + 2 * summary_.points() + std::uint64_t{p.moves_per_tick} * (p.window + kProposalWork);
+}
+
+}  // namespace tiller

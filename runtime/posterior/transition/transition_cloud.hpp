@@ -1,0 +1,142 @@
+#pragma once
+
+#include <cstdint>
+
+#include "posterior/cloud.hpp"
+#include "posterior/posterior.hpp"
+#include "posterior/proposals.hpp"
+#include "posterior/transition/evidence.hpp"
+#include "posterior/transition/residual_summary.hpp"
+#include "rollout/residual.hpp"
+
+namespace tiller {
+
+/// One cloud of particles that takes in one-step residuals: resample-move over a ring of the last transitions
+/// (Gilks and Berzuini 2001; Chopin 2002), with a summary of second order for what has left the ring. A bank of them,
+/// each with a delay or a forgetting rate of its own, weighs hypotheses by log_predictive().
+///
+/// The work of take_in() is bounded by work_limit() steps of the model, which are spread over hooks.parallel_for.
+class TransitionCloud {
+ public:
+  static TransitionCloud* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                                  const RolloutTable& table, const tiller_hooks_t* hooks);
+
+  /// Draws the particles from the prior; forgets everything. `keep`: share of the old data that each tick keeps.
+  void reset(double keep = 1.0);
+  /// Takes in one transition; step.weight and step.basis are not read. ok, tempered, or posterior_degenerate with
+  /// nothing changed. History rows are copied.
+  tiller_status_t take_in(const MeasuredStep& step);
+
+  const Cloud& cloud() const { return cloud_; }
+  const Evidence& evidence() const { return evidence_; }
+  /// (rows() x N) sums of each particle over all data, in the order of ResidualSumJob.
+  const double* sums() const { return total_; }
+  double exponent() const { return exponent_; }
+  double acceptance() const { return acceptance_; }
+  std::uint64_t resamplings() const { return resamplings_; }
+  /// Transitions that no particle could explain.
+  std::uint64_t doubted() const { return doubted_; }
+  /// Swept at the full exponent since the last resampling.
+  bool converged() const { return exponent_ == 1.0 && moved_ >= n_; }
+  /// Of the last transition.
+  double robust_weight() const { return robust_weight_; }
+  /// log p(last transition | those before), robust weight left out; 0 before the first.
+  double log_predictive() const { return log_predictive_; }
+  /// E[s_r^2] of the residuals' noise per step, row of the state.
+  double noise_variance(std::uint32_t row) const { return noise_variance_[row]; }
+  double discrepancy_share() const;
+  /// Steps of the model that the last take_in() took, and that none exceeds.
+  std::uint64_t work() const { return work_; }
+  std::uint64_t work_limit() const;
+
+ private:
+  static constexpr std::uint32_t kChunk = 64;  // lanes of a task
+  static constexpr std::uint32_t kBlock = 32;  // transitions whose residuals are at hand at a time
+  /// What a proposal costs beside its residuals, in steps of the model.
+  static constexpr std::uint32_t kProposalWork = 32;
+
+  /// Where the sums of a run of lanes go.
+  struct SumsJob {
+    Lanes<float> params;
+    std::uint32_t lanes = 0;
+    std::uint32_t slot = 0, count = 0;  // of the ring; does not wrap
+    double* sums = nullptr;             // (rows x lanes)
+    std::uint32_t stride = 0;
+  };
+
+  // transition_cloud.cpp
+  void remember(const MeasuredStep& step);
+  void set_weight(std::uint32_t slot, double weight);
+  void forget();
+  void sum(const SumsJob& job);
+  void sum_chunk(const SumsJob& job, std::uint32_t chunk) const;
+  void sum_ring(Lanes<float> params, std::uint32_t lanes, double* sums, std::uint32_t stride);
+  void load_params();
+  bool any_alive();
+
+  // robust_weight.cpp
+  double find_robust_weight(std::uint32_t slot);
+  double surprise(std::uint32_t particle, const MeasuredStep& step, const float* basis) const;
+  void measure_predictive(std::uint32_t slot);
+
+  // temper.cpp
+  void temper();
+  void resample();
+  void measure_noise();
+
+  // transition_moves.cpp
+  void move();
+  std::uint32_t move_batch(std::uint32_t moves);
+  void judge(std::uint32_t moves);
+
+  // retire.cpp
+  void retire();
+  void retire_oldest();
+
+  // constant after lay_out
+  const tiller_config_t* config_ = nullptr;
+  StepSetup setup_;
+  const RolloutTable* table_ = nullptr;
+  const tiller_hooks_t* hooks_ = nullptr;
+  std::uint32_t n_ = 0, nx_ = 0, nu_ = 0, np_ = 0, d_ = 0, rows_ = 0, columns_ = 0;
+  std::uint32_t window_ = 0, capacity_ = 0;
+  double keep_ = 1.0;
+
+  Cloud cloud_;
+  float* params_ = nullptr;           // (np x N) of the cloud, in single precision
+  double* total_ = nullptr;           // (rows x N) over all data
+  double* ring_sums_ = nullptr;       // (rows x N) over the ring
+  double* log_likelihood_ = nullptr;  // (N)
+  double* fresh_ = nullptr;           // (rows x N) scratch: one transition's
+  double* base_ = nullptr;            // (N) scratch
+  double* gain_ = nullptr;            // (N) scratch
+  Evidence evidence_;
+  ResidualSummary summary_;
+
+  // the ring: slot = index % capacity
+  MeasuredStep* steps_ = nullptr;  // (capacity)
+  float* weight_ = nullptr;        // (capacity x nx) 0: missing
+  float* basis_ = nullptr;         // (capacity x columns)
+  double* history_ = nullptr;      // (capacity x delay_steps * nu)
+  std::uint64_t begin_ = 0, end_ = 0;
+
+  // scratch of the moves, rows of N / 2 rounded up to whole registers
+  std::uint32_t lanes_ = 0;
+  Proposal* proposals_ = nullptr;
+  float* proposed_params_ = nullptr;    // (np x lanes)
+  double* proposed_ring_ = nullptr;     // (rows x lanes)
+  double* proposed_total_ = nullptr;    // (rows x lanes)
+  double* proposed_likelihood_ = nullptr;  // (lanes)
+  float* residual_ = nullptr;           // (chunks x block * nx * kChunk)
+  float* design_params_ = nullptr;      // (np x points)
+  float* design_residual_ = nullptr;    // (nx x points)
+
+  std::uint64_t batch_ = 0;  // names the random numbers of moves
+  std::uint64_t tick_ = 0;
+  double exponent_ = 1.0, acceptance_ = 0.0, robust_weight_ = 1.0, log_predictive_ = 0.0;
+  double noise_variance_[TILLER_MAX_STATES] = {};
+  std::uint32_t cursor_ = 0, moved_ = 0, doubted_run_ = 0;
+  std::uint64_t resamplings_ = 0, doubted_ = 0, work_ = 0;
+};
+
+}  // namespace tiller

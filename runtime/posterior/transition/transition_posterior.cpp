@@ -1,0 +1,185 @@
+#include "posterior/transition/transition_posterior.hpp"
+
+#include <cmath>
+#include <cstring>
+
+namespace tiller {
+
+TransitionPosterior* TransitionPosterior::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                                                  const RolloutTable& table, const tiller_hooks_t* hooks) {
+  const std::uint32_t nx = config.model->state_count, nu = config.model->input_count, np = config.param_count;
+  auto* p = arena.take<TransitionPosterior>(1);
+  auto* particles = TransitionCloud::lay_out(arena, config, setup, table, hooks);
+  auto* history = arena.take<double>(kHistory * nu);
+  auto* lane_params = arena.take<double>(np * kLanePadding);
+  auto* lane_state = arena.take<double>(nx * kLanePadding);
+  if (arena.measuring() || !arena.fits()) return nullptr;
+  p->config_ = &config;
+  p->setup_ = setup;
+  p->table_ = &table;
+  p->n_ = config.posterior.particles;
+  p->nx_ = nx;
+  p->nu_ = nu;
+  p->np_ = np;
+  p->enabled_ = config.posterior.enabled != 0;
+  p->particles_ = particles;
+  p->input_history_ = history;
+  p->lane_params_ = lane_params;
+  p->lane_state_ = lane_state;
+  p->reset();
+  return p;
+}
+
+tiller_status_t TransitionPosterior::check(const tiller_config_t& config, const StepSetup& setup,
+                                           const RolloutTable& table, const char** field) {
+  std::uint32_t seen = 0;
+  for (std::uint32_t k = 0; k < config.measurement_count; ++k) seen |= 1u << config.measured_state[k];
+  *field = "measurement";
+  if (config.measurement_count != config.model->state_count || seen != (1u << config.model->state_count) - 1u)
+    return tiller_status_bad_posterior;
+  *field = "effects";
+  if (setup.effect_state_count > 0) return tiller_status_bad_posterior;
+  *field = "model";
+  if (!table.residual) return tiller_status_bad_posterior;
+  return tiller_status_ok;
+}
+
+void TransitionPosterior::reset() {
+  particles_->reset(config_->posterior.forgetting_count > 0 ? config_->posterior.forgetting[0] : 1.0);
+  started_ = complete_ = false;
+  for (std::uint32_t r = 0; r < nx_; ++r) {
+    state_[r] = config_->initial_state[r];
+    unseen_variance_[r] = config_->initial_state_sd[r] * config_->initial_state_sd[r];
+  }
+}
+
+tiller_status_t TransitionPosterior::start(const double* measured) {
+  for (std::uint32_t k = 0; k < nx_; ++k)
+    if (std::isinf(measured[k])) return tiller_status_sensor_not_finite;
+  complete_ = true;
+  for (std::uint32_t k = 0; k < nx_; ++k) {
+    const std::uint32_t r = config_->measured_state[k];
+    const bool there = !std::isnan(measured[k]);
+    complete_ = complete_ && there;
+    state_[r] = there ? measured[k] : config_->initial_state[r];
+    unseen_variance_[r] = there ? 0.0 : config_->initial_state_sd[r] * config_->initial_state_sd[r];
+  }
+  for (std::uint32_t i = 0; i < kHistory; ++i)
+    for (std::uint32_t j = 0; j < nu_; ++j) input_history_[i * nu_ + j] = config_->safety.safe_command[j];
+  started_ = true;
+  return tiller_status_ok;
+}
+
+tiller_status_t TransitionPosterior::update(const Transition& transition) {
+  if (!started_) return tiller_status_wrong_state;
+  tiller_status_t status = check_transition(*config_, transition);
+  if (status != tiller_status_ok) return status;
+
+  MeasuredStep step;
+  bool any = false, all = true;
+  for (std::uint32_t k = 0; k < nx_; ++k) {
+    const std::uint32_t r = config_->measured_state[k];
+    const double y = transition.measured[k];
+    step.state[r] = state_[r];
+    step.change[r] = std::isnan(y) ? NAN : state_difference(*config_->model, r, y, state_[r]);
+    any = any || !std::isnan(y);
+    all = all && !std::isnan(y);
+  }
+  if (complete_ && any) {
+    std::memcpy(step.input, transition.input, sizeof step.input);
+    step.period_s = transition.period_s;
+    step.history = input_history_;
+    status = particles_->take_in(step);
+  } else if (particles_->exponent() < 1.0) {
+    status = tiller_status_tempered;
+  }
+  if (!all) predict(transition);
+  for (std::uint32_t k = 0; k < nx_; ++k) {
+    const std::uint32_t r = config_->measured_state[k];
+    if (std::isnan(transition.measured[k])) continue;
+    state_[r] = transition.measured[k];
+    unseen_variance_[r] = 0.0;
+  }
+  complete_ = all;
+  remember_input(transition.input);
+  return status;
+}
+
+/// One step of the model at the particles' mean, for states that were not measured.
+void TransitionPosterior::predict(const Transition& transition) {
+  double mean[TILLER_MAX_PARAMS];
+  cloud().moments(mean, nullptr);
+  for (std::uint32_t i = 0; i < np_; ++i)
+    for (std::uint32_t l = 0; l < kLanePadding; ++l) lane_params_[i * kLanePadding + l] = mean[i];
+  RolloutJob<double> job;
+  job.setup = &setup_;
+  job.lanes = kLanePadding;
+  job.horizon = 1;
+  job.period_s = transition.period_s;
+  job.state = {state_, 0};
+  job.params = {lane_params_, kLanePadding};
+  job.controls = {transition.input, 0};
+  job.history = input_history_;
+  job.final_state = lane_state_;
+  table_->rollout_f64(*config_->model, job);
+  for (std::uint32_t r = 0; r < nx_; ++r) {
+    const double next = lane_state_[r * kLanePadding];
+    if (std::isfinite(next)) state_[r] = next;
+    unseen_variance_[r] += particles_->noise_variance(r);
+  }
+}
+
+void TransitionPosterior::remember_input(const double* input) {
+  std::memmove(input_history_ + nu_, input_history_, sizeof(double) * (kHistory - 1) * nu_);
+  std::memcpy(input_history_, input, sizeof(double) * nu_);
+}
+
+void TransitionPosterior::moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const {
+  cloud().moments(param_mean, param_sd);
+  for (std::uint32_t r = 0; r < nx_; ++r) {
+    if (state_mean) state_mean[r] = state_[r];
+    // how much of the residuals' noise is the sensor's is not known: all of it might be
+    if (state_sd) state_sd[r] = std::sqrt(particles_->noise_variance(r) + unseen_variance_[r]);
+  }
+}
+
+/// Root of the mean over the states of estimated over configured variance.
+double TransitionPosterior::noise_scale() const {
+  double sum = 0.0;
+  for (std::uint32_t r = 0; r < nx_; ++r)
+    sum += particles_->noise_variance(r) / particles_->evidence().configured_variance(r);
+  return std::sqrt(sum / nx_);
+}
+
+void TransitionPosterior::particle(std::uint32_t index, double* params, double* state, double* weight) const {
+  if (index >= n_) return;
+  for (std::uint32_t i = 0; i < np_ && params; ++i) params[i] = cloud().params[i * n_ + index];
+  for (std::uint32_t r = 0; r < nx_ && state; ++r) state[r] = state_[r];
+  if (weight) *weight = cloud().weight[index];
+}
+
+void TransitionPosterior::draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float*,
+                               float* history) const {
+  if (count == 1) {
+    double mean[TILLER_MAX_PARAMS];
+    cloud().moments(mean, nullptr);
+    for (std::uint32_t i = 0; i < np_ && params; ++i) params[i] = static_cast<float>(mean[i]);
+  } else {
+    const Cloud::Drawn what[] = {{cloud().params, np_, params}};
+    cloud().draw(count, tick, what, 1);
+  }
+  for (std::uint32_t r = 0; r < nx_ && state; ++r)
+    for (std::uint32_t m = 0; m < count; ++m) state[r * count + m] = static_cast<float>(state_[r]);
+  for (std::uint32_t i = 0; i < setup_.delay_steps * nu_ && history; ++i)
+    history[i] = static_cast<float>(input_history_[i]);
+}
+
+void TransitionPosterior::report(PosteriorReport& report) const {
+  report = {};
+  for (std::uint32_t r = 0; r < nx_; ++r)
+    report.noise_sd[r] = std::sqrt(particles_->noise_variance(r) / config_->period_s);
+  report.delay_weight[0] = report.forgetting_weight[0] = 1.0;
+  report.discrepancy_share = particles_->discrepancy_share();
+}
+
+}  // namespace tiller

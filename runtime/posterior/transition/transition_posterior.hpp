@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstdint>
+
+#include "posterior/posterior.hpp"
+#include "posterior/transition/transition_cloud.hpp"
+
+namespace tiller {
+
+/// The engine for robots whose whole state is measured with noise far below a step's change: one-step residuals
+/// between measurements, their noise scale per state unknown. See docs/posterior.md, "Transitions".
+///
+/// A transition counts where the measurement before it was complete; states missing at its end are left out. The state
+/// estimate is the measurement; a state that is missing is predicted at the particles' mean.
+///
+/// Cost of an update: TransitionCloud::work_limit() steps of the model.
+class TransitionPosterior final : public Posterior {
+ public:
+  static TransitionPosterior* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                                      const RolloutTable& table, const tiller_hooks_t* hooks);
+  /// Every state is measured once, no effect has states of its own, there is a residual kernel.
+  static tiller_status_t check(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+                               const char** field);
+
+  void reset() override;
+  tiller_status_t start(const double* measured) override;
+  tiller_status_t update(const Transition& transition) override;
+  bool started() const override { return started_; }
+  void moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const override;
+  void covariance(double* covariance) const override { cloud().covariance(covariance); }
+  double quantile(std::uint32_t param, double q) const override { return cloud().quantile(param, q); }
+  double effective_samples() const override { return cloud().effective_samples; }
+  double exponent() const override { return enabled_ ? particles_->exponent() : 0.0; }
+  double noise_scale() const override;
+  double acceptance() const override { return particles_->acceptance(); }
+  std::uint64_t resamplings() const override { return particles_->resamplings(); }
+  /// Transitions that no particle could explain.
+  std::uint64_t gated() const override { return particles_->doubted(); }
+  std::uint32_t size() const override { return n_; }
+  void particle(std::uint32_t index, double* params, double* state, double* weight) const override;
+  void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
+            float* history) const override;
+  void report(PosteriorReport& report) const override;
+
+  const TransitionCloud& transitions() const { return *particles_; }
+
+ private:
+  static constexpr std::uint32_t kHistory = TILLER_MAX_DELAY_STEPS + 2;
+
+  const Cloud& cloud() const { return particles_->cloud(); }
+  void predict(const Transition& transition);
+  void remember_input(const double* input);
+
+  const tiller_config_t* config_ = nullptr;
+  StepSetup setup_;
+  const RolloutTable* table_ = nullptr;
+  std::uint32_t n_ = 0, nx_ = 0, nu_ = 0, np_ = 0;
+  bool enabled_ = true;
+  TransitionCloud* particles_ = nullptr;
+  double* input_history_ = nullptr;  // (kHistory x nu) newest first
+  double* lane_params_ = nullptr;    // (np x kLanePadding) scratch of predict()
+  double* lane_state_ = nullptr;     // (nx x kLanePadding)
+
+  bool started_ = false, complete_ = false;       // all states of the last measurement were there
+  double state_[TILLER_MAX_STATES] = {};          // measured, or predicted where missing
+  double unseen_variance_[TILLER_MAX_STATES] = {};  // of the predicted ones
+};
+
+}  // namespace tiller
