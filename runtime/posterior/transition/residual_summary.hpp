@@ -19,7 +19,7 @@ namespace tiller {
 /// Meant for differences between two points: what the polynomials miss at one is missed at the other.
 class ResidualSummary {
  public:
-  static constexpr std::uint32_t kMaxTerms = 28;   // six coordinates, second order
+  static constexpr std::uint32_t kMaxTerms = 28;    // six coordinates, second order
   static constexpr std::uint32_t kMaxPoints = 112;  // of the design
 
   static ResidualSummary lay_out(Arena& arena, std::uint32_t d, std::uint32_t nx, std::uint32_t joints,

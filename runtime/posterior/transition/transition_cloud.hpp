@@ -123,13 +123,13 @@ class TransitionCloud {
   // scratch of the moves, rows of N / 2 rounded up to whole registers
   std::uint32_t lanes_ = 0;
   Proposal* proposals_ = nullptr;
-  float* proposed_params_ = nullptr;    // (np x lanes)
-  double* proposed_ring_ = nullptr;     // (rows x lanes)
-  double* proposed_total_ = nullptr;    // (rows x lanes)
+  float* proposed_params_ = nullptr;       // (np x lanes)
+  double* proposed_ring_ = nullptr;        // (rows x lanes)
+  double* proposed_total_ = nullptr;       // (rows x lanes)
   double* proposed_likelihood_ = nullptr;  // (lanes)
-  float* residual_ = nullptr;           // (chunks x block * nx * kChunk)
-  float* design_params_ = nullptr;      // (np x points)
-  float* design_residual_ = nullptr;    // (nx x points)
+  float* residual_ = nullptr;              // (chunks x block * nx * kChunk)
+  float* design_params_ = nullptr;         // (np x points)
+  float* design_residual_ = nullptr;       // (nx x points)
 
   std::uint64_t batch_ = 0;  // names the random numbers of moves
   std::uint64_t tick_ = 0;

@@ -3,8 +3,8 @@
 namespace tiller {
 
 // The copies live in namespaces named after their instruction set; the build says which there are.
-#define TILLER_DECLARE_COPY(name)   \
-  namespace name {                  \
+#define TILLER_DECLARE_COPY(name)           \
+  namespace name {                          \
   const TransitionTable& transition_copy(); \
   }
 #ifdef TILLER_POSTERIOR_scalar

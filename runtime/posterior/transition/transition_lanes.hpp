@@ -16,20 +16,20 @@ constexpr std::uint32_t kDiscrepancyTriangle = 6;
 /// its projections sum_k w_kr b_kji e_kr, r the joint's velocity, at nx + j * kDiscrepancyBasis + i.
 struct ResidualSumJob {
   std::uint32_t nx = 0, joints = 0;
-  std::uint32_t lanes = 0;                       // a multiple of 16, the residual's stride
-  std::uint32_t steps = 0;                       // <= 64: they are summed in single precision
+  std::uint32_t lanes = 0;                         // a multiple of 16, the residual's stride
+  std::uint32_t steps = 0;                         // <= 64: they are summed in single precision
   std::uint32_t velocity[TILLER_MAX_JOINTS] = {};  // (joints) state that the basis of each joint acts on
-  const float* residual = nullptr;               // (steps * nx x lanes)
-  const float* weight = nullptr;                 // (steps x nx) 0: missing, the residual is then not read
-  const float* basis = nullptr;                  // (steps x joints * kDiscrepancyBasis)
-  double* sums = nullptr;                        // (rows) +=
+  const float* residual = nullptr;                 // (steps * nx x lanes)
+  const float* weight = nullptr;                   // (steps x nx) 0: missing, the residual is then not read
+  const float* basis = nullptr;                    // (steps x joints * kDiscrepancyBasis)
+  double* sums = nullptr;                          // (rows) +=
   std::uint32_t stride = 0;
 };
 
 /// log L = -sum_r exponent_r log(1 + S_r / (2 b_r)), where a joint's velocity has S_r - p' M p in the place of S_r.
 struct EvidenceJob {
   std::uint32_t nx = 0, joints = 0;
-  std::uint32_t lanes = 0;  // a multiple of 16
+  std::uint32_t lanes = 0;                         // a multiple of 16
   std::uint32_t joint_of[TILLER_MAX_STATES] = {};  // (nx) joint whose velocity the state is; `joints` for none
   double half_precision[TILLER_MAX_STATES] = {};   // (nx) 1 / (2 b_r)
   double exponent[TILLER_MAX_STATES] = {};         // (nx)

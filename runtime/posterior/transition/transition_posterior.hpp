@@ -61,8 +61,8 @@ class TransitionPosterior final : public Posterior {
   double* lane_params_ = nullptr;    // (np x kLanePadding) scratch of predict()
   double* lane_state_ = nullptr;     // (nx x kLanePadding)
 
-  bool started_ = false, complete_ = false;       // all states of the last measurement were there
-  double state_[TILLER_MAX_STATES] = {};          // measured, or predicted where missing
+  bool started_ = false, complete_ = false;         // all states of the last measurement were there
+  double state_[TILLER_MAX_STATES] = {};            // measured, or predicted where missing
   double unseen_variance_[TILLER_MAX_STATES] = {};  // of the predicted ones
 };
 

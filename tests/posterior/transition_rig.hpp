@@ -1,0 +1,104 @@
+#pragma once
+
+#include "linear_rig.hpp"
+#include "rollout/residual.hpp"
+
+namespace rig {
+
+/// One-step residuals of the mass on a rail, both states measured, in plain loops and double: the library's kernels
+/// have no part in it.
+inline void linear_residual(const tiller_model_t&, const tiller::ResidualJob& job) {
+  for (std::uint32_t k = 0; k < job.count; ++k) {
+    const tiller::MeasuredStep& s = job.steps[k];
+    for (std::uint32_t l = 0; l < job.lanes; ++l) {
+      const double gain = static_cast<double>(job.params.data[l]);
+      const double damping = static_cast<double>(job.params.data[job.params.stride + l]);
+      const double acceleration = gain * s.input[0] - damping * s.state[1];
+      job.residual[(k * 2 + 0) * job.lanes + l] = static_cast<float>(s.change[0] - s.period_s * s.state[1]);
+      job.residual[(k * 2 + 1) * job.lanes + l] = static_cast<float>(s.change[1] - s.period_s * acceleration);
+    }
+  }
+}
+
+inline void linear_rollout(const tiller_model_t&, const tiller::RolloutJob<double>& job) {
+  for (std::uint32_t l = 0; l < job.lanes; ++l) {
+    const double gain = job.params.data[l], damping = job.params.data[job.params.stride + l];
+    job.final_state[l] = job.state.data[0] + job.period_s * job.state.data[1];
+    job.final_state[job.lanes + l] =
+        job.state.data[1] + job.period_s * (gain * job.controls.data[0] - damping * job.state.data[1]);
+  }
+}
+
+inline const tiller::RolloutTable& transition_table() {
+  static const tiller::RolloutTable t = [] {
+    tiller::RolloutTable made;
+    made.residual = &linear_residual;
+    made.rollout_f64 = &linear_rollout;
+    return made;
+  }();
+  return t;
+}
+
+/// The same with a joint, so that its velocity may have a discrepancy.
+inline const tiller_model_t& transition_model() {
+  static const tiller_joint_t joints[] = {{"cart", 0, 1, 0, 0}};
+  static const tiller_model_t m = [] {
+    tiller_model_t made = model();
+    made.joint_count = 1;
+    made.joints = joints;
+    return made;
+  }();
+  return m;
+}
+
+/// Gain and damping unknown, both states measured, noise nearly unknown.
+inline tiller_config_t transition_config() {
+  tiller_config_t c = config();
+  c.model = &transition_model();
+  c.priors[1] = uniform(0.0, 1.0);
+  c.measurement_count = 2;
+  c.measured_state[1] = 1;
+  c.measurement_sd[0] = c.measurement_sd[1] = 1e-9;
+  c.process_sd[0] = 0.01;
+  c.process_sd[1] = 0.1;
+  c.posterior.kind = tiller_posterior_transition;
+  c.posterior.particles = 1024;
+  c.posterior.window = 64;
+  c.posterior.moves_per_tick = 128;
+  c.posterior.noise_scale_shape = 0.5;
+  c.posterior.robust = 0;
+  c.posterior.forgetting_count = 1;
+  c.posterior.forgetting[0] = 1.0;
+  return c;
+}
+
+struct TransitionLog {
+  double first[2];
+  std::vector<tiller::Transition> transitions;
+};
+
+/// `coulomb` acts on the velocity and is no part of the model.
+inline TransitionLog simulate_transitions(const tiller_config_t& c, double gain, double damping, int steps,
+                                          unsigned seed, double noise = 1.0, double coulomb = 0.0) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> n;
+  TransitionLog log{{0.1 * n(random), 0.1 * n(random)}, {}};
+  double position = log.first[0], velocity = log.first[1], u = 0.0;
+  const double root_dt = std::sqrt(c.period_s);
+  for (int k = 0; k < steps; ++k) {
+    if (k % 5 == 0) u = n(random);
+    const double friction = coulomb * std::tanh(velocity / 0.02);
+    const double next = position + c.period_s * velocity + noise * root_dt * c.process_sd[0] * n(random);
+    velocity += c.period_s * (gain * u - damping * velocity - friction) + noise * root_dt * c.process_sd[1] * n(random);
+    position = next;
+    tiller::Transition t;
+    t.period_s = c.period_s;
+    t.input[0] = u;
+    t.measured[0] = position;
+    t.measured[1] = velocity;
+    log.transitions.push_back(t);
+  }
+  return log;
+}
+
+}  // namespace rig
