@@ -24,15 +24,13 @@ constexpr double kJitter = 0.05;
 void spread(const Cloud& cloud, std::uint32_t first_still, std::uint32_t still, double* factor) {
   const std::uint32_t n = cloud.n, d = cloud.d;
   double mean[TILLER_MAX_PARAMS] = {}, sum = 0.0;
-  for (std::uint32_t k = 0; k < still; ++k) {
-    const std::uint32_t i = (first_still + k) % n;
+  for (std::uint32_t k = 0, i = first_still; k < still; ++k, i = i + 1 < n ? i + 1 : 0) {
     sum += cloud.weight[i];
     for (std::uint32_t j = 0; j < d; ++j) mean[j] += cloud.weight[i] * cloud.coordinate[j * n + i];
   }
   for (std::uint32_t j = 0; j < d; ++j) mean[j] /= sum;
   double square[TILLER_MAX_PARAMS * TILLER_MAX_PARAMS] = {};
-  for (std::uint32_t k = 0; k < still; ++k) {
-    const std::uint32_t i = (first_still + k) % n;
+  for (std::uint32_t k = 0, i = first_still; k < still; ++k, i = i + 1 < n ? i + 1 : 0) {
     double off[TILLER_MAX_PARAMS];
     for (std::uint32_t j = 0; j < d; ++j) off[j] = cloud.coordinate[j * n + i] - mean[j];
     for (std::uint32_t r = 0; r < d; ++r)

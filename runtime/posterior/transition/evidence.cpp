@@ -9,16 +9,29 @@ namespace {
 /// Deviation of a discrepancy's coefficient before any data, in noise deviations per regressor of unit mean square.
 constexpr double kDiscrepancySpread = 10.0;
 
+/// log Gamma(x), x > 0, by Stirling's series above 8 (the library's lgamma writes a global).
+double log_gamma(double x) {
+  double shift = 0.0;
+  for (; x < 8.0; x += 1.0) shift += std::log(x);
+  const double i = 1.0 / x, i2 = i * i;
+  return (x - 0.5) * std::log(x) - x + 0.91893853320467274178 +
+         i * (1.0 / 12.0 - i2 * (1.0 / 360.0 - i2 * (1.0 / 1260.0 - i2 / 1680.0))) - shift;
+}
+
+double determinant(const double* a) {
+  return a[0] * (a[3] * a[5] - a[4] * a[4]) + a[1] * (a[2] * a[4] - a[1] * a[5]) + a[2] * (a[1] * a[4] - a[2] * a[3]);
+}
+
 /// Inverse of a symmetric positive definite 3 x 3 matrix, upper triangles, by cofactors.
 void invert(const double* a, double* inverse) {
   const double c00 = a[3] * a[5] - a[4] * a[4], c01 = a[2] * a[4] - a[1] * a[5], c02 = a[1] * a[4] - a[2] * a[3];
-  const double determinant = a[0] * c00 + a[1] * c01 + a[2] * c02;
-  inverse[0] = c00 / determinant;
-  inverse[1] = c01 / determinant;
-  inverse[2] = c02 / determinant;
-  inverse[3] = (a[0] * a[5] - a[2] * a[2]) / determinant;
-  inverse[4] = (a[1] * a[2] - a[0] * a[4]) / determinant;
-  inverse[5] = (a[0] * a[3] - a[1] * a[1]) / determinant;
+  const double d = a[0] * c00 + a[1] * c01 + a[2] * c02;
+  inverse[0] = c00 / d;
+  inverse[1] = c01 / d;
+  inverse[2] = c02 / d;
+  inverse[3] = (a[0] * a[5] - a[2] * a[2]) / d;
+  inverse[4] = (a[1] * a[2] - a[0] * a[4]) / d;
+  inverse[5] = (a[0] * a[3] - a[1] * a[1]) / d;
 }
 
 double quadratic(const double* m, double a, double b, double c) {
@@ -60,16 +73,17 @@ void Evidence::forget(double keep) {
     for (double& element : matrix) element *= keep;
 }
 
-void Evidence::count(double weight, const double* change, const double* basis) {
+void Evidence::count(double weight, const double* change, const float* basis) {
   for (std::uint32_t r = 0; r < nx_; ++r)
     if (!std::isnan(change[r])) known_[r] += weight;
   add_basis(weight, change, basis);
 }
 
-void Evidence::add_basis(double weight, const double* change, const double* basis) {
+void Evidence::add_basis(double weight, const double* change, const float* basis) {
   for (std::uint32_t j = 0; j < joints_; ++j) {
     if (std::isnan(change[velocity_[j]])) continue;
-    const double* b = basis + j * kDiscrepancyBasis;
+    const double b[] = {basis[j * kDiscrepancyBasis], basis[j * kDiscrepancyBasis + 1],
+                        basis[j * kDiscrepancyBasis + 2]};
     double* to = information_[j];
     for (std::uint32_t r = 0; r < kDiscrepancyBasis; ++r)
       for (std::uint32_t c = r; c < kDiscrepancyBasis; ++c) *to++ += weight * b[r] * b[c];
@@ -86,7 +100,7 @@ void Evidence::prepare() {
   }
 }
 
-void Evidence::log_likelihood(std::uint32_t lanes, const double* sums, std::uint32_t stride, double* out) const {
+EvidenceJob Evidence::job(std::uint32_t lanes, const double* sums, std::uint32_t stride) const {
   EvidenceJob job;
   job.nx = nx_;
   job.joints = joints_;
@@ -99,8 +113,27 @@ void Evidence::log_likelihood(std::uint32_t lanes, const double* sums, std::uint
   job.shrinkage = shrinkage_;
   job.sums = sums;
   job.stride = stride;
-  job.log_likelihood = out;
-  transition_table().evidence(job);
+  return job;
+}
+
+void Evidence::log_likelihood(std::uint32_t lanes, const double* sums, std::uint32_t stride, double* out) const {
+  EvidenceJob all = job(lanes, sums, stride);
+  all.log_likelihood = out;
+  transition_table().evidence(all);
+}
+
+bool Evidence::mean_errors(std::uint32_t lanes, const double* sums, std::uint32_t stride, const double* weight,
+                           double* left, double* before) const {
+  return transition_table().mean_errors(job(lanes, sums, stride), weight, left, before);
+}
+
+double Evidence::log_constant() const {
+  double sum = 0.0;
+  for (std::uint32_t r = 0; r < nx_; ++r)
+    sum += log_gamma(exponent(r)) - 0.5 * known_[r] * std::log(6.283185307179586 * b_[r]);
+  for (std::uint32_t j = 0; j < joints_; ++j)
+    sum += 0.5 * std::log(determinant(shrinkage_ + j * kDiscrepancyTriangle));  // 1 / det(B + K^-1)
+  return sum;
 }
 
 double Evidence::squared_error(const double* sums, std::uint32_t stride, std::uint32_t row) const {
@@ -114,23 +147,23 @@ double Evidence::squared_error(const double* sums, std::uint32_t stride, std::ui
 }
 
 double Evidence::innovation(const double* sums, std::uint32_t stride, std::uint32_t row, double residual,
-                            const double* basis) const {
+                            const float* basis) const {
   const std::uint32_t j = joint_of_[row];
   if (j >= joints_) return residual;
   const double* m = shrinkage_ + j * kDiscrepancyTriangle;
   const double* p = sums + (nx_ + j * kDiscrepancyBasis) * stride;
-  const double* b = basis + j * kDiscrepancyBasis;
+  const double b[] = {basis[j * kDiscrepancyBasis], basis[j * kDiscrepancyBasis + 1], basis[j * kDiscrepancyBasis + 2]};
   const double beta0 = m[0] * p[0] + m[1] * p[stride] + m[2] * p[2 * stride];
   const double beta1 = m[1] * p[0] + m[3] * p[stride] + m[4] * p[2 * stride];
   const double beta2 = m[2] * p[0] + m[4] * p[stride] + m[5] * p[2 * stride];
   return residual - b[0] * beta0 - b[1] * beta1 - b[2] * beta2;
 }
 
-double Evidence::scale_square(const double* sums, std::uint32_t stride, std::uint32_t row, const double* basis) const {
+double Evidence::scale_square(const double* sums, std::uint32_t stride, std::uint32_t row, const float* basis) const {
   const double variance = (b_[row] + 0.5 * squared_error(sums, stride, row)) / exponent(row);
   const std::uint32_t j = joint_of_[row];
   if (j >= joints_) return variance;
-  const double* b = basis + j * kDiscrepancyBasis;
+  const double b[] = {basis[j * kDiscrepancyBasis], basis[j * kDiscrepancyBasis + 1], basis[j * kDiscrepancyBasis + 2]};
   return variance * (1.0 + quadratic(shrinkage_ + j * kDiscrepancyTriangle, b[0], b[1], b[2]));
 }
 

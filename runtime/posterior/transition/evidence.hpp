@@ -25,11 +25,11 @@ class Evidence {
   void clear();
   void forget(double keep);
   /// Counts one transition: rows (nx) of weight w; those whose change is NaN are missing.
-  void count(double weight, const double* change, const double* basis);
+  void count(double weight, const double* change, const float* basis);
   /// M = (B + K^-1)^-1 of each joint and the exponents; call after count().
   void prepare();
-  /// The discrepancy becomes part of the likelihood from here on; what was counted before has none.
-  void add_basis(double weight, const double* change, const double* basis);
+  /// The discrepancy's share of count(), for transitions that were counted before their basis was known.
+  void add_basis(double weight, const double* change, const float* basis);
 
   std::uint32_t nx() const { return nx_; }
   std::uint32_t joints() const { return joints_; }
@@ -39,19 +39,26 @@ class Evidence {
 
   /// Of `lanes` particles whose sums stand in rows of `stride`.
   void log_likelihood(std::uint32_t lanes, const double* sums, std::uint32_t stride, double* out) const;
+  /// What is the same for every particle: log of the evidence less log L, whose change is a transition's share.
+  double log_constant() const;
+  /// Weighted means (nx) of the squared error and of what it is with the discrepancy's share; false where no particle
+  /// is finite.
+  bool mean_errors(std::uint32_t lanes, const double* sums, std::uint32_t stride, const double* weight, double* left,
+                   double* before) const;
   /// Of one particle, sums (rows) at `stride`.
   double squared_error(const double* sums, std::uint32_t stride, std::uint32_t row) const;
   /// What the discrepancy leaves of a new residual: e - b' E[beta | p].
   double innovation(const double* sums, std::uint32_t stride, std::uint32_t row, double residual,
-                    const double* basis) const;
+                    const float* basis) const;
   /// Student-t predictive of one residual: degrees of freedom, and the square of its scale (b' M b included).
   double freedom(std::uint32_t row) const { return 2.0 * exponent(row); }
-  double scale_square(const double* sums, std::uint32_t stride, std::uint32_t row, const double* basis) const;
+  double scale_square(const double* sums, std::uint32_t stride, std::uint32_t row, const float* basis) const;
   /// E[s_r^2]
   double noise_variance(double squared_error, std::uint32_t row) const;
   double configured_variance(std::uint32_t row) const { return b_[row] / a0_; }
 
  private:
+  EvidenceJob job(std::uint32_t lanes, const double* sums, std::uint32_t stride) const;
   double exponent(std::uint32_t row) const { return a0_ + 0.5 * known_[row]; }
 
   std::uint32_t nx_ = 0, joints_ = 0;

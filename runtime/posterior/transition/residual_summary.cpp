@@ -137,6 +137,12 @@ bool ResidualSummary::centre_on(const Cloud& cloud) {
   if (!empty_) translate(mean, root);
   std::memcpy(centre_, mean, sizeof(double) * d_);
   std::memcpy(root_, root, sizeof(double) * d_ * d_);
+  for (std::uint32_t c = 0; c < d_; ++c) {
+    double column[kMax], z[kMax];
+    for (std::uint32_t r = 0; r < d_; ++r) column[r] = centre_[r] + (r == c ? 1.0 : 0.0);
+    whiten(column, z);
+    for (std::uint32_t r = 0; r < d_; ++r) inverse_root_[r * d_ + c] = z[r];
+  }
   for (std::uint32_t k = 0; k < points_; ++k) {
     for (std::uint32_t r = 0; r < d_; ++r) {
       double v = mean[r];
@@ -265,27 +271,25 @@ bool ResidualSummary::add(const float* residual, const float* weight, const floa
   return true;
 }
 
-void ResidualSummary::sums_at(const double* v, double factor, double* rows, std::uint32_t stride) const {
+void ResidualSummary::add_sums(std::uint32_t lanes, const double* coordinate, double factor, double* sums,
+                               std::uint32_t stride) const {
   if (empty_) return;
-  double z[kMax], phi[kMaxTerms];
-  whiten(v, z);
-  monomials(z, phi);
-  for (std::uint32_t r = 0; r < nx_; ++r) {
-    const double* gram = gram_ + r * triangle_;
-    double sum = 0.0;
-    for (std::uint32_t i = 0; i < terms_; ++i) {
-      double along = 0.5 * gram[0] * phi[i];
-      for (std::uint32_t j = i + 1; j < terms_; ++j) along += gram[j - i] * phi[j];
-      sum += 2.0 * phi[i] * along;
-      gram += terms_ - i;
-    }
-    rows[r * stride] += factor * sum;
-  }
-  for (std::uint32_t j = 0; j < joints_ * kDiscrepancyBasis; ++j) {
-    double sum = 0.0;
-    for (std::uint32_t i = 0; i < terms_; ++i) sum += tilt_[j * terms_ + i] * phi[i];
-    rows[(nx_ + j) * stride] += factor * sum;
-  }
+  PolynomialJob job;
+  job.d = d_;
+  job.nx = nx_;
+  job.projections = joints_ * kDiscrepancyBasis;
+  job.terms = terms_;
+  job.quadratic = quadratic_;
+  job.lanes = lanes;
+  job.centre = centre_;
+  job.inverse_root = inverse_root_;
+  job.gram = gram_;
+  job.tilt = tilt_;
+  job.factor = factor;
+  job.coordinate = coordinate;
+  job.sums = sums;
+  job.stride = stride;
+  transition_table().polynomial(job);
 }
 
 }  // namespace tiller

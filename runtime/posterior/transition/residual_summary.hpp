@@ -40,8 +40,8 @@ class ResidualSummary {
   /// Takes in one transition: residual (nx x points) at the design; weight (nx) with 0 for missing rows; basis
   /// (joints * kDiscrepancyBasis). Residuals that are not finite are refused: false.
   bool add(const float* residual, const float* weight, const float* basis);
-  /// rows[i * stride] += factor * sum i at coordinates v (d), in the order of ResidualSumJob.
-  void sums_at(const double* v, double factor, double* rows, std::uint32_t stride) const;
+  /// sums += factor * the sums at coordinates (d), rows of `stride`, in the order of ResidualSumJob.
+  void add_sums(std::uint32_t lanes, const double* coordinate, double factor, double* sums, std::uint32_t stride) const;
 
  private:
   void whiten(const double* v, double* z) const;
@@ -55,6 +55,7 @@ class ResidualSummary {
   bool quadratic_ = true, empty_ = true, laid_ = false;
   double centre_[TILLER_MAX_PARAMS] = {};
   double root_[TILLER_MAX_PARAMS * TILLER_MAX_PARAMS] = {};  // L, lower, row-major stride d
+  double inverse_root_[TILLER_MAX_PARAMS * TILLER_MAX_PARAMS] = {};
   double* unit_ = nullptr;            // (points x d) the design in z before it is cut to the bounds
   double* design_ = nullptr;          // (d x points)
   double* pseudo_inverse_ = nullptr;  // (terms x points)

@@ -21,8 +21,6 @@ constexpr std::uint32_t kDoubtedRun = 5;
 /// How far the worst row of a transition lies from what a particle predicts, as the square of normal deviations: the
 /// Student-t's log density ratio in the place of z^2, so that few data do not speak of many deviations.
 double TransitionCloud::surprise(std::uint32_t particle, const MeasuredStep& step, const float* basis) const {
-  double b[TILLER_MAX_JOINTS * kDiscrepancyBasis];
-  for (std::uint32_t i = 0; i < columns_; ++i) b[i] = static_cast<double>(basis[i]);
   double worst = 0.0;
   for (std::uint32_t r = 0; r < nx_; ++r) {
     if (std::isnan(step.change[r])) continue;
@@ -30,9 +28,9 @@ double TransitionCloud::surprise(std::uint32_t particle, const MeasuredStep& ste
     for (std::uint32_t j = 0; j < evidence_.joints(); ++j)
       if (evidence_.velocity(j) == r && fresh_[(nx_ + j * kDiscrepancyBasis) * n_ + particle] < 0.0)
         residual = -residual;
-    const double e = evidence_.innovation(total_ + particle, n_, r, residual, b);
+    const double e = evidence_.innovation(total_ + particle, n_, r, residual, basis);
     const double freedom = evidence_.freedom(r);
-    const double square = e * e / (freedom * evidence_.scale_square(total_ + particle, n_, r, b));
+    const double square = e * e / (freedom * evidence_.scale_square(total_ + particle, n_, r, basis));
     const double z = (freedom + 1.0) * std::log1p(square);
     if (!(z <= worst)) worst = z;
   }
@@ -57,7 +55,5 @@ double TransitionCloud::find_robust_weight(std::uint32_t slot) {
   // the weighted square must not grow with the residual, else a large glitch widens the noise more than a small one
   return share * share;
 }
-
-void TransitionCloud::measure_predictive(std::uint32_t) { log_predictive_ = 0.0; }
 
 }  // namespace tiller

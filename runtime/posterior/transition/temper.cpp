@@ -6,17 +6,41 @@
 
 namespace tiller {
 
-/// target = prior x likelihood^exponent. Weights follow the change of the target since the last call, by new data or
-/// by a higher exponent. An exponent rises only after every particle has had a move since it last changed: particles
-/// that were only copied look like agreement, and the target outruns them.
-void TransitionCloud::temper() {
+/// New data: the particles' evidence, and what was to be expected of it.
+void TransitionCloud::take_evidence(double log_constant) {
   evidence_.log_likelihood(n_, total_, n_, gain_);
-  bool any_dead = false;
+  // log_weight - log(weight) is the same for all: what normalises them
+  double normaliser = 0.0;
   for (std::uint32_t i = 0; i < n_; ++i) {
     const bool alive = std::isfinite(gain_[i]) && std::isfinite(cloud_.log_weight[i]);
-    base_[i] = alive ? cloud_.log_weight[i] - exponent_ * log_likelihood_[i] : -INFINITY;
+    base_[i] = alive ? cloud_.log_weight[i] - log_likelihood_[i] : -INFINITY;
     if (!alive) gain_[i] = 0.0;
-    any_dead = any_dead || !alive;
+    if (cloud_.weight[i] > 0.0) normaliser = cloud_.log_weight[i] - std::log(cloud_.weight[i]);
+  }
+  const WeighResult result = cloud_.lanes->weigh(n_, base_, gain_, 1.0, nullptr);
+  log_predictive_ = result.sum > 0.0 ? result.largest + std::log(result.sum) - normaliser + log_constant : 0.0;
+  if (robust_weight_ < 1.0) log_predictive_ -= kDoubtCost;
+  for (std::uint32_t i = 0; i < n_; ++i)
+    if (std::isfinite(base_[i])) base_[i] += (1.0 - exponent_) * log_likelihood_[i];
+  temper();
+}
+
+/// No new data: the exponent goes as far as the cloud, which has been swept, allows.
+void TransitionCloud::raise() {
+  for (std::uint32_t i = 0; i < n_; ++i) {
+    base_[i] = cloud_.log_weight[i] - exponent_ * log_likelihood_[i];
+    gain_[i] = log_likelihood_[i];
+  }
+  temper();
+}
+
+/// target = prior x likelihood^exponent. base: log weight less what the old likelihood has in it; gain: the likelihood;
+/// weights follow the change of the target. An exponent rises only after every particle has had a move since it last
+/// changed: particles that were only copied look like agreement, and the target outruns them.
+void TransitionCloud::temper() {
+  bool any_dead = false;
+  for (std::uint32_t i = 0; i < n_; ++i) {
+    any_dead = any_dead || std::isinf(base_[i]);
     log_likelihood_[i] = gain_[i];
   }
   if (!config_->posterior.enabled) return;
@@ -48,15 +72,13 @@ void TransitionCloud::resample() {
 }
 
 void TransitionCloud::measure_noise() {
+  double left[TILLER_MAX_STATES], before[TILLER_MAX_STATES];
+  if (!evidence_.mean_errors(n_, total_, n_, cloud_.weight, left, before)) return;
+  discrepancy_share_ = 0.0;
   for (std::uint32_t r = 0; r < nx_; ++r) {
-    double sum = 0.0, weight = 0.0;
-    for (std::uint32_t i = 0; i < n_; ++i) {
-      const double squared = evidence_.squared_error(total_ + i, n_, r);
-      if (!(cloud_.weight[i] > 0.0) || !std::isfinite(squared)) continue;
-      sum += cloud_.weight[i] * squared;
-      weight += cloud_.weight[i];
-    }
-    if (weight > 0.0) noise_variance_[r] = evidence_.noise_variance(sum / weight, r);
+    noise_variance_[r] = evidence_.noise_variance(left[r], r);
+    if (before[r] > 0.0 && 1.0 - left[r] / before[r] > discrepancy_share_)
+      discrepancy_share_ = 1.0 - left[r] / before[r];
   }
 }
 

@@ -42,6 +42,8 @@ TransitionCloud* TransitionCloud::lay_out(Arena& arena, const tiller_config_t& c
   made.history_ = arena.take<double>(std::size_t{capacity} * setup.delay_steps * config.model->input_count);
   made.proposals_ = arena.take<Proposal>(lanes);
   made.proposed_params_ = arena.take<float>(std::size_t{np} * lanes);
+  made.proposed_coordinate_ = arena.take<double>(std::size_t{made.cloud_.d} * lanes);
+  made.present_coordinate_ = arena.take<double>(std::size_t{made.cloud_.d} * lanes);
   made.proposed_ring_ = arena.take<double>(std::size_t{rows} * lanes);
   made.proposed_total_ = arena.take<double>(std::size_t{rows} * lanes);
   made.proposed_likelihood_ = arena.take<double>(lanes);
@@ -83,7 +85,7 @@ void TransitionCloud::reset(double keep) {
   summary_.clear();
   begin_ = end_ = batch_ = tick_ = 0;
   exponent_ = robust_weight_ = 1.0;
-  acceptance_ = log_predictive_ = 0.0;
+  acceptance_ = log_predictive_ = discrepancy_share_ = 0.0;
   cursor_ = moved_ = doubted_run_ = 0;
   resamplings_ = doubted_ = work_ = 0;
   for (std::uint32_t r = 0; r < nx_; ++r) noise_variance_[r] = evidence_.configured_variance(r);
@@ -104,16 +106,16 @@ tiller_status_t TransitionCloud::take_in(const MeasuredStep& step) {
     return tiller_status_posterior_degenerate;
   }
   ++tick_;
-  measure_predictive(slot);
   robust_weight_ = config_->posterior.robust ? find_robust_weight(slot) : 1.0;
   set_weight(slot, robust_weight_);
   forget();
-  evidence_.count(robust_weight_, step.change, steps_[slot].basis);
+  const double before = evidence_.log_constant();
+  evidence_.count(robust_weight_, step.change, basis_ + slot * columns_);
   evidence_.prepare();
   const std::uint32_t all = rows_ * n_;
   transition_table().add_scaled(all, robust_weight_, fresh_, total_);
   transition_table().add_scaled(all, robust_weight_, fresh_, ring_sums_);
-  temper();
+  take_evidence(evidence_.log_constant() - before);
   if (config_->posterior.enabled && config_->posterior.moves_per_tick && d_) move();
   retire();
   measure_noise();
@@ -123,11 +125,10 @@ tiller_status_t TransitionCloud::take_in(const MeasuredStep& step) {
 /// Whether a particle with weight has a finite residual; the others' sums are left to temper(), or to stay where the
 /// cloud is frozen.
 bool TransitionCloud::any_alive() {
+  transition_table().find_broken(n_, rows_, fresh_, base_);
   bool any = false;
   for (std::uint32_t i = 0; i < n_; ++i) {
-    double sum = 0.0;
-    for (std::uint32_t r = 0; r < rows_; ++r) sum += fresh_[r * n_ + i];
-    const bool finite = std::isfinite(sum);
+    const bool finite = base_[i] == 0.0;
     any = any || (finite && cloud_.weight[i] > 0.0);
     for (std::uint32_t r = 0; r < rows_ && !finite && !config_->posterior.enabled; ++r) fresh_[r * n_ + i] = 0.0;
   }
@@ -205,8 +206,6 @@ void TransitionCloud::sum_chunk(const SumsJob& job, std::uint32_t chunk) const {
     transition_table().sum_residuals(sums);
   }
 }
-
-double TransitionCloud::discrepancy_share() const { return 0.0; }
 
 std::uint64_t TransitionCloud::work_limit() const {
   const tiller_posterior_config_t& p = config_->posterior;

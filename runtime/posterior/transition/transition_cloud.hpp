@@ -38,13 +38,16 @@ class TransitionCloud {
   std::uint64_t doubted() const { return doubted_; }
   /// Swept at the full exponent since the last resampling.
   bool converged() const { return exponent_ == 1.0 && moved_ >= n_; }
+  static constexpr double kDoubtCost = 10.0;
   /// Of the last transition.
   double robust_weight() const { return robust_weight_; }
-  /// log p(last transition | those before), robust weight left out; 0 before the first.
+  /// log p(last transition | those before) at the present exponent's weights; a doubted one counts as its weighted part
+  /// less kDoubtCost nats.
   double log_predictive() const { return log_predictive_; }
   /// E[s_r^2] of the residuals' noise per step, row of the state.
   double noise_variance(std::uint32_t row) const { return noise_variance_[row]; }
-  double discrepancy_share() const;
+  /// Of the residuals' squares, the largest over the joints that the discrepancy takes up, 0..1.
+  double discrepancy_share() const { return discrepancy_share_; }
   /// Steps of the model that the last take_in() took, and that none exceeds.
   std::uint64_t work() const { return work_; }
   std::uint64_t work_limit() const;
@@ -77,9 +80,10 @@ class TransitionCloud {
   // robust_weight.cpp
   double find_robust_weight(std::uint32_t slot);
   double surprise(std::uint32_t particle, const MeasuredStep& step, const float* basis) const;
-  void measure_predictive(std::uint32_t slot);
 
   // temper.cpp
+  void take_evidence(double log_constant);
+  void raise();
   void temper();
   void resample();
   void measure_noise();
@@ -124,6 +128,8 @@ class TransitionCloud {
   std::uint32_t lanes_ = 0;
   Proposal* proposals_ = nullptr;
   float* proposed_params_ = nullptr;       // (np x lanes)
+  double* proposed_coordinate_ = nullptr;  // (d x lanes)
+  double* present_coordinate_ = nullptr;   // (d x lanes)
   double* proposed_ring_ = nullptr;        // (rows x lanes)
   double* proposed_total_ = nullptr;       // (rows x lanes)
   double* proposed_likelihood_ = nullptr;  // (lanes)
@@ -133,7 +139,7 @@ class TransitionCloud {
 
   std::uint64_t batch_ = 0;  // names the random numbers of moves
   std::uint64_t tick_ = 0;
-  double exponent_ = 1.0, acceptance_ = 0.0, robust_weight_ = 1.0, log_predictive_ = 0.0;
+  double exponent_ = 1.0, acceptance_ = 0.0, robust_weight_ = 1.0, log_predictive_ = 0.0, discrepancy_share_ = 0.0;
   double noise_variance_[TILLER_MAX_STATES] = {};
   std::uint32_t cursor_ = 0, moved_ = 0, doubted_run_ = 0;
   std::uint64_t resamplings_ = 0, doubted_ = 0, work_ = 0;

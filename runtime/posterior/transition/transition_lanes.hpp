@@ -39,11 +39,34 @@ struct EvidenceJob {
   double* log_likelihood = nullptr;  // (lanes) NaN where a sum is
 };
 
+/// Sums at many points from polynomials (residual_summary.hpp): of the squares phi' G_r phi, of the projections t_j' phi.
+struct PolynomialJob {
+  std::uint32_t d = 0, nx = 0, projections = 0;
+  std::uint32_t terms = 0;
+  bool quadratic = true;
+  std::uint32_t lanes = 0;               // a multiple of 16
+  const double* centre = nullptr;        // (d)
+  const double* inverse_root = nullptr;  // (d x d) lower
+  const double* gram = nullptr;          // (nx x terms (terms + 1) / 2)
+  const double* tilt = nullptr;          // (projections x terms)
+  double factor = 1.0;
+  const double* coordinate = nullptr;  // (d), rows of `stride`
+  double* sums = nullptr;              // (nx + projections) += factor * sum, rows of `stride`
+  std::uint32_t stride = 0;
+};
+constexpr std::uint32_t kMaxPolynomialTerms = 28;  // six coordinates, second order
+
 /// The loops over particles that are compiled per instruction set.
 struct TransitionTable {
   Isa isa = Isa::scalar;
   void (*sum_residuals)(const ResidualSumJob& job) = nullptr;
   void (*evidence)(const EvidenceJob& job) = nullptr;
+  /// mean[r] (nx) = sum_l weight_l S_lr over the lanes whose sums are finite and whose weight is not zero, divided by their
+  /// weight; false where there is none. The discrepancy's share is taken off S; shares[r]: the same of S before.
+  bool (*mean_errors)(const EvidenceJob& job, const double* weight, double* mean, double* before) = nullptr;
+  void (*polynomial)(const PolynomialJob& job) = nullptr;
+  /// flags sum_r rows[r * n + i] that is not finite: bad[i] = NaN, else 0. n a multiple of 16
+  void (*find_broken)(std::uint32_t n, std::uint32_t rows, const double* from, double* bad) = nullptr;
   /// to += factor * from, n a multiple of 16
   void (*add_scaled)(std::uint32_t n, double factor, const double* from, double* to) = nullptr;
 };

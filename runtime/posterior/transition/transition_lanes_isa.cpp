@@ -87,6 +87,80 @@ void evidence(const EvidenceJob& job) {
   }
 }
 
+bool mean_errors(const EvidenceJob& job, const double* weight, double* mean, double* before) {
+  P total(0.0), left[TILLER_MAX_STATES], all[TILLER_MAX_STATES];
+  for (std::uint32_t r = 0; r < job.nx; ++r) left[r] = all[r] = P(0.0);
+  for (std::uint32_t lane = 0; lane < job.lanes; lane += static_cast<std::uint32_t>(P::width)) {
+    P error[TILLER_MAX_STATES], sum(0.0);
+    for (std::uint32_t r = 0; r < job.nx; ++r) {
+      error[r] = scaled_error(job, r, lane);
+      sum = sum + error[r];
+    }
+    const auto counts = (sum - sum) == P(0.0);  // NOLINT(misc-redundant-expression): NaN where not finite
+    const P w = select(counts, P::load(weight + lane), P(0.0));
+    total = total + w;
+    for (std::uint32_t r = 0; r < job.nx; ++r) {
+      left[r] = fma(w, select(counts, error[r], P(0.0)), left[r]);
+      all[r] = fma(w, select(counts, P::load(job.sums + r * job.stride + lane), P(0.0)), all[r]);
+    }
+  }
+  const double sum = reduce_add(total);
+  if (!(sum > 0.0)) return false;
+  for (std::uint32_t r = 0; r < job.nx; ++r) {
+    mean[r] = reduce_add(left[r]) / (sum * job.half_precision[r]);
+    before[r] = reduce_add(all[r]) / sum;
+  }
+  return true;
+}
+
+/// phi' G phi for one state: 2 sum_i phi_i (G_ii phi_i / 2 + sum_j>i G_ij phi_j).
+P quadratic_form(const double* gram, const P* phi, std::uint32_t terms) {
+  P sum(0.0);
+  for (std::uint32_t i = 0; i < terms; ++i) {
+    P along = P(0.5 * gram[0]) * phi[i];
+    for (std::uint32_t j = i + 1; j < terms; ++j) along = fma(P(gram[j - i]), phi[j], along);
+    sum = fma(phi[i], along, sum);
+    gram += terms - i;
+  }
+  return sum + sum;
+}
+
+void polynomial(const PolynomialJob& job) {
+  const std::uint32_t triangle = job.terms * (job.terms + 1) / 2;
+  const P factor(job.factor);
+  for (std::uint32_t lane = 0; lane < job.lanes; lane += static_cast<std::uint32_t>(P::width)) {
+    P off[TILLER_MAX_PARAMS], z[TILLER_MAX_PARAMS], phi[kMaxPolynomialTerms];
+    for (std::uint32_t r = 0; r < job.d; ++r) {
+      off[r] = P::load(job.coordinate + r * job.stride + lane) - P(job.centre[r]);
+      z[r] = P(0.0);
+      for (std::uint32_t c = 0; c <= r; ++c) z[r] = fma(P(job.inverse_root[r * job.d + c]), off[c], z[r]);
+    }
+    std::uint32_t term = 0;
+    phi[term++] = P(1.0);
+    for (std::uint32_t r = 0; r < job.d; ++r) phi[term++] = z[r];
+    for (std::uint32_t r = 0; r < job.d && job.quadratic; ++r)
+      for (std::uint32_t c = r; c < job.d; ++c) phi[term++] = z[r] * z[c];
+    for (std::uint32_t r = 0; r < job.nx; ++r) {
+      double* to = job.sums + r * job.stride + lane;
+      fma(factor, quadratic_form(job.gram + r * triangle, phi, job.terms), P::load(to)).store(to);
+    }
+    for (std::uint32_t j = 0; j < job.projections; ++j) {
+      P sum(0.0);
+      for (std::uint32_t i = 0; i < job.terms; ++i) sum = fma(P(job.tilt[j * job.terms + i]), phi[i], sum);
+      double* to = job.sums + (job.nx + j) * job.stride + lane;
+      fma(factor, sum, P::load(to)).store(to);
+    }
+  }
+}
+
+void find_broken(std::uint32_t n, std::uint32_t rows, const double* from, double* bad) {
+  for (std::uint32_t i = 0; i < n; i += static_cast<std::uint32_t>(P::width)) {
+    P sum(0.0);
+    for (std::uint32_t r = 0; r < rows; ++r) sum = sum + P::load(from + r * n + i);
+    (sum - sum).store(bad + i);  // NOLINT(misc-redundant-expression)
+  }
+}
+
 void add_scaled(std::uint32_t n, double factor, const double* from, double* to) {
   const P scale(factor);
   for (std::uint32_t i = 0; i < n; i += static_cast<std::uint32_t>(P::width))
@@ -96,7 +170,8 @@ void add_scaled(std::uint32_t n, double factor, const double* from, double* to) 
 }  // namespace
 
 const TransitionTable& transition_copy() {
-  static const TransitionTable table = {Isa::TILLER_COMPILE_ISA, sum_residuals, evidence, add_scaled};
+  static const TransitionTable table = {
+      Isa::TILLER_COMPILE_ISA, sum_residuals, evidence, mean_errors, polynomial, find_broken, add_scaled};
   return table;
 }
 

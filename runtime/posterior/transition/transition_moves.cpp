@@ -25,7 +25,7 @@ void TransitionCloud::move() {
     if (moves == 0) return;
     done += move_batch(static_cast<std::uint32_t>(moves));
     left -= moves * cost;
-    if (exponent_ < 1.0 && moved_ >= n_) temper();
+    if (exponent_ < 1.0 && moved_ >= n_) raise();
   }
 }
 
@@ -54,16 +54,17 @@ void TransitionCloud::judge(std::uint32_t moves) {
   const std::uint32_t lanes = (moves + 15) / 16 * 16;
   for (std::uint32_t m = 0; m < lanes; ++m) {
     const Proposal& p = proposals_[m < moves ? m : 0];
-    double* to = proposed_total_ + m;
     for (std::uint32_t r = 0; r < rows_; ++r) {
       const std::size_t at = std::size_t{r} * n_ + p.particle;
-      to[r * lanes_] = total_[at] - ring_sums_[at] + proposed_ring_[r * lanes_ + m];
+      proposed_total_[r * lanes_ + m] = total_[at] - ring_sums_[at] + proposed_ring_[r * lanes_ + m];
     }
-    double present[TILLER_MAX_PARAMS];
-    for (std::uint32_t j = 0; j < d_; ++j) present[j] = cloud_.coordinate[j * n_ + p.particle];
-    summary_.sums_at(p.coordinate, 1.0, to, lanes_);
-    summary_.sums_at(present, -1.0, to, lanes_);
+    for (std::uint32_t j = 0; j < d_; ++j) {
+      proposed_coordinate_[j * lanes_ + m] = p.coordinate[j];
+      present_coordinate_[j * lanes_ + m] = cloud_.coordinate[j * n_ + p.particle];
+    }
   }
+  summary_.add_sums(lanes, proposed_coordinate_, 1.0, proposed_total_, lanes_);
+  summary_.add_sums(lanes, present_coordinate_, -1.0, proposed_total_, lanes_);
   evidence_.log_likelihood(lanes, proposed_total_, lanes_, proposed_likelihood_);
   std::uint32_t accepted = 0;
   for (std::uint32_t m = 0; m < moves; ++m) {
