@@ -1,0 +1,2 @@
+#include "accuracy_run.hpp"
+int main() { return 0; }
