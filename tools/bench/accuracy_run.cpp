@@ -54,8 +54,8 @@ EngineResult run_engine(const AccuracyTask& task, const tiller_config_t& config,
     Transition& t = transitions[k];
     if (k > 0) t = episode.transition(k - 1, config.period_s);
     for (std::uint32_t i = 0; i < config.measurement_count; ++i)
-      t.measured[i] =
-          episode.state[k * episode.nx + config.measured_state[i]] + (reading_sd ? reading_sd[i] * noise.normal() : 0.0);
+      t.measured[i] = episode.state[k * episode.nx + config.measured_state[i]] +
+                      (reading_sd ? reading_sd[i] * noise.normal() : 0.0);
   }
 
   EngineResult out;
@@ -79,6 +79,16 @@ EngineResult run_engine(const AccuracyTask& task, const tiller_config_t& config,
   }
   for (int j = 0; j < d; ++j) out.rank.push_back(rank_below(out.point, out.weight, j, true_value(task, episode, j)));
   return out;
+}
+
+double own_log_density(const AccuracyTask& task, const Episode& episode, const EngineResult& online) {
+  const int d = static_cast<int>(task.inferred.size());
+  Eigen::VectorXd truth(d);
+  for (int j = 0; j < d; ++j) truth[j] = true_value(task, episode, j);
+  const Eigen::MatrixXd centred = online.point.colwise() - online.point * online.weight;
+  const double h = scott(static_cast<std::uint32_t>(online.weight.size()), d);
+  return log_kernel_density(online.point, online.weight, truth,
+                            h * h * (centred * online.weight.asDiagonal() * centred.transpose()));
 }
 
 Accuracy compare(const AccuracyTask& task, const tiller_config_t& config, const Episode& episode, std::uint64_t seed) {

@@ -11,8 +11,8 @@ namespace tiller::bench {
 
 /// An engine's weighted particles after an episode, and what they cost.
 struct EngineResult {
-  Eigen::MatrixXd point;   // (d x N) inferred parameters, physical
-  Eigen::VectorXd weight;  // (N)
+  Eigen::MatrixXd point;     // (d x N) inferred parameters, physical
+  Eigen::VectorXd weight;    // (N)
   std::vector<double> rank;  ///< (d) weight of the particles below the truth, ties halved
   double seconds = 0.0;      ///< CPU time of all updates
   std::size_t bytes = 0;
@@ -34,6 +34,9 @@ struct Accuracy {
   std::uint32_t faults = 0;
   double gap() const { return online - exact; }
 };
+/// Log density at the truth of an engine's particles, the kernel from their own covariance.
+double own_log_density(const AccuracyTask& task, const Episode& episode, const EngineResult& online);
+
 Accuracy compare(const AccuracyTask& task, const tiller_config_t& config, const Episode& episode, std::uint64_t seed);
 
 }  // namespace tiller::bench

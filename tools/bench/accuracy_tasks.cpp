@@ -29,7 +29,12 @@ AccuracyTask base(const char* name, const tiller_model_t& model, std::initialize
   AccuracyTask t;
   t.name = name;
   tiller_config_t& c = t.config;
-  tiller_config_default(&c, &model);
+  c = {};
+  c.size = sizeof c;
+  c.version = TILLER_CONFIG_VERSION;
+  c.model = &model;
+  c.param_count = model.param_count;
+  c.body = {0.0, -9.81, 0.0, 0.0};
   c.integrator = tiller_integrator_semi_implicit_euler;
   c.period_s = 0.02;
   c.substeps = 1;
@@ -46,13 +51,17 @@ AccuracyTask base(const char* name, const tiller_model_t& model, std::initialize
     c.initial_state_sd[i] = c.measurement_sd[i];
   }
   c.posterior.enabled = 1;
+  c.posterior.ess_fraction = 0.5;
+  c.posterior.delay_hypotheses = 1;
+  c.posterior.forgetting_count = 1;
+  c.posterior.forgetting[0] = 1.0;
   c.posterior.noise_scale_shape = 0.5;  // three decimal powers of the variance within its 90 % interval
   return t;
 }
 
 AccuracyTask cart_pole() {
-  AccuracyTask t = base("cart-pole", *tiller_find_model("cart_pole"), {fixed(1.0), uniform(0.1, 1.0), uniform(0.1, 1.0)},
-                        {0.02, 0.1, 0.2, 1.0});
+  AccuracyTask t = base("cart-pole", *tiller_find_model("cart_pole"),
+                        {fixed(1.0), uniform(0.1, 1.0), uniform(0.1, 1.0)}, {0.022, 0.074, 0.122, 0.367});
   t.config.initial_state[1] = 3.141592653589793;
   t.excitation = {12.0, 20.0, 8, {4.0, 0.0, 2.0, 0.0}};
   t.paper_log_density = 4.66;
@@ -62,7 +71,7 @@ AccuracyTask cart_pole() {
 
 AccuracyTask pendulum() {
   AccuracyTask t = base("pendulum", *tiller_find_model("pendulum"), {uniform(0.1, 1.0), uniform(0.1, 1.0), fixed(0.02)},
-                        {0.1, 1.0});
+                        {0.071, 0.48});
   t.config.initial_state[0] = 2.5;  // swings far by itself: the longest ones are moved by gravity alone
   t.excitation = {1.0, 2.0, 8, {0.0, 0.05}};
   t.paper_log_density = 4.08;
@@ -109,7 +118,7 @@ Episode play(const AccuracyTask& task, const double* noise_sd, std::uint32_t tic
   Rng truth(seed, kTruthStream, 0), noise(seed, kNoiseStream, 0);
   for (std::uint32_t i = 0; i < task.config.param_count; ++i)
     e.truth.push_back(task.config.priors[i].kind == tiller_prior_fixed ? task.config.priors[i].a
-                                                                      : draw_prior(task.config.priors[i], truth));
+                                                                       : draw_prior(task.config.priors[i], truth));
   std::copy_n(task.config.initial_state, e.nx, e.state.begin());
   const StepSetup setup = setup_of(task.config);
   std::vector<double> params(task.config.param_count * kLanePadding), next(e.nx * kLanePadding);
@@ -166,16 +175,16 @@ std::vector<AccuracyTask> accuracy_tasks() {
   // rods of .1 m spin fast under little torque: the shortest decide how much may be applied
   const Excitation gentle = {1.0, 2.0, 8, {0.0, 0.0, 0.0, 0.05}};
   tasks.push_back(acrobot("acrobot masses", {uniform(0.5, 2.0), uniform(0.5, 2.0), fixed(1.0), fixed(1.0)},
-                          {0.1, 0.1, 1.0, 1.0}, {6.0, 10.0, 8, {0.0, 0.0, 0.0, 0.5}}));
+                          {0.022, 0.067, 0.208, 0.657}, {6.0, 10.0, 8, {0.0, 0.0, 0.0, 0.5}}));
   tasks.back().paper_log_density = 2.85;
   tasks.back().goal_log_density = 6.4;
   tasks.push_back(acrobot("acrobot lengths", {fixed(1.0), fixed(1.0), uniform(0.1, 1.5), uniform(0.1, 1.5)},
-                          {0.1, 0.1, 1.0, 1.0}, gentle));
+                          {0.0375, 0.0766, 0.502, 1.03}, gentle));
   tasks.back().paper_log_density = 2.25;
   tasks.back().goal_log_density = 3.2;
   tasks.push_back(acrobot("acrobot all four",
                           {uniform(0.5, 2.0), uniform(0.5, 2.0), uniform(0.1, 1.5), uniform(0.1, 1.5)},
-                          {0.1, 0.1, 1.0, 1.0}, gentle));
+                          {0.0324, 0.0772, 0.439, 1.10}, gentle));
   return tasks;
 }
 

@@ -35,10 +35,10 @@ struct AccuracyTask {
   std::string name;
   tiller_config_t config;  ///< every state measured; priors: the task's; noise: nominal
   Excitation excitation;
-  std::vector<std::uint32_t> inferred;       ///< parameters with a prior
-  double step_rms[TILLER_MAX_STATES] = {};   ///< RMS one-step change of each state under prior and excitation, no noise
-  double paper_log_density = 0.0;            ///< Online BayesSim's best figure in Table I; 0: none
-  double goal_log_density = 0.0;             ///< mean at sigma .03; 0: none
+  std::vector<std::uint32_t> inferred;      ///< parameters with a prior
+  double step_rms[TILLER_MAX_STATES] = {};  ///< RMS one-step change of each state under prior and excitation, no noise
+  double paper_log_density = 0.0;           ///< Online BayesSim's best figure in Table I; 0: none
+  double goal_log_density = 0.0;            ///< mean at sigma .03; 0: none
   std::uint32_t states() const { return config.model->state_count; }
   std::uint32_t inputs() const { return config.model->input_count; }
 };
@@ -49,9 +49,9 @@ std::vector<AccuracyTask> accuracy_tasks();
 /// What was recorded, in double.
 struct Episode {
   std::uint32_t ticks = 0, nx = 0, nu = 0;
-  std::vector<double> truth;    // (np)
-  std::vector<double> state;    // ((ticks + 1) x nx) measured
-  std::vector<double> input;    // (ticks x nu)
+  std::vector<double> truth;  // (np)
+  std::vector<double> state;  // ((ticks + 1) x nx) measured
+  std::vector<double> input;  // (ticks x nu)
   Transition transition(std::uint32_t k, double period_s) const;
 };
 

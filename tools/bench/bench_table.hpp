@@ -53,7 +53,12 @@ class Table : private benchmark::BenchmarkReporter {
   /// Largest over smallest repetition: how quiet the machine was.
   double spread(const std::string& name) const { return at(name, 1.0) / at(name, 0.0); }
 
-  void heading(const std::string& text) { std::printf("\n%s\n", text.c_str()); }
+  /// Also writes every row as one JSON object a line.
+  void json_to(std::FILE* file) { json_ = file; }
+  void heading(const std::string& text) {
+    std::printf("\n%s\n", text.c_str());
+    heading_ = text;
+  }
   void row(const std::string& what, double figure, const std::string& unit, Goal goal = {}) {
     char bound[64] = "";
     const char* verdict = "";
@@ -64,6 +69,14 @@ class Table : private benchmark::BenchmarkReporter {
       ++(met ? met_ : short_);
     }
     std::printf("  %-58s %10.4g %-8s %-16s %s\n", what.c_str(), figure, unit.c_str(), bound, verdict);
+    if (!json_) return;
+    char number[32] = "null";  // JSON has no NaN
+    if (std::isfinite(figure)) std::snprintf(number, sizeof number, "%.9g", figure);
+    std::fprintf(json_,
+                 "{\"heading\": \"%s\", \"row\": \"%s\", \"figure\": %s, \"unit\": \"%s\", \"goal\": \"%s\", "
+                 "\"verdict\": \"%s\"}\n",
+                 heading_.c_str(), what.c_str(), number, unit.c_str(), bound, verdict);
+    std::fflush(json_);
   }
   int finish() const {
     std::printf("\n%d rows met, %d short\n", met_, short_);
@@ -88,6 +101,8 @@ class Table : private benchmark::BenchmarkReporter {
   }
   std::map<std::string, std::vector<double>> times_;
   int met_ = 0, short_ = 0;
+  std::FILE* json_ = nullptr;
+  std::string heading_;
 };
 
 }  // namespace tiller::bench

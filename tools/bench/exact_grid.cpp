@@ -11,7 +11,7 @@ namespace {
 constexpr double kReach = 7.0;       // deviations to each side of a mode that the first columns span
 constexpr double kDepth = 22.0;      // nats below the top from which on density is left out
 constexpr int kSurvey = 24;          // columns and points a column while the ranges are sought
-constexpr double kTolerance = 0.01;   // nats between two quadratures
+constexpr double kTolerance = 0.01;  // nats between two quadratures
 
 /// One line through the plane at a value of the outer coordinate, and the range of the inner one on it.
 struct Column {
@@ -151,20 +151,28 @@ class Grid {
         last = k;
       }
     const Column before = c;
-    if (first == 0 || (last < 0 && best == 0)) c.low -= range;
-    else if (first > 3 && last >= 0) c.low += (first - 1.5) * cell;
-    if (last == kSurvey - 1 || (last < 0 && best == kSurvey - 1)) c.high += range;
-    else if (last >= 0 && last < kSurvey - 4) c.high -= (kSurvey - 2.5 - last) * cell;
+    if (first == 0 || (last < 0 && best == 0))
+      c.low -= range;
+    else if (first > 3 && last >= 0)
+      c.low += (first - 1.5) * cell;
+    if (last == kSurvey - 1 || (last < 0 && best == kSurvey - 1))
+      c.high += range;
+    else if (last >= 0 && last < kSurvey - 4)
+      c.high -= (kSurvey - 2.5 - last) * cell;
     c = bounded(c);
     return std::fabs(c.low - before.low) + std::fabs(c.high - before.high) > 0.5 * cell;
   }
 
   bool fit_outer(int first, int last) {
     const double range = last_ - first_, cell = range / kSurvey, was_first = first_, was_last = last_;
-    if (first == 0) first_ = std::max(first_ - 0.5 * range, bound_low_[0]);
-    else if (first > 3) first_ += (first - 1.5) * cell;
-    if (last == kSurvey - 1) last_ = std::min(last_ + 0.5 * range, bound_high_[0]);
-    else if (last < kSurvey - 4) last_ -= (kSurvey - 2.5 - last) * cell;
+    if (first == 0)
+      first_ = std::max(first_ - 0.5 * range, bound_low_[0]);
+    else if (first > 3)
+      first_ += (first - 1.5) * cell;
+    if (last == kSurvey - 1)
+      last_ = std::min(last_ + 0.5 * range, bound_high_[0]);
+    else if (last < kSurvey - 4)
+      last_ -= (kSurvey - 2.5 - last) * cell;
     if (std::fabs(first_ - was_first) + std::fabs(last_ - was_last) < 0.5 * cell) {
       first_ = was_first;
       last_ = was_last;

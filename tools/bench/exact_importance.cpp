@@ -15,7 +15,8 @@ struct Gaussian {
   double share;
   Eigen::VectorXd mean;
   Eigen::LLT<Eigen::MatrixXd> factor;
-  Gaussian(double s, const Eigen::VectorXd& m, const Eigen::MatrixXd& covariance) : share(s), mean(m), factor(covariance) {}
+  Gaussian(double s, const Eigen::VectorXd& m, const Eigen::MatrixXd& covariance)
+      : share(s), mean(m), factor(covariance) {}
 };
 
 /// Gaussians and a share of the prior, all over the coordinates.
@@ -53,7 +54,8 @@ class Proposal {
       Eigen::VectorXd z(d);
       for (int j = 0; j < d; ++j)
         z[j] = which < parts_.size() ? rng.normal() : prior_quantile(likelihood_.prior(j), rng.uniform());
-      point.col(i) = which < parts_.size() ? Eigen::VectorXd(parts_[which].mean + parts_[which].factor.matrixL() * z) : z;
+      point.col(i) =
+          which < parts_.size() ? Eigen::VectorXd(parts_[which].mean + parts_[which].factor.matrixL() * z) : z;
     }
     log_weight = likelihood_.log_posterior(point) - log_density(point);
   }
@@ -70,9 +72,9 @@ class Proposal {
     for (std::size_t g = 0; g < parts_.size(); ++g) {
       const Gaussian& part = parts_[g];
       const Eigen::MatrixXd z = part.factor.matrixL().solve(point.colwise() - part.mean);
-      terms.col(static_cast<int>(g) + 1) =
-          std::log(part.share) - 0.5 * d * kLogTwoPi - 0.5 * z.colwise().squaredNorm().transpose().array() -
-          part.factor.matrixL().toDenseMatrix().diagonal().array().log().sum();
+      terms.col(static_cast<int>(g) + 1) = std::log(part.share) - 0.5 * d * kLogTwoPi -
+                                           0.5 * z.colwise().squaredNorm().transpose().array() -
+                                           part.factor.matrixL().toDenseMatrix().diagonal().array().log().sum();
     }
     const Eigen::ArrayXd top = terms.rowwise().maxCoeff();
     return top + (terms.colwise() - top).exp().rowwise().sum().log();
@@ -106,7 +108,8 @@ struct Sample {
 void add_neighbourhood(Proposal& proposal, const ExactLikelihood& likelihood, double share, const Eigen::VectorXd& mean,
                        const Eigen::MatrixXd& covariance, double bandwidth) {
   Eigen::VectorXd truth(mean.size());
-  for (int j = 0; j < likelihood.dimensions(); ++j) truth[j] = to_coordinate(likelihood.prior(j), likelihood.truth()[j]);
+  for (int j = 0; j < likelihood.dimensions(); ++j)
+    truth[j] = to_coordinate(likelihood.prior(j), likelihood.truth()[j]);
   const double h2 = bandwidth * bandwidth;  // kernel h2 C, posterior C: a weighted mean of the two centres
   proposal.add(share, (truth + h2 * mean) / (1.0 + h2), 1.3 * h2 / (1.0 + h2) * covariance);
 }

@@ -12,7 +12,9 @@ namespace {
 
 constexpr int kBlock = 256;  // lanes stepped together: their states stay in the first cache
 
-int padded(int n) { return (n + static_cast<int>(kLanePadding) - 1) / static_cast<int>(kLanePadding) * static_cast<int>(kLanePadding); }
+int padded(int n) {
+  return (n + static_cast<int>(kLanePadding) - 1) / static_cast<int>(kLanePadding) * static_cast<int>(kLanePadding);
+}
 
 }  // namespace
 
@@ -41,11 +43,12 @@ void ExactLikelihood::accumulate(const Eigen::MatrixXd& coordinates, Eigen::Matr
   const int nx = static_cast<int>(episode_.nx);
   const std::uint32_t np = task_.config.param_count;
   std::vector<double> params(np * static_cast<std::size_t>(lanes)), next(static_cast<std::size_t>(nx * lanes));
-  for (std::uint32_t i = 0; i < np; ++i) std::fill_n(&params[i * static_cast<std::size_t>(lanes)], lanes, task_.config.priors[i].a);
+  for (std::uint32_t i = 0; i < np; ++i)
+    std::fill_n(&params[i * static_cast<std::size_t>(lanes)], lanes, task_.config.priors[i].a);
   for (int j = 0; j < dimensions(); ++j)
     for (int l = 0; l < lanes; ++l)
-      params[task_.inferred[static_cast<std::size_t>(j)] * static_cast<std::size_t>(lanes) + static_cast<std::size_t>(l)] =
-          from_coordinate(prior(j), coordinates(j, std::min(l, n - 1)));
+      params[task_.inferred[static_cast<std::size_t>(j)] * static_cast<std::size_t>(lanes) +
+             static_cast<std::size_t>(l)] = from_coordinate(prior(j), coordinates(j, std::min(l, n - 1)));
   for (std::uint32_t k = 0; k < episode_.ticks; ++k) {
     step_lanes(task_.config, setup_, static_cast<std::uint32_t>(lanes), &episode_.state[k * episode_.nx], params.data(),
                &episode_.input[k * episode_.nu], next.data());
@@ -103,8 +106,7 @@ ExactLikelihood::Mode ExactLikelihood::climb(const Eigen::VectorXd& start) const
     Eigen::VectorXd weight(rows);
     for (int i = 0; i < rows; ++i) {
       const std::uint32_t r = static_cast<std::uint32_t>(i) % episode_.nx;
-      weight[i] = (a0 + 0.5 * known_[r]) /
-                  (a0 * c.process_sd[r] * c.process_sd[r] * c.period_s + 0.5 * squared(0, r));
+      weight[i] = (a0 + 0.5 * known_[r]) / (a0 * c.process_sd[r] * c.process_sd[r] * c.period_s + 0.5 * squared(0, r));
     }
     Eigen::MatrixXd slope(rows, d);
     for (int j = 0; j < d; ++j)
@@ -148,9 +150,13 @@ std::vector<ExactLikelihood::Mode> ExactLikelihood::modes(int draws) const {
   Eigen::MatrixXd points(d, draws);
   for (int i = 0; i < draws; ++i)  // additive recurrence (Roberts 2018): evenly spread in every dimension
     for (int j = 0; j < d; ++j) {
-      const double phi = d == 1 ? 0.6180339887498949 : d == 2 ? 0.7548776662466927 : d == 3 ? 0.8191725133961645 : 0.8566748838545029;
+      const double phi = d == 1   ? 0.6180339887498949
+                         : d == 2 ? 0.7548776662466927
+                         : d == 3 ? 0.8191725133961645
+                                  : 0.8566748838545029;
       double whole;
-      points(j, i) = prior_quantile(prior(j), std::clamp(std::modf(0.5 + (i + 1) * std::pow(phi, j + 1), &whole), 1e-6, 1.0 - 1e-6));
+      points(j, i) = prior_quantile(
+          prior(j), std::clamp(std::modf(0.5 + (i + 1) * std::pow(phi, j + 1), &whole), 1e-6, 1.0 - 1e-6));
     }
   Eigen::VectorXd value = log_posterior(points);
   std::vector<Mode> found;
@@ -180,20 +186,25 @@ std::vector<ExactLikelihood::Mode> ExactLikelihood::modes(int draws) const {
   return found;
 }
 
-double scott(std::uint32_t particles, int dimensions) { return std::pow(static_cast<double>(particles), -1.0 / (dimensions + 4)); }
+double scott(std::uint32_t particles, int dimensions) {
+  return std::pow(static_cast<double>(particles), -1.0 / (dimensions + 4));
+}
 
 double log_kernel_density(const Eigen::MatrixXd& point, const Eigen::VectorXd& weight, const Eigen::VectorXd& at,
                           const Eigen::MatrixXd& covariance) {
   const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
   const Eigen::MatrixXd z = factor.matrixL().solve(point.colwise() - at);
-  const Eigen::ArrayXd exponent = -0.5 * z.colwise().squaredNorm().transpose().array() + weight.array().max(1e-300).log();
+  const Eigen::ArrayXd exponent =
+      -0.5 * z.colwise().squaredNorm().transpose().array() + weight.array().max(1e-300).log();
   const double top = exponent.maxCoeff();
-  return top + std::log((exponent - top).exp().sum()) - 0.5 * static_cast<double>(at.size()) * std::log(6.283185307179586) -
+  return top + std::log((exponent - top).exp().sum()) -
+         0.5 * static_cast<double>(at.size()) * std::log(6.283185307179586) -
          factor.matrixL().toDenseMatrix().diagonal().array().log().sum();
 }
 
 ExactPosterior exact_posterior(const ExactLikelihood& likelihood, std::uint32_t particles, std::uint64_t seed) {
-  return likelihood.dimensions() == 2 ? exact_on_grid(likelihood, particles) : exact_by_importance(likelihood, particles, seed);
+  return likelihood.dimensions() == 2 ? exact_on_grid(likelihood, particles)
+                                      : exact_by_importance(likelihood, particles, seed);
 }
 
 }  // namespace tiller::bench

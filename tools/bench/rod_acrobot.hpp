@@ -20,10 +20,9 @@ struct RodAcrobot {
   static State dynamics(const State& x, const Input& u, const Force& f, const Body<S>& body, const Params& p) {
     const S upper_inertia = p.upper_mass_kg * p.upper_length_m * p.upper_length_m * (1.0 / 12.0);
     const S lower_inertia = p.lower_mass_kg * p.lower_length_m * p.lower_length_m * (1.0 / 12.0);
-    return Acrobot<S>::dynamics(
-        x, u, f, body,
-        {p.upper_mass_kg, p.lower_mass_kg, p.upper_length_m, p.lower_length_m, p.upper_length_m * 0.5,
-         p.lower_length_m * 0.5, upper_inertia, lower_inertia});
+    return Acrobot<S>::dynamics(x, u, f, body,
+                                {p.upper_mass_kg, p.lower_mass_kg, p.upper_length_m, p.lower_length_m,
+                                 p.upper_length_m * 0.5, p.lower_length_m * 0.5, upper_inertia, lower_inertia});
   }
 };
 
