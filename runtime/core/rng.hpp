@@ -83,6 +83,7 @@ enum RngPurpose : std::uint32_t {
   kRngSelect = 4,
   kRngPlanner = 5,
   kRngMotion = 6,
+  kRngScout = 7,
 };
 
 }  // namespace tiller

@@ -10,13 +10,14 @@ namespace tiller {
 void TransitionCloud::take_evidence(double log_constant) {
   evidence_.log_likelihood(n_, total_, n_, gain_);
   // log_weight - log(weight) is the same for all: what normalises them
-  double normaliser = 0.0;
+  std::uint32_t heaviest = 0;
   for (std::uint32_t i = 0; i < n_; ++i) {
     const bool alive = std::isfinite(gain_[i]) && std::isfinite(cloud_.log_weight[i]);
     base_[i] = alive ? cloud_.log_weight[i] - log_likelihood_[i] : -INFINITY;
     if (!alive) gain_[i] = 0.0;
-    if (cloud_.weight[i] > 0.0) normaliser = cloud_.log_weight[i] - std::log(cloud_.weight[i]);
+    if (cloud_.weight[i] > cloud_.weight[heaviest]) heaviest = i;
   }
+  const double normaliser = cloud_.log_weight[heaviest] - std::log(cloud_.weight[heaviest]);
   const WeighResult result = cloud_.lanes->weigh(n_, base_, gain_, 1.0, nullptr);
   log_predictive_ = result.sum > 0.0 ? result.largest + std::log(result.sum) - normaliser + log_constant : 0.0;
   if (robust_weight_ < 1.0) log_predictive_ -= kDoubtCost;

@@ -40,7 +40,8 @@ TransitionCloud* TransitionCloud::lay_out(Arena& arena, const tiller_config_t& c
   made.weight_ = arena.take<float>(std::size_t{capacity} * nx);
   made.basis_ = arena.take<float>(std::size_t{capacity} * columns);
   made.history_ = arena.take<double>(std::size_t{capacity} * setup.delay_steps * config.model->input_count);
-  made.proposals_ = arena.take<Proposal>(lanes);
+  made.proposed_change_ = arena.take<double>(lanes);
+  made.proposed_uniform_ = arena.take<double>(lanes);
   made.proposed_params_ = arena.take<float>(std::size_t{np} * lanes);
   made.proposed_coordinate_ = arena.take<double>(std::size_t{made.cloud_.d} * lanes);
   made.present_coordinate_ = arena.take<double>(std::size_t{made.cloud_.d} * lanes);
@@ -69,6 +70,9 @@ TransitionCloud* TransitionCloud::lay_out(Arena& arena, const tiller_config_t& c
   made.capacity_ = capacity;
   made.lanes_ = lanes;
   made.evidence_ = evidence;
+  made.flat_prior_ = !made.cloud_.prior.is_mixture();
+  for (std::uint32_t j = 0; j < made.d_; ++j)
+    made.flat_prior_ = made.flat_prior_ && made.cloud_.prior.marginal(j).kind == tiller_prior_uniform;
   *c = made;
   c->reset();
   return c;

@@ -4,7 +4,6 @@
 
 #include "posterior/cloud.hpp"
 #include "posterior/posterior.hpp"
-#include "posterior/proposals.hpp"
 #include "posterior/transition/evidence.hpp"
 #include "posterior/transition/residual_summary.hpp"
 #include "rollout/residual.hpp"
@@ -91,6 +90,7 @@ class TransitionCloud {
   // transition_moves.cpp
   void move();
   std::uint32_t move_batch(std::uint32_t moves);
+  void propose(std::uint32_t moves);
   void judge(std::uint32_t moves);
 
   // retire.cpp
@@ -105,6 +105,7 @@ class TransitionCloud {
   std::uint32_t n_ = 0, nx_ = 0, nu_ = 0, np_ = 0, d_ = 0, rows_ = 0, columns_ = 0;
   std::uint32_t window_ = 0, capacity_ = 0;
   double keep_ = 1.0;
+  bool flat_prior_ = false;  // constant within its bounds
 
   Cloud cloud_;
   float* params_ = nullptr;           // (np x N) of the cloud, in single precision
@@ -126,7 +127,8 @@ class TransitionCloud {
 
   // scratch of the moves, rows of N / 2 rounded up to whole registers
   std::uint32_t lanes_ = 0;
-  Proposal* proposals_ = nullptr;
+  double* proposed_change_ = nullptr;      // (lanes)
+  double* proposed_uniform_ = nullptr;     // (lanes)
   float* proposed_params_ = nullptr;       // (np x lanes)
   double* proposed_coordinate_ = nullptr;  // (d x lanes)
   double* present_coordinate_ = nullptr;   // (d x lanes)

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "posterior/transition/proposal_lanes.hpp"
 #include "scalar/isa.hpp"
 #include "tiller/model.h"
 
@@ -65,6 +66,7 @@ struct TransitionTable {
   /// weight; false where there is none. The discrepancy's share is taken off S; shares[r]: the same of S before.
   bool (*mean_errors)(const EvidenceJob& job, const double* weight, double* mean, double* before) = nullptr;
   void (*polynomial)(const PolynomialJob& job) = nullptr;
+  ProposeLanes propose = nullptr;
   /// flags sum_r rows[r * n + i] that is not finite: bad[i] = NaN, else 0. n a multiple of 16
   void (*find_broken)(std::uint32_t n, std::uint32_t rows, const double* from, double* bad) = nullptr;
   /// to += factor * from, n a multiple of 16

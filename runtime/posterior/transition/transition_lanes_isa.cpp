@@ -1,6 +1,8 @@
 // Sums of residuals and the evidence, one particle per lane. Compiled once per instruction set.
 
 #include "posterior/transition/transition_lanes.hpp"
+
+#include "posterior/transition/proposal_lanes_isa.hpp"
 #include "scalar/pack.hpp"
 
 TILLER_ISA_NAMESPACE_BEGIN
@@ -170,8 +172,8 @@ void add_scaled(std::uint32_t n, double factor, const double* from, double* to) 
 }  // namespace
 
 const TransitionTable& transition_copy() {
-  static const TransitionTable table = {
-      Isa::TILLER_COMPILE_ISA, sum_residuals, evidence, mean_errors, polynomial, find_broken, add_scaled};
+  static const TransitionTable table = {Isa::TILLER_COMPILE_ISA, sum_residuals, evidence,  mean_errors, polynomial,
+                                        propose_lanes,           find_broken,   add_scaled};
   return table;
 }
 

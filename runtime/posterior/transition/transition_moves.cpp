@@ -3,9 +3,17 @@
 #include <cmath>
 #include <cstring>
 
+#include "core/rng.hpp"
 #include "posterior/transition/transition_cloud.hpp"
 
 namespace tiller {
+
+namespace {
+
+/// Share of the moves that are drawn independently from the cloud's own Student-t.
+constexpr double kIndependent = 0.5;
+
+}  // namespace
 
 /// Sweeps while the work lasts: a short ring is cheap, so early on a tick may sweep the whole cloud and raise the
 /// exponent more than once. Once the cloud has been swept at the full exponent, moves_per_tick is enough.
@@ -30,16 +38,15 @@ void TransitionCloud::move() {
 }
 
 std::uint32_t TransitionCloud::move_batch(std::uint32_t moves) {
-  propose(cloud_, ++batch_, cursor_, moves, proposals_);
   const std::uint32_t lanes = (moves + 15) / 16 * 16;
+  propose(moves);
   for (std::uint32_t i = 0; i < np_; ++i)
     for (std::uint32_t m = 0; m < lanes; ++m) proposed_params_[i * lanes_ + m] = params_[i * n_];
   for (std::uint32_t j = 0; j < d_; ++j) {
     const std::uint32_t i = cloud_.inferred[j];
-    float* row = proposed_params_ + i * lanes_;
-    for (std::uint32_t m = 0; m < moves; ++m)
-      row[m] = static_cast<float>(from_coordinate(config_->priors[i], proposals_[m].coordinate[j]));
-    for (std::uint32_t m = moves; m < lanes; ++m) row[m] = row[0];
+    const double* coordinate = proposed_coordinate_ + j * lanes_;
+    for (std::uint32_t m = 0; m < lanes; ++m)
+      proposed_params_[i * lanes_ + m] = static_cast<float>(from_coordinate(config_->priors[i], coordinate[m]));
   }
   for (std::uint32_t r = 0; r < rows_; ++r) std::memset(proposed_ring_ + r * lanes_, 0, sizeof(double) * lanes);
   sum_ring({proposed_params_, lanes_}, lanes, proposed_ring_, lanes_);
@@ -49,36 +56,83 @@ std::uint32_t TransitionCloud::move_batch(std::uint32_t moves) {
   return moves;
 }
 
+void TransitionCloud::propose(std::uint32_t moves) {
+  double low[TILLER_MAX_PARAMS], high[TILLER_MAX_PARAMS];
+  for (std::uint32_t j = 0; j < d_; ++j) {
+    low[j] = cloud_.prior.low(j);
+    high[j] = cloud_.prior.high(j);
+  }
+  ProposalJob job;
+  job.d = d_;
+  job.n = n_;
+  job.cursor = cursor_;
+  job.moves = moves;
+  job.seed = config_->seed;
+  job.batch = ++batch_;
+  job.independent = kIndependent;
+  job.coordinate = cloud_.coordinate;
+  job.weight = cloud_.weight;
+  job.low = low;
+  job.high = high;
+  job.present = present_coordinate_;
+  job.proposed = proposed_coordinate_;
+  job.log_change = proposed_change_;
+  job.log_uniform = proposed_uniform_;
+  job.stride = lanes_;
+  transition_table().propose(job);
+  const double scouts = config_->posterior.scout_share;
+  if (flat_prior_ && !(scouts > 0.0)) return;
+  for (std::uint32_t m = 0; m < moves; ++m) {
+    double present[TILLER_MAX_PARAMS], proposed[TILLER_MAX_PARAMS];
+    for (std::uint32_t j = 0; j < d_; ++j) {
+      present[j] = present_coordinate_[j * lanes_ + m];
+      proposed[j] = proposed_coordinate_[j * lanes_ + m];
+    }
+    Rng rng(config_->seed, kRngScout, batch_ * 4096 + m);
+    if (scouts > 0.0 && rng.uniform() < scouts) {
+      // an independent draw from the prior, whose density cancels out of the ratio
+      cloud_.prior.draw_one(rng, proposed);
+      for (std::uint32_t j = 0; j < d_; ++j) proposed_coordinate_[j * lanes_ + m] = proposed[j];
+      proposed_change_[m] = 0.0;
+    } else if (!flat_prior_) {
+      proposed_change_[m] += cloud_.prior.log_density(proposed) - cloud_.prior.log_density(present);
+    }
+  }
+}
+
 /// Metropolis on prior x likelihood^exponent.
 void TransitionCloud::judge(std::uint32_t moves) {
-  const std::uint32_t lanes = (moves + 15) / 16 * 16;
-  for (std::uint32_t m = 0; m < lanes; ++m) {
-    const Proposal& p = proposals_[m < moves ? m : 0];
-    for (std::uint32_t r = 0; r < rows_; ++r) {
-      const std::size_t at = std::size_t{r} * n_ + p.particle;
-      proposed_total_[r * lanes_ + m] = total_[at] - ring_sums_[at] + proposed_ring_[r * lanes_ + m];
-    }
-    for (std::uint32_t j = 0; j < d_; ++j) {
-      proposed_coordinate_[j * lanes_ + m] = p.coordinate[j];
-      present_coordinate_[j * lanes_ + m] = cloud_.coordinate[j * n_ + p.particle];
-    }
+  const std::uint32_t lanes = (moves + 15) / 16 * 16, wrap = n_ - cursor_;
+  for (std::uint32_t r = 0; r < rows_; ++r) {
+    const double *total = total_ + r * n_ + cursor_, *ring = ring_sums_ + r * n_ + cursor_;
+    const double* proposed = proposed_ring_ + r * lanes_;
+    double* to = proposed_total_ + r * lanes_;
+    const std::uint32_t head = moves < wrap ? moves : wrap;
+    for (std::uint32_t m = 0; m < head; ++m) to[m] = total[m] - ring[m] + proposed[m];
+    for (std::uint32_t m = head; m < moves; ++m) to[m] = *(total + m - n_) - *(ring + m - n_) + proposed[m];
+    for (std::uint32_t m = moves; m < lanes; ++m) to[m] = 0.0;
   }
   summary_.add_sums(lanes, proposed_coordinate_, 1.0, proposed_total_, lanes_);
   summary_.add_sums(lanes, present_coordinate_, -1.0, proposed_total_, lanes_);
   evidence_.log_likelihood(lanes, proposed_total_, lanes_, proposed_likelihood_);
   std::uint32_t accepted = 0;
   for (std::uint32_t m = 0; m < moves; ++m) {
-    const Proposal& p = proposals_[m];
-    const double change = proposed_likelihood_[m] - log_likelihood_[p.particle];
-    if (!(exponent_ * change + p.log_prior_change > p.log_uniform)) continue;  // NaN is refused
+    const std::uint32_t i = m < wrap ? cursor_ + m : m - wrap;
+    const double change = proposed_likelihood_[m] - log_likelihood_[i];
+    if (!(exponent_ * change + proposed_change_[m] > proposed_uniform_[m])) continue;  // NaN is refused
     ++accepted;
-    cloud_.set_coordinate(p.particle, p.coordinate);
-    for (std::uint32_t i = 0; i < np_; ++i) params_[i * n_ + p.particle] = proposed_params_[i * lanes_ + m];
-    for (std::uint32_t r = 0; r < rows_; ++r) {
-      total_[r * n_ + p.particle] = proposed_total_[r * lanes_ + m];
-      ring_sums_[r * n_ + p.particle] = proposed_ring_[r * lanes_ + m];
+    for (std::uint32_t j = 0; j < d_; ++j) {
+      const std::uint32_t row = cloud_.inferred[j];
+      const double to = proposed_coordinate_[j * lanes_ + m];
+      cloud_.coordinate[j * n_ + i] = to;
+      cloud_.params[row * n_ + i] = from_coordinate(config_->priors[row], to);
+      params_[row * n_ + i] = proposed_params_[row * lanes_ + m];
     }
-    log_likelihood_[p.particle] = proposed_likelihood_[m];
+    for (std::uint32_t r = 0; r < rows_; ++r) {
+      total_[r * n_ + i] = proposed_total_[r * lanes_ + m];
+      ring_sums_[r * n_ + i] = proposed_ring_[r * lanes_ + m];
+    }
+    log_likelihood_[i] = proposed_likelihood_[m];
   }
   acceptance_ += 0.05 * (static_cast<double>(accepted) / moves - acceptance_);
 }
