@@ -28,6 +28,14 @@ Json prior_range(const tiller_prior_t& p) {
   return Json::array({low, high});
 }
 
+std::string adequacy_text(const RobotFile& robot, const RunResult& result) {
+  const tiller_info_t& info = result.info;
+  if (info.adequacy == tiller_adequacy_untested) return "not tested";
+  if (info.adequacy == tiller_adequacy_adequate) return "adequate";
+  return format("%.2f s: ", result.inadequate_at_s) + robot.measurements[info.inadequate_channel] + ", " +
+         tiller_feature_name(static_cast<tiller_feature_t>(info.inadequate_feature));
+}
+
 Json facts(const RobotFile& robot, const RunResult& result) {
   const tiller_config_t& c = robot.config;
   return {{"robot file", std::filesystem::path(robot.path).filename().string()},
@@ -39,6 +47,7 @@ Json facts(const RobotFile& robot, const RunResult& result) {
           {"tick, median", format("%.2f ms", result.tick_us_median / 1000)},
           {"tick, 99 %", format("%.2f ms", result.tick_us_p99 / 1000)},
           {"ended in", tiller_state_name(static_cast<tiller_state_t>(result.info.state))},
+          {"adequacy", adequacy_text(robot, result)},
           {"lanes", tiller_instruction_set()}};
 }
 

@@ -24,7 +24,8 @@ std::string RunLog::header() const {
   add_all("mean.", robot_.states);
   add_all("sd.", robot_.states);
   for (const char* prefix : {"mean.", "sd.", "q05.", "q95."}) add_all(prefix, inferred);
-  add_all("", {"ess", "noise_scale", "plan_cost", "iterations", "tick_us", "deadline_us", "state", "status"});
+  add_all("", {"ess", "noise_scale", "plan_cost", "iterations", "tick_us", "deadline_us", "adequacy_statistic", "state",
+               "status"});
   if (has_true_state_) add_all("true.", robot_.states);
   if (!true_params_.empty()) add_all("true.", inferred);
   return join(columns, ",");
@@ -61,6 +62,7 @@ void RunLog::add(const TickView& tick) {
   number(info.planner_iterations);
   number(tick.tick_us);
   number(robot_.config.planner.deadline_us);
+  number(info.adequacy == tiller_adequacy_untested ? NAN : info.adequacy_statistic);
   row_ += ',';
   row_ += tiller_state_name(static_cast<tiller_state_t>(info.state));
   row_ += ',';

@@ -38,6 +38,19 @@ struct FreeBlock {
 
 using Block = std::unique_ptr<void, FreeBlock>;
 
+const char* feature_text(tiller_feature_t feature) {
+  switch (feature) {
+    case tiller_feature_bias: return "nothing: it is a constant";
+    case tiller_feature_velocity: return "the velocity";
+    case tiller_feature_velocity_sign: return "the direction of motion";
+    case tiller_feature_input: return "the input";
+    case tiller_feature_input_change: return "the input's change";
+    case tiller_feature_previous: return "what it left before";
+    case tiller_feature_size: return "nothing, but it is larger than the noise";
+    default: return "nothing";
+  }
+}
+
 class Runner {
  public:
   Runner(const RobotFile& robot, Link& link, const RunOptions& options)
@@ -175,6 +188,7 @@ class Runner {
     link_.tell(info_, command_.stamp_us);
     safe_ticks_ = info_.state == tiller_state_safe ? safe_ticks_ + 1 : 0;
     if (safe_ticks_ == 1) tell_safe();
+    if (info_.adequacy == tiller_adequacy_inadequate && !told_inadequate_) tell_inadequate();
     if (!options_.record.empty() && info_.ticks > 0 &&
         tiller_get_record(controller_, info_.ticks - 1, &entry.record) == tiller_status_ok) {
       write_record(record_, entry);
@@ -216,6 +230,13 @@ class Runner {
                              tiller_status_text(why) + "; the safe command is being sent";
     if (options_.quiet) std::fprintf(stderr, "tiller: %s\n", text.c_str());
     progress_.say(text);
+  }
+
+  void tell_inadequate() {
+    told_inadequate_ = true;
+    result_.inadequate_at_s = time_s();
+    progress_.finish(look());
+    progress_.say(format("at %.2f s: ", time_s()) + inadequacy(robot_, info_));
   }
 
   /// The safe command goes out more than once: a datagram may be lost.
@@ -287,6 +308,7 @@ class Runner {
   std::int64_t start_us_ = 0;
   std::uint64_t safe_ticks_ = 0;
   int rows_ = 0;
+  bool told_inadequate_ = false;
   double q05_[TILLER_MAX_PARAMS] = {};
   double q95_[TILLER_MAX_PARAMS] = {};
   double true_state_[TILLER_MAX_STATES] = {};
@@ -312,6 +334,12 @@ const volatile std::sig_atomic_t& StopFlag::flag() const { return stop_requested
 
 RunResult run_robot(const RobotFile& robot, Link& link, const RunOptions& options) {
   return Runner(robot, link, options).run();
+}
+
+std::string inadequacy(const RobotFile& robot, const tiller_info_t& info) {
+  const auto feature = static_cast<tiller_feature_t>(info.inadequate_feature);
+  return "the model does not explain " + robot.measurements[info.inadequate_channel] + ": what it leaves goes with " +
+         feature_text(feature) + " (" + tiller_feature_name(feature) + "; docs/adequacy.md tells what to do)";
 }
 
 std::string summary(const RobotFile& robot, const RunOptions& options, const RunResult& result) {

@@ -30,11 +30,15 @@ struct RunResult {
   double tick_us_median = 0, tick_us_p99 = 0, tick_us_max = 0;
   std::uint64_t late_ticks = 0;  ///< over the planner's deadline, if it has one
   bool interrupted = false;
+  double inadequate_at_s = -1;  ///< robot time of the alarm; below zero: none
 };
 
 /// link -> tiller_tick -> link, until the time is over, Ctrl-C, or SAFE. Shows progress on stdout; what goes
 /// wrong is told on stderr. Leaves the robot with its safe command, whatever the reason of the end.
 RunResult run_robot(const RobotFile& robot, Link& link, const RunOptions& options);
+
+/// One line on what the model does not explain; info.adequacy is tiller_adequacy_inadequate.
+std::string inadequacy(const RobotFile& robot, const tiller_info_t& info);
 
 /// The last lines of a run: state, posterior (beside the truth where it is known), tick times.
 std::string summary(const RobotFile& robot, const RunOptions& options, const RunResult& result);

@@ -110,11 +110,27 @@ void Executive::read_posterior(Tick& tick) {
   info_.noise_scale = posterior_->noise_scale();
   info_.acceptance = posterior_->acceptance();
   info_.resamplings = posterior_->resamplings();
+  read_adequacy();
   if (filters_run_ && all_finite(info_.state_mean, config_.model->state_count)) return;
   // nothing can be planned from this; the next measurement begins the filters anew
   tick.note(tiller_status_state_not_finite);
   tick.usable = false;
   filters_run_ = false;
+}
+
+void Executive::read_adequacy() {
+  PosteriorReport report;
+  posterior_->report(report);
+  std::copy(report.noise_sd, report.noise_sd + TILLER_MAX_STATES, info_.noise_sd);
+  std::copy(report.delay_weight, report.delay_weight + TILLER_MAX_HYPOTHESES, info_.delay_weight);
+  std::copy(report.forgetting_weight, report.forgetting_weight + TILLER_MAX_FORGETTING, info_.forgetting_weight);
+  info_.discrepancy_share = report.discrepancy_share;
+  const AdequacyTest* test = posterior_->adequacy();
+  if (test == nullptr) return;
+  info_.adequacy = test->state();
+  info_.inadequate_channel = test->channel();
+  info_.inadequate_feature = test->feature();
+  info_.adequacy_statistic = test->statistic();
 }
 
 // ---- frozen sensors --------------------------------------------------------------------------------------

@@ -81,6 +81,7 @@ class Executive {
   // learn
   tiller_status_t take_in(Tick& tick);
   void read_posterior(Tick& tick);
+  void read_adequacy();
   // plan
   void enter_motion();
   void replan(Tick& tick);

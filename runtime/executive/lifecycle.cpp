@@ -33,6 +33,8 @@ tiller_status_t Executive::reset() {
   if (status != tiller_status_ok) return status;
   recorder_.note_call(tiller_call_reset);
   guard_.restart();
+  posterior_->clear_adequacy();
+  read_adequacy();
   motion_.clear();
   plan_.clear();
   timeline_.clear();

@@ -7,7 +7,106 @@
 
 namespace tiller {
 
+/// Disturbances that a model may lack: a constant force at the channel's joint, one that goes with the joint's velocity
+/// or with its sign, and of each input its own share and that of its change.
+enum Disturbance : std::uint32_t { kBias, kVelocity, kSign, kInputs };
+constexpr std::uint32_t disturbance_count(std::uint32_t inputs) { return kInputs + 2 * inputs; }
+constexpr std::uint32_t kMaxDisturbances = disturbance_count(TILLER_MAX_INPUTS);
+
+/// One tick as the posterior's mean predicted it.
+struct Innovation {
+  double normalised[TILLER_MAX_MEASUREMENTS] = {};  // (ny) measured minus predicted, over the predictive deviation
+                                                    // (noise and what is unknown of the parameters); NaN: missing
+  /// (ny x disturbances) what each disturbance would have put into the value, in any unit; known beforehand.
+  double response[TILLER_MAX_MEASUREMENTS][kMaxDisturbances] = {};
+};
+
+/// The state that is the velocity of state `i`'s joint (itself, for a velocity); state_count where no joint has it.
+std::uint32_t velocity_state(const tiller_model_t& model, std::uint32_t i);
+
 /// Whether the innovations are what the model says they are, one tick after the other.
-class AdequacyTest;
+///
+/// Under the model a normalised innovation, given all that came before, is symmetric about zero: it goes with nothing
+/// that was known beforehand. For a feature b known before the innovation y and any l,
+///     exp(l S - l^2 V / 2),   S = sum b y,   V = sum b^2 y^2
+/// is then a supermartingale, whatever the noise's scale is (de la Pena, "A general class of exponential inequalities
+/// for martingales and ratios", Annals of Probability 27, 1999, lemma 6.1). Averaged over l ~ N(0, 1 / r) it is
+///     E = sqrt(r / (V + r)) exp(S^2 / (2 (V + r)))
+/// (Robbins 1970; Howard, Ramdas, McAuliffe and Sekhon, Annals of Statistics 49, 2021, section 3.2), and by Ville's
+/// inequality it ever exceeds 1 / level with probability at most `level`. Changes late in a run are seen because the
+/// sums begin anew every kSpacing ticks and live for kCohorts * kSpacing; the level is split over these, the channels
+/// and the features (Shin, Ramdas and Rinaldo, "E-detectors", 2023, for the same idea without the split).
+///
+/// Parameters are fitted meanwhile, but each innovation is taken before its value is: it is the prequential one
+/// (Dawid 1984), a martingale difference under the posterior's own prediction.
+///
+/// `size` is the likelihood ratio of a noise kGrowth times as large against the Student density that the values so far
+/// predict, the exact conditional density of normal values of unknown scale.
+///
+/// The tests are those of the configuration's channels. Cost: O(kCohorts * channels * features) per tick.
+class AdequacyTest {
+ public:
+  /// Chance of an alarm in kLevelTicks ticks of a well-specified run: at most one in a hundred such runs.
+  static constexpr double kLevel = 0.01;
+  static constexpr std::uint32_t kLevelTicks = 10000;
+
+  /// `anticorrelation`: innovations that alternate count too. They do where every state is taken for measured without
+  /// noise and is not; a Kalman filter's alternate when its process noise is stated too large, which does no harm.
+  static AdequacyTest* lay_out(Arena& arena, const tiller_config_t& config, bool anticorrelation);
+
+  void reset();
+  /// The state estimate begins anew: the innovations of the next kSettling ticks are not tested.
+  void begin();
+  void take(const Innovation& innovation);
+
+  tiller_adequacy_t state() const { return state_; }
+  /// Of the alarm; before one, of the largest statistic.
+  std::uint32_t channel() const { return channel_; }
+  tiller_feature_t feature() const { return feature_; }
+  /// Largest log E over its threshold; at the alarm, what it was then.
+  double statistic() const { return statistic_; }
+
+ private:
+  static constexpr std::uint32_t kSettling = 20;
+  static constexpr std::uint32_t kSpacing = 128;
+  static constexpr std::uint32_t kCohorts = 8;
+  static constexpr std::uint32_t kMaxFeatures = kMaxDisturbances + 2;
+
+  /// What is remembered of a channel from tick to tick.
+  struct Channel {
+    double squares = 0.0;  // of the clipped values
+    double count = 0.0;
+    double previous = 0.0, recent = 0.0;            // the value before, and the mean of those before
+    double response_square[kMaxDisturbances] = {};  // running means
+  };
+  struct Sums {
+    double s = 0.0, v = 0.0;
+  };
+
+  void begin_cohort();
+  void features_of(Channel& channel, const double* response, double* feature) const;
+  void test_channel(std::uint32_t k, double normalised, const double* feature);
+  void note(double log_e, std::uint32_t k, std::uint32_t feature);
+  tiller_feature_t name_of(std::uint32_t feature) const;
+
+  // constant after lay_out
+  std::uint32_t channels_ = 0, disturbances_ = 0;
+  std::uint32_t features_ = 0;  // disturbances, previous and recent; without `size`
+  double shape_ = 0.0;          // of the noise's scale, as configured
+  double threshold_ = 0.0;
+  bool anticorrelation_ = false;
+  Channel* channel_data_ = nullptr;  // (channels)
+  Sums* sums_ = nullptr;             // (channels x features x kCohorts)
+  double* growth_ = nullptr;         // (channels x kCohorts) log likelihood ratios of `size`
+
+  // where it stands
+  std::uint64_t ticks_ = 0;     // tested
+  std::uint32_t settling_ = 0;  // ticks left
+  tiller_adequacy_t state_ = tiller_adequacy_untested;
+  std::uint32_t channel_ = 0;
+  tiller_feature_t feature_ = tiller_feature_none;
+  double statistic_ = 0.0;
+  double largest_ = 0.0;  // in this tick
+};
 
 }  // namespace tiller

@@ -88,6 +88,8 @@ class Posterior {
                     float* history) const = 0;
   /// Whether the model explains the data, tested at every tick; null where config.posterior.adequacy is 0.
   virtual const AdequacyTest* adequacy() const { return nullptr; }
+  /// Takes an alarm back and begins the test anew.
+  virtual void clear_adequacy() {}
   virtual void report(PosteriorReport& report) const { report = {}; }
 
  protected:

@@ -25,6 +25,10 @@ inline void linearise(const tiller_model_t&, const tiller::LineariseJob& job) {
     const double gain = at(job.params, 0, l), damping = at(job.params, 1, l), u = at(job.control, 0, l);
     job.next_state[l] = position + dt * velocity;
     job.next_state[job.lanes + l] = velocity + dt * (gain * u - damping * velocity);
+    if (job.b) {
+      job.b[l] = 0.0;
+      job.b[job.lanes + l] = dt * gain;
+    }
     if (!job.a) continue;
     job.a[0 * job.lanes + l] = 1.0;
     job.a[1 * job.lanes + l] = dt;

@@ -413,6 +413,8 @@ typedef enum tiller_feature {
   tiller_feature_size = 7,           /**< larger than the configured noise, or growing */
   tiller_feature_count
 } tiller_feature_t;
+/** The feature's name, e.g. "velocity_sign"; "unknown" for one that does not exist. */
+const char* tiller_feature_name(tiller_feature_t feature);
 
 /** What a controller says of itself after a tick. Counters never decrease and wrap at 2^64. */
 typedef struct tiller_info {

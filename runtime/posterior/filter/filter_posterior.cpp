@@ -70,6 +70,11 @@ FilterPosterior* FilterPosterior::lay_out(Arena& arena, const tiller_config_t& c
   auto* gathered = rows(d, n);
   auto* proposals = arena.take<Proposal>(n / 2);
   auto* use_lane = arena.take<unsigned char>(n);
+  // a cloud that does not learn has innovations that go with whatever its parameters are off by
+  const bool tested = config.posterior.adequacy != 0 && config.posterior.enabled != 0;
+  AdequacyTest* adequacy = tested ? AdequacyTest::lay_out(arena, config, false) : nullptr;
+  DisturbanceResponse* response = tested ? DisturbanceResponse::lay_out(arena, config) : nullptr;
+  auto* input_jacobian = rows(tested ? nx * nu : 0, kChunk);
   if (arena.measuring() || !arena.fits()) return nullptr;
 
   p->config_ = &config;
@@ -98,6 +103,9 @@ FilterPosterior* FilterPosterior::lay_out(Arena& arena, const tiller_config_t& c
   p->gathered_ = gathered;
   p->proposals_ = proposals;
   p->use_lane_ = use_lane;
+  p->adequacy_ = adequacy;
+  p->response_ = response;
+  p->input_jacobian_ = input_jacobian;
   p->reset();
   return p;
 }
@@ -121,6 +129,7 @@ void FilterPosterior::reset() {
   cursor_ = moved_ = 0;
   resamplings_ = gated_ = 0;
   for (std::uint32_t& run : gate_run_) run = 0;
+  clear_adequacy();
   for (std::uint32_t k = 0; k < ny_; ++k) start_measured_[k] = NAN;
   begin_filters(carried_.filter, n_, scratch_row(0), scratch_row(1));
 }
@@ -158,6 +167,10 @@ tiller_status_t FilterPosterior::start(const double* measured) {
   for (std::uint32_t i = 0; i < kHistory; ++i)
     for (std::uint32_t j = 0; j < nu_; ++j) input_history_[i * nu_ + j] = config_->safety.safe_command[j];
   for (std::uint32_t& run : gate_run_) run = 0;
+  if (adequacy_) {
+    adequacy_->begin();
+    response_->begin();
+  }
   started_ = true;
   return tiller_status_ok;
 }
@@ -170,6 +183,7 @@ tiller_status_t FilterPosterior::update(const Transition& transition) {
   now_ = transition;
   predict();
   gate(now_);
+  if (adequacy_) test_innovation();
   std::memcpy(scratch_row(2), carried_.squared_error, n_ * sizeof(double));
   std::memcpy(scratch_row(3), carried_.log_variance, n_ * sizeof(double));
   correct();
@@ -189,6 +203,12 @@ void FilterPosterior::predict() {
 void FilterPosterior::predict_chunk(std::uint32_t c) const {
   const Chunk& chunk = chunks_[c];
   const std::uint32_t at = c * kChunk;
+  table_->linearise(*config_->model, predict_job(chunk, at));
+  predict_covariance(chunk, now_.period_s, carried_.filter.covariance + at, n_);
+}
+
+/// The step of particles at .. at + kChunk - 1 over the transition that is being taken in.
+LineariseJob FilterPosterior::predict_job(const Chunk& chunk, std::uint32_t at) const {
   LineariseJob job;
   job.setup = &setup_;
   job.lanes = kChunk;
@@ -201,9 +221,7 @@ void FilterPosterior::predict_chunk(std::uint32_t c) const {
   job.next_state = chunk.predicted.state;
   job.next_effect_state = chunk.predicted.effect_state;
   job.a = chunk.jacobian;
-  table_->linearise(*config_->model, job);
-
-  predict_covariance(chunk, now_.period_s, carried_.filter.covariance + at, n_);
+  return job;
 }
 
 /// P' = A P A^T + Q with the chunk's Jacobian, into the chunk. Process noise grows with time, as a random walk's.

@@ -5,6 +5,7 @@
 #include "core/ring.hpp"
 #include "posterior/cloud.hpp"
 #include "posterior/filter/past_summary.hpp"
+#include "posterior/filter/response.hpp"
 #include "posterior/posterior.hpp"
 #include "posterior/proposals.hpp"
 
@@ -36,6 +37,8 @@ class FilterPosterior final : public Posterior {
   void particle(std::uint32_t index, double* params, double* state, double* weight) const override;
   void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
             float* history) const override;
+  const AdequacyTest* adequacy() const override { return adequacy_; }
+  void clear_adequacy() override;
 
  private:
   /// Lanes that one task steps together, in a scratch of its own: (row x kChunk), so that the rows of a chunk lie
@@ -80,6 +83,7 @@ class FilterPosterior final : public Posterior {
   void begin_filters(FilterRows rows, std::uint32_t lanes, double* squared_error, double* log_variance) const;
   void predict();
   void predict_chunk(std::uint32_t chunk) const;
+  LineariseJob predict_job(const Chunk& chunk, std::uint32_t at) const;
   void predict_covariance(const Chunk& chunk, double period_s, const double* covariance, std::uint32_t stride) const;
   CorrectJob correct_job(const double* measured, std::uint32_t lanes) const;
   void gate(Transition& transition);
@@ -88,6 +92,11 @@ class FilterPosterior final : public Posterior {
   void correct_chunk(std::uint32_t chunk) const;
   void remember_input(const double* input);
   void remember_transition();
+
+  // innovation.cpp: what the adequacy test is fed with
+  void test_innovation();
+  void respond(const double* speed, Innovation& now);
+  double mean_before(std::uint32_t state) const;
 
   // reweight.cpp: likelihood, exponent, resampling
   double log_likelihood(double squared_error, double log_variance) const;
@@ -159,8 +168,11 @@ class FilterPosterior final : public Posterior {
   double exponent_ = 1.0;
   double noise_scale_ = 1.0;
   double acceptance_ = 0.0;
-  std::uint32_t cursor_ = 0;  // next particle to move
-  std::uint32_t moved_ = 0;   // since the last resampling or change of exponent, saturates at N
+  std::uint32_t cursor_ = 0;                 // next particle to move
+  std::uint32_t moved_ = 0;                  // since the last resampling or change of exponent, saturates at N
+  AdequacyTest* adequacy_ = nullptr;         // null: not tested
+  DisturbanceResponse* response_ = nullptr;  // beside it
+  double* input_jacobian_ = nullptr;         // (nx * nu x kChunk)
   std::uint32_t gate_run_[TILLER_MAX_MEASUREMENTS] = {};
   std::uint64_t resamplings_ = 0, gated_ = 0;
 };

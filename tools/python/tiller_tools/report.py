@@ -25,7 +25,8 @@ from . import page
 from .table import ReportError, Table, read_json, read_table, write_page
 
 _WORDS = ("state", "status")
-_TICK_COLUMNS = {"ess", "noise_scale", "plan_cost", "iterations", "tick_us", "deadline_us"}
+_TICK_COLUMNS = {"ess", "noise_scale", "plan_cost", "iterations", "tick_us", "deadline_us",
+                 "adequacy_statistic"}
 
 
 class Run:

@@ -1,0 +1,165 @@
+#include "posterior/adequacy.hpp"
+
+#include <cmath>
+
+namespace tiller {
+
+namespace {
+
+/// Values beyond this many deviations count as this many: a glitch that came through the gate is no trend.
+constexpr double kClip = 4.0;
+/// In the likelihood ratio of `size`, which grows with the square. Clipping both sides of a ratio that rises with |y|
+/// only lowers it, so the level holds.
+constexpr double kSizeClip = 3.0;
+/// Of a feature, in units of its own root mean square: one extreme value must not carry the sum.
+constexpr double kFeatureClip = 3.0;
+/// r: the information (in squared deviations) at which the mixture is sharpest is some 15 r; 200 ticks of a feature of
+/// unit size have V = 200.
+constexpr double kMixing = 12.0;
+/// Deviations times this is the alternative of `size`. It gains evidence from 1.4 times on.
+constexpr double kGrowth = 2.0;
+/// Ticks over which a feature's size is averaged.
+constexpr double kScaleTicks = 256.0;
+/// Share of the newest value in the mean of those before.
+constexpr double kRecent = 0.2;
+
+double clip(double value, double most) { return std::fmax(-most, std::fmin(most, value)); }
+
+}  // namespace
+
+std::uint32_t velocity_state(const tiller_model_t& model, std::uint32_t i) {
+  for (std::uint32_t j = 0; j < model.joint_count; ++j)
+    if (model.joints[j].position == i || model.joints[j].velocity == i) return model.joints[j].velocity;
+  return model.state_count;
+}
+
+AdequacyTest* AdequacyTest::lay_out(Arena& arena, const tiller_config_t& config, bool anticorrelation) {
+  const std::uint32_t channels = config.measurement_count;
+  const std::uint32_t disturbances = disturbance_count(config.model->input_count), features = disturbances + 2;
+  auto* t = arena.take<AdequacyTest>(1);
+  auto* channel_data = arena.take<Channel>(channels);
+  auto* sums = arena.take<Sums>(std::size_t{channels} * features * kCohorts);
+  auto* growth = arena.take<double>(std::size_t{channels} * kCohorts);
+  if (arena.measuring() || !arena.fits()) return nullptr;
+  t->channels_ = channels;
+  t->disturbances_ = disturbances;
+  t->features_ = features;
+  t->shape_ = std::fmax(config.posterior.noise_scale_shape, 0.5);
+  t->anticorrelation_ = anticorrelation;
+  t->channel_data_ = channel_data;
+  t->sums_ = sums;
+  t->growth_ = growth;
+  const double cohorts = std::ceil(1.0 * kLevelTicks / kSpacing) + 1.0;
+  t->threshold_ = std::log(cohorts * channels * (features + 1) / kLevel);
+  t->reset();
+  return t;
+}
+
+void AdequacyTest::reset() {
+  for (std::uint32_t k = 0; k < channels_; ++k) channel_data_[k] = {};
+  for (std::uint32_t i = 0; i < channels_ * features_ * kCohorts; ++i) sums_[i] = {};
+  for (std::uint32_t i = 0; i < channels_ * kCohorts; ++i) growth_[i] = 0.0;
+  ticks_ = 0;
+  state_ = tiller_adequacy_untested;
+  channel_ = 0;
+  feature_ = tiller_feature_none;
+  statistic_ = 0.0;
+  begin();
+}
+
+void AdequacyTest::begin() {
+  settling_ = kSettling;
+  for (std::uint32_t k = 0; k < channels_; ++k) channel_data_[k].previous = channel_data_[k].recent = 0.0;
+}
+
+void AdequacyTest::begin_cohort() {
+  const auto c = static_cast<std::uint32_t>(ticks_ / kSpacing % kCohorts);
+  for (std::uint32_t i = 0; i < channels_ * features_; ++i) sums_[i * kCohorts + c] = {};
+  for (std::uint32_t k = 0; k < channels_; ++k) growth_[k * kCohorts + c] = 0.0;
+}
+
+/// All of them are known before the innovation is.
+void AdequacyTest::features_of(Channel& channel, const double* response, double* feature) const {
+  for (std::uint32_t f = 0; f < disturbances_; ++f) {
+    double& square = channel.response_square[f];
+    square += (response[f] * response[f] - square) / std::fmin(channel.count + 1.0, kScaleTicks);
+    feature[f] = square > 0.0 ? clip(response[f] / std::sqrt(square), kFeatureClip) : 0.0;
+  }
+  feature[disturbances_] = channel.previous;
+  feature[disturbances_ + 1] = channel.recent;
+}
+
+void AdequacyTest::take(const Innovation& innovation) {
+  const bool settled = settling_ == 0;
+  if (!settled) --settling_;
+  if (settled && ticks_ % kSpacing == 0) begin_cohort();
+  largest_ = -HUGE_VAL;
+  for (std::uint32_t k = 0; k < channels_; ++k) {
+    Channel& channel = channel_data_[k];
+    const double z = innovation.normalised[k];
+    if (!std::isfinite(z)) {
+      channel.previous = 0.0;
+      continue;
+    }
+    double feature[kMaxFeatures];
+    features_of(channel, innovation.response[k], feature);
+    const double scale = std::sqrt((shape_ + 0.5 * channel.squares) / (shape_ + 0.5 * channel.count));
+    const double y = clip(z / scale, kClip);
+    if (settled) test_channel(k, z / scale, feature);
+    channel.previous = y;
+    channel.recent += kRecent * (y - channel.recent);
+    channel.squares += y * y * scale * scale;
+    channel.count += 1.0;
+  }
+  if (!settled) return;
+  ++ticks_;
+  if (state_ == tiller_adequacy_inadequate) return;
+  statistic_ = std::fmax(0.0, largest_ / threshold_);
+  state_ = largest_ > threshold_ ? tiller_adequacy_inadequate : tiller_adequacy_adequate;
+}
+
+void AdequacyTest::test_channel(std::uint32_t k, double normalised, const double* feature) {
+  const double y = clip(normalised, kClip);
+  for (std::uint32_t f = 0; f < features_; ++f) {
+    const double by = feature[f] * y;
+    Sums* sums = sums_ + (k * features_ + f) * kCohorts;
+    for (std::uint32_t c = 0; c < kCohorts; ++c) {
+      sums[c].s += by;
+      sums[c].v += by * by;
+      if (f >= disturbances_ && sums[c].s < 0.0 && !anticorrelation_) continue;
+      const double information = sums[c].v + kMixing, exponent = 0.5 * sums[c].s * sums[c].s / information;
+      // the logarithm only where it can matter
+      if (exponent > largest_) note(exponent - 0.5 * std::log(information / kMixing), k, f);
+    }
+  }
+  // Student density of nu degrees of freedom, kGrowth times as wide, over itself
+  const double nu = 2.0 * shape_ + channel_data_[k].count,
+               square = std::fmin(normalised * normalised, kSizeClip * kSizeClip);
+  const double gain =
+      0.5 * (nu + 1.0) * std::log((1.0 + square / nu) / (1.0 + square / (kGrowth * kGrowth * nu))) - std::log(kGrowth);
+  for (std::uint32_t c = 0; c < kCohorts; ++c) {
+    growth_[k * kCohorts + c] += gain;
+    note(growth_[k * kCohorts + c], k, features_);
+  }
+}
+
+void AdequacyTest::note(double log_e, std::uint32_t k, std::uint32_t feature) {
+  if (!(log_e > largest_)) return;
+  largest_ = log_e;
+  if (state_ == tiller_adequacy_inadequate) return;
+  channel_ = k;
+  feature_ = name_of(feature);
+}
+
+tiller_feature_t AdequacyTest::name_of(std::uint32_t feature) const {
+  if (feature >= features_) return tiller_feature_size;
+  if (feature >= disturbances_) return tiller_feature_previous;
+  if (feature >= kInputs) return (feature - kInputs) % 2 == 0 ? tiller_feature_input : tiller_feature_input_change;
+  switch (feature) {
+    case kVelocity: return tiller_feature_velocity;
+    case kSign: return tiller_feature_velocity_sign;
+    default: return tiller_feature_bias;
+  }
+}
+
+}  // namespace tiller
