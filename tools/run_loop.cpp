@@ -269,6 +269,12 @@ class Runner {
     result_.ticks = info_.ticks;
     result_.time_s = time_s();
     result_.info = info_;
+    result_.contraction_ratio.resize(TILLER_MAX_PARAMS);
+    result_.contraction_direction.resize(TILLER_MAX_PARAMS * std::size_t{TILLER_MAX_PARAMS});
+    std::uint32_t d = 0;
+    (void)tiller_get_contraction(controller_, &d, result_.contraction_ratio.data(),
+                                 result_.contraction_direction.data());
+    result_.contraction_ratio.resize(d);
     result_.q05.assign(q05_, q05_ + config_.param_count);
     result_.q95.assign(q95_, q95_ + config_.param_count);
     if (link_.truth(true_state_)) result_.last_true_state.assign(true_state_, true_state_ + config_.model->state_count);
@@ -342,6 +348,27 @@ std::string inadequacy(const RobotFile& robot, const tiller_info_t& info) {
          feature_text(feature) + " (" + tiller_feature_name(feature) + "; docs/adequacy.md tells what to do)";
 }
 
+/// Directions of which the data say next to nothing: those that keep more than half of the prior's deviation.
+static std::string not_learnt(const RobotFile& robot, const RunResult& result) {
+  constexpr double kKept = 0.25;   // of the prior's variance
+  constexpr double kNamed = 0.25;  // smaller entries of a direction are left out
+  const std::size_t np = robot.params.size();
+  std::string text;
+  if (!robot.config.posterior.enabled) return text;
+  for (std::size_t i = 0; i < result.contraction_ratio.size(); ++i) {
+    if (result.contraction_ratio[i] < kKept) break;
+    text += format("  not learnt: %.0f %% of the prior's deviation left along",
+                   100 * std::sqrt(result.contraction_ratio[i]));
+    for (std::size_t p = 0; p < np; ++p) {
+      const double entry = result.contraction_direction[i * np + p];
+      if (std::fabs(entry) < kNamed) continue;
+      text += format(" %+.2f ", entry) + robot.params[p];
+    }
+    text += "\n";
+  }
+  return text;
+}
+
 std::string summary(const RobotFile& robot, const RunOptions& options, const RunResult& result) {
   std::string text = format(
       "%.2f s, %llu ticks, ended in %s%s\n", result.time_s, static_cast<unsigned long long>(result.ticks),
@@ -355,6 +382,8 @@ std::string summary(const RobotFile& robot, const RunOptions& options, const Run
     }
     text += "\n";
   }
+  text += not_learnt(robot, result);
+  if (result.info.adequacy == tiller_adequacy_inadequate) text += "  " + inadequacy(robot, result.info) + "\n";
   text += format("  tick %.2f ms median, %.2f ms 99 %%, %.2f ms max", result.tick_us_median / 1000,
                  result.tick_us_p99 / 1000, result.tick_us_max / 1000);
   if (robot.config.planner.deadline_us > 0) {

@@ -28,7 +28,8 @@ struct RunResult {
   std::vector<double> last_true_state;  // (nx) empty: not known
   std::string readable_log;             ///< where the whole log is; empty: none
   double tick_us_median = 0, tick_us_p99 = 0, tick_us_max = 0;
-  std::uint64_t late_ticks = 0;  ///< over the planner's deadline, if it has one
+  std::uint64_t late_ticks = 0;                                  ///< over the planner's deadline, if it has one
+  std::vector<double> contraction_ratio, contraction_direction;  // (d), (d x param_count): tiller_get_contraction
   bool interrupted = false;
   double inadequate_at_s = -1;  ///< robot time of the alarm; below zero: none
 };

@@ -1,6 +1,7 @@
 #include <algorithm>
 
 #include "abi/controller.hpp"
+#include "posterior/contraction.hpp"
 #include "scalar/isa.hpp"
 
 #define TILLER_TEXT_OF(x) #x
@@ -16,6 +17,21 @@ void tiller_get_info(const tiller_t* t, tiller_info_t* info) {
 tiller_status_t tiller_get_covariance(const tiller_t* t, double* covariance) {
   if (t == nullptr || covariance == nullptr) return tiller_status_null_argument;
   t->executive->posterior().covariance(covariance);
+  return tiller_status_ok;
+}
+
+tiller_status_t tiller_get_contraction(const tiller_t* t, uint32_t* d, double* variance_ratio, double* direction) {
+  if (t == nullptr || d == nullptr) return tiller_status_null_argument;
+  const tiller_config_t& config = t->executive->config();
+  tiller::Contraction found;
+  if (!tiller::contract(config, t->executive->posterior(), found)) return tiller_status_posterior_degenerate;
+  *d = found.d;
+  for (uint32_t i = 0; i < found.d; ++i) {
+    if (variance_ratio != nullptr) variance_ratio[i] = found.variance_ratio[i];
+    const double* from = found.direction + i * found.d;
+    for (uint32_t p = 0; p < config.param_count && direction != nullptr; ++p)
+      direction[i * config.param_count + p] = config.priors[p].kind != tiller_prior_fixed ? *from++ : 0.0;
+  }
   return tiller_status_ok;
 }
 

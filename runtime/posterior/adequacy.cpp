@@ -13,9 +13,11 @@ constexpr double kClip = 4.0;
 constexpr double kSizeClip = 3.0;
 /// Of a feature, in units of its own root mean square: one extreme value must not carry the sum.
 constexpr double kFeatureClip = 3.0;
-/// r: the information (in squared deviations) at which the mixture is sharpest is some 15 r; 200 ticks of a feature of
-/// unit size have V = 200.
-constexpr double kMixing = 12.0;
+/// r, in squared deviations: some twentieth of the information at which an alarm is hoped for (V = 100 to 200 after as
+/// many ticks of a feature of unit size), where log E loses least, about 2, to the mixture (Howard et al., section 3.5).
+constexpr double kMixing = 6.0;
+/// Share of the level for the sums that begin with the run.
+constexpr double kFirstShare = 0.5;
 /// Deviations times this is the alternative of `size`. It gains evidence from 1.4 times on.
 constexpr double kGrowth = 2.0;
 /// Ticks over which a feature's size is averaged.
@@ -49,8 +51,9 @@ AdequacyTest* AdequacyTest::lay_out(Arena& arena, const tiller_config_t& config,
   t->channel_data_ = channel_data;
   t->sums_ = sums;
   t->growth_ = growth;
-  const double cohorts = std::ceil(1.0 * kLevelTicks / kSpacing) + 1.0;
-  t->threshold_ = std::log(cohorts * channels * (features + 1) / kLevel);
+  const double tests = 1.0 * channels * (features + 1), cohorts = std::ceil(1.0 * kLevelTicks / kSpacing);
+  t->first_threshold_ = std::log(tests / (kFirstShare * kLevel));
+  t->threshold_ = std::log(tests * cohorts / ((1.0 - kFirstShare) * kLevel));
   t->reset();
   return t;
 }
@@ -114,8 +117,8 @@ void AdequacyTest::take(const Innovation& innovation) {
   if (!settled) return;
   ++ticks_;
   if (state_ == tiller_adequacy_inadequate) return;
-  statistic_ = std::fmax(0.0, largest_ / threshold_);
-  state_ = largest_ > threshold_ ? tiller_adequacy_inadequate : tiller_adequacy_adequate;
+  statistic_ = std::fmax(0.0, largest_);
+  state_ = largest_ > 1.0 ? tiller_adequacy_inadequate : tiller_adequacy_adequate;
 }
 
 void AdequacyTest::test_channel(std::uint32_t k, double normalised, const double* feature) {
@@ -128,8 +131,9 @@ void AdequacyTest::test_channel(std::uint32_t k, double normalised, const double
       sums[c].v += by * by;
       if (f >= disturbances_ && sums[c].s < 0.0 && !anticorrelation_) continue;
       const double information = sums[c].v + kMixing, exponent = 0.5 * sums[c].s * sums[c].s / information;
+      const double threshold = threshold_of(c);
       // the logarithm only where it can matter
-      if (exponent > largest_) note(exponent - 0.5 * std::log(information / kMixing), k, f);
+      if (exponent > largest_ * threshold) note((exponent - 0.5 * std::log(information / kMixing)) / threshold, k, f);
     }
   }
   // Student density of nu degrees of freedom, kGrowth times as wide, over itself
@@ -139,13 +143,18 @@ void AdequacyTest::test_channel(std::uint32_t k, double normalised, const double
       0.5 * (nu + 1.0) * std::log((1.0 + square / nu) / (1.0 + square / (kGrowth * kGrowth * nu))) - std::log(kGrowth);
   for (std::uint32_t c = 0; c < kCohorts; ++c) {
     growth_[k * kCohorts + c] += gain;
-    note(growth_[k * kCohorts + c], k, features_);
+    note(growth_[k * kCohorts + c] / threshold_of(c), k, features_);
   }
 }
 
-void AdequacyTest::note(double log_e, std::uint32_t k, std::uint32_t feature) {
-  if (!(log_e > largest_)) return;
-  largest_ = log_e;
+/// The first cohort stands in slot 0 until its life is over.
+double AdequacyTest::threshold_of(std::uint32_t cohort) const {
+  return cohort == 0 && ticks_ < std::uint64_t{kSpacing} * kCohorts ? first_threshold_ : threshold_;
+}
+
+void AdequacyTest::note(double ratio, std::uint32_t k, std::uint32_t feature) {
+  if (!(ratio > largest_)) return;
+  largest_ = ratio;
   if (state_ == tiller_adequacy_inadequate) return;
   channel_ = k;
   feature_ = name_of(feature);

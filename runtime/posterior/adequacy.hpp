@@ -34,8 +34,9 @@ std::uint32_t velocity_state(const tiller_model_t& model, std::uint32_t i);
 ///     E = sqrt(r / (V + r)) exp(S^2 / (2 (V + r)))
 /// (Robbins 1970; Howard, Ramdas, McAuliffe and Sekhon, Annals of Statistics 49, 2021, section 3.2), and by Ville's
 /// inequality it ever exceeds 1 / level with probability at most `level`. Changes late in a run are seen because the
-/// sums begin anew every kSpacing ticks and live for kCohorts * kSpacing; the level is split over these, the channels
-/// and the features (Shin, Ramdas and Rinaldo, "E-detectors", 2023, for the same idea without the split).
+/// sums begin anew every kSpacing ticks and live for kCohorts * kSpacing; half of the level is for the
+/// first of them (a model is wrong from the start, mostly), the rest is split over the others, either over channels and
+/// features (Shin, Ramdas and Rinaldo, "E-detectors", 2023, for the same idea without the split).
 ///
 /// Parameters are fitted meanwhile, but each innovation is taken before its value is: it is the prequential one
 /// (Dawid 1984), a martingale difference under the posterior's own prediction.
@@ -86,14 +87,15 @@ class AdequacyTest {
   void begin_cohort();
   void features_of(Channel& channel, const double* response, double* feature) const;
   void test_channel(std::uint32_t k, double normalised, const double* feature);
-  void note(double log_e, std::uint32_t k, std::uint32_t feature);
+  double threshold_of(std::uint32_t cohort) const;
+  void note(double ratio, std::uint32_t k, std::uint32_t feature);
   tiller_feature_t name_of(std::uint32_t feature) const;
 
   // constant after lay_out
   std::uint32_t channels_ = 0, disturbances_ = 0;
   std::uint32_t features_ = 0;  // disturbances, previous and recent; without `size`
   double shape_ = 0.0;          // of the noise's scale, as configured
-  double threshold_ = 0.0;
+  double first_threshold_ = 0.0, threshold_ = 0.0;
   bool anticorrelation_ = false;
   Channel* channel_data_ = nullptr;  // (channels)
   Sums* sums_ = nullptr;             // (channels x features x kCohorts)

@@ -487,6 +487,11 @@ void tiller_get_info(const tiller_t* t, tiller_info_t* info);
 tiller_status_t tiller_get_covariance(const tiller_t* t, double* covariance);
 /** Weighted quantile q in [0, 1] of parameter `param`. Cost: O(N log N). */
 tiller_status_t tiller_get_quantile(const tiller_t* t, uint32_t param, double q, double* value);
+/** What the data have told, direction by direction: the generalised eigenvectors of the posterior's covariance against
+ *  the prior's, in the parameters' coordinates, least known first. variance_ratio (d): posterior over prior, near 1
+ *  where the data say nothing; direction (d x np, row-major): in units of each parameter's prior deviation, length one,
+ *  zero for fixed parameters. Both nullable; *d is the number of inferred parameters. Cost: O(N d^2 + d^3). */
+tiller_status_t tiller_get_contraction(const tiller_t* t, uint32_t* d, double* variance_ratio, double* direction);
 /** The planned inputs, (horizon x nu) row-major, first the one in force. Returns the number of steps copied. */
 uint32_t tiller_get_plan(const tiller_t* t, double* inputs, uint32_t steps);
 /** Feedback around the plan, from planners that have it (ilqr, sqp, hybrid): u = input + gain (x - state) for plan
