@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "posterior/conjugate/conjugate_posterior.hpp"
 #include "posterior/filter/filter_posterior.hpp"
 #include "posterior/transition/transition_posterior.hpp"
 
@@ -20,6 +21,7 @@ Posterior* Posterior::lay_out(Arena& arena, const tiller_config_t& config, const
                               const RolloutTable& table, const tiller_hooks_t* hooks) {
   switch (config.posterior.kind) {
     case tiller_posterior_transition: return TransitionPosterior::lay_out(arena, config, setup, table, hooks);
+    case tiller_posterior_conjugate: return ConjugatePosterior::lay_out(arena, config, setup, table);
     default: return FilterPosterior::lay_out(arena, config, setup, table, hooks);
   }
 }
@@ -29,6 +31,7 @@ tiller_status_t Posterior::check(const tiller_config_t& config, const StepSetup&
   switch (config.posterior.kind) {
     case tiller_posterior_filter: return tiller_status_ok;
     case tiller_posterior_transition: return TransitionPosterior::check(config, setup, table, field);
+    case tiller_posterior_conjugate: return ConjugatePosterior::check(config, setup, table, field);
     default: *field = "posterior.kind"; return tiller_status_bad_posterior;
   }
 }

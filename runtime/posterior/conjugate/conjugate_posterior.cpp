@@ -1,0 +1,199 @@
+// Layout and the tick.
+
+#include "posterior/conjugate/conjugate_posterior.hpp"
+
+#include <cmath>
+#include <cstring>
+
+namespace tiller {
+
+ConjugatePosterior::Whitening::Whitening(const PriorLaw& prior, const tiller_config_t& config) {
+  for (std::uint32_t j = 0; j < prior.dimension(); ++j) {
+    const std::uint32_t d = prior.dimension();
+    mean[j] = prior.is_mixture() ? config.prior_mixture->mean[j] : prior.marginal(j).a;
+    if (!prior.is_mixture()) root[j][j] = prior.spread(j);
+    for (std::uint32_t i = 0; i <= j && prior.is_mixture(); ++i) root[j][i] = config.prior_mixture->root[j * d + i];
+  }
+}
+
+ConjugatePosterior* ConjugatePosterior::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                                                const RolloutTable& table) {
+  const std::uint32_t nx = config.model->state_count, nu = config.model->input_count, np = config.param_count;
+  auto* p = arena.take<ConjugatePosterior>(1);
+  const Cloud cloud = Cloud::lay_out(arena, config);
+  const std::uint32_t lanes = (cloud.d + kLanePadding) / kLanePadding * kLanePadding;  // d + 1, padded
+  auto* standard = arena.take<double>(std::size_t{cloud.d} * cloud.n);
+  auto* input_history = arena.take<double>(kHistory * nu);
+  auto* params = arena.take<double>(std::size_t{np} * lanes);
+  auto* next = arena.take<double>(std::size_t{nx} * lanes);
+  if (arena.measuring() || !arena.fits()) return nullptr;
+
+  p->config_ = &config;
+  p->setup_ = setup;
+  p->table_ = &table;
+  p->nx_ = nx;
+  p->nu_ = nu;
+  p->np_ = np;
+  p->d_ = cloud.d;
+  p->lanes_ = lanes;
+  p->enabled_ = config.posterior.enabled != 0;
+  for (std::uint32_t k = 0; k < config.measurement_count; ++k) p->channel_[config.measured_state[k]] = k;
+  p->cloud_ = cloud;
+  p->prior_ = Whitening(cloud.prior, config);
+  p->standard_ = standard;
+  p->input_history_ = input_history;
+  p->params_ = params;
+  p->next_ = next;
+  for (std::uint32_t i = 0, j = 0; i < np; ++i) {
+    const bool inferred = config.priors[i].kind != tiller_prior_fixed;
+    for (std::uint32_t l = 0; l < lanes; ++l) {
+      double& value = params[i * lanes + l] = inferred ? p->prior_.mean[j] : config.priors[i].a;
+      if (inferred && l >= 1 && l <= j + 1) value += p->prior_.root[j][l - 1];
+    }
+    j += inferred ? 1u : 0u;
+  }
+  p->reset();
+  return p;
+}
+
+void ConjugatePosterior::reset() {
+  regression_.reset(d_, config_->posterior.noise_scale_shape);
+  cloud_.draw_prior();
+  standardise();
+  place_particles();
+  for (std::uint32_t i = 0; i < nx_; ++i) {
+    state_[i] = config_->initial_state[i];
+    state_variance_[i] = config_->initial_state_sd[i] * config_->initial_state_sd[i];
+  }
+  complete_ = started_ = false;
+}
+
+/// The prior's draws (a Latin hypercube) as draws from N(0, I), their own mean and covariance taken out where there are
+/// enough of them.
+void ConjugatePosterior::standardise() {
+  const std::uint32_t n = cloud_.n;
+  double mean[TILLER_MAX_PARAMS] = {}, root[TILLER_MAX_PARAMS][TILLER_MAX_PARAMS] = {};
+  // z = L^-1 (v - mean), forward substitution
+  const auto solve = [&](const double(*lower)[TILLER_MAX_PARAMS], const double* centre, const double* from) {
+    for (std::uint32_t k = 0; k < n; ++k)
+      for (std::uint32_t j = 0; j < d_; ++j) {
+        double rest = from[j * n + k] - centre[j];
+        for (std::uint32_t i = 0; i < j; ++i) rest -= lower[j][i] * standard_[i * n + k];
+        standard_[j * n + k] = rest / lower[j][j];
+      }
+  };
+  solve(prior_.root, prior_.mean, cloud_.coordinate);
+  if (n < 8 * d_) return;
+  for (std::uint32_t j = 0; j < d_; ++j) {
+    for (std::uint32_t k = 0; k < n; ++k) mean[j] += standard_[j * n + k] / n;
+    for (std::uint32_t i = 0; i <= j; ++i) {
+      double sum = 0.0;
+      for (std::uint32_t k = 0; k < n; ++k)
+        sum += (standard_[j * n + k] - mean[j]) * (standard_[i * n + k] - mean[i]) / n;
+      for (std::uint32_t m = 0; m < i; ++m) sum -= root[j][m] * root[i][m];
+      root[j][i] = i == j ? std::sqrt(sum) : sum / root[i][i];
+    }
+  }
+  solve(root, mean, standard_);
+}
+
+tiller_status_t ConjugatePosterior::start(const double* measured) {
+  for (std::uint32_t i = 0; i < nx_; ++i)
+    if (std::isinf(measured[i])) return tiller_status_sensor_not_finite;
+  complete_ = true;
+  for (std::uint32_t i = 0; i < nx_; ++i) {
+    const double value = measured[channel_[i]], known = config_->measurement_sd[channel_[i]];
+    const bool missing = std::isnan(value);
+    const double sd = missing ? config_->initial_state_sd[i] : known;
+    state_[i] = missing ? config_->initial_state[i] : value;
+    state_variance_[i] = sd * sd;
+    complete_ = complete_ && !missing;
+  }
+  for (std::uint32_t i = 0; i < kHistory; ++i)
+    for (std::uint32_t j = 0; j < nu_; ++j) input_history_[i * nu_ + j] = config_->safety.safe_command[j];
+  started_ = true;
+  return tiller_status_ok;
+}
+
+tiller_status_t ConjugatePosterior::update(const Transition& transition) {
+  if (!started_) return tiller_status_wrong_state;
+  const tiller_status_t refusal = check_transition(*config_, transition);
+  if (refusal != tiller_status_ok) return refusal;
+  const bool predicted = predict(transition);
+  if (predicted && enabled_) {
+    regression_.forget(config_->posterior.forgetting[0]);
+    if (complete_) learn(transition);
+    regression_.solve();
+    place_particles();
+  }
+  settle(transition);
+  std::memmove(input_history_ + nu_, input_history_, sizeof(double) * (kHistory - 1) * nu_);
+  std::memcpy(input_history_, transition.input, sizeof(double) * nu_);
+  return predicted ? tiller_status_ok : tiller_status_posterior_degenerate;
+}
+
+/// Where the state goes at the prior's mean and one step along each direction; false if anywhere it is not finite.
+bool ConjugatePosterior::predict(const Transition& transition) {
+  LineariseJob job;
+  job.setup = &setup_;
+  job.lanes = lanes_;
+  job.period_s = transition.period_s;
+  job.state = {state_, 0};
+  job.params = {params_, lanes_};
+  job.control = {transition.input, 0};
+  job.history = input_history_;
+  job.next_state = next_;
+  table_->linearise(*config_->model, job);
+  bool finite = true;
+  for (std::uint32_t i = 0; i < nx_; ++i)
+    for (std::uint32_t l = 0; l <= d_; ++l) finite = finite && std::isfinite(next_[i * lanes_ + l]);
+  return finite;
+}
+
+void ConjugatePosterior::learn(const Transition& transition) {
+  for (std::uint32_t i = 0; i < nx_; ++i) {
+    const double measured = transition.measured[channel_[i]];
+    if (std::isnan(measured) || !(config_->process_sd[i] > 0.0)) continue;
+    const double* f = next_ + i * lanes_;
+    const double scale = 1.0 / (config_->process_sd[i] * std::sqrt(transition.period_s));
+    double x[TILLER_MAX_PARAMS];
+    for (std::uint32_t j = 0; j < d_; ++j) x[j] = (f[j + 1] - f[0]) * scale;
+    regression_.add(x, state_difference(*config_->model, i, measured, f[0]) * scale);
+  }
+}
+
+/// The state at the transition's end: as measured; what is missing goes where the mean parameters lead.
+void ConjugatePosterior::settle(const Transition& transition) {
+  complete_ = true;
+  for (std::uint32_t i = 0; i < nx_; ++i) {
+    const double measured = transition.measured[channel_[i]], known = config_->measurement_sd[channel_[i]];
+    if (!std::isnan(measured)) {
+      state_[i] = measured;
+      state_variance_[i] = known * known;
+      continue;
+    }
+    complete_ = false;
+    const double* f = next_ + i * lanes_;
+    double next = f[0];
+    for (std::uint32_t j = 0; j < d_; ++j) next += (f[j + 1] - f[0]) * regression_.mean()[j];
+    if (std::isfinite(next)) state_[i] = next;
+    state_variance_[i] += config_->process_sd[i] * config_->process_sd[i] * transition.period_s;
+  }
+}
+
+void ConjugatePosterior::place_particles() {
+  constexpr double kGolden = 0.6180339887498949;  // multiples of it fill (0, 1) evenly
+  for (std::uint32_t k = 0; k < cloud_.n; ++k) {
+    const double turn = (k + 0.5) * kGolden;
+    double z[TILLER_MAX_PARAMS], w[TILLER_MAX_PARAMS], v[TILLER_MAX_PARAMS];
+    for (std::uint32_t j = 0; j < d_; ++j) z[j] = standard_[j * cloud_.n + k];
+    regression_.place(regression_.node_at(turn - std::floor(turn)), z, w);
+    for (std::uint32_t j = 0; j < d_; ++j) {
+      v[j] = prior_.mean[j];
+      for (std::uint32_t i = 0; i <= j; ++i) v[j] += prior_.root[j][i] * w[i];
+    }
+    cloud_.set_coordinate(k, v);
+  }
+}
+
+}  // namespace tiller
