@@ -38,7 +38,7 @@ def write_run(path: Path, rows: int = 200, drop: tuple = ()) -> Path:
     return path
 
 
-def fit_result(learnt: int = 2, history: bool = True, held_out: bool = True) -> dict:
+def fit_result(learnt: int = 2, history: bool = True, held_out: bool = True, adequacy: bool = True) -> dict:
     """What `tiller identify` leaves: a nominal candidate and one with `learnt` parameters."""
     rng = np.random.default_rng(1)
     curve = list(np.linspace(0.01, 0.3, 100))
@@ -67,10 +67,15 @@ def fit_result(learnt: int = 2, history: bool = True, held_out: bool = True) -> 
                "fitted": errors, "held_out": errors if held_out else [], "traces": [trace],
                "samples": (0.5 + 0.01 * rng.standard_normal((512, learnt))).tolist() if learns else [],
                "prior_samples": rng.random((512, learnt)).tolist() if learns else []}
+        if adequacy:
+            out["alarm"] = None if learns else {"data_s": 0.7, "channel": "angle_rad", "feature": "velocity_sign"}
         if history:
             out["history"] = {"data_s": list(time), "stretches_s": [0.0, 1.2], "parameters": over_time,
                               **{key: [0.5] * 200 for key in ("effective_samples", "noise_scale", "exponent",
-                                                              "acceptance")}}
+                                                              "acceptance", "adequacy")}}
+            out["history"]["residuals"] = [
+                {"name": name, "low": [None] + [-2.0] * 199, "high": [None] + [40.0] + [2.0] * 198,
+                 "rms": [None] + [1.0] * 199} for name in ("angle_rad", "rate_rad_s")]
         return out
 
     return {"tiller": "0.1", "robot": "arm <1>", "robot_file": "arm.toml", "model": "pendulum", "period_s": 0.02,
@@ -165,13 +170,15 @@ class Pages(unittest.TestCase):
         text = self.draw_fit()
         for word in ("arm &lt;1&gt;", "damping_1_SI", "pairs of parameters", "While the logs were taken in",
                      "effective sample size", "acceptance of moves", "300 of 512", "88 %", "90 % of readings",
-                     "rollouts on held-out logs", "a warning"):
+                     "rollouts on held-out logs", "a warning", "Does the model explain the logs?", "dry friction",
+                     "inadequate after 0.700 s", "normalised residuals of rate_rad_s", "1 beyond the axes"):
             self.assertIn(word, text)
         self.assertLess(len(text), 2_000_000)
 
     def test_fit_of_a_method_that_takes_all_data_at_once(self):
-        text = self.draw_fit(history=False)
+        text = self.draw_fit(history=False, adequacy=False)
         self.assertNotIn("While the logs were taken in", text)
+        self.assertNotIn("Does the model explain the logs?", text)
         self.assertIn("damping_1_SI", text)
 
     def test_fit_of_one_parameter_or_none(self):

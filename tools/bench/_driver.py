@@ -3,8 +3,11 @@
 import json
 import os
 import pathlib
+import re
+import shutil
 import subprocess
 import sys
+import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PEERS = ROOT / "tools/bench/peers"
@@ -92,10 +95,32 @@ def take_turns(participants, rounds):
 
 
 def lines_of(command):
-    """The lines of JSON that a program prints, run on one core."""
-    out = subprocess.run([str(c) for c in command], stdout=subprocess.PIPE, text=True, check=False,
+    """The lines of JSON that a program prints, run on one core; what it writes lands beside the environments."""
+    out = subprocess.run([str(c) for c in command], stdout=subprocess.PIPE, text=True, check=False, cwd=HOME,
                          env=dict(os.environ, **ONE_THREAD), preexec_fn=_pin).stdout
     return [json.loads(line) for line in out.splitlines() if line.startswith("{")]
+
+
+def instructions(command):
+    """(instructions of every part, trouble) of a program that marks its parts for callgrind (CALLGRIND_DUMP_STATS).
+
+    valgrind knows nothing of AVX-512: kernels are the AVX2 ones.
+    """
+    if shutil.which("valgrind") is None:
+        return [], "no valgrind here (apt-get install valgrind)"
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            ["valgrind", "--tool=callgrind", f"--callgrind-out-file={folder}/out", *map(str, command)],
+            env=dict(os.environ, TILLER_ISA="avx2"), capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            said = [line for line in done.stderr.splitlines() if line.strip() and not line.startswith("==")]
+            return [], " ".join(said[-1:]) or f"it ended with {done.returncode}"
+        counts = []
+        for dump in pathlib.Path(folder).glob("out.*"):  # one a part; "out" itself is what came after the last
+            found = re.search(r"^(?:totals|summary): (\d+)", dump.read_text(encoding="utf-8"), re.MULTILINE)
+            if found:
+                counts.append(int(found.group(1)))
+        return counts, ""
 
 
 def spread(values):

@@ -10,36 +10,19 @@ machine. Worst over median of plans from random states. valgrind knows nothing o
 """
 
 import argparse
-import os
 import pathlib
 import re
-import shutil
 import statistics
 import subprocess
-import tempfile
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
+from _driver import ROOT, instructions
+
 GOAL = 1.5  # worst over median; planners that stop when they have converged fall below the median, not above it
 
 
 def planners():
     text = (ROOT / "runtime/planners/planners.def").read_text(encoding="utf-8")
     return re.findall(r"^TILLER_PLANNER\((\w+)", text, re.MULTILINE)
-
-
-def instructions(program, planner, plans):
-    with tempfile.TemporaryDirectory() as folder:
-        done = subprocess.run(
-            ["valgrind", "--tool=callgrind", f"--callgrind-out-file={folder}/out", str(program), "--plans", planner,
-             str(plans)], env=dict(os.environ, TILLER_ISA="avx2"), capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            return [], done.stderr.strip().splitlines()[-1:]
-        counts = []
-        for dump in pathlib.Path(folder).glob("out.*"):  # one a plan; "out" itself is what came after the last
-            found = re.search(r"^(?:totals|summary): (\d+)", dump.read_text(encoding="utf-8"), re.MULTILINE)
-            if found:
-                counts.append(int(found.group(1)))
-        return counts, []
 
 
 def main():
@@ -51,13 +34,10 @@ def main():
     program = args.build / "tools/bench/bench_deadline"
     subprocess.run([str(program), "--calls", str(args.calls)], check=True)
     print("\ninstructions of a plan, worst over median, no deadline (callgrind)")
-    if shutil.which("valgrind") is None:
-        print("  not measured: no valgrind here (apt-get install valgrind)")
-        return
     for planner in planners():
-        counts, trouble = instructions(program, planner, args.plans)
+        counts, trouble = instructions([program, "--plans", planner, args.plans])
         if not counts:
-            print(f"  {planner:<18} not measured: {' '.join(trouble)}")
+            print(f"  {planner:<18} not measured: {trouble}")
             continue
         median, worst = statistics.median(counts), max(counts)
         print(f"  {planner:<18} median {median / 1e3:9.1f} k   worst {worst / 1e3:9.1f} k   {worst / median:5.2f} x   "

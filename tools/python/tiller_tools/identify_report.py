@@ -180,10 +180,70 @@ def noise_figure(candidate: dict) -> str:
     return page.svg(figure, "A step upwards marks data that the model does not explain.")
 
 
+def residual_figure(history: dict, channel: dict) -> str:
+    """Normalised one-step residuals: extremes and RMS of what lies between two snapshots."""
+    figure, ax = _history_axes(history, f"normalised residuals of {channel['name']}", height=3.2)
+    time, low, high = _array(history["data_s"]), _array(channel["low"]), _array(channel["high"])
+    ax.axhspan(-1.96, 1.96, color=page.PRIOR, label="95 %")
+    ax.vlines(time, low, high, color=page.BAND, linewidth=1.2, label="least to largest")
+    ax.plot(time, low, ".", color=page.ESTIMATE, markersize=2)
+    ax.plot(time, high, ".", color=page.ESTIMATE, markersize=2)
+    ax.plot(time, _array(channel["rms"]), color=page.TRUTH, linewidth=1.2, label="RMS")
+    reach = min(10.0, max(4.0, 1.1 * np.nanmax(np.abs(np.concatenate([low, high])))))
+    ax.set_ylim(-reach, reach)
+    ax.margins(x=0)
+    page.legend(ax)
+    outside = int(np.sum(low < -reach) + np.sum(high > reach))
+    return page.svg(figure, f"{outside} beyond the axes." if outside else "")
+
+
+def adequacy_figure(candidate: dict) -> str:
+    history = candidate["history"]
+    figure, ax = _history_axes(history, "test of the model, statistic over its threshold", height=3.2)
+    ax.axhline(1, color=page.LIMIT, linewidth=1.0, label="alarm")
+    ax.plot(_array(history["data_s"]), _array(history["adequacy"]), color=page.ESTIMATE)
+    if candidate.get("alarm"):
+        ax.axvline(candidate["alarm"]["data_s"], color=page.LIMIT, linestyle=(0, (4, 2)))
+    ax.set_ylim(0, max(1.15, 1.1 * np.nanmax(_array(history["adequacy"]))))
+    ax.margins(x=0)
+    page.legend(ax)
+    return page.svg(figure, "Residuals against what a missing force would have put into them. Above 1 no value of the "
+                            "parameters explains the data; one run of 10,000 steps in a hundred gets there by chance.")
+
+
+# What a feature of the residuals points to (tiller_feature_t).
+MEANING = {"bias": "a constant force, or an offset", "velocity": "viscous friction or drag",
+           "velocity_sign": "dry friction", "input": "a gain of the drive", "input_change": "a delay or lag of the drive",
+           "previous": "something that stays for a while", "size": "more noise than was stated, or growing"}
+
+
+def adequacy_table(result: dict) -> str:
+    body = []
+    for candidate in result["candidates"]:
+        if "alarm" not in candidate:
+            continue
+        alarm = candidate["alarm"]
+        if alarm is None:
+            body.append([_short(candidate, result["model"]), "adequate", "", "", ""])
+        else:
+            body.append([_short(candidate, result["model"]), f"inadequate after {page.number(alarm['data_s'], 3)} s",
+                         alarm["channel"], alarm["feature"].replace("_", " "), MEANING.get(alarm["feature"], "")])
+    if not body:
+        return ""
+    return ("<h2>Does the model explain the logs?</h2><p>One-step residuals are tested at every step: they must go with "
+            "nothing that was known before.</p>"
+            + page.rows(["model", "verdict", "residual of", "goes with", "which points to"], body))
+
+
 def history_section(candidate: dict) -> str:
-    if len(candidate.get("history", {}).get("data_s", [])) < 2 or not _learnt(candidate):
+    history = candidate.get("history", {})
+    if len(history.get("data_s", [])) < 2 or not _learnt(candidate):
         return ""
     figures = [learning_figure(candidate, i) for i in range(len(_learnt(candidate)))]
+    figures += [residual_figure(history, channel) for channel in history.get("residuals", [])
+                if any(v is not None for v in channel["rms"])]
+    if "alarm" in candidate:
+        figures.append(adequacy_figure(candidate))
     figures += [noise_figure(candidate), count_figure(candidate), shares_figure(candidate)]
     return "<h2>While the logs were taken in</h2>" + page.grid(figures)
 
@@ -285,7 +345,7 @@ def build(result: dict) -> str:
     if _learnt(best):
         figures = [marginal_figure(best, i) for i in range(len(_learnt(best)))] + [pairs_figure(best)]
         body.append(page.grid([figure for figure in figures if figure]))
-    body.append(history_section(best))
+    body += [adequacy_table(result), history_section(best)]
     if result["held_out"]:
         body.append(errors_section(result, "held_out", "How well it foresees logs that were held out"))
     body.append(errors_section(result, "fitted", "… and the logs that it was fitted to"))
