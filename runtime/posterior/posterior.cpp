@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "posterior/bank.hpp"
 #include "posterior/conjugate/conjugate_posterior.hpp"
 #include "posterior/filter/filter_posterior.hpp"
 #include "posterior/transition/transition_posterior.hpp"
@@ -19,6 +20,7 @@ constexpr double kLongestTransition = 10.0;
 
 Posterior* Posterior::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
                               const RolloutTable& table, const tiller_hooks_t* hooks) {
+  if (BankPosterior::wanted(config)) return BankPosterior::lay_out(arena, config, setup, table, hooks);
   switch (config.posterior.kind) {
     case tiller_posterior_transition: return TransitionPosterior::lay_out(arena, config, setup, table, hooks);
     case tiller_posterior_conjugate: return ConjugatePosterior::lay_out(arena, config, setup, table);
@@ -28,6 +30,15 @@ Posterior* Posterior::lay_out(Arena& arena, const tiller_config_t& config, const
 
 tiller_status_t Posterior::check(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
                                  const char** field) {
+  const tiller_posterior_config_t& p = config.posterior;
+  if (p.kind != tiller_posterior_transition && p.delay_hypotheses > 1) {
+    *field = "posterior.delay_hypotheses";
+    return tiller_status_bad_posterior;
+  }
+  if (p.kind != tiller_posterior_transition && (p.forgetting_count > 1 || p.forgetting[0] < 1.0)) {
+    *field = "posterior.forgetting";
+    return tiller_status_bad_posterior;
+  }
   switch (config.posterior.kind) {
     case tiller_posterior_filter: return tiller_status_ok;
     case tiller_posterior_transition: return TransitionPosterior::check(config, setup, table, field);

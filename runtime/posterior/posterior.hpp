@@ -50,6 +50,12 @@ class Posterior {
   /// First measurement after reset (or after a gap: parameters are kept, the state estimate begins anew). measured
   /// (ny), NaN: missing. Refuses infinite values (sensor_not_finite), leaving everything as it was.
   virtual tiller_status_t start(const double* measured) = 0;
+  /// Begins anew from the prior in mid-run, because the parameters have changed; measured (ny) is the last measurement.
+  /// What an engine knows of the noise it may keep.
+  virtual void restart(const double* measured) {
+    reset();
+    (void)start(measured);
+  }
   /// Takes in one transition. ok, tempered, or posterior_degenerate (what is known of the parameters stays).
   /// Refused with nothing changed at all: wrong_state before start, time_backwards for a period that is not
   /// positive, bad_period for one that is NaN or above ten nominal periods, command_not_finite,
@@ -86,6 +92,11 @@ class Posterior {
   /// another thread reads quantiles. Cost: O(N d^2).
   virtual void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
                     float* history) const = 0;
+  /// By how many periods the inputs of the hypothesis in this column of the last draw() come late, beside the effects'
+  /// own delays.
+  virtual std::uint32_t drawn_delay(std::uint32_t /*column*/) const { return 0; }
+  /// log p(last transition | those before); 0 where it did not count or the engine does not know.
+  virtual double log_predictive() const { return 0.0; }
   /// Whether the model explains the data, tested at every tick; null where config.posterior.adequacy is 0.
   virtual const AdequacyTest* adequacy() const { return nullptr; }
   /// Takes an alarm back and begins the test anew.

@@ -41,7 +41,7 @@ double quadratic(const double* m, double a, double b, double c) {
 }  // namespace
 
 Evidence::Evidence(const tiller_config_t& config)
-    : nx_(config.model->state_count), a0_(config.posterior.noise_scale_shape) {
+    : nx_(config.model->state_count), configured_a0_(config.posterior.noise_scale_shape) {
   double sensor[TILLER_MAX_STATES] = {};
   for (std::uint32_t k = 0; k < config.measurement_count; ++k)
     sensor[config.measured_state[k]] = config.measurement_sd[k];
@@ -51,12 +51,20 @@ Evidence::Evidence(const tiller_config_t& config)
   }
   for (std::uint32_t r = 0; r < nx_; ++r) {
     const double q = config.process_sd[r];
-    b_[r] = a0_ * (q * q * config.period_s + 2.0 * sensor[r] * sensor[r]);
+    configured_[r] = q * q * config.period_s + 2.0 * sensor[r] * sensor[r];
     joint_of_[r] = joints_;
     for (std::uint32_t j = 0; j < joints_; ++j)
       if (velocity_[j] == r) joint_of_[r] = j;
   }
+  believe_configuration();
   clear();
+}
+
+void Evidence::believe_configuration() { believe(configured_, 2.0 * configured_a0_); }
+
+void Evidence::believe(const double* variance, double values) {
+  a0_ = 0.5 * values;
+  for (std::uint32_t r = 0; r < nx_; ++r) b_[r] = a0_ * variance[r];
 }
 
 void Evidence::clear() {

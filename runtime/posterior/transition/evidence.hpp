@@ -23,6 +23,10 @@ class Evidence {
   explicit Evidence(const tiller_config_t& config);
 
   void clear();
+  /// The noise's law before the data: a0 and b from here on. As configured, or as worth `values` values of `variance`
+  /// (nx). Call before clear().
+  void believe_configuration();
+  void believe(const double* variance, double values);
   void forget(double keep);
   /// Counts one transition: rows (nx) of weight w; those whose change is NaN are missing.
   void count(double weight, const double* change, const float* basis);
@@ -55,7 +59,7 @@ class Evidence {
   double scale_square(const double* sums, std::uint32_t stride, std::uint32_t row, const float* basis) const;
   /// E[s_r^2]
   double noise_variance(double squared_error, std::uint32_t row) const;
-  double configured_variance(std::uint32_t row) const { return b_[row] / a0_; }
+  double configured_variance(std::uint32_t row) const { return configured_[row]; }
 
  private:
   EvidenceJob job(std::uint32_t lanes, const double* sums, std::uint32_t stride) const;
@@ -64,7 +68,8 @@ class Evidence {
   std::uint32_t nx_ = 0, joints_ = 0;
   std::uint32_t velocity_[TILLER_MAX_JOINTS] = {};
   std::uint32_t joint_of_[TILLER_MAX_STATES] = {};
-  double a0_ = 1.0;
+  double a0_ = 1.0, configured_a0_ = 1.0;
+  double configured_[TILLER_MAX_STATES] = {};  // variances
   double b_[TILLER_MAX_STATES] = {};
   double known_[TILLER_MAX_STATES] = {};
   double information_[TILLER_MAX_JOINTS][kDiscrepancyTriangle] = {};  // B

@@ -78,6 +78,7 @@ void TransitionCloud::measure_noise() {
   discrepancy_share_ = 0.0;
   for (std::uint32_t r = 0; r < nx_; ++r) {
     noise_variance_[r] = evidence_.noise_variance(left[r], r);
+    calm_variance_[r] = std::fmin(noise_variance_[r], kNoiseGrowth * calm_variance_[r]);
     if (before[r] > 0.0 && 1.0 - left[r] / before[r] > discrepancy_share_)
       discrepancy_share_ = 1.0 - left[r] / before[r];
   }

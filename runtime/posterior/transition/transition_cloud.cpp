@@ -80,6 +80,18 @@ TransitionCloud* TransitionCloud::lay_out(Arena& arena, const tiller_config_t& c
 
 void TransitionCloud::reset(double keep) {
   keep_ = keep;
+  evidence_.believe_configuration();
+  for (std::uint32_t r = 0; r < nx_; ++r) noise_variance_[r] = calm_variance_[r] = evidence_.configured_variance(r);
+  begin();
+}
+
+void TransitionCloud::restart() {
+  evidence_.believe(calm_variance_, kNoiseWorth);
+  for (std::uint32_t r = 0; r < nx_; ++r) noise_variance_[r] = calm_variance_[r];
+  begin();
+}
+
+void TransitionCloud::begin() {
   cloud_.draw_prior();
   load_params();
   std::memset(total_, 0, sizeof(double) * rows_ * n_);
@@ -92,7 +104,6 @@ void TransitionCloud::reset(double keep) {
   acceptance_ = log_predictive_ = discrepancy_share_ = 0.0;
   cursor_ = moved_ = doubted_run_ = 0;
   resamplings_ = doubted_ = work_ = 0;
-  for (std::uint32_t r = 0; r < nx_; ++r) noise_variance_[r] = evidence_.configured_variance(r);
 }
 
 void TransitionCloud::load_params() {

@@ -22,6 +22,8 @@ class TransitionCloud {
 
   /// Draws the particles from the prior; forgets everything. `keep`: share of the old data that each tick keeps.
   void reset(double keep = 1.0);
+  /// The same, but what was learnt of the noise stays: worth kNoiseWorth values.
+  void restart();
   /// Takes in one transition; step.weight and step.basis are not read. ok, tempered, or posterior_degenerate with
   /// nothing changed. History rows are copied.
   tiller_status_t take_in(const MeasuredStep& step);
@@ -66,7 +68,13 @@ class TransitionCloud {
     std::uint32_t stride = 0;
   };
 
+  static constexpr double kNoiseWorth = 20.0;
+  /// By how much per tick the noise is believed to grow, for a restart: what the data's surprise has put into the noise
+  /// lately is not the noise's.
+  static constexpr double kNoiseGrowth = 1.02;
+
   // transition_cloud.cpp
+  void begin();
   void remember(const MeasuredStep& step);
   void set_weight(std::uint32_t slot, double weight);
   void forget();
@@ -142,7 +150,7 @@ class TransitionCloud {
   std::uint64_t batch_ = 0;  // names the random numbers of moves
   std::uint64_t tick_ = 0;
   double exponent_ = 1.0, acceptance_ = 0.0, robust_weight_ = 1.0, log_predictive_ = 0.0, discrepancy_share_ = 0.0;
-  double noise_variance_[TILLER_MAX_STATES] = {};
+  double noise_variance_[TILLER_MAX_STATES] = {}, calm_variance_[TILLER_MAX_STATES] = {};
   std::uint32_t cursor_ = 0, moved_ = 0, doubted_run_ = 0;
   std::uint64_t resamplings_ = 0, doubted_ = 0, work_ = 0;
 };

@@ -75,6 +75,7 @@ tiller_status_t TransitionPosterior::update(const Transition& transition) {
   tiller_status_t status = check_transition(*config_, transition);
   if (status != tiller_status_ok) return status;
 
+  log_predictive_ = 0.0;
   MeasuredStep step;
   bool any = false, all = true;
   for (std::uint32_t k = 0; k < nx_; ++k) {
@@ -90,6 +91,7 @@ tiller_status_t TransitionPosterior::update(const Transition& transition) {
     step.period_s = transition.period_s;
     step.history = input_history_;
     status = particles_->take_in(step);
+    log_predictive_ = status == tiller_status_posterior_degenerate ? -INFINITY : particles_->log_predictive();
   } else if (particles_->exponent() < 1.0) {
     status = tiller_status_tempered;
   }

@@ -23,6 +23,7 @@ class TransitionPosterior final : public Posterior {
                                const char** field);
 
   void reset() override;
+  void restart(const double*) override { particles_->restart(); }
   tiller_status_t start(const double* measured) override;
   tiller_status_t update(const Transition& transition) override;
   bool started() const override { return started_; }
@@ -41,6 +42,7 @@ class TransitionPosterior final : public Posterior {
   void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
             float* history) const override;
   void report(PosteriorReport& report) const override;
+  double log_predictive() const override { return log_predictive_; }
 
   const TransitionCloud& transitions() const { return *particles_; }
 
@@ -61,6 +63,7 @@ class TransitionPosterior final : public Posterior {
   double* lane_params_ = nullptr;    // (np x kLanePadding) scratch of predict()
   double* lane_state_ = nullptr;     // (nx x kLanePadding)
 
+  double log_predictive_ = 0.0;
   bool started_ = false, complete_ = false;         // all states of the last measurement were there
   double state_[TILLER_MAX_STATES] = {};            // measured, or predicted where missing
   double unseen_variance_[TILLER_MAX_STATES] = {};  // of the predicted ones

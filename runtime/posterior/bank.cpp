@@ -1,0 +1,131 @@
+#include "posterior/bank.hpp"
+
+#include <cmath>
+#include <cstring>
+
+namespace tiller {
+
+namespace {
+
+std::uint32_t at_least_one(std::uint32_t count) { return count > 0 ? count : 1; }
+
+/// Same robot, one hypothesis.
+tiller_config_t member_config(const tiller_config_t& config, std::uint32_t member, std::uint32_t rate) {
+  tiller_config_t c = config;
+  c.posterior.delay_hypotheses = 1;
+  c.posterior.forgetting_count = 1;
+  c.posterior.forgetting[0] = config.posterior.forgetting[rate];
+  c.seed += member * 0x9E3779B97F4A7C15u;
+  return c;
+}
+
+}  // namespace
+
+bool BankPosterior::wanted(const tiller_config_t& config) {
+  return config.posterior.delay_hypotheses > 1 || config.posterior.forgetting_count > 1;
+}
+
+BankPosterior* BankPosterior::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                                      const RolloutTable& table, const tiller_hooks_t* hooks) {
+  const std::uint32_t delays = at_least_one(config.posterior.delay_hypotheses);
+  const std::uint32_t rates = at_least_one(config.posterior.forgetting_count), members = delays + rates - 1;
+  const std::uint32_t n = config.posterior.particles, nx = config.model->state_count;
+  auto* p = arena.take<BankPosterior>(1);
+  auto* configs = arena.take<tiller_config_t>(members);
+  Posterior* engine[kMaxMembers] = {};
+  for (std::uint32_t i = 0; i < members; ++i) {
+    const tiller_config_t one = member_config(config, i, i < delays ? 0 : i - delays + 1);
+    if (configs) configs[i] = one;
+    engine[i] = Posterior::lay_out(arena, configs ? configs[i] : one, setup, table, hooks);
+  }
+  auto* value = arena.take<double>(std::size_t{members} * n);
+  auto* share = arena.take<double>(std::size_t{members} * n);
+  auto* order = arena.take<std::uint32_t>(std::size_t{members} * n);
+  auto* drawn = arena.take<float>(std::size_t{config.param_count + nx + setup.effect_state_count} * kColumns);
+  auto* owner = arena.take<std::uint32_t>(kColumns);
+  if (arena.measuring() || !arena.fits()) return nullptr;
+
+  p->config_ = &config;
+  p->delays_ = delays;
+  p->rates_ = rates;
+  p->members_ = members;
+  p->n_ = n;
+  p->nx_ = nx;
+  p->nu_ = config.model->input_count;
+  p->np_ = config.param_count;
+  p->ns_ = setup.effect_state_count;
+  p->ny_ = config.measurement_count;
+  std::memcpy(p->engine_, engine, sizeof engine);
+  p->value_ = value;
+  p->share_ = share;
+  p->order_ = order;
+  p->drawn_ = drawn;
+  p->owner_ = owner;
+  p->reset();
+  return p;
+}
+
+void BankPosterior::reset() {
+  for (std::uint32_t i = 0; i < members_; ++i) engine_[i]->reset();
+  for (std::uint32_t k = 0; k < ny_; ++k) last_[k] = NAN;
+  started_ = false;
+  restarts_ = 0;
+  forget_evidence();
+}
+
+tiller_status_t BankPosterior::start(const double* measured) {
+  for (std::uint32_t k = 0; k < ny_; ++k)
+    if (std::isinf(measured[k])) return tiller_status_sensor_not_finite;
+  for (std::uint32_t i = 0; i < members_; ++i) {
+    const tiller_status_t status = engine_[i]->start(measured);
+    if (status != tiller_status_ok) return status;
+  }
+  std::memcpy(last_, measured, sizeof(double) * ny_);
+  for (auto& input : input_)
+    for (std::uint32_t j = 0; j < nu_; ++j) input[j] = config_->safety.safe_command[j];
+  started_ = true;
+  return tiller_status_ok;
+}
+
+tiller_status_t BankPosterior::update(const Transition& transition) {
+  if (!started_) return tiller_status_wrong_state;
+  const tiller_status_t refusal = check_transition(*config_, transition);
+  if (refusal != tiller_status_ok) return refusal;
+  remember_input(transition.input);
+  tiller_status_t status[kMaxMembers];
+  double log_predictive[kMaxMembers];
+  for (std::uint32_t i = 0; i < members_; ++i) {
+    status[i] = update_member(i, transition);
+    log_predictive[i] = engine_[i]->log_predictive();
+  }
+  std::memcpy(last_, transition.measured, sizeof(double) * ny_);
+  log_predictive_ = log_predictive[leader_];
+  weigh_delays(log_predictive);
+  weigh_rates(log_predictive);
+  leave_what_has_changed();
+  set_member_weights();
+  return status[leader_];
+}
+
+tiller_status_t BankPosterior::update_member(std::uint32_t member, const Transition& transition) {
+  Transition late = transition;
+  std::memcpy(late.input, input_[delay_of(member)], sizeof(double) * nu_);
+  return engine_[member]->update(late);
+}
+
+void BankPosterior::remember_input(const double* input) {
+  for (std::uint32_t row = TILLER_MAX_HYPOTHESES - 1; row > 0; --row)
+    std::memcpy(input_[row], input_[row - 1], sizeof(double) * nu_);
+  std::memcpy(input_[0], input, sizeof(double) * nu_);
+}
+
+/// The delays' clouds share the first rate, and so its fate; what they have found out about the delay stays.
+void BankPosterior::restart_rate(std::uint32_t rate) {
+  if (rate > 0) {
+    engine_[member_of_rate(rate)]->restart(last_);
+  } else {
+    for (std::uint32_t j = 0; j < delays_; ++j) engine_[j]->restart(last_);
+  }
+}
+
+}  // namespace tiller

@@ -1,0 +1,166 @@
+// What the members say together.
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/rng.hpp"
+#include "posterior/bank.hpp"
+
+namespace tiller {
+
+void BankPosterior::moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const {
+  if (param_mean || param_sd) {
+    double mean[TILLER_MAX_PARAMS] = {}, square[TILLER_MAX_PARAMS] = {}, m[TILLER_MAX_PARAMS], s[TILLER_MAX_PARAMS];
+    double centre[TILLER_MAX_PARAMS];
+    leader().moments(centre, nullptr, nullptr, nullptr);
+    for (std::uint32_t k = 0; k < members_; ++k) {
+      if (!(weight_[k] > 0.0)) continue;
+      engine_[k]->moments(m, s, nullptr, nullptr);
+      for (std::uint32_t i = 0; i < np_; ++i) {
+        mean[i] += weight_[k] * (m[i] - centre[i]);
+        square[i] += weight_[k] * (s[i] * s[i] + (m[i] - centre[i]) * (m[i] - centre[i]));
+      }
+    }
+    for (std::uint32_t i = 0; i < np_; ++i) {
+      if (param_mean) param_mean[i] = centre[i] + mean[i];
+      if (param_sd) param_sd[i] = std::sqrt(std::fmax(0.0, square[i] - mean[i] * mean[i]));
+    }
+  }
+  // measured, so nearly the same for all
+  if (state_mean || state_sd) leader().moments(nullptr, nullptr, state_mean, state_sd);
+}
+
+void BankPosterior::covariance(double* covariance) const {
+  double mean[TILLER_MAX_PARAMS], m[TILLER_MAX_PARAMS], c[TILLER_MAX_PARAMS * TILLER_MAX_PARAMS];
+  moments(mean, nullptr, nullptr, nullptr);
+  for (std::uint32_t i = 0; i < np_ * np_; ++i) covariance[i] = 0.0;
+  for (std::uint32_t k = 0; k < members_; ++k) {
+    if (!(weight_[k] > 0.0)) continue;
+    engine_[k]->moments(m, nullptr, nullptr, nullptr);
+    engine_[k]->covariance(c);
+    for (std::uint32_t i = 0; i < np_; ++i)
+      for (std::uint32_t j = 0; j < np_; ++j)
+        covariance[i * np_ + j] += weight_[k] * (c[i * np_ + j] + (m[i] - mean[i]) * (m[j] - mean[j]));
+  }
+}
+
+/// As Cloud::quantile, over all members' particles.
+double BankPosterior::quantile(std::uint32_t param, double q) const {
+  if (param >= np_ || !(q >= 0.0 && q <= 1.0)) return NAN;
+  double params[TILLER_MAX_PARAMS];
+  for (std::uint32_t k = 0; k < size(); ++k) {
+    particle(k, params, nullptr, &share_[k]);
+    value_[k] = params[param];
+    order_[k] = k;
+  }
+  const double* value = value_;
+  std::sort(order_, order_ + size(),
+            [value](std::uint32_t a, std::uint32_t b) { return value[a] != value[b] ? value[a] < value[b] : a < b; });
+  double below = 0.0, last_at = 0.0, last = value_[order_[0]];
+  for (std::uint32_t k = 0; k < size(); ++k) {
+    const double share = share_[order_[k]], at = below + 0.5 * share, here = value_[order_[k]];
+    if (!(share > 0.0)) continue;
+    if (at >= q) return below > 0.0 && at > last_at ? last + (q - last_at) / (at - last_at) * (here - last) : here;
+    below += share;
+    last_at = at;
+    last = here;
+  }
+  return last;
+}
+
+std::uint64_t BankPosterior::resamplings() const {
+  std::uint64_t sum = 0;
+  for (std::uint32_t k = 0; k < members_; ++k) sum += engine_[k]->resamplings();
+  return sum;
+}
+
+void BankPosterior::particle(std::uint32_t index, double* params, double* state, double* weight) const {
+  if (index >= size()) return;
+  engine_[index / n_]->particle(index % n_, params, state, weight);
+  if (weight) *weight *= weight_[index / n_];
+}
+
+void BankPosterior::clear_adequacy() {
+  for (std::uint32_t k = 0; k < members_; ++k) engine_[k]->clear_adequacy();
+}
+
+void BankPosterior::report(PosteriorReport& report) const {
+  leader().report(report);
+  for (std::uint32_t j = 0; j < TILLER_MAX_HYPOTHESES; ++j)
+    report.delay_weight[j] = j < delays_ ? delay_weight_[j] : 0.0;
+  for (std::uint32_t i = 0; i < TILLER_MAX_FORGETTING; ++i)
+    report.forgetting_weight[i] = i < rates_ ? rate_weight_[i] : 0.0;
+}
+
+/// Whose each of `count` <= kColumns columns is. How many are a member's: one uniform number, evenly spaced pointers into
+/// the cumulated weights. Mixed, so that any first few columns come from all: the next one is of whom the largest share
+/// is still to come.
+void BankPosterior::apportion(std::uint32_t count, std::uint64_t tick, std::uint32_t first,
+                              std::uint32_t* columns) const {
+  Rng rng(config_->seed, kRngSelect, ~(tick * kColumns + first));
+  const double offset = rng.uniform();
+  double sum = 0.0;
+  std::uint32_t next = 0, left[kMaxMembers];
+  for (std::uint32_t k = 0; k < members_; ++k) {
+    sum += weight_[k] * count;
+    columns[k] = 0;
+    for (; next < count && next + offset < sum; ++next) ++columns[k];
+  }
+  columns[leader_] += count - next;  // rounding; or a single column, which is the leader's
+  if (count == 1)
+    for (std::uint32_t k = 0; k < members_; ++k) columns[k] = k == leader_ ? 1 : 0;
+  for (std::uint32_t k = 0; k < members_; ++k) left[k] = columns[k];
+  for (std::uint32_t m = 0; m < count; ++m) {
+    std::uint32_t most = members_;
+    for (std::uint32_t k = 0; k < members_; ++k) {
+      if (left[k] == 0) continue;
+      if (most == members_ || std::uint64_t{left[k]} * columns[most] > std::uint64_t{left[most]} * columns[k]) most = k;
+    }
+    --left[most];
+    owner_[m] = most;
+  }
+}
+
+void BankPosterior::draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
+                         float* history) const {
+  for (std::uint32_t first = 0; first < count; first += kColumns)
+    draw_block(count, first, tick, params, state, effect_state);
+  // a single one is the mean of all
+  double mean[TILLER_MAX_PARAMS];
+  if (count == 1 && params) {
+    moments(mean, nullptr, nullptr, nullptr);
+    for (std::uint32_t i = 0; i < np_; ++i) params[i] = static_cast<float>(mean[i]);
+  }
+  if (history) leader().draw(1, tick, nullptr, nullptr, nullptr, history);
+}
+
+/// Columns first .. first + kColumns - 1.
+void BankPosterior::draw_block(std::uint32_t count, std::uint32_t first, std::uint64_t tick, float* params,
+                               float* state, float* effect_state) const {
+  const std::uint32_t block = std::min(count - first, kColumns);
+  std::uint32_t columns[kMaxMembers];
+  apportion(block, tick, first, columns);
+  const std::uint32_t* owner = owner_;
+  float *from_state = drawn_ + np_ * kColumns, *from_effect = from_state + nx_ * kColumns;
+  const auto copy = [&](const float* from, std::uint32_t rows, std::uint32_t stride, std::uint32_t at, float* to,
+                        std::uint32_t column) {
+    for (std::uint32_t i = 0; i < rows && to; ++i) to[i * count + column] = from[i * stride + at];
+  };
+  for (std::uint32_t k = 0; k < members_; ++k) {
+    const std::uint32_t stride = columns[k];
+    if (stride == 0) continue;
+    engine_[k]->draw(stride, tick + first, drawn_, from_state, from_effect, nullptr);
+    std::uint32_t at = 0;
+    for (std::uint32_t m = 0; m < block; ++m) {
+      if (owner[m] != k) continue;
+      copy(drawn_, np_, stride, at, params, first + m);
+      copy(from_state, nx_, stride, at, state, first + m);
+      copy(from_effect, ns_, stride, at, effect_state, first + m);
+      ++at;
+    }
+  }
+}
+
+std::uint32_t BankPosterior::drawn_delay(std::uint32_t column) const { return delay_of(owner_[column % kColumns]); }
+
+}  // namespace tiller
