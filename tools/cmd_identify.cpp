@@ -5,6 +5,7 @@
 #include "tools/commands.hpp"
 #include "tools/identify.hpp"
 #include "tools/report.hpp"
+#include "tools/text.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -51,6 +52,35 @@ int identify_command(IdentifyOptions& options) {
   return options.folder.empty() ? static_cast<int>(kExitOk) : write_results(options, *robot, result);
 }
 
+std::string check_method(const std::string& name) {
+  return find_method(name) ? "" : "there is no method '" + name + "'; known are " + method_names();
+}
+
+/// "name  help [citation]" of each method, for --help.
+std::string methods_help() {
+  std::string text = "Methods (docs/methods.md):\n";
+  for (const Method& method : methods())
+    text += format("  %-15s %s\n  %-15s [%s]\n", method.name, method.help, "", method.citation);
+  return text;
+}
+
+void add_method_options(CLI::App& command, FitOptions& fit) {
+  command.add_option("--method", fit.method, "how to learn: " + method_names() + " (default posterior)")
+      ->check(check_method);
+  MethodOptions& how = fit.how;
+  command.add_option("--simulations", how.simulations, "parameter vectors tried in all (default 10000)")
+      ->check(CLI::Range(100, 10000000));
+  command.add_option("--iterations", how.iterations, "of simopt, step_simopt (default 10)")->check(CLI::Range(1, 1000));
+  command.add_option("--kl", how.kl, "bound of reps, simopt, step_simopt in an iteration (default 1)")
+      ->check(number_between(1e-6, 100));
+  command.add_option("--epsilon", how.epsilon, "tolerance of abc (default: so that one in a hundred is kept)")
+      ->check(number_between(1e-9, 1e9));
+  command.add_option("--accept", how.accept, "share that abc keeps where no --epsilon is given (default 0.01)")
+      ->check(number_between(1e-6, 1));
+  command.add_option("--rollout", how.rollout_s, "seconds of simopt's rollouts; 0: whole stretches (default 2)")
+      ->check(number_between(0, 3600));
+}
+
 std::string check_multiple(const std::string& text, unsigned of) {
   const unsigned long value = std::strtoul(text.c_str(), nullptr, 10);
   return value % of == 0 ? "" : "must be a multiple of " + std::to_string(of);
@@ -74,10 +104,12 @@ void add_identify_command(CLI::App& app, int& exit_code) {
   command->add_option("--moves", options->fit.moves, "Metropolis moves per transition (default 32)")
       ->check(CLI::Range(0, 1024))
       ->check([](const std::string& text) { return check_multiple(text, 8); });
+  add_method_options(*command, options->fit);
   command->add_option("--horizon", options->score.horizons_s, "seconds that rollouts look ahead (default 1 2)")
       ->check(number_between(0.01, 60.0));
   command->footer(
-      "Fits the model without its effects, then with one effect more at a time, and compares how well each foresees\n"
+      methods_help() +
+      "\nFits the model without its effects, then with one effect more at a time, and compares how well each foresees\n"
       "the robot from many points of the logs. Only what was held out can be trusted to compare.\n\n"
       "Examples:\n"
       "  tiller identify my_robot.toml run1.csv run2.csv --hold-out run3.csv -o out/identify\n"

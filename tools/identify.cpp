@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "tools/identify_method.hpp"
 #include "tools/text.hpp"
 
 namespace tiller::tools {
@@ -117,7 +118,7 @@ bool identify(const RobotFile& robot, const IdentifyOptions& options, Identified
     assessed.candidate = candidate;
     FitOptions fit_options = options.fit;
     fit_options.progress = progress_line(candidate.name);
-    const bool good = fit(candidate, stretches, fit_options, assessed.fit, error);
+    const bool good = fit_by_method(candidate, stretches, grids, fit_options, assessed.fit, error);
     clear_line();
     if (!good) return false;
     assessed.on_fitted = score(candidate, assessed.fit, grids, options.score);
@@ -134,7 +135,9 @@ std::string identify_text(const RobotFile& robot, const Identified& result) {
              best.candidate.name.c_str(), static_cast<unsigned long long>(best.fit.transitions), result.logs.size(),
              best.fit.effective_samples);
   append_parameters(best, text);
-  text += format("  noise: %.2f times what the robot file says\n", best.fit.noise_scale);
+  text += method_text(best.fit);
+  if (std::isfinite(best.fit.noise_scale))
+    text += format("  noise: %.2f times what the robot file says\n", best.fit.noise_scale);
   if (best.fit.noise_scale > 3)
     text +=
         "  so much noise means that the model misses something in these logs, or that an input was not what it was "

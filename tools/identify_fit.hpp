@@ -7,6 +7,7 @@
 
 #include "tools/identify_data.hpp"
 #include "tools/identify_history.hpp"
+#include "tools/methods/method.hpp"
 #include "tools/robot_file.hpp"
 
 namespace tiller::tools {
@@ -32,6 +33,8 @@ struct ParamSummary {
 };
 
 struct FitOptions {
+  std::string method = "posterior";  ///< a name of methods/methods.def
+  MethodOptions how;                 ///< of the other methods
   // on the measured pendulum eight times this work moves no mean by a quarter of its deviation
   std::uint32_t particles = 512;         ///< a multiple of 16
   std::uint32_t window = 128;            ///< transitions that moves rerun exactly
@@ -49,6 +52,10 @@ struct Fit {
   double effective_samples = 0, noise_scale = 1, exponent = 1;
   std::uint64_t transitions = 0, refused = 0, gated = 0;
   History history;
+  // of a method other than the posterior; noise_scale and exponent are then NaN, the history is empty
+  std::string method = "posterior";
+  std::vector<MethodIteration> iterations;
+  std::uint64_t simulations = 0, diverged = 0;
 };
 
 /// Learns the candidate's parameters from the stretches, one after the other, through the runtime's posterior; the

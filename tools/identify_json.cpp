@@ -116,6 +116,23 @@ json history_json(const Fit& fit) {
           {"acceptance", series(all, [](const Snapshot& s) { return s.acceptance; })}};
 }
 
+// By what it was learnt, and how that went; of the posterior the history tells more.
+json method_json(const Fit& fit) {
+  const Method& method = *find_method(fit.method);
+  json iterations = json::array();
+  for (const MethodIteration& i : fit.iterations)
+    iterations.push_back({{"mean", numbers(i.mean)},
+                          {"sd", numbers(i.sd)},
+                          {"temperature", number(i.temperature)},
+                          {"kl", number(i.kl)},
+                          {"effective_samples", number(i.effective_samples)},
+                          {"discrepancy", number(i.discrepancy)},
+                          {"smallest_discrepancy", number(i.best)}});
+  return {{"name", method.name},      {"citation", method.citation},
+          {"caveat", method.caveat},  {"simulations", fit.simulations},
+          {"diverged", fit.diverged}, {"iterations", iterations}};
+}
+
 json candidate_json(const Assessed& assessed, const RobotFile& robot) {
   const Fit& fit = assessed.fit;
   json params = json::array();
@@ -124,6 +141,7 @@ json candidate_json(const Assessed& assessed, const RobotFile& robot) {
   return {{"name", assessed.candidate.name},
           {"learns", assessed.candidate.learns()},
           {"parameters", params},
+          {"method", method_json(fit)},
           {"noise_scale", number(fit.noise_scale)},
           {"particles", fit.particles},
           {"effective_samples", number(fit.effective_samples)},

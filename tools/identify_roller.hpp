@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "core/rng.hpp"
+#include "tools/grid_rollout.hpp"
 #include "tools/identify_data.hpp"
 #include "tools/identify_fit.hpp"
 
@@ -23,23 +24,23 @@ class Roller {
   void read(const Grid& grid, std::size_t start, std::size_t steps, const double* state, const double* sd);
 
   const double* foreseen(std::size_t step, std::uint32_t state) const { return row(foreseen_, step, state); }
-  const double* readings(std::size_t step, std::uint32_t state) const { return row(readings_, step, state); }
+  const double* readings(std::size_t step, std::uint32_t state) const { return row(readings_.data(), step, state); }
 
  private:
-  const double* row(const std::vector<double>& rows, std::size_t step, std::uint32_t state) const {
-    return rows.data() + (step * model_.state_count + state) * kLanes;
+  const double* row(const double* rows, std::size_t step, std::uint32_t state) const {
+    return rows + (step * model_.state_count + state) * kLanes;
   }
-  RolloutJob<double> job(const Grid& grid, std::size_t start, std::size_t steps);
 
   const tiller_config_t& config_;
   const tiller_model_t& model_;
   const RolloutTable& table_;
-  StepSetup setup_;
+  GridRollout rollout_;
   double noise_scale_;
   Rng rng_;
   double sensor_sd_[TILLER_MAX_STATES] = {};
-  std::vector<double> params_, controls_, history_, effect_state_;
-  std::vector<double> foreseen_, readings_;  // ((steps + 1) * nx x lanes)
+  std::vector<double> effect_state_;  // (ns x lanes)
+  const double* foreseen_ = nullptr;  // ((steps + 1) * nx x lanes)
+  std::vector<double> readings_;      // ((steps + 1) * nx x lanes)
 };
 
 }  // namespace tiller::tools

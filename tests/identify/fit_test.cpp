@@ -213,6 +213,50 @@ TEST(Identify, SameBitsTwice) {
             identify_json(*robot, identify_or_fail(*robot, options)));
 }
 
+// Every method through the command's own path: the same tables and the same JSON, with what it does not have left out.
+TEST(Identify, ByEveryMethod) {
+  std::string error;
+  const auto robot = parse_robot_file(kRobot, "test.toml", error);
+  ASSERT_TRUE(robot) << error;
+  for (const Method& method : methods()) {
+    IdentifyOptions options = quick();
+    options.logs = {write_log("method1.csv", 6)};
+    options.fit.method = method.name;
+    options.fit.particles = 128;
+    options.fit.how.simulations = 1000;
+    options.fit.how.rollout_s = 0.5;
+    Identified result;
+    error.clear();
+    if (std::string(method.name).rfind("abc", 0) == 0) {  // the rate has no sensor here
+      EXPECT_FALSE(identify(*robot, options, result, error));
+      EXPECT_NE(error.find("not every state has a sensor"), std::string::npos) << error;
+      continue;
+    }
+    ASSERT_TRUE(identify(*robot, options, result, error)) << error;
+    const std::string text = identify_text(*robot, result);
+    EXPECT_NE(text.find(method.caveat), std::string::npos) << text;
+    const bool posterior = std::string(method.name) == "posterior";
+    EXPECT_EQ(text.find("noise: ") != std::string::npos, posterior) << text;
+    const nlohmann::json json = nlohmann::json::parse(identify_json(*robot, result));
+    const nlohmann::json& last = json["candidates"].back();
+    EXPECT_EQ(last["method"]["name"], method.name);
+    EXPECT_EQ(last["noise_scale"].is_null(), !posterior);
+    EXPECT_EQ(last["samples"].size(), posterior ? 128u : 512u);
+    EXPECT_EQ(last["method"]["iterations"].empty(), posterior);
+    if (std::string(method.name) == "simopt") {
+      // from angles alone; no interval is promised, so a fifth of the value it is
+      EXPECT_NEAR(param(result.candidates.back(), "mass_kg").mean, kMass, 0.2 * kMass);
+    }
+  }
+  IdentifyOptions options = quick();
+  options.logs = {write_log("method1.csv", 6)};
+  options.fit.method = "simop";
+  Identified result;
+  error.clear();
+  EXPECT_FALSE(identify(*robot, options, result, error));
+  EXPECT_NE(error.find("known are posterior, reps"), std::string::npos) << error;
+}
+
 TEST(Identify, JsonHasWhatThePageNeeds) {
   std::string error;
   const auto robot = parse_robot_file(kRobot, "test.toml", error);

@@ -176,10 +176,21 @@ class Pages(unittest.TestCase):
         self.assertLess(len(text), 2_000_000)
 
     def test_fit_of_a_method_that_takes_all_data_at_once(self):
-        text = self.draw_fit(history=False, adequacy=False)
+        result = fit_result(history=False, adequacy=False)
+        step = {"mean": [1.0, 0.5, 0.5], "sd": [0.0, 0.1, 0.1], "temperature": 0.2, "kl": 1.0,
+                "effective_samples": 300.0, "discrepancy": 0.3, "smallest_discrepancy": None}
+        result["candidates"][-1].update(noise_scale=None, exponent=None, method={
+            "name": "step_simopt", "citation": "a paper & its equation", "caveat": "it is no posterior",
+            "simulations": 4321, "diverged": 0, "iterations": [step] * 3})
+        path = self.folder / "identify.json"
+        path.write_text(json.dumps(result))
+        text = self.check_page(identify_report.write_report(path, self.folder / "identify.html"))
         self.assertNotIn("While the logs were taken in", text)
         self.assertNotIn("Does the model explain the logs?", text)
-        self.assertIn("damping_1_SI", text)
+        self.assertNotIn("noise over the robot file", text)
+        for word in ("damping_1_SI", "step_simopt", "a paper &amp; its equation", "it is no posterior", "4321",
+                     "From iteration to iteration", "discrepancy"):
+            self.assertIn(word, text)
 
     def test_fit_of_one_parameter_or_none(self):
         self.assertNotIn("pairs of parameters", self.draw_fit(learnt=1))

@@ -29,6 +29,20 @@ def _short(candidate: dict, model: str) -> str:
     return "+ " + extra[-1].split(" (")[0].replace("_", " ") if extra else f"{model}, fitted"
 
 
+def _method(candidate: dict) -> dict:
+    """By what it was learnt; a file from before there was a choice has the posterior."""
+    return candidate.get("method", {"name": "posterior", "citation": "", "caveat": "", "simulations": 0,
+                                    "iterations": []})
+
+
+def _is_posterior(candidate: dict) -> bool:
+    return _method(candidate)["name"] == "posterior"
+
+
+def _noise(candidate: dict) -> str:
+    return "–" if candidate["noise_scale"] is None else f"{page.number(candidate['noise_scale'], 3)} ×"
+
+
 def _array(values) -> np.ndarray:
     return np.array([np.nan if v is None else v for v in values], dtype=float)
 
@@ -57,7 +71,7 @@ def marginal_figure(candidate: dict, index: int) -> str:
         notes.append(f"Drawn on the posterior's scale: the prior's 90 % are {page.number(times, 2)} times as wide.")
     elif before.size:
         ax.hist(before, bins=edges, density=True, histtype="step", color=page.MEASURED, linewidth=1.2, label="prior")
-    ax.hist(draws, bins=edges, density=True, color=page.BAND, label="posterior")
+    ax.hist(draws, bins=edges, density=True, color=page.BAND, label=_method(candidate)["name"].replace("_", " "))
     ax.axvline(param["mean"], color=page.ESTIMATE, label="mean")
     ax.set_yticks([])
     ax.spines["left"].set_visible(False)
@@ -312,7 +326,7 @@ def error_table(result: dict, which: str, state_index: int) -> str:
     body = []
     for candidate in result["candidates"]:
         cells = [cell for h in candidate[which][state_index]["horizons"] for cell in _error_cells(h)]
-        noise = f"{page.number(candidate['noise_scale'], 3)} ×" if candidate["learns"] else "–"
+        noise = _noise(candidate) if candidate["learns"] else "–"
         body.append([_short(candidate, result["model"])] + cells + [noise])
     return page.rows(header, body)
 
@@ -329,6 +343,40 @@ def errors_section(result: dict, which: str, title: str) -> str:
     return "".join(parts)
 
 
+def _facts(best: dict) -> list[tuple[str, str]]:
+    facts = [("transitions", str(best["transitions"]))]
+    if not _is_posterior(best):
+        return facts + [("effective samples", f"{best['effective_samples']:.0f}"),
+                        ("simulations", str(_method(best)["simulations"]))]
+    return facts + [("effective samples", f"{best['effective_samples']:.0f} of {best['particles']}"),
+                    ("noise over the robot file's", _noise(best))]
+
+
+def iterations_section(candidate: dict) -> str:
+    """SimOpt's Gaussian from iteration to iteration; nothing where a method has a single one."""
+    iterations = _method(candidate)["iterations"]
+    if len(iterations) < 2:
+        return ""
+    figures = []
+    count = np.arange(1, len(iterations) + 1)
+    for i, param in enumerate(candidate["parameters"]):
+        if param["fixed"]:
+            continue
+        mean, sd = (_array([step[key][i] for step in iterations]) for key in ("mean", "sd"))
+        figure, ax = page.axes(param["name"], xlabel="iteration", height=3.2)
+        ax.fill_between(count, mean - 1.645 * sd, mean + 1.645 * sd, color=page.BAND, linewidth=0)
+        ax.plot(count, mean, color=page.ESTIMATE, label="mean, 90 % of the Gaussian")
+        page.legend(ax)
+        figures.append(page.svg(figure))
+    figure, ax = page.axes("discrepancy", xlabel="iteration", height=3.2)
+    ax.plot(count, _array([step["discrepancy"] for step in iterations]), color=page.ESTIMATE, label="weighted mean")
+    ax.plot(count, _array([step["smallest_discrepancy"] for step in iterations]), color=page.TRUTH, label="smallest")
+    page.legend(ax)
+    figures.append(page.svg(figure, "Where it no longer falls, further iterations narrow the Gaussian and learn "
+                                    "nothing."))
+    return "<h2>From iteration to iteration</h2>" + page.grid(figures)
+
+
 def build(result: dict) -> str:
     best = result["candidates"][-1]
     logs = ", ".join(Path(log["path"]).name for log in result["logs"])
@@ -336,16 +384,19 @@ def build(result: dict) -> str:
     body = [f"<h1>{page.html.escape(result['robot'])}: parameters from logs</h1>",
             f"<p class=lead>{page.html.escape(best['name'])}. Fitted: {page.html.escape(logs)}. Held out: "
             f"{page.html.escape(held)}.</p>",
-            page.facts([("transitions", str(best["transitions"])),
-                        ("effective samples", f"{best['effective_samples']:.0f} of {best['particles']}"),
-                        ("noise over the robot file's", f"{page.number(best['noise_scale'], 3)} ×")])]
+            page.facts(_facts(best))]
+    if not _is_posterior(best):
+        method = _method(best)
+        body.append(f"<p>Learnt by {page.html.escape(method['name'])} ({page.html.escape(method['citation'])}). Mind: "
+                    f"{page.html.escape(method['caveat'])}. It knows of no noise scale: the predictive bands have the "
+                    f"robot file's noise.</p>")
     for warning in result["warnings"]:
         body.append(f"<p>⚠ {page.html.escape(warning)}</p>")
     body += ["<h2>What was learnt</h2>", param_table(best)]
     if _learnt(best):
         figures = [marginal_figure(best, i) for i in range(len(_learnt(best)))] + [pairs_figure(best)]
         body.append(page.grid([figure for figure in figures if figure]))
-    body += [adequacy_table(result), history_section(best)]
+    body += [adequacy_table(result), history_section(best), iterations_section(best)]
     if result["held_out"]:
         body.append(errors_section(result, "held_out", "How well it foresees logs that were held out"))
     body.append(errors_section(result, "fitted", "… and the logs that it was fitted to"))
