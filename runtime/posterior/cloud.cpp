@@ -71,8 +71,8 @@ void Cloud::set_weights(const double* base, const double* gain, double exponent)
   effective_samples = result.effective_samples;
 }
 
-double Cloud::largest_exponent(const double* base, const double* gain, double present, double high,
-                               double floor) const {
+double Cloud::largest_exponent(const double* base, const double* gain, double present, double high, double floor,
+                               double slack) const {
   auto ess = [&](double exponent) { return lanes->weigh(n, base, gain, exponent, nullptr).effective_samples; };
   double good = present, bad = high;
   if (!(good < high && ess(good) >= floor)) {
@@ -84,6 +84,7 @@ double Cloud::largest_exponent(const double* base, const double* gain, double pr
         best = here;
         best_exponent = good;
       }
+      if (here >= floor && here <= floor * (1.0 + slack)) return good;
       if (here >= floor) break;
       bad = good;
       good *= kFall;
@@ -91,14 +92,16 @@ double Cloud::largest_exponent(const double* base, const double* gain, double pr
     if (best < floor) return best_exponent;
   }
   for (int i = 0; i < kBisections && bad > good; ++i) {
-    const double middle = 0.5 * (good + bad);
-    (ess(middle) >= floor ? good : bad) = middle;
+    const double middle = 0.5 * (good + bad), here = ess(middle);
+    (here >= floor ? good : bad) = middle;
+    if (here >= floor && here <= floor * (1.0 + slack)) break;
   }
   return good;
 }
 
-/// One uniform number, N evenly spaced pointers into the cumulated weights.
-void Cloud::resample(std::uint64_t tick) {
+/// index: whom each of the new particles descends from, in ascending order. One uniform number, N evenly spaced pointers
+/// into the cumulated weights.
+void Cloud::draw_ancestors(std::uint64_t tick) {
   Rng rng(config->seed, kRngResample, tick);
   const double offset = rng.uniform();
   double sum = 0.0;
@@ -111,10 +114,32 @@ void Cloud::resample(std::uint64_t tick) {
   std::uint32_t last = n - 1;
   while (last > 0 && !(weight[last] > 0.0)) --last;
   while (next < n) index[next++] = last;
+}
 
+void Cloud::resample(std::uint64_t tick) {
+  draw_ancestors(tick);
   for (std::uint32_t j = 0; j < d; ++j) {
     permute(params + inferred[j] * n);
     permute(coordinate + j * n);
+  }
+  level_weights();
+}
+
+void Cloud::resample_in_place(std::uint64_t tick) {
+  draw_ancestors(tick);
+  std::uint32_t* copies = order;
+  for (std::uint32_t i = 0; i < n; ++i) copies[i] = 0;
+  for (std::uint32_t i = 0; i < n; ++i) ++copies[index[i]];
+  for (std::uint32_t i = 0, source = 0; i < n; ++i) {
+    index[i] = i;
+    if (copies[i] > 0) continue;
+    while (copies[source] < 2) ++source;
+    --copies[source];
+    index[i] = source;
+  }
+  for (std::uint32_t j = 0; j < d; ++j) {
+    permute_in_place(params + inferred[j] * n);
+    permute_in_place(coordinate + j * n);
   }
   level_weights();
 }

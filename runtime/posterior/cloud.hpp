@@ -43,11 +43,21 @@ struct Cloud {
   /// The largest exponent up to `high` at which `floor` effective samples are left. Their number is not monotone in the
   /// exponent (far below `present` the old data are unlearnt), so the search goes down from it in steps and bisects the
   /// first that is low enough; if none is, the best of them.
-  double largest_exponent(const double* base, const double* gain, double present, double high, double floor) const;
+  /// Stops once the number lies within the share `slack` above the floor.
+  double largest_exponent(const double* base, const double* gain, double present, double high, double floor,
+                          double slack = 0.0) const;
   /// Systematic resampling, one uniform number of stream `tick`: the particles' rows are permuted and the weights
   /// levelled; `index` tells whom each particle descends from, for permute() of what an engine keeps beside them.
   void resample(std::uint64_t tick);
   void permute(double* row) const;
+  /// The same selection, but whoever is drawn stays where it is and its copies take the places of those that are not:
+  /// only these rows' elements move, so that permute_in_place() is several times as fast as permute().
+  void resample_in_place(std::uint64_t tick);
+  template <class T>
+  void permute_in_place(T* row) const {
+    for (std::uint32_t i = 0; i < n; ++i)
+      if (index[i] != i) row[i] = row[index[i]];
+  }
 
   // ---- what it tells ----
   /// (np) each, nullable
@@ -65,6 +75,7 @@ struct Cloud {
   void draw(std::uint32_t count, std::uint64_t tick, const Drawn* what, std::uint32_t pieces) const;
 
  private:
+  void draw_ancestors(std::uint64_t tick);
   void order_by_principal_direction() const;
 };
 

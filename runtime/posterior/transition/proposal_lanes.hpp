@@ -7,18 +7,20 @@
 
 namespace tiller {
 
+constexpr std::uint32_t kProposalWords = 10 + (TILLER_MAX_PARAMS + 1) / 2 * 2;
+
 /// Proposals for particles cursor .. cursor + moves - 1 (modulo n), as propose() of posterior/proposals.hpp makes them,
 /// in lanes, and a third kind: independent draws from the Student-t with the mean and the covariance of the particles
 /// that stand still, whose density ratio makes them exact (Tierney 1994, section 2.3.3). Where a cloud is close to
 /// elliptical, three of four are accepted and each is a fresh draw, whatever the dimension.
 struct ProposalJob {
   std::uint32_t d = 0, n = 0;
-  std::uint32_t cursor = 0, moves = 0;  // multiples of 8; moves <= n / 2
-  std::uint64_t seed = 0, batch = 0;    // of the random numbers
-  double independent = 0.0;             // share of the third kind
-  const double* coordinate = nullptr;   // (d x n)
-  const double* weight = nullptr;       // (n)
-  const double* low = nullptr;          // (d) bounds
+  std::uint32_t cursor = 0, moves = 0;       // multiples of 8; moves <= n / 2
+  const std::uint32_t (*keys)[2] = nullptr;  // (kProposalWords) keys of the random words; d of them are normals
+  double independent = 0.0;                  // share of the third kind
+  const double* coordinate = nullptr;        // (d x n)
+  const double* weight = nullptr;            // (n)
+  const double* low = nullptr;               // (d) bounds
   const double* high = nullptr;
   double* present = nullptr;      // (d), rows of `stride`; written for moves rounded up to 16, as everything below
   double* proposed = nullptr;     // (d); the present where a bound refuses

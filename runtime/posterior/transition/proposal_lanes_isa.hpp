@@ -2,9 +2,8 @@
 
 // Proposals in lanes. Included by transition_lanes_isa.cpp alone.
 
-#include "core/rng.hpp"
 #include "posterior/transition/proposal_lanes.hpp"
-#include "scalar/pack.hpp"
+#include "scalar/lane_random.hpp"
 
 TILLER_ISA_NAMESPACE_BEGIN
 
@@ -12,9 +11,9 @@ namespace proposal {
 
 using P = Pack<double>;
 constexpr std::uint32_t kMax = TILLER_MAX_PARAMS;
-constexpr std::uint32_t kGroup = 16;   // lanes at a time
-constexpr std::uint32_t kNormals = 8;  // first word of the normals
-constexpr std::uint32_t kChi = kNormals + (kMax + 1) / 2 * 2, kWords = kChi + 4;
+constexpr std::uint32_t kGroup = 16;  // lanes at a time
+// words: kind, whole difference, length, acceptance, two partners, the chi square's four, the normals
+constexpr std::uint32_t kChi = 6, kNormals = 10, kWords = kProposalWords;
 
 // as posterior/proposals.cpp, where the reasons stand
 constexpr double kOptimalStep = 2.38, kEvolution = 0.7, kWholeDifference = 0.1, kJitter = 0.05;
@@ -87,53 +86,17 @@ inline void find_spread(const ProposalJob& job, Spread& s) {
   for (std::uint32_t r = 0; r < d; ++r) s.mean[r] += origin[r];
 }
 
-/// Philox4x32-10 (core/rng.hpp), the same words as Rng(seed, kRngMove, batch * 4096 + particle) would give in blocks of
-/// four: words (4 x lanes) of block `call`.
-inline void random_words(std::uint64_t seed, std::uint64_t batch, const std::uint32_t* particle, std::uint32_t call,
-                         std::uint32_t (*words)[kGroup]) {
-  std::uint32_t c0[kGroup], c1[kGroup], c2[kGroup], c3[kGroup];
-  for (std::uint32_t l = 0; l < kGroup; ++l) {
-    const std::uint64_t index = batch * 4096u + particle[l];
-    c0[l] = call;
-    c1[l] = static_cast<std::uint32_t>(index);
-    c2[l] = static_cast<std::uint32_t>(index >> 32);
-    c3[l] = kRngMove;
-  }
-  std::uint32_t k0 = static_cast<std::uint32_t>(seed), k1 = static_cast<std::uint32_t>(seed >> 32);
-  for (int round = 0; round < 10; ++round) {
-    for (std::uint32_t l = 0; l < kGroup; ++l) {
-      const std::uint64_t p0 = std::uint64_t{0xD2511F53u} * c0[l], p1 = std::uint64_t{0xCD9E8D57u} * c2[l];
-      c0[l] = static_cast<std::uint32_t>(p1 >> 32) ^ c1[l] ^ k0;
-      c1[l] = static_cast<std::uint32_t>(p1);
-      c2[l] = static_cast<std::uint32_t>(p0 >> 32) ^ c3[l] ^ k1;
-      c3[l] = static_cast<std::uint32_t>(p0);
-    }
-    k0 += 0x9E3779B9u;
-    k1 += 0xBB67AE85u;
-  }
-  for (std::uint32_t l = 0; l < kGroup; ++l) {
-    words[0][l] = c0[l];
-    words[1][l] = c1[l];
-    words[2][l] = c2[l];
-    words[3][l] = c3[l];
-  }
-}
-
-/// The random numbers of a group of lanes.
+/// The random numbers of a group of lanes: words keyed by (seed, batch, row) at the particles' numbers.
 struct Draws {
-  std::uint32_t words[(kWords + 3) / 4 * 4][kGroup];
-  alignas(64) double uniform[(kWords + 3) / 4 * 4][kGroup];
+  alignas(64) std::uint32_t words[kWords][kGroup];
+  alignas(64) double uniform[kWords][kGroup];
 
-  void fill(const ProposalJob& job, const std::uint32_t* particle) {
-    const std::uint32_t last = kChi + 4;
-    for (std::uint32_t call = 0; call * 4 < last; ++call) {
-      const std::uint32_t row = call * 4;
-      // blocks of normals that nobody asks for
-      if (row >= kNormals + (job.d + 1) / 2 * 2 && row + 4 <= kChi) continue;
-      random_words(job.seed, job.batch, particle, call, words + row);
-      for (std::uint32_t i = row; i < row + 4; ++i)
-        for (std::uint32_t l = 0; l < kGroup; ++l)
-          uniform[i][l] = (static_cast<double>(words[i][l]) + 0.5) * (1.0 / 4294967296.0);
+  void fill(const std::uint32_t (*keys)[2], std::uint32_t d, const std::uint32_t* particle) {
+    for (std::uint32_t row = 0; row < kNormals + (d + 1) / 2 * 2; ++row) {
+      for (std::uint32_t l = 0; l < kGroup; l += static_cast<std::uint32_t>(IntPack::width))
+        keyed_word(IntPack::load(particle + l), keys[row][0], keys[row][1]).store(words[row] + l);
+      for (std::uint32_t l = 0; l < kGroup; ++l)
+        uniform[row][l] = (static_cast<double>(words[row][l]) + 0.5) * (1.0 / 4294967296.0);
     }
   }
 };
@@ -156,15 +119,16 @@ inline P log_student(const P* z, std::uint32_t d) {
   return P(-0.5 * (kFreedom + d)) * log(fma(square, P(1.0 / kFreedom), P(1.0)));
 }
 
-inline void propose_group(const ProposalJob& job, const Spread& spread, std::uint32_t at) {
+inline void propose_group(const ProposalJob& job, const Spread& spread, const std::uint32_t (*keys)[2],
+                          std::uint32_t at) {
   const std::uint32_t d = job.d, n = job.n, first_still = (job.cursor + job.moves) % n, still = n - job.moves;
-  std::uint32_t particle[kGroup];
+  alignas(64) std::uint32_t particle[kGroup];
   for (std::uint32_t l = 0; l < kGroup; ++l) {
     const std::uint32_t m = at + l < job.moves ? at + l : 0, i = job.cursor + m;
     particle[l] = i < n ? i : i - n;
   }
   Draws draws;
-  draws.fill(job, particle);
+  draws.fill(keys, d, particle);
   alignas(64) double difference[kMax][kGroup];
   for (std::uint32_t l = 0; l < kGroup; ++l) {
     std::uint32_t a = first_still + static_cast<std::uint32_t>((std::uint64_t{draws.words[4][l]} * still) >> 32);
@@ -228,7 +192,7 @@ inline void propose_group(const ProposalJob& job, const Spread& spread, std::uin
 inline void propose_lanes(const ProposalJob& job) {
   proposal::Spread spread;
   proposal::find_spread(job, spread);
-  for (std::uint32_t at = 0; at < job.moves; at += proposal::kGroup) proposal::propose_group(job, spread, at);
+  for (std::uint32_t at = 0; at < job.moves; at += proposal::kGroup) proposal::propose_group(job, spread, job.keys, at);
 }
 
 TILLER_ISA_NAMESPACE_END

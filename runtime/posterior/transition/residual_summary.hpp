@@ -28,6 +28,7 @@ class ResidualSummary {
   bool empty() const { return empty_; }
   void forget(double keep);
 
+  bool laid() const { return laid_; }
   /// Whether a design exists and still lies where the cloud is.
   bool covers(const Cloud& cloud) const;
   /// Lays the design around the cloud (within the prior's bounds) and translates the sums. False where the cloud has

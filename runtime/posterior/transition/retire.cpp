@@ -30,7 +30,9 @@ void TransitionCloud::retire_oldest() {
   sum({{params_, n_}, n_, slot, 1, fresh_, n_});
   transition_table().add_scaled(rows_ * n_, -1.0, fresh_, ring_sums_);
 
-  if (!summary_.covers(cloud_)) {
+  // a cloud does not move far within a few ticks
+  constexpr std::uint64_t kLook = 8;
+  if (!summary_.laid() || (begin_ % kLook == 0 && !summary_.covers(cloud_))) {
     if (!summary_.centre_on(cloud_)) return;
     const std::uint32_t points = summary_.points();
     for (std::uint32_t i = 0; i < np_; ++i)

@@ -57,7 +57,7 @@ class TransitionCloud {
   static constexpr std::uint32_t kChunk = 64;  // lanes of a task
   static constexpr std::uint32_t kBlock = 32;  // transitions whose residuals are at hand at a time
   /// What a proposal costs beside its residuals, in steps of the model.
-  static constexpr std::uint32_t kProposalWork = 32;
+  static constexpr std::uint32_t kProposalWork = 96;
 
   /// Where the sums of a run of lanes go.
   struct SumsJob {
@@ -91,7 +91,7 @@ class TransitionCloud {
   // temper.cpp
   void take_evidence(double log_constant);
   void raise();
-  void temper();
+  WeighResult temper(bool any_dead);
   void resample();
   void measure_noise();
 

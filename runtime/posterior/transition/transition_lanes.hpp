@@ -67,6 +67,13 @@ struct TransitionTable {
   bool (*mean_errors)(const EvidenceJob& job, const double* weight, double* mean, double* before) = nullptr;
   void (*polynomial)(const PolynomialJob& job) = nullptr;
   ProposeLanes propose = nullptr;
+  /// base = log_weight - exponent * old and gain = fresh; where one of them is not finite, -infinity and 0. True if any
+  /// is not.
+  bool (*split_weights)(std::uint32_t n, const double* log_weight, const double* old, double exponent,
+                        const double* fresh, double* base, double* gain) = nullptr;
+  /// weight *= 1 / sum, log_weight = base + exponent * gain - log_sum.
+  void (*normalise)(std::uint32_t n, const double* base, const double* gain, double exponent, double sum,
+                    double log_sum, double* weight, double* log_weight) = nullptr;
   /// flags sum_r rows[r * n + i] that is not finite: bad[i] = NaN, else 0. n a multiple of 16
   void (*find_broken)(std::uint32_t n, std::uint32_t rows, const double* from, double* bad) = nullptr;
   /// to += factor * from, n a multiple of 16

@@ -155,6 +155,27 @@ void polynomial(const PolynomialJob& job) {
   }
 }
 
+bool split_weights(std::uint32_t n, const double* log_weight, const double* old, double exponent, const double* fresh,
+                   double* base, double* gain) {
+  auto all_finite = P(0.0) == P(0.0);
+  for (std::uint32_t i = 0; i < n; i += static_cast<std::uint32_t>(P::width)) {
+    const P l = P::load(log_weight + i), f = P::load(fresh + i), sum = l + f;
+    const auto finite = (sum - sum) == P(0.0);  // NOLINT(misc-redundant-expression)
+    select(finite, l - P(exponent) * P::load(old + i), P(-__builtin_huge_val())).store(base + i);
+    select(finite, f, P(0.0)).store(gain + i);
+    all_finite = all_finite & finite;
+  }
+  return !all(all_finite);
+}
+
+void normalise(std::uint32_t n, const double* base, const double* gain, double exponent, double sum, double log_sum,
+               double* weight, double* log_weight) {
+  for (std::uint32_t i = 0; i < n; i += static_cast<std::uint32_t>(P::width)) {
+    (P::load(weight + i) * P(1.0 / sum)).store(weight + i);
+    (fma(P(exponent), P::load(gain + i), P::load(base + i)) - P(log_sum)).store(log_weight + i);
+  }
+}
+
 void find_broken(std::uint32_t n, std::uint32_t rows, const double* from, double* bad) {
   for (std::uint32_t i = 0; i < n; i += static_cast<std::uint32_t>(P::width)) {
     P sum(0.0);
@@ -173,7 +194,7 @@ void add_scaled(std::uint32_t n, double factor, const double* from, double* to) 
 
 const TransitionTable& transition_copy() {
   static const TransitionTable table = {Isa::TILLER_COMPILE_ISA, sum_residuals, evidence,  mean_errors, polynomial,
-                                        propose_lanes,           find_broken,   add_scaled};
+                                        propose_lanes,           split_weights, normalise, find_broken, add_scaled};
   return table;
 }
 

@@ -67,8 +67,13 @@ void TransitionCloud::propose(std::uint32_t moves) {
   job.n = n_;
   job.cursor = cursor_;
   job.moves = moves;
-  job.seed = config_->seed;
-  job.batch = ++batch_;
+  std::uint32_t keys[kProposalWords + 1][2];
+  ++batch_;
+  for (std::uint32_t row = 0; row < kProposalWords; row += 2) {
+    const Philox::Words words = Philox::draw(config_->seed, batch_ * 64 + row, std::uint64_t{kRngMove} << 32);
+    std::memcpy(keys[row], words.w, sizeof words.w);
+  }
+  job.keys = keys;
   job.independent = kIndependent;
   job.coordinate = cloud_.coordinate;
   job.weight = cloud_.weight;
