@@ -18,8 +18,8 @@ constexpr std::uint32_t kDoubtedRun = 5;
 
 }  // namespace
 
-/// How far the worst row of a transition lies from what a particle predicts, as the square of normal deviations: the
-/// Student-t's log density ratio in the place of z^2, so that few data do not speak of many deviations.
+/// How far the worst row of a transition lies from what a particle predicts: the square of the residual over that of the
+/// Student-t's residual that is as improbable as kOrdinary normal deviations. Few data so do not speak of many deviations.
 double TransitionCloud::surprise(std::uint32_t particle, const MeasuredStep& step, const float* basis) const {
   double worst = 0.0;
   for (std::uint32_t r = 0; r < nx_; ++r) {
@@ -30,9 +30,9 @@ double TransitionCloud::surprise(std::uint32_t particle, const MeasuredStep& ste
         residual = -residual;
     const double e = evidence_.innovation(total_ + particle, n_, r, residual, basis);
     const double freedom = evidence_.freedom(r);
-    const double square = e * e / (freedom * evidence_.scale_square(total_ + particle, n_, r, basis));
-    const double z = (freedom + 1.0) * std::log1p(square);
-    if (!(z <= worst)) worst = z;
+    const double ordinary = freedom * std::expm1(kOrdinary * kOrdinary / (freedom + 1.0));
+    const double share = e * e / (ordinary * evidence_.scale_square(total_ + particle, n_, r, basis));
+    if (!(share <= worst)) worst = share;
   }
   return worst;
 }
@@ -41,19 +41,19 @@ double TransitionCloud::find_robust_weight(std::uint32_t slot) {
   double least = INFINITY;
   for (std::uint32_t i = 0; i < n_; ++i) {
     if (!(cloud_.weight[i] * n_ > kHasSay)) continue;
-    const double z = surprise(i, steps_[slot], basis_ + slot * columns_);
-    if (z < least) least = z;
+    const double share = surprise(i, steps_[slot], basis_ + slot * columns_);
+    if (share < least) least = share;
     // the first particle usually ends the search
-    if (least <= kOrdinary * kOrdinary) {
+    if (least <= 1.0) {
       doubted_run_ = 0;
       return 1.0;
     }
   }
   if (++doubted_run_ > kDoubtedRun) return 1.0;
   ++doubted_;
-  const double share = kOrdinary * kOrdinary / least;
-  // the weighted square must not grow with the residual, else a large glitch widens the noise more than a small one
-  return share * share;
+  // the weighted square falls as the residual grows: else every glitch would widen the noise by as much as an
+  // ordinary residual's largest
+  return 1.0 / (least * least);
 }
 
 }  // namespace tiller
