@@ -81,20 +81,19 @@ void Evidence::forget(double keep) {
     for (double& element : matrix) element *= keep;
 }
 
-void Evidence::count(double weight, const double* change, const float* basis) {
-  for (std::uint32_t r = 0; r < nx_; ++r)
-    if (!std::isnan(change[r])) known_[r] += weight;
-  add_basis(weight, change, basis);
+void Evidence::count(const float* weight, const float* basis) {
+  for (std::uint32_t r = 0; r < nx_; ++r) known_[r] += static_cast<double>(weight[r]);
+  add_basis(weight, basis);
 }
 
-void Evidence::add_basis(double weight, const double* change, const float* basis) {
+void Evidence::add_basis(const float* weight, const float* basis) {
   for (std::uint32_t j = 0; j < joints_; ++j) {
-    if (std::isnan(change[velocity_[j]])) continue;
-    const double b[] = {basis[j * kDiscrepancyBasis], basis[j * kDiscrepancyBasis + 1],
-                        basis[j * kDiscrepancyBasis + 2]};
+    const auto w = static_cast<double>(weight[velocity_[j]]);
     double* to = information_[j];
     for (std::uint32_t r = 0; r < kDiscrepancyBasis; ++r)
-      for (std::uint32_t c = r; c < kDiscrepancyBasis; ++c) *to++ += weight * b[r] * b[c];
+      for (std::uint32_t c = r; c < kDiscrepancyBasis; ++c)
+        *to++ += w * static_cast<double>(basis[j * kDiscrepancyBasis + r]) *
+                 static_cast<double>(basis[j * kDiscrepancyBasis + c]);
   }
 }
 

@@ -28,12 +28,12 @@ class Evidence {
   void believe_configuration();
   void believe(const double* variance, double values);
   void forget(double keep);
-  /// Counts one transition: rows (nx) of weight w; those whose change is NaN are missing.
-  void count(double weight, const double* change, const float* basis);
+  /// Counts one transition: weight (nx), 0 for missing rows.
+  void count(const float* weight, const float* basis);
   /// M = (B + K^-1)^-1 of each joint and the exponents; call after count().
   void prepare();
-  /// The discrepancy's share of count(), for transitions that were counted before their basis was known.
-  void add_basis(double weight, const double* change, const float* basis);
+  /// The discrepancy's share of count() alone; weight (nx), 0 for missing rows.
+  void add_basis(const float* weight, const float* basis);
 
   std::uint32_t nx() const { return nx_; }
   std::uint32_t joints() const { return joints_; }

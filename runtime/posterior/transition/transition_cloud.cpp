@@ -99,6 +99,8 @@ void TransitionCloud::begin() {
   std::memset(log_likelihood_, 0, sizeof(double) * n_);
   evidence_.clear();
   summary_.clear();
+  discrepancy_begun_ = false;
+  for (double& scale : velocity_scale_) scale = 0.0;
   begin_ = end_ = batch_ = tick_ = 0;
   exponent_ = robust_weight_ = 1.0;
   acceptance_ = log_predictive_ = discrepancy_share_ = 0.0;
@@ -125,11 +127,12 @@ tiller_status_t TransitionCloud::take_in(const MeasuredStep& step) {
   set_weight(slot, robust_weight_);
   forget();
   const double before = evidence_.log_constant();
-  evidence_.count(robust_weight_, step.change, basis_ + slot * columns_);
+  evidence_.count(weight_ + slot * nx_, basis_ + slot * columns_);
   evidence_.prepare();
   const std::uint32_t all = rows_ * n_;
   transition_table().add_scaled(all, robust_weight_, fresh_, total_);
   transition_table().add_scaled(all, robust_weight_, fresh_, ring_sums_);
+  begin_discrepancy();
   take_evidence(evidence_.log_constant() - before);
   if (config_->posterior.enabled && config_->posterior.moves_per_tick && d_) move();
   retire();
@@ -161,6 +164,7 @@ void TransitionCloud::remember(const MeasuredStep& step) {
     to.history = history_ + std::size_t{slot} * row;
   }
   set_weight(slot, 1.0);
+  set_basis(slot);
 }
 
 void TransitionCloud::set_weight(std::uint32_t slot, double weight) {

@@ -84,6 +84,10 @@ class TransitionCloud {
   void load_params();
   bool any_alive();
 
+  // discrepancy.cpp
+  void set_basis(std::uint32_t slot);
+  void begin_discrepancy();
+
   // robust_weight.cpp
   double find_robust_weight(std::uint32_t slot);
   double surprise(std::uint32_t particle, const MeasuredStep& step, const float* basis) const;
@@ -146,6 +150,9 @@ class TransitionCloud {
   float* residual_ = nullptr;              // (chunks x block * nx * kChunk)
   float* design_params_ = nullptr;         // (np x points)
   float* design_residual_ = nullptr;       // (nx x points)
+
+  bool discrepancy_begun_ = false;
+  double velocity_scale_[TILLER_MAX_JOINTS] = {};  // 1 / root mean square; 0 before it is known
 
   std::uint64_t batch_ = 0;  // names the random numbers of moves
   std::uint64_t tick_ = 0;

@@ -19,7 +19,10 @@ constexpr double kIndependent = 0.5;
 /// exponent more than once. Once the cloud has been swept at the full exponent, moves_per_tick is enough.
 void TransitionCloud::move() {
   const std::uint32_t per_tick = config_->posterior.moves_per_tick;
-  std::uint64_t left = std::uint64_t{per_tick} * (window_ + kProposalWork);
+  const std::uint64_t budget = std::uint64_t{per_tick} * (window_ + kProposalWork);
+  // less what was spent beyond the one transition of an ordinary tick
+  const std::uint64_t spent = work_ - n_;
+  std::uint64_t left = budget > spent ? budget - spent : 0;
   const std::uint64_t cost = (end_ - begin_) + kProposalWork;
   std::uint32_t done = 0;
   for (;;) {
