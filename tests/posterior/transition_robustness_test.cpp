@@ -8,6 +8,7 @@
 #include <cstring>
 #include <vector>
 
+#include "core/rng.hpp"
 #include "posterior/transition/transition_posterior.hpp"
 #include "transition_rig.hpp"
 
