@@ -6,13 +6,16 @@ namespace tiller {
 
 namespace {
 
-/// Values beyond this many deviations count as this many: a glitch that came through the gate is no trend.
-constexpr double kClip = 4.0;
+/// Values beyond this many deviations count as this many: a glitch that came through the gate is no trend, and S^2 / V,
+/// which is largest where all terms are alike, gains by it where the effect is large.
+constexpr double kClip = 2.5;
 /// In the likelihood ratio of `size`, which grows with the square. Clipping both sides of a ratio that rises with |y|
 /// only lowers it, so the level holds.
 constexpr double kSizeClip = 3.0;
-/// Of a feature, in units of its own root mean square: one extreme value must not carry the sum.
-constexpr double kFeatureClip = 3.0;
+/// Of a feature, in units of its own root mean square where it is not zero; for the same two reasons.
+constexpr double kFeatureClip = 1.5;
+/// In the estimate of the noise's scale.
+constexpr double kScaleClip = 4.0;
 /// r, in squared deviations: some twentieth of the information at which an alarm is hoped for (V = 100 to 200 after as
 /// many ticks of a feature of unit size), where log E loses least, about 2, to the mixture (Howard et al., section 3.5).
 constexpr double kMixing = 6.0;
@@ -25,6 +28,9 @@ constexpr double kScaleTicks = 256.0;
 /// Share of the newest value in the mean of those before.
 constexpr double kRecent = 0.2;
 
+/// Share of the usual speed below which its sign says nothing.
+constexpr double kStill = 0.1;
+
 double clip(double value, double most) { return std::fmax(-most, std::fmin(most, value)); }
 
 }  // namespace
@@ -33,6 +39,25 @@ std::uint32_t velocity_state(const tiller_model_t& model, std::uint32_t i) {
   for (std::uint32_t j = 0; j < model.joint_count; ++j)
     if (model.joints[j].position == i || model.joints[j].velocity == i) return model.joints[j].velocity;
   return model.state_count;
+}
+
+void Disturbances::observe(std::uint32_t channels, std::uint32_t inputs, const double* velocity, const double* input,
+                           double (*phi)[kMaxDisturbances]) {
+  count_ += 1.0;
+  for (std::uint32_t k = 0; k < channels; ++k) {
+    const double v = velocity[k];
+    double& square = velocity_square_[k];
+    square += (v * v - square) / std::fmin(count_, kScaleTicks);
+    phi[k][kBias] = 1.0;
+    phi[k][kVelocity] = v;
+    phi[k][kSign] = v * v > kStill * kStill * square ? std::copysign(1.0, v) : 0.0;
+    for (std::uint32_t j = 0; j < inputs; ++j) {
+      phi[k][kInputs + 2 * j] = input[j];
+      phi[k][kInputs + 2 * j + 1] = begun_ ? input[j] - before_[j] : 0.0;
+    }
+  }
+  for (std::uint32_t j = 0; j < inputs; ++j) before_[j] = input[j];
+  begun_ = true;
 }
 
 AdequacyTest* AdequacyTest::lay_out(Arena& arena, const tiller_config_t& config, bool anticorrelation) {
@@ -85,7 +110,11 @@ void AdequacyTest::begin_cohort() {
 void AdequacyTest::features_of(Channel& channel, const double* response, double* feature) const {
   for (std::uint32_t f = 0; f < disturbances_; ++f) {
     double& square = channel.response_square[f];
-    square += (response[f] * response[f] - square) / std::fmin(channel.count + 1.0, kScaleTicks);
+    if (response[f] != 0.0) {
+      double& seen = channel.response_count[f];
+      seen = std::fmin(seen + 1.0, kScaleTicks);
+      square += (response[f] * response[f] - square) / seen;
+    }
     feature[f] = square > 0.0 ? clip(response[f] / std::sqrt(square), kFeatureClip) : 0.0;
   }
   feature[disturbances_] = channel.previous;
@@ -107,11 +136,11 @@ void AdequacyTest::take(const Innovation& innovation) {
     double feature[kMaxFeatures];
     features_of(channel, innovation.response[k], feature);
     const double scale = std::sqrt((shape_ + 0.5 * channel.squares) / (shape_ + 0.5 * channel.count));
-    const double y = clip(z / scale, kClip);
+    const double y = clip(z / scale, kClip), kept = clip(z, kScaleClip * scale);
     if (settled) test_channel(k, z / scale, feature);
     channel.previous = y;
     channel.recent += kRecent * (y - channel.recent);
-    channel.squares += y * y * scale * scale;
+    channel.squares += kept * kept;
     channel.count += 1.0;
   }
   if (!settled) return;
@@ -124,11 +153,11 @@ void AdequacyTest::take(const Innovation& innovation) {
 void AdequacyTest::test_channel(std::uint32_t k, double normalised, const double* feature) {
   const double y = clip(normalised, kClip);
   for (std::uint32_t f = 0; f < features_; ++f) {
-    const double by = feature[f] * y;
+    const double by = feature[f] * y, variance = feature[f] * feature[f] * (y * y + 2.0) / 3.0;
     Sums* sums = sums_ + (k * features_ + f) * kCohorts;
     for (std::uint32_t c = 0; c < kCohorts; ++c) {
       sums[c].s += by;
-      sums[c].v += by * by;
+      sums[c].v += variance;
       if (f >= disturbances_ && sums[c].s < 0.0 && !anticorrelation_) continue;
       const double information = sums[c].v + kMixing, exponent = 0.5 * sums[c].s * sums[c].s / information;
       const double threshold = threshold_of(c);

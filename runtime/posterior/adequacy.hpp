@@ -21,16 +21,31 @@ struct Innovation {
   double response[TILLER_MAX_MEASUREMENTS][kMaxDisturbances] = {};
 };
 
+/// The disturbances' own course: 1, v, sign v, and of each input u and its change.
+class Disturbances {
+ public:
+  void begin() { begun_ = false; }
+  /// velocity (channels): of each channel's joint; input (inputs): in force.
+  void observe(std::uint32_t channels, std::uint32_t inputs, const double* velocity, const double* input,
+               double (*phi)[kMaxDisturbances]);
+
+ private:
+  double velocity_square_[TILLER_MAX_MEASUREMENTS] = {};  // running means
+  double count_ = 0.0;
+  double before_[TILLER_MAX_INPUTS] = {};
+  bool begun_ = false;
+};
+
 /// The state that is the velocity of state `i`'s joint (itself, for a velocity); state_count where no joint has it.
 std::uint32_t velocity_state(const tiller_model_t& model, std::uint32_t i);
 
 /// Whether the innovations are what the model says they are, one tick after the other.
 ///
-/// Under the model a normalised innovation, given all that came before, is symmetric about zero: it goes with nothing
-/// that was known beforehand. For a feature b known before the innovation y and any l,
-///     exp(l S - l^2 V / 2),   S = sum b y,   V = sum b^2 y^2
-/// is then a supermartingale, whatever the noise's scale is (de la Pena, "A general class of exponential inequalities
-/// for martingales and ratios", Annals of Probability 27, 1999, lemma 6.1). Averaged over l ~ N(0, 1 / r) it is
+/// Under the model a normalised innovation has, given all that came before, mean zero and variance one: it goes with
+/// nothing that was known beforehand. For a feature b known before the innovation y and any l,
+///     exp(l S - l^2 V / 2),   S = sum b y,   V = sum b^2 (y^2 + 2) / 3
+/// is then a supermartingale (Delyon, "Exponential inequality for sums of dependent random variables", EJP 14, 2009; the
+/// third of V that is observed keeps it honest where the scale is misjudged). Averaged over l ~ N(0, 1 / r) it is
 ///     E = sqrt(r / (V + r)) exp(S^2 / (2 (V + r)))
 /// (Robbins 1970; Howard, Ramdas, McAuliffe and Sekhon, Annals of Statistics 49, 2021, section 3.2), and by Ville's
 /// inequality it ever exceeds 1 / level with probability at most `level`. Changes late in a run are seen because the
@@ -77,7 +92,8 @@ class AdequacyTest {
   struct Channel {
     double squares = 0.0;  // of the clipped values
     double count = 0.0;
-    double previous = 0.0, recent = 0.0;            // the value before, and the mean of those before
+    double previous = 0.0, recent = 0.0;  // the value before, and the mean of those before
+    double response_count[kMaxDisturbances] = {};
     double response_square[kMaxDisturbances] = {};  // running means
   };
   struct Sums {

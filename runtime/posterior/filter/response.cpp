@@ -4,15 +4,6 @@
 
 namespace tiller {
 
-namespace {
-
-/// Share of the usual speed below which its sign says nothing.
-constexpr double kStill = 0.1;
-/// Ticks over which the usual speed is averaged.
-constexpr double kSpeedTicks = 256.0;
-
-}  // namespace
-
 DisturbanceResponse* DisturbanceResponse::lay_out(Arena& arena, const tiller_config_t& config) {
   const std::uint32_t nx = config.model->state_count, nu = config.model->input_count, ny = config.measurement_count;
   auto* r = arena.take<DisturbanceResponse>(1);
@@ -33,22 +24,12 @@ DisturbanceResponse* DisturbanceResponse::lay_out(Arena& arena, const tiller_con
 void DisturbanceResponse::begin() {
   for (std::uint32_t i = 0; i < ny_ * kInputs * nx_; ++i) joint_[i] = 0.0;
   for (std::uint32_t i = 0; i < 2 * nu_ * nx_; ++i) input_[i] = 0.0;
-  begun_ = false;
+  course_.begin();
 }
 
 double* DisturbanceResponse::trace_of(std::uint32_t channel, std::uint32_t disturbance) {
   if (disturbance >= kInputs) return input_ + (disturbance - kInputs) * nx_;
   return joint_ + (channel * kInputs + disturbance) * nx_;
-}
-
-/// Of a unit disturbance at the channel's joint: phi (kInputs).
-void DisturbanceResponse::force(std::uint32_t channel, double period_s, double velocity, double* phi) {
-  double& square = velocity_square_[channel];
-  square += (velocity * velocity - square) / std::fmin(count_, kSpeedTicks);
-  phi[kBias] = period_s;
-  phi[kVelocity] = period_s * velocity;
-  const bool moves = velocity * velocity > kStill * kStill * square;
-  phi[kSign] = moves ? std::copysign(period_s, velocity) : 0.0;
 }
 
 void DisturbanceResponse::predict(const ErrorDynamics& error, double period_s, const double* velocity,
@@ -60,30 +41,26 @@ void DisturbanceResponse::predict(const ErrorDynamics& error, double period_s, c
     }
     for (std::uint32_t r = 0; r < nx_; ++r) trace[r] = next_[r];
   };
-  count_ += 1.0;
+  double phi[TILLER_MAX_MEASUREMENTS][kMaxDisturbances];
+  course_.observe(ny_, nu_, velocity, input, phi);
   for (std::uint32_t k = 0; k < ny_; ++k) {
     const std::uint32_t state = config_->measured_state[k], rate = velocity_state(*config_->model, state);
-    double phi[kInputs];
-    force(k, period_s, velocity[k], phi);
     for (std::uint32_t f = 0; f < kInputs; ++f) {
       double* trace = trace_of(k, f);
       advance(trace);
-      if (rate < nx_) trace[rate] += phi[f];
-      if (rate != state) trace[state] += rate < nx_ ? 0.5 * period_s * phi[f] : phi[f];
+      const double push = period_s * phi[k][f];
+      if (rate < nx_) trace[rate] += push;
+      if (rate != state) trace[state] += rate < nx_ ? 0.5 * period_s * push : push;
       now.response[k][f] = trace[state];
     }
   }
   for (std::uint32_t f = kInputs; f < disturbance_count(nu_); ++f) {
     const std::uint32_t j = (f - kInputs) / 2;
-    const bool change = (f - kInputs) % 2 == 1;
-    const double phi = change ? (begun_ ? input[j] - before_[j] : 0.0) : input[j];
     double* trace = trace_of(0, f);
     advance(trace);
-    for (std::uint32_t r = 0; r < nx_; ++r) trace[r] += error.b[(r * nu_ + j) * error.stride] * phi;
+    for (std::uint32_t r = 0; r < nx_; ++r) trace[r] += error.b[(r * nu_ + j) * error.stride] * phi[0][f];
     for (std::uint32_t k = 0; k < ny_; ++k) now.response[k][f] = trace[config_->measured_state[k]];
   }
-  for (std::uint32_t j = 0; j < nu_; ++j) before_[j] = input[j];
-  begun_ = true;
 }
 
 void DisturbanceResponse::correct(const ErrorDynamics& error, const unsigned char* used,

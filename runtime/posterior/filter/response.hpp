@@ -35,17 +35,13 @@ class DisturbanceResponse {
 
  private:
   double* trace_of(std::uint32_t channel, std::uint32_t disturbance);
-  void force(std::uint32_t channel, double period_s, double velocity, double* phi);
 
   const tiller_config_t* config_ = nullptr;
   std::uint32_t nx_ = 0, nu_ = 0, ny_ = 0;
   double* joint_ = nullptr;  // (ny * kInputs x nx) traces of forces at each channel's joint
   double* input_ = nullptr;  // (2 nu x nx) traces of the inputs' errors
   double* next_ = nullptr;   // (nx)
-  double before_[TILLER_MAX_INPUTS] = {};
-  bool begun_ = false;
-  double velocity_square_[TILLER_MAX_MEASUREMENTS] = {};  // running means
-  double count_ = 0.0;
+  Disturbances course_;
 };
 
 }  // namespace tiller

@@ -123,6 +123,7 @@ tiller_status_t TransitionCloud::take_in(const MeasuredStep& step) {
     return tiller_status_posterior_degenerate;
   }
   ++tick_;
+  if (config_->posterior.adequacy) measure_innovation(slot);
   robust_weight_ = config_->posterior.robust ? find_robust_weight(slot) : 1.0;
   set_weight(slot, robust_weight_);
   forget();

@@ -45,6 +45,8 @@ class TransitionCloud {
   /// log p(last transition | those before) at the present exponent's weights; a doubted one counts as its weighted part
   /// less kDoubtCost nats.
   double log_predictive() const { return log_predictive_; }
+  /// (nx) of the last transition, normalised by what was expected; NaN: missing. Only where adequacy is tested.
+  const double* innovation() const { return innovation_; }
   /// E[s_r^2] of the residuals' noise per step, row of the state.
   double noise_variance(std::uint32_t row) const { return noise_variance_[row]; }
   /// Of the residuals' squares, the largest over the joints that the discrepancy takes up, 0..1.
@@ -91,6 +93,9 @@ class TransitionCloud {
   // robust_weight.cpp
   double find_robust_weight(std::uint32_t slot);
   double surprise(std::uint32_t particle, const MeasuredStep& step, const float* basis) const;
+
+  // innovation.cpp
+  void measure_innovation(std::uint32_t slot);
 
   // temper.cpp
   void take_evidence(double log_constant);
@@ -157,6 +162,7 @@ class TransitionCloud {
   std::uint64_t batch_ = 0;  // names the random numbers of moves
   std::uint64_t tick_ = 0;
   double exponent_ = 1.0, acceptance_ = 0.0, robust_weight_ = 1.0, log_predictive_ = 0.0, discrepancy_share_ = 0.0;
+  double innovation_[TILLER_MAX_STATES] = {};
   double noise_variance_[TILLER_MAX_STATES] = {}, calm_variance_[TILLER_MAX_STATES] = {};
   std::uint32_t cursor_ = 0, moved_ = 0, doubted_run_ = 0;
   std::uint64_t resamplings_ = 0, doubted_ = 0, work_ = 0;

@@ -13,6 +13,9 @@ TransitionPosterior* TransitionPosterior::lay_out(Arena& arena, const tiller_con
   auto* history = arena.take<double>(kHistory * nu);
   auto* lane_params = arena.take<double>(np * kLanePadding);
   auto* lane_state = arena.take<double>(nx * kLanePadding);
+  // noise on the measurements makes one-step residuals alternate, and the posterior wrong: that counts
+  const bool tested = config.posterior.adequacy != 0 && config.posterior.enabled != 0;
+  AdequacyTest* adequacy = tested ? AdequacyTest::lay_out(arena, config, true) : nullptr;
   if (arena.measuring() || !arena.fits()) return nullptr;
   p->config_ = &config;
   p->setup_ = setup;
@@ -26,6 +29,7 @@ TransitionPosterior* TransitionPosterior::lay_out(Arena& arena, const tiller_con
   p->input_history_ = history;
   p->lane_params_ = lane_params;
   p->lane_state_ = lane_state;
+  p->adequacy_ = adequacy;
   p->reset();
   return p;
 }
@@ -46,11 +50,22 @@ tiller_status_t TransitionPosterior::check(const tiller_config_t& config, const 
 
 void TransitionPosterior::reset() {
   particles_->reset(config_->posterior.forgetting_count > 0 ? config_->posterior.forgetting[0] : 1.0);
+  clear_adequacy();
   started_ = complete_ = false;
   for (std::uint32_t r = 0; r < nx_; ++r) {
     state_[r] = config_->initial_state[r];
     unseen_variance_[r] = config_->initial_state_sd[r] * config_->initial_state_sd[r];
   }
+}
+
+void TransitionPosterior::restart(const double*) {
+  particles_->restart();
+  clear_adequacy();
+}
+
+void TransitionPosterior::clear_adequacy() {
+  if (adequacy_) adequacy_->reset();
+  disturbances_.begin();
 }
 
 tiller_status_t TransitionPosterior::start(const double* measured) {
@@ -66,6 +81,8 @@ tiller_status_t TransitionPosterior::start(const double* measured) {
   }
   for (std::uint32_t i = 0; i < kHistory; ++i)
     for (std::uint32_t j = 0; j < nu_; ++j) input_history_[i * nu_ + j] = config_->safety.safe_command[j];
+  if (adequacy_) adequacy_->begin();
+  disturbances_.begin();
   started_ = true;
   return tiller_status_ok;
 }
@@ -92,6 +109,7 @@ tiller_status_t TransitionPosterior::update(const Transition& transition) {
     step.history = input_history_;
     status = particles_->take_in(step);
     log_predictive_ = status == tiller_status_posterior_degenerate ? -INFINITY : particles_->log_predictive();
+    if (adequacy_ && status != tiller_status_posterior_degenerate) test(step);
   } else if (particles_->exponent() < 1.0) {
     status = tiller_status_tempered;
   }
@@ -129,6 +147,22 @@ void TransitionPosterior::predict(const Transition& transition) {
     if (std::isfinite(next)) state_[r] = next;
     unseen_variance_[r] += particles_->noise_variance(r);
   }
+}
+
+/// Measured states forget nothing over a step, so a disturbance stands in one innovation and no other.
+void TransitionPosterior::test(const MeasuredStep& step) {
+  Innovation now;
+  double phi[TILLER_MAX_MEASUREMENTS][kMaxDisturbances], speed[TILLER_MAX_MEASUREMENTS];
+  const bool doubted = particles_->robust_weight() < 1.0;
+  for (std::uint32_t k = 0; k < nx_; ++k) {
+    const std::uint32_t r = config_->measured_state[k], rate = velocity_state(*config_->model, r);
+    now.normalised[k] = doubted ? NAN : particles_->innovation()[r];
+    speed[k] = rate < nx_ ? step.state[rate] : step.state[r];
+  }
+  disturbances_.observe(nx_, nu_, speed, step.input, phi);
+  for (std::uint32_t k = 0; k < nx_; ++k)
+    for (std::uint32_t f = 0; f < disturbance_count(nu_); ++f) now.response[k][f] = phi[k][f];
+  adequacy_->take(now);
 }
 
 void TransitionPosterior::remember_input(const double* input) {

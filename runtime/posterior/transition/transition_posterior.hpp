@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "posterior/adequacy.hpp"
 #include "posterior/posterior.hpp"
 #include "posterior/transition/transition_cloud.hpp"
 
@@ -23,7 +24,7 @@ class TransitionPosterior final : public Posterior {
                                const char** field);
 
   void reset() override;
-  void restart(const double*) override { particles_->restart(); }
+  void restart(const double* measured) override;
   tiller_status_t start(const double* measured) override;
   tiller_status_t update(const Transition& transition) override;
   bool started() const override { return started_; }
@@ -43,6 +44,8 @@ class TransitionPosterior final : public Posterior {
             float* history) const override;
   void report(PosteriorReport& report) const override;
   double log_predictive() const override { return log_predictive_; }
+  const AdequacyTest* adequacy() const override { return adequacy_; }
+  void clear_adequacy() override;
 
   const TransitionCloud& transitions() const { return *particles_; }
 
@@ -52,6 +55,7 @@ class TransitionPosterior final : public Posterior {
   const Cloud& cloud() const { return particles_->cloud(); }
   void predict(const Transition& transition);
   void remember_input(const double* input);
+  void test(const MeasuredStep& step);
 
   const tiller_config_t* config_ = nullptr;
   StepSetup setup_;
@@ -63,6 +67,8 @@ class TransitionPosterior final : public Posterior {
   double* lane_params_ = nullptr;    // (np x kLanePadding) scratch of predict()
   double* lane_state_ = nullptr;     // (nx x kLanePadding)
 
+  AdequacyTest* adequacy_ = nullptr;  // null: not tested
+  Disturbances disturbances_;
   double log_predictive_ = 0.0;
   bool started_ = false, complete_ = false;         // all states of the last measurement were there
   double state_[TILLER_MAX_STATES] = {};            // measured, or predicted where missing

@@ -1,0 +1,44 @@
+// What the adequacy test is fed with: the newest transition against what the particles predicted.
+
+#include <cmath>
+
+#include "posterior/transition/transition_cloud.hpp"
+
+namespace tiller {
+
+/// At most this many particles, evenly spaced, stand for the cloud: their mean is off by an eighth of what the particles
+/// disagree about, which is part of the deviation by which it is divided.
+constexpr std::uint32_t kWitnesses = 64;
+
+/// Normalised by what the noise and the particles' disagreement let expect; before the transition is counted. Cost:
+/// O(kWitnesses nx).
+void TransitionCloud::measure_innovation(std::uint32_t slot) {
+  const MeasuredStep& step = steps_[slot];
+  const float* basis = basis_ + slot * columns_;
+  const std::uint32_t stride = n_ > kWitnesses ? n_ / kWitnesses : 1;
+  for (std::uint32_t r = 0; r < nx_; ++r) {
+    innovation_[r] = NAN;
+    if (std::isnan(step.change[r])) continue;
+    double weight = 0.0, mean = 0.0, square = 0.0, within = 0.0;
+    for (std::uint32_t i = 0; i < n_; i += stride) {
+      const double w = cloud_.weight[i];
+      const std::uint32_t chunk = i / kChunk, first = chunk * kChunk, left = n_ - first;
+      const std::uint32_t lanes = left < kChunk ? left : kChunk;
+      // as sum() left it: one transition, lanes of a task together
+      const float* residual = residual_ + std::size_t{chunk} * kChunk * nx_;
+      const double raw = static_cast<double>(residual[r * lanes + (i - first)]);
+      if (!(w > 0.0) || !std::isfinite(raw)) continue;
+      const double e = evidence_.innovation(total_ + i, n_, r, raw, basis);
+      weight += w;
+      mean += w * e;
+      square += w * e * e;
+      within += w * evidence_.scale_square(total_ + i, n_, r, basis);
+    }
+    if (!(weight > 0.0)) continue;
+    mean /= weight;
+    const double between = std::fmax(0.0, square / weight - mean * mean);
+    innovation_[r] = mean / std::sqrt(within / weight + between);
+  }
+}
+
+}  // namespace tiller
