@@ -51,7 +51,8 @@ Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const
   self.guard_ = SensorGuard(sensor_limits(config));
   self.gate_ = OutputGate(gate_limits(config));
   self.posterior_ = Posterior::lay_out(arena, self.config_, self.setup_, *self.table_, &self.hooks_);
-  const bool over_delays = self.planner_table_->undelayed || config.planner.predict_delay != 0;
+  const bool over_delays =
+      self.planner_table_->undelayed || config.planner.predict_delay != 0 || config.posterior.delay_hypotheses > 1;
   self.belief_.lay_out(arena, self.config_, self.setup_, *self.table_, over_delays);
   self.planner_ =
       self.planner_table_->lay_out(arena, self.config_, self.belief_.planner_setup(), *self.table_, &self.hooks_);

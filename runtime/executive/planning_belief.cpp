@@ -44,6 +44,8 @@ void PlanningBelief::lay_out(Arena& arena, const tiller_config_t& config, const 
 void PlanningBelief::draw(const Posterior& posterior, const CommandTimeline& timeline, std::uint64_t tick,
                           std::int64_t stamp_us, double ahead_s) {
   posterior.draw(belief_.count, tick, params_, state_, effect_state_, nullptr);
+  for (std::uint32_t lane = 0; lane < belief_.count; ++lane)
+    ways_[lane].late_s = posterior.drawn_delay(lane) * config_->period_s;
   measure_ways(ahead_s);
   // steps no longer than the period: that is the step for which the substeps were chosen
   step_parts(timeline, stamp_us);
@@ -69,7 +71,7 @@ void PlanningBelief::measure_ways(double ahead_s) {
       if (setup_->effects[e].kind == tiller_effect_input_delay)
         longest_s = std::max(longest_s, delay_s(setup_->effects[e], lane));
     Way& way = ways_[lane];
-    way.total_s = std::max(ahead_s, 0.0) + longest_s;
+    way.total_s = std::max(ahead_s, 0.0) + longest_s + way.late_s;
     // a period less a rounding is a period
     way.whole = static_cast<std::uint32_t>(way.total_s / period_s + kLeastShare);
     way.part_s = way.total_s - way.whole * period_s;
@@ -115,12 +117,13 @@ void PlanningBelief::fill_controls(const CommandTimeline& timeline, std::int64_t
                                    double from_s, double to_s) {
   const std::uint32_t nu = config_->model->input_count;
   double command[TILLER_MAX_INPUTS];
-  timeline.mean(stamp_us, from_s, to_s, command);
+  const double late_s = ways_[lane].late_s;
+  timeline.mean(stamp_us, from_s - late_s, to_s - late_s, command);
   for (std::uint32_t i = 0; i < nu; ++i) controls_[i * lanes_ + lane] = static_cast<float>(command[i]);
   for (std::uint32_t e = 0; e < setup_->effect_count; ++e) {
     const EffectSlot& slot = setup_->effects[e];
     if (slot.kind != tiller_effect_input_delay) continue;
-    const double back_s = delay_s(slot, lane);
+    const double back_s = delay_s(slot, lane) + late_s;
     timeline.mean(stamp_us, from_s - back_s, to_s - back_s, command);
     controls_[slot.port * lanes_ + lane] = static_cast<float>(command[slot.port]);
   }
