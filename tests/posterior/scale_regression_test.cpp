@@ -261,11 +261,17 @@ TEST(ScaleRegression, PlacesDrawsFromTheLaw) {
   std::mt19937_64 random(3);
   std::normal_distribution<double> normal;
   const int n = 20000;
+  constexpr int kStride = static_cast<int>(ScaleRegression::kMax);
   double mean[2] = {}, square[2][2] = {};
   for (int k = 0; k < n; ++k) {
     const double z[2] = {normal(random), normal(random)};
     double w[2];
-    r.place(r.node_at((k + 0.5) / n), z, w);
+    std::uint32_t node = 0;
+    for (double below = r.node_weight(0); node + 1 < ScaleRegression::kNodes && below < (k + 0.5) / n;)
+      below += r.node_weight(++node);
+    double centre[ScaleRegression::kMax], root[ScaleRegression::kMax * ScaleRegression::kMax];
+    r.law(node, centre, root);
+    for (int i = 0; i < 2; ++i) w[i] = centre[i] + root[i * kStride] * z[0] + root[i * kStride + 1] * z[1];
     for (int i = 0; i < 2; ++i) mean[i] += w[i] / n;
     for (int i = 0; i < 2; ++i)
       for (int j = 0; j < 2; ++j) square[i][j] += w[i] * w[j] / n;

@@ -181,18 +181,31 @@ void ConjugatePosterior::settle(const Transition& transition) {
   }
 }
 
+/// Each node of the noise scale gets its share of the particles.
 void ConjugatePosterior::place_particles() {
-  constexpr double kGolden = 0.6180339887498949;  // multiples of it fill (0, 1) evenly
-  for (std::uint32_t k = 0; k < cloud_.n; ++k) {
-    const double turn = (k + 0.5) * kGolden;
-    double z[TILLER_MAX_PARAMS], w[TILLER_MAX_PARAMS], v[TILLER_MAX_PARAMS];
-    for (std::uint32_t j = 0; j < d_; ++j) z[j] = standard_[j * cloud_.n + k];
-    regression_.place(regression_.node_at(turn - std::floor(turn)), z, w);
-    for (std::uint32_t j = 0; j < d_; ++j) {
-      v[j] = prior_.mean[j];
-      for (std::uint32_t i = 0; i <= j; ++i) v[j] += prior_.root[j][i] * w[i];
+  constexpr std::uint32_t kMax = ScaleRegression::kMax;
+  double w_mean[kMax], w_root[kMax * kMax], mean[kMax], root[kMax][kMax], v[kMax];
+  double end = 0.0;
+  for (std::uint32_t node = 0, k = 0; node < ScaleRegression::kNodes && k < cloud_.n; ++node) {
+    end += regression_.node_weight(node);
+    const bool last = node + 1 == ScaleRegression::kNodes;
+    if (!last && !(k + 0.5 < end * cloud_.n)) continue;
+    regression_.law(node, w_mean, w_root);
+    for (std::uint32_t r = 0; r < d_; ++r) {
+      mean[r] = prior_.mean[r];
+      for (std::uint32_t i = 0; i <= r; ++i) mean[r] += prior_.root[r][i] * w_mean[i];
+      for (std::uint32_t c = 0; c < d_; ++c) {
+        root[r][c] = 0.0;
+        for (std::uint32_t i = 0; i <= r; ++i) root[r][c] += prior_.root[r][i] * w_root[i * kMax + c];
+      }
     }
-    cloud_.set_coordinate(k, v);
+    for (; k < cloud_.n && (last || k + 0.5 < end * cloud_.n); ++k) {
+      for (std::uint32_t r = 0; r < d_; ++r) {
+        v[r] = mean[r];
+        for (std::uint32_t c = 0; c < d_; ++c) v[r] += root[r][c] * standard_[c * cloud_.n + k];
+      }
+      cloud_.set_coordinate(k, v);
+    }
   }
 }
 

@@ -192,21 +192,17 @@ void ScaleRegression::along(const double* a, std::uint32_t k, double* mean, doub
   }
 }
 
-std::uint32_t ScaleRegression::node_at(double share) const {
-  std::uint32_t k = 0;
-  double below = weight_[0];
-  while (k + 1 < kNodes && below < share) below += weight_[++k];
-  return k;
-}
-
-void ScaleRegression::place(std::uint32_t k, const double* z, double* w) const {
-  for (std::uint32_t r = 0; r < d_; ++r) w[r] = 0.0;
+void ScaleRegression::law(std::uint32_t k, double* mean, double* root) const {
+  for (std::uint32_t r = 0; r < d_; ++r) {
+    mean[r] = 0.0;
+    for (std::uint32_t c = 0; c < d_; ++c) root[r * kMax + c] = 0.0;
+  }
   for (std::uint32_t i = 0; i < d_; ++i) {
-    double part = 0.0;
-    for (std::uint32_t r = 0; r < d_; ++r) part += vector_[r][i] * z[r];
-    const double left = shrunk(i, node_[k]);
-    const double value = along_[i] * value_[i] / node_[k] * left + std::sqrt(left) * part;
-    for (std::uint32_t r = 0; r < d_; ++r) w[r] += vector_[r][i] * value;
+    const double left = shrunk(i, node_[k]), middle = along_[i] * value_[i] / node_[k] * left, spread = std::sqrt(left);
+    for (std::uint32_t r = 0; r < d_; ++r) {
+      mean[r] += vector_[r][i] * middle;
+      for (std::uint32_t c = 0; c < d_; ++c) root[r * kMax + c] += vector_[r][i] * spread * vector_[c][i];
+    }
   }
 }
 
