@@ -109,8 +109,6 @@ tiller_status_t ConjugatePosterior::check(const tiller_config_t& config, const S
   for (std::uint32_t i = 0; i < config.param_count; ++i)
     if (config.priors[i].kind != tiller_prior_fixed && !unbounded_normal(config.priors[i])) return refuse("priors");
   if (config.prior_mixture && config.prior_mixture->components != 1) return refuse("prior_mixture");
-  if (config.posterior.delay_hypotheses > 1) return refuse("posterior.delay_hypotheses");
-  if (config.posterior.forgetting_count > 1) return refuse("posterior.forgetting_count");
   if (!is_affine(config, setup, table)) return refuse("posterior.kind");
   return tiller_status_ok;
 }

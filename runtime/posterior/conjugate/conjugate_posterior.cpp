@@ -26,6 +26,9 @@ ConjugatePosterior* ConjugatePosterior::lay_out(Arena& arena, const tiller_confi
   auto* input_history = arena.take<double>(kHistory * nu);
   auto* params = arena.take<double>(std::size_t{np} * lanes);
   auto* next = arena.take<double>(std::size_t{nx} * lanes);
+  // noise on the measurements makes one-step residuals alternate, and the posterior wrong: that counts
+  const bool tested = config.posterior.adequacy != 0 && config.posterior.enabled != 0;
+  AdequacyTest* adequacy = tested ? AdequacyTest::lay_out(arena, config, true) : nullptr;
   if (arena.measuring() || !arena.fits()) return nullptr;
 
   p->config_ = &config;
@@ -44,6 +47,7 @@ ConjugatePosterior* ConjugatePosterior::lay_out(Arena& arena, const tiller_confi
   p->input_history_ = input_history;
   p->params_ = params;
   p->next_ = next;
+  p->adequacy_ = adequacy;
   for (std::uint32_t i = 0, j = 0; i < np; ++i) {
     const bool inferred = config.priors[i].kind != tiller_prior_fixed;
     for (std::uint32_t l = 0; l < lanes; ++l) {
@@ -61,6 +65,7 @@ void ConjugatePosterior::reset() {
   cloud_.draw_prior();
   standardise();
   place_particles();
+  clear_adequacy();
   for (std::uint32_t i = 0; i < nx_; ++i) {
     state_[i] = config_->initial_state[i];
     state_variance_[i] = config_->initial_state_sd[i] * config_->initial_state_sd[i];
@@ -111,6 +116,8 @@ tiller_status_t ConjugatePosterior::start(const double* measured) {
   }
   for (std::uint32_t i = 0; i < kHistory; ++i)
     for (std::uint32_t j = 0; j < nu_; ++j) input_history_[i * nu_ + j] = config_->safety.safe_command[j];
+  if (adequacy_) adequacy_->begin();
+  disturbances_.begin();
   started_ = true;
   return tiller_status_ok;
 }
@@ -121,6 +128,7 @@ tiller_status_t ConjugatePosterior::update(const Transition& transition) {
   if (refusal != tiller_status_ok) return refusal;
   const bool predicted = predict(transition);
   if (predicted && enabled_) {
+    if (adequacy_ && complete_) test(transition);
     regression_.forget(config_->posterior.forgetting[0]);
     if (complete_) learn(transition);
     regression_.solve();
@@ -160,6 +168,37 @@ void ConjugatePosterior::learn(const Transition& transition) {
     for (std::uint32_t j = 0; j < d_; ++j) x[j] = (f[j + 1] - f[0]) * scale;
     regression_.add(x, state_difference(*config_->model, i, measured, f[0]) * scale);
   }
+}
+
+void ConjugatePosterior::clear_adequacy() {
+  if (adequacy_) adequacy_->reset();
+  disturbances_.begin();
+}
+
+/// Each value against what the data before it predict, noise and parameters unknown. Measured states forget nothing over
+/// a step, so a disturbance stands in one innovation and no other.
+void ConjugatePosterior::test(const Transition& transition) {
+  Innovation now;
+  double phi[TILLER_MAX_MEASUREMENTS][kMaxDisturbances], speed[TILLER_MAX_MEASUREMENTS];
+  for (std::uint32_t k = 0; k < nx_; ++k) {
+    const std::uint32_t i = config_->measured_state[k], rate = velocity_state(*config_->model, i);
+    speed[k] = state_[rate < nx_ ? rate : i];
+    const double* f = next_ + i * lanes_;
+    double mean = f[0], variance = 0.0;
+    for (std::uint32_t a = 0; a < d_; ++a) {
+      mean += (f[a + 1] - f[0]) * regression_.mean()[a];
+      for (std::uint32_t b = 0; b < d_; ++b)
+        variance += (f[a + 1] - f[0]) * regression_.covariance(a, b) * (f[b + 1] - f[0]);
+    }
+    const double noise = noise_scale() * config_->process_sd[i];
+    variance += noise * noise * transition.period_s;
+    const double error = state_difference(*config_->model, i, transition.measured[k], mean);
+    now.normalised[k] = config_->process_sd[i] > 0.0 ? error / std::sqrt(variance) : NAN;  // NaN where missing
+  }
+  disturbances_.observe(nx_, nu_, speed, transition.input, phi);
+  for (std::uint32_t k = 0; k < nx_; ++k)
+    for (std::uint32_t f = 0; f < disturbance_count(nu_); ++f) now.response[k][f] = phi[k][f];
+  adequacy_->take(now);
 }
 
 /// The state at the transition's end: as measured; what is missing goes where the mean parameters lead.

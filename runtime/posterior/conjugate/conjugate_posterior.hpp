@@ -28,9 +28,9 @@ class ConjugatePosterior final : public Posterior {
   static ConjugatePosterior* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
                                      const RolloutTable& table);
   /// bad_posterior and the field unless: every state is measured, some process_sd is positive, the inferred parameters
-  /// have normal priors without bounds (or a mixture of one component), no effect has a state of its own, one rate of
-  /// forgetting and no delay hypotheses are asked for, and the step is affine in the parameters: second differences
-  /// over a prior's width vanish at random states and inputs. An explicit integrator with one substep keeps an affine
+  /// have normal priors without bounds (or a mixture of one component), no effect has a state of its own, and the step
+  /// is affine in the parameters: second differences over a prior's width vanish at random states and inputs. An
+  /// explicit integrator with one substep keeps an affine
   /// model affine (semi-implicit Euler does), a Runge-Kutta step does not.
   static tiller_status_t check(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
                                const char** field);
@@ -53,6 +53,8 @@ class ConjugatePosterior final : public Posterior {
   void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
             float* history) const override;
   void report(PosteriorReport& report) const override;
+  const AdequacyTest* adequacy() const override { return adequacy_; }
+  void clear_adequacy() override;
 
  private:
   static constexpr std::uint32_t kHistory = TILLER_MAX_DELAY_STEPS + 2;
@@ -69,6 +71,7 @@ class ConjugatePosterior final : public Posterior {
   void standardise();
   bool predict(const Transition& transition);
   void learn(const Transition& transition);
+  void test(const Transition& transition);
   void settle(const Transition& transition);
   void place_particles();
 
@@ -90,6 +93,8 @@ class ConjugatePosterior final : public Posterior {
   double* next_ = nullptr;           // (nx x lanes) where they lead
 
   double state_[TILLER_MAX_STATES] = {}, state_variance_[TILLER_MAX_STATES] = {};
+  AdequacyTest* adequacy_ = nullptr;  // null: not tested
+  Disturbances disturbances_;
   bool complete_ = false;  // state_ was measured in full
   bool started_ = false;
 };
