@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "cart_pole_rig.hpp"
+#include "transition_rig.hpp"
 
 // The linker sends every call of these to us (see CMakeLists.txt), from whichever library it comes.
 extern "C" {
@@ -139,6 +140,70 @@ TEST(Determinism, NoHeapInTenThousandUpdates) {
       p->draw(8, k, params, states, nullptr, nullptr);
     }
     if (k % 3000 == 2999) (void)p->start(&log.first);  // closes a window
+  }
+  EXPECT_EQ(heap_calls, before);
+  EXPECT_EQ(faults, 0);
+}
+
+std::vector<double> transition_outcome(const tiller_config_t& c, const rig::TransitionLog& log,
+                                       const tiller_hooks_t* hooks) {
+  rig::Instance p(c, hooks, rig::transition_table());
+  EXPECT_TRUE(p.fits());
+  EXPECT_EQ(p->start(log.first), tiller_status_ok);
+  std::vector<double> all;
+  for (const auto& t : log.transitions) {
+    EXPECT_TRUE(rig::works(p->update(t)));
+    all.insert(all.end(), {p->exponent(), p->noise_scale(), p->effective_samples(), p->log_predictive()});
+  }
+  for (std::uint32_t i = 0; i < p->size(); ++i) {
+    double params[2], weight;
+    p->particle(i, params, nullptr, &weight);
+    all.insert(all.end(), {params[0], params[1], weight});
+  }
+  return all;
+}
+
+TEST(Determinism, TransitionsKeepEveryBitOnAnyNumberOfThreads) {
+  auto c = rig::transition_config();
+  c.posterior.discrepancy = c.posterior.robust = 1;
+  c.posterior.scout_share = 0.05;
+  c.posterior.particles = 2048;  // enough for one transition of all particles to be spread over threads with its moves
+  c.posterior.moves_per_tick = 256;
+  const auto log = rig::simulate_transitions(c, 0.9, 0.3, 150, 14);
+  const auto expected = transition_outcome(c, log, nullptr);
+  EXPECT_EQ(transition_outcome(c, log, nullptr), expected);
+  for (unsigned count : {1u, 2u, 3u}) {
+    Threads threads(count);
+    EXPECT_EQ(transition_outcome(c, log, &threads.hooks), expected) << count << " threads";
+  }
+  c.seed = 2;
+  EXPECT_NE(transition_outcome(c, log, nullptr), expected) << "the seed matters";
+}
+
+TEST(Determinism, NoHeapInTwoThousandTransitions) {
+  auto c = rig::transition_config();
+  c.posterior.discrepancy = c.posterior.robust = 1;
+  c.posterior.particles = 64;
+  c.posterior.window = 16;
+  c.posterior.moves_per_tick = 16;
+  auto log = rig::simulate_transitions(c, 0.9, 0.3, 2000, 15);
+  for (std::size_t k = 7; k < 2000; k += 40) log.transitions[k].measured[1] = k % 80 == 7 ? NAN : 50.0;
+  rig::Instance p(c, nullptr, rig::transition_table());
+  int faults = 0;
+  const long before = heap_calls;
+  p->reset();
+  (void)p->start(log.first);
+  for (std::size_t k = 0; k < log.transitions.size(); ++k) {
+    faults += rig::works(p->update(log.transitions[k])) ? 0 : 1;
+    double mean[2], sd[2], state[2], covariance[4];
+    float params[16], states[16];
+    tiller::PosteriorReport report;
+    p->moments(mean, sd, state, nullptr);
+    p->covariance(covariance);
+    (void)p->quantile(0, 0.5);
+    p->draw(8, k, params, states, nullptr, nullptr);
+    p->report(report);
+    if (k % 500 == 499) (void)p->start(log.first);
   }
   EXPECT_EQ(heap_calls, before);
   EXPECT_EQ(faults, 0);
