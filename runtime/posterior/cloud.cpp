@@ -99,9 +99,8 @@ double Cloud::largest_exponent(const double* base, const double* gain, double pr
   return good;
 }
 
-/// index: whom each of the new particles descends from, in ascending order. One uniform number, N evenly spaced pointers
-/// into the cumulated weights.
-void Cloud::draw_ancestors(std::uint64_t tick) {
+/// One uniform number, N evenly spaced pointers into the cumulated weights.
+void Cloud::resample(std::uint64_t tick) {
   Rng rng(config->seed, kRngResample, tick);
   const double offset = rng.uniform();
   double sum = 0.0;
@@ -114,10 +113,7 @@ void Cloud::draw_ancestors(std::uint64_t tick) {
   std::uint32_t last = n - 1;
   while (last > 0 && !(weight[last] > 0.0)) --last;
   while (next < n) index[next++] = last;
-}
 
-void Cloud::resample(std::uint64_t tick) {
-  draw_ancestors(tick);
   for (std::uint32_t j = 0; j < d; ++j) {
     permute(params + inferred[j] * n);
     permute(coordinate + j * n);
@@ -126,17 +122,24 @@ void Cloud::resample(std::uint64_t tick) {
 }
 
 void Cloud::resample_in_place(std::uint64_t tick) {
-  draw_ancestors(tick);
-  std::uint32_t* copies = order;
-  for (std::uint32_t i = 0; i < n; ++i) copies[i] = 0;
-  for (std::uint32_t i = 0; i < n; ++i) ++copies[index[i]];
-  for (std::uint32_t i = 0, source = 0; i < n; ++i) {
-    index[i] = i;
-    if (copies[i] > 0) continue;
-    while (copies[source] < 2) ++source;
-    --copies[source];
-    index[i] = source;
+  Rng rng(config->seed, kRngResample, tick);
+  const double offset = rng.uniform();
+  // without branches that depend on the weights: they would be predicted wrongly half of the time
+  double sum = 0.0;
+  std::uint32_t drawn = 0, gone = 0, doubles = 0, last = 0;
+  for (std::uint32_t i = 0; i < n; ++i) {
+    sum += weight[i] * n;
+    const double pointers = std::ceil(sum - offset);
+    const std::uint32_t next = pointers > 0.0 ? std::min(n, static_cast<std::uint32_t>(pointers)) : 0;
+    order[gone] = i;
+    gone += next == drawn ? 1u : 0u;
+    last = next == drawn ? last : i;
+    for (; drawn + 1 < next; ++drawn) index[doubles++] = i;
+    drawn = next;
   }
+  // rounding may leave the last pointer beyond the sum: it belongs to the last that was drawn
+  while (doubles < gone) index[doubles++] = last;
+  moved = gone;
   for (std::uint32_t j = 0; j < d; ++j) {
     permute_in_place(params + inferred[j] * n);
     permute_in_place(coordinate + j * n);

@@ -28,6 +28,7 @@ struct Cloud {
   double* spare = nullptr;         // (N)
   std::uint32_t* index = nullptr;  // (N)
   std::uint32_t* order = nullptr;  // (N) for quantiles and selections
+  std::uint32_t moved = 0;         // by the last resample_in_place(): order[k] took over from index[k]
 
   /// Takes N particles' room. What it returns is empty while the arena measures.
   static Cloud lay_out(Arena& arena, const tiller_config_t& config);
@@ -55,8 +56,7 @@ struct Cloud {
   void resample_in_place(std::uint64_t tick);
   template <class T>
   void permute_in_place(T* row) const {
-    for (std::uint32_t i = 0; i < n; ++i)
-      if (index[i] != i) row[i] = row[index[i]];
+    for (std::uint32_t k = 0; k < moved; ++k) row[order[k]] = row[index[k]];
   }
 
   // ---- what it tells ----
@@ -75,7 +75,6 @@ struct Cloud {
   void draw(std::uint32_t count, std::uint64_t tick, const Drawn* what, std::uint32_t pieces) const;
 
  private:
-  void draw_ancestors(std::uint64_t tick);
   void order_by_principal_direction() const;
 };
 

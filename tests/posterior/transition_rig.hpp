@@ -14,8 +14,11 @@ inline void linear_residual(const tiller_model_t&, const tiller::ResidualJob& jo
       const double gain = static_cast<double>(job.params.data[l]);
       const double damping = static_cast<double>(job.params.data[job.params.stride + l]);
       const double acceleration = gain * s.input[0] - damping * s.state[1];
-      job.residual[(k * 2 + 0) * job.lanes + l] = static_cast<float>(s.change[0] - s.period_s * s.state[1]);
-      job.residual[(k * 2 + 1) * job.lanes + l] = static_cast<float>(s.change[1] - s.period_s * acceleration);
+      const double e[2] = {s.change[0] - s.period_s * s.state[1], s.change[1] - s.period_s * acceleration};
+      for (std::uint32_t r = 0; r < 2; ++r) {
+        if (job.residual) job.residual[(k * 2 + r) * job.lanes + l] = static_cast<float>(e[r]);
+        if (job.squared && !std::isnan(e[r])) job.squared[r * job.lanes + l] += s.weight * e[r] * e[r];
+      }
     }
   }
 }

@@ -119,7 +119,10 @@ void fragile(const tiller_model_t& m, const tiller::ResidualJob& job) {
   rig::linear_residual(m, job);
   for (std::uint32_t k = 0; k < job.count; ++k)
     for (std::uint32_t l = 0; l < job.lanes; ++l)
-      if (job.params.data[l] > 1.0f) job.residual[(k * 2 + 1) * job.lanes + l] = NAN;
+      if (job.params.data[l] > 1.0f) {
+        if (job.residual) job.residual[(k * 2 + 1) * job.lanes + l] = NAN;
+        if (job.squared) job.squared[job.lanes + l] = NAN;
+      }
 }
 
 TEST(TransitionRobustness, ParticlesThatBlowUpDieAlone) {

@@ -169,6 +169,7 @@ void TransitionCloud::remember(const MeasuredStep& step) {
 }
 
 void TransitionCloud::set_weight(std::uint32_t slot, double weight) {
+  steps_[slot].weight = weight;
   for (std::uint32_t r = 0; r < nx_; ++r)
     weight_[slot * nx_ + r] = std::isnan(steps_[slot].change[r]) ? 0.0f : static_cast<float>(weight);
 }
@@ -183,7 +184,7 @@ void TransitionCloud::forget() {
     ring_sums_[i] *= keep_;
   }
   for (std::uint64_t k = begin_; k + 1 < end_; ++k)
-    for (std::uint32_t r = 0; r < nx_; ++r) weight_[(k % capacity_) * nx_ + r] *= static_cast<float>(keep_);
+    set_weight(static_cast<std::uint32_t>(k % capacity_), steps_[k % capacity_].weight * keep_);
 }
 
 void TransitionCloud::sum_ring(Lanes<float> params, std::uint32_t lanes, double* sums, std::uint32_t stride) {
@@ -200,21 +201,41 @@ void TransitionCloud::sum(const SumsJob& job) {
 }
 
 void TransitionCloud::sum_chunk(const SumsJob& job, std::uint32_t chunk) const {
-  const std::uint32_t first = chunk * kChunk, left = job.lanes - first, lanes = left < kChunk ? left : kChunk;
-  const std::uint32_t block = job.count < kBlock ? job.count : kBlock;
-  float* residual = residual_ + std::size_t{chunk} * kChunk * block * nx_;
+  const std::uint32_t first = chunk * kChunk, left = job.lanes - first;
   ResidualJob steps;
   steps.setup = &setup_;
-  steps.lanes = lanes;
+  steps.lanes = left < kChunk ? left : kChunk;
   steps.params = {job.params.data + first, job.params.stride};
+  if (columns_ == 0)
+    sum_squares(job, first, steps);
+  else
+    sum_projections(job, chunk, steps);
+}
+
+/// Without a discrepancy the kernel sums by itself.
+void TransitionCloud::sum_squares(const SumsJob& job, std::uint32_t first, ResidualJob& steps) const {
+  double squared[TILLER_MAX_STATES * kChunk];
+  std::memset(squared, 0, sizeof(double) * nx_ * steps.lanes);
+  steps.count = job.count;
+  steps.steps = steps_ + job.slot;
+  steps.squared = squared;
+  table_->residual(*config_->model, steps);
+  for (std::uint32_t r = 0; r < nx_; ++r)
+    transition_table().add_scaled(steps.lanes, 1.0, squared + r * steps.lanes, job.sums + r * job.stride + first);
+}
+
+/// Each joint has regressors of its own, which the kernel's shared ones cannot be.
+void TransitionCloud::sum_projections(const SumsJob& job, std::uint32_t chunk, ResidualJob& steps) const {
+  const std::uint32_t block = job.count < kBlock ? job.count : kBlock;
+  float* residual = residual_ + std::size_t{chunk} * kChunk * block * nx_;
   steps.residual = residual;
   ResidualSumJob sums;
   sums.nx = nx_;
   sums.joints = evidence_.joints();
   for (std::uint32_t j = 0; j < sums.joints; ++j) sums.velocity[j] = evidence_.velocity(j);
-  sums.lanes = lanes;
+  sums.lanes = steps.lanes;
   sums.residual = residual;
-  sums.sums = job.sums + first;
+  sums.sums = job.sums + chunk * kChunk;
   sums.stride = job.stride;
   for (std::uint32_t done = 0; done < job.count; done += kBlock) {
     const std::uint32_t slot = job.slot + done, rest = job.count - done;

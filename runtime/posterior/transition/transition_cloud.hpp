@@ -82,6 +82,8 @@ class TransitionCloud {
   void forget();
   void sum(const SumsJob& job);
   void sum_chunk(const SumsJob& job, std::uint32_t chunk) const;
+  void sum_squares(const SumsJob& job, std::uint32_t first, ResidualJob& steps) const;
+  void sum_projections(const SumsJob& job, std::uint32_t chunk, ResidualJob& steps) const;
   void sum_ring(Lanes<float> params, std::uint32_t lanes, double* sums, std::uint32_t stride);
   void load_params();
   bool any_alive();

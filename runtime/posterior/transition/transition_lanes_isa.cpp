@@ -19,42 +19,51 @@ void add(double* rows, const F& sums) {
   for (int l = 0; l < F::width; ++l) rows[l] += static_cast<double>(all[l]);
 }
 
-void sum_squares(const ResidualSumJob& job, std::uint32_t row, std::uint32_t lane) {
-  F squared(0.0f);
+/// One state over kPacks registers of lanes at once, so that their chains of additions overlap. `basis` is null for a
+/// state without a discrepancy; its projections go to the rows from `projections` on.
+template <int kPacks>
+void sum_row(const ResidualSumJob& job, std::uint32_t row, std::uint32_t lane, const float* basis,
+             double* projections) {
+  constexpr std::uint32_t kWidth = static_cast<std::uint32_t>(F::width);
+  const std::uint32_t columns = job.joints * kDiscrepancyBasis;
+  F squared[kPacks], projected[kDiscrepancyBasis][kPacks];
+  for (int i = 0; i < kPacks; ++i) {
+    squared[i] = F(0.0f);
+    for (auto& sums : projected) sums[i] = F(0.0f);
+  }
   for (std::uint32_t k = 0; k < job.steps; ++k) {
     const float w = job.weight[k * job.nx + row];
     if (!(w > 0.0f)) continue;
-    const F e = F::load(job.residual + (k * job.nx + row) * job.lanes + lane);
-    squared = fma(e * F(w), e, squared);
+    const float* from = job.residual + (k * job.nx + row) * job.lanes + lane;
+    F e[kPacks];
+    for (int i = 0; i < kPacks; ++i) {
+      e[i] = F::load(from + static_cast<std::uint32_t>(i) * kWidth);
+      squared[i] = fma(e[i] * F(w), e[i], squared[i]);
+    }
+    if (!basis) continue;
+    const float* b = basis + k * columns;
+    for (std::uint32_t c = 0; c < kDiscrepancyBasis; ++c)
+      for (int i = 0; i < kPacks; ++i) projected[c][i] = fma(e[i], F(w * b[c]), projected[c][i]);
   }
-  add(job.sums + row * job.stride + lane, squared);
-}
-
-/// Squares and projections of a joint's velocity, in one pass.
-void sum_joint(const ResidualSumJob& job, std::uint32_t joint, std::uint32_t lane) {
-  const std::uint32_t row = job.velocity[joint], columns = job.joints * kDiscrepancyBasis;
-  F squared(0.0f), projected[kDiscrepancyBasis] = {F(0.0f), F(0.0f), F(0.0f)};
-  for (std::uint32_t k = 0; k < job.steps; ++k) {
-    const float w = job.weight[k * job.nx + row];
-    if (!(w > 0.0f)) continue;
-    const float* basis = job.basis + k * columns + joint * kDiscrepancyBasis;
-    const F e = F::load(job.residual + (k * job.nx + row) * job.lanes + lane), weighted = e * F(w);
-    squared = fma(weighted, e, squared);
-    for (std::uint32_t i = 0; i < kDiscrepancyBasis; ++i) projected[i] = fma(weighted, F(basis[i]), projected[i]);
+  for (int i = 0; i < kPacks; ++i) {
+    const std::uint32_t at = lane + static_cast<std::uint32_t>(i) * kWidth;
+    add(job.sums + row * job.stride + at, squared[i]);
+    for (std::uint32_t c = 0; basis && c < kDiscrepancyBasis; ++c)
+      add(projections + c * job.stride + at, projected[c][i]);
   }
-  add(job.sums + row * job.stride + lane, squared);
-  for (std::uint32_t i = 0; i < kDiscrepancyBasis; ++i)
-    add(job.sums + (job.nx + joint * kDiscrepancyBasis + i) * job.stride + lane, projected[i]);
 }
 
 void sum_residuals(const ResidualSumJob& job) {
-  for (std::uint32_t lane = 0; lane < job.lanes; lane += static_cast<std::uint32_t>(F::width)) {
-    for (std::uint32_t row = 0; row < job.nx; ++row) {
-      bool of_joint = false;
-      for (std::uint32_t j = 0; j < job.joints; ++j) of_joint = of_joint || job.velocity[j] == row;
-      if (!of_joint) sum_squares(job, row, lane);
-    }
-    for (std::uint32_t j = 0; j < job.joints; ++j) sum_joint(job, j, lane);
+  constexpr std::uint32_t kWidth = static_cast<std::uint32_t>(F::width);
+  for (std::uint32_t row = 0; row < job.nx; ++row) {
+    std::uint32_t joint = 0;
+    while (joint < job.joints && job.velocity[joint] != row) ++joint;
+    const bool moves = joint < job.joints;
+    const float* basis = moves ? job.basis + joint * kDiscrepancyBasis : nullptr;
+    double* projections = moves ? job.sums + (job.nx + joint * kDiscrepancyBasis) * job.stride : nullptr;
+    std::uint32_t lane = 0;
+    for (; lane + 4 * kWidth <= job.lanes; lane += 4 * kWidth) sum_row<4>(job, row, lane, basis, projections);
+    for (; lane < job.lanes; lane += kWidth) sum_row<1>(job, row, lane, basis, projections);
   }
 }
 
