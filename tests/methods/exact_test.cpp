@@ -104,6 +104,20 @@ TEST(Abc, EverythingAcceptedIsThePrior) {
   EXPECT_LT(divergence(prior, moments_of(result)), 0.001);
 }
 
+// So is a joint prior: two components, correlated, with the moments of their mixture.
+TEST(Abc, EverythingAcceptedIsTheJointPriorWhereThereIsOne) {
+  TestLog log = linear_log(4);
+  const double share[2] = {0.5, 0.5}, mean[4] = {0.0, 0.0, 1.0, 2.0}, root[8] = {0.5, 0, 0.3, 0.4, 0.5, 0, 0.3, 0.4};
+  const tiller_mixture_t mixture = {sizeof(tiller_mixture_t), TILLER_CONFIG_VERSION, 2, 2, share, mean, root};
+  log.config.prior_mixture = &mixture;
+  MethodProblem problem = log.problem();
+  problem.options.simulations = 20000;
+  problem.options.epsilon = 1e9;
+  // within: root root' = {.25, .15; .15, .25}; between: the means are +-(.5, 1) from theirs
+  const Normal2 exact{{0.5, 1.0}, {{0.25 + 0.25, 0.15 + 0.5}, {0.15 + 0.5, 0.25 + 1.0}}};
+  EXPECT_LT(divergence(exact, moments_of(run("abc", problem))), 0.001);
+}
+
 // On a linear system the regression is exact, so what remains is sampling: about 2.5 / ESS, 2.5 / 750 here.
 TEST(AbcRegression, BeatsRejection) {
   for (const unsigned seed : {1u, 2u, 3u}) {
