@@ -32,6 +32,15 @@ double cut_normal_quantile(double low, double high, double u) {
   return 0.5 * (left + right);
 }
 
+/// Reflected at the bounds until it lies between them.
+double folded(double v, double low, double high) {
+  if (v >= low && v <= high) return v;
+  if (!std::isfinite(high)) return 2.0 * low - v;
+  if (!std::isfinite(low)) return 2.0 * high - v;
+  const double turn = std::fmod(std::fabs(v - low), 2.0 * (high - low));
+  return std::fmin(std::fmax(low + (turn <= high - low ? turn : 2.0 * (high - low) - turn), low), high);
+}
+
 void shuffle(std::uint32_t* index, std::uint32_t n, Rng& rng) {
   for (std::uint32_t i = 0; i < n; ++i) index[i] = i;
   for (std::uint32_t i = n; i > 1; --i) {
@@ -109,10 +118,7 @@ void PriorLaw::draw_one(Rng& rng, double* v) const {
     mixture_.draw_one(rng, v);
     if (within(v)) return;
   }
-  for (std::uint32_t j = 0; j < d_; ++j) {
-    if (v[j] < low(j)) v[j] = std::fmin(2.0 * low(j) - v[j], high(j));
-    if (v[j] > high(j)) v[j] = std::fmax(2.0 * high(j) - v[j], low(j));
-  }
+  for (std::uint32_t j = 0; j < d_; ++j) v[j] = folded(v[j], low(j), high(j));
 }
 
 void PriorLaw::draw(std::uint64_t seed, std::uint32_t count, double* v, std::uint32_t* index) const {

@@ -46,8 +46,8 @@ class PriorLaw {
   /// Log density up to a constant; -infinity outside of the bounds. Cost: d, or components * d^2 / 2.
   double log_density(const double* v) const;
   /// One draw, v (d). From a mixture: until it lies within the bounds, kTries times at most; then the last try is
-  /// reflected into them. Means lie within the bounds, so that this happens to less than one draw in 10^18
-  /// while half of the mixture does.
+  /// reflected at them until it does. Means lie within the bounds: a mixture of which so little does is one that is
+  /// far wider than the bounds, and a wide normal folded into them is as flat there as a cut one.
   void draw_one(Rng& rng, double* v) const;
   /// `count` draws (coordinate j of draw k at v[j * count + k]); `index` (count) is scratch. A Latin hypercube: each
   /// marginal is cut into `count` slices of equal mass and each slice is drawn once, so that the draws have the

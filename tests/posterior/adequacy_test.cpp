@@ -215,10 +215,9 @@ TEST(Adequacy, FindsConstantForce) {
 TEST(Adequacy, FindsLateChangeOfGain) {
   const auto n =
       count("drift", tested(), [](const Moment& m) { return plain(m) + (m.tick < 600 ? 0.0 : m.gain * m.input); }, 600,
-            {tiller_feature_input, tiller_feature_size, tiller_feature_previous});
+            {tiller_feature_input, tiller_feature_input_change, tiller_feature_size});
   EXPECT_GE(n.rollouts.ratio(), 1.5);  // over the whole run, three quarters of which have no effect
   EXPECT_GE(n.in_time, kInTime);
-  // an input held for five ticks leaves five innovations alike, so its name comes up no more often than theirs
   EXPECT_GE(n.named, n.in_time / 2);
 }
 
