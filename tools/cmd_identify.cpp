@@ -4,6 +4,7 @@
 
 #include "tools/commands.hpp"
 #include "tools/identify.hpp"
+#include "tools/posterior_file.hpp"
 #include "tools/report.hpp"
 #include "tools/text.hpp"
 
@@ -23,6 +24,19 @@ bool write_text(const fs::path& path, const std::string& text, std::string& erro
   return false;
 }
 
+/// What was learnt of the whole model, as the prior of a run (docs/episodes.md).
+bool write_posterior(const fs::path& path, const RobotFile& robot, const Assessed& whole, std::string& error) {
+  if (!whole.candidate.learns()) return true;
+  StoredPosterior stored = store_posterior(whole.candidate.config, whole.candidate.params, {whole.fit.samples, {}});
+  stored.robot = robot.name;
+  stored.transitions = whole.fit.transitions;
+  stored.noise_scale = whole.fit.noise_scale;
+  stored.exponent = whole.fit.exponent;
+  if (!save_posterior(path.string(), stored, error)) return false;
+  std::printf("posterior: %s, for [posterior] prior_file or tiller run --posterior\n", fs::absolute(path).c_str());
+  return true;
+}
+
 /// identify.json and the page made from it. The tables are printed already: what fails here loses no result.
 int write_results(const IdentifyOptions& options, const RobotFile& robot, const Identified& result) {
   const fs::path json = fs::path(options.folder) / "identify.json", page = fs::path(options.folder) / "identify.html";
@@ -32,6 +46,10 @@ int write_results(const IdentifyOptions& options, const RobotFile& robot, const 
     return kExitLogIncomplete;
   }
   std::printf("\nresult: %s\n", fs::absolute(json).c_str());
+  if (!write_posterior(fs::path(options.folder) / "posterior.json", robot, result.candidates.back(), error)) {
+    complain(error);
+    return kExitLogIncomplete;
+  }
   if (!run_python_tool("identify_report", {json.string(), "-o", page.string()}, error)) {
     complain(error);
     return kExitLogIncomplete;
@@ -95,7 +113,8 @@ void add_identify_command(CLI::App& app, int& exit_code) {
       ->required();
   command->add_option("LOGS", options->logs, "CSV files to learn from")->required();
   command->add_option("--hold-out", options->hold_out, "CSV files to judge with, kept away from learning");
-  command->add_option("-o,--out", options->folder, "folder for identify.json and identify.html");
+  command->add_option("-o,--out", options->folder,
+                      "folder for identify.json, identify.html and posterior.json (the prior of a run)");
   command->add_option("--particles", options->fit.particles, "of the posterior (default 512)")
       ->check(CLI::Range(64, 4096))
       ->check([](const std::string& text) { return check_multiple(text, 16); });

@@ -7,6 +7,7 @@
 
 #include "effects/effect_info.hpp"
 #include "planners/planner.hpp"
+#include "posterior/prior.hpp"
 #include "tools/commands.hpp"
 #include "tools/robot_help.hpp"
 #include "tools/robot_schema.hpp"
@@ -45,6 +46,32 @@ void print_cost(const RobotFile& robot) {
   std::printf("  cost       quadratic%s%s\n", terms.empty() ? "" : ", ", terms.empty() ? "" : join(terms).c_str());
 }
 
+/// The joint prior: weights, and each component's means and deviations (of the logarithm where the coordinate is that).
+void print_joint_prior(const RobotFile& robot) {
+  const tiller_mixture_t* m = robot.config.prior_mixture;
+  if (!m) return;
+  std::printf("  prior      a mixture of %u component(s) in the place of the parameters' own priors\n", m->components);
+  for (std::uint32_t c = 0; c < m->components; ++c) {
+    std::string text;
+    std::uint32_t j = 0;
+    for (std::size_t i = 0; i < robot.params.size(); ++i) {
+      const tiller_prior_t& prior = robot.config.priors[i];
+      if (prior.kind == tiller_prior_fixed) continue;
+      double square = 0.0;
+      for (std::uint32_t k = 0; k <= j; ++k) {
+        const double root = m->root[(c * m->dimension + j) * m->dimension + k];
+        square += root * root;
+      }
+      const bool log = prior.kind == tiller_prior_log_normal;
+      text += format("%s%s %.4g %s %.3g", text.empty() ? "" : "; ", robot.params[i].c_str(),
+                     from_coordinate(prior, m->mean[c * m->dimension + j]), log ? "x/" : "+-",
+                     log ? std::exp(std::sqrt(square)) : std::sqrt(square));
+      ++j;
+    }
+    std::printf("             %4.1f %%  %s\n", 100.0 * m->weight[c], text.c_str());
+  }
+}
+
 /// Settings that differ from their default and that the chosen planner does not read.
 void print_unread(const RobotFile& robot) {
   tiller_config_t plain;
@@ -75,6 +102,7 @@ int check_command(const std::string& path) {
   for (std::size_t i = 0; i < robot->params.size(); ++i) {
     std::printf("  parameter  %-24s %s\n", robot->params[i].c_str(), prior_text(c.priors[i]).c_str());
   }
+  print_joint_prior(*robot);
   for (std::size_t i = 0; i < robot->measurements.size(); ++i) {
     std::printf("  measured   %-24s sd %s\n", robot->measurements[i].c_str(), number_text(c.measurement_sd[i]).c_str());
   }

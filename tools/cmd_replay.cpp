@@ -77,7 +77,8 @@ int replay_command(const Arguments& a) {
   tiller_config_t config;
   std::vector<RecordEntry> entries;
   std::string error;
-  if (!read_record_file(a.record, config, entries, error)) return complain(error);
+  std::shared_ptr<const JointPrior> joint;
+  if (!read_record_file(a.record, config, joint, entries, error)) return complain(error);
   if (!take_pointers(*robot, config)) {
     return complain(a.record + ": the reference or the demonstration of " + a.robot + " has another length by now");
   }

@@ -2,6 +2,7 @@
 #include <filesystem>
 
 #include "tools/commands.hpp"
+#include "tools/episodes.hpp"
 #include "tools/model_plant.hpp"
 #include "tools/report.hpp"
 #include "tools/run_facts.hpp"
@@ -11,7 +12,8 @@ namespace tiller::tools {
 namespace {
 
 struct Arguments {
-  std::string robot, transport, log, report, record;
+  std::string robot, transport, log, report, record, posterior, save_posterior;
+  std::uint32_t episodes = 1;
   bool sim = false, lockstep = false, real_time = false, quiet = false;
   double seconds = 0;
   double wait_s = 10;
@@ -27,6 +29,7 @@ struct Opened {
 };
 
 bool open_plant(const Arguments& a, const RobotFile& robot, Opened& opened, std::string& error) {
+  opened = {};
   if (robot.sim.plant == "model") {
     opened.model = ModelPlant::make(robot, error);
     if (!opened.model) return false;
@@ -41,8 +44,7 @@ bool open_plant(const Arguments& a, const RobotFile& robot, Opened& opened, std:
   return true;
 }
 
-bool open_link(const Arguments& a, const RobotFile& robot, Opened& opened) {
-  std::string error;
+bool open_link(const Arguments& a, const RobotFile& robot, Opened& opened, std::string& error) {
   std::unique_ptr<Link>& link = opened.link;
   if (a.sim) {
     (void)open_plant(a, robot, opened, error);
@@ -56,7 +58,6 @@ bool open_link(const Arguments& a, const RobotFile& robot, Opened& opened) {
       link = make_transport_link(robot, options, error);
     }
   }
-  if (!link) complain(error);
   return link != nullptr;
 }
 
@@ -80,31 +81,48 @@ int report_run(const Arguments& a, const RobotFile& robot, const RunResult& resu
   return result.exit_code ? result.exit_code : static_cast<int>(kExitLogIncomplete);
 }
 
+EpisodesOptions episodes_options(const Arguments& a) {
+  EpisodesOptions options;
+  options.episodes = a.episodes;
+  options.posterior = a.posterior.empty() ? a.save_posterior : a.posterior;
+  options.load = !a.posterior.empty();
+  options.simulated = a.sim;
+  options.run.seconds = a.seconds;
+  options.run.threads = a.overrides.threads;
+  options.run.quiet = a.quiet;
+  options.run.log = a.log;
+  options.run.record = a.record;
+  options.run.first_wait_s = a.wait_s;
+  return options;
+}
+
 int run_command(Arguments& a) {
   auto robot = read_robot_or_complain(a.robot);
   if (!robot || !apply_overrides(a.overrides, *robot)) return kExitBadInput;
   // a plan that ends by the wall clock is not repeatable: in lockstep the iterations alone decide
   const bool simulated = a.lockstep || (a.sim && !a.real_time);
   if (simulated) robot->config.planner.deadline_us = 0;
+  if (a.episodes > 1 && a.seconds <= 0) return complain("--episodes: give each a length with --seconds");
   if (!a.report.empty() && a.log.empty()) {
     a.log = std::filesystem::path(a.report).replace_extension(".csv").string();
   }
   Opened opened;
-  if (!open_link(a, *robot, opened)) return kExitBadInput;
+  const OpenEpisode open = [&](const RobotFile& now, std::vector<double>& true_params, std::string& error) {
+    // a robot behind a transport stays connected; a plant in this process begins anew
+    if ((a.sim || !opened.link) && !open_link(a, a.sim ? now : *robot, opened, error)) return static_cast<Link*>(nullptr);
+    true_params = opened.true_params;
+    return opened.link.get();
+  };
+  const EpisodesResult all = run_episodes(*robot, episodes_options(a), open);
+  if (all.last.ticks == 0) return all.exit_code;
   RunOptions options;
-  options.seconds = a.seconds;
-  options.threads = a.overrides.threads;
-  options.quiet = a.quiet;
-  options.log = a.log;
-  options.record = a.record;
-  options.first_wait_s = a.wait_s;
   options.true_params = opened.true_params;
-  const RunResult result = run_robot(*robot, *opened.link, options);
-  if (result.exit_code == kExitBadInput) return kExitBadInput;
-  std::fputs(summary(*robot, options, result).c_str(), stdout);
+  if (a.episodes > 1) std::printf("\n%s\nthe last one: ", episodes_table(*robot, all.rows).c_str());
+  std::fputs(summary(*robot, options, all.last).c_str(), stdout);
   if (const std::string counted = opened.link->counters(); !counted.empty()) std::printf("  %s\n", counted.c_str());
-  if (!result.readable_log.empty()) std::printf("log: %s\n", result.readable_log.c_str());
-  return report_run(a, *robot, result);
+  if (!all.last.readable_log.empty()) std::printf("log: %s\n", all.last.readable_log.c_str());
+  const int reported = report_run(a, *robot, all.last);
+  return all.exit_code ? all.exit_code : reported;
 }
 
 }  // namespace
@@ -128,6 +146,15 @@ void add_run_command(CLI::App& app, int& exit_code) {
   command->add_option("--log", a->log, "write a CSV row per tick");
   command->add_option("--report", a->report, "write a one-file HTML page (and its CSV beside it)");
   command->add_option("--record", a->record, "write every input and output, for tiller replay");
+  auto* posterior = command->add_option(
+      "--posterior", a->posterior,
+      "file: the prior if it is there (in the place of the robot file's), written after every complete episode");
+  command->add_option("--save-posterior", a->save_posterior, "the same file, only written")->excludes(posterior);
+  command
+      ->add_option("--episodes", a->episodes,
+                   "runs of --seconds one after the other, each from the start; the posterior of "
+                   "one is the prior of the next (docs/episodes.md)")
+      ->check(CLI::Range(1, 100000));
   command->add_flag("--quiet", a->quiet, "no progress");
   add_override_options(*command, a->overrides);
   command->footer(
@@ -135,6 +162,8 @@ void add_run_command(CLI::App& app, int& exit_code) {
       "Examples:\n"
       "  tiller run robots/cart_pole.toml --sim --seconds 10 --report out/run.html\n"
       "      the controller against the stand-in plant, as fast as it goes, with a page at the end\n"
+      "  tiller run robots/cart_pole.toml --sim --episodes 5 --seconds 6 --posterior out/cart.posterior.json\n"
+      "      what one episode learnt is the next one's prior; run it again, and it goes on from the file\n"
       "  tiller run robots/cart_pole.toml --transport lcm --log run.csv\n"
       "      a robot (or `tiller sim robots/cart_pole.toml --serve lcm`) over LCM, until Ctrl-C");
   command->callback([a, &exit_code] { exit_code = run_command(*a); });

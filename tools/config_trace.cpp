@@ -43,6 +43,7 @@ Words trace_field(const RobotFile& robot, const std::string& field) {
   std::size_t i = 0;
   const std::string name = without_index(field, i);
   if (name == "priors") return prior_path(robot, i);
+  if (name.rfind("prior_mixture.", 0) == 0) return {"posterior", "prior_file"};
   if (name == "effects") return effect_path(i);
   if (name == "measurement_sd") return {"measurement", name_at(robot.measurements, i), "sd"};
   if (name == "measured_state") return {"measurement", name_at(robot.measurements, i)};

@@ -158,10 +158,23 @@ std::string array_text(const std::string& name, const double* values, std::size_
   return text + "};\n\n";
 }
 
+/// The joint prior with its arrays; nothing where there is none.
+std::string mixture_text(const RobotFile& robot, const std::string& prefix) {
+  const tiller_mixture_t* m = robot.config.prior_mixture;
+  if (!m) return "";
+  const std::size_t d = m->dimension;
+  return array_text(prefix + "_prior_weight", m->weight, m->components, 1) +
+         array_text(prefix + "_prior_mean", m->mean, m->components, d) +
+         array_text(prefix + "_prior_root", m->root, m->components * d, d) + "static const tiller_mixture_t " + prefix +
+         "_prior = {sizeof(tiller_mixture_t), TILLER_CONFIG_VERSION, " + std::to_string(m->components) + "u, " +
+         std::to_string(d) + "u, " + prefix + "_prior_weight, " + prefix + "_prior_mean, " + prefix +
+         "_prior_root};\n\n";
+}
+
 std::string arrays_text(const RobotFile& robot, const std::string& prefix) {
   const tiller_cost_config_t& c = robot.config.cost;
   const std::size_t nx = robot.states.size();
-  return array_text(prefix + "_reference", c.reference, c.reference_steps, nx) +
+  return mixture_text(robot, prefix) + array_text(prefix + "_reference", c.reference, c.reference_steps, nx) +
          array_text(prefix + "_demonstration_mean", c.demonstration_mean, c.demonstration_steps, nx) +
          array_text(prefix + "_demonstration_root", c.demonstration_root, c.demonstration_steps, nx * nx);
 }
@@ -240,6 +253,7 @@ std::string config_text(const RobotFile& robot, const std::string& prefix) {
   all.numbers("initial_state", c.initial_state, TILLER_MAX_STATES, robot.states);
   all.numbers("initial_state_sd", c.initial_state_sd, TILLER_MAX_STATES, robot.states);
   all.group("posterior", posterior_part(c.posterior));
+  if (c.prior_mixture) all.word("prior_mixture", "&" + prefix + "_prior");
   all.group("planner", planner_part(robot));
   all.group("cost", cost_part(robot, prefix));
   all.group("safety", safety_part(robot));

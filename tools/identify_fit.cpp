@@ -24,6 +24,8 @@ Candidate with_effects(const RobotFile& robot, std::uint32_t effects) {
   Candidate candidate;
   candidate.config = robot.config;
   candidate.config.effect_count = effects;
+  // a joint prior is of all parameters or of none
+  if (effects < robot.config.effect_count) candidate.config.prior_mixture = nullptr;
   std::uint32_t params = robot.model->param_count;
   candidate.name = robot.model->name;
   for (std::uint32_t e = 0; e < effects; ++e) {
@@ -127,6 +129,7 @@ std::vector<Candidate> make_candidates(const RobotFile& robot) {
   Candidate nominal = with_effects(robot, 0);
   if (nominal.learns()) candidates.push_back(nominal);
   nominal.name = "nominal";
+  nominal.config.prior_mixture = nullptr;
   for (std::uint32_t i = 0; i < nominal.config.param_count; ++i)
     nominal.config.priors[i] = fixed_at(centre(nominal.config.priors[i]));
   candidates.insert(candidates.begin(), nominal);

@@ -137,7 +137,7 @@ std::unique_ptr<ModelPlant> ModelPlant::make(const RobotFile& robot, std::string
   }
   plant->table_ = &select_rollout(*robot.model);
   plant->history_.assign((plant->setup_.delay_steps + 1) * robot.model->input_count, 0.0);
-  plant->generator_.seed(robot.sim.seed);
+  plant->generator_.seed(robot.sim.noise_seed ? robot.sim.noise_seed : robot.sim.seed);
   plant->true_params_.assign(robot.params.size(), std::numeric_limits<double>::quiet_NaN());
   std::copy(plant->params_.begin(), plant->params_.begin() + robot.model->param_count, plant->true_params_.begin());
   // an effect that the robot file names is true where the plant has the same at the same port, else zero

@@ -1,6 +1,8 @@
 #include "tools/output_file.hpp"
 
 #include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -111,6 +113,73 @@ void OutputFile::rescue() {
     message_ = failure_ + "; the log is incomplete: free space, or name another folder, and run again" +
                (saved ? "; what could be kept is in " + copy : std::string());
   }
+}
+
+namespace {
+
+/// The temporary file, open and locked; -1 with errno set. Whoever had it before may have renamed it in between: then
+/// the lock is on what is published now, and the temporary file is another one.
+int open_locked(const std::string& path) {
+  for (int attempt = 0; attempt < 100; ++attempt) {
+    const int descriptor = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
+    if (descriptor < 0) return -1;
+    struct stat mine {
+    }, there{};
+    const bool held = ::flock(descriptor, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK;  // not every disk has locks
+    if (!held) {
+      ::close(descriptor);
+      errno = EBUSY;
+      return -1;
+    }
+    if (::fstat(descriptor, &mine) == 0 && ::stat(path.c_str(), &there) == 0 && mine.st_ino == there.st_ino)
+      return descriptor;
+    ::close(descriptor);
+  }
+  errno = EBUSY;
+  return -1;
+}
+
+bool sync_folder(const std::string& folder) {
+  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (descriptor < 0) return errno == EACCES;  // writable but not readable: nothing more can be done
+  const bool synced = ::fsync(descriptor) == 0 || errno == EINVAL;
+  ::close(descriptor);
+  return synced;
+}
+
+}  // namespace
+
+bool replace_file(const std::string& path, const std::string& bytes, std::string& error) {
+  std::error_code code;
+  // a link goes on pointing to the file that is replaced
+  const fs::path target = fs::is_symlink(path, code) ? fs::weakly_canonical(path, code) : fs::path(path);
+  const fs::file_status status = fs::status(target, code);
+  if (fs::exists(status) && !fs::is_regular_file(status)) {
+    error = path + ": is " + (fs::is_directory(status) ? "a folder" : "no ordinary file") + "; name another file";
+    return false;
+  }
+  const fs::path folder = target.has_parent_path() ? target.parent_path() : fs::path(".");
+  fs::create_directories(folder, code);
+  const std::string temporary = (folder / ("." + target.filename().string() + ".tmp")).string();
+  const char* doing = "cannot be created";
+  const int descriptor = open_locked(temporary);
+  std::size_t done = 0;
+  bool good = descriptor >= 0;
+  if (good) {
+    doing = "cannot be written";
+    good = ::ftruncate(descriptor, 0) == 0 && write_all(descriptor, bytes, done) && ::fsync(descriptor) == 0;
+    if (good) {
+      doing = "cannot be put in its place";
+      good = ::rename(temporary.c_str(), target.c_str()) == 0 && sync_folder(folder.string());
+    }
+  }
+  const int why = errno;
+  if (!good && descriptor >= 0) ::unlink(temporary.c_str());
+  if (descriptor >= 0) ::close(descriptor);
+  if (good) return true;
+  error = path + ": " + doing + ": " + (why == EBUSY ? "another process is writing it" : std::strerror(why)) +
+          "; free space or name another folder; what stood there stands there still";
+  return false;
 }
 
 }  // namespace tiller::tools

@@ -47,4 +47,10 @@ class OutputFile {
   bool lost_ = false;
 };
 
+/// Puts `bytes` in the place of the file at `path`, or leaves it as it was: a reader sees the old content or the new
+/// one whole, also after a crash or a loss of power at any instant. Written to `<folder>/.<name>.tmp`, synced, renamed
+/// over the file, the folder synced; the one temporary file that a kill may leave is used again by the next call. Two
+/// processes that write the same file are told apart by a lock. False with a sentence in `error` that names the file.
+bool replace_file(const std::string& path, const std::string& bytes, std::string& error);
+
 }  // namespace tiller::tools

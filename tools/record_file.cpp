@@ -6,8 +6,24 @@
 
 namespace tiller::tools {
 namespace {
-constexpr char kMagic[8] = {'T', 'I', 'L', 'L', 'R', 'E', 'C', '1'};
+constexpr char kMagic[8] = {'T', 'I', 'L', 'L', 'R', 'E', 'C', '2'};
 constexpr std::uint32_t kSizes[2] = {sizeof(tiller_config_t), sizeof(RecordEntry)};
+
+bool read_joint(std::ifstream& file, std::shared_ptr<const JointPrior>& joint) {
+  std::uint32_t shape[2] = {};
+  file.read(reinterpret_cast<char*>(shape), sizeof shape);
+  if (!file || shape[0] > Mixture::kMaxComponents || shape[1] > TILLER_MAX_PARAMS) return false;
+  if (shape[0] == 0) return true;
+  const auto read = [&](std::size_t count) {
+    std::vector<double> values(count);
+    file.read(reinterpret_cast<char*>(values.data()), static_cast<std::streamsize>(count * sizeof(double)));
+    return values;
+  };
+  auto weight = read(shape[0]), mean = read(std::size_t{shape[0]} * shape[1]);
+  auto root = read(std::size_t{shape[0]} * shape[1] * shape[1]);
+  joint = std::make_shared<const JointPrior>(shape[1], std::move(weight), std::move(mean), std::move(root));
+  return static_cast<bool>(file);
+}
 }  // namespace
 
 void write_record_header(OutputFile& file, const tiller_config_t& config) {
@@ -15,17 +31,28 @@ void write_record_header(OutputFile& file, const tiller_config_t& config) {
   copy.model = nullptr;
   copy.cost.reference = copy.cost.demonstration_mean = copy.cost.demonstration_root = nullptr;
   copy.cost.own = nullptr;
+  copy.prior_mixture = nullptr;
   file.write(kMagic, sizeof kMagic);
   file.write(reinterpret_cast<const char*>(kSizes), sizeof kSizes);
   file.write(reinterpret_cast<const char*>(&copy), sizeof copy);
+  const tiller_mixture_t* m = config.prior_mixture;
+  const std::uint32_t shape[2] = {m ? m->components : 0, m ? m->dimension : 0};
+  file.write(reinterpret_cast<const char*>(shape), sizeof shape);
+  if (!m) return;
+  const auto write = [&](const double* values, std::size_t count) {
+    file.write(reinterpret_cast<const char*>(values), count * sizeof(double));
+  };
+  write(m->weight, shape[0]);
+  write(m->mean, std::size_t{shape[0]} * shape[1]);
+  write(m->root, std::size_t{shape[0]} * shape[1] * shape[1]);
 }
 
 void write_record(OutputFile& file, const RecordEntry& entry) {
   file.write(reinterpret_cast<const char*>(&entry), sizeof entry);
 }
 
-bool read_record_file(const std::string& path, tiller_config_t& config, std::vector<RecordEntry>& entries,
-                      std::string& error) {
+bool read_record_file(const std::string& path, tiller_config_t& config, std::shared_ptr<const JointPrior>& joint,
+                      std::vector<RecordEntry>& entries, std::string& error) {
   std::ifstream file(path, std::ios::binary);
   if (!file) {
     error = path + ": cannot be read: " + std::strerror(errno) + "\n";
@@ -44,6 +71,11 @@ bool read_record_file(const std::string& path, tiller_config_t& config, std::vec
     return false;
   }
   file.read(reinterpret_cast<char*>(&config), sizeof config);
+  if (!read_joint(file, joint)) {
+    error = path + ": its joint prior is cut off; record the run again\n";
+    return false;
+  }
+  config.prior_mixture = joint ? &joint->mixture : nullptr;
   for (RecordEntry entry; file.read(reinterpret_cast<char*>(&entry), sizeof entry);) entries.push_back(entry);
   if (entries.empty()) error = path + ": holds no tick\n";
   return !entries.empty();

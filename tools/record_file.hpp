@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "tiller/tiller.h"
+#include "tools/joint_prior.hpp"
 #include "tools/output_file.hpp"
 
 namespace tiller::tools {
@@ -16,13 +17,15 @@ struct RecordEntry {
   tiller_record_t record{};
 };
 
-/// Record files are of one build of tiller: structs as they are in memory. Layout: "TILLREC1", uint32 sizes of
-/// tiller_config_t and of RecordEntry, the configuration with its pointers zero, then entries.
+/// Record files are of one build of tiller: structs as they are in memory. Layout: "TILLREC2", uint32 sizes of
+/// tiller_config_t and of RecordEntry, the configuration with its pointers zero, uint32 components and dimension of the
+/// joint prior (zero: none), its weights, means and roots, then entries.
 void write_record_header(OutputFile& file, const tiller_config_t& config);
 void write_record(OutputFile& file, const RecordEntry& entry);
 
-/// False with a message in `error` that names the file and what is wrong with it.
-bool read_record_file(const std::string& path, tiller_config_t& config, std::vector<RecordEntry>& entries,
-                      std::string& error);
+/// False with a message in `error` that names the file and what is wrong with it. `joint` becomes what
+/// config.prior_mixture points to, or null.
+bool read_record_file(const std::string& path, tiller_config_t& config, std::shared_ptr<const JointPrior>& joint,
+                      std::vector<RecordEntry>& entries, std::string& error);
 
 }  // namespace tiller::tools

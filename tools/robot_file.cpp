@@ -86,7 +86,10 @@ void read_bound_sections(FileErrors& errors, const toml::table& root, RobotFile&
     SectionReader section(errors, name, name, section_table(errors, root, name));
     section.read_bound(robot.config, robot.states, robot.inputs);
     if (std::string(name) == "safety") read_hold_gain(section, robot);
-    if (std::string(name) == "posterior") read_forgetting(section, robot);
+    if (std::string(name) == "posterior") {
+      read_forgetting(section, robot);
+      read_prior_file(section, robot);
+    }
     section.refuse_unknown();
   }
   SectionReader model(errors, "model", "model", root["model"].as_table());

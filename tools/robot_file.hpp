@@ -44,12 +44,15 @@ struct SimSection {
   std::map<std::string, double> parameters, state, sensor_sd, sensor_step;
   std::vector<SimEffect> effects;
   double process_noise_sd = 0;
+  std::uint64_t noise_seed = 0;  ///< of the noise alone, for runs of one plant after another; 0: `seed`
   double measurement_latency_s = 0;
   double command_latency_s = 0;
   double watchdog_s = 0.1;
   double step_s = 0.0005;
   std::uint64_t seed = 1;
 };
+
+struct JointPrior;
 
 /// The arrays that the configuration's cost points to.
 struct TaskRows {
@@ -64,6 +67,7 @@ struct RobotFile {
   const tiller_model_t* model = nullptr;
   const tiller_own_cost_t* own_cost = nullptr;  ///< of a C source that exports tiller_cost()
   std::shared_ptr<const TaskRows> rows;         ///< what `config.cost` points to
+  std::shared_ptr<const JointPrior> joint;      ///< what `config.prior_mixture` points to
   tiller_config_t config{};
   Words states, inputs, measurements;
   Words params;  ///< (param_count) the model's, then each effect's as "<port>.<parameter>"

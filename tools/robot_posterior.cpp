@@ -1,5 +1,8 @@
 // [posterior]: what is more than a key with a place in the configuration.
 
+#include <filesystem>
+
+#include "tools/posterior_file.hpp"
 #include "tools/robot_sections.hpp"
 
 namespace tiller::tools {
@@ -23,6 +26,21 @@ void read_forgetting(SectionReader& posterior, RobotFile& robot) {
       return;
     }
     c.forgetting[c.forgetting_count++] = *rate;
+  }
+}
+
+void read_prior_file(SectionReader& posterior, RobotFile& robot) {
+  const auto name = posterior.text("prior_file");
+  if (!name) return;
+  const std::filesystem::path file = *name;
+  const std::string path = (file.is_absolute() ? file : robot.model_request.robot_dir / file).string();
+  if (posterior.errors().has_below("parameters") || posterior.errors().has_below("effects")) return;
+  Words problems;
+  StoredPosterior stored;
+  if (read_posterior(path, stored, problems) && take_prior(stored, path, robot, problems)) return;
+  for (const std::string& problem : problems) {
+    const std::size_t remedy = problem.rfind("; ");
+    posterior.error("prior_file", problem.substr(0, remedy), problem.substr(remedy + 2));
   }
 }
 

@@ -143,6 +143,9 @@ const std::vector<KeySpec> kKeys = {
      "follows parameters that change"},
     {"posterior", "adequacy", K::flag, "", nullptr, 0, 1, false, AT(posterior.adequacy), nullptr,
      "whether the model explains the data is tested at every tick"},
+    {"posterior", "prior_file", K::text, "", "none", 0, 0, false, hand, nullptr,
+     "a posterior of an earlier run (docs/episodes.md), relative to the robot file: it takes the place of the parameters' "
+     "own priors, whose coordinates and bounds it keeps"},
     {"posterior", "scout_share", K::number, "", nullptr, 0, 0.5, false, AT(posterior.scout_share), nullptr,
      "of the moves that are tried from the prior's whole width"},
 

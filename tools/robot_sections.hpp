@@ -18,6 +18,8 @@ void read_measurements(FileErrors& errors, const toml::table& root, RobotFile& r
 void read_limits(FileErrors& errors, const toml::table& root, RobotFile& robot);
 void read_hold_gain(SectionReader& safety, RobotFile& robot);
 void read_forgetting(SectionReader& posterior, RobotFile& robot);
+/// After the parameters and effects, whose priors it goes before.
+void read_prior_file(SectionReader& posterior, RobotFile& robot);
 /// Bounds, obstacles, trajectories and the own cost of [cost]; after the keys that are bound to fields.
 void read_cost_terms(FileErrors& errors, const toml::table& root, RobotFile& robot);
 void read_transport(FileErrors& errors, const toml::table& root, RobotFile& robot);

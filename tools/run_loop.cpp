@@ -67,6 +67,7 @@ class Runner {
   RunResult run() {
     if (!init()) return result_;
     if (!wait_for_first()) return result_;
+    if (options_.await_start && !wait_for_start()) return result_;
     open_files();
     (void)tiller_arm(controller_);
     while (!is_over()) {
@@ -154,6 +155,47 @@ class Runner {
                 robot_.path + " --serve lcm`, and compare [transport]");
   }
 
+  bool stands_at_start() const {
+    for (std::uint32_t i = 0; i < config_.measurement_count; ++i) {
+      const std::uint32_t state = config_.measured_state[i];
+      double off = sensed_.measurement.value[i] - config_.initial_state[state];
+      if (config_.model->angle_mask >> state & 1u) off = std::remainder(off, 2 * M_PI);
+      if (!(std::fabs(off) <= 4 * std::hypot(config_.initial_state_sd[state], config_.measurement_sd[i]))) return false;
+    }
+    return true;
+  }
+
+  /// For as long as it takes. The controller is not asked: it would learn from whoever moves the robot.
+  bool wait_for_start() {
+    tiller_command_t safe{};
+    safe.state = tiller_state_standby;
+    std::copy(std::begin(config_.safety.safe_command), std::end(config_.safety.safe_command), safe.value);
+    std::int64_t since_us = -1;
+    bool told = false;
+    while (stop_.flag() == 0) {
+      if (sensed_.fault != tiller_status_ok)
+        return fail("waiting for the start: " + std::string(tiller_status_text(sensed_.fault)));
+      if (sensed_.fresh) {
+        if (!stands_at_start())
+          since_us = -1;
+        else if (since_us < 0)
+          since_us = sensed_.now_us;
+        if (since_us >= 0 && 1e-6 * static_cast<double>(sensed_.now_us - since_us) >= kStandsFor_s) {
+          start_us_ = sensed_.now_us;
+          return true;
+        }
+        if (since_us < 0 && !told) progress_.say("put the robot back to its start ([start] of the robot file) ...");
+        told = told || since_us < 0;
+      }
+      safe.stamp_us = sensed_.now_us;
+      safe.sequence = sensed_.measurement.sequence;
+      (void)link_.send(safe);
+      sensed_ = link_.wait(stop_.flag());
+    }
+    result_.interrupted = true;
+    return fail("interrupted before the robot was back at its start");
+  }
+
   void open_files() {
     if (!options_.log.empty()) log_.open(options_.log);
     if (options_.record.empty()) return;
@@ -194,6 +236,7 @@ class Runner {
       write_record(record_, entry);
     }
     const TickView view = look();
+    count(view);
     log_.add(view);
     progress_.show(view);
     // half a second is what a crash may cost; a write each tick would disturb the tick times
@@ -201,6 +244,27 @@ class Runner {
       rows_ = 0;
       log_.flush();
       record_.flush();
+    }
+  }
+
+  void count(const TickView& view) {
+    double x[TILLER_MAX_STATES];
+    for (std::uint32_t i = 0; i < config_.model->state_count; ++i) {
+      const bool known = view.true_state && std::isfinite(view.true_state[i]);
+      x[i] = known ? view.true_state[i] : info_.state_mean[i];
+    }
+    const double cost = stage_cost(config_, costed_, x, command_.value);
+    result_.cost += (cost - result_.cost) / static_cast<double>(++costed_);
+    if (sensed_.fresh && costed_ > 1) ++result_.transitions;
+  }
+
+  void take_particles() {
+    const std::uint32_t np = config_.param_count;
+    double params[TILLER_MAX_PARAMS], weight = 0.0;
+    for (std::uint32_t k = 0; k < config_.posterior.particles; ++k) {
+      if (tiller_get_particle(controller_, k, params, nullptr, &weight) != tiller_status_ok) return;
+      result_.particles.params.insert(result_.particles.params.end(), params, params + np);
+      result_.particles.weight.push_back(weight);
     }
   }
 
@@ -265,6 +329,7 @@ class Runner {
 
   void fill_result(bool safe) {
     if (safe) result_.exit_code = kExitSafe;
+    take_particles();
     result_.interrupted = stop_.flag() != 0;
     result_.ticks = info_.ticks;
     result_.time_s = time_s();
@@ -294,6 +359,7 @@ class Runner {
 
   static constexpr double kSafeFor_s = 0.5;  // the safe command is repeated that long before the run ends
   static constexpr double kFlushEvery_s = 0.5;
+  static constexpr double kStandsFor_s = 0.5;
 
   const RobotFile& robot_;
   tiller_config_t config_;
@@ -315,6 +381,7 @@ class Runner {
   std::uint64_t safe_ticks_ = 0;
   int rows_ = 0;
   bool told_inadequate_ = false;
+  std::uint64_t costed_ = 0;
   double q05_[TILLER_MAX_PARAMS] = {};
   double q95_[TILLER_MAX_PARAMS] = {};
   double true_state_[TILLER_MAX_STATES] = {};
@@ -367,6 +434,22 @@ static std::string not_learnt(const RobotFile& robot, const RunResult& result) {
     text += "\n";
   }
   return text;
+}
+
+double stage_cost(const tiller_config_t& config, std::uint64_t step, const double* x, const double* u) {
+  const tiller_cost_config_t& cost = config.cost;
+  const std::uint32_t nx = config.model->state_count;
+  const double* target = cost.target;
+  if (cost.reference)
+    target = cost.reference + nx * std::min<std::uint64_t>(step, cost.reference_steps - std::uint64_t{1});
+  double sum = 0.0;
+  for (std::uint32_t i = 0; i < nx; ++i) {
+    double off = x[i] - target[i];
+    if (config.model->angle_mask >> i & 1u) off = std::remainder(off, 2 * M_PI);
+    sum += cost.state_weight[i] * off * off;
+  }
+  for (std::uint32_t i = 0; i < config.model->input_count; ++i) sum += cost.input_weight[i] * u[i] * u[i];
+  return sum;
 }
 
 std::string summary(const RobotFile& robot, const RunOptions& options, const RunResult& result) {

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "tools/link.hpp"
+#include "tools/posterior_file.hpp"
 #include "tools/robot_file.hpp"
 
 namespace tiller::tools {
@@ -16,6 +17,9 @@ struct RunOptions {
   std::string record;               ///< every input and output, for `tiller replay`; empty: none
   double first_wait_s = 10;         ///< wall time to wait for the first measurement
   std::vector<double> true_params;  ///< (param_count) where the plant is in this process
+  /// The safe command is sent, and nothing is learnt, until every measured state has stood within four deviations of
+  /// the start's ([start] state, sd and the sensor's) for half a second: somebody puts the robot back.
+  bool await_start = false;
 };
 
 /// What a run came to.
@@ -26,6 +30,9 @@ struct RunResult {
   tiller_info_t info{};
   std::vector<double> q05, q95;         // (param_count) at the end
   std::vector<double> last_true_state;  // (nx) empty: not known
+  Particles particles;                  ///< at the end
+  std::uint64_t transitions = 0;        ///< ticks with a new measurement after the first
+  double cost = 0;                      ///< mean stage_cost(), of the true states where they are known
   std::string readable_log;             ///< where the whole log is; empty: none
   double tick_us_median = 0, tick_us_p99 = 0, tick_us_max = 0;
   std::uint64_t late_ticks = 0;                                  ///< over the planner's deadline, if it has one
@@ -40,6 +47,8 @@ RunResult run_robot(const RobotFile& robot, Link& link, const RunOptions& option
 
 /// One line on what the model does not explain; info.adequacy is tiller_adequacy_inadequate.
 std::string inadequacy(const RobotFile& robot, const tiller_info_t& info);
+/// The quadratic terms of the cost, (x-t)' Q (x-t) + u' R u; `step` chooses the reference's row where there is one.
+double stage_cost(const tiller_config_t& config, std::uint64_t step, const double* x, const double* u);
 
 /// The last lines of a run: state, posterior (beside the truth where it is known), tick times.
 std::string summary(const RobotFile& robot, const RunOptions& options, const RunResult& result);

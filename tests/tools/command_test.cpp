@@ -223,6 +223,35 @@ TEST_F(Command, AFullDiskDoesNotStopTheRobotAndIsTold) {
   EXPECT_EQ(rescued_rows, 51) << ended.out;
 }
 
+TEST_F(Command, EpisodesGoOnFromTheirFile) {
+  const Words series = {"run",        kCartPole, "--sim",       "--quiet",        "--seconds", "1",
+                        "--episodes", "2",       "--posterior", "kept/cart.json", "--record",  "run.rec"};
+  const Ended first = run(series);
+  ASSERT_EQ(first.code, 0) << first.out;
+  EXPECT_TRUE(contains(first.out, "kept/cart.json: not there yet")) << first.out;
+  EXPECT_TRUE(contains(first.out, "episode 2: cost ")) << first.out;
+  const Ended second = run(series);
+  ASSERT_EQ(second.code, 0) << second.out;
+  EXPECT_TRUE(contains(second.out, "posterior of 2 episode(s), ")) << second.out;
+  EXPECT_TRUE(contains(second.out, "episode 4: cost ")) << second.out;
+  EXPECT_TRUE(contains(text_of("kept/cart.json"), "\"episodes\": 4")) << text_of("kept/cart.json");
+  // the joint prior is in the record: the robot file knows nothing of it
+  const Ended replayed = run({"replay", "run-4.rec", kCartPole});
+  EXPECT_EQ(replayed.code, 0) << replayed.out;
+  EXPECT_TRUE(contains(replayed.out, ", 0 different")) << replayed.out;
+
+  const Ended endless = run({"run", kCartPole, "--sim", "--episodes", "2"});
+  EXPECT_EQ(endless.code, 1);
+  EXPECT_TRUE(contains(endless.out, "--episodes: give each a length with --seconds")) << endless.out;
+  const Ended frozen = run({"run", kCartPole, "--sim", "--seconds", "1", "--frozen", "--posterior", "kept/cart.json"});
+  EXPECT_EQ(frozen.code, 1);
+  EXPECT_TRUE(contains(frozen.out, "nothing is learnt")) << frozen.out;
+  const std::string pendulum = std::string(TILLER_TEST_ROBOTS) + "/pendulum.toml";
+  const Ended other = run({"run", pendulum, "--sim", "--seconds", "1", "--posterior", "kept/cart.json"});
+  EXPECT_EQ(other.code, 1);
+  EXPECT_TRUE(contains(other.out, "model = \"cart_pole\": the robot file's model is pendulum")) << other.out;
+}
+
 TEST_F(Command, DemoEndsUprightWithItsLog) {
   const Ended ended = run({"demo", "--fast", "--no-report", "--seconds", "8", "--out", "made/here"});
   EXPECT_EQ(ended.code, 0) << ended.out;

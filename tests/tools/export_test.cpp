@@ -87,6 +87,27 @@ TEST(Export, TheWholeTask) {
   EXPECT_EQ(tiller_size(&exported), tiller_size(&robot->config));
 }
 
+TEST(Export, TheJointPrior) {
+  std::string errors;
+  const auto robot = read_robot_file(TILLER_TEST_TASK "/task.toml", errors);
+  ASSERT_NE(robot, nullptr) << errors;
+  const tiller_mixture_t* read = robot->config.prior_mixture;
+  const tiller_config_t config = task_config();
+  const tiller_mixture_t* exported = config.prior_mixture;
+  ASSERT_NE(read, nullptr);
+  ASSERT_NE(exported, nullptr);
+  ASSERT_EQ(exported->components, 2u);
+  ASSERT_EQ(exported->dimension, 2u);
+  for (std::size_t i = 0; i < 2; ++i) EXPECT_EQ(exported->weight[i], read->weight[i]);
+  for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(exported->mean[i], read->mean[i]);
+  for (std::size_t i = 0; i < 8; ++i) EXPECT_EQ(exported->root[i], read->root[i]);
+  EXPECT_DOUBLE_EQ(exported->root[0], 0.002);  // by hand: root of 4e-6, then 1e-6 / .002
+  EXPECT_DOUBLE_EQ(exported->root[2], 0.0005);
+  const char* field = nullptr;
+  EXPECT_EQ(tiller_config_check(&config, &field), tiller_status_ok) << field;
+  EXPECT_EQ(cart_pole_config().prior_mixture, nullptr);
+}
+
 TEST(Export, NamesAreCIdentifiers) {
   EXPECT_EQ(c_identifier("cart-pole 2"), "cart_pole_2");
   EXPECT_EQ(c_identifier("7dof"), "robot_7dof");

@@ -232,12 +232,13 @@ TEST(Progress, BlockTellsWhatARunIsWatchedFor) {
 
 TEST_F(Scratch, RecordFilesRefuseWhatTheyAreNot) {
   tiller_config_t config;
+  std::shared_ptr<const JointPrior> joint;
   std::vector<RecordEntry> entries;
   std::string error;
-  EXPECT_FALSE(read_record_file(folder_ + "/none.rec", config, entries, error));
+  EXPECT_FALSE(read_record_file(folder_ + "/none.rec", config, joint, entries, error));
   EXPECT_NE(error.find("No such file"), std::string::npos);
   std::ofstream(folder_ + "/short.rec") << "TILL";
-  EXPECT_FALSE(read_record_file(folder_ + "/short.rec", config, entries, error));
+  EXPECT_FALSE(read_record_file(folder_ + "/short.rec", config, joint, entries, error));
   EXPECT_NE(error.find("is no record of tiller"), std::string::npos);
   OutputFile file;
   file.open(folder_ + "/cut.rec");
@@ -246,8 +247,25 @@ TEST_F(Scratch, RecordFilesRefuseWhatTheyAreNot) {
   file.write("half an entry");
   ASSERT_TRUE(file.close());
   error.clear();
-  EXPECT_TRUE(read_record_file(folder_ + "/cut.rec", config, entries, error)) << error;
+  EXPECT_TRUE(read_record_file(folder_ + "/cut.rec", config, joint, entries, error)) << error;
   EXPECT_EQ(entries.size(), 1u) << "a record that was cut off keeps its whole ticks";
+  EXPECT_EQ(config.prior_mixture, nullptr);
+
+  // a joint prior goes with the record: the file that it came from may be another by then
+  const auto robot = good();
+  const JointPrior carried(3, {1.0}, {0.1, 0.5, -1.5}, {0.01, 0, 0, 0.02, 0.03, 0, 0, 0, 0.4});
+  robot->config.prior_mixture = &carried.mixture;
+  OutputFile with_prior;
+  with_prior.open(folder_ + "/prior.rec");
+  write_record_header(with_prior, robot->config);
+  write_record(with_prior, RecordEntry{});
+  ASSERT_TRUE(with_prior.close());
+  entries.clear();
+  ASSERT_TRUE(read_record_file(folder_ + "/prior.rec", config, joint, entries, error)) << error;
+  ASSERT_EQ(config.prior_mixture, &joint->mixture);
+  EXPECT_EQ(joint->weight, carried.weight);
+  EXPECT_EQ(joint->mean, carried.mean);
+  EXPECT_EQ(joint->root, carried.root);
 }
 
 // The uniform draw is exact; the others are checked against their means over 20,000 draws, whose standard error is

@@ -9,6 +9,7 @@
 #include <new>
 
 #include "tiller/tiller.h"
+#include "tools/episodes.hpp"
 #include "tools/link.hpp"
 #include "tools/plant_setup.hpp"
 #include "tools/thread_pool.hpp"
@@ -60,13 +61,7 @@ class Judge {
   }
   void see(double time_s, const double* x, const double* u, EpisodeResult& result) {
     const tiller_cost_config_t& cost = robot_.config.cost;
-    double sum = 0.0;
-    for (std::size_t i = 0; i < robot_.states.size(); ++i) {
-      double d = x[i] - cost.target[i];
-      if ((robot_.model->angle_mask >> i) & 1u) d = std::remainder(d, 2 * M_PI);
-      sum += cost.state_weight[i] * d * d;
-    }
-    for (std::size_t i = 0; i < robot_.inputs.size(); ++i) sum += cost.input_weight[i] * u[i] * u[i];
+    const double sum = tools::stage_cost(robot_.config, seen_, x, u);
     result.cost += (sum - result.cost) / static_cast<double>(++seen_);
     if (position_ >= 0) result.worst_position_m = std::max(result.worst_position_m, std::abs(x[position_]));
     if (angle_ < 0) return;
@@ -89,6 +84,7 @@ EpisodeResult run_episode(const tools::RobotFile& given, const EpisodeOptions& o
   tools::RobotFile robot = given;
   robot.sim.seed = options.seed;
   robot.config.seed = options.seed;
+  if (options.episode > 0) tools::seed_episode(robot, options.episode);
   robot.config.planner.kind = options.planner;
   if (!options.clock) robot.config.planner.deadline_us = 0;
   if (options.frozen) robot.config.posterior.enabled = 0;
@@ -145,6 +141,12 @@ EpisodeResult run_episode(const tools::RobotFile& given, const EpisodeOptions& o
   result.tick_us_median = quantile(tick_us, 0.5);
   result.tick_us_p99 = quantile(tick_us, 0.99);
   result.tick_us_worst = quantile(tick_us, 1.0);
+  for (std::uint32_t k = 0; k < robot.config.posterior.particles; ++k) {
+    double params[TILLER_MAX_PARAMS], weight = 0.0;
+    (void)tiller_get_particle(t, k, params, nullptr, &weight);
+    result.particles.params.insert(result.particles.params.end(), params, params + robot.config.param_count);
+    result.particles.weight.push_back(weight);
+  }
   for (std::uint32_t i = 0; i < robot.config.param_count; ++i) {
     if (robot.config.priors[i].kind == tiller_prior_fixed) continue;
     ParameterResult p;

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "tools/posterior_file.hpp"
 #include "tools/robot_file.hpp"
 
 namespace tiller::bench {
@@ -15,7 +16,8 @@ struct EpisodeOptions {
   bool frozen = false;  ///< the posterior stays at the prior
   double seconds = 10.0;
   unsigned threads = 1;
-  bool clock = false;  ///< give the controller a clock: the robot file's deadline holds
+  bool clock = false;         ///< give the controller a clock: the robot file's deadline holds
+  std::uint64_t episode = 0;  ///< of several with the same truth: noise and controller have seeds of their own
 };
 
 /// What one parameter came to.
@@ -37,6 +39,7 @@ struct EpisodeResult {
   int state = 0, status = 0;
   double noise_scale = 0, effective_samples = 0, acceptance = 0;
   std::vector<ParameterResult> parameters;  ///< those with a prior
+  tools::Particles particles;               ///< of the posterior at the end
   std::string error;                        ///< not empty: the episode could not run
 
   bool upright() const { return upright_from_s >= 0 && upright_from_s <= 6.0; }
