@@ -126,6 +126,9 @@ void long_life(void* arg) {
       tiller_record_t record;
       (void)tiller_get_covariance(t, covariance);
       (void)tiller_get_quantile(t, 0, 0.9, &q);
+      std::uint32_t d = 0;
+      double ratio[TILLER_MAX_PARAMS];
+      (void)tiller_get_contraction(t, &d, ratio, covariance);
       (void)tiller_get_plan(t, plan, 8);
       double gain[TILLER_MAX_INPUTS * TILLER_MAX_STATES], state[TILLER_MAX_STATES], input[TILLER_MAX_INPUTS];
       (void)tiller_get_feedback(t, 1, gain, state, input);

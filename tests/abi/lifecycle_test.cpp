@@ -44,6 +44,21 @@ TEST(Init, WritesNothingOutsideItsBlockInAWholeLife) {
     std::vector<double> covariance(std::size_t{config.param_count} * config.param_count);
     EXPECT_EQ(tiller_get_covariance(loop.controller(), covariance.data()), tiller_status_ok);
     EXPECT_EQ(tiller_get_quantile(loop.controller(), 0, 0.5, &q), tiller_status_ok);
+    std::uint32_t d = 0;
+    std::vector<double> ratio(config.param_count);
+    EXPECT_EQ(tiller_get_contraction(loop.controller(), &d, ratio.data(), covariance.data()), tiller_status_ok);
+    EXPECT_EQ(tiller_get_contraction(loop.controller(), &d, nullptr, nullptr), tiller_status_ok);
+    EXPECT_LE(d, config.param_count);
+    for (std::uint32_t i = 0; i < d; ++i) {
+      EXPECT_GE(ratio[i], 0.0);
+      double length = 0.0;
+      for (std::uint32_t p = 0; p < config.param_count; ++p) {
+        const double entry = covariance[i * config.param_count + p];
+        length += entry * entry;
+        EXPECT_TRUE(config.priors[p].kind != tiller_prior_fixed || entry == 0.0);
+      }
+      EXPECT_NEAR(length, 1.0, 1e-9);
+    }
     EXPECT_TRUE(loop.block().canaries_alive());
   }
 }
@@ -93,6 +108,8 @@ TEST(Calls, RefuseNull) {
   EXPECT_EQ(tiller_force_iterations(nullptr, 1), tiller_status_null_argument);
   EXPECT_EQ(tiller_get_covariance(nullptr, &value), tiller_status_null_argument);
   EXPECT_EQ(tiller_get_quantile(nullptr, 0, 0.5, &value), tiller_status_null_argument);
+  std::uint32_t d = 0;
+  EXPECT_EQ(tiller_get_contraction(nullptr, &d, &value, &value), tiller_status_null_argument);
   EXPECT_EQ(tiller_get_plan(nullptr, &value, 1), 0u);
   EXPECT_EQ(tiller_get_particle(nullptr, 0, nullptr, nullptr, nullptr), tiller_status_null_argument);
   EXPECT_EQ(tiller_get_record(nullptr, 0, &record), tiller_status_null_argument);
@@ -105,6 +122,7 @@ TEST(Calls, RefuseNull) {
   EXPECT_EQ(tiller_tick(loop.controller(), 0, nullptr, nullptr), tiller_status_null_argument);
   EXPECT_EQ(tiller_get_covariance(loop.controller(), nullptr), tiller_status_null_argument);
   EXPECT_EQ(tiller_get_quantile(loop.controller(), 0, 0.5, nullptr), tiller_status_null_argument);
+  EXPECT_EQ(tiller_get_contraction(loop.controller(), nullptr, &value, nullptr), tiller_status_null_argument);
   EXPECT_EQ(tiller_get_quantile(loop.controller(), 99, 0.5, &value), tiller_status_bad_dimension);
   EXPECT_EQ(tiller_get_quantile(loop.controller(), 0, std::nan(""), &value), tiller_status_bad_limit);
   EXPECT_EQ(tiller_get_particle(loop.controller(), 1u << 20, nullptr, nullptr, nullptr), tiller_status_bad_dimension);
@@ -161,6 +179,8 @@ TEST(States, FollowArmDisarmStopReset) {
 TEST(Names, AreThoseOfTheManual) {
   EXPECT_STREQ(tiller_state_name(tiller_state_hold), "HOLD");
   EXPECT_STREQ(tiller_state_name(static_cast<tiller_state_t>(7)), "unknown");
+  EXPECT_STREQ(tiller_feature_name(tiller_feature_velocity_sign), "velocity_sign");
+  EXPECT_STREQ(tiller_feature_name(tiller_feature_count), "unknown");
   EXPECT_STREQ(tiller_version(), "0.1");
   EXPECT_NE(std::strlen(tiller_instruction_set()), 0u);
 }

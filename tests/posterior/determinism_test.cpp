@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "cart_pole_rig.hpp"
+#include "posterior/contraction.hpp"
 #include "transition_rig.hpp"
 
 // The linker sends every call of these to us (see CMakeLists.txt), from whichever library it comes.
@@ -207,6 +208,38 @@ TEST(Determinism, NoHeapInTwoThousandTransitions) {
   }
   EXPECT_EQ(heap_calls, before);
   EXPECT_EQ(faults, 0);
+}
+
+TEST(Determinism, NoHeapInABank) {
+  auto c = rig::transition_config();
+  c.posterior.particles = 64;
+  c.posterior.window = 32;
+  c.posterior.moves_per_tick = 8;
+  c.posterior.delay_hypotheses = 2;
+  c.posterior.forgetting_count = 2;
+  c.posterior.forgetting[1] = 0.95;
+  c.posterior.adequacy = 1;
+  auto log = rig::simulate_transitions(c, 0.7, 0.3, 1000, 12);
+  const auto after = rig::simulate_transitions(c, 1.4, 0.3, 1000, 13);
+  rig::Instance p(c, nullptr, rig::transition_table());
+  const long before = heap_calls;
+  (void)p->start(log.first);
+  for (std::size_t k = 0; k < 2000; ++k) {
+    if (k == 1000) (void)p->start(after.first);
+    (void)p->update(k < 1000 ? log.transitions[k] : after.transitions[k - 1000]);
+    if (k % 100 != 0) continue;
+    double mean[2], sd[2], covariance[4];
+    float params[16], states[16];
+    tiller::Contraction contraction;
+    tiller::PosteriorReport report;
+    p->moments(mean, sd, nullptr, nullptr);
+    p->covariance(covariance);
+    (void)p->quantile(0, 0.5);
+    p->draw(8, k, params, states, nullptr, nullptr);
+    p->report(report);
+    (void)tiller::contract(c, *p, contraction);
+  }
+  EXPECT_EQ(heap_calls, before);
 }
 
 /// Stratified: a particle of weight w is chosen between floor(Mw) - 1 and ceil(Mw) + 1 times; states and parameters
