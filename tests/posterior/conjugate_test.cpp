@@ -392,6 +392,39 @@ TEST(Conjugate, BadInputIsRefusedAndLeavesNoTrace) {
   EXPECT_EQ(told(*p)[2], before[2]);
 }
 
+// Finite, but its square is not: the state believes it, the parameters do not.
+TEST(Conjugate, ValuesBeyondReasonTeachNothing) {
+  const auto c = config();
+  const Track run = simulate(c, 0.8, 0.3, 50, 2);
+  Instance p(c);
+  feed(*p, run);
+  const auto before = told(*p);
+  tiller::Transition t = run.transitions[7];
+  t.measured[0] = 1e200;
+  EXPECT_EQ(p->update(t), tiller_status_posterior_degenerate);
+  EXPECT_EQ(told(*p), before);
+  EXPECT_EQ(p->update(run.transitions[8]), tiller_status_posterior_degenerate);  // begins at that value
+  EXPECT_EQ(told(*p), before);
+  EXPECT_EQ(p->update(run.transitions[9]), tiller_status_ok);
+  double mean[2], sd[2];
+  p->moments(mean, sd, nullptr, nullptr);
+  EXPECT_TRUE(std::isfinite(mean[0]) && std::isfinite(sd[1]));
+}
+
+TEST(Conjugate, NothingToInferIsNoHarm) {
+  auto c = config();
+  c.priors[0] = rig::fixed(0.8);
+  c.priors[1] = rig::fixed(0.3);
+  c.posterior.noise_scale_shape = 2.0;
+  Instance p(c);
+  feed(*p, simulate(c, 0.8, 0.3, 400, 3, 2.0));
+  double mean[2], sd[2];
+  p->moments(mean, sd, nullptr, nullptr);
+  EXPECT_EQ(mean[0], 0.8);
+  EXPECT_EQ(sd[1], 0.0);
+  EXPECT_NEAR(p->noise_scale(), 2.0, 4.5 * 2.0 / std::sqrt(2.0 * 800.0));  // of 800 rows
+}
+
 TEST(Conjugate, ARepeatedRunHasTheSameBitsAndNoHeap) {
   const auto c = config();
   const Track run = simulate(c, 0.8, 0.3, 200, 14);

@@ -126,8 +126,8 @@ tiller_status_t ConjugatePosterior::update(const Transition& transition) {
   if (!started_) return tiller_status_wrong_state;
   const tiller_status_t refusal = check_transition(*config_, transition);
   if (refusal != tiller_status_ok) return refusal;
-  const bool predicted = predict(transition);
-  if (predicted && enabled_) {
+  const bool usable = predict(transition) && (!complete_ || in_range(transition));
+  if (usable && enabled_) {
     if (adequacy_ && complete_) test(transition);
     regression_.forget(config_->posterior.forgetting[0]);
     if (complete_) learn(transition);
@@ -137,7 +137,7 @@ tiller_status_t ConjugatePosterior::update(const Transition& transition) {
   settle(transition);
   std::memmove(input_history_ + nu_, input_history_, sizeof(double) * (kHistory - 1) * nu_);
   std::memcpy(input_history_, transition.input, sizeof(double) * nu_);
-  return predicted ? tiller_status_ok : tiller_status_posterior_degenerate;
+  return usable ? tiller_status_ok : tiller_status_posterior_degenerate;
 }
 
 /// Where the state goes at the prior's mean and one step along each direction; false if anywhere it is not finite.
@@ -156,6 +156,20 @@ bool ConjugatePosterior::predict(const Transition& transition) {
   for (std::uint32_t i = 0; i < nx_; ++i)
     for (std::uint32_t l = 0; l <= d_; ++l) finite = finite && std::isfinite(next_[i * lanes_ + l]);
   return finite;
+}
+
+/// Whether the squares of every row are numbers.
+bool ConjugatePosterior::in_range(const Transition& transition) const {
+  constexpr double kLargest = 1e100;
+  bool good = true;
+  for (std::uint32_t i = 0; i < nx_; ++i) {
+    const double measured = transition.measured[channel_[i]], *f = next_ + i * lanes_;
+    if (std::isnan(measured) || !(config_->process_sd[i] > 0.0)) continue;
+    const double scale = 1.0 / (config_->process_sd[i] * std::sqrt(transition.period_s));
+    good = good && std::fabs(measured - f[0]) * scale < kLargest;
+    for (std::uint32_t j = 0; j < d_; ++j) good = good && std::fabs(f[j + 1] - f[0]) * scale < kLargest;
+  }
+  return good;
 }
 
 void ConjugatePosterior::learn(const Transition& transition) {

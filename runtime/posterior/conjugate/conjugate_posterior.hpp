@@ -70,6 +70,7 @@ class ConjugatePosterior final : public Posterior {
   static bool is_affine(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table);
   void standardise();
   bool predict(const Transition& transition);
+  bool in_range(const Transition& transition) const;
   void learn(const Transition& transition);
   void test(const Transition& transition);
   void settle(const Transition& transition);
