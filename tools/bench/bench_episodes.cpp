@@ -2,8 +2,10 @@
 // next one's control (Possas et al. 2020, algorithm 1), against the prior kept as it was and against an oracle that
 // knows the plant's parameters.
 //
-// Every seed draws its own truth from the robot file's priors; the three controllers meet the same noise in the same
-// episode. An episode is short enough that learning within it does not hide what is carried over. No seed is left
+// The demo's robot with priors four to ten times as wide, and episodes of 3 s, of which the swing-up takes two: with the
+// demo's own priors the posterior is sharp after half a second, and an episode of 6 s costs what the oracle's does from
+// the first on (a robot file on the command line is taken as it is: try robots/cart_pole.toml --seconds 6). Every seed
+// draws its own truth from the priors; the three controllers meet the same noise in the same episode. No seed is left
 // out; settings are chosen on seeds from 100001 on (--seeds 100001 20).
 
 #include <cmath>
@@ -21,9 +23,9 @@ namespace {
 using namespace tiller;
 
 struct Options {
-  std::string robot = TILLER_ROBOTS "/cart_pole.toml";
+  std::string robot;  // empty: the demo's, with wide priors
   std::uint64_t first = 1, seeds = 20, episodes = 5;
-  double seconds = 6.0;
+  double seconds = 3.0;
 };
 
 double quantile(std::vector<double> v, double q) {
@@ -31,6 +33,16 @@ double quantile(std::vector<double> v, double q) {
   return v.empty() ? NAN : v[static_cast<std::size_t>(q * static_cast<double>(v.size() - 1) + 0.5)];
 }
 double median(const std::vector<double>& v) { return quantile(v, 0.5); }
+
+void widen(tools::RobotFile& robot) {
+  const struct {
+    const char* name;
+    double low, high;
+  } wide[] = {{"pole_mass_kg", 0.02, 0.5}, {"half_length_m", 0.15, 1.2}, {"cart.damping_SI", 0.0, 2.0}};
+  for (const auto& w : wide)
+    robot.config.priors[static_cast<std::size_t>(tools::index_of(robot.params, w.name))] = {
+        tiller_prior_uniform, 0, 0.0, 0.0, w.low, w.high};
+}
 
 /// Costs of one controller, (episodes) for every seed.
 using Costs = std::vector<std::vector<double>>;
@@ -163,12 +175,14 @@ int main(int argc, char** argv) {
     }
   }
   std::string errors;
-  const auto robot = tools::read_robot_file(o.robot, errors);
+  const std::string path = o.robot.empty() ? TILLER_ROBOTS "/cart_pole.toml" : o.robot;
+  const auto robot = tools::read_robot_file(path, errors);
   if (!robot) {
     std::fprintf(stderr, "%s\n", errors.c_str());
     return 2;
   }
-  std::printf("%s, seeds %llu to %llu, %llu episodes of %g s, lockstep, %s\n", o.robot.c_str(),
+  if (o.robot.empty()) widen(*robot);
+  std::printf("%s, seeds %llu to %llu, %llu episodes of %g s, lockstep, %s\n", path.c_str(),
               static_cast<unsigned long long>(o.first), static_cast<unsigned long long>(o.first + o.seeds - 1),
               static_cast<unsigned long long>(o.episodes), o.seconds, tiller_instruction_set());
   Results results;
