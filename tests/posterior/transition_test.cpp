@@ -287,24 +287,26 @@ TEST(Transition, IntervalsCoverAsTheySay) {
   }
 }
 
-/// Coulomb friction that the model lacks: without the discrepancy the intervals hold the truth hardly ever, with it at
-/// least 85 of 100 times (a right one: 90 +- 3).
+/// Coulomb friction that the model lacks: without the discrepancy the damping's intervals hold the truth hardly ever;
+/// with it the gain's do 90 +- 3 times of 100, three deviations allowed, and the damping's, which the discrepancy's own
+/// regressors resemble, about 84 +- 3.7.
 TEST(Transition, HiddenFrictionIsTakenUpByTheDiscrepancy) {
   auto c = rig::transition_config();
   c.process_sd[1] = 0.02;
   c.posterior.particles = 256;
   c.posterior.window = 32;
   c.posterior.moves_per_tick = 64;
-  int covered[2] = {};
+  int covered[2][2] = {};
   for (std::uint32_t discrepancy = 0; discrepancy < 2; ++discrepancy) {
     c.posterior.discrepancy = discrepancy;
     const Coverage got = cover(c, 100, 300, 0.2);
-    covered[discrepancy] = got.covered90[0];
+    for (int j = 0; j < 2; ++j) covered[discrepancy][j] = got.covered90[j];
     std::printf("hidden friction, discrepancy %u: 90 %% intervals cover %d (gain), %d (damping) of 100\n", discrepancy,
                 got.covered90[0], got.covered90[1]);
   }
-  EXPECT_LE(covered[0], 25);
-  EXPECT_GE(covered[1], 85);
+  EXPECT_LE(covered[0][1], 10);
+  EXPECT_GE(covered[1][0], 81);
+  EXPECT_GE(covered[1][1], 73);
 }
 
 }  // namespace

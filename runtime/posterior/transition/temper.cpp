@@ -11,7 +11,7 @@ namespace {
 
 /// How close the search for an exponent comes to the floor of effective samples.
 constexpr double kSlack = 0.1;
-/// While most of the data have yet to count, steps may cost more effective samples: the cloud shrinks by orders of
+/// While most of the data of a young ring have yet to count, steps may cost more effective samples: the cloud shrinks by orders of
 /// magnitude then, and a short run must arrive.
 constexpr double kEarly = 0.5, kEarlyFloor = 0.5;
 
@@ -61,8 +61,8 @@ WeighResult TransitionCloud::temper(bool any_dead) {
   const double ess = at_high.effective_samples;
   const bool ordinary = !can_move || (swept && exponent_ == 1.0 && ess >= 0.5 * floor);
   if (ess < floor && !ordinary)
-    chosen = cloud_.largest_exponent(base_, gain_, exponent_, high, exponent_ < kEarly ? kEarlyFloor * floor : floor,
-                                     kSlack);
+    chosen = cloud_.largest_exponent(base_, gain_, exponent_, high,
+                                     exponent_ < kEarly && begin_ == 0 ? kEarlyFloor * floor : floor, kSlack);
   if (chosen == high) {
     std::memcpy(cloud_.weight, fresh_, n_ * sizeof(double));
     transition_table().normalise(n_, base_, gain_, high, at_high.sum, at_high.largest + std::log(at_high.sum),
