@@ -142,6 +142,11 @@ std::string identify_text(const RobotFile& robot, const Identified& result) {
     text +=
         "  so much noise means that the model misses something in these logs, or that an input was not what it was "
         "logged to be;\n  the intervals above are wide enough for the noise, not for a wrong model\n";
+  const Alarm& alarm = best.fit.history.alarm();
+  if (alarm.raised)
+    text += format("  inadequate: from %.3g s of data on, residuals of %s go with: %s (see docs/identify.md)\n",
+                   alarm.data_s, robot.model->state_names[robot.config.measured_state[alarm.channel]],
+                   tiller_feature_name(alarm.feature));
   if (best.fit.exponent < 1)
     text += format("  not converged: the data count with exponent %.3f; give more --moves\n", best.fit.exponent);
   if (!result.hold_out.empty()) append_errors(result, robot, true, text);

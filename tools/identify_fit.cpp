@@ -91,10 +91,11 @@ std::vector<double> take_samples(const Posterior& posterior, std::uint32_t np, s
 
 bool is_taken(tiller_status_t status) { return status == tiller_status_ok || status >= tiller_status_command_limited; }
 
-void take_in(Posterior& posterior, const std::vector<Stretch>& stretches, const FitOptions& options, Fit& result) {
+void take_in(Posterior& posterior, const tiller_config_t& config, const std::vector<Stretch>& stretches,
+             const FitOptions& options, Fit& result) {
   std::size_t all = 0, done = 0;
   for (const Stretch& stretch : stretches) all += stretch.steps.size();
-  result.history.begin(posterior, static_cast<std::uint32_t>(result.params.size()), all);
+  result.history.begin(posterior, config, all);
   for (const Stretch& stretch : stretches) {
     result.history.begin_stretch();
     if (posterior.start(stretch.start) != tiller_status_ok) ++result.refused;
@@ -144,6 +145,7 @@ bool fit(const Candidate& candidate, const std::vector<Stretch>& stretches, cons
   config.posterior.particles = options.particles;
   config.posterior.window = options.window;
   config.posterior.moves_per_tick = options.moves;
+  config.posterior.adequacy = 1;
   StepSetup setup;
   if (!check(config, error)) return false;
   if (make_step_setup(config, setup) != tiller_status_ok) {
@@ -156,7 +158,7 @@ bool fit(const Candidate& candidate, const std::vector<Stretch>& stretches, cons
   result.sample_count = std::min(result.particles, 512u);
   summarise(*block.posterior, candidate, true, result);
   result.prior_samples = take_samples(*block.posterior, config.param_count, result.sample_count);
-  take_in(*block.posterior, stretches, options, result);
+  take_in(*block.posterior, config, stretches, options, result);
   summarise(*block.posterior, candidate, false, result);
   result.samples = take_samples(*block.posterior, config.param_count, result.sample_count);
   result.covariance.resize(std::size_t{config.param_count} * config.param_count);
@@ -165,6 +167,7 @@ bool fit(const Candidate& candidate, const std::vector<Stretch>& stretches, cons
   result.noise_scale = block.posterior->noise_scale();
   result.exponent = block.posterior->exponent();
   result.gated = block.posterior->gated();
+  result.tested = block.posterior->adequacy() != nullptr;
   if (result.refused * 2 < result.transitions) return true;
   error = candidate.name + ": the posterior refused " + std::to_string(result.refused) + " of " +
           std::to_string(result.transitions) + " transitions; check period_s and the priors";

@@ -51,6 +51,7 @@ struct Fit {
   std::uint32_t particles = 0;
   double effective_samples = 0, noise_scale = 1, exponent = 1;
   std::uint64_t transitions = 0, refused = 0, gated = 0;
+  bool tested = false;  ///< the model's adequacy: see history.alarm()
   History history;
   // of a method other than the posterior; noise_scale and exponent are then NaN, the history is empty
   std::string method = "posterior";

@@ -97,7 +97,7 @@ json series(const std::vector<Snapshot>& snapshots, Value value) {
 }
 
 // The posterior while the logs were taken in: arrays over the snapshots.
-json history_json(const Fit& fit) {
+json history_json(const Fit& fit, const RobotFile& robot) {
   const std::vector<Snapshot>& all = fit.history.snapshots();
   json params = json::array();
   for (std::size_t i = 0; i < fit.params.size(); ++i) {
@@ -107,12 +107,20 @@ json history_json(const Fit& fit) {
                       {"low", series(all, [i](const Snapshot& s) { return s.low[i]; })},
                       {"high", series(all, [i](const Snapshot& s) { return s.high[i]; })}});
   }
+  json residuals = json::array();
+  for (std::uint32_t k = 0; k < robot.config.measurement_count && !all.empty(); ++k)
+    residuals.push_back({{"name", robot.model->state_names[robot.config.measured_state[k]]},
+                         {"low", series(all, [k](const Snapshot& s) { return s.residual_low[k]; })},
+                         {"high", series(all, [k](const Snapshot& s) { return s.residual_high[k]; })},
+                         {"rms", series(all, [k](const Snapshot& s) { return s.residual_rms[k]; })}});
   return {{"data_s", series(all, [](const Snapshot& s) { return s.data_s; })},
           {"stretches_s", numbers(fit.history.stretches_s())},
           {"parameters", params},
           {"effective_samples", series(all, [](const Snapshot& s) { return s.effective_samples; })},
           {"noise_scale", series(all, [](const Snapshot& s) { return s.noise_scale; })},
           {"exponent", series(all, [](const Snapshot& s) { return s.exponent; })},
+          {"adequacy", series(all, [](const Snapshot& s) { return s.adequacy_statistic; })},
+          {"residuals", residuals},
           {"acceptance", series(all, [](const Snapshot& s) { return s.acceptance; })}};
 }
 
@@ -133,29 +141,40 @@ json method_json(const Fit& fit) {
           {"diverged", fit.diverged}, {"iterations", iterations}};
 }
 
+// null: tested, and nothing found.
+json alarm_json(const Fit& fit, const RobotFile& robot) {
+  const Alarm& alarm = fit.history.alarm();
+  if (!alarm.raised) return nullptr;
+  return {{"data_s", number(alarm.data_s)},
+          {"channel", robot.model->state_names[robot.config.measured_state[alarm.channel]]},
+          {"feature", tiller_feature_name(alarm.feature)}};
+}
+
 json candidate_json(const Assessed& assessed, const RobotFile& robot) {
   const Fit& fit = assessed.fit;
   json params = json::array();
   for (const ParamSummary& p : fit.params) params.push_back(param_json(p));
   const bool held_out = !assessed.on_held_out.states.empty();
-  return {{"name", assessed.candidate.name},
-          {"learns", assessed.candidate.learns()},
-          {"parameters", params},
-          {"method", method_json(fit)},
-          {"noise_scale", number(fit.noise_scale)},
-          {"particles", fit.particles},
-          {"effective_samples", number(fit.effective_samples)},
-          {"exponent", number(fit.exponent)},
-          {"transitions", fit.transitions},
-          {"refused", fit.refused},
-          {"gated", fit.gated},
-          {"diverged", assessed.on_held_out.diverged + assessed.on_fitted.diverged},
-          {"fitted", score_json(assessed.on_fitted, robot)},
-          {"held_out", score_json(assessed.on_held_out, robot)},
-          {"samples", samples_json(fit, fit.samples)},
-          {"prior_samples", samples_json(fit, fit.prior_samples)},
-          {"history", history_json(fit)},
-          {"traces", traces_json(held_out ? assessed.on_held_out : assessed.on_fitted, robot)}};
+  json out = {{"name", assessed.candidate.name},
+              {"learns", assessed.candidate.learns()},
+              {"parameters", params},
+              {"method", method_json(fit)},
+              {"noise_scale", number(fit.noise_scale)},
+              {"particles", fit.particles},
+              {"effective_samples", number(fit.effective_samples)},
+              {"exponent", number(fit.exponent)},
+              {"transitions", fit.transitions},
+              {"refused", fit.refused},
+              {"gated", fit.gated},
+              {"diverged", assessed.on_held_out.diverged + assessed.on_fitted.diverged},
+              {"fitted", score_json(assessed.on_fitted, robot)},
+              {"held_out", score_json(assessed.on_held_out, robot)},
+              {"samples", samples_json(fit, fit.samples)},
+              {"prior_samples", samples_json(fit, fit.prior_samples)},
+              {"history", history_json(fit, robot)},
+              {"traces", traces_json(held_out ? assessed.on_held_out : assessed.on_fitted, robot)}};
+  if (fit.tested) out["alarm"] = alarm_json(fit, robot);
+  return out;
 }
 
 }  // namespace

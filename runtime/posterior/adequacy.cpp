@@ -129,6 +129,7 @@ void AdequacyTest::take(const Innovation& innovation) {
   for (std::uint32_t k = 0; k < channels_; ++k) {
     Channel& channel = channel_data_[k];
     const double z = innovation.normalised[k];
+    residual_[k] = NAN;
     if (!std::isfinite(z)) {
       channel.previous = 0.0;
       continue;
@@ -137,6 +138,7 @@ void AdequacyTest::take(const Innovation& innovation) {
     features_of(channel, innovation.response[k], feature);
     const double scale = std::sqrt((shape_ + 0.5 * channel.squares) / (shape_ + 0.5 * channel.count));
     const double y = clip(z / scale, kClip), kept = clip(z, kScaleClip * scale);
+    residual_[k] = z / scale;
     if (settled) test_channel(k, z / scale, feature);
     channel.previous = y;
     channel.recent += kRecent * (y - channel.recent);

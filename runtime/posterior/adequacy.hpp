@@ -81,6 +81,8 @@ class AdequacyTest {
   tiller_feature_t feature() const { return feature_; }
   /// Largest log E over its threshold; at the alarm, what it was then.
   double statistic() const { return statistic_; }
+  /// The last tick's normalised innovation of a channel, over the noise scale of those before; NaN: none.
+  double residual(std::uint32_t channel) const { return residual_[channel]; }
 
  private:
   static constexpr std::uint32_t kSettling = 20;
@@ -125,6 +127,7 @@ class AdequacyTest {
   tiller_feature_t feature_ = tiller_feature_none;
   double statistic_ = 0.0;
   double largest_ = 0.0;  // in this tick
+  double residual_[TILLER_MAX_MEASUREMENTS] = {};
 };
 
 }  // namespace tiller

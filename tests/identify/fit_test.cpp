@@ -131,6 +131,11 @@ TEST(Identify, FindsParametersThatAreKnown) {
   // Predictive bands: rollouts of the right model end inside them, those without friction miss by more than any noise.
   EXPECT_GE(error_at(best.on_held_out, 0).coverage_90, 0.8);
   EXPECT_LE(error_at(result.candidates[1].on_held_out, 0).coverage_90, 0.5);
+  // Adequacy: friction of a tenth of the drive betrays itself in 16 s; the model that has it is not accused.
+  for (const Assessed& a : result.candidates) ASSERT_EQ(a.fit.tested, a.candidate.learns()) << a.candidate.name;
+  EXPECT_TRUE(result.candidates[1].fit.history.alarm().raised) << "no friction, mass learnt";
+  EXPECT_FALSE(best.fit.history.alarm().raised)
+      << tiller_feature_name(best.fit.history.alarm().feature) << " at " << best.fit.history.alarm().data_s << " s";
 }
 
 void expect_begins_at_the_prior(const Fit& fit, const Snapshot& first) {
@@ -165,6 +170,11 @@ TEST(Identify, HistoryLeadsFromThePriorToThePosterior) {
     expect_begins_at_the_prior(assessed.fit, all.front());
     expect_ends_at_the_posterior(assessed.fit, all.back());
     for (std::size_t s = 1; s < all.size(); ++s) EXPECT_GT(all[s].data_s, all[s - 1].data_s);
+    EXPECT_TRUE(std::isnan(all[0].residual_rms.at(0))) << "no data, no residual";
+    for (std::size_t s = 1; s < all.size() && assessed.fit.tested; ++s) {
+      EXPECT_LE(all[s].residual_low[0], all[s].residual_high[0]);
+      EXPECT_LE(all[s].residual_rms[0], std::max(-all[s].residual_low[0], all[s].residual_high[0]) + 1e-12);
+    }
     EXPECT_NEAR(all.back().data_s, 2 * 7.99, 0.02) << "two logs of 800 rows, 10 ms apart";
     ASSERT_EQ(assessed.fit.history.stretches_s().size(), 2u);
     EXPECT_NEAR(assessed.fit.history.stretches_s()[1], 7.99, 0.02);
@@ -278,9 +288,12 @@ TEST(Identify, JsonHasWhatThePageNeeds) {
   EXPECT_EQ(best["traces"][0]["predictive_low"].size(), best["traces"][0]["measured"].size());
   ASSERT_EQ(best["history"]["parameters"].size(), 3u) << "only what was learnt";
   const std::size_t snapshots = best["history"]["data_s"].size();
-  for (const char* key : {"effective_samples", "noise_scale", "exponent", "acceptance"})
+  for (const char* key : {"effective_samples", "noise_scale", "exponent", "acceptance", "adequacy"})
     EXPECT_EQ(best["history"][key].size(), snapshots) << key;
   EXPECT_EQ(best["history"]["parameters"][2]["high"].size(), snapshots);
+  ASSERT_EQ(best["history"]["residuals"].size(), 1u) << "one sensor";
+  EXPECT_EQ(best["history"]["residuals"][0]["rms"].size(), snapshots);
+  EXPECT_TRUE(best.contains("alarm"));
 }
 
 TEST(Identify, EveryBadLogIsNamed) {

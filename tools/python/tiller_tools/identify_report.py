@@ -194,6 +194,12 @@ def noise_figure(candidate: dict) -> str:
     return page.svg(figure, "A step upwards marks data that the model does not explain.")
 
 
+def _running_rms(values: np.ndarray, width: int = 21) -> np.ndarray:
+    square, kernel = np.nan_to_num(values) ** 2, np.ones(min(width, len(values)))
+    count = np.convolve(np.isfinite(values), kernel, "same")
+    return np.sqrt(np.convolve(square, kernel, "same") / np.maximum(count, 1))
+
+
 def residual_figure(history: dict, channel: dict) -> str:
     """Normalised one-step residuals: extremes and RMS of what lies between two snapshots."""
     figure, ax = _history_axes(history, f"normalised residuals of {channel['name']}", height=3.2)
@@ -202,7 +208,7 @@ def residual_figure(history: dict, channel: dict) -> str:
     ax.vlines(time, low, high, color=page.BAND, linewidth=1.2, label="least to largest")
     ax.plot(time, low, ".", color=page.ESTIMATE, markersize=2)
     ax.plot(time, high, ".", color=page.ESTIMATE, markersize=2)
-    ax.plot(time, _array(channel["rms"]), color=page.TRUTH, linewidth=1.2, label="RMS")
+    ax.plot(time, _running_rms(_array(channel["rms"])), color=page.TRUTH, linewidth=1.2, label="running RMS")
     reach = min(10.0, max(4.0, 1.1 * np.nanmax(np.abs(np.concatenate([low, high])))))
     ax.set_ylim(-reach, reach)
     ax.margins(x=0)
@@ -215,11 +221,13 @@ def adequacy_figure(candidate: dict) -> str:
     history = candidate["history"]
     figure, ax = _history_axes(history, "test of the model, statistic over its threshold", height=3.2)
     ax.axhline(1, color=page.LIMIT, linewidth=1.0, label="alarm")
-    ax.plot(_array(history["data_s"]), _array(history["adequacy"]), color=page.ESTIMATE)
-    if candidate.get("alarm"):
+    time, statistic = _array(history["data_s"]), _array(history["adequacy"])
+    if candidate["alarm"]:  # latched from then on
         ax.axvline(candidate["alarm"]["data_s"], color=page.LIMIT, linestyle=(0, (4, 2)))
+        statistic = np.where(time <= candidate["alarm"]["data_s"], statistic, np.nan)
+    ax.plot(time, statistic, color=page.ESTIMATE)
+    ax.set_xlim(0, time[-1])
     ax.set_ylim(0, max(1.15, 1.1 * np.nanmax(_array(history["adequacy"]))))
-    ax.margins(x=0)
     page.legend(ax)
     return page.svg(figure, "Residuals against what a missing force would have put into them. Above 1 no value of the "
                             "parameters explains the data; one run of 10,000 steps in a hundred gets there by chance.")
