@@ -11,7 +11,7 @@
 #include <cstring>
 #include <functional>
 
-#include "linear_rig.hpp"
+#include "transition_rig.hpp"
 
 namespace {
 
@@ -215,10 +215,35 @@ TEST(Adequacy, FindsConstantForce) {
 TEST(Adequacy, FindsLateChangeOfGain) {
   const auto n =
       count("drift", tested(), [](const Moment& m) { return plain(m) + (m.tick < 600 ? 0.0 : m.gain * m.input); }, 600,
-            {tiller_feature_input, tiller_feature_input_change, tiller_feature_size});
+            {tiller_feature_input, tiller_feature_previous, tiller_feature_size});
   EXPECT_GE(n.rollouts.ratio(), 1.5);  // over the whole run, three quarters of which have no effect
   EXPECT_GE(n.in_time, kInTime);
   EXPECT_GE(n.named, n.in_time / 2);
+}
+
+/// The engine of measured states has features of its own; with no discrepancy basis that would take the friction up.
+TEST(Adequacy, FindsDryFrictionBetweenMeasuredStates) {
+  auto c = rig::transition_config();
+  c.posterior.particles = 256;
+  c.posterior.window = 32;
+  c.posterior.moves_per_tick = 32;
+  c.posterior.adequacy = 1;
+  for (const double friction : {0.0, 0.1}) {
+    int alarms = 0;
+    for (unsigned i = 0; i < 20; ++i) {
+      const auto log = rig::simulate_transitions(c, 0.9, 0.3, 200, 5000 + i, 0.1, friction);
+      Instance p(c, nullptr, rig::transition_table());
+      EXPECT_EQ(p->start(log.first), tiller_status_ok);
+      for (const auto& t : log.transitions) EXPECT_TRUE(rig::works(p->update(t)));
+      alarms += p->adequacy()->state() == tiller_adequacy_inadequate ? 1 : 0;
+      EXPECT_GT(p->adequacy()->statistic(), 0.0);
+    }
+    std::printf("measured states, dry friction %g: %d of 20\n", friction, alarms);
+    if (friction > 0.0)
+      EXPECT_GE(alarms, 18);
+    else
+      EXPECT_EQ(alarms, 0);
+  }
 }
 
 TEST(Adequacy, FindsGrowingNoise) {

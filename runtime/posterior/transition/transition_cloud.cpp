@@ -219,6 +219,8 @@ void TransitionCloud::sum_squares(const SumsJob& job, std::uint32_t first, Resid
   steps.count = job.count;
   steps.steps = steps_ + job.slot;
   steps.squared = squared;
+  // the newest transition's own are what the adequacy test looks at
+  if (config_->posterior.adequacy && job.count == 1) steps.residual = residual_ + std::size_t{first} * nx_;
   table_->residual(*config_->model, steps);
   for (std::uint32_t r = 0; r < nx_; ++r)
     transition_table().add_scaled(steps.lanes, 1.0, squared + r * steps.lanes, job.sums + r * job.stride + first);
