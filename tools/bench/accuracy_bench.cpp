@@ -1,40 +1,14 @@
 #include "accuracy_bench.hpp"
 
 #include <algorithm>
-#include <atomic>
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
-#include <mutex>
-#include <thread>
+
+#include "spread.hpp"
 
 namespace tiller::bench {
 namespace {
-
-/// work(i) for i in 0..count-1 on `threads` threads, with progress on the terminal.
-template <class Work>
-void spread(const std::string& what, int count, unsigned threads, const Work& work) {
-  std::atomic<int> next{0}, done{0};
-  std::mutex printing;
-  auto last = std::chrono::steady_clock::now();
-  const auto loop = [&] {
-    for (int i = next++; i < count; i = next++) {
-      work(i);
-      ++done;
-      const std::lock_guard<std::mutex> lock(printing);
-      const auto now = std::chrono::steady_clock::now();
-      if (now - last < std::chrono::seconds(1)) continue;
-      last = now;
-      std::fprintf(stderr, "\r\033[K%s: %d of %d", what.c_str(), done.load(), count);
-    }
-  };
-  std::vector<std::thread> pool;
-  for (unsigned i = 1; i < threads; ++i) pool.emplace_back(loop);
-  loop();
-  for (std::thread& t : pool) t.join();
-  std::fprintf(stderr, "\r\033[K");
-}
 
 void write_csv(std::FILE* csv, const char* task, double sigma, std::uint64_t seed, const Accuracy& a) {
   std::fprintf(csv, "%s,%g,%llu,%.6g,%.6g,%.6g,%.6g,%.4g,%u", task, sigma, static_cast<unsigned long long>(seed),
@@ -42,6 +16,8 @@ void write_csv(std::FILE* csv, const char* task, double sigma, std::uint64_t see
   for (std::size_t j = 0; j < a.rank.size(); ++j) std::fprintf(csv, ",%.5f,%.5f", a.rank[j], a.exact_rank[j]);
   std::fputc('\n', csv);
 }
+
+}  // namespace
 
 bool accepted(const tiller_config_t& config) {
   StepSetup setup;
@@ -52,8 +28,6 @@ bool accepted(const tiller_config_t& config) {
   return said == tiller_status_ok;
 }
 
-}  // namespace
-
 bool Bench::parse(int argc, char** argv) {
   for (int i = 1; i + 1 < argc; i += 2) {
     const std::string key = argv[i], value = argv[i + 1];
@@ -62,6 +36,8 @@ bool Bench::parse(int argc, char** argv) {
       only = value;
     else if (key == "--task")
       task_name = value;
+    else if (key == "--hidden")
+      hidden = value;
     else if (key == "--sigma")
       sigma = std::atof(value.c_str());
     else if (key == "--runs")

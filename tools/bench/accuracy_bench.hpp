@@ -26,7 +26,7 @@ struct Bench {
   unsigned threads = 2;
   bool filter = false;
   double sigma = 0.0;  ///< 0: all
-  std::string only, task_name, export_folder;
+  std::string only, task_name, hidden, export_folder;
   int particles = 0, window = 0, moves = 0, robust = 0, discrepancy = 0;  ///< 0: the engine's default sizes
   double scouts = -1.0;
   std::FILE *json = nullptr, *csv = nullptr;
@@ -43,6 +43,9 @@ struct Bench {
   std::vector<Accuracy> run_short() const;
   std::vector<Accuracy> run_encoders(const AccuracyTask& task, double sigma, int count) const;
 };
+
+/// False, with the reason on stderr, where the engine refuses the configuration.
+bool accepted(const tiller_config_t& config);
 
 /// The task with positions alone measured, under noise of kEncoderSd, for the filter.
 tiller_config_t encoder_config(const AccuracyTask& task);

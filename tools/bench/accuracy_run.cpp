@@ -37,7 +37,7 @@ double true_value(const AccuracyTask& task, const Episode& episode, int j) {
 }  // namespace
 
 EngineResult run_engine(const AccuracyTask& task, const tiller_config_t& config, const Episode& episode,
-                        const double* reading_sd) {
+                        const double* reading_sd, const std::function<void(std::uint32_t, const Posterior&)>& on_tick) {
   StepSetup setup;
   if (make_step_setup(config, setup) != tiller_status_ok) std::abort();
   const RolloutTable& table = select_rollout(*config.model);
@@ -66,6 +66,7 @@ EngineResult run_engine(const AccuracyTask& task, const tiller_config_t& config,
   for (std::uint32_t k = 1; k <= episode.ticks; ++k) {
     const tiller_status_t said = posterior->update(transitions[k]);
     out.faults += said != tiller_status_ok && said < 200;
+    if (on_tick) on_tick(k, *posterior);
   }
   out.seconds = thread_seconds() - begun;
 

@@ -3,6 +3,7 @@
 // An engine on an episode, and its particles against the exact posterior.
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "exact_likelihood.hpp"
@@ -19,10 +20,11 @@ struct EngineResult {
   std::uint32_t faults = 0;  ///< updates that returned a fault or a refusal
 };
 
-/// Runs `config` (posterior settings included) over the episode; its measured states are read from the episode with
-/// Gaussian noise of `reading_sd` (ny; null: none).
+/// Runs `config` (posterior settings included) over the episode; its measured states are read from the episode (NaN:
+/// missing) with Gaussian noise of `reading_sd` (ny; null: none). `on_tick` is called after every update.
 EngineResult run_engine(const AccuracyTask& task, const tiller_config_t& config, const Episode& episode,
-                        const double* reading_sd = nullptr);
+                        const double* reading_sd = nullptr,
+                        const std::function<void(std::uint32_t tick, const Posterior&)>& on_tick = {});
 
 /// One run's comparison, in nats. gap = online - exact: a loss is negative.
 struct Accuracy {

@@ -13,7 +13,7 @@ const tiller_model_t& rod_acrobot_model();
 namespace {
 
 constexpr double kInf = INFINITY;
-constexpr std::uint32_t kTruthStream = 101, kInputStream = 102, kNoiseStream = 103, kShortStream = 104;
+constexpr std::uint32_t kShortStream = 104;
 
 tiller_prior_t fixed(double value) { return {tiller_prior_fixed, 0, value, 0.0, -kInf, kInf}; }
 tiller_prior_t uniform(double low, double high) { return {tiller_prior_uniform, 0, 0.0, 0.0, low, high}; }
@@ -86,28 +86,6 @@ AccuracyTask acrobot(const char* name, std::initializer_list<tiller_prior_t> pri
   return t;
 }
 
-double draw_prior(const tiller_prior_t& p, Rng& rng) { return from_coordinate(p, prior_quantile(p, rng.uniform())); }
-
-/// The commands of `lanes` systems at once: each has an excitation of its own.
-class Commands {
- public:
-  Commands(const AccuracyTask& task, std::uint64_t seed) : task_(task), rng_(seed, kInputStream, 0) {}
-  void next(std::uint32_t tick, const double* state, double* u) {
-    const Excitation& e = task_.excitation;
-    for (std::uint32_t i = 0; i < task_.inputs(); ++i) {
-      if (tick % e.hold == 0) push_[i] = e.amplitude * (2.0 * rng_.uniform() - 1.0);
-      double back = 0.0;
-      for (std::uint32_t s = 0; s < task_.states(); ++s) back += e.feedback[s] * state[s];
-      u[i] = std::clamp(push_[i] - back, -e.limit, e.limit);
-    }
-  }
-
- private:
-  const AccuracyTask& task_;
-  Rng rng_;
-  double push_[TILLER_MAX_INPUTS] = {};
-};
-
 Episode play(const AccuracyTask& task, const double* noise_sd, std::uint32_t ticks, std::uint64_t seed) {
   Episode e;
   e.ticks = ticks;
@@ -115,10 +93,8 @@ Episode play(const AccuracyTask& task, const double* noise_sd, std::uint32_t tic
   e.nu = task.inputs();
   e.state.resize((ticks + 1) * e.nx);
   e.input.resize(ticks * e.nu);
-  Rng truth(seed, kTruthStream, 0), noise(seed, kNoiseStream, 0);
-  for (std::uint32_t i = 0; i < task.config.param_count; ++i)
-    e.truth.push_back(task.config.priors[i].kind == tiller_prior_fixed ? task.config.priors[i].a
-                                                                       : draw_prior(task.config.priors[i], truth));
+  Rng noise(seed, kNoiseStream, 0);
+  e.truth = draw_truth(task, seed);
   std::copy_n(task.config.initial_state, e.nx, e.state.begin());
   const StepSetup setup = setup_of(task.config);
   std::vector<double> params(task.config.param_count * kLanePadding), next(e.nx * kLanePadding);
@@ -148,6 +124,26 @@ tiller_prior_t random_prior(double low, double high, Rng& rng) {
 }
 
 }  // namespace
+
+std::vector<double> draw_truth(const AccuracyTask& task, std::uint64_t seed) {
+  Rng rng(seed, kTruthStream, 0);
+  std::vector<double> truth;
+  for (std::uint32_t i = 0; i < task.config.param_count; ++i) {
+    const tiller_prior_t& p = task.config.priors[i];
+    truth.push_back(p.kind == tiller_prior_fixed ? p.a : from_coordinate(p, prior_quantile(p, rng.uniform())));
+  }
+  return truth;
+}
+
+void Commands::next(std::uint32_t tick, const double* state, double* u) {
+  const Excitation& e = task_.excitation;
+  for (std::uint32_t i = 0; i < task_.inputs(); ++i) {
+    if (tick % e.hold == 0) push_[i] = e.amplitude * (2.0 * rng_.uniform() - 1.0);
+    double back = 0.0;
+    for (std::uint32_t s = 0; s < task_.states(); ++s) back += e.feedback[s] * state[s];
+    u[i] = std::clamp(push_[i] - back, -e.limit, e.limit);
+  }
+}
 
 void step_lanes(const tiller_config_t& config, const StepSetup& setup, std::uint32_t lanes, const double* state,
                 const double* params, const double* input, double* next) {

@@ -46,6 +46,24 @@ struct AccuracyTask {
 /// Two unknowns: cart-pole, pendulum, acrobot masses, acrobot lengths; four: all of the acrobot's.
 std::vector<AccuracyTask> accuracy_tasks();
 
+/// Streams of a seed's random numbers: true parameters, inputs, noise of the transitions.
+constexpr std::uint32_t kTruthStream = 101, kInputStream = 102, kNoiseStream = 103;
+
+/// (np) the task's parameters, those with a prior drawn from it.
+std::vector<double> draw_truth(const AccuracyTask& task, std::uint64_t seed);
+
+/// The excitation of one episode; `task` outlives it.
+class Commands {
+ public:
+  Commands(const AccuracyTask& task, std::uint64_t seed) : task_(task), rng_(seed, kInputStream, 0) {}
+  void next(std::uint32_t tick, const double* state, double* u);  ///< state (nx) as it is, u (nu)
+
+ private:
+  const AccuracyTask& task_;
+  Rng rng_;
+  double push_[TILLER_MAX_INPUTS] = {};
+};
+
 /// What was recorded, in double.
 struct Episode {
   std::uint32_t ticks = 0, nx = 0, nu = 0;
