@@ -6,6 +6,7 @@
 #include <deque>
 #include <map>
 #include <memory>
+#include <mutex>
 
 #include "sim/effects/effects.hpp"
 #include "sim/mechanism.hpp"
@@ -13,7 +14,7 @@
 namespace tiller::bench {
 namespace {
 
-constexpr double kOdeStep = 1e-4;
+constexpr double kOdeStep = 1e-4;  // its integrator is of first order
 constexpr double kOutlierScale = 30.0;
 constexpr std::uint32_t kReadingStream = 131, kLossStream = 132, kOutlierStream = 133;
 
@@ -60,6 +61,9 @@ class OdeWorld final : public World {
         info_(*sim::find_mechanism(model_.name)),
         hidden_(hidden) {}
   void step(const double* params, const double* state, const double* input, double* next) override {
+    // ODE steps all worlds through one threading object without locks: one at a time
+    static std::mutex one_at_a_time;
+    const std::lock_guard<std::mutex> lock(one_at_a_time);
     build(params);
     mechanism_->place({state, state + model_.state_count});
     for (int k = 0; k < std::lround(period_s_ / kOdeStep); ++k) {
