@@ -12,6 +12,8 @@ namespace {
 using namespace tiller;
 using namespace tiller::bench;
 
+constexpr std::uint64_t kFirstSeed = 300001;  // apart from those that scores are taken on and settings chosen on
+
 tiller_config_t with_engine(const AccuracyTask& task, std::uint64_t seed) {
   tiller_config_t c = task.config;
   c.seed = seed;
@@ -34,7 +36,7 @@ std::vector<AccuracyTask> two_unknowns() {
 TEST(Accuracy, AsSharpAsTheExactPosterior) {
   std::vector<double> loss;
   for (const AccuracyTask& task : two_unknowns())
-    for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    for (std::uint64_t seed = kFirstSeed; seed < kFirstSeed + 10; ++seed) {
       const Accuracy a = compare(task, with_engine(task, seed), make_episode(task, 0.03, kEpisodeTicks, seed), seed);
       loss.push_back(-a.gap());
       EXPECT_EQ(a.faults, 0u);
@@ -49,7 +51,7 @@ TEST(Accuracy, RanksAreUniform) {
   Family family;
   for (const AccuracyTask& task : two_unknowns()) {
     std::vector<Ranks> ranks(task.inferred.size());
-    for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    for (std::uint64_t seed = kFirstSeed; seed < kFirstSeed + 200; ++seed) {
       const EngineResult r = run_engine(task, with_engine(task, seed), make_episode(task, 0.1, 60, seed));
       for (std::size_t j = 0; j < ranks.size(); ++j) ranks[j].add(r.rank[j]);
     }
