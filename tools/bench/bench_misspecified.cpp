@@ -56,8 +56,8 @@ std::vector<Trial> trials(const AccuracyTask& task) {
     all.push_back(t);
   };
   add("nothing", Remedy::all, false, [](Hidden&) {});
-  add("viscous friction", Remedy::discrepancy, true, [&](Hidden& h) { h.viscous = cart ? 2.0 : 0.1; });
-  add("Coulomb friction", Remedy::discrepancy, true, [&](Hidden& h) { h.coulomb = cart ? 2.0 : 0.25; });
+  add("viscous friction", Remedy::discrepancy, true, [&](Hidden& h) { h.viscous = cart ? 1.0 : 0.5; });
+  add("Coulomb friction", Remedy::discrepancy, true, [&](Hidden& h) { h.coulomb = cart ? 1.0 : 2.0; });
   add("delay of one period", Remedy::delays, true, [](Hidden& h) { h.delay = 1; });
   add("drift of a mass by half", Remedy::forgetting, false, [](Hidden& h) { h.ramp = 1.5; });
   add("gain 20 % up", Remedy::discrepancy, true, [](Hidden& h) { h.gain = 1.2; });

@@ -102,6 +102,15 @@ std::unique_ptr<World> make_world(const AccuracyTask& task, const Hidden& hidden
   return std::make_unique<OdeWorld>(task, hidden);
 }
 
+/// Frictions as forces: what stands in `hidden` times the inertia at the actuated joint.
+Hidden as_forces(const AccuracyTask& task, Hidden hidden, const std::vector<double>& truth) {
+  const bool cart = task.name == "cart-pole";
+  const double inertia = cart ? truth[0] + truth[1] : truth[0] * truth[1] * truth[1];
+  hidden.viscous *= inertia;
+  hidden.coulomb *= inertia;
+  return hidden;
+}
+
 /// The drifting parameter over its first value, at a share of the run.
 double drift(const Hidden& hidden, std::uint32_t tick, std::uint32_t ticks) {
   if (hidden.jump_tick > 0) return tick < hidden.jump_tick ? 1.0 : hidden.ramp;
@@ -136,7 +145,7 @@ Readings read_plant(const AccuracyTask& task, const Hidden& hidden, Source sourc
   std::copy_n(task.config.initial_state, e.nx, out.state.begin());
   Rng noise(seed, kNoiseStream, 0), outlier(seed, kOutlierStream, 0);
   Commands commands(task, seed);
-  const auto world = make_world(task, hidden, source);
+  const auto world = make_world(task, as_forces(task, hidden, e.truth), source);
   std::vector<double> params = e.truth, sent(e.nu);
   for (std::uint32_t k = 0; k < ticks; ++k) {
     commands.next(k, &out.state[k * e.nx], &e.input[k * e.nu]);

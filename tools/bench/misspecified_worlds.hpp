@@ -10,11 +10,12 @@
 
 namespace tiller::bench {
 
-/// What the model lacks. Strengths are SI; all zero: nothing.
+/// What the model lacks; all zero: nothing. Frictions are in terms of the true inertia at the actuated joint (all masses
+/// of the cart-pole, m l^2 of the pendulum), so that light and heavy systems are slowed down alike.
 struct Hidden {
   std::string name = "nothing";
-  double viscous = 0.0;         ///< N s/m or N m s at the actuated joint
-  double coulomb = 0.0;         ///< N or N m at the actuated joint
+  double viscous = 0.0;         ///< 1/s at the actuated joint
+  double coulomb = 0.0;         ///< m/s^2 or rad/s^2 at the actuated joint
   std::uint32_t delay = 0;      ///< periods between a command and its effect
   double gain = 1.0;            ///< effect of a command over the command
   double ramp = 1.0;            ///< drifting parameter: end over beginning, along a line
