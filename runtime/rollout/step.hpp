@@ -146,8 +146,8 @@ struct Stepper {
   /// The inputs that act in this period; past(trajectory, i, port): the command of input `port` i periods ago.
   template <int kCount, int kSets, class Past>
   TILLER_INLINE void acting_commands(Input* commands, const Parameters<Model, S>* p, const Past& past) const {
-    for_effects<Hook::period_input>([&](auto effect, const EffectSlot& slot) {
-      each(model.nu(), [&](auto i) {
+    for_effects<Hook::period_input>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
+      each(model.nu(), [&](auto i) TILLER_INLINED {
         if (static_cast<int>(i) != slot.port) return;
         for (int r = 0; r < kCount; ++r)
           commands[r][i] = effect.apply_period(
@@ -166,16 +166,16 @@ struct Stepper {
   /// Input effects and force effects, before the free step.
   template <int kCount, int kSets>
   TILLER_INLINE void act(Trajectory<Model, S>* t, Input* u, Force* f, const Parameters<Model, S>* p) const {
-    for_effects<Hook::input>([&](auto effect, const EffectSlot& slot) {
-      each(model.nu(), [&](auto i) {
+    for_effects<Hook::input>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
+      each(model.nu(), [&](auto i) TILLER_INLINED {
         if (static_cast<int>(i) != slot.port) return;
         for (int r = 0; r < kCount; ++r)
           u[r][i] = effect.apply(u[r][i], t[r].effect_state + slot.state, effect_params(p[kSets == 1 ? 0 : r], slot),
                                  S(substep_s));
       });
     });
-    for_effects<Hook::force>([&](auto effect, const EffectSlot& slot) {
-      each(model.nf(), [&](auto j) {
+    for_effects<Hook::force>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
+      each(model.nf(), [&](auto j) TILLER_INLINED {
         if (static_cast<int>(j) != slot.port) return;
         const auto k = model.force_index(j);
         for (int r = 0; r < kCount; ++r) {
@@ -193,7 +193,7 @@ struct Stepper {
   template <int kCount, int kSets>
   TILLER_INLINE void respond(Response* response, const State* next, const Trajectory<Model, S>* t, const Input* u,
                              const Force* f, const Parameters<Model, S>* p) const {
-    each(model.nf(), [&](auto j) {
+    each(model.nf(), [&](auto j) TILLER_INLINED {
       if (!((rubbing >> static_cast<int>(j)) & 1u)) return;
       for (int r = 0; r < kCount; ++r) {
         State middle;
@@ -207,14 +207,14 @@ struct Stepper {
   TILLER_INLINE void dissipate(State* next, Trajectory<Model, S>* t, const Response* response,
                                const Parameters<Model, S>* p) const {
     const double position_share = setup.integrator == tiller_integrator_semi_implicit_euler ? 1.0 : 0.5;
-    for_effects<Hook::dissipation>([&](auto effect, const EffectSlot& slot) {
-      each(model.nf(), [&](auto j) {
+    for_effects<Hook::dissipation>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
+      each(model.nf(), [&](auto j) TILLER_INLINED {
         if (static_cast<int>(j) != slot.port) return;
         for (int r = 0; r < kCount; ++r) {
           const S* column = response[r][j];
           const S push = effect.force(model.template velocity<S>(t[r].x, j), model.template velocity<S>(next[r], j),
                                       S(substep_s) * column[j], effect_params(p[kSets == 1 ? 0 : r], slot));
-          each(model.nf(), [&](auto i) {
+          each(model.nf(), [&](auto i) TILLER_INLINED {
             const S change = S(substep_s) * column[i] * push;
             model.template velocity<S>(next[r], i) = model.template velocity<S>(next[r], i) + change;
             if (S* q = model.template position<S>(next[r], i)) *q = *q + S(position_share * substep_s) * change;
