@@ -201,14 +201,20 @@ struct ResidualKernel {
           advance(step, b, steps, k, p, moved);
         else
           advance_bare<kIntegrator>(step, b, k, p.model, moved);
+        P e[kStates], weighted[kStates];
         each(Model::nx(), [&](auto i) {
-          const P e = P(b.change[i][k]) - moved[i];
-          const P weighted = e * P(b.weight[i][k]);
-          squared[i] = squared[i] + weighted * e;
-          if (residual) e.store(residual + (static_cast<std::size_t>(k) * kStates + i) * lanes + lane);
-          if ((basis_rows >> i) & 1u)
-            for (int j = 0; j < kBasis; ++j) projected[i][j] = projected[i][j] + weighted * P(b.basis[j][k]);
+          e[i] = P(b.change[i][k]) - moved[i];
+          weighted[i] = e[i] * P(b.weight[i][k]);
+          squared[i] = squared[i] + weighted[i] * e[i];
         });
+        if (residual)
+          each(Model::nx(),
+               [&](auto i) { e[i].store(residual + (static_cast<std::size_t>(k) * kStates + i) * lanes + lane); });
+        if (basis_rows)
+          each(Model::nx(), [&](auto i) {
+            if ((basis_rows >> i) & 1u)
+              for (int j = 0; j < kBasis; ++j) projected[i][j] = projected[i][j] + weighted[i] * P(b.basis[j][k]);
+          });
       }
       if (job.squared) each(Model::nx(), [&](auto i) { add(job.squared + i * lanes + lane, squared[i]); });
       for (std::uint32_t i = 0; basis_rows >> i; ++i)
