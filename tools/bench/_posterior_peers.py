@@ -179,7 +179,7 @@ def tiller_on(build, task, sigma, tests):
                     "--runs", str(tests), "--csv", str(out)], stdout=subprocess.DEVNULL, check=False)
     table = [line.split(",") for line in out.read_text(encoding="utf-8").splitlines()[1:]]
     ranks = np.array([[float(v) for v in line[9::2]] for line in table])
-    return (statistics.mean(float(line[3]) for line in table), 400e-6 * statistics.mean(float(line[7]) for line in table),
+    return (statistics.mean(float(line[3]) for line in table), 1e-6 * statistics.mean(float(line[7]) for line in table),
             np.mean((ranks > 0.05) & (ranks < 0.95), axis=0))
 
 
