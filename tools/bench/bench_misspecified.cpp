@@ -173,7 +173,7 @@ void report_power(Table& table, const Bench& bench, const std::string& only) {
           if (ratio[i] < 3.0) continue;
           ++judged;
           caught += alarm[i] > 0.0;
-          delay.push_back(alarm[i] > 0.0 ? alarm[i] : 1e9);
+          delay.push_back(alarm[i] > 0.0 ? alarm[i] : INFINITY);
         }
         const std::string what = task.name + " (" + source_name(source) + "), " + trial.hidden.name + ": " +
                                  std::to_string(judged) + " runs" +
