@@ -18,7 +18,7 @@ namespace tiller {
 /// the others predict no better.
 ///
 /// Where a faster rate predicts better by kClear nats, what the slower ones know has become untrue: they begin anew from
-/// the prior, as trusted as the best. (A faster cloud's own sums are no good
+/// the prior, are not used while they learn, and come back as trusted as the best. (A faster cloud's own sums are no good
 /// start: they still hold the old data's share, which a slower one would keep for long.)
 ///
 /// Cost of an update: D + R - 1 updates of the engine; memory likewise, and one configuration each.
@@ -72,6 +72,7 @@ class BankPosterior final : public Posterior {
   void forget_evidence();
   void weigh_delays(const double* log_predictive);
   void weigh_rates(const double* log_predictive);
+  bool on_trial(std::uint32_t rate) const;
   void leave_what_has_changed();
   void begin_anew(std::uint32_t rate);
   void set_member_weights();

@@ -20,8 +20,10 @@ constexpr double kLogFaster = -2.5;
 /// A faster rate that predicts better by this: not by a cluster of large values, which a faster rate's wider noise
 /// explains better by up to ten nats, but by a change, of which a single tick often tells more.
 constexpr double kClear = 20.0;
-/// Ticks for which a cloud that began anew may not be left again.
-constexpr std::uint32_t kTrial = 20;
+/// Ticks that a cloud which began anew has to learn in: what it predicts meanwhile is as wide as the prior, says nothing
+/// of its rate, and neither counts nor is used. Twice the memory of a rate of .94, so that a slower cloud comes out of it
+/// knowing more of the robot as it is now than the faster one that it takes over from.
+constexpr std::uint32_t kTrial = 32;
 
 /// What a non-finite density, of a cloud that died, is taken for.
 constexpr double kDead = -50.0;
@@ -59,25 +61,29 @@ void BankPosterior::weigh_delays(const double* log_predictive) {
 void BankPosterior::weigh_rates(const double* log_predictive) {
   double largest = -HUGE_VAL;
   for (std::uint32_t i = 0; i < rates_; ++i) {
+    if (on_trial(i)) continue;
     rate_evidence_[i] = kKept * rate_evidence_[i] + finite(log_predictive[member_of_rate(i)]);
     largest = std::fmax(largest, rate_evidence_[i]);
-    if (age_[i] < kTrial) ++age_[i];
   }
-  for (std::uint32_t i = 0; i < rates_; ++i) rate_evidence_[i] -= largest;
+  // who is on trial comes out of it level with the best
+  for (std::uint32_t i = 0; i < rates_; ++i) rate_evidence_[i] = on_trial(i) ? 0.0 : rate_evidence_[i] - largest;
+  for (std::uint32_t i = 0; i < rates_; ++i)
+    if (on_trial(i)) ++age_[i];
 }
+
+bool BankPosterior::on_trial(std::uint32_t rate) const { return age_[rate] < kTrial; }
 
 void BankPosterior::leave_what_has_changed() {
   for (std::uint32_t slow = 0; slow + 1 < rates_; ++slow) {
     bool behind = false;
     for (std::uint32_t fast = slow + 1; fast < rates_; ++fast)
-      behind = behind || rate_evidence_[fast] - rate_evidence_[slow] > kClear;
-    if (!behind || age_[slow] < kTrial) continue;
+      behind = behind || (!on_trial(fast) && rate_evidence_[fast] - rate_evidence_[slow] > kClear);
+    if (!behind || on_trial(slow)) continue;
     begin_anew(slow);
     ++restarts_;
   }
 }
 
-/// As trusted as the best: a cloud as wide as the prior predicts badly where nothing has changed, and falls back at once.
 void BankPosterior::begin_anew(std::uint32_t rate) {
   restart_rate(rate);
   rate_evidence_[rate] = 0.0;
@@ -89,12 +95,15 @@ void BankPosterior::set_member_weights() {
   for (std::uint32_t j = 0; j < delays_; ++j) sum += delay_weight_[j] = std::exp(delay_evidence_[j]);
   for (std::uint32_t j = 0; j < delays_; ++j) delay_weight_[j] /= sum;
   double largest = -HUGE_VAL;
-  for (std::uint32_t i = 0; i < rates_; ++i) largest = std::fmax(largest, rate_evidence_[i] + (i ? kLogFaster : 0.0));
+  bool any_learnt = false;
+  for (std::uint32_t i = 0; i < rates_; ++i) any_learnt = any_learnt || !on_trial(i);
+  const auto log_weight = [&](std::uint32_t i) {
+    if (any_learnt && on_trial(i)) return -HUGE_VAL;
+    return rate_evidence_[i] + (i ? kLogFaster : 0.0);
+  };
+  for (std::uint32_t i = 0; i < rates_; ++i) largest = std::fmax(largest, log_weight(i));
   sum = 0.0;
-  for (std::uint32_t i = 0; i < rates_; ++i) {
-    const double log_weight = rate_evidence_[i] + (i ? kLogFaster : 0.0) - largest;
-    sum += rate_weight_[i] = std::exp(log_weight);
-  }
+  for (std::uint32_t i = 0; i < rates_; ++i) sum += rate_weight_[i] = std::exp(log_weight(i) - largest);
   for (std::uint32_t i = 0; i < rates_; ++i) rate_weight_[i] /= sum;
 
   // delays other than the leading one have clouds of the first rate alone

@@ -185,6 +185,13 @@ void TransitionCloud::forget() {
   }
   for (std::uint64_t k = begin_; k + 1 < end_; ++k)
     set_weight(static_cast<std::uint32_t>(k % capacity_), steps_[k % capacity_].weight * keep_);
+
+  // the weights are those of what is left, before the new residual counts: its predictive density is taken under them
+  evidence_.prepare();
+  evidence_.log_likelihood(n_, total_, n_, gain_);
+  transition_table().split_weights(n_, cloud_.log_weight, log_likelihood_, exponent_, gain_, base_, gain_);
+  cloud_.set_weights(base_, gain_, exponent_);
+  std::memcpy(log_likelihood_, gain_, sizeof(double) * n_);
 }
 
 void TransitionCloud::sum_ring(Lanes<float> params, std::uint32_t lanes, double* sums, std::uint32_t stride) {
