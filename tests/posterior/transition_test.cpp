@@ -243,6 +243,39 @@ TEST(Transition, PredictiveDensitiesMultiplyToTheEvidence) {
   EXPECT_NEAR(sum, expected, 1e-3) << "residuals are in single precision";
 }
 
+/// With nothing to infer, each predictive density is the Student t of what forgetting has left so far.
+TEST(Transition, PredictiveDensitiesAreThoseOfWhatForgettingLeaves) {
+  auto c = rig::transition_config();
+  c.priors[0] = rig::fixed(0.9);
+  c.priors[1] = rig::fixed(0.3);
+  c.posterior.discrepancy = 0;
+  c.posterior.forgetting_count = 1;
+  c.posterior.forgetting[0] = 0.9;
+  const auto log = rig::simulate_transitions(c, 0.9, 0.3, 60, 4);
+  Instance p(c, nullptr, rig::transition_table());
+  ASSERT_EQ(p->start(log.first), tiller_status_ok);
+  const double a0 = c.posterior.noise_scale_shape;
+  double known = 0.0, squares[2] = {}, state[2] = {log.first[0], log.first[1]};
+  for (const auto& t : log.transitions) {
+    const double e[2] = {t.measured[0] - state[0] - t.period_s * state[1],
+                         t.measured[1] - state[1] - t.period_s * (0.9 * t.input[0] - 0.3 * state[1])};
+    known *= 0.9;
+    double expected = 0.0;
+    for (int r = 0; r < 2; ++r) {
+      squares[r] *= 0.9;
+      const double shape = a0 + 0.5 * known;
+      const double scale = a0 * c.process_sd[r] * c.process_sd[r] * t.period_s + 0.5 * squares[r];
+      expected += std::lgamma(shape + 0.5) - std::lgamma(shape) - 0.5 * std::log(2.0 * M_PI * scale) -
+                  (shape + 0.5) * std::log1p(0.5 * e[r] * e[r] / scale);
+      squares[r] += e[r] * e[r];
+      state[r] = t.measured[r];
+    }
+    known += 1.0;
+    ASSERT_EQ(p->update(t), tiller_status_ok);
+    ASSERT_NEAR(p->log_predictive(), expected, 1e-4) << "residuals are in single precision";
+  }
+}
+
 struct Coverage {
   int covered90[2] = {}, covered50[2] = {}, runs = 0;
 };
