@@ -108,7 +108,9 @@ void take_in(Posterior& posterior, const tiller_config_t& config, const std::vec
   }
 }
 
-bool check(const tiller_config_t& config, std::string& error) {
+}  // namespace
+
+bool can_be_fitted(const tiller_config_t& config, std::string& error) {
   const char* field = nullptr;
   const tiller_status_t status = tiller_config_check(&config, &field);
   if (status == tiller_status_ok) return true;
@@ -116,8 +118,6 @@ bool check(const tiller_config_t& config, std::string& error) {
           (field ? field : "?") + ")";
   return false;
 }
-
-}  // namespace
 
 bool Candidate::learns() const {
   for (std::uint32_t i = 0; i < config.param_count; ++i)
@@ -147,7 +147,7 @@ bool fit(const Candidate& candidate, const std::vector<Stretch>& stretches, cons
   config.posterior.moves_per_tick = options.moves;
   config.posterior.adequacy = 1;
   StepSetup setup;
-  if (!check(config, error)) return false;
+  if (!can_be_fitted(config, error)) return false;
   if (make_step_setup(config, setup) != tiller_status_ok) {
     error = candidate.name + ": an effect's port is not the model's";
     return false;

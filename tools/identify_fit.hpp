@@ -59,6 +59,9 @@ struct Fit {
   std::uint64_t simulations = 0, diverged = 0;
 };
 
+/// Whether the library takes the configuration; a sentence in `error` if not.
+bool can_be_fitted(const tiller_config_t& config, std::string& error);
+
 /// Learns the candidate's parameters from the stretches, one after the other, through the runtime's posterior; the
 /// state estimate begins anew with each. False with a sentence in `error`.
 bool fit(const Candidate& candidate, const std::vector<Stretch>& stretches, const FitOptions& options, Fit& result,

@@ -66,15 +66,6 @@ void summarise(const Candidate& candidate, const MethodResult& found, Fit& resul
                                          (found.params[s * np + j] - posterior.mean[j]);
 }
 
-bool check(const tiller_config_t& config, std::string& error) {
-  const char* field = nullptr;
-  const tiller_status_t status = tiller_config_check(&config, &field);
-  if (status == tiller_status_ok) return true;
-  error = std::string("the configuration cannot be fitted: ") + tiller_status_text(status) + " (" +
-          (field ? field : "?") + ")";
-  return false;
-}
-
 }  // namespace
 
 bool fit_by_method(const Candidate& candidate, const std::vector<Stretch>& stretches, const std::vector<Grid>& grids,
@@ -85,7 +76,7 @@ bool fit_by_method(const Candidate& candidate, const std::vector<Stretch>& stret
     return false;
   }
   if (options.method == "posterior" || !candidate.learns()) return fit(candidate, stretches, options, result, error);
-  if (!check(candidate.config, error)) return false;
+  if (!can_be_fitted(candidate.config, error)) return false;
   MethodProblem problem;
   problem.config = &candidate.config;
   problem.params = candidate.params;

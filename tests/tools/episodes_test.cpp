@@ -12,6 +12,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "read_all.hpp"
 #include "tools/exit_codes.hpp"
 
 namespace tiller::tools {
@@ -19,12 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string read_all(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::stringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
+using test::read_all;
 
 /// A cart-pole that is cheap to steer: two unknown parameters, few particles and rollouts.
 RobotFile small_robot() {

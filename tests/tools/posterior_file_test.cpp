@@ -1,6 +1,7 @@
 // Posterior files: written whole or not at all, read with suspicion.
 
 #include "tools/posterior_file.hpp"
+#include "read_all.hpp"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -26,12 +27,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string read_all(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::stringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
+using test::read_all;
 
 std::unique_ptr<RobotFile> good_robot() {
   std::string errors;

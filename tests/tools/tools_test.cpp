@@ -10,6 +10,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "read_all.hpp"
 #include "robot_text.hpp"
 #include "tools/export_config.hpp"
 #include "tools/output_file.hpp"
@@ -25,12 +26,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string read_all(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::stringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
+using test::read_all;
 
 class Scratch : public testing::Test {
  protected:
