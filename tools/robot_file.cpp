@@ -116,11 +116,35 @@ std::string remedy_for(const Words& path) {
   return (spec ? std::string(spec->help) + "; " : std::string()) + "see `tiller help robot-file`";
 }
 
+/// What an engine of the posterior wants of the rest of the file; empty where the field is a setting of its own.
+std::string engine_wants(const RobotFile& robot, const std::string& field) {
+  if (field == "measurement" || field == "measured_state") {
+    Words missing;
+    for (const std::string& state : robot.states)
+      if (std::find(robot.measurements.begin(), robot.measurements.end(), state) == robot.measurements.end())
+        missing.push_back(state);
+    return "wants every state measured; [measurement] lacks " + join(missing, ", ");
+  }
+  if (field == "effects") return "takes no effect with a state of its own, such as actuator_lag";
+  if (field == "posterior.kind" && robot.config.posterior.kind == tiller_posterior_conjugate)
+    return "wants a step that is affine in the parameters that have priors";
+  if (field == "model") return "wants a model whose kernels take residuals";
+  if (field.compare(0, 6, "priors") == 0) return "wants normal priors without bounds";
+  return {};
+}
+
 /// What only the library's own check sees: multiples, and combinations of values.
 void check_whole(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   const char* field = nullptr;
   const tiller_status_t status = tiller_config_check(&robot.config, &field);
   if (status == tiller_status_ok) return;
+  const std::string wants = status == tiller_status_bad_posterior ? engine_wants(robot, field ? field : "") : "";
+  if (!wants.empty()) {
+    const toml::node* kind = root["posterior"]["kind"].node();
+    const std::string name = posterior_names()[robot.config.posterior.kind];
+    const std::string problem = "the engine " + name + " " + wants;
+    if (kind) return errors.at(*kind, "posterior.kind", problem, "kind = \"filter\" takes any");
+  }
   const Words path = trace_field(robot, field ? field : "");
   std::string found;
   const toml::node* node = find_node(root, path, found);

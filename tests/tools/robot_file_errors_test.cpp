@@ -22,6 +22,10 @@ struct Mistake {
 };
 
 const Mistake kMistakes[] = {
+    {"engine_without_rates", "[posterior]\n", "[posterior]\nkind = \"transition\"\n", "kind = \"transition\"",
+     "posterior.kind = \"transition\"", "[measurement] lacks velocity_m_s, rate_rad_s"},
+    {"rates_that_grow", "[posterior]\n", "[posterior]\nforgetting = [0.9, 1]\n", "forgetting", "posterior.forgetting",
+     "largest first"},
     {"unknown_key", "horizon = 40", "horizn = 40", "horizn", "planner.horizn", "did you mean horizon?"},
     {"unknown_key_in_limits", "safe = 1", "save = 1", "force_N = { low", "limits.force_N.save", "did you mean safe?"},
     {"unknown_section", "[recorder]", "[recoder]", "[recoder]", "[recoder]", "did you mean recorder?"},
