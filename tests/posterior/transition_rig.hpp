@@ -23,12 +23,21 @@ inline void linear_residual(const tiller_model_t&, const tiller::ResidualJob& jo
   }
 }
 
+/// With what acts at the joint beside the model.
 inline void linear_rollout(const tiller_model_t&, const tiller::RolloutJob<double>& job) {
   for (std::uint32_t l = 0; l < job.lanes; ++l) {
     const double gain = job.params.data[l], damping = job.params.data[job.params.stride + l];
     job.final_state[l] = job.state.data[0] + job.period_s * job.state.data[1];
-    job.final_state[job.lanes + l] =
-        job.state.data[1] + job.period_s * (gain * job.controls.data[0] - damping * job.state.data[1]);
+    const double before = job.state.data[1];
+    double velocity = before + job.period_s * (gain * job.controls.data[0] - damping * before);
+    for (std::uint32_t e = 0; job.setup && e < job.setup->effect_count; ++e) {
+      const tiller::EffectSlot& slot = job.setup->effects[e];
+      const double impulse = job.period_s * job.params.data[slot.param * job.params.stride + l];
+      if (slot.kind == tiller_effect_constant_offset) velocity += impulse;
+      if (slot.kind == tiller_effect_viscous_friction) velocity -= impulse * before;
+      if (slot.kind == tiller_effect_coulomb_friction) velocity -= std::fmax(-impulse, std::fmin(impulse, velocity));
+    }
+    job.final_state[job.lanes + l] = velocity;
   }
 }
 
@@ -80,7 +89,7 @@ struct TransitionLog {
   std::vector<tiller::Transition> transitions;
 };
 
-/// `coulomb` acts on the velocity and is no part of the model.
+/// `coulomb` acts on the velocity as it changes within the step, and is no part of the model.
 inline TransitionLog simulate_transitions(const tiller_config_t& c, double gain, double damping, int steps,
                                           unsigned seed, double noise = 1.0, double coulomb = 0.0) {
   std::mt19937_64 random(seed);
@@ -90,9 +99,12 @@ inline TransitionLog simulate_transitions(const tiller_config_t& c, double gain,
   const double root_dt = std::sqrt(c.period_s);
   for (int k = 0; k < steps; ++k) {
     if (k % 5 == 0) u = n(random);
-    const double friction = coulomb * std::tanh(velocity / 0.02);
     const double next = position + c.period_s * velocity + noise * root_dt * c.process_sd[0] * n(random);
-    velocity += c.period_s * (gain * u - damping * velocity - friction) + noise * root_dt * c.process_sd[1] * n(random);
+    const double push = gain * u - damping * velocity;
+    const int parts = coulomb > 0.0 ? 50 : 1;
+    for (int part = 0; part < parts; ++part)
+      velocity += c.period_s / parts * (push - coulomb * std::tanh(velocity / 0.002));
+    velocity += noise * root_dt * c.process_sd[1] * n(random);
     position = next;
     tiller::Transition t;
     t.period_s = c.period_s;

@@ -156,8 +156,8 @@ typedef struct tiller_posterior_config {
                                     0 < a0 <= 1e6 */
   uint32_t kind;            /**< tiller_posterior_kind_t */
   uint32_t robust;          /**< transition: 1: one weight per transition, low where no particle explains it */
-  uint32_t discrepancy;     /**< transition: 1: [1, v, tanh(v / v0)] per velocity as forces that the model may lack,
-                                    marginalised in closed form */
+  uint32_t discrepancy;     /**< transition: 1: constant, viscous and dry forces at every joint (the first four) that the
+                                    model may lack, marginalised in closed form */
   uint32_t delay_hypotheses; /**< transition: input delays of 0..n-1 periods side by side, weighed by their evidence;
                                     1..TILLER_MAX_HYPOTHESES, 1: no delay */
   uint32_t forgetting_count; /**< transition: rates side by side, 1..TILLER_MAX_FORGETTING */

@@ -1,4 +1,4 @@
-// When and in which units the discrepancy's regressors 1, v, tanh(v / v0) of each joint come into force.
+// What the discrepancy's regressors are, and when they come into force.
 
 #include <cmath>
 #include <cstring>
@@ -9,54 +9,144 @@ namespace tiller {
 
 namespace {
 
-/// Transitions after which the velocities' scale is taken, once and for all: sums over different regressors would not
+/// Transitions after which the regressors' scale is taken, once and for all: sums over different regressors would not
 /// add up.
 constexpr std::uint32_t kScaleTicks = 16;
-/// Width of the step from one sign of Coulomb friction to the other, in root mean squares of the velocity.
-constexpr double kStepWidth = 0.2;
+/// Ticks after that at which the regressors of what the ring holds are taken anew, kScaleTicks transitions a tick: the
+/// first ones came from a cloud that was still wide.
+constexpr std::uint64_t kAgain[] = {16, 48};
+/// Least strength at which dry friction is taken, in what moves a velocity by a deviation of its configured noise.
+constexpr double kLeastDry = 0.1;
+/// Dry friction that hardly stops anything.
+constexpr double kFeeble = 1e-6;
+/// Below this share of the first transitions' RMS velocity a joint that dry friction would stop says nothing.
+constexpr double kSlow = 0.2;
+/// From this share of the response to a constant force on, dry friction does not stop the joint within the step.
+constexpr double kSlips = 0.999;
 
 }  // namespace
 
+/// As the particles' mean, of all transitions before, lets expect them. change: as ForceResponse::observe.
+void TransitionCloud::respond(std::uint32_t slot, double* change) {
+  double mean[TILLER_MAX_PARAMS];
+  cloud_.moments(mean, nullptr);
+  const MeasuredStep& s = steps_[slot];
+  response_.observe(mean, s.state, s.input, s.period_s, s.history, dry_force_, change);
+}
+
 void TransitionCloud::set_basis(std::uint32_t slot) {
-  for (std::uint32_t j = 0; j < evidence_.joints(); ++j) {
-    float* b = basis_ + slot * columns_ + j * kDiscrepancyBasis;
-    const double v = velocity_scale_[j] * steps_[slot].state[evidence_.velocity(j)];
-    b[0] = velocity_scale_[j] > 0.0 ? 1.0f : 0.0f;
-    b[1] = static_cast<float>(v);
-    b[2] = static_cast<float>(std::tanh(v / kStepWidth));
+  float* basis = basis_ + slot * columns_;
+  std::memset(basis, 0, sizeof(float) * columns_);
+  if (!discrepancy_begun_) return;
+  double change[kDiscrepancyJoints * kMaxRegressors];
+  estimate_dry_force();
+  respond(slot, change);
+  for (std::uint32_t c = 0; c < columns_; ++c) basis[c] = static_cast<float>(change[c] * basis_scale_[c]);
+  leave_out_sticking(slot, change);
+}
+
+/// A joint that is about to be stopped by dry friction is where it stops whatever the parameters say: its friction is
+/// what the model's forces need, so there is nothing to learn from it, and no regressor has that form.
+void TransitionCloud::leave_out_sticking(std::uint32_t slot, const double* change) {
+  const std::uint32_t joints = evidence_.joints();
+  for (std::uint32_t j = 0; j < joints; ++j) {
+    const std::uint32_t own = (j * joints + j) * kDiscrepancyBasis;
+    const bool slips = !(std::fabs(change[own + 2]) < kSlips * std::fabs(change[own]));
+    const double rms_speed = basis_scale_[own] / basis_scale_[own + 1];
+    if (slips || std::fabs(change[own + 1]) > kSlow * rms_speed * std::fabs(change[own])) continue;
+    for (std::uint32_t i = 0; i < joints; ++i)
+      if (basis_scale_[(i * joints + j) * kDiscrepancyBasis] > 0.0) steps_[slot].change[evidence_.velocity(i)] = NAN;
+  }
+  set_weight(slot, steps_[slot].weight);
+}
+
+/// Where a joint comes to rest within a step the response depends on the friction's strength: the best guess is what the
+/// transitions before say of it.
+void TransitionCloud::estimate_dry_force() {
+  const std::uint32_t stride = n_ > kWitnesses ? n_ / kWitnesses : 1, joints = evidence_.joints();
+  for (std::uint32_t j = 0; j < joints; ++j) {
+    double force = 0.0, weight = 0.0;
+    for (std::uint32_t i = 0; i < n_; i += stride) {
+      double beta[kMaxRegressors];
+      evidence_.coefficients(total_ + i, n_, j, beta);
+      const double b = beta[j * kDiscrepancyBasis + 2];
+      if (!(cloud_.weight[i] > 0.0) || !std::isfinite(b)) continue;
+      weight += cloud_.weight[i];
+      force += cloud_.weight[i] * b;
+    }
+    if (!(weight > 0.0)) continue;
+    force *= basis_scale_[(j * joints + j) * kDiscrepancyBasis + 2] / weight;
+    dry_force_[j] = force > least_dry_force_[j] ? force : least_dry_force_[j];
   }
 }
 
-/// Takes the scales from what the ring holds and gives the newest transitions there, the latest of all included, their
-/// regressors and every particle its projections. Waits while a joint stands still. Cost: kScaleTicks steps of the model
-/// per particle, once; the moves of that tick get as much less.
-void TransitionCloud::begin_discrepancy() {
-  const std::uint64_t size = end_ - begin_;
-  if (discrepancy_begun_ || evidence_.joints() == 0 || size < kScaleTicks) return;
-  double scale[TILLER_MAX_JOINTS];
-  for (std::uint32_t j = 0; j < evidence_.joints(); ++j) {
-    double square = 0.0;
-    for (std::uint64_t k = end_ - kScaleTicks; k < end_; ++k) {
-      const double v = steps_[k % capacity_].state[evidence_.velocity(j)];
-      square += v * v / kScaleTicks;
+/// The discrepancy's tick, after the newest transition has been counted. Cost: kScaleTicks steps of the model per
+/// particle at the tick at which it begins and at up to six later ones; the moves of those ticks get as much less.
+void TransitionCloud::keep_discrepancy() {
+  if (evidence_.joints() == 0) return;
+  if (!discrepancy_begun_) {
+    if (end_ - begin_ < kScaleTicks || !find_basis_scale()) return;
+    discrepancy_begun_ = true;
+    begun_at_ = again_end_ = end_;
+    again_ = end_ - kScaleTicks;
+  }
+  for (const std::uint64_t ticks : kAgain)
+    if (end_ - begun_at_ == ticks) {
+      again_ = 0;
+      again_end_ = end_;
     }
-    if (!(square > 0.0)) return;
-    scale[j] = 1.0 / std::sqrt(square);
-  }
-  std::memcpy(velocity_scale_, scale, sizeof velocity_scale_);
-  discrepancy_begun_ = true;
+  if (again_ < begin_) again_ = begin_;
+  if (again_ >= again_end_) return;
+  const std::uint64_t last = again_ + kScaleTicks < again_end_ ? again_ + kScaleTicks : again_end_;
+  renew_basis(again_, last);
+  again_ = last;
+}
 
-  std::memset(fresh_, 0, sizeof(double) * rows_ * n_);
+std::uint64_t TransitionCloud::renewal_work() const { return std::uint64_t{kScaleTicks} * n_; }
+
+/// From what the ring holds last. False while a joint stands still.
+bool TransitionCloud::find_basis_scale() {
+  const std::uint32_t joints = evidence_.joints();
+  double square[kDiscrepancyJoints * kMaxRegressors] = {}, change[kDiscrepancyJoints * kMaxRegressors];
+  for (std::uint32_t j = 0; j < joints; ++j) dry_force_[j] = kFeeble;
   for (std::uint64_t k = end_ - kScaleTicks; k < end_; ++k) {
-    const auto slot = static_cast<std::uint32_t>(k % capacity_);
-    set_basis(slot);
-    evidence_.add_basis(weight_ + slot * nx_, basis_ + slot * columns_);
-    sum({{params_, n_}, n_, slot, 1, fresh_, n_});
+    respond(static_cast<std::uint32_t>(k % capacity_), change);
+    for (std::uint32_t c = 0; c < columns_; ++c) square[c] += change[c] * change[c] / kScaleTicks;
   }
-  const std::size_t first = std::size_t{nx_} * n_;
+  for (std::uint32_t j = 0; j < joints; ++j) {
+    const double* own = square + (j * joints + j) * kDiscrepancyBasis;
+    if (!(own[0] > 0.0 && own[1] > 0.0)) return false;
+    least_dry_force_[j] = kLeastDry * std::sqrt(evidence_.configured_variance(evidence_.velocity(j)) / own[0]);
+    dry_force_[j] = least_dry_force_[j];
+  }
+  for (std::uint32_t c = 0; c < columns_; ++c) basis_scale_[c] = square[c] > 0.0 ? 1.0 / std::sqrt(square[c]) : 0.0;
+  return true;
+}
+
+/// New regressors for transitions of the ring, and every particle's projections on them in place of those on the old.
+void TransitionCloud::renew_basis(std::uint64_t first, std::uint64_t last) {
+  double change[kDiscrepancyJoints * kMaxRegressors];
+  float renewed[kDiscrepancyJoints * kMaxRegressors];
+  estimate_dry_force();
+  std::memset(fresh_, 0, sizeof(double) * rows_ * n_);
+  for (std::uint64_t k = first; k < last; ++k) {
+    const auto slot = static_cast<std::uint32_t>(k % capacity_);
+    float* basis = basis_ + slot * columns_;
+    const float* weight = weight_ + slot * nx_;
+    respond(slot, change);
+    evidence_.add_basis(weight, basis, -1.0);
+    for (std::uint32_t c = 0; c < columns_; ++c) {
+      renewed[c] = static_cast<float>(change[c] * basis_scale_[c]);
+      basis[c] = renewed[c] - basis[c];
+    }
+    sum({{params_, n_}, n_, slot, 1, fresh_, n_});
+    std::memcpy(basis, renewed, sizeof(float) * columns_);
+    evidence_.add_basis(weight, basis, 1.0);
+  }
+  const std::size_t projections = std::size_t{nx_} * n_;
   const std::uint32_t count = (rows_ - nx_) * n_;
-  transition_table().add_scaled(count, 1.0, fresh_ + first, total_ + first);
-  transition_table().add_scaled(count, 1.0, fresh_ + first, ring_sums_ + first);
+  transition_table().add_scaled(count, 1.0, fresh_ + projections, total_ + projections);
+  transition_table().add_scaled(count, 1.0, fresh_ + projections, ring_sums_ + projections);
   evidence_.prepare();
 }
 

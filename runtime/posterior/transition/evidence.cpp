@@ -18,24 +18,46 @@ double log_gamma(double x) {
          i * (1.0 / 12.0 - i2 * (1.0 / 360.0 - i2 * (1.0 / 1260.0 - i2 / 1680.0))) - shift;
 }
 
-double determinant(const double* a) {
-  return a[0] * (a[3] * a[5] - a[4] * a[4]) + a[1] * (a[2] * a[4] - a[1] * a[5]) + a[2] * (a[1] * a[4] - a[2] * a[3]);
+/// Inverse of a symmetric positive definite matrix, upper triangles, and the logarithm of its determinant.
+void invert(std::uint32_t size, const double* matrix, double* inverse, double& log_determinant) {
+  // A = U' U row by row, then columns of U^-1 and U^-1 U^-T
+  double u[kMaxRegressors][kMaxRegressors] = {}, v[kMaxRegressors][kMaxRegressors] = {};
+  log_determinant = 0.0;
+  for (std::uint32_t r = 0; r < size; ++r)
+    for (std::uint32_t c = r; c < size; ++c) {
+      double rest = *matrix++;
+      for (std::uint32_t k = 0; k < r; ++k) rest -= u[k][r] * u[k][c];
+      u[r][c] = r == c ? std::sqrt(rest) : rest / u[r][r];
+      if (r == c) log_determinant += 2.0 * std::log(u[r][r]);
+    }
+  for (std::uint32_t c = 0; c < size; ++c)
+    for (std::uint32_t r = c + 1; r-- > 0;) {
+      double rest = r == c ? 1.0 : 0.0;
+      for (std::uint32_t k = r + 1; k <= c; ++k) rest -= u[r][k] * v[k][c];
+      v[r][c] = rest / u[r][r];
+    }
+  for (std::uint32_t r = 0; r < size; ++r)
+    for (std::uint32_t c = r; c < size; ++c, ++inverse) {
+      *inverse = 0.0;
+      for (std::uint32_t k = c; k < size; ++k) *inverse += v[r][k] * v[c][k];
+    }
 }
 
-/// Inverse of a symmetric positive definite 3 x 3 matrix, upper triangles, by cofactors.
-void invert(const double* a, double* inverse) {
-  const double c00 = a[3] * a[5] - a[4] * a[4], c01 = a[2] * a[4] - a[1] * a[5], c02 = a[1] * a[4] - a[2] * a[3];
-  const double d = a[0] * c00 + a[1] * c01 + a[2] * c02;
-  inverse[0] = c00 / d;
-  inverse[1] = c01 / d;
-  inverse[2] = c02 / d;
-  inverse[3] = (a[0] * a[5] - a[2] * a[2]) / d;
-  inverse[4] = (a[1] * a[2] - a[0] * a[4]) / d;
-  inverse[5] = (a[0] * a[3] - a[1] * a[1]) / d;
+/// m x, m an upper triangle.
+void multiply(std::uint32_t size, const double* m, const double* x, double* product) {
+  for (std::uint32_t r = 0; r < size; ++r) product[r] = 0.0;
+  for (std::uint32_t r = 0; r < size; ++r)
+    for (std::uint32_t c = r; c < size; ++c, ++m) {
+      product[r] += *m * x[c];
+      if (c != r) product[c] += *m * x[r];
+    }
 }
 
-double quadratic(const double* m, double a, double b, double c) {
-  return a * (m[0] * a + 2.0 * (m[1] * b + m[2] * c)) + b * (m[3] * b + 2.0 * m[4] * c) + c * c * m[5];
+double quadratic(std::uint32_t size, const double* m, const double* x) {
+  double product[kMaxRegressors], sum = 0.0;
+  multiply(size, m, x, product);
+  for (std::uint32_t i = 0; i < size; ++i) sum += x[i] * product[i];
+  return sum;
 }
 
 }  // namespace
@@ -46,7 +68,8 @@ Evidence::Evidence(const tiller_config_t& config)
   for (std::uint32_t k = 0; k < config.measurement_count; ++k)
     sensor[config.measured_state[k]] = config.measurement_sd[k];
   if (config.posterior.discrepancy) {
-    joints_ = config.model->joint_count;
+    const std::uint32_t all = config.model->joint_count;
+    joints_ = all < kDiscrepancyJoints ? all : kDiscrepancyJoints;
     for (std::uint32_t j = 0; j < joints_; ++j) velocity_[j] = config.model->joints[j].velocity;
   }
   for (std::uint32_t r = 0; r < nx_; ++r) {
@@ -83,27 +106,30 @@ void Evidence::forget(double keep) {
 
 void Evidence::count(const float* weight, const float* basis) {
   for (std::uint32_t r = 0; r < nx_; ++r) known_[r] += static_cast<double>(weight[r]);
-  add_basis(weight, basis);
+  add_basis(weight, basis, 1.0);
 }
 
-void Evidence::add_basis(const float* weight, const float* basis) {
+void Evidence::add_basis(const float* weight, const float* basis, double sign) {
   for (std::uint32_t j = 0; j < joints_; ++j) {
-    const auto w = static_cast<double>(weight[velocity_[j]]);
+    const double w = sign * static_cast<double>(weight[velocity_[j]]);
+    const float* b = basis + j * regressors();
     double* to = information_[j];
-    for (std::uint32_t r = 0; r < kDiscrepancyBasis; ++r)
-      for (std::uint32_t c = r; c < kDiscrepancyBasis; ++c)
-        *to++ += w * static_cast<double>(basis[j * kDiscrepancyBasis + r]) *
-                 static_cast<double>(basis[j * kDiscrepancyBasis + c]);
+    for (std::uint32_t r = 0; r < regressors(); ++r)
+      for (std::uint32_t c = r; c < regressors(); ++c)
+        *to++ += w * static_cast<double>(b[r]) * static_cast<double>(b[c]);
   }
 }
 
 void Evidence::prepare() {
   constexpr double kPrecision = 1.0 / (kDiscrepancySpread * kDiscrepancySpread);
+  const std::uint32_t size = upper_triangle(regressors());
   for (std::uint32_t j = 0; j < joints_; ++j) {
-    double sum[kDiscrepancyTriangle];
-    for (std::uint32_t i = 0; i < kDiscrepancyTriangle; ++i)
-      sum[i] = information_[j][i] + (i == 0 || i == 3 || i == 5 ? kPrecision : 0.0);
-    invert(sum, shrinkage_ + j * kDiscrepancyTriangle);
+    double sum[upper_triangle(kMaxRegressors)];
+    const double* from = information_[j];
+    double* to = sum;
+    for (std::uint32_t r = 0; r < regressors(); ++r)
+      for (std::uint32_t c = r; c < regressors(); ++c) *to++ = *from++ + (r == c ? kPrecision : 0.0);
+    invert(regressors(), sum, shrinkage_ + j * size, log_determinant_[j]);
   }
 }
 
@@ -138,40 +164,50 @@ double Evidence::log_constant() const {
   double sum = 0.0;
   for (std::uint32_t r = 0; r < nx_; ++r)
     sum += log_gamma(exponent(r)) - 0.5 * known_[r] * std::log(6.283185307179586 * b_[r]);
-  for (std::uint32_t j = 0; j < joints_; ++j)
-    sum += 0.5 * std::log(determinant(shrinkage_ + j * kDiscrepancyTriangle));  // 1 / det(B + K^-1)
+  for (std::uint32_t j = 0; j < joints_; ++j) sum -= 0.5 * log_determinant_[j];
   return sum;
+}
+
+/// p of one particle and one joint.
+void Evidence::projections(const double* sums, std::uint32_t stride, std::uint32_t joint, double* p) const {
+  for (std::uint32_t i = 0; i < regressors(); ++i) p[i] = sums[(nx_ + joint * regressors() + i) * stride];
 }
 
 double Evidence::squared_error(const double* sums, std::uint32_t stride, std::uint32_t row) const {
   double squared = sums[row * stride];
   const std::uint32_t j = joint_of_[row];
   if (j < joints_) {
-    const double* p = sums + (nx_ + j * kDiscrepancyBasis) * stride;
-    squared -= quadratic(shrinkage_ + j * kDiscrepancyTriangle, p[0], p[stride], p[2 * stride]);
+    double p[kMaxRegressors];
+    projections(sums, stride, j, p);
+    squared -= quadratic(regressors(), shrinkage(j), p);
   }
   return squared < 0.0 ? 0.0 : squared;
+}
+
+void Evidence::coefficients(const double* sums, std::uint32_t stride, std::uint32_t joint, double* beta) const {
+  double p[kMaxRegressors];
+  projections(sums, stride, joint, p);
+  multiply(regressors(), shrinkage(joint), p, beta);
 }
 
 double Evidence::innovation(const double* sums, std::uint32_t stride, std::uint32_t row, double residual,
                             const float* basis) const {
   const std::uint32_t j = joint_of_[row];
   if (j >= joints_) return residual;
-  const double* m = shrinkage_ + j * kDiscrepancyTriangle;
-  const double* p = sums + (nx_ + j * kDiscrepancyBasis) * stride;
-  const double b[] = {basis[j * kDiscrepancyBasis], basis[j * kDiscrepancyBasis + 1], basis[j * kDiscrepancyBasis + 2]};
-  const double beta0 = m[0] * p[0] + m[1] * p[stride] + m[2] * p[2 * stride];
-  const double beta1 = m[1] * p[0] + m[3] * p[stride] + m[4] * p[2 * stride];
-  const double beta2 = m[2] * p[0] + m[4] * p[stride] + m[5] * p[2 * stride];
-  return residual - b[0] * beta0 - b[1] * beta1 - b[2] * beta2;
+  double beta[kMaxRegressors];
+  coefficients(sums, stride, j, beta);
+  for (std::uint32_t i = 0; i < regressors(); ++i)
+    residual -= static_cast<double>(basis[j * regressors() + i]) * beta[i];
+  return residual;
 }
 
 double Evidence::scale_square(const double* sums, std::uint32_t stride, std::uint32_t row, const float* basis) const {
   const double variance = (b_[row] + 0.5 * squared_error(sums, stride, row)) / exponent(row);
   const std::uint32_t j = joint_of_[row];
   if (j >= joints_) return variance;
-  const double b[] = {basis[j * kDiscrepancyBasis], basis[j * kDiscrepancyBasis + 1], basis[j * kDiscrepancyBasis + 2]};
-  return variance * (1.0 + quadratic(shrinkage_ + j * kDiscrepancyTriangle, b[0], b[1], b[2]));
+  double b[kMaxRegressors];
+  for (std::uint32_t i = 0; i < regressors(); ++i) b[i] = static_cast<double>(basis[j * regressors() + i]);
+  return variance * (1.0 + quadratic(regressors(), shrinkage(j), b));
 }
 
 double Evidence::noise_variance(double squared_error, std::uint32_t row) const {

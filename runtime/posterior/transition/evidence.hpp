@@ -32,12 +32,15 @@ class Evidence {
   void count(const float* weight, const float* basis);
   /// M = (B + K^-1)^-1 of each joint and the exponents; call after count().
   void prepare();
-  /// The discrepancy's share of count() alone; weight (nx), 0 for missing rows.
-  void add_basis(const float* weight, const float* basis);
+  /// The discrepancy's share of count() alone, times `sign`; weight (nx), 0 for missing rows.
+  void add_basis(const float* weight, const float* basis, double sign);
 
   std::uint32_t nx() const { return nx_; }
   std::uint32_t joints() const { return joints_; }
-  std::uint32_t rows() const { return nx_ + joints_ * kDiscrepancyBasis; }
+  /// Of one velocity, and of all of them.
+  std::uint32_t regressors() const { return joints_ * kDiscrepancyBasis; }
+  std::uint32_t columns() const { return joints_ * regressors(); }
+  std::uint32_t rows() const { return nx_ + columns(); }
   std::uint32_t velocity(std::uint32_t joint) const { return velocity_[joint]; }
   double known(std::uint32_t row) const { return known_[row]; }
 
@@ -51,6 +54,8 @@ class Evidence {
                    double* before) const;
   /// Of one particle, sums (rows) at `stride`.
   double squared_error(const double* sums, std::uint32_t stride, std::uint32_t row) const;
+  /// E[beta | p] (regressors) of one joint's velocity.
+  void coefficients(const double* sums, std::uint32_t stride, std::uint32_t joint, double* beta) const;
   /// What the discrepancy leaves of a new residual: e - b' E[beta | p].
   double innovation(const double* sums, std::uint32_t stride, std::uint32_t row, double residual,
                     const float* basis) const;
@@ -62,18 +67,21 @@ class Evidence {
   double configured_variance(std::uint32_t row) const { return configured_[row]; }
 
  private:
+  void projections(const double* sums, std::uint32_t stride, std::uint32_t joint, double* p) const;
+  const double* shrinkage(std::uint32_t joint) const { return shrinkage_ + joint * upper_triangle(regressors()); }
   EvidenceJob job(std::uint32_t lanes, const double* sums, std::uint32_t stride) const;
   double exponent(std::uint32_t row) const { return a0_ + 0.5 * known_[row]; }
 
   std::uint32_t nx_ = 0, joints_ = 0;
-  std::uint32_t velocity_[TILLER_MAX_JOINTS] = {};
+  std::uint32_t velocity_[kDiscrepancyJoints] = {};
   std::uint32_t joint_of_[TILLER_MAX_STATES] = {};
   double a0_ = 1.0, configured_a0_ = 1.0;
   double configured_[TILLER_MAX_STATES] = {};  // variances
   double b_[TILLER_MAX_STATES] = {};
   double known_[TILLER_MAX_STATES] = {};
-  double information_[TILLER_MAX_JOINTS][kDiscrepancyTriangle] = {};  // B
-  double shrinkage_[TILLER_MAX_JOINTS * kDiscrepancyTriangle] = {};   // M
+  double information_[kDiscrepancyJoints][upper_triangle(kMaxRegressors)] = {};  // B
+  double shrinkage_[kDiscrepancyJoints * upper_triangle(kMaxRegressors)] = {};   // M
+  double log_determinant_[kDiscrepancyJoints] = {};                              // of B + K^-1
 };
 
 }  // namespace tiller

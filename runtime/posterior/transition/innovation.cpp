@@ -6,12 +6,9 @@
 
 namespace tiller {
 
-/// At most this many particles, evenly spaced, stand for the cloud: their mean is off by an eighth of what the particles
-/// disagree about, which is part of the deviation by which it is divided.
-constexpr std::uint32_t kWitnesses = 64;
-
-/// Normalised by what the noise and the particles' disagreement let expect; before the transition is counted. Cost:
-/// O(kWitnesses nx).
+/// Normalised by what the noise and the particles' disagreement let expect; before the transition is counted. The
+/// witnesses' mean is off by an eighth of what the particles disagree about, which is part of the deviation by which it
+/// is divided. Cost: O(kWitnesses nx).
 void TransitionCloud::measure_innovation(std::uint32_t slot) {
   const MeasuredStep& step = steps_[slot];
   const float* basis = basis_ + slot * columns_;

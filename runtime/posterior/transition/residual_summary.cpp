@@ -44,6 +44,7 @@ ResidualSummary ResidualSummary::lay_out(Arena& arena, std::uint32_t d, std::uin
   s.d_ = d;
   s.nx_ = nx;
   s.joints_ = joints;
+  s.projections_ = joints * joints * kDiscrepancyBasis;
   for (std::uint32_t j = 0; j < joints; ++j) s.velocity_[j] = velocity[j];
   s.quadratic_ = 1 + d + d * (d + 1) / 2 <= kMaxTerms;
   s.terms_ = s.quadratic_ ? 1 + d + d * (d + 1) / 2 : 1 + d;
@@ -55,7 +56,7 @@ ResidualSummary ResidualSummary::lay_out(Arena& arena, std::uint32_t d, std::uin
   s.pseudo_inverse_ = arena.take<double>(s.terms_ * s.points_);
   s.candidate_ = arena.take<double>(s.terms_ * s.points_);
   s.gram_ = arena.take<double>(nx * s.triangle_);
-  s.tilt_ = arena.take<double>(joints * kDiscrepancyBasis * s.terms_);
+  s.tilt_ = arena.take<double>(s.projections_ * s.terms_);
   if (arena.measuring() || !arena.fits()) return s;
   // directions at random, radii evenly in area up to a little beyond where a posterior of d dimensions has its mass
   const double reach = 2.2 + 0.8 * std::sqrt(static_cast<double>(d));
@@ -74,7 +75,7 @@ ResidualSummary ResidualSummary::lay_out(Arena& arena, std::uint32_t d, std::uin
 
 void ResidualSummary::clear() {
   std::memset(gram_, 0, sizeof(double) * nx_ * triangle_);
-  std::memset(tilt_, 0, sizeof(double) * joints_ * kDiscrepancyBasis * terms_);
+  std::memset(tilt_, 0, sizeof(double) * projections_ * terms_);
   empty_ = true;
   laid_ = false;
 }
@@ -82,7 +83,7 @@ void ResidualSummary::clear() {
 void ResidualSummary::forget(double keep) {
   if (keep == 1.0 || empty_) return;
   for (std::uint32_t i = 0; i < nx_ * triangle_; ++i) gram_[i] *= keep;
-  for (std::uint32_t i = 0; i < joints_ * kDiscrepancyBasis * terms_; ++i) tilt_[i] *= keep;
+  for (std::uint32_t i = 0; i < projections_ * terms_; ++i) tilt_[i] *= keep;
 }
 
 void ResidualSummary::whiten(const double* v, double* z) const {
@@ -231,7 +232,7 @@ void ResidualSummary::translate(const double* centre, const double* root) {
         gram[i] = sum;
       }
   }
-  for (std::uint32_t j = 0; j < joints_ * kDiscrepancyBasis; ++j) {
+  for (std::uint32_t j = 0; j < projections_; ++j) {
     double* tilt = tilt_ + j * terms_;
     double moved[kMaxTerms] = {};
     for (std::uint32_t c = 0; c < terms_; ++c)
@@ -261,8 +262,9 @@ bool ResidualSummary::add(const float* residual, const float* weight, const floa
       for (std::uint32_t j = i; j < terms_; ++j) *gram++ += w * c[i] * c[j];
     for (std::uint32_t joint = 0; joint < joints_; ++joint) {
       if (velocity_[joint] != r) continue;
-      for (std::uint32_t b = 0; b < kDiscrepancyBasis; ++b) {
-        const std::uint32_t at = joint * kDiscrepancyBasis + b;
+      const std::uint32_t regressors = projections_ / joints_;
+      for (std::uint32_t b = 0; b < regressors; ++b) {
+        const std::uint32_t at = joint * regressors + b;
         for (std::uint32_t i = 0; i < terms_; ++i) tilt_[at * terms_ + i] += w * static_cast<double>(basis[at]) * c[i];
       }
     }
@@ -277,7 +279,7 @@ void ResidualSummary::add_sums(std::uint32_t lanes, const double* coordinate, do
   PolynomialJob job;
   job.d = d_;
   job.nx = nx_;
-  job.projections = joints_ * kDiscrepancyBasis;
+  job.projections = projections_;
   job.terms = terms_;
   job.quadratic = quadratic_;
   job.lanes = lanes;

@@ -39,7 +39,7 @@ class ResidualSummary {
   const double* design() const { return design_; }
 
   /// Takes in one transition: residual (nx x points) at the design; weight (nx) with 0 for missing rows; basis
-  /// (joints * kDiscrepancyBasis). Residuals that are not finite are refused: false.
+  /// (projections). Residuals that are not finite are refused: false.
   bool add(const float* residual, const float* weight, const float* basis);
   /// sums += factor * the sums at coordinates (d), rows of `stride`, in the order of ResidualSumJob.
   void add_sums(std::uint32_t lanes, const double* coordinate, double factor, double* sums, std::uint32_t stride) const;
@@ -50,7 +50,7 @@ class ResidualSummary {
   bool invert_design(const double* design, double* pseudo_inverse) const;
   void translate(const double* centre, const double* root);
 
-  std::uint32_t d_ = 0, nx_ = 0, joints_ = 0;
+  std::uint32_t d_ = 0, nx_ = 0, joints_ = 0, projections_ = 0;
   std::uint32_t velocity_[TILLER_MAX_JOINTS] = {};
   std::uint32_t terms_ = 0, triangle_ = 0, points_ = 0;
   bool quadratic_ = true, empty_ = true, laid_ = false;
@@ -62,7 +62,7 @@ class ResidualSummary {
   double* pseudo_inverse_ = nullptr;  // (terms x points)
   double* candidate_ = nullptr;       // (terms x points) scratch
   double* gram_ = nullptr;            // (nx x triangle) upper triangles
-  double* tilt_ = nullptr;            // (joints * kDiscrepancyBasis x terms)
+  double* tilt_ = nullptr;            // (projections x terms)
 };
 
 }  // namespace tiller

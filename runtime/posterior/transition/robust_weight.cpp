@@ -26,7 +26,8 @@ double TransitionCloud::surprise(std::uint32_t particle, const MeasuredStep& ste
     if (std::isnan(step.change[r])) continue;
     double residual = std::sqrt(fresh_[r * n_ + particle]);
     for (std::uint32_t j = 0; j < evidence_.joints(); ++j)
-      if (evidence_.velocity(j) == r && fresh_[(nx_ + j * kDiscrepancyBasis) * n_ + particle] < 0.0)
+      if (evidence_.velocity(j) == r &&
+          fresh_[(nx_ + j * evidence_.regressors() + j * kDiscrepancyBasis) * n_ + particle] < 0.0)
         residual = -residual;
     const double e = evidence_.innovation(total_ + particle, n_, r, residual, basis);
     const double freedom = evidence_.freedom(r);

@@ -21,7 +21,7 @@ TransitionCloud* TransitionCloud::lay_out(Arena& arena, const tiller_config_t& c
                                           const RolloutTable& table, const tiller_hooks_t* hooks) {
   const std::uint32_t n = config.posterior.particles, nx = config.model->state_count, np = config.param_count;
   const Evidence evidence(config);
-  const std::uint32_t rows = evidence.rows(), columns = evidence.joints() * kDiscrepancyBasis;
+  const std::uint32_t rows = evidence.rows(), columns = evidence.columns();
   const std::uint32_t capacity = 2 * config.posterior.window, lanes = round_up(n / 2, 16);
   auto* c = arena.take<TransitionCloud>(1);
   TransitionCloud made;
@@ -53,6 +53,7 @@ TransitionCloud* TransitionCloud::lay_out(Arena& arena, const tiller_config_t& c
   made.residual_ = arena.take<float>(std::size_t{at_one > at_block ? at_one : at_block} * nx);
   made.design_params_ = arena.take<float>(std::size_t{np} * made.summary_.points());
   made.design_residual_ = arena.take<float>(std::size_t{nx} * made.summary_.points());
+  if (evidence.joints() > 0) made.response_ = ForceResponse::lay_out(arena, config, setup, table);
   if (arena.measuring() || !arena.fits()) return nullptr;
 
   made.config_ = &config;
@@ -100,8 +101,8 @@ void TransitionCloud::begin() {
   evidence_.clear();
   summary_.clear();
   discrepancy_begun_ = false;
-  for (double& scale : velocity_scale_) scale = 0.0;
   begin_ = end_ = batch_ = tick_ = 0;
+  begun_at_ = again_ = again_end_ = 0;
   exponent_ = robust_weight_ = 1.0;
   acceptance_ = log_predictive_ = discrepancy_share_ = 0.0;
   cursor_ = moved_ = doubted_run_ = 0;
@@ -133,7 +134,7 @@ tiller_status_t TransitionCloud::take_in(const MeasuredStep& step) {
   const std::uint32_t all = rows_ * n_;
   transition_table().add_scaled(all, robust_weight_, fresh_, total_);
   transition_table().add_scaled(all, robust_weight_, fresh_, ring_sums_);
-  begin_discrepancy();
+  keep_discrepancy();
   take_evidence(evidence_.log_constant() - before);
   if (config_->posterior.enabled && config_->posterior.moves_per_tick && d_) move();
   retire();
@@ -259,7 +260,9 @@ void TransitionCloud::sum_projections(const SumsJob& job, std::uint32_t chunk, R
 
 std::uint64_t TransitionCloud::work_limit() const {
   const tiller_posterior_config_t& p = config_->posterior;
-  return std::uint64_t{3} * n_ + 2 * summary_.points() + std::uint64_t{p.moves_per_tick} * (p.window + kProposalWork);
+  std::uint64_t moves = std::uint64_t{p.moves_per_tick} * (p.window + kProposalWork);
+  if (columns_ > 0 && moves < renewal_work()) moves = renewal_work();
+  return std::uint64_t{3} * n_ + 2 * summary_.points() + moves;
 }
 
 }  // namespace tiller

@@ -5,6 +5,7 @@
 #include "posterior/cloud.hpp"
 #include "posterior/posterior.hpp"
 #include "posterior/transition/evidence.hpp"
+#include "posterior/transition/force_response.hpp"
 #include "posterior/transition/residual_summary.hpp"
 #include "rollout/residual.hpp"
 
@@ -70,6 +71,8 @@ class TransitionCloud {
     std::uint32_t stride = 0;
   };
 
+  /// At most this many particles, evenly spaced, stand for the cloud where a mean over it is wanted that need not be exact.
+  static constexpr std::uint32_t kWitnesses = 64;
   static constexpr double kNoiseWorth = 20.0;
   /// By how much per tick the noise is believed to grow, for a restart: what the data's surprise has put into the noise
   /// lately is not the noise's.
@@ -89,8 +92,14 @@ class TransitionCloud {
   bool any_alive();
 
   // discrepancy.cpp
+  void respond(std::uint32_t slot, double* change);
   void set_basis(std::uint32_t slot);
-  void begin_discrepancy();
+  void estimate_dry_force();
+  void leave_out_sticking(std::uint32_t slot, const double* change);
+  void keep_discrepancy();
+  std::uint64_t renewal_work() const;
+  bool find_basis_scale();
+  void renew_basis(std::uint64_t first, std::uint64_t last);
 
   // robust_weight.cpp
   double find_robust_weight(std::uint32_t slot);
@@ -136,6 +145,7 @@ class TransitionCloud {
   double* gain_ = nullptr;            // (N) scratch
   Evidence evidence_;
   ResidualSummary summary_;
+  ForceResponse response_;
 
   // the ring: slot = index % capacity
   MeasuredStep* steps_ = nullptr;  // (capacity)
@@ -159,7 +169,10 @@ class TransitionCloud {
   float* design_residual_ = nullptr;       // (nx x points)
 
   bool discrepancy_begun_ = false;
-  double velocity_scale_[TILLER_MAX_JOINTS] = {};  // 1 / root mean square; 0 before it is known
+  std::uint64_t begun_at_ = 0, again_ = 0, again_end_ = 0;        // transitions whose regressors are to be taken anew
+  double basis_scale_[kDiscrepancyJoints * kMaxRegressors] = {};  // (columns) 1 / root mean square
+  double least_dry_force_[kDiscrepancyJoints] = {};
+  double dry_force_[kDiscrepancyJoints] = {};  // strength at which dry friction is taken
 
   std::uint64_t batch_ = 0;  // names the random numbers of moves
   std::uint64_t tick_ = 0;

@@ -8,13 +8,18 @@
 
 namespace tiller {
 
-/// Regressors of the discrepancy of one joint: 1, v, tanh(v / v0).
+/// Forces at one joint that the model may lack: constant, viscous, dry (force_response.hpp).
 constexpr std::uint32_t kDiscrepancyBasis = 3;
-/// Distinct elements of a symmetric matrix of that size: 00 01 02 11 12 22.
-constexpr std::uint32_t kDiscrepancyTriangle = 6;
+/// Joints that have them; a model with more has them at its first ones alone.
+constexpr std::uint32_t kDiscrepancyJoints = 4;
+/// Regressors of one velocity: the forces at every such joint.
+constexpr std::uint32_t kMaxRegressors = kDiscrepancyJoints * kDiscrepancyBasis;
+/// Distinct elements of a symmetric matrix, row by row from the diagonal on: 00 01 02 .. 11 12 ..
+constexpr std::uint32_t upper_triangle(std::uint32_t size) { return size * (size + 1) / 2; }
 
 /// Sums of squares and of projections from residuals. Rows of `sums`: nx squares sum_k w_kr e_kr^2, then for joint j
-/// its projections sum_k w_kr b_kji e_kr, r the joint's velocity, at nx + j * kDiscrepancyBasis + i.
+/// its projections sum_k w_kr b_kji e_kr, r the joint's velocity, at nx + j * regressors + i; regressors = joints *
+/// kDiscrepancyBasis.
 struct ResidualSumJob {
   std::uint32_t nx = 0, joints = 0;
   std::uint32_t lanes = 0;                         // a multiple of 16, the residual's stride
@@ -22,7 +27,7 @@ struct ResidualSumJob {
   std::uint32_t velocity[TILLER_MAX_JOINTS] = {};  // (joints) state that the basis of each joint acts on
   const float* residual = nullptr;                 // (steps * nx x lanes)
   const float* weight = nullptr;                   // (steps x nx) 0: missing, the residual is then not read
-  const float* basis = nullptr;                    // (steps x joints * kDiscrepancyBasis)
+  const float* basis = nullptr;                    // (steps x joints * regressors)
   double* sums = nullptr;                          // (rows) +=
   std::uint32_t stride = 0;
 };
@@ -34,7 +39,7 @@ struct EvidenceJob {
   std::uint32_t joint_of[TILLER_MAX_STATES] = {};  // (nx) joint whose velocity the state is; `joints` for none
   double half_precision[TILLER_MAX_STATES] = {};   // (nx) 1 / (2 b_r)
   double exponent[TILLER_MAX_STATES] = {};         // (nx)
-  const double* shrinkage = nullptr;               // (joints x kDiscrepancyTriangle) M
+  const double* shrinkage = nullptr;               // (joints x upper_triangle(regressors)) M
   const double* sums = nullptr;                    // (rows), as above
   std::uint32_t stride = 0;
   double* log_likelihood = nullptr;  // (lanes) NaN where a sum is

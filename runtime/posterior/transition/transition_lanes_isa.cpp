@@ -19,13 +19,14 @@ void add(double* rows, const F& sums) {
   for (int l = 0; l < F::width; ++l) rows[l] += static_cast<double>(all[l]);
 }
 
-/// One state over kPacks registers of lanes at once, so that their chains of additions overlap. `basis` is null for a
-/// state without a discrepancy; its projections go to the rows from `projections` on.
+/// One state over kPacks registers of lanes at once, so that their chains of additions overlap: its squares, and where
+/// `basis` is not null its projections on the regressors of one joint's forces, to the rows from `projections` on;
+/// without `squares` the projections alone.
 template <int kPacks>
-void sum_row(const ResidualSumJob& job, std::uint32_t row, std::uint32_t lane, const float* basis,
+void sum_row(const ResidualSumJob& job, std::uint32_t row, std::uint32_t lane, bool squares, const float* basis,
              double* projections) {
   constexpr std::uint32_t kWidth = static_cast<std::uint32_t>(F::width);
-  const std::uint32_t columns = job.joints * kDiscrepancyBasis;
+  const std::uint32_t columns = job.joints * job.joints * kDiscrepancyBasis;
   F squared[kPacks], projected[kDiscrepancyBasis][kPacks];
   for (int i = 0; i < kPacks; ++i) {
     squared[i] = F(0.0f);
@@ -47,7 +48,7 @@ void sum_row(const ResidualSumJob& job, std::uint32_t row, std::uint32_t lane, c
   }
   for (int i = 0; i < kPacks; ++i) {
     const std::uint32_t at = lane + static_cast<std::uint32_t>(i) * kWidth;
-    add(job.sums + row * job.stride + at, squared[i]);
+    if (squares) add(job.sums + row * job.stride + at, squared[i]);
     for (std::uint32_t c = 0; basis && c < kDiscrepancyBasis; ++c)
       add(projections + c * job.stride + at, projected[c][i]);
   }
@@ -55,16 +56,33 @@ void sum_row(const ResidualSumJob& job, std::uint32_t row, std::uint32_t lane, c
 
 void sum_residuals(const ResidualSumJob& job) {
   constexpr std::uint32_t kWidth = static_cast<std::uint32_t>(F::width);
+  const std::uint32_t regressors = job.joints * kDiscrepancyBasis;
   for (std::uint32_t row = 0; row < job.nx; ++row) {
     std::uint32_t joint = 0;
     while (joint < job.joints && job.velocity[joint] != row) ++joint;
     const bool moves = joint < job.joints;
-    const float* basis = moves ? job.basis + joint * kDiscrepancyBasis : nullptr;
-    double* projections = moves ? job.sums + (job.nx + joint * kDiscrepancyBasis) * job.stride : nullptr;
-    std::uint32_t lane = 0;
-    for (; lane + 4 * kWidth <= job.lanes; lane += 4 * kWidth) sum_row<4>(job, row, lane, basis, projections);
-    for (; lane < job.lanes; lane += kWidth) sum_row<1>(job, row, lane, basis, projections);
+    for (std::uint32_t first = 0; first < (moves ? regressors : 1); first += kDiscrepancyBasis) {
+      const std::uint32_t at = joint * regressors + first;
+      const float* basis = moves ? job.basis + at : nullptr;
+      double* projections = moves ? job.sums + (job.nx + at) * job.stride : nullptr;
+      std::uint32_t lane = 0;
+      for (; lane + 4 * kWidth <= job.lanes; lane += 4 * kWidth)
+        sum_row<4>(job, row, lane, first == 0, basis, projections);
+      for (; lane < job.lanes; lane += kWidth) sum_row<1>(job, row, lane, first == 0, basis, projections);
+    }
   }
+}
+
+/// phi' G phi, G as its upper triangle: 2 sum_i phi_i (G_ii phi_i / 2 + sum_j>i G_ij phi_j).
+P quadratic_form(const double* gram, const P* phi, std::uint32_t terms) {
+  P sum(0.0);
+  for (std::uint32_t i = 0; i < terms; ++i) {
+    P along = P(0.5 * gram[0]) * phi[i];
+    for (std::uint32_t j = i + 1; j < terms; ++j) along = fma(P(gram[j - i]), phi[j], along);
+    sum = fma(phi[i], along, sum);
+    gram += terms - i;
+  }
+  return sum + sum;
 }
 
 /// S_r / (2 b_r), less what the discrepancy takes up.
@@ -72,12 +90,11 @@ P scaled_error(const EvidenceJob& job, std::uint32_t row, std::uint32_t lane) {
   P squared = P::load(job.sums + row * job.stride + lane);
   const std::uint32_t joint = job.joint_of[row];
   if (joint < job.joints) {
-    const double* m = job.shrinkage + joint * kDiscrepancyTriangle;
-    const double* rows = job.sums + (job.nx + joint * kDiscrepancyBasis) * job.stride + lane;
-    const P a = P::load(rows), b = P::load(rows + job.stride), c = P::load(rows + 2 * job.stride);
-    const P ma = fma(P(m[0]), a, fma(P(2.0 * m[1]), b, P(2.0 * m[2]) * c));
-    const P mb = fma(P(m[3]), b, P(2.0 * m[4]) * c);
-    squared = squared - fma(a, ma, fma(b, mb, c * c * P(m[5])));
+    const std::uint32_t regressors = job.joints * kDiscrepancyBasis;
+    P p[kMaxRegressors];
+    for (std::uint32_t i = 0; i < regressors; ++i)
+      p[i] = P::load(job.sums + (job.nx + joint * regressors + i) * job.stride + lane);
+    squared = squared - quadratic_form(job.shrinkage + joint * upper_triangle(regressors), p, regressors);
   }
   // rounding leaves a little less than nothing; much less, and an approximate past has been left behind
   const P scaled = P(job.half_precision[row]) * squared;
@@ -122,18 +139,6 @@ bool mean_errors(const EvidenceJob& job, const double* weight, double* mean, dou
     before[r] = reduce_add(all[r]) / sum;
   }
   return true;
-}
-
-/// phi' G phi for one state: 2 sum_i phi_i (G_ii phi_i / 2 + sum_j>i G_ij phi_j).
-P quadratic_form(const double* gram, const P* phi, std::uint32_t terms) {
-  P sum(0.0);
-  for (std::uint32_t i = 0; i < terms; ++i) {
-    P along = P(0.5 * gram[0]) * phi[i];
-    for (std::uint32_t j = i + 1; j < terms; ++j) along = fma(P(gram[j - i]), phi[j], along);
-    sum = fma(phi[i], along, sum);
-    gram += terms - i;
-  }
-  return sum + sum;
 }
 
 void polynomial(const PolynomialJob& job) {
