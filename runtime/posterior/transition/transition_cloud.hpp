@@ -71,7 +71,7 @@ class TransitionCloud {
     std::uint32_t stride = 0;
   };
 
-  /// At most this many particles, evenly spaced, stand for the cloud where a mean over it is wanted that need not be exact.
+  /// At most this many particles, evenly spaced, stand for the cloud where its mean need not be exact.
   static constexpr std::uint32_t kWitnesses = 64;
   static constexpr double kNoiseWorth = 20.0;
   /// By how much per tick the noise is believed to grow, for a restart: what the data's surprise has put into the noise
