@@ -109,7 +109,8 @@ int run_command(Arguments& a) {
   Opened opened;
   const OpenEpisode open = [&](const RobotFile& now, std::vector<double>& true_params, std::string& error) {
     // a robot behind a transport stays connected; a plant in this process begins anew
-    if ((a.sim || !opened.link) && !open_link(a, a.sim ? now : *robot, opened, error)) return static_cast<Link*>(nullptr);
+    if ((a.sim || !opened.link) && !open_link(a, a.sim ? now : *robot, opened, error))
+      return static_cast<Link*>(nullptr);
     true_params = opened.true_params;
     return opened.link.get();
   };

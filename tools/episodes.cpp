@@ -25,9 +25,9 @@ std::string numbered(const std::string& path, std::uint64_t episode) {
       .string();
 }
 
-class Session {
+class Series {
  public:
-  Session(RobotFile& robot, const EpisodesOptions& options) : robot_(robot), options_(options) {
+  Series(RobotFile& robot, const EpisodesOptions& options) : robot_(robot), options_(options) {
     stored_.robot = robot.name;
     stored_.episodes = stored_.transitions = 0;
   }
@@ -163,27 +163,27 @@ void seed_episode(RobotFile& robot, std::uint64_t index) {
 
 EpisodesResult run_episodes(RobotFile robot, const EpisodesOptions& options, const OpenEpisode& open) {
   EpisodesResult all;
-  Session session(robot, options);
-  if (!session.begin()) {
-    all.exit_code = session.exit_code();
+  Series series(robot, options);
+  if (!series.begin()) {
+    all.exit_code = series.exit_code();
     return all;
   }
   for (std::uint32_t e = 0; e < options.episodes; ++e) {
-    const std::uint64_t index = session.index();
+    const std::uint64_t index = series.index();
     RobotFile now = robot;
     seed_episode(now, index);
     std::string error;
     std::vector<double> true_params;
     Link* link = open(now, true_params, error);
     if (!link) {
-      (void)session.fail(error);
+      (void)series.fail(error);
       break;
     }
-    const RunOptions run = session.run_options(std::move(true_params));
+    const RunOptions run = series.run_options(std::move(true_params));
     all.last = run_robot(now, *link, run);
-    session.note(all.last.exit_code);
-    if (!session.is_complete(all.last)) {
-      if (!session.carries()) break;
+    series.note(all.last.exit_code);
+    if (!series.is_complete(all.last)) {
+      if (!series.carries()) break;
       std::fprintf(stderr, "tiller: episode %llu %s; it is left out%s\n", static_cast<unsigned long long>(index + 1),
                    why_incomplete(all.last).c_str(),
                    index > 0 && !options.posterior.empty() ? ": the file holds the last complete one's posterior" : "");
@@ -191,9 +191,9 @@ EpisodesResult run_episodes(RobotFile robot, const EpisodesOptions& options, con
     }
     all.rows.push_back(row_of(now, index + 1, all.last));
     if (options.episodes > 1) tell(now, all.rows.back(), all.last);
-    if (session.carries()) session.take(all.last);
+    if (series.carries()) series.take(all.last);
   }
-  all.exit_code = all.last.exit_code != kExitOk ? all.last.exit_code : session.exit_code();
+  all.exit_code = all.last.exit_code != kExitOk ? all.last.exit_code : series.exit_code();
   return all;
 }
 
