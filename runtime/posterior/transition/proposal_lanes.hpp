@@ -27,6 +27,7 @@ struct ProposalJob {
   double* log_change = nullptr;   // log of the proposal's density backward over forward; -infinity where refused
   double* log_uniform = nullptr;  // accept if the target's log change plus log_change is larger
   std::uint32_t stride = 0;
+  bool* whole = nullptr;  // out: whether the particles that stand still span all d dimensions
 };
 
 /// A function of this type stands in TransitionTable.

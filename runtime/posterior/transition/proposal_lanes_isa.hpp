@@ -78,7 +78,7 @@ inline void find_spread(const ProposalJob& job, Spread& s) {
         s.factor[r * d + c] = pivot > 0.0 ? rest / pivot : 0.0;
       } else {
         // coordinates that are functions of one another leave nothing: the walk then stays on their line
-        if (!(rest > 1e-12 * variance)) s.whole = false;
+        if (!(rest > 1e-10 * variance)) s.whole = false;
         s.factor[r * d + r] = rest > 0.0 ? __builtin_sqrt(rest) : 0.0;
       }
     }
@@ -192,6 +192,7 @@ inline void propose_group(const ProposalJob& job, const Spread& spread, const st
 inline void propose_lanes(const ProposalJob& job) {
   proposal::Spread spread;
   proposal::find_spread(job, spread);
+  *job.whole = spread.whole;
   for (std::uint32_t at = 0; at < job.moves; at += proposal::kGroup) proposal::propose_group(job, spread, job.keys, at);
 }
 

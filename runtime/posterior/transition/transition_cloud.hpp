@@ -119,6 +119,7 @@ class TransitionCloud {
   void move();
   std::uint32_t move_batch(std::uint32_t moves);
   void propose(std::uint32_t moves);
+  void widen(std::uint32_t moves);
   void judge(std::uint32_t moves);
 
   // retire.cpp

@@ -10,6 +10,11 @@ namespace tiller {
 
 namespace {
 
+/// Steps that lead out of a degenerate cloud reach down to e^-14, a millionth, of the prior's spread.
+constexpr double kWidestLog = 14.0;
+/// Their random numbers, apart from the scouts' of the same stream.
+constexpr std::uint64_t kWidening = std::uint64_t{1} << 60;
+
 /// Share of the moves that are drawn independently from the cloud's own Student-t.
 constexpr double kIndependent = 0.5;
 
@@ -87,7 +92,10 @@ void TransitionCloud::propose(std::uint32_t moves) {
   job.log_change = proposed_change_;
   job.log_uniform = proposed_uniform_;
   job.stride = lanes_;
+  bool whole = true;
+  job.whole = &whole;
   transition_table().propose(job);
+  if (!whole) widen(moves);
   const double scouts = config_->posterior.scout_share;
   if (flat_prior_ && !(scouts > 0.0)) return;
   for (std::uint32_t m = 0; m < moves; ++m) {
@@ -105,6 +113,25 @@ void TransitionCloud::propose(std::uint32_t moves) {
     } else if (!flat_prior_) {
       proposed_change_[m] += cloud_.prior.log_density(proposed) - cloud_.prior.log_density(present);
     }
+  }
+}
+
+/// Descendants of as few particles as there are dimensions lie on a line or a plane, and neither their differences nor
+/// their covariance lead out of it. Every other proposal is then a step of one coordinate, of any length from the prior's
+/// spread down: whichever fits is accepted, and the next differences have it.
+void TransitionCloud::widen(std::uint32_t moves) {
+  for (std::uint32_t m = 1; m < moves; m += 2) {
+    Rng rng(config_->seed, kRngScout, kWidening + batch_ * 4096 + m);
+    const std::uint32_t moving = rng.below(d_);
+    const double length = cloud_.prior.spread(moving) * std::exp(-kWidestLog * rng.uniform()) * rng.normal();
+    for (std::uint32_t j = 0; j < d_; ++j) {
+      const double present = present_coordinate_[j * lanes_ + m];
+      proposed_coordinate_[j * lanes_ + m] = j == moving ? present + length : present;
+    }
+    const double to = proposed_coordinate_[moving * lanes_ + m];
+    const bool inside = to >= cloud_.prior.low(moving) && to <= cloud_.prior.high(moving);
+    if (!inside) proposed_coordinate_[moving * lanes_ + m] = present_coordinate_[moving * lanes_ + m];
+    proposed_change_[m] = inside ? 0.0 : -INFINITY;
   }
 }
 
