@@ -168,12 +168,12 @@ int planners_command() {
 int effects_command() {
   for (std::uint32_t kind = 0; kind < effect_kind_count(); ++kind) {
     const EffectInfo& info = effect_info(kind);
-    std::printf("%-18s port: a%s   parameters:", info.name, info.port == PortKind::joint ? " joint" : "n input");
+    std::printf("%-18s port: %s   parameters:", info.name, port_kind_name(info.port));
     for (int i = 0; i < info.param_count; ++i) {
-      std::printf(" %s (%s%s)", info.param_names[i], info.param_units[i],
-                  std::isfinite(info.param_low[i]) ? (", >= " + number_text(info.param_low[i])).c_str() : "");
+      std::printf(" %s (%s%s)", info.params[i].name, info.params[i].unit,
+                  std::isfinite(info.params[i].low) ? (", >= " + number_text(info.params[i].low)).c_str() : "");
     }
-    std::printf("\n  %s\n", info.help);
+    std::printf("\n  %s: %s\n", info.help, info.equation);
   }
   return kExitOk;
 }

@@ -25,7 +25,7 @@ Words prior_path(const RobotFile& robot, std::size_t param) {
     const std::size_t end = first + static_cast<std::size_t>(info.param_count);
     if (param < end) {
       Words path = effect_path(e);
-      path.emplace_back(info.param_names[param - first]);
+      path.emplace_back(info.params[param - first].name);
       return path;
     }
     first = end;

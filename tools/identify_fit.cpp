@@ -32,9 +32,7 @@ Candidate with_effects(const RobotFile& robot, std::uint32_t effects) {
     const EffectInfo& info = effect_info(robot.config.effects[e].kind);
     params += static_cast<std::uint32_t>(info.param_count);
     const std::uint32_t port = robot.config.effects[e].port;
-    candidate.name += std::string(" + ") + info.name + " (" +
-                      (info.port == PortKind::joint ? robot.model->joints[port].name : robot.model->input_names[port]) +
-                      ")";
+    candidate.name += std::string(" + ") + info.name + " (" + port_name(info.port, *robot.model, port) + ")";
   }
   candidate.config.param_count = params;
   candidate.params.assign(robot.params.begin(), robot.params.begin() + params);

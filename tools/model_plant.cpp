@@ -29,12 +29,16 @@ tiller_prior_t fixed_at(double value) {
   return {tiller_prior_fixed, 0, value, 0, -inf, inf};
 }
 
-Words param_names(const EffectInfo& info) { return {info.param_names, info.param_names + info.param_count}; }
+Words param_names(const EffectInfo& info) {
+  Words names;
+  for (int i = 0; i < info.param_count; ++i) names.emplace_back(info.params[i].name);
+  return names;
+}
 
 int port_index(const RobotFile& robot, const EffectInfo& info, const std::string& port) {
-  if (info.port == PortKind::input) return port.empty() ? 0 : index_of(robot.inputs, port);
-  for (std::uint32_t j = 0; j < robot.model->joint_count; ++j)
-    if (port == robot.model->joints[j].name) return static_cast<int>(j);
+  if (port.empty() && (info.port == PortKind::input || info.port == PortKind::body)) return 0;
+  for (std::uint32_t i = 0; i < port_count(info.port, *robot.model); ++i)
+    if (port == port_name(info.port, *robot.model, i)) return static_cast<int>(i);
   return -1;
 }
 
@@ -74,8 +78,8 @@ bool ModelPlant::set_effects(const RobotFile& robot, std::string& error) {
     const EffectInfo& info = effect_info(static_cast<std::uint32_t>(kind));
     const int port = port_index(robot, info, effect.port);
     if (port < 0) {
-      error = where(robot) + effect.kind + ": the model has no port '" + effect.port + "'; write port = one of its " +
-              (info.port == PortKind::joint ? "joints" : "inputs: " + join(robot.inputs));
+      error = where(robot) + effect.kind + ": the model has no port '" + effect.port +
+              "'; write the name of one of its " + port_kind_name(info.port) + "s";
       return false;
     }
     if (config_.effect_count == TILLER_MAX_EFFECTS) {

@@ -31,10 +31,9 @@ bool knows_parameter(const sim::MechanismInfo& info, const std::string& name) {
 /// Robot file's name of effect parameter -> plant's: its effects have exactly one parameter each.
 sim::HiddenEffect hidden_effect(const RobotFile& robot, const tiller_effect_t& effect, double value) {
   const EffectInfo& info = effect_info(effect.kind);
-  const bool joint = info.port == PortKind::joint;
   sim::HiddenEffect hidden;
   hidden.kind = info.name;
-  hidden.port = joint ? robot.model->joints[effect.port].name : robot.model->input_names[effect.port];
+  hidden.port = port_name(info.port, *robot.model, effect.port);
   if (const sim::EffectInfo* known = sim::find_effect(info.name)) hidden.parameters[known->parameter] = value;
   return hidden;
 }

@@ -94,16 +94,13 @@ void read_prior_table(FileErrors& errors, const toml::table& table, const std::s
 }
 
 int find_port_index(const tiller_model_t& model, PortKind kind, const std::string& name, Words& known) {
-  if (kind == PortKind::input) {
-    known.assign(model.input_names, model.input_names + model.input_count);
-  } else {
-    for (std::uint32_t i = 0; i < model.joint_count; ++i) known.emplace_back(model.joints[i].name);
-  }
+  for (std::uint32_t i = 0; i < port_count(kind, model); ++i) known.emplace_back(port_name(kind, model, i));
   return index_of(known, name);
 }
 
 void read_effect_params(SectionReader& section, const EffectInfo& info, const std::string& port, RobotFile& robot) {
-  const Words names(info.param_names, info.param_names + info.param_count);
+  Words names;
+  for (int i = 0; i < info.param_count; ++i) names.emplace_back(info.params[i].name);
   const Words meant = section.refuse_unknown(names);
   for (int i = 0; i < info.param_count; ++i) {
     const std::string& name = names[static_cast<std::size_t>(i)];
@@ -111,7 +108,7 @@ void read_effect_params(SectionReader& section, const EffectInfo& info, const st
     if (robot.params.size() > TILLER_MAX_PARAMS) continue;
     tiller_prior_t& prior = robot.config.priors[robot.params.size() - 1];
     if (const toml::node* node = section.node(name)) {
-      read_prior(section.errors(), *node, section.path_of(name), info.param_low[i], prior);
+      read_prior(section.errors(), *node, section.path_of(name), info.params[i].low, prior);
     } else if (index_of(meant, name) < 0) {
       section.missing(name, std::string("give it a value or a prior: ") + kPriorRemedy);
     }
@@ -127,12 +124,19 @@ void read_effect(FileErrors& errors, const toml::table& table, std::size_t index
   const EffectInfo& info = effect_info(*kind);
   Words known;
   const int port_index = find_port_index(*robot.model, info.port, port.value_or(""), known);
-  const std::string what = info.port == PortKind::joint ? "joint" : "input";
+  const std::string what = port_kind_name(info.port);
   if (!section.has("port")) {
-    section.missing("port", "write port = one of the model's " + what + "s: " + join(known));
+    section.missing("port", info.port == PortKind::body
+                                ? "write port = \"body\""
+                                : "write port = one of the model's " + what + "s: " + join(known));
   } else if (port && port_index < 0) {
     section.error("port", std::string(robot.model->name) + " has no " + what + " of that name for " + info.name,
                   remedy_for_unknown(*port, known));
+  } else if (port && !port_fits(info, static_cast<std::uint32_t>(port_index), *robot.model)) {
+    section.error("port",
+                  *port + std::string(" has no ") + (info.needs_position ? "position" : "drive") + ", which " +
+                      info.name + " needs",
+                  "choose another port, or leave the effect out");
   }
   if (robot.config.effect_count >= TILLER_MAX_EFFECTS) {
     errors.at_table(table, section.path_of("kind"), "too many effects",

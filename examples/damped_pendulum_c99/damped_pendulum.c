@@ -45,7 +45,7 @@ static const char* const state_names[] = {"angle_rad", "rate_rad_s"};
 static const char* const input_names[] = {"torque_Nm"};
 static const char* const param_names[] = {"mass_kg", "length_m", "damping_Nms"};
 static const char* const force_names[] = {"joint_Nm"};
-static const tiller_joint_t joints[] = {{"joint", angle_rad, rate_rad_s, 0, 0}};
+static const tiller_joint_t joints[] = {{"joint", angle_rad, rate_rad_s, 0, 1}};
 
 static const tiller_model_t model = {
     .size = sizeof(tiller_model_t),

@@ -12,7 +12,7 @@ struct DeadZonePendulum {
   TILLER_FIELDS(Input, S, torque_Nm);
   TILLER_FIELDS(Params, S, mass_kg, length_m, dead_zone_Nm, torque_gain);
   TILLER_FIELDS(Force, S, joint_Nm);
-  static constexpr tiller_joint_t joints[] = {{"joint", 0, 1, 0, 0}};
+  static constexpr tiller_joint_t joints[] = {{"joint", 0, 1, 0, 1}};
   static constexpr unsigned angles = 1u << 0;
 
   /// Continuous, so that sampled plans and derivatives behave: u - d above d, u + d below -d, else 0.

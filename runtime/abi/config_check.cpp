@@ -37,8 +37,7 @@ Finding check_effects(const tiller_config_t& c) {
   for (std::uint32_t e = 0; e < c.effect_count; ++e) {
     if (c.effects[e].kind >= effect_kind_count()) return {tiller_status_bad_effect, fields[e]};
     const EffectInfo& info = effect_info(c.effects[e].kind);
-    const std::uint32_t ports = info.port == PortKind::joint ? c.model->joint_count : c.model->input_count;
-    if (c.effects[e].port >= ports) return {tiller_status_bad_effect, fields[e]};
+    if (!port_fits(info, c.effects[e].port, *c.model)) return {tiller_status_bad_effect, fields[e]};
     params += static_cast<std::uint32_t>(info.param_count);
     states += static_cast<std::uint32_t>(info.state_count);
   }
@@ -66,7 +65,7 @@ bool prior_support(const tiller_prior_t& p, double& low, double& high) {
 }
 
 Finding check_priors(const tiller_config_t& c) {
-  static Names16 fields = {TILLER_SIXTEEN("priors")};
+  static Names24 fields = {TILLER_TWENTY_FOUR("priors")};
   double low = 0.0, high = 0.0;
   for (std::uint32_t i = 0; i < c.param_count; ++i)
     if (!prior_support(c.priors[i], low, high)) return {tiller_status_bad_prior, fields[i]};
@@ -77,7 +76,7 @@ Finding check_priors(const tiller_config_t& c) {
     const EffectInfo& info = effect_info(c.effects[e].kind);
     for (int i = 0; i < info.param_count; ++i, ++param) {
       (void)prior_support(c.priors[param], low, high);
-      if (low < info.param_low[i]) return {tiller_status_bad_prior, fields[param]};
+      if (low < info.params[i].low || high > info.params[i].high) return {tiller_status_bad_prior, fields[param]};
     }
   }
   StepSetup setup;

@@ -16,7 +16,7 @@ bool joints_fit(const tiller_model_t& m) {
     const tiller_joint_t& joint = m.joints[j];
     if (joint.name == nullptr || joint.name[0] == '\0') return false;
     if (joint.position >= m.state_count && joint.position != TILLER_NO_POSITION) return false;
-    if (joint.velocity >= m.state_count || joint.force >= m.joint_count) return false;
+    if (joint.velocity >= m.state_count || joint.force >= m.joint_count || joint.drive > m.input_count) return false;
   }
   return true;
 }

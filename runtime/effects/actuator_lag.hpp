@@ -10,8 +10,19 @@ namespace tiller {
 template <class S>
 struct ActuatorLag {
   static constexpr Hook hook = Hook::input;
-  static constexpr EffectInfo info = {"actuator_lag", PortKind::input, 1, {"time_constant_s"},
-                                      {"s"},          {0.0},           1, "first-order lag between command and force"};
+  static constexpr EffectInfo info = [] {
+    EffectInfo i;
+    i.name = "actuator_lag";
+    i.port = PortKind::input;
+    i.param_count = 1;
+    i.params[0] = {"time_constant_s", "s", 0.0, __builtin_huge_val(), Scale::period, 2, {1.0, 5.0}};
+    i.state_count = 1;
+    i.help = "first-order lag between command and force";
+    i.equation = "T dy/dt = u - y; y acts";
+    i.aliases[0] = "input_delay";
+    i.separation = "steps of the command: a delay answers late and at once, a lag at once and slowly";
+    return i;
+  }();
   static S apply(const S& u, S* state, const S* p, const S& dt) {
     const S ratio = max(p[0], S(1e-9)) / dt;
     const S left = exp(S(-1.0) / ratio);

@@ -8,9 +8,15 @@ namespace tiller {
 template <class S>
 struct ConstantOffset {
   static constexpr Hook hook = Hook::force;
-  static constexpr EffectInfo info = {
-      "constant_offset", PortKind::joint,         1, {"force_SI"},
-      {"N or N m"},      {-__builtin_huge_val()}, 0, "a constant force or torque at the joint"};
+  static constexpr EffectInfo info = [] {
+    EffectInfo i;
+    i.name = "constant_offset";
+    i.param_count = 1;
+    i.params[0] = {"force_SI", "N or N m", -__builtin_huge_val(), __builtin_huge_val(), Scale::force, 1, {0.1}};
+    i.help = "a constant force or torque at the joint";
+    i.equation = "force = offset";
+    return i;
+  }();
   static S force(const S&, const S&, const S* p) { return p[0]; }
 };
 

@@ -11,9 +11,16 @@ namespace tiller {
 template <class S>
 struct CoulombFriction {
   static constexpr Hook hook = Hook::dissipation;
-  static constexpr EffectInfo info = {
-      "coulomb_friction", PortKind::joint, 1, {"friction_SI"},
-      {"N or N m"},       {0.0},           0, "dry friction: a constant force against the motion, sticking at rest"};
+  static constexpr EffectInfo info = [] {
+    EffectInfo i;
+    i.name = "coulomb_friction";
+    i.param_count = 1;
+    i.params[0] = {"friction_SI", "N or N m", 0.0, __builtin_huge_val(), Scale::force, 2, {0.05, 0.3}};
+    i.help = "dry friction: a constant force against the motion, sticking at rest";
+    i.equation = "force = -friction sign(v); at rest at most friction";
+    i.source = "Moreau (1988), Unilateral contact and dry friction in finite freedom dynamics";
+    return i;
+  }();
   static S force(const S&, const S& v_free, const S& gain, const S* p) {
     const S stopping = -v_free / gain;
     // in this order a tie goes to the constant: no friction has no derivative either, at rest as well

@@ -23,4 +23,38 @@ int find_effect(const char* name) {
   return -1;
 }
 
+const char* port_kind_name(PortKind port) {
+  static const char* const kNames[kPortKinds] = {"joint", "input", "sensor", "body"};
+  return kNames[static_cast<int>(port)];
+}
+std::uint32_t port_count(PortKind port, const tiller_model_t& model) {
+  switch (port) {
+    case PortKind::joint: return model.joint_count;
+    case PortKind::input: return model.input_count;
+    case PortKind::sensor: return model.state_count;
+    default: return 1;
+  }
+}
+const char* port_name(PortKind port, const tiller_model_t& model, std::uint32_t index) {
+  switch (port) {
+    case PortKind::joint: return model.joints[index].name;
+    case PortKind::input: return model.input_names[index];
+    case PortKind::sensor: return model.state_names[index];
+    default: return "body";
+  }
+}
+bool port_fits(const EffectInfo& info, std::uint32_t port, const tiller_model_t& model) {
+  if (port >= port_count(info.port, model)) return false;
+  if (info.port == PortKind::joint) {
+    const tiller_joint_t& joint = model.joints[port];
+    return (!info.needs_drive || joint.drive != 0) && (!info.needs_position || joint.position != TILLER_NO_POSITION);
+  }
+  if (info.port == PortKind::input && info.needs_drive) {
+    for (std::uint32_t j = 0; j < model.joint_count; ++j)
+      if (model.joints[j].drive == port + 1) return true;
+    return false;
+  }
+  return true;
+}
+
 }  // namespace tiller

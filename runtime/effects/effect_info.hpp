@@ -7,25 +7,70 @@
 namespace tiller {
 
 /// Where an effect attaches.
-enum class PortKind { joint, input };
+enum class PortKind {
+  joint,   ///< a generalised force of a joint
+  input,   ///< between a command and the force that it makes
+  sensor,  ///< between a state and its measurement
+  body     ///< gravity and payload: one port, 0
+};
+constexpr int kPortKinds = 4;
+/// "joint", "input", "sensor", "body".
+const char* port_kind_name(PortKind port);
 
 /// How the kernel calls an effect; see rollout/step.hpp for the order within a step.
 enum class Hook {
-  period_input,  ///< input = apply_period(history of inputs, parameters): once a period, before anything else
-  input,         ///< input = apply(input, state, parameters, dt): once a substep, advances the effect's own state
-  force,         ///< generalised force = force(q, v, parameters): enters the dynamics as it stands
-  dissipation    ///< generalised force after the free step, implicit: force(v, v_free, dt/m, parameters)
+  period_input,  ///< once a period, before anything else: the acting input from the history of inputs
+  input,         ///< once a substep: the acting input, advances the effect's own state
+  force,         ///< generalised force that enters the dynamics as it stands
+  dissipation,   ///< generalised force after the free step, implicit
+  sensor,        ///< outside the step: measurement from state
+  body           ///< once a period: changes the body argument of the dynamics
+};
+
+/// What a parameter's magnitude goes with, so that a fit can start anywhere: a start is a multiple of it.
+enum class Scale {
+  none,                 ///< the start as it stands
+  force,                ///< typical generalised force at the joint
+  force_per_velocity,   ///< force / typical velocity
+  force_per_velocity2,  ///< force / velocity^2
+  force_per_position,   ///< force / typical excursion
+  force_per_position3,  ///< force / excursion^3
+  position,             ///< typical excursion of the joint
+  velocity,             ///< typical velocity of the joint
+  input,                ///< typical command
+  period,               ///< the control period
+  mass,                 ///< mass that the joint's force moves
+  inertia,              ///< inertia that the joint's force moves (kg for a sliding joint)
+  pitch                 ///< no start can be had: scanned over [low, high], evenly in the logarithm
+};
+
+constexpr int kMaxEffectParams = 12;
+constexpr int kMaxStarts = 4;
+
+struct EffectParam {
+  const char* name = nullptr;  ///< ends in its unit; "_SI": N or N m and the like, by the port
+  const char* unit = "";
+  double low = -__builtin_huge_val();  ///< hard bounds; infinite for none
+  double high = __builtin_huge_val();
+  Scale scale = Scale::none;
+  int start_count = 0;
+  double start[kMaxStarts] = {};  ///< multiples of the scale, for fits
 };
 
 struct EffectInfo {
-  const char* name;
-  PortKind port;
-  int param_count;
-  const char* param_names[4];
-  const char* param_units[4];  ///< by the port: "_SI" names are N s/m or N m s/rad and the like
-  double param_low[4];         ///< hard lower bound; -infinity for none
-  int state_count;
-  const char* help;
+  const char* name = nullptr;
+  PortKind port = PortKind::joint;
+  int param_count = 0;
+  EffectParam params[kMaxEffectParams] = {};
+  int state_count = 0;
+  bool needs_drive = false;          ///< only at a joint that an input drives (tiller_joint_t.drive), or that input
+  bool needs_position = false;       ///< only at a joint that has one
+  const char* help = nullptr;        ///< one line
+  const char* equation = nullptr;    ///< plain text
+  const char* source = nullptr;      ///< paper or textbook
+  const char* contains[3] = {};      ///< effects that are special cases of this one
+  const char* aliases[4] = {};       ///< effects that measurements of positions alone may not tell from it
+  const char* separation = nullptr;  ///< the experiment or the sensor that tells them apart
 };
 
 /// Metadata of a kind (tiller_effect_kind_t); kind < effect_kind_count().
@@ -33,5 +78,11 @@ const EffectInfo& effect_info(std::uint32_t kind);
 /// Kind by name; -1 if there is none.
 int find_effect(const char* name);
 std::uint32_t effect_kind_count();
+/// Number of ports that an effect of this kind can have on the model.
+std::uint32_t port_count(PortKind port, const tiller_model_t& model);
+/// Its name: of the joint, the input or the state; "body".
+const char* port_name(PortKind port, const tiller_model_t& model, std::uint32_t index);
+/// Whether the effect can stand at the port: the joint has what it needs.
+bool port_fits(const EffectInfo& info, std::uint32_t port, const tiller_model_t& model);
 
 }  // namespace tiller

@@ -11,8 +11,18 @@ namespace tiller {
 template <class S>
 struct InputDelay {
   static constexpr Hook hook = Hook::period_input;
-  static constexpr EffectInfo info = {"input_delay", PortKind::input, 1, {"delay_s"},
-                                      {"s"},         {0.0},           0, "transport delay between command and force"};
+  static constexpr EffectInfo info = [] {
+    EffectInfo i;
+    i.name = "input_delay";
+    i.port = PortKind::input;
+    i.param_count = 1;
+    i.params[0] = {"delay_s", "s", 0.0, __builtin_huge_val(), Scale::period, 3, {0.5, 1.5, 4.0}};
+    i.help = "transport delay between command and force";
+    i.equation = "the command of a delay ago acts";
+    i.aliases[0] = "actuator_lag";
+    i.separation = "steps of the command: a delay answers late and at once, a lag at once and slowly";
+    return i;
+  }();
   /// past(i) is the command i periods ago, i = 0..steps.
   template <class Past>
   static S apply_period(const Past& past, int steps, const S* p, const S& period) {

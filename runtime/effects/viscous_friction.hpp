@@ -11,9 +11,15 @@ namespace tiller {
 template <class S>
 struct ViscousFriction {
   static constexpr Hook hook = Hook::dissipation;
-  static constexpr EffectInfo info = {
-      "viscous_friction",     PortKind::joint, 1, {"damping_SI"},
-      {"N s/m or N m s/rad"}, {0.0},           0, "friction proportional to the joint's velocity"};
+  static constexpr EffectInfo info = [] {
+    EffectInfo i;
+    i.name = "viscous_friction";
+    i.param_count = 1;
+    i.params[0] = {"damping_SI", "N s/m or N m s/rad", 0.0, __builtin_huge_val(), Scale::force_per_velocity, 1, {0.1}};
+    i.help = "friction proportional to the joint's velocity";
+    i.equation = "force = -damping v";
+    return i;
+  }();
   /// v: the velocity before the step; v_free: after it, without this force; gain: dt times inverse inertia.
   static S force(const S& v, const S& v_free, const S& gain, const S* p) {
     const S c = p[0] * gain;

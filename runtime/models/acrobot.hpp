@@ -21,7 +21,7 @@ struct Acrobot {
   TILLER_FIELDS(Params, S, upper_mass_kg, lower_mass_kg, upper_length_m, lower_length_m, upper_com_m, lower_com_m,
                 upper_inertia_kgm2, lower_inertia_kgm2);
   TILLER_FIELDS(Force, S, shoulder_Nm, elbow_Nm);
-  static constexpr tiller_joint_t joints[] = {{"shoulder", 0, 2, 0, 0}, {"elbow", 1, 3, 1, 0}};
+  static constexpr tiller_joint_t joints[] = {{"shoulder", 0, 2, 0, 0}, {"elbow", 1, 3, 1, 1}};
   static constexpr unsigned angles = (1u << 0) | (1u << 1);
 
   static State dynamics(const State& x, const Input& u, const Force& f, const Body<S>& body, const Params& p) {

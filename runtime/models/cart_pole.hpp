@@ -18,7 +18,7 @@ struct CartPole {
   TILLER_FIELDS(Input, S, force_N);
   TILLER_FIELDS(Params, S, cart_mass_kg, pole_mass_kg, half_length_m);
   TILLER_FIELDS(Force, S, cart_N, pole_Nm);
-  static constexpr tiller_joint_t joints[] = {{"cart", 0, 2, 0, 0}, {"pole", 1, 3, 1, 0}};
+  static constexpr tiller_joint_t joints[] = {{"cart", 0, 2, 0, 1}, {"pole", 1, 3, 1, 0}};
   static constexpr unsigned angles = 1u << 1;
 
   static State dynamics(const State& x, const Input& u, const Force& f, const Body<S>& body, const Params& p) {

@@ -13,7 +13,7 @@ struct Pendulum {
   TILLER_FIELDS(Input, S, torque_Nm);
   TILLER_FIELDS(Params, S, mass_kg, length_m, damping_Nms);
   TILLER_FIELDS(Force, S, joint_Nm);
-  static constexpr tiller_joint_t joints[] = {{"joint", 0, 1, 0, 0}};
+  static constexpr tiller_joint_t joints[] = {{"joint", 0, 1, 0, 1}};
   static constexpr unsigned angles = 1u << 0;
 
   static State dynamics(const State& x, const Input& u, const Force& f, const Body<S>& body, const Params& p) {

@@ -29,8 +29,7 @@ tiller_status_t make_step_setup(const tiller_config_t& config, StepSetup& setup)
     const tiller_effect_t& effect = config.effects[e];
     if (effect.kind >= effect_kind_count()) return tiller_status_bad_effect;
     const EffectInfo& info = effect_info(effect.kind);
-    const std::uint32_t ports = info.port == PortKind::joint ? model.joint_count : model.input_count;
-    if (effect.port >= ports) return tiller_status_bad_effect;
+    if (!port_fits(info, effect.port, model)) return tiller_status_bad_effect;
     setup.effects[e] = {static_cast<std::uint16_t>(effect.kind), static_cast<std::uint16_t>(effect.port),
                         static_cast<std::uint16_t>(param), static_cast<std::uint16_t>(state)};
     if (param + static_cast<std::uint32_t>(info.param_count) > TILLER_MAX_PARAMS) return tiller_status_bad_effect;

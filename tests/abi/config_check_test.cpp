@@ -343,7 +343,7 @@ TEST(ConfigCheck, NamesWhatTheModelLacks) {
       {"model.state_count", tiller_status_bad_model, [](M& m) { m.state_count = 0; }},
       {"model.state_count", tiller_status_bad_model, [](M& m) { m.state_count = 13; }},
       {"model.input_count", tiller_status_bad_model, [](M& m) { m.input_count = 5; }},
-      {"model.param_count", tiller_status_bad_model, [](M& m) { m.param_count = 17; }},
+      {"model.param_count", tiller_status_bad_model, [](M& m) { m.param_count = TILLER_MAX_PARAMS + 1; }},
       {"model.joint_count", tiller_status_bad_model, [](M& m) { m.joint_count = 7; }},
       {"model.state_names", tiller_status_bad_model, [](M& m) { m.state_names = no_names; }},
       {"model.input_names", tiller_status_bad_model, [](M& m) { m.input_names = nullptr; }},

@@ -15,9 +15,9 @@ std::vector<Case> all_cases() {
   std::vector<Case> cases;
   for (const tiller_model_t* model : all_models())
     for (std::uint32_t kind = 0; kind < effect_kind_count(); ++kind) {
-      const bool joint = effect_info(kind).port == PortKind::joint;
-      for (std::uint32_t port = 0; port < (joint ? model->joint_count : model->input_count); ++port)
-        cases.push_back({model, kind, port});
+      const EffectInfo& info = effect_info(kind);
+      for (std::uint32_t port = 0; port < port_count(info.port, *model); ++port)
+        if (port_fits(info, port, *model)) cases.push_back({model, kind, port});
     }
   return cases;
 }
@@ -101,7 +101,7 @@ TEST_P(EveryEffect, IsStableAtTheLargestStep) {
   const Case c = GetParam();
   const EffectInfo& info = effect_info(c.kind);
   for (double size : {1.0, 1e3, 1e6}) {
-    if (info.param_units[0] == std::string("s")) size = 0.1;  // the longest delay that the prior allows
+    if (info.params[0].unit == std::string("s")) size = 0.1;  // the longest delay that the prior allows
     tiller_config_t with = plain_config(c.model);
     with.period_s = 0.1;
     with.substeps = 10;
@@ -110,7 +110,7 @@ TEST_P(EveryEffect, IsStableAtTheLargestStep) {
     std::fill(batch.controls.begin(), batch.controls.end(), 0.0);
     std::fill(batch.history.begin(), batch.history.end(), 0.0);
     std::fill(batch.effect_state.begin(), batch.effect_state.end(), 0.0);
-    if (info.param_low[0] < 0.0) continue;  // an offset is a force, not something that could be stable
+    if (info.params[0].low < 0.0) continue;  // an offset is a force, not something that could be stable
     batch.set_param(c.model->param_count, size);
     batch.run(*c.model, select_rollout(*c.model));
     for (std::uint32_t i = 0; i < batch.nx * batch.lanes; ++i) {

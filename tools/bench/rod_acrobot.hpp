@@ -14,7 +14,7 @@ struct RodAcrobot {
   using Input = typename Acrobot<S>::Input;
   using Force = typename Acrobot<S>::Force;
   TILLER_FIELDS(Params, S, upper_mass_kg, lower_mass_kg, upper_length_m, lower_length_m);
-  static constexpr tiller_joint_t joints[] = {{"shoulder", 0, 2, 0, 0}, {"elbow", 1, 3, 1, 0}};
+  static constexpr tiller_joint_t joints[] = {{"shoulder", 0, 2, 0, 0}, {"elbow", 1, 3, 1, 1}};
   static constexpr unsigned angles = (1u << 0) | (1u << 1);
 
   static State dynamics(const State& x, const Input& u, const Force& f, const Body<S>& body, const Params& p) {

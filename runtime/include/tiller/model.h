@@ -23,7 +23,7 @@ extern "C" {
 #define TILLER_MAX_STATES 12
 #define TILLER_MAX_INPUTS 4
 #define TILLER_MAX_JOINTS 6
-#define TILLER_MAX_PARAMS 16       /**< model parameters and effect parameters together */
+#define TILLER_MAX_PARAMS 24       /**< model parameters and effect parameters together */
 #define TILLER_MAX_EFFECTS 8
 #define TILLER_MAX_EFFECT_STATES 8 /**< over all effects */
 #define TILLER_MAX_DELAY_STEPS 16  /**< longest input delay, in control periods */
@@ -43,7 +43,7 @@ typedef struct tiller_joint {
   uint8_t position;          /**< index into the state; TILLER_NO_POSITION for a velocity port */
   uint8_t velocity;          /**< index into the state */
   uint8_t force;             /**< index into the generalised forces */
-  uint8_t reserved;
+  uint8_t drive;             /**< 1 + the input that pushes this joint one to one, in the force's unit; 0: none does */
 } tiller_joint_t;
 #define TILLER_NO_POSITION 255u
 

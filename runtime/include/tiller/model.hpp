@@ -12,7 +12,7 @@
 //       TILLER_FIELDS(Input, S, torque_Nm);
 //       TILLER_FIELDS(Params, S, mass_kg, length_m, damping_Nms);
 //       TILLER_FIELDS(Force, S, joint_Nm);                        // where effects may push
-//       static constexpr tiller_joint_t joints[] = {{"joint", 0, 1, 0, 0}};  // position, velocity, force
+//       static constexpr tiller_joint_t joints[] = {{"joint", 0, 1, 0, 1}};  // position, velocity, force, 1 + input
 //       static constexpr unsigned angles = 1u << 0;               // states that wrap at +-pi
 //
 //       static State dynamics(const State& x, const Input& u, const Force& f, const tiller::Body<S>& body,

@@ -38,7 +38,7 @@ extern "C" {
 
 #define TILLER_VERSION_MAJOR 0
 #define TILLER_VERSION_MINOR 1
-#define TILLER_CONFIG_VERSION 3u
+#define TILLER_CONFIG_VERSION 4u
 #define TILLER_ALIGNMENT 64u /**< of the caller's block: one AVX-512 register, one cache line */
 #define TILLER_MAX_MEASUREMENTS TILLER_MAX_STATES
 
@@ -86,7 +86,7 @@ typedef enum tiller_effect_kind {
  *  which the effects stand here. */
 typedef struct tiller_effect {
   uint32_t kind; /**< tiller_effect_kind_t */
-  uint32_t port; /**< index of the joint (friction, offset) or of the input (lag, delay) */
+  uint32_t port; /**< index, by the effect: of the joint, the input, or the state that a sensor measures; 0: body */
 } tiller_effect_t;
 
 typedef enum tiller_integrator {
