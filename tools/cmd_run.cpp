@@ -12,11 +12,11 @@ namespace tiller::tools {
 namespace {
 
 struct Arguments {
-  std::string robot, transport, log, report, record, posterior, save_posterior;
+  std::string robot, transport, log, report, record, posterior, save_posterior, alarm_log;
   std::uint32_t episodes = 1;
   bool sim = false, lockstep = false, real_time = false, quiet = false;
   double seconds = 0;
-  double wait_s = 10;
+  double wait_s = 10, alarm_log_s = RunOptions().alarm_log_s;
   Overrides overrides;
 };
 
@@ -81,6 +81,21 @@ int report_run(const Arguments& a, const RobotFile& robot, const RunResult& resu
   return result.exit_code ? result.exit_code : static_cast<int>(kExitLogIncomplete);
 }
 
+/// Beside the run's other files; without any, in the working folder under the robot file's name.
+std::string alarm_log_of(const Arguments& a) {
+  if (!a.alarm_log.empty()) return a.alarm_log;
+  for (const std::string* beside : {&a.log, &a.record})
+    if (!beside->empty()) return std::filesystem::path(*beside).replace_extension(".alarm.csv").string();
+  return std::filesystem::path(a.robot).stem().string() + ".alarm.csv";
+}
+
+void tell_next_step(const Arguments& a, const RunResult& result) {
+  if (result.alarm_log.empty()) return;
+  const std::string report = std::filesystem::path(result.alarm_log).replace_extension("").string() + ".report";
+  std::printf("%.1f s about the alarm: %s\n  next: tiller gap %s %s -o %s\n", result.alarm_log_s,
+              result.alarm_log.c_str(), a.robot.c_str(), result.alarm_log.c_str(), report.c_str());
+}
+
 EpisodesOptions episodes_options(const Arguments& a) {
   EpisodesOptions options;
   options.episodes = a.episodes;
@@ -92,6 +107,8 @@ EpisodesOptions episodes_options(const Arguments& a) {
   options.run.quiet = a.quiet;
   options.run.log = a.log;
   options.run.record = a.record;
+  options.run.alarm_log = a.alarm_log_s > 0 ? alarm_log_of(a) : "";
+  options.run.alarm_log_s = a.alarm_log_s;
   options.run.first_wait_s = a.wait_s;
   return options;
 }
@@ -122,6 +139,7 @@ int run_command(Arguments& a) {
   std::fputs(summary(*robot, options, all.last).c_str(), stdout);
   if (const std::string counted = opened.link->counters(); !counted.empty()) std::printf("  %s\n", counted.c_str());
   if (!all.last.readable_log.empty()) std::printf("log: %s\n", all.last.readable_log.c_str());
+  tell_next_step(a, all.last);
   const int reported = report_run(a, *robot, all.last);
   return all.exit_code ? all.exit_code : reported;
 }
@@ -147,6 +165,12 @@ void add_run_command(CLI::App& app, int& exit_code) {
   command->add_option("--log", a->log, "write a CSV row per tick");
   command->add_option("--report", a->report, "write a one-file HTML page (and its CSV beside it)");
   command->add_option("--record", a->record, "write every input and output, for tiller replay");
+  command->add_option("--alarm-log", a->alarm_log,
+                      "where the ticks about an alarm of an inadequate model go, a CSV for `tiller gap` (default: "
+                      "<log>.alarm.csv beside the log or the record, else <robot>.alarm.csv in this folder); written "
+                      "only if there is one");
+  command->add_option("--alarm-seconds", a->alarm_log_s, "length of that file in s (default 20); 0: none")
+      ->check(number_between(0, 1000));
   auto* posterior = command->add_option(
       "--posterior", a->posterior,
       "file: the prior if it is there (in the place of the robot file's), written after every complete episode");

@@ -64,6 +64,7 @@ class Series {
     run.quiet = true;
     run.log = numbered(run.log, index() + 1);
     run.record = numbered(run.record, index() + 1);
+    run.alarm_log = numbered(run.alarm_log, index() + 1);
     return run;
   }
 

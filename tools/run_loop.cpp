@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include "tools/alarm_window.hpp"
 #include "tools/exit_codes.hpp"
 #include "tools/progress.hpp"
 #include "tools/record_file.hpp"
@@ -60,8 +61,11 @@ class Runner {
         options_(options),
         pool_(options.threads),
         log_(robot, knows_truth(), options.true_params),
+        alarm_(robot),
         progress_(robot, Progress::style_for_stdout(options.quiet), options.seconds, options.true_params) {
     if (!options.record.empty()) config_.record_ticks = std::max(config_.record_ticks, 1u);
+    if (!options.alarm_log.empty())
+      config_.record_ticks = std::max(config_.record_ticks, AlarmWindow::ring_ticks(robot, options.alarm_log_s));
   }
 
   RunResult run() {
@@ -230,11 +234,12 @@ class Runner {
     link_.tell(info_, command_.stamp_us);
     safe_ticks_ = info_.state == tiller_state_safe ? safe_ticks_ + 1 : 0;
     if (safe_ticks_ == 1) tell_safe();
-    if (info_.adequacy == tiller_adequacy_inadequate && !told_inadequate_) tell_inadequate();
-    if (!options_.record.empty() && info_.ticks > 0 &&
+    if ((!options_.record.empty() || alarm_.open()) && info_.ticks > 0 &&
         tiller_get_record(controller_, info_.ticks - 1, &entry.record) == tiller_status_ok) {
-      write_record(record_, entry);
+      if (!options_.record.empty()) write_record(record_, entry);
+      alarm_.add(entry.record);
     }
+    if (info_.adequacy == tiller_adequacy_inadequate && !told_inadequate_) tell_inadequate();
     const TickView view = look();
     count(view);
     log_.add(view);
@@ -244,6 +249,7 @@ class Runner {
       rows_ = 0;
       log_.flush();
       record_.flush();
+      alarm_.flush();
     }
   }
 
@@ -300,7 +306,12 @@ class Runner {
     told_inadequate_ = true;
     result_.inadequate_at_s = time_s();
     progress_.finish(look());
-    progress_.say(format("at %.2f s: ", time_s()) + inadequacy(robot_, info_));
+    std::string text = format("at %.2f s: ", time_s()) + inadequacy(robot_, info_);
+    if (!options_.alarm_log.empty()) {
+      alarm_.begin(options_.alarm_log, options_.alarm_log_s, controller_, info_.ticks);
+      text += format("\nthe %g s about it go to ", options_.alarm_log_s) + options_.alarm_log;
+    }
+    progress_.say(text);
   }
 
   /// The safe command goes out more than once: a datagram may be lost.
@@ -320,11 +331,14 @@ class Runner {
   void close_files() {
     const bool log_complete = options_.log.empty() || log_.close();
     const bool record_complete = options_.record.empty() || record_.close();
-    for (const OutputFile* file : {&log_.file(), static_cast<const OutputFile*>(&record_)}) {
+    const bool alarm_complete = alarm_.close();
+    for (const OutputFile* file : {&log_.file(), static_cast<const OutputFile*>(&record_), &alarm_.file()}) {
       if (!file->message().empty()) std::fprintf(stderr, "tiller: %s\n", file->message().c_str());
     }
     result_.readable_log = log_.file().readable_path();
-    if (!log_complete || !record_complete) result_.exit_code = kExitLogIncomplete;
+    result_.alarm_log = alarm_.file().readable_path();
+    result_.alarm_log_s = alarm_.seconds();
+    if (!log_complete || !record_complete || !alarm_complete) result_.exit_code = kExitLogIncomplete;
   }
 
   void fill_result(bool safe) {
@@ -369,6 +383,7 @@ class Runner {
   ThreadPool pool_;
   RunLog log_;
   OutputFile record_;
+  AlarmWindow alarm_;
   Progress progress_;
   tiller_hooks_t hooks_{};
   Block block_;

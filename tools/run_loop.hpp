@@ -15,6 +15,8 @@ struct RunOptions {
   bool quiet = false;
   std::string log;                  ///< CSV; empty: none
   std::string record;               ///< every input and output, for `tiller replay`; empty: none
+  std::string alarm_log;            ///< CSV of the ticks about an inadequacy alarm (AlarmWindow); empty: none
+  double alarm_log_s = 20;          ///< its length
   double first_wait_s = 10;         ///< wall time to wait for the first measurement
   std::vector<double> true_params;  ///< (param_count) where the plant is in this process
   /// The safe command is sent, and nothing is learnt, until every measured state has stood within four deviations of
@@ -39,6 +41,8 @@ struct RunResult {
   std::vector<double> contraction_ratio, contraction_direction;  // (d), (d x param_count): tiller_get_contraction
   bool interrupted = false;
   double inadequate_at_s = -1;  ///< robot time of the alarm; below zero: none
+  std::string alarm_log;        ///< where the ticks about the alarm are; empty: nowhere
+  double alarm_log_s = 0;       ///< how long they are
 };
 
 /// link -> tiller_tick -> link, until the time is over, Ctrl-C, or SAFE. Shows progress on stdout; what goes

@@ -30,6 +30,7 @@ tiller_status_t Executive::tick(std::int64_t now_us, const tiller_measurement_t*
   watch_motion(tick);
   plan(tick);
   gate(tick, command);
+  note_adequacy(tick);
   record(tick, command);
   return static_cast<tiller_status_t>(info_.status);
 }
@@ -131,6 +132,11 @@ void Executive::read_adequacy() {
   info_.inadequate_channel = test->channel();
   info_.inadequate_feature = test->feature();
   info_.adequacy_statistic = test->statistic();
+}
+
+/// Last of all reasons: the command is a fresh plan like any other, made with a model that is known to be wrong.
+void Executive::note_adequacy(Tick& tick) const {
+  if (info_.adequacy == tiller_adequacy_inadequate) tick.note(tiller_status_model_inadequate);
 }
 
 // ---- frozen sensors --------------------------------------------------------------------------------------

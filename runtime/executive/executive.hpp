@@ -76,6 +76,7 @@ class Executive {
   void step_motion(const Tick& tick);
   void plan(Tick& tick);
   void gate(Tick& tick, tiller_command_t& command);
+  void note_adequacy(Tick& tick) const;
   void record(const Tick& tick, const tiller_command_t& command);
 
   // learn

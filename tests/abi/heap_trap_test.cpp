@@ -212,4 +212,35 @@ TEST(HeapTrap, NothingInALongLifeOfEveryPlanner) {
   }
 }
 
+struct InadequateRun {
+  Loop* loop = nullptr;
+  int told = 0;  // ticks that returned model_inadequate
+};
+
+void run_inadequate(void* arg) {
+  InadequateRun& run = *static_cast<InadequateRun*>(arg);
+  for (int i = 0; i < 600; ++i) run.told += run.loop->tick() == tiller_status_model_inadequate ? 1 : 0;
+}
+
+TEST(HeapTrap, NothingAtAnAlarmOfAnInadequateModel) {
+  tiller_config_t config = rig::pendulum_config();
+  config.priors[2] = {tiller_prior_fixed, 0, 0.0, 0.0, 0.0, 0.0};  // the model has no damping, the plant has plenty
+  PendulumPlant plant;
+  plant.damping_Nms = 0.5;
+  Loop loop(config, plant);
+  ASSERT_TRUE(loop.ready());
+  loop.activate(1);
+  InadequateRun run;
+  run.loop = &loop;
+  EXPECT_EQ(heap_calls_in(run_inadequate, &run), 0u);
+  const tiller_info_t info = loop.info();
+  std::printf("%d of 600 ticks say that the model is inadequate, channel %u, %s\n", run.told, info.inadequate_channel,
+              tiller_feature_name(static_cast<tiller_feature_t>(info.inadequate_feature)));
+  EXPECT_EQ(info.adequacy, static_cast<std::uint32_t>(tiller_adequacy_inadequate));
+  EXPECT_EQ(info.inadequate_channel, 0u);
+  EXPECT_GT(run.told, 0) << "a tick that no other limit is active in";
+  EXPECT_EQ(loop.state(), tiller_state_active) << "it stops nothing";
+  EXPECT_TRUE(loop.commands_allowed());
+}
+
 }  // namespace

@@ -20,11 +20,15 @@ using fakes::posterior;
 class Obedient final : public Posterior {
  public:
   Obedient() = default;
-  void bind(const tiller_config_t& config, const StepSetup& setup) {
+  void bind(const tiller_config_t& config, const StepSetup& setup, AdequacyTest* adequacy) {
     config_ = &config;
+    adequacy_ = adequacy;
+    adequacy_->reset();
     setup_ = setup;
   }
   void reset() override {}
+  const AdequacyTest* adequacy() const override { return posterior.tested ? adequacy_ : nullptr; }
+  void clear_adequacy() override { adequacy_->reset(); }
   tiller_status_t start(const double* measured) override {
     ++posterior.starts;
     take(measured);
@@ -33,6 +37,9 @@ class Obedient final : public Posterior {
   tiller_status_t update(const Transition& transition) override {
     posterior.transitions.push_back(transition);
     take(transition.measured);
+    Innovation innovation;
+    for (double& value : innovation.normalised) value = 4.0;
+    if (posterior.tested) adequacy_->take(innovation);
     return posterior.update_status;
   }
   bool started() const override { return posterior.starts > 0; }
@@ -70,6 +77,7 @@ class Obedient final : public Posterior {
   }
   const tiller_config_t* config_ = nullptr;
   StepSetup setup_;
+  AdequacyTest* adequacy_ = nullptr;
 };
 
 }  // namespace
@@ -77,8 +85,9 @@ class Obedient final : public Posterior {
 Posterior* Posterior::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable&,
                               const tiller_hooks_t*) {
   Obedient* self = arena.take<Obedient>(1);
+  AdequacyTest* adequacy = AdequacyTest::lay_out(arena, config, true);
   if (arena.measuring()) return nullptr;
-  self->bind(config, setup);
+  self->bind(config, setup, adequacy);
   return self;
 }
 

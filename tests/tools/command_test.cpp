@@ -223,6 +223,29 @@ TEST_F(Command, AFullDiskDoesNotStopTheRobotAndIsTold) {
   EXPECT_EQ(rescued_rows, 51) << ended.out;
 }
 
+TEST_F(Command, AnInadequateModelIsToldOnceAndLeavesItsTicks) {
+  // the plant has dry friction, the model has none
+  std::ofstream(folder_ + "/rough.toml") << std::ifstream(kCartPole).rdbuf()
+                                         << "[[sim.effects]]\nkind = \"coulomb_friction\"\nport = \"cart\"\n"
+                                            "friction_SI = 1.5\n";
+  const Ended ended = run({"run", "rough.toml", "--sim", "--seconds", "4", "--log", "out.csv", "--alarm-seconds", "3"});
+  EXPECT_EQ(ended.code, 0) << "it is news, not the end: " << ended.out;
+  int told = 0;
+  for (std::size_t at = 0; (at = ended.out.find(" s: the model does not explain ", at)) != std::string::npos; ++at)
+    ++told;
+  EXPECT_EQ(told, 1) << ended.out;
+  EXPECT_TRUE(contains(ended.out, "\n  next: tiller gap rough.toml out.alarm.csv -o out.alarm.report")) << ended.out;
+  EXPECT_TRUE(contains(text_of("out.csv"), ",model_inadequate")) << "the status of a tick";
+  // 3 s of 20 ms and a header; in lockstep the rows are the log's own
+  const std::string rows = first_columns("out.alarm.csv", 4);
+  EXPECT_EQ(std::count(rows.begin(), rows.end(), '\n'), 151);
+  EXPECT_EQ(rows.rfind("time_s,position_m,angle_rad,force_N\n", 0), 0u);
+
+  const Ended calm = run({"run", kCartPole, "--sim", "--seconds", "1", "--log", "calm.csv"});
+  EXPECT_EQ(calm.code, 0);
+  EXPECT_FALSE(fs::exists(folder_ + "/calm.alarm.csv")) << "no alarm, no file";
+}
+
 TEST_F(Command, EpisodesGoOnFromTheirFile) {
   const Words series = {"run",        kCartPole, "--sim",       "--quiet",        "--seconds", "1",
                         "--episodes", "2",       "--posterior", "kept/cart.json", "--record",  "run.rec"};

@@ -474,7 +474,7 @@ tiller_status_t tiller_reset(tiller_t* t);
 tiller_status_t tiller_prepare(tiller_t* t);
 
 /** One control period. `measurement` may be null (nothing new). Always fills *command.
- *  Returns the first reason why the command is not an unlimited fresh plan; ok otherwise.
+ *  Returns the first reason why the command is not an unlimited fresh plan, else model_inadequate, else ok.
  *  Cost: bounded by the configuration; see tiller_info and `./dev bench rollout`. */
 tiller_status_t tiller_tick(tiller_t* t, int64_t now_us, const tiller_measurement_t* measurement,
                             tiller_command_t* command);
