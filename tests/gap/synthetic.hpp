@@ -1,0 +1,122 @@
+#pragma once
+
+// Data with a known gap: a built-in model integrated by RK4 at half a millisecond (not the runtime's stepper), with a
+// force of its own at one joint and commands that are changed on their way.
+
+#include <cmath>
+#include <functional>
+#include <vector>
+
+#include "core/rng.hpp"
+#include "tools/identify_data.hpp"
+
+namespace tiller::tools::gap {
+
+struct Synthetic {
+  const tiller_model_t* model = tiller_find_model("pendulum");
+  std::vector<double> params = {0.5, 0.4, 0.0};
+  double period_s = 0.01;
+  double seconds = 8, noise_sd = 2e-3;
+  double process_sd = 0;    // of the rate, per square root of a second
+  double encoder_step = 0;  // of positions
+  bool rates = false;       // rates are measured as well, with 20 times the noise
+  double amplitude = 1.5;   // of the input
+  std::uint32_t joint = 0;
+  std::function<double(double q, double v, double u, double t)> force;  // at `joint`; empty: none
+  std::function<double(double u)> actuator;                             // empty: as commanded
+  double delay_s = 0;
+};
+
+/// Joints' positions measured (rates too if asked for), of every built-in model.
+inline tiller_config_t synthetic_config(const Synthetic& s) {
+  tiller_config_t config;
+  tiller_config_default(&config, s.model);
+  config.period_s = s.period_s;
+  config.measurement_count = 0;
+  const auto measure = [&](std::uint8_t state, double sd) {
+    config.measured_state[config.measurement_count] = state;
+    config.measurement_sd[config.measurement_count++] = sd;
+  };
+  for (std::uint32_t j = 0; j < s.model->joint_count; ++j) measure(s.model->joints[j].position, s.noise_sd);
+  for (std::uint32_t j = 0; s.rates && j < s.model->joint_count; ++j)
+    measure(s.model->joints[j].velocity, 20 * s.noise_sd);
+  for (std::uint32_t i = 0; i < s.model->input_count; ++i) {
+    config.safety.input_low[i] = -4 * s.amplitude;
+    config.safety.input_high[i] = 4 * s.amplitude;
+  }
+  config.param_count = s.model->param_count;
+  for (std::uint32_t i = 0; i < config.param_count; ++i)
+    config.priors[i] = {tiller_prior_fixed, 0, s.params[i], 0, s.params[i], s.params[i]};
+  return config;
+}
+
+/// A multisine, held over each period.
+inline double multisine(double t, std::uint64_t seed) {
+  Rng rng(seed, 100, 7);
+  double u = 0;
+  for (int i = 0; i < 6; ++i) {
+    const double hertz = 0.2 + 2.3 * rng.uniform(), phase = 6.283185307179586 * rng.uniform();
+    u += std::sin(6.283185307179586 * hertz * t + phase);
+  }
+  return u / 2.5;
+}
+
+inline Grid simulate(const Synthetic& s, std::uint64_t seed) {
+  const tiller_model_t& model = *s.model;
+  Rng rng(seed, 101, 3);
+  Grid grid;
+  grid.path = "run" + std::to_string(seed) + ".csv";
+  grid.period_s = s.period_s;
+  grid.state.resize(model.state_count);
+  grid.input.resize(model.input_count);
+  const auto points = static_cast<std::size_t>(s.seconds / s.period_s);
+  const tiller_body_t body = {0, -9.81, 0, 0};
+  std::vector<double> x(model.state_count, 0.0);
+  if (std::string(model.name) == "cart_pole") x[1] = 3.14159;  // hangs
+  const int fine = static_cast<int>(std::lround(s.period_s / 0.0005));
+  const double h = s.period_s / fine;
+  const auto command = [&](double t) {
+    return s.amplitude * multisine(std::floor(t / s.period_s + 1e-9) * s.period_s, seed);
+  };
+  const tiller_joint_t& joint = model.joints[s.joint];
+  const auto slope = [&](const std::vector<double>& at, double t, std::vector<double>& dx) {
+    const double commanded = t < s.delay_s ? 0.0 : command(t - s.delay_s);
+    double u[TILLER_MAX_INPUTS] = {s.actuator ? s.actuator(commanded) : commanded}, f[TILLER_MAX_JOINTS] = {};
+    if (s.force) f[joint.force] = s.force(at[joint.position], at[joint.velocity], u[0], t);
+    model.dynamics(at.data(), u, f, &body, s.params.data(), dx.data());
+  };
+  std::vector<double> k1(x.size()), k2(x.size()), k3(x.size()), k4(x.size()), at(x.size());
+  for (std::size_t p = 0; p < points; ++p) {
+    for (std::uint32_t i = 0; i < model.state_count; ++i) {
+      bool rate = false;
+      for (std::uint32_t j = 0; j < model.joint_count; ++j) rate = rate || model.joints[j].velocity == i;
+      double value = x[i] + (rate ? 20 : 1) * s.noise_sd * rng.normal();
+      if (!rate && s.encoder_step > 0) value = std::round(x[i] / s.encoder_step) * s.encoder_step;
+      grid.state[i].push_back(rate && !s.rates ? NAN : value);
+    }
+    const double start = static_cast<double>(p) * s.period_s;
+    for (auto& input : grid.input) input.push_back(command(start));
+    for (int n = 0; n < fine; ++n) {
+      const double t = start + n * h + 1e-7;  // the command of this period, not of the one before
+      slope(x, t, k1);
+      for (std::size_t i = 0; i < x.size(); ++i) at[i] = x[i] + 0.5 * h * k1[i];
+      slope(at, t + 0.5 * h, k2);
+      for (std::size_t i = 0; i < x.size(); ++i) at[i] = x[i] + 0.5 * h * k2[i];
+      slope(at, t + 0.5 * h, k3);
+      for (std::size_t i = 0; i < x.size(); ++i) at[i] = x[i] + h * k3[i];
+      slope(at, t + 0.99 * h, k4);
+      for (std::size_t i = 0; i < x.size(); ++i) x[i] += h / 6 * (k1[i] + 2 * (k2[i] + k3[i]) + k4[i]);
+    }
+    for (std::uint32_t j = 0; j < model.joint_count; ++j)
+      x[model.joints[j].velocity] += s.process_sd * std::sqrt(s.period_s) * rng.normal();
+  }
+  return grid;
+}
+
+inline std::vector<Grid> simulate_logs(const Synthetic& s, int logs, std::uint64_t seed) {
+  std::vector<Grid> grids;
+  for (int i = 0; i < logs; ++i) grids.push_back(simulate(s, 100 * seed + static_cast<std::uint64_t>(i)));
+  return grids;
+}
+
+}  // namespace tiller::tools::gap
