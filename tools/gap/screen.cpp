@@ -1,0 +1,109 @@
+#include "tools/gap/screen.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "effects/effect_info.hpp"
+#include "tools/gap/thresholds.hpp"
+
+namespace tiller::tools::gap {
+namespace {
+
+bool has(const std::vector<EffectAt>& effects, const EffectAt& e) {
+  return std::find(effects.begin(), effects.end(), e) != effects.end();
+}
+
+// Pitches evenly in the logarithm between a few periods of motion and the whole excursion.
+std::vector<double> pitches(const Session& s, const EffectAt& e, const EffectParam& param) {
+  const std::uint32_t j = joint_of(*s.config.model, e.kind, e.port);
+  if (j >= s.config.model->joint_count) return {};
+  const double low = param.low > 0 ? param.low : 4 * s.scales.joint[j].step;
+  const double high = std::isfinite(param.high) ? param.high : std::max(2 * low, s.scales.joint[j].range);
+  std::vector<double> values;
+  for (int i = 0; i < kPitches; ++i) values.push_back(low * std::pow(high / low, (i + 0.5) / kPitches));
+  return values;
+}
+
+}  // namespace
+
+std::vector<std::vector<double>> starts_of(const Session& s, const EffectAt& e) {
+  const EffectInfo& info = effect_info(e.kind);
+  std::vector<std::vector<double>> starts = {{}};
+  for (int i = 0; i < info.param_count; ++i) {
+    const EffectParam& param = info.params[i];
+    std::vector<double> values;
+    if (param.scale == Scale::pitch) {
+      values = pitches(s, e, param);
+    } else {
+      const double scale = scale_of(s.scales, *s.config.model, e.kind, e.port, i);
+      for (int k = 0; k < std::max(1, param.start_count); ++k)
+        values.push_back(std::clamp((param.start_count > 0 ? param.start[k] : 0.0) * scale, param.low, param.high));
+    }
+    const std::size_t most = param.scale == Scale::pitch ? std::size_t{kPitches} : std::size_t{kMostStarts};
+    std::vector<std::vector<double>> next;
+    for (const auto& start : starts)
+      for (const double v : values) {
+        if (next.size() >= most) break;
+        next.push_back(start);
+        next.back().push_back(v);
+      }
+    starts = std::move(next);
+  }
+  return starts;
+}
+
+std::vector<Entry> screen(Session& s, const Entry& base, std::size_t keep) {
+  double base_cost = base.fit.penalty;
+  for (const std::size_t w : s.screen) base_cost += base.fit.cost[w];
+  std::vector<Entry> found;
+  std::size_t done = 0;
+  for (const EffectAt& e : s.candidates) {
+    s.progress("screening", static_cast<double>(done++) / static_cast<double>(s.candidates.size()));
+    if (s.stopped()) break;
+    if (has(base.effects(), e)) continue;
+    std::vector<EffectAt> effects = base.effects();
+    effects.push_back(e);
+    Entry entry;
+    if (!make_hypothesis(s.config, effects, &s.scales, entry.hypothesis)) continue;
+    bool any = false;
+    for (const std::vector<double>& start : starts_of(s, e)) {
+      std::vector<double> params = base.fit.params;
+      params.insert(params.end(), start.begin(), start.end());
+      Fit fit = s.shooting->begin(entry.hypothesis, params, &base.fit);
+      FitSettings quick;
+      quick.iterations = 1;
+      s.shooting->fit(entry.hypothesis, s.screen, quick, fit);
+      if (!fit.finite) continue;
+      if (!any || fit.total() < entry.fit.total()) entry.fit = fit;
+      any = true;
+    }
+    if (!any) continue;
+    entry.screened = base_cost - entry.fit.total();
+    found.push_back(std::move(entry));
+  }
+  const auto better = [](const Entry& a, const Entry& b) { return a.screened > b.screened; };
+  std::stable_sort(found.begin(), found.end(), better);
+  // a second look at twice as many as are kept: one step is not always telling
+  if (found.size() > 2 * keep) found.resize(2 * keep);
+  for (Entry& entry : found) {
+    if (s.stopped()) break;
+    FitSettings more;
+    more.iterations = 3;
+    s.shooting->fit(entry.hypothesis, s.screen, more, entry.fit);
+    entry.screened = base_cost - entry.fit.total();
+  }
+  std::stable_sort(found.begin(), found.end(), better);
+  if (found.size() > keep) found.resize(keep);
+  done = 0;
+  for (Entry& entry : found) {
+    s.progress("fitting", static_cast<double>(done++) / static_cast<double>(found.size()));
+    if (s.stopped()) break;
+    FitSettings full;
+    s.shooting->fit(entry.hypothesis, s.work, full, entry.fit);
+    entry.screened = base.fit.total() - entry.fit.total();
+  }
+  std::stable_sort(found.begin(), found.end(), better);
+  return found;
+}
+
+}  // namespace tiller::tools::gap

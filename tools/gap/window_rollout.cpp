@@ -1,0 +1,86 @@
+#include "tools/gap/window_rollout.hpp"
+
+#include <algorithm>
+
+#include "effects/effect_info.hpp"
+
+namespace tiller::tools::gap {
+
+WindowRollout::WindowRollout(const WindowData& data, const tiller_config_t& config, std::size_t points)
+    : data_(data), model_(*config.model), table_(select_rollout(*config.model)) {
+  states_.resize(std::size_t{TILLER_MAX_STATES} * kLanes);
+  params_.resize(std::size_t{TILLER_MAX_PARAMS} * kLanes);
+  effect_states_.resize(std::size_t{TILLER_MAX_EFFECT_STATES + 1} * kLanes);
+  final_effect_states_.resize(effect_states_.size());
+  final_states_.resize(states_.size());
+  history_.resize(std::size_t{TILLER_MAX_DELAY_STEPS + 2} * TILLER_MAX_INPUTS);
+  trajectory_.resize((points + 1) * model_.state_count * kLanes);
+  predicted_.resize((points + 1) * config.measurement_count * kLanes);
+}
+
+const double* WindowRollout::history(const Window& w, std::size_t start) {
+  const std::uint32_t nu = model_.input_count;
+  const std::vector<double>& controls = data_.controls[w.grid];
+  for (std::size_t d = 0; d < hypothesis_->setup.delay_steps; ++d)
+    for (std::uint32_t i = 0; i < nu; ++i)
+      history_[d * nu + i] = controls[(start > d ? start - 1 - d : 0) * nu + i];
+  return history_.data();
+}
+
+// Commands before the window bring the effects' own states to where they are at its start. The path on the way is the
+// model's from a state that the measurements give.
+void WindowRollout::run_in(const Window& w) {
+  const StepSetup& setup = hypothesis_->setup;
+  const std::size_t start = w.start - w.run_in_steps;
+  const std::uint32_t nu = model_.input_count;
+  std::fill(effect_states_.begin(), effect_states_.end(), 0.0);
+  for (std::uint32_t e = 0; e < setup.effect_count; ++e)
+    if (setup.effects[e].kind == tiller_effect_actuator_lag)
+      std::fill_n(effect_states_.begin() + setup.effects[e].state * kLanes, kLanes,
+                  data_.controls[w.grid][(start > 0 ? start - 1 : 0) * nu + setup.effects[e].port]);
+  if (w.run_in_steps == 0) return;
+  RolloutJob<double> job;
+  job.setup = &setup;
+  job.lanes = kLanes;
+  job.horizon = w.run_in_steps;
+  job.period_s = data_.grids[w.grid].period_s;
+  job.state.data = w.run_in;
+  job.params = {params_.data(), kLanes};
+  job.effect_state = {effect_states_.data(), kLanes};
+  job.controls.data = data_.controls[w.grid].data() + start * nu;
+  job.history = history(w, start);
+  job.final_effect_state = final_effect_states_.data();
+  table_.rollout_f64(model_, job);
+  effect_states_.swap(final_effect_states_);
+}
+
+const double* WindowRollout::run(const Window& w) {
+  const StepSetup& setup = hypothesis_->setup;
+  if (setup.effect_state_count > 0) run_in(w);
+  const std::uint32_t nx = model_.state_count, ny = hypothesis_->config.measurement_count;
+  RolloutJob<double> job;
+  job.setup = &setup;
+  job.lanes = kLanes;
+  job.horizon = w.points - 1;
+  job.period_s = data_.grids[w.grid].period_s;
+  job.state = {states_.data(), kLanes};
+  job.params = {params_.data(), kLanes};
+  job.effect_state = {effect_states_.data(), kLanes};
+  job.controls.data = data_.controls[w.grid].data() + w.start * model_.input_count;
+  job.history = history(w, w.start);
+  job.trajectory = trajectory_.data();
+  table_.rollout_f64(model_, job);
+  for (std::size_t k = 0; k < w.points; ++k)
+    for (std::uint32_t i = 0; i < ny; ++i)
+      std::copy_n(trajectory_.data() + (k * nx + hypothesis_->config.measured_state[i]) * kLanes, kLanes,
+                  predicted_.data() + (k * ny + i) * kLanes);
+  return predicted_.data();
+}
+
+std::size_t WindowRollout::bytes() const {
+  return sizeof(double) * (states_.capacity() + params_.capacity() + 2 * effect_states_.capacity() +
+                           final_states_.capacity() + history_.capacity() + trajectory_.capacity() +
+                           predicted_.capacity());
+}
+
+}  // namespace tiller::tools::gap
