@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "tools/gap/gap.hpp"
+#include "tools/identify_data.hpp"
 
 namespace tiller::tools::gap {
 

@@ -13,6 +13,7 @@ constexpr double kLeast_s = 4.0;            // of windows: with less nothing is 
 
 // ---- screen --------------------------------------------------------------------------------------
 constexpr int kPitches = 24;     // of a scan
+constexpr std::size_t kScreenWindows = 12;  // of the working windows, evenly
 constexpr int kMostStarts = 8;   // of an effect at a port
 constexpr std::size_t kKeep = 8;      // candidates that are fitted fully
 constexpr std::size_t kKeepMore = 5;  // the same beside an effect that is there already
@@ -32,6 +33,7 @@ constexpr double kRivalShare = 0.25;   // of the gap: more than that apart is no
 
 // ---- verdict -------------------------------------------------------------------------------------
 constexpr double kExplained_sigma = 1.1;   // what "named" may leave
+constexpr double kPartlyShare = 0.5;        // of the gap's square: what "partly explained" may leave
 constexpr double kEquivalent_sigma = 0.1;  // difference of predictions below which two explanations are one on these data
 
 }  // namespace tiller::tools::gap

@@ -1,0 +1,154 @@
+#include "tools/gap/gap.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <ctime>
+
+#include "effects/effect_info.hpp"
+#include "tools/gap/engine.hpp"
+#include "tools/gap/proof.hpp"
+#include "tools/gap/search.hpp"
+#include "tools/gap/thresholds.hpp"
+#include "tools/gap/verdict.hpp"
+#include "tools/text.hpp"
+
+namespace tiller::tools::gap {
+namespace {
+
+double cpu_now_s() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+
+bool is_measured(const tiller_config_t& config, std::uint32_t state) {
+  for (std::uint32_t i = 0; i < config.measurement_count; ++i)
+    if (config.measured_state[i] == state) return true;
+  return false;
+}
+
+// Everything of the catalogue at every port that it fits and that the robot file does not have there.
+std::vector<EffectAt> candidates_of(const tiller_config_t& config, const Options& options) {
+  std::vector<EffectAt> list;
+  for (std::uint32_t kind = 0; kind < effect_kind_count(); ++kind) {
+    const EffectInfo& info = effect_info(kind);
+    if (std::strcmp(info.name, "residual") == 0) continue;  // what is offered when nothing has a name
+    if (!options.only.empty() && std::find(options.only.begin(), options.only.end(), info.name) == options.only.end())
+      continue;
+    for (std::uint32_t port = 0; port < port_count(info.port, *config.model); ++port) {
+      if (!port_fits(info, port, *config.model)) continue;
+      if (info.port == PortKind::sensor && !is_measured(config, port)) continue;
+      const EffectAt e{kind, port};
+      bool there = false;
+      for (std::uint32_t i = 0; i < config.effect_count; ++i)
+        there = there || (config.effects[i].kind == kind && config.effects[i].port == port);
+      if (!there) list.push_back(e);
+    }
+  }
+  return list;
+}
+
+void index_windows(Session& s) {
+  for (std::size_t i = 0; i < s.windows.size(); ++i) {
+    if (s.windows[i].test) {
+      s.test.push_back(i);
+      continue;
+    }
+    s.work.push_back(i);
+    s.fold[s.windows[i].fold].push_back(i);
+  }
+  const std::size_t stride = std::max<std::size_t>(1, s.work.size() / kScreenWindows);
+  for (std::size_t i = 0; i < s.work.size(); i += stride) s.screen.push_back(s.work[i]);
+}
+
+}  // namespace
+
+const char* verdict_name(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::no_gap: return "no_gap";
+    case Verdict::named: return "named";
+    case Verdict::ambiguous: return "ambiguous";
+    case Verdict::partly: return "partly_explained";
+    case Verdict::unnamed: return "unnamed";
+    default: return "unfit";
+  }
+}
+
+Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>& param_names, std::vector<Grid> work,
+                   std::vector<Grid> hold_out, const Options& options) {
+  const double start_s = cpu_now_s();
+  Result result;
+  const std::size_t own = work.size(), all = own + hold_out.size();
+  for (Grid& grid : hold_out) work.push_back(std::move(grid));
+  Session s{config, options, make_window_data(std::move(work), config), {}, {}, {}, {}, {}, {}, {}, {}, 1.0};
+  s.windows = make_windows(s.data, config, kWindow_s, 0, own);
+  split_windows(s.windows, hold_out.empty() ? kTestShare : 0.0);
+  std::vector<Window> held = make_windows(s.data, config, kWindow_s, own, all);
+  for (Window& w : held) {
+    w.test = true;
+    s.windows.push_back(w);
+  }
+  index_windows(s);
+  result.fit_windows = result.decide_windows = s.work.size();
+  result.test_windows = s.test.size();
+  result.data_s = s.data.data_s;
+  if (static_cast<double>(s.work.size()) * kWindow_s < kLeast_s || s.fold[0].size() < 2 || s.fold[1].size() < 2) {
+    result.reasons.push_back("the logs hold " + format("%.1f", s.data.data_s) + " s in stretches of which " +
+                             format("%zu", s.work.size()) + " windows of 1 s can be cut; at least " +
+                             format("%.0f", kLeast_s) + " are needed: record longer, without gaps");
+    return result;
+  }
+  s.scales = measure_scales(s.data, s.windows, config, prior_centre(config).data());
+  s.candidates = candidates_of(config, options);
+  s.shooting = std::make_unique<Shooting>(s.data, s.windows, config, s.scales);
+
+  Found found = search(s);
+  FitSettings last;
+  last.information = true;
+  s.shooting->fit(found.entries[0].hypothesis, s.work, last, found.entries[0].fit);
+  for (std::size_t i = 1; i < found.entries.size(); ++i)
+    if (i == found.best || std::find(found.ambiguity.begin(), found.ambiguity.end(), i) != found.ambiguity.end())
+      s.shooting->fit(found.entries[i].hypothesis, s.work, last, found.entries[i].fit);
+  result.interrupted = found.interrupted;
+  s.progress("proof", 0);
+  prove(s, found, result);
+  conclude(s, found, param_names, result);
+  s.progress("done", 1);
+  result.cpu_s = cpu_now_s() - start_s;
+  return result;
+}
+
+Result find_gap_in(const RobotFile& robot, const std::vector<Log>& logs, const std::vector<Log>& hold_out,
+                   const Options& options) {
+  std::vector<Grid> grids[2];
+  for (int part = 0; part < 2; ++part)
+    for (const Log& log : part == 0 ? logs : hold_out)
+      for (Grid& grid : make_grids(log, robot.log, robot.config)) grids[part].push_back(std::move(grid));
+  return find_gap_on(robot.config, robot.params, std::move(grids[0]), std::move(grids[1]), options);
+}
+
+Result find_gap(const RobotFile& robot, const Options& options) {
+  Result result;
+  std::vector<Log> logs[2];
+  std::vector<int> measured;
+  for (std::uint32_t i = 0; i < robot.config.measurement_count; ++i) measured.push_back(robot.config.measured_state[i]);
+  std::vector<std::string> warnings;
+  for (int part = 0; part < 2; ++part)
+    for (const std::string& path : part == 0 ? options.logs : options.hold_out) {
+      Log log;
+      std::string error;
+      if (!read_log(path, robot.log, *robot.model, measured, log, error) ||
+          !check_log(log, robot.log, *robot.model, robot.config.period_s, warnings, error)) {
+        result.reasons.push_back(error);
+        continue;
+      }
+      logs[part].push_back(std::move(log));
+    }
+  if (!result.reasons.empty()) {
+    result.notes = warnings;
+    result.sentence = "The logs cannot be used.";
+    return result;
+  }
+  result = find_gap_in(robot, logs[0], logs[1], options);
+  result.notes.insert(result.notes.begin(), warnings.begin(), warnings.end());
+  return result;
+}
+
+}  // namespace tiller::tools::gap
