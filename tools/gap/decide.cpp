@@ -88,7 +88,8 @@ double dispersion_of(Session& s, const Entry& entry) {
   if (count == 0 || !(at[0] > 0)) return 1;
   // Bartlett's weights; negative correlation, which the fitted start states make, does not count
   double inflation = 1;
-  for (int lag = 1; lag <= kLags; ++lag) inflation += 2 * (1 - lag / (kLags + 1.0)) * std::max(0.0, at[lag] / at[0] - 2 / std::sqrt(count));
+  for (int lag = 1; lag <= kLags; ++lag)
+    inflation += 2 * (1 - lag / (kLags + 1.0)) * std::max(0.0, at[lag] / at[0] - 2 / std::sqrt(count));
   return std::max(1.0, at[0] / count) * std::max(1.0, inflation);
 }
 

@@ -7,6 +7,7 @@
 
 #include "effects/effect_info.hpp"
 #include "tools/gap/engine.hpp"
+#include "tools/gap/localise.hpp"
 #include "tools/gap/proof.hpp"
 #include "tools/gap/search.hpp"
 #include "tools/gap/thresholds.hpp"
@@ -107,6 +108,8 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
     if (i == found.best || std::find(found.ambiguity.begin(), found.ambiguity.end(), i) != found.ambiguity.end())
       s.shooting->fit(found.entries[i].hypothesis, s.work, last, found.entries[i].fit);
   result.interrupted = found.interrupted;
+  s.progress("localising", 0);
+  if (!s.stopped()) localise(config, s.data.grids, found.entries[0].fit.params.data(), options.seed, result);
   s.progress("proof", 0);
   prove(s, found, result);
   conclude(s, found, param_names, result);

@@ -22,8 +22,8 @@ struct Hypothesis {
   tiller_config_t config;
   StepSetup setup;
   std::vector<EffectAt> added;
-  std::vector<FreeParam> free;  ///< the model's inferred ones, then all of the added effects'
-  std::uint32_t own_params = 0; ///< parameters of the robot file's own model and effects
+  std::vector<FreeParam> free;   ///< the model's inferred ones, then all of the added effects'
+  std::uint32_t own_params = 0;  ///< parameters of the robot file's own model and effects
 };
 
 /// False where the effects do not fit into the runtime's limits or the model's ports.

@@ -23,7 +23,7 @@ double inertia_at(const tiller_config_t& nominal, std::uint32_t j, const std::ve
   if (make_step_setup(config, setup) != tiller_status_ok) return 1;
   const tiller_model_t& model = *config.model;
   double p[TILLER_MAX_PARAMS * kLanes] = {}, x[TILLER_MAX_STATES * kLanes] = {}, next[TILLER_MAX_STATES * kLanes] = {},
-         u[TILLER_MAX_INPUTS] = {};
+                               u[TILLER_MAX_INPUTS] = {};
   for (std::uint32_t i = 0; i < model.param_count; ++i)
     for (std::uint32_t l = 0; l < kLanes; ++l) p[i * kLanes + l] = params[i];
   constexpr double kForce = 1e-3;

@@ -26,8 +26,7 @@ Scales measure_scales(const WindowData& data, const std::vector<Window>& windows
                       const double* params);
 
 /// Magnitude of parameter `param` of an effect of `kind` at `port`.
-double scale_of(const Scales& scales, const tiller_model_t& model, std::uint32_t kind, std::uint32_t port,
-                int param);
+double scale_of(const Scales& scales, const tiller_model_t& model, std::uint32_t kind, std::uint32_t port, int param);
 
 /// Joint that an effect acts at, also through the input that drives it; joint_count for none.
 std::uint32_t joint_of(const tiller_model_t& model, std::uint32_t kind, std::uint32_t port);

@@ -8,8 +8,8 @@ namespace tiller::tools::gap {
 /// Every explanation that was decided upon, the nominal model first, and the one that takes the name.
 struct Found {
   std::vector<Entry> entries;
-  std::size_t best = 0;                 ///< into entries
-  std::vector<std::size_t> ambiguity;   ///< that cannot be told from it, itself included; empty if it is the nominal
+  std::size_t best = 0;                ///< into entries
+  std::vector<std::size_t> ambiguity;  ///< that cannot be told from it, itself included; empty if it is the nominal
   bool interrupted = false;
 };
 

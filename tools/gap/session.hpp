@@ -10,10 +10,10 @@ namespace tiller::tools::gap {
 /// A hypothesis with its fit and what it foresees of windows that had no part in it.
 struct Entry {
   Hypothesis hypothesis;
-  Fit fit;                    ///< to all working windows
-  std::vector<double> held;   ///< (working windows) cost under the parameters of the other fold
-  double screened = 0;        ///< reduction of the cost that the screen saw
-  bool decided = false;       ///< `held` is filled
+  Fit fit;                   ///< to all working windows
+  std::vector<double> held;  ///< (working windows) cost under the parameters of the other fold
+  double screened = 0;       ///< reduction of the cost that the screen saw
+  bool decided = false;      ///< `held` is filled
   const std::vector<EffectAt>& effects() const { return hypothesis.added; }
 };
 

@@ -20,8 +20,7 @@ using StateSquare = Square<TILLER_MAX_STATES>;
 using StateVector = Vector<TILLER_MAX_STATES>;
 using ParamSquare = Square<TILLER_MAX_PARAMS>;
 using ParamVector = Vector<TILLER_MAX_PARAMS>;
-using Coupling =
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, TILLER_MAX_STATES, TILLER_MAX_PARAMS>;
+using Coupling = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, TILLER_MAX_STATES, TILLER_MAX_PARAMS>;
 
 // A window's step of the start state for a step of the parameters: first + second * step.
 struct Elimination {
@@ -62,11 +61,12 @@ Shooting::Shooting(const WindowData& data, const std::vector<Window>& windows, c
       scales_(scales),
       nx_(config.model->state_count),
       ny_(config.measurement_count),
-      rollout_(data, config, [&] {
-        std::size_t most = 0;
-        for (const Window& w : windows) most = std::max<std::size_t>(most, w.points);
-        return most;
-      }()),
+      rollout_(data, config,
+               [&] {
+                 std::size_t most = 0;
+                 for (const Window& w : windows) most = std::max<std::size_t>(most, w.points);
+                 return most;
+               }()),
       whitening_(config, windows.size(), [&] {
         std::size_t most = 0;
         for (const Window& w : windows) most = std::max<std::size_t>(most, w.points);
@@ -115,13 +115,15 @@ const double* Shooting::residual_lanes(const Window& w, std::size_t index) {
 // their products.
 void Shooting::differentiate(const Hypothesis& h, std::size_t index, const Fit& fit, bool params) {
   const Window& w = windows_[index];
-  const std::uint32_t nf = params ? static_cast<std::uint32_t>(h.free.size()) : 0, count = nx_ + nf, np = h.config.param_count;
+  const std::uint32_t nf = params ? static_cast<std::uint32_t>(h.free.size()) : 0, count = nx_ + nf,
+                      np = h.config.param_count;
   const std::size_t m = std::size_t{w.points} * ny_;
   const double* measured = data_.measured[w.grid].data() + w.start * ny_;
   for (std::uint32_t first = 0; first < count; first += kLanes - 1) {
     double step[kLanes] = {};
     const std::uint32_t here = std::min(count - first, kLanes - 1);
-    for (std::uint32_t i = 0; i < nx_; ++i) std::fill_n(rollout_.states() + i * kLanes, kLanes, fit.x0[index * nx_ + i]);
+    for (std::uint32_t i = 0; i < nx_; ++i)
+      std::fill_n(rollout_.states() + i * kLanes, kLanes, fit.x0[index * nx_ + i]);
     for (std::uint32_t i = 0; i < np; ++i) std::fill_n(rollout_.params() + i * kLanes, kLanes, fit.params[i]);
     for (std::uint32_t c = 0; c < here; ++c) {
       const std::uint32_t which = first + c, lane = c + 1;
@@ -224,15 +226,15 @@ bool Shooting::solve(const Hypothesis& h, const std::vector<std::size_t>& which,
 
 // Sixteen trials of every window: total cost after the best, which is taken where it is below the fit's; else the
 // fit stays.
-double Shooting::try_steps(const Hypothesis& h, const std::vector<std::size_t>& which,
-                           const std::vector<double>& step, double damping, Fit& fit) {
+double Shooting::try_steps(const Hypothesis& h, const std::vector<std::size_t>& which, const std::vector<double>& step,
+                           double damping, Fit& fit) {
   const std::uint32_t nf = stride_ - nx_ - 1, np = h.config.param_count;
   std::vector<double> params(std::size_t{np} * kLanes), best(which.size() * 4), x0(which.size() * 4 * nx_);
   for (std::uint32_t l = 0; l < kLanes; ++l) {
     for (std::uint32_t i = 0; i < np; ++i) params[i * kLanes + l] = fit.params[i];
     for (std::uint32_t i = 0; i < nf; ++i)
-      params[h.free[i].index * kLanes + l] = std::clamp(fit.params[h.free[i].index] + kParamShare[l / 4] * step[i],
-                                                        h.free[i].low, h.free[i].high);
+      params[h.free[i].index * kLanes + l] =
+          std::clamp(fit.params[h.free[i].index] + kParamShare[l / 4] * step[i], h.free[i].low, h.free[i].high);
   }
   double total[4];
   for (int s = 0; s < 4; ++s) total[s] = penalty_of(h, params.data() + 4 * s, kLanes);
@@ -332,7 +334,8 @@ void Shooting::prepare_whitening(const Hypothesis& nominal, const Fit& fit) {
   rollout_.use(nominal);
   for (std::size_t index = 0; index < windows_.size(); ++index) {
     const Window& w = windows_[index];
-    for (std::uint32_t i = 0; i < nx_; ++i) std::fill_n(rollout_.states() + i * kLanes, kLanes, fit.x0[index * nx_ + i]);
+    for (std::uint32_t i = 0; i < nx_; ++i)
+      std::fill_n(rollout_.states() + i * kLanes, kLanes, fit.x0[index * nx_ + i]);
     for (std::uint32_t i = 0; i < nominal.config.param_count; ++i)
       std::fill_n(rollout_.params() + i * kLanes, kLanes, fit.params[i]);
     rollout_.run(w);

@@ -24,9 +24,9 @@ struct Fit {
 
 struct FitSettings {
   int iterations = 12;
-  double tolerance = 0.02;      ///< of the total cost: an improvement below it ends the fit
-  bool fix_params = false;      ///< start states alone
-  bool information = false;     ///< linearise once more at the end
+  double tolerance = 0.02;   ///< of the total cost: an improvement below it ends the fit
+  bool fix_params = false;   ///< start states alone
+  bool information = false;  ///< linearise once more at the end
 };
 
 /// Multiple shooting (Bock 1981) by Levenberg-Marquardt: parameters common to all windows, a start state of each window

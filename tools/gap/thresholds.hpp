@@ -12,28 +12,29 @@ constexpr double kTestShare = 0.15;         // of the windows, kept for the proo
 constexpr double kLeast_s = 4.0;            // of windows: with less nothing is decided
 
 // ---- screen --------------------------------------------------------------------------------------
-constexpr int kPitches = 24;     // of a scan
+constexpr int kPitches = 24;                // of a scan
 constexpr std::size_t kScreenWindows = 12;  // of the working windows, evenly
-constexpr int kMostStarts = 8;   // of an effect at a port
-constexpr std::size_t kKeep = 8;      // candidates that are fitted fully
-constexpr std::size_t kKeepMore = 5;  // the same beside an effect that is there already
-constexpr std::size_t kBeam = 3;      // sets that the next level begins from
+constexpr int kMostStarts = 8;              // of an effect at a port
+constexpr std::size_t kKeep = 8;            // candidates that are fitted fully
+constexpr std::size_t kKeepMore = 5;        // the same beside an effect that is there already
+constexpr std::size_t kBeam = 3;            // sets that the next level begins from
 
 // ---- decision ------------------------------------------------------------------------------------
 constexpr double kLeastClip_nats = 4;  // of a window's difference
 constexpr double kBehind_nats = 60;    // behind the best fit: not decided upon
 constexpr double kGap_nats = 10;       // an effect against none: e^-10 times 40 candidates
 constexpr double kGap_z = 3;
-constexpr double kRicher_nats = 5;     // a richer explanation against a special case of it
+constexpr double kRicher_nats = 5;  // a richer explanation against a special case of it
 constexpr double kRicher_z = 2.5;
-constexpr double kRival_nats = 4;      // the best against another of its size
+constexpr double kRival_nats = 4;  // the best against another of its size
 constexpr double kRival_z = 1.5;
-constexpr double kSizeShare = 0.04;    // of the gap, in amplitude: what a further effect must explain
-constexpr double kRivalShare = 0.25;   // of the gap: more than that apart is no rival, however few windows show it
+constexpr double kSizeShare = 0.04;   // of the gap, in amplitude: what a further effect must explain
+constexpr double kRivalShare = 0.25;  // of the gap: more than that apart is no rival, however few windows show it
 
 // ---- verdict -------------------------------------------------------------------------------------
-constexpr double kExplained_sigma = 1.1;   // what "named" may leave
-constexpr double kPartlyShare = 0.5;        // of the gap's square: what "partly explained" may leave
-constexpr double kEquivalent_sigma = 0.1;  // difference of predictions below which two explanations are one on these data
+constexpr double kExplained_sigma = 1.1;  // what "named" may leave
+constexpr double kPartlyShare = 0.5;      // of the gap's square: what "partly explained" may leave
+constexpr double kEquivalent_sigma =
+    0.1;  // difference of predictions below which two explanations are one on these data
 
 }  // namespace tiller::tools::gap

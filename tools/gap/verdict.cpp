@@ -158,9 +158,11 @@ void conclude(Session& s, const Found& found, const std::vector<std::string>& pa
   if (found.best == 0) {
     const bool quiet = result.nominal_sigma <= s.options.budget_sigma;
     result.verdict = quiet ? Verdict::no_gap : Verdict::unnamed;
-    result.sentence = quiet ? "Model and measurement agree: rollouts of 1 s leave " + sigmas + " and no known effect makes them better."
-                            : "There is a gap of " + sigmas + " that no known effect explains: process noise beyond what the "
-                              "robot file says, or physics that the catalogue lacks.";
+    result.sentence = quiet ? "Model and measurement agree: rollouts of 1 s leave " + sigmas +
+                                  " and no known effect makes them better."
+                            : "There is a gap of " + sigmas +
+                                  " that no known effect explains: process noise beyond what the "
+                                  "robot file says, or physics that the catalogue lacks.";
     return;
   }
   const std::string from_to = "1 s rollouts go from " + sigmas + " to " + format("%.2f", left) + ".";
@@ -170,7 +172,8 @@ void conclude(Session& s, const Found& found, const std::vector<std::string>& pa
     const double before = result.nominal_sigma * result.nominal_sigma - 1, after = left * left - 1;
     const bool partly = before > 0 && after < kPartlyShare * before;
     result.verdict = partly ? Verdict::partly : Verdict::unnamed;
-    result.sentence = partly ? "Partly explained by " + best_text + " (" + values + "): " + from_to + " The rest is none of the known effects."
+    result.sentence = partly ? "Partly explained by " + best_text + " (" + values + "): " + from_to +
+                                   " The rest is none of the known effects."
                              : "No known effect explains the gap; the nearest is " + best_text + ": " + from_to;
     return;
   }

@@ -22,8 +22,7 @@ const double* WindowRollout::history(const Window& w, std::size_t start) {
   const std::uint32_t nu = model_.input_count;
   const std::vector<double>& controls = data_.controls[w.grid];
   for (std::size_t d = 0; d < hypothesis_->setup.delay_steps; ++d)
-    for (std::uint32_t i = 0; i < nu; ++i)
-      history_[d * nu + i] = controls[(start > d ? start - 1 - d : 0) * nu + i];
+    for (std::uint32_t i = 0; i < nu; ++i) history_[d * nu + i] = controls[(start > d ? start - 1 - d : 0) * nu + i];
   return history_.data();
 }
 
@@ -78,9 +77,9 @@ const double* WindowRollout::run(const Window& w) {
 }
 
 std::size_t WindowRollout::bytes() const {
-  return sizeof(double) * (states_.capacity() + params_.capacity() + 2 * effect_states_.capacity() +
-                           final_states_.capacity() + history_.capacity() + trajectory_.capacity() +
-                           predicted_.capacity());
+  return sizeof(double) *
+         (states_.capacity() + params_.capacity() + 2 * effect_states_.capacity() + final_states_.capacity() +
+          history_.capacity() + trajectory_.capacity() + predicted_.capacity());
 }
 
 }  // namespace tiller::tools::gap

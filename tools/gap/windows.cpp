@@ -56,7 +56,8 @@ std::vector<Window> make_windows(const WindowData& data, const tiller_config_t& 
   for (std::size_t g = first_grid; g < last_grid; ++g) {
     const double period = data.grids[g].period_s;
     const auto run_in = static_cast<std::size_t>(std::lround(kRunIn_s / period));
-    const std::size_t reach = std::max<std::size_t>(2, static_cast<std::size_t>(std::lround(kStateHalfWidth_s / period)));
+    const std::size_t reach =
+        std::max<std::size_t>(2, static_cast<std::size_t>(std::lround(kStateHalfWidth_s / period)));
     const std::size_t margin = run_in + reach + 1, tail = reach + 1;
     if (data.grids[g].points() < margin + tail) continue;
     const std::size_t room = data.grids[g].points() - margin - tail;

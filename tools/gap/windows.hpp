@@ -12,8 +12,8 @@ struct Window {
   std::uint32_t grid = 0;
   std::uint32_t points = 0;
   std::size_t start = 0;
-  std::uint32_t fold = 0;  ///< 0 or 1: fitted with one half of the windows, decided on the other
-  bool test = false;       ///< kept from fit and decision alike
+  std::uint32_t fold = 0;                 ///< 0 or 1: fitted with one half of the windows, decided on the other
+  bool test = false;                      ///< kept from fit and decision alike
   double x0[TILLER_MAX_STATES] = {};      ///< of the measurements alone
   double run_in[TILLER_MAX_STATES] = {};  ///< the same at the run-in's first point
   std::uint32_t run_in_steps = 0;         ///< commands that states of effects see before the window
