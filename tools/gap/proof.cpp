@@ -26,7 +26,7 @@ std::vector<Window> test_windows(const Session& s, double seconds) {
       w.points = static_cast<std::uint32_t>(points);
       bool ok = false;
       for (const double half : {kStateHalfWidth_s, 3 * kStateHalfWidth_s})
-        ok = ok || estimate_state(s.data.grids[w.grid], s.config, w.start, half, w.x0);
+        ok = ok || estimate_state(s.data.grids[w.grid], s.config, w.start, half, w.x0, w.x0_sd);
       ok = ok && estimate_state(s.data.grids[w.grid], s.config, w.start - w.run_in_steps, kStateHalfWidth_s, w.run_in);
       if (ok) cut.push_back(w);
     }

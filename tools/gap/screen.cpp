@@ -65,6 +65,7 @@ std::vector<Entry> screen(Session& s, const Entry& base, std::size_t keep) {
     effects.push_back(e);
     Entry entry;
     if (!make_hypothesis(s.config, effects, &s.scales, entry.hypothesis)) continue;
+    entry.hypothesis.setup.substeps = s.coarse_substeps;
     bool any = false;
     for (const std::vector<double>& start : starts_of(s, e)) {
       std::vector<double> params = base.fit.params;
@@ -99,6 +100,7 @@ std::vector<Entry> screen(Session& s, const Entry& base, std::size_t keep) {
     s.progress("fitting", static_cast<double>(done++) / static_cast<double>(found.size()));
     if (s.stopped()) break;
     FitSettings full;
+    entry.hypothesis.setup.substeps = s.config.substeps;
     s.shooting->fit(entry.hypothesis, s.work, full, entry.fit);
     entry.screened = base.fit.total() - entry.fit.total();
   }

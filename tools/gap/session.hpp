@@ -20,6 +20,7 @@ struct Entry {
 /// What every step works on. Built once; the vectors keep their size.
 struct Session {
   const tiller_config_t& config;
+  std::uint32_t coarse_substeps;  ///< of the robot file: for the screen
   const Options& options;
   WindowData data;
   std::vector<Window> windows;

@@ -9,6 +9,9 @@ namespace tiller::tools::gap {
 namespace {
 
 constexpr std::uint32_t kMostColumns = TILLER_MAX_STATES + TILLER_MAX_PARAMS + 1;
+constexpr double kRescueSquares = 1.3;  // a value's: windows that leave more are started anew
+constexpr int kRescues = 3;
+constexpr double kIrrational[4] = {0.41421356237309515, 0.7320508075688772, 0.23606797749978969, 0.6457513110645906};
 constexpr double kParamShare[4] = {1, 0.4, 0.1, 0.02};
 constexpr double kStateShare[4] = {1, 0.4, 0.1, 0};
 
@@ -280,22 +283,50 @@ double Shooting::try_steps(const Hypothesis& h, const std::vector<std::size_t>& 
   return total[s];
 }
 
-void Shooting::fit(const Hypothesis& h, const std::vector<std::size_t>& which, const FitSettings& settings, Fit& fit) {
-  rollout_.use(h);
+// Start states of windows that are far from explained, drawn anew about what the measurements say: under dry friction a
+// start at rest has no slope to leave it by. The first lane is the fit's own, so that nothing gets worse.
+bool Shooting::rescue(const Hypothesis& h, const std::vector<std::size_t>& which, Fit& fit) {
+  bool any = false;
+  for (const std::size_t index : which) {
+    const Window& w = windows_[index];
+    if (fit.cost[index] < kRescueSquares * static_cast<double>(whitening_.values(index))) continue;
+    for (std::uint32_t i = 0; i < h.config.param_count; ++i)
+      std::fill_n(rollout_.params() + i * kLanes, kLanes, fit.params[i]);
+    for (std::uint32_t i = 0; i < nx_; ++i) {
+      const double now = fit.x0[index * nx_ + i], seen = w.x0[i];
+      for (std::uint32_t l = 0; l < kLanes; ++l) {
+        // a lattice over the states (Kronecker's sequence by the roots of two and others), about the measurements
+        const double turn = static_cast<double>(l) * kIrrational[i % 4] + 0.13 * i,
+                     place = 2 * (turn - std::floor(turn)) - 1;
+        double at = seen + 3 * w.x0_sd[i] * place;
+        if (l == 0) at = now;
+        if (l == 1) at = seen;
+        if (l == 2) at = seen - (now - seen);
+        rollout_.states()[i * kLanes + l] = at;
+      }
+    }
+    double cost[kLanes] = {};
+    const double* rows = residual_lanes(w, index);
+    for (std::size_t r = 0; r < std::size_t{w.points} * ny_; ++r)
+      for (std::uint32_t l = 0; l < kLanes; ++l) cost[l] += rows[r * kLanes + l] * rows[r * kLanes + l];
+    std::uint32_t lane = 0;
+    for (std::uint32_t l = 1; l < kLanes; ++l)
+      if (cost[l] < cost[lane]) lane = l;
+    if (lane == 0 || !(cost[lane] < fit.cost[index])) continue;
+    fit.data_cost += cost[lane] - fit.cost[index];
+    fit.cost[index] = cost[lane];
+    for (std::uint32_t i = 0; i < nx_; ++i) fit.x0[index * nx_ + i] = rollout_.states()[i * kLanes + lane];
+    any = true;
+  }
+  return any;
+}
+
+void Shooting::descend(const Hypothesis& h, const std::vector<std::size_t>& which, const FitSettings& settings,
+                       Fit& fit, bool& current) {
   const bool params = !settings.fix_params && !h.free.empty();
   double damping = 1e-6;
-  linearise(h, which, fit, params);
-  fit.finite = true;
-  fit.data_cost = 0;
-  for (const std::size_t index : which) {
-    fit.cost[index] = gram_[index * kMostColumns * kMostColumns + stride_ * stride_ - 1];
-    fit.data_cost += fit.cost[index];
-  }
-  fit.penalty = penalty_of(h, fit.params.data(), 1);
-  fit.finite = std::isfinite(fit.total());
   std::vector<double> step;
-  bool current = true;
-  for (fit.iterations = 0; fit.iterations < settings.iterations; ++fit.iterations) {
+  for (int i = 0; i < settings.iterations; ++i, ++fit.iterations) {
     if (!current) linearise(h, which, fit, params);
     current = true;
     const double before = fit.finite ? fit.total() : INFINITY;
@@ -304,9 +335,31 @@ void Shooting::fit(const Hypothesis& h, const std::vector<std::size_t>& which, c
       if (solve(h, which, fit, damping, step)) after = try_steps(h, which, step, damping, fit);
       damping = after < before ? std::max(1e-9, 0.2 * damping) : std::max(1e-3, damping * 30);
     }
-    if (!(after < before)) break;
+    if (!(after < before)) return;
     current = false;
-    if (before - after < settings.tolerance) break;
+    if (before - after < settings.tolerance) return;
+  }
+}
+
+void Shooting::fit(const Hypothesis& h, const std::vector<std::size_t>& which, const FitSettings& settings, Fit& fit) {
+  rollout_.use(h);
+  const bool params = !settings.fix_params && !h.free.empty();
+  linearise(h, which, fit, params);
+  fit.data_cost = 0;
+  fit.iterations = 0;
+  for (const std::size_t index : which) {
+    fit.cost[index] = gram_[index * kMostColumns * kMostColumns + stride_ * stride_ - 1];
+    fit.data_cost += fit.cost[index];
+  }
+  fit.penalty = penalty_of(h, fit.params.data(), 1);
+  fit.finite = std::isfinite(fit.total());
+  bool current = true;
+  for (int round = 0; round < kRescues; ++round) {
+    descend(h, which, settings, fit, current);
+    const double before = fit.total();
+    if (settings.iterations < 2 || !fit.finite || !rescue(h, which, fit)) break;
+    current = false;
+    if (before - fit.total() < settings.tolerance) break;
   }
   if (!settings.information || !params) return;
   if (!current) linearise(h, which, fit, params);

@@ -62,6 +62,9 @@ class Shooting {
   void differentiate(const Hypothesis& h, std::size_t index, const Fit& fit, bool params);
   double try_steps(const Hypothesis& h, const std::vector<std::size_t>& which, const std::vector<double>& step,
                    double damping, Fit& fit);
+  bool rescue(const Hypothesis& h, const std::vector<std::size_t>& which, Fit& fit);
+  void descend(const Hypothesis& h, const std::vector<std::size_t>& which, const FitSettings& settings, Fit& fit,
+               bool& current);
   bool solve(const Hypothesis& h, const std::vector<std::size_t>& which, const Fit& fit, double damping,
              std::vector<double>& step);
   const double* residual_lanes(const Window& w, std::size_t index);

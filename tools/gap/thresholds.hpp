@@ -6,6 +6,7 @@ namespace tiller::tools::gap {
 
 // ---- windows -------------------------------------------------------------------------------------
 constexpr double kWindow_s = 1.0;           // what is fitted: long enough to see friction, short enough to stay on path
+constexpr double kSubstep_s = 0.0025;       // of the integrator at most: friction is split off the free step
 constexpr double kRunIn_s = 0.25;           // commands that lags and delays see before a window
 constexpr double kStateHalfWidth_s = 0.03;  // parabola of the first guess of a window's state
 constexpr double kTestShare = 0.15;         // of the windows, kept for the proof

@@ -20,10 +20,10 @@ void unwrap(std::vector<double>& angle) {
 }
 
 bool estimate_near(const WindowData& data, const tiller_config_t& config, const Window& w, std::size_t point,
-                   double* state) {
+                   double* state, double* sd = nullptr) {
   const Grid& grid = data.grids[w.grid];
   for (const double half_width_s : {kStateHalfWidth_s, 2 * kStateHalfWidth_s, 4 * kStateHalfWidth_s})
-    if (estimate_state(grid, config, point, half_width_s, state)) return true;
+    if (estimate_state(grid, config, point, half_width_s, state, sd)) return true;
   return false;
 }
 
@@ -69,7 +69,7 @@ std::vector<Window> make_windows(const WindowData& data, const tiller_config_t& 
       w.start = margin + i * (room / count);
       w.points = static_cast<std::uint32_t>(room / count);
       w.run_in_steps = static_cast<std::uint32_t>(run_in);
-      if (!estimate_near(data, config, w, w.start, w.x0)) continue;
+      if (!estimate_near(data, config, w, w.start, w.x0, w.x0_sd)) continue;
       if (!estimate_near(data, config, w, w.start - run_in, w.run_in)) continue;
       windows.push_back(w);
     }

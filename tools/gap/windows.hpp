@@ -15,6 +15,7 @@ struct Window {
   std::uint32_t fold = 0;                 ///< 0 or 1: fitted with one half of the windows, decided on the other
   bool test = false;                      ///< kept from fit and decision alike
   double x0[TILLER_MAX_STATES] = {};      ///< of the measurements alone
+  double x0_sd[TILLER_MAX_STATES] = {};   ///< what the sensors' deviations leave of doubt
   double run_in[TILLER_MAX_STATES] = {};  ///< the same at the run-in's first point
   std::uint32_t run_in_steps = 0;         ///< commands that states of effects see before the window
 };
