@@ -28,13 +28,13 @@ bool knows_parameter(const sim::MechanismInfo& info, const std::string& name) {
                      [&](const sim::ParameterInfo& p) { return p.name == name; });
 }
 
-/// The robot file's effect as the plant's: kinds and parameters have the same names there.
-sim::HiddenEffect hidden_effect(const RobotFile& robot, const tiller_effect_t& effect, const double* values) {
+/// Robot file's name of effect parameter -> plant's: its effects have exactly one parameter each.
+sim::HiddenEffect hidden_effect(const RobotFile& robot, const tiller_effect_t& effect, double value) {
   const EffectInfo& info = effect_info(effect.kind);
   sim::HiddenEffect hidden;
   hidden.kind = info.name;
-  if (info.port != PortKind::body) hidden.port = port_name(info.port, *robot.model, effect.port);
-  for (int i = 0; i < info.param_count; ++i) hidden.parameters[info.params[i].name] = values ? values[i] : 0.0;
+  hidden.port = port_name(info.port, *robot.model, effect.port);
+  if (const sim::EffectInfo* known = sim::find_effect(info.name)) hidden.parameters[known->parameter] = value;
   return hidden;
 }
 
@@ -57,7 +57,7 @@ void apply_draw(const RobotFile& robot, const sim::MechanismInfo& info, sim::Pla
   std::size_t row = robot.model->param_count;
   for (std::uint32_t e = 0; e < robot.config.effect_count; ++e) {
     const tiller_effect_t& effect = robot.config.effects[e];
-    options.effects.push_back(hidden_effect(robot, effect, &values[row]));
+    options.effects.push_back(hidden_effect(robot, effect, values[row]));
     row += static_cast<std::size_t>(effect_info(effect.kind).param_count);
   }
 }
@@ -119,11 +119,11 @@ bool connect(const RobotFile& robot, SimPlant& made, std::string& error) {
   return true;
 }
 
-double true_effect(const sim::PlantOptions& options, const sim::HiddenEffect& asked, const std::string& parameter) {
+double true_effect(const sim::PlantOptions& options, const sim::HiddenEffect& asked) {
   for (const sim::HiddenEffect& effect : options.effects) {
-    if (effect.kind != asked.kind || effect.port != asked.port) continue;
-    const auto value = effect.parameters.find(parameter);
-    if (value != effect.parameters.end()) return value->second;
+    if (effect.kind == asked.kind && effect.port == asked.port && effect.parameters.size() == 1) {
+      return effect.parameters.begin()->second;
+    }
   }
   return kNaN;
 }
@@ -134,10 +134,8 @@ void note_truth(const RobotFile& robot, SimPlant& made) {
   }
   for (std::uint32_t e = 0; e < robot.config.effect_count; ++e) {
     const tiller_effect_t& effect = robot.config.effects[e];
-    const EffectInfo& info = effect_info(effect.kind);
-    const sim::HiddenEffect asked = hidden_effect(robot, effect, nullptr);
-    for (int k = 0; k < info.param_count; ++k)
-      made.true_params.push_back(true_effect(made.plant->options(), asked, info.params[k].name));
+    made.true_params.push_back(true_effect(made.plant->options(), hidden_effect(robot, effect, 0)));
+    for (int k = 1; k < effect_info(effect.kind).param_count; ++k) made.true_params.push_back(kNaN);
   }
 }
 

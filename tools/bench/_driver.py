@@ -126,3 +126,52 @@ def instructions(command):
 def spread(values):
     s = sorted(values)
     return s[len(s) // 4], s[(3 * len(s)) // 4]
+
+
+# ---- tables ----------------------------------------------------------------------------------------
+
+# bench_table.hpp: "  what   figure unit   goal <= bound   met"
+ROW = re.compile(r"^ {2,}(?P<what>\S.*?) +(?P<figure>[-+]?(?:\d[\d.e+-]*|nan|inf)) (?P<unit>\S*) *"
+                 r"(?:goal (?P<goal>[<>]= \S+))? *(?P<verdict>met|short)?$")
+
+
+def rows_of(section, lines):
+    """Rows with a goal among the lines that a program printed."""
+    heading, rows = "", []
+    for line in lines:
+        found = ROW.match(line)
+        if found is None:
+            heading = line.strip() if line and not line.startswith(" ") else heading
+        elif found["verdict"]:
+            rows.append({"section": section, "heading": heading, "row": found["what"].strip(),
+                         "figure": float(found["figure"]), "unit": found["unit"], "goal": found["goal"],
+                         "met": found["verdict"] == "met"})
+    return rows
+
+
+def run_table(section, program, arguments):
+    """(rows, whether it came to its end); its output is shown as it comes."""
+    if not program.exists():
+        print(f"  not measured: this build has no {program.name}")
+        return [], True
+    lines = []
+    with subprocess.Popen([str(program), *arguments], stdout=subprocess.PIPE, text=True,
+                          env=dict(os.environ, **ONE_THREAD)) as process:
+        for line in process.stdout:
+            print(line, end="", flush=True)
+            lines.append(line.rstrip("\n"))
+    if process.returncode != 0:
+        print(f"  {program.name} failed with {process.returncode}")
+    return rows_of(section, lines), process.returncode == 0
+
+
+def summary(rows):
+    print("\n==== summary: every row that has a goal")
+    place = None
+    for r in rows:
+        if (r["section"], r["heading"]) != place:
+            place = (r["section"], r["heading"])
+            print(f"{r['section']}: {r['heading']}")
+        print(f"  {r['row']:<76} {r['figure']:10.4g} {r['unit']:<8} {r['goal']:<12} {'met' if r['met'] else 'short'}")
+    met = sum(r["met"] for r in rows)
+    print(f"\n{met} rows met, {len(rows) - met} short")

@@ -25,14 +25,11 @@ Every row with a goal stands in the summary at the end, short or not. A short ro
 
 import argparse
 import json
-import os
 import pathlib
-import re
-import subprocess
 import sys
 
 import _posterior_peers as peers
-from _driver import HOME, ONE_THREAD, ROOT, note
+from _driver import HOME, ROOT, note, rows_of, run_table, summary  # noqa: F401
 
 PROGRAMS = {name: f"bench_{name}" for name in ("residual", "accuracy", "misspecified", "methods", "episodes")}
 PROGRAMS["cost"] = "bench_posterior"
@@ -43,53 +40,10 @@ TITLES = {"cost": "what an update costs", "residual": "one-step residuals", "acc
 # What --quick asks for; a section that is not here is left out of it.
 QUICK = {"accuracy": ["--runs", "20", "--short", "300"], "residual": []}
 
-# bench_table.hpp: "  what   figure unit   goal <= bound   met"
-ROW = re.compile(r"^ {2,}(?P<what>\S.*?) +(?P<figure>[-+]?(?:\d[\d.e+-]*|nan|inf)) (?P<unit>\S*) *"
-                 r"(?:goal (?P<goal>[<>]= \S+))? *(?P<verdict>met|short)?$")
-
-
-def rows_of(section, lines):
-    """Rows with a goal among the lines that a program printed."""
-    heading, rows = "", []
-    for line in lines:
-        found = ROW.match(line)
-        if found is None:
-            heading = line.strip() if line and not line.startswith(" ") else heading
-        elif found["verdict"]:
-            rows.append({"section": section, "heading": heading, "row": found["what"].strip(),
-                         "figure": float(found["figure"]), "unit": found["unit"], "goal": found["goal"],
-                         "met": found["verdict"] == "met"})
-    return rows
-
 
 def run_program(section, build, arguments):
-    """(rows, whether it came to its end); its output is shown as it comes."""
-    program = build / "tools/bench" / PROGRAMS[section]
-    print(f"\n==== {TITLES[section]}: {program.name} {' '.join(arguments)}", flush=True)
-    if not program.exists():
-        print(f"  not measured: this build has no {program.name}")
-        return [], True
-    lines = []
-    with subprocess.Popen([str(program), *arguments], stdout=subprocess.PIPE, text=True,
-                          env=dict(os.environ, **ONE_THREAD)) as process:
-        for line in process.stdout:
-            print(line, end="", flush=True)
-            lines.append(line.rstrip("\n"))
-    if process.returncode != 0:
-        print(f"  {program.name} failed with {process.returncode}")
-    return rows_of(section, lines), process.returncode == 0
-
-
-def summary(rows):
-    print("\n==== summary: every row that has a goal")
-    place = None
-    for r in rows:
-        if (r["section"], r["heading"]) != place:
-            place = (r["section"], r["heading"])
-            print(f"{r['section']}: {r['heading']}")
-        print(f"  {r['row']:<76} {r['figure']:10.4g} {r['unit']:<8} {r['goal']:<12} {'met' if r['met'] else 'short'}")
-    met = sum(r["met"] for r in rows)
-    print(f"\n{met} rows met, {len(rows) - met} short")
+    print(f"\n==== {TITLES[section]}: {PROGRAMS[section]} {' '.join(arguments)}", flush=True)
+    return run_table(section, build / "tools/bench" / PROGRAMS[section], arguments)
 
 
 def parse(arguments):

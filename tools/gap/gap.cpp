@@ -27,6 +27,7 @@ bool is_measured(const tiller_config_t& config, std::uint32_t state) {
 
 // Everything of the catalogue at every port that it fits and that the robot file does not have there.
 std::vector<EffectAt> candidates_of(const tiller_config_t& config, const Options& options) {
+  if (!options.given.empty()) return options.given;
   std::vector<EffectAt> list;
   for (std::uint32_t kind = 0; kind < effect_kind_count(); ++kind) {
     const EffectInfo& info = effect_info(kind);

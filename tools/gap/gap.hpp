@@ -133,6 +133,7 @@ struct Options {
   double budget_sigma = 1.1;          ///< --budget: a remaining gap up to this is no gap
   std::uint32_t max_effects = 3;
   std::vector<std::string> only;  ///< kinds to consider; empty: all
+  std::vector<EffectAt> given;    ///< taken for the explanation whatever the data say; empty: searched for
   std::uint64_t seed = 1;
   std::function<void(const char* step, double share)> progress;  ///< may be empty
   const volatile int* stop = nullptr;                            ///< set by Ctrl-C: finish the step, keep what is done

@@ -141,6 +141,18 @@ struct Searcher {
     }
   }
 
+  // Options::given: its effects one after the other, in whatever order fits best.
+  void take_given() {
+    const std::size_t count = s.options.given.size();
+    for (std::size_t level = 0; level < count && !s.stopped(); ++level)
+      for (const std::size_t i : beam(level, kBeam)) take(screen(s, found.entries[i], kKeep));
+    const std::vector<std::size_t> whole = beam(count, 1);
+    if (whole.empty()) return;
+    found.best = whole[0];
+    s.dispersion = dispersion_of(s, found.entries[found.best]);
+    found.ambiguity.assign(1, found.best);
+  }
+
   void ambiguous() {
     found.ambiguity.clear();
     if (found.best == 0) return;
@@ -187,6 +199,11 @@ Found search(Session& s) {
   decide(s, nominal);
   searcher.found.entries.push_back(std::move(nominal));
 
+  if (!s.options.given.empty()) {
+    searcher.take_given();
+    searcher.found.interrupted = s.stopped();
+    return std::move(searcher.found);
+  }
   for (std::uint32_t level = 1; level <= s.options.max_effects && !s.stopped(); ++level) {
     const std::size_t from = searcher.found.best;
     searcher.take(screen(s, searcher.found.entries[from], level == 1 ? kKeep : kKeepMore));
