@@ -131,6 +131,7 @@ MechanismInfo acrobot_info() {
   info.commands = {{"elbow_Nm", "Nm"}};
   info.joints = {"shoulder", "elbow"};
   info.actuated = 1;
+  info.motors = {1};
   info.build = [](const std::map<std::string, double>& p) -> std::unique_ptr<Mechanism> {
     return std::make_unique<Acrobot>(p);
   };

@@ -1,78 +1,50 @@
-#include <cmath>
-
-#include "sim/ode_world.hpp"
+#include "sim/planar.hpp"
 
 namespace tiller::sim {
 namespace {
 
 /// A cart on a frictionless rail along x and a uniform rod hinged to it. Angle 0 is upright and a positive
 /// angle leans the rod towards +x, which is a right-handed turn about +y.
-class CartPole final : public Mechanism {
+class CartPole final : public PlanarMechanism {
  public:
   explicit CartPole(const std::map<std::string, double>& p)
-      : half_length_m_(p.at("half_length_m")),
+      : PlanarMechanism(p.at("gravity_m_s2")),
+        half_length_m_(p.at("half_length_m")),
         friction_Ns_m_(p.at("cart_friction_Ns_m")),
-        world_(p.at("gravity_m_s2")),
-        cart_(make_cart(p.at("cart_mass_kg"))),
-        pole_(make_pole(p.at("pole_mass_kg"))),
+        // the rail lets nothing turn the cart, so any inertia does
+        cart_(add_body(p.at("cart_mass_kg"), p.at("cart_mass_kg"), 0, 0, +1)),
+        pole_(add_body(p.at("pole_mass_kg"), rod_inertia(p.at("pole_mass_kg")), 0, half_length_m_, +1)),
         rail_(world_, cart_, p.at("cart_mass_kg")),
-        hinge_(world_, pole_, cart_, +1, rod_inertia(p.at("pole_mass_kg"))) {}
-
-  void place(const std::vector<double>& state) override {
-    const double position_m = state[0], angle_rad = state[1], velocity_m_s = state[2], rate_rad_s = state[3];
-    const double s = std::sin(angle_rad), c = std::cos(angle_rad), l = half_length_m_;
-    dBodySetPosition(cart_, position_m, 0, 0);
-    dBodySetLinearVel(cart_, velocity_m_s, 0, 0);
-    dMatrix3 rotation;
-    dRFromAxisAndAngle(rotation, 0, 1, 0, angle_rad);
-    dBodySetRotation(pole_, rotation);
-    dBodySetPosition(pole_, position_m + l * s, 0, l * c);
-    dBodySetLinearVel(pole_, velocity_m_s + l * c * rate_rad_s, 0, -l * s * rate_rad_s);
-    dBodySetAngularVel(pole_, 0, rate_rad_s, 0);
-    hinge_.place(angle_rad);
+        hinge_(world_, pole_, cart_, +1, rod_inertia(p.at("pole_mass_kg"))) {
+    Slot slot;
+    slot.slider = &rail_;
+    slot.body = cart_;
+    slot.on_ground = true;
+    slot.up = +1;
+    add_slot(slot);
+    slot.slider = nullptr;
+    slot.hinge = &hinge_;
+    slot.body = pole_;
+    slot.on_ground = false;
+    add_slot(slot);
+    set_motors({0});
   }
 
-  void read_state(double* out) const override {
-    out[0] = rail_.position();
-    out[1] = hinge_.position();
-    out[2] = rail_.rate();
-    out[3] = hinge_.rate();
-  }
-
-  void drive(const double* motor) override { rail_.add_force(motor[0]); }
-
-  void step(double step_s) override {
-    rail_.add_force(-friction_Ns_m_ * rail_.rate());
-    world_.step(step_s);
-    hinge_.follow();
-  }
-
-  double energy_J() const override { return world_.energy_J({cart_, pole_}); }
   double own_damping(std::size_t joint) const override { return joint == 0 ? friction_Ns_m_ : 0; }
-  Joint& joint(std::size_t index) override {
-    if (index == 0) return rail_;
-    return hinge_;
-  }
 
  private:
-  dBodyID make_cart(double mass_kg) {
-    const dBodyID body = dBodyCreate(world_.id());
-    dMass mass;  // the rail lets nothing turn the cart, so any inertia does
-    dMassSetParameters(&mass, mass_kg, 0, 0, 0, mass_kg, mass_kg, mass_kg, 0, 0, 0);
-    dBodySetMass(body, &mass);
-    return body;
+  void frames(const double* q, const double* v, Frame* out) const override {
+    out[0] = cart(q, v);
+    out[1] = arm_end(out[0], half_length_m_, q[1], v[1], +1);
   }
-
-  dBodyID make_pole(double mass_kg) {
-    const dBodyID body = dBodyCreate(world_.id());
-    dMass mass;  // about its own axis a thin rod has next to no inertia; ODE wants it positive
-    const double across = rod_inertia(mass_kg);
-    dMassSetParameters(&mass, mass_kg, 0, 0, 0, across, across, 0.01 * across, 0, 0, 0);
-    dBodySetMass(body, &mass);
-    dBodySetPosition(body, 0, 0, half_length_m_);
-    dBodySetFiniteRotationMode(body, 1);
-    dBodySetFiniteRotationAxis(body, 0, 1, 0);
-    return body;
+  Frame tip(const double* q, const double* v) const override {
+    return arm_end(cart(q, v), 2 * half_length_m_, q[1], v[1], +1);
+  }
+  static Frame cart(const double* q, const double* v) {
+    Frame f;
+    f.x = q[0];
+    f.vx = v[0];
+    return f;
   }
 
   /// m (2l)^2 / 12, about the centre.
@@ -80,7 +52,6 @@ class CartPole final : public Mechanism {
 
   double half_length_m_;
   double friction_Ns_m_;
-  OdeWorld world_;
   dBodyID cart_;
   dBodyID pole_;
   SliderJoint rail_;
@@ -108,6 +79,7 @@ MechanismInfo cart_pole_info() {
   info.commands = {{"force_N", "N"}};
   info.joints = {"cart", "pole"};
   info.actuated = 0;
+  info.motors = {0};
   info.build = [](const std::map<std::string, double>& p) -> std::unique_ptr<Mechanism> {
     return std::make_unique<CartPole>(p);
   };

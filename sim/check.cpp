@@ -71,9 +71,14 @@ bool check_initial_state(const PlantOptions& o, const MechanismInfo& info, std::
   return true;
 }
 
-bool check_encoders(const PlantOptions& o, const MechanismInfo& info, std::string& error) {
+std::vector<std::string> sensor_names(const PlantOptions& o, const MechanismInfo& info) {
   std::vector<std::string> names;
-  for (const std::size_t i : info.measured) names.push_back(info.states[i].name);
+  for (const std::size_t i : measured_states(o, info)) names.push_back(info.states[i].name);
+  return names;
+}
+
+bool check_encoders(const PlantOptions& o, const MechanismInfo& info, std::string& error) {
+  const std::vector<std::string> names = sensor_names(o, info);
   for (const auto& [name, sd] : o.encoder_noise_sd) {
     if (!known(name, names, "measurement channel of " + info.kind, error)) return false;
     if (!not_negative(sd, "encoder noise of " + name, error)) return false;
@@ -99,31 +104,48 @@ bool check_times(const PlantOptions& o, std::string& error) {
          not_negative(o.command_limit, "command_limit", error);
 }
 
-bool check_effect(const HiddenEffect& effect, const MechanismInfo& info, std::string& error) {
+/// Names of the places where an effect of this kind may act.
+std::vector<std::string> port_names(PortKind port, const PlantOptions& o, const MechanismInfo& info) {
+  switch (port) {
+    case PortKind::joint: return info.joints;
+    case PortKind::command: return channel_names(info.commands);
+    case PortKind::sensor: return sensor_names(o, info);
+    case PortKind::body: return {"body"};
+  }
+  return {};
+}
+
+bool check_effect(const HiddenEffect& effect, const PlantOptions& o, const MechanismInfo& info, std::string& error) {
   const auto kinds = names_of(effect_infos(), [](const EffectInfo& e) { return e.kind; });
   if (!known(effect.kind, kinds, "hidden effect", error)) return false;
   const EffectInfo& what = *find_effect(effect.kind);
-  if (find_port(effect, info) < 0) {
-    const auto ports = what.port == PortKind::joint ? info.joints : channel_names(info.commands);
-    return known(effect.port, ports, "port of effect " + effect.kind + " on " + info.kind, error);
+  if (find_port(effect, o, info) < 0) {
+    return known(effect.port, port_names(what.port, o, info), "port of effect " + effect.kind + " on " + info.kind,
+                 error);
   }
+  const auto names = names_of(what.parameters, [](const EffectParameter& p) { return p.name; });
   for (const auto& [name, value] : effect.parameters) {
-    if (!known(name, {what.parameter}, "parameter of effect " + effect.kind, error)) return false;
-    if (std::isfinite(value) && (what.is_signed || value >= 0)) continue;
+    if (!known(name, names, "parameter of effect " + effect.kind, error)) return false;
+    const auto at = static_cast<std::size_t>(std::find(names.begin(), names.end(), name) - names.begin());
+    const bool is_signed = what.parameters[at].is_signed;
+    if (std::isfinite(value) && (is_signed || value >= 0)) continue;
     error = "effect " + effect.kind + ": " + name + " = " + number(value) + ": must be finite" +
-            (what.is_signed ? "" : " and not negative");
+            (is_signed ? "" : " and not negative");
     return false;
   }
-  if (effect.parameters.count(what.parameter)) return true;
-  error = "effect " + effect.kind + " needs its parameter " + what.parameter + " (" + what.help + ")";
-  return false;
+  for (const std::string& name : names) {
+    if (effect.parameters.count(name)) continue;
+    error = "effect " + effect.kind + " needs its parameter " + name + " (" + what.help + ")";
+    return false;
+  }
+  return true;
 }
 
 bool check_effects(const PlantOptions& o, const MechanismInfo& info, std::string& error) {
   std::set<std::pair<std::string, int>> seen;
   for (const HiddenEffect& effect : o.effects) {
-    if (!check_effect(effect, info, error)) return false;
-    if (seen.insert({effect.kind, find_port(effect, info)}).second) continue;
+    if (!check_effect(effect, o, info, error)) return false;
+    if (seen.insert({effect.kind, find_port(effect, o, info)}).second) continue;
     error = "effect " + effect.kind + " is given twice at one port; add the two to one";
     return false;
   }
@@ -132,12 +154,19 @@ bool check_effects(const PlantOptions& o, const MechanismInfo& info, std::string
 
 }  // namespace
 
-int find_port(const HiddenEffect& effect, const MechanismInfo& info) {
+std::vector<std::size_t> measured_states(const PlantOptions& options, const MechanismInfo& info) {
+  std::vector<std::size_t> all = info.measured;
+  for (std::size_t i = 0; options.rates && i < info.states.size(); ++i) {
+    if (std::find(info.measured.begin(), info.measured.end(), i) == info.measured.end()) all.push_back(i);
+  }
+  return all;
+}
+
+int find_port(const HiddenEffect& effect, const PlantOptions& options, const MechanismInfo& info) {
   const EffectInfo* what = find_effect(effect.kind);
   if (what == nullptr) return -1;
-  const bool joint = what->port == PortKind::joint;
-  if (effect.port.empty()) return joint ? static_cast<int>(info.actuated) : 0;
-  const auto ports = joint ? info.joints : channel_names(info.commands);
+  if (effect.port.empty()) return what->port == PortKind::joint ? static_cast<int>(info.actuated) : 0;
+  const auto ports = port_names(what->port, options, info);
   const auto at = std::find(ports.begin(), ports.end(), effect.port);
   return at == ports.end() ? -1 : static_cast<int>(at - ports.begin());
 }

@@ -39,6 +39,22 @@ class Mechanism {
   virtual double energy_J() const = 0;                      ///< kinetic and potential
   virtual double own_damping(std::size_t joint) const = 0;  ///< viscous coefficient among the parameters
   virtual Joint& joint(std::size_t index) = 0;              ///< order of MechanismInfo::joints
+
+  /// Steps of second order (PlanarMechanism). False: this mechanism has none.
+  virtual bool set_midpoint(bool midpoint) { return !midpoint; }
+  /// Before the forces of a step: midpoint steps bring the joints to where these act.
+  virtual void begin(double /*step_s*/) {}
+
+  // What effects may build, before the first place(). False: there is no place for it.
+  virtual bool tilt(double /*angle_rad*/) { return false; }       ///< gravity turns counter-clockwise
+  virtual bool add_payload(double /*mass_kg*/) { return false; }  ///< fixed to the last body
+  virtual bool add_flywheel(std::size_t /*joint*/, double /*inertia*/) { return false; }
+  /// A body between the motor and its joint: with play, or with a spring and a damper.
+  virtual bool add_rotor(std::size_t /*motor*/, double /*inertia*/, double /*gap*/) { return false; }
+  virtual bool add_elastic_rotor(std::size_t /*motor*/, double /*inertia*/, double /*stiffness*/, double /*damping*/) {
+    return false;
+  }
+  virtual bool add_swinging_load(double /*mass_kg*/, double /*length_m*/) { return false; }  ///< hangs from the tip
 };
 
 /// A physical parameter: its default and the open or closed lower bound that keeps the bodies real.
@@ -61,6 +77,7 @@ struct MechanismInfo {
   std::vector<Channel> commands;      // one for each motor
   std::vector<std::string> joints;    // ports of joint effects
   std::size_t actuated;               // index of the joint that the (first) motor drives
+  std::vector<std::size_t> motors;    // (commands) index of the joint that each drives; empty: not one each
   std::unique_ptr<Mechanism> (*build)(const std::map<std::string, double>& parameters);
 };
 
@@ -71,5 +88,7 @@ MechanismInfo cart_pole_info();
 MechanismInfo pendulum_info();
 MechanismInfo acrobot_info();
 MechanismInfo planar_quadrotor_info();
+MechanismInfo two_link_arm_info();
+MechanismInfo linear_axis_info();
 
 }  // namespace tiller::sim

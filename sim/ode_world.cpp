@@ -37,7 +37,14 @@ void OdeWorld::step(double step_s) {
   dWorldStep(id_, step_s);
 }
 
-double OdeWorld::energy_J(std::initializer_list<dBodyID> bodies) const {
+void OdeWorld::tilt(double angle_rad) {
+  const double whole = std::hypot(gravity_m_s2_, sideways_m_s2_), before = std::atan2(sideways_m_s2_, gravity_m_s2_);
+  gravity_m_s2_ = whole * std::cos(before + angle_rad);
+  sideways_m_s2_ = whole * std::sin(before + angle_rad);
+  dWorldSetGravity(id_, sideways_m_s2_, 0, -gravity_m_s2_);
+}
+
+double OdeWorld::energy_J(const std::vector<dBodyID>& bodies) const {
   double energy = 0;
   for (const dBodyID body : bodies) {
     dMass mass;
@@ -51,6 +58,7 @@ double OdeWorld::energy_J(std::initializer_list<dBodyID> bodies) const {
       for (int k = 0; k < 3; ++k) energy += 0.5 * w[i] * mass.I[4 * i + k] * w[k];
     }
     energy += mass.mass * gravity_m_s2_ * dBodyGetPosition(body)[2];
+    energy -= mass.mass * sideways_m_s2_ * dBodyGetPosition(body)[0];
   }
   return energy;
 }

@@ -18,12 +18,15 @@ class OdeWorld {
   /// One step of ODE's exact solver (Lemke's algorithm over all constraint rows, no iteration count to tune
   /// and no random row order; the plants are too small for the quick solver to pay).
   void step(double step_s);
+  /// Turns gravity counter-clockwise in the plane.
+  void tilt(double angle_rad);
   /// Kinetic energy of the bodies and their height times weight, z = 0 being zero.
-  double energy_J(std::initializer_list<dBodyID> bodies) const;
+  double energy_J(const std::vector<dBodyID>& bodies) const;
 
  private:
   dWorldID id_;
-  double gravity_m_s2_;
+  double gravity_m_s2_;  // downwards
+  double sideways_m_s2_ = 0;
 };
 
 /// A cart's rail: a body that slides along x.

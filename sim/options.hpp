@@ -11,7 +11,7 @@ namespace tiller::sim {
 /// Physics that the plant has and the model of the controller may lack.
 struct HiddenEffect {
   std::string kind;                          ///< see plant_help()
-  std::string port;                          ///< joint or command it acts on; empty: the actuated one
+  std::string port;                          ///< joint, command or sensor it acts on; empty: the actuated one
   std::map<std::string, double> parameters;  ///< by name; a missing one is an error, so is an unknown one
 };
 
@@ -31,8 +31,11 @@ struct PlantOptions {
   double command_limit = 1000;                     ///< the motor saturates at +- this (command units)
   double watchdog_timeout_s = 0.1;                 ///< no command for this long: motor at zero; 0: no watchdog
 
-  double step_s = 0.0005;  ///< physics step: whole microseconds, at most 1 ms
-  std::uint64_t seed = 1;  ///< of every random stream
+  double step_s = 0.0005;     ///< physics step: whole microseconds, at most 1 ms
+  bool midpoint = false;      ///< steps of second order (docs/hidden_effects.md); a planar plant has them
+  bool rates = false;         ///< sensors for rates too, behind those for positions
+  std::int64_t start_us = 0;  ///< the plant's clock at its start: process noise goes by it
+  std::uint64_t seed = 1;     ///< of every random stream
 };
 
 /// Reads "name=value" into values. False with a message in error when the text is anything else or the

@@ -1,67 +1,36 @@
-#include <cmath>
-
-#include "sim/ode_world.hpp"
+#include "sim/planar.hpp"
 
 namespace tiller::sim {
 namespace {
 
 /// A small ball on a massless arm with a motor in the hinge. Angle 0 hangs down; positive is
 /// counter-clockwise with x to the right and z up, so the hinge turns about -y.
-class Pendulum final : public Mechanism {
+class Pendulum final : public PlanarMechanism {
  public:
   explicit Pendulum(const std::map<std::string, double>& p)
-      : length_m_(p.at("length_m")),
+      : PlanarMechanism(p.at("gravity_m_s2")),
+        length_m_(p.at("length_m")),
         damping_Nms_(p.at("damping_Nms")),
-        world_(p.at("gravity_m_s2")),
-        bob_(make_bob(p.at("mass_kg"))),
-        hinge_(world_, bob_, nullptr, -1, p.at("mass_kg") * length_m_ * length_m_) {}
-
-  void place(const std::vector<double>& state) override {
-    const double angle_rad = state[0], rate_rad_s = state[1];
-    const double s = std::sin(angle_rad), c = std::cos(angle_rad);
-    dMatrix3 rotation;
-    dRFromAxisAndAngle(rotation, 0, -1, 0, angle_rad);
-    dBodySetRotation(bob_, rotation);
-    dBodySetPosition(bob_, length_m_ * s, 0, -length_m_ * c);
-    dBodySetLinearVel(bob_, length_m_ * c * rate_rad_s, 0, length_m_ * s * rate_rad_s);
-    dBodySetAngularVel(bob_, 0, -rate_rad_s, 0);
-    hinge_.place(angle_rad);
+        // a ball of a thousandth of the arm's length: its own inertia is 4e-7 of m l^2, which no sensor here
+        // sees, and the matrix that ODE factors stays far from singular
+        bob_(add_body(p.at("mass_kg"), 0.4 * p.at("mass_kg") * 1e-6 * length_m_ * length_m_, 0, -length_m_, -1)),
+        hinge_(world_, bob_, nullptr, -1, p.at("mass_kg") * length_m_ * length_m_) {
+    Slot slot;
+    slot.hinge = &hinge_;
+    slot.body = bob_;
+    slot.on_ground = true;
+    add_slot(slot);
+    set_motors({0});
   }
 
-  void read_state(double* out) const override {
-    out[0] = hinge_.position();
-    out[1] = hinge_.rate();
-  }
-
-  void drive(const double* motor) override { hinge_.add_force(motor[0]); }
-
-  void step(double step_s) override {
-    hinge_.add_force(-damping_Nms_ * hinge_.rate());
-    world_.step(step_s);
-    hinge_.follow();
-  }
-
-  double energy_J() const override { return world_.energy_J({bob_}); }
   double own_damping(std::size_t) const override { return damping_Nms_; }
-  Joint& joint(std::size_t) override { return hinge_; }
 
  private:
-  dBodyID make_bob(double mass_kg) {
-    // a ball of a thousandth of the arm's length: its own inertia is 4e-7 of m l^2, which no sensor here
-    // sees, and the matrix that ODE factors stays far from singular
-    const dBodyID body = dBodyCreate(world_.id());
-    dMass mass;
-    dMassSetSphereTotal(&mass, mass_kg, 1e-3 * length_m_);
-    dBodySetMass(body, &mass);
-    dBodySetPosition(body, 0, 0, -length_m_);
-    dBodySetFiniteRotationMode(body, 1);
-    dBodySetFiniteRotationAxis(body, 0, 1, 0);
-    return body;
-  }
+  void frames(const double* q, const double* v, Frame* out) const override { out[0] = tip(q, v); }
+  Frame tip(const double* q, const double* v) const override { return arm_end({}, length_m_, q[0], v[0], -1); }
 
   double length_m_;
   double damping_Nms_;
-  OdeWorld world_;
   dBodyID bob_;
   HingeJoint hinge_;
 };
@@ -84,6 +53,7 @@ MechanismInfo pendulum_info() {
   info.commands = {{"torque_Nm", "Nm"}};
   info.joints = {"joint"};
   info.actuated = 0;
+  info.motors = {0};
   info.build = [](const std::map<std::string, double>& p) -> std::unique_ptr<Mechanism> {
     return std::make_unique<Pendulum>(p);
   };

@@ -32,7 +32,7 @@ class Plant {
   Plant& operator=(const Plant&) = delete;
 
   const PlantOptions& options() const;
-  const std::vector<Channel>& measurements() const;  ///< encoders: positions and angles, turns counted
+  const std::vector<Channel>& measurements() const;  ///< encoders: positions and angles, turns counted; rates by option
   const std::vector<Channel>& commands() const;
   const std::vector<Channel>& states() const;       ///< positions, then their rates
   double parameter(const std::string& name) const;  ///< in use; NaN when the plant has no such parameter
@@ -50,10 +50,11 @@ class Plant {
   /// The instant that measure() shows: the latency ago. Negative at first: the plant stood in its initial
   /// state before it was let go.
   std::int64_t measured_us() const;
-  void measure(double* out) const;     ///< (measurements) latency, noise, quantisation
-  void true_state(double* out) const;  ///< (states) now, without any error
-  void motor(double* out) const;       ///< (commands) what the motor made during the last step
-  double energy_J() const;             ///< kinetic and potential energy of the bodies
+  void measure(double* out) const;        ///< (measurements) latency, noise, quantisation
+  void measure_clean(double* out) const;  ///< (measurements) without noise and quantisation, for judges
+  void true_state(double* out) const;     ///< (states) now, without any error
+  void motor(double* out) const;          ///< (commands) what the motor made during the last step
+  double energy_J() const;                ///< kinetic and potential energy of the bodies
 
   /// The motor is off because no command came for watchdog_timeout_s. The next command ends it. Armed by
   /// the first command; false before.

@@ -6,7 +6,6 @@
 #include <random>
 
 #include "effects/effect_info.hpp"
-#include "sim/effects/effects.hpp"
 #include "sim/mechanism.hpp"
 
 namespace tiller::tools {
@@ -28,13 +27,13 @@ bool knows_parameter(const sim::MechanismInfo& info, const std::string& name) {
                      [&](const sim::ParameterInfo& p) { return p.name == name; });
 }
 
-/// Robot file's name of effect parameter -> plant's: its effects have exactly one parameter each.
-sim::HiddenEffect hidden_effect(const RobotFile& robot, const tiller_effect_t& effect, double value) {
+/// Parameters have the same names here and in the plant.
+sim::HiddenEffect hidden_effect(const RobotFile& robot, const tiller_effect_t& effect, const double* values) {
   const EffectInfo& info = effect_info(effect.kind);
   sim::HiddenEffect hidden;
   hidden.kind = info.name;
   hidden.port = port_name(info.port, *robot.model, effect.port);
-  if (const sim::EffectInfo* known = sim::find_effect(info.name)) hidden.parameters[known->parameter] = value;
+  for (int i = 0; i < info.param_count; ++i) hidden.parameters[info.params[i].name] = values[i];
   return hidden;
 }
 
@@ -57,7 +56,7 @@ void apply_draw(const RobotFile& robot, const sim::MechanismInfo& info, sim::Pla
   std::size_t row = robot.model->param_count;
   for (std::uint32_t e = 0; e < robot.config.effect_count; ++e) {
     const tiller_effect_t& effect = robot.config.effects[e];
-    options.effects.push_back(hidden_effect(robot, effect, values[row]));
+    options.effects.push_back(hidden_effect(robot, effect, &values[row]));
     row += static_cast<std::size_t>(effect_info(effect.kind).param_count);
   }
 }
@@ -119,11 +118,12 @@ bool connect(const RobotFile& robot, SimPlant& made, std::string& error) {
   return true;
 }
 
-double true_effect(const sim::PlantOptions& options, const sim::HiddenEffect& asked) {
+double true_parameter(const sim::PlantOptions& options, const std::string& kind, const std::string& port,
+                      const std::string& name) {
   for (const sim::HiddenEffect& effect : options.effects) {
-    if (effect.kind == asked.kind && effect.port == asked.port && effect.parameters.size() == 1) {
-      return effect.parameters.begin()->second;
-    }
+    if (effect.kind != kind || effect.port != port) continue;
+    const auto at = effect.parameters.find(name);
+    if (at != effect.parameters.end()) return at->second;
   }
   return kNaN;
 }
@@ -134,8 +134,11 @@ void note_truth(const RobotFile& robot, SimPlant& made) {
   }
   for (std::uint32_t e = 0; e < robot.config.effect_count; ++e) {
     const tiller_effect_t& effect = robot.config.effects[e];
-    made.true_params.push_back(true_effect(made.plant->options(), hidden_effect(robot, effect, 0)));
-    for (int k = 1; k < effect_info(effect.kind).param_count; ++k) made.true_params.push_back(kNaN);
+    const EffectInfo& info = effect_info(effect.kind);
+    const std::string port = port_name(info.port, *robot.model, effect.port);
+    for (int k = 0; k < info.param_count; ++k) {
+      made.true_params.push_back(true_parameter(made.plant->options(), info.name, port, info.params[k].name));
+    }
   }
 }
 

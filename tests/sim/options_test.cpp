@@ -28,9 +28,9 @@ TEST(Options, UnknownNamesAreRefusedWithTheKnownOnes) {
   expect_refused(with([](PlantOptions& o) { o.encoder_step["x"] = 1; }), {"'x'", "position_m, angle_rad"});
   expect_refused(
       with([](PlantOptions& o) {
-        o.effects = {{"backlash", "", {}}};
+        o.effects = {{"gremlins", "", {}}};
       }),
-      {"backlash", "viscous_friction", "coulomb_friction", "constant_offset", "actuator_lag", "input_delay"});
+      {"gremlins", "viscous_friction", "coulomb_friction", "constant_offset", "actuator_lag", "input_delay"});
   expect_refused(with([](PlantOptions& o) {
                    o.effects = {{"coulomb_friction", "wheel", {{"friction_SI", 1}}}};
                  }),

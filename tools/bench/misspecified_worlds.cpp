@@ -68,7 +68,7 @@ class OdeWorld final : public World {
     mechanism_->place({state, state + model_.state_count});
     for (int k = 0; k < std::lround(period_s_ / kOdeStep); ++k) {
       mechanism_->drive(input);
-      for (const auto& effect : effects_) effect->push(mechanism_->joint(info_.actuated));
+      for (const auto& effect : effects_) effect->push(mechanism_->joint(info_.actuated), {});
       mechanism_->step(kOdeStep);
     }
     mechanism_->read_state(next);
@@ -83,9 +83,9 @@ class OdeWorld final : public World {
     built_ = values;
     mechanism_ = info_.build(values);
     effects_.clear();
-    if (hidden_.viscous > 0.0) effects_.push_back(sim::find_effect("viscous_friction")->make(hidden_.viscous));
-    if (hidden_.coulomb > 0.0) effects_.push_back(sim::find_effect("coulomb_friction")->make(hidden_.coulomb));
-    for (const auto& effect : effects_) effect->attach(mechanism_->joint(info_.actuated));
+    if (hidden_.viscous > 0.0)
+      effects_.push_back(sim::find_effect("viscous_friction")->make({{"damping_SI", hidden_.viscous}}));
+    if (hidden_.coulomb > 0.0) mechanism_->joint(info_.actuated).set_dry_friction(hidden_.coulomb);
   }
 
   const tiller_model_t& model_;
