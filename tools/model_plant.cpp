@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "effects/effect_info.hpp"
+#include "rollout/measurement.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -193,7 +194,7 @@ double ModelPlant::normal() {
 
 void ModelPlant::measure(double* out) {
   for (std::uint32_t k = 0; k < config_.measurement_count; ++k) {
-    out[k] = state_[config_.measured_state[k]] + sensor_sd_[k] * normal();
+    out[k] = measured_value(config_, params_.data(), k, state_[config_.measured_state[k]]) + sensor_sd_[k] * normal();
     if (sensor_step_[k] > 0) out[k] = sensor_step_[k] * std::nearbyint(out[k] / sensor_step_[k]);
   }
 }

@@ -27,13 +27,13 @@ bool knows_parameter(const sim::MechanismInfo& info, const std::string& name) {
                      [&](const sim::ParameterInfo& p) { return p.name == name; });
 }
 
-/// Parameters have the same names here and in the plant.
+/// The robot file's effect as the plant's: kinds and parameters have the same names there.
 sim::HiddenEffect hidden_effect(const RobotFile& robot, const tiller_effect_t& effect, const double* values) {
   const EffectInfo& info = effect_info(effect.kind);
   sim::HiddenEffect hidden;
   hidden.kind = info.name;
-  hidden.port = port_name(info.port, *robot.model, effect.port);
-  for (int i = 0; i < info.param_count; ++i) hidden.parameters[info.params[i].name] = values[i];
+  if (info.port != PortKind::body) hidden.port = port_name(info.port, *robot.model, effect.port);
+  for (int i = 0; i < info.param_count; ++i) hidden.parameters[info.params[i].name] = values ? values[i] : 0.0;
   return hidden;
 }
 
@@ -118,12 +118,11 @@ bool connect(const RobotFile& robot, SimPlant& made, std::string& error) {
   return true;
 }
 
-double true_parameter(const sim::PlantOptions& options, const std::string& kind, const std::string& port,
-                      const std::string& name) {
+double true_effect(const sim::PlantOptions& options, const sim::HiddenEffect& asked, const std::string& parameter) {
   for (const sim::HiddenEffect& effect : options.effects) {
-    if (effect.kind != kind || effect.port != port) continue;
-    const auto at = effect.parameters.find(name);
-    if (at != effect.parameters.end()) return at->second;
+    if (effect.kind != asked.kind || effect.port != asked.port) continue;
+    const auto value = effect.parameters.find(parameter);
+    if (value != effect.parameters.end()) return value->second;
   }
   return kNaN;
 }
@@ -135,10 +134,9 @@ void note_truth(const RobotFile& robot, SimPlant& made) {
   for (std::uint32_t e = 0; e < robot.config.effect_count; ++e) {
     const tiller_effect_t& effect = robot.config.effects[e];
     const EffectInfo& info = effect_info(effect.kind);
-    const std::string port = port_name(info.port, *robot.model, effect.port);
-    for (int k = 0; k < info.param_count; ++k) {
-      made.true_params.push_back(true_parameter(made.plant->options(), info.name, port, info.params[k].name));
-    }
+    const sim::HiddenEffect asked = hidden_effect(robot, effect, nullptr);
+    for (int k = 0; k < info.param_count; ++k)
+      made.true_params.push_back(true_effect(made.plant->options(), asked, info.params[k].name));
   }
 }
 

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "rollout/measurement.hpp"
 #include "tools/config_trace.hpp"
 #include "tools/robot_sections.hpp"
 
@@ -138,7 +139,11 @@ void check_whole(FileErrors& errors, const toml::table& root, RobotFile& robot) 
   const char* field = nullptr;
   const tiller_status_t status = tiller_config_check(&robot.config, &field);
   if (status == tiller_status_ok) return;
-  const std::string wants = status == tiller_status_bad_posterior ? engine_wants(robot, field ? field : "") : "";
+  std::string wants;
+  if (status == tiller_status_bad_posterior) wants = engine_wants(robot, field ? field : "");
+  if (status == tiller_status_bad_effect && has_sensor_effects(robot.config) &&
+      robot.config.posterior.kind != tiller_posterior_filter)
+    wants = "takes measurements for the states themselves and so no effect at a sensor, such as sensor_bias";
   if (!wants.empty()) {
     const toml::node* kind = root["posterior"]["kind"].node();
     const std::string name = posterior_names()[robot.config.posterior.kind];

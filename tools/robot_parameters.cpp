@@ -126,9 +126,8 @@ void read_effect(FileErrors& errors, const toml::table& table, std::size_t index
   const int port_index = find_port_index(*robot.model, info.port, port.value_or(""), known);
   const std::string what = port_kind_name(info.port);
   if (!section.has("port")) {
-    section.missing("port", info.port == PortKind::body
-                                ? "write port = \"body\""
-                                : "write port = one of the model's " + what + "s: " + join(known));
+    if (info.port != PortKind::body)
+      section.missing("port", "write port = one of the model's " + what + "s: " + join(known));
   } else if (port && port_index < 0) {
     section.error("port", std::string(robot.model->name) + " has no " + what + " of that name for " + info.name,
                   remedy_for_unknown(*port, known));
@@ -146,7 +145,7 @@ void read_effect(FileErrors& errors, const toml::table& table, std::size_t index
   tiller_effect_t& effect = robot.config.effects[robot.config.effect_count++];
   effect.kind = *kind;
   effect.port = static_cast<std::uint32_t>(port_index < 0 ? 0 : port_index);
-  read_effect_params(section, info, port.value_or("?"), robot);
+  read_effect_params(section, info, port.value_or(info.port == PortKind::body ? "body" : "?"), robot);
 }
 
 }  // namespace

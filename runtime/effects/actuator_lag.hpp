@@ -1,6 +1,7 @@
 #pragma once
 
 #include "effects/effect_info.hpp"
+#include "effects/hook_arguments.hpp"
 
 namespace tiller {
 
@@ -9,6 +10,7 @@ namespace tiller {
 /// the impulse is right even where T is far below the step. T = 0 passes u through, to the last bit.
 template <class S>
 struct ActuatorLag {
+  static constexpr bool inlined = true;
   static constexpr Hook hook = Hook::input;
   static constexpr EffectInfo info = [] {
     EffectInfo i;
@@ -23,7 +25,8 @@ struct ActuatorLag {
     i.separation = "steps of the command: a delay answers late and at once, a lag at once and slowly";
     return i;
   }();
-  static S apply(const S& u, S* state, const S* p, const S& dt) {
+  static S apply(const InputStep<S>& in, S* state, const S* p) {
+    const S &u = in.command, &dt = in.dt_s;
     const S ratio = max(p[0], S(1e-9)) / dt;
     const S left = exp(S(-1.0) / ratio);
     const S distance = state[0] - u;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "effects/effect_info.hpp"
+#include "effects/hook_arguments.hpp"
 
 namespace tiller {
 
@@ -10,6 +11,7 @@ namespace tiller {
 /// the force is the projection of the stopping impulse onto [-friction, friction].
 template <class S>
 struct CoulombFriction {
+  static constexpr bool inlined = true;
   static constexpr Hook hook = Hook::dissipation;
   static constexpr EffectInfo info = [] {
     EffectInfo i;
@@ -19,13 +21,13 @@ struct CoulombFriction {
     i.help = "dry friction: a constant force against the motion, sticking at rest";
     i.equation = "force = -friction sign(v); at rest at most friction";
     i.source = "Moreau (1988), Unilateral contact and dry friction in finite freedom dynamics";
+    i.aliases[0] = "stribeck_friction";
+    i.aliases[1] = "dead_zone";
+    i.aliases[2] = "load_friction";
+    i.separation = "let the joint swing without drive: a dead zone is gone, dry friction stays";
     return i;
   }();
-  static S force(const S&, const S& v_free, const S& gain, const S* p) {
-    const S stopping = -v_free / gain;
-    // in this order a tie goes to the constant: no friction has no derivative either, at rest as well
-    return max(min(stopping, p[0]), -p[0]);
-  }
+  static S force(const JointStep<S>& in, const S* p) { return stop_within(in, p[0], p[0]); }
 };
 
 }  // namespace tiller

@@ -22,9 +22,12 @@ enum class Hook {
   period_input,  ///< once a period, before anything else: the acting input from the history of inputs
   input,         ///< once a substep: the acting input, advances the effect's own state
   force,         ///< generalised force that enters the dynamics as it stands
-  dissipation,   ///< generalised force after the free step, implicit
-  sensor,        ///< outside the step: measurement from state
-  body           ///< once a period: changes the body argument of the dynamics
+  inertia,       ///< after the free step, first: more inertia
+  drive,         ///< after the free step: what the drive train makes of the drive force
+  elastic,       ///< after the free step: generalised force by position, implicit
+  dissipation,   ///< after the free step, last: generalised force by velocity, implicit
+  body,          ///< once a period: changes the body argument of the dynamics
+  sensor         ///< outside the step: measurement from state (rollout/measurement.hpp)
 };
 
 /// What a parameter's magnitude goes with, so that a fit can start anywhere: a start is a multiple of it.

@@ -10,6 +10,7 @@ namespace tiller {
 /// particle. d = 0 passes the command through, to the last bit.
 template <class S>
 struct InputDelay {
+  static constexpr bool inlined = true;
   static constexpr Hook hook = Hook::period_input;
   static constexpr EffectInfo info = [] {
     EffectInfo i;

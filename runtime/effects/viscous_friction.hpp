@@ -1,6 +1,7 @@
 #pragma once
 
 #include "effects/effect_info.hpp"
+#include "effects/hook_arguments.hpp"
 
 namespace tiller {
 
@@ -10,6 +11,7 @@ namespace tiller {
 /// the plain implicit v_free/(1 + c) is first order, which at 20 ms a posterior takes for mass.
 template <class S>
 struct ViscousFriction {
+  static constexpr bool inlined = true;
   static constexpr Hook hook = Hook::dissipation;
   static constexpr EffectInfo info = [] {
     EffectInfo i;
@@ -18,12 +20,14 @@ struct ViscousFriction {
     i.params[0] = {"damping_SI", "N s/m or N m s/rad", 0.0, __builtin_huge_val(), Scale::force_per_velocity, 1, {0.1}};
     i.help = "friction proportional to the joint's velocity";
     i.equation = "force = -damping v";
+    i.source = "Hochbruck, Ostermann (2010), Exponential integrators, Acta Numerica 19";
+    i.aliases[0] = "quadratic_drag";
+    i.separation = "runs at speeds a factor of three apart: drag grows with the square, viscous friction in proportion";
     return i;
   }();
-  /// v: the velocity before the step; v_free: after it, without this force; gain: dt times inverse inertia.
-  static S force(const S& v, const S& v_free, const S& gain, const S* p) {
-    const S c = p[0] * gain;
-    return -(p[0] * S(0.5)) * (v + v_free + c * v_free) / (S(1.0) + c + S(0.5) * c * c);
+  static S force(const JointStep<S>& in, const S* p) {
+    const S c = p[0] * in.gain;
+    return -(p[0] * S(0.5)) * (in.velocity + in.free + c * in.free) / (S(1.0) + c + S(0.5) * c * c);
   }
 };
 

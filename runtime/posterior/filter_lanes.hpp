@@ -47,6 +47,8 @@ struct CorrectJob {
   const std::uint8_t* measured_state = nullptr;  // (ny)
   const double* measured = nullptr;              // (ny), NaN: missing
   const double* variance = nullptr;              // (ny)
+  const double* gain = nullptr;                  // (ny x lanes) measured = gain state + offset; null: the state itself
+  const double* offset = nullptr;                // (ny x lanes)
   FilterRows from;                               // predicted
   FilterRows to;
   double* squared_error = nullptr;  // (lanes) += innovation^2 / its variance

@@ -83,11 +83,16 @@ void correct_lanes(const CorrectJob& job) {
         continue;
       }
       const std::uint32_t m = job.measured_state[k];
-      P innovation = P(job.measured[k]) - x[m];
+      const bool mapped = job.gain != nullptr;
+      const P slope = mapped ? P::load(job.gain + k * job.lanes + lane) : P(1.0);
+      P innovation =
+          P(job.measured[k]) - (mapped ? fma(slope, x[m], P::load(job.offset + k * job.lanes + lane)) : x[m]);
       if (job.angle_mask >> m & 1u) innovation = wrap_to_pi(innovation);
       P column[max_states];  // P h^T
       for (std::uint32_t i = 0; i < nx; ++i) column[i] = p[i < m ? triangle_row(nx, i, m) : triangle_row(nx, m, i)];
-      const P variance = max(P(kVarianceFloor), column[m] + P(job.variance[k]));
+      if (mapped)
+        for (std::uint32_t i = 0; i < nx; ++i) column[i] = slope * column[i];
+      const P variance = max(P(kVarianceFloor), (mapped ? slope * column[m] : column[m]) + P(job.variance[k]));
       const P inverse = P(1.0) / variance;
       for (std::uint32_t r = 0; r < nx; ++r) {
         const P gain = column[r] * inverse;

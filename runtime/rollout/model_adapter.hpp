@@ -71,6 +71,12 @@ struct StaticModel {
     return Index<M<double>::joints[J].force>{};
   }
 
+  /// The input that drives joint j, counted from 1; 0: none.
+  template <int J>
+  static constexpr int drive(Index<J>) {
+    return M<double>::joints[J].drive;
+  }
+
   template <class S>
   static TILLER_INLINE State<S> dynamics(const State<S>& x, const Input<S>& u, const Force<S>& f, const Body<S>& body,
                                          const Params<S>& p) {
@@ -136,6 +142,7 @@ struct TableModel {
     return x[table->joints[j].velocity];
   }
   int force_index(int j) const { return table->joints[j].force; }
+  int drive(int j) const { return table->joints[j].drive; }
 
   static tiller_body_t plain(const Body<double>& b) {
     return {b.gravity_x_m_s2, b.gravity_z_m_s2, b.payload_kg, b.payload_kgm2};

@@ -26,11 +26,9 @@ struct SharedStartModel : StaticModel<M> {
     each(Base::nu(), [&](auto i) { u[i] = S(u[i].v); });
     each(Base::nf(), [&](auto i) { f[i] = S(f[i].v); });
     each(Base::np(), [&](auto i) { p[i] = S(p[i].v); });
-    const auto constant = [](const S& s) { return S(s.v, S::kConstant); };
-    return M<S>::dynamics(x, u, f,
-                          {constant(body.gravity_x_m_s2), constant(body.gravity_z_m_s2), constant(body.payload_kg),
-                           constant(body.payload_kgm2)},
-                          p);
+    // of the lane's own: a tilt or a payload may be
+    return M<S>::dynamics(
+        x, u, f, {S(body.gravity_x_m_s2.v), S(body.gravity_z_m_s2.v), S(body.payload_kg.v), S(body.payload_kgm2.v)}, p);
   }
   /// As for plain lanes: nothing of it is shared.
   template <class S, int J>
@@ -149,6 +147,7 @@ struct ResidualKernel {
     u = step.acting_command(u, p, [&](int age, int input) {
       return age == 0 ? S(P(b.input[input][k])) : S(P(history[(age - 1) * kInputs + input]));
     });
+    const Body<S> body = step.body_of(p);
     P value[kStates];
     each(Model::nx(), [&](auto i) {
       value[i] = P(b.state[i][k]);
@@ -159,7 +158,7 @@ struct ResidualKernel {
       each(Model::nx(), [&](auto i) {
         t.x[i] = S::on_the_way(P(b.state[i][k]), value[i], moved[i], substep == 0 ? S::kShared : S::kLane, &tape);
       });
-      step.template substep_all<1, 1>(&t, &u, &p);
+      step.template substep_all<1, 1>(&t, &u, &p, &body);
       each(Model::nx(), [&](auto i) {
         value[i] = t.x[i].v;
         moved[i] = t.x[i].moved(P(b.state[i][k]));

@@ -2,16 +2,19 @@
 
 // One control period of one register of trajectories: the only text of integrators and effects, for lanes, duals
 // and plain numbers. Order within a period:
-//   1. period effects of the inputs (delay): the command that acts in this period
+//   1. period effects of the inputs (delay): the command that acts in this period; body effects (tilt, payload)
 //   2. each substep:
 //      a. input effects (lag) advance and give the acting input
 //      b. force effects add to the generalised forces
 //      c. the integrator takes the free step
-//      d. dissipation effects (friction) act on the free step's velocities, implicitly, one after the other
-// Dissipation is split off because it is what is stiff: solved for the velocity at the end of the step it is stable at
-// any step and can stop a joint exactly. The splitting is second order in the substep where friction is smooth.
+//      d. effects act on the free step's velocities, implicitly, one after the other: more inertia, the drive train,
+//         what is elastic, what dissipates
+// What d. holds is split off because it is what is stiff: solved for the velocity at the end of the step it is stable
+// at any step and can stop a joint exactly. The splitting is second order in the substep where the force is smooth.
+// Dissipation comes last, so that a joint can stick against all the rest.
 
 #include "effects/catalogue.hpp"
+#include "rollout/effect_calls.hpp"
 #include "rollout/model_adapter.hpp"
 #include "rollout/rollout.hpp"
 
@@ -31,20 +34,6 @@ struct Parameters {
   S effect[TILLER_MAX_PARAMS];
 };
 
-constexpr int kHooks = static_cast<int>(Hook::dissipation) + 1;
-
-/// Where the kernel calls an effect.
-TILLER_INLINE Hook hook_of(std::uint32_t kind) {
-  switch (kind) {
-#define TILLER_EFFECT(name, Type) \
-  case tiller_effect_##name:      \
-    return Type<double>::hook;
-#include "tiller/effects.def"
-#undef TILLER_EFFECT
-    default: return Hook::force;  // no effect: nobody calls it
-  }
-}
-
 /// Time is what the length of a step is kept in.
 template <class Model, class S, class Time = double>
 struct Stepper {
@@ -59,15 +48,28 @@ struct Stepper {
   Time substep_s;                                // of the steps to come
   EffectSlot slots[kHooks][TILLER_MAX_EFFECTS];  // the setup's effects by hook, in their order
   std::uint32_t slot_count[kHooks] = {};
-  std::uint32_t rubbing = 0;  // bit j: a dissipation acts at joint j
+  std::uint32_t reacting = 0;  // bit j: something acts at joint j after the free step
 
   Stepper(const Model& m, const StepSetup& s, const Time& period_s)
       : model(m), setup(s), body(Body<S>::from(s.body)), substep_s(period_s / s.substeps) {
-    for (std::uint32_t e = 0; e < s.effect_count; ++e) {
-      const int hook = static_cast<int>(hook_of(s.effects[e].kind));
-      slots[hook][slot_count[hook]++] = s.effects[e];
-      if (hook == static_cast<int>(Hook::dissipation)) rubbing |= 1u << s.effects[e].port;
-    }
+    for (int hook = 0; hook < kHooks; ++hook)
+      for (std::uint32_t e = 0; e < s.effect_count; ++e)
+        if (static_cast<int>(hook_of(s.effects[e].kind)) == hook) take(static_cast<Hook>(hook), s.effects[e]);
+  }
+  /// Hooks in their order: what acts after the free step is one list, but for the inertia.
+  void take(Hook hook, EffectSlot slot) {
+    if (hook == Hook::drive) slot.port = driven_joint(slot.port);
+    if (hook >= Hook::inertia && hook <= Hook::dissipation) reacting |= 1u << slot.port;
+    const int list = static_cast<int>(hook == Hook::drive || hook == Hook::elastic ? Hook::dissipation : hook);
+    slots[list][slot_count[list]++] = slot;
+  }
+  /// The first joint that an input drives; make_step_setup has seen to it that there is one.
+  std::uint16_t driven_joint(std::uint16_t input) const {
+    int joint = -1;
+    each(model.nf(), [&](auto j) {
+      if (joint < 0 && model.drive(j) == input + 1) joint = j;
+    });
+    return static_cast<std::uint16_t>(joint);
   }
 
   // ---- the free step ---------------------------------------------------------------------------
@@ -79,8 +81,9 @@ struct Stepper {
   }
 
   /// Velocities first, positions with the new velocities: first order, and keeps the energy of a swinging pendulum.
-  TILLER_INLINE State semi_implicit(const State& x, const Input& u, const Force& f, const Params& p) const {
-    State next = along(x, model.template dynamics<S>(x, u, f, body, p), substep_s);
+  TILLER_INLINE State semi_implicit(const State& x, const Input& u, const Force& f, const Body<S>& b,
+                                    const Params& p) const {
+    State next = along(x, model.template dynamics<S>(x, u, f, b, p), substep_s);
     State before = x;
     each(model.nf(), [&](auto j) {
       if (S* q = model.template position<S>(next, j))
@@ -88,15 +91,16 @@ struct Stepper {
     });
     return next;
   }
-  TILLER_INLINE State midpoint(const State& x, const Input& u, const Force& f, const Params& p) const {
-    const State half = along(x, model.template dynamics<S>(x, u, f, body, p), 0.5 * substep_s);
-    return along(x, model.template dynamics<S>(half, u, f, body, p), substep_s);
+  TILLER_INLINE State midpoint(const State& x, const Input& u, const Force& f, const Body<S>& b,
+                               const Params& p) const {
+    const State half = along(x, model.template dynamics<S>(x, u, f, b, p), 0.5 * substep_s);
+    return along(x, model.template dynamics<S>(half, u, f, b, p), substep_s);
   }
-  TILLER_INLINE State rk4(const State& x, const Input& u, const Force& f, const Params& p) const {
-    const State k1 = model.template dynamics<S>(x, u, f, body, p);
-    const State k2 = model.template dynamics<S>(along(x, k1, 0.5 * substep_s), u, f, body, p);
-    const State k3 = model.template dynamics<S>(along(x, k2, 0.5 * substep_s), u, f, body, p);
-    const State k4 = model.template dynamics<S>(along(x, k3, substep_s), u, f, body, p);
+  TILLER_INLINE State rk4(const State& x, const Input& u, const Force& f, const Body<S>& b, const Params& p) const {
+    const State k1 = model.template dynamics<S>(x, u, f, b, p);
+    const State k2 = model.template dynamics<S>(along(x, k1, 0.5 * substep_s), u, f, b, p);
+    const State k3 = model.template dynamics<S>(along(x, k2, 0.5 * substep_s), u, f, b, p);
+    const State k4 = model.template dynamics<S>(along(x, k3, substep_s), u, f, b, p);
     State next;
     each(model.nx(), [&](auto i) TILLER_INLINED {
       next[i] = x[i] + S(substep_s / 6.0) * (k1[i] + S(2.0) * (k2[i] + k3[i]) + k4[i]);
@@ -104,12 +108,16 @@ struct Stepper {
     return next;
   }
   TILLER_INLINE State free_step(tiller_integrator_t integrator, const State& x, const Input& u, const Force& f,
-                                const Params& p) const {
+                                const Body<S>& b, const Params& p) const {
     switch (integrator) {
-      case tiller_integrator_semi_implicit_euler: return semi_implicit(x, u, f, p);
-      case tiller_integrator_midpoint: return midpoint(x, u, f, p);
-      default: return rk4(x, u, f, p);
+      case tiller_integrator_semi_implicit_euler: return semi_implicit(x, u, f, b, p);
+      case tiller_integrator_midpoint: return midpoint(x, u, f, b, p);
+      default: return rk4(x, u, f, b, p);
     }
+  }
+  TILLER_INLINE State free_step(tiller_integrator_t integrator, const State& x, const Input& u, const Force& f,
+                                const Params& p) const {
+    return free_step(integrator, x, u, f, body, p);
   }
   TILLER_INLINE Force no_force() const {
     Force f;
@@ -119,21 +127,29 @@ struct Stepper {
 
   // ---- effects ---------------------------------------------------------------------------------
 
-  /// Calls visit(Type<S>{}, slot) for every effect whose hook is kHook; the switch is per register, not per lane.
+  using Lane = LaneOf<S>;  // what effects work in
+
+  /// Calls visit(Type<Lane>{}, slot) for every effect of the hook that is compiled into the kernel's loops and
+  /// visit(Called{}, slot) for the others; the switch is per register, not per lane.
   template <Hook kHook, class Visit>
   TILLER_INLINE void for_effects(Visit&& visit) const {
     constexpr int kList = static_cast<int>(kHook);
     for (std::uint32_t e = 0; e < slot_count[kList]; ++e) {
       const EffectSlot& slot = slots[kList][e];
+      bool called = true;
       switch (slot.kind) {
-#define TILLER_EFFECT(name, Type)                                 \
-  case tiller_effect_##name:                                      \
-    if constexpr (Type<S>::hook == kHook) visit(Type<S>{}, slot); \
+#define TILLER_EFFECT(name, Type)                                                  \
+  case tiller_effect_##name:                                                       \
+    if constexpr (Type<Lane>::hook == kHook && InlinedEffect<Type<Lane>>::value) { \
+      visit(Type<Lane>{}, slot);                                                   \
+      called = false;                                                              \
+    }                                                                              \
     break;
 #include "tiller/effects.def"
 #undef TILLER_EFFECT
         default: break;
       }
+      if (called) visit(Called{}, slot);
     }
   }
   const S* effect_params(const Parameters<Model, S>& p, const EffectSlot& slot) const {
@@ -146,11 +162,11 @@ struct Stepper {
   /// The inputs that act in this period; past(trajectory, i, port): the command of input `port` i periods ago.
   template <int kCount, int kSets, class Past>
   TILLER_INLINE void acting_commands(Input* commands, const Parameters<Model, S>* p, const Past& past) const {
-    for_effects<Hook::period_input>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
+    for_effects<Hook::period_input>([&](auto, const EffectSlot& slot) TILLER_INLINED {
       each(model.nu(), [&](auto i) TILLER_INLINED {
         if (static_cast<int>(i) != slot.port) return;
         for (int r = 0; r < kCount; ++r)
-          commands[r][i] = effect.apply_period(
+          commands[r][i] = InputDelay<S>::apply_period(
               [&](int age) { return past(r, age, static_cast<int>(i)); }, static_cast<int>(setup.delay_steps),
               effect_params(p[kSets == 1 ? 0 : r], slot), S(substep_s * setup.substeps));
       });
@@ -163,6 +179,25 @@ struct Stepper {
     return acting;
   }
 
+  /// The body with what the body effects make of it.
+  TILLER_INLINE Body<S> body_of(const Parameters<Model, S>& p) const {
+    Body<S> changed = body;
+    constexpr int kList = static_cast<int>(Hook::body);
+    for (std::uint32_t e = 0; e < slot_count[kList]; ++e)
+      call_body<S>(slots[kList][e].kind, changed, effect_params(p, slots[kList][e]));
+    return changed;
+  }
+
+  static TILLER_INLINE Lane lane(const S& x) { return LaneType<S>::of(x); }
+  template <class J>
+  TILLER_INLINE S drive_force(const Input& u, J j) const {
+    S drive = S(0.0);
+    each(model.nu(), [&](auto i) TILLER_INLINED {
+      if (model.drive(j) == static_cast<int>(i) + 1) drive = u[i];
+    });
+    return drive;
+  }
+
   /// Input effects and force effects, before the free step.
   template <int kCount, int kSets>
   TILLER_INLINE void act(Trajectory<Model, S>* t, Input* u, Force* f, const Parameters<Model, S>* p) const {
@@ -170,8 +205,9 @@ struct Stepper {
       each(model.nu(), [&](auto i) TILLER_INLINED {
         if (static_cast<int>(i) != slot.port) return;
         for (int r = 0; r < kCount; ++r)
-          u[r][i] = effect.apply(u[r][i], t[r].effect_state + slot.state, effect_params(p[kSets == 1 ? 0 : r], slot),
-                                 S(substep_s));
+          u[r][i] = call_input<decltype(effect), S>(slot.kind, {lane(u[r][i]), lane(S(substep_s))},
+                                                    t[r].effect_state + slot.state,
+                                                    effect_params(p[kSets == 1 ? 0 : r], slot));
       });
     });
     for_effects<Hook::force>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
@@ -180,45 +216,93 @@ struct Stepper {
         const auto k = model.force_index(j);
         for (int r = 0; r < kCount; ++r) {
           S* q = model.template position<S>(t[r].x, j);
-          f[r][k] = f[r][k] + effect.force(q ? *q : S(0.0), model.template velocity<S>(t[r].x, j),
-                                           effect_params(p[kSets == 1 ? 0 : r], slot));
+          const Lane position = q ? lane(*q) : Lane(0.0), velocity = lane(model.template velocity<S>(t[r].x, j));
+          const JointStep<Lane> in = {
+              position, velocity, position, velocity, Lane(0.0), lane(drive_force(u[r], j)), lane(S(substep_s))};
+          f[r][k] = f[r][k] + call_force<decltype(effect), S>(slot.kind, in, t[r].effect_state + slot.state,
+                                                              effect_params(p[kSets == 1 ? 0 : r], slot));
         }
       });
     });
   }
 
-  /// Accelerations for unit forces at the joints where something dissipates, in the middle of the step: the inertia at
+  /// Accelerations for unit forces at the joints where something reacts, in the middle of the step: the inertia at
   /// its start would cost an order. response[r][j][i]: of joint i for a force at j.
   using Response = S[TILLER_MAX_JOINTS][TILLER_MAX_JOINTS];
   template <int kCount, int kSets>
   TILLER_INLINE void respond(Response* response, const State* next, const Trajectory<Model, S>* t, const Input* u,
-                             const Force* f, const Parameters<Model, S>* p) const {
+                             const Force* f, const Parameters<Model, S>* p, const Body<S>* bodies) const {
     each(model.nf(), [&](auto j) TILLER_INLINED {
-      if (!((rubbing >> static_cast<int>(j)) & 1u)) return;
+      if (!((reacting >> static_cast<int>(j)) & 1u)) return;
       for (int r = 0; r < kCount; ++r) {
         State middle;
         each(model.nx(), [&](auto i) { middle[i] = S(0.5) * (t[r].x[i] + next[r][i]); });
-        model.template force_response<S>(middle, u[r], f[r], body, p[kSets == 1 ? 0 : r].model, j, response[r][j]);
+        model.template force_response<S>(middle, u[r], f[r], bodies ? bodies[kSets == 1 ? 0 : r] : body,
+                                         p[kSets == 1 ? 0 : r].model, j, response[r][j]);
       }
     });
   }
 
+  /// How much of a change of velocity becomes a change of position.
+  TILLER_INLINE double position_share() const {
+    return setup.integrator == tiller_integrator_semi_implicit_euler ? 1.0 : 0.5;
+  }
+  template <class I>
+  TILLER_INLINE void change_velocity(State& next, I i, const S& change) const {
+    model.template velocity<S>(next, i) = model.template velocity<S>(next, i) + change;
+    if (S* q = model.template position<S>(next, i)) *q = *q + S(position_share() * substep_s) * change;
+  }
+
+  /// More inertia at joints: the inverse inertia R loses J R_j R_j' / (1 + J R_jj) (Sherman and Morrison), and so do
+  /// the accelerations of the free step and what later effects feel.
   template <int kCount, int kSets>
-  TILLER_INLINE void dissipate(State* next, Trajectory<Model, S>* t, const Response* response,
-                               const Parameters<Model, S>* p) const {
-    const double position_share = setup.integrator == tiller_integrator_semi_implicit_euler ? 1.0 : 0.5;
+  TILLER_INLINE void weigh_down(State* next, Trajectory<Model, S>* t, Response* response,
+                                const Parameters<Model, S>* p) const {
+    constexpr int kList = static_cast<int>(Hook::inertia);
+    for (std::uint32_t e = 0; e < slot_count[kList]; ++e) {
+      const EffectSlot& slot = slots[kList][e];
+      each(model.nf(), [&](auto j) TILLER_INLINED {
+        if (static_cast<int>(j) != slot.port) return;
+        for (int r = 0; r < kCount; ++r) {
+          S column[TILLER_MAX_JOINTS];
+          each(model.nf(), [&](auto i) { column[i] = response[r][j][i]; });
+          const S share = JointInertia<S>::per_acceleration(column[j], effect_params(p[kSets == 1 ? 0 : r], slot));
+          const S lost = share * (model.template velocity<S>(next[r], j) - model.template velocity<S>(t[r].x, j));
+          each(model.nf(), [&](auto i) { change_velocity(next[r], i, -(column[i] * lost)); });
+          each(model.nf(), [&](auto c) {
+            if (!((reacting >> static_cast<int>(c)) & 1u)) return;
+            const S felt = share * response[r][c][j];
+            each(model.nf(), [&](auto i) { response[r][c][i] = response[r][c][i] - column[i] * felt; });
+          });
+        }
+      });
+    }
+  }
+
+  /// Drive train, elastic and dissipating effects, in this order.
+  template <int kCount, int kSets>
+  TILLER_INLINE void react(State* next, Trajectory<Model, S>* t, const Input* u, const Response* response,
+                           const Parameters<Model, S>* p) const {
     for_effects<Hook::dissipation>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
       each(model.nf(), [&](auto j) TILLER_INLINED {
         if (static_cast<int>(j) != slot.port) return;
         for (int r = 0; r < kCount; ++r) {
           const S* column = response[r][j];
-          const S push = effect.force(model.template velocity<S>(t[r].x, j), model.template velocity<S>(next[r], j),
-                                      S(substep_s) * column[j], effect_params(p[kSets == 1 ? 0 : r], slot));
-          each(model.nf(), [&](auto i) TILLER_INLINED {
-            const S change = S(substep_s) * column[i] * push;
-            model.template velocity<S>(next[r], i) = model.template velocity<S>(next[r], i) + change;
-            if (S* q = model.template position<S>(next[r], i)) *q = *q + S(position_share * substep_s) * change;
-          });
+          JointStep<Lane> in;
+          S *q = model.template position<S>(t[r].x, j), *q_free = model.template position<S>(next[r], j);
+          in.position = q ? lane(*q) : Lane(0.0);
+          in.middle = in.position;
+          if (q && setup.integrator != tiller_integrator_semi_implicit_euler)
+            in.middle = Lane(0.5) * (in.position + lane(*q_free));
+          in.velocity = lane(model.template velocity<S>(t[r].x, j));
+          in.free = lane(model.template velocity<S>(next[r], j));
+          in.gain = lane(S(substep_s) * column[j]);
+          in.drive = lane(drive_force(u[r], j));
+          in.dt_s = lane(S(substep_s));
+          const S push = call_force<decltype(effect), S>(slot.kind, in, t[r].effect_state + slot.state,
+                                                         effect_params(p[kSets == 1 ? 0 : r], slot));
+          each(model.nf(),
+               [&](auto i) TILLER_INLINED { change_velocity(next[r], i, S(substep_s) * column[i] * push); });
         }
       });
     });
@@ -226,13 +310,16 @@ struct Stepper {
 
   template <int kCount, int kSets, tiller_integrator_t kIntegrator>
   TILLER_INLINE void free_steps(State* next, const Trajectory<Model, S>* t, const Input* u, const Force* f,
-                                const Parameters<Model, S>* p) const {
-    for (int r = 0; r < kCount; ++r) next[r] = free_step(kIntegrator, t[r].x, u[r], f[r], p[kSets == 1 ? 0 : r].model);
+                                const Parameters<Model, S>* p, const Body<S>* bodies) const {
+    for (int r = 0; r < kCount; ++r)
+      next[r] = free_step(kIntegrator, t[r].x, u[r], f[r], bodies ? bodies[kSets == 1 ? 0 : r] : body,
+                          p[kSets == 1 ? 0 : r].model);
   }
 
-  /// One substep with effects, from the acting commands.
+  /// One substep with effects, from the acting commands. bodies (kSets): null where no effect changes the body.
   template <int kCount, int kSets>
-  TILLER_INLINE void substep_all(Trajectory<Model, S>* t, const Input* commands, const Parameters<Model, S>* p) const {
+  TILLER_INLINE void substep_all(Trajectory<Model, S>* t, const Input* commands, const Parameters<Model, S>* p,
+                                 const Body<S>* bodies) const {
     Input u[kCount];
     Force f[kCount];
     State next[kCount];
@@ -243,21 +330,30 @@ struct Stepper {
     act<kCount, kSets>(t, u, f, p);
     switch (setup.integrator) {
       case tiller_integrator_semi_implicit_euler:
-        free_steps<kCount, kSets, tiller_integrator_semi_implicit_euler>(next, t, u, f, p);
+        free_steps<kCount, kSets, tiller_integrator_semi_implicit_euler>(next, t, u, f, p, bodies);
         break;
-      case tiller_integrator_midpoint: free_steps<kCount, kSets, tiller_integrator_midpoint>(next, t, u, f, p); break;
-      default: free_steps<kCount, kSets, tiller_integrator_rk4>(next, t, u, f, p);
+      case tiller_integrator_midpoint:
+        free_steps<kCount, kSets, tiller_integrator_midpoint>(next, t, u, f, p, bodies);
+        break;
+      default: free_steps<kCount, kSets, tiller_integrator_rk4>(next, t, u, f, p, bodies);
     }
-    if (rubbing != 0) {
+    if (reacting != 0) {
       Response response[kCount];
-      respond<kCount, kSets>(response, next, t, u, f, p);
-      dissipate<kCount, kSets>(next, t, response, p);
+      respond<kCount, kSets>(response, next, t, u, f, p, bodies);
+      weigh_down<kCount, kSets>(next, t, response, p);
+      react<kCount, kSets>(next, t, u, response, p);
     }
     for (int r = 0; r < kCount; ++r) t[r].x = next[r];
   }
   template <int kCount, int kSets>
   TILLER_INLINE void advance_all(Trajectory<Model, S>* t, const Input* commands, const Parameters<Model, S>* p) const {
-    for (std::uint32_t k = 0; k < setup.substeps; ++k) substep_all<kCount, kSets>(t, commands, p);
+    Body<S> changed[kSets];
+    const Body<S>* bodies = nullptr;
+    if (slot_count[static_cast<int>(Hook::body)] > 0) {
+      for (int r = 0; r < kSets; ++r) changed[r] = body_of(p[r]);
+      bodies = changed;
+    }
+    for (std::uint32_t k = 0; k < setup.substeps; ++k) substep_all<kCount, kSets>(t, commands, p, bodies);
   }
   TILLER_INLINE void advance(Trajectory<Model, S>& t, const Input& command, const Parameters<Model, S>& p) const {
     advance_all<1, 1>(&t, &command, &p);

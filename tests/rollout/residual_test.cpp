@@ -23,12 +23,12 @@ std::vector<Case> all_cases() {
   for (const tiller_model_t* m : all_models())
     for (int integrator = 0; integrator < 3; ++integrator)
       for (std::uint32_t substeps : {1u, 3u})
-        for (int effects = 0; effects < 5; ++effects) {
+        for (int effects = 0; effects < 6; ++effects) {
           tiller_config_t c = plain_config(m);
           c.integrator = static_cast<std::uint32_t>(integrator);
           c.substeps = substeps;
           c.body = {0.3, -9.81, 0.1, 0.01};
-          const char* names[] = {"none", "friction", "offset", "delay", "all"};
+          const char* names[] = {"none", "friction", "offset", "delay", "all", "body"};
           if (effects == 1 || effects == 4)
             for (std::uint32_t j = 0; j < m->joint_count; ++j) {
               add_effect(c, tiller_effect_viscous_friction, j);
@@ -36,6 +36,14 @@ std::vector<Case> all_cases() {
             }
           if (effects == 2 || effects == 4) add_effect(c, tiller_effect_constant_offset, m->joint_count - 1);
           if (effects == 3 || effects == 4) add_effect(c, tiller_effect_input_delay, 0);
+          if (effects == 5) {  // what a lane does to the body and with its own functions must not meet the shared tape
+            add_effect(c, tiller_effect_payload, 0);
+            add_effect(c, tiller_effect_tilt, 0);
+            add_effect(c, tiller_effect_dead_zone, 0);
+            add_effect(c, tiller_effect_joint_inertia, 0);
+            add_effect(c, tiller_effect_stribeck_friction, m->joint_count - 1);
+            add_effect(c, tiller_effect_quadratic_drag, 0);
+          }
           cases.push_back({std::string(m->name) + "_" + std::to_string(integrator) + "_" + std::to_string(substeps) +
                                "_" + names[effects],
                            m, c});

@@ -4,6 +4,7 @@
 
 #include "core/rng.hpp"
 #include "posterior/conjugate/conjugate_posterior.hpp"
+#include "rollout/measurement.hpp"
 
 namespace tiller {
 
@@ -101,6 +102,8 @@ tiller_status_t ConjugatePosterior::check(const tiller_config_t& config, const S
     *field = name;
     return tiller_status_bad_posterior;
   };
+  *field = "effects";
+  if (has_sensor_effects(config)) return tiller_status_bad_effect;
   if (setup.effect_state_count != 0) return refuse("effects");
   if (!every_state_measured(config)) return refuse("measured_state");
   double noise = 0.0;

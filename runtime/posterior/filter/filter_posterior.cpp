@@ -63,6 +63,10 @@ FilterPosterior* FilterPosterior::lay_out(Arena& arena, const tiller_config_t& c
     chunk.squared_error = rows(1, kChunk);
     chunk.log_variance = rows(1, kChunk);
     chunk.normalised = rows(ny, kChunk);
+    if (has_sensor_effects(config)) {
+      chunk.gain = rows(ny, kChunk);
+      chunk.offset = rows(ny, kChunk);
+    }
     chunk.leaving = rows(ny + 1 + nx + triangle + ns, kChunk);
     if (chunks) chunks[i] = chunk;
   }
@@ -131,13 +135,25 @@ void FilterPosterior::reset() {
   for (std::uint32_t& run : gate_run_) run = 0;
   clear_adequacy();
   for (std::uint32_t k = 0; k < ny_; ++k) start_measured_[k] = NAN;
-  begin_filters(carried_.filter, n_, scratch_row(0), scratch_row(1));
+  begin_all_filters();
+}
+
+void FilterPosterior::begin_all_filters() {
+  for (std::uint32_t c = 0; c < n_ / kChunk; ++c) {
+    const std::uint32_t at = c * kChunk;
+    map_sensors(chunks_[c], cloud_.params + at, n_);
+    begin_filters(chunks_[c],
+                  {carried_.filter.state + at, carried_.filter.covariance + at, carried_.filter.effect_state + at, n_},
+                  scratch_row(0) + at, scratch_row(1) + at);
+  }
 }
 
 /// The filters at a start(): the configured state, corrected by the first measurement, which does not count into
-/// the likelihood (it depends on no parameter).
-void FilterPosterior::begin_filters(FilterRows rows, std::uint32_t lanes, double* squared_error,
+/// the likelihood (of no parameter but a sensor's, and of these the others tell more). The chunk says how the sensors
+/// read.
+void FilterPosterior::begin_filters(const Chunk& chunk, FilterRows rows, double* squared_error,
                                     double* log_variance) const {
+  constexpr std::uint32_t lanes = kChunk;
   for (std::uint32_t l = 0; l < lanes; ++l) squared_error[l] = log_variance[l] = 0.0;
   for (std::uint32_t r = 0; r < nx_; ++r) {
     const double sd = config_->initial_state_sd[r];
@@ -150,7 +166,7 @@ void FilterPosterior::begin_filters(FilterRows rows, std::uint32_t lanes, double
   for (std::uint32_t i = 0; i < ns_; ++i)
     for (std::uint32_t l = 0; l < lanes; ++l) rows.effect_state[i * rows.stride + l] = 0.0;
 
-  CorrectJob job = correct_job(start_measured_, lanes);
+  CorrectJob job = correct_job(start_measured_, chunk);
   job.from = job.to = rows;
   job.squared_error = squared_error;
   job.log_variance = log_variance;
@@ -163,7 +179,7 @@ tiller_status_t FilterPosterior::start(const double* measured) {
     if (std::isinf(measured[k])) return tiller_status_sensor_not_finite;
   if (started_) close_window();
   std::memcpy(start_measured_, measured, ny_ * sizeof(double));
-  begin_filters(carried_.filter, n_, scratch_row(0), scratch_row(1));
+  begin_all_filters();
   for (std::uint32_t i = 0; i < kHistory; ++i)
     for (std::uint32_t j = 0; j < nu_; ++j) input_history_[i * nu_ + j] = config_->safety.safe_command[j];
   for (std::uint32_t& run : gate_run_) run = 0;
@@ -203,6 +219,7 @@ void FilterPosterior::predict() {
 void FilterPosterior::predict_chunk(std::uint32_t c) const {
   const Chunk& chunk = chunks_[c];
   const std::uint32_t at = c * kChunk;
+  map_sensors(chunk, cloud_.params + at, n_);
   table_->linearise(*config_->model, predict_job(chunk, at));
   predict_covariance(chunk, now_.period_s, carried_.filter.covariance + at, n_);
 }
@@ -242,12 +259,25 @@ void FilterPosterior::predict_covariance(const Chunk& chunk, double period_s, co
   filter_->predict(job);
 }
 
-CorrectJob FilterPosterior::correct_job(const double* measured, std::uint32_t lanes) const {
+/// How the sensors read with each lane's parameters: rows of `stride`.
+void FilterPosterior::map_sensors(const Chunk& chunk, const double* params, std::uint32_t stride) const {
+  if (!chunk.gain) return;
+  for (std::uint32_t k = 0; k < ny_; ++k)
+    for (std::uint32_t l = 0; l < kChunk; ++l) {
+      const MeasurementMap map = measurement_map(*config_, config_->measured_state[k], params + l, stride);
+      chunk.gain[k * kChunk + l] = map.gain;
+      chunk.offset[k * kChunk + l] = map.offset;
+    }
+}
+
+CorrectJob FilterPosterior::correct_job(const double* measured, const Chunk& chunk) const {
   CorrectJob job;
   job.nx = nx_;
   job.ns = ns_;
   job.ny = ny_;
-  job.lanes = lanes;
+  job.lanes = kChunk;
+  job.gain = chunk.gain;
+  job.offset = chunk.offset;
   job.angle_mask = config_->model->angle_mask;
   job.measured_state = config_->measured_state;
   job.measured = measured;
@@ -277,9 +307,11 @@ bool FilterPosterior::explained(const Transition& t, std::uint32_t k) const {
   for (std::uint32_t i = 0; i < n_; ++i) {
     const Chunk& chunk = chunks_[i / kChunk];
     const std::uint32_t lane = i % kChunk;
-    const double error =
-        state_difference(*config_->model, state, t.measured[k], chunk.predicted.state[state * kChunk + lane]);
-    const double variance = chunk.predicted.covariance[row * kChunk + lane] + measurement_variance_[k];
+    const MeasurementMap map = sensor(chunk, k, lane);
+    const double predicted = map.of(chunk.predicted.state[state * kChunk + lane]);
+    const double error = state_difference(*config_->model, state, t.measured[k], predicted);
+    const double variance =
+        map.gain * map.gain * chunk.predicted.covariance[row * kChunk + lane] + measurement_variance_[k];
     // the first particle usually ends the search
     if (cloud_.weight[i] > 0.0 && error * error <= kGate * kGate * scale * variance) return true;
   }
@@ -293,7 +325,7 @@ void FilterPosterior::correct() {
 
 void FilterPosterior::correct_chunk(std::uint32_t c) const {
   const std::uint32_t at = c * kChunk;
-  CorrectJob job = correct_job(now_.measured, kChunk);
+  CorrectJob job = correct_job(now_.measured, chunks_[c]);
   job.from = chunks_[c].predicted;
   job.to = {carried_.filter.state + at, carried_.filter.covariance + at, carried_.filter.effect_state + at, n_};
   job.squared_error = carried_.squared_error + at;

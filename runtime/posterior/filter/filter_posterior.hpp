@@ -8,6 +8,7 @@
 #include "posterior/filter/response.hpp"
 #include "posterior/posterior.hpp"
 #include "posterior/proposals.hpp"
+#include "rollout/measurement.hpp"
 
 namespace tiller {
 
@@ -68,6 +69,8 @@ class FilterPosterior final : public Posterior {
     double* squared_error = nullptr;  // (1)
     double* log_variance = nullptr;   // (1)
     double* normalised = nullptr;     // (ny)
+    double* gain = nullptr;           // (ny) of the sensors; null where the configuration has no sensor effects
+    double* offset = nullptr;         // (ny)
     double* leaving = nullptr;        // (ny + 1 + nx + triangle + ns) what crosses the window's start
   };
 
@@ -80,12 +83,18 @@ class FilterPosterior final : public Posterior {
   };
 
   // filter_posterior.cpp: the tick
-  void begin_filters(FilterRows rows, std::uint32_t lanes, double* squared_error, double* log_variance) const;
+  void begin_filters(const Chunk& chunk, FilterRows rows, double* squared_error, double* log_variance) const;
   void predict();
   void predict_chunk(std::uint32_t chunk) const;
   LineariseJob predict_job(const Chunk& chunk, std::uint32_t at) const;
   void predict_covariance(const Chunk& chunk, double period_s, const double* covariance, std::uint32_t stride) const;
-  CorrectJob correct_job(const double* measured, std::uint32_t lanes) const;
+  CorrectJob correct_job(const double* measured, const Chunk& chunk) const;
+  void map_sensors(const Chunk& chunk, const double* params, std::uint32_t stride) const;
+  MeasurementMap sensor(const Chunk& chunk, std::uint32_t k, std::uint32_t lane) const {
+    if (!chunk.gain) return {};
+    return {chunk.gain[k * kChunk + lane], chunk.offset[k * kChunk + lane]};
+  }
+  void begin_all_filters();
   void gate(Transition& transition);
   bool explained(const Transition& transition, std::uint32_t k) const;
   void correct();

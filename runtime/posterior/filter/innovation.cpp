@@ -34,10 +34,11 @@ void FilterPosterior::test_innovation() {
       const std::uint32_t lane = i % kChunk;
       const double w = cloud_.weight[i], predicted = chunk.predicted.state[state * kChunk + lane];
       if (!(w > 0.0) || !std::isfinite(predicted)) continue;
-      const double error = state_difference(*config_->model, state, now_.measured[k], predicted);
+      const MeasurementMap map = sensor(chunk, k, lane);
+      const double error = state_difference(*config_->model, state, now_.measured[k], map.of(predicted));
       mean += w * error;
       square += w * error * error;
-      within += w * (chunk.predicted.covariance[row * kChunk + lane] + measurement_variance_[k]);
+      within += w * (map.gain * map.gain * chunk.predicted.covariance[row * kChunk + lane] + measurement_variance_[k]);
       moved += w * (predicted - carried_.filter.state[state * n_ + i]);
     }
     const double between = std::fmax(0.0, square - mean * mean);

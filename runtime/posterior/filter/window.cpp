@@ -16,6 +16,7 @@ void FilterPosterior::rerun(const Rerun& job) {
 
 void FilterPosterior::rerun_chunk(std::uint32_t c) const {
   const Chunk& chunk = chunks_[c];
+  map_sensors(chunk, chunk.params, kChunk);
   if (job_.anew) begin_chunk(chunk);
   for (std::uint64_t index = job_.begin; index < job_.end; ++index) {
     double before[kChunk];
@@ -27,7 +28,7 @@ void FilterPosterior::rerun_chunk(std::uint32_t c) const {
 
 void FilterPosterior::begin_chunk(const Chunk& chunk) const {
   if (window_exact_) {
-    begin_filters(chunk.filter, kChunk, chunk.squared_error, chunk.log_variance);
+    begin_filters(chunk, chunk.filter, chunk.squared_error, chunk.log_variance);
     return;
   }
   auto linear = [&](double* row, double value, const double* slope) {
@@ -67,7 +68,7 @@ void FilterPosterior::step_chunk(const Chunk& chunk, std::uint64_t index) const 
   job.a = chunk.jacobian;
   table_->linearise(*config_->model, job);
   predict_covariance(chunk, t.period_s, chunk.filter.covariance, kChunk);
-  CorrectJob correct = correct_job(t.measured, kChunk);
+  CorrectJob correct = correct_job(t.measured, chunk);
   correct.from = chunk.predicted;
   correct.to = chunk.filter;
   correct.squared_error = chunk.squared_error;

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "rollout/measurement.hpp"
+
 namespace tiller {
 
 TransitionPosterior* TransitionPosterior::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
@@ -42,6 +44,7 @@ tiller_status_t TransitionPosterior::check(const tiller_config_t& config, const 
   if (config.measurement_count != config.model->state_count || seen != (1u << config.model->state_count) - 1u)
     return tiller_status_bad_posterior;
   *field = "effects";
+  if (has_sensor_effects(config)) return tiller_status_bad_effect;
   if (setup.effect_state_count > 0) return tiller_status_bad_posterior;
   *field = "model";
   if (!table.residual) return tiller_status_bad_posterior;
