@@ -47,7 +47,7 @@ enum class Scale {
   pitch                 ///< no start can be had: scanned over [low, high], evenly in the logarithm
 };
 
-constexpr int kMaxEffectParams = 12;
+constexpr int kMaxEffectParams = 16;
 constexpr int kMaxStarts = 4;
 
 struct EffectParam {
@@ -68,6 +68,7 @@ struct EffectInfo {
   int state_count = 0;
   bool needs_drive = false;          ///< only at a joint that an input drives (tiller_joint_t.drive), or that input
   bool needs_position = false;       ///< only at a joint that has one
+  bool unnamed = false;              ///< stands for physics without a name: never a candidate of a search for names
   const char* help = nullptr;        ///< one line
   const char* equation = nullptr;    ///< plain text
   const char* source = nullptr;      ///< paper or textbook
