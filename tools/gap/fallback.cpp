@@ -22,7 +22,7 @@ constexpr double kPriorLow = 1e-3, kPriorHigh = 3.0;  // times the typical force
 constexpr double kNoiseLow = 1e-4, kNoiseHigh = 1.0;  // of the random force, times the typical force
 constexpr double kReach = 1.5;        // of the features over the velocities in the data: faster is elsewhere
 // Spacings over that at which the four bumps stand on the data, and velocity scales over the largest velocity.
-constexpr double kSpacings[] = {0.7, 1.1}, kVelocityScales[] = {0.03, 0.15, 0.6};
+constexpr double kSpacings[] = {0.7, 1.1}, kVelocityScales[] = {0.03, 0.15, 0.6, 2.0};
 constexpr double kLeastShare = 1e-6;  // of the likelihood that is believed
 constexpr double kHorizon_s = 1.0;    // over which the law is asked to foretell rollouts
 
@@ -171,8 +171,10 @@ class Regression {
     return at.log_likelihood - penalty(z) + 0.5 * pull.dot(factor.solve(pull)) - diagonal.array().log().sum() +
            0.5 * precision_.array().log().sum();
   }
-  Matrix posterior_precision(const PredictionSums& at, double share = 1.0) const {
-    return share * at.information + Matrix(precision_.asDiagonal());
+  Matrix posterior_precision(const PredictionSums& at, double share = 1.0, double wider = 1.0) const {
+    Vector prior = precision_;
+    prior.tail(kResidualForces) /= wider * wider;
+    return share * at.information + Matrix(prior.asDiagonal());
   }
 
   /// Gauss-Newton with the step halved until the objective falls; the prior's deviation chosen along the way unless
@@ -297,35 +299,50 @@ Regression::Foretold Regression::foretell(const std::vector<Grid>& grids, double
   return out;
 }
 
-/// The share of the likelihood that the law may believe so that rollouts from it are as wrong as it says: what the
-/// features cannot express is wrong in the same way wherever the robot comes by, which a random force is not.
-double believable_share(const Regression& r, const Regression::Foretold& f) {
-  if (f.error.size() == 0) return 1.0;
-  const auto excess = [&](double share) {
-    const Matrix covariance = r.posterior_precision(r.sums_, share).llt().solve(
-        Matrix::Identity(r.z_.size(), r.z_.size()));
+/// How far the law must be widened so that rollouts from it are as wrong as it says: what the features cannot express
+/// is wrong in the same way wherever the robot comes by, which a random force is not.
+struct Widening {
+  double share = 1.0;  ///< of the likelihood that is believed
+  double wider = 1.0;  ///< the forces' prior deviation, where disbelief alone does not do
+};
+Widening widening_of(const Regression& r, const Regression::Foretold& f, double typical) {
+  Widening w;
+  if (f.error.size() == 0) return w;
+  const auto too_narrow = [&](double share, double wider) {
+    const Matrix covariance = r.posterior_precision(r.sums_, share, wider)
+                                  .llt()
+                                  .solve(Matrix::Identity(r.z_.size(), r.z_.size()));
     const Vector spread = (f.slope * covariance).cwiseProduct(f.slope).rowwise().sum() + f.variance;
-    return f.error.cwiseAbs2().cwiseQuotient(spread).mean() - 1.0;
+    return f.error.cwiseAbs2().cwiseQuotient(spread).mean() > 1.0;
   };
-  if (excess(1.0) <= 0.0) return 1.0;
-  double low = std::log(kLeastShare), high = 0.0;
-  for (int k = 0; k < 30; ++k) {
-    const double middle = 0.5 * (low + high);
-    (excess(std::exp(middle)) > 0.0 ? high : low) = middle;
-  }
-  return std::exp(low);
+  // the exponent at which a falling function of e^t has its step
+  const auto seek = [](double low, double high, const auto& narrow) {
+    for (int k = 0; k < 30; ++k) {
+      const double middle = 0.5 * (low + high);
+      (narrow(std::exp(middle)) ? low : high) = middle;
+    }
+    return std::exp(high);
+  };
+  if (!too_narrow(1.0, 1.0)) return w;
+  w.share = 1.0 / seek(0.0, -std::log(kLeastShare), [&](double inverse) { return too_narrow(1.0 / inverse, 1.0); });
+  if (!too_narrow(w.share, 1.0)) return w;
+  const double most = std::max(1.0, typical / r.prior_sd());
+  w.wider = seek(0.0, std::log(most), [&](double wider) { return too_narrow(w.share, wider); });
+  return w;
 }
 
 /// Everything of the fit from a regression at its optimum.
-void take(const Regression& r, const std::vector<Grid>& grids, double force_sd, double period_s, ResidualFit& fit) {
+void take(const Regression& r, const std::vector<Grid>& grids, double force_sd, double typical, double period_s,
+          ResidualFit& fit) {
   const auto d = static_cast<Eigen::Index>(r.free_.size());
-  fit.believed = believable_share(r, r.foretell(grids, force_sd));
-  const Matrix covariance = r.posterior_precision(r.sums_, fit.believed).llt().solve(Matrix::Identity(d, d));
+  const Widening w = widening_of(r, r.foretell(grids, force_sd), typical);
+  const Matrix covariance = r.posterior_precision(r.sums_, w.share, w.wider).llt().solve(Matrix::Identity(d, d));
+  fit.believed = w.share;
   fit.at = r.free_;
   fit.mean.assign(r.z_.data(), r.z_.data() + d);
   const Matrix symmetric = 0.5 * (covariance + covariance.transpose());
   fit.covariance.assign(symmetric.data(), symmetric.data() + d * d);
-  fit.prior_sd = r.prior_sd();
+  fit.prior_sd = w.wider * r.prior_sd();
   fit.force_sd = force_sd;
   for (Eigen::Index j = d - kResidualForces; j < d; ++j) {
     tiller_prior_t& prior = fit.config.priors[r.free_[static_cast<std::size_t>(j)]];
@@ -403,6 +420,9 @@ bool fit_residual(const tiller_config_t& config, const std::vector<Grid>& grids,
         if (!r.solve(force_sd, 0.0)) break;
       }
       if (r.sums_.finite) nominal = r.evidence(r.sums_, r.z_);
+      std::vector<double> step;
+      r.at(r.z_, fit.nominal, step);
+      fit.nominal.resize(config.param_count);
       Regression first(extended, grids, params, config.param_count);
       first.set_prior(0.3 * typical);
       if (first.solve(0.1 * typical, typical))
@@ -431,13 +451,14 @@ bool fit_residual(const tiller_config_t& config, const std::vector<Grid>& grids,
     }
     if (pass == 0) force_sd = r.choose_force_sd(kNoiseLow * typical, kNoiseHigh * typical);
   }
-  fit.evidence_nats = r.evidence(r.sums_, r.z_) - nominal;
+  fit.log_evidence = r.evidence(r.sums_, r.z_);
+  fit.evidence_nats = fit.log_evidence - nominal;
   fit.after_sigma = std::sqrt(r.sums_.squared / r.sums_.count);
   Vector without = r.z_;
   without.tail(kResidualForces).setZero();
   const PredictionSums before = r.pass(without, force_sd);
   fit.before_sigma = before.finite ? std::sqrt(before.squared / before.count) : HUGE_VAL;
-  take(r, grids, force_sd, travel.period_s, fit);
+  take(r, grids, force_sd, typical, travel.period_s, fit);
   return true;
 }
 

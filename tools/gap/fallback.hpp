@@ -31,7 +31,9 @@ struct ResidualFit {
   double prior_sd = 0;             ///< of each force before the logs, N or N m: what is left where no data are
   double force_sd = 0;             ///< random force left, constant over a period, N or N m
   double believed = 1;             ///< share of the likelihood that the law believes (see fit_residual)
-  double evidence_nats = 0;        ///< log marginal likelihood over that of the model without it
+  double log_evidence = 0;         ///< marginal likelihood: compares joints
+  double evidence_nats = 0;        ///< the same over that of the model without it
+  std::vector<double> nominal;     ///< (np of the configuration without it) refitted without the effect
   double before_sigma = 0, after_sigma = 0;  ///< rms of one-step innovations, normalised by what is left at the end
 
   /// The configuration with the effect: widths fixed, forces normal (these means and deviations, their correlations
@@ -52,7 +54,8 @@ bool with_residual(const tiller_config_t& config, std::uint32_t joint, const Res
 /// over and the features' widths by marginal likelihood (MacKay 1992, Bayesian interpolation). The law is then widened
 /// until rollouts of 1 s from its particles are as wrong on these logs as it says, without any random force, which a
 /// planner's rollouts do not have: the likelihood counts with the exponent `believed` (Miller and Dunson 2019, Robust
-/// Bayesian inference via coarsening). Directions that no data tell keep the prior. `params` (np of
+/// Bayesian inference via coarsening). Directions that no data tell keep the prior,
+/// which is widened itself where that does not do: where the missing physics is no force over position and velocity. `params` (np of
 /// `config`): where to begin, as the nominal fit gave them. Deterministic. A fifth of a second for a pendulum's 48 s
 /// at 100 Hz. False with a sentence in `error`.
 bool fit_residual(const tiller_config_t& config, const std::vector<Grid>& grids, const double* params,

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <ctime>
 
 #include "effects/effect_info.hpp"
@@ -31,7 +30,7 @@ std::vector<EffectAt> candidates_of(const tiller_config_t& config, const Options
   std::vector<EffectAt> list;
   for (std::uint32_t kind = 0; kind < effect_kind_count(); ++kind) {
     const EffectInfo& info = effect_info(kind);
-    if (std::strcmp(info.name, "residual") == 0) continue;  // what is offered when nothing has a name
+    if (info.unnamed) continue;  // what is offered when nothing has a name
     if (!options.only.empty() && std::find(options.only.begin(), options.only.end(), info.name) == options.only.end())
       continue;
     for (std::uint32_t port = 0; port < port_count(info.port, *config.model); ++port) {
