@@ -49,7 +49,8 @@ inline tiller::tools::Grid log(const Setup& s, const Torque& extra, unsigned see
     grid.state[0][k] = q + s.sensor_sd * normal(random);
     double u = 0.0;
     for (int i = 0; i < 4; ++i)
-      u += s.torque_Nm * share[i] * std::sin(6.283185307179586 * rate_Hz[i] * s.period_s * static_cast<double>(k) + phase[i]);
+      u += s.torque_Nm * share[i] *
+           std::sin(6.283185307179586 * rate_Hz[i] * s.period_s * static_cast<double>(k) + phase[i]);
     grid.input[0][k] = u;
     for (int part = 0; part < kParts; ++part) {  // symplectic Euler
       v += h * (u - s.mass_kg * 9.81 * s.length_m * std::sin(q) - s.damping_Nms * v + extra(q, v)) / inertia;

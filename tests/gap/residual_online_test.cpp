@@ -67,7 +67,9 @@ tiller_config_t config(bool encoder) {
 }
 
 /// At the present signature of the effect's hook.
-double residual_force(double angle, double rate, const double* p) { return Residual<double>::force({angle, rate, angle, rate, 0.0, 0.0, 0.01}, p); }
+double residual_force(double angle, double rate, const double* p) {
+  return Residual<double>::force({angle, rate, angle, rate, 0.0, 0.0, 0.01}, p);
+}
 
 class Engine {
  public:

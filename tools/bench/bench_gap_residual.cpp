@@ -27,7 +27,7 @@ constexpr double kHorizon_s = 1.0, kEvery_s = 0.5;
 struct Judged {
   double before = NAN, after = NAN;  // rollouts of 1 s, RMS in sensor deviations
   double covered = 0, intervals = 0;
-  double spread_ratio = NAN;         // of particles, where no data were over where they were
+  double spread_ratio = NAN;  // of particles, where no data were over where they were
   double evidence = NAN, cpu_s = NAN;
 };
 
@@ -82,7 +82,8 @@ class Judge {
         std::vector<double> off(kLanes);
         for (std::uint32_t l = 0; l < kLanes; ++l)
           off[l] = state_difference(*config.model, i, path[(horizon * config.model->state_count + i) * kLanes + l],
-                                    measured) + config.measurement_sd[c] * rng.normal();
+                                    measured) +
+                   config.measurement_sd[c] * rng.normal();
         std::sort(off.begin(), off.end());
         out.covered += off[3] <= 0 && off[kLanes - 4] >= 0;
         out.intervals += 1;

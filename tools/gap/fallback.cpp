@@ -16,11 +16,11 @@ namespace {
 using Matrix = Eigen::MatrixXd;
 using Vector = Eigen::VectorXd;
 
-constexpr int kSteps = 5;             // Gauss-Newton's; the forces enter nearly linearly, so that three nearly do
-constexpr int kPriorGrid = 33;        // deviations tried, evenly in the logarithm
+constexpr int kSteps = 5;       // Gauss-Newton's; the forces enter nearly linearly, so that three nearly do
+constexpr int kPriorGrid = 33;  // deviations tried, evenly in the logarithm
 constexpr double kPriorLow = 1e-3, kPriorHigh = 3.0;  // times the typical force
 constexpr double kNoiseLow = 1e-4, kNoiseHigh = 1.0;  // of the random force, times the typical force
-constexpr double kReach = 1.5;        // of the features over the velocities in the data: faster is elsewhere
+constexpr double kReach = 1.5;  // of the features over the velocities in the data: faster is elsewhere
 // Spacings over that at which the four bumps stand on the data, and velocity scales over the largest velocity.
 constexpr double kSpacings[] = {0.7, 1.1}, kVelocityScales[] = {0.03, 0.15, 0.6, 2.0};
 constexpr double kLeastShare = 1e-6;  // of the likelihood that is believed
@@ -279,7 +279,8 @@ Regression::Foretold Regression::foretell(const std::vector<Grid>& grids, double
       Vector by_state(nx);
       for (std::uint32_t s = 0; s < nx; ++s)
         by_state(s) = (row[1 + d + s] - row[0]) / (state[s * lanes + 1 + d + s] - from.state(s));
-      const double left = by_state.dot(from.covariance * by_state) + config_.measurement_sd[c] * config_.measurement_sd[c];
+      const double left =
+          by_state.dot(from.covariance * by_state) + config_.measurement_sd[c] * config_.measurement_sd[c];
       if (!std::isfinite(e) || !std::isfinite(left)) continue;
       error.push_back(e);
       variance.push_back(left);
@@ -309,9 +310,8 @@ Widening widening_of(const Regression& r, const Regression::Foretold& f, double 
   Widening w;
   if (f.error.size() == 0) return w;
   const auto too_narrow = [&](double share, double wider) {
-    const Matrix covariance = r.posterior_precision(r.sums_, share, wider)
-                                  .llt()
-                                  .solve(Matrix::Identity(r.z_.size(), r.z_.size()));
+    const Matrix covariance =
+        r.posterior_precision(r.sums_, share, wider).llt().solve(Matrix::Identity(r.z_.size(), r.z_.size()));
     const Vector spread = (f.slope * covariance).cwiseProduct(f.slope).rowwise().sum() + f.variance;
     return f.error.cwiseAbs2().cwiseQuotient(spread).mean() > 1.0;
   };

@@ -24,9 +24,9 @@ struct ResidualScales {
 struct ResidualFit {
   std::uint32_t joint = 0;
   ResidualScales scales;
-  std::uint32_t first = 0;        ///< of the effect's 14 parameters among the configuration's
-  std::vector<std::uint32_t> at;  ///< (d) the inferred parameters, the nine forces last
-  std::vector<double> mean;       ///< (d) in their coordinates (the logarithm for a log-normal prior)
+  std::uint32_t first = 0;         ///< of the effect's 14 parameters among the configuration's
+  std::vector<std::uint32_t> at;   ///< (d) the inferred parameters, the nine forces last
+  std::vector<double> mean;        ///< (d) in their coordinates (the logarithm for a log-normal prior)
   std::vector<double> covariance;  ///< (d x d)
   double prior_sd = 0;             ///< of each force before the logs, N or N m: what is left where no data are
   double force_sd = 0;             ///< random force left, constant over a period, N or N m

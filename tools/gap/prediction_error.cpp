@@ -7,9 +7,9 @@
 namespace tiller::tools::gap {
 namespace {
 
-constexpr double kHalfWidth_s = 0.05;   // of the parabola that gives a stretch's first state
-constexpr double kDoubt = 3.0;          // its deviation over what the sensors leave: a parabola is no motion
-constexpr double kLargest = 1e6;        // of an innovation in deviations: beyond it a pass has diverged
+constexpr double kHalfWidth_s = 0.05;  // of the parabola that gives a stretch's first state
+constexpr double kDoubt = 3.0;         // its deviation over what the sensors leave: a parabola is no motion
+constexpr double kLargest = 1e6;       // of an innovation in deviations: beyond it a pass has diverged
 
 }  // namespace
 
@@ -45,8 +45,7 @@ PredictionError::PredictionError(const tiller_config_t& config, const std::vecto
 PredictionSums PredictionError::run(const std::vector<double>& params, const std::vector<double>& step,
                                     double force_sd) {
   const auto d = static_cast<Eigen::Index>(free_.size()), nx = static_cast<Eigen::Index>(model_.state_count);
-  for (std::uint32_t i = 0; i < config_.param_count; ++i)
-    std::fill_n(params_.begin() + i * lanes_, lanes_, params[i]);
+  for (std::uint32_t i = 0; i < config_.param_count; ++i) std::fill_n(params_.begin() + i * lanes_, lanes_, params[i]);
   for (std::size_t j = 0; j < free_.size(); ++j) params_[free_[j] * lanes_ + j + 1] += step[j];
   step_ = step;
   PredictionSums sums;
