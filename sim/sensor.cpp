@@ -10,7 +10,17 @@ void StateHistory::reset(const std::vector<double>& state) {
 }
 
 void StateHistory::push(std::int64_t time_us, const std::vector<double>& state) {
-  entries_.push_back({time_us, state});
+  // in the usual case the oldest entry goes as the new one comes: its memory is used again
+  const bool full = entries_.size() > 2 && entries_[1].time_us <= time_us - span_us_;
+  if (full) {
+    Entry old = std::move(entries_.front());
+    entries_.pop_front();
+    old.time_us = time_us;
+    old.state.assign(state.begin(), state.end());
+    entries_.push_back(std::move(old));
+  } else {
+    entries_.push_back({time_us, state});
+  }
   // keep one entry at or before the start of the span, to interpolate from
   while (entries_.size() > 2 && entries_[1].time_us <= time_us - span_us_) entries_.pop_front();
 }

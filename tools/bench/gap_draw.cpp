@@ -2,32 +2,47 @@
 #include <cmath>
 
 #include "gap_kinds.hpp"
-#include "sim/check.hpp"
-#include "sim/effects/effects.hpp"
 #include "sim/mechanism.hpp"
 
 namespace tiller::bench {
 namespace {
 
-std::vector<std::string> ports(const HiddenKind& kind, const Setup& setup, const sim::MechanismInfo& info) {
-  std::vector<std::string> names;
-  if (kind.place == HidingPlace::joint) return info.joints;
-  if (kind.place == HidingPlace::motor_joint) {
-    for (const WorldPlant::Motor& motor : setup.plant->motors) names.push_back(info.joints[motor.state]);
-  } else if (kind.place == HidingPlace::input) {
-    for (const sim::Channel& c : info.commands) names.push_back(c.name);
-  } else if (kind.place == HidingPlace::sensor) {
-    for (const std::size_t i : info.measured) names.push_back(info.states[i].name);
-  } else {
-    names.push_back("");
+bool stands_on_ground(const WorldPlant& plant, std::size_t joint) { return joint == plant.motors[0].state; }
+
+/// Whether the effect may be hidden at the joint that has this index.
+bool joint_fits(HidingPlace place, const WorldPlant& plant, std::size_t joint) {
+  bool driven = false;
+  for (const WorldPlant::Motor& motor : plant.motors) driven = driven || motor.state == joint;
+  switch (place) {
+    case HidingPlace::joint:
+    case HidingPlace::sensor: return true;
+    case HidingPlace::motor_joint: return driven;
+    case HidingPlace::ground_joint: return driven && stands_on_ground(plant, joint);
+    case HidingPlace::spring_joint:
+    case HidingPlace::spring_sensor: return plant.rest[joint] == 0;
+    // nothing depends on where a rail's zero is
+    case HidingPlace::gravity_sensor: return !(plant.drifts && joint == 0);
+    default: return false;
   }
-  return names;
 }
 
-std::size_t port_index(const HiddenKind& kind, const Setup& setup, const sim::MechanismInfo& info,
-                       const std::string& port) {
-  const auto names = kind.place == HidingPlace::motor_joint ? info.joints : ports(kind, setup, info);
-  return static_cast<std::size_t>(std::find(names.begin(), names.end(), port) - names.begin());
+/// Names and indices of the ports at which the effect may be hidden.
+std::vector<std::pair<std::string, std::size_t>> ports(const HiddenKind& kind, const WorldPlant& plant,
+                                                       const sim::MechanismInfo& info) {
+  std::vector<std::pair<std::string, std::size_t>> found;
+  if (kind.place == HidingPlace::body) return {{"body", 0}};
+  if (kind.place == HidingPlace::input || kind.place == HidingPlace::ground_input) {
+    for (std::size_t i = 0; i < info.commands.size(); ++i) {
+      if (kind.place == HidingPlace::input || i == 0) found.emplace_back(info.commands[i].name, i);
+    }
+    return found;
+  }
+  const bool sensor = kind.place == HidingPlace::sensor || kind.place == HidingPlace::gravity_sensor ||
+                      kind.place == HidingPlace::spring_sensor;
+  for (std::size_t j = 0; j < info.joints.size(); ++j) {
+    if (joint_fits(kind.place, plant, j)) found.emplace_back(sensor ? info.states[j].name : info.joints[j], j);
+  }
+  return found;
 }
 
 /// r of one effect on the first run; negative where the plant refuses it.
@@ -82,9 +97,8 @@ std::vector<std::string> hidden_kinds(const std::string& plant, bool in_catalogu
   std::vector<std::string> names;
   const sim::MechanismInfo* info = sim::find_mechanism(plant);
   for (const HiddenKind& kind : hidden_kind_table()) {
-    if (info == nullptr || kind.in_catalogue != in_catalogue || sim::find_effect(kind.name) == nullptr) continue;
-    // a tilt turns gravity, which a free axis may feel too; a pendulum's load is one only where something hangs
-    names.push_back(kind.name);
+    if (info == nullptr || kind.in_catalogue != in_catalogue) continue;
+    if (!ports(kind, *find_world_plant(plant), *info).empty()) names.push_back(kind.name);
   }
   return names;
 }
@@ -96,8 +110,8 @@ bool draw_case(const CaseWanted& wanted, WorldCase& world, std::string& error) {
   if (!make_setup(world, setup, error)) return false;
   if (wanted.kinds.empty()) return true;
   const sim::MechanismInfo& info = *sim::find_mechanism(wanted.plant);
-  const std::vector<double> amplitude = calibrate(setup);
-  const Typical typical = typical_motion(setup, amplitude);
+  const std::vector<double> plain = calibrate(setup), amplitude = fit_amplitude(setup, plain, "log_1");
+  const Typical typical = typical_motion(setup, plain);
   for (const std::string& text : wanted.kinds) {
     const auto at = text.find('@');
     const std::string name = text.substr(0, at);
@@ -107,13 +121,20 @@ bool draw_case(const CaseWanted& wanted, WorldCase& world, std::string& error) {
       return false;
     }
     Draws draws(wanted.seed, "effect." + name);
-    const auto names = ports(*kind, setup, info);
-    std::string port = names[draws.index(names.size())];
-    if (at != std::string::npos) port = text.substr(at + 1);
-    const std::size_t index = port_index(*kind, setup, info, port);
+    auto places = ports(*kind, *setup.plant, info);
+    if (at != std::string::npos) {
+      const auto other = [&](const auto& place) { return place.first != text.substr(at + 1); };
+      places.erase(std::remove_if(places.begin(), places.end(), other), places.end());
+    }
+    if (places.empty()) {
+      error = "'" + text + "' cannot be hidden in a " + wanted.plant;
+      return false;
+    }
+    const std::pair<std::string, std::size_t> place = places[draws.index(places.size())];
     const double r = draws.log_between(wanted.least_r, wanted.most_r);
     const auto make = [&](double strength) {
-      return sim::HiddenEffect{name, port, kind->make(strength, index, typical, Draws(wanted.seed, "shape." + name))};
+      return sim::HiddenEffect{name, place.first,
+                               kind->make(strength, place.second, typical, Draws(wanted.seed, "shape." + name))};
     };
     sim::HiddenEffect effect;
     if (!find_strength(setup, amplitude, r, make, effect, error)) return false;

@@ -7,6 +7,8 @@ namespace tiller::bench {
 namespace {
 
 constexpr double kTwoPi = 6.283185307179586;
+// of the typical excursion: a pendulum that goes over once, and comes to rest somewhere
+constexpr double kMostReach = 2.2;
 
 /// A sum of sines of unit RMS, frequencies even in the logarithm.
 class Multisine {
@@ -91,7 +93,8 @@ class PdTracking final : public Commander {
       : setup_(setup), amplitude_(amplitude) {
     for (std::size_t i = 0; i < amplitude.size(); ++i) {
       Draws draws(setup.world.seed, "pd_tracking." + name + "." + std::to_string(i));
-      size_.push_back(0.6 * setup.plant->excursion[setup.plant->motors[i].state] * draws.between(0.6, 1.2));
+      size_.push_back(setup.plant->pd_share * setup.plant->excursion[setup.plant->motors[i].state] *
+                      draws.between(0.6, 1.2));
       sum_.emplace_back(draws, 0.1, 1.2);
     }
     rate_.assign(amplitude.size(), 0.0);
@@ -147,32 +150,61 @@ std::unique_ptr<Commander> make_commander(const Setup& setup, const std::vector<
   return nullptr;
 }
 
+namespace {
+
+/// How far a run goes, in the plant's typical excursions.
+double reach(const Setup& setup, const std::vector<double>& amplitude, const std::string& name, double seconds) {
+  Series series;
+  std::string error;
+  if (!record(setup, amplitude, name, seconds, series, error)) return 0;
+  double most = 0;
+  for (std::size_t i = 0; i < setup.plant->excursion.size(); ++i) {
+    for (const double q : series.truth[i])
+      most = std::max(most, std::fabs(q - setup.plant->rest[i]) / setup.plant->excursion[i]);
+  }
+  return most;
+}
+
+/// Only the commands' size is sought: open loop, coarse steps.
+Setup rehearsal(const Setup& setup) {
+  Setup trial = setup;
+  trial.world.excitation = Excitation::open_loop;
+  trial.options.step_s = 0.001;
+  return trial;
+}
+
+void scale(std::vector<double>& amplitude, double factor) {
+  for (double& a : amplitude) a *= factor;
+}
+
+}  // namespace
+
 std::vector<double> calibrate(const Setup& setup) {
-  Setup plain = setup;
+  Setup plain = rehearsal(setup);
   plain.world.effects.clear();
-  plain.world.excitation = Excitation::open_loop;
   plain.options.effects.clear();
-  plain.options.step_s = 0.001;
-  Draws draws(setup.world.seed, "amplitude");
-  const double wanted = draws.between(0.6, 1.3);
-  const std::size_t count = setup.inertia.size();
-  std::vector<double> amplitude(count);
-  const double rate = kTwoPi * std::sqrt(setup.plant->slow_hz * setup.plant->fast_hz);
-  for (std::size_t i = 0; i < count; ++i)
-    amplitude[i] = 0.3 * setup.plant->motors[i].share * setup.inertia[i] * rate * rate;
-  for (int round = 0; round < 5; ++round) {
-    Series series;
-    std::string error;
-    record(plain, amplitude, "calibration", 8.0, series, error);
-    double reach = 0;
-    for (std::size_t i = 0; i < setup.plant->excursion.size(); ++i) {
-      double most = 0;
-      for (const double q : series.truth[i]) most = std::max(most, std::fabs(q - setup.plant->rest[i]));
-      reach = std::max(reach, most / setup.plant->excursion[i]);
-    }
-    const double factor = std::clamp(wanted / reach, 0.4, 2.5);
-    for (double& a : amplitude) a *= factor;
+  std::vector<double> amplitude = setup.inertia;
+  scale(amplitude, 0.3 * kTwoPi * kTwoPi * setup.plant->slow_hz * setup.plant->fast_hz);
+  for (int round = 0; round < 6; ++round) {
+    const double factor = std::clamp(1 / reach(plain, amplitude, "calibration", 8.0), 0.6, 2.0);
+    scale(amplitude, factor);
     if (std::fabs(factor - 1) < 0.1) break;
+  }
+  return amplitude;
+}
+
+std::vector<double> fit_amplitude(const Setup& setup, std::vector<double> amplitude, const std::string& name) {
+  if (setup.world.excitation != Excitation::open_loop) return amplitude;
+  const Setup trial = rehearsal(setup);
+  const double wanted = Draws(setup.world.seed, "reach." + name).between(0.5, 1.4);
+  double whole = 1;
+  for (int round = 0; round < 10; ++round) {
+    const double is = reach(trial, amplitude, name, 8.0);
+    // near enough, or a motion that will not be tuned finer; one that whirls without end is not left so
+    if (std::fabs(std::log(std::max(is, 1e-9) / wanted)) < 0.15 || (round >= 2 && is < kMostReach)) break;
+    const double next = std::clamp(whole * std::clamp(wanted / std::max(is, 1e-9), 0.65, 1.6), 0.1, 3.0);
+    scale(amplitude, next / whole);
+    whole = next;
   }
   return amplitude;
 }

@@ -9,13 +9,25 @@
 
 namespace tiller::bench {
 
-enum class HidingPlace { joint, motor_joint, input, sensor, body };
+enum class HidingPlace {
+  joint,
+  motor_joint,   ///< a motor drives it
+  ground_joint,  ///< and one of its sides is the ground
+  spring_joint,  ///< its position 0 is where the plant rests
+  input,
+  ground_input,  ///< the motor stands on the ground
+  sensor,
+  gravity_sensor,  ///< of a joint on whose zero gravity depends
+  spring_sensor,   ///< of a joint that rests at 0
+  body
+};
 
 /// What a rich motion of the plant without effects looks like; index: joint (that is, position) or input.
 struct Typical {
   std::vector<double> force;     ///< (joints) RMS acceleration times inertia, or command
   std::vector<double> velocity;  ///< (joints) RMS
   std::vector<double> position;  ///< (joints) RMS distance from rest
+  std::vector<double> reach;     ///< (joints) RMS distance from 0
   std::vector<double> inertia;   ///< (joints)
   std::vector<double> input;     ///< (inputs) RMS
   std::vector<double> input_peak;

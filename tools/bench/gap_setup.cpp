@@ -17,18 +17,33 @@ const std::vector<WorldPlant>& plants() {
        {{"mass_kg", 0.3, 0.8, true}, {"length_m", 0.3, 0.7, false}},
        {0, 0},
        {1.8},
-       {{0, 1.6, 1.0, 0.01, 1.5, 3.6}},
+       {{0, 1.6, 0.01, 1.5, 3.6}},
        0.15,
        2.5,
+       0.6,
        false},
       {"cart_pole",
        {{"cart_mass_kg", 0.7, 1.5, true}, {"pole_mass_kg", 0.1, 0.3, true}, {"half_length_m", 0.3, 0.6, false}},
        {0, kPi, 0, 0},
        {1.2, 1.2},
-       {{0, 0.8, 1.0, 0.001, -0.8, 0.8}},
+       {{0, 0.8, 0.001, -0.8, 0.8}},
        0.25,
        2.0,
+       0.15,
        true},
+      {"two_link_arm",
+       {{"upper_mass_kg", 0.8, 1.5, true},
+        {"lower_mass_kg", 0.4, 1.0, true},
+        {"upper_length_m", 0.3, 0.5, false},
+        {"lower_length_m", 0.3, 0.5, false}},
+       {0, 0, 0, 0},
+       {1.3, 1.5},
+       {{0, 1.6, 0.01, -1.5, 1.5}, {1, 2.0, 0.02, -1.5, 1.5}},
+       0.15,
+       2.5,
+       0.4,
+       false},
+      {"linear_axis", {{"mass_kg", 2.0, 20.0, true}}, {0, 0}, {0.4}, {{0, 1.2, 1e-5, -0.4, 0.4}}, 0.25, 2.0, 0.6, true},
   };
   return all;
 }
@@ -57,10 +72,23 @@ void draw_weighed(Draws& draws, double nominal, double& truth, std::string& prio
 
 double rounded(double value) { return std::round(value * 1e3) / 1e3; }
 
+/// Two rods of even thickness: the rest of the arm's parameters.
+void add_rods(std::map<std::string, double>& p) {
+  for (const char* link : {"upper", "lower"}) {
+    const std::string name = link;
+    const double length = p.at(name + "_length_m");
+    p[name + "_com_m"] = 0.5 * length;
+    p[name + "_inertia_kgm2"] = p.at(name + "_mass_kg") * length * length / 12;
+  }
+}
+
 std::vector<double> inertia_of(const std::string& kind, const std::map<std::string, double>& p) {
   if (kind == "pendulum") return {p.at("mass_kg") * std::pow(p.at("length_m"), 2)};
   if (kind == "cart_pole") return {p.at("cart_mass_kg") + p.at("pole_mass_kg")};
-  return {p.at("mass_kg")};
+  if (kind == "linear_axis") return {p.at("mass_kg")};
+  const double m1 = p.at("upper_mass_kg"), m2 = p.at("lower_mass_kg"), l1 = p.at("upper_length_m"),
+               l2 = p.at("lower_length_m");
+  return {m1 * l1 * l1 / 3 + m2 * (l1 * l1 + l2 * l2 / 3 + l1 * l2), m2 * l2 * l2 / 3};
 }
 
 }  // namespace
@@ -103,6 +131,12 @@ bool make_setup(const WorldCase& world, Setup& setup, std::string& error) {
     setup.nominal[p.name] = nominal;
     setup.priors[p.name] = prior;
     o.parameters[p.name] = truth;
+  }
+  if (world.plant == "two_link_arm") {
+    add_rods(setup.nominal);
+    for (const auto& [name, value] : setup.nominal) {
+      if (setup.priors.emplace(name, number(value)).second) o.parameters[name] = value;
+    }
   }
   setup.inertia = inertia_of(world.plant, setup.nominal);
   setup.sensor_sd = std::sqrt(std::pow(world.noise_sd, 2) + std::pow(world.encoder_step, 2) / 12);

@@ -28,7 +28,6 @@ struct WorldPlant {
   struct Motor {
     std::size_t state;               ///< position that it drives; its rate is half the states further
     double natural_hz;               ///< of the PD controller
-    double share;                    ///< of the excitation's amplitude
     double weight;                   ///< in the planner's cost
     double target_low, target_high;  ///< of the planner
   };
@@ -38,6 +37,7 @@ struct WorldPlant {
   std::vector<double> excursion;  ///< (positions) typical size of a rich motion
   std::vector<Motor> motors;      ///< (nu)
   double slow_hz, fast_hz;        ///< of the sums of sines
+  double pd_share;                ///< of the excursion, RMS, that the PD controller follows
   bool drifts;                    ///< nothing brings it back: open-loop commands are made to
 };
 const WorldPlant* find_world_plant(const std::string& kind);
@@ -81,6 +81,9 @@ std::unique_ptr<Commander> make_commander(const Setup& setup, const std::vector<
                                           const std::string& name, std::size_t rows, std::string& error);
 /// Amplitudes (nu) of the open-loop commands that move the plant without effects as far as is typical.
 std::vector<double> calibrate(const Setup& setup);
+
+/// The same for one run: its first seconds are tried, effects and all, until it moves as far as is drawn for it.
+std::vector<double> fit_amplitude(const Setup& setup, std::vector<double> amplitude, const std::string& name);
 
 /// One run. The noise belongs to the run's name.
 bool record(const Setup& setup, const std::vector<double>& amplitude, const std::string& name, double seconds,

@@ -1,7 +1,7 @@
 #include "gap_worlds.hpp"
 
+#include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "gap_setup.hpp"
 
@@ -19,18 +19,6 @@ std::vector<double> start_state(const Setup& setup, const std::string& name) {
 
 void set_start(sim::PlantOptions& options, const sim::Plant& any, const std::vector<double>& state) {
   for (std::size_t i = 0; i < state.size(); ++i) options.initial_state[any.states()[i].name] = state[i];
-}
-
-// A command for a period. ODE kicks the velocity before it moves the body, so its path is that of a force which came
-// half a step sooner: 0.25 ms that a log of 0.3 mrad shows. The step in which the command changes gets the mean of both,
-// which puts the change where the log says it is.
-void act(sim::Plant& plant, const std::vector<double>& before, const std::vector<double>& command) {
-  std::vector<double> mean(command.size());
-  for (std::size_t i = 0; i < mean.size(); ++i) mean[i] = 0.5 * (before[i] + command[i]);
-  plant.apply(mean.data());
-  plant.advance(kWorldStep);
-  plant.apply(command.data());
-  plant.advance(kWorldPeriod - kWorldStep);
 }
 
 std::uint64_t noise_seed(const Setup& setup, const std::string& name) {
@@ -56,47 +44,68 @@ bool record(const Setup& setup, const std::vector<double>& amplitude, const std:
   const auto rows = static_cast<std::size_t>(std::lround(seconds / kWorldPeriod));
   const auto commander = make_commander(setup, amplitude, name, rows, error);
   if (!commander) return false;
-  std::vector<double> measured(plant->measurements().size()), truth(plant->states().size()),
-      command(plant->commands().size()), before(command.size(), 0.0);
-  series = Series{name, {}, {}, {}, {}};
+  std::vector<double> measured(plant->measurements().size()), clean(measured.size()), truth(plant->states().size()),
+      command(plant->commands().size());
+  series = Series{name, {}, {}, {}, {}, {}};
+  series.clean.resize(measured.size());
   series.measured.resize(measured.size());
   series.truth.resize(truth.size());
   series.input.resize(command.size());
   for (std::size_t k = 0; k < rows; ++k) {
     plant->measure(measured.data());
+    plant->measure_clean(clean.data());
     plant->true_state(truth.data());
     commander->next(k, measured.data(), command.data());
     series.time_s.push_back(kWorldPeriod * static_cast<double>(k));
     for (std::size_t i = 0; i < measured.size(); ++i) series.measured[i].push_back(measured[i]);
+    for (std::size_t i = 0; i < clean.size(); ++i) series.clean[i].push_back(clean[i]);
     for (std::size_t i = 0; i < truth.size(); ++i) series.truth[i].push_back(truth[i]);
     for (std::size_t i = 0; i < command.size(); ++i) series.input[i].push_back(command[i]);
-    act(*plant, before, command);
-    before = command;
+    plant->apply(command.data());
+    plant->advance(kWorldPeriod);
   }
   return true;
+}
+
+/// The state at a row as the sensors show it, less noise: a constant error of a sensor moves where a rollout starts, and
+/// is a gap only as far as the motion depends on the place.
+std::vector<double> seen_state(const Setup& setup, const Series& series, std::size_t row) {
+  std::vector<double> state;
+  const std::size_t positions = setup.plant->excursion.size(), last = series.time_s.size() - 1;
+  for (const auto& column : series.clean) state.push_back(column[row]);
+  for (std::size_t i = 0; i < positions; ++i) {
+    const double rate = series.truth[positions + i][row];
+    const std::size_t before = row > 0 ? row - 1 : 0, after = std::min(row + 1, last);
+    const double way = series.truth[i][after] - series.truth[i][before];
+    // rates grow as the reading does
+    const double slope = std::fabs(way) > 1e-9 ? (series.clean[i][after] - series.clean[i][before]) / way : 1.0;
+    state.push_back(std::fabs(slope - 1) > 1e-6 ? slope * rate : rate);
+  }
+  return state;
 }
 
 void add_rollout_error(const Setup& setup, const Series& series, RolloutError& error) {
   sim::PlantOptions options = setup.options;
   options.effects.clear();
+  options.seed = noise_seed(setup, series.name);
+  options.process_noise_sd = setup.world.process_sd;  // by the clock: the same pushes as in the run
   std::string problem;
   const auto any = sim::Plant::make(options, problem);
   const std::size_t outputs = any->measurements().size();
   error.squares.resize(outputs);
-  std::vector<double> state(any->states().size()), command(any->commands().size()), before(command.size());
+  std::vector<double> state, command(any->commands().size());
   const auto window = static_cast<std::size_t>(std::lround(1.0 / kWorldPeriod));
   for (std::size_t first = 0; first + window < series.time_s.size(); first += window) {
-    for (std::size_t i = 0; i < state.size(); ++i) state[i] = series.truth[i][first];
-    set_start(options, *any, state);
+    set_start(options, *any, seen_state(setup, series, first));
+    options.start_us = std::llround(1e6 * series.time_s[first]);
     const auto plant = sim::Plant::make(options, problem);
+    state.resize(plant->states().size());
     for (std::size_t k = first; k < first + window; ++k) {
-      for (std::size_t i = 0; i < command.size(); ++i) {
-        command[i] = series.input[i][k];
-        before[i] = series.input[i][k > 0 ? k - 1 : 0];
-      }
-      act(*plant, before, command);
+      for (std::size_t i = 0; i < command.size(); ++i) command[i] = series.input[i][k];
+      plant->apply(command.data());
+      plant->advance(kWorldPeriod);
       plant->true_state(state.data());
-      for (std::size_t i = 0; i < outputs; ++i) error.squares[i] += std::pow(state[i] - series.truth[i][k + 1], 2);
+      for (std::size_t i = 0; i < outputs; ++i) error.squares[i] += std::pow(state[i] - series.clean[i][k + 1], 2);
       error.count += 1;
     }
   }
@@ -125,7 +134,8 @@ std::unique_ptr<World> make_world(const WorldCase& wanted, std::string& error, c
     const bool work = i < size.work;
     const std::string name = (work ? "log_" : "score_") + std::to_string(work ? i + 1 : i + 1 - size.work);
     Series series;
-    if (!record(setup, amplitude, name, size.seconds, series, error)) return nullptr;
+    const std::vector<double> fitted = fit_amplitude(setup, amplitude, name);
+    if (!record(setup, fitted, name, size.seconds, series, error)) return nullptr;
     if (work) add_rollout_error(setup, series, squares);
     (work ? world->work : world->score).push_back(std::move(series));
   }

@@ -40,6 +40,7 @@ struct Series {
   std::vector<std::vector<double>> measured;  ///< (ny) of (rows)
   std::vector<std::vector<double>> input;     ///< (nu) of (rows): in force from its row to the next
   std::vector<std::vector<double>> truth;     ///< (nx) of (rows): for judges, in no log
+  std::vector<std::vector<double>> clean;     ///< (ny) of (rows): what the sensors show, less noise and rounding
 };
 
 /// What the workflow must not see.
