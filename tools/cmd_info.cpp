@@ -5,10 +5,10 @@
 #include <cstdio>
 #include <cstring>
 
-#include "effects/effect_info.hpp"
 #include "planners/planner.hpp"
 #include "posterior/prior.hpp"
 #include "tools/commands.hpp"
+#include "tools/effects_text.hpp"
 #include "tools/robot_help.hpp"
 #include "tools/robot_schema.hpp"
 
@@ -165,16 +165,8 @@ int planners_command() {
   return kExitOk;
 }
 
-int effects_command() {
-  for (std::uint32_t kind = 0; kind < effect_kind_count(); ++kind) {
-    const EffectInfo& info = effect_info(kind);
-    std::printf("%-18s port: %s   parameters:", info.name, port_kind_name(info.port));
-    for (int i = 0; i < info.param_count; ++i) {
-      std::printf(" %s (%s%s)", info.params[i].name, info.params[i].unit,
-                  std::isfinite(info.params[i].low) ? (", >= " + number_text(info.params[i].low)).c_str() : "");
-    }
-    std::printf("\n  %s: %s\n", info.help, info.equation);
-  }
+int effects_command(bool markdown) {
+  std::fputs((markdown ? effects_markdown() : effects_help()).c_str(), stdout);
   return kExitOk;
 }
 
@@ -227,7 +219,9 @@ void add_effects_command(CLI::App& app, int& exit_code) {
   command->footer(
       "Examples:\n  tiller effects\n      ports and parameters of each\n"
       "  tiller effects | grep friction\n      only these");
-  command->callback([&exit_code] { exit_code = effects_command(); });
+  auto markdown = std::make_shared<bool>(false);
+  command->add_flag("--markdown", *markdown, "the tables of docs/effects.md");
+  command->callback([markdown, &exit_code] { exit_code = effects_command(*markdown); });
 }
 
 void add_planners_command(CLI::App& app, int& exit_code) {

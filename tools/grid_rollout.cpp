@@ -37,11 +37,12 @@ std::vector<double> GridRollout::first_effect_state(const Grid& grid, std::size_
   return first;
 }
 
-const double* GridRollout::run(const Grid& grid, std::size_t start, std::size_t steps, const double* state) {
+const double* GridRollout::run(const Grid& grid, std::size_t start, std::size_t steps, const double* state,
+                               std::uint32_t stride) {
   RolloutJob<double> run = job(grid, start, steps);
   effect_state_ = first_effect_state(grid, start);
   trajectory_.resize((steps + 1) * model_.state_count * lanes_);
-  run.state.data = state;
+  run.state = {state, stride};
   run.effect_state.data = effect_state_.data();
   run.trajectory = trajectory_.data();
   table_.rollout_f64(model_, run);

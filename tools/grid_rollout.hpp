@@ -9,7 +9,8 @@
 namespace tiller::tools {
 
 /// Rollouts of many parameter vectors at once, from a point of a grid, under the logged inputs: lanes are parameter
-/// vectors, in double. An actuator's lag begins at the input of the period before.
+/// vectors, in double. An actuator's lag or rate limit begins at the input of the
+/// period before.
 class GridRollout {
  public:
   /// `lanes`: a multiple of kLanePadding. The configuration outlives the object and has passed tiller_config_check.
@@ -19,9 +20,10 @@ class GridRollout {
   const StepSetup& setup() const { return setup_; }
   /// (np x lanes): to be filled before run().
   double* params() { return params_.data(); }
-  /// `steps` periods from grid point `start`, where the state is `state` (nx): ((steps + 1) * nx x lanes), until the
-  /// next run. start + steps must be a point of the grid.
-  const double* run(const Grid& grid, std::size_t start, std::size_t steps, const double* state);
+  /// `steps` periods from grid point `start`, where the state is `state` (nx; rows of `stride` lanes unless it is 0):
+  /// ((steps + 1) * nx x lanes), until the next run. start + steps must be a point of the grid.
+  const double* run(const Grid& grid, std::size_t start, std::size_t steps, const double* state,
+                    std::uint32_t stride = 0);
 
   /// The inputs of such a run, for callers that bring states of their own; until the next run or job.
   RolloutJob<double> job(const Grid& grid, std::size_t start, std::size_t steps);

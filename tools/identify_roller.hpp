@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "core/rng.hpp"
+#include "rollout/measurement.hpp"
 #include "tools/grid_rollout.hpp"
 #include "tools/identify_data.hpp"
 #include "tools/identify_fit.hpp"
@@ -23,10 +24,17 @@ class Roller {
   /// at every step and measurement noise on top, both as large as the fit found them.
   void read(const Grid& grid, std::size_t start, std::size_t steps, const double* state, const double* sd);
 
-  const double* foreseen(std::size_t step, std::uint32_t state) const { return row(foreseen_, step, state); }
+  const double* foreseen(std::size_t step, std::uint32_t state) const { return row(foreseen_.data(), step, state); }
   const double* readings(std::size_t step, std::uint32_t state) const { return row(readings_.data(), step, state); }
 
  private:
+  /// What the sensors make of a state in each lane; a rate that is not measured follows its position's sensor.
+  void map_sensors();
+  /// `state` as measured -> (nx x lanes) states, and trajectories back to what is measured. Nothing without sensor
+  /// effects.
+  void start_from(const double* state);
+  void as_measured(double* rows, std::size_t count) const;
+
   const double* row(const double* rows, std::size_t step, std::uint32_t state) const {
     return rows + (step * model_.state_count + state) * kLanes;
   }
@@ -39,7 +47,9 @@ class Roller {
   Rng rng_;
   double sensor_sd_[TILLER_MAX_STATES] = {};
   std::vector<double> effect_state_;  // (ns x lanes)
-  const double* foreseen_ = nullptr;  // ((steps + 1) * nx x lanes)
+  std::vector<MeasurementMap> maps_;  // (nx x lanes)
+  std::vector<double> start_;         // (nx x lanes)
+  std::vector<double> foreseen_;      // ((steps + 1) * nx x lanes)
   std::vector<double> readings_;      // ((steps + 1) * nx x lanes)
 };
 

@@ -108,7 +108,7 @@ void read_effect_params(SectionReader& section, const EffectInfo& info, const st
     if (robot.params.size() > TILLER_MAX_PARAMS) continue;
     tiller_prior_t& prior = robot.config.priors[robot.params.size() - 1];
     if (const toml::node* node = section.node(name)) {
-      read_prior(section.errors(), *node, section.path_of(name), info.params[i].low, prior);
+      read_prior(section.errors(), *node, section.path_of(name), info.params[i].low, info.params[i].high, prior);
     } else if (index_of(meant, name) < 0) {
       section.missing(name, std::string("give it a value or a prior: ") + kPriorRemedy);
     }
@@ -150,7 +150,7 @@ void read_effect(FileErrors& errors, const toml::table& table, std::size_t index
 
 }  // namespace
 
-void read_prior(FileErrors& errors, const toml::node& node, const std::string& path, double hard_low,
+void read_prior(FileErrors& errors, const toml::node& node, const std::string& path, double hard_low, double hard_high,
                 tiller_prior_t& out) {
   const std::size_t before = errors.list().size();
   if (const toml::table* table = node.as_table()) {
@@ -158,6 +158,11 @@ void read_prior(FileErrors& errors, const toml::node& node, const std::string& p
     if (errors.list().size() != before) return;
     const bool cut = out.kind != tiller_prior_uniform;
     if (cut && out.low < hard_low) out.low = hard_low;  // no sense in asking for what physics rules out
+    if (cut && out.high > hard_high) out.high = hard_high;
+    if (!cut && out.high > hard_high) {
+      errors.at(node, path, "the range reaches above " + number_text(hard_high),
+                "end the range at " + number_text(hard_high) + " or below");
+    }
     if (!cut && out.low < hard_low) {
       errors.at(node, path, "the range reaches below " + number_text(hard_low),
                 "start the range at " + number_text(hard_low) + " or above");
@@ -170,6 +175,7 @@ void read_prior(FileErrors& errors, const toml::node& node, const std::string& p
   }
   KeySpec spec = kAnyNumber;
   spec.low = hard_low;
+  spec.high = hard_high;
   if (const auto value = checked_number(errors, node, path, spec)) {
     out = {tiller_prior_fixed, 0, *value, 0, *value, *value};
   }
@@ -191,7 +197,7 @@ void read_parameters(FileErrors& errors, const toml::table& root, RobotFile& rob
   Words lacking;
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (const toml::node* node = section.node(names[i])) {
-      read_prior(errors, *node, section.path_of(names[i]), lowest_of_unit(names[i]), robot.config.priors[i]);
+      read_prior(errors, *node, section.path_of(names[i]), lowest_of_unit(names[i]), kInf, robot.config.priors[i]);
     } else if (index_of(meant, names[i]) < 0) {
       lacking.push_back(names[i]);
     }

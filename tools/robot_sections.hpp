@@ -8,8 +8,8 @@
 
 namespace tiller::tools {
 
-/// A number or a prior table.
-void read_prior(FileErrors& errors, const toml::node& node, const std::string& path, double hard_low,
+/// A number or a prior table. A range must lie within the hard bounds; the tails of other priors are cut there.
+void read_prior(FileErrors& errors, const toml::node& node, const std::string& path, double hard_low, double hard_high,
                 tiller_prior_t& out);
 
 void read_parameters(FileErrors& errors, const toml::table& root, RobotFile& robot);

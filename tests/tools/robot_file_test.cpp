@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "robot_text.hpp"
+#include "tools/effects_text.hpp"
 #include "tools/robot_help.hpp"
 #include "tools/robot_schema.hpp"
 
@@ -178,6 +179,15 @@ TEST(RobotFile, PlannersReadTheirSettings) {
     for (std::size_t end; (end = readers.find(", ")) != std::string::npos; readers.erase(0, end + 2))
       EXPECT_GE(index_of(known, readers.substr(0, end)), 0) << key.key << ": " << readers;
   }
+}
+
+TEST(RobotFile, DocumentationOfEffectsIsTheCatalogue) {
+  std::ifstream file(TILLER_TEST_DOCS "/effects.md");
+  std::stringstream text;
+  text << file.rdbuf();
+  EXPECT_NE(text.str().find(effects_markdown()), std::string::npos)
+      << "docs/effects.md is not what the catalogue says; paste the output of `tiller effects --markdown` below its "
+         "heading \"Every effect\"";
 }
 
 TEST(RobotFile, DocumentationIsTheSchema) {
