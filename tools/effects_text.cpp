@@ -24,9 +24,9 @@ std::string cell(const char* text) {
 
 std::string port_text(const EffectInfo& info) {
   std::string text = port_kind_name(info.port);
-  if (info.needs_drive && info.port == PortKind::joint) text += " with a drive";
-  if (info.needs_drive && info.port == PortKind::input) text += " that drives a joint";
-  if (info.needs_position && !info.needs_drive) text += " with a position";
+  if (info.port == PortKind::input && info.needs_drive) text += " that drives a joint";
+  if (info.port == PortKind::joint && info.needs_drive) text += " with a drive";
+  if (info.needs_position) text += info.needs_drive ? " and a position" : " with a position";
   return text;
 }
 

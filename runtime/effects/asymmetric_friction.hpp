@@ -24,7 +24,9 @@ struct AsymmetricFriction {
     i.separation = "motion in both directions: an offset acts at rest too, asymmetric friction only against motion";
     return i;
   }();
-  static S force(const JointStep<S>& in, const S* p) { return stop_within(in, p[0], p[1]); }
+  static S force(const JointStep<S>& in, const S* p) {
+    return dry_friction(in, [&](const S& way, const S&) { return select(way > S(0.0), p[0], p[1]); });
+  }
 };
 
 }  // namespace tiller

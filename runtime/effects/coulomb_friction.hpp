@@ -7,8 +7,7 @@ namespace tiller {
 
 /// Dry friction: at most `friction`, against the motion, and exactly what stops the joint where that suffices (true
 /// sticking: v becomes 0, not a small number). The alternative, friction * tanh(v / v0), creeps when it should stick
-/// and is unstable at 20 ms for any v0 small enough to look like dry friction. Same time-stepping as Moreau's:
-/// the force is the projection of the stopping impulse onto [-friction, friction].
+/// and is unstable at 20 ms for any v0 small enough to look like dry friction.
 template <class S>
 struct CoulombFriction {
   static constexpr bool inlined = true;
@@ -27,7 +26,9 @@ struct CoulombFriction {
     i.separation = "let the joint swing without drive: a dead zone is gone, dry friction stays";
     return i;
   }();
-  static S force(const JointStep<S>& in, const S* p) { return stop_within(in, p[0], p[0]); }
+  static S force(const JointStep<S>& in, const S* p) {
+    return dry_friction(in, [&](const S&, const S&) { return p[0]; });
+  }
 };
 
 }  // namespace tiller

@@ -26,7 +26,7 @@ struct LoadFriction {
   }();
   static S force(const JointStep<S>& in, const S* p) {
     const S level = p[0] * abs(in.drive);
-    return stop_within(in, level, level);
+    return dry_friction(in, [&](const S&, const S&) { return level; });
   }
 };
 

@@ -5,8 +5,8 @@
 
 namespace tiller {
 
-/// Dry friction that is larger at rest than in motion. The level is taken from the speed at the start of the step, so
-/// that the force stays the projection that stops exactly: bounded and stable at any step.
+/// Dry friction that is larger at rest than in motion: the level of the mean speed in the step, bounded and so stable at
+/// any step.
 template <class S>
 struct StribeckFriction {
   static constexpr Hook hook = Hook::dissipation;
@@ -28,8 +28,7 @@ struct StribeckFriction {
     return i;
   }();
   static S force(const JointStep<S>& in, const S* p) {
-    const S level = stribeck_level(in.velocity, p[0], p[1], p[2]);
-    return stop_within(in, level, level);
+    return dry_friction(in, [&](const S&, const S& speed) { return stribeck_level(speed, p[0], p[1], p[2]); });
   }
 };
 

@@ -40,10 +40,22 @@ struct LaneType<S, std::void_t<typename S::Lane>> {
 template <class S>
 using LaneOf = typename LaneType<S>::type;
 
-template <class Effect, class = void>
+/// Whether the kernel's loops have the effect's text in them: where it says so and the scalar carries no derivatives,
+/// whose arithmetic is long.
+template <class Effect, class L, class = void>
 struct InlinedEffect : std::false_type {};
-template <class Effect>
-struct InlinedEffect<Effect, std::void_t<decltype(Effect::inlined)>> : std::true_type {};
+template <class Effect, class L>
+struct InlinedEffect<Effect, L, std::void_t<decltype(Effect::inlined)>> {
+  template <class T>
+  static constexpr auto derived(int) -> decltype(T::directions > 0) {
+    return true;
+  }
+  template <class T>
+  static constexpr bool derived(...) {
+    return false;
+  }
+  static constexpr bool value = !derived<L>(0);
+};
 
 /// In the place of an effect's type: look it up by slot.kind.
 struct Called {};
@@ -62,7 +74,7 @@ __attribute__((noinline)) L called_force(std::uint32_t kind, const JointStep<L>&
   switch (kind) {
 #define TILLER_EFFECT(name, Type)                                                                                    \
   case tiller_effect_##name:                                                                                         \
-    if constexpr (!InlinedEffect<Type<L>>::value &&                                                                  \
+    if constexpr (!InlinedEffect<Type<L>, L>::value &&                                                               \
                   (Type<L>::hook == Hook::force || Type<L>::hook == Hook::drive || Type<L>::hook == Hook::elastic || \
                    Type<L>::hook == Hook::dissipation))                                                              \
       return joint_force<Type<L>>(in, state, p);                                                                     \
@@ -78,9 +90,10 @@ __attribute__((noinline)) L called_force(std::uint32_t kind, const JointStep<L>&
 template <class L>
 __attribute__((noinline)) L called_input(std::uint32_t kind, const InputStep<L>& in, L* state, const L* p) {
   switch (kind) {
-#define TILLER_EFFECT(name, Type)                                                                                      \
-  case tiller_effect_##name:                                                                                           \
-    if constexpr (!InlinedEffect<Type<L>>::value && Type<L>::hook == Hook::input) return Type<L>::apply(in, state, p); \
+#define TILLER_EFFECT(name, Type)                                                    \
+  case tiller_effect_##name:                                                         \
+    if constexpr (!InlinedEffect<Type<L>, L>::value && Type<L>::hook == Hook::input) \
+      return Type<L>::apply(in, state, p);                                           \
     break;
 #include "tiller/effects.def"
 #undef TILLER_EFFECT

@@ -138,12 +138,12 @@ struct Stepper {
       const EffectSlot& slot = slots[kList][e];
       bool called = true;
       switch (slot.kind) {
-#define TILLER_EFFECT(name, Type)                                                  \
-  case tiller_effect_##name:                                                       \
-    if constexpr (Type<Lane>::hook == kHook && InlinedEffect<Type<Lane>>::value) { \
-      visit(Type<Lane>{}, slot);                                                   \
-      called = false;                                                              \
-    }                                                                              \
+#define TILLER_EFFECT(name, Type)                                                        \
+  case tiller_effect_##name:                                                             \
+    if constexpr (Type<Lane>::hook == kHook && InlinedEffect<Type<Lane>, Lane>::value) { \
+      visit(Type<Lane>{}, slot);                                                         \
+      called = false;                                                                    \
+    }                                                                                    \
     break;
 #include "tiller/effects.def"
 #undef TILLER_EFFECT

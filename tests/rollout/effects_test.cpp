@@ -529,6 +529,40 @@ TEST(Sensor, EffectsComposeInTheirOrder) {
   EXPECT_NEAR(measurement_map(c, 0, params).state(2.75), 2.0, 1e-15);
 }
 
+// A torque that swings: the joint turns round several times, within steps. Against a reference at a microsecond.
+TEST(DryFriction, IsSecondOrderThroughReversals) {
+  const auto error = [](tiller_effect_kind_t kind, const std::vector<double>& params, std::uint32_t substeps) {
+    Rotor r;
+    r.config.substeps = substeps;
+    add_effect(r.config, kind, 0);
+    Batch<double> b = r.run(params, 1.0, 0.0, 100);
+    for (std::uint32_t k = 0; k < 100; ++k)
+      for (std::uint32_t l = 0; l < 16; ++l) b.controls[k * 16 + l] = 0.9 * std::sin(0.23 * k);
+    b.run(*r.config.model, select_rollout(*r.config.model));
+    double v = 1.0, worst = 0.0;
+    constexpr double kDt = 1e-6;
+    for (std::uint32_t k = 0; k < 100; ++k) {
+      for (int i = 0; i < 20000; ++i) {
+        const double free = v + kDt * 0.9 * std::sin(0.23 * k) / Rotor::kInertia;
+        const double ratio = params.size() > 2 ? v / params[2] : 0.0;
+        double level = params[0] + (params.size() > 2 ? params[1] * std::exp(-ratio * ratio) : 0.0);
+        if (kind == tiller_effect_asymmetric_friction && v < 0.0) level = params[1];
+        const double most = kDt * level / Rotor::kInertia;
+        v = std::abs(free) < most ? 0.0 : free - std::copysign(most, free);
+      }
+      worst = std::max(worst, std::abs(v - Rotor::rate(b, k + 1)));
+    }
+    return worst;
+  };
+  for (const auto& [kind, params] : {std::pair{tiller_effect_coulomb_friction, std::vector<double>{0.3}},
+                                     std::pair{tiller_effect_asymmetric_friction, std::vector<double>{0.3, 0.15}},
+                                     std::pair{tiller_effect_stribeck_friction, std::vector<double>{0.2, 0.2, 0.5}}}) {
+    // first order would be level dt / J = 0.019 at each of the reversals
+    EXPECT_LT(error(kind, params, 1), kind == tiller_effect_stribeck_friction ? 4e-3 : 1e-4) << effect_info(kind).name;
+    EXPECT_LT(error(kind, params, 4), kind == tiller_effect_stribeck_friction ? 4e-4 : 1e-4) << effect_info(kind).name;
+  }
+}
+
 TEST(ConstantOffset, AcceleratesSteadily) {
   Rotor r;
   add_effect(r.config, tiller_effect_constant_offset, 0);
