@@ -557,9 +557,10 @@ TEST(DryFriction, IsSecondOrderThroughReversals) {
   for (const auto& [kind, params] : {std::pair{tiller_effect_coulomb_friction, std::vector<double>{0.3}},
                                      std::pair{tiller_effect_asymmetric_friction, std::vector<double>{0.3, 0.15}},
                                      std::pair{tiller_effect_stribeck_friction, std::vector<double>{0.2, 0.2, 0.5}}}) {
-    // first order would be level dt / J = 0.019 at each of the reversals
-    EXPECT_LT(error(kind, params, 1), kind == tiller_effect_stribeck_friction ? 4e-3 : 1e-4) << effect_info(kind).name;
-    EXPECT_LT(error(kind, params, 4), kind == tiller_effect_stribeck_friction ? 4e-4 : 1e-4) << effect_info(kind).name;
+    // first order would be level dt / J = 0.019 at each of the reversals; the reference itself is good to 1e-6
+    const bool bends = kind == tiller_effect_stribeck_friction;
+    EXPECT_LT(error(kind, params, 1), bends ? 1e-3 : 1e-5) << effect_info(kind).name;
+    EXPECT_LT(error(kind, params, 4), bends ? 6e-5 : 1e-5) << effect_info(kind).name;
   }
 }
 
