@@ -13,6 +13,7 @@
 #include "hidden_pendulum.hpp"
 #include "posterior/prior.hpp"
 #include "tools/gap/prediction_error.hpp"
+#include "tools/gap/residual_writer.hpp"
 #include "tools/grid_rollout.hpp"
 
 namespace tiller::tools::gap {
@@ -222,6 +223,29 @@ TEST(Fallback, RobotFileAndPosteriorFileHoldIt) {
       << problems.front();
   ASSERT_TRUE(take_prior(read, "p.json", *robot, problems)) << problems.front();
   EXPECT_EQ(robot->config.prior_mixture->dimension, c.fit.at.size());
+}
+
+// A robot file goes in, one with the effect comes out: its comments kept, its noise raised, its prior readable.
+TEST(Fallback, OffersARobotFile) {
+  const hidden::Setup setup;
+  const std::vector<Grid> logs = hidden::logs(setup, hidden::spring_q2, 3, 31);
+  const std::string text =
+      "# my pendulum\n[robot]\nname = \"p\"\n[model]\nname = \"pendulum\"\nperiod_s = 0.01\n[parameters]\n"
+      "mass_kg = { normal = [0.5, 0.025], low = 0 } # weighed\nlength_m = 0.5\ndamping_Nms = 0.02\n"
+      "[noise]\nprocess_sd = { rate_rad_s = 0.001 }\n"
+      "[measurement]\nangle_rad = { sd = 0.0003 }\n[limits]\ntorque_Nm = { low = -5, high = 5, safe = 0 }\n";
+  ResidualOffer offer;
+  std::string error;
+  ASSERT_TRUE(offer_residual(text, "p.toml", logs, 10.0, offer, error)) << error;
+  EXPECT_NE(offer.text.find("# my pendulum"), std::string::npos);
+  EXPECT_NE(offer.text.find("# weighed"), std::string::npos);
+  const auto robot = parse_robot_file(offer.text, "p.toml", error);
+  ASSERT_TRUE(robot) << error;
+  EXPECT_GT(robot->config.process_sd[1], 0.01);
+  EXPECT_EQ(offer.posterior.params.size(), 10u);
+  // and where nothing is missing nothing is offered
+  EXPECT_FALSE(offer_residual(text, "p.toml", hidden::logs(setup, hidden::nothing, 3, 31), 10.0, offer, error));
+  EXPECT_NE(error.find("nats"), std::string::npos);
 }
 
 TEST(Fallback, SaysWhatItCannotDo) {
