@@ -32,6 +32,8 @@ SETTINGS = {"window": {"0.0003": 15, "0.002": 25, "0.01": 41}, "stlsq": 0.15, "a
             "nothing": 0.03}
 TEST_FUNCTION_S, STRIDE_S = 0.6, 0.1
 MOST_TERMS = 4
+MASS_BOUND = 0.07   # share by which the nominal masses may be off, and a little
+LEAST_SHARE = 0.3   # of a term that the nominal parameters' directions must leave
 GRAVITY = 9.81
 
 
@@ -154,7 +156,8 @@ def terms_of(world, joint, q, v, a, u, du, scan):
     if turns:
         terms[("tilt", "")] = np.cos(q[0] + q[1]) if world.model == "two_link_arm" and joint == 1 else np.cos(x)
         terms[("sensor_scale", "")] = x * np.cos(x)
-        terms[("payload", "")] = np.sin(x)
+        if world.model != "pendulum":  # there it is the mass itself
+            terms[("payload", "")] = np.sin(x)
     drive = world.drives[joint]
     if drive is not None:
         f = u[drive]
@@ -202,33 +205,37 @@ class Problem:
             scan[key] = min(choices, key=lambda c, k=key, n=names: self.misfit(dict(scan, **{k: c}), n))
         self.names, self.fit, self.held = self.rows(scan)
 
-    def columns(self, index, scan):
-        terms = terms_of(self.world, self.joint, *self.motions[index], scan)
-        rows = np.vstack([self.force[index][None], self.free[index], np.array(list(terms.values()))])
-        return list(terms), weak(rows, self.world.period)
-
     def rows(self, scan):
-        """Names, then (y, columns) to fit and held out; free directions projected out by their fit on the former."""
+        """Names, then (y, columns) to fit and held out, less what the uncertain parameters' directions explain. Terms of
+        which they leave nearly nothing go: what is left is the noise of the accelerations, and y has the same."""
         names, parts = None, []
-        for i in range(len(self.motions)):
-            names, block = self.columns(i, scan)
-            parts.append(block)
+        for motions, force, free in zip(self.motions, self.force, self.free):
+            terms = terms_of(self.world, self.joint, *motions, scan)
+            names = list(terms)
+            parts.append(weak(np.vstack([free, force[None], np.array(list(terms.values()))]), self.world.period))
         held = max(1, len(parts) // 3)
+        n = len(self.world.uncertain)
         fit, test = np.hstack(parts[:-held]), np.hstack(parts[-held:])
-        n = 1 + len(self.world.uncertain)
-        if n > 1:
-            # the parameters are known to some per cent: a ridge of that size keeps them from doing the effect's work
-            free, size = fit[1:n], np.sqrt((fit[0] ** 2).mean()) + 1e-12
-            gram = free @ free.T + np.eye(n - 1) * (0.1 * size / 0.05) ** 2
-            rest = np.delete(np.arange(fit.shape[0]), np.arange(1, n))
-            share = np.linalg.solve(gram, free @ fit[rest].T)
-            test = test[rest] - share.T @ test[1:n]
-            fit = fit[rest] - share.T @ free
-        return names, fit, test
+        before = (fit[n:] ** 2).mean(axis=1)
+        if n:
+            # known to some per cent: a ridge of that size keeps them from doing an effect's work
+            gram = fit[:n] @ fit[:n].T
+            share = np.linalg.solve(gram + np.eye(n) * (fit[n] ** 2).mean() / 0.03 ** 2, fit[:n] @ fit[n:].T)
+            alone = np.linalg.lstsq(fit[:n].T, fit[n:].T, rcond=None)[0]
+            left = ((fit[n:] - alone.T @ fit[:n]) ** 2).mean(axis=1)
+            self.moved = float(np.abs(share[:, 0]).max())
+            fit, test = fit[n:] - share.T @ fit[:n], test[n:] - share.T @ test[:n]
+        else:
+            left, self.moved = before, 0.0
+        keep = [i for i in range(len(names)) if left[i + 1] > LEAST_SHARE ** 2 * before[i + 1] > 0]
+        rows = [0] + [i + 1 for i in keep]
+        return [names[i] for i in keep], fit[rows], test[rows]
 
     def misfit(self, scan, effects):
         names, fit, _ = self.rows(scan)
         keep = [i + 1 for i, n in enumerate(names) if n[0] in effects]
+        if not keep:
+            return (fit[0] ** 2).sum()
         columns = fit[keep].T
         weights = np.linalg.lstsq(columns, fit[0], rcond=None)[0]
         return ((fit[0] - columns @ weights) ** 2).sum()
@@ -240,8 +247,12 @@ class Problem:
         return (self.fit[1:] / size[:, None]).T, self.fit[0] / force, (self.held[1:] / size[:, None]).T, self.held[0] / force
 
 
-def effects_of(names, chosen):
-    found = {names[i][0] for i in chosen}
+def effects_of(problem, chosen):
+    """Names behind the chosen columns."""
+    found = {problem.names[i][0] for i in chosen}
+    if problem.moved > MASS_BOUND and problem.world.drives[problem.joint] is not None and not found:
+        # masses far beyond their bounds are a weight at the bob, or a motor's gain
+        return {"payload" if problem.world.model == "pendulum" else "actuator_gain"}
     if "stribeck_friction" in found:
         found.discard("coulomb_friction")
     if {"coulomb_friction", "constant_offset"} <= found and len(found) == 2:
@@ -293,7 +304,7 @@ def answers(folder, methods, settings):
     for joint in range(len(world.positions)):
         problem = Problem(world, joint, settings)
         for method in methods:
-            found[method] |= effects_of(problem.names, METHODS[method](problem, settings))
+            found[method] |= effects_of(problem, METHODS[method](problem, settings))
     return {m: sorted(f) for m, f in found.items()}
 
 
