@@ -451,7 +451,8 @@ bool fit_residual(const tiller_config_t& config, const std::vector<Grid>& grids,
     }
     if (pass == 0) force_sd = r.choose_force_sd(kNoiseLow * typical, kNoiseHigh * typical);
   }
-  fit.log_evidence = r.evidence(r.sums_, r.z_);
+  // the best of several widths stands for all of them
+  fit.log_evidence = r.evidence(r.sums_, r.z_) - std::log(static_cast<double>(scales_of(travel, is_angle).size()));
   fit.evidence_nats = fit.log_evidence - nominal;
   fit.after_sigma = std::sqrt(r.sums_.squared / r.sums_.count);
   Vector without = r.z_;
