@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "effects/effect_info.hpp"
+#include "rollout/measurement.hpp"
 
 namespace tiller::tools::gap {
 namespace {
@@ -24,6 +25,11 @@ double width(const tiller_prior_t& prior) {
 double upper_bound(std::uint32_t kind, const EffectParam& param, const tiller_config_t& config) {
   if (kind == tiller_effect_input_delay) return std::min(param.high, TILLER_MAX_DELAY_STEPS * config.period_s);
   return param.high;
+}
+
+// Where 0 means off, what is next to it is a machine that stands still.
+double lower_bound(std::uint32_t kind, const EffectParam& param, double scale) {
+  return kind == tiller_effect_saturation || kind == tiller_effect_rate_limit ? 0.02 * scale : param.low;
 }
 
 }  // namespace
@@ -49,7 +55,11 @@ bool make_hypothesis(const tiller_config_t& nominal, const std::vector<EffectAt>
     for (int i = 0; i < info.param_count; ++i) {
       const EffectParam& param = info.params[i];
       const double scale = scales ? scale_of(*scales, *nominal.model, effect.kind, effect.port, i) : 1.0;
-      FreeParam f{out.config.param_count, param.low, upper_bound(effect.kind, param, nominal), scale, {}};
+      FreeParam f{out.config.param_count,
+                  lower_bound(effect.kind, param, scale),
+                  upper_bound(effect.kind, param, nominal),
+                  scale,
+                  {}};
       if (param.scale == Scale::pitch && scales) {
         const std::uint32_t j = joint_of(*nominal.model, effect.kind, effect.port);
         if (j >= nominal.model->joint_count) return false;
@@ -61,6 +71,7 @@ bool make_hypothesis(const tiller_config_t& nominal, const std::vector<EffectAt>
       out.free.push_back(f);
     }
   }
+  out.sensors = has_sensor_effects(out.config);
   return make_step_setup(out.config, out.setup) == tiller_status_ok;
 }
 

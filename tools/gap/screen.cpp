@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "effects/effect_info.hpp"
+#include "tools/gap/pitch_scan.hpp"
 #include "tools/gap/thresholds.hpp"
 
 namespace tiller::tools::gap {
@@ -13,15 +14,8 @@ bool has(const std::vector<EffectAt>& effects, const EffectAt& e) {
   return std::find(effects.begin(), effects.end(), e) != effects.end();
 }
 
-// Pitches evenly in the logarithm between a few periods of motion and the whole excursion.
-std::vector<double> pitches(const Session& s, const EffectAt& e, const EffectParam& param) {
-  const std::uint32_t j = joint_of(*s.config.model, e.kind, e.port);
-  if (j >= s.config.model->joint_count) return {};
-  const double low = param.low > 0 ? param.low : 4 * s.scales.joint[j].step;
-  const double high = std::isfinite(param.high) ? param.high : std::max(2 * low, s.scales.joint[j].range);
-  std::vector<double> values;
-  for (int i = 0; i < kPitches; ++i) values.push_back(low * std::pow(high / low, (i + 0.5) / kPitches));
-  return values;
+bool has_pitch(const EffectInfo& info) {
+  return info.param_count > 2 && info.params[info.param_count - 1].scale == Scale::pitch;
 }
 
 }  // namespace
@@ -32,18 +26,13 @@ std::vector<std::vector<double>> starts_of(const Session& s, const EffectAt& e) 
   for (int i = 0; i < info.param_count; ++i) {
     const EffectParam& param = info.params[i];
     std::vector<double> values;
-    if (param.scale == Scale::pitch) {
-      values = pitches(s, e, param);
-    } else {
-      const double scale = scale_of(s.scales, *s.config.model, e.kind, e.port, i);
-      for (int k = 0; k < std::max(1, param.start_count); ++k)
-        values.push_back(std::clamp((param.start_count > 0 ? param.start[k] : 0.0) * scale, param.low, param.high));
-    }
-    const std::size_t most = param.scale == Scale::pitch ? std::size_t{kPitches} : std::size_t{kMostStarts};
+    const double scale = scale_of(s.scales, *s.config.model, e.kind, e.port, i);
+    for (int k = 0; k < std::max(1, param.start_count); ++k)
+      values.push_back(std::clamp((param.start_count > 0 ? param.start[k] : 0.0) * scale, param.low, param.high));
     std::vector<std::vector<double>> next;
     for (const auto& start : starts)
       for (const double v : values) {
-        if (next.size() >= most) break;
+        if (next.size() >= std::size_t{kMostStarts}) break;
         next.push_back(start);
         next.back().push_back(v);
       }
@@ -67,7 +56,9 @@ std::vector<Entry> screen(Session& s, const Entry& base, std::size_t keep) {
     if (!make_hypothesis(s.config, effects, &s.scales, entry.hypothesis)) continue;
     entry.hypothesis.setup.substeps = s.coarse_substeps;
     bool any = false;
-    for (const std::vector<double>& start : starts_of(s, e)) {
+    const std::vector<std::vector<double>> starts =
+        has_pitch(effect_info(e.kind)) ? scan_pitches(s, base, e, kPitchStarts) : starts_of(s, e);
+    for (const std::vector<double>& start : starts) {
       std::vector<double> params = base.fit.params;
       params.insert(params.end(), start.begin(), start.end());
       Fit fit = s.shooting->begin(entry.hypothesis, params, &base.fit);

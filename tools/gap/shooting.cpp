@@ -8,7 +8,6 @@
 namespace tiller::tools::gap {
 namespace {
 
-constexpr std::uint32_t kMostColumns = TILLER_MAX_STATES + TILLER_MAX_PARAMS + 1;
 constexpr double kRescueSquares = 1.3;  // a value's: windows that leave more are started anew
 constexpr int kRescues = 3;
 constexpr double kIrrational[4] = {0.41421356237309515, 0.7320508075688772, 0.23606797749978969, 0.6457513110645906};
@@ -60,6 +59,7 @@ Shooting::Shooting(const WindowData& data, const std::vector<Window>& windows, c
                    const Scales& scales)
     : data_(data),
       windows_(windows),
+      config_(config),
       model_(*config.model),
       scales_(scales),
       nx_(config.model->state_count),
@@ -78,6 +78,7 @@ Shooting::Shooting(const WindowData& data, const std::vector<Window>& windows, c
   std::size_t most = 0;
   for (const Window& w : windows) most = std::max<std::size_t>(most, w.points);
   rows_.resize(most * ny_ * kLanes);
+  std::copy_n(config.measured_state, ny_, measured_);
   columns_.resize(most * ny_ * (kMostColumns + 1));
   gram_.resize(windows.size() * kMostColumns * kMostColumns);
 }

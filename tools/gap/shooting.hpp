@@ -51,13 +51,30 @@ class Shooting {
   const double* predict(const Hypothesis& hypothesis, const Fit& fit, std::size_t index);
   /// Whitened residuals (points * ny) of a window, into `out`.
   void residuals(const Hypothesis& hypothesis, const Fit& fit, std::size_t index, std::vector<double>& out);
+  /// Makes ready for force_response() in a window: the system linearised along the fit's path, for forces at `joint`.
+  bool open_response(const Hypothesis& hypothesis, const Fit& fit, std::size_t index, std::uint32_t joint);
+  /// What forces of sixteen kinds would do to the window's measurements: force(k, position, out (lanes)) is called for
+  /// every period. Whitened, start state projected out.
+  template <class Force>
+  void force_response(std::size_t index, const Force& force) {
+    const std::size_t points = windows_[index].points;
+    begin_response();
+    for (std::size_t k = 0; k + 1 < points; ++k) {
+      double f[kLanes] = {};
+      force(k, response_position_[k], f);
+      step_response(index, k, f);
+    }
+    end_response(index);
+  }
+  /// (lanes x lanes) of the responses' products, then (lanes) with the residual; until the next response.
+  const double* response_products() const { return products_.data(); }
   std::size_t values(std::size_t index) const { return whitening_.values(index); }
   std::size_t bytes() const;
   double rollouts() const { return rollouts_; }  ///< windows rolled out so far
 
  private:
   static constexpr std::uint32_t kLanes = WindowRollout::kLanes;
-  struct Block;  // a window's normal equations, start state eliminated
+  static constexpr std::uint32_t kMostColumns = TILLER_MAX_STATES + TILLER_MAX_PARAMS + 1;
   void linearise(const Hypothesis& h, const std::vector<std::size_t>& which, const Fit& fit, bool params);
   void differentiate(const Hypothesis& h, std::size_t index, const Fit& fit, bool params);
   double try_steps(const Hypothesis& h, const std::vector<std::size_t>& which, const std::vector<double>& step,
@@ -69,11 +86,17 @@ class Shooting {
              std::vector<double>& step);
   const double* residual_lanes(const Window& w, std::size_t index);
 
+  void begin_response();
+  void step_response(std::size_t index, std::size_t k, const double* force);
+  void end_response(std::size_t index);
+
   const WindowData& data_;
   const std::vector<Window>& windows_;
+  const tiller_config_t& config_;
   const tiller_model_t& model_;
   const Scales& scales_;
   std::uint32_t nx_, ny_;
+  std::uint8_t measured_[TILLER_MAX_MEASUREMENTS];
   WindowRollout rollout_;
   Whitening whitening_;
   std::vector<double> rows_;     // (points * ny x lanes)
@@ -81,6 +104,8 @@ class Shooting {
   std::vector<double> gram_;     // per window (columns x columns)
   std::uint32_t stride_ = 0;     // columns of the last linearisation: start state, parameters, residual
   double rollouts_ = 0;
+  // of the response: (points x nx x nx), (points x nx), (points), (nx x lanes), (lanes + 1) x lanes
+  std::vector<double> response_a_, response_b_, response_position_, deviation_, products_;
 };
 
 }  // namespace tiller::tools::gap

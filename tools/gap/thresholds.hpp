@@ -13,7 +13,9 @@ constexpr double kTestShare = 0.15;         // of the windows, kept for the proo
 constexpr double kLeast_s = 4.0;            // of windows: with less nothing is decided
 
 // ---- screen --------------------------------------------------------------------------------------
-constexpr int kPitches = 24;                // of a scan
+constexpr double kPitchStep = 0.3;          // periods over the whole excursion between the pitches of a scan
+constexpr std::size_t kMostPitches = 400;   // of a scan
+constexpr std::size_t kPitchStarts = 4;     // peaks of a scan that are fitted
 constexpr std::size_t kScreenWindows = 12;  // of the working windows, evenly
 constexpr int kMostStarts = 8;              // of an effect at a port
 constexpr std::size_t kKeep = 8;            // candidates that are fitted fully

@@ -150,7 +150,8 @@ void conclude(Session& s, const Found& found, const std::vector<std::string>& pa
   bool one_answer = true;
   for (const std::size_t i : found.ambiguity) {
     set.push_back(&found.entries[i]);
-    one_answer = one_answer && same_by_structure(best.effects(), found.entries[i].effects());
+    one_answer = one_answer && (i == found.best || (same_by_structure(best.effects(), found.entries[i].effects()) &&
+                                                    difference_sigma(s, best, found.entries[i]) < kEquivalent_sigma));
   }
   if (set.size() > 1) result.separation = separations(s, set);
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "effects/effect_info.hpp"
+#include "rollout/measurement.hpp"
 
 namespace tiller::tools::gap {
 
@@ -34,7 +35,7 @@ void WindowRollout::run_in(const Window& w) {
   const std::uint32_t nu = model_.input_count;
   std::fill(effect_states_.begin(), effect_states_.end(), 0.0);
   for (std::uint32_t e = 0; e < setup.effect_count; ++e)
-    if (setup.effects[e].kind == tiller_effect_actuator_lag)
+    if (setup.effects[e].kind == tiller_effect_actuator_lag || setup.effects[e].kind == tiller_effect_rate_limit)
       std::fill_n(effect_states_.begin() + setup.effects[e].state * kLanes, kLanes,
                   data_.controls[w.grid][(start > 0 ? start - 1 : 0) * nu + setup.effects[e].port]);
   if (w.run_in_steps == 0) return;
@@ -51,6 +52,20 @@ void WindowRollout::run_in(const Window& w) {
   job.final_effect_state = final_effect_states_.data();
   table_.rollout_f64(model_, job);
   effect_states_.swap(final_effect_states_);
+}
+
+// What the sensors make of the states, lane by lane.
+void WindowRollout::read_sensors(const Window& w) {
+  const std::uint32_t ny = hypothesis_->config.measurement_count;
+  for (std::uint32_t i = 0; i < ny; ++i)
+    for (std::uint32_t l = 0; l < kLanes; ++l) {
+      const MeasurementMap map =
+          measurement_map(hypothesis_->config, hypothesis_->config.measured_state[i], params_.data() + l, kLanes);
+      for (std::size_t k = 0; k < w.points; ++k) {
+        double& value = predicted_[(k * ny + i) * kLanes + l];
+        value = map.of(value);
+      }
+    }
 }
 
 const double* WindowRollout::run(const Window& w) {
@@ -73,6 +88,7 @@ const double* WindowRollout::run(const Window& w) {
     for (std::uint32_t i = 0; i < ny; ++i)
       std::copy_n(trajectory_.data() + (k * nx + hypothesis_->config.measured_state[i]) * kLanes, kLanes,
                   predicted_.data() + (k * ny + i) * kLanes);
+  if (hypothesis_->sensors) read_sensors(w);
   return predicted_.data();
 }
 

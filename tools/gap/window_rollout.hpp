@@ -27,6 +27,7 @@ class WindowRollout {
  private:
   const double* history(const Window& window, std::size_t start);
   void run_in(const Window& window);
+  void read_sensors(const Window& window);
 
   const WindowData& data_;
   const tiller_model_t& model_;
