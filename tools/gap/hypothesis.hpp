@@ -23,7 +23,7 @@ struct Hypothesis {
   StepSetup setup;
   std::vector<EffectAt> added;
   std::vector<FreeParam> free;   ///< the model's inferred ones, then all of the added effects'
-  bool sensors = false;         ///< an effect changes what is measured
+  bool sensors = false;          ///< an effect changes what is measured
   std::uint32_t own_params = 0;  ///< parameters of the robot file's own model and effects
 };
 

@@ -14,6 +14,21 @@ bool has(const std::vector<EffectAt>& effects, const EffectAt& e) {
   return std::find(effects.begin(), effects.end(), e) != effects.end();
 }
 
+// Parameters that at zero take the effect away.
+bool is_strength(Scale scale) {
+  switch (scale) {
+    case Scale::force:
+    case Scale::force_per_velocity:
+    case Scale::force_per_velocity2:
+    case Scale::force_per_position:
+    case Scale::force_per_position3:
+    case Scale::mass:
+    case Scale::inertia:
+    case Scale::none: return true;
+    default: return false;
+  }
+}
+
 bool has_pitch(const EffectInfo& info) {
   return info.param_count > 2 && info.params[info.param_count - 1].scale == Scale::pitch;
 }
@@ -38,6 +53,14 @@ std::vector<std::vector<double>> starts_of(const Session& s, const EffectAt& e) 
       }
     starts = std::move(next);
   }
+  // and one near nothing, from where the slope is that of the model that is there
+  std::vector<double> small = starts.front();
+  for (int i = 0; i < info.param_count; ++i)
+    if (is_strength(info.params[i].scale)) small[static_cast<std::size_t>(i)] *= kSmallStart;
+  if (small != starts.front()) starts.push_back(small);
+  // what limits does less the larger it is
+  if (e.kind == tiller_effect_saturation || e.kind == tiller_effect_rate_limit)
+    for (const double weaker : kWeakerLimits) starts.push_back({weaker * starts[1][0]});
   return starts;
 }
 

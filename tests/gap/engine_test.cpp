@@ -1,0 +1,125 @@
+// What is named and what is not, from logs of an integrator that is not the runtime's.
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+#include "effects/effect_info.hpp"
+#include "tests/gap/synthetic.hpp"
+#include "tools/gap/engine.hpp"
+
+namespace tiller::tools::gap {
+namespace {
+
+Synthetic pendulum(double noise_sd) {
+  Synthetic s;
+  s.amplitude = 0.8;
+  s.noise_sd = noise_sd;
+  return s;
+}
+
+Result run(const Synthetic& s, std::uint64_t seed, std::uint32_t max_effects = 2) {
+  tiller_config_t config = synthetic_config(s);
+  const double mass = s.params[0];
+  config.priors[0] = {tiller_prior_uniform, 0, 0, 0, 0.95 * mass, 1.05 * mass};
+  config.process_sd[s.model->joints[0].velocity] = s.process_sd;
+  if (s.encoder_step > 0) config.measurement_sd[0] = s.encoder_step / std::sqrt(12.0);
+  std::vector<std::string> names;
+  for (std::uint32_t i = 0; i < s.model->param_count; ++i) names.push_back(s.model->param_names[i]);
+  Options options;
+  options.max_effects = max_effects;
+  const Result result = find_gap_on(config, names, simulate_logs(s, 6, seed), {}, options);
+  std::printf("   %s\n", result.sentence.c_str());
+  return result;
+}
+
+// Names of the best explanation, in alphabetical order.
+std::vector<std::string> names_of(const Result& r) {
+  std::vector<std::string> names;
+  for (const EffectAt& e : r.ranking.front().effects) names.push_back(effect_info(e.kind).name);
+  std::sort(names.begin(), names.end());
+  return names;
+}
+using Names = std::vector<std::string>;
+
+TEST(Engine, NamesDryFriction) {
+  Synthetic s = pendulum(2e-3);
+  s.force = [](double, double v, double, double) { return -0.06 * std::tanh(v / 0.002); };
+  const Result r = run(s, 100001);
+  EXPECT_EQ(r.verdict, Verdict::named);
+  EXPECT_EQ(names_of(r), Names{"coulomb_friction"});
+  EXPECT_NEAR(r.ranking.front().params.back().mean, 0.06, 0.003);
+  EXPECT_LT(r.remaining_sigma, 1.1);
+  ASSERT_EQ(r.horizons.size(), 3u);
+  EXPECT_GT(r.horizons[1].before_sigma, 2 * r.horizons[1].after_sigma);
+}
+
+TEST(Engine, NamesADelay) {
+  Synthetic s = pendulum(2e-3);
+  s.delay_s = 0.025;
+  const Result r = run(s, 100002);
+  EXPECT_EQ(r.verdict, Verdict::named);
+  EXPECT_EQ(names_of(r), Names{"input_delay"});
+  EXPECT_NEAR(r.ranking.front().params.back().mean, 0.025, 0.002);
+}
+
+TEST(Engine, NamesCoggingWhoseTeethItHasToFind) {
+  Synthetic s = pendulum(2e-3);
+  s.force = [](double q, double, double, double) { return 0.12 * std::sin(11 * q + 0.4); };
+  const Result r = run(s, 100003);
+  EXPECT_EQ(r.verdict, Verdict::named);
+  EXPECT_EQ(names_of(r), Names{"cogging"});
+  EXPECT_NEAR(r.ranking.front().params.back().mean, 6.283185 / 11, 0.01);
+}
+
+TEST(Engine, NamesTwo) {
+  Synthetic s = pendulum(2e-3);
+  s.delay_s = 0.02;
+  s.force = [](double, double v, double, double) { return -0.06 * std::tanh(v / 0.002); };
+  const Result r = run(s, 100004);
+  EXPECT_EQ(r.verdict, Verdict::named);
+  EXPECT_EQ(names_of(r), (Names{"coulomb_friction", "input_delay"}));
+}
+
+TEST(Engine, NamesNothingWhereNothingIs) {
+  for (const std::uint64_t seed : {100010u, 100011u, 100012u}) {
+    Synthetic plain = pendulum(2e-3);
+    EXPECT_EQ(run(plain, seed).verdict, Verdict::no_gap);
+    Synthetic kicked = pendulum(2e-3);
+    kicked.process_sd = 0.05;
+    EXPECT_EQ(run(kicked, seed).verdict, Verdict::no_gap);
+    Synthetic coarse = pendulum(2e-3);
+    coarse.encoder_step = 5e-3;
+    EXPECT_EQ(run(coarse, seed).verdict, Verdict::no_gap);
+  }
+}
+
+// A push by the clock is in no catalogue: whatever comes nearest must not get a plain name.
+TEST(Engine, NeverNamesWhatItDoesNotKnow) {
+  Synthetic s = pendulum(2e-3);
+  s.force = [](double, double, double, double t) { return 0.1 * std::sin(7 * t * t); };
+  const Result r = run(s, 100005);
+  EXPECT_TRUE(r.verdict == Verdict::unnamed || r.verdict == Verdict::partly) << verdict_name(r.verdict);
+}
+
+TEST(Engine, SaysWhatIsMissingOfShortLogs) {
+  Synthetic s = pendulum(2e-3);
+  s.seconds = 0.4;
+  const Result r = run(s, 100006);
+  EXPECT_EQ(r.verdict, Verdict::unfit);
+  ASSERT_FALSE(r.reasons.empty());
+}
+
+TEST(Engine, GivesTheSameBitsAgain) {
+  Synthetic s = pendulum(1e-2);
+  s.force = [](double, double v, double, double) { return -0.05 * v; };
+  const Result a = run(s, 100007, 1), b = run(s, 100007, 1);
+  ASSERT_EQ(a.ranking.size(), b.ranking.size());
+  for (std::size_t i = 0; i < a.ranking.size(); ++i) {
+    EXPECT_EQ(a.ranking[i].gain_nats, b.ranking[i].gain_nats);
+    for (std::size_t k = 0; k < a.ranking[i].params.size(); ++k)
+      EXPECT_EQ(a.ranking[i].params[k].mean, b.ranking[i].params[k].mean);
+  }
+}
+
+}  // namespace
+}  // namespace tiller::tools::gap
