@@ -5,6 +5,7 @@
 
 #include "effects/effect_info.hpp"
 #include "rollout/measurement.hpp"
+#include "tools/gap/thresholds.hpp"
 
 namespace tiller::tools::gap {
 namespace {
@@ -21,15 +22,24 @@ double width(const tiller_prior_t& prior) {
   }
 }
 
-// A delay's bound is the longest that the runtime keeps commands for; other bounds are the effect's own.
-double upper_bound(std::uint32_t kind, const EffectParam& param, const tiller_config_t& config) {
-  if (kind == tiller_effect_input_delay) return std::min(param.high, TILLER_MAX_DELAY_STEPS * config.period_s);
-  return param.high;
-}
-
-// Where 0 means off, what is next to it is a machine that stands still.
-double lower_bound(std::uint32_t kind, const EffectParam& param, double scale) {
-  return kind == tiller_effect_saturation || kind == tiller_effect_rate_limit ? 0.02 * scale : param.low;
+// Bounds of a fit: the effect's own, and where they are infinite what would be another machine. A shape's magnitude
+// (a velocity, a distance) stays where the data have something to say of it.
+void bound(std::uint32_t kind, const EffectParam& param, const tiller_config_t& config, FreeParam& f) {
+  f.low = param.low;
+  f.high = param.high;
+  // a delay's bound is the longest that the runtime keeps commands for
+  if (kind == tiller_effect_input_delay) f.high = std::min(param.high, TILLER_MAX_DELAY_STEPS * config.period_s);
+  // where 0 means off, what is next to it is a machine that stands still
+  if (kind == tiller_effect_saturation || kind == tiller_effect_rate_limit) f.low = 0.02 * f.scale;
+  if (param.scale == Scale::velocity) {
+    f.low = std::max(f.low, kLeastShape * f.scale);
+    f.high = std::min(f.high, kMostShape * f.scale);
+  }
+  if (is_strength(param.scale)) {
+    const double most = kMostStrength * f.scale;
+    f.low = std::max(f.low, -most);
+    f.high = std::min(f.high, most);
+  }
 }
 
 }  // namespace

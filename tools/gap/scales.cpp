@@ -135,6 +135,20 @@ Scales measure_scales(const WindowData& data, const std::vector<Window>& windows
   return s;
 }
 
+bool is_strength(Scale scale) {
+  switch (scale) {
+    case Scale::force:
+    case Scale::force_per_velocity:
+    case Scale::force_per_velocity2:
+    case Scale::force_per_position:
+    case Scale::force_per_position3:
+    case Scale::mass:
+    case Scale::inertia:
+    case Scale::none: return true;
+    default: return false;
+  }
+}
+
 double scale_of(const Scales& s, const tiller_model_t& model, std::uint32_t kind, std::uint32_t port, int param) {
   const EffectInfo& info = effect_info(kind);
   const std::uint32_t j = joint_of(model, kind, port);

@@ -28,6 +28,9 @@ Scales measure_scales(const WindowData& data, const std::vector<Window>& windows
 /// Magnitude of parameter `param` of an effect of `kind` at `port`.
 double scale_of(const Scales& scales, const tiller_model_t& model, std::uint32_t kind, std::uint32_t port, int param);
 
+/// Whether a parameter that goes with `scale` takes the effect away at zero; others are its shape.
+bool is_strength(Scale scale);
+
 /// Joint that an effect acts at, also through the input that drives it; joint_count for none.
 std::uint32_t joint_of(const tiller_model_t& model, std::uint32_t kind, std::uint32_t port);
 

@@ -14,23 +14,46 @@ bool has(const std::vector<EffectAt>& effects, const EffectAt& e) {
   return std::find(effects.begin(), effects.end(), e) != effects.end();
 }
 
-// Parameters that at zero take the effect away.
-bool is_strength(Scale scale) {
-  switch (scale) {
-    case Scale::force:
-    case Scale::force_per_velocity:
-    case Scale::force_per_velocity2:
-    case Scale::force_per_position:
-    case Scale::force_per_position3:
-    case Scale::mass:
-    case Scale::inertia:
-    case Scale::none: return true;
-    default: return false;
-  }
-}
-
 bool has_pitch(const EffectInfo& info) {
   return info.param_count > 2 && info.params[info.param_count - 1].scale == Scale::pitch;
+}
+
+// Other values of a shape's parameter: half and twice a pitch, the catalogue's starts of a velocity or a distance.
+std::vector<double> other_shapes(const Session& s, const EffectAt& e, int param, double now) {
+  const EffectParam& p = effect_info(e.kind).params[param];
+  if (p.scale == Scale::pitch) return {0.5 * now, 2 * now};
+  if (is_strength(p.scale) || p.scale == Scale::period || p.scale == Scale::input) return {};
+  std::vector<double> values;
+  const double scale = scale_of(s.scales, *s.config.model, e.kind, e.port, param);
+  for (int k = 0; k < p.start_count; ++k) values.push_back(p.start[k] * scale);
+  return values;
+}
+
+// Fits of shapes have more than one valley: from the end of the fit once more with each shape changed, strengths that
+// ran away back at their starts.
+void polish(Session& s, Entry& entry) {
+  std::size_t at = s.config.param_count;
+  for (const EffectAt& e : entry.effects()) {
+    const EffectInfo& info = effect_info(e.kind);
+    for (int i = 0; i < info.param_count; ++i)
+      for (const double value : other_shapes(s, e, i, entry.fit.params[at + static_cast<std::size_t>(i)])) {
+        if (s.stopped()) return;
+        Fit fit = entry.fit;
+        for (const FreeParam& f : entry.hypothesis.free) {
+          if (f.index < at || f.index >= at + static_cast<std::size_t>(info.param_count)) continue;
+          const int k = static_cast<int>(f.index - at);
+          double& v = fit.params[f.index];
+          const bool lost = std::fabs(v) > 0.5 * kMostStrength * f.scale || std::fabs(v) < 1e-3 * f.scale;
+          if (k != i && lost && is_strength(info.params[k].scale) && info.params[k].scale != Scale::none)
+            v = info.params[k].start[0] * f.scale;
+          if (k == i) v = std::clamp(value, f.low, f.high);
+        }
+        FitSettings settings;
+        s.shooting->fit(entry.hypothesis, s.work, settings, fit);
+        if (fit.finite && fit.total() < entry.fit.total() - 2) entry.fit = fit;
+      }
+    at += static_cast<std::size_t>(info.param_count);
+  }
 }
 
 }  // namespace
@@ -117,6 +140,12 @@ std::vector<Entry> screen(Session& s, const Entry& base, std::size_t keep) {
     entry.hypothesis.setup.substeps = s.config.substeps;
     s.shooting->fit(entry.hypothesis, s.work, full, entry.fit);
     entry.screened = base.fit.total() - entry.fit.total();
+  }
+  std::stable_sort(found.begin(), found.end(), better);
+  for (std::size_t i = 0; i < std::min(found.size(), kPolished) && !s.stopped(); ++i) {
+    const double before = found[i].fit.total();
+    polish(s, found[i]);
+    found[i].screened += before - found[i].fit.total();
   }
   std::stable_sort(found.begin(), found.end(), better);
   return found;

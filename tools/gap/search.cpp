@@ -79,6 +79,15 @@ struct Searcher {
     return lead;
   }
 
+  // A special case of it, or fewer parameters that foresee the same.
+  bool simpler_than(std::size_t simple, std::size_t rich) {
+    const Entry &a = found.entries[simple], &b = found.entries[rich];
+    if (nested(a, b, s.config)) return true;
+    return !a.effects().empty() && a.effects().size() <= b.effects().size() &&
+           a.hypothesis.free.size() < b.hypothesis.free.size() &&
+           !compare(s, b, a).significant(kRival_nats, kRival_z) && difference_sigma(s, a, b) < kEquivalent_sigma;
+  }
+
   // The leader, or the simplest of its special cases that the data do not tell from it.
   std::size_t choose() {
     std::size_t best = leader();
@@ -87,7 +96,7 @@ struct Searcher {
       std::size_t simpler = best;
       for (std::size_t i = 0; i < found.entries.size(); ++i) {
         const Entry& e = found.entries[i];
-        if (i == best || !nested(e, found.entries[best], s.config)) continue;
+        if (i == best || !simpler_than(i, best)) continue;
         if (worth(s, nominal(), found.entries[best], e)) continue;
         if (simpler == best || ranked_cost(s, e) < ranked_cost(s, found.entries[simpler])) simpler = i;
       }
@@ -163,6 +172,9 @@ struct Searcher {
       if (i == found.best || e.effects().size() > best.effects().size() || nested(best, e, s.config)) continue;
       const Comparison c = compare(s, best, e);
       if (c.significant(kRival_nats, kRival_z)) continue;
+      // the same predictions from more parameters: the simpler has the name
+      if (e.hypothesis.free.size() > best.hypothesis.free.size() && difference_sigma(s, best, e) < kEquivalent_sigma)
+        continue;
       if (share_of_gap(s, nominal(), best, e) > kRivalShare) continue;
       found.ambiguity.push_back(i);
     }

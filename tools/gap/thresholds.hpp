@@ -20,9 +20,13 @@ constexpr std::size_t kScreenWindows = 12;       // of the working windows, even
 constexpr int kMostStarts = 8;                   // of an effect at a port
 constexpr double kSmallStart = 0.05;             // of a start: one more that stays near the nominal path
 constexpr double kWeakerLimits[2] = {1.6, 2.5};  // further starts of limits, over the largest of the catalogue's
-constexpr std::size_t kKeep = 8;                 // candidates that are fitted fully
-constexpr std::size_t kKeepMore = 5;             // the same beside an effect that is there already
-constexpr std::size_t kBeam = 3;                 // sets that the next level begins from
+constexpr std::size_t kPolished = 3;             // of them, fitted again from other shapes
+constexpr double kMostStrength = 30;             // of a strength, over what is typical of the data
+constexpr double kLeastShape = 0.01;             // of a shape's velocity, over what is typical
+constexpr double kMostShape = 5;
+constexpr std::size_t kKeep = 8;      // candidates that are fitted fully
+constexpr std::size_t kKeepMore = 5;  // the same beside an effect that is there already
+constexpr std::size_t kBeam = 3;      // sets that the next level begins from
 
 // ---- decision ------------------------------------------------------------------------------------
 constexpr double kLeastClip_nats = 4;  // of a window's difference
