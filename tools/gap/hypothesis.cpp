@@ -65,11 +65,8 @@ bool make_hypothesis(const tiller_config_t& nominal, const std::vector<EffectAt>
     for (int i = 0; i < info.param_count; ++i) {
       const EffectParam& param = info.params[i];
       const double scale = scales ? scale_of(*scales, *nominal.model, effect.kind, effect.port, i) : 1.0;
-      FreeParam f{out.config.param_count,
-                  lower_bound(effect.kind, param, scale),
-                  upper_bound(effect.kind, param, nominal),
-                  scale,
-                  {}};
+      FreeParam f{out.config.param_count, 0, 0, scale, {}};
+      bound(effect.kind, param, nominal, f);
       if (param.scale == Scale::pitch && scales) {
         const std::uint32_t j = joint_of(*nominal.model, effect.kind, effect.port);
         if (j >= nominal.model->joint_count) return false;
