@@ -20,6 +20,14 @@ bool covers(const EffectAt& rich, const EffectAt& simple, int depth = 3) {
   return false;
 }
 
+bool lists(const EffectInfo& a, const char* name) {
+  for (const char* n : a.contains)
+    if (n && std::strcmp(n, name) == 0) return true;
+  for (const char* n : a.aliases)
+    if (n && std::strcmp(n, name) == 0) return true;
+  return false;
+}
+
 bool same_set(const std::vector<EffectAt>& a, const std::vector<EffectAt>& b) {
   if (a.size() != b.size()) return false;
   return std::all_of(a.begin(), a.end(),
@@ -162,6 +170,48 @@ struct Searcher {
     found.ambiguity.assign(1, found.best);
   }
 
+  // Sets in which one effect gives its place to a relation of its (a special case, a richer one, an alias) at the same
+  // joint: what stood beside another effect in the screen need not be the best beside this one.
+  void exchange(std::size_t index) {
+    const std::vector<EffectAt> effects = found.entries[index].effects();
+    const tiller_model_t& model = *s.config.model;
+    if (effects.size() < 2) return;
+    std::vector<Entry> others;
+    std::size_t at = s.config.param_count;
+    for (std::size_t i = 0; i < effects.size(); ++i) {
+      const EffectInfo& own = effect_info(effects[i].kind);
+      const auto count = static_cast<std::size_t>(own.param_count);
+      for (const EffectAt& e : s.candidates) {
+        const EffectInfo& info = effect_info(e.kind);
+        if (!(lists(own, info.name) || lists(info, own.name)) || s.stopped()) continue;
+        if (joint_of(model, e.kind, e.port) != joint_of(model, effects[i].kind, effects[i].port)) continue;
+        std::vector<EffectAt> set = effects;
+        set.erase(set.begin() + static_cast<std::ptrdiff_t>(i));
+        if (std::find(set.begin(), set.end(), e) != set.end()) continue;
+        set.push_back(e);
+        Entry entry;
+        if (known(set) || !make_hypothesis(s.config, set, &s.scales, entry.hypothesis)) continue;
+        std::vector<double> rest = found.entries[index].fit.params;
+        rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(at),
+                   rest.begin() + static_cast<std::ptrdiff_t>(at + count));
+        for (const std::vector<double>& start : starts_of(s, e)) {
+          std::vector<double> params = rest;
+          params.insert(params.end(), start.begin(), start.end());
+          Fit fit = s.shooting->begin(entry.hypothesis, params, &found.entries[index].fit);
+          FitSettings quick;
+          quick.iterations = 2;
+          s.shooting->fit(entry.hypothesis, s.screen, quick, fit);
+          if (fit.finite && (!entry.fit.finite || fit.total() < entry.fit.total())) entry.fit = fit;
+        }
+        if (!entry.fit.finite) continue;
+        s.shooting->fit(entry.hypothesis, s.work, {}, entry.fit);
+        others.push_back(std::move(entry));
+      }
+      at += count;
+    }
+    take(std::move(others));
+  }
+
   void ambiguous() {
     found.ambiguity.clear();
     if (found.best == 0) return;
@@ -231,6 +281,8 @@ Found search(Session& s) {
       for (const std::size_t i : searcher.beam(level - 1, kBeam))
         if (i != from && !s.stopped()) searcher.take(screen(s, searcher.found.entries[i], kKeepMore));
       s.dispersion = dispersion_of(s, searcher.found.entries[searcher.leader()]);
+      best = searcher.choose();
+      searcher.exchange(best);
       best = searcher.choose();
       searcher.prune(best);
       best = searcher.choose();
