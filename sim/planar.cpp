@@ -90,7 +90,7 @@ std::size_t PlanarMechanism::new_coordinate() {
   return q_.size() - 1;
 }
 
-void PlanarMechanism::put(const std::vector<double>& q, const std::vector<double>& v) {
+void PlanarMechanism::put(const std::vector<double>& q, const std::vector<double>& v) const {
   all_frames(q.data(), v.data(), frames_);
   for (std::size_t i = 0; i < parts_.size(); ++i) {
     const Frame& f = frames_[i];
@@ -141,6 +141,11 @@ void PlanarMechanism::read_state(double* out) const {
     out[i] = midpoint_ ? q_[i] : ode_joint(i).position();
     out[slots_.size() + i] = midpoint_ ? v_[i] : ode_joint(i).rate();
   }
+}
+
+double PlanarMechanism::energy_J() const {
+  if (midpoint_) put(q_, v_);  // the step left them halfway
+  return world_.energy_J(bodies_);
 }
 
 void PlanarMechanism::drive(const double* motor) {

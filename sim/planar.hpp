@@ -38,7 +38,7 @@ class PlanarMechanism : public Mechanism {
   bool set_midpoint(bool midpoint) override;
   void begin(double step_s) override;
   void step(double step_s) override;
-  double energy_J() const override { return world_.energy_J(bodies_); }
+  double energy_J() const override;
   Joint& joint(std::size_t index) override { return *joints_[index]; }
 
   bool tilt(double angle_rad) override;
@@ -90,7 +90,8 @@ class PlanarMechanism : public Mechanism {
   Joint& ode_joint(std::size_t slot) const;
   double ode_rate(std::size_t coordinate) const;
   void all_frames(const double* q, const double* v, std::vector<Frame>& out) const;
-  void put(const std::vector<double>& q, const std::vector<double>& v);
+  /// Moves ODE's bodies, and nothing of this object.
+  void put(const std::vector<double>& q, const std::vector<double>& v) const;
   void set_velocities(const std::vector<double>& v);
   void push_turning();
   void push_springs();
