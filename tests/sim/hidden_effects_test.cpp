@@ -38,8 +38,8 @@ std::vector<double> after(PlantOptions o, double force, double seconds, double v
 }
 
 TEST(StribeckFriction, BreaksAwayAtStictionAndSlidesAtLess) {
-  const auto o = axis("stribeck_friction", "",
-                      {{"friction_SI", 1.0}, {"stiction_extra_SI", 0.5}, {"stribeck_velocity_SI", 0.05}});
+  const auto o =
+      axis("stribeck_friction", "", {{"friction_SI", 1.0}, {"stiction_extra_SI", 0.5}, {"stribeck_velocity_SI", 0.05}});
   EXPECT_LT(std::fabs(after(o, 1.49, 3.0)[0]), 1e-9);
   // three deviations of the bell past 0.05 m/s only sliding friction is left: 0.6 m/s^2
   EXPECT_NEAR(after(o, 1.6, 3.0)[1] - after(o, 1.6, 2.0)[1], 0.6, 1e-6);
@@ -70,11 +70,9 @@ TEST(QuadraticDrag, SlowsDownAsAHyperbola) {
 }
 
 TEST(LugreFriction, IsASpringBeforeItSlides) {
-  const auto o = axis("lugre_friction", "",
-                      {{"friction_SI", 1.0},
-                       {"stiction_extra_SI", 0},
-                       {"stribeck_velocity_SI", 0.1},
-                       {"bristle_stiffness_SI", 400.0}});
+  const auto o = axis(
+      "lugre_friction", "",
+      {{"friction_SI", 1.0}, {"stiction_extra_SI", 0}, {"stribeck_velocity_SI", 0.1}, {"bristle_stiffness_SI", 400.0}});
   // 0.05 N against 400 N/m: an oscillation of 20 rad/s about 0.125 mm, whose highest point stands at half a period. The
   // bristles give way by up to a twentieth there, as 1 - deflection / longest says.
   const double top = after(o, 0.05, kPi / 20)[0];
@@ -111,9 +109,9 @@ TEST(Cogging, IsAPotentialOfItsPitch) {
 
 TEST(TorqueRipple, DoesTheWorkOfTheDriveTimesItsHarmonics) {
   const double c = 0.2, s = -0.1, c2 = 0.05, s2 = 0.1, pitch = 0.2, u = 2.0, w = 2 * kPi / pitch;
-  const auto x = after(axis("torque_ripple", "",
-                            {{"cosine", c}, {"sine", s}, {"cosine2", c2}, {"sine2", s2}, {"pitch_SI", pitch}}),
-                       u, 0.5);
+  const auto x = after(
+      axis("torque_ripple", "", {{"cosine", c}, {"sine", s}, {"cosine2", c2}, {"sine2", s2}, {"pitch_SI", pitch}}), u,
+      0.5);
   const double q = x[0];
   const double path = q + (c * std::sin(w * q) - s * (std::cos(w * q) - 1)) / w +
                       (c2 * std::sin(2 * w * q) - s2 * (std::cos(2 * w * q) - 1)) / (2 * w);
@@ -211,8 +209,8 @@ TEST(Backlash, OnAHingeToo) {
 }
 
 TEST(Sensors, ShowWhatTheyWereTold) {
-  for (const auto& [kind, name, shown] : {std::tuple("sensor_bias", "bias_SI", 0.3 + 0.1),
-                                          std::tuple("sensor_scale", "scale_error", 0.3 * 1.1)}) {
+  for (const auto& [kind, name, shown] :
+       {std::tuple("sensor_bias", "bias_SI", 0.3 + 0.1), std::tuple("sensor_scale", "scale_error", 0.3 * 1.1)}) {
     PlantOptions o = axis(kind, "position_m", {{name, 0.1}});
     o.initial_state["position_m"] = 0.3;
     auto plant = make(o);

@@ -26,7 +26,7 @@ void draw_wanted(CaseWanted& w) {
   if (kind < kinds.size()) w.kinds = {kinds[kind]};
   constexpr double kNoises[] = {3e-4, 2e-3, 1e-2};
   w.noise_sd = kNoises[draws.index(3)];
-  w.excitation = static_cast<Excitation>(draws.index(2));
+  w.excitation = static_cast<Excitation>(draws.index(3));
 }
 
 }  // namespace
