@@ -116,8 +116,8 @@ TEST(Worlds, APlannersCommandsAreWithinTheLimits) {
   ASSERT_NE(robot, nullptr) << errors;
   double most = 0;
   for (const double u : made->work[0].input[0]) most = std::max(most, std::fabs(u));
-  EXPECT_LE(most, robot->config.input_high[0]);
-  EXPECT_GT(most, 0.1 * robot->config.input_high[0]);
+  EXPECT_LE(most, robot->config.safety.input_high[0]);
+  EXPECT_GT(most, 0.1 * robot->config.safety.input_high[0]);
 }
 
 }  // namespace
