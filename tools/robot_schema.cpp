@@ -89,7 +89,7 @@ const std::vector<KeySpec> kKeys = {
 
     {"effects[]", "kind", K::choice, "", kRequired, 0, 0, false, hand, effect_names, "which effect"},
     {"effects[]", "port", K::text, "", kRequired, 0, 0, false, hand, nullptr,
-     "name of the joint (friction, offset) or of the input (lag, delay) on which it acts"},
+     "name of the joint, the input or the measured state on which it acts, by the kind; of the body: none"},
 
     {"body", "gravity_x_m_s2", K::number, "m/s^2", nullptr, -100, 100, false, AT(body.gravity_x_m_s2), nullptr,
      "along +x; not zero on a slope"},

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "effects/effect_info.hpp"
 #include "robot_text.hpp"
 #include "tools/effects_text.hpp"
 #include "tools/robot_help.hpp"
@@ -58,6 +59,29 @@ TEST(RobotFile, PriorsAndEffects) {
   EXPECT_EQ(c.effects[0].kind, static_cast<std::uint32_t>(tiller_effect_viscous_friction));
   EXPECT_EQ(c.effects[0].port, 0u);
   EXPECT_EQ(c.effects[1].kind, static_cast<std::uint32_t>(tiller_effect_actuator_lag));
+}
+
+// The body has one port, which needs no name; tails beyond what physics allows are cut.
+TEST(RobotFile, EffectsOfTheBodyAndOfSensors) {
+  std::string text = test::kGoodRobot, errors;
+  const std::string before = "[[effects]]\nkind = \"actuator_lag\"";
+  text.replace(text.find(before), 0,
+               "[[effects]]\nkind = \"tilt\"\nangle_rad = { normal = [0.0, 0.03] }\n"
+               "[[effects]]\nkind = \"sensor_bias\"\nport = \"angle_rad\"\nbias_SI = { uniform = [-0.1, 0.1] }\n");
+  const auto robot = parse_robot_file(text, "bench.toml", errors);
+  ASSERT_NE(robot, nullptr) << errors;
+  const tiller_config_t& c = robot->config;
+  ASSERT_EQ(c.effect_count, 4u);
+  EXPECT_EQ(c.effects[1].port, 0u);
+  EXPECT_EQ(c.effects[2].port, 1u);
+  EXPECT_EQ(robot->params[4], "body.angle_rad");
+  EXPECT_EQ(robot->params[5], "angle_rad.bias_SI");
+  EXPECT_EQ(c.priors[4].low, effect_info(tiller_effect_tilt).params[0].low);
+  EXPECT_EQ(c.priors[4].high, effect_info(tiller_effect_tilt).params[0].high);
+  // engines that take the measurement for the state refuse, and say so
+  text.replace(text.find("[posterior]\n"), 12, "[posterior]\nkind = \"transition\"\n");
+  EXPECT_EQ(parse_robot_file(text, "bench.toml", errors), nullptr);
+  EXPECT_NE(errors.find("no effect at a sensor"), std::string::npos) << errors;
 }
 
 TEST(RobotFile, SensorsLimitsAndPlanner) {

@@ -38,13 +38,14 @@ TransitionPosterior* TransitionPosterior::lay_out(Arena& arena, const tiller_con
 
 tiller_status_t TransitionPosterior::check(const tiller_config_t& config, const StepSetup& setup,
                                            const RolloutTable& table, const char** field) {
+  *field = "effects";
+  if (has_sensor_effects(config)) return tiller_status_bad_effect;
   std::uint32_t seen = 0;
   for (std::uint32_t k = 0; k < config.measurement_count; ++k) seen |= 1u << config.measured_state[k];
   *field = "measurement";
   if (config.measurement_count != config.model->state_count || seen != (1u << config.model->state_count) - 1u)
     return tiller_status_bad_posterior;
   *field = "effects";
-  if (has_sensor_effects(config)) return tiller_status_bad_effect;
   if (setup.effect_state_count > 0) return tiller_status_bad_posterior;
   *field = "model";
   if (!table.residual) return tiller_status_bad_posterior;
