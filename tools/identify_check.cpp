@@ -110,7 +110,7 @@ void hint_degrees(const Log& log, const LogMap& map, const tiller_model_t& model
     const double most = std::max(std::fabs(range.low), std::fabs(range.high));
     if (most > 45)
       warnings.push_back(log.path + ": column '" + column_of(map, model.state_names[i]) + "' reaches " +
-                         number_text(most) + " rad (" + format("%.1f", most / 6.2831853) +
+                         format("%.4g", most) + " rad (" + format("%.1f", most / 6.2831853) +
                          " turns); if these are degrees, write [log] units = { " + model.state_names[i] +
                          " = \"deg\" }");
   }
