@@ -86,7 +86,7 @@ NoiseEstimate estimate_noise(const std::vector<std::vector<double>>& readings) {
       known = std::isfinite(x[k]) ? known + 1 : 0;
       if (known < kBlock) continue;
       add_ordinates(x.data() + k + 1 - kBlock, tables, ordinates);
-      known = 0;
+      known = kBlock / 2;  // blocks overlap by half
     }
   }
   NoiseEstimate result;
