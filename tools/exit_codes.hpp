@@ -10,4 +10,11 @@ enum ExitCode : int {
   kExitSafe = 3            ///< the controller latched SAFE
 };
 
+/// `tiller gap` answers by its exit code: 0 to 3 are verdicts (gap/outputs.hpp), the rest is what else may happen.
+enum GapExitCode : int {
+  kExitGapUsage = 4,       ///< a wrong option, robot file or folder: nothing was looked at
+  kExitGapIncomplete = 5,  ///< a result could not be written
+  kExitInterrupted = 130   ///< Ctrl-C, as shells have it: what was done is kept
+};
+
 }  // namespace tiller::tools

@@ -16,7 +16,7 @@ constexpr const char* kFooter =
     "  tiller run my_robot.toml --sim       my controller against a stand-in plant, no hardware\n"
     "\n"
     "Exit codes: 0 done; 1 wrong input, nothing was moved; 2 done, but a log or report is incomplete;\n"
-    "3 the controller latched SAFE. Each command: tiller COMMAND --help";
+    "3 the controller latched SAFE; those of `tiller gap` are its verdict. Each command: tiller COMMAND --help";
 
 /// CLI11 only says that a command is required; a misspelt one deserves its nearest.
 bool is_misspelt(const CLI::App& app, int argc, char** argv) {
@@ -39,16 +39,17 @@ int main(int argc, char** argv) {
   app.footer(kFooter);
   app.require_subcommand(1);
   int exit_code = kExitOk;
-  for (const auto add : {add_demo_command, add_run_command, add_sim_command, add_identify_command, add_export_command,
-                         add_replay_command, add_check_command, add_models_command, add_effects_command,
-                         add_planners_command, add_help_command, add_version_command}) {
+  for (const auto add : {add_demo_command, add_run_command, add_sim_command, add_identify_command, add_gap_command,
+                         add_export_command, add_replay_command, add_check_command, add_models_command,
+                         add_effects_command, add_planners_command, add_help_command, add_version_command}) {
     add(app, exit_code);
   }
   if (is_misspelt(app, argc, argv)) return kExitBadInput;
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? kExitOk : kExitBadInput;
+    if (app.exit(error) == 0) return kExitOk;
+    return app.got_subcommand("gap") ? static_cast<int>(kExitGapUsage) : kExitBadInput;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "tiller: %s\n", error.what());
     return kExitBadInput;

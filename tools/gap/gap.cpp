@@ -5,7 +5,9 @@
 #include <ctime>
 
 #include "effects/effect_info.hpp"
+#include "tools/gap/data.hpp"
 #include "tools/gap/engine.hpp"
+#include "tools/gap/gate.hpp"
 #include "tools/gap/localise.hpp"
 #include "tools/gap/proof.hpp"
 #include "tools/gap/search.hpp"
@@ -91,6 +93,8 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
     s.windows.push_back(w);
   }
   index_windows(s);
+  gate(config, s.data.grids, result);
+  if (!result.reasons.empty()) return result;
   result.fit_windows = result.decide_windows = s.work.size();
   result.test_windows = s.test.size();
   result.data_s = s.data.data_s;
@@ -132,29 +136,20 @@ Result find_gap_in(const RobotFile& robot, const std::vector<Log>& logs, const s
 }
 
 Result find_gap(const RobotFile& robot, const Options& options) {
-  Result result;
-  std::vector<Log> logs[2];
-  std::vector<int> measured;
-  for (std::uint32_t i = 0; i < robot.config.measurement_count; ++i) measured.push_back(robot.config.measured_state[i]);
-  std::vector<std::string> warnings;
-  for (int part = 0; part < 2; ++part)
-    for (const std::string& path : part == 0 ? options.logs : options.hold_out) {
-      Log log;
-      std::string error;
-      if (!read_log(path, robot.log, *robot.model, measured, log, error) ||
-          !check_log(log, robot.log, *robot.model, robot.config.period_s, warnings, error)) {
-        result.reasons.push_back(error);
-        continue;
-      }
-      logs[part].push_back(std::move(log));
-    }
-  if (!result.reasons.empty()) {
-    result.notes = warnings;
-    result.sentence = "The logs cannot be used.";
-    return result;
+  Result loaded;
+  std::vector<Log> logs;
+  std::vector<Grid> grids[2];
+  std::string hash[2];
+  load_logs(robot, options.logs, logs, grids[0], &hash[0], loaded);
+  load_logs(robot, options.hold_out, logs, grids[1], &hash[1], loaded);
+  Result result = loaded;
+  if (loaded.reasons.empty()) {
+    result = find_gap_on(robot.config, robot.params, std::move(grids[0]), std::move(grids[1]), options);
+    result.notes.insert(result.notes.begin(), loaded.notes.begin(), loaded.notes.end());
   }
-  result = find_gap_in(robot, logs[0], logs[1], options);
-  result.notes.insert(result.notes.begin(), warnings.begin(), warnings.end());
+  if (!result.reasons.empty()) result.sentence = "The logs cannot be used.";
+  result.data_hash = options.hold_out.empty() ? hash[0] : hash[0] + " " + hash[1];
+  result.model_hash = hash_of_files({robot.path});
   return result;
 }
 

@@ -5,16 +5,16 @@
 #include <limits>
 #include <numeric>
 
-#include "posterior/prior.hpp"
+#include "tools/gap/hypothesis.hpp"
 #include "tools/gap/noise.hpp"
 #include "tools/gap/residual_force.hpp"
+#include "tools/gap/thresholds.hpp"
 #include "tools/text.hpp"
 
 namespace tiller::tools::gap {
 namespace {
 
-constexpr double kLeastData = 4.0;     // s in all: two windows of a second each to fit, to decide and to test, less one
-constexpr double kLeastStretch = 1.2;  // s that a stretch must last to hold a window
+constexpr double kLeastStretch = 1.2;   // s that a stretch must last to hold a window
 constexpr double kLeastMovement = 5.0;  // a channel's standard deviation over its noise
 constexpr double kMostNoise = 10.0, kOddNoise = 2.0, kLittleNoise = 0.2;  // ratios to the robot file's
 constexpr double kMostMissing = 0.5;                                      // share of a channel's readings
@@ -32,10 +32,10 @@ void check_amount(const std::vector<Grid>& grids, Result& result) {
   for (const Grid& grid : grids)
     if (length_s(grid) >= kLeastStretch) all += length_s(grid);
   result.data_s = all;
-  if (all >= kLeastData) return;
+  if (all >= kLeast_s) return;
   result.reasons.push_back(paths_of(grids) + ": " + format("%.3g s", all) + " of data in stretches of " +
                            format("%g s", kLeastStretch) + " or more are too short; record at least " +
-                           format("%g s", kLeastData) + " without a gap, better 6 logs of 8 s");
+                           format("%g s", kLeast_s) + " without a gap, better 6 logs of 8 s");
 }
 
 double deviation(const std::vector<double>& values) {
@@ -196,7 +196,7 @@ double unexplained(const tiller_config_t& config, const std::vector<Grid>& grids
 }
 
 void check_units(const tiller_config_t& config, const std::vector<Grid>& grids, Result& result) {
-  const std::vector<double> params = prior_centres(config);
+  const std::vector<double> params = prior_centre(config);
   const double as_read = unexplained(config, grids, params.data());
   if (!(as_read > 0.3)) return;
   const Suspect* best = nullptr;
@@ -219,15 +219,6 @@ void check_units(const tiller_config_t& config, const std::vector<Grid>& grids, 
 }
 
 }  // namespace
-
-std::vector<double> prior_centres(const tiller_config_t& config) {
-  std::vector<double> centres;
-  for (std::uint32_t i = 0; i < config.param_count; ++i) {
-    const tiller_prior_t& prior = config.priors[i];
-    centres.push_back(prior.kind == tiller_prior_fixed ? prior.a : from_coordinate(prior, prior_quantile(prior, 0.5)));
-  }
-  return centres;
-}
 
 void gate(const tiller_config_t& config, const std::vector<Grid>& grids, Result& result) {
   result.noise_ratio = 0;

@@ -17,7 +17,5 @@ namespace tiller::tools::gap {
 /// Cost: 10 ms for 48 s at 100 Hz; a few times that where units are in doubt.
 void gate(const tiller_config_t& config, const std::vector<Grid>& grids, Result& result);
 
-/// Parameters at the centres of their priors (np).
-std::vector<double> prior_centres(const tiller_config_t& config);
 
 }  // namespace tiller::tools::gap
