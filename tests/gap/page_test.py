@@ -1,0 +1,155 @@
+"""The page of a gap: one file, looked at in a browser, and a sentence for every JSON that cannot be drawn."""
+
+import copy
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+sys.path.insert(0, os.environ["TILLER_PYTHON_PACKAGE"])
+sys.path.insert(0, str(Path(__file__).parent))
+
+import numpy as np  # noqa: E402
+from matplotlib import image  # noqa: E402
+
+from page_fixture import gap_result  # noqa: E402
+from schema_check import problems  # noqa: E402
+from tiller_tools import gap_report, page, table  # noqa: E402
+
+VERDICTS = ("no_gap", "named", "ambiguous", "partly_explained", "unnamed", "unfit")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+# What the browser asks for itself, whatever page it shows.
+BROWSERS_OWN = re.compile(r"https?://([a-z0-9.-]+\.)?(google\.com|googleapis\.com|gvt1\.com|gstatic\.com)/")
+
+
+class Browser:
+    """Headless Chromium on one page, its profile and logs in a folder of its own."""
+
+    def __init__(self, folder: Path, page_file: Path):
+        self.folder, self.url = folder, page_file.as_uri()
+
+    def _run(self, *options: str) -> subprocess.CompletedProcess:
+        command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--no-first-run",
+                   "--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage",
+                   "--host-resolver-rules=MAP * ~NOTFOUND", f"--user-data-dir={self.folder / 'profile'}",
+                   "--enable-logging=stderr", *options, self.url]
+        return subprocess.run(command, capture_output=True, text=True, timeout=240, check=False)
+
+    def screenshot(self) -> np.ndarray:
+        file = self.folder / "page.png"
+        self._run("--window-size=1300,2400", f"--screenshot={file}")
+        return image.imread(file)[:, :, :3]
+
+    def load(self) -> tuple:
+        """The document as it stands after loading, messages of the console, addresses that the page asked for."""
+        log = self.folder / "net.json"
+        run = self._run("--window-size=1300,2400", f"--log-net-log={log}", "--dump-dom")
+        console = [line for line in run.stderr.splitlines() if "CONSOLE" in line]
+        text = log.read_text()
+        try:
+            events = json.loads(text)["events"]
+        except json.JSONDecodeError:  # the browser was gone before it closed the list
+            events = json.loads(text[:text.rindex("},") + 1] + "]}")["events"]
+        asked = {event["params"]["url"] for event in events if "url" in (event.get("params") or {})}
+        return run.stdout, console, sorted(url for url in asked if re.match(r"(https?|wss?|ftp):", url)
+                                           and not BROWSERS_OWN.match(url))
+
+
+class Page(unittest.TestCase):
+    def setUp(self):
+        self.folder = Path(tempfile.mkdtemp())
+        self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
+
+    def draw(self, result: dict) -> Path:
+        file = self.folder / "gap.json"
+        file.write_text(json.dumps(result))
+        return gap_report.write_report(file, self.folder / "gap.html")
+
+    def test_schema_takes_what_it_should_and_nothing_else(self):
+        for verdict in VERDICTS:
+            self.assertEqual(problems(gap_result(verdict)), [])
+        for change in (lambda r: r.pop("verdict"), lambda r: r.update(verdict="perhaps"), lambda r: r.update(more=1),
+                       lambda r: r["ranking"][0].pop("effects"), lambda r: r["where"]["maps"][0]["bins"][0].update(low="x"),
+                       lambda r: r["ranking"][0]["parameters"][0].update(interval_95=[1]), lambda r: r.update(version=2)):
+            bad = copy.deepcopy(gap_result("named"))
+            change(bad)
+            self.assertNotEqual(problems(bad), [])
+
+    def test_every_verdict_has_a_page_that_loads_nothing(self):
+        for verdict in VERDICTS:
+            text = self.draw(gap_result(verdict)).read_text()
+            for loads in ("<script", "<link", "<img", "@import", "src="):
+                self.assertNotIn(loads, text, "the page must load nothing")
+            for address in re.findall(r'(?:href|url)\W{0,3}(https?:[^"\')]*)', text):
+                self.fail(f"the page refers to {address}")
+            self.assertIn(f"A sentence about &lt;{verdict}&gt;", text)
+            self.assertIn("arm &lt;1&gt;", text)
+            self.assertLess(text.index("A sentence about"), text.index("What to do next"))
+            ids = re.findall(r'\bid="([^"]*)"', text)
+            self.assertEqual(len(ids), len(set(ids)))
+            self.assertLess(len(text), 3_000_000)
+
+    def test_what_each_verdict_tells(self):
+        ambiguous = self.draw(gap_result("ambiguous")).read_text()
+        for word in ("cannot be told apart", "tiller excite", "move slowly through standstill", "● coulomb friction",
+                     "● stribeck friction", "force = -friction sign(v)", "499 permutations", "0.1010 Nm", "fnv1a-4567"):
+            self.assertIn(word, ambiguous)
+        unfit = self.draw(gap_result("unfit")).read_text()
+        self.assertIn("runs/a.csv:302", unfit)
+        self.assertNotIn("Where it is", unfit)
+        self.assertIn("out/arm_gap.toml", self.draw(gap_result("named")).read_text())
+        self.assertIn("residual", self.draw(gap_result("unnamed")).read_text())
+
+    def test_same_result_same_page(self):
+        page._figures = 0
+        first = self.draw(gap_result("named")).read_bytes()
+        page._figures = 0
+        self.assertEqual(first, self.draw(gap_result("named")).read_bytes())
+
+    def test_bad_files(self):
+        for text, word in (("{", "not valid JSON"), ("{}", "is no result"),
+                           ('{"format": "tiller-gap", "version": 9}', "version 9"),
+                           ('{"format": "tiller-gap", "version": 1}', "no key")):
+            file = self.folder / "bad.json"
+            file.write_text(text)
+            with self.assertRaises(table.ReportError) as caught:
+                gap_report.write_report(file, self.folder / "bad.html")
+            self.assertIn(word, str(caught.exception))
+        self.assertFalse((self.folder / "bad.html").exists())
+        self.assertEqual(gap_report.main([str(self.folder / "none.json")]), 1)
+
+    @unittest.skipUnless(CHROMIUM, "no chromium: ./dev setup installs it")
+    def test_in_a_browser(self):
+        out = self.draw(gap_result("ambiguous"))
+        browser = Browser(self.folder, out)
+        shot = browser.screenshot()
+        self.assertGreater(shot.shape[0], 1000)
+        inked = np.mean(np.any(shot < 0.95, axis=2))  # about 0.12 of this page
+        self.assertGreater(inked, 0.03)
+        self.assertLess(inked, 0.6)
+        colors = np.unique((shot[::3, ::3] * 15).astype(int).reshape(-1, 3), axis=0)
+        self.assertGreater(len(colors), 20)
+        for third in np.array_split(shot, 3):  # no part of it is empty
+            self.assertGreater(np.mean(np.any(third < 0.95, axis=2)), 0.01)
+        document, console, asked = browser.load()
+        for word in ("several effects explain the gap equally well", "What it is", "Where it is", "mass_kg", "<svg"):
+            self.assertIn(word, document)
+        self.assertEqual(console, [])
+        self.assertEqual(asked, [])
+
+    @unittest.skipUnless(CHROMIUM, "no chromium: ./dev setup installs it")
+    def test_the_browser_would_have_told(self):
+        bad = self.folder / "bad.html"
+        bad.write_text('<body><script>console.error("no")</script><img src="http://tiller-test.example/x.png"></body>')
+        _, console, asked = Browser(self.folder, bad).load()
+        self.assertTrue(any("no" in line for line in console), console)
+        self.assertIn("http://tiller-test.example/x.png", asked)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
