@@ -282,16 +282,17 @@ TEST(LogFormats, Record) {
   EXPECT_EQ(log.line[9], 11);
 }
 
-TEST(LogFormats, OthersAreTold) {
+TEST(LogFormats, AnMcapFileThatIsCutOffIsTold) {
   const auto robot = parse(kRobot);
   const std::string path = temporary("gap_run.mcap");
   std::FILE* file = std::fopen(path.c_str(), "wb");
   std::fwrite("\x89MCAP0\r\n", 1, 8, file);
   std::fclose(file);
+  EXPECT_EQ(log_format(path), "mcap");
   Log log;
   std::string error;
   EXPECT_FALSE(read_any_log(path, *robot, log, error));
-  EXPECT_NE(error.find("CSV"), std::string::npos);
+  EXPECT_NE(error.find("gap_run.mcap"), std::string::npos) << error;
 }
 
 }  // namespace

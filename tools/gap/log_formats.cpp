@@ -2,9 +2,13 @@
 
 #include <lcm/eventlog.h>
 
+#include <unistd.h>
+
+#include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <limits>
 #include <map>
@@ -12,6 +16,7 @@
 #include "tiller_lcm/command_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
 #include "tools/record_file.hpp"
+#include "tools/report.hpp"
 #include "tools/text.hpp"
 
 namespace tiller::tools {
@@ -170,6 +175,41 @@ bool read_record(const std::string& path, const RobotFile& robot, Log& log, std:
   return finish(rows, "ticks with a measurement", robot, log, error);
 }
 
+// ---- MCAP --------------------------------------------------------------------------------------------------------
+
+// By way of a CSV with the columns that the robot file names (tiller_tools.mcap_csv), which is in SI time already.
+bool read_mcap(const std::string& path, const RobotFile& robot, const std::vector<int>& measured, Log& log,
+               std::string& error) {
+  const auto column_of = [&](const std::string& field) {
+    const auto found = robot.log.columns.find(field);
+    return found == robot.log.columns.end() ? field : found->second;
+  };
+  const std::string csv =
+      (std::filesystem::temp_directory_path() / ("tiller_mcap_" + std::to_string(::getpid()) + ".csv")).string();
+  std::vector<std::string> arguments = {path, "-o", csv, "--states"};
+  for (const int state : measured) arguments.push_back(column_of(robot.states[static_cast<std::size_t>(state)]));
+  arguments.emplace_back("--inputs");
+  for (const std::string& input : robot.inputs) arguments.push_back(column_of(input));
+  if (!run_python_tool("mcap_csv", arguments, error)) {
+    const std::size_t told = error.find(path);  // what the tool said, without what is said of pages
+    if (told != std::string::npos) error = error.substr(told, error.find('\n', told) - told);
+    return false;
+  }
+  LogMap map = robot.log;
+  map.time = "time_s";
+  map.units.erase("time");
+  for (auto field = map.columns.begin(); field != map.columns.end();) {  // of states that are not measured
+    const bool wanted = std::find(arguments.begin(), arguments.end(), field->second) != arguments.end();
+    field = wanted ? std::next(field) : map.columns.erase(field);
+  }
+  const bool good = read_log(csv, map, *robot.model, measured, log, error);
+  std::error_code ignored;
+  std::filesystem::remove(csv, ignored);
+  log.path = path;
+  for (std::size_t at; (at = error.find(csv)) != std::string::npos;) error.replace(at, csv.size(), path);
+  return good;
+}
+
 }  // namespace
 
 std::string log_format(const std::string& path) {
@@ -192,8 +232,7 @@ bool read_any_log(const std::string& path, const RobotFile& robot, Log& log, std
   log.path = path;
   if (kind == "lcm") return read_lcm(path, robot, log, error);
   if (kind == "record") return read_record(path, robot, log, error);
-  error = path + ": MCAP is not read; export the channels as CSV with a header (docs/gap.md)";
-  return false;
+  return read_mcap(path, robot, measured, log, error);
 }
 
 }  // namespace tiller::tools
