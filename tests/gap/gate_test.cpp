@@ -160,7 +160,7 @@ std::vector<Bad> bad_logs() {
       {"'torque_Nm' does not change", "record"});
   add("still",
       [](Sheet& s) {
-        for (double& q : s.angle) q = 1e-2 * q;
+        for (double& q : s.angle) q = 5e-3 * q;
       },
       {"'angle_rad' moves by", "too little movement"});
   add("clipped",

@@ -15,7 +15,7 @@ namespace tiller::tools::gap {
 namespace {
 
 constexpr double kLeastStretch = 1.2;   // s that a stretch must last to hold a window
-constexpr double kLeastMovement = 5.0;  // a channel's standard deviation over its noise
+constexpr double kLeastMovement = 2.5;  // a channel's standard deviation over its noise
 constexpr double kMostNoise = 10.0, kOddNoise = 2.0, kLittleNoise = 0.2;  // ratios to the robot file's
 constexpr double kMostMissing = 0.5;                                      // share of a channel's readings
 
