@@ -17,6 +17,7 @@ constexpr std::size_t kFewestBlocks = 6;
 constexpr int kPermutations = 499;
 constexpr double kFoundLevel = 0.05;    // that any of the maps is found where there is nothing
 constexpr double kBinZ = 3.0;           // a bin of the region; 15 bins of noise reach it once in 25 maps
+constexpr double kLeastCount = 4;       // test functions: the deviation of a bin with fewer is not known
 constexpr std::uint32_t kPurpose = 64;  // of the random numbers
 
 // One axis of one joint over all grids: the value at each point, in the order of the grids' points.
@@ -324,7 +325,7 @@ bool is_constant(const AxisMap& map, const std::vector<double>& weak) {
 
 // ---- the region --------------------------------------------------------------------------------------------------
 
-double bin_z(const AxisMap::Bin& bin) { return bin.sd > 0 ? bin.mean / bin.sd : 0; }
+double bin_z(const AxisMap::Bin& bin) { return bin.sd > 0 && bin.count >= kLeastCount ? bin.mean / bin.sd : 0; }
 
 // The neighbouring bins of one sign that are no noise and weigh most together.
 Region strongest_stretch(const AxisMap& map) {

@@ -107,7 +107,7 @@ def map_figure(result: dict, index: int) -> str:
     m, region = result["where"]["maps"][index], result["where"]["region"]
     low, high = _array([b["low"] for b in m["bins"]]), _array([b["high"] for b in m["bins"]])
     mean, sd = _array([b["mean"] for b in m["bins"]]), _array([b["sd"] for b in m["bins"]])
-    used = _array([b["count"] for b in m["bins"]]) > 0.5  # less than half a test function tells nothing
+    used = _array([b["count"] for b in m["bins"]]) >= 4  # fewer test functions tell little
     figure, ax = page.axes(f"{m['joint']}: over {_AXES.get(m['axis'], m['axis'])}", xlabel=m["axis_label"], height=3.2)
     if region and region["joint"] == m["joint"] and region["axis"] == m["axis"]:
         ax.axvspan(region["low"], region["high"], color="#fdeecf", label="region")
@@ -173,20 +173,26 @@ def ranking_table(result: dict) -> str:
     return page.rows(["explanation", "gain (nats)", "z", "z to the best", "robust", "rollouts / best's", "leaves"], body)
 
 
-def gain_figure(result: dict) -> str:
+def behind_figure(result: dict) -> str:
+    """How far each explanation stays behind the best one; the gains themselves differ too little to be seen."""
     ranking = [x for x in result["ranking"][:10] if x["gain_nats"] is not None]
     if len(ranking) < 2:
         return ""
     rivals = set(result["ambiguity"])
-    figure, ax = page.axes("log density gained over the model as it is", xlabel="nats", height=0.9 + 0.36 * len(ranking))
-    gain = _array([x["gain_nats"] for x in ranking])
+    figure, ax = page.axes("log density behind the best", xlabel="nats", height=1.0 + 0.36 * len(ranking), width=8.0)
+    behind = ranking[0]["gain_nats"] - _array([x["gain_nats"] for x in ranking])
     colors = [page.ESTIMATE if i in rivals else page.MEASURED for i in range(len(ranking))]
-    ax.barh(np.arange(len(ranking)), np.maximum(gain, 0), color=colors)
-    ax.set_yticks(np.arange(len(ranking)), [_effects(x)[:44] for x in ranking], fontsize=8)
+    ax.barh(np.arange(len(ranking)), behind, color=colors)
+    for i, value in enumerate(behind):
+        ax.annotate(f" {page.number(value, 3)} ", (value, i), ha="left" if value >= 0 else "right", va="center", fontsize=8,
+                    color=page.INK)
+    ax.set_yticks(np.arange(len(ranking)), [_effects(x)[:52] for x in ranking], fontsize=8)
+    ax.set_xscale("symlog", linthresh=10)
+    ax.margins(x=0.12)
     ax.invert_yaxis()
     ax.grid(axis="y", visible=False)
     return page.svg(figure, "On windows held out of the fit that predicts them. Blue: the answer, and what cannot be told "
-                            "from it on these data.")
+                            "from it on these data. What has more effects must be ahead by more than chance to win.")
 
 
 def catalogue_list(result: dict) -> str:
@@ -210,7 +216,7 @@ def what_section(result: dict) -> str:
     parts = ["<h2>What it is</h2>"]
     if len(result["ambiguity"]) > 1:
         parts.append("<p>Marked ●: these cannot be told apart on these data.</p>")
-    figure = gain_figure(result)
+    figure = behind_figure(result)
     return "".join(parts) + ranking_table(result) + (page.grid([figure]) if figure else "") + catalogue_list(result)
 
 
