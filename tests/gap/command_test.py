@@ -158,7 +158,7 @@ class Command(unittest.TestCase):
         good = Path(self.rubbing[0]).read_text()
         for name, content, said in (("names", good.replace("angle_rad", "theta", 1), "no column 'angle_rad'"),
                                     ("semicolon", good.replace(",", ";"), "comma"), ("empty", "", "empty"),
-                                    ("cut", good[:-9], "cut off")):
+                                    ("cut", good[:good.rindex(",")], "cut off")):
             path = self.home / f"bad_{name}.csv"
             path.write_text(content)
             files[name] = (str(path), said)

@@ -36,10 +36,11 @@ void check_gaps(const Log& log, const LogMap& map, std::vector<std::string>& rea
   if (count > 1) reasons.back() += " (and " + std::to_string(count - 1) + " more gaps)";
 }
 
+// Of the rows that change at all: a channel may be clipped most of the time.
 double typical_change(const std::vector<double>& values) {
   std::vector<double> changes;
   for (std::size_t i = 1; i < values.size(); ++i)
-    if (std::isfinite(values[i] - values[i - 1])) changes.push_back(std::fabs(values[i] - values[i - 1]));
+    if (std::fabs(values[i] - values[i - 1]) > 0) changes.push_back(std::fabs(values[i] - values[i - 1]));
   if (changes.empty()) return 0;
   const auto middle = changes.begin() + static_cast<std::ptrdiff_t>(changes.size() / 2);
   std::nth_element(changes.begin(), middle, changes.end());
