@@ -49,6 +49,7 @@ struct SimSection {
   double command_latency_s = 0;
   double watchdog_s = 0.1;
   double step_s = 0.0005;
+  bool midpoint = false, rates = false;
   std::uint64_t seed = 1;
 };
 

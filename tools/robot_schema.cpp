@@ -56,8 +56,8 @@ const std::vector<SectionSpec> kSections = {
      "The stand-in plant of `tiller sim`, `tiller demo` and `tiller run --sim`; nothing else reads it."},
     {"sim.sensors.*", "in [sim]: sensors = { state = { ... } }", "What the plant's encoders do to the truth."},
     {"sim.effects[]", "[[sim.effects]]",
-     "Physics that the plant has and the model may lack. Beside the keys below, the effect's own parameter takes a "
-     "number."},
+     "Physics that the plant has and the model may lack. Beside the keys below, the effect's own parameters take "
+     "numbers."},
     {"log", "[log]", "How `tiller identify` reads logs from elsewhere; logs of tiller need nothing."},
 };
 
@@ -319,6 +319,9 @@ const std::vector<KeySpec> kKeys = {
     {"sim", "watchdog_s", K::number, "s", "0.1", 0, 10, false, hand, nullptr,
      "no command for this long: the motor stops; 0: no watchdog"},
     {"sim", "step_s", K::number, "s", "0.0005", 1e-6, 1e-3, false, hand, nullptr, "physics step, whole microseconds"},
+    {"sim", "midpoint", K::flag, "", "false", 0, 1, false, hand, nullptr,
+     "true: physics steps of second order, where the plant has them"},
+    {"sim", "rates", K::flag, "", "false", 0, 1, false, hand, nullptr, "true: the plant has sensors for rates too"},
     {"sim", "seed", K::count, "", "1", 0, 9007199254740992.0, false, hand, nullptr, "of the plant's noise and of draw"},
 
     {"sim.sensors.*", "sd", K::number, "SI", "0", 0, kBig, false, hand, nullptr, "standard deviation of the noise"},

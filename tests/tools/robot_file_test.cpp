@@ -11,6 +11,7 @@
 #include "effects/effect_info.hpp"
 #include "robot_text.hpp"
 #include "tools/effects_text.hpp"
+#include "tools/plant_setup.hpp"
 #include "tools/robot_help.hpp"
 #include "tools/robot_schema.hpp"
 
@@ -123,6 +124,39 @@ TEST(RobotFile, HostSections) {
 }
 
 // Sensors are delivered in the order of the file, not in that of their names.
+TEST(RobotFile, ThePlantHasRateSensorsWhereItIsAskedForThem) {
+  const std::string model = R"([robot]
+name = "rates"
+[model]
+name = "pendulum"
+[parameters]
+mass_kg = 0.5
+length_m = 0.5
+damping_Nms = 0
+[measurement]
+rate_rad_s = { sd = 0.01 }
+angle_rad = { sd = 0.001 }
+[posterior]
+kind = "transition"
+[limits]
+torque_Nm = { low = -1, high = 1 }
+[sim]
+midpoint = true
+)";
+  std::string errors;
+  const auto without = parse_robot_file(model, "rates.toml", errors);
+  ASSERT_NE(without, nullptr) << errors;
+  EXPECT_EQ(make_sim_plant(*without, errors), nullptr);
+  EXPECT_NE(errors.find("rate_rad_s"), std::string::npos) << errors;
+  errors.clear();
+  const auto with = parse_robot_file(model + "rates = true\n", "rates.toml", errors);
+  ASSERT_NE(with, nullptr) << errors;
+  const auto plant = make_sim_plant(*with, errors);
+  ASSERT_NE(plant, nullptr) << errors;
+  EXPECT_EQ(plant->measured_from, (std::vector<std::size_t>{1, 0}));
+  EXPECT_TRUE(plant->plant->options().midpoint);
+}
+
 TEST(RobotFile, MeasurementsKeepTheOrderOfTheFile) {
   std::string text =
       test::with("position_m = { sd = 0.001, low", "rate_rad_s = { sd = 0.1 }\nposition_m = { sd = 0.001, low");
