@@ -1,4 +1,4 @@
-# programs: bench_gap bench_gap_measured bench_gap_loop bench_gap_residual
+# programs: bench_gap bench_gap_measured bench_gap_loop bench_gap_residual bench_gap_export
 """./dev bench gap: how often `tiller gap` names what is missing, on data in which it was hidden and on measured machines.
 
     ./dev bench gap                        every section for which there are data

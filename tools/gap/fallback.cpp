@@ -141,6 +141,7 @@ class Regression {
   struct Foretold {
     Vector error, variance;
     Matrix slope;
+    double rms_sigma = HUGE_VAL;  ///< errors in the sensor's deviations
   };
   Foretold foretell(const std::vector<Grid>& grids, double force_sd) const;
 
@@ -258,6 +259,7 @@ Regression::Foretold Regression::foretell(const std::vector<Grid>& grids, double
   for (std::uint32_t j = 0; j < d; ++j) rollout.params()[free_[j] * lanes + 1 + j] += step[j];
   const auto horizon = static_cast<std::size_t>(std::lround(kHorizon_s / config_.period_s));
   std::vector<double> error, variance, slope;
+  double squares = 0.0;
   for (const Filtered& from : error_->filter(params, step, force_sd, std::max<std::size_t>(horizon / 2, 1))) {
     const Grid& grid = grids[from.grid];
     if (from.point + horizon >= grid.points()) continue;
@@ -283,6 +285,7 @@ Regression::Foretold Regression::foretell(const std::vector<Grid>& grids, double
           by_state.dot(from.covariance * by_state) + config_.measurement_sd[c] * config_.measurement_sd[c];
       if (!std::isfinite(e) || !std::isfinite(left)) continue;
       error.push_back(e);
+      squares += e * e / (config_.measurement_sd[c] * config_.measurement_sd[c]);
       variance.push_back(left);
       for (std::uint32_t j = 0; j < d; ++j) {
         const tiller_prior_t& prior = config_.priors[free_[j]];
@@ -292,6 +295,7 @@ Regression::Foretold Regression::foretell(const std::vector<Grid>& grids, double
     }
   }
   Foretold out;
+  if (!error.empty()) out.rms_sigma = std::sqrt(squares / static_cast<double>(error.size()));
   const auto rows = static_cast<Eigen::Index>(error.size());
   out.error = Eigen::Map<Vector>(error.data(), rows);
   out.variance = Eigen::Map<Vector>(variance.data(), rows);
@@ -335,7 +339,9 @@ Widening widening_of(const Regression& r, const Regression::Foretold& f, double 
 void take(const Regression& r, const std::vector<Grid>& grids, double force_sd, double typical, double period_s,
           ResidualFit& fit) {
   const auto d = static_cast<Eigen::Index>(r.free_.size());
-  const Widening w = widening_of(r, r.foretell(grids, force_sd), typical);
+  const Regression::Foretold foretold = r.foretell(grids, force_sd);
+  fit.rollout_ratio = foretold.rms_sigma / fit.rollout_ratio;
+  const Widening w = widening_of(r, foretold, typical);
   const Matrix covariance = r.posterior_precision(r.sums_, w.share, w.wider).llt().solve(Matrix::Identity(d, d));
   fit.believed = w.share;
   fit.at = r.free_;
@@ -419,7 +425,10 @@ bool fit_residual(const tiller_config_t& config, const std::vector<Grid>& grids,
         force_sd = pass == 0 ? 0.1 * typical : r.choose_force_sd(kNoiseLow * typical, kNoiseHigh * typical);
         if (!r.solve(force_sd, 0.0)) break;
       }
-      if (r.sums_.finite) nominal = r.evidence(r.sums_, r.z_);
+      if (r.sums_.finite) {
+        nominal = r.evidence(r.sums_, r.z_);
+        fit.rollout_ratio = r.foretell(grids, force_sd).rms_sigma;
+      }
       std::vector<double> step;
       r.at(r.z_, fit.nominal, step);
       fit.nominal.resize(config.param_count);

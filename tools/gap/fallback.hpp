@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <memory>
 #include <string>
 #include <vector>
@@ -33,6 +34,7 @@ struct ResidualFit {
   double believed = 1;             ///< share of the likelihood that the law believes (see fit_residual)
   double log_evidence = 0;         ///< marginal likelihood: compares joints
   double evidence_nats = 0;        ///< the same over that of the model without it
+  double rollout_ratio = NAN;      ///< errors of rollouts of 1 s on these logs, with it over without it
   std::vector<double> nominal;     ///< (np of the configuration without it) refitted without the effect
   double before_sigma = 0, after_sigma = 0;  ///< rms of one-step innovations, normalised by what is left at the end
 

@@ -9,6 +9,9 @@
 namespace tiller::tools::gap {
 namespace {
 
+/// Of the rollouts' errors with the effect to those without: what is no better there is not offered.
+constexpr double kMostRatio = 0.95;
+
 /// Byte of a position that toml++ gives; what stands before it in the line is ASCII in [noise].
 std::size_t byte_of(const std::string& text, const toml::source_position& at) {
   std::size_t line = 0;
@@ -59,6 +62,11 @@ bool offer_residual(const std::string& text, const std::string& path, const std:
   }
   if (!found || !(offer.fit.evidence_nats >= least_nats)) {
     error = found ? format("residual: the logs speak for it by %.1f nats only", offer.fit.evidence_nats) : why;
+    return false;
+  }
+  if (!(offer.fit.rollout_ratio < kMostRatio)) {
+    error =
+        format("residual: rollouts of one second would be %.2f times as wrong as without it", offer.fit.rollout_ratio);
     return false;
   }
   offer.text = with_noise(text, offer.fit, *robot);

@@ -17,7 +17,7 @@ struct ResidualOffer {
 /// For the verdicts "unnamed" and "partly explained": fits the residual at every joint that has a position, takes the
 /// one with the largest evidence and appends it to `text`, a robot file as it stands (with the effects that were found,
 /// if any). The result is read back before it is given out. False with a sentence in `error`; also where the evidence
-/// is below `least_nats` over the model without it.
+/// is below `least_nats` over the model without it, or rollouts of one second on these logs are no better with it.
 bool offer_residual(const std::string& text, const std::string& path, const std::vector<Grid>& grids, double least_nats,
                     ResidualOffer& offer, std::string& error);
 
