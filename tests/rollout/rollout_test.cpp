@@ -165,6 +165,7 @@ TEST_P(EveryModel, IntegratorsHaveTheirOrder) {
     const auto exact = run(64, tiller_integrator_rk4);
     const double coarse = largest_difference(run(4, kIntegrators[k]), exact);
     const double fine = largest_difference(run(8, kIntegrators[k]), exact);
+    if (coarse < 1e-13) continue;  // a mass without friction: exact from the second order on
     const double slope = std::log2(coarse / fine);
     // the worst lane's error is not yet asymptotic at this step: within 0.6 of the order
     EXPECT_NEAR(slope, order[k], 0.6) << "integrator " << k;
