@@ -10,7 +10,9 @@
 
 #include "effects/effect_info.hpp"
 #include "tools/commands.hpp"
+#include "tools/gap/data.hpp"
 #include "tools/gap/outputs.hpp"
+#include "tools/gap/residual_writer.hpp"
 #include "tools/gap/robot_writer.hpp"
 #include "tools/output_file.hpp"
 #include "tools/report.hpp"
@@ -93,16 +95,49 @@ bool read_text(const std::string& path, std::string& text) {
   return static_cast<bool>(file);
 }
 
-/// The new robot file, where something was named. False after a complaint.
+/// Puts the unnamed effect for what is left into `text`, and its joint law beside the file; `text` stays where the logs
+/// do not speak for it.
+bool add_residual(const GapOptions& options, const RobotFile& robot, const std::string& posterior, std::string& text) {
+  std::vector<Log> logs;
+  std::vector<Grid> grids;
+  gap::Result scratch;
+  gap::ResidualOffer offer;
+  std::string error;
+  constexpr double kVeryStrong_nats = 10.0;
+  if (!gap::load_logs(robot, options.find.logs, logs, grids, nullptr, scratch) ||
+      !gap::offer_residual(text, robot.path, grids, kVeryStrong_nats, offer, error)) {
+    if (!options.json && !error.empty()) std::printf("nothing is learnt of the rest: %s\n", error.c_str());
+    return false;
+  }
+  text = offer.text;
+  if (!save_posterior(posterior, offer.posterior, error)) complain(error);
+  return true;
+}
+
+/// The new robot file, where something was named or a residual can be offered. False after a complaint.
 bool write_new_robot(const GapOptions& options, const RobotFile& robot, const gap::Result& result, std::string& path) {
-  const bool has_name = result.verdict == gap::Verdict::named || result.verdict == gap::Verdict::ambiguous ||
-                        result.verdict == gap::Verdict::partly;
-  if (!has_name || result.ranking.empty() || result.ranking[0].effects.empty()) return true;
-  std::string old_text, text, error;
-  if (!read_text(robot.path, old_text)) error = robot.path + ": cannot be read again: " + std::strerror(errno);
-  const std::string target = (fs::path(options.folder) / (robot.name + "_gap.toml")).string();
-  if (!error.empty() || !gap::write_robot(robot, old_text, result.ranking[0], result.data_hash, text, error) ||
-      !replace_file(target, text, error)) {
+  using gap::Verdict;
+  const bool rest = result.verdict == Verdict::unnamed || result.verdict == Verdict::partly;
+  bool worth = false;
+  if (!rest && result.verdict != Verdict::named && result.verdict != Verdict::ambiguous) return true;
+  std::string text, error;
+  const fs::path folder = options.folder;
+  if (!read_text(robot.path, text)) error = robot.path + ": cannot be read again: " + std::strerror(errno);
+  if (error.empty() && result.verdict != Verdict::unnamed && !result.ranking.empty() &&
+      !result.ranking[0].effects.empty()) {
+    const std::string old_text = text;
+    worth = gap::write_robot(robot, old_text, result.ranking[0], result.data_hash, text, error);
+  }
+  const std::string posterior = (folder / (robot.name + "_gap.posterior.json")).string();
+  if (error.empty() && rest && add_residual(options, robot, posterior, text)) {
+    worth = true;
+    if (!options.json)
+      std::printf("what has no name is learnt as a residual; begin with tiller run --posterior %s\n",
+                  posterior.c_str());
+  }
+  if (error.empty() && !worth) return true;
+  const std::string target = (folder / (robot.name + "_gap.toml")).string();
+  if (!error.empty() || !replace_file(target, text, error)) {
     complain("the new robot file was not written: " + error);
     return false;
   }
