@@ -20,8 +20,16 @@ constexpr double kWholeDifference = 0.1;
 /// Random walk added to a difference, so that particles that are copies of one another part.
 constexpr double kJitter = 0.05;
 
-/// Lower Cholesky factor (d x d, stride TILLER_MAX_PARAMS) of the covariance of the particles that stand still.
-void spread(const Cloud& cloud, std::uint32_t first_still, std::uint32_t still, double* factor) {
+/// Coordinate steps reach down to e^-14, a millionth, of the prior's spread.
+constexpr double kWidestLog = 14.0;
+/// Share of a variance that the coordinates before leave unexplained, below which they span no dimension more.
+constexpr double kFlat = 1e-10;
+/// Random numbers of coordinate steps, apart from others of the same stream.
+constexpr std::uint64_t kWidening = std::uint64_t{1} << 60;
+
+/// Lower Cholesky factor (d x d, stride TILLER_MAX_PARAMS) of the covariance of the particles that stand still. False:
+/// they do not span all dimensions.
+bool spread(const Cloud& cloud, std::uint32_t first_still, std::uint32_t still, double* factor) {
   const std::uint32_t n = cloud.n, d = cloud.d;
   double mean[TILLER_MAX_PARAMS] = {}, sum = 0.0;
   for (std::uint32_t k = 0, i = first_still; k < still; ++k, i = i + 1 < n ? i + 1 : 0) {
@@ -37,6 +45,7 @@ void spread(const Cloud& cloud, std::uint32_t first_still, std::uint32_t still, 
       for (std::uint32_t c = 0; c <= r; ++c)
         square[r * TILLER_MAX_PARAMS + c] += cloud.weight[i] / sum * off[r] * off[c];
   }
+  bool whole = true;
   for (std::uint32_t r = 0; r < d; ++r) {
     for (std::uint32_t c = 0; c <= r; ++c) {
       double rest = square[r * TILLER_MAX_PARAMS + c];
@@ -44,18 +53,28 @@ void spread(const Cloud& cloud, std::uint32_t first_still, std::uint32_t still, 
         rest -= factor[r * TILLER_MAX_PARAMS + k] * factor[c * TILLER_MAX_PARAMS + k];
       // coordinates that are functions of one another leave nothing: the walk then stays on their line
       const double pivot = factor[c * TILLER_MAX_PARAMS + c];
+      if (r == c && !(rest > kFlat * square[r * TILLER_MAX_PARAMS + r])) whole = false;
       factor[r * TILLER_MAX_PARAMS + c] = r == c ? std::sqrt(std::fmax(rest, 0.0)) : pivot > 0.0 ? rest / pivot : 0.0;
     }
   }
+  return whole;
 }
 
 }  // namespace
+
+CoordinateStep draw_coordinate_step(const PriorLaw& prior, Rng& rng) {
+  CoordinateStep step;
+  step.coordinate = rng.below(prior.dimension());
+  const double length = prior.spread(step.coordinate) * std::exp(-kWidestLog * rng.uniform());
+  step.length = length * rng.normal();
+  return step;
+}
 
 void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::uint32_t moves, Proposal* proposals) {
   const std::uint32_t n = cloud.n, d = cloud.d;
   const std::uint32_t first_still = (cursor + moves) % n, still = n - moves;
   double factor[TILLER_MAX_PARAMS * TILLER_MAX_PARAMS] = {};
-  spread(cloud, first_still, still, factor);
+  const bool whole = spread(cloud, first_still, still, factor);
   const double best = kOptimalStep / std::sqrt(static_cast<double>(d));
 
   for (std::uint32_t m = 0; m < moves; ++m) {
@@ -80,6 +99,12 @@ void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::
       if (to < cloud.prior.low(j)) to = 2.0 * cloud.prior.low(j) - to;
       if (to > cloud.prior.high(j)) to = 2.0 * cloud.prior.high(j) - to;
       p.coordinate[j] = to;
+    }
+    if (!whole && m % 2 == 1) {
+      Rng widening(cloud.config->seed, kRngScout, kWidening + tick * 4096 + p.particle);
+      const CoordinateStep step = draw_coordinate_step(cloud.prior, widening);
+      for (std::uint32_t j = 0; j < d; ++j) p.coordinate[j] = present[j];
+      p.coordinate[step.coordinate] += step.length;
     }
     const double scouts = cloud.config->posterior.scout_share;
     if (scouts > 0.0 && rng.uniform() < scouts) {

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -93,7 +94,7 @@ TEST_F(Command, HelpTeaches) {
   const Ended top = run({"--help"});
   EXPECT_EQ(top.code, 0);
   EXPECT_TRUE(contains(top.out, "First steps:")) << top.out;
-  for (const char* name : {"demo", "run", "sim", "identify", "export", "replay", "check", "models", "effects",
+  for (const char* name : {"demo", "run", "sim", "identify", "excite", "export", "replay", "check", "models", "effects",
                            "planners", "help", "version"}) {
     const Ended help = run({name, "--help"});
     EXPECT_EQ(help.code, 0) << name;
@@ -244,6 +245,53 @@ TEST_F(Command, AnInadequateModelIsToldOnceAndLeavesItsTicks) {
   const Ended calm = run({"run", kCartPole, "--sim", "--seconds", "1", "--log", "calm.csv"});
   EXPECT_EQ(calm.code, 0);
   EXPECT_FALSE(fs::exists(folder_ + "/calm.alarm.csv")) << "no alarm, no file";
+}
+
+TEST_F(Command, ExciteProposesWithinLimitsAndTells) {
+  const std::string pendulum = std::string(TILLER_TEST_ROBOTS) + "/pendulum.toml";
+  const Words base = {
+      "excite",  pendulum,      "--candidates", "input_delay:delay_s=0.02,actuator_lag:time_constant_s=0.02",
+      "--keep",  "angle_rad=2", "--limit",      "torque_Nm=1",
+      "--tries", "96",          "--seconds",    "4",
+      "-o"};
+  Words arguments = base;
+  arguments.emplace_back("excite.csv");
+  const Ended ended = run(arguments);
+  EXPECT_EQ(ended.code, 0) << ended.out;
+  EXPECT_TRUE(contains(ended.out, "A  input_delay (torque_Nm), torque_Nm.delay_s 0.02")) << ended.out;
+  EXPECT_TRUE(contains(ended.out, "then: tiller gap ")) << ended.out;
+  const std::string csv = text_of("excite.csv");
+  EXPECT_EQ(csv.rfind("time_s,torque_Nm\n", 0), 0u) << csv.substr(0, 100);
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 201);  // 4 s of 20 ms, and the header
+  std::istringstream rows(csv.substr(csv.find('\n') + 1));
+  for (std::string row; std::getline(rows, row);)
+    EXPECT_LE(std::fabs(std::strtod(row.substr(row.find(',') + 1).c_str(), nullptr)), 1.0) << row;
+
+  const Ended same = run(
+      {"excite", pendulum, "--candidates", "tilt:angle_rad=0.05,sensor_bias:bias_SI=0.05@angle_rad", "-o", "same.csv"});
+  EXPECT_EQ(same.code, 1) << same.out;
+  const Ended inseparable =
+      run({"excite", pendulum, "--candidates", "tilt:angle_rad=0.05,sensor_bias@angle_rad:bias_SI=0.05", "--keep",
+           "angle_rad=2", "--tries", "96", "-o", "same.csv"});
+  EXPECT_EQ(inseparable.code, 2) << inseparable.out;
+  EXPECT_TRUE(contains(inseparable.out, "not by any input; instead: ")) << inseparable.out;
+
+  const struct {
+    Words arguments;
+    const char* says;
+  } wrong[] = {{{"excite", pendulum, "-o", "a.csv"}, "no candidates: --gap"},
+               {{"excite", pendulum, "--candidates", "tilt", "-o", "a.csv"}, "name two or more"},
+               {{"excite", pendulum, "--candidates", "tilt,tilt", "-o", "a.csv"}, "twice"},
+               {{"excite", pendulum, "--candidates", "tilt,payload", "--limit", "torque_Nm=99", "-o", "a.csv"},
+                "wider than [limits]"},
+               {{"excite", pendulum, "--candidates", "tilt,payload", "--keep", "angel_rad=1", "-o", "a.csv"},
+                "name one of angle_rad, rate_rad_s"},
+               {{"excite", pendulum, "--gap", "none.json", "-o", "a.csv"}, "none.json: cannot be read"}};
+  for (const auto& w : wrong) {
+    const Ended refused = run(w.arguments);
+    EXPECT_EQ(refused.code, 1) << refused.out;
+    EXPECT_TRUE(contains(refused.out, w.says)) << "expected '" << w.says << "' in\n" << refused.out;
+  }
 }
 
 TEST_F(Command, EpisodesGoOnFromTheirFile) {

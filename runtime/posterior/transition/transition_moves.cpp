@@ -4,15 +4,14 @@
 #include <cstring>
 
 #include "core/rng.hpp"
+#include "posterior/proposals.hpp"
 #include "posterior/transition/transition_cloud.hpp"
 
 namespace tiller {
 
 namespace {
 
-/// Steps that lead out of a degenerate cloud reach down to e^-14, a millionth, of the prior's spread.
-constexpr double kWidestLog = 14.0;
-/// Their random numbers, apart from the scouts' of the same stream.
+/// Random numbers of the steps that lead out of a degenerate cloud, apart from the scouts' of the same stream.
 constexpr std::uint64_t kWidening = std::uint64_t{1} << 60;
 
 /// Share of the moves that are drawn independently from the cloud's own Student-t.
@@ -116,14 +115,11 @@ void TransitionCloud::propose(std::uint32_t moves) {
   }
 }
 
-/// Descendants of as few particles as there are dimensions lie on a line or a plane, and neither their differences nor
-/// their covariance lead out of it. Every other proposal is then a step of one coordinate, of any length from the prior's
-/// spread down: whichever fits is accepted, and the next differences have it.
+/// Every other proposal is a step of one coordinate.
 void TransitionCloud::widen(std::uint32_t moves) {
   for (std::uint32_t m = 1; m < moves; m += 2) {
     Rng rng(config_->seed, kRngScout, kWidening + batch_ * 4096 + m);
-    const std::uint32_t moving = rng.below(d_);
-    const double length = cloud_.prior.spread(moving) * std::exp(-kWidestLog * rng.uniform()) * rng.normal();
+    const auto [moving, length] = draw_coordinate_step(cloud_.prior, rng);
     for (std::uint32_t j = 0; j < d_; ++j) {
       const double present = present_coordinate_[j * lanes_ + m];
       proposed_coordinate_[j * lanes_ + m] = j == moving ? present + length : present;
