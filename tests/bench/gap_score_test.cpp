@@ -46,6 +46,15 @@ TEST(GapScore, AStructuralClassIsExactOnlyWhereItIsReported) {
             structurally_equal({"payload@body"}, truth) ? Outcome::exact : Outcome::in_set);
 }
 
+TEST(GapScore, FrictionOfTwoLevelsIsCoulombAndAForce) {
+  const EffectSet one = {"asymmetric_friction@x", "backlash@u"};
+  const EffectSet two = {"backlash@u", "constant_offset@x", "coulomb_friction@x"};
+  EXPECT_TRUE(structurally_equal(one, two));
+  EXPECT_EQ(outcome("named", {two, one}, one), Outcome::exact);
+  EXPECT_EQ(outcome("named", {two}, one), Outcome::wrong) << "not reported";
+  EXPECT_FALSE(structurally_equal(one, {"backlash@u", "constant_offset@y", "coulomb_friction@x"}));
+}
+
 TEST(GapScore, ExtraNamesAreWrongAndMissingOnesArePart) {
   EXPECT_EQ(outcome("named", {{"coulomb_friction@cart", "payload@body"}}), Outcome::wrong);
   EXPECT_EQ(outcome("named", {kTruth}, {"coulomb_friction@cart", "payload@body"}), Outcome::part);

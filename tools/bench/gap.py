@@ -49,6 +49,8 @@ TITLES = {"sealed": "one hidden effect", "null": "nothing hidden", "two": "two h
 QUICK = {"sealed": ["--seeds", "1", "--noises", "0.002"], "null": ["--seeds", "1", "--noises", "0.002"]}
 # logs of the XL330 that nothing is fitted to
 HELD_OUT = "up_and_down"
+# swing-ups of the DFKI pendulum with its usual bob; other logs hold spikes of torque (docs/identify.md) or little motion
+SWING_UPS = ["ddp", "direct_collocation", "ilqr", "sac"]
 
 
 # ---- measured machines -----------------------------------------------------------------------------
@@ -66,8 +68,8 @@ def machine_arguments(section, args):
     """What bench_gap_measured gets; None with a word about it where there are no data."""
     folder = getattr(args, section) or os.environ.get(f"TILLER_{section.upper()}", "")
     if section == "dfki":
-        logs = sorted(pathlib.Path(folder or ROOT / "data/dfki_simple_pendulum").glob("*_measured.csv"))
-        if logs:
+        home = pathlib.Path(folder or ROOT / "data/dfki_simple_pendulum")
+        if logs := [p for n in SWING_UPS if (p := home / f"{n}_measured.csv").exists()]:
             return ["dfki", *map(str, logs)]
     elif folder:
         out = args.out / section

@@ -40,6 +40,21 @@ bool same(EffectSet a, EffectSet b) {
   return a == b;
 }
 
+/// Friction of two levels written as the Coulomb friction and the constant force that it is (tools/gap/twins.hpp).
+EffectSet elementary(const EffectSet& set) {
+  EffectSet split;
+  for (const EffectName& e : set) {
+    if (kind_of(e) == "asymmetric_friction") {
+      const std::string port = e.substr(std::min(e.find('@'), e.size()));
+      split.push_back("coulomb_friction" + port);
+      split.push_back("constant_offset" + port);
+    } else {
+      split.push_back(e);
+    }
+  }
+  return split;
+}
+
 /// Some of `whole`, not all.
 bool part_of(const EffectSet& part, const EffectSet& whole) {
   return !part.empty() && part.size() < whole.size() && std::all_of(part.begin(), part.end(), [&](const EffectName& e) {
@@ -62,9 +77,10 @@ bool find_outcome(const std::string& name, Outcome& outcome) {
 
 std::string kind_of(const EffectName& effect) { return effect.substr(0, effect.find('@')); }
 
-bool structurally_equal(const EffectSet& a, const EffectSet& b) {
-  if (a.size() != b.size()) return false;
-  EffectSet order = b;  // sets are of three at most: all pairings are tried
+bool structurally_equal(const EffectSet& one, const EffectSet& other) {
+  const EffectSet a = elementary(one);
+  EffectSet order = elementary(other);  // a handful at most: all pairings are tried
+  if (a.size() != order.size()) return false;
   std::sort(order.begin(), order.end());
   do {
     if (std::equal(a.begin(), a.end(), order.begin(), same_or_alias)) return true;

@@ -8,6 +8,7 @@
 
 #include "effects/effect_info.hpp"
 #include "tools/gap/thresholds.hpp"
+#include "tools/gap/twins.hpp"
 #include "tools/text.hpp"
 
 namespace tiller::tools::gap {
@@ -96,7 +97,8 @@ std::string parameter_text(const Explanation& e, std::size_t own) {
 
 }  // namespace
 
-bool same_by_structure(const std::vector<EffectAt>& a, const std::vector<EffectAt>& b) {
+bool same_by_structure(const std::vector<EffectAt>& one, const std::vector<EffectAt>& other) {
+  const std::vector<EffectAt> a = elementary(one), b = elementary(other);
   if (a.size() != b.size()) return false;
   std::uint32_t taken = 0;
   for (const EffectAt& e : a) {
@@ -168,7 +170,7 @@ void conclude(Session& s, const Found& found, const std::vector<std::string>& pa
   }
   const std::string from_to = "1 s rollouts go from " + sigmas + " to " + format("%.2f", left) + ".";
   const std::string values = parameter_text(result.ranking.front(), s.config.param_count);
-  if (left > kExplained_sigma || best.effects().size() > 2) {
+  if (left > kExplained_sigma || name_count(best.effects()) > 2) {
     // nothing is named that leaves most of the gap
     const double before = result.nominal_sigma * result.nominal_sigma - 1, after = left * left - 1;
     const bool partly = before > 0 && after < kPartlyShare * before;
