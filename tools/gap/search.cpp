@@ -6,6 +6,7 @@
 
 #include "effects/effect_info.hpp"
 #include "tools/gap/thresholds.hpp"
+#include "tools/gap/twins.hpp"
 
 namespace tiller::tools::gap {
 namespace {
@@ -227,6 +228,27 @@ struct Searcher {
         continue;
       if (share_of_gap(s, nominal(), best, e) > kRivalShare) continue;
       found.ambiguity.push_back(i);
+    }
+    pair_up();
+  }
+
+  // The other writing of the best, if it has one, stands beside it; the elementary one leads.
+  void pair_up() {
+    Entry twin;
+    const std::size_t one = found.best;
+    if (s.stopped() || !make_twin(s, found.entries[one], twin)) return;
+    std::size_t other = 0;
+    for (std::size_t i = 1; i < found.entries.size(); ++i)
+      if (same_set(found.entries[i].effects(), twin.effects())) other = i;
+    if (other == 0) {
+      other = found.entries.size();
+      found.entries.push_back(std::move(twin));
+    }
+    auto& set = found.ambiguity;
+    if (std::find(set.begin(), set.end(), other) == set.end()) set.push_back(other);
+    if (found.entries[other].effects().size() > found.entries[one].effects().size()) {
+      found.best = other;
+      std::iter_swap(set.begin(), std::find(set.begin(), set.end(), other));
     }
   }
 };
