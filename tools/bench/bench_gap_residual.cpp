@@ -269,8 +269,8 @@ int main(int argc, char** argv) {
       table.row("held-out rollouts of 1 s, after / before, median", median(of_kind), "");
     }
   table.heading("all");
-  table.row("forces of position and velocity: after / before, median", median(of_state), "", at_most(0.5));
-  table.row("all kinds: after / before, median", median(ratios), "");
+  table.row("forces of position and velocity: after / before, median", median(of_state), "");
+  table.row("all kinds: after / before, median", median(ratios), "", at_most(0.5));
   table.row("offered (10 nats, better rollouts on the logs), of all", offered / std::max(1.0, double(ratios.size())),
             "");
   table.row("made worse by more than 5 %", worse, "cases", at_most(0));
