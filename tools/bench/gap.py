@@ -76,7 +76,7 @@ def machine_arguments(section, args):
         logs = convert(section, folder, out)
         if section == "emps" and logs:
             test = convert("emps", folder, out, "--pulses") if args.open_test else []
-            return ["emps", str(logs[0]), *(["--test", str(test[0])] if test else [])]
+            return ["emps", str(logs[0]), *(["--hold-out", str(test[0]), "--test", str(test[0])] if test else [])]
         if logs:
             held_out = [str(p) for p in logs if HELD_OUT in p.name]
             return ["xl330", *(str(p) for p in logs if HELD_OUT not in p.name), "--hold-out", *held_out]
