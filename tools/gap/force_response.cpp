@@ -83,6 +83,11 @@ bool Shooting::open_response(const Hypothesis& h, const Fit& fit, std::size_t in
       const std::uint32_t q = model_.joints[joint].position;
       response_position_[k] =
           q == TILLER_NO_POSITION ? 0.0 : 0.5 * (path[(k * nx_ + q) * kLanes] + path[((k + 1) * nx_ + q) * kLanes]);
+      // where it was, not where the base thinks it was: half a tooth apart is the opposite force
+      double seen = 0;
+      for (std::size_t m = w.start + k - 1; q != TILLER_NO_POSITION && m < w.start + k + 3; ++m)
+        seen += 0.25 * data_.grids[w.grid].state[q][m];
+      if (q != TILLER_NO_POSITION && std::isfinite(seen)) response_position_[k] = seen;
     }
   }
   return true;

@@ -123,6 +123,7 @@ Scales measure_scales(const WindowData& data, const std::vector<Window>& windows
     out.velocity = positive(state[joint.velocity].rms(), 1e-3);
     if (joint.position != TILLER_NO_POSITION) {
       out.position = positive(state[joint.position].deviation(), 1e-3);
+      out.reach = positive(std::max(std::fabs(state[joint.position].high), std::fabs(state[joint.position].low)), 1e-2);
       out.range = positive(state[joint.position].high - state[joint.position].low, 1e-2);
     }
     out.step = positive(step[j].rms(), 1e-4);
@@ -154,13 +155,14 @@ double scale_of(const Scales& s, const tiller_model_t& model, std::uint32_t kind
   const std::uint32_t j = joint_of(model, kind, port);
   const Scales::Joint joint = j < model.joint_count ? s.joint[j] : Scales::Joint{};
   const double position = info.port == PortKind::sensor ? s.channel[port] : joint.position;
+  const double reach = joint.reach;  // springs are about position 0
   const double force = info.port == PortKind::input ? s.input[port] : joint.force;
   switch (info.params[param].scale) {
     case Scale::force: return force;
     case Scale::force_per_velocity: return force / joint.velocity;
     case Scale::force_per_velocity2: return force / (joint.velocity * joint.velocity);
-    case Scale::force_per_position: return force / position;
-    case Scale::force_per_position3: return force / (position * position * position);
+    case Scale::force_per_position: return force / reach;
+    case Scale::force_per_position3: return force / (reach * reach * reach);
     case Scale::position: return position;
     case Scale::velocity: return joint.velocity;
     case Scale::input: return info.port == PortKind::input ? s.input[port] : 1;

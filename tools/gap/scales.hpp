@@ -13,6 +13,7 @@ struct Scales {
     double force = 1, velocity = 1, position = 1, inertia = 1;
     double step = 1e-3;  ///< typical motion in a period
     double range = 1;    ///< whole excursion
+    double reach = 1;    ///< largest distance from position 0
   };
   Joint joint[TILLER_MAX_JOINTS];
   double input[TILLER_MAX_INPUTS];    ///< root mean square about zero

@@ -83,7 +83,7 @@ std::vector<std::vector<double>> starts_of(const Session& s, const EffectAt& e) 
   if (small != starts.front()) starts.push_back(small);
   // what limits does less the larger it is
   if (e.kind == tiller_effect_saturation || e.kind == tiller_effect_rate_limit)
-    for (const double weaker : kWeakerLimits) starts.push_back({weaker * starts[1][0]});
+    for (const double share : kOtherLimits) starts.push_back({share * starts[1][0]});
   return starts;
 }
 
