@@ -90,6 +90,8 @@ void sealed(Table& table, const Rows& rows) {
                 " kinds, " + std::to_string(distinct(rows, [](auto& r) { return r.plant; })) + " plants, " +
                 std::to_string(rows.size()) + " cases");
   table.row(counted("r >= 3: exact", strong), percent(strong, is("exact")), "%", at_least(97));
+  table.row("  of these, without an alias beside it",
+            percent(where(strong, is("exact")), [](auto& r) { return r.sets.find('|') == std::string::npos; }), "%");
   table.row("r >= 3: in the reported set, exact or not",
             percent(strong, [](auto& r) { return r.outcome == "exact" || r.outcome == "in_set"; }), "%");
   table.row("r >= 3: wrong outside the reported set", percent(strong, is("wrong")), "%", at_most(1));
