@@ -188,7 +188,7 @@ def behind_figure(result: dict) -> str:
                     color=page.INK)
     ax.set_yticks(np.arange(len(ranking)), [_effects(x)[:52] for x in ranking], fontsize=8)
     ax.set_xscale("symlog", linthresh=10)
-    ax.margins(x=0.12)
+    ax.set_xlim(min(0.0, 2 * float(np.nanmin(behind)) - 1), max(10.0, 4 * float(np.nanmax(behind))))
     ax.invert_yaxis()
     ax.grid(axis="y", visible=False)
     return page.svg(figure, "On windows held out of the fit that predicts them. Blue: the answer, and what cannot be told "
