@@ -40,6 +40,17 @@ std::vector<double> deviations(const Entry& e, double dispersion) {
   return sd;
 }
 
+// The catalogue's "N or N m" at a port: what slides has the first, what turns the second.
+std::string unit_at(const std::string& unit, PortKind kind, std::uint32_t port, const tiller_model_t& model) {
+  const std::size_t at = unit.find(" or ");
+  if (at == std::string::npos || kind == PortKind::body) return unit;
+  const std::string name = kind == PortKind::joint   ? model.force_names[model.joints[port].force]
+                           : kind == PortKind::input ? model.input_names[port]
+                                                     : model.state_names[port];
+  const bool turns = name.find("Nm") != std::string::npos || name.find("rad") != std::string::npos;
+  return turns ? unit.substr(at + 4) : unit.substr(0, at);
+}
+
 std::vector<Estimate> estimates(const Session& s, const Entry& e, const Entry& nominal,
                                 const std::vector<std::string>& param_names) {
   std::vector<Estimate> list;
@@ -57,7 +68,7 @@ std::vector<Estimate> estimates(const Session& s, const Entry& e, const Entry& n
     for (int i = 0; i < info.param_count; ++i) {
       Estimate p;
       p.name = std::string(port_name(info.port, *s.config.model, effect.port)) + "." + info.params[i].name;
-      p.unit = info.params[i].unit;
+      p.unit = unit_at(info.params[i].unit, info.port, effect.port, *s.config.model);
       p.before = p.before_sd = NAN;
       list.push_back(p);
     }
