@@ -17,5 +17,4 @@ namespace tiller::tools::gap {
 /// Cost: 10 ms for 48 s at 100 Hz; a few times that where units are in doubt.
 void gate(const tiller_config_t& config, const std::vector<Grid>& grids, Result& result);
 
-
 }  // namespace tiller::tools::gap
