@@ -22,6 +22,8 @@ bool has_pitch(const EffectInfo& info) {
 std::vector<double> other_shapes(const Session& s, const EffectAt& e, int param, double now) {
   const EffectParam& p = effect_info(e.kind).params[param];
   if (p.scale == Scale::pitch) return {0.5 * now, 2 * now};
+  // a delay's slope changes at every whole period
+  if (e.kind == tiller_effect_input_delay) return {now - 0.6 * s.scales.period_s, now + 0.6 * s.scales.period_s};
   if (is_strength(p.scale) || p.scale == Scale::period || p.scale == Scale::input) return {};
   std::vector<double> values;
   const double scale = scale_of(s.scales, *s.config.model, e.kind, e.port, param);
