@@ -317,11 +317,11 @@ def next_steps(result: dict) -> list[str]:
     if len(result["ambiguity"]) > 1 or verdict == "ambiguous":
         if result["separation"]:
             steps.append(f"Tell the candidates apart: {_esc(result['separation'])}.")
-        steps.append(f"<code>tiller excite {robot} --report gap.json -o excite.csv</code> proposes the input that "
+        steps.append(f"<code>tiller excite {robot} --gap gap.json -o excite.csv</code> proposes the input that "
                      "separates them best, and says how long to record. Then run <code>tiller gap</code> on the new logs "
                      "too.")
     if new:
-        steps.append(f"Run with the effect: <code>tiller run {new}</code>. Its prior is twice as wide as the fit, so "
+        steps.append(f"Run with the effect: <code>tiller run {new}</code>. Its prior is wider than the fit, so "
                      "the posterior goes on estimating it.")
     if verdict in ("unnamed", "partly_explained"):
         steps.append("What is left is in no catalogue. Look at the maps: what changes there? The effect "
