@@ -25,7 +25,7 @@ inline double own_stage(const double* x, const double* u, const double* p, doubl
   return *static_cast<const double*>(context) * std::cos(x[0]) + x[1] * x[1] * u[0] + 0.1 * p[0] * time_s * x[0];
 }
 inline double own_terminal(const double* x, const double* p, double time_s, void* context) {
-  return *static_cast<const double*>(context) * std::sin(x[0]) * p[1] + time_s * x[1];
+  return *static_cast<const double*>(context) * std::sin(x[0]) * p[0] + time_s * x[1];
 }
 
 inline CostCase quadratic_case(const tiller_model_t& model) {

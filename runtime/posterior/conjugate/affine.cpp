@@ -102,8 +102,10 @@ tiller_status_t ConjugatePosterior::check(const tiller_config_t& config, const S
     *field = name;
     return tiller_status_bad_posterior;
   };
-  *field = "effects";
-  if (has_sensor_effects(config)) return tiller_status_bad_effect;
+  if (has_sensor_effects(config)) {
+    *field = "effects";
+    return tiller_status_bad_effect;
+  }
   if (setup.effect_state_count != 0) return refuse("effects");
   if (!every_state_measured(config)) return refuse("measured_state");
   double noise = 0.0;
