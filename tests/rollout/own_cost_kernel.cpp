@@ -14,7 +14,7 @@ struct TestCost {
            p.cart_mass_kg * time_s * x.position_m * 0.1;
   }
   static S terminal(const typename CartPole<S>::State& x, const typename CartPole<S>::Params& p, const S& time_s) {
-    return sin(x.position_m) * p.pole_mass_kg * 1.3 + time_s * x.angle_rad;
+    return sin(x.position_m) * p.cart_mass_kg * 1.3 + time_s * x.angle_rad;
   }
 };
 
