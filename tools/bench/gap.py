@@ -104,8 +104,8 @@ def run_section(section, args):
 
 
 def parse(arguments):
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("sections", nargs="*", metavar="SECTION")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
+                                     usage="./dev bench gap [SECTION ..] [OPTIONS]", allow_abbrev=False)
     for name in ("quick", "tune", "open-test"):
         parser.add_argument(f"--{name}", action="store_true")
     for machine in MACHINES:
@@ -114,14 +114,11 @@ def parse(arguments):
     parser.add_argument("--out", type=pathlib.Path, default=ROOT / "build/gap")
     parser.add_argument("--plot", type=pathlib.Path)
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build/release")
-    args, rest = parser.parse_known_args([a for a in arguments if a != "--"])
-    named = [s for s in args.sections if s in SECTIONS]
-    # values of a program's own options look like sections: --seeds 2
-    alone = len(named) == 1 and (rest or len(args.sections) > 1)
-    args.rest = [a for a in arguments[arguments.index(named[0]) + 1:] if a in rest or a in args.sections] if alone else []
-    if (rest or len(named) != len(args.sections)) and not args.rest:
-        unknown = [s for s in args.sections if s not in SECTIONS]
-        parser.error(f"'{' '.join(rest + unknown)}' is no section and no option here; options of a program go after its "
+    args, words = parser.parse_known_args([a for a in arguments if a != "--"])
+    count = next((i for i, word in enumerate(words) if word not in SECTIONS), len(words))
+    named, args.rest = words[:count], words[count:]
+    if args.rest and len(named) != 1:
+        parser.error(f"'{' '.join(args.rest)}' is no section and no option here; options of a program go after its "
                      f"section, and that alone. Sections: {' '.join(SECTIONS)}")
     args.sections = named or (list(QUICK) if args.quick else SECTIONS)
     if args.quick:
