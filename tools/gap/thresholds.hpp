@@ -41,6 +41,7 @@ constexpr double kSizeShare = 0.04;   // of the gap, in amplitude: what a furthe
 constexpr double kRivalShare = 0.25;  // of the gap: more than that apart is no rival, however few windows show it
 
 // ---- verdict -------------------------------------------------------------------------------------
+constexpr double kWorseProof = 1.1;       // kept rollouts of any length that grow by more refute a name
 constexpr double kExplained_sigma = 1.1;  // what "named" may leave
 constexpr double kPartlyShare = 0.5;      // of the gap's square: what "partly explained" may leave
 constexpr double kEquivalent_sigma =

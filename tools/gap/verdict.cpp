@@ -181,6 +181,16 @@ void conclude(Session& s, const Found& found, const std::vector<std::string>& pa
   }
   const std::string from_to = "1 s rollouts go from " + sigmas + " to " + format("%.2f", left) + ".";
   const std::string values = parameter_text(result.ranking.front(), s.config.param_count);
+  for (const HorizonGap& h : result.horizons) {
+    if (h.after_sigma <= kWorseProof * h.before_sigma) continue;
+    result.verdict = Verdict::unnamed;
+    result.ambiguity.clear();
+    result.sentence = best_text + " (" + values + ") explains the windows worked on, but rollouts of " +
+                      format("%.3g", h.seconds) + " s on those kept for the proof get worse with it, from " +
+                      format("%.2f", h.before_sigma) + " to " + format("%.2f", h.after_sigma) +
+                      " sigma: nothing is named. Record more, and more varied, motion.";
+    return;
+  }
   if (left > kExplained_sigma || name_count(best.effects()) > 2) {
     // nothing is named that leaves most of the gap
     const double before = result.nominal_sigma * result.nominal_sigma - 1, after = left * left - 1;
