@@ -2,25 +2,12 @@
 #include <nlohmann/json.hpp>
 
 #include "tools/identify.hpp"
+#include "tools/json_number.hpp"
 
 namespace tiller::tools {
 namespace {
 
 using nlohmann::json;
-
-// JSON has no NaN; what is not finite becomes null. Six digits are more than any of this is known to.
-json number(double value) {
-  if (!std::isfinite(value)) return nullptr;
-  if (value == 0) return 0.0;
-  const double scale = std::pow(10.0, 6 - std::ceil(std::log10(std::fabs(value))));
-  return std::isfinite(scale) && scale > 0 ? std::round(value * scale) / scale : value;
-}
-
-json numbers(const std::vector<double>& values) {
-  json list = json::array();
-  for (const double v : values) list.push_back(number(v));
-  return list;
-}
 
 json log_json(const Log& log) {
   return {{"path", log.path},
