@@ -226,6 +226,7 @@ void Executive::replan(Tick& tick) {
     return;
   }
   unrenewed_plans_ = 0;
+  ++info_.plans;
   // a replay stops by count where the recording stopped by its clock: the same thing, so the same status
   const bool cut_short =
       forced_iterations_ != kNotForced && result.iterations < config_.planner.iterations && !planner_table_->converges;
@@ -297,6 +298,7 @@ void Executive::gate(Tick& tick, tiller_command_t& command) {
   command.stamp_us = tick.now_us;
   command.sequence = sequence_;
   command.state = machine_.state();
+  command.plan_sequence = static_cast<std::uint32_t>(info_.plans);
   timeline_.push(takes_hold_us(tick), command.value);
   info_.gate_cuts = gate_.cuts();
   info_.gate_rejections = gate_.rejections();

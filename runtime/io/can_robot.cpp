@@ -280,6 +280,7 @@ std::uint32_t CanRobot::command(const tiller_command_t& command, CanFrame* frame
   status.answered_sequence = command.sequence;
   status.state = static_cast<std::uint8_t>(command.state);
   status.input_count = static_cast<std::uint8_t>(layout_.motor_count);
+  status.plan_sequence_low = static_cast<std::uint8_t>(command.plan_sequence);
   tiller_sensors_controller_status_pack(frame.data, &status, sizeof frame.data);
   return count;
 }

@@ -98,6 +98,7 @@ tiller_status_t lcm_send(void* self, const tiller_command_t* command) {
   message.stamp_us = command->stamp_us;
   message.sequence = command->sequence;
   message.state = static_cast<std::int32_t>(command->state);
+  message.plan_sequence = command->plan_sequence;
   message.count = static_cast<std::int32_t>(transport->options.input_count);
   for (std::uint32_t i = 0; i < transport->options.input_count; ++i) {
     if (!std::isfinite(command->value[i])) return tiller_status_command_not_finite;
@@ -221,17 +222,20 @@ tiller_status_t lcm_send_telemetry(LcmTransport* transport, std::int64_t stamp_u
   message.first_fault = info.first_fault;
   message.planner_iterations = static_cast<std::int32_t>(info.planner_iterations);
   message.tick_ns = info.tick_ns;
+  message.plans = static_cast<std::int64_t>(info.plans);
   message.plan_cost = info.plan_cost;
   message.effective_samples = info.effective_samples;
   message.likelihood_exponent = info.likelihood_exponent;
   message.noise_scale = info.noise_scale;
+  static_assert(sizeof message.state_mean >= sizeof info.state_mean && sizeof message.param_mean >= sizeof info.param_mean,
+                "the type holds fewer values than a controller may have");
   message.state_count = static_cast<std::int32_t>(state_count);
   message.param_count = static_cast<std::int32_t>(param_count);
   std::memcpy(message.state_mean, info.state_mean, state_count * sizeof(double));
   std::memcpy(message.state_sd, info.state_sd, state_count * sizeof(double));
   std::memcpy(message.param_mean, info.param_mean, param_count * sizeof(double));
   std::memcpy(message.param_sd, info.param_sd, param_count * sizeof(double));
-  return publish<tiller_lcm::telemetry_t, 640>(transport, transport->telemetry_channel, message);
+  return publish<tiller_lcm::telemetry_t, 768>(transport, transport->telemetry_channel, message);
 }
 
 }  // namespace tiller

@@ -47,7 +47,7 @@ extern const tiller_transport_t kLcmTransport;
 /// Joins the multicast group and subscribes. Takes milliseconds; seconds where multicast does not work.
 [[nodiscard]] tiller_status_t lcm_transport_open(LcmTransport* transport, const LcmOptions& options, OpenError* error);
 
-/// What the controller says of itself, for whoever listens. Cost: one encode of 600 bytes and one sendmsg.
+/// What the controller says of itself, for whoever listens. Cost: one encode of 700 bytes and one sendmsg.
 tiller_status_t lcm_send_telemetry(LcmTransport* transport, std::int64_t stamp_us, const tiller_info_t& info,
                                    std::uint32_t state_count, std::uint32_t param_count);
 

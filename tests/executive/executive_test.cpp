@@ -337,6 +337,38 @@ TEST(Plan, NoTimeForAnIterationKeepsThePlanAndThenHolds) {
   EXPECT_EQ(b.state(), tiller_state_active);
 }
 
+TEST(Heartbeat, NumberStandsStillWheneverNoPlanWasMade) {
+  Bench b;
+  (void)b.tick();
+  EXPECT_EQ(b.command.plan_sequence, 0u) << "disarmed: nothing is planned";
+  b.activate();
+  EXPECT_EQ(b.command.plan_sequence, 1u);
+  (void)b.tick();
+  EXPECT_EQ(b.command.plan_sequence, 2u);
+  EXPECT_EQ(b.executive->info().plans, 2u);
+  (void)b.tick(nullptr);
+  EXPECT_EQ(b.state(), tiller_state_active);
+  EXPECT_EQ(b.command.plan_sequence, 2u) << "the rest of the last plan is no new one";
+  fakes::planner.result.iterations = 0;
+  (void)b.tick();
+  EXPECT_EQ(b.state(), tiller_state_active);
+  EXPECT_EQ(b.command.plan_sequence, 2u) << "nor is a plan moved on for want of time";
+  fakes::planner.result = {tiller_status_plan_not_finite, 1, 0.0};
+  (void)b.tick();
+  EXPECT_EQ(b.state(), tiller_state_hold);
+  EXPECT_EQ(b.command.plan_sequence, 2u) << "nor a failed one";
+  fakes::planner.result = {tiller_status_ok, 1, 0.0};
+  fakes::planner.command[0] = NAN;
+  (void)b.tick();
+  EXPECT_EQ(b.command.plan_sequence, 2u) << "nor one that is not finite";
+  fakes::planner.command[0] = 0.0;
+  (void)b.tick();
+  EXPECT_EQ(b.command.plan_sequence, 3u);
+  (void)b.executive->stop(tiller_status_stopped);
+  (void)b.tick();
+  EXPECT_EQ(b.command.plan_sequence, 3u) << "SAFE plans nothing";
+}
+
 TEST(Plan, WarmStartIsDroppedOnlyWhenMotionBegins) {
   Bench b;
   (void)b.tick();

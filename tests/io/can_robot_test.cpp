@@ -191,6 +191,20 @@ TEST_F(Robot, MotorsAloneAreStampedOnArrival) {
   EXPECT_EQ((Ids{kMode, kState, kTorque}), ids(command(tiller_state_active, 1.0))) << "and nobody wants a status";
 }
 
+TEST_F(Robot, StatusTellsWhichMeasurementAndWhichPlanItComesFrom) {
+  tiller_command_t c = command_of(tiller_state_active, 1.0);
+  c.sequence = 0x01020304u;
+  c.plan_sequence = 0xabcdef07u;
+  CanFrame frames[CanRobot::kMaxFrames];
+  const std::uint32_t count = robot.command(c, frames);
+  ASSERT_GT(count, 0u);
+  const CanFrame& status = frames[count - 1];
+  EXPECT_EQ(kStatus, status.id);
+  EXPECT_EQ(0x04, status.data[0]);
+  EXPECT_EQ(tiller_state_active, status.data[4] & 0xf);
+  EXPECT_EQ(0x07, status.data[6]) << "the low byte of the plan's number";
+}
+
 TEST_F(Robot, NotANumberFromAnEncoderIsRefused) {
   const float infinity = std::numeric_limits<float>::infinity();
   EXPECT_FALSE(receive(frame_of(kMotor, 9, words(0x7fc00000u, 0))));

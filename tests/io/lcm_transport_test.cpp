@@ -130,6 +130,7 @@ TEST_F(Lcm, ThreeThousandMeasurementsAreAnsweredInLockstep) {
     command.stamp_us = measurement_.stamp_us;
     command.sequence = measurement_.sequence;
     command.state = tiller_state_active;
+    command.plan_sequence = 0xfffffff0u + static_cast<std::uint32_t>(k);  // unsigned on the wire, and over its wrap
     command.value[0] = 1.0 / (1 + k);
     ASSERT_EQ(tiller_status_ok, kLcmTransport.send(&transport_, &command));
     ASSERT_TRUE(plant.handle_one()) << k;
@@ -138,6 +139,7 @@ TEST_F(Lcm, ThreeThousandMeasurementsAreAnsweredInLockstep) {
   for (int k = 0; k < kTicks; ++k) {
     EXPECT_EQ(k, plant.commands[static_cast<std::size_t>(k)].sequence);
     EXPECT_EQ(1.0 / (1 + k), plant.commands[static_cast<std::size_t>(k)].value[0]);
+    EXPECT_EQ((0xfffffff0LL + k) & 0xffffffffLL, plant.commands[static_cast<std::size_t>(k)].plan_sequence);
   }
   const tiller_transport_counters_t c = counters();
   std::printf("received %llu of %d, sent %llu\n", static_cast<unsigned long long>(c.received), kTicks,
@@ -244,6 +246,7 @@ TEST_F(Lcm, TelemetryArrivesWhole) {
   info.state = tiller_state_hold;
   info.status = tiller_status_deadline_missed;
   info.effective_samples = 123.5;
+  info.plans = 41;
   for (int i = 0; i < TILLER_MAX_STATES; ++i) info.state_mean[i] = i;
   for (int i = 0; i < TILLER_MAX_PARAMS; ++i) info.param_sd[i] = 10 + i;
   ASSERT_EQ(tiller_status_ok, lcm_send_telemetry(&transport_, 77, info, TILLER_MAX_STATES, TILLER_MAX_PARAMS));
@@ -255,8 +258,9 @@ TEST_F(Lcm, TelemetryArrivesWhole) {
   EXPECT_EQ(3, message.state);
   EXPECT_EQ(202, message.status);
   EXPECT_EQ(123.5, message.effective_samples);
+  EXPECT_EQ(41, message.plans);
   EXPECT_EQ(11.0, message.state_mean[11]);
-  EXPECT_EQ(25.0, message.param_sd[15]);
+  EXPECT_EQ(10.0 + TILLER_MAX_PARAMS - 1, message.param_sd[TILLER_MAX_PARAMS - 1]);
   EXPECT_EQ(tiller_status_bad_dimension,
             lcm_send_telemetry(&transport_, 77, info, TILLER_MAX_STATES + 1, TILLER_MAX_PARAMS));
 }

@@ -38,7 +38,7 @@ extern "C" {
 
 #define TILLER_VERSION_MAJOR 0
 #define TILLER_VERSION_MINOR 1
-#define TILLER_CONFIG_VERSION 4u
+#define TILLER_CONFIG_VERSION 5u
 #define TILLER_ALIGNMENT 64u /**< of the caller's block: one AVX-512 register, one cache line */
 #define TILLER_MAX_MEASUREMENTS TILLER_MAX_STATES
 
@@ -392,6 +392,9 @@ typedef struct tiller_command {
   uint32_t state;                  /**< tiller_state_t after the tick */
   double value[TILLER_MAX_INPUTS]; /**< (nu) finite and within limits; in ACTIVE and HOLD within rate limits too
                                         (the safe command goes out at once, see docs/safety.md) */
+  uint32_t plan_sequence; /**< low 32 bits of tiller_info_t.plans. A device that sees ACTIVE with the same number for
+                                        longer than its plan timeout has a hung planner behind a live sender */
+  uint32_t reserved;
 } tiller_command_t;
 
 /** Whether the model can explain what is measured. */
@@ -449,6 +452,7 @@ typedef struct tiller_info {
   double delay_weight[TILLER_MAX_HYPOTHESES];      /**< of input delays of 0, 1, .. periods */
   double forgetting_weight[TILLER_MAX_FORGETTING]; /**< of the configured rates */
   double discrepancy_share; /**< of the residuals' squares that the discrepancy basis takes up, 0..1 */
+  uint64_t plans;           /**< finite plans that the planner has made; stands still while it does not get that far */
 } tiller_info_t;
 
 /** Exact bytes that tiller_init needs; 0 if the configuration is not valid (tiller_config_check says why). */
