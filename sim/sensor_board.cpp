@@ -44,11 +44,15 @@ CanFrames sensor_frames(std::uint32_t node, const PlantMeasurement& m) {
   return frames;
 }
 
-bool read_controller_status(std::uint32_t node, const CanFrame& frame, std::uint32_t& answered) {
+bool read_controller_status(std::uint32_t node, const CanFrame& frame, PlantCommand& answer) {
   if (frame.id != can_id(node, TILLER_SENSORS_CONTROLLER_STATUS_FRAME_ID) || frame.remote) return false;
   tiller_sensors_controller_status_t in{};
   if (tiller_sensors_controller_status_unpack(&in, frame.data.data(), frame.length) != 0) return false;
-  answered = in.answered_sequence;
+  answer = PlantCommand{};
+  answer.sequence = in.answered_sequence;
+  answer.has_value = false;
+  answer.state = in.state;
+  answer.plan = in.plan_sequence_low;
   return true;
 }
 

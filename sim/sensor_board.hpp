@@ -11,7 +11,7 @@ namespace tiller::sim {
 /// holds (2147 units) is sent as not valid.
 CanFrames sensor_frames(std::uint32_t node, const PlantMeasurement& measurement);
 
-/// True when the frame is the controller's status for this board; answered is the measurement's number.
-bool read_controller_status(std::uint32_t node, const CanFrame& frame, std::uint32_t& answered);
+/// True when the frame is the controller's status for this board; `answer` becomes what it tells, without a value.
+bool read_controller_status(std::uint32_t node, const CanFrame& frame, PlantCommand& answer);
 
 }  // namespace tiller::sim

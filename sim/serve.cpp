@@ -4,6 +4,8 @@
 #include <chrono>
 #include <cmath>
 
+#include "sim/plan_watch.hpp"
+
 namespace tiller::sim {
 namespace {
 
@@ -21,7 +23,7 @@ std::int64_t to_us(double seconds) { return std::llround(seconds * 1e6); }
 class Server {
  public:
   Server(Plant& plant, PlantLink& link, const ServeOptions& options, ServeReport& report)
-      : plant_(plant), link_(link), options_(options), report_(report) {
+      : plant_(plant), link_(link), options_(options), report_(report), watch_(to_us(options.plan_timeout_s)) {
     measurement_.value.resize(plant.measurements().size());
   }
 
@@ -55,7 +57,12 @@ class Server {
   }
 
   void apply(const PlantCommand& command) {
+    watch_.note(command, plant_.time_us());
     if (!command.has_value) return;
+    if (watch_.hung(plant_.time_us())) {
+      ++report_.hung_commands;
+      return;
+    }
     plant_.apply(command.value.data());
     ++report_.commands;
   }
@@ -134,6 +141,7 @@ class Server {
   PlantLink& link_;
   const ServeOptions& options_;
   ServeReport& report_;
+  PlanWatch watch_;
   PlantMeasurement measurement_{0, 0, {}};
   bool answered_ = false;
   std::int64_t start_us_ = 0;     // real time: the wall clock at plant time zero

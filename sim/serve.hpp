@@ -23,6 +23,8 @@ struct PlantCommand {
   std::int64_t sequence = kUnnumbered;             ///< of the measurement that it answers
   std::vector<double> value;                       // (commands)
   bool has_value = true;                           ///< false: an answer only, the motor has got its command before
+  std::int32_t state = -1;                         ///< of the controller: 2 active, 3 hold; -1: not told
+  std::int64_t plan = kUnnumbered;                 ///< number of the plan, or its low bits; kUnnumbered: not told
 };
 
 /// How measurements leave and commands arrive: LCM, a CAN bus, or a test's own.
@@ -46,6 +48,7 @@ struct ServeOptions {
   /// counts. Before the first answer there is no such limit: the plant waits, repeating its first
   /// measurement.
   double answer_timeout_s = 1.0;
+  double plan_timeout_s = 1.0;                       ///< ACTIVE without a new plan for this long: motor off; 0: for ever
   double first_answer_repeat_s = 0.1;                ///< how often the first measurement is repeated
   double duration_s = 0;                             ///< simulated; 0: until stop
   const volatile std::sig_atomic_t* stop = nullptr;  ///< serve returns soon after this becomes non-zero
@@ -60,6 +63,7 @@ struct ServeReport {
   std::uint64_t missing_answers = 0;  ///< lockstep: periods that went on without one
   std::uint64_t stale_commands = 0;   ///< lockstep: answers to another measurement, ignored
   std::uint64_t bad_commands = 0;     ///< wrong count or not finite, ignored
+  std::uint64_t hung_commands = 0;    ///< without a new plan for plan_timeout_s, ignored
   std::uint64_t late_periods = 0;     ///< real time: periods that began more than one period late
   std::string error;                  ///< empty: ended by duration or stop
 };

@@ -27,16 +27,13 @@ class CanLink final : public PlantLink {
   bool receive(PlantCommand& command, std::int64_t timeout_us) override {
     CanFrame frame;
     if (!socket_.receive(frame, timeout_us)) return false;
-    std::uint32_t answered = 0;
-    if (read_controller_status(options_.sensor_node, frame, answered)) {
-      command = PlantCommand{answered, {}, false};
-      return true;
-    }
+    if (read_controller_status(options_.sensor_node, frame, command)) return true;
     CanFrames replies;
     const OdriveAxis::Event event = axis_.receive(frame, replies);
     for (const CanFrame& reply : replies) socket_.send(reply);
     if (event == OdriveAxis::Event::kNone) return false;
-    command = PlantCommand{PlantCommand::kUnnumbered, {axis_.torque_Nm() / options_.wheel_radius_m}, true};
+    command = PlantCommand{};
+    command.value = {axis_.torque_Nm() / options_.wheel_radius_m};
     return true;
   }
 

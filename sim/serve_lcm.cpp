@@ -86,6 +86,8 @@ class LcmLink final : public PlantLink {
     // command
     if (in.decode(buffer->data, 0, static_cast<int>(buffer->data_size)) >= 0) {
       command.sequence = in.sequence;
+      command.state = in.state;
+      if (in.plan_sequence != 0) command.plan = in.plan_sequence;  // 0: a sender that does not count
       command.value.assign(in.value, in.value + std::clamp(in.count, 0, command_capacity));
     }
     static_cast<LcmLink*>(user)->commands_.push_back(std::move(command));

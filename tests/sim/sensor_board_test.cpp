@@ -48,10 +48,13 @@ TEST(SensorBoard, ReadsTheControllersStatus) {
   CanFrame f;
   f.id = node << 5 | 1u;
   f.length = 8;
-  f.data = {0x04, 0x03, 0x02, 0x01, 2, 1, 0, 0};
-  std::uint32_t answered = 0;
+  f.data = {0x04, 0x03, 0x02, 0x01, 2, 1, 200, 0};
+  PlantCommand answered;
   EXPECT_TRUE(read_controller_status(node, f, answered));
-  EXPECT_EQ(answered, 0x01020304u);
+  EXPECT_EQ(answered.sequence, 0x01020304);
+  EXPECT_EQ(answered.state, 2);
+  EXPECT_EQ(answered.plan, 200);
+  EXPECT_FALSE(answered.has_value);
   EXPECT_FALSE(read_controller_status(node + 1, f, answered));
   f.length = 3;
   EXPECT_FALSE(read_controller_status(node, f, answered));

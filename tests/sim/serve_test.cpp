@@ -1,10 +1,12 @@
 #include "sim/serve.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <deque>
 #include <limits>
 
 #include "plants.hpp"
+#include "sim/plan_watch.hpp"
 
 // The loop of the servers over a link without a network. Nothing here waits for the wall clock to pass a
 // bound: lockstep is exact, and of real time only what cannot depend on scheduling is asked.
@@ -107,6 +109,87 @@ TEST(Serve, ADeadControllerTripsTheWatchdogInSimulatedTime) {
   for (std::size_t k = 0; k < force.size(); ++k) EXPECT_EQ(force[k], k < 14 ? 2.0 : 0.0) << k;
   EXPECT_TRUE(plant->watchdog_tripped());
   EXPECT_EQ(report.missing_answers, 20u);
+}
+
+/// Two seconds of commands every 10 ms that differ in what is told of state and plan; the periods with force, and
+/// whether the motor was off at the end.
+std::pair<int, bool> served_with(const std::function<void(PlantCommand&)>& tell) {
+  PlantOptions o = cart_pole();
+  o.watchdog_timeout_s = 0.05;
+  auto plant = make(o);
+  ScriptedLink link([&](const PlantMeasurement& m) {
+    PlantCommand c{m.sequence, {2.0}};
+    tell(c);
+    return std::deque<PlantCommand>{c};
+  });
+  ServeOptions options = lockstep(2.0);
+  options.plan_timeout_s = 0.5;
+  int driven = 0;
+  options.on_period = [&](const Plant& p, const PlantMeasurement&) { driven += motor(p) != 0.0; };
+  ServeReport report;
+  EXPECT_EQ(serve(*plant, link, options, report), 0);
+  EXPECT_EQ(report.missing_answers, 0u);
+  return {driven, plant->watchdog_tripped()};
+}
+
+TEST(PlanWatch, HungPlannerBehindALiveSenderTripsTheMotorsWatchdog) {
+  const auto served = served_with([](PlantCommand& c) {
+    c.state = 2;
+    c.plan = std::min<std::int64_t>(c.sequence, 49);  // the last new plan comes at 490 ms
+  });
+  // heard until 990 ms, the watchdog's 50 ms from the command at 980 ms on
+  EXPECT_EQ(served, std::make_pair(103, true));
+}
+
+TEST(PlanWatch, PlansThatGrowKeepTheMotorOnOverTheWrapOfAByte) {
+  const auto served = served_with([](PlantCommand& c) {
+    c.state = 2;
+    c.plan = (c.sequence / 40 + 250) % 256;  // a new one every 400 ms
+  });
+  EXPECT_EQ(served, std::make_pair(200, false));
+}
+
+TEST(PlanWatch, InHoldTheAnsweredMeasurementMustGrow) {
+  const auto held = served_with([](PlantCommand& c) {
+    c.state = 3;
+    c.plan = 7;
+  });
+  EXPECT_EQ(held, std::make_pair(200, false)) << "feedback on fresh measurements needs no plan";
+  PlanWatch watch(500000);
+  PlantCommand repeated{5, {2.0}};
+  repeated.state = 3;
+  repeated.plan = 7;
+  for (std::int64_t us = 0; us < 500000; us += 10000) {
+    watch.note(repeated, us);
+    EXPECT_FALSE(watch.hung(us));
+  }
+  watch.note(repeated, 500000);
+  EXPECT_TRUE(watch.hung(500000)) << "a repeater";
+}
+
+TEST(PlanWatch, SafeAndStandbyAndUncountedSendersAreNotWatched) {
+  for (const int state : {0, 1, 4}) {
+    const auto served = served_with([&](PlantCommand& c) {
+      c.state = state;
+      c.plan = 7;
+    });
+    EXPECT_EQ(served, std::make_pair(200, false)) << "the safe command needs no plan";
+  }
+  EXPECT_EQ(served_with([](PlantCommand&) {}), std::make_pair(200, false));
+}
+
+TEST(PlanWatch, NewPlanEndsIt) {
+  PlanWatch watch(500000);
+  PlantCommand c{5, {2.0}};
+  c.state = 2;
+  c.plan = 7;
+  watch.note(c, 0);
+  watch.note(c, 600000);
+  EXPECT_TRUE(watch.hung(600000));
+  c.plan = 8;
+  watch.note(c, 700000);
+  EXPECT_FALSE(watch.hung(700000));
+  EXPECT_FALSE(PlanWatch(0).hung(10000000)) << "switched off";
 }
 
 TEST(Serve, CommandsThatCannotBeMeantAreCountedAndIgnored) {
