@@ -27,9 +27,7 @@ class PlanWatch {
     watched_ = moving;
   }
   /// What comes now is not to be obeyed, nor to feed the motor's watchdog.
-  bool hung(std::int64_t time_us) const {
-    return timeout_us_ > 0 && watched_ && time_us - fresh_us_ >= timeout_us_;
-  }
+  bool hung(std::int64_t time_us) const { return timeout_us_ > 0 && watched_ && time_us - fresh_us_ >= timeout_us_; }
 
  private:
   static constexpr std::int32_t kActive = 2, kHold = 3;

@@ -48,9 +48,9 @@ struct ServeOptions {
   /// counts. Before the first answer there is no such limit: the plant waits, repeating its first
   /// measurement.
   double answer_timeout_s = 1.0;
-  double plan_timeout_s = 1.0;                       ///< ACTIVE without a new plan for this long: motor off; 0: for ever
-  double first_answer_repeat_s = 0.1;                ///< how often the first measurement is repeated
-  double duration_s = 0;                             ///< simulated; 0: until stop
+  double plan_timeout_s = 1.0;         ///< ACTIVE without a new plan for this long: motor off; 0: for ever
+  double first_answer_repeat_s = 0.1;  ///< how often the first measurement is repeated
+  double duration_s = 0;               ///< simulated; 0: until stop
   const volatile std::sig_atomic_t* stop = nullptr;  ///< serve returns soon after this becomes non-zero
   /// Called after each period, for traces and progress; may be empty.
   std::function<void(const Plant&, const PlantMeasurement&)> on_period;

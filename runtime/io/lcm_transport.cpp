@@ -227,8 +227,9 @@ tiller_status_t lcm_send_telemetry(LcmTransport* transport, std::int64_t stamp_u
   message.effective_samples = info.effective_samples;
   message.likelihood_exponent = info.likelihood_exponent;
   message.noise_scale = info.noise_scale;
-  static_assert(sizeof message.state_mean >= sizeof info.state_mean && sizeof message.param_mean >= sizeof info.param_mean,
-                "the type holds fewer values than a controller may have");
+  static_assert(
+      sizeof message.state_mean >= sizeof info.state_mean && sizeof message.param_mean >= sizeof info.param_mean,
+      "the type holds fewer values than a controller may have");
   message.state_count = static_cast<std::int32_t>(state_count);
   message.param_count = static_cast<std::int32_t>(param_count);
   std::memcpy(message.state_mean, info.state_mean, state_count * sizeof(double));

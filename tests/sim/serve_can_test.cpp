@@ -80,6 +80,7 @@ class Controller {
     std::memcpy(bytes.data(), &sequence, 4);
     bytes[4] = 2;
     bytes[5] = 1;
+    bytes[6] = bytes[0];  // a plan for every measurement
     send(board_node, 0x01, bytes);
   }
 
