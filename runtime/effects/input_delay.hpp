@@ -4,10 +4,11 @@
 
 namespace tiller {
 
-/// Transport delay of an input: what acts during a period is the command's mean over that period shifted back by the
-/// delay d. For commands constant over periods that is a weighted sum of the last ones, with hat weights
-/// w_i = max(0, 1 - |d/period - i|). Every lane may have its own d; the history belongs to the input, not to the
-/// particle. d = 0 passes the command through, to the last bit.
+/// Transport delay of an input. For commands constant over periods of length T, a delay of n T + r makes each period
+/// two parts: r long the command of n + 1 periods ago, then that of n periods ago. The steps end where the command
+/// changes, so that the delay is as exact as the integrator (the mean of the two over the period would move a position by
+/// up to a T^2 / 8 for a change a of the acceleration). Every lane may have its own delay; the history belongs to the
+/// input, not to the particle. A delay of 0 passes the command through, to the last bit.
 template <class S>
 struct InputDelay {
   static constexpr bool inlined = true;
@@ -24,13 +25,25 @@ struct InputDelay {
     i.separation = "steps of the command: a delay answers late and at once, a lag at once and slowly";
     return i;
   }();
-  /// past(i) is the command i periods ago, i = 0..steps.
+  /// past(i) is the command i periods ago, i = 0..steps; a longer delay than that acts as the oldest. For the first
+  /// `share` of the period `older` acts, then `newer`.
   template <class Past>
-  static S apply_period(const Past& past, int steps, const S* p, const S& period) {
-    const S periods = p[0] / period;
-    S sum = past(0) * max(S(0.0), S(1.0) - periods);
-    for (int i = 1; i <= steps; ++i) sum += past(i) * max(S(0.0), S(1.0) - abs(periods - S(i)));
-    return select(p[0] > S(0.0), sum, past(0));
+  static void take_turns(const Past& past, int steps, const S* p, const S& period, S& older, S& newer, S& share) {
+    older = newer = past(0);
+    share = S(0.0);
+    if (steps == 0) return;
+    const S periods = max(p[0] / period, S(0.0));
+    S next = past(1);
+    older = next;
+    share = min(periods, S(1.0));
+    for (int i = 1; i <= steps; ++i) {
+      const S beyond = past(i < steps ? i + 1 : steps);
+      const auto reached = periods >= S(i);
+      newer = select(reached, next, newer);
+      older = select(reached, beyond, older);
+      share = select(reached, min(periods - S(i), S(1.0)), share);
+      next = beyond;
+    }
   }
 };
 

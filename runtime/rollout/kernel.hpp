@@ -103,8 +103,7 @@ struct Kernel {
                                          lane + static_cast<std::uint32_t>(r * P::width))
                            : P(job.history[(-then - 1) * kInputs + input]);
         };
-        stepper.template acting_commands<kRegisters, kParameterSets>(commands, p, past);
-        stepper.template advance_all<kRegisters, kParameterSets>(t, commands, p);
+        stepper.template advance_all<kRegisters, kParameterSets>(t, commands, p, past);
       }
     }
     for (int r = 0; r < kRegisters; ++r) {
@@ -181,7 +180,7 @@ struct Kernel {
       });
       return age == 0 ? value : D(job.history[(age - 1) * kInputs + input]);
     };
-    stepper.advance(t, stepper.acting_command(u, p, past), p);
+    stepper.advance(t, u, p, past);
 
     const auto row = [&](double* rows, int i) { return rows + static_cast<std::size_t>(i) * job.lanes + lane; };
     each(Model::nx(), [&](auto i) {

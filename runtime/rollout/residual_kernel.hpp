@@ -137,32 +137,66 @@ struct ResidualKernel {
     x = step.free_step(kIntegrator, x, u, step.no_force(), p);
     each(Model::nx(), [&](auto i) { moved[i] = x[i].moved(P(b.state[i][k])); });
   }
+  /// A step on its way: where it is and how far it has moved.
+  struct Way {
+    P value[kStates];
+    P* moved;
+  };
+  /// One substep of step k, or of the lanes of `live` a part of it.
+  template <class Live>
+  static TILLER_INLINE void substep(const Step& step, const Block& b, int k, bool first, const Input& acting,
+                                    const Parameters<Model, S>& p, const Body<S>& body, const Length<S>& length,
+                                    const Live& live, Tape& tape, Way& way) {
+    Trajectory<Model, S> t;
+    each(Model::nx(), [&](auto i) {
+      t.x[i] = S::on_the_way(P(b.state[i][k]), way.value[i], way.moved[i], first ? S::kShared : S::kLane, &tape);
+    });
+    step.template substep_all<1, 1>(&t, &acting, &p, &body, &length);
+    each(Model::nx(), [&](auto i) {
+      way.value[i] = live(t.x[i].v, way.value[i]);
+      way.moved[i] = live(t.x[i].moved(P(b.state[i][k])), way.moved[i]);
+    });
+  }
   /// The same in general. The first substep begins at the shared state, the others do not.
   static TILLER_INLINE void advance(const Step& step, const Block& b, const MeasuredStep* steps, int k,
                                     const Parameters<Model, S>& p, P* moved) {
     Tape tape{const_cast<float*>(&b.tape[0][k]), kSteps, false};
-    const double* history = steps[k].history;
     Input u;
     each(Model::nu(), [&](auto i) { u[i] = S(P(b.input[i][k])); });
-    u = step.acting_command(u, p, [&](int age, int input) {
-      return age == 0 ? S(P(b.input[input][k])) : S(P(history[(age - 1) * kInputs + input]));
-    });
     const Body<S> body = step.body_of(p);
-    P value[kStates];
+    Way way{{}, moved};
     each(Model::nx(), [&](auto i) {
-      value[i] = P(b.state[i][k]);
+      way.value[i] = P(b.state[i][k]);
       moved[i] = P(0.0);
     });
-    for (std::uint32_t substep = 0; substep < step.setup.substeps; ++substep) {
-      Trajectory<Model, S> t;
-      each(Model::nx(), [&](auto i) {
-        t.x[i] = S::on_the_way(P(b.state[i][k]), value[i], moved[i], substep == 0 ? S::kShared : S::kLane, &tape);
-      });
-      step.template substep_all<1, 1>(&t, &u, &p, &body);
-      each(Model::nx(), [&](auto i) {
-        value[i] = t.x[i].v;
-        moved[i] = t.x[i].moved(P(b.state[i][k]));
-      });
+    if (step.delayed()) {
+      advance_delayed(step, b, steps[k].history, k, u, p, body, way);
+      return;
+    }
+    const auto all = [](const P& now, const P&) { return now; };
+    for (std::uint32_t n = 0; n < step.setup.substeps; ++n)
+      substep(step, b, k, n == 0, u, p, body, step.whole(), all, tape, way);
+  }
+  /// With commands that change within the period, lane by lane at another time: nothing is shared then.
+  static TILLER_INLINE void advance_delayed(const Step& step, const Block& b, const double* history, int k,
+                                            const Input& u, const Parameters<Model, S>& p, const Body<S>& body,
+                                            Way& way) {
+    Tape none{nullptr, 0, false, Tape::kRows};
+    Turns<Model, S> turns;
+    step.template take_turns<1, 1>(&turns, &u, &p, [&](int, int age, int input) {
+      return age == 0 ? S(P(b.input[input][k])) : S(P(history[(age - 1) * kInputs + input]));
+    });
+    for (std::uint32_t n = 0; n < step.setup.substeps; ++n) {
+      S done(P(0.0)), part;
+      Input acting;
+      Length<S> length;
+      bool more = true;
+      while (more) {
+        more = step.next_part(n, turns, done, part, acting, length);
+        const auto moves = part.v > P(0.0);
+        const auto live = [&](const P& now, const P& before) TILLER_INLINED { return select(moves, now, before); };
+        substep(step, b, k, false, acting, p, body, length, live, none, way);
+      }
     }
   }
 

@@ -2,8 +2,9 @@
 
 // One control period of one register of trajectories: the only text of integrators and effects, for lanes, duals
 // and plain numbers. Order within a period:
-//   1. period effects of the inputs (delay): the command that acts in this period; body effects (tilt, payload)
-//   2. each substep:
+//   1. period effects of the inputs (delay): the commands that act in this period and when the newer one takes over;
+//      body effects (tilt, payload)
+//   2. each substep, in two parts where a delayed command changes within it:
 //      a. input effects (lag) advance and give the acting input
 //      b. force effects add to the generalised forces
 //      c. the integrator takes the free step
@@ -32,6 +33,20 @@ template <class Model, class S>
 struct Parameters {
   typename Model::template Params<S> model;
   S effect[TILLER_MAX_PARAMS];
+};
+
+/// What delays make of the commands of one period: for the first `share` of it, input by input, the older one acts.
+template <class Model, class S>
+struct Turns {
+  typename Model::template Input<S> older, newer, share;
+};
+
+struct NoPast {};
+
+/// A step's length and the parts of it that integrators use.
+template <class S>
+struct Length {
+  S h, half, sixth;
 };
 
 /// Time is what the length of a step is kept in.
@@ -74,50 +89,52 @@ struct Stepper {
 
   // ---- the free step ---------------------------------------------------------------------------
 
-  TILLER_INLINE State along(const State& x, const State& dx, const Time& h) const {
+  /// Of a whole substep.
+  TILLER_INLINE Length<S> whole() const { return {S(substep_s), S(0.5 * substep_s), S(substep_s / 6.0)}; }
+  TILLER_INLINE State along(const State& x, const State& dx, const S& h) const {
     State next;
-    each(model.nx(), [&](auto i) TILLER_INLINED { next[i] = x[i] + S(h) * dx[i]; });
+    each(model.nx(), [&](auto i) TILLER_INLINED { next[i] = x[i] + h * dx[i]; });
     return next;
   }
 
   /// Velocities first, positions with the new velocities: first order, and keeps the energy of a swinging pendulum.
-  TILLER_INLINE State semi_implicit(const State& x, const Input& u, const Force& f, const Body<S>& b,
-                                    const Params& p) const {
-    State next = along(x, model.template dynamics<S>(x, u, f, b, p), substep_s);
+  TILLER_INLINE State semi_implicit(const State& x, const Input& u, const Force& f, const Body<S>& b, const Params& p,
+                                    const Length<S>& step) const {
+    State next = along(x, model.template dynamics<S>(x, u, f, b, p), step.h);
     State before = x;
     each(model.nf(), [&](auto j) {
       if (S* q = model.template position<S>(next, j))
-        *q = *model.template position<S>(before, j) + S(substep_s) * model.template velocity<S>(next, j);
+        *q = *model.template position<S>(before, j) + step.h * model.template velocity<S>(next, j);
     });
     return next;
   }
-  TILLER_INLINE State midpoint(const State& x, const Input& u, const Force& f, const Body<S>& b,
-                               const Params& p) const {
-    const State half = along(x, model.template dynamics<S>(x, u, f, b, p), 0.5 * substep_s);
-    return along(x, model.template dynamics<S>(half, u, f, b, p), substep_s);
+  TILLER_INLINE State midpoint(const State& x, const Input& u, const Force& f, const Body<S>& b, const Params& p,
+                               const Length<S>& step) const {
+    const State half = along(x, model.template dynamics<S>(x, u, f, b, p), step.half);
+    return along(x, model.template dynamics<S>(half, u, f, b, p), step.h);
   }
-  TILLER_INLINE State rk4(const State& x, const Input& u, const Force& f, const Body<S>& b, const Params& p) const {
+  TILLER_INLINE State rk4(const State& x, const Input& u, const Force& f, const Body<S>& b, const Params& p,
+                          const Length<S>& step) const {
     const State k1 = model.template dynamics<S>(x, u, f, b, p);
-    const State k2 = model.template dynamics<S>(along(x, k1, 0.5 * substep_s), u, f, b, p);
-    const State k3 = model.template dynamics<S>(along(x, k2, 0.5 * substep_s), u, f, b, p);
-    const State k4 = model.template dynamics<S>(along(x, k3, substep_s), u, f, b, p);
+    const State k2 = model.template dynamics<S>(along(x, k1, step.half), u, f, b, p);
+    const State k3 = model.template dynamics<S>(along(x, k2, step.half), u, f, b, p);
+    const State k4 = model.template dynamics<S>(along(x, k3, step.h), u, f, b, p);
     State next;
-    each(model.nx(), [&](auto i) TILLER_INLINED {
-      next[i] = x[i] + S(substep_s / 6.0) * (k1[i] + S(2.0) * (k2[i] + k3[i]) + k4[i]);
-    });
+    each(model.nx(),
+         [&](auto i) TILLER_INLINED { next[i] = x[i] + step.sixth * (k1[i] + S(2.0) * (k2[i] + k3[i]) + k4[i]); });
     return next;
   }
   TILLER_INLINE State free_step(tiller_integrator_t integrator, const State& x, const Input& u, const Force& f,
-                                const Body<S>& b, const Params& p) const {
+                                const Body<S>& b, const Params& p, const Length<S>& step) const {
     switch (integrator) {
-      case tiller_integrator_semi_implicit_euler: return semi_implicit(x, u, f, b, p);
-      case tiller_integrator_midpoint: return midpoint(x, u, f, b, p);
-      default: return rk4(x, u, f, b, p);
+      case tiller_integrator_semi_implicit_euler: return semi_implicit(x, u, f, b, p, step);
+      case tiller_integrator_midpoint: return midpoint(x, u, f, b, p, step);
+      default: return rk4(x, u, f, b, p, step);
     }
   }
   TILLER_INLINE State free_step(tiller_integrator_t integrator, const State& x, const Input& u, const Force& f,
                                 const Params& p) const {
-    return free_step(integrator, x, u, f, body, p);
+    return free_step(integrator, x, u, f, body, p, whole());
   }
   TILLER_INLINE Force no_force() const {
     Force f;
@@ -159,24 +176,49 @@ struct Stepper {
   // Several trajectories go through a period together, effect by effect and not one after the other: their arithmetic
   // does not wait for each other's, and an effect is looked up once for all. kSets is 1 where they share parameters.
 
-  /// The inputs that act in this period; past(trajectory, i, port): the command of input `port` i periods ago.
+  /// Whether commands may change within a period.
+  TILLER_INLINE bool delayed() const { return slot_count[static_cast<int>(Hook::period_input)] > 0; }
+  /// What acts in this period; past(trajectory, i, port): the command of input `port` i periods ago.
   template <int kCount, int kSets, class Past>
-  TILLER_INLINE void acting_commands(Input* commands, const Parameters<Model, S>* p, const Past& past) const {
+  TILLER_INLINE void take_turns(Turns<Model, S>* turns, const Input* commands, const Parameters<Model, S>* p,
+                                const Past& past) const {
+    for (int r = 0; r < kCount; ++r)
+      each(model.nu(), [&](auto i) {
+        turns[r].older[i] = turns[r].newer[i] = commands[r][i];
+        turns[r].share[i] = S(0.0);
+      });
     for_effects<Hook::period_input>([&](auto, const EffectSlot& slot) TILLER_INLINED {
       each(model.nu(), [&](auto i) TILLER_INLINED {
         if (static_cast<int>(i) != slot.port) return;
         for (int r = 0; r < kCount; ++r)
-          commands[r][i] = InputDelay<S>::apply_period(
-              [&](int age) { return past(r, age, static_cast<int>(i)); }, static_cast<int>(setup.delay_steps),
-              effect_params(p[kSets == 1 ? 0 : r], slot), S(substep_s * setup.substeps));
+          InputDelay<S>::take_turns([&](int age) { return past(r, age, static_cast<int>(i)); },
+                                    static_cast<int>(setup.delay_steps), effect_params(p[kSets == 1 ? 0 : r], slot),
+                                    S(substep_s * setup.substeps), turns[r].older[i], turns[r].newer[i],
+                                    turns[r].share[i]);
       });
     });
   }
-  template <class Past>
-  TILLER_INLINE Input acting_command(const Input& command, const Parameters<Model, S>& p, const Past& past) const {
-    Input acting = command;
-    acting_commands<1, 1>(&acting, &p, [&](int, int age, int port) { return past(age, port); });
-    return acting;
+  /// The next part of substep `k`, up to where the first of its inputs takes the newer command: what acts in it and how
+  /// long it is. `done`, `part`: shares of the substep gone before it and of it; a lane whose part is 0 stands still.
+  /// True: some lane is not at the substep's end then.
+  TILLER_INLINE bool next_part(std::uint32_t k, const Turns<Model, S>& turns, S& done, S& part, Input& acting,
+                               Length<S>& step) const {
+    S until = S(1.0);
+    each(model.nu(), [&](auto i) TILLER_INLINED {
+      const S turn = turns.share[i] * S(static_cast<double>(setup.substeps)) - S(static_cast<double>(k));
+      const S share = max(min(turn, S(1.0)), S(0.0));
+      const auto older = share > done;
+      acting[i] = select(older, turns.older[i], turns.newer[i]);
+      until = select(older, min(share, until), until);
+    });
+    part = until - done;
+    done = until;
+    const auto cut = (part > S(0.0)) & (part < S(1.0));
+    const Length<S> all = whole();
+    step.h = select(cut, part * all.h, all.h);
+    step.half = select(cut, S(0.5) * step.h, all.half);
+    step.sixth = select(cut, step.h / S(6.0), all.sixth);
+    return any(until < S(1.0));
   }
 
   /// The body with what the body effects make of it.
@@ -200,12 +242,13 @@ struct Stepper {
 
   /// Input effects and force effects, before the free step.
   template <int kCount, int kSets>
-  TILLER_INLINE void act(Trajectory<Model, S>* t, Input* u, Force* f, const Parameters<Model, S>* p) const {
+  TILLER_INLINE void act(Trajectory<Model, S>* t, Input* u, Force* f, const Parameters<Model, S>* p,
+                         const Length<S>* step) const {
     for_effects<Hook::input>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
       each(model.nu(), [&](auto i) TILLER_INLINED {
         if (static_cast<int>(i) != slot.port) return;
         for (int r = 0; r < kCount; ++r)
-          u[r][i] = call_input<decltype(effect), S>(slot.kind, {lane(u[r][i]), lane(S(substep_s))},
+          u[r][i] = call_input<decltype(effect), S>(slot.kind, {lane(u[r][i]), lane(step[r].h)},
                                                     t[r].effect_state + slot.state,
                                                     effect_params(p[kSets == 1 ? 0 : r], slot));
       });
@@ -218,7 +261,7 @@ struct Stepper {
           S* q = model.template position<S>(t[r].x, j);
           const Lane position = q ? lane(*q) : Lane(0.0), velocity = lane(model.template velocity<S>(t[r].x, j));
           const JointStep<Lane> in = {
-              position, velocity, position, velocity, Lane(0.0), lane(drive_force(u[r], j)), lane(S(substep_s))};
+              position, velocity, position, velocity, Lane(0.0), lane(drive_force(u[r], j)), lane(step[r].h)};
           f[r][k] = f[r][k] + call_force<decltype(effect), S>(slot.kind, in, t[r].effect_state + slot.state,
                                                               effect_params(p[kSets == 1 ? 0 : r], slot));
         }
@@ -243,21 +286,18 @@ struct Stepper {
     });
   }
 
-  /// How much of a change of velocity becomes a change of position.
-  TILLER_INLINE double position_share() const {
-    return setup.integrator == tiller_integrator_semi_implicit_euler ? 1.0 : 0.5;
-  }
   template <class I>
-  TILLER_INLINE void change_velocity(State& next, I i, const S& change) const {
+  TILLER_INLINE void change_velocity(State& next, I i, const S& change, const Length<S>& step) const {
     model.template velocity<S>(next, i) = model.template velocity<S>(next, i) + change;
-    if (S* q = model.template position<S>(next, i)) *q = *q + S(position_share() * substep_s) * change;
+    const S& share = setup.integrator == tiller_integrator_semi_implicit_euler ? step.h : step.half;
+    if (S* q = model.template position<S>(next, i)) *q = *q + share * change;
   }
 
   /// More inertia at joints: the inverse inertia R loses J R_j R_j' / (1 + J R_jj) (Sherman and Morrison), and so do
   /// the accelerations of the free step and what later effects feel.
   template <int kCount, int kSets>
-  TILLER_INLINE void weigh_down(State* next, Trajectory<Model, S>* t, Response* response,
-                                const Parameters<Model, S>* p) const {
+  TILLER_INLINE void weigh_down(State* next, Trajectory<Model, S>* t, Response* response, const Parameters<Model, S>* p,
+                                const Length<S>* step) const {
     constexpr int kList = static_cast<int>(Hook::inertia);
     for (std::uint32_t e = 0; e < slot_count[kList]; ++e) {
       const EffectSlot& slot = slots[kList][e];
@@ -268,7 +308,7 @@ struct Stepper {
           each(model.nf(), [&](auto i) { column[i] = response[r][j][i]; });
           const S share = JointInertia<S>::per_acceleration(column[j], effect_params(p[kSets == 1 ? 0 : r], slot));
           const S lost = share * (model.template velocity<S>(next[r], j) - model.template velocity<S>(t[r].x, j));
-          each(model.nf(), [&](auto i) { change_velocity(next[r], i, -(column[i] * lost)); });
+          each(model.nf(), [&](auto i) { change_velocity(next[r], i, -(column[i] * lost), step[r]); });
           each(model.nf(), [&](auto c) {
             if (!((reacting >> static_cast<int>(c)) & 1u)) return;
             const S felt = share * response[r][c][j];
@@ -282,7 +322,7 @@ struct Stepper {
   /// Drive train, elastic and dissipating effects, in this order.
   template <int kCount, int kSets>
   TILLER_INLINE void react(State* next, Trajectory<Model, S>* t, const Input* u, const Response* response,
-                           const Parameters<Model, S>* p) const {
+                           const Parameters<Model, S>* p, const Length<S>* step) const {
     for_effects<Hook::dissipation>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
       each(model.nf(), [&](auto j) TILLER_INLINED {
         if (static_cast<int>(j) != slot.port) return;
@@ -296,13 +336,13 @@ struct Stepper {
             in.middle = Lane(0.5) * (in.position + lane(*q_free));
           in.velocity = lane(model.template velocity<S>(t[r].x, j));
           in.free = lane(model.template velocity<S>(next[r], j));
-          in.gain = lane(S(substep_s) * column[j]);
+          in.gain = lane(step[r].h * column[j]);
           in.drive = lane(drive_force(u[r], j));
-          in.dt_s = lane(S(substep_s));
+          in.dt_s = lane(step[r].h);
           const S push = call_force<decltype(effect), S>(slot.kind, in, t[r].effect_state + slot.state,
                                                          effect_params(p[kSets == 1 ? 0 : r], slot));
           each(model.nf(),
-               [&](auto i) TILLER_INLINED { change_velocity(next[r], i, S(substep_s) * column[i] * push); });
+               [&](auto i) TILLER_INLINED { change_velocity(next[r], i, step[r].h * column[i] * push, step[r]); });
         }
       });
     });
@@ -310,16 +350,17 @@ struct Stepper {
 
   template <int kCount, int kSets, tiller_integrator_t kIntegrator>
   TILLER_INLINE void free_steps(State* next, const Trajectory<Model, S>* t, const Input* u, const Force* f,
-                                const Parameters<Model, S>* p, const Body<S>* bodies) const {
+                                const Parameters<Model, S>* p, const Body<S>* bodies, const Length<S>* step) const {
     for (int r = 0; r < kCount; ++r)
       next[r] = free_step(kIntegrator, t[r].x, u[r], f[r], bodies ? bodies[kSets == 1 ? 0 : r] : body,
-                          p[kSets == 1 ? 0 : r].model);
+                          p[kSets == 1 ? 0 : r].model, step[r]);
   }
 
-  /// One substep with effects, from the acting commands. bodies (kSets): null where no effect changes the body.
+  /// One substep with effects, from the acting commands. bodies (kSets): null where no effect changes the body; step
+  /// (kCount): its length.
   template <int kCount, int kSets>
   TILLER_INLINE void substep_all(Trajectory<Model, S>* t, const Input* commands, const Parameters<Model, S>* p,
-                                 const Body<S>* bodies) const {
+                                 const Body<S>* bodies, const Length<S>* step) const {
     Input u[kCount];
     Force f[kCount];
     State next[kCount];
@@ -327,36 +368,83 @@ struct Stepper {
       u[r] = commands[r];
       f[r] = no_force();
     }
-    act<kCount, kSets>(t, u, f, p);
+    act<kCount, kSets>(t, u, f, p, step);
     switch (setup.integrator) {
       case tiller_integrator_semi_implicit_euler:
-        free_steps<kCount, kSets, tiller_integrator_semi_implicit_euler>(next, t, u, f, p, bodies);
+        free_steps<kCount, kSets, tiller_integrator_semi_implicit_euler>(next, t, u, f, p, bodies, step);
         break;
       case tiller_integrator_midpoint:
-        free_steps<kCount, kSets, tiller_integrator_midpoint>(next, t, u, f, p, bodies);
+        free_steps<kCount, kSets, tiller_integrator_midpoint>(next, t, u, f, p, bodies, step);
         break;
-      default: free_steps<kCount, kSets, tiller_integrator_rk4>(next, t, u, f, p, bodies);
+      default: free_steps<kCount, kSets, tiller_integrator_rk4>(next, t, u, f, p, bodies, step);
     }
     if (reacting != 0) {
       Response response[kCount];
       respond<kCount, kSets>(response, next, t, u, f, p, bodies);
-      weigh_down<kCount, kSets>(next, t, response, p);
-      react<kCount, kSets>(next, t, u, response, p);
+      weigh_down<kCount, kSets>(next, t, response, p, step);
+      react<kCount, kSets>(next, t, u, response, p, step);
     }
     for (int r = 0; r < kCount; ++r) t[r].x = next[r];
   }
-  template <int kCount, int kSets>
-  TILLER_INLINE void advance_all(Trajectory<Model, S>* t, const Input* commands, const Parameters<Model, S>* p) const {
+  template <int kCount>
+  static TILLER_INLINE void keep_still(const Model& model, std::uint32_t states, const S* part,
+                                       const Trajectory<Model, S>* before, Trajectory<Model, S>* t) {
+    for (int r = 0; r < kCount; ++r) {
+      const auto moves = part[r] > S(0.0);
+      each(model.nx(), [&](auto i) { t[r].x[i] = select(moves, t[r].x[i], before[r].x[i]); });
+      for (std::uint32_t s = 0; s < states; ++s)
+        t[r].effect_state[s] = select(moves, t[r].effect_state[s], before[r].effect_state[s]);
+    }
+  }
+  /// One period. `past` as in take_turns(), or NoPast: no input is delayed.
+  template <int kCount, int kSets, class Past>
+  TILLER_INLINE void advance_all(Trajectory<Model, S>* t, const Input* commands, const Parameters<Model, S>* p,
+                                 const Past& past) const {
+    constexpr bool kTurns = !std::is_same<Past, NoPast>::value;
     Body<S> changed[kSets];
     const Body<S>* bodies = nullptr;
     if (slot_count[static_cast<int>(Hook::body)] > 0) {
       for (int r = 0; r < kSets; ++r) changed[r] = body_of(p[r]);
       bodies = changed;
     }
-    for (std::uint32_t k = 0; k < setup.substeps; ++k) substep_all<kCount, kSets>(t, commands, p, bodies);
+    Length<S> step[kCount];
+    for (int r = 0; r < kCount; ++r) step[r] = whole();
+    if constexpr (!kTurns) {
+      for (std::uint32_t k = 0; k < setup.substeps; ++k) substep_all<kCount, kSets>(t, commands, p, bodies, step);
+    } else {
+      const bool turning = delayed();
+      Input acting[kCount];
+      Turns<Model, S> turns[kCount];
+      Trajectory<Model, S> before[kCount];
+      S done[kCount], part[kCount];
+      for (int r = 0; r < kCount; ++r) acting[r] = commands[r];
+      if (turning) take_turns<kCount, kSets>(turns, commands, p, past);
+      for (std::uint32_t k = 0; k < setup.substeps; ++k) {
+        for (int r = 0; r < kCount; ++r) done[r] = S(0.0);
+        bool more = false;
+        do {
+          if (turning) {
+            more = false;
+            for (int r = 0; r < kCount; ++r) {
+              before[r] = t[r];
+              more = next_part(k, turns[r], done[r], part[r], acting[r], step[r]) || more;
+            }
+          }
+          substep_all<kCount, kSets>(t, acting, p, bodies, step);
+          if (turning) keep_still<kCount>(model, setup.effect_state_count, part, before, t);
+        } while (more);
+      }
+    }
   }
+  /// One period in which no input is delayed.
   TILLER_INLINE void advance(Trajectory<Model, S>& t, const Input& command, const Parameters<Model, S>& p) const {
-    advance_all<1, 1>(&t, &command, &p);
+    advance_all<1, 1>(&t, &command, &p, NoPast{});
+  }
+  /// past(i, port): the command of input `port` i periods ago.
+  template <class Past>
+  TILLER_INLINE void advance(Trajectory<Model, S>& t, const Input& command, const Parameters<Model, S>& p,
+                             const Past& past) const {
+    advance_all<1, 1>(&t, &command, &p, [&](int, int age, int port) { return past(age, port); });
   }
 
   /// One period without effects; the integrator is a constant.

@@ -92,7 +92,7 @@ void roll_lane(const TableModel& model, const Step& step, const RolloutJob<T>& j
                         lane)
                  : static_cast<double>(job.history[(-then - 1) * nu + input]);
     };
-    step.advance(t, step.acting_command(u, p, past), p);
+    step.advance(t, u, p, past);
   }
   if (job.cost && job.cost_out) job.cost_out[lane] = static_cast<T>(cost + terminal_cost(model, job, t.x, p.model.v));
   if (job.trajectory) keep(job.trajectory + static_cast<std::size_t>(job.horizon) * nx * job.lanes);
@@ -120,7 +120,7 @@ struct OneStep {
     const auto past = [&](int age, int input) {
       return age == 0 ? u[input] : job.history[(age - 1) * model.nu() + input];
     };
-    step.advance(t, step.acting_command(u, p, past), p);
+    step.advance(t, u, p, past);
     return t;
   }
 };
@@ -186,7 +186,7 @@ Step::State step_from(const TableModel& model, Step& stepper, const MeasuredStep
     return age == 0 ? u[input] : step.history[(age - 1) * model.nu() + input];
   };
   stepper.substep_s = (step.period_s > 0.0 ? step.period_s : stepper.setup.period_s) / stepper.setup.substeps;
-  stepper.advance(t, stepper.acting_command(u, p, past), p);
+  stepper.advance(t, u, p, past);
   return t.x;
 }
 

@@ -137,28 +137,37 @@ TEST(LoadFriction, GoesWithTheDriveForce) {
 
 // The equation itself, 2 v z sigma / level kept explicit, at a hundred thousandth of a second.
 TEST(LugreFriction, FollowsItsLawAgainstAFineReference) {
-  Rotor r;
-  r.config.substeps = 64;
-  add_effect(r.config, tiller_effect_lugre_friction, 0);
-  const double friction = 0.2, extra = 0.15, speed = 0.1, stiffness = 40.0;
-  const auto b = r.run({friction, extra, speed, stiffness}, 0.0, 0.5, 50);
-  double q = 0.3, v = 0.0, z = 0.0;
-  constexpr double kDt = 1e-5;
-  for (int step = 1; step <= 50; ++step) {
-    for (int k = 0; k < 2000; ++k) {
-      const double level = friction + extra * std::exp(-(v / speed) * (v / speed));
-      z += kDt * (v - stiffness * std::abs(v) * z / level);
-      v += kDt * (0.5 - stiffness * z) / Rotor::kInertia;
-      q += kDt * v;
+  const double friction = 0.2, extra = 0.15, speed = 0.1;
+  struct Row {
+    double stiffness, torque;
+    std::uint32_t substeps;
+    double tolerance;
+  };
+  // sliding off; and swinging on the bristles, which implicit Euler would damp by a tenth in this second
+  for (const Row& row : {Row{40, 0.5, 64, 3e-4}, Row{40, 0.5, 8, 2e-3}, Row{2, 0.1, 8, 2e-5}, Row{2, 0.1, 1, 1e-3}}) {
+    Rotor r;
+    r.config.integrator = tiller_integrator_rk4;
+    r.config.substeps = row.substeps;
+    add_effect(r.config, tiller_effect_lugre_friction, 0);
+    const auto b = r.run({friction, extra, speed, row.stiffness}, 0.0, row.torque, 50);
+    double q = 0.3, v = 0.0, z = 0.0;
+    constexpr double kDt = 1e-6;
+    for (int step = 1; step <= 50; ++step) {
+      for (int k = 0; k < 20000; ++k) {
+        const double level = friction + extra * std::exp(-(v / speed) * (v / speed));
+        z += kDt * (v - row.stiffness * std::abs(v) * z / level);
+        v += kDt * (row.torque - row.stiffness * z) / Rotor::kInertia;
+        q += kDt * v;
+      }
+      if (step % 10 != 0) continue;
+      EXPECT_NEAR(Rotor::rate(b, step), v, row.tolerance) << row.stiffness << " " << row.substeps << " " << step;
+      EXPECT_NEAR(Rotor::angle(b, step), q, row.tolerance) << row.stiffness << " " << row.substeps << " " << step;
     }
-    if (step % 10 != 0) continue;
-    EXPECT_NEAR(Rotor::rate(b, step), v, 0.01) << step;  // first order at 0.3 ms
-    EXPECT_NEAR(Rotor::angle(b, step), q, 0.005) << step;
   }
 }
 
 TEST(LugreFriction, HoldsLikeASpringBeforeItSlides) {
-  for (double stiffness : {50.0, 1e4, 1e8}) {  // at 20 ms: from far above to far below the bristles' period
+  for (double stiffness : {1e3, 1e4, 1e8}) {  // at 20 ms: from about to far below the bristles' period
     Rotor r;
     add_effect(r.config, tiller_effect_lugre_friction, 0);
     const auto b = r.run({0.5, 0.0, 0.1, stiffness}, 0.0, 0.2, 400);
@@ -442,20 +451,54 @@ TEST(ActuatorLag, StepResponse) {
 }
 
 TEST(InputDelay, ShiftsTheCommandByAnyFraction) {
-  for (double delay : {0.02, 0.05, 0.033, 0.1}) {
-    Rotor r;
-    add_effect(r.config, tiller_effect_input_delay, 0);
-    const double torque = 0.9;
-    const auto b = r.run(delay, 0.0, torque, 50);
-    for (std::uint32_t step : {1u, 3u, 5u, 20u}) {
-      const double t = step * 0.02;
-      const auto whole = static_cast<std::uint32_t>(delay / 0.02 + 1e-9);
-      // the impulse up to the end of a step that lies past the delay is exact; within the step of the onset too,
-      // because the mean acts
-      const double want = t > delay ? torque / Rotor::kInertia * (t - delay) : 0.0;
-      EXPECT_NEAR(Rotor::rate(b, step), want, 1e-12) << delay << " step " << step << " whole " << whole;
+  for (double delay : {0.006, 0.02, 0.05, 0.033, 0.1})
+    for (std::uint32_t substeps : {1u, 3u}) {
+      Rotor r;
+      r.config.integrator = tiller_integrator_rk4;
+      r.config.substeps = substeps;
+      add_effect(r.config, tiller_effect_input_delay, 0);
+      const double torque = 0.9;
+      const auto b = r.run(delay, 0.0, torque, 50);
+      for (std::uint32_t step : {1u, 2u, 3u, 5u, 20u}) {
+        const double t = step * 0.02, gone = std::max(0.0, t - delay), rate = torque / Rotor::kInertia * gone;
+        EXPECT_NEAR(Rotor::rate(b, step), rate, 1e-12) << delay << " step " << step;
+        EXPECT_NEAR(Rotor::angle(b, step), 0.3 + 0.5 * rate * gone, 1e-12) << delay << " step " << step;
+      }
     }
-  }
+}
+
+// Every lane and every input with a delay of its own, against commands shifted on a grid twenty times as fine.
+TEST(InputDelay, IsTheShiftedCommandLaneByLane) {
+  constexpr std::uint32_t kSteps = 12, kFine = 20, kLanes = 16;
+  for (const char* name : {"cart_pole", "planar_quadrotor"})
+    for (std::uint32_t substeps : {1u, 10u}) {
+      tiller_config_t config = plain_config(tiller_find_model(name)), fine = config;
+      const std::uint32_t nu = config.model->input_count, first = config.param_count;
+      config.integrator = fine.integrator = tiller_integrator_rk4;
+      config.substeps = substeps;
+      fine.period_s = config.period_s / kFine;
+      for (std::uint32_t i = 0; i < nu; ++i) add_effect(config, tiller_effect_input_delay, i);
+      Batch<double> a(config, kLanes, kSteps), b(fine, kLanes, kSteps * kFine);
+      const auto shift = [](std::uint32_t i, std::uint32_t l) { return static_cast<int>((7 * l + 3 * i) % 47); };
+      for (std::uint32_t l = 0; l < kLanes; ++l)
+        for (std::uint32_t i = 0; i < nu; ++i) {
+          a.params[(first + i) * kLanes + l] = shift(i, l) * fine.period_s;
+          for (int k = 0; k < static_cast<int>(kSteps * kFine); ++k) {
+            const int at = k - shift(i, l), step = at >= 0 ? at / int{kFine} : -1 - (-at - 1) / int{kFine};
+            b.controls[(static_cast<std::uint32_t>(k) * nu + i) * kLanes + l] =
+                step >= 0 ? a.controls[(static_cast<std::uint32_t>(step) * nu + i) * kLanes + l]
+                          : a.history[static_cast<std::uint32_t>(-step - 1) * nu + i];
+          }
+        }
+      b.state = a.state;
+      std::copy_n(a.params.begin(), first * kLanes, b.params.begin());
+      a.run(*config.model, select_rollout(*config.model));
+      b.run(*fine.model, select_rollout(*fine.model));
+      // what is left is the integrator's: h^5 a step of 20 ms or 2 ms
+      const double tolerance = substeps == 1 ? 2e-5 : 1e-8;
+      for (std::size_t i = 0; i < a.final_state.size(); ++i)
+        EXPECT_NEAR(a.final_state[i], b.final_state[i], tolerance) << name << " " << substeps << " lane " << i % kLanes;
+    }
 }
 
 TEST(InputDelay, ReadsTheHistoryOfCommands) {
