@@ -8,7 +8,11 @@ set(CMAKE_CXX_STANDARD 17)
 set(CMAKE_CXX_STANDARD_REQUIRED ON)
 set(CMAKE_C_EXTENSIONS OFF)
 set(CMAKE_CXX_EXTENSIONS OFF)
-set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+if(CMAKE_SYSTEM_NAME STREQUAL "Generic")
+  set(CMAKE_POSITION_INDEPENDENT_CODE OFF)  # an image at a fixed address
+else()
+  set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+endif()
 set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
 
 add_library(tiller_flags INTERFACE)
@@ -85,6 +89,8 @@ set(TILLER_ISA_FLAGS_avx512 -mavx512f -mavx512cd -mavx512dq -mavx512bw -mavx512v
     -Wno-uninitialized -Wno-maybe-uninitialized)  # false in GCC 12's own intrinsics headers
 if(TILLER_SANITIZE)
   set(TILLER_ISA_OPTIMISATION -O1)  # instrumented at -O3, one kernel takes minutes to compile
+elseif(TILLER_KERNEL_OPTIMISATION)
+  set(TILLER_ISA_OPTIMISATION ${TILLER_KERNEL_OPTIMISATION})
 else()
   set(TILLER_ISA_OPTIMISATION -O3)
 endif()

@@ -5,6 +5,7 @@
 #include "posterior/posterior.hpp"
 #include "posterior/prior.hpp"
 #include "rollout/rollout.hpp"
+#include "tiller/math.hpp"
 
 // Every field that tiller_init relies on, group by group in the order of the struct; the first reason wins.
 // Conditions are written so that a NaN fails them.
@@ -61,7 +62,7 @@ bool prior_support(const tiller_prior_t& p, double& low, double& high) {
   if (p.kind == tiller_prior_normal) return p.low < p.a + 8.0 * p.b && p.high > p.a - 8.0 * p.b;
   if (p.kind != tiller_prior_log_normal || !(p.a > 0.0) || !(p.high > 0.0)) return false;
   low = std::fmax(p.low, 0.0);
-  return std::log(low) < std::log(p.a) + 8.0 * p.b && std::log(high) > std::log(p.a) - 8.0 * p.b;
+  return math::log(low) < math::log(p.a) + 8.0 * p.b && math::log(high) > math::log(p.a) - 8.0 * p.b;
 }
 
 Finding check_priors(const tiller_config_t& c) {

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "tiller/math.hpp"
+
 namespace tiller {
 
 /// Philox4x32-10: four 32-bit words that are a function of a counter and a key alone (Salmon et al., "Parallel
@@ -60,11 +62,11 @@ class Rng {
       has_spare_ = false;
       return spare_;
     }
-    const double radius = std::sqrt(-2.0 * std::log(uniform()));
+    const double radius = std::sqrt(-2.0 * math::log(uniform()));
     const double turn = 6.283185307179586 * uniform();
-    spare_ = radius * std::sin(turn);
+    spare_ = radius * math::sin(turn);
     has_spare_ = true;
-    return radius * std::cos(turn);
+    return radius * math::cos(turn);
   }
 
  private:

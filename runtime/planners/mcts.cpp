@@ -192,8 +192,8 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
   Search nobody;
   Search& place = t ? *t : nobody;
   const tiller_planner_config_t& p = config.planner;
-  const std::uint32_t hold = std::max(1u, p.hold_steps), knots = held_knots(p.horizon, hold);
-  place.tree.lay_out(arena, std::max(16u, p.nodes));
+  const std::uint32_t hold = std::max(std::uint32_t{1}, p.hold_steps), knots = held_knots(p.horizon, hold);
+  place.tree.lay_out(arena, std::max(std::uint32_t{16}, p.nodes));
   place.leaves = arena.take<std::uint32_t>(p.rollouts / kPolicies);
   place.plan = arena.take<std::uint32_t>(knots);
   place.choice = arena.take<std::uint32_t>(knots);
@@ -202,7 +202,7 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
   Sampler* core = lay_out_sampler(arena, config, setup, table, hooks, kMethod);
   if (!core) return nullptr;
   place.core = core;
-  place.levels = std::max(2u, p.levels);
+  place.levels = std::max(std::uint32_t{2}, p.levels);
   // config_check refuses more; here nothing may be written past the end
   while (place.levels > 2 && power(place.levels, core->inputs) > MctsTree::kMostActions) --place.levels;
   place.actions = power(place.levels, core->inputs);

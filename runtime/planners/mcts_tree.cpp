@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "tiller/math.hpp"
+
 namespace tiller {
 
 void MctsTree::lay_out(Arena& arena, std::uint32_t nodes) {
@@ -67,7 +69,7 @@ std::uint32_t MctsTree::add_child(std::uint32_t node, std::uint32_t choice) {
 std::uint32_t MctsTree::best_child(std::uint32_t node, const Range& range, double exploration) const {
   const double span = range.high > range.low ? range.high - range.low : 1.0;
   const double parents = static_cast<double>(nodes_[node].visits) + nodes_[node].under_way;
-  const double spread = 2.0 * std::log(std::fmax(parents, 1.0));
+  const double spread = 2.0 * math::log(std::fmax(parents, 1.0));
   std::uint32_t best = nodes_[node].first_child;
   double best_score = -HUGE_VAL;
   for (std::uint32_t c = best; c != kNone; c = nodes_[c].next_sibling) {

@@ -1,6 +1,7 @@
 #include <cmath>
 
 #include "planners/sampler.hpp"
+#include "tiller/math.hpp"
 
 namespace tiller {
 namespace {
@@ -26,9 +27,9 @@ struct ShareEquation {
   WeightSums sums;
 
   double operator()(double log_lambda) {
-    sums = s.lanes->weigh(s.cost, s.rollouts, s.range.low, static_cast<float>(std::exp(-log_lambda)), s.weight);
-    return std::log(static_cast<double>(sums.sum) * static_cast<double>(sums.sum) /
-                    (static_cast<double>(sums.sum_of_squares) * wished));
+    sums = s.lanes->weigh(s.cost, s.rollouts, s.range.low, static_cast<float>(math::exp(-log_lambda)), s.weight);
+    return math::log(static_cast<double>(sums.sum) * static_cast<double>(sums.sum) /
+                     (static_cast<double>(sums.sum_of_squares) * wished));
   }
 };
 
@@ -81,10 +82,10 @@ double weigh_samples(Sampler& s) {
   const double width = static_cast<double>(s.range.high) - static_cast<double>(s.range.low);
   if (!(width > 0.0)) return static_cast<double>(s.lanes->weigh(s.cost, s.rollouts, s.range.low, 1.0f, s.weight).sum);
   ShareEquation f{s, std::fmax(1.0, s.settings->temperature * s.range.finite), {}};
-  const double scale = std::log(width);
-  const double start = s.lambda > 0.0 ? std::log(s.lambda) : scale - 2.0;
+  const double scale = math::log(width);
+  const double start = s.lambda > 0.0 ? math::log(s.lambda) : scale - 2.0;
   // between the two ends a single sample and all of them get the weight, as far as f32 can tell
-  s.lambda = std::exp(solve_log_lambda(f, start, scale - 16.0, scale + 7.0));
+  s.lambda = math::exp(solve_log_lambda(f, start, scale - 16.0, scale + 7.0));
   return static_cast<double>(f.sums.sum);
 }
 

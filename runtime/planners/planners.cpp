@@ -20,8 +20,9 @@ enum PlannerIndex {
 #undef TILLER_PLANNER
 static_assert(int{planner_index_count} == int{tiller_planner_kind_count}, "a planner lacks its line in planners.def");
 
+// null: left out of this build (TILLER_PLANNERS); the linker then needs nothing of it
 const PlannerTable* const kPlanners[] = {
-#define TILLER_PLANNER(name, help) &name##_planner,
+#define TILLER_PLANNER(name, help) TILLER_BUILT_PLANNER_##name ? &name##_planner : nullptr,
 #include "planners/planners.def"
 #undef TILLER_PLANNER
 };

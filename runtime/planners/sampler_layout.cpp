@@ -2,6 +2,7 @@
 #include <initializer_list>
 
 #include "planners/sampler.hpp"
+#include "tiller/math.hpp"
 
 namespace tiller {
 namespace {
@@ -119,7 +120,7 @@ Sampler* lay_out_sampler(Arena& arena, const tiller_config_t& config, const Step
   s->slots = z.slots;
   s->most_particles = z.particles;
   for (std::uint32_t i = 0; i < kScales; ++i)
-    s->scale[i] = static_cast<float>(std::pow(kFinestScale, static_cast<double>(i) / (kScales - 1)));
+    s->scale[i] = static_cast<float>(math::pow(kFinestScale, static_cast<double>(i) / (kScales - 1)));
   s->cubic = !method.holds && config.planner.interpolation == tiller_interpolation_cubic;
   take_limits(*s, config);
   if (s->mix) fill_mix(config.planner, s->mix);

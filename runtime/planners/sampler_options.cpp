@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "planners/sampler.hpp"
+#include "tiller/math.hpp"
 
 namespace tiller {
 namespace {
@@ -23,8 +24,8 @@ double correlation(std::uint32_t apart, std::uint32_t knots, double colour) {
   const std::uint32_t period = 2 * knots;
   double sum = 0.0, power = 0.0;
   for (std::uint32_t k = 0; k <= knots; ++k) {
-    const double share = (k == 0 || k == knots ? 1.0 : 2.0) * std::pow(k > 0 ? k : 1.0, -colour);
-    sum += share * std::cos(6.283185307179586 * k * apart / period);
+    const double share = (k == 0 || k == knots ? 1.0 : 2.0) * math::pow(k > 0 ? k : 1.0, -colour);
+    sum += share * math::cos(6.283185307179586 * k * apart / period);
     power += share;
   }
   return sum / power;

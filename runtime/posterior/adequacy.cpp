@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "tiller/math.hpp"
+
 namespace tiller {
 
 namespace {
@@ -77,8 +79,8 @@ AdequacyTest* AdequacyTest::lay_out(Arena& arena, const tiller_config_t& config,
   t->sums_ = sums;
   t->growth_ = growth;
   const double tests = 1.0 * channels * (features + 1), cohorts = std::ceil(1.0 * kLevelTicks / kSpacing);
-  t->first_threshold_ = std::log(tests / (kFirstShare * kLevel));
-  t->threshold_ = std::log(tests * cohorts / ((1.0 - kFirstShare) * kLevel));
+  t->first_threshold_ = math::log(tests / (kFirstShare * kLevel));
+  t->threshold_ = math::log(tests * cohorts / ((1.0 - kFirstShare) * kLevel));
   t->reset();
   return t;
 }
@@ -164,14 +166,14 @@ void AdequacyTest::test_channel(std::uint32_t k, double normalised, const double
       const double information = sums[c].v + kMixing, exponent = 0.5 * sums[c].s * sums[c].s / information;
       const double threshold = threshold_of(c);
       // the logarithm only where it can matter
-      if (exponent > largest_ * threshold) note((exponent - 0.5 * std::log(information / kMixing)) / threshold, k, f);
+      if (exponent > largest_ * threshold) note((exponent - 0.5 * math::log(information / kMixing)) / threshold, k, f);
     }
   }
   // Student density of nu degrees of freedom, kGrowth times as wide, over itself
   const double nu = 2.0 * shape_ + channel_data_[k].count,
                square = std::fmin(normalised * normalised, kSizeClip * kSizeClip);
-  const double gain =
-      0.5 * (nu + 1.0) * std::log((1.0 + square / nu) / (1.0 + square / (kGrowth * kGrowth * nu))) - std::log(kGrowth);
+  const double gain = 0.5 * (nu + 1.0) * math::log((1.0 + square / nu) / (1.0 + square / (kGrowth * kGrowth * nu))) -
+                      math::log(kGrowth);
   for (std::uint32_t c = 0; c < kCohorts; ++c) {
     growth_[k * kCohorts + c] += gain;
     note(growth_[k * kCohorts + c] / threshold_of(c), k, features_);

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "posterior/bank.hpp"
+#include "tiller/math.hpp"
 
 namespace tiller {
 
@@ -92,7 +93,7 @@ void BankPosterior::begin_anew(std::uint32_t rate) {
 
 void BankPosterior::set_member_weights() {
   double sum = 0.0;
-  for (std::uint32_t j = 0; j < delays_; ++j) sum += delay_weight_[j] = std::exp(delay_evidence_[j]);
+  for (std::uint32_t j = 0; j < delays_; ++j) sum += delay_weight_[j] = math::exp(delay_evidence_[j]);
   for (std::uint32_t j = 0; j < delays_; ++j) delay_weight_[j] /= sum;
   double largest = -HUGE_VAL;
   bool any_learnt = false;
@@ -103,7 +104,7 @@ void BankPosterior::set_member_weights() {
   };
   for (std::uint32_t i = 0; i < rates_; ++i) largest = std::fmax(largest, log_weight(i));
   sum = 0.0;
-  for (std::uint32_t i = 0; i < rates_; ++i) sum += rate_weight_[i] = std::exp(log_weight(i) - largest);
+  for (std::uint32_t i = 0; i < rates_; ++i) sum += rate_weight_[i] = math::exp(log_weight(i) - largest);
   for (std::uint32_t i = 0; i < rates_; ++i) rate_weight_[i] /= sum;
 
   // delays other than the leading one have clouds of the first rate alone

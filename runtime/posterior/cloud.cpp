@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "core/rng.hpp"
+#include "tiller/math.hpp"
 
 namespace tiller {
 
@@ -63,7 +64,7 @@ void Cloud::level_weights() {
 
 void Cloud::set_weights(const double* base, const double* gain, double exponent) {
   const WeighResult result = lanes->weigh(n, base, gain, exponent, weight);
-  const double log_sum = result.largest + std::log(result.sum);
+  const double log_sum = result.largest + math::log(result.sum);
   for (std::uint32_t i = 0; i < n; ++i) {
     weight[i] /= result.sum;
     log_weight[i] = base[i] + exponent * gain[i] - log_sum;

@@ -2,14 +2,16 @@
 
 #include <cmath>
 
+#include "tiller/math.hpp"
+
 namespace tiller {
 
 Mixture::Mixture(const tiller_mixture_t& given) : given_(&given) {
   const std::uint32_t d = given.dimension;
   double largest = -INFINITY;
   for (std::uint32_t c = 0; c < given.components; ++c) {
-    log_factor_[c] = std::log(given.weight[c]);
-    for (std::uint32_t j = 0; j < d; ++j) log_factor_[c] -= std::log(root_of(c)[j * d + j]);
+    log_factor_[c] = math::log(given.weight[c]);
+    for (std::uint32_t j = 0; j < d; ++j) log_factor_[c] -= math::log(root_of(c)[j * d + j]);
     largest = std::fmax(largest, log_factor_[c]);
   }
   for (std::uint32_t c = 0; c < given.components; ++c) log_factor_[c] -= largest;
@@ -35,8 +37,8 @@ double Mixture::log_density(const double* v) const {
   }
   if (given_->components == 1 || !std::isfinite(largest)) return largest;
   double sum = 0.0;
-  for (std::uint32_t c = 0; c < given_->components; ++c) sum += std::exp(exponent[c] - largest);
-  return largest + std::log(sum);
+  for (std::uint32_t c = 0; c < given_->components; ++c) sum += math::exp(exponent[c] - largest);
+  return largest + math::log(sum);
 }
 
 void Mixture::mean(double* m) const {

@@ -20,11 +20,20 @@ constexpr double kLongestTransition = 10.0;
 
 Posterior* Posterior::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
                               const RolloutTable& table, const tiller_hooks_t* hooks) {
+#if TILLER_BUILT_POSTERIOR_transition
   if (BankPosterior::wanted(config)) return BankPosterior::lay_out(arena, config, setup, table, hooks);
+#endif
   switch (config.posterior.kind) {
+#if TILLER_BUILT_POSTERIOR_transition
     case tiller_posterior_transition: return TransitionPosterior::lay_out(arena, config, setup, table, hooks);
+#endif
+#if TILLER_BUILT_POSTERIOR_conjugate
     case tiller_posterior_conjugate: return ConjugatePosterior::lay_out(arena, config, setup, table);
-    default: return FilterPosterior::lay_out(arena, config, setup, table, hooks);
+#endif
+#if TILLER_BUILT_POSTERIOR_filter
+    case tiller_posterior_filter: return FilterPosterior::lay_out(arena, config, setup, table, hooks);
+#endif
+    default: return nullptr;  // check() refuses it
   }
 }
 
@@ -41,9 +50,15 @@ tiller_status_t Posterior::check(const tiller_config_t& config, const StepSetup&
     return tiller_status_bad_posterior;
   }
   switch (config.posterior.kind) {
+#if TILLER_BUILT_POSTERIOR_filter
     case tiller_posterior_filter: return tiller_status_ok;
+#endif
+#if TILLER_BUILT_POSTERIOR_transition
     case tiller_posterior_transition: return TransitionPosterior::check(config, setup, table, field);
+#endif
+#if TILLER_BUILT_POSTERIOR_conjugate
     case tiller_posterior_conjugate: return ConjugatePosterior::check(config, setup, table, field);
+#endif
     default: *field = "posterior.kind"; return tiller_status_bad_posterior;
   }
 }

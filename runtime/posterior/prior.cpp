@@ -3,6 +3,8 @@
 #include <cmath>
 #include <limits>
 
+#include "tiller/math.hpp"
+
 namespace tiller {
 
 namespace {
@@ -12,10 +14,10 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 bool is_log(const tiller_prior_t& prior) { return prior.kind == tiller_prior_log_normal; }
 
 /// The normal in the coordinate.
-double centre(const tiller_prior_t& prior) { return is_log(prior) ? std::log(prior.a) : prior.a; }
+double centre(const tiller_prior_t& prior) { return is_log(prior) ? math::log(prior.a) : prior.a; }
 
 /// Area of the standard normal above z.
-double upper_tail(double z) { return 0.5 * std::erfc(z * 0.70710678118654752440); }
+double upper_tail(double z) { return 0.5 * math::erfc(z * 0.70710678118654752440); }
 
 /// z in [low, high] below which lies the share u of the normal cut to [low, high]. Works with upper tails, and
 /// mirrors intervals that lie left of the middle, so that no difference of numbers near one is taken.
@@ -52,18 +54,18 @@ void shuffle(std::uint32_t* index, std::uint32_t n, Rng& rng) {
 
 }  // namespace
 
-double to_coordinate(const tiller_prior_t& prior, double value) { return is_log(prior) ? std::log(value) : value; }
+double to_coordinate(const tiller_prior_t& prior, double value) { return is_log(prior) ? math::log(value) : value; }
 
 double from_coordinate(const tiller_prior_t& prior, double coordinate) {
-  return is_log(prior) ? std::exp(coordinate) : coordinate;
+  return is_log(prior) ? math::exp(coordinate) : coordinate;
 }
 
 double coordinate_low(const tiller_prior_t& prior) {
-  if (is_log(prior)) return prior.low > 0.0 ? std::log(prior.low) : -kInfinity;
+  if (is_log(prior)) return prior.low > 0.0 ? math::log(prior.low) : -kInfinity;
   return prior.low;
 }
 
-double coordinate_high(const tiller_prior_t& prior) { return is_log(prior) ? std::log(prior.high) : prior.high; }
+double coordinate_high(const tiller_prior_t& prior) { return is_log(prior) ? math::log(prior.high) : prior.high; }
 
 double prior_spread(const tiller_prior_t& prior) {
   return prior.kind == tiller_prior_uniform ? (prior.high - prior.low) / std::sqrt(12.0) : prior.b;

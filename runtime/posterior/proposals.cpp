@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/rng.hpp"
+#include "tiller/math.hpp"
 
 namespace tiller {
 
@@ -65,7 +66,7 @@ bool spread(const Cloud& cloud, std::uint32_t first_still, std::uint32_t still, 
 CoordinateStep draw_coordinate_step(const PriorLaw& prior, Rng& rng) {
   CoordinateStep step;
   step.coordinate = rng.below(prior.dimension());
-  const double length = prior.spread(step.coordinate) * std::exp(-kWidestLog * rng.uniform());
+  const double length = prior.spread(step.coordinate) * math::exp(-kWidestLog * rng.uniform());
   step.length = length * rng.normal();
   return step;
 }
@@ -86,7 +87,7 @@ void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::
     if (rng.uniform() < kEvolution)
       difference = rng.uniform() < kWholeDifference ? 1.0 : best * 0.70710678 * (0.3 + 0.7 * rng.uniform());
     else
-      noise = best * std::exp(-2.3 * rng.uniform());  // a decade of step lengths: far and near both occur
+      noise = best * math::exp(-2.3 * rng.uniform());  // a decade of step lengths: far and near both occur
     for (std::uint32_t j = 0; j < d; ++j) walk[j] = noise * rng.normal();
 
     double present[TILLER_MAX_PARAMS];
@@ -119,7 +120,7 @@ void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::
       p.log_prior_change = -INFINITY;
       for (std::uint32_t j = 0; j < d; ++j) p.coordinate[j] = present[j];
     }
-    p.log_uniform = std::log(rng.uniform());
+    p.log_uniform = math::log(rng.uniform());
   }
 }
 

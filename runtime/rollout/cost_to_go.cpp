@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "tiller/math.hpp"
+
 namespace tiller {
 namespace {
 
@@ -69,7 +71,7 @@ double centre(const tiller_prior_t& prior) {
 double joint_centre(const tiller_prior_t& prior, const tiller_mixture_t& joint, std::uint32_t j) {
   double mean = 0.0;
   for (std::uint32_t c = 0; c < joint.components; ++c) mean += joint.weight[c] * joint.mean[c * joint.dimension + j];
-  return prior.kind == tiller_prior_log_normal ? std::exp(mean) : mean;
+  return prior.kind == tiller_prior_log_normal ? math::exp(mean) : mean;
 }
 
 /// The model around the target: one period, x+ = next + a dx + b du.

@@ -18,6 +18,7 @@
 #include <type_traits>
 
 #include "scalar/isa.hpp"
+#include "tiller/math.hpp"
 
 #if !defined(TILLER_COMPILE_ISA_scalar)
 #include <xsimd/xsimd.hpp>
@@ -184,17 +185,17 @@ template <class T>
 bool all(const PackMask<T>& m) {
   return m.m;
 }
-#define TILLER_PACK_UNARY(name)    \
-  template <class T>               \
-  Pack<T> name(const Pack<T>& a) { \
-    return std::name(a.v.v);       \
+#define TILLER_PACK_UNARY(name, fn) \
+  template <class T>                \
+  Pack<T> name(const Pack<T>& a) {  \
+    return fn(a.v.v);               \
   }
-TILLER_PACK_UNARY(abs)
-TILLER_PACK_UNARY(sqrt)
-TILLER_PACK_UNARY(floor)
-TILLER_PACK_UNARY(exp)
-TILLER_PACK_UNARY(log)
-TILLER_PACK_UNARY(tanh)
+TILLER_PACK_UNARY(abs, std::abs)
+TILLER_PACK_UNARY(sqrt, std::sqrt)
+TILLER_PACK_UNARY(floor, std::floor)
+TILLER_PACK_UNARY(exp, math::exp)
+TILLER_PACK_UNARY(log, math::log)
+TILLER_PACK_UNARY(tanh, math::tanh)
 #undef TILLER_PACK_UNARY
 template <class T>
 Pack<T> select_pack(const PackMask<T>& m, const Pack<T>& a, const Pack<T>& b) {
@@ -218,7 +219,7 @@ Pack<T> copysign_pack(const Pack<T>& a, const Pack<T>& b) {
 }
 template <class T>
 Pack<T> atan2_pack(const Pack<T>& a, const Pack<T>& b) {
-  return std::atan2(a.v.v, b.v.v);
+  return math::atan2(a.v.v, b.v.v);
 }
 template <class T>
 T reduce_add(const Pack<T>& a) {

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "tiller/math.hpp"
+
 namespace tiller {
 
 // The functions that a model may call, for one plain number; pack.hpp and dual.hpp have the same for lanes and
@@ -12,20 +14,24 @@ inline double min(double a, double b) { return a < b ? a : b; }
 inline double max(double a, double b) { return a > b ? a : b; }
 inline double nearest(double a) { return std::nearbyint(a); }
 inline void sincos(double x, double& s, double& c) {
+#if defined(TILLER_REPRODUCIBLE)
+  portable::sincos(x, s, c);
+#else
   s = std::sin(x);
   c = std::cos(x);
+#endif
 }
 inline bool any(bool m) { return m; }
 inline bool all(bool m) { return m; }
+using math::atan2;
+using math::cos;
+using math::exp;
+using math::log;
+using math::sin;
+using math::tanh;
 using std::abs;
-using std::atan2;
 using std::copysign;
-using std::cos;
-using std::exp;
 using std::floor;
-using std::log;
-using std::sin;
 using std::sqrt;
-using std::tanh;
 
 }  // namespace tiller

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "posterior/conjugate/conjugate_posterior.hpp"
+#include "tiller/math.hpp"
 
 namespace tiller {
 
@@ -61,7 +62,7 @@ double ConjugatePosterior::quantile(std::uint32_t param, double q) const {
     const double middle = 0.5 * (low + high);
     double below = 0.0;
     for (std::uint32_t k = 0; k < kNodes; ++k)
-      below += regression_.node_weight(k) * 0.5 * std::erfc((mean[k] - middle) / (1.4142135623730951 * sd[k]));
+      below += regression_.node_weight(k) * 0.5 * math::erfc((mean[k] - middle) / (1.4142135623730951 * sd[k]));
     (below < q ? low : high) = middle;
   }
   return prior_.mean[row] + 0.5 * (low + high);

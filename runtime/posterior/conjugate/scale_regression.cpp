@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tiller/math.hpp"
+
 namespace tiller {
 
 namespace {
@@ -38,7 +40,7 @@ void ScaleRegression::add(const double* x, double y) {
   row[d_] = y;
   for (std::uint32_t j = 0; j <= d_; ++j) {
     if (row[j] == 0.0) continue;
-    const double length = std::hypot(root_[j][j], row[j]);
+    const double length = math::hypot(root_[j][j], row[j]);
     const double cosine = root_[j][j] / length, sine = row[j] / length;
     root_[j][j] = length;
     for (std::uint32_t c = j + 1; c <= d_; ++c) {
@@ -73,8 +75,8 @@ void ScaleRegression::decompose() {
         if (!(std::fabs(pq) > kOrthogonal * std::sqrt(pp) * std::sqrt(qq))) continue;
         turned = true;
         const double ratio = (qq - pp) / (2.0 * pq);
-        const double tangent = std::copysign(1.0, ratio) / (std::fabs(ratio) + std::hypot(1.0, ratio));
-        const double cosine = 1.0 / std::hypot(1.0, tangent), sine = cosine * tangent;
+        const double tangent = std::copysign(1.0, ratio) / (std::fabs(ratio) + math::hypot(1.0, ratio));
+        const double cosine = 1.0 / math::hypot(1.0, tangent), sine = cosine * tangent;
         for (std::uint32_t i = 0; i < d_; ++i) {
           const double a = column[p][i], b = column[q][i], v = vector_[i][p], w = vector_[i][q];
           column[p][i] = cosine * a - sine * b;
@@ -96,11 +98,11 @@ void ScaleRegression::decompose() {
 
 /// Of t = log s^2, up to a constant; w is integrated out.
 double ScaleRegression::log_density(double t) const {
-  const double s2 = std::exp(t);
+  const double s2 = math::exp(t);
   double log_determinant = 0.0, squares = rest_ / s2;
   for (std::uint32_t i = 0; i < d_; ++i) {
     const double total = s2 + value_[i] * value_[i];
-    log_determinant += std::log(total / s2);
+    log_determinant += math::log(total / s2);
     squares += along_[i] * along_[i] / total;
   }
   return -(a0_ + 0.5 * count_) * t - a0_ / s2 - 0.5 * (log_determinant + squares);
@@ -115,8 +117,8 @@ void ScaleRegression::find_range(double* low, double* high) const {
     all += along_[i] * along_[i];
     largest = std::fmax(largest, value_[i] * value_[i]);
   }
-  double begin = std::log((a0_ + 0.5 * rest_) / (shape + 2.0 * kFall)) - 1.0;
-  double end = std::log(std::fmax((a0_ + 0.5 * all) / shape, largest)) + kFall / shape + 1.0;
+  double begin = math::log((a0_ + 0.5 * rest_) / (shape + 2.0 * kFall)) - 1.0;
+  double end = math::log(std::fmax((a0_ + 0.5 * all) / shape, largest)) + kFall / shape + 1.0;
   end = std::fmin(end, begin + 300.0);
   for (int scan = 0; scan < kScans; ++scan) {
     const double step = (end - begin) / (kScan - 1);
@@ -141,10 +143,10 @@ void ScaleRegression::solve() {
   find_range(&low, &high);
   for (std::uint32_t k = 0; k < kNodes; ++k) {
     const double t = low + (high - low) * k / (kNodes - 1);
-    node_[k] = std::exp(t);
+    node_[k] = math::exp(t);
     top = std::fmax(top, weight_[k] = log_density(t));
   }
-  for (double& w : weight_) sum += w = std::exp(w - top);
+  for (double& w : weight_) sum += w = math::exp(w - top);
   for (double& w : weight_) w /= sum;
   take_moments();
 }

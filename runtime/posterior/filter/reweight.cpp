@@ -5,6 +5,7 @@
 
 #include "core/rng.hpp"
 #include "posterior/filter/filter_posterior.hpp"
+#include "tiller/math.hpp"
 
 namespace tiller {
 
@@ -12,7 +13,7 @@ namespace tiller {
 /// density  -(a0 + n/2) log(a0 + sum e_k^2 / (2 s_k)) - sum log(s_k) / 2  up to a constant of n and a0.
 double FilterPosterior::log_likelihood(double squared_error, double log_variance) const {
   const double a0 = config_->posterior.noise_scale_shape;
-  return -(a0 + 0.5 * static_cast<double>(scalars_)) * std::log(a0 + 0.5 * squared_error) - 0.5 * log_variance;
+  return -(a0 + 0.5 * static_cast<double>(scalars_)) * math::log(a0 + 0.5 * squared_error) - 0.5 * log_variance;
 }
 
 /// target = prior x likelihood^exponent. Weights follow the change of the target since the last tick.

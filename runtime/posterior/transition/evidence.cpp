@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "tiller/math.hpp"
+
 namespace tiller {
 
 namespace {
@@ -12,9 +14,9 @@ constexpr double kDiscrepancySpread = 10.0;
 /// log Gamma(x), x > 0, by Stirling's series above 8 (the library's lgamma writes a global).
 double log_gamma(double x) {
   double shift = 0.0;
-  for (; x < 8.0; x += 1.0) shift += std::log(x);
+  for (; x < 8.0; x += 1.0) shift += math::log(x);
   const double i = 1.0 / x, i2 = i * i;
-  return (x - 0.5) * std::log(x) - x + 0.91893853320467274178 +
+  return (x - 0.5) * math::log(x) - x + 0.91893853320467274178 +
          i * (1.0 / 12.0 - i2 * (1.0 / 360.0 - i2 * (1.0 / 1260.0 - i2 / 1680.0))) - shift;
 }
 
@@ -28,7 +30,7 @@ void invert(std::uint32_t size, const double* matrix, double* inverse, double& l
       double rest = *matrix++;
       for (std::uint32_t k = 0; k < r; ++k) rest -= u[k][r] * u[k][c];
       u[r][c] = r == c ? std::sqrt(rest) : rest / u[r][r];
-      if (r == c) log_determinant += 2.0 * std::log(u[r][r]);
+      if (r == c) log_determinant += 2.0 * math::log(u[r][r]);
     }
   for (std::uint32_t c = 0; c < size; ++c)
     for (std::uint32_t r = c + 1; r-- > 0;) {
@@ -163,7 +165,7 @@ bool Evidence::mean_errors(std::uint32_t lanes, const double* sums, std::uint32_
 double Evidence::log_constant() const {
   double sum = 0.0;
   for (std::uint32_t r = 0; r < nx_; ++r)
-    sum += log_gamma(exponent(r)) - 0.5 * known_[r] * std::log(6.283185307179586 * b_[r]);
+    sum += log_gamma(exponent(r)) - 0.5 * known_[r] * math::log(6.283185307179586 * b_[r]);
   for (std::uint32_t j = 0; j < joints_; ++j) sum -= 0.5 * log_determinant_[j];
   return sum;
 }

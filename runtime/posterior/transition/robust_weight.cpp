@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "posterior/transition/transition_cloud.hpp"
+#include "tiller/math.hpp"
 
 namespace tiller {
 
@@ -31,7 +32,7 @@ double TransitionCloud::surprise(std::uint32_t particle, const MeasuredStep& ste
         residual = -residual;
     const double e = evidence_.innovation(total_ + particle, n_, r, residual, basis);
     const double freedom = evidence_.freedom(r);
-    const double ordinary = freedom * std::expm1(kOrdinary * kOrdinary / (freedom + 1.0));
+    const double ordinary = freedom * math::expm1(kOrdinary * kOrdinary / (freedom + 1.0));
     const double share = e * e / (ordinary * evidence_.scale_square(total_ + particle, n_, r, basis));
     if (!(share <= worst)) worst = share;
   }

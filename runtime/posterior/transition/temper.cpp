@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "posterior/transition/transition_cloud.hpp"
+#include "tiller/math.hpp"
 
 namespace tiller {
 
@@ -23,7 +24,7 @@ void TransitionCloud::take_evidence(double log_constant) {
   // log_weight - log(weight) is the same for all: what normalises them
   std::uint32_t heavy = 0;
   while (heavy + 1 < n_ && !(cloud_.weight[heavy] * n_ > 0.5)) ++heavy;
-  const double normaliser = cloud_.log_weight[heavy] - std::log(cloud_.weight[heavy]);
+  const double normaliser = cloud_.log_weight[heavy] - math::log(cloud_.weight[heavy]);
   WeighResult predicted;
   if (exponent_ < 1.0) {
     transition_table().split_weights(n_, cloud_.log_weight, log_likelihood_, 1.0, gain_, base_, fresh_);
@@ -34,7 +35,8 @@ void TransitionCloud::take_evidence(double log_constant) {
       transition_table().split_weights(n_, cloud_.log_weight, log_likelihood_, exponent_, gain_, base_, gain_);
   const WeighResult present = temper(any_dead);
   if (full) predicted = present;
-  log_predictive_ = predicted.sum > 0.0 ? predicted.largest + std::log(predicted.sum) - normaliser + log_constant : 0.0;
+  log_predictive_ =
+      predicted.sum > 0.0 ? predicted.largest + math::log(predicted.sum) - normaliser + log_constant : 0.0;
   if (robust_weight_ < 1.0) log_predictive_ -= kDoubtCost;
 }
 
@@ -65,7 +67,7 @@ WeighResult TransitionCloud::temper(bool any_dead) {
                                      exponent_ < kEarly && begin_ == 0 ? kEarlyFloor * floor : floor, kSlack);
   if (chosen == high) {
     std::memcpy(cloud_.weight, fresh_, n_ * sizeof(double));
-    transition_table().normalise(n_, base_, gain_, high, at_high.sum, at_high.largest + std::log(at_high.sum),
+    transition_table().normalise(n_, base_, gain_, high, at_high.sum, at_high.largest + math::log(at_high.sum),
                                  cloud_.weight, cloud_.log_weight);
     cloud_.effective_samples = ess;
   } else {

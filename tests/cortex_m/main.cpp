@@ -1,0 +1,67 @@
+// The closed loop of tests/cross on a Cortex-M7: prints the lines that other targets print, and what it took.
+
+#include "board.hpp"
+#include "swing_up.hpp"
+
+namespace {
+
+// what the controllers need, and no more: the linker script has the rest of the RAM
+alignas(TILLER_ALIGNMENT) unsigned char block[TILLER_CORTEX_M_BLOCK];
+
+/// With -icount shift=7 an instruction takes 2^7 ns of virtual time, and the timer counts every 40 ns.
+constexpr std::uint64_t kCounts = 25, kNanosecondsPerCount = 40, kNanosecondsPerInstruction = 128;
+static_assert(kCounts * kNanosecondsPerCount == 1000, "25 MHz");
+
+struct Counts {
+  std::uint32_t before = 0;
+  std::uint64_t sum = 0, most = 0;
+};
+
+void note(void* context, std::uint32_t) {
+  Counts& counts = *static_cast<Counts*>(context);
+  const std::uint32_t now = board::timer();
+  const std::uint64_t spent = static_cast<std::uint32_t>(counts.before - now);  // counts down
+  counts.before = now;
+  counts.sum += spent;
+  if (spent > counts.most) counts.most = spent;
+}
+
+std::uint64_t instructions(std::uint64_t counts) { return counts * kNanosecondsPerCount / kNanosecondsPerInstruction; }
+
+void row(const char* what, std::uint64_t value) {
+  board::print("# ");
+  board::print(what);
+  board::print(" ");
+  board::print_number(value);
+  board::print("\n");
+}
+
+bool run(const swing_up::Task& task, std::uint32_t ticks) {
+  static tiller_config_t config;  // static: a kilobyte and more that the stack need not hold
+  config = swing_up::config(task);
+  Counts counts;
+  counts.before = board::timer();
+  const swing_up::Result result = swing_up::run(task, config, block, sizeof block, ticks, &note, &counts);
+  char line[swing_up::kLine];
+  swing_up::describe(task.name, result, line);
+  board::print(line);
+  board::print("\n");
+  row("block_bytes", tiller_size(&config));
+  row("instructions_per_tick_mean", instructions(counts.sum / (ticks ? ticks : 1)));
+  row("instructions_per_tick_most", instructions(counts.most));
+  return swing_up::good(result);
+}
+
+}  // namespace
+
+int main() {
+  const std::uint32_t ticks = board::argument(200);
+  board::start_timer();
+  const bool mppi = run(swing_up::kSwingUp, ticks);
+  const bool ilqr = run(swing_up::kHold, ticks);
+  row("flash_bytes", board::flash_size());
+  row("data_bytes", board::data_size());
+  row("stack_bytes_used", board::stack_used());
+  row("ram_bytes", board::data_size() + board::stack_size());
+  return mppi && ilqr ? 0 : 1;
+}
