@@ -28,7 +28,7 @@ constexpr std::uint32_t kWrite0 = 0x04, kGetCommandLine = 0x15, kExitExtended = 
 constexpr std::uint32_t kApplicationExit = 0x20026;
 
 volatile std::uint32_t& reg(std::uint32_t address) { return *reinterpret_cast<volatile std::uint32_t*>(address); }
-constexpr std::uint32_t kCoprocessorAccess = 0xe000ed88;                           // CPACR, ARMv7-M B3.2.20
+constexpr std::uint32_t kCoprocessorAccess = 0xe000ed88;  // CPACR, ARMv7-M B3.2.20
 constexpr std::uint32_t kTimerControl = 0x40000000, kTimerValue = 0x40000004, kTimerReload = 0x40000008;
 
 }  // namespace
@@ -119,7 +119,8 @@ void reset_handler() {
   asm volatile("mov %0, sp" : "=r"(here));
   for (std::uint32_t* at = link_stack_low; at < here - 8; ++at) *const_cast<volatile std::uint32_t*>(at) = kPaint;
   const std::uint32_t* from = link_data_load;
-  for (std::uint32_t* to = link_data_begin; to < link_data_end; ++to) *const_cast<volatile std::uint32_t*>(to) = *from++;
+  for (std::uint32_t* to = link_data_begin; to < link_data_end; ++to)
+    *const_cast<volatile std::uint32_t*>(to) = *from++;
   for (std::uint32_t* to = link_bss_begin; to < link_bss_end; ++to) *const_cast<volatile std::uint32_t*>(to) = 0;
   for (void (**init)() = link_init_begin; init < link_init_end; ++init) (*init)();
   board::leave(main());

@@ -38,7 +38,7 @@ tiller_config_t config(const Task& task);
 
 /// What a run leaves behind.
 struct Result {
-  tiller_status_t status = tiller_status_ok;  // of tiller_init
+  tiller_status_t status = tiller_status_ok;     // of tiller_init
   std::uint64_t hash = 14695981039346656037ull;  // FNV-1a over the bits of every command and estimate
   std::uint32_t ticks = 0;
   std::uint32_t upright_ticks = 0;  // within 0.3 rad of upright
