@@ -19,7 +19,7 @@ std::uint32_t AlarmWindow::ring_ticks(const RobotFile& robot, double seconds) {
   return static_cast<std::uint32_t>(std::min(kMost, std::ceil(seconds / robot.config.period_s)));
 }
 
-void AlarmWindow::begin(const std::string& path, double seconds, const tiller_t* controller, std::uint64_t ticks) {
+void AlarmWindow::begin(const std::string& path, double seconds) {
   wanted_s_ = seconds;
   file_.open(path);
   Words columns = {"time_s"};
@@ -27,11 +27,6 @@ void AlarmWindow::begin(const std::string& path, double seconds, const tiller_t*
   columns.insert(columns.end(), robot_.inputs.begin(), robot_.inputs.end());
   file_.write(join(columns, ",") + "\n");
   open_ = true;
-  const std::uint64_t held = ring_ticks(robot_, seconds);
-  tiller_record_t record;
-  for (std::uint64_t tick = ticks > held ? ticks - held : 0; tick < ticks; ++tick) {
-    if (tiller_get_record(controller, tick, &record) == tiller_status_ok) add(record);
-  }
 }
 
 void AlarmWindow::add(const tiller_record_t& record) {

@@ -8,8 +8,8 @@
 
 namespace tiller::tools {
 
-/// The ticks about the alarm of an inadequate model, as `tiller gap` and `tiller identify` read them: what the
-/// controller's ring still holds of the time before, then the ticks that follow, `seconds` in all.
+/// The ticks about the alarm of an inadequate model, as `tiller gap` and `tiller identify` read them: what is still
+/// known of the time before, then the ticks that follow, `seconds` in all.
 ///
 /// Columns: time_s, the measured states, the inputs. A row stands for a measurement that was taken in, at the time when
 /// the sensors were read; its input is the mean of the commands in force until the next row, latency counted as the
@@ -19,11 +19,11 @@ class AlarmWindow {
  public:
   explicit AlarmWindow(const RobotFile& robot) : robot_(robot) {}
 
-  /// Ticks that the ring must hold for `seconds` of the past.
+  /// Ticks that must be kept for `seconds` of the past.
   static std::uint32_t ring_ticks(const RobotFile& robot, double seconds);
 
-  /// Opens `path` and takes over what the ring holds.
-  void begin(const std::string& path, double seconds, const tiller_t* controller, std::uint64_t ticks);
+  /// Opens `path`; what is kept of the time before is added next.
+  void begin(const std::string& path, double seconds);
   bool open() const { return open_; }
   void add(const tiller_record_t& record);
   /// Hands what is there to the operating system.

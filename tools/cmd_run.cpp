@@ -12,7 +12,8 @@ namespace tiller::tools {
 namespace {
 
 struct Arguments {
-  std::string robot, transport, log, report, record, posterior, save_posterior, alarm_log;
+  std::string robot, transport, log, report, posterior, save_posterior, alarm_log;
+  Words records;
   std::uint32_t episodes = 1;
   bool sim = false, lockstep = false, real_time = false, quiet = false;
   double seconds = 0;
@@ -84,8 +85,8 @@ int report_run(const Arguments& a, const RobotFile& robot, const RunResult& resu
 /// Beside the run's other files; without any, in the working folder under the robot file's name.
 std::string alarm_log_of(const Arguments& a) {
   if (!a.alarm_log.empty()) return a.alarm_log;
-  for (const std::string* beside : {&a.log, &a.record})
-    if (!beside->empty()) return std::filesystem::path(*beside).replace_extension(".alarm.csv").string();
+  const std::string beside = !a.log.empty() ? a.log : a.records.empty() ? "" : a.records.front();
+  if (!beside.empty()) return std::filesystem::path(beside).replace_extension(".alarm.csv").string();
   return std::filesystem::path(a.robot).stem().string() + ".alarm.csv";
 }
 
@@ -95,6 +96,9 @@ void tell_next_step(const Arguments& a, const RunResult& result) {
   std::printf("%.1f s about the alarm: %s\n  next: tiller gap %s %s -o %s\n", result.alarm_log_s,
               result.alarm_log.c_str(), a.robot.c_str(), result.alarm_log.c_str(), report.c_str());
 }
+
+/// Time is the plant's, not the wall clock's.
+bool is_simulated(const Arguments& a) { return a.lockstep || (a.sim && !a.real_time); }
 
 EpisodesOptions episodes_options(const Arguments& a) {
   EpisodesOptions options;
@@ -106,7 +110,8 @@ EpisodesOptions episodes_options(const Arguments& a) {
   options.run.threads = a.overrides.threads;
   options.run.quiet = a.quiet;
   options.run.log = a.log;
-  options.run.record = a.record;
+  options.run.records = a.records;
+  options.run.real_time = !is_simulated(a);
   options.run.alarm_log = a.alarm_log_s > 0 ? alarm_log_of(a) : "";
   options.run.alarm_log_s = a.alarm_log_s;
   options.run.first_wait_s = a.wait_s;
@@ -117,8 +122,7 @@ int run_command(Arguments& a) {
   auto robot = read_robot_or_complain(a.robot);
   if (!robot || !apply_overrides(a.overrides, *robot)) return kExitBadInput;
   // a plan that ends by the wall clock is not repeatable: in lockstep the iterations alone decide
-  const bool simulated = a.lockstep || (a.sim && !a.real_time);
-  if (simulated) robot->config.planner.deadline_us = 0;
+  if (is_simulated(a)) robot->config.planner.deadline_us = 0;
   if (a.episodes > 1 && a.seconds <= 0) return complain("--episodes: give each a length with --seconds");
   if (!a.report.empty() && a.log.empty()) {
     a.log = std::filesystem::path(a.report).replace_extension(".csv").string();
@@ -164,7 +168,11 @@ void add_run_command(CLI::App& app, int& exit_code) {
       ->check(number_between(0.001, 1e9));
   command->add_option("--log", a->log, "write a CSV row per tick");
   command->add_option("--report", a->report, "write a one-file HTML page (and its CSV beside it)");
-  command->add_option("--record", a->record, "write every input and output, for tiller replay");
+  command
+      ->add_option("--record", a->records,
+                   "write every input and output, for tiller replay, gap and identify; as often as wanted. The ending "
+                   "tells the format: .mcap (Foxglove, PlotJuggler), .lcm (lcm-logplayer), else a record of this build")
+      ->allow_extra_args(false);
   command->add_option("--alarm-log", a->alarm_log,
                       "where the ticks about an alarm of an inadequate model go, a CSV for `tiller gap` (default: "
                       "<log>.alarm.csv beside the log or the record, else <robot>.alarm.csv in this folder); written "

@@ -63,7 +63,7 @@ class Series {
     if (options_.episodes == 1) return run;
     run.quiet = true;
     run.log = numbered(run.log, index() + 1);
-    run.record = numbered(run.record, index() + 1);
+    for (std::string& record : run.records) record = numbered(record, index() + 1);
     run.alarm_log = numbered(run.alarm_log, index() + 1);
     return run;
   }

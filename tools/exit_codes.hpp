@@ -7,7 +7,8 @@ enum ExitCode : int {
   kExitOk = 0,
   kExitBadInput = 1,       ///< a wrong file, option or missing device: nothing was moved
   kExitLogIncomplete = 2,  ///< the run ended as it should, but not everything could be written
-  kExitSafe = 3            ///< the controller latched SAFE
+  kExitSafe = 3,           ///< the controller latched SAFE
+  kExitDiffers = 4         ///< `tiller replay`: a command is not what was recorded
 };
 
 /// `tiller gap` answers by its exit code: 0 to 3 are verdicts (gap/outputs.hpp), the rest is what else may happen.

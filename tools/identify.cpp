@@ -6,16 +6,16 @@
 #include <cmath>
 #include <cstdio>
 
+#include "tools/gap/log_formats.hpp"
 #include "tools/identify_method.hpp"
 #include "tools/text.hpp"
 
 namespace tiller::tools {
 namespace {
 
-std::vector<int> measured_states(const tiller_config_t& config) {
-  std::vector<int> states;
-  for (std::uint32_t k = 0; k < config.measurement_count; ++k) states.push_back(config.measured_state[k]);
-  return states;
+/// [log] tells of CSV files alone; the other formats say themselves what is what.
+LogMap map_of(const std::string& path, const RobotFile& robot) {
+  return log_format(path) == "csv" ? robot.log : LogMap();
 }
 
 bool read_logs(const RobotFile& robot, const std::vector<std::string>& paths, std::vector<Log>& logs,
@@ -23,8 +23,8 @@ bool read_logs(const RobotFile& robot, const std::vector<std::string>& paths, st
   for (const std::string& path : paths) {
     Log log;
     std::string problem;
-    if (read_log(path, robot.log, *robot.model, measured_states(robot.config), log, problem))
-      check_log(log, robot.log, *robot.model, robot.config.period_s, warnings, problem);
+    if (read_any_log(path, robot, log, problem))
+      check_log(log, map_of(path, robot), *robot.model, robot.config.period_s, warnings, problem);
     if (!problem.empty()) error += (error.empty() ? "" : "\n") + problem;
     logs.push_back(std::move(log));
   }
@@ -42,7 +42,7 @@ template <class Item, class Make>
 std::vector<Item> collect(const std::vector<Log>& logs, const RobotFile& robot, Make make) {
   std::vector<Item> all;
   for (const Log& log : logs)
-    for (Item& item : make(log, robot.log, robot.config)) all.push_back(std::move(item));
+    for (Item& item : make(log, map_of(log.path, robot), robot.config)) all.push_back(std::move(item));
   return all;
 }
 

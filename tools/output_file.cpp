@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -15,10 +16,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// True when all bytes are taken; `done` counts those that are.
-bool write_all(int descriptor, const std::string& bytes, std::size_t& done) {
+/// True when all bytes are taken; `done` counts those that are. `offset` below zero: where the descriptor stands.
+bool write_all(int descriptor, const std::string& bytes, std::size_t& done, off_t offset = -1) {
   while (done < bytes.size()) {
-    const ssize_t taken = ::write(descriptor, bytes.data() + done, bytes.size() - done);
+    const char* from = bytes.data() + done;
+    const std::size_t size = bytes.size() - done;
+    const ssize_t taken = offset < 0 ? ::write(descriptor, from, size)
+                                     : ::pwrite(descriptor, from, size, offset + static_cast<off_t>(done));
     if (taken < 0 && errno == EINTR) continue;
     if (taken <= 0) return false;
     done += static_cast<std::size_t>(taken);
@@ -38,6 +42,8 @@ void OutputFile::open(const std::string& path) {
   if (!folder.empty()) fs::create_directories(folder, ignored);
   descriptor_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (descriptor_ < 0) fail("cannot be created");
+  struct stat status {};
+  overwritable_ = descriptor_ >= 0 && ::fstat(descriptor_, &status) == 0 && S_ISREG(status.st_mode);
 }
 
 void OutputFile::fail(const char* what) {
@@ -46,32 +52,44 @@ void OutputFile::fail(const char* what) {
   std::fprintf(stderr, "%s; the run goes on, its rows are kept in memory\n", failure_.c_str());
 }
 
-void OutputFile::write(const char* bytes, std::size_t size) {
-  if (!open_) return;
+bool OutputFile::write(const char* bytes, std::size_t size) {
+  if (!open_) return false;
   if (pending_.size() + size > kKeep) {
     lost_ = true;
-    return;
+    lost_bytes_ += size;
+    return false;
   }
   pending_.append(bytes, size);
+  return true;
 }
 
 bool OutputFile::drain() {
+  if (descriptor_ < 0) return false;
+  const std::size_t body = pending_.size();
   std::size_t done = 0;
-  const bool all = descriptor_ >= 0 && write_all(descriptor_, pending_, done);
+  if (overwritable_) pending_ += tail_;
+  const bool all = write_all(descriptor_, pending_, done, overwritable_ ? static_cast<off_t>(written_) : off_t{-1});
+  done = std::min(done, body);
+  pending_.resize(body);
   written_ += done;
   pending_.erase(0, done);
   return all;
 }
 
 void OutputFile::flush() {
-  if (open_ && failure_.empty() && !drain()) fail("cannot be written");
+  if (!open_ || (pending_.empty() && failure_.empty())) return;
+  if (!drain()) fail("cannot be written");
 }
 
 bool OutputFile::close() {
   if (!open_) return complete();
   open_ = false;
   if (descriptor_ < 0) descriptor_ = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-  const bool on_disk = descriptor_ >= 0 && drain() && !lost_;
+  tail_.clear();
+  const bool drained = descriptor_ >= 0 && drain();
+  // what is left of a tail would stand behind the end
+  const bool on_disk =
+      drained && !lost_ && (!overwritable_ || ::ftruncate(descriptor_, static_cast<off_t>(written_)) == 0);
   if (on_disk) {
     readable_ = path_;
     if (!failure_.empty()) message_ = failure_ + "; it could be completed at the end of the run";

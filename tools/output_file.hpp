@@ -17,13 +17,21 @@ class OutputFile {
 
   /// Creates or empties the file. Where that is refused, everything is kept for rescue.
   void open(const std::string& path);
-  void write(const char* bytes, std::size_t size);
-  void write(const std::string& text) { write(text.data(), text.size()); }
-  /// Hands what is buffered to the operating system.
+  /// False: nothing of it is kept, for the disk refuses and the memory for it is used up.
+  bool write(const char* bytes, std::size_t size);
+  bool write(const std::string& text) { return write(text.data(), text.size()); }
+  /// What every flush writes behind the content, for the next one to overwrite: a closing mark, so that the file is
+  /// whole between two flushes too. Not in files that cannot be overwritten (pipes, devices). Empty: none.
+  void set_tail(std::string tail) { tail_ = std::move(tail); }
+  /// Hands what is buffered to the operating system, in one write; what it refuses is tried again by the next one.
   void flush();
   /// False: something is missing in the file at its path; message() says what, and where the rest is.
   bool close();
 
+  /// Bytes that wait for the operating system, and bytes that were given up.
+  std::size_t waiting() const { return pending_.size(); }
+  std::size_t lost() const { return lost_bytes_; }
+  bool refused() const { return !failure_.empty(); }
   bool complete() const { return failure_.empty() && !lost_; }
   const std::string& path() const { return path_; }
   /// Where the whole content is readable after close: path(), or the rescued copy; empty if nowhere.
@@ -40,9 +48,12 @@ class OutputFile {
 
   std::string path_;
   int descriptor_ = -1;
+  bool overwritable_ = false;
   std::size_t written_ = 0;  // bytes in the file
   std::string pending_;      // bytes after them
+  std::string tail_;         // behind them, until the next flush
   std::string failure_, message_, readable_;
+  std::size_t lost_bytes_ = 0;
   bool open_ = false;
   bool lost_ = false;
 };

@@ -9,7 +9,7 @@ namespace {
 constexpr char kMagic[8] = {'T', 'I', 'L', 'L', 'R', 'E', 'C', '2'};
 constexpr std::uint32_t kSizes[2] = {sizeof(tiller_config_t), sizeof(RecordEntry)};
 
-bool read_joint(std::ifstream& file, std::shared_ptr<const JointPrior>& joint) {
+bool read_joint(std::istream& file, std::shared_ptr<const JointPrior>& joint) {
   std::uint32_t shape[2] = {};
   file.read(reinterpret_cast<char*>(shape), sizeof shape);
   if (!file || shape[0] > Mixture::kMaxComponents || shape[1] > TILLER_MAX_PARAMS) return false;
@@ -26,38 +26,34 @@ bool read_joint(std::ifstream& file, std::shared_ptr<const JointPrior>& joint) {
 }
 }  // namespace
 
-void write_record_header(OutputFile& file, const tiller_config_t& config) {
+std::string record_header(const tiller_config_t& config) {
   tiller_config_t copy = config;
   copy.model = nullptr;
   copy.cost.reference = copy.cost.demonstration_mean = copy.cost.demonstration_root = nullptr;
   copy.cost.own = nullptr;
   copy.prior_mixture = nullptr;
-  file.write(kMagic, sizeof kMagic);
-  file.write(reinterpret_cast<const char*>(kSizes), sizeof kSizes);
-  file.write(reinterpret_cast<const char*>(&copy), sizeof copy);
+  std::string bytes(kMagic, sizeof kMagic);
+  const auto add = [&](const void* from, std::size_t size) { bytes.append(static_cast<const char*>(from), size); };
+  add(kSizes, sizeof kSizes);
+  add(&copy, sizeof copy);
   const tiller_mixture_t* m = config.prior_mixture;
   const std::uint32_t shape[2] = {m ? m->components : 0, m ? m->dimension : 0};
-  file.write(reinterpret_cast<const char*>(shape), sizeof shape);
-  if (!m) return;
-  const auto write = [&](const double* values, std::size_t count) {
-    file.write(reinterpret_cast<const char*>(values), count * sizeof(double));
-  };
-  write(m->weight, shape[0]);
-  write(m->mean, std::size_t{shape[0]} * shape[1]);
-  write(m->root, std::size_t{shape[0]} * shape[1] * shape[1]);
+  add(shape, sizeof shape);
+  if (!m) return bytes;
+  add(m->weight, shape[0] * sizeof(double));
+  add(m->mean, std::size_t{shape[0]} * shape[1] * sizeof(double));
+  add(m->root, std::size_t{shape[0]} * shape[1] * shape[1] * sizeof(double));
+  return bytes;
 }
+
+void write_record_header(OutputFile& file, const tiller_config_t& config) { file.write(record_header(config)); }
 
 void write_record(OutputFile& file, const RecordEntry& entry) {
   file.write(reinterpret_cast<const char*>(&entry), sizeof entry);
 }
 
-bool read_record_file(const std::string& path, tiller_config_t& config, std::shared_ptr<const JointPrior>& joint,
-                      std::vector<RecordEntry>& entries, std::string& error) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) {
-    error = path + ": cannot be read: " + std::strerror(errno) + "\n";
-    return false;
-  }
+bool read_record_header(std::istream& file, const std::string& path, tiller_config_t& config,
+                        std::shared_ptr<const JointPrior>& joint, std::string& error) {
   char magic[sizeof kMagic];
   std::uint32_t sizes[2];
   file.read(magic, sizeof magic);
@@ -71,11 +67,22 @@ bool read_record_file(const std::string& path, tiller_config_t& config, std::sha
     return false;
   }
   file.read(reinterpret_cast<char*>(&config), sizeof config);
-  if (!read_joint(file, joint)) {
-    error = path + ": its joint prior is cut off; record the run again\n";
+  if (!file || !read_joint(file, joint)) {
+    error = path + ": its head is cut off; record the run again\n";
     return false;
   }
   config.prior_mixture = joint ? &joint->mixture : nullptr;
+  return true;
+}
+
+bool read_record_file(const std::string& path, tiller_config_t& config, std::shared_ptr<const JointPrior>& joint,
+                      std::vector<RecordEntry>& entries, std::string& error) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) {
+    error = path + ": cannot be read: " + std::strerror(errno) + "\n";
+    return false;
+  }
+  if (!read_record_header(file, path, config, joint, error)) return false;
   for (RecordEntry entry; file.read(reinterpret_cast<char*>(&entry), sizeof entry);) entries.push_back(entry);
   if (entries.empty()) error = path + ": holds no tick\n";
   return !entries.empty();

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <istream>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -20,11 +22,15 @@ struct RecordEntry {
 /// Record files are of one build of tiller: structs as they are in memory. Layout: "TILLREC2", uint32 sizes of
 /// tiller_config_t and of RecordEntry, the configuration with its pointers zero, uint32 components and dimension of the
 /// joint prior (zero: none), its weights, means and roots, then entries.
+std::string record_header(const tiller_config_t& config);
 void write_record_header(OutputFile& file, const tiller_config_t& config);
 void write_record(OutputFile& file, const RecordEntry& entry);
 
 /// False with a message in `error` that names the file and what is wrong with it. `joint` becomes what
 /// config.prior_mixture points to, or null.
+bool read_record_header(std::istream& file, const std::string& path, tiller_config_t& config,
+                        std::shared_ptr<const JointPrior>& joint, std::string& error);
+/// The same with the entries; one that is cut off at the end is left out.
 bool read_record_file(const std::string& path, tiller_config_t& config, std::shared_ptr<const JointPrior>& joint,
                       std::vector<RecordEntry>& entries, std::string& error);
 

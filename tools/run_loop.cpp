@@ -6,17 +6,21 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "tools/alarm_window.hpp"
+#include "io/monotonic_clock.hpp"
 #include "tools/exit_codes.hpp"
 #include "tools/progress.hpp"
-#include "tools/record_file.hpp"
-#include "tools/run_log.hpp"
+#include "tools/recorder/recorder.hpp"
 #include "tools/thread_pool.hpp"
 
 namespace tiller::tools {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+
+std::int64_t wall_us() {
+  return std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
 
 volatile std::sig_atomic_t stop_requested = 0;
 
@@ -60,19 +64,16 @@ class Runner {
         link_(link),
         options_(options),
         pool_(options.threads),
-        log_(robot, knows_truth(), options.true_params),
-        alarm_(robot),
+        recorder_(robot, recorder_options()),
         progress_(robot, Progress::style_for_stdout(options.quiet), options.seconds, options.true_params) {
-    if (!options.record.empty()) config_.record_ticks = std::max(config_.record_ticks, 1u);
-    if (!options.alarm_log.empty())
-      config_.record_ticks = std::max(config_.record_ticks, AlarmWindow::ring_ticks(robot, options.alarm_log_s));
+    if (recorder_.wanted()) config_.record_ticks = std::max(config_.record_ticks, 1u);
   }
 
   RunResult run() {
     if (!init()) return result_;
     if (!wait_for_first()) return result_;
     if (options_.await_start && !wait_for_start()) return result_;
-    open_files();
+    recorder_.start(config_);
     (void)tiller_arm(controller_);
     while (!is_over()) {
       tick();
@@ -86,6 +87,19 @@ class Runner {
   bool knows_truth() {
     double state[TILLER_MAX_STATES];
     return link_.truth(state);
+  }
+
+  RecorderOptions recorder_options() {
+    RecorderOptions recorder;
+    recorder.log = options_.log;
+    recorder.records = options_.records;
+    recorder.alarm_log = options_.alarm_log;
+    recorder.alarm_log_s = options_.alarm_log_s;
+    recorder.true_params = options_.true_params;
+    recorder.has_truth = knows_truth();
+    recorder.lossless = !options_.real_time;
+    if (options_.real_time) recorder.epoch_us = wall_us() - monotonic_us();
+    return recorder;
   }
 
   bool fail(const std::string& text) {
@@ -200,13 +214,6 @@ class Runner {
     return fail("interrupted before the robot was back at its start");
   }
 
-  void open_files() {
-    if (!options_.log.empty()) log_.open(options_.log);
-    if (options_.record.empty()) return;
-    record_.open(options_.record);
-    write_record_header(record_, config_);
-  }
-
   bool is_over() const {
     if (stop_.flag() != 0) return true;
     if (static_cast<double>(safe_ticks_) * config_.period_s > kSafeFor_s) return true;
@@ -234,23 +241,28 @@ class Runner {
     link_.tell(info_, command_.stamp_us);
     safe_ticks_ = info_.state == tiller_state_safe ? safe_ticks_ + 1 : 0;
     if (safe_ticks_ == 1) tell_safe();
-    if ((!options_.record.empty() || alarm_.open()) && info_.ticks > 0 &&
-        tiller_get_record(controller_, info_.ticks - 1, &entry.record) == tiller_status_ok) {
-      if (!options_.record.empty()) write_record(record_, entry);
-      alarm_.add(entry.record);
-    }
-    if (info_.adequacy == tiller_adequacy_inadequate && !told_inadequate_) tell_inadequate();
+    const bool alarm = info_.adequacy == tiller_adequacy_inadequate && !told_inadequate_;
+    if (alarm) tell_inadequate();
     const TickView view = look();
     count(view);
-    log_.add(view);
+    hand_over(view, entry, alarm);
     progress_.show(view);
-    // half a second is what a crash may cost; a write each tick would disturb the tick times
-    if (++rows_ * config_.period_s >= kFlushEvery_s) {
-      rows_ = 0;
-      log_.flush();
-      record_.flush();
-      alarm_.flush();
-    }
+  }
+
+  void hand_over(const TickView& view, const RecordEntry& entry, bool alarm) {
+    if (!recorder_.wanted()) return;
+    logged_.entry = entry;
+    if (tiller_get_record(controller_, info_.ticks - 1, &logged_.entry.record) != tiller_status_ok) return;
+    logged_.info = info_;
+    logged_.time_s = view.time_s;
+    logged_.tick_us = view.tick_us;
+    logged_.status = view.status;
+    logged_.alarm = alarm && !options_.alarm_log.empty();
+    logged_.has_truth = view.true_state != nullptr;
+    std::copy(std::begin(q05_), std::end(q05_), logged_.q05);
+    std::copy(std::begin(q95_), std::end(q95_), logged_.q95);
+    std::copy(std::begin(true_state_), std::end(true_state_), logged_.true_state);
+    recorder_.push(logged_);
   }
 
   void count(const TickView& view) {
@@ -307,10 +319,8 @@ class Runner {
     result_.inadequate_at_s = time_s();
     progress_.finish(look());
     std::string text = format("at %.2f s: ", time_s()) + inadequacy(robot_, info_);
-    if (!options_.alarm_log.empty()) {
-      alarm_.begin(options_.alarm_log, options_.alarm_log_s, controller_, info_.ticks);
+    if (!options_.alarm_log.empty())
       text += format("\nthe %g s about it go to ", options_.alarm_log_s) + options_.alarm_log;
-    }
     progress_.say(text);
   }
 
@@ -329,16 +339,13 @@ class Runner {
   }
 
   void close_files() {
-    const bool log_complete = options_.log.empty() || log_.close();
-    const bool record_complete = options_.record.empty() || record_.close();
-    const bool alarm_complete = alarm_.close();
-    for (const OutputFile* file : {&log_.file(), static_cast<const OutputFile*>(&record_), &alarm_.file()}) {
-      if (!file->message().empty()) std::fprintf(stderr, "tiller: %s\n", file->message().c_str());
-    }
-    result_.readable_log = log_.file().readable_path();
-    result_.alarm_log = alarm_.file().readable_path();
-    result_.alarm_log_s = alarm_.seconds();
-    if (!log_complete || !record_complete || !alarm_complete) result_.exit_code = kExitLogIncomplete;
+    const RecorderReport report = recorder_.stop();
+    for (const std::string& message : report.messages) std::fprintf(stderr, "tiller: %s\n", message.c_str());
+    result_.readable_log = report.readable_log;
+    result_.alarm_log = report.alarm_log;
+    result_.alarm_log_s = report.alarm_log_s;
+    result_.dropped_ticks = report.dropped_ticks;
+    if (!report.complete) result_.exit_code = kExitLogIncomplete;
   }
 
   void fill_result(bool safe) {
@@ -372,7 +379,6 @@ class Runner {
   }
 
   static constexpr double kSafeFor_s = 0.5;  // the safe command is repeated that long before the run ends
-  static constexpr double kFlushEvery_s = 0.5;
   static constexpr double kStandsFor_s = 0.5;
 
   const RobotFile& robot_;
@@ -381,9 +387,8 @@ class Runner {
   const RunOptions& options_;
   StopFlag stop_;
   ThreadPool pool_;
-  RunLog log_;
-  OutputFile record_;
-  AlarmWindow alarm_;
+  Recorder recorder_;
+  LoggedTick logged_;
   Progress progress_;
   tiller_hooks_t hooks_{};
   Block block_;
@@ -394,7 +399,6 @@ class Runner {
   tiller_status_t status_ = tiller_status_ok;
   std::int64_t start_us_ = 0;
   std::uint64_t safe_ticks_ = 0;
-  int rows_ = 0;
   bool told_inadequate_ = false;
   std::uint64_t costed_ = 0;
   double q05_[TILLER_MAX_PARAMS] = {};

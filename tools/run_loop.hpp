@@ -14,7 +14,8 @@ struct RunOptions {
   unsigned threads = 1;
   bool quiet = false;
   std::string log;                  ///< CSV; empty: none
-  std::string record;               ///< every input and output, for `tiller replay`; empty: none
+  Words records;                    ///< every input and output, for `tiller replay` (RecorderOptions)
+  bool real_time = false;           ///< the wall clock sets the pace: nothing waits for the disk
   std::string alarm_log;            ///< CSV of the ticks about an inadequacy alarm (AlarmWindow); empty: none
   double alarm_log_s = 20;          ///< its length
   double first_wait_s = 10;         ///< wall time to wait for the first measurement
@@ -36,6 +37,7 @@ struct RunResult {
   std::uint64_t transitions = 0;        ///< ticks with a new measurement after the first
   double cost = 0;                      ///< mean stage_cost(), of the true states where they are known
   std::string readable_log;             ///< where the whole log is; empty: none
+  std::uint64_t dropped_ticks = 0;      ///< that the recorder could not take
   double tick_us_median = 0, tick_us_p99 = 0, tick_us_max = 0;
   std::uint64_t late_ticks = 0;                                  ///< over the planner's deadline, if it has one
   std::vector<double> contraction_ratio, contraction_direction;  // (d), (d x param_count): tiller_get_contraction

@@ -48,7 +48,7 @@ class Window : public testing::Test {
 
 TEST_F(Window, InLockstepARowHasTheCommandThatAnswersIt) {
   AlarmWindow window(robot_);
-  window.begin(path(), 10.0, nullptr, 0);
+  window.begin(path(), 10.0);
   for (int i = 0; i < 4; ++i) window.add(record(500000 + 10000 * i, 0.1 * i, i));
   EXPECT_TRUE(window.close());
   // the last measurement waits for a successor that does not come: how long its command held is not known
@@ -57,7 +57,7 @@ TEST_F(Window, InLockstepARowHasTheCommandThatAnswersIt) {
 
 TEST_F(Window, CommandsThatTakeHoldLaterAreMixedByTime) {
   AlarmWindow window(robot_);
-  window.begin(path(), 10.0, nullptr, 0);
+  window.begin(path(), 10.0);
   // sensors read 2 ms before the tick, commands take hold 1 ms after it: 3 of 10 ms are the old command's
   for (int i = 0; i < 4; ++i) window.add(record(500000 + 10000 * i, 0.0, 10.0 * i, 2000, 1000));
   (void)window.close();
@@ -66,7 +66,7 @@ TEST_F(Window, CommandsThatTakeHoldLaterAreMixedByTime) {
 
 TEST_F(Window, TicksWithoutAMeasurementGiveTheirCommandToTheRowBefore) {
   AlarmWindow window(robot_);
-  window.begin(path(), 10.0, nullptr, 0);
+  window.begin(path(), 10.0);
   window.add(record(0, 0.0, 1.0));
   tiller_record_t none = record(10000, 0.0, 5.0);
   none.has_measurement = 0;
@@ -81,14 +81,14 @@ TEST_F(Window, TicksWithoutAMeasurementGiveTheirCommandToTheRowBefore) {
 
 TEST_F(Window, EndsWhenItIsLongEnoughAndInSafe) {
   AlarmWindow window(robot_);
-  window.begin(path(), 0.05, nullptr, 0);
+  window.begin(path(), 0.05);
   for (int i = 0; i < 20; ++i) window.add(record(10000 * i, 0.0, 0.0));
   EXPECT_FALSE(window.open());
   EXPECT_EQ(window.rows(), 5u);
   EXPECT_DOUBLE_EQ(window.seconds(), 0.05);
 
   AlarmWindow stopped(robot_);
-  stopped.begin(path(), 10.0, nullptr, 0);
+  stopped.begin(path(), 10.0);
   stopped.add(record(0, 0.0, 0.0));
   stopped.add(record(10000, 0.0, 0.0));
   tiller_record_t safe = record(20000, 0.0, 0.0);

@@ -180,7 +180,10 @@ TEST_F(Command, ARecordReplaysToTheLastBit) {
   ASSERT_GT(bytes.size(), 10000u);
   for (std::size_t i = bytes.size() / 2; i < bytes.size(); i += 64) bytes[i] = static_cast<char>(bytes[i] ^ 1);
   std::ofstream(folder_ + "/bent.rec", std::ios::binary) << bytes;
-  EXPECT_EQ(run({"replay", "bent.rec", kCartPole}).code, 1);
+  const Ended bent = run({"replay", "bent.rec", kCartPole});
+  EXPECT_EQ(bent.code, 4);
+  EXPECT_TRUE(contains(bent.out, "first difference in tick 2")) << bent.out;  // the second half
+  EXPECT_TRUE(contains(bent.out, "\n  state     angle_rad            recorded ")) << "the state at it: " << bent.out;
 }
 
 TEST_F(Command, ProgressIsAPlainLineEveryHalfSecondWithoutATerminal) {

@@ -12,10 +12,12 @@
 #include <fstream>
 #include <limits>
 #include <map>
+#include <sstream>
 
 #include "tiller_lcm/command_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
 #include "tools/record_file.hpp"
+#include "tools/recorder/mcap_run.hpp"
 #include "tools/report.hpp"
 #include "tools/text.hpp"
 
@@ -149,16 +151,7 @@ bool read_lcm(const std::string& path, const RobotFile& robot, Log& log, std::st
 
 // ---- records -----------------------------------------------------------------------------------------------------
 
-bool read_record(const std::string& path, const RobotFile& robot, Log& log, std::string& error) {
-  tiller_config_t config;
-  std::shared_ptr<const JointPrior> joint;
-  std::vector<RecordEntry> entries;
-  if (!read_record_file(path, config, joint, entries, error)) return false;
-  if (config.measurement_count != robot.config.measurement_count ||
-      std::memcmp(config.measured_state, robot.config.measured_state, config.measurement_count) != 0) {
-    error = path + ": its [measurement] is not that of " + robot.path + "; use the robot file that was run";
-    return false;
-  }
+bool read_entries(const std::vector<RecordEntry>& entries, const RobotFile& robot, Log& log, std::string& error) {
   std::vector<Row> rows;
   for (std::size_t i = 0; i < entries.size(); ++i) {
     const tiller_record_t& record = entries[i].record;
@@ -175,7 +168,35 @@ bool read_record(const std::string& path, const RobotFile& robot, Log& log, std:
   return finish(rows, "ticks with a measurement", robot, log, error);
 }
 
+bool read_record(const std::string& path, const RobotFile& robot, Log& log, std::string& error) {
+  tiller_config_t config;
+  std::shared_ptr<const JointPrior> joint;
+  std::vector<RecordEntry> entries;
+  if (!read_record_file(path, config, joint, entries, error)) return false;
+  if (config.measurement_count != robot.config.measurement_count ||
+      std::memcmp(config.measured_state, robot.config.measured_state, config.measurement_count) != 0) {
+    error = path + ": its [measurement] is not that of " + robot.path + "; use the robot file that was run";
+    return false;
+  }
+  return read_entries(entries, robot, log, error);
+}
+
 // ---- MCAP --------------------------------------------------------------------------------------------------------
+
+std::string bytes_of(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::stringstream bytes;
+  bytes << file.rdbuf();
+  return bytes.str();
+}
+
+// One of `tiller run --record`.
+bool read_own_mcap(const std::string& bytes, const RobotFile& robot, Log& log, std::string& error) {
+  RecordedRun run;
+  if (read_mcap_run(bytes, log.path, robot, run, error)) return read_entries(run.entries, robot, log, error);
+  if (!error.empty() && error.back() == '\n') error.pop_back();
+  return false;
+}
 
 // By way of a CSV with the columns that the robot file names (tiller_tools.mcap_csv), which is in SI time already.
 bool read_mcap(const std::string& path, const RobotFile& robot, const std::vector<int>& measured, Log& log,
@@ -232,6 +253,7 @@ bool read_any_log(const std::string& path, const RobotFile& robot, Log& log, std
   log.path = path;
   if (kind == "lcm") return read_lcm(path, robot, log, error);
   if (kind == "record") return read_record(path, robot, log, error);
+  if (const std::string bytes = bytes_of(path); is_mcap_run(bytes)) return read_own_mcap(bytes, robot, log, error);
   return read_mcap(path, robot, measured, log, error);
 }
 

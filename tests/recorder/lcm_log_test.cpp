@@ -1,0 +1,241 @@
+// Logs of LCM: what we write liblcm reads, and the ticks are put together again from messages.
+#include <lcm/eventlog.h>
+
+#include "run_rig.hpp"
+#include "tiller_lcm/command_t.hpp"
+#include "tiller_lcm/measurement_t.hpp"
+#include "tiller_lcm/telemetry_t.hpp"
+#include "tools/replay.hpp"
+
+namespace tiller::tools {
+namespace {
+
+/// Ticks whose numbers are finite: LCM has no bit for infinity, and NaN comes back as a missing value.
+LoggedTick plain_tick(std::uint64_t k) {
+  LoggedTick tick = odd_tick(k);
+  tiller_record_t& r = tick.entry.record;
+  r.measurement.value[0] = 1.0 / (3.0 + static_cast<double>(k));
+  r.measurement.value[1] = k % 7 == 3 ? std::nan("") : -0.25 * static_cast<double>(k);
+  if (r.has_measurement == 0) r.measurement = {};
+  r.plan_cost = 4.0 / 3.0;
+  if (r.has_measurement == 0 && k > 0) r.command.sequence = static_cast<std::uint32_t>(4294967290u + k - 1);
+  tick.info.status = r.status;
+  tick.info.planner_iterations = r.planner_iterations;
+  tick.info.tick_ns = r.tick_ns;
+  tick.info.plan_cost = r.plan_cost;
+  tick.info.effective_samples = r.effective_samples;
+  tick.info.noise_scale = r.noise_scale;
+  tick.info.state_mean[0] = r.state_mean[0];
+  tick.info.param_mean[0] = r.param_mean[0];
+  tick.info.param_sd[0] = r.param_sd[0];
+  return tick;
+}
+
+std::string write_run(const RobotFile& robot, const std::string& path, std::uint64_t ticks) {
+  LcmLog log(robot);
+  log.open(path, 77);
+  for (std::uint64_t k = 0; k < ticks; ++k) {
+    const LoggedTick tick = plain_tick(k);
+    log.add(tick.entry, tick.info);
+  }
+  EXPECT_TRUE(log.close());
+  return bytes_of(path);
+}
+
+std::size_t events_in(const std::string& path) {
+  lcm_eventlog_t* log = lcm_eventlog_create(path.c_str(), "r");
+  std::size_t count = 0;
+  while (lcm_eventlog_event_t* event = lcm_eventlog_read_next_event(log)) {
+    EXPECT_EQ(event->eventnum, static_cast<std::int64_t>(count));
+    ++count;
+    lcm_eventlog_free_event(event);
+  }
+  lcm_eventlog_destroy(log);
+  return count;
+}
+
+TEST(LcmLog, EveryTickComesBackToTheLastBit) {
+  const Folder folder;
+  const auto robot = arm();
+  (void)write_run(*robot, folder / "run.lcm", 50);
+  EXPECT_EQ(events_in(folder / "run.lcm"), 140u);  // a measurement in four ticks of five
+  RecordedRun run;
+  std::string error;
+  ASSERT_TRUE(read_recorded_run(folder / "run.lcm", *robot, run, error)) << error;
+  EXPECT_EQ(run.note, "");
+  EXPECT_FALSE(run.has_config);
+  ASSERT_EQ(run.entries.size(), 50u);
+  for (std::uint64_t k = 0; k < 50; ++k) expect_same(plain_tick(k).entry.record, run.entries[k].record);
+}
+
+TEST(LcmLog, CutAtEveryByteItsWholeMessagesAreRead) {
+  const Folder folder;
+  const auto robot = arm();
+  const std::string whole = write_run(*robot, folder / "run.lcm", 3);
+  std::size_t before = 0;
+  for (std::size_t size = 0; size <= whole.size(); size += size < whole.size() && size + 7 > whole.size() ? 1 : 7) {
+    std::ofstream(folder / "cut.lcm", std::ios::binary) << whole.substr(0, size);
+    const std::size_t events = events_in(folder / "cut.lcm");
+    ASSERT_GE(events, before);
+    before = events;
+    RecordedRun run;
+    std::string error;
+    const bool good = read_lcm_run(folder / "cut.lcm", *robot, run, error);
+    if (events < 2) {
+      ASSERT_FALSE(good);
+    } else {
+      ASSERT_TRUE(good) << size << " " << error;
+    }
+  }
+  EXPECT_EQ(before, 9u);
+}
+
+// ---- logs of lcm-logger ------------------------------------------------------------------------------------------
+
+class Logger {
+ public:
+  explicit Logger(const std::string& path) : log_(lcm_eventlog_create(path.c_str(), "w")) {}
+  ~Logger() { lcm_eventlog_destroy(log_); }
+  Logger(const Logger&) = delete;
+  Logger& operator=(const Logger&) = delete;
+
+  void measurement(std::uint32_t sequence, std::int64_t stamp_us) {
+    tiller_lcm::measurement_t m{};
+    m.stamp_us = stamp_us;
+    m.sequence = sequence;
+    m.count = 2;
+    m.valid_mask = 3;
+    m.value[0] = 0.5 * sequence;
+    write("TILLER_MEASUREMENT", m);
+  }
+  void command(std::uint32_t sequence, std::int64_t stamp_us, int state = tiller_state_active) {
+    tiller_lcm::command_t c{};
+    c.stamp_us = stamp_us;
+    c.sequence = sequence;
+    c.state = state;
+    c.count = 1;
+    c.value[0] = 0.25;
+    write("TILLER_COMMAND", c);
+  }
+  void telemetry(std::int64_t tick, std::int64_t stamp_us, int status = 0, int fault = 0) {
+    tiller_lcm::telemetry_t t{};
+    t.tick = tick;
+    t.stamp_us = stamp_us;
+    t.status = status;
+    t.first_fault = fault;
+    t.tick_ns = 2000000;
+    t.planner_iterations = 3;
+    write("TILLER_TELEMETRY", t);
+  }
+
+ private:
+  template <class Message>
+  void write(const char* channel, const Message& message) {
+    char bytes[1024];
+    lcm_eventlog_event_t event{};
+    event.eventnum = number_++;
+    event.timestamp = number_;
+    event.channellen = static_cast<int>(std::strlen(channel));
+    event.channel = const_cast<char*>(channel);
+    event.datalen = message.encode(bytes, 0, sizeof bytes);
+    event.data = bytes;
+    ASSERT_EQ(lcm_eventlog_write_event(log_, &event), 0);
+  }
+  lcm_eventlog_t* log_;
+  std::int64_t number_ = 0;
+};
+
+TEST(LcmLog, TicksArePutTogetherFromWhatALoggerHeard) {
+  const Folder folder;
+  const auto robot = arm();
+  const std::string path = folder / "logger.lcm";
+  {
+    Logger log(path);
+    log.command(0, 1000, tiller_state_standby);  // the tool waits for the robot's start: no tick
+    log.measurement(1, 10000);
+    log.command(1, 10700);
+    log.telemetry(1, 10700);
+    log.measurement(2, 20000);  // superseded before it was read
+    log.measurement(3, 30000);
+    log.command(3, 30500);
+    log.telemetry(2, 30500);
+    log.command(3, 45000);  // nothing new came
+    log.telemetry(3, 45000, tiller_status_no_new_measurement);
+    log.measurement(4, 50000);
+    log.command(3, 50600);  // the guard refused number 4
+    log.telemetry(4, 50600, tiller_status_sensor_jump);
+    log.measurement(5, 60000);
+    log.command(5, 60400);
+    log.measurement(6, 70000);
+    log.telemetry(5, 60400);
+    log.command(6, 70400);  // its telemetry was lost
+    log.measurement(7, 80000);
+    log.command(7, 80200, tiller_state_safe);
+    log.telemetry(7, 80200, tiller_status_actuator_fault, tiller_status_actuator_fault);
+    for (int i = 0; i < 3; ++i) log.command(7, 80200, tiller_state_standby);  // the end of the run
+  }
+  RecordedRun run;
+  std::string error;
+  ASSERT_TRUE(read_recorded_run(path, *robot, run, error)) << error;
+  EXPECT_EQ(run.note, "");
+  ASSERT_EQ(run.entries.size(), 7u);
+  const std::uint32_t expected[] = {1, 3, 0, 4, 5, 6, 7};  // the measurement that each tick was given; 0: none
+  for (std::size_t i = 0; i < 7; ++i) {
+    const tiller_record_t& r = run.entries[i].record;
+    EXPECT_EQ(r.has_measurement != 0 ? r.measurement.sequence : 0, expected[i]) << i;
+    EXPECT_EQ(r.planner_iterations, i == 5 ? kIterationsUnknown : 3u) << i;
+    EXPECT_EQ(r.calls & 15u, static_cast<std::uint32_t>(i == 0 ? tiller_call_arm : tiller_call_prepare)) << i;
+  }
+  // the latency that the host foresaw: age of the measurement and a running mean of the tick's length, 2 ms each
+  EXPECT_EQ(run.entries[0].record.measurement.command_latency_us, 700u);
+  EXPECT_EQ(run.entries[1].record.measurement.command_latency_us, 500u + 200u);
+  EXPECT_EQ(run.entries[6].record.calls >> 4 & 15u, static_cast<std::uint32_t>(tiller_call_stop));
+  EXPECT_EQ(run.entries[6].stop_status, static_cast<std::uint32_t>(tiller_status_actuator_fault));
+}
+
+TEST(LcmLog, WhatIsMissingIsTold) {
+  const Folder folder;
+  const auto robot = arm();
+  const auto note_of = [&](const auto& write) {
+    const std::string path = folder / "logger.lcm";
+    {
+      Logger log(path);
+      write(log);
+    }
+    RecordedRun run;
+    std::string error;
+    (void)read_lcm_run(path, *robot, run, error);
+    return run.note + error;
+  };
+  const auto tick = [](Logger& log, std::uint32_t k, std::int64_t number) {
+    log.measurement(k, 10000 * k);
+    log.command(k, 10000 * k);
+    if (number > 0) log.telemetry(number, 10000 * k);
+  };
+  EXPECT_EQ(note_of([&](Logger& log) {
+              for (std::uint32_t k = 1; k < 4; ++k) tick(log, k, k);
+            }),
+            "");
+  EXPECT_NE(note_of([&](Logger& log) {
+              for (std::uint32_t k = 5; k < 8; ++k) tick(log, k, k);
+            }).find("begins with tick 4"),
+            std::string::npos);
+  EXPECT_NE(note_of([&](Logger& log) {
+              for (std::uint32_t k = 1; k < 8; ++k)
+                if (k != 3 && k != 4) tick(log, k, k);
+            }).find("2 ticks are missing before tick 4"),
+            std::string::npos);
+  EXPECT_NE(note_of([&](Logger& log) {
+              for (std::uint32_t k = 1; k < 8; ++k) tick(log, k, k % 4 + 1);
+            }).find("begins"),
+            std::string::npos);
+  EXPECT_NE(note_of([&](Logger& log) {
+              for (std::uint32_t k = 1; k < 4; ++k) tick(log, k, 0);
+            }).find("no telemetry was logged"),
+            std::string::npos);
+  EXPECT_NE(note_of([&](Logger& log) { log.measurement(1, 1); }).find("no commands on the channels"),
+            std::string::npos);
+}
+
+}  // namespace
+}  // namespace tiller::tools

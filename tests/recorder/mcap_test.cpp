@@ -1,0 +1,155 @@
+// MCAP files of our own: what goes in comes out to the last bit, and a file that ends anywhere is read up to its last
+// whole chunk.
+#include <cstring>
+
+#include "run_rig.hpp"
+#include "tools/recorder/mcap_reader.hpp"
+#include "tools/replay.hpp"
+
+namespace tiller::tools {
+namespace {
+
+constexpr std::uint64_t kTicks = 40, kTicksAChunk = 8;
+
+/// Forty ticks in five chunks. `at_flush`: the file's bytes after each flush.
+std::string write_run(const RobotFile& robot, const std::string& path, std::vector<std::string>* at_flush = nullptr) {
+  McapRun run(robot);
+  run.open(path, robot.config, 0);
+  for (std::uint64_t k = 0; k < kTicks; ++k) {
+    run.add(odd_tick(k).entry);
+    if (k % kTicksAChunk != kTicksAChunk - 1) continue;
+    run.flush();
+    if (at_flush) at_flush->push_back(bytes_of(path));
+  }
+  EXPECT_TRUE(run.close());
+  return bytes_of(path);
+}
+
+TEST(Mcap, EveryNumberComesBackToTheLastBit) {
+  const Folder folder;
+  const auto robot = arm();
+  const std::string bytes = write_run(*robot, folder / "run.mcap");
+  EXPECT_TRUE(is_mcap_run(bytes));
+  RecordedRun run;
+  std::string error;
+  ASSERT_TRUE(read_mcap_run(bytes, "run.mcap", *robot, run, error)) << error;
+  EXPECT_EQ(run.note, "");
+  ASSERT_EQ(run.entries.size(), kTicks);
+  for (std::uint64_t k = 0; k < kTicks; ++k) expect_same(odd_tick(k).entry.record, run.entries[k].record);
+  ASSERT_TRUE(run.has_config);
+  tiller_config_t expected = robot->config;
+  expected.model = nullptr;
+  expected.cost.own = nullptr;
+  EXPECT_EQ(std::memcmp(&expected, &run.config, sizeof expected), 0) << "the configuration of the run";
+}
+
+/// Where each chunk ends, by walking over the file's records.
+std::vector<std::size_t> chunk_ends(const std::string& bytes) {
+  std::vector<std::size_t> ends;
+  std::size_t at = 8;
+  while (at + 9 <= bytes.size()) {
+    std::uint64_t length = 0;
+    for (std::size_t i = 0; i < 8; ++i)
+      length |= std::uint64_t{static_cast<unsigned char>(bytes[at + 1 + i])} << (8 * i);
+    const bool chunk = bytes[at] == 6;
+    at += 9 + length;
+    if (chunk) ends.push_back(at);
+  }
+  return ends;
+}
+
+// Every length from nothing to the whole file: the ticks of the chunks that are whole, each as it was written, and no
+// others.
+TEST(Mcap, CutAtEveryByteItOpensUpToTheLastWholeChunk) {
+  const Folder folder;
+  const auto robot = arm();
+  const std::string whole = write_run(*robot, folder / "run.mcap");
+  const std::vector<std::size_t> ends = chunk_ends(whole);
+  ASSERT_EQ(ends.size(), kTicks / kTicksAChunk);
+  for (std::size_t size = 0; size <= whole.size(); ++size) {
+    const std::string cut = whole.substr(0, size);
+    std::size_t expected = 0;
+    for (const std::size_t end : ends) expected += size >= end;
+    McapContent content;
+    ASSERT_EQ(read_mcap_bytes(cut, content), size >= 8) << size;
+    ASSERT_EQ(content.chunks, expected) << size;
+    const bool at_an_end = std::count(ends.begin(), ends.end(), size) + std::count(ends.begin(), ends.end(), size + 1);
+    if (!at_an_end && size % 499 != 0) continue;  // decoding JSON takes the time of a hundred cuts
+    RecordedRun run;
+    std::string error;
+    ASSERT_EQ(read_mcap_run(cut, "cut", *robot, run, error), expected > 0) << size << error;
+    ASSERT_EQ(run.entries.size(), expected * kTicksAChunk) << size;
+    for (const RecordEntry& entry : run.entries) expect_same(odd_tick(entry.record.tick).entry.record, entry.record);
+    ASSERT_FALSE(HasNonfatalFailure()) << size;
+  }
+  std::printf("%zu lengths\n", whole.size() + 1);
+}
+
+// A process that is killed leaves what its last flush left: a finished file by its marks.
+TEST(Mcap, BetweenTwoFlushesTheFileIsAFinishedOne) {
+  const Folder folder;
+  const auto robot = arm();
+  std::vector<std::string> at_flush;
+  (void)write_run(*robot, folder / "run.mcap", &at_flush);
+  ASSERT_EQ(at_flush.size(), kTicks / kTicksAChunk);
+  for (std::size_t i = 0; i < at_flush.size(); ++i) {
+    McapContent content;
+    ASSERT_TRUE(read_mcap_bytes(at_flush[i], content));
+    EXPECT_EQ(content.stopped, "") << "the marks of the end";
+    EXPECT_EQ(content.chunks, i + 1);
+  }
+}
+
+// A torn write: the new bytes only up to somewhere, then what stood there before.
+TEST(Mcap, ATornWriteCostsNoChunkThatWasWhole) {
+  const Folder folder;
+  const auto robot = arm();
+  std::vector<std::string> at_flush;
+  (void)write_run(*robot, folder / "run.mcap", &at_flush);
+  const std::string &before = at_flush[2], &after = at_flush[3];
+  for (std::size_t torn = before.size() - 50; torn < after.size(); ++torn) {
+    std::string bytes = after.substr(0, torn);
+    if (torn < before.size()) bytes += before.substr(torn);
+    bytes.resize(after.size(), '\0');
+    McapContent content;
+    ASSERT_TRUE(read_mcap_bytes(bytes, content));
+    ASSERT_GE(content.chunks, 3u) << torn;
+    ASSERT_LE(content.chunks, 4u) << torn;
+    for (std::size_t i = 0; i < content.messages.size(); ++i) ASSERT_EQ(content.messages[i].data.front(), '{') << torn;
+  }
+}
+
+TEST(Mcap, ADamagedChunkIsNotBelieved) {
+  const Folder folder;
+  const auto robot = arm();
+  std::vector<std::string> at_flush;
+  const std::string whole = write_run(*robot, folder / "run.mcap", &at_flush);
+  int checked = 0;
+  for (std::size_t at = at_flush[1].size() + 100; at < at_flush[2].size() - 2000; at += 37, ++checked) {
+    std::string bytes = whole;
+    bytes[at] = static_cast<char>(bytes[at] ^ 4);
+    McapContent content;
+    ASSERT_TRUE(read_mcap_bytes(bytes, content));
+    ASSERT_EQ(content.chunks, 2u) << at;
+    ASSERT_EQ(content.stopped, "a chunk with a wrong CRC");
+  }
+  std::printf("%d bits, each found\n", checked);
+  EXPECT_GT(checked, 20);
+}
+
+TEST(Mcap, OfAnotherRobotIsTold) {
+  const Folder folder;
+  const auto robot = arm();
+  const std::string bytes = write_run(*robot, folder / "run.mcap");
+  RobotFile other = *robot;
+  other.measurements[1] = "rate_deg_s";
+  RecordedRun run;
+  std::string error;
+  EXPECT_FALSE(read_mcap_run(bytes, "run.mcap", other, run, error));
+  EXPECT_NE(error.find("run.mcap: a message of /measurement at 1.000000 s is not what arm.toml expects"),
+            std::string::npos)
+      << error;
+}
+
+}  // namespace
+}  // namespace tiller::tools

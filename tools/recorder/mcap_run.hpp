@@ -1,0 +1,58 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "tools/record_file.hpp"
+#include "tools/recorder/mcap_writer.hpp"
+#include "tools/robot_file.hpp"
+
+namespace tiller::tools {
+
+// A run as MCAP. Three topics, JSON with a JSON schema each, one message of each per tick, times those of the tick:
+//
+//   /measurement   stamp_us, sequence, command_latency_us and the measured states by name; only where there was one
+//   /command       stamp_us, sequence, state and the inputs by name
+//   /tick          tick, now_us, status, planner_iterations, calls, ...; mean and sd: the estimate of state and parameters
+//
+// Numbers are written so that they read back as the same double; NaN is null, infinity a text. The attachment
+// `controller` is what a record file begins with (record_header), `robot.toml` the robot file: with them, `tiller replay`
+// repeats the run to the last bit.
+
+class McapRun {
+ public:
+  explicit McapRun(const RobotFile& robot) : robot_(robot) {}
+
+  /// `epoch_us` is added to the ticks' time, so that logs of a real robot carry the time of day.
+  void open(const std::string& path, const tiller_config_t& config, std::int64_t epoch_us);
+  void add(const RecordEntry& entry);
+  void flush() { writer_.flush(); }
+  bool close() { return writer_.close(); }
+  const McapWriter& writer() const { return writer_; }
+
+ private:
+  const RobotFile& robot_;
+  McapWriter writer_;
+  std::int64_t epoch_us_ = 0;
+  std::uint16_t measurement_ = 0, command_ = 0, tick_ = 0;
+};
+
+/// A run that was read back.
+struct RecordedRun {
+  bool has_config = false;  ///< `config` and `joint` are what the controller was made from
+  tiller_config_t config{};
+  std::shared_ptr<const JointPrior> joint;
+  std::vector<RecordEntry> entries;
+  std::string note;  ///< what of the file could not be read; empty: all of it was
+};
+
+/// Whether the bytes are of a run of tiller (else: an MCAP of somebody else, or none at all).
+bool is_mcap_run(const std::string& bytes);
+
+/// False with a message in `error` that begins with `path`. Names must be those of `robot`.
+bool read_mcap_run(const std::string& bytes, const std::string& path, const RobotFile& robot, RecordedRun& run,
+                   std::string& error);
+
+}  // namespace tiller::tools
