@@ -16,7 +16,8 @@ constexpr const char* kFooter =
     "  tiller run my_robot.toml --sim       my controller against a stand-in plant, no hardware\n"
     "\n"
     "Exit codes: 0 done; 1 wrong input, nothing was moved; 2 done, but a log or report is incomplete;\n"
-    "3 the controller latched SAFE; those of `tiller gap` are its verdict. Each command: tiller COMMAND --help";
+    "3 the controller latched SAFE; 4 `tiller replay`: a command differs; those of `tiller gap` are its verdict.\n"
+    "Each command: tiller COMMAND --help";
 
 /// CLI11 only says that a command is required; a misspelt one deserves its nearest.
 bool is_misspelt(const CLI::App& app, int argc, char** argv) {

@@ -196,6 +196,7 @@ RecordEntry entry_of(const RobotFile& robot, const Answer& answer, bool lockstep
   r.now_us = r.command.stamp_us = c.stamp_us;
   r.command.sequence = static_cast<std::uint32_t>(c.sequence);
   r.command.state = static_cast<std::uint32_t>(c.state);
+  r.command.plan_sequence = static_cast<std::uint32_t>(c.plan_sequence);
   std::copy(c.value, c.value + robot.model->input_count, r.command.value);
   const bool refused = answer.told && answer.has_waiting && is_refusal(answer.telemetry.status);
   r.has_measurement = answer.has_answered || refused ? 1u : 0u;

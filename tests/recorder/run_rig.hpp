@@ -67,6 +67,7 @@ inline LoggedTick odd_tick(std::uint64_t k) {
   r.command.stamp_us = r.now_us;
   r.command.sequence = r.measurement.sequence;
   r.command.state = tiller_state_active;
+  r.command.plan_sequence = static_cast<std::uint32_t>(4294967280u + k);
   r.command.value[0] = std::sin(static_cast<double>(k));
   r.status = tiller_status_rate_limited;
   r.planner_iterations = 2;
@@ -100,6 +101,7 @@ inline void expect_same(const tiller_record_t& a, const tiller_record_t& b) {
   EXPECT_EQ(a.command.stamp_us, b.command.stamp_us);
   EXPECT_EQ(a.command.sequence, b.command.sequence);
   EXPECT_EQ(a.command.state, b.command.state);
+  EXPECT_EQ(a.command.plan_sequence, b.command.plan_sequence);
   EXPECT_PRED2(same_double, a.command.value[0], b.command.value[0]);
   EXPECT_EQ(a.status, b.status);
   EXPECT_EQ(a.planner_iterations, b.planner_iterations);

@@ -34,6 +34,7 @@ tiller_lcm::command_t message_of(const tiller_command_t& c, std::size_t count) {
   out.state = static_cast<std::int32_t>(c.state);
   out.count = static_cast<std::int32_t>(count);
   std::copy(c.value, c.value + count, out.value);
+  out.plan_sequence = c.plan_sequence;
   return out;
 }
 
@@ -46,6 +47,7 @@ tiller_lcm::telemetry_t message_of(const tiller_record_t& r, const tiller_info_t
   out.first_fault = info.first_fault;
   out.planner_iterations = static_cast<std::int32_t>(info.planner_iterations);
   out.tick_ns = info.tick_ns;
+  out.plans = static_cast<std::int64_t>(info.plans);
   out.plan_cost = info.plan_cost;
   out.effective_samples = info.effective_samples;
   out.likelihood_exponent = info.likelihood_exponent;

@@ -86,7 +86,7 @@ std::string measurement_json(const RobotFile& robot, const tiller_measurement_t&
 }
 
 std::string command_json(const RobotFile& robot, const tiller_command_t& c) {
-  Json json = {{"stamp_us", c.stamp_us}, {"sequence", c.sequence}};
+  Json json = {{"stamp_us", c.stamp_us}, {"sequence", c.sequence}, {"plan_sequence", c.plan_sequence}};
   put(json, robot.inputs, c.value);
   return json.dump();
 }
@@ -122,7 +122,8 @@ bool take_measurement(const RobotFile& robot, const Json& json, tiller_measureme
 }
 
 bool take_command(const RobotFile& robot, const Json& json, tiller_command_t& c) {
-  return take(json, "stamp_us", c.stamp_us) && take(json, "sequence", c.sequence) && take(json, robot.inputs, c.value);
+  return take(json, "stamp_us", c.stamp_us) && take(json, "sequence", c.sequence) &&
+         take(json, "plan_sequence", c.plan_sequence) && take(json, robot.inputs, c.value);
 }
 
 bool take_tick(const RobotFile& robot, const Json& json, RecordEntry& entry) {
@@ -155,7 +156,7 @@ void McapRun::open(const std::string& path, const tiller_config_t& config, std::
   writer_.open(path, std::string("tiller ") + tiller_version());
   const std::string texts[] = {
       object_schema({"stamp_us", "sequence", "command_latency_us"}, robot_.measurements).dump(),
-      object_schema({"stamp_us", "sequence"}, robot_.inputs).dump(), tick_schema(robot_).dump()};
+      object_schema({"stamp_us", "sequence", "plan_sequence"}, robot_.inputs).dump(), tick_schema(robot_).dump()};
   std::uint16_t* ids[] = {&measurement_, &command_, &tick_};
   for (int i = 0; i < 3; ++i)
     *ids[i] = writer_.add_channel(kTopics[i], "json", writer_.add_schema(kSchemas[i], "jsonschema", texts[i]));

@@ -14,7 +14,7 @@ namespace tiller::tools {
 // A run as MCAP. Three topics, JSON with a JSON schema each, one message of each per tick, times those of the tick:
 //
 //   /measurement   stamp_us, sequence, command_latency_us and the measured states by name; only where there was one
-//   /command       stamp_us, sequence, state and the inputs by name
+//   /command       stamp_us, sequence, plan_sequence and the inputs by name
 //   /tick          tick, now_us, status, planner_iterations, calls, ...; mean and sd: the estimate of state and parameters
 //
 // Numbers are written so that they read back as the same double; NaN is null, infinity a text. The attachment
