@@ -1,26 +1,35 @@
 #include "io/lcm_transport.hpp"
 
-#include <lcm/lcm.h>
-#include <sys/time.h>
+#include <time.h>
 
 #include <cctype>
-#include <cerrno>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <limits>
 
+#include "io/lc02.hpp"
+#include "io/lcm_messages.hpp"
+#include "io/liblcm_backend.hpp"
 #include "io/monotonic_clock.hpp"
-#include "tiller_lcm/command_t.hpp"
-#include "tiller_lcm/measurement_t.hpp"
-#include "tiller_lcm/telemetry_t.hpp"
 
 namespace tiller {
 namespace {
 
-// More than liblcm queues for one subscription (30), so a poll drains it; bounded, so a flood cannot hold a
-// tick.
-constexpr int kMaxHandled = 64;
+// Drains what a plant can have sent between two ticks; bounded, so a flood cannot hold a tick.
+constexpr int kMaxHandled = 256;
+
+LcmTransport* transport_of(void* self) { return static_cast<LcmTransport*>(self); }
+
+bool is_open(const LcmTransport* transport) { return transport->udp.is_open() || transport->lcm != nullptr; }
+
+std::int64_t wall_us() {
+  timespec now;
+  clock_gettime(CLOCK_REALTIME, &now);
+  return static_cast<std::int64_t>(now.tv_sec) * 1000000 + now.tv_nsec / 1000;
+}
+
+// ---- receiving ----
 
 bool refuse(LcmTransport* transport, std::uint64_t& counter, const char* why) {
   ++counter;
@@ -28,20 +37,7 @@ bool refuse(LcmTransport* transport, std::uint64_t& counter, const char* why) {
   return false;
 }
 
-// liblcm stamps arrivals with the wall clock. Should that be set back meanwhile, the wait comes out negative
-// and the message passes: the sequence gate still stands.
-std::int64_t waited_us(std::int64_t arrival_wall_us) {
-  timeval now;
-  gettimeofday(&now, nullptr);
-  return static_cast<std::int64_t>(now.tv_sec) * 1000000 + now.tv_usec - arrival_wall_us;
-}
-
-void on_measurement(const lcm_recv_buf_t* buffer, const char*, void* user) {
-  lcm_take_measurement(static_cast<LcmTransport*>(user), buffer->data, buffer->data_size,
-                       waited_us(buffer->recv_utime));
-}
-
-const char* wrong_content(const tiller_lcm::measurement_t& message, std::uint32_t expected) {
+const char* wrong_content(const LcmMeasurement& message, std::uint32_t expected) {
   if (message.count < 0 || static_cast<std::uint32_t>(message.count) != expected)
     return "a measurement's count is not the number of values in the robot file's [measurement]";
   if (message.sequence < 0 || message.sequence > std::int64_t{0xffffffff})
@@ -50,7 +46,7 @@ const char* wrong_content(const tiller_lcm::measurement_t& message, std::uint32_
   return nullptr;
 }
 
-tiller_measurement_t convert(const tiller_lcm::measurement_t& message) {
+tiller_measurement_t convert(const LcmMeasurement& message) {
   tiller_measurement_t measurement{};
   measurement.stamp_us = message.stamp_us;
   measurement.sequence = static_cast<std::uint32_t>(message.sequence);
@@ -62,39 +58,62 @@ tiller_measurement_t convert(const tiller_lcm::measurement_t& message) {
   return measurement;
 }
 
-tiller_status_t lcm_poll(void* self, tiller_measurement_t* measurement) {
-  auto* transport = static_cast<LcmTransport*>(self);
-  if (transport->lcm == nullptr) return tiller_status_transport_closed;
-  int handled = 0;
-  while (handled < kMaxHandled) {
-    const int result = lcm_handle_timeout(transport->lcm, 0);
-    if (result < 0) return tiller_status_io_error;
-    if (result == 0) break;
-    ++handled;
+const char* not_ours(const LcmTransport* transport, std::uint32_t size) {
+  if (!transport->seal.has_key() && size == kLcmMeasurementType.bytes + MessageSeal::kTrailerBytes)
+    return "a measurement is signed, and the robot file names no key_file";
+  return "a message is not a tiller_lcm.measurement_t (length or fingerprint)";
+}
+
+tiller_status_t udp_poll(LcmTransport* transport) {
+  UdpDatagram datagram;
+  for (int handled = 0; handled < kMaxHandled; ++handled) {
+    const UdpRead result = transport->udp.read(&datagram);
+    if (result == UdpRead::kNothing) break;
+    if (result == UdpRead::kFailed) return tiller_status_io_error;
+    if (datagram.refusal != nullptr)
+      refuse(transport, transport->counters.bad_messages, datagram.refusal);
+    else
+      lcm_take_packet(transport, datagram.bytes, datagram.size, datagram.waited_us);
   }
+  return tiller_status_ok;
+}
+
+tiller_status_t lcm_poll(void* self, tiller_measurement_t* measurement) {
+  LcmTransport* transport = transport_of(self);
+  if (!is_open(transport)) return tiller_status_transport_closed;
+  const tiller_status_t status = transport->lcm != nullptr ? liblcm_poll(transport, kMaxHandled) : udp_poll(transport);
+  if (status != tiller_status_ok) return status;
   if (!transport->has_new) return tiller_status_no_new_measurement;
   transport->has_new = false;
   *measurement = transport->newest;
   return tiller_status_ok;
 }
 
-template <class Message, int kBytes>
-tiller_status_t publish(LcmTransport* transport, const char* channel, const Message& message) {
-  unsigned char bytes[kBytes];
-  const int size = message.encode(bytes, 0, kBytes);
-  if (size < 0) return tiller_status_bad_message;
-  if (lcm_publish(transport->lcm, channel, bytes, static_cast<unsigned>(size)) != 0) {
-    if (errno != ENOBUFS && errno != EAGAIN) return tiller_status_io_error;
-    ++transport->counters.queue_full;
-    return tiller_status_queue_full;
+// ---- sending ----
+
+tiller_status_t publish(LcmTransport* transport, const char* channel, const LcmType& type, const void* message) {
+  std::uint8_t packet[UdpDatagram::kCapacity];
+  const bool own = transport->lcm == nullptr;
+  const std::uint32_t at = lc02_begin(packet, sizeof packet, transport->packets_sent, channel);
+  if (at == 0 || at + type.bytes + MessageSeal::kTrailerBytes > sizeof packet) return tiller_status_bad_message;
+  std::uint8_t* body = packet + at;
+  std::uint32_t size = type.bytes;
+  lcm_encode(type, message, body);
+  if (transport->seal.has_key()) {
+    transport->seal.seal(channel, body, size, wall_us());
+    size += MessageSeal::kTrailerBytes;
   }
-  return tiller_status_ok;
+  const tiller_status_t status =
+      own ? transport->udp.send(packet, at + size) : liblcm_publish(transport, channel, body, size);
+  ++transport->packets_sent;
+  if (status == tiller_status_queue_full) ++transport->counters.queue_full;
+  return status;
 }
 
 tiller_status_t lcm_send(void* self, const tiller_command_t* command) {
-  auto* transport = static_cast<LcmTransport*>(self);
-  if (transport->lcm == nullptr) return tiller_status_transport_closed;
-  tiller_lcm::command_t message{};
+  LcmTransport* transport = transport_of(self);
+  if (!is_open(transport)) return tiller_status_transport_closed;
+  LcmCommand message{};
   message.stamp_us = command->stamp_us;
   message.sequence = command->sequence;
   message.state = static_cast<std::int32_t>(command->state);
@@ -104,14 +123,16 @@ tiller_status_t lcm_send(void* self, const tiller_command_t* command) {
     if (!std::isfinite(command->value[i])) return tiller_status_command_not_finite;
     message.value[i] = command->value[i];
   }
-  const tiller_status_t status = publish<tiller_lcm::command_t, 128>(transport, transport->command_channel, message);
+  const tiller_status_t status = publish(transport, transport->command_channel, kLcmCommandType, &message);
   if (status == tiller_status_ok) ++transport->counters.sent;
   return status;
 }
 
+// ---- the table ----
+
 int lcm_descriptor(void* self) {
-  auto* transport = static_cast<LcmTransport*>(self);
-  return transport->lcm != nullptr ? lcm_get_fileno(transport->lcm) : -1;
+  LcmTransport* transport = transport_of(self);
+  return transport->lcm != nullptr ? liblcm_descriptor(transport) : transport->udp.descriptor();
 }
 
 void lcm_counters(const void* self, tiller_transport_counters_t* counters) {
@@ -119,10 +140,12 @@ void lcm_counters(const void* self, tiller_transport_counters_t* counters) {
 }
 
 void lcm_close(void* self) {
-  auto* transport = static_cast<LcmTransport*>(self);
-  if (transport->lcm != nullptr) lcm_destroy(transport->lcm);
-  transport->lcm = nullptr;
+  LcmTransport* transport = transport_of(self);
+  transport->udp.close();
+  if (transport->lcm != nullptr) liblcm_close(transport);
 }
+
+// ---- opening ----
 
 // liblcm takes a channel for a regular expression, so a prefix may hold nothing that is special there.
 bool is_prefix(const char* prefix) {
@@ -148,6 +171,21 @@ tiller_status_t check_options(const LcmOptions& options, OpenError* error) {
   return tiller_status_ok;
 }
 
+void name_channels(LcmTransport* transport, const char* prefix) {
+  std::snprintf(transport->measurement_channel, LcmTransport::kMaxChannel, "%sMEASUREMENT", prefix);
+  std::snprintf(transport->command_channel, LcmTransport::kMaxChannel, "%sCOMMAND", prefix);
+  std::snprintf(transport->telemetry_channel, LcmTransport::kMaxChannel, "%sTELEMETRY", prefix);
+}
+
+tiller_status_t open_udp(LcmTransport* transport, const char* text, OpenError* error) {
+  UdpmUrl url;
+  if (const char* wrong = parse_udpm_url(text, &url)) {
+    set_open_error(error, "lcm: url '%.120s': %s", text, wrong);
+    return tiller_status_io_error;
+  }
+  return transport->udp.open(url, transport->measurement_channel, error);
+}
+
 }  // namespace
 
 const tiller_transport_t kLcmTransport = {sizeof(tiller_transport_t),
@@ -161,10 +199,15 @@ const tiller_transport_t kLcmTransport = {sizeof(tiller_transport_t),
 
 bool lcm_take_measurement(LcmTransport* transport, const void* data, std::uint32_t size, std::int64_t waited) {
   tiller_transport_counters_t& counters = transport->counters;
-  tiller_lcm::measurement_t message{};
-  if (size > 4096 || message.decode(data, 0, static_cast<int>(size)) < 0)
-    return refuse(transport, counters.bad_messages,
-                  "a message is not a tiller_lcm.measurement_t (length or fingerprint)");
+  const auto* bytes = static_cast<const std::uint8_t*>(data);
+  if (transport->seal.has_key()) {
+    const SealState state = transport->seal.check(transport->measurement_channel, bytes, size, wall_us());
+    if (state != SealState::kOk) return refuse(transport, counters.bad_messages, seal_text(state));
+    size -= MessageSeal::kTrailerBytes;
+  }
+  LcmMeasurement message{};
+  if (!lcm_decode(kLcmMeasurementType, bytes, size, &message))
+    return refuse(transport, counters.bad_messages, not_ours(transport, size));
   if (const char* why = wrong_content(message, transport->options.measurement_count))
     return refuse(transport, counters.bad_messages, why);
   if (transport->options.max_wait_us > 0 && waited > transport->options.max_wait_us)
@@ -180,41 +223,33 @@ bool lcm_take_measurement(LcmTransport* transport, const void* data, std::uint32
   return true;
 }
 
+bool lcm_take_packet(LcmTransport* transport, const std::uint8_t* bytes, std::uint32_t size, std::int64_t waited) {
+  Lc02Packet packet;
+  if (const char* why = lc02_parse(bytes, size, &packet))
+    return refuse(transport, transport->counters.bad_messages, why);
+  if (std::strcmp(packet.channel, transport->measurement_channel) != 0) return false;
+  return lcm_take_measurement(transport, packet.message, packet.size, waited);
+}
+
 tiller_status_t lcm_transport_open(LcmTransport* transport, const LcmOptions& options, OpenError* error) {
   if (transport == nullptr) return tiller_status_null_argument;
-  const tiller_status_t status = check_options(options, error);
+  tiller_status_t status = check_options(options, error);
   if (status != tiller_status_ok) return status;
   *transport = LcmTransport();
   transport->options = options;
-  char channel[sizeof transport->command_channel];
-  std::snprintf(channel, sizeof channel, "%sMEASUREMENT", options.channel_prefix);
-  std::snprintf(transport->command_channel, sizeof channel, "%sCOMMAND", options.channel_prefix);
-  std::snprintf(transport->telemetry_channel, sizeof channel, "%sTELEMETRY", options.channel_prefix);
-  transport->lcm = lcm_create(options.url);
-  if (transport->lcm == nullptr) {
-    set_open_error(error,
-                   "lcm: cannot open '%.120s'. Where there is no network, give loopback a multicast route: "
-                   "ip link set lo multicast on; ip route add 224.0.0.0/4 dev lo",
-                   options.url);
-    return tiller_status_io_error;
-  }
-  if (lcm_subscribe(transport->lcm, channel, on_measurement, transport) == nullptr) {
-    set_open_error(error,
-                   "lcm: cannot receive on '%.120s': multicast does not reach this process. Give loopback a "
-                   "multicast route: ip link set lo multicast on; ip route add 224.0.0.0/4 dev lo",
-                   options.url);
-    lcm_close(transport);
-    return tiller_status_io_error;
-  }
   transport->options.url = transport->options.channel_prefix = nullptr;
-  return tiller_status_ok;
+  transport->options.key = nullptr;
+  transport->seal = MessageSeal(options.key, options.replay_window_us);
+  name_channels(transport, options.channel_prefix);
+  const bool library = options.liblcm || !is_udpm_url(options.url);
+  return library ? liblcm_open(transport, options.url, error) : open_udp(transport, options.url, error);
 }
 
 tiller_status_t lcm_send_telemetry(LcmTransport* transport, std::int64_t stamp_us, const tiller_info_t& info,
                                    std::uint32_t state_count, std::uint32_t param_count) {
-  if (transport->lcm == nullptr) return tiller_status_transport_closed;
+  if (!is_open(transport)) return tiller_status_transport_closed;
   if (state_count > TILLER_MAX_STATES || param_count > TILLER_MAX_PARAMS) return tiller_status_bad_dimension;
-  tiller_lcm::telemetry_t message{};
+  LcmTelemetry message{};
   message.stamp_us = stamp_us;
   message.tick = static_cast<std::int64_t>(info.ticks);
   message.state = static_cast<std::int32_t>(info.state);
@@ -236,7 +271,7 @@ tiller_status_t lcm_send_telemetry(LcmTransport* transport, std::int64_t stamp_u
   std::memcpy(message.state_sd, info.state_sd, state_count * sizeof(double));
   std::memcpy(message.param_mean, info.param_mean, param_count * sizeof(double));
   std::memcpy(message.param_sd, info.param_sd, param_count * sizeof(double));
-  return publish<tiller_lcm::telemetry_t, 768>(transport, transport->telemetry_channel, message);
+  return publish(transport, transport->telemetry_channel, kLcmTelemetryType, &message);
 }
 
 }  // namespace tiller

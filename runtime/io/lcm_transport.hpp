@@ -2,8 +2,10 @@
 
 #include <cstdint>
 
+#include "io/message_seal.hpp"
 #include "io/open_error.hpp"
 #include "io/sequence_gate.hpp"
+#include "io/udp_multicast.hpp"
 #include "tiller/transport.h"
 
 struct _lcm_t;
@@ -23,17 +25,28 @@ struct LcmOptions {
   /// Replace the plant's stamp by this machine's monotonic clock at poll: for plants with a clock of their
   /// own.
   bool stamp_on_arrival = false;
+  /// MessageSeal::kKeyBytes of a key that the plant has too, or null: measurements that are not signed with it are
+  /// refused, commands and telemetry are signed. Copied by open.
+  const std::uint8_t* key = nullptr;
+  std::int64_t replay_window_us = MessageSeal::kWindowUs;  ///< see MessageSeal; 0: clocks are not compared
+  /// Go through liblcm, where this build has it, instead of the runtime's own codec. Providers other than udpm always
+  /// do. liblcm has a thread of its own, and a heap.
+  bool liblcm = false;
 };
 
-/// Owned by the caller, filled by lcm_transport_open. One thread at a time; liblcm's own thread reads the
-/// socket.
+/// Owned by the caller, filled by lcm_transport_open. One thread at a time.
 struct LcmTransport {
   static constexpr std::uint32_t kMaxPrefix = 40;
+  static constexpr std::uint32_t kMaxChannel = kMaxPrefix + 16;
 
-  _lcm_t* lcm = nullptr;
-  LcmOptions options;  // its strings are not kept
-  char command_channel[kMaxPrefix + 16] = "";
-  char telemetry_channel[kMaxPrefix + 16] = "";
+  UdpMulticast udp;
+  _lcm_t* lcm = nullptr;  // in place of udp
+  LcmOptions options;     // its pointers are not kept
+  char measurement_channel[kMaxChannel] = "";
+  char command_channel[kMaxChannel] = "";
+  char telemetry_channel[kMaxChannel] = "";
+  MessageSeal seal;
+  std::uint32_t packets_sent = 0;
   SequenceGate gate;
   bool has_new = false;
   tiller_measurement_t newest{};
@@ -44,15 +57,20 @@ struct LcmTransport {
 
 extern const tiller_transport_t kLcmTransport;
 
-/// Joins the multicast group and subscribes. Takes milliseconds; seconds where multicast does not work.
+/// Joins the multicast group and subscribes. With the own codec (url udpm://) the only call that uses the heap; liblcm
+/// takes milliseconds here, and seconds where multicast does not work.
 [[nodiscard]] tiller_status_t lcm_transport_open(LcmTransport* transport, const LcmOptions& options, OpenError* error);
 
-/// What the controller says of itself, for whoever listens. Cost: one encode of 700 bytes and one sendmsg.
+/// What the controller says of itself, for whoever listens. Cost: one encode of 700 bytes and one sendto.
 tiller_status_t lcm_send_telemetry(LcmTransport* transport, std::int64_t stamp_us, const tiller_info_t& info,
                                    std::uint32_t state_count, std::uint32_t param_count);
 
-/// Takes one encoded measurement, as the subscription does: any bytes, any length. `waited_us` is the time
+/// Takes one encoded measurement (with its trailer, if there is a key): any bytes, any length. `waited_us` is the time
 /// since its arrival. True if it is now the newest one.
 bool lcm_take_measurement(LcmTransport* transport, const void* data, std::uint32_t size, std::int64_t waited_us);
+
+/// Takes one datagram: any bytes, any length. Messages on other channels are passed over, without a count. True if it
+/// was a measurement that is now the newest one.
+bool lcm_take_packet(LcmTransport* transport, const std::uint8_t* bytes, std::uint32_t size, std::int64_t waited_us);
 
 }  // namespace tiller

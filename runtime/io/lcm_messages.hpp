@@ -1,0 +1,81 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "io/lcm_type.hpp"
+
+namespace tiller {
+
+/// The messages of runtime/io/lcm/*.lcm, for the runtime's own codec. The .lcm files are the definition, with a comment
+/// for every field; a test compares fingerprints and bytes with what lcm-gen makes of them.
+struct LcmMeasurement {
+  std::int64_t stamp_us, sequence;
+  std::int32_t command_latency_us, count, valid_mask;
+  double value[12];
+};
+
+struct LcmCommand {
+  std::int64_t stamp_us, sequence;
+  std::int32_t state, count;
+  double value[4];
+  std::int64_t plan_sequence;
+};
+
+struct LcmTelemetry {
+  std::int64_t stamp_us, tick;
+  std::int32_t state, status, first_fault, planner_iterations;
+  std::int64_t tick_ns;
+  double plan_cost, effective_samples, likelihood_exponent, noise_scale;
+  std::int32_t state_count, param_count;
+  double state_mean[12], state_sd[12], param_mean[24], param_sd[24];
+  std::int64_t plans;
+};
+
+// clang-format off
+#define TILLER_LCM_FIELD(Struct, kind, name, length) {#name, LcmKind::kind, length, offsetof(Struct, name)}
+
+inline constexpr LcmField kLcmMeasurementFields[] = {
+  TILLER_LCM_FIELD(LcmMeasurement, kInt64,  stamp_us,           0),
+  TILLER_LCM_FIELD(LcmMeasurement, kInt64,  sequence,           0),
+  TILLER_LCM_FIELD(LcmMeasurement, kInt32,  command_latency_us, 0),
+  TILLER_LCM_FIELD(LcmMeasurement, kInt32,  count,              0),
+  TILLER_LCM_FIELD(LcmMeasurement, kInt32,  valid_mask,         0),
+  TILLER_LCM_FIELD(LcmMeasurement, kDouble, value,              12),
+};
+inline constexpr LcmField kLcmCommandFields[] = {
+  TILLER_LCM_FIELD(LcmCommand, kInt64,  stamp_us, 0),
+  TILLER_LCM_FIELD(LcmCommand, kInt64,  sequence, 0),
+  TILLER_LCM_FIELD(LcmCommand, kInt32,  state,    0),
+  TILLER_LCM_FIELD(LcmCommand, kInt32,  count,    0),
+  TILLER_LCM_FIELD(LcmCommand, kDouble, value,    4),
+  TILLER_LCM_FIELD(LcmCommand, kInt64,  plan_sequence, 0),
+};
+inline constexpr LcmField kLcmTelemetryFields[] = {
+  TILLER_LCM_FIELD(LcmTelemetry, kInt64,  stamp_us,            0),
+  TILLER_LCM_FIELD(LcmTelemetry, kInt64,  tick,                0),
+  TILLER_LCM_FIELD(LcmTelemetry, kInt32,  state,               0),
+  TILLER_LCM_FIELD(LcmTelemetry, kInt32,  status,              0),
+  TILLER_LCM_FIELD(LcmTelemetry, kInt32,  first_fault,         0),
+  TILLER_LCM_FIELD(LcmTelemetry, kInt32,  planner_iterations,  0),
+  TILLER_LCM_FIELD(LcmTelemetry, kInt64,  tick_ns,             0),
+  TILLER_LCM_FIELD(LcmTelemetry, kDouble, plan_cost,           0),
+  TILLER_LCM_FIELD(LcmTelemetry, kDouble, effective_samples,   0),
+  TILLER_LCM_FIELD(LcmTelemetry, kDouble, likelihood_exponent, 0),
+  TILLER_LCM_FIELD(LcmTelemetry, kDouble, noise_scale,         0),
+  TILLER_LCM_FIELD(LcmTelemetry, kInt32,  state_count,         0),
+  TILLER_LCM_FIELD(LcmTelemetry, kInt32,  param_count,         0),
+  TILLER_LCM_FIELD(LcmTelemetry, kDouble, state_mean,          12),
+  TILLER_LCM_FIELD(LcmTelemetry, kDouble, state_sd,            12),
+  TILLER_LCM_FIELD(LcmTelemetry, kDouble, param_mean,          24),
+  TILLER_LCM_FIELD(LcmTelemetry, kDouble, param_sd,            24),
+  TILLER_LCM_FIELD(LcmTelemetry, kInt64,  plans,               0),
+};
+#undef TILLER_LCM_FIELD
+// clang-format on
+
+inline constexpr LcmType kLcmMeasurementType = make_lcm_type(kLcmMeasurementFields);
+inline constexpr LcmType kLcmCommandType = make_lcm_type(kLcmCommandFields);
+inline constexpr LcmType kLcmTelemetryType = make_lcm_type(kLcmTelemetryFields);
+
+}  // namespace tiller
