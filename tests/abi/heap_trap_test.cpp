@@ -1,86 +1,26 @@
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cerrno>
 #include <cstdlib>
 #include <limits>
 #include <new>
 
+#include "heap_trap.hpp"
 #include "rig.hpp"
 
-// Nothing allocates after tiller_init. Every allocation function of the process is counted: the C library's by taking
-// their place (which new and delete, Eigen and the C++ library end in), or by the sanitizer's own hooks.
+// Nothing allocates after tiller_init.
 
-namespace {
-std::atomic<bool> trap_set{false};
-std::atomic<std::uint64_t> heap_calls{0};
-void count() {
-  if (trap_set.load(std::memory_order_relaxed)) heap_calls.fetch_add(1, std::memory_order_relaxed);
-}
-}  // namespace
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#if TILLER_TEST_SANITIZED
 // a tick is some fifty times slower here, and the promise of 1e5 is kept by the plain build: these look for other faults
 constexpr int kTicks = 5000 * tiller_planner_kind_count;
-extern "C" int __sanitizer_install_malloc_and_free_hooks(void (*)(const volatile void*, std::size_t),
-                                                         void (*)(const volatile void*));
-namespace {
-const int installed = __sanitizer_install_malloc_and_free_hooks([](const volatile void*, std::size_t) { count(); },
-                                                                [](const volatile void*) { count(); });
-}  // namespace
 #else
 constexpr int kTicks = 100000;  // over all planners
-extern "C" {
-void* __libc_malloc(std::size_t);
-void* __libc_calloc(std::size_t, std::size_t);
-void* __libc_realloc(void*, std::size_t);
-void* __libc_memalign(std::size_t, std::size_t);
-void __libc_free(void*);
-
-void* malloc(std::size_t n) {
-  count();
-  return __libc_malloc(n);
-}
-void* calloc(std::size_t n, std::size_t size) {
-  count();
-  return __libc_calloc(n, size);
-}
-void* realloc(void* p, std::size_t n) {
-  count();
-  return __libc_realloc(p, n);
-}
-void free(void* p) {
-  count();
-  __libc_free(p);
-}
-void* memalign(std::size_t alignment, std::size_t n) {
-  count();
-  return __libc_memalign(alignment, n);
-}
-void* aligned_alloc(std::size_t alignment, std::size_t n) {
-  count();
-  return __libc_memalign(alignment, n);
-}
-int posix_memalign(void** p, std::size_t alignment, std::size_t n) {
-  count();
-  *p = __libc_memalign(alignment, n);
-  return *p ? 0 : ENOMEM;
-}
-}  // extern "C"
 #endif
 
 namespace {
 
 using rig::Loop;
 using rig::PendulumPlant;
-
-std::uint64_t heap_calls_in(void (*work)(void*), void* arg) {
-  heap_calls = 0;
-  trap_set = true;
-  work(arg);
-  trap_set = false;
-  return heap_calls;
-}
+using tiller_test::heap_calls_in;
 
 TEST(HeapTrap, Catches) {
   void* volatile kept = nullptr;

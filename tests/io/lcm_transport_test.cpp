@@ -46,11 +46,13 @@ std::vector<unsigned char> encoded(const Message& message) {
   return bytes;
 }
 
-class Lcm : public ::testing::Test {
+/// Every test twice: by the runtime's own codec, and through liblcm. The plant is liblcm's in both.
+class Lcm : public ::testing::TestWithParam<bool> {
  protected:
   void SetUp() override { open(two_values()); }
   void TearDown() override { kLcmTransport.close(&transport_); }
-  void open(const LcmOptions& options) {
+  void open(LcmOptions options) {
+    options.liblcm = GetParam();
     kLcmTransport.close(&transport_);
     OpenError error;
     ASSERT_EQ(tiller_status_ok, lcm_transport_open(&transport_, options, &error)) << error.text;
@@ -116,7 +118,7 @@ class Plant {
   lcm_t* lcm_;
 };
 
-TEST_F(Lcm, ThreeThousandMeasurementsAreAnsweredInLockstep) {
+TEST_P(Lcm, ThreeThousandMeasurementsAreAnsweredInLockstep) {
   Plant plant;
   constexpr int kTicks = 3000;
   for (int k = 0; k < kTicks; ++k) {
@@ -149,7 +151,7 @@ TEST_F(Lcm, ThreeThousandMeasurementsAreAnsweredInLockstep) {
   EXPECT_EQ(0u, c.bad_messages + c.dropped_old);
 }
 
-TEST_F(Lcm, ForeignAndShortPacketsAreIgnoredAndCounted) {
+TEST_P(Lcm, ForeignAndShortPacketsAreIgnoredAndCounted) {
   Plant plant;
   const tiller_lcm::command_t foreign{};
   plant.publish("TILLER_MEASUREMENT", encoded(foreign));  // another fingerprint
@@ -169,7 +171,7 @@ TEST_F(Lcm, ForeignAndShortPacketsAreIgnoredAndCounted) {
   EXPECT_EQ(1u, counters().received);
 }
 
-TEST_F(Lcm, EveryTruncationIsRefused) {
+TEST_P(Lcm, EveryTruncationIsRefused) {
   const std::vector<unsigned char> whole = encoded(message_of(1));
   for (std::size_t size = 0; size < whole.size(); ++size) {
     // a copy of its own length, so that a sanitizer sees the first byte beyond it
@@ -180,7 +182,7 @@ TEST_F(Lcm, EveryTruncationIsRefused) {
   EXPECT_TRUE(take(message_of(1)));
 }
 
-TEST_F(Lcm, TheNewestWins) {
+TEST_P(Lcm, TheNewestWins) {
   for (int k = 0; k < 10; ++k) EXPECT_TRUE(take(message_of(k)));
   ASSERT_EQ(tiller_status_ok, poll());
   EXPECT_EQ(9u, measurement_.sequence);
@@ -188,7 +190,7 @@ TEST_F(Lcm, TheNewestWins) {
   EXPECT_EQ(tiller_status_no_new_measurement, poll()) << "a measurement is handed out once";
 }
 
-TEST_F(Lcm, OldAndRepeatedSequencesAreRefused) {
+TEST_P(Lcm, OldAndRepeatedSequencesAreRefused) {
   EXPECT_TRUE(take(message_of(10)));
   EXPECT_FALSE(take(message_of(10)));
   EXPECT_FALSE(take(message_of(9)));
@@ -199,13 +201,13 @@ TEST_F(Lcm, OldAndRepeatedSequencesAreRefused) {
   EXPECT_EQ(3u, counters().dropped_old);
 }
 
-TEST_F(Lcm, WhatWaitedTooLongIsRefused) {
+TEST_P(Lcm, WhatWaitedTooLongIsRefused) {
   EXPECT_FALSE(take(message_of(1), two_values().max_wait_us + 1));
   EXPECT_EQ(1u, counters().dropped_old);
   EXPECT_TRUE(take(message_of(2), two_values().max_wait_us));
 }
 
-TEST_F(Lcm, ContentOutsideItsRangeIsRefused) {
+TEST_P(Lcm, ContentOutsideItsRangeIsRefused) {
   const auto refused = [&](void (*change)(tiller_lcm::measurement_t&)) {
     tiller_lcm::measurement_t message = message_of(1);
     change(message);
@@ -221,7 +223,7 @@ TEST_F(Lcm, ContentOutsideItsRangeIsRefused) {
   EXPECT_NE(nullptr, transport_.refusal);
 }
 
-TEST_F(Lcm, AMissingValueIsNotANumber) {
+TEST_P(Lcm, AMissingValueIsNotANumber) {
   tiller_lcm::measurement_t message = message_of(1);
   message.valid_mask = 2;
   ASSERT_TRUE(take(message));
@@ -230,7 +232,7 @@ TEST_F(Lcm, AMissingValueIsNotANumber) {
   EXPECT_EQ(-1.0, measurement_.value[1]);
 }
 
-TEST_F(Lcm, ACommandThatIsNotFiniteIsNotSent) {
+TEST_P(Lcm, ACommandThatIsNotFiniteIsNotSent) {
   tiller_command_t command{};
   command.value[0] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(tiller_status_command_not_finite, kLcmTransport.send(&transport_, &command));
@@ -239,7 +241,7 @@ TEST_F(Lcm, ACommandThatIsNotFiniteIsNotSent) {
   EXPECT_EQ(0u, counters().sent);
 }
 
-TEST_F(Lcm, TelemetryArrivesWhole) {
+TEST_P(Lcm, TelemetryArrivesWhole) {
   Plant plant;
   tiller_info_t info{};
   info.ticks = 42;
@@ -265,7 +267,7 @@ TEST_F(Lcm, TelemetryArrivesWhole) {
             lcm_send_telemetry(&transport_, 77, info, TILLER_MAX_STATES + 1, TILLER_MAX_PARAMS));
 }
 
-TEST_F(Lcm, StampsOfArrivalReplaceAForeignClock) {
+TEST_P(Lcm, StampsOfArrivalReplaceAForeignClock) {
   LcmOptions options = two_values();
   options.stamp_on_arrival = true;
   open(options);
@@ -278,6 +280,9 @@ TEST_F(Lcm, StampsOfArrivalReplaceAForeignClock) {
   EXPECT_GE(measurement_.stamp_us, first_us);
 }
 
+INSTANTIATE_TEST_SUITE_P(, Lcm, ::testing::Values(false, true),
+                         [](const auto& test) { return test.param ? "Liblcm" : "OwnCodec"; });
+
 TEST(LcmOpen, ErrorsTellWhatIsWrong) {
   const auto text_for = [](const LcmOptions& options) {
     LcmTransport transport;
@@ -289,6 +294,9 @@ TEST(LcmOpen, ErrorsTellWhatIsWrong) {
   LcmOptions options = two_values();
   options.url = "nonsense://";
   EXPECT_NE(std::string::npos, text_for(options).find("nonsense://"));
+  options = two_values();
+  options.url = "udpm://239.255.76.67:7667?tll=0";
+  EXPECT_NE(std::string::npos, text_for(options).find("ttl"));
   options = two_values();
   options.channel_prefix = "ANY.*";
   EXPECT_NE(std::string::npos, text_for(options).find("channel_prefix 'ANY.*'"));

@@ -1,0 +1,279 @@
+// The runtime's own LCM codec against lcm-gen's code, the published vectors of BLAKE2s, and damage.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstring>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "io/blake2s.hpp"
+#include "io/lc02.hpp"
+#include "io/lcm_messages.hpp"
+#include "io/message_seal.hpp"
+#include "io/udp_multicast.hpp"
+#include "tiller_lcm/command_t.hpp"
+#include "tiller_lcm/measurement_t.hpp"
+#include "tiller_lcm/telemetry_t.hpp"
+
+namespace tiller {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+Bytes random_bytes(std::mt19937& random, std::size_t size) {
+  Bytes bytes(size);
+  for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random());
+  return bytes;
+}
+
+// Random content: what lcm-gen decodes and encodes again is what the own codec makes of it, byte by byte.
+template <class Theirs, class Ours>
+void compare_with_lcm_gen(const LcmType& type) {
+  EXPECT_EQ(static_cast<std::uint64_t>(Theirs::getHash()), type.fingerprint);
+  ASSERT_EQ(static_cast<std::uint32_t>(Theirs{}.getEncodedSize()), type.bytes);
+  std::mt19937 random(7);
+  for (int round = 0; round < 200; ++round) {
+    Bytes bytes = random_bytes(random, type.bytes);
+    Ours ours{};
+    ASSERT_FALSE(lcm_decode(type, bytes.data(), type.bytes, &ours)) << "random bytes have no fingerprint";
+    for (int i = 0; i < 8; ++i)
+      bytes[static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(type.fingerprint >> (56 - 8 * i));
+    ASSERT_TRUE(lcm_decode(type, bytes.data(), type.bytes, &ours));
+    Theirs theirs;
+    ASSERT_EQ(static_cast<int>(type.bytes), theirs.decode(bytes.data(), 0, static_cast<int>(type.bytes)));
+    Bytes again(type.bytes), their_bytes(type.bytes);
+    lcm_encode(type, &ours, again.data());
+    ASSERT_EQ(bytes, again);
+    ASSERT_EQ(static_cast<int>(type.bytes), theirs.encode(their_bytes.data(), 0, static_cast<int>(type.bytes)));
+    ASSERT_EQ(bytes, their_bytes);
+  }
+}
+
+TEST(LcmCodec, FingerprintsAndBytesAreLcmGens) {
+  compare_with_lcm_gen<tiller_lcm::measurement_t, LcmMeasurement>(kLcmMeasurementType);
+  compare_with_lcm_gen<tiller_lcm::command_t, LcmCommand>(kLcmCommandType);
+  compare_with_lcm_gen<tiller_lcm::telemetry_t, LcmTelemetry>(kLcmTelemetryType);
+}
+
+// Random bytes cannot tell two fields of one kind apart: every field by its name.
+TEST(LcmCodec, FieldsAreWhereLcmGenPutsThem) {
+  tiller_lcm::measurement_t theirs{};
+  theirs.stamp_us = -3;
+  theirs.sequence = 1ll << 40;
+  theirs.command_latency_us = -7;
+  theirs.count = 5;
+  theirs.valid_mask = 0x7f;
+  for (int i = 0; i < 12; ++i) theirs.value[i] = 1.5 * i;
+  Bytes bytes(kLcmMeasurementType.bytes);
+  theirs.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+  LcmMeasurement ours{};
+  ASSERT_TRUE(lcm_decode(kLcmMeasurementType, bytes.data(), kLcmMeasurementType.bytes, &ours));
+  EXPECT_EQ(-3, ours.stamp_us);
+  EXPECT_EQ(1ll << 40, ours.sequence);
+  EXPECT_EQ(-7, ours.command_latency_us);
+  EXPECT_EQ(5, ours.count);
+  EXPECT_EQ(0x7f, ours.valid_mask);
+  for (int i = 0; i < 12; ++i) EXPECT_EQ(1.5 * i, ours.value[i]);
+
+  LcmCommand command{};
+  command.stamp_us = 11;
+  command.sequence = 12;
+  command.state = 3;
+  command.count = 2;
+  command.value[1] = -0.25;
+  command.plan_sequence = 13;
+  Bytes out(kLcmCommandType.bytes);
+  lcm_encode(kLcmCommandType, &command, out.data());
+  tiller_lcm::command_t read;
+  ASSERT_EQ(static_cast<int>(out.size()), read.decode(out.data(), 0, static_cast<int>(out.size())));
+  EXPECT_EQ(11, read.stamp_us);
+  EXPECT_EQ(12, read.sequence);
+  EXPECT_EQ(3, read.state);
+  EXPECT_EQ(2, read.count);
+  EXPECT_EQ(-0.25, read.value[1]);
+  EXPECT_EQ(13, read.plan_sequence);
+}
+
+TEST(LcmCodec, OtherLengthsAreRefusedAndChangeNothing) {
+  LcmMeasurement message{};
+  Bytes whole(kLcmMeasurementType.bytes + 1);
+  lcm_encode(kLcmMeasurementType, &message, whole.data());
+  message.stamp_us = 42;
+  for (std::uint32_t size = 0; size <= whole.size(); ++size) {
+    if (size == kLcmMeasurementType.bytes) continue;
+    const Bytes part(whole.begin(), whole.begin() + size);  // of its own length, for a sanitizer
+    EXPECT_FALSE(lcm_decode(kLcmMeasurementType, part.data(), size, &message)) << size;
+  }
+  EXPECT_EQ(42, message.stamp_us);
+}
+
+TEST(Lc02, APacketComesBackAsItWasBuilt) {
+  Bytes packet(128);
+  const std::uint32_t at = lc02_begin(packet.data(), 128, 0xfffffffeu, "TILLER_COMMAND");
+  ASSERT_EQ(8u + 15u, at);
+  packet[at] = 1, packet[at + 1] = 2;
+  Lc02Packet parsed;
+  ASSERT_EQ(nullptr, lc02_parse(packet.data(), at + 2, &parsed));
+  EXPECT_EQ(0xfffffffeu, parsed.sequence);
+  EXPECT_STREQ("TILLER_COMMAND", parsed.channel);
+  ASSERT_EQ(2u, parsed.size);
+  EXPECT_EQ(2, parsed.message[1]);
+  EXPECT_EQ(0, std::memcmp(packet.data(), "LC02\xff\xff\xff\xfeTILLER_COMMAND", 8 + 15));
+}
+
+TEST(Lc02, WhatIsNoWholeMessageIsRefused) {
+  const auto refusal = [](const std::string& text) {
+    const Bytes bytes(text.begin(), text.end());
+    Lc02Packet packet;
+    const char* why = lc02_parse(bytes.data(), static_cast<std::uint32_t>(bytes.size()), &packet);
+    return std::string(why != nullptr ? why : "");
+  };
+  using namespace std::string_literals;
+  EXPECT_NE("", refusal(""));
+  EXPECT_NE("", refusal("LC02\0\0\0"s));
+  EXPECT_NE("", refusal("LC02\0\0\0\0"s)) << "no channel at all";
+  EXPECT_NE("", refusal("LC02\0\0\0\0ABC"s)) << "a channel that does not end";
+  EXPECT_NE("", refusal("LC02\0\0\0\0"s + std::string(64, 'A') + "\0"s)) << "a channel of 64 characters";
+  EXPECT_EQ("", refusal("LC02\0\0\0\0"s + std::string(63, 'A') + "\0"s)) << "63 are allowed, and an empty message";
+  EXPECT_NE(std::string::npos, refusal("LC03\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\1A\0"s).find("fragment"));
+  EXPECT_NE("", refusal("LC01\0\0\0\0A\0"s));
+  std::uint8_t small[12];
+  EXPECT_EQ(0u, lc02_begin(small, sizeof small, 0, "ABCD")) << "no room for the 0";
+  EXPECT_EQ(12u, lc02_begin(small, sizeof small, 0, "ABC"));
+  EXPECT_EQ(0u, lc02_begin(small, sizeof small, 0, ""));
+}
+
+std::string hex(const std::uint8_t* bytes, std::size_t size) {
+  std::string text;
+  for (std::size_t i = 0; i < size; ++i) {
+    char two[3];
+    std::snprintf(two, sizeof two, "%02x", bytes[i]);
+    text += two;
+  }
+  return text;
+}
+
+std::string blake2s(const Bytes& data, const Bytes& key, std::size_t hash_bytes, std::size_t piece) {
+  Blake2s hash(hash_bytes, key.data(), key.size());
+  for (std::size_t at = 0; at < data.size(); at += piece) hash.add(data.data() + at, std::min(piece, data.size() - at));
+  std::uint8_t out[32];
+  hash.finish(out);
+  return hex(out, hash_bytes);
+}
+
+// RFC 7693, appendix B, and the known-answer file of BLAKE2's authors (key 00..1f, message 00..n-1). Python's hashlib,
+// another implementation, is compared in lcm_interop_test.
+TEST(Blake2s, KnownAnswers) {
+  Bytes key(32), message(255);
+  for (std::size_t i = 0; i < key.size(); ++i) key[i] = static_cast<std::uint8_t>(i);
+  for (std::size_t i = 0; i < message.size(); ++i) message[i] = static_cast<std::uint8_t>(i);
+  const auto first = [&](std::size_t n) { return Bytes(message.begin(), message.begin() + static_cast<long>(n)); };
+  for (std::size_t piece : {1, 7, 63, 64, 65, 255}) {
+    EXPECT_EQ("508c5e8c327c14e2e1a72ba34eeb452f37458b209ed63a294d999b4c86675982",
+              blake2s({'a', 'b', 'c'}, {}, 32, piece));
+    EXPECT_EQ("48a8997da407876b3d79c0d92325ad3b89cbb754d86ab71aee047ad345fd2c49", blake2s({}, key, 32, piece));
+    EXPECT_EQ("40d15fee7c328830166ac3f918650f807e7e01e177258cdc0a39b11f598066f1", blake2s(first(1), key, 32, piece));
+    EXPECT_EQ("8975b0577fd35566d750b362b0897a26c399136df07bababbde6203ff2954ed4", blake2s(first(64), key, 32, piece));
+    EXPECT_EQ("21fe0ceb0052be7fb0f004187cacd7de67fa6eb0938d927677f2398c132317a8", blake2s(first(65), key, 32, piece));
+    EXPECT_EQ("3fb735061abc519dfe979e54c1ee5bfad0a9d858b3315bad34bde999efd724dd", blake2s(message, key, 32, piece));
+    EXPECT_EQ("cd075928ab7e6883e697fe7fd3ac43ee", blake2s(message, key, 16, piece));
+  }
+}
+
+constexpr std::int64_t kNow = 1700000000000000;
+
+Bytes some_key(std::uint8_t first) {
+  Bytes key(MessageSeal::kKeyBytes, 9);
+  key[0] = first;
+  return key;
+}
+
+Bytes sealed(MessageSeal& seal, const char* channel, const Bytes& message, std::int64_t wall_us) {
+  Bytes bytes = message;
+  bytes.resize(message.size() + MessageSeal::kTrailerBytes);
+  seal.seal(channel, bytes.data(), static_cast<std::uint32_t>(message.size()), wall_us);
+  return bytes;
+}
+
+SealState check(MessageSeal& seal, const char* channel, const Bytes& bytes, std::int64_t wall_us) {
+  return seal.check(channel, bytes.data(), static_cast<std::uint32_t>(bytes.size()), wall_us);
+}
+
+TEST(MessageSeal, OneKeyOneChannelOnce) {
+  MessageSeal sender(some_key(1).data(), 2000000), receiver(some_key(1).data(), 2000000);
+  MessageSeal stranger(some_key(2).data(), 2000000);
+  const Bytes message = {1, 2, 3};
+  const Bytes first = sealed(sender, "A", message, kNow), second = sealed(sender, "A", message, kNow);
+  EXPECT_EQ(SealState::kOk, check(receiver, "A", first, kNow));
+  EXPECT_EQ(SealState::kReplayed, check(receiver, "A", first, kNow));
+  EXPECT_EQ(SealState::kWrongTag, check(receiver, "B", second, kNow));
+  EXPECT_EQ(SealState::kWrongTag, check(receiver, "A", sealed(stranger, "A", message, kNow + 9), kNow));
+  EXPECT_EQ(SealState::kUnsealed, check(receiver, "A", message, kNow));
+  EXPECT_EQ(SealState::kOk, check(receiver, "A", second, kNow)) << "two messages in one microsecond";
+  EXPECT_EQ(SealState::kReplayed, check(receiver, "A", first, kNow)) << "older than the last one";
+}
+
+TEST(MessageSeal, EveryFlipOfOneOrTwoBitsIsDetected) {
+  MessageSeal sender(some_key(1).data(), 0);
+  Bytes bytes = sealed(sender, "CHANNEL", {1, 2, 3, 4, 5, 6, 7, 8}, kNow);
+  const auto flip = [&](std::size_t bit) { bytes[bit / 8] ^= static_cast<std::uint8_t>(1u << (bit % 8)); };
+  const auto refused = [&] {
+    MessageSeal fresh(some_key(1).data(), 0);
+    return check(fresh, "CHANNEL", bytes, kNow) == SealState::kWrongTag;
+  };
+  for (std::size_t a = 0; a < 8 * bytes.size(); ++a) {
+    flip(a);
+    ASSERT_TRUE(refused()) << a;
+    for (std::size_t b = 0; b < a; ++b) {
+      flip(b);
+      ASSERT_TRUE(refused()) << a << ' ' << b;
+      flip(b);
+    }
+    flip(a);
+  }
+}
+
+// A receiver that has just started knows no counter: recordings older than the window are refused all the same.
+TEST(MessageSeal, ARecordingIsRefusedOutsideItsWindow) {
+  MessageSeal sender(some_key(1).data(), 0);
+  const Bytes bytes = sealed(sender, "A", {1}, kNow);
+  for (const std::int64_t later : {std::int64_t{2000001}, std::int64_t{-2000001}, std::int64_t{86400000000}}) {
+    MessageSeal fresh(some_key(1).data(), 2000000);
+    EXPECT_EQ(SealState::kOutsideWindow, check(fresh, "A", bytes, kNow + later));
+    EXPECT_EQ(SealState::kOk, check(fresh, "A", bytes, kNow)) << "a refusal leaves the counter alone";
+  }
+  MessageSeal timeless(some_key(1).data(), 0);
+  EXPECT_EQ(SealState::kOk, check(timeless, "A", bytes, kNow + 86400000000));
+}
+
+TEST(MessageSeal, TheCountersGrowWhenTheSendersClockIsSetBack) {
+  MessageSeal sender(some_key(1).data(), 0), receiver(some_key(1).data(), 0);
+  const std::int64_t steps[] = {0, -3600000000, -3600000000, 1, 0};
+  for (const std::int64_t step : steps)
+    EXPECT_EQ(SealState::kOk, check(receiver, "A", sealed(sender, "A", {1}, kNow + step), kNow));
+}
+
+TEST(UdpmUrl, IsReadAsLcmReadsIt) {
+  UdpmUrl url;
+  ASSERT_EQ(nullptr, parse_udpm_url("udpm://", &url));
+  EXPECT_EQ(7667, url.port);
+  EXPECT_EQ(0, url.ttl);
+  ASSERT_EQ(nullptr, parse_udpm_url("udpm://?ttl=1", &url));
+  EXPECT_EQ(1, url.ttl);
+  ASSERT_EQ(nullptr, parse_udpm_url("udpm://224.1.2.3:65535?recv_buf_size=1000000&ttl=255", &url));
+  EXPECT_EQ(224, url.group[0]);
+  EXPECT_EQ(3, url.group[3]);
+  EXPECT_EQ(65535, url.port);
+  EXPECT_EQ(255, url.ttl);
+  EXPECT_EQ(1000000, url.receive_buffer_bytes);
+  for (const char* wrong :
+       {"tcpq://1", "udpm://10.0.0.1:7667", "udpm://239.255.76", "udpm://239.255.76.256:1", "udpm://239.255.76.67:0",
+        "udpm://239.255.76.67:65536", "udpm://239.255.76.67:7667x", "udpm://239.255.76.67:7667?", "udpm://?ttl=256",
+        "udpm://?ttl=", "udpm://?ttl=1&", "udpm://?tll=1", "udpm://239.255.76.67:99999999999999999999"})
+    EXPECT_NE(nullptr, parse_udpm_url(wrong, &url)) << wrong;
+}
+
+}  // namespace
+}  // namespace tiller
