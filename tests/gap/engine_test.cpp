@@ -17,7 +17,7 @@ Synthetic pendulum(double noise_sd) {
   return s;
 }
 
-Result run(const Synthetic& s, std::uint64_t seed, std::uint32_t max_effects = 2) {
+Result run(const Synthetic& s, std::uint64_t seed, std::uint32_t max_effects = 2, const Synthetic* kept = nullptr) {
   tiller_config_t config = synthetic_config(s);
   const double mass = s.params[0];
   config.priors[0] = {tiller_prior_uniform, 0, 0, 0, 0.95 * mass, 1.05 * mass};
@@ -27,7 +27,8 @@ Result run(const Synthetic& s, std::uint64_t seed, std::uint32_t max_effects = 2
   for (std::uint32_t i = 0; i < s.model->param_count; ++i) names.push_back(s.model->param_names[i]);
   Options options;
   options.max_effects = max_effects;
-  const Result result = find_gap_on(config, names, simulate_logs(s, 6, seed), {}, options);
+  const Result result = find_gap_on(config, names, simulate_logs(s, 6, seed),
+                                    kept ? simulate_logs(*kept, 4, seed + 50) : std::vector<Grid>(), options);
   std::printf("   %s\n", result.sentence.c_str());
   return result;
 }
@@ -91,6 +92,18 @@ TEST(Engine, NamesNothingWhereNothingIs) {
     coarse.encoder_step = 5e-3;
     EXPECT_EQ(run(coarse, seed).verdict, Verdict::no_gap);
   }
+}
+
+// Friction of 0.08 sigma that is there in the logs worked on alone: what is kept for the proof does not bear the name
+// out. Where it is in both, it is named.
+TEST(Engine, TakesBackWhatTheKeptWindowsDoNotBearOut) {
+  Synthetic rubbing = pendulum(2e-3), smooth = pendulum(2e-3);
+  rubbing.force = [](double, double v, double, double) { return -0.0012 * std::tanh(v / 0.002); };
+  const Result never = run(rubbing, 100030, 1, &smooth);
+  EXPECT_EQ(never.verdict, Verdict::no_gap);
+  const Result both = run(rubbing, 100030, 1, &rubbing);
+  EXPECT_TRUE(both.verdict == Verdict::named || both.verdict == Verdict::ambiguous) << verdict_name(both.verdict);
+  EXPECT_EQ(names_of(both), Names{"coulomb_friction"});
 }
 
 // A push by the clock is in no catalogue: whatever comes nearest must not get a plain name.

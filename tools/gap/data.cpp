@@ -14,7 +14,7 @@ namespace {
 constexpr double kLongestGap = 0.05;    // s that may lack between two rows; the stretches are cut there
 constexpr double kMostAtLimit = 0.05;   // share of a channel's rows at its extreme value
 constexpr std::size_t kLongRun = 8;     // rows in a row there
-constexpr double kMostSaturated = 0.7;  // share of a command's rows at a limit, all on one side
+constexpr double kMostSaturated = 0.7;  // share of a command's rows at a limit, all on one side: of all logs together
 
 std::string column_of(const LogMap& map, const std::string& field) {
   const auto found = map.columns.find(field);
@@ -80,28 +80,39 @@ void check_clipping(const Log& log, const LogMap& map, const std::string& field,
   }
 }
 
-void check_command(const Log& log, const LogMap& map, const tiller_config_t& config, std::uint32_t input,
-                   std::vector<std::string>& reasons, std::vector<std::string>& notes) {
-  const std::vector<double>& u = log.input[input];
+// A controller that pushes against its limit for most of one log still tells something in the others, so rows are
+// counted over all of them.
+struct AtLimit {
+  std::size_t above = 0, below = 0, rows = 0;
+  std::string first;  // place of the first such row, with the column
+};
+
+void count_at_limit(const Log& log, const LogMap& map, const tiller_config_t& config, std::uint32_t input,
+                    AtLimit& all) {
   const double low = config.safety.input_low[input], high = config.safety.input_high[input];
-  const std::string column = column_of(map, config.model->input_names[input]);
   if (!(high > low)) return;
   const double margin = 1e-3 * (high - low);
-  std::size_t above = 0, below = 0, first = u.size();
+  const std::vector<double>& u = log.input[input];
   for (std::size_t i = 0; i < u.size(); ++i) {
-    if (u[i] >= high - margin) ++above;
-    if (u[i] <= low + margin) ++below;
-    if (first == u.size() && (u[i] >= high - margin || u[i] <= low + margin)) first = i;
+    const bool top = u[i] >= high - margin, bottom = u[i] <= low + margin;
+    all.above += top ? 1 : 0;
+    all.below += bottom ? 1 : 0;
+    if ((top || bottom) && all.first.empty())
+      all.first = where(log, i) + "column '" + column_of(map, config.model->input_names[input]) + "'";
   }
-  const double rows = static_cast<double>(u.size());
-  if (static_cast<double>(std::max(above, below)) > kMostSaturated * rows)
-    reasons.push_back(where(log, first) + "column '" + column + "' lies at its limit " +
-                      format("%.4g", above > below ? high : low) + " in " + std::to_string(std::max(above, below)) +
-                      " of " + std::to_string(u.size()) + " rows: saturated; record with commands within [limits]");
-  else if (static_cast<double>(above + below) > 0.5 * rows && notes.empty())  // once is enough
-    notes.push_back(log.path + ": " + column + " lies at its limits in " +
-                    format("%.0f %%", 100 * static_cast<double>(above + below) / rows) +
-                    " of the rows, perhaps in other logs too; commands that vary within [limits] tell more.");
+  all.rows += u.size();
+}
+
+void check_command(const AtLimit& all, double low, double high, Result& result) {
+  const double rows = static_cast<double>(all.rows), most = static_cast<double>(std::max(all.above, all.below));
+  if (most > kMostSaturated * rows)
+    result.reasons.push_back(all.first + " lies at its limit " + format("%.4g", all.above > all.below ? high : low) +
+                             " in " + format("%.0f", most) + " of " + std::to_string(all.rows) +
+                             " rows: saturated; record with commands within [limits]");
+  else if (static_cast<double>(all.above + all.below) > 0.5 * rows)
+    result.notes.push_back(all.first + " lies at its limits in " +
+                           format("%.0f %%", 100 * static_cast<double>(all.above + all.below) / rows) +
+                           " of the rows; commands that vary within [limits] tell more.");
 }
 
 void add_lines(const std::string& text, std::vector<std::string>& out) {
@@ -112,15 +123,13 @@ void add_lines(const std::string& text, std::vector<std::string>& out) {
 
 }  // namespace
 
-void check_rows(const Log& log, const LogMap& map, const tiller_config_t& config, std::vector<std::string>& reasons,
-                std::vector<std::string>& notes) {
+void check_rows(const Log& log, const LogMap& map, const tiller_config_t& config, std::vector<std::string>& reasons) {
   check_gaps(log, map, reasons);
   for (std::uint32_t k = 0; k < config.measurement_count; ++k) {
     const std::uint32_t state = config.measured_state[k];
     if (!log.state[state].empty())
       check_clipping(log, map, config.model->state_names[state], log.state[state], reasons);
   }
-  for (std::uint32_t i = 0; i < config.model->input_count; ++i) check_command(log, map, config, i, reasons, notes);
 }
 
 std::string hash_of_files(const std::vector<std::string>& paths) {
@@ -138,6 +147,7 @@ std::string hash_of_files(const std::vector<std::string>& paths) {
 bool load_logs(const RobotFile& robot, const std::vector<std::string>& paths, std::vector<Log>& logs,
                std::vector<Grid>& grids, std::string* hash, Result& result) {
   const std::size_t before = result.reasons.size();
+  AtLimit at_limit[TILLER_MAX_INPUTS];
   for (const std::string& path : paths) {
     Log log;
     std::string error;
@@ -146,12 +156,15 @@ bool load_logs(const RobotFile& robot, const std::vector<std::string>& paths, st
     const std::size_t bad = result.reasons.size();
     if (read_any_log(path, robot, log, error))
       if (check_log(log, map, *robot.model, robot.config.period_s, result.notes, error))
-        check_rows(log, map, robot.config, result.reasons, result.notes);
+        check_rows(log, map, robot.config, result.reasons);
     add_lines(error, result.reasons);
     if (result.reasons.size() != bad) continue;
+    for (std::uint32_t i = 0; i < robot.model->input_count; ++i) count_at_limit(log, map, robot.config, i, at_limit[i]);
     for (Grid& grid : make_grids(log, map, robot.config)) grids.push_back(std::move(grid));
     logs.push_back(std::move(log));
   }
+  for (std::uint32_t i = 0; i < robot.model->input_count; ++i)
+    check_command(at_limit[i], robot.config.safety.input_low[i], robot.config.safety.input_high[i], result);
   if (hash) *hash = hash_of_files(paths);
   return result.reasons.size() == before;
 }

@@ -14,10 +14,9 @@ namespace tiller::tools::gap {
 bool load_logs(const RobotFile& robot, const std::vector<std::string>& paths, std::vector<Log>& logs,
                std::vector<Grid>& grids, std::string* hash, Result& result);
 
-/// Rows that no experiment makes: a stretch lost, a channel or a command that lies at one value for long and gets there
-/// at speed. Errors are appended to `reasons`.
-void check_rows(const Log& log, const LogMap& map, const tiller_config_t& config, std::vector<std::string>& reasons,
-                std::vector<std::string>& notes);
+/// Rows that no experiment makes: a stretch lost, a channel that lies at one value for long and gets there at speed.
+/// Errors are appended to `reasons`.
+void check_rows(const Log& log, const LogMap& map, const tiller_config_t& config, std::vector<std::string>& reasons);
 
 /// "fnv1a-<16 hex digits>" of the files' bytes, one after the other; tells changes apart, not forgeries.
 std::string hash_of_files(const std::vector<std::string>& paths);

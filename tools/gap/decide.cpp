@@ -55,16 +55,19 @@ void decide(Session& s, Entry& entry) {
   entry.decided = true;
 }
 
-Comparison compare(const Session& s, const Entry& a, const Entry& b) {
+Comparison compare(const Session& s, const Entry& a, const Entry& b) { return compare_on(s, s.work, a.held, b.held); }
+
+Comparison compare_on(const Session& s, const std::vector<std::size_t>& which, const std::vector<double>& cost_a,
+                      const std::vector<double>& cost_b) {
   Comparison c;
   std::vector<double> gauss, robust;
-  for (const std::size_t w : s.work) {
-    const double d = 0.5 * (b.held[w] - a.held[w]) / s.dispersion;
+  for (const std::size_t w : which) {
+    const double d = 0.5 * (cost_b[w] - cost_a[w]) / s.dispersion;
     c.gain_nats += d;
     gauss.push_back(d);
     const double floor = 1e-3 * static_cast<double>(s.shooting->values(w));
     robust.push_back(0.5 * static_cast<double>(s.shooting->values(w)) / s.dispersion *
-                     std::log((b.held[w] + floor) / (a.held[w] + floor)));
+                     std::log((cost_b[w] + floor) / (cost_a[w] + floor)));
   }
   c.z = paired_z(gauss);
   c.robust_z = paired_z(robust);

@@ -5,6 +5,7 @@
 #include <ctime>
 
 #include "effects/effect_info.hpp"
+#include "tools/gap/confirm.hpp"
 #include "tools/gap/data.hpp"
 #include "tools/gap/engine.hpp"
 #include "tools/gap/gate.hpp"
@@ -109,6 +110,7 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
   s.shooting = std::make_unique<Shooting>(s.data, s.windows, config, s.scales);
 
   Found found = search(s);
+  confirm(s, found);
   FitSettings last;
   last.information = true;
   s.shooting->fit(found.entries[0].hypothesis, s.work, last, found.entries[0].fit);

@@ -270,6 +270,12 @@ bool nested(const Entry& simple, const Entry& rich, const tiller_config_t&) {
   return true;
 }
 
+void find_rivals(Session& s, Found& found) {
+  Searcher searcher{s, std::move(found)};
+  searcher.ambiguous();
+  found = std::move(searcher.found);
+}
+
 Found search(Session& s) {
   Searcher searcher{s, {}};
   Entry nominal;

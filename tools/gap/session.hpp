@@ -12,6 +12,7 @@ struct Entry {
   Hypothesis hypothesis;
   Fit fit;                   ///< to all working windows
   std::vector<double> held;  ///< (working windows) cost under the parameters of the other fold
+  std::vector<double> kept;  ///< (all windows) cost of those kept for the proof; empty until confirm() asks
   double screened = 0;       ///< reduction of the cost that the screen saw
   bool decided = false;      ///< `held` is filled
   const std::vector<EffectAt>& effects() const { return hypothesis.added; }

@@ -40,6 +40,12 @@ constexpr double kRival_z = 1.5;
 constexpr double kSizeShare = 0.04;   // of the gap, in amplitude: what a further effect must explain
 constexpr double kRivalShare = 0.25;  // of the gap: more than that apart is no rival, however few windows show it
 
+// ---- the windows kept for the proof ----------------------------------------------------------------
+constexpr double kKeptGap_z = 1;         // of a name against none there
+constexpr double kKeptRicher_z = 0;      // against a special case of it; up to kKeptGap_z both are reported
+constexpr double kKeptRival_z = -1;      // against another explanation: one that they prefer by more is reported too
+constexpr double kKeptBehind_nats = 60;  // on the working windows: further behind is not asked for
+
 // ---- verdict -------------------------------------------------------------------------------------
 constexpr double kWorseProof = 1.1;       // kept rollouts of any length that grow by more refute a name
 constexpr double kExplained_sigma = 1.1;  // what "named" may leave

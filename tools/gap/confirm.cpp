@@ -1,0 +1,81 @@
+#include "tools/gap/confirm.hpp"
+
+#include <algorithm>
+
+#include "tools/gap/thresholds.hpp"
+
+namespace tiller::tools::gap {
+namespace {
+
+struct Confirmer {
+  Session& s;
+  Found& found;
+
+  Entry& best() { return found.entries[found.best]; }
+
+  // Costs of the kept windows under the parameters of the working ones.
+  void foresee(Entry& e) {
+    if (!e.kept.empty()) return;
+    Fit fit = e.fit;
+    FitSettings states;
+    states.fix_params = true;
+    states.iterations = 12;
+    states.tolerance = 0.05;
+    s.shooting->fit(e.hypothesis, s.test, states, fit);
+    e.kept = fit.cost;
+  }
+
+  Comparison kept(Entry& a, Entry& b) {
+    foresee(a);
+    foresee(b);
+    return compare_on(s, s.test, a.kept, b.kept);
+  }
+
+  // The special case of the best that the kept windows bear out as well; the best itself if there is none.
+  std::size_t step_back() {
+    std::size_t simpler = found.best;
+    double least = 0;
+    for (std::size_t i = 0; i < found.entries.size(); ++i) {
+      Entry& e = found.entries[i];
+      if (i == found.best || !nested(e, best(), s.config)) continue;
+      const Comparison c = kept(best(), e);
+      if (c.z > (e.effects().empty() ? kKeptGap_z : kKeptRicher_z) && c.gain_nats > 0) continue;
+      const double gain = compare(s, e, found.entries[0]).gain_nats;
+      if (simpler != found.best && gain <= least) continue;
+      simpler = i;
+      least = gain;
+    }
+    return simpler;
+  }
+
+  // Special cases that the kept windows all but refute the best against, and rivals that they prefer.
+  void share() {
+    auto& set = found.ambiguity;
+    for (std::size_t i = 1; i < found.entries.size(); ++i) {
+      Entry& e = found.entries[i];
+      if (std::find(set.begin(), set.end(), i) != set.end() || e.effects().size() > best().effects().size()) continue;
+      const Comparison work = compare(s, best(), e);
+      if (work.gain_nats > kKeptBehind_nats) continue;
+      const Comparison c = kept(best(), e);
+      if (c.z < (nested(e, best(), s.config) ? kKeptGap_z : kKeptRival_z)) set.push_back(i);
+    }
+  }
+};
+
+}  // namespace
+
+void confirm(Session& s, Found& found) {
+  if (found.best == 0 || s.test.size() < 3 || !s.options.given.empty()) return;
+  Confirmer confirmer{s, found};
+  bool moved = false;
+  while (found.best != 0 && !s.stopped()) {
+    const std::size_t simpler = confirmer.step_back();
+    if (simpler == found.best) break;
+    found.best = simpler;
+    moved = true;
+  }
+  if (moved) find_rivals(s, found);
+  if (found.best != 0 && !s.stopped()) confirmer.share();
+}
+
+}  // namespace tiller::tools::gap
