@@ -94,7 +94,7 @@ TEST(Engine, NamesNothingWhereNothingIs) {
   }
 }
 
-// Friction of 0.08 sigma that is there in the logs worked on alone: what is kept for the proof does not bear the name
+// Friction that leaves 1.03 sigma, in the logs worked on alone: what is kept for the proof does not bear the name
 // out. Where it is in both, it is named.
 TEST(Engine, TakesBackWhatTheKeptWindowsDoNotBearOut) {
   Synthetic rubbing = pendulum(2e-3), smooth = pendulum(2e-3);

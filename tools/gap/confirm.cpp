@@ -48,14 +48,21 @@ struct Confirmer {
     return simpler;
   }
 
+  // By the rule of the working windows: a share of the gap, in amplitude.
+  bool far_behind(const Comparison& work) const {
+    const double whole = compare(s, found.entries[found.best], found.entries[0]).gain_nats;
+    return work.gain_nats > kRivalShare * kRivalShare * whole;
+  }
+
   // Special cases that the kept windows all but refute the best against, and rivals that they prefer.
   void share() {
     auto& set = found.ambiguity;
     for (std::size_t i = 1; i < found.entries.size(); ++i) {
       Entry& e = found.entries[i];
-      if (std::find(set.begin(), set.end(), i) != set.end() || e.effects().size() > best().effects().size()) continue;
+      if (std::find(set.begin(), set.end(), i) != set.end() || e.hypothesis.free.size() > best().hypothesis.free.size())
+        continue;
       const Comparison work = compare(s, best(), e);
-      if (work.gain_nats > kKeptBehind_nats) continue;
+      if (work.gain_nats > kKeptBehind_nats || far_behind(work)) continue;
       const Comparison c = kept(best(), e);
       if (c.z < (nested(e, best(), s.config) ? kKeptGap_z : kKeptRival_z)) set.push_back(i);
     }

@@ -38,6 +38,7 @@ double Session::sigma(const std::vector<double>& cost, const std::vector<std::si
 }
 
 void decide(Session& s, Entry& entry) {
+  const std::size_t nx = s.config.model->state_count;
   entry.held.assign(s.windows.size(), 0.0);
   for (int f = 0; f < 2; ++f) {
     Fit fit = entry.fit;
@@ -45,9 +46,13 @@ void decide(Session& s, Entry& entry) {
     settings.iterations = 4;
     settings.tolerance = 0.2;
     if (!entry.hypothesis.free.empty()) s.shooting->fit(entry.hypothesis, s.fold[1 - f], settings, fit);
+    // start states anew from the measurements: those of the fit above have seen these windows, and where forces change
+    // within the sensors' noise (fine teeth) they alone explain it, by a valley for each window
+    for (const std::size_t w : s.fold[f])
+      std::copy_n(s.windows[w].x0, nx, fit.x0.begin() + static_cast<std::ptrdiff_t>(w * nx));
     FitSettings states;
     states.fix_params = true;
-    states.iterations = 4;
+    states.iterations = 8;
     states.tolerance = 0.05;
     s.shooting->fit(entry.hypothesis, s.fold[f], states, fit);
     for (const std::size_t w : s.fold[f]) entry.held[w] = fit.cost[w];

@@ -38,6 +38,7 @@ struct HorizonGap {
   double before_sigma = 0, after_sigma = 0;
   std::vector<double> before_rms, after_rms;  ///< (ny) in the channel's unit
   std::size_t windows = 0;
+  double worse_z = 0;  ///< logarithm of after over before, window by window, in standard errors of its mean
 };
 
 /// A set of effects and how well it explains the windows that decide.

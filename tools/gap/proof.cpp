@@ -82,6 +82,15 @@ Overlay make_overlay(const Session& s, const Window& w) {
   return o;
 }
 
+// Mean in its standard errors.
+double mean_z(const std::vector<double>& values) {
+  const double n = static_cast<double>(values.size());
+  double sum = 0, squares = 0;
+  for (const double v : values) sum += v, squares += v * v;
+  const double variance = squares / n - sum * sum / (n * n);
+  return n > 1 && variance > 0 ? sum / n / std::sqrt(variance / (n - 1)) : 0;
+}
+
 constexpr std::size_t kOverlays = 4;
 
 }  // namespace
@@ -103,6 +112,7 @@ void prove(Session& s, const Found& found, Result& result) {
     gap.seconds = seconds;
     Errors errors[2];
     std::vector<Overlay> overlays;
+    std::vector<double> ratios;  // logarithms of the windows' costs, after over before
     for (std::size_t i = 0; i < windows.size(); ++i) {
       shooting.fit(nominal.hypothesis, {i}, states, before);
       shooting.fit(best.hypothesis, {i}, states, after);
@@ -117,11 +127,14 @@ void prove(Session& s, const Found& found, Result& result) {
       errors[1].add(s, windows[i], after.cost[i], shooting.values(i), p);
       if (!overlays.empty() && overlays.back().after.empty())
         overlays.back().after = by_channel(p, windows[i].points, s.config.measurement_count, kLanePadding);
+      const double floor = 1e-3 * static_cast<double>(shooting.values(i));
+      ratios.push_back(std::log((after.cost[i] + floor) / (before.cost[i] + floor)));
       ++gap.windows;
     }
     if (gap.windows == 0) continue;
     gap.before_sigma = errors[0].sigma();
     gap.after_sigma = errors[1].sigma();
+    gap.worse_z = mean_z(ratios);
     gap.before_rms = errors[0].rms();
     gap.after_rms = errors[1].rms();
     if (seconds == 1.0) result.remaining_sigma = gap.after_sigma;

@@ -104,13 +104,18 @@ std::vector<Entry> screen(Session& s, const Entry& base, std::size_t keep) {
     if (!make_hypothesis(s.config, effects, &s.scales, entry.hypothesis)) continue;
     entry.hypothesis.setup.substeps = s.coarse_substeps;
     bool any = false;
-    const std::vector<std::vector<double>> starts =
-        has_pitch(effect_info(e.kind)) ? scan_pitches(s, base, e, kPitchStarts) : starts_of(s, e);
+    const bool scanned = has_pitch(effect_info(e.kind));
+    const std::vector<std::vector<double>> starts = scanned ? scan_pitches(s, base, e, kPitchStarts) : starts_of(s, e);
     for (const std::vector<double>& start : starts) {
       std::vector<double> params = base.fit.params;
       params.insert(params.end(), start.begin(), start.end());
       Fit fit = s.shooting->begin(entry.hypothesis, params, &base.fit);
+      // a scan foresees whole amplitudes: the start states, which made up for the lack of them, have to follow first
       FitSettings quick;
+      quick.fix_params = true;
+      quick.iterations = 4;
+      if (scanned) s.shooting->fit(entry.hypothesis, s.screen, quick, fit);
+      quick.fix_params = false;
       quick.iterations = 1;
       s.shooting->fit(entry.hypothesis, s.screen, quick, fit);
       if (!fit.finite) continue;

@@ -48,6 +48,7 @@ constexpr double kKeptBehind_nats = 60;  // on the working windows: further behi
 
 // ---- verdict -------------------------------------------------------------------------------------
 constexpr double kWorseProof = 1.1;       // kept rollouts of any length that grow by more refute a name
+constexpr double kWorseProof_z = 1;       // ... if they do so window by window: an unstable plant's run anywhere
 constexpr double kExplained_sigma = 1.1;  // what "named" may leave
 constexpr double kPartlyShare = 0.5;      // of the gap's square: what "partly explained" may leave
 constexpr double kEquivalent_sigma =

@@ -182,7 +182,7 @@ void conclude(Session& s, const Found& found, const std::vector<std::string>& pa
   const std::string from_to = "1 s rollouts go from " + sigmas + " to " + format("%.2f", left) + ".";
   const std::string values = parameter_text(result.ranking.front(), s.config.param_count);
   for (const HorizonGap& h : result.horizons) {
-    if (h.after_sigma <= kWorseProof * h.before_sigma) continue;
+    if (h.after_sigma <= kWorseProof * h.before_sigma || h.worse_z <= kWorseProof_z) continue;
     result.verdict = Verdict::unnamed;
     result.ambiguity.clear();
     result.sentence = best_text + " (" + values + ") explains the windows worked on, but rollouts of " +
