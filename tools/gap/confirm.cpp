@@ -10,6 +10,7 @@ namespace {
 struct Confirmer {
   Session& s;
   Found& found;
+  std::vector<double> start_x0;  // the nominal model's there: on an unstable plant the measurements' lead astray
 
   Entry& best() { return found.entries[found.best]; }
 
@@ -17,12 +18,14 @@ struct Confirmer {
   void foresee(Entry& e) {
     if (!e.kept.empty()) return;
     Fit fit = e.fit;
+    if (!start_x0.empty()) fit.x0 = start_x0;
     FitSettings states;
     states.fix_params = true;
     states.iterations = 12;
     states.tolerance = 0.05;
     s.shooting->fit(e.hypothesis, s.test, states, fit);
     e.kept = fit.cost;
+    if (e.effects().empty()) start_x0 = fit.x0;
   }
 
   Comparison kept(Entry& a, Entry& b) {
@@ -73,7 +76,8 @@ struct Confirmer {
 
 void confirm(Session& s, Found& found) {
   if (found.best == 0 || s.test.size() < 3 || !s.options.given.empty()) return;
-  Confirmer confirmer{s, found};
+  Confirmer confirmer{s, found, {}};
+  confirmer.foresee(found.entries[0]);
   bool moved = false;
   while (found.best != 0 && !s.stopped()) {
     const std::size_t simpler = confirmer.step_back();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tools/gap/pitch_scan.hpp"
 #include "tools/gap/thresholds.hpp"
 
 namespace tiller::tools::gap {
@@ -39,6 +40,7 @@ double Session::sigma(const std::vector<double>& cost, const std::vector<std::si
 
 void decide(Session& s, Entry& entry) {
   const std::size_t nx = s.config.model->state_count;
+  if (s.nominal_x0.empty()) s.nominal_x0 = entry.fit.x0;  // it is decided upon first
   entry.held.assign(s.windows.size(), 0.0);
   for (int f = 0; f < 2; ++f) {
     Fit fit = entry.fit;
@@ -46,10 +48,11 @@ void decide(Session& s, Entry& entry) {
     settings.iterations = 4;
     settings.tolerance = 0.2;
     if (!entry.hypothesis.free.empty()) s.shooting->fit(entry.hypothesis, s.fold[1 - f], settings, fit);
-    // start states anew from the measurements: those of the fit above have seen these windows, and where forces change
-    // within the sensors' noise (fine teeth) they alone explain it, by a valley for each window
+    // Start states anew, from the nominal model's: those of the fit above have seen these windows, and where forces
+    // change within the sensors' noise (fine teeth) they alone explain it, by a valley for each window.
     for (const std::size_t w : s.fold[f])
-      std::copy_n(s.windows[w].x0, nx, fit.x0.begin() + static_cast<std::ptrdiff_t>(w * nx));
+      std::copy_n(s.nominal_x0.begin() + static_cast<std::ptrdiff_t>(w * nx), nx,
+                  fit.x0.begin() + static_cast<std::ptrdiff_t>(w * nx));
     FitSettings states;
     states.fix_params = true;
     states.iterations = 8;
@@ -57,22 +60,26 @@ void decide(Session& s, Entry& entry) {
     s.shooting->fit(entry.hypothesis, s.fold[f], states, fit);
     for (const std::size_t w : s.fold[f]) entry.held[w] = fit.cost[w];
   }
+  entry.choice_nats = choice_nats(s, entry.effects());
   entry.decided = true;
 }
 
-Comparison compare(const Session& s, const Entry& a, const Entry& b) { return compare_on(s, s.work, a.held, b.held); }
+Comparison compare(const Session& s, const Entry& a, const Entry& b) {
+  return compare_on(s, s.work, a.held, b.held, b.choice_nats - a.choice_nats);
+}
 
 Comparison compare_on(const Session& s, const std::vector<std::size_t>& which, const std::vector<double>& cost_a,
-                      const std::vector<double>& cost_b) {
+                      const std::vector<double>& cost_b, double ahead_nats) {
   Comparison c;
+  const double share = ahead_nats / static_cast<double>(std::max<std::size_t>(1, which.size()));
   std::vector<double> gauss, robust;
   for (const std::size_t w : which) {
-    const double d = 0.5 * (cost_b[w] - cost_a[w]) / s.dispersion;
+    const double d = 0.5 * (cost_b[w] - cost_a[w]) / s.dispersion + share;
     c.gain_nats += d;
     gauss.push_back(d);
     const double floor = 1e-3 * static_cast<double>(s.shooting->values(w));
-    robust.push_back(0.5 * static_cast<double>(s.shooting->values(w)) / s.dispersion *
-                     std::log((cost_b[w] + floor) / (cost_a[w] + floor)));
+    robust.push_back(share + 0.5 * static_cast<double>(s.shooting->values(w)) / s.dispersion *
+                                 std::log((cost_b[w] + floor) / (cost_a[w] + floor)));
   }
   c.z = paired_z(gauss);
   c.robust_z = paired_z(robust);

@@ -15,9 +15,9 @@ struct Comparison {
   bool significant(double nats, double errors) const { return gain_nats > nats && z > errors; }
 };
 Comparison compare(const Session& session, const Entry& a, const Entry& b);
-/// The same on the windows `which`, from costs by window.
+/// The same on the windows `which`, from costs by window; `ahead_nats`: of `a` before any window is looked at.
 Comparison compare_on(const Session& session, const std::vector<std::size_t>& which, const std::vector<double>& cost_a,
-                      const std::vector<double>& cost_b);
+                      const std::vector<double>& cost_b, double ahead_nats = 0);
 
 /// Variance of an entry's whitened residuals with their serial correlation over the working windows; at least 1.
 double dispersion_of(Session& session, const Entry& entry);

@@ -84,8 +84,9 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
   tiller_config_t fine = config;  // the kernel's own step errors must not look like physics
   fine.substeps = std::max(config.substeps,
                            std::min(64u, static_cast<std::uint32_t>(std::ceil(config.period_s / kSubstep_s - 1e-9))));
-  Session s{fine, config.substeps, options, make_window_data(std::move(work), config), {}, {}, {}, {}, {}, {}, {}, {},
-            1.0};
+  Session s{
+      fine, config.substeps, options, make_window_data(std::move(work), config), {}, {}, {}, {}, {}, {}, {}, {}, {},
+      1.0};
   s.windows = make_windows(s.data, config, kWindow_s, 0, own);
   split_windows(s.windows, hold_out.empty() ? kTestShare : 0.0);
   std::vector<Window> held = make_windows(s.data, config, kWindow_s, own, all);

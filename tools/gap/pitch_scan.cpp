@@ -32,28 +32,48 @@ double excursion(const Session& s, const std::vector<std::size_t>& which, std::u
   return high - low;
 }
 
+bool has_pitch(const EffectInfo& info) {
+  return info.param_count > 2 && info.params[info.param_count - 1].scale == Scale::pitch;
+}
+
+// Periods per unit of position that a scan compares.
+std::vector<double> frequencies(const Session& s, const EffectAt& effect) {
+  const EffectInfo& info = effect_info(effect.kind);
+  const EffectParam& pitch = info.params[info.param_count - 1];
+  const double range = excursion(s, s.work, s.config.model->joints[effect.port].position);
+  const double shortest = std::max(pitch.low > 0 ? pitch.low : 0.0, 3 * s.scales.joint[effect.port].step);
+  const double longest = std::min(pitch.high, 1.5 * range);
+  if (!(range > 0) || !(longest > shortest)) return {};
+  const double span = 1 / shortest - 1 / longest;
+  const std::size_t count =
+      std::clamp<std::size_t>(static_cast<std::size_t>(span * range / kPitchStep), 8, kMostPitches);
+  std::vector<double> frequency(count);
+  for (std::size_t i = 0; i < count; ++i)
+    frequency[i] =
+        1 / longest + static_cast<double>(i) * std::min(span / static_cast<double>(count), kPitchStep / range);
+  return frequency;
+}
+
 }  // namespace
+
+double choice_nats(const Session& s, const std::vector<EffectAt>& effects) {
+  double sum = 0;
+  for (const EffectAt& e : effects)
+    if (has_pitch(effect_info(e.kind))) sum += std::log(std::max(1.0, static_cast<double>(frequencies(s, e).size())));
+  return sum;
+}
 
 std::vector<std::vector<double>> scan_pitches(Session& s, const Entry& base, const EffectAt& effect,
                                               std::size_t starts) {
   const tiller_model_t& model = *s.config.model;
   const EffectInfo& info = effect_info(effect.kind);
   const tiller_joint_t& joint = model.joints[effect.port];
-  const EffectParam& pitch = info.params[info.param_count - 1];
   const std::uint32_t harmonics = static_cast<std::uint32_t>(info.param_count - 1) / 2, columns = 2 * harmonics;
-  if (columns == 0 || columns > kLanes || pitch.scale != Scale::pitch) return {};
+  if (columns == 0 || columns > kLanes || !has_pitch(info)) return {};
   const std::vector<std::size_t>& which = s.work;
-  const double range = excursion(s, which, joint.position);
-  const double shortest = std::max(pitch.low > 0 ? pitch.low : 0.0, 3 * s.scales.joint[effect.port].step);
-  const double longest = std::min(pitch.high, 1.5 * range);
-  if (!(range > 0) || !(longest > shortest)) return {};
-  const std::size_t count = std::clamp<std::size_t>(
-      static_cast<std::size_t>((1 / shortest - 1 / longest) * range / kPitchStep), 8, kMostPitches);
-  std::vector<double> frequency(count);
-  for (std::size_t i = 0; i < count; ++i)
-    frequency[i] =
-        1 / longest + static_cast<double>(i) *
-                          std::min((1 / shortest - 1 / longest) / static_cast<double>(count), kPitchStep / range);
+  const std::vector<double> frequency = frequencies(s, effect);
+  const std::size_t count = frequency.size();
+  if (count == 0) return {};
 
   // normal equations of every pitch, over all windows
   const std::uint32_t per_run = kLanes / columns;

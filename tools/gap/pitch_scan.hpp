@@ -12,4 +12,8 @@ namespace tiller::tools::gap {
 std::vector<std::vector<double>> scan_pitches(Session& session, const Entry& base, const EffectAt& effect,
                                               std::size_t starts);
 
+/// What the choice of pitches costs: the logarithm of how many a scan compares, summed over the effects that have one.
+/// Every pitch is a hypothesis of its own, chosen on both folds, so cross-validation does not charge for it.
+double choice_nats(const Session& session, const std::vector<EffectAt>& effects);
+
 }  // namespace tiller::tools::gap

@@ -78,11 +78,14 @@ std::vector<std::vector<double>> starts_of(const Session& s, const EffectAt& e) 
       }
     starts = std::move(next);
   }
-  // and one near nothing, from where the slope is that of the model that is there
-  std::vector<double> small = starts.front();
-  for (int i = 0; i < info.param_count; ++i)
-    if (is_strength(info.params[i].scale)) small[static_cast<std::size_t>(i)] *= kSmallStart;
-  if (small != starts.front()) starts.push_back(small);
+  // and near nothing, from where the slope is that of the model that is there
+  const std::vector<double> first = starts.front();
+  for (const double share : kSmallStarts) {
+    std::vector<double> small = first;
+    for (int i = 0; i < info.param_count; ++i)
+      if (is_strength(info.params[i].scale)) small[static_cast<std::size_t>(i)] *= share;
+    if (small != first) starts.push_back(small);
+  }
   // what limits does less the larger it is
   if (e.kind == tiller_effect_saturation || e.kind == tiller_effect_rate_limit)
     for (const double share : kOtherLimits) starts.push_back({share * starts[1][0]});

@@ -41,9 +41,9 @@ double held_cost(const Session& s, const Entry& e) {
   return sum;
 }
 
-// Held-out cost with two nats for each parameter: between equals the simpler leads.
+// Held-out cost with two nats for each parameter and what choices cost: between equals the simpler leads.
 double ranked_cost(const Session& s, const Entry& e) {
-  return held_cost(s, e) + 4 * s.dispersion * static_cast<double>(e.hypothesis.free.size());
+  return held_cost(s, e) + 2 * s.dispersion * (2 * static_cast<double>(e.hypothesis.free.size()) + e.choice_nats);
 }
 
 // How large the difference of two explanations is, as a share of the whole gap, in amplitude.

@@ -13,6 +13,7 @@ struct Entry {
   Fit fit;                   ///< to all working windows
   std::vector<double> held;  ///< (working windows) cost under the parameters of the other fold
   std::vector<double> kept;  ///< (all windows) cost of those kept for the proof; empty until confirm() asks
+  double choice_nats = 0;    ///< of choices made on both folds, which held-out costs do not show: pitches of scans
   double screened = 0;       ///< reduction of the cost that the screen saw
   bool decided = false;      ///< `held` is filled
   const std::vector<EffectAt>& effects() const { return hypothesis.added; }
@@ -29,6 +30,7 @@ struct Session {
   std::unique_ptr<Shooting> shooting;
   std::vector<std::size_t> work, fold[2], test, screen;  ///< indices of windows
   std::vector<EffectAt> candidates;                      ///< that fit the model's ports
+  std::vector<double> nominal_x0;                        ///< (all windows x nx) start states of the nominal model's fit
   double dispersion = 1;  ///< variance of whitened residuals, serial correlation counted; at least 1
 
   bool stopped() const { return options.stop != nullptr && *options.stop != 0; }

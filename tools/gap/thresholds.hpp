@@ -13,12 +13,12 @@ constexpr double kTestShare = 0.15;         // of the windows, kept for the proo
 constexpr double kLeast_s = 4.0;            // of windows: with less nothing is decided
 
 // ---- screen --------------------------------------------------------------------------------------
-constexpr double kPitchStep = 0.3;          // periods over the whole excursion between the pitches of a scan
-constexpr std::size_t kMostPitches = 400;   // of a scan
-constexpr std::size_t kPitchStarts = 4;     // peaks of a scan that are fitted
-constexpr std::size_t kScreenWindows = 12;  // of the working windows, evenly
-constexpr int kMostStarts = 8;              // of an effect at a port
-constexpr double kSmallStart = 0.05;        // of a start: one more that stays near the nominal path
+constexpr double kPitchStep = 0.3;                 // periods over the whole excursion between the pitches of a scan
+constexpr std::size_t kMostPitches = 400;          // of a scan
+constexpr std::size_t kPitchStarts = 4;            // peaks of a scan that are fitted
+constexpr std::size_t kScreenWindows = 12;         // of the working windows, evenly
+constexpr int kMostStarts = 8;                     // of an effect at a port
+constexpr double kSmallStarts[2] = {0.05, 0.002};  // of a start: further ones that stay near the nominal path
 constexpr double kOtherLimits[4] = {0.12, 1.6, 2.5, 8};  // further starts of limits, over the catalogue's largest
 constexpr std::size_t kPolished = 3;                     // of them, fitted again from other shapes
 constexpr double kMostStrength = 30;                     // of a strength, over what is typical of the data
