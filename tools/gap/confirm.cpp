@@ -1,6 +1,7 @@
 #include "tools/gap/confirm.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "tools/gap/thresholds.hpp"
 
@@ -34,6 +35,13 @@ struct Confirmer {
     return compare_on(s, s.test, a.kept, b.kept);
   }
 
+  // What merit has to reach here: with few kept windows even an effect that stands kGap_z off on the working ones is
+  // expected at less than kKeptGap_z.
+  double gap_z() const {
+    const double share = static_cast<double>(s.test.size()) / static_cast<double>(s.work.size());
+    return std::min(kKeptGap_z, 0.5 * kGap_z * std::sqrt(share));
+  }
+
   // The special case of the best that the kept windows bear out as well; the best itself if there is none.
   std::size_t step_back() {
     std::size_t simpler = found.best;
@@ -42,7 +50,7 @@ struct Confirmer {
       Entry& e = found.entries[i];
       if (i == found.best || !nested(e, best(), s.config)) continue;
       const Comparison c = kept(best(), e);
-      if (c.z > (e.effects().empty() ? kKeptGap_z : kKeptRicher_z) && c.gain_nats > 0) continue;
+      if (c.z > (e.effects().empty() ? gap_z() : kKeptRicher_z)) continue;
       const double gain = compare(s, e, found.entries[0]).gain_nats;
       if (simpler != found.best && gain <= least) continue;
       simpler = i;
@@ -67,7 +75,7 @@ struct Confirmer {
       const Comparison work = compare(s, best(), e);
       if (work.gain_nats > kKeptBehind_nats || far_behind(work)) continue;
       const Comparison c = kept(best(), e);
-      if (c.z < (nested(e, best(), s.config) ? kKeptGap_z : kKeptRival_z)) set.push_back(i);
+      if (c.z < (nested(e, best(), s.config) ? gap_z() : kKeptRival_z)) set.push_back(i);
     }
   }
 };
