@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tools/gap/relations.hpp"
 #include "tools/gap/thresholds.hpp"
 
 namespace tiller::tools::gap {
@@ -48,7 +49,7 @@ struct Confirmer {
     double least = 0;
     for (std::size_t i = 0; i < found.entries.size(); ++i) {
       Entry& e = found.entries[i];
-      if (i == found.best || !nested(e, best(), s.config)) continue;
+      if (i == found.best || !nested(e, best())) continue;
       const Comparison c = kept(best(), e);
       if (c.z > (e.effects().empty() ? gap_z() : kKeptRicher_z)) continue;
       const double gain = compare(s, e, found.entries[0]).gain_nats;
@@ -75,7 +76,7 @@ struct Confirmer {
       const Comparison work = compare(s, best(), e);
       if (work.gain_nats > kKeptBehind_nats || far_behind(work)) continue;
       const Comparison c = kept(best(), e);
-      if (c.z < (nested(e, best(), s.config) ? gap_z() : kKeptRival_z)) set.push_back(i);
+      if (c.z < (nested(e, best()) ? gap_z() : kKeptRival_z)) set.push_back(i);
     }
   }
 };

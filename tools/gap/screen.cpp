@@ -18,44 +18,17 @@ bool has_pitch(const EffectInfo& info) {
   return info.param_count > 2 && info.params[info.param_count - 1].scale == Scale::pitch;
 }
 
-// Other values of a shape's parameter: half and twice a pitch, the catalogue's starts of a velocity or a distance.
-std::vector<double> other_shapes(const Session& s, const EffectAt& e, int param, double now) {
-  const EffectParam& p = effect_info(e.kind).params[param];
-  if (p.scale == Scale::pitch) return {0.5 * now, 2 * now};
-  // a delay's slope changes at every whole period
-  if (e.kind == tiller_effect_input_delay) return {now - 0.6 * s.scales.period_s, now + 0.6 * s.scales.period_s};
-  if (is_strength(p.scale) || p.scale == Scale::period || p.scale == Scale::input) return {};
-  std::vector<double> values;
-  const double scale = scale_of(s.scales, *s.config.model, e.kind, e.port, param);
-  for (int k = 0; k < p.start_count; ++k) values.push_back(p.start[k] * scale);
-  return values;
+std::vector<std::vector<double>> all_starts(Session& s, const Entry& base, const EffectAt& e) {
+  return has_pitch(effect_info(e.kind)) ? scan_pitches(s, base, e, kPitchStarts) : starts_of(s, e);
 }
 
-// Fits of shapes have more than one valley: from the end of the fit once more with each shape changed, strengths that
-// ran away back at their starts.
-void polish(Session& s, Entry& entry) {
-  std::size_t at = s.config.param_count;
-  for (const EffectAt& e : entry.effects()) {
-    const EffectInfo& info = effect_info(e.kind);
-    for (int i = 0; i < info.param_count; ++i)
-      for (const double value : other_shapes(s, e, i, entry.fit.params[at + static_cast<std::size_t>(i)])) {
-        if (s.stopped()) return;
-        Fit fit = entry.fit;
-        for (const FreeParam& f : entry.hypothesis.free) {
-          if (f.index < at || f.index >= at + static_cast<std::size_t>(info.param_count)) continue;
-          const int k = static_cast<int>(f.index - at);
-          double& v = fit.params[f.index];
-          const bool lost = std::fabs(v) > 0.5 * kMostStrength * f.scale || std::fabs(v) < 1e-3 * f.scale;
-          if (k != i && lost && is_strength(info.params[k].scale) && info.params[k].scale != Scale::none)
-            v = info.params[k].start[0] * f.scale;
-          if (k == i) v = std::clamp(value, f.low, f.high);
-        }
-        FitSettings settings;
-        s.shooting->fit(entry.hypothesis, s.work, settings, fit);
-        if (fit.finite && fit.total() < entry.fit.total() - 2) entry.fit = fit;
-      }
-    at += static_cast<std::size_t>(info.param_count);
-  }
+// Where an earlier screen left it, and the same near nothing.
+std::vector<std::vector<double>> short_starts(const EffectAt& e, const std::vector<double>& hint) {
+  std::vector<double> small = hint;
+  const EffectInfo& info = effect_info(e.kind);
+  for (std::size_t i = 0; i < small.size(); ++i)
+    if (is_strength(info.params[i].scale)) small[i] *= kSmallStarts[0];
+  return {hint, small};
 }
 
 }  // namespace
@@ -92,12 +65,31 @@ std::vector<std::vector<double>> starts_of(const Session& s, const EffectAt& e) 
   return starts;
 }
 
-std::vector<Entry> screen(Session& s, const Entry& base, std::size_t keep) {
-  double base_cost = base.fit.penalty;
-  for (const std::size_t w : s.screen) base_cost += base.fit.cost[w];
+void fit_from(Session& s, const std::vector<double>& params, const Fit& warm,
+              const std::vector<std::vector<double>>& starts, int iterations, bool scanned, Entry& entry) {
+  for (const std::vector<double>& start : starts) {
+    std::vector<double> all = params;
+    all.insert(all.end(), start.begin(), start.end());
+    Fit fit = s.shooting->begin(entry.hypothesis, all, &warm);
+    // a scan foresees whole amplitudes: the start states, which made up for the lack of them, have to follow first
+    FitSettings quick;
+    quick.fix_params = true;
+    quick.iterations = 4;
+    if (scanned) s.shooting->fit(entry.hypothesis, s.screen, quick, fit);
+    quick.fix_params = false;
+    quick.iterations = iterations;
+    s.shooting->fit(entry.hypothesis, s.screen, quick, fit);
+    if (fit.finite && (!entry.fit.finite || fit.total() < entry.fit.total())) entry.fit = fit;
+  }
+  entry.screened = entry.fit.total();
+}
+
+std::vector<Entry> screen(Session& s, const Entry& base, std::size_t keep, Hints& hints, bool fresh) {
   std::vector<Entry> found;
   std::size_t done = 0;
-  for (const EffectAt& e : s.candidates) {
+  hints.resize(s.candidates.size());
+  for (std::size_t c = 0; c < s.candidates.size(); ++c) {
+    const EffectAt e = s.candidates[c];
     s.progress("screening", static_cast<double>(done++) / static_cast<double>(s.candidates.size()));
     if (s.stopped()) break;
     if (has(base.effects(), e)) continue;
@@ -106,30 +98,15 @@ std::vector<Entry> screen(Session& s, const Entry& base, std::size_t keep) {
     Entry entry;
     if (!make_hypothesis(s.config, effects, &s.scales, entry.hypothesis)) continue;
     entry.hypothesis.setup.substeps = s.coarse_substeps;
-    bool any = false;
-    const bool scanned = has_pitch(effect_info(e.kind));
-    const std::vector<std::vector<double>> starts = scanned ? scan_pitches(s, base, e, kPitchStarts) : starts_of(s, e);
-    for (const std::vector<double>& start : starts) {
-      std::vector<double> params = base.fit.params;
-      params.insert(params.end(), start.begin(), start.end());
-      Fit fit = s.shooting->begin(entry.hypothesis, params, &base.fit);
-      // a scan foresees whole amplitudes: the start states, which made up for the lack of them, have to follow first
-      FitSettings quick;
-      quick.fix_params = true;
-      quick.iterations = 4;
-      if (scanned) s.shooting->fit(entry.hypothesis, s.screen, quick, fit);
-      quick.fix_params = false;
-      quick.iterations = 1;
-      s.shooting->fit(entry.hypothesis, s.screen, quick, fit);
-      if (!fit.finite) continue;
-      if (!any || fit.total() < entry.fit.total()) entry.fit = fit;
-      any = true;
-    }
-    if (!any) continue;
-    entry.screened = base_cost - entry.fit.total();
+    const bool all = fresh || hints[c].empty();
+    fit_from(s, base.fit.params, base.fit, all ? all_starts(s, base, e) : short_starts(e, hints[c]), 1,
+             all && has_pitch(effect_info(e.kind)), entry);
+    if (!entry.fit.finite) continue;
+    if (hints[c].empty())
+      hints[c].assign(entry.fit.params.end() - effect_info(e.kind).param_count, entry.fit.params.end());
     found.push_back(std::move(entry));
   }
-  const auto better = [](const Entry& a, const Entry& b) { return a.screened > b.screened; };
+  const auto better = [](const Entry& a, const Entry& b) { return a.fit.total() < b.fit.total(); };
   std::stable_sort(found.begin(), found.end(), better);
   // a second look at twice as many as are kept: one step is not always telling
   if (found.size() > 2 * keep) found.resize(2 * keep);
@@ -138,24 +115,7 @@ std::vector<Entry> screen(Session& s, const Entry& base, std::size_t keep) {
     FitSettings more;
     more.iterations = 3;
     s.shooting->fit(entry.hypothesis, s.screen, more, entry.fit);
-    entry.screened = base_cost - entry.fit.total();
-  }
-  std::stable_sort(found.begin(), found.end(), better);
-  if (found.size() > keep) found.resize(keep);
-  done = 0;
-  for (Entry& entry : found) {
-    s.progress("fitting", static_cast<double>(done++) / static_cast<double>(found.size()));
-    if (s.stopped()) break;
-    FitSettings full;
-    entry.hypothesis.setup.substeps = s.config.substeps;
-    s.shooting->fit(entry.hypothesis, s.work, full, entry.fit);
-    entry.screened = base.fit.total() - entry.fit.total();
-  }
-  std::stable_sort(found.begin(), found.end(), better);
-  for (std::size_t i = 0; i < std::min(found.size(), kPolished) && !s.stopped(); ++i) {
-    const double before = found[i].fit.total();
-    polish(s, found[i]);
-    found[i].screened += before - found[i].fit.total();
+    entry.screened = entry.fit.total();
   }
   std::stable_sort(found.begin(), found.end(), better);
   return found;

@@ -20,7 +20,4 @@ Found search(Session& session);
 /// Fills found.ambiguity for found.best anew.
 void find_rivals(Session& session, Found& found);
 
-/// `simple` is a special case of `rich`: each of its effects is one of rich's or contained in one.
-bool nested(const Entry& simple, const Entry& rich, const tiller_config_t& config);
-
 }  // namespace tiller::tools::gap

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <memory>
 #include <vector>
 
@@ -14,7 +15,9 @@ struct Entry {
   std::vector<double> held;  ///< (working windows) cost under the parameters of the other fold
   std::vector<double> kept;  ///< (all windows) cost of those kept for the proof; empty until confirm() asks
   double choice_nats = 0;    ///< of choices made on both folds, which held-out costs do not show: pitches of scans
-  double screened = 0;       ///< reduction of the cost that the screen saw
+  double screened = 0;       ///< cost on the screen's windows, in coarse steps
+  double enough = INFINITY;  ///< a cost above it explains nothing that a subset does not
+  bool full = false;         ///< fitted to the end
   bool decided = false;      ///< `held` is filled
   const std::vector<EffectAt>& effects() const { return hypothesis.added; }
 };

@@ -24,9 +24,16 @@ constexpr std::size_t kPolished = 3;                     // of them, fitted agai
 constexpr double kMostStrength = 30;                     // of a strength, over what is typical of the data
 constexpr double kLeastShape = 0.01;                     // of a shape's velocity, over what is typical
 constexpr double kMostShape = 5;
-constexpr std::size_t kKeep = 8;      // candidates that are fitted fully
-constexpr std::size_t kKeepMore = 5;  // the same beside an effect that is there already
-constexpr std::size_t kBeam = 3;      // sets that the next level begins from
+constexpr std::size_t kKeep = 8;       // candidates that are fitted fully
+constexpr std::size_t kKeepMore = 5;   // the same beside an effect that is there already
+constexpr std::size_t kBeam = 3;       // sets that the next level begins from
+constexpr double kFitTolerance = 0.1;  // of the cost: an improvement below it ends a fit of the search
+constexpr double kNoise_sigma = 1.05;  // what a pair leaves to be taken for whole before all starts of others are tried
+constexpr int kFirstIterations = 4;    // after which a fit that is far behind is left as it is
+constexpr double kStillInRace = 1.5;   // of the best cost: far behind is beyond it
+constexpr double kPolishAgain = 1.05;  // of the cost on the screen's windows: other shapes that get so near are fitted
+constexpr double kPromising = 1.3;     // of the best set's: what a set reaches on the screen's windows to be fitted
+constexpr int kMostSwaps = 3;          // rounds in which the members of the best set are exchanged
 
 // ---- decision ------------------------------------------------------------------------------------
 constexpr double kLeastClip_nats = 4;  // of a window's difference
