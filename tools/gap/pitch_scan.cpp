@@ -32,6 +32,12 @@ double excursion(const Session& s, const std::vector<std::size_t>& which, std::u
   return high - low;
 }
 
+double sensor_sd(const Session& s, std::uint32_t state) {
+  for (std::uint32_t k = 0; k < s.config.measurement_count; ++k)
+    if (s.config.measured_state[k] == state) return s.config.measurement_sd[k];
+  return 0;
+}
+
 bool has_pitch(const EffectInfo& info) {
   return info.param_count > 2 && info.params[info.param_count - 1].scale == Scale::pitch;
 }
@@ -41,7 +47,8 @@ std::vector<double> frequencies(const Session& s, const EffectAt& effect) {
   const EffectInfo& info = effect_info(effect.kind);
   const EffectParam& pitch = info.params[info.param_count - 1];
   const double range = excursion(s, s.work, s.config.model->joints[effect.port].position);
-  const double shortest = std::max(pitch.low > 0 ? pitch.low : 0.0, 3 * s.scales.joint[effect.port].step);
+  const double shortest = std::max({pitch.low > 0 ? pitch.low : 0.0, 3 * s.scales.joint[effect.port].step,
+                                    kPitchNoise * sensor_sd(s, s.config.model->joints[effect.port].position)});
   const double longest = std::min(pitch.high, 1.5 * range);
   if (!(range > 0) || !(longest > shortest)) return {};
   const double span = 1 / shortest - 1 / longest;

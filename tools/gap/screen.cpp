@@ -51,12 +51,13 @@ std::vector<std::vector<double>> starts_of(const Session& s, const EffectAt& e) 
       }
     starts = std::move(next);
   }
-  // and near nothing, from where the slope is that of the model that is there
+  // and near nothing, from where the slope is that of the model that is there (a dead zone of no width is none)
   const std::vector<double> first = starts.front();
   for (const double share : kSmallStarts) {
     std::vector<double> small = first;
     for (int i = 0; i < info.param_count; ++i)
-      if (is_strength(info.params[i].scale)) small[static_cast<std::size_t>(i)] *= share;
+      if (is_strength(info.params[i].scale) || e.kind == tiller_effect_dead_zone)
+        small[static_cast<std::size_t>(i)] *= share;
     if (small != first) starts.push_back(small);
   }
   // what limits does less the larger it is

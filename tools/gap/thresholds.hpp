@@ -14,6 +14,7 @@ constexpr double kLeast_s = 4.0;            // of windows: with less nothing is 
 
 // ---- screen --------------------------------------------------------------------------------------
 constexpr double kPitchStep = 0.3;                 // periods over the whole excursion between the pitches of a scan
+constexpr double kPitchNoise = 4;                  // sensor deviations in the shortest pitch of a scan
 constexpr std::size_t kMostPitches = 400;          // of a scan
 constexpr std::size_t kPitchStarts = 4;            // peaks of a scan that are fitted
 constexpr std::size_t kScreenWindows = 12;         // of the working windows, evenly
