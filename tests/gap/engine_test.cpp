@@ -63,6 +63,37 @@ TEST(Engine, NamesADelay) {
   EXPECT_NEAR(r.ranking.front().params.back().mean, 0.025, 0.002);
 }
 
+// A third of a period: half the noise by the mean of the commands, the whole of it with the step cut.
+TEST(Engine, NamesADelayBelowAPeriod) {
+  Synthetic s = pendulum(3e-4);
+  s.delay_s = 0.0035;
+  const Result r = run(s, 100013);
+  EXPECT_EQ(r.verdict, Verdict::named);
+  EXPECT_EQ(names_of(r), Names{"input_delay"});
+  EXPECT_NEAR(r.ranking.front().params.back().mean, 0.0035, 0.0002);
+  EXPECT_LT(r.remaining_sigma, 1.05);
+}
+
+// Bristles that remember: their deflection at a window's start is that of the motion before it.
+TEST(Engine, NamesBristles) {
+  struct {
+    double z = 0, last_s = 0;
+  } bristle;
+  Synthetic s = pendulum(2e-3);
+  s.force = [&bristle](double, double v, double, double t) {
+    constexpr double kStiffness = 0.8, kLevel = 0.1, kExtra = 0.06, kSpeed = 0.3;
+    if (t < bristle.last_s) bristle = {};
+    const double level = kLevel + kExtra * std::exp(-v * v / (kSpeed * kSpeed)),
+                 end = std::copysign(level, v) / kStiffness;
+    bristle.z = end + (bristle.z - end) * std::exp(-kStiffness * std::abs(v) * (t - bristle.last_s) / level);
+    bristle.last_s = t;
+    return -kStiffness * bristle.z;
+  };
+  const Result r = run(s, 100014);
+  EXPECT_EQ(r.verdict, Verdict::named);
+  EXPECT_EQ(names_of(r), Names{"lugre_friction"});
+}
+
 TEST(Engine, NamesCoggingWhoseTeethItHasToFind) {
   Synthetic s = pendulum(2e-3);
   s.force = [](double q, double, double, double) { return 0.12 * std::sin(11 * q + 0.4); };

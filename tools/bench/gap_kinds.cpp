@@ -86,7 +86,10 @@ Parameters payload(double s, Port, const Typical& t, Draws) { return {{"mass_kg"
 
 // between command and motor
 Parameters lag(double s, Port, const Typical&, Draws) { return {{"time_constant_s", 0.1 * s}}; }
-Parameters delay(double s, Port, const Typical&, Draws) { return {{"delay_s", 0.1 * s}}; }
+Parameters delay(double s, Port, const Typical&, Draws) {
+  // whole steps of the world: any other ends at the next one, and the sealed answer would not be what happens
+  return {{"delay_s", kWorldStep * std::max(1.0, std::round(0.1 * s / kWorldStep))}};
+}
 Parameters dead_zone(double s, Port p, const Typical& t, Draws) { return {{"width_SI", 0.8 * s * t.input[p]}}; }
 Parameters saturation(double s, Port p, const Typical& t, Draws) {
   return {{"limit_SI", (1 - 0.85 * s) * t.input_peak[p]}};

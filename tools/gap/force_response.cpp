@@ -14,11 +14,6 @@ constexpr std::uint32_t kLanes = WindowRollout::kLanes;
 bool Shooting::open_response(const Hypothesis& h, const Fit& fit, std::size_t index, std::uint32_t joint) {
   const Window& w = windows_[index];
   const std::uint32_t nu = model_.input_count, np = h.config.param_count;
-  response_a_.resize(std::size_t{w.points} * nx_ * nx_);
-  response_b_.resize(std::size_t{w.points} * nx_);
-  response_position_.resize(w.points);
-  deviation_.resize(std::size_t{nx_} * kLanes);
-  products_.resize(std::size_t{kLanes} * (kLanes + 1));
 
   // the force is a constant offset for one period
   std::vector<EffectAt> effects = h.added;

@@ -10,6 +10,7 @@
 #include "tools/gap/engine.hpp"
 #include "tools/gap/gate.hpp"
 #include "tools/gap/localise.hpp"
+#include "tools/gap/memory.hpp"
 #include "tools/gap/proof.hpp"
 #include "tools/gap/search.hpp"
 #include "tools/gap/thresholds.hpp"
@@ -109,6 +110,7 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
   s.scales = measure_scales(s.data, s.windows, config, prior_centre(config).data());
   s.candidates = candidates_of(config, options);
   s.shooting = std::make_unique<Shooting>(s.data, s.windows, config, s.scales);
+  result.memory_bytes = memory_bound(s);
 
   Found found = search(s);
   confirm(s, found);

@@ -124,7 +124,7 @@ struct Result {
   std::size_t fit_windows = 0, decide_windows = 0, test_windows = 0;
   double data_s = 0;  ///< seconds of data used
   double cpu_s = 0;
-  std::size_t memory_bytes = 0;       ///< taken after the logs were read, fixed from then on
+  std::size_t memory_bytes = 0;       ///< bound of what is taken after the logs were read, known before the search
   std::string data_hash, model_hash;  ///< of the logs' bytes and of the robot file
 };
 

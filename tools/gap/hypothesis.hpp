@@ -24,6 +24,7 @@ struct Hypothesis {
   std::vector<EffectAt> added;
   std::vector<FreeParam> free;   ///< the model's inferred ones, then all of the added effects'
   bool sensors = false;          ///< an effect changes what is measured
+  bool follows = false;          ///< an effect has states that follow the motion
   std::uint32_t own_params = 0;  ///< parameters of the robot file's own model and effects
 };
 

@@ -62,7 +62,7 @@ void Pool::consider(std::vector<Entry> screened, std::size_t keep) {
   for (Entry& e : kept) e.enough = enough_for(e);
   refine(s, kept, ahead);
   for (Entry& e : kept)
-    if (e.fit.finite && !s.stopped()) entries.push_back(std::move(e));
+    if (e.fit.finite && !s.stopped() && entries.size() + 1 < kMostSets) entries.push_back(std::move(e));
   decide_near();
 }
 
@@ -97,7 +97,7 @@ std::size_t Pool::without(std::size_t index, std::size_t member) {
   }
   if (const std::size_t known = find(rest); known != kNone) return known;
   Entry e;
-  if (!make_hypothesis(s.config, rest, &s.scales, e.hypothesis)) return kNone;
+  if (entries.size() + 1 >= kMostSets || !make_hypothesis(s.config, rest, &s.scales, e.hypothesis)) return kNone;
   e.fit = s.shooting->begin(e.hypothesis, params, &entries[index].fit);
   FitSettings few;
   few.iterations = kFirstIterations;

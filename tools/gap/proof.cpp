@@ -97,11 +97,10 @@ constexpr std::size_t kOverlays = 4;
 
 void prove(Session& s, const Found& found, Result& result) {
   const Entry &nominal = found.entries[0], &best = found.entries[found.best];
-  for (const double seconds : {0.25, 1.0, 3.0}) {
+  for (const double seconds : {kShortestProof_s, kProof_s, kLongestProof_s}) {
     const std::vector<Window> windows = test_windows(s, seconds);
     if (windows.empty() || s.stopped()) continue;
     Shooting shooting(s.data, windows, s.config, s.scales);
-    result.memory_bytes = std::max(result.memory_bytes, s.shooting->bytes() + shooting.bytes());
     Fit before = shooting.begin(nominal.hypothesis, nominal.fit.params, nullptr);
     Fit after = shooting.begin(best.hypothesis, best.fit.params, nullptr);
     shooting.prepare_whitening(nominal.hypothesis, before);
@@ -137,7 +136,7 @@ void prove(Session& s, const Found& found, Result& result) {
     gap.worse_z = mean_z(ratios);
     gap.before_rms = errors[0].rms();
     gap.after_rms = errors[1].rms();
-    if (seconds == 1.0) result.remaining_sigma = gap.after_sigma;
+    if (seconds == kProof_s) result.remaining_sigma = gap.after_sigma;
     result.horizons.push_back(gap);
     result.overlays = std::move(overlays);
   }

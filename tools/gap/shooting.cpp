@@ -47,6 +47,12 @@ Elimination eliminate(const GramMap& gram, std::uint32_t nx, std::uint32_t nf, d
   return e;
 }
 
+std::size_t most_points(const std::vector<Window>& windows) {
+  std::size_t most = 0;
+  for (const Window& w : windows) most = std::max<std::size_t>(most, w.points);
+  return most;
+}
+
 double penalty_of(const Hypothesis& h, const double* params, std::size_t stride) {
   double sum = 0, slope, curvature;
   for (const FreeParam& f : h.free) sum += prior_penalty(f, params[f.index * stride], &slope, &curvature);
@@ -64,28 +70,25 @@ Shooting::Shooting(const WindowData& data, const std::vector<Window>& windows, c
       scales_(scales),
       nx_(config.model->state_count),
       ny_(config.measurement_count),
-      rollout_(data, config,
-               [&] {
-                 std::size_t most = 0;
-                 for (const Window& w : windows) most = std::max<std::size_t>(most, w.points);
-                 return most;
-               }()),
-      whitening_(config, windows.size(), [&] {
-        std::size_t most = 0;
-        for (const Window& w : windows) most = std::max<std::size_t>(most, w.points);
-        return most;
-      }()) {
-  std::size_t most = 0;
-  for (const Window& w : windows) most = std::max<std::size_t>(most, w.points);
+      rollout_(data, config, most_points(windows)),
+      whitening_(config, windows.size(), most_points(windows)) {
+  const std::size_t most = most_points(windows);
   rows_.resize(most * ny_ * kLanes);
   std::copy_n(config.measured_state, ny_, measured_);
   columns_.resize(most * ny_ * (kMostColumns + 1));
   gram_.resize(windows.size() * kMostColumns * kMostColumns);
+  response_a_.resize(most * nx_ * nx_);
+  response_b_.resize(most * nx_);
+  response_position_.resize(most);
+  deviation_.resize(std::size_t{nx_} * kLanes);
+  products_.resize(std::size_t{kLanes} * (kLanes + 1));
 }
 
-std::size_t Shooting::bytes() const {
-  return rollout_.bytes() + whitening_.bytes() +
-         sizeof(double) * (rows_.capacity() + columns_.capacity() + gram_.capacity());
+std::size_t Shooting::bytes_for(const tiller_config_t& config, std::size_t windows, std::size_t points) {
+  const std::size_t nx = config.model->state_count, ny = config.measurement_count;
+  return WindowRollout::bytes_for(config, points) + Whitening::bytes_for(config, windows, points) +
+         sizeof(double) * (points * (ny * (kLanes + kMostColumns + 1) + nx * nx + nx + 1) +
+                           windows * kMostColumns * kMostColumns + (nx + kLanes + 1) * kLanes);
 }
 
 Fit Shooting::begin(const Hypothesis& h, const std::vector<double>& params, const Fit* warm) const {

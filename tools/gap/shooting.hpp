@@ -69,7 +69,8 @@ class Shooting {
   /// (lanes x lanes) of the responses' products, then (lanes) with the residual; until the next response.
   const double* response_products() const { return products_.data(); }
   std::size_t values(std::size_t index) const { return whitening_.values(index); }
-  std::size_t bytes() const;
+  /// On the heap, for `windows` windows of up to `points` points: taken by the constructor, fixed from then on.
+  static std::size_t bytes_for(const tiller_config_t& config, std::size_t windows, std::size_t points);
   double rollouts() const { return rollouts_; }  ///< windows rolled out so far
 
  private:

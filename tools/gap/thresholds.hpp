@@ -8,9 +8,13 @@ namespace tiller::tools::gap {
 constexpr double kWindow_s = 1.0;           // what is fitted: long enough to see friction, short enough to stay on path
 constexpr double kSubstep_s = 0.0025;       // of the integrator at most: friction is split off the free step
 constexpr double kRunIn_s = 0.25;           // commands that lags and delays see before a window
+constexpr double kPathRunIn_s = 1.0;        // of bristles and play, along the measured path
 constexpr double kStateHalfWidth_s = 0.03;  // parabola of the first guess of a window's state
 constexpr double kTestShare = 0.15;         // of the windows, kept for the proof
 constexpr double kLeast_s = 4.0;            // of windows: with less nothing is decided
+constexpr double kShortestProof_s = 0.25;   // lengths of the rollouts kept for the proof
+constexpr double kProof_s = 1.0;
+constexpr double kLongestProof_s = 3.0;
 
 // ---- screen --------------------------------------------------------------------------------------
 constexpr double kPitchStep = 0.3;                 // periods over the whole excursion between the pitches of a scan
@@ -35,6 +39,7 @@ constexpr double kStillInRace = 1.5;   // of the best cost: far behind is beyond
 constexpr double kPolishAgain = 1.05;  // of the cost on the screen's windows: other shapes that get so near are fitted
 constexpr double kPromising = 1.3;     // of the best set's: what a set reaches on the screen's windows to be fitted
 constexpr int kMostSwaps = 3;          // rounds in which the members of the best set are exchanged
+constexpr std::size_t kMostSets = 128;  // of effects that are fitted to all windows: what memory is told for
 
 // ---- decision ------------------------------------------------------------------------------------
 constexpr double kLeastClip_nats = 4;  // of a window's difference

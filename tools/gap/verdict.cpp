@@ -1,12 +1,11 @@
 #include "tools/gap/verdict.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <cstring>
 
 #include "effects/effect_info.hpp"
+#include "tools/gap/intervals.hpp"
 #include "tools/gap/thresholds.hpp"
 #include "tools/gap/twins.hpp"
 #include "tools/text.hpp"
@@ -22,22 +21,6 @@ bool alias(const EffectAt& a, const EffectAt& b) {
   if (a == b) return true;
   const EffectInfo &x = effect_info(a.kind), &y = effect_info(b.kind);
   return names(x.aliases, y.name) || names(y.aliases, x.name);
-}
-
-// Deviations of the free parameters: Gauss-Newton covariance times the residuals' dispersion.
-std::vector<double> deviations(const Entry& e, double dispersion) {
-  const auto nf = static_cast<Eigen::Index>(e.hypothesis.free.size());
-  std::vector<double> sd(static_cast<std::size_t>(nf), 0.0);
-  if (e.fit.information.size() != static_cast<std::size_t>(nf * nf) || nf == 0) return sd;
-  Eigen::MatrixXd s = Eigen::Map<const Eigen::MatrixXd>(e.fit.information.data(), nf, nf);
-  Eigen::VectorXd d(nf);
-  for (Eigen::Index i = 0; i < nf; ++i) d(i) = 1 / std::sqrt(std::max(1e-300, s(i, i)));
-  s = d.asDiagonal() * s * d.asDiagonal();
-  s.diagonal().array() += 1e-12;
-  const Eigen::MatrixXd inverse = s.ldlt().solve(Eigen::MatrixXd::Identity(nf, nf));
-  for (Eigen::Index i = 0; i < nf; ++i)
-    sd[static_cast<std::size_t>(i)] = std::sqrt(std::max(0.0, inverse(i, i)) * dispersion) * d(i);
-  return sd;
 }
 
 // The catalogue's "N or N m" at a port: what slides has the first, what turns the second.
@@ -74,13 +57,15 @@ std::vector<Estimate> estimates(const Session& s, const Entry& e, const Entry& n
     }
   }
   for (std::size_t i = 0; i < list.size(); ++i) list[i].mean = list[i].low = list[i].high = e.fit.params[i];
-  const std::vector<double> sd = deviations(e, s.dispersion), before = deviations(nominal, s.dispersion);
+  const std::vector<double> sd = deviations(e.hypothesis, e.fit, s.dispersion),
+                            before = deviations(nominal.hypothesis, nominal.fit, s.dispersion);
+  const double reach = interval_factor(e.hypothesis, e.fit);
   for (std::size_t f = 0; f < e.hypothesis.free.size(); ++f) {
     const FreeParam& free = e.hypothesis.free[f];
     Estimate& p = list[free.index];
     p.sd = sd[f];
-    p.low = std::max(free.low, p.mean - 1.96 * p.sd);
-    p.high = std::min(free.high, p.mean + 1.96 * p.sd);
+    p.low = std::max(free.low, p.mean - reach * p.sd);
+    p.high = std::min(free.high, p.mean + reach * p.sd);
     if (f < before.size()) p.before_sd = before[f];
   }
   return list;

@@ -122,8 +122,10 @@ void Whitening::apply(std::size_t index, const Window& w, double* rows) const {
   }
 }
 
-std::size_t Whitening::bytes() const {
-  return sizeof(double) * (a_.capacity() + k_.capacity() + g_.capacity() + lanes_.capacity());
+std::size_t Whitening::bytes_for(const tiller_config_t& config, std::size_t windows, std::size_t points) {
+  const std::size_t nx = config.model->state_count, ny = config.measurement_count;
+  const std::size_t lanes = nx + TILLER_MAX_EFFECT_STATES + 1 + TILLER_MAX_INPUTS + nx + nx * nx;
+  return sizeof(double) * (windows * (points * (ny + nx * nx + ny * nx) + 1) + lanes * kLanes);
 }
 
 }  // namespace tiller::tools::gap

@@ -1,9 +1,11 @@
 #include "tools/gap/window_rollout.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "effects/effect_info.hpp"
 #include "rollout/measurement.hpp"
+#include "tools/gap/thresholds.hpp"
 
 namespace tiller::tools::gap {
 
@@ -27,17 +29,49 @@ const double* WindowRollout::history(const Window& w, std::size_t start) {
   return history_.data();
 }
 
+// Periods before the window over which effects follow the measured path: as many as there are without a hole.
+std::size_t WindowRollout::path_steps(const Window& w) const {
+  const std::vector<double>& path = data_.path[w.grid];
+  const auto most = static_cast<std::size_t>(std::lround(kPathRunIn_s / data_.grids[w.grid].period_s));
+  std::size_t steps = 0;
+  while (steps < most && steps < w.start && std::isfinite(path[(w.start - steps - 1) * model_.state_count])) ++steps;
+  return steps;
+}
+
+// Period by period from the measured state: what the effects' own states make of the motion that was.
+void WindowRollout::follow_path(const Window& w, std::size_t start) {
+  const std::uint32_t nu = model_.input_count;
+  RolloutJob<double> job;
+  job.setup = &hypothesis_->setup;
+  job.lanes = kLanes;
+  job.horizon = 1;
+  job.period_s = data_.grids[w.grid].period_s;
+  job.params = {params_.data(), kLanes};
+  job.final_state = final_states_.data();
+  for (std::size_t k = start; k < w.start; ++k) {
+    job.state.data = data_.path[w.grid].data() + k * model_.state_count;
+    job.effect_state = {effect_states_.data(), kLanes};
+    job.controls.data = data_.controls[w.grid].data() + k * nu;
+    job.history = history(w, k);
+    job.final_effect_state = final_effect_states_.data();
+    table_.rollout_f64(model_, job);
+    effect_states_.swap(final_effect_states_);
+  }
+}
+
 // Commands before the window bring the effects' own states to where they are at its start. The path on the way is the
-// model's from a state that the measurements give.
+// model's from a state that the measurements give, or the measured one.
 void WindowRollout::run_in(const Window& w) {
   const StepSetup& setup = hypothesis_->setup;
-  const std::size_t start = w.start - w.run_in_steps;
+  const std::size_t along = hypothesis_->follows ? path_steps(w) : 0;
+  const std::size_t start = w.start - (along > 0 ? along : w.run_in_steps);
   const std::uint32_t nu = model_.input_count;
   std::fill(effect_states_.begin(), effect_states_.end(), 0.0);
   for (std::uint32_t e = 0; e < setup.effect_count; ++e)
     if (setup.effects[e].kind == tiller_effect_actuator_lag || setup.effects[e].kind == tiller_effect_rate_limit)
       std::fill_n(effect_states_.begin() + setup.effects[e].state * kLanes, kLanes,
                   data_.controls[w.grid][(start > 0 ? start - 1 : 0) * nu + setup.effects[e].port]);
+  if (along > 0) return follow_path(w, start);
   if (w.run_in_steps == 0) return;
   RolloutJob<double> job;
   job.setup = &setup;
@@ -92,10 +126,11 @@ const double* WindowRollout::run(const Window& w) {
   return predicted_.data();
 }
 
-std::size_t WindowRollout::bytes() const {
-  return sizeof(double) *
-         (states_.capacity() + params_.capacity() + 2 * effect_states_.capacity() + final_states_.capacity() +
-          history_.capacity() + trajectory_.capacity() + predicted_.capacity());
+std::size_t WindowRollout::bytes_for(const tiller_config_t& config, std::size_t points) {
+  const std::size_t lanes = 2 * std::size_t{TILLER_MAX_STATES} + TILLER_MAX_PARAMS +
+                            2 * (TILLER_MAX_EFFECT_STATES + 1) +
+                            (points + 1) * (config.model->state_count + config.measurement_count);
+  return sizeof(double) * (lanes * kLanes + (TILLER_MAX_DELAY_STEPS + 2) * TILLER_MAX_INPUTS);
 }
 
 }  // namespace tiller::tools::gap

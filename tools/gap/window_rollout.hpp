@@ -8,7 +8,8 @@
 namespace tiller::tools::gap {
 
 /// Rollouts of one window by the runtime's kernel: 16 lanes of start states and parameters. States of effects begin with
-/// a run-in over the commands before the window.
+/// a run-in over the commands before the window; those that follow the motion (bristles, play) with a longer one along
+/// the measured path, since a rollout would have left it by then.
 class WindowRollout {
  public:
   static constexpr std::uint32_t kLanes = kLanePadding;
@@ -22,11 +23,13 @@ class WindowRollout {
   const double* run(const Window& window);
   /// ((points) * nx x lanes) of the last run.
   const double* trajectory() const { return trajectory_.data(); }
-  std::size_t bytes() const;
+  static std::size_t bytes_for(const tiller_config_t& config, std::size_t points);
 
  private:
   const double* history(const Window& window, std::size_t start);
   void run_in(const Window& window);
+  std::size_t path_steps(const Window& window) const;
+  void follow_path(const Window& window, std::size_t start);
   void read_sensors(const Window& window);
 
   const WindowData& data_;

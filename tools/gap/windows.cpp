@@ -43,6 +43,13 @@ WindowData make_window_data(std::vector<Grid> grids, const tiller_config_t& conf
       for (std::uint32_t i = 0; i < config.measurement_count; ++i)
         measured[k * config.measurement_count + i] = grid.state[config.measured_state[i]][k];
     }
+    std::vector<double> path(n * model.state_count, NAN);
+    for (std::size_t k = 0; k < n; ++k) {
+      double state[TILLER_MAX_STATES];
+      if (estimate_state(grid, config, k, kStateHalfWidth_s, state))
+        std::copy_n(state, model.state_count, path.begin() + static_cast<std::ptrdiff_t>(k * model.state_count));
+    }
+    data.path.push_back(std::move(path));
     data.controls.push_back(std::move(controls));
     data.measured.push_back(std::move(measured));
     data.data_s += static_cast<double>(n) * grid.period_s;

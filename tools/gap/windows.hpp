@@ -25,6 +25,8 @@ struct WindowData {
   std::vector<Grid> grids;
   std::vector<std::vector<double>> controls;  ///< per grid (points x nu)
   std::vector<std::vector<double>> measured;  ///< per grid (points x ny)
+  /// Per grid (points x nx): the state at each point as the measurements around it say; NaN where they do not.
+  std::vector<std::vector<double>> path;
   double data_s = 0;
 };
 
