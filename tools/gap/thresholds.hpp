@@ -9,6 +9,7 @@ constexpr double kWindow_s = 1.0;           // what is fitted: long enough to se
 constexpr double kSubstep_s = 0.0025;       // of the integrator at most: friction is split off the free step
 constexpr double kRunIn_s = 0.25;           // commands that lags and delays see before a window
 constexpr double kPathRunIn_s = 1.0;        // of bristles and play, along the measured path
+constexpr double kLimiterRunIn_s = 5.0;     // of rate limits, by commands alone: they may never catch up with them
 constexpr double kStateHalfWidth_s = 0.03;  // parabola of the first guess of a window's state
 constexpr double kTestShare = 0.15;         // of the windows, kept for the proof
 constexpr double kLeast_s = 4.0;            // of windows: with less nothing is decided

@@ -59,6 +59,25 @@ void WindowRollout::follow_path(const Window& w, std::size_t start) {
   }
 }
 
+// What a limiter puts out at `start`, by all commands before it that count: it may be seconds behind them, longer than
+// any run-in.
+void WindowRollout::follow_commands(const Window& w, const EffectSlot& limiter, std::size_t start) {
+  const std::uint32_t nu = model_.input_count;
+  const double period = data_.grids[w.grid].period_s;
+  const auto most = static_cast<std::size_t>(std::lround(kLimiterRunIn_s / period));
+  double* out = effect_states_.data() + limiter.state * kLanes;
+  const double* rate = params_.data() + limiter.param * kLanes;
+  std::size_t k = start > most ? start - most : 0;
+  std::fill_n(out, kLanes, data_.controls[w.grid][k * nu + limiter.port]);
+  for (; k < start; ++k) {
+    const double command = data_.controls[w.grid][k * nu + limiter.port];
+    for (std::uint32_t l = 0; l < kLanes; ++l) {
+      const double change = command - out[l], step = rate[l] > 0 ? rate[l] * period : std::fabs(change);
+      out[l] += std::max(-step, std::min(step, change));
+    }
+  }
+}
+
 // Commands before the window bring the effects' own states to where they are at its start. The path on the way is the
 // model's from a state that the measurements give, or the measured one.
 void WindowRollout::run_in(const Window& w) {
@@ -68,9 +87,11 @@ void WindowRollout::run_in(const Window& w) {
   const std::uint32_t nu = model_.input_count;
   std::fill(effect_states_.begin(), effect_states_.end(), 0.0);
   for (std::uint32_t e = 0; e < setup.effect_count; ++e)
-    if (setup.effects[e].kind == tiller_effect_actuator_lag || setup.effects[e].kind == tiller_effect_rate_limit)
+    if (setup.effects[e].kind == tiller_effect_actuator_lag)
       std::fill_n(effect_states_.begin() + setup.effects[e].state * kLanes, kLanes,
                   data_.controls[w.grid][(start > 0 ? start - 1 : 0) * nu + setup.effects[e].port]);
+    else if (setup.effects[e].kind == tiller_effect_rate_limit)
+      follow_commands(w, setup.effects[e], start);
   if (along > 0) return follow_path(w, start);
   if (w.run_in_steps == 0) return;
   RolloutJob<double> job;
