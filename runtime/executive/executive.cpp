@@ -53,8 +53,12 @@ void Executive::sense(Tick& tick) {
   const SensorVerdict verdict = guard_.check(tick.now_us, tick.measurement);
   tick.usable = verdict.usable;
   tick.note(verdict.status);
+  // in motion nothing may have been expired, not even if good readings are back; at rest nobody is hurt by a pause
+  const bool paused = verdict.expired && moving();
+  if (paused) tick.note(tiller_status_sensor_stale);
   if (verdict.usable) machine_.on_measurement();
-  if (verdict.lost) (void)machine_.on(Event::sensor_fault, verdict.status);
+  if (verdict.lost || paused)
+    (void)machine_.on(Event::sensor_fault, verdict.lost ? verdict.status : tiller_status_sensor_stale);
   info_.rejected_measurements = guard_.rejected();
   info_.missing_values = guard_.missing();
 }
@@ -222,7 +226,8 @@ void Executive::replan(Tick& tick) {
     // no time for a single iteration: the planner moved its last plan on by a step
     ++info_.late_plans;
     tick.note(tiller_status_deadline_missed);
-    if (++unrenewed_plans_ > plan_.horizon() / 2) return fail_plan(tick, tiller_status_deadline_missed);
+    if (unrenewed_plans_ < kLongest) ++unrenewed_plans_;
+    if (unrenewed_plans_ > plan_.horizon() / 2) return fail_plan(tick, tiller_status_deadline_missed);
     return;
   }
   unrenewed_plans_ = 0;
@@ -274,7 +279,9 @@ void Executive::hold_command(double* command) const {
 }
 
 void Executive::count_hold(Tick& tick) {
-  hold_ticks_ = machine_.state() == tiller_state_hold ? hold_ticks_ + 1 : 0;
+  // held at its end: HOLD may last for ever, and a count that wraps would begin it anew
+  const bool hold = machine_.state() == tiller_state_hold;
+  hold_ticks_ = !hold ? 0 : hold_ticks_ + (hold_ticks_ < kLongest ? 1 : 0);
   const std::uint32_t most = config_.safety.hold_ticks_to_safe;
   if (most > 0 && hold_ticks_ >= most) (void)machine_.on(Event::hold_expired, tick.status);
 }

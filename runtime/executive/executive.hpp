@@ -67,6 +67,7 @@ class Executive {
 
   Executive() = default;
   friend class Arena;
+  friend struct WrapProbe;  // a test's: sets counters near the end of their range
 
   // the tick, in order
   Tick begin_tick(std::int64_t now_us, const tiller_measurement_t* measurement);
@@ -128,7 +129,7 @@ class Executive {
   std::uint64_t task_tick_ = 0;  // tick in which motion began: step 0 of a reference
   std::uint32_t hold_ticks_ = 0;
   std::uint32_t unrenewed_plans_ = 0;  // in a row, by planners that had no time for an iteration
-  static constexpr std::uint32_t kNotForced = 0xffffffffu;
+  static constexpr std::uint32_t kNotForced = 0xffffffffu, kLongest = 0xffffffffu;
   std::uint32_t forced_iterations_ = kNotForced;
   float* history_ = nullptr;  // (delay_steps x nu) scratch
 };

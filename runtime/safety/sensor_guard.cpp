@@ -32,6 +32,8 @@ SensorVerdict SensorGuard::check(std::int64_t now_us, const tiller_measurement_t
   clocked_ = true;
 
   SensorVerdict verdict;
+  // told even where a reading is here now: whoever did not tick meanwhile (a stopped process) has not heard of it
+  verdict.expired = stale(now_us);
   if (went_back) {
     // no age can be told at this tick, not even that of the last measurement
     verdict.status = tiller_status_time_backwards;

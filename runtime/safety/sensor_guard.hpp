@@ -24,6 +24,7 @@ struct SensorVerdict {
   tiller_status_t status = tiller_status_ok;  // ok, no_new_measurement, or why it was rejected
   bool usable = false;                        // new and valid: learn and plan from it
   bool lost = false;                          // the sensors cannot be relied on any more: SAFE
+  bool expired = false;                       // before this tick they had been silent for longer than the timeout
 };
 
 /// a - b in microseconds, held at the ends of the range instead of overflowing: stamps are the caller's.

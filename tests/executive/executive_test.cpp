@@ -5,6 +5,18 @@
 
 #include "bench.hpp"
 
+namespace tiller {
+
+/// Sets counters of years, which no test can wait for.
+struct WrapProbe {
+  static void set(Executive& e, std::uint64_t plans, std::uint32_t in_a_row) {
+    e.info_.plans = plans;
+    e.hold_ticks_ = e.unrenewed_plans_ = in_a_row;
+  }
+};
+
+}  // namespace tiller
+
 namespace {
 
 using bench::Bench;
@@ -126,6 +138,26 @@ TEST(Transition, GapBeyondFourPeriodsStartsTheFilters) {
   EXPECT_EQ(fakes::posterior.transitions.size(), 1u);
   EXPECT_EQ(b.executive->info().posterior_failures, 1u);
   EXPECT_EQ(b.state(), tiller_state_active) << "planned from the new start";
+}
+
+TEST(Pause, LongerThanTheSensorsTimeoutInMotionIsSafe) {
+  Bench b;
+  b.activate();
+  b.now_us += 100000 - b.period_us;
+  (void)b.tick();
+  EXPECT_EQ(b.state(), tiller_state_active) << "just in time";
+  b.now_us += 100001 - b.period_us;
+  EXPECT_EQ(b.tick(), tiller_status_sensor_stale) << "a process that was stopped, with a fresh reading";
+  EXPECT_EQ(b.state(), tiller_state_safe);
+  EXPECT_EQ(b.command.value[0], 0.0);
+}
+
+TEST(Pause, AtRestHurtsNobody) {
+  Bench b;
+  (void)b.tick();
+  b.now_us += 10000000;
+  EXPECT_EQ(b.tick(), tiller_status_ok);
+  EXPECT_EQ(b.state(), tiller_state_standby);
 }
 
 TEST(Transition, NoLearningInSafe) {
@@ -367,6 +399,36 @@ TEST(Heartbeat, NumberStandsStillWheneverNoPlanWasMade) {
   (void)b.executive->stop(tiller_status_stopped);
   (void)b.tick();
   EXPECT_EQ(b.command.plan_sequence, 3u) << "SAFE plans nothing";
+}
+
+TEST(Wrap, PlansNumberGoesOnOverThirtyTwoBits) {
+  Bench b;
+  b.activate();
+  tiller::WrapProbe::set(*b.executive, 0xfffffffeu, 0);
+  (void)b.tick();
+  EXPECT_EQ(b.command.plan_sequence, 0xffffffffu);
+  (void)b.tick();
+  EXPECT_EQ(b.command.plan_sequence, 0u);
+  (void)b.tick();
+  EXPECT_EQ(b.command.plan_sequence, 1u);
+  EXPECT_EQ(b.executive->info().plans, 0x100000001u);
+  EXPECT_EQ(b.state(), tiller_state_active);
+}
+
+TEST(Wrap, LatePlansOfYearsStayInHold) {
+  tiller_config_t config = known_pendulum();
+  config.safety.hold_ticks_to_safe = 0;  // HOLD may last
+  Bench b(config);
+  b.activate();
+  fakes::planner.result.iterations = 0;
+  for (int i = 0; i < 10; ++i) (void)b.tick();
+  ASSERT_EQ(b.state(), tiller_state_hold);
+  tiller::WrapProbe::set(*b.executive, 5, 0xfffffffeu);
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_EQ(b.tick(), tiller_status_deadline_missed) << i;
+    EXPECT_EQ(b.state(), tiller_state_hold) << i;
+  }
+  EXPECT_EQ(b.executive->info().plan_failures, 10u - 4u + 5u) << "each of them is a failed plan";
 }
 
 TEST(Plan, WarmStartIsDroppedOnlyWhenMotionBegins) {

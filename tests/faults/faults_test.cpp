@@ -4,6 +4,7 @@
 #include <string>
 
 #include "fault.hpp"
+#include "fault_refusals.hpp"
 
 // Every kind of fault on both plants. What must hold is judged in every run (fault_run.cpp): commands within their
 // limits, the motor stopped in time, nothing driven for long without a genuine reading, SAFE latched.
@@ -30,6 +31,11 @@ TEST(Kinds, AreManyAndNamedOnce) {
   std::set<std::string> names;
   for (const Fault& f : all_faults()) EXPECT_TRUE(names.insert(f.name).second) << f.name;
   EXPECT_GE(names.size(), 60u);
+}
+
+TEST(Refusal, ConfigurationThatDoesNotFitBecomesNoController) {
+  for (const Refusal& r : all_refusals())
+    for (const Robot robot : kRobots) EXPECT_TRUE(is_refused(r, robot)) << r.name << " on the " << name_of(robot);
 }
 
 /// The judge must be able to say no: a fault that nobody answers.

@@ -3,10 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstring>
+#include <cstdio>
 #include <limits>
 
-#include "core/rng.hpp"
+#include "gate_storm.hpp"
 
 namespace tiller {
 namespace {
@@ -52,7 +52,10 @@ TEST(OutputGate, CutsToLimitsAndRatesAndCounts) {
   const double fast[] = {-20.0, 0.5};
   EXPECT_EQ(gate.pass(fast, hold, kPeriod_s, out), tiller_status_rate_limited);
   EXPECT_DOUBLE_EQ(out[0], -3.0);  // 5 - 8
-  EXPECT_EQ(gate.cuts(), 2u);
+  const double below[] = {-3.0, -1.0};
+  EXPECT_EQ(gate.pass(below, hold, kPeriod_s, out), tiller_status_command_limited) << "not its rate";
+  EXPECT_EQ(out[1], 0.0);
+  EXPECT_EQ(gate.cuts(), 3u);
   EXPECT_EQ(gate.rejections(), 0u);
 }
 
@@ -135,76 +138,17 @@ TEST(OutputGate, NonsenseLimitsLeaveTheSafeCommandAlone) {
   EXPECT_EQ(out[3], 2.0);
 }
 
-/// Any 64 bits read as a double: NaN payloads, denormals, both infinities, 1e308, all of it.
-double any_double(Rng& rng) {
-  const std::uint64_t bits = (std::uint64_t{rng.next_u32()} << 32) | rng.next_u32();
-  double value;
-  std::memcpy(&value, &bits, sizeof value);
-  return value;
-}
-
-double adversarial(Rng& rng, double low, double high) {
-  switch (rng.below(10)) {
-    case 0: return kNan;
-    case 1: return kInf;
-    case 2: return -kInf;
-    case 3: return std::numeric_limits<double>::max();
-    case 4: return std::numeric_limits<double>::denorm_min();
-    case 5: return low;
-    case 6: return std::nextafter(high, kInf);
-    case 7: return any_double(rng);
-    default: return low + (high - low) * (1.5 * rng.uniform() - 0.25);
-  }
-}
-
 TEST(OutputGate, NothingGetsThrough) {
-  // one million commands in a thousand random gates, limits over 12 decades
-  Rng rng(7, 100, 0);
-  std::uint64_t cut = 0, rejected = 0;
-  for (int g = 0; g < 1000; ++g) {
-    GateLimits limits;
-    limits.count = 1 + rng.below(TILLER_MAX_INPUTS);
-    limits.period_s = std::pow(10.0, -4.0 * rng.uniform());
-    for (std::uint32_t i = 0; i < limits.count; ++i) {
-      const double scale = std::pow(10.0, 12.0 * rng.uniform() - 6.0);
-      limits.low[i] = scale * rng.normal();
-      limits.high[i] = limits.low[i] + (rng.below(8) == 0 ? 0.0 : scale * rng.uniform());
-      limits.rate_per_s[i] = rng.below(4) == 0 ? kInf : scale * rng.uniform() / limits.period_s;
-      limits.safe_command[i] = limits.low[i] + (limits.high[i] - limits.low[i]) * rng.uniform();
-    }
-    OutputGate gate(limits);
-    double last[TILLER_MAX_INPUTS];
-    std::memcpy(last, gate.last(), sizeof last);
-    for (int k = 0; k < 1000; ++k) {
-      double wanted[TILLER_MAX_INPUTS], hold[TILLER_MAX_INPUTS], out[TILLER_MAX_INPUTS];
-      for (std::uint32_t i = 0; i < limits.count; ++i) {
-        wanted[i] = adversarial(rng, limits.low[i], limits.high[i]);
-        hold[i] = adversarial(rng, limits.low[i], limits.high[i]);
-      }
-      const double elapsed_s = rng.below(4) == 0 ? any_double(rng) : limits.period_s * 2.0 * rng.uniform();
-      if (rng.below(50) == 0) {
-        gate.send_safe(out);
-        std::memcpy(last, out, sizeof last);
-        continue;
-      }
-      (void)gate.pass(wanted, hold, elapsed_s, out);
-      for (std::uint32_t i = 0; i < limits.count; ++i) {
-        ASSERT_TRUE(std::isfinite(out[i]));
-        ASSERT_GE(out[i], limits.low[i]);
-        ASSERT_LE(out[i], limits.high[i]);
-        // one rounding of last +- step is all that the subtraction here may see
-        const double rounding = 4e-16 * (std::abs(out[i]) + std::abs(last[i]));
-        ASSERT_LE(std::abs(out[i] - last[i]), limits.rate_per_s[i] * limits.period_s + rounding);
-        last[i] = out[i];
-      }
-    }
-    cut += gate.cuts();
-    rejected += gate.rejections();
-  }
-  std::printf("1e6 commands: %llu cut, %llu rejected\n", static_cast<unsigned long long>(cut),
-              static_cast<unsigned long long>(rejected));
-  EXPECT_GT(cut, 100000u) << "the commands were too tame to test anything";
-  EXPECT_GT(rejected, 100000u);
+  // one million here; ./dev bench robot sends a hundred million
+  const StormResult r = GateStorm(7).run(1000000);
+  std::printf("1e6 commands: %llu cut, %llu rejected\n", static_cast<unsigned long long>(r.cut),
+              static_cast<unsigned long long>(r.rejected));
+  EXPECT_EQ(r.not_finite, 0u);
+  EXPECT_EQ(r.beyond_limit, 0u);
+  EXPECT_EQ(r.beyond_rate, 0u);
+  EXPECT_EQ(r.altered, 0u) << "a gate that lets nothing through is no gate";
+  EXPECT_GT(r.cut, 100000u) << "the commands were too tame to test anything";
+  EXPECT_GT(r.rejected, 100000u);
 }
 
 }  // namespace

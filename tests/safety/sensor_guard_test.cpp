@@ -77,6 +77,25 @@ TEST(SensorGuard, NothingNewIsFineUntilTheTimeout) {
   EXPECT_TRUE(stale.lost);
 }
 
+TEST(SensorGuard, SilenceThatNobodyTickedThroughIsToldWithTheReadingThatEndsIt) {
+  Bench b;
+  EXPECT_FALSE(b.at(0, 0.0, 0.0).expired) << "nothing had been heard yet";
+  EXPECT_FALSE(b.at(100000, 0.1, 0.0).expired) << "just in time";
+  const SensorVerdict v = b.at(200001, 0.1, 0.0);
+  EXPECT_TRUE(v.expired);
+  EXPECT_TRUE(v.usable) << "the reading is as good as any";
+  EXPECT_FALSE(v.lost);
+  EXPECT_FALSE(b.at(220001, 0.1, 0.0).expired) << "and over";
+}
+
+TEST(SensorGuard, GoodReadingForgetsTheTicksOfAStandingClock) {
+  Bench b;
+  (void)b.at(0, 0.0, 0.0);
+  for (int i = 0; i < 4; ++i) EXPECT_FALSE(b.nothing(0).lost);
+  EXPECT_TRUE(b.at(1000, 0.0, 0.001).usable);
+  for (int i = 0; i < 4; ++i) EXPECT_FALSE(b.nothing(1000).lost) << i;
+}
+
 TEST(SensorGuard, BeforeTheFirstReadingNothingIsLost) {
   Bench b;
   const SensorVerdict v = b.nothing(1000000000);
@@ -158,9 +177,19 @@ TEST(SensorGuard, OneDeadSensorIsStaleByItself) {
   EXPECT_FALSE(v.usable);
 }
 
+TEST(SensorGuard, OldReadingAmongFreshOnesIsRefusedAndLosesNothing) {
+  Bench b;
+  (void)b.at(500000, reading(420000, 0.0, 0.0));
+  const SensorVerdict v = b.at(515000, reading(414000, 0.0, 0.0));
+  EXPECT_EQ(v.status, tiller_status_sensor_stale) << "too old by itself, whatever the order";
+  EXPECT_FALSE(v.lost);
+  EXPECT_EQ(b.guard.rejected(), 1u);
+}
+
 TEST(SensorGuard, RefusesOutOfRangeAndJumps) {
   Bench b;
   (void)b.at(0, 0.0, 3.1);
+  EXPECT_EQ(b.at(kPeriod_us / 2, -2.5, 3.1).status, tiller_status_sensor_out_of_range);
   EXPECT_EQ(b.at(kPeriod_us, 2.5, 3.1).status, tiller_status_sensor_out_of_range);
   EXPECT_EQ(b.at(2 * kPeriod_us, 0.3, 3.1).status, tiller_status_sensor_jump) << "7.5 m/s over 40 ms";
   EXPECT_EQ(b.at(3 * kPeriod_us, 0.29, 3.1).status, tiller_status_ok) << "4.8 m/s over the 60 ms since the last";

@@ -132,6 +132,18 @@ TEST(StateMachine, DisarmedBeforeTheFirstMeasurementStaysDisarmed) {
   EXPECT_EQ(m.state(), kStandby);
 }
 
+TEST(StateMachine, ResetDisarmsAlsoWhereNothingWasWrong) {
+  for (const bool measured : {false, true}) {
+    StateMachine m;
+    if (measured) m.on_measurement();
+    ASSERT_EQ(m.on(Event::arm), tiller_status_ok);
+    ASSERT_EQ(m.on(Event::reset), tiller_status_ok);
+    EXPECT_FALSE(m.armed());
+    m.on_measurement();
+    EXPECT_EQ(m.state(), tiller_state_standby);
+  }
+}
+
 TEST(StateMachine, SafeKeepsTheFirstFaultUntilReset) {
   StateMachine m = machine_in(kActive);
   (void)m.on(Event::sensor_fault, tiller_status_sensor_frozen);

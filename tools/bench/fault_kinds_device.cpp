@@ -49,7 +49,7 @@ void commands(std::vector<Fault>& list) {
                   Timeout::kSensor, "the device holds the last one, at most until its watchdog"});
   list.back().step = [](World& w) { w.command_lost = w.random.chance(0.3); };
   list.push_back({"controller_pauses", group, "no tick for 0.3 s, then on as if nothing had been", Road::kMemory,
-                  End::kBounded, Timeout::kWatchdog, "the device's watchdog; then `sensor_stale`, or a gap"});
+                  End::kStops, Timeout::kWatchdog, "the device's watchdog; then `sensor_stale`, SAFE"});
   list.back().step = [](World& w) { w.hung = w.ticks < 15; };
   list.push_back({"saturated_plan", group, "limits and rates a tenth of what the plan needs", Road::kMemory,
                   End::kBounded, Timeout::kSensor, "the gate cuts: `command_limited`, `rate_limited`"});

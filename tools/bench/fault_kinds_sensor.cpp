@@ -202,7 +202,7 @@ void time(std::vector<Fault>& list) {
     return true;
   };
   list.push_back({"clock_steps_ahead", group, "the caller's clock and the stamps step ahead by up to an hour",
-                  Road::kMemory, End::kBounded, Timeout::kSensor, "a gap: SAFE, or the filters begin anew"});
+                  Road::kMemory, End::kStops, Timeout::kNow, "`sensor_stale`, SAFE"});
   list.back().step = [](World& w) {
     if (w.ticks == 0) w.clock_offset_us = static_cast<std::int64_t>(w.random.uniform(1e6, 3.6e9));
   };

@@ -1,0 +1,41 @@
+#include "fault_loss.hpp"
+
+#include <gtest/gtest.h>
+
+namespace tiller::faults {
+namespace {
+
+LossCase case_of(double loss, std::int64_t jitter_us) {
+  LossCase c;
+  c.loss = loss;
+  c.jitter_us = jitter_us;
+  c.seconds = 10.0;
+  return c;
+}
+
+TEST(Loss, StaysUpWithATenthOfTheFramesLostAndFiveMillisecondsOfJitter) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    const LossOutcome o = run_loss(case_of(0.1, 5000), seed);
+    EXPECT_TRUE(o.up) << "seed " << seed;
+    EXPECT_FALSE(o.safe) << "seed " << seed;
+    EXPECT_GT(o.missed, 20u) << "the bus was too good to show anything";
+    EXPECT_EQ(o.stale, 0u);
+  }
+}
+
+TEST(Loss, BeyondThatNoCommandIsStale) {
+  for (const double loss : {0.3, 0.6, 0.9}) {
+    for (std::uint64_t seed = 1; seed <= 2; ++seed) {
+      const LossOutcome o = run_loss(case_of(loss, 15000), seed);
+      EXPECT_EQ(o.stale, 0u) << loss;
+      // the timeouts of sensors and device one after the other, and two ticks
+      EXPECT_LE(o.worst_motor_age_s, 0.2 + 0.2 + 0.04) << loss;
+      if (loss > 0.8) {
+        EXPECT_TRUE(o.safe) << loss;
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace tiller::faults

@@ -1,0 +1,243 @@
+// The parts of ./dev bench robot that are programs of their own: faults, gate, soak, loss. robot.py runs them all.
+
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <sstream>
+#include <string>
+
+#include "bench_table.hpp"
+#include "fault.hpp"
+#include "fault_loss.hpp"
+#include "fault_refusals.hpp"
+#include "safety/gate_storm.hpp"
+#include "soak.hpp"
+
+namespace tiller::faults {
+namespace {
+
+using bench::at_least;
+using bench::at_most;
+using bench::Table;
+
+struct Options {
+  std::string section;
+  std::uint64_t seeds = 20;
+  std::uint64_t commands = 100000000;
+  std::uint64_t ticks = 8640000;
+  std::string page;  ///< the table of docs/faults.md is written between its marks
+};
+
+/// All runs of one kind.
+struct KindResult {
+  int runs = 0, wrong = 0;
+  int stopped = 0;
+  double worst_stop_s = 0.0;
+  std::string first_wrong;
+};
+
+KindResult run_kind(const Fault& fault, std::uint64_t seeds) {
+  KindResult r;
+  for (const Robot robot : kRobots) {
+    for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
+      const Outcome o = run_fault(fault, robot, seed);
+      ++r.runs;
+      if (o.stopped_s >= 0.0) ++r.stopped;
+      r.worst_stop_s = std::max(r.worst_stop_s, o.stopped_s);
+      if (o.wrong == nullptr) continue;
+      if (r.wrong++ == 0) {
+        std::ostringstream text;
+        text << name_of(robot) << ", seed " << seed << ", " << o.wrong_s << " s: " << o.wrong << " ("
+             << tiller_state_name(o.state) << ", " << tiller_status_name(o.status) << ")";
+        r.first_wrong = text.str();
+      }
+    }
+  }
+  return r;
+}
+
+std::string stop_text(const Fault& fault, const KindResult& r) {
+  char text[64];
+  if (fault.end == End::kRides) return "rides";
+  std::snprintf(text, sizeof text, "%.2f s", r.worst_stop_s);
+  if (fault.end == End::kStops) return text;
+  std::snprintf(text, sizeof text, "%d of %d stop", r.stopped, r.runs);
+  return text;
+}
+
+std::string allowed_text(const Fault& fault) {
+  if (fault.end != End::kStops) return "-";
+  std::string longest;
+  char text[64];
+  Setup setup = setup_of(Robot::kPendulum, 1);
+  if (fault.prepare != nullptr) fault.prepare(setup);
+  const double s = 1e-6 * static_cast<double>(timeout_us(fault.timeout, setup)) + 2.0 * setup.config.period_s;
+  std::snprintf(text, sizeof text, "%.2f s (%s)", s, name_of(fault.timeout));
+  return text;
+}
+
+/// Replaces what stands between the marks of a page.
+bool write_between_marks(const std::string& path, const std::string& table) {
+  static const char kBegin[] = "<!-- made by ./dev bench robot -->\n", kEnd[] = "<!-- end -->\n";
+  std::ifstream in(path);
+  std::stringstream whole;
+  whole << in.rdbuf();
+  std::string text = whole.str();
+  const std::size_t begin = text.find(kBegin), end = text.find(kEnd);
+  if (begin == std::string::npos || end == std::string::npos) return false;
+  text.replace(begin + sizeof kBegin - 1, end - begin - sizeof kBegin + 1, table);
+  std::ofstream out(path);
+  out << text;
+  return static_cast<bool>(out);
+}
+
+void faults(const Options& options, Table& table) {
+  table.heading("fault matrix, " + std::to_string(all_faults().size()) + " kinds x " + std::to_string(options.seeds) +
+                " seeds x 2 plants");
+  std::ostringstream page;
+  page << "| group | fault | over | what tiller does | stopped after, worst | allowed |\n|---|---|---|---|---|---|\n";
+  double runs = 0, wrong = 0;
+  for (const Fault& fault : all_faults()) {
+    const KindResult r = run_kind(fault, options.seeds);
+    runs += r.runs;
+    wrong += r.wrong;
+    std::printf("    %-32s %-7s %4d runs %4d wrong  %s%s%s\n", fault.name, name_of(fault.road), r.runs, r.wrong,
+                stop_text(fault, r).c_str(), r.wrong ? "  " : "", r.first_wrong.c_str());
+    std::fflush(stdout);
+    page << "| " << fault.group << " | " << fault.what << " | " << name_of(fault.road) << " | " << fault.answer << " | "
+         << stop_text(fault, r) << " | " << allowed_text(fault) << " |\n";
+  }
+  int refused = 0, refusals = 0;
+  for (const Refusal& r : all_refusals()) {
+    page << "| configuration | " << r.what << " | - | refused by `tiller_init`: there is no controller | - | - |\n";
+    for (const Robot robot : kRobots) {
+      ++refusals;
+      refused += is_refused(r, robot);
+    }
+  }
+  table.row("kinds", static_cast<double>(all_faults().size()), "", at_least(60));
+  table.row("configurations that do not fit, refused", 100.0 * refused / refusals, "%", at_least(100));
+  table.row("safe within the timeout plus two ticks, no limit violated", 100.0 * (runs - wrong) / runs, "%",
+            at_least(100));
+  table.row("runs", runs, "");
+  if (!options.page.empty() && !write_between_marks(options.page, page.str()))
+    std::fprintf(stderr, "bench_robot: %s has no marks for the table\n", options.page.c_str());
+}
+
+void gate(const Options& options, Table& table) {
+  const StormResult r = GateStorm(1).run(options.commands);
+  table.heading("output gate, random and adversarial commands");
+  table.row("commands", static_cast<double>(r.commands), "", at_least(1e8));
+  table.row("escapes: not finite", static_cast<double>(r.not_finite), "", at_most(0));
+  table.row("escapes: beyond a limit", static_cast<double>(r.beyond_limit), "", at_most(0));
+  table.row("escapes: beyond a rate", static_cast<double>(r.beyond_rate), "", at_most(0));
+  table.row("commands in order that came out changed", static_cast<double>(r.altered), "", at_most(0));
+  table.row("cut to a limit", 100.0 * static_cast<double>(r.cut) / static_cast<double>(r.commands), "%");
+  table.row("replaced for not being finite", 100.0 * static_cast<double>(r.rejected) / static_cast<double>(r.commands),
+            "%");
+}
+
+void soak(const Options& options, Table& table) {
+  SoakCase wrapping;
+  wrapping.ticks = options.ticks;
+  wrapping.first_sequence = 0u - static_cast<std::uint32_t>(options.ticks / 2);
+  wrapping.first_stamp_us = (std::int64_t{1} << 32) - static_cast<std::int64_t>(options.ticks / 2) * 10000;
+  const SoakOutcome first = run_soak(wrapping), second = run_soak(wrapping);
+  table.heading("soak, lockstep at 100 Hz; numbers wrap and stamps pass 2^32 us half way");
+  table.row("ticks", static_cast<double>(first.ticks), "", at_least(8640000));
+  table.row("ticks with a fault", static_cast<double>(first.faults), "", at_most(0));
+  table.row("ticks out of ACTIVE", static_cast<double>(first.not_active), "", at_most(0));
+  table.row("measurements without their answer", static_cast<double>(first.unanswered), "", at_most(0));
+  table.row("growth of the heap", static_cast<double>(first.heap_growth_bytes), "bytes", at_most(0));
+  table.row("growth of resident memory", static_cast<double>(first.resident_growth_bytes), "bytes", at_most(65536));
+  table.row("commands of the repeat that differ (hash)", first.hash == second.hash ? 0.0 : 1.0, "", at_most(0));
+  table.row("largest angle from upright", first.worst_angle_rad, "rad");
+}
+
+void loss_rows(const Options& options, Table& table, double loss, std::int64_t jitter_us) {
+  int up = 0, safe = 0;
+  double stale = 0, age = 0, motor_age = 0;
+  for (std::uint64_t seed = 1; seed <= options.seeds; ++seed) {
+    LossCase c;
+    c.loss = loss;
+    c.jitter_us = jitter_us;
+    const LossOutcome o = run_loss(c, seed);
+    up += o.up;
+    safe += o.safe;
+    stale += static_cast<double>(o.stale);
+    age = std::max(age, o.worst_age_s);
+    motor_age = std::max(motor_age, o.worst_motor_age_s);
+  }
+  char what[96];
+  std::snprintf(what, sizeof what, "%.0f %% of frames lost, 0..%.0f ms late: ", 100.0 * loss,
+                1e-3 * static_cast<double>(jitter_us));
+  const bool promised = loss <= 0.1 && jitter_us <= 5000;
+  const double n = static_cast<double>(options.seeds);
+  table.row(std::string(what) + "up", 100.0 * up / n, "%", promised ? at_least(100) : bench::Goal{});
+  table.row(std::string(what) + "SAFE", 100.0 * safe / n, "%");
+  table.row(std::string(what) + "stale commands", stale, "", at_most(0));
+  table.row(std::string(what) + "oldest basis", 1e3 * age, "ms", at_most(200));
+  table.row(std::string(what) + "at the motor", 1e3 * motor_age, "ms", at_most(440));
+}
+
+void loss(const Options& options, Table& table) {
+  table.heading("loss on an emulated bus, pendulum, 20 s, timeouts of 0.2 s");
+  loss_rows(options, table, 0.0, 0);
+  loss_rows(options, table, 0.1, 5000);
+  loss_rows(options, table, 0.2, 5000);
+  loss_rows(options, table, 0.1, 15000);
+  loss_rows(options, table, 0.5, 15000);
+  loss_rows(options, table, 0.8, 15000);
+}
+
+int usage() {
+  std::fprintf(stderr,
+               "usage: bench_robot faults|gate|soak|loss [--seeds N] [--commands N] [--ticks N] [--page FILE]\n"
+               "  faults  every kind of fault from N seeds on two plants (20); --page writes docs/faults.md's table\n"
+               "  gate    N commands into the output gate (1e8)\n"
+               "  soak    N ticks in lockstep, twice (8640000)\n"
+               "  loss    the pendulum over an emulated bus that loses frames (20 seeds)\n");
+  return 2;
+}
+
+bool parse(int argc, char** argv, Options& o) {
+  if (argc < 2) return false;
+  o.section = argv[1];
+  for (int i = 2; i + 1 < argc; i += 2) {
+    const std::string key = argv[i];
+    const auto number = static_cast<std::uint64_t>(std::strtod(argv[i + 1], nullptr));
+    if (key == "--seeds")
+      o.seeds = number;
+    else if (key == "--commands")
+      o.commands = number;
+    else if (key == "--ticks")
+      o.ticks = number;
+    else if (key == "--page")
+      o.page = argv[i + 1];
+    else
+      return false;
+  }
+  return argc % 2 == 0 && o.seeds > 0;
+}
+
+int run(int argc, char** argv) {
+  Options options;
+  if (!parse(argc, argv, options)) return usage();
+  Table table;
+  if (options.section == "faults")
+    faults(options, table);
+  else if (options.section == "gate")
+    gate(options, table);
+  else if (options.section == "soak")
+    soak(options, table);
+  else if (options.section == "loss")
+    loss(options, table);
+  else
+    return usage();
+  return table.finish();
+}
+
+}  // namespace
+}  // namespace tiller::faults
+
+int main(int argc, char** argv) { return tiller::faults::run(argc, argv); }
