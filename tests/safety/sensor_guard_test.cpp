@@ -192,6 +192,7 @@ TEST(SensorGuard, RefusesOutOfRangeAndJumps) {
   EXPECT_EQ(b.at(kPeriod_us / 2, -2.5, 3.1).status, tiller_status_sensor_out_of_range);
   EXPECT_EQ(b.at(kPeriod_us, 2.5, 3.1).status, tiller_status_sensor_out_of_range);
   EXPECT_EQ(b.at(2 * kPeriod_us, 0.3, 3.1).status, tiller_status_sensor_jump) << "7.5 m/s over 40 ms";
+  EXPECT_EQ(b.at(5 * kPeriod_us / 2, -0.3, 3.1).status, tiller_status_sensor_jump) << "either way";
   EXPECT_EQ(b.at(3 * kPeriod_us, 0.29, 3.1).status, tiller_status_ok) << "4.8 m/s over the 60 ms since the last";
 }
 

@@ -126,12 +126,41 @@ void order(std::vector<Fault>& list) {
   };
 }
 
+void keyed(std::vector<Fault>& list) {
+  const auto hold_a_key = [](Setup& s) { s.keyed = true; };
+  list.push_back(lcm("spoofed_under_a_key", "plausible forgeries, while plant and controller hold a key", End::kRides,
+                     Timeout::kSensor, "wrong tags are refused: the forger is not heard"));
+  list.back().prepare = hold_a_key;
+  list.back().packets = [](World& w, std::vector<Packet>& packets) {
+    std::vector<Packet> forged = packets;
+    const std::uint32_t angle = w.angle();
+    rewrite(forged, [&](auto& m) {
+      m.sequence += 1000;
+      m.value[angle] += 0.2;
+    });
+    packets.insert(packets.begin(), forged.begin(), forged.end());
+  };
+  list.push_back(lcm("replayed_under_a_key", "old messages with their tags, before each new one", End::kRides,
+                     Timeout::kSensor, "their counters are old: refused"));
+  list.back().prepare = hold_a_key;
+  list.back().packets = [](World& w, std::vector<Packet>& packets) {
+    packets.insert(packets.begin(), w.past_packets.begin(), w.past_packets.end() - 1);
+  };
+  list.push_back(lcm("unsigned_under_a_key", "the plant has lost its key", End::kStops, Timeout::kSensor,
+                     "messages without a tag are refused: `sensor_stale`, SAFE"));
+  list.back().prepare = hold_a_key;
+  list.back().packets = [](World&, std::vector<Packet>& packets) {
+    for (Packet& p : packets) p.resize(p.size() - 24);
+  };
+}
+
 }  // namespace
 
 std::vector<Fault> lcm_faults() {
   std::vector<Fault> list;
   forms(list);
   order(list);
+  keyed(list);
   return list;
 }
 

@@ -2,6 +2,7 @@
 // packets.
 
 #include <algorithm>
+#include <cstdio>
 
 #include "fault_link.hpp"
 #include "io/lcm_transport.hpp"
@@ -26,6 +27,11 @@ Packet packet_of(const tiller_measurement_t& m, std::uint32_t count) {
 class LcmLink final : public Link {
  public:
   LcmLink(const Setup& setup, Device& device) : device_(device) {
+    std::snprintf(transport_.measurement_channel, sizeof transport_.measurement_channel, "%s", kChannel);
+    if (setup.keyed) {
+      const std::uint8_t key[MessageSeal::kKeyBytes] = {1, 2, 3, 4, 5, 6, 7, 8};
+      transport_.seal = plant_seal_ = MessageSeal(key, 0);
+    }
     transport_.options.measurement_count = setup.config.measurement_count;
     transport_.options.input_count = setup.config.model->input_count;
   }
@@ -33,6 +39,11 @@ class LcmLink final : public Link {
   bool sense(World& world, const Fault* fault, const tiller_measurement_t& genuine,
              tiller_measurement_t& measurement) override {
     std::vector<Packet> packets = {packet_of(genuine, transport_.options.measurement_count)};
+    if (plant_seal_.has_key()) {
+      const auto size = static_cast<std::uint32_t>(packets[0].size());
+      packets[0].resize(size + MessageSeal::kTrailerBytes);
+      plant_seal_.seal(kChannel, packets[0].data(), size, world.now_us);
+    }
     world.past_packets.push_back(packets[0]);
     if (world.past_packets.size() > 32) world.past_packets.pop_front();
     if (fault != nullptr && fault->packets != nullptr) fault->packets(world, packets);
@@ -68,8 +79,11 @@ class LcmLink final : public Link {
   std::uint64_t refused() const override { return refused_; }
 
  private:
+  static constexpr const char* kChannel = "TILLER_MEASUREMENT";
+
   Device& device_;
   LcmTransport transport_;
+  MessageSeal plant_seal_;
   std::uint64_t refused_ = 0;
 };
 

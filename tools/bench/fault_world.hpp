@@ -46,6 +46,7 @@ struct Setup {
   std::int64_t heartbeat_timeout_us = 200000;  ///< of a motor on the bus
   double plan_timeout_s = 0.5;                 ///< of the plant
   bool motor_encoder = false;                  ///< bus: the first value comes from the motor's own encoder
+  bool keyed = false;                          ///< LCM: plant and controller hold the same key
   bool own_cost = false;                       ///< the planner calls a cost that the fault can break
   bool clock = false;                          ///< the controller has a clock that the fault can turn
 };
