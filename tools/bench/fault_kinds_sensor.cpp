@@ -48,11 +48,13 @@ void values(std::vector<Fault>& list) {
     for (double& v : m.value) v = kNan;
     return true;
   };
-  list.push_back({"some_values_nan", group, "a tenth of the values are NaN", Road::kMemory, End::kRides,
+  list.push_back({"some_values_nan", group, "one of five measurements has a NaN", Road::kMemory, End::kRides,
                   Timeout::kSensor, "skipped and counted"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
-    for (double& v : m.value)
-      if (w.random.chance(0.1)) v = kNan;
+    // three whole measurements in a row would be bad_ticks_to_safe
+    const bool spoils = w.amount < 2.0 && w.random.chance(0.2);
+    w.amount = spoils ? w.amount + 1.0 : 0.0;
+    if (spoils) m.value[w.random.below(w.setup.config.measurement_count)] = kNan;
     return true;
   };
   list.back().noticed = [](const World&, const tiller_info_t& i) {
