@@ -6,12 +6,14 @@
 
 namespace tiller::sim {
 
-/// A classic CAN frame with an 11-bit identifier, apart from any socket: devices are tested without one.
+/// A CAN frame, classic or FD, apart from any socket: devices are tested without one.
 struct CanFrame {
   std::uint32_t id = 0;
   std::uint8_t length = 0;
-  bool remote = false;  ///< asks for data instead of carrying it
-  std::array<std::uint8_t, 8> data{};
+  bool remote = false;    ///< asks for data instead of carrying it
+  bool extended = false;  ///< a 29-bit identifier
+  bool fd = false;        ///< up to 64 bytes
+  std::array<std::uint8_t, 64> data{};
 };
 
 using CanFrames = std::vector<CanFrame>;

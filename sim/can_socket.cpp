@@ -30,7 +30,7 @@ bool CanSocket::fail(const std::string& what) {
   return false;
 }
 
-bool CanSocket::open(const std::string& interface, const std::vector<std::uint32_t>& nodes) {
+bool CanSocket::open(const std::string& interface, const std::vector<DriveAxis::Listens>& listens, bool fd) {
   interface_ = interface;
   fd_ = socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
   if (fd_ < 0 && errno == EAFNOSUPPORT) {
@@ -43,12 +43,16 @@ bool CanSocket::open(const std::string& interface, const std::vector<std::uint32
                 interface + " up");
   }
   std::vector<can_filter> filters;
-  filters.reserve(nodes.size());
-  for (const std::uint32_t node : nodes) filters.push_back({can_id(node, 0), CAN_EFF_FLAG | can_id(63, 0)});
+  filters.reserve(listens.size());
+  for (const DriveAxis::Listens& one : listens) {
+    filters.push_back({one.id | (one.extended ? CAN_EFF_FLAG : 0u), CAN_EFF_FLAG | one.mask});
+  }
   const can_err_mask_t errors = CAN_ERR_BUSOFF;
   setsockopt(fd_, SOL_CAN_RAW, CAN_RAW_FILTER, filters.data(),
              static_cast<socklen_t>(filters.size() * sizeof(can_filter)));
   setsockopt(fd_, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors);
+  const int on = 1;
+  if (fd) setsockopt(fd_, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on);
   sockaddr_can address{};
   address.can_family = AF_CAN;
   address.can_ifindex = static_cast<int>(index);
@@ -57,12 +61,14 @@ bool CanSocket::open(const std::string& interface, const std::vector<std::uint32
 }
 
 bool CanSocket::send(const CanFrame& frame) {
-  can_frame out{};
-  out.can_id = frame.id | (frame.remote ? CAN_RTR_FLAG : 0u);
-  out.can_dlc = frame.length;
+  canfd_frame out{};
+  out.can_id = frame.id | (frame.remote ? CAN_RTR_FLAG : 0u) | (frame.extended ? CAN_EFF_FLAG : 0u);
+  out.len = frame.length;
+  out.flags = frame.fd ? CANFD_BRS : 0;
   std::copy(frame.data.begin(), frame.data.end(), out.data);
+  const std::size_t size = frame.fd ? CANFD_MTU : CAN_MTU;
   for (int attempt = 0; attempt < send_attempts; ++attempt) {
-    if (write(fd_, &out, sizeof out) == static_cast<ssize_t>(sizeof out)) return true;
+    if (write(fd_, &out, size) == static_cast<ssize_t>(size)) return true;
     if (errno != ENOBUFS && errno != EAGAIN) return fail(std::string("cannot send: ") + std::strerror(errno));
     // poll does not tell when a device queue has room again, so this waits by the clock
     const timespec pause{0, send_pause_ns};
@@ -76,18 +82,20 @@ bool CanSocket::receive(CanFrame& frame, std::int64_t timeout_us) {
   pollfd wanted{fd_, POLLIN, 0};
   const timespec timeout{timeout_us / 1'000'000, (timeout_us % 1'000'000) * 1000};
   if (ppoll(&wanted, 1, &timeout, nullptr) <= 0) return false;
-  can_frame in{};
+  canfd_frame in{};
   const ssize_t got = read(fd_, &in, sizeof in);
   if (got < 0 && (errno == EAGAIN || errno == EINTR)) return false;
   if (got < 0) return fail(std::string("cannot receive: ") + std::strerror(errno));
-  if (got != static_cast<ssize_t>(sizeof in)) return false;
+  frame.fd = got == static_cast<ssize_t>(CANFD_MTU);
+  if (!frame.fd && got != static_cast<ssize_t>(CAN_MTU)) return false;
   if (in.can_id & CAN_ERR_FLAG) {
     return (in.can_id & CAN_ERR_BUSOFF) ? fail("bus-off: check wiring, termination and bit rate") : false;
   }
-  frame.id = in.can_id & CAN_SFF_MASK;
+  frame.extended = (in.can_id & CAN_EFF_FLAG) != 0;
+  frame.id = in.can_id & (frame.extended ? CAN_EFF_MASK : CAN_SFF_MASK);
   frame.remote = (in.can_id & CAN_RTR_FLAG) != 0;
-  frame.length = std::min<std::uint8_t>(in.can_dlc, 8);
-  std::copy(in.data, in.data + 8, frame.data.begin());
+  frame.length = std::min<std::uint8_t>(in.len, frame.fd ? 64 : 8);
+  std::copy(in.data, in.data + 64, frame.data.begin());
   return true;
 }
 

@@ -4,11 +4,11 @@
 #include <string>
 #include <vector>
 
-#include "sim/can_frame.hpp"
+#include "sim/drive_axis.hpp"
 
 namespace tiller::sim {
 
-/// A raw CAN socket of Linux that hears two nodes. Not thread-safe.
+/// A raw CAN socket of Linux that hears a few nodes. Not thread-safe.
 class CanSocket {
  public:
   CanSocket() = default;
@@ -17,7 +17,12 @@ class CanSocket {
   CanSocket& operator=(const CanSocket&) = delete;
 
   /// False with the reason, and what to do, in error().
-  bool open(const std::string& interface, const std::vector<std::uint32_t>& nodes);
+  bool open(const std::string& interface, const std::vector<std::uint32_t>& nodes) {
+    std::vector<DriveAxis::Listens> filters;
+    for (const std::uint32_t node : nodes) filters.push_back({can_id(node, 0), can_id(63, 0), false});
+    return open(interface, filters, false);
+  }
+  bool open(const std::string& interface, const std::vector<DriveAxis::Listens>& listens, bool fd);
   /// A full queue is retried for some milliseconds, then the frame is dropped and counted. False: interface
   /// gone.
   bool send(const CanFrame& frame);

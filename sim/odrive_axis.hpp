@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "sim/can_frame.hpp"
+#include "sim/drive_axis.hpp"
 
 namespace tiller::sim {
 
@@ -11,14 +11,12 @@ namespace tiller::sim {
 ///
 /// Errors disarm and stay until Clear_Errors; an axis with errors does not arm. A torque counts only while
 /// the axis is armed in torque mode with pass-through input.
-class OdriveAxis {
+class OdriveAxis final : public DriveAxis {
  public:
   /// ODriveError of firmware 0.6.
   static constexpr std::uint32_t kMissingInput = 0x40;
   static constexpr std::uint32_t kWatchdogTimerExpired = 0x1000000;
   static constexpr std::uint32_t kEstopRequested = 0x2000000;
-
-  enum class Event { kNone, kTorque, kDisarmed };
 
   explicit OdriveAxis(std::uint32_t node) : node_(node) {}
 
@@ -26,15 +24,22 @@ class OdriveAxis {
   /// a new set point. kDisarmed: the motor must make no force any more. Answers are appended to replies.
   Event receive(const CanFrame& frame, CanFrames& replies);
 
-  /// The watchdog of the motor has tripped.
-  void expire_watchdog() {
+  Event take(const CanFrame& frame, const Shaft&, CanFrames& replies) override { return receive(frame, replies); }
+  CanFrames before_reading() const override { return {heartbeat()}; }
+  CanFrames after_period(const Shaft& shaft) const override {
+    constexpr double turn = 6.283185307179586;
+    return {encoder_estimates(shaft.position_rad / turn, shaft.velocity_rad_s / turn)};
+  }
+  Listens listens() const override { return {can_id(node_, 0), can_id(63, 0), false}; }
+
+  void expire_watchdog() override {
     if (armed_) fail(kWatchdogTimerExpired);
   }
 
   CanFrame heartbeat() const;
   CanFrame encoder_estimates(double position_rev, double velocity_rev_s) const;
 
-  double torque_Nm() const { return torque_Nm_; }
+  double torque_Nm() const override { return torque_Nm_; }
   bool armed() const { return armed_; }
   std::uint32_t errors() const { return errors_; }
   std::uint64_t ignored_frames() const { return ignored_frames_; }

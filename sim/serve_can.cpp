@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "sim/can_socket.hpp"
-#include "sim/odrive_axis.hpp"
 #include "sim/sensor_board.hpp"
 
 namespace tiller::sim {
@@ -11,17 +10,18 @@ namespace {
 
 class CanLink final : public PlantLink {
  public:
-  explicit CanLink(const CanOptions& options) : options_(options), axis_(options.axis_node) {}
+  CanLink(const CanOptions& options, const Plant& plant, std::unique_ptr<DriveAxis> axis)
+      : options_(options), plant_(plant), axis_(std::move(axis)) {}
 
-  bool open() { return socket_.open(options_.interface, {options_.axis_node, options_.sensor_node}); }
+  bool open() {
+    const std::uint32_t node_bits = can_id(can_node_count - 1, 0);
+    return socket_.open(options_.interface, {axis_->listens(), {can_id(options_.sensor_node, 0), node_bits, false}},
+                        axis_->speaks_fd());
+  }
 
-  /// Heartbeat first: who reads the measurement knows the state of the axis at that time.
+  /// The drive first: who reads the measurement knows the state of the axis at that time.
   bool publish(const PlantMeasurement& m) override {
-    if (!socket_.send(axis_.heartbeat())) return false;
-    for (const CanFrame& frame : sensor_frames(options_.sensor_node, m)) {
-      if (!socket_.send(frame)) return false;
-    }
-    return true;
+    return send(axis_->before_reading()) && send(sensor_frames(options_.sensor_node, m));
   }
 
   bool receive(PlantCommand& command, std::int64_t timeout_us) override {
@@ -29,11 +29,11 @@ class CanLink final : public PlantLink {
     if (!socket_.receive(frame, timeout_us)) return false;
     if (read_controller_status(options_.sensor_node, frame, command)) return true;
     CanFrames replies;
-    const OdriveAxis::Event event = axis_.receive(frame, replies);
-    for (const CanFrame& reply : replies) socket_.send(reply);
-    if (event == OdriveAxis::Event::kNone) return false;
+    const DriveAxis::Event event = axis_->take(frame, shaft(), replies);
+    send(replies);
+    if (event == DriveAxis::Event::kNone) return false;
     command = PlantCommand{};
-    command.value = {axis_.torque_Nm() / options_.wheel_radius_m};
+    command.value = {axis_->torque_Nm() / options_.wheel_radius_m};
     return true;
   }
 
@@ -41,19 +41,29 @@ class CanLink final : public PlantLink {
 
   void after_period(const Plant& plant) override {
     // the event and not the state: an axis that was armed again waits for its first torque
-    if (plant.watchdog_trips() > seen_trips_) axis_.expire_watchdog();
+    if (plant.watchdog_trips() > seen_trips_) axis_->expire_watchdog();
     seen_trips_ = plant.watchdog_trips();
-    // the motor's own encoder sits before the joint's and is taken to be free of error
-    std::vector<double> state(plant.states().size());
-    plant.true_state(state.data());
-    const double per_unit = 1 / (2 * 3.141592653589793 * options_.wheel_radius_m);
-    const double rate = state[plant.states().size() / 2];
-    socket_.send(axis_.encoder_estimates(state[0] * per_unit, rate * per_unit));
+    send(axis_->after_period(shaft()));
   }
 
  private:
+  bool send(const CanFrames& frames) {
+    for (const CanFrame& frame : frames) {
+      if (!socket_.send(frame)) return false;
+    }
+    return true;
+  }
+
+  /// The motor's own encoder sits before the joint's and is taken to be free of error.
+  Shaft shaft() const {
+    std::vector<double> state(plant_.states().size());
+    plant_.true_state(state.data());
+    return {state[0] / options_.wheel_radius_m, state[plant_.states().size() / 2] / options_.wheel_radius_m};
+  }
+
   CanOptions options_;
-  OdriveAxis axis_;
+  const Plant& plant_;
+  std::unique_ptr<DriveAxis> axis_;
   CanSocket socket_;
   std::uint64_t seen_trips_ = 0;
 };
@@ -61,9 +71,11 @@ class CanLink final : public PlantLink {
 }  // namespace
 
 std::unique_ptr<PlantLink> open_can_link(const CanOptions& options, const Plant& plant, std::string& error) {
-  if (options.axis_node >= can_node_count || options.sensor_node >= can_node_count ||
-      options.axis_node == options.sensor_node) {
-    error = "axis_node and sensor_node must be two numbers from 0 to 63";
+  auto axis = make_drive(options.drive, error);
+  if (axis == nullptr) return nullptr;
+  const bool same = options.drive.protocol == "odrive" && options.drive.node == options.sensor_node;
+  if (options.sensor_node >= can_node_count || same) {
+    error = "sensor_node must be from 0 to 63, and not the drive's";
     return nullptr;
   }
   if (options.wheel_radius_m == 0 || !std::isfinite(options.wheel_radius_m)) {
@@ -71,10 +83,10 @@ std::unique_ptr<PlantLink> open_can_link(const CanOptions& options, const Plant&
     return nullptr;
   }
   if (plant.commands().size() != 1) {
-    error = "an ODrive axis drives plants with one command";
+    error = "one motor driver drives plants with one command";
     return nullptr;
   }
-  auto link = std::make_unique<CanLink>(options);
+  auto link = std::make_unique<CanLink>(options, plant, std::move(axis));
   if (link->open()) return link;
   error = link->error();
   return nullptr;

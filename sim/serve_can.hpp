@@ -3,19 +3,19 @@
 #include <memory>
 #include <string>
 
+#include "sim/drive_axis.hpp"
 #include "sim/serve.hpp"
 
 namespace tiller::sim {
 
-/// A bus with one ODrive axis (CANSimple) that drives the plant, and one sensor board that reads its
-/// encoders; frames in runtime/io/dbc.
+/// A bus with one motor driver that drives the plant, and one sensor board that reads its encoders.
 struct CanOptions {
   std::string interface = "vcan0";
-  std::uint32_t axis_node = 1;     ///< 0..63
+  DriveOptions drive;
   std::uint32_t sensor_node = 48;  ///< 0..63, another one
   /// Motor torque to the plant's command: force_N = torque_Nm / wheel_radius_m. Plants that take a torque are
-  /// driven directly: 1. Negative: the motor is
-  /// mounted mirrored.
+  /// driven directly: 1. Negative: the
+  /// motor is mounted mirrored.
   double wheel_radius_m = 1.0;
 };
 

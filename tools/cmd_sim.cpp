@@ -65,7 +65,18 @@ int serve_plant(const Arguments& a, const RobotFile& robot, sim::Plant& plant, s
   }
   sim::CanOptions can;
   can.interface = robot.transport.interface;
-  if (!robot.transport.nodes.empty()) can.axis_node = robot.transport.nodes[0];
+  if (!robot.transport.nodes.empty()) can.drive.node = robot.transport.nodes[0];
+  if (!robot.transport.drives.empty()) {
+    const DriveSection& drive = robot.transport.drives[0];
+    can.drive.protocol = drive.actuator;
+    can.drive.position_rad = drive.position_rad;
+    can.drive.velocity_rad_s = drive.velocity_rad_s;
+    can.drive.torque_Nm = drive.torque_Nm;
+    can.drive.kp_Nm_rad = drive.kp_max;
+    can.drive.kd_Nms_rad = drive.kd_max;
+    can.drive.reply = drive.reply;
+    can.drive.reply_id = drive.reply_id;
+  }
   if (!robot.transport.wheel_radius_m.empty()) can.wheel_radius_m = robot.transport.wheel_radius_m[0];
   can.sensor_node = robot.transport.sensor_node;
   return serve_can(plant, can, options, report);

@@ -27,6 +27,9 @@ class Link {
   virtual tiller_status_t send(const tiller_command_t& command) = 0;
   /// The true state (nx) where the plant is in this process; false elsewhere. NaN: the plant has no such state.
   virtual bool truth(double* state) const = 0;
+  /// Before the robot may move: drives get ready in STANDBY, and is_ready tells when they are, or that they will not be.
+  virtual void prepare() {}
+  virtual bool is_ready() const { return true; }
   /// After every tick, for whoever listens.
   virtual void tell(const tiller_info_t&, std::int64_t) {}
   /// One line for the end of a run: what the transport counted. Empty if there is nothing to tell.

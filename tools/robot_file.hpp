@@ -15,6 +15,15 @@
 
 namespace tiller::tools {
 
+/// [transport] motors: what an input's drive speaks and needs to be told; docs/actuators.md.
+struct DriveSection {
+  std::string actuator = "odrive", command = "torque", resolution = "f32", reply = "plain";
+  double watchdog_s = 0.1;
+  double position_rad = 12.5, velocity_rad_s = 50, torque_Nm = 18, kp_max = 500, kd_max = 5;  ///< mit: ranges
+  double kp_Nm_rad = 0, kd_Nms_rad = 0;                                                       ///< mit: gains
+  std::uint32_t reply_id = 0;
+};
+
 /// [transport]: how the robot is reached. `line` is 0 where the file has no such section.
 struct TransportSection {
   int line = 0;
@@ -23,8 +32,9 @@ struct TransportSection {
   std::string channel_prefix = "TILLER_";
   std::string interface = "can0";
   bool stamp_on_arrival = false;       ///< the plant has a clock of its own
-  std::vector<std::uint32_t> nodes;    ///< (nu) CANSimple node of each input's motor
+  std::vector<std::uint32_t> nodes;    ///< (nu) node of each input's motor
   std::vector<double> wheel_radius_m;  ///< (nu)
+  std::vector<DriveSection> drives;    ///< (nu)
   std::uint32_t sensor_node = 48;
   Words channels;  ///< (ny) "board:0", "position:force_N", ...; empty: the board's, in order
   double heartbeat_timeout_s = 0.5;

@@ -166,6 +166,7 @@ void read_transport(FileErrors& errors, const toml::table& root, RobotFile& robo
   if (const auto v = section.count("sensor_node")) transport.sensor_node = static_cast<std::uint32_t>(*v);
   if (const auto v = section.number("heartbeat_timeout_s")) transport.heartbeat_timeout_s = *v;
   read_motors(section, robot, transport);
+  read_drives(section, robot, transport);
   read_channels(section, robot, transport);
 }
 

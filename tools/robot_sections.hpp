@@ -23,6 +23,8 @@ void read_prior_file(SectionReader& posterior, RobotFile& robot);
 /// Bounds, obstacles, trajectories and the own cost of [cost]; after the keys that are bound to fields.
 void read_cost_terms(FileErrors& errors, const toml::table& root, RobotFile& robot);
 void read_transport(FileErrors& errors, const toml::table& root, RobotFile& robot);
+/// [transport] actuator and drives; after nodes, levers and [limits].
+void read_drives(SectionReader& section, const RobotFile& robot, TransportSection& transport);
 void read_sim(FileErrors& errors, const toml::table& root, RobotFile& robot);
 void read_log_map(FileErrors& errors, const toml::table& root, RobotFile& robot);
 

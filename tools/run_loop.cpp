@@ -74,8 +74,11 @@ class Runner {
     if (!wait_for_first()) return result_;
     if (options_.await_start && !wait_for_start()) return result_;
     recorder_.start(config_);
-    (void)tiller_arm(controller_);
+    link_.prepare();
+    bool armed = false;
     while (!is_over()) {
+      // drives that follow, and then commands: one that enables late would meet a command that has moved on
+      if (!armed && link_.is_ready()) armed = tiller_arm(controller_) == tiller_status_ok;
       tick();
       if (!is_over()) sensed_ = link_.wait(stop_.flag());
     }

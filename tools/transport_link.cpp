@@ -31,6 +31,20 @@ CanChannel parse_channel(const std::string& text, const Words& inputs) {
   return channel;
 }
 
+ActuatorSettings drive_settings(const DriveSection& drive) {
+  ActuatorSettings settings;
+  settings.kind = static_cast<ActuatorKind>(index_of({"odrive", "moteus", "mit"}, drive.actuator));
+  settings.mode = static_cast<ActuatorMode>(index_of({"torque", "velocity", "position"}, drive.command));
+  settings.resolution = static_cast<MoteusResolution>(index_of({"int8", "int16", "int32", "f32"}, drive.resolution));
+  settings.watchdog_s = drive.watchdog_s;
+  settings.range = {drive.position_rad, drive.velocity_rad_s, drive.torque_Nm, drive.kp_max, drive.kd_max};
+  settings.reply = static_cast<MitReply>(index_of({"plain", "ak", "damiao"}, drive.reply));
+  settings.reply_id = drive.reply_id;
+  settings.kp_Nm_rad = drive.kp_Nm_rad;
+  settings.kd_Nms_rad = drive.kd_Nms_rad;
+  return settings;
+}
+
 CanLayout can_layout(const RobotFile& robot) {
   const TransportSection& t = robot.transport;
   CanLayout layout;
@@ -38,6 +52,9 @@ CanLayout can_layout(const RobotFile& robot) {
   for (std::uint32_t i = 0; i < layout.motor_count; ++i) {
     layout.motors[i].node = i < t.nodes.size() ? t.nodes[i] : i + 1;
     layout.motors[i].wheel_radius_m = i < t.wheel_radius_m.size() ? t.wheel_radius_m[i] : 1;
+    if (i < t.drives.size()) layout.motors[i].drive = drive_settings(t.drives[i]);
+    const double rate_per_s = robot.config.safety.input_rate_per_s[i];
+    layout.motors[i].entry_rate_per_s = std::isfinite(rate_per_s) ? rate_per_s : 0;
   }
   layout.channel_count = robot.config.measurement_count;
   bool board = t.channels.empty();
@@ -77,6 +94,8 @@ class TransportLink : public Link {
 
   tiller_status_t send(const tiller_command_t& command) override { return table_->send(self_, &command); }
   bool truth(double*) const override { return false; }
+  void prepare() override { can_.robot.prepare(true); }
+  bool is_ready() const override { return options_.kind == "lcm" || can_.robot.is_ready(); }
 
   void tell(const tiller_info_t& info, std::int64_t stamp_us) override {
     // mean over about ten ticks: one that was held up by the machine says little of the next
@@ -94,12 +113,23 @@ class TransportLink : public Link {
     if (c.queue_full) text += format(", %llu commands dropped by a full queue", count(c.queue_full));
     if (c.bus_errors) text += format(", %llu bus errors", count(c.bus_errors));
     if (c.overflows) text += format(", %llu lost in the kernel's queue", count(c.overflows));
+    if (table_ == &kSocketCanTransport) text += can_counters();
     if (options_.kind == "lcm" && lcm_.refusal) text += std::string("; last refused: ") + lcm_.refusal;
     return text;
   }
 
  private:
   static unsigned long long count(std::uint64_t n) { return n; }
+
+  std::string can_counters() const {
+    const SocketCanCounters& c = can_.bus_counters;
+    std::string text;
+    if (c.held_back) text += format(", %llu commands held back by a stuck bus", count(c.held_back));
+    if (c.foreign) text += format(", %llu set points of another program", count(c.foreign));
+    if (c.bus_offs) text += format(", %llu times bus-off", count(c.bus_offs));
+    if (const char* why = socketcan_fault_text(&can_)) text += std::string("; ") + why;
+    return text;
+  }
 
   tiller_status_t open_lcm(OpenError& problem) {
     LcmOptions lcm;
@@ -121,7 +151,9 @@ class TransportLink : public Link {
     if (options_.lockstep) can.layout.stamp_on_arrival = false;
     table_ = &kSocketCanTransport;
     self_ = &can_;
-    return socketcan_open(&can_, can, &problem);
+    const tiller_status_t status = socketcan_open(&can_, can, &problem);
+    asks_ = status == tiller_status_ok && can_.robot.needs_asking();
+    return status;
   }
 
   /// True when something fresh or a fault is in `sensed`.
@@ -149,6 +181,7 @@ class TransportLink : public Link {
   Sensed wait_real_time(const volatile std::sig_atomic_t& stop) {
     Sensed sensed;
     const std::int64_t last_us = last_us_ ? last_us_ : monotonic_us();
+    if (asks_) ask_at(last_us + period_us_, stop);
     const std::int64_t margin_us = missed_ ? 0 : period_us_ / 2;
     const bool came = wait_until(last_us + period_us_ + margin_us, stop, sensed);
     missed_ = !came;
@@ -156,6 +189,13 @@ class TransportLink : public Link {
     last_us_ = sensed.now_us = monotonic_us();
     if (sensed.fresh) foresee_latency(sensed);
     return sensed;
+  }
+
+  /// Drives that speak only when spoken to keep no time: a tick begins by the clock, with the question.
+  void ask_at(std::int64_t due_us, const volatile std::sig_atomic_t& stop) {
+    for (std::int64_t left_us; stop == 0 && (left_us = due_us - monotonic_us()) > 0;)
+      (void)::poll(nullptr, 0, static_cast<int>((std::min(left_us, kLookUpUs) + 999) / 1000));
+    (void)socketcan_ask(&can_);
   }
 
   /// A command acts after the tick that computes it, not at the stamp that it answers. Robots seldom say how much
@@ -198,6 +238,7 @@ class TransportLink : public Link {
   SocketCanTransport can_;
   std::int64_t last_us_ = 0;
   double compute_us_ = 0;  // what a tick takes
+  bool asks_ = false;      // drives must be asked before each tick
   bool missed_ = false;
   bool faulted_ = false;
 };

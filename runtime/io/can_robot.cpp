@@ -1,32 +1,73 @@
 #include "io/can_robot.hpp"
 
 #include <cmath>
-#include <cstring>
 #include <limits>
 
 extern "C" {
-#include "tiller_odrive.h"
 #include "tiller_sensors.h"
 }
 
 namespace tiller {
 namespace {
 
-constexpr double kTwoPi = 6.283185307179586;
 constexpr std::uint32_t kNodes = 64;  // 6 bits of the identifier
 constexpr std::uint32_t kBoardChannels = 12;
 
 std::uint32_t can_id(std::uint32_t node, std::uint32_t command) { return node << 5 | command; }
 
+CanFilter board_filter(const CanLayout& layout) { return {can_id(layout.sensor_node, 0), kStandardMask & ~31u, false}; }
+
+std::uint32_t motor_filters(const CanMotor& motor, CanFilter* out) {
+  ActuatorSettings drive = motor.drive;
+  drive.node = motor.node;
+  return actuator_protocol(drive.kind).filters(drive, out);
+}
+
+// Frames under one identifier must be told apart: only motors of the MIT protocol put their node inside.
+bool collide(const CanMotor& a, const CanMotor& b) {
+  if (a.drive.kind == b.drive.kind && a.node == b.node) return true;
+  if (a.drive.kind == ActuatorKind::mit && b.drive.kind == ActuatorKind::mit) return false;
+  CanFilter fa[ActuatorProtocol::kMaxFilters], fb[ActuatorProtocol::kMaxFilters];
+  const std::uint32_t na = motor_filters(a, fa), nb = motor_filters(b, fb);
+  for (std::uint32_t i = 0; i < na; ++i)
+    for (std::uint32_t j = 0; j < nb; ++j)
+      if (fa[i].overlaps(fb[j])) return true;
+  return false;
+}
+
+bool collides_with_board(const CanLayout& layout, const CanMotor& motor) {
+  if (layout.sensor_node == CanLayout::kNoBoard) return false;
+  if (motor.drive.kind == ActuatorKind::odrive && motor.node == layout.sensor_node) return true;
+  CanFilter filters[ActuatorProtocol::kMaxFilters];
+  const std::uint32_t count = motor_filters(motor, filters);
+  for (std::uint32_t i = 0; i < count; ++i)
+    if (filters[i].overlaps(board_filter(layout))) return true;
+  return false;
+}
+
 const char* motor_error(const CanLayout& layout, std::uint32_t i) {
   const CanMotor& motor = layout.motors[i];
-  if (motor.node >= kNodes) return "a motor's node_id is above 63";
-  if (motor.node == layout.sensor_node) return "a motor and the sensor board have the same node_id";
+  if (motor.drive.kind >= ActuatorKind::count) return "a motor's actuator is unknown";
+  ActuatorSettings drive = motor.drive;
+  drive.node = motor.node;
+  if (const char* error = actuator_protocol(drive.kind).settings_error(drive)) return error;
+  if (collides_with_board(layout, motor))
+    return "a motor and the sensor board answer under the same identifier (the same node_id?)";
   for (std::uint32_t j = 0; j < i; ++j)
-    if (layout.motors[j].node == motor.node) return "two motors have the same node_id";
+    if (collide(layout.motors[j], motor)) return "two motors answer under the same identifier (the same node_id?)";
   if (!std::isfinite(motor.wheel_radius_m) || motor.wheel_radius_m == 0.0)
     return "a wheel_radius_m is zero or not finite (1 for an input that is a torque at the shaft)";
+  if (drive.mode == ActuatorMode::position && !(motor.entry_rate_per_s > 0.0))
+    return "a position command needs a rate limit: the first one would jump";
   return nullptr;
+}
+
+// A board's readings and a motor's must be of one time. A motor that answers commands alone has answered the last one:
+// a period ago.
+bool is_of_another_time(const CanLayout& layout, const CanChannel& channel) {
+  if (channel.source == CanSource::kSensor || layout.sensor_node == CanLayout::kNoBoard) return false;
+  const ActuatorSettings& drive = layout.motors[channel.index].drive;
+  return (actuator_protocol(drive.kind).capabilities & (kSpeaksUnasked | kAnswersQueries)) == 0;
 }
 
 const char* channel_error(const CanLayout& layout, const CanChannel& channel) {
@@ -36,7 +77,10 @@ const char* channel_error(const CanLayout& layout, const CanChannel& channel) {
       return channel.index < kBoardChannels ? nullptr : "a sensor board has channels 0..11";
     case CanSource::kMotorPosition:
     case CanSource::kMotorVelocity:
-      return channel.index < layout.motor_count ? nullptr : "a channel reads a motor that is not on the bus";
+      if (channel.index >= layout.motor_count) return "a channel reads a motor that is not on the bus";
+      return is_of_another_time(layout, channel)
+                 ? "a motor of the MIT protocol cannot be read beside a sensor board: its answer is a period old"
+                 : nullptr;
   }
   return "a channel's source is unknown";
 }
@@ -58,6 +102,13 @@ const char* can_layout_error(const CanLayout& layout) {
 void CanRobot::reset(const CanLayout& layout) {
   *this = CanRobot();
   layout_ = layout;
+  for (std::uint32_t i = 0; i < layout.motor_count; ++i) {
+    CanMotor& motor = layout_.motors[i];
+    motor.drive.node = motor.node;
+    const double lever = std::fabs(motor.wheel_radius_m);
+    axes_[i].reset(motor.drive, motor.drive.mode == ActuatorMode::torque ? motor.entry_rate_per_s * lever
+                                                                         : motor.entry_rate_per_s / lever);
+  }
   for (std::uint32_t i = 0; i < layout.channel_count; ++i) {
     const CanChannel& channel = layout.channels[i];
     if (channel.source == CanSource::kSensor)
@@ -67,67 +118,38 @@ void CanRobot::reset(const CanLayout& layout) {
   }
 }
 
+std::uint32_t CanRobot::filters(CanFilter* out) const {
+  std::uint32_t count = 0;
+  for (std::uint32_t i = 0; i < layout_.motor_count; ++i) count += motor_filters(layout_.motors[i], out + count);
+  if (has_board()) out[count++] = board_filter(layout_);  // a node's 32 commands at once; only stamps and values come
+  return count;
+}
+
+std::uint32_t CanRobot::command_filters(CanFilter* out) const {
+  std::uint32_t count = 0;
+  for (std::uint32_t i = 0; i < layout_.motor_count; ++i) count += axes_[i].command_filters(out + count);
+  return count;
+}
+
+bool CanRobot::needs_fd() const {
+  for (std::uint32_t i = 0; i < layout_.motor_count; ++i)
+    if (axes_[i].can(kNeedsFd)) return true;
+  return false;
+}
+
 // ---- frames in ----
 
 bool CanRobot::receive(const CanFrame& frame, std::int64_t arrival_us) {
-  if (frame.length > 8) return false;
-  const std::uint32_t node = frame.id >> 5, command = frame.id & 31u;
+  if (frame.length > sizeof frame.data) return false;
   bool taken = false;
-  if (node == layout_.sensor_node) {
-    taken = receive_board(command, frame);
+  if (has_board() && board_filter(layout_).passes(frame)) {
+    taken = !frame.fd && frame.length <= 8 && receive_board(frame.id & 31u, frame);
   } else {
-    for (std::uint32_t i = 0; i < layout_.motor_count; ++i)
-      if (layout_.motors[i].node == node)
-        taken = receive_motor(motors_[i], layout_.motors[i].wheel_radius_m, command, frame);
+    for (std::uint32_t i = 0; i < layout_.motor_count && !taken; ++i)
+      taken = axes_[i].receive(frame, arrival_us) == ActuatorReceipt::taken;
   }
   if (taken && is_complete()) complete(arrival_us);
   return taken;
-}
-
-bool CanRobot::receive_motor(Motor& motor, double radius_m, std::uint32_t command, const CanFrame& frame) {
-  switch (command) {
-    case TILLER_ODRIVE_HEARTBEAT_FRAME_ID: return heartbeat(motor, frame);
-    case TILLER_ODRIVE_GET_ENCODER_ESTIMATES_FRAME_ID: return encoder(motor, radius_m, frame);
-    case TILLER_ODRIVE_GET_ERROR_FRAME_ID: {
-      tiller_odrive_get_error_t message;
-      if (tiller_odrive_get_error_unpack(&message, frame.data, frame.length) != 0) return false;
-      motor.axis_error = message.active_errors;
-      return true;
-    }
-    default: return false;
-  }
-}
-
-// A driver that was asked to close its loop reports that with one of its next heartbeats. Until it does the
-// request is repeated, because the frame may have been lost; once it did, leaving closed loop is the driver's
-// own decision, i.e. a fault, and nothing is asked again.
-bool CanRobot::heartbeat(Motor& motor, const CanFrame& frame) {
-  tiller_odrive_heartbeat_t message;
-  if (tiller_odrive_heartbeat_unpack(&message, frame.data, frame.length) != 0) return false;
-  motor.beaten = true;
-  motor.axis_error = message.axis_error;
-  if (motor.wanted == 0) return true;
-  if (message.axis_state == motor.wanted) {
-    motor.confirmed = true;
-    motor.waiting = 0;
-  } else if (motor.confirmed && motor.wanted == TILLER_ODRIVE_HEARTBEAT_AXIS_STATE_CLOSED_LOOP_CONTROL_CHOICE) {
-    motor.disarmed = true;
-  } else {
-    motor.mode_due = true;
-    ++motor.waiting;
-  }
-  return true;
-}
-
-bool CanRobot::encoder(Motor& motor, double radius_m, const CanFrame& frame) {
-  tiller_odrive_get_encoder_estimates_t message;
-  if (tiller_odrive_get_encoder_estimates_unpack(&message, frame.data, frame.length) != 0) return false;
-  // generated code copies the bits of a float, whatever they are
-  if (!std::isfinite(message.pos_estimate) || !std::isfinite(message.vel_estimate)) return false;
-  motor.position = static_cast<double>(message.pos_estimate) * kTwoPi * radius_m;
-  motor.velocity = static_cast<double>(message.vel_estimate) * kTwoPi * radius_m;
-  motor.has_estimate = true;
-  return true;
 }
 
 bool CanRobot::receive_board(std::uint32_t command, const CanFrame& frame) {
@@ -136,6 +158,10 @@ bool CanRobot::receive_board(std::uint32_t command, const CanFrame& frame) {
     if (tiller_sensors_stamp_unpack(&message, frame.data, frame.length) != 0) return false;
     begin(static_cast<std::uint16_t>(message.sequence));
     has_stamp_ = true;
+    // the board has read its sensors now, and so should the drives: what they told before belongs to another time
+    ask_due_ = true;
+    for (std::uint32_t i = 0; i < layout_.motor_count; ++i)
+      if (reads_motion(i) && axes_[i].can(kAnswersQueries)) axes_[i].forget_motion();
     stamp_sequence_ = message.sequence;
     stamp_time_us_ = message.time_us;
     return true;
@@ -162,15 +188,15 @@ void CanRobot::begin(std::uint16_t sequence_low) {
 }
 
 bool CanRobot::is_complete() const {
-  if (layout_.sensor_node != CanLayout::kNoBoard && !has_stamp_) return false;
+  if (has_board() && !has_stamp_) return false;
   if ((have_values_ & needed_values_) != needed_values_) return false;
   for (std::uint32_t i = 0; i < layout_.motor_count; ++i)
-    if ((needed_estimates_ >> i & 1u) != 0 && !motors_[i].has_estimate) return false;
-  return true;
+    if (reads_motion(i) && !axes_[i].has_motion()) return false;
+  return has_board() || needed_estimates_ != 0;
 }
 
 void CanRobot::complete(std::int64_t arrival_us) {
-  const bool board = layout_.sensor_node != CanLayout::kNoBoard;
+  const bool board = has_board();
   tiller_measurement_t measurement{};
   measurement.sequence = board ? stamp_sequence_ : ++own_sequence_;
   measurement.stamp_us = board && !layout_.stamp_on_arrival ? unwrap(stamp_time_us_) : arrival_us;
@@ -178,7 +204,7 @@ void CanRobot::complete(std::int64_t arrival_us) {
   has_stamp_ = false;
   have_values_ = 0;
   assembling_ = false;
-  for (Motor& motor : motors_) motor.has_estimate = false;
+  for (ActuatorAxis& axis : axes_) axis.forget_motion();
   if (!gate_.accept(measurement.sequence, arrival_us)) {
     ++dropped_old_;
     return;
@@ -186,22 +212,9 @@ void CanRobot::complete(std::int64_t arrival_us) {
   if (has_new_) ++dropped_old_;
   has_new_ = true;
   newest_ = measurement;
-  watch_heartbeats(measurement.stamp_us);
-}
-
-// On the measurements' clock, so that simulated time that runs slowly does not raise it, nor a stopped
-// program.
-void CanRobot::watch_heartbeats(std::int64_t stamp_us) {
-  silent_ = nullptr;
-  for (std::uint32_t i = 0; i < layout_.motor_count; ++i) {
-    Motor& motor = motors_[i];
-    // the first measurement starts the time for a motor that has not been heard yet
-    if (motor.beaten || !motor.watched || stamp_us < motor.heartbeat_us) motor.heartbeat_us = stamp_us;
-    motor.watched = true;
-    motor.beaten = false;
-    if (layout_.heartbeat_timeout_us > 0 && stamp_us - motor.heartbeat_us > layout_.heartbeat_timeout_us)
-      silent_ = "a motor's heartbeat is missing: check its power, node_id and heartbeat rate";
-  }
+  // on the measurements' clock, so that simulated time that runs slowly does not raise it, nor a stopped program
+  for (std::uint32_t i = 0; i < layout_.motor_count; ++i)
+    axes_[i].watch(measurement.stamp_us, layout_.heartbeat_timeout_us);
 }
 
 std::int64_t CanRobot::unwrap(std::uint32_t time_us) {
@@ -212,12 +225,10 @@ std::int64_t CanRobot::unwrap(std::uint32_t time_us) {
 }
 
 double CanRobot::channel_value(const CanChannel& channel) const {
-  switch (channel.source) {
-    case CanSource::kMotorPosition: return motors_[channel.index].position;
-    case CanSource::kMotorVelocity: return motors_[channel.index].velocity;
-    case CanSource::kSensor: break;
-  }
-  return values_[channel.index];
+  if (channel.source == CanSource::kSensor) return values_[channel.index];
+  const ActuatorState& state = axes_[channel.index].state();
+  const double radius_m = layout_.motors[channel.index].wheel_radius_m;
+  return (channel.source == CanSource::kMotorPosition ? state.position_rad : state.velocity_rad_s) * radius_m;
 }
 
 bool CanRobot::take(tiller_measurement_t* measurement) {
@@ -228,52 +239,47 @@ bool CanRobot::take(tiller_measurement_t* measurement) {
 }
 
 const char* CanRobot::fault_text() const {
-  for (std::uint32_t i = 0; i < layout_.motor_count; ++i) {
-    const Motor& motor = motors_[i];
-    if (motor.axis_error != 0) return "a motor reports an axis error";
-    if (motor.disarmed) return "a motor has left closed loop on its own";
-    if (motor.waiting > kArmHeartbeats && motor.wanted == TILLER_ODRIVE_HEARTBEAT_AXIS_STATE_CLOSED_LOOP_CONTROL_CHOICE)
-      return "a motor does not enter closed loop: calibrate it, clear its errors";
-  }
-  return silent_;
+  for (std::uint32_t i = 0; i < layout_.motor_count; ++i)
+    if (const char* text = axes_[i].fault_text()) return text;
+  return nullptr;
 }
 
 tiller_status_t CanRobot::fault() const {
   return fault_text() == nullptr ? tiller_status_ok : tiller_status_actuator_fault;
 }
 
+bool CanRobot::is_ready() const {
+  if (fault_text() != nullptr) return true;
+  for (std::uint32_t i = 0; i < layout_.motor_count; ++i)
+    if (!axes_[i].is_confirmed()) return false;
+  return true;
+}
+
 // ---- frames out ----
 
 std::uint32_t CanRobot::command(const tiller_command_t& command, CanFrame* frames) {
+  double set_point[TILLER_MAX_INPUTS];
+  bool pushes = false;
+  for (std::uint32_t i = 0; i < layout_.motor_count; ++i) {
+    const CanMotor& motor = layout_.motors[i];
+    const bool torque = motor.drive.mode == ActuatorMode::torque;
+    set_point[i] = torque ? command.value[i] * motor.wheel_radius_m : command.value[i] / motor.wheel_radius_m;
+    // as it travels: a number can be finite and its float not
+    if (!std::isfinite(static_cast<float>(set_point[i]))) return 0;
+    pushes = pushes || (torque && static_cast<float>(set_point[i]) != 0.0f);
+  }
+  // a safe command other than zero (holding a weight) needs the drive enabled
+  const bool moves = command.state == tiller_state_active || command.state == tiller_state_hold || pushes ||
+                     (prepared_ && command.state == tiller_state_standby);
   std::uint32_t count = 0;
-  float torque_Nm[TILLER_MAX_INPUTS];
-  bool is_zero = true;
-  for (std::uint32_t i = 0; i < layout_.motor_count; ++i) {
-    torque_Nm[i] = static_cast<float>(command.value[i] * layout_.motors[i].wheel_radius_m);
-    if (!std::isfinite(torque_Nm[i])) return 0;
-    is_zero = is_zero && torque_Nm[i] == 0.0f;
-  }
-  // a safe command other than zero (holding a weight) needs the loop closed
-  const bool moves = command.state == tiller_state_active || command.state == tiller_state_hold || !is_zero;
-  const std::uint32_t wanted = moves ? TILLER_ODRIVE_HEARTBEAT_AXIS_STATE_CLOSED_LOOP_CONTROL_CHOICE
-                                     : TILLER_ODRIVE_HEARTBEAT_AXIS_STATE_IDLE_CHOICE;
-  for (std::uint32_t i = 0; i < layout_.motor_count; ++i) {
-    Motor& motor = motors_[i];
-    if (motor.wanted != wanted) {
-      motor.wanted = wanted;
-      motor.mode_due = true;
-      motor.confirmed = motor.disarmed = false;
-      motor.waiting = 0;
-    }
-    if (motor.mode_due) count += request_mode(layout_.motors[i], motor, frames + count);
-    CanFrame& frame = frames[count++];
-    frame.id = can_id(layout_.motors[i].node, TILLER_ODRIVE_SET_INPUT_TORQUE_FRAME_ID);
-    frame.length = TILLER_ODRIVE_SET_INPUT_TORQUE_LENGTH;
-    tiller_odrive_set_input_torque_t message{torque_Nm[i]};
-    tiller_odrive_set_input_torque_pack(frame.data, &message, sizeof frame.data);
-  }
-  if (layout_.sensor_node == CanLayout::kNoBoard) return count;
-  CanFrame& frame = frames[count++];
+  for (std::uint32_t i = 0; i < layout_.motor_count; ++i)
+    count += axes_[i].command(moves, set_point[i], command.stamp_us, frames + count);
+  if (has_board()) status(command, frames[count++]);
+  return count;
+}
+
+void CanRobot::status(const tiller_command_t& command, CanFrame& frame) const {
+  frame = CanFrame();
   frame.id = can_id(layout_.sensor_node, TILLER_SENSORS_CONTROLLER_STATUS_FRAME_ID);
   frame.length = TILLER_SENSORS_CONTROLLER_STATUS_LENGTH;
   tiller_sensors_controller_status_t status{};
@@ -282,40 +288,38 @@ std::uint32_t CanRobot::command(const tiller_command_t& command, CanFrame* frame
   status.input_count = static_cast<std::uint8_t>(layout_.motor_count);
   status.plan_sequence_low = static_cast<std::uint8_t>(command.plan_sequence);
   tiller_sensors_controller_status_pack(frame.data, &status, sizeof frame.data);
+}
+
+std::uint32_t CanRobot::queries_due(CanFrame* frames) {
+  if (!ask_due_) return 0;
+  ask_due_ = false;
+  std::uint32_t count = 0;
+  for (std::uint32_t i = 0; i < layout_.motor_count; ++i) {
+    if (reads_motion(i) && axes_[i].can(kAnswersQueries)) count += axes_[i].query(frames + count);
+  }
   return count;
 }
 
-std::uint32_t CanRobot::request_mode(const CanMotor& config, Motor& motor, CanFrame* frames) {
+bool CanRobot::needs_asking() const {
+  if (has_board()) return false;
+  for (std::uint32_t i = 0; i < layout_.motor_count; ++i)
+    if (!axes_[i].can(kSpeaksUnasked)) return true;
+  return false;
+}
+
+std::uint32_t CanRobot::ask(CanFrame* frames) {
   std::uint32_t count = 0;
-  motor.mode_due = false;
-  if (motor.wanted == TILLER_ODRIVE_HEARTBEAT_AXIS_STATE_CLOSED_LOOP_CONTROL_CHOICE) {
-    tiller_odrive_set_controller_mode_t mode{};
-    mode.control_mode = TILLER_ODRIVE_SET_CONTROLLER_MODE_CONTROL_MODE_TORQUE_CHOICE;
-    mode.input_mode = TILLER_ODRIVE_SET_CONTROLLER_MODE_INPUT_MODE_PASSTHROUGH_CHOICE;
-    frames[count].id = can_id(config.node, TILLER_ODRIVE_SET_CONTROLLER_MODE_FRAME_ID);
-    frames[count].length = TILLER_ODRIVE_SET_CONTROLLER_MODE_LENGTH;
-    tiller_odrive_set_controller_mode_pack(frames[count].data, &mode, sizeof frames[count].data);
-    ++count;
+  for (std::uint32_t i = 0; i < layout_.motor_count; ++i) {
+    if (axes_[i].can(kAnswersQueries)) axes_[i].forget_motion();  // the answer to the last command is a period old
+    count += axes_[i].query(frames + count);
   }
-  tiller_odrive_set_axis_state_t state{motor.wanted};
-  frames[count].id = can_id(config.node, TILLER_ODRIVE_SET_AXIS_STATE_FRAME_ID);
-  frames[count].length = TILLER_ODRIVE_SET_AXIS_STATE_LENGTH;
-  tiller_odrive_set_axis_state_pack(frames[count].data, &state, sizeof frames[count].data);
-  return count + 1;
+  return count;
 }
 
 std::uint32_t CanRobot::clear_faults(CanFrame* frames) {
-  for (std::uint32_t i = 0; i < layout_.motor_count; ++i) {
-    Motor& motor = motors_[i];
-    motor.axis_error = 0;
-    motor.disarmed = motor.confirmed = false;
-    motor.waiting = 0;
-    motor.wanted = 0;  // asked again with the next command
-    frames[i] = CanFrame();
-    frames[i].id = can_id(layout_.motors[i].node, TILLER_ODRIVE_CLEAR_ERRORS_FRAME_ID);
-    frames[i].length = TILLER_ODRIVE_CLEAR_ERRORS_LENGTH;
-  }
-  return layout_.motor_count;
+  std::uint32_t count = 0;
+  for (std::uint32_t i = 0; i < layout_.motor_count; ++i) count += axes_[i].clear_faults(frames + count);
+  return count;
 }
 
 }  // namespace tiller

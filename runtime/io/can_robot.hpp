@@ -2,31 +2,26 @@
 
 #include <cstdint>
 
+#include "io/actuator_axis.hpp"
 #include "io/sequence_gate.hpp"
 #include "tiller/transport.h"
 
 namespace tiller {
 
-/// A classic CAN data frame with an 11-bit identifier: node << 5 | command, for motor drivers and sensor
-/// boards.
-struct CanFrame {
-  std::uint32_t id = 0;
-  std::uint8_t length = 0;
-  std::uint8_t data[8] = {};
-};
-
-/// A motor driver that speaks ODrive's CANSimple, in torque control.
+/// A drive and what it moves.
 struct CanMotor {
-  std::uint32_t node = 0;  ///< 0..63
+  std::uint32_t node = 0;
   /// Lever between motor and input: torque = input * radius, position = turns * 2 pi * radius. Metres for a
   /// wheel or pulley, 1 where the input is a torque at the motor's shaft; negative for a motor mounted
-  /// mirrored.
+  /// mirrored. An input that is a velocity or a position: motor = input / radius.
   double wheel_radius_m = 0.0;
+  ActuatorSettings drive;         ///< its node is `node`
+  double entry_rate_per_s = 0.0;  ///< of the input, while a drive enters (ActuatorAxis); 0: no limit
 };
 
 enum class CanSource : std::uint8_t {
   kSensor,         ///< a Value frame of the sensor board
-  kMotorPosition,  ///< Get_Encoder_Estimates of a motor
+  kMotorPosition,  ///< as the motor's drive reports it
   kMotorVelocity,
 };
 
@@ -57,10 +52,9 @@ const char* can_layout_error(const CanLayout& layout);
 /// view.
 class CanRobot {
  public:
-  static constexpr std::uint32_t kMaxFrames = 3 * TILLER_MAX_INPUTS + 1;
-  static constexpr std::uint32_t kMotorCommandsRead[] = {1, 3, 9};  ///< heartbeat, error, encoder estimates
-  /// Heartbeats that a motor gets to report closed loop after it was asked.
-  static constexpr std::uint32_t kArmHeartbeats = 10;
+  static constexpr std::uint32_t kMaxFrames = ActuatorAxis::kMaxFrames * TILLER_MAX_INPUTS + 1;
+  static constexpr std::uint32_t kMaxFilters = ActuatorProtocol::kMaxFilters * TILLER_MAX_INPUTS + 1;
+  static constexpr std::uint32_t kMaxCommandFilters = TILLER_MAX_INPUTS;
 
   /// `layout` has passed can_layout_error.
   void reset(const CanLayout& layout);
@@ -71,47 +65,51 @@ class CanRobot {
   /// The newest measurement of which all parts have arrived; false if there is none since the last call.
   bool take(tiller_measurement_t* measurement);
 
-  /// actuator_fault while a motor reports an error, leaves closed loop unasked, does not reach it, or is
-  /// silent.
+  /// actuator_fault while a motor reports an error, disarms unasked, does not enable, or is silent.
   tiller_status_t fault() const;
   /// Why, as a literal; null without a fault.
   const char* fault_text() const;
+  const ActuatorState& motor(std::uint32_t i) const { return axes_[i].state(); }
 
-  /// The frames that carry a command, in the order to send them: mode changes that are due, torques, the
-  /// controller's status. 0 if a torque is not finite: nothing may be sent then.
+  /// The frames that carry a command, in the order to send them: mode changes that are due, set points, the
+  /// controller's status. 0 if a set point is not finite: nothing may be sent then.
   std::uint32_t command(const tiller_command_t& command, CanFrame* frames);
-  /// Clear_Errors for every motor, to be sent after an operator's decision; forgets what was latched.
+  /// `on`: motors are enabled in STANDBY already, without torque, so that the first command that moves meets drives
+  /// that follow it.
+  void prepare(bool on) { prepared_ = on; }
+  /// Every drive has confirmed that it is enabled, or there is a fault that says why not.
+  bool is_ready() const;
+
+  /// Frames that ask for what the next measurement needs, due once the board has stamped it; 0: nothing to ask.
+  std::uint32_t queries_due(CanFrame* frames);
+  /// Frames that make silent drives speak: where no drive speaks unasked and no board gives the time, somebody has to
+  /// ask before each tick (needs_asking).
+  std::uint32_t ask(CanFrame* frames);
+  bool needs_asking() const;
+
+  /// The drives' frames to clear faults, to be sent after an operator's decision; forgets what was latched.
   std::uint32_t clear_faults(CanFrame* frames);
+
+  /// What to let through.
+  std::uint32_t filters(CanFilter* out) const;
+  /// Under which identifiers set points go out: what comes back of them confirms that they were sent, and one that was
+  /// not sent from here is another program's.
+  std::uint32_t command_filters(CanFilter* out) const;
+  bool needs_fd() const;
 
   std::uint64_t dropped_old() const { return dropped_old_; }
   const CanLayout& layout() const { return layout_; }
 
  private:
-  struct Motor {
-    std::uint32_t axis_error = 0;
-    std::uint32_t wanted = 0;   // axis state asked for; 0 before the first command
-    bool mode_due = false;      // ask with the next command
-    bool confirmed = false;     // a heartbeat has shown the wanted state
-    bool disarmed = false;      // and a later one has not
-    std::uint32_t waiting = 0;  // heartbeats since the request without it
-    bool beaten = false;        // a heartbeat since the last measurement
-    bool watched = false;       // heartbeat_us holds a time
-    std::int64_t heartbeat_us = 0;
-    bool has_estimate = false;              // since the last complete measurement
-    double position = 0.0, velocity = 0.0;  // in the unit of the input's lever
-  };
-
-  bool receive_motor(Motor& motor, double radius_m, std::uint32_t command, const CanFrame& frame);
-  bool heartbeat(Motor& motor, const CanFrame& frame);
-  bool encoder(Motor& motor, double radius_m, const CanFrame& frame);
   bool receive_board(std::uint32_t command, const CanFrame& frame);
   void begin(std::uint16_t sequence_low);
   bool is_complete() const;
   void complete(std::int64_t arrival_us);
-  void watch_heartbeats(std::int64_t stamp_us);
   std::int64_t unwrap(std::uint32_t time_us);
   double channel_value(const CanChannel& channel) const;
-  std::uint32_t request_mode(const CanMotor& config, Motor& motor, CanFrame* frames);
+  bool has_board() const { return layout_.sensor_node != CanLayout::kNoBoard; }
+  bool reads_motion(std::uint32_t i) const { return (needed_estimates_ >> i & 1u) != 0; }
+  void status(const tiller_command_t& command, CanFrame& frame) const;
 
   CanLayout layout_;
   std::uint32_t needed_values_ = 0;     // board channels that the layout reads, one bit each
@@ -130,9 +128,10 @@ class CanRobot {
   std::uint32_t own_sequence_ = 0;
   SequenceGate gate_;
   bool has_new_ = false;
+  bool ask_due_ = false;
+  bool prepared_ = false;
   tiller_measurement_t newest_{};
-  Motor motors_[TILLER_MAX_INPUTS];
-  const char* silent_ = nullptr;
+  ActuatorAxis axes_[TILLER_MAX_INPUTS];
   std::uint64_t dropped_old_ = 0;
 };
 

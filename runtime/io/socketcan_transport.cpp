@@ -25,52 +25,120 @@ SocketCanTransport* transport_of(void* self) { return static_cast<SocketCanTrans
 
 // ---- receiving ----
 
-// The error classes of linux/can/error.h: which of them change the state of the bus, and which are only
-// counted.
-void take_error_frame(SocketCanTransport* transport, const can_frame& frame) {
-  ++transport->counters.bus_errors;
-  if ((frame.can_id & CAN_ERR_RESTARTED) != 0) transport->bus = CanBusState::kActive;
-  if ((frame.can_id & CAN_ERR_CRTL) != 0 && frame.can_dlc > 1) {
-    const std::uint8_t detail = frame.data[1];
-    if ((detail & (CAN_ERR_CRTL_RX_OVERFLOW | CAN_ERR_CRTL_TX_OVERFLOW)) != 0) ++transport->counters.overflows;
-    // bus-off ends by a restart alone, so these move between active and passive only
-    if (transport->bus != CanBusState::kBusOff) {
-      if ((detail & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) != 0)
-        transport->bus = CanBusState::kPassive;
-      else if ((detail & (CAN_ERR_CRTL_ACTIVE | CAN_ERR_CRTL_RX_WARNING | CAN_ERR_CRTL_TX_WARNING)) != 0)
-        transport->bus = CanBusState::kActive;
-    }
-  }
-  if ((frame.can_id & CAN_ERR_BUSOFF) != 0) transport->bus = CanBusState::kBusOff;
+// What waited in the interface's queue is gone with it.
+void lose_link(SocketCanTransport* transport) {
+  transport->link_down = true;
+  transport->awaited = 0;
 }
 
-void take_data_frame(SocketCanTransport* transport, const can_frame& frame) {
+// The error classes of linux/can/error.h: which of them change the state of the bus, and which are only
+// counted.
+void take_controller_state(SocketCanTransport* transport, std::uint8_t detail) {
+  if ((detail & (CAN_ERR_CRTL_RX_OVERFLOW | CAN_ERR_CRTL_TX_OVERFLOW)) != 0) ++transport->counters.overflows;
+  // bus-off ends by a restart alone, so these move between active and passive only
+  if (transport->bus == CanBusState::kBusOff) return;
+  if ((detail & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) != 0) {
+    transport->bus_counters.passives += transport->bus != CanBusState::kPassive;
+    transport->bus = CanBusState::kPassive;
+  } else if ((detail & (CAN_ERR_CRTL_ACTIVE | CAN_ERR_CRTL_RX_WARNING | CAN_ERR_CRTL_TX_WARNING)) != 0) {
+    transport->bus = CanBusState::kActive;
+  }
+}
+
+void take_error_frame(SocketCanTransport* transport, const canfd_frame& frame) {
+  ++transport->counters.bus_errors;
+  SocketCanCounters& bus = transport->bus_counters;
+  bus.send_timeouts += (frame.can_id & CAN_ERR_TX_TIMEOUT) != 0;
+  bus.lost_arbitrations += (frame.can_id & CAN_ERR_LOSTARB) != 0;
+  bus.protocol_errors += (frame.can_id & (CAN_ERR_PROT | CAN_ERR_BUSERROR)) != 0;
+  bus.transceiver_errors += (frame.can_id & CAN_ERR_TRX) != 0;
+  bus.unacknowledged += (frame.can_id & CAN_ERR_ACK) != 0;
+  if ((frame.can_id & CAN_ERR_RESTARTED) != 0) {
+    transport->bus = CanBusState::kActive;
+    ++bus.restarts;
+    transport->awaited = 0;  // the controller has thrown away what it had
+  }
+  if ((frame.can_id & CAN_ERR_CRTL) != 0 && frame.len > 1) take_controller_state(transport, frame.data[1]);
+  if ((frame.can_id & CAN_ERR_BUSOFF) != 0) {
+    bus.bus_offs += transport->bus != CanBusState::kBusOff;
+    transport->bus = CanBusState::kBusOff;
+  }
+}
+
+// A set point under our identifier: our own, come back from the bus, or somebody else's.
+bool take_set_point(SocketCanTransport* transport, const CanFrame& frame, bool own) {
+  for (std::uint32_t i = 0; i < transport->own_count; ++i) {
+    if (!transport->own[i].passes(frame)) continue;
+    if (own) {
+      ++transport->bus_counters.confirmed;
+      transport->awaited -= transport->awaited > 0;
+    } else {
+      ++transport->bus_counters.foreign;
+      transport->somebody_else = true;
+    }
+    return true;
+  }
+  return false;
+}
+
+void take_data_frame(SocketCanTransport* transport, const canfd_frame& frame, bool fd, bool own,
+                     std::int64_t arrival_us) {
   CanFrame data;
-  data.id = frame.can_id & CAN_SFF_MASK;
-  data.length = frame.can_dlc;
+  data.extended = (frame.can_id & CAN_EFF_FLAG) != 0;
+  data.id = frame.can_id & (data.extended ? CAN_EFF_MASK : CAN_SFF_MASK);
+  data.fd = fd;
+  data.length = frame.len;
   std::memcpy(data.data, frame.data, sizeof data.data);
-  const bool foreign = (frame.can_id & (CAN_EFF_FLAG | CAN_RTR_FLAG)) != 0;
-  if (foreign || !transport->robot.receive(data, monotonic_us()))
+  const bool request = (frame.can_id & CAN_RTR_FLAG) != 0;
+  if (!request && take_set_point(transport, data, own)) return;
+  if (own) return;  // not a set point: nothing to learn
+  if (request || !transport->robot.receive(data, arrival_us))
     ++transport->counters.bad_messages;
   else
     ++transport->counters.received;
 }
 
-// The kernel attaches its count of frames lost so far to the next frame that gets through.
-void take_drop_count(SocketCanTransport* transport, msghdr& message) {
+/// What came along with a frame.
+struct Ancillary {
+  bool stamped = false;
+  std::int64_t arrival_us = 0;  // by CLOCK_REALTIME
+};
+
+Ancillary take_ancillary(SocketCanTransport* transport, msghdr& message) {
+  Ancillary all;
   for (cmsghdr* c = CMSG_FIRSTHDR(&message); c != nullptr; c = CMSG_NXTHDR(&message, c)) {
-    if (c->cmsg_level != SOL_SOCKET || c->cmsg_type != SO_RXQ_OVFL) continue;
-    std::uint32_t drops = 0;
-    std::memcpy(&drops, CMSG_DATA(c), sizeof drops);
-    transport->counters.overflows += drops - transport->kernel_drops;  // wraps with the kernel's counter
-    transport->kernel_drops = drops;
+    if (c->cmsg_level != SOL_SOCKET) continue;
+    if (c->cmsg_type == SO_RXQ_OVFL) {
+      // the kernel attaches its count of frames lost so far to the next frame that gets through
+      std::uint32_t drops = 0;
+      std::memcpy(&drops, CMSG_DATA(c), sizeof drops);
+      const std::uint32_t more = drops - transport->kernel_drops;  // wraps with the kernel's counter
+      transport->counters.overflows += more;
+      transport->kernel_drops = drops;
+      if (more != 0) transport->awaited = 0;  // confirmations may have been among them
+    } else if (c->cmsg_type == SO_TIMESTAMPNS) {
+      timespec stamp;
+      std::memcpy(&stamp, CMSG_DATA(c), sizeof stamp);
+      all.stamped = true;
+      all.arrival_us = static_cast<std::int64_t>(stamp.tv_sec) * 1000000 + stamp.tv_nsec / 1000;
+    }
   }
+  return all;
+}
+
+/// The arrival on the clock of this program. The kernel stamps by CLOCK_REALTIME, which may be set meanwhile: an age
+/// that cannot be is not believed.
+std::int64_t arrival_us(const Ancillary& ancillary, std::int64_t now_us) {
+  constexpr std::int64_t kOldestUs = 1000000;
+  const std::int64_t age_us = realtime_us() - ancillary.arrival_us;
+  return ancillary.stamped && age_us >= 0 && age_us <= kOldestUs ? now_us - age_us : now_us;
 }
 
 /// False once there is nothing more to read.
 bool read_frame(SocketCanTransport* transport) {
-  can_frame frame;
-  alignas(cmsghdr) char control[CMSG_SPACE(sizeof(std::uint32_t))];
+  canfd_frame frame;
+  std::memset(&frame, 0, sizeof frame);
+  alignas(cmsghdr) char control[CMSG_SPACE(sizeof(std::uint32_t)) + CMSG_SPACE(sizeof(timespec))];
   iovec part = {&frame, sizeof frame};
   msghdr message{};
   message.msg_iov = &part;
@@ -80,32 +148,46 @@ bool read_frame(SocketCanTransport* transport) {
   const ssize_t size = recvmsg(transport->socket, &message, MSG_DONTWAIT);
   if (size < 0) {
     // an interface that went away is told once by the socket, and stays so until a frame arrives again
-    if (errno == ENETDOWN || errno == ENODEV || errno == ENXIO) transport->link_down = true;
+    if (errno == ENETDOWN || errno == ENODEV || errno == ENXIO) lose_link(transport);
     return errno == EINTR;
   }
   transport->link_down = false;
-  take_drop_count(transport, message);
-  if (size != static_cast<ssize_t>(sizeof frame)) {
+  const Ancillary ancillary = take_ancillary(transport, message);
+  const bool fd = size == static_cast<ssize_t>(CANFD_MTU);
+  if ((!fd && size != static_cast<ssize_t>(CAN_MTU)) || frame.len > (fd ? CANFD_MAX_DLEN : CAN_MAX_DLEN)) {
     ++transport->counters.bad_messages;
   } else if ((frame.can_id & CAN_ERR_FLAG) != 0) {
     take_error_frame(transport, frame);
   } else {
-    take_data_frame(transport, frame);
+    take_data_frame(transport, frame, fd, (message.msg_flags & MSG_CONFIRM) != 0,
+                    arrival_us(ancillary, monotonic_us()));
   }
   return true;
 }
 
+void watch_confirmation(SocketCanTransport* transport) {
+  transport->unconfirmed = transport->awaited > 0 && transport->confirm_timeout_us > 0 &&
+                           monotonic_us() - transport->sent_us > transport->confirm_timeout_us;
+}
+
 tiller_status_t fault(const SocketCanTransport* transport) {
   if (transport->link_down) return tiller_status_transport_closed;
-  if (transport->bus != CanBusState::kActive) return tiller_status_bus_off;
+  if (transport->bus != CanBusState::kActive || transport->unconfirmed) return tiller_status_bus_off;
+  if (transport->somebody_else) return tiller_status_actuator_fault;
   return transport->robot.fault();
 }
+
+tiller_status_t write_frames(SocketCanTransport* transport, const CanFrame* frames, std::uint32_t count);
 
 tiller_status_t socketcan_poll(void* self, tiller_measurement_t* measurement) {
   SocketCanTransport* transport = transport_of(self);
   if (transport->socket < 0) return tiller_status_transport_closed;
   for (int i = 0; i < kMaxFramesPerPoll && read_frame(transport); ++i) {
   }
+  watch_confirmation(transport);
+  CanFrame queries[CanRobot::kMaxFrames];
+  const std::uint32_t due = transport->robot.queries_due(queries);
+  if (due > 0) (void)write_frames(transport, queries, due);
   const tiller_status_t status = fault(transport);
   if (status != tiller_status_ok) return status;
   return transport->robot.take(measurement) ? tiller_status_ok : tiller_status_no_new_measurement;
@@ -114,22 +196,30 @@ tiller_status_t socketcan_poll(void* self, tiller_measurement_t* measurement) {
 // ---- sending ----
 
 tiller_status_t write_frame(SocketCanTransport* transport, const CanFrame& data) {
-  can_frame frame{};
-  frame.can_id = data.id;
-  frame.can_dlc = data.length;
+  canfd_frame frame;
+  std::memset(&frame, 0, sizeof frame);
+  frame.can_id = data.id | (data.extended ? CAN_EFF_FLAG : 0u);
+  frame.len = data.length;
+  frame.flags = data.fd ? CANFD_BRS : 0;
   std::memcpy(frame.data, data.data, sizeof data.data);
-  if (::send(transport->socket, &frame, sizeof frame, MSG_DONTWAIT) == static_cast<ssize_t>(sizeof frame))
-    return tiller_status_ok;
+  const std::size_t size = data.fd ? CANFD_MTU : CAN_MTU;
+  if (::send(transport->socket, &frame, size, MSG_DONTWAIT) == static_cast<ssize_t>(size)) return tiller_status_ok;
   // full: the frame is dropped; the next tick brings a newer one, which waiting would only delay
   if (errno == ENOBUFS || errno == EAGAIN || errno == EINTR) {
     ++transport->counters.queue_full;
     return tiller_status_queue_full;
   }
   if (errno == ENETDOWN || errno == ENODEV || errno == ENXIO) {
-    transport->link_down = true;
+    lose_link(transport);
     return tiller_status_transport_closed;
   }
   return tiller_status_io_error;
+}
+
+bool is_set_point(const SocketCanTransport* transport, const CanFrame& frame) {
+  for (std::uint32_t i = 0; i < transport->own_count; ++i)
+    if (transport->own[i].passes(frame)) return true;
+  return false;
 }
 
 // Every frame is tried, so that one full queue slot does not keep the torque of another motor back.
@@ -138,18 +228,29 @@ tiller_status_t write_frames(SocketCanTransport* transport, const CanFrame* fram
   for (std::uint32_t i = 0; i < count; ++i) {
     const tiller_status_t one = write_frame(transport, frames[i]);
     if (status == tiller_status_ok) status = one;
+    if (one != tiller_status_ok || !is_set_point(transport, frames[i])) continue;
+    if (transport->awaited++ == 0) transport->sent_us = monotonic_us();
   }
-  if (status == tiller_status_ok) ++transport->counters.sent;
   return status;
 }
 
 tiller_status_t socketcan_send(void* self, const tiller_command_t* command) {
   SocketCanTransport* transport = transport_of(self);
   if (transport->socket < 0) return tiller_status_transport_closed;
+  // what was sent since the last poll may be on the bus by now
+  for (int i = 0; transport->awaited > 0 && i < kMaxFramesPerPoll && read_frame(transport); ++i) {
+  }
+  if (transport->awaited > 0) {
+    ++transport->bus_counters.held_back;
+    ++transport->counters.queue_full;
+    return tiller_status_queue_full;
+  }
   CanFrame frames[CanRobot::kMaxFrames];
   const std::uint32_t count = transport->robot.command(*command, frames);
   if (count == 0) return tiller_status_command_not_finite;
-  return write_frames(transport, frames, count);
+  const tiller_status_t status = write_frames(transport, frames, count);
+  if (status == tiller_status_ok) ++transport->counters.sent;
+  return status;
 }
 
 int socketcan_descriptor(void* self) { return transport_of(self)->socket; }
@@ -205,32 +306,38 @@ tiller_status_t find_interface(const SocketCanTransport* transport, const char* 
   return tiller_status_ok;
 }
 
-// Only what the robot reads: motors' heartbeats, errors and estimates, the board's stamps and values.
-std::uint32_t make_filters(const CanLayout& layout, can_filter* filters) {
-  std::uint32_t count = 0;
-  constexpr canid_t kExact = CAN_EFF_FLAG | CAN_RTR_FLAG | CAN_SFF_MASK;
-  for (std::uint32_t i = 0; i < layout.motor_count; ++i)
-    for (std::uint32_t command : CanRobot::kMotorCommandsRead)
-      filters[count++] = {layout.motors[i].node << 5 | command, kExact};
-  if (layout.sensor_node != CanLayout::kNoBoard)  // a node's 32 commands at once; only stamps and values come
-    filters[count++] = {layout.sensor_node << 5, kExact & ~canid_t{31}};
-  return count;
+can_filter kernel_filter(const CanFilter& filter) {
+  return {filter.id | (filter.extended ? CAN_EFF_FLAG : 0u), filter.mask | CAN_EFF_FLAG | CAN_RTR_FLAG};
+}
+
+// Only what the robot reads, and the set points themselves, which come back when they were sent.
+std::uint32_t make_filters(const SocketCanTransport* transport, can_filter* out) {
+  CanFilter filters[CanRobot::kMaxFilters];
+  const std::uint32_t count = transport->robot.filters(filters);
+  for (std::uint32_t i = 0; i < count; ++i) out[i] = kernel_filter(filters[i]);
+  for (std::uint32_t i = 0; i < transport->own_count; ++i) out[count + i] = kernel_filter(transport->own[i]);
+  return count + transport->own_count;
 }
 
 bool set_option(int socket, int level, int name, const void* value, socklen_t size) {
   return setsockopt(socket, level, name, value, size) == 0;
 }
 
-tiller_status_t configure(const SocketCanTransport* transport, const SocketCanOptions& options, OpenError* error) {
-  can_filter filters[3 * TILLER_MAX_INPUTS + 1];
-  const std::uint32_t count = make_filters(options.layout, filters);
-  const int off = 0, on = 1;
+tiller_status_t configure(SocketCanTransport* transport, const SocketCanOptions& options, OpenError* error) {
+  transport->own_count = transport->robot.command_filters(transport->own);
+  transport->fd = transport->robot.needs_fd();
+  transport->confirm_timeout_us = options.confirm_timeout_us;
+  can_filter filters[CanRobot::kMaxFilters + CanRobot::kMaxCommandFilters];
+  const std::uint32_t count = make_filters(transport, filters);
+  const int on = 1;
   const can_err_mask_t errors = CAN_ERR_MASK;
   const int s = transport->socket;
   bool ok = set_option(s, SOL_CAN_RAW, CAN_RAW_FILTER, filters, static_cast<socklen_t>(count * sizeof *filters));
   ok = ok && set_option(s, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors);
-  ok = ok && set_option(s, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &off, sizeof off);
+  ok = ok && set_option(s, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &on, sizeof on);
+  if (transport->fd) ok = ok && set_option(s, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on);
   ok = ok && set_option(s, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);
+  ok = ok && set_option(s, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
   if (options.receive_buffer_bytes > 0)
     ok = ok && set_option(s, SOL_SOCKET, SO_RCVBUF, &options.receive_buffer_bytes, sizeof(int));
   if (ok) return tiller_status_ok;
@@ -262,7 +369,14 @@ tiller_status_t check_up(const SocketCanTransport* transport, const char* name, 
                    name, name);
     return tiller_status_io_error;
   }
-  return tiller_status_ok;
+  if (!transport->fd || ioctl(transport->socket, SIOCGIFMTU, &request) != 0 ||
+      request.ifr_mtu >= static_cast<int>(CANFD_MTU))
+    return tiller_status_ok;
+  set_open_error(error,
+                 "socketcan: interface '%s' carries no CAN FD, which moteus needs. sudo ip link set %s down; sudo ip "
+                 "link set %s up type can bitrate 1000000 dbitrate 5000000 fd on (a virtual one: mtu 72)",
+                 name, name, name);
+  return tiller_status_io_error;
 }
 
 }  // namespace
@@ -291,9 +405,27 @@ tiller_status_t socketcan_open(SocketCanTransport* transport, const SocketCanOpt
 
 tiller_status_t socketcan_clear_faults(SocketCanTransport* transport) {
   if (transport->socket < 0) return tiller_status_transport_closed;
-  CanFrame frames[TILLER_MAX_INPUTS];
+  CanFrame frames[CanRobot::kMaxFrames];
   transport->bus = CanBusState::kActive;  // the next error frame says otherwise
+  transport->somebody_else = transport->unconfirmed = false;
+  transport->awaited = 0;
   return write_frames(transport, frames, transport->robot.clear_faults(frames));
+}
+
+tiller_status_t socketcan_ask(SocketCanTransport* transport) {
+  if (transport->socket < 0) return tiller_status_transport_closed;
+  CanFrame frames[CanRobot::kMaxFrames];
+  return write_frames(transport, frames, transport->robot.ask(frames));
+}
+
+const char* socketcan_fault_text(const SocketCanTransport* transport) {
+  if (transport->link_down) return "the interface is down";
+  if (transport->bus == CanBusState::kBusOff)
+    return "the CAN controller is bus-off: check wiring, termination, bit rate";
+  if (transport->bus == CanBusState::kPassive) return "the CAN controller is error-passive: check wiring, termination";
+  if (transport->unconfirmed) return "what is sent does not get onto the bus: is any other node there and powered?";
+  if (transport->somebody_else) return "another program sends set points to a motor";
+  return transport->robot.fault_text();
 }
 
 }  // namespace tiller

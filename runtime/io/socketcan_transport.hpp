@@ -12,29 +12,64 @@ struct SocketCanOptions {
   const char* interface = "can0";
   CanLayout layout;
   int receive_buffer_bytes = 0;  ///< SO_RCVBUF; 0: the kernel's default
+  /// Longest time from sending a set point to seeing it on the bus; 0: not watched. Beyond, nobody on the bus
+  /// acknowledges: bus_off.
+  std::int64_t confirm_timeout_us = 100000;
 };
 
 /// What the controller of the bus says of itself in error frames.
 enum class CanBusState : std::uint8_t { kActive, kPassive, kBusOff };
 
+/// What the bus has told beyond the counters of every transport; never decremented.
+struct SocketCanCounters {
+  std::uint64_t confirmed = 0;  ///< set points seen on the bus
+  std::uint64_t held_back = 0;  ///< ticks without set points because the last ones were still unsent
+  std::uint64_t foreign = 0;    ///< set points for our motors that somebody else sent
+  std::uint64_t bus_offs = 0, restarts = 0, passives = 0;
+  std::uint64_t unacknowledged = 0;  ///< error frames: no node acknowledged
+  std::uint64_t lost_arbitrations = 0, protocol_errors = 0, transceiver_errors = 0, send_timeouts = 0;
+};
+
 /// A raw CAN socket that never waits. Owned by the caller, filled by socketcan_open. One thread at a time.
+///
+/// Frames are stamped by the kernel on arrival, so that a program that was held up does not take a late reading for a
+/// new one. Own set points come back once they were on the bus: as long as the last tick's have not, no more are
+/// queued behind them, so that a bus that recovers carries at most one tick's old set points and not a queue of them.
 struct SocketCanTransport {
   int socket = -1;
   bool link_down = false;  // the interface was taken down or away
   CanBusState bus = CanBusState::kActive;
   std::uint32_t kernel_drops = 0;  // last value of SO_RXQ_OVFL, which counts from the socket's opening
+  bool fd = false;
+  bool somebody_else = false;  // another program commands our motors; until faults are cleared
+
+  // set points on their way: sent, and not seen on the bus yet
+  std::uint32_t awaited = 0;
+  std::int64_t sent_us = 0;
+  bool unconfirmed = false;
+  std::int64_t confirm_timeout_us = 0;
+  CanFilter own[CanRobot::kMaxCommandFilters];
+  std::uint32_t own_count = 0;
+
   CanRobot robot;
   tiller_transport_counters_t counters{};
+  SocketCanCounters bus_counters;
 };
 
 extern const tiller_transport_t kSocketCanTransport;
 
 /// Opens, filters and binds. Errors tell the remedy: no AF_CAN in the kernel, no such interface, no
-/// permission, interface down, layout wrong.
+/// permission, interface down, no CAN FD, layout wrong.
 [[nodiscard]] tiller_status_t socketcan_open(SocketCanTransport* transport, const SocketCanOptions& options,
                                              OpenError* error);
 
-/// Sends Clear_Errors to every motor and forgets latched faults: an operator's decision, before tiller_reset.
+/// Sends every motor what clears its faults and forgets latched ones: an operator's decision, before tiller_reset.
 tiller_status_t socketcan_clear_faults(SocketCanTransport* transport);
+
+/// Asks motors that do not speak unasked for their state (CanRobot::ask): before a tick where no board gives the time.
+tiller_status_t socketcan_ask(SocketCanTransport* transport);
+
+/// What is wrong with the bus or a motor, as a literal; null without a fault.
+const char* socketcan_fault_text(const SocketCanTransport* transport);
 
 }  // namespace tiller

@@ -20,7 +20,8 @@ constexpr std::uint32_t kMotor = 3, kBoard = 48;
 CanLayout cart() {
   CanLayout layout;
   layout.motor_count = 1;
-  layout.motors[0] = {kMotor, 0.05};
+  layout.motors[0].node = kMotor;
+  layout.motors[0].wheel_radius_m = 0.05;
   layout.channel_count = 2;
   layout.channels[0] = {CanSource::kSensor, 0};
   layout.channels[1] = {CanSource::kSensor, 1};
@@ -46,6 +47,12 @@ std::uint32_t bits(float value) {
   std::uint32_t word;
   std::memcpy(&word, &value, sizeof word);
   return word;
+}
+
+float torque_of(const CanFrame& frame) {
+  float value;
+  std::memcpy(&value, frame.data, sizeof value);
+  return value;
 }
 
 CanFrame heartbeat(std::uint32_t error, std::uint8_t state) { return frame_of(kMotor, 1, words(error, state)); }
@@ -77,7 +84,9 @@ class Robot : public ::testing::Test {
   }
   std::vector<CanFrame> command(tiller_state_t state, double force_N) {
     CanFrame frames[CanRobot::kMaxFrames];
-    const std::uint32_t count = robot.command(command_of(state, force_N), frames);
+    tiller_command_t wanted = command_of(state, force_N);
+    wanted.stamp_us = command_us += 20000;
+    const std::uint32_t count = robot.command(wanted, frames);
     return {frames, frames + count};
   }
   static std::vector<std::uint32_t> ids(const std::vector<CanFrame>& frames) {
@@ -88,7 +97,7 @@ class Robot : public ::testing::Test {
 
   CanRobot robot;
   tiller_measurement_t taken{};
-  std::int64_t now_us = 1000;
+  std::int64_t now_us = 1000, command_us = 0;
 };
 
 constexpr std::uint32_t kMode = kMotor << 5 | 0x0b, kState = kMotor << 5 | 7, kTorque = kMotor << 5 | 0x0e,
@@ -179,7 +188,8 @@ TEST_F(Robot, MotorsOwnEncodersMeasureThroughTheWheel) {
 TEST_F(Robot, MotorsAloneAreStampedOnArrival) {
   CanLayout layout;
   layout.motor_count = layout.channel_count = 1;
-  layout.motors[0] = {kMotor, 1.0};
+  layout.motors[0].node = kMotor;
+  layout.motors[0].wheel_radius_m = 1.0;
   layout.sensor_node = CanLayout::kNoBoard;
   layout.channels[0] = {CanSource::kMotorPosition, 0};
   reset(layout);
@@ -232,10 +242,12 @@ TEST_F(Robot, ActiveMeansTorqueModeClosedLoopAndForceTimesRadius) {
   EXPECT_EQ(1, frames[0].data[0]);
   EXPECT_EQ(1, frames[0].data[4]);
   EXPECT_EQ(8, frames[1].data[0]);
-  const std::uint8_t half_Nm[] = {0x00, 0x00, 0x00, 0x3f};
   EXPECT_EQ(4, frames[2].length);
-  EXPECT_EQ(0, std::memcmp(half_Nm, frames[2].data, 4));
+  EXPECT_EQ(0.0f, torque_of(frames[2])) << "nothing before the driver says that it is in closed loop";
   EXPECT_EQ(2, frames[3].data[4]) << "the state";
+  receive(heartbeat(0, 8));
+  const std::uint8_t half_Nm[] = {0x00, 0x00, 0x00, 0x3f};
+  EXPECT_EQ(0, std::memcmp(half_Nm, command(tiller_state_active, 10.0)[0].data, 4));
   EXPECT_EQ((Ids{kTorque, kStatus}), ids(command(tiller_state_active, 1.0))) << "the mode is asked for once";
   EXPECT_EQ((Ids{kTorque, kStatus}), ids(command(tiller_state_hold, 1.0)));
 }
@@ -292,14 +304,14 @@ TEST_F(Robot, IdleOnRequestIsNoFault) {
 
 TEST_F(Robot, ALostModeRequestIsRepeatedUntilItIsPlainThatTheMotorWillNot) {
   EXPECT_EQ((Ids{kMode, kState, kTorque, kStatus}), ids(command(tiller_state_active, 1.0)));
-  for (std::uint32_t k = 0; k < CanRobot::kArmHeartbeats; ++k) {
+  for (std::uint32_t k = 0; k < ActuatorAxis::kArmReports; ++k) {
     receive(heartbeat(0, 1));
     EXPECT_EQ(tiller_status_ok, robot.fault()) << k;
     EXPECT_EQ((Ids{kMode, kState, kTorque, kStatus}), ids(command(tiller_state_active, 1.0))) << k;
   }
   receive(heartbeat(0, 1));
   EXPECT_EQ(tiller_status_actuator_fault, robot.fault());
-  EXPECT_NE(std::string::npos, std::string(robot.fault_text()).find("closed loop"));
+  EXPECT_NE(std::string::npos, std::string(robot.fault_text()).find("does not enable"));
 }
 
 TEST_F(Robot, ASilentMotorIsAFaultOnTheMeasurementsClock) {
@@ -343,7 +355,7 @@ TEST(CanLayoutError, EveryMistakeHasItsText) {
   EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motor_count = 5; }), "1..4 motors"));
   EXPECT_TRUE(has(text_of([](CanLayout& l) { l.channel_count = 0; }), "1..12 channels"));
   EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motors[0].node = 64; }), "above 63"));
-  EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motors[0].node = kBoard; }), "same node_id"));
+  EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motors[0].node = kBoard; }), "sensor board"));
   EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motors[l.motor_count++] = l.motors[0]; }), "same node_id"));
   EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motors[0].wheel_radius_m = 0; }), "wheel_radius_m"));
   EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motors[0].wheel_radius_m = std::nan(""); }), "wheel_radius_m"));

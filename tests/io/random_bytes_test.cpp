@@ -60,8 +60,10 @@ TEST(RandomBytes, CanFrames) {
   Random random(20240608);
   CanLayout layout;
   layout.motor_count = 2;
-  layout.motors[0] = {1, 0.05};
-  layout.motors[1] = {2, -1.0};
+  layout.motors[0].node = 1;
+  layout.motors[0].wheel_radius_m = 0.05;
+  layout.motors[1].node = 2;
+  layout.motors[1].wheel_radius_m = -1.0;
   layout.channel_count = 3;
   layout.channels[0] = {CanSource::kMotorPosition, 0};
   layout.channels[1] = {CanSource::kSensor, 11};

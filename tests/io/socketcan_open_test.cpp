@@ -15,7 +15,8 @@ SocketCanOptions pendulum() {
   SocketCanOptions options;
   options.interface = "can_absent";
   options.layout.motor_count = options.layout.channel_count = 1;
-  options.layout.motors[0] = {1, 1.0};
+  options.layout.motors[0].node = 1;
+  options.layout.motors[0].wheel_radius_m = 1.0;
   return options;
 }
 

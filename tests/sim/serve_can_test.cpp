@@ -25,7 +25,7 @@ CanOptions bus() {
   CanOptions o;
   const char* name = std::getenv("TILLER_CAN_INTERFACE");
   o.interface = name != nullptr ? name : "vcan0";
-  o.axis_node = axis_node;
+  o.drive.node = axis_node;
   o.sensor_node = board_node;
   o.wheel_radius_m = wheel_radius_m;
   return o;
@@ -227,7 +227,7 @@ TEST(ServeCan, WhatCannotBeOpenedIsNamedWithTheRemedy) {
   EXPECT_NE(report.error.find("can_of_worms"), std::string::npos) << report.error;
   EXPECT_NE(report.error.find("ip link add"), std::string::npos) << report.error;
   o = bus();
-  o.sensor_node = o.axis_node;
+  o.sensor_node = o.drive.node;
   EXPECT_EQ(serve_can(*plant, o, lockstep(1), report), 1);
   EXPECT_NE(report.error.find("sensor_node"), std::string::npos) << report.error;
   o = bus();

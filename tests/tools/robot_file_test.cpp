@@ -113,6 +113,9 @@ TEST(RobotFile, HostSections) {
   ASSERT_NE(robot, nullptr);
   EXPECT_EQ(robot->transport.kind, "socketcan");
   EXPECT_EQ(robot->transport.interface, "can7");
+  ASSERT_EQ(robot->transport.drives.size(), 1u);
+  EXPECT_EQ(robot->transport.drives[0].actuator, "odrive");
+  EXPECT_EQ(robot->transport.drives[0].command, "torque");
   EXPECT_EQ(robot->transport.nodes, std::vector<std::uint32_t>{3});
   EXPECT_EQ(robot->transport.wheel_radius_m, std::vector<double>{0.05});
   EXPECT_EQ(join(robot->transport.channels), "position:force_N, board:0");
@@ -121,6 +124,24 @@ TEST(RobotFile, HostSections) {
   ASSERT_EQ(robot->sim.effects.size(), 1u);
   EXPECT_EQ(robot->sim.effects[0].parameters.at("coefficient"), 0.1);
   EXPECT_EQ(robot->log.units.at("angle_rad"), "deg");
+}
+
+TEST(RobotFileDrives, WhatEachDriveNeedsToBeTold) {
+  std::string errors;
+  const auto robot = parse_robot_file(
+      test::with("nodes = { force_N = 3 }",
+                 "nodes = { force_N = 70 }\nactuator = { force_N = \"mit\" }\n"
+                 "drives.force_N = { command = \"position\", reply = \"damiao\", reply_id = 5, kp_Nm_rad = 20, "
+                 "position_rad = 500 }"),
+      "robot.toml", errors);
+  ASSERT_NE(robot, nullptr) << errors;
+  const DriveSection& drive = robot->transport.drives[0];
+  EXPECT_EQ(drive.actuator, "mit");
+  EXPECT_EQ(drive.command, "position");
+  EXPECT_EQ(drive.reply, "damiao");
+  EXPECT_EQ(drive.reply_id, 5u);
+  EXPECT_EQ(drive.kp_Nm_rad, 20);
+  EXPECT_EQ(drive.torque_Nm, 18) << "the default";
 }
 
 // Sensors are delivered in the order of the file, not in that of their names.
