@@ -5,6 +5,7 @@
 #include "core/arena.hpp"
 #include "executive/command_timeline.hpp"
 #include "executive/motion_check.hpp"
+#include "executive/part_sizes.hpp"
 #include "executive/plan_memory.hpp"
 #include "executive/planning_belief.hpp"
 #include "executive/recorder.hpp"
@@ -24,8 +25,10 @@ namespace tiller {
 class Executive {
  public:
   /// Lays out the controller; null while the arena measures. `config` has passed config_check; its model and
-  /// what the hooks point to outlive the controller, the structs themselves are copied.
-  static Executive* lay_out(Arena& arena, const tiller_config_t& config, const tiller_hooks_t* hooks);
+  /// what the hooks point to outlive the controller, the structs themselves are copied. `sizes`, nullable, hears what
+  /// each part takes.
+  static Executive* lay_out(Arena& arena, const tiller_config_t& config, const tiller_hooks_t* hooks,
+                            PartSizes* sizes = nullptr);
 
   // lifecycle.cpp: what the caller asks for between ticks
   tiller_status_t arm();

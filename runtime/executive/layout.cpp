@@ -36,8 +36,14 @@ SensorLimits sensor_limits(const tiller_config_t& config) {
 
 }  // namespace
 
-Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const tiller_hooks_t* hooks) {
+Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const tiller_hooks_t* hooks,
+                              PartSizes* sizes) {
+  const auto note = [&](const char* part) {
+    if (sizes != nullptr) sizes->note(part, arena);
+  };
+  note("controller");
   Executive* placed = arena.take<Executive>(1);
+  note("executive");
   // while measuring, a stand-in on the stack takes the pointers: both runs pass through the same lines below
   Executive stand_in;
   Executive& self = placed ? *placed : stand_in;
@@ -51,16 +57,24 @@ Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const
   self.guard_ = SensorGuard(sensor_limits(config));
   self.gate_ = OutputGate(gate_limits(config));
   self.posterior_ = Posterior::lay_out(arena, self.config_, self.setup_, *self.table_, &self.hooks_);
+  note("posterior");
   const bool over_delays =
       self.planner_table_->undelayed || config.planner.predict_delay != 0 || config.posterior.delay_hypotheses > 1;
   self.belief_.lay_out(arena, self.config_, self.setup_, *self.table_, over_delays);
+  note("planning belief");
   self.planner_ =
       self.planner_table_->lay_out(arena, self.config_, self.belief_.planner_setup(), *self.table_, &self.hooks_);
+  note("planner");
   self.plan_.lay_out(arena, self.config_);
+  note("plan");
   self.timeline_.lay_out(arena, config.model->input_count);
+  note("command timeline");
   self.motion_.lay_out(arena, self.config_, self.setup_, *self.table_);
+  note("motion check");
   self.recorder_.lay_out(arena, self.config_);
+  note("recorder");
   self.history_ = arena.take<float>(std::size_t{self.setup_.delay_steps} * config.model->input_count);
+  note("delay history");
   if (placed == nullptr) return nullptr;
 
   self.posterior_->reset();

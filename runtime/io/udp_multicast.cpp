@@ -185,7 +185,7 @@ bool UdpMulticast::configure(const UdpmUrl& url) {
   address.sin_family = AF_INET;
   address.sin_addr.s_addr = group_;
   address.sin_port = port_;
-  ip_mreqn group{};
+  ip_mreq group{};  // not ip_mreqn, which says no more here and which qemu-user hands on with its last word undefined
   group.imr_multiaddr.s_addr = group_;
   const int on = 1;
   const int ttl = url.ttl;

@@ -37,8 +37,8 @@ Posterior* Posterior::lay_out(Arena& arena, const tiller_config_t& config, const
   }
 }
 
-tiller_status_t Posterior::check(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
-                                 const char** field) {
+tiller_status_t Posterior::check(const tiller_config_t& config, [[maybe_unused]] const StepSetup& setup,
+                                 [[maybe_unused]] const RolloutTable& table, const char** field) {
   const tiller_posterior_config_t& p = config.posterior;
   if (p.kind != tiller_posterior_transition && p.delay_hypotheses > 1) {
     *field = "posterior.delay_hypotheses";

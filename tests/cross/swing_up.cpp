@@ -13,12 +13,6 @@ constexpr double kUpright_rad = 3.141592653589793;
 tiller_prior_t uniform(double low, double high) { return {tiller_prior_uniform, 0, 0.0, 0.0, low, high}; }
 tiller_prior_t fixed(double value) { return {tiller_prior_fixed, 0, value, 0.0, value, value}; }
 
-void hash_bits(std::uint64_t& hash, double value) {
-  std::uint64_t word;
-  std::memcpy(&word, &value, sizeof word);
-  for (int byte = 0; byte < 8; ++byte) hash = (hash ^ ((word >> (8 * byte)) & 0xffu)) * 1099511628211ull;
-}
-
 char* put(char* at, const char* text) {
   while (*text != '\0') *at++ = *text++;
   return at;
@@ -39,6 +33,12 @@ char* put_hex(char* at, std::uint64_t value) {
 }
 
 }  // namespace
+
+void hash_bits(std::uint64_t& hash, double value) {
+  std::uint64_t word;
+  std::memcpy(&word, &value, sizeof word);
+  for (int byte = 0; byte < 8; ++byte) hash = (hash ^ ((word >> (8 * byte)) & 0xffu)) * 1099511628211ull;
+}
 
 void Plant::step(double torque_Nm, double time_s) {
   constexpr double kStep_s = 1e-3;

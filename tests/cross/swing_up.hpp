@@ -36,10 +36,14 @@ constexpr std::uint32_t kPush = 500;
 /// 64 particles; small enough for 256 KiB of RAM.
 tiller_config_t config(const Task& task);
 
+/// FNV-1a over the bits of numbers.
+constexpr std::uint64_t kHashStart = 14695981039346656037ull;
+void hash_bits(std::uint64_t& hash, double value);
+
 /// What a run leaves behind.
 struct Result {
-  tiller_status_t status = tiller_status_ok;     // of tiller_init
-  std::uint64_t hash = 14695981039346656037ull;  // FNV-1a over the bits of every command and estimate
+  tiller_status_t status = tiller_status_ok;  // of tiller_init
+  std::uint64_t hash = kHashStart;            // of every command and estimate
   std::uint32_t ticks = 0;
   std::uint32_t upright_ticks = 0;  // within 0.3 rad of upright
   std::uint32_t safe_ticks = 0;     // in SAFE
