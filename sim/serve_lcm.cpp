@@ -3,7 +3,6 @@
 #include <poll.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <ctime>
 #include <deque>
@@ -24,7 +23,8 @@ constexpr int failures_until_dead = 20;
 class LcmLink final : public PlantLink {
  public:
   LcmLink(const LcmOptions& options, const Plant& plant)
-      : lcm_(lcm_create(options.url.c_str())),
+      : options_(options),
+        lcm_(lcm_create(options.url.c_str())),
         channel_out_(options.channel_prefix + "MEASUREMENT"),
         url_(options.url),
         latency_us_(static_cast<std::int32_t>(std::lround(plant.options().command_latency_s * 1e6))) {
@@ -48,10 +48,10 @@ class LcmLink final : public PlantLink {
     out.count = static_cast<std::int32_t>(m.value.size());
     out.valid_mask = (1 << m.value.size()) - 1;
     std::copy(m.value.begin(), m.value.end(), out.value);
-    std::array<unsigned char, 256> bytes{};
-    const int size = out.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
-    const bool sent =
-        size > 0 && lcm_publish(lcm_, channel_out_.c_str(), bytes.data(), static_cast<unsigned>(size)) == 0;
+    std::vector<unsigned char> bytes(static_cast<std::size_t>(out.getEncodedSize()));
+    out.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    if (options_.sign) options_.sign(channel_out_, bytes);
+    const bool sent = lcm_publish(lcm_, channel_out_.c_str(), bytes.data(), static_cast<unsigned>(bytes.size())) == 0;
     failures_ = sent ? 0 : failures_ + 1;
     if (failures_ >= failures_until_dead) {
       error_ = "LCM cannot send on '" + url_ +
@@ -79,20 +79,26 @@ class LcmLink final : public PlantLink {
     }
   }
 
-  static void on_command(const lcm_recv_buf_t* buffer, const char*, void* user) {
+  static void on_command(const lcm_recv_buf_t* buffer, const char* channel, void* user) {
+    auto* link = static_cast<LcmLink*>(user);
+    const auto* data = static_cast<const unsigned char*>(buffer->data);
+    std::vector<unsigned char> bytes(data, data + buffer->data_size);
+    // a forged message is no command at all: it must not stop a motor either
+    if (link->options_.verify && !link->options_.verify(channel, bytes)) return;
     tiller_lcm::command_t in{};
     PlantCommand command;
     // what cannot be decoded, or has a wrong count, leaves a wrong size, which the loop counts as a bad
     // command
-    if (in.decode(buffer->data, 0, static_cast<int>(buffer->data_size)) >= 0) {
+    if (in.decode(bytes.data(), 0, static_cast<int>(bytes.size())) >= 0) {
       command.sequence = in.sequence;
       command.state = in.state;
       if (in.plan_sequence != 0) command.plan = in.plan_sequence;  // 0: a sender that does not count
       command.value.assign(in.value, in.value + std::clamp(in.count, 0, command_capacity));
     }
-    static_cast<LcmLink*>(user)->commands_.push_back(std::move(command));
+    link->commands_.push_back(std::move(command));
   }
 
+  LcmOptions options_;
   lcm_t* lcm_;
   std::string channel_out_;
   std::string url_;

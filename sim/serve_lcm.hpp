@@ -1,7 +1,9 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "sim/serve.hpp"
 
@@ -10,6 +12,10 @@ namespace tiller::sim {
 struct LcmOptions {
   std::string url = "udpm://239.255.76.67:7667?ttl=0";  ///< ttl=0: stays on this machine
   std::string channel_prefix = "TILLER_";               ///< <prefix>MEASUREMENT out, <prefix>COMMAND in
+  /// Appends to an encoded message what proves where it comes from; takes that off again, or returns false. Empty:
+  /// messages go as they are.
+  std::function<void(const std::string& channel, std::vector<unsigned char>& message)> sign;
+  std::function<bool(const std::string& channel, std::vector<unsigned char>& message)> verify;
 };
 
 /// Opens the link (types in runtime/io/lcm). Null with the reason in error.

@@ -30,6 +30,9 @@ struct TransportSection {
   std::string kind;  ///< "lcm", "socketcan"; empty: not given
   std::string url = "udpm://239.255.76.67:7667?ttl=0";
   std::string channel_prefix = "TILLER_";
+  std::string key_file;  ///< path; empty: messages are not signed
+  double replay_window_s = 2;
+  bool liblcm = false;
   std::string interface = "can0";
   bool stamp_on_arrival = false;       ///< the plant has a clock of its own
   std::vector<std::uint32_t> nodes;    ///< (nu) node of each input's motor

@@ -1,5 +1,7 @@
 // [transport], [sim] and [log]: what the host's programs need beside the controller's configuration.
 
+#include <filesystem>
+
 #include "tools/robot_sections.hpp"
 
 namespace tiller::tools {
@@ -161,6 +163,10 @@ void read_transport(FileErrors& errors, const toml::table& root, RobotFile& robo
   refuse_foreign_keys(section, transport.kind);
   if (const auto v = section.text("url")) transport.url = *v;
   if (const auto v = section.text("channel_prefix")) transport.channel_prefix = *v;
+  if (const auto v = section.text("key_file"))
+    transport.key_file = (std::filesystem::path(robot.path).parent_path() / *v).string();
+  if (const auto v = section.number("replay_window_s")) transport.replay_window_s = *v;
+  if (const auto v = section.flag("liblcm")) transport.liblcm = *v;
   if (const auto v = section.flag("stamp_on_arrival")) transport.stamp_on_arrival = *v;
   if (const auto v = section.text("interface")) transport.interface = *v;
   if (const auto v = section.count("sensor_node")) transport.sensor_node = static_cast<std::uint32_t>(*v);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "io/key_file.hpp"
 #include "io/lcm_transport.hpp"
 #include "io/monotonic_clock.hpp"
 #include "io/socketcan_transport.hpp"
@@ -139,6 +140,14 @@ class TransportLink : public Link {
     lcm.input_count = robot_.model->input_count;
     lcm.stamp_on_arrival = robot_.transport.stamp_on_arrival && !options_.lockstep;
     if (options_.lockstep) lcm.max_wait_us = 0;  // in lockstep only the order counts
+    lcm.liblcm = robot_.transport.liblcm;
+    lcm.replay_window_us = std::llround(1e6 * robot_.transport.replay_window_s);
+    std::uint8_t key[MessageSeal::kKeyBytes];
+    if (!robot_.transport.key_file.empty()) {
+      const tiller_status_t status = read_key_file(robot_.transport.key_file.c_str(), key, &problem);
+      if (status != tiller_status_ok) return status;
+      lcm.key = key;
+    }
     table_ = &kLcmTransport;
     self_ = &lcm_;
     return lcm_transport_open(&lcm_, lcm, &problem);
