@@ -1,0 +1,68 @@
+// The runtime's LCM codec: packets, messages, signatures, URLs. An input is one byte of options, then packets, each
+// with its length in two bytes.
+#include <cmath>
+#include <cstring>
+
+#include "fuzz.hpp"
+#include "io/lcm_messages.hpp"
+#include "io/lcm_transport.hpp"
+
+namespace {
+
+constexpr std::uint32_t kValues = 3;
+
+void check_newest(const tiller::LcmTransport& transport) {
+  for (std::uint32_t i = kValues; i < TILLER_MAX_MEASUREMENTS; ++i)
+    fuzz::require(transport.newest.value[i] == 0.0, "values beyond the configured count stay zero");
+}
+
+void take_packets(fuzz::Bytes& input, bool has_key) {
+  static const std::uint8_t key[tiller::MessageSeal::kKeyBytes] = {1, 2, 3};
+  tiller::LcmTransport transport;
+  transport.options.measurement_count = kValues;
+  std::strcpy(transport.measurement_channel, "M");
+  if (has_key) transport.seal = tiller::MessageSeal(key, 0);
+  std::uint64_t taken = 0;
+  while (!input.empty()) {
+    const std::uint32_t high = input.byte();
+    const std::string packet = input.take(high << 8 | input.byte());
+    taken += tiller::lcm_take_packet(&transport, reinterpret_cast<const std::uint8_t*>(packet.data()),
+                                     static_cast<std::uint32_t>(packet.size()), 0);
+    check_newest(transport);
+  }
+  fuzz::require(taken == transport.counters.received, "every measurement taken is counted");
+  fuzz::require(taken == 0 || transport.has_new, "a measurement that was taken is there");
+}
+
+void parse_url(const std::string& text) {
+  tiller::UdpmUrl url;
+  if (tiller::parse_udpm_url(text.c_str(), &url) != nullptr) return;
+  fuzz::require(url.group[0] >= 224 && url.group[0] <= 239 && url.port > 0, "a URL that is read names a group");
+}
+
+void check_seal(const std::string& message) {
+  static const std::uint8_t key[tiller::MessageSeal::kKeyBytes] = {1, 2, 3};
+  tiller::MessageSeal seal(key, 0);
+  const auto size = static_cast<std::uint32_t>(message.size());
+  fuzz::require(
+      seal.check("M", reinterpret_cast<const std::uint8_t*>(message.data()), size, 1) != tiller::SealState::kOk,
+      "nobody guesses a signature");
+  std::string room = message + std::string(tiller::MessageSeal::kTrailerBytes, '\0');
+  auto* bytes = reinterpret_cast<std::uint8_t*>(&room[0]);
+  seal.seal("M", bytes, size, 1);
+  fuzz::require(seal.check("M", bytes, size + tiller::MessageSeal::kTrailerBytes, 1) == tiller::SealState::kOk,
+                "what is signed is authentic");
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  fuzz::Bytes input(data, size);
+  switch (input.byte() % 4) {
+    case 0: take_packets(input, false); break;
+    case 1: take_packets(input, true); break;
+    case 2: parse_url("udpm://" + input.take(256)); break;
+    default: check_seal(input.take(512));
+  }
+  return 0;
+}

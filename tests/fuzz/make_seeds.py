@@ -1,0 +1,108 @@
+"""make_seeds.py CORPUS TYPES: small inputs to begin with, one folder a fuzzer. Findings join them by hand.
+
+TYPES is the folder of the generated Python package tiller_lcm. Deterministic: running it again changes nothing.
+"""
+import hashlib
+import os
+import struct
+import sys
+
+CORPUS, TYPES = sys.argv[1:3]
+sys.path.insert(0, TYPES)
+from tiller_lcm import command_t, measurement_t  # noqa: E402
+
+
+def save(fuzzer, name, data):
+    folder = os.path.join(CORPUS, fuzzer)
+    os.makedirs(folder, exist_ok=True)
+    with open(os.path.join(folder, name), "wb") as file:
+        file.write(data)
+
+
+# ---- lcm: one byte of options, then packets with their length in two bytes
+
+def measurement(sequence, count=3, mask=7):
+    m = measurement_t()
+    m.stamp_us, m.sequence, m.count, m.valid_mask = 1000 * sequence, sequence, count, mask
+    m.value = [0.5, -1.0, float(sequence)] + [0.0] * 9
+    return m.encode()
+
+
+def packet(channel, message, magic=b"LC02"):
+    data = magic + struct.pack(">I", 1) + channel + b"\0" + message
+    return struct.pack(">H", len(data)) + data
+
+
+def sign(message, counter):
+    body = message + struct.pack(">Q", counter)
+    key = bytes([1, 2, 3]) + bytes(29)
+    return body + hashlib.blake2s(b"M\0" + body, digest_size=16, key=key).digest()
+
+
+save("lcm", "two_measurements", b"\0" + packet(b"M", measurement(1)) + packet(b"M", measurement(2)))
+save("lcm", "other_channel", b"\0" + packet(b"CAMERA", b"abc") + packet(b"M", measurement(3, 3, 5)))
+save("lcm", "other_type", b"\0" + packet(b"M", command_t().encode()) + packet(b"M", measurement(3, 12, 7)))
+save("lcm", "fragment", b"\0" + packet(b"", bytes(12) + b"M\0x", b"LC03"))
+save("lcm", "signed", b"\1" + b"".join(packet(b"M", sign(measurement(i), 100 + i)) for i in (1, 2, 2)))
+save("lcm", "url", b"\2" + b"239.255.76.67:7667?ttl=1&recv_buf_size=100000")
+save("lcm", "seal", b"\3" + measurement(7))
+
+# ---- can: one byte for the layout, then steps: kind, then a frame (identifier, length, data) or a command
+
+
+def frame(node, command, data):
+    return b"\2" + bytes([{1: 0, 2: 1, 48: 2, 63: 3}[node] << 5 | command, len(data)]) + data.ljust(8, b"\0")
+
+
+def board(sequence):
+    stamp = frame(48, 0, struct.pack("<II", 5000 * sequence, sequence))
+    value = frame(48, 27, struct.pack("<iHB", 123456, sequence, 1))
+    return stamp + value
+
+
+encoder = frame(1, 9, struct.pack("<ff", 0.5, 1.0)) + frame(2, 9, struct.pack("<ff", -0.5, 2.0))
+heartbeat = frame(1, 1, struct.pack("<IBBB", 0, 8, 0, 0).ljust(8, b"\0"))
+command = b"\0\2" + struct.pack(">dd", 1.5, -2.5)
+for layout in range(4):
+    save("can", f"layout_{layout}", bytes([layout]) + (encoder + board(1) + command + heartbeat + encoder + board(2)))
+save("can", "fault", b"\0" + command + frame(1, 1, struct.pack("<IBBB", 64, 1, 0, 0)) + b"\1" + command)
+
+
+def crc8(data):
+    crc = 0xFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x2F if crc & 0x80 else crc << 1) & 0xFF
+    return crc ^ 0xFF
+
+
+def protected(data, counter):
+    body = data + bytes([counter])
+    whole = body + bytes([crc8(b"\x23\x01" + body)])
+    return b"\1" + bytes([len(whole)]) + whole
+
+
+save("can", "e2e", b"\x80\x0f" + b"".join(protected(b"abcdef", i % 256) for i in (254, 255, 0, 0, 1)))
+
+# ---- logs for the pendulum: CSV, LCM
+
+rows = "".join(f"{0.02 * i:.2f},{0.1 * i % 1:.4f},{0.05 * i:.4f},{(-1) ** i * 0.5}\n" for i in range(30))
+save("csv", "plain", ("time_s,angle_rad,rate_rad_s,torque_Nm\n" + rows).encode())
+save("csv", "quoted", ('# a comment\n"time_s" ; "angle_rad";"torque_Nm"\r\n' + "0,1,2\r\n" * 25).encode())
+save("csv", "gaps", ("time_s,angle_rad,torque_Nm\n" + "".join(f"{i * i},nan,{i}\n" for i in range(25))).encode())
+
+
+def event(number, channel, message):
+    return struct.pack(">IQQII", 0xEDA1DA01, number, 1000000 + 20000 * number, len(channel), len(message)) + channel + message
+
+
+log = b""
+for i in range(25):
+    c = command_t()
+    c.stamp_us, c.sequence, c.count, c.value = 1000 * i, i, 1, [0.5, 0.0, 0.0, 0.0]
+    log += event(2 * i, b"TILLER_MEASUREMENT", measurement(i, 1, 1)) + event(2 * i + 1, b"TILLER_COMMAND", c.encode())
+save("log", "lcm", log)
+save("log", "lcm_cut", log[:-17])
+save("log", "record", b"REC\0")
+save("log", "record_changed", b"REC\3" + bytes([0, 9, 1, 0, 200, 255, 16, 0, 255]) + b"\1\x20\0" + b"tail")
