@@ -1,6 +1,7 @@
 """make_seeds.py CORPUS TYPES: small inputs to begin with, one folder a fuzzer. Findings join them by hand.
 
-TYPES is the folder of the generated Python package tiller_lcm. Deterministic: running it again changes nothing.
+TYPES is the folder of the generated Python package tiller_lcm. Deterministic: running it again changes nothing. The seeds of
+mcap are a record of `tiller run`, whole, and its chunk without the CRC that keeps damage from the parser behind it.
 """
 import hashlib
 import os

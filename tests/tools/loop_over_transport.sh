@@ -4,7 +4,8 @@
 #   2. the plant is killed: SAFE within two sensor timeouts of simulated time, a zero command, a message
 #   3. the controller is killed: the device's watchdog stops the motor
 #   4. the controller is stopped, and goes on later: the watchdog stops the motor, nothing old moves it again
-# Usage: loop_over_transport.sh TILLER ROBOT lcm|can SEEDS. Runs in an empty folder, under POSIX sh and busybox.
+# Usage: loop_over_transport.sh TILLER ROBOT lcm|signed|can SEEDS (signed: over LCM, both ends with a key). Runs in an
+# empty folder, under POSIX sh and busybox.
 set -eu
 tiller=$1
 robot=$2
@@ -37,6 +38,11 @@ if [ "$transport" = can ]; then
   sed -e 's/^kind = "lcm"$/kind = "socketcan"\ninterface = "vcan0"/' -e 's/^rollouts = .*/rollouts = 64/' \
     -e 's/^particles = 8$/particles = 4/' -e 's/^horizon = .*/horizon = 40/' \
     -e 's/^particles = 256$/particles = 64/' -e 's/^moves_per_tick = .*/moves_per_tick = 16/' "$robot" >"$folder/robot.toml"
+elif [ "$transport" = signed ]; then
+  transport=lcm
+  sed 's/^kind = "lcm"$/kind = "lcm"\nkey_file = "robot.key"/' "$robot" >"$folder/robot.toml"
+  grep -q key_file "$folder/robot.toml" || fail "the robot file has no line kind = \"lcm\""
+  (umask 077 && head -c 32 /dev/urandom | od -An -v -tx1 | tr -d ' \n' >"$folder/robot.key")
 else
   cp "$robot" "$folder/robot.toml"
 fi

@@ -34,6 +34,11 @@ struct Row {
   double input[TILLER_MAX_INPUTS] = {};
 };
 
+// In floating point: stamps come from files, and their difference need not fit.
+double seconds_between(std::int64_t from_us, std::int64_t to_us) {
+  return 1e-6 * (static_cast<double>(to_us) - static_cast<double>(from_us));
+}
+
 bool finish(const std::vector<Row>& rows, const char* what, const RobotFile& robot, Log& log, std::string& error) {
   const auto fail = [&](int line, const std::string& text) {
     error += (error.empty() ? "" : "\n") + log.path + ":" + std::to_string(line) + ": " + text;
@@ -49,10 +54,10 @@ bool finish(const std::vector<Row>& rows, const char* what, const RobotFile& rob
                          ? "the stamp repeats that of number " + std::to_string(rows[i - 1].line) +
                                "; two plants on one channel, or a log that was joined: record one run a file"
                          : "time goes backwards by " +
-                               format("%.6g", 1e-6 * static_cast<double>(rows[i - 1].stamp_us - row.stamp_us)) +
+                               format("%.6g", seconds_between(row.stamp_us, rows[i - 1].stamp_us)) +
                                " s; record one run a file");
     log.line.push_back(row.line);
-    log.time_s.push_back(1e-6 * static_cast<double>(row.stamp_us - rows[0].stamp_us));
+    log.time_s.push_back(seconds_between(rows[0].stamp_us, row.stamp_us));
     for (std::uint32_t k = 0; k < robot.config.measurement_count; ++k)
       log.state[robot.config.measured_state[k]].push_back(row.measured[k]);
     for (std::uint32_t k = 0; k < robot.model->input_count; ++k) log.input[k].push_back(row.input[k]);
