@@ -1,5 +1,5 @@
-// The robot's side of a CAN bus: frames in, measurements, faults and frames out; and the end-to-end code of short frames.
-// An input is one byte that chooses the layout, then steps of a kind and its bytes.
+// The robot's side of a CAN bus: frames in, measurements, faults and frames out, for every protocol of actuators.def; and
+// the end-to-end code of short frames. An input is one byte that chooses the layout, then steps of a kind and its bytes.
 #include <cmath>
 #include <cstring>
 
@@ -9,11 +9,27 @@
 
 namespace {
 
-tiller::CanLayout layout_of(std::uint8_t choice) {
+constexpr double kLevers[] = {0.05, -1.0};
+
+tiller::ActuatorSettings drive_of(std::uint8_t choice, std::uint32_t node) {
+  tiller::ActuatorSettings drive;
+  drive.kind = static_cast<tiller::ActuatorKind>(choice % static_cast<unsigned>(tiller::ActuatorKind::count));
+  drive.node = node;
+  drive.reply_id = 16 + node;
+  drive.resolution = static_cast<tiller::MoteusResolution>(choice / 4 % 4);
+  drive.reply = static_cast<tiller::MitReply>(choice / 4 % 3);
+  return drive;
+}
+
+tiller::CanLayout layout_of(fuzz::Bytes& input) {
+  const std::uint8_t choice = input.byte(), drives = input.byte();
   tiller::CanLayout layout;
   layout.motor_count = 2;
-  layout.motors[0] = {1, 0.05};
-  layout.motors[1] = {2, -1.0};
+  for (std::uint32_t i = 0; i < 2; ++i) {
+    layout.motors[i].node = 1 + i;
+    layout.motors[i].wheel_radius_m = kLevers[i];
+    layout.motors[i].drive = drive_of(i == 0 ? drives & 15 : drives >> 4, 1 + i);
+  }
   layout.channel_count = 3;
   layout.channels[0] = {tiller::CanSource::kMotorPosition, 0};
   layout.channels[1] = {tiller::CanSource::kSensor, 11};
@@ -27,15 +43,27 @@ tiller::CanLayout layout_of(std::uint8_t choice) {
   return layout;
 }
 
+/// Identifiers of all kinds: node and command, what a moteus or a MIT drive answers with, anything.
 tiller::CanFrame frame_of(fuzz::Bytes& input) {
   static constexpr std::uint32_t kNodes[] = {1, 2, 48, 63};
   tiller::CanFrame frame;
-  const std::uint8_t choice = input.byte();
-  frame.id = choice == 255 ? input.word() : kNodes[choice >> 5 & 3] << 5 | (choice & 31u);
+  const std::uint8_t kind = input.byte(), choice = input.byte();
+  frame.id = kNodes[choice >> 5 & 3] << 5 | (choice & 31u);
+  if (kind % 4 == 1) frame.id = static_cast<std::uint32_t>(choice) << 8;
+  if (kind % 4 == 2) frame.id = choice;
+  if (kind % 4 == 3) frame.id = input.word();
+  frame.fd = (kind & 4) != 0;
+  frame.extended = (kind & 8) != 0;
   frame.length = input.byte();
-  const std::string bytes = input.take(sizeof frame.data);
+  const std::string bytes = input.take(frame.length < sizeof frame.data ? frame.length : sizeof frame.data);
   std::memcpy(frame.data, bytes.data(), bytes.size());
   return frame;
+}
+
+void check_frames(const tiller::CanFrame* frames, std::uint32_t count, std::uint32_t most) {
+  fuzz::require(count <= most, "frames fit their places");
+  for (std::uint32_t i = 0; i < count; ++i)
+    fuzz::require(frames[i].length <= (frames[i].fd ? 64 : 8), "a frame has a possible length");
 }
 
 void check_measurement(tiller::CanRobot& robot) {
@@ -48,16 +76,16 @@ void check_measurement(tiller::CanRobot& robot) {
 void check_command(tiller::CanRobot& robot, fuzz::Bytes& input) {
   tiller_command_t command{};
   command.state = input.byte() % 5;
+  bool finite = true;
   for (int i = 0; i < 2; ++i) {
     const std::uint64_t bits = std::uint64_t{input.word()} << 32 | input.word();
     std::memcpy(&command.value[i], &bits, sizeof bits);
+    finite = finite && std::isfinite(command.value[i]);
   }
   tiller::CanFrame frames[tiller::CanRobot::kMaxFrames];
   const std::uint32_t count = robot.command(command, frames);
-  fuzz::require(count <= tiller::CanRobot::kMaxFrames, "a command fits its frames");
-  const bool finite = std::isfinite(static_cast<float>(command.value[0] * 0.05)) &&
-                      std::isfinite(static_cast<float>(command.value[1] * -1.0));
-  fuzz::require(finite == (count > 0), "frames are sent for finite torques and for no others");
+  check_frames(frames, count, tiller::CanRobot::kMaxFrames);
+  fuzz::require(finite || count == 0, "nothing is sent for a command that is not finite");
 }
 
 void check_e2e(fuzz::Bytes& input) {
@@ -73,31 +101,38 @@ void check_e2e(fuzz::Bytes& input) {
   }
 }
 
+void step(tiller::CanRobot& robot, std::uint8_t kind, fuzz::Bytes& input, std::int64_t now_us) {
+  tiller::CanFrame frames[tiller::CanRobot::kMaxFrames];
+  switch (kind % 8) {
+    case 0: check_command(robot, input); break;
+    case 1: check_frames(frames, robot.clear_faults(frames), tiller::CanRobot::kMaxFrames); break;
+    case 2: check_frames(frames, robot.ask(frames), tiller::CanRobot::kMaxFrames); break;
+    case 3: check_frames(frames, robot.queries_due(frames), tiller::CanRobot::kMaxFrames); break;
+    case 4: robot.prepare((kind & 8) != 0); break;
+    default: robot.receive(frame_of(input), now_us);
+  }
+  check_measurement(robot);
+  fuzz::require((robot.fault() != tiller_status_ok) == (robot.fault_text() != nullptr), "a fault has its text");
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  fuzz::Bytes input(data, size);
-  const std::uint8_t choice = input.byte();
-  if (choice == 128) {
+  if (size > 0 && data[0] == 128) {
+    fuzz::Bytes input(data + 1, size - 1);
     check_e2e(input);
     return 0;
   }
+  fuzz::Bytes input(data, size);
+  const tiller::CanLayout layout = layout_of(input);
+  if (tiller::can_layout_error(layout) != nullptr) return 0;
   tiller::CanRobot robot;
-  robot.reset(layout_of(choice));
+  robot.reset(layout);
   std::int64_t now_us = 1000;
-  for (int step = 0; step < 256 && !input.empty(); ++step) {
+  for (int i = 0; i < 256 && !input.empty(); ++i) {
     const std::uint8_t kind = input.byte();
     now_us += kind >> 3 << 12;
-    if (kind % 8 == 0) {
-      check_command(robot, input);
-    } else if (kind % 8 == 1) {
-      tiller::CanFrame frames[TILLER_MAX_INPUTS];
-      fuzz::require(robot.clear_faults(frames) <= TILLER_MAX_INPUTS, "one frame a motor");
-    } else {
-      robot.receive(frame_of(input), now_us);
-    }
-    check_measurement(robot);
-    fuzz::require((robot.fault() != tiller_status_ok) == (robot.fault_text() != nullptr), "a fault has its text");
+    step(robot, kind, input, now_us);
   }
   return 0;
 }

@@ -48,25 +48,35 @@ save("lcm", "signed", b"\1" + b"".join(packet(b"M", sign(measurement(i), 100 + i
 save("lcm", "url", b"\2" + b"239.255.76.67:7667?ttl=1&recv_buf_size=100000")
 save("lcm", "seal", b"\3" + measurement(7))
 
-# ---- can: one byte for the layout, then steps: kind, then a frame (identifier, length, data) or a command
+# ---- can: two bytes for the layout, then steps: kind, then a frame (kind, identifier, length, data) or a command
 
 
-def frame(node, command, data):
-    return b"\2" + bytes([{1: 0, 2: 1, 48: 2, 63: 3}[node] << 5 | command, len(data)]) + data.ljust(8, b"\0")
+def frame(node, command, data, kind=0):
+    return b"\5" + bytes([kind, {1: 0, 2: 1, 48: 2, 63: 3}[node] << 5 | command, len(data)]) + data
 
 
 def board(sequence):
     stamp = frame(48, 0, struct.pack("<II", 5000 * sequence, sequence))
-    value = frame(48, 27, struct.pack("<iHB", 123456, sequence, 1))
+    value = frame(48, 27, struct.pack("<iHBB", 123456, sequence, 1, 0))
     return stamp + value
 
 
 encoder = frame(1, 9, struct.pack("<ff", 0.5, 1.0)) + frame(2, 9, struct.pack("<ff", -0.5, 2.0))
-heartbeat = frame(1, 1, struct.pack("<IBBB", 0, 8, 0, 0).ljust(8, b"\0"))
+heartbeat = frame(1, 1, struct.pack("<IBBBB", 0, 8, 0, 0, 0))
 command = b"\0\2" + struct.pack(">dd", 1.5, -2.5)
+run = encoder + board(1) + command + heartbeat + encoder + board(2)
 for layout in range(4):
-    save("can", f"layout_{layout}", bytes([layout]) + (encoder + board(1) + command + heartbeat + encoder + board(2)))
-save("can", "fault", b"\0" + command + frame(1, 1, struct.pack("<IBBB", 64, 1, 0, 0)) + b"\1" + command)
+    save("can", f"odrive_{layout}", bytes([layout, 0]) + run)
+save("can", "odrive_fault", b"\0\0" + command + frame(1, 1, struct.pack("<IBBBB", 64, 1, 0, 0, 0)) + b"\1" + command)
+# moteus answers with registers: mode, position, velocity, torque as floats, then voltage, temperature and fault as bytes
+registers = b"\x2c\x04\x00" + struct.pack("<ffff", 10.0, 0.25, -0.5, 0.1) + b"\x23\x0d\x30\x18\x00"
+answer = b"\5" + bytes([4 + 1, 1, len(registers)]) + registers
+save("can", "moteus", b"\3\x11" + b"\2" + answer + command + answer + answer)
+save("can", "moteus_int16", b"\3\x55" + command + b"\5" + bytes([5, 1, 9]) + b"\x24\x04\x00" + struct.pack("<hhh", 10, 99, -5))
+# MIT: node, then 16 bits of position, 12 of velocity, 12 of torque
+packed = bytes([1, 0x80, 0x10, 0x7F, 0xF8, 0x01])
+save("can", "mit", b"\3\x22" + command + b"\5" + bytes([2, 17, 6]) + packed + b"\5" + bytes([2, 18, 6, 2]) + packed[1:] + command)
+save("can", "mit_ak", b"\0\x66" + command + b"\5" + bytes([2, 17, 8]) + packed + b"\x30\0" + board(1))
 
 
 def crc8(data):
