@@ -105,17 +105,20 @@ void order(std::vector<Fault>& list) {
   list.back().frames = [](World& w, std::vector<CanFrame>& frames) {
     drop(frames, [&](const CanFrame&) { return w.random.chance(0.1); });
   };
-  list.push_back(bus("board_doubled", "a second board of the same node sends other values", End::kBounded,
-                     Timeout::kSensor, "`sensor_jump` where they differ; SAFE if it goes on"));
+  list.push_back(bus("board_doubled", "a second board of the same node, 1.5 to 3 rad away, speaks into the first",
+                     End::kBounded, Timeout::kSensor, "`sensor_jump` where they differ; SAFE if it goes on"));
   list.back().frames = [](World& w, std::vector<CanFrame>& frames) {
+    if (w.amount == 0.0) w.amount = w.random.sign() * w.random.uniform(w.reach_rad(), 3.0);
     std::vector<CanFrame> both;
     for (const CanFrame& f : frames) {
       both.push_back(f);
       if (!from_board(f)) continue;
       both.push_back(f);
       if ((f.id & 31u) >= 16) {
-        const std::int32_t other = static_cast<std::int32_t>(w.random.uniform(-3e6, 3e6));
-        std::memcpy(both.back().data, &other, sizeof other);
+        std::int32_t micro = 0;
+        std::memcpy(&micro, f.data, sizeof micro);
+        micro += static_cast<std::int32_t>(1e6 * w.amount);
+        std::memcpy(both.back().data, &micro, sizeof micro);
       }
     }
     frames = both;

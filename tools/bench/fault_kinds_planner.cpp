@@ -32,8 +32,8 @@ void failing(std::vector<Fault>& list) {
   list.back().noticed = plan_failed;
   for (const auto planner : {tiller_planner_sqp, tiller_planner_ilqr}) {
     const bool sqp = planner == tiller_planner_sqp;
-    list.push_back({sqp ? "solver_nan_sqp" : "solver_nan_ilqr", group, "a gradient planner meets NaN", Road::kMemory,
-                    End::kStops, Timeout::kHold, "`plan_not_finite`: HOLD, then SAFE"});
+    list.push_back({sqp ? "solver_nan_sqp" : "solver_nan_ilqr", group, sqp ? "`sqp` meets NaN" : "`ilqr` meets NaN",
+                    Road::kMemory, End::kStops, Timeout::kHold, "`plan_not_finite`: HOLD, then SAFE"});
     list.back().prepare = sqp ? [](Setup& s) {
       s.own_cost = true;
       s.config.planner.kind = tiller_planner_sqp;
@@ -76,10 +76,11 @@ void late(std::vector<Fault>& list) {
   list.back().prepare = clocked;
   list.back().step = [](World& w) { w.clock_step_ns = w.random.chance(0.3) ? 20000000 : 0; };
   list.back().noticed = plan_late;
-  list.push_back({"plan_capped", group, "time for one iteration of two", Road::kMemory, End::kBounded, Timeout::kSensor,
+  list.push_back({"plan_capped", group, "time for one iteration of two", Road::kMemory, End::kRides, Timeout::kSensor,
                   "`iteration_capped`: the plan so far"});
   list.back().prepare = clocked;
-  list.back().step = [](World& w) { w.clock_step_ns = 900000; };
+  list.back().step = [](World& w) { w.clock_step_ns = 500000; };  // the deadline is 5 ms
+  list.back().noticed = [](const World&, const tiller_info_t& i) { return i.planner_iterations == 1; };
   list.push_back({"clock_of_deadlines_stands", group, "the deadlines' clock stands still", Road::kMemory, End::kRides,
                   Timeout::kSensor, "the cap of iterations ends the plan"});
   list.back().prepare = clocked;
