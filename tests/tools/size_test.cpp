@@ -69,14 +69,14 @@ TEST(Size, CountsFollowTheConfiguration) {
   EXPECT_GT(gradient.path_feedback, 0u);
 }
 
-/// Measured by ./dev cross small: mean instructions per tick, plant included. A change that halves or doubles the work
+/// Measured by ./dev cross: mean instructions per tick over 10,000 ticks, plant included. A change that halves or doubles the work
 /// of a tick makes this fail: measure again.
 TEST(Size, EstimateIsWithinAThirdOfTheEmulatedProcessor) {
   struct Case {
     swing_up::Task task;
     double measured;
   };
-  for (const Case& c : {Case{swing_up::kSwingUp, 6.2e6}, Case{swing_up::kHold, 2.5e6}}) {
+  for (const Case& c : {Case{swing_up::kSwingUp, 5.4e6}, Case{swing_up::kHold, 2.5e6}}) {
     const tiller_config_t config = swing_up::config(c.task);
     ModelWork mean, most;
     std::string error, stand_in;
