@@ -21,7 +21,7 @@ class CanLink final : public PlantLink {
 
   /// The drive first: who reads the measurement knows the state of the axis at that time.
   bool publish(const PlantMeasurement& m) override {
-    return send(axis_->before_reading()) && send(sensor_frames(options_.sensor_node, m));
+    return send(axis_->before_reading()) && send(sensor_frames(options_.sensor_node, m, options_.protected_frames));
   }
 
   bool receive(PlantCommand& command, std::int64_t timeout_us) override {

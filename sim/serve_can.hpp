@@ -13,6 +13,7 @@ struct CanOptions {
   std::string interface = "vcan0";
   DriveOptions drive;
   std::uint32_t sensor_node = 48;  ///< 0..63, another one
+  bool protected_frames = true;    ///< the board sends the layout with a CRC
   /// Motor torque to the plant's command: force_N = torque_Nm / wheel_radius_m. Plants that take a torque are
   /// driven directly: 1. Negative: the
   /// motor is mounted mirrored.

@@ -1,7 +1,6 @@
 #include "io/can_robot.hpp"
 
 #include <cmath>
-#include <limits>
 
 extern "C" {
 #include "tiller_sensors.h"
@@ -143,7 +142,7 @@ bool CanRobot::receive(const CanFrame& frame, std::int64_t arrival_us) {
   if (frame.length > sizeof frame.data) return false;
   bool taken = false;
   if (has_board() && board_filter(layout_).passes(frame)) {
-    taken = !frame.fd && frame.length <= 8 && receive_board(frame.id & 31u, frame);
+    taken = receive_board(frame);
   } else {
     for (std::uint32_t i = 0; i < layout_.motor_count && !taken; ++i)
       taken = axes_[i].receive(frame, arrival_us) == ActuatorReceipt::taken;
@@ -152,29 +151,33 @@ bool CanRobot::receive(const CanFrame& frame, std::int64_t arrival_us) {
   return taken;
 }
 
-bool CanRobot::receive_board(std::uint32_t command, const CanFrame& frame) {
-  if (command == TILLER_SENSORS_STAMP_FRAME_ID) {
-    tiller_sensors_stamp_t message;
-    if (tiller_sensors_stamp_unpack(&message, frame.data, frame.length) != 0) return false;
-    begin(static_cast<std::uint16_t>(message.sequence));
-    has_stamp_ = true;
-    // the board has read its sensors now, and so should the drives: what they told before belongs to another time
-    ask_due_ = true;
-    for (std::uint32_t i = 0; i < layout_.motor_count; ++i)
-      if (reads_motion(i) && axes_[i].can(kAnswersQueries)) axes_[i].forget_motion();
-    stamp_sequence_ = message.sequence;
-    stamp_time_us_ = message.time_us;
-    return true;
+bool CanRobot::receive_board(const CanFrame& frame) {
+  const BoardFrame in = board_.read(frame);
+  if (in.kind == BoardFrame::Kind::refused) return false;
+  begin(static_cast<std::uint16_t>(in.sequence));
+  if (in.kind == BoardFrame::Kind::stamp) {
+    take_stamp(in);
+  } else {
+    have_values_ |= 1u << in.channel;
+    values_[in.channel] = in.value;
   }
-  const std::uint32_t channel = command - TILLER_SENSORS_VALUE_FRAME_ID;  // wraps far above 11 for smaller ones
-  if (channel >= kBoardChannels) return false;
-  tiller_sensors_value_t message;
-  if (tiller_sensors_value_unpack(&message, frame.data, frame.length) != 0) return false;
-  begin(message.sequence_low);
-  have_values_ |= 1u << channel;
-  // a reading that the board marks invalid is missing, which the filter knows how to skip
-  values_[channel] = message.valid != 0 ? message.reading * 1e-6 : std::numeric_limits<double>::quiet_NaN();
   return true;
+}
+
+void CanRobot::take_stamp(const BoardFrame& frame) {
+  // the nearest number to the last one that ends with these bits
+  const std::uint32_t unknown = 32 - frame.sequence_bits;
+  const std::uint32_t ahead = (frame.sequence - stamp_sequence_) << unknown;
+  if (has_sequence_ && unknown > 0)
+    stamp_sequence_ += static_cast<std::uint32_t>(static_cast<std::int32_t>(ahead) >> unknown);
+  else
+    stamp_sequence_ = frame.sequence;
+  has_sequence_ = has_stamp_ = true;
+  stamp_time_us_ = frame.time_us;
+  // the board has read its sensors now, and so should the drives: what they told before belongs to another time
+  ask_due_ = true;
+  for (std::uint32_t i = 0; i < layout_.motor_count; ++i)
+    if (reads_motion(i) && axes_[i].can(kAnswersQueries)) axes_[i].forget_motion();
 }
 
 // One node sends its frames in order, so a part of another sequence means that the rest of this one is lost.
@@ -278,16 +281,22 @@ std::uint32_t CanRobot::command(const tiller_command_t& command, CanFrame* frame
   return count;
 }
 
-void CanRobot::status(const tiller_command_t& command, CanFrame& frame) const {
+// To a board that protects its frames, in the layout that is protected.
+void CanRobot::status(const tiller_command_t& command, CanFrame& frame) {
   frame = CanFrame();
   frame.id = can_id(layout_.sensor_node, TILLER_SENSORS_CONTROLLER_STATUS_FRAME_ID);
   frame.length = TILLER_SENSORS_CONTROLLER_STATUS_LENGTH;
   tiller_sensors_controller_status_t status{};
   status.answered_sequence = command.sequence;
-  status.state = static_cast<std::uint8_t>(command.state);
+  status.state = static_cast<std::uint8_t>(command.state & 15u);
   status.input_count = static_cast<std::uint8_t>(layout_.motor_count);
   status.plan_sequence_low = static_cast<std::uint8_t>(command.plan_sequence);
+  if (board_.is_protected()) {
+    status.version = 1;
+    status.counter = status_counter_++ & 15u;
+  }
   tiller_sensors_controller_status_pack(frame.data, &status, sizeof frame.data);
+  if (board_.is_protected()) frame.data[7] = board_crc(frame);
 }
 
 std::uint32_t CanRobot::queries_due(CanFrame* frames) {

@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "io/actuator_axis.hpp"
+#include "io/sensor_board.hpp"
 #include "io/sequence_gate.hpp"
 #include "tiller/transport.h"
 
@@ -101,7 +102,8 @@ class CanRobot {
   const CanLayout& layout() const { return layout_; }
 
  private:
-  bool receive_board(std::uint32_t command, const CanFrame& frame);
+  bool receive_board(const CanFrame& frame);
+  void take_stamp(const BoardFrame& frame);
   void begin(std::uint16_t sequence_low);
   bool is_complete() const;
   void complete(std::int64_t arrival_us);
@@ -109,16 +111,20 @@ class CanRobot {
   double channel_value(const CanChannel& channel) const;
   bool has_board() const { return layout_.sensor_node != CanLayout::kNoBoard; }
   bool reads_motion(std::uint32_t i) const { return (needed_estimates_ >> i & 1u) != 0; }
-  void status(const tiller_command_t& command, CanFrame& frame) const;
+  void status(const tiller_command_t& command, CanFrame& frame);
 
   CanLayout layout_;
   std::uint32_t needed_values_ = 0;     // board channels that the layout reads, one bit each
   std::uint32_t needed_estimates_ = 0;  // motors whose estimates it reads
 
+  BoardReader board_;
+  std::uint8_t status_counter_ = 0;
+
   // the measurement being put together
   bool assembling_ = false;
   std::uint16_t sequence_low_ = 0;
   bool has_stamp_ = false;
+  bool has_sequence_ = false;
   std::uint32_t stamp_sequence_ = 0, stamp_time_us_ = 0;
   std::uint32_t have_values_ = 0;
   double values_[TILLER_MAX_MEASUREMENTS] = {};

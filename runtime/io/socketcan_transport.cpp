@@ -71,6 +71,7 @@ bool take_set_point(SocketCanTransport* transport, const CanFrame& frame, bool o
     if (!transport->own[i].passes(frame)) continue;
     if (own) {
       ++transport->bus_counters.confirmed;
+      transport->confirms = true;
       transport->awaited -= transport->awaited > 0;
     } else {
       ++transport->bus_counters.foreign;
@@ -166,7 +167,7 @@ bool read_frame(SocketCanTransport* transport) {
 }
 
 void watch_confirmation(SocketCanTransport* transport) {
-  transport->unconfirmed = transport->awaited > 0 && transport->confirm_timeout_us > 0 &&
+  transport->unconfirmed = transport->confirms && transport->awaited > 0 && transport->confirm_timeout_us > 0 &&
                            monotonic_us() - transport->sent_us > transport->confirm_timeout_us;
 }
 
@@ -240,6 +241,7 @@ tiller_status_t socketcan_send(void* self, const tiller_command_t* command) {
   // what was sent since the last poll may be on the bus by now
   for (int i = 0; transport->awaited > 0 && i < kMaxFramesPerPoll && read_frame(transport); ++i) {
   }
+  if (!transport->confirms) transport->awaited = 0;
   if (transport->awaited > 0) {
     ++transport->bus_counters.held_back;
     ++transport->counters.queue_full;
@@ -414,6 +416,9 @@ tiller_status_t socketcan_clear_faults(SocketCanTransport* transport) {
 
 tiller_status_t socketcan_ask(SocketCanTransport* transport) {
   if (transport->socket < 0) return tiller_status_transport_closed;
+  // answers to the last command that wait to be read are none to this question
+  for (int i = 0; i < kMaxFramesPerPoll && read_frame(transport); ++i) {
+  }
   CanFrame frames[CanRobot::kMaxFrames];
   return write_frames(transport, frames, transport->robot.ask(frames));
 }

@@ -35,6 +35,7 @@ struct SocketCanCounters {
 /// Frames are stamped by the kernel on arrival, so that a program that was held up does not take a late reading for a
 /// new one. Own set points come back once they were on the bus: as long as the last tick's have not, no more are
 /// queued behind them, so that a bus that recovers carries at most one tick's old set points and not a queue of them.
+/// (A driver that brings none back is taken as it is.)
 struct SocketCanTransport {
   int socket = -1;
   bool link_down = false;  // the interface was taken down or away
@@ -46,6 +47,7 @@ struct SocketCanTransport {
   // set points on their way: sent, and not seen on the bus yet
   std::uint32_t awaited = 0;
   std::int64_t sent_us = 0;
+  bool confirms = false;  // this interface's driver has brought one back, so those that are missing mean something
   bool unconfirmed = false;
   std::int64_t confirm_timeout_us = 0;
   CanFilter own[CanRobot::kMaxCommandFilters];

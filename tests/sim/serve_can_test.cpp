@@ -28,6 +28,7 @@ CanOptions bus() {
   o.drive.node = axis_node;
   o.sensor_node = board_node;
   o.wheel_radius_m = wheel_radius_m;
+  o.protected_frames = false;  // the controller below reads the older layout
   return o;
 }
 

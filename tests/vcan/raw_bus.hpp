@@ -35,6 +35,26 @@ class RawBus {
     for (std::size_t i = 0; i < bytes.size(); ++i) frame.data[i] = bytes[i];
     return ::write(socket_, &frame, sizeof frame) == sizeof frame;
   }
+  void speak_fd() {
+    const int on = 1;
+    setsockopt(socket_, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on);
+  }
+  /// With the fast data phase. The length must be one that FD frames have.
+  bool send_fd(std::uint32_t id, const std::vector<std::uint8_t>& bytes) {
+    canfd_frame frame{};
+    frame.can_id = id;
+    frame.len = static_cast<std::uint8_t>(bytes.size());
+    frame.flags = CANFD_BRS;
+    for (std::size_t i = 0; i < bytes.size(); ++i) frame.data[i] = bytes[i];
+    return ::write(socket_, &frame, sizeof frame) == sizeof frame;
+  }
+  /// The next FD frame; classic ones are passed over.
+  bool receive_fd(canfd_frame& frame, int timeout_ms) {
+    pollfd wanted = {socket_, POLLIN, 0};
+    while (::poll(&wanted, 1, timeout_ms) > 0)
+      if (::read(socket_, &frame, sizeof frame) == CANFD_MTU) return true;
+    return false;
+  }
   /// False if nothing comes within `timeout_ms`.
   bool receive(can_frame& frame, int timeout_ms) {
     pollfd wanted = {socket_, POLLIN, 0};

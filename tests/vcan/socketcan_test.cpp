@@ -15,6 +15,7 @@
 #include <memory>
 #include <string>
 
+#include "io/monotonic_clock.hpp"
 #include "raw_bus.hpp"
 
 namespace tiller {
@@ -275,6 +276,96 @@ TEST_F(SocketCan, AnInterfaceThatGoesDownClosesTheTransportUntilItIsBack) {
   bus.send(kHeartbeat, bytes_of(0, 1));
   EXPECT_EQ(tiller_status_no_new_measurement, poll());
   EXPECT_EQ(tiller_status_ok, send(command_of(0, tiller_state_standby, 0.0)));
+}
+
+// A set point that went out comes back as its own confirmation; nobody else's may be under our identifiers.
+TEST_F(SocketCan, SetPointsAreConfirmedAndAnotherSenderIsAFault) {
+  open(cart("vcan0"));
+  RawBus bus("vcan0");
+  for (std::uint32_t k = 0; k < 10; ++k) {
+    ASSERT_EQ(tiller_status_ok, send(command_of(k, tiller_state_active, 1.0)));
+    EXPECT_EQ(tiller_status_no_new_measurement, poll());
+    EXPECT_EQ(0u, transport_.awaited) << k;
+  }
+  EXPECT_EQ(10u, transport_.bus_counters.confirmed);
+  EXPECT_EQ(0u, counters().received + counters().bad_messages) << "what comes back is no news";
+  ASSERT_TRUE(bus.send(kTorque, {0, 0, 0, 0}));
+  EXPECT_EQ(tiller_status_actuator_fault, poll());
+  EXPECT_STREQ("another program sends set points to a motor", socketcan_fault_text(&transport_));
+  EXPECT_EQ(tiller_status_actuator_fault, poll()) << "until an operator has looked";
+  ASSERT_EQ(tiller_status_ok, socketcan_clear_faults(&transport_));
+  EXPECT_EQ(tiller_status_no_new_measurement, poll());
+  EXPECT_EQ(1u, transport_.bus_counters.foreign);
+}
+
+// A bus that stands still: one tick's set points wait, no more are queued behind them, and it is told. Virtual CAN
+// never stands still, so the confirmation that does not come is made up.
+TEST_F(SocketCan, NothingIsQueuedBehindWhatIsNotOnTheBusYet) {
+  open(cart("vcan0"));
+  RawBus bus("vcan0");
+  ASSERT_EQ(tiller_status_ok, send(command_of(0, tiller_state_active, 1.0)));
+  EXPECT_EQ(tiller_status_no_new_measurement, poll());
+  can_frame frame;
+  while (bus.receive(frame, 0)) {
+  }
+  transport_.awaited = 1;
+  transport_.sent_us = monotonic_us();
+  for (std::uint32_t k = 1; k <= 5; ++k)
+    EXPECT_EQ(tiller_status_queue_full, send(command_of(k, tiller_state_active, 1.0))) << k;
+  EXPECT_EQ(5u, transport_.bus_counters.held_back);
+  EXPECT_FALSE(bus.receive(frame, 0));
+  transport_.sent_us -= 200000;
+  EXPECT_EQ(tiller_status_bus_off, poll());
+  EXPECT_NE(nullptr, std::strstr(socketcan_fault_text(&transport_), "does not get onto the bus"));
+  transport_.awaited = 0;  // it comes at last
+  EXPECT_EQ(tiller_status_no_new_measurement, poll());
+  EXPECT_EQ(tiller_status_ok, send(command_of(6, tiller_state_safe, 0.0)));
+  EXPECT_TRUE(bus.receive(frame, 5000));
+}
+
+// By the kernel's stamp and not by the time of reading.
+TEST_F(SocketCan, AMeasurementThatWaitedInTheQueueIsAsOldAsItIs) {
+  SocketCanOptions options = cart("vcan0");
+  options.layout.stamp_on_arrival = true;
+  open(options);
+  RawBus bus("vcan0");
+  const std::int64_t before_us = monotonic_us();
+  send_measurement(bus, 0, 0, 0.0f);
+  const std::int64_t sent_us = monotonic_us();
+  ASSERT_EQ(0, std::system("sleep 0.3"));
+  ASSERT_EQ(tiller_status_ok, poll());
+  // two clocks are read one after the other, at microseconds each; an emulated machine may stand still between
+  EXPECT_GE(measurement_.stamp_us, before_us - 20000);
+  EXPECT_LE(measurement_.stamp_us, sent_us + 20000);
+  EXPECT_GT(monotonic_us() - measurement_.stamp_us, 250000);
+}
+
+TEST_F(SocketCan, MoteusSpeaksFdFramesWithItsFastPhase) {
+  ASSERT_EQ(0, std::system("ip link set vcan1 down; ip link set vcan1 mtu 16; ip link set vcan1 up"));
+  SocketCanOptions options = cart("vcan1");
+  options.layout.motors[0].drive.kind = ActuatorKind::moteus;
+  OpenError error;
+  EXPECT_NE(tiller_status_ok, socketcan_open(&transport_, options, &error));
+  EXPECT_NE(nullptr, std::strstr(error.text, "carries no CAN FD")) << error.text;
+  ASSERT_EQ(0, std::system("ip link set vcan1 down; ip link set vcan1 mtu 72; ip link set vcan1 up"));
+  open(options);
+  RawBus bus("vcan1");
+  bus.speak_fd();
+  bus.send(kValue, bytes_of(1000, 1 | 1u << 16));
+  bus.send(kStamp, bytes_of(20000, 1));
+  EXPECT_EQ(tiller_status_no_new_measurement, poll());
+  canfd_frame frame;
+  ASSERT_TRUE(bus.receive_fd(frame, 5000)) << "the stamp makes the transport ask the drive";
+  EXPECT_EQ(CAN_EFF_FLAG | 0x8000u | kMotor, frame.can_id);
+  EXPECT_EQ(CANFD_BRS, frame.flags & CANFD_BRS);
+  ASSERT_EQ(6, frame.len);
+  EXPECT_EQ(0x11, frame.data[0]);
+  // mode 0; 0.25 turns, 0 turns/s, 0 Nm as floats; 24 V, 25 degrees, no fault
+  ASSERT_TRUE(bus.send_fd(
+      kMotor << 8, {0x21, 0, 0, 0x2f, 1, 0, 0, 0x80, 0x3e, 0, 0, 0, 0, 0, 0, 0, 0, 0x23, 0x0d, 48, 25, 0, 0x50, 0x50}));
+  ASSERT_EQ(tiller_status_ok, poll());
+  EXPECT_NEAR(0.25 * 2 * 3.14159265358979 * 0.05, measurement_.value[0], 1e-12);
+  EXPECT_EQ(1u, measurement_.sequence);
 }
 
 TEST(SocketCanOpen, ErrorsTellTheRemedy) {
