@@ -14,7 +14,7 @@
 namespace tiller {
 namespace {
 
-constexpr int kTicks = TILLER_TEST_SANITIZED ? 2000 : 20000;
+constexpr int kTicks = TILLER_TEST_SANITIZED ? 2000 : 10000;
 
 struct Bench {
   LcmTransport transport;

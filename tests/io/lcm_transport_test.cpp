@@ -135,7 +135,8 @@ TEST_P(Lcm, ThreeThousandMeasurementsAreAnsweredInLockstep) {
     command.plan_sequence = 0xfffffff0u + static_cast<std::uint32_t>(k);  // unsigned on the wire, and over its wrap
     command.value[0] = 1.0 / (1 + k);
     ASSERT_EQ(tiller_status_ok, kLcmTransport.send(&transport_, &command));
-    ASSERT_TRUE(plant.handle_one()) << k;
+    // liblcm's own test of its multicast may be among what it handles
+    while (plant.commands.size() <= static_cast<std::size_t>(k)) ASSERT_TRUE(plant.handle_one()) << k;
   }
   ASSERT_EQ(static_cast<std::size_t>(kTicks), plant.commands.size());
   for (int k = 0; k < kTicks; ++k) {
@@ -252,7 +253,7 @@ TEST_P(Lcm, TelemetryArrivesWhole) {
   for (int i = 0; i < TILLER_MAX_STATES; ++i) info.state_mean[i] = i;
   for (int i = 0; i < TILLER_MAX_PARAMS; ++i) info.param_sd[i] = 10 + i;
   ASSERT_EQ(tiller_status_ok, lcm_send_telemetry(&transport_, 77, info, TILLER_MAX_STATES, TILLER_MAX_PARAMS));
-  ASSERT_TRUE(plant.handle_one());
+  while (plant.telemetry.empty()) ASSERT_TRUE(plant.handle_one());
   ASSERT_EQ(1u, plant.telemetry.size());
   const tiller_lcm::telemetry_t& message = plant.telemetry[0];
   EXPECT_EQ(77, message.stamp_us);
