@@ -7,10 +7,10 @@ shift
 
 # lines_of BUILD: what its program prints
 lines_of() {
-  if [ -e "$1/tests/cortex_m/tiller_cortex_m" ]; then
+  if [ -e "$1/tests/cortex_m/tiller_cortex_m" ]; then # the emulator prints what the image says on stderr
     qemu-system-arm -M mps2-an500 -nographic -monitor none -serial none -icount shift=7 \
       -semihosting-config "enable=on,target=native,arg=tiller,arg=$ticks" \
-      -kernel "$1/tests/cortex_m/tiller_cortex_m" </dev/null
+      -kernel "$1/tests/cortex_m/tiller_cortex_m" 2>&1 </dev/null
     return
   fi
   emulator=
