@@ -83,6 +83,7 @@ endif()
 if(TILLER_ISA_ONLY)
   set(TILLER_ISAS ${TILLER_ISA_ONLY})
 endif()
+set(TILLER_ISA_FLAGS_scalar -Wno-narrowing)  # & of two bools is an int
 set(TILLER_ISA_FLAGS_sse2 -msse2)
 set(TILLER_ISA_FLAGS_avx2 -mavx2 -mfma)
 set(TILLER_ISA_FLAGS_avx512 -mavx512f -mavx512cd -mavx512dq -mavx512bw -mavx512vl -mfma -mprefer-vector-width=512

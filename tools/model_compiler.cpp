@@ -104,7 +104,8 @@ std::vector<std::string> command_line(bool cpp) {
   } else {
     for (const char* flag : {"-std=c99", "-O2"}) argv.emplace_back(flag);
   }
-  if (std::strcmp(TILLER_MODEL_REPRODUCIBLE, "ON") == 0) argv.emplace_back("-ffp-contract=off");
+  if (std::strcmp(TILLER_MODEL_REPRODUCIBLE, "ON") == 0)
+    for (const char* flag : {"-ffp-contract=off", "-DTILLER_REPRODUCIBLE=1"}) argv.emplace_back(flag);
   for (const std::string& folder : include_folders()) argv.push_back("-I" + folder);
   return argv;
 }
