@@ -13,6 +13,7 @@ sys.path.insert(0, os.environ["TILLER_BENCH"])
 sys.path.insert(0, os.environ["TILLER_BENCH"] + "/peers")
 
 import posterior  # noqa: E402
+import robot  # noqa: E402
 
 # As bench_table.hpp prints: "  %-58s %10.4g %-8s %-16s %s".
 TABLE = [
@@ -27,6 +28,30 @@ TABLE = [
     "",
     "3 rows met, 2 short",
 ]
+
+
+class Robot(unittest.TestCase):
+    """./dev bench robot: a program that fails, or prints no number, is never met."""
+
+    def figure(self, code, **more):
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            (row,) = robot.command("fuzz", "heading", "what", [sys.executable, "-c", code], **more)
+        return row["figure"], row["met"]
+
+    def test_exit_codes_count(self):
+        self.assertEqual(self.figure("pass"), (1.0, True))
+        self.assertEqual(self.figure("raise SystemExit(3)"), (0.0, False))
+
+    def test_the_smallest_number_counts(self):
+        pattern = {"pattern": r"(\d+) executions", "bound": 10}
+        self.assertEqual(self.figure("print('a: 20 executions'); print('b: 12 executions')", **pattern), (12.0, True))
+        self.assertEqual(self.figure("print('a: 20 executions'); print('b: 9 executions')", **pattern), (9.0, False))
+        self.assertEqual(self.figure("print('nothing')", **pattern), (0.0, False))
+        self.assertEqual(self.figure("print('20 executions'); raise SystemExit(1)", **pattern), (0.0, False))
+
+    def test_every_section_is_told_in_the_help(self):
+        for name in robot.SECTIONS:
+            self.assertIn(f"    {name} ", robot.__doc__)
 
 
 class Driver(unittest.TestCase):

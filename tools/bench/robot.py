@@ -14,6 +14,7 @@ Sections:
     integrity  own frames: flips, losses, repetitions, order; keyed messages
     heap       no call to the heap after init
     buses      the tests over virtual CAN and LCM: processes killed and stopped, interfaces down, queues full
+    recorder   logs that survive crashes, and the same commands from them
     fuzz       libFuzzer with ASan and UBSan on whatever reads bytes
     targets    aarch64, armhf, Cortex-M7: tests under emulators, and the same commands bit by bit
 
@@ -122,8 +123,8 @@ def soak(args):
 
 @section("integrity of own frames and messages")
 def integrity(args):
-    return (tests(args, "integrity", "own frames", "flips, losses, repetitions, order", "^core_test$|e2e") +
-            tests(args, "integrity", "LCM messages", "codec, key, replay", "lc02|seal|lcm_transport|lcm_interop"))
+    return (tests(args, "integrity", "own frames", "flips, losses, repetitions, order", "^(core|io)_test$") +
+            tests(args, "integrity", "LCM messages", "codec, key, replays, other people's programs", "^lcm_"))
 
 
 @section("heap")
@@ -133,17 +134,19 @@ def heap(args):
 
 @section("buses and processes")
 def buses(args):
-    return (tests(args, "buses", "virtual CAN", "error frames, queues, interfaces", "^vcan_") +
-            tests(args, "buses", "processes", "killed, stopped and gone on", "^loop_(lcm|can)$"))
+    return (tests(args, "buses", "virtual CAN", "error frames, queues, interfaces, drives", "^vcan_|^can_") +
+            tests(args, "buses", "processes", "killed, stopped and gone on", "^loop_(lcm|can)"))
+
+
+@section("recorder and replay")
+def recorder(args):
+    return tests(args, "recorder", "logs", "cut at every byte, disk full, replayed", "recorder|replay|over_lcm")
 
 
 @section("fuzzers")
 def fuzz(args):
-    if "cmd_fuzz" not in (ROOT / "dev").read_text(encoding="utf-8"):
-        print("  not measured: ./dev has no fuzz")
-        return []
-    return command("fuzz", "libFuzzer, ASan, UBSan", "every fuzzer ends without a finding",
-                   [ROOT / "dev", "fuzz", *(["all", "5"] if args.quick else ["all", "600"])])
+    return command("fuzz", "libFuzzer, ASan, UBSan", "executions of the slowest fuzzer, none with a finding",
+                   [ROOT / "dev", "fuzz", "5" if args.quick else "900"], r"fuzz_\w+: (\d+) executions", 1e7)
 
 
 @section("other targets")
