@@ -381,10 +381,7 @@ const std::vector<KeySpec> kKeys = {
     {"log", "columns", K::other, "", "the same names", 0, 0, false, hand, nullptr, "{ state or input = \"column\" }"},
     {"log", "units", K::other, "", "SI", 0, 0, false, hand, nullptr,
      "{ time, state or input = \"unit\" }, e.g. { angle_rad = \"deg\" }"},
-    {"log", "input", K::choice, "", "hold", 0, 0, false, hand,
-     [] {
-       return Words{"hold", "mean"};
-     },
+    {"log", "input", K::choice, "", "hold", 0, 0, false, hand, [] { return Words{"hold", "mean"}; },
      "hold: a row's input is in force until the next (commands); mean: measured at the row's instant"},
 };
 
