@@ -4,6 +4,7 @@
 #include "tools/commands.hpp"
 #include "tools/episodes.hpp"
 #include "tools/model_plant.hpp"
+#include "tools/output_file.hpp"
 #include "tools/report.hpp"
 #include "tools/run_facts.hpp"
 #include "tools/run_loop.hpp"
@@ -12,7 +13,7 @@ namespace tiller::tools {
 namespace {
 
 struct Arguments {
-  std::string robot, transport, log, report, posterior, save_posterior, alarm_log;
+  std::string robot, transport, log, report, posterior, save_posterior, alarm_log, histogram;
   Words records;
   std::uint32_t episodes = 1;
   bool sim = false, lockstep = false, real_time = false, quiet = false;
@@ -53,6 +54,7 @@ bool open_link(const Arguments& a, const RobotFile& robot, Opened& opened, std::
     TransportLinkOptions options;
     options.kind = a.transport.empty() ? robot.transport.kind : a.transport == "can" ? "socketcan" : a.transport;
     options.lockstep = a.lockstep;
+    options.by_clock = robot.realtime.by_clock;
     if (options.kind.empty()) {
       error = robot.path + ": no [transport] section; add one, name one with --transport, or try --sim";
     } else {
@@ -100,6 +102,11 @@ void tell_next_step(const Arguments& a, const RunResult& result) {
 /// Time is the plant's, not the wall clock's.
 bool is_simulated(const Arguments& a) { return a.lockstep || (a.sim && !a.real_time); }
 
+void write_histogram(const Arguments& a, const RunResult& result) {
+  std::string error;
+  if (!a.histogram.empty() && !replace_file(a.histogram, histogram_csv(result.pace), error)) complain(error);
+}
+
 EpisodesOptions episodes_options(const Arguments& a) {
   EpisodesOptions options;
   options.episodes = a.episodes;
@@ -139,11 +146,13 @@ int run_command(Arguments& a) {
   if (all.last.ticks == 0) return all.exit_code;
   RunOptions options;
   options.true_params = opened.true_params;
+  options.real_time = !is_simulated(a);
   if (a.episodes > 1) std::printf("\n%s\nthe last one: ", episodes_table(*robot, all.rows).c_str());
   std::fputs(summary(*robot, options, all.last).c_str(), stdout);
   if (const std::string counted = opened.link->counters(); !counted.empty()) std::printf("  %s\n", counted.c_str());
   if (!all.last.readable_log.empty()) std::printf("log: %s\n", all.last.readable_log.c_str());
   tell_next_step(a, all.last);
+  write_histogram(a, all.last);
   const int reported = report_run(a, *robot, all.last);
   return all.exit_code ? all.exit_code : reported;
 }
@@ -179,6 +188,8 @@ void add_run_command(CLI::App& app, int& exit_code) {
                       "only if there is one");
   command->add_option("--alarm-seconds", a->alarm_log_s, "length of that file in s (default 20); 0: none")
       ->check(number_between(0, 1000));
+  command->add_option("--histogram", a->histogram,
+                      "write a CSV of how long ticks took and how late they began: upper_us, ticks, wake_ups");
   auto* posterior = command->add_option(
       "--posterior", a->posterior,
       "file: the prior if it is there (in the place of the robot file's), written after every complete episode");

@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 
+#include "io/realtime.hpp"
 #include "tools/plant_setup.hpp"
 #include "tools/robot_file.hpp"
 
@@ -32,6 +33,8 @@ class Link {
   virtual bool is_ready() const { return true; }
   /// After every tick, for whoever listens.
   virtual void tell(const tiller_info_t&, std::int64_t) {}
+  /// The clock that paces the ticks; null where measurements do, or nothing does.
+  virtual const PeriodicTimer* timer() const { return nullptr; }
   /// One line for the end of a run: what the transport counted. Empty if there is nothing to tell.
   virtual std::string counters() const { return ""; }
 };
@@ -42,6 +45,7 @@ std::unique_ptr<Link> make_sim_link(const RobotFile& robot, SimPlant& plant, boo
 struct TransportLinkOptions {
   std::string kind;         ///< "lcm" or "socketcan"
   bool lockstep = false;    ///< the stamps are the time; a tick waits for its measurement
+  bool by_clock = false;    ///< not in lockstep: ticks at absolute times, with the newest measurement of the moment
   double patience_s = 2.0;  ///< lockstep: wall time to wait for a measurement before ticking without one
 };
 

@@ -186,6 +186,7 @@ bool read_controller(FileErrors& errors, const toml::table& root, RobotFile& rob
   read_cost_terms(errors, root, robot);
   read_limits(errors, root, robot);
   read_transport(errors, root, robot);
+  read_realtime(errors, root, robot);
   read_sim(errors, root, robot);
   read_log_map(errors, root, robot);
   if (errors.empty()) check_whole(errors, root, robot);

@@ -43,6 +43,16 @@ struct TransportSection {
   double heartbeat_timeout_s = 0.5;
 };
 
+/// [realtime]: what a run by the wall clock asks of Linux. `line` is 0 where the file has no such section.
+struct RealtimeSection {
+  int line = 0;
+  bool by_clock = false;  ///< ticks at absolute times, else after each measurement
+  int priority = 80;
+  bool lock_memory = true;
+  std::uint64_t cpus = 0;  ///< bit i: processor i; 0: any
+  std::uint32_t stack_kB = 256;
+};
+
 struct SimEffect {
   std::string kind;
   std::string port;
@@ -86,6 +96,7 @@ struct RobotFile {
   Words states, inputs, measurements;
   Words params;  ///< (param_count) the model's, then each effect's as "<port>.<parameter>"
   TransportSection transport;
+  RealtimeSection realtime;
   SimSection sim;
   LogMap log;
   SubstepAdvice substeps;  ///< what the period needs; taken where the file does not say

@@ -54,6 +54,9 @@ const std::vector<SectionSpec> kSections = {
      "How `tiller run` reaches the robot. The keys after `kind` belong to one kind each, see docs."},
     {"transport.drives.*", "in [transport]: drives = { input = { ... } }",
      "What one motor's drive needs to be told (docs/actuators.md). The keys of another protocol than its own are refused."},
+    {"realtime", "[realtime]",
+     "What `tiller run` asks of Linux where the wall clock sets the pace. What it does not get, it says; without this "
+     "section it asks for nothing (docs/real_time.md)."},
     {"sim", "[sim]",
      "The stand-in plant of `tiller sim`, `tiller demo` and `tiller run --sim`; nothing else reads it."},
     {"sim.sensors.*", "in [sim]: sensors = { state = { ... } }", "What the plant's encoders do to the truth."},
@@ -347,6 +350,20 @@ const std::vector<KeySpec> kKeys = {
      "mit: how the drive answers: 6 bytes; CubeMars AK; Damiao"},
     {"transport.drives.*", "reply_id", K::count, "", "0", 0, 2047, false, hand, nullptr,
      "mit: identifier of its answers"},
+
+    {"realtime", "pace", K::choice, "", "measurement", 0, 0, false, hand,
+     [] {
+       return Words{"measurement", "clock"};
+     },
+     "what a tick follows: each new measurement, or absolute times of the clock, a period apart"},
+    {"realtime", "priority", K::count, "", "80", 0, 99, false, hand, nullptr,
+     "of the tick and of its threads under SCHED_FIFO; 0: the scheduler is left alone"},
+    {"realtime", "lock_memory", K::flag, "", "true", 0, 1, false, hand, nullptr,
+     "true: no page of the program is ever fetched again (mlockall)"},
+    {"realtime", "cpus", K::other, "", "any", 0, 0, false, hand, nullptr,
+     "processors of the tick and of its threads, [2, 3]"},
+    {"realtime", "stack_kB", K::count, "kB", "256", 0, 4096, false, hand, nullptr,
+     "of stack touched before the first tick; 0: none"},
 
     {"sim", "plant", K::text, "", "the model's name", 0, 0, false, hand, nullptr, "kind of plant"},
     {"sim", "parameters", K::other, "SI", "the plant's own", 0, 0, false, hand, nullptr,

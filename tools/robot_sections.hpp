@@ -25,6 +25,7 @@ void read_cost_terms(FileErrors& errors, const toml::table& root, RobotFile& rob
 void read_transport(FileErrors& errors, const toml::table& root, RobotFile& robot);
 /// [transport] actuator and drives; after nodes, levers and [limits].
 void read_drives(SectionReader& section, const RobotFile& robot, TransportSection& transport);
+void read_realtime(FileErrors& errors, const toml::table& root, RobotFile& robot);
 void read_sim(FileErrors& errors, const toml::table& root, RobotFile& robot);
 void read_log_map(FileErrors& errors, const toml::table& root, RobotFile& robot);
 

@@ -44,8 +44,8 @@ Json facts(const RobotFile& robot, const RunResult& result) {
           {"posterior", c.posterior.enabled ? std::to_string(c.posterior.particles) + " particles" : "frozen"},
           {"period", number_text(1000 * c.period_s) + " ms"},
           {"seed", std::to_string(c.seed)},
-          {"tick, median", format("%.2f ms", result.tick_us_median / 1000)},
-          {"tick, 99 %", format("%.2f ms", result.tick_us_p99 / 1000)},
+          {"tick, median", format("%.2f ms", result.pace.tick_time.quantile_us(0.5) / 1000)},
+          {"tick, 99 %", format("%.2f ms", result.pace.tick_time.quantile_us(0.99) / 1000)},
           {"ended in", tiller_state_name(static_cast<tiller_state_t>(result.info.state))},
           {"adequacy", adequacy_text(robot, result)},
           {"lanes", tiller_instruction_set()}};

@@ -63,6 +63,7 @@ class Runner {
         config_(robot.config),
         link_(link),
         options_(options),
+        realtime_(robot, options.real_time),
         pool_(options.threads),
         recorder_(robot, recorder_options()),
         progress_(robot, Progress::style_for_stdout(options.quiet), options.seconds, options.true_params) {
@@ -74,12 +75,15 @@ class Runner {
     if (!wait_for_first()) return result_;
     if (options_.await_start && !wait_for_start()) return result_;
     recorder_.start(config_);
+    tell_realtime();
     link_.prepare();
     bool armed = false;
     while (!is_over()) {
+      const auto begin = Clock::now();
       // drives that follow, and then commands: one that enables late would meet a command that has moved on
       if (!armed && link_.is_ready()) armed = tiller_arm(controller_) == tiller_status_ok;
       tick();
+      if (Clock::now() - begin > std::chrono::duration<double>(config_.period_s)) ++result_.pace.overruns;
       if (!is_over()) sensed_ = link_.wait(stop_.flag());
     }
     end();
@@ -233,7 +237,11 @@ class Runner {
     }
     const auto begin = Clock::now();
     status_ = tiller_tick(controller_, sensed_.now_us, sensed_.fresh ? &sensed_.measurement : nullptr, &command_);
-    tick_us_.push_back(1e-3 * static_cast<double>(std::chrono::nanoseconds(Clock::now() - begin).count()));
+    const std::int64_t took_ns = std::chrono::nanoseconds(Clock::now() - begin).count();
+    result_.pace.tick_time.add(took_ns);
+    tick_us_ = 1e-3 * static_cast<double>(took_ns);
+    const double deadline_us = config_.planner.deadline_us;
+    if (deadline_us > 0 && tick_us_ > deadline_us) ++result_.late_ticks;
     (void)link_.send(command_);
     tiller_get_info(controller_, &info_);
     note_tick(entry);
@@ -296,7 +304,7 @@ class Runner {
     view.command = &command_;
     view.info = &info_;
     view.status = status_;
-    view.tick_us = tick_us_.empty() ? 0 : tick_us_.back();
+    view.tick_us = tick_us_;
     for (std::uint32_t i = 0; i < config_.param_count; ++i) {
       if (config_.priors[i].kind == tiller_prior_fixed) continue;
       (void)tiller_get_quantile(controller_, i, 0.05, &q05_[i]);
@@ -315,6 +323,13 @@ class Runner {
                              tiller_status_text(why) + "; the safe command is being sent";
     if (options_.quiet) std::fprintf(stderr, "tiller: %s\n", text.c_str());
     progress_.say(text);
+  }
+
+  void tell_realtime() {
+    const std::string text = realtime_text(robot_, realtime_.report());
+    if (text.empty()) return;
+    progress_.say(text);
+    if (options_.quiet && !realtime_.report().complete()) std::fprintf(stderr, "tiller: %s\n", text.c_str());
   }
 
   void tell_inadequate() {
@@ -367,18 +382,11 @@ class Runner {
     result_.q05.assign(q05_, q05_ + config_.param_count);
     result_.q95.assign(q95_, q95_ + config_.param_count);
     if (link_.truth(true_state_)) result_.last_true_state.assign(true_state_, true_state_ + config_.model->state_count);
-    if (tick_us_.empty()) return;
-    std::sort(tick_us_.begin(), tick_us_.end());
-    const auto at = [&](double q) {
-      return tick_us_[static_cast<std::size_t>(q * static_cast<double>(tick_us_.size() - 1))];
-    };
-    result_.tick_us_median = at(0.5);
-    result_.tick_us_p99 = at(0.99);
-    result_.tick_us_max = tick_us_.back();
-    const double deadline_us = config_.planner.deadline_us;
-    if (deadline_us > 0)
-      result_.late_ticks =
-          static_cast<std::uint64_t>(tick_us_.end() - std::upper_bound(tick_us_.begin(), tick_us_.end(), deadline_us));
+    result_.pace.realtime = realtime_.report();
+    const PeriodicTimer* timer = link_.timer();
+    if (!timer) return;
+    result_.pace.wake_up = timer->lateness();
+    result_.pace.skipped_periods = timer->skipped();
   }
 
   static constexpr double kSafeFor_s = 0.5;  // the safe command is repeated that long before the run ends
@@ -389,6 +397,7 @@ class Runner {
   Link& link_;
   const RunOptions& options_;
   StopFlag stop_;
+  RealtimeGuard realtime_;  // before the threads that a tick uses
   ThreadPool pool_;
   Recorder recorder_;
   LoggedTick logged_;
@@ -407,7 +416,7 @@ class Runner {
   double q05_[TILLER_MAX_PARAMS] = {};
   double q95_[TILLER_MAX_PARAMS] = {};
   double true_state_[TILLER_MAX_STATES] = {};
-  std::vector<double> tick_us_;
+  double tick_us_ = 0;
   RunResult result_;
 };
 
@@ -489,13 +498,22 @@ std::string summary(const RobotFile& robot, const RunOptions& options, const Run
   }
   text += not_learnt(robot, result);
   if (result.info.adequacy == tiller_adequacy_inadequate) text += "  " + inadequacy(robot, result.info) + "\n";
-  text += format("  tick %.2f ms median, %.2f ms 99 %%, %.2f ms max", result.tick_us_median / 1000,
-                 result.tick_us_p99 / 1000, result.tick_us_max / 1000);
+  const PaceResult& pace = result.pace;
+  text += format("  tick %.2f ms median, %.2f ms 99 %%, %.2f ms max", pace.tick_time.quantile_us(0.5) / 1000,
+                 pace.tick_time.quantile_us(0.99) / 1000, pace.tick_time.most_us() / 1000);
   if (robot.config.planner.deadline_us > 0) {
     text += format("; %llu over the deadline of %.1f ms", static_cast<unsigned long long>(result.late_ticks),
                    robot.config.planner.deadline_us / 1000.0);
   }
-  return text + "\n";
+  text += "\n";
+  if (!options.real_time) return text;
+  if (pace.wake_up.count() > 0)
+    text += format("  wake-up %.0f us late in the median, %.0f us 99 %%, %.0f us max; %llu periods skipped\n",
+                   pace.wake_up.quantile_us(0.5), pace.wake_up.quantile_us(0.99), pace.wake_up.most_us(),
+                   static_cast<unsigned long long>(pace.skipped_periods));
+  text += format("  %llu ticks took longer than the period\n", static_cast<unsigned long long>(pace.overruns));
+  const std::string realtime = realtime_text(robot, pace.realtime);
+  return realtime.empty() ? text : text + "  " + realtime + "\n";
 }
 
 }  // namespace tiller::tools

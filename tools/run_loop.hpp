@@ -5,6 +5,7 @@
 
 #include "tools/link.hpp"
 #include "tools/posterior_file.hpp"
+#include "tools/realtime_run.hpp"
 #include "tools/robot_file.hpp"
 
 namespace tiller::tools {
@@ -38,7 +39,7 @@ struct RunResult {
   double cost = 0;                      ///< mean stage_cost(), of the true states where they are known
   std::string readable_log;             ///< where the whole log is; empty: none
   std::uint64_t dropped_ticks = 0;      ///< that the recorder could not take
-  double tick_us_median = 0, tick_us_p99 = 0, tick_us_max = 0;
+  PaceResult pace;
   std::uint64_t late_ticks = 0;                                  ///< over the planner's deadline, if it has one
   std::vector<double> contraction_ratio, contraction_direction;  // (d), (d x param_count): tiller_get_contraction
   bool interrupted = false;

@@ -1,8 +1,5 @@
-#include <time.h>
-
-#include <chrono>
+#include <cmath>
 #include <limits>
-#include <thread>
 #include <vector>
 
 #include "tools/link.hpp"
@@ -16,13 +13,16 @@ class SimLink : public Link {
       : plant_(plant),
         period_s_(robot.config.period_s),
         paced_(paced),
+        timer_(std::llround(1e9 * robot.config.period_s)),
         raw_(plant.plant->measurements().size()),
         states_(plant.plant->states().size()) {}
 
-  Sensed wait(const volatile std::sig_atomic_t&) override {
+  Sensed wait(const volatile std::sig_atomic_t& stop) override {
     sim::Plant& plant = *plant_.plant;
     if (begun_) plant.advance(period_s_);
-    if (paced_) keep_pace();
+    // a late tick is not made up for by hurrying: simulated time then runs slower than the wall clock, and the run is
+    // the same to the last bit
+    if (paced_) (void)timer_.wait(&stop);
     begun_ = true;
     Sensed sensed;
     sensed.now_us = kEpochUs + plant.time_us();
@@ -38,6 +38,8 @@ class SimLink : public Link {
     plant_.plant->apply(command.value);
     return tiller_status_ok;
   }
+
+  const PeriodicTimer* timer() const override { return paced_ ? &timer_ : nullptr; }
 
   bool truth(double* state) const override {
     plant_.plant->true_state(states_.data());
@@ -60,26 +62,13 @@ class SimLink : public Link {
     for (std::size_t i = 0; i < plant_.measured_from.size(); ++i) m.value[i] = raw_[plant_.measured_from[i]];
   }
 
-  /// Sleeps until the wall clock has caught up. A late tick is not made up for by hurrying: simulated time
-  /// then runs slower than the wall clock, and the run is the same to the last bit.
-  void keep_pace() {
-    const auto now = std::chrono::steady_clock::now();
-    if (!begun_) next_ = now;
-    if (next_ > now) {
-      std::this_thread::sleep_until(next_);
-    } else {
-      next_ = now;
-    }
-    next_ += std::chrono::microseconds(static_cast<std::int64_t>(1e6 * period_s_));
-  }
-
   SimPlant& plant_;
   double period_s_;
   bool paced_;
+  PeriodicTimer timer_;
   bool begun_ = false;
   std::uint32_t sequence_ = 0;
   std::int64_t last_stamp_us_ = 0;
-  std::chrono::steady_clock::time_point next_;
   std::vector<double> raw_;
   mutable std::vector<double> states_;
 };

@@ -73,7 +73,10 @@ CanLayout can_layout(const RobotFile& robot) {
 class TransportLink : public Link {
  public:
   TransportLink(const RobotFile& robot, const TransportLinkOptions& options)
-      : robot_(robot), options_(options), period_us_(std::llround(1e6 * robot.config.period_s)) {}
+      : robot_(robot),
+        options_(options),
+        period_us_(std::llround(1e6 * robot.config.period_s)),
+        timer_(std::llround(1e9 * robot.config.period_s)) {}
   ~TransportLink() override {
     if (table_) table_->close(self_);
   }
@@ -90,13 +93,15 @@ class TransportLink : public Link {
   }
 
   Sensed wait(const volatile std::sig_atomic_t& stop) override {
-    return options_.lockstep ? wait_lockstep(stop) : wait_real_time(stop);
+    if (options_.lockstep) return wait_lockstep(stop);
+    return options_.by_clock ? wait_clock(stop) : wait_real_time(stop);
   }
 
   tiller_status_t send(const tiller_command_t& command) override { return table_->send(self_, &command); }
   bool truth(double*) const override { return false; }
   void prepare() override { can_.robot.prepare(true); }
   bool is_ready() const override { return options_.kind == "lcm" || can_.robot.is_ready(); }
+  const PeriodicTimer* timer() const override { return options_.by_clock && !options_.lockstep ? &timer_ : nullptr; }
 
   void tell(const tiller_info_t& info, std::int64_t stamp_us) override {
     // mean over about ten ticks: one that was held up by the machine says little of the next
@@ -207,6 +212,21 @@ class TransportLink : public Link {
     (void)socketcan_ask(&can_);
   }
 
+  /// At absolute times, with what came since the last one. A transport that fails at every look does no harm here.
+  Sensed wait_clock(const volatile std::sig_atomic_t& stop) {
+    Sensed sensed;
+    (void)timer_.wait(&stop);
+    if (asks_) {  // drives that speak only when spoken to have half a period for their answer
+      (void)socketcan_ask(&can_);
+      (void)wait_until(timer_.due_ns() / 1000 + period_us_ / 2, stop, sensed);
+    } else {
+      (void)look(sensed);
+    }
+    last_us_ = sensed.now_us = monotonic_us();
+    if (sensed.fresh) foresee_latency(sensed);
+    return sensed;
+  }
+
   /// A command acts after the tick that computes it, not at the stamp that it answers. Robots seldom say how much
   /// later; unaccounted for, 1.5 ms at a 20 ms period pull the friction of the cart-pole by several standard
   /// deviations.
@@ -241,6 +261,7 @@ class TransportLink : public Link {
   const RobotFile& robot_;
   TransportLinkOptions options_;
   std::int64_t period_us_;
+  PeriodicTimer timer_;
   const tiller_transport_t* table_ = nullptr;
   void* self_ = nullptr;
   LcmTransport lcm_;

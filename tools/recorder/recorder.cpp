@@ -8,6 +8,8 @@
 #include <cmath>
 #include <filesystem>
 
+#include "io/realtime.hpp"
+
 namespace tiller::tools {
 namespace {
 
@@ -77,6 +79,7 @@ void Recorder::push(const LoggedTick& tick) {
 }
 
 void Recorder::serve() {
+  realtime_leave();  // it may have been started by a real-time thread
   auto next_flush = std::chrono::steady_clock::now() + kFlush;
   while (true) {
     const bool last = ending_.load(std::memory_order_acquire);  // before the look: nothing is pushed after it

@@ -64,8 +64,7 @@ class Recorder {
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
 
-  /// Opens the files and starts the thread. The thread takes over scheduling and processors of its caller: call it
-  /// before those are made real-time.
+  /// Opens the files and starts the thread, which is an ordinary one, whatever its caller is.
   void start(const tiller_config_t& config);
   bool wanted() const { return wanted_; }
   /// From one thread, the tick's. Not lossless: never waits.
