@@ -1,5 +1,6 @@
 #include "tools/progress.hpp"
 
+#include <poll.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -12,6 +13,13 @@ namespace {
 constexpr double kLineEvery_s = 0.5;
 constexpr auto kDrawEvery = std::chrono::milliseconds(100);
 constexpr int kBarWidth = 24;
+
+/// A terminal that was stopped (Ctrl-S), or a pipe that nobody reads, must not hold up the run: what it does not take at
+/// once is not shown.
+bool stdout_takes() {
+  pollfd out = {STDOUT_FILENO, POLLOUT, 0};
+  return ::poll(&out, 1, 0) == 1 && (out.revents & POLLOUT) != 0;
+}
 
 std::string upper(std::string text) {
   for (char& c : text) c = static_cast<char>(c >= 'a' && c <= 'z' ? c - 'a' + 'A' : c);
@@ -120,15 +128,17 @@ void Progress::draw(const TickView& tick) {
 
 void Progress::show(const TickView& tick) {
   if (style_ == Style::lines && tick.time_s >= next_line_s_ - 1e-9) {
-    std::printf("%s\n", line(tick).c_str());
-    std::fflush(stdout);
+    if (stdout_takes()) {
+      std::printf("%s\n", line(tick).c_str());
+      std::fflush(stdout);
+    }
     while (next_line_s_ <= tick.time_s + 1e-9) next_line_s_ += kLineEvery_s;
   }
   if (style_ != Style::block) return;
   const auto now = std::chrono::steady_clock::now();
   if (now < next_draw_) return;
   next_draw_ = now + kDrawEvery;
-  draw(tick);
+  if (stdout_takes()) draw(tick);
 }
 
 void Progress::finish(const TickView& tick) {
@@ -136,7 +146,7 @@ void Progress::finish(const TickView& tick) {
 }
 
 void Progress::say(const std::string& text) {
-  if (style_ == Style::silent) return;
+  if (style_ == Style::silent || !stdout_takes()) return;
   std::printf("%s%s\n", style_ == Style::block ? "\033[K" : "", text.c_str());
   std::fflush(stdout);
   drawn_lines_ = 0;

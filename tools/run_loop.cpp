@@ -138,6 +138,7 @@ class Runner {
       return fail(robot_.path + ": " + (field ? field : "") + ": " + tiller_status_text(status));
     }
     const tiller_status_t status = tiller_init(&controller, &config_, &hooks_, block.get(), size);
+    if (options_.real_time) touch_pages(block.get(), size);
     return status == tiller_status_ok || fail(robot_.path + ": " + tiller_status_text(status));
   }
 

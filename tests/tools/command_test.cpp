@@ -211,6 +211,42 @@ TEST_F(Command, CtrlCStopsSafelyAndKeepsTheLog) {
   EXPECT_EQ(csv.back(), '\n') << "the last row is whole";
 }
 
+// Ticks by the clock, with whatever this machine grants: the run says what it was, and every tick is in the histogram.
+TEST_F(Command, RealTimeSaysWhatItGotAndCountsEveryTick) {
+  std::ofstream(folder_ + "/clock.toml") << std::ifstream(kCartPole).rdbuf()
+                                         << "[realtime]\npriority = 10\ncpus = [63]\nstack_kB = 64\n";
+  const Ended ended = run({"run", "clock.toml", "--sim", "--real-time", "--seconds", "1", "--histogram", "times.csv",
+                           "--record", "run.mcap"});
+  EXPECT_EQ(ended.code, 0) << ended.out;
+  EXPECT_TRUE(contains(ended.out, "64 kB of stack touched")) << ended.out;
+  if (std::thread::hardware_concurrency() < 64) {
+    EXPECT_TRUE(contains(ended.out, "\n  not processor 63: Invalid argument; name processors that this machine has"))
+        << ended.out;
+  }
+  EXPECT_TRUE(contains(ended.out, " periods skipped\n")) << ended.out;
+  EXPECT_TRUE(contains(ended.out, " ticks took longer than the period\n")) << ended.out;
+  std::istringstream rows(text_of("times.csv"));
+  std::string row;
+  std::getline(rows, row);
+  EXPECT_EQ(row, "upper_us,ticks,wake_ups");
+  long ticks = 0, wake_ups = 0;
+  for (double upper = 0; std::getline(rows, row);) {
+    double edge = 0;
+    long of_ticks = 0, of_wake_ups = 0;
+    ASSERT_EQ(std::sscanf(row.c_str(), "%lf,%ld,%ld", &edge, &of_ticks, &of_wake_ups), 3) << row;
+    EXPECT_GT(edge, upper);
+    upper = edge;
+    ticks += of_ticks;
+    wake_ups += of_wake_ups;
+  }
+  EXPECT_EQ(ticks, 50);
+  EXPECT_EQ(wake_ups, 51);  // the last one finds that the time is over
+  // a plant in this process waits for the clock, not the clock for it: the same run, to the last bit
+  EXPECT_EQ(run({"replay", "run.mcap", kCartPole}).code, 0);
+  const Ended simulated = run({"run", "clock.toml", "--sim", "--seconds", "0.2"});
+  EXPECT_FALSE(contains(simulated.out, "real time")) << "simulated time asks for nothing: " << simulated.out;
+}
+
 TEST_F(Command, AFullDiskDoesNotStopTheRobotAndIsTold) {
   setenv("TMPDIR", folder_.c_str(), 1);
   const Ended ended = run({"run", kCartPole, "--sim", "--seconds", "1", "--quiet", "--log", "/dev/full"});

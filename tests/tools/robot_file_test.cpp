@@ -119,6 +119,11 @@ TEST(RobotFile, HostSections) {
   EXPECT_EQ(robot->transport.nodes, std::vector<std::uint32_t>{3});
   EXPECT_EQ(robot->transport.wheel_radius_m, std::vector<double>{0.05});
   EXPECT_EQ(join(robot->transport.channels), "position:force_N, board:0");
+  EXPECT_TRUE(robot->realtime.by_clock);
+  EXPECT_EQ(robot->realtime.priority, 55);
+  EXPECT_EQ(robot->realtime.cpus, 10u);
+  EXPECT_TRUE(robot->realtime.lock_memory);
+  EXPECT_GT(robot->realtime.line, 0);
   EXPECT_EQ(robot->sim.sensor_step.at("position_m"), 0.0002);
   EXPECT_EQ(robot->sim.watchdog_s, 0.2);
   ASSERT_EQ(robot->sim.effects.size(), 1u);

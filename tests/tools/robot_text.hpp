@@ -66,6 +66,10 @@ interface = "can7"
 nodes = { force_N = 3 }
 wheel_radius_m = { force_N = 0.05 }
 channels = { position_m = "position:force_N", angle_rad = "board:0" }
+[realtime]
+pace = "clock"
+priority = 55
+cpus = [1, 3]
 [sim]
 plant = "cart_pole"
 parameters = { cart_mass_kg = 1.0 }
