@@ -230,7 +230,7 @@ TEST_F(Command, RealTimeSaysWhatItGotAndCountsEveryTick) {
   std::getline(rows, row);
   EXPECT_EQ(row, "upper_us,ticks,wake_ups");
   long ticks = 0, wake_ups = 0;
-  for (double upper = 0; std::getline(rows, row);) {
+  for (double upper = -1; std::getline(rows, row);) {
     double edge = 0;
     long of_ticks = 0, of_wake_ups = 0;
     ASSERT_EQ(std::sscanf(row.c_str(), "%lf,%ld,%ld", &edge, &of_ticks, &of_wake_ups), 3) << row;

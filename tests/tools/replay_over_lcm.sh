@@ -5,11 +5,12 @@
 #   3. nobody answers: told
 #   4. what lcm-logger heard of a lockstep run replays to the last bit; so it does of a run by the wall clock, where
 #      stamps, latencies and missed measurements are whatever the machine made of them
-# Usage: replay_over_lcm.sh TILLER ROBOT LCM_LOGGER. Runs in a network namespace with multicast on lo.
+# Usage: replay_over_lcm.sh TILLER ROBOT LCM_LOGGER PYTHON. Runs in a network namespace with multicast on lo.
 set -eu
 tiller=$1
 robot=$2
 logger=$3
+python=$4
 
 folder=$(mktemp -d)
 children=
@@ -55,20 +56,36 @@ code=0
 [ "$code" -eq 1 ] || fail "the replay ended with $code, not 1"
 grep -q "nobody answers on udpm" replay.txt || fail "not told"
 
+# mark LOG WORD: says a word on the bus until the log has it, so that everything said before is in the log too
+mark() {
+  tries=0
+  until grep -q "$2" "$1" 2>/dev/null; do
+    "$python" -c 'import lcm, sys; lcm.LCM().publish(sys.argv[1], b"")' "$2"
+    tries=$((tries + 1))
+    [ "$tries" -lt 100 ] || fail "lcm-logger does not log"
+    sleep 0.1
+  done
+}
+
 # logged NAME PLANT_OPTIONS RUN_OPTIONS: a run over LCM with a logger beside it
 logged() {
   "$logger" --quiet --force "$1" >logger.txt 2>&1 &
   logging=$!
+  children=$logging
+  mark "$1" BEGIN
   # shellcheck disable=SC2086 # options are words on purpose
   "$tiller" sim robot.toml --serve lcm $2 >plant.txt 2>&1 &
   plant=$!
   children="$logging $plant"
   # shellcheck disable=SC2086
+  code=0
   "$tiller" run robot.toml --transport lcm --seconds 2 --wait 60 --quiet --alarm-seconds 0 $3 >controller.txt 2>&1 ||
-    fail "$1: the run ended with $?"
+    code=$?
+  # by the wall clock, a machine that is busy elsewhere may let the sensors grow stale: SAFE, and as good a log
+  [ "$code" -eq 0 ] || { [ "$code" -eq 3 ] && [ -z "$3" ]; } || fail "$1: the run ended with $code"
   kill -INT "$plant" && wait "$plant" || fail "$1: the plant"
-  sleep 0.2 # the logger's queue
-  kill -INT "$logging" && wait "$logging" || true
+  mark "$1" END
+  kill -TERM "$logging" && wait "$logging" || true
   children=
 }
 
@@ -77,8 +94,12 @@ logged lockstep.lcm "--lockstep --answer-timeout 20" --lockstep
 "$tiller" replay lockstep.lcm robot.toml >replay.txt 2>&1 || fail "the replay of the lockstep log ended with $?"
 grep -q "^10[0-9] ticks replayed on .*, 0 different" replay.txt || fail "other commands than in lockstep"
 sed 's/^/   lockstep: /' replay.txt
-logged clock.lcm "" ""
-"$tiller" replay clock.lcm robot.toml >replay.txt 2>&1 || fail "the replay of the log by the wall clock ended with $?"
-grep -q " ticks replayed on .*, 0 different" replay.txt || fail "other commands than by the wall clock"
+# a logger that the machine starves loses messages, and the replay says so: then once more
+for attempt in 1 2 3 4; do
+  [ "$attempt" -lt 4 ] || fail "the replay of the log by the wall clock"
+  logged clock.lcm "" ""
+  "$tiller" replay clock.lcm robot.toml >replay.txt 2>&1 && break
+  grep -qE "ticks are missing|it begins with tick" replay.txt || fail "other commands than by the wall clock"
+done
 sed 's/^/   by the wall clock: /' replay.txt
 echo "passed"
