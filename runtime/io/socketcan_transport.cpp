@@ -127,12 +127,20 @@ Ancillary take_ancillary(SocketCanTransport* transport, msghdr& message) {
   return all;
 }
 
-/// The arrival on the clock of this program. The kernel stamps by CLOCK_REALTIME, which may be set meanwhile: an age
-/// that cannot be is not believed.
-std::int64_t arrival_us(const Ancillary& ancillary, std::int64_t now_us) {
-  constexpr std::int64_t kOldestUs = 1000000;
-  const std::int64_t age_us = realtime_us() - ancillary.arrival_us;
-  return ancillary.stamped && age_us >= 0 && age_us <= kOldestUs ? now_us - age_us : now_us;
+/// The arrival on the clock of this program. The kernel stamps by CLOCK_REALTIME: when that was set since the last frame,
+/// one stamp is not believed. Any age is: a program that was stopped must see how old what it finds is.
+std::int64_t arrival_us(SocketCanTransport* transport, const Ancillary& ancillary) {
+  constexpr std::int64_t kStepUs = 100000, kBesideUs = 2000;
+  std::int64_t now_us = monotonic_us(), real_us = realtime_us();
+  for (int i = 0; i < 4 && monotonic_us() - now_us > kBesideUs; ++i) {  // held up between the two
+    now_us = monotonic_us();
+    real_us = realtime_us();
+  }
+  const std::int64_t step_us = real_us - now_us - transport->clock_offset_us;
+  transport->clock_offset_us += step_us;
+  const std::int64_t age_us = real_us - ancillary.arrival_us;
+  const bool set = step_us > kStepUs || step_us < -kStepUs;
+  return ancillary.stamped && !set && age_us >= 0 ? now_us - age_us : now_us;
 }
 
 /// False once there is nothing more to read.
@@ -160,8 +168,7 @@ bool read_frame(SocketCanTransport* transport) {
   } else if ((frame.can_id & CAN_ERR_FLAG) != 0) {
     take_error_frame(transport, frame);
   } else {
-    take_data_frame(transport, frame, fd, (message.msg_flags & MSG_CONFIRM) != 0,
-                    arrival_us(ancillary, monotonic_us()));
+    take_data_frame(transport, frame, fd, (message.msg_flags & MSG_CONFIRM) != 0, arrival_us(transport, ancillary));
   }
   return true;
 }
@@ -329,6 +336,7 @@ tiller_status_t configure(SocketCanTransport* transport, const SocketCanOptions&
   transport->own_count = transport->robot.command_filters(transport->own);
   transport->fd = transport->robot.needs_fd();
   transport->confirm_timeout_us = options.confirm_timeout_us;
+  transport->clock_offset_us = realtime_us() - monotonic_us();
   can_filter filters[CanRobot::kMaxFilters + CanRobot::kMaxCommandFilters];
   const std::uint32_t count = make_filters(transport, filters);
   const int on = 1;

@@ -42,7 +42,8 @@ struct SocketCanTransport {
   CanBusState bus = CanBusState::kActive;
   std::uint32_t kernel_drops = 0;  // last value of SO_RXQ_OVFL, which counts from the socket's opening
   bool fd = false;
-  bool somebody_else = false;  // another program commands our motors; until faults are cleared
+  std::int64_t clock_offset_us = 0;  // CLOCK_REALTIME, which the kernel stamps by, less CLOCK_MONOTONIC
+  bool somebody_else = false;        // another program commands our motors; until faults are cleared
 
   // set points on their way: sent, and not seen on the bus yet
   std::uint32_t awaited = 0;
