@@ -15,7 +15,7 @@ python=$4
 folder=$(mktemp -d)
 children=
 cleanup() {
-  for child in $children; do kill -KILL "$child" 2>/dev/null || true; done
+  for child in $children; do kill -s KILL -- "-$child" 2>/dev/null || kill -KILL "$child" 2>/dev/null || true; done
   rm -rf "$folder"
 }
 trap cleanup EXIT
@@ -69,7 +69,8 @@ mark() {
 
 # logged NAME PLANT_OPTIONS RUN_OPTIONS: a run over LCM with a logger beside it
 logged() {
-  "$logger" --quiet --force "$1" >logger.txt 2>&1 &
+  # a group of its own: what the Python package installs is a script that starts the logger
+  setsid "$logger" --quiet --force "$1" >logger.txt 2>&1 &
   logging=$!
   children=$logging
   mark "$1" BEGIN
@@ -85,7 +86,7 @@ logged() {
   [ "$code" -eq 0 ] || { [ "$code" -eq 3 ] && [ -z "$3" ]; } || fail "$1: the run ended with $code"
   kill -INT "$plant" && wait "$plant" || fail "$1: the plant"
   mark "$1" END
-  kill -TERM "$logging" && wait "$logging" || true
+  kill -s TERM -- "-$logging" && wait "$logging" || true
   children=
 }
 
