@@ -48,7 +48,7 @@ void report(bench::Table& table, const Loop& loop, const std::vector<bench::Epis
     upright += r.upright();
     if (r.upright()) when.push_back(r.upright_from_s);
     cost.push_back(r.cost);
-    tick.push_back(r.pace.tick_time.quantile_us(0.5));
+    tick.push_back(r.tick_us_median);
     for (const auto& p : r.parameters) parameters[p.name].push_back(p);
     std::printf("    seed %2llu  %s from %5.2f s  cost %8.3f  |x| <= %.2f m  noise x%.2f  ess %4.0f  accepted %.2f ",
                 static_cast<unsigned long long>(r.seed), r.upright() ? "upright" : "NOT    ", r.upright_from_s, r.cost,
