@@ -1,6 +1,6 @@
 // Worlds of `./dev bench gap`'s cases as folders, for programs that do not link with us: the same cases, the same bits.
 //
-//   bench_gap_export --out FOLDER [--section sealed] [--seeds N] [--first N | --tune] [--plants a,b] [--kinds a,b]
+//   bench_gap_export --out FOLDER [--section sealed] [--seeds N] [--tune] [--plants a,b] [--kinds a,b]
 //
 // FOLDER/<case id, slashes as dashes>/ holds robot.toml, log_*.csv, score_*.csv and sealed/case.json. What is there
 // already is not made again.
