@@ -104,14 +104,17 @@ class Files(unittest.TestCase):
         a write (the kernel looks for one at every page of it) leaves a file that is cut off there."""
         replayed = finished = 0
         for attempt in range(10):
-            path = self.home / "killed.mcap"
+            path, events_path = self.home / "killed.mcap", self.home / "killed.lcm"
             path.unlink(missing_ok=True)
+            events_path.unlink(missing_ok=True)
             run = subprocess.Popen([TILLER, "run", str(ROBOTS / "pendulum.toml"), "--sim", "--quiet", "--record", str(path),
-                                    "--record", str(self.home / "killed.lcm"), "--alarm-seconds", "0"],
+                                    "--record", str(events_path), "--alarm-seconds", "0"],
                                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
             until = time.monotonic() + 60
             size = 20000 + 7000 * attempt  # by what is on the disk, not by time
-            while (not path.exists() or path.stat().st_size < size) and time.monotonic() < until:
+            # the files are written one after the other: an event log that nothing has reached yet has nothing to show
+            enough = lambda file, bytes_: file.exists() and file.stat().st_size >= bytes_
+            while not (enough(path, size) and enough(events_path, 4096)) and time.monotonic() < until:
                 time.sleep(0.001)
             run.send_signal(signal.SIGKILL)
             run.wait()
@@ -128,7 +131,7 @@ class Files(unittest.TestCase):
                 self.assertEqual(again.returncode, 0, again.stdout + again.stderr)
                 self.assertIn(", 0 different", again.stdout)
                 replayed += 1
-            events = sum(1 for _ in lcm.EventLog(str(self.home / "killed.lcm"), "r"))
+            events = sum(1 for _ in lcm.EventLog(str(events_path), "r"))
             self.assertGreater(events, 0)
         self.assertEqual(replayed, 2)
         self.assertGreaterEqual(finished, 7)
