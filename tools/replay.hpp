@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <istream>
 #include <string>
 
 #include "tools/recorder/mcap_run.hpp"
@@ -21,6 +22,9 @@ std::string robot_in_log(const std::string& path);
 /// The ticks of an LCM log with measurements, commands and (where they were logged) telemetry. docs/replay.md tells what
 /// is taken from where.
 bool read_lcm_run(const std::string& path, const RobotFile& robot, RecordedRun& run, std::string& error);
+/// The same from a stream; `path` stands in errors.
+bool read_lcm_run(std::istream& file, const std::string& path, const RobotFile& robot, RecordedRun& run,
+                  std::string& error);
 
 struct ReplayOptions {
   double tolerance = 0;             ///< of a command, in its unit; 0: to the last bit
