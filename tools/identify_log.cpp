@@ -9,6 +9,7 @@
 #include <fstream>
 #include <limits>
 
+#include "tools/log_readers.hpp"
 #include "tools/text.hpp"
 
 namespace tiller::tools {
@@ -199,13 +200,13 @@ std::string known_units() {
 bool read_log(const std::string& path, const LogMap& map, const tiller_model_t& model, const std::vector<int>& measured,
               Log& log, std::string& error) {
   std::ifstream file(path, std::ios::binary);
-  if (file) return read_log(file, path, map, model, measured, log, error);
+  if (file) return read_csv_log(file, path, map, model, measured, log, error);
   error = path + ": " + std::strerror(errno) + "; expected a CSV with a header";
   return false;
 }
 
-bool read_log(std::istream& file, const std::string& path, const LogMap& map, const tiller_model_t& model,
-              const std::vector<int>& measured, Log& log, std::string& error) {
+bool read_csv_log(std::istream& file, const std::string& path, const LogMap& map, const tiller_model_t& model,
+                  const std::vector<int>& measured, Log& log, std::string& error) {
   log = {};
   log.path = path;
   log.state.resize(model.state_count);

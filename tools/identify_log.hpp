@@ -1,6 +1,5 @@
 #pragma once
 
-#include <istream>
 #include <map>
 #include <string>
 #include <vector>
@@ -38,9 +37,6 @@ struct Log {
 /// in `error` as "file:line: column: problem; remedy".
 bool read_log(const std::string& path, const LogMap& map, const tiller_model_t& model, const std::vector<int>& measured,
               Log& log, std::string& error);
-/// The same from a stream; `path` stands in errors.
-bool read_log(std::istream& file, const std::string& path, const LogMap& map, const tiller_model_t& model,
-              const std::vector<int>& measured, Log& log, std::string& error);
 
 /// Physics that a log cannot have by accident: a channel that never moves, an angle in degrees, a rate that is not
 /// the change of its position, stamps in another unit than seconds. Errors as above; what is merely odd goes to

@@ -196,13 +196,14 @@ bool read_record_log(std::istream& file, const std::string& path, const RobotFil
   begin(log, path);
   tiller_config_t config;
   std::shared_ptr<const JointPrior> joint;
-  std::vector<RecordEntry> entries;
-  if (!read_record(file, path, config, joint, entries, error)) return false;
+  if (!read_record_header(file, path, config, joint, error)) return false;
   if (config.measurement_count != robot.config.measurement_count ||
       std::memcmp(config.measured_state, robot.config.measured_state, config.measurement_count) != 0) {
     error = path + ": its [measurement] is not that of " + robot.path + "; use the robot file that was run";
     return false;
   }
+  std::vector<RecordEntry> entries;
+  for (RecordEntry entry; file.read(reinterpret_cast<char*>(&entry), sizeof entry);) entries.push_back(entry);
   return read_entries(entries, robot, log, error);
 }
 

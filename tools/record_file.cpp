@@ -75,20 +75,17 @@ bool read_record_header(std::istream& file, const std::string& path, tiller_conf
   return true;
 }
 
-bool read_record(std::istream& file, const std::string& path, tiller_config_t& config,
-                 std::shared_ptr<const JointPrior>& joint, std::vector<RecordEntry>& entries, std::string& error) {
+bool read_record_file(const std::string& path, tiller_config_t& config, std::shared_ptr<const JointPrior>& joint,
+                      std::vector<RecordEntry>& entries, std::string& error) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) {
+    error = path + ": cannot be read: " + std::strerror(errno) + "\n";
+    return false;
+  }
   if (!read_record_header(file, path, config, joint, error)) return false;
   for (RecordEntry entry; file.read(reinterpret_cast<char*>(&entry), sizeof entry);) entries.push_back(entry);
   if (entries.empty()) error = path + ": holds no tick\n";
   return !entries.empty();
-}
-
-bool read_record_file(const std::string& path, tiller_config_t& config, std::shared_ptr<const JointPrior>& joint,
-                      std::vector<RecordEntry>& entries, std::string& error) {
-  std::ifstream file(path, std::ios::binary);
-  if (file) return read_record(file, path, config, joint, entries, error);
-  error = path + ": cannot be read: " + std::strerror(errno) + "\n";
-  return false;
 }
 
 }  // namespace tiller::tools

@@ -31,8 +31,6 @@ void write_record(OutputFile& file, const RecordEntry& entry);
 bool read_record_header(std::istream& file, const std::string& path, tiller_config_t& config,
                         std::shared_ptr<const JointPrior>& joint, std::string& error);
 /// The same with the entries; one that is cut off at the end is left out.
-bool read_record(std::istream& file, const std::string& path, tiller_config_t& config,
-                 std::shared_ptr<const JointPrior>& joint, std::vector<RecordEntry>& entries, std::string& error);
 bool read_record_file(const std::string& path, tiller_config_t& config, std::shared_ptr<const JointPrior>& joint,
                       std::vector<RecordEntry>& entries, std::string& error);
 
