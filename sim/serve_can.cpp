@@ -21,6 +21,8 @@ class CanLink final : public PlantLink {
 
   /// The drive first: who reads the measurement knows the state of the axis at that time.
   bool publish(const PlantMeasurement& m) override {
+    // what it sends cyclically it has sent before the first reading, too
+    if (m.sequence == 0 && !send(axis_->after_period(shaft()))) return false;
     return send(axis_->before_reading()) && send(sensor_frames(options_.sensor_node, m, options_.protected_frames));
   }
 

@@ -5,7 +5,6 @@
 #include <filesystem>
 
 #include "tools/exit_codes.hpp"
-#include "tools/run_summary.hpp"
 
 namespace tiller::tools {
 namespace {

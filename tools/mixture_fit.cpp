@@ -7,7 +7,6 @@
 
 #include "core/rng.hpp"
 #include "posterior/prior.hpp"
-#include "tools/joint_prior.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -314,8 +313,5 @@ std::vector<double> roots_of(const GaussianMixture& mixture) {
   }
   return roots;
 }
-
-JointPrior::JointPrior(const GaussianMixture& given)
-    : JointPrior(given.dimension, given.weight, given.mean, roots_of(given)) {}
 
 }  // namespace tiller::tools
