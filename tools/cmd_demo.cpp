@@ -10,6 +10,7 @@
 #include "tools/robot_schema.hpp"
 #include "tools/run_facts.hpp"
 #include "tools/run_loop.hpp"
+#include "tools/run_summary.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -7,7 +7,7 @@
 #include "effects/effect_info.hpp"
 #include "tools/commands.hpp"
 #include "tools/gap/excite.hpp"
-#include "tools/run_loop.hpp"
+#include "tools/stop_flag.hpp"
 #include "tools/text.hpp"
 
 namespace tiller::tools {

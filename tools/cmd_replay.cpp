@@ -1,5 +1,6 @@
 #include <cstdio>
 #include <memory>
+#include <utility>
 
 #include "tools/commands.hpp"
 #include "tools/replay.hpp"
@@ -13,8 +14,28 @@ struct Arguments {
   Overrides overrides;
 };
 
-int replay_command(const Arguments& a) {
-  const auto robot = read_robot_or_complain(a.robot);
+/// Whoever gives the robot file first means the same.
+void put_log_first(Arguments& a) {
+  const auto is_robot = [](const std::string& name) {
+    return name.size() > 5 && name.substr(name.size() - 5) == ".toml";
+  };
+  if (is_robot(a.log) && !a.robot.empty() && !is_robot(a.robot)) std::swap(a.log, a.robot);
+}
+
+std::unique_ptr<RobotFile> read_robot(const Arguments& a) {
+  if (!a.robot.empty()) return read_robot_or_complain(a.robot);
+  const std::string text = robot_in_log(a.log);
+  std::string errors = a.log +
+                       ": no robot file is in it, as an MCAP of `tiller run --record` has; give it as the second "
+                       "argument: tiller replay LOG my_robot.toml\n";
+  auto robot = text.empty() ? nullptr : parse_robot_file(text, a.log + ":robot.toml", errors);
+  if (!robot) std::fputs(errors.c_str(), stderr);
+  return robot;
+}
+
+int replay_command(Arguments a) {
+  put_log_first(a);
+  const auto robot = read_robot(a);
   if (!robot || !apply_overrides(a.overrides, *robot)) return kExitBadInput;
   RecordedRun run;
   std::string error;
@@ -36,7 +57,8 @@ int replay_command(const Arguments& a) {
   if (options.tolerance > 0)
     std::printf(" by more than %g; largest difference %.3g", options.tolerance, result.largest);
   std::printf("\n");
-  return result.different == 0 ? kExitOk : static_cast<int>(kExitDiffers);
+  if (result.different > 0) return static_cast<int>(kExitDiffers);
+  return run.cut_off ? kExitLogIncomplete : kExitOk;
 }
 
 }  // namespace
@@ -45,7 +67,7 @@ void add_replay_command(CLI::App& app, int& exit_code) {
   auto* command = app.add_subcommand("replay", "feed a log to a controller again and compare every command");
   auto a = std::make_shared<Arguments>();
   command->add_option("LOG", a->log, "of tiller run --record (record, MCAP or LCM log), or of lcm-logger")->required();
-  command->add_option("ROBOT", a->robot, "the robot file of that run")->required();
+  command->add_option("ROBOT", a->robot, "the robot file of that run; an MCAP carries it");
   command
       ->add_option("--tolerance", a->options.tolerance,
                    "largest difference of a command that counts as the same, in the input's unit (default: none, to "
@@ -63,11 +85,12 @@ void add_replay_command(CLI::App& app, int& exit_code) {
   command->footer(
       "Bits are promised on the same instruction set and build; elsewhere, give a tolerance. Records and MCAP files hold\n"
       "the configuration of the run; an LCM log does not: give the options of that run (--seed, --planner, --frozen).\n"
-      "Ends with 0: the same; 4: different, with the first difference and the state at it; 1: nothing was replayed.\n\n"
+      "Ends with 0: the same; 2: the same as far as the log goes, which is cut off or damaged; 4: different, with the\n"
+      "first difference and the state at it; 1: nothing was replayed.\n\n"
       "Examples:\n"
       "  tiller run robots/cart_pole.toml --sim --seconds 5 --record out/run.mcap\n"
       "      make a log that Foxglove and PlotJuggler show too\n"
-      "  tiller replay out/run.mcap robots/cart_pole.toml\n"
+      "  tiller replay out/run.mcap\n"
       "      \"250 ticks replayed on avx512, 0 different\"\n"
       "  tiller replay lcmlog-2026-11-22.00 robots/cart_pole.toml --seed 3\n"
       "      a log of lcm-logger");

@@ -8,6 +8,7 @@
 #include "tools/report.hpp"
 #include "tools/run_facts.hpp"
 #include "tools/run_loop.hpp"
+#include "tools/run_summary.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -10,7 +10,7 @@
 #include "sim/serve_lcm.hpp"
 #include "tools/commands.hpp"
 #include "tools/plant_setup.hpp"
-#include "tools/run_loop.hpp"
+#include "tools/stop_flag.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "tools/exit_codes.hpp"
+#include "tools/run_summary.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <limits>
 
+#include "tools/log_readers.hpp"
 #include "tools/text.hpp"
 
 namespace tiller::tools {
@@ -128,7 +129,7 @@ double parse_cell(const Channel& channel, const std::string& cell, int line, Pro
   return missing;
 }
 
-void read_rows(std::ifstream& file, std::size_t width, std::vector<Channel>& channels, Log& log, Problems& problems) {
+void read_rows(std::istream& file, std::size_t width, std::vector<Channel>& channels, Log& log, Problems& problems) {
   std::string text;
   for (int line = 2; std::getline(file, text); ++line) {
     if (text.empty() || text == "\r") continue;
@@ -198,15 +199,18 @@ std::string known_units() {
 
 bool read_log(const std::string& path, const LogMap& map, const tiller_model_t& model, const std::vector<int>& measured,
               Log& log, std::string& error) {
+  std::ifstream file(path, std::ios::binary);
+  if (file) return read_csv_log(file, path, map, model, measured, log, error);
+  error = path + ": " + std::strerror(errno) + "; expected a CSV with a header";
+  return false;
+}
+
+bool read_csv_log(std::istream& file, const std::string& path, const LogMap& map, const tiller_model_t& model,
+                  const std::vector<int>& measured, Log& log, std::string& error) {
   log = {};
   log.path = path;
   log.state.resize(model.state_count);
   log.input.resize(model.input_count);
-  std::ifstream file(path, std::ios::binary);
-  if (!file) {
-    error = path + ": " + std::strerror(errno) + "; expected a CSV with a header";
-    return false;
-  }
   std::string header;
   if (!std::getline(file, header)) {
     error = path + ": the file is empty, or is a folder; expected a CSV with a header";

@@ -7,6 +7,7 @@
 
 #include "core/rng.hpp"
 #include "posterior/prior.hpp"
+#include "tools/joint_prior.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -313,5 +314,8 @@ std::vector<double> roots_of(const GaussianMixture& mixture) {
   }
   return roots;
 }
+
+JointPrior::JointPrior(const GaussianMixture& given)
+    : JointPrior(given.dimension, given.weight, given.mean, roots_of(given)) {}
 
 }  // namespace tiller::tools

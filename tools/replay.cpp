@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <thread>
@@ -65,6 +66,13 @@ void compare(const RobotFile& robot, const RecordEntry& entry, std::size_t index
   note(result.first);
 }
 
+std::string all_of(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::stringstream bytes;
+  bytes << file.rdbuf();
+  return bytes.str();
+}
+
 std::string bits_text(double v) { return format("%.17g", v); }
 
 }  // namespace
@@ -87,16 +95,22 @@ bool read_recorded_run(const std::string& path, const RobotFile& robot, Recorded
   run = {};
   if (kind == "lcm") return read_lcm_run(path, robot, run, error);
   if (kind == "mcap") {
-    std::ifstream file(path, std::ios::binary);
-    std::stringstream bytes;
-    bytes << file.rdbuf();
-    if (is_mcap_run(bytes.str())) return read_mcap_run(bytes.str(), path, robot, run, error);
+    const std::string bytes = all_of(path);
+    if (is_mcap_run(bytes)) return read_mcap_run(bytes, path, robot, run, error);
     error =
         path + ": an MCAP file, but not one of `tiller run --record`: it has no topic with the schema tiller.Tick\n";
     return false;
   }
   run.has_config = true;
-  return read_record_file(path, run.config, run.joint, run.entries, error);
+  if (!read_record_file(path, run.config, run.joint, run.entries, error)) return false;
+  const std::uintmax_t ticks_bytes = std::filesystem::file_size(path) - record_header(run.config).size();
+  run.cut_off = ticks_bytes % sizeof(RecordEntry) != 0;
+  if (run.cut_off) run.note = format("%zu whole ticks; the one behind them is cut off", run.entries.size());
+  return true;
+}
+
+std::string robot_in_log(const std::string& path) {
+  return log_format(path) == "mcap" ? robot_text_of(all_of(path)) : "";
 }
 
 bool replay_through_file(const RobotFile& robot, RecordedRun& run, const ReplayOptions& options, ReplayResult& result,

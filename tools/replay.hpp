@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <istream>
 #include <string>
 
 #include "tools/recorder/mcap_run.hpp"
@@ -15,9 +16,15 @@ constexpr std::uint32_t kIterationsUnknown = 0xffffffffu;
 /// in `error`.
 bool read_recorded_run(const std::string& path, const RobotFile& robot, RecordedRun& run, std::string& error);
 
+/// The text of the robot file that the log carries: an MCAP of `tiller run` does. Empty: none.
+std::string robot_in_log(const std::string& path);
+
 /// The ticks of an LCM log with measurements, commands and (where they were logged) telemetry. docs/replay.md tells what
 /// is taken from where.
 bool read_lcm_run(const std::string& path, const RobotFile& robot, RecordedRun& run, std::string& error);
+/// The same from a stream; `path` stands in errors.
+bool read_lcm_run(std::istream& file, const std::string& path, const RobotFile& robot, RecordedRun& run,
+                  std::string& error);
 
 struct ReplayOptions {
   double tolerance = 0;             ///< of a command, in its unit; 0: to the last bit

@@ -1,17 +1,17 @@
 // Ticks from an LCM log. What a controller was given and what it answered are not one message, so they are put together
 // again: docs/replay.md tells by which rules.
-#include <lcm/eventlog.h>
-
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <fstream>
 #include <limits>
 #include <map>
 
 #include "tiller_lcm/command_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
 #include "tiller_lcm/telemetry_t.hpp"
+#include "tools/lcm_event_log.hpp"
 #include "tools/replay.hpp"
 
 namespace tiller::tools {
@@ -40,25 +40,20 @@ tiller_measurement_t convert(const tiller_lcm::measurement_t& message) {
   return m;
 }
 
+int size_of(const LcmEvent& event) { return static_cast<int>(event.message.size()); }
+
 class LogReader {
  public:
   LogReader(const RobotFile& robot, const std::string& path) : robot_(robot), path_(path) {}
 
-  bool read(std::vector<Answer>& answers, std::string& error) {
-    lcm_eventlog_t* log = lcm_eventlog_create(path_.c_str(), "r");
-    if (!log) {
-      error = path_ + ": cannot be read: " + std::strerror(errno) + "\n";
-      return false;
-    }
+  bool read(std::istream& file, std::vector<Answer>& answers, std::string& error) {
     const std::string& prefix = robot_.transport.channel_prefix;
-    while (lcm_eventlog_event_t* event = lcm_eventlog_read_next_event(log)) {
-      const std::string channel(event->channel, static_cast<std::size_t>(std::max(event->channellen, 0)));
-      if (channel == prefix + "MEASUREMENT") take_measurement(*event);
-      if (channel == prefix + "COMMAND") take_command(*event, answers);
-      if (channel == prefix + "TELEMETRY") take_telemetry(*event, answers);
-      lcm_eventlog_free_event(event);
+    LcmEventLog log(file);
+    for (LcmEvent event; log.next(event);) {
+      if (event.channel == prefix + "MEASUREMENT") take_measurement(event);
+      if (event.channel == prefix + "COMMAND") take_command(event, answers);
+      if (event.channel == prefix + "TELEMETRY") take_telemetry(event, answers);
     }
-    lcm_eventlog_destroy(log);
     if (!answers.empty() && measurements_ > 0) return true;
     error = path_ + ": no " + (answers.empty() ? "commands" : "measurements") + " on the channels " + prefix +
             "MEASUREMENT and " + prefix + "COMMAND that fit " + robot_.path +
@@ -67,9 +62,9 @@ class LogReader {
   }
 
  private:
-  void take_measurement(const lcm_eventlog_event_t& event) {
+  void take_measurement(const LcmEvent& event) {
     tiller_lcm::measurement_t m;
-    if (m.decode(event.data, 0, event.datalen) < 0 || m.count < 0 ||
+    if (m.decode(event.message.data(), 0, size_of(event)) < 0 || m.count < 0 ||
         static_cast<std::uint32_t>(m.count) != robot_.config.measurement_count)
       return;
     ++measurements_;
@@ -77,9 +72,9 @@ class LogReader {
     if (waiting_.size() > kMostWaiting) waiting_.erase(waiting_.begin());
   }
 
-  void take_command(const lcm_eventlog_event_t& event, std::vector<Answer>& answers) {
+  void take_command(const LcmEvent& event, std::vector<Answer>& answers) {
     Answer answer;
-    if (answer.command.decode(event.data, 0, event.datalen) < 0) return;
+    if (answer.command.decode(event.message.data(), 0, size_of(event)) < 0) return;
     const auto sequence = static_cast<std::uint32_t>(answer.command.sequence);
     const auto same = [&](const tiller_measurement_t& m) { return m.sequence == sequence; };
     const auto found = std::find_if(waiting_.begin(), waiting_.end(), same);
@@ -92,18 +87,21 @@ class LogReader {
     answers.push_back(answer);
   }
 
-  void take_telemetry(const lcm_eventlog_event_t& event, std::vector<Answer>& answers) const {
+  void take_telemetry(const LcmEvent& event, std::vector<Answer>& answers) const {
     tiller_lcm::telemetry_t t;
-    if (t.decode(event.data, 0, event.datalen) < 0) return;
-    for (auto answer = answers.rbegin(); answer != answers.rend() && answer < answers.rbegin() + 4; ++answer) {
-      if (answer->told || answer->command.stamp_us != t.stamp_us) continue;
-      answer->telemetry = t;
-      answer->told = true;
+    if (t.decode(event.message.data(), 0, size_of(event)) < 0 || t.tick < 1 || t.tick > kMostTicks) return;
+    const std::size_t newest = answers.size(), oldest = newest - std::min<std::size_t>(newest, 4);
+    for (std::size_t i = newest; i > oldest; --i) {
+      Answer& answer = answers[i - 1];
+      if (answer.told || answer.command.stamp_us != t.stamp_us) continue;
+      answer.telemetry = t;
+      answer.told = true;
       return;
     }
   }
 
   static constexpr std::size_t kMostWaiting = 64;
+  static constexpr std::int64_t kMostTicks = std::int64_t{1} << 53;  // more is no number of a tick
   const RobotFile& robot_;
   const std::string& path_;
   std::vector<tiller_measurement_t> waiting_;  // since the last one that was answered
@@ -165,7 +163,8 @@ bool is_told_by_the_host(std::int32_t fault) {
 class Foresight {
  public:
   std::uint32_t latency_us(const tiller_measurement_t& m, std::int64_t now_us) const {
-    return static_cast<std::uint32_t>(std::clamp(static_cast<double>(now_us - m.stamp_us) + compute_us_, 0.0, 1e6));
+    const double age_us = static_cast<double>(now_us) - static_cast<double>(m.stamp_us);  // any two stamps of a file
+    return static_cast<std::uint32_t>(std::clamp(age_us + compute_us_, 0.0, 1e6));
   }
   void note(std::int64_t tick_ns) { compute_us_ += 0.1 * (1e-3 * static_cast<double>(tick_ns) - compute_us_); }
 
@@ -223,9 +222,17 @@ void add_calls(const Answer& answer, bool first, bool was_safe, RecordEntry& ent
 }  // namespace
 
 bool read_lcm_run(const std::string& path, const RobotFile& robot, RecordedRun& run, std::string& error) {
+  std::ifstream file(path, std::ios::binary);
+  if (file) return read_lcm_run(file, path, robot, run, error);
+  error = path + ": cannot be read: " + std::strerror(errno) + "\n";
+  return false;
+}
+
+bool read_lcm_run(std::istream& file, const std::string& path, const RobotFile& robot, RecordedRun& run,
+                  std::string& error) {
   run = {};
   std::vector<Answer> answers;
-  if (!LogReader(robot, path).read(answers, error)) return false;
+  if (!LogReader(robot, path).read(file, answers, error)) return false;
   const std::vector<Answer> ticks = ticks_of(answers, run.note);
   const auto stands_at_its_stamp = [](const Answer& a) {
     return !a.has_answered || a.command.stamp_us == a.answered.stamp_us;

@@ -2,15 +2,12 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <sstream>
 
 #include "rollout/measurement.hpp"
 #include "tools/config_trace.hpp"
 #include "tools/robot_sections.hpp"
+#include "tools/robot_text.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -163,13 +160,6 @@ void check_whole(FileErrors& errors, const toml::table& root, RobotFile& robot) 
   }
 }
 
-void choose_substeps(const toml::table& root, RobotFile& robot) {
-  robot.substeps = advise_substeps(robot.config);
-  if (root["model"]["substeps"]) return;
-  robot.config.substeps = robot.substeps.needed;
-  robot.substeps = advise_substeps(robot.config);
-}
-
 bool read_controller(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   if (!read_model(errors, root, robot)) return false;
   const tiller_status_t status = tiller_config_default(&robot.config, robot.model);
@@ -190,7 +180,6 @@ bool read_controller(FileErrors& errors, const toml::table& root, RobotFile& rob
   read_sim(errors, root, robot);
   read_log_map(errors, root, robot);
   if (errors.empty()) check_whole(errors, root, robot);
-  if (errors.empty()) choose_substeps(root, robot);
   return errors.empty();
 }
 
@@ -201,39 +190,26 @@ int index_of(const Words& names, const std::string& name) {
   return found == names.end() ? -1 : static_cast<int>(found - names.begin());
 }
 
-std::unique_ptr<RobotFile> parse_robot_file(const std::string& text, const std::string& path, std::string& errors_out) {
+RobotText parse_robot_text(const std::string& text, const std::string& path, std::string& errors_out) {
   FileErrors errors(path, text);
-  auto robot = std::make_unique<RobotFile>();
-  robot->path = path;
-  robot->name = std::filesystem::path(path).stem().string();
-  robot->model_request.robot_dir = std::filesystem::path(path).parent_path().string();
+  RobotText read;
+  read.robot = std::make_unique<RobotFile>();
+  RobotFile& robot = *read.robot;
+  robot.path = path;
+  robot.name = std::filesystem::path(path).stem().string();
+  robot.model_request.robot_dir = std::filesystem::path(path).parent_path().string();
   try {
     const toml::table root = toml::parse(std::string_view(text), std::string_view(path));
+    read.says_substeps = static_cast<bool>(root["model"]["substeps"]);
     refuse_unknown_sections(errors, root);
-    read_controller(errors, root, *robot);
+    read_controller(errors, root, robot);
   } catch (const toml::parse_error& error) {
     errors.at_line(static_cast<int>(error.source().begin.line), "TOML", std::string(error.description()),
                    "correct the syntax (toml.io)");
   }
-  if (errors.empty()) return robot;
+  if (errors.empty()) return read;
   errors_out = errors.text();
-  return nullptr;
-}
-
-std::unique_ptr<RobotFile> read_robot_file(const std::string& path, std::string& errors) {
-  std::error_code code;
-  if (std::filesystem::is_directory(path, code)) {
-    errors = path + ": is a folder; name the robot file (.toml) in it\n";
-    return nullptr;
-  }
-  std::ifstream file(path, std::ios::binary);
-  std::stringstream text;
-  if (file) text << file.rdbuf();
-  if (!file || !(text || file.peek() == EOF)) {
-    errors = path + ": cannot be read: " + std::strerror(errno) + "; name an existing robot file (.toml)\n";
-    return nullptr;
-  }
-  return parse_robot_file(text.str(), path, errors);
+  return {};
 }
 
 }  // namespace tiller::tools

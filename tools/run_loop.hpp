@@ -52,22 +52,4 @@ struct RunResult {
 /// wrong is told on stderr. Leaves the robot with its safe command, whatever the reason of the end.
 RunResult run_robot(const RobotFile& robot, Link& link, const RunOptions& options);
 
-/// One line on what the model does not explain; info.adequacy is tiller_adequacy_inadequate.
-std::string inadequacy(const RobotFile& robot, const tiller_info_t& info);
-/// The quadratic terms of the cost, (x-t)' Q (x-t) + u' R u; `step` chooses the reference's row where there is one.
-double stage_cost(const tiller_config_t& config, std::uint64_t step, const double* x, const double* u);
-
-/// The last lines of a run: state, posterior (beside the truth where it is known), tick times.
-std::string summary(const RobotFile& robot, const RunOptions& options, const RunResult& result);
-
-/// SIGINT and SIGTERM set a flag while an object of this class lives; a second one ends the process.
-class StopFlag {
- public:
-  StopFlag();
-  ~StopFlag();
-  StopFlag(const StopFlag&) = delete;
-  StopFlag& operator=(const StopFlag&) = delete;
-  const volatile std::sig_atomic_t& flag() const;
-};
-
 }  // namespace tiller::tools

@@ -17,13 +17,13 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
     row[0] = i;
     for (std::size_t j = 1; j <= b.size(); ++j) {
       const std::size_t change = above[j - 1] + (a[i - 1] == b[j - 1] ? 0 : 1);
-      row[j] = std::min({above[j] + 1, row[j - 1] + 1, change});
+      row[j] = std::min(std::min(above[j], row[j - 1]) + 1, change);
       if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1]) {
         row[j] = std::min(row[j], before[j - 2] + 1);
       }
     }
-    before = above;
-    above = row;
+    before.swap(above);
+    above.swap(row);
   }
   return above[b.size()];
 }
@@ -32,9 +32,12 @@ std::string nearest(const std::string& word, const Words& known) {
   std::string best;
   std::size_t best_distance = std::max<std::size_t>(2, word.size() / 3) + 1;
   for (const std::string& candidate : known) {
-    std::size_t distance = edit_distance(word, candidate);
-    // a unit that was left out or a shortened name is near, however long the rest is
     const std::size_t shorter = std::min(word.size(), candidate.size());
+    const std::size_t longer = std::max(word.size(), candidate.size());
+    // no distance is below the difference of lengths: a file's cell of a megabyte is not worth a table
+    std::size_t distance = longer - shorter;
+    if (distance < best_distance) distance = edit_distance(word, candidate);
+    // a unit that was left out or a shortened name is near, however long the rest is
     if (shorter >= 3 && word.compare(0, shorter, candidate, 0, shorter) == 0) {
       distance = std::min<std::size_t>(distance, 2);
     }

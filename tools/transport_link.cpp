@@ -15,7 +15,8 @@ namespace {
 constexpr std::int64_t kLookUpUs = 50000;  // how long a wait may last before the stop flag is looked at
 
 std::string where(const RobotFile& robot) {
-  return robot.path + ":" + std::to_string(robot.transport.line) + ": [transport] ";
+  const int line = robot.transport.line;  // 0: the file has no such section, the command line named the transport
+  return robot.path + (line > 0 ? ":" + std::to_string(line) : "") + ": [transport] ";
 }
 
 /// "board:3" or "position:force_N" (checked when the robot file was read).

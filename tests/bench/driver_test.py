@@ -1,5 +1,6 @@
 """./dev bench posterior reads the tables that programs print, hides no short row, and says what it does not know."""
 
+import argparse
 import contextlib
 import io
 import os
@@ -30,24 +31,57 @@ TABLE = [
 ]
 
 
+def quietly(function, *arguments, **more):
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        return function(*arguments, **more)
+
+
 class Robot(unittest.TestCase):
-    """./dev bench robot: a program that fails, or prints no number, is never met."""
+    """./dev bench robot: what fails, or prints no number, is never met, and does not lose the other sections."""
 
-    def figure(self, code, **more):
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            (row,) = robot.command("fuzz", "heading", "what", [sys.executable, "-c", code], **more)
-        return row["figure"], row["met"]
+    def verdicts(self, rows):
+        return [(r["row"], r["met"]) for r in rows]
 
-    def test_exit_codes_count(self):
-        self.assertEqual(self.figure("pass"), (1.0, True))
-        self.assertEqual(self.figure("raise SystemExit(3)"), (0.0, False))
+    def test_fuzzers(self):
+        said = "dev: fuzz_can: 20000000 executions, no finding\ndev: fuzz_csv: 9000000 executions, no finding\n"
+        both = [("executions: can", True), ("executions: csv", False)]
+        self.assertEqual(self.verdicts(quietly(robot.fuzz_rows, 0, said)), [*both, ("fuzzers with a finding", True)])
+        rows = quietly(robot.fuzz_rows, 1, said + "dev: findings in: log mcap; the inputs are in build/fuzz/findings\n")
+        self.assertEqual(self.verdicts(rows), [*both, ("fuzzers with a finding", False)])
+        self.assertEqual(rows[-1]["figure"], 2)
+        for code, text in ((1, said), (1, ""), (0, "")):
+            with self.assertRaises(robot.NotMeasured):
+                quietly(robot.fuzz_rows, code, text)
 
-    def test_the_smallest_number_counts(self):
-        pattern = {"pattern": r"(\d+) executions", "bound": 10}
-        self.assertEqual(self.figure("print('a: 20 executions'); print('b: 12 executions')", **pattern), (12.0, True))
-        self.assertEqual(self.figure("print('a: 20 executions'); print('b: 9 executions')", **pattern), (9.0, False))
-        self.assertEqual(self.figure("print('nothing')", **pattern), (0.0, False))
-        self.assertEqual(self.figure("print('20 executions'); raise SystemExit(1)", **pattern), (0.0, False))
+    def test_targets(self):
+        said = ("dev: testing build/cortex-m7\ndev: testing build/reproducible-aarch64\n"
+                "    # instructions_per_tick_most 6790485\n  # flash_bytes 402100\n  # ram_bytes 143308\n"
+                "  the same bits over 10000 ticks in 3 builds\n")
+        rows = quietly(robot.target_rows, 0, said, presets=2, builds=3)
+        self.assertTrue(all(r["met"] for r in rows), rows)
+        rows = quietly(robot.target_rows, 0, "", presets=2, builds=3)
+        self.assertFalse(any(r["met"] for r in rows), "what was not printed is short")
+        with self.assertRaises(robot.NotMeasured):
+            quietly(robot.target_rows, 1, said, presets=2, builds=3)
+
+    def test_a_section_that_fails_does_not_lose_the_others(self):
+        args = argparse.Namespace(failed=[])
+        def broken(_):
+            raise robot.NotMeasured("no compiler")
+        robot.SECTIONS["broken"] = ("broken", broken)
+        try:
+            self.assertEqual(quietly(robot.run_section, args, "broken"), [])
+        finally:
+            del robot.SECTIONS["broken"]
+        self.assertEqual(args.failed, ["broken"])
+
+    def test_tests_that_do_not_exist_are_short(self):
+        build = Path(tempfile.mkdtemp())
+        (build / "CTestTestfile.cmake").write_text("add_test(good true)\nadd_test(bad false)\n")
+        args = argparse.Namespace(build=build, quick=False, tests_built=True)
+        for pattern, figure, met in (("^none$", 0, False), ("^good$", 100, True), ("good|bad", 50, False)):
+            (row,) = quietly(robot.tests, args, "heap", "heading", "what", pattern)
+            self.assertEqual((row["figure"], row["met"]), (figure, met), pattern)
 
     def test_every_section_is_told_in_the_help(self):
         for name in robot.SECTIONS:

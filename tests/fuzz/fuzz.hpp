@@ -3,13 +3,12 @@
 // What a fuzzer's source includes. It defines LLVMFuzzerTestOneInput, which any engine drives: libFuzzer in a build with
 // TILLER_FUZZ, run_corpus.cpp elsewhere.
 
-#include <sys/mman.h>
-#include <unistd.h>
-
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <istream>
+#include <streambuf>
 #include <string>
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
@@ -52,22 +51,13 @@ class Bytes {
   std::size_t size_;
 };
 
-/// A file in memory, for readers that take a path.
-class MemoryFile {
+/// The bytes as a stream, without a copy.
+class Stream : private std::streambuf, public std::istream {
  public:
-  MemoryFile() : file_(memfd_create("fuzz", MFD_CLOEXEC)), path_("/proc/self/fd/" + std::to_string(file_)) {}
-  ~MemoryFile() { close(file_); }
-  MemoryFile(const MemoryFile&) = delete;
-  MemoryFile& operator=(const MemoryFile&) = delete;
-  const std::string& hold(const std::uint8_t* data, std::size_t size) {
-    require(ftruncate(file_, 0) == 0 && lseek(file_, 0, SEEK_SET) == 0, "a file in memory can be emptied");
-    require(write(file_, data, size) == static_cast<ssize_t>(size), "a file in memory takes an input");
-    return path_;
+  Stream(const std::uint8_t* data, std::size_t size) : std::istream(static_cast<std::streambuf*>(this)) {
+    char* begin = const_cast<char*>(reinterpret_cast<const char*>(data));  // read only: nothing is put back
+    setg(begin, begin, begin + size);
   }
-
- private:
-  int file_;
-  std::string path_;
 };
 
 }  // namespace fuzz

@@ -1,15 +1,15 @@
 // The reader of CSV logs and the checks that follow it.
 #include "fuzz_robot.hpp"
-#include "tools/identify_log.hpp"
+#include "tools/log_readers.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  static fuzz::MemoryFile file;
   const tiller::tools::RobotFile& robot = fuzz::robot();
   static const std::vector<int> measured(robot.config.measured_state,
                                          robot.config.measured_state + robot.config.measurement_count);
+  fuzz::Stream file(data, size);
   tiller::tools::Log log;
   std::string error;
-  const bool good = tiller::tools::read_log(file.hold(data, size), robot.log, *robot.model, measured, log, error);
+  const bool good = tiller::tools::read_csv_log(file, "fuzz.csv", robot.log, *robot.model, measured, log, error);
   fuzz::require(good == error.empty(), "a log is refused with a reason, and taken without one");
   if (!good) return 0;
   fuzz::check_log_shape(log);

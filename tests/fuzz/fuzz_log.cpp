@@ -1,5 +1,5 @@
-// The readers of binary logs by their first bytes: LCM event logs and records of `tiller run`. MCAP has a fuzzer of its own,
-// and so has CSV.
+// The readers of LCM event logs, for learning and for replay, and of records of `tiller run`. MCAP has a fuzzer of its
+// own, and so has CSV.
 //
 // A record file is of one build of tiller, so none can be kept in the corpus: an input that begins with "REC" is a recipe
 // for one. A number of changes, each two bytes of position and the byte there, to the header that this build writes and to
@@ -7,8 +7,10 @@
 #include <cstring>
 
 #include "fuzz_robot.hpp"
-#include "tools/gap/log_formats.hpp"
+#include "tools/lcm_event_log.hpp"
+#include "tools/log_readers.hpp"
 #include "tools/record_file.hpp"
+#include "tools/replay.hpp"
 
 namespace {
 
@@ -40,26 +42,36 @@ std::string changed_record(const std::uint8_t* data, std::size_t size) {
   return bytes + recipe.take(size);
 }
 
-void read(const std::uint8_t* data, std::size_t size) {
-  static fuzz::MemoryFile file;
-  const std::string& path = file.hold(data, size);
-  const std::string format = tiller::tools::log_format(path);
-  if (format != "lcm" && format != "record") return;
+using LogReader = bool (*)(std::istream&, const std::string&, const tiller::tools::RobotFile&, tiller::tools::Log&,
+                           std::string&);
+
+void read_log(LogReader reader, const std::uint8_t* data, std::size_t size) {
+  fuzz::Stream file(data, size);
   tiller::tools::Log log;
   std::string error;
-  const bool good = tiller::tools::read_any_log(path, fuzz::robot(), log, error);
+  const bool good = reader(file, "fuzz.log", fuzz::robot(), log, error);
   fuzz::require(good == error.empty(), "a log is refused with a reason, and taken without one");
   if (good) fuzz::check_log_shape(log);
+}
+
+void read_lcm(const std::uint8_t* data, std::size_t size) {
+  read_log(tiller::tools::read_lcm_log, data, size);
+  fuzz::Stream file(data, size);
+  tiller::tools::RecordedRun run;
+  std::string error;
+  const bool good = tiller::tools::read_lcm_run(file, "fuzz.log", fuzz::robot(), run, error);
+  fuzz::require(good == error.empty(), "a run is refused with a reason, and taken without one");
+  fuzz::require(good == !run.entries.empty(), "a run that is taken has ticks");
 }
 
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size < 3 || std::memcmp(data, "REC", 3) != 0) {
-    read(data, size);
+    read_lcm(data, size);
     return 0;
   }
   const std::string record = changed_record(data + 3, size - 3);
-  read(reinterpret_cast<const std::uint8_t*>(record.data()), record.size());
+  read_log(tiller::tools::read_record_log, reinterpret_cast<const std::uint8_t*>(record.data()), record.size());
   return 0;
 }

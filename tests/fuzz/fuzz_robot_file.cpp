@@ -1,7 +1,7 @@
-// The robot file's reader, checks included. Files that it would open in turn (models to compile, trajectories,
+// The robot file's reader, checks included, trial steps not. Files that it would open in turn (models to compile, trajectories,
 // posteriors) are left out: they are programs, or have readers of their own.
 #include "fuzz.hpp"
-#include "tools/robot_file.hpp"
+#include "tools/robot_text.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const std::string text(reinterpret_cast<const char*>(data), size);
@@ -9,7 +9,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       text.find("\\U") != std::string::npos)
     return 0;
   std::string errors;
-  const auto robot = tiller::tools::parse_robot_file(text, "fuzz/robot.toml", errors);
+  const auto robot = tiller::tools::parse_robot_text(text, "fuzz/robot.toml", errors).robot;
   fuzz::require((robot == nullptr) == !errors.empty(), "a file is refused with a reason, and taken without one");
   return 0;
 }

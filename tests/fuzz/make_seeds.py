@@ -1,16 +1,20 @@
 """make_seeds.py CORPUS TYPES: small inputs to begin with, one folder a fuzzer. Findings join them by hand.
 
-TYPES is the folder of the generated Python package tiller_lcm. Deterministic: running it again changes nothing. The seeds of
-mcap are a record of `tiller run`, whole, and its chunk without the CRC that keeps damage from the parser behind it.
+TYPES is the folder of the generated Python package tiller_lcm. Deterministic: running it again changes nothing. The words
+of robot files come from docs/robot_file.md.
 """
 import hashlib
+import json
 import os
+import pathlib
+import re
 import struct
 import sys
+import zlib
 
 CORPUS, TYPES = sys.argv[1:3]
 sys.path.insert(0, TYPES)
-from tiller_lcm import command_t, measurement_t  # noqa: E402
+from tiller_lcm import command_t, measurement_t, telemetry_t  # noqa: E402
 
 
 def save(fuzzer, name, data):
@@ -108,12 +112,85 @@ def event(number, channel, message):
     return struct.pack(">IQQII", 0xEDA1DA01, number, 1000000 + 20000 * number, len(channel), len(message)) + channel + message
 
 
-log = b""
-for i in range(25):
+def command_to(i, state=2):
     c = command_t()
-    c.stamp_us, c.sequence, c.count, c.value = 1000 * i, i, 1, [0.5, 0.0, 0.0, 0.0]
-    log += event(2 * i, b"TILLER_MEASUREMENT", measurement(i, 1, 1)) + event(2 * i + 1, b"TILLER_COMMAND", c.encode())
+    c.stamp_us, c.sequence, c.state, c.count, c.value = 1000 * i, i, state, 1, [0.5, 0.0, 0.0, 0.0]
+    return c.encode()
+
+
+def telemetry(i):
+    t = telemetry_t()
+    t.stamp_us, t.tick, t.state, t.state_count, t.param_count = 1000 * i, i + 1, 2, 2, 3
+    return t.encode()
+
+
+# A command that is lost is held over, so one is enough for twenty rows: short inputs are fast ones.
+log = event(0, b"TILLER_MEASUREMENT", measurement(0, 1, 1)) + event(1, b"TILLER_COMMAND", command_to(0))
+for i in range(1, 20):
+    log += event(i + 1, b"TILLER_MEASUREMENT", measurement(i, 1, 1))
+run = b""
+for i in range(3):
+    run += event(3 * i, b"TILLER_MEASUREMENT", measurement(i, 1, 1)) + event(3 * i + 1, b"TILLER_COMMAND", command_to(i))
+    run += event(3 * i + 2, b"TILLER_TELEMETRY", telemetry(i))
 save("log", "lcm", log)
 save("log", "lcm_cut", log[:-17])
+save("log", "lcm_run", run)
+save("log", "lcm_no_telemetry", event(0, b"CAMERA", bytes(40)) + log[:178] + b"waste" + log[178:600])
 save("log", "record", b"REC\0")
 save("log", "record_changed", b"REC\3" + bytes([0, 9, 1, 0, 200, 255, 16, 0, 255]) + b"\1\x20\0" + b"tail")
+
+# ---- mcap: a file of one tick with everything in it, the same without the CRCs that keep damage from what is behind them,
+# and a recipe (fuzz_mcap.cpp)
+
+
+def text(words):
+    return struct.pack("<I", len(words)) + words
+
+
+def record(opcode, content):
+    return struct.pack("<BQ", opcode, len(content)) + content
+
+
+def json_of(**fields):
+    return json.dumps(fields, separators=(",", ":")).encode()
+
+
+def tick(i):
+    numbers = dict.fromkeys(("planner_iterations", "calls", "stop_status", "tick_ns", "plan_cost", "effective_samples",
+                             "noise_scale"), 1)
+    params = dict.fromkeys(("mass_kg", "length_m", "damping_Nms"), 0.5)
+    return (json_of(stamp_us=1000 * i, sequence=i, command_latency_us=0, angle_rad=0.25),
+            json_of(stamp_us=1000 * i, sequence=i, plan_sequence=i, torque_Nm="inf"),
+            json_of(tick=i, now_us=1000 * i, state_code=2, status_code=0, has_measurement=1, **numbers,
+                    mean={"angle_rad": None, "rate_rad_s": -1e-300, **params}, sd=params))
+
+
+def mcap(crc):
+    magic = b"\x89MCAP0\r\n"
+    inside = b""
+    for topic, schema in enumerate((b"tiller.Measurement", b"tiller.Command", b"tiller.Tick")):
+        inside += record(3, struct.pack("<H", topic + 1) + text(schema) + text(b"jsonschema") + text(b"{}"))
+        inside += record(4, struct.pack("<HH", topic, topic + 1) + text(b"/t") + text(b"json") + text(b""))
+    for topic, message in enumerate(tick(0)):
+        inside += record(5, struct.pack("<HIQQ", topic, 0, 0, 0) + message)
+    chunk = struct.pack("<QQQI", 0, 0, len(inside), crc * zlib.crc32(inside)) + text(b"") + struct.pack("<Q", len(inside))
+    attached = struct.pack("<QQ", 0, 0) + text(b"controller") + text(b"") + struct.pack("<Q", 8) + b"TILLREC2"
+    attached += struct.pack("<I", crc * zlib.crc32(attached))
+    return (magic + record(1, text(b"") + text(b"fuzz")) + record(12, text(b"tiller") + text(b"")) +
+            record(6, chunk + inside) + record(9, attached) + record(15, bytes(4)) + record(2, bytes(20)) + magic)
+
+
+save("mcap", "run", mcap(1))
+save("mcap", "no_crc", mcap(0))
+save("mcap", "recipe", b"RUN" + b"".join(struct.pack(">BH", topic, len(message)) + message
+                                         for i in range(2) for topic, message in enumerate(tick(i))))
+
+# ---- robot files: keys and values as words for libFuzzer's mutations, from the page that the schema writes
+
+page = (pathlib.Path(__file__).resolve().parents[2] / "docs/robot_file.md").read_text()
+words = set(re.findall(r"^\| `([a-z_A-Z0-9]+)` \|", page, re.M)) | set(re.findall(r"`(\[\[?[a-z_.]+\]\]?)`", page))
+for choices in re.findall(r"\| one of ([a-z0-9_, ]+) \|", page):
+    words |= set(choices.split(", "))
+words |= {" = ", "{ ", " }", "true", "inf", "nan", "1e308", "-1", "0x7fffffffffffffff", r'\"\"', "sensors.", "[[sim.effects]]"}
+with open(os.path.join(CORPUS, "../robot_file.dict"), "w") as file:
+    file.writelines(f'"{word}"\n' for word in sorted(words))

@@ -186,6 +186,25 @@ TEST_F(Command, ARecordReplaysToTheLastBit) {
   EXPECT_TRUE(contains(bent.out, "\n  state     angle_rad            recorded ")) << "the state at it: " << bent.out;
 }
 
+TEST_F(Command, ALogThatIsCutOffSaysSoAndAnMcapBringsItsRobot) {
+  ASSERT_EQ(
+      run({"run", kCartPole, "--sim", "--seconds", "1", "--quiet", "--record", "run.mcap", "--record", "run.rec"}).code,
+      0);
+  const Ended alone = run({"replay", "run.mcap"});
+  EXPECT_EQ(alone.code, 0) << alone.out;
+  EXPECT_TRUE(contains(alone.out, "50 ticks replayed")) << alone.out;
+  EXPECT_EQ(run({"replay", kCartPole, "run.mcap"}).code, 0) << "the other order means the same";
+  const Ended bare = run({"replay", "run.rec"});
+  EXPECT_EQ(bare.code, 1);
+  EXPECT_TRUE(contains(bare.out, "no robot file is in it")) << bare.out;
+
+  fs::resize_file(folder_ + "/run.rec", fs::file_size(folder_ + "/run.rec") - 100);
+  const Ended cut = run({"replay", "run.rec", kCartPole});
+  EXPECT_EQ(cut.code, 2) << cut.out;
+  EXPECT_TRUE(contains(cut.out, "49 whole ticks; the one behind them is cut off")) << cut.out;
+  EXPECT_TRUE(contains(cut.out, "49 ticks replayed")) << cut.out;
+}
+
 TEST_F(Command, ProgressIsAPlainLineEveryHalfSecondWithoutATerminal) {
   const Ended ended = run({"run", kCartPole, "--sim", "--seconds", "2"});
   EXPECT_EQ(ended.code, 0);

@@ -12,6 +12,7 @@
 #include "tools/episodes.hpp"
 #include "tools/link.hpp"
 #include "tools/plant_setup.hpp"
+#include "tools/stage_cost.hpp"
 #include "tools/thread_pool.hpp"
 
 namespace tiller::bench {

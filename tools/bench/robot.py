@@ -23,10 +23,13 @@ Sections:
     --build DIR    the CMake build folder (build/release)
 
 A section is a function here that returns rows; a row is printed by a program (bench_table.hpp's form), or says how many
-tests of a kind passed. A short row is no error; a program that fails is.
+tests of a kind passed. A short row is no error; a section that cannot be measured is, and the others are run all the
+same.
 """
 
 import argparse
+import math
+import os
 import pathlib
 import re
 import subprocess
@@ -35,6 +38,11 @@ import sys
 from _driver import ROOT, note, run_table, summary
 
 SECTIONS = {}
+RELEASE = ROOT / "build/release"
+
+
+class NotMeasured(Exception):
+    """A section's figures cannot be had; the text says why."""
 
 
 def section(title):
@@ -48,7 +56,7 @@ def section(title):
 
 
 def row(name, heading, what, figure, unit, relation, bound):
-    """One row, printed as the programs print theirs."""
+    """One row, printed as the programs print theirs. A figure that is not known (NaN) is short."""
     met = figure >= bound if relation == ">=" else figure <= bound
     goal = f"goal {relation} {bound:.4g}"
     print(f"  {what:<58} {figure:10.4g} {unit:<8} {goal:<16} {'met' if met else 'short'}", flush=True)
@@ -56,37 +64,61 @@ def row(name, heading, what, figure, unit, relation, bound):
             "goal": f"{relation} {bound:.4g}", "met": met}
 
 
+def streamed(argv, shown=r""):
+    """(exit code, what it printed); lines in which `shown` is found appear as they come."""
+    lines = []
+    with subprocess.Popen([str(a) for a in argv], cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, text=True, errors="replace") as process:
+        for line in process.stdout:
+            if re.search(shown, line):
+                print(f"    {line}", end="", flush=True)
+            lines.append(line)
+    return process.returncode, "".join(lines)
+
+
+def smallest(pattern, text):
+    """The smallest number that the pattern's group finds, or NaN."""
+    return min((float(n) for n in re.findall(pattern, text, re.MULTILINE)), default=math.nan)
+
+
+# ---- tests as rows ---------------------------------------------------------------------------------
+
+
+def need_tests(args):
+    """Builds every test, once."""
+    if args.tests_built:
+        return
+    steps = [[ROOT / "dev", "setup"], [ROOT / "dev", "build", "release"]] if args.build == RELEASE else [
+        ["cmake", "--build", args.build]]
+    for argv in steps:
+        code, said = streamed(argv, "^dev:")
+        if code != 0:
+            raise NotMeasured(f"{' '.join(map(str, argv))} failed:\n{said[-2000:]}")
+    args.tests_built = True
+
+
 def tests(args, name, heading, what, pattern):
-    """A row: the share of the tests whose name matches that pass, of those that this build has."""
-    out = subprocess.run(["ctest", "--test-dir", args.build, "-R", pattern, "--output-on-failure"],
-                         capture_output=True, text=True, check=False).stdout
-    print("".join(f"    {line}\n" for line in out.splitlines() if re.search(r"Test +#\d+", line)), end="")
-    counted = re.search(r"(\d+) tests failed out of (\d+)", out)
+    """A row: the share of the tests whose name matches that pass. A build without such a test is short."""
+    need_tests(args)
+    argv = ["ctest", "--test-dir", args.build, "-R", pattern, "-j", os.environ.get("TILLER_JOBS", os.cpu_count()),
+            "--timeout", 1800, "--output-on-failure", *(["-LE", "^slow$"] if args.quick else [])]
+    code, said = streamed(argv, r"Test +#\d+: ")
+    counted = re.search(r"(\d+) tests failed out of (\d+)", said)
     total = int(counted[2]) if counted else 0
     if total == 0:
-        print(f"  not measured: this build has no test like {pattern}")
-        return []
+        print(f"  this build has no test like {pattern}")
+        return [row(name, heading, f"{what}: tests", 0, "", ">=", 1)]
+    if code != 0:
+        log = args.build / f"robot_{name}.log"
+        log.write_text(said, encoding="utf-8")
+        print(f"  what the failing ones say is in {log}")
     return [row(name, heading, f"{what}: {total} tests", 100.0 * (total - int(counted[1])) / total, "%", ">=", 100.0)]
-
-
-def command(name, heading, what, argv, pattern=None, bound=1.0, unit=""):
-    """A row from a command that says by its exit code that it went well: 1, or the number that `pattern` finds."""
-    note(" ".join(map(str, argv)))
-    with subprocess.Popen([str(a) for a in argv], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                          text=True) as process:
-        lines = []
-        for line in process.stdout:
-            print(f"    {line}", end="", flush=True)
-            lines.append(line)
-    good = process.returncode == 0
-    found = re.findall(pattern, "".join(lines)) if pattern else []
-    figure = float(min(map(float, found))) if found else float(good and pattern is None)
-    return [row(name, heading, what, figure if good else 0.0, unit, ">=", bound)]
 
 
 def program(args, name, *arguments):
     rows, ended = run_table(name, args.build / "tools/bench/bench_robot", [name, *map(str, arguments)])
-    args.failed += not ended
+    if not ended or not rows:
+        args.failed.append(name)
     return rows
 
 
@@ -108,6 +140,8 @@ def gate(args):
 def mutants(args):
     rows, _ = run_table("mutants", pathlib.Path(sys.executable),
                         [str(ROOT / "tools/bench/mutants.py"), "--every", "8" if args.quick else "1"])
+    if not rows:
+        raise NotMeasured("tools/bench/mutants.py did not come to its end")
     return rows
 
 
@@ -140,19 +174,63 @@ def buses(args):
 
 @section("recorder and replay")
 def recorder(args):
-    return tests(args, "recorder", "logs", "cut at every byte, disk full, replayed", "recorder|replay|over_lcm")
+    return tests(args, "recorder", "logs", "cut at every byte, disk full, replayed", "recorder|replay")
+
+
+def fuzz_rows(code, said):
+    """Rows from what `./dev fuzz` printed and how it ended."""
+    heading = "libFuzzer, ASan, UBSan"
+    runs = re.findall(r"fuzz_(\w+): (\d+) executions, no finding", said)
+    findings = re.search(r"findings in: *(.*?);", said)
+    if code != 0 and findings is None or not runs and findings is None:
+        raise NotMeasured("./dev fuzz failed:\n" + said[-2000:])
+    return [*(row("fuzz", heading, f"executions: {name}", float(count), "", ">=", 1e7) for name, count in runs),
+            row("fuzz", heading, "fuzzers with a finding", len(findings[1].split()) if findings else 0, "", "<=", 0)]
 
 
 @section("fuzzers")
 def fuzz(args):
-    return command("fuzz", "libFuzzer, ASan, UBSan", "executions of the slowest fuzzer, none with a finding",
-                   [ROOT / "dev", "fuzz", "5" if args.quick else "900"], r"fuzz_\w+: (\d+) executions", 1e7)
+    return fuzz_rows(*streamed([ROOT / "dev", "fuzz", 5 if args.quick else 900], "^dev:|ERROR|SUMMARY"))
+
+
+def target_rows(code, said, presets, builds):
+    """Rows from what `./dev cross` printed: so many presets tested, so many builds compared."""
+    if code != 0:
+        raise NotMeasured("./dev cross failed:\n" + said[-2000:])
+    same = r"the same bits over (\d+) ticks in"
+    rows = [row("targets", "emulated", "presets whose tests pass", len(re.findall(r"dev: testing build/", said)), "",
+                ">=", presets),
+            row("targets", "emulated", "ticks with the same bits", smallest(same, said), "", ">=", 1e4),
+            row("targets", "emulated", "targets with the same bits", smallest(same.replace(r"(\d+)", r"\d+") +
+                                                                             r" (\d+) builds", said), "", ">=", builds),
+            row("targets", "Cortex-M7", "RAM", smallest(r"ram_bytes (\d+)", said) / 1024, "KiB", "<=", 256),
+            row("targets", "Cortex-M7", "flash", smallest(r"flash_bytes (\d+)", said) / 1024, "KiB", "<=", 512)]
+    most = max((float(n) for n in re.findall(r"instructions_per_tick_most (\d+)", said)), default=math.nan)
+    print(f"  {'Cortex-M7: the longest tick, plant included':<58} {most:10.4g} instructions")
+    return rows
 
 
 @section("other targets")
 def targets(args):
-    return command("targets", "emulated", "build, tests and the same bits",
-                   [ROOT / "dev", "cross", *(["small"] if args.quick else [])])
+    if args.quick:
+        return target_rows(*streamed([ROOT / "dev", "cross", "small"], "^dev:|^  "), presets=2, builds=3)
+    code, said = streamed([ROOT / "dev", "cross"], "^dev:|^  ")
+    rows = target_rows(code, said, presets=5, builds=4)
+    # tests/cross/hil.sh compares twice: two loops, then the log of one replayed
+    same = float("hardware in the loop" in said and ", 0 different" in said)
+    return [*rows, row("targets", "hardware in the loop", "aarch64 controller, native plant, LCM: same commands", same,
+                       "", ">=", 1)]
+
+
+def run_section(args, name):
+    title, function = SECTIONS[name]
+    print(f"\n==== {title}", flush=True)
+    try:
+        return function(args)
+    except (NotMeasured, OSError, ValueError) as error:
+        args.failed.append(name)
+        print(f"  not measured: {error}", flush=True)
+        return []
 
 
 def main():
@@ -160,18 +238,23 @@ def main():
     parser.add_argument("sections", nargs="*", metavar="SECTION", help=", ".join(SECTIONS))
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--page", action="store_true")
-    parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build/release")
+    parser.add_argument("--build", type=pathlib.Path, default=RELEASE)
     args = parser.parse_args()
     if unknown := [s for s in args.sections if s not in SECTIONS]:
         parser.error(f"unknown section {unknown[0]}; there are {', '.join(SECTIONS)}")
     args.build = args.build.resolve()
-    args.failed = 0
+    args.failed = []
+    args.tests_built = False
     rows = []
-    for name in args.sections or SECTIONS:
-        title, function = SECTIONS[name]
-        print(f"\n==== {title}", flush=True)
-        rows += function(args)
+    try:
+        for name in args.sections or SECTIONS:
+            rows += run_section(args, name)
+    except KeyboardInterrupt:
+        note("interrupted; the rows so far:")
+        args.failed.append("the rest")
     summary(rows)
+    if args.failed:
+        print(f"not measured, or not to the end: {', '.join(args.failed)}")
     return 1 if args.failed else 0
 
 

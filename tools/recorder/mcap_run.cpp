@@ -17,6 +17,7 @@ using Json = nlohmann::ordered_json;
 constexpr const char* kTopics[] = {"/measurement", "/command", "/tick"};
 constexpr const char* kSchemas[] = {"tiller.Measurement", "tiller.Command", "tiller.Tick"};
 constexpr const char* kControllerAttachment = "controller";
+constexpr const char* kRobotAttachment = "robot.toml";
 
 // ---- numbers -----------------------------------------------------------------------------------------------------
 
@@ -167,7 +168,7 @@ void McapRun::open(const std::string& path, const tiller_config_t& config, std::
                                   {"seed", std::to_string(config.seed)}});
   writer_.add_attachment(kControllerAttachment, "application/octet-stream", record_header(config), 0);
   const std::string toml = text_of(robot_.path);
-  if (!toml.empty()) writer_.add_attachment("robot.toml", "application/toml", toml, 0);
+  if (!toml.empty()) writer_.add_attachment(kRobotAttachment, "application/toml", toml, 0);
 }
 
 void McapRun::add(const RecordEntry& entry) {
@@ -188,6 +189,13 @@ bool is_mcap_run(const std::string& bytes) {
   for (const auto& [id, channel] : content.channels)
     if (channel.schema == kSchemas[2] && channel.message_encoding == "json") return true;
   return false;
+}
+
+std::string robot_text_of(const std::string& mcap_bytes) {
+  McapContent content;
+  if (!read_mcap_bytes(mcap_bytes, content)) return "";
+  const auto found = content.attachments.find(kRobotAttachment);
+  return found != content.attachments.end() ? found->second : "";
 }
 
 bool read_mcap_run(const std::string& bytes, const std::string& path, const RobotFile& robot, RecordedRun& run,
@@ -225,7 +233,8 @@ bool read_mcap_run(const std::string& bytes, const std::string& path, const Robo
             " expects; use the robot file that was run\n";
     return false;
   }
-  if (!content.stopped.empty())
+  run.cut_off = !content.stopped.empty();
+  if (run.cut_off)
     run.note = format("%zu ticks in whole chunks could be read; the rest of the file is %s", run.entries.size(),
                       content.stopped.c_str());
   if (content.compressed) run.note = "compressed chunks were left out: write them again with `mcap compress -c none`";

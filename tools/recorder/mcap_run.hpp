@@ -45,11 +45,15 @@ struct RecordedRun {
   tiller_config_t config{};
   std::shared_ptr<const JointPrior> joint;
   std::vector<RecordEntry> entries;
-  std::string note;  ///< what of the file could not be read; empty: all of it was
+  std::string note;      ///< what of the file could not be read; empty: all of it was
+  bool cut_off = false;  ///< the file ends early or is damaged: what is in `entries` came before that
 };
 
 /// Whether the bytes are of a run of tiller (else: an MCAP of somebody else, or none at all).
 bool is_mcap_run(const std::string& bytes);
+
+/// The robot file that the run was made with; empty: it holds none.
+std::string robot_text_of(const std::string& mcap_bytes);
 
 /// False with a message in `error` that begins with `path`. Names must be those of `robot`.
 bool read_mcap_run(const std::string& bytes, const std::string& path, const RobotFile& robot, RecordedRun& run,

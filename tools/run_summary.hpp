@@ -1,0 +1,14 @@
+#pragma once
+
+#include <string>
+
+#include "tools/run_loop.hpp"
+
+namespace tiller::tools {
+
+/// The last lines of a run: state, posterior (beside the truth where it is known), tick times.
+std::string summary(const RobotFile& robot, const RunOptions& options, const RunResult& result);
+/// One line on what the model does not explain; info.adequacy is tiller_adequacy_inadequate.
+std::string inadequacy(const RobotFile& robot, const tiller_info_t& info);
+
+}  // namespace tiller::tools

@@ -1,0 +1,24 @@
+#include "tools/stage_cost.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tiller::tools {
+
+double stage_cost(const tiller_config_t& config, std::uint64_t step, const double* x, const double* u) {
+  const tiller_cost_config_t& cost = config.cost;
+  const std::uint32_t nx = config.model->state_count;
+  const double* target = cost.target;
+  if (cost.reference)
+    target = cost.reference + nx * std::min<std::uint64_t>(step, cost.reference_steps - std::uint64_t{1});
+  double sum = 0.0;
+  for (std::uint32_t i = 0; i < nx; ++i) {
+    double off = x[i] - target[i];
+    if (config.model->angle_mask >> i & 1u) off = std::remainder(off, 2 * M_PI);
+    sum += cost.state_weight[i] * off * off;
+  }
+  for (std::uint32_t i = 0; i < config.model->input_count; ++i) sum += cost.input_weight[i] * u[i] * u[i];
+  return sum;
+}
+
+}  // namespace tiller::tools
