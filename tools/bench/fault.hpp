@@ -1,10 +1,14 @@
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "fault_world.hpp"
 
 namespace tiller::faults {
+
+class Device;
+class Link;
 
 /// How a run with the fault must end.
 enum class End {
@@ -48,6 +52,7 @@ struct Fault {
   bool (*noticed)(const World&, const tiller_info_t&) = nullptr;  ///< kRides: the fault has left its mark
   double genuine_sd = 8.0;    ///< a reading farther from the truth than so many sensor deviations is not genuine
   int lasts_ticks = 1 << 30;  ///< then it is over
+  std::unique_ptr<Link> (*link)(const Setup&, Device&) = nullptr;  ///< Road::kSocket: how the ends are wired
 };
 
 /// Every kind: sensors and time, planner and posterior, operator and actuator, CAN, LCM.

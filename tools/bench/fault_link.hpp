@@ -34,6 +34,8 @@ class Link {
   virtual std::uint64_t refused() const { return 0; }
   /// Simulated time has passed.
   virtual void after_period() {}
+  /// What the road itself has seen that must not be, e.g. an old command on the wire; null: nothing.
+  virtual const char* wrong() const { return nullptr; }
 };
 
 std::unique_ptr<Link> make_memory_link(const Setup& setup, Device& device);

@@ -99,6 +99,7 @@ class Run {
       case Road::kMemory: link_ = make_memory_link(s, *device_); break;
       case Road::kBus: link_ = make_bus_link(s, *device_); break;
       case Road::kLcm: link_ = make_lcm_link(s, *device_); break;
+      case Road::kSocket: link_ = fault_.link(s, *device_); break;
     }
     own_ = {sizeof own_, TILLER_CONFIG_VERSION, broken_cost, nullptr, &world_};
     if (s.own_cost) {
@@ -146,6 +147,7 @@ class Run {
     world_.command_lost = false;
     plant_->advance(world_.setup.config.period_s);
     link_->after_period();
+    if (const char* why = link_->wrong()) wrong(why);
   }
 
   tiller_measurement_t read() {

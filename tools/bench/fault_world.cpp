@@ -99,6 +99,7 @@ const char* name_of(Road road) {
   switch (road) {
     case Road::kMemory: return "memory";
     case Road::kBus: return "CAN";
+    case Road::kSocket: return "virtual CAN";
     case Road::kLcm: break;
   }
   return "LCM";

@@ -20,7 +20,8 @@ const char* name_of(Robot robot);
 enum class Road {
   kMemory,  ///< structs: what the controller itself must stand
   kBus,     ///< CAN frames of the codecs on both sides; the bus between them is a list
-  kLcm      ///< encoded LCM messages; the network between them is a list
+  kLcm,     ///< encoded LCM messages; the network between them is a list
+  kSocket   ///< CAN frames through the SocketCAN transport and a kernel's virtual interfaces (tests/vcan)
 };
 const char* name_of(Road road);
 
