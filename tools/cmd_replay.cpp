@@ -66,7 +66,7 @@ int replay_command(Arguments a) {
 void add_replay_command(CLI::App& app, int& exit_code) {
   auto* command = app.add_subcommand("replay", "feed a log to a controller again and compare every command");
   auto a = std::make_shared<Arguments>();
-  command->add_option("LOG", a->log, "of tiller run --record (record, MCAP or LCM log), or of lcm-logger")->required();
+  command->add_option("LOG", a->log, "of tiller run --record (record, MCAP or LCM log) or --log (CSV), or of lcm-logger")->required();
   command->add_option("ROBOT", a->robot, "the robot file of that run; an MCAP carries it");
   command
       ->add_option("--tolerance", a->options.tolerance,
@@ -84,7 +84,7 @@ void add_replay_command(CLI::App& app, int& exit_code) {
   add_override_options(*command, a->overrides);
   command->footer(
       "Bits are promised on the same instruction set and build; elsewhere, give a tolerance. Records and MCAP files hold\n"
-      "the configuration of the run; an LCM log does not: give the options of that run (--seed, --planner, --frozen).\n"
+      "the configuration of the run; CSV and LCM logs do not: give the options of that run (--seed, --planner, --frozen).\n"
       "Ends with 0: the same; 2: the same as far as the log goes, which is cut off or damaged; 4: different, with the\n"
       "first difference and the state at it; 1: nothing was replayed.\n\n"
       "Examples:\n"

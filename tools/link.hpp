@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 
+#include "io/lcm_messages.hpp"
 #include "io/realtime.hpp"
 #include "tools/plant_setup.hpp"
 #include "tools/robot_file.hpp"
@@ -32,7 +33,7 @@ class Link {
   virtual void prepare() {}
   virtual bool is_ready() const { return true; }
   /// After every tick, for whoever listens.
-  virtual void tell(const tiller_info_t&, std::int64_t) {}
+  virtual void tell(const tiller_info_t&, std::int64_t, const LogState&) {}
   /// The clock that paces the ticks; null where measurements do, or nothing does.
   virtual const PeriodicTimer* timer() const { return nullptr; }
   /// One line for the end of a run: what the transport counted. Empty if there is nothing to tell.

@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <new>
 
 namespace tiller::tools {
 namespace {
@@ -40,8 +41,12 @@ void OutputFile::open(const std::string& path) {
   std::error_code ignored;
   const fs::path folder = fs::path(path).parent_path();
   if (!folder.empty()) fs::create_directories(folder, ignored);
-  descriptor_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  create();
   if (descriptor_ < 0) fail("cannot be created");
+}
+
+void OutputFile::create() {
+  descriptor_ = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   struct stat status {};
   overwritable_ = descriptor_ >= 0 && ::fstat(descriptor_, &status) == 0 && S_ISREG(status.st_mode);
 }
@@ -54,20 +59,27 @@ void OutputFile::fail(const char* what) {
 
 bool OutputFile::write(const char* bytes, std::size_t size) {
   if (!open_) return false;
-  if (pending_.size() + size > kKeep) {
-    lost_ = true;
-    lost_bytes_ += size;
-    return false;
+  bool kept = pending_.size() + size <= kKeep;
+  try {
+    if (kept) pending_.append(bytes, size);
+  } catch (const std::bad_alloc&) {  // what a run may lock in memory is limited
+    kept = false;
   }
-  pending_.append(bytes, size);
-  return true;
+  if (kept) return true;
+  lost_ = true;
+  lost_bytes_ += size;
+  return false;
 }
 
 bool OutputFile::drain() {
+  if (descriptor_ < 0) create();
   if (descriptor_ < 0) return false;
   const std::size_t body = pending_.size();
   std::size_t done = 0;
-  if (overwritable_) pending_ += tail_;
+  try {
+    if (overwritable_) pending_ += tail_;
+  } catch (const std::bad_alloc&) {  // without its tail, the file is one that was cut off here
+  }
   const bool all = write_all(descriptor_, pending_, done, overwritable_ ? static_cast<off_t>(written_) : off_t{-1});
   done = std::min(done, body);
   pending_.resize(body);
@@ -78,15 +90,15 @@ bool OutputFile::drain() {
 
 void OutputFile::flush() {
   if (!open_ || (pending_.empty() && failure_.empty())) return;
-  if (!drain()) fail("cannot be written");
+  lags_ = !drain();
+  if (lags_) fail(descriptor_ < 0 ? "cannot be created" : "cannot be written");
 }
 
 bool OutputFile::close() {
   if (!open_) return complete();
   open_ = false;
-  if (descriptor_ < 0) descriptor_ = ::open(path_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   tail_.clear();
-  const bool drained = descriptor_ >= 0 && drain();
+  const bool drained = drain();
   // what is left of a tail would stand behind the end
   const bool on_disk =
       drained && !lost_ && (!overwritable_ || ::ftruncate(descriptor_, static_cast<off_t>(written_)) == 0);
@@ -100,6 +112,7 @@ bool OutputFile::close() {
   }
   if (descriptor_ >= 0) ::close(descriptor_);
   descriptor_ = -1;
+  lags_ = !on_disk;
   return on_disk;
 }
 

@@ -17,7 +17,7 @@ class OutputFile {
 
   /// Creates or empties the file. Where that is refused, everything is kept for rescue.
   void open(const std::string& path);
-  /// False: nothing of it is kept, for the disk refuses and the memory for it is used up.
+  /// False: nothing of it is kept, for the disk refuses and the memory for it is used up. Never throws.
   bool write(const char* bytes, std::size_t size);
   bool write(const std::string& text) { return write(text.data(), text.size()); }
   /// What every flush writes behind the content, for the next one to overwrite: a closing mark, so that the file is
@@ -32,6 +32,8 @@ class OutputFile {
   std::size_t waiting() const { return pending_.size(); }
   std::size_t lost() const { return lost_bytes_; }
   bool refused() const { return !failure_.empty(); }
+  /// The last flush could not hand over everything: what waits is tried again by the next one.
+  bool lags() const { return lags_; }
   bool complete() const { return failure_.empty() && !lost_; }
   const std::string& path() const { return path_; }
   /// Where the whole content is readable after close: path(), or the rescued copy; empty if nowhere.
@@ -39,6 +41,7 @@ class OutputFile {
   const std::string& message() const { return message_; }
 
  private:
+  void create();
   bool drain();
   void fail(const char* what);
   void rescue();
@@ -56,6 +59,7 @@ class OutputFile {
   std::size_t lost_bytes_ = 0;
   bool open_ = false;
   bool lost_ = false;
+  bool lags_ = false;
 };
 
 /// Puts `bytes` in the place of the file at `path`, or leaves it as it was: a reader sees the old content or the new

@@ -82,14 +82,17 @@ std::string Progress::line(const TickView& tick) const {
   text += format("  ess %.0f", info.effective_samples);
   text += "  tick " + tick_text(tick, robot_.config.planner.deadline_us);
   if (tick.status != tiller_status_ok) text += std::string("  ") + tiller_status_name(tick.status);
+  if (tick.log_status != tiller_status_ok) text += std::string("  log: ") + tiller_status_name(tick.log_status);
   return text;
 }
 
 std::string Progress::block(const TickView& tick) const {
   const tiller_info_t& info = *tick.info;
-  std::string text = format("  time    %s   %-7s  %s\n", time_text(tick.time_s, end_s_).c_str(),
+  std::string text = format("  time    %s   %-7s  %s", time_text(tick.time_s, end_s_).c_str(),
                             upper(tiller_state_name(static_cast<tiller_state_t>(info.state))).c_str(),
                             tick.status == tiller_status_ok ? "" : tiller_status_name(tick.status));
+  if (tick.log_status != tiller_status_ok) text += std::string("  log: ") + tiller_status_name(tick.log_status);
+  text += "\n";
   text += "  state ";
   for (std::size_t i = 0; i < robot_.states.size(); ++i) {
     text += format("  %s %+.3f", robot_.states[i].c_str(), info.state_mean[i]);

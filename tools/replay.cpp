@@ -75,6 +75,35 @@ std::string all_of(const std::string& path) {
 
 std::string bits_text(double v) { return format("%.17g", v); }
 
+/// Ticks that the recorder dropped: the controller that is asked again has not seen them.
+void tell_gaps(RecordedRun& run) {
+  for (std::size_t i = 0; i < run.entries.size(); ++i) {
+    const std::uint64_t expected = i > 0 ? run.entries[i - 1].record.tick + 1 : 0, tick = run.entries[i].record.tick;
+    if (tick <= expected) continue;
+    run.cut_off = true;
+    run.note += (run.note.empty() ? "" : "; ") + format("%llu ticks are missing before tick %llu",
+                                                        static_cast<unsigned long long>(tick - expected),
+                                                        static_cast<unsigned long long>(tick));
+    return;
+  }
+}
+
+bool read_mcap(const std::string& bytes, const std::string& path, const RobotFile& robot, RecordedRun& run,
+               std::string& error) {
+  if (is_mcap_run(bytes)) return read_mcap_run(bytes, path, robot, run, error);
+  error = path + ": an MCAP file, but not one of `tiller run --record`: it has no topic with the schema tiller.Tick\n";
+  return false;
+}
+
+bool read_record(const std::string& path, RecordedRun& run, std::string& error) {
+  run.has_config = true;
+  if (!read_record_file(path, run.config, run.joint, run.entries, error)) return false;
+  const std::uintmax_t ticks_bytes = std::filesystem::file_size(path) - record_header(run.config).size();
+  run.cut_off = ticks_bytes % sizeof(RecordEntry) != 0;
+  if (run.cut_off) run.note = format("%zu whole ticks; the one behind them is cut off", run.entries.size());
+  return true;
+}
+
 }  // namespace
 
 bool same_command(const tiller_command_t& a, const tiller_command_t& b, std::uint32_t inputs, double tolerance,
@@ -93,20 +122,17 @@ bool same_command(const tiller_command_t& a, const tiller_command_t& b, std::uin
 bool read_recorded_run(const std::string& path, const RobotFile& robot, RecordedRun& run, std::string& error) {
   const std::string kind = log_format(path);
   run = {};
-  if (kind == "lcm") return read_lcm_run(path, robot, run, error);
-  if (kind == "mcap") {
-    const std::string bytes = all_of(path);
-    if (is_mcap_run(bytes)) return read_mcap_run(bytes, path, robot, run, error);
-    error =
-        path + ": an MCAP file, but not one of `tiller run --record`: it has no topic with the schema tiller.Tick\n";
-    return false;
-  }
-  run.has_config = true;
-  if (!read_record_file(path, run.config, run.joint, run.entries, error)) return false;
-  const std::uintmax_t ticks_bytes = std::filesystem::file_size(path) - record_header(run.config).size();
-  run.cut_off = ticks_bytes % sizeof(RecordEntry) != 0;
-  if (run.cut_off) run.note = format("%zu whole ticks; the one behind them is cut off", run.entries.size());
-  return true;
+  if (kind == "lcm") return read_lcm_run(path, robot, run, error);  // it tells of gaps itself
+  const std::string text = kind == "record" ? "" : all_of(path);
+  bool read = false;
+  if (kind == "mcap")
+    read = read_mcap(text, path, robot, run, error);
+  else if (text.rfind("time_s,", 0) == 0)
+    read = read_csv_run(text, path, robot, run, error);
+  else
+    read = read_record(path, run, error);
+  tell_gaps(run);
+  return read;
 }
 
 std::string robot_in_log(const std::string& path) {

@@ -12,7 +12,7 @@ namespace tiller::tools {
 /// Number of iterations that a log does not tell: the planner does what the configuration says.
 constexpr std::uint32_t kIterationsUnknown = 0xffffffffu;
 
-/// Reads what can be replayed, by its first bytes: a record, an MCAP of `tiller run`, a log of LCM. False with a message
+/// Reads what can be replayed, by its first bytes: a record, an MCAP or a CSV of `tiller run`, a log of LCM. False with a message
 /// in `error`.
 bool read_recorded_run(const std::string& path, const RobotFile& robot, RecordedRun& run, std::string& error);
 
@@ -24,6 +24,11 @@ std::string robot_in_log(const std::string& path);
 bool read_lcm_run(const std::string& path, const RobotFile& robot, RecordedRun& run, std::string& error);
 /// The same from a stream; `path` stands in errors.
 bool read_lcm_run(std::istream& file, const std::string& path, const RobotFile& robot, RecordedRun& run,
+                  std::string& error);
+
+/// The ticks of a CSV of `tiller run --log`; `text` is the file's, `path` its name for messages. Like an LCM log, it does
+/// not hold the configuration.
+bool read_csv_run(const std::string& text, const std::string& path, const RobotFile& robot, RecordedRun& run,
                   std::string& error);
 
 struct ReplayOptions {

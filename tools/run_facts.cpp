@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tools/robot_schema.hpp"
+#include "tools/run_summary.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -48,6 +49,7 @@ Json facts(const RobotFile& robot, const RunResult& result) {
           {"tick, 99 %", format("%.2f ms", result.pace.tick_time.quantile_us(0.99) / 1000)},
           {"ended in", tiller_state_name(static_cast<tiller_state_t>(result.info.state))},
           {"adequacy", adequacy_text(robot, result)},
+          {"logs", log_text(result.log)},
           {"lanes", tiller_instruction_set()}};
 }
 

@@ -1,7 +1,7 @@
 #include "tools/run_log.hpp"
 
+#include <charconv>
 #include <cmath>
-#include <cstdio>
 
 namespace tiller::tools {
 
@@ -28,6 +28,7 @@ std::string RunLog::header() const {
                "status"});
   if (has_true_state_) add_all("true.", robot_.states);
   if (!true_params_.empty()) add_all("true.", inferred);
+  add_all("", {"tick", "now_us", "stamp_us", "sequence", "command_latency_us", "infinite", "calls", "stop_status"});
   return join(columns, ",");
 }
 
@@ -36,26 +37,48 @@ void RunLog::open(const std::string& path) {
   file_.write(header() + "\n");
 }
 
-void RunLog::number(double value) {
+void RunLog::cell(const std::string& text) {
   row_ += ',';
-  if (!std::isfinite(value)) return;  // an empty field: every reader takes it for missing
+  row_ += text;
+}
+
+// What is not finite becomes an empty field: every reader takes it for missing.
+void RunLog::number(double value) { cell(std::isfinite(value) ? format("%.9g", value) : ""); }
+
+/// The shortest text that reads back as the same double.
+void RunLog::exact(double value) {
   char text[32];
-  row_.append(text, static_cast<std::size_t>(std::snprintf(text, sizeof text, "%.9g", value)));
+  const char* end = std::isfinite(value) ? std::to_chars(text, text + sizeof text, value).ptr : text;
+  cell(std::string(text, static_cast<std::size_t>(end - text)));
+}
+
+void RunLog::replayed(const TickView& tick) {
+  const tiller_measurement_t* m = tick.measurement;
+  const auto only_measured = [&](std::int64_t value) { cell(m ? std::to_string(value) : ""); };
+  std::uint32_t infinite = 0;
+  for (std::size_t i = 0; m && i < robot_.measurements.size(); ++i)
+    if (std::isinf(m->value[i])) infinite |= (m->value[i] < 0 ? 0x10001u : 1u) << i;
+  cell(tick.entry ? std::to_string(tick.entry->record.tick) : "");
+  cell(tick.entry ? std::to_string(tick.entry->record.now_us) : "");
+  only_measured(m ? m->stamp_us : 0);
+  only_measured(m ? m->sequence : 0);
+  only_measured(m ? m->command_latency_us : 0);
+  only_measured(infinite);
+  cell(tick.entry ? std::to_string(tick.entry->record.calls) : "");
+  cell(tick.entry ? std::to_string(tick.entry->stop_status) : "");
 }
 
 void RunLog::add(const TickView& tick) {
   const tiller_info_t& info = *tick.info;
-  char time[32];
-  std::snprintf(time, sizeof time, "%.6f", tick.time_s);
-  row_ = time;
+  row_ = format("%.6f", tick.time_s);
   for (std::size_t i = 0; i < robot_.measurements.size(); ++i) {
-    number(tick.measurement ? tick.measurement->value[i] : NAN);
+    exact(tick.measurement ? tick.measurement->value[i] : NAN);
   }
-  for (std::size_t i = 0; i < robot_.inputs.size(); ++i) number(tick.command->value[i]);
-  for (std::size_t i = 0; i < robot_.states.size(); ++i) number(info.state_mean[i]);
+  for (std::size_t i = 0; i < robot_.inputs.size(); ++i) exact(tick.command->value[i]);
+  for (std::size_t i = 0; i < robot_.states.size(); ++i) exact(info.state_mean[i]);
   for (std::size_t i = 0; i < robot_.states.size(); ++i) number(info.state_sd[i]);
-  for (const std::size_t i : inferred_) number(info.param_mean[i]);
-  for (const std::size_t i : inferred_) number(info.param_sd[i]);
+  for (const std::size_t i : inferred_) exact(info.param_mean[i]);
+  for (const std::size_t i : inferred_) exact(info.param_sd[i]);
   for (const std::size_t i : inferred_) number(tick.q05 ? tick.q05[i] : NAN);
   for (const std::size_t i : inferred_) number(tick.q95 ? tick.q95[i] : NAN);
   for (const double value : {info.effective_samples, info.noise_scale, info.plan_cost}) number(value);
@@ -63,16 +86,15 @@ void RunLog::add(const TickView& tick) {
   number(tick.tick_us);
   number(robot_.config.planner.deadline_us);
   number(info.adequacy == tiller_adequacy_untested ? NAN : info.adequacy_statistic);
-  row_ += ',';
-  row_ += tiller_state_name(static_cast<tiller_state_t>(info.state));
-  row_ += ',';
-  row_ += tiller_status_name(tick.status);
+  cell(tiller_state_name(static_cast<tiller_state_t>(info.state)));
+  cell(tiller_status_name(tick.status));
   if (has_true_state_) {
     for (std::size_t i = 0; i < robot_.states.size(); ++i) number(tick.true_state ? tick.true_state[i] : NAN);
   }
   if (!true_params_.empty()) {
     for (const std::size_t i : inferred_) number(true_params_[i]);
   }
+  replayed(tick);
   row_ += '\n';
   file_.write(row_);
 }

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "tools/output_file.hpp"
+#include "tools/record_file.hpp"
 #include "tools/robot_file.hpp"
 
 namespace tiller::tools {
@@ -12,13 +13,15 @@ namespace tiller::tools {
 struct TickView {
   double time_s = 0;                                  ///< since the first measurement, robot time
   const tiller_measurement_t* measurement = nullptr;  ///< null: nothing new
+  const RecordEntry* entry = nullptr;                 ///< null: not recorded
   const tiller_command_t* command = nullptr;
   const tiller_info_t* info = nullptr;
   tiller_status_t status = tiller_status_ok;
-  double tick_us = 0;                  ///< wall time of tiller_tick
-  const double* q05 = nullptr;         // (param_count)
-  const double* q95 = nullptr;         // (param_count)
-  const double* true_state = nullptr;  // (nx); null: not known
+  double tick_us = 0;                             ///< wall time of tiller_tick
+  tiller_status_t log_status = tiller_status_ok;  ///< of this run's logs (LogState)
+  const double* q05 = nullptr;                    // (param_count)
+  const double* q95 = nullptr;                    // (param_count)
+  const double* true_state = nullptr;             // (nx); null: not known
 };
 
 /// One CSV row per tick. Columns, in this order:
@@ -30,8 +33,14 @@ struct TickView {
 ///   mean.<param>...    posterior of the parameters    sd.<param>...     (fixed ones are left out)
 ///   q05.<param>...     5 % quantile                   q95.<param>...    95 % quantile
 ///   ess, noise_scale, plan_cost, iterations, tick_us, deadline_us (0: none)
-///   state, status      words: "active", "ok"
+///   state, status      words: "ACTIVE", "ok"
 ///   true.<state>..., true.<param>...    where the plant is in this process
+///   tick, now_us, stamp_us, sequence, command_latency_us, infinite, calls, stop_status
+///                      what `tiller replay` needs beside the rest: see tiller_record_t. stamp_us .. infinite are empty
+///                      where there was no measurement; bit i of infinite: the measured value i was infinite, bit 16 + i:
+///                      it was negative too (its cell is empty)
+///
+/// Measured values, commands and the estimates of states and parameters read back as the same double.
 class RunLog {
  public:
   /// `true_params` (param_count, NaN: not known) may be empty.
@@ -45,7 +54,10 @@ class RunLog {
   std::string header() const;
 
  private:
+  void cell(const std::string& text);
   void number(double value);
+  void exact(double value);
+  void replayed(const TickView& tick);
 
   const RobotFile& robot_;
   bool has_true_state_;

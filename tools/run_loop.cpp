@@ -118,11 +118,13 @@ class Runner {
   }
 
   void note_tick(RecordEntry& entry) {
-    link_.tell(info_, command_.stamp_us);
+    const LogState log = recorder_.state();
+    link_.tell(info_, command_.stamp_us, log);
     safe_ticks_ = info_.state == tiller_state_safe ? safe_ticks_ + 1 : 0;
     if (safe_ticks_ == 1) tell_safe();
     const bool alarm = info_.adequacy == tiller_adequacy_inadequate && !told_inadequate_;
     if (alarm) tell_inadequate();
+    tell_log(log);
     const TickView view = look();
     count(view);
     hand_over(view, entry, alarm);
@@ -134,6 +136,7 @@ class Runner {
     logged_.entry = entry;
     if (tiller_get_record(host_.get(), info_.ticks - 1, &logged_.entry.record) != tiller_status_ok) return;
     logged_.info = info_;
+    logged_.log = log_;
     logged_.time_s = view.time_s;
     logged_.tick_us = view.tick_us;
     logged_.status = view.status;
@@ -174,6 +177,7 @@ class Runner {
     view.info = &info_;
     view.status = status_;
     view.tick_us = tick_us_;
+    view.log_status = log_.status;
     for (std::uint32_t i = 0; i < config_.param_count; ++i) {
       if (config_.priors[i].kind == tiller_prior_fixed) continue;
       (void)tiller_get_quantile(host_.get(), i, 0.05, &q05_[i]);
@@ -190,6 +194,20 @@ class Runner {
     progress_.finish(look());
     const std::string text = "SAFE at " + format("%.2f s", time_s()) + ": " + tiller_status_name(why) + ": " +
                              tiller_status_text(why) + "; the safe command is being sent";
+    if (options_.quiet) std::fprintf(stderr, "tiller: %s\n", text.c_str());
+    progress_.say(text);
+  }
+
+  /// Which file, and why, the recorder tells; here, that it goes on, and that it is over.
+  /// Which file, and why, the recorder tells; here, that the run goes on, and when it is over.
+  void tell_log(const LogState& log) {
+    if (log.status == log_.status) {
+      log_ = log;
+      return;
+    }
+    log_ = log;
+    const std::string text = format("at %.2f s: ", time_s()) + log_news(log);
+    progress_.finish(look());
     if (options_.quiet) std::fprintf(stderr, "tiller: %s\n", text.c_str());
     progress_.say(text);
   }
@@ -231,7 +249,7 @@ class Runner {
     result_.readable_log = report.readable_log;
     result_.alarm_log = report.alarm_log;
     result_.alarm_log_s = report.alarm_log_s;
-    result_.dropped_ticks = report.dropped_ticks;
+    result_.log = recorder_.state();
     if (!report.complete) result_.exit_code = kExitLogIncomplete;
   }
 
@@ -274,6 +292,7 @@ class Runner {
   tiller_command_t command_{};
   tiller_info_t info_{};
   tiller_status_t status_ = tiller_status_ok;
+  LogState log_;
   std::int64_t start_us_ = 0;
   std::uint64_t safe_ticks_ = 0;
   bool told_inadequate_ = false;

@@ -38,7 +38,7 @@ struct RunResult {
   std::uint64_t transitions = 0;        ///< ticks with a new measurement after the first
   double cost = 0;                      ///< mean stage_cost(), of the true states where they are known
   std::string readable_log;             ///< where the whole log is; empty: none
-  std::uint64_t dropped_ticks = 0;      ///< that the recorder could not take
+  LogState log;                         ///< of all logs, at the end
   PaceResult pace;
   std::uint64_t late_ticks = 0;                                  ///< over the planner's deadline, if it has one
   std::vector<double> contraction_ratio, contraction_direction;  // (d), (d x param_count): tiller_get_contraction

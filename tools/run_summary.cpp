@@ -64,6 +64,11 @@ std::string tick_line(const RobotFile& robot, const RunResult& result) {
   return text + "\n";
 }
 
+std::string log_line(const LogState& log) {
+  if (log.status == tiller_status_ok) return "";
+  return "  logs: " + log_text(log) + "\n";
+}
+
 std::string pace_lines(const RobotFile& robot, const PaceResult& pace) {
   std::string text;
   if (pace.wake_up.count() > 0)
@@ -77,6 +82,21 @@ std::string pace_lines(const RobotFile& robot, const PaceResult& pace) {
 
 }  // namespace
 
+const char* log_news(const LogState& log) {
+  switch (log.status) {
+    case tiller_status_ok: return "the logs are complete again";
+    case tiller_status_queue_full: return "a disk does not keep up, ticks are missing in the logs; the run goes on";
+    default: return "a disk takes no more of the logs, the rest is kept in memory; the run goes on";
+  }
+}
+
+std::string log_text(const LogState& log) {
+  if (log.status == tiller_status_ok) return "complete";
+  const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
+  return format("%s: %llu ticks dropped, %llu bytes given up, %llu not written", tiller_status_name(log.status),
+                count(log.dropped_ticks), count(log.lost_bytes), count(log.waiting_bytes));
+}
+
 std::string inadequacy(const RobotFile& robot, const tiller_info_t& info) {
   const auto feature = static_cast<tiller_feature_t>(info.inadequate_feature);
   return "the model does not explain " + robot.measurements[info.inadequate_channel] + ": what it leaves goes with " +
@@ -89,7 +109,7 @@ std::string summary(const RobotFile& robot, const RunOptions& options, const Run
       tiller_state_name(static_cast<tiller_state_t>(result.info.state)), result.interrupted ? " (interrupted)" : "");
   text += posterior_lines(robot, options, result);
   if (result.info.adequacy == tiller_adequacy_inadequate) text += "  " + inadequacy(robot, result.info) + "\n";
-  text += tick_line(robot, result);
+  text += tick_line(robot, result) + log_line(result.log);
   return options.real_time ? text + pace_lines(robot, result.pace) : text;
 }
 

@@ -22,6 +22,7 @@ StopFlag::StopFlag() {
   }
   // a reader of the progress that goes away (`| head`) must not end the process between two commands
   std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);  // nor a log that reaches the limit of a file's size: its write fails instead
 }
 StopFlag::~StopFlag() {
   for (const int signal : kSignals) std::signal(signal, SIG_DFL);

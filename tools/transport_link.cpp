@@ -104,11 +104,11 @@ class TransportLink : public Link {
   bool is_ready() const override { return options_.kind == "lcm" || can_.robot.is_ready(); }
   const PeriodicTimer* timer() const override { return options_.by_clock && !options_.lockstep ? &timer_ : nullptr; }
 
-  void tell(const tiller_info_t& info, std::int64_t stamp_us) override {
+  void tell(const tiller_info_t& info, std::int64_t stamp_us, const LogState& log) override {
     // mean over about ten ticks: one that was held up by the machine says little of the next
     compute_us_ += 0.1 * (1e-3 * static_cast<double>(info.tick_ns) - compute_us_);
     if (options_.kind != "lcm") return;
-    (void)lcm_send_telemetry(&lcm_, stamp_us, info, robot_.model->state_count, robot_.config.param_count);
+    (void)lcm_send_telemetry(&lcm_, stamp_us, info, robot_.model->state_count, robot_.config.param_count, log);
   }
 
   std::string counters() const override {

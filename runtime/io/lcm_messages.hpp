@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "io/lcm_type.hpp"
+#include "tiller/tiller.h"
 
 namespace tiller {
 
@@ -30,6 +31,8 @@ struct LcmTelemetry {
   std::int32_t state_count, param_count;
   double state_mean[12], state_sd[12], param_mean[24], param_sd[24];
   std::int64_t plans;
+  std::int32_t log_status;
+  std::int64_t log_dropped_ticks, log_waiting_bytes, log_lost_bytes;
 };
 
 // clang-format off
@@ -70,6 +73,10 @@ inline constexpr LcmField kLcmTelemetryFields[] = {
   TILLER_LCM_FIELD(LcmTelemetry, kDouble, param_mean,          24),
   TILLER_LCM_FIELD(LcmTelemetry, kDouble, param_sd,            24),
   TILLER_LCM_FIELD(LcmTelemetry, kInt64,  plans,               0),
+  TILLER_LCM_FIELD(LcmTelemetry, kInt32,  log_status,          0),
+  TILLER_LCM_FIELD(LcmTelemetry, kInt64,  log_dropped_ticks,   0),
+  TILLER_LCM_FIELD(LcmTelemetry, kInt64,  log_waiting_bytes,   0),
+  TILLER_LCM_FIELD(LcmTelemetry, kInt64,  log_lost_bytes,      0),
 };
 #undef TILLER_LCM_FIELD
 // clang-format on
@@ -77,5 +84,21 @@ inline constexpr LcmField kLcmTelemetryFields[] = {
 inline constexpr LcmType kLcmMeasurementType = make_lcm_type(kLcmMeasurementFields);
 inline constexpr LcmType kLcmCommandType = make_lcm_type(kLcmCommandFields);
 inline constexpr LcmType kLcmTelemetryType = make_lcm_type(kLcmTelemetryFields);
+
+/// What a host knows of the logs that it writes; as it stands, all is well. Counters are never decremented, but for what
+/// waits.
+struct LogState {
+  /// io_error: a disk refuses, or refused for too long; queue_full: a disk takes too long, and ticks were dropped.
+  tiller_status_t status = tiller_status_ok;
+  std::uint64_t dropped_ticks = 0;            ///< that no log holds: their writer could not keep up
+  std::uint64_t waiting_bytes = 0;            ///< in memory, for a disk refuses them; tried again with every flush
+  std::uint64_t lost_bytes = 0;               ///< given up: a disk refused them for too long
+};
+
+/// The messages of what a controller takes and gives. Counts are those of the robot: at most what the arrays hold.
+LcmMeasurement lcm_message(const tiller_measurement_t& measurement, std::uint32_t count);
+LcmCommand lcm_message(const tiller_command_t& command, std::uint32_t count);
+LcmTelemetry lcm_message(const tiller_info_t& info, std::int64_t stamp_us, std::uint32_t state_count,
+                         std::uint32_t param_count, const LogState& log);
 
 }  // namespace tiller

@@ -113,16 +113,9 @@ tiller_status_t publish(LcmTransport* transport, const char* channel, const LcmT
 tiller_status_t lcm_send(void* self, const tiller_command_t* command) {
   LcmTransport* transport = transport_of(self);
   if (!is_open(transport)) return tiller_status_transport_closed;
-  LcmCommand message{};
-  message.stamp_us = command->stamp_us;
-  message.sequence = command->sequence;
-  message.state = static_cast<std::int32_t>(command->state);
-  message.plan_sequence = command->plan_sequence;
-  message.count = static_cast<std::int32_t>(transport->options.input_count);
-  for (std::uint32_t i = 0; i < transport->options.input_count; ++i) {
+  for (std::uint32_t i = 0; i < transport->options.input_count; ++i)
     if (!std::isfinite(command->value[i])) return tiller_status_command_not_finite;
-    message.value[i] = command->value[i];
-  }
+  const LcmCommand message = lcm_message(*command, transport->options.input_count);
   const tiller_status_t status = publish(transport, transport->command_channel, kLcmCommandType, &message);
   if (status == tiller_status_ok) ++transport->counters.sent;
   return status;
@@ -246,31 +239,10 @@ tiller_status_t lcm_transport_open(LcmTransport* transport, const LcmOptions& op
 }
 
 tiller_status_t lcm_send_telemetry(LcmTransport* transport, std::int64_t stamp_us, const tiller_info_t& info,
-                                   std::uint32_t state_count, std::uint32_t param_count) {
+                                   std::uint32_t state_count, std::uint32_t param_count, const LogState& log) {
   if (!is_open(transport)) return tiller_status_transport_closed;
   if (state_count > TILLER_MAX_STATES || param_count > TILLER_MAX_PARAMS) return tiller_status_bad_dimension;
-  LcmTelemetry message{};
-  message.stamp_us = stamp_us;
-  message.tick = static_cast<std::int64_t>(info.ticks);
-  message.state = static_cast<std::int32_t>(info.state);
-  message.status = info.status;
-  message.first_fault = info.first_fault;
-  message.planner_iterations = static_cast<std::int32_t>(info.planner_iterations);
-  message.tick_ns = info.tick_ns;
-  message.plans = static_cast<std::int64_t>(info.plans);
-  message.plan_cost = info.plan_cost;
-  message.effective_samples = info.effective_samples;
-  message.likelihood_exponent = info.likelihood_exponent;
-  message.noise_scale = info.noise_scale;
-  static_assert(
-      sizeof message.state_mean >= sizeof info.state_mean && sizeof message.param_mean >= sizeof info.param_mean,
-      "the type holds fewer values than a controller may have");
-  message.state_count = static_cast<std::int32_t>(state_count);
-  message.param_count = static_cast<std::int32_t>(param_count);
-  std::memcpy(message.state_mean, info.state_mean, state_count * sizeof(double));
-  std::memcpy(message.state_sd, info.state_sd, state_count * sizeof(double));
-  std::memcpy(message.param_mean, info.param_mean, param_count * sizeof(double));
-  std::memcpy(message.param_sd, info.param_sd, param_count * sizeof(double));
+  const LcmTelemetry message = lcm_message(info, stamp_us, state_count, param_count, log);
   return publish(transport, transport->telemetry_channel, kLcmTelemetryType, &message);
 }
 

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "io/lcm_messages.hpp"
 #include "io/message_seal.hpp"
 #include "io/open_error.hpp"
 #include "io/sequence_gate.hpp"
@@ -63,7 +64,7 @@ extern const tiller_transport_t kLcmTransport;
 
 /// What the controller says of itself, for whoever listens. Cost: one encode of 700 bytes and one sendto.
 tiller_status_t lcm_send_telemetry(LcmTransport* transport, std::int64_t stamp_us, const tiller_info_t& info,
-                                   std::uint32_t state_count, std::uint32_t param_count);
+                                   std::uint32_t state_count, std::uint32_t param_count, const LogState& log = {});
 
 /// Takes one encoded measurement (with its trailer, if there is a key): any bytes, any length. `waited_us` is the time
 /// since its arrival. True if it is now the newest one.

@@ -252,7 +252,8 @@ TEST_P(Lcm, TelemetryArrivesWhole) {
   info.plans = 41;
   for (int i = 0; i < TILLER_MAX_STATES; ++i) info.state_mean[i] = i;
   for (int i = 0; i < TILLER_MAX_PARAMS; ++i) info.param_sd[i] = 10 + i;
-  ASSERT_EQ(tiller_status_ok, lcm_send_telemetry(&transport_, 77, info, TILLER_MAX_STATES, TILLER_MAX_PARAMS));
+  const LogState log = {tiller_status_io_error, 3, 4096, 5000000000};
+  ASSERT_EQ(tiller_status_ok, lcm_send_telemetry(&transport_, 77, info, TILLER_MAX_STATES, TILLER_MAX_PARAMS, log));
   while (plant.telemetry.empty()) ASSERT_TRUE(plant.handle_one());
   ASSERT_EQ(1u, plant.telemetry.size());
   const tiller_lcm::telemetry_t& message = plant.telemetry[0];
@@ -262,6 +263,10 @@ TEST_P(Lcm, TelemetryArrivesWhole) {
   EXPECT_EQ(202, message.status);
   EXPECT_EQ(123.5, message.effective_samples);
   EXPECT_EQ(41, message.plans);
+  EXPECT_EQ(113, message.log_status);
+  EXPECT_EQ(3, message.log_dropped_ticks);
+  EXPECT_EQ(4096, message.log_waiting_bytes);
+  EXPECT_EQ(5000000000, message.log_lost_bytes);
   EXPECT_EQ(11.0, message.state_mean[11]);
   EXPECT_EQ(10.0 + TILLER_MAX_PARAMS - 1, message.param_sd[TILLER_MAX_PARAMS - 1]);
   EXPECT_EQ(tiller_status_bad_dimension,

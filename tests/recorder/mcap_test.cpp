@@ -21,7 +21,7 @@ std::string write_run(const RobotFile& robot, const std::string& path, std::vect
     run.flush();
     if (at_flush) at_flush->push_back(bytes_of(path));
   }
-  EXPECT_TRUE(run.close());
+  EXPECT_TRUE(run.close(1, 0));
   return bytes_of(path);
 }
 

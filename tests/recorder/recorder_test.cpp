@@ -1,13 +1,10 @@
 // The tick hands over and goes on, whatever the disk does.
 #include <fcntl.h>
 #include <sys/ioctl.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <atomic>
-#include <csignal>
 #include <thread>
 
 #include "run_rig.hpp"
@@ -68,6 +65,7 @@ TEST(Recorder, WritesEveryFormatAndTellsTheSame) {
   for (std::uint64_t k = 0; k < kTicks; ++k) recorder.push(odd_tick(k));
   const RecorderReport report = recorder.stop();
   EXPECT_TRUE(report.complete);
+  EXPECT_EQ(recorder.state().status, tiller_status_ok);
   EXPECT_EQ(report.ticks, kTicks);
   EXPECT_EQ(report.dropped_ticks, 0u);
   EXPECT_EQ(report.readable_log, options.log);
@@ -104,6 +102,8 @@ TEST(Recorder, ADiskThatHangsCostsTicksAndNoTime) {
   for (int i = 0; i < 5000; ++i) recorder.push(odd_tick(pushed++));
   const std::uint64_t dropped = recorder.dropped();
   EXPECT_GE(dropped - before, 5000 - 256u) << "the ring holds 256";
+  EXPECT_EQ(recorder.state().status, tiller_status_queue_full) << "while it lasts";
+  EXPECT_EQ(recorder.state().dropped_ticks, dropped);
   // the disk comes back: what is in the ring is written, and the run ends well
   std::string got;
   std::thread drain([&] {
@@ -123,61 +123,6 @@ TEST(Recorder, ADiskThatHangsCostsTicksAndNoTime) {
   EXPECT_NE(report.messages.back().find("were not recorded: the disk was busy"), std::string::npos);
   std::printf("%llu ticks, %llu dropped, %llu rows\n", static_cast<unsigned long long>(pushed),
               static_cast<unsigned long long>(dropped), static_cast<unsigned long long>(rows - 1));
-}
-
-TEST(Recorder, AFullDiskIsTold) {
-  const auto robot = arm();
-  for (const char* path : {"/dev/full"}) {
-    RecorderOptions options;
-    options.records = {path};
-    options.lossless = true;
-    Recorder recorder(*robot, options);
-    recorder.start(robot->config);
-    for (std::uint64_t k = 0; k < 100; ++k) recorder.push(odd_tick(k));
-    const RecorderReport report = recorder.stop();
-    EXPECT_FALSE(report.complete);
-    EXPECT_TRUE(report.disk_refused);
-    EXPECT_EQ(report.dropped_ticks, 0u);
-    ASSERT_FALSE(report.messages.empty());
-    EXPECT_NE(report.messages[0].find("No space left on device"), std::string::npos) << report.messages[0];
-  }
-}
-
-/// The disk is full at some byte of the file (a limit of the process stands in for it: the write is cut there): the file
-/// is readable up to its last whole chunk.
-TEST(Recorder, WhereTheDiskEndsTheFileStaysReadable) {
-  const Folder folder;
-  const std::string path = folder / "run.mcap";
-  const auto robot = arm();
-  for (const rlim_t limit : {rlim_t{20000}, rlim_t{60000}, rlim_t{61111}}) {
-    const pid_t child = fork();
-    if (child == 0) {
-      std::signal(SIGXFSZ, SIG_IGN);
-      const rlimit most = {limit, limit};
-      setrlimit(RLIMIT_FSIZE, &most);
-      setenv("TMPDIR", "/proc/none", 1);  // nothing to rescue into
-      McapRun run(*robot);
-      run.open(path, robot->config, 0);
-      for (std::uint64_t k = 0; k < 400; ++k) {
-        run.add(odd_tick(k).entry);
-        if (k % 10 == 9) run.flush();
-      }
-      _exit(run.close() ? 1 : 0);
-    }
-    int status = 0;
-    waitpid(child, &status, 0);
-    EXPECT_EQ(WEXITSTATUS(status), 0) << "told that the file is not complete";
-    const std::string bytes = bytes_of(path);
-    EXPECT_EQ(bytes.size(), limit);
-    RecordedRun run;
-    std::string error;
-    ASSERT_TRUE(read_mcap_run(bytes, path, *robot, run, error)) << error;
-    EXPECT_EQ(run.entries.size() % 10, 0u);
-    EXPECT_GT(run.entries.size(), limit / 2000);
-    EXPECT_NE(run.note, "");
-    for (const RecordEntry& entry : run.entries) expect_same(odd_tick(entry.record.tick).entry.record, entry.record);
-    std::printf("disk of %llu bytes: %zu ticks\n", static_cast<unsigned long long>(limit), run.entries.size());
-  }
 }
 
 /// The alarm's window looks back, and goes on.

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <string>
 
+#include "io/lcm_messages.hpp"
 #include "tools/output_file.hpp"
 #include "tools/record_file.hpp"
 #include "tools/robot_file.hpp"
@@ -20,15 +21,14 @@ class LcmLog {
   explicit LcmLog(const RobotFile& robot) : robot_(robot) {}
 
   void open(const std::string& path, std::int64_t epoch_us);
-  void add(const RecordEntry& entry, const tiller_info_t& info);
+  void add(const RecordEntry& entry, const tiller_info_t& info, const LogState& log = {});
   void flush() { file_.flush(); }
   bool close() { return file_.close(); }
   const OutputFile& file() const { return file_; }
   std::uint64_t lost_messages() const { return lost_messages_; }
 
  private:
-  template <class Message>
-  void event(const char* channel, std::int64_t now_us, const Message& message);
+  void event(const char* channel, std::int64_t now_us, const LcmType& type, const void* message);
 
   const RobotFile& robot_;
   OutputFile file_;

@@ -181,6 +181,14 @@ void McapRun::add(const RecordEntry& entry) {
   writer_.add_message(tick_, sequence, time_ns, tick_json(robot_, entry));
 }
 
+bool McapRun::close(std::uint64_t ticks, std::uint64_t dropped_ticks) {
+  writer_.close_chunk();
+  writer_.add_metadata("recorder", {{"ticks", std::to_string(ticks)},
+                                    {"dropped_ticks", std::to_string(dropped_ticks)},
+                                    {"lost_messages", std::to_string(writer_.lost_messages())}});
+  return writer_.close();
+}
+
 // ---- reading -----------------------------------------------------------------------------------------------------
 
 bool is_mcap_run(const std::string& bytes) {

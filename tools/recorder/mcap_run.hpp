@@ -29,7 +29,9 @@ class McapRun {
   void open(const std::string& path, const tiller_config_t& config, std::int64_t epoch_us);
   void add(const RecordEntry& entry);
   void flush() { writer_.flush(); }
-  bool close() { return writer_.close(); }
+  /// With what the recorder counted, as metadata `recorder`: ticks handed over, those among them that no log holds, and
+  /// messages that this file lacks.
+  bool close(std::uint64_t ticks, std::uint64_t dropped_ticks);
   const McapWriter& writer() const { return writer_; }
 
  private:

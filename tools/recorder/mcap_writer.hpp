@@ -31,6 +31,8 @@ class McapWriter {
 
   /// Into the chunk that is open; a chunk of kChunkBytes closes itself.
   void add_message(std::uint16_t channel, std::uint32_t sequence, std::uint64_t time_ns, const std::string& data);
+  /// Ends the chunk that is open; the next message opens another.
+  void close_chunk();
   /// Closes the chunk and hands it to the operating system.
   void flush();
   /// Summary and end. False: something is missing in the file, file() tells.
@@ -53,7 +55,6 @@ class McapWriter {
   };
 
   bool append(const std::string& bytes);
-  void close_chunk();
   std::string end_marks(std::uint64_t summary_start, const std::string& summary,
                         std::uint64_t summary_offset_start) const;
   std::string summary(std::uint64_t start, std::uint64_t& offset_start) const;

@@ -103,6 +103,7 @@ void Recorder::take(const LoggedTick& tick) {
     view.time_s = tick.time_s;
     view.measurement = tick.entry.record.has_measurement != 0 ? &tick.entry.record.measurement : nullptr;
     view.command = &tick.entry.record.command;
+    view.entry = &tick.entry;
     view.info = &tick.info;
     view.status = tick.status;
     view.tick_us = tick.tick_us;
@@ -112,7 +113,7 @@ void Recorder::take(const LoggedTick& tick) {
     log_.add(view);
   }
   for (McapRun& mcap : mcaps_) mcap.add(tick.entry);
-  for (LcmLog& lcm : lcms_) lcm.add(tick.entry, tick.info);
+  for (LcmLog& lcm : lcms_) lcm.add(tick.entry, tick.info, tick.log);
   for (NativeRecord& native : natives_) write_record(native.file, tick.entry);
   if (!options_.alarm_log.empty()) take_alarm(tick);
 }
@@ -132,6 +133,39 @@ void Recorder::flush() {
   for (McapRun& mcap : mcaps_) mcap.flush();
   for (LcmLog& lcm : lcms_) lcm.flush();
   for (NativeRecord& native : natives_) native.file.flush();
+  publish();
+}
+
+template <class Visit>
+void Recorder::each_file(const Visit& visit) const {
+  visit(log_.file());
+  visit(alarm_.file());
+  for (const McapRun& mcap : mcaps_) visit(mcap.writer().file());
+  for (const LcmLog& lcm : lcms_) visit(lcm.file());
+  for (const NativeRecord& native : natives_) visit(native.file);
+}
+
+void Recorder::publish() {
+  bool lags = false;
+  std::uint64_t waiting = 0, lost = 0;
+  each_file([&](const OutputFile& file) {
+    lags = lags || file.lags();
+    waiting += file.lags() ? file.waiting() : 0;
+    lost += file.lost();
+  });
+  waiting_bytes_.store(waiting, std::memory_order_relaxed);
+  lost_bytes_.store(lost, std::memory_order_relaxed);
+  lags_.store(lags, std::memory_order_relaxed);
+}
+
+LogState Recorder::state() const {
+  LogState state;
+  state.dropped_ticks = dropped();
+  state.waiting_bytes = waiting_bytes_.load(std::memory_order_relaxed);
+  state.lost_bytes = lost_bytes_.load(std::memory_order_relaxed);
+  if (state.dropped_ticks > 0) state.status = tiller_status_queue_full;
+  if (lags_.load(std::memory_order_relaxed) || state.lost_bytes > 0) state.status = tiller_status_io_error;
+  return state;
 }
 
 void Recorder::close(RecorderReport& report) {
@@ -148,17 +182,20 @@ void Recorder::close(RecorderReport& report) {
   const bool alarm_complete = alarm_.close();
   note(alarm_.file(), alarm_complete);
   for (McapRun& mcap : mcaps_) {
-    const bool complete = mcap.close();
+    const bool complete = mcap.close(pushed_, dropped());
+    report.lost_messages += mcap.writer().lost_messages();
     note(mcap.writer().file(), complete);
   }
   for (LcmLog& lcm : lcms_) {
     const bool complete = lcm.close();
+    report.lost_messages += lcm.lost_messages();
     note(lcm.file(), complete);
   }
   for (NativeRecord& native : natives_) {
     const bool complete = native.file.close();
     note(native.file, complete);
   }
+  publish();
   report.readable_log = log_.file().readable_path();
   report.alarm_log = alarm_.file().readable_path();
   report.alarm_log_s = alarm_.seconds();

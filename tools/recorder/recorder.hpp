@@ -20,6 +20,7 @@ namespace tiller::tools {
 struct LoggedTick {
   RecordEntry entry;
   tiller_info_t info{};
+  LogState log;  ///< as it was told in this tick
   double time_s = 0, tick_us = 0;
   tiller_status_t status = tiller_status_ok;
   bool alarm = false;      ///< the alarm window begins with this tick
@@ -46,6 +47,7 @@ struct RecorderReport {
   std::uint64_t ticks = 0;          ///< handed over
   std::uint64_t dropped_ticks = 0;  ///< the ring was full: the disk took longer than it holds
   std::uint64_t lost_bytes = 0;     ///< the disk refused them, and the memory for them was used up
+  std::uint64_t lost_messages = 0;  ///< of MCAP and LCM logs, among them
   bool disk_refused = false;        ///< at any time
   bool complete = true;             ///< every file holds everything
   Words messages;                   ///< a sentence for each file that is not
@@ -73,6 +75,9 @@ class Recorder {
   RecorderReport stop();
 
   std::uint64_t dropped() const { return dropped_.load(std::memory_order_relaxed); }
+  /// How the files are, from any thread and at no cost: dropped ticks at once, what the disk refuses from the next flush
+  /// on. The status is ok again once everything that waited is written, unless something is missing for good.
+  LogState state() const;
 
   static std::size_t ring_ticks(double period_s);
 
@@ -86,7 +91,10 @@ class Recorder {
   void serve();
   void take(const LoggedTick& tick);
   void take_alarm(const LoggedTick& tick);
+  template <class Visit>
+  void each_file(const Visit& visit) const;
   void flush();
+  void publish();
   void close(RecorderReport& report);
 
   const RobotFile& robot_;
@@ -95,7 +103,8 @@ class Recorder {
   SpscRing<LoggedTick> ring_;
   std::thread thread_;
   std::atomic<bool> ending_{false};
-  std::atomic<std::uint64_t> dropped_{0};
+  std::atomic<std::uint64_t> dropped_{0}, waiting_bytes_{0}, lost_bytes_{0};
+  std::atomic<bool> lags_{false};
   std::uint64_t pushed_ = 0;  // the tick's
 
   // the thread's

@@ -1,0 +1,63 @@
+#include "io/lcm_messages.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tiller {
+
+LcmMeasurement lcm_message(const tiller_measurement_t& measurement, std::uint32_t count) {
+  LcmMeasurement message{};
+  message.stamp_us = measurement.stamp_us;
+  message.sequence = measurement.sequence;
+  message.command_latency_us = static_cast<std::int32_t>(std::min(measurement.command_latency_us, 0x7fffffffu));
+  message.count = static_cast<std::int32_t>(count);
+  for (std::uint32_t i = 0; i < count; ++i) {
+    if (!std::isnan(measurement.value[i])) message.valid_mask |= 1 << i;
+    message.value[i] = measurement.value[i];
+  }
+  return message;
+}
+
+LcmCommand lcm_message(const tiller_command_t& command, std::uint32_t count) {
+  LcmCommand message{};
+  message.stamp_us = command.stamp_us;
+  message.sequence = command.sequence;
+  message.state = static_cast<std::int32_t>(command.state);
+  message.plan_sequence = command.plan_sequence;
+  message.count = static_cast<std::int32_t>(count);
+  std::copy(command.value, command.value + count, message.value);
+  return message;
+}
+
+LcmTelemetry lcm_message(const tiller_info_t& info, std::int64_t stamp_us, std::uint32_t state_count,
+                         std::uint32_t param_count, const LogState& log) {
+  LcmTelemetry message{};
+  message.stamp_us = stamp_us;
+  message.tick = static_cast<std::int64_t>(info.ticks);
+  message.state = static_cast<std::int32_t>(info.state);
+  message.status = info.status;
+  message.first_fault = info.first_fault;
+  message.planner_iterations = static_cast<std::int32_t>(info.planner_iterations);
+  message.tick_ns = info.tick_ns;
+  message.plans = static_cast<std::int64_t>(info.plans);
+  message.plan_cost = info.plan_cost;
+  message.effective_samples = info.effective_samples;
+  message.likelihood_exponent = info.likelihood_exponent;
+  message.noise_scale = info.noise_scale;
+  static_assert(
+      sizeof message.state_mean >= sizeof info.state_mean && sizeof message.param_mean >= sizeof info.param_mean,
+      "the type holds fewer values than a controller may have");
+  message.state_count = static_cast<std::int32_t>(state_count);
+  message.param_count = static_cast<std::int32_t>(param_count);
+  std::copy(info.state_mean, info.state_mean + state_count, message.state_mean);
+  std::copy(info.state_sd, info.state_sd + state_count, message.state_sd);
+  std::copy(info.param_mean, info.param_mean + param_count, message.param_mean);
+  std::copy(info.param_sd, info.param_sd + param_count, message.param_sd);
+  message.log_status = static_cast<std::int32_t>(log.status);
+  message.log_dropped_ticks = static_cast<std::int64_t>(log.dropped_ticks);
+  message.log_waiting_bytes = static_cast<std::int64_t>(log.waiting_bytes);
+  message.log_lost_bytes = static_cast<std::int64_t>(log.lost_bytes);
+  return message;
+}
+
+}  // namespace tiller
