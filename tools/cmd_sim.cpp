@@ -77,6 +77,7 @@ int serve_plant(const Arguments& a, const RobotFile& robot, sim::Plant& plant, s
   options.lockstep = a.lockstep;
   options.duration_s = a.seconds;
   options.answer_timeout_s = a.answer_timeout_s;
+  options.plan_timeout_s = robot.sim.plan_timeout_s;
   options.stop = &stop.flag();
   double next_s = 0;
   bool tripped = false;
@@ -131,10 +132,11 @@ int sim_command(const Arguments& a) {
   const int code = serve_plant(a, *robot, *made->plant, report);
   const auto n = [](std::uint64_t value) { return static_cast<unsigned long long>(value); };
   std::printf(
-      "%llu periods, %llu commands, %llu missing answers, %llu stale, %llu bad, %llu late periods, "
+      "%llu periods, %llu commands, %llu missing answers, %llu stale, %llu bad, %llu without a new plan, "
+      "%llu late periods, "
       "%llu watchdog trips\n",
       n(report.periods), n(report.commands), n(report.missing_answers), n(report.stale_commands),
-      n(report.bad_commands), n(report.late_periods), n(made->plant->watchdog_trips()));
+      n(report.bad_commands), n(report.hung_commands), n(report.late_periods), n(made->plant->watchdog_trips()));
   return code == 0 ? static_cast<int>(kExitOk) : complain(report.error);
 }
 

@@ -71,6 +71,7 @@ struct SimSection {
   double measurement_latency_s = 0;
   double command_latency_s = 0;
   double watchdog_s = 0.1;
+  double plan_timeout_s = 1.0;  ///< of the device: 0: plans are not watched
   double step_s = 0.0005;
   bool midpoint = false, rates = false;
   std::uint64_t seed = 1;

@@ -176,6 +176,15 @@ void read_transport(FileErrors& errors, const toml::table& root, RobotFile& robo
   read_channels(section, robot, transport);
 }
 
+void read_plan_timeout(SectionReader& section, const RobotFile& robot, SimSection& sim) {
+  const auto timeout_s = section.number("plan_timeout_s");
+  if (!timeout_s) return;
+  sim.plan_timeout_s = *timeout_s;
+  if (*timeout_s == 0 || *timeout_s > robot.config.period_s) return;
+  section.error("plan_timeout_s", "is no longer than the period, so that the motor would never run",
+                "allow several periods of " + number_text(robot.config.period_s) + " s; 0 switches it off");
+}
+
 void read_sim(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   const toml::table* table = section_table(errors, root, "sim");
   SectionReader section(errors, "sim", "sim", table);
@@ -193,6 +202,7 @@ void read_sim(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   if (const auto v = section.number("measurement_latency_s")) sim.measurement_latency_s = *v;
   if (const auto v = section.number("command_latency_s")) sim.command_latency_s = *v;
   if (const auto v = section.number("watchdog_s")) sim.watchdog_s = *v;
+  read_plan_timeout(section, robot, sim);
   if (const auto v = section.number("step_s")) sim.step_s = *v;
   sim.midpoint = section.flag("midpoint").value_or(false);
   sim.rates = section.flag("rates").value_or(false);

@@ -381,6 +381,8 @@ const std::vector<KeySpec> kKeys = {
      "a command reaches the motor this much later"},
     {"sim", "watchdog_s", K::number, "s", "0.1", 0, 10, false, hand, nullptr,
      "no command for this long: the motor stops; 0: no watchdog"},
+    {"sim", "plan_timeout_s", K::number, "s", "1", 0, 60, false, hand, nullptr,
+     "tiller sim: commands without a new plan for this long: the motor stops; 0: plans are not watched"},
     {"sim", "step_s", K::number, "s", "0.0005", 1e-6, 1e-3, false, hand, nullptr, "physics step, whole microseconds"},
     {"sim", "midpoint", K::flag, "", "false", 0, 1, false, hand, nullptr,
      "true: physics steps of second order, where the plant has them"},

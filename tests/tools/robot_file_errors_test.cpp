@@ -201,6 +201,8 @@ const Mistake kMistakes[] = {
      "range ends at 0.5"},
     {"node_of_an_odrive", "nodes = { force_N = 3 }", "nodes = { force_N = 70 }", "nodes", "transport.nodes",
      "from 0 to 63"},
+    {"plan_timeout_of_a_period", "plan_timeout_s = 0.5", "plan_timeout_s = 0.02", "plan_timeout_s",
+     "sim.plan_timeout_s", "would never run"},
     {"no_such_processor", "cpus = [1, 3]", "cpus = [1, 64]", "cpus", "realtime.cpus", "there is no processor 64"},
     {"processor_as_text", "cpus = [1, 3]", "cpus = \"3\"", "cpus", "realtime.cpus = \"3\"",
      "write a list of processors"},

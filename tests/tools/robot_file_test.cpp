@@ -126,6 +126,7 @@ TEST(RobotFile, HostSections) {
   EXPECT_GT(robot->realtime.line, 0);
   EXPECT_EQ(robot->sim.sensor_step.at("position_m"), 0.0002);
   EXPECT_EQ(robot->sim.watchdog_s, 0.2);
+  EXPECT_EQ(robot->sim.plan_timeout_s, 0.5);
   ASSERT_EQ(robot->sim.effects.size(), 1u);
   EXPECT_EQ(robot->sim.effects[0].parameters.at("coefficient"), 0.1);
   EXPECT_EQ(robot->log.units.at("angle_rad"), "deg");

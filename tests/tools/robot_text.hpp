@@ -75,6 +75,7 @@ plant = "cart_pole"
 parameters = { cart_mass_kg = 1.0 }
 sensors.position_m = { sd = 0.0005, step = 0.0002 }
 watchdog_s = 0.2
+plan_timeout_s = 0.5
 [[sim.effects]]
 kind = "viscous_friction"
 port = "cart"
