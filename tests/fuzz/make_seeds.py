@@ -26,9 +26,9 @@ def save(fuzzer, name, data):
 
 # ---- lcm: one byte of options, then packets with their length in two bytes
 
-def measurement(sequence, count=3, mask=7):
+def measurement(sequence, count=3, mask=7, stamp_us=None):
     m = measurement_t()
-    m.stamp_us, m.sequence, m.count, m.valid_mask = 1000 * sequence, sequence, count, mask
+    m.stamp_us, m.sequence, m.count, m.valid_mask = stamp_us or 1000 * sequence, sequence, count, mask
     m.value = [0.5, -1.0, float(sequence)] + [0.0] * 9
     return m.encode()
 
@@ -125,15 +125,17 @@ def telemetry(i):
 
 
 # A command that is lost is held over, so one is enough for twenty rows: short inputs are fast ones.
-log = event(0, b"TILLER_MEASUREMENT", measurement(0, 1, 1)) + event(1, b"TILLER_COMMAND", command_to(0))
+log = far = event(0, b"TILLER_MEASUREMENT", measurement(0, 1, 1)) + event(1, b"TILLER_COMMAND", command_to(0))
 for i in range(1, 20):
     log += event(i + 1, b"TILLER_MEASUREMENT", measurement(i, 1, 1))
+    far += event(i + 1, b"TILLER_MEASUREMENT", measurement(i, 1, 1, (-1) ** i * (2**63 - 1)))
 run = b""
 for i in range(3):
     run += event(3 * i, b"TILLER_MEASUREMENT", measurement(i, 1, 1)) + event(3 * i + 1, b"TILLER_COMMAND", command_to(i))
     run += event(3 * i + 2, b"TILLER_TELEMETRY", telemetry(i))
 save("log", "lcm", log)
 save("log", "lcm_cut", log[:-17])
+save("log", "stamps_far_apart", far)
 save("log", "lcm_run", run)
 save("log", "lcm_no_telemetry", event(0, b"CAMERA", bytes(40)) + log[:178] + b"waste" + log[178:600])
 save("log", "record", b"REC\0")
