@@ -150,6 +150,7 @@ void noise(std::vector<Fault>& list) {
       link().inject(id | flags, data, static_cast<std::uint8_t>(w.random.below(9)));
     }
   };
+  list.back().noticed = [](const World&, const tiller_info_t&) { return link().counters().bad_messages > 0; };
 
   list.push_back(on_cable("babbling_drive", "the drive's heartbeat eight hundred times a tick", End::kStops,
                           Timeout::kSensor,

@@ -120,7 +120,7 @@ bool SocketLink::sense(World& world, const Fault* fault, const tiller_measuremen
                        tiller_measurement_t& measurement) {
   drain_plant();
   // a plant does not wait for its bus either
-  for (const CanFrame& frame : plant_.frames(genuine)) (void)port_.send(frame.id, frame.data, frame.length);
+  for (const CanFrame& frame : plant_.frames(genuine)) published_ += port_.send(frame.id, frame.data, frame.length);
   if (world.hung) return false;  // and does not read
   do {
     status_ = kSocketCanTransport.poll(&transport_, &measurement);
@@ -130,6 +130,7 @@ bool SocketLink::sense(World& world, const Fault* fault, const tiller_measuremen
     if (::poll(&wanted, 1, kPatience_ms) <= 0) break;
   } while (true);
   const bool fresh = status_ == tiller_status_ok;
+  missed_ += !fresh;
   if (status_ == tiller_status_no_new_measurement) status_ = tiller_status_ok;
   return fresh;
 }

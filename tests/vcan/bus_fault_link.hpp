@@ -74,10 +74,12 @@ class SocketLink final : public Link {
   const SocketCanTransport& transport() const { return transport_; }
   SocketCanTransport& transport() { return transport_; }
   tiller_transport_counters_t counters() const;
-  bool seen(tiller_status_t status) const;     ///< a poll has returned it
-  bool refused(tiller_status_t status) const;  ///< a send has
-  std::int64_t period_wall_us() const;         ///< the longest that a period took, or should have taken
-  int late_torques() const { return late_; }   ///< ticks whose torques were on the wire in a later one
+  bool seen(tiller_status_t status) const;                ///< a poll has returned it
+  bool refused(tiller_status_t status) const;             ///< a send has
+  std::uint64_t published() const { return published_; }  ///< frames that the plant has sent
+  std::uint64_t missed() const { return missed_; }        ///< ticks without a measurement
+  std::int64_t period_wall_us() const;                    ///< the longest that a period took, or should have taken
+  int late_torques() const { return late_; }              ///< ticks whose torques were on the wire in a later one
 
  private:
   struct Commanded {
@@ -98,6 +100,7 @@ class SocketLink final : public Link {
   std::deque<Commanded> commanded_;
   std::int64_t paced_from_us_ = -1;
   std::int64_t period_us_ = 0, began_us_ = 0, longest_us_ = 0;
+  std::uint64_t published_ = 0, missed_ = 0;
   std::uint64_t seen_[4] = {}, refused_[4] = {};
 };
 

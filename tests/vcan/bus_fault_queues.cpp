@@ -11,6 +11,11 @@ namespace {
 SocketLink& link() { return SocketLink::current(); }
 bool first(const World& w) { return w.ticks == 0; }
 
+bool readings_suffered(const World&, const tiller_info_t& info) {
+  const tiller_transport_counters_t c = link().counters();
+  return link().missed() + c.bad_messages + c.dropped_old + info.rejected_measurements > 0;
+}
+
 void loss(std::vector<Fault>& list) {
   list.push_back(on_cable("loss_of_readings", "netem loses every frame of the plant", End::kStops, Timeout::kSensor,
                           "`sensor_stale`, SAFE"));
@@ -37,6 +42,7 @@ void loss(std::vector<Fault>& list) {
     netem("vx0", "loss 10%");
     netem("vx1", "loss 10%");
   };
+  list.back().noticed = readings_suffered;
 }
 
 void order(std::vector<Fault>& list) {
@@ -47,7 +53,9 @@ void order(std::vector<Fault>& list) {
     netem("vx0", "duplicate 100%");
     netem("vx1", "duplicate 100%");
   };
-  list.back().noticed = [](const World&, const tiller_info_t&) { return link().counters().received > 0; };
+  list.back().noticed = [](const World&, const tiller_info_t&) {
+    return link().counters().received > link().published();  // others than the plant's are not on the wire
+  };
 
   list.push_back(on_cable("reorder", "netem holds back four of ten frames for a quarter of a period, both ways",
                           End::kBounded, Timeout::kSensor, "parts of two measurements never mix"));
@@ -58,6 +66,7 @@ void order(std::vector<Fault>& list) {
     netem("vx0", "delay " + wall_time(0.25) + " reorder 60%");
     netem("vx1", "delay " + wall_time(0.25) + " reorder 60%");
   };
+  list.back().noticed = readings_suffered;
 
   list.push_back(on_cable("late_readings", "netem delays the plant's frames by three periods", End::kBounded,
                           Timeout::kSensor, "taken for what they are: an old state"));
@@ -66,6 +75,7 @@ void order(std::vector<Fault>& list) {
     link().pace(true);
     netem("vx0", "delay " + wall_time(3.0));
   };
+  list.back().noticed = readings_suffered;
 
   list.push_back(on_cable("stale_readings", "netem delays the plant's frames by twenty periods", End::kStops,
                           Timeout::kSensor, "`sensor_stale`, SAFE; what arrives later changes nothing"));
@@ -86,6 +96,7 @@ void corruption(std::vector<Fault>& list) {
   list.back().step = [](World& w) {
     if (first(w)) netem("vx0", "corrupt 20%");
   };
+  list.back().noticed = readings_suffered;
 
   list.push_back(on_cable("corrupt_commands", "netem flips a bit in one of five frames of the controller",
                           End::kBounded, Timeout::kWatchdog,

@@ -2,76 +2,90 @@
 // and error frames between them. In lockstep: a tick follows each period of the plant, however slow the machine is.
 // What must hold is judged as for all other faults (tools/bench/fault_run.cpp), and on the wire (bus_fault_link.hpp).
 //
-//   bus_fault_test [--seeds N] [--kind NAME] [--quick 1]
+//   bus_fault_test [--seeds N] [--kind NAME] [--quick] [--page]
 //
-// Prints a row for each kind; exit code 1 if one run was wrong. --quick: the kinds take turns on the two plants. Needs root of a guest that run_in_guest.sh makes.
+// Prints a row for each kind; exit code 1 if one run was wrong. --quick: the kinds take turns on the two plants;
+// --page: the rows of docs/faults.md too. Needs root of a guest that run_in_guest.sh makes.
 
-#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 
+#include "bus_fault_process.hpp"
 #include "bus_fault_wires.hpp"
-#include "io/monotonic_clock.hpp"
+#include "fault_report.hpp"
 
 namespace tiller::faults {
 namespace {
 
-struct Result {
-  int runs = 0, wrong = 0, stopped = 0;
-  double worst_stop_s = 0.0;
-};
-
 struct Options {
   std::uint64_t seeds = 1;
   const char* kind = nullptr;
-  bool quick = false;
+  bool quick = false, page = false;
 };
 
-void run_kind(const Fault& fault, std::size_t number, const Options& options, Result& r) {
-  for (const Robot robot : kRobots) {
-    if (options.quick && static_cast<std::size_t>(robot) != number % 2) continue;
-    for (std::uint64_t seed = 1; seed <= options.seeds; ++seed) {
-      const Outcome o = run_fault(fault, robot, seed);
-      ++r.runs;
-      r.stopped += o.stopped_s >= 0.0;
-      r.worst_stop_s = std::max(r.worst_stop_s, o.stopped_s);
-      if (o.wrong == nullptr) continue;
-      ++r.wrong;
-      std::printf("WRONG %s, %s, seed %d, %.2f s: %s (%s, %s)\n", fault.name, name_of(robot), static_cast<int>(seed),
-                  o.wrong_s, o.wrong, tiller_state_name(o.state), tiller_status_name(o.status));
-    }
-  }
+/// The judges must be able to say no: a controller whose torques are on the wire two ticks late.
+bool judge_sees_stale_torques() {
+  Fault late = on_cable("judge", "", End::kBounded, Timeout::kSensor, "");
+  late.step = [](World& w) {
+    if (w.ticks != 0) return;
+    SocketLink::current().pace(true);
+    netem("vx1", "delay " + wall_time(2.0));
+  };
+  const Outcome o = run_fault(late, Robot::kPendulum, 1);
+  return o.wrong != nullptr && std::strcmp(o.wrong, "a stale torque on the wire") == 0;
 }
 
-int run(const Options& options) {
-  int wrong = 0, runs = 0;
-  std::size_t number = 0;
-  for (const Fault& fault : socket_faults()) {
-    ++number;
-    if (options.kind != nullptr && std::strcmp(options.kind, fault.name) != 0) continue;
-    const std::int64_t begin_us = monotonic_us();
-    Result r;
-    run_kind(fault, number, options, r);
-    runs += r.runs;
-    wrong += r.wrong;
-    std::printf("%-24s %2d runs %2d wrong, %2d stopped, after %.2f s at most; %.1f s\n", fault.name, r.runs, r.wrong,
-                r.stopped, r.worst_stop_s, 1e-6 * static_cast<double>(monotonic_us() - begin_us));
-    std::fflush(stdout);
-  }
-  std::printf("%d runs, %d wrong\n", runs, wrong);
-  return wrong == 0 && runs > 0 ? 0 : 1;
+/// And a fault of the wires that nobody answers, because it is none.
+bool judge_sees_motion() {
+  const Fault nothing = on_cable("judge", "", End::kStops, Timeout::kSensor, "");
+  const Outcome o = run_fault(nothing, Robot::kPendulum, 1);
+  return o.wrong != nullptr && std::strcmp(o.wrong, "the motor was still driven after the timeout") == 0;
 }
+
+/// Runs of all kinds that the options ask for, and what they came to.
+class Matrix {
+ public:
+  explicit Matrix(const Options& options) : options_(options) {}
+
+  int run() {
+    for (const Fault& fault : socket_faults())
+      kind(fault, [&](Robot robot, std::uint64_t seed) { return run_fault(fault, robot, seed); });
+    for (const ProcessFault& fault : process_faults())
+      kind(row_of(fault), [&](Robot robot, std::uint64_t seed) { return run_process_fault(fault, robot, seed); });
+    const bool judged = judge_sees_stale_torques() && judge_sees_motion();
+    if (!judged) std::printf("the judges see nothing\n");
+    std::printf("%d kinds, %d runs, %d wrong\n", kinds_, runs_, wrong_);
+    return wrong_ == 0 && runs_ > 0 && judged ? 0 : 1;
+  }
+
+ private:
+  void kind(const Fault& fault, const std::function<Outcome(Robot, std::uint64_t)>& one) {
+    const Robot turn = kRobots[kinds_++ % 2];
+    if (options_.kind != nullptr && std::strcmp(options_.kind, fault.name) != 0) return;
+    const std::vector<Robot> both = {Robot::kPendulum, Robot::kCartPole};
+    const KindResult r = run_kind(options_.seeds, options_.quick ? std::vector<Robot>{turn} : both, one);
+    runs_ += r.runs;
+    wrong_ += r.wrong;
+    print_line(fault, r);
+    if (options_.page) std::printf("PAGE %s\n", page_row(fault, r).c_str());
+  }
+
+  const Options& options_;
+  int kinds_ = 0, runs_ = 0, wrong_ = 0;
+};
 
 }  // namespace
 }  // namespace tiller::faults
 
 int main(int argc, char** argv) {
   tiller::faults::Options options;
-  for (int i = 1; i + 1 < argc; i += 2) {
-    if (std::strcmp(argv[i], "--seeds") == 0) options.seeds = std::strtoull(argv[i + 1], nullptr, 10);
-    if (std::strcmp(argv[i], "--kind") == 0) options.kind = argv[i + 1];
+  for (int i = 1; i < argc; ++i) {
+    const bool more = i + 1 < argc;
     if (std::strcmp(argv[i], "--quick") == 0) options.quick = true;
+    if (std::strcmp(argv[i], "--page") == 0) options.page = true;
+    if (more && std::strcmp(argv[i], "--seeds") == 0) options.seeds = std::strtoull(argv[i + 1], nullptr, 10);
+    if (more && std::strcmp(argv[i], "--kind") == 0) options.kind = argv[i + 1];
   }
-  return tiller::faults::run(options);
+  return tiller::faults::Matrix(options).run();
 }

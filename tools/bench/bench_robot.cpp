@@ -10,6 +10,7 @@
 #include "fault.hpp"
 #include "fault_loss.hpp"
 #include "fault_refusals.hpp"
+#include "fault_report.hpp"
 #include "safety/gate_storm.hpp"
 #include "soak.hpp"
 
@@ -28,54 +29,6 @@ struct Options {
   std::string kind;  ///< this one alone
   std::string page;  ///< the table of docs/faults.md is written between its marks
 };
-
-/// All runs of one kind.
-struct KindResult {
-  int runs = 0, wrong = 0;
-  int stopped = 0;
-  double worst_stop_s = 0.0;
-  std::string first_wrong;
-};
-
-KindResult run_kind(const Fault& fault, std::uint64_t seeds) {
-  KindResult r;
-  for (const Robot robot : kRobots) {
-    for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
-      const Outcome o = run_fault(fault, robot, seed);
-      ++r.runs;
-      if (o.stopped_s >= 0.0) ++r.stopped;
-      r.worst_stop_s = std::max(r.worst_stop_s, o.stopped_s);
-      if (o.wrong == nullptr) continue;
-      if (r.wrong++ == 0) {
-        std::ostringstream text;
-        text << name_of(robot) << ", seed " << seed << ", " << o.wrong_s << " s: " << o.wrong << " ("
-             << tiller_state_name(o.state) << ", " << tiller_status_name(o.status) << ")";
-        r.first_wrong = text.str();
-      }
-    }
-  }
-  return r;
-}
-
-std::string stop_text(const Fault& fault, const KindResult& r) {
-  char text[64];
-  if (fault.end == End::kRides) return "rides";
-  std::snprintf(text, sizeof text, "%.2f s", r.worst_stop_s);
-  if (fault.end == End::kStops) return text;
-  std::snprintf(text, sizeof text, "%d of %d stop", r.stopped, r.runs);
-  return text;
-}
-
-std::string allowed_text(const Fault& fault) {
-  if (fault.end != End::kStops) return "-";
-  std::string longest;
-  char text[64];
-  Setup setup = setup_of(Robot::kPendulum, 1);
-  if (fault.prepare != nullptr) fault.prepare(setup);
-  const double s = 1e-6 * static_cast<double>(timeout_us(fault.timeout, setup)) + 2.0 * setup.config.period_s;
-  std::snprintf(text, sizeof text, "%.2f s (%s)", s, name_of(fault.timeout));
-  return text;
-}
 
 /// Replaces what stands between the marks of a page.
 bool write_between_marks(const std::string& path, const std::string& table) {
@@ -103,11 +56,8 @@ void faults(const Options& options, Table& table) {
     const KindResult r = run_kind(fault, options.seeds);
     runs += r.runs;
     wrong += r.wrong;
-    std::printf("    %-32s %-7s %4d runs %4d wrong  %s%s%s\n", fault.name, name_of(fault.road), r.runs, r.wrong,
-                stop_text(fault, r).c_str(), r.wrong ? "  " : "", r.first_wrong.c_str());
-    std::fflush(stdout);
-    page << "| " << fault.group << " | " << fault.what << " | " << name_of(fault.road) << " | " << fault.answer << " | "
-         << stop_text(fault, r) << " | " << allowed_text(fault) << " |\n";
+    print_line(fault, r);
+    page << page_row(fault, r) << "\n";
   }
   int refused = 0, refusals = 0;
   for (const Refusal& r : all_refusals()) {
