@@ -3,12 +3,15 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <set>
 #include <sstream>
 
 namespace tiller::faults {
 namespace {
 
-bool changed = true;
+// what a run has changed; each program that is started costs an emulated machine a tenth of a second
+std::set<std::string> queues;
+bool gateway_changed = true, links_changed = true;
 
 std::unique_ptr<Link> cable(const Setup& setup, Device& device) {
   restore_wires();
@@ -30,33 +33,40 @@ Fault kind(const char* name, const char* group, const char* what, End end, Timeo
   return fault;
 }
 
-void add_rules(const std::string& ends, const std::string& rules) {
-  if (rules == "none") return;
-  if (rules.empty()) return wire("cangw -A -e " + ends);
+std::string rules_for(const std::string& ends, const std::string& rules) {
+  if (rules == "none") return "";
+  if (rules.empty()) return " && cangw -A -e " + ends;
   std::istringstream all(rules);
-  for (std::string rule; std::getline(all, rule, ';');) wire("cangw -A -e " + ends + " " + rule);
+  std::string text;
+  for (std::string rule; std::getline(all, rule, ';');) text += " && cangw -A -e " + ends + " " + rule;
+  return text;
 }
 
 }  // namespace
 
 void wire(const std::string& command) {
-  changed = true;
+  links_changed = links_changed || command.find("ip link") != std::string::npos;
+  gateway_changed = gateway_changed || command.find("cangw") != std::string::npos;
   if (std::system(command.c_str()) == 0) return;
   std::fprintf(stderr, "failed: %s\n", command.c_str());
   SocketLink::report("a command of ip, tc or cangw failed");
 }
 
 void restore_wires() {
-  if (!changed) return;
   // what is not there to be removed is no error
-  (void)!std::system(
-      "for i in vx0 vx1 vcan0; do tc qdisc del dev $i root; done 2>/dev/null; cangw -F 2>/dev/null;"
-      "ip link show vx1 >/dev/null 2>&1 || ip link add vx0 type vxcan peer name vx1;"
-      "for i in vx0 vx1 vcan0 vcan1; do ip link set $i up; done");
-  changed = false;
+  if (links_changed)
+    (void)!std::system(
+        "ip link show vx1 >/dev/null 2>&1 || ip link add vx0 type vxcan peer name vx1;"
+        "for i in vx0 vx1 vcan0 vcan1; do ip link set $i up; done");
+  for (const std::string& interface : queues)
+    (void)!std::system(("tc qdisc del dev " + interface + " root 2>/dev/null").c_str());
+  if (gateway_changed) (void)!std::system("cangw -F 2>/dev/null");
+  links_changed = gateway_changed = false;
+  queues.clear();
 }
 
 void netem(const char* interface, const std::string& what) {
+  queues.insert(interface);
   wire(std::string("tc qdisc replace dev ") + interface + " root netem " + what);
 }
 
@@ -75,6 +85,7 @@ void shrink(Setup& setup) {
   c.planner.particles = 1;
   c.planner.iterations = 1;
   setup.plant.step_s = 0.001;
+  setup.latest_onset_ticks = 50;
 }
 
 Fault on_cable(const char* name, const char* what, End end, Timeout timeout, const char* answer) {
@@ -94,9 +105,7 @@ Fault behind_gateway(const char* name, const char* what, End end, Timeout timeou
 }
 
 void gateway(const std::string& readings, const std::string& commands) {
-  wire("cangw -F");
-  add_rules("-s vx1 -d vcan1", readings);
-  add_rules("-s vcan1 -d vx1", commands);
+  wire("cangw -F" + rules_for("-s vx1 -d vcan1", readings) + rules_for("-s vcan1 -d vx1", commands));
 }
 
 const std::vector<Fault>& socket_faults() {

@@ -65,7 +65,8 @@ class Run {
   Outcome go() {
     if (!begin()) return outcome_;
     const std::int64_t limit_us = timeout_us(fault_.timeout, world_.setup) + 2 * world_.period_us;
-    const auto onset = static_cast<int>(25 + world_.random.below(76));  // 0.5..2 s: while it swings up, or stands
+    // 0.5..2 s: while it swings up, or stands
+    const auto onset = static_cast<int>(25 + world_.random.below(world_.setup.latest_onset_ticks - 24));
     const auto periods = static_cast<int>(limit_us / world_.period_us) + 50;
     for (int k = 0; k < onset; ++k) period(nullptr);
     // a kind that may stop by chance and is there from the start may have done so

@@ -49,6 +49,7 @@ struct Setup {
   bool motor_encoder = false;                  ///< bus: the first value comes from the motor's own encoder
   bool keyed = false;                          ///< LCM: plant and controller hold the same key
   bool own_cost = false;                       ///< the planner calls a cost that the fault can break
+  std::uint32_t latest_onset_ticks = 100;      ///< the fault begins from tick 25 to this one, by chance
   bool clock = false;                          ///< the controller has a clock that the fault can turn
 };
 
