@@ -35,17 +35,21 @@ struct Head {
 bool LcmEventLog::next(LcmEvent& event) {
   while (find_sync()) {
     char bytes[Head::kBytes];
+    cut_off_ = true;  // until the event is whole
     if (file_.sgetn(bytes, sizeof bytes) != sizeof bytes) return false;
     const Head head(bytes);
     if (!head.is_possible()) {
       skipped_bytes_ += sizeof kSync + sizeof bytes;
+      cut_off_ = false;
       continue;
     }
     event.stamp_us = static_cast<std::int64_t>(head.stamp_us);
     event.bytes = head.message_bytes;
     if (!read(event.channel, head.channel_bytes)) return false;
     event.message.clear();
-    return head.message_bytes <= kMostBytes ? read(event.message, head.message_bytes) : pass_over(head.message_bytes);
+    cut_off_ =
+        !(head.message_bytes <= kMostBytes ? read(event.message, head.message_bytes) : pass_over(head.message_bytes));
+    return !cut_off_;
   }
   return false;
 }

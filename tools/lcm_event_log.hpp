@@ -33,6 +33,9 @@ class LcmEventLog {
   /// Bytes passed over so far that belong to no event; 0 for a log without damage, unless it is cut off in an event.
   std::uint64_t skipped_bytes() const { return skipped_bytes_; }
 
+  /// Whether the log ended within an event.
+  bool cut_off() const { return cut_off_; }
+
  private:
   bool find_sync();
   bool read(std::string& bytes, std::uint32_t count);
@@ -40,6 +43,7 @@ class LcmEventLog {
 
   std::streambuf& file_;
   std::uint64_t skipped_bytes_ = 0;
+  bool cut_off_ = false;
 };
 
 }  // namespace tiller::tools

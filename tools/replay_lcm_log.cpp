@@ -54,12 +54,18 @@ class LogReader {
       if (event.channel == prefix + "COMMAND") take_command(event, answers);
       if (event.channel == prefix + "TELEMETRY") take_telemetry(event, answers);
     }
+    if (log.skipped_bytes() > 0)
+      damage_ = format("%llu bytes of it belong to no event", static_cast<unsigned long long>(log.skipped_bytes()));
+    if (log.cut_off()) damage_ += (damage_.empty() ? "" : "; ") + std::string("it is cut off in its last event");
     if (!answers.empty() && measurements_ > 0) return true;
     error = path_ + ": no " + (answers.empty() ? "commands" : "measurements") + " on the channels " + prefix +
             "MEASUREMENT and " + prefix + "COMMAND that fit " + robot_.path +
             "; compare [transport] channel_prefix and [measurement]\n";
     return false;
   }
+
+  /// What is wrong with the file itself; empty: nothing.
+  const std::string& damage() const { return damage_; }
 
  private:
   void take_measurement(const LcmEvent& event) {
@@ -106,6 +112,7 @@ class LogReader {
   const std::string& path_;
   std::vector<tiller_measurement_t> waiting_;  // since the last one that was answered
   std::size_t measurements_ = 0;
+  std::string damage_;
 };
 
 /// Which commands are ticks of the controller: those with telemetry, and those between them that its tick numbers miss.
@@ -232,7 +239,8 @@ bool read_lcm_run(std::istream& file, const std::string& path, const RobotFile& 
                   std::string& error) {
   run = {};
   std::vector<Answer> answers;
-  if (!LogReader(robot, path).read(file, answers, error)) return false;
+  LogReader reader(robot, path);
+  if (!reader.read(file, answers, error)) return false;
   const std::vector<Answer> ticks = ticks_of(answers, run.note);
   const auto stands_at_its_stamp = [](const Answer& a) {
     return !a.has_answered || a.command.stamp_us == a.answered.stamp_us;
@@ -254,6 +262,8 @@ bool read_lcm_run(std::istream& file, const std::string& path, const RobotFile& 
   if (robot.transport.stamp_on_arrival && !lockstep)
     run.note +=
         (run.note.empty() ? "" : "; ") + std::string("the times of arrival are not in it: expect no equal bits");
+  run.cut_off = !reader.damage().empty();
+  if (run.cut_off) run.note += (run.note.empty() ? "" : "; ") + reader.damage();
   if (run.entries.empty()) error = path + ": no tick of a controller in it\n";
   return !run.entries.empty();
 }

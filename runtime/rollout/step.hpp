@@ -386,15 +386,18 @@ struct Stepper {
     }
     for (int r = 0; r < kCount; ++r) t[r].x = next[r];
   }
-  template <int kCount>
-  static TILLER_INLINE void keep_still(const Model& model, std::uint32_t states, const S* part,
-                                       const Trajectory<Model, S>* before, Trajectory<Model, S>* t) {
-    for (int r = 0; r < kCount; ++r) {
-      const auto moves = part[r] > S(0.0);
-      each(model.nx(), [&](auto i) { t[r].x[i] = select(moves, t[r].x[i], before[r].x[i]); });
-      for (std::uint32_t s = 0; s < states; ++s)
-        t[r].effect_state[s] = select(moves, t[r].effect_state[s], before[r].effect_state[s]);
-    }
+  /// States of effects beyond those that there are hold nothing worth copying.
+  TILLER_INLINE void keep(const Trajectory<Model, S>& t, Trajectory<Model, S>& before) const {
+    before.x = t.x;
+    for (std::uint32_t s = 0; s < setup.effect_state_count; ++s) before.effect_state[s] = t.effect_state[s];
+  }
+  /// Lanes whose part is empty stand where they stood.
+  TILLER_INLINE void keep_still(const S& part, const Trajectory<Model, S>& before, Trajectory<Model, S>& t) const {
+    const auto stands = part <= S(0.0);
+    if (!any(stands)) return;
+    each(model.nx(), [&](auto i) { t.x[i] = select(stands, before.x[i], t.x[i]); });
+    for (std::uint32_t s = 0; s < setup.effect_state_count; ++s)
+      t.effect_state[s] = select(stands, before.effect_state[s], t.effect_state[s]);
   }
   /// One period. `past` as in take_turns(), or NoPast: no input is delayed.
   template <int kCount, int kSets, class Past>
@@ -426,12 +429,12 @@ struct Stepper {
           if (turning) {
             more = false;
             for (int r = 0; r < kCount; ++r) {
-              before[r] = t[r];
+              keep(t[r], before[r]);
               more = next_part(k, turns[r], done[r], part[r], acting[r], step[r]) || more;
             }
           }
           substep_all<kCount, kSets>(t, acting, p, bodies, step);
-          if (turning) keep_still<kCount>(model, setup.effect_state_count, part, before, t);
+          for (int r = 0; turning && r < kCount; ++r) keep_still(part[r], before[r], t[r]);
         } while (more);
       }
     }

@@ -187,9 +187,9 @@ TEST_F(Command, ARecordReplaysToTheLastBit) {
 }
 
 TEST_F(Command, ALogThatIsCutOffSaysSoAndAnMcapBringsItsRobot) {
-  ASSERT_EQ(
-      run({"run", kCartPole, "--sim", "--seconds", "1", "--quiet", "--record", "run.mcap", "--record", "run.rec"}).code,
-      0);
+  Words arguments = {"run", kCartPole, "--sim", "--seconds", "1", "--quiet"};
+  for (const char* name : {"run.mcap", "run.rec", "run.lcm"}) arguments.insert(arguments.end(), {"--record", name});
+  ASSERT_EQ(run(arguments).code, 0);
   const Ended alone = run({"replay", "run.mcap"});
   EXPECT_EQ(alone.code, 0) << alone.out;
   EXPECT_TRUE(contains(alone.out, "50 ticks replayed")) << alone.out;
@@ -203,6 +203,12 @@ TEST_F(Command, ALogThatIsCutOffSaysSoAndAnMcapBringsItsRobot) {
   EXPECT_EQ(cut.code, 2) << cut.out;
   EXPECT_TRUE(contains(cut.out, "49 whole ticks; the one behind them is cut off")) << cut.out;
   EXPECT_TRUE(contains(cut.out, "49 ticks replayed")) << cut.out;
+
+  EXPECT_EQ(run({"replay", "run.lcm", kCartPole}).code, 0);
+  fs::resize_file(folder_ + "/run.lcm", fs::file_size(folder_ + "/run.lcm") / 2);
+  const Ended half = run({"replay", "run.lcm", kCartPole});
+  EXPECT_EQ(half.code, 2) << half.out;
+  EXPECT_TRUE(contains(half.out, "cut off in its last event")) << half.out;
 }
 
 TEST_F(Command, ProgressIsAPlainLineEveryHalfSecondWithoutATerminal) {
