@@ -38,7 +38,7 @@ std::string word(const json& object, const char* key) {
 double sample_point(const json& timing) {
   const json& value = member(timing, "sample_point");
   if (value.is_number()) return value.get<double>();
-  return value.is_string() ? std::atof(value.get<std::string>().c_str()) : -1;
+  return value.is_string() ? std::strtod(value.get<std::string>().c_str(), nullptr) : -1;
 }
 
 std::vector<std::string> words(const json& list) {

@@ -73,6 +73,12 @@ std::string all_of(const std::string& path) {
   return bytes.str();
 }
 
+std::uint64_t bits_of(double v) {
+  std::uint64_t bits;
+  std::memcpy(&bits, &v, sizeof bits);
+  return bits;
+}
+
 std::string bits_text(double v) { return format("%.17g", v); }
 
 /// Ticks that the recorder dropped: the controller that is asked again has not seen them.
@@ -113,8 +119,7 @@ bool same_command(const tiller_command_t& a, const tiller_command_t& b, std::uin
     const double apart = std::fabs(a.value[i] - b.value[i]);
     if (!(apart <= difference)) difference = apart;
     // NaN is within no tolerance
-    if (tolerance > 0 ? !(apart <= tolerance) : std::memcmp(&a.value[i], &b.value[i], sizeof(double)) != 0)
-      same = false;
+    if (tolerance > 0 ? !(apart <= tolerance) : bits_of(a.value[i]) != bits_of(b.value[i])) same = false;
   }
   return same;
 }

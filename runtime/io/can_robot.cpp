@@ -261,7 +261,7 @@ bool CanRobot::is_ready() const {
 // ---- frames out ----
 
 std::uint32_t CanRobot::command(const tiller_command_t& command, CanFrame* frames) {
-  double set_point[TILLER_MAX_INPUTS];
+  double set_point[TILLER_MAX_INPUTS] = {};
   bool pushes = false;
   for (std::uint32_t i = 0; i < layout_.motor_count; ++i) {
     const CanMotor& motor = layout_.motors[i];
