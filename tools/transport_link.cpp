@@ -130,7 +130,7 @@ class TransportLink : public Link {
 
   std::string can_counters() const {
     const SocketCanCounters& c = can_.bus_counters;
-    std::string text;
+    std::string text = std::string(", times of arrival by ") + stamp_source_text(can_.stamps);
     if (c.held_back) text += format(", %llu commands held back by a stuck bus", count(c.held_back));
     if (c.foreign) text += format(", %llu set points of another program", count(c.foreign));
     if (c.bus_offs) text += format(", %llu times bus-off", count(c.bus_offs));

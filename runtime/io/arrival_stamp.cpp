@@ -22,6 +22,11 @@ const char* stamp_source_text(StampSource source) {
   return "";
 }
 
+StampSource source_of(const ArrivalStamp& stamp) {
+  if (stamp.kernel_ns == 0) return StampSource::kReader;
+  return stamp.interface_ns == 0 ? StampSource::kKernel : StampSource::kInterface;
+}
+
 bool request_arrival_stamps(int socket) {
   const int both = SOF_TIMESTAMPING_RX_HARDWARE | SOF_TIMESTAMPING_RAW_HARDWARE | SOF_TIMESTAMPING_RX_SOFTWARE |
                    SOF_TIMESTAMPING_SOFTWARE;

@@ -22,9 +22,11 @@ struct ArrivalStamp {
   std::int64_t interface_ns = 0;  ///< by the interface's own clock, which begins and drifts as it likes
 };
 
+StampSource source_of(const ArrivalStamp& stamp);
+
 /// Asks the kernel for stamps of what this socket receives: the interface's (SO_TIMESTAMPING, which drivers of CAN
 /// controllers with a clock always fill) beside the kernel's, or the kernel's alone (SO_TIMESTAMPNS) where that is all
-/// it knows. False with errno where it knows neither.
+/// it knows. False with errno where it knows neither. It may begin to stamp milliseconds later.
 [[nodiscard]] bool request_arrival_stamps(int socket);
 
 /// Bytes that a control buffer needs for them.
@@ -49,7 +51,7 @@ class InterfaceClock {
   static constexpr std::int64_t kWindowNs = 250000000;
   static constexpr std::int64_t kLatestNs = 20000000;  // no interrupt waits for longer: a clock was set
 
-  std::int64_t window_begin_ns_ = 0;             // by the interface
+  std::int64_t window_begin_ns_ = 0;               // by the interface
   std::int64_t least_ns_ = 0, last_least_ns_ = 0;  // of this window and of the one before
   bool known_ = false;
 };

@@ -309,6 +309,13 @@ std::uint32_t CanRobot::queries_due(CanFrame* frames) {
   return count;
 }
 
+/// Every motor that is measured tells its state when it is asked, and not only when it is commanded.
+bool CanRobot::all_answer_queries() const {
+  for (std::uint32_t i = 0; i < layout_.motor_count; ++i)
+    if (reads_motion(i) && !axes_[i].can(kAnswersQueries)) return false;
+  return true;
+}
+
 bool CanRobot::needs_asking() const {
   if (has_board()) return false;
   for (std::uint32_t i = 0; i < layout_.motor_count; ++i)
@@ -318,8 +325,10 @@ bool CanRobot::needs_asking() const {
 
 std::uint32_t CanRobot::ask(CanFrame* frames) {
   std::uint32_t count = 0;
+  // the answers to the last command are a period old, and so is a measurement that they made
+  if (all_answer_queries()) has_new_ = false;
   for (std::uint32_t i = 0; i < layout_.motor_count; ++i) {
-    if (axes_[i].can(kAnswersQueries)) axes_[i].forget_motion();  // the answer to the last command is a period old
+    if (axes_[i].can(kAnswersQueries)) axes_[i].forget_motion();
     count += axes_[i].query(frames + count);
   }
   return count;

@@ -111,6 +111,7 @@ class CanRobot {
   double channel_value(const CanChannel& channel) const;
   bool has_board() const { return layout_.sensor_node != CanLayout::kNoBoard; }
   bool reads_motion(std::uint32_t i) const { return (needed_estimates_ >> i & 1u) != 0; }
+  bool all_answer_queries() const;
   void status(const tiller_command_t& command, CanFrame& frame);
 
   CanLayout layout_;

@@ -99,37 +99,25 @@ void take_data_frame(SocketCanTransport* transport, const canfd_frame& frame, bo
     ++transport->counters.received;
 }
 
-/// What came along with a frame.
-struct Ancillary {
-  bool stamped = false;
-  std::int64_t arrival_us = 0;  // by CLOCK_REALTIME
-};
-
-Ancillary take_ancillary(SocketCanTransport* transport, msghdr& message) {
-  Ancillary all;
+/// The stamps that came along with a frame.
+ArrivalStamp take_ancillary(SocketCanTransport* transport, msghdr& message) {
+  ArrivalStamp stamp;
   for (cmsghdr* c = CMSG_FIRSTHDR(&message); c != nullptr; c = CMSG_NXTHDR(&message, c)) {
-    if (c->cmsg_level != SOL_SOCKET) continue;
-    if (c->cmsg_type == SO_RXQ_OVFL) {
-      // the kernel attaches its count of frames lost so far to the next frame that gets through
-      std::uint32_t drops = 0;
-      std::memcpy(&drops, CMSG_DATA(c), sizeof drops);
-      const std::uint32_t more = drops - transport->kernel_drops;  // wraps with the kernel's counter
-      transport->counters.overflows += more;
-      transport->kernel_drops = drops;
-      if (more != 0) transport->awaited = 0;  // confirmations may have been among them
-    } else if (c->cmsg_type == SO_TIMESTAMPNS) {
-      timespec stamp;
-      std::memcpy(&stamp, CMSG_DATA(c), sizeof stamp);
-      all.stamped = true;
-      all.arrival_us = static_cast<std::int64_t>(stamp.tv_sec) * 1000000 + stamp.tv_nsec / 1000;
-    }
+    if (read_arrival_stamp(c, &stamp) || c->cmsg_level != SOL_SOCKET || c->cmsg_type != SO_RXQ_OVFL) continue;
+    // the kernel attaches its count of frames lost so far to the next frame that gets through
+    std::uint32_t drops = 0;
+    std::memcpy(&drops, CMSG_DATA(c), sizeof drops);
+    const std::uint32_t more = drops - transport->kernel_drops;  // wraps with the kernel's counter
+    transport->counters.overflows += more;
+    transport->kernel_drops = drops;
+    if (more != 0) transport->awaited = 0;  // confirmations may have been among them
   }
-  return all;
+  return stamp;
 }
 
 /// The arrival on the clock of this program. The kernel stamps by CLOCK_REALTIME: when that was set since the last frame,
 /// one stamp is not believed. Any age is: a program that was stopped must see how old what it finds is.
-std::int64_t arrival_us(SocketCanTransport* transport, const Ancillary& ancillary) {
+std::int64_t arrival_us(SocketCanTransport* transport, const ArrivalStamp& stamp) {
   constexpr std::int64_t kStepUs = 100000, kBesideUs = 2000;
   std::int64_t now_us = monotonic_us(), real_us = realtime_us();
   for (int i = 0; i < 4 && monotonic_us() - now_us > kBesideUs; ++i) {  // held up between the two
@@ -138,16 +126,16 @@ std::int64_t arrival_us(SocketCanTransport* transport, const Ancillary& ancillar
   }
   const std::int64_t step_us = real_us - now_us - transport->clock_offset_us;
   transport->clock_offset_us += step_us;
-  const std::int64_t age_us = real_us - ancillary.arrival_us;
+  const std::int64_t age_us = real_us - transport->interface_clock.arrival_ns(stamp) / 1000;
   const bool set = step_us > kStepUs || step_us < -kStepUs;
-  return ancillary.stamped && !set && age_us >= 0 ? now_us - age_us : now_us;
+  return stamp.kernel_ns != 0 && !set && age_us >= 0 ? now_us - age_us : now_us;
 }
 
 /// False once there is nothing more to read.
 bool read_frame(SocketCanTransport* transport) {
   canfd_frame frame;
   std::memset(&frame, 0, sizeof frame);
-  alignas(cmsghdr) char control[CMSG_SPACE(sizeof(std::uint32_t)) + CMSG_SPACE(sizeof(timespec))];
+  alignas(cmsghdr) char control[CMSG_SPACE(sizeof(std::uint32_t)) + kArrivalStampSpace];
   iovec part = {&frame, sizeof frame};
   msghdr message{};
   message.msg_iov = &part;
@@ -161,14 +149,15 @@ bool read_frame(SocketCanTransport* transport) {
     return errno == EINTR;
   }
   transport->link_down = false;
-  const Ancillary ancillary = take_ancillary(transport, message);
+  const ArrivalStamp stamp = take_ancillary(transport, message);
   const bool fd = size == static_cast<ssize_t>(CANFD_MTU);
   if ((!fd && size != static_cast<ssize_t>(CAN_MTU)) || frame.len > (fd ? CANFD_MAX_DLEN : CAN_MAX_DLEN)) {
     ++transport->counters.bad_messages;
   } else if ((frame.can_id & CAN_ERR_FLAG) != 0) {
     take_error_frame(transport, frame);
   } else {
-    take_data_frame(transport, frame, fd, (message.msg_flags & MSG_CONFIRM) != 0, arrival_us(transport, ancillary));
+    transport->stamps = source_of(stamp);
+    take_data_frame(transport, frame, fd, (message.msg_flags & MSG_CONFIRM) != 0, arrival_us(transport, stamp));
   }
   return true;
 }
@@ -347,7 +336,7 @@ tiller_status_t configure(SocketCanTransport* transport, const SocketCanOptions&
   ok = ok && set_option(s, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &on, sizeof on);
   if (transport->fd) ok = ok && set_option(s, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on);
   ok = ok && set_option(s, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);
-  ok = ok && set_option(s, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
+  ok = ok && request_arrival_stamps(s);
   if (options.receive_buffer_bytes > 0)
     ok = ok && set_option(s, SOL_SOCKET, SO_RCVBUF, &options.receive_buffer_bytes, sizeof(int));
   if (ok) return tiller_status_ok;

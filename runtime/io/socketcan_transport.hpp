@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "io/arrival_stamp.hpp"
 #include "io/can_robot.hpp"
 #include "io/open_error.hpp"
 #include "tiller/transport.h"
@@ -32,8 +33,8 @@ struct SocketCanCounters {
 
 /// A raw CAN socket that never waits. Owned by the caller, filled by socketcan_open. One thread at a time.
 ///
-/// Frames are stamped by the kernel on arrival, so that a program that was held up does not take a late reading for a
-/// new one. Own set points come back once they were on the bus: as long as the last tick's have not, no more are
+/// Frames are stamped on arrival, by the interface where it has a clock and else by the kernel, so that a program that was
+/// held up does not take a late reading for a new one. Own set points come back once they were on the bus: as long as the last tick's have not, no more are
 /// queued behind them, so that a bus that recovers carries at most one tick's old set points and not a queue of them.
 /// (A driver that brings none back is taken as it is.)
 struct SocketCanTransport {
@@ -43,7 +44,9 @@ struct SocketCanTransport {
   std::uint32_t kernel_drops = 0;  // last value of SO_RXQ_OVFL, which counts from the socket's opening
   bool fd = false;
   std::int64_t clock_offset_us = 0;  // CLOCK_REALTIME, which the kernel stamps by, less CLOCK_MONOTONIC
-  bool somebody_else = false;        // another program commands our motors; until faults are cleared
+  InterfaceClock interface_clock;
+  StampSource stamps = StampSource::kReader;  // of the last frame of somebody else's
+  bool somebody_else = false;                 // another program commands our motors; until faults are cleared
 
   // set points on their way: sent, and not seen on the bus yet
   std::uint32_t awaited = 0;

@@ -67,6 +67,60 @@ TEST(Moteus, IsAskedWhenTheBoardStampsAndReadAtThatTime) {
   EXPECT_NEAR(2.0, measurement.value[0], 1e-6);
 }
 
+/// Without a board somebody has to ask before each tick, and what was told before the question is of another time.
+TEST(Moteus, WithoutABoardTheMeasurementIsTheAnswerToTheQuestion) {
+  CanLayout layout = one_motor(ActuatorKind::moteus);
+  layout.sensor_node = CanLayout::kNoBoard;
+  layout.channels[0] = {CanSource::kMotorPosition, 0};
+  RobotBus bus(layout);
+  CanRobot& robot = bus.robot;
+  ASSERT_TRUE(robot.needs_asking());
+  sim::MoteusAxis drive(kMotor);
+  CanFrame frames[CanRobot::kMaxFrames];
+  tiller_measurement_t measurement;
+  tiller_command_t command{};
+  command.state = tiller_state_active;
+  std::int64_t now_us = 1000000;
+  for (int k = 0; k < 20; ++k, now_us += 20000) {
+    const double position_rad = 0.01 * k;
+    const std::uint32_t asked = robot.ask(frames);
+    ASSERT_EQ(1u, asked);
+    EXPECT_FALSE(robot.take(&measurement)) << "the answer to the command is of the period before";
+    bus.deliver(frames, asked, drive, {position_rad, 0}, now_us);
+    ASSERT_TRUE(robot.take(&measurement));
+    EXPECT_NEAR(position_rad, measurement.value[0], 1e-6);
+    EXPECT_EQ(now_us, measurement.stamp_us);
+    EXPECT_FALSE(robot.take(&measurement)) << "once";
+    bus.deliver(frames, robot.command(command, frames), drive, {position_rad + 0.005, 0}, now_us + 3000);
+  }
+}
+
+/// Drives that answer nothing but commands are measured by those answers, asked or not.
+TEST(Mit, WithoutABoardTheMeasurementIsTheAnswerToTheCommand) {
+  CanLayout layout = one_motor(ActuatorKind::mit);
+  layout.sensor_node = CanLayout::kNoBoard;
+  layout.channels[0] = {CanSource::kMotorPosition, 0};
+  RobotBus bus(layout);
+  CanRobot& robot = bus.robot;
+  ASSERT_TRUE(robot.needs_asking());
+  const auto drive = emulated(ActuatorKind::mit);
+  CanFrame frames[CanRobot::kMaxFrames];
+  tiller_measurement_t measurement;
+  tiller_command_t command{};
+  command.state = tiller_state_active;
+  std::int64_t now_us = 1000000;
+  for (int k = 0; k < 20; ++k, now_us += 20000) {
+    bus.deliver(frames, robot.ask(frames), *drive, {0.01 * k, 0}, now_us);
+    if (k > 0) {
+      ASSERT_TRUE(robot.take(&measurement)) << k;
+      EXPECT_NEAR(0.01 * k - 0.005, measurement.value[0], 0.006);
+    } else {
+      (void)robot.take(&measurement);
+    }
+    bus.deliver(frames, robot.command(command, frames), *drive, {0.01 * k + 0.005, 0}, now_us + 3000);
+  }
+}
+
 TEST(CanLayoutOfDrives, IdentifiersThatMeetAreRefused) {
   const auto two = [](ActuatorKind a, std::uint32_t node_a, ActuatorKind b, std::uint32_t node_b,
                       std::uint32_t board = CanLayout::kNoBoard) {

@@ -338,6 +338,7 @@ TEST_F(SocketCan, AMeasurementThatWaitedInTheQueueIsAsOldAsItIs) {
   EXPECT_GE(measurement_.stamp_us, before_us - 20000);
   EXPECT_LE(measurement_.stamp_us, sent_us + 20000);
   EXPECT_GT(monotonic_us() - measurement_.stamp_us, 250000);
+  EXPECT_EQ(StampSource::kKernel, transport_.stamps) << "a virtual interface has no clock";
 }
 
 TEST_F(SocketCan, MoteusSpeaksFdFramesWithItsFastPhase) {
