@@ -37,6 +37,10 @@ class Bytes {
     for (int i = 0; i < 4; ++i) value = value << 8 | byte();
     return value;
   }
+  std::uint64_t long_word() {
+    const std::uint64_t high = word();
+    return high << 32 | word();
+  }
   /// At most `count` bytes, as a copy of exactly that length, so that a sanitizer sees the first byte beyond.
   std::string take(std::size_t count) {
     const std::size_t n = count < size_ ? count : size_;

@@ -60,10 +60,23 @@ tiller::CanFrame frame_of(fuzz::Bytes& input) {
   return frame;
 }
 
-void check_frames(const tiller::CanFrame* frames, std::uint32_t count, std::uint32_t most) {
-  fuzz::require(count <= most, "frames fit their places");
-  for (std::uint32_t i = 0; i < count; ++i)
+void check_frames(const tiller::CanRobot& robot, const tiller::CanFrame* frames, std::uint32_t count) {
+  fuzz::require(count <= tiller::CanRobot::kMaxFrames, "frames fit their places");
+  for (std::uint32_t i = 0; i < count; ++i) {
     fuzz::require(frames[i].length <= (frames[i].fd ? 64 : 8), "a frame has a possible length");
+    fuzz::require(!frames[i].fd || robot.needs_fd(), "a bus without FD gets classic frames");
+  }
+}
+
+void receive(tiller::CanRobot& robot, const tiller::CanFrame& frame, std::int64_t now_us) {
+  const bool taken = robot.receive(frame, now_us);
+  if (!taken || frame.id > (frame.extended ? tiller::kExtendedMask : tiller::kStandardMask)) return;
+  tiller::CanFilter filters[tiller::CanRobot::kMaxFilters];
+  const std::uint32_t count = robot.filters(filters);
+  fuzz::require(count <= tiller::CanRobot::kMaxFilters, "filters fit their places");
+  bool passes = false;
+  for (std::uint32_t i = 0; i < count; ++i) passes = passes || filters[i].passes(frame);
+  fuzz::require(passes, "a frame that is used passes the filters");
 }
 
 void check_measurement(tiller::CanRobot& robot) {
@@ -78,13 +91,13 @@ void check_command(tiller::CanRobot& robot, fuzz::Bytes& input) {
   command.state = input.byte() % 5;
   bool finite = true;
   for (int i = 0; i < 2; ++i) {
-    const std::uint64_t bits = std::uint64_t{input.word()} << 32 | input.word();
+    const std::uint64_t bits = input.long_word();
     std::memcpy(&command.value[i], &bits, sizeof bits);
     finite = finite && std::isfinite(command.value[i]);
   }
   tiller::CanFrame frames[tiller::CanRobot::kMaxFrames];
   const std::uint32_t count = robot.command(command, frames);
-  check_frames(frames, count, tiller::CanRobot::kMaxFrames);
+  check_frames(robot, frames, count);
   fuzz::require(finite || count == 0, "nothing is sent for a command that is not finite");
 }
 
@@ -105,11 +118,11 @@ void step(tiller::CanRobot& robot, std::uint8_t kind, fuzz::Bytes& input, std::i
   tiller::CanFrame frames[tiller::CanRobot::kMaxFrames];
   switch (kind % 8) {
     case 0: check_command(robot, input); break;
-    case 1: check_frames(frames, robot.clear_faults(frames), tiller::CanRobot::kMaxFrames); break;
-    case 2: check_frames(frames, robot.ask(frames), tiller::CanRobot::kMaxFrames); break;
-    case 3: check_frames(frames, robot.queries_due(frames), tiller::CanRobot::kMaxFrames); break;
+    case 1: check_frames(robot, frames, robot.clear_faults(frames)); break;
+    case 2: check_frames(robot, frames, robot.ask(frames)); break;
+    case 3: check_frames(robot, frames, robot.queries_due(frames)); break;
     case 4: robot.prepare((kind & 8) != 0); break;
-    default: robot.receive(frame_of(input), now_us);
+    default: receive(robot, frame_of(input), now_us);
   }
   check_measurement(robot);
   fuzz::require((robot.fault() != tiller_status_ok) == (robot.fault_text() != nullptr), "a fault has its text");

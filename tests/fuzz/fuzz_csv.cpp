@@ -1,11 +1,14 @@
-// The reader of CSV logs and the checks that follow it.
+// The reader of CSV logs and the checks that follow it. The rate is measured where the bytes name it.
+#include <string_view>
+
 #include "fuzz_robot.hpp"
 #include "tools/log_readers.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const tiller::tools::RobotFile& robot = fuzz::robot();
-  static const std::vector<int> measured(robot.config.measured_state,
-                                         robot.config.measured_state + robot.config.measurement_count);
+  static const std::vector<int> angle = {0}, angle_and_rate = {0, 1};
+  const std::string_view text(reinterpret_cast<const char*>(data), size);
+  const auto& measured = text.find("rate") == std::string_view::npos ? angle : angle_and_rate;
   fuzz::Stream file(data, size);
   tiller::tools::Log log;
   std::string error;

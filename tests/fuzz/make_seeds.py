@@ -1,27 +1,31 @@
-"""make_seeds.py CORPUS TYPES: small inputs to begin with, one folder a fuzzer. Findings join them by hand.
+"""make_seeds.py [--check] CORPUS TYPES: small inputs to begin with, one folder a fuzzer. Findings join them by hand.
+With --check nothing is written: it fails where the corpus is not what this would write, as after a change of a message.
 
 TYPES is the folder of the generated Python package tiller_lcm. Deterministic: running it again changes nothing. The words
 of robot files come from docs/robot_file.md.
 """
 import hashlib
 import json
-import os
 import pathlib
 import re
 import struct
 import sys
 import zlib
 
-CORPUS, TYPES = sys.argv[1:3]
+CHECK = sys.argv[1] == "--check"
+CORPUS, TYPES = sys.argv[1 + CHECK:3 + CHECK]
 sys.path.insert(0, TYPES)
 from tiller_lcm import command_t, measurement_t, telemetry_t  # noqa: E402
 
 
 def save(fuzzer, name, data):
-    folder = os.path.join(CORPUS, fuzzer)
-    os.makedirs(folder, exist_ok=True)
-    with open(os.path.join(folder, name), "wb") as file:
-        file.write(data)
+    path = pathlib.Path(CORPUS, fuzzer, name)
+    if CHECK:
+        if not path.exists() or path.read_bytes() != data:
+            sys.exit(f"{path} is not what make_seeds.py writes: run it without --check")
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
 
 
 # ---- lcm: one byte of options, then packets with their length in two bytes
@@ -51,6 +55,7 @@ save("lcm", "fragment", b"\0" + packet(b"", bytes(12) + b"M\0x", b"LC03"))
 save("lcm", "signed", b"\1" + b"".join(packet(b"M", sign(measurement(i), 100 + i)) for i in (1, 2, 2)))
 save("lcm", "url", b"\2" + b"239.255.76.67:7667?ttl=1&recv_buf_size=100000")
 save("lcm", "seal", b"\3" + measurement(7))
+save("lcm", "round_trip", b"\4\2" + struct.pack(">qIIddd", 1000, 7, 8000, 0.5, float("inf"), float("nan")))
 
 # ---- can: two bytes for the layout, then steps: kind, then a frame (kind, identifier, length, data) or a command
 
@@ -81,6 +86,9 @@ save("can", "moteus_int16", b"\3\x55" + command + b"\5" + bytes([5, 1, 9]) + b"\
 packed = bytes([1, 0x80, 0x10, 0x7F, 0xF8, 0x01])
 save("can", "mit", b"\3\x22" + command + b"\5" + bytes([2, 17, 6]) + packed + b"\5" + bytes([2, 18, 6, 2]) + packed[1:] + command)
 save("can", "mit_ak", b"\0\x66" + command + b"\5" + bytes([2, 17, 8]) + packed + b"\x30\0" + board(1))
+
+tells_fault = b"\5" + bytes([2, 17, 8, 0xD1]) + packed[1:] + b"\x30\x31"  # node 1: lost its supervisor
+save("can", "mit_damiao", b"\0\x88" + command + tells_fault + b"\1" + command)
 
 
 def crc8(data):
@@ -194,5 +202,5 @@ words = set(re.findall(r"^\| `([a-z_A-Z0-9]+)` \|", page, re.M)) | set(re.findal
 for choices in re.findall(r"\| one of ([a-z0-9_, ]+) \|", page):
     words |= set(choices.split(", "))
 words |= {" = ", "{ ", " }", "true", "inf", "nan", "1e308", "-1", "0x7fffffffffffffff", r'\"\"', "sensors.", "[[sim.effects]]"}
-with open(os.path.join(CORPUS, "../robot_file.dict"), "w") as file:
-    file.writelines(f'"{word}"\n' for word in sorted(words))
+if not CHECK:  # a word less is no harm
+    save("..", "robot_file.dict", "".join(f'"{word}"\n' for word in sorted(words)).encode())
