@@ -5,6 +5,7 @@
 #   3. nobody answers: told
 #   4. what lcm-logger heard of a lockstep run replays to the last bit; so it does of a run by the wall clock, where
 #      stamps, latencies and missed measurements are whatever the machine made of them
+#   5. the CSV that `tiller run --log` wrote of those runs replays too
 # Usage: replay_over_lcm.sh TILLER ROBOT LCM_LOGGER PYTHON. Runs in a network namespace with multicast on lo.
 set -eu
 tiller=$1
@@ -80,8 +81,8 @@ logged() {
   children="$logging $plant"
   # shellcheck disable=SC2086
   code=0
-  "$tiller" run robot.toml --transport lcm --seconds 2 --wait 60 --quiet --alarm-seconds 0 $3 >controller.txt 2>&1 ||
-    code=$?
+  "$tiller" run robot.toml --transport lcm --seconds 2 --wait 60 --quiet --alarm-seconds 0 --log "${1%.lcm}.csv" $3 \
+    >controller.txt 2>&1 || code=$?
   # by the wall clock, a machine that is busy elsewhere may let the sensors grow stale: SAFE, and as good a log
   [ "$code" -eq 0 ] || { [ "$code" -eq 3 ] && [ -z "$3" ]; } || fail "$1: the run ended with $code"
   kill -INT "$plant" && wait "$plant" || fail "$1: the plant"
@@ -103,4 +104,10 @@ for attempt in 1 2 3 4; do
   grep -qE "ticks are missing|it begins with tick" replay.txt || fail "other commands than by the wall clock"
 done
 sed 's/^/   by the wall clock: /' replay.txt
+echo "5. CSV logs of the same runs"
+for run in lockstep clock; do
+  "$tiller" replay "$run.csv" robot.toml >replay.txt 2>&1 || fail "the replay of $run.csv ended with $?"
+  grep -qE "^[1-9][0-9]+ ticks replayed on .*, 0 different" replay.txt || fail "$run.csv: other commands"
+  sed "s/^/   $run: /" replay.txt
+done
 echo "passed"
