@@ -189,27 +189,25 @@ class Runner {
     return view;
   }
 
-  void tell_safe() {
-    const auto why = static_cast<tiller_status_t>(info_.first_fault);
+  /// A sentence on the screen; one that must not be missed goes to stderr where the screen is silent.
+  void announce(const std::string& text, bool must) {
     progress_.finish(look());
-    const std::string text = "SAFE at " + format("%.2f s", time_s()) + ": " + tiller_status_name(why) + ": " +
-                             tiller_status_text(why) + "; the safe command is being sent";
-    if (options_.quiet) std::fprintf(stderr, "tiller: %s\n", text.c_str());
+    if (must && options_.quiet) std::fprintf(stderr, "tiller: %s\n", text.c_str());
     progress_.say(text);
   }
 
-  /// Which file, and why, the recorder tells; here, that it goes on, and that it is over.
+  void tell_safe() {
+    const auto why = static_cast<tiller_status_t>(info_.first_fault);
+    announce("SAFE at " + format("%.2f s", time_s()) + ": " + tiller_status_name(why) + ": " + tiller_status_text(why) +
+                 "; the safe command is being sent",
+             true);
+  }
+
   /// Which file, and why, the recorder tells; here, that the run goes on, and when it is over.
   void tell_log(const LogState& log) {
-    if (log.status == log_.status) {
-      log_ = log;
-      return;
-    }
+    const bool changed = log.status != log_.status;
     log_ = log;
-    const std::string text = format("at %.2f s: ", time_s()) + log_news(log);
-    progress_.finish(look());
-    if (options_.quiet) std::fprintf(stderr, "tiller: %s\n", text.c_str());
-    progress_.say(text);
+    if (changed) announce(format("at %.2f s: ", time_s()) + log_news(log), true);
   }
 
   void tell_realtime() {
@@ -222,11 +220,10 @@ class Runner {
   void tell_inadequate() {
     told_inadequate_ = true;
     result_.inadequate_at_s = time_s();
-    progress_.finish(look());
     std::string text = format("at %.2f s: ", time_s()) + inadequacy(robot_, info_);
     if (!options_.alarm_log.empty())
       text += format("\nthe %g s about it go to ", options_.alarm_log_s) + options_.alarm_log;
-    progress_.say(text);
+    announce(text, false);
   }
 
   /// The safe command goes out more than once: a datagram may be lost.

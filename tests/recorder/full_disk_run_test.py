@@ -1,7 +1,7 @@
 """full_disk_run_test.py TILLER ROBOT TYPES: what a run over LCM says while its disk is full.
 
-A limit on the size of files stands in for the disk: it can be set for a program from outside, and lifted again. Run in a
-network namespace of its own.
+A small tmpfs is the disk, in a mount namespace of the run's own; where the machine forbids that, a limit on the size of
+files alone stands in for it, which can be set for a program from outside, and lifted again. Run in a network namespace.
 """
 import pathlib
 import resource
@@ -44,16 +44,25 @@ class Listener:
         raise AssertionError("not told within a minute")
 
 
-class Run:
-    """Plant and runtime in lockstep over LCM."""
+MAY_MOUNT = subprocess.run(["unshare", "-m", "sh", "-c", "mount -t tmpfs -o size=64k tmpfs /mnt"], check=False,
+                           stderr=subprocess.DEVNULL).returncode == 0
 
-    def __init__(self, folder, *options, file_bytes=None):
+
+class Run:
+    """Plant and runtime in lockstep over LCM. `file_bytes`: no file may be larger; `disk_bytes`: the disk at folder/disk."""
+
+    def __init__(self, folder, *options, file_bytes=None, disk_bytes=None):
         self.plant = subprocess.Popen([TILLER, "sim", ROBOT, "--serve", "lcm", "--lockstep", "--answer-timeout", "20"],
                                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         limit = (lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (file_bytes, resource.RLIM_INFINITY))) if file_bytes else None
+        mount = []
+        if disk_bytes:
+            (folder / "disk").mkdir()
+            mount = ["unshare", "-m", "sh", "-c", f"mount -t tmpfs -o size={disk_bytes} tmpfs disk && "
+                     "dd if=/dev/zero of=disk/ballast bs=4096 count=12 2>/dev/null && exec \"$@\"", "sh"]
         self.runtime = subprocess.Popen(
-            [TILLER, "run", ROBOT, "--transport", "lcm", "--lockstep", "--wait", "60", "--alarm-seconds", "0", *options],
-            cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, preexec_fn=limit)
+            [*mount, TILLER, "run", ROBOT, "--transport", "lcm", "--lockstep", "--wait", "60", "--alarm-seconds", "0",
+             *options], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, preexec_fn=limit)
 
     def end(self):
         self.runtime.send_signal(signal.SIGINT)
@@ -103,6 +112,19 @@ class FullDisk(unittest.TestCase):
                                timeout=120, check=False)
         self.assertEqual(again.returncode, 0, again.stdout + again.stderr)
         self.assertIn(", 0 different", again.stdout)
+
+    @unittest.skipUnless(MAY_MOUNT, "this machine forbids mount namespaces: the limit on files stands in for a disk")
+    def test_a_disk_that_is_full_and_freed(self):
+        run = self.start("--record", "disk/run.mcap", "--record", "disk/run.lcm", disk_bytes=200000)
+        full = self.listener.until(lambda t: t.log_status != OK)
+        self.assertEqual((full.log_status, full.log_dropped_ticks, full.log_lost_bytes), (IO_ERROR, 0, 0))
+        inside = ["nsenter", "-t", str(run.runtime.pid), "-m", "sh", "-c"]
+        subprocess.run([*inside, f"cd '{self.folder}' && rm disk/ballast && mount -o remount,size=50m disk"], check=True)
+        self.listener.until(lambda t: t.log_status == OK and t.log_waiting_bytes == 0)
+        code, text = run.end()
+        self.assertEqual(code, 0, text)
+        self.assertRegex(text, r"cannot be written: No space left on device; the run goes on")
+        self.assertRegex(text, r"at \d+\.\d\d s: the logs are complete again")
 
     def test_one_that_stays_full_ends_with_2(self):
         run = self.start("--record", "/dev/full", "--log", "run.csv")
