@@ -106,7 +106,8 @@ void judge(int mode, ActuatorReport& report) {
 
 ActuatorReceipt receive(const ActuatorSettings& settings, const CanFrame& frame, ActuatorReport& report) {
   if ((frame.id & 0x7fffu) != settings.node << 8) return ActuatorReceipt::foreign;
-  if ((frame.id >> 16) != 0 || frame.length > sizeof frame.data) return ActuatorReceipt::refused;
+  // bit 15 asks for an answer: a frame of another controller that goes by the drive's number
+  if ((frame.id >> 15) != 0 || frame.length > sizeof frame.data) return ActuatorReceipt::refused;
   const double nan = std::numeric_limits<double>::quiet_NaN();
   report.position_rad = report.velocity_rad_s = report.torque_Nm = report.temperature_C = nan;
   int mode = -1;

@@ -82,6 +82,8 @@ registers = b"\x2c\x04\x00" + struct.pack("<ffff", 10.0, 0.25, -0.5, 0.1) + b"\x
 answer = b"\5" + bytes([4 + 1, 1, len(registers)]) + registers
 save("can", "moteus", b"\3\x11" + b"\2" + answer + command + answer + answer)
 save("can", "moteus_int16", b"\3\x55" + command + b"\5" + bytes([5, 1, 9]) + b"\x24\x04\x00" + struct.pack("<hhh", 10, 99, -5))
+question = b"\5" + bytes([15, 0]) + struct.pack(">I", 0x8100) + bytes([len(registers)]) + registers
+save("can", "moteus_question", b"\3\x11" + command + question + answer)
 # MIT: node, then 16 bits of position, 12 of velocity, 12 of torque
 packed = bytes([1, 0x80, 0x10, 0x7F, 0xF8, 0x01])
 save("can", "mit", b"\3\x22" + command + b"\5" + bytes([2, 17, 6]) + packed + b"\5" + bytes([2, 18, 6, 2]) + packed[1:] + command)

@@ -237,6 +237,14 @@ TEST(Moteus, BrokenFramesAreRefusedAndOthersAreForeign) {
   EXPECT_EQ(ActuatorReceipt::refused, codec.receive(frame_of(0x10100, good, true, true))) << "a prefix";
 }
 
+// bit 15 asks for an answer, which no answer does: another controller that took the drive's number
+TEST(Moteus, AQuestionUnderTheDrivesNumberIsNoAnswer) {
+  Codec codec = moteus(1);
+  const Bytes told = hex("2404000a005000000170ff230d181400");
+  EXPECT_EQ(ActuatorReceipt::refused, codec.receive(frame_of(0x8100, told, true, true)));
+  EXPECT_EQ(ActuatorReceipt::taken, codec.receive(frame_of(0x100, told, true, true)));
+}
+
 TEST(Moteus, StoppingIsModeZeroAndAQueryCommandsNothing) {
   Codec codec = moteus(5);
   EXPECT_TRUE(codec.make(codec.protocol().enable).empty());
