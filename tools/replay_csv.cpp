@@ -11,7 +11,7 @@ namespace tiller::tools {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr int kMostCodes = 256;  // of states and of statuses: tiller.h
+constexpr int kStatusCodes = 300, kStateCodes = tiller_state_safe + 1;  // more is no value of the enum (tiller.h)
 
 std::vector<std::string_view> cells_of(std::string_view row) {
   std::vector<std::string_view> cells;
@@ -53,11 +53,11 @@ class CsvRow {
   void numbers(const char* prefix, const Words& columns, double* values) {
     for (std::size_t i = 0; i < columns.size(); ++i) number(prefix + columns[i], values[i]);
   }
-  /// A code by its name.
+  /// A code below `codes` by its name.
   template <class Code, class Name>
-  void word(const std::string& column, Code& value, const Name& name_of) {
+  void word(const std::string& column, Code& value, int codes, const Name& name_of) {
     const std::string_view text = cell(column);
-    for (int code = 0; code < kMostCodes; ++code) {
+    for (int code = 0; code < codes; ++code) {
       if (text != name_of(code)) continue;
       value = static_cast<Code>(code);
       return;
@@ -117,8 +117,10 @@ RecordEntry entry_of(const RobotFile& robot, CsvRow& row) {
   row.integer("calls", r.calls);
   row.integer("stop_status", entry.stop_status);
   row.integer("iterations", r.planner_iterations);
-  row.word("status", r.status, [](int code) { return tiller_status_name(static_cast<tiller_status_t>(code)); });
-  row.word("state", r.command.state, [](int code) { return tiller_state_name(static_cast<tiller_state_t>(code)); });
+  row.word("status", r.status, kStatusCodes,
+           [](int code) { return tiller_status_name(static_cast<tiller_status_t>(code)); });
+  row.word("state", r.command.state, kStateCodes,
+           [](int code) { return tiller_state_name(static_cast<tiller_state_t>(code)); });
   r.command.stamp_us = r.now_us;
   row.numbers("", robot.inputs, r.command.value);
   row.numbers("mean.", robot.states, r.state_mean);

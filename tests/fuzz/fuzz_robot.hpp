@@ -41,6 +41,7 @@ inline const tiller::tools::RobotFile& robot() {
     made.config.measurement_count = 1;
     made.config.measured_state[0] = 0;
     made.config.param_count = 3;
+    made.config.priors[0].kind = tiller_prior_uniform;  // what is learnt has columns of its own
     return made;
   }();
   return file;

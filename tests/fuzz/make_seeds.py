@@ -116,6 +116,11 @@ rows = "".join(f"{0.02 * i:.2f},{0.1 * i % 1:.4f},{0.05 * i:.4f},{(-1) ** i * 0.
 save("csv", "plain", ("time_s,angle_rad,rate_rad_s,torque_Nm\n" + rows).encode())
 save("csv", "quoted", ('# a comment\n"time_s" ; "angle_rad";"torque_Nm"\r\n' + "0,1,2\r\n" * 25).encode())
 save("csv", "gaps", ("time_s,angle_rad,torque_Nm\n" + "".join(f"{i * i},nan,{i}\n" for i in range(25))).encode())
+head = ("tick,now_us,calls,stop_status,iterations,status,state,torque_Nm,mean.angle_rad,mean.rate_rad_s,mean.mass_kg,sd.mass_kg,"
+        "stamp_us,sequence,command_latency_us,infinite,angle_rad\n")
+save("csv", "run", (head + "0,0,1,0,3,ok,ACTIVE,0.1,0,1e-300,0.5,0.1,1000,7,500,1,\n" +
+                    "1,20000,0,0,0,sensor_stale,SAFE,-0,,2,0.5,0.1,,,,,\n").encode())
+save("csv", "run_without_a_state", (head + "0,0,1,0,3,ok,NONE,0.1,0,1,0.5,0.1,,,,,\n").encode())
 
 
 def event(number, channel, message):
