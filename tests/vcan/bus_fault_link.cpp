@@ -25,6 +25,12 @@ constexpr int kPatience_ms = 2000;  // before the fault, for a kernel thread of 
 SocketLink* the_link = nullptr;
 const char* wrong_now = nullptr;  // with the run that goes on
 
+/// The kernel delivers before a write returns, or, when it has had much to do, by a thread: that one gets its turn.
+void let_it_deliver() {
+  const timespec moment{0, 100000};
+  nanosleep(&moment, nullptr);
+}
+
 void sleep_until_us(std::int64_t until_us) {
   const std::int64_t left_us = until_us - monotonic_us();
   if (left_us <= 0) return;
@@ -121,6 +127,7 @@ bool SocketLink::sense(World& world, const Fault* fault, const tiller_measuremen
   drain_plant();
   // a plant does not wait for its bus either
   for (const CanFrame& frame : plant_.frames(genuine)) published_ += port_.send(frame.id, frame.data, frame.length);
+  let_it_deliver();
   if (world.hung) return false;  // and does not read
   do {
     status_ = kSocketCanTransport.poll(&transport_, &measurement);
@@ -139,6 +146,7 @@ void SocketLink::send(World&, const Fault*, const tiller_command_t& command) {
   commanded_.push_back({tick_, static_cast<float>(command.value[0])});
   if (commanded_.size() > 256) commanded_.pop_front();
   note(refused_, kSocketCanTransport.send(&transport_, &command));
+  let_it_deliver();
   drain_plant();
 }
 

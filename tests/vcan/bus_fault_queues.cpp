@@ -138,6 +138,17 @@ void full_queues(std::vector<Fault>& list) {
     return link().counters().queue_full > 0 && link().refused(tiller_status_queue_full);
   };
 
+  list.push_back(on_cable("queue_flooded", "another program fills the controller's send queue in every tick",
+                          End::kBounded, Timeout::kWatchdog, "what does not fit is dropped and counted"));
+  list.back().step = [](World& w) {
+    link().pace(true);
+    link().allow_late(2);
+    if (first(w)) netem("vx1", "rate 1mbit limit 20");
+    const std::uint8_t data[8] = {};
+    for (int i = 0; i < 100; ++i) link().inject_near(0x7f0, data, 8);
+  };
+  list.back().noticed = [](const World&, const tiller_info_t&) { return link().counters().queue_full > 0; };
+
   list.push_back(on_one_bus("stalled_bus", "the bus stands still for twelve periods, then carries what it holds",
                             End::kStops, Timeout::kWatchdog,
                             "nothing is queued behind one tick's set points; unconfirmed: `bus_off`, SAFE"));

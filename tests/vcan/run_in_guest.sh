@@ -97,7 +97,7 @@ echo "virtual CAN: guest with kernel $(cat "$kernel/version")"
 # shellcheck disable=SC2086 # $machine is a list of words
 timeout -k 5 "$limit_s" "$qemu" $machine -accel tcg -m "$memory_MB" -net none -nographic -no-reboot \
   -kernel "$kernel/vmlinuz" -initrd "$work/initrd" -append "console=$console quiet panic=-1 no_timer_check" \
-  </dev/null 2>"$work/errors" | tr -d '\r' | sed -u 's/\x1bc//g; s/\x1b\[[?0-9;]*[a-zA-Z]//g' | tee "$log" || true
+  </dev/null 2>"$work/errors" | sed -u 's/\r//g; s/\x1bc//g; s/\x1b\[[?0-9;]*[a-zA-Z]//g' | tee "$log" || true
 code=$(sed -n 's/^VIRTUAL CAN: exit \([0-9][0-9]*\)$/\1/p' "$log" | tail -n 1)
 if [ -z "$code" ]; then
   cat "$work/errors" >&2

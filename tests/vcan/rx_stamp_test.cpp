@@ -97,7 +97,7 @@ class Swing {
 
   void run() {
     Device device(*plant_, 0.0);
-    const BusPlant bus(device);
+    BusPlant bus(device);
     for (std::uint32_t k = 1; k <= kReadings; ++k) {
       const std::int64_t sent_us = send_reading(bus);
       sleep_us(random_.below(kLongestWait_us));
@@ -117,7 +117,7 @@ class Swing {
 
  private:
   /// When it was measured. A reading that was held up between the pendulum and the wire is followed by another.
-  std::int64_t send_reading(const BusPlant& bus) {
+  std::int64_t send_reading(BusPlant& bus) {
     for (int attempt = 0;; ++attempt) {
       const std::int64_t now_us = monotonic_us();
       catch_up(now_us);

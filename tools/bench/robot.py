@@ -13,13 +13,14 @@ Sections:
     soak       24 hours at 100 Hz in lockstep, twice
     integrity  own frames: flips, losses, repetitions, order; keyed messages
     heap       no call to the heap after init
-    buses      the tests over virtual CAN and LCM: processes killed and stopped, interfaces down, queues full
+    buses      faults on real sockets from 20 seeds on two plants: queues, interfaces, gateway, processes; the tests over
+               virtual CAN and LCM; --page writes the second table of docs/faults.md
     recorder   logs that survive crashes, and the same commands from them
     fuzz       libFuzzer with ASan and UBSan on whatever reads bytes
     targets    aarch64, armhf, Cortex-M7: tests under emulators, and the same commands bit by bit
 
     --quick        smaller numbers; goals of size are short then
-    --page         write docs/faults.md's table from this run
+    --page         write docs/faults.md's tables from this run
     --build DIR    the CMake build folder (build/release)
 
 A section is a function here that returns rows; a row is printed by a program (bench_table.hpp's form), or says how many
@@ -166,9 +167,36 @@ def heap(args):
     return tests(args, "heap", "runtime and io", "no call after init", "heap")
 
 
+def faults_on_sockets(args):
+    """The kinds that need a kernel's sockets, queues and interfaces, in the guest of tests/vcan."""
+    need_tests(args)
+    kernel = re.search(r"^TILLER_KERNEL:PATH=(.*)$", (args.build / "CMakeCache.txt").read_text(), re.MULTILINE)[1]
+    code, said = streamed([ROOT / "tests/vcan/bus_faults.sh", kernel, args.build / "tests/vcan/bus_fault_test", "--page",
+                           "--seeds", 1 if args.quick else 20], r" runs |judges|failed|virtual CAN: ")
+    counted = re.search(r"^(\d+) kinds, (\d+) runs, (\d+) wrong", said, re.MULTILINE)
+    if not counted:
+        raise NotMeasured(f"bus_faults.sh ended with {code}:\n{said[-2000:]}")
+    kinds, runs, wrong = map(int, counted.groups())
+    if args.page:
+        write_between_marks(ROOT / "docs/faults.md", "buses", "".join(
+            f"{line}\n" for line in ["| group | fault | over | what tiller does | stopped after, worst | allowed |",
+                                     "|---|---|---|---|---|---|", *re.findall(r"^PAGE (.*)$", said, re.MULTILINE)]))
+    heading = f"faults on real sockets, virtual CAN, {kinds} kinds"
+    return [row("buses", heading, f"safe in time, limits held, nothing stale sent: {runs} runs",
+                100.0 * (runs - wrong) / runs, "%", ">=", 100.0)]
+
+
+def write_between_marks(path, name, text):
+    begin, end = f"<!-- made by ./dev bench robot {name} -->\n", "<!-- end -->\n"
+    page = path.read_text(encoding="utf-8")
+    head, rest = page.split(begin)
+    path.write_text(head + begin + text + end + rest.split(end, 1)[1], encoding="utf-8")
+
+
 @section("buses and processes")
 def buses(args):
-    return (tests(args, "buses", "virtual CAN", "error frames, queues, interfaces, drives", "^vcan_|^can_") +
+    return (faults_on_sockets(args) +
+            tests(args, "buses", "virtual CAN", "error frames, queues, interfaces, drives", "^vcan_|^can_") +
             tests(args, "buses", "processes", "killed, stopped and gone on", "^loop_(lcm|can)"))
 
 
