@@ -143,9 +143,9 @@ void full_queues(std::vector<Fault>& list) {
   list.back().step = [](World& w) {
     link().pace(true);
     link().allow_late(2);
-    if (first(w)) netem("vx1", "rate 1mbit limit 20");
+    if (first(w)) netem("vx1", "delay " + wall_time(0.9) + " limit 1");
     const std::uint8_t data[8] = {};
-    for (int i = 0; i < 100; ++i) link().inject_near(0x7f0, data, 8);
+    for (int i = 0; i < 10; ++i) link().inject_near(0x7f0, data, 8);
   };
   list.back().noticed = [](const World&, const tiller_info_t&) { return link().counters().queue_full > 0; };
 
