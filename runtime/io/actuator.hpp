@@ -76,6 +76,7 @@ enum ActuatorCapability : std::uint32_t {
   kAnswersQueries = 1u << 5,    ///< has a frame that asks for the state and commands nothing
   kNeedsFd = 1u << 6,           ///< CAN FD frames
   kStopClearsFaults = 1u << 7,  ///< `disable` forgets errors too, so a drive with an error is left as it is
+  kProvesEnabled = 1u << 8,  ///< one that reports that it is enabled obeys commands: no part of `enable` can be missing
 };
 
 /// A protocol: frames from settings and numbers, numbers from frames. Pure functions over fixed memory, no system

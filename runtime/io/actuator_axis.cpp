@@ -88,6 +88,7 @@ void ActuatorAxis::want(Wanted wanted) {
   if (wanted_ == wanted) return;
   wanted_ = wanted;
   request_due_ = true;
+  requests_ = 0;
   confirmed_ = disarmed_ = false;
   waiting_ = 0;
   entering_ = true;
@@ -99,7 +100,10 @@ std::uint32_t ActuatorAxis::command(bool moves, double value, std::int64_t stamp
   want(moves && !blind ? Wanted::on : Wanted::off);
   if (wanted_ == Wanted::off || disarmed_) return rest(out);
   std::uint32_t count = 0;
-  if (request_due_) count = protocol_->enable(settings_, out);
+  if (request_due_ || !asked_enough()) {
+    count = protocol_->enable(settings_, out);
+    if (requests_ < kBlindRequests) ++requests_;
+  }
   request_due_ = false;
   return count + protocol_->command(settings_, enter(value, stamp_us), out + count);
 }
@@ -131,7 +135,7 @@ double ActuatorAxis::as_it_is() const {
 double ActuatorAxis::enter(double target, std::int64_t stamp_us) {
   const std::int64_t elapsed_us = stamp_us - set_us_;
   set_us_ = stamp_us;
-  if (!confirmed_) {
+  if (!confirmed_ || !asked_enough()) {
     entering_ = true;
     return set_point_ = as_it_is();
   }

@@ -26,13 +26,21 @@ struct ActuatorState {
 /// kArmReports times. A drive that was enabled and is not any more has decided so itself: that is a fault, and it is
 /// not enabled again before clear_faults.
 ///
-/// Bumpless entry: until the drive confirms, it is sent what it does anyway (no torque, its own velocity or position);
+/// Some drives confirm less than they were asked: an ODrive in closed loop may have missed the frame that chose the
+/// torque mode, a plain drive of the MIT protocol answers whether it has entered its motor mode or not. Such a drive
+/// would be silently idle, or hold a position, while everybody believes that it pushes. It is asked kBlindRequests
+/// times, with one command after the other, whatever it confirms: with a tenth of all frames lost, one start in 1e5
+/// loses them all.
+///
+/// Bumpless entry: until the drive confirms and was asked often enough, it is sent what it does anyway (no torque, its own velocity or position);
 /// from there the set point moves to the command at no more than the rate given, and is the command from then on. So a
 /// drive that took half a second to enable does not meet the torque that was planned meanwhile at once.
 class ActuatorAxis {
  public:
   /// Signs of life that a drive gets to report that it is enabled after it was asked.
   static constexpr std::uint32_t kArmReports = 10;
+  /// Requests to a drive that does not prove that it is enabled (kProvesEnabled).
+  static constexpr std::uint32_t kBlindRequests = 5;
   static constexpr std::uint32_t kMaxFrames = ActuatorProtocol::kMaxFrames;
 
   /// `settings` are valid. `entry_rate_per_s`: in the unit of the mode per second; 0: no limit.
@@ -57,7 +65,7 @@ class ActuatorAxis {
   const char* fault_text() const;
   const ActuatorState& state() const { return state_; }
   /// Enabled, as far as it tells.
-  bool is_confirmed() const { return confirmed_ && wanted_ == Wanted::on && !disarmed_; }
+  bool is_confirmed() const { return confirmed_ && asked_enough() && wanted_ == Wanted::on && !disarmed_; }
   /// What the last command told the drive to do, in the unit of the mode.
   double set_point() const { return set_point_; }
 
@@ -75,6 +83,7 @@ class ActuatorAxis {
   void take_mode(bool enabled);
   void want(Wanted wanted);
   std::uint32_t rest(CanFrame* out);
+  bool asked_enough() const { return can(kProvesEnabled) || requests_ >= kBlindRequests; }
   double as_it_is() const;
   double enter(double target, std::int64_t stamp_us);
 
@@ -85,10 +94,11 @@ class ActuatorAxis {
   ActuatorState state_;
 
   Wanted wanted_ = Wanted::nothing;
-  bool request_due_ = false;   // ask with the next command
-  bool confirmed_ = false;     // a report has shown what was wanted
-  bool disarmed_ = false;      // and a later one has not
-  std::uint32_t waiting_ = 0;  // reports since the request without it
+  bool request_due_ = false;    // ask with the next command
+  std::uint32_t requests_ = 0;  // since it is wanted
+  bool confirmed_ = false;      // a report has shown what was wanted
+  bool disarmed_ = false;       // and a later one has not
+  std::uint32_t waiting_ = 0;   // reports since the request without it
 
   bool entering_ = true;  // the set point is still on its way to the command
   double set_point_ = 0.0;

@@ -186,8 +186,9 @@ std::uint32_t command(const ActuatorSettings& settings, double value, CanFrame* 
   return 1;
 }
 
-constexpr std::uint32_t kCapabilities =
-    kTellsEnabled | kTellsFaults | kTellsTorque | kTellsTemperature | kAnswersQueries | kNeedsFd | kStopClearsFaults;
+constexpr std::uint32_t kCapabilities = kTellsEnabled | kTellsFaults | kTellsTorque | kTellsTemperature |
+                                        kAnswersQueries | kNeedsFd | kStopClearsFaults |
+                                        kProvesEnabled;  // every command carries the mode
 
 std::uint32_t capabilities_of(const ActuatorSettings&) { return kCapabilities; }
 
