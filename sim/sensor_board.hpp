@@ -12,7 +12,8 @@ namespace tiller::sim {
 CanFrames sensor_frames(std::uint32_t node, const PlantMeasurement& measurement, bool is_protected = false);
 
 /// True when the frame is the controller's status for this board; `answer` becomes what it tells, without a value.
-/// Either layout; a protected one whose CRC is wrong is none.
-bool read_controller_status(std::uint32_t node, const CanFrame& frame, PlantCommand& answer);
+/// Either layout, unless the board `is_protected`: then what has no CRC is none, or a flipped bit of the version would
+/// pass for the old layout. A protected one whose CRC is wrong is none.
+bool read_controller_status(std::uint32_t node, const CanFrame& frame, PlantCommand& answer, bool is_protected = false);
 
 }  // namespace tiller::sim

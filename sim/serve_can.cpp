@@ -29,7 +29,7 @@ class CanLink final : public PlantLink {
   bool receive(PlantCommand& command, std::int64_t timeout_us) override {
     CanFrame frame;
     if (!socket_.receive(frame, timeout_us)) return false;
-    if (read_controller_status(options_.sensor_node, frame, command)) return true;
+    if (read_controller_status(options_.sensor_node, frame, command, options_.protected_frames)) return true;
     CanFrames replies;
     const DriveAxis::Event event = axis_->take(frame, shaft(), replies);
     send(replies);

@@ -99,13 +99,14 @@ std::uint32_t ActuatorAxis::command(bool moves, double value, std::int64_t stamp
   const bool blind = settings_.mode == ActuatorMode::position && !std::isfinite(state_.position_rad);
   want(moves && !blind ? Wanted::on : Wanted::off);
   if (wanted_ == Wanted::off || disarmed_) return rest(out);
+  const bool obeys = is_confirmed();  // what goes out now has not arrived yet
   std::uint32_t count = 0;
   if (request_due_ || !asked_enough()) {
     count = protocol_->enable(settings_, out);
     if (requests_ < kBlindRequests) ++requests_;
   }
   request_due_ = false;
-  return count + protocol_->command(settings_, enter(value, stamp_us), out + count);
+  return count + protocol_->command(settings_, obeys ? enter(value, stamp_us) : wait(stamp_us), out + count);
 }
 
 std::uint32_t ActuatorAxis::rest(CanFrame* out) {
@@ -132,13 +133,15 @@ double ActuatorAxis::as_it_is() const {
   return state_.enabled && std::isfinite(state_.torque_Nm) ? state_.torque_Nm : 0.0;
 }
 
+double ActuatorAxis::wait(std::int64_t stamp_us) {
+  set_us_ = stamp_us;
+  entering_ = true;
+  return set_point_ = as_it_is();
+}
+
 double ActuatorAxis::enter(double target, std::int64_t stamp_us) {
   const std::int64_t elapsed_us = stamp_us - set_us_;
   set_us_ = stamp_us;
-  if (!confirmed_ || !asked_enough()) {
-    entering_ = true;
-    return set_point_ = as_it_is();
-  }
   if (!entering_) return set_point_ = target;
   const std::int64_t step_us = elapsed_us < 0 ? 0 : elapsed_us > kLongestStepUs ? kLongestStepUs : elapsed_us;
   const double step = entry_rate_per_s_ * 1e-6 * static_cast<double>(step_us);

@@ -85,6 +85,7 @@ class ActuatorAxis {
   std::uint32_t rest(CanFrame* out);
   bool asked_enough() const { return can(kProvesEnabled) || requests_ >= kBlindRequests; }
   double as_it_is() const;
+  double wait(std::int64_t stamp_us);
   double enter(double target, std::int64_t stamp_us);
 
   ActuatorSettings settings_;

@@ -249,7 +249,7 @@ TEST_F(Robot, ActiveMeansTorqueModeClosedLoopAndForceTimesRadius) {
   for (std::uint32_t k = 1; k < ActuatorAxis::kBlindRequests; ++k) {
     const std::vector<CanFrame> again = command(tiller_state_active, 10.0);
     ASSERT_EQ((Ids{kMode, kState, kTorque, kStatus}), ids(again)) << "closed loop does not prove the mode";
-    EXPECT_EQ(k + 1 == ActuatorAxis::kBlindRequests ? 0.5f : 0.0f, torque_of(again[2])) << k;
+    EXPECT_EQ(0.0f, torque_of(again[2])) << k;
   }
   const std::uint8_t half_Nm[] = {0x00, 0x00, 0x00, 0x3f};
   EXPECT_EQ(0, std::memcmp(half_Nm, command(tiller_state_active, 10.0)[0].data, 4));

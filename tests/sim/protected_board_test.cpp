@@ -53,6 +53,12 @@ TEST(ProtectedBoard, BothLayoutsTellTheSameAndThereIsNoWayBack) {
     CanFrame damaged = status;
     damaged.data[0] ^= 1u;
     EXPECT_EQ(status.data[5] >> 4 == 0, sim::read_controller_status(kBoard, to_drive(damaged), answer));
+    for (std::uint32_t bit = 0; status.data[5] >> 4 == 1 && bit < 64; ++bit) {  // of the version too
+      damaged = status;
+      damaged.data[bit / 8] ^= static_cast<std::uint8_t>(1u << (bit % 8));
+      EXPECT_FALSE(sim::read_controller_status(kBoard, to_drive(damaged), answer, true)) << bit;
+    }
+    EXPECT_EQ(status.data[5] >> 4 == 1, sim::read_controller_status(kBoard, to_drive(status), answer, true));
     return status.data[5] >> 4;
   };
   EXPECT_TRUE(hear(1, false));

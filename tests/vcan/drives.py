@@ -21,6 +21,7 @@ TURN = 2 * math.pi
 ODRIVE, MOTEUS, MIT = 3, 4, 5
 P_MAX, V_MAX, T_MAX, KP_MAX, KD_MAX = 12.5, 50.0, 18.0, 500.0, 5.0
 KP, KD = 20.0, 0.5
+REQUESTS = 5  # to a drive whose reports do not prove that it took all of them: ODrive, MIT but for Damiao
 # what is commanded, moteus' numbers, the MIT drive's dialect, and who reports a fault at the end
 VARIANTS = [("torque", mp.INT16, "damiao", "mit"), ("velocity", mp.F32, "ak", "moteus"),
             ("position", mp.INT32, "plain", "odrive")]
@@ -209,23 +210,27 @@ class Session:
 
     def as_it_is(self, motor):
         """What it is told before it has confirmed: to go on as it does."""
-        return {"torque": 0, "velocity": velocity(motor, 0), "position": position(motor, 0)}[self.mode]
+        pushes = torque(motor, self.step) if self.step > 0 else 0
+        return {"torque": pushes, "velocity": velocity(motor, self.step),
+                "position": position(motor, self.step)}[self.mode]
 
     def commands(self):
         first, last = self.step == 0, self.step == self.steps
-        value = [self.as_it_is(motor) if first else command(motor, self.step) for motor in range(3)]
-        if first:
+        blind = self.step < REQUESTS
+        waits = [blind, first, first if self.mit.reply == "damiao" else blind]
+        value = [self.as_it_is(motor) if waits[motor] else command(motor, self.step) for motor in range(3)]
+        if waits[0]:
             self.expect(self.odrive.enables())
             self.odrive.state = 8
-        self.expect(self.odrive.commands(value[0]), first)
+        self.expect(self.odrive.commands(value[0]), waits[0])
         self.expect(self.moteus.commands(value[1]), first)
         self.moteus.register = 1 if self.moteus.fails and last else 10
         self.send(self.moteus.answers(self.step))
-        if first:
+        if waits[2]:
             self.expect(self.mit.special(0xfc))
             self.mit.entered = True
-            self.send(self.mit.answers(0, False))
-        self.expect(self.mit.commands(value[2]), first)
+            self.send(self.mit.answers(self.step, False))
+        self.expect(self.mit.commands(value[2]), waits[2])
         self.send(self.mit.answers(self.step, last))
 
     def safe(self):

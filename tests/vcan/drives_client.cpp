@@ -169,7 +169,9 @@ class Client {
     out.state = state;
     for (std::uint32_t i = 0; i < kMotors && state == tiller_state_active; ++i) out.value[i] = command(i, step_);
     // moteus and MIT answer each frame; a period later than this on a robot, here before the next question
-    answered_ = transport_.counters.received + (step_ == 0 ? 3 : 2);
+    const bool enters =
+        step_ == 0 || (variant_.reply != MitReply::damiao && step_ < static_cast<int>(ActuatorAxis::kBlindRequests));
+    answered_ = transport_.counters.received + (enters ? 3 : 2);
     const tiller_status_t status = kSocketCanTransport.send(&transport_, &out);
     if (status != tiller_status_ok) fail(tiller_status_text(status));
     tiller_status_t told = tiller_status_no_new_measurement;

@@ -1,4 +1,4 @@
-// The parts of ./dev bench robot that are programs of their own: faults, gate, soak, loss. robot.py runs them all.
+// The parts of ./dev bench robot that are programs of their own: faults, gate, soak, integrity, loss. robot.py runs them all.
 
 #include <cstdlib>
 #include <cstring>
@@ -11,6 +11,7 @@
 #include "fault_loss.hpp"
 #include "fault_refusals.hpp"
 #include "fault_report.hpp"
+#include "integrity.hpp"
 #include "safety/gate_storm.hpp"
 #include "soak.hpp"
 
@@ -26,6 +27,7 @@ struct Options {
   std::uint64_t seeds = 20;
   std::uint64_t commands = 100000000;
   std::uint64_t ticks = 8640000;
+  std::uint64_t trials = 1000000;
   std::string kind;  ///< this one alone
   std::string page;  ///< the table of docs/faults.md is written between its marks
 };
@@ -102,8 +104,27 @@ void soak(const Options& options, Table& table) {
   table.row("measurements without their answer", static_cast<double>(first.unanswered), "", at_most(0));
   table.row("growth of the heap", static_cast<double>(first.heap_growth_bytes), "bytes", at_most(0));
   table.row("growth of resident memory", static_cast<double>(first.resident_growth_bytes), "bytes", at_most(65536));
+  table.row("of that: not pages of the program's files", static_cast<double>(first.own_growth_bytes), "bytes",
+            at_most(65536));
   table.row("commands of the repeat that differ (hash)", first.hash == second.hash ? 0.0 : 1.0, "", at_most(0));
   table.row("largest angle from upright", first.worst_angle_rad, "rad");
+}
+
+void integrity(const Options& options, Table& table) {
+  const auto n = options.trials;
+  const auto rows = [&](const char* what, const IntegrityRow& row) {
+    table.row(std::string(what) + ": trials", static_cast<double>(row.trials), "", at_least(1e6));
+    table.row(std::string(what) + ": taken for genuine", static_cast<double>(row.passed), "", at_most(0));
+  };
+  table.heading("integrity of own frames (CRC-8, counters) and messages (key)");
+  rows("board's frames, 1 and 2 bits flipped", flips_of_board(n));
+  rows("controller's status, 1 and 2 bits flipped", flips_of_status(n));
+  rows("sealed LCM messages, 1 and 2 bits flipped", flips_of_sealed(n));
+  rows("board's frames repeated, swapped, replayed", disorder_of_board(n));
+  rows("sealed messages repeated, swapped, replayed", disorder_of_sealed(n));
+  // what the counters' widths let through without a key: numbers that have wrapped pass (docs/security.md)
+  table.row("a replayed measurement on CAN is refused for", 0x1p23, "frames");
+  table.row("a replayed 8-bit counter (E2E frames) is refused for", 240, "frames");
 }
 
 void loss_rows(const Options& options, Table& table, double loss, std::int64_t jitter_us) {
@@ -145,11 +166,13 @@ void loss(const Options& options, Table& table) {
 int usage() {
   std::fprintf(
       stderr,
-      "usage: bench_robot faults|gate|soak|loss [--seeds N] [--commands N] [--ticks N] [--kind NAME] [--page FILE]\n"
+      "usage: bench_robot faults|gate|soak|integrity|loss [--seeds N] [--commands N] [--ticks N] [--trials N]\n"
+      "         [--kind NAME] [--page FILE]\n"
       "  faults  every kind of fault from N seeds on two plants (20); --kind: one\n"
       "          alone; --page writes docs/faults.md's table\n"
       "  gate    N commands into the output gate (1e8)\n"
       "  soak    N ticks in lockstep, twice (8640000)\n"
+      "  integrity  own frames and messages damaged, repeated, replayed, N trials each (1e6)\n"
       "  loss    the pendulum over an emulated bus that loses frames (20 seeds)\n");
   return 2;
 }
@@ -166,6 +189,8 @@ bool parse(int argc, char** argv, Options& o) {
       o.commands = number;
     else if (key == "--ticks")
       o.ticks = number;
+    else if (key == "--trials")
+      o.trials = number;
     else if (key == "--kind")
       o.kind = argv[i + 1];
     else if (key == "--page")
@@ -186,6 +211,8 @@ int run(int argc, char** argv) {
     gate(options, table);
   else if (options.section == "soak")
     soak(options, table);
+  else if (options.section == "integrity")
+    integrity(options, table);
   else if (options.section == "loss")
     loss(options, table);
   else

@@ -55,12 +55,13 @@ struct Fault {
   std::unique_ptr<Link> (*link)(const Setup&, Device&) = nullptr;  ///< Road::kSocket: how the ends are wired
 };
 
-/// Every kind: sensors and time, planner and posterior, operator and actuator, CAN, LCM.
+/// Every kind: sensors and time, planner and posterior, operator and actuator, CAN, drives, LCM.
 const std::vector<Fault>& all_faults();
 std::vector<Fault> sensor_faults();
 std::vector<Fault> planner_faults();
 std::vector<Fault> device_faults();
 std::vector<Fault> bus_faults();
+std::vector<Fault> drive_faults();
 std::vector<Fault> lcm_faults();
 
 /// What a run came to.

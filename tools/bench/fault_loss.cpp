@@ -60,7 +60,7 @@ class LossRun {
         random_(seed * 31 + 7),
         plant_(sim::Plant::make(setup_.plant, error_)),
         device_(*plant_, setup_.plan_timeout_s),
-        bus_(device_),
+        bus_(setup_, device_),
         to_controller_(loss, random_),
         to_plant_(loss, random_) {
     robot_.reset(bus_layout(setup_));

@@ -266,7 +266,8 @@ const char* name_of(Timeout timeout) {
 const std::vector<Fault>& all_faults() {
   static const std::vector<Fault> all = [] {
     std::vector<Fault> list;
-    for (const auto& part : {sensor_faults(), planner_faults(), device_faults(), bus_faults(), lcm_faults()})
+    for (const auto& part :
+         {sensor_faults(), planner_faults(), device_faults(), bus_faults(), drive_faults(), lcm_faults()})
       list.insert(list.end(), part.begin(), part.end());
     return list;
   }();

@@ -39,6 +39,9 @@ class Random {
   std::uint64_t state_;
 };
 
+/// What befalls the drive itself.
+enum class DriveTrouble { kNone, kFails, kStoppedByAnother, kRestarts };
+
 /// A run before it begins: a fault may change all of it.
 struct Setup {
   Robot robot;
@@ -47,6 +50,8 @@ struct Setup {
   std::int64_t heartbeat_timeout_us = 200000;  ///< of a motor on the bus
   double plan_timeout_s = 0.5;                 ///< of the plant
   bool motor_encoder = false;                  ///< bus: the first value comes from the motor's own encoder
+  ActuatorKind drive = ActuatorKind::odrive;   ///< bus: the protocol of the drive
+  MitReply mit_reply = MitReply::damiao;
   bool keyed = false;                          ///< LCM: plant and controller hold the same key
   bool own_cost = false;                       ///< the planner calls a cost that the fault can break
   std::uint32_t latest_onset_ticks = 100;      ///< the fault begins from tick 25 to this one, by chance
@@ -86,6 +91,7 @@ struct World {
   tiller_status_t transport = tiller_status_ok;  ///< what the transport reports
   bool cut = false;                              ///< nothing passes in either direction
   bool command_lost = false;                     ///< in this tick
+  DriveTrouble drive = DriveTrouble::kNone;      ///< bus: befalls the drive before its next reading
 
   double reach_rad() const { return setup.config.safety.measurement_rate_per_s[angle()] * 1e-6 * span_us(); }
   std::uint32_t angle() const { return setup.robot == Robot::kPendulum ? 0u : 1u; }  ///< index of the angle's value

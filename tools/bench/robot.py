@@ -158,7 +158,8 @@ def soak(args):
 
 @section("integrity of own frames and messages")
 def integrity(args):
-    return (tests(args, "integrity", "own frames", "flips, losses, repetitions, order", "^(core|io)_test$") +
+    return (program(args, "integrity", "--trials", 100000 if args.quick else 1000000) +
+            tests(args, "integrity", "own frames", "flips, losses, repetitions, order", "^(core|io)_test$") +
             tests(args, "integrity", "LCM messages", "codec, key, replays, other people's programs", "^lcm_"))
 
 

@@ -23,6 +23,7 @@ struct SoakOutcome {
   tiller_status_t first_fault = tiller_status_ok;
   std::int64_t heap_growth_bytes = 0;  ///< from the thousandth tick to the last
   std::int64_t resident_growth_bytes = 0;
+  std::int64_t own_growth_bytes = 0;  ///< of that: not pages of the program's files
   double worst_angle_rad = 0.0;  ///< from upright, after the first second
 };
 
