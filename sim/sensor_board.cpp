@@ -79,7 +79,8 @@ bool read_controller_status(std::uint32_t node, const CanFrame& frame, PlantComm
   if (frame.id != can_id(node, TILLER_SENSORS_CONTROLLER_STATUS_FRAME_ID) || frame.remote) return false;
   tiller_sensors_controller_status_t in{};
   if (tiller_sensors_controller_status_unpack(&in, frame.data.data(), frame.length) != 0) return false;
-  if (in.version > 1 || (is_protected && in.version == 0) || (in.version == 1 && frame.data[7] != crc_of(frame))) return false;
+  if (in.version > 1 || (is_protected && in.version == 0) || (in.version == 1 && frame.data[7] != crc_of(frame)))
+    return false;
   answer = PlantCommand{};
   answer.sequence = in.answered_sequence;
   answer.has_value = false;

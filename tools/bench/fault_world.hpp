@@ -52,10 +52,10 @@ struct Setup {
   bool motor_encoder = false;                  ///< bus: the first value comes from the motor's own encoder
   ActuatorKind drive = ActuatorKind::odrive;   ///< bus: the protocol of the drive
   MitReply mit_reply = MitReply::damiao;
-  bool keyed = false;                          ///< LCM: plant and controller hold the same key
-  bool own_cost = false;                       ///< the planner calls a cost that the fault can break
-  std::uint32_t latest_onset_ticks = 100;      ///< the fault begins from tick 25 to this one, by chance
-  bool clock = false;                          ///< the controller has a clock that the fault can turn
+  bool keyed = false;                      ///< LCM: plant and controller hold the same key
+  bool own_cost = false;                   ///< the planner calls a cost that the fault can break
+  std::uint32_t latest_onset_ticks = 100;  ///< the fault begins from tick 25 to this one, by chance
+  bool clock = false;                      ///< the controller has a clock that the fault can turn
 };
 
 /// The pendulum or the cart-pole, small enough that a tick takes a tenth of a millisecond.

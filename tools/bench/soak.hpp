@@ -24,7 +24,7 @@ struct SoakOutcome {
   std::int64_t heap_growth_bytes = 0;  ///< from the thousandth tick to the last
   std::int64_t resident_growth_bytes = 0;
   std::int64_t own_growth_bytes = 0;  ///< of that: not pages of the program's files
-  double worst_angle_rad = 0.0;  ///< from upright, after the first second
+  double worst_angle_rad = 0.0;       ///< from upright, after the first second
 };
 
 /// A pendulum held upright for all that time, its plant an equation of its own (RK4 at 2 ms). About 20 us a tick.
