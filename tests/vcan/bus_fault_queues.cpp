@@ -1,5 +1,5 @@
-// Faults of the queue behind which an interface sends: netem(8) on either end of the cable. Its dice are the kernel's, so a
-// kind that goes by chance is not the same twice; what is judged must hold whatever they show.
+// Faults of the queue behind which an interface sends: netem(8) on either end of the cable. Its dice are the
+// kernel's, so a kind that goes by chance is not the same twice; what is judged must hold whatever they show.
 
 #include <sys/socket.h>
 

@@ -1,6 +1,6 @@
 #!/bin/sh
-# bus_faults.sh KERNEL PROGRAM [ARGUMENT]...: PROGRAM (bus_fault_test) in the guest, with a vcan that brings own frames back
-# after its queue, as hardware does. For ./dev bench robot; ctest has small versions of its own.
+# bus_faults.sh KERNEL PROGRAM [ARGUMENT]...: PROGRAM (bus_fault_test) in the guest, with a vcan that brings own frames
+# back after its queue, as hardware does. For ./dev bench robot; ctest has small versions of its own.
 set -eu
 here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
 kernel=$1

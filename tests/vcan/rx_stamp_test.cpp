@@ -1,7 +1,8 @@
-// The kernel's receive stamps have to arrive where they matter: in the likelihood (how long the plant moved between two
-// readings) and in delay compensation (from which state the plan starts). A pendulum swings in wall time; its readings wait
-// in the socket for a random time before they are looked at. Two controllers get the same readings: one with the stamps of
-// the transport, one with the time of reading. Runs in wall time, so its thresholds leave room for a machine that stands still now and then.
+// The kernel's receive stamps have to arrive where they matter: in the likelihood (how long the plant moved between
+// two readings) and in delay compensation (from which state the plan starts). A pendulum swings in wall time; its
+// readings wait in the socket for a random time before they are looked at. Two controllers get the same readings: one
+// with the stamps of the transport, one with the time of reading. Runs in wall time, so its thresholds leave room for
+// a machine that stands still now and then.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -163,9 +164,9 @@ class Swing {
   std::uint32_t sequence_ = 0;
 };
 
-// At some 2 rad/s, 45 ms in the mean are 0.1 rad, five deviations of the encoder: that much the likelihood without stamps has
-// to explain as noise, and so far from the truth its plans begin. With stamps the noise is the encoder's, and a plan begins
-// as near as a state estimated from it and carried on for 90 ms: a deviation or two.
+// At some 2 rad/s, 45 ms in the mean are 0.1 rad, five deviations of the encoder: that much the likelihood without
+// stamps has to explain as noise, and so far from the truth its plans begin. With stamps the noise is the encoder's,
+// and a plan begins as near as a state estimated from it and carried on for 90 ms: a deviation or two.
 TEST(RxStamps, ReachTheLikelihoodAndDelayCompensation) {
   restore_wires();
   Swing swing(1);
