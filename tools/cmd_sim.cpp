@@ -20,7 +20,7 @@ struct Arguments {
   std::string serve = "lcm";
   bool lockstep = false, real_time = false;
   double seconds = 0;
-  double answer_timeout_s = 1;
+  double answer_timeout_s = 1, repeat_s = 0.1;
   std::uint64_t seed = 0;
 };
 
@@ -78,6 +78,7 @@ int serve_plant(const Arguments& a, const RobotFile& robot, sim::Plant& plant, s
   options.duration_s = a.seconds;
   options.answer_timeout_s = a.answer_timeout_s;
   options.plan_timeout_s = robot.sim.plan_timeout_s;
+  options.first_answer_repeat_s = a.repeat_s;
   options.stop = &stop.flag();
   double next_s = 0;
   bool tripped = false;
@@ -151,6 +152,8 @@ void add_sim_command(CLI::App& app, int& exit_code) {
   command->add_flag("--real-time", a->real_time, "simulated time follows the wall clock (default)")->excludes(lockstep);
   command->add_option("--seconds", a->seconds, "end after this much simulated time (default: at Ctrl-C)")
       ->check(number_between(0.001, 1e9));
+  command->add_option("--repeat", a->repeat_s, "lockstep: s between repetitions of the first measurement (default 0.1)")
+      ->check(number_between(0.001, 3600));
   command
       ->add_option("--answer-timeout", a->answer_timeout_s,
                    "lockstep: wall time in s after which time goes on without a command")

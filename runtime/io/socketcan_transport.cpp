@@ -11,6 +11,7 @@
 
 #include <cerrno>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 
 #include "io/monotonic_clock.hpp"
@@ -286,6 +287,32 @@ tiller_status_t open_socket(SocketCanTransport* transport, OpenError* error) {
   return tiller_status_io_error;
 }
 
+/// The number in "fd:3", or -1. No interface has a colon in its name.
+int handed_over(const char* interface) {
+  if (std::strncmp(interface, "fd:", 3) != 0) return -1;
+  char* end = nullptr;
+  const long number = std::strtol(interface + 3, &end, 10);
+  return end != interface + 3 && *end == '\0' && number >= 0 && number < 65536 ? static_cast<int>(number) : -1;
+}
+
+/// A socket that another program has opened, set up and bound; `request` gets its interface's name.
+tiller_status_t adopt(SocketCanTransport* transport, int socket, ifreq& request, OpenError* error) {
+  sockaddr_can address{};
+  socklen_t size = sizeof address;
+  const bool is_can = getsockname(socket, reinterpret_cast<sockaddr*>(&address), &size) == 0 &&
+                      address.can_family == AF_CAN && address.can_ifindex != 0;
+  request.ifr_ifindex = address.can_ifindex;
+  const int flags = fcntl(socket, F_GETFL);
+  if (!is_can || flags < 0 || fcntl(socket, F_SETFL, flags | O_NONBLOCK) != 0 ||
+      fcntl(socket, F_SETFD, FD_CLOEXEC) != 0 || ioctl(socket, SIOCGIFNAME, &request) != 0) {
+    set_open_error(error, "socketcan: descriptor %d is no CAN socket that is bound to an interface", socket);
+    return tiller_status_io_error;
+  }
+  transport->socket = socket;
+  transport->adopted = true;
+  return tiller_status_ok;
+}
+
 tiller_status_t find_interface(const SocketCanTransport* transport, const char* name, int& index, OpenError* error) {
   ifreq request{};
   if (std::strlen(name) >= sizeof request.ifr_name) {
@@ -317,8 +344,10 @@ std::uint32_t make_filters(const SocketCanTransport* transport, can_filter* out)
   return count + transport->own_count;
 }
 
-bool set_option(int socket, int level, int name, const void* value, socklen_t size) {
-  return setsockopt(socket, level, name, value, size) == 0;
+/// What an emulator of the system calls does not know, the program that handed the socket over has set.
+bool set_option(const SocketCanTransport* transport, int level, int name, const void* value, std::size_t size) {
+  if (setsockopt(transport->socket, level, name, value, static_cast<socklen_t>(size)) == 0) return true;
+  return transport->adopted && errno == ENOPROTOOPT;
 }
 
 tiller_status_t configure(SocketCanTransport* transport, const SocketCanOptions& options, OpenError* error) {
@@ -330,15 +359,14 @@ tiller_status_t configure(SocketCanTransport* transport, const SocketCanOptions&
   const std::uint32_t count = make_filters(transport, filters);
   const int on = 1;
   const can_err_mask_t errors = CAN_ERR_MASK;
-  const int s = transport->socket;
-  bool ok = set_option(s, SOL_CAN_RAW, CAN_RAW_FILTER, filters, static_cast<socklen_t>(count * sizeof *filters));
-  ok = ok && set_option(s, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors);
-  ok = ok && set_option(s, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &on, sizeof on);
-  if (transport->fd) ok = ok && set_option(s, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on);
-  ok = ok && set_option(s, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);
-  ok = ok && request_arrival_stamps(s);
+  bool ok = set_option(transport, SOL_CAN_RAW, CAN_RAW_FILTER, filters, count * sizeof *filters);
+  ok = ok && set_option(transport, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors);
+  ok = ok && set_option(transport, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &on, sizeof on);
+  if (transport->fd) ok = ok && set_option(transport, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on);
+  ok = ok && set_option(transport, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);
+  ok = ok && (request_arrival_stamps(transport->socket) || (transport->adopted && errno == ENOPROTOOPT));
   if (options.receive_buffer_bytes > 0)
-    ok = ok && set_option(s, SOL_SOCKET, SO_RCVBUF, &options.receive_buffer_bytes, sizeof(int));
+    ok = ok && set_option(transport, SOL_SOCKET, SO_RCVBUF, &options.receive_buffer_bytes, sizeof(int));
   if (ok) return tiller_status_ok;
   set_open_error(error, "socketcan: cannot set a socket option: %s", std::strerror(errno));
   return tiller_status_io_error;
@@ -378,6 +406,25 @@ tiller_status_t check_up(const SocketCanTransport* transport, const char* name, 
   return tiller_status_io_error;
 }
 
+tiller_status_t open_own(SocketCanTransport* transport, const SocketCanOptions& options, OpenError* error) {
+  int index = 0;
+  tiller_status_t status = open_socket(transport, error);
+  if (status == tiller_status_ok) status = find_interface(transport, options.interface, index, error);
+  if (status == tiller_status_ok) status = configure(transport, options, error);
+  if (status == tiller_status_ok) status = bind_to(transport, options.interface, index, error);
+  if (status == tiller_status_ok) status = check_up(transport, options.interface, error);
+  return status;
+}
+
+tiller_status_t take_over(SocketCanTransport* transport, int socket, const SocketCanOptions& options,
+                          OpenError* error) {
+  ifreq interface {};
+  tiller_status_t status = adopt(transport, socket, interface, error);
+  if (status == tiller_status_ok) status = configure(transport, options, error);
+  if (status == tiller_status_ok) status = check_up(transport, interface.ifr_name, error);
+  return status;
+}
+
 }  // namespace
 
 const tiller_transport_t kSocketCanTransport = {
@@ -392,12 +439,9 @@ tiller_status_t socketcan_open(SocketCanTransport* transport, const SocketCanOpt
   }
   *transport = SocketCanTransport();
   transport->robot.reset(options.layout);
-  int index = 0;
-  tiller_status_t status = open_socket(transport, error);
-  if (status == tiller_status_ok) status = find_interface(transport, options.interface, index, error);
-  if (status == tiller_status_ok) status = configure(transport, options, error);
-  if (status == tiller_status_ok) status = bind_to(transport, options.interface, index, error);
-  if (status == tiller_status_ok) status = check_up(transport, options.interface, error);
+  const int given = handed_over(options.interface);
+  const tiller_status_t status =
+      given >= 0 ? take_over(transport, given, options, error) : open_own(transport, options, error);
   if (status != tiller_status_ok) socketcan_close(transport);
   return status;
 }

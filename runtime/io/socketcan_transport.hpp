@@ -10,6 +10,9 @@
 namespace tiller {
 
 struct SocketCanOptions {
+  /// Or "fd:3": the open descriptor 3, a raw CAN socket that another program has set up (socketcan_open of the same
+  /// layout does so) and bound, for programs that may not open one, or cannot: an emulator of foreign programs knows
+  /// no options of CAN. What can be set is set again.
   const char* interface = "can0";
   CanLayout layout;
   int receive_buffer_bytes = 0;  ///< SO_RCVBUF; 0: the kernel's default
@@ -43,6 +46,7 @@ struct SocketCanTransport {
   CanBusState bus = CanBusState::kActive;
   std::uint32_t kernel_drops = 0;  // last value of SO_RXQ_OVFL, which counts from the socket's opening
   bool fd = false;
+  bool adopted = false;              // another program opened the socket
   std::int64_t clock_offset_us = 0;  // CLOCK_REALTIME, which the kernel stamps by, less CLOCK_MONOTONIC
   InterfaceClock interface_clock;
   StampSource stamps = StampSource::kReader;  // of the last frame of somebody else's
