@@ -32,6 +32,20 @@ TEST(SocketCanOpen, AMissingKernelOrInterfaceComesWithItsRemedy) {
   EXPECT_NE(std::string::npos, text.find(has_can ? "ip link add can_absent type vcan" : "modprobe can")) << text;
 }
 
+TEST(SocketCanOpen, OnlyABoundCanSocketIsTakenOver) {
+  const int wrong = socket(AF_INET, SOCK_DGRAM, 0);
+  for (const std::string name : {"fd:" + std::to_string(wrong), std::string("fd:9999"), std::string("fd:0")}) {
+    SocketCanOptions options = pendulum();
+    options.interface = name.c_str();
+    SocketCanTransport transport;
+    OpenError error;
+    EXPECT_EQ(tiller_status_io_error, socketcan_open(&transport, options, &error)) << name;
+    EXPECT_NE(std::string::npos, std::string(error.text).find("descriptor " + name.substr(3) + " is no CAN socket"));
+    EXPECT_EQ(-1, transport.socket) << "who gave it closes it";
+  }
+  close(wrong);
+}
+
 TEST(SocketCanOpen, AWrongLayoutIsRefusedBeforeAnythingIsOpened) {
   SocketCanOptions options = pendulum();
   options.layout.motors[0].wheel_radius_m = 0.0;

@@ -103,6 +103,31 @@ struct EmulatedDriver {
   }
 };
 
+// A program that may not open CAN sockets is given one: bound, with or without its options.
+TEST_F(SocketCan, ASocketThatWasHandedOverIsAsGoodAsItsOwn) {
+  const int given = socket(PF_CAN, SOCK_RAW, CAN_RAW);
+  sockaddr_can address{};
+  address.can_family = AF_CAN;
+  address.can_ifindex = static_cast<int>(if_nametoindex("vcan0"));
+  const std::string name = "fd:" + std::to_string(given);
+  OpenError error;
+  EXPECT_EQ(tiller_status_io_error, socketcan_open(&transport_, cart(name.c_str()), &error)) << "not bound";
+  EXPECT_NE(std::string::npos, std::string(error.text).find("descriptor " + std::to_string(given))) << error.text;
+  ASSERT_EQ(0, bind(given, reinterpret_cast<sockaddr*>(&address), sizeof address));
+  open(cart(name.c_str()));
+  EXPECT_EQ(given, transport_.socket);
+  RawBus bus("vcan0");
+  send_measurement(bus, 1, 500000, 0.5f);
+  bus.send(0x123, {1, 2, 3});  // not ours: the filters were set
+  EXPECT_EQ(tiller_status_ok, poll());
+  EXPECT_DOUBLE_EQ(0.5, measurement_.value[1]);
+  EXPECT_EQ(0u, counters().bad_messages);
+  EXPECT_EQ(tiller_status_no_new_measurement, poll()) << "it does not wait";
+  EXPECT_EQ(tiller_status_ok, send(command_of(1, tiller_state_active, 0.0)));
+  poll();
+  EXPECT_EQ(1u, transport_.bus_counters.confirmed) << "own set points come back";
+}
+
 TEST_F(SocketCan, AThousandTicksInLockstepWithAnEmulatedDriver) {
   open(cart("vcan0"));
   RawBus bus("vcan0");
