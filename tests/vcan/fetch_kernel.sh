@@ -3,19 +3,22 @@
 # kernel has no AF_CAN. Nothing is installed: the distribution's package is downloaded and unpacked.
 #
 #   FOLDER/vmlinuz, FOLDER/modules/*.ko   ready for run_in_guest.sh
+#   FOLDER/wanted                         the modules that were looked for
 #   FOLDER/version                        the kernel's release; written last, so its presence means complete
 #
 # Does nothing if FOLDER is complete. Safe to run from several tests at once.
 set -eu
 
 folder=${1:?usage: fetch_kernel.sh FOLDER}
+# sja1000 and kvaser_pci: the driver of a controller that the emulator has
+wanted="can-dev can can-raw can-bcm vcan vxcan can-gw sch_netem sja1000 kvaser_pci"
 die() { printf 'fetch_kernel: %s\n' "$*" >&2; exit 1; }
 
 mkdir -p "$folder"
 folder=$(CDPATH='' cd -- "$folder" && pwd)
 exec 9>"$folder/lock"
 flock 9
-[ -s "$folder/version" ] && exit 0
+[ -s "$folder/version" ] && [ "$(cat "$folder/wanted" 2>/dev/null)" = "$wanted" ] && exit 0
 
 for tool in apt-get apt-cache dpkg-deb; do
   command -v $tool >/dev/null || die "no $tool here. Put a kernel there yourself: $folder/vmlinuz, the modules of" \
@@ -63,16 +66,18 @@ plain() {
   esac
 }
 modules=$folder/modules
-rm -rf "$modules"
 mkdir -p "$modules"
-for name in can-dev can can-raw can-bcm vcan vxcan can-gw sch_netem; do
+for name in $wanted; do
   file=$(find root -name "$name.ko*" | head -n 1)
   [ -n "$file" ] || continue # built into this kernel, or not made for it: the guest says what is missing
-  plain "$file" >"$modules/$name.ko" || die "cannot unpack $file (install xz-utils, zstd)"
+  plain "$file" >"$work/$name.ko" || die "cannot unpack $file (install xz-utils, zstd)"
+  mv "$work/$name.ko" "$modules/$name.ko" # at once: another test may be reading the old one
 done
 [ -e "$modules/vcan.ko" ] || die "$packages holds no vcan module"
-cp root/boot/vmlinuz-* "$folder/vmlinuz"
+cp root/boot/vmlinuz-* vmlinuz
+mv vmlinuz "$folder/vmlinuz"
 cd "$folder"
 rm -rf "$work"
+echo "$wanted" >"$folder/wanted"
 echo "$release" >"$folder/version"
 echo "fetch_kernel: kernel $release in $folder"

@@ -11,7 +11,8 @@
 #   --timeout S        for all of it (default 240); --memory MB of the guest (default 512)
 #
 # In the guest: vcan0, vcan1 and the pair vx0 <-> vx1 are up; ip, tc, candump, cansend, cangen, cangw and busybox
-# are there; nothing else is, no network either. The guest is emulated without hardware help (machines of CI
+# are there; nothing else is, no network either. Two emulated CAN controllers (SJA1000) share a bus; once their driver
+# is loaded (insmod /modules/sja1000.ko; insmod /modules/kvaser_pci.ko) they are can0 and can1. The guest is emulated without hardware help (machines of CI
 # seldom have it): floating point is 20 to 35 times slower than outside, so tests there run in lockstep.
 set -eu
 here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
@@ -96,6 +97,7 @@ log=$work/console
 echo "virtual CAN: guest with kernel $(cat "$kernel/version")"
 # shellcheck disable=SC2086 # $machine is a list of words
 timeout -k 5 "$limit_s" "$qemu" $machine -accel tcg -m "$memory_MB" -net none -nographic -no-reboot \
+  -object can-bus,id=bus -device kvaser_pci,canbus=bus -device kvaser_pci,canbus=bus \
   -kernel "$kernel/vmlinuz" -initrd "$work/initrd" -append "console=$console quiet panic=-1 no_timer_check" \
   </dev/null 2>"$work/errors" | sed -u 's/\r//g; s/\x1bc//g; s/\x1b\[[?0-9;]*[a-zA-Z]//g' | tee "$log" || true
 code=$(sed -n 's/^VIRTUAL CAN: exit \([0-9][0-9]*\)$/\1/p' "$log" | tail -n 1)
