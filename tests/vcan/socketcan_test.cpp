@@ -163,8 +163,8 @@ TEST_F(SocketCan, AThousandTicksInLockstepWithAnEmulatedDriver) {
       ASSERT_TRUE(bus.receive(frame, 5000)) << "no status frame for " << k;
       driver.take(frame);
     }
-    // the first one goes out before the driver has said that it follows: nothing then
-    EXPECT_EQ(k == 0 ? 0.0f : static_cast<float>(force_N * 0.05), driver.torque_Nm);
+    // the first ones ask the driver to follow: nothing then
+    EXPECT_EQ(k < ActuatorAxis::kBlindRequests ? 0.0f : static_cast<float>(force_N * 0.05), driver.torque_Nm);
   }
   EXPECT_EQ(8, driver.axis_state);
   const tiller_transport_counters_t c = counters();
@@ -197,14 +197,16 @@ TEST_F(SocketCan, CansendFeedsAndCandumpShowsTheLiteralBytes) {
 
   // candump listens once the kernel lists a receiver of everything on vcan0
   std::FILE* dump = popen(
-      "candump -L -n 7 -T 20000 vcan0 & "
+      "candump -L -n 23 -T 20000 vcan0 & "
       "until grep -q '^ *vcan0 ' /proc/net/can/rcvlist_all; do sleep .1; done; echo started; wait",
       "r");
   ASSERT_NE(nullptr, dump);
   std::string seen;
   char line[256];
   while (std::fgets(line, sizeof line, dump) != nullptr && std::strcmp(line, "started\n") != 0) seen += line;
-  ASSERT_EQ(tiller_status_ok, send(command_of(7, tiller_state_active, 10.0)));
+  // four frames each: mode, closed loop, no torque, status
+  for (std::uint32_t i = 0; i < ActuatorAxis::kBlindRequests; ++i)
+    ASSERT_EQ(tiller_status_ok, send(command_of(7, tiller_state_active, 10.0)));
   ASSERT_EQ(0, std::system("cansend vcan0 061#0000000008000000"));  // the driver follows
   poll();
   ASSERT_EQ(tiller_status_ok, send(command_of(7, tiller_state_active, 10.0)));  // 10 N * 0.05 m = 0.5 Nm
