@@ -19,7 +19,7 @@
 namespace tiller::faults {
 namespace {
 
-constexpr std::uint32_t kTorque = 1u << 5 | 0x0eu, kBoard = 48;
+constexpr std::uint32_t kBoard = 48;
 constexpr int kPatience_ms = 2000;  // before the fault, for a kernel thread of an emulated machine to get its turn
 
 SocketLink* the_link = nullptr;
@@ -55,6 +55,8 @@ const char* controller_interface(Wiring wiring) {
 
 bool RawPort::open(const char* interface) {
   fd_ = ::socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
+  const int on = 1;
+  (void)setsockopt(fd_, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on);
   sockaddr_can address{};
   address.can_family = AF_CAN;
   address.can_ifindex = static_cast<int>(if_nametoindex(interface));
@@ -74,16 +76,27 @@ bool RawPort::send(std::uint32_t id, const std::uint8_t* data, std::uint8_t leng
   return ::write(fd_, &frame, sizeof frame) == static_cast<ssize_t>(sizeof frame);
 }
 
+bool RawPort::send(const CanFrame& frame) {
+  canfd_frame out{};
+  out.can_id = frame.id | (frame.extended ? CAN_EFF_FLAG : 0u);
+  out.len = frame.length;
+  out.flags = frame.fd ? CANFD_BRS : 0;
+  std::memcpy(out.data, frame.data, sizeof out.data);
+  const std::size_t size = frame.fd ? CANFD_MTU : CAN_MTU;
+  return ::write(fd_, &out, size) == static_cast<ssize_t>(size);
+}
+
 bool RawPort::receive(CanFrame& frame) {
-  can_frame in{};
+  canfd_frame in{};
   ssize_t size;
   while ((size = ::read(fd_, &in, sizeof in)) >= 0) {
-    if (size != static_cast<ssize_t>(sizeof in) || (in.can_id & CAN_RTR_FLAG) != 0) continue;
+    if ((in.can_id & CAN_RTR_FLAG) != 0) continue;
     frame = CanFrame();
+    frame.fd = size == static_cast<ssize_t>(CANFD_MTU);
     frame.extended = (in.can_id & CAN_EFF_FLAG) != 0;
     frame.id = in.can_id & (frame.extended ? CAN_EFF_MASK : CAN_SFF_MASK);
-    frame.length = in.can_dlc;
-    std::memcpy(frame.data, in.data, sizeof in.data);
+    frame.length = std::min<std::uint8_t>(in.len, frame.fd ? 64 : 8);
+    std::memcpy(frame.data, in.data, frame.length);
     return true;
   }
   return false;
@@ -91,7 +104,8 @@ bool RawPort::receive(CanFrame& frame) {
 
 // ---- the road ----
 
-SocketLink::SocketLink(const Setup& setup, Device& device, Wiring wiring) : plant_(device) {
+SocketLink::SocketLink(const Setup& setup, Device& device, Wiring wiring)
+    : plant_(setup, device), tells_torque_(setup.drive == ActuatorKind::odrive) {
   the_link = this;
   SocketCanOptions options;
   options.interface = controller_interface(wiring);
@@ -126,20 +140,30 @@ bool SocketLink::sense(World& world, const Fault* fault, const tiller_measuremen
                        tiller_measurement_t& measurement) {
   drain_plant();
   // a plant does not wait for its bus either
-  for (const CanFrame& frame : plant_.frames(genuine)) published_ += port_.send(frame.id, frame.data, frame.length);
+  for (const CanFrame& frame : plant_.frames(genuine)) published_ += port_.send(frame);
   let_it_deliver();
   if (world.hung) return false;  // and does not read
-  do {
-    status_ = kSocketCanTransport.poll(&transport_, &measurement);
-    note(seen_, status_);
-    if (status_ != tiller_status_no_new_measurement || fault != nullptr) break;
+  look(measurement);
+  if (status_ == tiller_status_no_new_measurement) {  // a drive has been asked, and answers
+    let_it_deliver();
+    drain_plant();
+    let_it_deliver();
+    look(measurement);
+  }
+  while (status_ == tiller_status_no_new_measurement && fault == nullptr) {
     pollfd wanted = {transport_.socket, POLLIN, 0};
     if (::poll(&wanted, 1, kPatience_ms) <= 0) break;
-  } while (true);
+    look(measurement);
+  }
   const bool fresh = status_ == tiller_status_ok;
   missed_ += !fresh;
   if (status_ == tiller_status_no_new_measurement) status_ = tiller_status_ok;
   return fresh;
+}
+
+void SocketLink::look(tiller_measurement_t& measurement) {
+  status_ = kSocketCanTransport.poll(&transport_, &measurement);
+  note(seen_, status_);
 }
 
 void SocketLink::send(World&, const Fault*, const tiller_command_t& command) {
@@ -147,7 +171,22 @@ void SocketLink::send(World&, const Fault*, const tiller_command_t& command) {
   if (commanded_.size() > 256) commanded_.pop_front();
   note(refused_, kSocketCanTransport.send(&transport_, &command));
   let_it_deliver();
+  if (!tells_torque_) note_sent();
   drain_plant();
+}
+
+/// The controller's interface shows what it was given to send; one that is refused it does not show.
+void SocketLink::note_sent() {
+  CanFrame frame;
+  while (neighbour_.receive(frame))
+    if (is_set_point(frame)) sent_.push_back({tick_, frame});
+  while (sent_.size() > 256) sent_.pop_front();
+}
+
+bool SocketLink::is_set_point(const CanFrame& frame) const {
+  for (std::uint32_t i = 0; i < transport_.own_count; ++i)
+    if (transport_.own[i].passes(frame)) return true;
+  return false;
 }
 
 void SocketLink::after_period() {
@@ -178,29 +217,34 @@ void SocketLink::drain_plant() {
   watch_wire();
   CanFrame frame;
   while (port_.receive(frame)) plant_.deliver(frame);
+  for (const CanFrame& answer : plant_.answers()) (void)port_.send(answer);
 }
 
 void SocketLink::watch_wire() {
   CanFrame frame;
-  while (witness_.receive(frame)) {
-    if (frame.extended || frame.id != kTorque || frame.length < 4) continue;
-    float torque_Nm;
-    std::memcpy(&torque_Nm, frame.data, sizeof torque_Nm);
-    if (judges_wire_) judge(torque_Nm);
-  }
+  while (witness_.receive(frame))
+    if (judges_wire_ && is_set_point(frame)) judge(frame);
 }
 
-/// Zero is always in order: a drive that is being enabled is told nothing else.
-void SocketLink::judge(float torque_Nm) {
-  if (torque_Nm == 0.0f) return;
-  for (auto c = commanded_.rbegin(); c != commanded_.rend(); ++c) {
-    if (c->torque_Nm != torque_Nm) continue;
-    const int age = tick_ - c->tick;
-    if (age > 0 && c->tick != latest_late_) ++late_, latest_late_ = c->tick;
-    if (age > late_ticks_ || late_ > late_of_ticks_) report("a stale torque on the wire");
-    return;
+void SocketLink::judge(const CanFrame& set_point) {
+  if (!tells_torque_) {
+    for (auto s = sent_.rbegin(); s != sent_.rend(); ++s)
+      if (std::memcmp(s->set_point.data, set_point.data, sizeof set_point.data) == 0) return judge_age(s->tick);
+    return report("a set point on the wire that was never sent");
   }
+  float torque_Nm;
+  std::memcpy(&torque_Nm, set_point.data, sizeof torque_Nm);
+  // zero is always in order: a drive that is being enabled is told nothing else
+  if (torque_Nm == 0.0f) return;
+  for (auto c = commanded_.rbegin(); c != commanded_.rend(); ++c)
+    if (c->torque_Nm == torque_Nm) return judge_age(c->tick);
   report("a torque on the wire that was never commanded");
+}
+
+void SocketLink::judge_age(int tick) {
+  const int age = tick_ - tick;
+  if (age > 0 && tick != latest_late_) ++late_, latest_late_ = tick;
+  if (age > late_ticks_ || late_ > late_of_ticks_) report("a stale torque on the wire");
 }
 
 // ---- what happened ----

@@ -26,9 +26,10 @@ class RawPort {
   RawPort& operator=(const RawPort&) = delete;
   bool open(const char* interface);
   void close();
+  bool send(const CanFrame& frame);
   /// Any frame, flags of linux/can.h included in its identifier; false when the kernel refuses it.
   bool send(std::uint32_t id, const std::uint8_t* data, std::uint8_t length);
-  /// False once there is nothing more. Remote requests and FD frames are passed over.
+  /// False once there is nothing more. Remote requests are passed over.
   bool receive(CanFrame& frame);
 
  private:
@@ -86,9 +87,17 @@ class SocketLink final : public Link {
     int tick;
     float torque_Nm;
   };
+  struct Sent {
+    int tick;
+    CanFrame set_point;
+  };
   void drain_plant();
   void watch_wire();
-  void judge(float torque_Nm);
+  void look(tiller_measurement_t& measurement);
+  void note_sent();
+  bool is_set_point(const CanFrame& frame) const;
+  void judge(const CanFrame& set_point);
+  void judge_age(int tick);
   void note(std::uint64_t (&bits)[4], tiller_status_t status);
 
   BusPlant plant_;
@@ -98,6 +107,8 @@ class SocketLink final : public Link {
   int tick_ = 0, late_ = 0, latest_late_ = -1, late_ticks_ = 0, late_of_ticks_ = 1 << 30;
   bool judges_wire_ = true;
   std::deque<Commanded> commanded_;
+  std::deque<Sent> sent_;  // by the controller's interface
+  bool tells_torque_;      // an ODrive's frame is the torque as float; others are compared as they were sent
   std::int64_t paced_from_us_ = -1;
   std::int64_t period_us_ = 0, began_us_ = 0, longest_us_ = 0;
   std::uint64_t published_ = 0, missed_ = 0;

@@ -57,6 +57,7 @@ void restore_wires() {
   if (links_changed)
     (void)!std::system(
         "ip link show vx1 >/dev/null 2>&1 || ip link add vx0 type vxcan peer name vx1;"
+        "for i in vx0 vx1; do ip link set $i down; ip link set $i mtu 72; done;"  // moteus speaks CAN FD
         "for i in vx0 vx1 vcan0 vcan1; do ip link set $i up; done");
   for (const std::string& interface : queues)
     (void)!std::system(("tc qdisc del dev " + interface + " root 2>/dev/null").c_str());
@@ -111,7 +112,8 @@ void gateway(const std::string& readings, const std::string& commands) {
 const std::vector<Fault>& socket_faults() {
   static const std::vector<Fault> all = [] {
     std::vector<Fault> list;
-    for (const auto& part : {queue_faults(), interface_faults(), frame_faults(), gateway_faults()})
+    for (const auto& part :
+         {queue_faults(), interface_faults(), frame_faults(), gateway_faults(), other_drive_faults()})
       list.insert(list.end(), part.begin(), part.end());
     return list;
   }();

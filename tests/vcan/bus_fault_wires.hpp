@@ -36,5 +36,6 @@ std::vector<Fault> queue_faults();
 std::vector<Fault> interface_faults();
 std::vector<Fault> frame_faults();
 std::vector<Fault> gateway_faults();
+std::vector<Fault> other_drive_faults();
 
 }  // namespace tiller::faults
