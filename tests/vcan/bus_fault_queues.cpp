@@ -151,7 +151,8 @@ void full_queues(std::vector<Fault>& list) {
 
   list.push_back(on_one_bus("stalled_bus", "the bus stands still for twelve periods, then carries what it holds",
                             End::kStops, Timeout::kWatchdog,
-                            "nothing is queued behind one tick's set points; unconfirmed: `bus_off`, SAFE"));
+                            "nothing is queued behind one tick's set points: held back and counted; `sensor_stale` or "
+                            "`bus_off`, SAFE"));
   list.back().step = [](World& w) {
     if (!first(w)) return;
     link().pace(true);
