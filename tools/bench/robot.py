@@ -1,7 +1,7 @@
 # programs: bench_robot
 """./dev bench robot: what a robot may rely on. Every row has its figure, its goal, and met or short.
 
-    ./dev bench robot                    all sections (about an hour)
+    ./dev bench robot                    all sections (about three hours)
     ./dev bench robot faults gate        some of them
     ./dev bench robot --quick            a fixed small part of each (minutes)
 
