@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -117,7 +118,7 @@ SocketLink::SocketLink(const Setup& setup, Device& device, Wiring wiring)
   if (!opened) report("the sockets cannot be opened");
   if (!opened) std::fprintf(stderr, "%s\n", error.text);
   transport_.robot.prepare(true);
-  period_us_ = static_cast<std::int64_t>(1e6 * setup.config.period_s + 0.5);
+  period_us_ = std::llround(1e6 * setup.config.period_s);
 }
 
 SocketLink::~SocketLink() {
