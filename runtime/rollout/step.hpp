@@ -276,7 +276,10 @@ struct Stepper {
   TILLER_INLINE void respond(Response* response, const State* next, const Trajectory<Model, S>* t, const Input* u,
                              const Force* f, const Parameters<Model, S>* p, const Body<S>* bodies) const {
     each(model.nf(), [&](auto j) TILLER_INLINED {
-      if (!((reacting >> static_cast<int>(j)) & 1u)) return;
+      if (!((reacting >> static_cast<int>(j)) & 1u)) {  // nobody reads it; compilers cannot know
+        for (int r = 0; r < kCount; ++r) each(model.nf(), [&](auto i) { response[r][j][i] = S(0.0); });
+        return;
+      }
       for (int r = 0; r < kCount; ++r) {
         State middle;
         each(model.nx(), [&](auto i) { middle[i] = S(0.5) * (t[r].x[i] + next[r][i]); });

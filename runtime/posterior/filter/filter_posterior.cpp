@@ -334,7 +334,8 @@ void FilterPosterior::correct_chunk(std::uint32_t c) const {
 }
 
 void FilterPosterior::remember_transition() {
-  const std::uint64_t slot = window_.end() % window_.capacity(), row = setup_.delay_steps * nu_;
+  const auto slot = static_cast<std::size_t>(window_.end() % window_.capacity());
+  const std::size_t row = std::size_t{setup_.delay_steps} * nu_;
   std::memcpy(window_history_ + slot * row, input_history_, sizeof(double) * row);
   window_.push() = now_;
 }
