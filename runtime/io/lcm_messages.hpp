@@ -90,9 +90,9 @@ inline constexpr LcmType kLcmTelemetryType = make_lcm_type(kLcmTelemetryFields);
 struct LogState {
   /// io_error: a disk refuses, or refused for too long; queue_full: a disk takes too long, and ticks were dropped.
   tiller_status_t status = tiller_status_ok;
-  std::uint64_t dropped_ticks = 0;            ///< that no log holds: their writer could not keep up
-  std::uint64_t waiting_bytes = 0;            ///< in memory, for a disk refuses them; tried again with every flush
-  std::uint64_t lost_bytes = 0;               ///< given up: a disk refused them for too long
+  std::uint64_t dropped_ticks = 0;  ///< that no log holds: their writer could not keep up
+  std::uint64_t waiting_bytes = 0;  ///< in memory, for a disk refuses them; tried again with every flush
+  std::uint64_t lost_bytes = 0;     ///< given up: a disk refused them for too long
 };
 
 /// The messages of what a controller takes and gives. Counts are those of the robot: at most what the arrays hold.

@@ -30,7 +30,7 @@ struct Tape {
 struct SharedStart {
   using P = Pack<float>;
   using value_type = float;
-  using Lane = P;  // what an effect works in: it has nothing to do with the tape
+  using Lane = P;                             // what an effect works in: it has nothing to do with the tape
   enum Spread { kConstant, kShared, kLane };  // what the value depends on; the larger wins
   enum Kind { kPlain, kStart, kMoved };       // kStart: a state where it began; kMoved: start + change
 

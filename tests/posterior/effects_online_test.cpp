@@ -32,9 +32,9 @@ tiller_config_t pendulum_config(const Case& which) {
   c.integrator = tiller_integrator_rk4;
   c.body = {0.0, -9.81, 0.0, 0.0};
   c.param_count = 3;
-  c.priors[0] = rig::uniform(0.45, 0.55);  // mass_kg
-  c.priors[1] = rig::fixed(0.6);           // length_m
-  c.priors[2] = rig::fixed(0.05);          // damping_Nms
+  c.priors[0] = rig::uniform(0.45, 0.55);                                  // mass_kg
+  c.priors[1] = rig::fixed(0.6);                                           // length_m
+  c.priors[2] = rig::fixed(0.05);                                          // damping_Nms
   if (which.kind == tiller_effect_payload) c.priors[0] = rig::fixed(0.5);  // at the bob: only the sum shows
   c.effect_count = 1;
   c.effects[0] = {static_cast<std::uint32_t>(which.kind), 0};
