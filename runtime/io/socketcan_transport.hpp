@@ -42,7 +42,8 @@ struct SocketCanCounters {
 /// (A driver that brings none back is taken as it is.)
 struct SocketCanTransport {
   int socket = -1;
-  bool link_down = false;  // the interface was taken down or away
+  char interface[16] = {};  // its name, to find it again
+  bool link_down = false;   // the interface was taken down or away; until frames come again
   CanBusState bus = CanBusState::kActive;
   std::uint32_t kernel_drops = 0;  // last value of SO_RXQ_OVFL, which counts from the socket's opening
   bool fd = false;

@@ -34,7 +34,7 @@ TEST(SocketCanOpen, AMissingKernelOrInterfaceComesWithItsRemedy) {
 
 TEST(SocketCanOpen, OnlyABoundCanSocketIsTakenOver) {
   const int wrong = socket(AF_INET, SOCK_DGRAM, 0);
-  for (const std::string name : {"fd:" + std::to_string(wrong), std::string("fd:9999"), std::string("fd:0")}) {
+  for (const std::string& name : {"fd:" + std::to_string(wrong), std::string("fd:9999"), std::string("fd:0")}) {
     SocketCanOptions options = pendulum();
     options.interface = name.c_str();
     SocketCanTransport transport;

@@ -321,6 +321,31 @@ TEST_F(SocketCan, AnInterfaceThatGoesDownClosesTheTransportUntilItIsBack) {
   EXPECT_EQ(tiller_status_ok, send(command_of(0, tiller_state_standby, 0.0)));
 }
 
+// As an adapter on USB that is pulled out and plugged in again, perhaps in between with a wire that is not up yet.
+TEST_F(SocketCan, AnInterfaceThatIsRemovedAndMadeAnewIsFoundByItsName) {
+  open(cart("vcan1"));
+  const int descriptor = transport_.socket;
+  ASSERT_EQ(0, std::system("ip link del vcan1"));
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_EQ(tiller_status_transport_closed, poll());
+    EXPECT_NE(tiller_status_ok, send(command_of(0, tiller_state_safe, 0.0)));
+  }
+  ASSERT_EQ(0, std::system("ip link add vcan1 type vcan"));
+  EXPECT_EQ(tiller_status_transport_closed, poll()) << "not up";
+  EXPECT_EQ(tiller_status_transport_closed, send(command_of(0, tiller_state_safe, 0.0)));
+  ASSERT_EQ(0, std::system("ip link set vcan1 mtu 72 up"));
+  EXPECT_EQ(tiller_status_transport_closed, poll()) << "until a frame comes";
+  RawBus bus("vcan1");
+  bus.send(0x123, {1, 2, 3});  // the filters are as they were
+  send_measurement(bus, 1, 500000, 0.5f);
+  EXPECT_EQ(tiller_status_ok, poll());
+  EXPECT_EQ(descriptor, transport_.socket) << "whoever waits on the descriptor goes on";
+  EXPECT_EQ(0u, counters().bad_messages);
+  ASSERT_EQ(tiller_status_ok, send(command_of(1, tiller_state_standby, 0.0)));
+  can_frame frame;
+  EXPECT_TRUE(bus.receive(frame, 5000));
+}
+
 // A set point that went out comes back as its own confirmation; nobody else's may be under our identifiers.
 TEST_F(SocketCan, SetPointsAreConfirmedAndAnotherSenderIsAFault) {
   open(cart("vcan0"));
