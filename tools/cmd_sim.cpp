@@ -1,14 +1,12 @@
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <memory>
 
-#include "io/key_file.hpp"
-#include "io/message_seal.hpp"
 #include "sim/serve_can.hpp"
 #include "sim/serve_lcm.hpp"
 #include "tools/commands.hpp"
+#include "tools/lcm_seal.hpp"
 #include "tools/plant_setup.hpp"
 #include "tools/stop_flag.hpp"
 
@@ -42,34 +40,6 @@ void print_plant(const RobotFile& robot, const SimPlant& made) {
   std::printf("\n");
 }
 
-/// The plant's end of docs/security.md.
-bool add_key(const RobotFile& robot, sim::LcmOptions& lcm, std::string& error) {
-  if (robot.transport.key_file.empty()) return true;
-  OpenError problem;
-  std::uint8_t key[MessageSeal::kKeyBytes];
-  if (read_key_file(robot.transport.key_file.c_str(), key, &problem) != tiller_status_ok) {
-    error = problem.text;
-    return false;
-  }
-  const auto seal = std::make_shared<MessageSeal>(key, std::llround(1e6 * robot.transport.replay_window_s));
-  const auto wall_us = [] {
-    return std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch())
-        .count();
-  };
-  lcm.sign = [=](const std::string& channel, std::vector<unsigned char>& message) {
-    const auto size = static_cast<std::uint32_t>(message.size());
-    message.resize(size + MessageSeal::kTrailerBytes);
-    seal->seal(channel.c_str(), message.data(), size, wall_us());
-  };
-  lcm.verify = [=](const std::string& channel, std::vector<unsigned char>& message) {
-    const auto size = static_cast<std::uint32_t>(message.size());
-    if (seal->check(channel.c_str(), message.data(), size, wall_us()) != SealState::kOk) return false;
-    message.resize(size - MessageSeal::kTrailerBytes);
-    return true;
-  };
-  return true;
-}
-
 int serve_plant(const Arguments& a, const RobotFile& robot, sim::Plant& plant, sim::ServeReport& report) {
   const StopFlag stop;
   sim::ServeOptions options;
@@ -98,7 +68,11 @@ int serve_plant(const Arguments& a, const RobotFile& robot, sim::Plant& plant, s
     sim::LcmOptions lcm;
     lcm.url = robot.transport.url;
     lcm.channel_prefix = robot.transport.channel_prefix;
-    return add_key(robot, lcm, report.error) ? serve_lcm(plant, lcm, options, report) : 1;
+    LcmSeal seal;
+    if (!make_lcm_seal(robot, seal, report.error)) return 1;
+    lcm.sign = seal.sign;
+    lcm.verify = seal.verify;
+    return serve_lcm(plant, lcm, options, report);
   }
   sim::CanOptions can;
   can.interface = robot.transport.interface;

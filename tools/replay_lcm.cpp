@@ -7,10 +7,12 @@
 #include <cmath>
 #include <map>
 #include <thread>
+#include <utility>
 
 #include "io/monotonic_clock.hpp"
 #include "tiller_lcm/command_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
+#include "tools/lcm_seal.hpp"
 #include "tools/replay.hpp"
 
 namespace tiller::tools {
@@ -21,8 +23,10 @@ constexpr std::int64_t kRepeatUs = 500000;
 
 class LcmRobot {
  public:
-  explicit LcmRobot(const ReplayOptions& options)
-      : lcm_(lcm_create(options.url.c_str())), channel_(options.channel_prefix + "MEASUREMENT") {
+  LcmRobot(const ReplayOptions& options, LcmSeal seal)
+      : lcm_(lcm_create(options.url.c_str())),
+        channel_(options.channel_prefix + "MEASUREMENT"),
+        seal_(std::move(seal)) {
     if (lcm_) lcm_subscribe(lcm_, (options.channel_prefix + "COMMAND").c_str(), on_command, this);
   }
   ~LcmRobot() {
@@ -42,9 +46,10 @@ class LcmRobot {
       if (!std::isnan(m.value[i])) out.valid_mask |= 1 << i;
       out.value[i] = m.value[i];
     }
-    unsigned char bytes[256];
-    const int size = out.encode(bytes, 0, sizeof bytes);
-    return size > 0 && lcm_publish(lcm_, channel_.c_str(), bytes, static_cast<unsigned>(size)) == 0;
+    std::vector<unsigned char> bytes(static_cast<std::size_t>(out.getEncodedSize()));
+    out.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    if (seal_.sign) seal_.sign(channel_, bytes);
+    return lcm_publish(lcm_, channel_.c_str(), bytes.data(), static_cast<unsigned>(bytes.size())) == 0;
   }
 
   /// Handles what comes until `until_us` (monotonic), or until there is a command.
@@ -59,21 +64,30 @@ class LcmRobot {
   }
 
   std::vector<tiller_command_t> commands;
+  std::size_t refused = 0;  ///< commands that are not signed with our key
 
  private:
-  static void on_command(const lcm_recv_buf_t* buffer, const char*, void* user) {
+  static void on_command(const lcm_recv_buf_t* buffer, const char* channel, void* user) {
+    auto* robot = static_cast<LcmRobot*>(user);
+    const auto* data = static_cast<const unsigned char*>(buffer->data);
+    std::vector<unsigned char> bytes(data, data + buffer->data_size);
+    if (robot->seal_.verify && !robot->seal_.verify(channel, bytes)) {
+      ++robot->refused;
+      return;
+    }
     tiller_lcm::command_t in{};
-    if (in.decode(buffer->data, 0, static_cast<int>(buffer->data_size)) < 0) return;
+    if (in.decode(bytes.data(), 0, static_cast<int>(bytes.size())) < 0) return;
     tiller_command_t command{};
     command.stamp_us = in.stamp_us;
     command.sequence = static_cast<std::uint32_t>(in.sequence);
     command.state = static_cast<std::uint32_t>(in.state);
     std::copy(in.value, in.value + TILLER_MAX_INPUTS, command.value);
-    static_cast<LcmRobot*>(user)->commands.push_back(command);
+    robot->commands.push_back(command);
   }
 
   lcm_t* lcm_;
   std::string channel_;
+  LcmSeal seal_;
 };
 
 void compare(const RobotFile& robot, const RecordEntry& entry, std::size_t index, const tiller_command_t* answer,
@@ -154,7 +168,9 @@ void in_real_time(LcmRobot& plant, const RobotFile& robot, const RecordedRun& ru
 
 bool replay_through_lcm(const RobotFile& robot, const RecordedRun& run, const ReplayOptions& options,
                         ReplayResult& result, std::string& error) {
-  LcmRobot plant(options);
+  LcmSeal seal;
+  if (!make_lcm_seal(robot, seal, error)) return false;
+  LcmRobot plant(options, std::move(seal));
   if (!plant.good()) {
     error = "LCM cannot open '" + options.url + "'; is there a multicast route? (docs/lcm.md)";
     return false;
@@ -164,9 +180,12 @@ bool replay_through_lcm(const RobotFile& robot, const RecordedRun& run, const Re
   else
     in_lockstep(plant, robot, run, options, result);
   const bool silent = result.first.found && result.first.silent && result.first.at == 0;
-  if (silent)
+  if (silent && plant.refused > 0)
+    error = "what answers on " + options.url + " is not signed with the key in " + robot.transport.key_file +
+            " (key_file), or its clock differs by more than replay_window_s: give both ends the same";
+  else if (silent)
     error = "nobody answers on " + options.url + ": start `tiller run " + robot.path +
-            " --transport lcm --lockstep` first, with the same [transport]";
+            " --transport lcm --lockstep` first, with the same [transport], key_file included";
   return !silent;
 }
 

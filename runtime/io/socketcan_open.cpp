@@ -194,8 +194,8 @@ bool socketcan_bind_again(SocketCanTransport* transport) {
     return false;
   int index = 0;
   // the kernel has thrown away the filters with the interface
-  return find_interface(transport, transport->interface, index, nullptr) == tiller_status_ok && set_filters(transport) &&
-         bind_to(transport, transport->interface, index, nullptr) == tiller_status_ok;
+  return find_interface(transport, transport->interface, index, nullptr) == tiller_status_ok &&
+         set_filters(transport) && bind_to(transport, transport->interface, index, nullptr) == tiller_status_ok;
 }
 
 tiller_status_t socketcan_open(SocketCanTransport* transport, const SocketCanOptions& options, OpenError* error) {

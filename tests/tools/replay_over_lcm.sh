@@ -3,6 +3,7 @@
 #   1. a log of a simulated run takes the robot's place; a controller in another process answers with the same bits
 #   2. one that is another controller (seed) is told from it, with an exit code
 #   3. nobody answers: told
+#   3b. with a key both ways: the same bits; another key on the other side: told
 #   4. what lcm-logger heard of a lockstep run replays to the last bit; so it does of a run by the wall clock, where
 #      stamps, latencies and missed measurements are whatever the machine made of them
 #   5. the CSV that `tiller run --log` wrote of those runs replays too
@@ -56,6 +57,28 @@ code=0
 "$tiller" replay run.mcap robot.toml --through lcm --patience 0.3 >replay.txt 2>&1 || code=$?
 [ "$code" -eq 1 ] || fail "the replay ended with $code, not 1"
 grep -q "nobody answers on udpm" replay.txt || fail "not told"
+
+echo "3b. with a key"
+new_key() { (umask 077 && head -c 32 /dev/urandom | od -An -v -tx1 | tr -d ' \n' >"$1"); }
+new_key robot.key
+new_key other.key
+sed 's/^kind = "lcm"$/kind = "lcm"\nkey_file = "robot.key"/' robot.toml >signed.toml
+sed 's/robot\.key/other.key/' signed.toml >other.toml
+grep -q 'key_file = "other.key"' other.toml || fail "the robot file has no line kind = \"lcm\""
+"$tiller" run signed.toml --transport lcm --lockstep --wait 60 --quiet --alarm-seconds 0 >controller.txt 2>&1 &
+children=$!
+"$tiller" replay run.mcap signed.toml --through lcm --patience 30 >replay.txt 2>&1 || fail "with a key: ended with $?"
+grep -q "^100 ticks replayed on LCM, 0 different" replay.txt || fail "with a key: other commands"
+sed 's/^/   /' replay.txt
+kill -INT "$children" && wait "$children" || true
+"$tiller" run signed.toml --transport lcm --lockstep --wait 60 --quiet --alarm-seconds 0 >controller.txt 2>&1 &
+children=$!
+code=0
+"$tiller" replay run.mcap other.toml --through lcm --patience 3 >replay.txt 2>&1 || code=$?
+[ "$code" -eq 1 ] || fail "another key: the replay ended with $code, not 1"
+grep -qE "nobody answers on udpm.* key_file included|not signed with the key" replay.txt || fail "another key: not told"
+kill -INT "$children" && wait "$children" || true
+children=
 
 # mark LOG WORD: says a word on the bus until the log has it, so that everything said before is in the log too
 mark() {

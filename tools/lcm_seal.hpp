@@ -1,0 +1,22 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace tiller::tools {
+
+struct RobotFile;
+
+/// The far end of a robot whose LCM messages are signed (docs/security.md): what a plant or a log that takes the robot's
+/// place appends to its messages, and takes off those of the controller. Both empty without a key_file.
+struct LcmSeal {
+  std::function<void(const std::string& channel, std::vector<unsigned char>& message)> sign;
+  /// False: not signed with this key, or heard before.
+  std::function<bool(const std::string& channel, std::vector<unsigned char>& message)> verify;
+};
+
+/// False with the reason in `error` if the key cannot be read.
+bool make_lcm_seal(const RobotFile& robot, LcmSeal& seal, std::string& error);
+
+}  // namespace tiller::tools
