@@ -89,7 +89,9 @@ set(TILLER_ISA_FLAGS_avx2 -mavx2 -mfma)
 set(TILLER_ISA_FLAGS_avx512 -mavx512f -mavx512cd -mavx512dq -mavx512bw -mavx512vl -mfma -mprefer-vector-width=512
     -Wno-uninitialized -Wno-maybe-uninitialized)  # false in GCC 12's own intrinsics headers
 if(TILLER_SANITIZE)
-  set(TILLER_ISA_OPTIMISATION -O0)  # instrumented and optimised, one kernel takes many minutes to compile
+  # Instrumented and optimised, one kernel takes many minutes to compile, and not optimised but checked for undefined
+  # behaviour, five: kernels are checked for addresses (or races) alone.
+  set(TILLER_ISA_OPTIMISATION -O0 -g1 -fno-sanitize=undefined)
   if(TILLER_SANITIZE MATCHES "fuzzer")
     # Counted along, the kernels' many branches would cost a fuzzer more than what it tests; they see checked numbers.
     list(APPEND TILLER_ISA_OPTIMISATION -fno-sanitize=${TILLER_SANITIZE})

@@ -1,11 +1,15 @@
-// The same wires with drives of other protocols: moteus, whose frames are CAN FD, and Damiao's kind of the MIT protocol.
+// The same faults with drives of other protocols behind the wires: moteus, whose frames are CAN FD, and Damiao's kind of the
+// MIT protocol. Left out are the kinds whose frames are an ODrive's own.
+
+#include <cstdlib>
+#include <cstring>
+#include <deque>
+#include <string>
 
 #include "bus_fault_wires.hpp"
 
 namespace tiller::faults {
 namespace {
-
-SocketLink& link() { return SocketLink::current(); }
 
 void with_moteus(Setup& s) {
   shrink(s);
@@ -16,46 +20,48 @@ void with_mit(Setup& s) {
   s.drive = ActuatorKind::mit;
 }
 
-void both(std::vector<Fault>& list, const Fault& moteus, const char* mit_name, const char* mit_what) {
-  list.push_back(moteus);
-  list.back().group = "drives";
-  list.back().prepare = with_moteus;
-  list.push_back(list.back());
-  list.back().name = mit_name;
-  list.back().what = mit_what;
-  list.back().prepare = with_mit;
+const char* keep(const std::string& text) {
+  static std::deque<std::string> kept;
+  kept.push_back(text);
+  return kept.back().c_str();
 }
+
+Fault behind(const Fault& fault, const char* name, const char* drive, void (*prepare)(Setup&)) {
+  Fault other = fault;
+  other.group = "drives";
+  other.name = keep(std::string(name) + "_" + fault.name);
+  other.what = keep(std::string(drive) + ": " + fault.what);
+  other.prepare = prepare;
+  return other;
+}
+
+Fault find(const char* name) {
+  for (const auto& part : {queue_faults(), interface_faults(), frame_faults()})
+    for (const Fault& fault : part)
+      if (std::strcmp(fault.name, name) == 0) return fault;
+  std::fprintf(stderr, "no kind of fault is called '%s'\n", name);
+  std::abort();
+}
+
+bool any_fault(const World&, const tiller_info_t& info) { return info.first_fault != tiller_status_ok; }
 
 }  // namespace
 
 std::vector<Fault> other_drive_faults() {
   std::vector<Fault> list;
-  Fault lost = on_cable("moteus_commands_lost", "moteus: netem loses every frame of the controller", End::kStops,
-                        Timeout::kWatchdog, "the device's watchdog; SAFE");
-  lost.step = [](World& w) {
-    if (w.ticks == 0) netem("vx1", "loss 100%");
-  };
-  lost.noticed = [](const World&, const tiller_info_t& i) { return i.first_fault != tiller_status_ok; };
-  both(list, lost, "mit_commands_lost", "MIT: netem loses every frame of the controller");
-
-  Fault down = on_cable("moteus_link_down_and_up", "moteus: the controller's interface is down for three ticks",
-                        End::kStops, Timeout::kWatchdog, "`transport_closed`, SAFE; no old command is sent");
-  down.step = [](World& w) {
-    if (w.ticks == 0) wire("ip link set vx1 down");
-    if (w.ticks == 3) wire("ip link set vx1 up");
-  };
-  down.noticed = [](const World&, const tiller_info_t& i) {
-    return i.first_fault == tiller_status_transport_closed && link().seen(tiller_status_transport_closed);
-  };
-  both(list, down, "mit_link_down_and_up", "MIT: the controller's interface is down for three ticks");
-
-  Fault full = on_cable("moteus_enobufs", "moteus: ENOBUFS, a send queue of one frame that does not move", End::kStops,
-                        Timeout::kWatchdog, "dropped and counted as `queue_full`; the device's watchdog; SAFE");
-  full.step = [](World& w) {
-    if (w.ticks == 0) netem("vx1", "delay 200s limit 1");
-  };
-  full.noticed = [](const World&, const tiller_info_t&) { return link().counters().queue_full > 0; };
-  both(list, full, "mit_enobufs", "MIT: ENOBUFS, a send queue of one frame that does not move");
+  for (const char* name :
+       {"loss_of_readings", "loss_of_commands", "loss_of_a_tenth", "duplicates", "reorder", "late_readings",
+        "stale_readings", "corrupt_readings", "corrupt_commands", "enobufs", "enobufs_for_a_while", "eagain",
+        "queue_flooded", "link_down", "link_down_and_up", "link_flaps", "far_end_down", "link_removed", "chip_bus_off",
+        "chip_restarts", "chip_passive", "chip_complains", "board_doubled_near"}) {
+    Fault fault = find(name);
+    if (std::strcmp(name, "loss_of_commands") == 0) {  // these drives speak when they are spoken to
+      fault.answer = "the device's watchdog; it is silent or says so: `actuator_fault`, SAFE";
+      fault.noticed = any_fault;
+    }
+    list.push_back(behind(fault, "moteus", "moteus", with_moteus));
+    list.push_back(behind(fault, "mit", "MIT", with_mit));
+  }
   return list;
 }
 

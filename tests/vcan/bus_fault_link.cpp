@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -90,8 +91,9 @@ bool RawPort::send(const CanFrame& frame) {
 bool RawPort::receive(CanFrame& frame) {
   canfd_frame in{};
   ssize_t size;
-  while ((size = ::read(fd_, &in, sizeof in)) >= 0) {
-    if ((in.can_id & CAN_RTR_FLAG) != 0) continue;
+  // an interface that went down is told once, before the frames that are there
+  while ((size = ::read(fd_, &in, sizeof in)) >= 0 || errno == ENETDOWN) {
+    if (size < 0 || (in.can_id & CAN_RTR_FLAG) != 0) continue;
     frame = CanFrame();
     frame.fd = size == static_cast<ssize_t>(CANFD_MTU);
     frame.extended = (in.can_id & CAN_EFF_FLAG) != 0;
