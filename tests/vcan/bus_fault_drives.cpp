@@ -50,10 +50,11 @@ bool any_fault(const World&, const tiller_info_t& info) { return info.first_faul
 std::vector<Fault> other_drive_faults() {
   std::vector<Fault> list;
   for (const char* name :
-       {"loss_of_readings", "loss_of_commands", "loss_of_a_tenth", "duplicates", "reorder", "late_readings",
-        "stale_readings", "corrupt_readings", "corrupt_commands", "enobufs", "enobufs_for_a_while", "eagain",
-        "queue_flooded", "link_down", "link_down_and_up", "link_flaps", "far_end_down", "link_removed", "chip_bus_off",
-        "chip_restarts", "chip_passive", "chip_complains", "board_doubled_near"}) {
+       {"loss_of_readings",    "loss_of_commands", "loss_of_a_tenth",   "duplicates",       "reorder",
+        "late_readings",       "stale_readings",   "corrupt_readings",  "corrupt_commands", "enobufs",
+        "enobufs_for_a_while", "eagain",           "queue_flooded",     "link_down",        "link_down_and_up",
+        "link_flaps",          "far_end_down",     "link_removed",      "chip_bus_off",     "chip_restarts",
+        "chip_passive",        "chip_complains",   "board_doubled_near"}) {
     Fault fault = find(name);
     if (std::strcmp(name, "loss_of_commands") == 0) {  // these drives speak when they are spoken to
       fault.answer = "the device's watchdog; it is silent or says so: `actuator_fault`, SAFE";
