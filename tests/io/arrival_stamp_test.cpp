@@ -25,7 +25,7 @@ ArrivalStamp stamp_in(int type, const std::vector<timespec>& times, bool* taken,
   message->cmsg_level = level;
   message->cmsg_type = type;
   message->cmsg_len = CMSG_LEN(times.size() * sizeof(timespec));
-  std::memcpy(CMSG_DATA(message), times.data(), times.size() * sizeof(timespec));
+  if (!times.empty()) std::memcpy(CMSG_DATA(message), times.data(), times.size() * sizeof(timespec));
   ArrivalStamp stamp;
   *taken = read_arrival_stamp(message, &stamp);
   return stamp;

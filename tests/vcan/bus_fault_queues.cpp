@@ -100,7 +100,7 @@ void corruption(std::vector<Fault>& list) {
 
   list.push_back(on_cable("corrupt_commands", "netem flips a bit in one of five frames of the controller",
                           End::kBounded, Timeout::kWatchdog,
-                          "CANSimple has no check of its own: the bus's CRC guards it, the drive's limits bound it"));
+                          "set points have no check of their own: the bus's CRC guards them, the drive's limits bound them"));
   list.back().step = [](World& w) {
     if (!first(w)) return;
     link().wire_may_lie();
