@@ -98,9 +98,10 @@ void corruption(std::vector<Fault>& list) {
   };
   list.back().noticed = readings_suffered;
 
-  list.push_back(on_cable("corrupt_commands", "netem flips a bit in one of five frames of the controller",
-                          End::kBounded, Timeout::kWatchdog,
-                          "set points have no check of their own: the bus's CRC guards them, the drive's limits bound them"));
+  list.push_back(
+      on_cable("corrupt_commands", "netem flips a bit in one of five frames of the controller", End::kBounded,
+               Timeout::kWatchdog,
+               "set points have no check of their own: the bus's CRC guards them, the drive's limits bound them"));
   list.back().step = [](World& w) {
     if (!first(w)) return;
     link().wire_may_lie();
