@@ -1,3 +1,5 @@
+#include "io/socketcan_open.hpp"
+
 #include <fcntl.h>
 #include <linux/can.h>
 #include <linux/can/error.h>
@@ -12,7 +14,6 @@
 #include <cstring>
 
 #include "io/monotonic_clock.hpp"
-#include "io/socketcan_bind.hpp"
 #include "io/socketcan_transport.hpp"
 
 namespace tiller {

@@ -10,7 +10,7 @@
 #include <cstring>
 
 #include "io/monotonic_clock.hpp"
-#include "io/socketcan_bind.hpp"
+#include "io/socketcan_open.hpp"
 
 namespace tiller {
 namespace {

@@ -3,10 +3,10 @@
 #   1. a log of a simulated run takes the robot's place; a controller in another process answers with the same bits
 #   2. one that is another controller (seed) is told from it, with an exit code
 #   3. nobody answers: told
-#   3b. with a key both ways: the same bits; another key on the other side: told
-#   4. what lcm-logger heard of a lockstep run replays to the last bit; so it does of a run by the wall clock, where
+#   4. with a key both ways: the same bits; another key, or none, on the other side: told
+#   5. what lcm-logger heard of a lockstep run replays to the last bit; so it does of a run by the wall clock, where
 #      stamps, latencies and missed measurements are whatever the machine made of them
-#   5. the CSV that `tiller run --log` wrote of those runs replays too
+#   6. the CSV that `tiller run --log` wrote of those runs replays too
 # Usage: replay_over_lcm.sh TILLER ROBOT LCM_LOGGER PYTHON. Runs in a network namespace with multicast on lo.
 set -eu
 tiller=$1
@@ -32,53 +32,60 @@ fail() {
 cp "$robot" "$folder/robot.toml"
 cd "$folder"
 
+controller() { # ROBOT [OPTIONS]: waits for measurements, in a process of its own
+  "$tiller" run "$@" --transport lcm --lockstep --wait 60 --quiet --alarm-seconds 0 >controller.txt 2>&1 &
+  children=$!
+}
+end_controller() {
+  kill -INT "$children" && wait "$children" || true
+  children=
+}
+# fails_with CODE ROBOT PATIENCE: the replay is told from a good one
+fails_with() {
+  code=0
+  "$tiller" replay run.mcap "$2" --through lcm --patience "$3" >replay.txt 2>&1 || code=$?
+  [ "$code" -eq "$1" ] || fail "$2: the replay ended with $code, not $1"
+}
+same_bits() { # ROBOT
+  "$tiller" replay run.mcap "$1" --through lcm --patience 30 >replay.txt 2>&1 || fail "$1: the replay ended with $?"
+  grep -q "^100 ticks replayed on LCM, 0 different" replay.txt || fail "$1: other commands"
+  sed 's/^/   /' replay.txt
+}
+
 echo "1. the log in the robot's place"
 "$tiller" run robot.toml --sim --seconds 2 --quiet --record run.mcap >run.txt 2>&1 || fail "the run to be replayed"
-"$tiller" run robot.toml --transport lcm --lockstep --wait 60 --quiet --alarm-seconds 0 >controller.txt 2>&1 &
-children=$!
-"$tiller" replay run.mcap robot.toml --through lcm --patience 30 >replay.txt 2>&1 || fail "the replay ended with $?"
-grep -q "^100 ticks replayed on LCM, 0 different" replay.txt || fail "other commands"
-sed 's/^/   /' replay.txt
-kill -INT "$children" && wait "$children" || true
+controller robot.toml
+same_bits robot.toml
+end_controller
 
 echo "2. another controller"
-"$tiller" run robot.toml --transport lcm --lockstep --wait 60 --quiet --seed 9 --alarm-seconds 0 >controller.txt 2>&1 &
-children=$!
-code=0
-"$tiller" replay run.mcap robot.toml --through lcm --patience 30 >replay.txt 2>&1 || code=$?
-[ "$code" -eq 4 ] || fail "the replay ended with $code, not 4"
+controller robot.toml --seed 9
+fails_with 4 robot.toml 30
 grep -q "^first difference in tick 0, at 0.000000 s: recorded ACTIVE, replayed ACTIVE" replay.txt || fail "no first difference"
 grep "command  " replay.txt | sed 's/^/   /'
-kill -INT "$children" && wait "$children" || true
-children=
+end_controller
 
 echo "3. nobody answers"
-code=0
-"$tiller" replay run.mcap robot.toml --through lcm --patience 0.3 >replay.txt 2>&1 || code=$?
-[ "$code" -eq 1 ] || fail "the replay ended with $code, not 1"
+fails_with 1 robot.toml 0.3
 grep -q "nobody answers on udpm" replay.txt || fail "not told"
 
-echo "3b. with a key"
+echo "4. with a key"
 new_key() { (umask 077 && head -c 32 /dev/urandom | od -An -v -tx1 | tr -d ' \n' >"$1"); }
 new_key robot.key
 new_key other.key
 sed 's/^kind = "lcm"$/kind = "lcm"\nkey_file = "robot.key"/' robot.toml >signed.toml
 sed 's/robot\.key/other.key/' signed.toml >other.toml
 grep -q 'key_file = "other.key"' other.toml || fail "the robot file has no line kind = \"lcm\""
-"$tiller" run signed.toml --transport lcm --lockstep --wait 60 --quiet --alarm-seconds 0 >controller.txt 2>&1 &
-children=$!
-"$tiller" replay run.mcap signed.toml --through lcm --patience 30 >replay.txt 2>&1 || fail "with a key: ended with $?"
-grep -q "^100 ticks replayed on LCM, 0 different" replay.txt || fail "with a key: other commands"
-sed 's/^/   /' replay.txt
-kill -INT "$children" && wait "$children" || true
-"$tiller" run signed.toml --transport lcm --lockstep --wait 60 --quiet --alarm-seconds 0 >controller.txt 2>&1 &
-children=$!
-code=0
-"$tiller" replay run.mcap other.toml --through lcm --patience 3 >replay.txt 2>&1 || code=$?
-[ "$code" -eq 1 ] || fail "another key: the replay ended with $code, not 1"
-grep -qE "nobody answers on udpm.* key_file included|not signed with the key" replay.txt || fail "another key: not told"
-kill -INT "$children" && wait "$children" || true
-children=
+controller signed.toml
+same_bits signed.toml
+end_controller
+# who has another key, or none, does not hear it
+for deaf in other.toml robot.toml; do
+  controller "$deaf"
+  fails_with 1 signed.toml 3
+  grep -q "nobody answers on udpm.* key_file included" replay.txt || fail "$deaf: not told"
+  end_controller
+done
 
 # mark LOG WORD: says a word on the bus until the log has it, so that everything said before is in the log too
 mark() {
@@ -114,7 +121,7 @@ logged() {
   children=
 }
 
-echo "4. logs of lcm-logger"
+echo "5. logs of lcm-logger"
 logged lockstep.lcm "--lockstep --answer-timeout 20" --lockstep
 "$tiller" replay lockstep.lcm robot.toml >replay.txt 2>&1 || fail "the replay of the lockstep log ended with $?"
 grep -q "^10[0-9] ticks replayed on .*, 0 different" replay.txt || fail "other commands than in lockstep"
@@ -127,7 +134,7 @@ for attempt in 1 2 3 4; do
   grep -qE "ticks are missing|it begins with tick" replay.txt || fail "other commands than by the wall clock"
 done
 sed 's/^/   by the wall clock: /' replay.txt
-echo "5. CSV logs of the same runs"
+echo "6. CSV logs of the same runs"
 for run in lockstep clock; do
   "$tiller" replay "$run.csv" robot.toml >replay.txt 2>&1 || fail "the replay of $run.csv ended with $?"
   grep -qE "^[1-9][0-9]+ ticks replayed on .*, 0 different" replay.txt || fail "$run.csv: other commands"

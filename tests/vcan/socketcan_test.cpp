@@ -194,7 +194,7 @@ TEST_F(SocketCan, CansendFeedsAndCandumpShowsTheLiteralBytes) {
   EXPECT_DOUBLE_EQ(3.141593, measurement_.value[1]);
   EXPECT_NEAR(0.3141592653589793, measurement_.value[0], 1e-12);
 
-  // candump listens once the kernel lists a receiver of everything but on vcan0
+  // candump listens once the kernel lists a receiver of everything but the markers on vcan0
   std::FILE* dump = popen(
       "candump -L -n 23 -T 20000 vcan0,1FFFFFFF~1FFFFFFF & "  // without the markers of settle()
       "until grep -q '^ *vcan0 ' /proc/net/can/rcvlist_inv; do sleep .1; done; echo started; wait",
