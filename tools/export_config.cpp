@@ -98,6 +98,8 @@ Initialiser posterior_part(const tiller_posterior_config_t& p) {
   part.word("forgetting", "{" + c_number(p.forgetting[0]) + ", " + c_number(p.forgetting[1]) + ", " +
                               c_number(p.forgetting[2]) + "}");
   part.number("scout_share", p.scout_share);
+  part.number("noise_ratio_sd", p.noise_ratio_sd);
+  part.count("relearn", p.relearn);
   return part;
 }
 

@@ -85,6 +85,7 @@ void read_bound_sections(FileErrors& errors, const toml::table& root, RobotFile&
     section.read_bound(robot.config, robot.states, robot.inputs);
     if (std::string(name) == "safety") read_hold_gain(section, robot);
     if (std::string(name) == "posterior") {
+      choose_discrepancy(section, robot);
       read_forgetting(section, robot);
       read_prior_file(section, robot);
     }

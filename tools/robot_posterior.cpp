@@ -7,6 +7,14 @@
 
 namespace tiller::tools {
 
+/// Where the file says nothing: `transition` has it, whose parameters come from differences of a step that a little
+/// friction spoils; `filter` does not, because it would blur the friction that most models have as a parameter.
+void choose_discrepancy(SectionReader& posterior, RobotFile& robot) {
+  if (posterior.node("discrepancy")) return;
+  tiller_posterior_config_t& c = robot.config.posterior;
+  c.discrepancy = c.kind == tiller_posterior_transition ? 1 : 0;
+}
+
 void read_forgetting(SectionReader& posterior, RobotFile& robot) {
   const toml::node* node = posterior.node("forgetting");
   if (!node) return;

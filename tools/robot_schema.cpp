@@ -139,13 +139,13 @@ const std::vector<KeySpec> kKeys = {
      "the larger, the more the configured noise is believed"},
     {"posterior", "robust", K::flag, "", nullptr, 0, 1, false, AT(posterior.robust), nullptr,
      "transition: transitions that no particle explains count less"},
-    {"posterior", "discrepancy", K::flag, "", nullptr, 0, 1, false, AT(posterior.discrepancy), nullptr,
-     "transition: forces that the model may lack are marginalised as a linear basis in each velocity"},
+    {"posterior", "discrepancy", K::flag, "", "true for transition, else false", 0, 1, false, AT(posterior.discrepancy),
+     nullptr, "filter, transition: constant, viscous and dry forces that the model may lack are marginalised"},
     {"posterior", "delay_hypotheses", K::count, "", nullptr, 1, TILLER_MAX_HYPOTHESES, false,
      AT(posterior.delay_hypotheses), nullptr, "transition: input delays of 0..n-1 periods, weighed by their evidence"},
     {"posterior", "forgetting", K::other, "per tick", "[1]", 0, 0, false, hand, nullptr,
-     "transition: shares of the old data that each tick keeps, up to three side by side, largest first; [1, 0.97] "
-     "follows parameters that change"},
+     "shares of the old data that each tick keeps, largest first; [1, 0.97] follows parameters that change. transition: "
+     "up to three side by side; filter, conjugate: one"},
     {"posterior", "adequacy", K::flag, "", nullptr, 0, 1, false, AT(posterior.adequacy), nullptr,
      "whether the model explains the data is tested at every tick"},
     {"posterior", "prior_file", K::text, "", "none", 0, 0, false, hand, nullptr,
@@ -153,6 +153,12 @@ const std::vector<KeySpec> kKeys = {
      "own priors, whose coordinates and bounds it keeps"},
     {"posterior", "scout_share", K::number, "", nullptr, 0, 0.5, false, AT(posterior.scout_share), nullptr,
      "of the moves that are tried from the prior's whole width"},
+    {"posterior", "noise_ratio_sd", K::number, "", nullptr, 0, 10, false, AT(posterior.noise_ratio_sd), nullptr,
+     "filter: standard deviation of the logarithm of process_sd's true factor beside the sensors', which is inferred; 0: "
+     "one factor for both"},
+    {"posterior", "relearn", K::flag, "", nullptr, 0, 1, false, AT(posterior.relearn), nullptr,
+     "filter: an alarm of the adequacy test in motion makes what was learnt one half of a new prior, beside the "
+     "configured one"},
 
     {"planner", "kind", K::choice, "", nullptr, 0, 0, false, AT(planner.kind), planner_names, "which planner"},
     {"planner", "horizon", K::count, "periods", nullptr, 2, 512, false, AT(planner.horizon), nullptr,

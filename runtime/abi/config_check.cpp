@@ -162,6 +162,9 @@ Finding check_posterior(const tiller_posterior_config_t& p) {
       return {tiller_status_bad_posterior, "posterior.forgetting"};
   if (p.adequacy > 1) return {tiller_status_bad_posterior, "posterior.adequacy"};
   if (!(p.scout_share >= 0.0 && p.scout_share <= 0.5)) return {tiller_status_bad_posterior, "posterior.scout_share"};
+  if (!(p.noise_ratio_sd >= 0.0 && p.noise_ratio_sd <= 10.0))
+    return {tiller_status_bad_posterior, "posterior.noise_ratio_sd"};
+  if (p.relearn > 1) return {tiller_status_bad_posterior, "posterior.relearn"};
   return kGood;
 }
 

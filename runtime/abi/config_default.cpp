@@ -44,12 +44,14 @@ tiller_posterior_config_t default_posterior() {
   p.noise_scale_shape = 10.0;  // worth twenty measured values: soon told by the data
   p.kind = tiller_posterior_filter;
   p.robust = 1;
-  p.discrepancy = 1;
+  p.discrepancy = 0;
   p.delay_hypotheses = 1;
   p.forgetting_count = 1;
   for (double& rate : p.forgetting) rate = 1.0;
   p.adequacy = 1;
   p.scout_share = 0.0;
+  p.noise_ratio_sd = 1.5;  // a factor of 4.5 either way
+  p.relearn = 1;
   return p;
 }
 

@@ -6,11 +6,16 @@
 namespace tiller {
 namespace {
 
-/// A gap of more periods than this is not bridged by one transition: the filters begin anew, the parameters
-/// stay.
-constexpr double kLongestGap_periods = 4.0;
+/// The state is predicted over missed periods, one by one, up to so many; after a longer pause the filters begin anew, the
+/// parameters stay.
+constexpr double kLongestGap_periods = 16.0;
+/// How far ahead of its measurement a command may take effect.
+constexpr double kLongestLead_periods = 4.0;
 
 bool is_fault(tiller_status_t status) { return status >= 1 && status < 200; }
+
+/// Whether an update that returned this took the measurement in.
+bool taken(tiller_status_t status) { return !is_fault(status) && status != tiller_status_measurement_doubted; }
 
 bool all_finite(const double* values, std::uint32_t count) {
   return std::all_of(values, values + count, [](double v) { return std::isfinite(v); });
@@ -74,10 +79,9 @@ void Executive::learn(Tick& tick) {
   const std::int64_t start_ns = clock_ns();
   const tiller_status_t status = take_in(tick);
   tick.note(status);
-  // `tempered` is news, not a fault; after any fault the estimate may still be the best there is, see
-  // read_posterior
-  if (is_fault(status)) ++info_.posterior_failures;
+  if (!taken(status)) note_untaken(tick, status);
   read_posterior(tick);
+  if (!tick.usable) watch_age(tick);
   info_.posterior_ns = clock_ns() - start_ns;
 }
 
@@ -85,27 +89,69 @@ tiller_status_t Executive::take_in(Tick& tick) {
   const tiller_measurement_t& m = *tick.measurement;
   tick.period_s = static_cast<double>(elapsed_us(m.stamp_us, stamp_us_)) * 1e-6;
   const std::int64_t begin_us = stamp_us_;
-  const bool gap = filters_run_ && tick.period_s > kLongestGap_periods * config_.period_s;
   stamp_us_ = m.stamp_us;
   sequence_ = m.sequence;
   const std::int64_t age_us = elapsed_us(tick.now_us, m.stamp_us);
   // bounded, for the measurement comes from outside: a latency of an hour, told once, would put this command an hour
   // ahead, and until then the timeline would believe none of those that follow
-  const std::int64_t most_us = std::llround(kLongestGap_periods * config_.period_s * 1e6);
+  const std::int64_t most_us = std::llround(kLongestLead_periods * config_.period_s * 1e6);
   answer_us_ = std::clamp<std::int64_t>(elapsed_us(m.command_latency_us, age_us), 0, most_us);
 
-  if (!filters_run_ || gap) {
-    if (gap) ++info_.posterior_failures;
-    tick.restarted = true;
-    const tiller_status_t status = posterior_->start(m.value);
-    filters_run_ = status == tiller_status_ok;
-    return status;
-  }
+  if (!filters_run_ || tick.period_s > kLongestGap_periods * config_.period_s) return restart_filters(tick);
+  const tiller_status_t status = bridge(tick, begin_us);
+  if (!taken(status)) return status;
+  untaken_ = 0;
+  estimate_us_ = m.stamp_us;
+  return status;
+}
+
+/// The state estimate begins at this measurement and stands on it. No model has been tried on it yet: a count of updates
+/// that took nothing in goes on.
+tiller_status_t Executive::restart_filters(Tick& tick) {
+  if (filters_run_) ++info_.posterior_failures;
+  tick.restarted = true;
+  const tiller_status_t status = posterior_->start(tick.measurement->value);
+  filters_run_ = status == tiller_status_ok;
+  if (filters_run_) estimate_us_ = stamp_us_;
+  return status;
+}
+
+/// Periods that went by without a measurement, each under the commands that were in force in it, then the one that ends
+/// with this tick's.
+tiller_status_t Executive::bridge(const Tick& tick, std::int64_t begin_us) {
+  const auto pieces = static_cast<std::uint32_t>(std::max(1.0, std::round(tick.period_s / config_.period_s)));
   Transition transition;
-  transition.period_s = tick.period_s;
-  timeline_.mean(begin_us, 0.0, tick.period_s, transition.input);
-  std::copy(m.value, m.value + config_.measurement_count, transition.measured);
+  transition.period_s = tick.period_s / pieces;
+  for (std::uint32_t k = 0; k < pieces; ++k) {
+    const double from_s = k * transition.period_s;
+    const bool last = k + 1 == pieces;
+    timeline_.mean(begin_us, from_s, last ? tick.period_s : from_s + transition.period_s, transition.input);
+    if (last) break;
+    const tiller_status_t status = posterior_->skip(transition);
+    if (is_fault(status)) return status;
+  }
+  const double* value = tick.measurement->value;
+  std::copy(value, value + config_.measurement_count, transition.measured);
   return posterior_->update(transition);
+}
+
+/// The estimate does not stand on this measurement, so nothing is planned from it. A doubted one leaves a prediction; after
+/// a fault the filters begin anew with the next measurement, but not for ever.
+void Executive::note_untaken(Tick& tick, tiller_status_t why) {
+  tick.usable = false;
+  if (!is_fault(why)) return;
+  ++info_.posterior_failures;
+  filters_run_ = false;
+  if (untaken_ < kLongest) ++untaken_;
+  if (untaken_ >= config_.safety.bad_ticks_to_safe) (void)machine_.on(Event::sensor_fault, why);
+}
+
+/// Sensors that speak are no better than silent ones while the estimate does not follow them: neither a plan nor HOLD may
+/// feed back from it for longer.
+void Executive::watch_age(Tick& tick) {
+  const auto timeout_us = static_cast<std::int64_t>(std::llround(config_.safety.sensor_timeout_s * 1e6));
+  if (!moving() || elapsed_us(tick.now_us, estimate_us_) <= timeout_us) return;
+  (void)machine_.on(Event::sensor_fault, tick.status);
 }
 
 void Executive::read_posterior(Tick& tick) {
@@ -116,11 +162,10 @@ void Executive::read_posterior(Tick& tick) {
   info_.acceptance = posterior_->acceptance();
   info_.resamplings = posterior_->resamplings();
   read_adequacy();
-  if (filters_run_ && all_finite(info_.state_mean, config_.model->state_count)) return;
+  if (all_finite(info_.state_mean, config_.model->state_count)) return;
   // nothing can be planned from this; the next measurement begins the filters anew
   tick.note(tiller_status_state_not_finite);
-  tick.usable = false;
-  filters_run_ = false;
+  if (filters_run_) note_untaken(tick, tiller_status_state_not_finite);
 }
 
 void Executive::read_adequacy() {
@@ -130,6 +175,8 @@ void Executive::read_adequacy() {
   std::copy(report.delay_weight, report.delay_weight + TILLER_MAX_HYPOTHESES, info_.delay_weight);
   std::copy(report.forgetting_weight, report.forgetting_weight + TILLER_MAX_FORGETTING, info_.forgetting_weight);
   info_.discrepancy_share = report.discrepancy_share;
+  info_.relearned = report.relearned;
+  info_.lost_transitions = report.lost;
   const AdequacyTest* test = posterior_->adequacy();
   if (test == nullptr) return;
   info_.adequacy = test->state();
@@ -205,7 +252,7 @@ void Executive::enter_motion() {
 
 void Executive::replan(Tick& tick) {
   const double ahead_s = static_cast<double>(elapsed_us(takes_hold_us(tick), stamp_us_)) * 1e-6;
-  const double bounded_s = std::min(ahead_s, kLongestGap_periods * config_.period_s);
+  const double bounded_s = std::min(ahead_s, kLongestLead_periods * config_.period_s);
   belief_.draw(*posterior_, timeline_, info_.ticks, stamp_us_, bounded_s);
 
   PlanRequest request;

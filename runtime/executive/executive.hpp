@@ -85,6 +85,10 @@ class Executive {
 
   // learn
   tiller_status_t take_in(Tick& tick);
+  tiller_status_t restart_filters(Tick& tick);
+  tiller_status_t bridge(const Tick& tick, std::int64_t begin_us);
+  void note_untaken(Tick& tick, tiller_status_t why);
+  void watch_age(Tick& tick);
   void read_posterior(Tick& tick);
   void read_adequacy();
   // plan
@@ -128,6 +132,8 @@ class Executive {
   std::int64_t answer_us_ = 0;  // from now to when a command takes hold, as of the last measurement
   std::uint32_t sequence_ = 0;  // of the last measurement taken in
   bool filters_run_ = false;    // stamp_us_ is the start of the next transition
+  std::int64_t estimate_us_ = 0;  // stamp of the last measurement that the estimate stands on
+  std::uint32_t untaken_ = 0;     // updates in a row that took no measurement in
   bool was_moving_ = false;
   std::uint64_t task_tick_ = 0;  // tick in which motion began: step 0 of a reference
   std::uint32_t hold_ticks_ = 0;

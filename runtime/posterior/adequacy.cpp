@@ -86,14 +86,19 @@ AdequacyTest* AdequacyTest::lay_out(Arena& arena, const tiller_config_t& config,
 }
 
 void AdequacyTest::reset() {
-  for (std::uint32_t k = 0; k < channels_; ++k) channel_data_[k] = {};
-  for (std::uint32_t i = 0; i < channels_ * features_ * kCohorts; ++i) sums_[i] = {};
-  for (std::uint32_t i = 0; i < channels_ * kCohorts; ++i) growth_[i] = 0.0;
-  ticks_ = 0;
   state_ = tiller_adequacy_untested;
   channel_ = 0;
   feature_ = tiller_feature_none;
   statistic_ = 0.0;
+  begin_anew();
+}
+
+void AdequacyTest::begin_anew() {
+  for (std::uint32_t k = 0; k < channels_; ++k) channel_data_[k] = {};
+  for (std::uint32_t i = 0; i < channels_ * features_ * kCohorts; ++i) sums_[i] = {};
+  for (std::uint32_t i = 0; i < channels_ * kCohorts; ++i) growth_[i] = 0.0;
+  ticks_ = 0;
+  sounds_ = false;
   begin();
 }
 
@@ -128,6 +133,7 @@ void AdequacyTest::take(const Innovation& innovation) {
   if (!settled) --settling_;
   if (settled && ticks_ % kSpacing == 0) begin_cohort();
   largest_ = -HUGE_VAL;
+  sounds_ = false;
   for (std::uint32_t k = 0; k < channels_; ++k) {
     Channel& channel = channel_data_[k];
     const double z = innovation.normalised[k];
@@ -149,6 +155,7 @@ void AdequacyTest::take(const Innovation& innovation) {
   }
   if (!settled) return;
   ++ticks_;
+  sounds_ = largest_ > 1.0;
   if (state_ == tiller_adequacy_inadequate) return;
   statistic_ = std::fmax(0.0, largest_);
   state_ = largest_ > 1.0 ? tiller_adequacy_inadequate : tiller_adequacy_adequate;

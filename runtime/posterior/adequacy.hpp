@@ -71,6 +71,12 @@ class AdequacyTest {
   static AdequacyTest* lay_out(Arena& arena, const tiller_config_t& config, bool anticorrelation);
 
   void reset();
+  /// The sums begin anew, because the posterior does; an alarm stays.
+  void begin_anew();
+  /// Takes an alarm back: what was learnt since explains the data.
+  void withdraw() { state_ = tiller_adequacy_adequate; }
+  /// Whether the sums gave an alarm in this tick, an earlier one or not.
+  bool sounds() const { return sounds_; }
   /// The state estimate begins anew: the innovations of the next kSettling ticks are not tested.
   void begin();
   void take(const Innovation& innovation);
@@ -127,6 +133,7 @@ class AdequacyTest {
   tiller_feature_t feature_ = tiller_feature_none;
   double statistic_ = 0.0;
   double largest_ = 0.0;  // in this tick
+  bool sounds_ = false;
   double residual_[TILLER_MAX_MEASUREMENTS] = {};
 };
 

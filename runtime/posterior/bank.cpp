@@ -87,6 +87,19 @@ tiller_status_t BankPosterior::start(const double* measured) {
   return tiller_status_ok;
 }
 
+tiller_status_t BankPosterior::skip(const Transition& transition) {
+  if (!started_) return tiller_status_wrong_state;
+  const tiller_status_t refusal = check_transition(*config_, transition);
+  if (refusal != tiller_status_ok) return refusal;
+  remember_input(transition.input);
+  tiller_status_t leaders = tiller_status_ok;
+  for (std::uint32_t i = 0; i < members_; ++i) {
+    const tiller_status_t status = engine_[i]->skip(late_for(i, transition));
+    if (i == leader_) leaders = status;
+  }
+  return leaders;
+}
+
 tiller_status_t BankPosterior::update(const Transition& transition) {
   if (!started_) return tiller_status_wrong_state;
   const tiller_status_t refusal = check_transition(*config_, transition);
@@ -95,7 +108,7 @@ tiller_status_t BankPosterior::update(const Transition& transition) {
   tiller_status_t status[kMaxMembers];
   double log_predictive[kMaxMembers];
   for (std::uint32_t i = 0; i < members_; ++i) {
-    status[i] = update_member(i, transition);
+    status[i] = engine_[i]->update(late_for(i, transition));
     log_predictive[i] = engine_[i]->log_predictive();
   }
   std::memcpy(last_, transition.measured, sizeof(double) * ny_);
@@ -107,10 +120,11 @@ tiller_status_t BankPosterior::update(const Transition& transition) {
   return status[leader_];
 }
 
-tiller_status_t BankPosterior::update_member(std::uint32_t member, const Transition& transition) {
+/// As a member's delay has it.
+Transition BankPosterior::late_for(std::uint32_t member, const Transition& transition) const {
   Transition late = transition;
   std::memcpy(late.input, input_[delay_of(member)], sizeof(double) * nu_);
-  return engine_[member]->update(late);
+  return late;
 }
 
 void BankPosterior::remember_input(const double* input) {

@@ -31,6 +31,7 @@ class BankPosterior final : public Posterior {
 
   void reset() override;
   tiller_status_t start(const double* measured) override;
+  tiller_status_t skip(const Transition& transition) override;
   tiller_status_t update(const Transition& transition) override;
   bool started() const override { return started_; }
   void moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const override;
@@ -62,7 +63,7 @@ class BankPosterior final : public Posterior {
   static constexpr std::uint32_t kColumns = 64;  // of a selection at a time
 
   // bank.cpp
-  tiller_status_t update_member(std::uint32_t member, const Transition& transition);
+  Transition late_for(std::uint32_t member, const Transition& transition) const;
   std::uint32_t delay_of(std::uint32_t member) const { return member < delays_ ? member : best_delay_; }
   std::uint32_t member_of_rate(std::uint32_t rate) const { return rate == 0 ? best_delay_ : delays_ + rate - 1; }
   void restart_rate(std::uint32_t rate);

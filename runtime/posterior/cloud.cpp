@@ -18,15 +18,16 @@ constexpr int kBisections = 10;
 
 }  // namespace
 
-Cloud Cloud::lay_out(Arena& arena, const tiller_config_t& config) {
+Cloud Cloud::lay_out(Arena& arena, const tiller_config_t& config, const ExtraCoordinates& extra) {
   Cloud c;
   c.config = &config;
   c.lanes = &filter_table();
   c.n = config.posterior.particles;
   c.np = config.param_count;
   for (std::uint32_t i = 0; i < c.np; ++i)
-    if (config.priors[i].kind != tiller_prior_fixed) c.inferred[c.d++] = i;
-  c.prior = PriorLaw(config);
+    if (config.priors[i].kind != tiller_prior_fixed) c.inferred[c.named++] = i;
+  c.d = c.named + extra.count;
+  c.prior = PriorLaw(config, extra);
   c.params = arena.take<double>(std::size_t{c.np} * c.n);
   c.coordinate = arena.take<double>(std::size_t{c.d} * c.n);
   c.log_weight = arena.take<double>(c.n);
@@ -41,17 +42,16 @@ void Cloud::draw_prior() {
   prior.draw(config->seed, n, coordinate, index);
   for (std::uint32_t i = 0; i < np; ++i)
     for (std::uint32_t k = 0; k < n; ++k) params[i * n + k] = config->priors[i].a;
-  for (std::uint32_t j = 0; j < d; ++j)
+  for (std::uint32_t j = 0; j < named; ++j)
     for (std::uint32_t k = 0; k < n; ++k)
       params[inferred[j] * n + k] = from_coordinate(config->priors[inferred[j]], coordinate[j * n + k]);
   level_weights();
 }
 
 void Cloud::set_coordinate(std::uint32_t particle, const double* v) {
-  for (std::uint32_t j = 0; j < d; ++j) {
-    coordinate[j * n + particle] = v[j];
+  for (std::uint32_t j = 0; j < d; ++j) coordinate[j * n + particle] = v[j];
+  for (std::uint32_t j = 0; j < named; ++j)
     params[inferred[j] * n + particle] = from_coordinate(config->priors[inferred[j]], v[j]);
-  }
 }
 
 void Cloud::level_weights() {
@@ -115,10 +115,8 @@ void Cloud::resample(std::uint64_t tick) {
   while (last > 0 && !(weight[last] > 0.0)) --last;
   while (next < n) index[next++] = last;
 
-  for (std::uint32_t j = 0; j < d; ++j) {
-    permute(params + inferred[j] * n);
-    permute(coordinate + j * n);
-  }
+  for (std::uint32_t j = 0; j < named; ++j) permute(params + inferred[j] * n);
+  for (std::uint32_t j = 0; j < d; ++j) permute(coordinate + j * n);
   level_weights();
 }
 
@@ -141,10 +139,8 @@ void Cloud::resample_in_place(std::uint64_t tick) {
   // rounding may leave the last pointer beyond the sum: it belongs to the last that was drawn
   while (doubles < gone) index[doubles++] = last;
   moved = gone;
-  for (std::uint32_t j = 0; j < d; ++j) {
-    permute_in_place(params + inferred[j] * n);
-    permute_in_place(coordinate + j * n);
-  }
+  for (std::uint32_t j = 0; j < named; ++j) permute_in_place(params + inferred[j] * n);
+  for (std::uint32_t j = 0; j < d; ++j) permute_in_place(coordinate + j * n);
   level_weights();
 }
 
@@ -170,7 +166,7 @@ void Cloud::covariance(double* covariance) const {
   double mean[TILLER_MAX_PARAMS];
   moments(mean, nullptr);
   for (std::uint32_t i = 0; i < np * np; ++i) covariance[i] = 0.0;
-  for (std::uint32_t a = 0; a < d; ++a) {
+  for (std::uint32_t a = 0; a < named; ++a) {
     for (std::uint32_t b = 0; b <= a; ++b) {
       const std::uint32_t r = inferred[a], c = inferred[b];
       const double *row_r = params + r * n, *row_c = params + c * n;

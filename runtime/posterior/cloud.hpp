@@ -14,12 +14,13 @@ struct Cloud {
   const tiller_config_t* config = nullptr;
   const FilterTable* lanes = nullptr;
   std::uint32_t n = 0, np = 0;
-  std::uint32_t d = 0;                             // inferred parameters
-  std::uint32_t inferred[TILLER_MAX_PARAMS] = {};  // (d) their rows
+  std::uint32_t d = 0;                             // coordinates: inferred parameters, then the engine's own
+  std::uint32_t named = 0;                         // inferred parameters
+  std::uint32_t inferred[TILLER_MAX_PARAMS] = {};  // (named) their rows
   PriorLaw prior;
 
   double* params = nullptr;      // (np x N)
-  double* coordinate = nullptr;  // (d x N) the inferred ones in the prior's coordinates
+  double* coordinate = nullptr;  // (d x N) in the prior's coordinates
   double* log_weight = nullptr;  // (N)
   double* weight = nullptr;      // (N) sums to one
   double effective_samples = 0.0;
@@ -31,7 +32,7 @@ struct Cloud {
   std::uint32_t moved = 0;         // by the last resample_in_place(): order[k] took over from index[k]
 
   /// Takes N particles' room. What it returns is empty while the arena measures.
-  static Cloud lay_out(Arena& arena, const tiller_config_t& config);
+  static Cloud lay_out(Arena& arena, const tiller_config_t& config, const ExtraCoordinates& extra = {});
 
   /// Particles of equal weight from the prior (stream kRngPrior of the seed).
   void draw_prior();

@@ -59,7 +59,7 @@ struct SpreadOrder {
 /// Fills `order` by slices of the projection onto the principal direction; within a slice, by number. Cost: O(N d^2).
 void Cloud::order_by_principal_direction() const {
   double mean[TILLER_MAX_PARAMS] = {}, scale[TILLER_MAX_PARAMS], matrix[TILLER_MAX_PARAMS][TILLER_MAX_PARAMS] = {};
-  for (std::uint32_t j = 0; j < d; ++j) {
+  for (std::uint32_t j = 0; j < named; ++j) {
     const double* row = coordinate + j * n;
     scale[j] = 1.0 / prior.spread(j);
     for (std::uint32_t k = 0; k < n; ++k) mean[j] += weight[k] * row[k];
@@ -71,14 +71,14 @@ void Cloud::order_by_principal_direction() const {
     }
   }
   double direction[TILLER_MAX_PARAMS] = {}, variance = 0.0;
-  leading_direction(matrix, d, direction);
-  for (std::uint32_t i = 0; i < d; ++i)
-    for (std::uint32_t j = 0; j < d; ++j) variance += direction[i] * matrix[i][j] * direction[j];
+  leading_direction(matrix, named, direction);
+  for (std::uint32_t i = 0; i < named; ++i)
+    for (std::uint32_t j = 0; j < named; ++j) variance += direction[i] * matrix[i][j] * direction[j];
   const double slice = 2.0 * kWidest * std::sqrt(variance) / kSlices;
 
   const auto slice_of = [&](std::uint32_t k) {
     double along = 0.0;
-    for (std::uint32_t j = 0; j < d; ++j) along += direction[j] * scale[j] * (coordinate[j * n + k] - mean[j]);
+    for (std::uint32_t j = 0; j < named; ++j) along += direction[j] * scale[j] * (coordinate[j * n + k] - mean[j]);
     const double at = slice > 0.0 ? along / slice + 0.5 * kSlices : 0.0;
     // one that is not a number has no weight; any slice will do
     return at > 0.0 ? static_cast<std::uint32_t>(std::fmin(at, kSlices - 1)) : 0u;

@@ -6,6 +6,9 @@
 
 namespace tiller {
 
+/// States of a filter: the model's, and the forces that it may lack.
+constexpr std::uint32_t kMaxFilterStates = 20;
+
 /// Rows of the upper triangle of an n x n matrix, row by row: (0,0) (0,1) .. (0,n-1) (1,1) ..
 constexpr std::uint32_t triangle_rows(std::uint32_t n) { return n * (n + 1) / 2; }
 /// Row of element (r, c), r <= c.
@@ -16,7 +19,7 @@ constexpr std::uint32_t triangle_row(std::uint32_t n, std::uint32_t r, std::uint
 /// Smallest innovation variance: far below any sensor's, far above what rounding leaves of a sum that cancels.
 constexpr double kVarianceFloor = 1e-24;
 
-/// P' = A P A^T + diag(q) in lanes. Every array is rows of lanes with a stride of its own; covariances hold their
+/// P' = A P A^T + Q in lanes. Every array is rows of lanes with a stride of its own; covariances hold their
 /// upper triangle only, so they are symmetric by construction.
 struct PredictJob {
   std::uint32_t nx = 0;
@@ -25,7 +28,8 @@ struct PredictJob {
   std::uint32_t a_stride = 0;
   const double* covariance = nullptr;  // (triangle)
   std::uint32_t covariance_stride = 0;
-  const double* process_variance = nullptr;  // (nx) of this period
+  const double* process = nullptr;        // (triangle) covariance of the process noise over this period
+  const double* process_scale = nullptr;  // (lanes) its factor; null: one
   double* predicted = nullptr;               // (triangle); may alias `covariance`
   std::uint32_t predicted_stride = 0;
 };
@@ -51,8 +55,9 @@ struct CorrectJob {
   const double* offset = nullptr;                // (ny x lanes)
   FilterRows from;                               // predicted
   FilterRows to;
-  double* squared_error = nullptr;  // (lanes) += innovation^2 / its variance
-  double* log_variance = nullptr;   // (lanes) += log of the innovation's variance
+  double weight = 1.0;              // of this measurement in the sums
+  double* squared_error = nullptr;  // (lanes) += weight * innovation^2 / its variance
+  double* log_variance = nullptr;   // (lanes) += weight * log of the innovation's variance
   double* normalised = nullptr;     // (ny x lanes) innovation / its deviation, 0 if missing; nullable
 };
 
@@ -62,11 +67,30 @@ struct WeighResult {
   double effective_samples = 0.0;  // (sum w)^2 / sum w^2; 0 if no logit is finite
 };
 
+/// Sums at many points from polynomials (polynomial_design.hpp): first squares phi' G phi, then linear ones t' phi.
+struct PolynomialJob {
+  std::uint32_t d = 0, squares = 0, linear = 0;
+  std::uint32_t terms = 0;
+  bool quadratic = true;
+  std::uint32_t lanes = 0;               // a multiple of 16
+  const double* centre = nullptr;        // (d)
+  const double* inverse_root = nullptr;  // (d x d) lower
+  double trusted_square = 0.0;           // lanes with |z|^2 beyond it get NaN
+  const double* gram = nullptr;          // (squares x terms (terms + 1) / 2)
+  const double* tilt = nullptr;          // (linear x terms)
+  double factor = 1.0;
+  const double* coordinate = nullptr;  // (d), rows of `coordinate_stride`
+  std::uint32_t coordinate_stride = 0;
+  double* sums = nullptr;  // (squares + linear) += factor * sum, rows of `stride`
+  std::uint32_t stride = 0;
+};
+
 /// The loops over particles that are compiled per instruction set.
 struct FilterTable {
   Isa isa = Isa::scalar;
   void (*predict)(const PredictJob& job) = nullptr;
   void (*correct)(const CorrectJob& job) = nullptr;
+  void (*polynomial)(const PolynomialJob& job) = nullptr;
   /// logit_i = base_i + exponent * gain_i; writes exp(logit_i - largest) to `weight` unless it is null.
   /// n is a multiple of 16; gain is finite everywhere, base may be -infinity.
   WeighResult (*weigh)(std::uint32_t n, const double* base, const double* gain, double exponent,

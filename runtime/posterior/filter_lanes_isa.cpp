@@ -3,7 +3,9 @@
 // A particle's 4 x 4 algebra is too small for a matrix library and too short for SIMD inside one matrix; across
 // particles every operation is the same, so each matrix element becomes a register of lanes.
 
+#include "posterior/coordinates.hpp"
 #include "posterior/filter_lanes.hpp"
+#include "posterior/lane_forms.hpp"
 #include "scalar/pack.hpp"
 #include "tiller/model.h"
 
@@ -12,7 +14,7 @@ TILLER_ISA_NAMESPACE_BEGIN
 namespace {
 
 using P = Pack<double>;
-constexpr std::uint32_t kMaxStates = TILLER_MAX_STATES;
+constexpr std::uint32_t kMaxStates = kMaxFilterStates;
 constexpr std::uint32_t kMaxTriangle = triangle_rows(kMaxStates);
 
 /// The number of states as a constant where it is common (the compiler then keeps the loops in registers), else
@@ -39,6 +41,7 @@ void predict_lanes(const PredictJob& job) {
       for (std::uint32_t c = r; c < nx; ++c)
         p[r * nx + c] = p[c * nx + r] = P::load(job.covariance + triangle_row(nx, r, c) * job.covariance_stride + lane);
     for (std::uint32_t i = 0; i < nx * nx; ++i) a[i] = P::load(job.a + i * job.a_stride + lane);
+    const P scale = job.process_scale ? P::load(job.process_scale + lane) : P(1.0);
     for (std::uint32_t r = 0; r < nx; ++r) {
       P ap[max];  // row r of A P
       for (std::uint32_t c = 0; c < nx; ++c) {
@@ -47,7 +50,7 @@ void predict_lanes(const PredictJob& job) {
         ap[c] = sum;
       }
       for (std::uint32_t c = r; c < nx; ++c) {
-        P sum = c == r ? P(job.process_variance[r]) : P(0.0);
+        P sum = P(job.process[triangle_row(nx, r, c)]) * scale;
         for (std::uint32_t k = 0; k < nx; ++k) sum = fma(ap[k], a[c * nx + k], sum);
         sum.store(job.predicted + triangle_row(nx, r, c) * job.predicted_stride + lane);
       }
@@ -70,6 +73,7 @@ void correct_lanes(const CorrectJob& job) {
   constexpr std::uint32_t max_states = N ? N : kMaxStates;
   constexpr std::uint32_t max_triangle = N ? triangle_rows(N) : kMaxTriangle;
   const std::uint32_t rows = triangle_rows(nx);
+  const P weight(job.weight);
   for (std::uint32_t lane = 0; lane < job.lanes; lane += P::width) {
     P x[max_states], p[max_triangle];
     for (std::uint32_t i = 0; i < nx; ++i) x[i] = P::load(job.from.state + i * job.from.stride + lane);
@@ -103,8 +107,8 @@ void correct_lanes(const CorrectJob& job) {
           if (c == r) element = not_negative(element);
         }
       }
-      squared += innovation * innovation * inverse;
-      logs += log(variance);
+      squared = fma(weight * innovation, innovation * inverse, squared);
+      logs = fma(weight, log(variance), logs);
       if (job.normalised) (innovation * sqrt(inverse)).store(job.normalised + k * job.lanes + lane);
     }
 
@@ -143,6 +147,36 @@ void correct(const CorrectJob& job) {
   }
 }
 
+void polynomial(const PolynomialJob& job) {
+  constexpr std::uint32_t kMaxTerms = 45;  // of eight coordinates; as PolynomialDesign's
+  const std::uint32_t triangle = job.terms * (job.terms + 1) / 2;
+  const P factor(job.factor);
+  for (std::uint32_t lane = 0; lane < job.lanes; lane += static_cast<std::uint32_t>(P::width)) {
+    P off[kMaxCoordinates], z[kMaxCoordinates], phi[kMaxTerms], square(0.0);
+    for (std::uint32_t r = 0; r < job.d; ++r) {
+      off[r] = P::load(job.coordinate + r * job.coordinate_stride + lane) - P(job.centre[r]);
+      z[r] = P(0.0);
+      for (std::uint32_t c = 0; c <= r; ++c) z[r] = fma(P(job.inverse_root[r * job.d + c]), off[c], z[r]);
+      square = fma(z[r], z[r], square);
+    }
+    std::uint32_t term = 0;
+    phi[term++] = select(square > P(job.trusted_square), P(__builtin_nan("")), P(1.0));
+    for (std::uint32_t r = 0; r < job.d; ++r) phi[term++] = z[r];
+    for (std::uint32_t r = 0; r < job.d && job.quadratic; ++r)
+      for (std::uint32_t c = r; c < job.d; ++c) phi[term++] = z[r] * z[c];
+    for (std::uint32_t r = 0; r < job.squares; ++r) {
+      double* to = job.sums + r * job.stride + lane;
+      fma(factor, quadratic_form(job.gram + r * triangle, phi, job.terms), P::load(to)).store(to);
+    }
+    for (std::uint32_t j = 0; j < job.linear; ++j) {
+      P sum(0.0);
+      for (std::uint32_t i = 0; i < job.terms; ++i) sum = fma(P(job.tilt[j * job.terms + i]), phi[i], sum);
+      double* to = job.sums + (job.squares + j) * job.stride + lane;
+      fma(factor, sum, P::load(to)).store(to);
+    }
+  }
+}
+
 WeighResult weigh(std::uint32_t n, const double* base, const double* gain, double exponent, double* weight) {
   const P power(exponent);
   P top(-__builtin_huge_val());
@@ -170,7 +204,7 @@ WeighResult weigh(std::uint32_t n, const double* base, const double* gain, doubl
 }  // namespace
 
 const FilterTable& filter_copy() {
-  static const FilterTable table = {Isa::TILLER_COMPILE_ISA, predict, correct, weigh};
+  static const FilterTable table = {Isa::TILLER_COMPILE_ISA, predict, correct, polynomial, weigh};
   return table;
 }
 

@@ -15,6 +15,7 @@ Mixture::Mixture(const tiller_mixture_t& given) : given_(&given) {
     largest = std::fmax(largest, log_factor_[c]);
   }
   for (std::uint32_t c = 0; c < given.components; ++c) log_factor_[c] -= largest;
+  log_scale_ = largest;
   double square[TILLER_MAX_PARAMS * TILLER_MAX_PARAMS];
   covariance(square);
   for (std::uint32_t j = 0; j < d; ++j) spread_[j] = std::sqrt(square[j * d + j]);

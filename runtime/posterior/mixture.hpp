@@ -20,6 +20,8 @@ class Mixture {
   /// log sum_c w_c N(v; m_c, L_c L_c'), less the largest component's log factor w_c / |L_c|, so that one component
   /// has the normal's exponent alone, to the bit. Cost: components * d^2 / 2.
   double log_density(const double* v) const;
+  /// That factor's logarithm.
+  double log_scale() const { return log_scale_; }
   void mean(double* m) const;                                  // (d)
   void covariance(double* c) const;                            // (d x d) within and between the components
   double spread(std::uint32_t j) const { return spread_[j]; }  // root of its diagonal
@@ -35,7 +37,7 @@ class Mixture {
   const double* root_of(std::uint32_t c) const { return given_->root + c * given_->dimension * given_->dimension; }
 
   const tiller_mixture_t* given_ = nullptr;
-  double log_factor_[kMaxComponents] = {};
+  double log_factor_[kMaxComponents] = {}, log_scale_ = 0.0;
   double spread_[TILLER_MAX_PARAMS] = {};
 };
 

@@ -44,8 +44,7 @@ tiller_status_t Posterior::check(const tiller_config_t& config, [[maybe_unused]]
     *field = "posterior.delay_hypotheses";
     return tiller_status_bad_posterior;
   }
-  const bool forgets = p.forgetting_count > 1 || (p.kind == tiller_posterior_filter && p.forgetting[0] < 1.0);
-  if (p.kind != tiller_posterior_transition && forgets) {
+  if (p.kind != tiller_posterior_transition && p.forgetting_count > 1) {
     *field = "posterior.forgetting";
     return tiller_status_bad_posterior;
   }

@@ -22,6 +22,8 @@ struct PosteriorReport {
   double delay_weight[TILLER_MAX_HYPOTHESES] = {};  // (delay_hypotheses) of 0, 1, .. periods; sums to one
   double forgetting_weight[TILLER_MAX_FORGETTING] = {};
   double discrepancy_share = 0.0;  // of the residuals' squares that the discrepancy basis takes up, 0..1
+  std::uint64_t relearned = 0;     // times that what was learnt became half of a new prior
+  std::uint64_t lost = 0;          // transitions that proposals are no longer judged by: no finite step near the particles
 };
 
 /// Particles over the named parameters, and the state estimate that goes with them. One engine per way of taking in
@@ -56,6 +58,9 @@ class Posterior {
     reset();
     (void)start(measured);
   }
+  /// A period that ends without a measurement: the state moves on under the input, nothing is learnt. measured is not
+  /// read. Refusals as update's; posterior_degenerate where no particle has a finite step.
+  virtual tiller_status_t skip(const Transition& transition) = 0;
   /// Takes in one transition. ok, tempered, or posterior_degenerate (what is known of the parameters stays).
   /// Refused with nothing changed at all: wrong_state before start, time_backwards for a period that is not
   /// positive, bad_period for one that is NaN or above ten nominal periods, command_not_finite,

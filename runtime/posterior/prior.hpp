@@ -1,6 +1,8 @@
 #pragma once
 
+#include "core/arena.hpp"
 #include "core/rng.hpp"
+#include "posterior/coordinates.hpp"
 #include "posterior/mixture.hpp"
 #include "tiller/tiller.h"
 
@@ -26,25 +28,51 @@ double log_prior(const tiller_prior_t& prior, double coordinate);
 /// rounding for any bounds, no rejection loop without end. Cost: about 60 calls of erfc.
 double prior_quantile(const tiller_prior_t& prior, double u);
 
-/// The joint prior of the inferred parameters, in their coordinates v (d): the marginals' product, or
-/// config.prior_mixture cut to the marginals' bounds.
+/// An engine's own coordinates and their marginal priors. They stand behind the parameters'.
+struct ExtraCoordinates {
+  std::uint32_t count = 0;
+  tiller_prior_t prior[kMaxExtra] = {};
+};
+
+/// A normal law of coordinates v (d), in memory of an engine's.
+struct NormalLaw {
+  std::uint32_t d = 0;
+  double* mean = nullptr;  // (d)
+  double* root = nullptr;  // (d x d) lower root of the covariance, row-major
+  static NormalLaw lay_out(Arena& arena, std::uint32_t d);
+  double log_density(const double* v) const;  // normalised
+};
+
+/// The joint prior of all coordinates v (d): of the inferred parameters the marginals' product, or config.prior_mixture
+/// cut to the marginals' bounds; times the extra coordinates' marginals.
 class PriorLaw {
  public:
   PriorLaw() = default;
-  explicit PriorLaw(const tiller_config_t& config);
+  explicit PriorLaw(const tiller_config_t& config, const ExtraCoordinates& extra = {});
 
   std::uint32_t dimension() const { return d_; }
-  /// The marginal that names the coordinate and the bounds of parameter j of d.
-  const tiller_prior_t& marginal(std::uint32_t j) const { return config_->priors[inferred_[j]]; }
+  /// Coordinates 0 .. named() - 1 are those of inferred parameters.
+  std::uint32_t named() const { return named_; }
+  /// The marginal that names the coordinate and the bounds of coordinate j of d.
+  const tiller_prior_t& marginal(std::uint32_t j) const {
+    return j < named_ ? config_->priors[inferred_[j]] : extra_.prior[j - named_];
+  }
   double low(std::uint32_t j) const { return coordinate_low(marginal(j)); }
   double high(std::uint32_t j) const { return coordinate_high(marginal(j)); }
   bool is_mixture() const { return config_->prior_mixture != nullptr; }
   /// Standard deviation of coordinate j, cuts left out of account; > 0.
-  double spread(std::uint32_t j) const { return is_mixture() ? mixture_.spread(j) : prior_spread(marginal(j)); }
+  double spread(std::uint32_t j) const {
+    return is_mixture() && j < named_ ? mixture_.spread(j) : prior_spread(marginal(j));
+  }
   /// Covariance of the coordinates (d x d, row-major), cuts left out of account; positive definite.
   void covariance(double* c) const;
   /// Log density up to a constant; -infinity outside of the bounds. Cost: d, or components * d^2 / 2.
   double log_density(const double* v) const;
+  /// From now on half of the prior is `before` (cut to the bounds), which outlives this; of the other half the extra
+  /// coordinates have before's marginal law, since what changes is the robot, not the noise. Null: as configured.
+  void believe_before(const NormalLaw* before) { before_ = before; }
+  /// log_density() less that of what draw_one() draws from: 0 but after believe_before().
+  double log_excess(const double* v) const { return before_ ? changed_log_density(v) - configured_log_density(v) : 0.0; }
   /// One draw, v (d). From a mixture: until it lies within the bounds, kTries times at most; then the last try is
   /// reflected at them until it does. Means lie within the bounds: a mixture of which so little does is one that is
   /// far wider than the bounds, and a wide normal folded into them is as flat there as a cut one.
@@ -59,12 +87,17 @@ class PriorLaw {
   static constexpr int kTries = 64;
 
   bool within(const double* v) const;
+  double configured_log_density(const double* v) const;
+  double changed_log_density(const double* v) const;
+  double log_scale() const;
   void draw_mixture(std::uint64_t seed, std::uint32_t count, double* v, std::uint32_t* index) const;
 
   const tiller_config_t* config_ = nullptr;
-  std::uint32_t d_ = 0;
+  std::uint32_t d_ = 0, named_ = 0;
   std::uint32_t inferred_[TILLER_MAX_PARAMS] = {};
+  ExtraCoordinates extra_;
   Mixture mixture_;
+  const NormalLaw* before_ = nullptr;
 };
 
 }  // namespace tiller

@@ -28,34 +28,34 @@ constexpr double kFlat = 1e-10;
 /// Random numbers of coordinate steps, apart from others of the same stream.
 constexpr std::uint64_t kWidening = std::uint64_t{1} << 60;
 
-/// Lower Cholesky factor (d x d, stride TILLER_MAX_PARAMS) of the covariance of the particles that stand still. False:
+/// Lower Cholesky factor (d x d, stride kMaxCoordinates) of the covariance of the particles that stand still. False:
 /// they do not span all dimensions.
 bool spread(const Cloud& cloud, std::uint32_t first_still, std::uint32_t still, double* factor) {
   const std::uint32_t n = cloud.n, d = cloud.d;
-  double mean[TILLER_MAX_PARAMS] = {}, sum = 0.0;
+  double mean[kMaxCoordinates] = {}, sum = 0.0;
   for (std::uint32_t k = 0, i = first_still; k < still; ++k, i = i + 1 < n ? i + 1 : 0) {
     sum += cloud.weight[i];
     for (std::uint32_t j = 0; j < d; ++j) mean[j] += cloud.weight[i] * cloud.coordinate[j * n + i];
   }
   for (std::uint32_t j = 0; j < d; ++j) mean[j] /= sum;
-  double square[TILLER_MAX_PARAMS * TILLER_MAX_PARAMS] = {};
+  double square[kMaxCoordinates * kMaxCoordinates] = {};
   for (std::uint32_t k = 0, i = first_still; k < still; ++k, i = i + 1 < n ? i + 1 : 0) {
-    double off[TILLER_MAX_PARAMS];
+    double off[kMaxCoordinates];
     for (std::uint32_t j = 0; j < d; ++j) off[j] = cloud.coordinate[j * n + i] - mean[j];
     for (std::uint32_t r = 0; r < d; ++r)
       for (std::uint32_t c = 0; c <= r; ++c)
-        square[r * TILLER_MAX_PARAMS + c] += cloud.weight[i] / sum * off[r] * off[c];
+        square[r * kMaxCoordinates + c] += cloud.weight[i] / sum * off[r] * off[c];
   }
   bool whole = true;
   for (std::uint32_t r = 0; r < d; ++r) {
     for (std::uint32_t c = 0; c <= r; ++c) {
-      double rest = square[r * TILLER_MAX_PARAMS + c];
+      double rest = square[r * kMaxCoordinates + c];
       for (std::uint32_t k = 0; k < c; ++k)
-        rest -= factor[r * TILLER_MAX_PARAMS + k] * factor[c * TILLER_MAX_PARAMS + k];
+        rest -= factor[r * kMaxCoordinates + k] * factor[c * kMaxCoordinates + k];
       // coordinates that are functions of one another leave nothing: the walk then stays on their line
-      const double pivot = factor[c * TILLER_MAX_PARAMS + c];
-      if (r == c && !(rest > kFlat * square[r * TILLER_MAX_PARAMS + r])) whole = false;
-      factor[r * TILLER_MAX_PARAMS + c] = r == c ? std::sqrt(std::fmax(rest, 0.0)) : pivot > 0.0 ? rest / pivot : 0.0;
+      const double pivot = factor[c * kMaxCoordinates + c];
+      if (r == c && !(rest > kFlat * square[r * kMaxCoordinates + r])) whole = false;
+      factor[r * kMaxCoordinates + c] = r == c ? std::sqrt(std::fmax(rest, 0.0)) : pivot > 0.0 ? rest / pivot : 0.0;
     }
   }
   return whole;
@@ -74,7 +74,7 @@ CoordinateStep draw_coordinate_step(const PriorLaw& prior, Rng& rng) {
 void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::uint32_t moves, Proposal* proposals) {
   const std::uint32_t n = cloud.n, d = cloud.d;
   const std::uint32_t first_still = (cursor + moves) % n, still = n - moves;
-  double factor[TILLER_MAX_PARAMS * TILLER_MAX_PARAMS] = {};
+  double factor[kMaxCoordinates * kMaxCoordinates] = {};
   const bool whole = spread(cloud, first_still, still, factor);
   const double best = kOptimalStep / std::sqrt(static_cast<double>(d));
 
@@ -82,7 +82,7 @@ void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::
     Proposal& p = proposals[m];
     p.particle = (cursor + m) % n;
     Rng rng(cloud.config->seed, kRngMove, tick * 4096 + p.particle);
-    double walk[TILLER_MAX_PARAMS], difference = 0.0, noise = kJitter;
+    double walk[kMaxCoordinates], difference = 0.0, noise = kJitter;
     const std::uint32_t a = (first_still + rng.below(still)) % n, b = (first_still + rng.below(still)) % n;
     if (rng.uniform() < kEvolution)
       difference = rng.uniform() < kWholeDifference ? 1.0 : best * 0.70710678 * (0.3 + 0.7 * rng.uniform());
@@ -90,15 +90,13 @@ void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::
       noise = best * math::exp(-2.3 * rng.uniform());  // a decade of step lengths: far and near both occur
     for (std::uint32_t j = 0; j < d; ++j) walk[j] = noise * rng.normal();
 
-    double present[TILLER_MAX_PARAMS];
+    double present[kMaxCoordinates];
     for (std::uint32_t j = 0; j < d; ++j) {
       const double* row = cloud.coordinate + j * n;
       present[j] = row[p.particle];
       double to = present[j] + difference * (row[a] - row[b]);
-      for (std::uint32_t k = 0; k <= j; ++k) to += factor[j * TILLER_MAX_PARAMS + k] * walk[k];
-      // reflection keeps the proposal symmetric and does not waste it at a bound
-      if (to < cloud.prior.low(j)) to = 2.0 * cloud.prior.low(j) - to;
-      if (to > cloud.prior.high(j)) to = 2.0 * cloud.prior.high(j) - to;
+      for (std::uint32_t k = 0; k <= j; ++k) to += factor[j * kMaxCoordinates + k] * walk[k];
+      // no reflection at a bound: of one coordinate of a correlated step it is not symmetric
       p.coordinate[j] = to;
     }
     if (!whole && m % 2 == 1) {
@@ -111,7 +109,7 @@ void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::
     if (scouts > 0.0 && rng.uniform() < scouts) {
       // a scout: an independent draw from the prior, whose density cancels out of the ratio
       cloud.prior.draw_one(rng, p.coordinate);
-      p.log_prior_change = 0.0;
+      p.log_prior_change = cloud.prior.log_excess(p.coordinate) - cloud.prior.log_excess(present);
     } else {
       p.log_prior_change = cloud.prior.log_density(p.coordinate) - cloud.prior.log_density(present);
     }

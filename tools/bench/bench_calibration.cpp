@@ -17,6 +17,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
+#include <map>
 #include <set>
 #include <string>
 
@@ -94,22 +95,27 @@ double covered(const std::vector<double>& rank, double share) {
 }
 
 void report(Table& table, const CalibrationRow& row, const std::vector<CalibrationScore>& scores) {
-  std::vector<double> all, ratio, loss, joint, seconds, noise;
+  std::vector<double> all, reference, effective, ratio, loss, joint, seconds, noise;
   std::vector<Ranks> ranks(static_cast<std::size_t>(row.dimensions()));
   std::vector<double> offset(ranks.size());
-  int alarms = 0, faults = 0, compared = 0;
+  int alarms = 0, relearned = 0, faults = 0, compared = 0;
+  std::map<std::string, int> features;
   for (const CalibrationScore& s : scores) {
     for (std::size_t j = 0; j < s.rank.size(); ++j) {
       all.push_back(s.rank[j]);
       ranks[j].add(s.rank[j]);
     }
     ratio.insert(ratio.end(), s.sd_ratio.begin(), s.sd_ratio.end());
-    seconds.push_back(s.seconds);
+    seconds.push_back(s.fed.seconds);
     noise.push_back(s.noise_scale);
-    alarms += s.first_alarm > 0;
-    faults += s.faults;
+    alarms += s.fed.first_alarm > 0;
+    if (s.fed.first_alarm > 0) ++features[tiller_feature_name(s.fed.alarm_feature)];
+    relearned += s.fed.relearned > 0;
+    faults += s.fed.faults;
     if (s.sd_ratio.empty()) continue;
     ++compared;
+    effective.push_back(s.effective);
+    reference.insert(reference.end(), s.reference_rank.begin(), s.reference_rank.end());
     loss.push_back(s.loss);
     joint.push_back(s.joint_loss);
     for (std::size_t j = 0; j < offset.size(); ++j) offset[j] += s.offset[j];
@@ -123,6 +129,8 @@ void report(Table& table, const CalibrationRow& row, const std::vector<Calibrati
   for (const Ranks& r : ranks) least = std::min(least, r.p_value());
   table.row("ranks: least p-value of chi-square over parameters", least, "");
   if (compared > 0) {
+    table.row("the reference's coverage of 90 % intervals", covered(reference, 0.9), "");
+    table.row("the reference's effective points, least", quantile_of(effective, 0.0), "");
     table.row("deviation over the reference's, median", quantile_of(ratio, 0.5), "x",
               row.goal.width > 0.0 ? at_most(row.goal.width) : Goal{});
     double worst = 0.0;
@@ -133,7 +141,10 @@ void report(Table& table, const CalibrationRow& row, const std::vector<Calibrati
     table.row("log density below the reference's, worst", quantile_of(loss, 1.0), "nats");
     table.row("log density below a joint-state filter's, median", quantile_of(joint, 0.5), "nats", at_most(0.05));
   }
-  table.row("runs with an alarm", static_cast<double>(alarms), "");
+  std::string named;
+  for (const auto& [feature, count] : features) named += (named.empty() ? ": " : ", ") + feature + " " + std::to_string(count);
+  table.row("runs with an alarm" + named, static_cast<double>(alarms), "");
+  if (relearned > 0) table.row("runs that learnt anew", static_cast<double>(relearned), "");
   table.row("estimated over configured noise, median", quantile_of(noise, 0.5), "x");
   table.row("CPU time of a tick, median", 1e6 * quantile_of(seconds, 0.5) / row.run.ticks, "us");
   if (faults > 0) table.row("updates that failed", static_cast<double>(faults), "", at_most(0));

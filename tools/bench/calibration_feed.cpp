@@ -33,32 +33,34 @@ EngineInstance::EngineInstance(const tiller_config_t& config) : config_(config) 
   if (!posterior_) std::abort();
 }
 
-double feed(Posterior& posterior, const tiller_config_t& config, const PlantRecord& record, int& faults, int& alarm) {
+FeedResult feed(Posterior& posterior, const tiller_config_t& config, const PlantRecord& record) {
+  FeedResult result;
   double measured[TILLER_MAX_MEASUREMENTS] = {};
   const double begun = thread_seconds();
   posterior.reset();
   read(config, record.tick[0], measured);
   (void)posterior.start(measured);
-  std::size_t since = 0;
   for (std::size_t k = 1; k < record.tick.size(); ++k) {
-    if (!record.tick[k].measured) continue;
-    read(config, record.tick[k], measured);
-    if (k - since > 4) {
-      (void)posterior.start(measured);
-      since = k;
+    Transition t;
+    t.period_s = record.period_s;
+    t.input[0] = record.tick[k].input;
+    if (!record.tick[k].measured) {
+      (void)posterior.skip(t);
       continue;
     }
-    Transition t;
-    t.period_s = record.period_s * static_cast<double>(k - since);
-    for (std::size_t i = since + 1; i <= k; ++i) t.input[0] += record.tick[i].input / static_cast<double>(k - since);
-    std::copy(measured, measured + config.measurement_count, t.measured);
-    since = k;
+    read(config, record.tick[k], t.measured);
     const tiller_status_t said = posterior.update(t);
-    faults += said != tiller_status_ok && said < 200;
+    result.faults += said != tiller_status_ok && said < 200;
     const AdequacyTest* test = posterior.adequacy();
-    if (alarm == 0 && test && test->state() == tiller_adequacy_inadequate) alarm = static_cast<int>(k);
+    if (result.first_alarm > 0 || !test || test->state() != tiller_adequacy_inadequate) continue;
+    result.first_alarm = static_cast<int>(k);
+    result.alarm_feature = test->feature();
   }
-  return thread_seconds() - begun;
+  result.seconds = thread_seconds() - begun;
+  PosteriorReport report;
+  posterior.report(report);
+  result.relearned = report.relearned;
+  return result;
 }
 
 }  // namespace tiller::bench

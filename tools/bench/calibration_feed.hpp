@@ -25,7 +25,15 @@ class EngineInstance {
   Posterior* posterior_ = nullptr;
 };
 
-/// Every measurement of the recording; between two of them the inputs that were in force. Returns CPU seconds.
-double feed(Posterior& posterior, const tiller_config_t& config, const PlantRecord& record, int& faults, int& alarm);
+struct FeedResult {
+  double seconds = 0.0;  ///< CPU time of the updates
+  int faults = 0;        ///< updates that returned a fault
+  int first_alarm = 0;   ///< tick; 0: none
+  tiller_feature_t alarm_feature = tiller_feature_none;
+  std::uint64_t relearned = 0;
+};
+
+/// Every measurement of the recording; between two of them the inputs that were in force.
+FeedResult feed(Posterior& posterior, const tiller_config_t& config, const PlantRecord& record);
 
 }  // namespace tiller::bench

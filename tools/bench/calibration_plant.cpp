@@ -10,10 +10,6 @@ namespace {
 constexpr double kGravity = 9.81;
 constexpr double kStep_s = 0.0005;
 
-/// Dry friction acts against the motion, and holds a joint that the other forces cannot move. Within a step of half a
-/// millisecond it is resolved by the rate at the step's start: a joint that would be reversed is stopped instead.
-double dry_force(double coulomb, double rate) { return rate > 0.0 ? -coulomb : rate < 0.0 ? coulomb : 0.0; }
-
 void derivative(const PlantPhysics& p, const double* x, double input, double* dx) {
   const int n = p.joints();
   for (int i = 0; i < n; ++i) dx[i] = x[n + i];
@@ -31,25 +27,38 @@ void runge_kutta(const PlantPhysics& p, double* x, double input, double h) {
   for (int i = 0; i < n; ++i) x[i] += h / 6.0 * (k[0][i] + 2.0 * k[1][i] + 2.0 * k[2][i] + k[3][i]);
 }
 
-/// One step with dry friction at the driven joint, the first of either mechanism.
+/// A step with dry friction at the driven joint, the first of either mechanism. It acts against the motion; where the joint
+/// comes to rest within the step, the rest of it begins from there: it sticks where friction is the stronger, else it goes
+/// on the other way. (Stopping it for the whole step instead would delay every reversal by half a step, a thousandth of a
+/// pendulum's period.)
 void step(const PlantPhysics& p, double* x, double input, double h) {
-  const int rate = p.joints();
   if (!(p.coulomb > 0.0)) return runge_kutta(p, x, input, h);
-  double free[kPlantStates], slipping[kPlantStates];
-  std::copy(x, x + p.states(), free);
-  runge_kutta(p, free, input, h);
-  const double direction = x[rate] != 0.0 ? x[rate] : free[rate];
-  std::copy(x, x + p.states(), slipping);
-  runge_kutta(p, slipping, input + dry_force(p.coulomb, direction), h);
-  if (slipping[rate] * direction > 0.0) {
-    std::copy(slipping, slipping + p.states(), x);
-    return;
+  const int rate = p.joints(), n = p.states();
+  for (double left = h; left > 1e-9 * h;) {
+    double pulled[kPlantStates];
+    accelerations(p, x, input, pulled);
+    const double direction = x[rate] != 0.0 ? x[rate] : pulled[0];
+    const double friction = direction > 0.0 ? -p.coulomb : direction < 0.0 ? p.coulomb : 0.0;
+    double next[kPlantStates];
+    std::copy(x, x + n, next);
+    runge_kutta(p, next, input + friction, left);
+    if (x[rate] == 0.0 && next[rate] * direction <= 0.0) {
+      // friction holds it: the others move on
+      const double held = x[0];
+      std::copy(next, next + n, x);
+      x[0] = held;
+      x[rate] = 0.0;
+      return;
+    }
+    if (x[rate] == 0.0 || next[rate] * direction >= 0.0) {
+      std::copy(next, next + n, x);
+      return;
+    }
+    const double until = left * x[rate] / (x[rate] - next[rate]);
+    runge_kutta(p, x, input + friction, until);
+    x[rate] = 0.0;
+    left -= until;
   }
-  // it sticks: the other states move on as with the joint at rest
-  const double held = x[0];
-  std::copy(slipping, slipping + p.states(), x);
-  x[0] = held;
-  x[rate] = 0.0;
 }
 
 /// Level of the random excitation.

@@ -247,10 +247,75 @@ Fit climb(const Target& target, Eigen::VectorXd at) {
 
 }  // namespace
 
+namespace {
+
+/// A Student-t about the mode, then, refitted, one about the whole and normals about points drawn from the last round: they
+/// follow bounds and bent ridges.
+class Proposal {
+ public:
+  static constexpr double kFreedom = 5.0, kWhole = 0.4, kNarrow = 0.35;
+
+  Proposal(const Fit& whole, std::vector<Eigen::VectorXd> local)
+      : whole_(whole), root_(1.2 * whole.covariance), local_(std::move(local)) {
+    log_root_ = root_.matrixL().toDenseMatrix().diagonal().array().log().sum();
+  }
+
+  Eigen::VectorXd draw(std::mt19937_64& random) const {
+    const int n = static_cast<int>(whole_.mean.size());
+    std::normal_distribution<double> normal;
+    Eigen::VectorXd z(n);
+    for (int j = 0; j < n; ++j) z[j] = normal(random);
+    if (local_.empty() || std::uniform_real_distribution<double>()(random) < kWhole) {
+      std::chi_squared_distribution<double> chi(kFreedom);
+      return whole_.mean + root_.matrixL() * Eigen::VectorXd(z * std::sqrt(kFreedom / chi(random)));
+    }
+    const std::size_t i = std::uniform_int_distribution<std::size_t>(0, local_.size() - 1)(random);
+    return local_[i] + root_.matrixL() * Eigen::VectorXd(kNarrow * z);
+  }
+
+  double log_density(const Eigen::VectorXd& v) const {
+    const double n = static_cast<double>(v.size());
+    const Eigen::VectorXd z = root_.matrixL().solve(v - whole_.mean);
+    const double student = std::lgamma(0.5 * (kFreedom + n)) - std::lgamma(0.5 * kFreedom) -
+                           0.5 * n * std::log(kFreedom * kPi) - log_root_ -
+                           0.5 * (kFreedom + n) * std::log1p(z.squaredNorm() / kFreedom);
+    if (local_.empty()) return student;
+    double sum = 0.0;
+    for (const Eigen::VectorXd& at : local_)
+      sum += std::exp(-0.5 * root_.matrixL().solve(v - at).squaredNorm() / (kNarrow * kNarrow));
+    const double narrow = sum / static_cast<double>(local_.size()) *
+                          std::exp(-log_root_ - n * std::log(kNarrow) - 0.5 * n * std::log(2.0 * kPi));
+    return std::log(kWhole * std::exp(student) + (1.0 - kWhole) * narrow);
+  }
+
+ private:
+  static constexpr double kPi = 3.14159265358979;
+  Fit whole_;
+  Eigen::LLT<Eigen::MatrixXd> root_;
+  double log_root_ = 0.0;
+  std::vector<Eigen::VectorXd> local_;
+};
+
+/// The next proposal, from points and their weights, cut so that a few points cannot make it narrow.
+Proposal refit(const Eigen::MatrixXd& point, const Eigen::VectorXd& weight, std::mt19937_64& random) {
+  constexpr int kLocal = 48;
+  Eigen::VectorXd soft = weight.cwiseMin(0.03);
+  soft /= soft.sum();
+  Fit fit{point * soft, {}};
+  const Eigen::MatrixXd centred = point.colwise() - fit.mean;
+  fit.covariance = centred * soft.asDiagonal() * centred.transpose();
+  fit.covariance.diagonal() *= 1.0 + 1e-6;
+  std::discrete_distribution<int> pick(soft.begin(), soft.end());
+  std::vector<Eigen::VectorXd> local;
+  for (int i = 0; i < kLocal; ++i) local.emplace_back(point.col(pick(random)));
+  return {fit, local};
+}
+
+}  // namespace
+
 ReferencePosterior sample_reference(const ReferenceProblem& problem, const PlantRecord& record, const double* near,
                                     std::uint64_t seed) {
-  constexpr int kRounds = 3, kSamples[kRounds] = {250, 250, 800};
-  constexpr double kFreedom = 5.0;
+  constexpr int kRounds = 4, kSamples[kRounds] = {250, 250, 300, 900};
   const Target target(problem, record);
   const int n = target.size();
   Fit fit = climb(target, target.coordinates(near));
@@ -263,32 +328,19 @@ ReferencePosterior sample_reference(const ReferenceProblem& problem, const Plant
     }
   }
   std::mt19937_64 random(seed * 40503u + 99u);
-  std::normal_distribution<double> normal;
-  std::chi_squared_distribution<double> chi(kFreedom);
+  Proposal proposal(fit, {});
   Eigen::MatrixXd point;
   Eigen::VectorXd weight;
   for (int round = 0; round < kRounds; ++round) {
-    const Eigen::LLT<Eigen::MatrixXd> root(1.2 * fit.covariance);
     point.resize(n, kSamples[round]);
     Eigen::VectorXd log_weight(kSamples[round]);
     for (int i = 0; i < kSamples[round]; ++i) {
-      Eigen::VectorXd z(n);
-      for (int j = 0; j < n; ++j) z[j] = normal(random);
-      z *= std::sqrt(kFreedom / chi(random));
-      point.col(i) = fit.mean + root.matrixL() * z;
-      log_weight[i] = target(point.col(i)) + 0.5 * (kFreedom + n) * std::log1p(z.squaredNorm() / kFreedom);
+      point.col(i) = proposal.draw(random);
+      log_weight[i] = target(point.col(i)) - proposal.log_density(point.col(i));
     }
     weight = (log_weight.array() - log_weight.maxCoeff()).exp();
     weight /= weight.sum();
-    if (round + 1 == kRounds) break;
-    // weights cut at a twentieth, so that a few points cannot make the next proposal narrow
-    Eigen::VectorXd soft = weight.cwiseMin(0.05);
-    soft /= soft.sum();
-    const Eigen::VectorXd mean = point * soft;
-    const Eigen::MatrixXd centred = point.colwise() - mean;
-    fit.mean = mean;
-    fit.covariance = centred * soft.asDiagonal() * centred.transpose();
-    fit.covariance.diagonal() *= 1.0 + 1e-6;
+    if (round + 1 < kRounds) proposal = refit(point, weight, random);
   }
   ReferencePosterior out;
   out.point.resize(problem.dimensions(), point.cols());

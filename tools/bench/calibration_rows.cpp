@@ -263,6 +263,8 @@ tiller_config_t calibration_config(const CalibrationRow& row) {
     c.measurement_sd[c.measurement_count] = q.sensor_sd[i];
     c.measured_state[c.measurement_count++] = static_cast<std::uint8_t>(i);
   }
+  c.safety.input_high[0] = pendulum ? 1.5 : 12.0;
+  c.safety.input_low[0] = -c.safety.input_high[0];
   c.posterior.kind = row.engine == Engine::filter ? tiller_posterior_filter : tiller_posterior_transition;
   c.posterior.noise_scale_shape = q.noise_shape;
   c.posterior.discrepancy = 0;

@@ -5,8 +5,6 @@
 #include <cstdlib>
 #include <memory>
 
-#include "calibration_feed.hpp"
-
 namespace tiller::bench {
 namespace {
 
@@ -57,6 +55,8 @@ void compare(const CalibrationRow& row, const PlantRecord& record, const Cloud& 
              std::uint64_t seed, CalibrationScore& score) {
   const int d = row.dimensions();
   const ReferencePosterior reference = sample_reference(row.problem, record, truth.data(), seed);
+  score.effective = reference.effective;
+  for (int j = 0; j < d; ++j) score.reference_rank.push_back(reference.rank(j, truth[j]));
   const Eigen::VectorXd mean = reference.mean(), engine_mean = cloud.mean();
   Eigen::MatrixXd covariance = reference.covariance();
   covariance.diagonal() *= 1.0 + 1e-9;
@@ -94,7 +94,7 @@ CalibrationScore run_calibration(const CalibrationRow& row, std::uint64_t seed, 
   config.seed = seed;
   CalibrationScore score;
   EngineInstance engine(config);
-  score.seconds = feed(engine.posterior(), config, record, score.faults, score.first_alarm);
+  score.fed = feed(engine.posterior(), config, record);
   score.noise_scale = engine.posterior().noise_scale();
 
   const int d = row.dimensions();

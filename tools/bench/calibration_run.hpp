@@ -3,6 +3,7 @@
 // Runs of a calibration row: the engine on a recording, and its particles against the truth and the references.
 
 #include "accuracy_statistics.hpp"
+#include "calibration_feed.hpp"
 #include "calibration_rows.hpp"
 
 namespace tiller::bench {
@@ -15,10 +16,10 @@ struct CalibrationScore {
   std::vector<double> offset;     ///< (d) mean less the reference's, in the reference's deviations
   double loss = 0.0;              ///< log density at the truth, the reference's less the engine's: nats
   double joint_loss = 0.0;        ///< the same, the joint-state filter's less the engine's
-  double seconds = 0.0;           ///< CPU time of the updates
+  std::vector<double> reference_rank;  ///< (d) of the truth within the reference
+  double effective = 0.0;              ///< effective number of the reference's points
   double noise_scale = 0.0;
-  int first_alarm = 0;            ///< tick; 0: none
-  int faults = 0;                 ///< updates that returned a fault
+  FeedResult fed;
 };
 
 CalibrationScore run_calibration(const CalibrationRow& row, std::uint64_t seed, bool with_reference);

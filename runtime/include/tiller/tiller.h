@@ -38,7 +38,7 @@ extern "C" {
 
 #define TILLER_VERSION_MAJOR 0
 #define TILLER_VERSION_MINOR 1
-#define TILLER_CONFIG_VERSION 5u
+#define TILLER_CONFIG_VERSION 6u
 #define TILLER_ALIGNMENT 64u /**< of the caller's block: one AVX-512 register, one cache line */
 #define TILLER_MAX_MEASUREMENTS TILLER_MAX_STATES
 
@@ -156,15 +156,22 @@ typedef struct tiller_posterior_config {
                                     0 < a0 <= 1e6 */
   uint32_t kind;            /**< tiller_posterior_kind_t */
   uint32_t robust;          /**< transition: 1: one weight per transition, low where no particle explains it */
-  uint32_t discrepancy;     /**< transition: 1: constant, viscous and dry forces at every joint (the first four) that the
-                                    model may lack, marginalised in closed form */
+  uint32_t discrepancy;     /**< filter, transition: 1: constant, viscous and dry forces at every joint (the first four)
+                                    that the model may lack, marginalised in closed form */
   uint32_t delay_hypotheses; /**< transition: input delays of 0..n-1 periods side by side, weighed by their evidence;
                                     1..TILLER_MAX_HYPOTHESES, 1: no delay */
   uint32_t forgetting_count; /**< transition: rates side by side, 1..TILLER_MAX_FORGETTING */
   uint32_t adequacy;         /**< 1: the innovations are tested at every tick (tiller_info_t.adequacy) */
   double forgetting[TILLER_MAX_FORGETTING]; /**< share of the old data that each tick keeps, in [0.5, 1], largest
-                                    first; 1: nothing is forgotten. The rate is chosen by predictive likelihood */
+                                    first; 1: nothing is forgotten. Of several the rate is chosen by predictive
+                                    likelihood; filter, conjugate: one */
   double scout_share; /**< of the moves that are tried from the prior's whole width, in [0, 0.5] */
+  double noise_ratio_sd; /**< filter: standard deviation of the logarithm of process_sd's true factor beside that of
+                              measurement_sd, which is inferred; 0: process_sd and measurement_sd share one factor;
+                              in [0, 10] */
+  uint32_t relearn;  /**< filter: 1: an alarm of the adequacy test in motion makes what was learnt one half of a new
+                              prior, beside the configured one, so that a robot that has changed is learnt anew */
+  uint32_t reserved; /**< 0 */
 } tiller_posterior_config_t;
 
 /** A joint prior of the inferred parameters, in their order in `priors` and in their coordinates (the logarithm where
@@ -401,7 +408,8 @@ typedef struct tiller_command {
 typedef enum tiller_adequacy {
   tiller_adequacy_untested = 0, /**< switched off, or too few data yet */
   tiller_adequacy_adequate = 1,
-  tiller_adequacy_inadequate = 2 /**< no parameter value explains a channel; latched until tiller_reset */
+  tiller_adequacy_inadequate = 2 /**< no parameter value explains a channel; until tiller_reset, or until a posterior
+                                      that has learnt anew explains it */
 } tiller_adequacy_t;
 
 /** What betrays an inadequate model: what its normalised innovations go with. */
@@ -442,7 +450,7 @@ typedef struct tiller_info {
   uint64_t late_plans;                 /**< ticks whose deadline left no time for a single iteration */
   uint64_t gate_cuts, gate_rejections; /**< commands cut to a limit; commands with NaN or infinity */
   uint64_t plan_failures;              /**< ticks without a finite plan, or with a plan that was used up */
-  uint64_t posterior_failures;         /**< degenerate updates, and filters begun anew after a gap of measurements */
+  uint64_t posterior_failures;         /**< updates that no particle took in, and filters begun anew after a pause */
   uint32_t adequacy;                   /**< tiller_adequacy_t */
   uint32_t inadequate_channel;         /**< index of the measurement whose innovations gave the alarm */
   uint32_t inadequate_feature;         /**< tiller_feature_t */
@@ -453,6 +461,8 @@ typedef struct tiller_info {
   double forgetting_weight[TILLER_MAX_FORGETTING]; /**< of the configured rates */
   double discrepancy_share; /**< of the residuals' squares that the discrepancy basis takes up, 0..1 */
   uint64_t plans;           /**< finite plans that the planner has made; stands still while it does not get that far */
+  uint64_t relearned;       /**< times that the posterior began to learn anew because the robot seemed to have changed */
+  uint64_t lost_transitions; /**< transitions by which moves are no longer judged: no finite step near the particles */
 } tiller_info_t;
 
 /** Exact bytes that tiller_init needs; 0 if the configuration is not valid (tiller_config_check says why). */

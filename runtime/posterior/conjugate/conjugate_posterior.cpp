@@ -122,6 +122,18 @@ tiller_status_t ConjugatePosterior::start(const double* measured) {
   return tiller_status_ok;
 }
 
+tiller_status_t ConjugatePosterior::skip(const Transition& transition) {
+  if (!started_) return tiller_status_wrong_state;
+  const tiller_status_t refusal = check_transition(*config_, transition);
+  if (refusal != tiller_status_ok) return refusal;
+  Transition unseen = transition;
+  for (std::uint32_t k = 0; k < nx_; ++k) unseen.measured[k] = NAN;
+  const bool usable = predict(unseen);
+  settle(unseen);
+  remember_input(unseen.input);
+  return usable ? tiller_status_ok : tiller_status_posterior_degenerate;
+}
+
 tiller_status_t ConjugatePosterior::update(const Transition& transition) {
   if (!started_) return tiller_status_wrong_state;
   const tiller_status_t refusal = check_transition(*config_, transition);
@@ -135,9 +147,13 @@ tiller_status_t ConjugatePosterior::update(const Transition& transition) {
     place_particles();
   }
   settle(transition);
-  std::memmove(input_history_ + nu_, input_history_, sizeof(double) * (kHistory - 1) * nu_);
-  std::memcpy(input_history_, transition.input, sizeof(double) * nu_);
+  remember_input(transition.input);
   return usable ? tiller_status_ok : tiller_status_posterior_degenerate;
+}
+
+void ConjugatePosterior::remember_input(const double* input) {
+  std::memmove(input_history_ + nu_, input_history_, sizeof(double) * (kHistory - 1) * nu_);
+  std::memcpy(input_history_, input, sizeof(double) * nu_);
 }
 
 /// Where the state goes at the prior's mean and one step along each direction; false if anywhere it is not finite.

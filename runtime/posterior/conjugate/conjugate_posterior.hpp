@@ -37,6 +37,7 @@ class ConjugatePosterior final : public Posterior {
 
   void reset() override;
   tiller_status_t start(const double* measured) override;
+  tiller_status_t skip(const Transition& transition) override;
   tiller_status_t update(const Transition& transition) override;
   bool started() const override { return started_; }
   void moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const override;
@@ -74,6 +75,7 @@ class ConjugatePosterior final : public Posterior {
   void learn(const Transition& transition);
   void test(const Transition& transition);
   void settle(const Transition& transition);
+  void remember_input(const double* input);
   void place_particles();
 
   // constant after lay_out

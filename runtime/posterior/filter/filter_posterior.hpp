@@ -4,18 +4,23 @@
 
 #include "core/ring.hpp"
 #include "posterior/cloud.hpp"
-#include "posterior/filter/past_summary.hpp"
+#include "posterior/filter/filter_discrepancy.hpp"
+#include "posterior/filter/filter_summary.hpp"
 #include "posterior/filter/response.hpp"
+#include "posterior/filter/scale_evidence.hpp"
 #include "posterior/posterior.hpp"
 #include "posterior/proposals.hpp"
+#include "posterior/rest_guard.hpp"
 #include "rollout/measurement.hpp"
+#include "tiller/math.hpp"
 
 namespace tiller {
 
 /// The engine for noisy or partial measurements and for effects with states: each particle carries an extended Kalman
-/// filter of its own for the state, and the states of its effects.
+/// filter of its own for the state, the states of its effects, and how large process noise is beside sensor noise.
 ///
-/// Cost of an update, bounded by the configuration: N + 2 * moves_per_tick * (window + 1) filtered transitions.
+/// Cost of an update, bounded by the configuration: N + 2 * moves_per_tick * (window + 1) filtered transitions and a few
+/// dozen for the summary; of a skipped period N and those.
 class FilterPosterior final : public Posterior {
  public:
   static FilterPosterior* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
@@ -23,6 +28,7 @@ class FilterPosterior final : public Posterior {
 
   void reset() override;
   tiller_status_t start(const double* measured) override;
+  tiller_status_t skip(const Transition& transition) override;
   tiller_status_t update(const Transition& transition) override;
   bool started() const override { return started_; }
   void moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const override;
@@ -40,6 +46,7 @@ class FilterPosterior final : public Posterior {
             float* history) const override;
   const AdequacyTest* adequacy() const override { return adequacy_; }
   void clear_adequacy() override;
+  void report(PosteriorReport& report) const override;
 
  private:
   /// Lanes that one task steps together, in a scratch of its own: (row x kChunk), so that the rows of a chunk lie
@@ -49,58 +56,98 @@ class FilterPosterior final : public Posterior {
   /// What each particle carries beside its parameters: rows of N.
   struct Carried {
     FilterRows filter;
-    double* squared_error = nullptr;       // (N) over all data
-    double* log_variance = nullptr;        // (N) over all data
-    double* base_squared_error = nullptr;  // (N) what came before the window's start (exact windows only)
-    double* base_log_variance = nullptr;
+    double* process_scale = nullptr;   // (N) factor of the process noise's variance
+    double* sums = nullptr;            // (ScaleEvidence::kRows x N) over all data
+    double* base = nullptr;            // (as many) what came before the window's start (exact windows only)
     double* log_likelihood = nullptr;  // (N) of all data
   };
 
+  /// A transition and what went with it, as the window keeps it.
+  struct Kept {
+    Transition transition;
+    double weight = 1.0;  // 0: not counted
+  };
+
   static constexpr std::uint32_t kHistory = TILLER_MAX_DELAY_STEPS + 2;
-  static constexpr std::uint32_t kScratchRows = 4;
+
+  /// The filter at the start of an exact window, the same for every particle; `measured` corrects it.
+  struct StartLaw {
+    double state[kMaxFilterStates] = {};
+    double covariance[triangle_rows(kMaxFilterStates)] = {};
+    double effect_state[TILLER_MAX_EFFECT_STATES] = {};
+    double measured[TILLER_MAX_MEASUREMENTS] = {};
+  };
 
   /// Scratch of one chunk of lanes: rows of kChunk.
   struct Chunk {
-    double* params = nullptr;      // (np)
+    double* params = nullptr;      // (np), and one for the discrepancy's use
     double* coordinate = nullptr;  // (d)
     FilterRows filter;
     FilterRows predicted;
-    double* jacobian = nullptr;       // (nx * nx)
-    double* squared_error = nullptr;  // (1)
-    double* log_variance = nullptr;   // (1)
+    double* process_scale = nullptr;  // (1)
+    double* jacobian = nullptr;       // (nf * nf)
+    double* sums = nullptr;           // (ScaleEvidence::kRows)
     double* normalised = nullptr;     // (ny)
+    double* unit = nullptr;           // (joints x nx) and
+    double* push = nullptr;           // (nx x forces) of the discrepancy
     double* gain = nullptr;           // (ny) of the sensors; null where the configuration has no sensor effects
     double* offset = nullptr;         // (ny)
-    double* leaving = nullptr;        // (ny + 1 + nx + triangle + ns) what crosses the window's start
   };
 
-  /// A run of lanes over the window.
-  struct Rerun {
-    std::uint32_t lanes = 0;
-    std::uint64_t begin = 0, end = 0;
-    bool anew = true;         // from the window's start; else on from where the lanes stand
-    bool keep_first = false;  // set aside what the first transition leaves behind
+  /// A transition as a chunk's lanes take it.
+  struct Step {
+    const Transition* transition = nullptr;
+    FilterRows from;
+    Lanes<double> params;
+    const double* process_scale = nullptr;
+    const double* history = nullptr;
   };
 
   // filter_posterior.cpp: the tick
-  void begin_filters(const Chunk& chunk, FilterRows rows, double* squared_error, double* log_variance) const;
+  tiller_status_t take_in(const Transition& transition, bool moves);
   void predict();
   void predict_chunk(std::uint32_t chunk) const;
-  LineariseJob predict_job(const Chunk& chunk, std::uint32_t at) const;
-  void predict_covariance(const Chunk& chunk, double period_s, const double* covariance, std::uint32_t stride) const;
+  bool gate(Transition& transition);
+  bool explained(const Transition& transition, std::uint32_t k) const;
+  void correct();
+  void correct_chunk(std::uint32_t chunk) const;
+  void forget();
+  bool sticks();
+  void remember_input(const double* input);
+  void remember_transition();
+  Step particle_step(std::uint32_t chunk) const;
+  FilterRows carried_lanes(std::uint32_t at) const;
+  std::uint32_t heaviest() const;
+  const double* history_of(std::uint64_t index) const;
+  /// Factor of the process noise's variance at the coordinate of the ratio.
+  static double ratio_scale(double ratio) { return math::exp(2.0 * ratio); }
+
+  // filter_step.cpp: one filtered transition of a chunk of lanes
+  void predict_lanes(const Chunk& chunk, const Step& step) const;
+  LineariseJob linearise_job(const Chunk& chunk, const Step& step) const;
+  FilterDiscrepancy::Lanes16 discrepancy_job(const Chunk& chunk, const Step& step) const;
+  void widen_jacobian(const Chunk& chunk) const;
+  void predict_covariance(const Chunk& chunk, const Step& step) const;
   CorrectJob correct_job(const double* measured, const Chunk& chunk) const;
   void map_sensors(const Chunk& chunk, const double* params, std::uint32_t stride) const;
   MeasurementMap sensor(const Chunk& chunk, std::uint32_t k, std::uint32_t lane) const {
     if (!chunk.gain) return {};
     return {chunk.gain[k * kChunk + lane], chunk.offset[k * kChunk + lane]};
   }
+
+  // filter_start.cpp: where the filters begin
+  void set_start(const double* sd, const double* measured);
+  void set_force_start();
+  void begin_filters(const Chunk& chunk, const FilterRows& rows) const;
   void begin_all_filters();
-  void gate(Transition& transition);
-  bool explained(const Transition& transition, std::uint32_t k) const;
-  void correct();
-  void correct_chunk(std::uint32_t chunk) const;
-  void remember_input(const double* input);
-  void remember_transition();
+  void note_reach();
+
+  // relearn.cpp: a robot that has changed
+  void watch_change(bool resting);
+  void relearn();
+  void keep_cloud_as_prior();
+  void mix_cloud();
+  void start_at_present();
 
   // innovation.cpp: what the adequacy test is fed with
   void test_innovation();
@@ -108,29 +155,36 @@ class FilterPosterior final : public Posterior {
   double mean_before(std::uint32_t state) const;
 
   // reweight.cpp: likelihood, exponent, resampling
-  double log_likelihood(double squared_error, double log_variance) const;
   tiller_status_t reweight();
+  void forget_last();
   void resample();
+  void permute_carried();
   void measure_noise();
 
   // moves.cpp
   void move();
   std::uint32_t count_moves(bool pairs) const;
   void load_lanes(std::uint32_t moves, bool pairs);
-  void set_lane(std::uint32_t lane, const double* coordinate);
-  void set_lane(std::uint32_t lane, std::uint32_t particle);
+  void place_lane(const Chunk& chunk, std::uint32_t lane, const double* coordinate) const;
+  void sum_past(std::uint32_t moves);
+  void sum_proposals(std::uint32_t moves, bool pairs);
   void accept(std::uint32_t moves, bool pairs);
-  bool try_move(const Proposal& proposal, std::uint32_t lane, std::uint32_t present_lane);
+  void take_over(const Proposal& proposal, std::uint32_t lane, std::uint32_t move);
 
   // window.cpp: reruns, and what leaves the window
-  void rerun(const Rerun& job);
+  void rerun(std::uint32_t lanes);
   void rerun_chunk(std::uint32_t chunk) const;
-  void begin_chunk(const Chunk& chunk) const;
   void step_chunk(const Chunk& chunk, std::uint64_t index) const;
-  void keep_leaving(const Chunk& chunk, const double* log_variance_before) const;
-  void summarise(std::uint32_t lanes);
+  void retire(std::uint32_t keep);
+  void lay_design();
+  template <class Visit>
+  void for_each_point_chunk(const Visit& visit) const;
+  FilterRows point_lanes(std::uint32_t at) const;
+  void begin_points();
+  void leave();
+  void step_points(std::uint64_t index);
+  bool mend_points();
   void close_window();
-  const double* history_of(std::uint64_t index) const;
 
   // report.cpp
   void take_mean(float* params, float* state, float* effect_state) const;
@@ -144,46 +198,58 @@ class FilterPosterior final : public Posterior {
   const RolloutTable* table_ = nullptr;
   const FilterTable* filter_ = nullptr;
   const tiller_hooks_t* hooks_ = nullptr;
-  std::uint32_t n_ = 0, nx_ = 0, nu_ = 0, np_ = 0, ns_ = 0, ny_ = 0, triangle_ = 0;
-  std::uint32_t d_ = 0;  // inferred parameters
+  static constexpr std::uint32_t rows_ = ScaleEvidence::kRows;
+  std::uint32_t n_ = 0, nx_ = 0, nu_ = 0, np_ = 0, ns_ = 0, ny_ = 0;
+  std::uint32_t d_ = 0;                 // coordinates
+  std::uint32_t forces_ = 0, nf_ = 0;   // of the discrepancy; states of the filters, forces included
+  std::uint32_t triangle_ = 0;          // of the filters' covariances
   double measurement_variance_[TILLER_MAX_MEASUREMENTS] = {};
-  bool enabled_ = true;
+  bool enabled_ = true, has_ratio_ = false;
+  double keep_ = 1.0;
 
   // the cloud and the window
   Cloud cloud_;
   Carried carried_;
-  Ring<Transition> window_;
-  double* window_history_ = nullptr;  // (window + 1) x (delay_steps * nu)
-  double* input_history_ = nullptr;   // (kHistory x nu) newest first
-  std::uint64_t window_begin_ = 0;    // first transition of the window
-  bool window_exact_ = true;          // begins at a start(): any lane's filter there is known exactly
-  double start_measured_[TILLER_MAX_MEASUREMENTS] = {};
-  StartLaw start_law_{};
-  PastSummary past_{};
+  ScaleEvidence evidence_;
+  Ring<Kept> window_;
+  double* window_history_ = nullptr;    // (window + 1) x (delay_steps * nu)
+  double* input_history_ = nullptr;     // (kHistory x nu) newest first
+  std::uint64_t window_begin_ = 0;      // first transition of the window
+  bool window_exact_ = true;            // begins at a start(): any lane's filter there is known exactly
+  StartLaw start_;
+  double force_drift_[kMaxRegressors] = {};  // (forces) variance that a force gains per second
+  double reach_[TILLER_MAX_STATES] = {};  // farthest that a state has been from where it began
+  NormalLaw before_;  // what was known before the robot changed
+  FilterSummary summary_;
+  FilterDiscrepancy discrepancy_;
+  RestGuard rest_;
 
   // scratch
   Chunk* chunks_ = nullptr;            // (N / kChunk)
-  double* scratch_ = nullptr;          // (kScratchRows x N)
-  double* gathered_ = nullptr;         // (d x N) coordinates of a rerun's lanes
+  double* scratch_ = nullptr;          // (kRows + 2 x N)
   Proposal* proposals_ = nullptr;      // (N / 2)
-  unsigned char* use_lane_ = nullptr;  // (N)
-  Transition now_;                     // being taken in
-  Rerun job_;
+  double* proposed_sums_ = nullptr;    // (rows x lanes of moves) what a proposal changes, then what it has
+  double* move_coordinate_ = nullptr;  // (d x lanes of moves)
+  std::uint32_t move_lanes_ = 0;       // N / 2, rounded up
+  double* point_innovation_ = nullptr;  // (ny + 1 x points) what leaves, at the design's points
+  Kept now_;                            // being taken in
 
   // where it stands
   bool started_ = false;
-  std::uint64_t tick_ = 0;     // updates since reset: names the random numbers
-  std::uint64_t scalars_ = 0;  // measured values that count, n of the noise's posterior
+  std::uint64_t tick_ = 0;  // updates since reset: names the random numbers
   double exponent_ = 1.0;
-  double noise_scale_ = 1.0;
+  double noise_scale_ = 1.0, calm_scale_ = 1.0;  // calm: without what a sudden surprise puts into the noise
   double acceptance_ = 0.0;
   std::uint32_t cursor_ = 0;                 // next particle to move
   std::uint32_t moved_ = 0;                  // since the last resampling or change of exponent, saturates at N
   AdequacyTest* adequacy_ = nullptr;         // null: not tested
   DisturbanceResponse* response_ = nullptr;  // beside it
-  double* input_jacobian_ = nullptr;         // (nx * nu x kChunk)
+  double* response_scratch_ = nullptr;       // (nx + nx * nx + nx * nu x kChunk)
   std::uint32_t gate_run_[TILLER_MAX_MEASUREMENTS] = {};
-  std::uint64_t resamplings_ = 0, gated_ = 0;
+  std::uint32_t leaves_ = 0;   // since the design was looked at
+  std::uint32_t trial_ = 0;    // ticks left in which a further alarm is not a change
+  std::uint64_t relearned_ = 0;
+  std::uint64_t resamplings_ = 0, gated_ = 0, lost_ = 0;
 };
 
 }  // namespace tiller

@@ -27,7 +27,7 @@ void FilterPosterior::test_innovation() {
   Innovation now;
   double speed[TILLER_MAX_MEASUREMENTS];
   for (std::uint32_t k = 0; k < ny_; ++k) {
-    const std::uint32_t state = config_->measured_state[k], row = triangle_row(nx_, state, state);
+    const std::uint32_t state = config_->measured_state[k], row = triangle_row(nf_, state, state);
     double mean = 0.0, square = 0.0, within = 0.0, moved = 0.0;
     for (std::uint32_t i = 0; i < n_; ++i) {
       const Chunk& chunk = chunks_[i / kChunk];
@@ -35,16 +35,18 @@ void FilterPosterior::test_innovation() {
       const double w = cloud_.weight[i], predicted = chunk.predicted.state[state * kChunk + lane];
       if (!(w > 0.0) || !std::isfinite(predicted)) continue;
       const MeasurementMap map = sensor(chunk, k, lane);
-      const double error = state_difference(*config_->model, state, now_.measured[k], map.of(predicted));
+      const double variance =
+          map.gain * map.gain * chunk.predicted.covariance[row * kChunk + lane] + measurement_variance_[k];
+      const double error = state_difference(*config_->model, state, now_.transition.measured[k], map.of(predicted));
       mean += w * error;
       square += w * error * error;
-      within += w * (map.gain * map.gain * chunk.predicted.covariance[row * kChunk + lane] + measurement_variance_[k]);
+      within += w * variance;
       moved += w * (predicted - carried_.filter.state[state * n_ + i]);
     }
     const double between = std::fmax(0.0, square - mean * mean);
     now.normalised[k] = mean / std::sqrt(noise_scale_ * noise_scale_ * within + between);
     const std::uint32_t velocity = velocity_state(*config_->model, state);
-    speed[k] = velocity < nx_ ? mean_before(velocity) : moved / now_.period_s;
+    speed[k] = velocity < nx_ ? mean_before(velocity) : moved / now_.transition.period_s;
   }
   respond(speed, now);
   adequacy_->take(now);
@@ -52,21 +54,23 @@ void FilterPosterior::test_innovation() {
 
 /// The heaviest particle's filter stands for all: a feature need only be known beforehand, and they hardly differ.
 void FilterPosterior::respond(const double* speed, Innovation& now) {
-  std::uint32_t heaviest = 0;
-  for (std::uint32_t i = 1; i < n_; ++i)
-    if (cloud_.weight[i] > cloud_.weight[heaviest]) heaviest = i;
-  const std::uint32_t lane = heaviest % kChunk, at = heaviest - lane;
-  const Chunk& chunk = chunks_[heaviest / kChunk];
-  LineariseJob job = predict_job(chunk, at);
+  const std::uint32_t i = heaviest(), lane = i % kChunk;
+  const Chunk& chunk = chunks_[i / kChunk];
+  LineariseJob job = linearise_job(chunk, particle_step(i / kChunk));
+  job.next_state = response_scratch_;
   job.next_effect_state = nullptr;
-  job.b = input_jacobian_;
+  job.a = response_scratch_ + std::size_t{nx_} * kChunk;
+  job.b = job.a + std::size_t{nx_} * nx_ * kChunk;
   table_->linearise(*config_->model, job);
+  double covariance[triangle_rows(TILLER_MAX_STATES)];  // of the model's states alone
+  for (std::uint32_t r = 0; r < nx_; ++r)
+    for (std::uint32_t c = r; c < nx_; ++c)
+      covariance[triangle_row(nx_, r, c)] = chunk.predicted.covariance[triangle_row(nf_, r, c) * kChunk + lane];
 
   unsigned char used[TILLER_MAX_MEASUREMENTS];
-  for (std::uint32_t k = 0; k < ny_; ++k) used[k] = std::isnan(now_.measured[k]) ? 0 : 1;
-  const ErrorDynamics error = {chunk.jacobian + lane, input_jacobian_ + lane, chunk.predicted.covariance + lane,
-                               kChunk};
-  response_->predict(error, now_.period_s, speed, now_.input, now);
+  for (std::uint32_t k = 0; k < ny_; ++k) used[k] = std::isnan(now_.transition.measured[k]) ? 0 : 1;
+  const ErrorDynamics error = {job.a + lane, job.b + lane, kChunk, covariance};
+  response_->predict(error, now_.transition.period_s, speed, now_.transition.input, now);
   response_->correct(error, used, measurement_variance_);
 }
 

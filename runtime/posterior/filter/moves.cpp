@@ -2,10 +2,11 @@
 //
 // While the window begins at a start() the likelihood of a proposal is exact: its filter is rerun from there and
 // added to the part before (base). Once transitions have left the window, the filter at its start is a function
-// of the parameters fitted to earlier reruns, so the particle's present parameters are rerun beside the proposed
+// of the parameters fitted to what left, so the particle's present parameters are rerun beside the proposed
 // ones and only the difference of the two is used.
 
 #include <cmath>
+#include <cstring>
 
 #include "posterior/filter/filter_posterior.hpp"
 
@@ -14,30 +15,22 @@ namespace tiller {
 namespace {
 
 std::uint32_t round_down(std::uint32_t value, std::uint32_t multiple) { return value / multiple * multiple; }
+std::uint32_t round_up(std::uint32_t value, std::uint32_t multiple) {
+  return (value + multiple - 1) / multiple * multiple;
+}
 
 }  // namespace
 
 void FilterPosterior::move() {
-  const auto length = static_cast<std::uint32_t>(window_.end() - window_begin_);
-  const bool leaving = length > config_->posterior.window;
-  // the fit of what leaves wants the present particles among its lanes, exact or not
-  const bool pairs = !window_exact_ || leaving;
+  const bool pairs = !window_exact_;
   const std::uint32_t moves = count_moves(pairs);
+  if (moves == 0) return;
   propose(cloud_, tick_, cursor_, moves, proposals_);
   load_lanes(moves, pairs);
-  Rerun job;
-  job.lanes = pairs ? 2 * moves : moves;
-  job.begin = window_begin_;
-  job.end = window_.end();
-  job.anew = true;
-  job.keep_first = leaving;
-  rerun(job);
+  rerun(pairs ? 2 * moves : moves);
+  sum_past(moves);
+  sum_proposals(moves, pairs);
   accept(moves, pairs);
-  if (leaving) {
-    summarise(job.lanes);
-    window_exact_ = false;
-    ++window_begin_;
-  }
   cursor_ = (cursor_ + moves) % n_;
   moved_ = moved_ + moves < n_ ? moved_ + moves : n_;
 }
@@ -55,76 +48,91 @@ std::uint32_t FilterPosterior::count_moves(bool pairs) const {
   return round_down(moves, 8);
 }
 
-/// With pairs: the present parameters in lanes 0..moves-1, the proposals behind them; else the proposals alone.
-/// The last chunk is filled up with copies of its first lane.
+/// The proposals in lanes 0..moves-1, with pairs the present parameters behind them. The last chunk is filled up with
+/// copies of the first lane.
 void FilterPosterior::load_lanes(std::uint32_t moves, bool pairs) {
-  std::uint32_t lanes = 0;
-  for (std::uint32_t m = 0; m < moves && pairs; ++m) set_lane(lanes++, proposals_[m].particle);
-  for (std::uint32_t m = 0; m < moves; ++m) set_lane(lanes++, proposals_[m].coordinate);
-  while (lanes % kChunk != 0) set_lane(lanes++, proposals_[0].coordinate);
-}
-
-void FilterPosterior::set_lane(std::uint32_t lane, const double* coordinate) {
-  const Chunk& chunk = chunks_[lane / kChunk];
-  const std::uint32_t l = lane % kChunk;
-  for (std::uint32_t i = 0; i < np_; ++i) chunk.params[i * kChunk + l] = cloud_.params[i * n_];
-  for (std::uint32_t j = 0; j < d_; ++j) {
-    chunk.coordinate[j * kChunk + l] = coordinate[j];
-    chunk.params[cloud_.inferred[j] * kChunk + l] = from_coordinate(config_->priors[cloud_.inferred[j]], coordinate[j]);
+  std::uint32_t lane = 0;
+  const auto place = [&](const double* coordinate) {
+    place_lane(chunks_[lane / kChunk], lane % kChunk, coordinate);
+    ++lane;
+  };
+  for (std::uint32_t m = 0; m < moves; ++m) place(proposals_[m].coordinate);
+  for (std::uint32_t m = 0; m < moves && pairs; ++m) {
+    double present[kMaxCoordinates];
+    for (std::uint32_t j = 0; j < d_; ++j) present[j] = cloud_.coordinate[j * n_ + proposals_[m].particle];
+    place(present);
   }
+  while (lane % kChunk != 0) place(proposals_[0].coordinate);
 }
 
-void FilterPosterior::set_lane(std::uint32_t lane, std::uint32_t particle) {
-  double coordinate[TILLER_MAX_PARAMS];
-  for (std::uint32_t j = 0; j < d_; ++j) coordinate[j] = cloud_.coordinate[j * n_ + particle];
-  set_lane(lane, coordinate);
+void FilterPosterior::place_lane(const Chunk& chunk, std::uint32_t l, const double* coordinate) const {
+  for (std::uint32_t i = 0; i < np_; ++i) chunk.params[i * kChunk + l] = cloud_.params[i * n_];
+  for (std::uint32_t j = 0; j < d_; ++j) chunk.coordinate[j * kChunk + l] = coordinate[j];
+  for (std::uint32_t j = 0; j < cloud_.named; ++j) {
+    const std::uint32_t i = cloud_.inferred[j];
+    chunk.params[i * kChunk + l] = from_coordinate(config_->priors[i], coordinate[j]);
+  }
+  chunk.process_scale[l] = has_ratio_ ? ratio_scale(coordinate[cloud_.named]) : 1.0;
 }
 
+/// What the summary says of each proposal less what it says of the present parameters.
+void FilterPosterior::sum_past(std::uint32_t moves) {
+  const std::uint32_t lanes = round_up(moves, kChunk);
+  std::memset(proposed_sums_, 0, sizeof(double) * rows_ * move_lanes_);
+  const auto add = [&](double factor, const auto& coordinate) {
+    for (std::uint32_t m = 0; m < lanes; ++m)
+      for (std::uint32_t j = 0; j < d_; ++j)
+        move_coordinate_[j * move_lanes_ + m] = coordinate(proposals_[m < moves ? m : 0], j);
+    summary_.add_sums(lanes, move_coordinate_, move_lanes_, factor, proposed_sums_, move_lanes_);
+  };
+  add(1.0, [](const Proposal& p, std::uint32_t j) { return p.coordinate[j]; });
+  add(-1.0, [this](const Proposal& p, std::uint32_t j) { return cloud_.coordinate[j * n_ + p.particle]; });
+}
+
+/// A proposal's sums over all data.
+void FilterPosterior::sum_proposals(std::uint32_t moves, bool pairs) {
+  for (std::uint32_t r = 0; r < rows_; ++r)
+    for (std::uint32_t m = 0; m < moves; ++m) {
+      const std::uint32_t i = proposals_[m].particle, present = moves + m;
+      const double over_window = chunks_[m / kChunk].sums[r * kChunk + m % kChunk];
+      const double before = pairs ? carried_.sums[r * n_ + i] - chunks_[present / kChunk].sums[r * kChunk + present % kChunk]
+                                  : carried_.base[r * n_ + i];
+      proposed_sums_[r * move_lanes_ + m] += before + over_window;
+    }
+}
+
+/// Metropolis on prior x likelihood^exponent.
 void FilterPosterior::accept(std::uint32_t moves, bool pairs) {
+  double* updated = scratch_row(0);
+  evidence_.log_likelihood(moves, proposed_sums_, move_lanes_, updated);
   std::uint32_t accepted = 0;
-  for (std::uint32_t m = 0; m < moves; ++m) accepted += try_move(proposals_[m], pairs ? moves + m : m, m) ? 1u : 0u;
+  for (std::uint32_t m = 0; m < moves; ++m) {
+    const Proposal& p = proposals_[m];
+    const double change = exponent_ * (updated[m] - carried_.log_likelihood[p.particle]) + p.log_prior_change;
+    if (!(change > p.log_uniform)) continue;  // NaN too
+    ++accepted;
+    carried_.log_likelihood[p.particle] = updated[m];
+    if (!pairs)
+      for (std::uint32_t r = 0; r < rows_; ++r)
+        carried_.base[r * n_ + p.particle] =
+            proposed_sums_[r * move_lanes_ + m] - chunks_[m / kChunk].sums[r * kChunk + m % kChunk];
+    take_over(p, m, m);
+  }
   acceptance_ += 0.05 * (static_cast<double>(accepted) / moves - acceptance_);
 }
 
-/// Metropolis on prior x likelihood^exponent. An accepted particle takes over the filter of its lane.
-bool FilterPosterior::try_move(const Proposal& proposal, std::uint32_t lane, std::uint32_t present_lane) {
-  const std::uint32_t i = proposal.particle;
-  double present[TILLER_MAX_PARAMS];
-  for (std::uint32_t j = 0; j < d_; ++j) present[j] = cloud_.coordinate[j * n_ + i];
-  const Chunk& to = chunks_[lane / kChunk];
-  const Chunk& from = chunks_[present_lane / kChunk];
-  const std::uint32_t l = lane % kChunk, k = present_lane % kChunk;
-
-  const double past_squared = past_.squared_error_change(d_, present, proposal.coordinate);
-  const double past_log = past_.log_variance_change(d_, present, proposal.coordinate);
-  double squared, logs;
-  if (window_exact_) {
-    squared = carried_.base_squared_error[i] + past_squared + to.squared_error[l];
-    logs = carried_.base_log_variance[i] + past_log + to.log_variance[l];
-  } else {
-    squared = carried_.squared_error[i] + past_squared + (to.squared_error[l] - from.squared_error[k]);
-    logs = carried_.log_variance[i] + past_log + (to.log_variance[l] - from.log_variance[k]);
-  }
-  if (!(squared >= 0.0)) return false;  // NaN too; below zero the past's quadratic has been left behind
-  const double updated = log_likelihood(squared, logs);
-  const double log_ratio = exponent_ * (updated - carried_.log_likelihood[i]) + proposal.log_prior_change;
-  if (!(log_ratio > proposal.log_uniform)) return false;
-
-  for (std::uint32_t j = 0; j < d_; ++j) {
-    cloud_.coordinate[j * n_ + i] = proposal.coordinate[j];
-    cloud_.params[cloud_.inferred[j] * n_ + i] = to.params[cloud_.inferred[j] * kChunk + l];
-  }
-  for (std::uint32_t r = 0; r < nx_; ++r) carried_.filter.state[r * n_ + i] = to.filter.state[r * kChunk + l];
+/// An accepted particle takes over the filter of its lane.
+void FilterPosterior::take_over(const Proposal& proposal, std::uint32_t lane, std::uint32_t move) {
+  const std::uint32_t i = proposal.particle, l = lane % kChunk;
+  const Chunk& from = chunks_[lane / kChunk];
+  cloud_.set_coordinate(i, proposal.coordinate);
+  carried_.process_scale[i] = from.process_scale[l];
+  for (std::uint32_t r = 0; r < nf_; ++r) carried_.filter.state[r * n_ + i] = from.filter.state[r * kChunk + l];
   for (std::uint32_t r = 0; r < triangle_; ++r)
-    carried_.filter.covariance[r * n_ + i] = to.filter.covariance[r * kChunk + l];
+    carried_.filter.covariance[r * n_ + i] = from.filter.covariance[r * kChunk + l];
   for (std::uint32_t r = 0; r < ns_; ++r)
-    carried_.filter.effect_state[r * n_ + i] = to.filter.effect_state[r * kChunk + l];
-  carried_.squared_error[i] = squared;
-  carried_.log_variance[i] = logs;
-  carried_.base_squared_error[i] += past_squared;
-  carried_.base_log_variance[i] += past_log;
-  carried_.log_likelihood[i] = updated;
-  return true;
+    carried_.filter.effect_state[r * n_ + i] = from.filter.effect_state[r * kChunk + l];
+  for (std::uint32_t r = 0; r < rows_; ++r) carried_.sums[r * n_ + i] = proposed_sums_[r * move_lanes_ + move];
 }
 
 }  // namespace tiller

@@ -9,21 +9,19 @@ namespace tiller {
 void FilterPosterior::moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const {
   cloud_.moments(param_mean, param_sd);
   if (!state_mean && !state_sd) return;
-  std::uint32_t heaviest = 0;
-  for (std::uint32_t k = 1; k < n_; ++k)
-    if (cloud_.weight[k] > cloud_.weight[heaviest]) heaviest = k;
+  const std::uint32_t about = heaviest();
   for (std::uint32_t i = 0; i < nx_; ++i) {
     // about one particle, so that angles on both sides of the cut average rightly
     const double* row = carried_.filter.state + i * n_;
-    const double* variance = carried_.filter.covariance + triangle_row(nx_, i, i) * n_;
+    const double* variance = carried_.filter.covariance + triangle_row(nf_, i, i) * n_;
     double mean = 0.0, within = 0.0, between = 0.0;
     for (std::uint32_t k = 0; k < n_; ++k) {
-      const double difference = state_difference(*config_->model, i, row[k], row[heaviest]);
+      const double difference = state_difference(*config_->model, i, row[k], row[about]);
       mean += cloud_.weight[k] * difference;
       between += cloud_.weight[k] * difference * difference;
       within += cloud_.weight[k] * variance[k];
     }
-    if (state_mean) state_mean[i] = row[heaviest] + mean;
+    if (state_mean) state_mean[i] = row[about] + mean;
     if (state_sd) state_sd[i] = std::sqrt(std::fmax(0.0, between - mean * mean) + noise_scale_ * noise_scale_ * within);
   }
 }
@@ -64,6 +62,17 @@ void FilterPosterior::take_strata(std::uint32_t count, std::uint64_t tick, float
                                {carried_.filter.state, nx_, state},
                                {carried_.filter.effect_state, ns_, effect_state}};
   cloud_.draw(count, tick, what, 3);
+}
+
+/// The process noise's deviation with its own factor; the sensors' have the common scale alone.
+void FilterPosterior::report(PosteriorReport& report) const {
+  report = {};
+  double factor = 0.0;
+  for (std::uint32_t i = 0; i < n_; ++i) factor += cloud_.weight[i] * carried_.process_scale[i];
+  for (std::uint32_t r = 0; r < nx_; ++r) report.noise_sd[r] = noise_scale_ * std::sqrt(factor) * config_->process_sd[r];
+  report.delay_weight[0] = report.forgetting_weight[0] = 1.0;
+  report.relearned = relearned_;
+  report.lost = lost_;
 }
 
 }  // namespace tiller

@@ -11,8 +11,8 @@ namespace tiller {
 struct ErrorDynamics {
   const double* a = nullptr;           // (nx * nx) d next / d state, row r * nx + c
   const double* b = nullptr;           // (nx * nu) d next / d input
+  std::uint32_t stride = 1;            // of both
   const double* covariance = nullptr;  // (triangle) predicted
-  std::uint32_t stride = 1;            // of all three
 };
 
 /// What disturbances that the model lacks would put into the innovations: each is an acceleration (or a wrong input)

@@ -5,39 +5,28 @@
 
 #include "core/rng.hpp"
 #include "posterior/filter/filter_posterior.hpp"
-#include "tiller/math.hpp"
 
 namespace tiller {
-
-/// Innovations with variance sigma^2 s_k and sigma^2 ~ InvGamma(a0, a0) have, sigma^2 integrated out, the log
-/// density  -(a0 + n/2) log(a0 + sum e_k^2 / (2 s_k)) - sum log(s_k) / 2  up to a constant of n and a0.
-double FilterPosterior::log_likelihood(double squared_error, double log_variance) const {
-  const double a0 = config_->posterior.noise_scale_shape;
-  return -(a0 + 0.5 * static_cast<double>(scalars_)) * math::log(a0 + 0.5 * squared_error) - 0.5 * log_variance;
-}
 
 /// target = prior x likelihood^exponent. Weights follow the change of the target since the last tick.
 tiller_status_t FilterPosterior::reweight() {
   double* base = scratch_row(0);
   double* gain = scratch_row(1);
+  const double* before = scratch_row(2);
+  evidence_.log_likelihood(n_, carried_.sums, n_, gain);
   bool any_finite = false, any_dead = false;
   for (std::uint32_t i = 0; i < n_; ++i) {
-    const double updated = log_likelihood(carried_.squared_error[i], carried_.log_variance[i]);
-    const bool alive = std::isfinite(updated) && std::isfinite(cloud_.log_weight[i]);
+    const bool alive = std::isfinite(gain[i]) && std::isfinite(cloud_.log_weight[i]);
     base[i] = alive ? cloud_.log_weight[i] - exponent_ * carried_.log_likelihood[i] : -INFINITY;
-    gain[i] = alive ? updated : 0.0;
     any_finite = any_finite || alive;
     any_dead = any_dead || !alive;
+    if (alive) continue;
+    gain[i] = 0.0;
     // a frozen particle that met a state that is not finite tries again from the state it had
-    if (!enabled_ && !alive) {
-      carried_.squared_error[i] = scratch_row(2)[i];
-      carried_.log_variance[i] = scratch_row(3)[i];
-    }
+    for (std::uint32_t r = 0; r < rows_ && !enabled_; ++r) carried_.sums[r * n_ + i] = before[r * n_ + i];
   }
   if (!any_finite) {
-    std::memcpy(carried_.squared_error, scratch_row(2), n_ * sizeof(double));
-    std::memcpy(carried_.log_variance, scratch_row(3), n_ * sizeof(double));
-    for (std::uint32_t k = 0; k < ny_; ++k) scalars_ -= std::isnan(now_.measured[k]) ? 0u : 1u;
+    forget_last();
     return tiller_status_posterior_degenerate;
   }
   if (!enabled_) {
@@ -65,32 +54,47 @@ tiller_status_t FilterPosterior::reweight() {
   return exponent_ < 1.0 ? tiller_status_tempered : tiller_status_ok;
 }
 
+/// No particle took the transition in: as if it had never been.
+void FilterPosterior::forget_last() {
+  std::memcpy(carried_.sums, scratch_row(2), sizeof(double) * rows_ * n_);
+  for (std::uint32_t k = 0; k < ny_; ++k)
+    if (!std::isnan(now_.transition.measured[k])) evidence_.count(-now_.weight);
+}
+
 void FilterPosterior::resample() {
   cloud_.resample(tick_);
-  for (std::uint32_t i = 0; i < nx_; ++i) cloud_.permute(carried_.filter.state + i * n_);
-  for (std::uint32_t i = 0; i < triangle_; ++i) cloud_.permute(carried_.filter.covariance + i * n_);
-  for (std::uint32_t i = 0; i < ns_; ++i) cloud_.permute(carried_.filter.effect_state + i * n_);
-  cloud_.permute(carried_.squared_error);
-  cloud_.permute(carried_.log_variance);
-  cloud_.permute(carried_.base_squared_error);
-  cloud_.permute(carried_.base_log_variance);
-  cloud_.permute(carried_.log_likelihood);
+  permute_carried();
   moved_ = 0;
   ++resamplings_;
 }
 
-/// E[sigma^2] over the particles: the mean of InvGamma(a0 + n/2, a0 + sse/2).
+/// What the particles carry goes where they went.
+void FilterPosterior::permute_carried() {
+  const auto permute = [this](double* rows, std::uint32_t count) {
+    for (std::uint32_t i = 0; i < count; ++i) cloud_.permute(rows + std::size_t{i} * n_);
+  };
+  permute(carried_.filter.state, nf_);
+  permute(carried_.filter.covariance, triangle_);
+  permute(carried_.filter.effect_state, ns_);
+  permute(carried_.process_scale, 1);
+  permute(carried_.sums, rows_);
+  permute(carried_.base, rows_);
+  permute(carried_.log_likelihood, 1);
+}
+
+/// E[sigma^2] over the particles.
 void FilterPosterior::measure_noise() {
-  const double a0 = config_->posterior.noise_scale_shape;
-  const double shape = a0 + 0.5 * static_cast<double>(scalars_);
   double sum = 0.0, weight = 0.0;
   for (std::uint32_t i = 0; i < n_; ++i) {
-    if (!(cloud_.weight[i] > 0.0) || !std::isfinite(carried_.squared_error[i])) continue;
-    sum += cloud_.weight[i] * (a0 + 0.5 * carried_.squared_error[i]);
+    const double squared = carried_.sums[ScaleEvidence::kSquared * n_ + i];
+    if (!(cloud_.weight[i] > 0.0) || !std::isfinite(squared)) continue;
+    sum += cloud_.weight[i] * evidence_.variance(squared);
     weight += cloud_.weight[i];
   }
-  // the mean exists from shape 1 on; before that the ratio of the two stands in its place
-  if (weight > 0.0) noise_scale_ = std::sqrt(sum / weight / (shape > 2.0 ? shape - 1.0 : shape));
+  if (!(weight > 0.0)) return;
+  noise_scale_ = std::sqrt(sum / weight);
+  // no noise grows by a fiftieth in a tick
+  calm_scale_ = std::fmin(noise_scale_, 1.02 * calm_scale_);
 }
 
 }  // namespace tiller

@@ -26,19 +26,23 @@ constexpr double kSlips = 0.999;
 
 }  // namespace
 
-/// As the particles' mean, of all transitions before, lets expect them. change: as ForceResponse::observe.
+/// As the particles' mean, of all transitions before, lets expect them. change (columns): [pushed state][force's
+/// joint][kind].
 void TransitionCloud::respond(std::uint32_t slot, double* change) {
-  double mean[TILLER_MAX_PARAMS];
+  double mean[TILLER_MAX_PARAMS], all[TILLER_MAX_STATES * kMaxRegressors];
   cloud_.moments(mean, nullptr);
   const MeasuredStep& s = steps_[slot];
-  response_.observe(mean, s.state, s.input, s.period_s, s.history, dry_force_, change);
+  response_.observe(mean, s.state, nullptr, s.input, s.period_s, s.history, dry_force_, all);
+  const std::uint32_t regressors = evidence_.regressors();
+  for (std::uint32_t b = 0; b < evidence_.pushed_count(); ++b)
+    std::memcpy(change + b * regressors, all + evidence_.pushed(b) * regressors, sizeof(double) * regressors);
 }
 
 void TransitionCloud::set_basis(std::uint32_t slot) {
   float* basis = basis_ + slot * columns_;
   std::memset(basis, 0, sizeof(float) * columns_);
   if (!discrepancy_begun_) return;
-  double change[kDiscrepancyJoints * kMaxRegressors];
+  double change[kMaxPushed * kMaxRegressors];
   estimate_dry_force();
   respond(slot, change);
   for (std::uint32_t c = 0; c < columns_; ++c) basis[c] = static_cast<float>(change[c] * basis_scale_[c]);
@@ -54,8 +58,8 @@ void TransitionCloud::leave_out_sticking(std::uint32_t slot, const double* chang
     const bool slips = !(std::fabs(change[own + 2]) < kSlips * std::fabs(change[own]));
     const double rms_speed = basis_scale_[own] / basis_scale_[own + 1];
     if (slips || std::fabs(change[own + 1]) > kSlow * rms_speed * std::fabs(change[own])) continue;
-    for (std::uint32_t i = 0; i < joints; ++i)
-      if (basis_scale_[(i * joints + j) * kDiscrepancyBasis] > 0.0) steps_[slot].change[evidence_.velocity(i)] = NAN;
+    for (std::uint32_t b = 0; b < evidence_.pushed_count(); ++b)
+      if (basis_scale_[(b * joints + j) * kDiscrepancyBasis] > 0.0) steps_[slot].change[evidence_.pushed(b)] = NAN;
   }
   set_weight(slot, steps_[slot].weight);
 }
@@ -107,7 +111,7 @@ std::uint64_t TransitionCloud::renewal_work() const { return std::uint64_t{kScal
 /// From what the ring holds last. False while a joint stands still.
 bool TransitionCloud::find_basis_scale() {
   const std::uint32_t joints = evidence_.joints();
-  double square[kDiscrepancyJoints * kMaxRegressors] = {}, change[kDiscrepancyJoints * kMaxRegressors];
+  double square[kMaxPushed * kMaxRegressors] = {}, change[kMaxPushed * kMaxRegressors];
   for (std::uint32_t j = 0; j < joints; ++j) dry_force_[j] = kFeeble;
   for (std::uint64_t k = end_ - kScaleTicks; k < end_; ++k) {
     respond(static_cast<std::uint32_t>(k % capacity_), change);
@@ -116,7 +120,7 @@ bool TransitionCloud::find_basis_scale() {
   for (std::uint32_t j = 0; j < joints; ++j) {
     const double* own = square + (j * joints + j) * kDiscrepancyBasis;
     if (!(own[0] > 0.0 && own[1] > 0.0)) return false;
-    least_dry_force_[j] = kLeastDry * std::sqrt(evidence_.configured_variance(evidence_.velocity(j)) / own[0]);
+    least_dry_force_[j] = kLeastDry * std::sqrt(evidence_.configured_variance(evidence_.pushed(j)) / own[0]);
     dry_force_[j] = least_dry_force_[j];
   }
   for (std::uint32_t c = 0; c < columns_; ++c) basis_scale_[c] = square[c] > 0.0 ? 1.0 / std::sqrt(square[c]) : 0.0;
@@ -125,8 +129,8 @@ bool TransitionCloud::find_basis_scale() {
 
 /// New regressors for transitions of the ring, and every particle's projections on them in place of those on the old.
 void TransitionCloud::renew_basis(std::uint64_t first, std::uint64_t last) {
-  double change[kDiscrepancyJoints * kMaxRegressors];
-  float renewed[kDiscrepancyJoints * kMaxRegressors];
+  double change[kMaxPushed * kMaxRegressors];
+  float renewed[kMaxPushed * kMaxRegressors];
   estimate_dry_force();
   std::memset(fresh_, 0, sizeof(double) * rows_ * n_);
   for (std::uint64_t k = first; k < last; ++k) {

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "posterior/force_response.hpp"
 #include "tiller/math.hpp"
 
 namespace tiller {
@@ -20,48 +21,6 @@ double log_gamma(double x) {
          i * (1.0 / 12.0 - i2 * (1.0 / 360.0 - i2 * (1.0 / 1260.0 - i2 / 1680.0))) - shift;
 }
 
-/// Inverse of a symmetric positive definite matrix, upper triangles, and the logarithm of its determinant.
-void invert(std::uint32_t size, const double* matrix, double* inverse, double& log_determinant) {
-  // A = U' U row by row, then columns of U^-1 and U^-1 U^-T
-  double u[kMaxRegressors][kMaxRegressors] = {}, v[kMaxRegressors][kMaxRegressors] = {};
-  log_determinant = 0.0;
-  for (std::uint32_t r = 0; r < size; ++r)
-    for (std::uint32_t c = r; c < size; ++c) {
-      double rest = *matrix++;
-      for (std::uint32_t k = 0; k < r; ++k) rest -= u[k][r] * u[k][c];
-      u[r][c] = r == c ? std::sqrt(rest) : rest / u[r][r];
-      if (r == c) log_determinant += 2.0 * math::log(u[r][r]);
-    }
-  for (std::uint32_t c = 0; c < size; ++c)
-    for (std::uint32_t r = c + 1; r-- > 0;) {
-      double rest = r == c ? 1.0 : 0.0;
-      for (std::uint32_t k = r + 1; k <= c; ++k) rest -= u[r][k] * v[k][c];
-      v[r][c] = rest / u[r][r];
-    }
-  for (std::uint32_t r = 0; r < size; ++r)
-    for (std::uint32_t c = r; c < size; ++c, ++inverse) {
-      *inverse = 0.0;
-      for (std::uint32_t k = c; k < size; ++k) *inverse += v[r][k] * v[c][k];
-    }
-}
-
-/// m x, m an upper triangle.
-void multiply(std::uint32_t size, const double* m, const double* x, double* product) {
-  for (std::uint32_t r = 0; r < size; ++r) product[r] = 0.0;
-  for (std::uint32_t r = 0; r < size; ++r)
-    for (std::uint32_t c = r; c < size; ++c, ++m) {
-      product[r] += *m * x[c];
-      if (c != r) product[c] += *m * x[r];
-    }
-}
-
-double quadratic(std::uint32_t size, const double* m, const double* x) {
-  double product[kMaxRegressors], sum = 0.0;
-  multiply(size, m, x, product);
-  for (std::uint32_t i = 0; i < size; ++i) sum += x[i] * product[i];
-  return sum;
-}
-
 }  // namespace
 
 Evidence::Evidence(const tiller_config_t& config)
@@ -70,16 +29,21 @@ Evidence::Evidence(const tiller_config_t& config)
   for (std::uint32_t k = 0; k < config.measurement_count; ++k)
     sensor[config.measured_state[k]] = config.measurement_sd[k];
   if (config.posterior.discrepancy) {
-    const std::uint32_t all = config.model->joint_count;
-    joints_ = all < kDiscrepancyJoints ? all : kDiscrepancyJoints;
-    for (std::uint32_t j = 0; j < joints_; ++j) velocity_[j] = config.model->joints[j].velocity;
+    joints_ = discrepancy_joints(config);
+    const auto push = [this](std::uint32_t state, std::uint32_t joint) {
+      pushed_joint_[pushed_count_] = joint;
+      pushed_[pushed_count_++] = state;
+    };
+    for (std::uint32_t j = 0; j < joints_; ++j) push(config.model->joints[j].velocity, j);
+    for (std::uint32_t j = 0; j < joints_; ++j)
+      if (config.model->joints[j].position != TILLER_NO_POSITION) push(config.model->joints[j].position, j);
   }
   for (std::uint32_t r = 0; r < nx_; ++r) {
     const double q = config.process_sd[r];
     configured_[r] = q * q * config.period_s + 2.0 * sensor[r] * sensor[r];
-    joint_of_[r] = joints_;
-    for (std::uint32_t j = 0; j < joints_; ++j)
-      if (velocity_[j] == r) joint_of_[r] = j;
+    pushed_of_[r] = pushed_count_;
+    for (std::uint32_t b = 0; b < pushed_count_; ++b)
+      if (pushed_[b] == r) pushed_of_[r] = b;
   }
   believe_configuration();
   clear();
@@ -112,8 +76,8 @@ void Evidence::count(const float* weight, const float* basis) {
 }
 
 void Evidence::add_basis(const float* weight, const float* basis, double sign) {
-  for (std::uint32_t j = 0; j < joints_; ++j) {
-    const double w = sign * static_cast<double>(weight[velocity_[j]]);
+  for (std::uint32_t j = 0; j < pushed_count_; ++j) {
+    const double w = sign * static_cast<double>(weight[pushed_[j]]);
     const float* b = basis + j * regressors();
     double* to = information_[j];
     for (std::uint32_t r = 0; r < regressors(); ++r)
@@ -125,23 +89,24 @@ void Evidence::add_basis(const float* weight, const float* basis, double sign) {
 void Evidence::prepare() {
   constexpr double kPrecision = 1.0 / (kDiscrepancySpread * kDiscrepancySpread);
   const std::uint32_t size = upper_triangle(regressors());
-  for (std::uint32_t j = 0; j < joints_; ++j) {
+  for (std::uint32_t j = 0; j < pushed_count_; ++j) {
     double sum[upper_triangle(kMaxRegressors)];
     const double* from = information_[j];
     double* to = sum;
     for (std::uint32_t r = 0; r < regressors(); ++r)
       for (std::uint32_t c = r; c < regressors(); ++c) *to++ = *from++ + (r == c ? kPrecision : 0.0);
-    invert(regressors(), sum, shrinkage_ + j * size, log_determinant_[j]);
+    invert_packed(regressors(), sum, shrinkage_ + j * size, log_determinant_[j]);
   }
 }
 
 EvidenceJob Evidence::job(std::uint32_t lanes, const double* sums, std::uint32_t stride) const {
   EvidenceJob job;
   job.nx = nx_;
-  job.joints = joints_;
+  job.regressors = regressors();
+  job.pushed_count = pushed_count_;
   job.lanes = lanes;
   for (std::uint32_t r = 0; r < nx_; ++r) {
-    job.joint_of[r] = joint_of_[r];
+    job.pushed_of[r] = pushed_of_[r];
     job.half_precision[r] = 0.5 / b_[r];
     job.exponent[r] = exponent(r);
   }
@@ -166,36 +131,36 @@ double Evidence::log_constant() const {
   double sum = 0.0;
   for (std::uint32_t r = 0; r < nx_; ++r)
     sum += log_gamma(exponent(r)) - 0.5 * known_[r] * math::log(6.283185307179586 * b_[r]);
-  for (std::uint32_t j = 0; j < joints_; ++j) sum -= 0.5 * log_determinant_[j];
+  for (std::uint32_t j = 0; j < pushed_count_; ++j) sum -= 0.5 * log_determinant_[j];
   return sum;
 }
 
-/// p of one particle and one joint.
-void Evidence::projections(const double* sums, std::uint32_t stride, std::uint32_t joint, double* p) const {
-  for (std::uint32_t i = 0; i < regressors(); ++i) p[i] = sums[(nx_ + joint * regressors() + i) * stride];
+/// p of one particle and one pushed state.
+void Evidence::projections(const double* sums, std::uint32_t stride, std::uint32_t place, double* p) const {
+  for (std::uint32_t i = 0; i < regressors(); ++i) p[i] = sums[(nx_ + place * regressors() + i) * stride];
 }
 
 double Evidence::squared_error(const double* sums, std::uint32_t stride, std::uint32_t row) const {
   double squared = sums[row * stride];
-  const std::uint32_t j = joint_of_[row];
-  if (j < joints_) {
+  const std::uint32_t j = pushed_of_[row];
+  if (j < pushed_count_) {
     double p[kMaxRegressors];
     projections(sums, stride, j, p);
-    squared -= quadratic(regressors(), shrinkage(j), p);
+    squared -= quadratic_packed(regressors(), shrinkage(j), p);
   }
   return squared < 0.0 ? 0.0 : squared;
 }
 
-void Evidence::coefficients(const double* sums, std::uint32_t stride, std::uint32_t joint, double* beta) const {
+void Evidence::coefficients(const double* sums, std::uint32_t stride, std::uint32_t place, double* beta) const {
   double p[kMaxRegressors];
-  projections(sums, stride, joint, p);
-  multiply(regressors(), shrinkage(joint), p, beta);
+  projections(sums, stride, place, p);
+  multiply_packed(regressors(), shrinkage(place), p, beta);
 }
 
 double Evidence::innovation(const double* sums, std::uint32_t stride, std::uint32_t row, double residual,
                             const float* basis) const {
-  const std::uint32_t j = joint_of_[row];
-  if (j >= joints_) return residual;
+  const std::uint32_t j = pushed_of_[row];
+  if (j >= pushed_count_) return residual;
   double beta[kMaxRegressors];
   coefficients(sums, stride, j, beta);
   for (std::uint32_t i = 0; i < regressors(); ++i)
@@ -205,11 +170,11 @@ double Evidence::innovation(const double* sums, std::uint32_t stride, std::uint3
 
 double Evidence::scale_square(const double* sums, std::uint32_t stride, std::uint32_t row, const float* basis) const {
   const double variance = (b_[row] + 0.5 * squared_error(sums, stride, row)) / exponent(row);
-  const std::uint32_t j = joint_of_[row];
-  if (j >= joints_) return variance;
+  const std::uint32_t j = pushed_of_[row];
+  if (j >= pushed_count_) return variance;
   double b[kMaxRegressors];
   for (std::uint32_t i = 0; i < regressors(); ++i) b[i] = static_cast<double>(basis[j * regressors() + i]);
-  return variance * (1.0 + quadratic(regressors(), shrinkage(j), b));
+  return variance * (1.0 + quadratic_packed(regressors(), shrinkage(j), b));
 }
 
 double Evidence::noise_variance(double squared_error, std::uint32_t row) const {

@@ -30,18 +30,24 @@ class Evidence {
   void forget(double keep);
   /// Counts one transition: weight (nx), 0 for missing rows.
   void count(const float* weight, const float* basis);
-  /// M = (B + K^-1)^-1 of each joint and the exponents; call after count().
+  /// M = (B + K^-1)^-1 of each pushed state and the exponents; call after count().
   void prepare();
   /// The discrepancy's share of count() alone, times `sign`; weight (nx), 0 for missing rows.
   void add_basis(const float* weight, const float* basis, double sign);
 
   std::uint32_t nx() const { return nx_; }
+  /// Joints at which the discrepancy's forces act.
   std::uint32_t joints() const { return joints_; }
-  /// Of one velocity, and of all of them.
+  /// States that they push: the velocities of those joints, then their positions.
+  std::uint32_t pushed_count() const { return pushed_count_; }
+  std::uint32_t pushed(std::uint32_t place) const { return pushed_[place]; }
+  std::uint32_t joint_of(std::uint32_t place) const { return pushed_joint_[place]; }
+  /// Place of a state among them; pushed_count() for none.
+  std::uint32_t place_of(std::uint32_t row) const { return pushed_of_[row]; }
+  /// Of one pushed state, and of all of them.
   std::uint32_t regressors() const { return joints_ * kDiscrepancyBasis; }
-  std::uint32_t columns() const { return joints_ * regressors(); }
+  std::uint32_t columns() const { return pushed_count_ * regressors(); }
   std::uint32_t rows() const { return nx_ + columns(); }
-  std::uint32_t velocity(std::uint32_t joint) const { return velocity_[joint]; }
   double known(std::uint32_t row) const { return known_[row]; }
 
   /// Of `lanes` particles whose sums stand in rows of `stride`.
@@ -54,8 +60,8 @@ class Evidence {
                    double* before) const;
   /// Of one particle, sums (rows) at `stride`.
   double squared_error(const double* sums, std::uint32_t stride, std::uint32_t row) const;
-  /// E[beta | p] (regressors) of one joint's velocity.
-  void coefficients(const double* sums, std::uint32_t stride, std::uint32_t joint, double* beta) const;
+  /// E[beta | p] (regressors) of one pushed state.
+  void coefficients(const double* sums, std::uint32_t stride, std::uint32_t place, double* beta) const;
   /// What the discrepancy leaves of a new residual: e - b' E[beta | p].
   double innovation(const double* sums, std::uint32_t stride, std::uint32_t row, double residual,
                     const float* basis) const;
@@ -67,21 +73,21 @@ class Evidence {
   double configured_variance(std::uint32_t row) const { return configured_[row]; }
 
  private:
-  void projections(const double* sums, std::uint32_t stride, std::uint32_t joint, double* p) const;
-  const double* shrinkage(std::uint32_t joint) const { return shrinkage_ + joint * upper_triangle(regressors()); }
+  void projections(const double* sums, std::uint32_t stride, std::uint32_t place, double* p) const;
+  const double* shrinkage(std::uint32_t place) const { return shrinkage_ + place * upper_triangle(regressors()); }
   EvidenceJob job(std::uint32_t lanes, const double* sums, std::uint32_t stride) const;
   double exponent(std::uint32_t row) const { return a0_ + 0.5 * known_[row]; }
 
-  std::uint32_t nx_ = 0, joints_ = 0;
-  std::uint32_t velocity_[kDiscrepancyJoints] = {};
-  std::uint32_t joint_of_[TILLER_MAX_STATES] = {};
+  std::uint32_t nx_ = 0, joints_ = 0, pushed_count_ = 0;
+  std::uint32_t pushed_[kMaxPushed] = {}, pushed_joint_[kMaxPushed] = {};
+  std::uint32_t pushed_of_[TILLER_MAX_STATES] = {};
   double a0_ = 1.0, configured_a0_ = 1.0;
   double configured_[TILLER_MAX_STATES] = {};  // variances
   double b_[TILLER_MAX_STATES] = {};
   double known_[TILLER_MAX_STATES] = {};
-  double information_[kDiscrepancyJoints][upper_triangle(kMaxRegressors)] = {};  // B
-  double shrinkage_[kDiscrepancyJoints * upper_triangle(kMaxRegressors)] = {};   // M
-  double log_determinant_[kDiscrepancyJoints] = {};                              // of B + K^-1
+  double information_[kMaxPushed][upper_triangle(kMaxRegressors)] = {};  // B
+  double shrinkage_[kMaxPushed * upper_triangle(kMaxRegressors)] = {};   // M
+  double log_determinant_[kMaxPushed] = {};                              // of B + K^-1
 };
 
 }  // namespace tiller

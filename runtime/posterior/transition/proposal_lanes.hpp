@@ -2,12 +2,12 @@
 
 #include <cstdint>
 
+#include "posterior/coordinates.hpp"
 #include "scalar/isa.hpp"
-#include "tiller/model.h"
 
 namespace tiller {
 
-constexpr std::uint32_t kProposalWords = 10 + (TILLER_MAX_PARAMS + 1) / 2 * 2;
+constexpr std::uint32_t kProposalWords = 10 + (kMaxCoordinates + 1) / 2 * 2;
 
 /// Proposals for particles cursor .. cursor + moves - 1 (modulo n), as propose() of posterior/proposals.hpp makes them,
 /// in lanes, and a third kind: independent draws from the Student-t with the mean and the covariance of the particles

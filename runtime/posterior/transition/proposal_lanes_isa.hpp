@@ -10,7 +10,7 @@ TILLER_ISA_NAMESPACE_BEGIN
 namespace proposal {
 
 using P = Pack<double>;
-constexpr std::uint32_t kMax = TILLER_MAX_PARAMS;
+constexpr std::uint32_t kMax = kMaxCoordinates;
 constexpr std::uint32_t kGroup = 16;  // lanes at a time
 // words: kind, whole difference, length, acceptance, two partners, the chi square's four, the normals
 constexpr std::uint32_t kChi = 6, kNormals = 10, kWords = kProposalWords;
@@ -164,12 +164,9 @@ inline void propose_group(const ProposalJob& job, const Spread& spread, const st
       const P here = P::load(job.present + j * job.stride + column);
       P walk(0.0);
       for (std::uint32_t k = 0; k <= j; ++k) walk = fma(P(spread.factor[j * d + k]), z[k], walk);
-      P to = select(fresh, P(spread.mean[j]), fma(step, P::load(difference[j] + lane), here)) + walk;
-      // reflection keeps a symmetric proposal symmetric and does not waste it at a bound
-      const P low(job.low[j]), high(job.high[j]);
-      to = select(to < low, select(fresh, to, low + low - to), to);
-      to = select(to > high, select(fresh, to, high + high - to), to);
-      inside = inside & (to >= low) & (to <= high);
+      const P to = select(fresh, P(spread.mean[j]), fma(step, P::load(difference[j] + lane), here)) + walk;
+      // no reflection at a bound: of one coordinate of a correlated step it is not symmetric
+      inside = inside & (to >= P(job.low[j])) & (to <= P(job.high[j]));
       to.store(job.proposed + j * job.stride + column);
       // whitened present, for its density
       back[j] = here - P(spread.mean[j]);

@@ -32,28 +32,40 @@ void TransitionCloud::retire_oldest() {
 
   // a cloud does not move far within a few ticks
   constexpr std::uint64_t kLook = 8;
-  if (!summary_.laid() || (begin_ % kLook == 0 && !summary_.covers(cloud_))) {
-    if (!summary_.centre_on(cloud_)) return;
-    const std::uint32_t points = summary_.points();
-    for (std::uint32_t i = 0; i < np_; ++i)
-      for (std::uint32_t k = 0; k < points; ++k) design_params_[i * points + k] = params_[i * n_];
-    for (std::uint32_t j = 0; j < d_; ++j) {
-      const std::uint32_t i = cloud_.inferred[j];
-      for (std::uint32_t k = 0; k < points; ++k)
-        design_params_[i * points + k] =
-            static_cast<float>(from_coordinate(config_->priors[i], summary_.design()[j * points + k]));
-    }
+  if (!summary_.design().laid() || (begin_ % kLook == 0 && !summary_.design().covers(cloud_))) lay_design();
+  if (!summarise(slot)) {
+    // a point at which the model has no finite step: around the cloud as it is now there may be none
+    lay_design();
+    if (!summarise(slot)) ++lost_;
   }
+}
+
+void TransitionCloud::lay_design() {
+  summary_.centre_on(cloud_);
+  const PolynomialDesign& design = summary_.design();
+  const std::uint32_t points = design.points();
+  for (std::uint32_t i = 0; i < np_; ++i)
+    for (std::uint32_t k = 0; k < points; ++k) design_params_[i * points + k] = params_[i * n_];
+  for (std::uint32_t j = 0; j < cloud_.named; ++j) {
+    const std::uint32_t i = cloud_.inferred[j];
+    for (std::uint32_t k = 0; k < points; ++k)
+      design_params_[i * points + k] =
+          static_cast<float>(from_coordinate(config_->priors[i], design.at()[j * points + k]));
+  }
+}
+
+bool TransitionCloud::summarise(std::uint32_t slot) {
+  const std::uint32_t points = summary_.design().points();
   ResidualJob job;
   job.setup = &setup_;
-  job.lanes = summary_.points();
+  job.lanes = points;
   job.count = 1;
   job.steps = steps_ + slot;
-  job.params = {design_params_, summary_.points()};
+  job.params = {design_params_, points};
   job.residual = design_residual_;
   table_->residual(*config_->model, job);
-  work_ += summary_.points();
-  summary_.add(design_residual_, weight_ + slot * nx_, basis_ + slot * columns_);
+  work_ += points;
+  return summary_.add(design_residual_, weight_ + slot * nx_, basis_ + slot * columns_);
 }
 
 }  // namespace tiller

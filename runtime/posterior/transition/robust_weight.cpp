@@ -26,10 +26,12 @@ double TransitionCloud::surprise(std::uint32_t particle, const MeasuredStep& ste
   for (std::uint32_t r = 0; r < nx_; ++r) {
     if (std::isnan(step.change[r])) continue;
     double residual = std::sqrt(fresh_[r * n_ + particle]);
-    for (std::uint32_t j = 0; j < evidence_.joints(); ++j)
-      if (evidence_.velocity(j) == r &&
-          fresh_[(nx_ + j * evidence_.regressors() + j * kDiscrepancyBasis) * n_ + particle] < 0.0)
-        residual = -residual;
+    const std::uint32_t place = evidence_.place_of(r);
+    if (place < evidence_.pushed_count()) {
+      // the sign is that of the projection on the joint's own constant force
+      const std::uint32_t own = place * evidence_.regressors() + evidence_.joint_of(place) * kDiscrepancyBasis;
+      if (fresh_[(nx_ + own) * n_ + particle] < 0.0) residual = -residual;
+    }
     const double e = evidence_.innovation(total_ + particle, n_, r, residual, basis);
     const double freedom = evidence_.freedom(r);
     const double ordinary = freedom * math::expm1(kOrdinary * kOrdinary / (freedom + 1.0));

@@ -33,9 +33,7 @@ TransitionCloud* TransitionCloud::lay_out(Arena& arena, const tiller_config_t& c
   made.fresh_ = arena.take<double>(std::size_t{rows} * n);
   made.base_ = arena.take<double>(n);
   made.gain_ = arena.take<double>(n);
-  std::uint32_t velocity[TILLER_MAX_JOINTS] = {};
-  for (std::uint32_t j = 0; j < evidence.joints(); ++j) velocity[j] = evidence.velocity(j);
-  made.summary_ = ResidualSummary::lay_out(arena, made.cloud_.d, nx, evidence.joints(), velocity);
+  made.summary_ = ResidualSummary::lay_out(arena, made.cloud_.d, evidence);
   made.steps_ = arena.take<MeasuredStep>(capacity);
   made.weight_ = arena.take<float>(std::size_t{capacity} * nx);
   made.basis_ = arena.take<float>(std::size_t{capacity} * columns);
@@ -51,9 +49,9 @@ TransitionCloud* TransitionCloud::lay_out(Arena& arena, const tiller_config_t& c
   // all particles at one transition, or the moves at a block of them
   const std::uint32_t at_one = round_up(n, kChunk), at_block = round_up(lanes, kChunk) * kBlock;
   made.residual_ = arena.take<float>(std::size_t{at_one > at_block ? at_one : at_block} * nx);
-  made.design_params_ = arena.take<float>(std::size_t{np} * made.summary_.points());
-  made.design_residual_ = arena.take<float>(std::size_t{nx} * made.summary_.points());
-  if (evidence.joints() > 0) made.response_ = ForceResponse::lay_out(arena, config, setup, table);
+  made.design_params_ = arena.take<float>(std::size_t{np} * made.summary_.design().points());
+  made.design_residual_ = arena.take<float>(std::size_t{nx} * made.summary_.design().points());
+  if (evidence.joints() > 0) made.response_ = ForceResponse::lay_out(arena, config, setup, table, evidence.joints());
   if (arena.measuring() || !arena.fits()) return nullptr;
 
   made.config_ = &config;
@@ -106,7 +104,7 @@ void TransitionCloud::begin() {
   exponent_ = robust_weight_ = 1.0;
   acceptance_ = log_predictive_ = discrepancy_share_ = 0.0;
   cursor_ = moved_ = doubted_run_ = 0;
-  resamplings_ = doubted_ = work_ = 0;
+  resamplings_ = doubted_ = lost_ = work_ = 0;
 }
 
 void TransitionCloud::load_params() {
@@ -241,8 +239,9 @@ void TransitionCloud::sum_projections(const SumsJob& job, std::uint32_t chunk, R
   steps.residual = residual;
   ResidualSumJob sums;
   sums.nx = nx_;
-  sums.joints = evidence_.joints();
-  for (std::uint32_t j = 0; j < sums.joints; ++j) sums.velocity[j] = evidence_.velocity(j);
+  sums.regressors = evidence_.regressors();
+  sums.pushed_count = evidence_.pushed_count();
+  for (std::uint32_t b = 0; b < sums.pushed_count; ++b) sums.pushed[b] = evidence_.pushed(b);
   sums.lanes = steps.lanes;
   sums.residual = residual;
   sums.sums = job.sums + chunk * kChunk;
@@ -262,7 +261,7 @@ std::uint64_t TransitionCloud::work_limit() const {
   const tiller_posterior_config_t& p = config_->posterior;
   std::uint64_t moves = std::uint64_t{p.moves_per_tick} * (p.window + kProposalWork);
   if (columns_ > 0 && moves < renewal_work()) moves = renewal_work();
-  return std::uint64_t{3} * n_ + 2 * summary_.points() + moves;
+  return std::uint64_t{3} * n_ + 4 * summary_.design().points() + moves;
 }
 
 }  // namespace tiller

@@ -3,9 +3,9 @@
 #include <cstdint>
 
 #include "posterior/cloud.hpp"
+#include "posterior/force_response.hpp"
 #include "posterior/posterior.hpp"
 #include "posterior/transition/evidence.hpp"
-#include "posterior/transition/force_response.hpp"
 #include "posterior/transition/residual_summary.hpp"
 #include "rollout/residual.hpp"
 
@@ -38,6 +38,8 @@ class TransitionCloud {
   std::uint64_t resamplings() const { return resamplings_; }
   /// Transitions that no particle could explain.
   std::uint64_t doubted() const { return doubted_; }
+  /// Transitions that left the ring without a trace in the summary: no finite residuals around the cloud.
+  std::uint64_t lost() const { return lost_; }
   /// Swept at the full exponent since the last resampling.
   bool converged() const { return exponent_ == 1.0 && moved_ >= n_; }
   static constexpr double kDoubtCost = 10.0;
@@ -125,6 +127,8 @@ class TransitionCloud {
   // retire.cpp
   void retire();
   void retire_oldest();
+  void lay_design();
+  bool summarise(std::uint32_t slot);
 
   // constant after lay_out
   const tiller_config_t* config_ = nullptr;
@@ -171,7 +175,7 @@ class TransitionCloud {
 
   bool discrepancy_begun_ = false;
   std::uint64_t begun_at_ = 0, again_ = 0, again_end_ = 0;        // transitions whose regressors are to be taken anew
-  double basis_scale_[kDiscrepancyJoints * kMaxRegressors] = {};  // (columns) 1 / root mean square
+  double basis_scale_[kMaxPushed * kMaxRegressors] = {};  // (columns) 1 / root mean square
   double least_dry_force_[kDiscrepancyJoints] = {};
   double dry_force_[kDiscrepancyJoints] = {};  // strength at which dry friction is taken
 
@@ -181,7 +185,7 @@ class TransitionCloud {
   double innovation_[TILLER_MAX_STATES] = {};
   double noise_variance_[TILLER_MAX_STATES] = {}, calm_variance_[TILLER_MAX_STATES] = {};
   std::uint32_t cursor_ = 0, moved_ = 0, doubted_run_ = 0;
-  std::uint64_t resamplings_ = 0, doubted_ = 0, work_ = 0;
+  std::uint64_t resamplings_ = 0, doubted_ = 0, lost_ = 0, work_ = 0;
 };
 
 }  // namespace tiller

@@ -1,5 +1,6 @@
 // Sums of residuals and the evidence, one particle per lane. Compiled once per instruction set.
 
+#include "posterior/lane_forms.hpp"
 #include "posterior/transition/transition_lanes.hpp"
 
 #include "posterior/transition/proposal_lanes_isa.hpp"
@@ -26,7 +27,7 @@ template <int kPacks>
 void sum_row(const ResidualSumJob& job, std::uint32_t row, std::uint32_t lane, bool squares, const float* basis,
              double* projections) {
   constexpr std::uint32_t kWidth = static_cast<std::uint32_t>(F::width);
-  const std::uint32_t columns = job.joints * job.joints * kDiscrepancyBasis;
+  const std::uint32_t columns = job.pushed_count * job.regressors;
   F squared[kPacks], projected[kDiscrepancyBasis][kPacks];
   for (int i = 0; i < kPacks; ++i) {
     squared[i] = F(0.0f);
@@ -56,13 +57,13 @@ void sum_row(const ResidualSumJob& job, std::uint32_t row, std::uint32_t lane, b
 
 void sum_residuals(const ResidualSumJob& job) {
   constexpr std::uint32_t kWidth = static_cast<std::uint32_t>(F::width);
-  const std::uint32_t regressors = job.joints * kDiscrepancyBasis;
+  const std::uint32_t regressors = job.regressors;
   for (std::uint32_t row = 0; row < job.nx; ++row) {
-    std::uint32_t joint = 0;
-    while (joint < job.joints && job.velocity[joint] != row) ++joint;
-    const bool moves = joint < job.joints;
+    std::uint32_t place = 0;
+    while (place < job.pushed_count && job.pushed[place] != row) ++place;
+    const bool moves = place < job.pushed_count;
     for (std::uint32_t first = 0; first < (moves ? regressors : 1); first += kDiscrepancyBasis) {
-      const std::uint32_t at = joint * regressors + first;
+      const std::uint32_t at = place * regressors + first;
       const float* basis = moves ? job.basis + at : nullptr;
       double* projections = moves ? job.sums + (job.nx + at) * job.stride : nullptr;
       std::uint32_t lane = 0;
@@ -73,28 +74,16 @@ void sum_residuals(const ResidualSumJob& job) {
   }
 }
 
-/// phi' G phi, G as its upper triangle: 2 sum_i phi_i (G_ii phi_i / 2 + sum_j>i G_ij phi_j).
-P quadratic_form(const double* gram, const P* phi, std::uint32_t terms) {
-  P sum(0.0);
-  for (std::uint32_t i = 0; i < terms; ++i) {
-    P along = P(0.5 * gram[0]) * phi[i];
-    for (std::uint32_t j = i + 1; j < terms; ++j) along = fma(P(gram[j - i]), phi[j], along);
-    sum = fma(phi[i], along, sum);
-    gram += terms - i;
-  }
-  return sum + sum;
-}
-
 /// S_r / (2 b_r), less what the discrepancy takes up.
 P scaled_error(const EvidenceJob& job, std::uint32_t row, std::uint32_t lane) {
   P squared = P::load(job.sums + row * job.stride + lane);
-  const std::uint32_t joint = job.joint_of[row];
-  if (joint < job.joints) {
-    const std::uint32_t regressors = job.joints * kDiscrepancyBasis;
+  const std::uint32_t place = job.pushed_of[row];
+  if (place < job.pushed_count) {
+    const std::uint32_t regressors = job.regressors;
     P p[kMaxRegressors];
     for (std::uint32_t i = 0; i < regressors; ++i)
-      p[i] = P::load(job.sums + (job.nx + joint * regressors + i) * job.stride + lane);
-    squared = squared - quadratic_form(job.shrinkage + joint * upper_triangle(regressors), p, regressors);
+      p[i] = P::load(job.sums + (job.nx + place * regressors + i) * job.stride + lane);
+    squared = squared - quadratic_form(job.shrinkage + place * upper_triangle(regressors), p, regressors);
   }
   // rounding leaves a little less than nothing; much less, and an approximate past has been left behind
   const P scaled = P(job.half_precision[row]) * squared;
@@ -141,34 +130,6 @@ bool mean_errors(const EvidenceJob& job, const double* weight, double* mean, dou
   return true;
 }
 
-void polynomial(const PolynomialJob& job) {
-  const std::uint32_t triangle = job.terms * (job.terms + 1) / 2;
-  const P factor(job.factor);
-  for (std::uint32_t lane = 0; lane < job.lanes; lane += static_cast<std::uint32_t>(P::width)) {
-    P off[TILLER_MAX_PARAMS], z[TILLER_MAX_PARAMS], phi[kMaxPolynomialTerms];
-    for (std::uint32_t r = 0; r < job.d; ++r) {
-      off[r] = P::load(job.coordinate + r * job.stride + lane) - P(job.centre[r]);
-      z[r] = P(0.0);
-      for (std::uint32_t c = 0; c <= r; ++c) z[r] = fma(P(job.inverse_root[r * job.d + c]), off[c], z[r]);
-    }
-    std::uint32_t term = 0;
-    phi[term++] = P(1.0);
-    for (std::uint32_t r = 0; r < job.d; ++r) phi[term++] = z[r];
-    for (std::uint32_t r = 0; r < job.d && job.quadratic; ++r)
-      for (std::uint32_t c = r; c < job.d; ++c) phi[term++] = z[r] * z[c];
-    for (std::uint32_t r = 0; r < job.nx; ++r) {
-      double* to = job.sums + r * job.stride + lane;
-      fma(factor, quadratic_form(job.gram + r * triangle, phi, job.terms), P::load(to)).store(to);
-    }
-    for (std::uint32_t j = 0; j < job.projections; ++j) {
-      P sum(0.0);
-      for (std::uint32_t i = 0; i < job.terms; ++i) sum = fma(P(job.tilt[j * job.terms + i]), phi[i], sum);
-      double* to = job.sums + (job.nx + j) * job.stride + lane;
-      fma(factor, sum, P::load(to)).store(to);
-    }
-  }
-}
-
 bool split_weights(std::uint32_t n, const double* log_weight, const double* old, double exponent, const double* fresh,
                    double* base, double* gain) {
   auto all_finite = P(0.0) == P(0.0);
@@ -207,7 +168,7 @@ void add_scaled(std::uint32_t n, double factor, const double* from, double* to) 
 }  // namespace
 
 const TransitionTable& transition_copy() {
-  static const TransitionTable table = {Isa::TILLER_COMPILE_ISA, sum_residuals, evidence,  mean_errors, polynomial,
+  static const TransitionTable table = {Isa::TILLER_COMPILE_ISA, sum_residuals, evidence,  mean_errors,
                                         propose_lanes,           split_weights, normalise, find_broken, add_scaled};
   return table;
 }

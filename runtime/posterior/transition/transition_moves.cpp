@@ -64,7 +64,7 @@ std::uint32_t TransitionCloud::move_batch(std::uint32_t moves) {
 }
 
 void TransitionCloud::propose(std::uint32_t moves) {
-  double low[TILLER_MAX_PARAMS], high[TILLER_MAX_PARAMS];
+  double low[kMaxCoordinates], high[kMaxCoordinates];
   for (std::uint32_t j = 0; j < d_; ++j) {
     low[j] = cloud_.prior.low(j);
     high[j] = cloud_.prior.high(j);
@@ -98,7 +98,7 @@ void TransitionCloud::propose(std::uint32_t moves) {
   const double scouts = config_->posterior.scout_share;
   if (flat_prior_ && !(scouts > 0.0)) return;
   for (std::uint32_t m = 0; m < moves; ++m) {
-    double present[TILLER_MAX_PARAMS], proposed[TILLER_MAX_PARAMS];
+    double present[kMaxCoordinates], proposed[kMaxCoordinates];
     for (std::uint32_t j = 0; j < d_; ++j) {
       present[j] = present_coordinate_[j * lanes_ + m];
       proposed[j] = proposed_coordinate_[j * lanes_ + m];

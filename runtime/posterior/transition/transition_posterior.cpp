@@ -91,6 +91,16 @@ tiller_status_t TransitionPosterior::start(const double* measured) {
   return tiller_status_ok;
 }
 
+tiller_status_t TransitionPosterior::skip(const Transition& transition) {
+  if (!started_) return tiller_status_wrong_state;
+  const tiller_status_t refusal = check_transition(*config_, transition);
+  if (refusal != tiller_status_ok) return refusal;
+  predict(transition);
+  complete_ = false;
+  remember_input(transition.input);
+  return tiller_status_ok;
+}
+
 tiller_status_t TransitionPosterior::update(const Transition& transition) {
   if (!started_) return tiller_status_wrong_state;
   tiller_status_t status = check_transition(*config_, transition);

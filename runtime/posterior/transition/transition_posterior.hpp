@@ -26,6 +26,7 @@ class TransitionPosterior final : public Posterior {
   void reset() override;
   void restart(const double* measured) override;
   tiller_status_t start(const double* measured) override;
+  tiller_status_t skip(const Transition& transition) override;
   tiller_status_t update(const Transition& transition) override;
   bool started() const override { return started_; }
   void moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const override;

@@ -1,4 +1,4 @@
-#include "posterior/transition/force_response.hpp"
+#include "posterior/force_response.hpp"
 
 #include <cmath>
 #include <cstring>
@@ -15,13 +15,12 @@ constexpr std::uint16_t kKinds[kDiscrepancyBasis] = {tiller_effect_constant_offs
 }  // namespace
 
 ForceResponse ForceResponse::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
-                                     const RolloutTable& table) {
+                                     const RolloutTable& table, std::uint32_t joints) {
   ForceResponse r;
   r.config_ = &config;
   r.table_ = &table;
   r.setup_ = setup;
-  const std::uint32_t all = config.model->joint_count;
-  r.joints_ = all < kDiscrepancyJoints ? all : kDiscrepancyJoints;
+  r.joints_ = joints;
   r.first_row_ = config.param_count;
   const std::uint32_t strengths = config.param_count - config.model->param_count;
   if (setup.effect_count + kDiscrepancyBasis > TILLER_MAX_EFFECTS ||
@@ -34,10 +33,9 @@ ForceResponse ForceResponse::lay_out(Arena& arena, const tiller_config_t& config
   return r;
 }
 
-void ForceResponse::observe(const double* params, const double* state, const double* input, double period_s,
-                            const double* history, const double* dry_force, double* change) {
-  const std::uint32_t np = config_->param_count;
-  std::memset(change, 0, sizeof(double) * joints_ * joints_ * kDiscrepancyBasis);
+void ForceResponse::observe(const double* params, const double* state, const double* effect_state, const double* input,
+                            double period_s, const double* history, const double* dry_force, double* change) {
+  const std::uint32_t np = config_->param_count, nx = config_->model->state_count;
   for (std::uint32_t i = 0; i < np; ++i)
     for (std::uint32_t l = 0; l < kLanePadding; ++l) params_[i * kLanePadding + l] = params[i];
   for (std::uint32_t j = 0; j < joints_; ++j) {
@@ -57,12 +55,13 @@ void ForceResponse::observe(const double* params, const double* state, const dou
     job.period_s = period_s;
     job.state = {state, 0};
     job.params = {params_, kLanePadding};
+    job.effect_state = {effect_state, 0};
     job.controls = {input, 0};
     job.history = history;
     job.final_state = next_;
     table_->rollout_f64(*config_->model, job);
-    for (std::uint32_t i = 0; i < joints_; ++i) {
-      const double* next = next_ + config_->model->joints[i].velocity * kLanePadding;
+    for (std::uint32_t i = 0; i < nx; ++i) {
+      const double* next = next_ + i * kLanePadding;
       for (std::uint32_t k = 0; k < kDiscrepancyBasis; ++k) {
         const double d = (next[1 + k] - next[0]) / strength[k];
         change[(i * joints_ + j) * kDiscrepancyBasis + k] = std::isfinite(d) ? d : 0.0;

@@ -1,0 +1,14 @@
+#pragma once
+
+#include <cstdint>
+
+#include "tiller/model.h"
+
+namespace tiller {
+
+/// Coordinates that an engine infers beside the named parameters: the ratio of process to sensor noise (`filter`), the
+/// fraction of a period by which a delay is off (`transition`).
+constexpr std::uint32_t kMaxExtra = 1;
+constexpr std::uint32_t kMaxCoordinates = TILLER_MAX_PARAMS + kMaxExtra;
+
+}  // namespace tiller

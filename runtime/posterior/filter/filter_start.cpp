@@ -1,0 +1,110 @@
+// Where the filters begin: at the configured state, or, in mid-run, wherever the robot may have got to.
+
+#include <cmath>
+#include <cstring>
+
+#include "posterior/filter/filter_posterior.hpp"
+
+namespace tiller {
+
+namespace {
+
+/// A missing force's random walk per square root of a second, in its prior deviations: friction is no constant, and a
+/// filter that takes it for one never gets over what it once believed.
+constexpr double kDrift = 0.01;
+
+}  // namespace
+
+/// The configured state with deviations sd (nx), and a first measurement (ny).
+void FilterPosterior::set_start(const double* sd, const double* measured) {
+  start_ = {};
+  for (std::uint32_t r = 0; r < nx_; ++r) {
+    start_.state[r] = config_->initial_state[r];
+    start_.covariance[triangle_row(nf_, r, r)] = sd[r] * sd[r];
+  }
+  for (std::uint32_t k = 0; k < ny_; ++k) start_.measured[k] = measured ? measured[k] : NAN;
+  if (forces_ > 0 && measured) set_force_start();
+}
+
+/// The forces' law before any data, from what they do to the first chunk's particles at the configured state.
+void FilterPosterior::set_force_start() {
+  const Chunk& chunk = chunks_[0];
+  Transition nothing;
+  nothing.period_s = config_->period_s;
+  std::memcpy(nothing.input, config_->safety.safe_command, sizeof(double) * nu_);
+  map_sensors(chunk, cloud_.params, n_);
+  begin_filters(chunk, chunk.filter);
+  Step step;
+  step.transition = &nothing;
+  step.from = chunk.filter;
+  step.params = {cloud_.params, n_};
+  step.history = input_history_;
+  predict_lanes(chunk, step);
+  double sd[kMaxRegressors];
+  discrepancy_.prior_sd(discrepancy_job(chunk, step), sd);
+  for (std::uint32_t f = 0; f < forces_; ++f) {
+    start_.covariance[triangle_row(nf_, nx_ + f, nx_ + f)] = sd[f] * sd[f];
+    force_drift_[f] = kDrift * kDrift * sd[f] * sd[f];
+  }
+}
+
+/// The start's law, corrected by its measurement, which does not count into the likelihood (of no parameter but a
+/// sensor's, and of these the others tell more). The chunk says how the sensors read.
+void FilterPosterior::begin_filters(const Chunk& chunk, const FilterRows& rows) const {
+  double unused[2 * kChunk] = {};
+  const auto fill = [&rows](double* to, std::uint32_t count, const double* value) {
+    for (std::uint32_t i = 0; i < count; ++i)
+      for (std::uint32_t l = 0; l < kChunk; ++l) to[i * rows.stride + l] = value[i];
+  };
+  fill(rows.state, nf_, start_.state);
+  fill(rows.covariance, triangle_, start_.covariance);
+  fill(rows.effect_state, ns_, start_.effect_state);
+  CorrectJob job = correct_job(start_.measured, chunk);
+  job.from = job.to = rows;
+  job.squared_error = unused;
+  job.log_variance = unused + kChunk;
+  filter_->correct(job);
+}
+
+void FilterPosterior::begin_all_filters() {
+  for (std::uint32_t c = 0; c < n_ / kChunk; ++c) {
+    const std::uint32_t at = c * kChunk;
+    map_sensors(chunks_[c], cloud_.params + at, n_);
+    begin_filters(chunks_[c],
+                  {carried_.filter.state + at, carried_.filter.covariance + at, carried_.filter.effect_state + at, n_});
+  }
+}
+
+tiller_status_t FilterPosterior::start(const double* measured) {
+  for (std::uint32_t k = 0; k < ny_; ++k)
+    if (std::isinf(measured[k])) return tiller_status_sensor_not_finite;
+  if (started_) close_window();
+  // after a pause a state may be as far from where it began as it has ever been: believing it closer, the first values
+  // would speak of noise where they only speak of the pause
+  double sd[TILLER_MAX_STATES];
+  for (std::uint32_t i = 0; i < nx_; ++i) sd[i] = std::hypot(config_->initial_state_sd[i], reach_[i]);
+  for (std::uint32_t i = 0; i < kHistory; ++i)
+    for (std::uint32_t j = 0; j < nu_; ++j) input_history_[i * nu_ + j] = config_->safety.safe_command[j];
+  set_start(sd, measured);
+  begin_all_filters();
+  for (std::uint32_t& run : gate_run_) run = 0;
+  rest_.begin();
+  if (adequacy_) {
+    adequacy_->begin();
+    response_->begin();
+  }
+  started_ = true;
+  return tiller_status_ok;
+}
+
+/// The heaviest particle stands for all.
+void FilterPosterior::note_reach() {
+  const std::uint32_t particle = heaviest();
+  for (std::uint32_t i = 0; i < nx_; ++i) {
+    const double state = carried_.filter.state[i * n_ + particle];
+    const double off = std::fabs(state_difference(*config_->model, i, state, config_->initial_state[i]));
+    if (off > reach_[i] && std::isfinite(off)) reach_[i] = off;
+  }
+}
+
+}  // namespace tiller

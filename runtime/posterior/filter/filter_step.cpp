@@ -1,0 +1,130 @@
+// One filtered transition of a chunk of lanes: what the tick, the reruns and the summary have in common.
+
+#include <cstring>
+
+#include "posterior/filter/filter_posterior.hpp"
+
+namespace tiller {
+
+/// The step of a chunk's lanes from `from`, into `predicted` and the Jacobian.
+void FilterPosterior::predict_lanes(const Chunk& chunk, const Step& step) const {
+  table_->linearise(*config_->model, linearise_job(chunk, step));
+  if (forces_ > 0) {
+    discrepancy_.step(discrepancy_job(chunk, step));
+    widen_jacobian(chunk);
+  }
+  predict_covariance(chunk, step);
+}
+
+LineariseJob FilterPosterior::linearise_job(const Chunk& chunk, const Step& step) const {
+  LineariseJob job;
+  job.setup = &setup_;
+  job.lanes = kChunk;
+  job.period_s = step.transition->period_s;
+  job.state = {step.from.state, step.from.stride};
+  job.params = step.params;
+  job.effect_state = {step.from.effect_state, step.from.stride};
+  job.control = {step.transition->input, 0};
+  job.history = step.history;
+  job.next_state = chunk.predicted.state;
+  job.next_effect_state = chunk.predicted.effect_state;
+  job.a = chunk.jacobian;
+  return job;
+}
+
+FilterDiscrepancy::Lanes16 FilterPosterior::discrepancy_job(const Chunk& chunk, const Step& step) const {
+  if (step.params.data != chunk.params)
+    for (std::uint32_t i = 0; i < np_; ++i)
+      std::memcpy(chunk.params + i * kChunk, step.params.data + i * step.params.stride, sizeof(double) * kChunk);
+  FilterDiscrepancy::Lanes16 job;
+  job.lanes = kChunk;
+  job.period_s = step.transition->period_s;
+  job.state = {step.from.state, step.from.stride};
+  job.effect_state = {step.from.effect_state, step.from.stride};
+  job.params = chunk.params;
+  job.input = step.transition->input;
+  job.history = step.history;
+  job.next = chunk.predicted.state;
+  job.unit = chunk.unit;
+  job.push = chunk.push;
+  return job;
+}
+
+/// [A G; 0 I] in the place of A. From the last element back: the wider rows begin behind the narrower ones.
+void FilterPosterior::widen_jacobian(const Chunk& chunk) const {
+  constexpr std::size_t kRow = sizeof(double) * kChunk;
+  for (std::uint32_t r = nf_; r-- > 0;)
+    for (std::uint32_t c = nf_; c-- > 0;) {
+      double* to = chunk.jacobian + (r * nf_ + c) * kChunk;
+      if (r < nx_)
+        std::memmove(to, c < nx_ ? chunk.jacobian + (r * nx_ + c) * kChunk : chunk.push + (r * forces_ + c - nx_) * kChunk,
+                     kRow);
+      else
+        for (std::uint32_t l = 0; l < kChunk; ++l) to[l] = r == c ? 1.0 : 0.0;
+    }
+}
+
+/// P' = A P A^T + Q with the chunk's Jacobian, into the chunk. Process noise of a joint's velocity is an acceleration that
+/// is white in time, so it reaches the position within the period: q^2 [dt^3/3, dt^2/2; dt^2/2, dt] (Bar-Shalom, Li and
+/// Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 6.2.2). Of other states it is a
+/// random walk.
+void FilterPosterior::predict_covariance(const Chunk& chunk, const Step& step) const {
+  const double period_s = step.transition->period_s;
+  double process[triangle_rows(kMaxFilterStates)] = {};
+  const auto at = [&](std::uint32_t r, std::uint32_t c) -> double& {
+    return process[r < c ? triangle_row(nf_, r, c) : triangle_row(nf_, c, r)];
+  };
+  for (std::uint32_t i = 0; i < nx_; ++i) at(i, i) = config_->process_sd[i] * config_->process_sd[i] * period_s;
+  for (std::uint32_t j = 0; j < config_->model->joint_count; ++j) {
+    const tiller_joint_t& joint = config_->model->joints[j];
+    if (joint.position == TILLER_NO_POSITION) continue;
+    const double variance = config_->process_sd[joint.velocity] * config_->process_sd[joint.velocity];
+    at(joint.position, joint.velocity) += 0.5 * variance * period_s * period_s;
+    at(joint.position, joint.position) += variance * period_s * period_s * period_s / 3.0;
+  }
+  for (std::uint32_t f = 0; f < forces_; ++f) at(nx_ + f, nx_ + f) = force_drift_[f] * period_s;
+  PredictJob job;
+  job.nx = nf_;
+  job.lanes = kChunk;
+  job.a = chunk.jacobian;
+  job.a_stride = kChunk;
+  job.covariance = step.from.covariance;
+  job.covariance_stride = step.from.stride;
+  job.process = process;
+  job.process_scale = has_ratio_ ? step.process_scale : nullptr;
+  job.predicted = chunk.predicted.covariance;
+  job.predicted_stride = kChunk;
+  filter_->predict(job);
+}
+
+/// How the sensors read with each lane's parameters: rows of `stride`.
+void FilterPosterior::map_sensors(const Chunk& chunk, const double* params, std::uint32_t stride) const {
+  if (!chunk.gain) return;
+  for (std::uint32_t k = 0; k < ny_; ++k)
+    for (std::uint32_t l = 0; l < kChunk; ++l) {
+      const MeasurementMap map = measurement_map(*config_, config_->measured_state[k], params + l, stride);
+      chunk.gain[k * kChunk + l] = map.gain;
+      chunk.offset[k * kChunk + l] = map.offset;
+    }
+}
+
+/// From `predicted` into `filter`; the caller sets the sums.
+CorrectJob FilterPosterior::correct_job(const double* measured, const Chunk& chunk) const {
+  CorrectJob job;
+  job.nx = nf_;
+  job.ns = ns_;
+  job.ny = ny_;
+  job.lanes = kChunk;
+  job.gain = chunk.gain;
+  job.offset = chunk.offset;
+  job.angle_mask = config_->model->angle_mask;
+  job.measured_state = config_->measured_state;
+  job.measured = measured;
+  job.variance = measurement_variance_;
+  job.from = chunk.predicted;
+  job.to = chunk.filter;
+  job.normalised = chunk.normalised;
+  return job;
+}
+
+}  // namespace tiller
