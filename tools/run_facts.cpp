@@ -1,32 +1,22 @@
 #include "tools/run_facts.hpp"
 
-#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "posterior/prior.hpp"
 #include "tools/robot_schema.hpp"
 #include "tools/run_summary.hpp"
+#include "tools/units.hpp"
 
 namespace tiller::tools {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr double kZ95 = 1.6448536269514722;  // normal quantile of 95 %
-
-/// 5 % and 95 % of the prior, its cuts left out of account but as bounds.
+/// 5 % and 95 % of the prior.
 Json prior_range(const tiller_prior_t& p) {
-  double low = p.low + 0.05 * (p.high - p.low);
-  double high = p.high - 0.05 * (p.high - p.low);
-  if (p.kind == tiller_prior_normal) {
-    low = std::max(p.low, p.a - kZ95 * p.b);
-    high = std::min(p.high, p.a + kZ95 * p.b);
-  } else if (p.kind == tiller_prior_log_normal) {
-    low = std::max(p.low, p.a * std::exp(-kZ95 * p.b));
-    high = std::min(p.high, p.a * std::exp(kZ95 * p.b));
-  }
-  return Json::array({low, high});
+  return Json::array({from_coordinate(p, prior_quantile(p, 0.05)), from_coordinate(p, prior_quantile(p, 0.95))});
 }
 
 std::string adequacy_text(const RobotFile& robot, const RunResult& result) {
@@ -53,12 +43,45 @@ Json facts(const RobotFile& robot, const RunResult& result) {
           {"lanes", tiller_instruction_set()}};
 }
 
+Json with_units(const Words& names, const Words& units) {
+  Json object = Json::object();
+  for (std::size_t i = 0; i < names.size(); ++i) object[names[i]] = units[i];
+  return object;
+}
+
+Json with_units(const Words& names) {
+  Words units;
+  for (const std::string& name : names) units.push_back(unit_of_field(name));
+  return with_units(names, units);
+}
+
+/// What each column of the log is: a reader that told commands from counters by their names would draw the counters that
+/// a later version adds.
+Json columns(const RobotFile& robot) {
+  const Words all = parameter_units(robot.config, robot.params);
+  Words inferred, units;
+  for (std::size_t i = 0; i < robot.params.size(); ++i) {
+    if (robot.config.priors[i].kind == tiller_prior_fixed) continue;
+    inferred.push_back(robot.params[i]);
+    units.push_back(all[i]);
+  }
+  Words angles;
+  for (std::size_t i = 0; i < robot.states.size(); ++i)
+    if ((robot.model->angle_mask >> i & 1u) != 0) angles.push_back(robot.states[i]);
+  return {{"states", with_units(robot.states)},
+          {"angles", angles},
+          {"measured", robot.measurements},
+          {"inputs", with_units(robot.inputs)},
+          {"parameters", with_units(inferred, units)}};
+}
+
 }  // namespace
 
-bool write_run_facts(const RobotFile& robot, const RunResult& result, const RunStory& story, std::string& error) {
+std::string run_facts_json(const RobotFile& robot, const RunResult& result, const RunStory& story) {
   const tiller_config_t& c = robot.config;
   Json json = {{"title", story.title}, {"good", story.good}};
   if (!story.outcome.empty()) json["outcome"] = story.outcome;
+  json["columns"] = columns(robot);
   for (std::size_t i = 0; i < robot.inputs.size(); ++i) {
     json["limits"][robot.inputs[i]] = Json::array({c.safety.input_low[i], c.safety.input_high[i]});
   }
@@ -71,9 +94,13 @@ bool write_run_facts(const RobotFile& robot, const RunResult& result, const RunS
     if (c.priors[i].kind != tiller_prior_fixed) json["priors"][robot.params[i]] = prior_range(c.priors[i]);
   }
   json["facts"] = facts(robot, result);
+  return json.dump(2) + "\n";
+}
+
+bool write_run_facts(const RobotFile& robot, const RunResult& result, const RunStory& story, std::string& error) {
   const std::string path = std::filesystem::path(result.readable_log).replace_extension(".json").string();
   std::ofstream file(path);
-  file << json.dump(2) << "\n";
+  file << run_facts_json(robot, result, story);
   file.close();
   if (file) return true;
   error = path + ": cannot be written";

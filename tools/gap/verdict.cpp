@@ -9,6 +9,7 @@
 #include "tools/gap/thresholds.hpp"
 #include "tools/gap/twins.hpp"
 #include "tools/text.hpp"
+#include "tools/units.hpp"
 
 namespace tiller::tools::gap {
 namespace {
@@ -23,25 +24,15 @@ bool alias(const EffectAt& a, const EffectAt& b) {
   return names(x.aliases, y.name) || names(y.aliases, x.name);
 }
 
-// The catalogue's "N or N m" at a port: what slides has the first, what turns the second.
-std::string unit_at(const std::string& unit, PortKind kind, std::uint32_t port, const tiller_model_t& model) {
-  const std::size_t at = unit.find(" or ");
-  if (at == std::string::npos || kind == PortKind::body) return unit;
-  const std::string name = kind == PortKind::joint   ? model.force_names[model.joints[port].force]
-                           : kind == PortKind::input ? model.input_names[port]
-                                                     : model.state_names[port];
-  const bool turns = name.find("Nm") != std::string::npos || name.find("rad") != std::string::npos;
-  return turns ? unit.substr(at + 4) : unit.substr(0, at);
-}
-
 std::vector<Estimate> estimates(const Session& s, const Entry& e, const Entry& nominal,
                                 const std::vector<std::string>& param_names) {
   std::vector<Estimate> list;
+  Words units = parameter_units(s.config, param_names);
+  units.resize(s.config.param_count);
   for (std::uint32_t i = 0; i < s.config.param_count; ++i) {
     Estimate p;
     p.name = i < param_names.size() ? param_names[i] : "parameter";
-    const std::size_t unit = p.name.rfind('_');
-    p.unit = unit == std::string::npos ? "" : p.name.substr(unit + 1);
+    p.unit = units[i];
     p.fixed = s.config.priors[i].kind == tiller_prior_fixed;
     p.before = nominal.fit.params[i];
     list.push_back(p);
@@ -51,7 +42,7 @@ std::vector<Estimate> estimates(const Session& s, const Entry& e, const Entry& n
     for (int i = 0; i < info.param_count; ++i) {
       Estimate p;
       p.name = std::string(port_name(info.port, *s.config.model, effect.port)) + "." + info.params[i].name;
-      p.unit = unit_at(info.params[i].unit, info.port, effect.port, *s.config.model);
+      p.unit = unit_of_effect(info, i, effect.port, *s.config.model);
       p.before = p.before_sd = NAN;
       list.push_back(p);
     }

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from textwrap import wrap
 
 import numpy as np
 
@@ -57,7 +58,8 @@ def _sigma(value) -> str:
 
 def horizon_figure(result: dict) -> str:
     horizons = result["horizons"]
-    figure, ax = page.axes("error of rollouts on held-out windows", xlabel="length of the rollout (s)", height=3.4)
+    figure, ax = page.axes("error of rollouts on held-out windows", "RMS error (σ)", xlabel="length of the rollout (s)",
+                           height=3.4)
     at = np.arange(len(horizons))
     before, after = (_array([h[key] for h in horizons]) for key in ("before_sigma", "after_sigma"))
     ax.bar(at - 0.2, before, 0.38, color=page.MEASURED, label="robot file as it is")
@@ -68,7 +70,6 @@ def horizon_figure(result: dict) -> str:
             ax.annotate(page.number(value, 3), (x, value), ha="center", va="bottom", fontsize=9)
     ax.set_xticks(at, [f"{h['seconds']:g}" for h in horizons])
     ax.grid(axis="x", visible=False)
-    ax.set_ylabel("σ")
     if np.nanmax(before, initial=1) > 30 * max(np.nanmin(after, initial=np.inf), 1e-9):
         ax.set_yscale("log")
     ax.margins(y=0.15)
@@ -108,7 +109,8 @@ def map_figure(result: dict, index: int) -> str:
     low, high = _array([b["low"] for b in m["bins"]]), _array([b["high"] for b in m["bins"]])
     mean, sd = _array([b["mean"] for b in m["bins"]]), _array([b["sd"] for b in m["bins"]])
     used = _array([b["count"] for b in m["bins"]]) >= 4  # fewer test functions tell little
-    figure, ax = page.axes(f"{m['joint']}: over {_AXES.get(m['axis'], m['axis'])}", xlabel=m["axis_label"], height=3.2)
+    figure, ax = page.axes(f"{m['joint']}: over {_AXES.get(m['axis'], m['axis'])}", f"residual {m['force']}",
+                           xlabel=m["axis_label"], height=3.2)
     if region and region["joint"] == m["joint"] and region["axis"] == m["axis"]:
         ax.axvspan(region["low"], region["high"], color="#fdeecf", label="region")
     ax.axhline(0, color="#8b929a", linewidth=1.0)
@@ -117,7 +119,6 @@ def map_figure(result: dict, index: int) -> str:
                     np.repeat(np.where(used, mean + 2 * sd, np.nan), 2), color=page.BAND, linewidth=0, label="± 2 sd")
     ax.hlines(mean[used], low[used], high[used], color=page.ESTIMATE, linewidth=2.0)
     ax.plot(middle[used], mean[used], color=page.ESTIMATE, linewidth=0.8)
-    ax.set_ylabel(m["force"])
     ax.margins(x=0.01)
     page.legend(ax)
     chance = "at most " if m["p_value"] * (len(m["null"]) + 1) < 1.5 else ""
@@ -129,14 +130,11 @@ def null_figure(result: dict) -> str:
     """What the strongest map's statistic is when the residual's blocks change places and signs."""
     m = result["where"]["maps"][0]
     null = _array(m["null"])
-    figure, ax = page.axes("what chance would give", xlabel="evidence of the strongest map", height=3.2)
+    figure, ax = page.density_axes("what chance would give", "evidence of the strongest map")
     ax.hist(null, bins=30, color=page.MEASURED, label=f"{len(null)} permutations")
     ax.axvline(m["statistic"], color=page.TRUTH, linewidth=2.0, label="these data")
     if m["statistic"] > 5 * np.nanmax(null, initial=1e-12):
         ax.set_xscale("symlog", linthresh=float(np.nanmax(null, initial=1e-12)))
-    ax.set_yticks([])
-    ax.spines["left"].set_visible(False)
-    ax.grid(axis="y", visible=False)
     page.legend(ax)
     return page.svg(figure, f"The residual force of {m['joint']} over {_AXES.get(m['axis'], m['axis'])}, after its "
                             "blocks of about 2 s changed places and signs: it then goes with nothing.")
@@ -179,14 +177,14 @@ def behind_figure(result: dict) -> str:
     if len(ranking) < 2:
         return ""
     rivals = set(result["ambiguity"])
-    figure, ax = page.axes("log density behind the best", xlabel="nats", height=1.0 + 0.36 * len(ranking), width=8.0)
+    figure, ax = page.axes("log density behind the best", "explanation", xlabel="nats", height=1.0 + 0.36 * len(ranking))
     behind = ranking[0]["gain_nats"] - _array([x["gain_nats"] for x in ranking])
     colors = [page.ESTIMATE if i in rivals else page.MEASURED for i in range(len(ranking))]
     ax.barh(np.arange(len(ranking)), behind, color=colors)
     for i, value in enumerate(behind):
         ax.annotate(f" {page.number(value, 3)} ", (value, i), ha="left" if value >= 0 else "right", va="center", fontsize=8,
                     color=page.INK)
-    ax.set_yticks(np.arange(len(ranking)), [_effects(x)[:52] for x in ranking], fontsize=8)
+    ax.set_yticks(np.arange(len(ranking)), ["\n".join(wrap(_effects(x), 32)[:2]) for x in ranking], fontsize=8)
     ax.set_xscale("symlog", linthresh=10)
     ax.set_xlim(min(0.0, 2 * float(np.nanmin(behind)) - 1), max(10.0, 4 * float(np.nanmax(behind))))
     ax.invert_yaxis()
@@ -239,7 +237,7 @@ def parameter_table(explanation: dict) -> str:
 
 
 def parameter_figure(p: dict) -> str:
-    figure, ax = page.axes(p["name"], xlabel=f"{p['name']} ({p['unit']})" if p["unit"] else p["name"], height=2.2)
+    figure, ax = page.axes(p["name"], "fit", xlabel=page.quantity_label(p["name"], p["unit"]), height=2.2)
     rows = []
     if p["before_sd"]:
         rows.append(("before", p["before"], p["before"] - 1.96 * p["before_sd"], p["before"] + 1.96 * p["before_sd"],

@@ -1,14 +1,18 @@
 """One page about a run: python -m tiller_tools.report run.csv -o run.html
 
-The CSV is the log of `tiller run` or `tiller demo`: a row a tick, columns as RunLog writes them (measured states and
-commands by name, mean.*, sd.*, q05.*, q95.*, true.*, ess, tick_us, deadline_us, state, status). Beside it may lie a
-JSON of the same name (or --meta FILE) with what the log does not say; every key is optional:
+The CSV is the log of `tiller run --report` or `tiller demo`: a row a tick, columns as RunLog writes them (measured states
+and commands by name, mean.*, sd.*, q05.*, q95.*, true.*, ess, tick_us, deadline_us, state, status). Beside it lies the
+JSON of the same name (or --meta FILE), which says what the columns are, and what the log does not say:
 
-    {"title": "cart_pole", "outcome": "upright after 2.4 s", "good": true,
+    {"columns": {"states": {"angle_rad": "rad", "rate_rad_s": "rad/s"}, "angles": ["angle_rad"],
+                 "measured": ["angle_rad"], "inputs": {"force_N": "N"}, "parameters": {"pole_mass_kg": "kg"}},
+     "title": "cart_pole", "outcome": "upright after 2.4 s", "good": true,
      "limits": {"force_N": [-20, 20]}, "target": {"angle_rad": 0},
      "priors": {"pole_mass_kg": [0.052, 0.148]}, "facts": {"planner": "mppi", "seed": "1"}}
 
-"priors" holds 5 % and 95 % of the prior; without it the first row's quantiles stand for it.
+"columns" is required, with the unit of each ("angles": of one turn, where whole turns are the same); every other key is
+optional. "priors" holds 5 % and 95 % of the prior;
+without it the first row's quantiles stand for it.
 """
 
 from __future__ import annotations
@@ -25,23 +29,20 @@ from . import page
 from .table import ReportError, Table, read_json, read_table, write_page
 
 _WORDS = ("state", "status")
-_TICK_COLUMNS = {"ess", "noise_scale", "plan_cost", "iterations", "tick_us", "deadline_us",
-                 "adequacy_statistic"}
 
 
 class Run:
-    """The log's columns sorted by what they are."""
+    """A log, and what its writer says of its columns."""
 
     def __init__(self, table: Table, words: dict[str, list[str]], meta: dict):
         self.table, self.words, self.meta = table, words, meta
         self.time = table["time_s"]
         if not np.all(np.isfinite(self.time)):
             raise ReportError(f"{table.path}: column 'time_s' has empty cells")
-        means = table.after_prefix("mean.")
-        self.params = table.after_prefix("q05.")
-        self.states = [name for name in means if name not in self.params]
-        plain = [name for name in table.names if "." not in name and name != "time_s"]
-        self.inputs = [name for name in plain if name not in means and name not in _TICK_COLUMNS]
+        columns = meta["columns"]
+        self.states, self.inputs, self.params = (list(columns[key]) for key in ("states", "inputs", "parameters"))
+        self.measured, self.angles = set(columns["measured"]), set(columns["angles"])
+        self.units = {**columns["states"], **columns["inputs"], **columns["parameters"]}
 
     def column(self, name: str) -> np.ndarray | None:
         return self.table[name] if name in self.table else None
@@ -57,11 +58,31 @@ class Run:
         return tuple(given) if given else (float(self.table[f"q05.{name}"][0]), float(self.table[f"q95.{name}"][0]))
 
 
+    def target(self, name: str) -> float | None:
+        """Of an angle the turn of it that the run ended at: the task does not tell them apart."""
+        target = self.meta.get("target", {}).get(name)
+        last = self.last(f"mean.{name}")
+        if target is None or name not in self.angles or not np.isfinite(last):
+            return target
+        return target + 2 * np.pi * round((last - target) / (2 * np.pi))
+
+
+def _check_columns(columns, path: Path) -> None:
+    """The log's writer says what a column is; nothing is concluded from its name."""
+    shape = {"states": dict, "angles": list, "measured": list, "inputs": dict, "parameters": dict}
+    if not isinstance(columns, dict) or any(not isinstance(columns.get(key), kind) for key, kind in shape.items()):
+        raise ReportError(f"{path}: no key 'columns' with {', '.join(shape)}, so nothing says what the log's columns are; "
+                          "`tiller run --report` writes it")
+
+
 def read_run(path: Path, meta_path: Path | None) -> Run:
     table = read_table(path, required=("time_s",), text=_WORDS)
-    if meta_path is None and path.with_suffix(".json").exists():
-        meta_path = path.with_suffix(".json")
-    meta = read_json(meta_path) if meta_path else {}
+    meta_path = meta_path or path.with_suffix(".json")
+    if not meta_path.exists():
+        raise ReportError(f"{meta_path}: no such file; it says what the columns of {path.name} are, and "
+                          "`tiller run --report` writes it beside the log")
+    meta = read_json(meta_path)
+    _check_columns(meta.get("columns") if isinstance(meta, dict) else None, meta_path)
     return Run(table, _read_words(path), meta)
 
 
@@ -80,29 +101,28 @@ def _finite_line(ax, time, values, **style):
 
 
 def state_figure(run: Run, name: str) -> str:
-    figure, ax = page.axes(name)
+    figure, ax = page.axes(name, page.unit_label(name, run.units[name]))
     cut = page.thin(len(run.time))
     time = run.time[cut]
-    measured, truth = run.column(name), run.column(f"true.{name}")
-    mean, sd = run.table[f"mean.{name}"][cut], run.column(f"sd.{name}")
-    if measured is not None:
-        _finite_line(ax, time, measured[cut], color=page.MEASURED, linestyle="none", marker=".", markersize=3.5,
+    if name in run.measured:
+        _finite_line(ax, time, run.table[name][cut], color=page.MEASURED, linestyle="none", marker=".", markersize=3.5,
                      label="measured")
-    if sd is not None:
-        ax.fill_between(time, mean - 1.645 * sd[cut], mean + 1.645 * sd[cut], color=page.BAND, linewidth=0)
+    mean, sd = run.table[f"mean.{name}"][cut], run.table[f"sd.{name}"][cut]
+    ax.fill_between(time, mean - 1.645 * sd, mean + 1.645 * sd, color=page.BAND, linewidth=0)
     _finite_line(ax, time, mean, color=page.ESTIMATE, label="estimate, 90 %")
+    truth = run.column(f"true.{name}")
     if truth is not None:
         _finite_line(ax, time, truth[cut], color=page.TRUTH, linewidth=1.2, linestyle=(0, (4, 2)), label="truth")
-    target = run.meta.get("target", {}).get(name)
+    target = run.target(name)
     if target is not None:
-        ax.axhline(target, color="#6b737c", linewidth=0.9, linestyle=":", label="target")
+        ax.axhline(target, color=page.INK, linewidth=0.9, linestyle=":", label="target")
     ax.margins(x=0.01)
     page.legend(ax)
     return page.svg(figure)
 
 
 def input_figure(run: Run, name: str) -> str:
-    figure, ax = page.axes(f"command {name}")
+    figure, ax = page.axes(f"command {name}", page.unit_label(name, run.units[name]))
     # every tick: a command that is thinned would look smoother than it is
     ax.step(run.time, run.table[name], where="post", color=page.ESTIMATE, linewidth=1.1, label="command")
     limits = run.meta.get("limits", {}).get(name)
@@ -117,7 +137,7 @@ def input_figure(run: Run, name: str) -> str:
 
 
 def param_figure(run: Run, name: str) -> str:
-    figure, ax = page.axes(f"posterior of {name}")
+    figure, ax = page.axes(f"posterior of {name}", page.unit_label(name, run.units[name]))
     cut = page.thin(len(run.time))
     time, mean = run.time[cut], run.table[f"mean.{name}"][cut]
     low, high = run.prior(name)
@@ -135,20 +155,20 @@ def param_figure(run: Run, name: str) -> str:
 
 def spread_figure(run: Run) -> str:
     """All parameters in one view: a posterior that has narrowed a hundredfold is a line in its own plot."""
-    figure, ax = page.axes("spread of the posterior over the prior's")
+    figure, ax = page.axes("spread of the posterior", "width / prior's")
     cut = page.thin(len(run.time))
-    for name in run.params:
+    for i, name in enumerate(run.params):
         low, high = run.prior(name)
         width = (run.table[f"q95.{name}"] - run.table[f"q05.{name}"]) / (high - low)
         keep = np.isfinite(width) & (width > 0)
-        ax.semilogy(run.time[keep][cut], width[keep][cut], label=name, linewidth=1.3)
+        ax.semilogy(run.time[keep][cut], width[keep][cut], label=name, linewidth=1.4, **page.curve(i))
     ax.margins(x=0.01)
-    ax.legend(loc="upper right")
-    return page.svg(figure, "Width of the 90 % interval, over that of the prior.")
+    page.legend(ax)
+    return page.svg(figure, "Width of the 90 % interval over that of the prior.")
 
 
 def ess_figure(run: Run) -> str:
-    figure, ax = page.axes("effective sample size")
+    figure, ax = page.axes("effective sample size", "particles")
     _finite_line(ax, run.time, run.table["ess"], color=page.ESTIMATE, linewidth=1.1)
     ax.set_ylim(bottom=0)
     ax.margins(x=0.01)
@@ -159,7 +179,7 @@ def tick_figure(run: Run) -> str:
     ticks = run.table["tick_us"] / 1000
     ticks = ticks[np.isfinite(ticks) & (ticks > 0)]
     deadline = run.last("deadline_us") / 1000
-    figure, ax = page.axes("time of a tick", xlabel="ms")
+    figure, ax = page.axes("time of a tick", "ticks", xlabel="time (ms)")
     if len(ticks):
         # the first tick also faults the pages in; it must not stretch the axis for all others
         top = 1.15 * max(np.percentile(ticks, 99.5), deadline if np.isfinite(deadline) else 0)
@@ -170,7 +190,6 @@ def tick_figure(run: Run) -> str:
                     fontsize=9)
     if np.isfinite(deadline) and deadline > 0:
         ax.axvline(deadline, color=page.LIMIT, linestyle=(0, (5, 3)), label=f"deadline {deadline:g} ms")
-    ax.set_ylabel("ticks")
     page.legend(ax)
     late = np.mean(ticks > deadline) if np.isfinite(deadline) and deadline > 0 and len(ticks) else None
     note = "" if late is None else f"{late:.1%} of the ticks took longer than the deadline on this machine."
