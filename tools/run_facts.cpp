@@ -1,5 +1,6 @@
 #include "tools/run_facts.hpp"
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -55,6 +56,29 @@ Json with_units(const Words& names) {
   return with_units(names, units);
 }
 
+bool is_weighed(const tiller_cost_config_t& cost, std::size_t state) {
+  return cost.state_weight[state] > 0 || cost.terminal_weight[state] > 0 ||
+         (cost.saturating_weight > 0 && std::isfinite(cost.saturating_width[state]));
+}
+
+/// The two states that span the plane which the robot moves in, and what stands there: those of the obstacles, else the
+/// only two that are in metres. Null: it moves in none.
+Json plane_of(const RobotFile& robot) {
+  const tiller_cost_config_t& cost = robot.config.cost;
+  std::vector<std::size_t> axes;
+  for (std::size_t i = 0; i < robot.states.size(); ++i)
+    if (unit_of_field(robot.states[i]) == "m") axes.push_back(i);
+  if (cost.obstacle_count > 0) axes = {cost.obstacles[0].x_state, cost.obstacles[0].y_state};
+  if (axes.size() != 2) return nullptr;
+  Json plane = {{"x", robot.states[axes[0]]}, {"y", robot.states[axes[1]]}, {"obstacles", Json::array()}};
+  for (std::uint32_t i = 0; i < cost.obstacle_count; ++i) {
+    const tiller_obstacle_t& o = cost.obstacles[i];
+    if (o.x_state == axes[0] && o.y_state == axes[1])
+      plane["obstacles"].push_back(Json::array({o.x_m, o.y_m, o.radius_m}));
+  }
+  return plane;
+}
+
 /// What each column of the log is: a reader that told commands from counters by their names would draw the counters that
 /// a later version adds.
 Json columns(const RobotFile& robot) {
@@ -68,11 +92,15 @@ Json columns(const RobotFile& robot) {
   Words angles;
   for (std::size_t i = 0; i < robot.states.size(); ++i)
     if ((robot.model->angle_mask >> i & 1u) != 0) angles.push_back(robot.states[i]);
+  Words tracked;
+  for (std::size_t i = 0; i < robot.states.size(); ++i)
+    if (robot.config.cost.reference && is_weighed(robot.config.cost, i)) tracked.push_back(robot.states[i]);
   return {{"states", with_units(robot.states)},
           {"angles", angles},
           {"measured", robot.measurements},
           {"inputs", with_units(robot.inputs)},
-          {"parameters", with_units(inferred, units)}};
+          {"parameters", with_units(inferred, units)},
+          {"tracked", tracked}};
 }
 
 }  // namespace
@@ -85,11 +113,9 @@ std::string run_facts_json(const RobotFile& robot, const RunResult& result, cons
   for (std::size_t i = 0; i < robot.inputs.size(); ++i) {
     json["limits"][robot.inputs[i]] = Json::array({c.safety.input_low[i], c.safety.input_high[i]});
   }
-  for (std::size_t i = 0; i < robot.states.size(); ++i) {
-    if (c.cost.reference) break;  // no line across the page: the target moves
-    const bool weighed = c.cost.state_weight[i] > 0 || c.cost.terminal_weight[i] > 0;
-    if (weighed) json["target"][robot.states[i]] = c.cost.target[i];
-  }
+  for (std::size_t i = 0; i < robot.states.size(); ++i)  // of a reference the log has the rows
+    if (!c.cost.reference && is_weighed(c.cost, i)) json["target"][robot.states[i]] = c.cost.target[i];
+  if (const Json plane = plane_of(robot); !plane.is_null()) json["plane"] = plane;
   for (std::size_t i = 0; i < robot.params.size(); ++i) {
     if (c.priors[i].kind != tiller_prior_fixed) json["priors"][robot.params[i]] = prior_range(c.priors[i]);
   }

@@ -3,11 +3,14 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
-#include <set>
+#include <optional>
+#include <sstream>
 
+#include "read_all.hpp"
 #include "robot_text.hpp"
 #include "tools/run_facts.hpp"
 #include "tools/run_log.hpp"
+#include "tools/task_clock.hpp"
 #include "tools/units.hpp"
 
 namespace tiller::tools {
@@ -20,14 +23,18 @@ std::unique_ptr<RobotFile> robot_of(const std::string& text) {
   return robot;
 }
 
-Words columns_of(const RobotFile& robot) {
-  Words columns;
-  std::string header = RunLog(robot, true, std::vector<double>(robot.params.size(), 1.0)).header() + ",";
-  for (std::size_t comma = header.find(','); comma != std::string::npos; comma = header.find(',')) {
-    columns.push_back(header.substr(0, comma));
-    header.erase(0, comma + 1);
+Words cells_of(std::string row) {
+  Words cells;
+  row += ",";
+  for (std::size_t comma = row.find(','); comma != std::string::npos; comma = row.find(',')) {
+    cells.push_back(row.substr(0, comma));
+    row.erase(0, comma + 1);
   }
-  return columns;
+  return cells;
+}
+
+Words columns_of(const RobotFile& robot) {
+  return cells_of(RunLog(robot, true, std::vector<double>(robot.params.size(), 1.0)).header());
 }
 
 Words keys_of(const nlohmann::json& object) {
@@ -57,6 +64,7 @@ TEST(RunFacts, EveryColumnThatTheyPromiseIsInTheLog) {
   for (const auto& measured : columns["measured"]) expect(measured.get<std::string>());
   for (const std::string& state : keys_of(columns["states"]))
     for (const char* prefix : {"mean.", "sd.", "true."}) expect(prefix + state);
+  EXPECT_EQ(columns["tracked"].dump(), "[]");
   for (const std::string& parameter : keys_of(columns["parameters"]))
     for (const char* prefix : {"mean.", "sd.", "q05.", "q95.", "true."}) expect(prefix + parameter);
 }
@@ -69,6 +77,77 @@ TEST(RunFacts, PriorsAreTheirOwnQuantiles) {
   // a normal prior of 0.5 +- 0.1 cut three deviations below: the cut takes 1.3e-3 of it
   EXPECT_NEAR(priors["half_length_m"][0], 0.5 - 0.1 * 1.6325, 1e-4);
   EXPECT_NEAR(priors["cart.damping_SI"][1], 0.2 * 2.276, 1e-3);
+}
+
+/// Three rows for cart_pole: the position is 10 times the row's number.
+const std::vector<double> kReference = {0, 1, 0, 0, 10, 1, 0, 0, 20, 1, 0, 0};
+
+std::unique_ptr<RobotFile> robot_with_reference() {
+  auto robot = robot_of(test::kGoodRobot);
+  robot->config.cost.reference = kReference.data();
+  robot->config.cost.reference_steps = 3;
+  return robot;
+}
+
+TEST(RunFacts, OfAReferenceTheyNameTheStatesThatFollowIt) {
+  const auto robot = robot_with_reference();
+  const auto facts = nlohmann::json::parse(run_facts_json(*robot, RunResult{}, {}));
+  EXPECT_EQ(facts["columns"]["tracked"].dump(), R"(["angle_rad"])") << "what has no weight follows nothing";
+  EXPECT_FALSE(facts.contains("target")) << "it moves";
+}
+
+TEST(RunFacts, APlaneIsTheTwoStatesInMetres) {
+  std::string errors;
+  const auto robot = read_robot_file(TILLER_TEST_ROBOTS "/planar_quadrotor.toml", errors);
+  ASSERT_NE(robot, nullptr) << errors;
+  const auto plane = [&] { return nlohmann::json::parse(run_facts_json(*robot, RunResult{}, {}))["plane"].dump(); };
+  EXPECT_EQ(plane(), R"({"obstacles":[],"x":"x_m","y":"z_m"})");
+  robot->config.cost.obstacle_count = 1;
+  robot->config.cost.obstacles[0] = {1, 0, 0.5, 0.25, 0.2, 10};  // of z and x
+  EXPECT_EQ(plane(), R"({"obstacles":[[0.5,0.25,0.2]],"x":"z_m","y":"x_m"})");
+  EXPECT_FALSE(nlohmann::json::parse(run_facts_json(*robot_of(test::kGoodRobot), RunResult{}, {})).contains("plane"))
+      << "a rail is none";
+}
+
+TEST(TaskClock, CountsFromTheFirstTickInMotionAndAnewAfterAPause) {
+  TaskClock clock;
+  EXPECT_EQ(clock.step(0, tiller_state_standby), std::nullopt);
+  EXPECT_EQ(clock.step(1, tiller_state_active), 0u);
+  EXPECT_EQ(clock.step(2, tiller_state_hold), 1u) << "HOLD is a part of the task";
+  EXPECT_EQ(clock.step(5, tiller_state_active), 4u) << "ticks that the log lost count";
+  EXPECT_EQ(clock.step(6, tiller_state_safe), std::nullopt);
+  EXPECT_EQ(clock.step(7, tiller_state_standby), std::nullopt);
+  EXPECT_EQ(clock.step(8, tiller_state_active), 0u);
+}
+
+TEST(RunLog, HasTheReferencesRowThatIsDue) {
+  const auto robot = robot_with_reference();
+  const std::string path = testing::TempDir() + "/tiller_reference.csv";
+  RunLog log(*robot, false, {});
+  log.open(path);
+  tiller_command_t command{};
+  tiller_info_t info{};
+  TickView tick;
+  tick.command = &command;
+  tick.info = &info;
+  const tiller_state_t states[] = {tiller_state_standby, tiller_state_active, tiller_state_active, tiller_state_active,
+                                   tiller_state_active};
+  for (const tiller_state_t state : states) {
+    ++info.ticks;
+    info.state = state;
+    log.add(tick);
+  }
+  ASSERT_TRUE(log.close());
+  std::istringstream lines(test::read_all(path));
+  std::string line;
+  std::getline(lines, line);
+  const Words header = cells_of(line);
+  const int column = index_of(header, "ref.position_m");
+  ASSERT_GE(column, 0) << line;
+  for (const char* expected : {"", "0", "10", "20", "20"}) {
+    std::getline(lines, line);
+    EXPECT_EQ(cells_of(line)[static_cast<std::size_t>(column)], expected);
+  }
 }
 
 TEST(Units, AreWhatAFieldsNameEndsIn) {

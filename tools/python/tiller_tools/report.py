@@ -1,17 +1,19 @@
 """One page about a run: python -m tiller_tools.report run.csv -o run.html
 
 The CSV is the log of `tiller run --report` or `tiller demo`: a row a tick, columns as RunLog writes them (measured states
-and commands by name, mean.*, sd.*, q05.*, q95.*, true.*, ess, tick_us, deadline_us, state, status). Beside it lies the
+and commands by name, mean.*, sd.*, q05.*, q95.*, true.*, ref.*, ess, tick_us, deadline_us, state, status). Beside it lies the
 JSON of the same name (or --meta FILE), which says what the columns are, and what the log does not say:
 
     {"columns": {"states": {"angle_rad": "rad", "rate_rad_s": "rad/s"}, "angles": ["angle_rad"],
-                 "measured": ["angle_rad"], "inputs": {"force_N": "N"}, "parameters": {"pole_mass_kg": "kg"}},
+                 "measured": ["angle_rad"], "inputs": {"force_N": "N"}, "parameters": {"pole_mass_kg": "kg"},
+                 "tracked": []},
      "title": "cart_pole", "outcome": "upright after 2.4 s", "good": true,
      "limits": {"force_N": [-20, 20]}, "target": {"angle_rad": 0},
      "priors": {"pole_mass_kg": [0.052, 0.148]}, "facts": {"planner": "mppi", "seed": "1"}}
 
 "columns" is required, with the unit of each ("angles": of one turn, where whole turns are the same); every other key is
-optional. "priors" holds 5 % and 95 % of the prior;
+optional. "tracked" states have a reference to follow, in the log as ref.*; "plane" names two states that span one, and the
+obstacles in it: {"x": "x_m", "y": "z_m", "obstacles": [[x, y, radius]]}. "priors" holds 5 % and 95 % of the prior;
 without it the first row's quantiles stand for it.
 """
 
@@ -42,6 +44,7 @@ class Run:
         columns = meta["columns"]
         self.states, self.inputs, self.params = (list(columns[key]) for key in ("states", "inputs", "parameters"))
         self.measured, self.angles = set(columns["measured"]), set(columns["angles"])
+        self.tracked = [name for name in self.states if name in columns["tracked"]]
         self.units = {**columns["states"], **columns["inputs"], **columns["parameters"]}
 
     def column(self, name: str) -> np.ndarray | None:
@@ -58,6 +61,13 @@ class Run:
         return tuple(given) if given else (float(self.table[f"q05.{name}"][0]), float(self.table[f"q95.{name}"][0]))
 
 
+    def reference(self, name: str) -> np.ndarray:
+        """Of an angle the turns that the run was on: the task does not tell them apart."""
+        rows = self.table[f"ref.{name}"]
+        if name not in self.angles:
+            return rows
+        return rows + 2 * np.pi * np.round((self.table[f"mean.{name}"] - rows) / (2 * np.pi))
+
     def target(self, name: str) -> float | None:
         """Of an angle the turn of it that the run ended at: the task does not tell them apart."""
         target = self.meta.get("target", {}).get(name)
@@ -69,7 +79,7 @@ class Run:
 
 def _check_columns(columns, path: Path) -> None:
     """The log's writer says what a column is; nothing is concluded from its name."""
-    shape = {"states": dict, "angles": list, "measured": list, "inputs": dict, "parameters": dict}
+    shape = {"states": dict, "angles": list, "measured": list, "inputs": dict, "parameters": dict, "tracked": list}
     if not isinstance(columns, dict) or any(not isinstance(columns.get(key), kind) for key, kind in shape.items()):
         raise ReportError(f"{path}: no key 'columns' with {', '.join(shape)}, so nothing says what the log's columns are; "
                           "`tiller run --report` writes it")
@@ -113,10 +123,75 @@ def state_figure(run: Run, name: str) -> str:
     truth = run.column(f"true.{name}")
     if truth is not None:
         _finite_line(ax, time, truth[cut], color=page.TRUTH, linewidth=1.2, linestyle=(0, (4, 2)), label="truth")
+    if name in run.tracked:
+        _finite_line(ax, time, run.reference(name)[cut], color=page.INK, linewidth=1.2, linestyle=(0, (1, 1.2)),
+                     label="reference")
     target = run.target(name)
     if target is not None:
         ax.axhline(target, color=page.INK, linewidth=0.9, linestyle=":", label="target")
     ax.margins(x=0.01)
+    page.legend(ax)
+    return page.svg(figure)
+
+
+def _wrapped(values: np.ndarray) -> np.ndarray:
+    return values - 2 * np.pi * np.round(values / (2 * np.pi))
+
+
+def error_figure(run: Run, name: str) -> str:
+    """How far the robot is from the reference, and how far it is believed to be."""
+    figure, ax = page.axes(f"tracking error of {name}", page.unit_label(name, run.units[name]))
+    cut = page.thin(len(run.time))
+    reference, truth, sd = run.reference(name), run.column(f"true.{name}"), run.table[f"sd.{name}"]
+    errors = {"estimate": run.table[f"mean.{name}"] - reference}
+    if truth is not None:
+        errors["truth"] = truth - reference
+    if name in run.angles:
+        errors = {which: _wrapped(error) for which, error in errors.items()}
+    time, error = run.time[cut], errors["estimate"][cut]
+    ax.axhline(0, color=page.MEASURED, linewidth=1.0)
+    ax.fill_between(time, error - 1.645 * sd[cut], error + 1.645 * sd[cut], color=page.BAND, linewidth=0)
+    _finite_line(ax, time, error, color=page.ESTIMATE, label="estimate, 90 %")
+    if truth is not None:
+        _finite_line(ax, time, errors["truth"][cut], color=page.TRUTH, linewidth=1.2, linestyle=(0, (4, 2)),
+                     label="truth")
+    ax.margins(x=0.01)
+    page.legend(ax)
+    which = "truth" if truth is not None else "estimate"
+    known = errors[which][np.isfinite(errors[which])]
+    if not known.size:
+        return page.svg(figure)
+    unit = page.unit_text(run.units[name])
+    return page.svg(figure, f"Of the {which}: RMS {page.number(np.sqrt(np.mean(known ** 2)), 3)} {unit}, at most "
+                            f"{page.number(np.max(np.abs(known)), 3)} {unit}.")
+
+
+def path_figure(run: Run, plane: dict) -> str:
+    """Where it went in the plane, from a circle to a square; lengths are the same along both axes."""
+    names = [plane["x"], plane["y"]]
+    x, y = (page.quantity_label(name, run.units[name]) for name in names)
+    figure, ax = page.axes("path in the plane", y, xlabel=x, height=4.6)
+    cut = page.thin(len(run.time))
+    if set(names) <= set(run.tracked):
+        ax.plot(*(run.reference(name)[cut] for name in names), color=page.INK, linewidth=1.2, linestyle=(0, (1, 1.2)),
+                label="reference")
+    paths = [("estimate", "mean.", {"color": page.ESTIMATE}),
+             ("truth", "true.", {"color": page.TRUTH, "linewidth": 1.2, "linestyle": (0, (4, 2))})]
+    for label, prefix, style in paths:
+        points = [run.column(prefix + name) for name in names]
+        if all(values is not None for values in points):
+            ax.plot(*(values[cut] for values in points), label=label, **style)
+    start, end = ([run.table[f"mean.{name}"][i] for name in names] for i in (0, -1))
+    ax.plot(*start, "o", color=page.ESTIMATE, markersize=5, fillstyle="none", label="start")
+    ax.plot(*end, "s", color=page.ESTIMATE, markersize=5, fillstyle="none", label="end")
+    target = [run.target(name) for name in names]
+    if all(value is not None for value in target):
+        ax.plot(*target, "+", color=page.INK, markersize=6, label="target")
+    for i, (at_x, at_y, radius) in enumerate(plane.get("obstacles", [])):
+        ax.add_patch(page.plt.Circle((at_x, at_y), radius, color=page.LIMIT, alpha=0.35, linewidth=0,
+                                     label=None if i else "obstacle"))
+    ax.margins(0.06)
+    ax.set_aspect("equal", adjustable="datalim")
     page.legend(ax)
     return page.svg(figure)
 
@@ -245,7 +320,10 @@ def build(run: Run) -> str:
         body += ["<h2>What was learnt</h2>", param_table(run),
                  page.grid([param_figure(run, name) for name in run.params] + [spread_figure(run)])]
     body.append("<h2>How it moved</h2>")
-    body.append(page.grid([state_figure(run, name) for name in run.states] +
+    plane = run.meta.get("plane")
+    body.append(page.grid(([path_figure(run, plane)] if plane else []) +
+                          [error_figure(run, name) for name in run.tracked] +
+                          [state_figure(run, name) for name in run.states] +
                           [input_figure(run, name) for name in run.inputs]))
     inner = [ess_figure(run)] if "ess" in run.table else []
     inner += [tick_figure(run)] if "tick_us" in run.table else []
