@@ -24,6 +24,7 @@ json param_json(const ParamSummary& p, const std::string& unit) {
   out["sd"] = number(p.sd);
   out["interval_90"] = {number(p.low), number(p.high)};
   out["median"] = number(p.median);
+  out["edge"] = edge_json(p.name, p.edge);
   out["prior"] = {{"mean", number(p.prior_mean)},
                   {"sd", number(p.prior_sd)},
                   {"interval_90", {number(p.prior_low), number(p.prior_high)}}};

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "posterior/prior.hpp"
+#include "tools/prior_edge.hpp"
 #include "tools/robot_schema.hpp"
 #include "tools/run_summary.hpp"
 #include "tools/units.hpp"
@@ -119,6 +120,9 @@ std::string run_facts_json(const RobotFile& robot, const RunResult& result, cons
   for (std::size_t i = 0; i < robot.params.size(); ++i) {
     if (c.priors[i].kind != tiller_prior_fixed) json["priors"][robot.params[i]] = prior_range(c.priors[i]);
   }
+  const std::vector<PriorEdge> edges = find_prior_edges(robot.config, robot.params, result.particles);
+  for (std::size_t i = 0; i < edges.size() && c.posterior.enabled; ++i)
+    if (edges[i].side != EdgeSide::none) json["edges"][robot.params[i]] = edge_json(robot.params[i], edges[i]);
   json["facts"] = facts(robot, result);
   return json.dump(2) + "\n";
 }

@@ -68,7 +68,8 @@ json estimate_json(const Estimate& e, bool own) {
           {"before_sd", number(e.before_sd)},
           {"mean", number(e.mean)},
           {"sd", number(e.sd)},
-          {"interval_95", {number(e.low), number(e.high)}}};
+          {"interval_95", {number(e.low), number(e.high)}},
+          {"edge", edge_json(e.name, e.edge)}};
 }
 
 json explanation_json(const Explanation& x, const RobotFile& robot) {

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "effects/effect_info.hpp"
+#include "tools/gap/edges.hpp"
 #include "tools/gap/intervals.hpp"
 #include "tools/gap/thresholds.hpp"
 #include "tools/gap/twins.hpp"
@@ -51,6 +52,8 @@ std::vector<Estimate> estimates(const Session& s, const Entry& e, const Entry& n
   const std::vector<double> sd = deviations(e.hypothesis, e.fit, s.dispersion),
                             before = deviations(nominal.hypothesis, nominal.fit, s.dispersion);
   const double reach = interval_factor(e.hypothesis, e.fit);
+  const std::vector<PriorEdge> edges = prior_edges(e.hypothesis, e.fit, sd, param_names),
+                               held = prior_edges(nominal.hypothesis, nominal.fit, before, param_names);
   for (std::size_t f = 0; f < e.hypothesis.free.size(); ++f) {
     const FreeParam& free = e.hypothesis.free[f];
     Estimate& p = list[free.index];
@@ -58,6 +61,10 @@ std::vector<Estimate> estimates(const Session& s, const Entry& e, const Entry& n
     p.low = std::max(free.low, p.mean - reach * p.sd);
     p.high = std::min(free.high, p.mean + reach * p.sd);
     if (f < before.size()) p.before_sd = before[f];
+    if (f < edges.size()) p.edge = edges[f];
+    // an effect that does what the parameter may not leaves it where it was
+    if (p.edge.side == EdgeSide::none && f < held.size() && held[f].at_bound && p.mean == held[f].bound)
+      p.edge = held[f];
   }
   return list;
 }

@@ -74,7 +74,9 @@ def marginal_figure(candidate: dict, index: int) -> str:
     ax.hist(draws, bins=edges, density=True, color=page.BAND, label=_method(candidate)["name"].replace("_", " "))
     ax.axvline(param["mean"], color=page.ESTIMATE, label="mean")
     page.legend(ax)
-    if not low <= param["mean"] <= high:
+    if param.get("edge"):
+        notes.append(f"Mind: {param['edge']['text']}.")
+    elif not low <= param["mean"] <= high:
         notes.append("The posterior leaves the prior's 90 %: the prior, or the model, deserves a second look.")
     return page.svg(figure, " ".join(notes))
 
@@ -218,7 +220,7 @@ def residual_figure(history: dict, channel: dict) -> str:
 def adequacy_figure(candidate: dict) -> str:
     history = candidate["history"]
     figure, ax = _history_axes(history, "test of the model", "statistic / threshold")
-    ax.axhline(1, color=page.LIMIT, linewidth=1.0, label="alarm")
+    ax.axhline(1, color=page.LIMIT, linewidth=1.5, label="alarm")
     time, statistic = _array(history["data_s"]), _array(history["adequacy"])
     if candidate["alarm"]:  # latched from then on
         ax.axvline(candidate["alarm"]["data_s"], color=page.LIMIT, linestyle=(0, (4, 2)))
@@ -396,9 +398,8 @@ def build(result: dict) -> str:
         body.append(f"<p>Learnt by {page.html.escape(method['name'])} ({page.html.escape(method['citation'])}). Mind: "
                     f"{page.html.escape(method['caveat'])}. It knows of no noise scale: the predictive bands have the "
                     f"robot file's noise.</p>")
-    for warning in result["warnings"]:
-        body.append(f"<p>⚠ {page.html.escape(warning)}</p>")
-    body += ["<h2>What was learnt</h2>", param_table(best)]
+    edges = [param["edge"]["text"] for param in _learnt(best) if param.get("edge")]
+    body += [page.warnings(result["warnings"]), "<h2>What was learnt</h2>", page.warnings(edges), param_table(best)]
     if _learnt(best):
         figures = [marginal_figure(best, i) for i in range(len(_learnt(best)))] + [pairs_figure(best)]
         body.append(page.grid([figure for figure in figures if figure]))

@@ -9,12 +9,14 @@ JSON of the same name (or --meta FILE), which says what the columns are, and wha
                  "tracked": []},
      "title": "cart_pole", "outcome": "upright after 2.4 s", "good": true,
      "limits": {"force_N": [-20, 20]}, "target": {"angle_rad": 0},
-     "priors": {"pole_mass_kg": [0.052, 0.148]}, "facts": {"planner": "mppi", "seed": "1"}}
+     "priors": {"pole_mass_kg": [0.052, 0.148]}, "facts": {"planner": "mppi", "seed": "1"},
+     "edges": {"pole_mass_kg": {"at": "upper bound", "value": 0.15, "by": "prior",
+                                "text": "pole_mass_kg at its upper bound 0.15: widen the prior"}}}
 
 "columns" is required, with the unit of each ("angles": of one turn, where whole turns are the same); every other key is
 optional. "tracked" states have a reference to follow, in the log as ref.*; "plane" names two states that span one, and the
 obstacles in it: {"x": "x_m", "y": "z_m", "obstacles": [[x, y, radius]]}. "priors" holds 5 % and 95 % of the prior;
-without it the first row's quantiles stand for it.
+without it the first row's quantiles stand for it. "edges" are the parameters whose posterior stands on its prior's edge.
 """
 
 from __future__ import annotations
@@ -67,6 +69,9 @@ class Run:
         if name not in self.angles:
             return rows
         return rows + 2 * np.pi * np.round((self.table[f"mean.{name}"] - rows) / (2 * np.pi))
+
+    def edge(self, name: str) -> dict | None:
+        return self.meta.get("edges", {}).get(name)
 
     def target(self, name: str) -> float | None:
         """Of an angle the turn of it that the run ended at: the task does not tell them apart."""
@@ -281,6 +286,9 @@ def param_table(run: Run) -> str:
         prior = run.prior(name)
         shrink = (prior[1] - prior[0]) / (high - low) if high > low else float("nan")
         inside = "" if not np.isfinite(truth) else "yes" if low <= truth <= high else "no"
+        edge = run.edge(name)
+        if inside == "no" and edge and edge["by"] == "physics" and truth == edge["value"]:
+            inside = "at its bound"  # which an interval from 5 to 95 % never reaches
         body.append([name, page.number(truth), f"{page.number(prior[0])} … {page.number(prior[1])}",
                      page.number(run.last(f"mean.{name}")), page.number(run.last(f"sd.{name}"), 2),
                      f"{page.number(low)} … {page.number(high)}", inside or "–",
@@ -317,7 +325,8 @@ def build(run: Run) -> str:
         body.append(page.outcome(run.meta["outcome"], run.meta.get("good")))
     body.append(run_facts(run))
     if run.params:
-        body += ["<h2>What was learnt</h2>", param_table(run),
+        edges = [run.edge(name)["text"] for name in run.params if run.edge(name)]
+        body += ["<h2>What was learnt</h2>", page.warnings(edges), param_table(run),
                  page.grid([param_figure(run, name) for name in run.params] + [spread_figure(run)])]
     body.append("<h2>How it moved</h2>")
     plane = run.meta.get("plane")
