@@ -65,7 +65,9 @@ def fit_result(learnt: int = 2, history: bool = True, held_out: bool = True, ade
             width = 1 / (1 + 50 * time)
             params.append({"name": f"damping_{i}_SI", "fixed": False, "mean": 0.5, "sd": 0.01, "median": 0.5,
                            "interval_90": [0.49, 0.51],
-                           "prior": {"mean": 0.5, "sd": 0.3, "interval_90": [0.05, 0.95]}})
+                           "prior": {"mean": 0.5, "sd": 0.3, "interval_90": [0.05, 0.95]},
+                           "edge": None if i else {"at": "lower bound", "value": 0.0, "by": "physics",
+                                                   "text": "damping_0_SI at 0, its bound by physics"}})
             over_time.append({"name": f"damping_{i}_SI", "mean": [0.5] * 200, "low": list(0.5 - 0.5 * width),
                               "high": list(0.5 + 0.5 * width)})
         out = {"name": name, "learns": learns, "parameters": params, "noise_scale": 1.1, "particles": 512,
@@ -205,7 +207,8 @@ class Pages(unittest.TestCase):
         for word in ("arm &lt;1&gt;", "damping_1_SI", "pairs of parameters", "While the logs were taken in",
                      "effective sample size", "acceptance of moves", "300 of 512", "88 %", "90 % of readings",
                      "rollouts on held-out logs", "a warning", "Does the model explain the logs?", "dry friction",
-                     "inadequate after 0.700 s", "normalised residuals of rate_rad_s", "1 beyond the axes"):
+                     "inadequate after 0.700 s", "normalised residuals of rate_rad_s", "1 beyond the axes",
+                     "⚠ damping_0_SI at 0, its bound by physics"):
             self.assertIn(word, text)
         self.assertLess(len(text), 2_000_000)
 

@@ -11,6 +11,7 @@ import io
 import re
 
 import matplotlib
+import matplotlib.ticker
 
 matplotlib.use("svg")
 from matplotlib import pyplot as plt  # noqa: E402  the backend is chosen first
@@ -119,6 +120,16 @@ def unit_label(name: str, unit: str | None) -> str:
 def quantity_label(name: str, unit: str | None) -> str:
     """Of an axis whose figure is called by something else."""
     return name if unit in (None, "", "1") else f"{name} ({unit_text(unit)})"
+
+
+def log_axis(axis, low: float, high: float) -> None:
+    """A logarithmic axis over positive values, labelled in plain numbers, three a decade where there are few decades."""
+    decades = np.log10(high / low)
+    axis.axes.set_yscale("log")
+    axis.axes.set_ylim(low, high)
+    axis.set_major_locator(matplotlib.ticker.LogLocator(subs=(1.0,) if decades > 2.5 else (1.0, 2.0, 5.0)))
+    axis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.set_minor_formatter(matplotlib.ticker.NullFormatter())
 
 
 def curve(i: int) -> dict:

@@ -237,11 +237,14 @@ def spread_figure(run: Run) -> str:
     """All parameters in one view: a posterior that has narrowed a hundredfold is a line in its own plot."""
     figure, ax = page.axes("spread of the posterior", "width / prior's")
     cut = page.thin(len(run.time))
+    least, most = 0.5, 1.2  # at least: a posterior that stays as it is must not be magnified
     for i, name in enumerate(run.params):
         low, high = run.prior(name)
         width = (run.table[f"q95.{name}"] - run.table[f"q05.{name}"]) / (high - low)
         keep = np.isfinite(width) & (width > 0)
-        ax.semilogy(run.time[keep][cut], width[keep][cut], label=name, linewidth=1.4, **page.curve(i))
+        ax.plot(run.time[keep][cut], width[keep][cut], label=name, linewidth=1.4, **page.curve(i))
+        least, most = min([least, *(0.8 * width[keep])]), max([most, *(1.2 * width[keep])])
+    page.log_axis(ax.yaxis, least, most)
     ax.margins(x=0.01)
     page.legend(ax)
     return page.svg(figure, "Width of the 90 % interval over that of the prior.")
