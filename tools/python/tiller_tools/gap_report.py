@@ -82,11 +82,13 @@ def horizon_figure(result: dict) -> str:
     ax.axhline(1, color=page.INK, linewidth=1.0, linestyle=(0, (4, 3)), label="noise alone")
     for x, value in (pair for x, height, *_ in bars for pair in zip(x, height)):
         if np.isfinite(value):
-            ax.annotate(page.number(value, 3), (x, value), ha="center", va="bottom", fontsize=9)
+            ax.annotate(page.number(value, 3), (x, value), xytext=(0, 2), textcoords="offset points", ha="center",
+                        va="bottom", fontsize=9, bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6})
     ax.set_xticks(at, [f"{h['seconds']:g}" for h in horizons])
     ax.grid(axis="x", visible=False)
     if np.nanmax(before, initial=1) > 30 * max(np.nanmin(after, initial=np.inf), 1e-9):
         ax.set_yscale("log")
+        ax.yaxis.set_major_formatter(page.plain)
     ax.margins(y=0.15)
     page.legend(ax)
     return page.svg(figure, "Root mean square deviation of the measurement from the rollout, in standard deviations of "
@@ -150,6 +152,7 @@ def null_figure(result: dict) -> str:
     ax.axvline(m["statistic"], color=page.TRUTH, linewidth=2.0, label="these data")
     if m["statistic"] > 5 * np.nanmax(null, initial=1e-12):
         ax.set_xscale("symlog", linthresh=float(np.nanmax(null, initial=1e-12)))
+        ax.xaxis.set_major_formatter(page.plain)
     page.legend(ax)
     return page.svg(figure, f"The residual force of {m['joint']} over {_AXES.get(m['axis'], m['axis'])}, after its "
                             "blocks of about 2 s changed places and signs: it then goes with nothing.")
@@ -200,6 +203,7 @@ def behind_figure(result: dict) -> str:
         ax.annotate(f" {page.number(value, 3)} ", (max(value, 0.0), i), ha="left", va="center", fontsize=8, color=page.INK)
     ax.set_yticks(np.arange(len(ranking)), ["\n".join(wrap(_effects(x), 32)[:2]) for x in ranking], fontsize=8)
     ax.set_xscale("symlog", linthresh=10)
+    ax.xaxis.set_major_formatter(page.plain)
     ax.set_xlim(min(0.0, 2 * float(np.nanmin(behind))), max(30.0, 10 * float(np.nanmax(behind))))
     ax.invert_yaxis()
     ax.grid(axis="y", visible=False)

@@ -155,6 +155,7 @@ def learning_figure(candidate: dict, index: int) -> str:
     ax.plot(time, _array(param["mean"]), color=page.ESTIMATE, label="mean")
     if _learnt_early(history):
         ax.set_xscale("log")
+        ax.xaxis.set_major_formatter(page.plain)
         ax.set_xlim(time[1], time[-1])
     ax.margins(x=0)
     page.legend(ax)

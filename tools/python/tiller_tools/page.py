@@ -122,13 +122,18 @@ def quantity_label(name: str, unit: str | None) -> str:
     return name if unit in (None, "", "1") else f"{name} ({unit_text(unit)})"
 
 
+def plain(value: float, _=None) -> str:
+    """A tick's label: the number, where a logarithmic axis would write powers of ten."""
+    return f"{value:g}".replace("e+0", "e")
+
+
 def log_axis(axis, low: float, high: float) -> None:
     """A logarithmic axis over positive values, labelled in plain numbers, three a decade where there are few decades."""
     decades = np.log10(high / low)
     axis.axes.set_yscale("log")
     axis.axes.set_ylim(low, high)
     axis.set_major_locator(matplotlib.ticker.LogLocator(subs=(1.0,) if decades > 2.5 else (1.0, 2.0, 5.0)))
-    axis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.set_major_formatter(plain)
     axis.set_minor_formatter(matplotlib.ticker.NullFormatter())
 
 
