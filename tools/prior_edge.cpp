@@ -54,8 +54,8 @@ bool piles_up(const tiller_prior_t& prior, const PriorEdge& edge, const std::vec
   const bool low = edge.side == EdgeSide::low;
   const double bound = low ? coordinate_low(prior) : coordinate_high(prior);
   if (!std::isfinite(bound)) return false;
-  std::vector<double> distance;
-  for (const double at : v) distance.push_back(std::max(0.0, low ? at - bound : bound - at));
+  std::vector<double> distance = v;
+  for (double& at : distance) at = std::max(0.0, low ? at - bound : bound - at);
   const Ordered ordered(std::move(distance), weight);
   const double zone = std::fabs(prior_quantile(prior, low ? kZone : 1.0 - kZone) - bound);
   const double rise = edge.by_physics ? kNotTold : kRise;
@@ -94,8 +94,8 @@ PhysicalRange physical_range(const tiller_config_t& config, const Words& names, 
 PriorEdge find_prior_edge(const tiller_prior_t& prior, const PhysicalRange& physical, const std::vector<double>& values,
                           const std::vector<double>& weight) {
   if (prior.kind == tiller_prior_fixed || values.empty()) return {};
-  std::vector<double> v;
-  for (const double value : values) v.push_back(to_coordinate(prior, value));
+  std::vector<double> v = values;
+  for (double& at : v) at = to_coordinate(prior, at);
   for (const bool low : {true, false}) {
     const PriorEdge edge = edge_at(prior, physical, low);
     if (piles_up(prior, edge, v, weight)) return edge;

@@ -38,11 +38,11 @@ PhysicalRange physical_range(const tiller_config_t& config, const Words& names, 
 /// beyond 0.30 (an exponential). So the first condition says that the data are sharp enough to be cut by the bound, the
 /// second that they ask for more; a wide posterior whose truth happens to be near a bound meets neither.
 ///
-/// In a tail (normal and log-normal priors): half of the draws lie beyond the prior's quantile of 0.5 or 99.5 %. Nothing
-/// cuts there, but the prior draws the estimate back.
+/// In a tail (normal and log-normal priors): half of the draws lie beyond the prior's quantile of 0.5 or 99.5 %.
+/// Nothing cuts there, but the prior draws the estimate back.
 ///
-/// At a bound that is `physical` there is nothing to widen, and the truth may well be the bound itself: there 0.5 in the
-/// place of 0.4 says that the data do not tell it from the bound.
+/// At a bound that is `physical` there is nothing to widen, and the truth may well be the bound itself: there 0.5 in
+/// the place of 0.4 says that the data do not tell it from the bound.
 PriorEdge find_prior_edge(const tiller_prior_t& prior, const PhysicalRange& physical, const std::vector<double>& values,
                           const std::vector<double>& weight);
 

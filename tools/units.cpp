@@ -45,7 +45,7 @@ std::string unit_of_field(const std::string& name) {
 }
 
 std::string unit_of_effect(const EffectInfo& info, int param, std::uint32_t port, const tiller_model_t& model) {
-  const std::string unit = info.params[param].unit;
+  std::string unit = info.params[param].unit;
   if (info.port == PortKind::sensor && unit == "as the state") return unit_of_field(model.state_names[port]);
   const std::size_t at = unit.find(" or ");
   if (at == std::string::npos || info.port == PortKind::body) return unit;

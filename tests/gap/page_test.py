@@ -60,7 +60,8 @@ class Page(unittest.TestCase):
     def test_what_each_verdict_tells(self):
         ambiguous = self.draw(gap_result("ambiguous")).read_text()
         for word in ("cannot be told apart", "tiller excite", "move slowly through standstill", "● coulomb friction",
-                     "● stribeck friction", "force = -friction sign(v)", "499 permutations", "0.1010 N m", "fnv1a-4567"):
+                     "● stribeck friction", "force = -friction sign(v)", "499 permutations", "0.1010 N m",
+                     "fnv1a-4567"):
             self.assertIn(word, ambiguous)
         unfit = self.draw(gap_result("unfit")).read_text()
         self.assertIn("runs/a.csv:302", unfit)

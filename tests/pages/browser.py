@@ -34,12 +34,13 @@ _PROBE = """
     };
   });
   const wide = all(document, "body *").filter((e) => !e.closest("svg, .scroll") &&
-      (e.getBoundingClientRect().right > document.documentElement.clientWidth + 1 || e.scrollWidth > e.clientWidth + 1 &&
-       e.clientWidth > 0)).map((e) => e.tagName + ": " + e.textContent.slice(0, 60));
+      (e.getBoundingClientRect().right > document.documentElement.clientWidth + 1 ||
+       e.clientWidth > 0 && e.scrollWidth > e.clientWidth + 1)).map((e) => e.tagName + ": " + e.textContent.slice(0, 60));
   const out = document.createElement("pre");
   out.id = "probe";
   out.style.display = "none";
-  out.textContent = JSON.stringify({figures, wide, text: document.body.innerText, height: document.body.getBoundingClientRect().bottom});
+  const height = document.body.getBoundingClientRect().bottom;
+  out.textContent = JSON.stringify({figures, wide, text: document.body.innerText, height});
   document.body.appendChild(out);
 })();
 </script>"""
@@ -66,7 +67,8 @@ class Browser:
     def look(self, width: int = 1200, height: int = 9000) -> tuple[dict, np.ndarray]:
         """What the probe finds, and a picture of it: (rows x columns x 3), 0 .. 1."""
         probed, file = self.folder / "probed.html", self.folder / "probed.png"
-        probed.write_text(self.page.read_text(encoding="utf-8").replace("</body>", _PROBE + "</body>"), encoding="utf-8")
+        text = self.page.read_text(encoding="utf-8").replace("</body>", _PROBE + "</body>")
+        probed.write_text(text, encoding="utf-8")
         run = self._run(f"--window-size={width},{height}", f"--screenshot={file}", "--dump-dom", url=probed.as_uri())
         found = re.search(r'<pre id="probe"[^>]*>(.*?)</pre>', run.stdout, re.S)
         if not found:

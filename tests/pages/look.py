@@ -172,8 +172,8 @@ def missing_and_extra(now: list[dict], expected: list[str]) -> list[str]:
 
 
 def differences(now: list[dict], approved: list[dict], tolerance: Tolerance, by_the_clock: tuple = ()) -> list[str]:
-    """Sentences on every figure that is missing, too many, or looks otherwise. Of figures `by_the_clock`, which show how
-    fast this machine is, only the axes are compared."""
+    """Sentences on every figure that is missing, too many, or looks otherwise. Of figures `by_the_clock`, which show
+    how fast this machine is, only the axes are compared."""
     old = {axes_text(figure): figure for figure in approved}
     new = {axes_text(figure): figure for figure in now}
     found = missing_and_extra(now, list(old))

@@ -1,5 +1,5 @@
-"""look_test.py FOLDER: the pages of fixed data beside the approved ones; and that a broken page is told from a good one,
-and another reader's font is not. TILLER_APPROVE=1 approves the pages: look at their pictures in FOLDER first."""
+"""look_test.py FOLDER: the pages of fixed data beside the approved ones; and that a broken page is told from a good
+one, and another reader's font is not. TILLER_APPROVE=1 approves the pages: look at their pictures in FOLDER first."""
 
 import itertools
 import json
@@ -33,12 +33,13 @@ def run_page(folder: Path) -> Path:
 
 
 def reference_page(folder: Path) -> Path:
-    """A robot in a plane that cuts the corners of its reference, beside an obstacle; a parameter at its prior's bound."""
+    """A robot in a plane that cuts the corners of its reference, an obstacle, a parameter at its prior's bound."""
     t = 0.02 * np.arange(300)
     at = {"x_m": np.cos(t), "z_m": np.sin(2 * t), "tilt_rad": t}  # the angle's reference stays within a turn
     columns = {"time_s": t, "x_m": at["x_m"], "force_N": np.sin(t)}
     columns |= {f"mean.{name}": 0.9 * values for name, values in at.items()}
-    columns |= {f"sd.{name}": 0.02 + 0 * t for name in at} | {"true.x_m": 0.91 * at["x_m"], "true.z_m": 0.91 * at["z_m"]}
+    columns |= {f"sd.{name}": 0.02 + 0 * t for name in at}
+    columns |= {f"true.{name}": 0.91 * at[name] for name in ("x_m", "z_m")}
     columns |= {"ref.x_m": at["x_m"], "ref.z_m": at["z_m"], "ref.tilt_rad": np.angle(np.exp(1j * t))}
     mass = 0.5 - 0.1 * np.exp(-t)  # of a prior whose width stays
     columns |= {"mean.mass_kg": mass, "sd.mass_kg": 0.02 + 0 * t, "q05.mass_kg": mass - 0.09, "q95.mass_kg": mass}
@@ -174,7 +175,7 @@ class Look(unittest.TestCase):
     def test_figures_that_are_missing_or_too_many_are_told(self):
         approved = json.loads((HERE / "approved" / "run.json").read_text(encoding="utf-8"))
         self.assertEqual(look.differences(approved, approved, look.SAME_DATA), [])
-        self.expect(look.differences(approved[1:], approved, look.SAME_DATA), "missing: posterior of pole_mass_kg | time")
+        self.expect(look.differences(approved[1:], approved, look.SAME_DATA), "missing: posterior of pole_mass_kg | ti")
         extra = approved + [approved[0] | {"title": "command now_us"}]
         self.expect(look.differences(extra, approved, look.SAME_DATA), "not expected: command now_us")
         without_unit = [approved[0] | {"y": ["value"]}] + approved[1:]

@@ -1,7 +1,7 @@
 """robots_test.py KIND ROBOT.toml FOLDER: the page of a shipped robot, as the program makes it, beside the approved one.
 
-The page and its picture stay in FOLDER. TILLER_APPROVE=1 approves them: look at them first. What a gap's page shows goes
-by its verdict, which the last bits of a simulated run may turn: its figures are those that gap.json asks for.
+The page and its picture stay in FOLDER. TILLER_APPROVE=1 approves them: look at them first. What a gap's page shows
+goes by its verdict, which the last bits of a simulated run may turn: its figures are those that gap.json asks for.
 """
 
 import json
@@ -21,6 +21,7 @@ from browser import CHROMIUM, Browser  # noqa: E402
 TILLER = os.environ["TILLER_COMMAND"]
 APPROVED = Path(__file__).parent / "approved"
 # Lanes that every x86-64 processor has, so that all of them show the same run. Elsewhere what the machine has is taken.
+SIMULATED = ("--sim", "--quiet", "--alarm-seconds", 0)
 ENVIRONMENT = os.environ | {"TILLER_ISA": "sse2", "PYTHONDONTWRITEBYTECODE": "1"}
 BY_THE_CLOCK = ("time of a tick",)
 
@@ -33,12 +34,12 @@ def tiller(*arguments, codes=(0,)) -> None:
 
 def record(robot: Path, folder: Path, name: str, seed: int, seconds: float) -> Path:
     file = folder / f"{name}.mcap"
-    tiller("run", robot, "--sim", "--seconds", seconds, "--seed", seed, "--quiet", "--alarm-seconds", 0, "--record", file)
+    tiller("run", robot, *SIMULATED, "--seconds", seconds, "--seed", seed, "--record", file)
     return file
 
 
 def page_of_run(robot: Path, folder: Path, seconds: float = 2) -> Path:
-    tiller("run", robot, "--sim", "--seconds", seconds, "--quiet", "--alarm-seconds", 0, "--report", folder / "run.html")
+    tiller("run", robot, *SIMULATED, "--seconds", seconds, "--report", folder / "run.html")
     return folder / "run.html"
 
 
@@ -110,7 +111,8 @@ def approved_differences(figures: list[dict], file: Path) -> list[str]:
     return look.differences(figures, approved, look.SAME_TASK, BY_THE_CLOCK)
 
 
-PAGES = {"run": page_of_run, "reference": page_of_reference, "demo": page_of_demo, "identify": page_of_identify, "gap": page_of_gap}
+PAGES = {"run": page_of_run, "reference": page_of_reference, "demo": page_of_demo, "identify": page_of_identify,
+         "gap": page_of_gap}
 
 
 def text_of(figures: list[dict]) -> str:

@@ -1,4 +1,4 @@
-"""A parameter on the edge of its prior, as `tiller run`, `identify` and `gap` tell it: in the text, the JSON, the page."""
+"""A parameter on the edge of its prior, as `tiller run`, `identify` and `gap` tell it: in text, JSON and page."""
 
 import json
 import os
@@ -24,7 +24,8 @@ NAMED = "mass_kg at its upper bound 0.48: widen the prior"
 
 
 def robot_text(low: float, high: float, effects: str = "") -> str:
-    text = ROBOT.replace(PRIOR, f"mass_kg = {{ uniform = [{low}, {high}] }}").replace("angle_rad = 0.0 }", "angle_rad = 1.0 }")
+    text = ROBOT.replace(PRIOR, f"mass_kg = {{ uniform = [{low}, {high}] }}")
+    text = text.replace("angle_rad = 0.0 }", "angle_rad = 1.0 }")
     assert f"[{low}, {high}]" in text
     return text.replace("[measurement]", effects + "[measurement]") + SIM
 
@@ -37,8 +38,8 @@ class Edge(unittest.TestCase):
         cls.logs = []
         for seed in range(3):
             path = cls.folder / f"log{seed}.csv"
-            rows = ["time_s,angle_rad,torque_Nm"] + [f"{t:.3f},{q:.9g},{u:.9g}" for t, q, u in simulate(seed + 1, 0.0, 6.0)]
-            path.write_text("\n".join(rows) + "\n")
+            rows = [f"{t:.3f},{q:.9g},{u:.9g}" for t, q, u in simulate(seed + 1, 0.0, 6.0)]
+            path.write_text("\n".join(["time_s,angle_rad,torque_Nm", *rows]) + "\n")
             cls.logs.append(path)
 
     @classmethod
@@ -46,7 +47,8 @@ class Edge(unittest.TestCase):
         cls.held.cleanup()
 
     def tiller(self, *arguments, codes=(0,)) -> str:
-        run = subprocess.run([TILLER, *map(str, arguments)], capture_output=True, text=True, cwd=self.folder, check=False)
+        run = subprocess.run([TILLER, *map(str, arguments)], capture_output=True, text=True, cwd=self.folder,
+                             check=False)
         self.assertIn(run.returncode, codes, run.stdout + run.stderr)
         return run.stdout
 
@@ -56,14 +58,16 @@ class Edge(unittest.TestCase):
         return path
 
     def run_of(self, robot: Path) -> tuple[str, dict, str]:
-        out = self.tiller("run", robot, "--sim", "--seconds", 3, "--quiet", "--alarm-seconds", 0, "--report", "run.html")
+        out = self.tiller("run", robot, "--sim", "--seconds", 3, "--quiet", "--alarm-seconds", 0,
+                          "--report", "run.html")
         edges = json.loads((self.folder / "run.json").read_text()).get("edges", {})
         return out, edges.get("mass_kg"), (self.folder / "run.html").read_text()
 
     def fit_of(self, robot: Path) -> tuple[str, dict, str]:
         out = self.tiller("identify", robot, *self.logs, "--particles", 128, "--window", 32, "--moves", 16, "-o", "fit")
         result = json.loads((self.folder / "fit" / "identify.json").read_text())
-        return out, result["candidates"][-1]["parameters"][0]["edge"], (self.folder / "fit" / "identify.html").read_text()
+        page = (self.folder / "fit" / "identify.html").read_text()
+        return out, result["candidates"][-1]["parameters"][0]["edge"], page
 
     def gap_of(self, robot: Path) -> tuple[str, dict, str]:
         out = self.tiller("gap", robot, *self.logs, "-o", "gap", codes=(0, 1, 2))

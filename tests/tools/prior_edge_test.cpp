@@ -147,9 +147,9 @@ TEST(PriorEdge, OfAConfigurationAreItsFreeParameters) {
   ASSERT_EQ(edges.size(), np);
   EXPECT_EQ(edges[0].side, EdgeSide::none) << "fixed";
   EXPECT_EQ(edges[2].side, EdgeSide::none);
-  EXPECT_EQ(
-      edge_json(robot->params[1], edges[1]).dump(),
-      R"({"at":"upper bound","by":"prior","text":"pole_mass_kg at its upper bound 0.15: widen the prior","value":0.15})");
+  EXPECT_EQ(edge_json(robot->params[1], edges[1]).dump(),
+            R"({"at":"upper bound","by":"prior",)"
+            R"("text":"pole_mass_kg at its upper bound 0.15: widen the prior","value":0.15})");
   EXPECT_TRUE(edge_json(robot->params[2], edges[2]).is_null());
 }
 

@@ -35,8 +35,8 @@ std::vector<double> newton_step(const Hypothesis& h, const Fit& fit) {
 /// Evenly spaced quantiles of the normal cut to the parameter's bounds.
 std::vector<double> draws(const FreeParam& free, double centre, double sd) {
   const tiller_prior_t cut = {tiller_prior_normal, 0, centre, sd, free.low, free.high};
-  std::vector<double> values;
-  for (int k = 0; k < kDraws; ++k) values.push_back(prior_quantile(cut, (k + 0.5) / kDraws));
+  std::vector<double> values(kDraws);
+  for (int k = 0; k < kDraws; ++k) values[static_cast<std::size_t>(k)] = prior_quantile(cut, (k + 0.5) / kDraws);
   return values;
 }
 

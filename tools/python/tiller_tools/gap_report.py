@@ -74,7 +74,8 @@ def horizon_figure(result: dict) -> str:
                            height=3.4)
     at = np.arange(len(horizons))
     before, after = (_array([h[key] for h in horizons]) for key in ("before_sigma", "after_sigma"))
-    bars = [(at - 0.2, before, page.MEASURED, "robot file as it is"), (at + 0.2, after, page.ESTIMATE, "with the effect")]
+    bars = [(at - 0.2, before, page.MEASURED, "robot file as it is"),
+            (at + 0.2, after, page.ESTIMATE, "with the effect")]
     if not _adds(result):
         bars = [(at, before, page.MEASURED, "robot file as it is")]
     for x, height, color, label in bars:
@@ -195,12 +196,14 @@ def behind_figure(result: dict) -> str:
     if len(ranking) < 2:
         return ""
     rivals = set(result["ambiguity"])
-    figure, ax = page.axes("log density behind the best", "explanation", xlabel="nats", height=1.0 + 0.36 * len(ranking))
+    figure, ax = page.axes("log density behind the best", "explanation", xlabel="nats",
+                           height=1.0 + 0.36 * len(ranking))
     behind = ranking[0]["gain_nats"] - _array([x["gain_nats"] for x in ranking])
     colors = [page.ESTIMATE if i in rivals else page.MEASURED for i in range(len(ranking))]
     ax.barh(np.arange(len(ranking)), behind, color=colors)
     for i, value in enumerate(behind):  # right of the bar, also of one that goes to the left: there the names stand
-        ax.annotate(f" {page.number(value, 3)} ", (max(value, 0.0), i), ha="left", va="center", fontsize=8, color=page.INK)
+        ax.annotate(f" {page.number(value, 3)} ", (max(value, 0.0), i), ha="left", va="center", fontsize=8,
+                    color=page.INK)
     ax.set_yticks(np.arange(len(ranking)), ["\n".join(wrap(_effects(x), 32)[:2]) for x in ranking], fontsize=8)
     ax.set_xscale("symlog", linthresh=10)
     ax.xaxis.set_major_formatter(page.plain)
@@ -331,8 +334,8 @@ def next_steps(result: dict) -> list[str]:
                 "time, with reversals, slow and fast (<code>tiller excite</code> proposes them)."]
     for edge in _edges(result):
         if edge["by"] == "prior":
-            steps.append(f"{_esc(edge['text'])} in <code>{robot}</code>, and run again: what a parameter may not make up "
-                         "for looks like physics that is missing.")
+            steps.append(f"{_esc(edge['text'])} in <code>{robot}</code>, and run again: what a parameter may not make "
+                         "up for looks like physics that is missing.")
     if verdict == "no_gap":
         return steps + ["Nothing. Let CI watch: <code>tiller gap "
                 f"{robot} nightly/*.csv --budget {page.number(result['budget_sigma'], 2)}</code> ends with another code "

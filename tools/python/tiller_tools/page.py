@@ -113,7 +113,7 @@ def unit_text(unit: str) -> str:
 
 
 def unit_label(name: str, unit: str | None) -> str:
-    """Of an axis whose figure is called by the quantity: its unit, or the quantity again where nobody knows the unit."""
+    """Of an axis whose figure is called by the quantity: its unit, or the quantity again where that is not known."""
     return "dimensionless" if unit == "1" else unit_text(unit) if unit else name
 
 
@@ -128,7 +128,7 @@ def plain(value: float, _=None) -> str:
 
 
 def log_axis(axis, low: float, high: float) -> None:
-    """A logarithmic axis over positive values, labelled in plain numbers, three a decade where there are few decades."""
+    """A logarithmic axis over positive values, labelled in plain numbers, three a decade where decades are few."""
     decades = np.log10(high / low)
     axis.axes.set_yscale("log")
     axis.axes.set_ylim(low, high)

@@ -1,8 +1,9 @@
 """One page about a run: python -m tiller_tools.report run.csv -o run.html
 
-The CSV is the log of `tiller run --report` or `tiller demo`: a row a tick, columns as RunLog writes them (measured states
-and commands by name, mean.*, sd.*, q05.*, q95.*, true.*, ref.*, ess, tick_us, deadline_us, state, status). Beside it lies the
-JSON of the same name (or --meta FILE), which says what the columns are, and what the log does not say:
+The CSV is the log of `tiller run --report` or `tiller demo`: a row a tick, columns as RunLog writes them (measured
+states and commands by name, mean.*, sd.*, q05.*, q95.*, true.*, ref.*, ess, tick_us, deadline_us, state, status).
+Beside it lies the JSON of the same name (or --meta FILE), which says what the columns are, and what the log does not
+say:
 
     {"columns": {"states": {"angle_rad": "rad", "rate_rad_s": "rad/s"}, "angles": ["angle_rad"],
                  "measured": ["angle_rad"], "inputs": {"force_N": "N"}, "parameters": {"pole_mass_kg": "kg"},
@@ -13,10 +14,11 @@ JSON of the same name (or --meta FILE), which says what the columns are, and wha
      "edges": {"pole_mass_kg": {"at": "upper bound", "value": 0.15, "by": "prior",
                                 "text": "pole_mass_kg at its upper bound 0.15: widen the prior"}}}
 
-"columns" is required, with the unit of each ("angles": of one turn, where whole turns are the same); every other key is
-optional. "tracked" states have a reference to follow, in the log as ref.*; "plane" names two states that span one, and the
-obstacles in it: {"x": "x_m", "y": "z_m", "obstacles": [[x, y, radius]]}. "priors" holds 5 % and 95 % of the prior;
-without it the first row's quantiles stand for it. "edges" are the parameters whose posterior stands on its prior's edge.
+"columns" is required, with the unit of each ("angles": of one turn, where whole turns are the same); every other key
+is optional. "tracked" states have a reference to follow, in the log as ref.*; "plane" names two states that span one,
+and the obstacles in it: {"x": "x_m", "y": "z_m", "obstacles": [[x, y, radius]]}. "priors" holds 5 % and 95 % of the
+prior; without it the first row's quantiles stand for it. "edges" are the parameters whose posterior stands on its
+prior's edge.
 """
 
 from __future__ import annotations
@@ -86,8 +88,8 @@ def _check_columns(columns, path: Path) -> None:
     """The log's writer says what a column is; nothing is concluded from its name."""
     shape = {"states": dict, "angles": list, "measured": list, "inputs": dict, "parameters": dict, "tracked": list}
     if not isinstance(columns, dict) or any(not isinstance(columns.get(key), kind) for key, kind in shape.items()):
-        raise ReportError(f"{path}: no key 'columns' with {', '.join(shape)}, so nothing says what the log's columns are; "
-                          "`tiller run --report` writes it")
+        raise ReportError(f"{path}: no key 'columns' with {', '.join(shape)}, so nothing says what the log's columns "
+                          "are; `tiller run --report` writes it")
 
 
 def read_run(path: Path, meta_path: Path | None) -> Run:
