@@ -153,5 +153,24 @@ TEST(PriorEdge, OfAConfigurationAreItsFreeParameters) {
   EXPECT_TRUE(edge_json(robot->params[2], edges[2]).is_null());
 }
 
+TEST(PriorEdge, WithAJointPriorTheBoundsStayAndTheTailsAreNotLookedAt) {
+  std::string errors;
+  const auto robot = parse_robot_file(test::kGoodRobot, "bench.toml", errors);
+  ASSERT_NE(robot, nullptr) << errors;
+  Particles particles;
+  for (const double value : posterior(kMass, 0.17, 0.002, 64)) {
+    std::vector<double> row(robot->params.size(), 0.5);
+    row[1] = value;
+    row[2] = 0.9;  // four deviations from the robot file's 0.5 +- 0.1
+    particles.params.insert(particles.params.end(), row.begin(), row.end());
+  }
+  EXPECT_EQ(find_prior_edges(robot->config, robot->params, particles)[2].side, EdgeSide::high);
+  const JointPrior carried(3, {1.0}, {0.1, 0.9, -0.7}, {0.01, 0, 0, 0.02, 0.03, 0, 0, 0, 0.4});  // learnt before
+  robot->config.prior_mixture = &carried.mixture;
+  const std::vector<PriorEdge> edges = find_prior_edges(robot->config, robot->params, particles);
+  EXPECT_EQ(edges[1].side, EdgeSide::high) << "the robot file's bound";
+  EXPECT_EQ(edges[2].side, EdgeSide::none) << "the earlier episode's posterior is there, too";
+}
+
 }  // namespace
 }  // namespace tiller::tools
