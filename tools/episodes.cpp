@@ -142,6 +142,7 @@ void tell(const RobotFile& robot, const EpisodeRow& row, const RunResult& result
     text += format("%s %s %.4g +- %.2g", j ? "," : ";", robot.params[inferred[j]].c_str(), row.mean[j], row.sd[j]);
   if (result.info.likelihood_exponent < 1.0 && robot.config.posterior.enabled)
     text += format("; not converged, exponent %.2f", result.info.likelihood_exponent);
+  for (const std::string& edge : run_edges(robot, result)) text += "; " + edge;
   if (result.info.adequacy == tiller_adequacy_inadequate) text += "; " + inadequacy(robot, result.info);
   std::printf("%s\n", text.c_str());
   std::fflush(stdout);

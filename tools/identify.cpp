@@ -73,6 +73,8 @@ void append_parameters(const Assessed& best, std::string& text) {
       text += format("  %-26s %9.4g .. %8.4g %10.4g %9.2g %9.4g .. %8.4g\n", p.name.c_str(), p.prior_low, p.prior_high,
                      p.mean, p.sd, p.low, p.high);
   }
+  for (const ParamSummary& p : best.fit.params)
+    if (p.edge.side != EdgeSide::none) text += "  " + edge_text(p.name, p.edge) + "\n";
 }
 
 int longest_name(const Identified& result) {
@@ -121,6 +123,9 @@ bool identify(const RobotFile& robot, const IdentifyOptions& options, Identified
     const bool good = fit_by_method(candidate, stretches, grids, fit_options, assessed.fit, error);
     clear_line();
     if (!good) return false;
+    const std::vector<PriorEdge> edges =
+        find_prior_edges(candidate.config, candidate.params, {assessed.fit.samples, {}});
+    for (std::size_t i = 0; i < edges.size(); ++i) assessed.fit.params[i].edge = edges[i];
     assessed.on_fitted = score(candidate, assessed.fit, grids, options.score);
     if (!held_grids.empty()) assessed.on_held_out = score(candidate, assessed.fit, held_grids, options.score);
     result.candidates.push_back(std::move(assessed));

@@ -8,6 +8,7 @@
 #include "tools/identify_data.hpp"
 #include "tools/identify_history.hpp"
 #include "tools/methods/method.hpp"
+#include "tools/prior_edge.hpp"
 #include "tools/robot_file.hpp"
 
 namespace tiller::tools {
@@ -30,6 +31,7 @@ struct ParamSummary {
   bool fixed = false;
   double prior_mean = 0, prior_sd = 0, prior_low = 0, prior_high = 0;  ///< 5 % and 95 % of the prior
   double mean = 0, sd = 0, low = 0, median = 0, high = 0;              ///< 5 % and 95 % of the posterior
+  PriorEdge edge;
 };
 
 struct FitOptions {

@@ -3,6 +3,7 @@
 
 #include "tools/identify.hpp"
 #include "tools/json_number.hpp"
+#include "tools/units.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -17,12 +18,13 @@ json log_json(const Log& log) {
           {"stretches", split_at_gaps(log).size()}};
 }
 
-json param_json(const ParamSummary& p) {
-  json out = {{"name", p.name}, {"fixed", p.fixed}, {"mean", number(p.mean)}};
+json param_json(const ParamSummary& p, const std::string& unit) {
+  json out = {{"name", p.name}, {"unit", unit}, {"fixed", p.fixed}, {"mean", number(p.mean)}};
   if (p.fixed) return out;
   out["sd"] = number(p.sd);
   out["interval_90"] = {number(p.low), number(p.high)};
   out["median"] = number(p.median);
+  out["edge"] = edge_json(p.name, p.edge);
   out["prior"] = {{"mean", number(p.prior_mean)},
                   {"sd", number(p.prior_sd)},
                   {"interval_90", {number(p.prior_low), number(p.prior_high)}}};
@@ -41,6 +43,7 @@ json score_json(const Score& score, const RobotFile& robot) {
                           {"rms_along", number(e.rms_along)},
                           {"coverage_90", number(e.coverage_90)}});
     list.push_back({{"state", robot.model->state_names[state.state]},
+                    {"unit", unit_of_field(robot.model->state_names[state.state])},
                     {"horizons", horizons},
                     {"rms_by_step", numbers(state.curve)}});
   }
@@ -52,6 +55,7 @@ json traces_json(const Score& score, const RobotFile& robot) {
   for (const RolloutTrace& trace : score.traces)
     list.push_back({{"path", trace.path},
                     {"state", robot.model->state_names[trace.state]},
+                    {"unit", unit_of_field(robot.model->state_names[trace.state])},
                     {"start_s", number(trace.start_s)},
                     {"period_s", trace.period_s},
                     {"measured", numbers(trace.measured)},
@@ -140,7 +144,8 @@ json alarm_json(const Fit& fit, const RobotFile& robot) {
 json candidate_json(const Assessed& assessed, const RobotFile& robot) {
   const Fit& fit = assessed.fit;
   json params = json::array();
-  for (const ParamSummary& p : fit.params) params.push_back(param_json(p));
+  const Words units = parameter_units(assessed.candidate.config, assessed.candidate.params);
+  for (std::size_t i = 0; i < fit.params.size(); ++i) params.push_back(param_json(fit.params[i], units[i]));
   const bool held_out = !assessed.on_held_out.states.empty();
   json out = {{"name", assessed.candidate.name},
               {"learns", assessed.candidate.learns()},

@@ -5,6 +5,7 @@
 
 #include "effects/effect_info.hpp"
 #include "tools/robot_sections.hpp"
+#include "tools/units.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -181,14 +182,6 @@ void read_prior(FileErrors& errors, const toml::node& node, const std::string& p
   }
 }
 
-/// Masses, inertias and lengths are not negative; their names say what they are.
-double lowest_of_unit(const std::string& name) {
-  for (const std::string ending : {"_kg", "_kgm2", "length_m"})
-    if (name.size() >= ending.size() && name.compare(name.size() - ending.size(), ending.size(), ending) == 0)
-      return 0.0;
-  return -kInf;
-}
-
 void read_parameters(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   const toml::table* table = section_table(errors, root, "parameters");
   SectionReader section(errors, "parameters", "parameters", table);
@@ -197,7 +190,7 @@ void read_parameters(FileErrors& errors, const toml::table& root, RobotFile& rob
   Words lacking;
   for (std::size_t i = 0; i < names.size(); ++i) {
     if (const toml::node* node = section.node(names[i])) {
-      read_prior(errors, *node, section.path_of(names[i]), lowest_of_unit(names[i]), kInf, robot.config.priors[i]);
+      read_prior(errors, *node, section.path_of(names[i]), least_of_unit(names[i]), kInf, robot.config.priors[i]);
     } else if (index_of(meant, names[i]) < 0) {
       lacking.push_back(names[i]);
     }

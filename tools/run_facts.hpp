@@ -13,6 +13,8 @@ struct RunStory {
   bool good = true;
 };
 
+/// Its text: what the log's columns are, with their units, and what the log does not say.
+std::string run_facts_json(const RobotFile& robot, const RunResult& result, const RunStory& story);
 /// Writes it beside the log, as <log without .csv>.json. False with a message in `error`.
 bool write_run_facts(const RobotFile& robot, const RunResult& result, const RunStory& story, std::string& error);
 

@@ -3,6 +3,8 @@
 #include <charconv>
 #include <cmath>
 
+#include "tools/stage_cost.hpp"
+
 namespace tiller::tools {
 
 RunLog::RunLog(const RobotFile& robot, bool has_true_state, std::vector<double> true_params)
@@ -28,6 +30,7 @@ std::string RunLog::header() const {
                "status"});
   if (has_true_state_) add_all("true.", robot_.states);
   if (!true_params_.empty()) add_all("true.", inferred);
+  if (robot_.config.cost.reference) add_all("ref.", robot_.states);
   add_all("", {"tick", "now_us", "stamp_us", "sequence", "command_latency_us", "infinite", "calls", "stop_status"});
   return join(columns, ",");
 }
@@ -50,6 +53,14 @@ void RunLog::exact(double value) {
   char text[32];
   const char* end = std::isfinite(value) ? std::to_chars(text, text + sizeof text, value).ptr : text;
   cell(std::string(text, static_cast<std::size_t>(end - text)));
+}
+
+void RunLog::reference(const tiller_info_t& info) {
+  const tiller_cost_config_t& cost = robot_.config.cost;
+  if (!cost.reference) return;
+  const auto step = task_.step(info.ticks - 1, static_cast<tiller_state_t>(info.state));
+  for (std::size_t i = 0; i < robot_.states.size(); ++i)
+    number(step ? reference_row(cost, robot_.states.size(), *step)[i] : NAN);
 }
 
 void RunLog::replayed(const TickView& tick) {
@@ -94,6 +105,7 @@ void RunLog::add(const TickView& tick) {
   if (!true_params_.empty()) {
     for (const std::size_t i : inferred_) number(true_params_[i]);
   }
+  reference(info);
   replayed(tick);
   row_ += '\n';
   file_.write(row_);

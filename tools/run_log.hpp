@@ -6,6 +6,7 @@
 #include "tools/output_file.hpp"
 #include "tools/record_file.hpp"
 #include "tools/robot_file.hpp"
+#include "tools/task_clock.hpp"
 
 namespace tiller::tools {
 
@@ -35,6 +36,7 @@ struct TickView {
 ///   ess, noise_scale, plan_cost, iterations, tick_us, deadline_us (0: none)
 ///   state, status      words: "ACTIVE", "ok"
 ///   true.<state>..., true.<param>...    where the plant is in this process
+///   ref.<state>...     the reference's row that is due ([cost] reference); empty before the task begins
 ///   tick, now_us, stamp_us, sequence, command_latency_us, infinite, calls, stop_status
 ///                      what `tiller replay` needs beside the rest: see tiller_record_t. stamp_us .. infinite are empty
 ///                      where there was no measurement; bit i of infinite: the measured value i was infinite, bit 16 + i:
@@ -57,12 +59,14 @@ class RunLog {
   void cell(const std::string& text);
   void number(double value);
   void exact(double value);
+  void reference(const tiller_info_t& info);
   void replayed(const TickView& tick);
 
   const RobotFile& robot_;
   bool has_true_state_;
   std::vector<double> true_params_;
   std::vector<std::size_t> inferred_;  // indices of parameters that are not fixed
+  TaskClock task_;
   std::string row_;
   OutputFile file_;
 };

@@ -14,6 +14,7 @@
 #include "tools/run_summary.hpp"
 #include "tools/stage_cost.hpp"
 #include "tools/stop_flag.hpp"
+#include "tools/task_clock.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -154,7 +155,8 @@ class Runner {
       const bool known = view.true_state && std::isfinite(view.true_state[i]);
       x[i] = known ? view.true_state[i] : info_.state_mean[i];
     }
-    const double cost = stage_cost(config_, costed_, x, command_.value);
+    const std::uint64_t step = task_.step(info_.ticks - 1, static_cast<tiller_state_t>(info_.state)).value_or(0);
+    const double cost = stage_cost(config_, step, x, command_.value);
     result_.cost += (cost - result_.cost) / static_cast<double>(++costed_);
     if (sensed_.fresh && costed_ > 1) ++result_.transitions;
   }
@@ -294,6 +296,7 @@ class Runner {
   std::uint64_t safe_ticks_ = 0;
   bool told_inadequate_ = false;
   std::uint64_t costed_ = 0;
+  TaskClock task_;
   double q05_[TILLER_MAX_PARAMS] = {};
   double q95_[TILLER_MAX_PARAMS] = {};
   double true_state_[TILLER_MAX_STATES] = {};

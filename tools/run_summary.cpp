@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "tools/prior_edge.hpp"
+
 namespace tiller::tools {
 namespace {
 
@@ -50,6 +52,7 @@ std::string posterior_lines(const RobotFile& robot, const RunOptions& options, c
     }
     text += "\n";
   }
+  for (const std::string& edge : run_edges(robot, result)) text += "  " + edge + "\n";
   return text + not_learnt(robot, result);
 }
 
@@ -101,6 +104,15 @@ std::string inadequacy(const RobotFile& robot, const tiller_info_t& info) {
   const auto feature = static_cast<tiller_feature_t>(info.inadequate_feature);
   return "the model does not explain " + robot.measurements[info.inadequate_channel] + ": what it leaves goes with " +
          feature_text(feature) + " (" + tiller_feature_name(feature) + "; docs/adequacy.md tells what to do)";
+}
+
+Words run_edges(const RobotFile& robot, const RunResult& result) {
+  Words texts;
+  if (!robot.config.posterior.enabled) return texts;
+  const std::vector<PriorEdge> edges = find_prior_edges(robot.config, robot.params, result.particles);
+  for (std::size_t i = 0; i < edges.size(); ++i)
+    if (edges[i].side != EdgeSide::none) texts.push_back(edge_text(robot.params[i], edges[i]));
+  return texts;
 }
 
 std::string summary(const RobotFile& robot, const RunOptions& options, const RunResult& result) {

@@ -8,6 +8,8 @@ namespace tiller::tools {
 
 /// The last lines of a run: state, posterior (beside the truth where it is known), tick times.
 std::string summary(const RobotFile& robot, const RunOptions& options, const RunResult& result);
+/// A sentence for every parameter whose posterior stands on its prior's edge (find_prior_edge).
+Words run_edges(const RobotFile& robot, const RunResult& result);
 /// What just became of the logs of a run, for its progress.
 const char* log_news(const LogState& log);
 /// What the logs of a run lack, without a line's end; "complete" if nothing.

@@ -22,10 +22,12 @@ def _explanation(kinds: list, gain: float, z_to_best: float, left: float, params
 def gap_result(verdict: str = "named") -> dict:
     x = np.linspace(-3, 3, 10)
     mass = {"name": "mass_kg", "unit": "kg", "of": "robot_file", "fixed": False, "before": 0.561, "before_sd": 0.004,
-            "mean": 0.502, "sd": 0.002, "interval_95": [0.498, 0.506]}
+            "mean": 0.502, "sd": 0.002, "interval_95": [0.498, 0.506],
+            "edge": {"at": "lower bound", "value": 0.5, "by": "prior",
+                     "text": "mass_kg at its lower bound 0.5: widen the prior"}}
     length = {"name": "length_m", "unit": "m", "of": "robot_file", "fixed": True, "before": 0.4, "before_sd": 0.0,
               "mean": 0.4, "sd": 0.0, "interval_95": [0.4, 0.4]}
-    friction = {"name": "joint.friction_SI", "unit": "Nm", "of": "effect", "fixed": False, "before": None,
+    friction = {"name": "joint.friction_SI", "unit": "N m", "of": "effect", "fixed": False, "before": None,
                 "before_sd": None, "mean": 0.101, "sd": 0.001, "interval_95": [0.099, 0.103]}
     ranking = [_explanation(["coulomb_friction"], 812.0, 0.0, 1.01, [mass, length, friction]),
                _explanation(["stribeck_friction"], 810.0, 0.4, 1.01, [mass, length, friction]),
@@ -35,8 +37,9 @@ def gap_result(verdict: str = "named") -> dict:
     wave = np.sin(4 * t)
     gap = {"horizons": [{"seconds": s, "before_sigma": b, "after_sigma": 1.0 + 0.02 * s, "before_rms": [2e-3 * b],
                          "after_rms": [2e-3], "windows": 12} for s, b in ((0.5, 2.1), (1.0, 5.2), (2.0, 9.9))],
-           "overlays": [{"log": "runs/a.csv", "first_time_s": 3.0, "time_s": list(t), "measured": [list(wave)],
-                         "before": [list(0.8 * wave)], "after": [list(wave)], "input": [list(np.sign(wave))]}] * 2}
+           "overlays": [{"log": log, "first_time_s": 3.0, "time_s": list(t), "measured": [list(wave)],
+                         "before": [list(0.8 * wave)], "after": [list(wave)], "input": [list(np.sign(wave))]}
+                        for log in ("runs/a.csv", "runs/b.csv")]}
     catalogue = {kind: {"help": f"{kind} in a line", "equation": "force = -friction sign(v)", "source": "a textbook",
                         "aliases": ["stribeck_friction"], "separation": "move slowly"}
                  for kind in ("coulomb_friction", "stribeck_friction", "viscous_friction")}

@@ -5,59 +5,22 @@ import json
 import os
 import re
 import shutil
-import subprocess
 import sys
 import tempfile
 import unittest
 from pathlib import Path
 
 sys.path.insert(0, os.environ["TILLER_PYTHON_PACKAGE"])
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parent.parent / "pages")]
 
 import numpy as np  # noqa: E402
-from matplotlib import image  # noqa: E402
 
+from browser import CHROMIUM, Browser  # noqa: E402
 from page_fixture import gap_result  # noqa: E402
 from schema_check import problems  # noqa: E402
 from tiller_tools import gap_report, page, table  # noqa: E402
 
 VERDICTS = ("no_gap", "named", "ambiguous", "partly_explained", "unnamed", "unfit")
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-# What the browser asks for itself, whatever page it shows.
-BROWSERS_OWN = re.compile(r"https?://([a-z0-9.-]+\.)?(google\.com|googleapis\.com|gvt1\.com|gstatic\.com)/")
-
-
-class Browser:
-    """Headless Chromium on one page, its profile and logs in a folder of its own."""
-
-    def __init__(self, folder: Path, page_file: Path):
-        self.folder, self.url = folder, page_file.as_uri()
-
-    def _run(self, *options: str) -> subprocess.CompletedProcess:
-        command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--no-first-run",
-                   "--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage",
-                   "--host-resolver-rules=MAP * ~NOTFOUND", f"--user-data-dir={self.folder / 'profile'}",
-                   "--enable-logging=stderr", *options, self.url]
-        return subprocess.run(command, capture_output=True, text=True, timeout=240, check=False)
-
-    def screenshot(self) -> np.ndarray:
-        file = self.folder / "page.png"
-        self._run("--window-size=1300,2400", f"--screenshot={file}")
-        return image.imread(file)[:, :, :3]
-
-    def load(self) -> tuple:
-        """The document as it stands after loading, messages of the console, addresses that the page asked for."""
-        log = self.folder / "net.json"
-        run = self._run("--window-size=1300,2400", f"--log-net-log={log}", "--dump-dom")
-        console = [line for line in run.stderr.splitlines() if "CONSOLE" in line]
-        text = log.read_text()
-        try:
-            events = json.loads(text)["events"]
-        except json.JSONDecodeError:  # the browser was gone before it closed the list
-            events = json.loads(text[:text.rindex("},") + 1] + "]}")["events"]
-        asked = {event["params"]["url"] for event in events if "url" in (event.get("params") or {})}
-        return run.stdout, console, sorted(url for url in asked if re.match(r"(https?|wss?|ftp):", url)
-                                           and not BROWSERS_OWN.match(url))
 
 
 class Page(unittest.TestCase):
@@ -97,13 +60,15 @@ class Page(unittest.TestCase):
     def test_what_each_verdict_tells(self):
         ambiguous = self.draw(gap_result("ambiguous")).read_text()
         for word in ("cannot be told apart", "tiller excite", "move slowly through standstill", "● coulomb friction",
-                     "● stribeck friction", "force = -friction sign(v)", "499 permutations", "0.1010 Nm", "fnv1a-4567"):
+                     "● stribeck friction", "force = -friction sign(v)", "499 permutations", "0.1010 N m",
+                     "fnv1a-4567"):
             self.assertIn(word, ambiguous)
         unfit = self.draw(gap_result("unfit")).read_text()
         self.assertIn("runs/a.csv:302", unfit)
         self.assertNotIn("Where it is", unfit)
         self.assertIn("out/arm_gap.toml", self.draw(gap_result("named")).read_text())
         self.assertIn("residual", self.draw(gap_result("unnamed")).read_text())
+        self.assertIn("mass_kg at its lower bound 0.5: widen the prior in <code>arm.toml</code>", ambiguous)
 
     def test_same_result_same_page(self):
         page._figures = 0

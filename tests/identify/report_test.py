@@ -14,11 +14,15 @@ import numpy as np  # noqa: E402
 
 from tiller_tools import identify_report, page, report, table  # noqa: E402
 
+# What run_facts_json says of write_run's columns.
+COLUMNS = {"states": {"angle_rad": "rad", "rate_rad_s": "rad/s"}, "angles": ["angle_rad"], "measured": ["angle_rad"],
+           "inputs": {"force_N": "N"}, "parameters": {"pole_mass_kg": "kg", "cart.damping_SI": "N s/m"}, "tracked": []}
 PARAMS = {"pole_mass_kg": (0.05, 0.15, 0.083), "cart.damping_SI": (0.1, 0.3, 0.2)}
 
 
-def write_run(path: Path, rows: int = 200, drop: tuple = ()) -> Path:
+def write_run(path: Path, rows: int = 200, drop: tuple = (), facts: dict | None = None) -> Path:
     """A run as RunLog writes it: two states of which one is measured, one input, two parameters."""
+    path.with_suffix(".json").write_text(json.dumps({"columns": COLUMNS} | (facts or {})))
     t = 0.02 * np.arange(rows)
     columns = {"time_s": t, "angle_rad": np.cos(t), "force_N": 5 * np.sin(t), "mean.angle_rad": np.cos(t),
                "mean.rate_rad_s": -np.sin(t), "sd.angle_rad": 0.01 + 0 * t, "sd.rate_rad_s": 0.1 + 0 * t}
@@ -29,7 +33,9 @@ def write_run(path: Path, rows: int = 200, drop: tuple = ()) -> Path:
     columns.update({"ess": 100 + 50 * np.sin(t), "noise_scale": 1 + 0 * t, "plan_cost": np.exp(-t),
                     "iterations": 2 + 0 * t, "tick_us": 2000 + 100 * np.sin(9 * t), "deadline_us": 12000 + 0 * t,
                     "state": ["active"] * rows, "status": ["ok", "rate_limited"] * (rows // 2),
-                    "true.angle_rad": np.cos(t), "true.pole_mass_kg": 0.083 + 0 * t})
+                    "true.angle_rad": np.cos(t), "true.pole_mass_kg": 0.083 + 0 * t,
+                    "tick": np.arange(rows), "now_us": 1e6 * t, "stamp_us": 1e6 * t, "adequacy_statistic": 0.5 + 0 * t,
+                    "a_column_of_next_year": 1 + 0 * t})
     names = [name for name in columns if name not in drop]
     with open(path, "w", encoding="utf-8") as file:
         file.write(",".join(names) + "\n")
@@ -59,7 +65,9 @@ def fit_result(learnt: int = 2, history: bool = True, held_out: bool = True, ade
             width = 1 / (1 + 50 * time)
             params.append({"name": f"damping_{i}_SI", "fixed": False, "mean": 0.5, "sd": 0.01, "median": 0.5,
                            "interval_90": [0.49, 0.51],
-                           "prior": {"mean": 0.5, "sd": 0.3, "interval_90": [0.05, 0.95]}})
+                           "prior": {"mean": 0.5, "sd": 0.3, "interval_90": [0.05, 0.95]},
+                           "edge": None if i else {"at": "lower bound", "value": 0.0, "by": "physics",
+                                                   "text": "damping_0_SI at 0, its bound by physics"}})
             over_time.append({"name": f"damping_{i}_SI", "mean": [0.5] * 200, "low": list(0.5 - 0.5 * width),
                               "high": list(0.5 + 0.5 * width)})
         out = {"name": name, "learns": learns, "parameters": params, "noise_scale": 1.1, "particles": 512,
@@ -116,19 +124,46 @@ class Pages(unittest.TestCase):
             self.assertIn(word, text)
         self.assertLess(len(text), 3_000_000)
 
+    def figures_of(self, run: Path) -> list[str]:
+        text = self.check_page(report.write_report(run, self.folder / "run.html"))
+        return re.findall(r"<figure[^>]*><h3>([^<]*)</h3>", text)
+
+    def test_only_columns_with_a_role_are_drawn(self):
+        self.assertEqual(self.figures_of(write_run(self.folder / "run.csv")),
+                         ["posterior of pole_mass_kg", "posterior of cart.damping_SI", "spread of the posterior",
+                          "angle_rad", "rate_rad_s", "command force_N", "effective sample size", "time of a tick"])
+
+    def test_what_says_nothing_of_the_columns_is_refused(self):
+        run = write_run(self.folder / "run.csv")
+        facts = self.folder / "run.json"
+        for text in ("{}", "[]", '{"columns": {"states": {}}}', '{"columns": ["force_N"]}'):
+            facts.write_text(text)
+            self.expect_error(lambda: report.write_report(run, self.folder / "run.html"), "run.json", "'columns'",
+                              "tiller run --report")
+        facts.unlink()
+        self.expect_error(lambda: report.write_report(run, self.folder / "run.html"), "run.json", "no such file",
+                          "tiller run --report")
+        write_run(run, facts={"columns": COLUMNS | {"inputs": {"torque_Nm": "N m"}}})
+        self.expect_error(lambda: report.write_report(run, self.folder / "run.html"), "run.csv", "torque_Nm")
+
+    def test_target_of_an_angle_is_drawn_where_the_run_ended(self):
+        run = report.read_run(write_run(self.folder / "run.csv", facts={"target": {"angle_rad": 4 * np.pi}}), None)
+        self.assertAlmostEqual(run.target("angle_rad"), 0.0)  # cos t ends within half a turn of it
+        self.assertIsNone(run.target("rate_rad_s"))
+
     def test_run_with_facts_beside_it(self):
-        (self.folder / "run.json").write_text('{"title": "a <b> run", "outcome": "upright", "good": true, '
-                                              '"limits": {"force_N": [-20, 20]}, "facts": {"seed": "7"}}')
-        text = self.check_page(report.write_report(write_run(self.folder / "run.csv"), self.folder / "run.html"))
-        self.assertIn("a &lt;b&gt; run", text)
-        self.assertIn("upright", text)
-        self.assertIn("limit", text)
+        run = write_run(self.folder / "run.csv", facts={
+            "title": "a <b> run", "outcome": "upright", "good": True, "limits": {"force_N": [-20, 20]},
+            "facts": {"seed": "7"}})
+        text = self.check_page(report.write_report(run, self.folder / "run.html"))
+        for word in ("a &lt;b&gt; run", "upright", ">limit</text>"):
+            self.assertIn(word, text)
 
     def test_run_without_truth_posterior_or_times(self):
         drop = [f"{p}{n}" for p in ("mean.", "sd.", "q05.", "q95.") for n in PARAMS]
         drop += ["true.angle_rad", "true.pole_mass_kg", "ess", "tick_us", "deadline_us", "state", "status"]
-        text = self.check_page(
-            report.write_report(write_run(self.folder / "run.csv", drop=tuple(drop)), self.folder / "run.html"))
+        run = write_run(self.folder / "run.csv", drop=tuple(drop), facts={"columns": COLUMNS | {"parameters": {}}})
+        text = self.check_page(report.write_report(run, self.folder / "run.html"))
         self.assertNotIn("What was learnt", text)
 
     def test_same_log_same_page(self):
@@ -139,6 +174,7 @@ class Pages(unittest.TestCase):
         self.assertEqual(first, report.write_report(run, self.folder / "b.html").read_bytes())
 
     def test_bad_runs(self):
+        (self.folder / "bad.json").write_text(json.dumps({"columns": COLUMNS}))
         write = lambda text: (self.folder / "bad.csv").write_text(text) and self.folder / "bad.csv"  # noqa: E731
         draw = lambda text: report.write_report(write(text), self.folder / "bad.html")  # noqa: E731
         self.expect_error(lambda: report.write_report(self.folder / "none.csv", "x.html"), "none.csv", "no such file")
@@ -171,7 +207,8 @@ class Pages(unittest.TestCase):
         for word in ("arm &lt;1&gt;", "damping_1_SI", "pairs of parameters", "While the logs were taken in",
                      "effective sample size", "acceptance of moves", "300 of 512", "88 %", "90 % of readings",
                      "rollouts on held-out logs", "a warning", "Does the model explain the logs?", "dry friction",
-                     "inadequate after 0.700 s", "normalised residuals of rate_rad_s", "1 beyond the axes"):
+                     "inadequate after 0.700 s", "normalised residuals of rate_rad_s", "1 beyond the axes",
+                     "⚠ damping_0_SI at 0, its bound by physics"):
             self.assertIn(word, text)
         self.assertLess(len(text), 2_000_000)
 

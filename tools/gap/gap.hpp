@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "tools/identify_log.hpp"
+#include "tools/prior_edge.hpp"
 #include "tools/robot_file.hpp"
 
 // What `tiller gap` finds, between those who find it (the other headers of this folder) and those who show it
@@ -30,6 +31,7 @@ struct Estimate {
   double before = 0, before_sd = 0;  ///< of the nominal model's fit; NaN for an effect that it lacks
   double mean = 0, sd = 0;           ///< with the effects added
   double low = 0, high = 0;          ///< 95 %
+  PriorEdge edge;                    ///< of the robot file's own; what an effect adds has no prior of the user's
 };
 
 /// Rollouts of one length on windows that no fit has seen.

@@ -4,6 +4,7 @@
 #include "effects/effect_info.hpp"
 #include "tools/gap/outputs.hpp"
 #include "tools/json_number.hpp"
+#include "tools/units.hpp"
 
 namespace tiller::tools::gap {
 namespace {
@@ -14,11 +15,6 @@ json lists(const std::vector<std::vector<double>>& values) {
   json list = json::array();
   for (const auto& v : values) list.push_back(numbers(v));
   return list;
-}
-
-std::string unit_of(const std::string& name) {
-  const std::size_t at = name.find('_');
-  return at == std::string::npos ? "" : name.substr(at + 1);
 }
 
 const char* force_name(const tiller_model_t& model, std::uint32_t joint) {
@@ -72,7 +68,8 @@ json estimate_json(const Estimate& e, bool own) {
           {"before_sd", number(e.before_sd)},
           {"mean", number(e.mean)},
           {"sd", number(e.sd)},
-          {"interval_95", {number(e.low), number(e.high)}}};
+          {"interval_95", {number(e.low), number(e.high)}},
+          {"edge", edge_json(e.name, e.edge)}};
 }
 
 json explanation_json(const Explanation& x, const RobotFile& robot) {
@@ -114,7 +111,7 @@ json channels_json(const RobotFile& robot) {
   json list = json::array();
   for (std::uint32_t k = 0; k < robot.config.measurement_count; ++k) {
     const std::string name = robot.model->state_names[robot.config.measured_state[k]];
-    list.push_back({{"name", name}, {"unit", unit_of(name)}, {"sd", number(robot.config.measurement_sd[k])}});
+    list.push_back({{"name", name}, {"unit", unit_of_field(name)}, {"sd", number(robot.config.measurement_sd[k])}});
   }
   return list;
 }

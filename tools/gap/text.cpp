@@ -43,6 +43,8 @@ void append_parameters(const Result& result, std::string& text) {
     text += format("  %-34s %12s %12.5g %10.2g   %.4g .. %.4g %s\n", e.name.c_str(), before.c_str(), e.mean, e.sd,
                    e.low, e.high, e.unit.c_str());
   }
+  for (const Estimate& e : result.ranking[0].params)
+    if (e.edge.side != EdgeSide::none) text += "  " + edge_text(e.name, e.edge) + "\n";
 }
 
 void append_region(const RobotFile& robot, const Result& result, std::string& text) {

@@ -5,10 +5,12 @@
 #include <cstring>
 
 #include "effects/effect_info.hpp"
+#include "tools/gap/edges.hpp"
 #include "tools/gap/intervals.hpp"
 #include "tools/gap/thresholds.hpp"
 #include "tools/gap/twins.hpp"
 #include "tools/text.hpp"
+#include "tools/units.hpp"
 
 namespace tiller::tools::gap {
 namespace {
@@ -23,25 +25,15 @@ bool alias(const EffectAt& a, const EffectAt& b) {
   return names(x.aliases, y.name) || names(y.aliases, x.name);
 }
 
-// The catalogue's "N or N m" at a port: what slides has the first, what turns the second.
-std::string unit_at(const std::string& unit, PortKind kind, std::uint32_t port, const tiller_model_t& model) {
-  const std::size_t at = unit.find(" or ");
-  if (at == std::string::npos || kind == PortKind::body) return unit;
-  const std::string name = kind == PortKind::joint   ? model.force_names[model.joints[port].force]
-                           : kind == PortKind::input ? model.input_names[port]
-                                                     : model.state_names[port];
-  const bool turns = name.find("Nm") != std::string::npos || name.find("rad") != std::string::npos;
-  return turns ? unit.substr(at + 4) : unit.substr(0, at);
-}
-
 std::vector<Estimate> estimates(const Session& s, const Entry& e, const Entry& nominal,
                                 const std::vector<std::string>& param_names) {
   std::vector<Estimate> list;
+  Words units = parameter_units(s.config, param_names);
+  units.resize(s.config.param_count);
   for (std::uint32_t i = 0; i < s.config.param_count; ++i) {
     Estimate p;
     p.name = i < param_names.size() ? param_names[i] : "parameter";
-    const std::size_t unit = p.name.rfind('_');
-    p.unit = unit == std::string::npos ? "" : p.name.substr(unit + 1);
+    p.unit = units[i];
     p.fixed = s.config.priors[i].kind == tiller_prior_fixed;
     p.before = nominal.fit.params[i];
     list.push_back(p);
@@ -51,7 +43,7 @@ std::vector<Estimate> estimates(const Session& s, const Entry& e, const Entry& n
     for (int i = 0; i < info.param_count; ++i) {
       Estimate p;
       p.name = std::string(port_name(info.port, *s.config.model, effect.port)) + "." + info.params[i].name;
-      p.unit = unit_at(info.params[i].unit, info.port, effect.port, *s.config.model);
+      p.unit = unit_of_effect(info, i, effect.port, *s.config.model);
       p.before = p.before_sd = NAN;
       list.push_back(p);
     }
@@ -60,6 +52,8 @@ std::vector<Estimate> estimates(const Session& s, const Entry& e, const Entry& n
   const std::vector<double> sd = deviations(e.hypothesis, e.fit, s.dispersion),
                             before = deviations(nominal.hypothesis, nominal.fit, s.dispersion);
   const double reach = interval_factor(e.hypothesis, e.fit);
+  const std::vector<PriorEdge> edges = prior_edges(e.hypothesis, e.fit, sd, param_names),
+                               held = prior_edges(nominal.hypothesis, nominal.fit, before, param_names);
   for (std::size_t f = 0; f < e.hypothesis.free.size(); ++f) {
     const FreeParam& free = e.hypothesis.free[f];
     Estimate& p = list[free.index];
@@ -67,6 +61,10 @@ std::vector<Estimate> estimates(const Session& s, const Entry& e, const Entry& n
     p.low = std::max(free.low, p.mean - reach * p.sd);
     p.high = std::min(free.high, p.mean + reach * p.sd);
     if (f < before.size()) p.before_sd = before[f];
+    if (f < edges.size()) p.edge = edges[f];
+    // an effect that does what the parameter may not leaves it where it was
+    if (p.edge.side == EdgeSide::none && f < held.size() && held[f].at_bound && p.mean == held[f].bound)
+      p.edge = held[f];
   }
   return list;
 }

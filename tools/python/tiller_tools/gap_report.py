@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from textwrap import wrap
 
 import numpy as np
 
@@ -48,6 +49,18 @@ def _best(result: dict) -> dict | None:
     return result["ranking"][0] if result["ranking"] else None
 
 
+def _adds(result: dict) -> bool:
+    """Whether the best explanation is more than the robot file as it is."""
+    best = _best(result)
+    return bool(best and best["effects"])
+
+
+def _edges(result: dict) -> list[dict]:
+    """Of the best explanation's parameters, those that stand on their prior's edge."""
+    best = _best(result)
+    return [p["edge"] for p in best["parameters"] if p.get("edge")] if best else []
+
+
 def _sigma(value) -> str:
     return f"{page.number(value, 3)} σ"
 
@@ -57,20 +70,26 @@ def _sigma(value) -> str:
 
 def horizon_figure(result: dict) -> str:
     horizons = result["horizons"]
-    figure, ax = page.axes("error of rollouts on held-out windows", xlabel="length of the rollout (s)", height=3.4)
+    figure, ax = page.axes("error of rollouts on held-out windows", "RMS error (σ)", xlabel="length of the rollout (s)",
+                           height=3.4)
     at = np.arange(len(horizons))
     before, after = (_array([h[key] for h in horizons]) for key in ("before_sigma", "after_sigma"))
-    ax.bar(at - 0.2, before, 0.38, color=page.MEASURED, label="robot file as it is")
-    ax.bar(at + 0.2, after, 0.38, color=page.ESTIMATE, label="with the effect")
+    bars = [(at - 0.2, before, page.MEASURED, "robot file as it is"),
+            (at + 0.2, after, page.ESTIMATE, "with the effect")]
+    if not _adds(result):
+        bars = [(at, before, page.MEASURED, "robot file as it is")]
+    for x, height, color, label in bars:
+        ax.bar(x, height, 0.38, color=color, label=label)
     ax.axhline(1, color=page.INK, linewidth=1.0, linestyle=(0, (4, 3)), label="noise alone")
-    for x, value in (*zip(at - 0.2, before), *zip(at + 0.2, after)):
+    for x, value in (pair for x, height, *_ in bars for pair in zip(x, height)):
         if np.isfinite(value):
-            ax.annotate(page.number(value, 3), (x, value), ha="center", va="bottom", fontsize=9)
+            ax.annotate(page.number(value, 3), (x, value), xytext=(0, 2), textcoords="offset points", ha="center",
+                        va="bottom", fontsize=9, bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6})
     ax.set_xticks(at, [f"{h['seconds']:g}" for h in horizons])
     ax.grid(axis="x", visible=False)
-    ax.set_ylabel("σ")
     if np.nanmax(before, initial=1) > 30 * max(np.nanmin(after, initial=np.inf), 1e-9):
         ax.set_yscale("log")
+        ax.yaxis.set_major_formatter(page.plain)
     ax.margins(y=0.15)
     page.legend(ax)
     return page.svg(figure, "Root mean square deviation of the measurement from the rollout, in standard deviations of "
@@ -108,7 +127,8 @@ def map_figure(result: dict, index: int) -> str:
     low, high = _array([b["low"] for b in m["bins"]]), _array([b["high"] for b in m["bins"]])
     mean, sd = _array([b["mean"] for b in m["bins"]]), _array([b["sd"] for b in m["bins"]])
     used = _array([b["count"] for b in m["bins"]]) >= 4  # fewer test functions tell little
-    figure, ax = page.axes(f"{m['joint']}: over {_AXES.get(m['axis'], m['axis'])}", xlabel=m["axis_label"], height=3.2)
+    figure, ax = page.axes(f"{m['joint']}: over {_AXES.get(m['axis'], m['axis'])}", f"residual {m['force']}",
+                           xlabel=m["axis_label"], height=3.2)
     if region and region["joint"] == m["joint"] and region["axis"] == m["axis"]:
         ax.axvspan(region["low"], region["high"], color="#fdeecf", label="region")
     ax.axhline(0, color="#8b929a", linewidth=1.0)
@@ -117,7 +137,6 @@ def map_figure(result: dict, index: int) -> str:
                     np.repeat(np.where(used, mean + 2 * sd, np.nan), 2), color=page.BAND, linewidth=0, label="± 2 sd")
     ax.hlines(mean[used], low[used], high[used], color=page.ESTIMATE, linewidth=2.0)
     ax.plot(middle[used], mean[used], color=page.ESTIMATE, linewidth=0.8)
-    ax.set_ylabel(m["force"])
     ax.margins(x=0.01)
     page.legend(ax)
     chance = "at most " if m["p_value"] * (len(m["null"]) + 1) < 1.5 else ""
@@ -129,14 +148,12 @@ def null_figure(result: dict) -> str:
     """What the strongest map's statistic is when the residual's blocks change places and signs."""
     m = result["where"]["maps"][0]
     null = _array(m["null"])
-    figure, ax = page.axes("what chance would give", xlabel="evidence of the strongest map", height=3.2)
+    figure, ax = page.density_axes("what chance would give", "evidence of the strongest map")
     ax.hist(null, bins=30, color=page.MEASURED, label=f"{len(null)} permutations")
     ax.axvline(m["statistic"], color=page.TRUTH, linewidth=2.0, label="these data")
     if m["statistic"] > 5 * np.nanmax(null, initial=1e-12):
         ax.set_xscale("symlog", linthresh=float(np.nanmax(null, initial=1e-12)))
-    ax.set_yticks([])
-    ax.spines["left"].set_visible(False)
-    ax.grid(axis="y", visible=False)
+        ax.xaxis.set_major_formatter(page.plain)
     page.legend(ax)
     return page.svg(figure, f"The residual force of {m['joint']} over {_AXES.get(m['axis'], m['axis'])}, after its "
                             "blocks of about 2 s changed places and signs: it then goes with nothing.")
@@ -179,16 +196,18 @@ def behind_figure(result: dict) -> str:
     if len(ranking) < 2:
         return ""
     rivals = set(result["ambiguity"])
-    figure, ax = page.axes("log density behind the best", xlabel="nats", height=1.0 + 0.36 * len(ranking), width=8.0)
+    figure, ax = page.axes("log density behind the best", "explanation", xlabel="nats",
+                           height=1.0 + 0.36 * len(ranking))
     behind = ranking[0]["gain_nats"] - _array([x["gain_nats"] for x in ranking])
     colors = [page.ESTIMATE if i in rivals else page.MEASURED for i in range(len(ranking))]
     ax.barh(np.arange(len(ranking)), behind, color=colors)
-    for i, value in enumerate(behind):
-        ax.annotate(f" {page.number(value, 3)} ", (value, i), ha="left" if value >= 0 else "right", va="center", fontsize=8,
+    for i, value in enumerate(behind):  # right of the bar, also of one that goes to the left: there the names stand
+        ax.annotate(f" {page.number(value, 3)} ", (max(value, 0.0), i), ha="left", va="center", fontsize=8,
                     color=page.INK)
-    ax.set_yticks(np.arange(len(ranking)), [_effects(x)[:52] for x in ranking], fontsize=8)
+    ax.set_yticks(np.arange(len(ranking)), ["\n".join(wrap(_effects(x), 32)[:2]) for x in ranking], fontsize=8)
     ax.set_xscale("symlog", linthresh=10)
-    ax.set_xlim(min(0.0, 2 * float(np.nanmin(behind)) - 1), max(10.0, 4 * float(np.nanmax(behind))))
+    ax.xaxis.set_major_formatter(page.plain)
+    ax.set_xlim(min(0.0, 2 * float(np.nanmin(behind))), max(30.0, 10 * float(np.nanmax(behind))))
     ax.invert_yaxis()
     ax.grid(axis="y", visible=False)
     return page.svg(figure, "On windows held out of the fit that predicts them. Blue: the answer, and what cannot be told "
@@ -239,7 +258,7 @@ def parameter_table(explanation: dict) -> str:
 
 
 def parameter_figure(p: dict) -> str:
-    figure, ax = page.axes(p["name"], xlabel=f"{p['name']} ({p['unit']})" if p["unit"] else p["name"], height=2.2)
+    figure, ax = page.axes(p["name"], "fit", xlabel=page.quantity_label(p["name"], p["unit"]), height=2.2)
     rows = []
     if p["before_sd"]:
         rows.append(("before", p["before"], p["before"] - 1.96 * p["before_sd"], p["before"] + 1.96 * p["before_sd"],
@@ -262,6 +281,7 @@ def parameter_section(result: dict) -> str:
         return ""
     free = [p for p in best["parameters"] if not p["fixed"] and p["sd"]]
     text = f"<h2>Parameters before and after</h2><p>Of the best explanation: {_esc(_effects(best))}.</p>"
+    text += page.warnings([edge["text"] for edge in _edges(result)])
     return text + parameter_table(best) + (page.grid([parameter_figure(p) for p in free]) if free else "")
 
 
@@ -272,20 +292,22 @@ def overlay_figure(result: dict, overlay: dict) -> str:
     channels, inputs = result["data"]["channels"], result["robot"]["inputs"]
     n = len(overlay["measured"]) + len(overlay["input"])
     figure, axes = page.plt.subplots(n, 1, figsize=(6.0, 1.0 + 1.6 * n), sharex=True, squeeze=False)
-    figure.set_label(f"{Path(overlay['log']).name} from {page.number(overlay['first_time_s'], 3)} s")
+    figure.set_label(f"{Path(overlay['log']).name} from {overlay['first_time_s']:.2f} s")
     time = _array(overlay["time_s"])
     for k, measured in enumerate(overlay["measured"]):
         ax = axes[k][0]
         ax.plot(time, _array(measured), ".", markersize=2.5, color=page.TRUTH, label="measured")
-        ax.plot(time, _array(overlay["before"][k]), color=page.MEASURED, linestyle=(0, (4, 2)), label="before")
-        ax.plot(time, _array(overlay["after"][k]), color=page.ESTIMATE, label="after")
+        if _adds(result):
+            ax.plot(time, _array(overlay["before"][k]), color=page.MEASURED, linestyle=(0, (4, 2)), label="before")
+        ax.plot(time, _array(overlay["after"][k]), color=page.ESTIMATE,
+                label="after" if _adds(result) else "robot file as it is")
         ax.set_ylabel(channels[k]["name"], fontsize=8)
         ax.margins(x=0.01)
         if k == 0:
             page.legend(ax)
     for i, values in enumerate(overlay["input"]):
         ax = axes[len(overlay["measured"]) + i][0]
-        ax.step(time, _array(values), where="post", color="#8a6d1d", linewidth=1.0)
+        ax.step(time, _array(values), where="post", color=page.INK, linewidth=1.2)
         ax.set_ylabel(inputs[i], fontsize=8)
         ax.margins(x=0.01)
     axes[-1][0].set_xlabel("time (s)")
@@ -310,8 +332,12 @@ def next_steps(result: dict) -> list[str]:
     if verdict == "unfit":
         return ["Mend what is listed above, and run again. Good data: six logs of 8 s in which the input varies all the "
                 "time, with reversals, slow and fast (<code>tiller excite</code> proposes them)."]
+    for edge in _edges(result):
+        if edge["by"] == "prior":
+            steps.append(f"{_esc(edge['text'])} in <code>{robot}</code>, and run again: what a parameter may not make "
+                         "up for looks like physics that is missing.")
     if verdict == "no_gap":
-        return ["Nothing. Let CI watch: <code>tiller gap "
+        return steps + ["Nothing. Let CI watch: <code>tiller gap "
                 f"{robot} nightly/*.csv --budget {page.number(result['budget_sigma'], 2)}</code> ends with another code "
                 "than 0 where a gap opens."]
     if len(result["ambiguity"]) > 1 or verdict == "ambiguous":

@@ -60,7 +60,7 @@ def marginal_figure(candidate: dict, index: int) -> str:
     draws, before = np.array(candidate["samples"])[:, index], _prior_draws(candidate, index)
     low, high = param["prior"]["interval_90"]
     times = (high - low) / max(param["interval_90"][1] - param["interval_90"][0], 1e-300)
-    figure, ax = page.axes(param["name"], xlabel=param["name"], height=3.0)
+    figure, ax = page.density_axes(param["name"], page.quantity_label(param["name"], param.get("unit")), height=3.0)
     ax.axvspan(low, high, color=page.PRIOR, label="prior 90 %")
     edges = np.linspace(min(draws.min(), *before), max(draws.max(), *before), 60) if before.size else 40
     notes = []
@@ -73,11 +73,10 @@ def marginal_figure(candidate: dict, index: int) -> str:
         ax.hist(before, bins=edges, density=True, histtype="step", color=page.MEASURED, linewidth=1.2, label="prior")
     ax.hist(draws, bins=edges, density=True, color=page.BAND, label=_method(candidate)["name"].replace("_", " "))
     ax.axvline(param["mean"], color=page.ESTIMATE, label="mean")
-    ax.set_yticks([])
-    ax.spines["left"].set_visible(False)
-    ax.grid(axis="y", visible=False)
     page.legend(ax)
-    if not low <= param["mean"] <= high:
+    if param.get("edge"):
+        notes.append(f"Mind: {param['edge']['text']}.")
+    elif not low <= param["mean"] <= high:
         notes.append("The posterior leaves the prior's 90 %: the prior, or the model, deserves a second look.")
     return page.svg(figure, " ".join(notes))
 
@@ -126,8 +125,8 @@ def pairs_figure(candidate: dict) -> str | None:
 # ---- while the logs were taken in --------------------------------------------------------------------
 
 
-def _history_axes(history: dict, title: str, **layout):
-    figure, ax = page.axes(title, xlabel="data taken in (s)", **layout)
+def _history_axes(history: dict, title: str, ylabel: str):
+    figure, ax = page.axes(title, ylabel, xlabel="data taken in (s)", height=3.2)
     for start in history["stretches_s"][1:]:
         ax.axvline(start, color=page.MEASURED, linewidth=0.8, linestyle=(0, (1, 2)))
     return figure, ax
@@ -149,12 +148,14 @@ def learning_figure(candidate: dict, index: int) -> str:
     history = candidate["history"]
     param, prior = history["parameters"][index], _learnt(candidate)[index]["prior"]["interval_90"]
     time = _array(history["data_s"])
-    figure, ax = _history_axes(history, param["name"], height=3.2)
+    figure, ax = _history_axes(history, f"posterior of {param['name']}",
+                               page.unit_label(param["name"], _learnt(candidate)[index].get("unit")))
     ax.axhspan(*prior, color=page.PRIOR, label="prior 90 %")
     ax.fill_between(time, _array(param["low"]), _array(param["high"]), color=page.BAND, linewidth=0, label="90 %")
     ax.plot(time, _array(param["mean"]), color=page.ESTIMATE, label="mean")
     if _learnt_early(history):
         ax.set_xscale("log")
+        ax.xaxis.set_major_formatter(page.plain)
         ax.set_xlim(time[1], time[-1])
     ax.margins(x=0)
     page.legend(ax)
@@ -163,7 +164,7 @@ def learning_figure(candidate: dict, index: int) -> str:
 
 def count_figure(candidate: dict) -> str:
     history = candidate["history"]
-    figure, ax = _history_axes(history, "effective sample size", height=3.2)
+    figure, ax = _history_axes(history, "effective sample size", "particles")
     ax.plot(_array(history["data_s"]), _array(history["effective_samples"]), color=page.ESTIMATE, linewidth=1.0)
     ax.set_ylim(bottom=0)
     ax.margins(x=0)
@@ -173,10 +174,10 @@ def count_figure(candidate: dict) -> str:
 
 def shares_figure(candidate: dict) -> str:
     history = candidate["history"]
-    figure, ax = _history_axes(history, "acceptance of moves, exponent of the likelihood", height=3.2)
+    figure, ax = _history_axes(history, "acceptance of moves, exponent of the likelihood", "share")
     time = _array(history["data_s"])
-    ax.plot(time, _array(history["acceptance"]), color=page.ESTIMATE, label="acceptance")
-    ax.plot(time, _array(history["exponent"]), color=page.TRUTH, label="exponent")
+    ax.plot(time, _array(history["acceptance"]), label="acceptance", **page.curve(0))
+    ax.plot(time, _array(history["exponent"]), label="exponent", **page.curve(1))
     ax.set_ylim(0, 1.05)
     ax.margins(x=0)
     page.legend(ax)
@@ -186,7 +187,7 @@ def shares_figure(candidate: dict) -> str:
 
 def noise_figure(candidate: dict) -> str:
     history = candidate["history"]
-    figure, ax = _history_axes(history, "noise over the robot file's", height=3.2)
+    figure, ax = _history_axes(history, "noise over the robot file's", "ratio")
     ax.axhline(1, color=page.MEASURED, linewidth=0.8)
     ax.plot(_array(history["data_s"]), _array(history["noise_scale"]), color=page.ESTIMATE)
     ax.set_ylim(bottom=0)
@@ -202,7 +203,7 @@ def _running_rms(values: np.ndarray, width: int = 21) -> np.ndarray:
 
 def residual_figure(history: dict, channel: dict) -> str:
     """Normalised one-step residuals: extremes and RMS of what lies between two snapshots."""
-    figure, ax = _history_axes(history, f"normalised residuals of {channel['name']}", height=3.2)
+    figure, ax = _history_axes(history, f"normalised residuals of {channel['name']}", "standard deviations")
     time, low, high = _array(history["data_s"]), _array(channel["low"]), _array(channel["high"])
     ax.axhspan(-1.96, 1.96, color=page.PRIOR, label="95 %")
     ax.vlines(time, low, high, color=page.BAND, linewidth=1.2, label="least to largest")
@@ -219,8 +220,8 @@ def residual_figure(history: dict, channel: dict) -> str:
 
 def adequacy_figure(candidate: dict) -> str:
     history = candidate["history"]
-    figure, ax = _history_axes(history, "test of the model, statistic over its threshold", height=3.2)
-    ax.axhline(1, color=page.LIMIT, linewidth=1.0, label="alarm")
+    figure, ax = _history_axes(history, "test of the model", "statistic / threshold")
+    ax.axhline(1, color=page.LIMIT, linewidth=1.5, label="alarm")
     time, statistic = _array(history["data_s"]), _array(history["adequacy"])
     if candidate["alarm"]:  # latched from then on
         ax.axvline(candidate["alarm"]["data_s"], color=page.LIMIT, linestyle=(0, (4, 2)))
@@ -271,18 +272,17 @@ def history_section(candidate: dict) -> str:
 
 
 def horizon_figure(result: dict, which: str, state_index: int) -> str:
-    state = result["candidates"][0][which][state_index]["state"]
-    title = f"error of {state} over the horizon, {'held-out' if which == 'held_out' else 'fitted'} logs"
-    figure, ax = page.axes(title, xlabel="horizon (s)")
+    state = result["candidates"][0][which][state_index]
+    title = f"error of {state['state']} over the horizon, {'held-out' if which == 'held_out' else 'fitted'} logs"
+    figure, ax = page.axes(title, page.quantity_label("RMS error", state.get("unit")), xlabel="horizon (s)")
     for i, candidate in enumerate(result["candidates"]):
         curve = _array(candidate[which][state_index]["rms_by_step"])
         time = result["period_s"] * np.arange(1, len(curve) + 1)
-        ax.plot(time, curve, color=page.MEASURED if i == 0 else page.CYCLE[(i - 1) % len(page.CYCLE)],
-                label=_short(candidate, result["model"]))
-    ax.set_ylabel("RMS error")
+        look = {"color": page.MEASURED} if i == 0 else page.curve(i - 1)
+        ax.plot(time, curve, label=_short(candidate, result["model"]), **look)
     ax.set_ylim(bottom=0)
     ax.margins(x=0.01)
-    ax.legend(loc="upper left")
+    page.legend(ax)
     return page.svg(figure, "From every start the logged inputs are replayed through the model. The curve takes the "
                             "starts that last to its end.")
 
@@ -290,7 +290,7 @@ def horizon_figure(result: dict, which: str, state_index: int) -> str:
 def trace_figure(result: dict, index: int) -> str:
     best, nominal = result["candidates"][-1]["traces"][index], result["candidates"][0]["traces"][index]
     figure, ax = page.axes(f"{best['state']} from {best['start_s']:.2f} s of {Path(best['path']).stem}",
-                           xlabel="horizon (s)")
+                           page.unit_label(best["state"], best.get("unit")), xlabel="horizon (s)")
     time = best["period_s"] * np.arange(len(best["mean"]))
     if "predictive_low" in best:
         ax.fill_between(time, _array(best["predictive_low"]), _array(best["predictive_high"]), color=page.PREDICTIVE,
@@ -371,14 +371,15 @@ def iterations_section(candidate: dict) -> str:
         if param["fixed"]:
             continue
         mean, sd = (_array([step[key][i] for step in iterations]) for key in ("mean", "sd"))
-        figure, ax = page.axes(param["name"], xlabel="iteration", height=3.2)
+        figure, ax = page.axes(f"{param['name']} by iteration", page.unit_label(param["name"], param.get("unit")),
+                               xlabel="iteration", height=3.2)
         ax.fill_between(count, mean - 1.645 * sd, mean + 1.645 * sd, color=page.BAND, linewidth=0)
         ax.plot(count, mean, color=page.ESTIMATE, label="mean, 90 % of the Gaussian")
         page.legend(ax)
         figures.append(page.svg(figure))
-    figure, ax = page.axes("discrepancy", xlabel="iteration", height=3.2)
-    ax.plot(count, _array([step["discrepancy"] for step in iterations]), color=page.ESTIMATE, label="weighted mean")
-    ax.plot(count, _array([step["smallest_discrepancy"] for step in iterations]), color=page.TRUTH, label="smallest")
+    figure, ax = page.axes("discrepancy by iteration", "dimensionless", xlabel="iteration", height=3.2)
+    ax.plot(count, _array([step["discrepancy"] for step in iterations]), label="weighted mean", **page.curve(0))
+    ax.plot(count, _array([step["smallest_discrepancy"] for step in iterations]), label="smallest", **page.curve(1))
     page.legend(ax)
     figures.append(page.svg(figure, "Where it no longer falls, further iterations narrow the Gaussian and learn "
                                     "nothing."))
@@ -398,9 +399,8 @@ def build(result: dict) -> str:
         body.append(f"<p>Learnt by {page.html.escape(method['name'])} ({page.html.escape(method['citation'])}). Mind: "
                     f"{page.html.escape(method['caveat'])}. It knows of no noise scale: the predictive bands have the "
                     f"robot file's noise.</p>")
-    for warning in result["warnings"]:
-        body.append(f"<p>⚠ {page.html.escape(warning)}</p>")
-    body += ["<h2>What was learnt</h2>", param_table(best)]
+    edges = [param["edge"]["text"] for param in _learnt(best) if param.get("edge")]
+    body += [page.warnings(result["warnings"]), "<h2>What was learnt</h2>", page.warnings(edges), param_table(best)]
     if _learnt(best):
         figures = [marginal_figure(best, i) for i in range(len(_learnt(best)))] + [pairs_figure(best)]
         body.append(page.grid([figure for figure in figures if figure]))

@@ -11,12 +11,13 @@ import io
 import re
 
 import matplotlib
+import matplotlib.ticker
 
 matplotlib.use("svg")
 from matplotlib import pyplot as plt  # noqa: E402  the backend is chosen first
 import numpy as np  # noqa: E402
 
-# Colours that stay apart for colour-blind readers and on a washed-out projector.
+# Colours that stay apart for colour-blind readers and on a washed-out projector; page_test measures it.
 ESTIMATE = "#1f5fa8"
 MEASURED = "#9aa3ad"
 TRUTH = "#d0521b"
@@ -25,7 +26,8 @@ PREDICTIVE = "#d6e5f5"
 PRIOR = "#ececec"
 LIMIT = "#b3261e"
 INK = "#22262b"
-CYCLE = [ESTIMATE, TRUTH, "#3b8f5c", "#7a4fa3", "#8a6d1d", "#4a9ab0"]
+CYCLE = [ESTIMATE, TRUTH, "#56b4e9", INK, "#e69f00", "#cc79a7"]
+DASHES = ["-", (0, (5, 2)), (0, (1, 1.2)), (0, (6, 2, 1, 2)), (0, (3, 1)), (0, (8, 3))]
 
 _STYLE = {
     "svg.fonttype": "none",  # text stays text: small, sharp, searchable
@@ -55,6 +57,8 @@ _STYLE = {
 }
 plt.rcParams.update(_STYLE)
 plt.rcParams["axes.prop_cycle"] = matplotlib.cycler(color=CYCLE)
+
+_MARGIN = 50  # for the tick labels at the left of the axes
 
 _CSS = """
 :root { color-scheme: light; }
@@ -86,20 +90,67 @@ footer { margin-top: 40px; color: #5a626b; font-size: 14px; }
 """
 
 
-def axes(title: str, xlabel: str = "time (s)", height: float = 3.6, width: float = 6.0, **layout):
+def axes(title: str, ylabel: str, xlabel: str = "time (s)", height: float = 3.6, width: float = 6.0):
     """A figure and its axes at the common size (inches at 72 dpi)."""
-    figure, ax = plt.subplots(figsize=(width, height), **layout)
+    figure, ax = plt.subplots(figsize=(width, height))
     figure.set_label(title)  # becomes a heading of the page: legible at any width, and never under a legend
-    np.ravel(ax)[-1].set_xlabel(xlabel)
+    ax.set_xlabel(xlabel)
+    ax.set_ylabel(ylabel)
     return figure, ax
 
 
-def legend(ax, **options) -> None:
-    """Outside the axes, above the plot at the right: it never hides data."""
+def density_axes(title: str, xlabel: str, height: float = 3.2):
+    """Of a histogram whose heights mean nothing but each beside the other."""
+    figure, ax = axes(title, "density", xlabel, height)
+    ax.set_yticks([])
+    ax.spines["left"].set_visible(False)
+    ax.grid(axis="y", visible=False)
+    return figure, ax
+
+
+def unit_text(unit: str) -> str:
+    return unit.replace("^2", "²").replace("^3", "³")
+
+
+def unit_label(name: str, unit: str | None) -> str:
+    """Of an axis whose figure is called by the quantity: its unit, or the quantity again where that is not known."""
+    return "dimensionless" if unit == "1" else unit_text(unit) if unit else name
+
+
+def quantity_label(name: str, unit: str | None) -> str:
+    """Of an axis whose figure is called by something else."""
+    return name if unit in (None, "", "1") else f"{name} ({unit_text(unit)})"
+
+
+def plain(value: float, _=None) -> str:
+    """A tick's label: the number, where a logarithmic axis would write powers of ten."""
+    return f"{value:g}".replace("e+0", "e")
+
+
+def log_axis(axis, low: float, high: float) -> None:
+    """A logarithmic axis over positive values, labelled in plain numbers, three a decade where decades are few."""
+    decades = np.log10(high / low)
+    axis.axes.set_yscale("log")
+    axis.axes.set_ylim(low, high)
+    axis.set_major_locator(matplotlib.ticker.LogLocator(subs=(1.0,) if decades > 2.5 else (1.0, 2.0, 5.0)))
+    axis.set_major_formatter(plain)
+    axis.set_minor_formatter(matplotlib.ticker.NullFormatter())
+
+
+def curve(i: int) -> dict:
+    """Colour and dashes of the i-th of several curves: either alone tells them apart."""
+    return {"color": CYCLE[i % len(CYCLE)], "linestyle": DASHES[i % len(DASHES)]}
+
+
+def legend(ax) -> None:
+    """Outside the axes, above the plot at the right: it never hides data. Of as many rows as the width asks for."""
     handles, labels = ax.get_legend_handles_labels()
-    if len(handles) > 0:
-        ax.legend(handles, labels, loc="lower right", bbox_to_anchor=(1.0, 0.99), ncols=len(handles),
-                  handlelength=1.2, columnspacing=1.0, borderpad=0.1, **options)
+    room = ax.figure.get_size_inches()[0] * ax.figure.dpi - _MARGIN
+    for columns in range(len(handles), 0, -1):
+        box = ax.legend(handles, labels, loc="lower right", bbox_to_anchor=(1.0, 0.99), ncols=columns,
+                        handlelength=1.6, columnspacing=1.0, borderpad=0.1, markerscale=2)
+        if columns == 1 or box.get_window_extent().width < room:
+            return
 
 
 def thin(n: int, most: int = 900) -> slice:
@@ -109,6 +160,9 @@ def thin(n: int, most: int = 900) -> slice:
 
 def svg(figure, caption: str = "", wide: bool = False) -> str:
     """The figure as an inline <figure>; the file's XML prologue and sizes are dropped, ids made unique."""
+    for i, ax in enumerate(figure.axes):  # ids by which a test finds them in the page
+        ax.xaxis.label.set_gid(f"xlabel_{i + 1}")
+        ax.yaxis.label.set_gid(f"ylabel_{i + 1}")
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     plt.close(figure)
@@ -156,6 +210,10 @@ def rows(header: list[str], body: list[list[str]]) -> str:
 def facts(pairs: list[tuple[str, str]]) -> str:
     items = "".join(f"<li><b>{html.escape(value)}</b><span>{html.escape(name)}</span></li>" for name, value in pairs)
     return f"<ul class=facts>{items}</ul>"
+
+
+def warnings(texts: list[str]) -> str:
+    return "".join(f"<p>⚠ {html.escape(text)}</p>" for text in texts)
 
 
 def outcome(text: str, good: bool | None) -> str:

@@ -1,14 +1,24 @@
 """One page about a run: python -m tiller_tools.report run.csv -o run.html
 
-The CSV is the log of `tiller run` or `tiller demo`: a row a tick, columns as RunLog writes them (measured states and
-commands by name, mean.*, sd.*, q05.*, q95.*, true.*, ess, tick_us, deadline_us, state, status). Beside it may lie a
-JSON of the same name (or --meta FILE) with what the log does not say; every key is optional:
+The CSV is the log of `tiller run --report` or `tiller demo`: a row a tick, columns as RunLog writes them (measured
+states and commands by name, mean.*, sd.*, q05.*, q95.*, true.*, ref.*, ess, tick_us, deadline_us, state, status).
+Beside it lies the JSON of the same name (or --meta FILE), which says what the columns are, and what the log does not
+say:
 
-    {"title": "cart_pole", "outcome": "upright after 2.4 s", "good": true,
+    {"columns": {"states": {"angle_rad": "rad", "rate_rad_s": "rad/s"}, "angles": ["angle_rad"],
+                 "measured": ["angle_rad"], "inputs": {"force_N": "N"}, "parameters": {"pole_mass_kg": "kg"},
+                 "tracked": []},
+     "title": "cart_pole", "outcome": "upright after 2.4 s", "good": true,
      "limits": {"force_N": [-20, 20]}, "target": {"angle_rad": 0},
-     "priors": {"pole_mass_kg": [0.052, 0.148]}, "facts": {"planner": "mppi", "seed": "1"}}
+     "priors": {"pole_mass_kg": [0.052, 0.148]}, "facts": {"planner": "mppi", "seed": "1"},
+     "edges": {"pole_mass_kg": {"at": "upper bound", "value": 0.15, "by": "prior",
+                                "text": "pole_mass_kg at its upper bound 0.15: widen the prior"}}}
 
-"priors" holds 5 % and 95 % of the prior; without it the first row's quantiles stand for it.
+"columns" is required, with the unit of each ("angles": of one turn, where whole turns are the same); every other key
+is optional. "tracked" states have a reference to follow, in the log as ref.*; "plane" names two states that span one,
+and the obstacles in it: {"x": "x_m", "y": "z_m", "obstacles": [[x, y, radius]]}. "priors" holds 5 % and 95 % of the
+prior; without it the first row's quantiles stand for it. "edges" are the parameters whose posterior stands on its
+prior's edge.
 """
 
 from __future__ import annotations
@@ -25,23 +35,21 @@ from . import page
 from .table import ReportError, Table, read_json, read_table, write_page
 
 _WORDS = ("state", "status")
-_TICK_COLUMNS = {"ess", "noise_scale", "plan_cost", "iterations", "tick_us", "deadline_us",
-                 "adequacy_statistic"}
 
 
 class Run:
-    """The log's columns sorted by what they are."""
+    """A log, and what its writer says of its columns."""
 
     def __init__(self, table: Table, words: dict[str, list[str]], meta: dict):
         self.table, self.words, self.meta = table, words, meta
         self.time = table["time_s"]
         if not np.all(np.isfinite(self.time)):
             raise ReportError(f"{table.path}: column 'time_s' has empty cells")
-        means = table.after_prefix("mean.")
-        self.params = table.after_prefix("q05.")
-        self.states = [name for name in means if name not in self.params]
-        plain = [name for name in table.names if "." not in name and name != "time_s"]
-        self.inputs = [name for name in plain if name not in means and name not in _TICK_COLUMNS]
+        columns = meta["columns"]
+        self.states, self.inputs, self.params = (list(columns[key]) for key in ("states", "inputs", "parameters"))
+        self.measured, self.angles = set(columns["measured"]), set(columns["angles"])
+        self.tracked = [name for name in self.states if name in columns["tracked"]]
+        self.units = {**columns["states"], **columns["inputs"], **columns["parameters"]}
 
     def column(self, name: str) -> np.ndarray | None:
         return self.table[name] if name in self.table else None
@@ -57,11 +65,41 @@ class Run:
         return tuple(given) if given else (float(self.table[f"q05.{name}"][0]), float(self.table[f"q95.{name}"][0]))
 
 
+    def reference(self, name: str) -> np.ndarray:
+        """Of an angle the turns that the run was on: the task does not tell them apart."""
+        rows = self.table[f"ref.{name}"]
+        if name not in self.angles:
+            return rows
+        return rows + 2 * np.pi * np.round((self.table[f"mean.{name}"] - rows) / (2 * np.pi))
+
+    def edge(self, name: str) -> dict | None:
+        return self.meta.get("edges", {}).get(name)
+
+    def target(self, name: str) -> float | None:
+        """Of an angle the turn of it that the run ended at: the task does not tell them apart."""
+        target = self.meta.get("target", {}).get(name)
+        last = self.last(f"mean.{name}")
+        if target is None or name not in self.angles or not np.isfinite(last):
+            return target
+        return target + 2 * np.pi * round((last - target) / (2 * np.pi))
+
+
+def _check_columns(columns, path: Path) -> None:
+    """The log's writer says what a column is; nothing is concluded from its name."""
+    shape = {"states": dict, "angles": list, "measured": list, "inputs": dict, "parameters": dict, "tracked": list}
+    if not isinstance(columns, dict) or any(not isinstance(columns.get(key), kind) for key, kind in shape.items()):
+        raise ReportError(f"{path}: no key 'columns' with {', '.join(shape)}, so nothing says what the log's columns "
+                          "are; `tiller run --report` writes it")
+
+
 def read_run(path: Path, meta_path: Path | None) -> Run:
     table = read_table(path, required=("time_s",), text=_WORDS)
-    if meta_path is None and path.with_suffix(".json").exists():
-        meta_path = path.with_suffix(".json")
-    meta = read_json(meta_path) if meta_path else {}
+    meta_path = meta_path or path.with_suffix(".json")
+    if not meta_path.exists():
+        raise ReportError(f"{meta_path}: no such file; it says what the columns of {path.name} are, and "
+                          "`tiller run --report` writes it beside the log")
+    meta = read_json(meta_path)
+    _check_columns(meta.get("columns") if isinstance(meta, dict) else None, meta_path)
     return Run(table, _read_words(path), meta)
 
 
@@ -80,29 +118,93 @@ def _finite_line(ax, time, values, **style):
 
 
 def state_figure(run: Run, name: str) -> str:
-    figure, ax = page.axes(name)
+    figure, ax = page.axes(name, page.unit_label(name, run.units[name]))
     cut = page.thin(len(run.time))
     time = run.time[cut]
-    measured, truth = run.column(name), run.column(f"true.{name}")
-    mean, sd = run.table[f"mean.{name}"][cut], run.column(f"sd.{name}")
-    if measured is not None:
-        _finite_line(ax, time, measured[cut], color=page.MEASURED, linestyle="none", marker=".", markersize=3.5,
+    if name in run.measured:
+        _finite_line(ax, time, run.table[name][cut], color=page.MEASURED, linestyle="none", marker=".", markersize=3.5,
                      label="measured")
-    if sd is not None:
-        ax.fill_between(time, mean - 1.645 * sd[cut], mean + 1.645 * sd[cut], color=page.BAND, linewidth=0)
+    mean, sd = run.table[f"mean.{name}"][cut], run.table[f"sd.{name}"][cut]
+    ax.fill_between(time, mean - 1.645 * sd, mean + 1.645 * sd, color=page.BAND, linewidth=0)
     _finite_line(ax, time, mean, color=page.ESTIMATE, label="estimate, 90 %")
+    truth = run.column(f"true.{name}")
     if truth is not None:
         _finite_line(ax, time, truth[cut], color=page.TRUTH, linewidth=1.2, linestyle=(0, (4, 2)), label="truth")
-    target = run.meta.get("target", {}).get(name)
+    if name in run.tracked:
+        _finite_line(ax, time, run.reference(name)[cut], color=page.INK, linewidth=1.2, linestyle=(0, (1, 1.2)),
+                     label="reference")
+    target = run.target(name)
     if target is not None:
-        ax.axhline(target, color="#6b737c", linewidth=0.9, linestyle=":", label="target")
+        ax.axhline(target, color=page.INK, linewidth=0.9, linestyle=":", label="target")
     ax.margins(x=0.01)
     page.legend(ax)
     return page.svg(figure)
 
 
+def _wrapped(values: np.ndarray) -> np.ndarray:
+    return values - 2 * np.pi * np.round(values / (2 * np.pi))
+
+
+def error_figure(run: Run, name: str) -> str:
+    """How far the robot is from the reference, and how far it is believed to be."""
+    figure, ax = page.axes(f"tracking error of {name}", page.unit_label(name, run.units[name]))
+    cut = page.thin(len(run.time))
+    reference, truth, sd = run.reference(name), run.column(f"true.{name}"), run.table[f"sd.{name}"]
+    errors = {"estimate": run.table[f"mean.{name}"] - reference}
+    if truth is not None:
+        errors["truth"] = truth - reference
+    if name in run.angles:
+        errors = {which: _wrapped(error) for which, error in errors.items()}
+    time, error = run.time[cut], errors["estimate"][cut]
+    ax.axhline(0, color=page.MEASURED, linewidth=1.0)
+    ax.fill_between(time, error - 1.645 * sd[cut], error + 1.645 * sd[cut], color=page.BAND, linewidth=0)
+    _finite_line(ax, time, error, color=page.ESTIMATE, label="estimate, 90 %")
+    if truth is not None:
+        _finite_line(ax, time, errors["truth"][cut], color=page.TRUTH, linewidth=1.2, linestyle=(0, (4, 2)),
+                     label="truth")
+    ax.margins(x=0.01)
+    page.legend(ax)
+    which = "truth" if truth is not None else "estimate"
+    known = errors[which][np.isfinite(errors[which])]
+    if not known.size:
+        return page.svg(figure)
+    unit = page.unit_text(run.units[name])
+    return page.svg(figure, f"Of the {which}: RMS {page.number(np.sqrt(np.mean(known ** 2)), 3)} {unit}, at most "
+                            f"{page.number(np.max(np.abs(known)), 3)} {unit}.")
+
+
+def path_figure(run: Run, plane: dict) -> str:
+    """Where it went in the plane, from a circle to a square; lengths are the same along both axes."""
+    names = [plane["x"], plane["y"]]
+    x, y = (page.quantity_label(name, run.units[name]) for name in names)
+    figure, ax = page.axes("path in the plane", y, xlabel=x, height=4.6)
+    cut = page.thin(len(run.time))
+    if set(names) <= set(run.tracked):
+        ax.plot(*(run.reference(name)[cut] for name in names), color=page.INK, linewidth=1.2, linestyle=(0, (1, 1.2)),
+                label="reference")
+    paths = [("estimate", "mean.", {"color": page.ESTIMATE}),
+             ("truth", "true.", {"color": page.TRUTH, "linewidth": 1.2, "linestyle": (0, (4, 2))})]
+    for label, prefix, style in paths:
+        points = [run.column(prefix + name) for name in names]
+        if all(values is not None for values in points):
+            ax.plot(*(values[cut] for values in points), label=label, **style)
+    start, end = ([run.table[f"mean.{name}"][i] for name in names] for i in (0, -1))
+    ax.plot(*start, "o", color=page.ESTIMATE, markersize=5, fillstyle="none", label="start")
+    ax.plot(*end, "s", color=page.ESTIMATE, markersize=5, fillstyle="none", label="end")
+    target = [run.target(name) for name in names]
+    if all(value is not None for value in target):
+        ax.plot(*target, "+", color=page.INK, markersize=6, label="target")
+    for i, (at_x, at_y, radius) in enumerate(plane.get("obstacles", [])):
+        ax.add_patch(page.plt.Circle((at_x, at_y), radius, color=page.LIMIT, alpha=0.35, linewidth=0,
+                                     label=None if i else "obstacle"))
+    ax.margins(0.06)
+    ax.set_aspect("equal", adjustable="datalim")
+    page.legend(ax)
+    return page.svg(figure)
+
+
 def input_figure(run: Run, name: str) -> str:
-    figure, ax = page.axes(f"command {name}")
+    figure, ax = page.axes(f"command {name}", page.unit_label(name, run.units[name]))
     # every tick: a command that is thinned would look smoother than it is
     ax.step(run.time, run.table[name], where="post", color=page.ESTIMATE, linewidth=1.1, label="command")
     limits = run.meta.get("limits", {}).get(name)
@@ -117,7 +219,7 @@ def input_figure(run: Run, name: str) -> str:
 
 
 def param_figure(run: Run, name: str) -> str:
-    figure, ax = page.axes(f"posterior of {name}")
+    figure, ax = page.axes(f"posterior of {name}", page.unit_label(name, run.units[name]))
     cut = page.thin(len(run.time))
     time, mean = run.time[cut], run.table[f"mean.{name}"][cut]
     low, high = run.prior(name)
@@ -135,20 +237,23 @@ def param_figure(run: Run, name: str) -> str:
 
 def spread_figure(run: Run) -> str:
     """All parameters in one view: a posterior that has narrowed a hundredfold is a line in its own plot."""
-    figure, ax = page.axes("spread of the posterior over the prior's")
+    figure, ax = page.axes("spread of the posterior", "width / prior's")
     cut = page.thin(len(run.time))
-    for name in run.params:
+    least, most = 0.5, 1.2  # at least: a posterior that stays as it is must not be magnified
+    for i, name in enumerate(run.params):
         low, high = run.prior(name)
         width = (run.table[f"q95.{name}"] - run.table[f"q05.{name}"]) / (high - low)
         keep = np.isfinite(width) & (width > 0)
-        ax.semilogy(run.time[keep][cut], width[keep][cut], label=name, linewidth=1.3)
+        ax.plot(run.time[keep][cut], width[keep][cut], label=name, linewidth=1.4, **page.curve(i))
+        least, most = min([least, *(0.8 * width[keep])]), max([most, *(1.2 * width[keep])])
+    page.log_axis(ax.yaxis, least, most)
     ax.margins(x=0.01)
-    ax.legend(loc="upper right")
-    return page.svg(figure, "Width of the 90 % interval, over that of the prior.")
+    page.legend(ax)
+    return page.svg(figure, "Width of the 90 % interval over that of the prior.")
 
 
 def ess_figure(run: Run) -> str:
-    figure, ax = page.axes("effective sample size")
+    figure, ax = page.axes("effective sample size", "particles")
     _finite_line(ax, run.time, run.table["ess"], color=page.ESTIMATE, linewidth=1.1)
     ax.set_ylim(bottom=0)
     ax.margins(x=0.01)
@@ -159,7 +264,7 @@ def tick_figure(run: Run) -> str:
     ticks = run.table["tick_us"] / 1000
     ticks = ticks[np.isfinite(ticks) & (ticks > 0)]
     deadline = run.last("deadline_us") / 1000
-    figure, ax = page.axes("time of a tick", xlabel="ms")
+    figure, ax = page.axes("time of a tick", "ticks", xlabel="time (ms)")
     if len(ticks):
         # the first tick also faults the pages in; it must not stretch the axis for all others
         top = 1.15 * max(np.percentile(ticks, 99.5), deadline if np.isfinite(deadline) else 0)
@@ -170,7 +275,6 @@ def tick_figure(run: Run) -> str:
                     fontsize=9)
     if np.isfinite(deadline) and deadline > 0:
         ax.axvline(deadline, color=page.LIMIT, linestyle=(0, (5, 3)), label=f"deadline {deadline:g} ms")
-    ax.set_ylabel("ticks")
     page.legend(ax)
     late = np.mean(ticks > deadline) if np.isfinite(deadline) and deadline > 0 and len(ticks) else None
     note = "" if late is None else f"{late:.1%} of the ticks took longer than the deadline on this machine."
@@ -187,6 +291,9 @@ def param_table(run: Run) -> str:
         prior = run.prior(name)
         shrink = (prior[1] - prior[0]) / (high - low) if high > low else float("nan")
         inside = "" if not np.isfinite(truth) else "yes" if low <= truth <= high else "no"
+        edge = run.edge(name)
+        if inside == "no" and edge and edge["by"] == "physics" and truth == edge["value"]:
+            inside = "at its bound"  # which an interval from 5 to 95 % never reaches
         body.append([name, page.number(truth), f"{page.number(prior[0])} … {page.number(prior[1])}",
                      page.number(run.last(f"mean.{name}")), page.number(run.last(f"sd.{name}"), 2),
                      f"{page.number(low)} … {page.number(high)}", inside or "–",
@@ -223,10 +330,14 @@ def build(run: Run) -> str:
         body.append(page.outcome(run.meta["outcome"], run.meta.get("good")))
     body.append(run_facts(run))
     if run.params:
-        body += ["<h2>What was learnt</h2>", param_table(run),
+        edges = [run.edge(name)["text"] for name in run.params if run.edge(name)]
+        body += ["<h2>What was learnt</h2>", page.warnings(edges), param_table(run),
                  page.grid([param_figure(run, name) for name in run.params] + [spread_figure(run)])]
     body.append("<h2>How it moved</h2>")
-    body.append(page.grid([state_figure(run, name) for name in run.states] +
+    plane = run.meta.get("plane")
+    body.append(page.grid(([path_figure(run, plane)] if plane else []) +
+                          [error_figure(run, name) for name in run.tracked] +
+                          [state_figure(run, name) for name in run.states] +
                           [input_figure(run, name) for name in run.inputs]))
     inner = [ess_figure(run)] if "ess" in run.table else []
     inner += [tick_figure(run)] if "tick_us" in run.table else []
