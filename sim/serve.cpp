@@ -13,7 +13,7 @@ constexpr std::int64_t lockstep_epoch_us = 1'000'000;
 // how long a wait may last before the stop flag is looked at again
 constexpr std::int64_t look_up_us = 50'000;
 
-std::int64_t wall_us() {
+std::int64_t monotonic_us() {
   using std::chrono::duration_cast, std::chrono::microseconds, std::chrono::steady_clock;
   return duration_cast<microseconds>(steady_clock::now().time_since_epoch()).count();
 }
@@ -39,6 +39,7 @@ class Server {
   }
 
  private:
+  std::int64_t wall_us() const { return options_.now_us ? options_.now_us() : monotonic_us(); }
   bool stopped() const { return options_.stop != nullptr && *options_.stop != 0; }
   bool over() const { return stopped() || (options_.duration_s > 0 && plant_.time_us() >= to_us(options_.duration_s)); }
 
@@ -91,15 +92,44 @@ class Server {
     return false;
   }
 
-  bool lockstep_period() {
-    read_encoders(lockstep_epoch_us);
-    do {
-      if (!link_.publish(measurement_)) return false;
-      const double wait_s = answered_ ? options_.answer_timeout_s : options_.first_answer_repeat_s;
-      if (wait_for_answer(wall_us() + to_us(wait_s))) break;
+  /// When the current measurement is sent again, or waited for no longer.
+  std::int64_t next_look_us(std::int64_t give_up_us) const {
+    const std::int64_t repeat_us = wall_us() + to_us(options_.repeat_s);
+    if (!answered_) return repeat_us;
+    return link_.is_lossy() ? std::min(repeat_us, give_up_us) : give_up_us;
+  }
+
+  /// Publishes the measurement until its answer is there, or the time for it is over. False: the end of it all.
+  bool ask() {
+    const std::int64_t give_up_us = wall_us() + to_us(options_.answer_timeout_s);
+    while (link_.publish(measurement_)) {
+      if (wait_for_answer(next_look_us(give_up_us))) return true;
       if (stopped() || !link_.error().empty()) return false;
-      if (answered_) ++report_.missing_answers;
-    } while (!answered_);
+      if (answered_ && wall_us() >= give_up_us) {
+        ++report_.missing_answers;
+        return true;
+      }
+      ++report_.repeats;
+    }
+    return false;
+  }
+
+  /// Waits until the wall clock has caught up. What arrives meanwhile answers nothing.
+  void keep_pace() {
+    if (options_.pace <= 0) return;
+    const std::int64_t since_us = wall_us() - start_us_;
+    const std::int64_t period_us = to_us(options_.period_s / options_.pace);
+    const bool late = start_us_ == 0 || since_us > period_us;
+    start_us_ = late ? wall_us() : start_us_ + period_us;  // the begin of this period; lost time is not made up for
+    PlantCommand command;
+    for (std::int64_t left_us; !stopped() && link_.error().empty() && (left_us = start_us_ - wall_us()) > 0;)
+      if (link_.receive(command, std::min(left_us, look_up_us))) ++report_.stale_commands;
+  }
+
+  bool lockstep_period() {
+    keep_pace();
+    read_encoders(lockstep_epoch_us);
+    if (!ask()) return false;
     plant_.advance(options_.period_s);
     end_period();
     return true;
@@ -144,7 +174,7 @@ class Server {
   PlanWatch watch_;
   PlantMeasurement measurement_{0, 0, {}};
   bool answered_ = false;
-  std::int64_t start_us_ = 0;     // real time: the wall clock at plant time zero
+  std::int64_t start_us_ = 0;     // the wall clock; real time: at plant time zero; lockstep: at the begin of the period
   std::int64_t due_us_ = 0;       // real time: when the current period ends
   std::int64_t advanced_us_ = 0;  // real time: asked of the plant so far
 };

@@ -44,10 +44,12 @@ class Link {
 std::unique_ptr<Link> make_sim_link(const RobotFile& robot, SimPlant& plant, bool paced);
 
 struct TransportLinkOptions {
-  std::string kind;         ///< "lcm" or "socketcan"
-  bool lockstep = false;    ///< the stamps are the time; a tick waits for its measurement
-  bool by_clock = false;    ///< not in lockstep: ticks at absolute times, with the newest measurement of the moment
-  double patience_s = 2.0;  ///< lockstep: wall time to wait for a measurement before ticking without one
+  std::string kind;       ///< "lcm" or "socketcan"
+  bool lockstep = false;  ///< the stamps are the time; a tick waits for its measurement
+  bool by_clock = false;  ///< not in lockstep: ticks at absolute times, with the newest measurement of the moment
+  /// Lockstep: wall time to wait for a measurement before ticking without one.
+  static constexpr double kPatience_s = 2.0;
+  double patience_s = kPatience_s;
 };
 
 /// A robot behind a transport. Null with a message in `error`.

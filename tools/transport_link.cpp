@@ -121,6 +121,7 @@ class TransportLink : public Link {
     if (c.bus_errors) text += format(", %llu bus errors", count(c.bus_errors));
     if (c.overflows) text += format(", %llu lost in the kernel's queue", count(c.overflows));
     if (table_ == &kSocketCanTransport) text += can_counters();
+    if (lcm_.repeated_answers) text += format(", %llu answers sent again", count(lcm_.repeated_answers));
     if (options_.kind == "lcm" && lcm_.refusal) text += std::string("; last refused: ") + lcm_.refusal;
     return text;
   }
@@ -145,7 +146,7 @@ class TransportLink : public Link {
     lcm.measurement_count = robot_.config.measurement_count;
     lcm.input_count = robot_.model->input_count;
     lcm.stamp_on_arrival = robot_.transport.stamp_on_arrival && !options_.lockstep;
-    if (options_.lockstep) lcm.max_wait_us = 0;  // in lockstep only the order counts
+    lcm.lockstep = options_.lockstep;
     lcm.liblcm = robot_.transport.liblcm;
     lcm.replay_window_us = std::llround(1e6 * robot_.transport.replay_window_s);
     std::uint8_t key[MessageSeal::kKeyBytes];

@@ -110,15 +110,27 @@ tiller_status_t publish(LcmTransport* transport, const char* channel, const LcmT
   return status;
 }
 
+tiller_status_t publish_command(LcmTransport* transport, const tiller_command_t& command) {
+  const LcmCommand message = lcm_message(command, transport->options.input_count);
+  return publish(transport, transport->command_channel, kLcmCommandType, &message);
+}
+
 tiller_status_t lcm_send(void* self, const tiller_command_t* command) {
   LcmTransport* transport = transport_of(self);
   if (!is_open(transport)) return tiller_status_transport_closed;
   for (std::uint32_t i = 0; i < transport->options.input_count; ++i)
     if (!std::isfinite(command->value[i])) return tiller_status_command_not_finite;
-  const LcmCommand message = lcm_message(*command, transport->options.input_count);
-  const tiller_status_t status = publish(transport, transport->command_channel, kLcmCommandType, &message);
+  if (transport->options.lockstep) transport->answers.note(*command);
+  const tiller_status_t status = publish_command(transport, *command);
   if (status == tiller_status_ok) ++transport->counters.sent;
   return status;
+}
+
+/// The plant has not got the answer, or not yet: it may still be on its way, and the plant takes it once.
+void repeat_answer(LcmTransport* transport) {
+  const tiller_command_t* answer = transport->answers.answer();
+  if (answer == nullptr || !is_open(transport)) return;
+  if (publish_command(transport, *answer) == tiller_status_ok) ++transport->repeated_answers;
 }
 
 // ---- the table ----
@@ -203,11 +215,18 @@ bool lcm_take_measurement(LcmTransport* transport, const void* data, std::uint32
     return refuse(transport, counters.bad_messages, not_ours(transport, size));
   if (const char* why = wrong_content(message, transport->options.measurement_count))
     return refuse(transport, counters.bad_messages, why);
-  if (transport->options.max_wait_us > 0 && waited > transport->options.max_wait_us)
+  if (!transport->options.lockstep && transport->options.max_wait_us > 0 && waited > transport->options.max_wait_us)
     return refuse(transport, counters.dropped_old, "a measurement waited too long before it was read");
+  const auto sequence = static_cast<std::uint32_t>(message.sequence);
+  if (transport->options.lockstep && transport->answers.is_repeated(sequence, message.stamp_us)) {
+    repeat_answer(transport);
+    return false;
+  }
   const std::int64_t now_us = monotonic_us();
-  if (!transport->gate.accept(static_cast<std::uint32_t>(message.sequence), now_us))
+  // in lockstep a pause says nothing of the plant: whoever is held up for long must not take the past for new
+  if (!transport->gate.accept(sequence, transport->options.lockstep ? 0 : now_us))
     return refuse(transport, counters.dropped_old, "a measurement's sequence is not newer than the last one");
+  if (transport->options.lockstep) transport->answers.ask(sequence, message.stamp_us);
   if (transport->has_new) ++counters.dropped_old;
   transport->newest = convert(message);
   if (transport->options.stamp_on_arrival) transport->newest.stamp_us = now_us;

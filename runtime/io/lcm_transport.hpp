@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "io/answer_memory.hpp"
 #include "io/lcm_messages.hpp"
 #include "io/message_seal.hpp"
 #include "io/open_error.hpp"
@@ -26,6 +27,10 @@ struct LcmOptions {
   /// Replace the plant's stamp by this machine's monotonic clock at poll: for plants with a clock of their
   /// own.
   bool stamp_on_arrival = false;
+  /// The plant waits for each answer, so only the order counts, and max_wait_us does not. It repeats a measurement whose
+  /// answer does not come: one that was answered already gets the same command again, and is never taken as a new one,
+  /// however long nothing came.
+  bool lockstep = false;
   /// MessageSeal::kKeyBytes of a key that the plant has too, or null: measurements that are not signed with it are
   /// refused, commands and telemetry are signed. Copied by open.
   const std::uint8_t* key = nullptr;
@@ -49,6 +54,8 @@ struct LcmTransport {
   MessageSeal seal;
   std::uint32_t packets_sent = 0;
   SequenceGate gate;
+  AnswerMemory answers;                ///< in lockstep
+  std::uint64_t repeated_answers = 0;  ///< in lockstep: sent again, because the plant asked again
   bool has_new = false;
   tiller_measurement_t newest{};
   tiller_transport_counters_t counters{};

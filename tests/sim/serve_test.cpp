@@ -52,7 +52,7 @@ ServeOptions lockstep(double duration_s) {
   o.period_s = 0.01;
   o.duration_s = duration_s;
   o.answer_timeout_s = 0.001;
-  o.first_answer_repeat_s = 0.001;
+  o.repeat_s = 0.001;
   return o;
 }
 
