@@ -86,11 +86,15 @@ class LcmRobot {
   LcmSeal seal_;
 };
 
-void compare(const RobotFile& robot, const RecordEntry& entry, std::size_t index, const tiller_command_t* answer,
+void compare(const RobotFile& robot, const RecordedRun& run, std::size_t index, const tiller_command_t* answer,
              double tolerance, ReplayResult& result) {
+  const RecordEntry& entry = run.entries[index];
+  double apart = result.largest;
+  const bool same = answer && same_command(entry.record.command, *answer, robot.model->input_count, tolerance, apart);
+  if (is_behind_a_hole(run, index, same, result)) return;
+  result.largest = apart;
   ++result.ticks;
-  if (answer && same_command(entry.record.command, *answer, robot.model->input_count, tolerance, result.largest))
-    return;
+  if (same) return;
   ++result.different;
   if (result.first.found) return;
   result.first.found = true;
@@ -122,13 +126,24 @@ const tiller_command_t* await(LcmRobot& plant, const RecordEntry& entry, std::ui
   return nullptr;
 }
 
+bool lacks_its_measurement(const RecordedRun& run, std::size_t index) {
+  return std::any_of(run.holes.begin(), run.holes.end(), [=](const LogHole& hole) {
+    const std::uint64_t tick = run.entries[index].record.tick;
+    return hole.what == LogHole::What::kMeasurement && hole.first <= tick && tick <= hole.last;
+  });
+}
+
 void in_lockstep(LcmRobot& plant, const RobotFile& robot, const RecordedRun& run, const ReplayOptions& options,
                  ReplayResult& result) {
   tiller_command_t kept{};
   for (std::size_t i = 0; i < run.entries.size(); ++i) {
+    if (lacks_its_measurement(run, i)) {
+      (void)is_behind_a_hole(run, i, false, result);  // nothing to ask with, so there is no answer either
+      continue;
+    }
     const tiller_command_t* answer =
         await(plant, run.entries[i], robot.config.measurement_count, options.patience_s, kept);
-    compare(robot, run.entries[i], i, answer, options.tolerance, result);
+    compare(robot, run, i, answer, options.tolerance, result);
     if (!answer) return;  // the controller is gone, or waits for something else
   }
 }
@@ -156,7 +171,7 @@ void in_real_time(LcmRobot& plant, const RobotFile& robot, const RecordedRun& ru
     const tiller_record_t& r = run.entries[i].record;
     if (r.has_measurement == 0 || r.command.sequence != r.measurement.sequence) continue;
     const auto found = answers.find(r.measurement.sequence);
-    compare(robot, run.entries[i], i, found == answers.end() ? nullptr : &found->second, options.tolerance, result);
+    compare(robot, run, i, found == answers.end() ? nullptr : &found->second, options.tolerance, result);
   }
 }
 
