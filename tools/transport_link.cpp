@@ -121,6 +121,7 @@ class TransportLink : public Link {
     if (c.bus_errors) text += format(", %llu bus errors", count(c.bus_errors));
     if (c.overflows) text += format(", %llu lost in the kernel's queue", count(c.overflows));
     if (table_ == &kSocketCanTransport) text += can_counters();
+    if (lcm_.challenged > MessageSeal::kMeetingMessages) text += format(", %llu challenged", count(lcm_.challenged));
     if (lcm_.repeated_answers) text += format(", %llu answers sent again", count(lcm_.repeated_answers));
     if (options_.kind == "lcm" && lcm_.refusal) text += std::string("; last refused: ") + lcm_.refusal;
     return text;

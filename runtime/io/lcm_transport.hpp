@@ -32,9 +32,10 @@ struct LcmOptions {
   /// however long nothing came.
   bool lockstep = false;
   /// MessageSeal::kKeyBytes of a key that the plant has too, or null: measurements that are not signed with it are
-  /// refused, commands and telemetry are signed. Copied by open.
+  /// refused, commands and telemetry are signed. A plant whose messages answer no challenge is sent one on the command
+  /// channel. Copied by open.
   const std::uint8_t* key = nullptr;
-  std::int64_t replay_window_us = MessageSeal::kWindowUs;  ///< see MessageSeal; 0: clocks are not compared
+  std::int64_t replay_window_us = MessageSeal::kWindowUs;  ///< see MessageSeal
   /// Go through liblcm, where this build has it, instead of the runtime's own codec. Providers other than udpm always
   /// do. liblcm has a thread of its own, and a heap.
   bool liblcm = false;
@@ -52,6 +53,7 @@ struct LcmTransport {
   char command_channel[kMaxChannel] = "";
   char telemetry_channel[kMaxChannel] = "";
   MessageSeal seal;
+  std::uint64_t challenged = 0;  ///< authentic messages that answered no challenge, or one of too long ago
   std::uint32_t packets_sent = 0;
   SequenceGate gate;
   AnswerMemory answers;                ///< in lockstep

@@ -2,6 +2,9 @@
 // on the other, liblcm's queue in memory between them, and simulated time. Nothing here waits for the wall clock.
 #include <gtest/gtest.h>
 #include <lcm/lcm.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <deque>
@@ -14,6 +17,15 @@
 #include "sim/serve.hpp"
 #include "tiller_lcm/command_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
+
+/// The time of day is off by so much for everything in this process that asks for it.
+static std::int64_t wall_clock_off_s = 0;
+
+extern "C" int clock_gettime(clockid_t clock, timespec* now) {
+  const long failed = syscall(SYS_clock_gettime, clock, now);
+  if (clock == CLOCK_REALTIME) now->tv_sec += wall_clock_off_s;
+  return static_cast<int>(failed);
+}
 
 namespace tiller {
 namespace {
@@ -66,8 +78,11 @@ double push_N(std::uint32_t sequence) { return 3 * std::sin(0.2 * sequence); }
 /// The runtime behind its transport, as a plant sees it.
 class Wire final : public sim::PlantLink {
  public:
-  Wire() {
+  explicit Wire(bool has_key = false) {
+    const std::uint8_t key[MessageSeal::kKeyBytes] = {1, 2, 3}, secret[MessageSeal::kSecretBytes] = {4};
     LcmOptions options;
+    if (has_key) options.key = key;
+    if (has_key) seal_ = MessageSeal(key, secret, MessageSeal::kWindowUs);
     options.url = "memq://";  // within this process
     options.measurement_count = 2;
     options.input_count = 1;
@@ -90,6 +105,11 @@ class Wire final : public sim::PlantLink {
     std::copy(m.value.begin(), m.value.end(), out.value);
     Bytes bytes(static_cast<std::size_t>(out.getEncodedSize()));
     out.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    if (seal_.has_key()) {
+      const auto size = static_cast<std::uint32_t>(bytes.size());
+      bytes.resize(size + MessageSeal::kTrailerBytes);
+      seal_.seal("TILLER_MEASUREMENT", bytes.data(), size, clock_us);
+    }
     for (const Bytes& message : measurements.pass(bytes))
       lcm_publish(transport.lcm, "TILLER_MEASUREMENT", message.data(), static_cast<unsigned>(message.size()));
     return true;
@@ -111,11 +131,11 @@ class Wire final : public sim::PlantLink {
 
   LcmTransport transport;
   Lane<Bytes> measurements;
-  Lane<sim::PlantCommand> commands;
+  Lane<Bytes> commands;
   std::int64_t clock_us = 1000000;
   std::uint64_t published = 0;
-  std::vector<std::uint32_t> ticks;                               ///< sequences in the order in which they were taken
-  std::map<std::int64_t, std::vector<std::vector<double>>> sent;  ///< every answer that left the runtime, by its sequence
+  std::vector<std::uint32_t> ticks;                                ///< sequences in the order in which they were taken
+  std::map<std::int64_t, std::vector<std::vector<double>>> heard;  ///< every answer that arrived, by its sequence
 
  private:
   static constexpr std::int64_t kAnHour_us = 3600000000;
@@ -138,17 +158,26 @@ class Wire final : public sim::PlantLink {
 
   static void on_command(const lcm_recv_buf_t* buffer, const char*, void* user) {
     auto* self = static_cast<Wire*>(user);
+    const auto* data = static_cast<const unsigned char*>(buffer->data);
+    for (const Bytes& message : self->commands.pass(Bytes(data, data + buffer->data_size))) self->hear(message);
+  }
+
+  void hear(const Bytes& bytes) {
+    const auto size = static_cast<std::uint32_t>(bytes.size());
+    if (seal_.has_key() && seal_.check("TILLER_COMMAND", bytes.data(), size, clock_us) != SealState::kOk) return;
+    if (seal_.has_key() && size == MessageSeal::kTrailerBytes) return;
     tiller_lcm::command_t in{};
-    ASSERT_GT(in.decode(buffer->data, 0, static_cast<int>(buffer->data_size)), 0);
-    self->sent[in.sequence].push_back({in.value[0], static_cast<double>(in.plan_sequence)});
+    ASSERT_GT(in.decode(bytes.data(), 0, static_cast<int>(size)), 0);
+    heard[in.sequence].push_back({in.value[0], static_cast<double>(in.plan_sequence)});
     sim::PlantCommand command;
     command.sequence = in.sequence;
     command.state = in.state;
     command.plan = in.plan_sequence;
     command.value.assign(in.value, in.value + in.count);
-    for (const sim::PlantCommand& message : self->commands.pass(command)) self->arrived_.push_back(message);
+    arrived_.push_back(command);
   }
 
+  MessageSeal seal_;  // the plant's
   std::deque<sim::PlantCommand> arrived_;
 };
 
@@ -163,16 +192,23 @@ sim::ServeOptions lockstep(Wire& wire, double duration_s) {
   return o;
 }
 
-class Losses : public testing::TestWithParam<std::uint64_t> {};
+class Losses : public testing::TestWithParam<std::tuple<std::uint64_t, bool>> {};
 
 TEST_P(Losses, EachMeasurementIsTakenOnceAndEachCommandAppliedOnce) {
-  Wire wire;
-  Fates there(GetParam(), "measurements"), back(GetParam(), "commands");
+  const auto [seed, has_key] = GetParam();
+  Wire wire(has_key);
+  Fates there(seed, "measurements"), back(seed, "commands");
   wire.measurements.fate = [&] { return there.next(); };
   wire.commands.fate = [&] { return back.next(); };
   auto served = sim::make(sim::cart_pole()), by_hand = sim::make(sim::cart_pole());
+  sim::ServeOptions options = lockstep(wire, 3.0);
+  // one reading of it an hour ahead, or behind, and later right again
+  options.on_period = [](const sim::Plant&, const sim::PlantMeasurement& m) {
+    wall_clock_off_s = m.sequence % 50 == 20 ? 3600 : m.sequence % 50 == 40 ? -3600 : 0;
+  };
   sim::ServeReport report;
-  ASSERT_EQ(serve(*served, wire, lockstep(wire, 3.0), report), 0) << report.error;
+  ASSERT_EQ(serve(*served, wire, options, report), 0) << report.error;
+  wall_clock_off_s = 0;
   ASSERT_EQ(wire.ticks.size(), 300u);
   for (std::uint32_t k = 0; k < 300; ++k) {
     ASSERT_EQ(wire.ticks[k], k);
@@ -188,14 +224,34 @@ TEST_P(Losses, EachMeasurementIsTakenOnceAndEachCommandAppliedOnce) {
   // a third of the measurements and a third of the answers: at least one of both is lost every second time
   EXPECT_GT(report.repeats, 150u);
   EXPECT_GT(wire.transport.repeated_answers, 50u);
-  for (const auto& [sequence, answers] : wire.sent)
+  for (const auto& [sequence, answers] : wire.heard)
     for (const std::vector<double>& answer : answers)
       EXPECT_EQ(answer, answers.front()) << "measurement " << sequence << " was answered in two ways";
   std::printf("%llu measurements and %llu answers sent again\n", static_cast<unsigned long long>(report.repeats),
               static_cast<unsigned long long>(wire.transport.repeated_answers));
 }
 
-INSTANTIATE_TEST_SUITE_P(Seeds, Losses, testing::Range<std::uint64_t>(1, 11));
+INSTANTIATE_TEST_SUITE_P(Seeds, Losses, testing::Combine(testing::Range<std::uint64_t>(1, 11), testing::Bool()),
+                         [](const auto& test) {
+                           return std::to_string(std::get<0>(test.param)) + (std::get<1>(test.param) ? "_signed" : "");
+                         });
+
+/// One reading of the time of day an hour ahead, on a link that loses nothing: nothing is asked twice for it.
+TEST(Lockstep, AStepOfTheTimeOfDayMutesNoSignedLink) {
+  Wire wire(true);
+  auto plant = sim::make(sim::cart_pole());
+  sim::ServeOptions options = lockstep(wire, 1.0);
+  options.answer_timeout_s = 0.35;
+  options.on_period = [](const sim::Plant&, const sim::PlantMeasurement& m) {
+    wall_clock_off_s = m.sequence == 30 ? 3600 : m.sequence > 60 ? -3600 : 0;
+  };
+  sim::ServeReport report;
+  ASSERT_EQ(serve(*plant, wire, options, report), 0);
+  wall_clock_off_s = 0;
+  EXPECT_EQ(report.commands, 100u);
+  EXPECT_EQ(report.repeats, 1u) << "the first measurement, before the plant knows the challenge";
+  EXPECT_EQ(report.missing_answers, 0u);
+}
 
 TEST(Lockstep, WithoutLossesNothingIsSentAgain) {
   Wire wire;
