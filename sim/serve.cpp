@@ -66,6 +66,18 @@ class Server {
     }
     plant_.apply(command.value.data());
     ++report_.commands;
+    if (!options_.lockstep) note_latency(command.sequence);
+  }
+
+  /// A controller that is told when its commands take hold learns from the right ones.
+  void note_latency(std::int64_t sequence) {
+    const std::int64_t behind = measurement_.sequence - sequence;
+    if (sequence == PlantCommand::kUnnumbered || behind < 0 || behind >= kStamps) return;
+    const std::int64_t taken_us = start_us_ + plant_.time_us() - stamps_us_[sequence % kStamps];
+    if (taken_us < 0) return;
+    // over about ten periods: one that was held up by the machine says little of the next
+    mean_us_ += (static_cast<double>(taken_us) - mean_us_) / static_cast<double>(std::min(++answers_, kMeanOver));
+    measurement_.answer_us = std::llround(mean_us_);
   }
 
   void end_period() {
@@ -155,6 +167,7 @@ class Server {
     due_us_ += period_us;
     catch_up();
     read_encoders(start_us_);
+    stamps_us_[measurement_.sequence % kStamps] = measurement_.stamp_us;
     if (!link_.publish(measurement_)) return false;
     PlantCommand command;
     for (std::int64_t left_us; !stopped() && (left_us = due_us_ - wall_us()) > 0;) {
@@ -167,6 +180,9 @@ class Server {
     return true;
   }
 
+  static constexpr std::int64_t kStamps = 16;
+  static constexpr int kMeanOver = 10;
+
   Plant& plant_;
   PlantLink& link_;
   const ServeOptions& options_;
@@ -174,6 +190,9 @@ class Server {
   PlanWatch watch_;
   PlantMeasurement measurement_{0, 0, {}};
   bool answered_ = false;
+  std::int64_t stamps_us_[kStamps] = {};  // of the last measurements, by their sequence
+  double mean_us_ = 0;                    // from stamp to command
+  int answers_ = 0;
   std::int64_t start_us_ = 0;     // the wall clock; real time: at plant time zero; lockstep: at the begin of the period
   std::int64_t due_us_ = 0;       // real time: when the current period ends
   std::int64_t advanced_us_ = 0;  // real time: asked of the plant so far

@@ -36,6 +36,8 @@ class Link {
   virtual void tell(const tiller_info_t&, std::int64_t, const LogState&) {}
   /// The clock that paces the ticks; null where measurements do, or nothing does.
   virtual const PeriodicTimer* timer() const { return nullptr; }
+  /// What the operator should know, once; empty at all other times.
+  virtual std::string news() { return ""; }
   /// One line for the end of a run: what the transport counted. Empty if there is nothing to tell.
   virtual std::string counters() const { return ""; }
 };

@@ -204,10 +204,10 @@ TEST(MessageSeal, WhatIsHeldUpForLongerThanTheWindowIsRefused) {
     pair.run(37);
     const Signed held = pair.plant.sign(pair.now_us);
     // meanwhile the plant is cut off; commands go on
-    for (std::int64_t us = kPeriodUs; us <= held_us; us += kPeriodUs)
-      (void)pair.runtime.sign(pair.now_us + us);
+    for (std::int64_t us = kPeriodUs; us <= held_us; us += kPeriodUs) (void)pair.runtime.sign(pair.now_us + us);
     pair.now_us += held_us;
-    EXPECT_EQ(pair.runtime.hear(held, pair.now_us), held_us < kWindowUs ? SealState::kOk : SealState::kHeldUp) << held_us;
+    EXPECT_EQ(pair.runtime.hear(held, pair.now_us), held_us < kWindowUs ? SealState::kOk : SealState::kHeldUp)
+        << held_us;
     EXPECT_LE(pair.periods_until_heard(3), 3);
   }
 }
@@ -249,7 +249,8 @@ TEST(MessageSeal, ARecordingDoesNotTakeThePlaceOfALivePeersChallenge) {
 /// Everything at once, by chance: losses, delays, recordings of any age, restarts, clocks that run one per cent wrong.
 /// What must never happen is counted while it lasts; when the adversary rests, the two must find each other.
 struct Adversary {
-  explicit Adversary(std::uint32_t seed, std::int64_t window_us) : random(seed), pair(window_us), window_us_(window_us) {}
+  explicit Adversary(std::uint32_t seed, std::int64_t window_us)
+      : random(seed), pair(window_us), window_us_(window_us) {}
 
   bool chance(double p) { return std::uniform_real_distribution<double>(0, 1)(random) < p; }
   std::int64_t any(std::int64_t most) { return std::uniform_int_distribution<std::int64_t>(0, most)(random); }
