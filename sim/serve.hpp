@@ -15,6 +15,9 @@ struct PlantMeasurement {
   std::int64_t stamp_us;      ///< when the encoders were read
   std::uint32_t sequence;     ///< 0, 1, 2, ...
   std::vector<double> value;  // (measurements)
+  /// Real time: mean time from the stamp of a measurement to the arrival of its command; 0: not known yet. In lockstep a
+  /// command arrives at the stamp.
+  std::int64_t answer_us = 0;
 };
 
 /// One command, as it reaches the plant.
@@ -36,6 +39,8 @@ class PlantLink {
   /// Waits at most timeout_us (0: only looks) for the next command, in the order of arrival.
   virtual bool receive(PlantCommand& command, std::int64_t timeout_us) = 0;
   virtual std::string error() const = 0;  ///< empty while the link works
+  /// Whether a message may be lost on the way without a word, so that it is worth asking again.
+  virtual bool is_lossy() const { return true; }
   /// After every period: what a device sends on its own, and what it learns from its watchdog.
   virtual void after_period(const Plant& /*plant*/) {}
 };
@@ -45,13 +50,18 @@ struct ServeOptions {
   /// Lockstep: simulated time waits for the answer to each measurement. Real time: it follows the wall clock.
   bool lockstep = true;
   /// Lockstep: wall time to wait for an answer; then simulated time goes on without it and the watchdog
-  /// counts. Before the first answer there is no such limit: the plant waits, repeating its first
-  /// measurement.
+  /// counts. Before the first answer there is no such limit.
   double answer_timeout_s = 1.0;
-  double plan_timeout_s = 1.0;         ///< ACTIVE without a new plan for this long: motor off; 0: for ever
-  double first_answer_repeat_s = 0.1;  ///< how often the first measurement is repeated
-  double duration_s = 0;               ///< simulated; 0: until stop
+  /// Lockstep: wall time after which a measurement without an answer is sent again, the same with the same sequence.
+  /// On a link that is not lossy, only until the first answer: somebody may have to start the controller yet.
+  double repeat_s = 0.1;
+  /// Lockstep: simulated time runs at most this many times as fast as the wall clock; 0: as fast as both sides compute,
+  /// which is more than a listener's socket may hold when the machine is busy.
+  double pace = 0;
+  double plan_timeout_s = 1.0;  ///< ACTIVE without a new plan for this long: motor off; 0: for ever
+  double duration_s = 0;        ///< simulated; 0: until stop
   const volatile std::sig_atomic_t* stop = nullptr;  ///< serve returns soon after this becomes non-zero
+  std::function<std::int64_t()> now_us;              ///< any clock that never goes back; empty: CLOCK_MONOTONIC
   /// Called after each period, for traces and progress; may be empty.
   std::function<void(const Plant&, const PlantMeasurement&)> on_period;
 };
@@ -60,6 +70,7 @@ struct ServeOptions {
 struct ServeReport {
   std::uint64_t periods = 0;
   std::uint64_t commands = 0;         ///< applied
+  std::uint64_t repeats = 0;          ///< lockstep: measurements sent again, for want of an answer
   std::uint64_t missing_answers = 0;  ///< lockstep: periods that went on without one
   std::uint64_t stale_commands = 0;   ///< lockstep: answers to another measurement, ignored
   std::uint64_t bad_commands = 0;     ///< wrong count or not finite, ignored

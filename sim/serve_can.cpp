@@ -40,6 +40,8 @@ class CanLink final : public PlantLink {
   }
 
   std::string error() const override { return socket_.error(); }
+  // a controller of the bus sends each frame until another one has acknowledged it
+  bool is_lossy() const override { return false; }
 
   void after_period(const Plant& plant) override {
     // the event and not the state: an axis that was armed again waits for its first torque

@@ -17,6 +17,7 @@ namespace {
 
 constexpr int value_capacity = 12;   // of measurement_t
 constexpr int command_capacity = 4;  // of command_t
+constexpr std::int64_t longest_us = 1'000'000'000;
 // a full socket buffer passes, a missing route does not
 constexpr int failures_until_dead = 20;
 
@@ -44,7 +45,7 @@ class LcmLink final : public PlantLink {
     tiller_lcm::measurement_t out{};
     out.stamp_us = m.stamp_us;
     out.sequence = m.sequence;
-    out.command_latency_us = latency_us_;
+    out.command_latency_us = static_cast<std::int32_t>(std::min<std::int64_t>(m.answer_us + latency_us_, longest_us));
     out.count = static_cast<std::int32_t>(m.value.size());
     out.valid_mask = (1 << m.value.size()) - 1;
     std::copy(m.value.begin(), m.value.end(), out.value);

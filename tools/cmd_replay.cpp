@@ -52,11 +52,14 @@ int replay_command(Arguments a) {
   if (result.lost_calls > 0)
     std::printf("%zu ticks: more than eight calls came before each, and the record kept eight\n", result.lost_calls);
   std::fputs(divergence_text(*robot, run, result).c_str(), stdout);
-  std::printf("%zu ticks replayed on %s, %zu different", result.ticks, lcm ? "LCM" : tiller_instruction_set(),
-              result.different);
+  std::printf("%zu ticks replayed on %s, %zu different%s", result.ticks, lcm ? "LCM" : tiller_instruction_set(),
+              result.different, run.holes.empty() ? "" : ", up to the log's first hole");
   if (options.tolerance > 0)
     std::printf(" by more than %g; largest difference %.3g", options.tolerance, result.largest);
   std::printf("\n");
+  if (result.behind > 0)
+    std::printf("%zu ticks behind it, %zu different: the log does not tell what the controller knew there\n",
+                result.behind, result.behind_different);
   if (result.different > 0) return static_cast<int>(kExitDiffers);
   return run.cut_off ? kExitLogIncomplete : kExitOk;
 }
@@ -87,8 +90,8 @@ void add_replay_command(CLI::App& app, int& exit_code) {
   command->footer(
       "Bits are promised on the same instruction set and build; elsewhere, give a tolerance. Records and MCAP files hold\n"
       "the configuration of the run; CSV and LCM logs do not: give the options of that run (--seed, --planner, --frozen).\n"
-      "Ends with 0: the same; 2: the same as far as the log goes, which is cut off or damaged; 4: different, with the\n"
-      "first difference and the state at it; 1: nothing was replayed.\n\n"
+      "Ends with 0: the same; 2: the same as far as the log goes, which is cut off, damaged or has holes; 4: different,\n"
+      "with the first difference and the state at it; 1: nothing was replayed.\n\n"
       "Examples:\n"
       "  tiller run robots/cart_pole.toml --sim --seconds 5 --record out/run.mcap\n"
       "      make a log that Foxglove and PlotJuggler show too\n"

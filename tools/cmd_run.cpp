@@ -20,6 +20,7 @@ struct Arguments {
   bool sim = false, lockstep = false, real_time = false, quiet = false;
   double seconds = 0;
   double wait_s = 10, alarm_log_s = RunOptions().alarm_log_s;
+  double patience_s = TransportLinkOptions::kPatience_s;
   Overrides overrides;
 };
 
@@ -55,6 +56,7 @@ bool open_link(const Arguments& a, const RobotFile& robot, Opened& opened, std::
     TransportLinkOptions options;
     options.kind = a.transport.empty() ? robot.transport.kind : a.transport == "can" ? "socketcan" : a.transport;
     options.lockstep = a.lockstep;
+    options.patience_s = a.patience_s;
     options.by_clock = robot.realtime.by_clock;
     if (options.kind.empty()) {
       error = robot.path + ": no [transport] section; add one, name one with --transport, or try --sim";
@@ -169,9 +171,14 @@ void add_run_command(CLI::App& app, int& exit_code) {
   command->add_option("--transport", a->transport, "instead of the robot file's: lcm or can")
       ->check(CLI::IsMember({"lcm", "can", "socketcan"}))
       ->excludes(sim);
-  command->add_flag("--lockstep", a->lockstep,
-                    "time is that of the measurements; each tick waits for one, and the same seed gives the same "
-                    "commands");
+  auto* lockstep = command->add_flag(
+      "--lockstep", a->lockstep,
+      "time is that of the measurements; each tick waits for one, and the same seed gives the same commands");
+  command
+      ->add_option("--patience", a->patience_s,
+                   "lockstep: wall time in s to wait for a measurement; then the tick comes without one (default 2)")
+      ->check(number_between(0.001, 1e9))
+      ->needs(lockstep);
   command->add_option("--seconds", a->seconds, "end after this much robot time (default: at Ctrl-C)")
       ->check(number_between(0.001, 1e9));
   command->add_option("--wait", a->wait_s, "wall time in s to wait for the first measurement")

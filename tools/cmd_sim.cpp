@@ -18,7 +18,7 @@ struct Arguments {
   std::string serve = "lcm";
   bool lockstep = false, real_time = false;
   double seconds = 0;
-  double answer_timeout_s = 1, repeat_s = 0.1;
+  double answer_timeout_s = 1, repeat_s = 0.1, pace = 0;
   std::uint64_t seed = 0;
 };
 
@@ -47,8 +47,9 @@ int serve_plant(const Arguments& a, const RobotFile& robot, sim::Plant& plant, s
   options.lockstep = a.lockstep;
   options.duration_s = a.seconds;
   options.answer_timeout_s = a.answer_timeout_s;
+  options.pace = a.pace;
   options.plan_timeout_s = robot.sim.plan_timeout_s;
-  options.first_answer_repeat_s = a.repeat_s;
+  options.repeat_s = a.repeat_s;
   options.stop = &stop.flag();
   double next_s = 0;
   bool tripped = false;
@@ -107,10 +108,9 @@ int sim_command(const Arguments& a) {
   const int code = serve_plant(a, *robot, *made->plant, report);
   const auto n = [](std::uint64_t value) { return static_cast<unsigned long long>(value); };
   std::printf(
-      "%llu periods, %llu commands, %llu missing answers, %llu stale, %llu bad, %llu without a new plan, "
-      "%llu late periods, "
-      "%llu watchdog trips\n",
-      n(report.periods), n(report.commands), n(report.missing_answers), n(report.stale_commands),
+      "%llu periods, %llu commands, %llu measurements sent again, %llu missing answers, %llu stale, %llu bad, "
+      "%llu without a new plan, %llu late periods, %llu watchdog trips\n",
+      n(report.periods), n(report.commands), n(report.repeats), n(report.missing_answers), n(report.stale_commands),
       n(report.bad_commands), n(report.hung_commands), n(report.late_periods), n(made->plant->watchdog_trips()));
   return code == 0 ? static_cast<int>(kExitOk) : complain(report.error);
 }
@@ -126,11 +126,20 @@ void add_sim_command(CLI::App& app, int& exit_code) {
   command->add_flag("--real-time", a->real_time, "simulated time follows the wall clock (default)")->excludes(lockstep);
   command->add_option("--seconds", a->seconds, "end after this much simulated time (default: at Ctrl-C)")
       ->check(number_between(0.001, 1e9));
-  command->add_option("--repeat", a->repeat_s, "lockstep: s between repetitions of the first measurement (default 0.1)")
+  command
+      ->add_option("--repeat", a->repeat_s,
+                   "lockstep: wall time in s after which a measurement is sent again, for it or its answer was lost "
+                   "(default 0.1)")
       ->check(number_between(0.001, 3600));
   command
+      ->add_option(
+          "--pace", a->pace,
+          "lockstep: at most so many times as fast as the wall clock, for whoever listens along (default 0: as "
+          "fast as it goes)")
+      ->check(number_between(0, 1e6));
+  command
       ->add_option("--answer-timeout", a->answer_timeout_s,
-                   "lockstep: wall time in s after which time goes on without a command")
+                   "lockstep: wall time in s after which time goes on without a command (default 1)")
       ->check(number_between(0.001, 1e9));
   command->add_option("--seed", a->seed, "of the plant, instead of the robot file's")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{9007199254740992}));

@@ -36,6 +36,8 @@ class Link {
   virtual void tell(const tiller_info_t&, std::int64_t, const LogState&) {}
   /// The clock that paces the ticks; null where measurements do, or nothing does.
   virtual const PeriodicTimer* timer() const { return nullptr; }
+  /// What the operator should know, once; empty at all other times.
+  virtual std::string news() { return ""; }
   /// One line for the end of a run: what the transport counted. Empty if there is nothing to tell.
   virtual std::string counters() const { return ""; }
 };
@@ -44,10 +46,12 @@ class Link {
 std::unique_ptr<Link> make_sim_link(const RobotFile& robot, SimPlant& plant, bool paced);
 
 struct TransportLinkOptions {
-  std::string kind;         ///< "lcm" or "socketcan"
-  bool lockstep = false;    ///< the stamps are the time; a tick waits for its measurement
-  bool by_clock = false;    ///< not in lockstep: ticks at absolute times, with the newest measurement of the moment
-  double patience_s = 2.0;  ///< lockstep: wall time to wait for a measurement before ticking without one
+  std::string kind;       ///< "lcm" or "socketcan"
+  bool lockstep = false;  ///< the stamps are the time; a tick waits for its measurement
+  bool by_clock = false;  ///< not in lockstep: ticks at absolute times, with the newest measurement of the moment
+  /// Lockstep: wall time to wait for a measurement before ticking without one.
+  static constexpr double kPatience_s = 2.0;
+  double patience_s = kPatience_s;
 };
 
 /// A robot behind a transport. Null with a message in `error`.

@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "tools/gap/log_formats.hpp"
+#include "tools/recorder/mcap_run.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -48,8 +49,13 @@ bool take_pointers(const RobotFile& robot, tiller_config_t& config) {
   return true;
 }
 
-void compare(const RobotFile& robot, const RecordEntry& entry, std::size_t index, const tiller_command_t& replayed,
+void compare(const RobotFile& robot, const RecordedRun& run, std::size_t index, const tiller_command_t& replayed,
              const tiller_info_t& info, double tolerance, ReplayResult& result) {
+  const RecordEntry& entry = run.entries[index];
+  double apart = result.largest;
+  const bool same = same_command(entry.record.command, replayed, robot.model->input_count, tolerance, apart);
+  if (is_behind_a_hole(run, index, same, result)) return;
+  result.largest = apart;
   const auto note = [&](Divergence& first) {
     if (first.found) return;
     first.found = first.has_info = true;
@@ -61,7 +67,7 @@ void compare(const RobotFile& robot, const RecordEntry& entry, std::size_t index
   const bool estimated = !std::isnan(entry.record.state_mean[0]);  // a log without telemetry has none
   if (estimated && std::memcmp(entry.record.state_mean, info.state_mean, state_bytes) != 0) note(result.first_estimate);
   ++result.ticks;
-  if (same_command(entry.record.command, replayed, robot.model->input_count, tolerance, result.largest)) return;
+  if (same) return;
   ++result.different;
   note(result.first);
 }
@@ -80,19 +86,6 @@ std::uint64_t bits_of(double v) {
 }
 
 std::string bits_text(double v) { return format("%.17g", v); }
-
-/// Ticks that the recorder dropped: the controller that is asked again has not seen them.
-void tell_gaps(RecordedRun& run) {
-  for (std::size_t i = 0; i < run.entries.size(); ++i) {
-    const std::uint64_t expected = i > 0 ? run.entries[i - 1].record.tick + 1 : 0, tick = run.entries[i].record.tick;
-    if (tick <= expected) continue;
-    run.cut_off = true;
-    run.note += (run.note.empty() ? "" : "; ") + format("%llu ticks are missing before tick %llu",
-                                                        static_cast<unsigned long long>(tick - expected),
-                                                        static_cast<unsigned long long>(tick));
-    return;
-  }
-}
 
 bool read_mcap(const std::string& bytes, const std::string& path, const RobotFile& robot, RecordedRun& run,
                std::string& error) {
@@ -127,7 +120,7 @@ bool same_command(const tiller_command_t& a, const tiller_command_t& b, std::uin
 bool read_recorded_run(const std::string& path, const RobotFile& robot, RecordedRun& run, std::string& error) {
   const std::string kind = log_format(path);
   run = {};
-  if (kind == "lcm") return read_lcm_run(path, robot, run, error);  // it tells of gaps itself
+  if (kind == "lcm") return read_lcm_run(path, robot, run, error);  // it finds holes itself
   const std::string text = kind == "record" ? "" : all_of(path);
   bool read = false;
   if (kind == "mcap")
@@ -136,8 +129,15 @@ bool read_recorded_run(const std::string& path, const RobotFile& robot, Recorded
     read = read_csv_run(text, path, robot, run, error);
   else
     read = read_record(path, run, error);
-  tell_gaps(run);
+  find_holes(run);
   return read;
+}
+
+bool is_behind_a_hole(const RecordedRun& run, std::size_t index, bool same, ReplayResult& result) {
+  if (index < sound_ticks(run)) return false;
+  ++result.behind;
+  if (!same) ++result.behind_different;
+  return true;
 }
 
 std::string robot_in_log(const std::string& path) {
@@ -177,7 +177,7 @@ bool replay_through_file(const RobotFile& robot, RecordedRun& run, const ReplayO
     (void)tiller_tick(controller, r.now_us, r.has_measurement ? &r.measurement : nullptr, &command);
     tiller_info_t info{};
     tiller_get_info(controller, &info);
-    compare(robot, entry, i, command, info, options.tolerance, result);
+    compare(robot, run, i, command, info, options.tolerance, result);
   }
   return true;
 }

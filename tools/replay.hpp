@@ -4,7 +4,7 @@
 #include <istream>
 #include <string>
 
-#include "tools/recorder/mcap_run.hpp"
+#include "tools/recorded_run.hpp"
 #include "tools/robot_file.hpp"
 
 namespace tiller::tools {
@@ -49,8 +49,10 @@ struct Divergence {
 };
 
 struct ReplayResult {
-  std::size_t ticks = 0;       ///< compared
-  std::size_t different = 0;   ///< commands that differ by more than the tolerance
+  std::size_t ticks = 0;      ///< compared: those before the log's first hole
+  std::size_t different = 0;  ///< commands that differ by more than the tolerance
+  std::size_t behind = 0;     ///< ticks behind the first hole, which are replayed but not judged
+  std::size_t behind_different = 0;
   double largest = 0;          ///< difference of any input
   Divergence first;            ///< command
   Divergence first_estimate;   ///< mean of the state, in any bit: seldom later than the command's
@@ -61,6 +63,9 @@ struct ReplayResult {
 /// the largest difference of an input.
 bool same_command(const tiller_command_t& a, const tiller_command_t& b, std::uint32_t inputs, double tolerance,
                   double& difference);
+
+/// Whether the entry is behind the first hole; then the command is only counted.
+bool is_behind_a_hole(const RecordedRun& run, std::size_t index, bool same, ReplayResult& result);
 
 /// Feeds the recorded inputs to a fresh controller. False with a message: there is none to feed.
 bool replay_through_file(const RobotFile& robot, RecordedRun& run, const ReplayOptions& options, ReplayResult& result,

@@ -48,24 +48,47 @@ class LcmRobot {
     }
     std::vector<unsigned char> bytes(static_cast<std::size_t>(out.getEncodedSize()));
     out.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
-    if (seal_.sign) seal_.sign(channel_, bytes);
-    return lcm_publish(lcm_, channel_.c_str(), bytes.data(), static_cast<unsigned>(bytes.size())) == 0;
+    return publish(bytes);
+  }
+
+  /// With a key: until the controller has told its challenge, it takes nothing. False: it does not.
+  bool introduce(double patience_s) {
+    if (!seal_.sign) return true;
+    const std::int64_t until_us = monotonic_us() + std::llround(1e6 * patience_s);
+    while (!seal_.is_introduced() && monotonic_us() < until_us) {
+      std::vector<unsigned char> nothing;
+      if (!publish(nothing)) return false;
+      const std::int64_t next_us = std::min(until_us, monotonic_us() + kRepeatUs);
+      while (!seal_.is_introduced() && handle(next_us)) {
+      }
+    }
+    commands.clear();
+    return seal_.is_introduced();
   }
 
   /// Handles what comes until `until_us` (monotonic), or until there is a command.
   void listen(std::int64_t until_us) {
-    while (commands.empty()) {
-      const std::int64_t left_us = until_us - monotonic_us();
-      pollfd descriptor = {lcm_get_fileno(lcm_), POLLIN, 0};
-      const int wait_ms = static_cast<int>(std::clamp<std::int64_t>((left_us + 999) / 1000, 0, 1000));
-      if (::poll(&descriptor, 1, wait_ms) > 0 && lcm_handle(lcm_) != 0) return;
-      if (left_us <= 0) return;
+    while (commands.empty() && handle(until_us)) {
     }
   }
 
   std::vector<tiller_command_t> commands;
 
  private:
+  bool publish(std::vector<unsigned char>& bytes) {
+    if (seal_.sign) seal_.sign(channel_, bytes);
+    return lcm_publish(lcm_, channel_.c_str(), bytes.data(), static_cast<unsigned>(bytes.size())) == 0;
+  }
+
+  /// The next message, if one comes in time. False: the time is over, or LCM fails.
+  bool handle(std::int64_t until_us) {
+    const std::int64_t left_us = until_us - monotonic_us();
+    pollfd descriptor = {lcm_get_fileno(lcm_), POLLIN, 0};
+    const int wait_ms = static_cast<int>(std::clamp<std::int64_t>((left_us + 999) / 1000, 0, 1000));
+    if (::poll(&descriptor, 1, wait_ms) > 0 && lcm_handle(lcm_) != 0) return false;
+    return left_us > 0;
+  }
+
   static void on_command(const lcm_recv_buf_t* buffer, const char* channel, void* user) {
     auto* robot = static_cast<LcmRobot*>(user);
     const auto* data = static_cast<const unsigned char*>(buffer->data);
@@ -86,11 +109,15 @@ class LcmRobot {
   LcmSeal seal_;
 };
 
-void compare(const RobotFile& robot, const RecordEntry& entry, std::size_t index, const tiller_command_t* answer,
+void compare(const RobotFile& robot, const RecordedRun& run, std::size_t index, const tiller_command_t* answer,
              double tolerance, ReplayResult& result) {
+  const RecordEntry& entry = run.entries[index];
+  double apart = result.largest;
+  const bool same = answer && same_command(entry.record.command, *answer, robot.model->input_count, tolerance, apart);
+  if (is_behind_a_hole(run, index, same, result)) return;
+  result.largest = apart;
   ++result.ticks;
-  if (answer && same_command(entry.record.command, *answer, robot.model->input_count, tolerance, result.largest))
-    return;
+  if (same) return;
   ++result.different;
   if (result.first.found) return;
   result.first.found = true;
@@ -122,13 +149,24 @@ const tiller_command_t* await(LcmRobot& plant, const RecordEntry& entry, std::ui
   return nullptr;
 }
 
+bool lacks_its_measurement(const RecordedRun& run, std::size_t index) {
+  return std::any_of(run.holes.begin(), run.holes.end(), [=](const LogHole& hole) {
+    const std::uint64_t tick = run.entries[index].record.tick;
+    return hole.what == LogHole::What::kMeasurement && hole.first <= tick && tick <= hole.last;
+  });
+}
+
 void in_lockstep(LcmRobot& plant, const RobotFile& robot, const RecordedRun& run, const ReplayOptions& options,
                  ReplayResult& result) {
   tiller_command_t kept{};
   for (std::size_t i = 0; i < run.entries.size(); ++i) {
+    if (lacks_its_measurement(run, i)) {
+      (void)is_behind_a_hole(run, i, false, result);  // nothing to ask with, so there is no answer either
+      continue;
+    }
     const tiller_command_t* answer =
         await(plant, run.entries[i], robot.config.measurement_count, options.patience_s, kept);
-    compare(robot, run.entries[i], i, answer, options.tolerance, result);
+    compare(robot, run, i, answer, options.tolerance, result);
     if (!answer) return;  // the controller is gone, or waits for something else
   }
 }
@@ -156,7 +194,7 @@ void in_real_time(LcmRobot& plant, const RobotFile& robot, const RecordedRun& ru
     const tiller_record_t& r = run.entries[i].record;
     if (r.has_measurement == 0 || r.command.sequence != r.measurement.sequence) continue;
     const auto found = answers.find(r.measurement.sequence);
-    compare(robot, run.entries[i], i, found == answers.end() ? nullptr : &found->second, options.tolerance, result);
+    compare(robot, run, i, found == answers.end() ? nullptr : &found->second, options.tolerance, result);
   }
 }
 
@@ -171,11 +209,12 @@ bool replay_through_lcm(const RobotFile& robot, const RecordedRun& run, const Re
     error = "LCM cannot open '" + options.url + "'; is there a multicast route? (docs/lcm.md)";
     return false;
   }
-  if (options.real_time)
+  const bool heard = plant.introduce(options.patience_s);
+  if (heard && options.real_time)
     in_real_time(plant, robot, run, options, result);
-  else
+  else if (heard)
     in_lockstep(plant, robot, run, options, result);
-  const bool silent = result.first.found && result.first.silent && result.first.at == 0;
+  const bool silent = !heard || (result.first.found && result.first.silent && result.first.at == 0);
   if (silent)
     error = "nobody answers on " + options.url + ": start `tiller run " + robot.path +
             " --transport lcm --lockstep` first, with the same [transport], key_file included";

@@ -21,6 +21,7 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 /// A command with the telemetry that was logged for it.
 struct Answer {
+  std::uint64_t tick = 0;
   tiller_lcm::command_t command{};
   bool told = false;
   tiller_lcm::telemetry_t telemetry{};
@@ -74,13 +75,17 @@ class LogReader {
         static_cast<std::uint32_t>(m.count) != robot_.config.measurement_count)
       return;
     ++measurements_;
-    waiting_.push_back(convert(m));
+    const tiller_measurement_t measurement = convert(m);
+    if (measurements_ > 1 && is_same(measurement, newest_)) return;  // a plant in lockstep asked again
+    newest_ = measurement;
+    waiting_.push_back(measurement);
     if (waiting_.size() > kMostWaiting) waiting_.erase(waiting_.begin());
   }
 
   void take_command(const LcmEvent& event, std::vector<Answer>& answers) {
     Answer answer;
     if (answer.command.decode(event.message.data(), 0, size_of(event)) < 0) return;
+    if (was_repeated(answer.command, answers)) return;
     const auto sequence = static_cast<std::uint32_t>(answer.command.sequence);
     const auto same = [&](const tiller_measurement_t& m) { return m.sequence == sequence; };
     const auto found = std::find_if(waiting_.begin(), waiting_.end(), same);
@@ -93,10 +98,24 @@ class LogReader {
     answers.push_back(answer);
   }
 
+  static bool is_same(const tiller_measurement_t& a, const tiller_measurement_t& b) {
+    return a.sequence == b.sequence && a.stamp_us == b.stamp_us;
+  }
+
+  /// In lockstep the answer to a measurement that came again is the same command once more, and no tick.
+  static bool was_repeated(const tiller_lcm::command_t& command, const std::vector<Answer>& answers) {
+    const auto oldest = static_cast<std::ptrdiff_t>(std::min(answers.size(), kMostBack));
+    return std::any_of(answers.end() - oldest, answers.end(), [&](const Answer& a) {
+      return a.command.stamp_us == command.stamp_us && a.command.sequence == command.sequence &&
+             a.command.state == command.state && a.command.plan_sequence == command.plan_sequence &&
+             std::equal(std::begin(command.value), std::end(command.value), a.command.value);
+    });
+  }
+
   void take_telemetry(const LcmEvent& event, std::vector<Answer>& answers) const {
     tiller_lcm::telemetry_t t;
     if (t.decode(event.message.data(), 0, size_of(event)) < 0 || t.tick < 1 || t.tick > kMostTicks) return;
-    const std::size_t newest = answers.size(), oldest = newest - std::min<std::size_t>(newest, 4);
+    const std::size_t newest = answers.size(), oldest = newest - std::min(newest, kMostBack);
     for (std::size_t i = newest; i > oldest; --i) {
       Answer& answer = answers[i - 1];
       if (answer.told || answer.command.stamp_us != t.stamp_us) continue;
@@ -107,9 +126,11 @@ class LogReader {
   }
 
   static constexpr std::size_t kMostWaiting = 64;
+  static constexpr std::size_t kMostBack = 4;  // how far telemetry or a repetition may come behind its command
   static constexpr std::int64_t kMostTicks = std::int64_t{1} << 53;  // more is no number of a tick
   const RobotFile& robot_;
   const std::string& path_;
+  tiller_measurement_t newest_{};
   std::vector<tiller_measurement_t> waiting_;  // since the last one that was answered
   std::size_t measurements_ = 0;
   std::string damage_;
@@ -126,6 +147,7 @@ std::vector<Answer> ticks_of(const std::vector<Answer>& answers, std::string& no
     const auto first = std::find_if(answers.begin(), answers.end(), moves);
     const auto last = std::find_if(answers.rbegin(), answers.rend(), moves).base();
     if (first < last) ticks.assign(first, last);
+    for (std::size_t i = 0; i < ticks.size(); ++i) ticks[i].tick = i;
     add_note("no telemetry was logged: the iterations of each plan are not known");
     return ticks;
   }
@@ -142,15 +164,10 @@ std::vector<Answer> ticks_of(const std::vector<Answer>& answers, std::string& no
       break;
     }
     const auto found = std::min<std::int64_t>(missing, static_cast<std::int64_t>(between.size()));
-    if (found < missing)
-      add_note(ticks.empty()
-                   ? format("it begins with tick %lld: what the controller knew by then is not in it",
-                            static_cast<long long>(answer.telemetry.tick - 1 - found))
-                   : format("%lld ticks are missing before tick %lld", static_cast<long long>(missing - found),
-                            static_cast<long long>(answer.telemetry.tick - 1)));
     ticks.insert(ticks.end(), between.end() - found, between.end());
     ticks.push_back(answer);
     tick = answer.telemetry.tick;
+    for (std::int64_t i = 0; i <= found; ++i) (ticks.end() - 1 - i)->tick = static_cast<std::uint64_t>(tick - 1 - i);
     between.clear();
   }
   return ticks;
@@ -215,6 +232,33 @@ RecordEntry entry_of(const RobotFile& robot, const Answer& answer, bool lockstep
   return entry;
 }
 
+/// Whether the controller was given a measurement that is not in the log. A command repeats the sequence of the last one
+/// that was taken in, so a new number is a measurement; the first tick of a run has one, unless it says otherwise.
+bool lacks_measurement(const Answer& answer, const Answer* before) {
+  if (answer.has_answered) return false;
+  if (answer.told && is_refusal(answer.telemetry.status)) return !answer.has_waiting;
+  if (before == nullptr) return !answer.told || answer.telemetry.status != tiller_status_no_new_measurement;
+  return answer.command.sequence != before->command.sequence;
+}
+
+/// What single messages leave missing in ticks that are there. Behind a missing tick a new number proves nothing.
+void find_lost_messages(const RobotFile& robot, const std::vector<Answer>& ticks, bool lockstep,
+                        std::vector<LogHole>& holes) {
+  for (std::size_t i = 0; i < ticks.size(); ++i) {
+    const Answer* before = i > 0 && ticks[i].tick == ticks[i - 1].tick + 1 ? &ticks[i - 1] : nullptr;
+    const auto add = [&](LogHole::What what) {
+      const bool goes_on = !holes.empty() && holes.back().what == what && holes.back().last + 1 == ticks[i].tick;
+      if (goes_on)
+        ++holes.back().last;
+      else
+        holes.push_back({what, ticks[i].tick, ticks[i].tick, i});
+    };
+    if ((before || ticks[i].tick == 0) && lacks_measurement(ticks[i], before)) add(LogHole::What::kMeasurement);
+    // in lockstep no deadline ends a plan
+    if (!ticks[i].told && !lockstep && robot.config.planner.deadline_us > 0) add(LogHole::What::kIterations);
+  }
+}
+
 /// What `tiller run` does between two ticks: arms before the first, prepares after each, stops on a fault of the
 /// transport.
 void add_calls(const Answer& answer, bool first, bool was_safe, RecordEntry& entry) {
@@ -250,7 +294,7 @@ bool read_lcm_run(std::istream& file, const std::string& path, const RobotFile& 
   bool was_safe = false;
   for (const Answer& answer : ticks) {
     RecordEntry entry = entry_of(robot, answer, lockstep, foresight);
-    entry.record.tick = run.entries.size();
+    entry.record.tick = answer.tick;
     add_calls(answer, run.entries.empty(), was_safe, entry);
     if (answer.told) {
       take_telemetry(robot, answer, entry);
@@ -262,8 +306,10 @@ bool read_lcm_run(std::istream& file, const std::string& path, const RobotFile& 
   if (robot.transport.stamp_on_arrival && !lockstep)
     run.note +=
         (run.note.empty() ? "" : "; ") + std::string("the times of arrival are not in it: expect no equal bits");
+  find_lost_messages(robot, ticks, lockstep, run.holes);
   run.cut_off = !reader.damage().empty();
   if (run.cut_off) run.note += (run.note.empty() ? "" : "; ") + reader.damage();
+  find_holes(run);
   if (run.entries.empty()) error = path + ": no tick of a controller in it\n";
   return !run.entries.empty();
 }

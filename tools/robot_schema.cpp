@@ -300,7 +300,7 @@ const std::vector<KeySpec> kKeys = {
     {"transport", "key_file", K::text, "", "none", 0, 0, false, hand, nullptr,
      "lcm: file with the key that signs messages, beside this file; see docs/security.md"},
     {"transport", "replay_window_s", K::number, "s", "2", 0, 3600, false, hand, nullptr,
-     "lcm: how far a signed message's clock may be from this machine's; 0: not compared"},
+     "lcm: how old a signed message may be when it arrives; 0: as old as its session"},
     {"transport", "liblcm", K::flag, "", "false", 0, 1, false, hand, nullptr,
      "lcm: true: through liblcm even where tiller's own codec would do (udpm)"},
     {"transport", "stamp_on_arrival", K::flag, "", "false", 0, 1, false, hand, nullptr,

@@ -126,6 +126,7 @@ class Runner {
     const bool alarm = info_.adequacy == tiller_adequacy_inadequate && !told_inadequate_;
     if (alarm) tell_inadequate();
     tell_log(log);
+    if (const std::string news = link_.news(); !news.empty()) announce(news, true);
     const TickView view = look();
     count(view);
     hand_over(view, entry, alarm);

@@ -7,6 +7,7 @@
 #include "io/lcm_transport.hpp"
 #include "io/monotonic_clock.hpp"
 #include "io/socketcan_transport.hpp"
+#include "tools/latency_watch.hpp"
 #include "tools/link.hpp"
 
 namespace tiller::tools {
@@ -77,7 +78,8 @@ class TransportLink : public Link {
       : robot_(robot),
         options_(options),
         period_us_(std::llround(1e6 * robot.config.period_s)),
-        timer_(std::llround(1e9 * robot.config.period_s)) {}
+        timer_(std::llround(1e9 * robot.config.period_s)),
+        latency_(robot.config.period_s) {}
   ~TransportLink() override {
     if (table_) table_->close(self_);
   }
@@ -111,6 +113,8 @@ class TransportLink : public Link {
     (void)lcm_send_telemetry(&lcm_, stamp_us, info, robot_.model->state_count, robot_.config.param_count, log);
   }
 
+  std::string news() override { return latency_.news(options_.kind == "lcm"); }
+
   std::string counters() const override {
     tiller_transport_counters_t c{};
     table_->counters(self_, &c);
@@ -121,6 +125,8 @@ class TransportLink : public Link {
     if (c.bus_errors) text += format(", %llu bus errors", count(c.bus_errors));
     if (c.overflows) text += format(", %llu lost in the kernel's queue", count(c.overflows));
     if (table_ == &kSocketCanTransport) text += can_counters();
+    if (lcm_.challenged > MessageSeal::kMeetingMessages) text += format(", %llu challenged", count(lcm_.challenged));
+    if (lcm_.repeated_answers) text += format(", %llu answers sent again", count(lcm_.repeated_answers));
     if (options_.kind == "lcm" && lcm_.refusal) text += std::string("; last refused: ") + lcm_.refusal;
     return text;
   }
@@ -145,7 +151,7 @@ class TransportLink : public Link {
     lcm.measurement_count = robot_.config.measurement_count;
     lcm.input_count = robot_.model->input_count;
     lcm.stamp_on_arrival = robot_.transport.stamp_on_arrival && !options_.lockstep;
-    if (options_.lockstep) lcm.max_wait_us = 0;  // in lockstep only the order counts
+    lcm.lockstep = options_.lockstep;
     lcm.liblcm = robot_.transport.liblcm;
     lcm.replay_window_us = std::llround(1e6 * robot_.transport.replay_window_s);
     std::uint8_t key[MessageSeal::kKeyBytes];
@@ -231,10 +237,12 @@ class TransportLink : public Link {
   /// A command acts after the tick that computes it, not at the stamp that it answers. Robots seldom say how much
   /// later; unaccounted for, 1.5 ms at a 20 ms period pull the friction of the cart-pole by several standard
   /// deviations.
-  void foresee_latency(Sensed& sensed) const {
-    if (sensed.measurement.command_latency_us != 0) return;
-    const double latency_us = static_cast<double>(sensed.now_us - sensed.measurement.stamp_us) + compute_us_;
-    sensed.measurement.command_latency_us = static_cast<std::uint32_t>(std::clamp(latency_us, 0.0, 1e6));
+  void foresee_latency(Sensed& sensed) {
+    const double age_us = static_cast<double>(sensed.now_us - sensed.measurement.stamp_us);
+    const double latency_us = std::clamp(age_us + compute_us_, 0.0, 1e6);
+    std::uint32_t& told_us = sensed.measurement.command_latency_us;
+    latency_.note(told_us, latency_us);
+    if (told_us == 0) told_us = static_cast<std::uint32_t>(latency_us);
   }
 
   /// The first wait has no measurement to count from: it returns nothing fresh and time stands still.
@@ -263,6 +271,7 @@ class TransportLink : public Link {
   TransportLinkOptions options_;
   std::int64_t period_us_;
   PeriodicTimer timer_;
+  LatencyWatch latency_;
   const tiller_transport_t* table_ = nullptr;
   void* self_ = nullptr;
   LcmTransport lcm_;

@@ -33,12 +33,11 @@ bus.subscribe(options.prefix + "COMMAND", lambda channel, data: inbox.append(dat
 for k in range(int(options.seconds * 1e6 / PERIOD_US)):
     m = measurement_t()  # two encoders, no rates: the order of the robot file's [measurement]
     m.sequence, m.stamp_us, m.count, m.valid_mask, m.value[:2] = k, 10**6 + k * PERIOD_US, 2, 0b11, state[:2]
-    patience_ms, command = (1000 if command else 20) if met else 100, None
-    while command is None:
+    tries, wait_ms, command = (1, 20, None) if met and not command else (10, 100, None)
+    while command is None and (tries > 0 or not met):  # measurement or answer may be lost: ask again
         bus.publish(options.prefix + "MEASUREMENT", m.encode())
-        command = answer(bus, inbox, k, patience_ms)
-        if met: break  # no answer: the runtime is gone, and the motor's watchdog acts
-        met = command is not None  # before the first answer it may only not have been started yet
+        command, tries = answer(bus, inbox, k, wait_ms), tries - 1
+    met = met or command is not None  # after that, no answer: the runtime is gone, and the motor's watchdog acts
     force = command.value[0] if command and math.isfinite(command.value[0]) else 0.0
     for _ in range(round(PERIOD_US * 1e-6 / STEP_S)): state = step(*state, force)
 angle = math.remainder(state[1], math.tau)

@@ -1,7 +1,5 @@
 #include "io/lcm_transport.hpp"
 
-#include <time.h>
-
 #include <cctype>
 #include <cmath>
 #include <cstdio>
@@ -12,6 +10,7 @@
 #include "io/lcm_messages.hpp"
 #include "io/liblcm_backend.hpp"
 #include "io/monotonic_clock.hpp"
+#include "io/random_secret.hpp"
 
 namespace tiller {
 namespace {
@@ -22,12 +21,6 @@ constexpr int kMaxHandled = 256;
 LcmTransport* transport_of(void* self) { return static_cast<LcmTransport*>(self); }
 
 bool is_open(const LcmTransport* transport) { return transport->udp.is_open() || transport->lcm != nullptr; }
-
-std::int64_t wall_us() {
-  timespec now;
-  clock_gettime(CLOCK_REALTIME, &now);
-  return static_cast<std::int64_t>(now.tv_sec) * 1000000 + now.tv_nsec / 1000;
-}
 
 // ---- receiving ----
 
@@ -91,16 +84,17 @@ tiller_status_t lcm_poll(void* self, tiller_measurement_t* measurement) {
 
 // ---- sending ----
 
-tiller_status_t publish(LcmTransport* transport, const char* channel, const LcmType& type, const void* message) {
+/// Without a type: a message that is nothing but its trailer.
+tiller_status_t publish(LcmTransport* transport, const char* channel, const LcmType* type, const void* message) {
   std::uint8_t packet[UdpDatagram::kCapacity];
   const bool own = transport->lcm == nullptr;
+  std::uint32_t size = type != nullptr ? type->bytes : 0;
   const std::uint32_t at = lc02_begin(packet, sizeof packet, transport->packets_sent, channel);
-  if (at == 0 || at + type.bytes + MessageSeal::kTrailerBytes > sizeof packet) return tiller_status_bad_message;
+  if (at == 0 || at + size + MessageSeal::kTrailerBytes > sizeof packet) return tiller_status_bad_message;
   std::uint8_t* body = packet + at;
-  std::uint32_t size = type.bytes;
-  lcm_encode(type, message, body);
+  if (type != nullptr) lcm_encode(*type, message, body);
   if (transport->seal.has_key()) {
-    transport->seal.seal(channel, body, size, wall_us());
+    transport->seal.seal(channel, body, size, monotonic_us());
     size += MessageSeal::kTrailerBytes;
   }
   const tiller_status_t status =
@@ -110,15 +104,43 @@ tiller_status_t publish(LcmTransport* transport, const char* channel, const LcmT
   return status;
 }
 
+tiller_status_t publish_command(LcmTransport* transport, const tiller_command_t& command) {
+  const LcmCommand message = lcm_message(command, transport->options.input_count);
+  return publish(transport, transport->command_channel, &kLcmCommandType, &message);
+}
+
 tiller_status_t lcm_send(void* self, const tiller_command_t* command) {
   LcmTransport* transport = transport_of(self);
   if (!is_open(transport)) return tiller_status_transport_closed;
   for (std::uint32_t i = 0; i < transport->options.input_count; ++i)
     if (!std::isfinite(command->value[i])) return tiller_status_command_not_finite;
-  const LcmCommand message = lcm_message(*command, transport->options.input_count);
-  const tiller_status_t status = publish(transport, transport->command_channel, kLcmCommandType, &message);
+  if (transport->options.lockstep) transport->answers.note(*command);
+  const tiller_status_t status = publish_command(transport, *command);
   if (status == tiller_status_ok) ++transport->counters.sent;
   return status;
+}
+
+/// The plant has not got the answer, or not yet: it may still be on its way, and the plant takes it once.
+void repeat_answer(LcmTransport* transport) {
+  const tiller_command_t* answer = transport->answers.answer();
+  if (answer == nullptr || !is_open(transport)) return;
+  if (publish_command(transport, *answer) == tiller_status_ok) ++transport->repeated_answers;
+}
+
+/// The plant's message proves nothing of when it was signed: the next one can, once the plant has heard this.
+void challenge(LcmTransport* transport) {
+  ++transport->challenged;
+  if (is_open(transport)) (void)publish(transport, transport->command_channel, nullptr, nullptr);
+}
+
+bool is_authentic(LcmTransport* transport, const std::uint8_t* bytes, std::uint32_t size) {
+  const SealState state = transport->seal.check(transport->measurement_channel, bytes, size, monotonic_us());
+  if (state == SealState::kOk) return true;
+  if (state != SealState::kUnanswered && state != SealState::kHeldUp)
+    return refuse(transport, transport->counters.bad_messages, seal_text(state));
+  challenge(transport);
+  if (transport->challenged > MessageSeal::kMeetingMessages) transport->refusal = seal_text(state);
+  return false;
 }
 
 // ---- the table ----
@@ -170,6 +192,14 @@ void name_channels(LcmTransport* transport, const char* prefix) {
   std::snprintf(transport->telemetry_channel, LcmTransport::kMaxChannel, "%sTELEMETRY", prefix);
 }
 
+tiller_status_t make_seal(LcmTransport* transport, const LcmOptions& options, OpenError* error) {
+  if (options.key == nullptr) return tiller_status_ok;
+  std::uint8_t secret[MessageSeal::kSecretBytes];
+  const tiller_status_t status = read_random(secret, sizeof secret, error);
+  if (status == tiller_status_ok) transport->seal = MessageSeal(options.key, secret, options.replay_window_us);
+  return status;
+}
+
 tiller_status_t open_udp(LcmTransport* transport, const char* text, OpenError* error) {
   UdpmUrl url;
   if (const char* wrong = parse_udpm_url(text, &url)) {
@@ -194,20 +224,27 @@ bool lcm_take_measurement(LcmTransport* transport, const void* data, std::uint32
   tiller_transport_counters_t& counters = transport->counters;
   const auto* bytes = static_cast<const std::uint8_t*>(data);
   if (transport->seal.has_key()) {
-    const SealState state = transport->seal.check(transport->measurement_channel, bytes, size, wall_us());
-    if (state != SealState::kOk) return refuse(transport, counters.bad_messages, seal_text(state));
+    if (!is_authentic(transport, bytes, size)) return false;
     size -= MessageSeal::kTrailerBytes;
+    if (size == 0) return false;  // a challenge and nothing else
   }
   LcmMeasurement message{};
   if (!lcm_decode(kLcmMeasurementType, bytes, size, &message))
     return refuse(transport, counters.bad_messages, not_ours(transport, size));
   if (const char* why = wrong_content(message, transport->options.measurement_count))
     return refuse(transport, counters.bad_messages, why);
-  if (transport->options.max_wait_us > 0 && waited > transport->options.max_wait_us)
+  if (!transport->options.lockstep && transport->options.max_wait_us > 0 && waited > transport->options.max_wait_us)
     return refuse(transport, counters.dropped_old, "a measurement waited too long before it was read");
+  const auto sequence = static_cast<std::uint32_t>(message.sequence);
+  if (transport->options.lockstep && transport->answers.is_repeated(sequence, message.stamp_us)) {
+    repeat_answer(transport);
+    return false;
+  }
   const std::int64_t now_us = monotonic_us();
-  if (!transport->gate.accept(static_cast<std::uint32_t>(message.sequence), now_us))
+  // in lockstep a pause says nothing of the plant: whoever is held up for long must not take the past for new
+  if (!transport->gate.accept(sequence, transport->options.lockstep ? 0 : now_us))
     return refuse(transport, counters.dropped_old, "a measurement's sequence is not newer than the last one");
+  if (transport->options.lockstep) transport->answers.ask(sequence, message.stamp_us);
   if (transport->has_new) ++counters.dropped_old;
   transport->newest = convert(message);
   if (transport->options.stamp_on_arrival) transport->newest.stamp_us = now_us;
@@ -232,7 +269,8 @@ tiller_status_t lcm_transport_open(LcmTransport* transport, const LcmOptions& op
   transport->options = options;
   transport->options.url = transport->options.channel_prefix = nullptr;
   transport->options.key = nullptr;
-  transport->seal = MessageSeal(options.key, options.replay_window_us);
+  status = make_seal(transport, options, error);
+  if (status != tiller_status_ok) return status;
   name_channels(transport, options.channel_prefix);
   const bool library = options.liblcm || !is_udpm_url(options.url);
   return library ? liblcm_open(transport, options.url, error) : open_udp(transport, options.url, error);
@@ -243,7 +281,7 @@ tiller_status_t lcm_send_telemetry(LcmTransport* transport, std::int64_t stamp_u
   if (!is_open(transport)) return tiller_status_transport_closed;
   if (state_count > TILLER_MAX_STATES || param_count > TILLER_MAX_PARAMS) return tiller_status_bad_dimension;
   const LcmTelemetry message = lcm_message(info, stamp_us, state_count, param_count, log);
-  return publish(transport, transport->telemetry_channel, kLcmTelemetryType, &message);
+  return publish(transport, transport->telemetry_channel, &kLcmTelemetryType, &message);
 }
 
 }  // namespace tiller

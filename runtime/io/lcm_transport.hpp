@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "io/answer_memory.hpp"
 #include "io/lcm_messages.hpp"
 #include "io/message_seal.hpp"
 #include "io/open_error.hpp"
@@ -26,10 +27,15 @@ struct LcmOptions {
   /// Replace the plant's stamp by this machine's monotonic clock at poll: for plants with a clock of their
   /// own.
   bool stamp_on_arrival = false;
+  /// The plant waits for each answer, so only the order counts, and max_wait_us does not. It repeats a measurement whose
+  /// answer does not come: one that was answered already gets the same command again, and is never taken as a new one,
+  /// however long nothing came.
+  bool lockstep = false;
   /// MessageSeal::kKeyBytes of a key that the plant has too, or null: measurements that are not signed with it are
-  /// refused, commands and telemetry are signed. Copied by open.
+  /// refused, commands and telemetry are signed. A plant whose messages answer no challenge is sent one on the command
+  /// channel. Copied by open.
   const std::uint8_t* key = nullptr;
-  std::int64_t replay_window_us = MessageSeal::kWindowUs;  ///< see MessageSeal; 0: clocks are not compared
+  std::int64_t replay_window_us = MessageSeal::kWindowUs;  ///< see MessageSeal
   /// Go through liblcm, where this build has it, instead of the runtime's own codec. Providers other than udpm always
   /// do. liblcm has a thread of its own, and a heap.
   bool liblcm = false;
@@ -47,8 +53,11 @@ struct LcmTransport {
   char command_channel[kMaxChannel] = "";
   char telemetry_channel[kMaxChannel] = "";
   MessageSeal seal;
+  std::uint64_t challenged = 0;  ///< authentic messages that answered no challenge, or one of too long ago
   std::uint32_t packets_sent = 0;
   SequenceGate gate;
+  AnswerMemory answers;                ///< in lockstep
+  std::uint64_t repeated_answers = 0;  ///< in lockstep: sent again, because the plant asked again
   bool has_new = false;
   tiller_measurement_t newest{};
   tiller_transport_counters_t counters{};

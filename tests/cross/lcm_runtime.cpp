@@ -21,7 +21,7 @@ bool open_transport(const char* prefix) {
   tiller::LcmOptions options;
   options.channel_prefix = prefix;
   options.measurement_count = options.input_count = 1;
-  options.max_wait_us = 0;  // in lockstep only the order counts
+  options.lockstep = true;
   tiller::OpenError problem;
   if (lcm_transport_open(&transport, options, &problem) == tiller_status_ok) return true;
   std::fprintf(stderr, "LCM: %s\n", problem.text);

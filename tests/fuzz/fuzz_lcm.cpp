@@ -11,6 +11,8 @@
 namespace {
 
 constexpr std::uint32_t kValues = 3;
+const std::uint8_t kSecret[tiller::MessageSeal::kSecretBytes] = {4, 5, 6};
+const std::uint8_t kOtherSecret[tiller::MessageSeal::kSecretBytes] = {7, 8, 9};
 
 void check_newest(const tiller::LcmTransport& transport) {
   for (std::uint32_t i = kValues; i < TILLER_MAX_MEASUREMENTS; ++i)
@@ -22,7 +24,7 @@ void take_packets(fuzz::Bytes& input, bool has_key) {
   tiller::LcmTransport transport;
   transport.options.measurement_count = kValues;
   std::strcpy(transport.measurement_channel, "M");
-  if (has_key) transport.seal = tiller::MessageSeal(key, 0);
+  if (has_key) transport.seal = tiller::MessageSeal(key, kSecret, 0);
   std::uint64_t taken = 0;
   while (!input.empty()) {
     const std::uint32_t high = input.byte();
@@ -43,16 +45,22 @@ void parse_url(const std::string& text) {
 
 void check_seal(const std::string& message) {
   static const std::uint8_t key[tiller::MessageSeal::kKeyBytes] = {1, 2, 3};
-  tiller::MessageSeal seal(key, 0);
+  tiller::MessageSeal seal(key, kSecret, 0), sender(key, kOtherSecret, 0);
   const auto size = static_cast<std::uint32_t>(message.size());
   fuzz::require(
       seal.check("M", reinterpret_cast<const std::uint8_t*>(message.data()), size, 1) != tiller::SealState::kOk,
       "nobody guesses a signature");
   std::string room = message + std::string(tiller::MessageSeal::kTrailerBytes, '\0');
   auto* bytes = reinterpret_cast<std::uint8_t*>(&room[0]);
-  seal.seal("M", bytes, size, 1);
+  sender.seal("M", bytes, size, 1);
+  fuzz::require(seal.check("M", bytes, size + tiller::MessageSeal::kTrailerBytes, 1) == tiller::SealState::kUnanswered,
+                "a sender that has not heard the challenge is not taken");
+  std::uint8_t challenge[tiller::MessageSeal::kTrailerBytes];
+  seal.seal("C", challenge, 0, 1);
+  (void)sender.check("C", challenge, sizeof challenge, 1);
+  sender.seal("M", bytes, size, 1);
   fuzz::require(seal.check("M", bytes, size + tiller::MessageSeal::kTrailerBytes, 1) == tiller::SealState::kOk,
-                "what is signed is authentic");
+                "what is signed and answers it is authentic");
 }
 
 tiller_measurement_t measurement_of(fuzz::Bytes& input, std::uint32_t count) {

@@ -144,8 +144,33 @@ TEST_F(Loader, ACostStandsBesideTheModelInC) {
   EXPECT_EQ(own, nullptr) << "a model without a cost";
 }
 
-TEST_F(Loader, ACostTemplateIsCompiledIntoTheKernels) {
-  const std::string cost = R"(
+/// A template with a cost, compiled once for all that is asked of it: kernels take a compiler a quarter of a minute.
+class Template : public Loader {
+ protected:
+  static const tiller_model_t* model() {
+    static const tiller_model_t* const compiled = compile();
+    return compiled;
+  }
+
+ private:
+  static const tiller_model_t* compile() {
+    const fs::path folder = fs::path(testing::TempDir()) / "loader_template";
+    fs::remove_all(folder);
+    fs::create_directories(folder);
+    std::ofstream(folder / "mass.hpp") << mass_hpp() << kCost;
+    ModelRequest request;
+    request.robot_dir = folder.string();
+    request.file = "mass.hpp";
+    request.type = "mine::Mass";
+    request.cost_type = "mine::Cost";
+    std::string error;
+    const tiller_model_t* model = load_model(request, error);
+    EXPECT_NE(model, nullptr) << error;
+    fs::remove_all(folder);
+    return model;
+  }
+
+  static constexpr const char* kCost = R"(
 namespace mine {
 template <class S>
 struct Cost {
@@ -159,15 +184,12 @@ struct Cost {
 };
 }  // namespace mine
 )";
-  ModelRequest request;
-  request.robot_dir = write("mass.hpp", mass_hpp() + cost).substr(0, folder_.string().size());
-  request.file = "mass.hpp";
-  request.type = "mine::Mass";
-  request.cost_type = "mine::Cost";
-  const tiller_model_t* model = load_model(request, error_);
-  ASSERT_NE(model, nullptr) << error_;
+};
+
+TEST_F(Template, ItsCostIsCompiledIntoTheKernels) {
+  ASSERT_NE(model(), nullptr);
   tiller_config_t config;
-  ASSERT_EQ(tiller_config_default(&config, model), tiller_status_ok);
+  ASSERT_EQ(tiller_config_default(&config, model()), tiller_status_ok);
   config.cost.own_weight = 0.5;
   const CostTerms<double> terms = make_cost_terms<double>(config.cost);
   const StepSetup setup;
@@ -182,11 +204,35 @@ struct Cost {
   job.controls = {inputs, 0};
   job.cost = &terms;
   job.cost_out = out;
-  select_rollout(*model).rollout_f64(*model, job);
+  select_rollout(*model()).rollout_f64(*model(), job);
   // at rest at 1 m, pushed by 2 N / 3 kg for two periods of 20 ms: u t^2 / 2
   const double after_one = 1.0 + 2.0 / 3.0 * 0.0002, after_two = 1.0 + 2.0 / 3.0 * 0.0008;
   const double expected = 0.5 * ((1.0 + 320.0) + (after_one + 320.0 + 20.0) + 10000.0 * after_two);
   EXPECT_NEAR(out[0], expected, 1e-6);
+}
+
+TEST_F(Template, RunsInTheLanesOfThisMachine) {
+  ASSERT_NE(model(), nullptr);
+  ASSERT_EQ(model()->param_count, 1u);
+  EXPECT_STREQ(model()->joints[0].name, "rail");
+  ASSERT_NE(model()->kernels, nullptr);
+  EXPECT_EQ(select_rollout(*model()).isa, best_isa());
+
+  StepSetup setup;
+  setup.period_s = 0.1;
+  const double state[] = {1, 0}, params[] = {2.0}, controls[] = {4, 4, 4};
+  double final_state[2 * kLanePadding];
+  RolloutJob<double> job;
+  job.setup = &setup;
+  job.lanes = kLanePadding;
+  job.horizon = 3;
+  job.state.data = state;
+  job.params.data = params;
+  job.controls.data = controls;
+  job.final_state = final_state;
+  select_rollout(*model()).rollout_f64(*model(), job);
+  EXPECT_NEAR(final_state[0], 1 + 0.5 * 2 * 0.09, 1e-12);  // RK4 is exact for a constant acceleration
+  EXPECT_NEAR(final_state[kLanePadding], 0.6, 1e-12);
 }
 
 TEST_F(Loader, RefusesCostsThatAreNone) {
@@ -231,40 +277,20 @@ TEST_F(Loader, CIsCompiledOnceAndAgainWhenItChanges) {
 }
 
 TEST_F(Loader, IncludedFilesCount) {
-  write("divisor.hpp", "#define DIVISOR p.mass_kg\n");
-  write("mass.hpp", "#include \"divisor.hpp\"\n" + mass_hpp("DIVISOR"));
-  ASSERT_NE(load("mass.hpp", "mine::Mass"), nullptr) << error_;
-  // what is included may be newer than the copy: a file of tomorrow stands for an edit
-  fs::last_write_time(folder_ / "divisor.hpp", fs::file_time_type::clock::now() + std::chrono::hours(24));
+  write("divisor.h", "#define DIVISOR p[0]\n");
+  std::string text = mass_c();
+  const std::string divisor = "p[0]";
+  text.replace(text.find(divisor), divisor.size(), "DIVISOR");
+  write("mass.c", "#include \"divisor.h\"\n" + text);
+  ASSERT_NE(load("mass.c"), nullptr) << error_;
   testing::internal::CaptureStderr();
-  EXPECT_NE(load("mass.hpp", "mine::Mass"), nullptr) << error_;
+  EXPECT_NE(load("mass.c"), nullptr) << error_;
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "") << "nothing has changed";
+  // what is included may be newer than the copy: a file of tomorrow stands for an edit
+  fs::last_write_time(folder_ / "divisor.h", fs::file_time_type::clock::now() + std::chrono::hours(24));
+  testing::internal::CaptureStderr();
+  EXPECT_NE(load("mass.c"), nullptr) << error_;
   EXPECT_NE(testing::internal::GetCapturedStderr().find("compiling model"), std::string::npos);
-}
-
-TEST_F(Loader, TemplateRunsInTheLanesOfThisMachine) {
-  write("mass.hpp", mass_hpp());
-  const tiller_model_t* model = load("mass.hpp", "mine::Mass");
-  ASSERT_NE(model, nullptr) << error_;
-  ASSERT_EQ(model->param_count, 1u);
-  EXPECT_STREQ(model->joints[0].name, "rail");
-  ASSERT_NE(model->kernels, nullptr);
-  EXPECT_EQ(select_rollout(*model).isa, best_isa());
-
-  StepSetup setup;
-  setup.period_s = 0.1;
-  const double state[] = {1, 0}, params[] = {2.0}, controls[] = {4, 4, 4};
-  double final_state[2 * kLanePadding];
-  RolloutJob<double> job;
-  job.setup = &setup;
-  job.lanes = kLanePadding;
-  job.horizon = 3;
-  job.state.data = state;
-  job.params.data = params;
-  job.controls.data = controls;
-  job.final_state = final_state;
-  select_rollout(*model).rollout_f64(*model, job);
-  EXPECT_NEAR(final_state[0], 1 + 0.5 * 2 * 0.09, 1e-12);  // RK4 is exact for a constant acceleration
-  EXPECT_NEAR(final_state[kLanePadding], 0.6, 1e-12);
 }
 
 TEST_F(Loader, CompilerErrorsNameTheUsersFileAndLine) {

@@ -11,7 +11,6 @@
 #include "io/blake2s.hpp"
 #include "io/lc02.hpp"
 #include "io/lcm_messages.hpp"
-#include "io/message_seal.hpp"
 #include "io/udp_multicast.hpp"
 #include "tiller_lcm/command_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
@@ -180,79 +179,6 @@ TEST(Blake2s, KnownAnswers) {
     EXPECT_EQ("3fb735061abc519dfe979e54c1ee5bfad0a9d858b3315bad34bde999efd724dd", blake2s(message, key, 32, piece));
     EXPECT_EQ("cd075928ab7e6883e697fe7fd3ac43ee", blake2s(message, key, 16, piece));
   }
-}
-
-constexpr std::int64_t kNow = 1700000000000000;
-
-Bytes some_key(std::uint8_t first) {
-  Bytes key(MessageSeal::kKeyBytes, 9);
-  key[0] = first;
-  return key;
-}
-
-Bytes sealed(MessageSeal& seal, const char* channel, const Bytes& message, std::int64_t wall_us) {
-  Bytes bytes = message;
-  bytes.resize(message.size() + MessageSeal::kTrailerBytes);
-  seal.seal(channel, bytes.data(), static_cast<std::uint32_t>(message.size()), wall_us);
-  return bytes;
-}
-
-SealState check(MessageSeal& seal, const char* channel, const Bytes& bytes, std::int64_t wall_us) {
-  return seal.check(channel, bytes.data(), static_cast<std::uint32_t>(bytes.size()), wall_us);
-}
-
-TEST(MessageSeal, OneKeyOneChannelOnce) {
-  MessageSeal sender(some_key(1).data(), 2000000), receiver(some_key(1).data(), 2000000);
-  MessageSeal stranger(some_key(2).data(), 2000000);
-  const Bytes message = {1, 2, 3};
-  const Bytes first = sealed(sender, "A", message, kNow), second = sealed(sender, "A", message, kNow);
-  EXPECT_EQ(SealState::kOk, check(receiver, "A", first, kNow));
-  EXPECT_EQ(SealState::kReplayed, check(receiver, "A", first, kNow));
-  EXPECT_EQ(SealState::kWrongTag, check(receiver, "B", second, kNow));
-  EXPECT_EQ(SealState::kWrongTag, check(receiver, "A", sealed(stranger, "A", message, kNow + 9), kNow));
-  EXPECT_EQ(SealState::kUnsealed, check(receiver, "A", message, kNow));
-  EXPECT_EQ(SealState::kOk, check(receiver, "A", second, kNow)) << "two messages in one microsecond";
-  EXPECT_EQ(SealState::kReplayed, check(receiver, "A", first, kNow)) << "older than the last one";
-}
-
-TEST(MessageSeal, EveryFlipOfOneOrTwoBitsIsDetected) {
-  MessageSeal sender(some_key(1).data(), 0);
-  Bytes bytes = sealed(sender, "CHANNEL", {1, 2, 3, 4, 5, 6, 7, 8}, kNow);
-  const auto flip = [&](std::size_t bit) { bytes[bit / 8] ^= static_cast<std::uint8_t>(1u << (bit % 8)); };
-  const auto refused = [&] {
-    MessageSeal fresh(some_key(1).data(), 0);
-    return check(fresh, "CHANNEL", bytes, kNow) == SealState::kWrongTag;
-  };
-  for (std::size_t a = 0; a < 8 * bytes.size(); ++a) {
-    flip(a);
-    ASSERT_TRUE(refused()) << a;
-    for (std::size_t b = 0; b < a; ++b) {
-      flip(b);
-      ASSERT_TRUE(refused()) << a << ' ' << b;
-      flip(b);
-    }
-    flip(a);
-  }
-}
-
-// A receiver that has just started knows no counter: recordings older than the window are refused all the same.
-TEST(MessageSeal, ARecordingIsRefusedOutsideItsWindow) {
-  MessageSeal sender(some_key(1).data(), 0);
-  const Bytes bytes = sealed(sender, "A", {1}, kNow);
-  for (const std::int64_t later : {std::int64_t{2000001}, std::int64_t{-2000001}, std::int64_t{86400000000}}) {
-    MessageSeal fresh(some_key(1).data(), 2000000);
-    EXPECT_EQ(SealState::kOutsideWindow, check(fresh, "A", bytes, kNow + later));
-    EXPECT_EQ(SealState::kOk, check(fresh, "A", bytes, kNow)) << "a refusal leaves the counter alone";
-  }
-  MessageSeal timeless(some_key(1).data(), 0);
-  EXPECT_EQ(SealState::kOk, check(timeless, "A", bytes, kNow + 86400000000));
-}
-
-TEST(MessageSeal, TheCountersGrowWhenTheSendersClockIsSetBack) {
-  MessageSeal sender(some_key(1).data(), 0), receiver(some_key(1).data(), 0);
-  const std::int64_t steps[] = {0, -3600000000, -3600000000, 1, 0};
-  for (const std::int64_t step : steps)
-    EXPECT_EQ(SealState::kOk, check(receiver, "A", sealed(sender, "A", {1}, kNow + step), kNow));
 }
 
 TEST(UdpmUrl, IsReadAsLcmReadsIt) {

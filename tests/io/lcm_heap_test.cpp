@@ -19,6 +19,7 @@ constexpr int kTicks = TILLER_TEST_SANITIZED ? 2000 : 10000;
 struct Bench {
   LcmTransport transport;
   UdpMulticast plant;
+  MessageSeal seal;  // of a plant that never hears a challenge
   int taken = 0, failures = 0;
 };
 
@@ -32,7 +33,12 @@ void publish(Bench& bench, const char* channel, std::int64_t sequence, std::uint
   message.valid_mask = 3;
   lcm_encode(kLcmMeasurementType, &message, packet + at);
   if (fragment) packet[3] = '3';
-  bench.failures += bench.plant.send(packet, at + kLcmMeasurementType.bytes - cut) != tiller_status_ok;
+  std::uint32_t size = kLcmMeasurementType.bytes - cut;
+  if (bench.seal.has_key() && sequence % 2 == 0) {
+    bench.seal.seal(channel, packet + at, size, sequence);
+    size += MessageSeal::kTrailerBytes;
+  }
+  bench.failures += bench.plant.send(packet, at + size) != tiller_status_ok;
 }
 
 void long_life(void* arg) {
@@ -82,9 +88,12 @@ TEST(LcmHeap, NothingIsAllocatedOnceItIsOpen) {
 
 TEST(LcmHeap, NorWithAKey) {
   static Bench bench;
-  const std::uint8_t key[MessageSeal::kKeyBytes] = {1};
+  const std::uint8_t key[MessageSeal::kKeyBytes] = {1}, secret[MessageSeal::kSecretBytes] = {2};
+  bench.seal = MessageSeal(key, secret, 0);
   EXPECT_EQ(0u, heap_calls_of(bench, key));
-  EXPECT_EQ(0, bench.taken) << "nothing of this plant is signed";
+  EXPECT_EQ(0, bench.taken) << "half of it is not signed, and the rest answers no challenge";
+  EXPECT_GT(bench.transport.challenged, static_cast<std::uint64_t>(kTicks / 3));
+  EXPECT_GT(bench.transport.counters.bad_messages, static_cast<std::uint64_t>(kTicks / 3));
   EXPECT_EQ(0, bench.failures);
 }
 

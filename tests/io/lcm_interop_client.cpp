@@ -47,6 +47,7 @@ int main(int argc, char** argv) {
     if (tiller::kLcmTransport.send(&transport, &command) != tiller_status_ok) return 1;
   }
   const tiller_transport_counters_t& c = transport.counters;
+  if (options.key != nullptr) std::printf("challenged=%llu ", static_cast<unsigned long long>(transport.challenged));
   std::printf("received=%llu bad=%llu old=%llu\n", static_cast<unsigned long long>(c.received),
               static_cast<unsigned long long>(c.bad_messages), static_cast<unsigned long long>(c.dropped_old));
   return 0;

@@ -2,12 +2,13 @@
 
 1. lcm-logger records what CLIENT (the own codec) and a plant in Python (package lcm) say to each other; nothing is lost.
 2. lcm-logplayer plays the plant's side of that log to a fresh CLIENT, which takes every measurement.
-3. With a key: a plant that signs by hashlib is heard, and CLIENT's commands verify by hashlib; without a signature, with
-   another key, changed on the way, repeated, from last minute, or on another channel nothing passes.
+3. With a key: a plant that signs by examples/python_plant/seal.py is heard, and takes CLIENT's commands; without a
+   signature, with another key, changed on the way, repeated, from before CLIENT started, from an end that CLIENT does not
+   know, or on another channel nothing passes.
 Run in a network namespace of its own.
 """
-import hashlib
 import os
+import pathlib
 import signal
 import subprocess
 import sys
@@ -16,7 +17,9 @@ import time
 
 CLIENT, LCM_BIN, TYPES = sys.argv[1:4]
 sys.path.insert(0, TYPES)
+sys.path.insert(0, str(pathlib.Path(__file__).parents[2] / "examples/python_plant"))
 import lcm  # noqa: E402
+from seal import Seal  # noqa: E402
 from tiller_lcm import command_t, measurement_t  # noqa: E402
 
 URL = "udpm://239.255.76.67:7667?ttl=0"
@@ -30,15 +33,6 @@ def measurement(sequence):
     message.count, message.valid_mask = 2, 3
     message.value = [0.5 * sequence, -1.0] + [0.0] * 10
     return message.encode()
-
-
-def sign(key, channel, message, counter):
-    body = message + counter.to_bytes(8, "big")
-    return body + hashlib.blake2s(channel.encode() + b"\0" + body, digest_size=16, key=key).digest()
-
-
-def wall_us():
-    return time.time_ns() // 1000
 
 
 children = []
@@ -127,6 +121,38 @@ def play(log, folder):
     print(f"lcm-logplayer: {facts['received']} of {COUNT} measurements")
 
 
+CHANNEL = "TILLER_MEASUREMENT"
+
+
+class SignedPlant:
+    """Speaks and hears with a key; keeps all that it said."""
+
+    def __init__(self, bus, key):
+        self.bus, self.seal, self.inbox, self.said = bus, Seal(key), [], []
+        self.subscription = bus.subscribe("TILLER_COMMAND", self.hear)
+
+    def hear(self, channel, data):
+        message = self.seal.open(channel, data)
+        if message is not None:
+            self.inbox.append((command_t.decode(message), data))
+
+    def say(self, message):
+        self.said.append(self.seal.sign(CHANNEL, message))
+        self.bus.publish(CHANNEL, self.said[-1])
+
+    def meet(self):
+        """A message without content asks for the other end's challenge."""
+        until = time.monotonic() + PATIENCE_S
+        while not any(self.seal.answer):
+            self.say(b"")
+            self.bus.handle_timeout(200)
+            assert time.monotonic() < until, "nobody challenges"
+
+    def speak(self, count):
+        for sequence in range(count):
+            assert answered(self.bus, self.inbox, lambda: self.say(measurement(sequence)), sequence), sequence
+
+
 def authenticate(folder):
     key = bytes(range(100, 132))
     path = os.path.join(folder, "robot.key")
@@ -134,37 +160,42 @@ def authenticate(folder):
         file.write(key.hex() + "\n")
     os.chmod(path, 0o600)
     bus = lcm.LCM(URL)
-    inbox = subscribe(bus)
-    channel = "TILLER_MEASUREMENT"
+    before = start_client(URL, "3", path)
+    plant = SignedPlant(bus, key)
+    plant.meet()
+    plant.speak(3)
+    finish(before)
+    recording, taken = list(plant.said), len(plant.inbox)
+    assert taken == 3, plant.inbox
+
+    # another run of the receiver, and another of the plant
     client = start_client(URL, "3", path)
-    send = lambda data: bus.publish(channel, data)
-    first = sign(key, channel, measurement(0), wall_us())
-    assert answered(bus, inbox, lambda: send(first), 0)
-    attacks = [
+    bus.unsubscribe(plant.subscription)
+    plant = SignedPlant(bus, key)
+    for data in recording:
+        bus.publish(CHANNEL, data)
+    plant.meet()
+    plant.speak(1)
+    forged = [
         measurement(10),
-        sign(bytes(32), channel, measurement(11), wall_us()),
-        sign(key, "TILLER_COMMAND", measurement(12), wall_us()),
-        sign(key, "OTHER_MEASUREMENT", measurement(13), wall_us()),
-        sign(key, channel, measurement(14), wall_us() - 60000000),
-        sign(key, channel, measurement(15), wall_us() + 60000000),
-        measurement(16) + sign(key, channel, measurement(1), wall_us())[-24:],
-        first,
+        Seal(bytes(32)).sign(CHANNEL, measurement(11)),
+        plant.seal.sign("TILLER_COMMAND", measurement(12)),
+        plant.seal.sign("OTHER_MEASUREMENT", measurement(13)),
+        measurement(16) + plant.seal.sign(CHANNEL, measurement(1))[-48:],
+        plant.said[-1],
     ]
-    for data in attacks:
-        send(data)
+    stranger = Seal(key).sign(CHANNEL, measurement(14))
+    for data in [*forged, stranger, *recording]:
+        bus.publish(CHANNEL, data)
     for sequence in (1, 2):
-        good = sign(key, channel, measurement(sequence), wall_us())
-        assert answered(bus, inbox, lambda: send(good), sequence)
+        assert answered(bus, plant.inbox, lambda: plant.say(measurement(sequence)), sequence)
     facts = finish(client)
-    assert int(facts["received"]) == 3 and int(facts["bad"]) == len(attacks), facts
-    assert [c.sequence for c, _ in inbox] == [0, 1, 2]
-    counters = []
-    for _, data in inbox:
-        body, tag = data[:-16], data[-16:]
-        assert tag == hashlib.blake2s(b"TILLER_COMMAND\0" + body, digest_size=16, key=key).digest()
-        counters.append(int.from_bytes(body[-8:], "big"))
-    assert counters == sorted(set(counters)) and abs(counters[-1] - wall_us()) < 60000000
-    print(f"authentication: 3 signed measurements taken, {len(attacks)} attacks refused, commands verify in Python")
+    assert int(facts["received"]) == 3 and int(facts["bad"]) == len(forged), facts
+    # the recording twice, the stranger, and the new plant before it had heard the challenge
+    assert int(facts["challenged"]) >= 2 * len(recording) + 2, facts
+    assert [c.sequence for c, _ in plant.inbox] == [0, 1, 2]
+    print(f"authentication: 3 signed measurements taken, {len(forged)} forgeries and {facts['challenged']} messages "
+          f"without an answer refused, commands verify in Python")
 
 
 try:

@@ -202,6 +202,39 @@ TEST_P(Lcm, OldAndRepeatedSequencesAreRefused) {
   EXPECT_EQ(3u, counters().dropped_old);
 }
 
+TEST_P(Lcm, InLockstepAnAnsweredMeasurementIsAnsweredAgainAndTakenOnce) {
+  LcmOptions options = two_values();
+  options.lockstep = true;
+  open(options);
+  Plant plant;
+  EXPECT_TRUE(take(message_of(10), 60000000)) << "only the order counts";
+  EXPECT_FALSE(take(message_of(10))) << "not answered yet";
+  ASSERT_EQ(tiller_status_ok, poll());
+  tiller_command_t command{};
+  command.stamp_us = measurement_.stamp_us;
+  command.sequence = 10;
+  command.value[0] = 0.5;
+  ASSERT_EQ(tiller_status_ok, kLcmTransport.send(&transport_, &command));
+  command.stamp_us += 20000;  // a tick without a measurement is no answer
+  command.value[0] = 0.25;
+  ASSERT_EQ(tiller_status_ok, kLcmTransport.send(&transport_, &command));
+  for (int i = 0; i < 3; ++i) EXPECT_FALSE(take(message_of(10)));
+  EXPECT_EQ(tiller_status_no_new_measurement, poll());
+  while (plant.commands.size() < 5) ASSERT_TRUE(plant.handle_one());
+  const double expected[] = {0.5, 0.25, 0.5, 0.5, 0.5};
+  for (std::size_t i = 0; i < 5; ++i) {
+    EXPECT_EQ(10, plant.commands[i].sequence);
+    EXPECT_EQ(expected[i], plant.commands[i].value[0]) << i;
+  }
+  EXPECT_EQ(3u, transport_.repeated_answers);
+  EXPECT_EQ(0u, counters().dropped_old);
+  EXPECT_EQ(1u, counters().received);
+  // the next one, and one of the past
+  EXPECT_TRUE(take(message_of(11)));
+  EXPECT_FALSE(take(message_of(10)));
+  EXPECT_EQ(1u, counters().dropped_old);
+}
+
 TEST_P(Lcm, WhatWaitedTooLongIsRefused) {
   EXPECT_FALSE(take(message_of(1), two_values().max_wait_us + 1));
   EXPECT_EQ(1u, counters().dropped_old);

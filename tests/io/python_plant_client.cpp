@@ -28,6 +28,7 @@ int main(int argc, char** argv) {
   tiller::LcmOptions options;
   options.measurement_count = 2;
   options.input_count = 1;
+  options.lockstep = true;
   tiller::LcmTransport transport;
   tiller::OpenError error;
   if (tiller::lcm_transport_open(&transport, options, &error) != tiller_status_ok) {

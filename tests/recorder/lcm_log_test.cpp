@@ -1,6 +1,8 @@
 // Logs of LCM: what we write liblcm reads, and the ticks are put together again from messages.
 #include <lcm/eventlog.h>
 
+#include <functional>
+
 #include "run_rig.hpp"
 #include "tiller_lcm/command_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
@@ -18,7 +20,6 @@ LoggedTick plain_tick(std::uint64_t k) {
   r.measurement.value[1] = k % 7 == 3 ? std::nan("") : -0.25 * static_cast<double>(k);
   if (r.has_measurement == 0) r.measurement = {};
   r.plan_cost = 4.0 / 3.0;
-  if (r.has_measurement == 0 && k > 0) r.command.sequence = static_cast<std::uint32_t>(4294967290u + k - 1);
   tick.info.status = r.status;
   tick.info.planner_iterations = r.planner_iterations;
   tick.info.tick_ns = r.tick_ns;
@@ -193,48 +194,139 @@ TEST(LcmLog, TicksArePutTogetherFromWhatALoggerHeard) {
   EXPECT_EQ(run.entries[6].stop_status, static_cast<std::uint32_t>(tiller_status_actuator_fault));
 }
 
-TEST(LcmLog, WhatIsMissingIsTold) {
-  const Folder folder;
-  const auto robot = arm();
-  const auto note_of = [&](const auto& write) {
-    const std::string path = folder / "logger.lcm";
+class Holes : public testing::Test {
+ protected:
+  /// The run that a logger heard.
+  RecordedRun read(const std::function<void(Logger&)>& write) {
+    const std::string path = folder_ / "logger.lcm";
     {
       Logger log(path);
       write(log);
     }
     RecordedRun run;
-    std::string error;
-    (void)read_lcm_run(path, *robot, run, error);
-    return run.note + error;
+    error_.clear();
+    (void)read_lcm_run(path, *robot_, run, error_);
+    return run;
+  }
+  /// A tick in lockstep: number, and sequence of its measurement.
+  static void tick(Logger& log, std::uint32_t sequence, std::int64_t number) {
+    log.measurement(sequence, 10000 * sequence);
+    log.command(sequence, 10000 * sequence);
+    if (number > 0) log.telemetry(number, 10000 * sequence);
+  }
+
+  const Folder folder_;
+  const std::unique_ptr<RobotFile> robot_ = arm();
+  std::string error_;
+};
+
+TEST_F(Holes, AWholeLogHasNone) {
+  const RecordedRun run = read([&](Logger& log) {
+    for (std::uint32_t k = 1; k < 4; ++k) tick(log, k, k);
+  });
+  EXPECT_EQ(run.note, "");
+  EXPECT_FALSE(run.cut_off);
+  EXPECT_EQ(sound_ticks(run), 3u);
+}
+
+TEST_F(Holes, TicksThatAreMissingAreNamed) {
+  const RecordedRun late = read([&](Logger& log) {
+    for (std::uint32_t k = 5; k < 8; ++k) tick(log, k, k);
+  });
+  EXPECT_EQ(
+      late.note,
+      "4 ticks are missing: 0 to 3; from tick 4 on a replay knows other things than the recorded controller did: no "
+      "equal bits are promised");
+  EXPECT_TRUE(late.cut_off);
+  EXPECT_EQ(sound_ticks(late), 0u);
+  const RecordedRun two = read([&](Logger& log) {
+    for (std::uint32_t k = 1; k < 12; ++k)
+      if (k != 3 && k != 4 && k != 9) tick(log, k, k);
+  });
+  EXPECT_EQ(two.note.find("3 ticks are missing: 2 to 3, 8; from tick 4 on"), 0u) << two.note;
+  EXPECT_EQ(sound_ticks(two), 2u);
+}
+
+TEST_F(Holes, AMeasurementThatIsMissingIsNamed) {
+  const RecordedRun run = read([&](Logger& log) {
+    for (std::uint32_t k = 1; k < 8; ++k) {
+      if (k != 5) log.measurement(k, 10000 * k);
+      log.command(k, 10000 * k);
+      log.telemetry(k, 10000 * k);
+    }
+  });
+  EXPECT_EQ(run.note.find("1 tick's measurement is missing: 4; from tick 4 on"), 0u) << run.note;
+  EXPECT_EQ(sound_ticks(run), 4u);
+  EXPECT_EQ(run.entries[4].record.has_measurement, 0u);
+  const RecordedRun refused = read([&](Logger& log) {
+    tick(log, 1, 1);
+    log.command(1, 20000);  // the guard refused a measurement that the logger did not hear
+    log.telemetry(2, 20000, tiller_status_sensor_jump);
+    tick(log, 3, 3);
+  });
+  EXPECT_EQ(refused.note.find("1 tick's measurement is missing: 1;"), 0u) << refused.note;
+  const RecordedRun quiet = read([&](Logger& log) {
+    tick(log, 1, 1);
+    log.command(1, 20000);  // there was none
+    log.telemetry(2, 20000, tiller_status_no_new_measurement);
+    tick(log, 3, 3);
+  });
+  EXPECT_EQ(quiet.note, "");
+}
+
+TEST_F(Holes, TelemetryThatIsMissingIsOneOnlyWhereADeadlineCountsIterations) {
+  const auto write = [&](std::int64_t late_us) {
+    return [=](Logger& log) {
+      for (std::uint32_t k = 1; k < 6; ++k) {
+        log.measurement(k, 10000 * k);
+        log.command(k, 10000 * k + late_us);
+        if (k != 3) log.telemetry(k, 10000 * k + late_us);
+      }
+    };
   };
-  const auto tick = [](Logger& log, std::uint32_t k, std::int64_t number) {
-    log.measurement(k, 10000 * k);
-    log.command(k, 10000 * k);
-    if (number > 0) log.telemetry(number, 10000 * k);
-  };
-  EXPECT_EQ(note_of([&](Logger& log) {
-              for (std::uint32_t k = 1; k < 4; ++k) tick(log, k, k);
-            }),
-            "");
-  EXPECT_NE(note_of([&](Logger& log) {
-              for (std::uint32_t k = 5; k < 8; ++k) tick(log, k, k);
-            }).find("begins with tick 4"),
-            std::string::npos);
-  EXPECT_NE(note_of([&](Logger& log) {
-              for (std::uint32_t k = 1; k < 8; ++k)
-                if (k != 3 && k != 4) tick(log, k, k);
-            }).find("2 ticks are missing before tick 4"),
-            std::string::npos);
-  EXPECT_NE(note_of([&](Logger& log) {
-              for (std::uint32_t k = 1; k < 8; ++k) tick(log, k, k % 4 + 1);
-            }).find("begins"),
-            std::string::npos);
-  EXPECT_NE(note_of([&](Logger& log) {
-              for (std::uint32_t k = 1; k < 4; ++k) tick(log, k, 0);
-            }).find("no telemetry was logged"),
-            std::string::npos);
-  EXPECT_NE(note_of([&](Logger& log) { log.measurement(1, 1); }).find("no commands on the channels"),
-            std::string::npos);
+  EXPECT_EQ(read(write(300)).note, "") << "this robot's planner has no deadline";
+  robot_->config.planner.deadline_us = 5000;
+  EXPECT_EQ(read(write(0)).note, "") << "in lockstep the deadline is off";
+  EXPECT_EQ(read(write(300)).note.find("1 tick's number of iterations is missing: 2; from tick 2 on"), 0u);
+}
+
+TEST_F(Holes, WhatAPlantInLockstepAskedTwiceIsOneTick) {
+  const RecordedRun run = read([&](Logger& log) {
+    for (std::uint32_t k = 1; k < 8; ++k) {
+      log.measurement(k, 10000 * k);
+      if (k % 2 == 0) log.measurement(k, 10000 * k);
+      log.command(k, 10000 * k);
+      log.telemetry(k, 10000 * k);
+      if (k % 3 == 0) log.measurement(k, 10000 * k);
+      if (k % 3 == 0) log.command(k, 10000 * k);
+    }
+  });
+  EXPECT_EQ(run.note, "");
+  ASSERT_EQ(run.entries.size(), 7u);
+  for (std::size_t i = 0; i < 7; ++i) {
+    EXPECT_EQ(run.entries[i].record.tick, i);
+    EXPECT_EQ(run.entries[i].record.measurement.sequence, i + 1);
+  }
+}
+
+TEST_F(Holes, WithoutTelemetryRepeatedAnswersAreNoTicksEither) {
+  const RecordedRun run = read([&](Logger& log) {
+    for (std::uint32_t k = 1; k < 4; ++k) {
+      tick(log, k, 0);
+      tick(log, k, 0);
+    }
+  });
+  EXPECT_EQ(run.entries.size(), 3u);
+  EXPECT_NE(run.note.find("no telemetry was logged"), std::string::npos) << run.note;
+}
+
+TEST_F(Holes, OtherThingsThatAreMissingAreToldToo) {
+  const RecordedRun second = read([&](Logger& log) {
+    for (std::uint32_t k = 1; k < 8; ++k) tick(log, k, k % 4 + 1);
+  });
+  EXPECT_NE(second.note.find("a second run begins in it"), std::string::npos) << second.note;
+  (void)read([&](Logger& log) { log.measurement(1, 1); });
+  EXPECT_NE(error_.find("no commands on the channels"), std::string::npos) << error_;
 }
 
 }  // namespace

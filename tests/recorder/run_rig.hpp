@@ -65,7 +65,8 @@ inline LoggedTick odd_tick(std::uint64_t k) {
     r.measurement.value[1] = odd[(k + 3) % 8];
   }
   r.command.stamp_us = r.now_us;
-  r.command.sequence = r.measurement.sequence;
+  // without a new one, that of the last one
+  r.command.sequence = static_cast<std::uint32_t>(4294967290u + k - (r.has_measurement != 0 ? 0 : 1));
   r.command.state = tiller_state_active;
   r.command.plan_sequence = static_cast<std::uint32_t>(4294967280u + k);
   r.command.value[0] = std::sin(static_cast<double>(k));

@@ -52,7 +52,7 @@ ServeOptions lockstep(double duration_s) {
   o.period_s = 0.01;
   o.duration_s = duration_s;
   o.answer_timeout_s = 0.001;
-  o.first_answer_repeat_s = 0.001;
+  o.repeat_s = 0.001;
   return o;
 }
 
@@ -277,6 +277,54 @@ TEST(Serve, RealTimeNumbersStampsAndAppliesEverything) {
   EXPECT_GE(plant->time_us(), 50'000);
   EXPECT_GE(report.commands, 2u);
   EXPECT_EQ(motor(*plant), 2.0);  // the last one that came, whatever its number
+}
+
+/// Answers 7 ms after the measurement, by a clock that runs while somebody waits.
+class SlowLink final : public PlantLink {
+ public:
+  bool publish(const PlantMeasurement& m) override {
+    published.push_back(m);
+    answer_ = {m.sequence, {1.0}};
+    due_us_ = clock_us + 7000;
+    return true;
+  }
+  bool receive(PlantCommand& command, std::int64_t timeout_us) override {
+    const bool comes = due_us_ >= 0 && due_us_ <= clock_us + timeout_us;
+    clock_us = comes ? std::max(clock_us, due_us_) : clock_us + std::max<std::int64_t>(timeout_us, 1);
+    if (!comes) return false;
+    due_us_ = -1;
+    command = answer_;
+    return true;
+  }
+  std::string error() const override { return ""; }
+
+  std::int64_t clock_us = 1000000;
+  std::vector<PlantMeasurement> published;
+
+ private:
+  PlantCommand answer_;
+  std::int64_t due_us_ = -1;
+};
+
+TEST(Serve, RealTimeTellsHowLateItsCommandsCome) {
+  PlantOptions o = cart_pole();
+  for (const bool in_lockstep : {false, true}) {
+    auto plant = make(o);
+    SlowLink link;
+    ServeOptions options = lockstep(0.5);
+    options.lockstep = in_lockstep;
+    options.answer_timeout_s = 1;
+    options.repeat_s = 0.5;
+    options.now_us = [&] { return link.clock_us; };
+    ServeReport report;
+    ASSERT_EQ(serve(*plant, link, options, report), 0) << report.error;
+    ASSERT_GE(link.published.size(), 50u);
+    EXPECT_EQ(link.published[0].answer_us, 0) << "not known yet";
+    for (std::size_t k = 1; k < link.published.size(); ++k) {
+      const auto told_us = static_cast<double>(link.published[k].answer_us);
+      EXPECT_NEAR(told_us, in_lockstep ? 0 : 7000, in_lockstep ? 0 : 1e6 * o.step_s) << "whole steps of the physics";
+    }
+  }
 }
 
 TEST(Serve, PeriodBelowThePhysicsStepIsRefused) {

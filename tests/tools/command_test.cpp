@@ -211,6 +211,50 @@ TEST_F(Command, ALogThatIsCutOffSaysSoAndAnMcapBringsItsRobot) {
   EXPECT_TRUE(contains(half.out, "cut off in its last event")) << half.out;
 }
 
+/// The events of an LCM log: sync word, number, time, two lengths, channel, message; big-endian.
+Words events_of(const std::string& log) {
+  const auto length = [&](std::size_t at) {
+    std::size_t n = 0;
+    for (std::size_t i = 0; i < 4; ++i) n = n << 8 | static_cast<unsigned char>(log.at(at + i));
+    return n;
+  };
+  Words events;
+  for (std::size_t at = 0; at + 28 <= log.size(); at += events.back().size())
+    events.push_back(log.substr(at, 28 + length(at + 20) + length(at + 24)));
+  return events;
+}
+
+TEST_F(Command, ALogWithAHoleIsJudgedUpToIt) {
+  ASSERT_EQ(run({"run", kCartPole, "--sim", "--seconds", "1", "--quiet", "--record", "run.lcm"}).code, 0);
+  const Words events = events_of(text_of("run.lcm"));
+  ASSERT_EQ(events.size(), 150u) << "measurement, command and telemetry of 50 ticks";
+  const auto write = [&](const char* name, const auto& is_lost) {
+    std::ofstream file(folder_ + "/" + name, std::ios::binary);
+    for (std::size_t i = 0; i < events.size(); ++i)
+      if (!is_lost(i)) file << events[i];
+  };
+  write("measurement.lcm", [](std::size_t i) { return i == 3 * 20; });
+  const Ended deaf = run({"replay", "measurement.lcm", kCartPole});
+  EXPECT_EQ(deaf.code, 2) << deaf.out;
+  EXPECT_TRUE(contains(deaf.out, "1 tick's measurement is missing: 20; from tick 20 on")) << deaf.out;
+  EXPECT_TRUE(contains(deaf.out, "equal bits are promised for the 20 ticks before that")) << deaf.out;
+  EXPECT_TRUE(contains(deaf.out, "20 ticks replayed on ")) << deaf.out;
+  EXPECT_TRUE(contains(deaf.out, ", 0 different, up to the log's first hole\n30 ticks behind it, ")) << deaf.out;
+  write("ticks.lcm", [](std::size_t i) { return i / 3 == 30 || i / 3 == 41; });
+  const Ended fewer = run({"replay", "ticks.lcm", kCartPole});
+  EXPECT_EQ(fewer.code, 2) << fewer.out;
+  EXPECT_TRUE(contains(fewer.out, "2 ticks are missing: 30, 41; from tick 31 on")) << fewer.out;
+  // in lockstep no deadline ends a plan, so what telemetry tells is known
+  write("telemetry.lcm", [](std::size_t i) { return i % 3 == 2 && i / 3 % 7 == 3; });
+  const Ended untold = run({"replay", "telemetry.lcm", kCartPole});
+  EXPECT_EQ(untold.code, 0) << untold.out;
+  EXPECT_TRUE(contains(untold.out, "50 ticks replayed on ")) << untold.out;
+  // a hole excuses nothing before it
+  const Ended other = run({"replay", "ticks.lcm", kCartPole, "--seed", "9"});
+  EXPECT_EQ(other.code, 4) << other.out;
+  EXPECT_TRUE(contains(other.out, "first difference in tick 0")) << other.out;
+}
+
 TEST_F(Command, ProgressIsAPlainLineEveryHalfSecondWithoutATerminal) {
   const Ended ended = run({"run", kCartPole, "--sim", "--seconds", "2"});
   EXPECT_EQ(ended.code, 0);

@@ -81,8 +81,8 @@ column() { head -n 1 "$2" | tr , '\n' | grep -nx "$1" | cut -d: -f1; }
 echo "1. lockstep over $transport"
 for seed in $seeds; do
   start_plant "$seed"
-  "$tiller" run robot.toml --transport "$transport" --lockstep --seed "$seed" --seconds 5 --wait 60 --quiet \
-    --log run.csv >controller.txt 2>&1 || fail "seed $seed: the controller ended with $?"
+  "$tiller" run robot.toml --transport "$transport" --lockstep --seed "$seed" --seconds 5 --wait 60 \
+    --patience 60 --quiet --log run.csv >controller.txt 2>&1 || fail "seed $seed: the controller ended with $?"
   stop_plant
   tail -n 1 run.csv | awk -F, -v angle="$(column mean.angle_rad run.csv)" '{
     turn = 6.283185307179586

@@ -13,6 +13,7 @@
 #include "read_all.hpp"
 #include "robot_text.hpp"
 #include "tools/export_config.hpp"
+#include "tools/latency_watch.hpp"
 #include "tools/output_file.hpp"
 #include "tools/plant_setup.hpp"
 #include "tools/progress.hpp"
@@ -27,6 +28,35 @@ namespace {
 namespace fs = std::filesystem;
 
 using test::read_all;
+
+std::string news_after(LatencyWatch& watch, int measurements, std::uint32_t told_us, double seen_us) {
+  std::string news;
+  for (int k = 0; k < measurements; ++k) {
+    watch.note(told_us, seen_us);
+    news += watch.news(true);
+  }
+  return news;
+}
+
+TEST(LatencyWatch, AnUntoldLatencyThatMattersIsToldOnce) {
+  LatencyWatch watch(0.02);
+  EXPECT_EQ(news_after(watch, 49, 0, 1900), "") << "the first ones come while caches are cold";
+  const std::string news = news_after(watch, 1000, 0, 1900);
+  EXPECT_NE(news.find("1.90 ms from stamp to departure are accounted for, 9.5 % of the period"), std::string::npos)
+      << news;
+  EXPECT_NE(news.find("docs/lcm.md"), std::string::npos);
+  EXPECT_EQ(news.find("measurements do not tell", 1), std::string::npos) << "once: " << news;
+  LatencyWatch bus(0.02);
+  for (int k = 0; k < 50; ++k) bus.note(0, 1900);
+  EXPECT_NE(bus.news(false).find("input_delay"), std::string::npos);
+}
+
+TEST(LatencyWatch, WhatIsToldOrDoesNotMatterIsNoNews) {
+  LatencyWatch told(0.02), small(0.02);
+  told.note(0, 1900);  // a plant that measures it does not know it yet at first
+  EXPECT_EQ(news_after(told, 1000, 2500, 1900), "");
+  EXPECT_EQ(news_after(small, 1000, 0, 390), "") << "below 2 % of the period";
+}
 
 class Scratch : public testing::Test {
  protected:

@@ -6,6 +6,7 @@
 
 #include "fault_link.hpp"
 #include "io/lcm_transport.hpp"
+#include "sealed_pair.hpp"
 #include "tiller_lcm/command_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
 
@@ -30,7 +31,7 @@ class LcmLink final : public Link {
     std::snprintf(transport_.measurement_channel, sizeof transport_.measurement_channel, "%s", kChannel);
     if (setup.keyed) {
       const std::uint8_t key[MessageSeal::kKeyBytes] = {1, 2, 3, 4, 5, 6, 7, 8};
-      transport_.seal = plant_seal_ = MessageSeal(key, 0);
+      make_sealed_pair(key, transport_.seal, plant_seal_);
     }
     transport_.options.measurement_count = setup.config.measurement_count;
     transport_.options.input_count = setup.config.model->input_count;

@@ -11,6 +11,7 @@
 #include "fault_bus.hpp"
 #include "io/lcm_messages.hpp"
 #include "io/lcm_transport.hpp"
+#include "sealed_pair.hpp"
 
 namespace tiller::faults {
 namespace {
@@ -99,7 +100,7 @@ class Sealed {
  public:
   explicit Sealed(Random& random) : random_(random) {
     const std::uint8_t key[MessageSeal::kKeyBytes] = {1, 2, 3, 4, 5, 6, 7, 8};
-    transport_.seal = plant_ = MessageSeal(key, 0);
+    make_sealed_pair(key, transport_.seal, plant_);
     std::snprintf(transport_.measurement_channel, sizeof transport_.measurement_channel, "%s", kChannel);
     transport_.options.measurement_count = 2;
     transport_.options.input_count = 1;

@@ -181,10 +181,12 @@ void McapRun::add(const RecordEntry& entry) {
   writer_.add_message(tick_, sequence, time_ns, tick_json(robot_, entry));
 }
 
-bool McapRun::close(std::uint64_t ticks, std::uint64_t dropped_ticks) {
+bool McapRun::close(std::uint64_t ticks, std::uint64_t dropped_ticks, const std::vector<LogHole>& holes) {
+  constexpr std::size_t kMostPlaces = 1000;  // a line of 20 kB; `tiller replay` finds all by the ticks' numbers
   writer_.close_chunk();
   writer_.add_metadata("recorder", {{"ticks", std::to_string(ticks)},
                                     {"dropped_ticks", std::to_string(dropped_ticks)},
+                                    {"dropped", ticks_text(holes, kMostPlaces)},
                                     {"lost_messages", std::to_string(writer_.lost_messages())}});
   return writer_.close();
 }

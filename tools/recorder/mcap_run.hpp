@@ -1,11 +1,10 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <string>
 #include <vector>
 
-#include "tools/record_file.hpp"
+#include "tools/recorded_run.hpp"
 #include "tools/recorder/mcap_writer.hpp"
 #include "tools/robot_file.hpp"
 
@@ -29,9 +28,9 @@ class McapRun {
   void open(const std::string& path, const tiller_config_t& config, std::int64_t epoch_us);
   void add(const RecordEntry& entry);
   void flush() { writer_.flush(); }
-  /// With what the recorder counted, as metadata `recorder`: ticks handed over, those among them that no log holds, and
-  /// messages that this file lacks.
-  bool close(std::uint64_t ticks, std::uint64_t dropped_ticks);
+  /// With what the recorder counted, as metadata `recorder`: ticks handed over, those among them that no log holds, which
+  /// they are, and messages that this file lacks.
+  bool close(std::uint64_t ticks, std::uint64_t dropped_ticks, const std::vector<LogHole>& holes = {});
   const McapWriter& writer() const { return writer_; }
 
  private:
@@ -39,16 +38,6 @@ class McapRun {
   McapWriter writer_;
   std::int64_t epoch_us_ = 0;
   std::uint16_t measurement_ = 0, command_ = 0, tick_ = 0;
-};
-
-/// A run that was read back.
-struct RecordedRun {
-  bool has_config = false;  ///< `config` and `joint` are what the controller was made from
-  tiller_config_t config{};
-  std::shared_ptr<const JointPrior> joint;
-  std::vector<RecordEntry> entries;
-  std::string note;      ///< what of the file could not be read; empty: all of it was
-  bool cut_off = false;  ///< the file ends early or is damaged: what is in `entries` came before that
 };
 
 /// Whether the bytes are of a run of tiller (else: an MCAP of somebody else, or none at all).

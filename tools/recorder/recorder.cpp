@@ -17,6 +17,7 @@ constexpr auto kLook = std::chrono::milliseconds(5);         // between two look
 constexpr auto kFlush = std::chrono::milliseconds(250);      // what a crash may cost
 constexpr auto kWait = std::chrono::microseconds(200);       // lossless, with a full ring
 constexpr double kHold_s = 2.0;                              // a disk may be busy that long
+constexpr std::size_t kMostPlaces = 8;                       // that a message names
 constexpr std::size_t kLeastTicks = 256, kMostTicks = 4096;  // 1 MB .. 16 MB
 
 std::string ending_of(const std::string& path) { return std::filesystem::path(path).extension().string(); }
@@ -69,9 +70,12 @@ void Recorder::start(const tiller_config_t& config) {
 void Recorder::push(const LoggedTick& tick) {
   if (!wanted_) return;
   ++pushed_;
+  last_was_dropped_ = false;
   while (!ring_.push(tick)) {
     if (!options_.lossless) {
       dropped_.fetch_add(1, std::memory_order_relaxed);
+      last_was_dropped_ = true;
+      last_dropped_ = tick;
       return;
     }
     std::this_thread::sleep_for(kWait);
@@ -97,7 +101,21 @@ void Recorder::serve() {
   }
 }
 
+/// Ticks are numbered, so the next one that arrives tells which were dropped before it.
+void Recorder::note_hole(std::uint64_t tick) {
+  if (tick > next_tick_) holes_.push_back({LogHole::What::kTicks, next_tick_, tick - 1, 0});
+  next_tick_ = tick + 1;
+}
+
+/// The last tick is in every log: its number tells a reader that others are missing before it.
+void Recorder::take_last() {
+  if (!last_was_dropped_) return;
+  take(last_dropped_);
+  dropped_.fetch_sub(1, std::memory_order_relaxed);
+}
+
 void Recorder::take(const LoggedTick& tick) {
+  note_hole(tick.entry.record.tick);
   if (!options_.log.empty()) {
     TickView view;
     view.time_s = tick.time_s;
@@ -182,7 +200,7 @@ void Recorder::close(RecorderReport& report) {
   const bool alarm_complete = alarm_.close();
   note(alarm_.file(), alarm_complete);
   for (McapRun& mcap : mcaps_) {
-    const bool complete = mcap.close(pushed_, dropped());
+    const bool complete = mcap.close(pushed_, dropped(), holes_);
     report.lost_messages += mcap.writer().lost_messages();
     note(mcap.writer().file(), complete);
   }
@@ -206,14 +224,17 @@ RecorderReport Recorder::stop() {
   if (!thread_.joinable()) return report;
   ending_.store(true, std::memory_order_release);
   thread_.join();
+  take_last();
   close(report);
   report.ticks = pushed_;
   report.dropped_ticks = dropped();
   if (report.dropped_ticks > 0) {
     report.complete = false;
-    report.messages.push_back(format("%llu of %llu ticks were not recorded: the disk was busy for longer than %.1f s",
-                                     static_cast<unsigned long long>(report.dropped_ticks),
-                                     static_cast<unsigned long long>(report.ticks), kHold_s));
+    report.holes = holes_;
+    report.messages.push_back(
+        format("%llu of %llu ticks were not recorded (%s): the disk was busy for longer than %.1f s",
+               static_cast<unsigned long long>(report.dropped_ticks), static_cast<unsigned long long>(report.ticks),
+               ticks_text(holes_, kMostPlaces).c_str(), kHold_s));
   }
   return report;
 }

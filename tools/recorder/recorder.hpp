@@ -46,6 +46,7 @@ struct RecorderOptions {
 struct RecorderReport {
   std::uint64_t ticks = 0;          ///< handed over
   std::uint64_t dropped_ticks = 0;  ///< the ring was full: the disk took longer than it holds
+  std::vector<LogHole> holes;       ///< which ones
   std::uint64_t lost_bytes = 0;     ///< the disk refused them, and the memory for them was used up
   std::uint64_t lost_messages = 0;  ///< of MCAP and LCM logs, among them
   bool disk_refused = false;        ///< at any time
@@ -90,6 +91,8 @@ class Recorder {
   void open(const tiller_config_t& config);
   void serve();
   void take(const LoggedTick& tick);
+  void note_hole(std::uint64_t tick);
+  void take_last();
   void take_alarm(const LoggedTick& tick);
   template <class Visit>
   void each_file(const Visit& visit) const;
@@ -105,9 +108,15 @@ class Recorder {
   std::atomic<bool> ending_{false};
   std::atomic<std::uint64_t> dropped_{0}, waiting_bytes_{0}, lost_bytes_{0};
   std::atomic<bool> lags_{false};
-  std::uint64_t pushed_ = 0;  // the tick's
+
+  // the tick's
+  std::uint64_t pushed_ = 0;
+  bool last_was_dropped_ = false;
+  LoggedTick last_dropped_;
 
   // the thread's
+  std::uint64_t next_tick_ = 0;
+  std::vector<LogHole> holes_;
   RunLog log_;
   AlarmWindow alarm_;
   std::deque<tiller_record_t> history_;  // what an alarm looks back on
