@@ -14,81 +14,14 @@
 #include <sstream>
 #include <thread>
 
+#include "command_rig.hpp"
+
 namespace {
 
 namespace fs = std::filesystem;
-using Words = std::vector<std::string>;
+using namespace tiller::test;
 
 const std::string kCartPole = std::string(TILLER_TEST_ROBOTS) + "/cart_pole.toml";
-
-struct Ended {
-  int code = -1;
-  std::string out;  // stdout and stderr
-};
-
-class Command : public testing::Test {
- protected:
-  void SetUp() override {
-    std::string made = (fs::temp_directory_path() / "tiller-command-XXXXXX").string();
-    ASSERT_NE(mkdtemp(made.data()), nullptr);
-    folder_ = made;
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
-  pid_t start(const Words& arguments) {
-    const pid_t child = fork();
-    if (child != 0) return child;
-    if (chdir(folder_.c_str()) != 0) _exit(126);
-    const int out = open("out.txt", O_WRONLY | O_CREAT | O_TRUNC, 0666);
-    dup2(out, STDOUT_FILENO);
-    dup2(out, STDERR_FILENO);
-    std::vector<char*> argv = {const_cast<char*>(TILLER_TEST_COMMAND)};
-    for (const std::string& word : arguments) argv.push_back(const_cast<char*>(word.c_str()));
-    argv.push_back(nullptr);
-    execv(TILLER_TEST_COMMAND, argv.data());
-    _exit(127);
-  }
-
-  Ended finish(pid_t child) {
-    int status = 0;
-    waitpid(child, &status, 0);
-    Ended ended;
-    ended.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-    ended.out = text_of("out.txt");
-    return ended;
-  }
-
-  Ended run(const Words& arguments) {
-    const Ended ended = finish(start(arguments));
-    std::printf("$ tiller");
-    for (const std::string& word : arguments) std::printf(" %s", word.c_str());
-    std::printf("   -> %d\n", ended.code);
-    return ended;
-  }
-
-  std::string text_of(const std::string& name) const {
-    std::ifstream file(folder_ + "/" + name, std::ios::binary);
-    std::stringstream text;
-    text << file.rdbuf();
-    return text.str();
-  }
-
-  /// Columns 0..n of every row of a CSV: time, measurements and command, without the tick times behind them.
-  std::string first_columns(const std::string& name, int columns) const {
-    std::istringstream rows(text_of(name));
-    std::string kept;
-    for (std::string row; std::getline(rows, row);) {
-      std::size_t end = 0;
-      for (int i = 0; i < columns && end != std::string::npos; ++i) end = row.find(',', end + 1);
-      kept += row.substr(0, end) + "\n";
-    }
-    return kept;
-  }
-
-  std::string folder_;
-};
-
-bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
 
 TEST_F(Command, HelpTeaches) {
   const Ended top = run({"--help"});
@@ -148,6 +81,36 @@ TEST_F(Command, WrongInputEndsWithOneAndARemedy) {
     EXPECT_EQ(ended.code, 1) << ended.out;
     EXPECT_TRUE(contains(ended.out, wrong.says)) << "expected '" << wrong.says << "' in\n" << ended.out;
   }
+}
+
+/// A robot file's text with some of it replaced.
+std::string variant(const std::string& path, const std::vector<std::pair<std::string, std::string>>& changes) {
+  std::ifstream file(path);
+  std::stringstream text;
+  text << file.rdbuf();
+  std::string changed = text.str();
+  for (const auto& [from, to] : changes) {
+    const std::size_t at = changed.find(from);
+    EXPECT_NE(at, std::string::npos) << from;
+    if (at != std::string::npos) changed.replace(at, from.size(), to);
+  }
+  return changed;
+}
+
+// 8192 rollouts of a planner that takes 1 ms for 256 of them, in 0.5 ms: a busy machine makes it longer only.
+TEST_F(Command, ATickThatDoesNotFitItsPeriodIsWarnedOf) {
+  const std::string pendulum = std::string(TILLER_TEST_ROBOTS) + "/pendulum.toml";
+  std::ofstream(folder_ + "/slow.toml") << variant(
+      pendulum, {{"period_s = 0.02", "period_s = 0.0005"}, {"rollouts = 256", "rollouts = 8192"}});
+  const Ended check = run({"check", "slow.toml"});
+  EXPECT_EQ(check.code, 0);
+  for (const char* part : {"predicted on one thread (", "model steps of", "measured; period 500 us",
+                           "slow.toml: a tick measures", "longer than the period of 500 us", "deadline_us", "rollouts"})
+    EXPECT_TRUE(contains(check.out, part)) << part << " in\n" << check.out;
+  const Ended sim = run({"run", "slow.toml", "--sim", "--seconds", "0.005", "--quiet"});
+  EXPECT_EQ(sim.code, 0);
+  EXPECT_TRUE(contains(sim.out, "slow.toml: a tick is predicted to take")) << sim.out;
+  EXPECT_TRUE(contains(sim.out, "of a period of 0.5 ms")) << sim.out;
 }
 
 TEST_F(Command, LockstepRunsRepeatToTheLastBitOnAnyThreads) {
