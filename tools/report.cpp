@@ -4,7 +4,7 @@
 #include <filesystem>
 
 #include "python_config.hpp"
-#include "tools/model_compiler.hpp"
+#include "tools/child_process.hpp"
 #include "tools/text.hpp"
 
 namespace tiller::tools {
