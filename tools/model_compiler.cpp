@@ -93,17 +93,9 @@ std::vector<std::string> isa_flags(Isa isa) {
 
 std::vector<std::string> command_line(bool cpp) {
   std::vector<std::string> argv = {compiler(cpp), "-shared", "-fPIC", "-Wall", "-Wextra"};
-  if (cpp) {
-    // Hidden, because copies of the same templates for other instruction sets live in the program.
-    for (const char* flag :
-         {"-std=c++17", "-O3", "-fno-exceptions", "-fno-rtti", "-fvisibility=hidden", "-fvisibility-inlines-hidden"})
-      argv.emplace_back(flag);
-    for (const std::string& flag : isa_flags(best_isa())) argv.push_back(flag);
-  } else {
-    for (const char* flag : {"-std=c99", "-O2"}) argv.emplace_back(flag);
-  }
-  if (std::strcmp(TILLER_MODEL_REPRODUCIBLE, "ON") == 0)
-    for (const char* flag : {"-ffp-contract=off", "-DTILLER_REPRODUCIBLE=1"}) argv.emplace_back(flag);
+  // Hidden, because copies of the same templates for other instruction sets live in the program.
+  if (cpp) argv.insert(argv.end(), {"-fvisibility=hidden", "-fvisibility-inlines-hidden"});
+  for (const std::string& flag : model_flags(cpp)) argv.push_back(flag);
   for (const std::string& folder : include_folders()) argv.push_back("-I" + folder);
   return argv;
 }
@@ -173,8 +165,6 @@ bool is_fresh(const fs::path& object, const fs::path& dependencies) {
 // metadata; the copy here keeps the object free of symbols that the loading program would have to export. Paths
 // with quotes were refused before.
 std::string wrapper_source(const std::string& path, const std::string& type, const std::string& cost_type) {
-  const std::string entry =
-      cost_type.empty() ? "TILLER_EXPORT_MODEL(" + type : "TILLER_EXPORT_MODEL_WITH_COST(" + type + ", " + cost_type;
   return "#include \"rollout/export_model.hpp\"\n#include \"" + path + R"("
 namespace tiller {
 namespace {
@@ -187,8 +177,8 @@ constexpr EffectInfo kInfos[] = {
 const EffectInfo& effect_info(std::uint32_t kind) { return kInfos[kind]; }
 }  // namespace tiller
 extern "C" __attribute__((visibility("default"))) const tiller_model_t* tiller_model(void);
-)" + entry +
-         ")\n";
+)" + export_macro(type, cost_type) +
+         "\n";
 }
 
 // Of a compiler's output what a reader can act on: each place with an error once, with the lines that quote it.
@@ -272,6 +262,22 @@ void wait_for_turn(const std::string& path, const Entry& entry, FileLock& lock) 
 }
 
 }  // namespace
+
+std::vector<std::string> model_flags(bool cpp) {
+  std::vector<std::string> flags = {"-std=c99", "-O2"};
+  if (cpp) flags = {"-std=c++17", "-O3", "-fno-exceptions", "-fno-rtti"};
+  if (cpp)
+    for (const std::string& flag : isa_flags(best_isa())) flags.push_back(flag);
+  if (std::strcmp(TILLER_MODEL_REPRODUCIBLE, "ON") == 0)
+    for (const char* flag : {"-ffp-contract=off", "-DTILLER_REPRODUCIBLE=1"}) flags.emplace_back(flag);
+  return flags;
+}
+
+std::string export_macro(const std::string& type, const std::string& cost_type) {
+  return (cost_type.empty() ? "TILLER_EXPORT_MODEL(" + type
+                            : "TILLER_EXPORT_MODEL_WITH_COST(" + type + ", " + cost_type) +
+         ")";
+}
 
 std::string compile_model(const std::string& path, const std::string& type, const std::string& cost_type,
                           std::string& error) {

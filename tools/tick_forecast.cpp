@@ -25,8 +25,8 @@ std::string costly_settings(const RobotFile& robot) {
 
 std::string misfit(const RobotFile& robot, const std::string& took) {
   const tiller_config_t& c = robot.config;
-  const std::string deadline =
-      c.planner.deadline_us > 0 ? "the deadline bounds the planner, not the posterior" : "set planner.deadline_us below the period";
+  const std::string deadline = c.planner.deadline_us > 0 ? "the deadline bounds the planner, not the posterior"
+                                                         : "set planner.deadline_us below the period";
   return robot.path + ": a tick " + took + " on this computer, longer than the period of " + duration_text(c.period_s) +
          ": a robot would wait for its commands; " + deadline + ", or lower " + costly_settings(robot);
 }

@@ -17,7 +17,7 @@ class TrialPlant {
   TrialPlant(const tiller_config_t& config, std::uint32_t substeps);
 
   bool good() const { return good_; }
-  void step(const double* command);  ///< one period under a held command (nu)
+  void step(const double* command);                                          ///< one period under a held command (nu)
   const std::vector<double>& state() const { return state_; }                // (nx)
   const std::vector<double>& effect_state() const { return effect_state_; }  // (ns), at least one number
   const std::vector<double>& history() const { return history_; }            // (delay_steps + 1, nu), newest first

@@ -52,7 +52,8 @@ class Controller {
   explicit Controller(const tiller_config_t& config) {
     const std::size_t size = tiller_size(&config);
     if (size == 0) return;
-    block_.reset(std::aligned_alloc(TILLER_ALIGNMENT, (size + TILLER_ALIGNMENT - 1) / TILLER_ALIGNMENT * TILLER_ALIGNMENT));
+    block_.reset(
+        std::aligned_alloc(TILLER_ALIGNMENT, (size + TILLER_ALIGNMENT - 1) / TILLER_ALIGNMENT * TILLER_ALIGNMENT));
     if (!block_ || tiller_init(&controller_, &config, nullptr, block_.get(), size) != tiller_status_ok ||
         tiller_arm(controller_) != tiller_status_ok)
       controller_ = nullptr;
@@ -68,7 +69,9 @@ bool all_finite(const std::vector<double>& numbers) {
   return std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); });
 }
 
-void append(std::vector<double>& rows, const std::vector<double>& row) { rows.insert(rows.end(), row.begin(), row.end()); }
+void append(std::vector<double>& rows, const std::vector<double>& row) {
+  rows.insert(rows.end(), row.begin(), row.end());
+}
 
 void note(const TrialPlant& plant, const double* input, std::uint32_t nu, VisitedStates& path) {
   append(path.state, plant.state());
@@ -79,7 +82,8 @@ void note(const TrialPlant& plant, const double* input, std::uint32_t nu, Visite
 }
 
 std::uint32_t periods_of(const tiller_config_t& config) {
-  const std::uint32_t wanted = std::max(2 * config.planner.horizon, config.cost.reference ? config.cost.reference_steps : 0);
+  const std::uint32_t wanted =
+      std::max(2 * config.planner.horizon, config.cost.reference ? config.cost.reference_steps : 0);
   return std::clamp(wanted, kFewestPeriods, kMostPeriods);
 }
 
@@ -106,7 +110,8 @@ VisitedStates visit_states(const tiller_config_t& config) {
   TrialPlant plant(config, kPlantSubsteps);
   path.effect_states = static_cast<std::uint32_t>(plant.effect_state().size());
   path.history_numbers = static_cast<std::uint32_t>(plant.history().size());
-  if (plant.good() && (steer(config, tiller_planner_ilqr, plant, path) || steer(config, config.planner.kind, plant, path)))
+  if (plant.good() &&
+      (steer(config, tiller_planner_ilqr, plant, path) || steer(config, config.planner.kind, plant, path)))
     return path;
   note(plant, config.safety.safe_command, config.model->input_count, path);
   return path;

@@ -95,7 +95,8 @@ TEST_F(ModelCompile, ParallelCommandsShareOneCompilation) {
   const pid_t first = start_compiling("first.txt");
   const pid_t second = start(kCheck, "second.txt"), third = start(kCheck, "third.txt");
   for (const char* output : {"second.txt", "third.txt"})
-    EXPECT_TRUE(eventually([&] { return contains(text_of(output), "waiting for another tiller that compiles model"); }));
+    EXPECT_TRUE(
+        eventually([&] { return contains(text_of(output), "waiting for another tiller that compiles model"); }));
   EXPECT_TRUE(eventually([&] { return contains(text_of("first.txt"), "s so far"); })) << "no progress is told";
   EXPECT_TRUE(eventually([&] { return contains(text_of("second.txt"), "s so far"); })) << "nor by who waits";
   touch("go");

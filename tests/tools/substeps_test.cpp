@@ -62,7 +62,8 @@ TEST_F(Substeps, TheVisitedStatesAreThoseOfTheTask) {
 
 TEST_F(Substeps, ThePathEndsWhereTheControllerWouldStop) {
   std::string errors;
-  const auto robot = parse_robot_file(test::with("low = -2, high = 2", "low = -0.05, high = 0.05"), "bench.toml", errors);
+  const auto robot =
+      parse_robot_file(test::with("low = -2, high = 2", "low = -0.05, high = 0.05"), "bench.toml", errors);
   ASSERT_NE(robot, nullptr) << errors;
   const VisitedStates path = visit_states(robot->config);
   ASSERT_GE(path.count, 1u);

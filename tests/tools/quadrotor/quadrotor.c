@@ -26,14 +26,27 @@ static void dynamics(const double* x, const double* u, const double* f, const ti
   dxdt[r_rad_s] = u[3] / vertical;
 }
 
-static const char* const states[] = {"x_m",        "y_m",       "z_m",        "roll_rad",   "pitch_rad",   "yaw_rad",
-                                     "vx_m_s",     "vy_m_s",    "vz_m_s",     "roll_rad_s", "pitch_rad_s", "yaw_rad_s"};
+static const char* const states[] = {"x_m",    "y_m",    "z_m",    "roll_rad",   "pitch_rad",   "yaw_rad",
+                                     "vx_m_s", "vy_m_s", "vz_m_s", "roll_rad_s", "pitch_rad_s", "yaw_rad_s"};
 static const char* const inputs[] = {"thrust_N", "roll_Nm", "pitch_Nm", "yaw_Nm"};
 static const char* const params[] = {"mass_kg", "lateral_kgm2", "vertical_kgm2"};
 static const char* const forces[] = {"lift_N"};
 static const tiller_joint_t joints[] = {{"lift", z_m, vz, 0, 0}};
-static const tiller_model_t model = {sizeof(tiller_model_t), TILLER_MODEL_VERSION, "quadrotor", 12, 4, 3, 1, states,
-                                     inputs, params, forces, joints, 1u << roll | 1u << pitch | 1u << yaw, dynamics,
-                                     0, 0};
+static const tiller_model_t model = {sizeof(tiller_model_t),
+                                     TILLER_MODEL_VERSION,
+                                     "quadrotor",
+                                     12,
+                                     4,
+                                     3,
+                                     1,
+                                     states,
+                                     inputs,
+                                     params,
+                                     forces,
+                                     joints,
+                                     1u << roll | 1u << pitch | 1u << yaw,
+                                     dynamics,
+                                     0,
+                                     0};
 
 const tiller_model_t* tiller_model(void) { return &model; }
