@@ -3,6 +3,7 @@
 
 #include "tools/commands.hpp"
 #include "tools/export_config.hpp"
+#include "tools/output_file.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -24,12 +25,8 @@ int export_command(const Arguments& a) {
     std::perror("tiller: stdout: cannot be written");
     return kExitBadInput;
   }
-  std::FILE* file = std::fopen(a.out.c_str(), "w");
-  const bool written = file && std::fputs(text.c_str(), file) >= 0;
-  if (!file || std::fclose(file) != 0 || !written) {
-    std::perror(("tiller: " + a.out + ": cannot be written").c_str());
-    return kExitBadInput;
-  }
+  std::string error;
+  if (!replace_file(a.out, text, error)) return complain(error);
   std::printf("%s: %s_config(); its head has the commands that compile and link it\n", a.out.c_str(), prefix.c_str());
   return kExitOk;
 }

@@ -271,7 +271,7 @@ void add_version_command(CLI::App& app, int& exit_code) {
       "Examples:\n  tiller version\n      \"tiller 0.1, avx512\"\n"
       "  tiller version | cut -d, -f1\n      the version alone");
   command->callback([&exit_code] {
-    std::printf("tiller %s, %s\n", tiller_version(), tiller_instruction_set());
+    std::printf("%s\n", version_text().c_str());
     exit_code = kExitOk;
   });
 }

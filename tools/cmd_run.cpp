@@ -151,6 +151,8 @@ int run_command(Arguments& a) {
   if (a.sim) told = predict_tick(a, *robot) || told;
   // a plan that ends by the wall clock is not repeatable: in lockstep the iterations alone decide
   if (is_simulated(a)) robot->config.planner.deadline_us = 0;
+  std::string unwritable;  // a page is worth knowing of before the robot moves; a log is kept in memory where it must
+  if (!a.report.empty() && !can_write_file(a.report, unwritable)) return complain("--report " + unwritable);
   if (a.episodes > 1 && a.seconds <= 0) return complain("--episodes: give each a length with --seconds");
   if (!a.report.empty() && a.log.empty()) {
     a.log = std::filesystem::path(a.report).replace_extension(".csv").string();

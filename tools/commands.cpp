@@ -21,6 +21,8 @@ std::unique_ptr<RobotFile> read_robot_or_complain(const std::string& path) {
   return robot;
 }
 
+std::string version_text() { return std::string("tiller ") + tiller_version() + ", " + tiller_instruction_set(); }
+
 CLI::Validator number_between(double low, double high) {
   const std::string range = number_text(low) + " .. " + number_text(high);
   return CLI::Validator(

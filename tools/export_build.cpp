@@ -36,8 +36,7 @@ std::string build_commands(const RobotFile& robot, const std::string& config_fil
                      TILLER_MODEL_INSTALL_LIBDIR + "/pkgconfig\n" + indent +
                      "cc -std=c99 -O2 $(pkg-config --cflags tiller) -c " + config_file + "\n";
   const std::string model = model_object(robot.model_request, indent, text);
-  return text + indent + "cc main.o " + object_of(config_file) + " " + model +
-         "$(pkg-config --libs tiller) -o main\n";
+  return text + indent + "cc main.o " + object_of(config_file) + " " + model + "$(pkg-config --libs tiller) -o main\n";
 }
 
 }  // namespace tiller::tools

@@ -13,6 +13,7 @@
 #include <fstream>
 #include <sstream>
 #include <thread>
+#include <tuple>
 
 #include "command_rig.hpp"
 
@@ -44,7 +45,10 @@ TEST_F(Command, HelpTeaches) {
 }
 
 TEST_F(Command, TellsAndChecks) {
-  EXPECT_EQ(run({"version"}).out.rfind("tiller 0.", 0), 0u);
+  const Ended version = run({"version"}), flag = run({"--version"});
+  EXPECT_EQ(version.out.rfind("tiller 0.", 0), 0u);
+  EXPECT_EQ(flag.out, version.out);
+  EXPECT_EQ(flag.code, 0);
   EXPECT_TRUE(contains(run({"models"}).out, "parameters  cart_mass_kg, pole_mass_kg, half_length_m"));
   EXPECT_TRUE(contains(run({"effects"}).out, "viscous_friction"));
   const std::string planners = run({"planners"}).out;
@@ -74,6 +78,14 @@ TEST_F(Command, WrongInputEndsWithOneAndARemedy) {
       {{"run", kCartPole, "--sim", "--seconds", "-1"}, "--seconds"},
       {{"replay", "text.rec", kCartPole}, "is no record of tiller"},
       {{"rum"}, "did you mean run?"},
+      {{"run", kCartPole, "--sim", "--reprot", "page.html"},
+       "tiller run: there is no option --reprot; did you mean --report?"},
+      {{"run", kCartPole, "--sim", "--second=3"}, "tiller run: there is no option --second; did you mean --seconds?"},
+      {{"export", "--prefx", "arm"}, "tiller export: there is no option --prefx; did you mean --prefix?"},
+      {{"check", kCartPole, "--zebra"}, "there is no option --zebra; all of them: tiller check --help"},
+      {{"--quite", "run"}, "tiller run: there is no option --quite; did you mean --quiet?"},
+      {{"can", "docter"}, "tiller can: there is no command 'docter'; did you mean doctor?"},
+      {{"check", kCartPole, "more.toml"}, "tiller check: 'more.toml' is one argument too many"},
       {{}, "subcommand is required"},
   };
   for (const Case& wrong : cases) {
@@ -249,6 +261,66 @@ TEST_F(Command, AFullDiskDoesNotStopTheRobotAndIsTold) {
     rescued_rows = static_cast<int>(std::count(rows.begin(), rows.end(), '\n'));
   }
   EXPECT_EQ(rescued_rows, 51) << ended.out;
+}
+
+// A folder that is missing on the way to a file is made by every output option, and told of.
+TEST_F(Command, FoldersOnTheWayToOutputsAreMadeAndTold) {
+  const Words base = {"run", kCartPole, "--sim", "--seconds", "0.1", "--quiet"};
+  const auto with = [&](const Words& more) {
+    Words all = base;
+    all.insert(all.end(), more.begin(), more.end());
+    return all;
+  };
+  const std::pair<Words, std::string> cases[] = {
+      {with({"--log", "a/x/run.csv"}), "a/x"},     {with({"--record", "b/run.mcap"}), "b"},
+      {with({"--histogram", "c/ticks.csv"}), "c"}, {with({"--save-posterior", "d/prior.json"}), "d"},
+      {with({"--report", "e/page.html"}), "e"},    {{"export", kCartPole, "-o", "f/config.c"}, "f"},
+  };
+  for (const auto& [arguments, folder] : cases) {
+    const Ended first = run(arguments);
+    EXPECT_TRUE(fs::is_directory(folder_ + "/" + folder)) << first.out;
+    EXPECT_TRUE(contains(first.out, "tiller: made the folder " + folder + "\n")) << first.out;
+    EXPECT_FALSE(contains(run(arguments).out, "made the folder")) << "it is there now";
+  }
+}
+
+TEST_F(Command, APageThatCannotBeWrittenIsRefusedBeforeTheRun) {
+  fs::create_directory(folder_ + "/taken.html");
+  const std::pair<const char*, const char*> cases[] = {
+      {"taken.html", "--report taken.html: cannot be written: Is a directory"},
+      {"/proc/none/page.html", "--report /proc/none/page.html: cannot be written: No such file or directory"}};
+  for (const auto& [page, says] : cases) {
+    const Ended ended = run({"run", kCartPole, "--sim", "--seconds", "1", "--quiet", "--report", page});
+    EXPECT_EQ(ended.code, 1) << ended.out;
+    EXPECT_TRUE(contains(ended.out, says)) << ended.out;
+    EXPECT_FALSE(contains(ended.out, "numpy")) << ended.out;
+    EXPECT_FALSE(contains(ended.out, "ended in")) << "nothing was moved: " << ended.out;
+  }
+  // Python is blamed where it is at fault
+  setenv("TILLER_PYTHON", "/nonexistent/python", 1);
+  const Ended without = run({"run", kCartPole, "--sim", "--seconds", "0.1", "--quiet", "--report", "page.html"});
+  unsetenv("TILLER_PYTHON");
+  EXPECT_EQ(without.code, 2) << without.out;
+  EXPECT_TRUE(contains(without.out, "tools/requirements.txt")) << without.out;
+}
+
+TEST_F(Command, AModelThatIsNotThereIsNamedWithTheOnesThatAre) {
+  const std::tuple<const char*, const char*, const char*> cases[] = {
+      {"name = \"cart_pol\"", "no built-in model 'cart_pol'; there are: pendulum, cart_pole",
+       "did you mean cart_pole?"},
+      {"name = \"arm/my_arm.hpp\"", "no built-in model 'arm/my_arm.hpp'",
+       "file = \"arm/my_arm.hpp\", type = the name of the"},
+      {"name = \"my_arm.c\"", "no built-in model 'my_arm.c'", "[model] file = \"my_arm.c\""},
+      {"file = \"pendulum.c\"", "pendulum.c: no such model file", "is built in: [model] name = \"pendulum\""},
+      {"file = \"none.c\"", "none.c: no such model file", "relative names start at the robot file's folder"},
+  };
+  for (const auto& [line, says, remedy] : cases) {
+    std::ofstream(folder_ + "/robot.toml") << "[model]\n" << line << "\n";
+    const Ended ended = run({"check", "robot.toml"});
+    EXPECT_EQ(ended.code, 1);
+    EXPECT_TRUE(contains(ended.out, says)) << ended.out;
+    EXPECT_TRUE(contains(ended.out, remedy)) << ended.out;
+  }
 }
 
 TEST_F(Command, AnInadequateModelIsToldOnceAndLeavesItsTicks) {
