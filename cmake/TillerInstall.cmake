@@ -5,6 +5,7 @@
 #   include/tiller  the C ABI and the authoring headers
 #   include/tiller/runtime/<part>   headers of the parts; with this folder on the path "<part>/file.hpp" works
 #   lib/cmake/tiller  tillerConfig.cmake
+#   lib/pkgconfig     tiller.pc
 #
 # The command, its Python package and the robot files are installed by tools/, message types by runtime/io.
 
@@ -108,6 +109,19 @@ endforeach()
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/runtime/include/tiller DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
   FILES_MATCHING PATTERN "*.hpp" PATTERN "*.h" PATTERN "*.def")
 install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+
+# The same for programs without CMake. The libraries need nothing of C++'s own: a program in C is linked by the C driver.
+set(TILLER_PC_LIBS "")
+foreach(target IN LISTS core_targets)
+  get_target_property(type ${target} TYPE)
+  if(type STREQUAL "STATIC_LIBRARY")
+    string(APPEND TILLER_PC_LIBS " -l${target}")
+  endif()
+endforeach()
+file(RELATIVE_PATH TILLER_PC_UP ${CMAKE_INSTALL_FULL_LIBDIR}/pkgconfig ${CMAKE_INSTALL_PREFIX})
+string(REGEX REPLACE "/$" "" TILLER_PC_UP "${TILLER_PC_UP}")
+configure_file(cmake/tiller.pc.in ${PROJECT_BINARY_DIR}/tiller.pc @ONLY)
+install(FILES ${PROJECT_BINARY_DIR}/tiller.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
 
 # The liblcm of a Python environment goes along: the installed command must not need the build folder.
 if(TARGET lcm AND TARGET tiller_command AND TILLER_VENV)

@@ -2,10 +2,10 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 
 #include "python_config.hpp"
 #include "tools/commands.hpp"
+#include "tools/output_file.hpp"
 #include "tools/report.hpp"
 #include "tools/robot_schema.hpp"
 #include "tools/run_facts.hpp"
@@ -38,10 +38,8 @@ std::string demo_robot() {
 /// The folder asked for where files can be made in it, else one for temporary files.
 std::string usable_folder(const std::string& asked, bool& moved) {
   std::error_code code;
-  fs::create_directories(asked, code);
-  const fs::path probe = fs::path(asked) / ".tiller-can-write";
-  const bool writable = static_cast<bool>(std::ofstream(probe));
-  fs::remove(probe, code);
+  std::string error;
+  const bool writable = can_write_file((fs::path(asked) / ".tiller-can-write").string(), error);
   moved = !writable;
   if (writable) return asked;
   std::string made = (fs::temp_directory_path(code) / "tiller-demo-XXXXXX").string();

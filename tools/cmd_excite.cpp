@@ -2,11 +2,11 @@
 #include <cmath>
 #include <csignal>
 #include <cstdio>
-#include <fstream>
 
 #include "effects/effect_info.hpp"
 #include "tools/commands.hpp"
 #include "tools/gap/excite.hpp"
+#include "tools/output_file.hpp"
 #include "tools/stop_flag.hpp"
 #include "tools/text.hpp"
 
@@ -152,10 +152,8 @@ void show_progress(const char* step, double share) {
 }
 
 int write_csv(const Arguments& a, const RobotFile& robot, const Proposal& p) {
-  std::ofstream file(a.out, std::ios::binary);
-  file << csv_of(robot, p);
-  file.close();
-  if (!file) return complain(a.out + ": cannot be written; name another file with -o");
+  std::string error;
+  if (!replace_file(a.out, csv_of(robot, p), error)) return complain(error);
   std::printf("\nsequence: %s, %.1f s, rms", a.out.c_str(), p.sequence.seconds());
   for (std::size_t i = 0; i < robot.inputs.size(); ++i) std::printf(" %s %.3g", robot.inputs[i].c_str(), p.rms[i]);
   const double repeats = std::ceil(p.record_s / a.seconds);

@@ -3,6 +3,7 @@
 
 #include "tools/commands.hpp"
 #include "tools/export_config.hpp"
+#include "tools/output_file.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -15,20 +16,18 @@ int export_command(const Arguments& a) {
   const auto robot = read_robot_or_complain(a.robot);
   if (!robot) return kExitBadInput;
   const std::string stem = std::filesystem::path(a.robot).stem().string();
-  const std::string text = export_c(*robot, c_identifier(a.prefix.empty() ? stem : a.prefix));
-  if (a.out.empty() || a.out == "-") {
+  const std::string prefix = c_identifier(a.prefix.empty() ? stem : a.prefix);
+  const bool to_screen = a.out.empty() || a.out == "-";
+  const std::string name = to_screen ? prefix + "_config.c" : std::filesystem::path(a.out).filename().string();
+  const std::string text = export_c(*robot, prefix, name);
+  if (to_screen) {
     if (std::fputs(text.c_str(), stdout) >= 0 && std::fflush(stdout) == 0) return kExitOk;
     std::perror("tiller: stdout: cannot be written");
     return kExitBadInput;
   }
-  std::FILE* file = std::fopen(a.out.c_str(), "w");
-  const bool written = file && std::fputs(text.c_str(), file) >= 0;
-  if (!file || std::fclose(file) != 0 || !written) {
-    std::perror(("tiller: " + a.out + ": cannot be written").c_str());
-    return kExitBadInput;
-  }
-  std::printf("%s: %s_config(), compile it with C99 and link the tiller runtime\n", a.out.c_str(),
-              c_identifier(a.prefix.empty() ? stem : a.prefix).c_str());
+  std::string error;
+  if (!replace_file(a.out, text, error)) return complain(error);
+  std::printf("%s: %s_config(); its head has the commands that compile and link it\n", a.out.c_str(), prefix.c_str());
   return kExitOk;
 }
 

@@ -76,15 +76,13 @@ class StepLine {
 
 /// Asked for before hours of computing, not after.
 bool can_be_written(const std::string& folder, std::string& error) {
+  const std::string probe = (fs::path(folder) / ".tiller_gap").string();
+  make_folders_for(probe);
+  if (fs::is_directory(folder)) return can_write_file(probe, error);
   std::error_code code;
-  fs::create_directories(folder, code);
-  if (!fs::is_directory(folder)) {
-    error = folder + ": cannot be made a folder: " + (code ? code.message() : "a file is in its place") +
-            "; name another folder with -o";
-    return false;
-  }
-  return replace_file((fs::path(folder) / ".tiller_gap").string(), "", error) &&
-         fs::remove(fs::path(folder) / ".tiller_gap", code);
+  error = folder + ": cannot be made a folder" + (fs::exists(folder, code) ? ": a file is in its place" : "") +
+          "; name another folder with -o";
+  return false;
 }
 
 bool read_text(const std::string& path, std::string& text) {
@@ -152,7 +150,7 @@ bool write_results(const GapOptions& options, const RobotFile& robot, const gap:
   json = gap::gap_json(robot, options.find, result, new_robot);
   const fs::path file = fs::path(options.folder) / "gap.json", page = fs::path(options.folder) / "gap.html";
   if (!replace_file(file.string(), json, error)) return complain(error), false;
-  if (!run_python_tool("gap_report", {file.string(), "-o", page.string()}, error)) {
+  if (!draw_page("gap_report", file.string(), page.string(), error)) {
     complain(error);
     good = false;
   } else if (!options.json) {

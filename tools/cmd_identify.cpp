@@ -1,9 +1,9 @@
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 
 #include "tools/commands.hpp"
 #include "tools/identify.hpp"
+#include "tools/output_file.hpp"
 #include "tools/posterior_file.hpp"
 #include "tools/report.hpp"
 #include "tools/text.hpp"
@@ -12,17 +12,6 @@ namespace tiller::tools {
 namespace {
 
 namespace fs = std::filesystem;
-
-bool write_text(const fs::path& path, const std::string& text, std::string& error) {
-  std::error_code code;
-  fs::create_directories(path.parent_path(), code);
-  std::ofstream stream(path, std::ios::binary);
-  stream << text;
-  stream.flush();
-  if (stream) return true;
-  error = path.string() + ": cannot be written; name another folder with -o";
-  return false;
-}
 
 /// What was learnt of the whole model, as the prior of a run (docs/episodes.md).
 bool write_posterior(const fs::path& path, const RobotFile& robot, const Assessed& whole, std::string& error) {
@@ -41,7 +30,7 @@ bool write_posterior(const fs::path& path, const RobotFile& robot, const Assesse
 int write_results(const IdentifyOptions& options, const RobotFile& robot, const Identified& result) {
   const fs::path json = fs::path(options.folder) / "identify.json", page = fs::path(options.folder) / "identify.html";
   std::string error;
-  if (!write_text(json, identify_json(robot, result), error)) {
+  if (!replace_file(json.string(), identify_json(robot, result), error)) {
     complain(error);
     return kExitLogIncomplete;
   }
@@ -50,7 +39,7 @@ int write_results(const IdentifyOptions& options, const RobotFile& robot, const 
     complain(error);
     return kExitLogIncomplete;
   }
-  if (!run_python_tool("identify_report", {json.string(), "-o", page.string()}, error)) {
+  if (!draw_page("identify_report", json.string(), page.string(), error)) {
     complain(error);
     return kExitLogIncomplete;
   }

@@ -11,6 +11,7 @@
 #include "tools/effects_text.hpp"
 #include "tools/robot_help.hpp"
 #include "tools/robot_schema.hpp"
+#include "tools/tick_forecast.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -88,6 +89,22 @@ void print_unread(const RobotFile& robot) {
   if (!unread.empty()) std::printf("             %s does not read %s\n", planner.c_str(), join(unread).c_str());
 }
 
+/// What a tick takes here, predicted from its work and measured; a warning where the robot would wait for it.
+void print_tick(const RobotFile& robot) {
+  constexpr double kBudget_s = 1.0;
+  TickForecast forecast;
+  std::string error;
+  std::fflush(stdout);
+  if (!forecast_tick(robot, kBudget_s, true, forecast, error)) {
+    complain(robot.path + ": " + error);
+    return;
+  }
+  std::printf("  tick       %s\n", forecast_text(robot, forecast).c_str());
+  std::fflush(stdout);
+  const std::string misfit = misfit_text(robot, forecast);
+  if (!misfit.empty()) complain(misfit);
+}
+
 int check_command(const std::string& path) {
   const auto robot = read_robot_or_complain(path);
   if (!robot) return kExitBadInput;
@@ -97,8 +114,9 @@ int check_command(const std::string& path) {
               join(robot->inputs).c_str());
   std::printf("  period     %s s, %u substep(s) of %s\n", number_text(c.period_s).c_str(), c.substeps,
               integrator_names()[c.integrator].c_str());
-  std::printf("  step error %.2g of the noise expected of %s in a period (below 0.1 with %u substeps)\n",
-              robot->substeps.error_share, robot->states[robot->substeps.worst_state].c_str(), robot->substeps.needed);
+  const StepError& error = robot->substeps.configured;
+  std::printf("  step error %.2g of the noise expected of %s in a period (below 0.1 with %u substeps)\n", error.share,
+              robot->states[error.worst_state].c_str(), robot->substeps.needed);
   for (std::size_t i = 0; i < robot->params.size(); ++i) {
     std::printf("  parameter  %-24s %s\n", robot->params[i].c_str(), prior_text(c.priors[i]).c_str());
   }
@@ -122,6 +140,7 @@ int check_command(const std::string& path) {
   std::printf("  posterior  %s, %u particles\n", c.posterior.enabled ? "learning" : "frozen at the prior",
               c.posterior.particles);
   std::printf("  memory     %zu bytes\n", tiller_size(&c));
+  print_tick(*robot);
   return kExitOk;
 }
 
@@ -199,10 +218,11 @@ void add_check_command(CLI::App& app, int& exit_code) {
   auto path = std::make_shared<std::string>();
   command->add_option("ROBOT", *path, "robot file (.toml)")->required();
   command->footer(
-      "Every error is told at once: file, line, key, value and remedy.\n\n"
+      "Every error is told at once: file, line, key, value and remedy. A right file's controller then runs for a second or\n"
+      "two on its own model, to tell what a tick takes on this computer against the period.\n\n"
       "Examples:\n"
       "  tiller check robots/cart_pole.toml\n"
-      "      model, priors, sensors, planner and the bytes that the controller needs\n"
+      "      model, priors, sensors, planner, the bytes that the controller needs and the time of its tick\n"
       "  tiller check my_robot.toml && tiller run my_robot.toml --sim --seconds 5\n"
       "      only a right file goes on");
   command->callback([path, &exit_code] { exit_code = check_command(*path); });
@@ -251,7 +271,7 @@ void add_version_command(CLI::App& app, int& exit_code) {
       "Examples:\n  tiller version\n      \"tiller 0.1, avx512\"\n"
       "  tiller version | cut -d, -f1\n      the version alone");
   command->callback([&exit_code] {
-    std::printf("tiller %s, %s\n", tiller_version(), tiller_instruction_set());
+    std::printf("%s\n", version_text().c_str());
     exit_code = kExitOk;
   });
 }

@@ -9,6 +9,7 @@
 #include "tools/run_facts.hpp"
 #include "tools/run_loop.hpp"
 #include "tools/run_summary.hpp"
+#include "tools/tick_forecast.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -128,11 +129,32 @@ EpisodesOptions episodes_options(const Arguments& a) {
   return options;
 }
 
+/// What a tick will take, before a simulated run hides it; true where it does not fit the period.
+bool predict_tick(const Arguments& a, const RobotFile& robot) {
+  constexpr double kBudget_s = 0.25;
+  const double deadline_s = 1e-6 * robot.config.planner.deadline_us;
+  TickForecast forecast;
+  std::string error;
+  if (!forecast_tick(robot, kBudget_s, false, forecast, error)) return false;  // the run itself says why
+  if (!a.quiet) std::printf("tick: %s\n", forecast_text(robot, forecast).c_str());
+  if (!a.quiet && deadline_s > 0 && deadline_s < forecast.at_cap.tick_s)
+    std::printf("  simulated time lets a plan finish; by the wall clock the deadline of %s ends it\n",
+                duration_text(deadline_s).c_str());
+  std::fflush(stdout);
+  const std::string misfit = misfit_text(robot, forecast);
+  if (!misfit.empty()) complain(misfit);
+  return !misfit.empty();
+}
+
 int run_command(Arguments& a) {
   auto robot = read_robot_or_complain(a.robot);
   if (!robot || !apply_overrides(a.overrides, *robot)) return kExitBadInput;
+  bool told = !a.sim || robot->config.planner.deadline_us > 0;
+  if (a.sim) told = predict_tick(a, *robot) || told;
   // a plan that ends by the wall clock is not repeatable: in lockstep the iterations alone decide
   if (is_simulated(a)) robot->config.planner.deadline_us = 0;
+  std::string unwritable;  // a page is worth knowing of before the robot moves; a log is kept in memory where it must
+  if (!a.report.empty() && !can_write_file(a.report, unwritable)) return complain("--report " + unwritable);
   if (a.episodes > 1 && a.seconds <= 0) return complain("--episodes: give each a length with --seconds");
   if (!a.report.empty() && a.log.empty()) {
     a.log = std::filesystem::path(a.report).replace_extension(".csv").string();
@@ -153,6 +175,8 @@ int run_command(Arguments& a) {
   if (a.episodes > 1) std::printf("\n%s\nthe last one: ", episodes_table(*robot, all.rows).c_str());
   std::fputs(summary(*robot, options, all.last).c_str(), stdout);
   if (const std::string counted = opened.link->counters(); !counted.empty()) std::printf("  %s\n", counted.c_str());
+  const std::string misfit = misfit_text(*robot, 1e-6 * all.last.pace.tick_time.quantile_us(0.5));
+  if (!told && !misfit.empty()) complain(misfit);
   if (!all.last.readable_log.empty()) std::printf("log: %s\n", all.last.readable_log.c_str());
   tell_next_step(a, all.last);
   write_histogram(a, all.last);

@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "io/udp_multicast.hpp"
 #include "sim/serve_can.hpp"
 #include "sim/serve_lcm.hpp"
 #include "tools/commands.hpp"
@@ -101,6 +102,8 @@ int sim_command(const Arguments& a) {
   std::string error;
   const auto made = make_sim_plant(*robot, error);
   if (!made || !is_same_order(*robot, *made, error)) return complain(error);
+  OpenError no_route;
+  if (a.serve == "lcm" && !has_multicast_route(robot->transport.url.c_str(), &no_route)) return complain(no_route.text);
   print_plant(*robot, *made);
   std::printf("serving over %s in %s; Ctrl-C ends\n", a.serve.c_str(), a.lockstep ? "lockstep" : "real time");
   std::fflush(stdout);

@@ -16,10 +16,12 @@ std::unique_ptr<RobotFile> read_robot_or_complain(const std::string& path) {
         stderr,
         "%s: [model] substeps = %u: the integrator's error in a period is %.0f %% of the noise expected of %s, and "
         "the posterior takes it for physics; leave substeps out, or write at least %u\n",
-        path.c_str(), robot->config.substeps, 100.0 * robot->substeps.error_share,
-        robot->states[robot->substeps.worst_state].c_str(), robot->substeps.needed);
+        path.c_str(), robot->config.substeps, 100.0 * robot->substeps.configured.share,
+        robot->states[robot->substeps.configured.worst_state].c_str(), robot->substeps.needed);
   return robot;
 }
+
+std::string version_text() { return std::string("tiller ") + tiller_version() + ", " + tiller_instruction_set(); }
 
 CLI::Validator number_between(double low, double high) {
   const std::string range = number_text(low) + " .. " + number_text(high);

@@ -28,6 +28,9 @@ void add_planners_command(CLI::App& app, int& exit_code);
 void add_help_command(CLI::App& app, int& exit_code);
 void add_version_command(CLI::App& app, int& exit_code);
 
+/// "tiller 0.1, avx512": the library's version and the instruction set in use.
+std::string version_text();
+
 /// Reads a robot file or tells on stderr everything that is wrong with it (null; the caller ends with
 /// kExitBadInput).
 std::unique_ptr<RobotFile> read_robot_or_complain(const std::string& path);

@@ -102,7 +102,8 @@ class Series {
   const StoredPosterior& stored() const { return stored_; }
   int exit_code() const { return exit_code_; }
   bool fail(const std::string& text) {
-    std::fprintf(stderr, "tiller: %s\n", text.c_str());
+    const bool ends = !text.empty() && text.back() == '\n';
+    std::fprintf(stderr, "tiller: %s%s", text.c_str(), ends ? "" : "\n");
     exit_code_ = kExitBadInput;
     return false;
   }

@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "effects/effect_info.hpp"
+#include "tools/export_build.hpp"
 #include "tools/robot_schema.hpp"
 
 namespace tiller::tools {
@@ -272,6 +273,24 @@ std::string model_text(const RobotFile& robot, std::string& declaration) {
   return "tiller_model()";
 }
 
+/// What the file is, how it is called, and how it is built.
+std::string head_text(const RobotFile& robot, const std::string& prefix, const std::string& config_file) {
+  const std::string file = std::filesystem::path(robot.path).filename().string();
+  const std::string extension = std::filesystem::path(robot.model_request.file).extension().string();
+  std::string text =
+      "/* Written by `tiller export` from " + file +
+      "; edit that file instead.\n *\n *     tiller_config_t config = " + prefix +
+      "_config();\n *     size_t size = tiller_size(&config);\n *\n" +
+      " * To build it into a program, with this file and main.o (your loop around tiller_tick) in the folder of\n * " +
+      file + ", and tiller installed (cmake --install build/release --prefix /opt/tiller):\n *\n" +
+      build_commands(robot, config_file, " *     ") +
+      " *\n * C's driver links it: the libraries need nothing of the C++ library.\n";
+  if (extension == ".hpp")
+    text += std::string(" * The model is compiled for processors with ") + tiller_instruction_set() +
+            "; docs/own_model.md has the flags of the others.\n";
+  return text + " */\n";
+}
+
 }  // namespace
 
 std::string c_identifier(const std::string& name) {
@@ -281,45 +300,17 @@ std::string c_identifier(const std::string& name) {
   return id;
 }
 
-std::string export_c(const RobotFile& robot, const std::string& prefix) {
+std::string export_c(const RobotFile& robot, const std::string& prefix, const std::string& config_file) {
   std::string declaration;
   const std::string model = model_text(robot, declaration);
-  const std::string file = std::filesystem::path(robot.path).filename().string();
-  return "/* Written by `tiller export` from " + file +
-         "; edit that file instead.\n"
-         " *\n"
-         " *     tiller_config_t config = " +
-         prefix +
-         "_config();\n"
-         " *     size_t size = tiller_size(&config);\n"
-         " */\n"
-         "#include <math.h>\n"
-         "\n"
-         "#include \"tiller/tiller.h\"\n"
-         "\n"
-         "#if TILLER_VERSION_MAJOR != " +
-         std::to_string(TILLER_VERSION_MAJOR) +
+  return head_text(robot, prefix, config_file) + "#include <math.h>\n\n#include \"tiller/tiller.h\"\n\n" +
+         "#if TILLER_VERSION_MAJOR != " + std::to_string(TILLER_VERSION_MAJOR) +
          "\n#error \"this configuration was exported for another version of tiller: run tiller export again\"\n"
-         "#endif\n"
-         "\n" +
+         "#endif\n\n" +
          declaration + arrays_text(robot, prefix) + "static const tiller_config_t " + prefix + "_constants = {\n" +
-         config_text(robot, prefix) +
-         "};\n"
-         "\n"
-         "tiller_config_t " +
-         prefix +
-         "_config(void);\n"
-         "tiller_config_t " +
-         prefix +
-         "_config(void) {\n"
-         "  tiller_config_t config = " +
-         prefix +
-         "_constants;\n"
-         "  config.model = " +
-         model + ";\n" + (robot.own_cost ? "  config.cost.own = tiller_cost();\n" : "") +
-         ""
-         "  return config;\n"
-         "}\n";
+         config_text(robot, prefix) + "};\n\ntiller_config_t " + prefix + "_config(void);\ntiller_config_t " + prefix +
+         "_config(void) {\n  tiller_config_t config = " + prefix + "_constants;\n  config.model = " + model + ";\n" +
+         (robot.own_cost ? "  config.cost.own = tiller_cost();\n" : "") + "  return config;\n}\n";
 }
 
 }  // namespace tiller::tools

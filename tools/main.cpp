@@ -19,17 +19,51 @@ constexpr const char* kFooter =
     "3 the controller latched SAFE; 4 `tiller replay`: a command differs; those of `tiller gap` are its verdict.\n"
     "Each command: tiller COMMAND --help";
 
-/// CLI11 only says that a command is required; a misspelt one deserves its nearest.
-bool is_misspelt(const CLI::App& app, int argc, char** argv) {
-  if (argc < 2 || argv[1][0] == '-') return false;
-  tiller::tools::Words known;
-  for (const CLI::App* command : app.get_subcommands(nullptr)) known.push_back(command->get_name());
-  if (tiller::tools::index_of(known, argv[1]) >= 0) return false;
-  const std::string near = tiller::tools::nearest(argv[1], known);
-  tiller::tools::complain(std::string("there is no command '") + argv[1] + "'; " +
-                          (near.empty() ? "" : "did you mean " + near + "? ") +
-                          "commands: " + tiller::tools::join(known));
-  return true;
+using tiller::tools::Words;
+
+/// The command as it was written, as far as it is known: "tiller can doctor"; `command` becomes the last of it.
+std::string named_commands(const CLI::App& app, const CLI::App*& command) {
+  std::string text = app.get_name();
+  for (command = &app; !command->get_subcommands().empty();) {
+    command = command->get_subcommands().front();
+    text += " " + command->get_name();
+  }
+  return text;
+}
+
+std::string suggestion(const std::string& word, const Words& known) {
+  const std::string near = tiller::tools::nearest(word, known);
+  return near.empty() ? "" : "did you mean " + near + "? ";
+}
+
+std::string unknown_option(const CLI::App& command, const std::string& named, const std::string& word) {
+  const std::string option = word.substr(0, word.find('='));
+  Words known;
+  for (const CLI::Option* each : command.get_options()) {
+    for (const std::string& name : each->get_lnames()) known.push_back("--" + name);
+    for (const std::string& name : each->get_snames()) known.push_back("-" + name);
+  }
+  return named + ": there is no option " + option + "; " + suggestion(option, known) + "all of them: " + named +
+         " --help";
+}
+
+std::string unknown_command(const CLI::App& command, const std::string& named, const std::string& word) {
+  Words known;
+  for (const CLI::App* each : command.get_subcommands(nullptr)) known.push_back(each->get_name());
+  if (known.empty()) return named + ": '" + word + "' is one argument too many; what it takes: " + named + " --help";
+  return named + ": there is no command '" + word + "'; " + suggestion(word, known) +
+         "commands: " + tiller::tools::join(known);
+}
+
+/// CLI11 only says that something was not expected, or that a command is missing; a misspelt word deserves its nearest.
+/// Empty: every word was understood.
+std::string misspelt(const CLI::App& app) {
+  const CLI::App* command = nullptr;
+  const std::string named = named_commands(app, command);
+  const Words left = app.remaining(true);
+  for (const std::string& word : left)
+    if (word.size() > 1 && word[0] == '-' && word != "--") return unknown_option(*command, named, word);
+  return left.empty() ? "" : unknown_command(*command, named, left.front());
 }
 
 }  // namespace
@@ -39,6 +73,7 @@ int main(int argc, char** argv) {
   CLI::App app(kAbout, "tiller");
   app.footer(kFooter);
   app.require_subcommand(1);
+  app.set_version_flag("--version", version_text(), "version and instruction set");
   int exit_code = kExitOk;
   for (const auto add :
        {add_demo_command, add_run_command, add_sim_command, add_can_command, add_identify_command, add_gap_command,
@@ -46,11 +81,14 @@ int main(int argc, char** argv) {
         add_models_command, add_effects_command, add_planners_command, add_help_command, add_version_command}) {
     add(app, exit_code);
   }
-  if (is_misspelt(app, argc, argv)) return kExitBadInput;
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (app.exit(error) == 0) return kExitOk;
+    const std::string wrong = error.get_exit_code() == 0 ? "" : misspelt(app);
+    if (!wrong.empty())
+      std::fprintf(stderr, "%s\n", wrong.c_str());
+    else if (app.exit(error) == 0)
+      return kExitOk;
     return app.got_subcommand("gap") ? static_cast<int>(kExitGapUsage) : kExitBadInput;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "tiller: %s\n", error.what());

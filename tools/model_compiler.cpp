@@ -1,12 +1,8 @@
 #include "tools/model_compiler.hpp"
 
-#include <fcntl.h>
-#include <spawn.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
-#include <cerrno>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -14,13 +10,15 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <memory>
 #include <set>
 #include <sstream>
 
 #include "model_build_config.hpp"
 #include "scalar/isa.hpp"
-
-extern char** environ;
+#include "tools/child_process.hpp"
+#include "tools/file_lock.hpp"
+#include "tools/wait_line.hpp"
 
 namespace tiller::tools {
 namespace fs = std::filesystem;
@@ -95,17 +93,9 @@ std::vector<std::string> isa_flags(Isa isa) {
 
 std::vector<std::string> command_line(bool cpp) {
   std::vector<std::string> argv = {compiler(cpp), "-shared", "-fPIC", "-Wall", "-Wextra"};
-  if (cpp) {
-    // Hidden, because copies of the same templates for other instruction sets live in the program.
-    for (const char* flag :
-         {"-std=c++17", "-O3", "-fno-exceptions", "-fno-rtti", "-fvisibility=hidden", "-fvisibility-inlines-hidden"})
-      argv.emplace_back(flag);
-    for (const std::string& flag : isa_flags(best_isa())) argv.push_back(flag);
-  } else {
-    for (const char* flag : {"-std=c99", "-O2"}) argv.emplace_back(flag);
-  }
-  if (std::strcmp(TILLER_MODEL_REPRODUCIBLE, "ON") == 0)
-    for (const char* flag : {"-ffp-contract=off", "-DTILLER_REPRODUCIBLE=1"}) argv.emplace_back(flag);
+  // Hidden, because copies of the same templates for other instruction sets live in the program.
+  if (cpp) argv.insert(argv.end(), {"-fvisibility=hidden", "-fvisibility-inlines-hidden"});
+  for (const std::string& flag : model_flags(cpp)) argv.push_back(flag);
   for (const std::string& folder : include_folders()) argv.push_back("-I" + folder);
   return argv;
 }
@@ -175,8 +165,6 @@ bool is_fresh(const fs::path& object, const fs::path& dependencies) {
 // metadata; the copy here keeps the object free of symbols that the loading program would have to export. Paths
 // with quotes were refused before.
 std::string wrapper_source(const std::string& path, const std::string& type, const std::string& cost_type) {
-  const std::string entry =
-      cost_type.empty() ? "TILLER_EXPORT_MODEL(" + type : "TILLER_EXPORT_MODEL_WITH_COST(" + type + ", " + cost_type;
   return "#include \"rollout/export_model.hpp\"\n#include \"" + path + R"("
 namespace tiller {
 namespace {
@@ -189,8 +177,8 @@ constexpr EffectInfo kInfos[] = {
 const EffectInfo& effect_info(std::uint32_t kind) { return kInfos[kind]; }
 }  // namespace tiller
 extern "C" __attribute__((visibility("default"))) const tiller_model_t* tiller_model(void);
-)" + entry +
-         ")\n";
+)" + export_macro(type, cost_type) +
+         "\n";
 }
 
 // Of a compiler's output what a reader can act on: each place with an error once, with the lines that quote it.
@@ -213,15 +201,38 @@ std::string first_errors(const std::string& output) {
   return text.empty() ? "  | " + output : text;
 }
 
-bool compile(std::vector<std::string> argv, const std::string& path, const fs::path& object, std::string& error) {
-  const fs::path partial = object.string() + "." + std::to_string(getpid());
-  fs::path dependencies = object;
-  dependencies.replace_extension(".d");
+/// What a cache entry consists of.
+struct Entry {
+  fs::path object;
+  fs::path beside(const char* extension) const {
+    fs::path path = object;
+    return path.replace_extension(extension);
+  }
+  bool is_fresh() const { return tools::is_fresh(object, beside(".d")); }
+};
+
+/// Renamed when whole, and what it depends on first: a reader that comes in between finds a copy that is too old.
+bool publish(const fs::path& partial, const fs::path& partial_dependencies, const Entry& entry, std::string& error) {
+  std::error_code failed;
+  fs::rename(partial_dependencies, entry.beside(".d"), failed);
+  if (!failed) fs::rename(partial, entry.object, failed);
+  if (failed) error = entry.object.string() + ": " + failed.message();
+  return !failed;
+}
+
+bool compile(std::vector<std::string> argv, const std::string& path, const Entry& entry, bool alone,
+             std::string& error) {
+  // the lock keeps others away; without one the process's number does
+  const std::string suffix = alone ? ".partial" : "." + std::to_string(getpid());
+  const fs::path partial = entry.object.string() + suffix;
+  const fs::path dependencies = entry.beside(".d").string() + suffix;
   for (const std::string& word :
        std::vector<std::string>{"-MMD", "-MF", dependencies.string(), "-MT", "model", "-o", partial.string()})
     argv.push_back(word);
-  std::fprintf(stderr, "tiller: compiling model %s (once) ...\n", path.c_str());
-  const ChildResult child = run_child(argv);
+  WaitLine line("compiling model " + path + " (once)");
+  int took = 0;
+  const ChildResult child = run_child(argv, [&](int seconds) { line.show(took = seconds); });
+  line.end(child.started && child.exit_code == 0 ? "done" : "failed", took);
   std::error_code failed;
   if (!child.started) {
     error = path + ": no compiler '" + argv[0] + "' on this machine (" + child.output +
@@ -230,56 +241,42 @@ bool compile(std::vector<std::string> argv, const std::string& path, const fs::p
   }
   if (child.exit_code != 0) {
     fs::remove(partial, failed);
+    fs::remove(dependencies, failed);
     error = path + ": the model does not compile:\n" + first_errors(child.output) + "  with: " + argv[0] +
             " (the authoring rules are in docs/own_model.md)";
     return false;
   }
-  // Renamed when whole: two processes that compile at once leave one good copy.
-  fs::rename(partial, object, failed);
-  if (failed) error = object.string() + ": " + failed.message();
-  return !failed;
+  return publish(partial, dependencies, entry, error);
+}
+
+/// One process compiles an entry at a time; who waits for it says so.
+void wait_for_turn(const std::string& path, const Entry& entry, FileLock& lock) {
+  std::unique_ptr<WaitLine> line;
+  int took = 0;
+  lock.take(entry.beside(".lock").string(), [&](int seconds) {
+    if (!line) line = std::make_unique<WaitLine>("waiting for another tiller that compiles model " + path);
+    if (seconds > 0) line->show(seconds);
+    took = seconds;
+  });
+  if (line) line->end(entry.is_fresh() ? "done" : "it was not finished there", took);
 }
 
 }  // namespace
 
-ChildResult run_child(const std::vector<std::string>& argv) {
-  ChildResult result;
-  int ends[2];
-  if (pipe2(ends, O_CLOEXEC) != 0) {
-    result.output = std::strerror(errno);
-    return result;
-  }
-  std::vector<char*> words;
-  words.reserve(argv.size() + 1);
-  for (const std::string& word : argv) words.push_back(const_cast<char*>(word.c_str()));
-  words.push_back(nullptr);
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_adddup2(&actions, ends[1], 1);
-  posix_spawn_file_actions_adddup2(&actions, ends[1], 2);
-  pid_t child = 0;
-  const int failure = posix_spawnp(&child, words[0], &actions, nullptr, words.data(), environ);
-  posix_spawn_file_actions_destroy(&actions);
-  close(ends[1]);
-  if (failure != 0) {
-    close(ends[0]);
-    result.output = std::strerror(failure);
-    return result;
-  }
-  result.started = true;
-  char buffer[4096];
-  for (;;) {
-    const ssize_t n = read(ends[0], buffer, sizeof buffer);
-    if (n > 0) result.output.append(buffer, static_cast<std::size_t>(n));
-    if (n == 0 || (n < 0 && errno != EINTR)) break;
-  }
-  close(ends[0]);
-  int status = 0;
-  while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
-  }
-  result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  return result;
+std::vector<std::string> model_flags(bool cpp) {
+  std::vector<std::string> flags = {"-std=c99", "-O2"};
+  if (cpp) flags = {"-std=c++17", "-O3", "-fno-exceptions", "-fno-rtti"};
+  if (cpp)
+    for (const std::string& flag : isa_flags(best_isa())) flags.push_back(flag);
+  if (std::strcmp(TILLER_MODEL_REPRODUCIBLE, "ON") == 0)
+    for (const char* flag : {"-ffp-contract=off", "-DTILLER_REPRODUCIBLE=1"}) flags.emplace_back(flag);
+  return flags;
+}
+
+std::string export_macro(const std::string& type, const std::string& cost_type) {
+  return (cost_type.empty() ? "TILLER_EXPORT_MODEL(" + type
+                            : "TILLER_EXPORT_MODEL_WITH_COST(" + type + ", " + cost_type) +
+         ")";
 }
 
 std::string compile_model(const std::string& path, const std::string& type, const std::string& cost_type,
@@ -293,21 +290,21 @@ std::string compile_model(const std::string& path, const std::string& type, cons
   for (const std::string& word : argv) key += '\n' + word;
   char name[40];
   std::snprintf(name, sizeof name, "%016llx", static_cast<unsigned long long>(hash(key)));
-  const fs::path object = folder / (fs::path(path).stem().string() + "-" + name + ".so");
-  fs::path dependencies = object;
-  dependencies.replace_extension(".d");
-  if (is_fresh(object, dependencies)) return object.string();
+  const Entry entry = {folder / (fs::path(path).stem().string() + "-" + name + ".so")};
+  if (entry.is_fresh()) return entry.object.string();
+  FileLock lock;
+  wait_for_turn(path, entry, lock);
+  if (entry.is_fresh()) return entry.object.string();
 
   if (cpp) {
-    fs::path wrapper = object;
-    wrapper.replace_extension(".cpp");
+    const fs::path wrapper = entry.beside(".cpp");
     std::ofstream(wrapper) << wrapper_source(path, type, cost_type);
     argv.push_back(wrapper.string());
   } else {
     argv.push_back(path);
     argv.emplace_back("-lm");
   }
-  return compile(argv, path, object, error) ? object.string() : "";
+  return compile(argv, path, entry, lock.held(), error) ? entry.object.string() : "";
 }
 
 }  // namespace tiller::tools

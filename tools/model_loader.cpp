@@ -19,11 +19,20 @@ std::string known_models() {
   return names;
 }
 
+/// How a model that is not built in is named: `name` itself where it looks like a file.
+std::string how_to_give_a_file(const std::string& name) {
+  const fs::path path = name;
+  if (!path.has_extension() && !path.has_parent_path())
+    return "a model of your own: [model] file = \"my_model.hpp\", type = \"MyModel\"";
+  const bool cpp = path.extension() != ".c" && path.extension() != ".so";
+  return "a file stands under another key: [model] file = \"" + name + "\"" +
+         (cpp ? ", type = the name of the struct in it" : "");
+}
+
 const tiller_model_t* find_builtin(const std::string& name, std::string& error) {
   const tiller_model_t* model = tiller_find_model(name.c_str());
   if (!model)
-    error = "no built-in model '" + name + "'; there are: " + known_models() +
-            "; a model of your own: [model] file = \"my_model.hpp\", type = \"MyModel\"";
+    error = "no built-in model '" + name + "'; there are: " + known_models() + "; " + how_to_give_a_file(name);
   return model;
 }
 
@@ -93,6 +102,8 @@ const tiller_model_t* load_file(const ModelRequest& request, std::string& error,
   const std::string path = model_path(request);
   if (!fs::is_regular_file(path, failed)) {
     error = path + ": no such model file (key [model] file; relative names start at the robot file's folder)";
+    const std::string stem = fs::path(path).stem().string();
+    if (tiller_find_model(stem.c_str())) error += "; a model of that name is built in: [model] name = \"" + stem + "\"";
     return nullptr;
   }
   const std::string kind = fs::path(path).extension().string();

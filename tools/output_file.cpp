@@ -33,14 +33,33 @@ bool write_all(int descriptor, const std::string& bytes, std::size_t& done, off_
 
 }  // namespace
 
+void make_folders_for(const std::string& path) {
+  std::error_code code;
+  const fs::path folder = fs::path(path).parent_path();
+  if (!folder.empty() && fs::create_directories(folder, code))
+    std::fprintf(stderr, "tiller: made the folder %s\n", folder.c_str());
+}
+
+bool can_write_file(const std::string& path, std::string& error) {
+  make_folders_for(path);
+  std::error_code code;
+  const bool is_new = !fs::exists(fs::symlink_status(path, code));
+  const int descriptor = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
+  if (descriptor >= 0) {
+    ::close(descriptor);
+    if (is_new) ::unlink(path.c_str());
+    return true;
+  }
+  error = path + ": cannot be written: " + std::strerror(errno) + "; name another file";
+  return false;
+}
+
 OutputFile::~OutputFile() { close(); }
 
 void OutputFile::open(const std::string& path) {
   path_ = path;
   open_ = true;
-  std::error_code ignored;
-  const fs::path folder = fs::path(path).parent_path();
-  if (!folder.empty()) fs::create_directories(folder, ignored);
+  make_folders_for(path);
   create();
   if (descriptor_ < 0) fail("cannot be created");
 }
@@ -190,7 +209,7 @@ bool replace_file(const std::string& path, const std::string& bytes, std::string
     return false;
   }
   const fs::path folder = target.has_parent_path() ? target.parent_path() : fs::path(".");
-  fs::create_directories(folder, code);
+  make_folders_for(target.string());
   const std::string temporary = (folder / ("." + target.filename().string() + ".tmp")).string();
   const char* doing = "cannot be created";
   const int descriptor = open_locked(temporary);

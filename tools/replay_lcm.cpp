@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "io/monotonic_clock.hpp"
+#include "io/udp_multicast.hpp"
 #include "tiller_lcm/command_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
 #include "tools/lcm_seal.hpp"
@@ -204,9 +205,14 @@ bool replay_through_lcm(const RobotFile& robot, const RecordedRun& run, const Re
                         ReplayResult& result, std::string& error) {
   LcmSeal seal;
   if (!make_lcm_seal(robot, seal, error)) return false;
+  OpenError no_route;
+  if (!has_multicast_route(options.url.c_str(), &no_route)) {
+    error = no_route.text;
+    return false;
+  }
   LcmRobot plant(options, std::move(seal));
   if (!plant.good()) {
-    error = "LCM cannot open '" + options.url + "'; is there a multicast route? (docs/lcm.md)";
+    error = "LCM cannot open '" + options.url + "'; is it a URL of one of liblcm's providers? (docs/lcm.md)";
     return false;
   }
   const bool heard = plant.introduce(options.patience_s);

@@ -4,7 +4,8 @@
 #include <filesystem>
 
 #include "python_config.hpp"
-#include "tools/model_compiler.hpp"
+#include "tools/child_process.hpp"
+#include "tools/output_file.hpp"
 #include "tools/text.hpp"
 
 namespace tiller::tools {
@@ -34,6 +35,12 @@ std::string last_lines(const std::string& text, std::size_t count) {
   return text.substr(from);
 }
 
+/// No interpreter (what `env` says by 127), or one without a package: not a page that cannot be written or data that are
+/// wrong.
+bool lacks_packages(const ChildResult& child) {
+  return child.exit_code == 127 || child.output.find("No module named") != std::string::npos;
+}
+
 }  // namespace
 
 bool run_python_tool(const std::string& module, const std::vector<std::string>& arguments, std::string& error) {
@@ -43,14 +50,20 @@ bool run_python_tool(const std::string& module, const std::vector<std::string>& 
   command.insert(command.end(), arguments.begin(), arguments.end());
   const ChildResult child = run_child(command);
   if (child.started && child.exit_code == 0) return true;
-  error = interpreter() + " -m tiller_tools." + module + " failed: " + last_lines(child.output, 3) +
-          "  the report needs Python with numpy and matplotlib: run ./dev setup, or set TILLER_PYTHON to an "
-          "interpreter that has them";
+  error = interpreter() + " -m tiller_tools." + module + " failed: " + last_lines(child.output, 3);
+  if (lacks_packages(child))
+    error +=
+        "  it needs Python with the packages of tools/requirements.txt: run ./dev setup, or set TILLER_PYTHON to an "
+        "interpreter that has them";
   return false;
 }
 
+bool draw_page(const std::string& module, const std::string& from, const std::string& page, std::string& error) {
+  return can_write_file(page, error) && run_python_tool(module, {from, "-o", page}, error);
+}
+
 bool write_report(const std::string& log, const std::string& page, std::string& error) {
-  return run_python_tool("report", {log, "-o", page}, error);
+  return draw_page("report", log, page, error);
 }
 
 }  // namespace tiller::tools

@@ -9,6 +9,9 @@ namespace tiller::tools {
 /// the one that the build was configured with. False with a message in `error`.
 bool run_python_tool(const std::string& module, const std::vector<std::string>& arguments, std::string& error);
 
+/// A page that a tool draws from a file. One that cannot be written is told so, before Python is asked.
+bool draw_page(const std::string& module, const std::string& from, const std::string& page, std::string& error);
+
 /// The one-file HTML page of a run's CSV; facts beside the log (see write_run_facts) are taken in.
 bool write_report(const std::string& log, const std::string& page, std::string& error);
 

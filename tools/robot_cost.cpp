@@ -22,9 +22,7 @@ void read_bound_of(FileErrors& errors, const std::string& name, const toml::node
   if (errors.list().size() != before) return;
   if (!low && !high) {
     bound.missing("low", "write low, high, or both");
-  } else if (low && high && *low >= *high) {
-    bound.error("low", "is not below high", "exchange low and high");
-  } else if (weight.value_or(0) <= 0 && !hard.value_or(false)) {
+  } else if (bound.in_order("low", low, "high", high) && weight.value_or(0) <= 0 && !hard.value_or(false)) {
     bound.missing("weight", "write weight = what being outside costs, or hard = true with the planner sqp");
   }
   if (low) cost.state_low[state] = *low;

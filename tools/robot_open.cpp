@@ -14,7 +14,7 @@ void choose_substeps(bool is_chosen, RobotFile& robot) {
   robot.substeps = advise_substeps(robot.config);
   if (is_chosen) return;
   robot.config.substeps = robot.substeps.needed;
-  robot.substeps = advise_substeps(robot.config);
+  robot.substeps.configured = robot.substeps.advised;
 }
 
 }  // namespace

@@ -84,14 +84,17 @@ void read_prior_table(FileErrors& errors, const toml::table& table, const std::s
     errors.at(table, path, "a uniform prior has its bounds already", "leave low and high out");
     return;
   }
-  if (low && high && *low >= *high) {
-    errors.at(table, path, "low is not below high", "exchange low and high");
-    return;
-  }
+  if (!section.in_order("low", low, "high", high)) return;
   out.a = pair[0];
   out.b = pair[1];
   out.low = uniform ? pair[0] : low.value_or(-kInf);
   out.high = uniform ? pair[1] : high.value_or(kInf);
+}
+
+/// "at least 0", "0 .. 1": the values that a parameter may have at all.
+std::string range_text(double low, double high) {
+  if (std::isfinite(low) && std::isfinite(high)) return number_text(low) + " .. " + number_text(high);
+  return std::isfinite(low) ? "at least " + number_text(low) : "at most " + number_text(high);
 }
 
 int find_port_index(const tiller_model_t& model, PortKind kind, const std::string& name, Words& known) {
@@ -126,6 +129,13 @@ void read_effect(FileErrors& errors, const toml::table& table, std::size_t index
   Words known;
   const int port_index = find_port_index(*robot.model, info.port, port.value_or(""), known);
   const std::string what = port_kind_name(info.port);
+  if (info.port == PortKind::joint && robot.model->joint_count == 0) {
+    section.error("kind",
+                  std::string(info.name) + " acts at a joint, and " + robot.model->name +
+                      " has none (a kinematic model moves without forces)",
+                  "choose among the effects of an input, a sensor or the body (`tiller effects`), or leave it out");
+    return;
+  }
   if (!section.has("port")) {
     if (info.port != PortKind::body)
       section.missing("port", "write port = one of the model's " + what + "s: " + join(known));

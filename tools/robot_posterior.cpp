@@ -1,6 +1,8 @@
 // [posterior]: what is more than a key with a place in the configuration.
 
+#include <algorithm>
 #include <filesystem>
+#include <functional>
 
 #include "tools/posterior_file.hpp"
 #include "tools/robot_sections.hpp"
@@ -27,14 +29,19 @@ void read_forgetting(SectionReader& posterior, RobotFile& robot) {
   c.forgetting_count = 0;
   for (const toml::node& element : *list) {
     const std::optional<double> rate = element.value<double>();
-    const double above = c.forgetting_count ? c.forgetting[c.forgetting_count - 1] : 1.0;
-    if (!rate || !(*rate >= 0.5 && *rate <= above)) {
-      posterior.error("forgetting", "has a rate that is no number in [0.5, 1] or larger than the one before it",
-                      "shares of the old data that each tick keeps, largest first: [1, 0.97]");
+    if (!rate || !(*rate >= 0.5 && *rate <= 1.0)) {
+      posterior.error("forgetting", rate ? "has the rate " + number_text(*rate) : "holds " + kind_text(element),
+                      "write shares of the old data that each tick keeps, 0.5 .. 1, largest first: [1, 0.97]");
       return;
     }
     c.forgetting[c.forgetting_count++] = *rate;
   }
+  double* const end = c.forgetting + c.forgetting_count;
+  if (std::is_sorted(c.forgetting, end, std::greater<>())) return;
+  std::sort(c.forgetting, end, std::greater<>());
+  Words sorted;
+  for (const double* rate = c.forgetting; rate != end; ++rate) sorted.push_back(number_text(*rate));
+  posterior.error("forgetting", "is in the wrong order: the largest rate stands first", "write [" + join(sorted) + "]");
 }
 
 void read_prior_file(SectionReader& posterior, RobotFile& robot) {

@@ -17,7 +17,7 @@ void read_measurement(FileErrors& errors, const Entry& entry, RobotFile& robot) 
   if (const auto sd = sensor.number("sd")) config.measurement_sd[row] = *sd;
   const auto low = sensor.number("low");
   const auto high = sensor.number("high");
-  if (low && high && *low >= *high) sensor.error("low", "is not below high", "exchange low and high");
+  (void)sensor.in_order("low", low, "high", high);
   if (low) config.safety.measurement_low[row] = *low;
   if (high) config.safety.measurement_high[row] = *high;
   if (const auto rate = sensor.number("rate_per_s")) config.safety.measurement_rate_per_s[row] = *rate;
@@ -32,11 +32,7 @@ void read_limit(FileErrors& errors, const Entry& entry, std::size_t input, Robot
   }
   const auto low = limit.number("low");
   const auto high = limit.number("high");
-  if (low && high && *low >= *high) {
-    limit.error("low", "the limit is reversed: low is not below high",
-                "write low = " + number_text(*high) + ", high = " + number_text(*low));
-    return;
-  }
+  if (!limit.in_order("low", low, "high", high)) return;
   if (low) safety.input_low[input] = *low;
   if (high) safety.input_high[input] = *high;
   if (const auto rate = limit.number("rate_per_s")) safety.input_rate_per_s[input] = *rate;
@@ -45,7 +41,7 @@ void read_limit(FileErrors& errors, const Entry& entry, std::size_t input, Robot
     const double safe = safety.safe_command[input];
     if (safe < *low || safe > *high) {
       limit.error("safe", "the safe command " + number_text(safe) + " is outside the limits",
-                  "write safe = a command between low and high");
+                  "write safe = a command between low = " + number_text(*low) + " and high = " + number_text(*high));
     }
   }
 }

@@ -58,8 +58,9 @@ std::string posterior_lines(const RobotFile& robot, const RunOptions& options, c
 
 std::string tick_line(const RobotFile& robot, const RunResult& result) {
   const LatencyHistogram& took = result.pace.tick_time;
-  std::string text = format("  tick %.2f ms median, %.2f ms 99 %%, %.2f ms max", took.quantile_us(0.5) / 1000,
-                            took.quantile_us(0.99) / 1000, took.most_us() / 1000);
+  std::string text =
+      format("  tick %.2f ms median, %.2f ms 99 %%, %.2f ms max, of a period of %s ms", took.quantile_us(0.5) / 1000,
+             took.quantile_us(0.99) / 1000, took.most_us() / 1000, number_text(1000 * robot.config.period_s).c_str());
   if (robot.config.planner.deadline_us > 0) {
     text += format("; %llu over the deadline of %.1f ms", static_cast<unsigned long long>(result.late_ticks),
                    robot.config.planner.deadline_us / 1000.0);

@@ -179,6 +179,19 @@ void SectionReader::error(const std::string& key, std::string problem, std::stri
   }
 }
 
+bool SectionReader::in_order(const std::string& low_key, std::optional<double> low, const std::string& high_key,
+                             std::optional<double> high) {
+  if (!low || !high || *low < *high) return true;
+  const std::string smaller = number_text(*high), larger = number_text(*low);
+  if (*low == *high)
+    error(low_key, low_key + " and " + high_key + " are both " + smaller + ", which leaves nothing between them",
+          "write two numbers, the smaller one as " + low_key);
+  else
+    error(low_key, "is reversed: " + low_key + " = " + larger + " is above " + high_key + " = " + smaller,
+          "write " + low_key + " = " + smaller + ", " + high_key + " = " + larger);
+  return false;
+}
+
 void SectionReader::read_bound(tiller_config_t& config, const Words& states, const Words& inputs) {
   for (const KeySpec& entry : robot_keys()) {
     if (schema_ != entry.section || entry.offset < 0 || !has(entry.key)) continue;

@@ -37,6 +37,10 @@ class SectionReader {
   void missing(const std::string& key, std::string remedy);
   void error(const std::string& key, std::string problem, std::string remedy);
 
+  /// Whether `low` is below `high` where both are there; else an error at the lower key with both values and their order.
+  bool in_order(const std::string& low_key, std::optional<double> low, const std::string& high_key,
+                std::optional<double> high);
+
   /// Reads every key of the section that the schema ties to a field of the configuration.
   void read_bound(tiller_config_t& config, const Words& states, const Words& inputs);
   /// Errors for keys that neither the schema nor `also` knows. Returns what they were probably meant to be, so

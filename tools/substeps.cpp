@@ -2,114 +2,133 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "core/rng.hpp"
 #include "rollout/rollout.hpp"
 #include "tools/plant_setup.hpp"
+#include "tools/visited_states.hpp"
 
 namespace tiller::tools {
 namespace {
 
-constexpr std::uint32_t kLanes = 16, kMostPeriods = 100, kMostSubsteps = 64;
+constexpr std::uint32_t kLanes = 16, kMostPoints = 25, kExcursion = 4, kMostSubsteps = 64;
 constexpr double kTolerance = 0.1;  // of the noise
+constexpr double kWander = 0.1;     // of an input's range, per period
 
 double draw(const tiller_prior_t& prior, Rng& rng) {
   return draw_from_prior(
       prior, [](void* context) { return static_cast<Rng*>(context)->uniform(); }, &rng);
 }
 
-/// What the trial trajectories share: everything but the substeps.
+/// Row i of a path's point in every lane.
+void spread(const double* row, std::size_t count, std::vector<double>& lanes) {
+  lanes.resize(count * kLanes);
+  for (std::size_t i = 0; i < count; ++i)
+    std::fill_n(lanes.begin() + static_cast<std::ptrdiff_t>(i * kLanes), kLanes, row[i]);
+}
+
+/// Where the lanes stand at the beginning of a period.
+struct Start {
+  std::vector<double> state, effect_state;  // (nx x lanes), (ns x lanes)
+  std::vector<double> input;                // (nu x lanes)
+  std::vector<double> history;              // (rows x nu) newest first; lanes share it
+};
+
+/// One period from many states that the robot visits, with any number of substeps.
 class Trial {
  public:
   explicit Trial(const tiller_config_t& config)
       : config_(config),
         table_(select_rollout(*config.model)),
         nx_(config.model->state_count),
-        nu_(config.model->input_count),
-        periods_(std::clamp(config.planner.horizon, 2u, kMostPeriods)) {
+        nu_(config.model->input_count) {
     Rng rng(1, kRngPrior, 0);
     for (std::uint32_t i = 0; i < config.param_count; ++i)
       for (std::uint32_t l = 0; l < kLanes; ++l) params_.push_back(draw(config.priors[i], rng));
     params_.resize(std::size_t{TILLER_MAX_PARAMS} * kLanes);
-    for (std::uint32_t i = 0; i < nx_; ++i)
-      for (std::uint32_t l = 0; l < kLanes; ++l)
-        start_.push_back(config.initial_state[i] + config.initial_state_sd[i] * rng.normal());
-    draw_inputs(rng);
+    const VisitedStates path = visit_states(config);
+    const std::uint32_t points = std::min(path.count, kMostPoints);
+    for (std::uint32_t k = 0; k < points; ++k) wander(path, k * path.count / points, rng);
   }
 
-  /// RMS over trajectories and periods of the change that halving the substeps makes, state by state.
-  std::vector<double> error(std::uint32_t substeps) const {
-    const std::vector<double> path = follow(kMostSubsteps / 4);
-    std::vector<double> sum(nx_), coarse, fine;
-    for (std::uint32_t k = 0; k < periods_; ++k) {
-      const double* from = path.data() + std::size_t{k} * nx_ * kLanes;
-      coarse = one_period(from, k, substeps);
-      fine = one_period(from, k, 2 * substeps);
-      for (std::uint32_t i = 0; i < nx_; ++i)
-        for (std::uint32_t l = 0; l < kLanes; ++l) {
-          const double d = coarse[i * kLanes + l] - fine[i * kLanes + l];
-          if (std::isfinite(d)) sum[i] += d * d;
-        }
+  /// RMS over all starts and lanes of the change that halving the substeps makes, worst state over its noise.
+  StepError error(std::uint32_t substeps) const {
+    std::vector<double> sum(nx_), coarse, fine, effects;
+    for (const Start& start : starts_) {
+      one_period(start, substeps, coarse, effects);
+      one_period(start, 2 * substeps, fine, effects);
+      for (std::size_t n = 0; n < fine.size(); ++n) add_difference(coarse[n], fine[n], sum[n / kLanes]);
     }
-    for (double& s : sum) s = std::sqrt(s / (kLanes * periods_));
-    return sum;
+    StepError worst;
+    for (std::uint32_t i = 0; i < nx_; ++i) {
+      const double noise = config_.process_sd[i] * std::sqrt(config_.period_s);
+      const double share = std::sqrt(sum[i] / static_cast<double>(kLanes * starts_.size())) / noise;
+      if (noise > 0.0 && share > worst.share) worst = {share, i};
+    }
+    return worst;
   }
 
  private:
-  /// Random walks through the inputs' range: smooth enough to move the robot, bold enough to reach the limits.
-  void draw_inputs(Rng& rng) {
-    inputs_.resize(std::size_t{periods_} * nu_ * kLanes);
+  /// A motion that the finer step leaves finite and the coarse one does not is the worst error there is; where both
+  /// fail, it is the model that has no answer.
+  static void add_difference(double coarse, double fine, double& sum) {
+    if (std::isfinite(fine))
+      sum += std::isfinite(coarse) ? (coarse - fine) * (coarse - fine) : std::numeric_limits<double>::infinity();
+  }
+
+  /// A few periods off the path: parameters and inputs that are not the controller's own.
+  void wander(const VisitedStates& path, std::uint32_t point, Rng& rng) {
+    Start start;
+    spread(path.state.data() + std::size_t{point} * nx_, nx_, start.state);
+    spread(path.effect_state.data() + std::size_t{point} * path.effect_states, path.effect_states, start.effect_state);
+    spread(path.input.data() + std::size_t{point} * nu_, nu_, start.input);
+    const double* before = path.history.data() + std::size_t{point} * path.history_numbers;
+    start.history.assign(before, before + path.history_numbers);
+    for (std::uint32_t k = 0; k < kExcursion; ++k) {
+      move_inputs(start.input, rng);
+      starts_.push_back(start);
+      one_period(starts_.back(), kMostSubsteps / 4, start.state, start.effect_state);
+    }
+  }
+  void move_inputs(std::vector<double>& input, Rng& rng) const {
     for (std::uint32_t j = 0; j < nu_; ++j)
       for (std::uint32_t l = 0; l < kLanes; ++l) {
         const double low = config_.safety.input_low[j], high = config_.safety.input_high[j];
-        double u = std::clamp(0.0, low, high);
-        for (std::uint32_t k = 0; k < periods_; ++k) {
-          u = std::clamp(u + 0.25 * (high - low) * rng.normal(), low, high);
-          inputs_[(std::size_t{k} * nu_ + j) * kLanes + l] = u;
-        }
+        double& u = input[j * kLanes + l];
+        u = std::clamp(u + kWander * (high - low) * rng.normal(), low, high);
       }
   }
-  RolloutJob<double> job(const StepSetup& setup, const double* state, std::uint32_t first, std::uint32_t count) const {
+  void one_period(const Start& start, std::uint32_t substeps, std::vector<double>& to,
+                  std::vector<double>& effects) const {
+    StepSetup setup;
+    if (make_step_setup(config_, setup) != tiller_status_ok) return;
+    setup.substeps = substeps;
+    to.resize(start.state.size());
+    std::vector<double> next_effects(start.effect_state.size());
     RolloutJob<double> job;
     job.setup = &setup;
     job.lanes = kLanes;
-    job.horizon = count;
-    job.state = {state, kLanes};
+    job.horizon = 1;
+    job.state = {start.state.data(), kLanes};
     job.params = {params_.data(), kLanes};
-    job.effect_state = {zero_, 0};
-    job.controls = {inputs_.data() + std::size_t{first} * nu_ * kLanes, kLanes};
-    job.history = zero_;
-    return job;
-  }
-  std::vector<double> follow(std::uint32_t substeps) const {
-    StepSetup setup = with(substeps);
-    std::vector<double> path(std::size_t{periods_ + 1} * nx_ * kLanes);
-    RolloutJob<double> all = job(setup, start_.data(), 0, periods_);
-    all.trajectory = path.data();
-    table_.rollout_f64(*config_.model, all);
-    return path;
-  }
-  std::vector<double> one_period(const double* from, std::uint32_t k, std::uint32_t substeps) const {
-    StepSetup setup = with(substeps);
-    std::vector<double> to(std::size_t{nx_} * kLanes);
-    RolloutJob<double> one = job(setup, from, k, 1);
-    one.final_state = to.data();
-    table_.rollout_f64(*config_.model, one);
-    return to;
-  }
-  StepSetup with(std::uint32_t substeps) const {
-    StepSetup setup;
-    if (make_step_setup(config_, setup) != tiller_status_ok) return setup;
-    setup.substeps = substeps;
-    return setup;
+    job.effect_state = {start.effect_state.data(), kLanes};
+    job.controls = {start.input.data(), kLanes};
+    job.history = start.history.data();
+    std::vector<double> next(start.state.size());
+    job.final_state = next.data();
+    job.final_effect_state = next_effects.data();
+    table_.rollout_f64(*config_.model, job);
+    to = std::move(next);
+    effects = std::move(next_effects);
   }
 
   const tiller_config_t& config_;
   const RolloutTable& table_;
-  std::uint32_t nx_, nu_, periods_;
-  std::vector<double> params_, start_, inputs_;
-  double zero_[TILLER_MAX_EFFECT_STATES + TILLER_MAX_DELAY_STEPS * TILLER_MAX_INPUTS] = {};
+  std::uint32_t nx_, nu_;
+  std::vector<double> params_;
+  std::vector<Start> starts_;
 };
 
 }  // namespace
@@ -117,21 +136,11 @@ class Trial {
 SubstepAdvice advise_substeps(const tiller_config_t& config) {
   const Trial trial(config);
   SubstepAdvice advice;
-  const auto share = [&](std::uint32_t substeps, std::uint32_t* worst) {
-    const std::vector<double> error = trial.error(substeps);
-    double most = 0.0;
-    for (std::uint32_t i = 0; i < error.size(); ++i) {
-      const double noise = config.process_sd[i] * std::sqrt(config.period_s);
-      if (!(noise > 0.0) || error[i] / noise <= most) continue;
-      most = error[i] / noise;
-      if (worst) *worst = i;
-    }
-    return most;
-  };
-  advice.error_share = share(config.substeps, &advice.worst_state);
-  for (advice.needed = 1; advice.needed < kMostSubsteps; advice.needed *= 2)
-    if (share(advice.needed, nullptr) <= kTolerance) break;
-  return advice;
+  advice.configured = trial.error(config.substeps);
+  for (;; advice.needed *= 2) {
+    advice.advised = trial.error(advice.needed);
+    if (advice.advised.share <= kTolerance || advice.needed >= kMostSubsteps) return advice;
+  }
 }
 
 }  // namespace tiller::tools

@@ -31,4 +31,18 @@ constexpr double kBesideSteps = 1.2;
 bool count_work(const tiller_config_t& config, std::uint32_t ticks, ModelWork& mean, ModelWork& most,
                 std::string& error);
 
+/// Wall time of a tick on this computer, one thread: the median of up to `window` + 42 ticks on the configuration's own
+/// model, or of those that begin within `budget_s`, at least one after a cold one. Of them the later half counts.
+struct TickTime {
+  double tick_s = 0.0;
+  std::uint64_t steps = 0;       ///< of the model
+  double step_s = 0.0;           ///< mean of one of them
+  std::uint32_t iterations = 0;  ///< of the planner
+  double beside_s() const { return tick_s - step_s * static_cast<double>(steps); }
+};
+
+/// `by_clock`: the planner's deadline ends a plan, as on a robot; else the cap of iterations. False with the reason in
+/// `error`. Not thread-safe, as count_work.
+bool time_ticks(const tiller_config_t& config, double budget_s, bool by_clock, TickTime& time, std::string& error);
+
 }  // namespace tiller::tools

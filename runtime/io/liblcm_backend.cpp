@@ -7,6 +7,8 @@
 
 #include <cerrno>
 
+#include "io/udp_multicast.hpp"
+
 namespace tiller {
 namespace {
 
@@ -26,12 +28,12 @@ void on_measurement(const lcm_recv_buf_t* buffer, const char*, void* user) {
 }  // namespace
 
 tiller_status_t liblcm_open(LcmTransport* transport, const char* url, OpenError* error) {
+  // asked first: liblcm answers with a banner on stderr
+  if (!has_multicast_route(url, error)) return tiller_status_io_error;
   transport->lcm = lcm_create(url);
   if (transport->lcm == nullptr) {
     set_open_error(error,
-                   "lcm: cannot open '%.120s'. Where there is no network, give loopback a multicast route: "
-                   "ip link set lo multicast on; ip route add 224.0.0.0/4 dev lo",
-                   url);
+                   "lcm: cannot open '%.120s'; is it a URL of one of liblcm's providers (udpm://, tcpq://, ...)?", url);
     return tiller_status_io_error;
   }
   if (lcm_subscribe(transport->lcm, transport->measurement_channel, on_measurement, transport) == nullptr) {

@@ -139,7 +139,43 @@ class ChannelFilter {
   std::uint32_t count_ = 0;
 };
 
+void tell_no_route(const UdpmUrl& url, int why, OpenError* error) {
+  set_open_error(error,
+                 "lcm: multicast %u.%u.%u.%u:%u does not reach this process: %s. Where there is no network, give "
+                 "loopback a multicast route: ip link set lo multicast on; ip route add 224.0.0.0/4 dev lo",
+                 url.group[0], url.group[1], url.group[2], url.group[3], url.port, std::strerror(why));
+}
+
+sockaddr_in address_of(const UdpmUrl& url) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = network_order(url.group);
+  address.sin_port = htons(url.port);
+  return address;
+}
+
+/// The group can be joined, and there is a way out to it: each fails without a route, by kernel.
+bool joins_and_reaches(int socket, const UdpmUrl& url) {
+  const sockaddr_in address = address_of(url);
+  ip_mreq group{};
+  group.imr_multiaddr = address.sin_addr;
+  return set_option(socket, IPPROTO_IP, IP_ADD_MEMBERSHIP, group) &&
+         connect(socket, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+}
+
 }  // namespace
+
+bool has_multicast_route(const char* url, OpenError* error) {
+  UdpmUrl parsed;
+  if (!is_udpm_url(url) || parse_udpm_url(url, &parsed) != nullptr) return true;
+  const int socket = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  if (socket < 0) return true;  // not a matter of routes
+  const bool reaches = joins_and_reaches(socket, parsed);
+  const int why = errno;
+  ::close(socket);
+  if (!reaches) tell_no_route(parsed, why, error);
+  return reaches;
+}
 
 bool is_udpm_url(const char* url) { return std::strncmp(url, kScheme, sizeof kScheme - 1) == 0; }
 
@@ -173,10 +209,7 @@ tiller_status_t UdpMulticast::open(const UdpmUrl& url, const char* channel, Open
   }
   const int why = errno;
   close();
-  set_open_error(error,
-                 "lcm: multicast %u.%u.%u.%u:%u does not reach this process: %s. Where there is no network, give "
-                 "loopback a multicast route: ip link set lo multicast on; ip route add 224.0.0.0/4 dev lo",
-                 url.group[0], url.group[1], url.group[2], url.group[3], url.port, std::strerror(why));
+  tell_no_route(url, why, error);
   return tiller_status_io_error;
 }
 

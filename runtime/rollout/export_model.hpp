@@ -9,24 +9,41 @@
 //
 // The source then defines `extern "C" const tiller_model_t* tiller_model(void)`.
 
+#if defined(TILLER_COMPILE_ISA_avx512) && defined(__GNUC__) && !defined(__clang__) && !defined(__OPTIMIZE__)
+#error \
+    "GCC's AVX-512 does not compile without optimisation: add -O3 (-O1 at least), or take -DTILLER_COMPILE_ISA=avx2 \
+-DTILLER_COMPILE_ISA_avx2=1 -mavx2 -mfma"
+#else  // nothing of xsimd, whose errors would bury this one
+
 #include "rollout/kernel.hpp"
 #include "rollout/model_table.hpp"
 
 #define TILLER_ISA_VALUE_2(name) ::tiller::Isa::name
 #define TILLER_ISA_VALUE(name) TILLER_ISA_VALUE_2(name)
 
-#define TILLER_EXPORT_KERNEL(Type, ...)                                                                   \
-  extern "C" const tiller_model_t* tiller_model(void);                                                    \
-  extern "C" const tiller_model_t* tiller_model(void) {                                                   \
-    static const ::tiller::RolloutTable table = __VA_ARGS__::table(TILLER_ISA_VALUE(TILLER_COMPILE_ISA)); \
-    static const ::tiller::ModelKernels kernels = [] {                                                    \
-      ::tiller::ModelKernels k{};                                                                         \
-      k.table[static_cast<int>(TILLER_ISA_VALUE(TILLER_COMPILE_ISA))] = &table;                           \
-      return k;                                                                                           \
-    }();                                                                                                  \
-    static const tiller_model_t model = ::tiller::ModelTable<Type>::make(&kernels);                       \
-    return &model;                                                                                        \
+namespace tiller {
+
+/// A loaded model's tables. Constants: they ask for no code before main and for none of the C++ library.
+template <template <class> class Type, class ModelKernel, Isa isa>
+struct ExportedModel {
+  static constexpr ModelKernels make_kernels() {
+    ModelKernels k{};
+    k.table[static_cast<int>(isa)] = &kTable;
+    return k;
+  }
+  static constexpr RolloutTable kTable = ModelKernel::table(isa);
+  static constexpr ModelKernels kKernels = make_kernels();
+  static constexpr tiller_model_t kModel = ModelTable<Type>::make(&kKernels);
+};
+
+}  // namespace tiller
+
+#define TILLER_EXPORT_KERNEL(Type, ...)                                                               \
+  extern "C" const tiller_model_t* tiller_model(void);                                                \
+  extern "C" const tiller_model_t* tiller_model(void) {                                               \
+    return &::tiller::ExportedModel<Type, __VA_ARGS__, TILLER_ISA_VALUE(TILLER_COMPILE_ISA)>::kModel; \
   }
 #define TILLER_EXPORT_MODEL(Type) TILLER_EXPORT_KERNEL(Type, ::tiller::Kernel<Type>)
-/// With a cost of one's own, a template beside the model (docs/costs.md).
+   /// With a cost of one's own, a template beside the model (docs/costs.md).
 #define TILLER_EXPORT_MODEL_WITH_COST(Type, Cost) TILLER_EXPORT_KERNEL(Type, ::tiller::Kernel<Type, Cost>)
+#endif

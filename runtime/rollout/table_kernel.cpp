@@ -280,7 +280,7 @@ void quadratise(const tiller_model_t& table, const QuadratiseJob& job) {
   if (job.terminal) quadratise_lane(model, job, job.stages, false);
 }
 
-RolloutTable make() {
+constexpr RolloutTable make() {
   RolloutTable t;
   t.rollout_f32 = &rollout<float>;
   t.rollout_f64 = &rollout<double>;
@@ -290,12 +290,11 @@ RolloutTable make() {
   return t;
 }
 
+constexpr RolloutTable kTable = make();  // a constant: a static of the function would bring a lock along
+
 }  // namespace
 
 const RolloutTable& table_kernel();
-const RolloutTable& table_kernel() {
-  static const RolloutTable table = make();
-  return table;
-}
+const RolloutTable& table_kernel() { return kTable; }
 
 }  // namespace tiller

@@ -1,5 +1,6 @@
 #include "scalar/isa.hpp"
 
+#include <atomic>
 #include <cstdlib>
 #include <cstring>
 
@@ -47,9 +48,16 @@ Isa choose() {
 
 bool has_isa(Isa isa) { return built(isa) && processor_has(isa); }
 
+// Chosen once. A static of the function would bring a lock along, and with it the C++ library into programs in C; two
+// threads that come first at once choose the same.
 Isa best_isa() {
-  static const Isa best = choose();
-  return best;
+  static std::atomic<int> best{-1};
+  int isa = best.load(std::memory_order_relaxed);
+  if (isa < 0) {
+    isa = static_cast<int>(choose());
+    best.store(isa, std::memory_order_relaxed);
+  }
+  return static_cast<Isa>(isa);
 }
 
 const char* isa_name(Isa isa) { return kNames[static_cast<int>(isa)]; }

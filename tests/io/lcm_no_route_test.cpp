@@ -16,3 +16,11 @@ TEST(LcmOpen, WithoutAMulticastRouteTheRemedyIsTold) {
   EXPECT_NE(std::string::npos, std::string(error.text).find("ip route add 224.0.0.0/4 dev lo"));
   EXPECT_EQ(tiller_status_transport_closed, tiller::kLcmTransport.poll(&transport, nullptr));
 }
+
+TEST(LcmOpen, ARouteIsMissedBeforeLiblcmIsAsked) {
+  tiller::OpenError error;
+  EXPECT_FALSE(tiller::has_multicast_route("udpm://239.255.76.67:7667?ttl=0", &error));
+  EXPECT_NE(std::string::npos, std::string(error.text).find("ip route add 224.0.0.0/4 dev lo")) << error.text;
+  EXPECT_FALSE(tiller::has_multicast_route("udpm://", nullptr));
+  EXPECT_TRUE(tiller::has_multicast_route("tcpq://localhost:7700", nullptr)) << "that needs none";
+}

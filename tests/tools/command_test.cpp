@@ -13,82 +13,16 @@
 #include <fstream>
 #include <sstream>
 #include <thread>
+#include <tuple>
+
+#include "command_rig.hpp"
 
 namespace {
 
 namespace fs = std::filesystem;
-using Words = std::vector<std::string>;
+using namespace tiller::test;
 
 const std::string kCartPole = std::string(TILLER_TEST_ROBOTS) + "/cart_pole.toml";
-
-struct Ended {
-  int code = -1;
-  std::string out;  // stdout and stderr
-};
-
-class Command : public testing::Test {
- protected:
-  void SetUp() override {
-    std::string made = (fs::temp_directory_path() / "tiller-command-XXXXXX").string();
-    ASSERT_NE(mkdtemp(made.data()), nullptr);
-    folder_ = made;
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
-  pid_t start(const Words& arguments) {
-    const pid_t child = fork();
-    if (child != 0) return child;
-    if (chdir(folder_.c_str()) != 0) _exit(126);
-    const int out = open("out.txt", O_WRONLY | O_CREAT | O_TRUNC, 0666);
-    dup2(out, STDOUT_FILENO);
-    dup2(out, STDERR_FILENO);
-    std::vector<char*> argv = {const_cast<char*>(TILLER_TEST_COMMAND)};
-    for (const std::string& word : arguments) argv.push_back(const_cast<char*>(word.c_str()));
-    argv.push_back(nullptr);
-    execv(TILLER_TEST_COMMAND, argv.data());
-    _exit(127);
-  }
-
-  Ended finish(pid_t child) {
-    int status = 0;
-    waitpid(child, &status, 0);
-    Ended ended;
-    ended.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-    ended.out = text_of("out.txt");
-    return ended;
-  }
-
-  Ended run(const Words& arguments) {
-    const Ended ended = finish(start(arguments));
-    std::printf("$ tiller");
-    for (const std::string& word : arguments) std::printf(" %s", word.c_str());
-    std::printf("   -> %d\n", ended.code);
-    return ended;
-  }
-
-  std::string text_of(const std::string& name) const {
-    std::ifstream file(folder_ + "/" + name, std::ios::binary);
-    std::stringstream text;
-    text << file.rdbuf();
-    return text.str();
-  }
-
-  /// Columns 0..n of every row of a CSV: time, measurements and command, without the tick times behind them.
-  std::string first_columns(const std::string& name, int columns) const {
-    std::istringstream rows(text_of(name));
-    std::string kept;
-    for (std::string row; std::getline(rows, row);) {
-      std::size_t end = 0;
-      for (int i = 0; i < columns && end != std::string::npos; ++i) end = row.find(',', end + 1);
-      kept += row.substr(0, end) + "\n";
-    }
-    return kept;
-  }
-
-  std::string folder_;
-};
-
-bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
 
 TEST_F(Command, HelpTeaches) {
   const Ended top = run({"--help"});
@@ -111,7 +45,10 @@ TEST_F(Command, HelpTeaches) {
 }
 
 TEST_F(Command, TellsAndChecks) {
-  EXPECT_EQ(run({"version"}).out.rfind("tiller 0.", 0), 0u);
+  const Ended version = run({"version"}), flag = run({"--version"});
+  EXPECT_EQ(version.out.rfind("tiller 0.", 0), 0u);
+  EXPECT_EQ(flag.out, version.out);
+  EXPECT_EQ(flag.code, 0);
   EXPECT_TRUE(contains(run({"models"}).out, "parameters  cart_mass_kg, pole_mass_kg, half_length_m"));
   EXPECT_TRUE(contains(run({"effects"}).out, "viscous_friction"));
   const std::string planners = run({"planners"}).out;
@@ -141,6 +78,14 @@ TEST_F(Command, WrongInputEndsWithOneAndARemedy) {
       {{"run", kCartPole, "--sim", "--seconds", "-1"}, "--seconds"},
       {{"replay", "text.rec", kCartPole}, "is no record of tiller"},
       {{"rum"}, "did you mean run?"},
+      {{"run", kCartPole, "--sim", "--reprot", "page.html"},
+       "tiller run: there is no option --reprot; did you mean --report?"},
+      {{"run", kCartPole, "--sim", "--second=3"}, "tiller run: there is no option --second; did you mean --seconds?"},
+      {{"export", "--prefx", "arm"}, "tiller export: there is no option --prefx; did you mean --prefix?"},
+      {{"check", kCartPole, "--zebra"}, "there is no option --zebra; all of them: tiller check --help"},
+      {{"--quite", "run"}, "tiller run: there is no option --quite; did you mean --quiet?"},
+      {{"can", "docter"}, "tiller can: there is no command 'docter'; did you mean doctor?"},
+      {{"check", kCartPole, "more.toml"}, "tiller check: 'more.toml' is one argument too many"},
       {{}, "subcommand is required"},
   };
   for (const Case& wrong : cases) {
@@ -148,6 +93,36 @@ TEST_F(Command, WrongInputEndsWithOneAndARemedy) {
     EXPECT_EQ(ended.code, 1) << ended.out;
     EXPECT_TRUE(contains(ended.out, wrong.says)) << "expected '" << wrong.says << "' in\n" << ended.out;
   }
+}
+
+/// A robot file's text with some of it replaced.
+std::string variant(const std::string& path, const std::vector<std::pair<std::string, std::string>>& changes) {
+  std::ifstream file(path);
+  std::stringstream text;
+  text << file.rdbuf();
+  std::string changed = text.str();
+  for (const auto& [from, to] : changes) {
+    const std::size_t at = changed.find(from);
+    EXPECT_NE(at, std::string::npos) << from;
+    if (at != std::string::npos) changed.replace(at, from.size(), to);
+  }
+  return changed;
+}
+
+// 8192 rollouts of a planner that takes 1 ms for 256 of them, in 0.5 ms: a busy machine makes it longer only.
+TEST_F(Command, ATickThatDoesNotFitItsPeriodIsWarnedOf) {
+  const std::string pendulum = std::string(TILLER_TEST_ROBOTS) + "/pendulum.toml";
+  std::ofstream(folder_ + "/slow.toml") << variant(
+      pendulum, {{"period_s = 0.02", "period_s = 0.0005"}, {"rollouts = 256", "rollouts = 8192"}});
+  const Ended check = run({"check", "slow.toml"});
+  EXPECT_EQ(check.code, 0);
+  for (const char* part : {"predicted on one thread (", "model steps of", "measured; period 500 us",
+                           "slow.toml: a tick measures", "longer than the period of 500 us", "deadline_us", "rollouts"})
+    EXPECT_TRUE(contains(check.out, part)) << part << " in\n" << check.out;
+  const Ended sim = run({"run", "slow.toml", "--sim", "--seconds", "0.005", "--quiet"});
+  EXPECT_EQ(sim.code, 0);
+  EXPECT_TRUE(contains(sim.out, "slow.toml: a tick is predicted to take")) << sim.out;
+  EXPECT_TRUE(contains(sim.out, "of a period of 0.5 ms")) << sim.out;
 }
 
 TEST_F(Command, LockstepRunsRepeatToTheLastBitOnAnyThreads) {
@@ -330,6 +305,66 @@ TEST_F(Command, AFullDiskDoesNotStopTheRobotAndIsTold) {
     rescued_rows = static_cast<int>(std::count(rows.begin(), rows.end(), '\n'));
   }
   EXPECT_EQ(rescued_rows, 51) << ended.out;
+}
+
+// A folder that is missing on the way to a file is made by every output option, and told of.
+TEST_F(Command, FoldersOnTheWayToOutputsAreMadeAndTold) {
+  const Words base = {"run", kCartPole, "--sim", "--seconds", "0.1", "--quiet"};
+  const auto with = [&](const Words& more) {
+    Words all = base;
+    all.insert(all.end(), more.begin(), more.end());
+    return all;
+  };
+  const std::pair<Words, std::string> cases[] = {
+      {with({"--log", "a/x/run.csv"}), "a/x"},     {with({"--record", "b/run.mcap"}), "b"},
+      {with({"--histogram", "c/ticks.csv"}), "c"}, {with({"--save-posterior", "d/prior.json"}), "d"},
+      {with({"--report", "e/page.html"}), "e"},    {{"export", kCartPole, "-o", "f/config.c"}, "f"},
+  };
+  for (const auto& [arguments, folder] : cases) {
+    const Ended first = run(arguments);
+    EXPECT_TRUE(fs::is_directory(folder_ + "/" + folder)) << first.out;
+    EXPECT_TRUE(contains(first.out, "tiller: made the folder " + folder + "\n")) << first.out;
+    EXPECT_FALSE(contains(run(arguments).out, "made the folder")) << "it is there now";
+  }
+}
+
+TEST_F(Command, APageThatCannotBeWrittenIsRefusedBeforeTheRun) {
+  fs::create_directory(folder_ + "/taken.html");
+  const std::pair<const char*, const char*> cases[] = {
+      {"taken.html", "--report taken.html: cannot be written: Is a directory"},
+      {"/proc/none/page.html", "--report /proc/none/page.html: cannot be written: No such file or directory"}};
+  for (const auto& [page, says] : cases) {
+    const Ended ended = run({"run", kCartPole, "--sim", "--seconds", "1", "--quiet", "--report", page});
+    EXPECT_EQ(ended.code, 1) << ended.out;
+    EXPECT_TRUE(contains(ended.out, says)) << ended.out;
+    EXPECT_FALSE(contains(ended.out, "numpy")) << ended.out;
+    EXPECT_FALSE(contains(ended.out, "ended in")) << "nothing was moved: " << ended.out;
+  }
+  // Python is blamed where it is at fault
+  setenv("TILLER_PYTHON", "/nonexistent/python", 1);
+  const Ended without = run({"run", kCartPole, "--sim", "--seconds", "0.1", "--quiet", "--report", "page.html"});
+  unsetenv("TILLER_PYTHON");
+  EXPECT_EQ(without.code, 2) << without.out;
+  EXPECT_TRUE(contains(without.out, "tools/requirements.txt")) << without.out;
+}
+
+TEST_F(Command, AModelThatIsNotThereIsNamedWithTheOnesThatAre) {
+  const std::tuple<const char*, const char*, const char*> cases[] = {
+      {"name = \"cart_pol\"", "no built-in model 'cart_pol'; there are: pendulum, cart_pole",
+       "did you mean cart_pole?"},
+      {"name = \"arm/my_arm.hpp\"", "no built-in model 'arm/my_arm.hpp'",
+       "file = \"arm/my_arm.hpp\", type = the name of the"},
+      {"name = \"my_arm.c\"", "no built-in model 'my_arm.c'", "[model] file = \"my_arm.c\""},
+      {"file = \"pendulum.c\"", "pendulum.c: no such model file", "is built in: [model] name = \"pendulum\""},
+      {"file = \"none.c\"", "none.c: no such model file", "relative names start at the robot file's folder"},
+  };
+  for (const auto& [line, says, remedy] : cases) {
+    std::ofstream(folder_ + "/robot.toml") << "[model]\n" << line << "\n";
+    const Ended ended = run({"check", "robot.toml"});
+    EXPECT_EQ(ended.code, 1);
+    EXPECT_TRUE(contains(ended.out, says)) << ended.out;
+    EXPECT_TRUE(contains(ended.out, remedy)) << ended.out;
+  }
 }
 
 TEST_F(Command, AnInadequateModelIsToldOnceAndLeavesItsTicks) {

@@ -1,0 +1,66 @@
+#!/bin/sh
+# What `tiller export` says of compiling and linking, done word for word: a built-in model, one in C, one in C with a cost,
+# one in C++, each in a program of C that knows nothing of the C++ library.
+# usage: export_test.sh PREFIX WORK_FOLDER SOURCE_FOLDER
+set -eu
+prefix=$1
+work=$2
+source=$3
+
+fail() { echo "FAILED: $*" >&2; exit 1; }
+
+# the head's commands, with this installation in the place of /opt/tiller
+commands() { sed -n '/^ \*     PREFIX=/,/ -o main$/s/^ \*     //p' robot_config.c | sed "s|/opt/tiller|$prefix|"; }
+
+export_to() { # folder robot_file
+  folder=$work/$1
+  mkdir -p "$folder"
+  cp -r "$(dirname "$2")/." "$folder"
+  cd "$folder"
+  TILLER_CACHE=$work/cache "$prefix/bin/tiller" export "$(basename "$2")" -o robot_config.c --prefix robot
+  # shellcheck disable=SC2046 # flags
+  cc -std=c11 -Wall -Wextra -Werror -I"$prefix/include" -c "$source/tests/package/consumer/loop.c" -o main.o
+  commands >build.sh
+  [ -s build.sh ] || fail "$1: the head has no commands"
+}
+
+try() {
+  export_to "$@"
+  sh -eux build.sh || fail "$1: the head's commands do not build"
+  ./main || fail "$1 does not run"
+  if ldd ./main | grep -q 'libstdc++'; then fail "$1 asks for the C++ library"; fi
+}
+
+rm -rf "$work"
+try built_in "$source/robots/pendulum.toml"
+try c_model "$source/examples/damped_pendulum_c99/robot.toml"
+try c_cost "$source/examples/own_cost_c99/robot.toml"
+try cpp_model "$source/examples/dead_zone_pendulum/robot.toml"
+
+# without optimisation: it works, or a sentence says what to do
+sed 's/ -O[0-9] / -O0 /' build.sh >unoptimised.sh
+if sh -eu unoptimised.sh 2>errors.txt; then
+  ./main || fail "it does not run unoptimised"
+else
+  grep -q 'does not compile without optimisation: add -O3' errors.txt || fail "no remedy in: $(head -5 errors.txt)"
+  [ "$(grep -c 'error:' errors.txt)" -le 5 ] || fail "the remedy is buried in $(wc -l <errors.txt) lines"
+fi
+for isa in 'avx2 -mavx2 -mfma' 'avx512 -mavx512f -mavx512cd -mavx512dq -mavx512bw -mavx512vl -mfma'; do
+  set -- $isa
+  name=$1
+  shift
+  [ "$(uname -m)" = x86_64 ] || continue
+  if c++ -std=c++17 -O0 "-DTILLER_COMPILE_ISA=$name" "-DTILLER_COMPILE_ISA_$name=1" "$@" \
+    "-I$prefix/include" "-I$prefix/include/tiller/runtime" -fsyntax-only ./*_model.cpp 2>errors.txt; then
+    continue
+  fi
+  grep -q 'does not compile without optimisation: add -O3' errors.txt || fail "-O0 for $name: $(head -5 errors.txt)"
+done
+
+# the flags that the manual states are the build's
+for isa in sse2 avx2 avx512; do
+  stated=$(sed -n "s/^| \`$isa\` | \`\(.*\)\` |$/\1/p" "$source/docs/own_model.md")
+  built=$(sed -n "s/^set(TILLER_ISA_FLAGS_$isa \([^)]*\)[)]*$/\1/p" "$source/cmake/TillerTargets.cmake")
+  [ "$stated" = "$built" ] || fail "docs/own_model.md has '$stated' for $isa, cmake/TillerTargets.cmake '$built'"
+done
+echo passed
