@@ -42,6 +42,10 @@ class Obedient final : public Posterior {
     if (posterior.tested) adequacy_->take(innovation);
     return posterior.update_status;
   }
+  tiller_status_t skip(const Transition& transition) override {
+    posterior.skipped.push_back(transition);
+    return posterior.skip_status;
+  }
   bool started() const override { return posterior.starts > 0; }
   void moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const override {
     const std::uint32_t np = config_->param_count, nx = config_->model->state_count;

@@ -29,8 +29,9 @@ extern Planner planner;
 /// velocities, its parameters are one half.
 struct Posterior {
   tiller_status_t start_status = tiller_status_ok, update_status = tiller_status_ok;
+  tiller_status_t skip_status = tiller_status_ok;
   int starts = 0;
-  std::vector<tiller::Transition> transitions;
+  std::vector<tiller::Transition> transitions, skipped;
   double state[TILLER_MAX_STATES] = {};
   double state_sd = 0.0;
   double param[TILLER_MAX_PARAMS] = {};
