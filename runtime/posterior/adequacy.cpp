@@ -30,6 +30,8 @@ constexpr double kScaleTicks = 256.0;
 /// Share of the newest value in the mean of those before.
 constexpr double kRecent = 0.2;
 
+/// See lay_out.
+constexpr double kOverlap = 1.5;
 /// Share of the usual speed below which its sign says nothing.
 constexpr double kStill = 0.1;
 
@@ -62,7 +64,7 @@ void Disturbances::observe(std::uint32_t channels, std::uint32_t inputs, const d
   begun_ = true;
 }
 
-AdequacyTest* AdequacyTest::lay_out(Arena& arena, const tiller_config_t& config, bool anticorrelation) {
+AdequacyTest* AdequacyTest::lay_out(Arena& arena, const tiller_config_t& config, bool overlap) {
   const std::uint32_t channels = config.measurement_count;
   const std::uint32_t disturbances = disturbance_count(config.model->input_count), features = disturbances + 2;
   auto* t = arena.take<AdequacyTest>(1);
@@ -74,7 +76,7 @@ AdequacyTest* AdequacyTest::lay_out(Arena& arena, const tiller_config_t& config,
   t->disturbances_ = disturbances;
   t->features_ = features;
   t->shape_ = std::fmax(config.posterior.noise_scale_shape, 0.5);
-  t->anticorrelation_ = anticorrelation;
+  t->overlap_ = overlap;
   t->channel_data_ = channel_data;
   t->sums_ = sums;
   t->growth_ = growth;
@@ -104,7 +106,7 @@ void AdequacyTest::begin_anew() {
 
 void AdequacyTest::begin() {
   settling_ = kSettling;
-  for (std::uint32_t k = 0; k < channels_; ++k) channel_data_[k].previous = channel_data_[k].recent = 0.0;
+  for (std::uint32_t k = 0; k < channels_; ++k) channel_data_[k].last = channel_data_[k].previous = channel_data_[k].recent = 0.0;
 }
 
 void AdequacyTest::begin_cohort() {
@@ -128,6 +130,19 @@ void AdequacyTest::features_of(Channel& channel, const double* response, double*
   feature[disturbances_ + 1] = channel.recent;
 }
 
+void AdequacyTest::remember(Channel& channel, double y) const {
+  channel.previous = overlap_ ? channel.last : y;
+  channel.last = y;
+  channel.recent += kRecent * (channel.previous - channel.recent);
+}
+
+/// What the sum of a feature's products may vary more than independent ones would.
+double AdequacyTest::variance_share(std::uint32_t feature) const {
+  const bool alternates =
+      feature == disturbances_ || (feature >= kInputs && feature < disturbances_ && (feature - kInputs) % 2 == 1);
+  return overlap_ && alternates ? kOverlap : 1.0;
+}
+
 void AdequacyTest::take(const Innovation& innovation) {
   const bool settled = settling_ == 0;
   if (!settled) --settling_;
@@ -139,7 +154,8 @@ void AdequacyTest::take(const Innovation& innovation) {
     const double z = innovation.normalised[k];
     residual_[k] = NAN;
     if (!std::isfinite(z)) {
-      channel.previous = 0.0;
+      channel.previous = overlap_ ? channel.last : 0.0;
+      channel.last = 0.0;
       continue;
     }
     double feature[kMaxFeatures];
@@ -148,8 +164,7 @@ void AdequacyTest::take(const Innovation& innovation) {
     const double y = clip(z / scale, kClip), kept = clip(z, kScaleClip * scale);
     residual_[k] = z / scale;
     if (settled) test_channel(k, z / scale, feature);
-    channel.previous = y;
-    channel.recent += kRecent * (y - channel.recent);
+    remember(channel, y);
     channel.squares += kept * kept;
     channel.count += 1.0;
   }
@@ -164,12 +179,13 @@ void AdequacyTest::take(const Innovation& innovation) {
 void AdequacyTest::test_channel(std::uint32_t k, double normalised, const double* feature) {
   const double y = clip(normalised, kClip);
   for (std::uint32_t f = 0; f < features_; ++f) {
-    const double by = feature[f] * y, variance = feature[f] * feature[f] * (y * y + 2.0) / 3.0;
+    const double by = feature[f] * y, 
+                 variance = variance_share(f) * feature[f] * feature[f] * (y * y + 2.0) / 3.0;
     Sums* sums = sums_ + (k * features_ + f) * kCohorts;
     for (std::uint32_t c = 0; c < kCohorts; ++c) {
       sums[c].s += by;
       sums[c].v += variance;
-      if (f >= disturbances_ && sums[c].s < 0.0 && !anticorrelation_) continue;
+      if (f >= disturbances_ && sums[c].s < 0.0) continue;
       const double information = sums[c].v + kMixing, exponent = 0.5 * sums[c].s * sums[c].s / information;
       const double threshold = threshold_of(c);
       // the logarithm only where it can matter

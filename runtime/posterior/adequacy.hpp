@@ -66,9 +66,14 @@ class AdequacyTest {
   static constexpr double kLevel = 0.01;
   static constexpr std::uint32_t kLevelTicks = 10000;
 
-  /// `anticorrelation`: innovations that alternate count too. They do where every state is taken for measured without
-  /// noise and is not; a Kalman filter's alternate when its process noise is stated too large, which does no harm.
-  static AdequacyTest* lay_out(Arena& arena, const tiller_config_t& config, bool anticorrelation);
+  /// Innovations that alternate give no alarm: a Kalman filter's do where its process noise is stated too large, those of
+  /// states taken as measured do by the measurements' noise, and neither misleads.
+  ///
+  /// `overlap`: neighbouring innovations share the noise of the measurement between them, as those of states taken as
+  /// measured do. A feature then is one of the tick before the last, and the sums of those that may alternate count
+  /// kOverlap times their variance: of two series with lag-one correlations of -1/2 the products' sum has
+  /// 1 + 2 (1/2)^2 times the variance that independent terms would give it (Bartlett 1946).
+  static AdequacyTest* lay_out(Arena& arena, const tiller_config_t& config, bool overlap);
 
   void reset();
   /// The sums begin anew, because the posterior does; an alarm stays.
@@ -100,7 +105,7 @@ class AdequacyTest {
   struct Channel {
     double squares = 0.0;  // of the clipped values
     double count = 0.0;
-    double previous = 0.0, recent = 0.0;  // the value before, and the mean of those before
+    double last = 0.0, previous = 0.0, recent = 0.0;  // the value before; as features: a value, and the mean up to it
     double response_count[kMaxDisturbances] = {};
     double response_square[kMaxDisturbances] = {};  // running means
   };
@@ -110,6 +115,8 @@ class AdequacyTest {
 
   void begin_cohort();
   void features_of(Channel& channel, const double* response, double* feature) const;
+  void remember(Channel& channel, double y) const;
+  double variance_share(std::uint32_t feature) const;
   void test_channel(std::uint32_t k, double normalised, const double* feature);
   double threshold_of(std::uint32_t cohort) const;
   void note(double ratio, std::uint32_t k, std::uint32_t feature);
@@ -120,7 +127,7 @@ class AdequacyTest {
   std::uint32_t features_ = 0;  // disturbances, previous and recent; without `size`
   double shape_ = 0.0;          // of the noise's scale, as configured
   double first_threshold_ = 0.0, threshold_ = 0.0;
-  bool anticorrelation_ = false;
+  bool overlap_ = false;
   Channel* channel_data_ = nullptr;  // (channels)
   Sums* sums_ = nullptr;             // (channels x features x kCohorts)
   double* growth_ = nullptr;         // (channels x kCohorts) log likelihood ratios of `size`

@@ -100,7 +100,7 @@ TEST(Transition, ClockThatJumpsAheadForOneTickIsForgottenByAReset) {
   EXPECT_NEAR(fakes::posterior.transitions.back().input[0], 3.0, 1e-12);
 }
 
-TEST(Transition, MissedMeasurementMakesALongerPeriodWithTheMeanCommand) {
+TEST(Transition, MissedMeasurementIsAPeriodOfItsOwnUnderItsOwnCommand) {
   Bench b;
   b.activate();
   fakes::planner.command[0] = 2.0;
@@ -109,9 +109,25 @@ TEST(Transition, MissedMeasurementMakesALongerPeriodWithTheMeanCommand) {
   (void)b.tick(nullptr);  // the plan's second step: 6
   EXPECT_EQ(b.command.value[0], 6.0);
   (void)b.tick();
+  ASSERT_EQ(fakes::posterior.skipped.size(), 1u);
+  const tiller::Transition& skipped = fakes::posterior.skipped.back();
+  EXPECT_NEAR(skipped.period_s, 0.02, 1e-12);
+  EXPECT_NEAR(skipped.input[0], 2.0, 1e-12);
   const tiller::Transition& t = fakes::posterior.transitions.back();
-  EXPECT_DOUBLE_EQ(t.period_s, 0.04);
-  EXPECT_NEAR(t.input[0], 4.0, 1e-12);
+  EXPECT_NEAR(t.period_s, 0.02, 1e-12);
+  EXPECT_NEAR(t.input[0], 6.0, 1e-12);
+}
+
+TEST(Transition, PredictionThroughAGapThatFailsIsAFault) {
+  Bench b;
+  b.activate();
+  (void)b.tick(nullptr);
+  fakes::posterior.skip_status = tiller_status_posterior_degenerate;
+  const std::size_t before = fakes::posterior.transitions.size();
+  const int plans = fakes::planner.plans;
+  EXPECT_EQ(b.tick(), tiller_status_posterior_degenerate);
+  EXPECT_EQ(fakes::posterior.transitions.size(), before) << "nothing to take the measurement in with";
+  EXPECT_EQ(fakes::planner.plans, plans);
 }
 
 TEST(Transition, MeasuredStampsCountAndNotThePeriod) {
@@ -122,19 +138,21 @@ TEST(Transition, MeasuredStampsCountAndNotThePeriod) {
   EXPECT_NEAR(fakes::posterior.transitions.back().period_s, 0.0235, 1e-12);
 }
 
-TEST(Transition, GapBeyondFourPeriodsStartsTheFilters) {
+TEST(Transition, GapIsPredictedThroughAndBeyondSixteenPeriodsTheFiltersBeginAnew) {
   tiller_config_t config = known_pendulum();
   config.safety.sensor_timeout_s = 10.0;
   Bench b(config);
   b.activate();
   EXPECT_EQ(fakes::posterior.starts, 1);
-  b.now_us += 3 * b.period_us;
+  b.now_us += 15 * b.period_us;
   (void)b.tick();
   EXPECT_EQ(fakes::posterior.starts, 1);
-  EXPECT_NEAR(fakes::posterior.transitions.back().period_s, 0.08, 1e-12);
-  b.now_us += 3 * b.period_us + 1;
+  EXPECT_EQ(fakes::posterior.skipped.size(), 15u);
+  EXPECT_NEAR(fakes::posterior.transitions.back().period_s, 0.02, 1e-12);
+  b.now_us += 15 * b.period_us + 1;
   (void)b.tick();
   EXPECT_EQ(fakes::posterior.starts, 2);
+  EXPECT_EQ(fakes::posterior.skipped.size(), 15u);
   EXPECT_EQ(fakes::posterior.transitions.size(), 1u);
   EXPECT_EQ(b.executive->info().posterior_failures, 1u);
   EXPECT_EQ(b.state(), tiller_state_active) << "planned from the new start";
@@ -174,18 +192,78 @@ TEST(Transition, NoLearningInSafe) {
 
 // ---- faults of the posterior ---------------------------------------------------------------------------
 
-TEST(Learn, DegeneratePosteriorIsCountedAndPlanningGoesOn) {
+TEST(Learn, NothingIsPlannedFromAnEstimateThatDidNotTakeTheMeasurementIn) {
   Bench b;
   b.activate();
   fakes::posterior.update_status = tiller_status_posterior_degenerate;
   const int plans = fakes::planner.plans;
   EXPECT_EQ(b.tick(), tiller_status_posterior_degenerate);
-  EXPECT_EQ(fakes::planner.plans, plans + 1);
-  EXPECT_EQ(b.state(), tiller_state_active);
+  EXPECT_EQ(fakes::planner.plans, plans);
+  EXPECT_EQ(b.state(), tiller_state_active) << "once; the last plan's next step goes out";
   EXPECT_EQ(b.executive->info().posterior_failures, 1u);
   fakes::posterior.update_status = tiller_status_tempered;
+  EXPECT_EQ(b.tick(), tiller_status_ok) << "the filters begin anew at this measurement";
+  EXPECT_EQ(fakes::posterior.starts, 2);
+  EXPECT_EQ(fakes::planner.plans, plans + 1);
   EXPECT_EQ(b.tick(), tiller_status_tempered);
   EXPECT_EQ(b.executive->info().posterior_failures, 1u) << "news, not a failure";
+}
+
+TEST(Learn, ModelWithoutAFiniteStepEndsInSafe) {
+  Bench b;
+  b.activate();
+  fakes::posterior.update_status = tiller_status_posterior_degenerate;
+  // every other tick is a start, which says nothing of the model
+  const int most = 2 * static_cast<int>(known_pendulum().safety.bad_ticks_to_safe);
+  int ticks = 0;
+  for (; ticks < most && b.state() != tiller_state_safe; ++ticks) (void)b.tick();
+  EXPECT_EQ(b.state(), tiller_state_safe);
+  EXPECT_LE(ticks, most);
+  EXPECT_EQ(b.executive->info().first_fault, tiller_status_posterior_degenerate);
+  EXPECT_EQ(b.command.value[0], 0.0);
+}
+
+TEST(Learn, OneGoodUpdateForgivesThoseBefore) {
+  Bench b;
+  b.activate();
+  for (int i = 0; i < 20; ++i) {
+    fakes::posterior.update_status = tiller_status_posterior_degenerate;
+    (void)b.tick();
+    fakes::posterior.update_status = tiller_status_ok;
+    (void)b.tick();
+    (void)b.tick();
+  }
+  EXPECT_EQ(b.state(), tiller_state_active);
+}
+
+TEST(Learn, DoubtedMeasurementsLeaveAPredictionForNoLongerThanTheSensorsTimeout) {
+  Bench b;
+  b.activate();
+  fakes::posterior.update_status = tiller_status_measurement_doubted;
+  const int plans = fakes::planner.plans;
+  EXPECT_EQ(b.tick(), tiller_status_measurement_doubted);
+  EXPECT_EQ(fakes::planner.plans, plans) << "the measurement is not in the estimate";
+  EXPECT_EQ(b.executive->info().posterior_failures, 0u);
+  EXPECT_EQ(fakes::posterior.starts, 1);
+  for (int i = 1; i < 5; ++i) {
+    EXPECT_EQ(b.state(), tiller_state_active) << i;
+    (void)b.tick();
+  }
+  (void)b.tick();  // the estimate stands on nothing younger than 0.12 s; the timeout is 0.1 s
+  EXPECT_EQ(b.state(), tiller_state_safe);
+}
+
+TEST(Learn, HoldIsNotFedBackFromAnOldEstimateEither) {
+  tiller_config_t config = known_pendulum();
+  config.safety.hold_gain[1] = 1.0;
+  Bench b(config);
+  b.activate();
+  fakes::planner.result.status = tiller_status_plan_not_finite;
+  (void)b.tick();
+  ASSERT_EQ(b.state(), tiller_state_hold);
+  fakes::posterior.update_status = tiller_status_measurement_doubted;
+  for (int i = 0; i < 6; ++i) (void)b.tick();
+  EXPECT_EQ(b.state(), tiller_state_safe);
 }
 
 TEST(Learn, StateThatIsNotFiniteIsNotPlannedFromAndBeginsAnew) {

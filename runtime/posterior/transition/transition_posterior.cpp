@@ -15,7 +15,6 @@ TransitionPosterior* TransitionPosterior::lay_out(Arena& arena, const tiller_con
   auto* history = arena.take<double>(kHistory * nu);
   auto* lane_params = arena.take<double>(np * kLanePadding);
   auto* lane_state = arena.take<double>(nx * kLanePadding);
-  // noise on the measurements makes one-step residuals alternate, and the posterior wrong: that counts
   const bool tested = config.posterior.adequacy != 0 && config.posterior.enabled != 0;
   AdequacyTest* adequacy = tested ? AdequacyTest::lay_out(arena, config, true) : nullptr;
   if (arena.measuring() || !arena.fits()) return nullptr;
@@ -32,6 +31,7 @@ TransitionPosterior* TransitionPosterior::lay_out(Arena& arena, const tiller_con
   p->lane_params_ = lane_params;
   p->lane_state_ = lane_state;
   p->adequacy_ = adequacy;
+  p->rest_ = RestGuard(config);
   p->reset();
   return p;
 }
@@ -87,6 +87,8 @@ tiller_status_t TransitionPosterior::start(const double* measured) {
     for (std::uint32_t j = 0; j < nu_; ++j) input_history_[i * nu_ + j] = config_->safety.safe_command[j];
   if (adequacy_) adequacy_->begin();
   disturbances_.begin();
+  for (double& speed : speed_) speed = 0.0;
+  rest_.begin();
   started_ = true;
   return tiller_status_ok;
 }
@@ -117,7 +119,8 @@ tiller_status_t TransitionPosterior::update(const Transition& transition) {
     any = any || !std::isnan(y);
     all = all && !std::isnan(y);
   }
-  if (complete_ && any) {
+  const bool resting = rest_.resting(transition);
+  if (complete_ && any && !resting) {
     std::memcpy(step.input, transition.input, sizeof step.input);
     step.period_s = transition.period_s;
     step.history = input_history_;
@@ -166,14 +169,17 @@ void TransitionPosterior::predict(const Transition& transition) {
 /// Measured states forget nothing over a step, so a disturbance stands in one innovation and no other.
 void TransitionPosterior::test(const MeasuredStep& step) {
   Innovation now;
-  double phi[TILLER_MAX_MEASUREMENTS][kMaxDisturbances], speed[TILLER_MAX_MEASUREMENTS];
+  double phi[TILLER_MAX_MEASUREMENTS][kMaxDisturbances];
   const bool doubted = particles_->robust_weight() < 1.0;
   for (std::uint32_t k = 0; k < nx_; ++k) {
-    const std::uint32_t r = config_->measured_state[k], rate = velocity_state(*config_->model, r);
-    now.normalised[k] = doubted ? NAN : particles_->innovation()[r];
-    speed[k] = rate < nx_ ? step.state[rate] : step.state[r];
+    now.normalised[k] = doubted ? NAN : particles_->innovation()[config_->measured_state[k]];
   }
-  disturbances_.observe(nx_, nu_, speed, step.input, phi);
+  // speeds of the step before: the noise of the state where this step begins is in its innovation too
+  disturbances_.observe(nx_, nu_, speed_, step.input, phi);
+  for (std::uint32_t k = 0; k < nx_; ++k) {
+    const std::uint32_t r = config_->measured_state[k], rate = velocity_state(*config_->model, r);
+    speed_[k] = rate < nx_ ? step.state[rate] : step.state[r];
+  }
   for (std::uint32_t k = 0; k < nx_; ++k)
     for (std::uint32_t f = 0; f < disturbance_count(nu_); ++f) now.response[k][f] = phi[k][f];
   adequacy_->take(now);

@@ -4,6 +4,7 @@
 
 #include "posterior/adequacy.hpp"
 #include "posterior/posterior.hpp"
+#include "posterior/rest_guard.hpp"
 #include "posterior/transition/transition_cloud.hpp"
 
 namespace tiller {
@@ -69,6 +70,8 @@ class TransitionPosterior final : public Posterior {
   double* lane_state_ = nullptr;     // (nx x kLanePadding)
 
   AdequacyTest* adequacy_ = nullptr;  // null: not tested
+  double speed_[TILLER_MAX_MEASUREMENTS] = {};  // of each channel's joint, where the last tested step began
+  RestGuard rest_;
   Disturbances disturbances_;
   double log_predictive_ = 0.0;
   bool started_ = false, complete_ = false;         // all states of the last measurement were there
