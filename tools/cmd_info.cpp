@@ -9,6 +9,7 @@
 #include "posterior/prior.hpp"
 #include "tools/commands.hpp"
 #include "tools/effects_text.hpp"
+#include "tools/limits_text.hpp"
 #include "tools/robot_help.hpp"
 #include "tools/robot_schema.hpp"
 #include "tools/tick_forecast.hpp"
@@ -194,11 +195,15 @@ int help_command(CLI::App& app, const std::string& topic, bool markdown) {
     std::fputs((markdown ? robot_file_markdown() : robot_file_help()).c_str(), stdout);
     return kExitOk;
   }
+  if (topic == "limits") {
+    std::fputs((markdown ? limits_markdown() : limits_help()).c_str(), stdout);
+    return kExitOk;
+  }
   if (topic.empty()) {
     std::fputs(app.help().c_str(), stdout);
     return kExitOk;
   }
-  Words known = {"robot-file"};
+  Words known = {"robot-file", "limits"};
   for (const CLI::App* command : app.get_subcommands(nullptr)) {
     if (command->get_name() == topic) {
       std::fputs(command->help().c_str(), stdout);
@@ -257,10 +262,12 @@ void add_help_command(CLI::App& app, int& exit_code) {
   auto* command = app.add_subcommand("help", "help on a command, or on the robot file");
   auto topic = std::make_shared<std::string>();
   auto markdown = std::make_shared<bool>(false);
-  command->add_option("TOPIC", *topic, "a command, or robot-file");
-  command->add_flag("--markdown", *markdown, "robot-file as the table of docs/robot_file.md");
+  command->add_option("TOPIC", *topic, "a command, robot-file, or limits");
+  command->add_flag("--markdown", *markdown,
+                    "robot-file or limits as the tables of docs/robot_file.md and docs/limits.md");
   command->footer(
       "Examples:\n  tiller help robot-file\n      every key with unit, range and default\n"
+      "  tiller help limits\n      how many states, inputs, parameters, effects, particles, ... there may be\n"
       "  tiller help run\n      the same as tiller run --help");
   command->callback([&app, topic, markdown, &exit_code] { exit_code = help_command(app, *topic, *markdown); });
 }

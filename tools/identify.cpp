@@ -100,7 +100,7 @@ void append_errors(const Identified& result, const RobotFile& robot, bool held_o
       for (const HorizonError& e : score.states[s].horizons) text += format(" %21s", error_cell(e).c_str());
       text += "\n";
     }
-    text += format("  %zu rollouts of %g s, begun at states estimated from the log alone\n",
+    text += format("  %zu rollouts of %g s, begun at the states that its filter makes of the log up to there\n",
                    first.states[s].horizons[0].rollouts, first.states[s].horizons[0].horizon_s);
   }
 }
@@ -142,7 +142,11 @@ std::string identify_text(const RobotFile& robot, const Identified& result) {
   append_parameters(best, text);
   text += method_text(best.fit);
   if (std::isfinite(best.fit.noise_scale))
-    text += format("  noise: %.2f times what the robot file says\n", best.fit.noise_scale);
+    text +=
+        format("  noise: %.2f times what the robot file says%s\n", best.fit.noise_scale,
+               best.fit.process_scale < 1
+                   ? format(", of its process noise %.2g times", best.fit.noise_scale * best.fit.process_scale).c_str()
+                   : "");
   if (best.fit.noise_scale > 3)
     text +=
         "  so much noise means that the model misses something in these logs, or that an input was not what it was "

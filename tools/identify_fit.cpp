@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "effects/effect_info.hpp"
+#include "tools/identify_noise.hpp"
 #include "tools/text.hpp"
 
 namespace tiller::tools {
@@ -106,6 +107,51 @@ void take_in(Posterior& posterior, const tiller_config_t& config, const std::vec
   }
 }
 
+/// One pass over the data with process noise `process_scale` times the configured one.
+bool fit_with(const Candidate& candidate, double process_scale, const std::vector<Stretch>& stretches,
+              const FitOptions& options, Fit& result, std::string& error) {
+  tiller_config_t config = candidate.config;
+  for (double& sd : config.process_sd) sd *= process_scale;
+  config.posterior.enabled = candidate.learns() ? 1 : 0;
+  config.posterior.particles = options.particles;
+  config.posterior.window = options.window;
+  config.posterior.moves_per_tick = options.moves;
+  config.posterior.adequacy = 1;
+  StepSetup setup;
+  if (!can_be_fitted(config, error)) return false;
+  if (make_step_setup(config, setup) != tiller_status_ok) {
+    error = candidate.name + ": an effect's port is not the model's";
+    return false;
+  }
+  const Block block = make_posterior(config, setup);
+  result = {};
+  result.process_scale = process_scale;
+  result.particles = block.posterior->size();
+  result.sample_count = std::min(result.particles, 512u);
+  summarise(*block.posterior, candidate, true, result);
+  result.prior_samples = take_samples(*block.posterior, config.param_count, result.sample_count);
+  take_in(*block.posterior, config, stretches, options, result);
+  summarise(*block.posterior, candidate, false, result);
+  result.samples = take_samples(*block.posterior, config.param_count, result.sample_count);
+  result.covariance.resize(std::size_t{config.param_count} * config.param_count);
+  block.posterior->covariance(result.covariance.data());
+  result.effective_samples = block.posterior->effective_samples();
+  result.noise_scale = block.posterior->noise_scale();
+  result.exponent = block.posterior->exponent();
+  result.gated = block.posterior->gated();
+  result.tested = block.posterior->adequacy() != nullptr;
+  if (result.refused * 2 < result.transitions) return true;
+  error = candidate.name + ": the posterior refused " + std::to_string(result.refused) + " of " +
+          std::to_string(result.transitions) + " transitions; check period_s and the priors";
+  return false;
+}
+
+std::vector<double> means_of(const Fit& fit) {
+  std::vector<double> means;
+  for (const ParamSummary& p : fit.params) means.push_back(p.mean);
+  return means;
+}
+
 }  // namespace
 
 bool can_be_fitted(const tiller_config_t& config, std::string& error) {
@@ -136,40 +182,24 @@ std::vector<Candidate> make_candidates(const RobotFile& robot) {
   return candidates;
 }
 
+tiller_config_t fitted_config(const Candidate& candidate, const Fit& fit) {
+  tiller_config_t config = candidate.config;
+  for (double& sd : config.process_sd) sd *= fit.process_scale;
+  return config;
+}
+
 bool fit(const Candidate& candidate, const std::vector<Stretch>& stretches, const FitOptions& options, Fit& result,
          std::string& error) {
-  tiller_config_t config = candidate.config;
-  config.posterior.enabled = candidate.learns() ? 1 : 0;
-  config.posterior.particles = options.particles;
-  config.posterior.window = options.window;
-  config.posterior.moves_per_tick = options.moves;
-  config.posterior.adequacy = 1;
-  StepSetup setup;
-  if (!can_be_fitted(config, error)) return false;
-  if (make_step_setup(config, setup) != tiller_status_ok) {
-    error = candidate.name + ": an effect's port is not the model's";
-    return false;
+  constexpr int kRounds = 3;        // the second corrects what the first's parameters made of the noise
+  constexpr double kSettled = 1.2;  // a factor that moves no interval by more than the width of a line
+  double process_scale = 1;
+  for (int round = 0;; ++round) {
+    if (!fit_with(candidate, process_scale, stretches, options, result, error)) return false;
+    if (round + 1 == kRounds || candidate.config.posterior.kind != tiller_posterior_filter) return true;
+    const double next = estimate_process_scale(candidate.config, means_of(result), result.noise_scale, stretches);
+    if (std::fabs(std::log(next / process_scale)) < std::log(kSettled)) return true;
+    process_scale = next;
   }
-  const Block block = make_posterior(config, setup);
-  result = {};
-  result.particles = block.posterior->size();
-  result.sample_count = std::min(result.particles, 512u);
-  summarise(*block.posterior, candidate, true, result);
-  result.prior_samples = take_samples(*block.posterior, config.param_count, result.sample_count);
-  take_in(*block.posterior, config, stretches, options, result);
-  summarise(*block.posterior, candidate, false, result);
-  result.samples = take_samples(*block.posterior, config.param_count, result.sample_count);
-  result.covariance.resize(std::size_t{config.param_count} * config.param_count);
-  block.posterior->covariance(result.covariance.data());
-  result.effective_samples = block.posterior->effective_samples();
-  result.noise_scale = block.posterior->noise_scale();
-  result.exponent = block.posterior->exponent();
-  result.gated = block.posterior->gated();
-  result.tested = block.posterior->adequacy() != nullptr;
-  if (result.refused * 2 < result.transitions) return true;
-  error = candidate.name + ": the posterior refused " + std::to_string(result.refused) + " of " +
-          std::to_string(result.transitions) + " transitions; check period_s and the priors";
-  return false;
 }
 
 }  // namespace tiller::tools

@@ -52,6 +52,7 @@ struct Fit {
   std::vector<double> covariance;  ///< (np x np)
   std::uint32_t particles = 0;
   double effective_samples = 0, noise_scale = 1, exponent = 1;
+  double process_scale = 1;  ///< of process_sd, beside noise_scale: see estimate_process_scale
   std::uint64_t transitions = 0, refused = 0, gated = 0;
   bool tested = false;  ///< the model's adequacy: see history.alarm()
   History history;
@@ -64,8 +65,12 @@ struct Fit {
 /// Whether the library takes the configuration; a sentence in `error` if not.
 bool can_be_fitted(const tiller_config_t& config, std::string& error);
 
+/// The candidate's configuration with its process noise as the fit found it.
+tiller_config_t fitted_config(const Candidate& candidate, const Fit& fit);
+
 /// Learns the candidate's parameters from the stretches, one after the other, through the runtime's posterior; the
-/// state estimate begins anew with each. False with a sentence in `error`.
+/// state estimate begins anew with each. With the filter engine the share of process noise is learnt too, from one fit
+/// to the next, at most three. False with a sentence in `error`.
 bool fit(const Candidate& candidate, const std::vector<Stretch>& stretches, const FitOptions& options, Fit& result,
          std::string& error);
 

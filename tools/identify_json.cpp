@@ -152,6 +152,7 @@ json candidate_json(const Assessed& assessed, const RobotFile& robot) {
               {"parameters", params},
               {"method", method_json(fit)},
               {"noise_scale", number(fit.noise_scale)},
+              {"process_scale", number(fit.process_scale)},
               {"particles", fit.particles},
               {"effective_samples", number(fit.effective_samples)},
               {"exponent", number(fit.exponent)},

@@ -6,10 +6,11 @@
 namespace tiller::tools {
 
 Roller::Roller(const Candidate& candidate, const Fit& fit)
-    : config_(candidate.config),
+    : config_(fitted_config(candidate, fit)),
       model_(*candidate.config.model),
       table_(select_rollout(model_)),
-      rollout_(candidate.config, kLanes),
+      rollout_(config_, kLanes),
+      filter_(config_, kLanes),
       noise_scale_(std::isfinite(fit.noise_scale) ? fit.noise_scale : 1.0),
       rng_(candidate.config.seed, kRngSelect, 0) {
   const std::uint32_t np = config_.param_count;
@@ -18,6 +19,7 @@ Roller::Roller(const Candidate& candidate, const Fit& fit)
       rollout_.params()[std::size_t{i} * kLanes + lane] =
           lane == 0 || fit.sample_count == 0 ? fit.params[i].mean
                                              : fit.samples[std::size_t{(lane * 37) % fit.sample_count} * np + i];
+  std::copy_n(rollout_.params(), std::size_t{np} * kLanes, filter_.params());
   for (std::uint32_t k = 0; k < config_.measurement_count; ++k)
     sensor_sd_[config_.measured_state[k]] = config_.measurement_sd[k];
   map_sensors();
@@ -26,7 +28,6 @@ Roller::Roller(const Candidate& candidate, const Fit& fit)
 void Roller::map_sensors() {
   const std::size_t nx = model_.state_count;
   maps_.assign(nx * kLanes, {});
-  start_.resize(nx * kLanes);
   if (!has_sensor_effects(config_)) return;
   std::uint32_t measured = 0;
   for (std::uint32_t k = 0; k < config_.measurement_count; ++k) measured |= 1u << config_.measured_state[k];
@@ -42,31 +43,59 @@ void Roller::map_sensors() {
   }
 }
 
-void Roller::start_from(const double* state) {
-  for (std::size_t v = 0; v < start_.size(); ++v) start_[v] = maps_[v].state(state[v / kLanes]);
-}
-
 void Roller::as_measured(double* rows, std::size_t count) const {
   for (std::size_t v = 0; v < count; ++v) rows[v] = maps_[v % maps_.size()].of(rows[v]);
 }
 
-void Roller::foresee(const Grid& grid, std::size_t start, std::size_t steps, const double* state) {
-  start_from(state);
-  const double* path = rollout_.run(grid, start, steps, start_.data(), kLanes);
-  foreseen_.assign(path, path + (steps + 1) * start_.size());
+void Roller::stand_at(const Grid& grid, std::size_t start) {
+  const auto measured_at = [&](std::size_t point, double* out) {
+    for (std::uint32_t k = 0; k < config_.measurement_count; ++k) out[k] = grid.state[config_.measured_state[k]][point];
+  };
+  if (grid_ != &grid || start < point_) {
+    double first[TILLER_MAX_MEASUREMENTS];
+    measured_at(0, first);
+    filter_.begin(first);
+    grid_ = &grid;
+    point_ = 0;
+  }
+  for (; point_ < start; ++point_) {
+    Transition step;
+    step.period_s = grid.period_s;
+    for (std::uint32_t i = 0; i < model_.input_count; ++i) step.input[i] = grid.input[i][point_];
+    measured_at(point_ + 1, step.measured);
+    filter_.step(step, noise_scale_);
+  }
+}
+
+void Roller::foresee(std::size_t steps) {
+  foreseen_.resize((steps + 1) * model_.state_count * kLanes);
+  RolloutJob<double> run = rollout_.job(*grid_, point_, steps);
+  run.state = {filter_.state(), kLanes};
+  run.effect_state = {filter_.effect_state(), kLanes};
+  run.trajectory = foreseen_.data();
+  table_.rollout_f64(model_, run);
   as_measured(foreseen_.data(), foreseen_.size());
 }
 
-void Roller::read(const Grid& grid, std::size_t start, std::size_t steps, const double* state, const double* sd) {
+void Roller::scatter(double* state) {
+  const std::uint32_t nx = model_.state_count;
+  double root[TILLER_MAX_STATES * TILLER_MAX_STATES], normal[TILLER_MAX_STATES];
+  for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+    filter_.root(lane, root);
+    for (std::uint32_t i = 0; i < nx; ++i) normal[i] = noise_scale_ * rng_.normal();
+    for (std::uint32_t i = 0; i < nx; ++i)
+      for (std::uint32_t k = 0; k <= i; ++k) state[i * kLanes + lane] += root[i * nx + k] * normal[k];
+  }
+}
+
+void Roller::read(std::size_t steps) {
   const std::size_t nx = model_.state_count, values = nx * kLanes;
   readings_.resize((steps + 1) * values);
-  start_from(state);
-  effect_state_.clear();
-  for (const double first : rollout_.first_effect_state(grid, start))
-    effect_state_.resize(effect_state_.size() + kLanes, first);
-  for (std::size_t v = 0; v < values; ++v) readings_[v] = start_[v] + noise_scale_ * sd[v / kLanes] * rng_.normal();
+  std::copy_n(filter_.state(), values, readings_.begin());
+  scatter(readings_.data());
+  effect_state_.assign(filter_.effect_state(), filter_.effect_state() + rollout_.setup().effect_state_count * kLanes);
   for (std::size_t k = 0; k < steps; ++k) {
-    RolloutJob<double> run = rollout_.job(grid, start + k, 1);
+    RolloutJob<double> run = rollout_.job(*grid_, point_ + k, 1);
     run.state = {readings_.data() + k * values, kLanes};
     run.effect_state = {effect_state_.data(), kLanes};
     run.final_state = readings_.data() + (k + 1) * values;
@@ -74,7 +103,7 @@ void Roller::read(const Grid& grid, std::size_t start, std::size_t steps, const 
     run.final_effect_state = next_effect_state.data();
     table_.rollout_f64(model_, run);
     effect_state_ = next_effect_state;
-    const double root = noise_scale_ * std::sqrt(grid.period_s);
+    const double root = noise_scale_ * std::sqrt(grid_->period_s);
     for (std::size_t v = 0; v < values; ++v)
       readings_[(k + 1) * values + v] += root * config_.process_sd[v / kLanes] * rng_.normal();
   }

@@ -144,6 +144,8 @@ std::vector<double> errors_of(const tiller_model_t& model, const Grid& grid, std
   return error;
 }
 
+constexpr double kRunInSteps = 10;  // at least, for a filter to find the states that are not measured
+
 struct Start {
   const Grid* grid;
   std::size_t point, steps;
@@ -154,7 +156,9 @@ std::vector<Start> find_starts(const std::vector<Grid>& grids, std::size_t longe
   std::vector<Start> starts;
   for (const Grid& grid : grids) {
     const auto stride = static_cast<std::size_t>(std::max(1.0, std::round(options.start_every_s / grid.period_s)));
-    for (std::size_t p = 0; p + shortest < grid.points(); p += stride)
+    // a log may begin in motion, of which the robot file's [start] knows nothing
+    const auto first = static_cast<std::size_t>(std::max(kRunInSteps, std::round(options.run_in_s / grid.period_s)));
+    for (std::size_t p = first; p + shortest < grid.points(); p += stride)
       starts.push_back({&grid, p, std::min(longest, grid.points() - 1 - p)});
   }
   return starts;
@@ -176,10 +180,9 @@ Score score(const Candidate& candidate, const Fit& fit, const std::vector<Grid>&
   const std::size_t trace_stride = std::max<std::size_t>(1, starts.size() / std::max(1u, options.traces));
   for (std::size_t s = 0; s < starts.size(); ++s) {
     const Start& start = starts[s];
-    double state[TILLER_MAX_STATES], sd[TILLER_MAX_STATES];
-    if (!estimate_state(*start.grid, config, start.point, options.half_width_s, state, sd)) continue;
-    roller.foresee(*start.grid, start.point, start.steps, state);
-    roller.read(*start.grid, start.point, start.steps, state, sd);
+    roller.stand_at(*start.grid, start.point);
+    roller.foresee(start.steps);
+    roller.read(start.steps);
     bool finite = true;
     for (Tally& tally : tallies) {
       const std::vector<double> error = errors_of(model, *start.grid, start.point, start.steps, tally.state(), roller);

@@ -38,8 +38,8 @@ struct RolloutTrace {
 struct ScoreOptions {
   std::vector<double> horizons_s = {1.0, 2.0};
   double start_every_s = 0.05;
-  double half_width_s = 0.03;  ///< of the data that a start state is estimated from
-  std::uint32_t traces = 4;    ///< kept, spread over the logs
+  double run_in_s = 0.3;     ///< of each log, before the first start: the filter finds what is not measured
+  std::uint32_t traces = 4;  ///< kept, spread over the logs
 };
 
 struct Score {
@@ -48,8 +48,9 @@ struct Score {
   std::size_t diverged = 0;  ///< rollouts that were not finite
 };
 
-/// Rolls the candidate out from every start of the grids, at the posterior's mean; `fit` as fit() left it. A start
-/// counts for a horizon if the log lasts that long after it.
+/// Rolls the candidate out from every start of the grids, at the posterior's mean, from what its own Kalman filter
+/// makes of the log up to there; `fit` as fit() left it. A start counts for a horizon if the log lasts that long after
+/// it.
 Score score(const Candidate& candidate, const Fit& fit, const std::vector<Grid>& grids, const ScoreOptions& options);
 
 }  // namespace tiller::tools

@@ -170,6 +170,10 @@ void read_prior(FileErrors& errors, const toml::node& node, const std::string& p
     const bool cut = out.kind != tiller_prior_uniform;
     if (cut && out.low < hard_low) out.low = hard_low;  // no sense in asking for what physics rules out
     if (cut && out.high > hard_high) out.high = hard_high;
+    if (cut && out.low >= out.high) {
+      errors.at(node, path, "its bounds leave nothing of what physics allows, " + range_text(hard_low, hard_high),
+                "correct low and high");
+    }
     if (!cut && out.high > hard_high) {
       errors.at(node, path, "the range reaches above " + number_text(hard_high),
                 "end the range at " + number_text(hard_high) + " or below");

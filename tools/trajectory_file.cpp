@@ -13,8 +13,7 @@
 namespace tiller::tools {
 namespace {
 
-constexpr std::size_t kMostErrors = 5;   // of one file: more say no more
-constexpr double kMostPeriods = 100000;  // half an hour at 20 ms; more is another unit of time
+constexpr std::size_t kMostErrors = 5;  // of one file: more say no more
 constexpr double kPi = 3.14159265358979323846;
 
 /// Collects "file:line: what: problem; remedy".
@@ -220,9 +219,9 @@ bool read_trajectory(const std::string& path, const tiller_model_t& model, doubl
   for (std::uint32_t i = 0; i < model.state_count; ++i)
     if (model.angle_mask >> i & 1) unwrap(table.mean[i]);
   const double periods = (table.time_s.back() - table.time_s.front()) / period_s;
-  if (periods > kMostPeriods) {
+  if (periods > kMostTrajectoryPeriods) {
     findings.add(1, "time_s", "goes over " + number_text(std::floor(periods)) + " periods",
-                 "write seconds, and at most " + number_text(kMostPeriods) + " periods");
+                 "write seconds, and at most " + number_text(kMostTrajectoryPeriods) + " periods");
     return false;
   }
   out.rows = static_cast<std::size_t>(std::floor(periods + 1e-6)) + 1;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -7,6 +8,9 @@
 #include "tools/text.hpp"
 
 namespace tiller::tools {
+
+/// Periods of a trajectory: half an hour at 20 ms; more is another unit of time.
+constexpr std::uint32_t kMostTrajectoryPeriods = 100000;
 
 /// A trajectory of the model's states at the control period. Angles are unwrapped: they follow on from row to row.
 struct Trajectory {

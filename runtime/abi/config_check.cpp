@@ -16,7 +16,7 @@ namespace {
 Finding check_struct(const tiller_config_t& c) {
   if (c.size != sizeof(tiller_config_t)) return {tiller_status_version_mismatch, "size"};
   if (c.version != TILLER_CONFIG_VERSION) return {tiller_status_version_mismatch, "version"};
-  if (c.model == nullptr) return {tiller_status_null_argument, "model"};
+  if (c.model == nullptr) return {tiller_status_no_model, "model"};
   return check_model(*c.model);
 }
 

@@ -104,7 +104,13 @@ void set_safety(tiller_safety_config_t& s) {
 }  // namespace tiller
 
 extern "C" tiller_status_t tiller_config_default(tiller_config_t* config, const tiller_model_t* model) {
-  if (config == nullptr || model == nullptr) return tiller_status_null_argument;
+  if (config == nullptr) return tiller_status_null_argument;
+  if (model == nullptr) {  // so that a caller who does not look at this status is told the same later
+    *config = {};
+    config->size = sizeof(tiller_config_t);
+    config->version = TILLER_CONFIG_VERSION;
+    return tiller_status_no_model;
+  }
   const tiller::Finding finding = tiller::check_model(*model);
   if (finding.status != tiller_status_ok) return finding.status;
 

@@ -34,9 +34,9 @@ struct StaticModel {
   template <class S>
   using Input = typename M<S>::Input;
   template <class S>
-  using Params = typename M<S>::Params;
+  using Params = typename ParamsOf<M<S>>::type;
   template <class S>
-  using Force = typename M<S>::Force;
+  using Force = typename ForceOf<M<S>>::type;
 
   static constexpr int kStates = State<double>::count;
   static constexpr int kInputs = Input<double>::count;
@@ -46,14 +46,15 @@ struct StaticModel {
   static constexpr Index<kInputs> nu() { return {}; }
   static constexpr Index<kParams> np() { return {}; }
   static constexpr Index<kForces> nf() { return {}; }
-  static_assert(sizeof(M<double>::joints) / sizeof(tiller_joint_t) == kForces, "one joint for each force, in order");
+  static_assert(ForceOf<M<double>>::joint_count == kForces, "one joint for each force, in order");
+  static_assert(kForces > 0 || !HasJoints<M<double>>::value, "joints ask for TILLER_FIELDS(Force, ...)");
   static_assert(kStates <= TILLER_MAX_STATES && kInputs <= TILLER_MAX_INPUTS && kParams <= TILLER_MAX_PARAMS &&
                     kForces <= TILLER_MAX_JOINTS,
-                "raise the TILLER_MAX constants");
+                "the model is larger than docs/limits.md allows");
 
   template <int I>
   static constexpr bool is_angle(Index<I>) {
-    return (M<double>::angles >> I) & 1u;
+    return (AnglesOf<M<double>>::mask >> I) & 1u;
   }
   template <class S, int J>
   static TILLER_INLINE S* position(State<S>& x, Index<J>) {
@@ -77,10 +78,18 @@ struct StaticModel {
     return M<double>::joints[J].drive;
   }
 
+  /// With the arguments that the model takes.
   template <class S>
-  static TILLER_INLINE State<S> dynamics(const State<S>& x, const Input<S>& u, const Force<S>& f, const Body<S>& body,
-                                         const Params<S>& p) {
-    return M<S>::dynamics(x, u, f, body, p);
+  static TILLER_INLINE State<S> dynamics(const State<S>& x, const Input<S>& u, [[maybe_unused]] const Force<S>& f,
+                                         const Body<S>& body, [[maybe_unused]] const Params<S>& p) {
+    if constexpr (kForces > 0 && kParams > 0)
+      return M<S>::dynamics(x, u, f, body, p);
+    else if constexpr (kForces > 0)
+      return M<S>::dynamics(x, u, f, body);
+    else if constexpr (kParams > 0)
+      return M<S>::dynamics(x, u, body, p);
+    else
+      return M<S>::dynamics(x, u, body);
   }
 
   /// Accelerations (nf) of all joints for a unit force at joint j: a column of the inverse inertia, by a dual number
@@ -101,8 +110,14 @@ struct StaticModel {
     each(np(), [&](auto i) { pd[i] = D(p[i]); });
     fd[force_index(j)] = D::seed(f[force_index(j)]);
     const Body<D> bd = {D(body.gravity_x_m_s2), D(body.gravity_z_m_s2), D(body.payload_kg), D(body.payload_kgm2)};
-    State<D> dx = M<D>::dynamics(xd, ud, fd, bd, pd);
-    each(nf(), [&](auto i) { column[i] = velocity<D>(dx, i).slope(); });
+    // not through dynamics(): GCC inlines less of a call in a call
+    if constexpr (kParams > 0) {
+      State<D> dx = M<D>::dynamics(xd, ud, fd, bd, pd);
+      each(nf(), [&](auto i) { column[i] = velocity<D>(dx, i).slope(); });
+    } else {
+      State<D> dx = M<D>::dynamics(xd, ud, fd, bd);
+      each(nf(), [&](auto i) { column[i] = velocity<D>(dx, i).slope(); });
+    }
   }
 };
 

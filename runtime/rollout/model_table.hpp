@@ -59,10 +59,10 @@ struct ModelTable {
     t.joint_count = Model::kForces;
     t.state_names = M<double>::State::names;
     t.input_names = M<double>::Input::names;
-    t.param_names = M<double>::Params::names;
-    t.force_names = M<double>::Force::names;
-    t.joints = M<double>::joints;
-    t.angle_mask = M<double>::angles;
+    t.param_names = ParamsOf<M<double>>::type::names;
+    t.force_names = ForceOf<M<double>>::type::names;
+    t.joints = ForceOf<M<double>>::joints;
+    t.angle_mask = AnglesOf<M<double>>::mask;
     t.dynamics = &dynamics;
     t.jacobian = &jacobian;
     t.kernels = kernels;

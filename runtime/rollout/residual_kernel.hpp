@@ -26,9 +26,15 @@ struct SharedStartModel : StaticModel<M> {
     each(Base::nu(), [&](auto i) { u[i] = S(u[i].v); });
     each(Base::nf(), [&](auto i) { f[i] = S(f[i].v); });
     each(Base::np(), [&](auto i) { p[i] = S(p[i].v); });
-    // of the lane's own: a tilt or a payload may be
-    return M<S>::dynamics(
-        x, u, f, {S(body.gravity_x_m_s2.v), S(body.gravity_z_m_s2.v), S(body.payload_kg.v), S(body.payload_kgm2.v)}, p);
+    // of the lane's own: a tilt or a payload may be; called as directly as it can be, or GCC inlines less of it
+    if constexpr (Base::kForces > 0 && Base::kParams > 0)
+      return M<S>::dynamics(
+          x, u, f, {S(body.gravity_x_m_s2.v), S(body.gravity_z_m_s2.v), S(body.payload_kg.v), S(body.payload_kgm2.v)},
+          p);
+    else
+      return Base::template dynamics<S>(
+          x, u, f, {S(body.gravity_x_m_s2.v), S(body.gravity_z_m_s2.v), S(body.payload_kg.v), S(body.payload_kgm2.v)},
+          p);
   }
   /// As for plain lanes: nothing of it is shared.
   template <class S, int J>

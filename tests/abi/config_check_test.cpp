@@ -69,7 +69,7 @@ struct Spoiled {
 const Spoiled kSpoiled[] = {
     {"size", tiller_status_version_mismatch, [](C& c) { c.size = 12; }},
     {"version", tiller_status_version_mismatch, [](C& c) { c.version = 0; }},
-    {"model", tiller_status_null_argument, [](C& c) { c.model = nullptr; }},
+    {"model", tiller_status_no_model, [](C& c) { c.model = nullptr; }},
     {"period_s", tiller_status_bad_period, [](C& c) { c.period_s = 0.0; }},
     {"period_s", tiller_status_bad_period, [](C& c) { c.period_s = kNan; }},
     {"period_s", tiller_status_bad_period, [](C& c) { c.period_s = 1.5; }},

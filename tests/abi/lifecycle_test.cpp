@@ -90,6 +90,24 @@ TEST(Init, RefusesWhatDoesNotFit) {
   EXPECT_EQ(tiller_init(&t, &config, &hooks, memory, size), tiller_status_ok) << "every hook may be null";
 }
 
+// A misspelt name gives no model, and whoever does not look at the first status is told by every later one: not of a
+// struct's size or version.
+TEST(Calls, WithoutAModelSayThatThereIsNone) {
+  tiller_config_t config;
+  std::memset(&config, 0xff, sizeof config);
+  EXPECT_EQ(tiller_config_default(&config, tiller_find_model("pendlum")), tiller_status_no_model);
+  const char* field = "";
+  EXPECT_EQ(tiller_config_check(&config, &field), tiller_status_no_model);
+  EXPECT_STREQ(field, "model");
+  EXPECT_EQ(tiller_size(&config), 0u);
+  alignas(TILLER_ALIGNMENT) unsigned char memory[TILLER_ALIGNMENT];
+  tiller_t* t = nullptr;
+  EXPECT_EQ(tiller_init(&t, &config, nullptr, memory, sizeof memory), tiller_status_no_model);
+  EXPECT_NE(std::strstr(tiller_status_text(tiller_status_no_model), "tiller_model_names"), nullptr);
+  for (std::uint32_t i = 0; const tiller_model_t* model = tiller_builtin_model(i); ++i)
+    EXPECT_NE(std::strstr(tiller_model_names(), model->name), nullptr) << tiller_model_names();
+}
+
 TEST(Calls, RefuseNull) {
   double value = 0.0;
   tiller_command_t command;

@@ -11,13 +11,14 @@ shift 4
 rm -rf "$work"
 mkdir -p "$work"
 cp -r "$examples/damped_pendulum_c99" "$examples/own_model" "$examples/own_cost_c99" \
-  "$examples/dead_zone_pendulum" "$work"
+  "$examples/dead_zone_pendulum" "$examples/unicycle" "$work"
 export TILLER_CACHE="$work/cache"
 cd "$work"
 
 fail() { echo "FAILED: $*" >&2; exit 1; }
 
-# every command on one example; $2 is a state that its plant must show, $3 a parameter that it must learn
+# every command on one example; $2 is a state that its plant must show, $3 a parameter that it must learn, $4 the periods
+# that 6 s have at least
 try() {
   name=$1
   echo "== $name"
@@ -28,7 +29,7 @@ try() {
     fail "run $name"
   cat "$name.run"
   head -n 1 "$name.csv" | grep -q "true.$2" || fail "$name.csv has no true.$2"
-  [ "$(wc -l <"$name.csv")" -gt 290 ] || fail "$name.csv is short"
+  [ "$(wc -l <"$name.csv")" -gt "$4" ] || fail "$name.csv is short"
 
   "$tiller" replay "$name.rec" "$name/robot.toml" >"$name.replay" || fail "replay $name: $(cat "$name.replay")"
 
@@ -46,12 +47,22 @@ try() {
 }
 
 includes_list=$*
-try own_model position_m ball_mass_kg
-try damped_pendulum_c99 angle_rad mass_kg
-try own_cost_c99 angle_rad mass_kg
+try own_model position_m ball_mass_kg 290
+try damped_pendulum_c99 angle_rad mass_kg 290
+try own_cost_c99 angle_rad mass_kg 290
+try unicycle heading_rad speed_gain 115
+echo "== an effect at a joint that a kinematic model does not have is refused with a reason"
+{
+  cat unicycle/robot.toml
+  printf '\n[[effects]]\nkind = "viscous_friction"\nport = "wheel"\ndamping_SI = 0.1\n'
+} >unicycle/friction.toml
+if "$tiller" check unicycle/friction.toml 2>refused.txt; then fail "friction without a joint passed"; fi
+cat refused.txt
+grep -q 'viscous_friction acts at a joint, and unicycle has none' refused.txt || fail "no reason"
+grep -q 'effects of an input, a sensor or the body' refused.txt || fail "no remedy"
 grep -q 'a cost of your own' own_cost_c99.check || fail "check own_cost_c99 does not tell of its cost"
 grep -q 'config.cost.own = tiller_cost()' own_cost_c99_config.c || fail "the export lacks the cost"
-[ "$(find "$TILLER_CACHE" -name '*.so' | wc -l)" -eq 3 ] || fail "each model is compiled once"
+[ "$(find "$TILLER_CACHE" -name '*.so' | wc -l)" -eq 4 ] || fail "each model is compiled once"
 
 # dead_zone_pendulum reads logs from elsewhere, so its own log goes through other columns
 "$tiller" check dead_zone_pendulum/robot.toml | grep -q dead_zone_Nm || fail "check dead_zone_pendulum"

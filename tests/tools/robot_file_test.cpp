@@ -11,6 +11,7 @@
 #include "effects/effect_info.hpp"
 #include "robot_text.hpp"
 #include "tools/effects_text.hpp"
+#include "tools/limits_text.hpp"
 #include "tools/plant_setup.hpp"
 #include "tools/robot_help.hpp"
 #include "tools/robot_schema.hpp"
@@ -282,6 +283,30 @@ TEST(RobotFile, DocumentationIsTheSchema) {
   EXPECT_NE(text.str().find(robot_file_markdown()), std::string::npos)
       << "docs/robot_file.md is not what the schema says; paste the output of `tiller help robot-file --markdown` "
          "below its heading \"Every key\"";
+}
+
+TEST(RobotFile, DocumentationOfLimitsIsTheHeaders) {
+  const auto content = [](const std::string& path) {
+    std::ifstream file(path);
+    std::stringstream text;
+    text << file.rdbuf();
+    return text.str();
+  };
+  EXPECT_NE(content(TILLER_TEST_DOCS "/limits.md").find(limits_markdown()), std::string::npos)
+      << "docs/limits.md is not what the headers say; paste the output of `tiller help limits --markdown` below its "
+         "heading \"Every limit\"";
+  // none is left out: each constant of the public headers is in the table
+  int constants = 0;
+  for (const char* header : {"model.h", "model.hpp", "tiller.h"}) {
+    std::istringstream lines(content(std::string(TILLER_TEST_INCLUDE "/tiller/") + header));
+    for (std::string line; std::getline(lines, line);) {
+      if (line.rfind("#define TILLER_MAX_", 0) != 0) continue;
+      const std::string name = line.substr(8, line.find(' ', 8) - 8);
+      EXPECT_NE(limits_markdown().find("`" + name + "`"), std::string::npos) << name << " of " << header;
+      ++constants;
+    }
+  }
+  EXPECT_GE(constants, 13);
 }
 
 }  // namespace

@@ -80,8 +80,12 @@ typedef struct tiller_model {
   const void* kernels;
 } tiller_model_t;
 
-/** The models that this library was built with, by name; NULL if there is none of that name. */
+/** The models that this library was built with, by name; NULL if there is none of that name (tiller_model_names
+ *  tells which there are). A model of your own is no name here: link it and call its tiller_model(). */
 const tiller_model_t* tiller_find_model(const char* name);
+
+/** Names of the built-in models, "pendulum, cart_pole, ..."; never NULL. */
+const char* tiller_model_names(void);
 
 /** The i-th built-in model; NULL past the last one. */
 const tiller_model_t* tiller_builtin_model(uint32_t index);

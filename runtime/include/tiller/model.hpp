@@ -23,6 +23,24 @@
 //       }
 //     };
 //
+// A kinematic model has no forces: it leaves Force and joints out, and dynamics(x, u, body, p) takes none. It may leave
+// angles out where no state wraps, and Params where there is nothing to know: dynamics(x, u, body). Effects at a joint
+// are refused then; those of inputs, sensors and the body remain.
+//
+//     template <class S>
+//     struct Unicycle {
+//       static constexpr const char* name = "unicycle";
+//       TILLER_FIELDS(State, S, x_m, y_m, heading_rad);
+//       TILLER_FIELDS(Input, S, speed_m_s, turn_rad_s);
+//       TILLER_FIELDS(Params, S, speed_gain, turn_gain);
+//       static constexpr unsigned angles = 1u << 2;
+//
+//       static State dynamics(const State& x, const Input& u, const tiller::Body<S>&, const Params& p) {
+//         const S speed = p.speed_gain * u.speed_m_s;
+//         return {speed * cos(x.heading_rad), speed * sin(x.heading_rad), p.turn_gain * u.turn_rad_s};
+//       }
+//     };
+//
 // Rules: branches are select(condition, a, b), so that lanes agree; call sin, cos, exp, sqrt, tanh, abs, min, max,
 // atan2, select without `std::` (they are found for lanes and duals by argument; outside namespace tiller add
 // `using namespace tiller;` for min, max and select of plain numbers). The dynamics are affine in the forces, and
@@ -65,8 +83,53 @@ struct Body {
 template <int I>
 using Index = std::integral_constant<int, I>;
 
+/// In the place of fields that a model leaves out.
+struct NoFields {
+  static constexpr const char* const* names = nullptr;
+  static constexpr int count = 0;
+};
+
+/// What a model template may leave out: Force with joints, Params, angles.
+template <class Model, class = void>
+struct ForceOf {
+  using type = NoFields;
+  static constexpr int joint_count = 0;
+  static constexpr const tiller_joint_t* joints = nullptr;
+};
+template <class Model>
+struct ForceOf<Model, std::void_t<typename Model::Force>> {
+  using type = typename Model::Force;
+  static constexpr int joint_count = static_cast<int>(sizeof(Model::joints) / sizeof(tiller_joint_t));
+  static constexpr const tiller_joint_t* joints = Model::joints;
+};
+template <class Model, class = void>
+struct HasJoints : std::false_type {};
+template <class Model>
+struct HasJoints<Model, std::void_t<decltype(Model::joints)>> : std::true_type {};
+template <class Model, class = void>
+struct ParamsOf {
+  using type = NoFields;
+};
+template <class Model>
+struct ParamsOf<Model, std::void_t<typename Model::Params>> {
+  using type = typename Model::Params;
+};
+template <class Model, class = void>
+struct AnglesOf {
+  static constexpr unsigned mask = 0;
+};
+template <class Model>
+struct AnglesOf<Model, std::void_t<decltype(Model::angles)>> {
+  static constexpr unsigned mask = Model::angles;
+};
+
 }  // namespace tiller
 
+/// Names that one TILLER_FIELDS takes.
+#define TILLER_MAX_FIELDS 64
+
+// m(S, a) for each name: the preprocessor has no loop.
+// clang-format off
 #define TILLER_FOR_1(m, S, a) m(S, a)
 #define TILLER_FOR_2(m, S, a, ...) m(S, a) TILLER_FOR_1(m, S, __VA_ARGS__)
 #define TILLER_FOR_3(m, S, a, ...) m(S, a) TILLER_FOR_2(m, S, __VA_ARGS__)
@@ -79,16 +142,80 @@ using Index = std::integral_constant<int, I>;
 #define TILLER_FOR_10(m, S, a, ...) m(S, a) TILLER_FOR_9(m, S, __VA_ARGS__)
 #define TILLER_FOR_11(m, S, a, ...) m(S, a) TILLER_FOR_10(m, S, __VA_ARGS__)
 #define TILLER_FOR_12(m, S, a, ...) m(S, a) TILLER_FOR_11(m, S, __VA_ARGS__)
-#define TILLER_PICK(_1, _2, _3, _4, _5, _6, _7, _8, _9, _10, _11, _12, n, ...) n
-#define TILLER_FOR_EACH(m, S, ...)                                                                                \
-  TILLER_PICK(__VA_ARGS__, TILLER_FOR_12, TILLER_FOR_11, TILLER_FOR_10, TILLER_FOR_9, TILLER_FOR_8, TILLER_FOR_7, \
-              TILLER_FOR_6, TILLER_FOR_5, TILLER_FOR_4, TILLER_FOR_3, TILLER_FOR_2, TILLER_FOR_1)                 \
-  (m, S, __VA_ARGS__)
+#define TILLER_FOR_13(m, S, a, ...) m(S, a) TILLER_FOR_12(m, S, __VA_ARGS__)
+#define TILLER_FOR_14(m, S, a, ...) m(S, a) TILLER_FOR_13(m, S, __VA_ARGS__)
+#define TILLER_FOR_15(m, S, a, ...) m(S, a) TILLER_FOR_14(m, S, __VA_ARGS__)
+#define TILLER_FOR_16(m, S, a, ...) m(S, a) TILLER_FOR_15(m, S, __VA_ARGS__)
+#define TILLER_FOR_17(m, S, a, ...) m(S, a) TILLER_FOR_16(m, S, __VA_ARGS__)
+#define TILLER_FOR_18(m, S, a, ...) m(S, a) TILLER_FOR_17(m, S, __VA_ARGS__)
+#define TILLER_FOR_19(m, S, a, ...) m(S, a) TILLER_FOR_18(m, S, __VA_ARGS__)
+#define TILLER_FOR_20(m, S, a, ...) m(S, a) TILLER_FOR_19(m, S, __VA_ARGS__)
+#define TILLER_FOR_21(m, S, a, ...) m(S, a) TILLER_FOR_20(m, S, __VA_ARGS__)
+#define TILLER_FOR_22(m, S, a, ...) m(S, a) TILLER_FOR_21(m, S, __VA_ARGS__)
+#define TILLER_FOR_23(m, S, a, ...) m(S, a) TILLER_FOR_22(m, S, __VA_ARGS__)
+#define TILLER_FOR_24(m, S, a, ...) m(S, a) TILLER_FOR_23(m, S, __VA_ARGS__)
+#define TILLER_FOR_25(m, S, a, ...) m(S, a) TILLER_FOR_24(m, S, __VA_ARGS__)
+#define TILLER_FOR_26(m, S, a, ...) m(S, a) TILLER_FOR_25(m, S, __VA_ARGS__)
+#define TILLER_FOR_27(m, S, a, ...) m(S, a) TILLER_FOR_26(m, S, __VA_ARGS__)
+#define TILLER_FOR_28(m, S, a, ...) m(S, a) TILLER_FOR_27(m, S, __VA_ARGS__)
+#define TILLER_FOR_29(m, S, a, ...) m(S, a) TILLER_FOR_28(m, S, __VA_ARGS__)
+#define TILLER_FOR_30(m, S, a, ...) m(S, a) TILLER_FOR_29(m, S, __VA_ARGS__)
+#define TILLER_FOR_31(m, S, a, ...) m(S, a) TILLER_FOR_30(m, S, __VA_ARGS__)
+#define TILLER_FOR_32(m, S, a, ...) m(S, a) TILLER_FOR_31(m, S, __VA_ARGS__)
+#define TILLER_FOR_33(m, S, a, ...) m(S, a) TILLER_FOR_32(m, S, __VA_ARGS__)
+#define TILLER_FOR_34(m, S, a, ...) m(S, a) TILLER_FOR_33(m, S, __VA_ARGS__)
+#define TILLER_FOR_35(m, S, a, ...) m(S, a) TILLER_FOR_34(m, S, __VA_ARGS__)
+#define TILLER_FOR_36(m, S, a, ...) m(S, a) TILLER_FOR_35(m, S, __VA_ARGS__)
+#define TILLER_FOR_37(m, S, a, ...) m(S, a) TILLER_FOR_36(m, S, __VA_ARGS__)
+#define TILLER_FOR_38(m, S, a, ...) m(S, a) TILLER_FOR_37(m, S, __VA_ARGS__)
+#define TILLER_FOR_39(m, S, a, ...) m(S, a) TILLER_FOR_38(m, S, __VA_ARGS__)
+#define TILLER_FOR_40(m, S, a, ...) m(S, a) TILLER_FOR_39(m, S, __VA_ARGS__)
+#define TILLER_FOR_41(m, S, a, ...) m(S, a) TILLER_FOR_40(m, S, __VA_ARGS__)
+#define TILLER_FOR_42(m, S, a, ...) m(S, a) TILLER_FOR_41(m, S, __VA_ARGS__)
+#define TILLER_FOR_43(m, S, a, ...) m(S, a) TILLER_FOR_42(m, S, __VA_ARGS__)
+#define TILLER_FOR_44(m, S, a, ...) m(S, a) TILLER_FOR_43(m, S, __VA_ARGS__)
+#define TILLER_FOR_45(m, S, a, ...) m(S, a) TILLER_FOR_44(m, S, __VA_ARGS__)
+#define TILLER_FOR_46(m, S, a, ...) m(S, a) TILLER_FOR_45(m, S, __VA_ARGS__)
+#define TILLER_FOR_47(m, S, a, ...) m(S, a) TILLER_FOR_46(m, S, __VA_ARGS__)
+#define TILLER_FOR_48(m, S, a, ...) m(S, a) TILLER_FOR_47(m, S, __VA_ARGS__)
+#define TILLER_FOR_49(m, S, a, ...) m(S, a) TILLER_FOR_48(m, S, __VA_ARGS__)
+#define TILLER_FOR_50(m, S, a, ...) m(S, a) TILLER_FOR_49(m, S, __VA_ARGS__)
+#define TILLER_FOR_51(m, S, a, ...) m(S, a) TILLER_FOR_50(m, S, __VA_ARGS__)
+#define TILLER_FOR_52(m, S, a, ...) m(S, a) TILLER_FOR_51(m, S, __VA_ARGS__)
+#define TILLER_FOR_53(m, S, a, ...) m(S, a) TILLER_FOR_52(m, S, __VA_ARGS__)
+#define TILLER_FOR_54(m, S, a, ...) m(S, a) TILLER_FOR_53(m, S, __VA_ARGS__)
+#define TILLER_FOR_55(m, S, a, ...) m(S, a) TILLER_FOR_54(m, S, __VA_ARGS__)
+#define TILLER_FOR_56(m, S, a, ...) m(S, a) TILLER_FOR_55(m, S, __VA_ARGS__)
+#define TILLER_FOR_57(m, S, a, ...) m(S, a) TILLER_FOR_56(m, S, __VA_ARGS__)
+#define TILLER_FOR_58(m, S, a, ...) m(S, a) TILLER_FOR_57(m, S, __VA_ARGS__)
+#define TILLER_FOR_59(m, S, a, ...) m(S, a) TILLER_FOR_58(m, S, __VA_ARGS__)
+#define TILLER_FOR_60(m, S, a, ...) m(S, a) TILLER_FOR_59(m, S, __VA_ARGS__)
+#define TILLER_FOR_61(m, S, a, ...) m(S, a) TILLER_FOR_60(m, S, __VA_ARGS__)
+#define TILLER_FOR_62(m, S, a, ...) m(S, a) TILLER_FOR_61(m, S, __VA_ARGS__)
+#define TILLER_FOR_63(m, S, a, ...) m(S, a) TILLER_FOR_62(m, S, __VA_ARGS__)
+#define TILLER_FOR_64(m, S, a, ...) m(S, a) TILLER_FOR_63(m, S, __VA_ARGS__)
+#define TILLER_PICK( \
+  _1, _2, _3, _4, _5, _6, _7, _8, _9, _10, _11, _12, _13, _14, _15, _16, _17, _18, _19, _20, _21, _22, _23, _24, \
+  _25, _26, _27, _28, _29, _30, _31, _32, _33, _34, _35, _36, _37, _38, _39, _40, _41, _42, _43, _44, _45, _46, \
+  _47, _48, _49, _50, _51, _52, _53, _54, _55, _56, _57, _58, _59, _60, _61, _62, _63, _64, n, ...) n
+#define TILLER_FOR_EACH(m, S, ...) \
+  TILLER_PICK(__VA_ARGS__, \
+    TILLER_FOR_64, TILLER_FOR_63, TILLER_FOR_62, TILLER_FOR_61, TILLER_FOR_60, TILLER_FOR_59, TILLER_FOR_58, \
+    TILLER_FOR_57, TILLER_FOR_56, TILLER_FOR_55, TILLER_FOR_54, TILLER_FOR_53, TILLER_FOR_52, TILLER_FOR_51, \
+    TILLER_FOR_50, TILLER_FOR_49, TILLER_FOR_48, TILLER_FOR_47, TILLER_FOR_46, TILLER_FOR_45, TILLER_FOR_44, \
+    TILLER_FOR_43, TILLER_FOR_42, TILLER_FOR_41, TILLER_FOR_40, TILLER_FOR_39, TILLER_FOR_38, TILLER_FOR_37, \
+    TILLER_FOR_36, TILLER_FOR_35, TILLER_FOR_34, TILLER_FOR_33, TILLER_FOR_32, TILLER_FOR_31, TILLER_FOR_30, \
+    TILLER_FOR_29, TILLER_FOR_28, TILLER_FOR_27, TILLER_FOR_26, TILLER_FOR_25, TILLER_FOR_24, TILLER_FOR_23, \
+    TILLER_FOR_22, TILLER_FOR_21, TILLER_FOR_20, TILLER_FOR_19, TILLER_FOR_18, TILLER_FOR_17, TILLER_FOR_16, \
+    TILLER_FOR_15, TILLER_FOR_14, TILLER_FOR_13, TILLER_FOR_12, TILLER_FOR_11, TILLER_FOR_10, TILLER_FOR_9, \
+    TILLER_FOR_8, TILLER_FOR_7, TILLER_FOR_6, TILLER_FOR_5, TILLER_FOR_4, TILLER_FOR_3, TILLER_FOR_2, TILLER_FOR_1, \
+    TILLER_TOO_MANY_FIELDS)(m, S, __VA_ARGS__)
+// clang-format on
 #define TILLER_FIELD_DECLARE(S, a) S a;
 #define TILLER_FIELD_NAME(S, a) #a,
 #define TILLER_FIELD_POINTER(S, a) &Fields::a,
 
-/// A struct of named numbers of type S that also knows its names and can be walked by index.
+/// A struct of 1 to 64 named numbers of type S that also knows its names and can be walked by index.
 #define TILLER_FIELDS(Name, S, ...)                                                              \
   struct Name {                                                                                  \
     TILLER_FOR_EACH(TILLER_FIELD_DECLARE, S, __VA_ARGS__)                                        \

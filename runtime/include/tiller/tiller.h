@@ -354,7 +354,8 @@ typedef struct tiller_config {
 } tiller_config_t;
 
 /** Fills every field with a documented default for a model: RK4, one substep, MPPI, all parameters
- *  missing a prior (kind fixed at NaN, refused by tiller_init), command limits zero. */
+ *  missing a prior (kind fixed at NaN, refused by tiller_init), command limits zero. Without a model (NULL, because
+ *  tiller_find_model found none) no_model, which every use of the configuration then says too. */
 tiller_status_t tiller_config_default(tiller_config_t* config, const tiller_model_t* model);
 
 /** What is wrong with a configuration: the first reason, and the name of the field in `field` (a literal). */

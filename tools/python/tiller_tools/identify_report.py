@@ -343,9 +343,9 @@ def errors_section(result: dict, which: str, title: str) -> str:
     parts = [f"<h2>{title}</h2>"]
     for i, state in enumerate(result["candidates"][0][which]):
         rollouts = state["horizons"][0]["rollouts"]
-        parts.append(f"<p>{page.html.escape(state['state'])}, {rollouts} rollouts, begun at states estimated from the "
-                     f"log alone. Error at the end of the horizon, the median of the absolute error in brackets; and the "
-                     f"share of ends inside the predictive 90 % (parameters, start state and noise).</p>")
+        parts.append(f"<p>{page.html.escape(state['state'])}, {rollouts} rollouts, begun at the states that the "
+                     f"model's filter makes of the log up to there. Error at the end of the horizon, the median of the "
+                     f"absolute error in brackets; and the share of ends inside the predictive 90 % (parameters, start state and noise).</p>")
         parts.append(error_table(result, which, i))
         parts.append(page.grid([horizon_figure(result, which, i)]))
     return "".join(parts)

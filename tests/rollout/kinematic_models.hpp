@@ -1,0 +1,12 @@
+#pragma once
+
+#include "rollout/rollout.hpp"
+
+namespace tiller::test {
+
+/// examples/unicycle: no forces, no joints.
+const tiller_model_t* unicycle();
+/// A double integrator of which everything is known: no parameters either, and no angle.
+const tiller_model_t* known_integrator();
+
+}  // namespace tiller::test
