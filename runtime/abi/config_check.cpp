@@ -135,10 +135,6 @@ Finding check_noise(const tiller_config_t& c) {
     if (!std::isfinite(c.initial_state[i])) return {tiller_status_bad_seed, start[i]};
     if (!not_negative(c.initial_state_sd[i])) return {tiller_status_bad_seed, start_sd[i]};
   }
-  // without any process noise the filter believes its first guess for ever
-  for (std::uint32_t j = 0; j < c.model->joint_count; ++j)
-    if (!positive(c.process_sd[c.model->joints[j].velocity]))
-      return {tiller_status_bad_noise, process[c.model->joints[j].velocity]};
   return kGood;
 }
 

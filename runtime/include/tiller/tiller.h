@@ -335,7 +335,8 @@ typedef struct tiller_config {
   uint8_t measured_state[16];                     /**< (ny) index of the state that each measurement reads */
   double measurement_sd[TILLER_MAX_MEASUREMENTS]; /**< of the sensor, quantisation included */
   double process_sd[TILLER_MAX_STATES];           /**< random change of the state that the model does not explain,
-                                              per square root of a second; same unit as the state */
+                                              per square root of a second; same unit as the state. 0: the model
+                                              explains the state exactly (`conjugate` needs one above 0) */
   double initial_state[TILLER_MAX_STATES];        /**< expected at the first measurement */
   double initial_state_sd[TILLER_MAX_STATES];     /**< and how sure that is */
 
