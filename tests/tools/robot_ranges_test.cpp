@@ -130,6 +130,8 @@ process_sd = { angle_rad = 0, rate_rad_s = 1e155 }
 state_weight = { angle_rad = 1e39, rate_rad_s = 1e-39 }
 [limits]
 torque_Nm = { low = -1, high = 1 }
+[safety]
+hold_gain = { torque_Nm = { angle_rad = 1e10 } }
 )",
                                 "bad.toml", errors));
   for (const char* said :
@@ -138,7 +140,8 @@ torque_Nm = { low = -1, high = 1 }
         "bad.toml:8: measurement.angle_rad.sd = 1e-170: is out of range",
         "bad.toml:10: noise.process_sd.rate_rad_s = 1e155: is out of range",
         "bad.toml:12: cost.state_weight.angle_rad = 1e39: is out of range",
-        "bad.toml:12: cost.state_weight.rate_rad_s = 1e-39: is out of range", "but for 0 not below 1e-12"})
+        "bad.toml:12: cost.state_weight.rate_rad_s = 1e-39: is out of range",
+        "bad.toml:16: safety.hold_gain.torque_Nm.angle_rad = 1e10: is out of range", "but for 0 not below 1e-12"})
     EXPECT_NE(errors.find(said), std::string::npos) << said << "\n" << errors;
   EXPECT_EQ(errors.find("process_sd.angle_rad"), std::string::npos) << "0 is allowed: " << errors;
 }
