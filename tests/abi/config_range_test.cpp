@@ -1,10 +1,12 @@
-// Every field is held to the range that tiller.h states: both ends are allowed, and what overflows or vanishes when it
-// is squared, or in single precision, is refused by its name.
+// Numbers at the ends of their ranges: what tiller_config_check accepts must run, and nothing that a controller says of
+// itself may be NaN or infinite. And what used to overflow or vanish is refused by its name.
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdio>
 #include <functional>
 #include <limits>
+#include <random>
 #include <string>
 
 #include "rig.hpp"
@@ -14,6 +16,103 @@ namespace {
 using C = tiller_config_t;
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
+
+/// Draws what a range allows, its ends above all.
+class Draw {
+ public:
+  explicit Draw(std::uint32_t seed) : random_(seed) {}
+
+  bool chance(double p) { return uniform() < p; }
+  double uniform() { return std::uniform_real_distribution<double>(0, 1)(random_); }
+  std::uint32_t below(std::uint32_t n) { return std::uniform_int_distribution<std::uint32_t>(0, n - 1)(random_); }
+  /// In [low, high], positive: an end, or any magnitude.
+  double magnitude(double low, double high) {
+    const double u = uniform();
+    if (u < 0.3) return low;
+    if (u < 0.6) return high;
+    return std::exp(std::log(low) + uniform() * (std::log(high) - std::log(low)));
+  }
+  double sign() { return chance(0.5) ? 1.0 : -1.0; }
+  double value() { return chance(0.2) ? 0.0 : sign() * magnitude(1e-30, TILLER_LARGEST_VALUE); }
+  double scale() { return magnitude(TILLER_SMALLEST_SCALE, TILLER_LARGEST_SCALE); }
+  double weight() { return chance(0.2) ? 0.0 : magnitude(TILLER_SMALLEST_WEIGHT, TILLER_LARGEST_WEIGHT); }
+
+ private:
+  std::mt19937 random_;
+};
+
+/// Every double field of a configuration, and how it is drawn.
+void spoil(C& c, Draw& draw, double share) {
+  const auto maybe = [&](double& field, const std::function<double()>& value) {
+    if (draw.chance(share)) field = value();
+  };
+  const auto value = [&] { return draw.value(); };
+  const auto scale = [&] { return draw.scale(); };
+  const auto weight = [&] { return draw.weight(); };
+  for (int i = 0; i < 2; ++i) {
+    maybe(c.process_sd[i], scale);
+    maybe(c.initial_state[i], value);
+    maybe(c.initial_state_sd[i], [&] { return draw.chance(0.2) ? 0.0 : draw.scale(); });
+    maybe(c.cost.target[i], value);
+    maybe(c.cost.state_weight[i], weight);
+    maybe(c.cost.terminal_weight[i], weight);
+    maybe(c.cost.saturating_width[i], scale);
+    maybe(c.cost.bound_weight[i], weight);
+    maybe(c.cost.state_low[i], [&] { return -std::fabs(draw.value()) - 1e-9; });
+    maybe(c.cost.state_high[i], [&] { return std::fabs(draw.value()) + 1e-9; });
+    c.cost.state_low[i] =
+        std::fmax(c.cost.state_low[i], std::isinf(c.cost.state_low[i]) ? -kInf : -TILLER_LARGEST_VALUE);
+    c.cost.state_high[i] =
+        std::fmin(c.cost.state_high[i], std::isinf(c.cost.state_high[i]) ? kInf : TILLER_LARGEST_VALUE);
+    maybe(c.safety.hold_gain[i], value);
+  }
+  for (std::uint32_t i = 0; i < c.measurement_count; ++i) {
+    maybe(c.measurement_sd[i], scale);
+    maybe(c.safety.measurement_low[i], [] { return -kInf; });
+    maybe(c.safety.measurement_high[i], [] { return kInf; });
+    maybe(c.safety.measurement_rate_per_s[i], [] { return kInf; });
+  }
+  maybe(c.cost.input_weight[0], weight);
+  maybe(c.cost.input_rate_weight[0], weight);
+  maybe(c.cost.saturating_weight, weight);
+  maybe(c.planner.noise_sd[0], scale);
+  maybe(c.planner.temperature, [&] { return draw.magnitude(TILLER_SMALLEST_SHARE, 1.0); });
+  maybe(c.planner.elite_fraction, [&] { return draw.magnitude(TILLER_SMALLEST_SHARE, 1.0); });
+  maybe(c.planner.smoothing, [&] { return TILLER_LARGEST_SHARE * draw.uniform(); });
+  maybe(c.planner.cvar_alpha, [&] { return TILLER_LARGEST_SHARE * draw.uniform(); });
+  maybe(c.planner.filter, [&] { return draw.magnitude(TILLER_SMALLEST_SHARE, 1.0); });
+  maybe(c.planner.noise_colour, [&] { return 4.0 * draw.uniform(); });
+  maybe(c.planner.qp_tolerance, [&] { return draw.magnitude(1e-12, 1.0); });
+  maybe(c.planner.regularisation, [&] { return draw.chance(0.2) ? 0.0 : draw.magnitude(1e-12, 1e6); });
+  maybe(c.planner.exploration, [&] { return draw.chance(0.2) ? 0.0 : draw.magnitude(1e-12, 1e6); });
+  maybe(c.posterior.ess_fraction, [&] { return draw.magnitude(TILLER_SMALLEST_SHARE, 1.0); });
+  maybe(c.posterior.noise_scale_shape, [&] { return draw.magnitude(TILLER_SMALLEST_SHARE, 1e6); });
+  maybe(c.posterior.scout_share, [&] { return 0.5 * draw.uniform(); });
+  if (draw.chance(share)) {
+    const double width = draw.magnitude(1e-9, TILLER_LARGEST_VALUE);
+    c.safety.input_low[0] = draw.chance(0.3) ? 0.0 : -width;
+    c.safety.input_high[0] = width;
+    c.safety.safe_command[0] = 0.0;
+    c.safety.input_rate_per_s[0] = draw.chance(0.3) ? kInf : draw.scale();
+  }
+  if (draw.chance(share)) {
+    c.cost.obstacle_count = 1;
+    c.cost.obstacles[0] = {0, 1, draw.value(), draw.value(), draw.scale(), draw.weight()};
+  }
+  c.body.gravity_z_m_s2 = draw.chance(share) ? draw.sign() * draw.magnitude(1e-9, 100) : c.body.gravity_z_m_s2;
+  c.body.payload_kg = draw.chance(share) ? draw.magnitude(1e-9, 1e6) : 0.0;
+}
+
+tiller_prior_t prior(Draw& draw) {
+  const double a = draw.magnitude(TILLER_SMALLEST_PARAMETER, TILLER_LARGEST_PARAMETER),
+               b = draw.magnitude(1e-12, TILLER_LARGEST_PARAMETER);
+  switch (draw.below(4)) {
+    case 0: return {tiller_prior_fixed, 0, a, 0, 0, 0};
+    case 1: return {tiller_prior_uniform, 0, 0, 0, draw.chance(0.3) ? -b : 0.0, a};
+    case 2: return {tiller_prior_normal, 0, draw.sign() * a, b, -kInf, kInf};
+    default: return {tiller_prior_log_normal, 0, a, draw.magnitude(1e-6, 3.0), 0, kInf};
+  }
+}
 
 /// All that a controller says of itself; the name of what is not finite, or null. A tick without a plan says so by an
 /// infinite cost.
@@ -62,6 +161,17 @@ C configuration() {
   return c;
 }
 
+void choose_engines(C& c, Draw& draw) {
+  c.seed = 1 + draw.below(1000);
+  c.planner.kind = draw.below(tiller_planner_kind_count);
+  c.planner.risk = draw.below(3);
+  c.cost.terminal = draw.chance(0.2) ? tiller_terminal_lqr : tiller_terminal_diagonal;
+  c.posterior.kind = draw.below(tiller_posterior_kind_count);
+  if (c.posterior.kind != tiller_posterior_conjugate) return;
+  c.priors[0] = {tiller_prior_fixed, 0, 1.2, 0, 0, 0};
+  c.priors[2] = {tiller_prior_normal, 0, 0.1, 0.05, -kInf, kInf};
+}
+
 class PlantWithRate : public rig::PendulumPlant {
  public:
   void measure(double* value) const override {
@@ -70,26 +180,64 @@ class PlantWithRate : public rig::PendulumPlant {
   }
 };
 
-/// A hundred ticks; what was not finite first, or an empty string. An operator who resets SAFE each time.
-std::string run(const C& config, std::uint64_t& plans, std::uint64_t& failures) {
+/// What a run of a hundred ticks had.
+struct Outcome {
+  std::string wrong;        // what was not finite first, or empty
+  std::string bad_command;  // likewise of the commands alone
+  std::uint64_t plans = 0;
+};
+
+/// A hundred ticks, with an operator who resets SAFE each time.
+Outcome run(const C& config) {
+  Outcome result;
   PlantWithRate plant;
   rig::Loop loop(config, plant);
-  if (!loop.ready()) return "init";
+  if (!loop.ready()) return {"init", "init"};
   (void)tiller_arm(loop.controller());
-  plans = failures = 0;
   for (int k = 0; k < 100; ++k) {
     (void)loop.tick();
     const tiller_info_t info = loop.info();
-    if (const char* field = not_finite(info, info.plans > plans))
-      return std::string(field) + " at tick " + std::to_string(k);
-    if (!std::isfinite(loop.command().value[0])) return "command at tick " + std::to_string(k);
-    plans = info.plans;
-    failures = info.plan_failures;
+    const char* field = not_finite(info, info.plans > result.plans);
+    if (field && result.wrong.empty()) result.wrong = std::string(field) + " at tick " + std::to_string(k);
+    const double u = loop.command().value[0];
+    if (!(u >= config.safety.input_low[0] && u <= config.safety.input_high[0]) && result.bad_command.empty())
+      result.bad_command = std::to_string(u) + " at tick " + std::to_string(k);
+    result.plans = info.plans;
     if (info.state != tiller_state_safe) continue;
     (void)tiller_reset(loop.controller());
     (void)tiller_arm(loop.controller());
   }
-  return "";
+  return result;
+}
+
+/// The ends of the ranges, of an ordinary pendulum and of parameters of any size. A pendulum of 1e-12 kg is none that
+/// anybody can integrate at 20 ms: of that one the commands alone are asked for. A plan may fail, where the states that
+/// it predicts leave the range; then it says so.
+TEST(ConfigRange, WhatIsAcceptedRunsWithFiniteNumbers) {
+  constexpr int kTrials = 900;
+  constexpr double kShares[] = {0.05, 0.3, 1.0};
+  int ran = 0, held = 0;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    Draw draw(static_cast<std::uint32_t>(trial + 1));
+    C c = configuration();
+    choose_engines(c, draw);
+    spoil(c, draw, kShares[draw.below(3)]);
+    const bool ordinary = draw.chance(0.6) || c.posterior.kind == tiller_posterior_conjugate;
+    if (!ordinary) c.priors[draw.below(3)] = prior(draw);
+    const char* field = nullptr;
+    if (tiller_config_check(&c, &field) != tiller_status_ok) continue;
+    ++ran;
+    const Outcome result = run(c);
+    const std::string which = "trial " + std::to_string(trial) + ", planner " + std::to_string(c.planner.kind) +
+                              ", posterior " + std::to_string(c.posterior.kind);
+    EXPECT_EQ(result.bad_command, "") << which;
+    if (!ordinary) continue;
+    ++held;
+    EXPECT_EQ(result.wrong, "") << which;
+  }
+  std::printf("%d of %d run, %d of an ordinary pendulum\n", ran, kTrials, held);
+  EXPECT_GT(ran, kTrials / 2);
+  EXPECT_GT(held, kTrials / 4);
 }
 
 TEST(ConfigRange, AStateMayHaveNoProcessNoise) {
@@ -106,9 +254,9 @@ TEST(ConfigRange, AStateMayHaveNoProcessNoise) {
         if ((without >> i & 1u) != 0) c.process_sd[i] = 0.0;
       const char* field = nullptr;
       ASSERT_EQ(tiller_config_check(&c, &field), tiller_status_ok) << field;
-      std::uint64_t plans = 0, failures = 0;
-      EXPECT_EQ(run(c, plans, failures), "") << "posterior " << kind << ", states without noise " << without;
-      EXPECT_EQ(plans, 100u);
+      const Outcome result = run(c);
+      EXPECT_EQ(result.wrong, "") << "posterior " << kind << ", states without noise " << without;
+      EXPECT_EQ(result.plans, 100u);
     }
   }
 }
