@@ -65,8 +65,9 @@ std::string range_text(const KeySpec& key) {
   const bool numeric = key.kind == KeyKind::count || key.kind == KeyKind::number ||
                        key.kind == KeyKind::state_numbers || key.kind == KeyKind::input_numbers;
   if (!numeric) return "";
-  const bool low = std::fabs(key.low) < 1e9;  // wider bounds only keep squares finite
-  const bool high = std::fabs(key.high) < 1e9;
+  const bool low = std::fabs(key.low) < TILLER_LARGEST_VALUE;  // wider bounds only keep squares finite
+  const bool high = std::fabs(key.high) < TILLER_LARGEST_VALUE;
+  if (low && !high && key.least > 0) return "0 or >= " + number_text(key.least);
   if (low && high) return number_text(key.low) + (key.low_open ? " < .. " : " .. ") + number_text(key.high);
   if (low) return (key.low_open ? "> " : ">= ") + number_text(key.low);
   return high ? "<= " + number_text(key.high) : "";

@@ -14,7 +14,9 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr const char* kPriorRemedy =
     "write a number, { uniform = [low, high] }, { normal = [mean, sd] } or { log_normal = [median, sd of log] }";
 
-const KeySpec kAnyNumber = {"", "", KeyKind::number, "", "", -kInf, kInf, false, -1, nullptr, ""};
+const KeySpec kAnyNumber = {
+    "",    "", KeyKind::number, "", "",      -TILLER_LARGEST_PARAMETER, TILLER_LARGEST_PARAMETER,
+    false, -1, nullptr,         "", nullptr, TILLER_SMALLEST_PARAMETER};
 
 struct PriorForm {
   const char* name;
@@ -189,8 +191,8 @@ void read_prior(FileErrors& errors, const toml::node& node, const std::string& p
     return;
   }
   KeySpec spec = kAnyNumber;
-  spec.low = hard_low;
-  spec.high = hard_high;
+  spec.low = std::fmax(hard_low, spec.low);
+  spec.high = std::fmin(hard_high, spec.high);
   if (const auto value = checked_number(errors, node, path, spec)) {
     out = {tiller_prior_fixed, 0, *value, 0, *value, *value};
   }

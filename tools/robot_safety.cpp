@@ -121,8 +121,8 @@ void read_hold_gain(SectionReader& safety, RobotFile& robot) {
   if (!table) return;
   const KeySpec& base = *find_key("safety", "hold_gain");
   KeySpec spec = base;
-  spec.low = -1e12;
-  spec.high = 1e12;
+  spec.low = -TILLER_LARGEST_VALUE;
+  spec.high = TILLER_LARGEST_VALUE;
   for (auto&& [input_name, row] : *table) {
     const std::string input(input_name.str());
     const std::string path = safety.path_of("hold_gain." + input);

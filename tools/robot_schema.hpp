@@ -34,6 +34,7 @@ struct KeySpec {
   Words (*choices)();    ///< names of a choice in the order of their values; else null
   const char* help;
   const char* readers = nullptr;  ///< of [planner]: the planners that read it, "mppi, cem"; null: all
+  double least = 0;               ///< magnitudes below this are refused, but for 0 itself where the range holds it
 };
 
 constexpr const char* kRequired = "required";

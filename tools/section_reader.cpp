@@ -14,12 +14,19 @@ std::string number_remedy(const char* what, const KeySpec& spec) {
   const bool high = std::isfinite(spec.high);
   const std::string from = (spec.low_open ? "above " : "at least ") + number_text(spec.low);
   const std::string write = std::string("write a ") + what;
-  if (low && high) return write + " " + from + " and at most " + number_text(spec.high);
-  if (low) return write + " " + from;
+  const std::string gap = spec.least > 0 ? ", but for 0 not below " + number_text(spec.least) : "";
+  if (low && high) return write + " " + from + " and at most " + number_text(spec.high) + gap;
+  if (low) return write + " " + from + gap;
   return high ? write + " at most " + number_text(spec.high) : std::string("write a finite ") + what;
 }
 
+/// A number that limits something, and may be left out.
+bool is_limit(const KeySpec& spec) {
+  return std::isinf(spec.high) || (spec.fallback && std::strcmp(spec.fallback, "none") == 0);
+}
+
 bool in_range(const KeySpec& spec, double value) {
+  if (value != 0 && std::fabs(value) < spec.least) return false;
   return (spec.low_open ? value > spec.low : value >= spec.low) && value <= spec.high;
 }
 
@@ -64,7 +71,7 @@ std::optional<double> checked_number(FileErrors& errors, const toml::node& node,
   }
   if (std::isinf(value)) {
     errors.at(node, path, "is infinite",
-              std::isinf(spec.high) ? "leave the key out where there is no limit" : number_remedy("number", spec));
+              is_limit(spec) ? "leave the key out where there is no limit" : number_remedy("number", spec));
     return std::nullopt;
   }
   if (!in_range(spec, value)) {

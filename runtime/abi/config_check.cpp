@@ -20,15 +20,21 @@ Finding check_struct(const tiller_config_t& c) {
   return check_model(*c.model);
 }
 
+Finding check_body(const tiller_body_t& body) {
+  constexpr double kMost_m_s2 = 100.0;  // ten times the Earth's
+  constexpr double kMostPayload = 1e6;
+  if (!in(body.gravity_x_m_s2, -kMost_m_s2, kMost_m_s2)) return {tiller_status_bad_limit, "body.gravity_x_m_s2"};
+  if (!in(body.gravity_z_m_s2, -kMost_m_s2, kMost_m_s2)) return {tiller_status_bad_limit, "body.gravity_z_m_s2"};
+  if (!in(body.payload_kg, 0.0, kMostPayload)) return {tiller_status_bad_limit, "body.payload_kg"};
+  if (!in(body.payload_kgm2, 0.0, kMostPayload)) return {tiller_status_bad_limit, "body.payload_kgm2"};
+  return kGood;
+}
+
 Finding check_step(const tiller_config_t& c) {
   if (!(c.period_s >= 1e-4 && c.period_s <= 1.0)) return {tiller_status_bad_period, "period_s"};
   if (!in(c.substeps, 1, 64)) return {tiller_status_bad_period, "substeps"};
   if (c.integrator > tiller_integrator_rk4) return {tiller_status_bad_period, "integrator"};
-  if (!std::isfinite(c.body.gravity_x_m_s2)) return {tiller_status_bad_limit, "body.gravity_x_m_s2"};
-  if (!std::isfinite(c.body.gravity_z_m_s2)) return {tiller_status_bad_limit, "body.gravity_z_m_s2"};
-  if (!not_negative(c.body.payload_kg)) return {tiller_status_bad_limit, "body.payload_kg"};
-  if (!not_negative(c.body.payload_kgm2)) return {tiller_status_bad_limit, "body.payload_kgm2"};
-  return kGood;
+  return check_body(c.body);
 }
 
 Finding check_effects(const tiller_config_t& c) {
@@ -47,22 +53,39 @@ Finding check_effects(const tiller_config_t& c) {
   return kGood;
 }
 
-/// The values that a prior allows, as an interval; an empty one is refused.
+constexpr double kDeviations = 8.0;  // no cloud of particles draws from beyond
+
+/// What is left between the bounds within eight deviations of the middle, in the coordinate of the prior: something,
+/// and nothing beyond `most` on either side of zero.
+bool draws_within(double middle, double sd, double low, double high, double most) {
+  const double least = std::fmax(low, middle - kDeviations * sd), largest = std::fmin(high, middle + kDeviations * sd);
+  return least < largest && least >= -most && largest <= most;
+}
+
+/// The largest magnitude of a parameter in the coordinate of its prior; of a logarithm, the smallest one's too.
+double most_of(const tiller_prior_t& p) {
+  static_assert(TILLER_SMALLEST_PARAMETER * TILLER_LARGEST_PARAMETER == 1.0, "logarithms of the same magnitude");
+  return p.kind == tiller_prior_log_normal ? math::log(TILLER_LARGEST_PARAMETER) : TILLER_LARGEST_PARAMETER;
+}
+
+bool is_bound(double v) { return std::isinf(v) || is_parameter(v); }
+
+/// The values that a prior allows, as an interval; an empty one is refused, and one that reaches too far.
 bool prior_support(const tiller_prior_t& p, double& low, double& high) {
   low = p.low;
   high = p.high;
   if (p.kind == tiller_prior_fixed) {
     low = high = p.a;
-    return std::isfinite(p.a);
+    return is_parameter(p.a);
   }
-  if (!(p.low < p.high)) return false;
+  if (!(p.low < p.high) || !is_bound(p.low) || !is_bound(p.high)) return false;
   if (p.kind == tiller_prior_uniform) return std::isfinite(p.low) && std::isfinite(p.high);
-  if (!std::isfinite(p.a) || !positive(p.b)) return false;
-  // bounds further than eight deviations from the middle leave nothing to draw from
-  if (p.kind == tiller_prior_normal) return p.low < p.a + 8.0 * p.b && p.high > p.a - 8.0 * p.b;
-  if (p.kind != tiller_prior_log_normal || !(p.a > 0.0) || !(p.high > 0.0)) return false;
+  if (!is_parameter(p.a)) return false;
+  if (p.kind == tiller_prior_normal)
+    return p.b > 0.0 && is_parameter(p.b) && draws_within(p.a, p.b, p.low, p.high, most_of(p));
+  if (p.kind != tiller_prior_log_normal || !(p.a > 0.0) || !(p.high > 0.0) || !is_scale(p.b)) return false;
   low = std::fmax(p.low, 0.0);
-  return math::log(low) < math::log(p.a) + 8.0 * p.b && math::log(high) > math::log(p.a) - 8.0 * p.b;
+  return draws_within(math::log(p.a), p.b, math::log(low), math::log(high), most_of(p));
 }
 
 Finding check_priors(const tiller_config_t& c) {
@@ -85,6 +108,24 @@ Finding check_priors(const tiller_config_t& c) {
   return status == tiller_status_ok ? kGood : Finding{status, "effects"};
 }
 
+/// One coordinate of one component: its mean, and its row of the root.
+Finding check_coordinate(double mean, const double* row, std::uint32_t r, std::uint32_t d, const PriorLaw& bounds) {
+  constexpr tiller_status_t kBad = tiller_status_bad_prior;
+  double variance = 0.0;
+  for (std::uint32_t s = 0; s < d; ++s) {
+    const bool diagonal = s == r && row[s] > 0.0 && is_parameter(row[s]);
+    const bool good = s > r ? row[s] == 0.0 : diagonal || (s < r && std::fabs(row[s]) <= TILLER_LARGEST_PARAMETER);
+    if (!good) return {kBad, "prior_mixture.root"};
+    variance += row[s] * row[s];
+  }
+  // a mean outside of the bounds would leave little or nothing to draw from
+  if (!in(mean, bounds.low(r), bounds.high(r))) return {kBad, "prior_mixture.mean"};
+  const double most = most_of(bounds.marginal(r));
+  return draws_within(mean, std::sqrt(variance), bounds.low(r), bounds.high(r), most)
+             ? kGood
+             : Finding{kBad, "prior_mixture.mean"};
+}
+
 /// The joint prior, after the marginals whose bounds it is cut to.
 Finding check_mixture(const tiller_config_t& c) {
   if (!c.prior_mixture) return kGood;
@@ -103,18 +144,11 @@ Finding check_mixture(const tiller_config_t& c) {
   if (!m.root) return {tiller_status_null_argument, "prior_mixture.root"};
   double sum = 0.0;
   for (std::uint32_t k = 0; k < m.components; ++k) {
-    if (!not_negative(m.weight[k])) return {kBad, "prior_mixture.weight"};
+    if (!in(m.weight[k], 0.0, 2.0)) return {kBad, "prior_mixture.weight"};
     sum += m.weight[k];
     for (std::uint32_t r = 0; r < d; ++r) {
-      const double mean = m.mean[k * d + r];
-      // a mean outside of the bounds would leave little or nothing to draw from
-      if (!(std::isfinite(mean) && mean >= bounds.low(r) && mean <= bounds.high(r)))
-        return {kBad, "prior_mixture.mean"};
-      for (std::uint32_t s = 0; s < d; ++s) {
-        const double value = m.root[(k * d + r) * d + s];
-        const bool good = s > r ? value == 0.0 : s == r ? positive(value) : std::isfinite(value);
-        if (!good) return {kBad, "prior_mixture.root"};
-      }
+      const Finding finding = check_coordinate(m.mean[k * d + r], m.root + (k * d + r) * d, r, d, bounds);
+      if (finding.status != tiller_status_ok) return finding;
     }
   }
   return std::fabs(sum - 1.0) <= 1e-9 ? kGood : Finding{kBad, "prior_mixture.weight"};
@@ -128,17 +162,13 @@ Finding check_noise(const tiller_config_t& c) {
   if (!in(c.measurement_count, 1, TILLER_MAX_MEASUREMENTS)) return {tiller_status_bad_dimension, "measurement_count"};
   for (std::uint32_t i = 0; i < c.measurement_count; ++i) {
     if (c.measured_state[i] >= nx) return {tiller_status_bad_dimension, measured[i]};
-    if (!positive(c.measurement_sd[i])) return {tiller_status_bad_noise, sd[i]};
+    if (!is_scale(c.measurement_sd[i])) return {tiller_status_bad_noise, sd[i]};
   }
   for (std::uint32_t i = 0; i < nx; ++i) {
-    if (!not_negative(c.process_sd[i])) return {tiller_status_bad_noise, process[i]};
-    if (!std::isfinite(c.initial_state[i])) return {tiller_status_bad_seed, start[i]};
-    if (!not_negative(c.initial_state_sd[i])) return {tiller_status_bad_seed, start_sd[i]};
+    if (!is_scale_or_zero(c.process_sd[i])) return {tiller_status_bad_noise, process[i]};
+    if (!is_value(c.initial_state[i])) return {tiller_status_bad_seed, start[i]};
+    if (!is_scale_or_zero(c.initial_state_sd[i])) return {tiller_status_bad_seed, start_sd[i]};
   }
-  // without any process noise the filter believes its first guess for ever
-  for (std::uint32_t j = 0; j < c.model->joint_count; ++j)
-    if (!positive(c.process_sd[c.model->joints[j].velocity]))
-      return {tiller_status_bad_noise, process[c.model->joints[j].velocity]};
   return kGood;
 }
 
@@ -147,8 +177,8 @@ Finding check_posterior(const tiller_posterior_config_t& p) {
   if (!in(p.window, 16, 1024)) return {tiller_status_bad_posterior, "posterior.window"};
   if (p.moves_per_tick > p.particles || p.moves_per_tick % 8 != 0)
     return {tiller_status_bad_posterior, "posterior.moves_per_tick"};
-  if (!(p.ess_fraction > 0.0 && p.ess_fraction <= 1.0)) return {tiller_status_bad_posterior, "posterior.ess_fraction"};
-  if (!(p.noise_scale_shape > 0.0 && p.noise_scale_shape <= 1e6))
+  if (!is_share(p.ess_fraction)) return {tiller_status_bad_posterior, "posterior.ess_fraction"};
+  if (!in(p.noise_scale_shape, TILLER_SMALLEST_SHARE, 1e6))
     return {tiller_status_bad_posterior, "posterior.noise_scale_shape"};
   if (p.kind >= tiller_posterior_kind_count) return {tiller_status_bad_posterior, "posterior.kind"};
   if (p.robust > 1) return {tiller_status_bad_posterior, "posterior.robust"};
@@ -185,12 +215,12 @@ Finding check_commands(const tiller_config_t& c) {
   const tiller_safety_config_t& s = c.safety;
   constexpr tiller_status_t kBad = tiller_status_bad_limit;
   for (std::uint32_t i = 0; i < c.model->input_count; ++i) {
-    if (!std::isfinite(s.input_low[i])) return {kBad, low[i]};
-    if (!std::isfinite(s.input_high[i]) || s.input_high[i] < s.input_low[i]) return {kBad, high[i]};
-    if (!(s.input_rate_per_s[i] > 0.0)) return {kBad, rate[i]};
+    if (!is_value(s.input_low[i])) return {kBad, low[i]};
+    if (!is_value(s.input_high[i]) || s.input_high[i] < s.input_low[i]) return {kBad, high[i]};
+    if (!is_scale_or_none(s.input_rate_per_s[i])) return {kBad, rate[i]};
     if (!(s.safe_command[i] >= s.input_low[i] && s.safe_command[i] <= s.input_high[i])) return {kBad, safe[i]};
     for (std::uint32_t x = 0; x < c.model->state_count; ++x)
-      if (!std::isfinite(s.hold_gain[i * TILLER_MAX_STATES + x])) return {kBad, gain[i]};
+      if (!is_value(s.hold_gain[i * TILLER_MAX_STATES + x])) return {kBad, gain[i]};
   }
   return kGood;
 }
@@ -201,9 +231,10 @@ Finding check_sensors(const tiller_config_t& c) {
   const tiller_safety_config_t& s = c.safety;
   constexpr tiller_status_t kBad = tiller_status_bad_limit;
   for (std::uint32_t i = 0; i < c.measurement_count; ++i) {
-    if (std::isnan(s.measurement_low[i])) return {kBad, low[i]};
-    if (!(s.measurement_high[i] > s.measurement_low[i])) return {kBad, high[i]};
-    if (!(s.measurement_rate_per_s[i] > 0.0)) return {kBad, rate[i]};
+    if (!is_value_or_none(s.measurement_low[i])) return {kBad, low[i]};
+    if (!is_value_or_none(s.measurement_high[i]) || !(s.measurement_high[i] > s.measurement_low[i]))
+      return {kBad, high[i]};
+    if (!is_scale_or_none(s.measurement_rate_per_s[i])) return {kBad, rate[i]};
   }
   // a timeout below the period would call every measurement stale before the next can come
   if (!(s.sensor_timeout_s >= c.period_s && s.sensor_timeout_s <= 3600.0)) return {kBad, "safety.sensor_timeout_s"};

@@ -13,9 +13,9 @@ namespace {
 
 bool is_switch(std::uint32_t v) { return v <= 1; }
 
-bool all_finite(const double* values, std::size_t count) {
+bool all_values(const double* values, std::size_t count) {
   for (std::size_t i = 0; i < count; ++i)
-    if (!std::isfinite(values[i])) return false;
+    if (!is_value(values[i])) return false;
   return true;
 }
 
@@ -23,14 +23,14 @@ Finding check_sampling(const tiller_planner_config_t& p, std::uint32_t inputs) {
   static Names4 noise = {TILLER_FOUR("planner.noise_sd")};
   constexpr tiller_status_t kBad = tiller_status_bad_planner;
   for (std::uint32_t i = 0; i < inputs; ++i)
-    if (!positive(p.noise_sd[i])) return {kBad, noise[i]};
-  if (!(p.temperature > 0.0 && p.temperature <= 1.0)) return {kBad, "planner.temperature"};
-  if (!(p.elite_fraction > 0.0 && p.elite_fraction <= 1.0)) return {kBad, "planner.elite_fraction"};
-  if (!(p.smoothing >= 0.0 && p.smoothing < 1.0)) return {kBad, "planner.smoothing"};
+    if (!is_scale(p.noise_sd[i])) return {kBad, noise[i]};
+  if (!is_share(p.temperature)) return {kBad, "planner.temperature"};
+  if (!is_share(p.elite_fraction)) return {kBad, "planner.elite_fraction"};
+  if (!in(p.smoothing, 0.0, TILLER_LARGEST_SHARE)) return {kBad, "planner.smoothing"};
   if (p.interpolation > tiller_interpolation_cubic) return {kBad, "planner.interpolation"};
   if (!is_switch(p.adapt_covariance)) return {kBad, "planner.adapt_covariance"};
   if (!(p.noise_colour >= 0.0 && p.noise_colour <= 4.0)) return {kBad, "planner.noise_colour"};
-  if (!(p.filter > 0.0 && p.filter <= 1.0)) return {kBad, "planner.filter"};
+  if (!is_share(p.filter)) return {kBad, "planner.filter"};
   return kGood;
 }
 
@@ -41,8 +41,8 @@ Finding check_gradient(const tiller_planner_config_t& p) {
     return {kBad, "planner.qp_solver"};
   if (!in(p.qp_iterations, 1, 10000)) return {kBad, "planner.qp_iterations"};
   if (p.refine_iterations > 20) return {kBad, "planner.refine_iterations"};
-  if (!positive(p.qp_tolerance)) return {kBad, "planner.qp_tolerance"};
-  if (!not_negative(p.regularisation)) return {kBad, "planner.regularisation"};
+  if (!in(p.qp_tolerance, 1e-12, 1.0)) return {kBad, "planner.qp_tolerance"};
+  if (!in(p.regularisation, 0.0, 1e6)) return {kBad, "planner.regularisation"};
   return kGood;
 }
 
@@ -59,7 +59,7 @@ Finding check_tree(const tiller_planner_config_t& p, std::uint32_t inputs) {
   if (!in(p.nodes, 16, 65536)) return {kBad, "planner.nodes"};
   if (!in(p.hold_steps, 1, 512)) return {kBad, "planner.hold_steps"};
   if (!is_switch(p.predict_delay)) return {kBad, "planner.predict_delay"};
-  if (!not_negative(p.exploration)) return {kBad, "planner.exploration"};
+  if (!in(p.exploration, 0.0, 1e6)) return {kBad, "planner.exploration"};
   // how the settings go together is of no interest to planners that read none of them
   if (std::strcmp(find_planner(p.kind)->name, "mcts") != 0) return kGood;
   if (p.hold_steps > p.horizon) return {kBad, "planner.hold_steps"};
@@ -74,13 +74,13 @@ Finding check_weights(const tiller_config_t& c) {
   static Names12 terminal = {TILLER_TWELVE("cost.terminal_weight")};
   static Names4 input = {TILLER_FOUR("cost.input_weight")}, rate = {TILLER_FOUR("cost.input_rate_weight")};
   for (std::uint32_t i = 0; i < c.model->state_count; ++i) {
-    if (!std::isfinite(c.cost.target[i])) return {tiller_status_bad_cost, target[i]};
-    if (!not_negative(c.cost.state_weight[i])) return {tiller_status_bad_cost, state[i]};
-    if (!not_negative(c.cost.terminal_weight[i])) return {tiller_status_bad_cost, terminal[i]};
+    if (!is_value(c.cost.target[i])) return {tiller_status_bad_cost, target[i]};
+    if (!is_weight(c.cost.state_weight[i])) return {tiller_status_bad_cost, state[i]};
+    if (!is_weight(c.cost.terminal_weight[i])) return {tiller_status_bad_cost, terminal[i]};
   }
   for (std::uint32_t i = 0; i < c.model->input_count; ++i) {
-    if (!not_negative(c.cost.input_weight[i])) return {tiller_status_bad_cost, input[i]};
-    if (!not_negative(c.cost.input_rate_weight[i])) return {tiller_status_bad_cost, rate[i]};
+    if (!is_weight(c.cost.input_weight[i])) return {tiller_status_bad_cost, input[i]};
+    if (!is_weight(c.cost.input_rate_weight[i])) return {tiller_status_bad_cost, rate[i]};
   }
   if (c.cost.terminal > tiller_terminal_lqr) return {tiller_status_bad_cost, "cost.terminal"};
   return kGood;
@@ -91,12 +91,12 @@ Finding check_state_terms(const tiller_cost_config_t& c, std::uint32_t states) {
   static Names12 width = {TILLER_TWELVE("cost.saturating_width")}, low = {TILLER_TWELVE("cost.state_low")};
   static Names12 high = {TILLER_TWELVE("cost.state_high")}, weight = {TILLER_TWELVE("cost.bound_weight")};
   constexpr tiller_status_t kBad = tiller_status_bad_cost;
-  if (!not_negative(c.saturating_weight)) return {kBad, "cost.saturating_weight"};
+  if (!is_weight(c.saturating_weight)) return {kBad, "cost.saturating_weight"};
   for (std::uint32_t i = 0; i < states; ++i) {
-    if (!(c.saturating_width[i] > 0.0)) return {kBad, width[i]};  // infinity: the state has no say
-    if (std::isnan(c.state_low[i])) return {kBad, low[i]};
-    if (!(c.state_high[i] > c.state_low[i])) return {kBad, high[i]};
-    if (!not_negative(c.bound_weight[i])) return {kBad, weight[i]};
+    if (!is_scale_or_none(c.saturating_width[i])) return {kBad, width[i]};
+    if (!is_value_or_none(c.state_low[i])) return {kBad, low[i]};
+    if (!is_value_or_none(c.state_high[i]) || !(c.state_high[i] > c.state_low[i])) return {kBad, high[i]};
+    if (!is_weight(c.bound_weight[i])) return {kBad, weight[i]};
   }
   if ((c.hard_bounds >> states) != 0) return {kBad, "cost.hard_bounds"};
   return kGood;
@@ -109,8 +109,8 @@ Finding check_obstacles(const tiller_cost_config_t& c, std::uint32_t states) {
   for (std::uint32_t i = 0; i < c.obstacle_count; ++i) {
     const tiller_obstacle_t& o = c.obstacles[i];
     const bool plane = o.x_state < states && o.y_state < states && o.x_state != o.y_state;
-    const bool circle = std::isfinite(o.x_m) && std::isfinite(o.y_m) && positive(o.radius_m);
-    if (!plane || !circle || !not_negative(o.weight)) return {tiller_status_bad_cost, fields[i]};
+    const bool circle = is_value(o.x_m) && is_value(o.y_m) && is_scale(o.radius_m);
+    if (!plane || !circle || !is_weight(o.weight)) return {tiller_status_bad_cost, fields[i]};
   }
   return kGood;
 }
@@ -120,19 +120,22 @@ Finding check_obstacles(const tiller_cost_config_t& c, std::uint32_t states) {
 Finding check_rows(const tiller_cost_config_t& c, std::size_t states) {
   constexpr tiller_status_t kBad = tiller_status_bad_cost;
   if ((c.reference != nullptr) != (c.reference_steps > 0)) return {kBad, "cost.reference_steps"};
-  if (!all_finite(c.reference, c.reference_steps * states)) return {kBad, "cost.reference"};
-  if (!not_negative(c.demonstration_weight)) return {kBad, "cost.demonstration_weight"};
+  if (!all_values(c.reference, c.reference_steps * states)) return {kBad, "cost.reference"};
+  if (!is_weight(c.demonstration_weight)) return {kBad, "cost.demonstration_weight"};
   const std::size_t steps = c.demonstration_steps;
   if ((c.demonstration_mean != nullptr) != (steps > 0)) return {kBad, "cost.demonstration_mean"};
   if ((c.demonstration_root != nullptr) != (steps > 0)) return {kBad, "cost.demonstration_root"};
-  if (!all_finite(c.demonstration_mean, steps * states)) return {kBad, "cost.demonstration_mean"};
-  if (!all_finite(c.demonstration_root, steps * states * states)) return {kBad, "cost.demonstration_root"};
+  if (!all_values(c.demonstration_mean, steps * states)) return {kBad, "cost.demonstration_mean"};
+  // what the root makes of the weight is a weight too
+  const double most = std::sqrt(TILLER_LARGEST_WEIGHT / std::fmax(c.demonstration_weight, 1.0));
+  for (std::size_t i = 0; i < steps * states * states; ++i)
+    if (!(std::fabs(c.demonstration_root[i]) <= most)) return {kBad, "cost.demonstration_root"};
   if (c.demonstration_weight > 0.0 && steps == 0) return {kBad, "cost.demonstration_weight"};
   return kGood;
 }
 
 Finding check_own(const tiller_cost_config_t& c) {
-  if (!not_negative(c.own_weight)) return {tiller_status_bad_cost, "cost.own_weight"};
+  if (!is_weight(c.own_weight)) return {tiller_status_bad_cost, "cost.own_weight"};
   if (c.own == nullptr) return kGood;
   if (c.own->size != sizeof(tiller_own_cost_t)) return {tiller_status_version_mismatch, "cost.own.size"};
   if (c.own->version != TILLER_CONFIG_VERSION) return {tiller_status_version_mismatch, "cost.own.version"};
@@ -152,7 +155,7 @@ Finding check_planner(const tiller_config_t& c) {
   if (!in(p.particles, 1, 64)) return {kBad, "planner.particles"};
   if (!in(p.iterations, 1, 100)) return {kBad, "planner.iterations"};
   if (p.risk > tiller_risk_worst) return {kBad, "planner.risk"};
-  if (!(p.cvar_alpha >= 0.0 && p.cvar_alpha < 1.0)) return {kBad, "planner.cvar_alpha"};
+  if (!in(p.cvar_alpha, 0.0, TILLER_LARGEST_SHARE)) return {kBad, "planner.cvar_alpha"};
   Finding finding = check_sampling(p, c.model->input_count);
   if (finding.status == tiller_status_ok) finding = check_gradient(p);
   if (finding.status == tiller_status_ok) finding = check_tree(p, c.model->input_count);
@@ -171,10 +174,16 @@ Finding check_cost(const tiller_config_t& c) {
 
 Finding check_cost_to_go(const tiller_config_t& c) {
   if (c.cost.terminal != tiller_terminal_lqr) return kGood;
+  // times the square of the largest difference of two values, over all pairs of states: within single precision
+  constexpr double kMost = 1e16;
   StepSetup setup;
+  CostTerms<double> terms;
   tiller_status_t status = make_step_setup(c, setup);
-  if (status == tiller_status_ok) status = lay_out_cost(c, setup, select_rollout(*c.model), nullptr, nullptr);
-  return status == tiller_status_ok ? kGood : Finding{status, "cost.terminal"};
+  if (status == tiller_status_ok) status = lay_out_cost(c, setup, select_rollout(*c.model), &terms, nullptr);
+  if (status != tiller_status_ok) return {status, "cost.terminal"};
+  for (std::uint32_t i = 0; i < c.model->state_count * c.model->state_count; ++i)
+    if (!(std::fabs(terms.cost_to_go[i]) <= kMost)) return {tiller_status_bad_cost, "cost.terminal"};
+  return kGood;
 }
 
 }  // namespace tiller

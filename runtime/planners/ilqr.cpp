@@ -234,6 +234,8 @@ void iterate(Ilqr& s, const Deadline& deadline, PlanResult& result) {
   }
   if (!s.single) settle_multiple(s);
   result.cost = s.cost;
+  // the path's inputs lead beyond all numbers from the present start: whoever sent them would send what nobody weighed
+  if (!std::isfinite(s.cost)) result.status = tiller_status_plan_not_finite;
 }
 
 PlanResult plan(void* self, const PlanRequest& request, double* command) {

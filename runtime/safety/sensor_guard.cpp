@@ -94,6 +94,8 @@ tiller_status_t SensorGuard::judge_stamp(std::int64_t now_us, std::int64_t stamp
 
 tiller_status_t SensorGuard::judge_value(std::uint32_t i, double value, std::int64_t stamp_us) const {
   if (!std::isfinite(value)) return tiller_status_sensor_not_finite;
+  // whatever the robot allows: its image in single precision, a difference or a square would be of no use
+  if (std::fabs(value) > TILLER_LARGEST_VALUE) return tiller_status_sensor_out_of_range;
   if (value < limits_.low[i] || value > limits_.high[i]) return tiller_status_sensor_out_of_range;
   if (!started_ || std::isinf(limits_.rate_per_s[i])) return tiller_status_ok;
 

@@ -60,6 +60,16 @@ Joint& joint(C& c) {
   return j;
 }
 
+/// The exact engine: every state measured, the damping unknown.
+void conjugate(C& c) {
+  c.posterior.kind = tiller_posterior_conjugate;
+  c.measurement_count = 2;
+  c.measured_state[1] = 1;
+  c.measurement_sd[1] = 0.02;
+  c.priors[0] = {tiller_prior_fixed, 0, 1.2, 0, 0, 0};
+  c.priors[2] = {tiller_prior_normal, 0, 0.1, 0.05, -kInf, kInf};
+}
+
 struct Spoiled {
   const char* field;
   tiller_status_t status;
@@ -149,7 +159,11 @@ const Spoiled kSpoiled[] = {
     {"measurement_sd[0]", tiller_status_bad_noise, [](C& c) { c.measurement_sd[0] = 0.0; }},
     {"measurement_sd[0]", tiller_status_bad_noise, [](C& c) { c.measurement_sd[0] = kInf; }},
     {"process_sd[0]", tiller_status_bad_noise, [](C& c) { c.process_sd[0] = -1.0; }},
-    {"process_sd[1]", tiller_status_bad_noise, [](C& c) { c.process_sd[1] = 0.0; }},
+    {"process_sd", tiller_status_bad_posterior,  // without any noise there is no scale to infer
+     [](C& c) {
+       conjugate(c);
+       c.process_sd[0] = c.process_sd[1] = 0.0;
+     }},
     {"initial_state[1]", tiller_status_bad_seed, [](C& c) { c.initial_state[1] = kNan; }},
     {"initial_state_sd[1]", tiller_status_bad_seed, [](C& c) { c.initial_state_sd[1] = -1.0; }},
     {"posterior.particles", tiller_status_bad_posterior, [](C& c) { c.posterior.particles = 24; }},

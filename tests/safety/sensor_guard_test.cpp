@@ -55,6 +55,18 @@ TEST(SensorGuard, TakesGoodReadings) {
   EXPECT_EQ(b.guard.rejected(), 0u);
 }
 
+TEST(SensorGuard, AReadingThatNobodyCanCalculateWithIsOutOfRangeWhateverTheLimitsSay) {
+  for (const double value : {1e300, -1e300, 1.7e308, 1e39, 1.0000001 * TILLER_LARGEST_VALUE}) {
+    Bench b;  // the angle has no limits of its own
+    const SensorVerdict v = b.at(0, 0.0, value);
+    EXPECT_EQ(v.status, tiller_status_sensor_out_of_range) << value;
+    EXPECT_FALSE(v.usable);
+  }
+  Bench b;
+  EXPECT_EQ(b.at(0, 0.0, TILLER_LARGEST_VALUE).status, tiller_status_ok);
+  EXPECT_EQ(b.at(kPeriod_us, 0.0, kInf).status, tiller_status_sensor_not_finite);
+}
+
 // The caller's clock may hang while the loop goes on: five periods without news are 0.1 s whatever it says.
 TEST(SensorGuard, AClockThatStandsStillAgesByTicks) {
   Bench b;

@@ -57,21 +57,41 @@ const char* tiller_status_text(tiller_status_t status);
 /** The status's name, e.g. "sensor_stale"; "unknown" for a code that does not exist. */
 const char* tiller_status_name(tiller_status_t status);
 
+/* ---- ranges of numbers --------------------------------------------------------------------------
+ *
+ * Planners compute in single precision, whose numbers end at 3e38 and, but for denormal ones, at 1e-38; posteriors and
+ * gradients in double precision, and square more. Within the ranges below nothing loses its image in single precision,
+ * and no square or sum of squares overflows or vanishes in either: the largest weight times the square of the largest
+ * difference, 1e12 (2e9)^2, over the longest horizon and all terms of the cost, 512 x 50, is 1e35; the largest
+ * difference over the smallest width, squared, 4e36; a difference over a standard deviation, squared, likewise.
+ * tiller_config_check refuses what is outside and names the field. */
+#define TILLER_LARGEST_VALUE 1e9        /**< of states, inputs, targets, bounds, gains and whatever sensors measure */
+#define TILLER_SMALLEST_SCALE 1e-9      /**< of standard deviations, widths, radii and rates, which are not negative: */
+#define TILLER_LARGEST_SCALE 1e9        /**< where 0 is allowed too, the field says so */
+#define TILLER_SMALLEST_WEIGHT 1e-12    /**< of a cost: a weight is 0, or between this */
+#define TILLER_LARGEST_WEIGHT 1e12      /**< and this */
+#define TILLER_SMALLEST_PARAMETER 1e-12 /**< of a parameter's magnitude: it is 0, or between this */
+#define TILLER_LARGEST_PARAMETER 1e12   /**< and this: products of three stay in single precision */
+#define TILLER_SMALLEST_SHARE 1e-6      /**< of fractions that must not be 0 */
+#define TILLER_LARGEST_SHARE 0.999      /**< of fractions that must not be 1 */
+
 /* ---- configuration ------------------------------------------------------------------------------ */
 
 typedef enum tiller_prior_kind {
-  tiller_prior_fixed = 0,     /**< a = value */
-  tiller_prior_uniform = 1,   /**< on [low, high] */
+  tiller_prior_fixed = 0,     /**< a = value, a parameter */
+  tiller_prior_uniform = 1,   /**< on [low, high], both parameters */
   tiller_prior_normal = 2,    /**< mean a, standard deviation b, cut to [low, high] */
   tiller_prior_log_normal = 3 /**< median a, standard deviation b of the logarithm, cut to [low, high] */
 } tiller_prior_kind_t;
 
-/** What is believed of a parameter before the first measurement. */
+/** What is believed of a parameter before the first measurement. Every value out to eight deviations must be a
+ *  parameter's (at most TILLER_LARGEST_PARAMETER; of a log-normal prior at least TILLER_SMALLEST_PARAMETER), if need be
+ *  by the bounds. */
 typedef struct tiller_prior {
   uint32_t kind; /**< tiller_prior_kind_t */
   uint32_t reserved;
-  double a, b;      /**< see the kind */
-  double low, high; /**< hard bounds; -INFINITY, INFINITY for none */
+  double a, b;      /**< see the kind; b of a normal prior is a parameter above 0, of a log-normal one a scale */
+  double low, high; /**< hard bounds, parameters; -INFINITY, INFINITY for none */
 } tiller_prior_t;
 
 /** The effects' kinds: one for each line of effects.def, in its order. */
@@ -150,10 +170,10 @@ typedef struct tiller_posterior_config {
   uint32_t particles;       /**< N, a multiple of 16, 16..4096 */
   uint32_t window;          /**< transitions kept for moves, 16..1024 */
   uint32_t moves_per_tick;  /**< Metropolis moves per tick, a multiple of 8, 0..N */
-  double ess_fraction;      /**< resample when the effective sample size falls below this share of N */
+  double ess_fraction;      /**< resample when the effective sample size falls below this share of N, 1e-6..1 */
   double noise_scale_shape; /**< a0 of the inverse gamma over the noise variance's scale (`transition`: one scale per
                                     state; else one for all); the larger, the more the configured noise is believed;
-                                    0 < a0 <= 1e6 */
+                                    1e-6..1e6 */
   uint32_t kind;            /**< tiller_posterior_kind_t */
   uint32_t robust;          /**< transition: 1: one weight per transition, low where no particle explains it */
   uint32_t discrepancy;     /**< filter, transition: 1: constant, viscous and dry forces at every joint (the first four)
@@ -183,8 +203,9 @@ typedef struct tiller_mixture {
   uint32_t components; /**< 1..64 */
   uint32_t dimension;  /**< d: number of priors that are not fixed */
   const double* weight; /**< (components) >= 0, sum one */
-  const double* mean;   /**< (components x d) row-major */
-  const double* root;   /**< (components x d x d) lower Cholesky factors of the covariances, row-major */
+  const double* mean;   /**< (components x d) row-major; out to eight deviations as a marginal prior's values */
+  const double* root;   /**< (components x d x d) lower Cholesky factors of the covariances, row-major; their diagonals
+                             are parameters above 0 */
 } tiller_mixture_t;
 
 /** How commands are planned. Sampling planners draw `rollouts` sequences of `knots` values per input; gradient
@@ -199,26 +220,26 @@ typedef struct tiller_planner_config {
   uint32_t iterations;                /**< cap per tick, 1..100 */
   uint32_t deadline_us;               /**< per tick, from its start, by hooks.now_ns; 0: iterations alone decide */
   uint32_t risk;                      /**< tiller_risk_t */
-  double cvar_alpha;                  /**< in [0, 1): 0 is the mean, .9 the mean of the worst tenth */
-  double noise_sd[TILLER_MAX_INPUTS]; /**< of the samples, in the input's unit */
-  double temperature;                 /**< MPPI: target effective share of the rollouts, in (0, 1] */
-  double elite_fraction;              /**< CEM, in (0, 1] */
-  double smoothing;                   /**< CEM: share of the old mean and spread that is kept, in [0, 1) */
+  double cvar_alpha;                  /**< in [0, .999]: 0 is the mean, .9 the mean of the worst tenth */
+  double noise_sd[TILLER_MAX_INPUTS]; /**< of the samples, in the input's unit; scales */
+  double temperature;                 /**< MPPI: target effective share of the rollouts, 1e-6..1 */
+  double elite_fraction;              /**< CEM, 1e-6..1 */
+  double smoothing;                   /**< CEM: share of the old mean and spread that is kept, in [0, .999] */
 
   /* sampling planners */
   uint32_t interpolation;    /**< tiller_interpolation_t */
   uint32_t adapt_covariance; /**< MPPI, CEM: 1: the spread of each knot follows the weighted samples */
   double noise_colour;       /**< power of the samples' spectrum over the knots goes as f^-colour; 0 white, 2 a
                                     random walk; in [0, 4] */
-  double filter;             /**< MPPI, PDDM's beta in (0, 1]: n_t = beta noise_t + (1 - beta) n_(t-1); 1: off */
+  double filter;             /**< MPPI, PDDM's beta, 1e-6..1: n_t = beta noise_t + (1 - beta) n_(t-1); 1: off */
 
   /* gradient planners */
   uint32_t shooting;          /**< iLQR: tiller_shooting_t */
   uint32_t qp_solver;         /**< SQP: tiller_qp_solver_t */
   uint32_t qp_iterations;     /**< SQP: cap of the solver per quadratic program, 1..10000 */
   uint32_t refine_iterations; /**< hybrid: gradient iterations on the best sample, 0..20 */
-  double qp_tolerance;        /**< SQP: largest KKT residual that counts as solved, > 0 */
-  double regularisation;      /**< iLQR, SQP, hybrid: least addition to the inputs' curvature, >= 0 */
+  double qp_tolerance;        /**< SQP: largest KKT residual that counts as solved, 1e-12..1 */
+  double regularisation;      /**< iLQR, SQP, hybrid: least addition to the inputs' curvature, in [0, 1e6] */
 
   /* tree search */
   uint32_t levels;        /**< MCTS: values per input between its limits, 2..16 */
@@ -226,15 +247,15 @@ typedef struct tiller_planner_config {
   uint32_t hold_steps;    /**< MCTS: periods for which a choice holds, 1..horizon */
   uint32_t predict_delay; /**< 1: each particle is brought forward over its own input delay and the plan
                                     starts there; gradient planners always do */
-  double exploration;     /**< MCTS: weight of the confidence bound, in shares of the costs' range, >= 0 */
+  double exploration;     /**< MCTS: weight of the confidence bound, in shares of the costs' range, in [0, 1e6] */
 } tiller_planner_config_t;
 
 /** A circle to keep out of, in the plane of two states of the model. */
 typedef struct tiller_obstacle {
   uint32_t x_state, y_state; /**< indices of the states that are the plane's axes */
-  double x_m, y_m;           /**< centre */
-  double radius_m;           /**< the robot's own radius and any margin included, > 0 */
-  double weight;             /**< cost per step: weight * depth^2, depth = max(0, radius - distance); >= 0 */
+  double x_m, y_m;           /**< centre; values */
+  double radius_m;           /**< the robot's own radius and any margin included; a scale */
+  double weight;             /**< cost per step: weight * depth^2, depth = max(0, radius - distance) */
 } tiller_obstacle_t;
 #define TILLER_MAX_OBSTACLES 8
 
@@ -268,20 +289,20 @@ typedef struct tiller_own_cost {
  *  and at the end of the horizon Qf in the place of Q, without the inputs. Where a reference is given, its row takes
  *  the place of t. */
 typedef struct tiller_cost_config {
-  double target[TILLER_MAX_STATES];            /**< t */
-  double state_weight[TILLER_MAX_STATES];      /**< Q >= 0 */
-  double terminal_weight[TILLER_MAX_STATES];   /**< Qf >= 0 */
-  double input_weight[TILLER_MAX_INPUTS];      /**< R >= 0 */
-  double input_rate_weight[TILLER_MAX_INPUTS]; /**< S >= 0 */
+  double target[TILLER_MAX_STATES];            /**< t, values */
+  double state_weight[TILLER_MAX_STATES];      /**< Q, weights */
+  double terminal_weight[TILLER_MAX_STATES];   /**< Qf, weights */
+  double input_weight[TILLER_MAX_INPUTS];      /**< R, weights */
+  double input_rate_weight[TILLER_MAX_INPUTS]; /**< S, weights */
 
   uint32_t terminal;                          /**< tiller_terminal_t */
   uint32_t obstacle_count;                    /**< 0..TILLER_MAX_OBSTACLES */
-  double saturating_weight;                   /**< w_s >= 0 */
-  double saturating_width[TILLER_MAX_STATES]; /**< > 0; INFINITY: the state has no say */
+  double saturating_weight;                   /**< w_s, a weight */
+  double saturating_width[TILLER_MAX_STATES]; /**< scales; INFINITY: the state has no say */
 
-  double state_low[TILLER_MAX_STATES]; /**< bounds of the unwrapped state; -INFINITY, INFINITY for none */
+  double state_low[TILLER_MAX_STATES]; /**< bounds of the unwrapped state, values; -INFINITY, INFINITY for none */
   double state_high[TILLER_MAX_STATES];
-  double bound_weight[TILLER_MAX_STATES]; /**< b >= 0 */
+  double bound_weight[TILLER_MAX_STATES]; /**< b, weights */
   uint32_t hard_bounds; /**< bit i: `sqp` keeps the bounds of state i as constraints (softened by an exact
                                     penalty only where they cannot be kept); other planners know b alone */
   uint32_t reserved;
@@ -289,30 +310,31 @@ typedef struct tiller_cost_config {
 
   /* A trajectory to track: row k is the target k periods after the task began; the last row holds. The arrays are
    * the caller's and outlive the controller, as the model's table does. */
-  const double* reference; /**< (reference_steps x nx), row-major; null: `target` */
+  const double* reference; /**< (reference_steps x nx), row-major, values; null: `target` */
   /* A demonstrated distribution: a Gaussian per period. Cost per step w_d / 2 |W_k (x - mean_k)|^2, W_k' W_k the
    * inverse covariance: what a trajectory adds to the KL divergence from the demonstration (Englert et al. 2013). */
-  const double* demonstration_mean; /**< (demonstration_steps x nx) */
-  const double* demonstration_root; /**< W: (demonstration_steps x nx x nx), row-major */
+  const double* demonstration_mean; /**< (demonstration_steps x nx), values */
+  const double* demonstration_root; /**< W: (demonstration_steps x nx x nx), row-major; w_d W^2 at most as any weight */
   uint32_t reference_steps;
   uint32_t demonstration_steps;
-  double demonstration_weight; /**< w_d >= 0 */
+  double demonstration_weight; /**< w_d, a weight */
 
   const tiller_own_cost_t* own; /**< null: the cost template that the model's kernels were compiled with, if any */
-  double own_weight;            /**< >= 0 */
+  double own_weight;            /**< a weight */
 } tiller_cost_config_t;
 
 /** Limits and the answers to faults. */
 typedef struct tiller_safety_config {
-  double input_low[TILLER_MAX_INPUTS]; /**< command limits, finite */
+  double input_low[TILLER_MAX_INPUTS]; /**< command limits, values */
   double input_high[TILLER_MAX_INPUTS];
-  double input_rate_per_s[TILLER_MAX_INPUTS];              /**< largest change of the command; INFINITY for none */
+  double input_rate_per_s[TILLER_MAX_INPUTS];              /**< largest change of the command, scales; INFINITY: none */
   double safe_command[TILLER_MAX_INPUTS];                  /**< sent in SAFE and before ACTIVE; usually zero */
-  double hold_gain[TILLER_MAX_INPUTS * TILLER_MAX_STATES]; /**< HOLD: u = safe - K (x - target); row-major,
+  double hold_gain[TILLER_MAX_INPUTS * TILLER_MAX_STATES]; /**< HOLD: u = safe - K (x - target), values; row-major,
                                                    row stride TILLER_MAX_STATES */
-  double measurement_low[TILLER_MAX_MEASUREMENTS];         /**< outside: sensor_out_of_range; +-INFINITY for none */
+  double measurement_low[TILLER_MAX_MEASUREMENTS];         /**< outside: sensor_out_of_range; values, or +-INFINITY for
+                                                   none. Beyond TILLER_LARGEST_VALUE a reading is out of range always */
   double measurement_high[TILLER_MAX_MEASUREMENTS];
-  double measurement_rate_per_s[TILLER_MAX_MEASUREMENTS]; /**< faster: sensor_jump; INFINITY for none */
+  double measurement_rate_per_s[TILLER_MAX_MEASUREMENTS]; /**< faster: sensor_jump; scales, INFINITY for none */
   double sensor_timeout_s;                                /**< older than this: SAFE */
   uint32_t frozen_ticks;       /**< identical readings in a row under a moving plan: SAFE; 0: off */
   uint32_t bad_ticks_to_safe;  /**< consecutive rejected measurements: SAFE */
@@ -330,7 +352,7 @@ typedef struct tiller_config {
   double period_s;     /**< of the control tick, 1e-4..1 */
   uint32_t substeps;   /**< integrator steps per period, 1..64 */
   uint32_t integrator; /**< tiller_integrator_t */
-  tiller_body_t body;
+  tiller_body_t body;  /**< gravity in [-100, 100] m/s^2; payload_kg and payload_kgm2 in [0, 1e6] */
 
   uint32_t effect_count;
   uint32_t param_count; /**< model parameters + effect parameters */
@@ -340,11 +362,12 @@ typedef struct tiller_config {
   uint32_t measurement_count;                     /**< ny */
   uint32_t record_ticks;                          /**< ticks kept in the block, 0..65536 */
   uint8_t measured_state[16];                     /**< (ny) index of the state that each measurement reads */
-  double measurement_sd[TILLER_MAX_MEASUREMENTS]; /**< of the sensor, quantisation included */
+  double measurement_sd[TILLER_MAX_MEASUREMENTS]; /**< of the sensor, quantisation included; scales */
   double process_sd[TILLER_MAX_STATES];           /**< random change of the state that the model does not explain,
-                                              per square root of a second; same unit as the state */
-  double initial_state[TILLER_MAX_STATES];        /**< expected at the first measurement */
-  double initial_state_sd[TILLER_MAX_STATES];     /**< and how sure that is */
+                                              per square root of a second; same unit as the state. Scales, or 0: the
+                                              model explains the state exactly (`conjugate` needs one above 0) */
+  double initial_state[TILLER_MAX_STATES];        /**< expected at the first measurement; values */
+  double initial_state_sd[TILLER_MAX_STATES];     /**< and how sure that is; scales, or 0 */
 
   tiller_posterior_config_t posterior;
   const tiller_mixture_t* prior_mixture; /**< joint prior in the place of the marginals; null: none */
@@ -435,7 +458,7 @@ typedef struct tiller_info {
   int32_t status;              /**< tiller_status_t of the last tick */
   int32_t first_fault;         /**< tiller_status_t that led to SAFE or HOLD; ok if none */
   uint32_t planner_iterations; /**< completed in the last tick */
-  double plan_cost;            /**< of the chosen plan, under the configured risk */
+  double plan_cost;            /**< of the chosen plan, under the configured risk; INFINITY: this tick made none */
   double effective_samples;    /**< of the posterior, 1..N */
   double likelihood_exponent;  /**< 1 once all data are taken in at full weight */
   double noise_scale;          /**< estimated noise over configured noise, standard deviations */
