@@ -23,6 +23,7 @@ enum class Timeout {
   kNow,
   kSensor,     ///< sensor_timeout_s
   kBadTicks,   ///< bad_ticks_to_safe periods
+  kUntaken,    ///< twice as many: every other one begins the filters anew
   kFrozen,     ///< two windows of frozen_ticks
   kHold,       ///< hold_ticks_to_safe periods
   kLatePlans,  ///< half a horizon of plans moved on, then HOLD

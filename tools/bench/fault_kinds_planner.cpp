@@ -112,6 +112,40 @@ void hung(std::vector<Fault>& list) {
   }
 }
 
+/// The robot's model as a user may write one, in C and with an edge to its domain: no step is finite beyond it.
+thread_local double domain_left = 1.0;
+
+template <int kRobot>
+void edged_dynamics(const double* x, const double* u, const double* f, const tiller_body_t* body, const double* p,
+                    double* dxdt) {
+  static const tiller_model_t& whole = *tiller_find_model(kRobot == 0 ? "pendulum" : "cart_pole");
+  whole.dynamics(x, u, f, body, p, dxdt);
+  dxdt[whole.state_count - 1] += 0.0 * std::sqrt(domain_left);
+}
+
+template <int kRobot>
+const tiller_model_t& edged_model() {
+  static const tiller_model_t model = [] {
+    tiller_model_t m = *tiller_find_model(kRobot == 0 ? "pendulum" : "cart_pole");
+    m.dynamics = edged_dynamics<kRobot>;
+    m.jacobian = nullptr;
+    m.kernels = nullptr;
+    return m;
+  }();
+  return model;
+}
+
+void no_step(std::vector<Fault>& list) {
+  list.push_back({"model_without_a_step", "beliefs", "no hypothesis has a finite step: a model in C beyond sqrt's domain",
+                  Road::kMemory, End::kStops, Timeout::kUntaken,
+                  "`posterior_degenerate`: nothing is planned from the estimate; SAFE"});
+  list.back().prepare = [](Setup& s) {
+    domain_left = 1.0;
+    s.config.model = s.robot == Robot::kPendulum ? &edged_model<0>() : &edged_model<1>();
+  };
+  list.back().step = [](World&) { domain_left = -1.0; };
+}
+
 void beliefs(std::vector<Fault>& list) {
   const char* group = "beliefs";
   list.push_back({"posterior_collapsed", group, "priors that exclude the truth", Road::kMemory, End::kBounded,
@@ -127,10 +161,14 @@ void beliefs(std::vector<Fault>& list) {
     return true;
   };
   list.back().genuine_sd = 310.0;
-  list.push_back({"filters_begin_anew", group, "a gap of six periods that the sensors' timeout allows", Road::kMemory,
-                  End::kBounded, Timeout::kSensor, "the filters begin anew, the parameters stay"});
+  list.push_back({"gap_is_predicted", group, "a gap of six periods that the sensors' timeout allows", Road::kMemory,
+                  End::kBounded, Timeout::kSensor, "the estimate is predicted through it, period by period"});
   list.back().prepare = [](Setup& s) { s.config.safety.sensor_timeout_s = 0.2; };
   list.back().measure = [](World& w, tiller_measurement_t&) { return w.ticks >= 6; };
+  list.push_back({"filters_begin_anew", group, "a gap of twenty periods that the sensors' timeout allows", Road::kMemory,
+                  End::kBounded, Timeout::kSensor, "the filters begin anew, the parameters stay"});
+  list.back().prepare = [](Setup& s) { s.config.safety.sensor_timeout_s = 0.5; };
+  list.back().measure = [](World& w, tiller_measurement_t&) { return w.ticks >= 20; };
   list.back().noticed = [](const World&, const tiller_info_t& i) { return i.posterior_failures > 0; };
   list.push_back({"model_wrong", group, "gravity in the plant is half as strong again", Road::kMemory, End::kBounded,
                   Timeout::kSensor, "`model_inadequate`: a status, no stop"});
@@ -152,6 +190,7 @@ std::vector<Fault> planner_faults() {
   failing(list);
   late(list);
   hung(list);
+  no_step(list);
   beliefs(list);
   return list;
 }

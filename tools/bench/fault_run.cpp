@@ -240,6 +240,7 @@ std::int64_t timeout_us(Timeout timeout, const Setup& setup) {
     case Timeout::kNow: return 0;
     case Timeout::kSensor: return us(c.safety.sensor_timeout_s);
     case Timeout::kBadTicks: return us(c.safety.bad_ticks_to_safe * c.period_s);
+    case Timeout::kUntaken: return us(2.0 * c.safety.bad_ticks_to_safe * c.period_s);
     case Timeout::kFrozen: return us(2.0 * c.safety.frozen_ticks * c.period_s);
     case Timeout::kHold: return us(c.safety.hold_ticks_to_safe * c.period_s);
     case Timeout::kLatePlans: return us((c.planner.horizon / 2 + c.safety.hold_ticks_to_safe) * c.period_s);
@@ -254,6 +255,7 @@ const char* name_of(Timeout timeout) {
   static const char* const kNames[] = {"at once",
                                        "sensor_timeout_s",
                                        "bad_ticks_to_safe",
+                                       "2 x bad_ticks_to_safe",
                                        "2 x frozen_ticks",
                                        "hold_ticks_to_safe",
                                        "horizon / 2 + hold_ticks_to_safe",
