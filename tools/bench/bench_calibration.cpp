@@ -166,9 +166,10 @@ int main(int argc, char** argv) {
     if (!asked(options.rows, row.name) || !asked(options.engine, engine_name(row.engine)) ||
         !asked(options.plant, plant_name(row)) || done.count(title(row)))
       continue;
-    std::vector<CalibrationScore> scores(static_cast<std::size_t>(options.runs));
+    const int runs = std::min(options.runs, row.most_runs);
+    std::vector<CalibrationScore> scores(static_cast<std::size_t>(runs));
     const int references = options.references >= 0 ? std::min(options.references, row.references) : row.references;
-    spread(title(row), options.runs, options.threads, [&](int i) {
+    spread(title(row), runs, options.threads, [&](int i) {
       scores[static_cast<std::size_t>(i)] =
           run_calibration(row, options.seed + static_cast<std::uint64_t>(i), i < references);
     });

@@ -61,12 +61,12 @@ void step(const PlantPhysics& p, double* x, double input, double h) {
   }
 }
 
-/// Level of the random excitation.
-class RandomInput {
+class Input {
  public:
-  RandomInput(const PlantRun& run, std::mt19937_64& random) : run_(run), random_(random) {}
+  Input(const PlantRun& run, std::mt19937_64& random) : run_(run), random_(random) {}
   double next(int tick, const double* x) {
-    if (run_.excitation == Excitation::none) return 0.0;
+    if (run_.excitation == Excitation::none || tick < run_.rest_ticks) return 0.0;
+    if (run_.excitation == Excitation::task) return task(tick, x);
     constexpr int kHold = 8;
     if (tick % kHold == 0) level_ = std::uniform_real_distribution<double>(-1.0, 1.0)(random_);
     if (run_.physics.mechanism == Mechanism::pendulum) return std::clamp(3.0 * level_, -1.5, 1.5);
@@ -74,6 +74,19 @@ class RandomInput {
   }
 
  private:
+  double task(int tick, const double* x) const {
+    if (run_.physics.mechanism == Mechanism::cart_pole) {
+      const double wanted = 0.3 * std::sin(2.0 * run_.period_s * tick);
+      return std::clamp(40.0 * (wanted - x[0]) - 8.0 * x[2], -12.0, 12.0);
+    }
+    // energy towards that of standing upright, then a spring about it (Astrom and Furuta, Automatica 36, 2000)
+    const double mass = run_.physics.param[0], length = run_.physics.param[1], torque = mass * kGravity * length;
+    const double off = std::remainder(x[0] - 3.14159265358979323846, 6.283185307179586);
+    if (std::fabs(off) < 0.4) return std::clamp(-2.5 * torque * off - 0.5 * torque * x[1], -1.5, 1.5);
+    const double lacking = torque * (1.0 + std::cos(x[0])) - 0.5 * mass * length * length * x[1] * x[1];
+    return std::clamp(std::copysign(1.0, x[1]) * 2.0 * lacking, -1.0, 1.0);
+  }
+
   const PlantRun& run_;
   std::mt19937_64& random_;
   double level_ = 0.0;
@@ -132,7 +145,7 @@ PlantRecord record_plant(const PlantRun& run, std::uint64_t seed) {
   std::copy(x, x + n, record.tick[0].state);
   read(run, 0, random, record.tick[0]);
 
-  RandomInput inputs(run, random);
+  Input inputs(run, random);
   const int steps = static_cast<int>(std::lround(run.period_s / kStep_s));
   const double h = run.period_s / steps;
   std::vector<double> command(record.tick.size());
@@ -145,7 +158,7 @@ PlantRecord record_plant(const PlantRun& run, std::uint64_t seed) {
       const double ago = k - 1 + (s + 0.5) / steps - run.delay_periods;
       const double acting = ago < 0.0 ? 0.0 : command[static_cast<std::size_t>(ago) + 1];
       step(physics, x, acting, h);
-      for (int j = 0; j < joints; ++j)
+      for (int j = 0; j < joints && !(run.quiet_rest && k <= run.rest_ticks); ++j)
         if (run.physics.process_sd[j] > 0.0) x[joints + j] += run.physics.process_sd[j] * std::sqrt(h) * normal(random);
     }
     std::copy(x, x + n, t.state);

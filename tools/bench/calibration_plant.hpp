@@ -35,6 +35,7 @@ void accelerations(const PlantPhysics& physics, const double* state, double inpu
 enum class Excitation {
   random,  ///< random levels held for some ticks, with a feedback that keeps the cart on its rail
   none,    ///< no input: whatever the plant does from its start
+  task,    ///< a controller's, which knows the plant: the pendulum swings up and stands, the cart follows a sine
 };
 
 /// One kind of run.
@@ -53,6 +54,8 @@ struct PlantRun {
   double nan_share = 0.0;      ///< of the readings, missing one by one
   double missing_share = 0.0;  ///< of the ticks without any measurement
   int gap_begin = 0, gap_ticks = 0;
+  int rest_ticks = 0;       ///< without a command, before the excitation begins
+  bool quiet_rest = false;  ///< and without process noise
 
   double delay_periods = 0.0;                ///< from a command to its effect
   int change_param = -1;                     ///< parameter that changes

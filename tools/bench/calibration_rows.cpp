@@ -118,6 +118,7 @@ void well_specified(Rows& rows) {
     r.run.gap_begin = 200;
     r.run.gap_ticks = 10;
   });
+  rows.add("a task's excitation", kPlain, [](CalibrationRow& r) { r.run.excitation = Excitation::task; });
   if (!rows.filter()) return;
   rows.add("coarse encoder", kPlain, [](CalibrationRow& r) {
     // 2,048 and 1,024 counts a turn; half a millimetre on the rail
@@ -155,6 +156,23 @@ void hard_shapes(Rows& rows) {
       r.run.start[0] = r.problem.start[0] = 1.0;
       r.goal.offset = 0.15;
     });
+}
+
+void rests(Rows& rows) {
+  for (const int ticks : {10000, 100000})
+    for (const bool quiet : {false, true}) {
+      char name[80];
+      std::snprintf(name, sizeof name, "%d ticks at rest %s process noise, then 400 in motion", ticks,
+                    quiet ? "without" : "with");
+      rows.add(name, kAtLeast, [&](CalibrationRow& r) {
+        r.run.rest_ticks = ticks;
+        r.run.quiet_rest = quiet;
+        r.run.ticks = ticks + 400;
+        for (double& sd : r.run.start_sd) sd = 0.0;
+        r.references = 0;
+        if (ticks > 10000) r.most_runs = 30;
+      });
+    }
 }
 
 void lacking_physics(Rows& rows) {
@@ -236,6 +254,7 @@ std::vector<CalibrationRow> calibration_rows() {
       well_specified(rows);
       misstated_noise(rows);
       hard_shapes(rows);
+      rests(rows);
       lacking_physics(rows);
     }
   return all;

@@ -25,6 +25,7 @@ struct CalibrationRow {
   Engine engine = Engine::filter;
   PlantRun run;  ///< parameters that are inferred are drawn from `problem.prior`
   ReferenceProblem problem;
+  int most_runs = 1 << 30;  ///< of a row that takes long
   int references = 100;  ///< runs that are compared with a reference; 0: the reference does not know this plant
   std::function<void(tiller_config_t&)> configure;  ///< what the estimator is told beyond the defaults; may be empty
   CalibrationGoal goal;
