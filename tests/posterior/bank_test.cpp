@@ -28,22 +28,26 @@ struct Bank : rig::Instance {
       : Instance(c, hooks, rig::transition_table()) {}
 };
 
-/// Gain, as a function of the tick, and inputs that come `delay` periods late.
+/// Gain, as a function of the tick, and inputs that come `delay` periods late: a period of two explicit steps where a
+/// command changes within it.
 template <class Gain>
 TransitionLog simulate(const tiller_config_t& c, const Gain& gain, double damping, int steps, unsigned seed,
-                       int delay) {
+                       double delay) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> n;
   TransitionLog log{{0.1 * n(random), 0.1 * n(random)}, {}};
   double position = log.first[0], velocity = log.first[1];
-  std::vector<double> input(static_cast<std::size_t>(delay), 0.0);
+  const auto whole = static_cast<std::size_t>(delay);
+  const double first_s = (delay - static_cast<double>(whole)) * c.period_s, rest_s = c.period_s - first_s;
+  std::vector<double> input(whole + 1, 0.0);
   const double root_dt = std::sqrt(c.period_s);
   for (int k = 0; k < steps; ++k) {
     input.push_back(k % 5 == 0 ? n(random) : input.back());
-    const double u = input[input.size() - 1 - static_cast<std::size_t>(delay)];
-    const double next = position + c.period_s * velocity + root_dt * c.process_sd[0] * 0.1 * n(random);
-    velocity += c.period_s * (gain(k) * u - damping * velocity) + root_dt * c.process_sd[1] * 0.1 * n(random);
-    position = next;
+    const double newer = input[input.size() - 1 - whole], older = input[input.size() - 2 - whole];
+    position += first_s * velocity;
+    velocity += first_s * (gain(k) * older - damping * velocity);
+    position += rest_s * velocity + root_dt * c.process_sd[0] * 0.1 * n(random);
+    velocity += rest_s * (gain(k) * newer - damping * velocity) + root_dt * c.process_sd[1] * 0.1 * n(random);
     tiller::Transition t;
     t.period_s = c.period_s;
     t.input[0] = input.back();
@@ -114,8 +118,9 @@ tiller_config_t pendulum() {
   c.priors[0] = rig::uniform(0.25, 0.75);
   c.priors[1] = rig::uniform(0.3, 0.7);
   c.priors[2] = rig::uniform(0.0, 0.1);
-  c.measurement_sd[0] = 4e-5;
-  c.measurement_sd[1] = 4e-4;
+  // above what the random torque does to the angle within a step: the engine takes the states' residuals for independent
+  c.measurement_sd[0] = 4e-4;
+  c.measurement_sd[1] = 2e-3;
   c.process_sd[0] = 0.0;
   c.process_sd[1] = 0.05;
   c.safety.input_low[0] = -1.5;
@@ -221,6 +226,53 @@ TEST(Bank, CoversADelayBetweenWholePeriods) {
   }
 }
 
+TEST(Bank, DelaysAreWholePeriodsWhereAFractionHasNoPlace) {
+  auto c = pendulum();
+  EXPECT_EQ(KernelBank(c)->size(), 2 * c.posterior.particles);
+  auto frozen = c;
+  frozen.posterior.enabled = 0;
+  EXPECT_EQ(KernelBank(frozen)->size(), 3 * c.posterior.particles);
+  auto own = c;
+  own.effects[own.effect_count++] = {tiller_effect_input_delay, 0};
+  own.priors[own.param_count++] = rig::uniform(0.0, 0.02);
+  EXPECT_EQ(KernelBank(own)->size(), 3 * c.posterior.particles);
+  // the last effect is the fraction's, unless the discrepancy's three need the room
+  auto full = c;
+  while (full.effect_count + 1 < TILLER_MAX_EFFECTS) {
+    full.effects[full.effect_count++] = {tiller_effect_constant_offset, 0};
+    full.priors[full.param_count++] = rig::fixed(0.0);
+  }
+  EXPECT_EQ(KernelBank(full)->size(), 2 * c.posterior.particles);
+  full.posterior.discrepancy = 1;
+  EXPECT_EQ(KernelBank(full)->size(), 3 * c.posterior.particles);
+}
+
+TEST(Bank, KeepsAJointPriorBesideTheFraction) {
+  auto c = small();
+  c.posterior.delay_hypotheses = 3;
+  const double weight[] = {1.0}, mean[] = {0.9, 0.3}, root[] = {0.05, 0.0, 0.03, 0.02};
+  tiller_mixture_t mixture{};
+  mixture.size = sizeof mixture;
+  mixture.version = TILLER_CONFIG_VERSION;
+  mixture.components = 1;
+  mixture.dimension = 2;
+  mixture.weight = weight;
+  mixture.mean = mean;
+  mixture.root = root;
+  c.prior_mixture = &mixture;
+  Bank p(c);
+  ASSERT_TRUE(p.fits());
+  double found[2], sd[2], covariance[4];
+  p->moments(found, sd, nullptr, nullptr);
+  p->covariance(covariance);
+  for (int i = 0; i < 2; ++i) EXPECT_NEAR(found[i], mean[i], 0.01);
+  EXPECT_NEAR(sd[0], 0.05, 0.005);
+  EXPECT_NEAR(covariance[1], 0.05 * 0.03, 0.0005);
+  take(*p, simulate(c, constant, 0.3, 200, 950, 0.6));
+  p->draw(1, 0, nullptr, nullptr, nullptr, nullptr);
+  EXPECT_NEAR(p->drawn_delay(0), 0.6, 0.1);
+}
+
 /// Ticks after the change from which on the gain stays within a tenth of its jump for 40 ticks.
 int recovery(const tiller_config_t& c, unsigned seed) {
   constexpr int change = 300, watched = 140, stays = 40;
@@ -252,6 +304,22 @@ tiller_config_t forgetting() {
   c.posterior.forgetting[1] = 0.97;
   c.posterior.forgetting[2] = 0.9;
   return c;
+}
+
+/// What the faster clouds were fed before the leading delay changed is no history for what they are fed now.
+TEST(Bank, RatesFollowTheDelayThatLeads) {
+  auto c = forgetting();
+  c.posterior.delay_hypotheses = 4;
+  for (const double delay : {0.4, 2.4}) {
+    Bank p(c);
+    take(*p, simulate(
+                 c, [](int k) { return k < 150 ? 0.7 : 1.4; }, 0.3, 250, 960, delay));
+    double mean[2];
+    p->moments(mean, nullptr, nullptr, nullptr);
+    p->draw(1, 0, nullptr, nullptr, nullptr, nullptr);
+    EXPECT_NEAR(mean[0], 1.4, 0.1) << delay;
+    EXPECT_NEAR(p->drawn_delay(0), delay, 0.15) << delay;
+  }
 }
 
 TEST(Bank, RecoversFromAGainThatDoubles) {
