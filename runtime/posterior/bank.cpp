@@ -60,6 +60,7 @@ BankPosterior* BankPosterior::lay_out(Arena& arena, const tiller_config_t& confi
   p->nu_ = config.model->input_count;
   p->np_ = config.param_count;
   p->rows_ = rows;
+  p->has_history_ = member_setup.delay_steps > 0;
   p->ns_ = setup.effect_state_count;
   p->ny_ = config.measurement_count;
   std::memcpy(p->engine_, engine, sizeof engine);
@@ -123,7 +124,7 @@ tiller_status_t BankPosterior::update(const Transition& transition) {
   log_predictive_ = log_predictive[leader_];
   const std::uint32_t led = best_delay_;
   weigh_delays(log_predictive);
-  if (best_delay_ != led) renew_histories(transition);
+  if (best_delay_ != led) follow_delay(transition);
   weigh_rates(log_predictive);
   leave_what_has_changed();
   set_member_weights();
@@ -144,11 +145,15 @@ void BankPosterior::remember_input(const double* input) {
   std::memcpy(input_[0], input, sizeof(double) * nu_);
 }
 
-/// The rates' clouds are fed another delay's inputs from now on: the newest of those is the history of the next
-/// transition. That one does not count, since the engine's state has gone on by the period that was skipped.
-void BankPosterior::renew_histories(const Transition& transition) {
-  if (!hypotheses_.fractional) return;
-  for (std::uint32_t k = delays_; k < members_; ++k) (void)engine_[k]->skip(late_for(k, transition));
+/// The rates' clouds are fed another delay's inputs from now on. What they know, the noise included, was learnt
+/// with those of the last one. The newest of the inputs is the history of the next transition; that one does not
+/// count, since the engine's state has gone on by the period that was skipped.
+void BankPosterior::follow_delay(const Transition& transition) {
+  for (std::uint32_t k = delays_; k < members_; ++k) {
+    engine_[k]->reset();
+    (void)engine_[k]->start(last_);
+    if (has_history_) (void)engine_[k]->skip(late_for(k, transition));
+  }
 }
 
 /// The delays' clouds share the first rate, and so its fate; what they have found out about the delay stays.

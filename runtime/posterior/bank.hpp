@@ -72,7 +72,7 @@ class BankPosterior final : public Posterior {
   std::uint32_t member_of_rate(std::uint32_t rate) const { return rate == 0 ? best_delay_ : delays_ + rate - 1; }
   void restart_rate(std::uint32_t rate);
   void remember_input(const double* input);
-  void renew_histories(const Transition& transition);
+  void follow_delay(const Transition& transition);
 
   // bank_evidence.cpp
   void forget_evidence();
@@ -81,6 +81,7 @@ class BankPosterior final : public Posterior {
   bool on_trial(std::uint32_t rate) const;
   void leave_what_has_changed();
   void begin_anew(std::uint32_t rate);
+  void put_on_trial(std::uint32_t rate);
   void set_member_weights();
   const Posterior& leader() const { return *engine_[leader_]; }
 
@@ -96,7 +97,8 @@ class BankPosterior final : public Posterior {
   DelayHypotheses hypotheses_;
   std::uint32_t delays_ = 1, rates_ = 1, members_ = 1;
   std::uint32_t n_ = 0, nx_ = 0, nu_ = 0, np_ = 0, ns_ = 0, ny_ = 0;
-  std::uint32_t rows_ = 0;  // parameters of a member: np, then its fraction
+  std::uint32_t rows_ = 0;    // parameters of a member: np, then its fraction
+  bool has_history_ = false;  // members read inputs older than the one they are fed
   Posterior* engine_[kMaxMembers] = {};
 
   // scratch
