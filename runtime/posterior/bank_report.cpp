@@ -8,6 +8,13 @@
 
 namespace tiller {
 
+namespace {
+
+/// Weight of a member whose particles are not worth a look for the share of them that lies in one half of a period.
+constexpr double kNegligible = 1e-9;
+
+}  // namespace
+
 void BankPosterior::moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const {
   if (param_mean || param_sd) {
     double mean[TILLER_MAX_PARAMS] = {}, square[TILLER_MAX_PARAMS] = {}, m[TILLER_MAX_PARAMS], s[TILLER_MAX_PARAMS];
@@ -100,7 +107,7 @@ void BankPosterior::report(PosteriorReport& report) const {
 
 /// Share of a member's particles that are nearer to the next whole period than to the one before.
 double BankPosterior::late_share(std::uint32_t member) const {
-  if (!hypotheses_.fractional || !(weight_[member] > 0.0)) return 0.0;
+  if (!hypotheses_.fractional || !(weight_[member] > kNegligible)) return 0.0;
   double params[TILLER_MAX_PARAMS], weight, late = 0.0;
   for (std::uint32_t i = 0; i < n_; ++i) {
     engine_[member]->particle(i, params, nullptr, &weight);
