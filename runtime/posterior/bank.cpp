@@ -27,25 +27,31 @@ bool BankPosterior::wanted(const tiller_config_t& config) {
 
 BankPosterior* BankPosterior::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
                                       const RolloutTable& table, const tiller_hooks_t* hooks) {
-  const std::uint32_t delays = at_least_one(config.posterior.delay_hypotheses);
+  const DelayHypotheses hypotheses = DelayHypotheses::of(config, setup);
+  const std::uint32_t delays = hypotheses.members, rows = hypotheses.param_count(config);
   const std::uint32_t rates = at_least_one(config.posterior.forgetting_count), members = delays + rates - 1;
   const std::uint32_t n = config.posterior.particles, nx = config.model->state_count;
   auto* p = arena.take<BankPosterior>(1);
   auto* configs = arena.take<tiller_config_t>(members);
+  const tiller_mixture_t* mixture = hypotheses.fractional ? lay_out_delayed_mixture(arena, config) : nullptr;
+  const StepSetup member_setup = hypotheses.member_setup(config, setup);
   Posterior* engine[kMaxMembers] = {};
   for (std::uint32_t i = 0; i < members; ++i) {
-    const tiller_config_t one = member_config(config, i, i < delays ? 0 : i - delays + 1);
+    tiller_config_t one = member_config(config, i, i < delays ? 0 : i - delays + 1);
+    hypotheses.add_fraction(one, mixture);
     if (configs) configs[i] = one;
-    engine[i] = Posterior::lay_out(arena, configs ? configs[i] : one, setup, table, hooks);
+    engine[i] = Posterior::lay_out(arena, configs ? configs[i] : one, member_setup, table, hooks);
   }
   auto* value = arena.take<double>(std::size_t{members} * n);
   auto* share = arena.take<double>(std::size_t{members} * n);
   auto* order = arena.take<std::uint32_t>(std::size_t{members} * n);
-  auto* drawn = arena.take<float>(std::size_t{config.param_count + nx + setup.effect_state_count} * kColumns);
+  auto* drawn = arena.take<float>(std::size_t{rows + nx + setup.effect_state_count} * kColumns);
   auto* owner = arena.take<std::uint32_t>(kColumns);
+  auto* drawn_delay = arena.take<double>(kColumns);
   if (arena.measuring() || !arena.fits()) return nullptr;
 
   p->config_ = &config;
+  p->hypotheses_ = hypotheses;
   p->delays_ = delays;
   p->rates_ = rates;
   p->members_ = members;
@@ -53,6 +59,8 @@ BankPosterior* BankPosterior::lay_out(Arena& arena, const tiller_config_t& confi
   p->nx_ = nx;
   p->nu_ = config.model->input_count;
   p->np_ = config.param_count;
+  p->rows_ = rows;
+  p->has_history_ = member_setup.delay_steps > 0;
   p->ns_ = setup.effect_state_count;
   p->ny_ = config.measurement_count;
   std::memcpy(p->engine_, engine, sizeof engine);
@@ -61,6 +69,7 @@ BankPosterior* BankPosterior::lay_out(Arena& arena, const tiller_config_t& confi
   p->order_ = order;
   p->drawn_ = drawn;
   p->owner_ = owner;
+  p->drawn_delay_ = drawn_delay;
   p->reset();
   return p;
 }
@@ -113,14 +122,17 @@ tiller_status_t BankPosterior::update(const Transition& transition) {
   }
   std::memcpy(last_, transition.measured, sizeof(double) * ny_);
   log_predictive_ = log_predictive[leader_];
+  const std::uint32_t led = best_delay_;
   weigh_delays(log_predictive);
+  if (best_delay_ != led) follow_delay(transition);
   weigh_rates(log_predictive);
   leave_what_has_changed();
   set_member_weights();
   return status[leader_];
 }
 
-/// As a member's delay has it.
+/// As a member's delay has it. The history that an engine keeps of what it was fed begins one period further back,
+/// which is what acts in the first part of the period, up to the fraction.
 Transition BankPosterior::late_for(std::uint32_t member, const Transition& transition) const {
   Transition late = transition;
   std::memcpy(late.input, input_[delay_of(member)], sizeof(double) * nu_);
@@ -131,6 +143,17 @@ void BankPosterior::remember_input(const double* input) {
   for (std::uint32_t row = TILLER_MAX_HYPOTHESES - 1; row > 0; --row)
     std::memcpy(input_[row], input_[row - 1], sizeof(double) * nu_);
   std::memcpy(input_[0], input, sizeof(double) * nu_);
+}
+
+/// The rates' clouds are fed another delay's inputs from now on. What they know, the noise included, was learnt
+/// with those of the last one. The newest of the inputs is the history of the next transition; that one does not
+/// count, since the engine's state has gone on by the period that was skipped.
+void BankPosterior::follow_delay(const Transition& transition) {
+  for (std::uint32_t k = delays_; k < members_; ++k) {
+    engine_[k]->reset();
+    (void)engine_[k]->start(last_);
+    if (has_history_) (void)engine_[k]->skip(late_for(k, transition));
+  }
 }
 
 /// The delays' clouds share the first rate, and so its fate; what they have found out about the delay stays.

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "posterior/bank_delay.hpp"
 #include "posterior/posterior.hpp"
 
 namespace tiller {
@@ -9,19 +10,21 @@ namespace tiller {
 /// Hypotheses that no single cloud holds, side by side: by how many periods the inputs come late, and at which rate what
 /// was learnt ages. Each is an engine of its own over the same transitions:
 ///
-///   members 0 .. D-1       delay of j periods, the first rate
+///   members 0 .. D-1       a delay of [j, j + 1) periods, the first rate
 ///   members D .. D+R-2     the delay that leads, rates 1 .. R-1
 ///
-/// so that D delays and R rates cost D + R - 1 clouds. A delay's weight is its evidence, the product of its prequential
-/// predictive densities (Dawid 1984; Kass and Raftery 1995). A rate's is the same with a slow forgetting of its own, as
-/// in dynamic model averaging (Raftery, Karny and Ettler, Technometrics 52, 2010), in favour of the first rate as long as
-/// the others predict no better.
+/// so that D delays and R rates cost D + R - 1 clouds. Where a delay lies within its period is a parameter more of
+/// each member, which the bank keeps to itself; see DelayHypotheses, also for where delays are whole periods. A
+/// delay's weight is its evidence, the product of its prequential predictive densities (Dawid 1984; Kass and Raftery
+/// 1995). A rate's is the same with a slow forgetting of its own, as in dynamic model averaging (Raftery, Karny and
+/// Ettler, Technometrics 52, 2010), in favour of the first rate as long as the others predict no better.
 ///
 /// Where a faster rate predicts better by kClear nats, what the slower ones know has become untrue: they begin anew from
 /// the prior, are not used while they learn, and come back as trusted as the best. (A faster cloud's own sums are no good
 /// start: they still hold the old data's share, which a slower one would keep for long.)
 ///
-/// Cost of an update: D + R - 1 updates of the engine; memory likewise, and one configuration each.
+/// Cost of an update: D + R - 1 updates of the engine, each with one parameter and as many effects more as the model
+/// has inputs; memory likewise, and one configuration each.
 class BankPosterior final : public Posterior {
  public:
   /// Whether the configuration asks for more than one hypothesis.
@@ -49,7 +52,8 @@ class BankPosterior final : public Posterior {
   /// Members in proportion to their weights (systematic sampling). Of a member that gets one column: its mean.
   void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
             float* history) const override;
-  std::uint32_t drawn_delay(std::uint32_t column) const override;
+  /// Of a single column: the mean of all.
+  double drawn_delay(std::uint32_t column) const override { return drawn_delay_[column % kColumns]; }
   /// The leading member's: what no delay and no rate explains.
   const AdequacyTest* adequacy() const override { return leader().adequacy(); }
   void clear_adequacy() override;
@@ -68,6 +72,7 @@ class BankPosterior final : public Posterior {
   std::uint32_t member_of_rate(std::uint32_t rate) const { return rate == 0 ? best_delay_ : delays_ + rate - 1; }
   void restart_rate(std::uint32_t rate);
   void remember_input(const double* input);
+  void follow_delay(const Transition& transition);
 
   // bank_evidence.cpp
   void forget_evidence();
@@ -76,6 +81,7 @@ class BankPosterior final : public Posterior {
   bool on_trial(std::uint32_t rate) const;
   void leave_what_has_changed();
   void begin_anew(std::uint32_t rate);
+  void put_on_trial(std::uint32_t rate);
   void set_member_weights();
   const Posterior& leader() const { return *engine_[leader_]; }
 
@@ -83,18 +89,25 @@ class BankPosterior final : public Posterior {
   void apportion(std::uint32_t count, std::uint64_t tick, std::uint32_t first, std::uint32_t* columns) const;
   void draw_block(std::uint32_t count, std::uint32_t first, std::uint64_t tick, float* params, float* state,
                   float* effect_state) const;
+  double late_share(std::uint32_t member) const;
+  double mean_delay() const;
+  double periods(std::uint32_t member, double fraction_s) const;
 
   const tiller_config_t* config_ = nullptr;
+  DelayHypotheses hypotheses_;
   std::uint32_t delays_ = 1, rates_ = 1, members_ = 1;
   std::uint32_t n_ = 0, nx_ = 0, nu_ = 0, np_ = 0, ns_ = 0, ny_ = 0;
+  std::uint32_t rows_ = 0;    // parameters of a member: np, then its fraction
+  bool has_history_ = false;  // members read inputs older than the one they are fed
   Posterior* engine_[kMaxMembers] = {};
 
   // scratch
   double* value_ = nullptr;         // (size)
   double* share_ = nullptr;         // (size)
   std::uint32_t* order_ = nullptr;  // (size)
-  float* drawn_ = nullptr;          // ((np + nx + ns) x kColumns)
+  float* drawn_ = nullptr;          // ((rows + nx + ns) x kColumns)
   std::uint32_t* owner_ = nullptr;  // (kColumns) member of each column of the last selection
+  double* drawn_delay_ = nullptr;   // (kColumns) and its delay, in periods
 
   // where it stands
   bool started_ = false;

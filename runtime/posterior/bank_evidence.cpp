@@ -56,7 +56,7 @@ void BankPosterior::weigh_delays(const double* log_predictive) {
   if (delay_evidence_[ahead] - delay_evidence_[best_delay_] < kSwitch) return;
   best_delay_ = ahead;
   // what the faster clouds know was learnt with another delay
-  for (std::uint32_t i = 1; i < rates_; ++i) begin_anew(i);
+  for (std::uint32_t i = 1; i < rates_; ++i) put_on_trial(i);
 }
 
 void BankPosterior::weigh_rates(const double* log_predictive) {
@@ -87,6 +87,10 @@ void BankPosterior::leave_what_has_changed() {
 
 void BankPosterior::begin_anew(std::uint32_t rate) {
   restart_rate(rate);
+  put_on_trial(rate);
+}
+
+void BankPosterior::put_on_trial(std::uint32_t rate) {
   rate_evidence_[rate] = 0.0;
   age_[rate] = 0;
 }

@@ -8,6 +8,13 @@
 
 namespace tiller {
 
+namespace {
+
+/// Weight of a member whose particles are not worth a look for the share of them that lies in one half of a period.
+constexpr double kNegligible = 1e-9;
+
+}  // namespace
+
 void BankPosterior::moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const {
   if (param_mean || param_sd) {
     double mean[TILLER_MAX_PARAMS] = {}, square[TILLER_MAX_PARAMS] = {}, m[TILLER_MAX_PARAMS], s[TILLER_MAX_PARAMS];
@@ -40,7 +47,7 @@ void BankPosterior::covariance(double* covariance) const {
     engine_[k]->covariance(c);
     for (std::uint32_t i = 0; i < np_; ++i)
       for (std::uint32_t j = 0; j < np_; ++j)
-        covariance[i * np_ + j] += weight_[k] * (c[i * np_ + j] + (m[i] - mean[i]) * (m[j] - mean[j]));
+        covariance[i * np_ + j] += weight_[k] * (c[i * rows_ + j] + (m[i] - mean[i]) * (m[j] - mean[j]));
   }
 }
 
@@ -76,7 +83,9 @@ std::uint64_t BankPosterior::resamplings() const {
 
 void BankPosterior::particle(std::uint32_t index, double* params, double* state, double* weight) const {
   if (index >= size()) return;
-  engine_[index / n_]->particle(index % n_, params, state, weight);
+  double all[TILLER_MAX_PARAMS];
+  engine_[index / n_]->particle(index % n_, params ? all : nullptr, state, weight);
+  if (params) std::copy(all, all + np_, params);
   if (weight) *weight *= weight_[index / n_];
 }
 
@@ -86,10 +95,41 @@ void BankPosterior::clear_adequacy() {
 
 void BankPosterior::report(PosteriorReport& report) const {
   leader().report(report);
-  for (std::uint32_t j = 0; j < TILLER_MAX_HYPOTHESES; ++j)
-    report.delay_weight[j] = j < delays_ ? delay_weight_[j] : 0.0;
+  for (double& weight : report.delay_weight) weight = 0.0;
+  for (std::uint32_t k = 0; k < members_; ++k) {
+    const double late = late_share(k);
+    report.delay_weight[delay_of(k)] += weight_[k] * (1.0 - late);
+    if (late > 0.0) report.delay_weight[delay_of(k) + 1] += weight_[k] * late;
+  }
   for (std::uint32_t i = 0; i < TILLER_MAX_FORGETTING; ++i)
     report.forgetting_weight[i] = i < rates_ ? rate_weight_[i] : 0.0;
+}
+
+/// Share of a member's particles that are nearer to the next whole period than to the one before.
+double BankPosterior::late_share(std::uint32_t member) const {
+  if (!hypotheses_.fractional || !(weight_[member] > kNegligible)) return 0.0;
+  double params[TILLER_MAX_PARAMS], weight, late = 0.0;
+  for (std::uint32_t i = 0; i < n_; ++i) {
+    engine_[member]->particle(i, params, nullptr, &weight);
+    if (params[np_] > 0.5 * config_->period_s) late += weight;
+  }
+  return std::min(late, 1.0);
+}
+
+double BankPosterior::periods(std::uint32_t member, double fraction_s) const {
+  return delay_of(member) + (hypotheses_.fractional ? fraction_s / config_->period_s : 0.0);
+}
+
+/// Of whole periods the leader's.
+double BankPosterior::mean_delay() const {
+  if (!hypotheses_.fractional) return delay_of(leader_);
+  double mean[TILLER_MAX_PARAMS], sum = 0.0;
+  for (std::uint32_t k = 0; k < members_; ++k) {
+    if (!(weight_[k] > 0.0)) continue;
+    engine_[k]->moments(mean, nullptr, nullptr, nullptr);
+    sum += weight_[k] * periods(k, mean[np_]);
+  }
+  return sum;
 }
 
 /// Whose each of `count` <= kColumns columns is. How many are a member's: one uniform number, evenly spaced pointers into
@@ -131,7 +171,9 @@ void BankPosterior::draw(std::uint32_t count, std::uint64_t tick, float* params,
     moments(mean, nullptr, nullptr, nullptr);
     for (std::uint32_t i = 0; i < np_; ++i) params[i] = static_cast<float>(mean[i]);
   }
-  if (history) leader().draw(1, tick, nullptr, nullptr, nullptr, history);
+  if (count == 1) drawn_delay_[0] = mean_delay();
+  // a configuration whose setup has a history has whole periods
+  if (history && !hypotheses_.fractional) leader().draw(1, tick, nullptr, nullptr, nullptr, history);
 }
 
 /// Columns first .. first + kColumns - 1.
@@ -141,7 +183,7 @@ void BankPosterior::draw_block(std::uint32_t count, std::uint32_t first, std::ui
   std::uint32_t columns[kMaxMembers];
   apportion(block, tick, first, columns);
   const std::uint32_t* owner = owner_;
-  float *from_state = drawn_ + np_ * kColumns, *from_effect = from_state + nx_ * kColumns;
+  float *from_state = drawn_ + rows_ * kColumns, *from_effect = from_state + nx_ * kColumns;
   const auto copy = [&](const float* from, std::uint32_t rows, std::uint32_t stride, std::uint32_t at, float* to,
                         std::uint32_t column) {
     for (std::uint32_t i = 0; i < rows && to; ++i) to[i * count + column] = from[i * stride + at];
@@ -153,6 +195,8 @@ void BankPosterior::draw_block(std::uint32_t count, std::uint32_t first, std::ui
     std::uint32_t at = 0;
     for (std::uint32_t m = 0; m < block; ++m) {
       if (owner[m] != k) continue;
+      const float* fraction = drawn_ + np_ * stride + at;
+      drawn_delay_[m] = periods(k, hypotheses_.fractional ? static_cast<double>(*fraction) : 0.0);
       copy(drawn_, np_, stride, at, params, first + m);
       copy(from_state, nx_, stride, at, state, first + m);
       copy(from_effect, ns_, stride, at, effect_state, first + m);
@@ -160,7 +204,5 @@ void BankPosterior::draw_block(std::uint32_t count, std::uint32_t first, std::ui
     }
   }
 }
-
-std::uint32_t BankPosterior::drawn_delay(std::uint32_t column) const { return delay_of(owner_[column % kColumns]); }
 
 }  // namespace tiller

@@ -19,11 +19,11 @@ struct Transition {
 /// here.
 struct PosteriorReport {
   double noise_sd[TILLER_MAX_STATES] = {};          // (nx) estimated, per square root of a second, as process_sd
-  double delay_weight[TILLER_MAX_HYPOTHESES] = {};  // (delay_hypotheses) of 0, 1, .. periods; sums to one
+  double delay_weight[TILLER_MAX_HYPOTHESES] = {};  // (delay_hypotheses) about 0, 1, .. periods; sums to one
   double forgetting_weight[TILLER_MAX_FORGETTING] = {};
   double discrepancy_share = 0.0;  // of the residuals' squares that the discrepancy basis takes up, 0..1
   std::uint64_t relearned = 0;     // times that what was learnt became half of a new prior
-  std::uint64_t lost = 0;          // transitions that proposals are no longer judged by: no finite step near the particles
+  std::uint64_t lost = 0;  // transitions that proposals are no longer judged by: no finite step near the particles
 };
 
 /// Particles over the named parameters, and the state estimate that goes with them. One engine per way of taking in
@@ -97,9 +97,9 @@ class Posterior {
   /// another thread reads quantiles. Cost: O(N d^2).
   virtual void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
                     float* history) const = 0;
-  /// By how many periods the inputs of the hypothesis in this column of the last draw() come late, beside the effects'
-  /// own delays.
-  virtual std::uint32_t drawn_delay(std::uint32_t /*column*/) const { return 0; }
+  /// By how many periods, parts of them included, the inputs of the hypothesis in this column of the last draw() come
+  /// late, beside the effects' own delays.
+  virtual double drawn_delay(std::uint32_t /*column*/) const { return 0.0; }
   /// log p(last transition | those before); 0 where it did not count or the engine does not know.
   virtual double log_predictive() const { return 0.0; }
   /// Whether the model explains the data, tested at every tick; null where config.posterior.adequacy is 0.

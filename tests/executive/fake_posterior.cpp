@@ -73,6 +73,9 @@ class Obedient final : public Posterior {
       for (std::uint32_t i = 0; i < count; ++i) state[x * count + i] = static_cast<float>(posterior.state[x]);
     if (effect_state) std::fill(effect_state, effect_state + std::size_t{setup_.effect_state_count} * count, 0.0f);
   }
+  double drawn_delay(std::uint32_t column) const override {
+    return column < posterior.delay.size() ? posterior.delay[column] : 0.0;
+  }
 
  private:
   void take(const double* measured) {

@@ -35,8 +35,9 @@ struct Posterior {
   double state[TILLER_MAX_STATES] = {};
   double state_sd = 0.0;
   double param[TILLER_MAX_PARAMS] = {};
-  bool tested = false;      // the adequacy test below is shown; it is fed a constant of four deviations
-  float param_step = 0.0f;  // particle i of a draw has param + i * param_step
+  bool tested = false;        // the adequacy test below is shown; it is fed a constant of four deviations
+  float param_step = 0.0f;    // particle i of a draw has param + i * param_step
+  std::vector<double> delay;  // periods, of the columns of a draw; none: 0
 };
 extern Posterior posterior;
 

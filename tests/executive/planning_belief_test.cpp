@@ -99,6 +99,27 @@ TEST(PlanningBelief, EachHypothesisHasItsOwnDelay) {
   EXPECT_EQ(history[2], 0.0f);
 }
 
+TEST(PlanningBelief, GoesOverPartsOfPeriodsThatThePosteriorFound) {
+  Source s(bench::known_pendulum(), true);
+  s.push(1000000 - 40000, 2.0);
+  s.push(1000000 - 20000, -1.0);
+  s.push(1000000, 3.0);
+  fakes::posterior.state[0] = 0.4;
+  fakes::posterior.state[1] = 1.0;
+  fakes::posterior.delay = {0.0, 0.5, 1.3};
+  s.belief.draw(*s.source, s.timeline, 0, 1000000, 0.0);
+  const Belief& b = s.belief.belief();
+  ASSERT_EQ(b.count, 3u);
+  for (std::uint32_t i = 0; i < b.count; ++i) {
+    // up to where the command of the stamp begins to act
+    const double late_s = fakes::posterior.delay[i] * s.config.period_s;
+    double angle = 0.4, rate = 1.0;
+    integrate(angle, rate, late_s, 0.5, [&](double t) { return t - late_s < -0.02 ? 2.0 : -1.0; });
+    EXPECT_NEAR(b.state[i], angle, 1e-4) << i;
+    EXPECT_NEAR(b.state[b.count + i], rate, 1e-3) << i;
+  }
+}
+
 TEST(PlanningBelief, HypothesesDifferByTheirParameters) {
   Source s(bench::known_pendulum());
   fakes::posterior.param_step = 0.1f;

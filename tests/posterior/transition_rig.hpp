@@ -5,6 +5,24 @@
 
 namespace rig {
 
+/// The input within a period: the older level for a share of it, then the newer.
+struct Levels {
+  double share = 0.0, older = 0.0, newer = 0.0;
+};
+/// As an input_delay of at most one period has them; without one the command acts for the whole period.
+template <class Rows>
+Levels levels(const tiller::StepSetup* setup, const Rows& params, std::uint32_t lane, double input,
+              const double* history, double period_s) {
+  Levels now{0.0, input, input};
+  for (std::uint32_t e = 0; setup && e < setup->effect_count; ++e) {
+    if (setup->effects[e].kind != tiller_effect_input_delay) continue;
+    const double delay_s = static_cast<double>(params.data[setup->effects[e].param * params.stride + lane]);
+    now.share = std::fmin(std::fmax(delay_s / period_s, 0.0), 1.0);
+    now.older = history[0];
+  }
+  return now;
+}
+
 /// One-step residuals of the mass on a rail, both states measured, in plain loops and double: the library's kernels
 /// have no part in it.
 inline void linear_residual(const tiller_model_t&, const tiller::ResidualJob& job) {
@@ -13,8 +31,11 @@ inline void linear_residual(const tiller_model_t&, const tiller::ResidualJob& jo
     for (std::uint32_t l = 0; l < job.lanes; ++l) {
       const double gain = static_cast<double>(job.params.data[l]);
       const double damping = static_cast<double>(job.params.data[job.params.stride + l]);
-      const double acceleration = gain * s.input[0] - damping * s.state[1];
-      const double e[2] = {s.change[0] - s.period_s * s.state[1], s.change[1] - s.period_s * acceleration};
+      const Levels input = levels(job.setup, job.params, l, s.input[0], s.history, s.period_s);
+      const double first_s = input.share * s.period_s, rest_s = s.period_s - first_s, v = s.state[1];
+      const double gained = first_s * (gain * input.older - damping * v);
+      const double changed = gained + rest_s * (gain * input.newer - damping * (v + gained));
+      const double e[2] = {s.change[0] - s.period_s * v - rest_s * gained, s.change[1] - changed};
       for (std::uint32_t r = 0; r < 2; ++r) {
         if (job.residual) job.residual[(k * 2 + r) * job.lanes + l] = static_cast<float>(e[r]);
         if (job.squared && !std::isnan(e[r])) job.squared[r * job.lanes + l] += s.weight * e[r] * e[r];
@@ -27,9 +48,11 @@ inline void linear_residual(const tiller_model_t&, const tiller::ResidualJob& jo
 inline void linear_rollout(const tiller_model_t&, const tiller::RolloutJob<double>& job) {
   for (std::uint32_t l = 0; l < job.lanes; ++l) {
     const double gain = job.params.data[l], damping = job.params.data[job.params.stride + l];
-    job.final_state[l] = job.state.data[0] + job.period_s * job.state.data[1];
-    const double before = job.state.data[1];
-    double velocity = before + job.period_s * (gain * job.controls.data[0] - damping * before);
+    const Levels input = levels(job.setup, job.params, l, job.controls.data[0], job.history, job.period_s);
+    const double before = job.state.data[1], first_s = input.share * job.period_s, rest_s = job.period_s - first_s;
+    const double between = before + first_s * (gain * input.older - damping * before);
+    job.final_state[l] = job.state.data[0] + first_s * before + rest_s * between;
+    double velocity = between + rest_s * (gain * input.newer - damping * between);
     for (std::uint32_t e = 0; job.setup && e < job.setup->effect_count; ++e) {
       const tiller::EffectSlot& slot = job.setup->effects[e];
       const double impulse = job.period_s * job.params.data[slot.param * job.params.stride + l];
