@@ -147,7 +147,7 @@ const std::vector<KeySpec> kKeys = {
     {"posterior", "discrepancy", K::flag, "", "true for transition, else false", 0, 1, false, AT(posterior.discrepancy),
      nullptr, "filter, transition: constant, viscous and dry forces that the model may lack are marginalised"},
     {"posterior", "delay_hypotheses", K::count, "", nullptr, 1, TILLER_MAX_HYPOTHESES, false,
-     AT(posterior.delay_hypotheses), nullptr, "transition: input delays of 0..n-1 periods, weighed by their evidence"},
+     AT(posterior.delay_hypotheses), nullptr, "transition: input delays from 0 to n-1 periods, weighed by their evidence"},
     {"posterior", "forgetting", K::other, "per tick", "[1]", 0, 0, false, hand, nullptr,
      "shares of the old data that each tick keeps, largest first; [1, 0.97] follows parameters that change. transition: "
      "up to three side by side; filter, conjugate: one"},

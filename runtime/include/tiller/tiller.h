@@ -161,7 +161,7 @@ typedef enum tiller_posterior_kind {
   tiller_posterior_kind_count
 } tiller_posterior_kind_t;
 
-#define TILLER_MAX_HYPOTHESES 4 /**< input delays of 0..3 periods */
+#define TILLER_MAX_HYPOTHESES 4 /**< input delays of 0 to 3 periods */
 #define TILLER_MAX_FORGETTING 3
 
 /** How the posterior is kept. */
@@ -178,8 +178,8 @@ typedef struct tiller_posterior_config {
   uint32_t robust;          /**< transition: 1: one weight per transition, low where no particle explains it */
   uint32_t discrepancy;     /**< filter, transition: 1: constant, viscous and dry forces at every joint (the first four)
                                     that the model may lack, marginalised in closed form */
-  uint32_t delay_hypotheses; /**< transition: input delays of 0..n-1 periods side by side, weighed by their evidence;
-                                    1..TILLER_MAX_HYPOTHESES, 1: no delay */
+  uint32_t delay_hypotheses; /**< transition: input delays from 0 to n-1 periods, parts of a period included, weighed by
+                                  their evidence; 1..TILLER_MAX_HYPOTHESES, 1: no delay */
   uint32_t forgetting_count; /**< transition: rates side by side, 1..TILLER_MAX_FORGETTING */
   uint32_t adequacy;         /**< 1: the innovations are tested at every tick (tiller_info_t.adequacy) */
   double forgetting[TILLER_MAX_FORGETTING]; /**< share of the old data that each tick keeps, in [0.5, 1], largest
@@ -481,7 +481,7 @@ typedef struct tiller_info {
   uint32_t reserved;
   double adequacy_statistic; /**< largest test statistic over its threshold: above 1 is an alarm */
   double noise_sd[TILLER_MAX_STATES];  /**< estimated, as process_sd; zero where the engine has no estimate per state */
-  double delay_weight[TILLER_MAX_HYPOTHESES];      /**< of input delays of 0, 1, .. periods */
+  double delay_weight[TILLER_MAX_HYPOTHESES];      /**< of input delays nearest to 0, 1, .. periods */
   double forgetting_weight[TILLER_MAX_FORGETTING]; /**< of the configured rates */
   double discrepancy_share; /**< of the residuals' squares that the discrepancy basis takes up, 0..1 */
   uint64_t plans;           /**< finite plans that the planner has made; stands still while it does not get that far */
