@@ -6,12 +6,6 @@
 namespace tiller {
 namespace {
 
-/// The state is predicted over missed periods, one by one, up to so many; after a longer pause the filters begin anew, the
-/// parameters stay.
-constexpr double kLongestGap_periods = 16.0;
-/// How far ahead of its measurement a command may take effect.
-constexpr double kLongestLead_periods = 4.0;
-
 bool is_fault(tiller_status_t status) { return status >= 1 && status < 200; }
 
 /// Whether an update that returned this took the measurement in.
@@ -58,6 +52,12 @@ void Executive::sense(Tick& tick) {
   const SensorVerdict verdict = guard_.check(tick.now_us, tick.measurement);
   tick.usable = verdict.usable;
   tick.note(verdict.status);
+  // whoever stands still has nothing that depends on the old time; in motion, and in SAFE until the reset, it stands
+  if (verdict.clock_set && standing_by()) {
+    guard_.forget_readings();
+    forget_times();
+    (void)machine_.on(Event::clock_set);
+  }
   // in motion nothing may have been expired, not even if good readings are back; at rest nobody is hurt by a pause
   const bool paused = verdict.expired && moving();
   if (paused) tick.note(tiller_status_sensor_stale);

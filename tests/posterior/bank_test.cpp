@@ -144,6 +144,34 @@ TEST(Bank, RecoversFromAGainThatDoubles) {
   EXPECT_LE(ticks[runs - 2], 60);  // 95 %
 }
 
+TEST(Bank, CountersNeverFallThoughHypothesesBeginAnewAndTheLeadChanges) {
+  auto c = forgetting();
+  c.posterior.delay_hypotheses = 2;
+  // the gain doubles and halves: rates begin anew again and again
+  const auto gain = [](int k) { return k / 100 % 2 ? 1.8 : 0.9; };
+  const auto log = simulate(c, gain, 0.3, 600, 733, 1);
+  Bank p(c);
+  ASSERT_EQ(p->start(log.first), tiller_status_ok);
+  std::uint64_t resamplings = 0, gated = 0, lost = 0, relearned = 0;
+  for (std::size_t k = 0; k < log.transitions.size(); ++k) {
+    auto t = log.transitions[k];
+    if (k % 37 == 36) t.measured[1] += 50.0;  // a glitch, for the count of those
+    ASSERT_TRUE(rig::works(p->update(t)) || k % 37 == 36);
+    tiller::PosteriorReport report;
+    p->report(report);
+    ASSERT_GE(p->resamplings(), resamplings) << k;
+    ASSERT_GE(p->gated(), gated) << k;
+    ASSERT_GE(report.lost, lost) << k;
+    ASSERT_GE(report.relearned, relearned) << k;
+    resamplings = p->resamplings();
+    gated = p->gated();
+    lost = report.lost;
+    relearned = report.relearned;
+  }
+  EXPECT_GE(static_cast<const tiller::BankPosterior*>(p.operator->())->restarts(), 2u) << "else nothing was tried";
+  EXPECT_GT(resamplings, 0u);
+}
+
 TEST(Bank, NothingIsLostWhereNothingChanges) {
   constexpr int runs = 20;
   auto still = forgetting(), fast = forgetting();

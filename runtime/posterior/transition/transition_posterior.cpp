@@ -230,6 +230,7 @@ void TransitionPosterior::report(PosteriorReport& report) const {
     report.noise_sd[r] = std::sqrt(particles_->noise_variance(r) / config_->period_s);
   report.delay_weight[0] = report.forgetting_weight[0] = 1.0;
   report.discrepancy_share = particles_->discrepancy_share();
+  report.lost = particles_->lost();
 }
 
 }  // namespace tiller
