@@ -162,6 +162,8 @@ void Executive::read_posterior(Tick& tick) {
   info_.acceptance = posterior_->acceptance();
   info_.resamplings = posterior_->resamplings();
   read_adequacy();
+  origin_.follow(info_.state_mean);
+  posterior_->set_origin(origin());
   if (all_finite(info_.state_mean, config_.model->state_count)) return;
   // nothing can be planned from this; the next measurement begins the filters anew
   tick.note(tiller_status_state_not_finite);
@@ -197,18 +199,24 @@ void Executive::watch_motion(Tick& tick) {
   if (window == 0 || !tick.usable) return;
   const bool fresh = guard_.repeats() == 0 || tick.restarted;
   if (fresh || !moving() || !motion_.begun()) {
-    motion_.begin(*posterior_, info_.ticks, info_.state_mean, info_.state_sd);
+    begin_motion_check();
     return;
   }
   step_motion(tick);
   if (motion_.steps() < window) return;
   if (!guard_.frozen(motion_.should_move())) {
-    motion_.begin(*posterior_, info_.ticks, info_.state_mean, info_.state_sd);
+    begin_motion_check();
     return;
   }
   tick.note(tiller_status_sensor_frozen);
   tick.usable = false;
   (void)machine_.on(Event::sensor_fault, tiller_status_sensor_frozen);
+}
+
+void Executive::begin_motion_check() {
+  double state[TILLER_MAX_STATES];
+  for (std::uint32_t i = 0; i < TILLER_MAX_STATES; ++i) state[i] = info_.state_mean[i] - origin()[i];
+  motion_.begin(*posterior_, info_.ticks, state, info_.state_sd);
 }
 
 void Executive::step_motion(const Tick& tick) {
@@ -257,6 +265,7 @@ void Executive::replan(Tick& tick) {
 
   PlanRequest request;
   request.belief = &belief_.belief();
+  request.origin = origin();
   request.last_command = gate_.last();
   request.tick = info_.ticks;
   request.task_step = info_.ticks - task_tick_ + belief_.lead_periods();

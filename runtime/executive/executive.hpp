@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "core/arena.hpp"
+#include "executive/angle_origin.hpp"
 #include "executive/command_timeline.hpp"
 #include "executive/motion_check.hpp"
 #include "executive/part_sizes.hpp"
@@ -54,6 +55,8 @@ class Executive {
   const PlanMemory& plan() const { return plan_; }
   const PlannerTable& planner_table() const { return *planner_table_; }
   const void* planner() const { return planner_; }
+  /// (nx) whole turns that the planner's angles come less.
+  const double* origin() const { return origin_.value(); }
   std::int64_t last_now_us() const { return last_now_us_; }
 
  private:
@@ -87,6 +90,7 @@ class Executive {
   void sense(Tick& tick);
   void learn(Tick& tick);
   void watch_motion(Tick& tick);
+  void begin_motion_check();
   void step_motion(const Tick& tick);
   void plan(Tick& tick);
   void gate(Tick& tick, tiller_command_t& command);
@@ -130,6 +134,7 @@ class Executive {
   OutputGate gate_;
   Posterior* posterior_ = nullptr;
   void* planner_ = nullptr;
+  AngleOrigin origin_;
   PlanningBelief belief_;
   PlanMemory plan_;
   CommandTimeline timeline_;

@@ -85,6 +85,7 @@ Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const
   note("delay history");
   if (placed == nullptr) return nullptr;
 
+  self.origin_.lay_out(periodic_angles(self.config_, self.setup_, *self.table_));
   self.posterior_->reset();
   self.planner_table_->reset(self.planner_);
   self.info_.effective_samples = self.posterior_->effective_samples();

@@ -66,6 +66,7 @@ void Executive::prepare() {
   recorder_.note_call(tiller_call_prepare);
   PlanRequest expected;
   expected.belief = &belief_.belief();
+  expected.origin = origin();
   expected.last_command = gate_.last();
   expected.tick = info_.ticks;
   expected.task_step = info_.ticks - task_tick_ + belief_.lead_periods();

@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "core/arena.hpp"
+#include "planners/cost_frame.hpp"
 #include "planners/lane_table.hpp"
 #include "planners/planner.hpp"
 #include "planners/sequence.hpp"
@@ -49,6 +50,7 @@ struct Sampler {
   const tiller_hooks_t* hooks = nullptr;
   std::uint64_t seed = 0;
   CostTerms<float> cost_terms{};
+  CostFrame frame;
   InputLimit limits[TILLER_MAX_INPUTS];
   double fallback[TILLER_MAX_INPUTS] = {};  // the safe command
 

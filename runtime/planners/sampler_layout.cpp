@@ -109,6 +109,7 @@ Sampler* lay_out_sampler(Arena& arena, const tiller_config_t& config, const Step
   s->hooks = hooks;
   s->seed = config.seed;
   if (lay_out_cost(config, setup, table, nullptr, &s->cost_terms) != tiller_status_ok) return nullptr;
+  s->frame.lay_out(config);
   s->states = z.states;
   s->inputs = config.model->input_count;
   s->params = z.params;

@@ -49,6 +49,7 @@ class BankPosterior final : public Posterior {
   /// Members in proportion to their weights (systematic sampling). Of a member that gets one column: its mean.
   void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
             float* history) const override;
+  void set_origin(const double* state) override;
   std::uint32_t drawn_delay(std::uint32_t column) const override;
   /// The leading member's: what no delay and no rate explains.
   const AdequacyTest* adequacy() const override { return leader().adequacy(); }

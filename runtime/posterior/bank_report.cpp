@@ -186,6 +186,10 @@ void BankPosterior::draw_block(std::uint32_t count, std::uint32_t first, std::ui
   }
 }
 
+void BankPosterior::set_origin(const double* state) {
+  for (std::uint32_t k = 0; k < members_; ++k) engine_[k]->set_origin(state);
+}
+
 std::uint32_t BankPosterior::drawn_delay(std::uint32_t column) const { return delay_of(owner_[column % kColumns]); }
 
 }  // namespace tiller

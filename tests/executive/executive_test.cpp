@@ -112,16 +112,18 @@ void tick_at(Bench& b, std::int64_t ahead_us, const std::function<void()>& tick)
   b.now_us -= ahead_us;
 }
 
-/// ACTIVE within three ticks, and each transition has the command that was in force.
+/// ACTIVE within three ticks, and each transition has the commands that were in force: half a period the one before.
 void expect_good_start(Bench& b) {
   ASSERT_EQ(b.executive->arm(), tiller_status_ok);
   for (int k = 1; k <= 6; ++k) {
     fakes::planner.command[0] = k;
-    (void)b.tick();
-    if (k < 4) continue;
+    tiller_measurement_t m = b.reading(0.1);
+    m.command_latency_us = 10000;
+    (void)b.tick(&m);
+    if (k < 5) continue;
     ASSERT_EQ(b.state(), tiller_state_active) << k;
     ASSERT_FALSE(fakes::posterior.transitions.empty());
-    EXPECT_EQ(fakes::posterior.transitions.back().input[0], k - 1.0) << k;
+    EXPECT_NEAR(fakes::posterior.transitions.back().input[0], k - 1.5, 1e-12) << k;
   }
 }
 
