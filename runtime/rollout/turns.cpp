@@ -8,12 +8,14 @@
 namespace tiller {
 namespace {
 
-constexpr std::uint32_t kTries = kLanePadding;
+constexpr std::uint32_t kTries = kLanePadding;  // states that share parameters and inputs
+constexpr std::uint32_t kRounds = 4;            // of those, each with its own
 constexpr std::uint32_t kPeriods = 2;
 // Rounding of an angle that is a turn larger, over the substeps of two periods; a spring that does less is not felt.
 constexpr double kAlike = 1e-7;
 
 double from_prior(const tiller_prior_t& prior, Rng& rng) {
+  if (prior.kind == tiller_prior_fixed) return prior.a;  // whatever its bounds say
   double value = prior.a;
   if (prior.kind == tiller_prior_uniform) value = prior.low + (prior.high - prior.low) * rng.uniform();
   if (prior.kind == tiller_prior_normal) value = prior.a + prior.b * rng.normal();
@@ -21,22 +23,21 @@ double from_prior(const tiller_prior_t& prior, Rng& rng) {
   return std::fmin(std::fmax(value, prior.low), prior.high);
 }
 
-/// The robot at kTries places, rolled out over kPeriods.
+/// One robot at kTries places, rolled out over kPeriods.
 class Places {
  public:
-  Places(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table)
+  Places(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table, std::uint32_t round)
       : config_(config), setup_(setup), table_(table), cost_(make_cost_terms<double>(config.cost)) {
-    Rng rng(config.seed, kRngMotion, 0);
+    Rng rng(config.seed, kRngMotion, round);
     const tiller_model_t& model = *config.model;
-    for (std::uint32_t l = 0; l < kTries; ++l) {
+    for (std::uint32_t l = 0; l < kTries; ++l)
       for (std::uint32_t i = 0; i < model.state_count; ++i) start_[i][l] = rng.normal();
-      for (std::uint32_t i = 0; i < model.input_count * kPeriods; ++i) {
-        const std::uint32_t u = i % model.input_count;
-        const double low = config.safety.input_low[u], high = config.safety.input_high[u];
-        control_[i][l] = low + (high - low) * rng.uniform();
-      }
-      for (std::uint32_t i = 0; i < config.param_count; ++i) param_[i][l] = from_prior(config.priors[i], rng);
+    for (std::uint32_t i = 0; i < model.input_count * kPeriods; ++i) {
+      const std::uint32_t u = i % model.input_count;
+      const double low = config.safety.input_low[u], high = config.safety.input_high[u];
+      control_[i] = low + (high - low) * rng.uniform();
     }
+    for (std::uint32_t i = 0; i < config.param_count; ++i) param_[i] = from_prior(config.priors[i], rng);
     // the quadratic terms wrap their differences, bounds and obstacles move with the origin
     cost_.extra &= kCostOwnFunction | kCostOwnTemplate;
     std::fill(cost_.state, cost_.state + TILLER_MAX_STATES, 0.0);
@@ -69,9 +70,9 @@ class Places {
     job.lanes = kTries;
     job.horizon = kPeriods;
     job.state = {start_[0], kTries};
-    job.params = {param_[0], kTries};
+    job.params = {param_, 0};
     job.effect_state = {effect_[0], kTries};
-    job.controls = {control_[0], kTries};
+    job.controls = {control_, 0};
     job.history = history_;
     job.previous_input = history_;
     job.cost = &cost_;
@@ -98,8 +99,8 @@ class Places {
   const StepSetup& setup_;
   const RolloutTable& table_;
   CostTerms<double> cost_;
-  double start_[TILLER_MAX_STATES][kTries] = {}, param_[TILLER_MAX_PARAMS][kTries] = {},
-         effect_[TILLER_MAX_EFFECT_STATES][kTries] = {}, control_[TILLER_MAX_INPUTS * kPeriods][kTries] = {};
+  double start_[TILLER_MAX_STATES][kTries] = {}, effect_[TILLER_MAX_EFFECT_STATES][kTries] = {};
+  double param_[TILLER_MAX_PARAMS] = {}, control_[TILLER_MAX_INPUTS * kPeriods] = {};
   double history_[(TILLER_MAX_DELAY_STEPS + 1) * TILLER_MAX_INPUTS] = {};
   Ends here_{}, turned_{};
 };
@@ -108,10 +109,12 @@ class Places {
 
 std::uint32_t periodic_angles(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table) {
   if (config.model->angle_mask == 0) return 0;
-  Places places(config, setup, table);
-  std::uint32_t mask = 0;
-  for (std::uint32_t i = 0; i < config.model->state_count; ++i)
-    if (((config.model->angle_mask >> i) & 1u) && places.repeats(i)) mask |= 1u << i;
+  std::uint32_t mask = config.model->angle_mask;
+  for (std::uint32_t round = 0; round < kRounds; ++round) {
+    Places places(config, setup, table, round);
+    for (std::uint32_t i = 0; i < config.model->state_count; ++i)
+      if (((mask >> i) & 1u) && !places.repeats(i)) mask &= ~(1u << i);
+  }
   return mask;
 }
 

@@ -48,6 +48,12 @@ TEST(PeriodicAngles, AreThoseOfEveryModelWithoutEffects) {
   }
 }
 
+TEST(PeriodicAngles, FixedParametersNeedNoBounds) {
+  tiller_config_t c = pendulum();
+  for (tiller_prior_t& prior : c.priors) prior = {tiller_prior_fixed, 0, 0.5, 0.0, 0.0, 0.0};
+  EXPECT_EQ(periodic(c), 1u);
+}
+
 TEST(PeriodicAngles, FrictionAndDelayLeaveThem) {
   EXPECT_EQ(periodic(pendulum_with(tiller_effect_viscous_friction, 0.1, 0.2)), 1u);
   EXPECT_EQ(periodic(pendulum_with(tiller_effect_coulomb_friction, 0.1, 0.2)), 1u);
