@@ -24,7 +24,6 @@ namespace tiller {
 namespace {
 
 constexpr std::uint32_t kSweeps = 6;  // of the active set, an iteration; the next one goes on from its set
-constexpr double kFlat = 1e-10;       // relative change of the cost that is rounding
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 std::uint32_t cheapest(const PathPlan& p, double& cost) {
