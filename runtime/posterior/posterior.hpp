@@ -112,7 +112,7 @@ class Posterior {
   virtual void report(PosteriorReport& report) const { report = {}; }
 
  protected:
-  ~Posterior() = default;  // lives and ends with its block
+  ~Posterior() = default;                  // lives and ends with its block
   double origin_[TILLER_MAX_STATES] = {};  // of draw()'s states
 };
 

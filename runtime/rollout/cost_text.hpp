@@ -114,7 +114,8 @@ TILLER_INLINE S demonstration_cost(const Model& model, const CostTerms<T>& cost,
                                    const typename Model::template State<S>& x) {
   const int nx = static_cast<int>(model.nx());
   S d[TILLER_MAX_STATES];
-  each(model.nx(), [&](auto i) { d[i] = wrapped_difference<Model, S>(model, i, x[i], S(table_value<T>(model, i, mean[i]))); });
+  each(model.nx(),
+       [&](auto i) { d[i] = wrapped_difference<Model, S>(model, i, x[i], S(table_value<T>(model, i, mean[i]))); });
   S sum = S(0.0);
   for (int r = 0; r < nx; ++r) {
     S row = S(0.0);

@@ -154,8 +154,7 @@ struct Kernel {
   /// Planning without effects is the path worth a copy per integrator; everything else shares one.
   static void rollout_f32(const tiller_model_t&, const RolloutJob<float>& job) {
     const bool extra = job.cost && (!job.cost->only_quadratic() || job.penalty_out);
-    if (job.setup->effect_count == 0 && job.params.splat())
-      return extra ? roll_bare<true>(job) : roll_bare<false>(job);
+    if (job.setup->effect_count == 0 && job.params.splat()) return extra ? roll_bare<true>(job) : roll_bare<false>(job);
     if (job.params.splat() && !extra) return roll_all<float, 4, true, true, false, tiller_integrator_rk4>(job);
     roll_all<float, 4, true, false, true, tiller_integrator_rk4>(job);
   }

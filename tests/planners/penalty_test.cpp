@@ -20,8 +20,22 @@ const char* const kInputs[] = {"torque_Nm"};
 const char* const kParamNames[] = {"mass_kg", "length_m", "damping_Nms"};
 const char* const kForces[] = {"pivot_Nm"};
 const tiller_joint_t kJoints[] = {{"pivot", 0, 1, 0, 1}};
-const tiller_model_t kModel = {sizeof(tiller_model_t), TILLER_MODEL_VERSION, "pendulum_and_belt", 3, 1, 3, 1, kStates,
-                               kInputs, kParamNames, kForces, kJoints, 1u, pendulum_and_belt, nullptr, nullptr};
+const tiller_model_t kModel = {sizeof(tiller_model_t),
+                               TILLER_MODEL_VERSION,
+                               "pendulum_and_belt",
+                               3,
+                               1,
+                               3,
+                               1,
+                               kStates,
+                               kInputs,
+                               kParamNames,
+                               kForces,
+                               kJoints,
+                               1u,
+                               pendulum_and_belt,
+                               nullptr,
+                               nullptr};
 constexpr double kParams[3] = {1.2, 0.5, 0.08};
 constexpr double kBelt_m = 1.01, kLimit_m = 1.0;
 

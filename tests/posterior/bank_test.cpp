@@ -147,7 +147,8 @@ TEST(Bank, RecoversFromAGainThatDoubles) {
 TEST(Bank, CountersNeverFallThoughHypothesesBeginAnewAndTheLeadChanges) {
   const auto c = forgetting();
   // the gain doubles and halves: rates begin anew again and again
-  const auto log = simulate(c, [](int k) { return k / 300 % 2 ? 1.4 : 0.7; }, 0.3, 1200, 733, 0);
+  const auto log = simulate(
+      c, [](int k) { return k / 300 % 2 ? 1.4 : 0.7; }, 0.3, 1200, 733, 0);
   Bank p(c);
   ASSERT_EQ(p->start(log.first), tiller_status_ok);
   std::uint64_t resamplings = 0, gated = 0, lost = 0, relearned = 0;
