@@ -54,6 +54,9 @@ tiller_status_t tiller_get_feedback(const tiller_t* t, uint32_t step, double* ga
   const tiller::PlannerTable& planner = t->executive->planner_table();
   if (planner.feedback == nullptr) return tiller_status_bad_planner;
   const bool there = planner.feedback(t->executive->planner(), step, gain, state, input);
+  // the planner's angles come less whole turns; the caller's do not
+  for (uint32_t i = 0; there && state != nullptr && i < t->executive->config().model->state_count; ++i)
+    state[i] += t->executive->origin()[i];
   return there ? tiller_status_ok : tiller_status_bad_dimension;
 }
 

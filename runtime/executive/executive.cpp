@@ -6,12 +6,6 @@
 namespace tiller {
 namespace {
 
-/// The state is predicted over missed periods, one by one, up to so many; after a longer pause the filters begin anew, the
-/// parameters stay.
-constexpr double kLongestGap_periods = 16.0;
-/// How far ahead of its measurement a command may take effect.
-constexpr double kLongestLead_periods = 4.0;
-
 bool is_fault(tiller_status_t status) { return status >= 1 && status < 200; }
 
 /// Whether an update that returned this took the measurement in.
@@ -58,6 +52,12 @@ void Executive::sense(Tick& tick) {
   const SensorVerdict verdict = guard_.check(tick.now_us, tick.measurement);
   tick.usable = verdict.usable;
   tick.note(verdict.status);
+  // whoever stands still has nothing that depends on the old time; in motion, and in SAFE until the reset, it stands
+  if (verdict.clock_set && standing_by()) {
+    guard_.forget_readings();
+    forget_times();
+    (void)machine_.on(Event::clock_set);
+  }
   // in motion nothing may have been expired, not even if good readings are back; at rest nobody is hurt by a pause
   const bool paused = verdict.expired && moving();
   if (paused) tick.note(tiller_status_sensor_stale);
@@ -162,6 +162,8 @@ void Executive::read_posterior(Tick& tick) {
   info_.acceptance = posterior_->acceptance();
   info_.resamplings = posterior_->resamplings();
   read_adequacy();
+  origin_.follow(info_.state_mean);
+  posterior_->set_origin(origin());
   if (all_finite(info_.state_mean, config_.model->state_count)) return;
   // nothing can be planned from this; the next measurement begins the filters anew
   tick.note(tiller_status_state_not_finite);
@@ -197,18 +199,24 @@ void Executive::watch_motion(Tick& tick) {
   if (window == 0 || !tick.usable) return;
   const bool fresh = guard_.repeats() == 0 || tick.restarted;
   if (fresh || !moving() || !motion_.begun()) {
-    motion_.begin(*posterior_, info_.ticks, info_.state_mean, info_.state_sd);
+    begin_motion_check();
     return;
   }
   step_motion(tick);
   if (motion_.steps() < window) return;
   if (!guard_.frozen(motion_.should_move())) {
-    motion_.begin(*posterior_, info_.ticks, info_.state_mean, info_.state_sd);
+    begin_motion_check();
     return;
   }
   tick.note(tiller_status_sensor_frozen);
   tick.usable = false;
   (void)machine_.on(Event::sensor_fault, tiller_status_sensor_frozen);
+}
+
+void Executive::begin_motion_check() {
+  double state[TILLER_MAX_STATES];
+  for (std::uint32_t i = 0; i < TILLER_MAX_STATES; ++i) state[i] = info_.state_mean[i] - origin()[i];
+  motion_.begin(*posterior_, info_.ticks, state, info_.state_sd);
 }
 
 void Executive::step_motion(const Tick& tick) {
@@ -257,6 +265,7 @@ void Executive::replan(Tick& tick) {
 
   PlanRequest request;
   request.belief = &belief_.belief();
+  request.origin = origin();
   request.last_command = gate_.last();
   request.tick = info_.ticks;
   request.task_step = info_.ticks - task_tick_ + belief_.lead_periods();

@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "core/arena.hpp"
+#include "executive/angle_origin.hpp"
 #include "executive/command_timeline.hpp"
 #include "executive/motion_check.hpp"
 #include "executive/part_sizes.hpp"
@@ -16,6 +17,12 @@
 #include "safety/state_machine.hpp"
 
 namespace tiller {
+
+/// The state is predicted over missed periods, one by one, up to so many; after a longer pause the filters begin anew, the
+/// parameters stay.
+constexpr double kLongestGap_periods = 16.0;
+/// How far ahead of its measurement a command may take effect.
+constexpr double kLongestLead_periods = 4.0;
 
 /// One controller: everything between a measurement and a command. It owns nothing but its piece of the
 /// block.
@@ -48,6 +55,8 @@ class Executive {
   const PlanMemory& plan() const { return plan_; }
   const PlannerTable& planner_table() const { return *planner_table_; }
   const void* planner() const { return planner_; }
+  /// (nx) whole turns that the planner's angles come less.
+  const double* origin() const { return origin_.value(); }
   std::int64_t last_now_us() const { return last_now_us_; }
 
  private:
@@ -72,11 +81,16 @@ class Executive {
   friend class Arena;
   friend struct WrapProbe;  // a test's: sets counters near the end of their range
 
+  // lifecycle.cpp
+  void end_motion();
+  void forget_times();
+
   // the tick, in order
   Tick begin_tick(std::int64_t now_us, const tiller_measurement_t* measurement);
   void sense(Tick& tick);
   void learn(Tick& tick);
   void watch_motion(Tick& tick);
+  void begin_motion_check();
   void step_motion(const Tick& tick);
   void plan(Tick& tick);
   void gate(Tick& tick, tiller_command_t& command);
@@ -103,6 +117,7 @@ class Executive {
   std::int64_t takes_hold_us(const Tick& tick) const;
 
   bool moving() const { return machine_.state() == tiller_state_active || machine_.state() == tiller_state_hold; }
+  bool standing_by() const { return machine_.state() == tiller_state_init || machine_.state() == tiller_state_standby; }
   bool has_clock() const { return hooks_.now_ns != nullptr; }
   std::int64_t clock_ns() const { return has_clock() ? hooks_.now_ns(hooks_.context) : 0; }
 
@@ -119,6 +134,7 @@ class Executive {
   OutputGate gate_;
   Posterior* posterior_ = nullptr;
   void* planner_ = nullptr;
+  AngleOrigin origin_;
   PlanningBelief belief_;
   PlanMemory plan_;
   CommandTimeline timeline_;
@@ -128,10 +144,10 @@ class Executive {
   // where it stands
   tiller_info_t info_{};
   std::int64_t last_now_us_ = 0;
-  std::int64_t stamp_us_ = 0;   // of the last measurement taken in
-  std::int64_t answer_us_ = 0;  // from now to when a command takes hold, as of the last measurement
-  std::uint32_t sequence_ = 0;  // of the last measurement taken in
-  bool filters_run_ = false;    // stamp_us_ is the start of the next transition
+  std::int64_t stamp_us_ = 0;     // of the last measurement taken in
+  std::int64_t answer_us_ = 0;    // from now to when a command takes hold, as of the last measurement
+  std::uint32_t sequence_ = 0;    // of the last measurement taken in
+  bool filters_run_ = false;      // stamp_us_ is the start of the next transition
   std::int64_t estimate_us_ = 0;  // stamp of the last measurement that the estimate stands on
   std::uint32_t untaken_ = 0;     // updates in a row that took no measurement in
   bool was_moving_ = false;

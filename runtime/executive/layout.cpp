@@ -34,6 +34,14 @@ SensorLimits sensor_limits(const tiller_config_t& config) {
   return limits;
 }
 
+/// How far back from the newest command anybody asks: the command takes hold so long after its measurement, the
+/// transition before that began so long ago, and its commands acted after the longest delay of effects and hypotheses.
+std::int64_t command_window_us(const tiller_config_t& config, const StepSetup& setup) {
+  const double periods =
+      kLongestLead_periods + kLongestGap_periods + 1.0 + setup.delay_steps + config.posterior.delay_hypotheses;
+  return std::llround(periods * config.period_s * 1e6);
+}
+
 }  // namespace
 
 Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const tiller_hooks_t* hooks,
@@ -67,7 +75,7 @@ Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const
   note("planner");
   self.plan_.lay_out(arena, self.config_);
   note("plan");
-  self.timeline_.lay_out(arena, config.model->input_count);
+  self.timeline_.lay_out(arena, config.model->input_count, command_window_us(self.config_, self.setup_));
   note("command timeline");
   self.motion_.lay_out(arena, self.config_, self.setup_, *self.table_);
   note("motion check");
@@ -77,6 +85,7 @@ Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const
   note("delay history");
   if (placed == nullptr) return nullptr;
 
+  self.origin_.lay_out(periodic_angles(self.config_, self.setup_, *self.table_));
   self.posterior_->reset();
   self.planner_table_->reset(self.planner_);
   self.info_.effective_samples = self.posterior_->effective_samples();

@@ -10,9 +10,16 @@ tiller_status_t Executive::arm() {
   return status;
 }
 
+/// The next motion begins anew even where no tick has seen the robot stand still in between.
+void Executive::end_motion() {
+  was_moving_ = false;
+  motion_.clear();
+}
+
 tiller_status_t Executive::disarm() {
   const tiller_status_t status = machine_.on(Event::disarm);
   if (status != tiller_status_ok) return status;
+  end_motion();
   recorder_.note_call(tiller_call_disarm);
   info_.state = machine_.state();
   info_.first_fault = machine_.first_fault();
@@ -22,6 +29,7 @@ tiller_status_t Executive::disarm() {
 tiller_status_t Executive::stop(tiller_status_t why) {
   const tiller_status_t reason = why == tiller_status_ok ? tiller_status_stopped : why;
   const tiller_status_t status = machine_.on(Event::stop, reason);
+  end_motion();
   recorder_.note_call(tiller_call_stop);
   info_.state = machine_.state();
   info_.first_fault = machine_.first_fault();
@@ -35,16 +43,21 @@ tiller_status_t Executive::reset() {
   guard_.restart();
   posterior_->clear_adequacy();
   read_adequacy();
-  motion_.clear();
+  end_motion();
   plan_.clear();
-  timeline_.clear();
-  timeline_.push(std::numeric_limits<std::int64_t>::min(), gate_.last());  // in force until the next one
-  filters_run_ = false;
+  forget_times();
   hold_ticks_ = 0;
   unrenewed_plans_ = 0;
   info_.state = machine_.state();
   info_.first_fault = machine_.first_fault();
   return status;
+}
+
+/// Every moment that was kept: stamps of a clock that has been set since would hold back all later ones.
+void Executive::forget_times() {
+  timeline_.clear();
+  timeline_.push(std::numeric_limits<std::int64_t>::min(), gate_.last());  // in force until the next one
+  filters_run_ = false;
 }
 
 /// The belief is that of the last plan: what changes until the next tick is the planner's business to correct.
@@ -53,6 +66,7 @@ void Executive::prepare() {
   recorder_.note_call(tiller_call_prepare);
   PlanRequest expected;
   expected.belief = &belief_.belief();
+  expected.origin = origin();
   expected.last_command = gate_.last();
   expected.tick = info_.ticks;
   expected.task_step = info_.ticks - task_tick_ + belief_.lead_periods();

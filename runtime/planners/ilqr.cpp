@@ -24,7 +24,6 @@ namespace tiller {
 namespace {
 
 constexpr std::uint32_t kSweeps = 6;  // of the active set, an iteration; the next one goes on from its set
-constexpr double kFlat = 1e-10;       // relative change of the cost that is rounding
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 std::uint32_t cheapest(const PathPlan& p, double& cost) {
@@ -291,6 +290,7 @@ bool take_request(Ilqr& s, const PlanRequest& request) {
   p.task_step = request.task_step;
   if (request.tick != p.last_tick) s.standing = s.solved = false;  // nothing was prepared for this tick
   shift_path(p, request.tick);
+  if (take_origin(p, request.origin)) s.standing = s.solved = false;
   return take_belief(p, request.belief);
 }
 

@@ -16,6 +16,7 @@ constexpr std::uint32_t kWarmUnderGains = kCandidates - 2, kWarm = kCandidates -
 constexpr double kMostRaised = 1e6;     // regularisation where it is no use to go on
 constexpr double kWeightsStand = 1e-9;  // of the risk: what moves less does not count
 constexpr double kConverged = 1e-12;    // relative gain that ends the iterations
+constexpr double kFlat = 1e-10;         // relative change of the cost that is rounding
 
 /// More, or less, of the regularisation for the next problem; never below the configured one.
 void raise_regularisation(PathPlan& p);

@@ -178,7 +178,13 @@ double choose(Sampler& s) {
   return s.best_cost;
 }
 
-constexpr SamplingMethod kMethod = {"mcts", begin, update, choose, draw, cancel, true};
+void rebase(Sampler& s, double change) {
+  Search& t = search_of(s);
+  t.tree.offset(change);
+  t.cost_sum += change * t.cost_count;
+}
+
+constexpr SamplingMethod kMethod = {"mcts", begin, update, choose, draw, cancel, true, rebase};
 
 std::uint32_t power(std::uint32_t base, std::uint32_t exponent) {
   std::uint32_t product = 1;

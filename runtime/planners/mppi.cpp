@@ -19,6 +19,7 @@ namespace {
 
 constexpr double kShareTolerance = 0.02;  // of log effective sample size; the update hardly depends on it
 constexpr int kMostHalvings = 3;
+constexpr double kRounding = 6e-8;  // of single precision, relative
 
 /// log(effective sample size / wished) as a function of log lambda, growing; each value costs one pass over K.
 struct ShareEquation {
@@ -84,8 +85,12 @@ double weigh_samples(Sampler& s) {
   ShareEquation f{s, std::fmax(1.0, s.settings->temperature * s.range.finite), {}};
   const double scale = math::log(width);
   const double start = s.lambda > 0.0 ? math::log(s.lambda) : scale - 2.0;
-  // between the two ends a single sample and all of them get the weight, as far as f32 can tell
-  s.lambda = math::exp(solve_log_lambda(f, start, scale - 16.0, scale + 7.0));
+  // between the two ends a single sample and all of them get the weight, as far as f32 can tell: at the low end by the
+  // digits of the cheapest cost, for samples beyond a limit may cost a billion times as much as all that separates the
+  // others
+  const double digits = kRounding * std::fmax(std::fabs(static_cast<double>(s.range.low)), kRounding * width);
+  const double least = std::fmin(scale - 16.0, math::log(digits));
+  s.lambda = math::exp(solve_log_lambda(f, start, least, scale + 7.0));
   return static_cast<double>(f.sums.sum);
 }
 

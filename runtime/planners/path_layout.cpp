@@ -71,6 +71,7 @@ void take_arrays(Arena& arena, PathPlan& p) {
 void lay_out_path_plan(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
                        PathPlan& p) {
   take_sizes(config, setup, p);
+  p.frame.lay_out(config);
   take_arrays(arena, p);
   if (arena.measuring() || !arena.fits()) return;
   p.settings = &config.planner;

@@ -10,6 +10,12 @@ void take_command(PathPlan& p, const double* last_command) {
     p.last_input[i] = admit_command(p.limits[i], last_command ? last_command[i] : p.fallback[i], p.fallback[i]);
 }
 
+bool take_origin(PathPlan& p, const double* origin) {
+  if (!p.frame.move_to(origin, p.cost)) return false;
+  p.has_path = p.has_gain = p.hessians_stand = false;
+  return true;
+}
+
 bool take_belief(PathPlan& p, const Belief* belief) {
   if (!belief || belief->count == 0) return false;
   const std::uint32_t m = belief->count < p.most_scenarios ? belief->count : p.most_scenarios;

@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "core/arena.hpp"
+#include "planners/cost_frame.hpp"
 #include "planners/planner.hpp"
 #include "planners/scenario_risk.hpp"
 #include "planners/sequence.hpp"
@@ -41,6 +42,7 @@ struct PathPlan {
   double* settled = nullptr;  // (N x nu) what multiple shooting sends in the place of control
   std::uint64_t last_tick = 0;
   std::uint64_t task_step = 0;
+  CostFrame frame;             // of the path's angles
   bool has_sequence = false;   // control is a plan
   bool has_path = false;       // state fits control and the scenarios
   bool has_gain = false;       // factor.gain was made around the path
@@ -85,6 +87,8 @@ void reset_path_plan(PathPlan& p);
 
 /// Takes the command in force, brought into the limits; the safe command if it is null.
 void take_command(PathPlan& p, const double* last_command);
+/// Moves the cost into the belief's frame; a path of another frame is dropped, its inputs stay. True if the frame moved.
+bool take_origin(PathPlan& p, const double* origin);
 /// The first scenarios of the belief; false if there is nothing to plan over. A path for another number of scenarios is
 /// dropped.
 bool take_belief(PathPlan& p, const Belief* belief);

@@ -1,5 +1,6 @@
 #include "planners/sampler.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -128,13 +129,35 @@ void expand_chunk(Sampler& s, std::uint32_t first, std::uint32_t lanes, float* c
   s.lanes->expand(job);
 }
 
+std::uint32_t lanes_of_chunk(const Sampler& s, std::uint32_t chunk) {
+  const std::uint32_t left = s.rollouts - chunk * s.chunk_lanes;
+  return left < s.chunk_lanes ? left : s.chunk_lanes;
+}
+
+/// Where the costs of a chunk begin.
+std::size_t chunk_place(const Sampler& s, std::uint32_t place) {
+  return std::size_t{place} * s.most_particles * s.chunk_lanes;
+}
+
+/// The risk of a chunk's costs (M x lanes).
+void reduce_chunk(Sampler& s, std::uint32_t chunk, const float* cost) {
+  RiskJob risk;
+  risk.particles = s.particles;
+  risk.lanes = lanes_of_chunk(s, chunk);
+  risk.tail = risk_tail(s);
+  risk.cost = cost;
+  risk.risk = s.cost + chunk * s.chunk_lanes;
+  s.lanes->risk(risk);
+}
+
 /// False if the deadline passed on the way. The clock is read once a rollout call.
 bool evaluate_chunk(Sampler& s, std::uint32_t slot, std::uint32_t chunk) {
   const std::uint32_t first = chunk * s.chunk_lanes;
-  const std::uint32_t left = s.rollouts - first;
-  const std::uint32_t lanes = left < s.chunk_lanes ? left : s.chunk_lanes;
+  const std::uint32_t lanes = lanes_of_chunk(s, chunk);
   float* controls = s.controls + std::size_t{slot} * s.grid.horizon * s.inputs * s.chunk_lanes;
-  float* cost = s.particle_cost + std::size_t{slot} * s.most_particles * s.chunk_lanes;
+  const std::size_t place = chunk_place(s, s.penalised ? chunk : slot);
+  float* cost = s.particle_cost + place;
+  float* penalty = s.penalised ? s.particle_penalty + place : nullptr;
   sample_chunk(s, first, lanes);
   expand_chunk(s, first, lanes, controls);
   RolloutJob<float> job = common_job(s);
@@ -146,15 +169,10 @@ bool evaluate_chunk(Sampler& s, std::uint32_t slot, std::uint32_t chunk) {
     job.params = {s.particle_params + m * s.params, 0};
     job.effect_state = {s.particle_effects + m * s.effect_states, 0};
     job.cost_out = cost + m * lanes;
+    if (penalty) job.penalty_out = penalty + m * lanes;
     s.table->rollout_f32(*s.model, job);
   }
-  RiskJob risk;
-  risk.particles = s.particles;
-  risk.lanes = lanes;
-  risk.tail = risk_tail(s);
-  risk.cost = cost;
-  risk.risk = s.cost + first;
-  s.lanes->risk(risk);
+  if (!penalty) reduce_chunk(s, chunk, cost);
   return true;
 }
 
@@ -183,6 +201,64 @@ bool evaluate(Sampler& s) {
   return true;
 }
 
+// ---- penalties ----------------------------------------------------------------------------------
+
+/// Calls visit(particle, its costs, its penalties, how many) for every particle in every chunk.
+template <class Visit>
+void for_particles(const Sampler& s, const Visit& visit) {
+  for (std::uint32_t chunk = 0; chunk < s.chunks; ++chunk) {
+    const std::uint32_t lanes = lanes_of_chunk(s, chunk);
+    for (std::uint32_t m = 0; m < s.particles; ++m) {
+      const std::size_t at = chunk_place(s, chunk) + std::size_t{m} * lanes;
+      visit(m, s.particle_cost + at, s.particle_penalty + at, lanes);
+    }
+  }
+}
+
+void find_least_penalties(Sampler& s) {
+  std::fill(s.least_penalty, s.least_penalty + s.particles, kInfinity);
+  for_particles(s, [&](std::uint32_t m, const float* cost, const float* penalty, std::uint32_t lanes) {
+    for (std::uint32_t l = 0; l < lanes; ++l)
+      if (cost[l] < kInfinity && penalty[l] < s.least_penalty[m]) s.least_penalty[m] = penalty[l];
+  });
+  for (std::uint32_t m = 0; m < s.particles; ++m)
+    if (!(s.least_penalty[m] < kInfinity)) s.least_penalty[m] = 0.0f;
+}
+
+/// What a cost of particle m gets of its penalty. The mean over particles does not care which of them a constant was
+/// taken from; a tail does.
+float counted_penalty(const Sampler& s, std::uint32_t m, float penalty) {
+  const float own = penalty - s.least_penalty[m];
+  if (s.settings->risk == tiller_risk_mean) return own;
+  return own + (s.least_penalty[m] - static_cast<float>(s.reference));
+}
+
+/// What of the penalties is the same for all samples.
+double shared_penalty(const Sampler& s) {
+  double least = static_cast<double>(s.least_penalty[0]), sum = 0.0;
+  for (std::uint32_t m = 0; m < s.particles; ++m) {
+    least = std::fmin(least, static_cast<double>(s.least_penalty[m]));
+    sum += static_cast<double>(s.least_penalty[m]);
+  }
+  return s.settings->risk == tiller_risk_mean ? sum / s.particles : least;
+}
+
+/// Costs of this iteration, less what all samples share. What was told of this plan before is told anew.
+void add_penalties(Sampler& s) {
+  find_least_penalties(s);
+  const double before = s.reference;
+  s.reference = shared_penalty(s);
+  for_particles(s, [&](std::uint32_t m, float* cost, const float* penalty, std::uint32_t lanes) {
+    for (std::uint32_t l = 0; l < lanes; ++l) cost[l] += counted_penalty(s, m, penalty[l]);
+  });
+  for (std::uint32_t chunk = 0; chunk < s.chunks; ++chunk)
+    reduce_chunk(s, chunk, s.particle_cost + chunk_place(s, chunk));
+  if (s.iteration == 0) return;
+  s.best_cost += before - s.reference;
+  s.warm_cost += before - s.reference;
+  if (s.method->rebase) s.method->rebase(s, before - s.reference);
+}
+
 void keep_best(Sampler& s) {
   if (!(static_cast<double>(s.range.low) < s.best_cost)) return;
   s.best_cost = static_cast<double>(s.range.low);
@@ -199,6 +275,7 @@ std::uint32_t iterate(Sampler& s, PlanResult& result) {
       if (s.method->cancel) s.method->cancel(s);
       break;
     }
+    if (s.penalised) add_penalties(s);
     s.range = s.lanes->range(s.cost, s.rollouts);
     if (s.range.finite == 0) {
       if (s.method->cancel) s.method->cancel(s);
@@ -228,15 +305,17 @@ PlanResult plan_by_sampling(void* self, const PlanRequest& request, double* comm
   Sampler& s = *static_cast<Sampler*>(self);
   PlanResult result;
   s.request = &request;
+  (void)s.frame.move_to(request.origin, s.cost_terms);
   start_from_command(s, request.last_command);
   shift_plan(s, request.tick);
   result.cost = std::numeric_limits<double>::infinity();
   s.best_cost = std::numeric_limits<double>::infinity();
+  s.reference = 0.0;
   if (take_belief(s, request.belief)) {
     const FlushToZero flush;  // not around the limits: a denormal command in force is a number like any other
     s.method->begin(s);
     result.iterations = iterate(s, result);
-    if (result.iterations > 0) result.cost = s.method->choose(s);
+    if (result.iterations > 0) result.cost = s.method->choose(s) + s.reference;
   } else {
     result.status = tiller_status_plan_not_finite;
   }
@@ -261,7 +340,10 @@ double evaluate_mean(Sampler& s) {
   job.effect_state = {s.lane_effects, s.padded};
   job.controls = {s.sequence, 0};
   job.cost_out = s.lane_cost;
+  job.penalty_out = s.lane_penalty;
   s.table->rollout_f32(*s.model, job);
+  for (std::uint32_t m = 0; s.penalised && m < s.particles; ++m)
+    s.lane_cost[m] += counted_penalty(s, m, s.lane_penalty[m]);
   // the same reduction as the samples': particle costs become a column of one lane, here the first of 16
   float column[kLanePadding * 64];
   for (std::uint32_t m = 0; m < s.particles; ++m)

@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "core/arena.hpp"
+#include "planners/cost_frame.hpp"
 #include "planners/lane_table.hpp"
 #include "planners/planner.hpp"
 #include "planners/sequence.hpp"
@@ -28,6 +29,8 @@ struct SamplingMethod {
   void (*cancel)(Sampler& s) = nullptr;
   /// Knots are hold_steps apart and hold until the next.
   bool holds = false;
+  /// Costs of this plan are from now on `change` more than they were told; null: no cost is kept.
+  void (*rebase)(Sampler& s, double change) = nullptr;
 };
 
 /// The sampling core: K rollouts around a mean sequence of knots, evaluated on M particles under the risk. A plan is
@@ -49,6 +52,8 @@ struct Sampler {
   const tiller_hooks_t* hooks = nullptr;
   std::uint64_t seed = 0;
   CostTerms<float> cost_terms{};
+  CostFrame frame;
+  bool penalised = false;  // by bounds or obstacles, which cost_terms then leaves to the rollouts' penalties
   InputLimit limits[TILLER_MAX_INPUTS];
   double fallback[TILLER_MAX_INPUTS] = {};  // the safe command
 
@@ -89,6 +94,7 @@ struct Sampler {
   float* lane_params = nullptr;                // (np x padded)
   float* lane_effects = nullptr;               // (ns x padded)
   float* lane_cost = nullptr;                  // (padded)
+  float* lane_penalty = nullptr;               // (padded); null unless penalised
   float start_lanes[TILLER_MAX_INPUTS] = {};   // start, in f32
   float before_lanes[TILLER_MAX_INPUTS] = {};  // knot_before, in f32
   double best_cost = 0.0;                      // cheapest sample of this plan
@@ -108,9 +114,14 @@ struct Sampler {
   float* cost = nullptr;         // (K)
   float* weight = nullptr;       // (K)
   CostRange range{};
-  float* controls = nullptr;         // (slots x horizon * inputs x chunk_lanes)
-  float* particle_cost = nullptr;    // (slots x M x chunk_lanes)
-  std::uint32_t* aborted = nullptr;  // (slots)
+  float* controls = nullptr;          // (slots x horizon * inputs x chunk_lanes)
+  float* particle_cost = nullptr;     // (slots x M x chunk_lanes); penalised: (chunks x M x chunk_lanes)
+  float* particle_penalty = nullptr;  // likewise; null unless penalised
+  std::uint32_t* aborted = nullptr;   // (slots)
+  // The least penalty of any sample on each particle. Costs come less these: a limit that every sample violates alike,
+  // with a weight of 1e12 say, would else leave no digit of single precision for what tells the samples apart.
+  float* least_penalty = nullptr;  // (M)
+  double reference = 0.0;          // what all costs of this iteration therefore come less
 };
 
 /// PlannerTable's functions for every method; `self` is a Sampler.

@@ -28,8 +28,10 @@ std::uint32_t hold_of(const tiller_planner_config_t& p) { return p.hold_steps > 
 /// Numbers that both passes of the layout need.
 struct Sizes {
   std::uint32_t rows, horizon, knots, rollouts, chunk_lanes, chunks, slots, particles, padded, states, params, effects;
-  bool mixed;
+  bool mixed, penalised;
 };
+
+constexpr std::uint32_t kPenalties = kCostBounds | kCostObstacles;
 
 Sizes measure(const tiller_config_t& config, const StepSetup& setup, const SamplingMethod& method) {
   const tiller_planner_config_t& p = config.planner;
@@ -46,6 +48,7 @@ Sizes measure(const tiller_config_t& config, const StepSetup& setup, const Sampl
   z.states = config.model->state_count;
   z.params = config.param_count;
   z.effects = setup.effect_state_count;
+  z.penalised = (make_cost_terms<float>(config.cost).extra & kPenalties) != 0;
   z.mixed = !method.draw && mixes_noise(p);
   return z;
 }
@@ -72,8 +75,14 @@ void take_arrays(Arena& arena, const Sizes& z, std::uint32_t inputs, Sampler& s)
   s.cost = arena.take<float>(z.rollouts);
   s.weight = arena.take<float>(z.rollouts);
   s.controls = arena.take<float>(std::size_t{z.slots} * z.horizon * inputs * z.chunk_lanes);
-  s.particle_cost = arena.take<float>(std::size_t{z.slots} * z.particles * z.chunk_lanes);
+  // penalties are compared over all samples before they are added to anything
+  const std::size_t places = z.penalised ? z.chunks : z.slots;
+  s.particle_cost = arena.take<float>(places * z.particles * z.chunk_lanes);
   s.aborted = arena.take<std::uint32_t>(z.slots);
+  if (!z.penalised) return;
+  s.lane_penalty = arena.take<float>(z.padded);
+  s.least_penalty = arena.take<float>(z.particles);
+  s.particle_penalty = arena.take<float>(places * z.particles * z.chunk_lanes);
 }
 
 void take_limits(Sampler& s, const tiller_config_t& config) {
@@ -109,6 +118,9 @@ Sampler* lay_out_sampler(Arena& arena, const tiller_config_t& config, const Step
   s->hooks = hooks;
   s->seed = config.seed;
   if (lay_out_cost(config, setup, table, nullptr, &s->cost_terms) != tiller_status_ok) return nullptr;
+  s->frame.lay_out(config);
+  s->penalised = z.penalised;
+  s->cost_terms.extra &= ~kPenalties;
   s->states = z.states;
   s->inputs = config.model->input_count;
   s->params = z.params;

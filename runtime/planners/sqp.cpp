@@ -51,6 +51,16 @@ std::uint32_t best_candidate(const Sqp& s, double& cost, double& merit) {
   return best;
 }
 
+/// Where the path's own inputs are the best by no more than rounding, the full step is as good, and it answers the state
+/// that was measured: a cost of 1e9 that nothing changes hides what the answer is worth.
+bool prefer_full_step(const Sqp& s, double& cost, double& merit) {
+  const double risk = candidate_risk(s.plan, 0), all = risk + bounds_penalty(s, 0);
+  if (!(all <= merit + kFlat * std::fabs(merit))) return false;
+  cost = risk;
+  merit = all;
+  return true;
+}
+
 /// False, and the path stays, where its motion is not finite.
 bool begin_path(Sqp& s) {
   const double cost = roll_open(s.plan);
@@ -76,8 +86,10 @@ bool iterate(Sqp& s, const Deadline& deadline) {
   else
     roll_candidates(p, kNoStep, kNoStep);
   double cost = kInfinity, merit = kInfinity;
-  const std::uint32_t best = best_candidate(s, cost, merit);
+  std::uint32_t best = best_candidate(s, cost, merit);
   if (!std::isfinite(cost)) return false;
+  const bool flat = best == kWarm && solved && prefer_full_step(s, cost, merit);
+  if (flat) best = 0;
   const double warm = candidate_risk(p, kWarm) + bounds_penalty(s, kWarm);
   const bool moved = solved && weigh_full_step(p) > kWeightsStand;
   if (moved) p.hessians_stand = false;
@@ -89,7 +101,7 @@ bool iterate(Sqp& s, const Deadline& deadline) {
     s.converged = solved && p.problem.regularisation > kMostRaised;
   } else {
     s.converged = warm - merit <= kConverged * std::fabs(merit) && !moved;
-    if (best < 2) lower_regularisation(p);
+    if (best < 2 && !flat) lower_regularisation(p);
     if (best > 3) raise_regularisation(p);
   }
   return true;
@@ -140,6 +152,7 @@ PlanResult plan(void* self, const PlanRequest& request, double* command) {
   take_command(p, request.last_command);
   p.task_step = request.task_step;
   shift(s, request.tick);
+  if (take_origin(p, request.origin)) place_hard_bounds(s);
   if (!take_belief(p, request.belief)) {
     result.status = tiller_status_plan_not_finite;
   } else if (request.deadline.iterations > 0) {

@@ -45,16 +45,13 @@ void take_bounds(Arena& arena, const LqProblem& sizes, SqpProgram& program) {
 
 void take_hard_bounds(const tiller_config_t& config, Sqp& s) {
   s.rate_limits = s.state_bounds = false;
+  place_hard_bounds(s);
   for (std::uint32_t i = 0; i < config.model->input_count; ++i) {
     const double most = config.safety.input_rate_per_s[i] * config.period_s;
     s.rate_limits = s.rate_limits || most < config.safety.input_high[i] - config.safety.input_low[i];
   }
-  for (std::uint32_t i = 0; i < config.model->state_count; ++i) {
-    const bool hard = (config.cost.hard_bounds >> i) & 1u;
-    s.state_low[i] = hard ? config.cost.state_low[i] : -INFINITY;
-    s.state_high[i] = hard ? config.cost.state_high[i] : INFINITY;
+  for (std::uint32_t i = 0; i < config.model->state_count; ++i)
     s.state_bounds = s.state_bounds || std::isfinite(s.state_low[i]) || std::isfinite(s.state_high[i]);
-  }
 }
 
 /// Masks of what has bounds in the program that OSQP solves.
@@ -74,6 +71,16 @@ void take_masks(const Sqp& s, const LqProblem& sizes, Masks& masks) {
 }
 
 }  // namespace
+
+void place_hard_bounds(Sqp& s) {
+  const PathPlan& p = s.plan;
+  const tiller_cost_config_t& cost = p.frame.cost();
+  for (std::uint32_t i = 0; i < p.nx; ++i) {
+    const bool hard = (cost.hard_bounds >> i) & 1u;
+    s.state_low[i] = hard ? cost.state_low[i] - p.frame.origin()[i] : -INFINITY;
+    s.state_high[i] = hard ? cost.state_high[i] - p.frame.origin()[i] : INFINITY;
+  }
+}
 
 void lay_out_programs(Arena& arena, const tiller_config_t& config, const RolloutTable& table, Sqp& s) {
   PathPlan& p = s.plan;

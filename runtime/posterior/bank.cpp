@@ -79,6 +79,7 @@ void BankPosterior::reset() {
   for (std::uint32_t k = 0; k < ny_; ++k) last_[k] = NAN;
   started_ = false;
   restarts_ = 0;
+  retired_ = {};
   forget_evidence();
 }
 
@@ -159,10 +160,17 @@ void BankPosterior::follow_delay(const Transition& transition) {
 /// The delays' clouds share the first rate, and so its fate; what they have found out about the delay stays.
 void BankPosterior::restart_rate(std::uint32_t rate) {
   if (rate > 0) {
-    engine_[member_of_rate(rate)]->restart(last_);
+    restart_member(member_of_rate(rate));
   } else {
-    for (std::uint32_t j = 0; j < delays_; ++j) engine_[j]->restart(last_);
+    for (std::uint32_t j = 0; j < delays_; ++j) restart_member(j);
   }
+}
+
+/// An engine that begins anew may count from zero again; what it counted until then stays counted.
+void BankPosterior::restart_member(std::uint32_t member) {
+  retired_.add(*engine_[member]);
+  engine_[member]->restart(last_);
+  retired_.subtract(*engine_[member]);
 }
 
 }  // namespace tiller

@@ -45,13 +45,14 @@ class BankPosterior final : public Posterior {
   double noise_scale() const override { return leader().noise_scale(); }
   double acceptance() const override { return leader().acceptance(); }
   std::uint64_t resamplings() const override;
-  std::uint64_t gated() const override { return leader().gated(); }
+  std::uint64_t gated() const override;
   double log_predictive() const override { return log_predictive_; }
   std::uint32_t size() const override { return members_ * n_; }
   void particle(std::uint32_t index, double* params, double* state, double* weight) const override;
   /// Members in proportion to their weights (systematic sampling). Of a member that gets one column: its mean.
   void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
             float* history) const override;
+  void set_origin(const double* state) override;
   /// Of a single column: the mean of all.
   double drawn_delay(std::uint32_t column) const override { return drawn_delay_[column % kColumns]; }
   /// The leading member's: what no delay and no rate explains.
@@ -71,6 +72,7 @@ class BankPosterior final : public Posterior {
   std::uint32_t delay_of(std::uint32_t member) const { return member < delays_ ? member : best_delay_; }
   std::uint32_t member_of_rate(std::uint32_t rate) const { return rate == 0 ? best_delay_ : delays_ + rate - 1; }
   void restart_rate(std::uint32_t rate);
+  void restart_member(std::uint32_t member);
   void remember_input(const double* input);
   void follow_delay(const Transition& transition);
 
@@ -86,6 +88,13 @@ class BankPosterior final : public Posterior {
   const Posterior& leader() const { return *engine_[leader_]; }
 
   // bank_report.cpp
+  /// What counts events of the whole life: sums over the members, whoever leads.
+  struct Counts {
+    std::uint64_t resamplings = 0, gated = 0, relearned = 0, lost = 0;
+    void add(const Posterior& engine);
+    void subtract(const Posterior& engine);
+  };
+  Counts counts() const;
   void apportion(std::uint32_t count, std::uint64_t tick, std::uint32_t first, std::uint32_t* columns) const;
   void draw_block(std::uint32_t count, std::uint32_t first, std::uint64_t tick, float* params, float* state,
                   float* effect_state) const;
@@ -121,6 +130,7 @@ class BankPosterior final : public Posterior {
   double weight_[kMaxMembers] = {};
   double log_predictive_ = 0.0;
   std::uint64_t restarts_ = 0;
+  Counts retired_;  // of members' lives that ended when they began anew
 };
 
 }  // namespace tiller

@@ -75,11 +75,33 @@ double BankPosterior::quantile(std::uint32_t param, double q) const {
   return last;
 }
 
-std::uint64_t BankPosterior::resamplings() const {
-  std::uint64_t sum = 0;
-  for (std::uint32_t k = 0; k < members_; ++k) sum += engine_[k]->resamplings();
+void BankPosterior::Counts::add(const Posterior& engine) {
+  PosteriorReport report;
+  engine.report(report);
+  resamplings += engine.resamplings();
+  gated += engine.gated();
+  relearned += report.relearned;
+  lost += report.lost;
+}
+
+void BankPosterior::Counts::subtract(const Posterior& engine) {
+  Counts of;
+  of.add(engine);
+  resamplings -= of.resamplings;
+  gated -= of.gated;
+  relearned -= of.relearned;
+  lost -= of.lost;
+}
+
+BankPosterior::Counts BankPosterior::counts() const {
+  Counts sum = retired_;
+  for (std::uint32_t k = 0; k < members_; ++k) sum.add(*engine_[k]);
   return sum;
 }
+
+std::uint64_t BankPosterior::resamplings() const { return counts().resamplings; }
+
+std::uint64_t BankPosterior::gated() const { return counts().gated; }
 
 void BankPosterior::particle(std::uint32_t index, double* params, double* state, double* weight) const {
   if (index >= size()) return;
@@ -103,6 +125,9 @@ void BankPosterior::report(PosteriorReport& report) const {
   }
   for (std::uint32_t i = 0; i < TILLER_MAX_FORGETTING; ++i)
     report.forgetting_weight[i] = i < rates_ ? rate_weight_[i] : 0.0;
+  const Counts sum = counts();
+  report.relearned = sum.relearned;
+  report.lost = sum.lost;
 }
 
 /// Share of a member's particles that are nearer to the next whole period than to the one before.
@@ -203,6 +228,10 @@ void BankPosterior::draw_block(std::uint32_t count, std::uint32_t first, std::ui
       ++at;
     }
   }
+}
+
+void BankPosterior::set_origin(const double* state) {
+  for (std::uint32_t k = 0; k < members_; ++k) engine_[k]->set_origin(state);
 }
 
 }  // namespace tiller

@@ -71,6 +71,7 @@ struct Cloud {
     const double* from;
     std::uint32_t rows;
     float* to;
+    const double* origin = nullptr;  // (rows) subtracted first; null: nothing
   };
   /// Stratified selection of `count` particles (selection.cpp); copies their columns of each of the `pieces`.
   void draw(std::uint32_t count, std::uint64_t tick, const Drawn* what, std::uint32_t pieces) const;

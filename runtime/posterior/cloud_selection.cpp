@@ -110,7 +110,7 @@ void Cloud::draw(std::uint32_t count, std::uint64_t tick, const Drawn* what, std
       for (std::uint32_t piece = 0; piece < pieces; ++piece) {
         const Drawn& p = what[piece];
         for (std::uint32_t i = 0; i < p.rows && p.to; ++i)
-          p.to[i * count + m] = static_cast<float>(p.from[i * n + from_row]);
+          p.to[i * count + m] = static_cast<float>(p.from[i * n + from_row] - (p.origin ? p.origin[i] : 0.0));
       }
     }
   }

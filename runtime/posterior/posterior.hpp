@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 #include "core/arena.hpp"
@@ -97,6 +98,8 @@ class Posterior {
   /// another thread reads quantiles. Cost: O(N d^2).
   virtual void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
                     float* history) const = 0;
+  /// draw() gives states less `state` (nx), subtracted before they become single precision. Zeros until the first call.
+  virtual void set_origin(const double* state) { std::copy(state, state + TILLER_MAX_STATES, origin_); }
   /// By how many periods, parts of them included, the inputs of the hypothesis in this column of the last draw() come
   /// late, beside the effects' own delays.
   virtual double drawn_delay(std::uint32_t /*column*/) const { return 0.0; }
@@ -109,7 +112,8 @@ class Posterior {
   virtual void report(PosteriorReport& report) const { report = {}; }
 
  protected:
-  ~Posterior() = default;  // lives and ends with its block
+  ~Posterior() = default;                  // lives and ends with its block
+  double origin_[TILLER_MAX_STATES] = {};  // of draw()'s states
 };
 
 /// The refusals of Posterior::update that hold for every engine; ok otherwise.

@@ -4,6 +4,7 @@
 
 #include "rollout/cost_to_go.hpp"
 #include "rollout/rollout.hpp"
+#include "rollout/turns.hpp"
 
 namespace tiller {
 namespace {
@@ -79,6 +80,10 @@ tiller_status_t lay_out_cost(const tiller_config_t& config, const StepSetup& set
                              CostTerms<double>* exact, CostTerms<float>* lanes) {
   if (exact) *exact = make_cost_terms<double>(config.cost);
   if (lanes) *lanes = make_cost_terms<float>(config.cost);
+  // whole turns of a target make no difference to what is wrapped, and in single precision they cost it its digits
+  for (std::uint32_t i = 0; lanes && i < config.model->state_count; ++i)
+    if ((config.model->angle_mask >> i) & 1u)
+      lanes->target[i] = static_cast<float>(config.cost.target[i] - far_turns(config.cost.target[i]));
   if (config.cost.own_weight > 0.0 && !config.cost.own && !table.own_cost) return tiller_status_bad_cost;
   if (config.cost.terminal != tiller_terminal_lqr) return tiller_status_ok;
   double p[TILLER_MAX_STATES * TILLER_MAX_STATES] = {};

@@ -2,10 +2,21 @@
 
 // The cost's formulas: one text for plain numbers, lanes and duals. S computes, T is the precision of the terms.
 
+#include <cmath>
+
 #include "rollout/cost.hpp"
 #include "rollout/model_adapter.hpp"
 
 namespace tiller {
+
+/// A table's value of state i in the precision of the terms. Whole turns of an angle make no difference to what is wrapped
+/// and would cost single precision its digits; up to 16 of them (turns.hpp) it stays as it is.
+template <class T, class Model, class I>
+TILLER_INLINE T table_value(const Model& model, I i, double value) {
+  if (model.is_angle(i) && (value > 100.53096491487338 || value < -100.53096491487338))
+    value -= 6.283185307179586 * std::nearbyint(value * 0.15915494309189535);
+  return static_cast<T>(value);
+}
 
 /// No cost of one's own beside the model.
 template <class S>
@@ -91,13 +102,20 @@ TILLER_INLINE S obstacles_cost(const Model& model, const CostTerms<T>& cost,
   return sum;
 }
 
+/// What limits cost: a sum of its own where their weights would swallow the digits of every other term.
+template <class Model, class S, class T>
+TILLER_INLINE S penalty_cost(const Model& model, const CostTerms<T>& cost, const typename Model::template State<S>& x) {
+  return bounds_cost<Model, S>(model, cost, x) + obstacles_cost<Model, S>(model, cost, x);
+}
+
 /// w / 2 |W (x - mean)|^2; `mean` (nx) and `root` (nx x nx) are the rows that are due.
 template <class Model, class S, class T>
 TILLER_INLINE S demonstration_cost(const Model& model, const CostTerms<T>& cost, const double* mean, const double* root,
                                    const typename Model::template State<S>& x) {
   const int nx = static_cast<int>(model.nx());
   S d[TILLER_MAX_STATES];
-  each(model.nx(), [&](auto i) { d[i] = wrapped_difference<Model, S>(model, i, x[i], S(static_cast<T>(mean[i]))); });
+  each(model.nx(),
+       [&](auto i) { d[i] = wrapped_difference<Model, S>(model, i, x[i], S(table_value<T>(model, i, mean[i]))); });
   S sum = S(0.0);
   for (int r = 0; r < nx; ++r) {
     S row = S(0.0);
@@ -132,7 +150,7 @@ TILLER_INLINE typename Model::template State<S> from_target(const Model& model, 
     row = cost.reference + cost_row(step, cost.reference_rows) * static_cast<std::size_t>(static_cast<int>(model.nx()));
   typename Model::template State<S> d;
   each(model.nx(), [&](auto i) {
-    d[i] = wrapped_difference<Model, S>(model, i, x[i], S(row ? static_cast<T>(row[i]) : cost.target[i]));
+    d[i] = wrapped_difference<Model, S>(model, i, x[i], S(row ? table_value<T>(model, i, row[i]) : cost.target[i]));
   });
   return d;
 }

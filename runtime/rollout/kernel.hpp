@@ -39,6 +39,12 @@ struct Kernel {
     return sum;
   }
 
+  /// As every_cost, out of line.
+  template <class P, class T>
+  static __attribute__((noinline)) P penalty(const RolloutJob<T>& job, const typename Model::template State<P>& x) {
+    return penalty_cost<Model, P>(Model{}, *job.cost, x);
+  }
+
   template <class T>
   static TILLER_INLINE void store_state(T* rows, std::size_t stride, std::uint32_t lane,
                                         const typename Model::template State<Pack<T>>& x) {
@@ -56,7 +62,7 @@ struct Kernel {
     constexpr int kParameterSets = kSplat ? 1 : kRegisters;  // NOLINT(bugprone-branch-clone): equal for one register
     Parameters<Model, P> p[kParameterSets];
     Input before[kRegisters], commands[kRegisters];
-    P cost[kRegisters];
+    P cost[kRegisters], penalties[kRegisters];
     for (int r = 0; r < kRegisters; ++r) {
       const std::uint32_t at = lane + static_cast<std::uint32_t>(r * P::width);
       load_fields<P, P>(t[r].x, Model::nx(), job.state, 0, at);
@@ -73,7 +79,7 @@ struct Kernel {
         each(Model::nu(), [&](auto i) { before[r][i] = P(job.previous_input[i]); });
       else
         load_fields<P, P>(before[r], Model::nu(), job.controls, 0, at);
-      cost[r] = P(0.0);
+      cost[r] = penalties[r] = P(0.0);
     }
     for (std::uint32_t step = 0; step < job.horizon; ++step) {
       for (int r = 0; r < kRegisters; ++r) {
@@ -89,6 +95,7 @@ struct Kernel {
           else
             cost[r] = cost[r] + state_cost<Model, P>(stepper.model, job.cost->target, job.cost->state, t[r].x) +
                       input_cost<Model, P>(stepper.model, *job.cost, u, before[r]);
+          if (kExtra && job.penalty_out) penalties[r] = penalties[r] + penalty<P>(job, t[r].x);
           before[r] = u;
         }
         if constexpr (kEffects)
@@ -113,6 +120,7 @@ struct Kernel {
                            ? every_cost<P>(job, job.horizon, t[r].x, nullptr, before[r], p[kSplat ? 0 : r].model)
                            : state_cost<Model, P>(stepper.model, job.cost->target, job.cost->terminal, t[r].x);
         (cost[r] + last).store(job.cost_out + at);
+        if (kExtra && job.penalty_out) (penalties[r] + penalty<P>(job, t[r].x)).store(job.penalty_out + at);
       }
       if (job.trajectory)
         store_state<T>(job.trajectory + static_cast<std::size_t>(job.horizon) * kStates * job.lanes, job.lanes, at,
@@ -145,10 +153,9 @@ struct Kernel {
   }
   /// Planning without effects is the path worth a copy per integrator; everything else shares one.
   static void rollout_f32(const tiller_model_t&, const RolloutJob<float>& job) {
-    if (job.setup->effect_count == 0 && job.params.splat())
-      return !job.cost || job.cost->only_quadratic() ? roll_bare<false>(job) : roll_bare<true>(job);
-    if (job.params.splat() && (!job.cost || job.cost->only_quadratic()))
-      return roll_all<float, 4, true, true, false, tiller_integrator_rk4>(job);
+    const bool extra = job.cost && (!job.cost->only_quadratic() || job.penalty_out);
+    if (job.setup->effect_count == 0 && job.params.splat()) return extra ? roll_bare<true>(job) : roll_bare<false>(job);
+    if (job.params.splat() && !extra) return roll_all<float, 4, true, true, false, tiller_integrator_rk4>(job);
     roll_all<float, 4, true, false, true, tiller_integrator_rk4>(job);
   }
   static void rollout_f64(const tiller_model_t&, const RolloutJob<double>& job) {

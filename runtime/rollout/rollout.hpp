@@ -60,6 +60,7 @@ struct RolloutJob {
   const CostTerms<T>* cost = nullptr;  // null: no cost
   std::uint64_t task_step = 0;         // periods since the task began: the time row of step 0
   T* cost_out = nullptr;               // (lanes)
+  T* penalty_out = nullptr;            // (lanes) of bounds and obstacles, whatever `extra` says; nullable
   T* final_state = nullptr;            // (nx x lanes), row stride `lanes`; nullable
   T* final_effect_state = nullptr;     // (ns x lanes); nullable
   T* trajectory = nullptr;             // ((horizon + 1) * nx x lanes); nullable

@@ -75,13 +75,14 @@ void roll_lane(const TableModel& model, const Step& step, const RolloutJob<T>& j
   const auto keep = [&](T* rows) {
     for (int i = 0; i < nx; ++i) rows[static_cast<std::size_t>(i) * job.lanes + lane] = static_cast<T>(t.x[i]);
   };
-  double cost = 0.0;
+  double cost = 0.0, penalty = 0.0;
   for (std::uint32_t k = 0; k < job.horizon; ++k) {
     if (job.trajectory) keep(job.trajectory + static_cast<std::size_t>(k) * nx * job.lanes);
     Step::Input u{};
     for (int i = 0; i < nu; ++i) u[i] = cell(job.controls, static_cast<std::size_t>(k) * nu + i, lane);
     if (job.cost) {
       cost += stage_cost(model, job, k, t.x, u, before, p.model.v);
+      if (job.penalty_out) penalty += penalty_cost<TableModel, double>(model, *job.cost, t.x);
       before = u;
     }
     const auto past = [&](int age, int input) {
@@ -95,6 +96,8 @@ void roll_lane(const TableModel& model, const Step& step, const RolloutJob<T>& j
     step.advance(t, u, p, past);
   }
   if (job.cost && job.cost_out) job.cost_out[lane] = static_cast<T>(cost + terminal_cost(model, job, t.x, p.model.v));
+  if (job.cost && job.penalty_out)
+    job.penalty_out[lane] = static_cast<T>(penalty + penalty_cost<TableModel, double>(model, *job.cost, t.x));
   if (job.trajectory) keep(job.trajectory + static_cast<std::size_t>(job.horizon) * nx * job.lanes);
   if (job.final_state) keep(job.final_state);
   if (job.final_effect_state)

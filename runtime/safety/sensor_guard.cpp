@@ -18,10 +18,14 @@ std::int64_t elapsed_us(std::int64_t a, std::int64_t b) {
 }
 
 void SensorGuard::restart() {
+  forget_readings();
+  bad_ticks_ = 0;
+}
+
+void SensorGuard::forget_readings() {
   started_ = false;
   still_us_ = 0;
   repeats_ = 0;
-  bad_ticks_ = 0;
 }
 
 SensorVerdict SensorGuard::check(std::int64_t now_us, const tiller_measurement_t* measurement) {
@@ -32,6 +36,7 @@ SensorVerdict SensorGuard::check(std::int64_t now_us, const tiller_measurement_t
   clocked_ = true;
 
   SensorVerdict verdict;
+  verdict.clock_set = went_back;
   // told even where a reading is here now: whoever did not tick meanwhile (a stopped process) has not heard of it
   verdict.expired = stale(now_us);
   if (went_back) {

@@ -24,6 +24,7 @@ struct SensorVerdict {
   tiller_status_t status = tiller_status_ok;  // ok, no_new_measurement, or why it was rejected
   bool usable = false;                        // new and valid: learn and plan from it
   bool lost = false;                          // the sensors cannot be relied on any more: SAFE
+  bool clock_set = false;                     // the caller's time went back
   bool expired = false;                       // before this tick they had been silent for longer than the timeout
 };
 
@@ -50,6 +51,8 @@ class SensorGuard {
 
   /// Forgets what was measured; the counters of the whole life stay.
   void restart();
+  /// The same, but rejections in a row go on: the stamps of what was measured come from another time.
+  void forget_readings();
 
   std::uint64_t rejected() const { return rejected_; }
   std::uint64_t missing() const { return missing_; }

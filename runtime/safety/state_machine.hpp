@@ -18,8 +18,9 @@ enum class Event : std::uint8_t {
   plan_failed,   ///< it did not, or its plan is used up
   hold_expired,  ///< HOLD lasted longer than configured
   sensor_fault,  ///< sensors stale, frozen or rejected too often
+  clock_set,     ///< the caller's time went back: what was measured is of another time
 };
-constexpr int kEventCount = 10;
+constexpr int kEventCount = 11;
 constexpr int kStateCount = 5;
 
 /// INIT, STANDBY, ACTIVE, HOLD, SAFE and nothing implicit: every pair of state and event has its entry in one

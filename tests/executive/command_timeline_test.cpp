@@ -11,11 +11,13 @@ namespace {
 
 using tiller::CommandTimeline;
 
+constexpr std::int64_t kWindow_us = 1000000;
+
 class Timeline : public ::testing::Test {
  protected:
   Timeline() : storage_(1 << 14) {
     tiller::Arena arena = storage_.arena();
-    timeline_.lay_out(arena, 1);
+    timeline_.lay_out(arena, 1, kWindow_us);
   }
   void push(std::int64_t at_us, double value) { timeline_.push(at_us, &value); }
   double mean(std::int64_t reference_us, double from_s, double to_s) const {
@@ -58,6 +60,42 @@ TEST_F(Timeline, RepeatsCostNoHistory) {
   push(0, 1.0);
   for (int i = 1; i <= 1000; ++i) push(i * 1000, 2.0);
   EXPECT_EQ(mean(0, -0.01, 0.001), 1.0) << "still known after a thousand repeats";
+}
+
+TEST_F(Timeline, KeepsAWholeWindowOfCommandsAtAKilohertz) {
+  // a ramp of one a millisecond: a mean over the past is off by as much as its interval is misplaced
+  const std::int64_t end_us = 5000000;
+  for (std::int64_t t = 0; t < end_us; t += 1000) push(t, static_cast<double>(t) * 1e-3);
+  // a window in 62 entries that hold for 16 or 32 ms each; both ends of an interval may fall within one
+  const double grain = 32.0;
+  for (double back_s = 0.02; back_s < 0.98; back_s += 0.01) {
+    const double middle = 5000.0 - 0.5 - 1e3 * (back_s - 0.01);
+    EXPECT_NEAR(mean(end_us, -back_s, -back_s + 0.02), middle, grain) << back_s;
+  }
+  EXPECT_NEAR(mean(end_us, -0.96, 0.0), 5000.0 - 0.5 - 480.0, 1.0) << "what was merged kept its mean";
+  EXPECT_EQ(mean(end_us, -0.001, 0.0), 4999.0) << "the newest is as it was sent";
+}
+
+TEST_F(Timeline, ForgetsWhatNobodyAsksForBeforeItMerges) {
+  // thirty commands a window: for as long as it runs, each of them is known exactly
+  const std::int64_t period_us = kWindow_us / 30;
+  for (int k = 0; k < 1000; ++k) push(k * period_us, k);
+  for (int k = 970; k < 1000; ++k)
+    EXPECT_EQ(mean(k * period_us, 0.0, 1e-6 * static_cast<double>(period_us)), k) << "to the last bit";
+}
+
+TEST_F(Timeline, MergesTheNeighboursThatHeldForTheShortestTime) {
+  // 64 commands 10 ms apart, but for two that held for a millisecond and three
+  std::int64_t at_us = 0;
+  for (int k = 0; k < 64; ++k) {
+    push(at_us, k);
+    at_us += k == 30 ? 1000 : k == 31 ? 3000 : 10000;
+  }
+  push(at_us, 64.0);
+  EXPECT_NEAR(mean(0, 0.300, 0.304), (30.0 * 1.0 + 31.0 * 3.0) / 4.0, 1e-12);
+  EXPECT_EQ(mean(0, 0.290, 0.300), 29.0);
+  EXPECT_EQ(mean(0, 0.304, 0.314), 32.0);
+  EXPECT_EQ(mean(0, 0.0, 0.010), 0.0) << "the oldest is still there";
 }
 
 TEST_F(Timeline, AgreesWithASampledMean) {

@@ -33,7 +33,7 @@ struct Source {
     const tiller::RolloutTable& table = tiller::select_rollout(*config.model);
     tiller::Arena arena = storage.arena();
     belief.lay_out(arena, config, setup, table, over_delays);
-    timeline.lay_out(arena, 1);
+    timeline.lay_out(arena, 1, 1000000);
     tiller::Arena source_arena = source_storage.arena();
     source = tiller::Posterior::lay_out(source_arena, config, setup, table, nullptr);
   }

@@ -352,6 +352,31 @@ TEST(Bank, RecoversFromAGainThatDoubles) {
   EXPECT_LE(ticks[runs - 2], 60);  // 95 %
 }
 
+TEST(Bank, CountersNeverFallThoughHypothesesBeginAnewAndTheLeadChanges) {
+  const auto c = forgetting();
+  // the gain doubles and halves: rates begin anew again and again
+  const auto log = simulate(
+      c, [](int k) { return k / 300 % 2 ? 1.4 : 0.7; }, 0.3, 1200, 733, 0);
+  Bank p(c);
+  ASSERT_EQ(p->start(log.first), tiller_status_ok);
+  std::uint64_t resamplings = 0, gated = 0, lost = 0, relearned = 0;
+  for (std::size_t k = 0; k < log.transitions.size(); ++k) {
+    ASSERT_TRUE(rig::works(p->update(log.transitions[k])));
+    tiller::PosteriorReport report;
+    p->report(report);
+    ASSERT_GE(p->resamplings(), resamplings) << k;
+    ASSERT_GE(p->gated(), gated) << k;
+    ASSERT_GE(report.lost, lost) << k;
+    ASSERT_GE(report.relearned, relearned) << k;
+    resamplings = p->resamplings();
+    gated = p->gated();
+    lost = report.lost;
+    relearned = report.relearned;
+  }
+  EXPECT_GE(static_cast<const tiller::BankPosterior*>(p.operator->())->restarts(), 2u) << "else nothing was tried";
+  EXPECT_GT(resamplings, 0u);
+}
+
 TEST(Bank, NothingIsLostWhereNothingChanges) {
   constexpr int runs = 20;
   auto still = forgetting(), fast = forgetting();

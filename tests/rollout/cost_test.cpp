@@ -96,6 +96,68 @@ TEST_P(EveryModelsCost, EveryTermMatters) {
   }
 }
 
+// Penalties by themselves and the cost without them are the cost with them.
+template <class T>
+void expect_penalties_apart(const tiller_model_t& m, const RolloutTable& table, bool effects, double tolerance) {
+  tiller_config_t config = plain_config(&m);
+  if (effects) add_effect(config, tiller_effect_viscous_friction, 0);
+  std::vector<T> shared(TILLER_MAX_PARAMS, T(0.8));
+  for (const CostCase& c : cost_cases(m)) {
+    Batch<T> whole(config, kLanes, kHorizon), apart(config, kLanes, kHorizon);
+    for (Batch<T>* b : {&whole, &apart}) {
+      b->weights = terms_of<T>(c, b->nx);
+      b->job.task_step = kTaskStep;
+      b->job.params = {shared.data(), 0};
+    }
+    std::vector<T> penalty(kLanes, T(-1));
+    apart.weights.extra &= ~(kCostBounds | kCostObstacles);
+    apart.job.penalty_out = penalty.data();
+    whole.run(m, table);
+    apart.run(m, table);
+    const bool has = whole.weights.has(kCostBounds) || whole.weights.has(kCostObstacles);
+    for (std::uint32_t l = 0; l < kLanes; ++l) {
+      const double want = double(whole.cost[l]);
+      EXPECT_NEAR(double(apart.cost[l]) + double(penalty[l]), want, tolerance * (1.0 + std::abs(want))) << c.name;
+      if (!has) {
+        EXPECT_EQ(penalty[l], T(0)) << c.name;
+      }
+    }
+  }
+}
+
+TEST_P(EveryModelsCost, PenaltiesAreToldApart) {
+  const tiller_model_t& m = *GetParam();
+  const tiller_model_t as_c = as_c_model(m);
+  for (const bool effects : {false, true}) {
+    // sums of the same terms in another order
+    for (Isa isa : all_isas()) {
+      expect_penalties_apart<float>(m, select_rollout(m, isa), effects, 2e-5);
+      expect_penalties_apart<double>(m, select_rollout(m, isa), effects, 1e-12);
+    }
+    expect_penalties_apart<float>(as_c, select_rollout(as_c), effects, 2e-5);
+  }
+}
+
+// Whole turns of an angle in a table make no difference, though single precision could not even hold them.
+TEST_P(EveryModelsCost, RowsMayCountTurns) {
+  const tiller_model_t& m = *GetParam();
+  const tiller_config_t config = plain_config(&m);
+  for (const CostCase& near : cost_cases(m)) {
+    if (near.reference.empty() && near.mean.empty()) continue;
+    CostCase far = near;
+    for (std::vector<double>* rows : {&far.reference, &far.mean})
+      for (std::size_t i = 0; i < rows->size(); ++i)
+        if ((m.angle_mask >> (i % m.state_count)) & 1u) (*rows)[i] += 3e4 * 6.283185307179586;
+    Batch<float> a(config, kLanes, kHorizon), b(config, kLanes, kHorizon);
+    a.weights = terms_of<float>(near, a.nx);
+    b.weights = terms_of<float>(far, b.nx);
+    a.run(m, select_rollout(m));
+    b.run(m, select_rollout(m));
+    for (std::uint32_t l = 0; l < kLanes; ++l)
+      EXPECT_NEAR(a.cost[l], b.cost[l], 2e-5f * (1.0f + std::abs(a.cost[l]))) << near.name;
+  }
+}
+
 // A term whose weight is zero is off whatever its other settings say, to the last bit.
 TEST_P(EveryModelsCost, WeightZeroIsOff) {
   const tiller_model_t& m = *GetParam();

@@ -44,6 +44,7 @@ const Entry kSpecification[] = {
     {kInit, Event::plan_failed, kInit, true},
     {kInit, Event::hold_expired, kInit, true},
     {kInit, Event::sensor_fault, kInit, true},
+    {kInit, Event::clock_set, kInit, true},
     {kStandby, Event::arm, kStandby, true},
     {kStandby, Event::disarm, kStandby, true},
     {kStandby, Event::stop, kSafe, true},
@@ -54,6 +55,7 @@ const Entry kSpecification[] = {
     {kStandby, Event::plan_failed, kStandby, true},
     {kStandby, Event::hold_expired, kStandby, true},
     {kStandby, Event::sensor_fault, kSafe, true},
+    {kStandby, Event::clock_set, kInit, true},
     {kActive, Event::arm, kActive, true},
     {kActive, Event::disarm, kStandby, true},
     {kActive, Event::stop, kSafe, true},
@@ -64,6 +66,7 @@ const Entry kSpecification[] = {
     {kActive, Event::plan_failed, kHold, true},
     {kActive, Event::hold_expired, kActive, true},
     {kActive, Event::sensor_fault, kSafe, true},
+    {kActive, Event::clock_set, kActive, true},
     {kHold, Event::arm, kHold, true},
     {kHold, Event::disarm, kStandby, true},
     {kHold, Event::stop, kSafe, true},
@@ -74,6 +77,7 @@ const Entry kSpecification[] = {
     {kHold, Event::plan_failed, kHold, true},
     {kHold, Event::hold_expired, kSafe, true},
     {kHold, Event::sensor_fault, kSafe, true},
+    {kHold, Event::clock_set, kHold, true},
     {kSafe, Event::arm, kSafe, false},
     {kSafe, Event::disarm, kSafe, false},
     {kSafe, Event::stop, kSafe, true},
@@ -84,6 +88,7 @@ const Entry kSpecification[] = {
     {kSafe, Event::plan_failed, kSafe, true},
     {kSafe, Event::hold_expired, kSafe, true},
     {kSafe, Event::sensor_fault, kSafe, true},
+    {kSafe, Event::clock_set, kSafe, true},
 };
 
 TEST(StateMachine, EveryStateWithEveryEvent) {

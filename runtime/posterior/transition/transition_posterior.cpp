@@ -225,7 +225,7 @@ void TransitionPosterior::draw(std::uint32_t count, std::uint64_t tick, float* p
     cloud().draw(count, tick, what, 1);
   }
   for (std::uint32_t r = 0; r < nx_ && state; ++r)
-    for (std::uint32_t m = 0; m < count; ++m) state[r * count + m] = static_cast<float>(state_[r]);
+    for (std::uint32_t m = 0; m < count; ++m) state[r * count + m] = static_cast<float>(state_[r] - origin_[r]);
   for (std::uint32_t i = 0; i < setup_.delay_steps * nu_ && history; ++i)
     history[i] = static_cast<float>(input_history_[i]);
 }
@@ -236,6 +236,7 @@ void TransitionPosterior::report(PosteriorReport& report) const {
     report.noise_sd[r] = std::sqrt(particles_->noise_variance(r) / config_->period_s);
   report.delay_weight[0] = report.forgetting_weight[0] = 1.0;
   report.discrepancy_share = particles_->discrepancy_share();
+  report.lost = particles_->lost();
 }
 
 }  // namespace tiller
