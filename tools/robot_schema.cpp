@@ -147,7 +147,8 @@ const std::vector<KeySpec> kKeys = {
     {"posterior", "discrepancy", K::flag, "", "true for transition, else false", 0, 1, false, AT(posterior.discrepancy),
      nullptr, "filter, transition: constant, viscous and dry forces that the model may lack are marginalised"},
     {"posterior", "delay_hypotheses", K::count, "", nullptr, 1, TILLER_MAX_HYPOTHESES, false,
-     AT(posterior.delay_hypotheses), nullptr, "transition: input delays from 0 to n-1 periods, weighed by their evidence"},
+     AT(posterior.delay_hypotheses), nullptr,
+     "transition: input delays from 0 to n-1 periods, weighed by their evidence"},
     {"posterior", "forgetting", K::other, "per tick", "[1]", 0, 0, false, hand, nullptr,
      "shares of the old data that each tick keeps, largest first; [1, 0.97] follows parameters that change. transition: "
      "up to three side by side; filter, conjugate: one"},
@@ -333,15 +334,10 @@ const std::vector<KeySpec> kKeys = {
      "socketcan: longest silence of a motor; 0: not watched"},
 
     {"transport.drives.*", "command", K::choice, "", "torque", 0, 0, false, hand,
-     [] {
-       return Words{"torque", "velocity", "position"};
-     },
+     [] { return Words{"torque", "velocity", "position"}; },
      "what the input is to the drive; position needs a rate limit"},
     {"transport.drives.*", "resolution", K::choice, "", "f32", 0, 0, false, hand,
-     [] {
-       return Words{"int8", "int16", "int32", "f32"};
-     },
-     "moteus: how registers travel"},
+     [] { return Words{"int8", "int16", "int32", "f32"}; }, "moteus: how registers travel"},
     {"transport.drives.*", "watchdog_s", K::number, "s", "0.1", 0, 10, false, hand, nullptr,
      "moteus: how long a command is valid; 0: as the drive is configured"},
     {"transport.drives.*", "position_rad", K::number, "rad", "12.5", 0, 1e4, true, hand, nullptr,
@@ -359,17 +355,11 @@ const std::vector<KeySpec> kKeys = {
     {"transport.drives.*", "kd_Nms_rad", K::number, "Nm s/rad", "0", 0, 1e5, false, hand, nullptr,
      "mit: gain of position and velocity commands"},
     {"transport.drives.*", "reply", K::choice, "", "plain", 0, 0, false, hand,
-     [] {
-       return Words{"plain", "ak", "damiao"};
-     },
-     "mit: how the drive answers: 6 bytes; CubeMars AK; Damiao"},
+     [] { return Words{"plain", "ak", "damiao"}; }, "mit: how the drive answers: 6 bytes; CubeMars AK; Damiao"},
     {"transport.drives.*", "reply_id", K::count, "", "0", 0, 2047, false, hand, nullptr,
      "mit: identifier of its answers"},
 
-    {"realtime", "pace", K::choice, "", "measurement", 0, 0, false, hand,
-     [] {
-       return Words{"measurement", "clock"};
-     },
+    {"realtime", "pace", K::choice, "", "measurement", 0, 0, false, hand, [] { return Words{"measurement", "clock"}; },
      "what a tick follows: each new measurement, or absolute times of the clock, a period apart"},
     {"realtime", "priority", K::count, "", "80", 0, 99, false, hand, nullptr,
      "of the tick and of its threads under SCHED_FIFO; 0: the scheduler is left alone"},

@@ -106,7 +106,8 @@ void AdequacyTest::begin_anew() {
 
 void AdequacyTest::begin() {
   settling_ = kSettling;
-  for (std::uint32_t k = 0; k < channels_; ++k) channel_data_[k].last = channel_data_[k].previous = channel_data_[k].recent = 0.0;
+  for (std::uint32_t k = 0; k < channels_; ++k)
+    channel_data_[k].last = channel_data_[k].previous = channel_data_[k].recent = 0.0;
 }
 
 void AdequacyTest::begin_cohort() {
@@ -179,8 +180,7 @@ void AdequacyTest::take(const Innovation& innovation) {
 void AdequacyTest::test_channel(std::uint32_t k, double normalised, const double* feature) {
   const double y = clip(normalised, kClip);
   for (std::uint32_t f = 0; f < features_; ++f) {
-    const double by = feature[f] * y, 
-                 variance = variance_share(f) * feature[f] * feature[f] * (y * y + 2.0) / 3.0;
+    const double by = feature[f] * y, variance = variance_share(f) * feature[f] * feature[f] * (y * y + 2.0) / 3.0;
     Sums* sums = sums_ + (k * features_ + f) * kCohorts;
     for (std::uint32_t c = 0; c < kCohorts; ++c) {
       sums[c].s += by;

@@ -30,7 +30,7 @@ struct PredictJob {
   std::uint32_t covariance_stride = 0;
   const double* process = nullptr;        // (triangle) covariance of the process noise over this period
   const double* process_scale = nullptr;  // (lanes) its factor; null: one
-  double* predicted = nullptr;               // (triangle); may alias `covariance`
+  double* predicted = nullptr;            // (triangle); may alias `covariance`
   std::uint32_t predicted_stride = 0;
 };
 

@@ -72,7 +72,9 @@ class PriorLaw {
   /// coordinates have before's marginal law, since what changes is the robot, not the noise. Null: as configured.
   void believe_before(const NormalLaw* before) { before_ = before; }
   /// log_density() less that of what draw_one() draws from: 0 but after believe_before().
-  double log_excess(const double* v) const { return before_ ? changed_log_density(v) - configured_log_density(v) : 0.0; }
+  double log_excess(const double* v) const {
+    return before_ ? changed_log_density(v) - configured_log_density(v) : 0.0;
+  }
   /// One draw, v (d). From a mixture: until it lies within the bounds, kTries times at most; then the last try is
   /// reflected at them until it does. Means lie within the bounds: a mixture of which so little does is one that is
   /// far wider than the bounds, and a wide normal folded into them is as flat there as a cut one.

@@ -43,15 +43,13 @@ bool spread(const Cloud& cloud, std::uint32_t first_still, std::uint32_t still, 
     double off[kMaxCoordinates];
     for (std::uint32_t j = 0; j < d; ++j) off[j] = cloud.coordinate[j * n + i] - mean[j];
     for (std::uint32_t r = 0; r < d; ++r)
-      for (std::uint32_t c = 0; c <= r; ++c)
-        square[r * kMaxCoordinates + c] += cloud.weight[i] / sum * off[r] * off[c];
+      for (std::uint32_t c = 0; c <= r; ++c) square[r * kMaxCoordinates + c] += cloud.weight[i] / sum * off[r] * off[c];
   }
   bool whole = true;
   for (std::uint32_t r = 0; r < d; ++r) {
     for (std::uint32_t c = 0; c <= r; ++c) {
       double rest = square[r * kMaxCoordinates + c];
-      for (std::uint32_t k = 0; k < c; ++k)
-        rest -= factor[r * kMaxCoordinates + k] * factor[c * kMaxCoordinates + k];
+      for (std::uint32_t k = 0; k < c; ++k) rest -= factor[r * kMaxCoordinates + k] * factor[c * kMaxCoordinates + k];
       // coordinates that are functions of one another leave nothing: the walk then stays on their line
       const double pivot = factor[c * kMaxCoordinates + c];
       if (r == c && !(rest > kFlat * square[r * kMaxCoordinates + r])) whole = false;

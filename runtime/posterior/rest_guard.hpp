@@ -35,7 +35,7 @@ class RestGuard {
   bool has_moved(const Transition& transition) const;
 
   const tiller_config_t* config_ = nullptr;
-  std::uint32_t still_ = 0;  // ticks since the place was taken, saturating at kRestTicks
+  std::uint32_t still_ = 0;                     // ticks since the place was taken, saturating at kRestTicks
   double place_[TILLER_MAX_MEASUREMENTS] = {};  // NaN: not seen yet
   double input_[TILLER_MAX_INPUTS] = {};
 };

@@ -214,9 +214,8 @@ TEST_P(EveryPlanner, ADeadlineInTheRecordingIsReplayedWithoutAClock) {
   EXPECT_GT(counts[1] + counts[2], samples ? 40 : 5) << "the deadline hardly bound";
   EXPECT_GT(counts[3], 5) << "it bound always";
   // a quadratic program that the deadline cuts short leaves an approximation, which only the clock could repeat
-  const auto cut = std::find_if(recorded.begin(), recorded.end(), [](const tiller_record_t& r) {
-    return r.status == tiller_status_program_unsolved;
-  });
+  const auto cut = std::find_if(recorded.begin(), recorded.end(),
+                                [](const tiller_record_t& r) { return r.status == tiller_status_program_unsolved; });
   const std::vector<tiller_record_t> whole(recorded.begin(), cut);
   EXPECT_GT(std::count_if(whole.begin(), whole.end(),
                           [](const tiller_record_t& r) { return r.status == tiller_status_iteration_capped; }),

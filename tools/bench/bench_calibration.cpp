@@ -122,7 +122,8 @@ void report(Table& table, const CalibrationRow& row, const std::vector<Calibrati
   }
   table.heading(title(row));
   table.row("coverage of 90 % intervals, lower goal", covered(all, 0.9), "", at_least(row.goal.low));
-  if (row.goal.high < 1.0) table.row("coverage of 90 % intervals, upper goal", covered(all, 0.9), "", at_most(row.goal.high));
+  if (row.goal.high < 1.0)
+    table.row("coverage of 90 % intervals, upper goal", covered(all, 0.9), "", at_most(row.goal.high));
   table.row("coverage of 50 % intervals", covered(all, 0.5), "");
   table.row("coverage of 95 % intervals", covered(all, 0.95), "");
   double least = 1.0;
@@ -142,7 +143,8 @@ void report(Table& table, const CalibrationRow& row, const std::vector<Calibrati
     table.row("log density below a joint-state filter's, median", quantile_of(joint, 0.5), "nats", at_most(0.05));
   }
   std::string named;
-  for (const auto& [feature, count] : features) named += (named.empty() ? ": " : ", ") + feature + " " + std::to_string(count);
+  for (const auto& [feature, count] : features)
+    named += (named.empty() ? ": " : ", ") + feature + " " + std::to_string(count);
   table.row("runs with an alarm" + named, static_cast<double>(alarms), "");
   if (relearned > 0) table.row("runs that learnt anew", static_cast<double>(relearned), "");
   table.row("estimated over configured noise, median", quantile_of(noise, 0.5), "x");

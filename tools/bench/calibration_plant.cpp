@@ -93,7 +93,8 @@ class Input {
 };
 
 double changing_param(const PlantRun& run, int tick) {
-  const double last = run.physics.param[run.change_param] * run.change_factor, first = run.physics.param[run.change_param];
+  const double last = run.physics.param[run.change_param] * run.change_factor,
+               first = run.physics.param[run.change_param];
   if (run.change_tick > 0) return tick >= run.change_tick ? last : first;
   return first + (last - first) * tick / run.ticks;
 }

@@ -47,9 +47,9 @@ struct PlantRun {
   double start[kPlantStates] = {};     ///< mean of the start
   double start_sd[kPlantStates] = {};  ///< drawn about it
 
-  double sensor_sd[kPlantStates] = {};      ///< normal noise of each state's reading
-  double encoder_step[kPlantStates] = {};   ///< quantisation; 0: none
-  double outlier_share = 0.0;               ///< of the readings, off by outlier_size deviations of the sensor
+  double sensor_sd[kPlantStates] = {};     ///< normal noise of each state's reading
+  double encoder_step[kPlantStates] = {};  ///< quantisation; 0: none
+  double outlier_share = 0.0;              ///< of the readings, off by outlier_size deviations of the sensor
   double outlier_size = 30.0;
   double nan_share = 0.0;      ///< of the readings, missing one by one
   double missing_share = 0.0;  ///< of the ticks without any measurement
@@ -57,25 +57,25 @@ struct PlantRun {
   int rest_ticks = 0;       ///< without a command, before the excitation begins
   bool quiet_rest = false;  ///< and without process noise
 
-  double delay_periods = 0.0;                ///< from a command to its effect
-  int change_param = -1;                     ///< parameter that changes
-  double change_factor = 1.0;                ///< its last value over its first
-  int change_tick = 0;                       ///< where it jumps; 0: it drifts linearly over the run
+  double delay_periods = 0.0;  ///< from a command to its effect
+  int change_param = -1;       ///< parameter that changes
+  double change_factor = 1.0;  ///< its last value over its first
+  int change_tick = 0;         ///< where it jumps; 0: it drifts linearly over the run
 };
 
 /// What was recorded at one tick: the command of the period that ends with it, and the readings at its end.
 struct PlantTick {
   double input = 0.0;
-  bool measured = true;                  ///< a measurement came at all
-  double reading[kPlantStates] = {};     ///< (states) NaN: missing
-  bool outlier[kPlantStates] = {};       ///< (states) the reading is one
-  double state[kPlantStates] = {};       ///< true
+  bool measured = true;               ///< a measurement came at all
+  double reading[kPlantStates] = {};  ///< (states) NaN: missing
+  bool outlier[kPlantStates] = {};    ///< (states) the reading is one
+  double state[kPlantStates] = {};    ///< true
 };
 
 struct PlantRecord {
   int states = 0;
   double period_s = 0.0;
-  std::vector<PlantTick> tick;  ///< [0] is the start: its input has no meaning
+  std::vector<PlantTick> tick;      ///< [0] is the start: its input has no meaning
   double param[kPlantParams] = {};  ///< at the end of the run
 };
 

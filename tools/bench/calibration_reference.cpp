@@ -133,7 +133,8 @@ Eigen::MatrixXd ReferencePosterior::covariance() const {
 
 double ReferencePosterior::rank(int j, double truth) const {
   double below = 0.0;
-  for (int i = 0; i < point.cols(); ++i) below += weight[i] * (point(j, i) < truth ? 1.0 : point(j, i) == truth ? 0.5 : 0.0);
+  for (int i = 0; i < point.cols(); ++i)
+    below += weight[i] * (point(j, i) < truth ? 1.0 : point(j, i) == truth ? 0.5 : 0.0);
   return below;
 }
 

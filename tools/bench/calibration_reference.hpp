@@ -14,7 +14,7 @@ namespace tiller::bench {
 /// The marginal prior of one inferred parameter.
 struct ReferencePrior {
   enum Kind { uniform, normal, log_normal } kind = uniform;
-  double a = 0.0, b = 0.0;             ///< mean and deviation; of a log-normal: median, and deviation of the logarithm
+  double a = 0.0, b = 0.0;  ///< mean and deviation; of a log-normal: median, and deviation of the logarithm
   double low = -INFINITY, high = INFINITY;
 
   double log_density(double value) const;  ///< up to a constant; of the coordinate, the logarithm where log-normal

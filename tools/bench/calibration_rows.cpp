@@ -101,12 +101,10 @@ void well_specified(Rows& rows) {
     r.run.ticks = 10000;
     r.references = 30;
   });
-  rows.add("log-normal friction", kPlain, [&](CalibrationRow& r) {
-    r.problem.prior[2] = log_normal(rows.pendulum() ? 0.03 : 0.15, 1.0);
-  });
-  rows.add("log-normal friction, sigma 2", kAtLeast, [&](CalibrationRow& r) {
-    r.problem.prior[2] = log_normal(rows.pendulum() ? 0.03 : 0.15, 2.0);
-  });
+  rows.add("log-normal friction", kPlain,
+           [&](CalibrationRow& r) { r.problem.prior[2] = log_normal(rows.pendulum() ? 0.03 : 0.15, 1.0); });
+  rows.add("log-normal friction, sigma 2", kAtLeast,
+           [&](CalibrationRow& r) { r.problem.prior[2] = log_normal(rows.pendulum() ? 0.03 : 0.15, 2.0); });
   rows.add("NaN in a tenth of the values", kPlain, [](CalibrationRow& r) { r.run.nan_share = 0.1; });
   rows.add("1 % outliers", kPlain, [](CalibrationRow& r) { r.run.outlier_share = 0.01; });
   rows.add("30 % missing ticks", kPlain, [](CalibrationRow& r) { r.run.missing_share = 0.3; });
@@ -135,9 +133,9 @@ void misstated_noise(Rows& rows) {
   const struct {
     const char* name;
     double sensor, process;
-  } kCases[] = {{"all noise x3", 3, 3},           {"all noise x1/3", 1.0 / 3, 1.0 / 3},
-                {"process noise x3", 1, 3},       {"process noise x1/3", 1, 1.0 / 3},
-                {"sensor noise x3", 3, 1},        {"sensor noise x1/3", 1.0 / 3, 1}};
+  } kCases[] = {{"all noise x3", 3, 3},     {"all noise x1/3", 1.0 / 3, 1.0 / 3},
+                {"process noise x3", 1, 3}, {"process noise x1/3", 1, 1.0 / 3},
+                {"sensor noise x3", 3, 1},  {"sensor noise x1/3", 1.0 / 3, 1}};
   for (const auto& c : kCases)
     rows.add(c.name, kNoise, [&](CalibrationRow& r) { scale_noise(r, c.sensor, c.process); });
 }
@@ -265,14 +263,16 @@ tiller_config_t calibration_config(const CalibrationRow& row) {
   const PlantPhysics& p = q.physics;
   const bool pendulum = p.mechanism == Mechanism::pendulum;
   tiller_config_t c;
-  if (tiller_config_default(&c, tiller_find_model(pendulum ? "pendulum" : "cart_pole")) != tiller_status_ok) std::abort();
+  if (tiller_config_default(&c, tiller_find_model(pendulum ? "pendulum" : "cart_pole")) != tiller_status_ok)
+    std::abort();
   if (!pendulum) {
     c.effect_count = 1;
     c.effects[0] = {tiller_effect_viscous_friction, 0};
     c.param_count = 4;
   }
   for (int i = 0; i < p.params(); ++i) c.priors[i] = {tiller_prior_fixed, 0, p.param[i], 0.0, -INFINITY, INFINITY};
-  for (int j = 0; j < q.dimensions(); ++j) c.priors[q.inferred[static_cast<std::size_t>(j)]] = to_prior(q.prior[static_cast<std::size_t>(j)]);
+  for (int j = 0; j < q.dimensions(); ++j)
+    c.priors[q.inferred[static_cast<std::size_t>(j)]] = to_prior(q.prior[static_cast<std::size_t>(j)]);
   c.measurement_count = 0;
   for (int i = 0; i < p.states(); ++i) {
     c.initial_state[i] = q.start[i];

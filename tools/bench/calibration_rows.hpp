@@ -17,7 +17,8 @@ struct CalibrationGoal {
   double low = 0.86, high = 0.94;  ///< coverage of 90 % intervals, over runs and parameters
   double width = 0.0;              ///< most of the ratio of deviations to the reference's, median; 0: not judged
   double least_width = 0.0;        ///< and least
-  double offset = 0.0;             ///< most of the mean's distance from the reference's, in its deviations, mean over runs; 0: not judged
+  double offset =
+      0.0;  ///< most of the mean's distance from the reference's, in its deviations, mean over runs; 0: not judged
 };
 
 struct CalibrationRow {
@@ -26,7 +27,7 @@ struct CalibrationRow {
   PlantRun run;  ///< parameters that are inferred are drawn from `problem.prior`
   ReferenceProblem problem;
   int most_runs = 1 << 30;  ///< of a row that takes long
-  int references = 100;  ///< runs that are compared with a reference; 0: the reference does not know this plant
+  int references = 100;     ///< runs that are compared with a reference; 0: the reference does not know this plant
   std::function<void(tiller_config_t&)> configure;  ///< what the estimator is told beyond the defaults; may be empty
   CalibrationGoal goal;
 

@@ -136,9 +136,9 @@ const tiller_model_t& edged_model() {
 }
 
 void no_step(std::vector<Fault>& list) {
-  list.push_back({"model_without_a_step", "beliefs", "no hypothesis has a finite step: a model in C beyond sqrt's domain",
-                  Road::kMemory, End::kStops, Timeout::kUntaken,
-                  "`posterior_degenerate`: nothing is planned from the estimate; SAFE"});
+  list.push_back({"model_without_a_step", "beliefs",
+                  "no hypothesis has a finite step: a model in C beyond sqrt's domain", Road::kMemory, End::kStops,
+                  Timeout::kUntaken, "`posterior_degenerate`: nothing is planned from the estimate; SAFE"});
   list.back().prepare = [](Setup& s) {
     domain_left = 1.0;
     s.config.model = s.robot == Robot::kPendulum ? &edged_model<0>() : &edged_model<1>();
@@ -165,8 +165,8 @@ void beliefs(std::vector<Fault>& list) {
                   End::kBounded, Timeout::kSensor, "the estimate is predicted through it, period by period"});
   list.back().prepare = [](Setup& s) { s.config.safety.sensor_timeout_s = 0.2; };
   list.back().measure = [](World& w, tiller_measurement_t&) { return w.ticks >= 6; };
-  list.push_back({"filters_begin_anew", group, "a gap of twenty periods that the sensors' timeout allows", Road::kMemory,
-                  End::kBounded, Timeout::kSensor, "the filters begin anew, the parameters stay"});
+  list.push_back({"filters_begin_anew", group, "a gap of twenty periods that the sensors' timeout allows",
+                  Road::kMemory, End::kBounded, Timeout::kSensor, "the filters begin anew, the parameters stay"});
   list.back().prepare = [](Setup& s) { s.config.safety.sensor_timeout_s = 0.5; };
   list.back().measure = [](World& w, tiller_measurement_t&) { return w.ticks >= 20; };
   list.back().noticed = [](const World&, const tiller_info_t& i) { return i.posterior_failures > 0; };

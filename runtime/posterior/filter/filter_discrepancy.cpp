@@ -75,7 +75,8 @@ void FilterDiscrepancy::step(const Lanes16& job) const {
   for (std::uint32_t l = 0; l < lanes; ++l) job.params[np * lanes + l] = kSmall;
   for (std::uint32_t j = 0; j < joints_; ++j) {
     double* unit = job.unit + std::size_t{j} * nx_ * lanes;
-    with.effects[slot_] = {tiller_effect_constant_offset, static_cast<std::uint16_t>(j), static_cast<std::uint16_t>(np), 0};
+    with.effects[slot_] = {tiller_effect_constant_offset, static_cast<std::uint16_t>(j), static_cast<std::uint16_t>(np),
+                           0};
     rollout.final_state = unit;
     table_->rollout_f64(*config_->model, rollout);
     for (std::uint32_t i = 0; i < nx_ * lanes; ++i) unit[i] = (unit[i] - job.next[i]) / kSmall;

@@ -200,9 +200,9 @@ class FilterPosterior final : public Posterior {
   const tiller_hooks_t* hooks_ = nullptr;
   static constexpr std::uint32_t rows_ = ScaleEvidence::kRows;
   std::uint32_t n_ = 0, nx_ = 0, nu_ = 0, np_ = 0, ns_ = 0, ny_ = 0;
-  std::uint32_t d_ = 0;                 // coordinates
-  std::uint32_t forces_ = 0, nf_ = 0;   // of the discrepancy; states of the filters, forces included
-  std::uint32_t triangle_ = 0;          // of the filters' covariances
+  std::uint32_t d_ = 0;                // coordinates
+  std::uint32_t forces_ = 0, nf_ = 0;  // of the discrepancy; states of the filters, forces included
+  std::uint32_t triangle_ = 0;         // of the filters' covariances
   double measurement_variance_[TILLER_MAX_MEASUREMENTS] = {};
   bool enabled_ = true, has_ratio_ = false;
   double keep_ = 1.0;
@@ -212,25 +212,25 @@ class FilterPosterior final : public Posterior {
   Carried carried_;
   ScaleEvidence evidence_;
   Ring<Kept> window_;
-  double* window_history_ = nullptr;    // (window + 1) x (delay_steps * nu)
-  double* input_history_ = nullptr;     // (kHistory x nu) newest first
-  std::uint64_t window_begin_ = 0;      // first transition of the window
-  bool window_exact_ = true;            // begins at a start(): any lane's filter there is known exactly
+  double* window_history_ = nullptr;  // (window + 1) x (delay_steps * nu)
+  double* input_history_ = nullptr;   // (kHistory x nu) newest first
+  std::uint64_t window_begin_ = 0;    // first transition of the window
+  bool window_exact_ = true;          // begins at a start(): any lane's filter there is known exactly
   StartLaw start_;
   double force_drift_[kMaxRegressors] = {};  // (forces) variance that a force gains per second
-  double reach_[TILLER_MAX_STATES] = {};  // farthest that a state has been from where it began
-  NormalLaw before_;  // what was known before the robot changed
+  double reach_[TILLER_MAX_STATES] = {};     // farthest that a state has been from where it began
+  NormalLaw before_;                         // what was known before the robot changed
   FilterSummary summary_;
   FilterDiscrepancy discrepancy_;
   RestGuard rest_;
 
   // scratch
-  Chunk* chunks_ = nullptr;            // (N / kChunk)
-  double* scratch_ = nullptr;          // (kRows + 2 x N)
-  Proposal* proposals_ = nullptr;      // (N / 2)
-  double* proposed_sums_ = nullptr;    // (rows x lanes of moves) what a proposal changes, then what it has
-  double* move_coordinate_ = nullptr;  // (d x lanes of moves)
-  std::uint32_t move_lanes_ = 0;       // N / 2, rounded up
+  Chunk* chunks_ = nullptr;             // (N / kChunk)
+  double* scratch_ = nullptr;           // (kRows + 2 x N)
+  Proposal* proposals_ = nullptr;       // (N / 2)
+  double* proposed_sums_ = nullptr;     // (rows x lanes of moves) what a proposal changes, then what it has
+  double* move_coordinate_ = nullptr;   // (d x lanes of moves)
+  std::uint32_t move_lanes_ = 0;        // N / 2, rounded up
   double* point_innovation_ = nullptr;  // (ny + 1 x points) what leaves, at the design's points
   Kept now_;                            // being taken in
 
@@ -246,8 +246,8 @@ class FilterPosterior final : public Posterior {
   DisturbanceResponse* response_ = nullptr;  // beside it
   double* response_scratch_ = nullptr;       // (nx + nx * nx + nx * nu x kChunk)
   std::uint32_t gate_run_[TILLER_MAX_MEASUREMENTS] = {};
-  std::uint32_t leaves_ = 0;   // since the design was looked at
-  std::uint32_t trial_ = 0;    // ticks left in which a further alarm is not a change
+  std::uint32_t leaves_ = 0;  // since the design was looked at
+  std::uint32_t trial_ = 0;   // ticks left in which a further alarm is not a change
   std::uint64_t relearned_ = 0;
   std::uint64_t resamplings_ = 0, gated_ = 0, lost_ = 0;
 };

@@ -57,7 +57,8 @@ void FilterPosterior::widen_jacobian(const Chunk& chunk) const {
     for (std::uint32_t c = nf_; c-- > 0;) {
       double* to = chunk.jacobian + (r * nf_ + c) * kChunk;
       if (r < nx_)
-        std::memmove(to, c < nx_ ? chunk.jacobian + (r * nx_ + c) * kChunk : chunk.push + (r * forces_ + c - nx_) * kChunk,
+        std::memmove(to,
+                     c < nx_ ? chunk.jacobian + (r * nx_ + c) * kChunk : chunk.push + (r * forces_ + c - nx_) * kChunk,
                      kRow);
       else
         for (std::uint32_t l = 0; l < kChunk; ++l) to[l] = r == c ? 1.0 : 0.0;

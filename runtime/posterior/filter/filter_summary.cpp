@@ -19,7 +19,8 @@ constexpr double kLeastRoot = 1e-7;
 void to_root(std::uint32_t n, const double* p, std::uint32_t stride, double* to, std::uint32_t to_stride) {
   double root[kMaxFilterStates][kMaxFilterStates];
   for (std::uint32_t r = 0; r < n; ++r) {
-    const double variance = std::fmax(p[triangle_row(n, r, r) * stride], kVarianceFloor), deviation = std::sqrt(variance);
+    const double variance = std::fmax(p[triangle_row(n, r, r) * stride], kVarianceFloor),
+                 deviation = std::sqrt(variance);
     double rest = variance;
     for (std::uint32_t c = 0; c < r; ++c) {
       double sum = p[triangle_row(n, c, r) * stride];

@@ -95,8 +95,9 @@ void FilterPosterior::sum_proposals(std::uint32_t moves, bool pairs) {
     for (std::uint32_t m = 0; m < moves; ++m) {
       const std::uint32_t i = proposals_[m].particle, present = moves + m;
       const double over_window = chunks_[m / kChunk].sums[r * kChunk + m % kChunk];
-      const double before = pairs ? carried_.sums[r * n_ + i] - chunks_[present / kChunk].sums[r * kChunk + present % kChunk]
-                                  : carried_.base[r * n_ + i];
+      const double before =
+          pairs ? carried_.sums[r * n_ + i] - chunks_[present / kChunk].sums[r * kChunk + present % kChunk]
+                : carried_.base[r * n_ + i];
       proposed_sums_[r * move_lanes_ + m] += before + over_window;
     }
 }

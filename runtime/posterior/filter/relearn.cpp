@@ -64,7 +64,8 @@ void FilterPosterior::start_at_present() {
   for (std::uint32_t i = 0; i < n_; ++i) {
     const double w = cloud_.weight[i];
     if (!(w > 0.0)) continue;
-    for (std::uint32_t r = 0; r < nf_; ++r) law.state[r] += w * (carried_.filter.state[r * n_ + i] - carried_.filter.state[r * n_ + about]);
+    for (std::uint32_t r = 0; r < nf_; ++r)
+      law.state[r] += w * (carried_.filter.state[r * n_ + i] - carried_.filter.state[r * n_ + about]);
     for (std::uint32_t s = 0; s < ns_; ++s) law.effect_state[s] += w * carried_.filter.effect_state[s * n_ + i];
   }
   for (std::uint32_t i = 0; i < n_; ++i) {

@@ -101,8 +101,7 @@ void FilterPosterior::leave() {
   const std::uint32_t points = summary_.design().points();
   const double* logs = point_innovation_ + std::size_t{ny_} * points;
   if (mend_points()) {
-    if (kept.weight > 0.0)
-      summary_.add(kept.weight, ny_, point_innovation_, logs);
+    if (kept.weight > 0.0) summary_.add(kept.weight, ny_, point_innovation_, logs);
     summary_.fit_filters();
   } else {
     ++lost_;

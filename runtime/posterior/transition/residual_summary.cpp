@@ -45,7 +45,8 @@ void ResidualSummary::centre_on(const Cloud& cloud) {
   design_.centre_on(cloud);
   if (empty_) return;
   for (std::uint32_t r = 0; r < nx_; ++r) design_.translate_form(gram_ + std::size_t{r} * triangle_);
-  for (std::uint32_t j = 0; j < projections_; ++j) design_.translate(tilt_ + std::size_t{j} * design_.terms(), scratch_);
+  for (std::uint32_t j = 0; j < projections_; ++j)
+    design_.translate(tilt_ + std::size_t{j} * design_.terms(), scratch_);
 }
 
 bool ResidualSummary::add(const float* residual, const float* weight, const float* basis) {

@@ -10,19 +10,18 @@
 
 namespace tiller {
 
-
 /// Sums of squares and of projections from residuals. Rows of `sums`: nx squares sum_k w_kr e_kr^2, then for each pushed
 /// state r = pushed[b] its projections sum_k w_kr b_kbi e_kr at nx + b * regressors + i.
 struct ResidualSumJob {
   std::uint32_t nx = 0, regressors = 0;
   std::uint32_t pushed_count = 0;
-  std::uint32_t pushed[kMaxPushed] = {};           // states that the regressors act on
-  std::uint32_t lanes = 0;                         // a multiple of 16, the residual's stride
-  std::uint32_t steps = 0;                         // <= 64: they are summed in single precision
-  const float* residual = nullptr;                 // (steps * nx x lanes)
-  const float* weight = nullptr;                   // (steps x nx) 0: missing, the residual is then not read
-  const float* basis = nullptr;                    // (steps x pushed_count * regressors)
-  double* sums = nullptr;                          // (rows) +=
+  std::uint32_t pushed[kMaxPushed] = {};  // states that the regressors act on
+  std::uint32_t lanes = 0;                // a multiple of 16, the residual's stride
+  std::uint32_t steps = 0;                // <= 64: they are summed in single precision
+  const float* residual = nullptr;        // (steps * nx x lanes)
+  const float* weight = nullptr;          // (steps x nx) 0: missing, the residual is then not read
+  const float* basis = nullptr;           // (steps x pushed_count * regressors)
+  double* sums = nullptr;                 // (rows) +=
   std::uint32_t stride = 0;
 };
 
@@ -31,10 +30,10 @@ struct EvidenceJob {
   std::uint32_t nx = 0, regressors = 0, pushed_count = 0;
   std::uint32_t lanes = 0;                          // a multiple of 16
   std::uint32_t pushed_of[TILLER_MAX_STATES] = {};  // (nx) place among the pushed states; pushed_count for none
-  double half_precision[TILLER_MAX_STATES] = {};   // (nx) 1 / (2 b_r)
-  double exponent[TILLER_MAX_STATES] = {};         // (nx)
-  const double* shrinkage = nullptr;               // (pushed_count x upper_triangle(regressors)) M
-  const double* sums = nullptr;                    // (rows), as above
+  double half_precision[TILLER_MAX_STATES] = {};    // (nx) 1 / (2 b_r)
+  double exponent[TILLER_MAX_STATES] = {};          // (nx)
+  const double* shrinkage = nullptr;                // (pushed_count x upper_triangle(regressors)) M
+  const double* sums = nullptr;                     // (rows), as above
   std::uint32_t stride = 0;
   double* log_likelihood = nullptr;  // (lanes) NaN where a sum is
 };

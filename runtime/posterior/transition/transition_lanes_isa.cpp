@@ -168,8 +168,8 @@ void add_scaled(std::uint32_t n, double factor, const double* from, double* to) 
 }  // namespace
 
 const TransitionTable& transition_copy() {
-  static const TransitionTable table = {Isa::TILLER_COMPILE_ISA, sum_residuals, evidence,  mean_errors,
-                                        propose_lanes,           split_weights, normalise, find_broken, add_scaled};
+  static const TransitionTable table = {Isa::TILLER_COMPILE_ISA, sum_residuals, evidence,    mean_errors, propose_lanes,
+                                        split_weights,           normalise,     find_broken, add_scaled};
   return table;
 }
 

@@ -69,7 +69,7 @@ class TransitionPosterior final : public Posterior {
   double* lane_params_ = nullptr;    // (np x kLanePadding) scratch of predict()
   double* lane_state_ = nullptr;     // (nx x kLanePadding)
 
-  AdequacyTest* adequacy_ = nullptr;  // null: not tested
+  AdequacyTest* adequacy_ = nullptr;            // null: not tested
   double speed_[TILLER_MAX_MEASUREMENTS] = {};  // of each channel's joint, where the last tested step began
   RestGuard rest_;
   Disturbances disturbances_;
