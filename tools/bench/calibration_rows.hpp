@@ -18,7 +18,7 @@ struct CalibrationGoal {
   double width = 0.0;              ///< most of the ratio of deviations to the reference's, median; 0: not judged
   double least_width = 0.0;        ///< and least
   double offset =
-      0.0;  ///< most of the mean's distance from the reference's, in its deviations, mean over runs; 0: not judged
+      0.0;  ///< most of the mean's distance from the reference's, in its deviations, mean over runs; 0: none
 };
 
 struct CalibrationRow {
