@@ -98,7 +98,9 @@ void LaneFilter::predict(const Transition& transition) {
   state_.swap(next_state_);
   effect_state_.swap(next_effect_state_);
 
-  const double none[TILLER_MAX_STATES] = {};
+  double process[triangle_rows(TILLER_MAX_STATES)] = {};
+  for (std::uint32_t i = 0; i < nx_; ++i)
+    process[triangle_row(nx_, i, i)] = config_.process_sd[i] * config_.process_sd[i] * transition.period_s;
   PredictJob spread;
   spread.nx = nx_;
   spread.lanes = lanes_;
@@ -106,13 +108,9 @@ void LaneFilter::predict(const Transition& transition) {
   spread.a_stride = lanes_;
   spread.covariance = spread.predicted = covariance_.data();
   spread.covariance_stride = spread.predicted_stride = lanes_;
-  spread.process_variance = none;  // each lane's own follows
+  spread.process = process;
+  spread.process_scale = process_share_.data();
   filter_.predict(spread);
-  for (std::uint32_t i = 0; i < nx_; ++i) {
-    const double variance = config_.process_sd[i] * config_.process_sd[i] * transition.period_s;
-    double* row = &covariance_[triangle_row(nx_, i, i) * lanes_];
-    for (std::uint32_t l = 0; l < lanes_; ++l) row[l] += variance * process_share_[l];
-  }
 }
 
 void LaneFilter::correct(const double* measured) {
