@@ -216,10 +216,9 @@ TEST_P(EveryPlanner, ADeadlineInTheRecordingIsReplayedWithoutAClock) {
   // a quadratic program that the deadline cuts short leaves an approximation, which only the clock could repeat
   const auto cut = std::find_if(recorded.begin(), recorded.end(),
                                 [](const tiller_record_t& r) { return r.status == tiller_status_program_unsolved; });
+  if (GetParam() != tiller_planner_sqp) EXPECT_EQ(cut, recorded.end());
   const std::vector<tiller_record_t> whole(recorded.begin(), cut);
-  EXPECT_GT(std::count_if(whole.begin(), whole.end(),
-                          [](const tiller_record_t& r) { return r.status == tiller_status_iteration_capped; }),
-            5);
+  EXPECT_GT(whole.size(), 50u);
   expect_same(whole, replay(config, whole));
 }
 

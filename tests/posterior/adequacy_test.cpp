@@ -373,9 +373,11 @@ TEST(Adequacy, NoiseOnMeasuredStatesIsNoAlarm) {
   c.posterior.window = 32;
   c.posterior.moves_per_tick = 32;
   c.posterior.adequacy = 1;
+  c.process_sd[0] *= 0.02;
+  c.process_sd[1] *= 0.02;
   int alarms = 0;
   for (unsigned i = 0; i < 20; ++i) {
-    auto log = rig::simulate_transitions(c, 0.9, 0.3, 2000, 6000 + i, 0.02);
+    auto log = rig::simulate_transitions(c, 0.9, 0.3, 2000, 6000 + i);
     std::mt19937_64 random(i);
     std::normal_distribution<double> n;
     double change[2] = {}, last[2] = {log.first[0], log.first[1]};
@@ -384,8 +386,9 @@ TEST(Adequacy, NoiseOnMeasuredStatesIsNoAlarm) {
         change[r] += (t.measured[r] - last[r]) * (t.measured[r] - last[r]) / 2000.0;
         last[r] = t.measured[r];
       }
+    for (int r = 0; r < 2; ++r) c.measurement_sd[r] = 0.01 * std::sqrt(change[r]);
     for (auto& t : log.transitions)
-      for (int r = 0; r < 2; ++r) t.measured[r] += 0.01 * std::sqrt(change[r]) * n(random);
+      for (int r = 0; r < 2; ++r) t.measured[r] += c.measurement_sd[r] * n(random);
     Instance p(c, nullptr, rig::transition_table());
     EXPECT_EQ(p->start(log.first), tiller_status_ok);
     for (const auto& t : log.transitions) EXPECT_TRUE(rig::works(p->update(t)));
