@@ -8,6 +8,7 @@
 #include "tiller/tiller.h"
 #include "tools/file_errors.hpp"
 #include "tools/gap/residual_regression.hpp"
+#include "tools/gap/robot_writer.hpp"
 
 namespace tiller::tools::gap {
 namespace {
@@ -251,8 +252,8 @@ std::string residual_toml(const ResidualFit& fit) {
     const tiller_prior_t& prior = fit.config.priors[fit.first + static_cast<std::uint32_t>(k)];
     text += std::string(info.params[k].name) + " = ";
     text += prior.kind == tiller_prior_fixed
-                ? number_text(prior.a)
-                : "{ normal = [" + number_text(prior.a) + ", " + number_text(prior.b) + "] }";
+                ? number_text(as_written(prior.a))
+                : "{ normal = [" + number_text(as_written(prior.a)) + ", " + number_text(prior.b) + "] }";
     text += "\n";
   }
   return text;

@@ -41,7 +41,7 @@ std::string bounds_text(double low, double high) {
 
 /// The prior of the next run; a plain number where the fit says nothing of the deviation.
 std::string prior_text(double mean, double sd, double low, double high, bool log_normal) {
-  mean = std::clamp(mean, low, high);
+  mean = as_written(std::clamp(mean, low, high));
   if (!(sd > 0) || !std::isfinite(sd)) return format("%.6g", mean);
   sd = std::max(kWider * sd, kLeastShare * std::fabs(mean));
   if (log_normal && mean > 0)

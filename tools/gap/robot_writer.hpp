@@ -1,10 +1,14 @@
 #pragma once
 
+#include <cmath>
 #include <string>
 
 #include "tools/gap/gap.hpp"
 
 namespace tiller::tools::gap {
+
+/// A fitted number as a robot file takes it: what is rounding, below TILLER_SMALLEST_PARAMETER, is 0.
+inline double as_written(double value) { return std::fabs(value) < TILLER_SMALLEST_PARAMETER ? 0.0 : value; }
 
 /// The text of a robot file with what was found: the old text with its comments, in which the priors of the parameters
 /// that were fitted are replaced in their places, and the effects of `found` appended as [[effects]]. Each becomes a
