@@ -117,6 +117,7 @@ bool fit_with(const Candidate& candidate, double process_scale, const std::vecto
   config.posterior.window = options.window;
   config.posterior.moves_per_tick = options.moves;
   config.posterior.adequacy = 1;
+  config.posterior.relearn = 0;  // one robot, one answer: an alarm is told, the data before it stay
   StepSetup setup;
   if (!can_be_fitted(config, error)) return false;
   if (make_step_setup(config, setup) != tiller_status_ok) {

@@ -216,6 +216,7 @@ class Command(unittest.TestCase):
         out = self.home / "stopped"
         process = subprocess.Popen([TILLER, "gap", self.robot, *self.rubbing, "-o", out], stdout=subprocess.PIPE,
                                    stderr=subprocess.PIPE, text=True)
+        self.assertIn("made the folder", process.stderr.readline())
         self.assertIn("gap:", process.stderr.readline())
         time.sleep(0.2)
         process.send_signal(signal.SIGINT)
