@@ -50,7 +50,7 @@ tiller_posterior_config_t default_posterior() {
   for (double& rate : p.forgetting) rate = 1.0;
   p.adequacy = 1;
   p.scout_share = 0.0;
-  p.noise_ratio_sd = 1.5;  // a factor of 4.5 either way
+  p.noise_ratio_sd = 0.75;  // a factor of two either way, and of 4.5 at the most
   p.relearn = 1;
   return p;
 }
