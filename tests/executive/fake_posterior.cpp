@@ -93,7 +93,7 @@ class Obedient final : public Posterior {
 Posterior* Posterior::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable&,
                               const tiller_hooks_t*) {
   Obedient* self = arena.take<Obedient>(1);
-  AdequacyTest* adequacy = AdequacyTest::lay_out(arena, config, true);
+  AdequacyTest* adequacy = AdequacyTest::lay_out(arena, config, false);
   if (arena.measuring()) return nullptr;
   self->bind(config, setup, adequacy);
   return self;

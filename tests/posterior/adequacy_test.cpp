@@ -257,13 +257,13 @@ TEST(Adequacy, FindsGrowingNoise) {
 struct Alone {
   tiller_config_t c = tested();
   AdequacyTest* test = nullptr;
-  Alone(std::uint32_t channels, bool anticorrelation) {
+  Alone(std::uint32_t channels, bool overlap) {
     c.measurement_count = channels;
     tiller::Arena measure;
-    AdequacyTest::lay_out(measure, c, anticorrelation);
+    AdequacyTest::lay_out(measure, c, overlap);
     memory = std::aligned_alloc(64, measure.used());
     tiller::Arena arena(memory, measure.used());
-    test = AdequacyTest::lay_out(arena, c, anticorrelation);
+    test = AdequacyTest::lay_out(arena, c, overlap);
   }
   ~Alone() { std::free(memory); }
   Alone(const Alone&) = delete;
