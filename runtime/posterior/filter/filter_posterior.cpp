@@ -175,6 +175,7 @@ void FilterPosterior::reset() {
   noise_scale_ = calm_scale_ = 1.0;
   acceptance_ = 0.0;
   cursor_ = moved_ = leaves_ = trial_ = 0;
+  early_ = kEarly;
   for (std::uint32_t& run : gate_run_) run = 0;
   clear_adequacy();
   for (double& reach : reach_) reach = 0.0;

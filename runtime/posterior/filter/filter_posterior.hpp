@@ -52,6 +52,8 @@ class FilterPosterior final : public Posterior {
   /// Lanes that one task steps together, in a scratch of its own: (row x kChunk), so that the rows of a chunk lie
   /// next to one another whatever N is (rows at a stride of N fall into the same few cache sets).
   static constexpr std::uint32_t kChunk = 16;
+  /// A posterior that has only begun, and has not taken all of its data in yet, predicts with a bias that is its own.
+  static constexpr std::uint32_t kEarly = 64;
 
   /// What each particle carries beside its parameters: rows of N.
   struct Carried {
@@ -248,6 +250,7 @@ class FilterPosterior final : public Posterior {
   std::uint32_t gate_run_[TILLER_MAX_MEASUREMENTS] = {};
   std::uint32_t leaves_ = 0;  // since the design was looked at
   std::uint32_t trial_ = 0;   // ticks left in which a further alarm is not a change
+  std::uint32_t early_ = 0;   // ticks left in which a tempered posterior is not tested
   std::uint64_t relearned_ = 0;
   std::uint64_t resamplings_ = 0, gated_ = 0, lost_ = 0;
 };

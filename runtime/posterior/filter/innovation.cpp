@@ -49,6 +49,9 @@ void FilterPosterior::test_innovation() {
     speed[k] = velocity < nx_ ? mean_before(velocity) : moved / now_.transition.period_s;
   }
   respond(speed, now);
+  const bool early = early_ > 0;
+  if (early) --early_;
+  if (early && exponent_ < 1.0) adequacy_->begin();
   adequacy_->take(now);
 }
 

@@ -51,6 +51,7 @@ void FilterPosterior::relearn() {
   window_exact_ = true;
   exponent_ = 1.0;
   moved_ = leaves_ = 0;
+  early_ = kEarly;
   begin_all_filters();
   adequacy_->begin_anew();
   response_->begin();
