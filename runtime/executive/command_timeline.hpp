@@ -11,10 +11,10 @@ namespace tiller {
 /// latency) until the next one does, whatever the nominal period was: late ticks, missed measurements and
 /// latency all become the same question, the mean command over an interval of true time.
 ///
-/// A caller that ticks far above the control rate sends more commands within the longest delay than there are entries.
-/// Commands older than the window are then forgotten first; within it the two neighbours that held for the shortest time
-/// together become one, their mean: nothing in the window goes unrepresented, and no mean over an interval that begins
-/// and ends between entries changes.
+/// A caller that ticks far above the control rate sends more commands within the longest delay than there are
+/// entries. Commands older than the window are then forgotten first; within it the two neighbours that held for the
+/// shortest time together become one, their mean: nothing in the window goes unrepresented, and no mean over an
+/// interval that begins and ends between entries changes.
 class CommandTimeline {
  public:
   /// Every command of the longest window (41 periods) at one command and a half a period.

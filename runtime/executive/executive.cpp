@@ -105,8 +105,8 @@ tiller_status_t Executive::take_in(Tick& tick) {
   return status;
 }
 
-/// The state estimate begins at this measurement and stands on it. No model has been tried on it yet: a count of updates
-/// that took nothing in goes on.
+/// The state estimate begins at this measurement and stands on it. No model has been tried on it yet: a count of
+/// updates that took nothing in goes on.
 tiller_status_t Executive::restart_filters(Tick& tick) {
   if (filters_run_) ++info_.posterior_failures;
   tick.restarted = true;
@@ -135,8 +135,8 @@ tiller_status_t Executive::bridge(const Tick& tick, std::int64_t begin_us) {
   return posterior_->update(transition);
 }
 
-/// The estimate does not stand on this measurement, so nothing is planned from it. A doubted one leaves a prediction; after
-/// a fault the filters begin anew with the next measurement, but not for ever.
+/// The estimate does not stand on this measurement, so nothing is planned from it. A doubted one leaves a prediction;
+/// after a fault the filters begin anew with the next measurement, but not for ever.
 void Executive::note_untaken(Tick& tick, tiller_status_t why) {
   tick.usable = false;
   if (!is_fault(why)) return;
@@ -146,8 +146,8 @@ void Executive::note_untaken(Tick& tick, tiller_status_t why) {
   if (untaken_ >= config_.safety.bad_ticks_to_safe) (void)machine_.on(Event::sensor_fault, why);
 }
 
-/// Sensors that speak are no better than silent ones while the estimate does not follow them: neither a plan nor HOLD may
-/// feed back from it for longer.
+/// Sensors that speak are no better than silent ones while the estimate does not follow them: neither a plan nor HOLD
+/// may feed back from it for longer.
 void Executive::watch_age(Tick& tick) {
   const auto timeout_us = static_cast<std::int64_t>(std::llround(config_.safety.sensor_timeout_s * 1e6));
   if (!moving() || elapsed_us(tick.now_us, estimate_us_) <= timeout_us) return;

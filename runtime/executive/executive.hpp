@@ -18,8 +18,8 @@
 
 namespace tiller {
 
-/// The state is predicted over missed periods, one by one, up to so many; after a longer pause the filters begin anew, the
-/// parameters stay.
+/// The state is predicted over missed periods, one by one, up to so many; after a longer pause the filters begin
+/// anew, the parameters stay.
 constexpr double kLongestGap_periods = 16.0;
 /// How far ahead of its measurement a command may take effect.
 constexpr double kLongestLead_periods = 4.0;

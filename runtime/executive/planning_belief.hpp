@@ -14,10 +14,10 @@ namespace tiller {
 /// ignores this starts from where the robot was.
 ///
 /// With `over_delays` the moment is that at which the command acts on the robot, input delay included, and each
-/// hypothesis has its own (of its effects, and of the posterior's delay hypotheses, which may lie between whole periods):
-/// what is left to plan has no delay in it (a Smith predictor with a posterior for its model).
-/// Where the inputs of one hypothesis differ in delay it goes forward by the longest, and the others' last commands are
-/// taken to hold until then.
+/// hypothesis has its own (of its effects, and of the posterior's delay hypotheses, which may lie between whole
+/// periods): what is left to plan has no delay in it (a Smith predictor with a posterior for its model). Where the
+/// inputs of one hypothesis differ in delay it goes forward by the longest, and the others' last commands are taken
+/// to hold until then.
 class PlanningBelief {
  public:
   void lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,

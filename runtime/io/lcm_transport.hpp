@@ -27,9 +27,9 @@ struct LcmOptions {
   /// Replace the plant's stamp by this machine's monotonic clock at poll: for plants with a clock of their
   /// own.
   bool stamp_on_arrival = false;
-  /// The plant waits for each answer, so only the order counts, and max_wait_us does not. It repeats a measurement whose
-  /// answer does not come: one that was answered already gets the same command again, and is never taken as a new one,
-  /// however long nothing came.
+  /// The plant waits for each answer, so only the order counts, and max_wait_us does not. It repeats a measurement
+  /// whose answer does not come: one that was answered already gets the same command again, and is never taken as a
+  /// new one, however long nothing came.
   bool lockstep = false;
   /// MessageSeal::kKeyBytes of a key that the plant has too, or null: measurements that are not signed with it are
   /// refused, commands and telemetry are signed. A plant whose messages answer no challenge is sent one on the command

@@ -46,9 +46,9 @@ struct Sqp {
   bool converged = false;
 };
 
-/// sqp_program.cpp: around the plan's path, after linearise_path and quadratise_path.
 /// The configured hard bounds in the frame of the path.
 void place_hard_bounds(Sqp& s);
+/// sqp_program.cpp: around the plan's path, after linearise_path and quadratise_path.
 void take_state_bounds(Sqp& s, SqpProgram& program, bool lifted);
 void build_lifted(Sqp& s);
 void lay_out_programs(Arena& arena, const tiller_config_t& config, const RolloutTable& table, Sqp& s);

@@ -227,6 +227,25 @@ void PolynomialDesign::find_translation(const double* centre, const double* root
   }
 }
 
+void PolynomialDesign::add_square(const double* coefficients, double weight, double* triangle) const {
+  for (std::uint32_t i = 0; i < terms_; ++i)
+    for (std::uint32_t j = i; j < terms_; ++j) *triangle++ += weight * coefficients[i] * coefficients[j];
+}
+
+PolynomialJob PolynomialDesign::job(std::uint32_t lanes, const double* coordinate, std::uint32_t stride) const {
+  PolynomialJob job;
+  job.d = d_;
+  job.terms = terms_;
+  job.quadratic = quadratic_;
+  job.lanes = lanes;
+  job.centre = centre_;
+  job.inverse_root = inverse_root_;
+  job.trusted_square = trusted_square_;
+  job.coordinate = coordinate;
+  job.coordinate_stride = stride;
+  return job;
+}
+
 void PolynomialDesign::translate(double* coefficients, double* scratch) const {
   for (std::uint32_t c = 0; c < terms_; ++c) {
     scratch[c] = 0.0;

@@ -4,6 +4,7 @@
 
 #include "core/arena.hpp"
 #include "posterior/cloud.hpp"
+#include "posterior/filter_lanes.hpp"
 
 namespace tiller {
 
@@ -48,6 +49,11 @@ class PolynomialDesign {
   /// z (d) and phi(z) (terms) of a point v (d).
   void whiten(const double* v, double* z) const;
   void monomials(const double* z, double* phi) const;
+
+  /// triangle (terms (terms + 1) / 2) += weight c c', its upper half row by row.
+  void add_square(const double* coefficients, double weight, double* triangle) const;
+  /// What every evaluation over this design shares: its shape, and the points of `lanes` (rows of `stride`).
+  PolynomialJob job(std::uint32_t lanes, const double* coordinate, std::uint32_t stride) const;
 
   /// c_now = T' c_before, in place; scratch (terms).
   void translate(double* coefficients, double* scratch) const;

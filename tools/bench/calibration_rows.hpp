@@ -16,7 +16,6 @@ enum class Engine { filter, transition };
 struct CalibrationGoal {
   double low = 0.86, high = 0.94;  ///< coverage of 90 % intervals, over runs and parameters
   double width = 0.0;              ///< most of the ratio of deviations to the reference's, median; 0: not judged
-  double least_width = 0.0;        ///< and least
   double offset =
       0.0;  ///< most of the mean's distance from the reference's, in its deviations, mean over runs; 0: none
 };

@@ -486,7 +486,7 @@ typedef struct tiller_info {
   double discrepancy_share; /**< of the residuals' squares that the discrepancy basis takes up, 0..1 */
   uint64_t plans;           /**< finite plans that the planner has made; stands still while it does not get that far */
   uint64_t relearned;       /**< times that the posterior began to learn anew because the robot seemed to have changed */
-  uint64_t lost_transitions; /**< transitions by which moves are no longer judged: no finite step near the particles */
+  uint64_t lost_transitions; /**< transitions that no longer judge moves: no finite step near the particles */
 } tiller_info_t;
 
 /** Exact bytes that tiller_init needs; 0 if the configuration is not valid (tiller_config_check says why). */

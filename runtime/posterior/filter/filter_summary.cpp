@@ -102,9 +102,7 @@ void FilterSummary::add(double weight, std::uint32_t ny, const double* z, const 
   double c[PolynomialDesign::kMaxTerms];
   for (std::uint32_t k = 0; k < ny; ++k) {
     design_.fit(z + std::size_t{k} * points, c);
-    double* gram = gram_;
-    for (std::uint32_t i = 0; i < terms; ++i)
-      for (std::uint32_t j = i; j < terms; ++j) *gram++ += weight * c[i] * c[j];
+    design_.add_square(c, weight, gram_);
   }
   design_.fit(log_variance, c);
   for (std::uint32_t i = 0; i < terms; ++i) tilt_[i] += weight * c[i];
@@ -119,24 +117,10 @@ void FilterSummary::fit_filters() {
   for (std::uint32_t i = 0; i < triangle_; ++i) design_.fit(scratch_ + i * points, law_ + (nx_ + ns_ + i) * terms);
 }
 
-PolynomialJob FilterSummary::job(std::uint32_t lanes, const double* coordinate, std::uint32_t coordinate_stride) const {
-  PolynomialJob job;
-  job.d = design_.dimension();
-  job.terms = design_.terms();
-  job.quadratic = design_.quadratic();
-  job.lanes = lanes;
-  job.centre = design_.centre();
-  job.inverse_root = design_.inverse_root();
-  job.trusted_square = design_.trusted_square();
-  job.coordinate = coordinate;
-  job.coordinate_stride = coordinate_stride;
-  return job;
-}
-
 void FilterSummary::add_sums(std::uint32_t lanes, const double* coordinate, std::uint32_t coordinate_stride,
                              double factor, double* sums, std::uint32_t stride) const {
   if (empty_) return;
-  PolynomialJob past = job(lanes, coordinate, coordinate_stride);
+  PolynomialJob past = design_.job(lanes, coordinate, coordinate_stride);
   past.squares = 1;
   past.linear = 1;
   past.gram = gram_;
@@ -150,7 +134,7 @@ void FilterSummary::add_sums(std::uint32_t lanes, const double* coordinate, std:
 void FilterSummary::read_filters(std::uint32_t lanes, const double* coordinate, std::uint32_t coordinate_stride,
                                  const FilterRows& to) const {
   const std::size_t terms = design_.terms();
-  PolynomialJob law = job(lanes, coordinate, coordinate_stride);
+  PolynomialJob law = design_.job(lanes, coordinate, coordinate_stride);
   law.stride = to.stride;
   const auto read = [&](std::uint32_t first, std::uint32_t rows, double* into) {
     if (rows == 0) return;

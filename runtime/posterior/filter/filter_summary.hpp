@@ -48,8 +48,6 @@ class FilterSummary {
                     const FilterRows& to) const;
 
  private:
-  PolynomialJob job(std::uint32_t lanes, const double* coordinate, std::uint32_t coordinate_stride) const;
-
   std::uint32_t nx_ = 0, ns_ = 0, triangle_ = 0;
   bool empty_ = true;
   PolynomialDesign design_;

@@ -60,9 +60,7 @@ bool ResidualSummary::add(const float* residual, const float* weight, const floa
     for (std::uint32_t k = 0; k < points; ++k) e[k] = static_cast<double>(residual[r * points + k]);
     design_.fit(e, c);
     const double w = static_cast<double>(weight[r]);
-    double* gram = gram_ + std::size_t{r} * triangle_;
-    for (std::uint32_t i = 0; i < terms; ++i)
-      for (std::uint32_t j = i; j < terms; ++j) *gram++ += w * c[i] * c[j];
+    design_.add_square(c, w, gram_ + std::size_t{r} * triangle_);
     for (std::uint32_t place = 0; place < pushed_count_; ++place) {
       if (pushed_[place] != r) continue;
       for (std::uint32_t b = 0; b < regressors_; ++b) {
@@ -78,21 +76,12 @@ bool ResidualSummary::add(const float* residual, const float* weight, const floa
 void ResidualSummary::add_sums(std::uint32_t lanes, const double* coordinate, double factor, double* sums,
                                std::uint32_t stride) const {
   if (empty_) return;
-  PolynomialJob job;
-  job.d = design_.dimension();
+  PolynomialJob job = design_.job(lanes, coordinate, stride);
   job.squares = nx_;
   job.linear = projections_;
-  job.terms = design_.terms();
-  job.quadratic = design_.quadratic();
-  job.lanes = lanes;
-  job.centre = design_.centre();
-  job.inverse_root = design_.inverse_root();
-  job.trusted_square = design_.trusted_square();
   job.gram = gram_;
   job.tilt = tilt_;
   job.factor = factor;
-  job.coordinate = coordinate;
-  job.coordinate_stride = stride;
   job.sums = sums;
   job.stride = stride;
   filter_table().polynomial(job);
