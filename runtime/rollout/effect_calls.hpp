@@ -26,20 +26,6 @@ TILLER_INLINE Hook hook_of(std::uint32_t kind) {
   }
 }
 
-/// What effects work in: the scalar itself, or what it names Lane.
-template <class S, class = void>
-struct LaneType {
-  using type = S;
-  static TILLER_INLINE const S& of(const S& x) { return x; }
-};
-template <class S>
-struct LaneType<S, std::void_t<typename S::Lane>> {
-  using type = typename S::Lane;
-  static TILLER_INLINE type of(const S& x) { return x.v; }
-};
-template <class S>
-using LaneOf = typename LaneType<S>::type;
-
 /// Whether the kernel's loops have the effect's text in them: where it says so and the scalar carries no derivatives,
 /// whose arithmetic is long.
 template <class Effect, class L, class = void>
@@ -115,65 +101,20 @@ __attribute__((noinline)) void called_body(std::uint32_t kind, Body<L>& body, co
   }
 }
 
-/// An effect's parameters and states in lanes: as they stand, or copied where the stepper's scalar is another one.
-template <class S, bool kSame = std::is_same<S, LaneOf<S>>::value>
-struct LaneRows {
-  const S* p;
-  S* s;
-  TILLER_INLINE LaneRows(std::uint32_t, const S* params, S* states) : p(params), s(states) {}
-  TILLER_INLINE const S* params() const { return p; }
-  TILLER_INLINE S* state() { return s; }
-  TILLER_INLINE void put_back() {}
-};
-template <class S>
-struct LaneRows<S, false> {
-  using L = LaneOf<S>;
-  S* rows;
-  int state_count;
-  L p[kMaxEffectParams], s[TILLER_MAX_EFFECT_STATES];
-  TILLER_INLINE LaneRows(std::uint32_t kind, const S* params, S* states)
-      : rows(states), state_count(effect_info(kind).state_count) {
-    for (int i = 0; i < effect_info(kind).param_count; ++i) p[i] = LaneType<S>::of(params[i]);
-    for (int i = 0; i < state_count; ++i) s[i] = LaneType<S>::of(states[i]);
-  }
-  TILLER_INLINE const L* params() const { return p; }
-  TILLER_INLINE L* state() { return s; }
-  TILLER_INLINE void put_back() {
-    for (int i = 0; i < state_count; ++i) rows[i] = S(s[i]);
-  }
-};
-
 /// Type: an effect's, or Called.
 template <class Type, class S>
-TILLER_INLINE S call_force(std::uint32_t kind, const JointStep<LaneOf<S>>& in, S* state, const S* p) {
-  LaneRows<S> rows(kind, p, state);
-  S push;
+TILLER_INLINE S call_force(std::uint32_t kind, const JointStep<S>& in, S* state, const S* p) {
   if constexpr (std::is_same<Type, Called>::value)
-    push = S(called_force<LaneOf<S>>(kind, in, rows.state(), rows.params()));
+    return called_force<S>(kind, in, state, p);
   else
-    push = S(joint_force<Type>(in, rows.state(), rows.params()));
-  rows.put_back();
-  return push;
+    return joint_force<Type>(in, state, p);
 }
 template <class Type, class S>
-TILLER_INLINE S call_input(std::uint32_t kind, const InputStep<LaneOf<S>>& in, S* state, const S* p) {
-  LaneRows<S> rows(kind, p, state);
-  S acting;
+TILLER_INLINE S call_input(std::uint32_t kind, const InputStep<S>& in, S* state, const S* p) {
   if constexpr (std::is_same<Type, Called>::value)
-    acting = S(called_input<LaneOf<S>>(kind, in, rows.state(), rows.params()));
+    return called_input<S>(kind, in, state, p);
   else
-    acting = S(Type::apply(in, rows.state(), rows.params()));
-  rows.put_back();
-  return acting;
-}
-template <class S>
-TILLER_INLINE void call_body(std::uint32_t kind, Body<S>& body, const S* p) {
-  using L = LaneOf<S>;
-  LaneRows<S> rows(kind, p, nullptr);
-  const auto lane = [](const S& x) { return L(LaneType<S>::of(x)); };
-  Body<L> b = {lane(body.gravity_x_m_s2), lane(body.gravity_z_m_s2), lane(body.payload_kg), lane(body.payload_kgm2)};
-  called_body<L>(kind, b, rows.params());
-  body = {S(b.gravity_x_m_s2), S(b.gravity_z_m_s2), S(b.payload_kg), S(b.payload_kgm2)};
+    return Type::apply(in, state, p);
 }
 
 }  // namespace tiller

@@ -8,6 +8,10 @@
 //     TILLER_EXPORT_MODEL(MyModel)     // or TILLER_EXPORT_MODEL_WITH_COST(MyModel, MyCost)
 //
 // The source then defines `extern "C" const tiller_model_t* tiller_model(void)`.
+//
+// TILLER_KERNEL_INTEGRATOR=<a tiller_integrator_t>: only bare steps of this one get a text of their own (step.hpp). With
+// TILLER_KERNEL_PART=1 the source leaves out what differentiates, with =2 it is that alone: two objects that compile side
+// by side and link to the same model.
 
 #if defined(TILLER_COMPILE_ISA_avx512) && defined(__GNUC__) && !defined(__clang__) && !defined(__OPTIMIZE__)
 #error \
@@ -23,6 +27,26 @@
 
 namespace tiller {
 
+#ifdef TILLER_KERNEL_PART
+extern "C" {
+void tiller_part_linearise(const tiller_model_t& model, const LineariseJob& job);
+void tiller_part_path_linearise(const tiller_model_t& model, const PathJob& job);
+void tiller_part_feedback(const tiller_model_t& model, const FeedbackJob& job);
+void tiller_part_quadratise(const tiller_model_t& model, const QuadratiseJob& job);
+}
+struct DerivativesElsewhere {
+  static constexpr auto linearise = &tiller_part_linearise;
+  static constexpr auto path_linearise = &tiller_part_path_linearise;
+  static constexpr auto feedback = &tiller_part_feedback;
+  static constexpr auto quadratise = &tiller_part_quadratise;
+};
+template <class ModelKernel>
+using ExportedDerivatives = DerivativesElsewhere;
+#else
+template <class ModelKernel>
+using ExportedDerivatives = typename ModelKernel::Derivatives;
+#endif
+
 /// A loaded model's tables. Constants: they ask for no code before main and for none of the C++ library.
 template <template <class> class Type, class ModelKernel, Isa isa>
 struct ExportedModel {
@@ -31,18 +55,38 @@ struct ExportedModel {
     k.table[static_cast<int>(isa)] = &kTable;
     return k;
   }
-  static constexpr RolloutTable kTable = ModelKernel::table(isa);
+  static constexpr RolloutTable kTable = ModelKernel::template table<ExportedDerivatives<ModelKernel>>(isa);
   static constexpr ModelKernels kKernels = make_kernels();
   static constexpr tiller_model_t kModel = ModelTable<Type>::make(&kKernels);
 };
 
 }  // namespace tiller
 
+#if defined(TILLER_KERNEL_PART) && TILLER_KERNEL_PART == 2
+#define TILLER_EXPORT_KERNEL(Type, ...)                                            \
+  namespace tiller {                                                               \
+  extern "C" {                                                                     \
+  void tiller_part_linearise(const tiller_model_t& m, const LineariseJob& job) {   \
+    __VA_ARGS__::Derivatives::linearise(m, job);                                   \
+  }                                                                                \
+  void tiller_part_path_linearise(const tiller_model_t& m, const PathJob& job) {   \
+    __VA_ARGS__::Derivatives::path_linearise(m, job);                              \
+  }                                                                                \
+  void tiller_part_feedback(const tiller_model_t& m, const FeedbackJob& job) {     \
+    __VA_ARGS__::Derivatives::feedback(m, job);                                    \
+  }                                                                                \
+  void tiller_part_quadratise(const tiller_model_t& m, const QuadratiseJob& job) { \
+    __VA_ARGS__::Derivatives::quadratise(m, job);                                  \
+  }                                                                                \
+  }                                                                                \
+  }
+#else
 #define TILLER_EXPORT_KERNEL(Type, ...)                                                               \
   extern "C" const tiller_model_t* tiller_model(void);                                                \
   extern "C" const tiller_model_t* tiller_model(void) {                                               \
     return &::tiller::ExportedModel<Type, __VA_ARGS__, TILLER_ISA_VALUE(TILLER_COMPILE_ISA)>::kModel; \
   }
+#endif
 #define TILLER_EXPORT_MODEL(Type) TILLER_EXPORT_KERNEL(Type, ::tiller::Kernel<Type>)
    /// With a cost of one's own, a template beside the model (docs/costs.md).
 #define TILLER_EXPORT_MODEL_WITH_COST(Type, Cost) TILLER_EXPORT_KERNEL(Type, ::tiller::Kernel<Type, Cost>)

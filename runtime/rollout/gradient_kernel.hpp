@@ -4,10 +4,11 @@
 // path, which are known beforehand, so the steps of a horizon run side by side. Rollouts with feedback: a step waits for
 // the one before, so the lanes are the candidates of the line search, which then cost nothing.
 
+#include "rollout/dual_step.hpp"
 #include "rollout/own_cost.hpp"
 #include "rollout/path.hpp"
+#include "rollout/slopes.hpp"
 #include "rollout/step.hpp"
-#include "scalar/masked_dual.hpp"
 #include "scalar/pack.hpp"
 
 TILLER_ISA_NAMESPACE_BEGIN
@@ -16,6 +17,7 @@ template <template <class> class M, template <class> class Cost = NoCost>
 struct GradientKernel {
   using Model = StaticModel<M>;
   using P = Pack<double>;
+  using Slope = Slopes<Model>;
   static constexpr int kStates = Model::kStates, kInputs = Model::kInputs, kWidth = P::width;
   static constexpr int kDirections = kStates + kInputs;
 
@@ -49,44 +51,11 @@ struct GradientKernel {
 
   // ---- without effects ---------------------------------------------------------------------------
 
-  /// The step of `lanes` at (x, u); the derivatives' zeros are known to the compiler.
-  template <tiller_integrator_t kIntegrator, bool kOneSubstep>
-  static TILLER_INLINE void bare_step(const StepSetup& setup, double period_s, const P* x, const P* u, const P* p,
-                                      P* next, P* a, P* b) {
-    using D = MaskedDual<P, kDirections>;
-    const Stepper<Model, D> stepper({}, setup, period_s);
-    typename Model::template State<D> xd;
-    typename Model::template Input<D> ud;
-    typename Model::template Params<D> pd;
-    each(Model::nx(), [&](auto i) { xd[i] = D::seed(x[i], i); });
-    each(Model::nu(), [&](auto i) { ud[i] = D::seed(u[i], kStates + i); });
-    each(Model::np(), [&](auto i) { pd[i] = D(p[i]); });
-    if constexpr (kOneSubstep) {
-      xd = stepper.free_step(kIntegrator, xd, ud, stepper.no_force(), pd);
-    } else {
-      // over a loop the mask must be one constant: all of them
-      each(Model::nx(), [&](auto i) {
-        for (int c = 0; c < kDirections; ++c) xd[i].d[c] = P(c == i ? 1.0 : 0.0);
-        xd[i].mask = (1u << kDirections) - 1u;
-      });
-      for (std::uint32_t k = 0; k < setup.substeps; ++k)
-        xd = stepper.free_step(kIntegrator, xd, ud, stepper.no_force(), pd);
-    }
-    each(Model::nx(), [&](auto i) {
-      next[i] = xd[i].v;
-#pragma GCC unroll 16
-      for (int c = 0; c < kStates; ++c) a[i * kStates + c] = xd[i].slope(c);
-#pragma GCC unroll 16
-      for (int c = 0; c < kInputs; ++c) b[i * kInputs + c] = xd[i].slope(kStates + c);
-    });
-  }
-
-  template <tiller_integrator_t kIntegrator, bool kOneSubstep>
-  __attribute__((flatten)) static void linearise_bare(const PathJob& job) {
+  static void linearise_bare(const PathJob& job) {
     const double period_s = job.period_s > 0.0 ? job.period_s : job.setup->period_s;
     const std::uint32_t points = job.horizon * job.scenarios, n = job.lq_states;
-    P p[Model::kParams > 0 ? Model::kParams : 1];
-    for (int i = 0; i < Model::kParams; ++i) p[i] = P(job.params[i]);
+    Slope slope(*job.setup, period_s);
+    each(Model::np(), [&](auto i) { slope.p[i] = P(job.params[i]); });
     for (std::uint32_t first = 0; first < points; first += kWidth) {
       const Points at(job, first);
       Gather state, control;
@@ -97,24 +66,21 @@ struct GradientKernel {
       if (job.scenarios > 1) {
         Gather params;
         for (int l = 0; l < kWidth; ++l) params.lane[l] = job.params + std::size_t{at.scenario[l]} * job.param_count;
-        for (int i = 0; i < Model::kParams; ++i) p[i] = params(i);
+        each(Model::np(), [&](auto i) { slope.p[i] = params(i); });
       }
-      P x[kStates], u[kInputs], next[kStates], a[kStates * kStates], b[kStates * kInputs];
-      for (int i = 0; i < kStates; ++i) x[i] = state(i);
-      for (int i = 0; i < kInputs; ++i) u[i] = control(i);
-      bare_step<kIntegrator, kOneSubstep>(*job.setup, period_s, x, u, p, next, a, b);
-      alignas(64) double rows[kStates * (1 + kStates + kInputs)][kWidth];
-      for (int i = 0; i < kStates; ++i) next[i].store(rows[i]);
-      for (int i = 0; i < kStates * kStates; ++i) a[i].store(rows[kStates + i]);
-      for (int i = 0; i < kStates * kInputs; ++i) b[i].store(rows[kStates + kStates * kStates + i]);
+      typename Slope::State x;
+      each(Model::nx(), [&](auto i) { x[i] = state(i); });
+      each(Model::nu(), [&](auto i) { slope.u[i] = control(i); });
+      alignas(64) double next[kStates][kWidth], a[kStates * kStates][kWidth], b[kStates * kInputs][kWidth];
+      slope.advance(x, {next[0], a[0], b[0], kWidth});
       const int used = points - first < kWidth ? static_cast<int>(points - first) : kWidth;
       for (int l = 0; l < used; ++l) {
-        for (int i = 0; i < kStates; ++i) job.next[at.point[l] * kStates + i] = rows[i][l];
+        for (int i = 0; i < kStates; ++i) job.next[at.point[l] * kStates + i] = next[i][l];
         if (!job.a) continue;
         double *a_out = job.a + at.point[l] * n * n, *b_out = job.b + at.point[l] * n * kInputs;
         for (int i = 0; i < kStates; ++i) {
-          for (int c = 0; c < kStates; ++c) a_out[i * n + c] = rows[kStates + i * kStates + c][l];
-          for (int c = 0; c < kInputs; ++c) b_out[i * kInputs + c] = rows[kStates * (1 + kStates) + i * kInputs + c][l];
+          for (int c = 0; c < kStates; ++c) a_out[i * n + c] = a[i * kStates + c][l];
+          for (int c = 0; c < kInputs; ++c) b_out[i * kInputs + c] = b[i * kInputs + c][l];
         }
       }
     }
@@ -134,9 +100,10 @@ struct GradientKernel {
 
   /// Directions beyond (x, s, u) are not there; a pass takes kPass of them.
   static constexpr int kPass = 4;
+  using DualPass = DualStep<Model, kPass>;
 
   static void linearise_effects_pass(const PathJob& job, const Points& at, int used, int first_direction) {
-    using D = Dual<P, kPass>;
+    using D = typename DualPass::D;
     const StepSetup& setup = *job.setup;
     const int ns = static_cast<int>(setup.effect_state_count), nz = kStates + ns;
     const std::size_t n = job.lq_states;
@@ -151,15 +118,12 @@ struct GradientKernel {
       control.lane[l] = job.control + std::size_t{at.stage[l]} * kInputs;
     }
     const auto seeded = [&](const P& value, int direction) {
-      D x(value);
-      for (int i = 0; i < kPass; ++i)
-        if (first_direction + i == direction) x.d[i] = P(1.0);
-      return x;
+      return DualPass::seeded(value, direction, first_direction);
     };
     each(Model::nx(), [&](auto i) { t.x[i] = seeded(state(i), i); });
     for (int s = 0; s < ns; ++s) t.effect_state[s] = seeded(state(kStates + s), kStates + s);
     each(Model::nu(), [&](auto i) { u[i] = seeded(control(i), nz + i); });
-    stepper.advance(t, u, p);
+    DualPass::advance(stepper, t, u, p, nullptr);
 
     const auto put = [&](int row, const D& value) {
       alignas(64) double lanes[kWidth];
@@ -195,18 +159,7 @@ struct GradientKernel {
 
   static void linearise(const tiller_model_t&, const PathJob& job) {
     if (job.setup->effect_count > 0) return linearise_effects(job);
-    const bool one = job.setup->substeps == 1;
-    switch (job.setup->integrator) {
-      case tiller_integrator_semi_implicit_euler:
-        return one ? linearise_bare<tiller_integrator_semi_implicit_euler, true>(job)
-                   : linearise_bare<tiller_integrator_semi_implicit_euler, false>(job);
-      case tiller_integrator_midpoint:
-        return one ? linearise_bare<tiller_integrator_midpoint, true>(job)
-                   : linearise_bare<tiller_integrator_midpoint, false>(job);
-      default:
-        return one ? linearise_bare<tiller_integrator_rk4, true>(job)
-                   : linearise_bare<tiller_integrator_rk4, false>(job);
-    }
+    linearise_bare(job);
   }
 
   // ---- rollout with feedback ---------------------------------------------------------------------
@@ -311,16 +264,18 @@ struct GradientKernel {
   }
 
   static void feedback(const tiller_model_t&, const FeedbackJob& job) {
-    if (job.setup->effect_count > 0) return feedback_all<true, tiller_integrator_rk4>(job);
-    switch (job.setup->integrator) {
-      case tiller_integrator_semi_implicit_euler:
-        return feedback_all<false, tiller_integrator_semi_implicit_euler>(job);
-      case tiller_integrator_midpoint: return feedback_all<false, tiller_integrator_midpoint>(job);
-      default: return feedback_all<false, tiller_integrator_rk4>(job);
+    const tiller_integrator_t integrator = job.setup->integrator;
+    if (job.setup->effect_count > 0 || !has_own_text(integrator)) return feedback_all<true, tiller_integrator_rk4>(job);
+    switch (integrator) {
+      case tiller_integrator_semi_implicit_euler: return feedback_bare<tiller_integrator_semi_implicit_euler>(job);
+      case tiller_integrator_midpoint: return feedback_bare<tiller_integrator_midpoint>(job);
+      default: return feedback_bare<tiller_integrator_rk4>(job);
     }
   }
-
-  static constexpr PathKernel kernel() { return {&linearise, &feedback}; }
+  template <tiller_integrator_t kIntegrator>
+  static void feedback_bare(const FeedbackJob& job) {
+    if constexpr (has_own_text(kIntegrator)) feedback_all<false, kIntegrator>(job);
+  }
 };
 
 TILLER_ISA_NAMESPACE_END

@@ -4,6 +4,7 @@
 // trajectories are in flight: their steps do not depend on each other, which hides the latency of the arithmetic
 // (with one register a step waits for itself most of the time).
 
+#include "rollout/dual_step.hpp"
 #include "rollout/gradient_kernel.hpp"
 #include "rollout/lane_rows.hpp"
 #include "rollout/lq_scenarios.hpp"
@@ -11,6 +12,7 @@
 #include "rollout/own_cost.hpp"
 #include "rollout/quadratise_lanes.hpp"
 #include "rollout/residual_kernel.hpp"
+#include "rollout/slopes.hpp"
 #include "rollout/step.hpp"
 #include "scalar/pack.hpp"
 
@@ -142,21 +144,23 @@ struct Kernel {
     for (; lane < job.lanes; lane += kWidth) roll<T, 1, kEffects, kSplat, kExtra, kIntegrator>(stepper, job, lane);
   }
 
-  template <bool kExtra>
-  static void roll_bare(const RolloutJob<float>& job) {
-    switch (job.setup->integrator) {
-      case tiller_integrator_semi_implicit_euler:
-        return roll_all<float, 4, false, true, kExtra, tiller_integrator_semi_implicit_euler>(job);
-      case tiller_integrator_midpoint: return roll_all<float, 4, false, true, kExtra, tiller_integrator_midpoint>(job);
-      default: return roll_all<float, 4, false, true, kExtra, tiller_integrator_rk4>(job);
-    }
+  template <tiller_integrator_t kIntegrator>
+  static void roll_bare(const RolloutJob<float>& job, bool extra) {
+    if constexpr (has_own_text(kIntegrator))
+      return extra ? roll_all<float, 4, false, true, true, kIntegrator>(job)
+                   : roll_all<float, 4, false, true, false, kIntegrator>(job);
   }
   /// Planning without effects is the path worth a copy per integrator; everything else shares one.
   static void rollout_f32(const tiller_model_t&, const RolloutJob<float>& job) {
+    const tiller_integrator_t integrator = job.setup->integrator;
+    if (job.setup->effect_count > 0 || !job.params.splat() || !has_own_text(integrator))
+      return roll_all<float, 4, true, false, true, tiller_integrator_rk4>(job);
     const bool extra = job.cost && (!job.cost->only_quadratic() || job.penalty_out);
-    if (job.setup->effect_count == 0 && job.params.splat()) return extra ? roll_bare<true>(job) : roll_bare<false>(job);
-    if (job.params.splat() && !extra) return roll_all<float, 4, true, true, false, tiller_integrator_rk4>(job);
-    roll_all<float, 4, true, false, true, tiller_integrator_rk4>(job);
+    switch (integrator) {
+      case tiller_integrator_semi_implicit_euler: return roll_bare<tiller_integrator_semi_implicit_euler>(job, extra);
+      case tiller_integrator_midpoint: return roll_bare<tiller_integrator_midpoint>(job, extra);
+      default: return roll_bare<tiller_integrator_rk4>(job, extra);
+    }
   }
   static void rollout_f64(const tiller_model_t&, const RolloutJob<double>& job) {
     roll_all<double, 2, true, false, true, tiller_integrator_rk4>(job);
@@ -164,57 +168,83 @@ struct Kernel {
 
   // ---- linearisation -----------------------------------------------------------------------------
 
-  template <int kDirections, bool kInputsToo>
-  static void linearise_lane(const LineariseJob& job, std::uint32_t lane) {
-    using P = Pack<double>;
-    using D = Dual<P, kDirections>;
+  /// Derivatives along the directions from `first` on, states before inputs. The first pass writes the next state.
+  static void linearise_pass(const LineariseJob& job, std::uint32_t lane, int first) {
+    using Dual = DualStep<Model, kStatePass<Model>>;
+    using P = typename Dual::P;
+    using D = typename Dual::D;
     const StepSetup& setup = *job.setup;
     const Stepper<Model, D> stepper({}, setup, job.period_s > 0.0 ? job.period_s : setup.period_s);
     Trajectory<Model, D> t;
     Parameters<Model, D> p;
     typename Model::template Input<D> u;
-    load_fields<D, P>(t.x, Model::nx(), job.state, 0, lane);
-    each(Model::nx(), [&](auto i) { t.x[i].d[i] = P(1.0); });
-    load_fields<D, P>(u, Model::nu(), job.control, 0, lane);
-    if constexpr (kInputsToo) each(Model::nu(), [&](auto i) { u[i].d[kStates + i] = P(1.0); });
+    each(Model::nx(), [&](auto i) { t.x[i] = Dual::seeded(load_row<P>(job.state, i, lane), i, first); });
+    each(Model::nu(), [&](auto i) { u[i] = Dual::seeded(load_row<P>(job.control, i, lane), kStates + i, first); });
     load_parameters<Model, D, P>(p, setup, job.params, lane);
     for (std::uint32_t s = 0; s < setup.effect_state_count; ++s)
       t.effect_state[s] = D(load_row<P>(job.effect_state, static_cast<int>(s), lane));
-    const auto past = [&](int age, int input) {
-      D value = u[Index<0>{}];
-      each(Model::nu(), [&](auto i) {
-        if (static_cast<int>(i) == input) value = u[i];
-      });
-      return age == 0 ? value : D(job.history[(age - 1) * kInputs + input]);
-    };
-    stepper.advance(t, u, p, past);
+    Dual::advance(stepper, t, u, p, job.history);
 
     const auto row = [&](double* rows, int i) { return rows + static_cast<std::size_t>(i) * job.lanes + lane; };
     each(Model::nx(), [&](auto i) {
-      t.x[i].v.store(row(job.next_state, i));
-      if (job.a)
-        for (int c = 0; c < kStates; ++c) t.x[i].d[c].store(row(job.a, i * kStates + c));
-      if constexpr (kInputsToo)
-        for (int c = 0; c < kInputs; ++c) t.x[i].d[kStates + c].store(row(job.b, i * kInputs + c));
+      if (first == 0) t.x[i].v.store(row(job.next_state, i));
+      for (int k = 0; k < D::directions; ++k) {
+        const int c = first + k;
+        if (c < kStates && job.a)
+          t.x[i].d[k].store(row(job.a, i * kStates + c));
+        else if (c >= kStates && c < kStates + kInputs && job.b)
+          t.x[i].d[k].store(row(job.b, i * kInputs + c - kStates));
+      }
     });
-    if (job.next_effect_state)
+    if (first == 0 && job.next_effect_state)
       for (std::uint32_t s = 0; s < setup.effect_state_count; ++s)
         t.effect_state[s].v.store(row(job.next_effect_state, static_cast<int>(s)));
   }
-  static void linearise(const tiller_model_t&, const LineariseJob& job) {
-    for (std::uint32_t lane = 0; lane < job.lanes; lane += static_cast<std::uint32_t>(Pack<double>::width)) {
-      if (job.b)
-        linearise_lane<kStates + kInputs, true>(job, lane);
-      else
-        linearise_lane<kStates, false>(job, lane);
+  static void linearise_bare(const LineariseJob& job) {
+    using Slope = Slopes<Model>;
+    using P = typename Slope::P;
+    Slope slope(*job.setup, job.period_s > 0.0 ? job.period_s : job.setup->period_s);
+    for (std::uint32_t lane = 0; lane < job.lanes; lane += static_cast<std::uint32_t>(P::width)) {
+      typename Slope::State x;
+      load_fields<P, P>(x, Model::nx(), job.state, 0, lane);
+      load_fields<P, P>(slope.u, Model::nu(), job.control, 0, lane);
+      load_fields<P, P>(slope.p, Model::np(), job.params, 0, lane);
+      slope.advance(x,
+                    {job.next_state + lane, job.a ? job.a + lane : nullptr, job.b ? job.b + lane : nullptr, job.lanes});
     }
   }
+  static void linearise(const tiller_model_t&, const LineariseJob& job) {
+    if (job.setup->effect_count == 0) return linearise_bare(job);
+    constexpr int kPass = kStatePass<Model>;
+    const int directions = job.b ? kStates + kInputs : job.a ? kStates : 1;
+    // the first pass last: what it writes may be what the others read
+    for (std::uint32_t lane = 0; lane < job.lanes; lane += static_cast<std::uint32_t>(Pack<double>::width))
+      for (int first = (directions - 1) / kPass * kPass; first >= 0; first -= kPass) linearise_pass(job, lane, first);
+  }
 
-  static constexpr PathKernel kPath = GradientKernel<M, Cost>::kernel();
-  static constexpr LqKernel kLq = lq::Sweep<kStates, kInputs>::kernel();
-  static constexpr LqKernel kLqRate = lq::Sweep<kStates + kInputs, kInputs>::kernel();
-  static constexpr LqKernel kLqScenarios = lq::ScenarioSweep<kStates, kInputs>::kernel();
+  /// Of more states the library's own sweeps take over (select_lq): loops, unrolled for the sizes that it names.
+  static constexpr int kMostSwept = 8;
+  template <class Sweep, int kSize>
+  static constexpr const LqKernel* swept() {
+    if constexpr (kSize <= kMostSwept)
+      return &kKernelOf<Sweep>;
+    else
+      return nullptr;
+  }
+  template <class Sweep>
+  static constexpr LqKernel kKernelOf = Sweep::kernel();
 
+  /// What differentiates, which is half of a kernel's text: in this unit, or in another one (export_model.hpp).
+  struct Derivatives {
+    static constexpr auto linearise = &Kernel::linearise;
+    static constexpr auto path_linearise = &GradientKernel<M, Cost>::linearise;
+    static constexpr auto feedback = &GradientKernel<M, Cost>::feedback;
+    static constexpr auto quadratise = &Quadratiser<Model, Cost>::quadratise;
+  };
+  template <class Derived>
+  static constexpr PathKernel kPath = {Derived::path_linearise, Derived::feedback};
+
+  template <class Derived = Derivatives>
   static constexpr RolloutTable table(Isa isa) {
     RolloutTable t;
     t.isa = isa;
@@ -222,13 +252,13 @@ struct Kernel {
     t.width_f64 = Pack<double>::width;
     t.rollout_f32 = &rollout_f32;
     t.rollout_f64 = &rollout_f64;
-    t.linearise = &linearise;
+    t.linearise = Derived::linearise;
     t.residual = &ResidualKernel<M>::residual;
-    t.path = &kPath;
-    t.lq = &kLq;
-    t.lq_rate = &kLqRate;
-    t.lq_scenarios = &kLqScenarios;
-    t.quadratise = &Quadratiser<Model, Cost>::quadratise;
+    t.path = &kPath<Derived>;
+    t.lq = swept<lq::Sweep<kStates, kInputs>, kStates>();
+    t.lq_rate = swept<lq::Sweep<kStates + kInputs, kInputs>, kStates + kInputs>();
+    t.lq_scenarios = swept<lq::ScenarioSweep<kStates, kInputs>, kStates>();
+    t.quadratise = Derived::quadratise;
     t.own_cost = OwnCost<Model, Cost, double>::kTemplate;
     return t;
   }

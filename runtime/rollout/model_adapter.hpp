@@ -3,6 +3,7 @@
 // What the stepper asks of a model, for models written as templates (StaticModel: every count and index is a
 // constant, loops unroll, fields stay in registers) and as C tables (TableModel: loops with run-time counts).
 
+#include <type_traits>
 #include <utility>
 
 #include "scalar/dual.hpp"
@@ -11,6 +12,11 @@
 #include "tiller/model.hpp"
 
 namespace tiller {
+
+template <class Fields, class = void>
+struct HasCount : std::false_type {};
+template <class Fields>
+struct HasCount<Fields, std::void_t<decltype(Fields::count)>> : std::true_type {};
 
 /// f(Index<0>{}) ... f(Index<N-1>{}), unrolled by the language, or f(0) ... f(n-1), a loop.
 template <class F, int... I>
@@ -24,6 +30,22 @@ TILLER_INLINE void each(Index<N>, F&& f) {
 template <class F>
 TILLER_INLINE void each(int n, F&& f) {
   for (int i = 0; i < n; ++i) f(i);
+}
+
+/// Field i, a constant or not. The fields of TILLER_FIELDS are numbers of one type and nothing else.
+template <class Fields, int I>
+TILLER_INLINE auto& element(Fields& f, Index<I> i) {
+  return f[i];
+}
+template <class Fields>
+TILLER_INLINE auto& element(Fields& f, int i) {
+  if constexpr (HasCount<Fields>::value) {
+    using S = std::remove_reference_t<decltype(f[Index<0>{}])>;
+    static_assert(sizeof(Fields) == sizeof(S) * Fields::count && std::is_standard_layout<Fields>::value, "an array");
+    return reinterpret_cast<S*>(&f)[i];
+  } else {
+    return f[i];
+  }
 }
 
 /// A model written as a template.
@@ -46,6 +68,14 @@ struct StaticModel {
   static constexpr Index<kInputs> nu() { return {}; }
   static constexpr Index<kParams> np() { return {}; }
   static constexpr Index<kForces> nf() { return {}; }
+  /// Joints as effects go through them: constants for up to three, which stay in registers; more are a loop, or every
+  /// effect's text would stand in the kernel once a joint.
+  static constexpr auto joints() {
+    if constexpr (kForces > 3)
+      return kForces;
+    else
+      return Index<kForces>{};
+  }
   static_assert(ForceOf<M<double>>::joint_count == kForces, "one joint for each force, in order");
   static_assert(kForces > 0 || !HasJoints<M<double>>::value, "joints ask for TILLER_FIELDS(Force, ...)");
   static_assert(kStates <= TILLER_MAX_STATES && kInputs <= TILLER_MAX_INPUTS && kParams <= TILLER_MAX_PARAMS &&
@@ -77,6 +107,18 @@ struct StaticModel {
   static constexpr int drive(Index<J>) {
     return M<double>::joints[J].drive;
   }
+  // the same of a joint that only run time knows
+  template <class S>
+  static TILLER_INLINE S* position(State<S>& x, int j) {
+    const auto at = M<double>::joints[j].position;
+    return at == TILLER_NO_POSITION ? nullptr : &element(x, at);
+  }
+  template <class S>
+  static TILLER_INLINE S& velocity(State<S>& x, int j) {
+    return element(x, M<double>::joints[j].velocity);
+  }
+  static constexpr int force_index(int j) { return M<double>::joints[j].force; }
+  static constexpr int drive(int j) { return M<double>::joints[j].drive; }
 
   /// With the arguments that the model takes.
   template <class S>
@@ -119,6 +161,24 @@ struct StaticModel {
       each(nf(), [&](auto i) { column[i] = velocity<D>(dx, i).slope(); });
     }
   }
+  /// One text for all joints: what depends on the force is not known to the compiler then.
+  template <class S>
+  static __attribute__((noinline)) void force_response(const State<S>& x, const Input<S>& u, const Force<S>& f,
+                                                       const Body<S>& body, const Params<S>& p, int j, S* column) {
+    using D = Dual<S, 1>;
+    State<D> xd;
+    Input<D> ud;
+    Force<D> fd;
+    Params<D> pd;
+    each(nx(), [&](auto i) { xd[i] = D(x[i]); });
+    each(nu(), [&](auto i) { ud[i] = D(u[i]); });
+    each(nf(), [&](auto i) { fd[i] = D(f[i]); });
+    each(np(), [&](auto i) { pd[i] = D(p[i]); });
+    element(fd, force_index(j)).d[0] = S(1.0);
+    State<D> dx = dynamics<D>(
+        xd, ud, fd, {D(body.gravity_x_m_s2), D(body.gravity_z_m_s2), D(body.payload_kg), D(body.payload_kgm2)}, pd);
+    each(nf(), [&](auto i) { column[i] = velocity<D>(dx, i).d[0]; });
+  }
 };
 
 /// Fields by run-time index, for C tables.
@@ -147,6 +207,7 @@ struct TableModel {
   int nu() const { return static_cast<int>(table->input_count); }
   int np() const { return static_cast<int>(table->param_count); }
   int nf() const { return static_cast<int>(table->joint_count); }
+  int joints() const { return nf(); }
   bool is_angle(int i) const { return (table->angle_mask >> i) & 1u; }
   template <class S>
   S* position(State<S>& x, int j) const {

@@ -5,6 +5,7 @@
 // register of lanes goes through the block with its parameters and its sums in registers.
 
 #include "rollout/lane_rows.hpp"
+#include "rollout/moving_step.hpp"
 #include "rollout/residual.hpp"
 #include "scalar/shared_start.hpp"
 
@@ -36,25 +37,6 @@ struct SharedStartModel : StaticModel<M> {
           x, u, f, {S(body.gravity_x_m_s2.v), S(body.gravity_z_m_s2.v), S(body.payload_kg.v), S(body.payload_kgm2.v)},
           p);
   }
-  /// As for plain lanes: nothing of it is shared.
-  template <class S, int J>
-  static TILLER_INLINE void force_response(const typename Base::template State<S>& x,
-                                           const typename Base::template Input<S>& u,
-                                           const typename Base::template Force<S>& f, const Body<S>& body,
-                                           const typename Base::template Params<S>& p, Index<J> j, S* column) {
-    typename Base::template State<P> xp;
-    typename Base::template Input<P> up;
-    typename Base::template Force<P> fp;
-    typename Base::template Params<P> pp;
-    P plain[Base::kForces];
-    each(Base::nx(), [&](auto i) { xp[i] = x[i].v; });
-    each(Base::nu(), [&](auto i) { up[i] = u[i].v; });
-    each(Base::nf(), [&](auto i) { fp[i] = f[i].v; });
-    each(Base::np(), [&](auto i) { pp[i] = p[i].v; });
-    const Body<P> b = {body.gravity_x_m_s2.v, body.gravity_z_m_s2.v, body.payload_kg.v, body.payload_kgm2.v};
-    Base::template force_response<P>(xp, up, fp, b, pp, j, plain);
-    each(Base::nf(), [&](auto i) { column[i] = S(plain[i]); });
-  }
 };
 
 template <template <class> class M>
@@ -67,6 +49,7 @@ struct ResidualKernel {
   using Input = typename Model::template Input<S>;
   static constexpr int kStates = Model::kStates, kInputs = Model::kInputs, kSteps = static_cast<int>(kResidualBlock);
   static constexpr int kBasis = static_cast<int>(kMaxBasis);
+  static constexpr int kMostShared = 6;  // states; the text of a shared step grows faster than its gain
   static_assert(kSteps % P::width == 0, "whole registers of steps");
 
   /// Steps in single precision, a row for each number. Angles lie within +-pi, whatever turns were counted.
@@ -143,69 +126,6 @@ struct ResidualKernel {
     x = step.free_step(kIntegrator, x, u, step.no_force(), p);
     each(Model::nx(), [&](auto i) { moved[i] = x[i].moved(P(b.state[i][k])); });
   }
-  /// A step on its way: where it is and how far it has moved.
-  struct Way {
-    P value[kStates];
-    P* moved;
-  };
-  /// One substep of step k, or of the lanes of `live` a part of it.
-  template <class Live>
-  static TILLER_INLINE void substep(const Step& step, const Block& b, int k, bool first, const Input& acting,
-                                    const Parameters<Model, S>& p, const Body<S>& body, const Length<S>& length,
-                                    const Live& live, Tape& tape, Way& way) {
-    Trajectory<Model, S> t;
-    each(Model::nx(), [&](auto i) {
-      t.x[i] = S::on_the_way(P(b.state[i][k]), way.value[i], way.moved[i], first ? S::kShared : S::kLane, &tape);
-    });
-    step.template substep_all<1, 1>(&t, &acting, &p, &body, &length);
-    each(Model::nx(), [&](auto i) {
-      way.value[i] = live(t.x[i].v, way.value[i]);
-      way.moved[i] = live(t.x[i].moved(P(b.state[i][k])), way.moved[i]);
-    });
-  }
-  /// The same in general. The first substep begins at the shared state, the others do not.
-  static TILLER_INLINE void advance(const Step& step, const Block& b, const MeasuredStep* steps, int k,
-                                    const Parameters<Model, S>& p, P* moved) {
-    Tape tape{const_cast<float*>(&b.tape[0][k]), kSteps, false};
-    Input u;
-    each(Model::nu(), [&](auto i) { u[i] = S(P(b.input[i][k])); });
-    const Body<S> body = step.body_of(p);
-    Way way{{}, moved};
-    each(Model::nx(), [&](auto i) {
-      way.value[i] = P(b.state[i][k]);
-      moved[i] = P(0.0);
-    });
-    if (step.delayed()) {
-      advance_delayed(step, b, steps[k].history, k, u, p, body, way);
-      return;
-    }
-    const auto all = [](const P& now, const P&) { return now; };
-    for (std::uint32_t n = 0; n < step.setup.substeps; ++n)
-      substep(step, b, k, n == 0, u, p, body, step.whole(), all, tape, way);
-  }
-  /// With commands that change within the period, lane by lane at another time: nothing is shared then.
-  static TILLER_INLINE void advance_delayed(const Step& step, const Block& b, const double* history, int k,
-                                            const Input& u, const Parameters<Model, S>& p, const Body<S>& body,
-                                            Way& way) {
-    Tape none{nullptr, 0, false, Tape::kRows};
-    Turns<Model, S> turns;
-    step.template take_turns<1, 1>(&turns, &u, &p, [&](int, int age, int input) {
-      return age == 0 ? S(P(b.input[input][k])) : S(P(history[(age - 1) * kInputs + input]));
-    });
-    for (std::uint32_t n = 0; n < step.setup.substeps; ++n) {
-      S done(P(0.0)), part;
-      Input acting;
-      Length<S> length;
-      bool more = true;
-      while (more) {
-        more = step.next_part(n, turns, done, part, acting, length);
-        const auto moves = part.v > P(0.0);
-        const auto live = [&](const P& now, const P& before) TILLER_INLINED { return select(moves, now, before); };
-        substep(step, b, k, false, acting, p, body, length, live, none, way);
-      }
-    }
-  }
-
   /// rows[0 ..] += sums, in double.
   static TILLER_INLINE void add(double* rows, const P& sums) {
     alignas(64) float all[P::width];
@@ -215,60 +135,104 @@ struct ResidualKernel {
     for (int l = 0; l < P::width; ++l) rows[l] += static_cast<double>(all[l]);
   }
 
-  template <tiller_integrator_t kIntegrator, bool kGeneral>
-  static __attribute__((flatten, noinline)) void sum(const ResidualJob& job, const Block& b) {
-    Step step({}, *job.setup, S(job.setup->period_s));
-    const std::size_t lanes = job.lanes;
-    const MeasuredStep* const steps = job.steps + b.first;
-    float* const residual = job.residual ? job.residual + static_cast<std::size_t>(b.first) * kStates * lanes : nullptr;
-    const unsigned basis_rows = job.projected ? job.basis_rows : 0u;
-    const int count = b.count;
-    for (std::uint32_t lane = 0; lane < lanes; lane += static_cast<std::uint32_t>(P::width)) {
-      Parameters<Model, S> p;
-      if constexpr (kGeneral)
-        load_parameters<Model, S, P>(p, *job.setup, job.params, lane);
-      else
-        load_fields<S, P>(p.model, Model::np(), job.params, 0, lane);
-      P squared[kStates], projected[kStates][kBasis], moved[kStates];
+  /// What a register of lanes adds up over the block.
+  struct Sums {
+    P squared[kStates], projected[kStates][kBasis];
+    unsigned basis_rows;
+    float* residual;  // of the block's first step
+
+    TILLER_INLINE Sums(const ResidualJob& job, const Block& b)
+        : basis_rows(job.projected ? job.basis_rows : 0u),
+          residual(job.residual ? job.residual + std::size_t{b.first} * kStates * job.lanes : nullptr) {
       each(Model::nx(), [&](auto i) { squared[i] = P(0.0); });
       if (basis_rows)
         for (auto& row : projected)
           for (P& cell : row) cell = P(0.0);
-      for (int k = 0; k < count; ++k) {
-        step.substep_s = S(P(b.substep_s[k]), S::kConstant);
-        if constexpr (kGeneral)
-          advance(step, b, steps, k, p, moved);
-        else
-          advance_bare<kIntegrator>(step, b, k, p.model, moved);
-        P e[kStates], weighted[kStates];
+    }
+    TILLER_INLINE void take(const ResidualJob& job, const Block& b, int k, const P* moved, std::uint32_t lane) {
+      P e[kStates], weighted[kStates];
+      each(Model::nx(), [&](auto i) {
+        e[i] = P(b.change[i][k]) - moved[i];
+        weighted[i] = e[i] * P(b.weight[i][k]);
+        squared[i] = squared[i] + weighted[i] * e[i];
+      });
+      if (residual)
+        each(Model::nx(),
+             [&](auto i) { e[i].store(residual + (static_cast<std::size_t>(k) * kStates + i) * job.lanes + lane); });
+      if (basis_rows)
         each(Model::nx(), [&](auto i) {
-          e[i] = P(b.change[i][k]) - moved[i];
-          weighted[i] = e[i] * P(b.weight[i][k]);
-          squared[i] = squared[i] + weighted[i] * e[i];
+          if ((basis_rows >> i) & 1u)
+            for (int j = 0; j < kBasis; ++j) projected[i][j] = projected[i][j] + weighted[i] * P(b.basis[j][k]);
         });
-        if (residual)
-          each(Model::nx(),
-               [&](auto i) { e[i].store(residual + (static_cast<std::size_t>(k) * kStates + i) * lanes + lane); });
-        if (basis_rows)
-          each(Model::nx(), [&](auto i) {
-            if ((basis_rows >> i) & 1u)
-              for (int j = 0; j < kBasis; ++j) projected[i][j] = projected[i][j] + weighted[i] * P(b.basis[j][k]);
-          });
-      }
-      if (job.squared) each(Model::nx(), [&](auto i) { add(job.squared + i * lanes + lane, squared[i]); });
+    }
+    TILLER_INLINE void put(const ResidualJob& job, std::uint32_t lane) const {
+      if (job.squared) each(Model::nx(), [&](auto i) { add(job.squared + i * job.lanes + lane, squared[i]); });
       for (std::uint32_t i = 0; basis_rows >> i; ++i)
         for (std::uint32_t j = 0; ((basis_rows >> i) & 1u) && j < job.basis_count; ++j)
-          add(job.projected + (i * job.basis_count + j) * lanes + lane, projected[i][j]);
+          add(job.projected + (i * job.basis_count + j) * job.lanes + lane, projected[i][j]);
+    }
+  };
+
+  template <tiller_integrator_t kIntegrator>
+  static __attribute__((flatten, noinline)) void sum_bare(const ResidualJob& job, const Block& b) {
+    Step step({}, *job.setup, S(job.setup->period_s));
+    for (std::uint32_t lane = 0; lane < job.lanes; lane += static_cast<std::uint32_t>(P::width)) {
+      typename Model::template Params<S> p;
+      load_fields<S, P>(p, Model::np(), job.params, 0, lane);
+      Sums sums(job, b);
+      P moved[kStates];
+      for (int k = 0; k < b.count; ++k) {
+        step.substep_s = S(P(b.substep_s[k]), S::kConstant);
+        advance_bare<kIntegrator>(step, b, k, p, moved);
+        sums.take(job, b, k, moved, lane);
+      }
+      sums.put(job, lane);
+    }
+  }
+
+  static __attribute__((noinline)) void sum(const ResidualJob& job, const Block& b) {
+    using Moving = MovingStep<M>;
+    typename Moving::Step step({}, *job.setup, P(job.setup->period_s));
+    for (std::uint32_t lane = 0; lane < job.lanes; lane += static_cast<std::uint32_t>(P::width)) {
+      Parameters<typename Moving::Model, P> p;
+      load_parameters<typename Moving::Model, P, P>(p, *job.setup, job.params, lane);
+      const Body<P> body = step.body_of(p);
+      Sums sums(job, b);
+      Moving moving;
+      for (int k = 0; k < b.count; ++k) {
+        typename Moving::Input input;
+        P moved[kStates];
+        const double* const history = job.steps[b.first + static_cast<std::uint32_t>(k)].history;
+        step.substep_s = P(b.substep_s[k]);
+        each(Model::nx(), [&](auto i) { moving.begin[i] = P(b.state[i][k]); });
+        each(Model::nu(), [&](auto i) { input[i] = P(b.input[i][k]); });
+        moving.advance(step, input, p, body, [&](int age, int port) {
+          return age == 0 ? P(b.input[port][k]) : P(history[(age - 1) * kInputs + port]);
+        });
+        each(Model::nx(), [&](auto i) { moved[i] = moving.moved[i]; });
+        sums.take(job, b, k, moved, lane);
+      }
+      sums.put(job, lane);
     }
   }
 
   template <tiller_integrator_t kIntegrator>
+  static void run_bare(const ResidualJob& job, Block& b) {
+    if constexpr (kStates <= kMostShared && has_own_text(kIntegrator)) {
+      record<kIntegrator>(*job.setup, b);
+      sum_bare<kIntegrator>(job, b);
+    }
+  }
+  /// Of few states a bare step is worth a copy per integrator, which shares what the measured state alone decides.
   static void run(const ResidualJob& job, Block& b) {
-    record<kIntegrator>(*job.setup, b);
-    if (job.setup->effect_count == 0 && job.setup->substeps == 1)
-      sum<kIntegrator, false>(job, b);
-    else
-      sum<tiller_integrator_rk4, true>(job, b);
+    const StepSetup& setup = *job.setup;
+    if (kStates > kMostShared || setup.effect_count > 0 || setup.substeps > 1 || !has_own_text(setup.integrator))
+      return sum(job, b);
+    switch (setup.integrator) {
+      case tiller_integrator_semi_implicit_euler: return run_bare<tiller_integrator_semi_implicit_euler>(job, b);
+      case tiller_integrator_midpoint: return run_bare<tiller_integrator_midpoint>(job, b);
+      default: return run_bare<tiller_integrator_rk4>(job, b);
+    }
   }
 
   /// Missing rows were summed with no weight; their residual is not a number.
@@ -285,11 +249,7 @@ struct ResidualKernel {
     Block b;
     for (std::uint32_t first = 0; first < job.count; first += kResidualBlock) {
       lay_out(job, first, b);
-      switch (job.setup->integrator) {
-        case tiller_integrator_semi_implicit_euler: run<tiller_integrator_semi_implicit_euler>(job, b); break;
-        case tiller_integrator_midpoint: run<tiller_integrator_midpoint>(job, b); break;
-        default: run<tiller_integrator_rk4>(job, b);
-      }
+      run(job, b);
     }
     if (job.residual) mark_missing(job);
   }

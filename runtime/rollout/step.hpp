@@ -21,6 +21,17 @@
 
 namespace tiller {
 
+/// Whether bare steps of the integrator have a text of their own; of others they go the general way, which costs more a
+/// step and nothing to compile. A model that is compiled for one robot names that robot's: TILLER_KERNEL_INTEGRATOR.
+constexpr bool has_own_text(tiller_integrator_t integrator) {
+#ifdef TILLER_KERNEL_INTEGRATOR
+  return integrator == TILLER_KERNEL_INTEGRATOR;
+#else
+  return integrator == tiller_integrator_semi_implicit_euler || integrator == tiller_integrator_midpoint ||
+         integrator == tiller_integrator_rk4;
+#endif
+}
+
 /// What one register of trajectories carries.
 template <class Model, class S>
 struct Trajectory {
@@ -49,8 +60,8 @@ struct Length {
   S h, half, sixth;
 };
 
-/// Time is what the length of a step is kept in.
-template <class Model, class S, class Time = double>
+/// Time is what the length of a step is kept in. kTracks: what effects change in the state is added to `moved` too.
+template <class Model, class S, class Time = double, bool kTracks = false>
 struct Stepper {
   using State = typename Model::template State<S>;
   using Input = typename Model::template Input<S>;
@@ -64,6 +75,7 @@ struct Stepper {
   EffectSlot slots[kHooks][TILLER_MAX_EFFECTS];  // the setup's effects by hook, in their order
   std::uint32_t slot_count[kHooks] = {};
   std::uint32_t reacting = 0;  // bit j: something acts at joint j after the free step
+  State* moved = nullptr;      // read only with kTracks
 
   Stepper(const Model& m, const StepSetup& s, const Time& period_s)
       : model(m), setup(s), body(Body<S>::from(s.body)), substep_s(period_s / s.substeps) {
@@ -144,9 +156,7 @@ struct Stepper {
 
   // ---- effects ---------------------------------------------------------------------------------
 
-  using Lane = LaneOf<S>;  // what effects work in
-
-  /// Calls visit(Type<Lane>{}, slot) for every effect of the hook that is compiled into the kernel's loops and
+  /// Calls visit(Type<S>{}, slot) for every effect of the hook that is compiled into the kernel's loops and
   /// visit(Called{}, slot) for the others; the switch is per register, not per lane.
   template <Hook kHook, class Visit>
   TILLER_INLINE void for_effects(Visit&& visit) const {
@@ -155,12 +165,12 @@ struct Stepper {
       const EffectSlot& slot = slots[kList][e];
       bool called = true;
       switch (slot.kind) {
-#define TILLER_EFFECT(name, Type)                                                        \
-  case tiller_effect_##name:                                                             \
-    if constexpr (Type<Lane>::hook == kHook && InlinedEffect<Type<Lane>, Lane>::value) { \
-      visit(Type<Lane>{}, slot);                                                         \
-      called = false;                                                                    \
-    }                                                                                    \
+#define TILLER_EFFECT(name, Type)                                               \
+  case tiller_effect_##name:                                                    \
+    if constexpr (Type<S>::hook == kHook && InlinedEffect<Type<S>, S>::value) { \
+      visit(Type<S>{}, slot);                                                   \
+      called = false;                                                           \
+    }                                                                           \
     break;
 #include "tiller/effects.def"
 #undef TILLER_EFFECT
@@ -226,18 +236,40 @@ struct Stepper {
     Body<S> changed = body;
     constexpr int kList = static_cast<int>(Hook::body);
     for (std::uint32_t e = 0; e < slot_count[kList]; ++e)
-      call_body<S>(slots[kList][e].kind, changed, effect_params(p, slots[kList][e]));
+      called_body<S>(slots[kList][e].kind, changed, effect_params(p, slots[kList][e]));
     return changed;
   }
 
-  static TILLER_INLINE Lane lane(const S& x) { return LaneType<S>::of(x); }
   template <class J>
   TILLER_INLINE S drive_force(const Input& u, J j) const {
-    S drive = S(0.0);
-    each(model.nu(), [&](auto i) TILLER_INLINED {
-      if (model.drive(j) == static_cast<int>(i) + 1) drive = u[i];
+    if constexpr (std::is_same<J, int>::value) {
+      const int input = model.drive(j);
+      return input > 0 ? element(u, input - 1) : S(0.0);
+    } else {
+      S drive = S(0.0);
+      each(model.nu(), [&](auto i) TILLER_INLINED {
+        if (model.drive(j) == static_cast<int>(i) + 1) drive = u[i];
+      });
+      return drive;
+    }
+  }
+  /// Inputs as effects go through them: as the joints.
+  TILLER_INLINE auto inputs() const {
+    if constexpr (std::is_same<decltype(model.joints()), int>::value)
+      return static_cast<int>(model.nu());
+    else
+      return model.nu();
+  }
+  /// f(port), as the constant of `count` that it is or as a number.
+  template <int N, class F>
+  static TILLER_INLINE void at_port(Index<N> count, int port, F&& f) {
+    each(count, [&](auto j) TILLER_INLINED {
+      if (static_cast<int>(j) == port) f(j);
     });
-    return drive;
+  }
+  template <class F>
+  static TILLER_INLINE void at_port(int, int port, F&& f) {
+    f(port);
   }
 
   /// Input effects and force effects, before the free step.
@@ -245,25 +277,23 @@ struct Stepper {
   TILLER_INLINE void act(Trajectory<Model, S>* t, Input* u, Force* f, const Parameters<Model, S>* p,
                          const Length<S>* step) const {
     for_effects<Hook::input>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
-      each(model.nu(), [&](auto i) TILLER_INLINED {
-        if (static_cast<int>(i) != slot.port) return;
+      at_port(inputs(), slot.port, [&](auto i) TILLER_INLINED {
         for (int r = 0; r < kCount; ++r)
-          u[r][i] = call_input<decltype(effect), S>(slot.kind, {lane(u[r][i]), lane(step[r].h)},
-                                                    t[r].effect_state + slot.state,
-                                                    effect_params(p[kSets == 1 ? 0 : r], slot));
+          element(u[r], i) =
+              call_input<decltype(effect), S>(slot.kind, {element(u[r], i), step[r].h}, t[r].effect_state + slot.state,
+                                              effect_params(p[kSets == 1 ? 0 : r], slot));
       });
     });
     for_effects<Hook::force>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
-      each(model.nf(), [&](auto j) TILLER_INLINED {
-        if (static_cast<int>(j) != slot.port) return;
+      at_port(model.joints(), slot.port, [&](auto j) TILLER_INLINED {
         const auto k = model.force_index(j);
         for (int r = 0; r < kCount; ++r) {
           S* q = model.template position<S>(t[r].x, j);
-          const Lane position = q ? lane(*q) : Lane(0.0), velocity = lane(model.template velocity<S>(t[r].x, j));
-          const JointStep<Lane> in = {
-              position, velocity, position, velocity, Lane(0.0), lane(drive_force(u[r], j)), lane(step[r].h)};
-          f[r][k] = f[r][k] + call_force<decltype(effect), S>(slot.kind, in, t[r].effect_state + slot.state,
-                                                              effect_params(p[kSets == 1 ? 0 : r], slot));
+          const S position = q ? *q : S(0.0), velocity = model.template velocity<S>(t[r].x, j);
+          const JointStep<S> in = {position, velocity, position, velocity, S(0.0), drive_force(u[r], j), step[r].h};
+          element(f[r], k) =
+              element(f[r], k) + call_force<decltype(effect), S>(slot.kind, in, t[r].effect_state + slot.state,
+                                                                 effect_params(p[kSets == 1 ? 0 : r], slot));
         }
       });
     });
@@ -275,9 +305,9 @@ struct Stepper {
   template <int kCount, int kSets>
   TILLER_INLINE void respond(Response* response, const State* next, const Trajectory<Model, S>* t, const Input* u,
                              const Force* f, const Parameters<Model, S>* p, const Body<S>* bodies) const {
-    each(model.nf(), [&](auto j) TILLER_INLINED {
+    each(model.joints(), [&](auto j) TILLER_INLINED {
       if (!((reacting >> static_cast<int>(j)) & 1u)) {  // nobody reads it; compilers cannot know
-        for (int r = 0; r < kCount; ++r) each(model.nf(), [&](auto i) { response[r][j][i] = S(0.0); });
+        for (int r = 0; r < kCount; ++r) each(model.joints(), [&](auto i) { response[r][j][i] = S(0.0); });
         return;
       }
       for (int r = 0; r < kCount; ++r) {
@@ -291,9 +321,13 @@ struct Stepper {
 
   template <class I>
   TILLER_INLINE void change_velocity(State& next, I i, const S& change, const Length<S>& step) const {
-    model.template velocity<S>(next, i) = model.template velocity<S>(next, i) + change;
     const S& share = setup.integrator == tiller_integrator_semi_implicit_euler ? step.h : step.half;
-    if (S* q = model.template position<S>(next, i)) *q = *q + share * change;
+    const auto change_of = [&](State& x) TILLER_INLINED {
+      model.template velocity<S>(x, i) = model.template velocity<S>(x, i) + change;
+      if (S* q = model.template position<S>(x, i)) *q = *q + share * change;
+    };
+    change_of(next);
+    if constexpr (kTracks) change_of(*moved);
   }
 
   /// More inertia at joints: the inverse inertia R loses J R_j R_j' / (1 + J R_jj) (Sherman and Morrison), and so do
@@ -304,18 +338,17 @@ struct Stepper {
     constexpr int kList = static_cast<int>(Hook::inertia);
     for (std::uint32_t e = 0; e < slot_count[kList]; ++e) {
       const EffectSlot& slot = slots[kList][e];
-      each(model.nf(), [&](auto j) TILLER_INLINED {
-        if (static_cast<int>(j) != slot.port) return;
+      at_port(model.joints(), slot.port, [&](auto j) TILLER_INLINED {
         for (int r = 0; r < kCount; ++r) {
           S column[TILLER_MAX_JOINTS];
-          each(model.nf(), [&](auto i) { column[i] = response[r][j][i]; });
+          each(model.joints(), [&](auto i) { column[i] = response[r][j][i]; });
           const S share = JointInertia<S>::per_acceleration(column[j], effect_params(p[kSets == 1 ? 0 : r], slot));
           const S lost = share * (model.template velocity<S>(next[r], j) - model.template velocity<S>(t[r].x, j));
-          each(model.nf(), [&](auto i) { change_velocity(next[r], i, -(column[i] * lost), step[r]); });
-          each(model.nf(), [&](auto c) {
+          each(model.joints(), [&](auto i) { change_velocity(next[r], i, -(column[i] * lost), step[r]); });
+          each(model.joints(), [&](auto c) {
             if (!((reacting >> static_cast<int>(c)) & 1u)) return;
             const S felt = share * response[r][c][j];
-            each(model.nf(), [&](auto i) { response[r][c][i] = response[r][c][i] - column[i] * felt; });
+            each(model.joints(), [&](auto i) { response[r][c][i] = response[r][c][i] - column[i] * felt; });
           });
         }
       });
@@ -327,24 +360,23 @@ struct Stepper {
   TILLER_INLINE void react(State* next, Trajectory<Model, S>* t, const Input* u, const Response* response,
                            const Parameters<Model, S>* p, const Length<S>* step) const {
     for_effects<Hook::dissipation>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
-      each(model.nf(), [&](auto j) TILLER_INLINED {
-        if (static_cast<int>(j) != slot.port) return;
+      at_port(model.joints(), slot.port, [&](auto j) TILLER_INLINED {
         for (int r = 0; r < kCount; ++r) {
           const S* column = response[r][j];
-          JointStep<Lane> in;
+          JointStep<S> in;
           S *q = model.template position<S>(t[r].x, j), *q_free = model.template position<S>(next[r], j);
-          in.position = q ? lane(*q) : Lane(0.0);
+          in.position = q ? *q : S(0.0);
           in.middle = in.position;
           if (q && setup.integrator != tiller_integrator_semi_implicit_euler)
-            in.middle = Lane(0.5) * (in.position + lane(*q_free));
-          in.velocity = lane(model.template velocity<S>(t[r].x, j));
-          in.free = lane(model.template velocity<S>(next[r], j));
-          in.gain = lane(step[r].h * column[j]);
-          in.drive = lane(drive_force(u[r], j));
-          in.dt_s = lane(step[r].h);
+            in.middle = S(0.5) * (in.position + *q_free);
+          in.velocity = model.template velocity<S>(t[r].x, j);
+          in.free = model.template velocity<S>(next[r], j);
+          in.gain = step[r].h * column[j];
+          in.drive = drive_force(u[r], j);
+          in.dt_s = step[r].h;
           const S push = call_force<decltype(effect), S>(slot.kind, in, t[r].effect_state + slot.state,
                                                          effect_params(p[kSets == 1 ? 0 : r], slot));
-          each(model.nf(),
+          each(model.joints(),
                [&](auto i) TILLER_INLINED { change_velocity(next[r], i, step[r].h * column[i] * push, step[r]); });
         }
       });
@@ -360,10 +392,10 @@ struct Stepper {
   }
 
   /// One substep with effects, from the acting commands. bodies (kSets): null where no effect changes the body; step
-  /// (kCount): its length.
-  template <int kCount, int kSets>
-  TILLER_INLINE void substep_all(Trajectory<Model, S>* t, const Input* commands, const Parameters<Model, S>* p,
-                                 const Body<S>* bodies, const Length<S>* step) const {
+  /// (kCount): its length; free(next, u, f): the free steps.
+  template <int kCount, int kSets, class Free>
+  TILLER_INLINE void substep_with(Trajectory<Model, S>* t, const Input* commands, const Parameters<Model, S>* p,
+                                  const Body<S>* bodies, const Length<S>* step, const Free& free) const {
     Input u[kCount];
     Force f[kCount];
     State next[kCount];
@@ -372,15 +404,7 @@ struct Stepper {
       f[r] = no_force();
     }
     act<kCount, kSets>(t, u, f, p, step);
-    switch (setup.integrator) {
-      case tiller_integrator_semi_implicit_euler:
-        free_steps<kCount, kSets, tiller_integrator_semi_implicit_euler>(next, t, u, f, p, bodies, step);
-        break;
-      case tiller_integrator_midpoint:
-        free_steps<kCount, kSets, tiller_integrator_midpoint>(next, t, u, f, p, bodies, step);
-        break;
-      default: free_steps<kCount, kSets, tiller_integrator_rk4>(next, t, u, f, p, bodies, step);
-    }
+    free(next, u, f);
     if (reacting != 0) {
       Response response[kCount];
       respond<kCount, kSets>(response, next, t, u, f, p, bodies);
@@ -388,6 +412,20 @@ struct Stepper {
       react<kCount, kSets>(next, t, u, response, p, step);
     }
     for (int r = 0; r < kCount; ++r) t[r].x = next[r];
+  }
+  template <int kCount, int kSets>
+  TILLER_INLINE void substep_all(Trajectory<Model, S>* t, const Input* commands, const Parameters<Model, S>* p,
+                                 const Body<S>* bodies, const Length<S>* step) const {
+    substep_with<kCount, kSets>(
+        t, commands, p, bodies, step, [&](State* next, const Input* u, const Force* f) TILLER_INLINED {
+          switch (setup.integrator) {
+            case tiller_integrator_semi_implicit_euler:
+              return free_steps<kCount, kSets, tiller_integrator_semi_implicit_euler>(next, t, u, f, p, bodies, step);
+            case tiller_integrator_midpoint:
+              return free_steps<kCount, kSets, tiller_integrator_midpoint>(next, t, u, f, p, bodies, step);
+            default: return free_steps<kCount, kSets, tiller_integrator_rk4>(next, t, u, f, p, bodies, step);
+          }
+        });
   }
   /// States of effects beyond those that there are hold nothing worth copying.
   TILLER_INLINE void keep(const Trajectory<Model, S>& t, Trajectory<Model, S>& before) const {
@@ -402,10 +440,10 @@ struct Stepper {
     for (std::uint32_t s = 0; s < setup.effect_state_count; ++s)
       t.effect_state[s] = select(stands, before.effect_state[s], t.effect_state[s]);
   }
-  /// One period. `past` as in take_turns(), or NoPast: no input is delayed.
+  /// One period. `past` as in take_turns(), or NoPast: no input is delayed; nor is one where `remembers` is false.
   template <int kCount, int kSets, class Past>
   TILLER_INLINE void advance_all(Trajectory<Model, S>* t, const Input* commands, const Parameters<Model, S>* p,
-                                 const Past& past) const {
+                                 const Past& past, bool remembers = true) const {
     constexpr bool kTurns = !std::is_same<Past, NoPast>::value;
     Body<S> changed[kSets];
     const Body<S>* bodies = nullptr;
@@ -418,7 +456,7 @@ struct Stepper {
     if constexpr (!kTurns) {
       for (std::uint32_t k = 0; k < setup.substeps; ++k) substep_all<kCount, kSets>(t, commands, p, bodies, step);
     } else {
-      const bool turning = delayed();
+      const bool turning = remembers && delayed();
       Input acting[kCount];
       Turns<Model, S> turns[kCount];
       Trajectory<Model, S> before[kCount];

@@ -30,7 +30,6 @@ struct Tape {
 struct SharedStart {
   using P = Pack<float>;
   using value_type = float;
-  using Lane = P;                             // what an effect works in: it has nothing to do with the tape
   enum Spread { kConstant, kShared, kLane };  // what the value depends on; the larger wins
   enum Kind { kPlain, kStart, kMoved };       // kStart: a state where it began; kMoved: start + change
 
@@ -51,14 +50,6 @@ struct SharedStart {
   static TILLER_INLINE SharedStart of_state(const P& value, Tape* tape) {
     SharedStart r(value, kShared, tape);
     r.kind = kStart;
-    return r;
-  }
-  /// A variable of the state on its way: `by` away from `from`.
-  static TILLER_INLINE SharedStart on_the_way(const P& from, const P& value, const P& by, Spread s, Tape* tape) {
-    SharedStart r(value, s, tape);
-    r.start = from;
-    r.change = by;
-    r.kind = kMoved;
     return r;
   }
   /// How far a state has moved from `from`, where it began.

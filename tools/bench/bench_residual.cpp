@@ -29,7 +29,13 @@ struct Integration {
 };
 const Integration kIntegrations[] = {{"semi-implicit Euler", tiller_integrator_semi_implicit_euler},
                                      {"RK4", tiller_integrator_rk4}};
-const char* const kModels[] = {"cart_pole", "pendulum", "acrobot"};
+/// Of the shipped ones those that this build has.
+std::vector<const char*> models() {
+  std::vector<const char*> built;
+  for (const char* name : {"cart_pole", "pendulum", "acrobot"})
+    if (tiller_find_model(name)) built.push_back(name);
+  return built;
+}
 
 struct Variant {
   const char* name;
@@ -118,7 +124,7 @@ void add(bench::Table& table, const std::string& name, const std::shared_ptr<Bat
 int main(int argc, char** argv) {
   bench::Table table;
   const Variant none = {"none", {}, 0};
-  for (const char* model : kModels)
+  for (const char* model : models())
     for (const Integration& way : kIntegrations)
       for (const Shape& shape : kShapes)
         add(table, std::string(model) + "/" + way.name + "/" + shape.name,
@@ -131,7 +137,7 @@ int main(int argc, char** argv) {
 
   std::printf("instruction set in use: %s; millions of particle-transitions per second, one core\n",
               isa_name(best_isa()));
-  for (const char* model : kModels)
+  for (const char* model : models())
     for (const Integration& way : kIntegrations) {
       table.heading(std::string(model) + ", " + way.name);
       for (const Shape& shape : kShapes) {

@@ -22,7 +22,10 @@ void FilterPosterior::moments(double* param_mean, double* param_sd, double* stat
       within += cloud_.weight[k] * variance[k];
     }
     if (state_mean) state_mean[i] = row[about] + mean;
-    if (state_sd) state_sd[i] = std::sqrt(std::fmax(0.0, between - mean * mean) + noise_scale_ * noise_scale_ * within);
+    if (!state_sd) continue;
+    // far outside of any machine's range rounding can leave a variance below zero
+    const double variance_within = within < 0.0 ? 0.0 : noise_scale_ * noise_scale_ * within;
+    state_sd[i] = std::sqrt(std::fmax(0.0, between - mean * mean) + variance_within);
   }
 }
 

@@ -1,0 +1,231 @@
+#pragma once
+
+// One period of the free step with its derivatives by state and input.
+//
+// Looped: the dynamics are differentiated by dual numbers, in one text out of line; through the integrator the chain rule
+// goes in loops, past the entries of the dynamics' Jacobian that are zero for every state: with D the state's own
+// derivatives,
+//
+//   k = f(x, u),   dk/d(x, u) = f_x D + [0 f_u]
+//
+// In one piece: the whole step in dual numbers whose zeros are known to the compiler. That is up to a half faster, and
+// its text grows with the square of the states: few states have it, for one substep.
+
+#include "rollout/step.hpp"
+#include "scalar/depends.hpp"
+#include "scalar/masked_dual.hpp"
+#include "scalar/pack.hpp"
+
+TILLER_ISA_NAMESPACE_BEGIN
+
+template <class Model>
+struct Slopes {
+  using P = Pack<double>;
+  static constexpr int kStates = Model::kStates, kDirections = Model::kStates + Model::kInputs;
+  using State = typename Model::template State<P>;
+  using Input = typename Model::template Input<P>;
+  using Force = typename Model::template Force<P>;
+  using Params = typename Model::template Params<P>;
+  using Jacobian = P[kStates][kDirections];
+
+  /// The states that each state's rate depends on.
+  struct Pattern {
+    std::uint8_t count[kStates], column[kStates][kStates];
+    __attribute__((noinline)) void find() {
+      typename Model::template State<Depends> x;
+      each(Model::nx(), [&](auto i) { x[i] = Depends::variable(i); });
+      const auto dx = Model::template dynamics<Depends>(x, {}, {}, {}, {});
+      each(Model::nx(), [&](auto i) {
+        count[i] = 0;
+        for (int c = 0; c < kStates; ++c)
+          if (dx[i].has(c)) column[i][count[i]++] = static_cast<std::uint8_t>(c);
+      });
+    }
+  };
+
+  const StepSetup& setup;
+  double period_s;
+  Body<P> body;
+  Pattern pattern;  // found only where it is used
+  Input u;          // of the period; set by the caller, as are the parameters
+  Params p;
+
+  Slopes(const StepSetup& with, double period) : setup(with), period_s(period), body(Body<P>::from(with.body)) {
+    if (!in_one_piece()) pattern.find();
+  }
+
+  /// Where results go: rows of `stride` numbers, a register wide each.
+  struct Rows {
+    double *next, *a, *b;  // (nx), (nx x nx), (nx x nu); a and b nullable
+    std::size_t stride;
+
+    TILLER_INLINE void put(int i, const P& value) const { value.store(next + i * stride); }
+    template <class SlopeAt>
+    TILLER_INLINE void put_slopes(int i, const SlopeAt& slope) const {
+      if (a)
+#pragma GCC unroll 16
+        for (int c = 0; c < kStates; ++c) slope(c).store(a + (i * kStates + c) * stride);
+      if (b)
+#pragma GCC unroll 16
+        for (int c = 0; c < Model::kInputs; ++c) slope(kStates + c).store(b + (i * Model::kInputs + c) * stride);
+    }
+  };
+
+  /// The period from x.
+  TILLER_INLINE void advance(const State& x, const Rows& to) const {
+    if (in_one_piece()) switch (setup.integrator) {
+        case tiller_integrator_semi_implicit_euler: return whole<tiller_integrator_semi_implicit_euler>(x, to);
+        case tiller_integrator_midpoint: return whole<tiller_integrator_midpoint>(x, to);
+        default: return whole<tiller_integrator_rk4>(x, to);
+      }
+    looped(x, to);
+  }
+
+ private:
+  static constexpr bool kFewStates = kStates <= 6;
+  bool in_one_piece() const { return kFewStates && setup.substeps == 1 && has_own_text(setup.integrator); }
+
+  template <tiller_integrator_t kIntegrator>
+  TILLER_INLINE void whole(const State& x, const Rows& to) const {
+    if constexpr (kFewStates && has_own_text(kIntegrator)) step_in_one_piece<kIntegrator>(x, to);
+  }
+  template <tiller_integrator_t kIntegrator>
+  __attribute__((flatten, noinline)) void step_in_one_piece(const State& x, const Rows& to) const {
+    using D = MaskedDual<P, kDirections>;
+    const Stepper<Model, D> stepper({}, setup, period_s);
+    typename Model::template State<D> xd;
+    typename Model::template Input<D> ud;
+    typename Model::template Params<D> pd;
+    each(Model::nx(), [&](auto i) { xd[i] = D::seed(x[i], i); });
+    each(Model::nu(), [&](auto i) { ud[i] = D::seed(u[i], kStates + i); });
+    each(Model::np(), [&](auto i) { pd[i] = D(p[i]); });
+    xd = stepper.free_step(kIntegrator, xd, ud, stepper.no_force(), pd);
+    each(Model::nx(), [&](auto i) {
+      to.put(i, xd[i].v);
+      to.put_slopes(i, [&](int c) TILLER_INLINED { return xd[i].slope(c); });
+    });
+  }
+
+  __attribute__((noinline)) void looped(const State& from, const Rows& to) const {
+    const double h = period_s / setup.substeps;
+    State x = from, next;
+    Jacobian d;
+    step<true>(h, x, next, d);
+    for (std::uint32_t k = 1; k < setup.substeps; ++k) {
+      x = next;
+      step<false>(h, x, next, d);
+    }
+    each(Model::nx(), [&](auto i) {
+      to.put(i, next[i]);
+      to.put_slopes(i, [&](int c) TILLER_INLINED { return d[i][c]; });
+    });
+  }
+
+  /// dx = f(x, u) and its Jacobian.
+  __attribute__((flatten, noinline)) void rates(const State& x, State& dx, Jacobian& j) const {
+    using D = MaskedDual<P, kDirections>;
+    typename Model::template State<D> xd;
+    typename Model::template Input<D> ud;
+    typename Model::template Force<D> fd;
+    typename Model::template Params<D> pd;
+    each(Model::nx(), [&](auto i) { xd[i] = D::seed(x[i], i); });
+    each(Model::nu(), [&](auto i) { ud[i] = D::seed(u[i], kStates + i); });
+    each(Model::nf(), [&](auto i) { fd[i] = D(0.0); });
+    each(Model::np(), [&](auto i) { pd[i] = D(p[i]); });
+    const auto rate = Model::template dynamics<D>(
+        xd, ud, fd, {D(body.gravity_x_m_s2), D(body.gravity_z_m_s2), D(body.payload_kg), D(body.payload_kgm2)}, pd);
+    each(Model::nx(), [&](auto i) {
+      dx[i] = rate[i].v;
+#pragma GCC unroll 32
+      for (int c = 0; c < kDirections; ++c) j[i][c] = rate[i].slope(c);
+    });
+  }
+  /// The same where the state has derivatives d of its own.
+  TILLER_INLINE void rates_along(const State& x, const Jacobian& d, State& dx, Jacobian& k) const {
+    Jacobian j;
+    rates(x, dx, j);
+    for (int i = 0; i < kStates; ++i) {
+      P row[kDirections];
+      for (int c = 0; c < kStates; ++c) row[c] = P(0.0);
+      for (int c = kStates; c < kDirections; ++c) row[c] = j[i][c];
+      for (int q = 0; q < pattern.count[i]; ++q) {
+        const int m = pattern.column[i][q];
+        const P slope = j[i][m];
+#pragma GCC unroll 8
+        for (int c = 0; c < kDirections; ++c) row[c] = row[c] + slope * d[m][c];
+      }
+      for (int c = 0; c < kDirections; ++c) k[i][c] = row[c];
+    }
+  }
+
+  /// e = d + h k; kUnit: d is the unit matrix, and not read.
+  template <bool kUnit>
+  static TILLER_INLINE void along(const Jacobian& d, const P& h, const Jacobian& k, Jacobian& e) {
+    for (int i = 0; i < kStates; ++i)
+      for (int c = 0; c < kDirections; ++c)
+        if constexpr (kUnit)
+          e[i][c] = i == c ? P(1.0) + h * k[i][c] : h * k[i][c];
+        else
+          e[i][c] = d[i][c] + h * k[i][c];
+  }
+  static TILLER_INLINE void along(const State& x, const P& h, const State& dx, State& next) {
+    each(Model::nx(), [&](auto i) { next[i] = x[i] + h * dx[i]; });
+  }
+
+  /// One substep of `h` seconds from x to next; d, the derivatives of x (kUnit: the unit matrix, d is not read), become
+  /// those of next.
+  template <bool kUnit>
+  __attribute__((noinline)) void step(double h, const State& x, State& next, Jacobian& d) const {
+    State k1, y;
+    Jacobian s1, e;
+    if constexpr (kUnit)
+      rates(x, k1, s1);
+    else
+      rates_along(x, d, k1, s1);
+    if (setup.integrator == tiller_integrator_semi_implicit_euler) {
+      if constexpr (!kUnit) copy(d, e);
+      along(x, P(h), k1, next);
+      along<kUnit>(d, P(h), s1, d);
+      State before = x;
+      each(Model::nf(), [&](auto joint) {
+        P* const q = Model::template position<P>(next, joint);
+        if (!q) return;
+        const P& v = Model::template velocity<P>(next, joint);
+        *q = *Model::template position<P>(before, joint) + P(h) * v;
+        const auto i = q - &next[Index<0>{}], of_v = &v - &next[Index<0>{}];
+        for (int c = 0; c < kDirections; ++c) d[i][c] = (kUnit ? P(i == c ? 1.0 : 0.0) : e[i][c]) + P(h) * d[of_v][c];
+      });
+      return;
+    }
+    State k2;
+    Jacobian s2;
+    along(x, P(0.5 * h), k1, y);
+    along<kUnit>(d, P(0.5 * h), s1, e);
+    rates_along(y, e, k2, s2);
+    if (setup.integrator == tiller_integrator_midpoint) {
+      along(x, P(h), k2, next);
+      along<kUnit>(d, P(h), s2, d);
+      return;
+    }
+    State k3, k4;
+    Jacobian s3;
+    along(x, P(0.5 * h), k2, y);
+    along<kUnit>(d, P(0.5 * h), s2, e);
+    rates_along(y, e, k3, s3);
+    along(x, P(h), k3, y);
+    along<kUnit>(d, P(h), s3, e);
+    for (int i = 0; i < kStates; ++i)
+      for (int c = 0; c < kDirections; ++c) s1[i][c] = s1[i][c] + P(2.0) * (s2[i][c] + s3[i][c]);
+    rates_along(y, e, k4, s3);
+    each(Model::nx(), [&](auto i) { next[i] = x[i] + P(h / 6.0) * (k1[i] + P(2.0) * (k2[i] + k3[i]) + k4[i]); });
+    for (int i = 0; i < kStates; ++i)
+      for (int c = 0; c < kDirections; ++c) s1[i][c] = s1[i][c] + s3[i][c];
+    along<kUnit>(d, P(h / 6.0), s1, d);
+  }
+  static TILLER_INLINE void copy(const Jacobian& from, Jacobian& to) {
+    for (int i = 0; i < kStates; ++i)
+      for (int c = 0; c < kDirections; ++c) to[i][c] = from[i][c];
+  }
+};
+
+TILLER_ISA_NAMESPACE_END
