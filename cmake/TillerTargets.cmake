@@ -79,15 +79,36 @@ elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
 else()
   set(TILLER_ISAS scalar)
 endif()
-# A build for one known processor, or a quick one at the desk, may leave copies out.
-if(TILLER_ISA_ONLY)
+# A build for one known processor may leave copies out. At the desk the baseline and this processor's best are built: the
+# third copy is a third of the kernels' compile time. A build server and whoever ships binaries want all.
+if(TILLER_ISA_ONLY AND NOT TILLER_ISA_ONLY STREQUAL "all")
   set(TILLER_ISAS ${TILLER_ISA_ONLY})
+elseif(NOT TILLER_ISA_ONLY AND NOT DEFINED ENV{CI} AND NOT CMAKE_CROSSCOMPILING AND EXISTS /proc/cpuinfo
+       AND "avx512" IN_LIST TILLER_ISAS)
+  file(STRINGS /proc/cpuinfo processor REGEX "^flags" LIMIT_COUNT 1)
+  string(REPLACE " " ";" processor "${processor}")
+  function(tiller_processor_has result)
+    set(${result} TRUE PARENT_SCOPE)
+    foreach(flag IN LISTS ARGN)
+      if(NOT flag IN_LIST processor)
+        set(${result} FALSE PARENT_SCOPE)
+      endif()
+    endforeach()
+  endfunction()
+  tiller_processor_has(has_avx512 avx512f avx512cd avx512dq avx512bw avx512vl)
+  tiller_processor_has(has_avx2 avx2 fma)
+  if(has_avx512)
+    set(TILLER_ISAS sse2 avx512)
+  elseif(has_avx2)
+    set(TILLER_ISAS sse2 avx2)
+  endif()
 endif()
 set(TILLER_ISA_FLAGS_scalar -Wno-narrowing)  # & of two bools is an int
 set(TILLER_ISA_FLAGS_sse2 -msse2)
 set(TILLER_ISA_FLAGS_avx2 -mavx2 -mfma)
-set(TILLER_ISA_FLAGS_avx512 -mavx512f -mavx512cd -mavx512dq -mavx512bw -mavx512vl -mfma -mprefer-vector-width=512
-    -Wno-uninitialized -Wno-maybe-uninitialized)  # false in GCC 12's own intrinsics headers
+set(TILLER_ISA_FLAGS_avx512 -mavx512f -mavx512cd -mavx512dq -mavx512bw -mavx512vl -mfma -mprefer-vector-width=512)
+# GCC takes derivatives that a masked dual does not have, and what its own AVX-512 headers leave open, for read.
+set(TILLER_ISA_QUIET -Wno-uninitialized -Wno-maybe-uninitialized)
 if(TILLER_SANITIZE)
   # Instrumented and optimised, one kernel takes many minutes to compile, and not optimised but checked for undefined
   # behaviour, five: kernels are checked for addresses (or races) alone.
@@ -109,7 +130,7 @@ function(tiller_isa_sources target)
       set(copy ${CMAKE_CURRENT_BINARY_DIR}/${stem}_${isa}.cpp)
       file(CONFIGURE OUTPUT ${copy} CONTENT "#include \"${path}\"  // NOLINT(bugprone-suspicious-include)\n" @ONLY)
       set_source_files_properties(${copy} PROPERTIES
-        COMPILE_OPTIONS "${TILLER_ISA_OPTIMISATION};${TILLER_ISA_FLAGS_${isa}}"
+        COMPILE_OPTIONS "${TILLER_ISA_OPTIMISATION};${TILLER_ISA_FLAGS_${isa}};${TILLER_ISA_QUIET}"
         COMPILE_DEFINITIONS "TILLER_COMPILE_ISA=${isa};TILLER_COMPILE_ISA_${isa}=1")
       target_sources(${target} PRIVATE ${copy})
     endforeach()
