@@ -13,6 +13,7 @@
 #include <memory>
 #include <set>
 #include <sstream>
+#include <thread>
 
 #include "model_build_config.hpp"
 #include "scalar/isa.hpp"
@@ -166,6 +167,7 @@ bool is_fresh(const fs::path& object, const fs::path& dependencies) {
 // with quotes were refused before.
 std::string wrapper_source(const std::string& path, const std::string& type, const std::string& cost_type) {
   return "#include \"rollout/export_model.hpp\"\n#include \"" + path + R"("
+#if !defined(TILLER_KERNEL_PART) || TILLER_KERNEL_PART == 1
 namespace tiller {
 namespace {
 constexpr EffectInfo kInfos[] = {
@@ -176,6 +178,7 @@ constexpr EffectInfo kInfos[] = {
 }  // namespace
 const EffectInfo& effect_info(std::uint32_t kind) { return kInfos[kind]; }
 }  // namespace tiller
+#endif
 extern "C" __attribute__((visibility("default"))) const tiller_model_t* tiller_model(void);
 )" + export_macro(type, cost_type) +
          "\n";
@@ -220,29 +223,63 @@ bool publish(const fs::path& partial, const fs::path& partial_dependencies, cons
   return !failed;
 }
 
-bool compile(std::vector<std::string> argv, const std::string& path, const Entry& entry, bool alone,
-             std::string& error) {
+std::string last_line(const std::string& text) {
+  const std::vector<std::string> lines = split(text, '\n');
+  for (auto line = lines.rbegin(); line != lines.rend(); ++line)
+    if (!line->empty()) return *line;
+  return "";
+}
+
+/// A kernel's two halves side by side (rollout/export_model.hpp), then linked. Words: the object, its dependency file, the
+/// source, and the compiler with its flags.
+constexpr char kTwoHalves[] = R"(
+object=$1 dependencies=$2 source=$3
+shift 3
+trap 'rm -f "$object.1.o" "$object.2.o"' EXIT
+"$@" -c -DTILLER_KERNEL_PART=2 -o "$object.2.o" "$source" &
+second=$!
+"$@" -c -DTILLER_KERNEL_PART=1 -MMD -MF "$dependencies" -MT model -o "$object.1.o" "$source"
+first=$?
+wait "$second" || exit
+[ "$first" -eq 0 ] || exit "$first"
+"$@" -o "$object" "$object.1.o" "$object.2.o"
+)";
+constexpr int kNoSuchProgram = 127;  // a shell's exit code
+
+/// The compiler's words for one source; of a template on more than one processor, a shell's for two halves at once.
+std::vector<std::string> compiler_words(std::vector<std::string> argv, const fs::path& source, bool cpp,
+                                        const fs::path& object, const fs::path& dependencies) {
+  if (cpp && std::thread::hardware_concurrency() > 1) {
+    const std::vector<std::string> shell = {"sh", "-c", kTwoHalves, "sh", object, dependencies, source};
+    argv.insert(argv.begin(), shell.begin(), shell.end());
+    return argv;
+  }
+  argv.insert(argv.end(), {source, "-MMD", "-MF", dependencies, "-MT", "model", "-o", object});
+  if (!cpp) argv.emplace_back("-lm");
+  return argv;
+}
+
+bool compile(const std::vector<std::string>& flags, const fs::path& source, bool cpp, const std::string& path,
+             const Entry& entry, bool alone, std::string& error) {
   // the lock keeps others away; without one the process's number does
   const std::string suffix = alone ? ".partial" : "." + std::to_string(getpid());
   const fs::path partial = entry.object.string() + suffix;
   const fs::path dependencies = entry.beside(".d").string() + suffix;
-  for (const std::string& word :
-       std::vector<std::string>{"-MMD", "-MF", dependencies.string(), "-MT", "model", "-o", partial.string()})
-    argv.push_back(word);
+  const std::vector<std::string> argv = compiler_words(flags, source, cpp, partial, dependencies);
   WaitLine line("compiling model " + path + " (once)");
   int took = 0;
   const ChildResult child = run_child(argv, [&](int seconds) { line.show(took = seconds); });
   line.end(child.started && child.exit_code == 0 ? "done" : "failed", took);
   std::error_code failed;
-  if (!child.started) {
-    error = path + ": no compiler '" + argv[0] + "' on this machine (" + child.output +
+  if (!child.started || child.exit_code == kNoSuchProgram) {
+    error = path + ": no compiler '" + flags[0] + "' on this machine (" + last_line(child.output) +
             "); install one (package build-essential) or set TILLER_CXX and TILLER_CC";
     return false;
   }
   if (child.exit_code != 0) {
     fs::remove(partial, failed);
     fs::remove(dependencies, failed);
-    error = path + ": the model does not compile:\n" + first_errors(child.output) + "  with: " + argv[0] +
+    error = path + ": the model does not compile:\n" + first_errors(child.output) + "  with: " + flags[0] +
             " (the authoring rules are in docs/own_model.md)";
     return false;
   }
@@ -296,15 +333,12 @@ std::string compile_model(const std::string& path, const std::string& type, cons
   wait_for_turn(path, entry, lock);
   if (entry.is_fresh()) return entry.object.string();
 
+  fs::path source = path;
   if (cpp) {
-    const fs::path wrapper = entry.beside(".cpp");
-    std::ofstream(wrapper) << wrapper_source(path, type, cost_type);
-    argv.push_back(wrapper.string());
-  } else {
-    argv.push_back(path);
-    argv.emplace_back("-lm");
+    source = entry.beside(".cpp");
+    std::ofstream(source) << wrapper_source(path, type, cost_type);
   }
-  return compile(argv, path, entry, lock.held(), error) ? entry.object.string() : "";
+  return compile(argv, source, cpp, path, entry, lock.held(), error) ? entry.object.string() : "";
 }
 
 }  // namespace tiller::tools
