@@ -23,6 +23,7 @@ struct Acrobot {
   TILLER_FIELDS(Force, S, shoulder_Nm, elbow_Nm);
   static constexpr tiller_joint_t joints[] = {{"shoulder", 0, 2, 0, 0}, {"elbow", 1, 3, 1, 1}};
   static constexpr unsigned angles = (1u << 0) | (1u << 1);
+  static constexpr bool long_dynamics = true;
 
   static State dynamics(const State& x, const Input& u, const Force& f, const Body<S>& body, const Params& p) {
     const S beyond = p.lower_mass_kg + body.payload_kg;  // hangs on the elbow

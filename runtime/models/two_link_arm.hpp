@@ -16,6 +16,7 @@ struct TwoLinkArm {
   using Force = typename Links::Force;
   static constexpr tiller_joint_t joints[] = {{"shoulder", 0, 2, 0, 1}, {"elbow", 1, 3, 1, 2}};
   static constexpr unsigned angles = (1u << 0) | (1u << 1);
+  static constexpr bool long_dynamics = true;
 
   static State dynamics(const State& x, const Input& u, const Force& f, const Body<S>& body, const Params& p) {
     Force turn = f;

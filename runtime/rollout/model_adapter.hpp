@@ -76,6 +76,7 @@ struct StaticModel {
     else
       return Index<kForces>{};
   }
+  static constexpr bool kLongDynamics = LongDynamics<M<double>>::value;
   static_assert(ForceOf<M<double>>::joint_count == kForces, "one joint for each force, in order");
   static_assert(kForces > 0 || !HasJoints<M<double>>::value, "joints ask for TILLER_FIELDS(Force, ...)");
   static_assert(kStates <= TILLER_MAX_STATES && kInputs <= TILLER_MAX_INPUTS && kParams <= TILLER_MAX_PARAMS &&

@@ -9,7 +9,8 @@
 //   k = f(x, u),   dk/d(x, u) = f_x D + [0 f_u]
 //
 // In one piece: the whole step in dual numbers whose zeros are known to the compiler. That is up to a half faster, and
-// its text grows with the square of the states: few states have it, for one substep.
+// its text grows with the square of the states and with the equations: models of few states and short equations have it,
+// for one substep. With long ones the loops' call costs less than what they save.
 
 #include "rollout/step.hpp"
 #include "scalar/depends.hpp"
@@ -82,12 +83,12 @@ struct Slopes {
   }
 
  private:
-  static constexpr bool kFewStates = kStates <= 6;
-  bool in_one_piece() const { return kFewStates && setup.substeps == 1 && has_own_text(setup.integrator); }
+  static constexpr bool kShort = kStates <= 6 && !Model::kLongDynamics;
+  bool in_one_piece() const { return kShort && setup.substeps == 1 && has_own_text(setup.integrator); }
 
   template <tiller_integrator_t kIntegrator>
   TILLER_INLINE void whole(const State& x, const Rows& to) const {
-    if constexpr (kFewStates && has_own_text(kIntegrator)) step_in_one_piece<kIntegrator>(x, to);
+    if constexpr (kShort && has_own_text(kIntegrator)) step_in_one_piece<kIntegrator>(x, to);
   }
   template <tiller_integrator_t kIntegrator>
   __attribute__((flatten, noinline)) void step_in_one_piece(const State& x, const Rows& to) const {

@@ -16,6 +16,7 @@ struct RodAcrobot {
   TILLER_FIELDS(Params, S, upper_mass_kg, lower_mass_kg, upper_length_m, lower_length_m);
   static constexpr tiller_joint_t joints[] = {{"shoulder", 0, 2, 0, 0}, {"elbow", 1, 3, 1, 1}};
   static constexpr unsigned angles = (1u << 0) | (1u << 1);
+  static constexpr bool long_dynamics = true;
 
   static State dynamics(const State& x, const Input& u, const Force& f, const Body<S>& body, const Params& p) {
     const S upper_inertia = p.upper_mass_kg * p.upper_length_m * p.upper_length_m * (1.0 / 12.0);

@@ -47,6 +47,10 @@
 // a joint's velocity is the derivative of its position. Field names carry SI units and become the names in robot
 // files, logs, plots and reports.
 //
+// `static constexpr bool long_dynamics = true;` says that the equations are long (a double pendulum's are): they are then
+// differentiated in one text that all integrators share. It compiles in two thirds of the time; derivatives by RK4 take a
+// tenth less, by the other integrators a third more.
+//
 // A cost of your own stands beside the model, under the same rules; the second derivatives that gradient planners need
 // follow from the same text (docs/costs.md):
 //
@@ -121,6 +125,14 @@ struct AnglesOf {
 template <class Model>
 struct AnglesOf<Model, std::void_t<decltype(Model::angles)>> {
   static constexpr unsigned mask = Model::angles;
+};
+template <class Model, class = void>
+struct LongDynamics {
+  static constexpr bool value = false;
+};
+template <class Model>
+struct LongDynamics<Model, std::void_t<decltype(Model::long_dynamics)>> {
+  static constexpr bool value = Model::long_dynamics;
 };
 
 }  // namespace tiller
