@@ -108,7 +108,9 @@ set(TILLER_ISA_FLAGS_sse2 -msse2)
 set(TILLER_ISA_FLAGS_avx2 -mavx2 -mfma)
 set(TILLER_ISA_FLAGS_avx512 -mavx512f -mavx512cd -mavx512dq -mavx512bw -mavx512vl -mfma -mprefer-vector-width=512)
 # GCC takes derivatives that a masked dual does not have, and what its own AVX-512 headers leave open, for read.
-set(TILLER_ISA_QUIET -Wno-uninitialized -Wno-maybe-uninitialized)
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+  set(TILLER_ISA_QUIET -Wno-uninitialized -Wno-maybe-uninitialized)
+endif()
 if(TILLER_SANITIZE)
   # Instrumented and optimised, one kernel takes many minutes to compile, and not optimised but checked for undefined
   # behaviour, five: kernels are checked for addresses (or races) alone.
