@@ -264,17 +264,13 @@ struct GradientKernel {
   }
 
   static void feedback(const tiller_model_t&, const FeedbackJob& job) {
-    const tiller_integrator_t integrator = job.setup->integrator;
-    if (job.setup->effect_count > 0 || !has_own_text(integrator)) return feedback_all<true, tiller_integrator_rk4>(job);
-    switch (integrator) {
-      case tiller_integrator_semi_implicit_euler: return feedback_bare<tiller_integrator_semi_implicit_euler>(job);
-      case tiller_integrator_midpoint: return feedback_bare<tiller_integrator_midpoint>(job);
-      default: return feedback_bare<tiller_integrator_rk4>(job);
+    if (job.setup->effect_count > 0) return feedback_all<true, tiller_integrator_rk4>(job);
+    switch (job.setup->integrator) {
+      case tiller_integrator_semi_implicit_euler:
+        return feedback_all<false, tiller_integrator_semi_implicit_euler>(job);
+      case tiller_integrator_midpoint: return feedback_all<false, tiller_integrator_midpoint>(job);
+      default: return feedback_all<false, tiller_integrator_rk4>(job);
     }
-  }
-  template <tiller_integrator_t kIntegrator>
-  static void feedback_bare(const FeedbackJob& job) {
-    if constexpr (has_own_text(kIntegrator)) feedback_all<false, kIntegrator>(job);
   }
 };
 

@@ -144,23 +144,21 @@ struct Kernel {
     for (; lane < job.lanes; lane += kWidth) roll<T, 1, kEffects, kSplat, kExtra, kIntegrator>(stepper, job, lane);
   }
 
-  template <tiller_integrator_t kIntegrator>
-  static void roll_bare(const RolloutJob<float>& job, bool extra) {
-    if constexpr (has_own_text(kIntegrator))
-      return extra ? roll_all<float, 4, false, true, true, kIntegrator>(job)
-                   : roll_all<float, 4, false, true, false, kIntegrator>(job);
+  template <bool kExtra>
+  static void roll_bare(const RolloutJob<float>& job) {
+    switch (job.setup->integrator) {
+      case tiller_integrator_semi_implicit_euler:
+        return roll_all<float, 4, false, true, kExtra, tiller_integrator_semi_implicit_euler>(job);
+      case tiller_integrator_midpoint: return roll_all<float, 4, false, true, kExtra, tiller_integrator_midpoint>(job);
+      default: return roll_all<float, 4, false, true, kExtra, tiller_integrator_rk4>(job);
+    }
   }
   /// Planning without effects is the path worth a copy per integrator; everything else shares one.
   static void rollout_f32(const tiller_model_t&, const RolloutJob<float>& job) {
-    const tiller_integrator_t integrator = job.setup->integrator;
-    if (job.setup->effect_count > 0 || !job.params.splat() || !has_own_text(integrator))
+    if (job.setup->effect_count > 0 || !job.params.splat())
       return roll_all<float, 4, true, false, true, tiller_integrator_rk4>(job);
     const bool extra = job.cost && (!job.cost->only_quadratic() || job.penalty_out);
-    switch (integrator) {
-      case tiller_integrator_semi_implicit_euler: return roll_bare<tiller_integrator_semi_implicit_euler>(job, extra);
-      case tiller_integrator_midpoint: return roll_bare<tiller_integrator_midpoint>(job, extra);
-      default: return roll_bare<tiller_integrator_rk4>(job, extra);
-    }
+    return extra ? roll_bare<true>(job) : roll_bare<false>(job);
   }
   static void rollout_f64(const tiller_model_t&, const RolloutJob<double>& job) {
     roll_all<double, 2, true, false, true, tiller_integrator_rk4>(job);

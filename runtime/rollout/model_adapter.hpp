@@ -76,6 +76,8 @@ struct StaticModel {
     else
       return Index<kForces>{};
   }
+  /// What is unrolled over the states pays for few of them: its text grows faster than its gain.
+  static constexpr bool kFewStates = kStates <= 6;
   static constexpr bool kLongDynamics = LongDynamics<M<double>>::value;
   static_assert(ForceOf<M<double>>::joint_count == kForces, "one joint for each force, in order");
   static_assert(kForces > 0 || !HasJoints<M<double>>::value, "joints ask for TILLER_FIELDS(Force, ...)");
@@ -162,7 +164,8 @@ struct StaticModel {
       each(nf(), [&](auto i) { column[i] = velocity<D>(dx, i).slope(); });
     }
   }
-  /// One text for all joints: what depends on the force is not known to the compiler then.
+  /// One text for all joints: what depends on the force is not known to the compiler then. Where it is, above, sharing
+  /// the copies below made steps with friction half as slow again.
   template <class S>
   static __attribute__((noinline)) void force_response(const State<S>& x, const Input<S>& u, const Force<S>& f,
                                                        const Body<S>& body, const Params<S>& p, int j, S* column) {

@@ -49,7 +49,6 @@ struct ResidualKernel {
   using Input = typename Model::template Input<S>;
   static constexpr int kStates = Model::kStates, kInputs = Model::kInputs, kSteps = static_cast<int>(kResidualBlock);
   static constexpr int kBasis = static_cast<int>(kMaxBasis);
-  static constexpr int kMostShared = 6;  // states; the text of a shared step grows faster than its gain
   static_assert(kSteps % P::width == 0, "whole registers of steps");
 
   /// Steps in single precision, a row for each number. Angles lie within +-pi, whatever turns were counted.
@@ -218,21 +217,18 @@ struct ResidualKernel {
 
   template <tiller_integrator_t kIntegrator>
   static void run_bare(const ResidualJob& job, Block& b) {
-    if constexpr (kStates <= kMostShared && has_own_text(kIntegrator)) {
-      record<kIntegrator>(*job.setup, b);
-      sum_bare<kIntegrator>(job, b);
-    }
+    record<kIntegrator>(*job.setup, b);
+    sum_bare<kIntegrator>(job, b);
   }
   /// Of few states a bare step is worth a copy per integrator, which shares what the measured state alone decides.
   static void run(const ResidualJob& job, Block& b) {
-    const StepSetup& setup = *job.setup;
-    if (kStates > kMostShared || setup.effect_count > 0 || setup.substeps > 1 || !has_own_text(setup.integrator))
-      return sum(job, b);
-    switch (setup.integrator) {
-      case tiller_integrator_semi_implicit_euler: return run_bare<tiller_integrator_semi_implicit_euler>(job, b);
-      case tiller_integrator_midpoint: return run_bare<tiller_integrator_midpoint>(job, b);
-      default: return run_bare<tiller_integrator_rk4>(job, b);
-    }
+    if constexpr (Model::kFewStates)
+      if (job.setup->effect_count == 0 && job.setup->substeps == 1) switch (job.setup->integrator) {
+          case tiller_integrator_semi_implicit_euler: return run_bare<tiller_integrator_semi_implicit_euler>(job, b);
+          case tiller_integrator_midpoint: return run_bare<tiller_integrator_midpoint>(job, b);
+          default: return run_bare<tiller_integrator_rk4>(job, b);
+        }
+    sum(job, b);
   }
 
   /// Missing rows were summed with no weight; their residual is not a number.

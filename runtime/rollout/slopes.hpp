@@ -74,24 +74,21 @@ struct Slopes {
 
   /// The period from x.
   TILLER_INLINE void advance(const State& x, const Rows& to) const {
-    if (in_one_piece()) switch (setup.integrator) {
-        case tiller_integrator_semi_implicit_euler: return whole<tiller_integrator_semi_implicit_euler>(x, to);
-        case tiller_integrator_midpoint: return whole<tiller_integrator_midpoint>(x, to);
-        default: return whole<tiller_integrator_rk4>(x, to);
-      }
+    if constexpr (kShort)
+      if (in_one_piece()) switch (setup.integrator) {
+          case tiller_integrator_semi_implicit_euler: return whole<tiller_integrator_semi_implicit_euler>(x, to);
+          case tiller_integrator_midpoint: return whole<tiller_integrator_midpoint>(x, to);
+          default: return whole<tiller_integrator_rk4>(x, to);
+        }
     looped(x, to);
   }
 
  private:
-  static constexpr bool kShort = kStates <= 6 && !Model::kLongDynamics;
-  bool in_one_piece() const { return kShort && setup.substeps == 1 && has_own_text(setup.integrator); }
+  static constexpr bool kShort = Model::kFewStates && !Model::kLongDynamics;
+  bool in_one_piece() const { return kShort && setup.substeps == 1; }
 
   template <tiller_integrator_t kIntegrator>
-  TILLER_INLINE void whole(const State& x, const Rows& to) const {
-    if constexpr (kShort && has_own_text(kIntegrator)) step_in_one_piece<kIntegrator>(x, to);
-  }
-  template <tiller_integrator_t kIntegrator>
-  __attribute__((flatten, noinline)) void step_in_one_piece(const State& x, const Rows& to) const {
+  __attribute__((flatten, noinline)) void whole(const State& x, const Rows& to) const {
     using D = MaskedDual<P, kDirections>;
     const Stepper<Model, D> stepper({}, setup, period_s);
     typename Model::template State<D> xd;

@@ -21,17 +21,6 @@
 
 namespace tiller {
 
-/// Whether bare steps of the integrator have a text of their own; of others they go the general way, which costs more a
-/// step and nothing to compile. A model that is compiled for one robot names that robot's: TILLER_KERNEL_INTEGRATOR.
-constexpr bool has_own_text(tiller_integrator_t integrator) {
-#ifdef TILLER_KERNEL_INTEGRATOR
-  return integrator == TILLER_KERNEL_INTEGRATOR;
-#else
-  return integrator == tiller_integrator_semi_implicit_euler || integrator == tiller_integrator_midpoint ||
-         integrator == tiller_integrator_rk4;
-#endif
-}
-
 /// What one register of trajectories carries.
 template <class Model, class S>
 struct Trajectory {

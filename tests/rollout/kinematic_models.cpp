@@ -2,8 +2,7 @@
 
 #include "kinematic_models.hpp"
 
-#include "rollout/kernel.hpp"
-#include "rollout/model_table.hpp"
+#include "kernel_table.hpp"
 #include "unicycle.hpp"
 
 template <class S>
@@ -17,23 +16,8 @@ struct KnownIntegrator {
 };
 
 namespace tiller::test {
-namespace {
 
-template <template <class> class Type>
-struct Table {
-  static constexpr ModelKernels make() {
-    ModelKernels k{};
-    k.table[static_cast<int>(Isa::TILLER_COMPILE_ISA)] = &kTable;
-    return k;
-  }
-  static constexpr RolloutTable kTable = Kernel<Type>::table(Isa::TILLER_COMPILE_ISA);
-  static constexpr ModelKernels kKernels = make();
-  static constexpr tiller_model_t kModel = ModelTable<Type>::make(&kKernels);
-};
-
-}  // namespace
-
-const tiller_model_t* unicycle() { return &Table<Unicycle>::kModel; }
-const tiller_model_t* known_integrator() { return &Table<KnownIntegrator>::kModel; }
+const tiller_model_t* unicycle() { return &KernelTable<Unicycle>::kModel; }
+const tiller_model_t* known_integrator() { return &KernelTable<KnownIntegrator>::kModel; }
 
 }  // namespace tiller::test

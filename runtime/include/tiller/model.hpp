@@ -47,9 +47,9 @@
 // a joint's velocity is the derivative of its position. Field names carry SI units and become the names in robot
 // files, logs, plots and reports.
 //
-// `static constexpr bool long_dynamics = true;` says that the equations are long (a double pendulum's are): they are then
-// differentiated in one text that all integrators share. It compiles in two thirds of the time; derivatives by RK4 take a
-// tenth less, by the other integrators a third more.
+// `static constexpr bool long_dynamics = true;` says that the equations are long (a double pendulum's are): they are
+// then differentiated in one text that all integrators share. It compiles in two thirds of the time; derivatives by RK4
+// take a tenth less, by the other integrators a third more.
 //
 // A cost of your own stands beside the model, under the same rules; the second derivatives that gradient planners need
 // follow from the same text (docs/costs.md):

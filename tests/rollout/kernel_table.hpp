@@ -1,0 +1,22 @@
+#pragma once
+
+// A model's table with the kernel of the one instruction set that this source is compiled for.
+
+#include "rollout/kernel.hpp"
+#include "rollout/model_table.hpp"
+
+namespace tiller::test {
+
+template <template <class> class Type>
+struct KernelTable {
+  static constexpr ModelKernels make() {
+    ModelKernels k{};
+    k.table[static_cast<int>(Isa::TILLER_COMPILE_ISA)] = &kTable;
+    return k;
+  }
+  static constexpr RolloutTable kTable = Kernel<Type>::table(Isa::TILLER_COMPILE_ISA);
+  static constexpr ModelKernels kKernels = make();
+  static constexpr tiller_model_t kModel = ModelTable<Type>::make(&kKernels);
+};
+
+}  // namespace tiller::test
