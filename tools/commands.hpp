@@ -4,29 +4,11 @@
 #include <functional>
 #include <string>
 
+#include "tools/command_list.hpp"
 #include "tools/exit_codes.hpp"
 #include "tools/robot_file.hpp"
 
 namespace tiller::tools {
-
-// One source per command, cmd_<name>.cpp, which adds its subcommand with options and two examples, and leaves
-// how it ended in `exit_code`. main.cpp lists them.
-void add_demo_command(CLI::App& app, int& exit_code);
-void add_run_command(CLI::App& app, int& exit_code);
-void add_sim_command(CLI::App& app, int& exit_code);
-void add_can_command(CLI::App& app, int& exit_code);
-void add_identify_command(CLI::App& app, int& exit_code);
-void add_gap_command(CLI::App& app, int& exit_code);
-void add_excite_command(CLI::App& app, int& exit_code);
-void add_export_command(CLI::App& app, int& exit_code);
-void add_replay_command(CLI::App& app, int& exit_code);
-void add_size_command(CLI::App& app, int& exit_code);
-void add_check_command(CLI::App& app, int& exit_code);
-void add_models_command(CLI::App& app, int& exit_code);
-void add_effects_command(CLI::App& app, int& exit_code);
-void add_planners_command(CLI::App& app, int& exit_code);
-void add_help_command(CLI::App& app, int& exit_code);
-void add_version_command(CLI::App& app, int& exit_code);
 
 /// "tiller 0.1, avx512": the library's version and the instruction set in use.
 std::string version_text();
