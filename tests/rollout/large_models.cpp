@@ -12,7 +12,7 @@ constexpr tiller_model_t kInC = ModelTable<SpatialQuadrotor>::make(nullptr);
 
 }  // namespace
 
-const tiller_model_t* spatial_quadrotor() { return &KernelTable<SpatialQuadrotor>::kModel; }
-const tiller_model_t* spatial_quadrotor_in_c() { return &kInC; }
+const tiller_model_t* large_model() { return &KernelTable<SpatialQuadrotor>::kModel; }
+const tiller_model_t* large_model_in_c() { return &kInC; }
 
 }  // namespace tiller::test

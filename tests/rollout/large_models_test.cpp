@@ -1,5 +1,5 @@
-// A model of twelve states and six joints: where a kernel has loops and passes in the place of text per state. Every
-// function of its kernel against the same equations as a table in C, which is stepped in plain doubles and
+// Models of many states and joints, one in each program: where a kernel has loops and passes in the place of text per
+// state. Every function of its kernel against the same equations as a table in C, which is stepped in plain doubles and
 // differentiated by differences.
 
 #include <gtest/gtest.h>
@@ -14,7 +14,9 @@
 namespace tiller {
 namespace {
 
-constexpr std::uint32_t kLanes = kLanePadding, kStates = 12, kInputs = 4;
+constexpr std::uint32_t kLanes = kLanePadding;
+const std::uint32_t kStates = test::large_model()->state_count, kInputs = test::large_model()->input_count,
+                    kParams = test::large_model()->param_count;
 
 struct Case {
   std::uint32_t integrator, substeps;
@@ -50,8 +52,9 @@ struct Numbers {
     for (std::uint32_t i = 0; i < kStates * count; ++i) state.push_back(0.6 * unit(random));
     for (std::uint32_t i = 0; i < kInputs * count; ++i) control.push_back(2.5 + unit(random));
     for (std::uint32_t i = 0; i < TILLER_MAX_PARAMS * count; ++i) params.push_back(0.5 + 0.2 * unit(random));
-    // what stands behind the model's six are the effects': small forces, and a delay within the period
-    for (std::uint32_t i = 6 * count; i < TILLER_MAX_PARAMS * count; ++i) params[i] = 0.012 + 0.004 * unit(random);
+    // what stands behind the model's are the effects': small forces, and a delay within the period
+    for (std::uint32_t i = kParams * count; i < TILLER_MAX_PARAMS * count; ++i)
+      params[i] = 0.012 + 0.004 * unit(random);
   }
 };
 
@@ -66,7 +69,7 @@ TEST(LargeModel, LinearisesAsItsTableInC) {
   for (const Case& z : kCases) {
     const Numbers numbers(kLanes);
     std::vector<double> next[2], a[2], b[2];
-    const tiller_model_t* models[] = {test::spatial_quadrotor(), test::spatial_quadrotor_in_c()};
+    const tiller_model_t* models[] = {test::large_model(), test::large_model_in_c()};
     for (int way = 0; way < 2; ++way) {
       StepSetup setup;
       ASSERT_EQ(make_step_setup(config_of(z, models[way], true), setup), tiller_status_ok);
@@ -93,11 +96,12 @@ TEST(LargeModel, LinearisesAsItsTableInC) {
 }
 
 TEST(LargeModel, APathIsLinearisedAsItsTableInC) {
-  constexpr std::uint32_t kHorizon = 9, kScenarios = 2, n = kStates + 1;
+  constexpr std::uint32_t kHorizon = 9, kScenarios = 2;
+  const std::uint32_t n = kStates + 1;
   for (const Case& z : kCases) {
     const Numbers numbers(kHorizon * kScenarios);
     std::vector<double> next[2], a[2], b[2];
-    const tiller_model_t* models[] = {test::spatial_quadrotor(), test::spatial_quadrotor_in_c()};
+    const tiller_model_t* models[] = {test::large_model(), test::large_model_in_c()};
     for (int way = 0; way < 2; ++way) {
       StepSetup setup;
       const tiller_config_t config = config_of(z, models[way], false);
@@ -111,7 +115,7 @@ TEST(LargeModel, APathIsLinearisedAsItsTableInC) {
       job.scenarios = kScenarios;
       job.state = numbers.state.data();
       job.control = numbers.control.data();
-      job.params = numbers.params.data() + 6;  // effects' parameters are small ones or not: both are steps
+      job.params = numbers.params.data() + kParams;  // effects' parameters are small ones or not: both are steps
       job.param_count = config.param_count;
       job.next = next[way].data();
       job.a = a[way].data();
@@ -143,7 +147,7 @@ TEST(LargeModel, ResidualsAreThoseOfItsTableInC) {
     const Numbers lanes(kLanes);
     for (double p : lanes.params) params.push_back(static_cast<float>(p));
     std::vector<double> sums[2];
-    const tiller_model_t* models[] = {test::spatial_quadrotor(), test::spatial_quadrotor_in_c()};
+    const tiller_model_t* models[] = {test::large_model(), test::large_model_in_c()};
     for (int way = 0; way < 2; ++way) {
       StepSetup setup;
       ASSERT_EQ(make_step_setup(config_of(z, models[way], true), setup), tiller_status_ok);
@@ -164,12 +168,12 @@ TEST(LargeModel, ResidualsAreThoseOfItsTableInC) {
 
 TEST(LargeModel, RollsAsItsTableInC) {
   for (const Case& z : kCases) {
-    Batch<double> in_c(config_of(z, test::spatial_quadrotor_in_c(), true), kLanes, 12);
-    Batch<double> lanes(config_of(z, test::spatial_quadrotor(), true), kLanes, 12);
-    Batch<float> single(config_of(z, test::spatial_quadrotor(), true), kLanes, 12);
-    select_rollout(*test::spatial_quadrotor_in_c()).rollout_f64(*test::spatial_quadrotor_in_c(), in_c.job);
-    select_rollout(*test::spatial_quadrotor()).rollout_f64(*test::spatial_quadrotor(), lanes.job);
-    select_rollout(*test::spatial_quadrotor()).rollout_f32(*test::spatial_quadrotor(), single.job);
+    Batch<double> in_c(config_of(z, test::large_model_in_c(), true), kLanes, 12);
+    Batch<double> lanes(config_of(z, test::large_model(), true), kLanes, 12);
+    Batch<float> single(config_of(z, test::large_model(), true), kLanes, 12);
+    select_rollout(*test::large_model_in_c()).rollout_f64(*test::large_model_in_c(), in_c.job);
+    select_rollout(*test::large_model()).rollout_f64(*test::large_model(), lanes.job);
+    select_rollout(*test::large_model()).rollout_f32(*test::large_model(), single.job);
     EXPECT_LT(worst_of(lanes.final_state, in_c.final_state), 1e-9) << name_of(z);
     EXPECT_LT(worst_of(lanes.cost, in_c.cost), 1e-9) << name_of(z);
     EXPECT_LT(worst_of({single.final_state.begin(), single.final_state.end()}, in_c.final_state), 2e-3) << name_of(z);

@@ -16,19 +16,19 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
-
 #define TILLER_MODEL_VERSION 1u
 
 /** Upper bounds of every model; the block is sized for the counts actually used. */
+#ifndef TILLER_MAX_STATES /* a kernel that is compiled and stepped without the library may have others */
 #define TILLER_MAX_STATES 12
-#define TILLER_MAX_INPUTS 4
 #define TILLER_MAX_JOINTS 6
+#endif
+#define TILLER_MAX_INPUTS 4
 #define TILLER_MAX_PARAMS 24       /**< model parameters and effect parameters together */
 #define TILLER_MAX_EFFECTS 8
 #define TILLER_MAX_EFFECT_STATES 8 /**< over all effects */
 #define TILLER_MAX_DELAY_STEPS 16  /**< longest input delay, in control periods */
 #define TILLER_MAX_SCENARIOS 8     /**< particles that a gradient planner plans over at once */
-
 /** What acts on the body from outside the model. Effects such as a tilt or a payload change it. */
 typedef struct tiller_body {
   double gravity_x_m_s2;     /**< along +x; 0 on level ground */
