@@ -3,7 +3,7 @@
 
     REV            what git understands: a commit, a tag, HEAD~3
     --rounds N     rounds in which both take turns (3)
-    --only NAME    rollout, residual, planners or posterior; may be given more than once
+    --only NAME    rollout, residual, planners, posterior or gap; may be given more than once
     --models LIST  models that are built, separated by semicolons (pendulum;cart_pole)
     --bound R      ratio from which on a row is marked (1.02)
 
@@ -19,13 +19,17 @@ import re
 import statistics
 import subprocess
 import sys
+import tempfile
 
 from _driver import CORE, ROOT, note
 
 HOME = ROOT / "build/compare"
+FRESH = "an empty folder for each run"
 PROGRAMS = {"rollout": ["bench_rollout"], "residual": ["bench_residual"], "planners": ["bench_planners"],
             "posterior": ["bench_calibration", "--rows", "1 % outliers", "--runs", "12", "--references", "0",
-                          "--threads", "1", "--seed", "100001"]}
+                          "--threads", "1", "--seed", "100001"],
+            "gap": ["bench_gap", "sealed", "--tune", "--seeds", "1", "--plants", "pendulum,cart_pole", "--kinds",
+                    "coulomb_friction,input_delay", "--cases", "6", "--no-oracle", "--out", FRESH]}
 TIMES = {"ns", "us", "ms", "s"}
 RATES = {"M/s", "1/s", "k/s"}
 
@@ -77,11 +81,13 @@ def build(source, folder, models, programs):
 
 def rows_of(program, arguments):
     """(heading, row) -> (figure, unit) of a program's table."""
-    text = subprocess.run([str(program), *arguments], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
-                          check=False, preexec_fn=lambda: os.sched_setaffinity(0, {CORE})).stdout
+    with tempfile.TemporaryDirectory() as folder:
+        command = [str(program), *(folder if word is FRESH else word for word in arguments)]
+        text = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, check=False,
+                              preexec_fn=lambda: os.sched_setaffinity(0, {CORE})).stdout
     rows, heading = {}, ""
     for line in text.splitlines():
-        row = re.match(r"  (\S.*?)\s{2,}(\S+) (\S+)", line)
+        row = re.match(r" {2,}(\S.*?)\s{2,}(\S+) (\S+)", line)
         if row and row[3] in TIMES | RATES:
             try:
                 rows[heading, row[1]] = float(row[2]), row[3]
