@@ -141,7 +141,8 @@ endfunction()
 
 # tiller_test(name SOURCES a_test.cpp ... LIBS tiller_core ... LABELS slow)
 #
-# A GoogleTest program registered with ctest as <name>. Every test prints what it measured.
+# A GoogleTest program registered with ctest as <name>. Every test prints what it measured. Files of testing::TempDir() are
+# in a folder of its own: another test, preset or checkout that runs at the same time has others.
 function(tiller_test name)
   cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LIBS;LABELS;ARGS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
@@ -154,5 +155,8 @@ function(tiller_test name)
   if(CMAKE_CROSSCOMPILING_EMULATOR) # some twenty times slower
     math(EXPR ARG_TIMEOUT "4 * ${ARG_TIMEOUT}")
   endif()
-  set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${ARG_TIMEOUT})
+  set(folder ${CMAKE_CURRENT_BINARY_DIR}/${name}_files)
+  file(MAKE_DIRECTORY ${folder})
+  set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${ARG_TIMEOUT}
+    ENVIRONMENT "TEST_TMPDIR=${folder}")
 endfunction()

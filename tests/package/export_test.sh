@@ -37,6 +37,18 @@ try c_model "$source/examples/damped_pendulum_c99/robot.toml"
 try c_cost "$source/examples/own_cost_c99/robot.toml"
 try cpp_model "$source/examples/dead_zone_pendulum/robot.toml"
 
+# the same file under the command of this installation: its copy is the one that the export has compiled. It reads logs
+# from elsewhere, so the run only has to end well
+for command in check 'run --sim --seconds 2 --quiet'; do
+  # shellcheck disable=SC2086 # words
+  set -- $command
+  verb=$1
+  shift
+  TILLER_CACHE=$work/cache "$prefix/bin/tiller" "$verb" robot.toml "$@" >"$verb.txt" 2>&1 || fail "$verb: $(cat "$verb.txt")"
+done
+grep -q dead_zone_Nm check.txt || fail "check does not tell of dead_zone_Nm"
+if grep -q 'compiling model' check.txt run.txt; then fail "the kept copy does not serve"; fi
+
 # without optimisation: it works, or a sentence says what to do
 sed 's/ -O[0-9] / -O0 /' build.sh >unoptimised.sh
 if sh -eu unoptimised.sh 2>errors.txt; then

@@ -45,7 +45,7 @@ tiller_config_t swing_up(std::uint32_t planner, std::uint32_t particles) {
   c.param_count = 3;
   c.planner.horizon = 40;
   c.planner.knots = 8;
-  c.planner.rollouts = planner == tiller_planner_random_shooting ? 512 : 128;
+  c.planner.rollouts = 128;
   c.planner.particles = particles;
   c.cost.target[0] = 3.141592653589793;
   c.cost.state_weight[0] = c.cost.terminal_weight[0] = 10.0;

@@ -11,42 +11,72 @@ void (*on_plain_rollout)() = nullptr;
 
 namespace {
 
-double lane_of(const tiller::Lanes<float>& rows, std::uint32_t row, std::uint32_t lane) {
-  return static_cast<double>(rows.splat() ? rows.data[row] : rows.data[row * rows.stride + lane]);
+constexpr std::uint32_t kBlock = 8;  // lanes whose sums the compiler may take side by side
+
+using Block = double[kBlock];
+
+/// A row of `count` lanes from `lane` on.
+void take(const tiller::Lanes<float>& rows, std::uint32_t row, std::uint32_t lane, std::uint32_t count, Block& out) {
+  if (rows.splat())
+    for (double& v : out) v = static_cast<double>(rows.data[row]);
+  else
+    for (std::uint32_t l = 0; l < count; ++l) out[l] = static_cast<double>(rows.data[row * rows.stride + lane + l]);
+}
+
+/// Adds weight * (value - target)^2, of an angle the short way round.
+void add_square(const tiller_model_t& model, std::uint32_t i, double weight, double target, const Block& value,
+                Block& cost) {
+  if ((model.angle_mask >> i & 1u) != 0) {
+    for (std::uint32_t l = 0; l < kBlock; ++l) {
+      const double e = tiller::state_difference(model, i, value[l], target);
+      cost[l] += weight * e * e;
+    }
+  } else {
+    for (std::uint32_t l = 0; l < kBlock; ++l) cost[l] += weight * (value[l] - target) * (value[l] - target);
+  }
+}
+
+void step(const tiller_model_t& model, const tiller::StepSetup& setup, std::uint32_t count, const Block* u,
+          const Block* p, Block* x) {
+  const double force[TILLER_MAX_JOINTS] = {};
+  double state[TILLER_MAX_STATES], input[TILLER_MAX_INPUTS], params[TILLER_MAX_PARAMS], dxdt[TILLER_MAX_STATES];
+  for (std::uint32_t l = 0; l < count; ++l) {
+    for (std::uint32_t i = 0; i < model.state_count; ++i) state[i] = x[i][l];
+    for (std::uint32_t i = 0; i < model.input_count; ++i) input[i] = u[i][l];
+    for (std::uint32_t i = 0; i < model.param_count; ++i) params[i] = p[i][l];
+    model.dynamics(state, input, force, &setup.body, params, dxdt);
+    for (std::uint32_t i = 0; i < model.state_count; ++i) x[i][l] = state[i] + setup.period_s * dxdt[i];
+  }
 }
 
 void rollout(const tiller_model_t& model, const tiller::RolloutJob<float>& job) {
   if (on_plain_rollout) on_plain_rollout();
-  const double dt = job.setup->period_s;
   const tiller::CostTerms<float>& w = *job.cost;
-  for (std::uint32_t lane = 0; lane < job.lanes; ++lane) {
-    double x[TILLER_MAX_STATES], p[TILLER_MAX_PARAMS] = {}, u[TILLER_MAX_INPUTS], before[TILLER_MAX_INPUTS];
-    double dxdt[TILLER_MAX_STATES];
-    const double force[TILLER_MAX_JOINTS] = {};
-    for (std::uint32_t i = 0; i < model.state_count; ++i) x[i] = lane_of(job.state, i, lane);
-    for (std::uint32_t i = 0; i < model.param_count; ++i) p[i] = lane_of(job.params, i, lane);
-    for (std::uint32_t i = 0; i < model.input_count; ++i) before[i] = static_cast<double>(job.previous_input[i]);
-    double cost = 0.0;
+  Block x[TILLER_MAX_STATES] = {}, p[TILLER_MAX_PARAMS] = {}, u[TILLER_MAX_INPUTS] = {}, before[TILLER_MAX_INPUTS] = {};
+  for (std::uint32_t lane = 0; lane < job.lanes; lane += kBlock) {
+    const std::uint32_t count = std::min(kBlock, job.lanes - lane);
+    for (std::uint32_t i = 0; i < model.state_count; ++i) take(job.state, i, lane, count, x[i]);
+    for (std::uint32_t i = 0; i < model.param_count; ++i) take(job.params, i, lane, count, p[i]);
+    for (std::uint32_t i = 0; i < model.input_count; ++i)
+      for (double& v : before[i]) v = static_cast<double>(job.previous_input[i]);
+    Block cost = {};
     for (std::uint32_t t = 0; t < job.horizon; ++t) {
-      for (std::uint32_t i = 0; i < model.input_count; ++i)
-        u[i] = lane_of(job.controls, t * model.input_count + i, lane);
-      for (std::uint32_t i = 0; i < model.state_count; ++i) {
-        const double e = tiller::state_difference(model, i, x[i], static_cast<double>(w.target[i]));
-        cost += static_cast<double>(w.state[i]) * e * e;
-      }
+      for (std::uint32_t i = 0; i < model.state_count; ++i)
+        add_square(model, i, static_cast<double>(w.state[i]), static_cast<double>(w.target[i]), x[i], cost);
       for (std::uint32_t i = 0; i < model.input_count; ++i) {
-        const double change = u[i] - before[i];
-        cost += static_cast<double>(w.input[i]) * u[i] * u[i] + static_cast<double>(w.input_rate[i]) * change * change;
-        before[i] = u[i];
+        take(job.controls, t * model.input_count + i, lane, count, u[i]);
+        const double weight = static_cast<double>(w.input[i]), rate_weight = static_cast<double>(w.input_rate[i]);
+        for (std::uint32_t l = 0; l < kBlock; ++l) {
+          const double change = u[i][l] - before[i][l];
+          cost[l] += weight * u[i][l] * u[i][l] + rate_weight * change * change;
+          before[i][l] = u[i][l];
+        }
       }
-      model.dynamics(x, u, force, &job.setup->body, p, dxdt);
-      for (std::uint32_t i = 0; i < model.state_count; ++i) x[i] += dt * dxdt[i];
+      step(model, *job.setup, count, u, p, x);
     }
-    for (std::uint32_t i = 0; i < model.state_count; ++i) {
-      const double e = tiller::state_difference(model, i, x[i], static_cast<double>(w.target[i]));
-      cost += static_cast<double>(w.terminal[i]) * e * e;
-    }
-    job.cost_out[lane] = static_cast<float>(cost);
+    for (std::uint32_t i = 0; i < model.state_count; ++i)
+      add_square(model, i, static_cast<double>(w.terminal[i]), static_cast<double>(w.target[i]), x[i], cost);
+    for (std::uint32_t l = 0; l < count; ++l) job.cost_out[lane + l] = static_cast<float>(cost[l]);
   }
 }
 

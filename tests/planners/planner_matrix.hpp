@@ -15,6 +15,16 @@ inline bool is_gradient(std::uint32_t planner) {
   return planner == tiller_planner_ilqr || planner == tiller_planner_hybrid || planner == tiller_planner_sqp;
 }
 
+/// Its commands are those of any seed: SwingUp holds it to that, and one run stands for all seeds.
+inline bool draws_nothing(std::uint32_t planner) {
+  return planner == tiller_planner_ilqr || planner == tiller_planner_sqp;
+}
+inline std::vector<std::uint64_t> seeds_of(std::uint32_t planner, std::uint64_t count) {
+  std::vector<std::uint64_t> seeds;
+  for (std::uint64_t seed = 1; seed <= (draws_nothing(planner) ? 1 : count); ++seed) seeds.push_back(seed);
+  return seeds;
+}
+
 #define TILLER_EVERY_PLANNER(suite)                                                                     \
   INSTANTIATE_TEST_SUITE_P(planners, suite,                                                             \
                            ::testing::Range(0u, static_cast<std::uint32_t>(tiller_planner_kind_count)), \

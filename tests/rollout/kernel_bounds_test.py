@@ -1,12 +1,11 @@
-"""kernel_bounds_test.py LARGE.o WIDE.o FOLDER COMPILER SOURCE FLAGS...: what kernels of many states cost to compile.
+"""kernel_bounds_test.py LARGE.cost WIDE.cost: what kernels of many states cost to compile, as compile_cost.py wrote it down
+when they were built.
 
-Memory, of the model of thirty-two states (SOURCE): a robot's computer of 2 GB has 1 GB for a compiler. Bytes, of the
-objects that the build has made of twelve and of thirty-two: they grow with what is unrolled, and the seconds with them;
-the bounds are half as much again as the kernels have. Seconds are not judged: a machine may be busy.
+Memory: a robot's computer of 2 GB has 1 GB for a compiler. Bytes: they grow with what is unrolled, and the seconds with
+them; the bounds are half as much again as the kernels have. Seconds are not judged: a machine may be busy.
 """
 
-import resource
-import subprocess
+import json
 import sys
 from pathlib import Path
 
@@ -14,18 +13,14 @@ MOST_MEMORY_BYTES = 1 << 30
 MOST_OBJECT_BYTES = {"twelve states": 1_200_000, "thirty-two states": 1_900_000}
 
 
-def main(large: str, wide: str, folder: str, compiler: str, source: str, *flags: str) -> int:
-    built = Path(folder) / "kernel_bounds.o"
-    subprocess.run([compiler, *flags, "-c", source, "-o", str(built)], check=True)
-    built.unlink()
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    memory = used.ru_maxrss * 1024
-    print(f"thirty-two states: {memory / 1e6:.0f} MB of {MOST_MEMORY_BYTES / 1e6:.0f}, {used.ru_utime:.0f} s")
-    too_much = memory > MOST_MEMORY_BYTES
-    for (name, most), path in zip(MOST_OBJECT_BYTES.items(), (large, wide)):
-        size = Path(path).stat().st_size
-        print(f"{name}: {size / 1e3:.0f} KB of {most / 1e3:.0f}")
-        too_much |= size > most
+def main(*files: str) -> int:
+    too_much = False
+    for (name, most_bytes), file in zip(MOST_OBJECT_BYTES.items(), files, strict=True):
+        cost = json.loads(Path(file).read_text(encoding="utf-8"))
+        memory, size = cost["memory_bytes"], (Path(cost["folder"]) / cost["object"]).stat().st_size
+        print(f"{name}: {memory / 1e6:.0f} MB of {MOST_MEMORY_BYTES / 1e6:.0f}, {size / 1e3:.0f} KB of "
+              f"{most_bytes / 1e3:.0f}, {cost['seconds']:.0f} s")
+        too_much |= memory > MOST_MEMORY_BYTES or size > most_bytes
     return int(too_much)
 
 

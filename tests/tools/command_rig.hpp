@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -36,6 +37,8 @@ class Command : public testing::Test {
   pid_t start(const Words& arguments, const std::string& output = "out.txt") {
     const pid_t child = fork();
     if (child != 0) return child;
+    // a job in the background of a shell, or under nohup, has them ignored, and would hand that on
+    for (const int told : {SIGINT, SIGTERM, SIGHUP}) std::signal(told, SIG_DFL);
     if (chdir(folder_.c_str()) != 0) _exit(126);
     const int out = open(output.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0666);
     dup2(out, STDOUT_FILENO);

@@ -1,0 +1,55 @@
+// What a planner is asked for: iterations, deadline, and the state where the command takes hold.
+#include <gtest/gtest.h>
+
+#include "bench.hpp"
+
+namespace {
+
+using bench::Bench;
+using bench::known_pendulum;
+
+std::int64_t fixed_clock(void*) { return 5000; }
+
+TEST(Plan, ForcedIterationsHoldForOneTick) {
+  Bench b;
+  b.activate();
+  const std::uint32_t configured = fakes::planner.iterations_asked;
+  b.executive->force_iterations(7);
+  (void)b.tick();
+  EXPECT_EQ(fakes::planner.iterations_asked, 7u);
+  (void)b.tick();
+  EXPECT_EQ(fakes::planner.iterations_asked, configured);
+}
+
+TEST(Plan, DeadlineCountsFromTheTicksStartAndNeedsAClock) {
+  tiller_config_t config = known_pendulum();
+  config.planner.deadline_us = 3;
+  {
+    Bench b(config);
+    b.activate();
+    EXPECT_EQ(fakes::planner.deadline_ns, 0);
+  }
+  tiller_hooks_t hooks = {};
+  hooks.now_ns = fixed_clock;
+  Bench b(config, &hooks);
+  b.activate();
+  EXPECT_EQ(fakes::planner.deadline_ns, 5000 + 3000);
+  b.executive->force_iterations(2);
+  (void)b.tick();
+  EXPECT_EQ(fakes::planner.deadline_ns, 0) << "a replay has no clock";
+}
+
+TEST(Plan, BeginsWhereTheRobotWillBeWhenTheCommandTakesHold) {
+  Bench b;
+  b.activate();
+  fakes::posterior.state[1] = 1.0;  // rad/s
+  (void)b.tick(0.5);
+  EXPECT_EQ(fakes::planner.belief_state[0], 0.5f) << "no latency: from the measurement";
+  tiller_measurement_t m = b.reading(0.5);
+  m.command_latency_us = 10000;
+  (void)b.tick(&m);
+  // 10 ms at 1 rad/s, less what gravity and damping take: 0.5 (9.81 / 0.5 sin 0.5 + 0.5 / 0.125) 1e-4 = 6.7e-4
+  EXPECT_NEAR(fakes::planner.belief_state[0], 0.51 - 6.7e-4, 1e-5);
+}
+
+}  // namespace
