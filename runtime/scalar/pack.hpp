@@ -150,14 +150,22 @@ template <class T>
 Pack<T> fma_pack(const Pack<T>& a, const Pack<T>& b, const Pack<T>& c) {
   return xsimd::fma(a.v, b.v, c.v);
 }
-/// min and max return the second argument where either is NaN (as the x86 instructions do).
+/// min and max return the second argument where either is NaN or both are zeros, as the x86 instructions do.
 template <class T>
 Pack<T> min_pack(const Pack<T>& a, const Pack<T>& b) {
+#ifdef __SSE2__
+  return xsimd::min(a.v, b.v);
+#else
   return xsimd::select(a.v < b.v, a.v, b.v);
+#endif
 }
 template <class T>
 Pack<T> max_pack(const Pack<T>& a, const Pack<T>& b) {
+#ifdef __SSE2__
+  return xsimd::max(a.v, b.v);
+#else
   return xsimd::select(a.v > b.v, a.v, b.v);
+#endif
 }
 template <class T>
 Pack<T> copysign_pack(const Pack<T>& a, const Pack<T>& b) {
