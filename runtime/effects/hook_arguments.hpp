@@ -45,11 +45,13 @@ S dry_friction(const JointStep<S>& in, const Level& level) {
   const S sliding = forward - in.gain * against;  // speed at the end, if it does not come to rest
   const S change = in.free - in.velocity;
   const S push = copysign(S(1.0), change), holding = level(push, S(0.0));
-  const S until = speed / max(speed - sliding, S(1e-30)), rest = S(1.0) - until;
+  const auto holds = abs(change) < in.gain * holding;
+  // one division for both: the share of the step until it rests, or the force that stops it
+  const S quotient = select(holds, -in.free, speed) / select(holds, in.gain, max(speed - sliding, S(1e-30)));
+  const S &until = quotient, rest = S(1.0) - until;
   const S then = level(push, S(0.5) * rest * max(abs(change) - in.gain * holding, S(0.0)));
   const S turned = -(way * against * until) - push * then * rest;
-  const S held = select(abs(change) < in.gain * holding, -in.free / in.gain, turned);
-  return select(sliding > S(0.0), -(way * against), held);
+  return select(sliding > S(0.0), -(way * against), select(holds, quotient, turned));
 }
 
 /// A fraction of a turn of something periodic in x, within half a turn to either side: lanes' sine and cosine want
