@@ -25,15 +25,24 @@ struct ActuatorLag {
     i.separation = "steps of the command: a delay answers late and at once, a lag at once and slowly";
     return i;
   }();
-  static S apply(const InputStep<S>& in, S* state, const S* p) {
-    const S &u = in.command, &dt = in.dt_s;
+  /// How much of the distance between y and u is left at the end of a step, and of its mean over the step: the same in
+  /// every step of one length.
+  struct Shares {
+    S left, mean;
+  };
+  static Shares shares(const S& dt, const S* p) {
     const S ratio = max(p[0], S(1e-9)) / dt;
     const S left = exp(S(-1.0) / ratio);
+    return {left, ratio * (S(1.0) - left)};
+  }
+  static S apply(const S& u, const Shares& shares, S* state, const S* p) {
     const S distance = state[0] - u;
     const auto present = p[0] > S(0.0);
-    const S mean = select(present, u + distance * (ratio * (S(1.0) - left)), u);
-    state[0] = select(present, u + distance * left, u);
-    return mean;
+    state[0] = select(present, u + distance * shares.left, u);
+    return select(present, u + distance * shares.mean, u);
+  }
+  static S apply(const InputStep<S>& in, S* state, const S* p) {
+    return apply(in.command, shares(in.dt_s, p), state, p);
   }
 };
 

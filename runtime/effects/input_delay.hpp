@@ -25,23 +25,37 @@ struct InputDelay {
     i.separation = "steps of the command: a delay answers late and at once, a lag at once and slowly";
     return i;
   }();
-  /// past(i) is the command i periods ago, i = 0..steps; a longer delay than that acts as the oldest. For the first
-  /// `share` of the period `older` acts, then `newer`.
-  template <class Past>
-  static void take_turns(const Past& past, int steps, const S* p, const S& period, S& older, S& newer, S& share) {
-    older = newer = past(0);
-    share = S(0.0);
-    if (steps == 0) return;
-    const S periods = max(p[0] / period, S(0.0));
-    S next = past(1);
-    older = next;
-    share = min(periods, S(1.0));
+  /// A delay in periods: for the first `share` of a period the command of n + 1 periods ago acts, then that of n
+  /// periods ago, with n between first and last in all lanes.
+  struct Reach {
+    S periods, share;
+    int first, last;
+  };
+  /// steps: periods that a delay can reach; a longer one acts as that.
+  static Reach reach(int steps, const S& delay, const S& period) {
+    Reach r = {max(delay / period, S(0.0)), S(0.0), 0, 0};
+    if (steps == 0) return r;
+    r.share = min(r.periods, S(1.0));
     for (int i = 1; i <= steps; ++i) {
-      const S beyond = past(i < steps ? i + 1 : steps);
-      const auto reached = periods >= S(i);
+      const auto reached = r.periods >= S(i);
+      if (!any(reached)) break;
+      r.share = select(reached, min(r.periods - S(i), S(1.0)), r.share);
+      r.last = i;
+      if (all(reached)) r.first = i;
+    }
+    return r;
+  }
+  /// past(i) is the command i periods ago, i = 0..steps. Commands may carry derivatives that S has not.
+  template <class Command, class Past>
+  static void take_turns(const Past& past, int steps, const Reach& r, Command& older, Command& newer) {
+    newer = past(r.first);
+    older = past(r.first < steps ? r.first + 1 : steps);
+    Command next = older;
+    for (int i = r.first + 1; i <= r.last; ++i) {
+      const Command beyond = past(i < steps ? i + 1 : steps);
+      const auto reached = r.periods >= S(i);
       newer = select(reached, next, newer);
       older = select(reached, beyond, older);
-      share = select(reached, min(periods - S(i), S(1.0)), share);
       next = beyond;
     }
   }

@@ -33,7 +33,7 @@ struct DualStep {
   static __attribute__((noinline)) void advance(const Step& step, Trajectory<Model, D>& t,
                                                 const typename Model::template Input<D>& u,
                                                 const Parameters<Model, D>& p, const double* history) {
-    const auto past = [&](int, int age, int port) {
+    const auto past = [&](int age, int port) {
       if (age > 0) return D(P(history[(age - 1) * Model::kInputs + port]));
       D now = u[Index<0>{}];
       each(Model::nu(), [&](auto i) {
@@ -41,7 +41,7 @@ struct DualStep {
       });
       return now;
     };
-    step.template advance_all<1, 1>(&t, &u, &p, past, history != nullptr);
+    step.advance(t, u, p, past, history != nullptr);
   }
 };
 

@@ -109,12 +109,5 @@ TILLER_INLINE S call_force(std::uint32_t kind, const JointStep<S>& in, S* state,
   else
     return joint_force<Type>(in, state, p);
 }
-template <class Type, class S>
-TILLER_INLINE S call_input(std::uint32_t kind, const InputStep<S>& in, S* state, const S* p) {
-  if constexpr (std::is_same<Type, Called>::value)
-    return called_input<S>(kind, in, state, p);
-  else
-    return Type::apply(in, state, p);
-}
 
 }  // namespace tiller

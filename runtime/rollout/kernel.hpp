@@ -83,6 +83,11 @@ struct Kernel {
         load_fields<P, P>(before[r], Model::nu(), job.controls, 0, at);
       cost[r] = penalties[r] = P(0.0);
     }
+    typename Stepper<Model, P>::template Plan<kRegisters, kParameterSets> plan;
+    if constexpr (kEffects) {
+      stepper.plan_bodies(plan, p);
+      stepper.plan_steps(plan, p, true);
+    }
     for (std::uint32_t step = 0; step < job.horizon; ++step) {
       for (int r = 0; r < kRegisters; ++r) {
         const std::uint32_t at = lane + static_cast<std::uint32_t>(r * P::width);
@@ -112,7 +117,7 @@ struct Kernel {
                                          lane + static_cast<std::uint32_t>(r * P::width))
                            : P(job.history[(-then - 1) * kInputs + input]);
         };
-        stepper.template advance_all<kRegisters, kParameterSets>(t, commands, p, past);
+        stepper.advance_all(t, commands, p, plan, past);
       }
     }
     for (int r = 0; r < kRegisters; ++r) {

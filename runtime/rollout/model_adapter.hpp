@@ -64,6 +64,7 @@ struct StaticModel {
   static constexpr int kInputs = Input<double>::count;
   static constexpr int kParams = Params<double>::count;
   static constexpr int kForces = Force<double>::count;
+  static constexpr int kMostInputs = kInputs > 0 ? kInputs : 1;
   static constexpr Index<kStates> nx() { return {}; }
   static constexpr Index<kInputs> nu() { return {}; }
   static constexpr Index<kParams> np() { return {}; }
@@ -203,6 +204,8 @@ struct TableModel {
   using Params = FieldArray<S, TILLER_MAX_PARAMS>;
   template <class S>
   using Force = FieldArray<S, TILLER_MAX_JOINTS>;
+
+  static constexpr int kMostInputs = TILLER_MAX_INPUTS;
 
   const tiller_model_t* table;
   explicit TableModel(const tiller_model_t& model) : table(&model) {}

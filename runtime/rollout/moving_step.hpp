@@ -18,6 +18,7 @@ struct MovingStep {
   using Input = typename Model::template Input<P>;
   using Force = typename Model::template Force<P>;
   using Params = typename Model::template Params<P>;
+  using Plan = typename Step::template Plan<1, 1>;
 
   State begin, moved;
   Trajectory<Model, P> t;  // t.x: begin + moved, to rounding
@@ -39,7 +40,7 @@ struct MovingStep {
   }
   /// The free step from t.x; `moved` goes on with it.
   __attribute__((noinline)) void free_step(tiller_integrator_t integrator, const Input& u, const Force& f,
-                                           const Body<P>& body, const Params& p, const Length<P>& step, State& next) {
+                                           const Body<P>& body, const Params& p, const Length<P>& step) {
     State k1, k2, k3, k4, x;
     dynamics(t.x, u, f, body, p, k1);
     if (integrator == tiller_integrator_semi_implicit_euler) {
@@ -59,56 +60,50 @@ struct MovingStep {
         dynamics(x, u, f, body, p, k4);
         each(Model::nx(), [&](auto i) {
           moved[i] = moved[i] + step.sixth * (k1[i] + P(2.0) * (k2[i] + k3[i]) + k4[i]);
-          next[i] = begin[i] + moved[i];
+          t.x[i] = begin[i] + moved[i];
         });
         return;
       }
     }
     each(Model::nx(), [&](auto i) {
       moved[i] = moved[i] + step.h * k1[i];
-      next[i] = begin[i] + moved[i];
+      t.x[i] = begin[i] + moved[i];
     });
   }
 
-  __attribute__((noinline)) void substep(Step& step, const Input& acting, const Parameters<Model, P>& p,
-                                         const Body<P>& body, const Length<P>& length) {
+  __attribute__((noinline)) void substep(Step& step, Input u, const Parameters<Model, P>& p, const Body<P>& body,
+                                         const PartOfAll<Model, P>& part) {
     step.moved = &moved;
-    step.template substep_with<1, 1>(&t, &acting, &p, &body, &length, [&](State* next, const Input* u, const Force* f) {
-      free_step(step.setup.integrator, *u, *f, body, p.model, length, *next);
+    step.template substep_with<1, 1>(&t, &u, &p, &body, part, [&](State* from, const Input*, const Force* f) {
+      *from = t.x;
+      free_step(step.setup.integrator, u, *f, body, p.model, part[0].step);
     });
   }
 
-  /// past(age, port): the command of input `port` `age` periods ago.
+  /// plan.body is the caller's; the rest follows from the step's length, which may be another one each time. past(age,
+  /// port): the command of input `port` `age` periods ago.
   template <class Past>
-  TILLER_INLINE void advance(Step& step, const Input& command, const Parameters<Model, P>& p, const Body<P>& body,
+  TILLER_INLINE void advance(Step& step, const Input& command, const Parameters<Model, P>& p, Plan& plan,
                              const Past& past) {
-    start();
-    if (step.delayed()) return advance_delayed(step, command, p, body, past);
-    const Length<P> whole = step.whole();
-    for (std::uint32_t n = 0; n < step.setup.substeps; ++n) substep(step, command, p, body, whole);
-  }
-  /// With commands that change within the period, lane by lane at another time.
-  template <class Past>
-  TILLER_INLINE void advance_delayed(Step& step, const Input& command, const Parameters<Model, P>& p,
-                                     const Body<P>& body, const Past& past) {
     Turns<Model, P> turns;
-    step.template take_turns<1, 1>(&turns, &command, &p, [&](int, int age, int port) { return past(age, port); });
-    for (std::uint32_t n = 0; n < step.setup.substeps; ++n) {
-      P done(0.0), part;
-      Input acting;
-      Length<P> length;
-      bool more = true;
-      while (more) {
-        more = step.next_part(n, turns, done, part, acting, length);
-        Trajectory<Model, P> before;
-        step.keep(t, before);
-        const State moved_before = moved;
-        substep(step, acting, p, body, length);
-        step.keep_still(part, before, t);
-        const auto stands = part <= P(0.0);
-        each(Model::nx(), [&](auto i) { moved[i] = select(stands, moved_before[i], moved[i]); });
-      }
+    start();
+    if (step.delayed()) {
+      step.plan_steps(plan, &p, true);
+      step.template take_turns<1, 1>(&turns, plan, [&](int, int age, int port) { return past(age, port); });
+    } else {
+      step.plan_whole(plan.registers[0], p);
     }
+    step.for_parts(plan, &p, [&](const PartOfAll<Model, P>& part) {
+      if (!plan.turning) return substep(step, command, p, plan.body[0], part);
+      Trajectory<Model, P> before;
+      step.keep(t, before);
+      const State moved_before = moved;
+      substep(step, step.chosen(turns, part[0]), p, plan.body[0], part);
+      const auto& stands = part[0].stands;
+      if (!any(stands)) return;
+      step.keep_still(stands, before, t);
+      each(Model::nx(), [&](auto i) { moved[i] = select(stands, moved_before[i], moved[i]); });
+    });
   }
 };
 

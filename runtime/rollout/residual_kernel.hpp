@@ -195,7 +195,8 @@ struct ResidualKernel {
     for (std::uint32_t lane = 0; lane < job.lanes; lane += static_cast<std::uint32_t>(P::width)) {
       Parameters<typename Moving::Model, P> p;
       load_parameters<typename Moving::Model, P, P>(p, *job.setup, job.params, lane);
-      const Body<P> body = step.body_of(p);
+      typename Moving::Plan plan;
+      step.plan_bodies(plan, &p);
       Sums sums(job, b);
       Moving moving;
       for (int k = 0; k < b.count; ++k) {
@@ -205,7 +206,7 @@ struct ResidualKernel {
         step.substep_s = P(b.substep_s[k]);
         each(Model::nx(), [&](auto i) { moving.begin[i] = P(b.state[i][k]); });
         each(Model::nu(), [&](auto i) { input[i] = P(b.input[i][k]); });
-        moving.advance(step, input, p, body, [&](int age, int port) {
+        moving.advance(step, input, p, plan, [&](int age, int port) {
           return age == 0 ? P(b.input[port][k]) : P(history[(age - 1) * kInputs + port]);
         });
         each(Model::nx(), [&](auto i) { moved[i] = moving.moved[i]; });

@@ -17,6 +17,7 @@
 #include "effects/catalogue.hpp"
 #include "rollout/effect_calls.hpp"
 #include "rollout/model_adapter.hpp"
+#include "rollout/period_plan.hpp"
 #include "rollout/rollout.hpp"
 
 namespace tiller {
@@ -35,19 +36,13 @@ struct Parameters {
   S effect[TILLER_MAX_PARAMS];
 };
 
-/// What delays make of the commands of one period: for the first `share` of it, input by input, the older one acts.
+/// What delays make of the commands of one period: where a part of it says so the older one acts, else the newer one.
 template <class Model, class S>
 struct Turns {
-  typename Model::template Input<S> older, newer, share;
+  typename Model::template Input<S> older, newer;
 };
 
 struct NoPast {};
-
-/// A step's length and the parts of it that integrators use.
-template <class S>
-struct Length {
-  S h, half, sixth;
-};
 
 /// Time is what the length of a step is kept in. kTracks: what effects change in the state is added to `moved` too.
 template <class Model, class S, class Time = double, bool kTracks = false>
@@ -56,6 +51,7 @@ struct Stepper {
   using Input = typename Model::template Input<S>;
   using Force = typename Model::template Force<S>;
   using Params = typename Model::template Params<S>;
+  using Value = typename ValueOf<S>::type;
 
   const Model model;
   const StepSetup& setup;
@@ -91,7 +87,7 @@ struct Stepper {
   // ---- the free step ---------------------------------------------------------------------------
 
   /// Of a whole substep.
-  TILLER_INLINE Length<S> whole() const { return {S(substep_s), S(0.5 * substep_s), S(substep_s / 6.0)}; }
+  TILLER_INLINE Length<S> whole() const { return {Value(substep_s), Value(0.5 * substep_s), Value(substep_s / 6.0)}; }
   TILLER_INLINE State along(const State& x, const State& dx, const S& h) const {
     State next;
     each(model.nx(), [&](auto i) TILLER_INLINED { next[i] = x[i] + h * dx[i]; });
@@ -101,28 +97,28 @@ struct Stepper {
   /// Velocities first, positions with the new velocities: first order, and keeps the energy of a swinging pendulum.
   TILLER_INLINE State semi_implicit(const State& x, const Input& u, const Force& f, const Body<S>& b, const Params& p,
                                     const Length<S>& step) const {
-    State next = along(x, model.template dynamics<S>(x, u, f, b, p), step.h);
+    State next = along(x, model.template dynamics<S>(x, u, f, b, p), S(step.h));
     State before = x;
     each(model.nf(), [&](auto j) {
       if (S* q = model.template position<S>(next, j))
-        *q = *model.template position<S>(before, j) + step.h * model.template velocity<S>(next, j);
+        *q = *model.template position<S>(before, j) + S(step.h) * model.template velocity<S>(next, j);
     });
     return next;
   }
   TILLER_INLINE State midpoint(const State& x, const Input& u, const Force& f, const Body<S>& b, const Params& p,
                                const Length<S>& step) const {
-    const State half = along(x, model.template dynamics<S>(x, u, f, b, p), step.half);
-    return along(x, model.template dynamics<S>(half, u, f, b, p), step.h);
+    const State half = along(x, model.template dynamics<S>(x, u, f, b, p), S(step.half));
+    return along(x, model.template dynamics<S>(half, u, f, b, p), S(step.h));
   }
   TILLER_INLINE State rk4(const State& x, const Input& u, const Force& f, const Body<S>& b, const Params& p,
                           const Length<S>& step) const {
     const State k1 = model.template dynamics<S>(x, u, f, b, p);
-    const State k2 = model.template dynamics<S>(along(x, k1, step.half), u, f, b, p);
-    const State k3 = model.template dynamics<S>(along(x, k2, step.half), u, f, b, p);
-    const State k4 = model.template dynamics<S>(along(x, k3, step.h), u, f, b, p);
+    const State k2 = model.template dynamics<S>(along(x, k1, S(step.half)), u, f, b, p);
+    const State k3 = model.template dynamics<S>(along(x, k2, S(step.half)), u, f, b, p);
+    const State k4 = model.template dynamics<S>(along(x, k3, S(step.h)), u, f, b, p);
     State next;
     each(model.nx(),
-         [&](auto i) TILLER_INLINED { next[i] = x[i] + step.sixth * (k1[i] + S(2.0) * (k2[i] + k3[i]) + k4[i]); });
+         [&](auto i) TILLER_INLINED { next[i] = x[i] + S(step.sixth) * (k1[i] + S(2.0) * (k2[i] + k3[i]) + k4[i]); });
     return next;
   }
   TILLER_INLINE State free_step(tiller_integrator_t integrator, const State& x, const Input& u, const Force& f,
@@ -175,58 +171,99 @@ struct Stepper {
   // Several trajectories go through a period together, effect by effect and not one after the other: their arithmetic
   // does not wait for each other's, and an effect is looked up once for all. kSets is 1 where they share parameters.
 
+  // ---- the plan of a period ----------------------------------------------------------------------
+
   /// Whether commands may change within a period.
   TILLER_INLINE bool delayed() const { return slot_count[static_cast<int>(Hook::period_input)] > 0; }
-  /// What acts in this period; past(trajectory, i, port): the command of input `port` i periods ago.
-  template <int kCount, int kSets, class Past>
-  TILLER_INLINE void take_turns(Turns<Model, S>* turns, const Input* commands, const Parameters<Model, S>* p,
-                                const Past& past) const {
-    for (int r = 0; r < kCount; ++r)
-      each(model.nu(), [&](auto i) {
-        turns[r].older[i] = turns[r].newer[i] = commands[r][i];
-        turns[r].share[i] = S(0.0);
-      });
-    for_effects<Hook::period_input>([&](auto, const EffectSlot& slot) TILLER_INLINED {
-      each(model.nu(), [&](auto i) TILLER_INLINED {
-        if (static_cast<int>(i) != slot.port) return;
-        for (int r = 0; r < kCount; ++r)
-          InputDelay<S>::take_turns([&](int age) { return past(r, age, static_cast<int>(i)); },
-                                    static_cast<int>(setup.delay_steps), effect_params(p[kSets == 1 ? 0 : r], slot),
-                                    S(substep_s * setup.substeps), turns[r].older[i], turns[r].newer[i],
-                                    turns[r].share[i]);
-      });
-    });
+  template <int kCount, int kSets>
+  using Plan = PeriodPlan<Model, S, kCount, kSets>;
+  using OnePlan = RegisterPlan<Model, S>;
+
+  /// The bodies with what the body effects make of them.
+  template <int kCount, int kSets>
+  TILLER_INLINE void plan_bodies(Plan<kCount, kSets>& plan, const Parameters<Model, S>* p) const {
+    constexpr int kList = static_cast<int>(Hook::body);
+    for (int r = 0; r < kSets; ++r) {
+      plan.body[r] = body;
+      for (std::uint32_t e = 0; e < slot_count[kList]; ++e)
+        called_body<S>(slots[kList][e].kind, plan.body[r], effect_params(p[r], slots[kList][e]));
+    }
   }
-  /// The next part of substep `k`, up to where the first of its inputs takes the newer command: what acts in it and how
-  /// long it is. `done`, `part`: shares of the substep gone before it and of it; a lane whose part is 0 stands still.
-  /// True: some lane is not at the substep's end then.
-  TILLER_INLINE bool next_part(std::uint32_t k, const Turns<Model, S>& turns, S& done, S& part, Input& acting,
-                               Length<S>& step) const {
-    S until = S(1.0);
-    each(model.nu(), [&](auto i) TILLER_INLINED {
-      const S turn = turns.share[i] * S(static_cast<double>(setup.substeps)) - S(static_cast<double>(k));
-      const S share = max(min(turn, S(1.0)), S(0.0));
-      const auto older = share > done;
-      acting[i] = select(older, turns.older[i], turns.newer[i]);
-      until = select(older, min(share, until), until);
-    });
-    part = until - done;
-    done = until;
-    const auto cut = (part > S(0.0)) & (part < S(1.0));
-    const Length<S> all = whole();
-    step.h = select(cut, part * all.h, all.h);
-    step.half = select(cut, S(0.5) * step.h, all.half);
-    step.sixth = select(cut, step.h / S(6.0), all.sixth);
-    return any(until < S(1.0));
+  /// The rest of a plan: delays and the parts of substeps, an exponential for each lag and part. remembers: whether
+  /// there are commands to delay. A plan holds for as long as parameters and substep_s stay what they are.
+  template <int kCount, int kSets>
+  TILLER_INLINE void plan_steps(Plan<kCount, kSets>& plan, const Parameters<Model, S>* p, bool remembers) const {
+    plan.turning = remembers && delayed();
+    for (int r = 0; r < kCount; ++r) plan_register(plan.registers[r], p[kSets == 1 ? 0 : r], plan.turning);
+  }
+  /// Of a substep where nothing is delayed.
+  TILLER_INLINE void plan_whole(OnePlan& plan, const Parameters<Model, S>& p) const {
+    plan.part_count[0] = 1;
+    plan.parts[0].step = whole();
+    plan_effects(plan.parts[0], p);
+  }
+  __attribute__((noinline)) void plan_register(OnePlan& plan, const Parameters<Model, S>& p, bool turning) const {
+    if (!turning) return plan_whole(plan, p);
+    for (auto& delay : plan.delay) delay = {Value(0.0), Value(0.0), 0, 0};
+    constexpr int kList = static_cast<int>(Hook::period_input);
+    for (std::uint32_t e = 0; e < slot_count[kList]; ++e)
+      plan.delay[slots[kList][e].port] = InputDelay<Value>::reach(static_cast<int>(setup.delay_steps),
+                                                                  ValueOf<S>::of(*effect_params(p, slots[kList][e])),
+                                                                  Value(substep_s * setup.substeps));
+    for (std::uint32_t k = 0; k < setup.substeps && !plans_anew(); ++k) plan_parts(plan, p, k);
+  }
+  /// Whether a delayed period has more substeps than a plan keeps.
+  TILLER_INLINE bool plans_anew() const { return setup.substeps > OnePlan::kKept; }
+  TILLER_INLINE int kept_as(std::uint32_t k) const { return plans_anew() ? 0 : static_cast<int>(k); }
+  /// The parts of substep k: they end where a lane's input takes its newer command.
+  __attribute__((noinline)) void plan_parts(OnePlan& plan, const Parameters<Model, S>& p, std::uint32_t k) const {
+    const int kept = kept_as(k);
+    const Value none(0.0), all(1.0);  // shares of the substep
+    const Length<S> longest = whole();
+    Value done = none;
+    plan.part_count[kept] = 1;
+    for (int i = 0; i < OnePlan::kMostParts; ++i) {
+      Part<Model, S>& part = plan.parts[kept * OnePlan::kMostParts + i];
+      if (any(done < all)) plan.part_count[kept] = i + 1;
+      Value until = all;
+      for (int input = 0; input < static_cast<int>(model.nu()); ++input) {
+        const Value turn =
+            plan.delay[input].share * Value(static_cast<double>(setup.substeps)) - Value(static_cast<double>(k));
+        const Value share = max(min(turn, all), none);
+        part.older[input] = share > done;
+        until = select(part.older[input], min(share, until), until);
+      }
+      const Value length = until - done;
+      done = until;
+      const auto cut = (length > none) & (length < all);
+      part.step.h = select(cut, length * longest.h, longest.h);
+      part.step.half = select(cut, Value(0.5) * part.step.h, longest.half);
+      part.step.sixth = select(cut, part.step.h / Value(6.0), longest.sixth);
+      part.stands = length <= none;
+      plan_effects(part, p);
+    }
+  }
+  /// What effects make of a part's length.
+  TILLER_INLINE void plan_effects(Part<Model, S>& part, const Parameters<Model, S>& p) const {
+    constexpr int kList = static_cast<int>(Hook::input);
+    if constexpr (InlinedEffect<ActuatorLag<S>, S>::value)
+      for (std::uint32_t e = 0; e < slot_count[kList]; ++e)
+        if (slots[kList][e].kind == tiller_effect_actuator_lag)
+          part.lag[e] = ActuatorLag<S>::shares(part.step.h, effect_params(p, slots[kList][e]));
   }
 
-  /// The body with what the body effects make of it.
-  TILLER_INLINE Body<S> body_of(const Parameters<Model, S>& p) const {
-    Body<S> changed = body;
-    constexpr int kList = static_cast<int>(Hook::body);
-    for (std::uint32_t e = 0; e < slot_count[kList]; ++e)
-      called_body<S>(slots[kList][e].kind, changed, effect_params(p, slots[kList][e]));
-    return changed;
+  // ---- the period --------------------------------------------------------------------------------
+
+  /// What acts in a period whose inputs are delayed; past(trajectory, i, port): the command of input `port` i periods
+  /// ago.
+  template <int kCount, int kSets, class Past>
+  TILLER_INLINE void take_turns(Turns<Model, S>* turns, const Plan<kCount, kSets>& plan, const Past& past) const {
+    for (int r = 0; r < kCount; ++r)
+      each(model.nu(), [&](auto i) TILLER_INLINED {
+        InputDelay<Value>::take_turns([&](int age) TILLER_INLINED { return past(r, age, static_cast<int>(i)); },
+                                      static_cast<int>(setup.delay_steps), plan.registers[r].delay[i],
+                                      turns[r].older[i], turns[r].newer[i]);
+      });
   }
 
   template <class J>
@@ -264,13 +301,18 @@ struct Stepper {
   /// Input effects and force effects, before the free step.
   template <int kCount, int kSets>
   TILLER_INLINE void act(Trajectory<Model, S>* t, Input* u, Force* f, const Parameters<Model, S>* p,
-                         const Length<S>* step) const {
+                         const PartOfAll<Model, S>& part) const {
     for_effects<Hook::input>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
       at_port(inputs(), slot.port, [&](auto i) TILLER_INLINED {
-        for (int r = 0; r < kCount; ++r)
-          element(u[r], i) =
-              call_input<decltype(effect), S>(slot.kind, {element(u[r], i), step[r].h}, t[r].effect_state + slot.state,
-                                              effect_params(p[kSets == 1 ? 0 : r], slot));
+        for (int r = 0; r < kCount; ++r) {
+          S& command = element(u[r], i);
+          S* const state = t[r].effect_state + slot.state;
+          const S* const params = effect_params(p[kSets == 1 ? 0 : r], slot);
+          if constexpr (std::is_same<decltype(effect), Called>::value)
+            command = called_input<S>(slot.kind, {command, S(part[r].step.h)}, state, params);
+          else
+            command = effect.apply(command, part[r].lag[&slot - slots[static_cast<int>(Hook::input)]], state, params);
+        }
       });
     });
     for_effects<Hook::force>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
@@ -279,7 +321,8 @@ struct Stepper {
         for (int r = 0; r < kCount; ++r) {
           S* q = model.template position<S>(t[r].x, j);
           const S position = q ? *q : S(0.0), velocity = model.template velocity<S>(t[r].x, j);
-          const JointStep<S> in = {position, velocity, position, velocity, S(0.0), drive_force(u[r], j), step[r].h};
+          const JointStep<S> in = {position,         velocity, position, velocity, S(0.0), drive_force(u[r], j),
+                                   S(part[r].step.h)};
           element(f[r], k) =
               element(f[r], k) + call_force<decltype(effect), S>(slot.kind, in, t[r].effect_state + slot.state,
                                                                  effect_params(p[kSets == 1 ? 0 : r], slot));
@@ -292,7 +335,7 @@ struct Stepper {
   /// its start would cost an order. response[r][j][i]: of joint i for a force at j.
   using Response = S[TILLER_MAX_JOINTS][TILLER_MAX_JOINTS];
   template <int kCount, int kSets>
-  TILLER_INLINE void respond(Response* response, const State* next, const Trajectory<Model, S>* t, const Input* u,
+  TILLER_INLINE void respond(Response* response, const State* begin, const Trajectory<Model, S>* t, const Input* u,
                              const Force* f, const Parameters<Model, S>* p, const Body<S>* bodies) const {
     each(model.joints(), [&](auto j) TILLER_INLINED {
       if (!((reacting >> static_cast<int>(j)) & 1u)) {  // nobody reads it; compilers cannot know
@@ -301,16 +344,16 @@ struct Stepper {
       }
       for (int r = 0; r < kCount; ++r) {
         State middle;
-        each(model.nx(), [&](auto i) { middle[i] = S(0.5) * (t[r].x[i] + next[r][i]); });
-        model.template force_response<S>(middle, u[r], f[r], bodies ? bodies[kSets == 1 ? 0 : r] : body,
-                                         p[kSets == 1 ? 0 : r].model, j, response[r][j]);
+        each(model.nx(), [&](auto i) { middle[i] = S(0.5) * (begin[r][i] + t[r].x[i]); });
+        model.template force_response<S>(middle, u[r], f[r], bodies[kSets == 1 ? 0 : r], p[kSets == 1 ? 0 : r].model, j,
+                                         response[r][j]);
       }
     });
   }
 
   template <class I>
   TILLER_INLINE void change_velocity(State& next, I i, const S& change, const Length<S>& step) const {
-    const S& share = setup.integrator == tiller_integrator_semi_implicit_euler ? step.h : step.half;
+    const S share = S(setup.integrator == tiller_integrator_semi_implicit_euler ? step.h : step.half);
     const auto change_of = [&](State& x) TILLER_INLINED {
       model.template velocity<S>(x, i) = model.template velocity<S>(x, i) + change;
       if (S* q = model.template position<S>(x, i)) *q = *q + share * change;
@@ -322,8 +365,8 @@ struct Stepper {
   /// More inertia at joints: the inverse inertia R loses J R_j R_j' / (1 + J R_jj) (Sherman and Morrison), and so do
   /// the accelerations of the free step and what later effects feel.
   template <int kCount, int kSets>
-  TILLER_INLINE void weigh_down(State* next, Trajectory<Model, S>* t, Response* response, const Parameters<Model, S>* p,
-                                const Length<S>* step) const {
+  TILLER_INLINE void weigh_down(State* begin, Trajectory<Model, S>* t, Response* response,
+                                const Parameters<Model, S>* p, const PartOfAll<Model, S>& part) const {
     constexpr int kList = static_cast<int>(Hook::inertia);
     for (std::uint32_t e = 0; e < slot_count[kList]; ++e) {
       const EffectSlot& slot = slots[kList][e];
@@ -332,8 +375,8 @@ struct Stepper {
           S column[TILLER_MAX_JOINTS];
           each(model.joints(), [&](auto i) { column[i] = response[r][j][i]; });
           const S share = JointInertia<S>::per_acceleration(column[j], effect_params(p[kSets == 1 ? 0 : r], slot));
-          const S lost = share * (model.template velocity<S>(next[r], j) - model.template velocity<S>(t[r].x, j));
-          each(model.joints(), [&](auto i) { change_velocity(next[r], i, -(column[i] * lost), step[r]); });
+          const S lost = share * (model.template velocity<S>(t[r].x, j) - model.template velocity<S>(begin[r], j));
+          each(model.joints(), [&](auto i) { change_velocity(t[r].x, i, -(column[i] * lost), part[r].step); });
           each(model.joints(), [&](auto c) {
             if (!((reacting >> static_cast<int>(c)) & 1u)) return;
             const S felt = share * response[r][c][j];
@@ -346,75 +389,73 @@ struct Stepper {
 
   /// Drive train, elastic and dissipating effects, in this order.
   template <int kCount, int kSets>
-  TILLER_INLINE void react(State* next, Trajectory<Model, S>* t, const Input* u, const Response* response,
-                           const Parameters<Model, S>* p, const Length<S>* step) const {
+  TILLER_INLINE void react(State* begin, Trajectory<Model, S>* t, const Input* u, const Response* response,
+                           const Parameters<Model, S>* p, const PartOfAll<Model, S>& part) const {
     for_effects<Hook::dissipation>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
       at_port(model.joints(), slot.port, [&](auto j) TILLER_INLINED {
         for (int r = 0; r < kCount; ++r) {
+          const Length<S>& step = part[r].step;
+          const S h = S(step.h);
           const S* column = response[r][j];
           JointStep<S> in;
-          S *q = model.template position<S>(t[r].x, j), *q_free = model.template position<S>(next[r], j);
+          S *q = model.template position<S>(begin[r], j), *q_free = model.template position<S>(t[r].x, j);
           in.position = q ? *q : S(0.0);
           in.middle = in.position;
           if (q && setup.integrator != tiller_integrator_semi_implicit_euler)
             in.middle = S(0.5) * (in.position + *q_free);
-          in.velocity = model.template velocity<S>(t[r].x, j);
-          in.free = model.template velocity<S>(next[r], j);
-          in.gain = step[r].h * column[j];
+          in.velocity = model.template velocity<S>(begin[r], j);
+          in.free = model.template velocity<S>(t[r].x, j);
+          in.gain = h * column[j];
           in.drive = drive_force(u[r], j);
-          in.dt_s = step[r].h;
+          in.dt_s = h;
           const S push = call_force<decltype(effect), S>(slot.kind, in, t[r].effect_state + slot.state,
                                                          effect_params(p[kSets == 1 ? 0 : r], slot));
-          each(model.joints(),
-               [&](auto i) TILLER_INLINED { change_velocity(next[r], i, step[r].h * column[i] * push, step[r]); });
+          each(model.joints(), [&](auto i) TILLER_INLINED { change_velocity(t[r].x, i, h * column[i] * push, step); });
         }
       });
     });
   }
 
   template <int kCount, int kSets, tiller_integrator_t kIntegrator>
-  TILLER_INLINE void free_steps(State* next, const Trajectory<Model, S>* t, const Input* u, const Force* f,
-                                const Parameters<Model, S>* p, const Body<S>* bodies, const Length<S>* step) const {
-    for (int r = 0; r < kCount; ++r)
-      next[r] = free_step(kIntegrator, t[r].x, u[r], f[r], bodies ? bodies[kSets == 1 ? 0 : r] : body,
-                          p[kSets == 1 ? 0 : r].model, step[r]);
+  TILLER_INLINE void free_steps(State* begin, Trajectory<Model, S>* t, const Input* u, const Force* f,
+                                const Parameters<Model, S>* p, const Body<S>* bodies,
+                                const PartOfAll<Model, S>& part) const {
+    for (int r = 0; r < kCount; ++r) {
+      const State x = t[r].x;
+      begin[r] = x;
+      t[r].x =
+          free_step(kIntegrator, x, u[r], f[r], bodies[kSets == 1 ? 0 : r], p[kSets == 1 ? 0 : r].model, part[r].step);
+    }
   }
 
-  /// One substep with effects, from the acting commands. bodies (kSets): null where no effect changes the body; step
-  /// (kCount): its length; free(next, u, f): the free steps.
+  /// One part of a substep with effects. u: the commands, of which input effects make what acts; bodies: (kSets);
+  /// free(begin, u, f): the free steps, which leave in `begin` where they began.
   template <int kCount, int kSets, class Free>
-  TILLER_INLINE void substep_with(Trajectory<Model, S>* t, const Input* commands, const Parameters<Model, S>* p,
-                                  const Body<S>* bodies, const Length<S>* step, const Free& free) const {
-    Input u[kCount];
+  TILLER_INLINE void substep_with(Trajectory<Model, S>* t, Input* u, const Parameters<Model, S>* p,
+                                  const Body<S>* bodies, const PartOfAll<Model, S>& part, const Free& free) const {
     Force f[kCount];
-    State next[kCount];
-    for (int r = 0; r < kCount; ++r) {
-      u[r] = commands[r];
-      f[r] = no_force();
-    }
-    act<kCount, kSets>(t, u, f, p, step);
-    free(next, u, f);
-    if (reacting != 0) {
-      Response response[kCount];
-      respond<kCount, kSets>(response, next, t, u, f, p, bodies);
-      weigh_down<kCount, kSets>(next, t, response, p, step);
-      react<kCount, kSets>(next, t, u, response, p, step);
-    }
-    for (int r = 0; r < kCount; ++r) t[r].x = next[r];
+    State begin[kCount];
+    for (int r = 0; r < kCount; ++r) f[r] = no_force();
+    act<kCount, kSets>(t, u, f, p, part);
+    free(begin, u, f);
+    if (reacting == 0) return;
+    Response response[kCount];
+    respond<kCount, kSets>(response, begin, t, u, f, p, bodies);
+    weigh_down<kCount, kSets>(begin, t, response, p, part);
+    react<kCount, kSets>(begin, t, u, response, p, part);
   }
   template <int kCount, int kSets>
-  TILLER_INLINE void substep_all(Trajectory<Model, S>* t, const Input* commands, const Parameters<Model, S>* p,
-                                 const Body<S>* bodies, const Length<S>* step) const {
-    substep_with<kCount, kSets>(
-        t, commands, p, bodies, step, [&](State* next, const Input* u, const Force* f) TILLER_INLINED {
-          switch (setup.integrator) {
-            case tiller_integrator_semi_implicit_euler:
-              return free_steps<kCount, kSets, tiller_integrator_semi_implicit_euler>(next, t, u, f, p, bodies, step);
-            case tiller_integrator_midpoint:
-              return free_steps<kCount, kSets, tiller_integrator_midpoint>(next, t, u, f, p, bodies, step);
-            default: return free_steps<kCount, kSets, tiller_integrator_rk4>(next, t, u, f, p, bodies, step);
-          }
-        });
+  TILLER_INLINE void substep_all(Trajectory<Model, S>* t, Input* u, const Parameters<Model, S>* p,
+                                 const Body<S>* bodies, const PartOfAll<Model, S>& part) const {
+    substep_with<kCount, kSets>(t, u, p, bodies, part, [&](State* begin, const Input*, const Force* f) TILLER_INLINED {
+      switch (setup.integrator) {
+        case tiller_integrator_semi_implicit_euler:
+          return free_steps<kCount, kSets, tiller_integrator_semi_implicit_euler>(begin, t, u, f, p, bodies, part);
+        case tiller_integrator_midpoint:
+          return free_steps<kCount, kSets, tiller_integrator_midpoint>(begin, t, u, f, p, bodies, part);
+        default: return free_steps<kCount, kSets, tiller_integrator_rk4>(begin, t, u, f, p, bodies, part);
+      }
+    });
   }
   /// States of effects beyond those that there are hold nothing worth copying.
   TILLER_INLINE void keep(const Trajectory<Model, S>& t, Trajectory<Model, S>& before) const {
@@ -422,62 +463,72 @@ struct Stepper {
     for (std::uint32_t s = 0; s < setup.effect_state_count; ++s) before.effect_state[s] = t.effect_state[s];
   }
   /// Lanes whose part is empty stand where they stood.
-  TILLER_INLINE void keep_still(const S& part, const Trajectory<Model, S>& before, Trajectory<Model, S>& t) const {
-    const auto stands = part <= S(0.0);
-    if (!any(stands)) return;
+  TILLER_INLINE void keep_still(const MaskOf<S>& stands, const Trajectory<Model, S>& before,
+                                Trajectory<Model, S>& t) const {
     each(model.nx(), [&](auto i) { t.x[i] = select(stands, before.x[i], t.x[i]); });
     for (std::uint32_t s = 0; s < setup.effect_state_count; ++s)
       t.effect_state[s] = select(stands, before.effect_state[s], t.effect_state[s]);
   }
-  /// One period. `past` as in take_turns(), or NoPast: no input is delayed; nor is one where `remembers` is false.
+  /// Calls visit(part) for the parts of a period, one after the other.
+  template <int kCount, int kSets, class Visit>
+  TILLER_INLINE void for_parts(Plan<kCount, kSets>& plan, const Parameters<Model, S>* p, const Visit& visit) const {
+    for (std::uint32_t k = 0; k < setup.substeps; ++k) {
+      const int kept = plan.turning ? kept_as(k) : 0;
+      int count = 0;
+      for (int r = 0; r < kCount; ++r) {
+        if (plan.turning && plans_anew()) plan_parts(plan.registers[r], p[kSets == 1 ? 0 : r], k);
+        if (plan.registers[r].part_count[kept] > count) count = plan.registers[r].part_count[kept];
+      }
+      for (int i = 0; i < count; ++i) visit(PartOfAll<Model, S>{plan.registers, kept * OnePlan::kMostParts + i});
+    }
+  }
+  /// One period, as planned. `past` as in take_turns(), or NoPast: no input is delayed.
   template <int kCount, int kSets, class Past>
   TILLER_INLINE void advance_all(Trajectory<Model, S>* t, const Input* commands, const Parameters<Model, S>* p,
-                                 const Past& past, bool remembers = true) const {
-    constexpr bool kTurns = !std::is_same<Past, NoPast>::value;
-    Body<S> changed[kSets];
-    const Body<S>* bodies = nullptr;
-    if (slot_count[static_cast<int>(Hook::body)] > 0) {
-      for (int r = 0; r < kSets; ++r) changed[r] = body_of(p[r]);
-      bodies = changed;
-    }
-    Length<S> step[kCount];
-    for (int r = 0; r < kCount; ++r) step[r] = whole();
-    if constexpr (!kTurns) {
-      for (std::uint32_t k = 0; k < setup.substeps; ++k) substep_all<kCount, kSets>(t, commands, p, bodies, step);
+                                 Plan<kCount, kSets>& plan, const Past& past) const {
+    Input acting[kCount];
+    if constexpr (std::is_same<Past, NoPast>::value) {
+      for_parts(plan, p, [&](const PartOfAll<Model, S>& part) TILLER_INLINED {
+        for (int r = 0; r < kCount; ++r) acting[r] = commands[r];
+        substep_all<kCount, kSets>(t, acting, p, plan.body, part);
+      });
     } else {
-      const bool turning = remembers && delayed();
-      Input acting[kCount];
       Turns<Model, S> turns[kCount];
       Trajectory<Model, S> before[kCount];
-      S done[kCount], part[kCount];
-      for (int r = 0; r < kCount; ++r) acting[r] = commands[r];
-      if (turning) take_turns<kCount, kSets>(turns, commands, p, past);
-      for (std::uint32_t k = 0; k < setup.substeps; ++k) {
-        for (int r = 0; r < kCount; ++r) done[r] = S(0.0);
-        bool more = false;
-        do {
-          if (turning) {
-            more = false;
-            for (int r = 0; r < kCount; ++r) {
-              keep(t[r], before[r]);
-              more = next_part(k, turns[r], done[r], part[r], acting[r], step[r]) || more;
-            }
-          }
-          substep_all<kCount, kSets>(t, acting, p, bodies, step);
-          for (int r = 0; turning && r < kCount; ++r) keep_still(part[r], before[r], t[r]);
-        } while (more);
-      }
+      if (plan.turning) take_turns<kCount, kSets>(turns, plan, past);
+      for_parts(plan, p, [&](const PartOfAll<Model, S>& part) TILLER_INLINED {
+        bool stand = false;
+        for (int r = 0; r < kCount; ++r) {
+          acting[r] = plan.turning ? chosen(turns[r], part[r]) : commands[r];
+          stand = stand || (plan.turning && any(part[r].stands));
+        }
+        for (int r = 0; stand && r < kCount; ++r) keep(t[r], before[r]);
+        substep_all<kCount, kSets>(t, acting, p, plan.body, part);
+        for (int r = 0; stand && r < kCount; ++r) keep_still(part[r].stands, before[r], t[r]);
+      });
     }
+  }
+  /// The commands that act in a part.
+  TILLER_INLINE Input chosen(const Turns<Model, S>& turns, const Part<Model, S>& part) const {
+    Input acting;
+    each(model.nu(), [&](auto i) TILLER_INLINED { acting[i] = select(part.older[i], turns.older[i], turns.newer[i]); });
+    return acting;
   }
   /// One period in which no input is delayed.
   TILLER_INLINE void advance(Trajectory<Model, S>& t, const Input& command, const Parameters<Model, S>& p) const {
-    advance_all<1, 1>(&t, &command, &p, NoPast{});
+    Plan<1, 1> plan;
+    plan_bodies(plan, &p);
+    plan_steps(plan, &p, false);
+    advance_all(&t, &command, &p, plan, NoPast{});
   }
-  /// past(i, port): the command of input `port` i periods ago.
+  /// past(i, port): the command of input `port` i periods ago; nobody asks where `remembers` is false.
   template <class Past>
   TILLER_INLINE void advance(Trajectory<Model, S>& t, const Input& command, const Parameters<Model, S>& p,
-                             const Past& past) const {
-    advance_all<1, 1>(&t, &command, &p, [&](int, int age, int port) { return past(age, port); });
+                             const Past& past, bool remembers = true) const {
+    Plan<1, 1> plan;
+    plan_bodies(plan, &p);
+    plan_steps(plan, &p, remembers);
+    advance_all(&t, &command, &p, plan, [&](int, int age, int port) { return past(age, port); });
   }
 
   /// One period without effects; the integrator is a constant.
