@@ -15,8 +15,8 @@ cp -r "$examples/damped_pendulum_c99" "$examples/own_model" "$examples/own_cost_
 export TILLER_CACHE="$work/cache"
 cd "$work"
 
-# How fast a model's kernels run is not judged here: half of the compiler's work does. Copies that are compiled as the
-# command does by itself are those of model_loader_test and of tests/package.
+# How fast a model's kernels run is not judged here: half of the compiler's work does. A copy that is compiled as the
+# command does by itself is that of model_loader_test.
 cxx=${TILLER_CXX:-c++}
 printf '#!/bin/sh\nexec "%s" "$@" -O1\n' "$cxx" >quick_cxx
 chmod +x quick_cxx

@@ -57,17 +57,17 @@ def facts_of_run(inside, ttl, count):
     client = subprocess.Popen([CLIENT, f"udpm://{GROUP}:{PORT}?ttl={ttl}", str(count)], stdout=subprocess.PIPE, text=True)
     assert client.stdout.readline() == "ready\n"
     lines = "".join(packet(sequence).hex() + "\n" for sequence in range(FOREIGN))
-    subprocess.run([*inside, sys.executable, "-c", SENDER], input=lines, text=True, check=True, timeout=30)
+    subprocess.run([*inside, sys.executable, "-c", SENDER], input=lines, text=True, check=True, timeout=60)
     time.sleep(0.2)  # a veth pair delivers at once; what came would have been counted
     own = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     own.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0)
-    until = time.monotonic() + 30
+    until = time.monotonic() + 60
     sequence = 1000
     while client.poll() is None and time.monotonic() < until:
         own.sendto(packet(sequence), (GROUP, PORT))
         sequence += 1
         time.sleep(0.05)
-    out, _ = client.communicate(timeout=5)
+    out, _ = client.communicate(timeout=60)
     assert client.returncode == 0, client.returncode
     return {key: int(value) for key, value in (part.split("=") for part in out.split())}
 

@@ -24,7 +24,7 @@ from tiller_lcm import command_t, measurement_t  # noqa: E402
 
 URL = "udpm://239.255.76.67:7667?ttl=0"
 COUNT, BATCH = 200, 10  # lcm-logger loses messages when more than 30 wait for it, so it is given time to catch up
-PATIENCE_S = 30  # only ever waited for in full by a test that fails
+PATIENCE_S = 60  # only ever waited for in full by a test that fails
 
 
 def measurement(sequence):

@@ -19,7 +19,7 @@
 namespace tiller {
 namespace {
 
-constexpr int kPatienceMs = 20000;  // only ever waited for in full by a test that fails
+constexpr int kPatienceMs = 60000;  // only ever waited for in full by a test that fails
 
 LcmOptions two_values() {
   LcmOptions options;

@@ -16,7 +16,7 @@ constexpr double kGain[4] = {-2.79, -35.95, -4.15, -7.53};
 bool next_measurement(tiller::LcmTransport& transport, tiller_measurement_t& measurement) {
   while (tiller::kLcmTransport.poll(&transport, &measurement) != tiller_status_ok) {
     pollfd wanted = {tiller::kLcmTransport.descriptor(&transport), POLLIN, 0};
-    if (::poll(&wanted, 1, 30000) <= 0) return false;  // the plant repeats itself until it is answered
+    if (::poll(&wanted, 1, 60000) <= 0) return false;  // the plant repeats itself until it is answered
   }
   return true;
 }

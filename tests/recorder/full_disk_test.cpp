@@ -62,9 +62,9 @@ class Disk {
   }
 };
 
-/// Pushes ticks until the recorder says so, or for 20 s.
+/// Pushes ticks until the recorder says so, or for a minute.
 bool until(Recorder& recorder, tiller_status_t status, std::uint64_t& pushed) {
-  for (int i = 0; i < 2000 && recorder.state().status != status; ++i) {
+  for (int i = 0; i < 6000 && recorder.state().status != status; ++i) {
     recorder.push(odd_tick(pushed++));
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }

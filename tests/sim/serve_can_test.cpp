@@ -126,7 +126,7 @@ ServeOptions lockstep(double duration_s) {
   ServeOptions o;
   o.period_s = 0.02;
   o.duration_s = duration_s;
-  o.answer_timeout_s = 5;
+  o.answer_timeout_s = 60;
   return o;
 }
 

@@ -13,7 +13,8 @@ namespace {
 
 using namespace tiller::test;
 
-const Words kCheck = {"export", TILLER_TEST_C_ROBOT, "-o", "config.c"};
+/// A command that wants the model. Each writes a file of its own: two that write the same one at once are refused.
+Words wants_model(const std::string& file = "config.c") { return {"export", TILLER_TEST_C_ROBOT, "-o", file}; }
 
 /// Becomes true, or the test is at its end: nothing here depends on how long it takes.
 bool eventually(const std::function<bool()>& holds) {
@@ -54,7 +55,7 @@ exec cc "$@"
   }
 
   pid_t start_compiling(const std::string& output = "out.txt") {
-    const pid_t command = start(kCheck, output);
+    const pid_t command = start(wants_model(), output);
     EXPECT_TRUE(eventually([&] { return pid_in("driver.pid") > 0 && pid_in("pass.pid") > 0; })) << text_of(output);
     return command;
   }
@@ -93,7 +94,8 @@ TEST_F(ModelCompile, SoDoesOneThatDoesNotListen) {
 
 TEST_F(ModelCompile, ParallelCommandsShareOneCompilation) {
   const pid_t first = start_compiling("first.txt");
-  const pid_t second = start(kCheck, "second.txt"), third = start(kCheck, "third.txt");
+  const pid_t second = start(wants_model("second.c"), "second.txt");
+  const pid_t third = start(wants_model("third.c"), "third.txt");
   for (const char* output : {"second.txt", "third.txt"})
     EXPECT_TRUE(
         eventually([&] { return contains(text_of(output), "waiting for another tiller that compiles model"); }));
@@ -105,13 +107,13 @@ TEST_F(ModelCompile, ParallelCommandsShareOneCompilation) {
   EXPECT_EQ(finish(third, "third.txt").code, 0) << text_of("third.txt");
   EXPECT_EQ(runs(), 1);
   EXPECT_TRUE(contains(text_of("first.txt"), ": done after "));
-  EXPECT_EQ(run(kCheck).code, 0);
+  EXPECT_EQ(run(wants_model()).code, 0);
   EXPECT_EQ(runs(), 1) << "the copy serves";
 }
 
 TEST_F(ModelCompile, WhoWaitsGoesOnWhereTheFirstWasKilled) {
   const pid_t first = start_compiling("first.txt");
-  const pid_t second = start(kCheck, "second.txt");
+  const pid_t second = start(wants_model("second.c"), "second.txt");
   EXPECT_TRUE(eventually([&] { return contains(text_of("second.txt"), "waiting for another tiller"); }));
   touch("go");
   kill(first, SIGKILL);

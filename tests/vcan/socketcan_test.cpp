@@ -159,7 +159,7 @@ TEST_F(SocketCan, AThousandTicksInLockstepWithAnEmulatedDriver) {
     ASSERT_EQ(tiller_status_ok, send(command_of(k, tiller_state_active, force_N)));
     can_frame frame;
     while (driver.answered != k) {
-      ASSERT_TRUE(bus.receive(frame, 5000)) << "no status frame for " << k;
+      ASSERT_TRUE(bus.receive(frame, 60000)) << "no status frame for " << k;
       driver.take(frame);
     }
     // the first ones ask the driver to follow: nothing then
@@ -264,7 +264,7 @@ TEST_F(SocketCan, AFaultOfTheMotorComesBeforeTheMeasurement) {
   EXPECT_STREQ("odrive: the watchdog has expired: commands came too late or not at all", transport_.robot.fault_text());
   ASSERT_EQ(tiller_status_ok, socketcan_clear_faults(&transport_));
   can_frame frame;
-  ASSERT_TRUE(bus.receive(frame, 5000));
+  ASSERT_TRUE(bus.receive(frame, 60000));
   EXPECT_EQ(kMotor << 5 | 0x18, frame.can_id);
   bus.send(kHeartbeat, bytes_of(0, 1));
   EXPECT_EQ(tiller_status_ok, poll());
@@ -343,7 +343,7 @@ TEST_F(SocketCan, AnInterfaceThatIsRemovedAndMadeAnewIsFoundByItsName) {
   EXPECT_EQ(0u, counters().bad_messages);
   ASSERT_EQ(tiller_status_ok, send(command_of(1, tiller_state_standby, 0.0)));
   can_frame frame;
-  EXPECT_TRUE(bus.receive(frame, 5000));
+  EXPECT_TRUE(bus.receive(frame, 60000));
 }
 
 // A set point that went out comes back as its own confirmation; nobody else's may be under our identifiers.
@@ -388,7 +388,7 @@ TEST_F(SocketCan, NothingIsQueuedBehindWhatIsNotOnTheBusYet) {
   transport_.awaited = 0;  // it comes at last
   EXPECT_EQ(tiller_status_no_new_measurement, poll());
   EXPECT_EQ(tiller_status_ok, send(command_of(6, tiller_state_safe, 0.0)));
-  EXPECT_TRUE(bus.receive(frame, 5000));
+  EXPECT_TRUE(bus.receive(frame, 60000));
 }
 
 // By the kernel's stamp and not by the time of reading.
@@ -397,14 +397,17 @@ TEST_F(SocketCan, AMeasurementThatWaitedInTheQueueIsAsOldAsItIs) {
   options.layout.stamp_on_arrival = true;
   open(options);
   RawBus bus("vcan0");
-  const std::int64_t before_us = monotonic_us();
-  send_measurement(bus, 0, 0, 0.0f);
-  const std::int64_t sent_us = monotonic_us();
-  ASSERT_EQ(0, std::system("sleep 0.3"));
-  ASSERT_EQ(tiller_status_ok, poll());
-  // two clocks are read one after the other, at microseconds each; an emulated machine may stand still between
-  EXPECT_GE(measurement_.stamp_us, before_us - 20000);
-  EXPECT_LE(measurement_.stamp_us, sent_us + 20000);
+  // two clocks are read one after the other, at microseconds each; a machine that stands still between them is asked again
+  bool near = false;
+  for (std::uint32_t k = 0; k < 10 && !near; ++k) {
+    const std::int64_t before_us = monotonic_us();
+    send_measurement(bus, k, 0, 0.0f);
+    const std::int64_t sent_us = monotonic_us();
+    ASSERT_EQ(0, std::system("sleep 0.3"));
+    ASSERT_EQ(tiller_status_ok, poll());
+    near = measurement_.stamp_us >= before_us - 20000 && measurement_.stamp_us <= sent_us + 20000;
+  }
+  EXPECT_TRUE(near);
   EXPECT_GT(monotonic_us() - measurement_.stamp_us, 250000);
   EXPECT_EQ(StampSource::kKernel, transport_.stamps) << "a virtual interface has no clock";
 }
@@ -424,7 +427,7 @@ TEST_F(SocketCan, MoteusSpeaksFdFramesWithItsFastPhase) {
   bus.send(kStamp, bytes_of(20000, 1));
   EXPECT_EQ(tiller_status_no_new_measurement, poll());
   canfd_frame frame;
-  ASSERT_TRUE(bus.receive_fd(frame, 5000)) << "the stamp makes the transport ask the drive";
+  ASSERT_TRUE(bus.receive_fd(frame, 60000)) << "the stamp makes the transport ask the drive";
   EXPECT_EQ(CAN_EFF_FLAG | 0x8000u | kMotor, frame.can_id);
   EXPECT_EQ(CANFD_BRS, frame.flags & CANFD_BRS);
   ASSERT_EQ(6, frame.len);
