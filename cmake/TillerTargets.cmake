@@ -22,8 +22,7 @@ if(TILLER_SANITIZE)
   add_link_options(-fsanitize=${TILLER_SANITIZE})
 endif()
 if(TILLER_COVERAGE)
-  # -fprofile-update=atomic: some tests have threads, and counters that are lost look like lines that were not reached.
-  add_compile_options(--coverage -fprofile-update=atomic)
+  add_compile_options(--coverage)
   add_link_options(--coverage)
 endif()
 if(TILLER_REPRODUCIBLE)
@@ -120,6 +119,9 @@ if(TILLER_SANITIZE OR TILLER_COVERAGE)
   # Optimised, an instrumented kernel compiles for minutes; as it is, in 15 to 40 s. Of the fuzzer's counters it is spared
   # below.
   set(TILLER_ISA_OPTIMISATION -O0 -g1)
+  if(TILLER_COVERAGE)
+    set(TILLER_ISA_OPTIMISATION -O1 -g1)
+  endif()
   list(LENGTH TILLER_ISAS copies)
   if(copies EQUAL 1)
     # Forced inlining makes it ten times as much code: what one copy does not need, since nobody shares its functions.
