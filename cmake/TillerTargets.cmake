@@ -18,8 +18,12 @@ set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
 add_library(tiller_flags INTERFACE)
 target_compile_options(tiller_flags INTERFACE -Wall -Wextra -Wshadow -Wconversion -Wno-sign-conversion)
 if(TILLER_SANITIZE)
-  add_compile_options(-fsanitize=${TILLER_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
+  add_compile_options(-fsanitize=${TILLER_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer -g1)
   add_link_options(-fsanitize=${TILLER_SANITIZE})
+endif()
+if(TILLER_COVERAGE)
+  add_compile_options(--coverage)
+  add_link_options(--coverage)
 endif()
 if(TILLER_REPRODUCIBLE)
   add_compile_options(-ffp-contract=off)
@@ -111,10 +115,18 @@ set(TILLER_ISA_FLAGS_avx512 -mavx512f -mavx512cd -mavx512dq -mavx512bw -mavx512v
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   set(TILLER_ISA_QUIET -Wno-uninitialized -Wno-maybe-uninitialized)
 endif()
-if(TILLER_SANITIZE)
-  # Instrumented and optimised, one kernel takes many minutes to compile, and not optimised but checked for undefined
-  # behaviour, five: kernels are checked for addresses (or races) alone.
-  set(TILLER_ISA_OPTIMISATION -O0 -g1 -fno-sanitize=undefined)
+if(TILLER_SANITIZE OR TILLER_COVERAGE)
+  # Optimised, an instrumented kernel compiles for minutes; as it is, in 15 to 40 s. Of the fuzzer's counters it is spared
+  # below.
+  set(TILLER_ISA_OPTIMISATION -O0 -g1)
+  if(TILLER_COVERAGE)
+    set(TILLER_ISA_OPTIMISATION -O1 -g1)
+  endif()
+  list(LENGTH TILLER_ISAS copies)
+  if(copies EQUAL 1)
+    # Forced inlining makes it ten times as much code: what one copy does not need, since nobody shares its functions.
+    add_compile_definitions(TILLER_PLAIN_CALLS)
+  endif()
   if(TILLER_SANITIZE MATCHES "fuzzer")
     # Counted along, the kernels' many branches would cost a fuzzer more than what it tests; they see checked numbers.
     list(APPEND TILLER_ISA_OPTIMISATION -fno-sanitize=${TILLER_SANITIZE})
@@ -142,7 +154,8 @@ endfunction()
 # tiller_test(name SOURCES a_test.cpp ... LIBS tiller_core ... LABELS slow)
 #
 # A GoogleTest program registered with ctest as <name>. Every test prints what it measured. Files of testing::TempDir() are
-# in a folder of its own: another test, preset or checkout that runs at the same time has others.
+# in a folder of its own: another test, preset or checkout that runs at the same time has others. The label threads: it has
+# some (the target threaded builds these).
 function(tiller_test name)
   cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LIBS;LABELS;ARGS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
@@ -152,11 +165,22 @@ function(tiller_test name)
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 300)
   endif()
-  if(CMAKE_CROSSCOMPILING_EMULATOR) # some twenty times slower
+  if(CMAKE_CROSSCOMPILING_EMULATOR OR TILLER_SANITIZE OR TILLER_COVERAGE) # some twenty times slower
     math(EXPR ARG_TIMEOUT "4 * ${ARG_TIMEOUT}")
   endif()
   set(folder ${CMAKE_CURRENT_BINARY_DIR}/${name}_files)
   file(MAKE_DIRECTORY ${folder})
   set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${ARG_TIMEOUT}
     ENVIRONMENT "TEST_TMPDIR=${folder}")
+  if("threads" IN_LIST ARG_LABELS)
+    tiller_threaded(${name})
+  endif()
+endfunction()
+
+# tiller_threaded(target...): programs of tests labelled threads, for ThreadSanitizer.
+function(tiller_threaded)
+  if(NOT TARGET threaded)
+    add_custom_target(threaded)
+  endif()
+  add_dependencies(threaded ${ARGN})
 endfunction()

@@ -19,6 +19,7 @@ class CanSocket {
   /// False with the reason, and what to do, in error().
   bool open(const std::string& interface, const std::vector<std::uint32_t>& nodes) {
     std::vector<DriveAxis::Listens> filters;
+    filters.reserve(nodes.size());
     for (const std::uint32_t node : nodes) filters.push_back({can_id(node, 0), can_id(63, 0), false});
     return open(interface, filters, false);
   }

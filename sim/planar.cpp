@@ -65,9 +65,9 @@ void PlanarMechanism::all_frames(const double* q, const double* v, std::vector<F
   for (std::size_t i = 0; i < extras_.size(); ++i) {
     const Extra& e = extras_[i];
     Frame f;
-    if (e.what == Extra::payload) {
+    if (e.what == Extra::Kind::payload) {
       f = tip(q, v);
-    } else if (e.what == Extra::load) {
+    } else if (e.what == Extra::Kind::load) {
       f = arm_end(tip(q, v), e.length_m, q[e.coordinate], v[e.coordinate], -1);
     } else {  // about the hinge's axis, or along the rail
       const bool turns = slots_[e.slot].hinge != nullptr;
@@ -78,7 +78,7 @@ void PlanarMechanism::all_frames(const double* q, const double* v, std::vector<F
   }
 }
 
-const PlanarMechanism::Extra* PlanarMechanism::extra(int what) const {
+const PlanarMechanism::Extra* PlanarMechanism::extra(Extra::Kind what) const {
   for (const Extra& e : extras_) {
     if (e.what == what) return &e;
   }
@@ -130,7 +130,7 @@ void PlanarMechanism::place(const std::vector<double>& state) {
     q_[rotor.coordinate] = q_[rotor.slot];
     v_[rotor.coordinate] = v_[rotor.slot];
   }
-  if (const Extra* load = extra(Extra::load)) q_[load->coordinate] = v_[load->coordinate] = 0;
+  if (const Extra* load = extra(Extra::Kind::load)) q_[load->coordinate] = v_[load->coordinate] = 0;
   last_v_ = shown_v_ = v_;
   shown_q_ = q_;
   put(q_, v_);
@@ -188,7 +188,7 @@ double PlanarMechanism::ode_rate(std::size_t coordinate) const {
     return dBodyGetLinearVel(rotor.body)[0];
   }
   for (std::size_t i = 0; i < extras_.size(); ++i) {
-    if (extras_[i].what == Extra::load) return -dBodyGetAngularVel(parts_[own_parts_ + i].body)[1];
+    if (extras_[i].what == Extra::Kind::load) return -dBodyGetAngularVel(parts_[own_parts_ + i].body)[1];
   }
   return 0;
 }
@@ -237,18 +237,18 @@ dBodyID PlanarMechanism::extra_body(double mass_kg, double across, const Frame& 
 }
 
 bool PlanarMechanism::add_payload(double mass_kg) {
-  if (extra(Extra::payload) != nullptr) return false;
+  if (extra(Extra::Kind::payload) != nullptr) return false;
   const std::vector<double> zero(q_.size(), 0.0);
   const dBodyID body = extra_body(mass_kg, 1e-8 * mass_kg, tip(zero.data(), zero.data()), slots_.back().up);
   const dJointID joint = dJointCreateFixed(world_.id(), nullptr);
   dJointAttach(joint, body, slots_.back().body);
   dJointSetFixed(joint);
-  extras_.push_back({Extra::payload, 0, 0, 0});
+  extras_.push_back({Extra::Kind::payload, 0, 0, 0});
   return true;
 }
 
 bool PlanarMechanism::add_swinging_load(double mass_kg, double length_m) {
-  if (extra(Extra::load) != nullptr) return false;
+  if (extra(Extra::Kind::load) != nullptr) return false;
   const std::vector<double> zero(q_.size(), 0.0);
   const Frame from = tip(zero.data(), zero.data());
   Frame at = from;
@@ -258,13 +258,13 @@ bool PlanarMechanism::add_swinging_load(double mass_kg, double length_m) {
   dJointAttach(joint, body, slots_.back().body);
   dJointSetHingeAnchor(joint, from.x, 0, from.z);
   dJointSetHingeAxis(joint, 0, -1, 0);
-  extras_.push_back({Extra::load, 0, new_coordinate(), length_m});
+  extras_.push_back({Extra::Kind::load, 0, new_coordinate(), length_m});
   return true;
 }
 
 bool PlanarMechanism::add_flywheel(std::size_t joint, double inertia) {
   const Slot& slot = slots_[joint];
-  if (!slot.on_ground || extra(Extra::flywheel) != nullptr) return false;
+  if (!slot.on_ground || extra(Extra::Kind::flywheel) != nullptr) return false;
   // at the hinge it weighs nothing; on a slider its mass is what it is for
   const double mass = slot.hinge != nullptr ? 1e-3 * parts_[0].mass : inertia;
   const dBodyID body = extra_body(mass, inertia, Frame{}, slot.up);
@@ -273,7 +273,7 @@ bool PlanarMechanism::add_flywheel(std::size_t joint, double inertia) {
   dJointSetFixed(fixed);
   // the weight of a sliding flywheel is the rail's to bear, and none of a tilt's
   dBodySetGravityMode(body, 0);
-  extras_.push_back({Extra::flywheel, joint, joint, 0});
+  extras_.push_back({Extra::Kind::flywheel, joint, joint, 0});
   return true;
 }
 
@@ -297,7 +297,7 @@ bool PlanarMechanism::new_rotor(std::size_t motor, double inertia, double stiffn
   }
   const std::size_t coordinate = new_coordinate();
   rotors_.push_back({body, joint, index, coordinate, stiffness, damping});
-  extras_.push_back({Extra::rotor, index, coordinate, 0});
+  extras_.push_back({Extra::Kind::rotor, index, coordinate, 0});
   return true;
 }
 

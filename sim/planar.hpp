@@ -105,11 +105,12 @@ class PlanarMechanism : public Mechanism {
   std::vector<dBodyID> bodies_;  // of all parts
   std::size_t own_parts_ = 0;
   struct Extra {
-    enum { flywheel, rotor, payload, load } what;
+    enum class Kind { flywheel, rotor, payload, load };
+    Kind what;
     std::size_t slot, coordinate;
     double length_m;
   };
-  const Extra* extra(int what) const;
+  const Extra* extra(Extra::Kind what) const;
   std::size_t new_coordinate();
 
   std::vector<Extra> extras_;  // one for each part that is not the mechanism's own

@@ -269,7 +269,7 @@ std::string plant_help() {
   }
   out << "hidden effects:\n";
   for (const EffectInfo& e : effect_infos()) {
-    static const char* const kWhere[] = {"at a joint", "at a command", "at a sensor", "of the whole"};
+    static constexpr const char* kWhere[] = {"at a joint", "at a command", "at a sensor", "of the whole"};
     out << "  " << e.kind << ":";
     for (std::size_t i = 0; i < e.parameters.size(); ++i) out << (i ? "," : "") << e.parameters[i].name << "=VALUE";
     out << "  " << e.help << " (" << kWhere[static_cast<int>(e.port)] << ")\n";

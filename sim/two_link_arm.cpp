@@ -55,7 +55,8 @@ class TwoLinkArm final : public PlanarMechanism {
     const double above =
         p_.at("upper_inertia_kgm2") + p_.at("upper_mass_kg") * upper_com_m_ * upper_com_m_ + m2 * l1 * l1;
     double least = joint == 0 ? above : below;
-    for (double c = -1; c <= 1; c += 1.0 / 64) {
+    for (int k = -64; k <= 64; ++k) {
+      const double c = k / 64.0;
       const double coupling = m2 * l1 * com2 * c, across = below + coupling, whole = above + below + 2 * coupling;
       least = std::min(least, joint == 0 ? whole - across * across / below : below - across * across / whole);
     }

@@ -23,6 +23,16 @@ std::vector<std::string_view> cells_of(std::string_view row) {
   }
 }
 
+using CodeNames = std::unordered_map<std::string_view, int>;
+
+/// The codes below `codes` by their names; what has no name of its own is the first of them.
+template <class Name>
+CodeNames code_names(int codes, const Name& name_of) {
+  CodeNames names;
+  for (int code = 0; code < codes; ++code) names.emplace(name_of(code), code);
+  return names;
+}
+
 /// One row after the other; the first cell that is not what it should be is remembered.
 class CsvRow {
  public:
@@ -53,16 +63,11 @@ class CsvRow {
   void numbers(const char* prefix, const Words& columns, double* values) {
     for (std::size_t i = 0; i < columns.size(); ++i) number(prefix + columns[i], values[i]);
   }
-  /// A code below `codes` by its name.
-  template <class Code, class Name>
-  void word(const std::string& column, Code& value, int codes, const Name& name_of) {
-    const std::string_view text = cell(column);
-    for (int code = 0; code < codes; ++code) {
-      if (text != name_of(code)) continue;
-      value = static_cast<Code>(code);
-      return;
-    }
-    complain(column);
+  template <class Code>
+  void word(const std::string& column, Code& value, const CodeNames& names) {
+    const auto found = names.find(cell(column));
+    if (found == names.end()) return complain(column);
+    value = static_cast<Code>(found->second);
   }
 
  private:
@@ -110,6 +115,10 @@ void take_parameters(const RobotFile& robot, CsvRow& row, tiller_record_t& r) {
 }
 
 RecordEntry entry_of(const RobotFile& robot, CsvRow& row) {
+  static const CodeNames statuses = code_names(
+      kStatusCodes, [](int code) { return tiller_status_name(static_cast<tiller_status_t>(code)); });
+  static const CodeNames states =
+      code_names(kStateCodes, [](int code) { return tiller_state_name(static_cast<tiller_state_t>(code)); });
   RecordEntry entry;
   tiller_record_t& r = entry.record;
   row.integer("tick", r.tick);
@@ -117,10 +126,8 @@ RecordEntry entry_of(const RobotFile& robot, CsvRow& row) {
   row.integer("calls", r.calls);
   row.integer("stop_status", entry.stop_status);
   row.integer("iterations", r.planner_iterations);
-  row.word("status", r.status, kStatusCodes,
-           [](int code) { return tiller_status_name(static_cast<tiller_status_t>(code)); });
-  row.word("state", r.command.state, kStateCodes,
-           [](int code) { return tiller_state_name(static_cast<tiller_state_t>(code)); });
+  row.word("status", r.status, statuses);
+  row.word("state", r.command.state, states);
   r.command.stamp_us = r.now_us;
   row.numbers("", robot.inputs, r.command.value);
   row.numbers("mean.", robot.states, r.state_mean);

@@ -4,14 +4,14 @@
 #include <cstdarg>
 #include <cstdio>
 #include <cstdlib>
+#include <utility>
 
 namespace tiller::tools {
 
 std::size_t edit_distance(const std::string& a, const std::string& b) {
   // rows of the optimal string alignment table: before[j] two rows up, above[j] one row up
-  std::vector<std::size_t> before(b.size() + 1);
-  std::vector<std::size_t> above(b.size() + 1);
-  std::vector<std::size_t> row(b.size() + 1);
+  std::vector<std::size_t> rows(3 * (b.size() + 1));
+  std::size_t *before = rows.data(), *above = before + b.size() + 1, *row = above + b.size() + 1;
   for (std::size_t j = 0; j <= b.size(); ++j) above[j] = j;
   for (std::size_t i = 1; i <= a.size(); ++i) {
     row[0] = i;
@@ -22,8 +22,8 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
         row[j] = std::min(row[j], before[j - 2] + 1);
       }
     }
-    before.swap(above);
-    above.swap(row);
+    std::swap(before, above);
+    std::swap(above, row);
   }
   return above[b.size()];
 }

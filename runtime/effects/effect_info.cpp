@@ -24,7 +24,7 @@ int find_effect(const char* name) {
 }
 
 const char* port_kind_name(PortKind port) {
-  static const char* const kNames[kPortKinds] = {"joint", "input", "sensor", "body"};
+  static constexpr const char* kNames[kPortKinds] = {"joint", "input", "sensor", "body"};
   return kNames[static_cast<int>(port)];
 }
 std::uint32_t port_count(PortKind port, const tiller_model_t& model) {

@@ -78,7 +78,7 @@ void PlanningBelief::measure_ways(double ahead_s) {
     if (way.part_s < kLeastShare * period_s) way.part_s = 0.0;
     sum_s += way.total_s;
   }
-  lead_periods_ = static_cast<std::uint32_t>(sum_s / (belief_.count * period_s) + 0.5);
+  lead_periods_ = static_cast<std::uint32_t>(std::lround(sum_s / (belief_.count * period_s)));
 }
 
 /// The parts of periods that come first, a rollout for each of the lengths that a register of hypotheses has.

@@ -103,7 +103,7 @@ namespace {
 
 // ---- multiple shooting --------------------------------------------------------------------------
 
-constexpr double kLeastStep = 1.0 / 64.0;
+constexpr int kMostHalvings = 6;
 constexpr double kDescent = 1e-4;  // Armijo's share of the expected change
 
 /// l1 norm of what the path lacks of being a motion from the start.
@@ -158,7 +158,8 @@ bool iterate_multiple(Ilqr& s) {
   if (gap > 0.0) s.penalty = std::fmax(s.penalty, 2.0 * slope / gap);
   const double merit = cost + s.penalty * gap, expected = slope - s.penalty * gap;
   keep_path(p);
-  for (double alpha = 1.0; alpha >= kLeastStep; alpha *= 0.5) {
+  for (int halvings = 0; halvings <= kMostHalvings; ++halvings) {
+    const double alpha = std::ldexp(1.0, -halvings);
     step_along(p, alpha);
     s.standing = false;
     stand(s);

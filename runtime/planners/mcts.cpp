@@ -127,11 +127,12 @@ bool draw(Sampler& s) {
     choose_for_leaf(s, t, leaf, t.leaf_count * kPolicies, dice);
   }
   // row by row: a lane's knots stand too far apart for the cache
-  for (std::uint32_t r = 0; r < s.rows; ++r) {
-    const std::uint8_t* chosen = t.chosen + r % s.grid.knots;
-    const float* value = t.value + std::size_t{r / s.grid.knots} * t.actions;
-    float* row = s.knots + std::size_t{r} * s.rollouts;
-    for (std::uint32_t lane = 0; lane < s.rollouts; ++lane) row[lane] = value[chosen[std::size_t{lane} * s.grid.knots]];
+  float* row = s.knots;
+  for (std::uint32_t i = 0; i < s.inputs; ++i) {
+    const float* value = t.value + std::size_t{i} * t.actions;
+    for (std::uint32_t j = 0; j < s.grid.knots; ++j, row += s.rollouts)
+      for (std::uint32_t lane = 0; lane < s.rollouts; ++lane)
+        row[lane] = value[t.chosen[std::size_t{lane} * s.grid.knots + j]];
   }
   return true;
 }

@@ -35,7 +35,10 @@ double ScenarioRisk::value(const double* cost) const {
     sorted[at] = cost[j];
   }
   double left = tail(), sum = 0.0;
-  for (std::uint32_t j = 0; j < count_ && left > 0.0; ++j, left -= 1.0) sum += (left < 1.0 ? left : 1.0) * sorted[j];
+  for (std::uint32_t j = 0; j < count_ && left > 0.0; ++j) {
+    sum += (left < 1.0 ? left : 1.0) * sorted[j];
+    left -= 1.0;
+  }
   return sum / tail();
 }
 

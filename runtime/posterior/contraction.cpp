@@ -56,7 +56,7 @@ void rotate(std::uint32_t d, std::uint32_t p, std::uint32_t q, double* a, double
 /// Calls visit(coordinates (d), weight) for every particle.
 template <class Visit>
 void for_each_particle(const tiller_config_t& config, const Posterior& posterior, const Visit& visit) {
-  double params[TILLER_MAX_PARAMS], v[TILLER_MAX_PARAMS], weight = 0.0;
+  double params[TILLER_MAX_PARAMS] = {}, v[TILLER_MAX_PARAMS] = {}, weight = 0.0;
   for (std::uint32_t k = 0; k < posterior.size(); ++k) {
     posterior.particle(k, params, nullptr, &weight);
     std::uint32_t j = 0;
@@ -96,7 +96,7 @@ void jacobi_eigen(std::uint32_t d, double* a, double* v) {
 
 bool contract(std::uint32_t d, const double* posterior, const double* prior, Contraction& to) {
   constexpr std::uint32_t most = TILLER_MAX_PARAMS * TILLER_MAX_PARAMS;
-  double root[most], white[most], v[most];
+  double root[most] = {}, white[most] = {}, v[most] = {};
   to = {};
   to.d = d;
   for (std::uint32_t i = 0; i < d * d; ++i) {

@@ -160,7 +160,7 @@ void PolynomialDesign::place_points(const Cloud& cloud) {
 
 /// (Phi' Phi + a little)^-1 Phi' of the design, which may have lost its shape at the prior's bounds.
 void PolynomialDesign::invert() {
-  double *normal = square_, *root = square_ + std::size_t{terms_} * terms_, phi[kMaxTerms];
+  double *normal = square_, *root = square_ + std::size_t{terms_} * terms_, phi[kMaxTerms] = {};
   std::memset(normal, 0, sizeof(double) * terms_ * terms_);
   for (std::uint32_t k = 0; k < points_; ++k) {
     double v[kMaxCoordinates], z[kMaxCoordinates];

@@ -112,8 +112,11 @@ class Posterior {
   virtual void report(PosteriorReport& report) const { report = {}; }
 
  protected:
-  ~Posterior() = default;                  // lives and ends with its block
-  double origin_[TILLER_MAX_STATES] = {};  // of draw()'s states
+  ~Posterior() = default;                           // lives and ends with its block
+  const double* origin() const { return origin_; }  // of draw()'s states
+
+ private:
+  double origin_[TILLER_MAX_STATES] = {};
 };
 
 /// The refusals of Posterior::update that hold for every engine; ok otherwise.

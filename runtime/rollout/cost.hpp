@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "scalar/inline.hpp"
 #include "tiller/tiller.h"
 
 namespace tiller {
@@ -77,7 +78,7 @@ tiller_status_t lay_out_cost(const tiller_config_t& config, const StepSetup& set
                              CostTerms<double>* exact, CostTerms<float>* lanes);
 
 /// Row of a table of `rows` that is due at `step`: the last row holds.
-inline __attribute__((always_inline)) std::size_t cost_row(std::uint64_t step, std::uint32_t rows) {
+TILLER_INLINE std::size_t cost_row(std::uint64_t step, std::uint32_t rows) {
   return step < rows ? static_cast<std::size_t>(step) : std::size_t{rows} - 1;
 }
 

@@ -36,7 +36,7 @@ inline MeasurementMap measurement_map(const tiller_config_t& config, std::uint32
     const tiller_effect_t& effect = config.effects[e];
     const EffectInfo& info = effect_info(effect.kind);
     if (info.port == PortKind::sensor && effect.port == state) {
-      double own[kMaxEffectParams];
+      double own[kMaxEffectParams] = {};
       for (int i = 0; i < info.param_count; ++i) own[i] = params[(row + static_cast<std::size_t>(i)) * stride];
       switch (effect.kind) {
 #define TILLER_EFFECT(name, Type)              \

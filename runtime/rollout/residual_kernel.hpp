@@ -78,7 +78,7 @@ struct ResidualKernel {
     for (int k = 0; k < b.count; ++k) {
       const MeasuredStep& s = job.steps[first + static_cast<std::uint32_t>(k)];
       each(Model::nx(), [&](auto i) {
-        const bool missing = s.change[i] != s.change[i];
+        const bool missing = __builtin_isnan(s.change[i]);
         b.state[i][k] = static_cast<float>(Model::is_angle(i) ? wrap(s.state[i]) : s.state[i]);
         b.change[i][k] = missing ? 0.0f : static_cast<float>(s.change[i]);
         b.weight[i][k] = missing ? 0.0f : static_cast<float>(s.weight);

@@ -17,6 +17,7 @@
 #include <cstring>
 #include <type_traits>
 
+#include "scalar/inline.hpp"
 #include "scalar/isa.hpp"
 #include "tiller/math.hpp"
 
@@ -343,7 +344,7 @@ Pack<T> polynomial(const T (&c)[Table<T>::kTerms], const Pack<T>& z) {
 /// the argument has no meaningful phase and the result may be anything. NaN and infinities give NaN.
 /// Cost in AVX-512 f32: about 20 instructions for both.
 template <class T>
-inline __attribute__((always_inline)) void sincos(const Pack<T>& x, Pack<T>& sine, Pack<T>& cosine) {
+TILLER_INLINE void sincos(const Pack<T>& x, Pack<T>& sine, Pack<T>& cosine) {
   using C = trig::Table<T>;
   const Pack<T> shifted = fma_pack<T>(x, Pack<T>(0.63661977236758134308), Pack<T>(C::kMagic));
   const Pack<T> turns = shifted - Pack<T>(C::kMagic);

@@ -25,7 +25,7 @@ struct Tape {
   TILLER_INLINE Pack<float> read() { return Pack<float>(at[next++ * stride]); }
 };
 
-#define TILLER_SHARED friend inline __attribute__((always_inline)) SharedStart
+#define TILLER_SHARED friend TILLER_INLINE SharedStart
 
 struct SharedStart {
   using P = Pack<float>;

@@ -8,11 +8,12 @@
 
 #include <type_traits>
 
+#include "scalar/inline.hpp"
 #include "tiller/scalar.hpp"
 
 namespace tiller {
 
-#define TILLER_SPARSE friend inline __attribute__((always_inline)) SparseDual
+#define TILLER_SPARSE friend TILLER_INLINE SparseDual
 
 template <class S>
 struct SparseDual {
@@ -23,10 +24,10 @@ struct SparseDual {
   bool constant = true;
 
   SparseDual() = default;
-  __attribute__((always_inline)) SparseDual(const S& value) : v(value), d(S(0.0)) {}
+  TILLER_INLINED SparseDual(const S& value) : v(value), d(S(0.0)) {}
   template <class A, class = std::enable_if_t<std::is_arithmetic<A>::value && !std::is_same<A, S>::value>>
-  __attribute__((always_inline)) SparseDual(A value) : SparseDual(S(value)) {}
-  static inline __attribute__((always_inline)) SparseDual seed(const S& value) { return chain(value, S(1.0)); }
+  TILLER_INLINED SparseDual(A value) : SparseDual(S(value)) {}
+  static TILLER_INLINE SparseDual seed(const S& value) { return chain(value, S(1.0)); }
 
   TILLER_SPARSE operator+(const SparseDual& a, const SparseDual& b) {
     if (a.constant && b.constant) return SparseDual(a.v + b.v);
@@ -66,7 +67,7 @@ struct SparseDual {
   }
   TILLER_SPARSE min(const SparseDual& a, const SparseDual& b) { return select(a.v < b.v, a, b); }
   TILLER_SPARSE max(const SparseDual& a, const SparseDual& b) { return select(a.v > b.v, a, b); }
-  friend inline __attribute__((always_inline)) void sincos(const SparseDual& a, SparseDual& sine, SparseDual& cosine) {
+  friend TILLER_INLINE void sincos(const SparseDual& a, SparseDual& sine, SparseDual& cosine) {
     S s, c;
     sincos(a.v, s, c);
     sine = a.constant ? SparseDual(s) : chain(s, c * a.d);
@@ -114,8 +115,8 @@ struct SparseDual {
   TILLER_SPARSE floor(const SparseDual& a) { return SparseDual(floor(a.v)); }
   TILLER_SPARSE nearest(const SparseDual& a) { return SparseDual(nearest(a.v)); }
 
-  inline __attribute__((always_inline)) S slope() const { return constant ? S(0.0) : d; }
-  static inline __attribute__((always_inline)) SparseDual chain(const S& value, const S& slope) {
+  TILLER_INLINE S slope() const { return constant ? S(0.0) : d; }
+  static TILLER_INLINE SparseDual chain(const S& value, const S& slope) {
     SparseDual r;
     r.v = value;
     r.d = slope;

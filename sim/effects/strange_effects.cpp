@@ -170,7 +170,7 @@ class CommandJitter final : public Effect {
   double drive(double wanted, const Moment& now) override {
     past_.push_back(wanted);
     const double delay_s = most_s_ * stream_.uniform(static_cast<std::uint64_t>(now.time_us / 20000));
-    const auto back = static_cast<std::size_t>(delay_s / now.step_s + 0.5);
+    const auto back = static_cast<std::size_t>(std::lround(delay_s / now.step_s));
     return back < past_.size() ? past_[past_.size() - 1 - back] : 0.0;
   }
 

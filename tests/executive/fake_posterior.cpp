@@ -71,7 +71,7 @@ class Obedient final : public Posterior {
         params[p * count + i] = static_cast<float>(posterior.param[p]) + posterior.param_step * static_cast<float>(i);
     for (std::uint32_t x = 0; state && x < config_->model->state_count; ++x)
       for (std::uint32_t i = 0; i < count; ++i)
-        state[x * count + i] = static_cast<float>(posterior.state[x] - origin_[x]);
+        state[x * count + i] = static_cast<float>(posterior.state[x] - origin()[x]);
     if (effect_state) std::fill(effect_state, effect_state + std::size_t{setup_.effect_state_count} * count, 0.0f);
   }
   double drawn_delay(std::uint32_t column) const override {

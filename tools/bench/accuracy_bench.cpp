@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "arguments.hpp"
 #include "spread.hpp"
 
 namespace tiller::bench {
@@ -31,7 +32,7 @@ bool accepted(const tiller_config_t& config) {
 bool Bench::parse(int argc, char** argv) {
   for (int i = 1; i + 1 < argc; i += 2) {
     const std::string key = argv[i], value = argv[i + 1];
-    const int whole = std::atoi(value.c_str());
+    const auto whole = [&] { return bench::whole_number(value); };
     if (key == "--only")
       only = value;
     else if (key == "--task")
@@ -39,11 +40,11 @@ bool Bench::parse(int argc, char** argv) {
     else if (key == "--hidden")
       hidden = value;
     else if (key == "--sigma")
-      sigma = std::atof(value.c_str());
+      sigma = bench::real_number(value);
     else if (key == "--runs")
-      runs = four_runs = options_runs = encoder_runs = whole;
+      runs = four_runs = options_runs = encoder_runs = whole();
     else if (key == "--short")
-      short_runs = whole;
+      short_runs = whole();
     else if (key == "--seeds") {
       const std::size_t dots = value.find("..");
       first_seed = std::strtoull(value.c_str(), nullptr, 10);
@@ -51,21 +52,21 @@ bool Bench::parse(int argc, char** argv) {
         runs = four_runs = short_runs = options_runs = encoder_runs =
             static_cast<int>(std::strtoull(value.c_str() + dots + 2, nullptr, 10) - first_seed + 1);
     } else if (key == "--threads")
-      threads = static_cast<unsigned>(whole);
+      threads = static_cast<unsigned>(whole());
     else if (key == "--engine" && (value == "filter" || value == "transition"))
       filter = value == "filter";
     else if (key == "--particles")
-      particles = whole;
+      particles = whole();
     else if (key == "--window")
-      window = whole;
+      window = whole();
     else if (key == "--moves")
-      moves = whole;
+      moves = whole();
     else if (key == "--robust")
-      robust = whole;
+      robust = whole();
     else if (key == "--discrepancy")
-      discrepancy = whole;
+      discrepancy = whole();
     else if (key == "--scouts")
-      scouts = std::atof(value.c_str());
+      scouts = bench::real_number(value);
     else if (key == "--json")
       json = std::fopen(value.c_str(), "w");
     else if (key == "--csv")

@@ -25,6 +25,7 @@ using namespace tiller::bench;
 
 std::vector<double> column(const std::vector<Accuracy>& runs, double (*of)(const Accuracy&)) {
   std::vector<double> v;
+  v.reserve(runs.size());
   for (const Accuracy& a : runs) v.push_back(of(a));
   return v;
 }
@@ -110,7 +111,7 @@ void report_options(Table& table, const Bench& bench) {
   table.heading("what options cost where nothing calls for them, sigma 0.03 (mean loss of log density)");
   for (const AccuracyTask& task : bench.tasks(2)) {
     const auto plain = bench.run({task, 0.03}, bench.options_runs);
-    const struct {
+    constexpr struct {
       const char* name;
       void (*set)(tiller_posterior_config_t&);
     } kOptions[] = {{"discrepancy basis", [](tiller_posterior_config_t& p) { p.discrepancy = 1; }},

@@ -21,6 +21,7 @@
 #include <set>
 #include <string>
 
+#include "arguments.hpp"
 #include "bench_table.hpp"
 #include "calibration_run.hpp"
 #include "spread.hpp"
@@ -52,13 +53,13 @@ struct Options {
       else if (key == "--json")
         json = value;
       else if (key == "--runs")
-        runs = std::atoi(value.c_str());
+        runs = tiller::bench::whole_number(value);
       else if (key == "--references")
-        references = std::atoi(value.c_str());
+        references = tiller::bench::whole_number(value);
       else if (key == "--seed")
         seed = std::strtoull(value.c_str(), nullptr, 10);
       else if (key == "--threads")
-        threads = static_cast<unsigned>(std::atoi(value.c_str()));
+        threads = static_cast<unsigned>(tiller::bench::whole_number(value));
       else if (key == "--resume")
         resume = value == "1";
       else {

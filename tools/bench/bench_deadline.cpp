@@ -15,6 +15,7 @@
 #include <cstdio>
 #include <ctime>
 
+#include "arguments.hpp"
 #include "bench_table.hpp"
 #include "planning_problem.hpp"
 
@@ -159,9 +160,9 @@ int main(int argc, char** argv) {
   long calls = 100000;
   for (int i = 1; i < argc; ++i) {
     if (!std::strcmp(argv[i], "--plans") && i + 2 < argc)
-      return count_instructions(argv[i + 1], std::atoi(argv[i + 2]));
+      return count_instructions(argv[i + 1], bench::whole_number(argv[i + 2]));
     if (!std::strcmp(argv[i], "--calls") && i + 1 < argc) {
-      calls = std::atol(argv[++i]);
+      calls = bench::whole_number(argv[++i]);
     } else {
       std::fprintf(stderr, "bench_deadline: unknown argument '%s'\n", argv[i]);
       return 2;

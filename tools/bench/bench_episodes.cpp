@@ -30,7 +30,7 @@ struct Options {
 
 double quantile(std::vector<double> v, double q) {
   std::sort(v.begin(), v.end());
-  return v.empty() ? NAN : v[static_cast<std::size_t>(q * static_cast<double>(v.size() - 1) + 0.5)];
+  return v.empty() ? NAN : v[static_cast<std::size_t>(std::lround(q * static_cast<double>(v.size() - 1)))];
 }
 double median(const std::vector<double>& v) { return quantile(v, 0.5); }
 

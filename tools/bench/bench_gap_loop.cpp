@@ -15,6 +15,7 @@
 #include <cstring>
 #include <vector>
 
+#include "arguments.hpp"
 #include "bench_table.hpp"
 #include "gap_loop.hpp"
 
@@ -24,7 +25,7 @@ using namespace tiller;
 
 double quantile(std::vector<double> v, double q) {
   std::sort(v.begin(), v.end());
-  return v.empty() ? NAN : v[static_cast<std::size_t>(q * static_cast<double>(v.size() - 1) + 0.5)];
+  return v.empty() ? NAN : v[static_cast<std::size_t>(std::lround(q * static_cast<double>(v.size() - 1)))];
 }
 
 /// Chance of `wins` or more of n fair coins.
@@ -77,8 +78,8 @@ int main(int argc, char** argv) {
   for (int i = 1; i < argc; ++i) {
     if (!std::strcmp(argv[i], "--tune")) {
       first = 100001;
-    } else if (!std::strcmp(argv[i], "--seeds") && i + 1 < argc && std::atoi(argv[i + 1]) > 0) {
-      seeds = std::atoi(argv[++i]);
+    } else if (!std::strcmp(argv[i], "--seeds") && i + 1 < argc && bench::whole_number(argv[i + 1]) > 0) {
+      seeds = bench::whole_number(argv[++i]);
     } else {
       std::fprintf(stderr, "usage: bench_gap_loop [--seeds N] [--tune]\n");
       return 2;

@@ -12,6 +12,7 @@
 #include <cstring>
 #include <string>
 
+#include "arguments.hpp"
 #include "bench_table.hpp"
 #include "effects/effect_info.hpp"
 #include "gap_oracle.hpp"
@@ -179,7 +180,7 @@ int run(int argc, char** argv) {
     else if (word == "--test" && i + 1 < argc)
       test = argv[++i];
     else if (word == "--max-effects" && i + 1 < argc)
-      options.max_effects = static_cast<std::uint32_t>(std::atoi(argv[++i]));
+      options.max_effects = static_cast<std::uint32_t>(bench::whole_number(argv[++i]));
     else if (word == "--only" && i + 1 < argc)
       options.only.push_back(argv[++i]);
     else

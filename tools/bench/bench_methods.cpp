@@ -28,6 +28,7 @@
 
 #include "accuracy_run.hpp"
 #include "accuracy_statistics.hpp"
+#include "arguments.hpp"
 #include "bench_table.hpp"
 #include "exact_likelihood.hpp"
 #include "method_episode.hpp"
@@ -269,15 +270,15 @@ bool parse(int argc, char** argv, Settings& s) {
   for (int i = 1; i + 1 < argc; i += 2) {
     const std::string key = argv[i], value = argv[i + 1];
     if (key == "--runs")
-      s.runs = std::max(2, std::atoi(value.c_str()));
+      s.runs = std::max(2, bench::whole_number(value));
     else if (key == "--seed")
       s.first_seed = std::strtoull(value.c_str(), nullptr, 10);
     else if (key == "--task")
       s.task = value;
     else if (key == "--sigma")
-      s.sigma = std::atof(value.c_str());
+      s.sigma = bench::real_number(value);
     else if (key == "--simulations")
-      s.simulations = static_cast<std::uint32_t>(std::atoi(value.c_str()));
+      s.simulations = static_cast<std::uint32_t>(bench::whole_number(value));
     else if (key == "--only")
       s.only = value;
     else

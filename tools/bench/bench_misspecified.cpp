@@ -32,7 +32,7 @@ constexpr Source kSources[] = {Source::model, Source::ode};
 
 enum class Remedy { none, discrepancy, robust, delays, forgetting, filter, all };
 const char* remedy_name(Remedy r) {
-  static const char* const kNames[] = {
+  static constexpr const char* kNames[] = {
       "plain",  "discrepancy basis",       "robust weights", "delay hypotheses", "forgetting",
       "filter", "basis, robust and delays"};
   return kNames[static_cast<int>(r)];

@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <ctime>
 
+#include "arguments.hpp"
 #include "planning_problem.hpp"
 
 namespace {
@@ -159,7 +160,7 @@ int main(int argc, char** argv) {
     if (!std::strcmp(argv[i], "--planner") && i + 1 < argc)
       only = argv[++i];
     else if (!std::strcmp(argv[i], "--repeats") && i + 1 < argc)
-      repeats = std::atoi(argv[++i]);
+      repeats = bench::whole_number(argv[++i]);
     else if (!std::strcmp(argv[i], "--seeds") && i + 2 < argc) {
       first = std::strtoull(argv[++i], nullptr, 10);
       seeds = std::strtoull(argv[++i], nullptr, 10);

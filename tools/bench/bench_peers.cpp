@@ -192,9 +192,10 @@ struct Hover {
 void add_hover(std::vector<Contender>& all, const HoverQp& file, bool with_osqp) {
   std::shared_ptr<Hover> hover;
   double tolerance = 1e-3;
-  for (; tolerance > 1e-9; tolerance *= 0.1) {
+  while (tolerance > 1e-9) {
     hover = std::make_shared<Hover>(file, with_osqp, tolerance);
     if (hover->worst <= 1e-4 && hover->unsolved == 0) break;
+    tolerance *= 0.1;
   }
   char facts[160];
   std::snprintf(facts, sizeof facts, "\"error\": %.3g, \"unsolved\": %d, \"of\": %d, \"tolerance\": %g", hover->worst,

@@ -34,7 +34,7 @@ struct Options {
 
 /// Replaces what stands between the marks of a page.
 bool write_between_marks(const std::string& path, const std::string& table) {
-  static const char kBegin[] = "<!-- made by ./dev bench robot -->\n", kEnd[] = "<!-- end -->\n";
+  static constexpr char kBegin[] = "<!-- made by ./dev bench robot -->\n", kEnd[] = "<!-- end -->\n";
   std::ifstream in(path);
   std::stringstream whole;
   whole << in.rdbuf();

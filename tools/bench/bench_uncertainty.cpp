@@ -16,6 +16,7 @@
 #include <cstring>
 #include <thread>
 
+#include "arguments.hpp"
 #include "bench_table.hpp"
 #include "uncertain_tasks.hpp"
 
@@ -59,7 +60,10 @@ double tail_mean(std::vector<double> v) {
   std::sort(v.begin(), v.end(), std::greater<>());
   double left = kTail * static_cast<double>(v.size()), sum = 0.0;
   const double all = left;
-  for (std::size_t i = 0; i < v.size() && left > 0.0; ++i, left -= 1.0) sum += v[i] * std::min(1.0, left);
+  for (std::size_t i = 0; i < v.size() && left > 0.0; ++i) {
+    sum += v[i] * std::min(1.0, left);
+    left -= 1.0;
+  }
   return sum / all;
 }
 
@@ -86,6 +90,7 @@ Interval bootstrap(const std::vector<double>& a, const std::vector<double>& b, c
 
 std::vector<double> costs(const std::vector<UncertainRun>& runs) {
   std::vector<double> v;
+  v.reserve(runs.size());
   for (const UncertainRun& r : runs) v.push_back(r.cost);
   return v;
 }
@@ -149,7 +154,7 @@ void write_json(std::FILE* out, const UncertainTask& task, const Runs& runs, std
     for (std::size_t i = 0; i < runs.of[k].size(); ++i)
       std::fprintf(out,
                    "{\"task\": \"%s\", \"knowledge\": \"%s\", \"seed\": %llu, \"cost\": %.9g, \"farthest\": %.6g}\n",
-                   task.name.c_str(), knowledge_name(bench::kKnowledge[k]), static_cast<unsigned long long>(first + i),
+                   task.name.c_str(), knowledge_name(bench::kKnowledge[k]), static_cast<unsigned long long>(first) + i,
                    runs.of[k][i].cost, runs.of[k][i].farthest);
 }
 
@@ -176,7 +181,7 @@ int main(int argc, char** argv) {
       json = std::fopen(argv[++i], "w");
     } else if (!std::strcmp(argv[i], "--set") && i + 2 < argc) {
       const std::string key = argv[++i];
-      changes.emplace_back(key, std::atof(argv[++i]));
+      changes.emplace_back(key, bench::real_number(argv[++i]));
     } else {
       std::fprintf(stderr, "bench_uncertainty: unknown argument '%s'\n", argv[i]);
       return 2;

@@ -77,15 +77,15 @@ constexpr int kSteps = 2;  // of the mean, per period: their error is far below 
 
 }  // namespace
 
-double ReferencePrior::to_coordinate(double value) const { return kind == log_normal ? std::log(value) : value; }
-double ReferencePrior::from_coordinate(double c) const { return kind == log_normal ? std::exp(c) : c; }
+double ReferencePrior::to_coordinate(double value) const { return kind == Kind::log_normal ? std::log(value) : value; }
+double ReferencePrior::from_coordinate(double c) const { return kind == Kind::log_normal ? std::exp(c) : c; }
 double ReferencePrior::mean() const {
-  return kind == uniform ? 0.5 * (low + high) : kind == log_normal ? std::log(a) : a;
+  return kind == Kind::uniform ? 0.5 * (low + high) : kind == Kind::log_normal ? std::log(a) : a;
 }
-double ReferencePrior::deviation() const { return kind == uniform ? (high - low) / std::sqrt(12.0) : b; }
+double ReferencePrior::deviation() const { return kind == Kind::uniform ? (high - low) / std::sqrt(12.0) : b; }
 double ReferencePrior::log_density(double value) const {
-  if (!(value >= low && value <= high) || (kind == log_normal && !(value > 0.0))) return -INFINITY;
-  if (kind == uniform) return 0.0;
+  if (!(value >= low && value <= high) || (kind == Kind::log_normal && !(value > 0.0))) return -INFINITY;
+  if (kind == Kind::uniform) return 0.0;
   const double z = (to_coordinate(value) - mean()) / b;
   return -0.5 * z * z;
 }
@@ -147,7 +147,7 @@ class Target {
   int size() const { return problem_.unknowns(); }
   double operator()(const Eigen::VectorXd& v) const {
     const int d = problem_.dimensions();
-    double param[kPlantParams], sum = 0.0;
+    double param[kPlantParams] = {}, sum = 0.0;
     for (int j = 0; j < d; ++j) {
       const ReferencePrior& prior = problem_.prior[static_cast<std::size_t>(j)];
       param[j] = prior.from_coordinate(v[j]);
@@ -308,6 +308,7 @@ Proposal refit(const Eigen::MatrixXd& point, const Eigen::VectorXd& weight, std:
   fit.covariance.diagonal() *= 1.0 + 1e-6;
   std::discrete_distribution<int> pick(soft.begin(), soft.end());
   std::vector<Eigen::VectorXd> local;
+  local.reserve(kLocal);
   for (int i = 0; i < kLocal; ++i) local.emplace_back(point.col(pick(random)));
   return {fit, local};
 }

@@ -13,7 +13,8 @@ namespace tiller::bench {
 
 /// The marginal prior of one inferred parameter.
 struct ReferencePrior {
-  enum Kind { uniform, normal, log_normal } kind = uniform;
+  enum class Kind { uniform, normal, log_normal };
+  Kind kind = Kind::uniform;
   double a = 0.0, b = 0.0;  ///< mean and deviation; of a log-normal: median, and deviation of the logarithm
   double low = -INFINITY, high = INFINITY;
 

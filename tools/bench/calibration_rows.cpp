@@ -8,8 +8,8 @@
 namespace tiller::bench {
 namespace {
 
-ReferencePrior uniform(double low, double high) { return {ReferencePrior::uniform, 0.0, 0.0, low, high}; }
-ReferencePrior log_normal(double median, double sd) { return {ReferencePrior::log_normal, median, sd, 0.0, INFINITY}; }
+ReferencePrior uniform(double low, double high) { return {ReferencePrior::Kind::uniform, 0.0, 0.0, low, high}; }
+ReferencePrior log_normal(double median, double sd) { return {ReferencePrior::Kind::log_normal, median, sd, 0.0, INFINITY}; }
 
 /// Mechanism, priors, nominal noise and start that the rows begin with.
 CalibrationRow plain(Engine engine, Mechanism mechanism) {
@@ -130,7 +130,7 @@ void well_specified(Rows& rows) {
 }
 
 void misstated_noise(Rows& rows) {
-  const struct {
+  constexpr struct {
     const char* name;
     double sensor, process;
   } kCases[] = {{"all noise x3", 3, 3},     {"all noise x1/3", 1.0 / 3, 1.0 / 3},
@@ -236,8 +236,8 @@ void lacking_physics(Rows& rows) {
 
 tiller_prior_t to_prior(const ReferencePrior& p) {
   switch (p.kind) {
-    case ReferencePrior::uniform: return {tiller_prior_uniform, 0, 0.0, 0.0, p.low, p.high};
-    case ReferencePrior::normal: return {tiller_prior_normal, 0, p.a, p.b, p.low, p.high};
+    case ReferencePrior::Kind::uniform: return {tiller_prior_uniform, 0, 0.0, 0.0, p.low, p.high};
+    case ReferencePrior::Kind::normal: return {tiller_prior_normal, 0, p.a, p.b, p.low, p.high};
     default: return {tiller_prior_log_normal, 0, p.a, p.b, p.low, p.high};
   }
 }
@@ -305,7 +305,7 @@ PlantRun draw_run(const CalibrationRow& row, std::uint64_t seed) {
     const int at = row.problem.inferred[static_cast<std::size_t>(j)];
     double value = 0.0, first = 0.0;
     do {
-      value = prior.kind == ReferencePrior::uniform ? prior.low + unit(random) * (prior.high - prior.low)
+      value = prior.kind == ReferencePrior::Kind::uniform ? prior.low + unit(random) * (prior.high - prior.low)
                                                     : prior.from_coordinate(prior.mean() + prior.b * normal(random));
       // of a parameter that changes the value at the run's end is drawn; the prior holds its beginning too
       first = at == run.change_param ? value / run.change_factor : value;

@@ -78,7 +78,7 @@ void compare(const CalibrationRow& row, const PlantRecord& record, const Cloud& 
   for (int j = 0; j < d; ++j) {
     const ReferencePrior& prior = row.problem.prior[static_cast<std::size_t>(j)];
     off[j] = prior.to_coordinate(truth[j]) - joint.mean[j];
-    if (prior.kind != ReferencePrior::log_normal) continue;
+    if (prior.kind != ReferencePrior::Kind::log_normal) continue;
     scale[j] = 1.0 / truth[j];
     slope += std::log(scale[j]);
   }

@@ -179,6 +179,7 @@ class Grid {
       return false;
     }
     std::vector<Column> moved;
+    moved.reserve(kSurvey);
     for (int i = 0; i < kSurvey; ++i) moved.push_back(column_at(middle(i)));
     columns_ = moved;
     return true;

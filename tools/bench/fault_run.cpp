@@ -236,6 +236,7 @@ class Run {
 std::int64_t timeout_us(Timeout timeout, const Setup& setup) {
   const tiller_config_t& c = setup.config;
   const auto us = [](double seconds) { return static_cast<std::int64_t>(std::llround(seconds * 1e6)); };
+  const std::uint32_t half_horizon = c.planner.horizon / 2;
   switch (timeout) {
     case Timeout::kNow: return 0;
     case Timeout::kSensor: return us(c.safety.sensor_timeout_s);
@@ -243,7 +244,7 @@ std::int64_t timeout_us(Timeout timeout, const Setup& setup) {
     case Timeout::kUntaken: return us(2.0 * c.safety.bad_ticks_to_safe * c.period_s);
     case Timeout::kFrozen: return us(2.0 * c.safety.frozen_ticks * c.period_s);
     case Timeout::kHold: return us(c.safety.hold_ticks_to_safe * c.period_s);
-    case Timeout::kLatePlans: return us((c.planner.horizon / 2 + c.safety.hold_ticks_to_safe) * c.period_s);
+    case Timeout::kLatePlans: return us((half_horizon + c.safety.hold_ticks_to_safe) * c.period_s);
     case Timeout::kHeartbeat: return setup.heartbeat_timeout_us;
     case Timeout::kWatchdog: return us(setup.plant.watchdog_timeout_s);
     case Timeout::kPlanWatch: return us(setup.plan_timeout_s + setup.plant.watchdog_timeout_s);
@@ -252,7 +253,7 @@ std::int64_t timeout_us(Timeout timeout, const Setup& setup) {
 }
 
 const char* name_of(Timeout timeout) {
-  static const char* const kNames[] = {"at once",
+  static constexpr const char* kNames[] = {"at once",
                                        "sensor_timeout_s",
                                        "bad_ticks_to_safe",
                                        "2 x bad_ticks_to_safe",

@@ -45,7 +45,7 @@ struct GapRow {
   double gap_before = 0, gap_after = 0, gap_oracle = 0;  ///< 1 s rollouts on the scoring runs, sigma; NaN: none
   double covered = 0, intervals = 0;                     ///< true parameters inside their 95 %, and how many were asked
   double oracle_covered = 0, oracle_intervals = 0;       ///< the same of the oracle's fit
-  double cpu_s = 0, memory_MB = 0, world_s = 0;
+  double cpu_s = 0, memory_megabytes = 0, world_s = 0;
 };
 std::string row_header();
 std::string row_text(const GapRow& row);

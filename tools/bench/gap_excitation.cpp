@@ -124,7 +124,7 @@ class PdTracking final : public Commander {
 }  // namespace
 
 const char* excitation_name(Excitation excitation) {
-  static const char* const kNames[] = {"open_loop", "pd_tracking", "planner"};
+  static constexpr const char* kNames[] = {"open_loop", "pd_tracking", "planner"};
   return kNames[static_cast<int>(excitation)];
 }
 

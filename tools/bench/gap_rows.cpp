@@ -40,7 +40,7 @@ constexpr Column kColumns[] = {
     {"oracle_covered", nullptr, &GapRow::oracle_covered},
     {"oracle_intervals", nullptr, &GapRow::oracle_intervals},
     {"cpu_s", nullptr, &GapRow::cpu_s},
-    {"memory_MB", nullptr, &GapRow::memory_MB},
+    {"memory_MB", nullptr, &GapRow::memory_megabytes},
     {"world_s", nullptr, &GapRow::world_s},
 };
 

@@ -81,7 +81,7 @@ void score(const World& world, const tools::RobotFile& robot, const Result& resu
   row.remaining_sigma = result.remaining_sigma;
   if (const auto* h = one_second(result.horizons)) row.gap_before = h->before_sigma, row.gap_after = h->after_sigma;
   row.cpu_s = result.cpu_s;
-  row.memory_MB = static_cast<double>(result.memory_bytes) / 1e6;
+  row.memory_megabytes = static_cast<double>(result.memory_bytes) / 1e6;
   if (result.verdict == tools::gap::Verdict::unfit && !result.reasons.empty()) row.note = result.reasons[0];
   if (outcome == Outcome::exact && !truth.empty())
     for (const Explanation& e : result.ranking)

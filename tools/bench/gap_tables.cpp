@@ -210,7 +210,7 @@ void cost(Table& table, const Rows& rows) {
     table.row("two effects: slowest case", slowest, "s", at_most(60));
     table.row("  median", at("two", 0.5, &GapRow::cpu_s), "s");
   }
-  table.row("memory after the logs are read: largest", at("sealed", 1, &GapRow::memory_MB), "MB");
+  table.row("memory after the logs are read: largest", at("sealed", 1, &GapRow::memory_megabytes), "MB");
 }
 
 }  // namespace

@@ -13,25 +13,25 @@ class OsqpColumns {
       : shape_(shape),
         n_(static_cast<int>(shape.sizes.states)),
         m_(static_cast<int>(shape.sizes.inputs)),
-        M_(static_cast<int>(shape.sizes.scenarios)),
-        N_(static_cast<int>(shape.sizes.horizon)),
-        s_(n_ * M_) {
+        scenarios_(static_cast<int>(shape.sizes.scenarios)),
+        horizon_(static_cast<int>(shape.sizes.horizon)),
+        s_(n_ * scenarios_) {
     for (int i = 0; i < s_; ++i) {
       if (!bounded(i)) continue;
       soft(i) ? ++soft_count_ : ++hard_count_;
     }
   }
-  int slacks() const { return N_ * soft_count_; }
-  int variables() const { return N_ * (m_ + s_) + slacks(); }
-  int rows() const { return N_ * (s_ + m_ + hard_count_ + 3 * soft_count_); }
+  int slacks() const { return horizon_ * soft_count_; }
+  int variables() const { return horizon_ * (m_ + s_) + slacks(); }
+  int rows() const { return horizon_ * (s_ + m_ + hard_count_ + 3 * soft_count_); }
   int u_column(int k) const { return k * (m_ + s_); }
   int x_column(int k) const { return (k - 1) * (m_ + s_) + m_; }  // k = 1..N
-  int slack_column(int k, int which) const { return N_ * (m_ + s_) + (k - 1) * soft_count_ + which; }
+  int slack_column(int k, int which) const { return horizon_ * (m_ + s_) + (k - 1) * soft_count_ + which; }
   int dynamics_row(int k) const { return k * s_; }  // of x_{k+1}
-  int input_row(int k) const { return N_ * s_ + k * m_; }
+  int input_row(int k) const { return horizon_ * s_ + k * m_; }
   /// First row of the bounds of state i at stage k: one if hard; x - e, x + e, e if soft.
   int state_row(int k, int i) const {
-    int row = N_ * (s_ + m_) + (k - 1) * (hard_count_ + 3 * soft_count_);
+    int row = horizon_ * (s_ + m_) + (k - 1) * (hard_count_ + 3 * soft_count_);
     for (int j = 0; j < i; ++j) row += bounded(j) ? (soft(j) ? 3 : 1) : 0;
     return row;
   }
@@ -40,9 +40,9 @@ class OsqpColumns {
 
   template <class Visit, class Next>
   void objective(const Qp* qp, Visit visit, Next next) const {
-    for (int k = 0; k < N_; ++k) {
+    for (int k = 0; k < horizon_; ++k) {
       for (int c = 0; c < m_; ++c, next()) {
-        for (int j = 0; k > 0 && shape_.sizes.qux && j < M_; ++j)
+        for (int j = 0; k > 0 && shape_.sizes.qux && j < scenarios_; ++j)
           for (int r = 0; r < n_; ++r)
             visit(x_column(k) + j * n_ + r, qp && qp->lq.qux ? qp->lq.qux[(k * m_ + c) * s_ + j * n_ + r] : 0.0);
         for (int r = 0; r <= c; ++r)
@@ -50,15 +50,15 @@ class OsqpColumns {
             visit(u_column(k) + r,
                   qp ? qp->lq.quu[(k * m_ + r) * m_ + c] + (r == c ? extra_input(*qp, k, c) : 0.0) : 0.0);
       }
-      for (int j = 0; j < M_; ++j)
+      for (int j = 0; j < scenarios_; ++j)
         for (int c = 0; c < n_; ++c, next())
           for (int r = 0; r <= c; ++r)
             if (entry(shape_.qxx, r * n_ + c))
-              visit(x_column(k + 1) + j * n_ + r, qp ? qp->lq.qxx[(((k + 1) * M_ + j) * n_ + r) * n_ + c] +
+              visit(x_column(k + 1) + j * n_ + r, qp ? qp->lq.qxx[(((k + 1) * scenarios_ + j) * n_ + r) * n_ + c] +
                                                            (r == c ? extra_state(*qp, k + 1, j * n_ + c) : 0.0)
                                                      : 0.0);
     }
-    for (int k = 1; k <= N_; ++k)
+    for (int k = 1; k <= horizon_; ++k)
       for (int i = 0; i < s_; ++i)
         if (bounded(i) && soft(i)) {
           visit(slack_column(k, soft_index(i)), qp && qp->slack_quadratic ? qp->slack_quadratic[i] : 0.0);
@@ -68,7 +68,7 @@ class OsqpColumns {
 
   template <class Visit, class Next>
   void constraints(const Qp* qp, Visit visit, Next next) const {
-    for (int k = 0; k < N_; ++k) {
+    for (int k = 0; k < horizon_; ++k) {
       for (int c = 0; c < m_; ++c, next()) {
         for (int r = 0; r < s_; ++r)
           if (entry(shape_.b, (r % n_) * m_ + c))
@@ -78,15 +78,15 @@ class OsqpColumns {
       for (int i = 0; i < s_; ++i, next()) {
         visit(dynamics_row(k) + i, 1.0);
         const int j = i / n_, c = i % n_;
-        for (int r = 0; k + 1 < N_ && r < n_; ++r)
+        for (int r = 0; k + 1 < horizon_ && r < n_; ++r)
           if (entry(shape_.a, r * n_ + c))
-            visit(dynamics_row(k + 1) + j * n_ + r, qp ? -qp->lq.a[(((k + 1) * M_ + j) * n_ + r) * n_ + c] : 0.0);
+            visit(dynamics_row(k + 1) + j * n_ + r, qp ? -qp->lq.a[(((k + 1) * scenarios_ + j) * n_ + r) * n_ + c] : 0.0);
         if (!bounded(i)) continue;
         visit(state_row(k + 1, i), 1.0);
         if (soft(i)) visit(state_row(k + 1, i) + 1, 1.0);
       }
     }
-    for (int k = 1; k <= N_; ++k)
+    for (int k = 1; k <= horizon_; ++k)
       for (int i = 0; i < s_; ++i)
         if (bounded(i) && soft(i)) {
           const int row = state_row(k, i);
@@ -111,7 +111,7 @@ class OsqpColumns {
     return qp.lq.state_diagonal ? qp.lq.state_diagonal[k * s_ + i] : 0.0;
   }
   OsqpShape shape_;
-  int n_, m_, M_, N_, s_;
+  int n_, m_, scenarios_, horizon_, s_;
   int hard_count_ = 0, soft_count_ = 0;
 };
 

@@ -211,7 +211,7 @@ OsqpQp lay_out_osqp(Arena& arena, const OsqpShape& shape) {
   }
   w.memory_size = tiller_osqp_bytes(w.n, w.m, counts.p, counts.a, counts.factor);
   unsigned char* memory = arena.take<unsigned char>(w.memory_size);
-  if (!memory) return w;  // measuring, or no room
+  if (!memory || !w.low || !w.high) return w;  // measuring, or no room
   fill_pattern(columns, w);
   stage_order(columns, shape, w.order);
   if (shape.order)

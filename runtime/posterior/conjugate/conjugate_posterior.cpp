@@ -253,7 +253,7 @@ void ConjugatePosterior::settle(const Transition& transition) {
 /// Each node of the noise scale gets its share of the particles.
 void ConjugatePosterior::place_particles() {
   constexpr std::uint32_t kMax = ScaleRegression::kMax;
-  double w_mean[kMax], w_root[kMax * kMax], mean[kMax], root[kMax][kMax], v[kMax];
+  double w_mean[kMax] = {}, w_root[kMax * kMax] = {}, mean[kMax] = {}, root[kMax][kMax] = {}, v[kMax] = {};
   double end = 0.0;
   for (std::uint32_t node = 0, k = 0; node < ScaleRegression::kNodes && k < cloud_.n; ++node) {
     end += regression_.node_weight(node);

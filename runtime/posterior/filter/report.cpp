@@ -41,7 +41,7 @@ void FilterPosterior::take_mean(float* params, float* state, float* effect_state
   double mean[TILLER_MAX_PARAMS], state_mean[TILLER_MAX_STATES];
   moments(params ? mean : nullptr, nullptr, state ? state_mean : nullptr, nullptr);
   for (std::uint32_t i = 0; i < np_ && params; ++i) params[i] = static_cast<float>(mean[i]);
-  for (std::uint32_t i = 0; i < nx_ && state; ++i) state[i] = static_cast<float>(state_mean[i] - origin_[i]);
+  for (std::uint32_t i = 0; i < nx_ && state; ++i) state[i] = static_cast<float>(state_mean[i] - origin()[i]);
   for (std::uint32_t i = 0; i < ns_ && effect_state; ++i) {
     double sum = 0.0;
     for (std::uint32_t k = 0; k < n_; ++k) sum += cloud_.weight[k] * carried_.filter.effect_state[i * n_ + k];
@@ -62,7 +62,7 @@ void FilterPosterior::draw(std::uint32_t count, std::uint64_t tick, float* param
 void FilterPosterior::take_strata(std::uint32_t count, std::uint64_t tick, float* params, float* state,
                                   float* effect_state) const {
   const Cloud::Drawn what[] = {{cloud_.params, np_, params},
-                               {carried_.filter.state, nx_, state, origin_},
+                               {carried_.filter.state, nx_, state, origin()},
                                {carried_.filter.effect_state, ns_, effect_state}};
   cloud_.draw(count, tick, what, 3);
 }

@@ -111,7 +111,7 @@ std::uint64_t TransitionCloud::renewal_work() const { return std::uint64_t{kScal
 /// From what the ring holds last. False while a joint stands still.
 bool TransitionCloud::find_basis_scale() {
   const std::uint32_t joints = evidence_.joints();
-  double square[kMaxPushed * kMaxRegressors] = {}, change[kMaxPushed * kMaxRegressors];
+  double square[kMaxPushed * kMaxRegressors] = {}, change[kMaxPushed * kMaxRegressors] = {};
   for (std::uint32_t j = 0; j < joints; ++j) dry_force_[j] = kFeeble;
   for (std::uint64_t k = end_ - kScaleTicks; k < end_; ++k) {
     respond(static_cast<std::uint32_t>(k % capacity_), change);

@@ -15,7 +15,10 @@ constexpr double kDiscrepancySpread = 10.0;
 /// log Gamma(x), x > 0, by Stirling's series above 8 (the library's lgamma writes a global).
 double log_gamma(double x) {
   double shift = 0.0;
-  for (; x < 8.0; x += 1.0) shift += math::log(x);
+  while (x < 8.0) {
+    shift += math::log(x);
+    x += 1.0;
+  }
   const double i = 1.0 / x, i2 = i * i;
   return (x - 0.5) * math::log(x) - x + 0.91893853320467274178 +
          i * (1.0 / 12.0 - i2 * (1.0 / 360.0 - i2 * (1.0 / 1260.0 - i2 / 1680.0))) - shift;

@@ -225,7 +225,7 @@ void TransitionPosterior::draw(std::uint32_t count, std::uint64_t tick, float* p
     cloud().draw(count, tick, what, 1);
   }
   for (std::uint32_t r = 0; r < nx_ && state; ++r)
-    for (std::uint32_t m = 0; m < count; ++m) state[r * count + m] = static_cast<float>(state_[r] - origin_[r]);
+    for (std::uint32_t m = 0; m < count; ++m) state[r * count + m] = static_cast<float>(state_[r] - origin()[r]);
   for (std::uint32_t i = 0; i < setup_.delay_steps * nu_ && history; ++i)
     history[i] = static_cast<float>(input_history_[i]);
 }

@@ -4,6 +4,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <fstream>
 #include <vector>
 
 namespace tiller::bench {
@@ -15,24 +16,22 @@ struct HoverQp {
   std::vector<double> a, b, q, r, qf, states, u0;  // row-major; (count x 12), (count x 4)
 
   explicit HoverQp(const char* path) {
-    std::FILE* file = std::fopen(path, "r");
-    if (!file || std::fscanf(file, "%d %lf %lf %d %d %d", &horizon, &u_max, &x_max, &count, &with_input_bound,
-                             &with_state_bound) != 6) {
+    std::ifstream file(path);
+    if (!(file >> horizon >> u_max >> x_max >> count >> with_input_bound >> with_state_bound)) {
       std::fprintf(stderr, "%s: not a hover QP\n", path);
       std::exit(2);
     }
     const std::size_t n = static_cast<std::size_t>(count);
     a = read(file, 144), b = read(file, 48), q = read(file, 144), r = read(file, 16), qf = read(file, 144);
     states = read(file, 12 * n), u0 = read(file, 4 * n);
-    std::fclose(file);
   }
   const double* state(int i) const { return states.data() + 12 * i; }
 
  private:
-  static std::vector<double> read(std::FILE* file, std::size_t n) {
+  static std::vector<double> read(std::ifstream& file, std::size_t n) {
     std::vector<double> v(n);
     for (double& x : v)
-      if (std::fscanf(file, "%lf", &x) != 1) std::exit(2);
+      if (!(file >> x)) std::exit(2);
     return v;
   }
 };

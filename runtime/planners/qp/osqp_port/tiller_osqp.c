@@ -55,7 +55,8 @@ int amd_order(int n, const int* column, const int* row, int* order, double* cont
   return 0;
 }
 
-/* What follows is not ours to mend. */
+/* What follows is not ours to mend, and OSQP names its macros. */
+/* NOLINTBEGIN(bugprone-suspicious-include,readability-identifier-naming) */
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wpragmas"
 #pragma GCC diagnostic ignored "-Wall"
@@ -79,6 +80,7 @@ int amd_order(int n, const int* column, const int* row, int* order, double* cont
 #undef malloc
 #undef free
 #pragma GCC diagnostic pop
+/* NOLINTEND(bugprone-suspicious-include,readability-identifier-naming) */
 
 /* ---- the six functions --------------------------------------------------------------------------------------- */
 
@@ -168,13 +170,13 @@ TILLER_OSQP_API tiller_osqp_result tiller_osqp_solve(void* solver, int iteration
   result.dual_residual = s->info->dual_res;
   result.z = s->solution->x;
   result.y = s->solution->y;
-  result.solved = 0;
-  if (error)
-    result.solved = -1;
-  else if (s->info->status_val == OSQP_SOLVED)
+  const OSQPInt status = s->info->status_val;
+  const int unfinished = status == OSQP_MAX_ITER_REACHED || status == OSQP_SOLVED_INACCURATE;
+  result.solved = -1;
+  if (!error && status == OSQP_SOLVED)
     result.solved = 1;
-  else if (s->info->status_val != OSQP_MAX_ITER_REACHED && s->info->status_val != OSQP_SOLVED_INACCURATE)
-    result.solved = -1;
+  else if (!error && unfinished)
+    result.solved = 0;
   return result;
 }
 
