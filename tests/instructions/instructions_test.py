@@ -7,7 +7,8 @@ what runs, because every processor and the emulator have it.
 
 A row may differ by BOUND from its table: another version of the C library or of GCC 12 moves rows by some tenths of a
 per cent, while what is worth noticing moves them by several. Rows that fall by more than the bound fail too: the table
-is renewed, so that what was won is held. `TILLER_APPROVE=1 ctest -R instruction_counts` writes the table.
+is renewed, so that what was won is held. SLACK instructions are free: the C library clears and copies with what the
+processor has, which costs 32 instructions more or less in every row. `TILLER_APPROVE=1 ctest -R instruction_counts` writes the table.
 
 usage: instructions_test.py VALGRIND PROGRAM COMPILER_VERSION TABLE FOLDER
 """
@@ -19,6 +20,7 @@ import subprocess
 import sys
 
 BOUND = 0.02
+SLACK = 64
 SKIPPED = 77
 
 
@@ -58,9 +60,9 @@ def complaints(counts, table):
     for name in sorted(set(counts) ^ set(table)):
         yield f"{name}: {'not in the table' if name in counts else 'in the table, but not counted'}"
     for name, count in counts.items():
-        change = count / table.get(name, count) - 1.0
-        if abs(change) > BOUND:
-            yield f"{name}: {count} instructions, {100 * change:+.1f} % of {table[name]}"
+        expected = table.get(name, count)
+        if abs(count - expected) > BOUND * expected + SLACK:
+            yield f"{name}: {count} instructions, {100 * (count / expected - 1.0):+.1f} % of {expected}"
 
 
 def main():
