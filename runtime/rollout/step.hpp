@@ -194,7 +194,12 @@ struct Stepper {
   template <int kCount, int kSets>
   TILLER_INLINE void plan_steps(Plan<kCount, kSets>& plan, const Parameters<Model, S>* p, bool remembers) const {
     plan.turning = remembers && delayed();
-    for (int r = 0; r < kCount; ++r) plan_register(plan.registers[r], p[kSets == 1 ? 0 : r], plan.turning);
+    for (int r = 0; r < kCount; ++r) {
+      if (plan.turning)
+        plan_register(plan.registers[r], p[kSets == 1 ? 0 : r]);
+      else
+        plan_whole(plan.registers[r], p[kSets == 1 ? 0 : r]);
+    }
   }
   /// Of a substep where nothing is delayed.
   TILLER_INLINE void plan_whole(OnePlan& plan, const Parameters<Model, S>& p) const {
@@ -202,8 +207,8 @@ struct Stepper {
     plan.parts[0].step = whole();
     plan_effects(plan.parts[0], p);
   }
-  __attribute__((noinline)) void plan_register(OnePlan& plan, const Parameters<Model, S>& p, bool turning) const {
-    if (!turning) return plan_whole(plan, p);
+  /// Of a period whose inputs are delayed.
+  __attribute__((noinline)) void plan_register(OnePlan& plan, const Parameters<Model, S>& p) const {
     for (auto& delay : plan.delay) delay = {Value(0.0), Value(0.0), 0, 0};
     constexpr int kList = static_cast<int>(Hook::period_input);
     for (std::uint32_t e = 0; e < slot_count[kList]; ++e)
@@ -420,9 +425,11 @@ struct Stepper {
   TILLER_INLINE void free_steps(State* begin, Trajectory<Model, S>* t, const Input* u, const Force* f,
                                 const Parameters<Model, S>* p, const Body<S>* bodies,
                                 const PartOfAll<Model, S>& part) const {
+    // a copy of its own stays in registers, but not with derivatives
+    using Start = std::conditional_t<std::is_same<S, Value>::value, const State, const State&>;
     for (int r = 0; r < kCount; ++r) {
-      const State x = t[r].x;
-      begin[r] = x;
+      begin[r] = t[r].x;
+      Start x = begin[r];
       t[r].x =
           free_step(kIntegrator, x, u[r], f[r], bodies[kSets == 1 ? 0 : r], p[kSets == 1 ? 0 : r].model, part[r].step);
     }
@@ -488,10 +495,10 @@ struct Stepper {
                                  Plan<kCount, kSets>& plan, const Past& past) const {
     Input acting[kCount];
     if constexpr (std::is_same<Past, NoPast>::value) {
-      for_parts(plan, p, [&](const PartOfAll<Model, S>& part) TILLER_INLINED {
+      for (std::uint32_t k = 0; k < setup.substeps; ++k) {
         for (int r = 0; r < kCount; ++r) acting[r] = commands[r];
-        substep_all<kCount, kSets>(t, acting, p, plan.body, part);
-      });
+        substep_all<kCount, kSets>(t, acting, p, plan.body, {plan.registers, 0});
+      }
     } else {
       Turns<Model, S> turns[kCount];
       Trajectory<Model, S> before[kCount];

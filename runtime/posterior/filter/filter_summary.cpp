@@ -37,7 +37,7 @@ void to_root(std::uint32_t n, const double* p, std::uint32_t stride, double* to,
 
 /// The other way.
 void from_root(std::uint32_t n, const double* from, std::uint32_t from_stride, double* p, std::uint32_t stride) {
-  double root[kMaxFilterStates][kMaxFilterStates] = {};
+  double root[kMaxFilterStates][kMaxFilterStates];
   for (std::uint32_t r = 0; r < n; ++r) {
     root[r][r] = math::exp(from[triangle_row(n, r, r) * from_stride]);
     for (std::uint32_t c = 0; c < r; ++c) root[r][c] = from[triangle_row(n, c, r) * from_stride] * root[r][r];
@@ -148,7 +148,7 @@ void FilterSummary::read_filters(std::uint32_t lanes, const double* coordinate, 
   read(nx_, ns_, to.effect_state);
   read(nx_ + ns_, triangle_, to.covariance);
   for (std::uint32_t l = 0; l < lanes; ++l) {
-    double root[triangle_rows(kMaxFilterStates)] = {};
+    double root[triangle_rows(kMaxFilterStates)];
     for (std::uint32_t i = 0; i < triangle_; ++i) root[i] = to.covariance[i * to.stride + l];
     from_root(nx_, root, 1, to.covariance + l, to.stride);
   }
