@@ -85,16 +85,17 @@ struct MovingStep {
   template <class Past>
   TILLER_INLINE void advance(Step& step, const Input& command, const Parameters<Model, P>& p, Plan& plan,
                              const Past& past) {
-    Turns<Model, P> turns;
     start();
-    if (step.delayed()) {
-      step.plan_steps(plan, &p, true);
-      step.template take_turns<1, 1>(&turns, plan, [&](int, int age, int port) { return past(age, port); });
-    } else {
+    if (!step.delayed()) {
       step.plan_whole(plan.registers[0], p);
+      for (std::uint32_t k = 0; k < step.setup.substeps; ++k)
+        substep(step, command, p, plan.body[0], {plan.registers, 0});
+      return;
     }
+    Turns<Model, P> turns;
+    step.plan_steps(plan, &p, true);
+    step.template take_turns<1, 1>(&turns, plan, [&](int, int age, int port) { return past(age, port); });
     step.for_parts(plan, &p, [&](const PartOfAll<Model, P>& part) {
-      if (!plan.turning) return substep(step, command, p, plan.body[0], part);
       Trajectory<Model, P> before;
       step.keep(t, before);
       const State moved_before = moved;
