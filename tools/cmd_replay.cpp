@@ -4,6 +4,7 @@
 
 #include "tools/commands.hpp"
 #include "tools/replay.hpp"
+#include "tools/robot_open.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <thread>
 
+#include "tools/robot_open.hpp"
 #include "tools/robot_schema.hpp"
 
 namespace tiller::tools {

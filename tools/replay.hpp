@@ -9,28 +9,6 @@
 
 namespace tiller::tools {
 
-/// Number of iterations that a log does not tell: the planner does what the configuration says.
-constexpr std::uint32_t kIterationsUnknown = 0xffffffffu;
-
-/// Reads what can be replayed, by its first bytes: a record, an MCAP or a CSV of `tiller run`, a log of LCM. False with a message
-/// in `error`.
-bool read_recorded_run(const std::string& path, const RobotFile& robot, RecordedRun& run, std::string& error);
-
-/// The text of the robot file that the log carries: an MCAP of `tiller run` does. Empty: none.
-std::string robot_in_log(const std::string& path);
-
-/// The ticks of an LCM log with measurements, commands and (where they were logged) telemetry. docs/replay.md tells what
-/// is taken from where.
-bool read_lcm_run(const std::string& path, const RobotFile& robot, RecordedRun& run, std::string& error);
-/// The same from a stream; `path` stands in errors.
-bool read_lcm_run(std::istream& file, const std::string& path, const RobotFile& robot, RecordedRun& run,
-                  std::string& error);
-
-/// The ticks of a CSV of `tiller run --log`; `text` is the file's, `path` its name for messages. Like an LCM log, it does
-/// not hold the configuration.
-bool read_csv_run(const std::string& text, const std::string& path, const RobotFile& robot, RecordedRun& run,
-                  std::string& error);
-
 struct ReplayOptions {
   double tolerance = 0;             ///< of a command, in its unit; 0: to the last bit
   bool real_time = false;           ///< at the pace of the log

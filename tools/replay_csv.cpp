@@ -5,7 +5,7 @@
 #include <string_view>
 #include <unordered_map>
 
-#include "tools/replay.hpp"
+#include "tools/recorded_run.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -12,7 +12,7 @@
 #include "tiller_lcm/measurement_t.hpp"
 #include "tiller_lcm/telemetry_t.hpp"
 #include "tools/lcm_event_log.hpp"
-#include "tools/replay.hpp"
+#include "tools/recorded_run.hpp"
 
 namespace tiller::tools {
 namespace {

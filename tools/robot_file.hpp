@@ -8,9 +8,9 @@
 
 #include "tiller/tiller.h"
 #include "tools/file_errors.hpp"
-#include "tools/identify_log.hpp"
+#include "tools/log_map.hpp"
 #include "tools/model_loader.hpp"
-#include "tools/substeps.hpp"
+#include "tools/substep_advice.hpp"
 #include "tools/text.hpp"
 
 namespace tiller::tools {
@@ -102,13 +102,6 @@ struct RobotFile {
   LogMap log;
   SubstepAdvice substeps;  ///< what the period needs; taken where the file does not say
 };
-
-/// Reads a robot file. Null: `errors` holds everything that is wrong, one line each, with file, line, key,
-/// value and remedy. A model file is compiled on the way (see load_model).
-std::unique_ptr<RobotFile> read_robot_file(const std::string& path, std::string& errors);
-
-/// The same from text; `path` stands in errors and is where relative model files are looked for.
-std::unique_ptr<RobotFile> parse_robot_file(const std::string& text, const std::string& path, std::string& errors);
 
 /// Index of a name; -1 if it is not there.
 int index_of(const Words& names, const std::string& name);

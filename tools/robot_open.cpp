@@ -5,7 +5,9 @@
 #include <fstream>
 #include <sstream>
 
+#include "tools/robot_open.hpp"
 #include "tools/robot_text.hpp"
+#include "tools/substeps.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "tools/run_loop.hpp"
+#include "tools/run_result.hpp"
 
 namespace tiller::tools {
 

@@ -10,6 +10,7 @@
 #include <map>
 
 #include "episode.hpp"
+#include "tools/robot_open.hpp"
 
 namespace tiller {
 namespace {

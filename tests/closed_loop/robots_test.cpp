@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "tools/plant_setup.hpp"
+#include "tools/robot_open.hpp"
 #include "tools/run_loop.hpp"
 
 namespace tiller::tools {

@@ -10,6 +10,7 @@
 
 #include "effects/effect_info.hpp"
 #include "tools/gap/mean_innovations.hpp"
+#include "tools/robot_open.hpp"
 
 namespace tiller::tools::gap {
 namespace {

@@ -15,6 +15,7 @@
 #include "tools/gap/prediction_error.hpp"
 #include "tools/gap/residual_writer.hpp"
 #include "tools/grid_rollout.hpp"
+#include "tools/robot_open.hpp"
 
 namespace tiller::tools::gap {
 namespace {

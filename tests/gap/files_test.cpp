@@ -15,6 +15,7 @@
 #include "tools/gap/outputs.hpp"
 #include "tools/gap/robot_writer.hpp"
 #include "tools/record_file.hpp"
+#include "tools/robot_open.hpp"
 
 namespace tiller::tools::gap {
 namespace {

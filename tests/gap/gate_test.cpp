@@ -10,6 +10,7 @@
 #include "tools/gap/gate.hpp"
 #include "tools/gap/noise.hpp"
 #include "tools/robot_file.hpp"
+#include "tools/robot_open.hpp"
 
 namespace tiller::tools::gap {
 namespace {

@@ -8,6 +8,7 @@
 
 #include "tools/gap/residual_writer.hpp"
 #include "tools/plant_setup.hpp"
+#include "tools/robot_open.hpp"
 #include "tools/run_loop.hpp"
 #include "tools/text.hpp"
 

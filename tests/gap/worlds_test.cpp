@@ -6,6 +6,7 @@
 
 #include "gap_worlds.hpp"
 #include "tools/robot_file.hpp"
+#include "tools/robot_open.hpp"
 
 namespace tiller::bench {
 namespace {

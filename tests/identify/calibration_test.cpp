@@ -10,6 +10,7 @@
 #include "tools/gap/log_formats.hpp"
 #include "tools/identify_data.hpp"
 #include "tools/identify_score.hpp"
+#include "tools/robot_open.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "tools/identify.hpp"
+#include "tools/robot_open.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "tools/recorder/recorder.hpp"
+#include "tools/robot_open.hpp"
 
 namespace tiller::tools {
 

@@ -19,6 +19,7 @@
 #include "sim/can_socket.hpp"
 #include "sim/moteus_axis.hpp"
 #include "tools/link.hpp"
+#include "tools/robot_open.hpp"
 
 namespace tiller::tools {
 namespace {

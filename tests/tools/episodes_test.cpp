@@ -14,6 +14,7 @@
 
 #include "read_all.hpp"
 #include "tools/exit_codes.hpp"
+#include "tools/robot_open.hpp"
 #include "tools/stage_cost.hpp"
 
 namespace tiller::tools {

@@ -5,6 +5,7 @@
 
 #include "tools/export_config.hpp"
 #include "tools/robot_file.hpp"
+#include "tools/robot_open.hpp"
 
 extern "C" {
 tiller_config_t cart_pole_config(void);

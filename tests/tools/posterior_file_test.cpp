@@ -21,6 +21,7 @@
 
 #include "robot_text.hpp"
 #include "tools/output_file.hpp"
+#include "tools/robot_open.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -9,6 +9,7 @@
 #include "robot_text.hpp"
 #include "tools/prior_edge.hpp"
 #include "tools/robot_file.hpp"
+#include "tools/robot_open.hpp"
 
 namespace tiller::tools {
 namespace {

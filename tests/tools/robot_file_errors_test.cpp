@@ -5,6 +5,7 @@
 
 #include "robot_text.hpp"
 #include "tools/robot_file.hpp"
+#include "tools/robot_open.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -14,6 +14,7 @@
 #include "tools/limits_text.hpp"
 #include "tools/plant_setup.hpp"
 #include "tools/robot_help.hpp"
+#include "tools/robot_open.hpp"
 #include "tools/robot_schema.hpp"
 
 namespace tiller::tools {

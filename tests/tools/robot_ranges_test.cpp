@@ -7,6 +7,7 @@
 
 #include "tools/config_trace.hpp"
 #include "tools/robot_file.hpp"
+#include "tools/robot_open.hpp"
 #include "tools/robot_schema.hpp"
 
 namespace tiller::tools {

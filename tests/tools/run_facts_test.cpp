@@ -8,6 +8,7 @@
 
 #include "read_all.hpp"
 #include "robot_text.hpp"
+#include "tools/robot_open.hpp"
 #include "tools/run_facts.hpp"
 #include "tools/run_log.hpp"
 #include "tools/task_clock.hpp"

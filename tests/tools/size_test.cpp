@@ -9,6 +9,7 @@
 #include "executive/part_sizes.hpp"
 #include "swing_up.hpp"
 #include "tools/robot_file.hpp"
+#include "tools/robot_open.hpp"
 #include "tools/work_count.hpp"
 
 namespace tiller::tools {

@@ -1,4 +1,5 @@
 // Substeps are advised from where the robot goes, and a tick is told against its period.
+#include "tools/robot_open.hpp"
 #include "tools/substeps.hpp"
 
 #include <gtest/gtest.h>

@@ -18,6 +18,7 @@
 #include "tools/plant_setup.hpp"
 #include "tools/progress.hpp"
 #include "tools/record_file.hpp"
+#include "tools/robot_open.hpp"
 #include "tools/run_log.hpp"
 #include "tools/text.hpp"
 #include "tools/thread_pool.hpp"

@@ -1,4 +1,5 @@
 // References and demonstrations from CSV files: what arrives in the configuration, and what is refused.
+#include "tools/robot_open.hpp"
 #include "tools/trajectory_file.hpp"
 
 #include <gtest/gtest.h>

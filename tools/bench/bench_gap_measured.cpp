@@ -19,6 +19,7 @@
 #include "gap_score.hpp"
 #include "tools/gap/gap.hpp"
 #include "tools/grid_rollout.hpp"
+#include "tools/robot_open.hpp"
 
 namespace tiller::bench {
 namespace {

@@ -15,6 +15,7 @@
 #include "posterior/prior.hpp"
 #include "tools/gap/fallback.hpp"
 #include "tools/grid_rollout.hpp"
+#include "tools/robot_open.hpp"
 
 namespace {
 

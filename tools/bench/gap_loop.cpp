@@ -9,6 +9,7 @@
 #include "core/rng.hpp"
 #include "effects/effect_info.hpp"
 #include "tools/plant_setup.hpp"
+#include "tools/robot_open.hpp"
 #include "tools/run_loop.hpp"
 
 namespace tiller::bench {

@@ -7,6 +7,7 @@
 #include "gap_setup.hpp"
 #include "tiller/tiller.h"
 #include "tools/robot_file.hpp"
+#include "tools/robot_open.hpp"
 
 namespace tiller::bench {
 namespace {

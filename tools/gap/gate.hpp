@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "tools/gap/gap.hpp"
+#include "tools/gap/result.hpp"
 #include "tools/identify_data.hpp"
 
 namespace tiller::tools::gap {

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "rollout/rollout.hpp"
-#include "tools/gap/gap.hpp"
+#include "tools/gap/result.hpp"
 #include "tools/gap/scales.hpp"
 
 namespace tiller::tools::gap {

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "tools/gap/gap.hpp"
+#include "tools/gap/result.hpp"
 #include "tools/identify_data.hpp"
 
 namespace tiller::tools::gap {

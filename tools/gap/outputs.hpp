@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "tools/gap/gap.hpp"
+#include "tools/gap/result.hpp"
 
 namespace tiller::tools::gap {
 

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "posterior/prior.hpp"
+#include "tools/robot_open.hpp"
 #include "tools/text.hpp"
 #include "tools/toml.hpp"
 

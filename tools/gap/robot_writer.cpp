@@ -5,6 +5,7 @@
 
 #include "effects/effect_info.hpp"
 #include "tools/gap/outputs.hpp"
+#include "tools/robot_open.hpp"
 #include "tools/text.hpp"
 #include "tools/toml.hpp"
 

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <string>
 
-#include "tools/gap/gap.hpp"
+#include "tools/gap/result.hpp"
 
 namespace tiller::tools::gap {
 
