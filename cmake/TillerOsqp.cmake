@@ -1,4 +1,4 @@
-# OSQP for planner.qp_solver = "osqp". Its C sources come with the Python wheel (tools/requirements.txt; `./dev setup`
+# OSQP for planner.qp_solver = "osqp". Its C sources come with the Python wheel (tools/dev/requirements.txt; `./dev setup`
 # installs it) and are compiled from there, as one object whose symbols are all local but the six of tiller_osqp.h:
 # a program may link an OSQP of its own beside. Sets TILLER_HAS_OSQP.
 option(TILLER_WITH_OSQP "OSQP as a solver of sqp's quadratic programs, if its wheel is in TILLER_VENV" ON)
@@ -9,7 +9,7 @@ endif()
 file(GLOB found ${TILLER_VENV}/lib*/python3*/site-packages/osqp/codegen/codegen_src/src/osqp_api.c)
 if(NOT TILLER_VENV OR NOT found OR NOT CMAKE_OBJCOPY)
   message(STATUS "OSQP: not built, so planner.qp_solver = \"osqp\" is refused. Its sources come with the wheel osqp of "
-    "tools/requirements.txt: run ./dev setup, or set TILLER_VENV to an environment that has it")
+    "tools/dev/requirements.txt: run ./dev setup, or set TILLER_VENV to an environment that has it")
   return()
 endif()
 list(GET found 0 found)

@@ -68,6 +68,34 @@ function(tiller_library name)
   set_property(GLOBAL APPEND PROPERTY TILLER_RUNTIME_TARGETS ${target})
 endfunction()
 
+# tiller_module(folder SOURCES a.cpp ... DEPENDS folder ... PRIVATE_LIBS ... PUBLIC_LIBS ...)
+#
+# Makes the static library of a folder outside of runtime: tools/gap/fit gives tiller_tools_gap_fit. Its headers are
+# included by their path, "tools/gap/fit/file.hpp"; the include root is a folder of links that holds that one path, so that
+# a folder that is not in DEPENDS, or below one that is, cannot be included by accident.
+function(tiller_module folder)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS;PRIVATE_LIBS;PUBLIC_LIBS" ${ARGN})
+  string(REPLACE "/" "_" id ${folder})
+  set(root ${PROJECT_BINARY_DIR}/include_roots/${id})
+  get_filename_component(above ${root}/${folder} DIRECTORY)
+  file(MAKE_DIRECTORY ${above})
+  if(NOT EXISTS ${root}/${folder})
+    file(CREATE_LINK ${PROJECT_SOURCE_DIR}/${folder} ${root}/${folder} SYMBOLIC)
+  endif()
+  set(scope PUBLIC)
+  if(ARG_SOURCES)
+    add_library(tiller_${id} STATIC ${ARG_SOURCES})
+    target_link_libraries(tiller_${id} PRIVATE tiller_flags ${ARG_PRIVATE_LIBS})
+  else()
+    add_library(tiller_${id} INTERFACE)
+    set(scope INTERFACE)
+  endif()
+  target_include_directories(tiller_${id} ${scope} $<BUILD_INTERFACE:${root}>)
+  list(TRANSFORM ARG_DEPENDS REPLACE "/" "_")
+  list(TRANSFORM ARG_DEPENDS PREPEND tiller_)
+  target_link_libraries(tiller_${id} ${scope} ${ARG_DEPENDS} ${ARG_PUBLIC_LIBS})
+endfunction()
+
 # tiller_isa_sources(target file.cpp ...)
 #
 # Compiles each file once per instruction set of the target architecture, with TILLER_COMPILE_ISA set to its

@@ -6,7 +6,7 @@
 namespace tiller {
 
 /// Physics that has no name: force = sum_i force_i phi_i(q, v), linear in nine forces that are learnt, with features
-/// whose centre and widths are set once (tools/gap/fallback.hpp finds them from logs).
+/// whose centre and widths are set once (tools/gap/residual/fallback.hpp finds them from logs).
 ///
 /// The features are local: four bumps b_i over the position times two steps over the velocity (backward, forward),
 /// normalised, and one feature for everywhere else, so that they sum to one:

@@ -10,7 +10,7 @@
 #include <map>
 
 #include "episode.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/open/robot_open.hpp"
 
 namespace tiller {
 namespace {

@@ -5,9 +5,9 @@
 
 #include <cmath>
 
-#include "tools/plant_setup.hpp"
-#include "tools/robot_open.hpp"
-#include "tools/run_loop.hpp"
+#include "tools/links/plant_setup.hpp"
+#include "tools/open/robot_open.hpp"
+#include "tools/run/run_loop.hpp"
 
 namespace tiller::tools {
 namespace {

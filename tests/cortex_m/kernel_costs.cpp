@@ -1,5 +1,5 @@
 // What a model's step costs on a Cortex-M7, in instructions: a row for every built-in model of this build, integrator,
-// with and without an effect. The rows stand in tools/instruction_costs.def, where `tiller size` reads them.
+// with and without an effect. The rows stand in tools/doctor/instruction_costs.def, where `tiller size` reads them.
 
 #include "board.hpp"
 #include "kernel_calls.hpp"

@@ -7,10 +7,10 @@
 #include <cstring>
 
 #include "fuzz_robot.hpp"
-#include "tools/lcm_event_log.hpp"
-#include "tools/log_readers.hpp"
-#include "tools/record_file.hpp"
-#include "tools/replay.hpp"
+#include "tools/logs/lcm_event_log.hpp"
+#include "tools/logs/log_readers.hpp"
+#include "tools/logs/record_file.hpp"
+#include "tools/replay/replay.hpp"
 
 namespace {
 

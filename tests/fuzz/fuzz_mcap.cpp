@@ -6,9 +6,9 @@
 #include <cstring>
 
 #include "fuzz_robot.hpp"
-#include "tools/recorder/mcap_bytes.hpp"
-#include "tools/recorder/mcap_reader.hpp"
-#include "tools/recorder/mcap_run.hpp"
+#include "tools/logs/mcap_bytes.hpp"
+#include "tools/logs/mcap_reader.hpp"
+#include "tools/logs/mcap_run.hpp"
 
 namespace {
 

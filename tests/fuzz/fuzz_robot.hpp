@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "fuzz.hpp"
-#include "tools/robot_file.hpp"
+#include "tools/robot/robot_file.hpp"
 
 namespace fuzz {
 

@@ -5,7 +5,7 @@
 
 #include "effects/effect_info.hpp"
 #include "tests/gap/synthetic.hpp"
-#include "tools/gap/engine.hpp"
+#include "tools/gap/pipeline/engine.hpp"
 
 namespace tiller::tools::gap {
 namespace {

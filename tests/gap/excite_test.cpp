@@ -1,7 +1,7 @@
 // tiller excite: the sequence that it proposes tells rivals apart better than an ordinary one does, keeps its limits, and
 // what no input can tell apart is said to be so.
 
-#include "tools/gap/excite.hpp"
+#include "tools/gap/excite/excite.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,8 +9,8 @@
 #include <fstream>
 
 #include "effects/effect_info.hpp"
-#include "tools/gap/mean_innovations.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/gap/excite/mean_innovations.hpp"
+#include "tools/open/robot_open.hpp"
 
 namespace tiller::tools::gap {
 namespace {

@@ -1,7 +1,7 @@
 // The residual that has no name: learnt from the logs of pendulums whose physics is in no catalogue, and what is still
 // known to be unknown after it.
 
-#include "tools/gap/fallback.hpp"
+#include "tools/gap/residual/fallback.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,10 +12,10 @@
 #include "core/rng.hpp"
 #include "hidden_pendulum.hpp"
 #include "posterior/prior.hpp"
-#include "tools/gap/prediction_error.hpp"
-#include "tools/gap/residual_writer.hpp"
-#include "tools/grid_rollout.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/gap/residual/prediction_error.hpp"
+#include "tools/gap/residual/residual_writer.hpp"
+#include "tools/identify/grid_rollout.hpp"
+#include "tools/open/robot_open.hpp"
 
 namespace tiller::tools::gap {
 namespace {

@@ -11,11 +11,11 @@
 #include "effects/effect_info.hpp"
 #include "tiller_lcm/command_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
-#include "tools/gap/log_formats.hpp"
-#include "tools/gap/outputs.hpp"
-#include "tools/gap/robot_writer.hpp"
-#include "tools/record_file.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/gap/report/outputs.hpp"
+#include "tools/gap/report/robot_writer.hpp"
+#include "tools/logs/log_formats.hpp"
+#include "tools/logs/record_file.hpp"
+#include "tools/open/robot_open.hpp"
 
 namespace tiller::tools::gap {
 namespace {

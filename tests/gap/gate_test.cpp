@@ -6,11 +6,11 @@
 #include <fstream>
 
 #include "tests/gap/synthetic.hpp"
-#include "tools/gap/data.hpp"
-#include "tools/gap/gate.hpp"
-#include "tools/gap/noise.hpp"
-#include "tools/robot_file.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/gap/localise/noise.hpp"
+#include "tools/gap/pipeline/data.hpp"
+#include "tools/gap/pipeline/gate.hpp"
+#include "tools/open/robot_open.hpp"
+#include "tools/robot/robot_file.hpp"
 
 namespace tiller::tools::gap {
 namespace {

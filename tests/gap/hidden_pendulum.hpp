@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "tools/identify_data.hpp"
+#include "tools/logs/identify_data.hpp"
 
 namespace hidden {
 

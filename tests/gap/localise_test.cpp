@@ -4,7 +4,7 @@
 #include <cstdio>
 
 #include "tests/gap/synthetic.hpp"
-#include "tools/gap/localise.hpp"
+#include "tools/gap/localise/localise.hpp"
 
 namespace tiller::tools::gap {
 namespace {

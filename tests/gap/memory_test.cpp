@@ -6,7 +6,7 @@
 #include <cerrno>
 
 #include "tests/gap/synthetic.hpp"
-#include "tools/gap/engine.hpp"
+#include "tools/gap/pipeline/engine.hpp"
 
 namespace {
 std::size_t in_use = 0, most = 0;

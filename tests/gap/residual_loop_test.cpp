@@ -6,11 +6,11 @@
 #include <cmath>
 #include <fstream>
 
-#include "tools/gap/residual_writer.hpp"
-#include "tools/plant_setup.hpp"
-#include "tools/robot_open.hpp"
-#include "tools/run_loop.hpp"
-#include "tools/text.hpp"
+#include "tools/base/text.hpp"
+#include "tools/gap/residual/residual_writer.hpp"
+#include "tools/links/plant_setup.hpp"
+#include "tools/open/robot_open.hpp"
+#include "tools/run/run_loop.hpp"
 
 namespace tiller::tools::gap {
 namespace {

@@ -12,7 +12,7 @@
 #include "effects/catalogue.hpp"
 #include "hidden_pendulum.hpp"
 #include "posterior/posterior.hpp"
-#include "tools/gap/fallback.hpp"
+#include "tools/gap/residual/fallback.hpp"
 
 // The linker sends every call of these to us (see CMakeLists.txt), from whichever library it comes.
 extern "C" {

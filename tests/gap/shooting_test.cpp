@@ -9,7 +9,7 @@
 #include <memory>
 
 #include "tests/gap/synthetic.hpp"
-#include "tools/gap/shooting.hpp"
+#include "tools/gap/fit/shooting.hpp"
 
 namespace tiller::tools::gap {
 namespace {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/rng.hpp"
-#include "tools/identify_data.hpp"
+#include "tools/logs/identify_data.hpp"
 
 namespace tiller::tools::gap {
 

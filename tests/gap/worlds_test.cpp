@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "gap_worlds.hpp"
-#include "tools/robot_file.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/open/robot_open.hpp"
+#include "tools/robot/robot_file.hpp"
 
 namespace tiller::bench {
 namespace {

@@ -7,10 +7,10 @@
 #include <fstream>
 #include <random>
 
-#include "tools/gap/log_formats.hpp"
-#include "tools/identify_data.hpp"
-#include "tools/identify_score.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/identify/identify_score.hpp"
+#include "tools/logs/identify_data.hpp"
+#include "tools/logs/log_formats.hpp"
+#include "tools/open/robot_open.hpp"
 
 namespace tiller::tools {
 namespace {

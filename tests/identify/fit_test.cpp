@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "tools/identify.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/identify/identify.hpp"
+#include "tools/open/robot_open.hpp"
 
 namespace tiller::tools {
 namespace {

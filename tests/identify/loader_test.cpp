@@ -9,8 +9,8 @@
 
 #include "rollout/cost.hpp"
 #include "rollout/rollout.hpp"
-#include "tools/model_compiler.hpp"
-#include "tools/model_loader.hpp"
+#include "tools/robot/model_compiler.hpp"
+#include "tools/robot/model_loader.hpp"
 
 namespace tiller::tools {
 namespace {

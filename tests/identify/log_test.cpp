@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "tools/identify_data.hpp"
-#include "tools/identify_log.hpp"
+#include "tools/logs/identify_data.hpp"
+#include "tools/logs/identify_log.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "tools/grid_rollout.hpp"
-#include "tools/methods/method.hpp"
+#include "tools/identify/grid_rollout.hpp"
+#include "tools/identify/method.hpp"
 
 namespace tiller::tools {
 

@@ -1,5 +1,5 @@
 // REPS weights: what the dual promises.
-#include "tools/methods/reps.hpp"
+#include "tools/identify/reps.hpp"
 
 #include <gtest/gtest.h>
 

@@ -2,7 +2,7 @@
 #include <algorithm>
 
 #include "run_rig.hpp"
-#include "tools/replay.hpp"
+#include "tools/replay/replay.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -8,8 +8,8 @@
 #include <thread>
 
 #include "run_rig.hpp"
-#include "tools/recorder/mcap_reader.hpp"
-#include "tools/replay.hpp"
+#include "tools/logs/mcap_reader.hpp"
+#include "tools/replay/replay.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -7,7 +7,7 @@
 #include "tiller_lcm/command_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
 #include "tiller_lcm/telemetry_t.hpp"
-#include "tools/replay.hpp"
+#include "tools/replay/replay.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -9,8 +9,8 @@
 #include <memory>
 #include <sstream>
 
-#include "tools/recorder/recorder.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/logs/recorder.hpp"
+#include "tools/open/robot_open.hpp"
 
 namespace tiller::tools {
 

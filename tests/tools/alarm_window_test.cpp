@@ -1,6 +1,6 @@
 // The ticks about an alarm: what a row's input is when commands take hold between measurements, and what is left out.
 
-#include "tools/alarm_window.hpp"
+#include "tools/logs/alarm_window.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <filesystem>
 
 #include "read_all.hpp"
-#include "tools/identify_log.hpp"
+#include "tools/logs/identify_log.hpp"
 
 namespace tiller::tools {
 namespace {

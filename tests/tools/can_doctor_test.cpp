@@ -1,6 +1,6 @@
 // What `ip -details -statistics -json link show` prints for controllers, in the shapes of iproute2 5 and 6 (mcp251xfd and
 // gs_usb as they stand on robots), and what is to be said about them.
-#include "tools/can_doctor.hpp"
+#include "tools/doctor/can_doctor.hpp"
 
 #include <gtest/gtest.h>
 

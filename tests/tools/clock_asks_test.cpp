@@ -18,8 +18,8 @@
 #include "io/monotonic_clock.hpp"
 #include "sim/can_socket.hpp"
 #include "sim/moteus_axis.hpp"
-#include "tools/link.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/links/link.hpp"
+#include "tools/open/robot_open.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -345,7 +345,7 @@ TEST_F(Command, APageThatCannotBeWrittenIsRefusedBeforeTheRun) {
   const Ended without = run({"run", kCartPole, "--sim", "--seconds", "0.1", "--quiet", "--report", "page.html"});
   unsetenv("TILLER_PYTHON");
   EXPECT_EQ(without.code, 2) << without.out;
-  EXPECT_TRUE(contains(without.out, "tools/requirements.txt")) << without.out;
+  EXPECT_TRUE(contains(without.out, "tools/dev/requirements.txt")) << without.out;
 }
 
 TEST_F(Command, AModelThatIsNotThereIsNamedWithTheOnesThatAre) {

@@ -1,7 +1,7 @@
 // Episodes: what is carried over, what a resumed or an interrupted series leaves, and how a robot that somebody puts
 // back is waited for.
 
-#include "tools/episodes.hpp"
+#include "tools/run/episodes.hpp"
 
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -13,9 +13,9 @@
 #include <sstream>
 
 #include "read_all.hpp"
-#include "tools/exit_codes.hpp"
-#include "tools/robot_open.hpp"
-#include "tools/stage_cost.hpp"
+#include "tools/base/exit_codes.hpp"
+#include "tools/open/robot_open.hpp"
+#include "tools/robot/stage_cost.hpp"
 
 namespace tiller::tools {
 namespace {

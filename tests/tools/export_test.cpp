@@ -3,9 +3,9 @@
 
 #include <cstring>
 
-#include "tools/export_config.hpp"
-#include "tools/robot_file.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/open/robot_open.hpp"
+#include "tools/robot/export_config.hpp"
+#include "tools/robot/robot_file.hpp"
 
 extern "C" {
 tiller_config_t cart_pole_config(void);

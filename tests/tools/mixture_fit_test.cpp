@@ -1,6 +1,6 @@
 // The mixture that stands for a cloud of particles: that it is the cloud's, and never narrower.
 
-#include "tools/mixture_fit.hpp"
+#include "tools/robot/mixture_fit.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 #include <memory>
 #include <random>
 
-#include "tools/joint_prior.hpp"
+#include "tools/robot/joint_prior.hpp"
 
 namespace tiller::tools {
 namespace {

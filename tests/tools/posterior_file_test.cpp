@@ -1,6 +1,6 @@
 // Posterior files: written whole or not at all, read with suspicion.
 
-#include "tools/posterior_file.hpp"
+#include "tools/robot/posterior_file.hpp"
 #include "read_all.hpp"
 
 #include <fcntl.h>
@@ -20,8 +20,8 @@
 #include <sstream>
 
 #include "robot_text.hpp"
-#include "tools/output_file.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/base/output_file.hpp"
+#include "tools/open/robot_open.hpp"
 
 namespace tiller::tools {
 namespace {

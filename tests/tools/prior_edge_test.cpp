@@ -7,9 +7,9 @@
 #include "core/rng.hpp"
 #include "posterior/prior.hpp"
 #include "robot_text.hpp"
-#include "tools/prior_edge.hpp"
-#include "tools/robot_file.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/open/robot_open.hpp"
+#include "tools/robot/prior_edge.hpp"
+#include "tools/robot/robot_file.hpp"
 
 namespace tiller::tools {
 namespace {

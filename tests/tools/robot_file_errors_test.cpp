@@ -4,8 +4,8 @@
 #include <algorithm>
 
 #include "robot_text.hpp"
-#include "tools/robot_file.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/open/robot_open.hpp"
+#include "tools/robot/robot_file.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -1,5 +1,5 @@
 // Right robot files: every value arrives where it belongs, and the documentation tells the truth.
-#include "tools/robot_file.hpp"
+#include "tools/robot/robot_file.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,12 +10,12 @@
 
 #include "effects/effect_info.hpp"
 #include "robot_text.hpp"
-#include "tools/effects_text.hpp"
-#include "tools/limits_text.hpp"
-#include "tools/plant_setup.hpp"
-#include "tools/robot_help.hpp"
-#include "tools/robot_open.hpp"
-#include "tools/robot_schema.hpp"
+#include "tools/links/plant_setup.hpp"
+#include "tools/open/robot_open.hpp"
+#include "tools/robot/effects_text.hpp"
+#include "tools/robot/limits_text.hpp"
+#include "tools/robot/robot_help.hpp"
+#include "tools/robot/robot_schema.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -5,10 +5,10 @@
 #include <cmath>
 #include <limits>
 
-#include "tools/config_trace.hpp"
-#include "tools/robot_file.hpp"
-#include "tools/robot_open.hpp"
-#include "tools/robot_schema.hpp"
+#include "tools/open/robot_open.hpp"
+#include "tools/robot/config_trace.hpp"
+#include "tools/robot/robot_file.hpp"
+#include "tools/robot/robot_schema.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -8,11 +8,11 @@
 
 #include "read_all.hpp"
 #include "robot_text.hpp"
-#include "tools/robot_open.hpp"
-#include "tools/run_facts.hpp"
-#include "tools/run_log.hpp"
-#include "tools/task_clock.hpp"
-#include "tools/units.hpp"
+#include "tools/logs/run_log.hpp"
+#include "tools/open/robot_open.hpp"
+#include "tools/robot/task_clock.hpp"
+#include "tools/robot/units.hpp"
+#include "tools/run/run_facts.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -8,9 +8,9 @@
 #include "abi/controller.hpp"
 #include "executive/part_sizes.hpp"
 #include "swing_up.hpp"
-#include "tools/robot_file.hpp"
-#include "tools/robot_open.hpp"
-#include "tools/work_count.hpp"
+#include "tools/doctor/work_count.hpp"
+#include "tools/open/robot_open.hpp"
+#include "tools/robot/robot_file.hpp"
 
 namespace tiller::tools {
 namespace {

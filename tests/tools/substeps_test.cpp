@@ -1,6 +1,6 @@
 // Substeps are advised from where the robot goes, and a tick is told against its period.
-#include "tools/robot_open.hpp"
-#include "tools/substeps.hpp"
+#include "tools/open/substeps.hpp"
+#include "tools/open/robot_open.hpp"
 
 #include <gtest/gtest.h>
 #include <stdlib.h>
@@ -9,9 +9,9 @@
 #include <filesystem>
 
 #include "robot_text.hpp"
-#include "tools/robot_file.hpp"
-#include "tools/tick_forecast.hpp"
-#include "tools/visited_states.hpp"
+#include "tools/doctor/tick_forecast.hpp"
+#include "tools/open/visited_states.hpp"
+#include "tools/robot/robot_file.hpp"
 
 namespace tiller::tools {
 namespace {

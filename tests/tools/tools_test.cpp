@@ -12,16 +12,16 @@
 
 #include "read_all.hpp"
 #include "robot_text.hpp"
-#include "tools/export_config.hpp"
-#include "tools/latency_watch.hpp"
-#include "tools/output_file.hpp"
-#include "tools/plant_setup.hpp"
-#include "tools/progress.hpp"
-#include "tools/record_file.hpp"
-#include "tools/robot_open.hpp"
-#include "tools/run_log.hpp"
-#include "tools/text.hpp"
-#include "tools/thread_pool.hpp"
+#include "tools/base/output_file.hpp"
+#include "tools/base/text.hpp"
+#include "tools/base/thread_pool.hpp"
+#include "tools/links/latency_watch.hpp"
+#include "tools/links/plant_setup.hpp"
+#include "tools/logs/record_file.hpp"
+#include "tools/logs/run_log.hpp"
+#include "tools/open/robot_open.hpp"
+#include "tools/robot/export_config.hpp"
+#include "tools/run/progress.hpp"
 
 namespace tiller::tools {
 namespace {

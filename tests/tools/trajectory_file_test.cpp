@@ -1,6 +1,6 @@
 // References and demonstrations from CSV files: what arrives in the configuration, and what is refused.
-#include "tools/robot_open.hpp"
-#include "tools/trajectory_file.hpp"
+#include "tools/robot/trajectory_file.hpp"
+#include "tools/open/robot_open.hpp"
 
 #include <gtest/gtest.h>
 #include <stdlib.h>
@@ -10,8 +10,8 @@
 #include <fstream>
 
 #include "robot_text.hpp"
-#include "tools/export_config.hpp"
-#include "tools/robot_file.hpp"
+#include "tools/robot/export_config.hpp"
+#include "tools/robot/robot_file.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -17,9 +17,9 @@
 #include "effects/effect_info.hpp"
 #include "gap_oracle.hpp"
 #include "gap_score.hpp"
-#include "tools/gap/gap.hpp"
-#include "tools/grid_rollout.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/gap/pipeline/gap.hpp"
+#include "tools/identify/grid_rollout.hpp"
+#include "tools/open/robot_open.hpp"
 
 namespace tiller::bench {
 namespace {

@@ -13,9 +13,9 @@
 #include "bench_table.hpp"
 #include "gap_worlds.hpp"
 #include "posterior/prior.hpp"
-#include "tools/gap/fallback.hpp"
-#include "tools/grid_rollout.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/gap/residual/fallback.hpp"
+#include "tools/identify/grid_rollout.hpp"
+#include "tools/open/robot_open.hpp"
 
 namespace {
 

@@ -12,7 +12,7 @@
 
 #include "bench_table.hpp"
 #include "episode.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/open/robot_open.hpp"
 
 namespace {
 

@@ -9,11 +9,11 @@
 #include <new>
 
 #include "tiller/tiller.h"
-#include "tools/episodes.hpp"
-#include "tools/link.hpp"
-#include "tools/plant_setup.hpp"
-#include "tools/stage_cost.hpp"
-#include "tools/thread_pool.hpp"
+#include "tools/base/thread_pool.hpp"
+#include "tools/links/link.hpp"
+#include "tools/links/plant_setup.hpp"
+#include "tools/robot/stage_cost.hpp"
+#include "tools/run/episodes.hpp"
 
 namespace tiller::bench {
 namespace {

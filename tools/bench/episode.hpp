@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "tools/posterior_file.hpp"
-#include "tools/robot_file.hpp"
+#include "tools/robot/posterior_file.hpp"
+#include "tools/robot/robot_file.hpp"
 
 namespace tiller::bench {
 

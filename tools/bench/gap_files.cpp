@@ -3,7 +3,7 @@
 #include <filesystem>
 
 #include "gap_worlds.hpp"
-#include "tools/output_file.hpp"
+#include "tools/base/output_file.hpp"
 
 namespace tiller::bench {
 namespace {

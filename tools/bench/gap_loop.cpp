@@ -8,9 +8,9 @@
 
 #include "core/rng.hpp"
 #include "effects/effect_info.hpp"
-#include "tools/plant_setup.hpp"
-#include "tools/robot_open.hpp"
-#include "tools/run_loop.hpp"
+#include "tools/links/plant_setup.hpp"
+#include "tools/open/robot_open.hpp"
+#include "tools/run/run_loop.hpp"
 
 namespace tiller::bench {
 namespace {

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <string>
 
-#include "tools/gap/gap.hpp"
+#include "tools/gap/pipeline/gap.hpp"
 
 namespace tiller::bench {
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "gap_worlds.hpp"
-#include "tools/gap/gap.hpp"
+#include "tools/gap/pipeline/gap.hpp"
 
 namespace tiller::bench {
 

@@ -6,8 +6,8 @@
 
 #include "gap_setup.hpp"
 #include "tiller/tiller.h"
-#include "tools/robot_file.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/open/robot_open.hpp"
+#include "tools/robot/robot_file.hpp"
 
 namespace tiller::bench {
 namespace {

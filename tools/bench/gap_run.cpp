@@ -7,8 +7,8 @@
 #include "effects/effect_info.hpp"
 #include "gap_cases.hpp"
 #include "gap_oracle.hpp"
-#include "tools/gap/gap.hpp"
-#include "tools/robot_open.hpp"
+#include "tools/gap/pipeline/gap.hpp"
+#include "tools/open/robot_open.hpp"
 
 // One case: world, files, find_gap(), judgement. The workflow reads the same files as a user's would.
 

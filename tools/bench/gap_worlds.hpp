@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "sim/options.hpp"
-#include "tools/identify_log.hpp"
+#include "tools/logs/identify_log.hpp"
 
 namespace tiller::bench {
 

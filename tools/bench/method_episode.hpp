@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "accuracy_tasks.hpp"
-#include "tools/methods/method.hpp"
+#include "tools/identify/method.hpp"
 
 namespace tiller::bench {
 

@@ -1,0 +1,69 @@
+#include "tools/base/report.hpp"
+
+#include <cstdlib>
+#include <filesystem>
+
+#include "python_config.hpp"
+#include "tools/base/child_process.hpp"
+#include "tools/base/output_file.hpp"
+#include "tools/base/text.hpp"
+
+namespace tiller::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string interpreter() {
+  if (const char* named = std::getenv("TILLER_PYTHON"); named && *named) return named;
+  std::error_code ignored;
+  return fs::exists(TILLER_PYTHON_CONFIGURED, ignored) ? TILLER_PYTHON_CONFIGURED : "python3";
+}
+
+/// The source tree's package, or the one that was installed beside the program.
+std::string package_folder() {
+  std::error_code code;
+  if (fs::exists(fs::path(TILLER_PYTHON_SOURCE) / "tiller_tools", code)) return TILLER_PYTHON_SOURCE;
+  const fs::path self = fs::read_symlink("/proc/self/exe", code);
+  return (self.parent_path().parent_path() / TILLER_PYTHON_INSTALLED).string();
+}
+
+std::string last_lines(const std::string& text, std::size_t count) {
+  std::size_t from = text.size();
+  for (std::size_t found = 0; from > 0; --from) {
+    if (text[from - 1] == '\n' && from != text.size() && ++found == count) break;
+  }
+  return text.substr(from);
+}
+
+/// No interpreter (what `env` says by 127), or one without a package: not a page that cannot be written or data that are
+/// wrong.
+bool lacks_packages(const ChildResult& child) {
+  return child.exit_code == 127 || child.output.find("No module named") != std::string::npos;
+}
+
+}  // namespace
+
+bool run_python_tool(const std::string& module, const std::vector<std::string>& arguments, std::string& error) {
+  std::vector<std::string> command = {
+      "env", "PYTHONPATH=" + package_folder(), "PYTHONDONTWRITEBYTECODE=1", interpreter(),
+      "-m",  "tiller_tools." + module};
+  command.insert(command.end(), arguments.begin(), arguments.end());
+  const ChildResult child = run_child(command);
+  if (child.started && child.exit_code == 0) return true;
+  error = interpreter() + " -m tiller_tools." + module + " failed: " + last_lines(child.output, 3);
+  if (lacks_packages(child))
+    error +=
+        "  it needs Python with the packages of tools/dev/requirements.txt: run ./dev setup, or set TILLER_PYTHON to an "
+        "interpreter that has them";
+  return false;
+}
+
+bool draw_page(const std::string& module, const std::string& from, const std::string& page, std::string& error) {
+  return can_write_file(page, error) && run_python_tool(module, {from, "-o", page}, error);
+}
+
+bool write_report(const std::string& log, const std::string& page, std::string& error) {
+  return draw_page("report", log, page, error);
+}
+
+}  // namespace tiller::tools

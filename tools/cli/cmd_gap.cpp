@@ -1,0 +1,241 @@
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "effects/effect_info.hpp"
+#include "tools/base/output_file.hpp"
+#include "tools/base/report.hpp"
+#include "tools/base/text.hpp"
+#include "tools/command/commands.hpp"
+#include "tools/gap/pipeline/data.hpp"
+#include "tools/gap/pipeline/gap.hpp"
+#include "tools/gap/report/outputs.hpp"
+#include "tools/gap/report/robot_writer.hpp"
+#include "tools/gap/residual/residual_writer.hpp"
+
+namespace tiller::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct GapOptions {
+  std::string robot, folder;
+  bool json = false;
+  gap::Options find;
+};
+
+volatile int stop_requested = 0;
+void request_stop(int) { stop_requested = 1; }
+
+/// Ctrl-C finishes the step and keeps what is done; a second one ends the program as ever.
+class StopOnInterrupt {
+ public:
+  StopOnInterrupt() {
+    struct sigaction action {};
+    action.sa_handler = request_stop;
+    action.sa_flags = static_cast<int>(SA_RESETHAND);
+    sigaction(SIGINT, &action, &before_);
+  }
+  ~StopOnInterrupt() { sigaction(SIGINT, &before_, nullptr); }
+  StopOnInterrupt(const StopOnInterrupt&) = delete;
+  StopOnInterrupt& operator=(const StopOnInterrupt&) = delete;
+
+ private:
+  struct sigaction before_ {};
+};
+
+/// On a terminal one line that overwrites itself, elsewhere a line a step.
+class StepLine {
+ public:
+  StepLine() : terminal_(isatty(STDERR_FILENO) != 0) {}
+  ~StepLine() { clear(); }
+  void show(const char* step, double share) {
+    if (terminal_) {
+      std::string bar(20, '.');
+      for (std::size_t i = 0; i < bar.size() && static_cast<double>(i) < share * 20; ++i) bar[i] = '#';
+      std::fprintf(stderr, "\r\033[K[%s] %s", bar.c_str(), step);
+      std::fflush(stderr);
+    } else if (last_ != step) {
+      std::fprintf(stderr, "gap: %s\n", step);
+    }
+    last_ = step;
+  }
+  void clear() {
+    if (terminal_ && !last_.empty()) std::fprintf(stderr, "\r\033[K");
+  }
+
+ private:
+  bool terminal_;
+  std::string last_;
+};
+
+/// Asked for before hours of computing, not after.
+bool can_be_written(const std::string& folder, std::string& error) {
+  const std::string probe = (fs::path(folder) / ".tiller_gap").string();
+  make_folders_for(probe);
+  if (fs::is_directory(folder)) return can_write_file(probe, error);
+  std::error_code code;
+  error = folder + ": cannot be made a folder" + (fs::exists(folder, code) ? ": a file is in its place" : "") +
+          "; name another folder with -o";
+  return false;
+}
+
+bool read_text(const std::string& path, std::string& text) {
+  std::ifstream file(path, std::ios::binary);
+  std::stringstream stream;
+  stream << file.rdbuf();
+  text = stream.str();
+  return static_cast<bool>(file);
+}
+
+/// Puts the unnamed effect for what is left into `text`, and its joint law beside the file; `text` stays where the logs
+/// do not speak for it.
+bool add_residual(const GapOptions& options, const RobotFile& robot, const std::string& posterior, std::string& text) {
+  std::vector<Log> logs;
+  std::vector<Grid> grids;
+  gap::Result scratch;
+  gap::ResidualOffer offer;
+  std::string error;
+  constexpr double kVeryStrong_nats = 10.0;
+  if (!gap::load_logs(robot, options.find.logs, logs, grids, nullptr, scratch) ||
+      !gap::offer_residual(text, robot.path, grids, kVeryStrong_nats, offer, error)) {
+    if (!options.json && !error.empty()) std::printf("nothing is learnt of the rest: %s\n", error.c_str());
+    return false;
+  }
+  text = offer.text;
+  if (!save_posterior(posterior, offer.posterior, error)) complain(error);
+  return true;
+}
+
+/// The new robot file, where something was named or a residual can be offered. False after a complaint.
+bool write_new_robot(const GapOptions& options, const RobotFile& robot, const gap::Result& result, std::string& path) {
+  using gap::Verdict;
+  const bool rest = result.verdict == Verdict::unnamed || result.verdict == Verdict::partly;
+  bool worth = false;
+  if (!rest && result.verdict != Verdict::named && result.verdict != Verdict::ambiguous) return true;
+  std::string text, error;
+  const fs::path folder = options.folder;
+  if (!read_text(robot.path, text)) error = robot.path + ": cannot be read again: " + std::strerror(errno);
+  if (error.empty() && result.verdict != Verdict::unnamed && !result.ranking.empty() &&
+      !result.ranking[0].effects.empty()) {
+    const std::string old_text = text;
+    worth = gap::write_robot(robot, old_text, result.ranking[0], result.data_hash, text, error);
+  }
+  const std::string posterior = (folder / (robot.name + "_gap.posterior.json")).string();
+  if (error.empty() && rest && add_residual(options, robot, posterior, text)) {
+    worth = true;
+    if (!options.json)
+      std::printf("what has no name is learnt as a residual; begin with tiller run --posterior %s\n",
+                  posterior.c_str());
+  }
+  if (error.empty() && !worth) return true;
+  const std::string target = (folder / (robot.name + "_gap.toml")).string();
+  if (!error.empty() || !replace_file(target, text, error)) {
+    complain("the new robot file was not written: " + error);
+    return false;
+  }
+  path = target;
+  return true;
+}
+
+/// gap.json, the new robot file and the page. The tables are printed already: what fails here loses no result.
+bool write_results(const GapOptions& options, const RobotFile& robot, const gap::Result& result, std::string& json) {
+  std::string new_robot, error;
+  bool good = write_new_robot(options, robot, result, new_robot);
+  json = gap::gap_json(robot, options.find, result, new_robot);
+  const fs::path file = fs::path(options.folder) / "gap.json", page = fs::path(options.folder) / "gap.html";
+  if (!replace_file(file.string(), json, error)) return complain(error), false;
+  if (!draw_page("gap_report", file.string(), page.string(), error)) {
+    complain(error);
+    good = false;
+  } else if (!options.json) {
+    std::printf("report: %s\n", fs::absolute(page).c_str());
+  }
+  if (!options.json) {
+    std::printf("result: %s\n", fs::absolute(file).c_str());
+    if (!new_robot.empty()) std::printf("robot file with what was found: %s\n", fs::absolute(new_robot).c_str());
+  }
+  return good;
+}
+
+int gap_command(GapOptions& options) {
+  const auto robot = read_robot_or_complain(options.robot);
+  if (!robot) return kExitGapUsage;
+  std::string error;
+  if (!options.folder.empty() && !can_be_written(options.folder, error)) return complain(error), kExitGapUsage;
+  const StopOnInterrupt on_interrupt;
+  gap::Result result;
+  {
+    StepLine line;
+    options.find.progress = [&line](const char* step, double share) { line.show(step, share); };
+    options.find.stop = &stop_requested;
+    result = gap::find_gap(*robot, options.find);
+  }
+  for (const std::string& note : result.notes) std::fprintf(stderr, "note: %s\n", note.c_str());
+  if (!options.json) std::fputs(gap::gap_text(*robot, result).c_str(), stdout);
+  std::string json;
+  bool good = true;
+  if (!options.folder.empty())
+    good = write_results(options, *robot, result, json);
+  else
+    json = gap::gap_json(*robot, options.find, result, "");
+  if (options.json) good = std::fputs(json.c_str(), stdout) >= 0 && good;
+  good = std::fflush(stdout) == 0 && good;
+  if (!good) return kExitGapIncomplete;
+  return result.interrupted ? kExitInterrupted : gap::exit_code_of(result, options.find.budget_sigma);
+}
+
+std::string check_kind(const std::string& name) {
+  if (find_effect(name.c_str()) >= 0) return "";
+  Words known;
+  for (std::uint32_t k = 0; k < effect_kind_count(); ++k) known.emplace_back(effect_info(k).name);
+  const std::string near = nearest(name, known);
+  return "there is no effect '" + name + "'; " + (near.empty() ? "" : "did you mean " + near + "? ") +
+         "known: " + join(known);
+}
+
+}  // namespace
+
+void add_gap_command(CLI::App& app, int& exit_code) {
+  auto* command = app.add_subcommand(
+      "gap", "find where model and logs disagree, name the missing effect, add it to the robot file");
+  auto options = std::make_shared<GapOptions>();
+  gap::Options& find = options->find;
+  command->add_option("ROBOT", options->robot, "robot file (.toml): model, priors, sensors, [log]")->required();
+  command->add_option("LOGS", find.logs, "logs: CSV, LCM event logs, records of `tiller run --record`")->required();
+  command->add_option("--hold-out", find.hold_out, "logs for the proof alone (default: a share of LOGS)");
+  command->add_option("-o,--out", options->folder, "folder for gap.html, gap.json and the new robot file");
+  command->add_option("--budget", find.budget_sigma, "gap that is tolerated, in sigma (default 1.1)")
+      ->check(number_between(0, 1e6));
+  command->add_option("--only", find.only, "effects to consider, separated by commas (default: all; `tiller effects`)")
+      ->delimiter(',')
+      ->check(check_kind);
+  command->add_option("--max-effects", find.max_effects, "most effects in one explanation (default 3)")
+      ->check(CLI::Range(1, 6));
+  command->add_option("--seed", find.seed, "of the permutations (default 1)")->check(CLI::PositiveNumber);
+  command->add_flag("--json", options->json, "gap.json on standard output instead of the tables");
+  command->footer(
+      "Compares what the model foresees with what was measured, in sigma: standard deviations of what sensor and\n"
+      "process noise of the robot file leave; 1 is nothing but noise. Where there is more, it says where (joint, axis,\n"
+      "region), which effect of the catalogue explains it (`tiller effects`), with parameters, or which several do\n"
+      "equally well and how to tell them apart, or that none does; and shows on held-out windows what adding it brings.\n"
+      "\n"
+      "Exit codes: 0 no gap, or a named one within --budget; 1 named, and over the budget; 2 ambiguous, partly\n"
+      "explained or unnamed; 3 the data cannot answer (what, where, how to mend it is printed); 4 wrong option, robot\n"
+      "file or folder; 5 a result could not be written; 130 stopped by Ctrl-C, what was done is kept.\n"
+      "\n"
+      "Examples:\n"
+      "  tiller gap my_robot.toml run1.csv run2.csv run3.csv -o out/gap\n"
+      "      look at out/gap/gap.html; out/gap/my_robot_gap.toml is the robot file with what was found\n"
+      "  tiller gap my_robot.toml nightly/*.csv --budget 1.5 --json > gap.json || echo \"model and robot part\"\n"
+      "      in CI: fails where a gap of more than 1.5 sigma opens (docs/gap.md)");
+  command->callback([options, &exit_code] { exit_code = gap_command(*options); });
+}
+
+}  // namespace tiller::tools

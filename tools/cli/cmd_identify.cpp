@@ -1,0 +1,132 @@
+#include <cstdio>
+#include <filesystem>
+
+#include "tools/base/output_file.hpp"
+#include "tools/base/report.hpp"
+#include "tools/base/text.hpp"
+#include "tools/command/commands.hpp"
+#include "tools/identify/identify.hpp"
+#include "tools/robot/posterior_file.hpp"
+
+namespace tiller::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// What was learnt of the whole model, as the prior of a run (docs/episodes.md).
+bool write_posterior(const fs::path& path, const RobotFile& robot, const Assessed& whole, std::string& error) {
+  if (!whole.candidate.learns()) return true;
+  StoredPosterior stored = store_posterior(whole.candidate.config, whole.candidate.params, {whole.fit.samples, {}});
+  stored.robot = robot.name;
+  stored.transitions = whole.fit.transitions;
+  stored.noise_scale = whole.fit.noise_scale;
+  stored.exponent = whole.fit.exponent;
+  if (!save_posterior(path.string(), stored, error)) return false;
+  std::printf("posterior: %s, for [posterior] prior_file or tiller run --posterior\n", fs::absolute(path).c_str());
+  return true;
+}
+
+/// identify.json and the page made from it. The tables are printed already: what fails here loses no result.
+int write_results(const IdentifyOptions& options, const RobotFile& robot, const Identified& result) {
+  const fs::path json = fs::path(options.folder) / "identify.json", page = fs::path(options.folder) / "identify.html";
+  std::string error;
+  if (!replace_file(json.string(), identify_json(robot, result), error)) {
+    complain(error);
+    return kExitLogIncomplete;
+  }
+  std::printf("\nresult: %s\n", fs::absolute(json).c_str());
+  if (!write_posterior(fs::path(options.folder) / "posterior.json", robot, result.candidates.back(), error)) {
+    complain(error);
+    return kExitLogIncomplete;
+  }
+  if (!draw_page("identify_report", json.string(), page.string(), error)) {
+    complain(error);
+    return kExitLogIncomplete;
+  }
+  std::printf("report: %s\n", fs::absolute(page).c_str());
+  return kExitOk;
+}
+
+int identify_command(IdentifyOptions& options) {
+  const auto robot = read_robot_or_complain(options.robot);
+  if (!robot) return kExitBadInput;
+  Identified result;
+  std::string error;
+  const bool good = identify(*robot, options, result, error);
+  for (const std::string& warning : result.warnings) std::fprintf(stderr, "warning: %s\n", warning.c_str());
+  if (!good) return complain(error);
+  std::fputs(identify_text(*robot, result).c_str(), stdout);
+  return options.folder.empty() ? static_cast<int>(kExitOk) : write_results(options, *robot, result);
+}
+
+std::string check_method(const std::string& name) {
+  return find_method(name) ? "" : "there is no method '" + name + "'; known are " + method_names();
+}
+
+/// "name  help [citation]" of each method, for --help.
+std::string methods_help() {
+  std::string text = "Methods (docs/methods.md):\n";
+  for (const Method& method : methods())
+    text += format("  %-15s %s\n  %-15s [%s]\n", method.name, method.help, "", method.citation);
+  return text;
+}
+
+void add_method_options(CLI::App& command, FitOptions& fit) {
+  command.add_option("--method", fit.method, "how to learn: " + method_names() + " (default posterior)")
+      ->check(check_method);
+  MethodOptions& how = fit.how;
+  command.add_option("--simulations", how.simulations, "parameter vectors tried in all (default 10000)")
+      ->check(CLI::Range(100, 10000000));
+  command.add_option("--iterations", how.iterations, "of simopt, step_simopt (default 10)")->check(CLI::Range(1, 1000));
+  command.add_option("--kl", how.kl, "bound of reps, simopt, step_simopt in an iteration (default 1)")
+      ->check(number_between(1e-6, 100));
+  command.add_option("--epsilon", how.epsilon, "tolerance of abc (default: so that one in a hundred is kept)")
+      ->check(number_between(1e-9, 1e9));
+  command.add_option("--accept", how.accept, "share that abc keeps where no --epsilon is given (default 0.01)")
+      ->check(number_between(1e-6, 1));
+  command.add_option("--rollout", how.rollout_s, "seconds of simopt's rollouts; 0: whole stretches (default 2)")
+      ->check(number_between(0, 3600));
+}
+
+std::string check_multiple(const std::string& text, unsigned of) {
+  const unsigned long value = std::strtoul(text.c_str(), nullptr, 10);
+  return value % of == 0 ? "" : "must be a multiple of " + std::to_string(of);
+}
+
+}  // namespace
+
+void add_identify_command(CLI::App& app, int& exit_code) {
+  auto* command = app.add_subcommand("identify", "learn the parameters of a robot file from logs of the real robot");
+  auto options = std::make_shared<IdentifyOptions>();
+  command->add_option("ROBOT", options->robot, "robot file (.toml): model, effects, priors, sensors, [log]")
+      ->required();
+  command->add_option("LOGS", options->logs, "to learn from: CSV, or what tiller run --record and lcm-logger write")
+      ->required();
+  command->add_option("--hold-out", options->hold_out, "CSV files to judge with, kept away from learning");
+  command->add_option("-o,--out", options->folder,
+                      "folder for identify.json, identify.html and posterior.json (the prior of a run)");
+  command->add_option("--particles", options->fit.particles, "of the posterior (default 512)")
+      ->check(CLI::Range(64, 4096))
+      ->check([](const std::string& text) { return check_multiple(text, 16); });
+  command->add_option("--window", options->fit.window, "transitions that moves rerun (default 128)")
+      ->check(CLI::Range(16, 1024));
+  command->add_option("--moves", options->fit.moves, "Metropolis moves per transition (default 32)")
+      ->check(CLI::Range(0, 1024))
+      ->check([](const std::string& text) { return check_multiple(text, 8); });
+  add_method_options(*command, options->fit);
+  command->add_option("--horizon", options->score.horizons_s, "seconds that rollouts look ahead (default 1 2)")
+      ->check(number_between(0.01, 60.0));
+  command->footer(
+      methods_help() +
+      "\nFits the model without its effects, then with one effect more at a time, and compares how well each foresees\n"
+      "the robot from many points of the logs. Only what was held out can be trusted to compare.\n\n"
+      "Examples:\n"
+      "  tiller identify my_robot.toml run1.csv run2.csv --hold-out run3.csv -o out/identify\n"
+      "      learn from two logs, judge with the third, leave a page\n"
+      "  tiller identify robots/dfki_pendulum.toml data/dfki_simple_pendulum/d*_measured.csv \\\n"
+      "      --hold-out data/dfki_simple_pendulum/pd_system_identification_measured.csv\n"
+      "      the measured pendulum that comes with tiller (docs/identify.md tells what to see)");
+  command->callback([options, &exit_code] { exit_code = identify_command(*options); });
+}
+
+}  // namespace tiller::tools

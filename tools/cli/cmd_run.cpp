@@ -1,0 +1,248 @@
+#include <cstdio>
+#include <filesystem>
+
+#include "tools/base/output_file.hpp"
+#include "tools/base/report.hpp"
+#include "tools/command/commands.hpp"
+#include "tools/doctor/tick_forecast.hpp"
+#include "tools/links/model_plant.hpp"
+#include "tools/run/episodes.hpp"
+#include "tools/run/run_facts.hpp"
+#include "tools/run/run_loop.hpp"
+#include "tools/run/run_summary.hpp"
+
+namespace tiller::tools {
+namespace {
+
+struct Arguments {
+  std::string robot, transport, log, report, posterior, save_posterior, alarm_log, histogram;
+  Words records;
+  std::uint32_t episodes = 1;
+  bool sim = false, lockstep = false, real_time = false, quiet = false;
+  double seconds = 0;
+  double wait_s = 10, alarm_log_s = RunOptions().alarm_log_s;
+  double patience_s = TransportLinkOptions::kPatience_s;
+  Overrides overrides;
+};
+
+/// The robot, and the plant that it is where it is in this process.
+struct Opened {
+  std::unique_ptr<SimPlant> ode;
+  std::unique_ptr<ModelPlant> model;
+  std::unique_ptr<Link> link;  // after the plants: it goes before them
+  std::vector<double> true_params;
+};
+
+bool open_plant(const Arguments& a, const RobotFile& robot, Opened& opened, std::string& error) {
+  opened = {};
+  if (robot.sim.plant == "model") {
+    opened.model = ModelPlant::make(robot, error);
+    if (!opened.model) return false;
+    opened.link = make_model_link(robot, *opened.model);
+    opened.true_params = opened.model->true_params();
+    return true;
+  }
+  opened.ode = make_sim_plant(robot, error);
+  if (!opened.ode) return false;
+  opened.link = make_sim_link(robot, *opened.ode, a.real_time);
+  opened.true_params = opened.ode->true_params;
+  return true;
+}
+
+bool open_link(const Arguments& a, const RobotFile& robot, Opened& opened, std::string& error) {
+  std::unique_ptr<Link>& link = opened.link;
+  if (a.sim) {
+    (void)open_plant(a, robot, opened, error);
+  } else {
+    TransportLinkOptions options;
+    options.kind = a.transport.empty() ? robot.transport.kind : a.transport == "can" ? "socketcan" : a.transport;
+    options.lockstep = a.lockstep;
+    options.patience_s = a.patience_s;
+    options.by_clock = robot.realtime.by_clock;
+    if (options.kind.empty()) {
+      error = robot.path + ": no [transport] section; add one, name one with --transport, or try --sim";
+    } else {
+      link = make_transport_link(robot, options, error);
+    }
+  }
+  return link != nullptr;
+}
+
+/// The page, from wherever the whole log is.
+int report_run(const Arguments& a, const RobotFile& robot, const RunResult& result) {
+  if (a.report.empty()) return result.exit_code;
+  if (result.readable_log.empty()) {
+    complain("no report: the log that it is made from is not complete");
+    return result.exit_code ? result.exit_code : static_cast<int>(kExitLogIncomplete);
+  }
+  std::string error;
+  const bool safe = result.exit_code == kExitSafe;
+  const auto fault = static_cast<tiller_status_t>(result.info.first_fault);
+  const std::string outcome = safe ? std::string("ended in SAFE: ") + tiller_status_text(fault) : "";
+  if (write_run_facts(robot, result, {robot.name, outcome, !safe}, error) &&
+      write_report(result.readable_log, a.report, error)) {
+    std::printf("report: %s\n", std::filesystem::absolute(a.report).c_str());
+    return result.exit_code;
+  }
+  complain(error);
+  return result.exit_code ? result.exit_code : static_cast<int>(kExitLogIncomplete);
+}
+
+/// Beside the run's other files; without any, in the working folder under the robot file's name.
+std::string alarm_log_of(const Arguments& a) {
+  if (!a.alarm_log.empty()) return a.alarm_log;
+  const std::string beside = !a.log.empty() ? a.log : a.records.empty() ? "" : a.records.front();
+  if (!beside.empty()) return std::filesystem::path(beside).replace_extension(".alarm.csv").string();
+  return std::filesystem::path(a.robot).stem().string() + ".alarm.csv";
+}
+
+void tell_next_step(const Arguments& a, const RunResult& result) {
+  if (result.alarm_log.empty()) return;
+  const std::string report = std::filesystem::path(result.alarm_log).replace_extension("").string() + ".report";
+  std::printf("%.1f s about the alarm: %s\n  next: tiller gap %s %s -o %s\n", result.alarm_log_s,
+              result.alarm_log.c_str(), a.robot.c_str(), result.alarm_log.c_str(), report.c_str());
+}
+
+/// Time is the plant's, not the wall clock's.
+bool is_simulated(const Arguments& a) { return a.lockstep || (a.sim && !a.real_time); }
+
+void write_histogram(const Arguments& a, const RunResult& result) {
+  std::string error;
+  if (!a.histogram.empty() && !replace_file(a.histogram, histogram_csv(result.pace), error)) complain(error);
+}
+
+EpisodesOptions episodes_options(const Arguments& a) {
+  EpisodesOptions options;
+  options.episodes = a.episodes;
+  options.posterior = a.posterior.empty() ? a.save_posterior : a.posterior;
+  options.load = !a.posterior.empty();
+  options.simulated = a.sim;
+  options.run.seconds = a.seconds;
+  options.run.threads = a.overrides.threads;
+  options.run.quiet = a.quiet;
+  options.run.log = a.log;
+  options.run.records = a.records;
+  options.run.real_time = !is_simulated(a);
+  options.run.alarm_log = a.alarm_log_s > 0 ? alarm_log_of(a) : "";
+  options.run.alarm_log_s = a.alarm_log_s;
+  options.run.first_wait_s = a.wait_s;
+  return options;
+}
+
+/// What a tick will take, before a simulated run hides it; true where it does not fit the period.
+bool predict_tick(const Arguments& a, const RobotFile& robot) {
+  constexpr double kBudget_s = 0.25;
+  const double deadline_s = 1e-6 * robot.config.planner.deadline_us;
+  TickForecast forecast;
+  std::string error;
+  if (!forecast_tick(robot, kBudget_s, false, forecast, error)) return false;  // the run itself says why
+  if (!a.quiet) std::printf("tick: %s\n", forecast_text(robot, forecast).c_str());
+  if (!a.quiet && deadline_s > 0 && deadline_s < forecast.at_cap.tick_s)
+    std::printf("  simulated time lets a plan finish; by the wall clock the deadline of %s ends it\n",
+                duration_text(deadline_s).c_str());
+  std::fflush(stdout);
+  const std::string misfit = misfit_text(robot, forecast);
+  if (!misfit.empty()) complain(misfit);
+  return !misfit.empty();
+}
+
+int run_command(Arguments& a) {
+  auto robot = read_robot_or_complain(a.robot);
+  if (!robot || !apply_overrides(a.overrides, *robot)) return kExitBadInput;
+  bool told = !a.sim || robot->config.planner.deadline_us > 0;
+  if (a.sim) told = predict_tick(a, *robot) || told;
+  // a plan that ends by the wall clock is not repeatable: in lockstep the iterations alone decide
+  if (is_simulated(a)) robot->config.planner.deadline_us = 0;
+  std::string unwritable;  // a page is worth knowing of before the robot moves; a log is kept in memory where it must
+  if (!a.report.empty() && !can_write_file(a.report, unwritable)) return complain("--report " + unwritable);
+  if (a.episodes > 1 && a.seconds <= 0) return complain("--episodes: give each a length with --seconds");
+  if (!a.report.empty() && a.log.empty()) {
+    a.log = std::filesystem::path(a.report).replace_extension(".csv").string();
+  }
+  Opened opened;
+  const OpenEpisode open = [&](const RobotFile& now, std::vector<double>& true_params, std::string& error) {
+    // a robot behind a transport stays connected; a plant in this process begins anew
+    if ((a.sim || !opened.link) && !open_link(a, a.sim ? now : *robot, opened, error))
+      return static_cast<Link*>(nullptr);
+    true_params = opened.true_params;
+    return opened.link.get();
+  };
+  const EpisodesResult all = run_episodes(*robot, episodes_options(a), open);
+  if (all.last.ticks == 0) return all.exit_code;
+  RunOptions options;
+  options.true_params = opened.true_params;
+  options.real_time = !is_simulated(a);
+  if (a.episodes > 1) std::printf("\n%s\nthe last one: ", episodes_table(*robot, all.rows).c_str());
+  std::fputs(summary(*robot, options, all.last).c_str(), stdout);
+  if (const std::string counted = opened.link->counters(); !counted.empty()) std::printf("  %s\n", counted.c_str());
+  const std::string misfit = misfit_text(*robot, 1e-6 * all.last.pace.tick_time.quantile_us(0.5));
+  if (!told && !misfit.empty()) complain(misfit);
+  if (!all.last.readable_log.empty()) std::printf("log: %s\n", all.last.readable_log.c_str());
+  tell_next_step(a, all.last);
+  write_histogram(a, all.last);
+  const int reported = report_run(a, *robot, all.last);
+  return all.exit_code ? all.exit_code : reported;
+}
+
+}  // namespace
+
+void add_run_command(CLI::App& app, int& exit_code) {
+  auto* command = app.add_subcommand("run", "steer a robot (or its stand-in) by its robot file");
+  auto a = std::make_shared<Arguments>();
+  command->add_option("ROBOT", a->robot, "robot file (.toml)")->required();
+  auto* sim = command->add_flag("--sim", a->sim, "the plant of [sim] in this process, as fast as it goes");
+  command->add_flag("--real-time", a->real_time, "with --sim: not faster than the wall clock")->needs(sim);
+  command->add_option("--transport", a->transport, "instead of the robot file's: lcm or can")
+      ->check(CLI::IsMember({"lcm", "can", "socketcan"}))
+      ->excludes(sim);
+  auto* lockstep = command->add_flag(
+      "--lockstep", a->lockstep,
+      "time is that of the measurements; each tick waits for one, and the same seed gives the same commands");
+  command
+      ->add_option("--patience", a->patience_s,
+                   "lockstep: wall time in s to wait for a measurement; then the tick comes without one (default 2)")
+      ->check(number_between(0.001, 1e9))
+      ->needs(lockstep);
+  command->add_option("--seconds", a->seconds, "end after this much robot time (default: at Ctrl-C)")
+      ->check(number_between(0.001, 1e9));
+  command->add_option("--wait", a->wait_s, "wall time in s to wait for the first measurement")
+      ->check(number_between(0.001, 1e9));
+  command->add_option("--log", a->log, "write a CSV row per tick");
+  command->add_option("--report", a->report, "write a one-file HTML page (and its CSV beside it)");
+  command
+      ->add_option("--record", a->records,
+                   "write every input and output, for tiller replay, gap and identify; as often as wanted. The ending "
+                   "tells the format: .mcap (Foxglove, PlotJuggler), .lcm (lcm-logplayer), else a record of this build")
+      ->allow_extra_args(false);
+  command->add_option("--alarm-log", a->alarm_log,
+                      "where the ticks about an alarm of an inadequate model go, a CSV for `tiller gap` (default: "
+                      "<log>.alarm.csv beside the log or the record, else <robot>.alarm.csv in this folder); written "
+                      "only if there is one");
+  command->add_option("--alarm-seconds", a->alarm_log_s, "length of that file in s (default 20); 0: none")
+      ->check(number_between(0, 1000));
+  command->add_option("--histogram", a->histogram,
+                      "write a CSV of how long ticks took and how late they began: upper_us, ticks, wake_ups");
+  auto* posterior = command->add_option(
+      "--posterior", a->posterior,
+      "file: the prior if it is there (in the place of the robot file's), written after every complete episode");
+  command->add_option("--save-posterior", a->save_posterior, "the same file, only written")->excludes(posterior);
+  command
+      ->add_option("--episodes", a->episodes,
+                   "runs of --seconds one after the other, each from the start; the posterior of "
+                   "one is the prior of the next (docs/episodes.md)")
+      ->check(CLI::Range(1, 100000));
+  command->add_flag("--quiet", a->quiet, "no progress");
+  add_override_options(*command, a->overrides);
+  command->footer(
+      "Ctrl-C stops the robot with its safe command and keeps the log.\n\n"
+      "Examples:\n"
+      "  tiller run robots/cart_pole.toml --sim --seconds 10 --report out/run.html\n"
+      "      the controller against the stand-in plant, as fast as it goes, with a page at the end\n"
+      "  tiller run robots/cart_pole.toml --sim --episodes 5 --seconds 6 --posterior out/cart.posterior.json\n"
+      "      what one episode learnt is the next one's prior; run it again, and it goes on from the file\n"
+      "  tiller run robots/cart_pole.toml --transport lcm --log run.csv\n"
+      "      a robot (or `tiller sim robots/cart_pole.toml --serve lcm`) over LCM, until Ctrl-C");
+  command->callback([a, &exit_code] { exit_code = run_command(*a); });
+}
+
+}  // namespace tiller::tools

@@ -1,0 +1,136 @@
+// What a force at a joint would do to a window, to first order: for scans that look at hundreds of shapes of it.
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+
+#include "tools/gap/fit/shooting.hpp"
+
+namespace tiller::tools::gap {
+namespace {
+constexpr std::uint32_t kLanes = WindowRollout::kLanes;
+}
+
+bool Shooting::open_response(const Hypothesis& h, const Fit& fit, std::size_t index, std::uint32_t joint) {
+  const Window& w = windows_[index];
+  const std::uint32_t nu = model_.input_count, np = h.config.param_count;
+
+  // the force is a constant offset for one period
+  std::vector<EffectAt> effects = h.added;
+  effects.push_back({tiller_effect_constant_offset, joint});
+  Hypothesis pushed;
+  if (!make_hypothesis(config_, effects, &scales_, pushed)) return false;
+  rollout_.use(h);
+  stride_ = nx_ + 1;
+  differentiate(h, index, fit, false);
+  if (!std::isfinite(gram_[index * kMostColumns * kMostColumns + stride_ * stride_ - 1])) return false;
+  std::vector<double> path(rollout_.trajectory(), rollout_.trajectory() + std::size_t{w.points} * nx_ * kLanes);
+
+  const RolloutTable& table = select_rollout(model_);
+  const double period = data_.grids[w.grid].period_s, push = 0.01 * scales_.joint[joint].force;
+  std::vector<double> x(std::size_t{nx_} * kLanes), u(std::size_t{nu} * kLanes), next[2],
+      a(std::size_t{nx_} * nx_ * kLanes), params(fit.params),
+      effect(std::size_t{TILLER_MAX_EFFECT_STATES + 1} * kLanes, 0.0),
+      history(std::size_t{TILLER_MAX_DELAY_STEPS + 2} * TILLER_MAX_INPUTS, 0.0);
+  params.resize(np);
+  params.push_back(0);
+  next[0].resize(x.size());
+  next[1].resize(x.size());
+  for (std::size_t first = 0; first + 1 < w.points; first += kLanes) {
+    for (std::uint32_t l = 0; l < kLanes; ++l) {
+      const std::size_t k = std::min<std::size_t>(first + l, w.points - 2);
+      for (std::uint32_t i = 0; i < nx_; ++i) x[i * kLanes + l] = path[(k * nx_ + i) * kLanes];
+      for (std::uint32_t i = 0; i < nu; ++i) u[i * kLanes + l] = data_.controls[w.grid][(w.start + k) * nu + i];
+    }
+    for (int side = 0; side < 2; ++side) {
+      params.back() = side * push;
+      RolloutJob<double> job;
+      job.setup = &pushed.setup;
+      job.lanes = kLanes;
+      job.horizon = 1;
+      job.period_s = period;
+      job.state = {x.data(), kLanes};
+      job.params.data = params.data();
+      job.effect_state = {effect.data(), kLanes};
+      job.controls = {u.data(), kLanes};
+      job.history = history.data();
+      job.final_state = next[side].data();
+      table.rollout_f64(model_, job);
+    }
+    LineariseJob job;
+    job.setup = &h.setup;
+    job.lanes = kLanes;
+    job.period_s = period;
+    job.state = {x.data(), kLanes};
+    job.params.data = params.data();
+    job.effect_state = {effect.data(), kLanes};
+    job.control = {u.data(), kLanes};
+    job.history = history.data();
+    std::vector<double> unused(x.size());
+    job.next_state = unused.data();
+    job.a = a.data();
+    table.linearise(model_, job);
+    for (std::uint32_t l = 0; l < kLanes && first + l + 1 < w.points; ++l) {
+      const std::size_t k = first + l;
+      for (std::uint32_t i = 0; i < nx_; ++i)
+        response_b_[k * nx_ + i] = (next[1][i * kLanes + l] - next[0][i * kLanes + l]) / push;
+      for (std::uint32_t i = 0; i < nx_ * nx_; ++i) response_a_[k * nx_ * nx_ + i] = a[i * kLanes + l];
+      const std::uint32_t q = model_.joints[joint].position;
+      response_position_[k] =
+          q == TILLER_NO_POSITION ? 0.0 : 0.5 * (path[(k * nx_ + q) * kLanes] + path[((k + 1) * nx_ + q) * kLanes]);
+      // where it was, not where the base thinks it was: half a tooth apart is the opposite force
+      double seen = 0;
+      for (std::size_t m = w.start + k - 1; q != TILLER_NO_POSITION && m < w.start + k + 3; ++m)
+        seen += 0.25 * data_.grids[w.grid].state[q][m];
+      if (q != TILLER_NO_POSITION && std::isfinite(seen)) response_position_[k] = seen;
+    }
+  }
+  return true;
+}
+
+void Shooting::begin_response() {
+  std::fill(deviation_.begin(), deviation_.end(), 0.0);
+  std::fill_n(rows_.begin(), std::size_t{ny_} * kLanes, 0.0);
+}
+
+void Shooting::step_response(std::size_t, std::size_t k, const double* force) {
+  const double *a = response_a_.data() + k * nx_ * nx_, *b = response_b_.data() + k * nx_;
+  double next[TILLER_MAX_STATES][kLanes];
+  for (std::uint32_t r = 0; r < nx_; ++r) {
+    for (std::uint32_t l = 0; l < kLanes; ++l) next[r][l] = b[r] * force[l];
+    for (std::uint32_t c = 0; c < nx_; ++c)
+      for (std::uint32_t l = 0; l < kLanes; ++l) next[r][l] += a[r * nx_ + c] * deviation_[c * kLanes + l];
+  }
+  for (std::uint32_t r = 0; r < nx_; ++r) std::copy_n(next[r], kLanes, deviation_.begin() + r * kLanes);
+  for (std::uint32_t i = 0; i < ny_; ++i)
+    std::copy_n(next[measured_[i]], kLanes, rows_.begin() + static_cast<std::ptrdiff_t>(((k + 1) * ny_ + i) * kLanes));
+}
+
+// columns_ holds the start state's derivatives and the residual, as differentiate() left them.
+void Shooting::end_response(std::size_t index) {
+  const Window& w = windows_[index];
+  whitening_.apply(index, w, rows_.data());
+  const std::uint32_t nc = nx_ + 1;
+  double along[(TILLER_MAX_STATES + 1) * kLanes] = {};
+  std::fill(products_.begin(), products_.end(), 0.0);
+  for (std::size_t r = 0; r < std::size_t{w.points} * ny_; ++r) {
+    const double *row = rows_.data() + r * kLanes, *column = columns_.data() + r * nc;
+    for (std::uint32_t c = 0; c < nc; ++c)
+      for (std::uint32_t l = 0; l < kLanes; ++l) along[c * kLanes + l] += column[c] * row[l];
+    for (std::uint32_t i = 0; i < kLanes; ++i)
+      for (std::uint32_t l = 0; l < kLanes; ++l) products_[i * kLanes + l] += row[i] * row[l];
+  }
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const Eigen::Map<const Rows> gram(gram_.data() + index * kMostColumns * kMostColumns, nc, nc);
+  const Eigen::Map<const Rows> c(along, nc, kLanes);
+  Eigen::MatrixXd j = gram.topLeftCorner(nx_, nx_);
+  j.diagonal().array() += 1e-9 * std::max(1e-12, j.diagonal().maxCoeff());
+  const Eigen::LDLT<Eigen::MatrixXd> factor(j);
+  const Eigen::MatrixXd solved = factor.solve(Eigen::MatrixXd(c.topRows(nx_)));
+  Eigen::Map<Rows> products(products_.data(), kLanes, kLanes);
+  products -= c.topRows(nx_).transpose() * solved;
+  Eigen::Map<Eigen::VectorXd> cross(products_.data() + kLanes * kLanes, kLanes);
+  cross = c.row(nx_).transpose() - solved.transpose() * gram.block(0, nx_, nx_, 1);
+}
+
+}  // namespace tiller::tools::gap

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "rollout/rollout.hpp"
+#include "tools/gap/fit/scales.hpp"
+#include "tools/gap/result/result.hpp"
+
+namespace tiller::tools::gap {
+
+/// A parameter that a fit may move.
+struct FreeParam {
+  std::uint32_t index = 0;  ///< in the configuration's parameters
+  double low = 0, high = 0;
+  double scale = 1;      ///< typical magnitude
+  tiller_prior_t prior;  ///< counts unless fixed or uniform
+};
+
+/// The robot file's model with effects added: what a fit is made of.
+struct Hypothesis {
+  tiller_config_t config;
+  StepSetup setup;
+  std::vector<EffectAt> added;
+  std::vector<FreeParam> free;   ///< the model's inferred ones, then all of the added effects'
+  bool sensors = false;          ///< an effect changes what is measured
+  bool follows = false;          ///< an effect has states that follow the motion
+  std::uint32_t own_params = 0;  ///< parameters of the robot file's own model and effects
+};
+
+/// False where the effects do not fit into the runtime's limits or the model's ports.
+bool make_hypothesis(const tiller_config_t& nominal, const std::vector<EffectAt>& added, const Scales* scales,
+                     Hypothesis& out);
+
+/// Centre of the robot file's priors (np).
+std::vector<double> prior_centre(const tiller_config_t& config);
+
+/// Square of the parameter's distance from its prior in deviations; 0 for a uniform one. `slope`, `curvature`: of half
+/// of it.
+double prior_penalty(const FreeParam& param, double value, double* slope, double* curvature);
+
+/// "coulomb_friction (joint)"
+std::string effect_text(const EffectAt& effect, const tiller_model_t& model);
+std::string effects_text(const std::vector<EffectAt>& effects, const tiller_model_t& model);
+
+}  // namespace tiller::tools::gap

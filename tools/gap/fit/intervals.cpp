@@ -1,0 +1,53 @@
+#include "tools/gap/fit/intervals.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+
+namespace tiller::tools::gap {
+namespace {
+
+std::size_t windows_of(const Hypothesis& h, const Fit& fit) {
+  return h.free.empty() ? 0 : fit.slopes.size() / h.free.size();
+}
+
+}  // namespace
+
+std::vector<double> deviations(const Hypothesis& h, const Fit& fit, double dispersion) {
+  const auto nf = static_cast<Eigen::Index>(h.free.size());
+  const std::size_t n = windows_of(h, fit);
+  std::vector<double> sd(h.free.size(), 0.0);
+  if (fit.information.size() != static_cast<std::size_t>(nf * nf) || nf == 0) return sd;
+  Eigen::MatrixXd s = Eigen::Map<const Eigen::MatrixXd>(fit.information.data(), nf, nf);
+  Eigen::VectorXd d(nf);
+  for (Eigen::Index i = 0; i < nf; ++i) d(i) = 1 / std::sqrt(std::max(1e-300, s(i, i)));
+  s = d.asDiagonal() * s * d.asDiagonal();
+  s.diagonal().array() += 1e-12;
+  const Eigen::MatrixXd inverse = s.ldlt().solve(Eigen::MatrixXd::Identity(nf, nf));
+
+  const Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> slopes(
+      fit.slopes.data(), static_cast<Eigen::Index>(n), nf);
+  const double few = static_cast<double>(n) / std::max(1.0, static_cast<double>(n) - static_cast<double>(nf));
+  Eigen::MatrixXd meat = few * slopes.transpose() * slopes;
+  for (Eigen::Index i = 0; i < nf; ++i) {
+    const FreeParam& free = h.free[static_cast<std::size_t>(i)];
+    double slope, curvature;
+    prior_penalty(free, fit.params[free.index], &slope, &curvature);
+    meat(i, i) += curvature;
+  }
+  meat = d.asDiagonal() * meat * d.asDiagonal();
+  const Eigen::MatrixXd sandwich = inverse * meat * inverse;
+  for (Eigen::Index i = 0; i < nf; ++i)
+    sd[static_cast<std::size_t>(i)] = std::sqrt(std::max({0.0, inverse(i, i) * dispersion, sandwich(i, i)})) * d(i);
+  return sd;
+}
+
+double interval_factor(const Hypothesis& h, const Fit& fit) {
+  // Cornish and Fisher's expansion of Student's quantile: within 0.003 from ten degrees of freedom on
+  constexpr double z = 1.959963984540054;
+  const double v = std::max(4.0, static_cast<double>(windows_of(h, fit)) - static_cast<double>(h.free.size()));
+  return z + (z * z * z + z) / (4 * v) + (5 * std::pow(z, 5) + 16 * z * z * z + 3 * z) / (96 * v * v);
+}
+
+}  // namespace tiller::tools::gap

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <vector>
+
+#include "tools/gap/fit/shooting.hpp"
+
+namespace tiller::tools::gap {
+
+/// Deviations of the free parameters of a fit that was asked for `information`; zeros without it. The larger of two,
+/// parameter by parameter:
+///   - Gauss-Newton's, H^-1, times the residuals' dispersion: right where the noise is as the robot file says;
+///   - the sandwich H^-1 (sum of g g' over windows + prior) H^-1 with each window's own gradient g (Huber 1967, White
+///     1982, Maximum likelihood estimation of misspecified models; n / (n - d) for the d parameters that were fitted):
+///     right where residuals are correlated within windows or larger in some than in others.
+std::vector<double> deviations(const Hypothesis& hypothesis, const Fit& fit, double dispersion);
+
+/// Half width of a 95 % interval in deviations: Student's t, since the windows tell the deviation too.
+double interval_factor(const Hypothesis& hypothesis, const Fit& fit);
+
+}  // namespace tiller::tools::gap

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <vector>
+
+#include "effects/effect_info.hpp"
+#include "tools/gap/fit/windows.hpp"
+
+namespace tiller::tools::gap {
+
+/// Typical magnitudes of the data, from which fits of effects start.
+struct Scales {
+  struct Joint {
+    double force = 1, velocity = 1, position = 1, inertia = 1;
+    double step = 1e-3;  ///< typical motion in a period
+    double range = 1;    ///< whole excursion
+    double reach = 1;    ///< largest distance from position 0
+  };
+  Joint joint[TILLER_MAX_JOINTS];
+  double input[TILLER_MAX_INPUTS];    ///< root mean square about zero
+  double channel[TILLER_MAX_STATES];  ///< root mean square of a state about its mean
+  double mass = 1;
+  double period_s = 0.01;
+};
+
+/// `params` (np): at which inertias are evaluated.
+Scales measure_scales(const WindowData& data, const std::vector<Window>& windows, const tiller_config_t& config,
+                      const double* params);
+
+/// Magnitude of parameter `param` of an effect of `kind` at `port`.
+double scale_of(const Scales& scales, const tiller_model_t& model, std::uint32_t kind, std::uint32_t port, int param);
+
+/// Whether a parameter that goes with `scale` takes the effect away at zero; others are its shape.
+bool is_strength(Scale scale);
+
+/// Joint that an effect acts at, also through the input that drives it; joint_count for none.
+std::uint32_t joint_of(const tiller_model_t& model, std::uint32_t kind, std::uint32_t port);
+
+}  // namespace tiller::tools::gap

@@ -1,0 +1,112 @@
+#pragma once
+
+#include <vector>
+
+#include "tools/gap/fit/whitening.hpp"
+#include "tools/gap/fit/window_rollout.hpp"
+
+namespace tiller::tools::gap {
+
+/// What a fit starts from and ends at.
+struct Fit {
+  std::vector<double> params;  ///< (np)
+  std::vector<double> x0;      ///< (all windows x nx); those of the windows fitted are moved
+  std::vector<double> cost;    ///< (all windows) squares of whitened residuals; of the windows fitted
+  double data_cost = 0;        ///< their sum
+  double penalty = 0;          ///< of the priors
+  /// (free x free) of half the cost over the free parameters, start states eliminated, priors included; at the last
+  /// linearisation. slopes: (windows fitted x free), the windows' own gradients there.
+  std::vector<double> information, slopes;
+  int iterations = 0;
+  bool finite = false;
+  double total() const { return data_cost + penalty; }
+};
+
+struct FitSettings {
+  int iterations = 12;
+  double tolerance = 0.02;   ///< of the total cost: an improvement below it ends the fit
+  bool fix_params = false;   ///< start states alone
+  bool information = false;  ///< linearise once more at the end
+};
+
+/// Multiple shooting (Bock 1981) by Levenberg-Marquardt: parameters common to all windows, a start state of each window
+/// that is eliminated by its Schur complement. Derivatives are forward differences in the lanes of one rollout; so are
+/// the trial steps: four lengths of the parameters' step by four of the start state's, each window taking the best of
+/// its own, which is what gets fits past the kinks of dry friction.
+///
+/// Cost: two rollouts of 16 lanes per window and iteration (more lanes where parameters are many).
+class Shooting {
+ public:
+  Shooting(const WindowData& data, const std::vector<Window>& windows, const tiller_config_t& config,
+           const Scales& scales);
+
+  const std::vector<Window>& windows() const { return windows_; }
+  /// Starts a fit's record: priors' centres for parameters that `params` lacks.
+  Fit begin(const Hypothesis& hypothesis, const std::vector<double>& params, const Fit* warm) const;
+  /// Fits to the windows `which` (indices). Whitening must have been prepared.
+  void fit(const Hypothesis& hypothesis, const std::vector<std::size_t>& which, const FitSettings& settings, Fit& fit);
+  /// Whitened along the paths of `fit`.
+  void prepare_whitening(const Hypothesis& nominal, const Fit& fit);
+  /// Predicted measurements of a window (points * ny, lane 0 of 16) from the fit's start state.
+  const double* predict(const Hypothesis& hypothesis, const Fit& fit, std::size_t index);
+  /// Whitened residuals (points * ny) of a window, into `out`.
+  void residuals(const Hypothesis& hypothesis, const Fit& fit, std::size_t index, std::vector<double>& out);
+  /// Makes ready for force_response() in a window: the system linearised along the fit's path, for forces at `joint`.
+  bool open_response(const Hypothesis& hypothesis, const Fit& fit, std::size_t index, std::uint32_t joint);
+  /// What forces of sixteen kinds would do to the window's measurements: force(k, position, out (lanes)) is called for
+  /// every period. Whitened, start state projected out.
+  template <class Force>
+  void force_response(std::size_t index, const Force& force) {
+    const std::size_t points = windows_[index].points;
+    begin_response();
+    for (std::size_t k = 0; k + 1 < points; ++k) {
+      double f[kLanes] = {};
+      force(k, response_position_[k], f);
+      step_response(index, k, f);
+    }
+    end_response(index);
+  }
+  /// (lanes x lanes) of the responses' products, then (lanes) with the residual; until the next response.
+  const double* response_products() const { return products_.data(); }
+  std::size_t values(std::size_t index) const { return whitening_.values(index); }
+  /// On the heap, for `windows` windows of up to `points` points: taken by the constructor, fixed from then on.
+  static std::size_t bytes_for(const tiller_config_t& config, std::size_t windows, std::size_t points);
+  double rollouts() const { return rollouts_; }  ///< windows rolled out so far
+
+ private:
+  static constexpr std::uint32_t kLanes = WindowRollout::kLanes;
+  static constexpr std::uint32_t kMostColumns = TILLER_MAX_STATES + TILLER_MAX_PARAMS + 1;
+  void linearise(const Hypothesis& h, const std::vector<std::size_t>& which, const Fit& fit, bool params);
+  void differentiate(const Hypothesis& h, std::size_t index, const Fit& fit, bool params);
+  double try_steps(const Hypothesis& h, const std::vector<std::size_t>& which, const std::vector<double>& step,
+                   double damping, Fit& fit);
+  bool rescue(const Hypothesis& h, const std::vector<std::size_t>& which, Fit& fit);
+  void descend(const Hypothesis& h, const std::vector<std::size_t>& which, const FitSettings& settings, Fit& fit,
+               bool& current);
+  bool solve(const Hypothesis& h, const std::vector<std::size_t>& which, const Fit& fit, double damping,
+             std::vector<double>& step);
+  const double* residual_lanes(const Window& w, std::size_t index);
+
+  void begin_response();
+  void step_response(std::size_t index, std::size_t k, const double* force);
+  void end_response(std::size_t index);
+
+  const WindowData& data_;
+  const std::vector<Window>& windows_;
+  const tiller_config_t& config_;
+  const tiller_model_t& model_;
+  const Scales& scales_;
+  std::uint32_t nx_, ny_;
+  std::uint8_t measured_[TILLER_MAX_MEASUREMENTS];
+  WindowRollout rollout_;
+  Whitening whitening_;
+  std::vector<double> rows_;     // (points * ny x lanes)
+  std::vector<double> columns_;  // (points * ny x columns)
+  std::vector<double> gram_;     // per window (columns x columns)
+  std::uint32_t stride_ = 0;     // columns of the last linearisation: start state, parameters, residual
+  double rollouts_ = 0;
+  // of the response: (points x nx x nx), (points x nx), (points), (nx x lanes), (lanes + 1) x lanes
+  std::vector<double> response_a_, response_b_, response_position_, deviation_, products_;
+};
+
+}  // namespace tiller::tools::gap

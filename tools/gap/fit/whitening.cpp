@@ -1,0 +1,131 @@
+#include "tools/gap/fit/whitening.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tiller::tools::gap {
+namespace {
+constexpr std::uint32_t kLanes = WindowRollout::kLanes;
+}
+
+Whitening::Whitening(const tiller_config_t& config, std::size_t windows, std::size_t points)
+    : nx_(config.model->state_count), ny_(config.measurement_count), points_(points), values_(windows, 0) {
+  for (std::uint32_t i = 0; i < nx_; ++i) process_ = process_ || config.process_sd[i] > 0;
+  std::copy_n(config.measured_state, ny_, measured_);
+  g_.resize(windows * points * ny_);
+  if (!process_) return;
+  a_.resize(windows * points * nx_ * nx_);
+  k_.resize(windows * points * ny_ * nx_);
+  lanes_.resize(std::size_t{nx_ + TILLER_MAX_EFFECT_STATES + 1 + TILLER_MAX_INPUTS + nx_ + nx_ * nx_} * kLanes);
+}
+
+void Whitening::prepare(std::size_t index, const Hypothesis& nominal, const WindowData& data, const Window& w,
+                        const double* path, std::size_t stride, const double* params) {
+  const tiller_config_t& config = nominal.config;
+  const std::vector<double>& measured = data.measured[w.grid];
+  values_[index] = 0;
+  for (std::size_t k = 0; k < w.points; ++k)
+    for (std::uint32_t i = 0; i < ny_; ++i) {
+      const bool there = std::isfinite(measured[(w.start + k) * ny_ + i]);
+      values_[index] += there;
+      g_[(index * points_ + k) * ny_ + i] = there ? 1 / config.measurement_sd[i] : 0;
+    }
+  if (!process_) return;
+
+  const RolloutTable& table = select_rollout(*config.model);
+  const std::uint32_t nu = config.model->input_count;
+  double *x = lanes_.data(), *effect = x + nx_ * kLanes, *u = effect + (TILLER_MAX_EFFECT_STATES + 1) * kLanes,
+         *next = u + TILLER_MAX_INPUTS * kLanes, *a = next + nx_ * kLanes;
+  const double no_history[(TILLER_MAX_DELAY_STEPS + 2) * TILLER_MAX_INPUTS] = {};
+  std::fill_n(effect, (TILLER_MAX_EFFECT_STATES + 1) * kLanes, 0.0);
+  double p[TILLER_MAX_STATES * TILLER_MAX_STATES] = {}, ap[TILLER_MAX_STATES * TILLER_MAX_STATES];
+  const double period = data.grids[w.grid].period_s;
+  for (std::size_t k = 0; k < w.points; ++k) {
+    const std::uint32_t lane = k % kLanes;
+    if (lane == 0) {  // the next sixteen points at once
+      for (std::uint32_t l = 0; l < kLanes; ++l) {
+        const std::size_t at = std::min<std::size_t>(k + l, w.points - 1);
+        for (std::uint32_t i = 0; i < nx_; ++i) x[i * kLanes + l] = path[(at * nx_ + i) * stride];
+        for (std::uint32_t i = 0; i < nu; ++i) u[i * kLanes + l] = data.controls[w.grid][(w.start + at) * nu + i];
+      }
+      LineariseJob job;
+      job.setup = &nominal.setup;
+      job.lanes = kLanes;
+      job.period_s = period;
+      job.state = {x, kLanes};
+      job.params.data = params;
+      job.effect_state = {effect, kLanes};
+      job.control = {u, kLanes};
+      job.history = no_history;
+      job.next_state = next;
+      job.a = a;
+      table.linearise(*config.model, job);
+    }
+    double* step = a_.data() + (index * points_ + k) * nx_ * nx_;
+    for (std::uint32_t i = 0; i < nx_ * nx_; ++i) step[i] = a[i * kLanes + lane];
+    for (std::uint32_t i = 0; i < ny_; ++i) {
+      double* gain = k_.data() + ((index * points_ + k) * ny_ + i) * nx_;
+      std::fill_n(gain, nx_, 0.0);
+      double& weight = g_[(index * points_ + k) * ny_ + i];
+      if (weight == 0) continue;
+      const std::uint32_t s = measured_[i];
+      const double variance = p[s * nx_ + s] + 1 / (weight * weight);
+      for (std::uint32_t r = 0; r < nx_; ++r) gain[r] = p[r * nx_ + s] / variance;
+      for (std::uint32_t r = 0; r < nx_; ++r)
+        for (std::uint32_t c = 0; c < nx_; ++c) ap[r * nx_ + c] = p[r * nx_ + c] - gain[r] * p[s * nx_ + c];
+      std::copy_n(ap, nx_ * nx_, p);
+      weight = 1 / std::sqrt(variance);
+    }
+    for (std::uint32_t r = 0; r < nx_; ++r)
+      for (std::uint32_t c = 0; c < nx_; ++c) {
+        ap[r * nx_ + c] = 0;
+        for (std::uint32_t m = 0; m < nx_; ++m) ap[r * nx_ + c] += step[r * nx_ + m] * p[m * nx_ + c];
+      }
+    for (std::uint32_t r = 0; r < nx_; ++r)
+      for (std::uint32_t c = 0; c < nx_; ++c) {
+        p[r * nx_ + c] = r == c ? config.process_sd[r] * config.process_sd[r] * period : 0.0;
+        for (std::uint32_t m = 0; m < nx_; ++m) p[r * nx_ + c] += ap[r * nx_ + m] * step[c * nx_ + m];
+      }
+  }
+}
+
+void Whitening::apply(std::size_t index, const Window& w, double* rows) const {
+  const double* g = g_.data() + index * points_ * ny_;
+  if (!process_) {
+    for (std::size_t r = 0; r < std::size_t{w.points} * ny_; ++r)
+      for (std::uint32_t l = 0; l < kLanes; ++l) rows[r * kLanes + l] = g[r] == 0 ? 0 : rows[r * kLanes + l] * g[r];
+    return;
+  }
+  double d[TILLER_MAX_STATES][kLanes] = {}, next[TILLER_MAX_STATES][kLanes];
+  for (std::size_t k = 0; k < w.points; ++k) {
+    for (std::uint32_t i = 0; i < ny_; ++i) {
+      const double weight = g[k * ny_ + i];
+      double* row = rows + (k * ny_ + i) * kLanes;
+      if (weight == 0) {
+        std::fill_n(row, kLanes, 0.0);
+        continue;
+      }
+      const double* gain = k_.data() + ((index * points_ + k) * ny_ + i) * nx_;
+      double e[kLanes];
+      for (std::uint32_t l = 0; l < kLanes; ++l) e[l] = row[l] - d[measured_[i]][l];
+      for (std::uint32_t r = 0; r < nx_; ++r)
+        for (std::uint32_t l = 0; l < kLanes; ++l) d[r][l] += gain[r] * e[l];
+      for (std::uint32_t l = 0; l < kLanes; ++l) row[l] = e[l] * weight;
+    }
+    const double* a = a_.data() + (index * points_ + k) * nx_ * nx_;
+    for (std::uint32_t r = 0; r < nx_; ++r) {
+      for (std::uint32_t l = 0; l < kLanes; ++l) next[r][l] = a[r * nx_] * d[0][l];
+      for (std::uint32_t c = 1; c < nx_; ++c)
+        for (std::uint32_t l = 0; l < kLanes; ++l) next[r][l] += a[r * nx_ + c] * d[c][l];
+    }
+    for (std::uint32_t r = 0; r < nx_; ++r) std::copy_n(next[r], kLanes, d[r]);
+  }
+}
+
+std::size_t Whitening::bytes_for(const tiller_config_t& config, std::size_t windows, std::size_t points) {
+  const std::size_t nx = config.model->state_count, ny = config.measurement_count;
+  const std::size_t lanes = nx + TILLER_MAX_EFFECT_STATES + 1 + TILLER_MAX_INPUTS + nx + nx * nx;
+  return sizeof(double) * (windows * (points * (ny + nx * nx + ny * nx) + 1) + lanes * kLanes);
+}
+
+}  // namespace tiller::tools::gap

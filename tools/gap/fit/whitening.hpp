@@ -1,0 +1,38 @@
+#pragma once
+
+#include <vector>
+
+#include "tools/gap/fit/window_rollout.hpp"
+
+namespace tiller::tools::gap {
+
+/// Makes a window's residuals independent with deviation one: y - rollout carries sensor noise and, from then on, every
+/// kick of process noise. A Kalman filter of the deviation from the nominal path (zero at the window's start, since the
+/// start state is fitted), linearised along it, has the whitened residuals as its innovations: what a Cholesky factor of
+/// the window's covariance would give, in O(points).
+///
+/// One whitening serves all hypotheses, so that their costs are comparable.
+class Whitening {
+ public:
+  Whitening(const tiller_config_t& config, std::size_t windows, std::size_t points);
+
+  /// For window `index`, along `path` (points * nx, stride `stride` between rows) under parameters (np).
+  void prepare(std::size_t index, const Hypothesis& nominal, const WindowData& data, const Window& window,
+               const double* path, std::size_t stride, const double* params);
+  /// In place: residual rows (points * ny x 16) -> whitened; missing measurements become 0.
+  void apply(std::size_t index, const Window& window, double* rows) const;
+  /// Measurements that are there, in the window.
+  std::size_t values(std::size_t index) const { return values_[index]; }
+  static std::size_t bytes_for(const tiller_config_t& config, std::size_t windows, std::size_t points);
+
+ private:
+  std::uint32_t nx_, ny_;
+  std::size_t points_;
+  bool process_ = false;
+  std::uint8_t measured_[TILLER_MAX_MEASUREMENTS];
+  std::vector<double> a_, k_, g_;  // per window and point: (nx * nx), (ny * nx), (ny)
+  std::vector<std::size_t> values_;
+  std::vector<double> lanes_;  // of the linearisation
+};
+
+}  // namespace tiller::tools::gap

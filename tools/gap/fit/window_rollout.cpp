@@ -1,0 +1,157 @@
+#include "tools/gap/fit/window_rollout.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "effects/effect_info.hpp"
+#include "rollout/measurement.hpp"
+#include "tools/gap/result/thresholds.hpp"
+
+namespace tiller::tools::gap {
+
+WindowRollout::WindowRollout(const WindowData& data, const tiller_config_t& config, std::size_t points)
+    : data_(data), model_(*config.model), table_(select_rollout(*config.model)) {
+  states_.resize(std::size_t{TILLER_MAX_STATES} * kLanes);
+  params_.resize(std::size_t{TILLER_MAX_PARAMS} * kLanes);
+  effect_states_.resize(std::size_t{TILLER_MAX_EFFECT_STATES + 1} * kLanes);
+  final_effect_states_.resize(effect_states_.size());
+  final_states_.resize(states_.size());
+  history_.resize(std::size_t{TILLER_MAX_DELAY_STEPS + 2} * TILLER_MAX_INPUTS);
+  trajectory_.resize((points + 1) * model_.state_count * kLanes);
+  predicted_.resize((points + 1) * config.measurement_count * kLanes);
+}
+
+const double* WindowRollout::history(const Window& w, std::size_t start) {
+  const std::uint32_t nu = model_.input_count;
+  const std::vector<double>& controls = data_.controls[w.grid];
+  for (std::size_t d = 0; d < hypothesis_->setup.delay_steps; ++d)
+    for (std::uint32_t i = 0; i < nu; ++i) history_[d * nu + i] = controls[(start > d ? start - 1 - d : 0) * nu + i];
+  return history_.data();
+}
+
+// Periods before the window over which effects follow the measured path: as many as there are without a hole.
+std::size_t WindowRollout::path_steps(const Window& w) const {
+  const std::vector<double>& path = data_.path[w.grid];
+  const auto most = static_cast<std::size_t>(std::lround(kPathRunIn_s / data_.grids[w.grid].period_s));
+  std::size_t steps = 0;
+  while (steps < most && steps < w.start && std::isfinite(path[(w.start - steps - 1) * model_.state_count])) ++steps;
+  return steps;
+}
+
+// Period by period from the measured state: what the effects' own states make of the motion that was.
+void WindowRollout::follow_path(const Window& w, std::size_t start) {
+  const std::uint32_t nu = model_.input_count;
+  RolloutJob<double> job;
+  job.setup = &hypothesis_->setup;
+  job.lanes = kLanes;
+  job.horizon = 1;
+  job.period_s = data_.grids[w.grid].period_s;
+  job.params = {params_.data(), kLanes};
+  job.final_state = final_states_.data();
+  for (std::size_t k = start; k < w.start; ++k) {
+    job.state.data = data_.path[w.grid].data() + k * model_.state_count;
+    job.effect_state = {effect_states_.data(), kLanes};
+    job.controls.data = data_.controls[w.grid].data() + k * nu;
+    job.history = history(w, k);
+    job.final_effect_state = final_effect_states_.data();
+    table_.rollout_f64(model_, job);
+    effect_states_.swap(final_effect_states_);
+  }
+}
+
+// What a limiter puts out at `start`, by all commands before it that count: it may be seconds behind them, longer than
+// any run-in.
+void WindowRollout::follow_commands(const Window& w, const EffectSlot& limiter, std::size_t start) {
+  const std::uint32_t nu = model_.input_count;
+  const double period = data_.grids[w.grid].period_s;
+  const auto most = static_cast<std::size_t>(std::lround(kLimiterRunIn_s / period));
+  double* out = effect_states_.data() + limiter.state * kLanes;
+  const double* rate = params_.data() + limiter.param * kLanes;
+  std::size_t k = start > most ? start - most : 0;
+  std::fill_n(out, kLanes, data_.controls[w.grid][k * nu + limiter.port]);
+  for (; k < start; ++k) {
+    const double command = data_.controls[w.grid][k * nu + limiter.port];
+    for (std::uint32_t l = 0; l < kLanes; ++l) {
+      const double change = command - out[l], step = rate[l] > 0 ? rate[l] * period : std::fabs(change);
+      out[l] += std::max(-step, std::min(step, change));
+    }
+  }
+}
+
+// Commands before the window bring the effects' own states to where they are at its start. The path on the way is the
+// model's from a state that the measurements give, or the measured one.
+void WindowRollout::run_in(const Window& w) {
+  const StepSetup& setup = hypothesis_->setup;
+  const std::size_t along = hypothesis_->follows ? path_steps(w) : 0;
+  const std::size_t start = w.start - (along > 0 ? along : w.run_in_steps);
+  const std::uint32_t nu = model_.input_count;
+  std::fill(effect_states_.begin(), effect_states_.end(), 0.0);
+  for (std::uint32_t e = 0; e < setup.effect_count; ++e)
+    if (setup.effects[e].kind == tiller_effect_actuator_lag)
+      std::fill_n(effect_states_.begin() + setup.effects[e].state * kLanes, kLanes,
+                  data_.controls[w.grid][(start > 0 ? start - 1 : 0) * nu + setup.effects[e].port]);
+    else if (setup.effects[e].kind == tiller_effect_rate_limit)
+      follow_commands(w, setup.effects[e], start);
+  if (along > 0) return follow_path(w, start);
+  if (w.run_in_steps == 0) return;
+  RolloutJob<double> job;
+  job.setup = &setup;
+  job.lanes = kLanes;
+  job.horizon = w.run_in_steps;
+  job.period_s = data_.grids[w.grid].period_s;
+  job.state.data = w.run_in;
+  job.params = {params_.data(), kLanes};
+  job.effect_state = {effect_states_.data(), kLanes};
+  job.controls.data = data_.controls[w.grid].data() + start * nu;
+  job.history = history(w, start);
+  job.final_effect_state = final_effect_states_.data();
+  table_.rollout_f64(model_, job);
+  effect_states_.swap(final_effect_states_);
+}
+
+// What the sensors make of the states, lane by lane.
+void WindowRollout::read_sensors(const Window& w) {
+  const std::uint32_t ny = hypothesis_->config.measurement_count;
+  for (std::uint32_t i = 0; i < ny; ++i)
+    for (std::uint32_t l = 0; l < kLanes; ++l) {
+      const MeasurementMap map =
+          measurement_map(hypothesis_->config, hypothesis_->config.measured_state[i], params_.data() + l, kLanes);
+      for (std::size_t k = 0; k < w.points; ++k) {
+        double& value = predicted_[(k * ny + i) * kLanes + l];
+        value = map.of(value);
+      }
+    }
+}
+
+const double* WindowRollout::run(const Window& w) {
+  const StepSetup& setup = hypothesis_->setup;
+  if (setup.effect_state_count > 0) run_in(w);
+  const std::uint32_t nx = model_.state_count, ny = hypothesis_->config.measurement_count;
+  RolloutJob<double> job;
+  job.setup = &setup;
+  job.lanes = kLanes;
+  job.horizon = w.points - 1;
+  job.period_s = data_.grids[w.grid].period_s;
+  job.state = {states_.data(), kLanes};
+  job.params = {params_.data(), kLanes};
+  job.effect_state = {effect_states_.data(), kLanes};
+  job.controls.data = data_.controls[w.grid].data() + w.start * model_.input_count;
+  job.history = history(w, w.start);
+  job.trajectory = trajectory_.data();
+  table_.rollout_f64(model_, job);
+  for (std::size_t k = 0; k < w.points; ++k)
+    for (std::uint32_t i = 0; i < ny; ++i)
+      std::copy_n(trajectory_.data() + (k * nx + hypothesis_->config.measured_state[i]) * kLanes, kLanes,
+                  predicted_.data() + (k * ny + i) * kLanes);
+  if (hypothesis_->sensors) read_sensors(w);
+  return predicted_.data();
+}
+
+std::size_t WindowRollout::bytes_for(const tiller_config_t& config, std::size_t points) {
+  const std::size_t lanes = 2 * std::size_t{TILLER_MAX_STATES} + TILLER_MAX_PARAMS +
+                            2 * (TILLER_MAX_EFFECT_STATES + 1) +
+                            (points + 1) * (config.model->state_count + config.measurement_count);
+  return sizeof(double) * (lanes * kLanes + (TILLER_MAX_DELAY_STEPS + 2) * TILLER_MAX_INPUTS);
+}
+
+}  // namespace tiller::tools::gap

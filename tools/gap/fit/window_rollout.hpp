@@ -1,0 +1,44 @@
+#pragma once
+
+#include <vector>
+
+#include "tools/gap/fit/hypothesis.hpp"
+#include "tools/gap/fit/windows.hpp"
+
+namespace tiller::tools::gap {
+
+/// Rollouts of one window by the runtime's kernel: 16 lanes of start states and parameters. States of effects begin with
+/// a run-in over the commands before the window; those that follow the motion (bristles, play) with a longer one along
+/// the measured path, since a rollout would have left it by then.
+class WindowRollout {
+ public:
+  static constexpr std::uint32_t kLanes = kLanePadding;
+  /// Takes its memory for windows of up to `points` points.
+  WindowRollout(const WindowData& data, const tiller_config_t& config, std::size_t points);
+
+  void use(const Hypothesis& hypothesis) { hypothesis_ = &hypothesis; }
+  double* states() { return states_.data(); }  ///< (nx x lanes), to be filled
+  double* params() { return params_.data(); }  ///< (np x lanes), to be filled
+  /// Predicted measurements (points * ny x lanes), until the next run.
+  const double* run(const Window& window);
+  /// ((points) * nx x lanes) of the last run.
+  const double* trajectory() const { return trajectory_.data(); }
+  static std::size_t bytes_for(const tiller_config_t& config, std::size_t points);
+
+ private:
+  const double* history(const Window& window, std::size_t start);
+  void follow_commands(const Window& window, const EffectSlot& limiter, std::size_t start);
+  void run_in(const Window& window);
+  std::size_t path_steps(const Window& window) const;
+  void follow_path(const Window& window, std::size_t start);
+  void read_sensors(const Window& window);
+
+  const WindowData& data_;
+  const tiller_model_t& model_;
+  const RolloutTable& table_;
+  const Hypothesis* hypothesis_ = nullptr;
+  std::vector<double> states_, params_, effect_states_, final_effect_states_, final_states_, history_, trajectory_,
+      predicted_;
+};
+
+}  // namespace tiller::tools::gap

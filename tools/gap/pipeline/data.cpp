@@ -1,0 +1,172 @@
+#include "tools/gap/pipeline/data.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <sstream>
+
+#include "tools/base/text.hpp"
+#include "tools/logs/log_formats.hpp"
+
+namespace tiller::tools::gap {
+namespace {
+
+constexpr double kLongestGap = 0.05;    // s that may lack between two rows; the stretches are cut there
+constexpr double kMostAtLimit = 0.05;   // share of a channel's rows at its extreme value
+constexpr std::size_t kLongRun = 8;     // rows in a row there
+constexpr double kMostSaturated = 0.7;  // share of a command's rows at a limit, all on one side: of all logs together
+
+std::string column_of(const LogMap& map, const std::string& field) {
+  const auto found = map.columns.find(field);
+  return found == map.columns.end() ? field : found->second;
+}
+
+std::string where(const Log& log, std::size_t row) { return log.path + ":" + std::to_string(log.line[row]) + ": "; }
+
+void check_gaps(const Log& log, const LogMap& map, std::vector<std::string>& reasons) {
+  const double longest = std::max(kLongestGap, 5 * median_step_s(log));
+  int count = 0;
+  for (std::size_t i = 1; i < log.rows(); ++i) {
+    const double step = log.time_s[i] - log.time_s[i - 1];
+    if (step <= longest || ++count > 1) continue;
+    reasons.push_back(where(log, i) + "column '" + map.time + "': " + format("%.3g s", step) +
+                      " are missing after line " + std::to_string(log.line[i - 1]) +
+                      "; what the robot did meanwhile is not known: cut the file there and give both parts");
+  }
+  if (count > 1) reasons.back() += " (and " + std::to_string(count - 1) + " more gaps)";
+}
+
+// Of the rows that change at all: a channel may be clipped most of the time.
+double typical_change(const std::vector<double>& values) {
+  std::vector<double> changes;
+  for (std::size_t i = 1; i < values.size(); ++i)
+    if (std::fabs(values[i] - values[i - 1]) > 0) changes.push_back(std::fabs(values[i] - values[i - 1]));
+  if (changes.empty()) return 0;
+  const auto middle = changes.begin() + static_cast<std::ptrdiff_t>(changes.size() / 2);
+  std::nth_element(changes.begin(), middle, changes.end());
+  return *middle;
+}
+
+// A clipped channel gets to its extreme value at speed and stays there to the last digit. What comes to rest there by
+// itself slows down before.
+void check_clipping(const Log& log, const LogMap& map, const std::string& field, const std::vector<double>& values,
+                    std::vector<std::string>& reasons) {
+  const double typical = typical_change(values);
+  for (const bool top : {true, false}) {
+    double extreme = NAN;
+    for (const double v : values)
+      if (std::isfinite(v) && !(top ? v <= extreme : v >= extreme)) extreme = v;
+    std::size_t held = 0, run = 0, first = 0, at_speed = 0, runs = 0;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      run = values[i] == extreme ? run + 1 : 0;
+      if (run != kLongRun) {
+        held += run > kLongRun ? 1 : 0;
+        continue;
+      }
+      const std::size_t start = i + 1 - kLongRun;
+      if (runs++ == 0) first = start;
+      held += kLongRun;
+      // the last whole step before the clip; the one that ends there is cut short
+      at_speed += start >= 2 && std::fabs(values[start - 1] - values[start - 2]) > 0.5 * typical ? 1 : 0;
+    }
+    if (static_cast<double>(held) < kMostAtLimit * static_cast<double>(values.size()) || 2 * at_speed < runs ||
+        typical == 0)
+      continue;
+    reasons.push_back(where(log, first) + "column '" + column_of(map, field) + "' is " + format("%.6g", extreme) +
+                      " in " + std::to_string(held) +
+                      " rows, reached at speed: saturated (a sensor's range, an end stop or a "
+                      "converter's limit); cut those rows out, or record with less movement");
+    return;
+  }
+}
+
+// A controller that pushes against its limit for most of one log still tells something in the others, so rows are
+// counted over all of them.
+struct AtLimit {
+  std::size_t above = 0, below = 0, rows = 0;
+  std::string first;  // place of the first such row, with the column
+};
+
+void count_at_limit(const Log& log, const LogMap& map, const tiller_config_t& config, std::uint32_t input,
+                    AtLimit& all) {
+  const double low = config.safety.input_low[input], high = config.safety.input_high[input];
+  if (!(high > low)) return;
+  const double margin = 1e-3 * (high - low);
+  const std::vector<double>& u = log.input[input];
+  for (std::size_t i = 0; i < u.size(); ++i) {
+    const bool top = u[i] >= high - margin, bottom = u[i] <= low + margin;
+    all.above += top ? 1 : 0;
+    all.below += bottom ? 1 : 0;
+    if ((top || bottom) && all.first.empty())
+      all.first = where(log, i) + "column '" + column_of(map, config.model->input_names[input]) + "'";
+  }
+  all.rows += u.size();
+}
+
+void check_command(const AtLimit& all, double low, double high, Result& result) {
+  const double rows = static_cast<double>(all.rows), most = static_cast<double>(std::max(all.above, all.below));
+  if (most > kMostSaturated * rows)
+    result.reasons.push_back(all.first + " lies at its limit " + format("%.4g", all.above > all.below ? high : low) +
+                             " in " + format("%.0f", most) + " of " + std::to_string(all.rows) +
+                             " rows: saturated; record with commands within [limits]");
+  else if (static_cast<double>(all.above + all.below) > 0.5 * rows)
+    result.notes.push_back(all.first + " lies at its limits in " +
+                           format("%.0f %%", 100 * static_cast<double>(all.above + all.below) / rows) +
+                           " of the rows; commands that vary within [limits] tell more.");
+}
+
+void add_lines(const std::string& text, std::vector<std::string>& out) {
+  std::stringstream stream(text);
+  for (std::string line; std::getline(stream, line);)
+    if (!line.empty()) out.push_back(line);
+}
+
+}  // namespace
+
+void check_rows(const Log& log, const LogMap& map, const tiller_config_t& config, std::vector<std::string>& reasons) {
+  check_gaps(log, map, reasons);
+  for (std::uint32_t k = 0; k < config.measurement_count; ++k) {
+    const std::uint32_t state = config.measured_state[k];
+    if (!log.state[state].empty())
+      check_clipping(log, map, config.model->state_names[state], log.state[state], reasons);
+  }
+}
+
+std::string hash_of_files(const std::vector<std::string>& paths) {
+  std::uint64_t hash = 14695981039346656037ull;
+  std::vector<char> block(1 << 16);
+  for (const std::string& path : paths) {
+    std::ifstream file(path, std::ios::binary);
+    while (file.read(block.data(), static_cast<std::streamsize>(block.size())), file.gcount() > 0)
+      for (std::streamsize i = 0; i < file.gcount(); ++i)
+        hash = (hash ^ static_cast<unsigned char>(block[static_cast<std::size_t>(i)])) * 1099511628211ull;
+  }
+  return format("fnv1a-%016llx", static_cast<unsigned long long>(hash));
+}
+
+bool load_logs(const RobotFile& robot, const std::vector<std::string>& paths, std::vector<Log>& logs,
+               std::vector<Grid>& grids, std::string* hash, Result& result) {
+  const std::size_t before = result.reasons.size();
+  AtLimit at_limit[TILLER_MAX_INPUTS];
+  for (const std::string& path : paths) {
+    Log log;
+    std::string error;
+    const bool csv = log_format(path) == "csv";
+    const LogMap map = csv ? robot.log : LogMap();
+    const std::size_t bad = result.reasons.size();
+    if (read_any_log(path, robot, log, error))
+      if (check_log(log, map, *robot.model, robot.config.period_s, result.notes, error))
+        check_rows(log, map, robot.config, result.reasons);
+    add_lines(error, result.reasons);
+    if (result.reasons.size() != bad) continue;
+    for (std::uint32_t i = 0; i < robot.model->input_count; ++i) count_at_limit(log, map, robot.config, i, at_limit[i]);
+    for (Grid& grid : make_grids(log, map, robot.config)) grids.push_back(std::move(grid));
+    logs.push_back(std::move(log));
+  }
+  for (std::uint32_t i = 0; i < robot.model->input_count; ++i)
+    check_command(at_limit[i], robot.config.safety.input_low[i], robot.config.safety.input_high[i], result);
+  if (hash) *hash = hash_of_files(paths);
+  return result.reasons.size() == before;
+}
+
+}  // namespace tiller::tools::gap

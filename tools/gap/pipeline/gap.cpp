@@ -1,0 +1,150 @@
+#include "tools/gap/pipeline/gap.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <ctime>
+
+#include "effects/effect_info.hpp"
+#include "tools/base/text.hpp"
+#include "tools/gap/localise/localise.hpp"
+#include "tools/gap/pipeline/data.hpp"
+#include "tools/gap/pipeline/engine.hpp"
+#include "tools/gap/pipeline/gate.hpp"
+#include "tools/gap/pipeline/proof.hpp"
+#include "tools/gap/pipeline/verdict.hpp"
+#include "tools/gap/result/thresholds.hpp"
+#include "tools/gap/search/confirm.hpp"
+#include "tools/gap/search/memory.hpp"
+#include "tools/gap/search/search.hpp"
+
+namespace tiller::tools::gap {
+namespace {
+
+double cpu_now_s() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+
+bool is_measured(const tiller_config_t& config, std::uint32_t state) {
+  for (std::uint32_t i = 0; i < config.measurement_count; ++i)
+    if (config.measured_state[i] == state) return true;
+  return false;
+}
+
+// Everything of the catalogue at every port that it fits and that the robot file does not have there.
+std::vector<EffectAt> candidates_of(const tiller_config_t& config, const Options& options) {
+  if (!options.given.empty()) return options.given;
+  std::vector<EffectAt> list;
+  for (std::uint32_t kind = 0; kind < effect_kind_count(); ++kind) {
+    const EffectInfo& info = effect_info(kind);
+    if (info.unnamed) continue;  // what is offered when nothing has a name
+    if (!options.only.empty() && std::find(options.only.begin(), options.only.end(), info.name) == options.only.end())
+      continue;
+    for (std::uint32_t port = 0; port < port_count(info.port, *config.model); ++port) {
+      if (!port_fits(info, port, *config.model)) continue;
+      if (info.port == PortKind::sensor && !is_measured(config, port)) continue;
+      const EffectAt e{kind, port};
+      bool there = false;
+      for (std::uint32_t i = 0; i < config.effect_count; ++i)
+        there = there || (config.effects[i].kind == kind && config.effects[i].port == port);
+      if (!there) list.push_back(e);
+    }
+  }
+  return list;
+}
+
+void index_windows(Session& s) {
+  for (std::size_t i = 0; i < s.windows.size(); ++i) {
+    if (s.windows[i].test) {
+      s.test.push_back(i);
+      continue;
+    }
+    s.work.push_back(i);
+    s.fold[s.windows[i].fold].push_back(i);
+  }
+  const std::size_t stride = std::max<std::size_t>(1, s.work.size() / kScreenWindows);
+  for (std::size_t i = 0; i < s.work.size(); i += stride) s.screen.push_back(s.work[i]);
+}
+
+}  // namespace
+
+Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>& param_names, std::vector<Grid> work,
+                   std::vector<Grid> hold_out, const Options& options) {
+  const double start_s = cpu_now_s();
+  Result result;
+  const std::size_t own = work.size(), all = own + hold_out.size();
+  for (Grid& grid : hold_out) work.push_back(std::move(grid));
+  tiller_config_t fine = config;  // the kernel's own step errors must not look like physics
+  fine.substeps = std::max(config.substeps,
+                           std::min(64u, static_cast<std::uint32_t>(std::ceil(config.period_s / kSubstep_s - 1e-9))));
+  Session s{
+      fine, config.substeps, options, make_window_data(std::move(work), config), {}, {}, {}, {}, {}, {}, {}, {}, {},
+      1.0};
+  s.windows = make_windows(s.data, config, kWindow_s, 0, own);
+  split_windows(s.windows, hold_out.empty() ? kTestShare : 0.0);
+  std::vector<Window> held = make_windows(s.data, config, kWindow_s, own, all);
+  for (Window& w : held) {
+    w.test = true;
+    s.windows.push_back(w);
+  }
+  index_windows(s);
+  gate(config, s.data.grids, result);
+  if (!result.reasons.empty()) return result;
+  result.fit_windows = result.decide_windows = s.work.size();
+  result.test_windows = s.test.size();
+  result.data_s = s.data.data_s;
+  if (static_cast<double>(s.work.size()) * kWindow_s < kLeast_s || s.fold[0].size() < 2 || s.fold[1].size() < 2) {
+    result.reasons.push_back("the logs hold " + format("%.1f", s.data.data_s) + " s in stretches of which " +
+                             format("%zu", s.work.size()) + " windows of 1 s can be cut; at least " +
+                             format("%.0f", kLeast_s) + " are needed: record longer, without gaps");
+    return result;
+  }
+  s.scales = measure_scales(s.data, s.windows, config, prior_centre(config).data());
+  s.candidates = candidates_of(config, options);
+  s.shooting = std::make_unique<Shooting>(s.data, s.windows, config, s.scales);
+  result.memory_bytes = memory_bound(s);
+
+  Found found = search(s);
+  confirm(s, found);
+  FitSettings last;
+  last.information = true;
+  s.shooting->fit(found.entries[0].hypothesis, s.work, last, found.entries[0].fit);
+  for (std::size_t i = 1; i < found.entries.size(); ++i)
+    if (i == found.best || std::find(found.ambiguity.begin(), found.ambiguity.end(), i) != found.ambiguity.end())
+      s.shooting->fit(found.entries[i].hypothesis, s.work, last, found.entries[i].fit);
+  result.interrupted = found.interrupted;
+  s.progress("localising", 0);
+  if (!s.stopped()) localise(config, s.data.grids, found.entries[0].fit.params.data(), options.seed, result);
+  s.progress("proof", 0);
+  prove(s, found, result);
+  conclude(s, found, param_names, result);
+  s.progress("done", 1);
+  result.cpu_s = cpu_now_s() - start_s;
+  return result;
+}
+
+Result find_gap_in(const RobotFile& robot, const std::vector<Log>& logs, const std::vector<Log>& hold_out,
+                   const Options& options) {
+  std::vector<Grid> grids[2];
+  for (int part = 0; part < 2; ++part)
+    for (const Log& log : part == 0 ? logs : hold_out)
+      for (Grid& grid : make_grids(log, robot.log, robot.config)) grids[part].push_back(std::move(grid));
+  return find_gap_on(robot.config, robot.params, std::move(grids[0]), std::move(grids[1]), options);
+}
+
+Result find_gap(const RobotFile& robot, const Options& options) {
+  Result loaded;
+  std::vector<Log> logs;
+  std::vector<Grid> grids[2];
+  std::string hash[2];
+  load_logs(robot, options.logs, logs, grids[0], &hash[0], loaded);
+  load_logs(robot, options.hold_out, logs, grids[1], &hash[1], loaded);
+  Result result = loaded;
+  if (loaded.reasons.empty()) {
+    result = find_gap_on(robot.config, robot.params, std::move(grids[0]), std::move(grids[1]), options);
+    result.notes.insert(result.notes.begin(), loaded.notes.begin(), loaded.notes.end());
+  }
+  if (!result.reasons.empty()) result.sentence = "The logs cannot be used.";
+  result.data_hash = options.hold_out.empty() ? hash[0] : hash[0] + " " + hash[1];
+  result.model_hash = hash_of_files({robot.path});
+  return result;
+}
+
+}  // namespace tiller::tools::gap

@@ -1,0 +1,203 @@
+#include "tools/gap/pipeline/verdict.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "effects/effect_info.hpp"
+#include "tools/base/text.hpp"
+#include "tools/gap/fit/edges.hpp"
+#include "tools/gap/fit/intervals.hpp"
+#include "tools/gap/result/thresholds.hpp"
+#include "tools/gap/search/twins.hpp"
+#include "tools/robot/units.hpp"
+
+namespace tiller::tools::gap {
+namespace {
+
+bool names(const char* const (&list)[4], const char* name) {
+  return std::any_of(list, list + 4, [&](const char* a) { return a && std::strcmp(a, name) == 0; });
+}
+
+bool alias(const EffectAt& a, const EffectAt& b) {
+  if (a == b) return true;
+  const EffectInfo &x = effect_info(a.kind), &y = effect_info(b.kind);
+  return names(x.aliases, y.name) || names(y.aliases, x.name);
+}
+
+std::vector<Estimate> estimates(const Session& s, const Entry& e, const Entry& nominal,
+                                const std::vector<std::string>& param_names) {
+  std::vector<Estimate> list;
+  Words units = parameter_units(s.config, param_names);
+  units.resize(s.config.param_count);
+  for (std::uint32_t i = 0; i < s.config.param_count; ++i) {
+    Estimate p;
+    p.name = i < param_names.size() ? param_names[i] : "parameter";
+    p.unit = units[i];
+    p.fixed = s.config.priors[i].kind == tiller_prior_fixed;
+    p.before = nominal.fit.params[i];
+    list.push_back(p);
+  }
+  for (const EffectAt& effect : e.effects()) {
+    const EffectInfo& info = effect_info(effect.kind);
+    for (int i = 0; i < info.param_count; ++i) {
+      Estimate p;
+      p.name = std::string(port_name(info.port, *s.config.model, effect.port)) + "." + info.params[i].name;
+      p.unit = unit_of_effect(info, i, effect.port, *s.config.model);
+      p.before = p.before_sd = NAN;
+      list.push_back(p);
+    }
+  }
+  for (std::size_t i = 0; i < list.size(); ++i) list[i].mean = list[i].low = list[i].high = e.fit.params[i];
+  const std::vector<double> sd = deviations(e.hypothesis, e.fit, s.dispersion),
+                            before = deviations(nominal.hypothesis, nominal.fit, s.dispersion);
+  const double reach = interval_factor(e.hypothesis, e.fit);
+  const std::vector<PriorEdge> edges = prior_edges(e.hypothesis, e.fit, sd, param_names),
+                               held = prior_edges(nominal.hypothesis, nominal.fit, before, param_names);
+  for (std::size_t f = 0; f < e.hypothesis.free.size(); ++f) {
+    const FreeParam& free = e.hypothesis.free[f];
+    Estimate& p = list[free.index];
+    p.sd = sd[f];
+    p.low = std::max(free.low, p.mean - reach * p.sd);
+    p.high = std::min(free.high, p.mean + reach * p.sd);
+    if (f < before.size()) p.before_sd = before[f];
+    if (f < edges.size()) p.edge = edges[f];
+    // an effect that does what the parameter may not leaves it where it was
+    if (p.edge.side == EdgeSide::none && f < held.size() && held[f].at_bound && p.mean == held[f].bound)
+      p.edge = held[f];
+  }
+  return list;
+}
+
+std::string separations(const Session& s, const std::vector<const Entry*>& set) {
+  std::vector<std::string> texts;
+  for (const Entry* e : set)
+    for (const EffectAt& effect : e->effects()) {
+      const char* text = effect_info(effect.kind).separation;
+      if (text && std::find(texts.begin(), texts.end(), text) == texts.end()) texts.push_back(text);
+    }
+  if (!texts.empty()) return join(texts, "; ");
+  return "record motions in which " + effects_text(set.front()->effects(), *s.config.model) +
+         " and its rivals differ: slow and fast, small and large, with reversals (tiller excite proposes them)";
+}
+
+std::string parameter_text(const Explanation& e, std::size_t own) {
+  std::string text;
+  for (std::size_t i = own; i < e.params.size(); ++i)
+    text += (text.empty() ? "" : ", ") + e.params[i].name + " = " + format("%.4g", e.params[i].mean) + " +- " +
+            format("%.2g", e.params[i].sd) + " " + e.params[i].unit;
+  return text;
+}
+
+}  // namespace
+
+bool same_by_structure(const std::vector<EffectAt>& one, const std::vector<EffectAt>& other) {
+  const std::vector<EffectAt> a = elementary(one), b = elementary(other);
+  if (a.size() != b.size()) return false;
+  std::uint32_t taken = 0;
+  for (const EffectAt& e : a) {
+    bool ok = false;
+    for (std::size_t i = 0; i < b.size() && !ok; ++i)
+      if (!(taken >> i & 1u) && alias(e, b[i])) {
+        taken |= 1u << i;
+        ok = true;
+      }
+    if (!ok) return false;
+  }
+  return true;
+}
+
+void conclude(Session& s, const Found& found, const std::vector<std::string>& param_names, Result& result) {
+  const Entry &nominal = found.entries[0], &best = found.entries[found.best];
+  const std::string best_text = effects_text(best.effects(), *s.config.model);
+  // best, its rivals, then the others by what they foresee
+  std::vector<std::size_t> order(found.entries.size());
+  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+  const auto rank = [&](std::size_t i) {
+    if (i == found.best) return -HUGE_VAL;
+    double cost = 0;
+    for (const std::size_t w : s.work) cost += found.entries[i].held[w];
+    return cost;
+  };
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return rank(a) < rank(b); });
+  for (const std::size_t i : order) {
+    const Entry& e = found.entries[i];
+    Explanation x;
+    x.effects = e.effects();
+    x.params = estimates(s, e, nominal, param_names);
+    const Comparison to_nominal = compare(s, e, nominal), to_best = compare(s, e, best);
+    x.gain_nats = to_nominal.gain_nats;
+    x.z = to_nominal.z;
+    x.z_to_best = i == found.best ? 0 : to_best.z;
+    x.robust_z_to_best = i == found.best ? 0 : to_best.robust_z;
+    x.remaining_sigma = s.sigma(e.held, s.work);
+    const double left = s.sigma(best.held, s.work);
+    x.rollout_ratio = left > 0 ? x.remaining_sigma / left : 1;
+    const bool rival = std::find(found.ambiguity.begin(), found.ambiguity.end(), i) != found.ambiguity.end();
+    x.equivalent = i == found.best || (rival && difference_sigma(s, best, e) < kEquivalent_sigma);
+    if (rival) result.ambiguity.push_back(result.ranking.size());
+    result.ranking.push_back(std::move(x));
+  }
+  result.nominal_sigma = s.sigma(nominal.held, s.work);
+  if (result.horizons.empty()) result.remaining_sigma = s.sigma(best.held, s.work);
+  const double left = std::max(result.remaining_sigma, s.sigma(best.held, s.work));
+
+  std::vector<const Entry*> set;
+  bool one_answer = true;
+  for (const std::size_t i : found.ambiguity) {
+    set.push_back(&found.entries[i]);
+    one_answer = one_answer && (i == found.best || (same_by_structure(best.effects(), found.entries[i].effects()) &&
+                                                    difference_sigma(s, best, found.entries[i]) < kEquivalent_sigma));
+  }
+  if (set.size() > 1) result.separation = separations(s, set);
+
+  const std::string sigmas = format("%.2f", result.nominal_sigma) + " sigma";
+  if (found.best == 0) {
+    const bool quiet = result.nominal_sigma <= s.options.budget_sigma;
+    result.verdict = quiet ? Verdict::no_gap : Verdict::unnamed;
+    result.sentence = quiet ? "Model and measurement agree: rollouts of 1 s leave " + sigmas +
+                                  " and no known effect makes them better."
+                            : "There is a gap of " + sigmas +
+                                  " that no known effect explains: process noise beyond what the "
+                                  "robot file says, or physics that the catalogue lacks.";
+    return;
+  }
+  const std::string from_to = "1 s rollouts go from " + sigmas + " to " + format("%.2f", left) + ".";
+  const std::string values = parameter_text(result.ranking.front(), s.config.param_count);
+  for (const HorizonGap& h : result.horizons) {
+    if (h.after_sigma <= kWorseProof * h.before_sigma || h.worse_z <= kWorseProof_z) continue;
+    result.verdict = Verdict::unnamed;
+    result.ambiguity.clear();
+    result.sentence = best_text + " (" + values + ") explains the windows worked on, but rollouts of " +
+                      format("%.3g", h.seconds) + " s on those kept for the proof get worse with it, from " +
+                      format("%.2f", h.before_sigma) + " to " + format("%.2f", h.after_sigma) +
+                      " sigma: nothing is named. Record more, and more varied, motion.";
+    return;
+  }
+  if (left > kExplained_sigma || name_count(best.effects()) > 2) {
+    // nothing is named that leaves most of the gap
+    const double before = result.nominal_sigma * result.nominal_sigma - 1, after = left * left - 1;
+    const bool partly = before > 0 && after < kPartlyShare * before;
+    result.verdict = partly ? Verdict::partly : Verdict::unnamed;
+    result.sentence = partly ? "Partly explained by " + best_text + " (" + values + "): " + from_to +
+                                   " The rest is none of the known effects."
+                             : "No known effect explains the gap; the nearest is " + best_text + ": " + from_to;
+    return;
+  }
+  if (set.size() > 1 && !one_answer) {
+    std::vector<std::string> texts;
+    for (const Entry* e : set) texts.push_back(effects_text(e->effects(), *s.config.model));
+    result.verdict = Verdict::ambiguous;
+    result.sentence = "These explain the gap equally well: " + join(texts, "; or ") + ". " + from_to;
+    return;
+  }
+  result.verdict = Verdict::named;
+  result.sentence = "Missing: " + best_text + " (" + values + "). " + from_to;
+  if (set.size() > 1) {
+    std::vector<std::string> texts;
+    for (std::size_t i = 1; i < set.size(); ++i) texts.push_back(effects_text(set[i]->effects(), *s.config.model));
+    result.sentence += " The same by structure: " + join(texts, "; or ") + ".";
+  }
+}
+
+}  // namespace tiller::tools::gap

@@ -1,0 +1,90 @@
+#include "tools/gap/residual/residual_writer.hpp"
+
+#include <cmath>
+
+#include "posterior/prior.hpp"
+#include "tools/base/text.hpp"
+#include "tools/base/toml.hpp"
+#include "tools/open/robot_open.hpp"
+
+namespace tiller::tools::gap {
+namespace {
+
+/// Of the rollouts' errors with the effect to those without: what is no better there is not offered.
+constexpr double kMostRatio = 0.95;
+
+/// Byte of a position that toml++ gives; what stands before it in the line is ASCII in [noise].
+std::size_t byte_of(const std::string& text, const toml::source_position& at) {
+  std::size_t line = 0;
+  for (std::size_t k = 1; k < at.line; ++k) line = text.find('\n', line) + 1;
+  return line + at.column - 1;
+}
+
+/// The random force that is left over, as noise of the states that it pushes.
+std::string with_noise(std::string text, const ResidualFit& fit, const RobotFile& robot) {
+  std::string table = "{ ";
+  for (std::uint32_t i = 0; i < robot.model->state_count; ++i) {
+    const double sd = std::max(fit.config.process_sd[i], robot.config.process_sd[i]);
+    if (sd > 0.0) table += (table.size() > 2 ? ", " : "") + robot.states[i] + " = " + format("%.4g", sd);
+  }
+  table += " }";
+  const toml::table root = toml::parse(text);
+  const toml::node* old = root["noise"]["process_sd"].node();
+  if (table.size() <= 4) return text;
+  if (old) {
+    const std::size_t from = byte_of(text, old->source().begin), to = byte_of(text, old->source().end);
+    return text.replace(from, to - from, table);
+  }
+  if (const toml::node* noise = root["noise"].node()) {
+    const std::size_t end = text.find('\n', byte_of(text, noise->source().begin));
+    return text.insert(end == std::string::npos ? text.size() : end + 1, "process_sd = " + table + "\n");
+  }
+  return text + "\n[noise]\nprocess_sd = " + table + "\n";
+}
+
+}  // namespace
+
+bool offer_residual(const std::string& text, const std::string& path, const std::vector<Grid>& grids, double least_nats,
+                    ResidualOffer& offer, std::string& error) {
+  const auto robot = parse_robot_file(text, path, error);
+  if (!robot) return false;
+  std::vector<double> params;
+  for (std::uint32_t i = 0; i < robot->config.param_count; ++i) {
+    const tiller_prior_t& prior = robot->config.priors[i];
+    params.push_back(prior.kind == tiller_prior_uniform ? 0.5 * (prior.low + prior.high) : prior.a);
+  }
+  bool found = false;
+  std::string why;
+  for (std::uint32_t joint = 0; joint < robot->model->joint_count; ++joint) {
+    ResidualFit fit;
+    if (!fit_residual(robot->config, grids, params.data(), joint, fit, why)) continue;
+    if (!found || fit.log_evidence > offer.fit.log_evidence) offer.fit = fit;
+    found = true;
+  }
+  if (!found || !(offer.fit.evidence_nats >= least_nats)) {
+    error = found ? format("residual: the logs speak for it by %.1f nats only", offer.fit.evidence_nats) : why;
+    return false;
+  }
+  if (!(offer.fit.rollout_ratio < kMostRatio)) {
+    error =
+        format("residual: rollouts of one second would be %.2f times as wrong as without it", offer.fit.rollout_ratio);
+    return false;
+  }
+  offer.text = with_noise(text, offer.fit, *robot);
+  if (offer.text.back() != '\n') offer.text += '\n';
+  offer.text +=
+      format(
+          "\n# No known effect explains the rest: a force learnt over position and velocity, %.0f nats better "
+          "than without it.\n",
+          offer.fit.evidence_nats) +
+      residual_toml(offer.fit);
+  const auto read = parse_robot_file(offer.text, path, error);
+  if (!read) return false;
+  offer.posterior = residual_posterior(offer.fit, read->params, read->name);
+  Words problems;
+  if (take_prior(offer.posterior, path, *read, problems)) return true;
+  error = join(problems, "\n");
+  return false;
+}
+
+}  // namespace tiller::tools::gap

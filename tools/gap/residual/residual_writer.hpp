@@ -1,0 +1,24 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tools/gap/residual/fallback.hpp"
+
+namespace tiller::tools::gap {
+
+/// A robot file with the unnamed effect, and what belongs to it.
+struct ResidualOffer {
+  ResidualFit fit;            ///< of the joint with the largest evidence
+  std::string text;           ///< of the robot file: the old one with [[effects]] residual appended and [noise] raised
+  StoredPosterior posterior;  ///< to be written beside it, for tiller run --posterior
+};
+
+/// For the verdicts "unnamed" and "partly explained": fits the residual at every joint that has a position, takes the
+/// one with the largest evidence and appends it to `text`, a robot file as it stands (with the effects that were found,
+/// if any). The result is read back before it is given out. False with a sentence in `error`; also where the evidence
+/// is below `least_nats` over the model without it, or rollouts of one second on these logs are no better with it.
+bool offer_residual(const std::string& text, const std::string& path, const std::vector<Grid>& grids, double least_nats,
+                    ResidualOffer& offer, std::string& error);
+
+}  // namespace tiller::tools::gap

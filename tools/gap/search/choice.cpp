@@ -1,0 +1,102 @@
+#include <algorithm>
+#include <cmath>
+
+#include "tools/gap/result/thresholds.hpp"
+#include "tools/gap/search/decide.hpp"
+#include "tools/gap/search/pool.hpp"
+#include "tools/gap/search/relations.hpp"
+
+// Which of the sets of a pool explains the data best, and which cannot be told from it.
+
+namespace tiller::tools::gap {
+namespace {
+
+double held_cost(const Session& s, const Entry& e) {
+  double sum = 0;
+  for (const std::size_t w : s.work) sum += e.held[w];
+  return sum;
+}
+
+// Held-out cost with two nats for each parameter and what choices cost: between equals the simpler leads.
+double ranked_cost(const Session& s, const Entry& e) {
+  return held_cost(s, e) + 2 * s.dispersion * (2 * static_cast<double>(e.hypothesis.free.size()) + e.choice_nats);
+}
+
+// How large the difference of two explanations is, as a share of the whole gap, in amplitude.
+double share_of_gap(const Session& s, const Entry& nominal, const Entry& better, const Entry& worse) {
+  const double whole = held_cost(s, nominal) - held_cost(s, better), part = held_cost(s, worse) - held_cost(s, better);
+  return whole > 0 && part > 0 ? std::sqrt(part / whole) : 0;
+}
+
+bool worth(const Session& s, const Entry& nominal, const Entry& rich, const Entry& simple) {
+  if (!compare(s, rich, simple).significant(kRicher_nats, kRicher_z)) return false;
+  return simple.effects().empty() || share_of_gap(s, nominal, rich, simple) > kSizeShare;
+}
+
+}  // namespace
+
+std::size_t Pool::leader(std::size_t most) const {
+  std::size_t lead = 0;
+  for (std::size_t i = 1; i < entries.size(); ++i)
+    if (entries[i].decided && entries[i].effects().size() <= most &&
+        ranked_cost(s, entries[i]) < ranked_cost(s, entries[lead]))
+      lead = i;
+  return lead;
+}
+
+// A special case of it, or fewer parameters that foresee the same.
+bool Pool::simpler_than(std::size_t simple, std::size_t rich) {
+  const Entry &a = entries[simple], &b = entries[rich];
+  if (nested(a, b)) return true;
+  return !a.effects().empty() && a.effects().size() <= b.effects().size() &&
+         a.hypothesis.free.size() < b.hypothesis.free.size() && !compare(s, b, a).significant(kRival_nats, kRival_z) &&
+         difference_sigma(s, a, b) < kEquivalent_sigma;
+}
+
+std::size_t Pool::choose(std::size_t most) {
+  std::size_t best = leader(most);
+  for (bool again = true; again;) {
+    again = false;
+    std::size_t simpler = best;
+    for (std::size_t i = 0; i < entries.size(); ++i) {
+      const Entry& e = entries[i];
+      if (i == best || !e.decided || !simpler_than(i, best)) continue;
+      if (worth(s, nominal(), entries[best], e)) continue;
+      if (simpler == best || ranked_cost(s, e) < ranked_cost(s, entries[simpler])) simpler = i;
+    }
+    if (simpler != best) {
+      best = simpler;
+      again = true;
+    }
+  }
+  return best;
+}
+
+bool Pool::better(std::size_t a, std::size_t b, std::size_t level) {
+  if (a == b) return false;
+  const Entry &x = entries[a], &y = entries[b];
+  if (b != 0 && x.hypothesis.free.size() <= y.hypothesis.free.size()) return ranked_cost(s, x) < ranked_cost(s, y);
+  return compare(s, x, y).significant(kGap_nats, kGap_z) &&
+         (level == 1 || share_of_gap(s, nominal(), x, y) > kSizeShare);
+}
+
+std::vector<std::size_t> Pool::rivals(std::size_t index) {
+  if (index == 0) return {};
+  std::vector<std::size_t> found = {index};
+  const Entry& best = entries[index];
+  for (std::size_t i = 1; i < entries.size(); ++i) {
+    const Entry& e = entries[i];
+    if (i == index || !e.decided || nested(best, e)) continue;
+    if (e.effects().size() > best.effects().size() && e.hypothesis.free.size() >= best.hypothesis.free.size()) continue;
+    const Comparison c = compare(s, best, e);
+    if (c.significant(kRival_nats, kRival_z)) continue;
+    // the same predictions from more parameters: the simpler has the name
+    if (e.hypothesis.free.size() > best.hypothesis.free.size() && difference_sigma(s, best, e) < kEquivalent_sigma)
+      continue;
+    if (share_of_gap(s, nominal(), best, e) > kRivalShare) continue;
+    found.push_back(i);
+  }
+  return found;
+}
+
+}  // namespace tiller::tools::gap

@@ -1,0 +1,123 @@
+#include "tools/gap/search/decide.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tools/gap/result/thresholds.hpp"
+#include "tools/gap/search/pitch_scan.hpp"
+
+namespace tiller::tools::gap {
+namespace {
+
+// Mean over windows in standard errors; single windows cannot decide, so differences are clipped.
+double paired_z(std::vector<double> d) {
+  if (d.size() < 3) return 0;
+  std::vector<double> size = d;
+  for (double& v : size) v = std::fabs(v);
+  std::nth_element(size.begin(), size.begin() + static_cast<std::ptrdiff_t>(size.size() * 3 / 4), size.end());
+  const double most = std::max(kLeastClip_nats, 3 * size[size.size() * 3 / 4]);
+  double sum = 0, squares = 0;
+  for (double& v : d) {
+    v = std::clamp(v, -most, most);
+    sum += v;
+  }
+  const double n = static_cast<double>(d.size()), mean = sum / n;
+  for (const double v : d) squares += (v - mean) * (v - mean);
+  const double error = std::sqrt(squares / (n - 1) / n);
+  return error > 0 ? mean / error : 0;
+}
+
+}  // namespace
+
+double Session::sigma(const std::vector<double>& cost, const std::vector<std::size_t>& which) const {
+  double sum = 0, freedom = 0;
+  for (const std::size_t w : which) {
+    sum += cost[w];
+    freedom += static_cast<double>(shooting->values(w)) - config.model->state_count;
+  }
+  return freedom > 0 ? std::sqrt(sum / freedom) : 0;
+}
+
+void decide(Session& s, Entry& entry) {
+  const std::size_t nx = s.config.model->state_count;
+  if (s.nominal_x0.empty()) s.nominal_x0 = entry.fit.x0;  // it is decided upon first
+  entry.held.assign(s.windows.size(), 0.0);
+  for (int f = 0; f < 2; ++f) {
+    Fit fit = entry.fit;
+    FitSettings settings;
+    settings.iterations = 4;
+    settings.tolerance = 0.2;
+    if (!entry.hypothesis.free.empty()) s.shooting->fit(entry.hypothesis, s.fold[1 - f], settings, fit);
+    // Start states anew, from the nominal model's: those of the fit above have seen these windows, and where forces
+    // change within the sensors' noise (fine teeth) they alone explain it, by a valley for each window.
+    for (const std::size_t w : s.fold[f])
+      std::copy_n(s.nominal_x0.begin() + static_cast<std::ptrdiff_t>(w * nx), nx,
+                  fit.x0.begin() + static_cast<std::ptrdiff_t>(w * nx));
+    FitSettings states;
+    states.fix_params = true;
+    states.iterations = 8;
+    states.tolerance = 0.05;
+    s.shooting->fit(entry.hypothesis, s.fold[f], states, fit);
+    for (const std::size_t w : s.fold[f]) entry.held[w] = fit.cost[w];
+  }
+  entry.choice_nats = choice_nats(s, entry.effects());
+  entry.decided = true;
+}
+
+Comparison compare(const Session& s, const Entry& a, const Entry& b) {
+  return compare_on(s, s.work, a.held, b.held, b.choice_nats - a.choice_nats);
+}
+
+Comparison compare_on(const Session& s, const std::vector<std::size_t>& which, const std::vector<double>& cost_a,
+                      const std::vector<double>& cost_b, double ahead_nats) {
+  Comparison c;
+  const double share = ahead_nats / static_cast<double>(std::max<std::size_t>(1, which.size()));
+  std::vector<double> gauss, robust;
+  for (const std::size_t w : which) {
+    const double d = 0.5 * (cost_b[w] - cost_a[w]) / s.dispersion + share;
+    c.gain_nats += d;
+    gauss.push_back(d);
+    const double floor = 1e-3 * static_cast<double>(s.shooting->values(w));
+    robust.push_back(share + 0.5 * static_cast<double>(s.shooting->values(w)) / s.dispersion *
+                                 std::log((cost_b[w] + floor) / (cost_a[w] + floor)));
+  }
+  c.z = paired_z(gauss);
+  c.robust_z = paired_z(robust);
+  return c;
+}
+
+double dispersion_of(Session& s, const Entry& entry) {
+  constexpr int kLags = 20;
+  const std::uint32_t ny = s.config.measurement_count;
+  double at[kLags + 1] = {}, count = 0;
+  std::vector<double> r;
+  for (const std::size_t w : s.work) {
+    s.shooting->residuals(entry.hypothesis, entry.fit, w, r);
+    const std::size_t points = r.size() / ny;
+    for (std::uint32_t i = 0; i < ny; ++i)
+      for (std::size_t k = 0; k < points; ++k) {
+        count += 1;
+        for (std::size_t lag = 0; lag <= kLags && lag <= k; ++lag) at[lag] += r[k * ny + i] * r[(k - lag) * ny + i];
+      }
+  }
+  if (count == 0 || !(at[0] > 0)) return 1;
+  // Bartlett's weights; negative correlation, which the fitted start states make, does not count
+  double inflation = 1;
+  for (int lag = 1; lag <= kLags; ++lag)
+    inflation += 2 * (1 - lag / (kLags + 1.0)) * std::max(0.0, at[lag] / at[0] - 2 / std::sqrt(count));
+  return std::max(1.0, at[0] / count) * std::max(1.0, inflation);
+}
+
+double difference_sigma(Session& s, const Entry& a, const Entry& b) {
+  double sum = 0, count = 0;
+  std::vector<double> ra, rb;
+  for (const std::size_t w : s.work) {
+    s.shooting->residuals(a.hypothesis, a.fit, w, ra);
+    s.shooting->residuals(b.hypothesis, b.fit, w, rb);
+    for (std::size_t i = 0; i < ra.size(); ++i) sum += (ra[i] - rb[i]) * (ra[i] - rb[i]);
+    count += static_cast<double>(s.shooting->values(w));
+  }
+  return count > 0 ? std::sqrt(sum / count) : 0;
+}
+
+}  // namespace tiller::tools::gap

@@ -1,0 +1,141 @@
+#include "tools/gap/search/pitch_scan.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+
+#include "effects/effect_info.hpp"
+#include "tools/gap/result/thresholds.hpp"
+
+namespace tiller::tools::gap {
+namespace {
+
+constexpr std::uint32_t kLanes = kLanePadding;
+constexpr double kTurn = 6.283185307179586;
+
+struct Peak {
+  double pitch = 0, reduction = 0;
+  std::vector<double> amplitude;
+};
+
+// The whole excursion of a joint over the windows, and its typical step.
+double excursion(const Session& s, const std::vector<std::size_t>& which, std::uint32_t state) {
+  double low = INFINITY, high = -INFINITY;
+  for (const std::size_t i : which) {
+    const Window& w = s.windows[i];
+    for (std::size_t k = w.start; k < w.start + w.points; ++k) {
+      const double q = s.data.grids[w.grid].state[state][k];
+      if (std::isfinite(q)) low = std::min(low, q), high = std::max(high, q);
+    }
+  }
+  return high - low;
+}
+
+double sensor_sd(const Session& s, std::uint32_t state) {
+  for (std::uint32_t k = 0; k < s.config.measurement_count; ++k)
+    if (s.config.measured_state[k] == state) return s.config.measurement_sd[k];
+  return 0;
+}
+
+bool has_pitch(const EffectInfo& info) {
+  return info.param_count > 2 && info.params[info.param_count - 1].scale == Scale::pitch;
+}
+
+// Periods per unit of position that a scan compares.
+std::vector<double> frequencies(const Session& s, const EffectAt& effect) {
+  const EffectInfo& info = effect_info(effect.kind);
+  const EffectParam& pitch = info.params[info.param_count - 1];
+  const double range = excursion(s, s.work, s.config.model->joints[effect.port].position);
+  const double shortest = std::max({pitch.low > 0 ? pitch.low : 0.0, 3 * s.scales.joint[effect.port].step,
+                                    kPitchNoise * sensor_sd(s, s.config.model->joints[effect.port].position)});
+  const double longest = std::min(pitch.high, 1.5 * range);
+  if (!(range > 0) || !(longest > shortest)) return {};
+  const double span = 1 / shortest - 1 / longest;
+  const std::size_t count =
+      std::clamp<std::size_t>(static_cast<std::size_t>(span * range / kPitchStep), 8, kMostPitches);
+  std::vector<double> frequency(count);
+  for (std::size_t i = 0; i < count; ++i)
+    frequency[i] =
+        1 / longest + static_cast<double>(i) * std::min(span / static_cast<double>(count), kPitchStep / range);
+  return frequency;
+}
+
+}  // namespace
+
+double choice_nats(const Session& s, const std::vector<EffectAt>& effects) {
+  double sum = 0;
+  for (const EffectAt& e : effects)
+    if (has_pitch(effect_info(e.kind))) sum += std::log(std::max(1.0, static_cast<double>(frequencies(s, e).size())));
+  return sum;
+}
+
+std::vector<std::vector<double>> scan_pitches(Session& s, const Entry& base, const EffectAt& effect,
+                                              std::size_t starts) {
+  const tiller_model_t& model = *s.config.model;
+  const EffectInfo& info = effect_info(effect.kind);
+  const tiller_joint_t& joint = model.joints[effect.port];
+  const std::uint32_t harmonics = static_cast<std::uint32_t>(info.param_count - 1) / 2, columns = 2 * harmonics;
+  if (columns == 0 || columns > kLanes || !has_pitch(info)) return {};
+  const std::vector<std::size_t>& which = s.work;
+  const std::vector<double> frequency = frequencies(s, effect);
+  const std::size_t count = frequency.size();
+  if (count == 0) return {};
+
+  // normal equations of every pitch, over all windows
+  const std::uint32_t per_run = kLanes / columns;
+  std::vector<double> square(count * columns * columns, 0.0), cross(count * columns, 0.0);
+  for (const std::size_t index : which) {
+    const Window& w = s.windows[index];
+    if (!s.shooting->open_response(base.hypothesis, base.fit, index, effect.port)) continue;
+    for (std::size_t first = 0; first < count; first += per_run) {
+      const std::size_t here = std::min<std::size_t>(per_run, count - first);
+      s.shooting->force_response(index, [&](std::size_t k, double q, double* force) {
+        const double drive =
+            info.needs_drive && joint.drive != 0 ? s.data.grids[w.grid].input[joint.drive - 1][w.start + k] : 1.0;
+        for (std::size_t f = 0; f < here; ++f)
+          for (std::uint32_t h = 0; h < harmonics; ++h) {
+            const double phase = kTurn * q * frequency[first + f] * (h + 1);
+            force[f * columns + 2 * h] = drive * std::cos(phase);
+            force[f * columns + 2 * h + 1] = drive * std::sin(phase);
+          }
+      });
+      const double* products = s.shooting->response_products();  // (lanes x lanes), then (lanes) with the residual
+      for (std::size_t f = 0; f < here; ++f)
+        for (std::uint32_t a = 0; a < columns; ++a) {
+          cross[(first + f) * columns + a] += products[kLanes * kLanes + f * columns + a];
+          for (std::uint32_t b = 0; b < columns; ++b)
+            square[((first + f) * columns + a) * columns + b] += products[(f * columns + a) * kLanes + f * columns + b];
+        }
+    }
+  }
+  std::vector<Peak> peaks(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    Eigen::MatrixXd a = Eigen::Map<const Eigen::MatrixXd>(square.data() + i * columns * columns, columns, columns);
+    const Eigen::VectorXd b = Eigen::Map<const Eigen::VectorXd>(cross.data() + i * columns, columns);
+    a.diagonal().array() += 1e-9 * a.diagonal().maxCoeff() + 1e-12;
+    const Eigen::VectorXd x = a.ldlt().solve(b);
+    peaks[i] = {1 / frequency[i], b.dot(x), std::vector<double>(x.data(), x.data() + columns)};
+    if (!std::isfinite(peaks[i].reduction)) peaks[i].reduction = 0;
+  }
+  std::vector<std::size_t> order;
+  for (std::size_t i = 0; i < count; ++i)
+    if ((i == 0 || peaks[i].reduction >= peaks[i - 1].reduction) &&
+        (i + 1 == count || peaks[i].reduction >= peaks[i + 1].reduction))
+      order.push_back(i);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return peaks[a].reduction > peaks[b].reduction; });
+  std::vector<std::vector<double>> found;
+  for (const std::size_t i : order) {
+    if (found.size() >= starts) break;
+    std::vector<double> start = peaks[i].amplitude;
+    for (std::size_t p = 0; p < start.size(); ++p)
+      start[p] =
+          std::clamp(start[p], 0.9 * std::max(-1e300, info.params[p].low), 0.9 * std::min(1e300, info.params[p].high));
+    start.push_back(peaks[i].pitch);
+    found.push_back(start);
+  }
+  return found;
+}
+
+}  // namespace tiller::tools::gap

@@ -1,0 +1,137 @@
+#include "tools/gap/search/pool.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "effects/effect_info.hpp"
+#include "tools/gap/result/thresholds.hpp"
+#include "tools/gap/search/decide.hpp"
+#include "tools/gap/search/refine.hpp"
+#include "tools/gap/search/relations.hpp"
+
+namespace tiller::tools::gap {
+
+std::size_t Pool::find(const std::vector<EffectAt>& effects) const {
+  for (std::size_t i = 0; i < entries.size(); ++i)
+    if (same_set(entries[i].effects(), effects)) return i;
+  return kNone;
+}
+
+void Pool::begin() {
+  Entry nominal;
+  make_hypothesis(s.config, {}, &s.scales, nominal.hypothesis);
+  s.progress("nominal fit", 0);
+  nominal.fit = s.shooting->begin(nominal.hypothesis, {}, nullptr);
+  for (int round = 0; round < 2; ++round) {
+    s.shooting->prepare_whitening(nominal.hypothesis, nominal.fit);
+    s.shooting->fit(nominal.hypothesis, s.work, {}, nominal.fit);
+  }
+  nominal.full = true;
+  decide(s, nominal);
+  entries.push_back(std::move(nominal));
+}
+
+// What a set's cost has to come below to be worth anything: that of the best of its subsets, less what chance gives.
+double Pool::enough_for(const Entry& e) const {
+  double least = INFINITY;
+  for (const Entry& p : entries) {
+    const auto in_e = [&](const EffectAt& x) {
+      return std::find(e.effects().begin(), e.effects().end(), x) != e.effects().end();
+    };
+    if (p.effects().size() < e.effects().size() && std::all_of(p.effects().begin(), p.effects().end(), in_e))
+      least = std::min(least, p.fit.total());
+  }
+  return least - 2 * kRicher_nats;
+}
+
+void Pool::consider(std::vector<Entry> screened, std::size_t keep) {
+  const double each = 4 * s.dispersion;
+  std::stable_sort(screened.begin(), screened.end(), [&](const Entry& a, const Entry& b) {
+    return a.screened + each * static_cast<double>(a.hypothesis.free.size()) <
+           b.screened + each * static_cast<double>(b.hypothesis.free.size());
+  });
+  std::vector<Entry> kept;
+  for (Entry& e : screened) {
+    if (kept.size() >= keep) break;
+    const auto same = [&](const Entry& k) { return same_set(k.effects(), e.effects()); };
+    if (!e.fit.finite || find(e.effects()) != kNone || std::any_of(kept.begin(), kept.end(), same)) continue;
+    kept.push_back(std::move(e));
+  }
+  double ahead = INFINITY;
+  for (const Entry& e : entries) ahead = std::min(ahead, e.fit.total());
+  for (Entry& e : kept) e.enough = enough_for(e);
+  refine(s, kept, ahead);
+  for (Entry& e : kept)
+    if (e.fit.finite && !s.stopped() && entries.size() + 1 < kMostSets) entries.push_back(std::move(e));
+  decide_near();
+}
+
+// Far behind on the very data that it was fitted to is not worth two more fits.
+void Pool::decide_near() {
+  std::size_t first = 0;
+  for (std::size_t i = 1; i < entries.size(); ++i)
+    if (entries[i].fit.total() < entries[first].fit.total()) first = i;
+  if (first != 0) s.dispersion = dispersion_of(s, entries[first]);
+  for (Entry& e : entries) {
+    if (e.decided || s.stopped() || e.fit.total() > e.enough) continue;
+    if (e.fit.total() - entries[first].fit.total() > 2 * kBehind_nats * s.dispersion) continue;
+    if (!e.full) fit_fully(s, e);
+    if (e.fit.finite) decide(s, e);
+  }
+  s.dispersion = dispersion_of(s, entries[leader(SIZE_MAX)]);
+}
+
+std::size_t Pool::without(std::size_t index, std::size_t member) {
+  const std::vector<EffectAt> effects = entries[index].effects();
+  std::vector<EffectAt> rest;
+  std::vector<double> params(entries[index].fit.params.begin(),
+                             entries[index].fit.params.begin() + s.config.param_count);
+  std::size_t at = params.size();
+  for (std::size_t i = 0; i < effects.size(); ++i) {
+    const std::size_t count = static_cast<std::size_t>(effect_info(effects[i].kind).param_count);
+    if (i != member) {
+      rest.push_back(effects[i]);
+      for (std::size_t k = 0; k < count; ++k) params.push_back(entries[index].fit.params[at + k]);
+    }
+    at += count;
+  }
+  if (const std::size_t known = find(rest); known != kNone) return known;
+  Entry e;
+  if (entries.size() + 1 >= kMostSets || !make_hypothesis(s.config, rest, &s.scales, e.hypothesis)) return kNone;
+  e.fit = s.shooting->begin(e.hypothesis, params, &entries[index].fit);
+  FitSettings few;
+  few.iterations = kFirstIterations;
+  s.shooting->fit(e.hypothesis, s.work, few, e.fit);
+  if (!e.fit.finite) return kNone;
+  entries.push_back(std::move(e));
+  return entries.size() - 1;
+}
+
+void Pool::settle(std::size_t index) {
+  Entry& e = entries[index];
+  if (s.stopped() || e.decided) return;
+  if (!e.full) fit_fully(s, e);
+  if (e.fit.finite) decide(s, e);
+}
+
+std::vector<std::size_t> Pool::beam(std::size_t effects, std::size_t width) const {
+  std::vector<std::size_t> order;
+  for (std::size_t i = 0; i < entries.size(); ++i)
+    if (entries[i].effects().size() == effects) order.push_back(i);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return entries[a].fit.total() < entries[b].fit.total(); });
+  if (order.size() > width) order.resize(width);
+  return order;
+}
+
+double Pool::screened_now(std::size_t index) {
+  Hypothesis coarse = entries[index].hypothesis;
+  coarse.setup.substeps = s.coarse_substeps;
+  Fit fit = entries[index].fit;
+  FitSettings few;
+  few.iterations = 3;
+  s.shooting->fit(coarse, s.screen, few, fit);
+  return fit.total();
+}
+
+}  // namespace tiller::tools::gap

@@ -1,0 +1,97 @@
+#include "tools/gap/search/refine.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "effects/effect_info.hpp"
+#include "tools/gap/result/thresholds.hpp"
+
+namespace tiller::tools::gap {
+namespace {
+
+// Other values of a shape's parameter: half and twice a pitch, the catalogue's starts of a velocity or a distance.
+std::vector<double> other_shapes(const Session& s, const EffectAt& e, int param, double now) {
+  const EffectParam& p = effect_info(e.kind).params[param];
+  if (p.scale == Scale::pitch) return {0.5 * now, 2 * now};
+  // a delay's slope changes at every whole period
+  if (e.kind == tiller_effect_input_delay) return {now - 0.6 * s.scales.period_s, now + 0.6 * s.scales.period_s};
+  if (is_strength(p.scale) || p.scale == Scale::period || p.scale == Scale::input) return {};
+  std::vector<double> values;
+  const double scale = scale_of(s.scales, *s.config.model, e.kind, e.port, param);
+  for (int k = 0; k < p.start_count; ++k) values.push_back(p.start[k] * scale);
+  return values;
+}
+
+// Fits of shapes have more than one valley: from the end of the fit once more with each shape changed, strengths that
+// ran away back at their starts.
+void polish(Session& s, Entry& entry) {
+  std::size_t at = s.config.param_count;
+  for (const EffectAt& e : entry.effects()) {
+    const EffectInfo& info = effect_info(e.kind);
+    for (int i = 0; i < info.param_count; ++i)
+      for (const double value : other_shapes(s, e, i, entry.fit.params[at + static_cast<std::size_t>(i)])) {
+        if (s.stopped()) return;
+        Fit fit = entry.fit;
+        for (const FreeParam& f : entry.hypothesis.free) {
+          if (f.index < at || f.index >= at + static_cast<std::size_t>(info.param_count)) continue;
+          const int k = static_cast<int>(f.index - at);
+          double& v = fit.params[f.index];
+          const bool lost = std::fabs(v) > 0.5 * kMostStrength * f.scale || std::fabs(v) < 1e-3 * f.scale;
+          if (k != i && lost && is_strength(info.params[k].scale) && info.params[k].scale != Scale::none)
+            v = info.params[k].start[0] * f.scale;
+          if (k == i) v = std::clamp(value, f.low, f.high);
+        }
+        // a few windows tell whether the other valley is deeper
+        double now = entry.fit.penalty;
+        for (const std::size_t w : s.screen) now += entry.fit.cost[w];
+        FitSettings quick;
+        quick.iterations = kFirstIterations;
+        s.shooting->fit(entry.hypothesis, s.screen, quick, fit);
+        if (!fit.finite || fit.total() > kPolishAgain * now) continue;
+        s.shooting->fit(entry.hypothesis, s.work, {}, fit);
+        if (fit.finite && fit.total() < entry.fit.total() - 2) entry.fit = fit;
+      }
+    at += static_cast<std::size_t>(info.param_count);
+  }
+}
+
+bool by_total(const Entry& a, const Entry& b) { return a.fit.total() < b.fit.total(); }
+
+}  // namespace
+
+void fit_fully(Session& s, Entry& entry) {
+  entry.hypothesis.setup.substeps = s.config.substeps;
+  FitSettings to_end;
+  to_end.tolerance = kFitTolerance;
+  s.shooting->fit(entry.hypothesis, s.work, to_end, entry.fit);
+  entry.full = true;
+}
+
+void refine(Session& s, std::vector<Entry>& entries, double ahead) {
+  std::size_t done = 0;
+  double best = ahead;
+  for (Entry& e : entries) {
+    s.progress("fitting", static_cast<double>(done++) / static_cast<double>(entries.size()));
+    if (s.stopped()) break;
+    e.hypothesis.setup.substeps = s.config.substeps;
+    FitSettings few;
+    few.iterations = kFirstIterations;
+    s.shooting->fit(e.hypothesis, s.work, few, e.fit);
+    if (e.fit.finite) best = std::min(best, e.fit.total());
+  }
+  std::stable_sort(entries.begin(), entries.end(), by_total);
+  const auto hopeless = [&](const Entry& e) {
+    return e.fit.total() > e.enough || e.fit.total() > kStillInRace * best + 2 * kBehind_nats * s.dispersion;
+  };
+  for (Entry& e : entries) {
+    if (s.stopped() || !e.fit.finite || hopeless(e)) continue;
+    fit_fully(s, e);
+    best = std::min(best, e.fit.total());
+  }
+  std::stable_sort(entries.begin(), entries.end(), by_total);
+  for (std::size_t i = 0; i < std::min(entries.size(), kPolished) && !s.stopped(); ++i)
+    if (entries[i].full && !hopeless(entries[i])) polish(s, entries[i]);
+  std::stable_sort(entries.begin(), entries.end(), by_total);
+}
+
+}  // namespace tiller::tools::gap

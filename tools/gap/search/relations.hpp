@@ -1,0 +1,19 @@
+#pragma once
+
+#include <vector>
+
+#include "tools/gap/search/session.hpp"
+
+namespace tiller::tools::gap {
+
+/// The same effects at the same ports, in any order.
+bool same_set(const std::vector<EffectAt>& a, const std::vector<EffectAt>& b);
+
+/// `simple` is a special case of `rich`: each of its effects is one of rich's or contained in one.
+bool nested(const Entry& simple, const Entry& rich);
+
+/// One may be taken for the other at the same joint: a special case, a richer one, an alias, or of like shape over the
+/// range that a log covers (a long wave of cogging and a spring).
+bool may_be_taken_for(const EffectAt& a, const EffectAt& b, const tiller_model_t& model);
+
+}  // namespace tiller::tools::gap

@@ -1,0 +1,125 @@
+#include "tools/gap/search/screen.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "effects/effect_info.hpp"
+#include "tools/gap/result/thresholds.hpp"
+#include "tools/gap/search/pitch_scan.hpp"
+
+namespace tiller::tools::gap {
+namespace {
+
+bool has(const std::vector<EffectAt>& effects, const EffectAt& e) {
+  return std::find(effects.begin(), effects.end(), e) != effects.end();
+}
+
+bool has_pitch(const EffectInfo& info) {
+  return info.param_count > 2 && info.params[info.param_count - 1].scale == Scale::pitch;
+}
+
+std::vector<std::vector<double>> all_starts(Session& s, const Entry& base, const EffectAt& e) {
+  return has_pitch(effect_info(e.kind)) ? scan_pitches(s, base, e, kPitchStarts) : starts_of(s, e);
+}
+
+// Where an earlier screen left it, and the same near nothing.
+std::vector<std::vector<double>> short_starts(const EffectAt& e, const std::vector<double>& hint) {
+  std::vector<double> small = hint;
+  const EffectInfo& info = effect_info(e.kind);
+  for (std::size_t i = 0; i < small.size(); ++i)
+    if (is_strength(info.params[i].scale)) small[i] *= kSmallStarts[0];
+  return {hint, small};
+}
+
+}  // namespace
+
+std::vector<std::vector<double>> starts_of(const Session& s, const EffectAt& e) {
+  const EffectInfo& info = effect_info(e.kind);
+  std::vector<std::vector<double>> starts = {{}};
+  for (int i = 0; i < info.param_count; ++i) {
+    const EffectParam& param = info.params[i];
+    std::vector<double> values;
+    const double scale = scale_of(s.scales, *s.config.model, e.kind, e.port, i);
+    for (int k = 0; k < std::max(1, param.start_count); ++k)
+      values.push_back(std::clamp((param.start_count > 0 ? param.start[k] : 0.0) * scale, param.low, param.high));
+    std::vector<std::vector<double>> next;
+    for (const auto& start : starts)
+      for (const double v : values) {
+        if (next.size() >= std::size_t{kMostStarts}) break;
+        next.push_back(start);
+        next.back().push_back(v);
+      }
+    starts = std::move(next);
+  }
+  // and near nothing, from where the slope is that of the model that is there (a dead zone of no width is none)
+  const std::vector<double> first = starts.front();
+  for (const double share : kSmallStarts) {
+    std::vector<double> small = first;
+    for (int i = 0; i < info.param_count; ++i)
+      if (is_strength(info.params[i].scale) || e.kind == tiller_effect_dead_zone)
+        small[static_cast<std::size_t>(i)] *= share;
+    if (small != first) starts.push_back(small);
+  }
+  // what limits does less the larger it is
+  if (e.kind == tiller_effect_saturation || e.kind == tiller_effect_rate_limit)
+    for (const double share : kOtherLimits) starts.push_back({share * starts[1][0]});
+  return starts;
+}
+
+void fit_from(Session& s, const std::vector<double>& params, const Fit& warm,
+              const std::vector<std::vector<double>>& starts, int iterations, bool scanned, Entry& entry) {
+  for (const std::vector<double>& start : starts) {
+    std::vector<double> all = params;
+    all.insert(all.end(), start.begin(), start.end());
+    Fit fit = s.shooting->begin(entry.hypothesis, all, &warm);
+    // a scan foresees whole amplitudes: the start states, which made up for the lack of them, have to follow first
+    FitSettings quick;
+    quick.fix_params = true;
+    quick.iterations = 4;
+    if (scanned) s.shooting->fit(entry.hypothesis, s.screen, quick, fit);
+    quick.fix_params = false;
+    quick.iterations = iterations;
+    s.shooting->fit(entry.hypothesis, s.screen, quick, fit);
+    if (fit.finite && (!entry.fit.finite || fit.total() < entry.fit.total())) entry.fit = fit;
+  }
+  entry.screened = entry.fit.total();
+}
+
+std::vector<Entry> screen(Session& s, const Entry& base, std::size_t keep, Hints& hints, bool fresh) {
+  std::vector<Entry> found;
+  std::size_t done = 0;
+  hints.resize(s.candidates.size());
+  for (std::size_t c = 0; c < s.candidates.size(); ++c) {
+    const EffectAt e = s.candidates[c];
+    s.progress("screening", static_cast<double>(done++) / static_cast<double>(s.candidates.size()));
+    if (s.stopped()) break;
+    if (has(base.effects(), e)) continue;
+    std::vector<EffectAt> effects = base.effects();
+    effects.push_back(e);
+    Entry entry;
+    if (!make_hypothesis(s.config, effects, &s.scales, entry.hypothesis)) continue;
+    entry.hypothesis.setup.substeps = s.coarse_substeps;
+    const bool all = fresh || hints[c].empty();
+    fit_from(s, base.fit.params, base.fit, all ? all_starts(s, base, e) : short_starts(e, hints[c]), 1,
+             all && has_pitch(effect_info(e.kind)), entry);
+    if (!entry.fit.finite) continue;
+    if (hints[c].empty())
+      hints[c].assign(entry.fit.params.end() - effect_info(e.kind).param_count, entry.fit.params.end());
+    found.push_back(std::move(entry));
+  }
+  const auto better = [](const Entry& a, const Entry& b) { return a.fit.total() < b.fit.total(); };
+  std::stable_sort(found.begin(), found.end(), better);
+  // a second look at twice as many as are kept: one step is not always telling
+  if (found.size() > 2 * keep) found.resize(2 * keep);
+  for (Entry& entry : found) {
+    if (s.stopped()) break;
+    FitSettings more;
+    more.iterations = 3;
+    s.shooting->fit(entry.hypothesis, s.screen, more, entry.fit);
+    entry.screened = entry.fit.total();
+  }
+  std::stable_sort(found.begin(), found.end(), better);
+  return found;
+}
+
+}  // namespace tiller::tools::gap

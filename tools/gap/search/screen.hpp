@@ -1,0 +1,22 @@
+#pragma once
+
+#include "tools/gap/search/session.hpp"
+
+namespace tiller::tools::gap {
+
+/// Parameters of each candidate (candidates x its own) where the first screen left it; starts of later ones.
+using Hints = std::vector<std::vector<double>>;
+
+/// Candidate effects beside those of `base`, fitted in a few coarse steps on a part of the windows, best first: one from
+/// every start, three more for twice `keep` of them. `fresh`: from all starts of the catalogue, else from the hints.
+std::vector<Entry> screen(Session& session, const Entry& base, std::size_t keep, Hints& hints, bool fresh);
+
+/// Fits entry.hypothesis on the screen's windows from `params` with each of `starts` behind them; the best is the
+/// entry's. `scanned`: the start states follow before the parameters move.
+void fit_from(Session& session, const std::vector<double>& params, const Fit& warm,
+              const std::vector<std::vector<double>>& starts, int iterations, bool scanned, Entry& entry);
+
+/// Every start of an effect's parameters at a port (starts x params).
+std::vector<std::vector<double>> starts_of(const Session& session, const EffectAt& effect);
+
+}  // namespace tiller::tools::gap

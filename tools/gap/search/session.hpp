@@ -1,0 +1,52 @@
+#pragma once
+
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "tools/gap/fit/shooting.hpp"
+
+namespace tiller::tools::gap {
+
+/// A hypothesis with its fit and what it foresees of windows that had no part in it.
+struct Entry {
+  Hypothesis hypothesis;
+  Fit fit;                   ///< to all working windows
+  std::vector<double> held;  ///< (working windows) cost under the parameters of the other fold
+  std::vector<double> kept;  ///< (all windows) cost of those kept for the proof; empty until confirm() asks
+  double choice_nats = 0;    ///< of choices made on both folds, which held-out costs do not show: pitches of scans
+  double screened = 0;       ///< cost on the screen's windows, in coarse steps
+  double enough = INFINITY;  ///< a cost above it explains nothing that a subset does not
+  bool full = false;         ///< fitted to the end
+  bool decided = false;      ///< `held` is filled
+  const std::vector<EffectAt>& effects() const { return hypothesis.added; }
+};
+
+/// What every step works on. Built once; the vectors keep their size.
+struct Session {
+  const tiller_config_t& config;
+  std::uint32_t coarse_substeps;  ///< of the robot file: for the screen
+  const Options& options;
+  WindowData data;
+  std::vector<Window> windows;
+  Scales scales;
+  std::unique_ptr<Shooting> shooting;
+  std::vector<std::size_t> work, fold[2], test, screen;  ///< indices of windows
+  std::vector<EffectAt> candidates;                      ///< that fit the model's ports
+  std::vector<double> nominal_x0;                        ///< (all windows x nx) start states of the nominal model's fit
+  double dispersion = 1;  ///< variance of whitened residuals, serial correlation counted; at least 1
+
+  bool stopped() const { return options.stop != nullptr && *options.stop != 0; }
+  void progress(const char* step, double share) const {
+    if (options.progress) options.progress(step, share);
+  }
+  std::size_t values(const std::vector<std::size_t>& which) const {
+    std::size_t sum = 0;
+    for (const std::size_t w : which) sum += shooting->values(w);
+    return sum;
+  }
+  /// Root mean square of the whitened residuals over `which`, the start states' freedom taken off.
+  double sigma(const std::vector<double>& cost, const std::vector<std::size_t>& which) const;
+};
+
+}  // namespace tiller::tools::gap

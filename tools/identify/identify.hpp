@@ -1,0 +1,41 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tools/identify/identify_score.hpp"
+
+namespace tiller::tools {
+
+/// What `tiller identify` is asked to do.
+struct IdentifyOptions {
+  std::string robot;
+  std::vector<std::string> logs, hold_out;
+  std::string folder;  ///< for identify.json and identify.html; empty: only the table is printed
+  FitOptions fit;
+  ScoreOptions score;
+};
+
+/// A candidate with what was learnt of it and how well it foresees.
+struct Assessed {
+  Candidate candidate;
+  Fit fit;
+  Score on_fitted;    ///< rollouts on the logs that were fitted
+  Score on_held_out;  ///< and on those that were not; no states if none were given
+};
+
+struct Identified {
+  std::vector<Log> logs, hold_out;
+  std::vector<Assessed> candidates;  ///< as make_candidates() orders them; the last has everything
+  std::vector<std::string> warnings;
+};
+
+/// Reads, checks, fits and scores. False with every reason in `error`. Progress goes to stderr.
+bool identify(const RobotFile& robot, const IdentifyOptions& options, Identified& result, std::string& error);
+
+/// The tables that the command prints.
+std::string identify_text(const RobotFile& robot, const Identified& result);
+/// Everything, for programs and for the page: see docs/identify.md for the keys.
+std::string identify_json(const RobotFile& robot, const Identified& result);
+
+}  // namespace tiller::tools

@@ -1,0 +1,206 @@
+#include "tools/identify/identify_fit.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <memory>
+
+#include "effects/effect_info.hpp"
+#include "tools/base/text.hpp"
+#include "tools/identify/identify_noise.hpp"
+
+namespace tiller::tools {
+namespace {
+
+bool is_learnt(const tiller_prior_t& prior) { return prior.kind != tiller_prior_fixed; }
+
+double centre(const tiller_prior_t& prior) {
+  return prior.kind == tiller_prior_uniform ? 0.5 * (prior.low + prior.high) : prior.a;
+}
+
+tiller_prior_t fixed_at(double value) { return {tiller_prior_fixed, 0, value, 0, -INFINITY, INFINITY}; }
+
+// The robot's model with its first `effects` effects.
+Candidate with_effects(const RobotFile& robot, std::uint32_t effects) {
+  Candidate candidate;
+  candidate.config = robot.config;
+  candidate.config.effect_count = effects;
+  // a joint prior is of all parameters or of none
+  if (effects < robot.config.effect_count) candidate.config.prior_mixture = nullptr;
+  std::uint32_t params = robot.model->param_count;
+  candidate.name = robot.model->name;
+  for (std::uint32_t e = 0; e < effects; ++e) {
+    const EffectInfo& info = effect_info(robot.config.effects[e].kind);
+    params += static_cast<std::uint32_t>(info.param_count);
+    const std::uint32_t port = robot.config.effects[e].port;
+    candidate.name += std::string(" + ") + info.name + " (" + port_name(info.port, *robot.model, port) + ")";
+  }
+  candidate.config.param_count = params;
+  candidate.params.assign(robot.params.begin(), robot.params.begin() + params);
+  return candidate;
+}
+
+// The block that a posterior lives in.
+struct Block {
+  std::unique_ptr<void, decltype(&std::free)> memory{nullptr, &std::free};
+  Posterior* posterior = nullptr;
+};
+
+Block make_posterior(const tiller_config_t& config, const StepSetup& setup) {
+  const RolloutTable& table = select_rollout(*config.model);
+  Arena measure;
+  Posterior::lay_out(measure, config, setup, table, nullptr);
+  Block block;
+  block.memory.reset(std::aligned_alloc(TILLER_ALIGNMENT, measure.used()));
+  Arena place(block.memory.get(), measure.used());
+  block.posterior = Posterior::lay_out(place, config, setup, table, nullptr);
+  block.posterior->reset();
+  return block;
+}
+
+void summarise(const Posterior& posterior, const Candidate& candidate, bool prior, Fit& result) {
+  const std::uint32_t np = candidate.config.param_count;
+  double mean[TILLER_MAX_PARAMS] = {}, sd[TILLER_MAX_PARAMS] = {};
+  posterior.moments(mean, sd, nullptr, nullptr);
+  result.params.resize(np);
+  for (std::uint32_t i = 0; i < np; ++i) {
+    ParamSummary& p = result.params[i];
+    p.name = candidate.params[i];
+    p.fixed = !is_learnt(candidate.config.priors[i]);
+    const double low = posterior.quantile(i, 0.05), high = posterior.quantile(i, 0.95);
+    if (prior) {
+      p.prior_mean = mean[i], p.prior_sd = sd[i], p.prior_low = low, p.prior_high = high;
+    } else {
+      p.mean = mean[i], p.sd = sd[i], p.low = low, p.high = high;
+      p.median = posterior.quantile(i, 0.5);
+    }
+  }
+}
+
+// (count x np)
+std::vector<double> take_samples(const Posterior& posterior, std::uint32_t np, std::uint32_t count) {
+  std::vector<float> rows(std::size_t{np} * count);
+  posterior.draw(count, 0, rows.data(), nullptr, nullptr, nullptr);
+  std::vector<double> samples(rows.size());
+  for (std::uint32_t s = 0; s < count; ++s)
+    for (std::uint32_t i = 0; i < np; ++i)
+      samples[std::size_t{s} * np + i] = static_cast<double>(rows[std::size_t{i} * count + s]);
+  return samples;
+}
+
+bool is_taken(tiller_status_t status) { return status == tiller_status_ok || status >= tiller_status_command_limited; }
+
+void take_in(Posterior& posterior, const tiller_config_t& config, const std::vector<Stretch>& stretches,
+             const FitOptions& options, Fit& result) {
+  std::size_t all = 0, done = 0;
+  for (const Stretch& stretch : stretches) all += stretch.steps.size();
+  result.history.begin(posterior, config, all);
+  for (const Stretch& stretch : stretches) {
+    result.history.begin_stretch();
+    if (posterior.start(stretch.start) != tiller_status_ok) ++result.refused;
+    for (const Transition& step : stretch.steps) {
+      if (!is_taken(posterior.update(step))) ++result.refused;
+      ++result.transitions;
+      result.history.add(posterior, step.period_s);
+      if (options.progress && ++done % 64 == 0) options.progress(static_cast<double>(done) / static_cast<double>(all));
+    }
+  }
+}
+
+/// One pass over the data with process noise `process_scale` times the configured one.
+bool fit_with(const Candidate& candidate, double process_scale, const std::vector<Stretch>& stretches,
+              const FitOptions& options, Fit& result, std::string& error) {
+  tiller_config_t config = candidate.config;
+  for (double& sd : config.process_sd) sd *= process_scale;
+  config.posterior.enabled = candidate.learns() ? 1 : 0;
+  config.posterior.particles = options.particles;
+  config.posterior.window = options.window;
+  config.posterior.moves_per_tick = options.moves;
+  config.posterior.adequacy = 1;
+  config.posterior.relearn = 0;  // one robot, one answer: an alarm is told, the data before it stay
+  StepSetup setup;
+  if (!can_be_fitted(config, error)) return false;
+  if (make_step_setup(config, setup) != tiller_status_ok) {
+    error = candidate.name + ": an effect's port is not the model's";
+    return false;
+  }
+  const Block block = make_posterior(config, setup);
+  result = {};
+  result.process_scale = process_scale;
+  result.particles = block.posterior->size();
+  result.sample_count = std::min(result.particles, 512u);
+  summarise(*block.posterior, candidate, true, result);
+  result.prior_samples = take_samples(*block.posterior, config.param_count, result.sample_count);
+  take_in(*block.posterior, config, stretches, options, result);
+  summarise(*block.posterior, candidate, false, result);
+  result.samples = take_samples(*block.posterior, config.param_count, result.sample_count);
+  result.covariance.resize(std::size_t{config.param_count} * config.param_count);
+  block.posterior->covariance(result.covariance.data());
+  result.effective_samples = block.posterior->effective_samples();
+  result.noise_scale = block.posterior->noise_scale();
+  result.exponent = block.posterior->exponent();
+  result.gated = block.posterior->gated();
+  result.tested = block.posterior->adequacy() != nullptr;
+  if (result.refused * 2 < result.transitions) return true;
+  error = candidate.name + ": the posterior refused " + std::to_string(result.refused) + " of " +
+          std::to_string(result.transitions) + " transitions; check period_s and the priors";
+  return false;
+}
+
+std::vector<double> means_of(const Fit& fit) {
+  std::vector<double> means;
+  for (const ParamSummary& p : fit.params) means.push_back(p.mean);
+  return means;
+}
+
+}  // namespace
+
+bool can_be_fitted(const tiller_config_t& config, std::string& error) {
+  const char* field = nullptr;
+  const tiller_status_t status = tiller_config_check(&config, &field);
+  if (status == tiller_status_ok) return true;
+  error = std::string("the configuration cannot be fitted: ") + tiller_status_text(status) + " (" +
+          (field ? field : "?") + ")";
+  return false;
+}
+
+bool Candidate::learns() const {
+  for (std::uint32_t i = 0; i < config.param_count; ++i)
+    if (is_learnt(config.priors[i])) return true;
+  return false;
+}
+
+std::vector<Candidate> make_candidates(const RobotFile& robot) {
+  std::vector<Candidate> candidates;
+  Candidate nominal = with_effects(robot, 0);
+  if (nominal.learns()) candidates.push_back(nominal);
+  nominal.name = "nominal";
+  nominal.config.prior_mixture = nullptr;
+  for (std::uint32_t i = 0; i < nominal.config.param_count; ++i)
+    nominal.config.priors[i] = fixed_at(centre(nominal.config.priors[i]));
+  candidates.insert(candidates.begin(), nominal);
+  for (std::uint32_t e = 1; e <= robot.config.effect_count; ++e) candidates.push_back(with_effects(robot, e));
+  return candidates;
+}
+
+tiller_config_t fitted_config(const Candidate& candidate, const Fit& fit) {
+  tiller_config_t config = candidate.config;
+  for (double& sd : config.process_sd) sd *= fit.process_scale;
+  return config;
+}
+
+bool fit(const Candidate& candidate, const std::vector<Stretch>& stretches, const FitOptions& options, Fit& result,
+         std::string& error) {
+  constexpr int kRounds = 3;        // the second corrects what the first's parameters made of the noise
+  constexpr double kSettled = 1.2;  // a factor that moves no interval by more than the width of a line
+  double process_scale = 1;
+  for (int round = 0;; ++round) {
+    if (!fit_with(candidate, process_scale, stretches, options, result, error)) return false;
+    if (round + 1 == kRounds || candidate.config.posterior.kind != tiller_posterior_filter) return true;
+    const double next = estimate_process_scale(candidate.config, means_of(result), result.noise_scale, stretches);
+    if (std::fabs(std::log(next / process_scale)) < std::log(kSettled)) return true;
+    process_scale = next;
+  }
+}
+
+}  // namespace tiller::tools

@@ -1,0 +1,18 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tools/identify/identify_fit.hpp"
+
+namespace tiller::tools {
+
+/// fit() by options.method. A candidate that learns nothing goes through the posterior, whatever the method. Of what
+/// a method does not have, the fit holds NaN (noise_scale, exponent) or nothing (history).
+bool fit_by_method(const Candidate& candidate, const std::vector<Stretch>& stretches, const std::vector<Grid>& grids,
+                   const FitOptions& options, Fit& result, std::string& error);
+
+/// What the tables say of the method: simulations, iterations, the caveat. Empty for the posterior.
+std::string method_text(const Fit& fit);
+
+}  // namespace tiller::tools

@@ -1,0 +1,48 @@
+#include "tools/logs/lcm_log.hpp"
+
+namespace tiller::tools {
+namespace {
+
+void big_endian(std::string& bytes, std::uint64_t v, int width) {
+  for (int i = width - 1; i >= 0; --i) bytes += static_cast<char>(v >> (8 * i) & 0xffu);
+}
+
+}  // namespace
+
+void LcmLog::open(const std::string& path, std::int64_t epoch_us) {
+  epoch_us_ = epoch_us;
+  file_.open(path);
+}
+
+/// Layout: sync word, event number, microseconds, two lengths, channel, message; big-endian (lcm/eventlog.h).
+void LcmLog::event(const char* channel, std::int64_t now_us, const LcmType& type, const void* message) {
+  constexpr std::uint64_t kSync = 0xEDA1DA01u;
+  const std::string name = robot_.transport.channel_prefix + channel;
+  std::string content(type.bytes, '\0');
+  lcm_encode(type, message, reinterpret_cast<std::uint8_t*>(content.data()));
+  std::string bytes;
+  big_endian(bytes, kSync, 4);
+  big_endian(bytes, number_, 8);
+  big_endian(bytes, static_cast<std::uint64_t>(now_us + epoch_us_), 8);
+  big_endian(bytes, name.size(), 4);
+  big_endian(bytes, content.size(), 4);
+  if (file_.write(bytes + name + content))
+    ++number_;
+  else
+    ++lost_messages_;
+}
+
+void LcmLog::add(const RecordEntry& entry, const tiller_info_t& info, const LogState& log) {
+  const tiller_record_t& r = entry.record;
+  const auto count = [](std::size_t n) { return static_cast<std::uint32_t>(n); };
+  if (r.has_measurement != 0) {
+    const LcmMeasurement measurement = lcm_message(r.measurement, count(robot_.measurements.size()));
+    event("MEASUREMENT", r.now_us, kLcmMeasurementType, &measurement);
+  }
+  const LcmCommand command = lcm_message(r.command, count(robot_.inputs.size()));
+  event("COMMAND", r.now_us, kLcmCommandType, &command);
+  const LcmTelemetry telemetry = lcm_message(info, r.now_us, robot_.model->state_count, robot_.config.param_count, log);
+  event("TELEMETRY", r.now_us, kLcmTelemetryType, &telemetry);
+}
+
+}  // namespace tiller::tools

@@ -1,0 +1,219 @@
+#include "tools/logs/log_readers.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <map>
+
+#include "tiller_lcm/command_t.hpp"
+#include "tiller_lcm/measurement_t.hpp"
+#include "tools/base/text.hpp"
+#include "tools/logs/lcm_event_log.hpp"
+#include "tools/logs/mcap_run.hpp"
+#include "tools/logs/record_file.hpp"
+
+namespace tiller::tools {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+// What a row is made of, whatever the format.
+struct Row {
+  int line = 0;  // number of the message or tick, from 1
+  std::int64_t stamp_us = 0;
+  double measured[TILLER_MAX_MEASUREMENTS] = {};
+  double input[TILLER_MAX_INPUTS] = {};
+};
+
+// In floating point: stamps come from files, and their difference need not fit.
+double seconds_between(std::int64_t from_us, std::int64_t to_us) {
+  return 1e-6 * (static_cast<double>(to_us) - static_cast<double>(from_us));
+}
+
+// ---- rows --------------------------------------------------------------------------------------------------------
+
+std::string stamp_problem(const Row& before, const Row& row) {
+  if (row.stamp_us == before.stamp_us)
+    return "the stamp repeats that of number " + std::to_string(before.line) +
+           "; two plants on one channel, or a log that was joined: record one run a file";
+  return "time goes backwards by " + format("%.6g", seconds_between(row.stamp_us, before.stamp_us)) +
+         " s; record one run a file";
+}
+
+void add_row(const Row& row, std::int64_t start_us, const RobotFile& robot, Log& log) {
+  log.line.push_back(row.line);
+  log.time_s.push_back(seconds_between(start_us, row.stamp_us));
+  for (std::uint32_t k = 0; k < robot.config.measurement_count; ++k)
+    log.state[robot.config.measured_state[k]].push_back(row.measured[k]);
+  for (std::uint32_t k = 0; k < robot.model->input_count; ++k) log.input[k].push_back(row.input[k]);
+}
+
+bool finish(const std::vector<Row>& rows, const char* what, const RobotFile& robot, Log& log, std::string& error) {
+  const auto fail = [&](int line, const std::string& text) {
+    error += (error.empty() ? "" : "\n") + log.path + ":" + std::to_string(line) + ": " + text;
+  };
+  log.state.resize(robot.model->state_count);
+  log.input.resize(robot.model->input_count);
+  if (rows.size() < 20) fail(1, std::to_string(rows.size()) + " " + what + " are too few to learn from; at least 20");
+  int wrong = 0;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (i > 0 && rows[i].stamp_us <= rows[i - 1].stamp_us && ++wrong <= 3)
+      fail(rows[i].line, stamp_problem(rows[i - 1], rows[i]));
+    add_row(rows[i], rows[0].stamp_us, robot, log);
+  }
+  return error.empty();
+}
+
+// ---- LCM ---------------------------------------------------------------------------------------------------------
+
+// Measurements and the commands that answer them, as they come by.
+class LcmRows {
+ public:
+  explicit LcmRows(const RobotFile& robot)
+      : robot_(robot),
+        measured_(robot.transport.channel_prefix + "MEASUREMENT"),
+        commanded_(robot.transport.channel_prefix + "COMMAND") {}
+
+  void take(const LcmEvent& event) {
+    ++number_;
+    if (event.channel == measured_) take_measurement(event);
+    if (event.channel == commanded_) take_command(event);
+    if (channels_.size() < kMostChannels || channels_.count(event.channel) > 0) ++channels_[event.channel];
+  }
+
+  /// Why nothing can be learnt from them; empty: something can.
+  std::string problem() const {
+    if (miscounted_ > 0)
+      return "channel " + measured_ + ": " + std::to_string(miscounted_) + " messages hold " + std::to_string(said_) +
+             " values where [measurement] of " + robot_.path + " names " +
+             std::to_string(robot_.config.measurement_count) + "; use the robot file that the log was made with";
+    if (!rows_.empty() && any_command_) return "";
+    return "no messages on channel " + (rows_.empty() ? measured_ : commanded_) + "; the log has " + channels_text() +
+           "; name the prefix in [transport] channel_prefix, and log measurements and commands" +
+           (undecoded_ > 0 ? " (" + std::to_string(undecoded_) + " could not be decoded: another message type)" : "");
+  }
+
+  /// From the first command on; one that is lost was held over.
+  std::vector<Row> answered() const {
+    std::vector<Row> used;
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+      if (!answered_[i] && used.empty()) continue;
+      Row row = rows_[i];
+      if (!answered_[i]) std::memcpy(row.input, used.back().input, sizeof row.input);
+      used.push_back(row);
+    }
+    return used;
+  }
+
+ private:
+  static constexpr std::size_t kMostChannels = 64;  // to tell of; a log with more is no log of ours
+
+  void take_measurement(const LcmEvent& event) {
+    tiller_lcm::measurement_t m;
+    if (m.decode(event.message.data(), 0, static_cast<int>(event.message.size())) < 0) return void(++undecoded_);
+    if (m.count < 0 || static_cast<std::uint32_t>(m.count) != robot_.config.measurement_count) {
+      said_ = m.count;
+      return void(++miscounted_);
+    }
+    Row row;
+    row.line = number_;
+    row.stamp_us = m.stamp_us;
+    for (int i = 0; i < m.count; ++i)
+      row.measured[i] =
+          (static_cast<std::uint32_t>(m.valid_mask) >> i & 1u) != 0 && std::isfinite(m.value[i]) ? m.value[i] : kNaN;
+    row_of_[m.sequence] = rows_.size();
+    rows_.push_back(row);
+    answered_.push_back(false);
+  }
+
+  void take_command(const LcmEvent& event) {
+    any_command_ = true;
+    tiller_lcm::command_t c;
+    if (c.decode(event.message.data(), 0, static_cast<int>(event.message.size())) < 0) return void(++undecoded_);
+    const auto row = row_of_.find(c.sequence);
+    if (row == row_of_.end()) return;  // answers a measurement from before the log
+    for (std::uint32_t i = 0; i < robot_.model->input_count; ++i) rows_[row->second].input[i] = c.value[i];
+    answered_[row->second] = true;
+  }
+
+  std::string channels_text() const {
+    Words names;
+    for (const auto& [name, count] : channels_) names.push_back(name + " (" + std::to_string(count) + ")");
+    return join(names) + (channels_.size() == kMostChannels ? ", and perhaps more" : "");
+  }
+
+  const RobotFile& robot_;
+  const std::string measured_, commanded_;
+  std::vector<Row> rows_;
+  std::vector<bool> answered_;
+  std::map<std::int64_t, std::size_t> row_of_;  // by sequence
+  std::map<std::string, int> channels_;
+  bool any_command_ = false;
+  int undecoded_ = 0, miscounted_ = 0, said_ = 0, number_ = 0;
+};
+
+// ---- records -----------------------------------------------------------------------------------------------------
+
+bool read_entries(const std::vector<RecordEntry>& entries, const RobotFile& robot, Log& log, std::string& error) {
+  std::vector<Row> rows;
+  for (std::size_t i = 0; i < entries.size(); ++i) {
+    const tiller_record_t& record = entries[i].record;
+    if (record.has_measurement == 0) continue;
+    if (!rows.empty() && record.measurement.sequence == 0 && record.measurement.stamp_us < rows.back().stamp_us)
+      continue;
+    Row row;
+    row.line = static_cast<int>(i + 1);
+    row.stamp_us = record.measurement.stamp_us;
+    std::memcpy(row.measured, record.measurement.value, sizeof row.measured);
+    std::memcpy(row.input, record.command.value, sizeof row.input);
+    rows.push_back(row);
+  }
+  return finish(rows, "ticks with a measurement", robot, log, error);
+}
+
+void begin(Log& log, const std::string& path) {
+  log = {};
+  log.path = path;
+}
+
+}  // namespace
+
+bool read_lcm_log(std::istream& file, const std::string& path, const RobotFile& robot, Log& log, std::string& error) {
+  begin(log, path);
+  LcmRows rows(robot);
+  LcmEventLog events(file);
+  for (LcmEvent event; events.next(event);) rows.take(event);
+  if (const std::string problem = rows.problem(); !problem.empty()) {
+    error = path + ": " + problem;
+    return false;
+  }
+  return finish(rows.answered(), "measurements that a command answers", robot, log, error);
+}
+
+bool read_record_log(std::istream& file, const std::string& path, const RobotFile& robot, Log& log,
+                     std::string& error) {
+  begin(log, path);
+  tiller_config_t config;
+  std::shared_ptr<const JointPrior> joint;
+  if (!read_record_header(file, path, config, joint, error)) return false;
+  if (config.measurement_count != robot.config.measurement_count ||
+      std::memcmp(config.measured_state, robot.config.measured_state, config.measurement_count) != 0) {
+    error = path + ": its [measurement] is not that of " + robot.path + "; use the robot file that was run";
+    return false;
+  }
+  std::vector<RecordEntry> entries;
+  for (RecordEntry entry; file.read(reinterpret_cast<char*>(&entry), sizeof entry);) entries.push_back(entry);
+  return read_entries(entries, robot, log, error);
+}
+
+bool read_mcap_log(const std::string& bytes, const std::string& path, const RobotFile& robot, Log& log,
+                   std::string& error) {
+  begin(log, path);
+  RecordedRun run;
+  if (read_mcap_run(bytes, path, robot, run, error)) return read_entries(run.entries, robot, log, error);
+  if (!error.empty() && error.back() == '\n') error.pop_back();
+  return false;
+}
+
+}  // namespace tiller::tools

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstdint>
+#include <istream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "tiller/tiller.h"
+#include "tools/base/output_file.hpp"
+#include "tools/robot/joint_prior.hpp"
+
+namespace tiller::tools {
+
+/// One tick of a record file: what the host did to the controller before it, then the tick itself.
+struct RecordEntry {
+  std::uint32_t stop_status = 0;  ///< tiller_stop with this status before the tick; 0: not
+  std::uint32_t reserved = 0;
+  tiller_record_t record{};
+};
+
+/// Record files are of one build of tiller: structs as they are in memory. Layout: "TILLREC2", uint32 sizes of
+/// tiller_config_t and of RecordEntry, the configuration with its pointers zero, uint32 components and dimension of the
+/// joint prior (zero: none), its weights, means and roots, then entries.
+std::string record_header(const tiller_config_t& config);
+void write_record_header(OutputFile& file, const tiller_config_t& config);
+void write_record(OutputFile& file, const RecordEntry& entry);
+
+/// False with a message in `error` that names the file and what is wrong with it. `joint` becomes what
+/// config.prior_mixture points to, or null.
+bool read_record_header(std::istream& file, const std::string& path, tiller_config_t& config,
+                        std::shared_ptr<const JointPrior>& joint, std::string& error);
+/// The same with the entries; one that is cut off at the end is left out.
+bool read_record_file(const std::string& path, tiller_config_t& config, std::shared_ptr<const JointPrior>& joint,
+                      std::vector<RecordEntry>& entries, std::string& error);
+
+}  // namespace tiller::tools

@@ -1,0 +1,169 @@
+// Ticks from the CSV of `tiller run --log` (RunLog tells the columns).
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <string_view>
+#include <unordered_map>
+
+#include "tools/logs/recorded_run.hpp"
+
+namespace tiller::tools {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr int kStatusCodes = 300, kStateCodes = tiller_state_safe + 1;  // more is no value of the enum (tiller.h)
+
+std::vector<std::string_view> cells_of(std::string_view row) {
+  std::vector<std::string_view> cells;
+  for (std::size_t from = 0;;) {
+    const std::size_t comma = row.find(',', from);
+    cells.push_back(row.substr(from, comma - from));
+    if (comma == std::string_view::npos) return cells;
+    from = comma + 1;
+  }
+}
+
+using CodeNames = std::unordered_map<std::string_view, int>;
+
+/// The codes below `codes` by their names; what has no name of its own is the first of them.
+template <class Name>
+CodeNames code_names(int codes, const Name& name_of) {
+  CodeNames names;
+  for (int code = 0; code < codes; ++code) names.emplace(name_of(code), code);
+  return names;
+}
+
+/// One row after the other; the first cell that is not what it should be is remembered.
+class CsvRow {
+ public:
+  explicit CsvRow(std::string_view header) {
+    for (const std::string_view name : cells_of(header)) index_.emplace(name, index_.size());
+  }
+
+  /// False: another number of cells than the header's.
+  bool take(std::string_view row) {
+    cells_ = cells_of(row);
+    return cells_.size() == index_.size();
+  }
+  const std::string& wrong() const { return wrong_; }
+
+  bool is_empty(const std::string& column) { return cell(column).empty(); }
+  template <class Integer>
+  void integer(const std::string& column, Integer& value) {
+    if (!parse(cell(column), value)) complain(column);
+  }
+  /// Empty: NaN.
+  void number(const std::string& column, double& value) {
+    const std::string_view text = cell(column);
+    if (text.empty())
+      value = kNaN;
+    else if (!parse(text, value))
+      complain(column);
+  }
+  void numbers(const char* prefix, const Words& columns, double* values) {
+    for (std::size_t i = 0; i < columns.size(); ++i) number(prefix + columns[i], values[i]);
+  }
+  template <class Code>
+  void word(const std::string& column, Code& value, const CodeNames& names) {
+    const auto found = names.find(cell(column));
+    if (found == names.end()) return complain(column);
+    value = static_cast<Code>(found->second);
+  }
+
+ private:
+  std::string_view cell(const std::string& column) {
+    const auto found = index_.find(column);
+    if (found != index_.end()) return cells_[found->second];
+    if (wrong_.empty()) wrong_ = "it has no column " + column;
+    return {};
+  }
+  void complain(const std::string& column) {
+    if (wrong_.empty()) wrong_ = "column " + column + " holds '" + std::string(cell(column)) + "'";
+  }
+  template <class Value>
+  static bool parse(std::string_view text, Value& value) {
+    const auto result = std::from_chars(text.data(), text.data() + text.size(), value);
+    return result.ec == std::errc() && result.ptr == text.data() + text.size();
+  }
+
+  std::unordered_map<std::string, std::size_t> index_;
+  std::vector<std::string_view> cells_;
+  std::string wrong_;
+};
+
+void take_measurement(const RobotFile& robot, CsvRow& row, tiller_measurement_t& m) {
+  std::uint32_t infinite = 0;
+  row.integer("stamp_us", m.stamp_us);
+  row.integer("sequence", m.sequence);
+  row.integer("command_latency_us", m.command_latency_us);
+  row.integer("infinite", infinite);
+  row.numbers("", robot.measurements, m.value);
+  for (std::size_t i = 0; i < robot.measurements.size(); ++i)
+    if ((infinite >> i & 1u) != 0)
+      m.value[i] = (infinite >> (16 + i) & 1u) != 0 ? -std::numeric_limits<double>::infinity()
+                                                    : std::numeric_limits<double>::infinity();
+}
+
+/// Parameters that are fixed have no columns.
+void take_parameters(const RobotFile& robot, CsvRow& row, tiller_record_t& r) {
+  for (std::size_t i = 0; i < robot.params.size(); ++i) {
+    r.param_mean[i] = robot.config.priors[i].a;
+    if (robot.config.priors[i].kind == tiller_prior_fixed) continue;
+    row.number("mean." + robot.params[i], r.param_mean[i]);
+    row.number("sd." + robot.params[i], r.param_sd[i]);
+  }
+}
+
+RecordEntry entry_of(const RobotFile& robot, CsvRow& row) {
+  static const CodeNames statuses =
+      code_names(kStatusCodes, [](int code) { return tiller_status_name(static_cast<tiller_status_t>(code)); });
+  static const CodeNames states =
+      code_names(kStateCodes, [](int code) { return tiller_state_name(static_cast<tiller_state_t>(code)); });
+  RecordEntry entry;
+  tiller_record_t& r = entry.record;
+  row.integer("tick", r.tick);
+  row.integer("now_us", r.now_us);
+  row.integer("calls", r.calls);
+  row.integer("stop_status", entry.stop_status);
+  row.integer("iterations", r.planner_iterations);
+  row.word("status", r.status, statuses);
+  row.word("state", r.command.state, states);
+  r.command.stamp_us = r.now_us;
+  row.numbers("", robot.inputs, r.command.value);
+  row.numbers("mean.", robot.states, r.state_mean);
+  take_parameters(robot, row, r);
+  r.has_measurement = row.is_empty("stamp_us") ? 0 : 1;
+  if (r.has_measurement != 0) {
+    take_measurement(robot, row, r.measurement);
+    r.command.sequence = r.measurement.sequence;
+  }
+  return entry;
+}
+
+}  // namespace
+
+bool read_csv_run(const std::string& text, const std::string& path, const RobotFile& robot, RecordedRun& run,
+                  std::string& error) {
+  run = {};
+  const std::string_view all = text;
+  std::size_t from = all.find('\n'), line = 1;
+  CsvRow row(all.substr(0, from));
+  for (; from != std::string_view::npos; ++line) {
+    const std::size_t begin = from + 1, end = all.find('\n', begin);
+    run.cut_off = end == std::string_view::npos && begin < all.size();
+    if (end == std::string_view::npos) break;
+    from = end;
+    const bool whole = row.take(all.substr(begin, end - begin));
+    if (whole) run.entries.push_back(entry_of(robot, row));
+    if (whole && row.wrong().empty()) continue;
+    error = path + ":" + std::to_string(line + 1) + ": " +
+            (whole ? row.wrong() : "not as many cells as in the header") +
+            "; a CSV that replays is one of `tiller run --log` with this robot file\n";
+    return false;
+  }
+  if (run.cut_off) run.note = format("%zu whole rows; the one behind them is cut off", run.entries.size());
+  if (run.entries.empty()) error = path + ": no row of a tick in it\n";
+  return !run.entries.empty();
+}
+
+}  // namespace tiller::tools

@@ -1,0 +1,317 @@
+// Ticks from an LCM log. What a controller was given and what it answered are not one message, so they are put together
+// again: docs/replay.md tells by which rules.
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <limits>
+#include <map>
+
+#include "tiller_lcm/command_t.hpp"
+#include "tiller_lcm/measurement_t.hpp"
+#include "tiller_lcm/telemetry_t.hpp"
+#include "tools/logs/lcm_event_log.hpp"
+#include "tools/logs/recorded_run.hpp"
+
+namespace tiller::tools {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+/// A command with the telemetry that was logged for it.
+struct Answer {
+  std::uint64_t tick = 0;
+  tiller_lcm::command_t command{};
+  bool told = false;
+  tiller_lcm::telemetry_t telemetry{};
+  bool has_answered = false;  ///< `answered` is the measurement that it answers
+  tiller_measurement_t answered{};
+  bool has_waiting = false;  ///< `waiting` is the newest one that came since the command before
+  tiller_measurement_t waiting{};
+};
+
+tiller_measurement_t convert(const tiller_lcm::measurement_t& message) {
+  tiller_measurement_t m{};
+  m.stamp_us = message.stamp_us;
+  m.sequence = static_cast<std::uint32_t>(message.sequence);
+  m.command_latency_us = static_cast<std::uint32_t>(std::max(message.command_latency_us, 0));
+  for (int i = 0; i < message.count; ++i)
+    m.value[i] = (static_cast<std::uint32_t>(message.valid_mask) >> i & 1u) != 0 ? message.value[i] : kNaN;
+  return m;
+}
+
+int size_of(const LcmEvent& event) { return static_cast<int>(event.message.size()); }
+
+class LogReader {
+ public:
+  LogReader(const RobotFile& robot, const std::string& path) : robot_(robot), path_(path) {}
+
+  bool read(std::istream& file, std::vector<Answer>& answers, std::string& error) {
+    const std::string& prefix = robot_.transport.channel_prefix;
+    LcmEventLog log(file);
+    for (LcmEvent event; log.next(event);) {
+      if (event.channel == prefix + "MEASUREMENT") take_measurement(event);
+      if (event.channel == prefix + "COMMAND") take_command(event, answers);
+      if (event.channel == prefix + "TELEMETRY") take_telemetry(event, answers);
+    }
+    if (log.skipped_bytes() > 0)
+      damage_ = format("%llu bytes of it belong to no event", static_cast<unsigned long long>(log.skipped_bytes()));
+    if (log.cut_off()) damage_ += (damage_.empty() ? "" : "; ") + std::string("it is cut off in its last event");
+    if (!answers.empty() && measurements_ > 0) return true;
+    error = path_ + ": no " + (answers.empty() ? "commands" : "measurements") + " on the channels " + prefix +
+            "MEASUREMENT and " + prefix + "COMMAND that fit " + robot_.path +
+            "; compare [transport] channel_prefix and [measurement]\n";
+    return false;
+  }
+
+  /// What is wrong with the file itself; empty: nothing.
+  const std::string& damage() const { return damage_; }
+
+ private:
+  void take_measurement(const LcmEvent& event) {
+    tiller_lcm::measurement_t m;
+    if (m.decode(event.message.data(), 0, size_of(event)) < 0 || m.count < 0 ||
+        static_cast<std::uint32_t>(m.count) != robot_.config.measurement_count)
+      return;
+    ++measurements_;
+    const tiller_measurement_t measurement = convert(m);
+    if (measurements_ > 1 && is_same(measurement, newest_)) return;  // a plant in lockstep asked again
+    newest_ = measurement;
+    waiting_.push_back(measurement);
+    if (waiting_.size() > kMostWaiting) waiting_.erase(waiting_.begin());
+  }
+
+  void take_command(const LcmEvent& event, std::vector<Answer>& answers) {
+    Answer answer;
+    if (answer.command.decode(event.message.data(), 0, size_of(event)) < 0) return;
+    if (was_repeated(answer.command, answers)) return;
+    const auto sequence = static_cast<std::uint32_t>(answer.command.sequence);
+    const auto same = [&](const tiller_measurement_t& m) { return m.sequence == sequence; };
+    const auto found = std::find_if(waiting_.begin(), waiting_.end(), same);
+    answer.has_answered = found != waiting_.end();
+    if (answer.has_answered) answer.answered = *found;
+    answer.has_waiting = !answer.has_answered && !waiting_.empty();
+    if (answer.has_waiting) answer.waiting = waiting_.back();
+    // what came after the one that is answered waits for the next command
+    if (answer.has_answered) waiting_.erase(waiting_.begin(), found + 1);
+    answers.push_back(answer);
+  }
+
+  static bool is_same(const tiller_measurement_t& a, const tiller_measurement_t& b) {
+    return a.sequence == b.sequence && a.stamp_us == b.stamp_us;
+  }
+
+  /// In lockstep the answer to a measurement that came again is the same command once more, and no tick.
+  static bool was_repeated(const tiller_lcm::command_t& command, const std::vector<Answer>& answers) {
+    const auto oldest = static_cast<std::ptrdiff_t>(std::min(answers.size(), kMostBack));
+    return std::any_of(answers.end() - oldest, answers.end(), [&](const Answer& a) {
+      return a.command.stamp_us == command.stamp_us && a.command.sequence == command.sequence &&
+             a.command.state == command.state && a.command.plan_sequence == command.plan_sequence &&
+             std::equal(std::begin(command.value), std::end(command.value), a.command.value);
+    });
+  }
+
+  void take_telemetry(const LcmEvent& event, std::vector<Answer>& answers) const {
+    tiller_lcm::telemetry_t t;
+    if (t.decode(event.message.data(), 0, size_of(event)) < 0 || t.tick < 1 || t.tick > kMostTicks) return;
+    const std::size_t newest = answers.size(), oldest = newest - std::min(newest, kMostBack);
+    for (std::size_t i = newest; i > oldest; --i) {
+      Answer& answer = answers[i - 1];
+      if (answer.told || answer.command.stamp_us != t.stamp_us) continue;
+      answer.telemetry = t;
+      answer.told = true;
+      return;
+    }
+  }
+
+  static constexpr std::size_t kMostWaiting = 64;
+  static constexpr std::size_t kMostBack = 4;  // how far telemetry or a repetition may come behind its command
+  static constexpr std::int64_t kMostTicks = std::int64_t{1} << 53;  // more is no number of a tick
+  const RobotFile& robot_;
+  const std::string& path_;
+  tiller_measurement_t newest_{};
+  std::vector<tiller_measurement_t> waiting_;  // since the last one that was answered
+  std::size_t measurements_ = 0;
+  std::string damage_;
+};
+
+/// Which commands are ticks of the controller: those with telemetry, and those between them that its tick numbers miss.
+/// Without any telemetry: all from the first to the last that is not the safe command of STANDBY.
+std::vector<Answer> ticks_of(const std::vector<Answer>& answers, std::string& note) {
+  const auto add_note = [&](const std::string& text) { note += (note.empty() ? "" : "; ") + text; };
+  std::vector<Answer> ticks;
+  const bool any = std::any_of(answers.begin(), answers.end(), [](const Answer& a) { return a.told; });
+  if (!any) {
+    const auto moves = [](const Answer& a) { return a.command.state != tiller_state_standby; };
+    const auto first = std::find_if(answers.begin(), answers.end(), moves);
+    const auto last = std::find_if(answers.rbegin(), answers.rend(), moves).base();
+    if (first < last) ticks.assign(first, last);
+    for (std::size_t i = 0; i < ticks.size(); ++i) ticks[i].tick = i;
+    add_note("no telemetry was logged: the iterations of each plan are not known");
+    return ticks;
+  }
+  std::vector<Answer> between;
+  std::int64_t tick = 0;
+  for (const Answer& answer : answers) {
+    if (!answer.told) {
+      between.push_back(answer);
+      continue;
+    }
+    const std::int64_t missing = answer.telemetry.tick - tick - 1;
+    if (!ticks.empty() && answer.telemetry.tick <= tick) {
+      add_note("a second run begins in it, which is left out");
+      break;
+    }
+    const auto found = std::min<std::int64_t>(missing, static_cast<std::int64_t>(between.size()));
+    ticks.insert(ticks.end(), between.end() - found, between.end());
+    ticks.push_back(answer);
+    tick = answer.telemetry.tick;
+    for (std::int64_t i = 0; i <= found; ++i) (ticks.end() - 1 - i)->tick = static_cast<std::uint64_t>(tick - 1 - i);
+    between.clear();
+  }
+  return ticks;
+}
+
+/// The guard refused the measurement: it was given to the controller, but no command answers it.
+bool is_refusal(std::int32_t status) {
+  return status >= tiller_status_sensor_not_finite && status <= tiller_status_time_backwards;
+}
+
+bool is_told_by_the_host(std::int32_t fault) {
+  return fault == tiller_status_transport_closed || fault == tiller_status_bus_off ||
+         fault == tiller_status_actuator_fault || fault == tiller_status_stopped || fault == tiller_status_io_error;
+}
+
+/// The latency that the host expects of a robot that tells none, as it computes it (TransportLink).
+class Foresight {
+ public:
+  std::uint32_t latency_us(const tiller_measurement_t& m, std::int64_t now_us) const {
+    const double age_us = static_cast<double>(now_us) - static_cast<double>(m.stamp_us);  // any two stamps of a file
+    return static_cast<std::uint32_t>(std::clamp(age_us + compute_us_, 0.0, 1e6));
+  }
+  void note(std::int64_t tick_ns) { compute_us_ += 0.1 * (1e-3 * static_cast<double>(tick_ns) - compute_us_); }
+
+ private:
+  double compute_us_ = 0;
+};
+
+void take_telemetry(const RobotFile& robot, const Answer& answer, RecordEntry& entry) {
+  tiller_record_t& r = entry.record;
+  const tiller_lcm::telemetry_t& t = answer.telemetry;
+  r.tick = static_cast<std::uint64_t>(t.tick - 1);
+  r.status = t.status;
+  r.planner_iterations = static_cast<std::uint32_t>(t.planner_iterations);
+  r.plan_cost = t.plan_cost;
+  r.effective_samples = t.effective_samples;
+  r.noise_scale = t.noise_scale;
+  r.tick_ns = t.tick_ns;
+  std::copy(t.state_mean, t.state_mean + robot.model->state_count, r.state_mean);
+  const auto params = std::min<std::uint32_t>(robot.config.param_count, TILLER_MAX_PARAMS);
+  std::copy(t.param_mean, t.param_mean + params, r.param_mean);
+  std::copy(t.param_sd, t.param_sd + params, r.param_sd);
+}
+
+RecordEntry entry_of(const RobotFile& robot, const Answer& answer, bool lockstep, const Foresight& foresight) {
+  RecordEntry entry;
+  tiller_record_t& r = entry.record;
+  const tiller_lcm::command_t& c = answer.command;
+  r.now_us = r.command.stamp_us = c.stamp_us;
+  r.command.sequence = static_cast<std::uint32_t>(c.sequence);
+  r.command.state = static_cast<std::uint32_t>(c.state);
+  r.command.plan_sequence = static_cast<std::uint32_t>(c.plan_sequence);
+  std::copy(c.value, c.value + robot.model->input_count, r.command.value);
+  const bool refused = answer.told && answer.has_waiting && is_refusal(answer.telemetry.status);
+  r.has_measurement = answer.has_answered || refused ? 1u : 0u;
+  if (r.has_measurement != 0) r.measurement = answer.has_answered ? answer.answered : answer.waiting;
+  if (r.has_measurement != 0 && robot.transport.stamp_on_arrival && !lockstep) r.measurement.stamp_us = r.now_us;
+  if (r.has_measurement != 0 && !lockstep && r.measurement.command_latency_us == 0)
+    r.measurement.command_latency_us = foresight.latency_us(r.measurement, r.now_us);
+  r.planner_iterations = kIterationsUnknown;
+  r.state_mean[0] = kNaN;
+  return entry;
+}
+
+/// Whether the controller was given a measurement that is not in the log. A command repeats the sequence of the last one
+/// that was taken in, so a new number is a measurement; the first tick of a run has one, unless it says otherwise.
+bool lacks_measurement(const Answer& answer, const Answer* before) {
+  if (answer.has_answered) return false;
+  if (answer.told && is_refusal(answer.telemetry.status)) return !answer.has_waiting;
+  if (before == nullptr) return !answer.told || answer.telemetry.status != tiller_status_no_new_measurement;
+  return answer.command.sequence != before->command.sequence;
+}
+
+/// What single messages leave missing in ticks that are there. Behind a missing tick a new number proves nothing.
+void find_lost_messages(const RobotFile& robot, const std::vector<Answer>& ticks, bool lockstep,
+                        std::vector<LogHole>& holes) {
+  for (std::size_t i = 0; i < ticks.size(); ++i) {
+    const Answer* before = i > 0 && ticks[i].tick == ticks[i - 1].tick + 1 ? &ticks[i - 1] : nullptr;
+    const auto add = [&](LogHole::What what) {
+      const bool goes_on = !holes.empty() && holes.back().what == what && holes.back().last + 1 == ticks[i].tick;
+      if (goes_on)
+        ++holes.back().last;
+      else
+        holes.push_back({what, ticks[i].tick, ticks[i].tick, i});
+    };
+    if ((before || ticks[i].tick == 0) && lacks_measurement(ticks[i], before)) add(LogHole::What::kMeasurement);
+    // in lockstep no deadline ends a plan
+    if (!ticks[i].told && !lockstep && robot.config.planner.deadline_us > 0) add(LogHole::What::kIterations);
+  }
+}
+
+/// What `tiller run` does between two ticks: arms before the first, prepares after each, stops on a fault of the
+/// transport.
+void add_calls(const Answer& answer, bool first, bool was_safe, RecordEntry& entry) {
+  entry.record.calls = first ? tiller_call_arm : tiller_call_prepare;
+  const bool stopped = answer.told && answer.command.state == tiller_state_safe && !was_safe &&
+                       is_told_by_the_host(answer.telemetry.first_fault);
+  if (!stopped) return;
+  entry.record.calls |= std::uint32_t{tiller_call_stop} << 4;
+  entry.stop_status = static_cast<std::uint32_t>(answer.telemetry.first_fault);
+}
+
+}  // namespace
+
+bool read_lcm_run(const std::string& path, const RobotFile& robot, RecordedRun& run, std::string& error) {
+  std::ifstream file(path, std::ios::binary);
+  if (file) return read_lcm_run(file, path, robot, run, error);
+  error = path + ": cannot be read: " + std::strerror(errno) + "\n";
+  return false;
+}
+
+bool read_lcm_run(std::istream& file, const std::string& path, const RobotFile& robot, RecordedRun& run,
+                  std::string& error) {
+  run = {};
+  std::vector<Answer> answers;
+  LogReader reader(robot, path);
+  if (!reader.read(file, answers, error)) return false;
+  const std::vector<Answer> ticks = ticks_of(answers, run.note);
+  const auto stands_at_its_stamp = [](const Answer& a) {
+    return !a.has_answered || a.command.stamp_us == a.answered.stamp_us;
+  };
+  const bool lockstep = std::all_of(ticks.begin(), ticks.end(), stands_at_its_stamp);
+  Foresight foresight;
+  bool was_safe = false;
+  for (const Answer& answer : ticks) {
+    RecordEntry entry = entry_of(robot, answer, lockstep, foresight);
+    entry.record.tick = answer.tick;
+    add_calls(answer, run.entries.empty(), was_safe, entry);
+    if (answer.told) {
+      take_telemetry(robot, answer, entry);
+      foresight.note(answer.telemetry.tick_ns);
+    }
+    was_safe = entry.record.command.state == tiller_state_safe;
+    run.entries.push_back(entry);
+  }
+  if (robot.transport.stamp_on_arrival && !lockstep)
+    run.note +=
+        (run.note.empty() ? "" : "; ") + std::string("the times of arrival are not in it: expect no equal bits");
+  find_lost_messages(robot, ticks, lockstep, run.holes);
+  run.cut_off = !reader.damage().empty();
+  if (run.cut_off) run.note += (run.note.empty() ? "" : "; ") + reader.damage();
+  find_holes(run);
+  if (run.entries.empty()) error = path + ": no tick of a controller in it\n";
+  return !run.entries.empty();
+}
+
+}  // namespace tiller::tools

@@ -1,0 +1,114 @@
+#include "tools/logs/run_log.hpp"
+
+#include <charconv>
+#include <cmath>
+
+#include "tools/robot/stage_cost.hpp"
+
+namespace tiller::tools {
+
+RunLog::RunLog(const RobotFile& robot, bool has_true_state, std::vector<double> true_params)
+    : robot_(robot), has_true_state_(has_true_state), true_params_(std::move(true_params)) {
+  for (std::size_t i = 0; i < robot.params.size(); ++i) {
+    if (robot.config.priors[i].kind != tiller_prior_fixed) inferred_.push_back(i);
+  }
+}
+
+std::string RunLog::header() const {
+  Words columns = {"time_s"};
+  const auto add_all = [&](const char* prefix, const Words& names) {
+    for (const std::string& name : names) columns.push_back(prefix + name);
+  };
+  Words inferred;
+  for (const std::size_t i : inferred_) inferred.push_back(robot_.params[i]);
+  add_all("", robot_.measurements);
+  add_all("", robot_.inputs);
+  add_all("mean.", robot_.states);
+  add_all("sd.", robot_.states);
+  for (const char* prefix : {"mean.", "sd.", "q05.", "q95."}) add_all(prefix, inferred);
+  add_all("", {"ess", "noise_scale", "plan_cost", "iterations", "tick_us", "deadline_us", "adequacy_statistic", "state",
+               "status"});
+  if (has_true_state_) add_all("true.", robot_.states);
+  if (!true_params_.empty()) add_all("true.", inferred);
+  if (robot_.config.cost.reference) add_all("ref.", robot_.states);
+  add_all("", {"tick", "now_us", "stamp_us", "sequence", "command_latency_us", "infinite", "calls", "stop_status"});
+  return join(columns, ",");
+}
+
+void RunLog::open(const std::string& path) {
+  file_.open(path);
+  file_.write(header() + "\n");
+}
+
+void RunLog::cell(const std::string& text) {
+  row_ += ',';
+  row_ += text;
+}
+
+// What is not finite becomes an empty field: every reader takes it for missing.
+void RunLog::number(double value) { cell(std::isfinite(value) ? format("%.9g", value) : ""); }
+
+/// The shortest text that reads back as the same double.
+void RunLog::exact(double value) {
+  char text[32];
+  const char* end = std::isfinite(value) ? std::to_chars(text, text + sizeof text, value).ptr : text;
+  cell(std::string(text, static_cast<std::size_t>(end - text)));
+}
+
+void RunLog::reference(const tiller_info_t& info) {
+  const tiller_cost_config_t& cost = robot_.config.cost;
+  if (!cost.reference) return;
+  const auto step = task_.step(info.ticks - 1, static_cast<tiller_state_t>(info.state));
+  for (std::size_t i = 0; i < robot_.states.size(); ++i)
+    number(step ? reference_row(cost, robot_.states.size(), *step)[i] : NAN);
+}
+
+void RunLog::replayed(const TickView& tick) {
+  const tiller_measurement_t* m = tick.measurement;
+  const auto only_measured = [&](std::int64_t value) { cell(m ? std::to_string(value) : ""); };
+  std::uint32_t infinite = 0;
+  for (std::size_t i = 0; m && i < robot_.measurements.size(); ++i)
+    if (std::isinf(m->value[i])) infinite |= (m->value[i] < 0 ? 0x10001u : 1u) << i;
+  cell(tick.entry ? std::to_string(tick.entry->record.tick) : "");
+  cell(tick.entry ? std::to_string(tick.entry->record.now_us) : "");
+  only_measured(m ? m->stamp_us : 0);
+  only_measured(m ? m->sequence : 0);
+  only_measured(m ? m->command_latency_us : 0);
+  only_measured(infinite);
+  cell(tick.entry ? std::to_string(tick.entry->record.calls) : "");
+  cell(tick.entry ? std::to_string(tick.entry->stop_status) : "");
+}
+
+void RunLog::add(const TickView& tick) {
+  const tiller_info_t& info = *tick.info;
+  row_ = format("%.6f", tick.time_s);
+  for (std::size_t i = 0; i < robot_.measurements.size(); ++i) {
+    exact(tick.measurement ? tick.measurement->value[i] : NAN);
+  }
+  for (std::size_t i = 0; i < robot_.inputs.size(); ++i) exact(tick.command->value[i]);
+  for (std::size_t i = 0; i < robot_.states.size(); ++i) exact(info.state_mean[i]);
+  for (std::size_t i = 0; i < robot_.states.size(); ++i) number(info.state_sd[i]);
+  for (const std::size_t i : inferred_) exact(info.param_mean[i]);
+  for (const std::size_t i : inferred_) exact(info.param_sd[i]);
+  for (const std::size_t i : inferred_) number(tick.q05 ? tick.q05[i] : NAN);
+  for (const std::size_t i : inferred_) number(tick.q95 ? tick.q95[i] : NAN);
+  for (const double value : {info.effective_samples, info.noise_scale, info.plan_cost}) number(value);
+  number(info.planner_iterations);
+  number(tick.tick_us);
+  number(robot_.config.planner.deadline_us);
+  number(info.adequacy == tiller_adequacy_untested ? NAN : info.adequacy_statistic);
+  cell(tiller_state_name(static_cast<tiller_state_t>(info.state)));
+  cell(tiller_status_name(tick.status));
+  if (has_true_state_) {
+    for (std::size_t i = 0; i < robot_.states.size(); ++i) number(tick.true_state ? tick.true_state[i] : NAN);
+  }
+  if (!true_params_.empty()) {
+    for (const std::size_t i : inferred_) number(true_params_[i]);
+  }
+  reference(info);
+  replayed(tick);
+  row_ += '\n';
+  file_.write(row_);
+}
+
+}  // namespace tiller::tools

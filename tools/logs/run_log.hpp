@@ -1,0 +1,74 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tools/base/output_file.hpp"
+#include "tools/logs/record_file.hpp"
+#include "tools/robot/robot_file.hpp"
+#include "tools/robot/task_clock.hpp"
+
+namespace tiller::tools {
+
+/// What one tick leaves behind, for the log, the screen and the report.
+struct TickView {
+  double time_s = 0;                                  ///< since the first measurement, robot time
+  const tiller_measurement_t* measurement = nullptr;  ///< null: nothing new
+  const RecordEntry* entry = nullptr;                 ///< null: not recorded
+  const tiller_command_t* command = nullptr;
+  const tiller_info_t* info = nullptr;
+  tiller_status_t status = tiller_status_ok;
+  double tick_us = 0;                             ///< wall time of tiller_tick
+  tiller_status_t log_status = tiller_status_ok;  ///< of this run's logs (LogState)
+  const double* q05 = nullptr;                    // (param_count)
+  const double* q95 = nullptr;                    // (param_count)
+  const double* true_state = nullptr;             // (nx); null: not known
+};
+
+/// One CSV row per tick. Columns, in this order:
+///
+///   time_s             robot time since the first measurement
+///   <measured>...      what the sensors said, by the state's name; empty: nothing new or missing
+///   <input>...         the command that answers it, in force from this row on
+///   mean.<state>...    estimate of the state          sd.<state>...     and its standard deviation
+///   mean.<param>...    posterior of the parameters    sd.<param>...     (fixed ones are left out)
+///   q05.<param>...     5 % quantile                   q95.<param>...    95 % quantile
+///   ess, noise_scale, plan_cost, iterations, tick_us, deadline_us (0: none)
+///   state, status      words: "ACTIVE", "ok"
+///   true.<state>..., true.<param>...    where the plant is in this process
+///   ref.<state>...     the reference's row that is due ([cost] reference); empty before the task begins
+///   tick, now_us, stamp_us, sequence, command_latency_us, infinite, calls, stop_status
+///                      what `tiller replay` needs beside the rest: see tiller_record_t. stamp_us .. infinite are empty
+///                      where there was no measurement; bit i of infinite: the measured value i was infinite, bit 16 + i:
+///                      it was negative too (its cell is empty)
+///
+/// Measured values, commands and the estimates of states and parameters read back as the same double.
+class RunLog {
+ public:
+  /// `true_params` (param_count, NaN: not known) may be empty.
+  RunLog(const RobotFile& robot, bool has_true_state, std::vector<double> true_params);
+
+  void open(const std::string& path);
+  void add(const TickView& tick);
+  void flush() { file_.flush(); }
+  bool close() { return file_.close(); }
+  const OutputFile& file() const { return file_; }
+  std::string header() const;
+
+ private:
+  void cell(const std::string& text);
+  void number(double value);
+  void exact(double value);
+  void reference(const tiller_info_t& info);
+  void replayed(const TickView& tick);
+
+  const RobotFile& robot_;
+  bool has_true_state_;
+  std::vector<double> true_params_;
+  std::vector<std::size_t> inferred_;  // indices of parameters that are not fixed
+  TaskClock task_;
+  std::string row_;
+  OutputFile file_;
+};
+
+}  // namespace tiller::tools

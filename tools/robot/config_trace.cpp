@@ -1,0 +1,78 @@
+#include "tools/robot/config_trace.hpp"
+
+#include <cstdlib>
+
+#include "effects/effect_info.hpp"
+#include "tools/robot/robot_schema.hpp"
+
+namespace tiller::tools {
+namespace {
+
+/// "a.b[3]" -> "a.b", 3; no index: 0.
+std::string without_index(const std::string& field, std::size_t& index) {
+  const std::size_t bracket = field.find('[');
+  index = bracket == std::string::npos ? 0 : std::strtoul(field.c_str() + bracket + 1, nullptr, 10);
+  return field.substr(0, bracket);
+}
+
+Words effect_path(std::size_t effect) { return {"effects", std::to_string(effect)}; }
+
+Words prior_path(const RobotFile& robot, std::size_t param) {
+  if (param < robot.model->param_count) return {"parameters", robot.params[param]};
+  std::size_t first = robot.model->param_count;
+  for (std::uint32_t e = 0; e < robot.config.effect_count; ++e) {
+    const EffectInfo& info = effect_info(robot.config.effects[e].kind);
+    const std::size_t end = first + static_cast<std::size_t>(info.param_count);
+    if (param < end) {
+      Words path = effect_path(e);
+      path.emplace_back(info.params[param - first].name);
+      return path;
+    }
+    first = end;
+  }
+  return {"parameters"};
+}
+
+std::string name_at(const Words& names, std::size_t index) {
+  return index < names.size() ? names[index] : std::to_string(index);
+}
+
+}  // namespace
+
+Words trace_field(const RobotFile& robot, const std::string& field) {
+  std::size_t i = 0;
+  const std::string name = without_index(field, i);
+  if (name == "priors") return prior_path(robot, i);
+  if (name.rfind("prior_mixture.", 0) == 0) return {"posterior", "prior_file"};
+  if (name == "effects") return effect_path(i);
+  if (name == "measurement_sd") return {"measurement", name_at(robot.measurements, i), "sd"};
+  if (name == "measured_state") return {"measurement", name_at(robot.measurements, i)};
+  if (name == "process_sd") return {"noise", name, name_at(robot.states, i)};
+  if (name == "initial_state") return {"start", "state", name_at(robot.states, i)};
+  if (name == "initial_state_sd") return {"start", "sd", name_at(robot.states, i)};
+  if (name == "record_ticks") return {"recorder", "ticks"};
+  const std::string input = name_at(robot.inputs, i);
+  if (name == "cost.obstacles") return {"cost", "obstacles", std::to_string(i)};
+  if (name == "cost.state_low") return {"cost", "bounds", name_at(robot.states, i), "low"};
+  if (name == "cost.state_high") return {"cost", "bounds", name_at(robot.states, i), "high"};
+  if (name == "cost.bound_weight") return {"cost", "bounds", name_at(robot.states, i), "weight"};
+  if (name.rfind("cost.own.", 0) == 0) return {"model", "file"};
+  if (name == "safety.input_low") return {"limits", input, "low"};
+  if (name == "safety.input_high") return {"limits", input, "high"};
+  if (name == "safety.input_rate_per_s") return {"limits", input, "rate_per_s"};
+  if (name == "safety.safe_command") return {"limits", input, "safe"};
+  const std::string sensor = name_at(robot.measurements, i);
+  if (name == "safety.measurement_low") return {"measurement", sensor, "low"};
+  if (name == "safety.measurement_high") return {"measurement", sensor, "high"};
+  if (name == "safety.measurement_rate_per_s") return {"measurement", sensor, "rate_per_s"};
+  const std::size_t dot = name.find('.');
+  if (dot == std::string::npos) return {"model", name};
+  const std::string section = name.substr(0, dot);
+  const std::string key = name.substr(dot + 1);
+  const KeySpec* spec = find_key(section, key);
+  if (spec && spec->kind == KeyKind::state_numbers) return {section, key, name_at(robot.states, i)};
+  if (spec && spec->kind == KeyKind::input_numbers) return {section, key, input};
+  return {section, key};
+}
+
+}  // namespace tiller::tools

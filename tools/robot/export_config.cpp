@@ -1,0 +1,316 @@
+#include "tools/robot/export_config.hpp"
+
+#include <cctype>
+#include <cmath>
+#include <filesystem>
+
+#include "effects/effect_info.hpp"
+#include "tools/robot/export_build.hpp"
+#include "tools/robot/robot_schema.hpp"
+
+namespace tiller::tools {
+namespace {
+
+std::string c_number(double value) {
+  if (std::isnan(value)) return "NAN";
+  if (std::isinf(value)) return value > 0 ? "INFINITY" : "-INFINITY";
+  const std::string text = number_text(value);
+  return text.find_first_of(".e") == std::string::npos ? text + ".0" : text;
+}
+
+/// Writes designated initialisers; what is zero is left out, as C fills it with zero.
+class Initialiser {
+ public:
+  explicit Initialiser(std::string indent) : indent_(std::move(indent)) {}
+
+  void word(const std::string& field, const std::string& value) {
+    text_ += indent_ + "." + field + " = " + value + ",\n";
+  }
+  void count(const char* field, std::uint64_t value) { word(field, std::to_string(value) + "u"); }
+  void number(const char* field, double value) { word(field, c_number(value)); }
+
+  void numbers(const char* field, const double* values, std::size_t size, const Words& names) {
+    std::string list;
+    for (std::size_t i = 0; i < size; ++i) {
+      // -0.0 and NaN are not zero bits: only true zeros are left out
+      if (values[i] == 0 && !std::signbit(values[i])) continue;
+      const std::string name = i < names.size() ? " /* " + names[i] + " */" : "";
+      list += indent_ + "  [" + std::to_string(i) + "] = " + c_number(values[i]) + "," + name + "\n";
+    }
+    if (!list.empty()) word(field, "{\n" + list + indent_ + "}");
+  }
+
+  void group(const char* field, const Initialiser& inner) { word(field, "{\n" + inner.text() + indent_ + "}"); }
+  const std::string& text() const { return text_; }
+  const std::string& indent() const { return indent_; }
+
+ private:
+  std::string indent_;
+  std::string text_;
+};
+
+std::string enum_name(const char* prefix, const Words& names, std::uint32_t value) {
+  return "tiller_" + std::string(prefix) + "_" + names.at(value);
+}
+
+std::string effects_text(const RobotFile& robot) {
+  std::string text = "{\n";
+  for (std::uint32_t i = 0; i < robot.config.effect_count; ++i) {
+    const tiller_effect_t& e = robot.config.effects[i];
+    text += "    {" + enum_name("effect", effect_names(), e.kind) + ", " + std::to_string(e.port) + "u},\n";
+  }
+  return text + "  }";
+}
+
+std::string priors_text(const RobotFile& robot) {
+  const Words kinds = {"fixed", "uniform", "normal", "log_normal"};
+  std::string text = "{\n";
+  for (std::uint32_t i = 0; i < TILLER_MAX_PARAMS; ++i) {
+    const tiller_prior_t& p = robot.config.priors[i];
+    text += "    {" + enum_name("prior", kinds, p.kind) + ", 0, " + c_number(p.a) + ", " + c_number(p.b) + ", " +
+            c_number(p.low) + ", " + c_number(p.high) + "},";
+    text += i < robot.params.size() ? " /* " + robot.params[i] + " */\n" : "\n";
+  }
+  return text + "  }";
+}
+
+std::string measured_text(const RobotFile& robot) {
+  std::string text;
+  for (std::uint32_t i = 0; i < robot.config.measurement_count; ++i) {
+    text += (i ? ", " : "") + std::to_string(robot.config.measured_state[i]);
+  }
+  return "{" + text + "}";
+}
+
+Initialiser posterior_part(const tiller_posterior_config_t& p) {
+  Initialiser part("    ");
+  part.count("enabled", p.enabled);
+  part.count("particles", p.particles);
+  part.count("window", p.window);
+  part.count("moves_per_tick", p.moves_per_tick);
+  part.number("ess_fraction", p.ess_fraction);
+  part.number("noise_scale_shape", p.noise_scale_shape);
+  part.word("kind", enum_name("posterior", posterior_names(), p.kind));
+  part.count("robust", p.robust);
+  part.count("discrepancy", p.discrepancy);
+  part.count("delay_hypotheses", p.delay_hypotheses);
+  part.count("forgetting_count", p.forgetting_count);
+  part.count("adequacy", p.adequacy);
+  part.word("forgetting", "{" + c_number(p.forgetting[0]) + ", " + c_number(p.forgetting[1]) + ", " +
+                              c_number(p.forgetting[2]) + "}");
+  part.number("scout_share", p.scout_share);
+  part.number("noise_ratio_sd", p.noise_ratio_sd);
+  part.count("relearn", p.relearn);
+  return part;
+}
+
+Initialiser planner_part(const RobotFile& robot) {
+  const tiller_planner_config_t& p = robot.config.planner;
+  Initialiser part("    ");
+  part.word("kind", enum_name("planner", planner_names(), p.kind));
+  part.count("horizon", p.horizon);
+  part.count("knots", p.knots);
+  part.count("rollouts", p.rollouts);
+  part.count("particles", p.particles);
+  part.count("iterations", p.iterations);
+  part.count("deadline_us", p.deadline_us);
+  part.word("risk", enum_name("risk", risk_names(), p.risk));
+  part.number("cvar_alpha", p.cvar_alpha);
+  part.numbers("noise_sd", p.noise_sd, TILLER_MAX_INPUTS, robot.inputs);
+  part.number("temperature", p.temperature);
+  part.number("elite_fraction", p.elite_fraction);
+  part.number("smoothing", p.smoothing);
+  part.word("interpolation", enum_name("interpolation", interpolation_names(), p.interpolation));
+  part.count("adapt_covariance", p.adapt_covariance);
+  part.number("noise_colour", p.noise_colour);
+  part.number("filter", p.filter);
+  part.word("shooting", enum_name("shooting", shooting_names(), p.shooting));
+  part.word("qp_solver", enum_name("qp", qp_solver_names(), p.qp_solver));
+  part.count("qp_iterations", p.qp_iterations);
+  part.count("refine_iterations", p.refine_iterations);
+  part.number("qp_tolerance", p.qp_tolerance);
+  part.number("regularisation", p.regularisation);
+  part.count("levels", p.levels);
+  part.count("nodes", p.nodes);
+  part.count("hold_steps", p.hold_steps);
+  part.count("predict_delay", p.predict_delay);
+  part.number("exploration", p.exploration);
+  return part;
+}
+
+std::string obstacles_text(const RobotFile& robot) {
+  std::string text = "{\n";
+  for (std::uint32_t i = 0; i < robot.config.cost.obstacle_count; ++i) {
+    const tiller_obstacle_t& o = robot.config.cost.obstacles[i];
+    text += "      {" + std::to_string(o.x_state) + "u, " + std::to_string(o.y_state) + "u, " + c_number(o.x_m) + ", " +
+            c_number(o.y_m) + ", " + c_number(o.radius_m) + ", " + c_number(o.weight) + "}, /* " +
+            robot.states[o.x_state] + ", " + robot.states[o.y_state] + " */\n";
+  }
+  return text + "    }";
+}
+
+/// An array of its own, which the configuration points to; nothing where there are no values.
+std::string array_text(const std::string& name, const double* values, std::size_t rows, std::size_t columns) {
+  if (!values) return "";
+  std::string text = "static const double " + name + "[" + std::to_string(rows * columns) + "] = {\n";
+  for (std::size_t k = 0; k < rows; ++k) {
+    text += "  ";
+    for (std::size_t i = 0; i < columns; ++i) text += c_number(values[k * columns + i]) + ",";
+    text += "\n";
+  }
+  return text + "};\n\n";
+}
+
+/// The joint prior with its arrays; nothing where there is none.
+std::string mixture_text(const RobotFile& robot, const std::string& prefix) {
+  const tiller_mixture_t* m = robot.config.prior_mixture;
+  if (!m) return "";
+  const std::size_t d = m->dimension;
+  return array_text(prefix + "_prior_weight", m->weight, m->components, 1) +
+         array_text(prefix + "_prior_mean", m->mean, m->components, d) +
+         array_text(prefix + "_prior_root", m->root, m->components * d, d) + "static const tiller_mixture_t " + prefix +
+         "_prior = {sizeof(tiller_mixture_t), TILLER_CONFIG_VERSION, " + std::to_string(m->components) + "u, " +
+         std::to_string(d) + "u, " + prefix + "_prior_weight, " + prefix + "_prior_mean, " + prefix +
+         "_prior_root};\n\n";
+}
+
+std::string arrays_text(const RobotFile& robot, const std::string& prefix) {
+  const tiller_cost_config_t& c = robot.config.cost;
+  const std::size_t nx = robot.states.size();
+  return mixture_text(robot, prefix) + array_text(prefix + "_reference", c.reference, c.reference_steps, nx) +
+         array_text(prefix + "_demonstration_mean", c.demonstration_mean, c.demonstration_steps, nx) +
+         array_text(prefix + "_demonstration_root", c.demonstration_root, c.demonstration_steps, nx * nx);
+}
+
+Initialiser cost_part(const RobotFile& robot, const std::string& prefix) {
+  const tiller_cost_config_t& c = robot.config.cost;
+  Initialiser part("    ");
+  part.numbers("target", c.target, TILLER_MAX_STATES, robot.states);
+  part.numbers("state_weight", c.state_weight, TILLER_MAX_STATES, robot.states);
+  part.numbers("terminal_weight", c.terminal_weight, TILLER_MAX_STATES, robot.states);
+  part.numbers("input_weight", c.input_weight, TILLER_MAX_INPUTS, robot.inputs);
+  part.numbers("input_rate_weight", c.input_rate_weight, TILLER_MAX_INPUTS, robot.inputs);
+  part.word("terminal", enum_name("terminal", terminal_names(), c.terminal));
+  part.count("obstacle_count", c.obstacle_count);
+  part.number("saturating_weight", c.saturating_weight);
+  part.numbers("saturating_width", c.saturating_width, TILLER_MAX_STATES, robot.states);
+  part.numbers("state_low", c.state_low, TILLER_MAX_STATES, robot.states);
+  part.numbers("state_high", c.state_high, TILLER_MAX_STATES, robot.states);
+  part.numbers("bound_weight", c.bound_weight, TILLER_MAX_STATES, robot.states);
+  part.count("hard_bounds", c.hard_bounds);
+  if (c.obstacle_count > 0) part.word("obstacles", obstacles_text(robot));
+  if (c.reference) part.word("reference", prefix + "_reference");
+  if (c.demonstration_mean) {
+    part.word("demonstration_mean", prefix + "_demonstration_mean");
+    part.word("demonstration_root", prefix + "_demonstration_root");
+  }
+  part.count("reference_steps", c.reference_steps);
+  part.count("demonstration_steps", c.demonstration_steps);
+  part.number("demonstration_weight", c.demonstration_weight);
+  part.number("own_weight", c.own_weight);
+  return part;
+}
+
+Initialiser safety_part(const RobotFile& robot) {
+  const tiller_safety_config_t& s = robot.config.safety;
+  Initialiser part("    ");
+  part.numbers("input_low", s.input_low, TILLER_MAX_INPUTS, robot.inputs);
+  part.numbers("input_high", s.input_high, TILLER_MAX_INPUTS, robot.inputs);
+  part.numbers("input_rate_per_s", s.input_rate_per_s, TILLER_MAX_INPUTS, robot.inputs);
+  part.numbers("safe_command", s.safe_command, TILLER_MAX_INPUTS, robot.inputs);
+  part.numbers("hold_gain", s.hold_gain, TILLER_MAX_INPUTS * TILLER_MAX_STATES, {});
+  part.numbers("measurement_low", s.measurement_low, TILLER_MAX_MEASUREMENTS, robot.measurements);
+  part.numbers("measurement_high", s.measurement_high, TILLER_MAX_MEASUREMENTS, robot.measurements);
+  part.numbers("measurement_rate_per_s", s.measurement_rate_per_s, TILLER_MAX_MEASUREMENTS, robot.measurements);
+  part.number("sensor_timeout_s", s.sensor_timeout_s);
+  part.count("frozen_ticks", s.frozen_ticks);
+  part.count("bad_ticks_to_safe", s.bad_ticks_to_safe);
+  part.count("hold_ticks_to_safe", s.hold_ticks_to_safe);
+  return part;
+}
+
+std::string config_text(const RobotFile& robot, const std::string& prefix) {
+  const tiller_config_t& c = robot.config;
+  Initialiser all("  ");
+  all.word("size", "sizeof(tiller_config_t)");
+  all.word("version", "TILLER_CONFIG_VERSION");
+  all.count("seed", c.seed);
+  all.number("period_s", c.period_s);
+  all.count("substeps", c.substeps);
+  all.word("integrator", enum_name("integrator", integrator_names(), c.integrator));
+  Initialiser body("    ");
+  body.number("gravity_x_m_s2", c.body.gravity_x_m_s2);
+  body.number("gravity_z_m_s2", c.body.gravity_z_m_s2);
+  body.number("payload_kg", c.body.payload_kg);
+  body.number("payload_kgm2", c.body.payload_kgm2);
+  all.group("body", body);
+  all.count("effect_count", c.effect_count);
+  all.count("param_count", c.param_count);
+  if (c.effect_count > 0) all.word("effects", effects_text(robot));
+  all.word("priors", priors_text(robot));
+  all.count("measurement_count", c.measurement_count);
+  all.count("record_ticks", c.record_ticks);
+  all.word("measured_state", measured_text(robot));
+  all.numbers("measurement_sd", c.measurement_sd, TILLER_MAX_MEASUREMENTS, robot.measurements);
+  all.numbers("process_sd", c.process_sd, TILLER_MAX_STATES, robot.states);
+  all.numbers("initial_state", c.initial_state, TILLER_MAX_STATES, robot.states);
+  all.numbers("initial_state_sd", c.initial_state_sd, TILLER_MAX_STATES, robot.states);
+  all.group("posterior", posterior_part(c.posterior));
+  if (c.prior_mixture) all.word("prior_mixture", "&" + prefix + "_prior");
+  all.group("planner", planner_part(robot));
+  all.group("cost", cost_part(robot, prefix));
+  all.group("safety", safety_part(robot));
+  return all.text();
+}
+
+/// How the program that links this gets the model.
+std::string model_text(const RobotFile& robot, std::string& declaration) {
+  if (!robot.model_request.name.empty()) return "tiller_find_model(\"" + robot.model_request.name + "\")";
+  declaration = "/* The model of " + std::filesystem::path(robot.model_request.file).filename().string() +
+                ": compile and link that file too. */\n"
+                "const tiller_model_t* tiller_model(void);\n" +
+                (robot.own_cost ? "const tiller_own_cost_t* tiller_cost(void);\n" : "") + "\n";
+  return "tiller_model()";
+}
+
+/// What the file is, how it is called, and how it is built.
+std::string head_text(const RobotFile& robot, const std::string& prefix, const std::string& config_file) {
+  const std::string file = std::filesystem::path(robot.path).filename().string();
+  const std::string extension = std::filesystem::path(robot.model_request.file).extension().string();
+  std::string text =
+      "/* Written by `tiller export` from " + file +
+      "; edit that file instead.\n *\n *     tiller_config_t config = " + prefix +
+      "_config();\n *     size_t size = tiller_size(&config);\n *\n" +
+      " * To build it into a program, with this file and main.o (your loop around tiller_tick) in the folder of\n * " +
+      file + ", and tiller installed (cmake --install build/release --prefix /opt/tiller):\n *\n" +
+      build_commands(robot, config_file, " *     ") +
+      " *\n * C's driver links it: the libraries need nothing of the C++ library.\n";
+  if (extension == ".hpp")
+    text += std::string(" * The model is compiled for processors with ") + tiller_instruction_set() +
+            "; docs/own_model.md has the flags of the others.\n";
+  return text + " */\n";
+}
+
+}  // namespace
+
+std::string c_identifier(const std::string& name) {
+  std::string id;
+  for (const char c : name) id += std::isalnum(static_cast<unsigned char>(c)) ? c : '_';
+  if (id.empty() || std::isdigit(static_cast<unsigned char>(id[0]))) id = "robot_" + id;
+  return id;
+}
+
+std::string export_c(const RobotFile& robot, const std::string& prefix, const std::string& config_file) {
+  std::string declaration;
+  const std::string model = model_text(robot, declaration);
+  return head_text(robot, prefix, config_file) + "#include <math.h>\n\n#include \"tiller/tiller.h\"\n\n" +
+         "#if TILLER_VERSION_MAJOR != " + std::to_string(TILLER_VERSION_MAJOR) +
+         "\n#error \"this configuration was exported for another version of tiller: run tiller export again\"\n"
+         "#endif\n\n" +
+         declaration + arrays_text(robot, prefix) + "static const tiller_config_t " + prefix + "_constants = {\n" +
+         config_text(robot, prefix) + "};\n\ntiller_config_t " + prefix + "_config(void);\ntiller_config_t " + prefix +
+         "_config(void) {\n  tiller_config_t config = " + prefix + "_constants;\n  config.model = " + model + ";\n" +
+         (robot.own_cost ? "  config.cost.own = tiller_cost();\n" : "") + "  return config;\n}\n";
+}
+
+}  // namespace tiller::tools

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <map>
+#include <string>
+
+namespace tiller::tools {
+
+/// How a CSV from elsewhere is read: the robot file's [log] section.
+struct LogMap {
+  std::string time = "time_s";                 ///< column of the stamps
+  std::map<std::string, std::string> columns;  ///< state or input name -> column; absent: column of the same name
+  std::map<std::string, std::string> units;    ///< "time", state or input name -> unit; see unit_factor()
+  /// "hold": a row's input is in force until the next row (a log of commands). "mean": it was measured at the
+  /// row's instant, so the mean of two rows acted in between (a log of torques).
+  std::string input = "hold";
+};
+
+/// Factor from `unit` to SI; 0 for a unit that is not known.
+double unit_factor(const std::string& unit);
+/// "s, ms, us, ...": for error messages.
+std::string known_units();
+
+}  // namespace tiller::tools

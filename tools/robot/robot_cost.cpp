@@ -1,0 +1,204 @@
+// [cost]: what is more than keys with a place in the configuration: bounds, obstacles, trajectories, a cost of one's own.
+
+#include <cmath>
+#include <filesystem>
+
+#include "tools/robot/robot_sections.hpp"
+#include "tools/robot/trajectory_file.hpp"
+
+namespace tiller::tools {
+namespace {
+
+void read_bound_of(FileErrors& errors, const std::string& name, const toml::node& node, std::size_t state,
+                   RobotFile& robot) {
+  tiller_cost_config_t& cost = robot.config.cost;
+  SectionReader bound(errors, "cost.bounds.*", "cost.bounds." + name, node.as_table());
+  const std::size_t before = errors.list().size();
+  bound.refuse_unknown();
+  const auto low = bound.number("low");
+  const auto high = bound.number("high");
+  const auto weight = bound.number("weight");
+  const auto hard = bound.flag("hard");
+  if (errors.list().size() != before) return;
+  if (!low && !high) {
+    bound.missing("low", "write low, high, or both");
+  } else if (bound.in_order("low", low, "high", high) && weight.value_or(0) <= 0 && !hard.value_or(false)) {
+    bound.missing("weight", "write weight = what being outside costs, or hard = true with the planner sqp");
+  }
+  if (low) cost.state_low[state] = *low;
+  if (high) cost.state_high[state] = *high;
+  cost.bound_weight[state] = weight.value_or(0);
+  if (hard.value_or(false)) cost.hard_bounds |= 1u << state;
+}
+
+void read_bounds(SectionReader& section, RobotFile& robot) {
+  const toml::table* table = section.subtable("bounds");
+  if (!table) return;
+  for (const Entry& entry : in_file_order(*table)) {
+    const std::string path = section.path_of("bounds." + entry.name);
+    const int state = index_of(robot.states, entry.name);
+    if (state < 0) {
+      section.errors().at(*entry.node, path, "the model has no state of that name",
+                          remedy_for_unknown(entry.name, robot.states));
+    } else if (!entry.node->is_table()) {
+      section.errors().at(*entry.node, path, "is " + kind_text(*entry.node),
+                          "write { low = .., high = .., weight = .. }");
+    } else {
+      read_bound_of(section.errors(), entry.name, *entry.node, static_cast<std::size_t>(state), robot);
+    }
+  }
+}
+
+/// The index of the state that a key names; 0 after an error.
+std::uint32_t axis(SectionReader& section, const char* key, const Words& states) {
+  if (!section.has(key)) section.missing(key, "write the state that is this axis: " + join(states));
+  const auto name = section.text(key);
+  const int state = name ? index_of(states, *name) : 0;
+  if (state < 0) section.error(key, "the model has no state of that name", remedy_for_unknown(*name, states));
+  return static_cast<std::uint32_t>(std::max(state, 0));
+}
+
+double required_number(SectionReader& section, const char* key) {
+  if (!section.has(key)) section.missing(key, find_key("cost.obstacles[]", key)->help);
+  return section.number(key).value_or(1.0);
+}
+
+void read_obstacle(FileErrors& errors, const toml::table& table, std::size_t index, RobotFile& robot) {
+  SectionReader section(errors, "cost.obstacles[]", "cost.obstacles[" + std::to_string(index) + "]", &table);
+  const std::size_t before = errors.list().size();
+  section.refuse_unknown();
+  tiller_obstacle_t obstacle = {};
+  obstacle.x_state = axis(section, "x_state", robot.states);
+  obstacle.y_state = axis(section, "y_state", robot.states);
+  obstacle.x_m = required_number(section, "x_m");
+  obstacle.y_m = required_number(section, "y_m");
+  obstacle.radius_m = required_number(section, "radius_m");
+  obstacle.weight = required_number(section, "weight");
+  if (errors.list().size() != before) return;
+  if (obstacle.x_state == obstacle.y_state) {
+    section.error("y_state", "is the first axis already", "name two states");
+  } else if (index <= TILLER_MAX_OBSTACLES) {
+    robot.config.cost.obstacles[robot.config.cost.obstacle_count++] = obstacle;
+  }
+}
+
+void read_obstacles(SectionReader& section, RobotFile& robot) {
+  const toml::node* node = section.node("obstacles");
+  if (!node) return;
+  const char* remedy = "head each obstacle with [[cost.obstacles]]";
+  const toml::array* list = node->as_array();
+  if (!list) {
+    section.error("obstacles", "is " + kind_text(*node), remedy);
+    return;
+  }
+  std::size_t index = 0;
+  for (const toml::node& element : *list) {
+    ++index;
+    if (const toml::table* table = element.as_table()) {
+      read_obstacle(section.errors(), *table, index, robot);
+    } else {
+      section.errors().at(element, "cost.obstacles", "is " + kind_text(element), remedy);
+    }
+  }
+  if (index > TILLER_MAX_OBSTACLES)
+    section.errors().at_table(*node, "cost.obstacles", "there are " + std::to_string(index),
+                              "keep at most " + std::to_string(TILLER_MAX_OBSTACLES));
+}
+
+/// A trajectory of the file that `node` names; what is wrong with it stands behind the node's line.
+bool read_rows(FileErrors& errors, const toml::node& node, const std::string& key, const RobotFile& robot,
+               Trajectory& out) {
+  if (!node.is_string() || node.value<std::string>()->empty()) {
+    errors.at(node, key, "is " + kind_text(node), "write the name of a CSV file in quotes");
+    return false;
+  }
+  const std::filesystem::path file = *node.value<std::string>();
+  const std::filesystem::path path = file.is_absolute() ? file : robot.model_request.robot_dir / file;
+  Words problems;
+  if (read_trajectory(path.string(), *robot.model, robot.config.period_s, out, problems)) return true;
+  for (const std::string& problem : problems) {
+    const std::size_t remedy = problem.rfind("; ");
+    errors.at(node, key, problem.substr(0, remedy), problem.substr(remedy + 2));
+  }
+  return false;
+}
+
+void read_reference(SectionReader& section, RobotFile& robot, TaskRows& rows) {
+  const toml::node* node = section.node("reference");
+  Trajectory trajectory;
+  if (!node || !read_rows(section.errors(), *node, "cost.reference", robot, trajectory)) return;
+  rows.reference = std::move(trajectory.mean);
+  robot.config.cost.reference = rows.reference.data();
+  robot.config.cost.reference_steps = static_cast<std::uint32_t>(trajectory.rows);
+}
+
+/// All demonstrations of the key, one file or a list of them; false after an error.
+bool read_demonstrations(SectionReader& section, const RobotFile& robot, std::vector<Trajectory>& runs) {
+  const toml::node& node = *section.node("demonstration");
+  const std::size_t before = section.errors().list().size();
+  if (const toml::array* list = node.as_array()) {
+    for (const toml::node& element : *list) {
+      runs.emplace_back();
+      (void)read_rows(section.errors(), element, "cost.demonstration", robot, runs.back());
+    }
+  } else {
+    runs.emplace_back();
+    (void)read_rows(section.errors(), node, "cost.demonstration", robot, runs.back());
+  }
+  if (section.errors().list().size() != before) return false;
+  if (runs.size() == 1 ? runs[0].sd.empty() : runs.size() < 2) {
+    section.error("demonstration", "one demonstration has no spread",
+                  "list several, or name a CSV of time_s and mean.<state> and sd.<state> of every state");
+    return false;
+  }
+  return true;
+}
+
+void read_demonstration(SectionReader& section, RobotFile& robot, TaskRows& rows) {
+  tiller_cost_config_t& cost = robot.config.cost;
+  std::vector<Trajectory> runs;
+  if (!section.has("demonstration")) {
+    if (cost.demonstration_weight > 0)
+      section.error("demonstration_weight", "there is no demonstration to weigh", "write demonstration = [ files ]");
+    return;
+  }
+  if (!read_demonstrations(section, robot, runs)) return;
+  if (!section.has("demonstration_weight")) {
+    section.missing("demonstration_weight", "write what deviating from the demonstration costs, e.g. 1");
+    return;
+  }
+  Demonstration demonstration =
+      runs.size() == 1 ? demonstration_of(runs[0], *robot.model) : estimate_demonstration(runs, *robot.model);
+  rows.demonstration_mean = std::move(demonstration.mean);
+  rows.demonstration_root = std::move(demonstration.root);
+  cost.demonstration_mean = rows.demonstration_mean.data();
+  cost.demonstration_root = rows.demonstration_root.data();
+  cost.demonstration_steps = static_cast<std::uint32_t>(demonstration.rows);
+}
+
+void read_own(SectionReader& section, RobotFile& robot) {
+  const bool compiled = std::filesystem::path(robot.model_request.file).extension() == ".so";
+  const bool own = robot.own_cost || !robot.model_request.cost_type.empty();
+  if (robot.config.cost.own_weight > 0 && !own && !compiled) {
+    section.error(
+        "own_weight", "the model brings no cost of its own",
+        "write model.cost_type = the cost's template in the model's header, or export tiller_cost() from a C source");
+  }
+  robot.config.cost.own = robot.own_cost;
+  if (own && !section.has("own_weight")) robot.config.cost.own_weight = 1;
+}
+
+}  // namespace
+
+void read_cost_terms(FileErrors& errors, const toml::table& root, RobotFile& robot) {
+  SectionReader section(errors, "cost", "cost", root["cost"].as_table());
+  auto rows = std::make_shared<TaskRows>();
+  read_bounds(section, robot);
+  read_obstacles(section, robot);
+  read_reference(section, robot, *rows);
+  read_demonstration(section, robot, *rows);
+  read_own(section, robot);
+  robot.rows = std::move(rows);
+}
+
+}  // namespace tiller::tools

@@ -1,0 +1,109 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "tiller/tiller.h"
+#include "tools/base/file_errors.hpp"
+#include "tools/base/text.hpp"
+#include "tools/robot/log_map.hpp"
+#include "tools/robot/model_loader.hpp"
+#include "tools/robot/substep_advice.hpp"
+
+namespace tiller::tools {
+
+/// [transport] motors: what an input's drive speaks and needs to be told; docs/actuators.md.
+struct DriveSection {
+  std::string actuator = "odrive", command = "torque", resolution = "f32", reply = "plain";
+  double watchdog_s = 0.1;
+  double position_rad = 12.5, velocity_rad_s = 50, torque_Nm = 18, kp_max = 500, kd_max = 5;  ///< mit: ranges
+  double kp_Nm_rad = 0, kd_Nms_rad = 0;                                                       ///< mit: gains
+  std::uint32_t reply_id = 0;
+};
+
+/// [transport]: how the robot is reached. `line` is 0 where the file has no such section.
+struct TransportSection {
+  int line = 0;
+  std::string kind;  ///< "lcm", "socketcan"; empty: not given
+  std::string url = "udpm://239.255.76.67:7667?ttl=0";
+  std::string channel_prefix = "TILLER_";
+  std::string key_file;  ///< path; empty: messages are not signed
+  double replay_window_s = 2;
+  bool liblcm = false;
+  std::string interface = "can0";
+  bool stamp_on_arrival = false;       ///< the plant has a clock of its own
+  std::vector<std::uint32_t> nodes;    ///< (nu) node of each input's motor
+  std::vector<double> wheel_radius_m;  ///< (nu)
+  std::vector<DriveSection> drives;    ///< (nu)
+  std::uint32_t sensor_node = 48;
+  Words channels;  ///< (ny) "board:0", "position:force_N", ...; empty: the board's, in order
+  double heartbeat_timeout_s = 0.5;
+};
+
+/// [realtime]: what a run by the wall clock asks of Linux. `line` is 0 where the file has no such section.
+struct RealtimeSection {
+  int line = 0;
+  bool by_clock = false;  ///< ticks at absolute times, else after each measurement
+  int priority = 80;
+  bool lock_memory = true;
+  std::uint64_t cpus = 0;  ///< bit i: processor i; 0: any
+  std::uint32_t stack_kB = 256;
+};
+
+struct SimEffect {
+  std::string kind;
+  std::string port;
+  std::map<std::string, double> parameters;
+};
+
+/// [sim]: the stand-in plant. `line` is 0 where the file has no such section.
+struct SimSection {
+  int line = 0;
+  std::string plant;
+  bool draw = false;  ///< true parameters and effects from the priors
+  std::map<std::string, double> parameters, state, sensor_sd, sensor_step;
+  std::vector<SimEffect> effects;
+  double process_noise_sd = 0;
+  std::uint64_t noise_seed = 0;  ///< of the noise alone, for runs of one plant after another; 0: `seed`
+  double measurement_latency_s = 0;
+  double command_latency_s = 0;
+  double watchdog_s = 0.1;
+  double plan_timeout_s = 1.0;  ///< of the device: 0: plans are not watched
+  double step_s = 0.0005;
+  bool midpoint = false, rates = false;
+  std::uint64_t seed = 1;
+};
+
+struct JointPrior;
+
+/// The arrays that the configuration's cost points to.
+struct TaskRows {
+  std::vector<double> reference, demonstration_mean, demonstration_root;
+};
+
+/// A robot file, read, checked and complete.
+struct RobotFile {
+  std::string path;
+  std::string name;
+  ModelRequest model_request;
+  const tiller_model_t* model = nullptr;
+  const tiller_own_cost_t* own_cost = nullptr;  ///< of a C source that exports tiller_cost()
+  std::shared_ptr<const TaskRows> rows;         ///< what `config.cost` points to
+  std::shared_ptr<const JointPrior> joint;      ///< what `config.prior_mixture` points to
+  tiller_config_t config{};
+  Words states, inputs, measurements;
+  Words params;  ///< (param_count) the model's, then each effect's as "<port>.<parameter>"
+  TransportSection transport;
+  RealtimeSection realtime;
+  SimSection sim;
+  LogMap log;
+  SubstepAdvice substeps;  ///< what the period needs; taken where the file does not say
+};
+
+/// Index of a name; -1 if it is not there.
+int index_of(const Words& names, const std::string& name);
+
+}  // namespace tiller::tools

@@ -1,0 +1,44 @@
+#pragma once
+
+// Readers of the sections of a robot file that are more than keys with a place in the configuration.
+// Each reports what is wrong and goes on, so that one run finds every error.
+
+#include "tools/robot/robot_file.hpp"
+#include "tools/robot/section_reader.hpp"
+
+namespace tiller::tools {
+
+/// A number or a prior table. A range must lie within the hard bounds; the tails of other priors are cut there.
+void read_prior(FileErrors& errors, const toml::node& node, const std::string& path, double hard_low, double hard_high,
+                tiller_prior_t& out);
+
+void read_parameters(FileErrors& errors, const toml::table& root, RobotFile& robot);
+void read_effects(FileErrors& errors, const toml::table& root, RobotFile& robot);
+void read_measurements(FileErrors& errors, const toml::table& root, RobotFile& robot);
+void read_limits(FileErrors& errors, const toml::table& root, RobotFile& robot);
+void read_hold_gain(SectionReader& safety, RobotFile& robot);
+void choose_discrepancy(SectionReader& posterior, RobotFile& robot);
+void read_forgetting(SectionReader& posterior, RobotFile& robot);
+/// After the parameters and effects, whose priors it goes before.
+void read_prior_file(SectionReader& posterior, RobotFile& robot);
+/// Bounds, obstacles, trajectories and the own cost of [cost]; after the keys that are bound to fields.
+void read_cost_terms(FileErrors& errors, const toml::table& root, RobotFile& robot);
+void read_transport(FileErrors& errors, const toml::table& root, RobotFile& robot);
+/// [transport] actuator and drives; after nodes, levers and [limits].
+void read_drives(SectionReader& section, const RobotFile& robot, TransportSection& transport);
+void read_realtime(FileErrors& errors, const toml::table& root, RobotFile& robot);
+void read_sim(FileErrors& errors, const toml::table& root, RobotFile& robot);
+void read_log_map(FileErrors& errors, const toml::table& root, RobotFile& robot);
+
+/// A key of a table with its value.
+struct Entry {
+  std::string name;
+  const toml::node* node;
+};
+/// The entries in the order in which they stand in the file (toml++ sorts them by name).
+std::vector<Entry> in_file_order(const toml::table& table);
+
+/// The table of a section; null if it is missing; an error if it is no table.
+const toml::table* section_table(FileErrors& errors, const toml::table& root, const std::string& name);
+
+}  // namespace tiller::tools

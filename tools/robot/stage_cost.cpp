@@ -1,0 +1,26 @@
+#include "tools/robot/stage_cost.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tiller::tools {
+
+const double* reference_row(const tiller_cost_config_t& cost, std::size_t nx, std::uint64_t step) {
+  return cost.reference + nx * std::min<std::uint64_t>(step, cost.reference_steps - std::uint64_t{1});
+}
+
+double stage_cost(const tiller_config_t& config, std::uint64_t step, const double* x, const double* u) {
+  const tiller_cost_config_t& cost = config.cost;
+  const std::uint32_t nx = config.model->state_count;
+  const double* target = cost.reference ? reference_row(cost, nx, step) : cost.target;
+  double sum = 0.0;
+  for (std::uint32_t i = 0; i < nx; ++i) {
+    double off = x[i] - target[i];
+    if (config.model->angle_mask >> i & 1u) off = std::remainder(off, 2 * M_PI);
+    sum += cost.state_weight[i] * off * off;
+  }
+  for (std::uint32_t i = 0; i < config.model->input_count; ++i) sum += cost.input_weight[i] * u[i] * u[i];
+  return sum;
+}
+
+}  // namespace tiller::tools

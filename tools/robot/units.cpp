@@ -1,0 +1,75 @@
+#include "tools/robot/units.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+namespace tiller::tools {
+namespace {
+
+// As names write them, and as readers do. A power stands behind as a digit: kgm2, s2.
+constexpr std::pair<const char*, const char*> kUnits[] = {
+    {"m", "m"},    {"s", "s"},      {"rad", "rad"},   {"kg", "kg"},   {"N", "N"}, {"Nm", "N m"},
+    {"Ns", "N s"}, {"kgm", "kg m"}, {"Nms", "N m s"}, {"V", "V"},     {"A", "A"}, {"W", "W"},
+    {"J", "J"},    {"K", "K"},      {"Hz", "Hz"},     {"Ohm", "Ohm"}, {"H", "H"}, {"Pa", "Pa"}};
+
+/// "kg m^2" of "kgm2"; empty: no unit.
+std::string unit_of_word(const std::string& word) {
+  const bool power = word.size() > 1 && std::isdigit(static_cast<unsigned char>(word.back()));
+  const std::string base = power ? word.substr(0, word.size() - 1) : word;
+  for (const auto& [written, read] : kUnits)
+    if (base == written) return power ? std::string(read) + "^" + word.back() : read;
+  return "";
+}
+
+bool turns(PortKind kind, std::uint32_t port, const tiller_model_t& model) {
+  const std::string name = kind == PortKind::joint   ? model.force_names[model.joints[port].force]
+                           : kind == PortKind::input ? model.input_names[port]
+                                                     : model.state_names[port];
+  return name.find("Nm") != std::string::npos || name.find("rad") != std::string::npos;
+}
+
+}  // namespace
+
+std::string unit_of_field(const std::string& name) {
+  std::string unit, rest = name;
+  for (std::size_t at = rest.rfind('_'); at != std::string::npos && at > 0; at = rest.rfind('_')) {
+    const std::string word = unit_of_word(rest.substr(at + 1));
+    if (word.empty()) break;
+    unit = unit.empty() ? word : word + "/" + unit;
+    rest.resize(at);
+  }
+  return unit;
+}
+
+std::string unit_of_effect(const EffectInfo& info, int param, std::uint32_t port, const tiller_model_t& model) {
+  std::string unit = info.params[param].unit;
+  if (info.port == PortKind::sensor && unit == "as the state") return unit_of_field(model.state_names[port]);
+  const std::size_t at = unit.find(" or ");
+  if (at == std::string::npos || info.port == PortKind::body) return unit;
+  return turns(info.port, port, model) ? unit.substr(at + 4) : unit.substr(0, at);
+}
+
+Words parameter_units(const tiller_config_t& config, const Words& names) {
+  Words units;
+  for (std::uint32_t i = 0; i < config.model->param_count && i < names.size(); ++i)
+    units.push_back(unit_of_field(names[i]));
+  for (std::uint32_t e = 0; e < config.effect_count; ++e) {
+    const EffectInfo& info = effect_info(config.effects[e].kind);
+    for (int i = 0; i < info.param_count; ++i)
+      units.push_back(unit_of_effect(info, i, config.effects[e].port, *config.model));
+  }
+  units.resize(names.size());
+  return units;
+}
+
+double least_of_unit(const std::string& name) {
+  for (const std::string ending : {"_kg", "_kgm2", "length_m"})
+    if (name.size() >= ending.size() && name.compare(name.size() - ending.size(), ending.size(), ending) == 0)
+      return 0.0;
+  return -INFINITY;
+}
+
+}  // namespace tiller::tools

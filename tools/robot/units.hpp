@@ -1,0 +1,24 @@
+#pragma once
+
+#include <string>
+
+#include "effects/effect_info.hpp"
+#include "tools/base/text.hpp"
+
+namespace tiller::tools {
+
+/// The unit that a field's name ends in: "m/s" of velocity_m_s, "N m s" of damping_Nms, "kg m^2" of inertia_kgm2.
+/// Empty: the name does not tell ("torque_gain").
+std::string unit_of_field(const std::string& name);
+
+/// The unit of an effect's parameter at a port: of the catalogue's "N or N m" the first where the port slides, the
+/// second where it turns; "1" without a dimension.
+std::string unit_of_effect(const EffectInfo& info, int param, std::uint32_t port, const tiller_model_t& model);
+
+/// Of every parameter of the configuration (param_count), called `names`: the model's, then each effect's.
+Words parameter_units(const tiller_config_t& config, const Words& names);
+
+/// What physics allows a parameter of the model by its name: masses, inertias and lengths are not negative.
+double least_of_unit(const std::string& name);
+
+}  // namespace tiller::tools

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <chrono>
+#include <string>
+#include <vector>
+
+#include "tools/logs/run_log.hpp"
+#include "tools/robot/robot_file.hpp"
+
+namespace tiller::tools {
+
+/// What a run shows while it lasts: on a terminal one block that overwrites itself ten times a second, elsewhere
+/// a line for every half second of robot time, so that a log file of the output stays readable.
+class Progress {
+ public:
+  enum class Style { silent, lines, block };
+
+  Progress(const RobotFile& robot, Style style, double end_s, std::vector<double> true_params);
+  static Style style_for_stdout(bool quiet);
+
+  void show(const TickView& tick);
+  /// Shows the last tick once more and leaves the block standing.
+  void finish(const TickView& tick);
+  /// A sentence between the blocks or lines.
+  void say(const std::string& text);
+
+  std::string block(const TickView& tick) const;  ///< several lines
+  std::string line(const TickView& tick) const;
+
+ private:
+  void draw(const TickView& tick);
+
+  const RobotFile& robot_;
+  Style style_;
+  double end_s_;
+  std::vector<double> true_params_;
+  double next_line_s_ = 0;
+  int drawn_lines_ = 0;
+  std::chrono::steady_clock::time_point next_draw_;
+};
+
+}  // namespace tiller::tools

@@ -1,0 +1,140 @@
+#include "tools/run/run_facts.hpp"
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "posterior/prior.hpp"
+#include "tools/robot/prior_edge.hpp"
+#include "tools/robot/robot_schema.hpp"
+#include "tools/robot/units.hpp"
+#include "tools/run/run_summary.hpp"
+
+namespace tiller::tools {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// 5 % and 95 % of the prior.
+Json prior_range(const tiller_prior_t& p) {
+  return Json::array({from_coordinate(p, prior_quantile(p, 0.05)), from_coordinate(p, prior_quantile(p, 0.95))});
+}
+
+std::string adequacy_text(const RobotFile& robot, const RunResult& result) {
+  const tiller_info_t& info = result.info;
+  if (info.adequacy == tiller_adequacy_untested) return "not tested";
+  if (info.adequacy == tiller_adequacy_adequate) return "adequate";
+  return format("%.2f s: ", result.inadequate_at_s) + robot.measurements[info.inadequate_channel] + ", " +
+         tiller_feature_name(static_cast<tiller_feature_t>(info.inadequate_feature));
+}
+
+Json facts(const RobotFile& robot, const RunResult& result) {
+  const tiller_config_t& c = robot.config;
+  return {{"robot file", std::filesystem::path(robot.path).filename().string()},
+          {"model", robot.model->name},
+          {"planner", planner_names()[c.planner.kind]},
+          {"posterior", c.posterior.enabled ? std::to_string(c.posterior.particles) + " particles" : "frozen"},
+          {"period", number_text(1000 * c.period_s) + " ms"},
+          {"seed", std::to_string(c.seed)},
+          {"tick, median", format("%.2f ms", result.pace.tick_time.quantile_us(0.5) / 1000)},
+          {"tick, 99 %", format("%.2f ms", result.pace.tick_time.quantile_us(0.99) / 1000)},
+          {"ended in", tiller_state_name(static_cast<tiller_state_t>(result.info.state))},
+          {"adequacy", adequacy_text(robot, result)},
+          {"logs", log_text(result.log)},
+          {"lanes", tiller_instruction_set()}};
+}
+
+Json with_units(const Words& names, const Words& units) {
+  Json object = Json::object();
+  for (std::size_t i = 0; i < names.size(); ++i) object[names[i]] = units[i];
+  return object;
+}
+
+Json with_units(const Words& names) {
+  Words units;
+  for (const std::string& name : names) units.push_back(unit_of_field(name));
+  return with_units(names, units);
+}
+
+bool is_weighed(const tiller_cost_config_t& cost, std::size_t state) {
+  return cost.state_weight[state] > 0 || cost.terminal_weight[state] > 0 ||
+         (cost.saturating_weight > 0 && std::isfinite(cost.saturating_width[state]));
+}
+
+/// The two states that span the plane which the robot moves in, and what stands there: those of the obstacles, else the
+/// only two that are in metres. Null: it moves in none.
+Json plane_of(const RobotFile& robot) {
+  const tiller_cost_config_t& cost = robot.config.cost;
+  std::vector<std::size_t> axes;
+  for (std::size_t i = 0; i < robot.states.size(); ++i)
+    if (unit_of_field(robot.states[i]) == "m") axes.push_back(i);
+  if (cost.obstacle_count > 0) axes = {cost.obstacles[0].x_state, cost.obstacles[0].y_state};
+  if (axes.size() != 2) return nullptr;
+  Json plane = {{"x", robot.states[axes[0]]}, {"y", robot.states[axes[1]]}, {"obstacles", Json::array()}};
+  for (std::uint32_t i = 0; i < cost.obstacle_count; ++i) {
+    const tiller_obstacle_t& o = cost.obstacles[i];
+    if (o.x_state == axes[0] && o.y_state == axes[1])
+      plane["obstacles"].push_back(Json::array({o.x_m, o.y_m, o.radius_m}));
+  }
+  return plane;
+}
+
+/// What each column of the log is: a reader that told commands from counters by their names would draw the counters
+/// that a later version adds.
+Json columns(const RobotFile& robot) {
+  const Words all = parameter_units(robot.config, robot.params);
+  Words inferred, units;
+  for (std::size_t i = 0; i < robot.params.size(); ++i) {
+    if (robot.config.priors[i].kind == tiller_prior_fixed) continue;
+    inferred.push_back(robot.params[i]);
+    units.push_back(all[i]);
+  }
+  Words angles;
+  for (std::size_t i = 0; i < robot.states.size(); ++i)
+    if ((robot.model->angle_mask >> i & 1u) != 0) angles.push_back(robot.states[i]);
+  Words tracked;
+  for (std::size_t i = 0; i < robot.states.size(); ++i)
+    if (robot.config.cost.reference && is_weighed(robot.config.cost, i)) tracked.push_back(robot.states[i]);
+  return {{"states", with_units(robot.states)},
+          {"angles", angles},
+          {"measured", robot.measurements},
+          {"inputs", with_units(robot.inputs)},
+          {"parameters", with_units(inferred, units)},
+          {"tracked", tracked}};
+}
+
+}  // namespace
+
+std::string run_facts_json(const RobotFile& robot, const RunResult& result, const RunStory& story) {
+  const tiller_config_t& c = robot.config;
+  Json json = {{"title", story.title}, {"good", story.good}};
+  if (!story.outcome.empty()) json["outcome"] = story.outcome;
+  json["columns"] = columns(robot);
+  for (std::size_t i = 0; i < robot.inputs.size(); ++i) {
+    json["limits"][robot.inputs[i]] = Json::array({c.safety.input_low[i], c.safety.input_high[i]});
+  }
+  for (std::size_t i = 0; i < robot.states.size(); ++i)  // of a reference the log has the rows
+    if (!c.cost.reference && is_weighed(c.cost, i)) json["target"][robot.states[i]] = c.cost.target[i];
+  if (const Json plane = plane_of(robot); !plane.is_null()) json["plane"] = plane;
+  for (std::size_t i = 0; i < robot.params.size(); ++i) {
+    if (c.priors[i].kind != tiller_prior_fixed) json["priors"][robot.params[i]] = prior_range(c.priors[i]);
+  }
+  const std::vector<PriorEdge> edges = find_prior_edges(robot.config, robot.params, result.particles);
+  for (std::size_t i = 0; i < edges.size() && c.posterior.enabled; ++i)
+    if (edges[i].side != EdgeSide::none) json["edges"][robot.params[i]] = edge_json(robot.params[i], edges[i]);
+  json["facts"] = facts(robot, result);
+  return json.dump(2) + "\n";
+}
+
+bool write_run_facts(const RobotFile& robot, const RunResult& result, const RunStory& story, std::string& error) {
+  const std::string path = std::filesystem::path(result.readable_log).replace_extension(".json").string();
+  std::ofstream file(path);
+  file << run_facts_json(robot, result, story);
+  file.close();
+  if (file) return true;
+  error = path + ": cannot be written";
+  return false;
+}
+
+}  // namespace tiller::tools

@@ -1,0 +1,314 @@
+#include "tools/run/run_loop.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+
+#include "io/monotonic_clock.hpp"
+#include "tools/base/exit_codes.hpp"
+#include "tools/base/stop_flag.hpp"
+#include "tools/logs/recorder.hpp"
+#include "tools/robot/stage_cost.hpp"
+#include "tools/robot/task_clock.hpp"
+#include "tools/run/host_controller.hpp"
+#include "tools/run/progress.hpp"
+#include "tools/run/run_start.hpp"
+#include "tools/run/run_summary.hpp"
+
+namespace tiller::tools {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+std::int64_t wall_us() {
+  return std::chrono::duration_cast<std::chrono::microseconds>(std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+class Runner {
+ public:
+  Runner(const RobotFile& robot, Link& link, const RunOptions& options)
+      : robot_(robot),
+        config_(robot.config),
+        link_(link),
+        options_(options),
+        realtime_(robot, options.real_time),
+        host_(options.threads),
+        recorder_(robot, recorder_options()),
+        progress_(robot, Progress::style_for_stdout(options.quiet), options.seconds, options.true_params) {
+    if (recorder_.wanted()) config_.record_ticks = std::max(config_.record_ticks, 1u);
+  }
+
+  RunResult run() {
+    if (!begin()) return result_;
+    recorder_.start(config_);
+    tell_realtime();
+    link_.prepare();
+    bool armed = false;
+    while (!is_over()) {
+      const auto begin = Clock::now();
+      // drives that follow, and then commands: one that enables late would meet a command that has moved on
+      if (!armed && link_.is_ready()) armed = tiller_arm(host_.get()) == tiller_status_ok;
+      tick();
+      if (Clock::now() - begin > std::chrono::duration<double>(config_.period_s)) ++result_.pace.overruns;
+      if (!is_over()) sensed_ = link_.wait(stop_.flag());
+    }
+    end();
+    return result_;
+  }
+
+ private:
+  bool knows_truth() {
+    double state[TILLER_MAX_STATES];
+    return link_.truth(state);
+  }
+
+  RecorderOptions recorder_options() {
+    RecorderOptions recorder;
+    recorder.log = options_.log;
+    recorder.records = options_.records;
+    recorder.alarm_log = options_.alarm_log;
+    recorder.alarm_log_s = options_.alarm_log_s;
+    recorder.true_params = options_.true_params;
+    recorder.has_truth = knows_truth();
+    recorder.lossless = !options_.real_time;
+    if (options_.real_time) recorder.epoch_us = wall_us() - monotonic_us();
+    return recorder;
+  }
+
+  bool begin() {
+    std::string error;
+    RunStart start(robot_, link_, stop_, progress_);
+    const bool begun = host_.make(robot_, config_, options_.real_time, error) &&
+                       start.wait_for_first(options_.first_wait_s, sensed_, error) &&
+                       (!options_.await_start || start.wait_for_start(sensed_, error));
+    start_us_ = sensed_.now_us;
+    if (begun) return true;
+    std::fprintf(stderr, "tiller: %s\n", error.c_str());
+    result_.exit_code = kExitBadInput;
+    result_.interrupted = options_.await_start && stop_.flag() != 0;
+    return false;
+  }
+
+  bool is_over() const {
+    if (stop_.flag() != 0) return true;
+    if (static_cast<double>(safe_ticks_) * config_.period_s > kSafeFor_s) return true;
+    return options_.seconds > 0 && time_s() >= options_.seconds;
+  }
+
+  double time_s() const { return 1e-6 * static_cast<double>(sensed_.now_us - start_us_); }
+
+  void tick() {
+    RecordEntry entry;
+    if (sensed_.fault != tiller_status_ok && info_.state != tiller_state_safe) {
+      (void)tiller_stop(host_.get(), sensed_.fault);
+      entry.stop_status = static_cast<std::uint32_t>(sensed_.fault);
+    }
+    const auto begin = Clock::now();
+    status_ = tiller_tick(host_.get(), sensed_.now_us, sensed_.fresh ? &sensed_.measurement : nullptr, &command_);
+    const std::int64_t took_ns = std::chrono::nanoseconds(Clock::now() - begin).count();
+    result_.pace.tick_time.add(took_ns);
+    tick_us_ = 1e-3 * static_cast<double>(took_ns);
+    const double deadline_us = config_.planner.deadline_us;
+    if (deadline_us > 0 && tick_us_ > deadline_us) ++result_.late_ticks;
+    (void)link_.send(command_);
+    tiller_get_info(host_.get(), &info_);
+    note_tick(entry);
+    (void)tiller_prepare(host_.get());  // the command is out: what waits for no measurement is done while none is due
+  }
+
+  void note_tick(RecordEntry& entry) {
+    const LogState log = recorder_.state();
+    link_.tell(info_, command_.stamp_us, log);
+    safe_ticks_ = info_.state == tiller_state_safe ? safe_ticks_ + 1 : 0;
+    if (safe_ticks_ == 1) tell_safe();
+    const bool alarm = info_.adequacy == tiller_adequacy_inadequate && !told_inadequate_;
+    if (alarm) tell_inadequate();
+    tell_log(log);
+    if (const std::string news = link_.news(); !news.empty()) announce(news, true);
+    const TickView view = look();
+    count(view);
+    hand_over(view, entry, alarm);
+    progress_.show(view);
+  }
+
+  void hand_over(const TickView& view, const RecordEntry& entry, bool alarm) {
+    if (!recorder_.wanted()) return;
+    logged_.entry = entry;
+    if (tiller_get_record(host_.get(), info_.ticks - 1, &logged_.entry.record) != tiller_status_ok) return;
+    logged_.info = info_;
+    logged_.log = log_;
+    logged_.time_s = view.time_s;
+    logged_.tick_us = view.tick_us;
+    logged_.status = view.status;
+    logged_.alarm = alarm && !options_.alarm_log.empty();
+    logged_.has_truth = view.true_state != nullptr;
+    std::copy(std::begin(q05_), std::end(q05_), logged_.q05);
+    std::copy(std::begin(q95_), std::end(q95_), logged_.q95);
+    std::copy(std::begin(true_state_), std::end(true_state_), logged_.true_state);
+    recorder_.push(logged_);
+  }
+
+  void count(const TickView& view) {
+    double x[TILLER_MAX_STATES];
+    for (std::uint32_t i = 0; i < config_.model->state_count; ++i) {
+      const bool known = view.true_state && std::isfinite(view.true_state[i]);
+      x[i] = known ? view.true_state[i] : info_.state_mean[i];
+    }
+    const std::uint64_t step = task_.step(info_.ticks - 1, static_cast<tiller_state_t>(info_.state)).value_or(0);
+    const double cost = stage_cost(config_, step, x, command_.value);
+    result_.cost += (cost - result_.cost) / static_cast<double>(++costed_);
+    if (sensed_.fresh && costed_ > 1) ++result_.transitions;
+  }
+
+  void take_particles() {
+    const std::uint32_t np = config_.param_count;
+    double params[TILLER_MAX_PARAMS], weight = 0.0;
+    for (std::uint32_t k = 0; k < config_.posterior.particles; ++k) {
+      if (tiller_get_particle(host_.get(), k, params, nullptr, &weight) != tiller_status_ok) return;
+      result_.particles.params.insert(result_.particles.params.end(), params, params + np);
+      result_.particles.weight.push_back(weight);
+    }
+  }
+
+  TickView look() {
+    TickView view;
+    view.time_s = time_s();
+    view.measurement = sensed_.fresh ? &sensed_.measurement : nullptr;
+    view.command = &command_;
+    view.info = &info_;
+    view.status = status_;
+    view.tick_us = tick_us_;
+    view.log_status = log_.status;
+    for (std::uint32_t i = 0; i < config_.param_count; ++i) {
+      if (config_.priors[i].kind == tiller_prior_fixed) continue;
+      (void)tiller_get_quantile(host_.get(), i, 0.05, &q05_[i]);
+      (void)tiller_get_quantile(host_.get(), i, 0.95, &q95_[i]);
+    }
+    view.q05 = q05_;
+    view.q95 = q95_;
+    view.true_state = link_.truth(true_state_) ? true_state_ : nullptr;
+    return view;
+  }
+
+  /// A sentence on the screen; one that must not be missed goes to stderr where the screen is silent.
+  void announce(const std::string& text, bool must) {
+    progress_.finish(look());
+    if (must && options_.quiet) std::fprintf(stderr, "tiller: %s\n", text.c_str());
+    progress_.say(text);
+  }
+
+  void tell_safe() {
+    const auto why = static_cast<tiller_status_t>(info_.first_fault);
+    announce("SAFE at " + format("%.2f s", time_s()) + ": " + tiller_status_name(why) + ": " + tiller_status_text(why) +
+                 "; the safe command is being sent",
+             true);
+  }
+
+  /// Which file, and why, the recorder tells; here, that the run goes on, and when it is over.
+  void tell_log(const LogState& log) {
+    const bool changed = log.status != log_.status;
+    log_ = log;
+    if (changed) announce(format("at %.2f s: ", time_s()) + log_news(log), true);
+  }
+
+  void tell_realtime() {
+    const std::string text = realtime_text(robot_, realtime_.report());
+    if (text.empty()) return;
+    progress_.say(text);
+    if (options_.quiet && !realtime_.report().complete()) std::fprintf(stderr, "tiller: %s\n", text.c_str());
+  }
+
+  void tell_inadequate() {
+    told_inadequate_ = true;
+    result_.inadequate_at_s = time_s();
+    std::string text = format("at %.2f s: ", time_s()) + inadequacy(robot_, info_);
+    if (!options_.alarm_log.empty())
+      text += format("\nthe %g s about it go to ", options_.alarm_log_s) + options_.alarm_log;
+    announce(text, false);
+  }
+
+  /// The safe command goes out more than once: a datagram may be lost.
+  void end() {
+    const bool safe = info_.state == tiller_state_safe;
+    if (!safe) (void)tiller_disarm(host_.get());
+    progress_.finish(look());
+    tiller_command_t last{};
+    for (int i = 0; i < 3; ++i) {
+      (void)tiller_tick(host_.get(), sensed_.now_us, nullptr, &last);
+      (void)link_.send(last);
+    }
+    close_files();
+    fill_result(safe);
+  }
+
+  void close_files() {
+    const RecorderReport report = recorder_.stop();
+    for (const std::string& message : report.messages) std::fprintf(stderr, "tiller: %s\n", message.c_str());
+    result_.readable_log = report.readable_log;
+    result_.alarm_log = report.alarm_log;
+    result_.alarm_log_s = report.alarm_log_s;
+    result_.log = recorder_.state();
+    if (!report.complete) result_.exit_code = kExitLogIncomplete;
+  }
+
+  void fill_result(bool safe) {
+    if (safe) result_.exit_code = kExitSafe;
+    take_particles();
+    result_.interrupted = stop_.flag() != 0;
+    result_.ticks = info_.ticks;
+    result_.time_s = time_s();
+    result_.info = info_;
+    result_.contraction_ratio.resize(TILLER_MAX_PARAMS);
+    result_.contraction_direction.resize(TILLER_MAX_PARAMS * std::size_t{TILLER_MAX_PARAMS});
+    std::uint32_t d = 0;
+    (void)tiller_get_contraction(host_.get(), &d, result_.contraction_ratio.data(),
+                                 result_.contraction_direction.data());
+    result_.contraction_ratio.resize(d);
+    result_.q05.assign(q05_, q05_ + config_.param_count);
+    result_.q95.assign(q95_, q95_ + config_.param_count);
+    if (link_.truth(true_state_)) result_.last_true_state.assign(true_state_, true_state_ + config_.model->state_count);
+    result_.pace.realtime = realtime_.report();
+    const PeriodicTimer* timer = link_.timer();
+    if (!timer) return;
+    result_.pace.wake_up = timer->lateness();
+    result_.pace.skipped_periods = timer->skipped();
+  }
+
+  static constexpr double kSafeFor_s = 0.5;  // the safe command is repeated that long before the run ends
+
+  const RobotFile& robot_;
+  tiller_config_t config_;
+  Link& link_;
+  const RunOptions& options_;
+  StopFlag stop_;
+  RealtimeGuard realtime_;  // before the threads that a tick uses
+  HostController host_;
+  Recorder recorder_;
+  LoggedTick logged_;
+  Progress progress_;
+  Sensed sensed_;
+  tiller_command_t command_{};
+  tiller_info_t info_{};
+  tiller_status_t status_ = tiller_status_ok;
+  LogState log_;
+  std::int64_t start_us_ = 0;
+  std::uint64_t safe_ticks_ = 0;
+  bool told_inadequate_ = false;
+  std::uint64_t costed_ = 0;
+  TaskClock task_;
+  double q05_[TILLER_MAX_PARAMS] = {};
+  double q95_[TILLER_MAX_PARAMS] = {};
+  double true_state_[TILLER_MAX_STATES] = {};
+  double tick_us_ = 0;
+  RunResult result_;
+};
+
+}  // namespace
+
+RunResult run_robot(const RobotFile& robot, Link& link, const RunOptions& options) {
+  return Runner(robot, link, options).run();
+}
+
+}  // namespace tiller::tools

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "io/lcm_messages.hpp"
+#include "tools/logs/run_log.hpp"
+#include "tools/robot/posterior_file.hpp"
+#include "tools/robot/robot_file.hpp"
+#include "tools/run/realtime_run.hpp"
+
+namespace tiller::tools {
+
+struct RunOptions {
+  double seconds = 0;  ///< robot time after the first measurement; 0: until Ctrl-C
+  unsigned threads = 1;
+  bool quiet = false;
+  std::string log;                  ///< CSV; empty: none
+  Words records;                    ///< every input and output, for `tiller replay` (RecorderOptions)
+  bool real_time = false;           ///< the wall clock sets the pace: nothing waits for the disk
+  std::string alarm_log;            ///< CSV of the ticks about an inadequacy alarm (AlarmWindow); empty: none
+  double alarm_log_s = 20;          ///< its length
+  double first_wait_s = 10;         ///< wall time to wait for the first measurement
+  std::vector<double> true_params;  ///< (param_count) where the plant is in this process
+  /// The safe command is sent, and nothing is learnt, until every measured state has stood within four deviations of
+  /// the start's ([start] state, sd and the sensor's) for half a second: somebody puts the robot back.
+  bool await_start = false;
+};
+
+/// What a run came to.
+struct RunResult {
+  int exit_code = 0;
+  std::uint64_t ticks = 0;
+  double time_s = 0;
+  tiller_info_t info{};
+  std::vector<double> q05, q95;         // (param_count) at the end
+  std::vector<double> last_true_state;  // (nx) empty: not known
+  Particles particles;                  ///< at the end
+  std::uint64_t transitions = 0;        ///< ticks with a new measurement after the first
+  double cost = 0;                      ///< mean stage_cost(), of the true states where they are known
+  std::string readable_log;             ///< where the whole log is; empty: none
+  LogState log;                         ///< of all logs, at the end
+  PaceResult pace;
+  std::uint64_t late_ticks = 0;                                  ///< over the planner's deadline, if it has one
+  std::vector<double> contraction_ratio, contraction_direction;  // (d), (d x param_count): tiller_get_contraction
+  bool interrupted = false;
+  double inadequate_at_s = -1;  ///< robot time of the alarm; below zero: none
+  std::string alarm_log;        ///< where the ticks about the alarm are; empty: nowhere
+  double alarm_log_s = 0;       ///< how long they are
+};
+
+}  // namespace tiller::tools

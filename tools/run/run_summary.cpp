@@ -1,0 +1,132 @@
+#include "tools/run/run_summary.hpp"
+
+#include <cmath>
+
+#include "tools/robot/prior_edge.hpp"
+
+namespace tiller::tools {
+namespace {
+
+const char* feature_text(tiller_feature_t feature) {
+  switch (feature) {
+    case tiller_feature_bias: return "nothing: it is a constant";
+    case tiller_feature_velocity: return "the velocity";
+    case tiller_feature_velocity_sign: return "the direction of motion";
+    case tiller_feature_input: return "the input";
+    case tiller_feature_input_change: return "the input's change";
+    case tiller_feature_previous: return "what it left before";
+    case tiller_feature_size: return "nothing, but it is larger than the noise";
+    default: return "nothing";
+  }
+}
+
+/// Directions of which the data say next to nothing: those that keep more than half of the prior's deviation.
+std::string not_learnt(const RobotFile& robot, const RunResult& result) {
+  constexpr double kKept = 0.25;   // of the prior's variance
+  constexpr double kNamed = 0.25;  // smaller entries of a direction are left out
+  const std::size_t np = robot.params.size();
+  std::string text;
+  if (!robot.config.posterior.enabled) return text;
+  for (std::size_t i = 0; i < result.contraction_ratio.size(); ++i) {
+    if (result.contraction_ratio[i] < kKept) break;
+    text += format("  not learnt: %.0f %% of the prior's deviation left along",
+                   100 * std::sqrt(result.contraction_ratio[i]));
+    for (std::size_t p = 0; p < np; ++p) {
+      const double entry = result.contraction_direction[i * np + p];
+      if (std::fabs(entry) < kNamed) continue;
+      text += format(" %+.2f ", entry) + robot.params[p];
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+std::string posterior_lines(const RobotFile& robot, const RunOptions& options, const RunResult& result) {
+  std::string text;
+  for (std::size_t i = 0; i < robot.params.size(); ++i) {
+    if (robot.config.priors[i].kind == tiller_prior_fixed) continue;
+    text += format("  %-24s %.4g +- %.2g   90 %% in [%.4g, %.4g]", robot.params[i].c_str(), result.info.param_mean[i],
+                   result.info.param_sd[i], result.q05[i], result.q95[i]);
+    if (i < options.true_params.size() && std::isfinite(options.true_params[i])) {
+      text += format("   true %.4g", options.true_params[i]);
+    }
+    text += "\n";
+  }
+  for (const std::string& edge : run_edges(robot, result)) text += "  " + edge + "\n";
+  return text + not_learnt(robot, result);
+}
+
+std::string tick_line(const RobotFile& robot, const RunResult& result) {
+  const LatencyHistogram& took = result.pace.tick_time;
+  std::string text =
+      format("  tick %.2f ms median, %.2f ms 99 %%, %.2f ms max, of a period of %s ms", took.quantile_us(0.5) / 1000,
+             took.quantile_us(0.99) / 1000, took.most_us() / 1000, number_text(1000 * robot.config.period_s).c_str());
+  if (robot.config.planner.deadline_us > 0) {
+    text += format("; %llu over the deadline of %.1f ms", static_cast<unsigned long long>(result.late_ticks),
+                   robot.config.planner.deadline_us / 1000.0);
+  }
+  return text + "\n";
+}
+
+std::string log_line(const LogState& log) {
+  if (log.status == tiller_status_ok) return "";
+  return "  logs: " + log_text(log) + "\n";
+}
+
+std::string pace_lines(const RobotFile& robot, const PaceResult& pace) {
+  std::string text;
+  if (pace.wake_up.count() > 0)
+    text += format("  wake-up %.0f us late in the median, %.0f us 99 %%, %.0f us max; %llu periods skipped\n",
+                   pace.wake_up.quantile_us(0.5), pace.wake_up.quantile_us(0.99), pace.wake_up.most_us(),
+                   static_cast<unsigned long long>(pace.skipped_periods));
+  text += format("  %llu ticks took longer than the period\n", static_cast<unsigned long long>(pace.overruns));
+  const std::string realtime = realtime_text(robot, pace.realtime);
+  return realtime.empty() ? text : text + "  " + realtime + "\n";
+}
+
+}  // namespace
+
+const char* log_news(const LogState& log) {
+  switch (log.status) {
+    case tiller_status_ok: return "the logs are complete again";
+    case tiller_status_queue_full: return "a disk does not keep up, ticks are missing in the logs; the run goes on";
+    default: return "a disk takes no more of the logs, the rest is kept in memory; the run goes on";
+  }
+}
+
+std::string log_text(const LogState& log) {
+  if (log.status == tiller_status_ok) return "complete";
+  const auto count = [](std::uint64_t n) { return static_cast<unsigned long long>(n); };
+  return format("%s: %llu ticks dropped, %llu bytes given up, %llu not written", tiller_status_name(log.status),
+                count(log.dropped_ticks), count(log.lost_bytes), count(log.waiting_bytes));
+}
+
+std::string inadequacy(const RobotFile& robot, const tiller_info_t& info) {
+  const auto feature = static_cast<tiller_feature_t>(info.inadequate_feature);
+  return "the model does not explain " + robot.measurements[info.inadequate_channel] + ": what it leaves goes with " +
+         feature_text(feature) + " (" + tiller_feature_name(feature) + "; docs/adequacy.md tells what to do)";
+}
+
+Words run_edges(const RobotFile& robot, const RunResult& result) {
+  Words texts;
+  if (!robot.config.posterior.enabled) return texts;
+  const std::vector<PriorEdge> edges = find_prior_edges(robot.config, robot.params, result.particles);
+  for (std::size_t i = 0; i < edges.size(); ++i)
+    if (edges[i].side != EdgeSide::none) texts.push_back(edge_text(robot.params[i], edges[i]));
+  return texts;
+}
+
+std::string summary(const RobotFile& robot, const RunOptions& options, const RunResult& result) {
+  std::string text = format(
+      "%.2f s, %llu ticks, ended in %s%s\n", result.time_s, static_cast<unsigned long long>(result.ticks),
+      tiller_state_name(static_cast<tiller_state_t>(result.info.state)), result.interrupted ? " (interrupted)" : "");
+  text += posterior_lines(robot, options, result);
+  if (result.info.adequacy == tiller_adequacy_inadequate) text += "  " + inadequacy(robot, result.info) + "\n";
+  if (result.info.relearned > 0)
+    text += format("  the robot seemed to have changed: learnt anew %llu times (docs/posterior.md, relearn)\n",
+                   static_cast<unsigned long long>(result.info.relearned));
+  text += tick_line(robot, result) + log_line(result.log);
+  return options.real_time ? text + pace_lines(robot, result.pace) : text;
+}
+
+}  // namespace tiller::tools
