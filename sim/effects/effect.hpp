@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "sim/mechanism.hpp"
+#include "sim/mechanisms/mechanism.hpp"
 
 namespace tiller::sim {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "sim/effects/effects.hpp"
-#include "sim/noise.hpp"
+#include "sim/mechanisms/noise.hpp"
 
 namespace tiller::sim {
 namespace {

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <string>
 
-#include "calibration_run.hpp"
+#include "harness/calibration/calibration_run.hpp"
 
 namespace tiller::bench {
 namespace {

@@ -128,7 +128,7 @@ class Driver(unittest.TestCase):
 
     def program(self, text):
         build = Path(tempfile.mkdtemp())
-        path = build / "tools/bench/bench_residual"
+        path = build / "bench/bench_residual"
         path.parent.mkdir(parents=True)
         path.write_text("#!/bin/sh\n" + text)
         path.chmod(path.stat().st_mode | stat.S_IXUSR)

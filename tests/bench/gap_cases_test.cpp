@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "gap_cases.hpp"
+#include "harness/gap_scoring/gap_cases.hpp"
 
 namespace tiller::bench {
 namespace {

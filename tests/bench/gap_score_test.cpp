@@ -1,6 +1,6 @@
 // What an answer of `tiller gap` counts as: the rules that every figure of ./dev bench gap rests on.
 
-#include "gap_score.hpp"
+#include "harness/gap_scoring/gap_score.hpp"
 
 #include <gtest/gtest.h>
 

@@ -9,7 +9,7 @@
 #include <cstdlib>
 #include <map>
 
-#include "episode.hpp"
+#include "harness/episode/episode.hpp"
 #include "tools/open/robot_open.hpp"
 
 namespace tiller {

@@ -1,7 +1,7 @@
 // The loop that `tiller gap` is for, closed once per hidden effect: run, find, add, run again. Seeds are tuning seeds;
 // `./dev bench gap loop` does twenty others and the statistics.
 
-#include "gap_loop.hpp"
+#include "harness/gap_loop/gap_loop.hpp"
 
 #include <gtest/gtest.h>
 

@@ -3,8 +3,8 @@
 #include <set>
 #include <string>
 
-#include "fault.hpp"
-#include "fault_refusals.hpp"
+#include "harness/faults/fault.hpp"
+#include "harness/faults/fault_refusals.hpp"
 
 // Every kind of fault on both plants. What must hold is judged in every run (fault_run.cpp): commands within their
 // limits, the motor stopped in time, nothing driven for long without a genuine reading, SAFE latched.

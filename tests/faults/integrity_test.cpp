@@ -1,4 +1,4 @@
-#include "integrity.hpp"
+#include "harness/faults/integrity.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "fault_loss.hpp"
+#include "harness/faults/fault_loss.hpp"
 
 #include <gtest/gtest.h>
 

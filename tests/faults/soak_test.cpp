@@ -1,4 +1,4 @@
-#include "soak.hpp"
+#include "harness/faults/soak.hpp"
 
 #include <gtest/gtest.h>
 

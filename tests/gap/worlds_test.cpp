@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "gap_worlds.hpp"
+#include "harness/gap_worlds/gap_worlds.hpp"
 #include "tools/open/robot_open.hpp"
 #include "tools/robot/robot_file.hpp"
 

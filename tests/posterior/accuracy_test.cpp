@@ -4,8 +4,8 @@
 
 #include <cstdio>
 
-#include "accuracy_run.hpp"
-#include "accuracy_statistics.hpp"
+#include "harness/accuracy/accuracy_run.hpp"
+#include "harness/accuracy/accuracy_statistics.hpp"
 
 namespace {
 

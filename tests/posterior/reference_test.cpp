@@ -6,8 +6,8 @@
 #include <cmath>
 #include <cstdio>
 
-#include "accuracy_statistics.hpp"
-#include "exact_likelihood.hpp"
+#include "harness/accuracy/accuracy_statistics.hpp"
+#include "harness/accuracy/exact_likelihood.hpp"
 
 namespace {
 

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <limits>
 
-#include "gate_storm.hpp"
+#include "harness/gate_storm/gate_storm.hpp"
 
 namespace tiller {
 namespace {

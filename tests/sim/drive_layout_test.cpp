@@ -1,6 +1,6 @@
 // What only some drives have, and which of them may share a bus.
 #include "drive_rig.hpp"
-#include "sim/moteus_axis.hpp"
+#include "sim/devices/moteus_axis.hpp"
 
 namespace tiller {
 namespace {

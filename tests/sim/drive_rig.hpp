@@ -8,9 +8,9 @@
 #include <string>
 
 #include "io/can_robot.hpp"
-#include "sim/can_frame.hpp"
-#include "sim/drive_axis.hpp"
-#include "sim/sensor_board.hpp"
+#include "sim/devices/can_frame.hpp"
+#include "sim/devices/drive_axis.hpp"
+#include "sim/servers/sensor_board.hpp"
 
 namespace tiller {
 

@@ -13,8 +13,8 @@
 
 #include "io/lcm_transport.hpp"
 #include "plants.hpp"
-#include "sim/noise.hpp"
-#include "sim/serve.hpp"
+#include "sim/mechanisms/noise.hpp"
+#include "sim/servers/serve.hpp"
 #include "tiller_lcm/command_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
 

@@ -1,4 +1,4 @@
-#include "sim/odrive_axis.hpp"
+#include "sim/devices/odrive_axis.hpp"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "sim/plant.hpp"
+#include "sim/plant/plant.hpp"
 
 namespace tiller::sim {
 

@@ -1,4 +1,4 @@
-#include "sim/sensor_board.hpp"
+#include "sim/servers/sensor_board.hpp"
 
 #include <gtest/gtest.h>
 

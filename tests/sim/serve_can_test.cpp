@@ -1,4 +1,4 @@
-#include "sim/serve_can.hpp"
+#include "sim/servers/serve_can.hpp"
 
 #include <atomic>
 #include <cmath>
@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "plants.hpp"
-#include "sim/can_socket.hpp"
+#include "sim/devices/can_socket.hpp"
 
 // The plant on one thread, a controller that speaks the bytes of CANSimple on another, a (virtual) CAN bus in
 // between: TILLER_CAN_INTERFACE, vcan0 if that is not set. In lockstep, so the machine's speed does not

@@ -1,4 +1,4 @@
-#include "sim/serve_lcm.hpp"
+#include "sim/servers/serve_lcm.hpp"
 
 #include <lcm/lcm.h>
 #include <atomic>

@@ -1,4 +1,4 @@
-#include "sim/serve.hpp"
+#include "sim/servers/serve.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "plants.hpp"
-#include "sim/plan_watch.hpp"
+#include "sim/servers/plan_watch.hpp"
 
 // The loop of the servers over a link without a network. Nothing here waits for the wall clock to pass a
 // bound: lockstep is exact, and of real time only what cannot depend on scheduling is asked.

@@ -16,8 +16,8 @@
 #include <vector>
 
 #include "io/monotonic_clock.hpp"
-#include "sim/can_socket.hpp"
-#include "sim/moteus_axis.hpp"
+#include "sim/devices/can_socket.hpp"
+#include "sim/devices/moteus_axis.hpp"
 #include "tools/links/link.hpp"
 #include "tools/open/robot_open.hpp"
 

@@ -3,7 +3,7 @@
 #include <deque>
 #include <string>
 
-#include "fault_bus.hpp"
+#include "harness/faults/fault_bus.hpp"
 #include "io/socketcan_transport.hpp"
 
 namespace tiller::faults {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "fault.hpp"
+#include "harness/faults/fault.hpp"
 
 namespace tiller::faults {
 

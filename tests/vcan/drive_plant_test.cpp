@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "io/socketcan_transport.hpp"
-#include "sim/plant.hpp"
-#include "sim/serve_can.hpp"
+#include "sim/plant/plant.hpp"
+#include "sim/servers/serve_can.hpp"
 
 namespace tiller {
 namespace {

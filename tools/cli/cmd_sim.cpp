@@ -4,8 +4,8 @@
 #include <memory>
 
 #include "io/udp_multicast.hpp"
-#include "sim/serve_can.hpp"
-#include "sim/serve_lcm.hpp"
+#include "sim/servers/serve_can.hpp"
+#include "sim/servers/serve_lcm.hpp"
 #include "tools/base/stop_flag.hpp"
 #include "tools/command/commands.hpp"
 #include "tools/links/lcm_seal.hpp"

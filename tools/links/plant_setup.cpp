@@ -6,7 +6,7 @@
 #include <random>
 
 #include "effects/effect_info.hpp"
-#include "sim/mechanism.hpp"
+#include "sim/mechanisms/mechanism.hpp"
 
 namespace tiller::tools {
 namespace {

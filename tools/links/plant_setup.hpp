@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "sim/plant.hpp"
+#include "sim/plant/plant.hpp"
 #include "tools/robot/robot_file.hpp"
 
 namespace tiller::tools {

@@ -1,0 +1,263 @@
+// ./dev bench rollout: the kernel against the same template in plain double, in one process.
+//
+// Goals: 25x (AVX-512) and 12x (AVX2) over plain double, and 0.65 and 1.3 ns per rollout-step with stage cost.
+
+#include <cmath>
+#include <cstdio>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "bench/table/bench_table.hpp"
+#include "models/cart_pole.hpp"
+#include "rollout/cost_text.hpp"
+#include "rollout/rollout.hpp"
+#include "rollout/step.hpp"
+
+namespace {
+
+using namespace tiller;
+
+constexpr std::uint32_t kRollouts = 1536, kHorizon = 50;
+constexpr double kSteps = double(kRollouts) * kHorizon;
+
+tiller_config_t cart_pole_config(tiller_integrator_t integrator) {
+  tiller_config_t c{};
+  c.model = tiller_find_model("cart_pole");
+  c.period_s = 0.02;
+  c.substeps = 1;
+  c.integrator = integrator;
+  c.body = {0.0, -9.81, 0.0, 0.0};
+  c.param_count = 3;
+  const double target_weight[4] = {0.1, 1.0, 0.01, 0.01}, terminal[4] = {100, 100, 10, 10};
+  for (int i = 0; i < 4; ++i) {
+    c.cost.state_weight[i] = target_weight[i];
+    c.cost.terminal_weight[i] = terminal[i];
+  }
+  c.cost.input_weight[0] = 0.001;
+  return c;
+}
+
+/// The batch that planners make: shared start, shared parameters, one sequence of inputs a lane.
+template <class T>
+struct Batch {
+  std::vector<T> state, params, controls, cost, effect_state, history;
+  CostTerms<T> weights;
+  StepSetup setup;
+  RolloutJob<T> job;
+
+  explicit Batch(const tiller_config_t& config)
+      : state{0, T(3.14159265), 0, 0},
+        params{1, T(0.1), T(0.5)},
+        controls(kRollouts * kHorizon),
+        cost(kRollouts),
+        effect_state(TILLER_MAX_EFFECT_STATES),
+        history(TILLER_MAX_DELAY_STEPS),
+        weights(make_cost_terms<T>(config.cost)) {
+    if (make_step_setup(config, setup) != tiller_status_ok) std::abort();
+    for (std::size_t i = 0; i < controls.size(); ++i) controls[i] = T(10.0 * std::sin(0.37 * double(i % 7919)));
+    params.resize(TILLER_MAX_PARAMS, T(0.01));
+    job.setup = &setup;
+    job.lanes = kRollouts;
+    job.horizon = kHorizon;
+    job.state = {state.data(), 0};
+    job.params = {params.data(), 0};
+    job.effect_state = {effect_state.data(), 0};
+    job.controls = {controls.data(), kRollouts};
+    job.history = history.data();
+    job.cost = &weights;
+    job.cost_out = cost.data();
+  }
+};
+
+/// The yardstick: the same model, integrator and cost text, one trajectory after the other in double with libm.
+double plain_double(const Batch<double>& b, tiller_integrator_t integrator) {
+  using Model = StaticModel<CartPole>;
+  const Stepper<Model, double> step({}, b.setup, b.setup.period_s);
+  const CartPole<double>::Params p{b.params[0], b.params[1], b.params[2]};
+  double total = 0.0;
+  for (std::uint32_t k = 0; k < kRollouts; ++k) {
+    CartPole<double>::State x{b.state[0], b.state[1], b.state[2], b.state[3]};
+    double cost = 0.0;
+    for (std::uint32_t t = 0; t < kHorizon; ++t) {
+      const CartPole<double>::Input u{b.controls[t * kRollouts + k]};
+      cost += state_cost<Model, double>(Model{}, b.weights.target, b.weights.state, x) +
+              b.weights.input[0] * u.force_N * u.force_N;
+      if (integrator == tiller_integrator_semi_implicit_euler)
+        step.advance_bare<tiller_integrator_semi_implicit_euler>(x, u, p);
+      else
+        step.advance_bare<tiller_integrator_rk4>(x, u, p);
+    }
+    total += cost + state_cost<Model, double>(Model{}, b.weights.target, b.weights.terminal, x);
+  }
+  return total;
+}
+
+struct Case {
+  const char* name;
+  std::vector<tiller_effect_t> effects;
+};
+const Case kCases[] = {
+    {"none", {}},
+    {"viscous friction (cart)", {{tiller_effect_viscous_friction, 0}}},
+    {"lag", {{tiller_effect_actuator_lag, 0}}},
+    {"delay of up to 50 ms", {{tiller_effect_input_delay, 0}}},
+    {"viscous + Coulomb (cart)", {{tiller_effect_viscous_friction, 0}, {tiller_effect_coulomb_friction, 0}}},
+    {"viscous + Coulomb (cart), lag, delay",
+     {{tiller_effect_viscous_friction, 0},
+      {tiller_effect_coulomb_friction, 0},
+      {tiller_effect_actuator_lag, 0},
+      {tiller_effect_input_delay, 0}}},
+};
+
+/// Cost terms beyond the quadratic, each beside it.
+struct CostRow {
+  const char* name;
+  void (*change)(tiller_cost_config_t& cost);
+};
+double own_in_c(const double* x, const double*, const double*, double, void*) { return x[0] * x[0]; }
+const std::vector<double>& table_of(double value) {
+  static std::map<double, std::vector<double>> tables;
+  std::vector<double>& table = tables[value];
+  table.assign(16 * 2 * kHorizon, value);
+  return table;
+}
+const CostRow kCostRows[] = {
+    {"quadratic", [](tiller_cost_config_t&) {}},
+    {"saturating",
+     [](tiller_cost_config_t& c) {
+       c.saturating_weight = 1.0;
+       for (double& width : c.saturating_width) width = 1.0;
+     }},
+    {"bounds of one state",
+     [](tiller_cost_config_t& c) {
+       c.bound_weight[0] = 1.0;
+       c.state_low[0] = -1.0;
+       c.state_high[0] = 1.0;
+     }},
+    {"one obstacle",
+     [](tiller_cost_config_t& c) {
+       c.obstacle_count = 1;
+       c.obstacles[0] = {0, 1, 0.0, 0.0, 1.0, 1.0};
+     }},
+    {"eight obstacles",
+     [](tiller_cost_config_t& c) {
+       c.obstacle_count = 8;
+       for (tiller_obstacle_t& o : c.obstacles) o = {0, 1, 0.0, 0.0, 1.0, 1.0};
+     }},
+    {"reference",
+     [](tiller_cost_config_t& c) {
+       c.reference = table_of(0.1).data();
+       c.reference_steps = 2 * kHorizon;
+     }},
+    {"demonstration",
+     [](tiller_cost_config_t& c) {
+       c.demonstration_mean = table_of(0.1).data();
+       c.demonstration_root = table_of(0.2).data();
+       c.demonstration_steps = 2 * kHorizon;
+       c.demonstration_weight = 1.0;
+     }},
+    {"own cost in C",
+     [](tiller_cost_config_t& c) {
+       static const tiller_own_cost_t own = {sizeof(tiller_own_cost_t), TILLER_CONFIG_VERSION, own_in_c, nullptr,
+                                             nullptr};
+       c.own = &own;
+       c.own_weight = 1.0;
+     }},
+};
+
+struct Integration {
+  const char* name;
+  tiller_integrator_t integrator;
+  double avx512_ns, avx2_ns;  // goals
+};
+const Integration kIntegrations[] = {
+    {"semi-implicit Euler", tiller_integrator_semi_implicit_euler, 0.65, 1.3},
+    {"RK4", tiller_integrator_rk4, 2.6, 5.0},
+};
+
+std::vector<Isa> isas() {
+  std::vector<Isa> all;
+  for (int i = 0; i < kIsaCount; ++i)
+    if (has_isa(static_cast<Isa>(i))) all.push_back(static_cast<Isa>(i));
+  return all;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  bench::Table table;
+  for (const Integration& way : kIntegrations) {
+    const tiller_config_t config = cart_pole_config(way.integrator);
+    auto plain = std::make_shared<Batch<double>>(config);
+    table.add(std::string(way.name) + "/plain", [plain, way](benchmark::State& state) {
+      for (auto _ : state) benchmark::DoNotOptimize(plain_double(*plain, way.integrator));
+    });
+    for (Isa isa : isas()) {
+      auto lanes = std::make_shared<Batch<float>>(config);
+      table.add(std::string(way.name) + "/" + isa_name(isa), [lanes, config, isa](benchmark::State& state) {
+        const RolloutTable& rollouts = select_rollout(*config.model, isa);
+        for (auto _ : state) rollouts.rollout_f32(*config.model, lanes->job);
+        benchmark::DoNotOptimize(lanes->cost[0]);
+      });
+    }
+  }
+  for (const Case& c : kCases) {
+    tiller_config_t config = cart_pole_config(tiller_integrator_semi_implicit_euler);
+    config.effect_count = static_cast<std::uint32_t>(c.effects.size());
+    for (std::size_t i = 0; i < c.effects.size(); ++i) config.effects[i] = c.effects[i];
+    config.param_count = 3 + config.effect_count;
+    for (tiller_prior_t& p : config.priors) p = {tiller_prior_uniform, 0, 0, 0, 0, 0.05};
+    auto lanes = std::make_shared<Batch<float>>(config);
+    table.add(std::string("effects/") + c.name, [lanes, config](benchmark::State& state) {
+      const RolloutTable& rollouts = select_rollout(*config.model);
+      for (auto _ : state) rollouts.rollout_f32(*config.model, lanes->job);
+      benchmark::DoNotOptimize(lanes->cost[0]);
+    });
+  }
+  for (const CostRow& c : kCostRows) {
+    tiller_config_t config = cart_pole_config(tiller_integrator_semi_implicit_euler);
+    c.change(config.cost);
+    auto lanes = std::make_shared<Batch<float>>(config);
+    table.add(std::string("cost/") + c.name, [lanes, config](benchmark::State& state) {
+      const RolloutTable& rollouts = select_rollout(*config.model);
+      for (auto _ : state) rollouts.rollout_f32(*config.model, lanes->job);
+      benchmark::DoNotOptimize(lanes->cost[0]);
+    });
+  }
+  table.run(argc, argv);
+
+  std::printf("instruction set in use: %s; cart-pole, N=%u, K=%u, stage cost, f32 lanes\n", isa_name(best_isa()),
+              kHorizon, kRollouts);
+  for (const Integration& way : kIntegrations) {
+    const double plain = table.seconds(std::string(way.name) + "/plain");
+    table.heading(std::string(way.name) +
+                  ": per rollout-step, and against the same template in plain double with libm");
+    table.row("plain double", plain / kSteps * 1e9, "ns");
+    for (Isa isa : isas()) {
+      const bool euler = way.integrator == tiller_integrator_semi_implicit_euler;
+      const double t = table.seconds(std::string(way.name) + "/" + isa_name(isa));
+      bench::Goal ns, ratio;
+      if (isa == Isa::avx512) ns = bench::at_most(way.avx512_ns), ratio = bench::at_least(25);
+      if (isa == Isa::avx2) ns = bench::at_most(way.avx2_ns), ratio = bench::at_least(12);
+      table.row(std::string(isa_name(isa)) + ", time", t / kSteps * 1e9, "ns", ns);
+      table.row(std::string(isa_name(isa)) + ", speed-up", plain / t, "x", euler ? ratio : bench::Goal{});
+    }
+  }
+  table.heading("cost of effects (semi-implicit Euler, instruction set in use), against none");
+  const double bare = table.seconds(std::string("effects/") + kCases[0].name);
+  for (const Case& c : kCases) {
+    const double t = table.seconds(std::string("effects/") + c.name);
+    table.row(c.name, t / kSteps * 1e9, "ns");
+    table.row(std::string(c.name) + ", ratio", t / bare, "x");
+  }
+  table.heading("cost terms (semi-implicit Euler, instruction set in use), against the quadratic cost");
+  const double quadratic = table.seconds(std::string("cost/") + kCostRows[0].name);
+  for (const CostRow& c : kCostRows) {
+    const double t = table.seconds(std::string("cost/") + c.name);
+    table.row(c.name, t / kSteps * 1e9, "ns");
+    table.row(std::string(c.name) + ", ratio", t / quadratic, "x");
+  }
+  return table.finish();
+}

@@ -1,0 +1,278 @@
+#include "bench/planning/uncertain_tasks.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <new>
+#include <random>
+
+#include "bench/planning/planning_problem.hpp"
+
+namespace tiller::bench {
+namespace {
+
+constexpr double kOff = 0.3;
+constexpr double kInf = INFINITY;
+
+struct AlignedFree {
+  void operator()(void* p) const { ::operator delete (p, std::align_val_t{TILLER_ALIGNMENT}); }
+};
+
+/// Uniform and normal numbers that every standard library makes alike.
+class Dice {
+ public:
+  explicit Dice(std::uint64_t seed) : engine_(seed * 0x9e3779b97f4a7c15ull + 1) {}
+  double uniform() { return (static_cast<double>(engine_() >> 11) + 0.5) * 0x1p-53; }
+  double normal() { return std::sqrt(-2.0 * std::log(uniform())) * std::cos(6.283185307179586 * uniform()); }
+
+ private:
+  std::mt19937_64 engine_;
+};
+
+tiller_config_t base(const char* model, const std::vector<double>& nominal) {
+  tiller_config_t c;
+  tiller_config_default(&c, tiller_find_model(model));
+  for (std::size_t i = 0; i < nominal.size(); ++i) c.priors[i] = {tiller_prior_fixed, 0, nominal[i], 0.0, -kInf, kInf};
+  c.integrator = tiller_integrator_semi_implicit_euler;
+  std::fill(c.measurement_sd, c.measurement_sd + TILLER_MAX_MEASUREMENTS, 0.002);
+  std::fill(c.initial_state_sd, c.initial_state_sd + TILLER_MAX_STATES, 0.01);
+  c.planner.kind = tiller_planner_mppi;
+  c.planner.rollouts = 512;
+  c.planner.iterations = 2;
+  c.planner.temperature = 0.02;
+  c.safety.sensor_timeout_s = 1.0;
+  c.safety.frozen_ticks = 0;
+  c.safety.bad_ticks_to_safe = 1000;
+  c.safety.hold_ticks_to_safe = 0;
+  return c;
+}
+
+void limit(tiller_config_t& c, std::uint32_t input, double low, double high, double noise_sd) {
+  c.safety.input_low[input] = low;
+  c.safety.input_high[input] = high;
+  c.planner.noise_sd[input] = noise_sd;
+}
+
+void weigh(tiller_config_t& c, std::initializer_list<double> state, std::initializer_list<double> terminal,
+           double input) {
+  std::copy(state.begin(), state.end(), c.cost.state_weight);
+  std::copy(terminal.begin(), terminal.end(), c.cost.terminal_weight);
+  std::fill(c.cost.input_weight, c.cost.input_weight + TILLER_MAX_INPUTS, input);
+}
+
+/// The true system.
+class Plant {
+ public:
+  Plant(const tiller_config_t& c, const std::vector<double>& params) : config_(c), params_(params) {
+    config_.integrator = tiller_integrator_rk4;
+    config_.substeps = 10;
+    if (make_step_setup(config_, setup_) != tiller_status_ok) std::abort();
+    std::copy(c.initial_state, c.initial_state + TILLER_MAX_STATES, x);
+  }
+  void advance(const double* u) {
+    double next[TILLER_MAX_STATES * kLanePadding];
+    RolloutJob<double> job;
+    job.setup = &setup_;
+    job.lanes = kLanePadding;
+    job.horizon = 1;
+    job.state = {x, 0};
+    job.params = {params_.data(), 0};
+    job.controls = {u, 0};
+    job.final_state = next;
+    select_rollout(*config_.model).rollout_f64(*config_.model, job);
+    for (std::uint32_t i = 0; i < config_.model->state_count; ++i) x[i] = next[i * kLanePadding];
+  }
+  double x[TILLER_MAX_STATES] = {};
+
+ private:
+  tiller_config_t config_;
+  StepSetup setup_;
+  std::vector<double> params_;
+};
+
+double step_cost(const tiller_config_t& c, const double* x, const double* u) {
+  double sum = 0.0;
+  for (std::uint32_t i = 0; i < c.model->state_count; ++i) {
+    const double d = state_difference(*c.model, i, x[i], c.cost.target[i]);
+    sum += c.cost.state_weight[i] * d * d;
+  }
+  for (std::uint32_t i = 0; i < c.model->input_count; ++i) sum += c.cost.input_weight[i] * u[i] * u[i];
+  return sum;
+}
+
+tiller_config_t informed(const UncertainTask& task, Knowledge knowledge, const std::vector<double>& truth) {
+  tiller_config_t c = task.config;
+  const bool learns = knowledge != Knowledge::nominal && knowledge != Knowledge::oracle;
+  c.posterior.enabled = learns;
+  c.planner.particles = knowledge == Knowledge::expected || knowledge == Knowledge::cvar ? task.hypotheses : 1;
+  c.planner.risk = knowledge == Knowledge::cvar ? tiller_risk_cvar : tiller_risk_mean;
+  for (const std::uint32_t i : task.off) {
+    const double nominal = c.priors[i].a;
+    if (knowledge == Knowledge::oracle) c.priors[i].a = truth[i];
+    if (learns) c.priors[i] = {tiller_prior_uniform, 0, 0.0, 0.0, (1.0 - kOff) * nominal, (1.0 + kOff) * nominal};
+  }
+  return c;
+}
+
+std::uint32_t whole(double v) { return static_cast<std::uint32_t>(std::max(v, 0.0)); }
+
+}  // namespace
+
+const char* knowledge_name(Knowledge k) {
+  switch (k) {
+    case Knowledge::nominal: return "nominal";
+    case Knowledge::mean: return "posterior mean";
+    case Knowledge::expected: return "expected cost";
+    case Knowledge::cvar: return "CVaR 0.9";
+    default: return "oracle";
+  }
+}
+
+UncertainTask cart_pole_task() {
+  UncertainTask t{"cart-pole", base("cart_pole", {1.0, 0.1, 0.5}), {0, 1, 2}, 400};
+  tiller_config_t& c = t.config;
+  c.initial_state[1] = 3.141592653589793;
+  c.measurement_sd[0] = 0.0005;
+  c.planner.horizon = 40;
+  c.planner.knots = 8;
+  limit(c, 0, -20.0, 20.0, 8.0);
+  weigh(c, {0.1, 1.0, 0.01, 0.01}, {100.0, 100.0, 10.0, 10.0}, 0.001);
+  return t;
+}
+
+UncertainTask rail_task() {
+  UncertainTask t = cart_pole_task();
+  t.name = "cart-pole on a rail";
+  constexpr double kMargin = 0.15;  // soft bounds give way, so the plan is given a shorter rail
+  t.rail_m = 0.8;
+  t.config.cost.state_low[0] = -(t.rail_m - kMargin);
+  t.config.cost.state_high[0] = t.rail_m - kMargin;
+  t.config.cost.bound_weight[0] = 1e4;
+  return t;
+}
+
+UncertainTask acrobot_task() {
+  // two uniform rods of 1 kg and 0.5 m; the masses and the lower rod's centre are what is not known
+  UncertainTask t{"acrobot", base("acrobot", {1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 1.0 / 48.0, 1.0 / 48.0}), {0, 1, 5}, 400};
+  tiller_config_t& c = t.config;
+  t.hypotheses = 8;
+  c.integrator = tiller_integrator_rk4;
+  c.cost.target[0] = 3.141592653589793;
+  c.cost.terminal = tiller_terminal_lqr;
+  c.measurement_sd[0] = c.measurement_sd[1] = 0.0005;
+  c.process_sd[3] = 0.02;
+  c.planner.horizon = 37;
+  c.planner.knots = 12;
+  c.planner.iterations = 6;
+  c.planner.interpolation = tiller_interpolation_cubic;
+  c.planner.adapt_covariance = 1;
+  limit(c, 0, -6.0, 6.0, 5.0);
+  weigh(c, {4.0, 1.0, 0.05, 0.02}, {}, 0.005);
+  return t;
+}
+
+UncertainTask planar_quadrotor_task() {
+  UncertainTask t{"planar quadrotor", base("planar_quadrotor", {0.5, 0.15, 0.005, 0.1}), {0, 1, 2}, 200};
+  tiller_config_t& c = t.config;
+  c.initial_state[0] = -1.5;
+  c.initial_state[1] = -0.5;
+  c.planner.kind = tiller_planner_ilqr;
+  c.planner.shooting = tiller_shooting_multiple;
+  c.planner.iterations = 3;
+  c.planner.horizon = 40;
+  t.hypotheses = 8;
+  limit(c, 0, 0.0, 6.0, 2.0);
+  limit(c, 1, 0.0, 6.0, 2.0);
+  weigh(c, {1.0, 1.0, 0.2, 0.05, 0.05, 0.01}, {50.0, 50.0, 10.0, 5.0, 5.0, 1.0}, 0.001);
+  return t;
+}
+
+bool override_setting(UncertainTask& task, const std::string& key, double value) {
+  using Task = UncertainTask;
+  static const struct {
+    const char* key;
+    void (*set)(Task&, double);
+  } kSettings[] = {
+      {"planner", [](Task& t, double v) { t.config.planner.kind = whole(v); }},
+      {"horizon", [](Task& t, double v) { t.config.planner.horizon = whole(v); }},
+      {"knots", [](Task& t, double v) { t.config.planner.knots = whole(v); }},
+      {"rollouts", [](Task& t, double v) { t.config.planner.rollouts = whole(v); }},
+      {"iterations", [](Task& t, double v) { t.config.planner.iterations = whole(v); }},
+      {"shooting", [](Task& t, double v) { t.config.planner.shooting = whole(v); }},
+      {"refine", [](Task& t, double v) { t.config.planner.refine_iterations = whole(v); }},
+      {"adapt", [](Task& t, double v) { t.config.planner.adapt_covariance = whole(v); }},
+      {"interpolation", [](Task& t, double v) { t.config.planner.interpolation = whole(v); }},
+      {"temperature", [](Task& t, double v) { t.config.planner.temperature = v; }},
+      {"colour", [](Task& t, double v) { t.config.planner.noise_colour = v; }},
+      {"regularisation", [](Task& t, double v) { t.config.planner.regularisation = v; }},
+      {"alpha", [](Task& t, double v) { t.config.planner.cvar_alpha = v; }},
+      {"noise", [](Task& t, double v) { std::fill_n(t.config.planner.noise_sd, TILLER_MAX_INPUTS, v); }},
+      {"hypotheses", [](Task& t, double v) { t.hypotheses = whole(v); }},
+      {"particles", [](Task& t, double v) { t.config.posterior.particles = whole(v); }},
+      {"moves", [](Task& t, double v) { t.config.posterior.moves_per_tick = whole(v); }},
+      {"input_weight", [](Task& t, double v) { std::fill_n(t.config.cost.input_weight, TILLER_MAX_INPUTS, v); }},
+      {"terminal",
+       [](Task& t, double v) {
+         for (double& w : t.config.cost.terminal_weight) w *= v;
+       }},
+      {"bound_weight", [](Task& t, double v) { t.config.cost.bound_weight[0] = v; }},
+      {"bound", [](Task& t, double v) { t.config.cost.state_low[0] = -(t.config.cost.state_high[0] = v); }},
+      {"hard_bounds", [](Task& t, double v) { t.config.cost.hard_bounds = whole(v); }},
+      {"limit",
+       [](Task& t, double v) {
+         for (int i = 0; i < TILLER_MAX_INPUTS; ++i)
+           t.config.safety.input_low[i] = -(t.config.safety.input_high[i] = v);
+       }},
+  };
+  for (const auto& setting : kSettings)
+    if (key == setting.key) {
+      setting.set(task, value);
+      return true;
+    }
+  return false;
+}
+
+UncertainRun run_uncertain(const UncertainTask& task, Knowledge knowledge, std::uint64_t seed) {
+  Dice dice(seed);
+  std::vector<double> truth;
+  for (std::uint32_t i = 0; i < task.config.param_count; ++i) truth.push_back(task.config.priors[i].a);
+  for (const std::uint32_t i : task.off) truth[i] *= 1.0 + kOff * (2.0 * dice.uniform() - 1.0);
+
+  tiller_config_t config = informed(task, knowledge, truth);
+  config.seed = seed;
+  const std::size_t size = tiller_size(&config);
+  const std::unique_ptr<void, AlignedFree> memory(
+      ::operator new (std::max<std::size_t>(size, 1), std::align_val_t{TILLER_ALIGNMENT}));
+  tiller_t* t = nullptr;
+  const tiller_status_t status = tiller_init(&t, &config, nullptr, memory.get(), size);
+  if (status != tiller_status_ok) {
+    const char* field = "";
+    tiller_config_check(&config, &field);
+    std::fprintf(stderr, "%s: %s (%s)\n", task.name.c_str(), tiller_status_text(status), field);
+    std::exit(1);
+  }
+  tiller_arm(t);
+
+  Plant plant(task.config, truth);
+  UncertainRun run;
+  for (std::uint32_t k = 0; k < task.ticks; ++k) {
+    const std::int64_t now_us = std::llround(k * config.period_s * 1e6);
+    tiller_measurement_t m{};
+    m.stamp_us = now_us;
+    m.sequence = k;
+    for (std::uint32_t i = 0; i < config.measurement_count; ++i)
+      m.value[i] = plant.x[config.measured_state[i]] + config.measurement_sd[i] * dice.normal();
+    tiller_command_t command{};
+    const int said = tiller_tick(t, now_us, &m, &command);
+    run.bad_ticks += said >= 100 && said < 200;
+    run.cost += step_cost(task.config, plant.x, command.value);
+    plant.advance(command.value);
+    run.farthest = std::max(run.farthest, std::abs(plant.x[0]));
+  }
+  if (!std::isfinite(run.cost)) run.cost = 1e9;
+  return run;
+}
+
+}  // namespace tiller::bench
