@@ -115,8 +115,8 @@ void take_parameters(const RobotFile& robot, CsvRow& row, tiller_record_t& r) {
 }
 
 RecordEntry entry_of(const RobotFile& robot, CsvRow& row) {
-  static const CodeNames statuses = code_names(
-      kStatusCodes, [](int code) { return tiller_status_name(static_cast<tiller_status_t>(code)); });
+  static const CodeNames statuses =
+      code_names(kStatusCodes, [](int code) { return tiller_status_name(static_cast<tiller_status_t>(code)); });
   static const CodeNames states =
       code_names(kStateCodes, [](int code) { return tiller_state_name(static_cast<tiller_state_t>(code)); });
   RecordEntry entry;

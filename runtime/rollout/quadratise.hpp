@@ -179,9 +179,8 @@ TILLER_INLINE void add_own(double weight, int nx, int nu, int n, const S& value,
 /// Value, gradient and Hessian of a function in C by central differences: widths of eps^(1/3) and eps^(1/4), relative
 /// to the argument where it is above 1. z = (x, u), n of them; the end of the horizon where `stage` is false.
 /// 1 + 2 n + 2 n^2 calls.
-TILLER_INLINE void difference_own(const tiller_own_cost_t& own, bool stage, int nx, int n,
-                                                          const double* z, const double* p, double time_s,
-                                                          double& value, double* gradient, double* hessian) {
+TILLER_INLINE void difference_own(const tiller_own_cost_t& own, bool stage, int nx, int n, const double* z,
+                                  const double* p, double time_s, double& value, double* gradient, double* hessian) {
   double at[TILLER_MAX_STATES + TILLER_MAX_INPUTS];
   const auto call = [&] {
     if (stage) return own.stage(at, at + nx, p, time_s, own.context);

@@ -50,7 +50,7 @@ struct MaskedDual {
       if ((bits >> i) & 1u) r.d[i] = f(i);
     return r;
   }
-#define TILLER_DERIVATIVE [&](int i) TILLER_INLINED->S
+#define TILLER_DERIVATIVE [&](int i) TILLER_INLINED -> S
   friend TILLER_INLINE MaskedDual operator+(const MaskedDual& a, const MaskedDual& b) {
     return make(
         a.v + b.v, a.mask | b.mask, TILLER_DERIVATIVE {

@@ -212,7 +212,8 @@ int print_moments(const std::string& name, double sigma, int count) {
 int main(int argc, char** argv) {
   const std::string mode = argc > 1 ? argv[1] : "";
   if (mode == "--ticks") return count_ticks();
-  if (mode == "--moments" && argc == 5) return print_moments(argv[2], bench::real_number(argv[3]), bench::whole_number(argv[4]));
+  if (mode == "--moments" && argc == 5)
+    return print_moments(argv[2], bench::real_number(argv[3]), bench::whole_number(argv[4]));
   if (argc == 1) return answer_rounds();
   std::fprintf(stderr, "usage: bench_posterior_peers [--ticks | --moments TASK SIGMA N]\n");
   return 2;

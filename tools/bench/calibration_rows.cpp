@@ -9,7 +9,9 @@ namespace tiller::bench {
 namespace {
 
 ReferencePrior uniform(double low, double high) { return {ReferencePrior::Kind::uniform, 0.0, 0.0, low, high}; }
-ReferencePrior log_normal(double median, double sd) { return {ReferencePrior::Kind::log_normal, median, sd, 0.0, INFINITY}; }
+ReferencePrior log_normal(double median, double sd) {
+  return {ReferencePrior::Kind::log_normal, median, sd, 0.0, INFINITY};
+}
 
 /// Mechanism, priors, nominal noise and start that the rows begin with.
 CalibrationRow plain(Engine engine, Mechanism mechanism) {
@@ -305,8 +307,9 @@ PlantRun draw_run(const CalibrationRow& row, std::uint64_t seed) {
     const int at = row.problem.inferred[static_cast<std::size_t>(j)];
     double value = 0.0, first = 0.0;
     do {
-      value = prior.kind == ReferencePrior::Kind::uniform ? prior.low + unit(random) * (prior.high - prior.low)
-                                                    : prior.from_coordinate(prior.mean() + prior.b * normal(random));
+      value = prior.kind == ReferencePrior::Kind::uniform
+                  ? prior.low + unit(random) * (prior.high - prior.low)
+                  : prior.from_coordinate(prior.mean() + prior.b * normal(random));
       // of a parameter that changes the value at the run's end is drawn; the prior holds its beginning too
       first = at == run.change_param ? value / run.change_factor : value;
     } while (!(std::min(first, value) >= prior.low && std::max(first, value) <= prior.high));

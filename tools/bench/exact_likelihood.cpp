@@ -42,7 +42,8 @@ void ExactLikelihood::accumulate(const Eigen::MatrixXd& coordinates, Eigen::Matr
   const int n = static_cast<int>(coordinates.cols()), lanes = padded(n);
   const int nx = static_cast<int>(episode_.nx);
   const std::uint32_t np = task_.config.param_count;
-  std::vector<double> params(np * static_cast<std::size_t>(lanes)), next(static_cast<std::size_t>(nx) * static_cast<std::size_t>(lanes));
+  std::vector<double> params(np * static_cast<std::size_t>(lanes)),
+      next(static_cast<std::size_t>(nx) * static_cast<std::size_t>(lanes));
   for (std::uint32_t i = 0; i < np; ++i)
     std::fill_n(&params[i * static_cast<std::size_t>(lanes)], lanes, task_.config.priors[i].a);
   for (int j = 0; j < dimensions(); ++j)

@@ -254,15 +254,15 @@ std::int64_t timeout_us(Timeout timeout, const Setup& setup) {
 
 const char* name_of(Timeout timeout) {
   static constexpr const char* kNames[] = {"at once",
-                                       "sensor_timeout_s",
-                                       "bad_ticks_to_safe",
-                                       "2 x bad_ticks_to_safe",
-                                       "2 x frozen_ticks",
-                                       "hold_ticks_to_safe",
-                                       "horizon / 2 + hold_ticks_to_safe",
-                                       "heartbeat_timeout_s",
-                                       "the device's watchdog",
-                                       "the device's plan timeout"};
+                                           "sensor_timeout_s",
+                                           "bad_ticks_to_safe",
+                                           "2 x bad_ticks_to_safe",
+                                           "2 x frozen_ticks",
+                                           "hold_ticks_to_safe",
+                                           "horizon / 2 + hold_ticks_to_safe",
+                                           "heartbeat_timeout_s",
+                                           "the device's watchdog",
+                                           "the device's plan timeout"};
   return kNames[static_cast<int>(timeout)];
 }
 

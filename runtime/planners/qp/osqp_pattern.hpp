@@ -80,7 +80,8 @@ class OsqpColumns {
         const int j = i / n_, c = i % n_;
         for (int r = 0; k + 1 < horizon_ && r < n_; ++r)
           if (entry(shape_.a, r * n_ + c))
-            visit(dynamics_row(k + 1) + j * n_ + r, qp ? -qp->lq.a[(((k + 1) * scenarios_ + j) * n_ + r) * n_ + c] : 0.0);
+            visit(dynamics_row(k + 1) + j * n_ + r,
+                  qp ? -qp->lq.a[(((k + 1) * scenarios_ + j) * n_ + r) * n_ + c] : 0.0);
         if (!bounded(i)) continue;
         visit(state_row(k + 1, i), 1.0);
         if (soft(i)) visit(state_row(k + 1, i) + 1, 1.0);
