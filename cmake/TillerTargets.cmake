@@ -20,6 +20,9 @@ target_compile_options(tiller_flags INTERFACE -Wall -Wextra -Wshadow -Wconversio
 if(TILLER_SANITIZE)
   add_compile_options(-fsanitize=${TILLER_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer -g1)
   add_link_options(-fsanitize=${TILLER_SANITIZE})
+  if(TILLER_SANITIZE MATCHES "undefined")
+    add_compile_options(-fno-sanitize=vptr)  # asks for type information, which the runtime is compiled without
+  endif()
 endif()
 if(TILLER_COVERAGE)
   add_compile_options(--coverage)

@@ -44,8 +44,8 @@ std::size_t distinct(const Rows& rows, const F& of) {
 
 /// Least k with P(X <= k) >= q for X ~ binomial(n, p).
 double binomial_quantile(double n, double p, double q) {
-  double sum = 0, k = 0;
-  for (; k <= n; ++k) {
+  double sum = 0, k = -1;
+  while (++k <= n) {
     sum += std::exp(std::lgamma(n + 1) - std::lgamma(k + 1) - std::lgamma(n - k + 1) + k * std::log(p) +
                     (n - k) * std::log1p(-p));
     if (sum >= q) break;
@@ -70,7 +70,9 @@ void print_confusion(const Rows& rows) {
   for (const GapRow* r : rows) by_kind[kinds_of(r->truth)].push_back(r);
   std::printf("\n  %-44s %5s %6s %6s %5s %5s %7s %5s  %s\n", "truth", "n", "exact", "in set", "part", "none", "unnamed",
               "wrong", "said instead");
-  for (const auto& [kind, of] : by_kind) {
+  for (const auto& entry : by_kind) {
+    const std::string& kind = entry.first;
+    const Rows& of = entry.second;
     std::map<std::string, int> said;
     for (const GapRow* r : where(of, [](const GapRow& x) { return x.outcome == "wrong" || x.outcome == "part"; }))
       ++said[kinds_of(r->answer)];

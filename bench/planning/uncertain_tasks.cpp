@@ -191,10 +191,10 @@ UncertainTask planar_quadrotor_task() {
 
 bool override_setting(UncertainTask& task, const std::string& key, double value) {
   using Task = UncertainTask;
-  static const struct {
+  static constexpr struct {
     const char* key;
     void (*set)(Task&, double);
-  } kSettings[] = {
+  } settings[] = {
       {"planner", [](Task& t, double v) { t.config.planner.kind = whole(v); }},
       {"horizon", [](Task& t, double v) { t.config.planner.horizon = whole(v); }},
       {"knots", [](Task& t, double v) { t.config.planner.knots = whole(v); }},
@@ -226,7 +226,7 @@ bool override_setting(UncertainTask& task, const std::string& key, double value)
            t.config.safety.input_low[i] = -(t.config.safety.input_high[i] = v);
        }},
   };
-  for (const auto& setting : kSettings)
+  for (const auto& setting : settings)
     if (key == setting.key) {
       setting.set(task, value);
       return true;

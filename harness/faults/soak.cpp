@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <new>
@@ -68,14 +69,17 @@ struct Resident {
 };
 
 Resident resident() {
-  long size = 0, all = 0, of_files = 0;
+  char text[256] = {};
   std::FILE* file = std::fopen("/proc/self/statm", "r");
   if (file == nullptr) return {};
-  const int read = std::fscanf(file, "%ld %ld %ld", &size, &all, &of_files);
+  const char* read = std::fgets(text, sizeof text, file);
   std::fclose(file);
-  const long page = sysconf(_SC_PAGESIZE);
-  return read == 3 ? Resident{static_cast<std::int64_t>(all) * page, static_cast<std::int64_t>(of_files) * page}
-                   : Resident{};
+  if (read == nullptr) return {};
+  char* at = text;
+  (void)std::strtoll(at, &at, 10);  // of the address space
+  const std::int64_t all = std::strtoll(at, &at, 10), of_files = std::strtoll(at, &at, 10);
+  const std::int64_t page = sysconf(_SC_PAGESIZE);
+  return {all * page, of_files * page};
 }
 
 /// Reads a byte of every page of the program and its libraries. The kernel maps a file's pages when they are first

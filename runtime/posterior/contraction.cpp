@@ -76,7 +76,9 @@ void particle_covariance(const tiller_config_t& config, const Posterior& posteri
   for (std::uint32_t i = 0; i < d * d; ++i) covariance[i] = 0.0;
   for_each_particle(config, posterior, [&](const double* v, double weight) {
     for (std::uint32_t i = 0; i < d; ++i)
-      for (std::uint32_t j = 0; j < d; ++j) covariance[i * d + j] += weight * (v[i] - mean[i]) * (v[j] - mean[j]);
+      for (std::uint32_t j = 0; j < d; ++j)
+        // NOLINTNEXTLINE(clang-analyzer-core.uninitialized.Assign): all d * d were set to zero
+        covariance[i * d + j] += weight * (v[i] - mean[i]) * (v[j] - mean[j]);
   });
 }
 

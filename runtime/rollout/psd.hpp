@@ -47,7 +47,7 @@ TILLER_INLINE void clip_negative_eigenvalues(S* h, int n) {
         }
       }
   }
-  S least = a[0][0];
+  S least = a[0][0];  // NOLINT(clang-analyzer-core.uninitialized.Assign): n is at least 1
   for (int i = 1; i < n; ++i) least = min(least, a[i][i]);
   const auto keeps = least >= S(0.0);
   for (int r = 0; r < n; ++r)

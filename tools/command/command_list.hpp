@@ -2,7 +2,7 @@
 
 #include <initializer_list>
 
-namespace CLI {
+namespace CLI {  // NOLINT(readability-identifier-naming): the library's own
 class App;
 }
 

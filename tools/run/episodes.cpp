@@ -53,7 +53,7 @@ class Series {
     std::printf("%s: posterior of %llu episode(s), %llu transitions; goes on with episode %llu\n",
                 options_.posterior.c_str(), static_cast<unsigned long long>(stored_.episodes),
                 static_cast<unsigned long long>(stored_.transitions),
-                static_cast<unsigned long long>(stored_.episodes + 1));
+                static_cast<unsigned long long>(stored_.episodes) + 1);
     return true;
   }
 
@@ -188,7 +188,7 @@ EpisodesResult run_episodes(RobotFile robot, const EpisodesOptions& options, con
     series.note(all.last.exit_code);
     if (!series.is_complete(all.last)) {
       if (!series.carries()) break;
-      std::fprintf(stderr, "tiller: episode %llu %s; it is left out%s\n", static_cast<unsigned long long>(index + 1),
+      std::fprintf(stderr, "tiller: episode %llu %s; it is left out%s\n", static_cast<unsigned long long>(index) + 1,
                    why_incomplete(all.last).c_str(),
                    index > 0 && !options.posterior.empty() ? ": the file holds the last complete one's posterior" : "");
       break;

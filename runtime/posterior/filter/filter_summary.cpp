@@ -39,8 +39,10 @@ void to_root(std::uint32_t n, const double* p, std::uint32_t stride, double* to,
 void from_root(std::uint32_t n, const double* from, std::uint32_t from_stride, double* p, std::uint32_t stride) {
   double root[kMaxFilterStates][kMaxFilterStates];
   for (std::uint32_t r = 0; r < n; ++r) {
+    // NOLINTBEGIN(clang-analyzer-core.*): the caller has filled the whole triangle
     root[r][r] = math::exp(from[triangle_row(n, r, r) * from_stride]);
     for (std::uint32_t c = 0; c < r; ++c) root[r][c] = from[triangle_row(n, c, r) * from_stride] * root[r][r];
+    // NOLINTEND(clang-analyzer-core.*)
   }
   for (std::uint32_t r = 0; r < n; ++r)
     for (std::uint32_t c = r; c < n; ++c) {

@@ -104,7 +104,8 @@ bool ExciteSearch::within(const InputSequence& sequence) {
 
 bool ExciteSearch::shrink_to_bounds(InputSequence& sequence) {
   if (within(sequence)) return true;
-  for (double share = 0.7; share > 0.02; share *= 0.7) {
+  double share = 1.0;
+  while ((share *= 0.7) > 0.02) {
     const InputSequence smaller = scaled(sequence, options_.range, share);
     if (!within(smaller)) continue;
     sequence = smaller;

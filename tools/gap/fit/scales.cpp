@@ -45,11 +45,12 @@ double inertia_at(const tiller_config_t& nominal, std::uint32_t j, const std::ve
   job.effect_state.data = none;
   job.final_state = next;
   select_rollout(model).rollout_f64(model, job);
+  constexpr double kPairs = kLanes / 2.0;  // of lanes with and without the force
   double sum = 0;
   const std::uint32_t v = model.joints[j].velocity;
   for (std::uint32_t l = 0; l < kLanes; l += 2)
     sum += std::fabs(next[v * kLanes + l] - next[v * kLanes + l + 1]) / (kForce * period_s);
-  const double inertia = kLanes / 2 / sum;
+  const double inertia = kPairs / sum;
   return std::isfinite(inertia) && inertia > 0 ? inertia : 1;
 }
 

@@ -62,7 +62,7 @@ std::vector<AxisValues> axes_of(const tiller_model_t& model, const std::vector<R
 // ---- bins --------------------------------------------------------------------------------------------------------
 
 double quantile_of(const std::vector<double>& sorted, double q) {
-  return sorted[static_cast<std::size_t>(q * static_cast<double>(sorted.size() - 1) + 0.5)];
+  return sorted[static_cast<std::size_t>(std::lround(q * static_cast<double>(sorted.size() - 1)))];
 }
 
 void append_quantiles(const std::vector<double>& sorted, int bins, std::vector<double>& edges) {

@@ -97,7 +97,7 @@ std::vector<double> model_changes(const tiller_config_t& config, const Grid& gri
   std::vector<double> effect_state((setup.effect_state_count + 1) * kChunk, 0.0);
   std::vector<double> history(std::size_t{setup.delay_steps + 1} * model.input_count, 0.0);
   for (std::uint32_t i = 0; i < config.param_count; ++i)
-    std::fill_n(rows.begin() + static_cast<std::ptrdiff_t>(i * kChunk), kChunk, p[i]);
+    std::fill_n(rows.begin() + static_cast<std::ptrdiff_t>(i) * static_cast<std::ptrdiff_t>(kChunk), kChunk, p[i]);
   for (std::size_t from = 0; from < points; from += kChunk) {
     const std::size_t count = std::min<std::size_t>(kChunk, points - from);
     for (std::uint32_t lane = 0; lane < kChunk; ++lane) {

@@ -186,6 +186,7 @@ void conclude(Session& s, const Found& found, const std::vector<std::string>& pa
   }
   if (set.size() > 1 && !one_answer) {
     std::vector<std::string> texts;
+    texts.reserve(set.size());
     for (const Entry* e : set) texts.push_back(effects_text(e->effects(), *s.config.model));
     result.verdict = Verdict::ambiguous;
     result.sentence = "These explain the gap equally well: " + join(texts, "; or ") + ". " + from_to;

@@ -106,7 +106,8 @@ bool ResidualRegression::solve(double force_sd, double typical) {
     const Vector step = Eigen::LLT<Matrix>(posterior_precision(sums_)).solve(pull);
     const double now = objective(sums_, z_);
     bool moved = false;
-    for (double share = 1.0; share > 0.05 && !moved; share *= 0.5) {
+    double share = 2.0;
+    while (!moved && (share *= 0.5) > 0.05) {
       const Vector z = inside(z_ + share * step);
       const PredictionSums sums = pass(z, force_sd);
       if (!(objective(sums, z) < now)) continue;

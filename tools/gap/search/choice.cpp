@@ -39,7 +39,7 @@ std::size_t Pool::leader(std::size_t most) const {
   std::size_t lead = 0;
   for (std::size_t i = 1; i < entries.size(); ++i)
     if (entries[i].decided && entries[i].effects().size() <= most &&
-        ranked_cost(s, entries[i]) < ranked_cost(s, entries[lead]))
+        ranked_cost(session_, entries[i]) < ranked_cost(session_, entries[lead]))
       lead = i;
   return lead;
 }
@@ -49,8 +49,9 @@ bool Pool::simpler_than(std::size_t simple, std::size_t rich) {
   const Entry &a = entries[simple], &b = entries[rich];
   if (nested(a, b)) return true;
   return !a.effects().empty() && a.effects().size() <= b.effects().size() &&
-         a.hypothesis.free.size() < b.hypothesis.free.size() && !compare(s, b, a).significant(kRival_nats, kRival_z) &&
-         difference_sigma(s, a, b) < kEquivalent_sigma;
+         a.hypothesis.free.size() < b.hypothesis.free.size() &&
+         !compare(session_, b, a).significant(kRival_nats, kRival_z) &&
+         difference_sigma(session_, a, b) < kEquivalent_sigma;
 }
 
 std::size_t Pool::choose(std::size_t most) {
@@ -61,8 +62,8 @@ std::size_t Pool::choose(std::size_t most) {
     for (std::size_t i = 0; i < entries.size(); ++i) {
       const Entry& e = entries[i];
       if (i == best || !e.decided || !simpler_than(i, best)) continue;
-      if (worth(s, nominal(), entries[best], e)) continue;
-      if (simpler == best || ranked_cost(s, e) < ranked_cost(s, entries[simpler])) simpler = i;
+      if (worth(session_, nominal(), entries[best], e)) continue;
+      if (simpler == best || ranked_cost(session_, e) < ranked_cost(session_, entries[simpler])) simpler = i;
     }
     if (simpler != best) {
       best = simpler;
@@ -75,9 +76,10 @@ std::size_t Pool::choose(std::size_t most) {
 bool Pool::better(std::size_t a, std::size_t b, std::size_t level) {
   if (a == b) return false;
   const Entry &x = entries[a], &y = entries[b];
-  if (b != 0 && x.hypothesis.free.size() <= y.hypothesis.free.size()) return ranked_cost(s, x) < ranked_cost(s, y);
-  return compare(s, x, y).significant(kGap_nats, kGap_z) &&
-         (level == 1 || share_of_gap(s, nominal(), x, y) > kSizeShare);
+  if (b != 0 && x.hypothesis.free.size() <= y.hypothesis.free.size())
+    return ranked_cost(session_, x) < ranked_cost(session_, y);
+  return compare(session_, x, y).significant(kGap_nats, kGap_z) &&
+         (level == 1 || share_of_gap(session_, nominal(), x, y) > kSizeShare);
 }
 
 std::vector<std::size_t> Pool::rivals(std::size_t index) {
@@ -88,12 +90,13 @@ std::vector<std::size_t> Pool::rivals(std::size_t index) {
     const Entry& e = entries[i];
     if (i == index || !e.decided || nested(best, e)) continue;
     if (e.effects().size() > best.effects().size() && e.hypothesis.free.size() >= best.hypothesis.free.size()) continue;
-    const Comparison c = compare(s, best, e);
+    const Comparison c = compare(session_, best, e);
     if (c.significant(kRival_nats, kRival_z)) continue;
     // the same predictions from more parameters: the simpler has the name
-    if (e.hypothesis.free.size() > best.hypothesis.free.size() && difference_sigma(s, best, e) < kEquivalent_sigma)
+    if (e.hypothesis.free.size() > best.hypothesis.free.size() &&
+        difference_sigma(session_, best, e) < kEquivalent_sigma)
       continue;
-    if (share_of_gap(s, nominal(), best, e) > kRivalShare) continue;
+    if (share_of_gap(session_, nominal(), best, e) > kRivalShare) continue;
     found.push_back(i);
   }
   return found;

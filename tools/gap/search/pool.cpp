@@ -19,15 +19,15 @@ std::size_t Pool::find(const std::vector<EffectAt>& effects) const {
 
 void Pool::begin() {
   Entry nominal;
-  make_hypothesis(s.config, {}, &s.scales, nominal.hypothesis);
-  s.progress("nominal fit", 0);
-  nominal.fit = s.shooting->begin(nominal.hypothesis, {}, nullptr);
+  make_hypothesis(session_.config, {}, &session_.scales, nominal.hypothesis);
+  session_.progress("nominal fit", 0);
+  nominal.fit = session_.shooting->begin(nominal.hypothesis, {}, nullptr);
   for (int round = 0; round < 2; ++round) {
-    s.shooting->prepare_whitening(nominal.hypothesis, nominal.fit);
-    s.shooting->fit(nominal.hypothesis, s.work, {}, nominal.fit);
+    session_.shooting->prepare_whitening(nominal.hypothesis, nominal.fit);
+    session_.shooting->fit(nominal.hypothesis, session_.work, {}, nominal.fit);
   }
   nominal.full = true;
-  decide(s, nominal);
+  decide(session_, nominal);
   entries.push_back(std::move(nominal));
 }
 
@@ -45,7 +45,7 @@ double Pool::enough_for(const Entry& e) const {
 }
 
 void Pool::consider(std::vector<Entry> screened, std::size_t keep) {
-  const double each = 4 * s.dispersion;
+  const double each = 4 * session_.dispersion;
   std::stable_sort(screened.begin(), screened.end(), [&](const Entry& a, const Entry& b) {
     return a.screened + each * static_cast<double>(a.hypothesis.free.size()) <
            b.screened + each * static_cast<double>(b.hypothesis.free.size());
@@ -60,9 +60,9 @@ void Pool::consider(std::vector<Entry> screened, std::size_t keep) {
   double ahead = INFINITY;
   for (const Entry& e : entries) ahead = std::min(ahead, e.fit.total());
   for (Entry& e : kept) e.enough = enough_for(e);
-  refine(s, kept, ahead);
+  refine(session_, kept, ahead);
   for (Entry& e : kept)
-    if (e.fit.finite && !s.stopped() && entries.size() + 1 < kMostSets) entries.push_back(std::move(e));
+    if (e.fit.finite && !session_.stopped() && entries.size() + 1 < kMostSets) entries.push_back(std::move(e));
   decide_near();
 }
 
@@ -71,21 +71,21 @@ void Pool::decide_near() {
   std::size_t first = 0;
   for (std::size_t i = 1; i < entries.size(); ++i)
     if (entries[i].fit.total() < entries[first].fit.total()) first = i;
-  if (first != 0) s.dispersion = dispersion_of(s, entries[first]);
+  if (first != 0) session_.dispersion = dispersion_of(session_, entries[first]);
   for (Entry& e : entries) {
-    if (e.decided || s.stopped() || e.fit.total() > e.enough) continue;
-    if (e.fit.total() - entries[first].fit.total() > 2 * kBehind_nats * s.dispersion) continue;
-    if (!e.full) fit_fully(s, e);
-    if (e.fit.finite) decide(s, e);
+    if (e.decided || session_.stopped() || e.fit.total() > e.enough) continue;
+    if (e.fit.total() - entries[first].fit.total() > 2 * kBehind_nats * session_.dispersion) continue;
+    if (!e.full) fit_fully(session_, e);
+    if (e.fit.finite) decide(session_, e);
   }
-  s.dispersion = dispersion_of(s, entries[leader(SIZE_MAX)]);
+  session_.dispersion = dispersion_of(session_, entries[leader(SIZE_MAX)]);
 }
 
 std::size_t Pool::without(std::size_t index, std::size_t member) {
   const std::vector<EffectAt> effects = entries[index].effects();
   std::vector<EffectAt> rest;
   std::vector<double> params(entries[index].fit.params.begin(),
-                             entries[index].fit.params.begin() + s.config.param_count);
+                             entries[index].fit.params.begin() + session_.config.param_count);
   std::size_t at = params.size();
   for (std::size_t i = 0; i < effects.size(); ++i) {
     const std::size_t count = static_cast<std::size_t>(effect_info(effects[i].kind).param_count);
@@ -97,11 +97,12 @@ std::size_t Pool::without(std::size_t index, std::size_t member) {
   }
   if (const std::size_t known = find(rest); known != kNone) return known;
   Entry e;
-  if (entries.size() + 1 >= kMostSets || !make_hypothesis(s.config, rest, &s.scales, e.hypothesis)) return kNone;
-  e.fit = s.shooting->begin(e.hypothesis, params, &entries[index].fit);
+  if (entries.size() + 1 >= kMostSets || !make_hypothesis(session_.config, rest, &session_.scales, e.hypothesis))
+    return kNone;
+  e.fit = session_.shooting->begin(e.hypothesis, params, &entries[index].fit);
   FitSettings few;
   few.iterations = kFirstIterations;
-  s.shooting->fit(e.hypothesis, s.work, few, e.fit);
+  session_.shooting->fit(e.hypothesis, session_.work, few, e.fit);
   if (!e.fit.finite) return kNone;
   entries.push_back(std::move(e));
   return entries.size() - 1;
@@ -109,9 +110,9 @@ std::size_t Pool::without(std::size_t index, std::size_t member) {
 
 void Pool::settle(std::size_t index) {
   Entry& e = entries[index];
-  if (s.stopped() || e.decided) return;
-  if (!e.full) fit_fully(s, e);
-  if (e.fit.finite) decide(s, e);
+  if (session_.stopped() || e.decided) return;
+  if (!e.full) fit_fully(session_, e);
+  if (e.fit.finite) decide(session_, e);
 }
 
 std::vector<std::size_t> Pool::beam(std::size_t effects, std::size_t width) const {
@@ -126,11 +127,11 @@ std::vector<std::size_t> Pool::beam(std::size_t effects, std::size_t width) cons
 
 double Pool::screened_now(std::size_t index) {
   Hypothesis coarse = entries[index].hypothesis;
-  coarse.setup.substeps = s.coarse_substeps;
+  coarse.setup.substeps = session_.coarse_substeps;
   Fit fit = entries[index].fit;
   FitSettings few;
   few.iterations = 3;
-  s.shooting->fit(coarse, s.screen, few, fit);
+  session_.shooting->fit(coarse, session_.screen, few, fit);
   return fit.total();
 }
 

@@ -11,7 +11,7 @@ namespace tiller::tools::gap {
 class Pool {
  public:
   static constexpr std::size_t kNone = SIZE_MAX;
-  explicit Pool(Session& session) : s(session) {}
+  explicit Pool(Session& session) : session_(session) {}
 
   std::vector<Entry> entries;
 
@@ -45,7 +45,7 @@ class Pool {
   void decide_near();
   bool simpler_than(std::size_t simple, std::size_t rich);
 
-  Session& s;
+  Session& session_;
 };
 
 }  // namespace tiller::tools::gap

@@ -18,6 +18,7 @@ std::vector<double> other_shapes(const Session& s, const EffectAt& e, int param,
   if (is_strength(p.scale) || p.scale == Scale::period || p.scale == Scale::input) return {};
   std::vector<double> values;
   const double scale = scale_of(s.scales, *s.config.model, e.kind, e.port, param);
+  values.reserve(static_cast<std::size_t>(p.start_count));
   for (int k = 0; k < p.start_count; ++k) values.push_back(p.start[k] * scale);
   return values;
 }
