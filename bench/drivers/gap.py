@@ -19,7 +19,7 @@ Sections:
     residual  what is learnt where nothing fits
 
     --jobs N       processes that share the cases (one a core)
-    --emps, --xl330, --dfki FOLDER   data as published; also TILLER_EMPS, TILLER_XL330, TILLER_DFKI (docs/measured.md)
+    --emps, --xl330, --dfki FOLDER   data as published; also TILLER_EMPS, TILLER_XL330, TILLER_DFKI (docs/evidence/measured.md)
     --open-test    also opens the EMPS test file, DATA_EMPS_PULSES.mat: once, when nothing is tuned any more
     --plot FILE    picture of the confusion matrix (build/gap/confusion.png)
     --out FOLDER   results.csv with a line for each case (build/gap); a run that was cut goes on from there
@@ -49,7 +49,7 @@ TITLES = {"sealed": "one hidden effect", "null": "nothing hidden", "two": "two h
 QUICK = {"sealed": ["--seeds", "1", "--noises", "0.002"], "null": ["--seeds", "1", "--noises", "0.002"]}
 # logs of the XL330 that nothing is fitted to
 HELD_OUT = "up_and_down"
-# swing-ups of the DFKI pendulum with its usual bob; other logs hold spikes of torque (docs/identify.md) or little motion
+# swing-ups of the DFKI pendulum with its usual bob; other logs hold spikes of torque (docs/guide/identify.md) or little motion
 SWING_UPS = ["ddp", "direct_collocation", "ilqr", "sac"]
 
 
@@ -80,7 +80,7 @@ def machine_arguments(section, args):
         if logs:
             held_out = [str(p) for p in logs if HELD_OUT in p.name]
             return ["xl330", *(str(p) for p in logs if HELD_OUT not in p.name), "--hold-out", *held_out]
-    print(f"  NOT MEASURED: no data of {section}; name their folder with --{section} (docs/measured.md)")
+    print(f"  NOT MEASURED: no data of {section}; name their folder with --{section} (docs/evidence/measured.md)")
     return None
 
 

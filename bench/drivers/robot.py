@@ -6,7 +6,7 @@
     ./dev bench robot --quick            a fixed small part of each (minutes)
 
 Sections:
-    faults     every kind of fault from 20 seeds on two plants; --page writes the table of docs/faults.md
+    faults     every kind of fault from 20 seeds on two plants; --page writes the table of docs/evidence/faults.md
     gate       1e8 random and adversarial commands into the output gate
     mutants    one-line mistakes in gate, state machine and sensor guard: do the tests notice?
     loss       the pendulum over an emulated bus that loses and delays frames
@@ -14,13 +14,13 @@ Sections:
     integrity  own frames: flips, losses, repetitions, order; keyed messages
     heap       no call to the heap after init
     buses      faults on real sockets from 20 seeds on two plants: queues, interfaces, gateway, processes; the tests over
-               virtual CAN and LCM; --page writes the second table of docs/faults.md
+               virtual CAN and LCM; --page writes the second table of docs/evidence/faults.md
     recorder   logs that survive crashes, and the same commands from them
     fuzz       libFuzzer with ASan and UBSan on whatever reads bytes
     targets    aarch64, armhf, Cortex-M7: tests under emulators, and the same commands bit by bit
 
     --quick        smaller numbers; goals of size are short then
-    --page         write docs/faults.md's tables from this run
+    --page         write docs/evidence/faults.md's tables from this run
     --build DIR    the CMake build folder (build/release)
 
 A section is a function here that returns rows; a row is printed by a program (bench_table.hpp's form), or says how many
@@ -128,7 +128,7 @@ def program(args, name, *arguments):
 
 @section("fault matrix")
 def faults(args):
-    page = ["--page", ROOT / "docs/faults.md"] if args.page else []
+    page = ["--page", ROOT / "docs/evidence/faults.md"] if args.page else []
     return program(args, "faults", "--seeds", 2 if args.quick else 20, *page)
 
 
@@ -179,7 +179,7 @@ def faults_on_sockets(args):
         raise NotMeasured(f"bus_faults.sh ended with {code}:\n{said[-2000:]}")
     kinds, runs, wrong = map(int, counted.groups())
     if args.page:
-        write_between_marks(ROOT / "docs/faults.md", "buses", "".join(
+        write_between_marks(ROOT / "docs/evidence/faults.md", "buses", "".join(
             f"{line}\n" for line in ["| group | fault | over | what tiller does | stopped after, worst | allowed |",
                                      "|---|---|---|---|---|---|", *re.findall(r"^PAGE (.*)$", said, re.MULTILINE)]))
     heading = f"faults on real sockets, virtual CAN, {kinds} kinds"

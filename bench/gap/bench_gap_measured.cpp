@@ -1,4 +1,4 @@
-// `tiller gap` on machines measured by others (docs/measured.md); ./dev bench gap makes the logs and calls it.
+// `tiller gap` on machines measured by others (docs/evidence/measured.md); ./dev bench gap makes the logs and calls it.
 //
 //     bench_gap_measured emps LOG [--test LOG]
 //     bench_gap_measured xl330 LOG.. --hold-out LOG..

@@ -29,7 +29,7 @@ struct Options {
   std::uint64_t ticks = 8640000;
   std::uint64_t trials = 1000000;
   std::string kind;  ///< this one alone
-  std::string page;  ///< the table of docs/faults.md is written between its marks
+  std::string page;  ///< the table of docs/evidence/faults.md is written between its marks
 };
 
 /// Replaces what stands between the marks of a page.
@@ -122,7 +122,7 @@ void integrity(const Options& options, Table& table) {
   rows("sealed LCM messages, 1 and 2 bits flipped", flips_of_sealed(n));
   rows("board's frames repeated, swapped, replayed", disorder_of_board(n));
   rows("sealed messages repeated, swapped, replayed", disorder_of_sealed(n));
-  // what the counters' widths let through without a key: numbers that have wrapped pass (docs/security.md)
+  // what the counters' widths let through without a key: numbers that have wrapped pass (docs/reference/security.md)
   table.row("a replayed measurement on CAN is refused for", 0x1p23, "frames");
   table.row("a replayed 8-bit counter (E2E frames) is refused for", 240, "frames");
 }
@@ -169,7 +169,7 @@ int usage() {
       "usage: bench_robot faults|gate|soak|integrity|loss [--seeds N] [--commands N] [--ticks N] [--trials N]\n"
       "         [--kind NAME] [--page FILE]\n"
       "  faults  every kind of fault from N seeds on two plants (20); --kind: one\n"
-      "          alone; --page writes docs/faults.md's table\n"
+      "          alone; --page writes docs/evidence/faults.md's table\n"
       "  gate    N commands into the output gate (1e8)\n"
       "  soak    N ticks in lockstep, twice (8640000)\n"
       "  integrity  own frames and messages damaged, repeated, replayed, N trials each (1e6)\n"

@@ -1,4 +1,4 @@
-"""A cart-pole in Python that tiller steers over LCM, in lockstep. docs/lcm.md explains it."""
+"""A cart-pole in Python that tiller steers over LCM, in lockstep. docs/guide/lcm.md explains it."""
 import argparse
 import math
 import lcm

@@ -1,4 +1,4 @@
-"""Signed LCM messages in Python: one end of a link. docs/security.md explains the trailer and what it proves.
+"""Signed LCM messages in Python: one end of a link. docs/reference/security.md explains the trailer and what it proves.
 
     seal = Seal(bytes.fromhex(open("robot.key").read()))
     bus.publish(channel, seal.sign(channel, measurement.encode()))

@@ -38,7 +38,7 @@ const char* name_of(Timeout timeout);
 struct Fault {
   const char* name;
   const char* group;
-  const char* what;  ///< one line for the table of docs/faults.md
+  const char* what;  ///< one line for the table of docs/evidence/faults.md
   Road road;
   End end;
   Timeout timeout;

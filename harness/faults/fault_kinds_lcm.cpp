@@ -1,5 +1,5 @@
 // Faults of an LCM network: bytes that are not ours, and bytes that were. Without a key nobody can tell a plausible
-// forgery from the plant: docs/security.md.
+// forgery from the plant: docs/reference/security.md.
 
 #include <algorithm>
 

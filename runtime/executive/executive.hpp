@@ -28,7 +28,7 @@ constexpr double kLongestLead_periods = 4.0;
 /// block.
 ///
 /// A tick is   sense -> validate -> learn -> plan -> gate -> record.   Each step has its answer to bad input
-/// (docs/safety.md lists them); none of them allocates, blocks, throws or prints.
+/// (docs/reference/safety.md lists them); none of them allocates, blocks, throws or prints.
 class Executive {
  public:
   /// Lays out the controller; null while the arena measures. `config` has passed config_check; its model and

@@ -17,7 +17,7 @@ enum class ActuatorKind : std::uint8_t {
 /// What a command is. Radians and newton metres are those of the shaft that the drive reports.
 enum class ActuatorMode : std::uint8_t { torque, velocity, position };
 
-/// How moteus registers travel. Integers save bandwidth: docs/actuators.md has their steps and ranges.
+/// How moteus registers travel. Integers save bandwidth: docs/guide/actuators.md has their steps and ranges.
 enum class MoteusResolution : std::uint8_t { int8, int16, int32, f32 };
 
 /// Who answers how in the MIT protocol: 6 bytes and no more; with temperature and error code (CubeMars AK); with

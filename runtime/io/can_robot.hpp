@@ -49,7 +49,7 @@ struct CanLayout {
 const char* can_layout_error(const CanLayout& layout);
 
 /// The robot's side of the bus without the bus: frames in, measurements and faults out; commands in, frames
-/// out. No system calls, so that tests and fuzzers reach all of it on any machine. docs/can.md is the plant's
+/// out. No system calls, so that tests and fuzzers reach all of it on any machine. docs/guide/can.md is the plant's
 /// view.
 class CanRobot {
  public:

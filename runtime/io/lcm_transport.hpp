@@ -15,7 +15,7 @@ struct _lcm_t;
 namespace tiller {
 
 /// Messages over LCM (UDP multicast): channels <prefix>MEASUREMENT, <prefix>COMMAND, <prefix>TELEMETRY with
-/// the types of runtime/io/lcm. docs/lcm.md is the plant's view.
+/// the types of runtime/io/lcm. docs/guide/lcm.md is the plant's view.
 struct LcmOptions {
   const char* url = "udpm://239.255.76.67:7667?ttl=0";  ///< ttl=0 keeps messages on this machine
   const char* channel_prefix = "TILLER_";               ///< letters, digits, _ and -; at most 40 characters

@@ -34,7 +34,7 @@ const char* seal_text(SealState state);
 ///     was recorded before the receiver started, or in a session that was given up, never passes.
 ///   - A receiver draws a new challenge twice in `window_us`, by its own monotonic clock, and takes answers to the last
 ///     two: a message that was held up on its way for longer than the window does not pass. Window 0: not checked.
-/// A message that is a trailer alone carries a challenge and nothing else. docs/security.md has the whole argument.
+/// A message that is a trailer alone carries a challenge and nothing else. docs/reference/security.md has the whole argument.
 class MessageSeal {
  public:
   static constexpr std::uint32_t kKeyBytes = 32, kSecretBytes = 32, kTagBytes = 16, kTrailerBytes = 4 * 8 + kTagBytes;

@@ -28,7 +28,7 @@ struct PosteriorReport {
 };
 
 /// Particles over the named parameters, and the state estimate that goes with them. One engine per way of taking in
-/// what was measured (tiller_posterior_kind_t); see docs/posterior.md for the equations.
+/// what was measured (tiller_posterior_kind_t); see docs/theory/posterior.md for the equations.
 ///
 ///     Posterior* p = Posterior::lay_out(arena, config, setup, table, hooks);
 ///     p->reset();

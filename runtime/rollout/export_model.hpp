@@ -87,6 +87,6 @@ struct ExportedModel {
   }
 #endif
 #define TILLER_EXPORT_MODEL(Type) TILLER_EXPORT_KERNEL(Type, ::tiller::Kernel<Type>)
-   /// With a cost of one's own, a template beside the model (docs/costs.md).
+   /// With a cost of one's own, a template beside the model (docs/reference/costs.md).
 #define TILLER_EXPORT_MODEL_WITH_COST(Type, Cost) TILLER_EXPORT_KERNEL(Type, ::tiller::Kernel<Type, Cost>)
 #endif

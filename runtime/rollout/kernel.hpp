@@ -18,7 +18,7 @@
 
 TILLER_ISA_NAMESPACE_BEGIN
 
-/// Cost is a cost of one's own beside the model: see docs/costs.md.
+/// Cost is a cost of one's own beside the model: see docs/reference/costs.md.
 template <template <class> class M, template <class> class Cost = NoCost>
 struct Kernel {
   using Model = StaticModel<M>;

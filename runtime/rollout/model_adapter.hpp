@@ -84,7 +84,7 @@ struct StaticModel {
   static_assert(kForces > 0 || !HasJoints<M<double>>::value, "joints ask for TILLER_FIELDS(Force, ...)");
   static_assert(kStates <= TILLER_MAX_STATES && kInputs <= TILLER_MAX_INPUTS && kParams <= TILLER_MAX_PARAMS &&
                     kForces <= TILLER_MAX_JOINTS,
-                "the model is larger than docs/limits.md allows");
+                "the model is larger than docs/reference/limits.md allows");
 
   template <int I>
   static constexpr bool is_angle(Index<I>) {

@@ -24,7 +24,7 @@ constexpr int kEventCount = 11;
 constexpr int kStateCount = 5;
 
 /// INIT, STANDBY, ACTIVE, HOLD, SAFE and nothing implicit: every pair of state and event has its entry in one
-/// table (docs/safety.md shows it). SAFE is left by reset alone.
+/// table (docs/reference/safety.md shows it). SAFE is left by reset alone.
 class StateMachine {
  public:
   tiller_state_t state() const { return state_; }

@@ -2,7 +2,7 @@
 With --check nothing is written: it fails where the corpus is not what this would write, as after a change of a message.
 
 TYPES is the folder of the generated Python package tiller_lcm. Deterministic: running it again changes nothing. The words
-of robot files come from docs/robot_file.md.
+of robot files come from docs/reference/robot_file.md.
 """
 import hashlib
 import json
@@ -204,7 +204,7 @@ save("mcap", "recipe", b"RUN" + b"".join(struct.pack(">BH", topic, len(message))
 
 # ---- robot files: keys and values as words for libFuzzer's mutations, from the page that the schema writes
 
-page = (pathlib.Path(__file__).resolve().parents[2] / "docs/robot_file.md").read_text()
+page = (pathlib.Path(__file__).resolve().parents[2] / "docs/reference/robot_file.md").read_text()
 words = set(re.findall(r"^\| `([a-z_A-Z0-9]+)` \|", page, re.M)) | set(re.findall(r"`(\[\[?[a-z_.]+\]\]?)`", page))
 for choices in re.findall(r"\| one of ([a-z0-9_, ]+) \|", page):
     words |= set(choices.split(", "))

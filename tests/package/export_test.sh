@@ -81,8 +81,8 @@ done
 
 # the flags that the manual states are the build's
 for isa in sse2 avx2 avx512; do
-  stated=$(sed -n "s/^| \`$isa\` | \`\(.*\)\` |$/\1/p" "$source/docs/own_model.md")
+  stated=$(sed -n "s/^| \`$isa\` | \`\(.*\)\` |$/\1/p" "$source/docs/guide/own_model.md")
   built=$(sed -n "s/^set(TILLER_ISA_FLAGS_$isa \([^)]*\)[)]*$/\1/p" "$source/cmake/TillerTargets.cmake")
-  [ "$stated" = "$built" ] || fail "docs/own_model.md has '$stated' for $isa, cmake/TillerTargets.cmake '$built'"
+  [ "$stated" = "$built" ] || fail "docs/guide/own_model.md has '$stated' for $isa, cmake/TillerTargets.cmake '$built'"
 done
 echo passed

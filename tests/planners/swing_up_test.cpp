@@ -37,7 +37,7 @@ tiller_config_t cart_pole(std::uint32_t planner, std::uint32_t particles) {
   if (is_gradient(planner)) {  // from hanging, single shooting ends in a poorer optimum
     c.planner.shooting = tiller_shooting_multiple;
     c.planner.iterations = 3;
-    if (particles > 1) c.planner.horizon = 30;  // hypotheses part company: docs/planners.md
+    if (particles > 1) c.planner.horizon = 30;  // hypotheses part company: docs/theory/planners.md
   }
   c.safety.input_low[0] = -20.0;
   c.safety.input_high[0] = 20.0;

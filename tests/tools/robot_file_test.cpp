@@ -208,7 +208,7 @@ TEST(RobotFile, ShippedFilesAreValid) {
 }
 
 TEST(RobotFile, TheQuickStartsFileIsValid) {
-  std::ifstream file(TILLER_TEST_DOCS "/quick_start.md");
+  std::ifstream file(TILLER_TEST_DOCS "/guide/quick_start.md");
   std::stringstream page;
   page << file.rdbuf();
   const std::string text = page.str();
@@ -269,20 +269,20 @@ TEST(RobotFile, PlannersReadTheirSettings) {
 }
 
 TEST(RobotFile, DocumentationOfEffectsIsTheCatalogue) {
-  std::ifstream file(TILLER_TEST_DOCS "/effects.md");
+  std::ifstream file(TILLER_TEST_DOCS "/reference/effects.md");
   std::stringstream text;
   text << file.rdbuf();
   EXPECT_NE(text.str().find(effects_markdown()), std::string::npos)
-      << "docs/effects.md is not what the catalogue says; paste the output of `tiller effects --markdown` below its "
+      << "docs/reference/effects.md is not what the catalogue says; paste the output of `tiller effects --markdown` below its "
          "heading \"Every effect\"";
 }
 
 TEST(RobotFile, DocumentationIsTheSchema) {
-  std::ifstream file(TILLER_TEST_DOCS "/robot_file.md");
+  std::ifstream file(TILLER_TEST_DOCS "/reference/robot_file.md");
   std::stringstream text;
   text << file.rdbuf();
   EXPECT_NE(text.str().find(robot_file_markdown()), std::string::npos)
-      << "docs/robot_file.md is not what the schema says; paste the output of `tiller help robot-file --markdown` "
+      << "docs/reference/robot_file.md is not what the schema says; paste the output of `tiller help robot-file --markdown` "
          "below its heading \"Every key\"";
 }
 
@@ -293,8 +293,8 @@ TEST(RobotFile, DocumentationOfLimitsIsTheHeaders) {
     text << file.rdbuf();
     return text.str();
   };
-  EXPECT_NE(content(TILLER_TEST_DOCS "/limits.md").find(limits_markdown()), std::string::npos)
-      << "docs/limits.md is not what the headers say; paste the output of `tiller help limits --markdown` below its "
+  EXPECT_NE(content(TILLER_TEST_DOCS "/reference/limits.md").find(limits_markdown()), std::string::npos)
+      << "docs/reference/limits.md is not what the headers say; paste the output of `tiller help limits --markdown` below its "
          "heading \"Every limit\"";
   // none is left out: each constant of the public headers is in the table
   int constants = 0;

@@ -45,7 +45,7 @@ TEST(LatencyWatch, AnUntoldLatencyThatMattersIsToldOnce) {
   const std::string news = news_after(watch, 1000, 0, 1900);
   EXPECT_NE(news.find("1.90 ms from stamp to departure are accounted for, 9.5 % of the period"), std::string::npos)
       << news;
-  EXPECT_NE(news.find("docs/lcm.md"), std::string::npos);
+  EXPECT_NE(news.find("docs/guide/lcm.md"), std::string::npos);
   EXPECT_EQ(news.find("measurements do not tell", 1), std::string::npos) << "once: " << news;
   LatencyWatch bus(0.02);
   for (int k = 0; k < 50; ++k) bus.note(0, 1900);

@@ -5,7 +5,7 @@
 //   bus_fault_test [--seeds N] [--kind NAME] [--quick] [--page]
 //
 // Prints a row for each kind; exit code 1 if one run was wrong. --quick: the kinds take turns on the two plants;
-// --page: the rows of docs/faults.md too. Needs root of a guest that run_in_guest.sh makes.
+// --page: the rows of docs/evidence/faults.md too. Needs root of a guest that run_in_guest.sh makes.
 
 #include <cstdio>
 #include <cstdlib>

@@ -215,7 +215,7 @@ void add_excite_command(CLI::App& app, int& exit_code) {
   command->add_flag("--quiet", a->quiet, "no progress");
   command->footer(
       "Searches steps, chirps, multisines, square waves, hold-and-release and slow ramps for the sequence under which\n"
-      "the candidates' outputs differ most after the others were refitted (docs/excite.md). Begins at [start] of the\n"
+      "the candidates' outputs differ most after the others were refitted (docs/guide/excite.md). Begins at [start] of the\n"
       "robot file, open loop; play it on the robot, log what is measured, and give the log to `tiller gap`.\n\n"
       "Exit codes: 0 done; 1 wrong input; 2 done, but some pair is not separable by any input that was found.\n\n"
       "Examples:\n"

@@ -234,7 +234,7 @@ void add_gap_command(CLI::App& app, int& exit_code) {
       "  tiller gap my_robot.toml run1.csv run2.csv run3.csv -o out/gap\n"
       "      look at out/gap/gap.html; out/gap/my_robot_gap.toml is the robot file with what was found\n"
       "  tiller gap my_robot.toml nightly/*.csv --budget 1.5 --json > gap.json || echo \"model and robot part\"\n"
-      "      in CI: fails where a gap of more than 1.5 sigma opens (docs/gap.md)");
+      "      in CI: fails where a gap of more than 1.5 sigma opens (docs/guide/gap.md)");
   command->callback([options, &exit_code] { exit_code = gap_command(*options); });
 }
 

@@ -13,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What was learnt of the whole model, as the prior of a run (docs/episodes.md).
+/// What was learnt of the whole model, as the prior of a run (docs/guide/episodes.md).
 bool write_posterior(const fs::path& path, const RobotFile& robot, const Assessed& whole, std::string& error) {
   if (!whole.candidate.learns()) return true;
   StoredPosterior stored = store_posterior(whole.candidate.config, whole.candidate.params, {whole.fit.samples, {}});
@@ -65,7 +65,7 @@ std::string check_method(const std::string& name) {
 
 /// "name  help [citation]" of each method, for --help.
 std::string methods_help() {
-  std::string text = "Methods (docs/methods.md):\n";
+  std::string text = "Methods (docs/theory/methods.md):\n";
   for (const Method& method : methods())
     text += format("  %-15s %s\n  %-15s [%s]\n", method.name, method.help, "", method.citation);
   return text;
@@ -125,7 +125,7 @@ void add_identify_command(CLI::App& app, int& exit_code) {
       "      learn from two logs, judge with the third, leave a page\n"
       "  tiller identify robots/dfki_pendulum.toml data/dfki_simple_pendulum/d*_measured.csv \\\n"
       "      --hold-out data/dfki_simple_pendulum/pd_system_identification_measured.csv\n"
-      "      the measured pendulum that comes with tiller (docs/identify.md tells what to see)");
+      "      the measured pendulum that comes with tiller (docs/guide/identify.md tells what to see)");
   command->callback([options, &exit_code] { exit_code = identify_command(*options); });
 }
 

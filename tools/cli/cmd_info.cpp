@@ -156,7 +156,7 @@ void print_model(const tiller_model_t& m) {
 
 int models_command() {
   for (std::uint32_t i = 0; const tiller_model_t* model = tiller_builtin_model(i); ++i) print_model(*model);
-  std::printf("\nA model of your own: [model] file = \"my_model.hpp\", type = \"MyModel\" (docs/own_model.md)\n");
+  std::printf("\nA model of your own: [model] file = \"my_model.hpp\", type = \"MyModel\" (docs/guide/own_model.md)\n");
   return kExitOk;
 }
 
@@ -181,7 +181,7 @@ int planners_command() {
     std::printf("%-18s %s\n", name.c_str(), planner_help(kind));
     print_settings(name);
   }
-  std::printf("\nSettings of [planner]: tiller help robot-file. When to use which: docs/planners.md\n");
+  std::printf("\nSettings of [planner]: tiller help robot-file. When to use which: docs/theory/planners.md\n");
   return kExitOk;
 }
 
@@ -245,7 +245,7 @@ void add_effects_command(CLI::App& app, int& exit_code) {
       "Examples:\n  tiller effects\n      ports and parameters of each\n"
       "  tiller effects | grep friction\n      only these");
   auto markdown = std::make_shared<bool>(false);
-  command->add_flag("--markdown", *markdown, "the tables of docs/effects.md");
+  command->add_flag("--markdown", *markdown, "the tables of docs/reference/effects.md");
   command->callback([markdown, &exit_code] { exit_code = effects_command(*markdown); });
 }
 
@@ -264,7 +264,7 @@ void add_help_command(CLI::App& app, int& exit_code) {
   auto markdown = std::make_shared<bool>(false);
   command->add_option("TOPIC", *topic, "a command, robot-file, or limits");
   command->add_flag("--markdown", *markdown,
-                    "robot-file or limits as the tables of docs/robot_file.md and docs/limits.md");
+                    "robot-file or limits as the tables of docs/reference/robot_file.md and docs/reference/limits.md");
   command->footer(
       "Examples:\n  tiller help robot-file\n      every key with unit, range and default\n"
       "  tiller help limits\n      how many states, inputs, parameters, effects, particles, ... there may be\n"

@@ -229,7 +229,7 @@ void add_run_command(CLI::App& app, int& exit_code) {
   command
       ->add_option("--episodes", a->episodes,
                    "runs of --seconds one after the other, each from the start; the posterior of "
-                   "one is the prior of the next (docs/episodes.md)")
+                   "one is the prior of the next (docs/guide/episodes.md)")
       ->check(CLI::Range(1, 100000));
   command->add_flag("--quiet", a->quiet, "no progress");
   add_override_options(*command, a->overrides);

@@ -108,7 +108,7 @@ void add_size_command(CLI::App& app, int& exit_code) {
   add_override_options(*command, *overrides);
   command->footer(
       "RAM is exact for this machine; where pointers have 32 bits it is a little less. The model's steps are counted\n"
-      "while the controller runs on its own model; what a step costs was measured on a Cortex-M7 (docs/targets.md).\n\n"
+      "while the controller runs on its own model; what a step costs was measured on a Cortex-M7 (docs/guide/targets.md).\n\n"
       "Examples:\n"
       "  tiller size robots/pendulum.toml\n"
       "      a table\n"

@@ -22,7 +22,7 @@ struct ModelWork {
 };
 
 /// Instructions of a tick over those of its model steps: the filters' algebra, sampling, weights. Measured on the image of
-/// tests/cortex_m: see docs/targets.md.
+/// tests/cortex_m: see docs/guide/targets.md.
 constexpr double kBesideSteps = 1.2;
 
 /// The work of ticks, counted, not derived: a controller of this configuration runs `ticks` ticks on its own model at

@@ -153,7 +153,7 @@ std::string identify_text(const RobotFile& robot, const Identified& result) {
         "logged to be;\n  the intervals above are wide enough for the noise, not for a wrong model\n";
   const Alarm& alarm = best.fit.history.alarm();
   if (alarm.raised)
-    text += format("  inadequate: from %.3g s of data on, residuals of %s go with: %s (see docs/identify.md)\n",
+    text += format("  inadequate: from %.3g s of data on, residuals of %s go with: %s (see docs/guide/identify.md)\n",
                    alarm.data_s, robot.model->state_names[robot.config.measured_state[alarm.channel]],
                    tiller_feature_name(alarm.feature));
   if (best.fit.exponent < 1)

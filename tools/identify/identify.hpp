@@ -35,7 +35,7 @@ bool identify(const RobotFile& robot, const IdentifyOptions& options, Identified
 
 /// The tables that the command prints.
 std::string identify_text(const RobotFile& robot, const Identified& result);
-/// Everything, for programs and for the page: see docs/identify.md for the keys.
+/// Everything, for programs and for the page: see docs/guide/identify.md for the keys.
 std::string identify_json(const RobotFile& robot, const Identified& result);
 
 }  // namespace tiller::tools

@@ -115,7 +115,7 @@ std::string method_text(const Fit& fit) {
   else
     text += format("; tolerance %.3g", last.discrepancy);
   return text + "\n  mind: " + method.caveat +
-         "\n  it knows of no noise scale and of no exponent; see docs/methods.md\n";
+         "\n  it knows of no noise scale and of no exponent; see docs/theory/methods.md\n";
 }
 
 }  // namespace tiller::tools

@@ -10,7 +10,7 @@
 
 namespace tiller::tools {
 
-/// How a method works; each says in docs/methods.md which of these it reads.
+/// How a method works; each says in docs/theory/methods.md which of these it reads.
 struct MethodOptions {
   std::uint32_t simulations = 10000;  ///< in all; SimOpt spends them in equal parts on its iterations
   std::uint32_t iterations = 10;      ///< of SimOpt

@@ -21,8 +21,8 @@ std::string LatencyWatch::news(bool can_tell) {
              "departure are accounted for, %.1f %% of the period, but not the command's way to the motor. Where that "
              "is more than %.0f %%, parameters leave their intervals: ",
              1e-3 * seen_us, 100 * share, 100 * kNoticeable) +
-         (can_tell ? "let the plant fill it in (docs/lcm.md)"
-                   : "CAN frames cannot tell it, an effect input_delay with a prior learns it (docs/can.md)");
+         (can_tell ? "let the plant fill it in (docs/guide/lcm.md)"
+                   : "CAN frames cannot tell it, an effect input_delay with a prior learns it (docs/guide/can.md)");
 }
 
 }  // namespace tiller::tools

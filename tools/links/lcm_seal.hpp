@@ -8,7 +8,7 @@ namespace tiller::tools {
 
 struct RobotFile;
 
-/// The far end of a robot whose LCM messages are signed (docs/security.md): what a plant or a log that takes the robot's
+/// The far end of a robot whose LCM messages are signed (docs/reference/security.md): what a plant or a log that takes the robot's
 /// place appends to its messages, and takes off those of the controller. Both empty without a key_file.
 struct LcmSeal {
   std::function<void(const std::string& channel, std::vector<unsigned char>& message)> sign;

@@ -10,7 +10,7 @@ namespace tiller::tools {
 
 /// Reads a log by what its first bytes say it is:
 ///   CSV with a header             read_log(): columns and units of the robot file's [log]
-///   LCM event log (lcm-logger)    channels <prefix>MEASUREMENT and <prefix>COMMAND of [transport], as docs/lcm.md
+///   LCM event log (lcm-logger)    channels <prefix>MEASUREMENT and <prefix>COMMAND of [transport], as docs/guide/lcm.md
 ///                                 tells; values in the order of [measurement] and of the model's inputs, SI units
 ///   record of `tiller run --record`    measurements and commands of every tick
 ///   MCAP of `tiller run --record`    the same ticks

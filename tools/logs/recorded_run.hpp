@@ -39,7 +39,7 @@ bool read_recorded_run(const std::string& path, const RobotFile& robot, Recorded
 /// The text of the robot file that the log carries: an MCAP of `tiller run` does. Empty: none.
 std::string robot_in_log(const std::string& path);
 
-/// The ticks of an LCM log with measurements, commands and (where they were logged) telemetry. docs/replay.md tells what
+/// The ticks of an LCM log with measurements, commands and (where they were logged) telemetry. docs/guide/replay.md tells what
 /// is taken from where.
 bool read_lcm_run(const std::string& path, const RobotFile& robot, RecordedRun& run, std::string& error);
 /// The same from a stream; `path` stands in errors.

@@ -1,5 +1,5 @@
 // Ticks from an LCM log. What a controller was given and what it answered are not one message, so they are put together
-// again: docs/replay.md tells by which rules.
+// again: docs/guide/replay.md tells by which rules.
 #include <algorithm>
 #include <cerrno>
 #include <cmath>

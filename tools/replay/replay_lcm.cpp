@@ -212,7 +212,7 @@ bool replay_through_lcm(const RobotFile& robot, const RecordedRun& run, const Re
   }
   LcmRobot plant(options, std::move(seal));
   if (!plant.good()) {
-    error = "LCM cannot open '" + options.url + "'; is it a URL of one of liblcm's providers? (docs/lcm.md)";
+    error = "LCM cannot open '" + options.url + "'; is it a URL of one of liblcm's providers? (docs/guide/lcm.md)";
     return false;
   }
   const bool heard = plant.introduce(options.patience_s);

@@ -287,7 +287,7 @@ std::string head_text(const RobotFile& robot, const std::string& prefix, const s
       " *\n * C's driver links it: the libraries need nothing of the C++ library.\n";
   if (extension == ".hpp")
     text += std::string(" * The model is compiled for processors with ") + tiller_instruction_set() +
-            "; docs/own_model.md has the flags of the others.\n";
+            "; docs/guide/own_model.md has the flags of the others.\n";
   return text + " */\n";
 }
 

@@ -280,7 +280,7 @@ bool compile(const std::vector<std::string>& flags, const fs::path& source, bool
     fs::remove(partial, failed);
     fs::remove(dependencies, failed);
     error = path + ": the model does not compile:\n" + first_errors(child.output) + "  with: " + flags[0] +
-            " (the authoring rules are in docs/own_model.md)";
+            " (the authoring rules are in docs/guide/own_model.md)";
     return false;
   }
   return publish(partial, dependencies, entry, error);

@@ -35,7 +35,7 @@ struct Particles {
 /// coordinates, mixture, particles and version. Some parameter has a prior.
 StoredPosterior store_posterior(const tiller_config_t& config, const Words& params, const Particles& particles);
 
-/// The file's text: JSON, format version 1, with a checksum. docs/episodes.md shows one.
+/// The file's text: JSON, format version 1, with a checksum. docs/guide/episodes.md shows one.
 std::string posterior_text(const StoredPosterior& posterior);
 /// Crash-safe (replace_file). False with a sentence in `error`.
 bool save_posterior(const std::string& path, const StoredPosterior& posterior, std::string& error);

@@ -68,7 +68,7 @@ bool read_model(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   const std::string near = nearest(robot.model_request.name, builtin_model_names());
   section.error(
       key, problem,
-      near.empty() || near == robot.model_request.name ? "see docs/robot_file.md" : "did you mean " + near + "?");
+      near.empty() || near == robot.model_request.name ? "see docs/reference/robot_file.md" : "did you mean " + near + "?");
   return false;
 }
 

@@ -15,7 +15,7 @@
 
 namespace tiller::tools {
 
-/// [transport] motors: what an input's drive speaks and needs to be told; docs/actuators.md.
+/// [transport] motors: what an input's drive speaks and needs to be told; docs/guide/actuators.md.
 struct DriveSection {
   std::string actuator = "odrive", command = "torque", resolution = "f32", reply = "plain";
   double watchdog_s = 0.1;

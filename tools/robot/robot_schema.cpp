@@ -55,10 +55,10 @@ const std::vector<SectionSpec> kSections = {
     {"transport", "[transport]",
      "How `tiller run` reaches the robot. The keys after `kind` belong to one kind each, see docs."},
     {"transport.drives.*", "in [transport]: drives = { input = { ... } }",
-     "What one motor's drive needs to be told (docs/actuators.md). The keys of another protocol than its own are refused."},
+     "What one motor's drive needs to be told (docs/guide/actuators.md). The keys of another protocol than its own are refused."},
     {"realtime", "[realtime]",
      "What `tiller run` asks of Linux where the wall clock sets the pace. What it does not get, it says; without this "
-     "section it asks for nothing (docs/real_time.md)."},
+     "section it asks for nothing (docs/guide/real_time.md)."},
     {"sim", "[sim]",
      "The stand-in plant of `tiller sim`, `tiller demo` and `tiller run --sim`; nothing else reads it."},
     {"sim.sensors.*", "in [sim]: sensors = { state = { ... } }", "What the plant's encoders do to the truth."},
@@ -79,7 +79,7 @@ const std::vector<KeySpec> kKeys = {
     {"model", "type", K::text, "", "none", 0, 0, false, hand, nullptr,
      "required with a header: the C++ template's name. A C source exports tiller_model() and has none"},
     {"model", "cost_type", K::text, "", "none", 0, 0, false, hand, nullptr,
-     "name of a cost template in the same header (docs/costs.md), compiled into the model's kernels. A C source exports "
+     "name of a cost template in the same header (docs/reference/costs.md), compiled into the model's kernels. A C source exports "
      "tiller_cost() instead; cost.own_weight weighs it"},
     {"model", "period_s", K::number, "s", nullptr, 1e-4, 1, false, AT(period_s), nullptr, "control period"},
     {"model", "substeps", K::count, "", "by the noise", 1, 64, false, AT(substeps), nullptr,
@@ -155,7 +155,7 @@ const std::vector<KeySpec> kKeys = {
     {"posterior", "adequacy", K::flag, "", nullptr, 0, 1, false, AT(posterior.adequacy), nullptr,
      "whether the model explains the data is tested at every tick"},
     {"posterior", "prior_file", K::text, "", "none", 0, 0, false, hand, nullptr,
-     "a posterior of an earlier run (docs/episodes.md), relative to the robot file: it takes the place of the parameters' "
+     "a posterior of an earlier run (docs/guide/episodes.md), relative to the robot file: it takes the place of the parameters' "
      "own priors, whose coordinates and bounds it keeps"},
     {"posterior", "scout_share", K::number, "", nullptr, 0, 0.5, false, AT(posterior.scout_share), nullptr,
      "of the moves that are tried from the prior's whole width"},
@@ -308,7 +308,7 @@ const std::vector<KeySpec> kKeys = {
     {"transport", "channel_prefix", K::text, "", "TILLER_", 0, 0, false, hand, nullptr,
      "lcm: what the channels' names begin with"},
     {"transport", "key_file", K::text, "", "none", 0, 0, false, hand, nullptr,
-     "lcm: file with the key that signs messages, beside this file; see docs/security.md"},
+     "lcm: file with the key that signs messages, beside this file; see docs/reference/security.md"},
     {"transport", "replay_window_s", K::number, "s", "2", 0, 3600, false, hand, nullptr,
      "lcm: how old a signed message may be when it arrives; 0: as old as its session"},
     {"transport", "liblcm", K::flag, "", "false", 0, 1, false, hand, nullptr,
@@ -321,7 +321,7 @@ const std::vector<KeySpec> kKeys = {
     {"transport", "actuator", K::other, "", "\"odrive\"", 0, 0, false, hand, nullptr,
      "socketcan: what the motors speak: \"odrive\", \"moteus\" or \"mit\"; or for each, { input = \"moteus\" }"},
     {"transport", "drives", K::other, "", "", 0, 0, false, hand, nullptr,
-     "socketcan: what a drive needs to be told, { input = { ... } }; docs/actuators.md"},
+     "socketcan: what a drive needs to be told, { input = { ... } }; docs/guide/actuators.md"},
     {"transport", "wheel_radius_m", K::input_numbers, "m", "1", -1e3, 1e3, false, hand, nullptr,
      "socketcan: lever between motor and input, { input = radius }; 1 where the input is the motor's own torque, "
      "negative for a motor mounted mirrored"},

@@ -104,7 +104,7 @@ std::string log_text(const LogState& log) {
 std::string inadequacy(const RobotFile& robot, const tiller_info_t& info) {
   const auto feature = static_cast<tiller_feature_t>(info.inadequate_feature);
   return "the model does not explain " + robot.measurements[info.inadequate_channel] + ": what it leaves goes with " +
-         feature_text(feature) + " (" + tiller_feature_name(feature) + "; docs/adequacy.md tells what to do)";
+         feature_text(feature) + " (" + tiller_feature_name(feature) + "; docs/theory/adequacy.md tells what to do)";
 }
 
 Words run_edges(const RobotFile& robot, const RunResult& result) {
@@ -123,7 +123,7 @@ std::string summary(const RobotFile& robot, const RunOptions& options, const Run
   text += posterior_lines(robot, options, result);
   if (result.info.adequacy == tiller_adequacy_inadequate) text += "  " + inadequacy(robot, result.info) + "\n";
   if (result.info.relearned > 0)
-    text += format("  the robot seemed to have changed: learnt anew %llu times (docs/posterior.md, relearn)\n",
+    text += format("  the robot seemed to have changed: learnt anew %llu times (docs/theory/posterior.md, relearn)\n",
                    static_cast<unsigned long long>(result.info.relearned));
   text += tick_line(robot, result) + log_line(result.log);
   return options.real_time ? text + pace_lines(robot, result.pace) : text;

@@ -52,7 +52,7 @@
 // take a tenth less, by the other integrators a third more.
 //
 // A cost of your own stands beside the model, under the same rules; the second derivatives that gradient planners need
-// follow from the same text (docs/costs.md):
+// follow from the same text (docs/reference/costs.md):
 //
 //     template <class S>
 //     struct KeepSlow {

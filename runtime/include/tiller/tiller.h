@@ -150,7 +150,7 @@ typedef enum tiller_qp_solver {
   tiller_qp_osqp = 1     /**< OSQP (operator splitting, sparse): general */
 } tiller_qp_solver_t;
 
-/** How what was measured is taken in: see docs/posterior.md. */
+/** How what was measured is taken in: see docs/theory/posterior.md. */
 typedef enum tiller_posterior_kind {
   tiller_posterior_filter = 0,     /**< an extended Kalman filter per particle: noisy or partial measurements, effects
                                         with states of their own */
@@ -210,7 +210,7 @@ typedef struct tiller_mixture {
 
 /** How commands are planned. Sampling planners draw `rollouts` sequences of `knots` values per input; gradient
  *  planners (ilqr, sqp) linearise around one sequence, on up to TILLER_MAX_SCENARIOS particles. Each setting names
- *  the planners that read it; docs/planners.md tells when to use which. */
+ *  the planners that read it; docs/theory/planners.md tells when to use which. */
 typedef struct tiller_planner_config {
   uint32_t kind;                      /**< tiller_planner_kind_t */
   uint32_t horizon;                   /**< steps of period_s, 2..512 */
@@ -267,7 +267,7 @@ typedef enum tiller_terminal {
 } tiller_terminal_t;
 
 /** A cost of your own in C: the slow path, one lane at a time, with central differences for gradients. The fast one
- *  is a template beside the model (docs/costs.md). Pure functions; what is not finite fails the trajectory. */
+ *  is a template beside the model (docs/reference/costs.md). Pure functions; what is not finite fails the trajectory. */
 typedef struct tiller_own_cost {
   uint32_t size;    /**< sizeof(tiller_own_cost_t) */
   uint32_t version; /**< TILLER_CONFIG_VERSION */
@@ -342,7 +342,7 @@ typedef struct tiller_safety_config {
 } tiller_safety_config_t;
 
 /** Everything a controller is made from. Constant after init (it is copied into the block); the model
- *  table is not copied. The host tools write it from a robot file; see docs/robot_file.md. */
+ *  table is not copied. The host tools write it from a robot file; see docs/reference/robot_file.md. */
 typedef struct tiller_config {
   uint32_t size;    /**< sizeof(tiller_config_t) */
   uint32_t version; /**< TILLER_CONFIG_VERSION */
@@ -422,7 +422,7 @@ typedef struct tiller_command {
   uint32_t sequence;               /**< of the measurement that it answers */
   uint32_t state;                  /**< tiller_state_t after the tick */
   double value[TILLER_MAX_INPUTS]; /**< (nu) finite and within limits; in ACTIVE and HOLD within rate limits too
-                                        (the safe command goes out at once, see docs/safety.md) */
+                                        (the safe command goes out at once, see docs/reference/safety.md) */
   uint32_t plan_sequence; /**< low 32 bits of tiller_info_t.plans. A device that sees ACTIVE with the same number for
                                         longer than its plan timeout has a hung planner behind a live sender */
   uint32_t reserved;

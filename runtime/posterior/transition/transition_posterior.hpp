@@ -10,7 +10,7 @@
 namespace tiller {
 
 /// The engine for robots whose whole state is measured with noise far below a step's change: one-step residuals
-/// between measurements, their noise scale per state unknown. See docs/posterior.md, "Transitions".
+/// between measurements, their noise scale per state unknown. See docs/theory/posterior.md, "Transitions".
 ///
 /// A transition counts where the measurement before it was complete; states missing at its end are left out. The state
 /// estimate is the measurement; a state that is missing is predicted at the particles' mean.

@@ -9,7 +9,7 @@ namespace tiller::tools::gap {
 /// The version of gap.json: grows when a key changes its meaning or vanishes, not when one is added.
 constexpr int kJsonVersion = 1;
 
-/// How `tiller gap` ends, for scripts (docs/gap.md): 0 no gap or one within the budget; 1 named, over the budget;
+/// How `tiller gap` ends, for scripts (docs/guide/gap.md): 0 no gap or one within the budget; 1 named, over the budget;
 /// 2 ambiguous, partly explained or unnamed; 3 data unfit.
 int exit_code_of(const Result& result, double budget_sigma);
 

@@ -1,6 +1,6 @@
 #pragma once
 
-// Every threshold of `tiller gap`, with its reason; docs/gap_thresholds.md says the same in tables.
+// Every threshold of `tiller gap`, with its reason; docs/evidence/gap_thresholds.md says the same in tables.
 
 namespace tiller::tools::gap {
 

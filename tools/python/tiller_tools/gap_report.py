@@ -351,7 +351,7 @@ def next_steps(result: dict) -> list[str]:
                      "the posterior goes on estimating it.")
     if verdict in ("unnamed", "partly_explained"):
         steps.append("What is left is in no catalogue. Look at the maps: what changes there? The effect "
-                     "<code>residual</code> learns it without a name (docs/effects.md), and the planner then knows where "
+                     "<code>residual</code> learns it without a name (docs/reference/effects.md), and the planner then knows where "
                      "it does not know.")
     return steps
 
