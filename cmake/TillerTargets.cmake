@@ -71,6 +71,19 @@ function(tiller_library name)
   set_property(GLOBAL APPEND PROPERTY TILLER_RUNTIME_TARGETS ${target})
 endfunction()
 
+# tiller_include_root(result folder): a folder of links, in the build, through which the headers of this one folder of the tree
+# are included by their path.
+function(tiller_include_root result folder)
+  string(REPLACE "/" "_" id ${folder})
+  set(root ${PROJECT_BINARY_DIR}/include_roots/${id})
+  get_filename_component(above ${root}/${folder} DIRECTORY)
+  file(MAKE_DIRECTORY ${above})
+  if(NOT EXISTS ${root}/${folder})
+    file(CREATE_LINK ${PROJECT_SOURCE_DIR}/${folder} ${root}/${folder} SYMBOLIC)
+  endif()
+  set(${result} ${root} PARENT_SCOPE)
+endfunction()
+
 # tiller_module(folder SOURCES a.cpp ... DEPENDS folder ... PRIVATE_LIBS ... PUBLIC_LIBS ...)
 #
 # Makes the static library of a folder outside of runtime: tools/gap/fit gives tiller_tools_gap_fit. Its headers are
@@ -79,12 +92,7 @@ endfunction()
 function(tiller_module folder)
   cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS;PRIVATE_LIBS;PUBLIC_LIBS" ${ARGN})
   string(REPLACE "/" "_" id ${folder})
-  set(root ${PROJECT_BINARY_DIR}/include_roots/${id})
-  get_filename_component(above ${root}/${folder} DIRECTORY)
-  file(MAKE_DIRECTORY ${above})
-  if(NOT EXISTS ${root}/${folder})
-    file(CREATE_LINK ${PROJECT_SOURCE_DIR}/${folder} ${root}/${folder} SYMBOLIC)
-  endif()
+  tiller_include_root(root ${folder})
   set(scope PUBLIC)
   if(ARG_SOURCES)
     add_library(tiller_${id} STATIC ${ARG_SOURCES})

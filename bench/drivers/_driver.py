@@ -10,7 +10,8 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-PEERS = ROOT / "bench/peers"
+BENCH = ROOT / "bench"
+PEERS = BENCH / "peers"
 HOME = ROOT / "build/bench_peers"
 CORE = max(os.sched_getaffinity(0))
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}

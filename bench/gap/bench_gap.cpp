@@ -18,8 +18,8 @@
 #include <set>
 #include <string>
 
-#include "harness/gap_scoring/gap_cases.hpp"
 #include "bench/gap/gap_tables.hpp"
+#include "harness/gap_scoring/gap_cases.hpp"
 
 namespace tiller::bench {
 namespace {

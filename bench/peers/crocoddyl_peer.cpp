@@ -17,8 +17,8 @@
 #include <mim_solvers/csqp.hpp>
 #include <mim_solvers/sqp.hpp>
 
-#include "bench/peers/cart_pole_problem.hpp"
-#include "bench/peers/rounds.hpp"
+#include "bench/problems/cart_pole_problem.hpp"
+#include "bench/table/rounds.hpp"
 
 namespace {
 

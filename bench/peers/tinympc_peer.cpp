@@ -7,8 +7,8 @@
 
 #include <memory>
 
-#include "bench/peers/hover_qp.hpp"
-#include "bench/peers/rounds.hpp"
+#include "bench/problems/hover_qp.hpp"
+#include "bench/table/rounds.hpp"
 
 namespace {
 

@@ -15,9 +15,9 @@
 #include <cstdio>
 #include <ctime>
 
+#include "bench/problems/planning_problem.hpp"
 #include "bench/table/arguments.hpp"
 #include "bench/table/bench_table.hpp"
-#include "bench/planning/planning_problem.hpp"
 
 #if __has_include(<valgrind/callgrind.h>)
 #include <valgrind/callgrind.h>

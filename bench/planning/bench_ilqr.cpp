@@ -8,8 +8,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "bench/problems/planning_problem.hpp"
 #include "bench/table/bench_table.hpp"
-#include "bench/planning/planning_problem.hpp"
 #include "rollout/lq.hpp"
 #include "rollout/path.hpp"
 

@@ -11,8 +11,8 @@
 #include <cstdio>
 #include <ctime>
 
+#include "bench/problems/planning_problem.hpp"
 #include "bench/table/arguments.hpp"
-#include "bench/planning/planning_problem.hpp"
 
 namespace {
 

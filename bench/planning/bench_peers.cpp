@@ -1,12 +1,12 @@
-// tiller's side of ./dev bench planning: takes part in the rounds of peers/rounds.hpp, on the same problems as the peers.
+// tiller's side of ./dev bench planning: takes part in the rounds of table/rounds.hpp, on the same problems as the peers.
 //
 //   bench_peers hover.txt
 
-#include "bench/peers/hover_qp.hpp"
-#include "bench/peers/rounds.hpp"
+#include "bench/problems/hover_qp.hpp"
+#include "bench/problems/planning_problem.hpp"
+#include "bench/table/rounds.hpp"
 #include "planners/qp/osqp_qp.hpp"
 #include "planners/qp/riccati_qp.hpp"
-#include "bench/planning/planning_problem.hpp"
 
 namespace {
 

@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
+#include "bench/problems/planning_problem.hpp"
 #include "bench/table/bench_table.hpp"
 #include "planners/sampler.hpp"
-#include "bench/planning/planning_problem.hpp"
 
 namespace {
 

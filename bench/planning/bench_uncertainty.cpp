@@ -16,9 +16,9 @@
 #include <cstring>
 #include <thread>
 
+#include "bench/planning/uncertain_tasks.hpp"
 #include "bench/table/arguments.hpp"
 #include "bench/table/bench_table.hpp"
-#include "bench/planning/uncertain_tasks.hpp"
 
 namespace {
 

@@ -8,7 +8,7 @@
 #include <new>
 #include <random>
 
-#include "bench/planning/planning_problem.hpp"
+#include "bench/problems/planning_problem.hpp"
 
 namespace tiller::bench {
 namespace {

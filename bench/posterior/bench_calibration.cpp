@@ -23,8 +23,8 @@
 
 #include "bench/table/arguments.hpp"
 #include "bench/table/bench_table.hpp"
-#include "harness/calibration/calibration_run.hpp"
 #include "bench/table/spread.hpp"
+#include "harness/calibration/calibration_run.hpp"
 
 namespace {
 

@@ -26,12 +26,12 @@
 #include <string>
 #include <vector>
 
-#include "harness/accuracy/accuracy_run.hpp"
-#include "harness/accuracy/accuracy_statistics.hpp"
+#include "bench/posterior/method_episode.hpp"
 #include "bench/table/arguments.hpp"
 #include "bench/table/bench_table.hpp"
+#include "harness/accuracy/accuracy_run.hpp"
+#include "harness/accuracy/accuracy_statistics.hpp"
 #include "harness/accuracy/exact_likelihood.hpp"
-#include "bench/posterior/method_episode.hpp"
 
 namespace {
 

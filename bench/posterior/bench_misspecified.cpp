@@ -16,10 +16,10 @@
 // Scores are taken on seeds 1 and up; strengths and settings are chosen on seeds from 100001.
 
 #include "bench/posterior/accuracy_bench.hpp"
-#include "bench/table/bench_table.hpp"
 #include "bench/posterior/misspecified_worlds.hpp"
-#include "posterior/adequacy.hpp"
+#include "bench/table/bench_table.hpp"
 #include "bench/table/spread.hpp"
+#include "posterior/adequacy.hpp"
 
 namespace {
 

@@ -1,4 +1,4 @@
-// tiller's part of the comparisons of `./dev bench posterior`, by the protocol of peers/rounds.hpp:
+// tiller's part of the comparisons of `./dev bench posterior`, by the protocol of table/rounds.hpp:
 //
 //   bench_posterior_peers                          answers rounds: residuals on the cart-pole, ticks on the pendulum
 //   bench_posterior_peers --moments TASK SIGMA N   posteriors of episodes 1..N of a task, one line of JSON each
@@ -11,9 +11,9 @@
 #include <cstdlib>
 #include <memory>
 
-#include "harness/accuracy/accuracy_run.hpp"
 #include "bench/table/arguments.hpp"
-#include "bench/peers/rounds.hpp"
+#include "bench/table/rounds.hpp"
+#include "harness/accuracy/accuracy_run.hpp"
 #include "rollout/residual.hpp"
 
 #if __has_include(<valgrind/callgrind.h>)

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "bench/planning/planning_problem.hpp"
+#include "bench/problems/planning_problem.hpp"
 
 namespace tiller::bench {
 

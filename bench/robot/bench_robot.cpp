@@ -12,8 +12,8 @@
 #include "harness/faults/fault_refusals.hpp"
 #include "harness/faults/fault_report.hpp"
 #include "harness/faults/integrity.hpp"
-#include "harness/gate_storm/gate_storm.hpp"
 #include "harness/faults/soak.hpp"
+#include "harness/gate_storm/gate_storm.hpp"
 
 namespace tiller::faults {
 namespace {

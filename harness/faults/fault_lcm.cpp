@@ -5,8 +5,8 @@
 #include <cstdio>
 
 #include "harness/faults/fault_link.hpp"
-#include "io/lcm_transport.hpp"
 #include "harness/faults/sealed_pair.hpp"
+#include "io/lcm_transport.hpp"
 #include "tiller_lcm/command_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
 

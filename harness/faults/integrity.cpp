@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "harness/faults/fault_bus.hpp"
+#include "harness/faults/sealed_pair.hpp"
 #include "io/lcm_messages.hpp"
 #include "io/lcm_transport.hpp"
-#include "harness/faults/sealed_pair.hpp"
 
 namespace tiller::faults {
 namespace {

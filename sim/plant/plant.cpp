@@ -4,8 +4,8 @@
 #include <cmath>
 #include <sstream>
 
-#include "sim/plant/check.hpp"
 #include "sim/effects/effects.hpp"
+#include "sim/plant/check.hpp"
 #include "sim/plant/motor_line.hpp"
 #include "sim/plant/sensor.hpp"
 

@@ -64,7 +64,8 @@ const tiller_own_cost_t* find_own_cost(void* handle, const std::string& shown, s
   if (!entry) return nullptr;
   const tiller_own_cost_t* cost = entry();
   if (!cost || !cost->stage) {
-    error = shown + ": tiller_cost() returned " + (cost ? "a cost without stage" : "null") + "; see docs/guide/own_model.md";
+    error = shown + ": tiller_cost() returned " + (cost ? "a cost without stage" : "null") +
+            "; see docs/guide/own_model.md";
   } else if (cost->size != sizeof(tiller_own_cost_t) || cost->version != TILLER_CONFIG_VERSION) {
     error = shown +
             ": the size or version of tiller_cost() is not this tiller's; set size = sizeof(tiller_own_cost_t) "
@@ -83,7 +84,8 @@ const tiller_model_t* open_object(const std::string& object, const std::string& 
   using Entry = const tiller_model_t* (*)(void);
   const auto entry = reinterpret_cast<Entry>(dlsym(handle, "tiller_model"));
   if (!entry) {
-    error = shown + ": the file has no function `const tiller_model_t* tiller_model(void)`; see docs/guide/own_model.md";
+    error =
+        shown + ": the file has no function `const tiller_model_t* tiller_model(void)`; see docs/guide/own_model.md";
     return nullptr;
   }
   const tiller_model_t* model = entry();

@@ -66,9 +66,9 @@ bool read_model(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   if (robot.model) return true;
   const std::string key = section.has("name") ? "name" : "file";
   const std::string near = nearest(robot.model_request.name, builtin_model_names());
-  section.error(
-      key, problem,
-      near.empty() || near == robot.model_request.name ? "see docs/reference/robot_file.md" : "did you mean " + near + "?");
+  section.error(key, problem,
+                near.empty() || near == robot.model_request.name ? "see docs/reference/robot_file.md"
+                                                                 : "did you mean " + near + "?");
   return false;
 }
 

@@ -298,10 +298,7 @@ const std::vector<KeySpec> kKeys = {
     {"recorder", "ticks", K::count, "ticks", nullptr, 0, 65536, false, AT(record_ticks), nullptr,
      "kept inside the block"},
 
-    {"transport", "kind", K::choice, "", kRequired, 0, 0, false, hand,
-     [] {
-       return Words{"lcm", "socketcan"};
-     },
+    {"transport", "kind", K::choice, "", kRequired, 0, 0, false, hand, [] { return Words{"lcm", "socketcan"}; },
      "how the robot is reached"},
     {"transport", "url", K::text, "", "udpm://239.255.76.67:7667?ttl=0", 0, 0, false, hand, nullptr,
      "lcm: the provider; ttl=0 keeps messages on this machine"},

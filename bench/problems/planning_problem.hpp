@@ -1,6 +1,6 @@
 #pragma once
 
-// A planner by itself, on the cart-pole of the comparisons (peers/cart_pole_problem.hpp): what the planning
+// A planner by itself, on the cart-pole of the comparisons (problems/cart_pole_problem.hpp): what the planning
 // benchmarks share.
 
 #include <cmath>
@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "bench/peers/cart_pole_problem.hpp"
+#include "bench/problems/cart_pole_problem.hpp"
 #include "planners/planner.hpp"
 
 namespace tiller::bench {
