@@ -107,6 +107,12 @@ function(tiller_module folder)
   target_link_libraries(tiller_${id} ${scope} ${ARG_DEPENDS} ${ARG_PUBLIC_LIBS})
 endfunction()
 
+# tiller_knows_copies(target): scalar/isa_copies.hpp names the instruction sets of this build in the target's sources.
+function(tiller_knows_copies target)
+  list(TRANSFORM TILLER_ISAS PREPEND TILLER_HAS_ISA_ OUTPUT_VARIABLE built_isas)
+  target_compile_definitions(${target} PRIVATE ${built_isas})
+endfunction()
+
 # tiller_isa_sources(target file.cpp ...)
 #
 # Compiles each file once per instruction set of the target architecture, with TILLER_COMPILE_ISA set to its
@@ -176,6 +182,7 @@ else()
   set(TILLER_ISA_OPTIMISATION -O3)
 endif()
 function(tiller_isa_sources target)
+  tiller_knows_copies(${target})
   foreach(source IN LISTS ARGN)
     get_filename_component(stem ${source} NAME_WE)
     get_filename_component(path ${source} ABSOLUTE)

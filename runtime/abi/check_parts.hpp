@@ -32,11 +32,9 @@ inline bool in(double v, double low, double high) { return v >= low && v <= high
 inline bool is_value(double v) { return std::fabs(v) <= TILLER_LARGEST_VALUE; }
 inline bool is_scale(double v) { return in(v, TILLER_SMALLEST_SCALE, TILLER_LARGEST_SCALE); }
 inline bool is_weight(double v) { return v == 0.0 || in(v, TILLER_SMALLEST_WEIGHT, TILLER_LARGEST_WEIGHT); }
-inline bool is_share(double v) { return in(v, TILLER_SMALLEST_SHARE, 1.0); }
 inline bool is_parameter(double v) {
   return v == 0.0 || in(std::fabs(v), TILLER_SMALLEST_PARAMETER, TILLER_LARGEST_PARAMETER);
 }
-inline bool is_scale_or_zero(double v) { return v == 0.0 || is_scale(v); }
 inline bool is_scale_or_none(double v) { return v > 0.0 && (std::isinf(v) || is_scale(v)); }
 inline bool is_value_or_none(double v) { return std::isinf(v) || is_value(v); }
 inline bool in(std::uint32_t v, std::uint32_t low, std::uint32_t high) { return v >= low && v <= high; }

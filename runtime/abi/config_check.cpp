@@ -1,6 +1,7 @@
 #include <cmath>
 
 #include "abi/check_parts.hpp"
+#include "abi/config_fields.hpp"
 #include "effects/effect_info.hpp"
 #include "posterior/posterior.hpp"
 #include "posterior/prior.hpp"
@@ -18,23 +19,6 @@ Finding check_struct(const tiller_config_t& c) {
   if (c.version != TILLER_CONFIG_VERSION) return {tiller_status_version_mismatch, "version"};
   if (c.model == nullptr) return {tiller_status_no_model, "model"};
   return check_model(*c.model);
-}
-
-Finding check_body(const tiller_body_t& body) {
-  constexpr double kMost_m_s2 = 100.0;  // ten times the Earth's
-  constexpr double kMostPayload = 1e6;
-  if (!in(body.gravity_x_m_s2, -kMost_m_s2, kMost_m_s2)) return {tiller_status_bad_limit, "body.gravity_x_m_s2"};
-  if (!in(body.gravity_z_m_s2, -kMost_m_s2, kMost_m_s2)) return {tiller_status_bad_limit, "body.gravity_z_m_s2"};
-  if (!in(body.payload_kg, 0.0, kMostPayload)) return {tiller_status_bad_limit, "body.payload_kg"};
-  if (!in(body.payload_kgm2, 0.0, kMostPayload)) return {tiller_status_bad_limit, "body.payload_kgm2"};
-  return kGood;
-}
-
-Finding check_step(const tiller_config_t& c) {
-  if (!(c.period_s >= 1e-4 && c.period_s <= 1.0)) return {tiller_status_bad_period, "period_s"};
-  if (!in(c.substeps, 1, 64)) return {tiller_status_bad_period, "substeps"};
-  if (c.integrator > tiller_integrator_rk4) return {tiller_status_bad_period, "integrator"};
-  return check_body(c.body);
 }
 
 Finding check_effects(const tiller_config_t& c) {
@@ -154,47 +138,26 @@ Finding check_mixture(const tiller_config_t& c) {
   return std::fabs(sum - 1.0) <= 1e-9 ? kGood : Finding{kBad, "prior_mixture.weight"};
 }
 
-Finding check_noise(const tiller_config_t& c) {
+Finding check_measurements(const tiller_config_t& c) {
   static Names12 measured = {TILLER_TWELVE("measured_state")}, sd = {TILLER_TWELVE("measurement_sd")};
-  static Names12 process = {TILLER_TWELVE("process_sd")}, start = {TILLER_TWELVE("initial_state")};
-  static Names12 start_sd = {TILLER_TWELVE("initial_state_sd")};
   const std::uint32_t nx = c.model->state_count;
   if (!in(c.measurement_count, 1, TILLER_MAX_MEASUREMENTS)) return {tiller_status_bad_dimension, "measurement_count"};
   for (std::uint32_t i = 0; i < c.measurement_count; ++i) {
     if (c.measured_state[i] >= nx) return {tiller_status_bad_dimension, measured[i]};
     if (!is_scale(c.measurement_sd[i])) return {tiller_status_bad_noise, sd[i]};
   }
-  for (std::uint32_t i = 0; i < nx; ++i) {
-    if (!is_scale_or_zero(c.process_sd[i])) return {tiller_status_bad_noise, process[i]};
-    if (!is_value(c.initial_state[i])) return {tiller_status_bad_seed, start[i]};
-    if (!is_scale_or_zero(c.initial_state_sd[i])) return {tiller_status_bad_seed, start_sd[i]};
-  }
   return kGood;
 }
 
-Finding check_posterior(const tiller_posterior_config_t& p) {
-  if (!in(p.particles, 16, 4096) || p.particles % 16 != 0) return {tiller_status_bad_posterior, "posterior.particles"};
-  if (!in(p.window, 16, 1024)) return {tiller_status_bad_posterior, "posterior.window"};
-  if (p.moves_per_tick > p.particles || p.moves_per_tick % 8 != 0)
-    return {tiller_status_bad_posterior, "posterior.moves_per_tick"};
-  if (!is_share(p.ess_fraction)) return {tiller_status_bad_posterior, "posterior.ess_fraction"};
-  if (!in(p.noise_scale_shape, TILLER_SMALLEST_SHARE, 1e6))
-    return {tiller_status_bad_posterior, "posterior.noise_scale_shape"};
-  if (p.kind >= tiller_posterior_kind_count) return {tiller_status_bad_posterior, "posterior.kind"};
-  if (p.robust > 1) return {tiller_status_bad_posterior, "posterior.robust"};
-  if (p.discrepancy > 1) return {tiller_status_bad_posterior, "posterior.discrepancy"};
-  if (!in(p.delay_hypotheses, 1, TILLER_MAX_HYPOTHESES))
-    return {tiller_status_bad_posterior, "posterior.delay_hypotheses"};
-  if (!in(p.forgetting_count, 1, TILLER_MAX_FORGETTING))
-    return {tiller_status_bad_posterior, "posterior.forgetting_count"};
+/// How the settings of the posterior go together.
+Finding check_posterior(const tiller_config_t& c) {
+  const tiller_posterior_config_t& p = c.posterior;
+  constexpr tiller_status_t kBad = tiller_status_bad_posterior;
+  if (p.moves_per_tick > p.particles) return {kBad, "posterior.moves_per_tick"};
+  if (!in(p.forgetting_count, 1, TILLER_MAX_FORGETTING)) return {kBad, "posterior.forgetting_count"};
   for (std::uint32_t i = 0; i < p.forgetting_count; ++i)
     if (!(p.forgetting[i] >= 0.5 && p.forgetting[i] <= (i ? p.forgetting[i - 1] : 1.0)))
-      return {tiller_status_bad_posterior, "posterior.forgetting"};
-  if (p.adequacy > 1) return {tiller_status_bad_posterior, "posterior.adequacy"};
-  if (!(p.scout_share >= 0.0 && p.scout_share <= 0.5)) return {tiller_status_bad_posterior, "posterior.scout_share"};
-  if (!(p.noise_ratio_sd >= 0.0 && p.noise_ratio_sd <= 10.0))
-    return {tiller_status_bad_posterior, "posterior.noise_ratio_sd"};
-  if (p.relearn > 1) return {tiller_status_bad_posterior, "posterior.relearn"};
+      return {kBad, "posterior.forgetting"};
   return kGood;
 }
 
@@ -237,30 +200,51 @@ Finding check_sensors(const tiller_config_t& c) {
     if (!is_scale_or_none(s.measurement_rate_per_s[i])) return {kBad, rate[i]};
   }
   // a timeout below the period would call every measurement stale before the next can come
-  if (!(s.sensor_timeout_s >= c.period_s && s.sensor_timeout_s <= 3600.0)) return {kBad, "safety.sensor_timeout_s"};
-  if (s.bad_ticks_to_safe == 0) return {kBad, "safety.bad_ticks_to_safe"};
-  return kGood;
+  return s.sensor_timeout_s >= c.period_s ? kGood : Finding{kBad, "safety.sensor_timeout_s"};
 }
+
+/// The settings of config.def, each by itself.
+template <FieldGroup group, tiller_status_t bad>
+Finding check_group(const tiller_config_t& c) {
+  const char* const field = out_of_range(c, group);
+  return field ? Finding{bad, field} : kGood;
+}
+
+using Check = Finding (*)(const tiller_config_t&);
+
+/// In the order of the struct; whatever a check relies on stands before it.
+constexpr Check kChecks[] = {
+    check_struct,
+    check_group<FieldGroup::model, tiller_status_bad_period>,
+    check_group<FieldGroup::body, tiller_status_bad_limit>,
+    check_effects,
+    check_priors,
+    check_mixture,
+    check_measurements,
+    check_group<FieldGroup::noise, tiller_status_bad_noise>,
+    check_group<FieldGroup::start, tiller_status_bad_seed>,
+    check_group<FieldGroup::posterior, tiller_status_bad_posterior>,
+    check_posterior,
+    check_group<FieldGroup::planner, tiller_status_bad_planner>,
+    check_planner,
+    check_group<FieldGroup::cost, tiller_status_bad_cost>,
+    check_cost,
+    check_commands,
+    check_group<FieldGroup::safety, tiller_status_bad_limit>,
+    check_sensors,
+    check_group<FieldGroup::recorder, tiller_status_bad_dimension>,
+    check_cost_to_go,
+    check_engine,
+};
 
 }  // namespace
 
 Finding check_config(const tiller_config_t& c) {
-  Finding finding = check_struct(c);
-  if (finding.status == tiller_status_ok) finding = check_step(c);
-  if (finding.status == tiller_status_ok) finding = check_effects(c);
-  if (finding.status == tiller_status_ok) finding = check_priors(c);
-  if (finding.status == tiller_status_ok) finding = check_mixture(c);
-  if (finding.status == tiller_status_ok) finding = check_noise(c);
-  if (finding.status == tiller_status_ok) finding = check_posterior(c.posterior);
-  if (finding.status == tiller_status_ok) finding = check_planner(c);
-  if (finding.status == tiller_status_ok) finding = check_cost(c);
-  if (finding.status == tiller_status_ok) finding = check_commands(c);
-  if (finding.status == tiller_status_ok) finding = check_sensors(c);
-  if (finding.status == tiller_status_ok && c.record_ticks > 65536)
-    finding = {tiller_status_bad_dimension, "record_ticks"};
-  if (finding.status == tiller_status_ok) finding = check_cost_to_go(c);
-  if (finding.status == tiller_status_ok) finding = check_engine(c);
-  return finding;
+  for (const Check check : kChecks) {
+    const Finding finding = check(c);
+    if (finding.status != tiller_status_ok) return finding;
+  }
+  return kGood;
 }
 
 }  // namespace tiller

@@ -203,9 +203,7 @@ WeighResult weigh(std::uint32_t n, const double* base, const double* gain, doubl
 
 }  // namespace
 
-const FilterTable& filter_copy() {
-  static const FilterTable table = {Isa::TILLER_COMPILE_ISA, predict, correct, polynomial, weigh};
-  return table;
-}
+extern const FilterTable kFilterLanes;
+const FilterTable kFilterLanes = {Isa::TILLER_COMPILE_ISA, predict, correct, polynomial, weigh};
 
 TILLER_ISA_NAMESPACE_END

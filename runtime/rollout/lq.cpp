@@ -1,55 +1,14 @@
 #include "rollout/lq.hpp"
 
 #include "rollout/rollout.hpp"
+#include "scalar/isa_copies.hpp"
 
 namespace tiller {
 
-// The copies that this build has: lq_general.cpp once per instruction set.
-#define TILLER_LQ_ISA(name)                        \
-  inline namespace name {                          \
-  extern const LqKernel kLqGeneral, kLqTwelveFour; \
-  }
-#if defined(TILLER_HAS_ISA_scalar)
-TILLER_LQ_ISA(scalar)
-#endif
-#if defined(TILLER_HAS_ISA_sse2)
-TILLER_LQ_ISA(sse2)
-#endif
-#if defined(TILLER_HAS_ISA_neon)
-TILLER_LQ_ISA(neon)
-#endif
-#if defined(TILLER_HAS_ISA_avx2)
-TILLER_LQ_ISA(avx2)
-#endif
-#if defined(TILLER_HAS_ISA_avx512)
-TILLER_LQ_ISA(avx512)
-#endif
-#undef TILLER_LQ_ISA
+TILLER_DECLARE_COPIES(LqKernel, kLqGeneral)
+TILLER_DECLARE_COPIES(LqKernel, kLqTwelveFour)
 
 namespace {
-
-struct Built {
-  Isa isa;
-  const LqKernel *general, *twelve_four;
-};
-
-const Built kBuilt[] = {
-#if defined(TILLER_HAS_ISA_avx512)
-    {Isa::avx512, &avx512::kLqGeneral, &avx512::kLqTwelveFour},
-#endif
-#if defined(TILLER_HAS_ISA_avx2)
-    {Isa::avx2, &avx2::kLqGeneral, &avx2::kLqTwelveFour},
-#endif
-#if defined(TILLER_HAS_ISA_neon)
-    {Isa::neon, &neon::kLqGeneral, &neon::kLqTwelveFour},
-#endif
-#if defined(TILLER_HAS_ISA_sse2)
-    {Isa::sse2, &sse2::kLqGeneral, &sse2::kLqTwelveFour},
-#endif
-#if defined(TILLER_HAS_ISA_scalar)
-    {Isa::scalar, &scalar::kLqGeneral, &scalar::kLqTwelveFour},
-#endif
-};
 
 /// One bound of the box passed or one held input let go: how many changed.
 std::uint32_t update_held(const LqProblem& p, const LqFactor& f, const double* x, const double* u) {
@@ -98,11 +57,9 @@ LqFactor lay_out_lq_factor(Arena& arena, const LqProblem& sizes, bool box) {
 }
 
 const LqKernel& select_lq(Isa isa, std::uint32_t states, std::uint32_t inputs) {
-  const bool twelve_four = states == 12 && inputs == 4;
-  for (const Built& built : kBuilt)
-    if (built.isa <= isa && has_isa(built.isa)) return twelve_four ? *built.twelve_four : *built.general;
-  const Built& last = kBuilt[sizeof(kBuilt) / sizeof(kBuilt[0]) - 1];
-  return twelve_four ? *last.twelve_four : *last.general;
+  static constexpr IsaCopy<LqKernel> kGeneral[] = {TILLER_COPIES(kLqGeneral)};
+  static constexpr IsaCopy<LqKernel> kTwelveFour[] = {TILLER_COPIES(kLqTwelveFour)};
+  return states == 12 && inputs == 4 ? select_copy(kTwelveFour, isa) : select_copy(kGeneral, isa);
 }
 
 const LqKernel& select_lq(const RolloutTable& table, std::uint32_t states, std::uint32_t inputs,

@@ -4,8 +4,17 @@
 
 #include "rollout/model_adapter.hpp"
 #include "rollout/rollout.hpp"
+#include "scalar/isa_copies.hpp"
 
 namespace tiller {
+
+/// A model's kernels from the copies of its table: kernels_of({TILLER_COPIES(kTable_pendulum)}).
+template <std::size_t count>
+constexpr ModelKernels kernels_of(const IsaCopy<RolloutTable> (&copies)[count]) {
+  ModelKernels kernels{};
+  for (const IsaCopy<RolloutTable>& copy : copies) kernels.table[static_cast<int>(copy.isa)] = copy.table;
+  return kernels;
+}
 
 template <template <class> class M>
 struct ModelTable {

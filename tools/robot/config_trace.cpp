@@ -47,10 +47,6 @@ Words trace_field(const RobotFile& robot, const std::string& field) {
   if (name == "effects") return effect_path(i);
   if (name == "measurement_sd") return {"measurement", name_at(robot.measurements, i), "sd"};
   if (name == "measured_state") return {"measurement", name_at(robot.measurements, i)};
-  if (name == "process_sd") return {"noise", name, name_at(robot.states, i)};
-  if (name == "initial_state") return {"start", "state", name_at(robot.states, i)};
-  if (name == "initial_state_sd") return {"start", "sd", name_at(robot.states, i)};
-  if (name == "record_ticks") return {"recorder", "ticks"};
   const std::string input = name_at(robot.inputs, i);
   if (name == "cost.obstacles") return {"cost", "obstacles", std::to_string(i)};
   if (name == "cost.state_low") return {"cost", "bounds", name_at(robot.states, i), "low"};
@@ -65,14 +61,15 @@ Words trace_field(const RobotFile& robot, const std::string& field) {
   if (name == "safety.measurement_low") return {"measurement", sensor, "low"};
   if (name == "safety.measurement_high") return {"measurement", sensor, "high"};
   if (name == "safety.measurement_rate_per_s") return {"measurement", sensor, "rate_per_s"};
+  for (const KeySpec& key : robot_keys()) {
+    if (!key.field || name != key.field) continue;
+    if (key.kind == KeyKind::state_numbers) return {key.section, key.key, name_at(robot.states, i)};
+    if (key.kind == KeyKind::input_numbers) return {key.section, key.key, input};
+    return {key.section, key.key};
+  }
   const std::size_t dot = name.find('.');
   if (dot == std::string::npos) return {"model", name};
-  const std::string section = name.substr(0, dot);
-  const std::string key = name.substr(dot + 1);
-  const KeySpec* spec = find_key(section, key);
-  if (spec && spec->kind == KeyKind::state_numbers) return {section, key, name_at(robot.states, i)};
-  if (spec && spec->kind == KeyKind::input_numbers) return {section, key, input};
-  return {section, key};
+  return {name.substr(0, dot), name.substr(dot + 1)};
 }
 
 }  // namespace tiller::tools

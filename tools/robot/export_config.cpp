@@ -26,10 +26,10 @@ class Initialiser {
   void word(const std::string& field, const std::string& value) {
     text_ += indent_ + "." + field + " = " + value + ",\n";
   }
-  void count(const char* field, std::uint64_t value) { word(field, std::to_string(value) + "u"); }
-  void number(const char* field, double value) { word(field, c_number(value)); }
+  void count(const std::string& field, std::uint64_t value) { word(field, std::to_string(value) + "u"); }
+  void number(const std::string& field, double value) { word(field, c_number(value)); }
 
-  void numbers(const char* field, const double* values, std::size_t size, const Words& names) {
+  void numbers(const std::string& field, const double* values, std::size_t size, const Words& names) {
     std::string list;
     for (std::size_t i = 0; i < size; ++i) {
       // -0.0 and NaN are not zero bits: only true zeros are left out
@@ -82,59 +82,41 @@ std::string measured_text(const RobotFile& robot) {
   return "{" + text + "}";
 }
 
-Initialiser posterior_part(const tiller_posterior_config_t& p) {
+/// The settings of config.def that stand in one struct of the configuration: "planner", "" for the outermost.
+void write_settings(Initialiser& part, const RobotFile& robot, const std::string& group) {
+  for (const KeySpec& key : robot_keys()) {
+    if (!key.field) continue;
+    const std::string path = key.field;
+    const std::size_t dot = path.find('.');
+    if (group != (dot == std::string::npos ? "" : path.substr(0, dot))) continue;
+    const std::string field = dot == std::string::npos ? path : path.substr(dot + 1);
+    const char* const at = reinterpret_cast<const char*>(&robot.config) + key.offset;
+    const auto& whole = *reinterpret_cast<const std::uint32_t*>(at);
+    const double* const numbers = reinterpret_cast<const double*>(at);
+    switch (key.kind) {
+      case KeyKind::choice: part.word(field, enum_name(key.enum_prefix, key.choices(), whole)); break;
+      case KeyKind::number: part.number(field, *numbers); break;
+      case KeyKind::state_numbers: part.numbers(field, numbers, TILLER_MAX_STATES, robot.states); break;
+      case KeyKind::input_numbers: part.numbers(field, numbers, TILLER_MAX_INPUTS, robot.inputs); break;
+      default: part.count(field, whole);
+    }
+  }
+}
+
+Initialiser posterior_part(const RobotFile& robot) {
   Initialiser part("    ");
-  part.count("enabled", p.enabled);
-  part.count("particles", p.particles);
-  part.count("window", p.window);
-  part.count("moves_per_tick", p.moves_per_tick);
-  part.number("ess_fraction", p.ess_fraction);
-  part.number("noise_scale_shape", p.noise_scale_shape);
-  part.word("kind", enum_name("posterior", posterior_names(), p.kind));
-  part.count("robust", p.robust);
-  part.count("discrepancy", p.discrepancy);
-  part.count("delay_hypotheses", p.delay_hypotheses);
+  write_settings(part, robot, "posterior");
+  const tiller_posterior_config_t& p = robot.config.posterior;
   part.count("forgetting_count", p.forgetting_count);
-  part.count("adequacy", p.adequacy);
   part.word("forgetting", "{" + c_number(p.forgetting[0]) + ", " + c_number(p.forgetting[1]) + ", " +
                               c_number(p.forgetting[2]) + "}");
-  part.number("scout_share", p.scout_share);
-  part.number("noise_ratio_sd", p.noise_ratio_sd);
-  part.count("relearn", p.relearn);
   return part;
 }
 
-Initialiser planner_part(const RobotFile& robot) {
-  const tiller_planner_config_t& p = robot.config.planner;
+/// A part of the configuration that holds settings of config.def alone.
+Initialiser plain_part(const RobotFile& robot, const char* group) {
   Initialiser part("    ");
-  part.word("kind", enum_name("planner", planner_names(), p.kind));
-  part.count("horizon", p.horizon);
-  part.count("knots", p.knots);
-  part.count("rollouts", p.rollouts);
-  part.count("particles", p.particles);
-  part.count("iterations", p.iterations);
-  part.count("deadline_us", p.deadline_us);
-  part.word("risk", enum_name("risk", risk_names(), p.risk));
-  part.number("cvar_alpha", p.cvar_alpha);
-  part.numbers("noise_sd", p.noise_sd, TILLER_MAX_INPUTS, robot.inputs);
-  part.number("temperature", p.temperature);
-  part.number("elite_fraction", p.elite_fraction);
-  part.number("smoothing", p.smoothing);
-  part.word("interpolation", enum_name("interpolation", interpolation_names(), p.interpolation));
-  part.count("adapt_covariance", p.adapt_covariance);
-  part.number("noise_colour", p.noise_colour);
-  part.number("filter", p.filter);
-  part.word("shooting", enum_name("shooting", shooting_names(), p.shooting));
-  part.word("qp_solver", enum_name("qp", qp_solver_names(), p.qp_solver));
-  part.count("qp_iterations", p.qp_iterations);
-  part.count("refine_iterations", p.refine_iterations);
-  part.number("qp_tolerance", p.qp_tolerance);
-  part.number("regularisation", p.regularisation);
-  part.count("levels", p.levels);
-  part.count("nodes", p.nodes);
-  part.count("hold_steps", p.hold_steps);
-  part.count("predict_delay", p.predict_delay);
-  part.number("exploration", p.exploration);
+  write_settings(part, robot, group);
   return part;
 }
 
@@ -185,15 +167,8 @@ std::string arrays_text(const RobotFile& robot, const std::string& prefix) {
 Initialiser cost_part(const RobotFile& robot, const std::string& prefix) {
   const tiller_cost_config_t& c = robot.config.cost;
   Initialiser part("    ");
-  part.numbers("target", c.target, TILLER_MAX_STATES, robot.states);
-  part.numbers("state_weight", c.state_weight, TILLER_MAX_STATES, robot.states);
-  part.numbers("terminal_weight", c.terminal_weight, TILLER_MAX_STATES, robot.states);
-  part.numbers("input_weight", c.input_weight, TILLER_MAX_INPUTS, robot.inputs);
-  part.numbers("input_rate_weight", c.input_rate_weight, TILLER_MAX_INPUTS, robot.inputs);
-  part.word("terminal", enum_name("terminal", terminal_names(), c.terminal));
+  write_settings(part, robot, "cost");
   part.count("obstacle_count", c.obstacle_count);
-  part.number("saturating_weight", c.saturating_weight);
-  part.numbers("saturating_width", c.saturating_width, TILLER_MAX_STATES, robot.states);
   part.numbers("state_low", c.state_low, TILLER_MAX_STATES, robot.states);
   part.numbers("state_high", c.state_high, TILLER_MAX_STATES, robot.states);
   part.numbers("bound_weight", c.bound_weight, TILLER_MAX_STATES, robot.states);
@@ -206,8 +181,6 @@ Initialiser cost_part(const RobotFile& robot, const std::string& prefix) {
   }
   part.count("reference_steps", c.reference_steps);
   part.count("demonstration_steps", c.demonstration_steps);
-  part.number("demonstration_weight", c.demonstration_weight);
-  part.number("own_weight", c.own_weight);
   return part;
 }
 
@@ -222,10 +195,7 @@ Initialiser safety_part(const RobotFile& robot) {
   part.numbers("measurement_low", s.measurement_low, TILLER_MAX_MEASUREMENTS, robot.measurements);
   part.numbers("measurement_high", s.measurement_high, TILLER_MAX_MEASUREMENTS, robot.measurements);
   part.numbers("measurement_rate_per_s", s.measurement_rate_per_s, TILLER_MAX_MEASUREMENTS, robot.measurements);
-  part.number("sensor_timeout_s", s.sensor_timeout_s);
-  part.count("frozen_ticks", s.frozen_ticks);
-  part.count("bad_ticks_to_safe", s.bad_ticks_to_safe);
-  part.count("hold_ticks_to_safe", s.hold_ticks_to_safe);
+  write_settings(part, robot, "safety");
   return part;
 }
 
@@ -235,29 +205,18 @@ std::string config_text(const RobotFile& robot, const std::string& prefix) {
   all.word("size", "sizeof(tiller_config_t)");
   all.word("version", "TILLER_CONFIG_VERSION");
   all.count("seed", c.seed);
-  all.number("period_s", c.period_s);
-  all.count("substeps", c.substeps);
-  all.word("integrator", enum_name("integrator", integrator_names(), c.integrator));
-  Initialiser body("    ");
-  body.number("gravity_x_m_s2", c.body.gravity_x_m_s2);
-  body.number("gravity_z_m_s2", c.body.gravity_z_m_s2);
-  body.number("payload_kg", c.body.payload_kg);
-  body.number("payload_kgm2", c.body.payload_kgm2);
-  all.group("body", body);
+  write_settings(all, robot, "");
+  all.group("body", plain_part(robot, "body"));
   all.count("effect_count", c.effect_count);
   all.count("param_count", c.param_count);
   if (c.effect_count > 0) all.word("effects", effects_text(robot));
   all.word("priors", priors_text(robot));
   all.count("measurement_count", c.measurement_count);
-  all.count("record_ticks", c.record_ticks);
   all.word("measured_state", measured_text(robot));
   all.numbers("measurement_sd", c.measurement_sd, TILLER_MAX_MEASUREMENTS, robot.measurements);
-  all.numbers("process_sd", c.process_sd, TILLER_MAX_STATES, robot.states);
-  all.numbers("initial_state", c.initial_state, TILLER_MAX_STATES, robot.states);
-  all.numbers("initial_state_sd", c.initial_state_sd, TILLER_MAX_STATES, robot.states);
-  all.group("posterior", posterior_part(c.posterior));
+  all.group("posterior", posterior_part(robot));
   if (c.prior_mixture) all.word("prior_mixture", "&" + prefix + "_prior");
-  all.group("planner", planner_part(robot));
+  all.group("planner", plain_part(robot, "planner"));
   all.group("cost", cost_part(robot, prefix));
   all.group("safety", safety_part(robot));
   return all.text();

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 #include "tiller/tiller.h"
@@ -20,8 +21,8 @@ enum class KeyKind {
   other           // a table or list with a reader of its own
 };
 
-/// One key of the robot file. A key with an offset is read, checked and stored from this entry alone; its
-/// default is what tiller_config_default() leaves there, so that no default is written down twice.
+/// One key of the robot file. Those with an offset are the lines of tiller/config.def: read, checked and stored from this
+/// entry alone; their default is what tiller_config_default() leaves there.
 struct KeySpec {
   const char* section;  ///< "planner"; "measurement.*" for the tables below one with free names
   const char* key;
@@ -35,6 +36,11 @@ struct KeySpec {
   const char* help;
   const char* readers = nullptr;  ///< of [planner]: the planners that read it, "mppi, cem"; null: all
   double least = 0;               ///< magnitudes below this are refused, but for 0 itself where the range holds it
+  std::uint32_t multiple = 1;     ///< of a count
+  /// Of a setting of config.def: its path in tiller_config_t ("planner.knots"), and of a choice what tiller.h calls the
+  /// values (tiller_<enum_prefix>_<name>); else null.
+  const char* field = nullptr;
+  const char* enum_prefix = nullptr;
 };
 
 constexpr const char* kRequired = "required";
@@ -63,7 +69,7 @@ Words posterior_names();
 Words risk_names();
 Words interpolation_names();
 Words shooting_names();
-Words qp_solver_names();
+Words qp_names();
 Words terminal_names();
 Words effect_names();
 Words builtin_model_names();

@@ -14,7 +14,9 @@ std::string number_remedy(const char* what, const KeySpec& spec) {
   const bool high = std::isfinite(spec.high);
   const std::string from = (spec.low_open ? "above " : "at least ") + number_text(spec.low);
   const std::string write = std::string("write a ") + what;
-  const std::string gap = spec.least > 0 ? ", but for 0 not below " + number_text(spec.least) : "";
+  const std::string gap = spec.least > 0      ? ", but for 0 not below " + number_text(spec.least)
+                          : spec.multiple > 1 ? ", a multiple of " + std::to_string(spec.multiple)
+                                              : "";
   if (low && high) return write + " " + from + " and at most " + number_text(spec.high) + gap;
   if (low) return write + " " + from + gap;
   return high ? write + " at most " + number_text(spec.high) : std::string("write a finite ") + what;
@@ -105,6 +107,10 @@ std::optional<std::int64_t> SectionReader::count(const std::string& key) {
   const std::int64_t whole = *value->value<std::int64_t>();
   if (!in_range(entry, static_cast<double>(whole))) {
     error(key, "is out of range", number_remedy("whole number", entry));
+    return std::nullopt;
+  }
+  if (whole % entry.multiple != 0) {
+    error(key, "is not a multiple of " + std::to_string(entry.multiple), number_remedy("whole number", entry));
     return std::nullopt;
   }
   return whole;

@@ -167,10 +167,9 @@ void add_scaled(std::uint32_t n, double factor, const double* from, double* to) 
 
 }  // namespace
 
-const TransitionTable& transition_copy() {
-  static const TransitionTable table = {Isa::TILLER_COMPILE_ISA, sum_residuals, evidence,    mean_errors, propose_lanes,
-                                        split_weights,           normalise,     find_broken, add_scaled};
-  return table;
-}
+extern const TransitionTable kTransitionLanes;
+const TransitionTable kTransitionLanes = {
+    Isa::TILLER_COMPILE_ISA, sum_residuals, evidence,    mean_errors, propose_lanes,
+    split_weights,           normalise,     find_broken, add_scaled};
 
 TILLER_ISA_NAMESPACE_END
