@@ -21,7 +21,7 @@ GOAL = 1.5  # worst over median; planners that stop when they have converged fal
 
 
 def planners():
-    text = (ROOT / "runtime/planners/planners.def").read_text(encoding="utf-8")
+    text = (ROOT / "runtime/include/tiller/planners.def").read_text(encoding="utf-8")
     return re.findall(r"^TILLER_PLANNER\((\w+)", text, re.MULTILINE)
 
 

@@ -119,6 +119,24 @@ class Posterior {
   double origin_[TILLER_MAX_STATES] = {};
 };
 
+/// An engine: one line of tiller/posteriors.def.
+struct PosteriorTable {
+  Posterior* (*lay_out)(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+                        const tiller_hooks_t* hooks);
+  /// As Posterior::check, of this engine; null: nothing beyond tiller_config_check.
+  tiller_status_t (*check)(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+                           const char** field) = nullptr;
+  bool hypotheses = false;  ///< weighs several input delays and rates of forgetting side by side
+  bool discrepancy_default =
+      false;  ///< of a robot file that does not say: the forces that the model may lack are marginalised
+};
+
+/// The engine of a kind; null where this build has none.
+const PosteriorTable* find_posterior(std::uint32_t kind);
+/// Of any kind of posteriors.def, built or not; null beyond.
+const char* posterior_name(std::uint32_t kind);
+const char* posterior_help(std::uint32_t kind);
+
 /// The refusals of Posterior::update that hold for every engine; ok otherwise.
 tiller_status_t check_transition(const tiller_config_t& config, const Transition& transition);
 

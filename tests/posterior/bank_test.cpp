@@ -8,7 +8,7 @@
 #include <cstring>
 #include <memory>
 
-#include "posterior/bank.hpp"
+#include "posterior/transition/bank.hpp"
 #include "transition_rig.hpp"
 
 namespace {

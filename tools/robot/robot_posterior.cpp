@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <functional>
 
+#include "posterior/posterior.hpp"
 #include "tools/robot/posterior_file.hpp"
 #include "tools/robot/robot_sections.hpp"
 
@@ -13,8 +14,8 @@ namespace tiller::tools {
 /// friction spoils; `filter` does not, because it would blur the friction that most models have as a parameter.
 void choose_discrepancy(SectionReader& posterior, RobotFile& robot) {
   if (posterior.node("discrepancy")) return;
-  tiller_posterior_config_t& c = robot.config.posterior;
-  c.discrepancy = c.kind == tiller_posterior_transition ? 1 : 0;
+  const PosteriorTable* const engine = find_posterior(robot.config.posterior.kind);
+  robot.config.posterior.discrepancy = engine && engine->discrepancy_default ? 1 : 0;
 }
 
 void read_forgetting(SectionReader& posterior, RobotFile& robot) {

@@ -6,6 +6,7 @@
 #include "abi/config_fields.hpp"
 #include "effects/effect_info.hpp"
 #include "planners/planner.hpp"
+#include "posterior/posterior.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -372,7 +373,11 @@ Words planner_names() {
 }
 
 Words integrator_names() { return {"semi_implicit_euler", "midpoint", "rk4"}; }
-Words posterior_names() { return {"filter", "transition", "conjugate"}; }
+Words posterior_names() {
+  Words names;
+  for (std::uint32_t kind = 0; kind < tiller_posterior_kind_count; ++kind) names.emplace_back(posterior_name(kind));
+  return names;
+}
 Words risk_names() { return {"mean", "cvar", "worst"}; }
 Words interpolation_names() { return {"linear", "cubic"}; }
 Words shooting_names() { return {"single", "multiple"}; }

@@ -115,14 +115,10 @@ typedef enum tiller_integrator {
   tiller_integrator_rk4 = 2
 } tiller_integrator_t;
 
+/** One value, tiller_planner_<name>, for each line of tiller/planners.def. */
 typedef enum tiller_planner_kind {
-  tiller_planner_random_shooting = 0,
-  tiller_planner_cem = 1,
-  tiller_planner_mppi = 2,
-  tiller_planner_mcts = 3,
-  tiller_planner_ilqr = 4,
-  tiller_planner_sqp = 5,
-  tiller_planner_hybrid = 6,
+#define TILLER_PLANNER(name, help) tiller_planner_##name,
+#include "tiller/planners.def"
   tiller_planner_kind_count
 } tiller_planner_kind_t;
 
@@ -150,14 +146,11 @@ typedef enum tiller_qp_solver {
   tiller_qp_osqp = 1     /**< OSQP (operator splitting, sparse): general */
 } tiller_qp_solver_t;
 
-/** How what was measured is taken in: see docs/theory/posterior.md. */
+/** How what was measured is taken in, see docs/theory/posterior.md: tiller_posterior_<name> for each line of
+ *  tiller/posteriors.def. */
 typedef enum tiller_posterior_kind {
-  tiller_posterior_filter = 0,     /**< an extended Kalman filter per particle: noisy or partial measurements, effects
-                                        with states of their own */
-  tiller_posterior_transition = 1, /**< one-step residuals between measured states: every state is measured, with
-                                        noise far below a step's change; noise per state unknown */
-  tiller_posterior_conjugate = 2,  /**< exact, in closed form: as `transition`, for a model that is affine in the
-                                        inferred parameters, normal priors without bounds, one common noise scale */
+#define TILLER_POSTERIOR(name, help) tiller_posterior_##name,
+#include "tiller/posteriors.def"
   tiller_posterior_kind_count
 } tiller_posterior_kind_t;
 

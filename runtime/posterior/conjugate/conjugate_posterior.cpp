@@ -278,4 +278,14 @@ void ConjugatePosterior::place_particles() {
   }
 }
 
+namespace {
+Posterior* lay_out_engine(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                          const RolloutTable& table, const tiller_hooks_t* /*hooks*/) {
+  return ConjugatePosterior::lay_out(arena, config, setup, table);
+}
+}  // namespace
+
+extern const PosteriorTable conjugate_posterior;
+const PosteriorTable conjugate_posterior = {lay_out_engine, ConjugatePosterior::check};
+
 }  // namespace tiller

@@ -341,4 +341,14 @@ void FilterPosterior::remember_input(const double* input) {
   std::memcpy(input_history_, input, sizeof(double) * nu_);
 }
 
+namespace {
+Posterior* lay_out_engine(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                          const RolloutTable& table, const tiller_hooks_t* hooks) {
+  return FilterPosterior::lay_out(arena, config, setup, table, hooks);
+}
+}  // namespace
+
+extern const PosteriorTable filter_posterior;
+const PosteriorTable filter_posterior = {lay_out_engine};
+
 }  // namespace tiller

@@ -1,4 +1,5 @@
-#include "posterior/bank.hpp"
+#include "posterior/transition/bank.hpp"
+#include "posterior/transition/transition_posterior.hpp"
 
 #include <cmath>
 #include <cstring>
@@ -172,5 +173,17 @@ void BankPosterior::restart_member(std::uint32_t member) {
   engine_[member]->restart(last_);
   retired_.subtract(*engine_[member]);
 }
+
+namespace {
+/// One hypothesis is an engine by itself.
+Posterior* lay_out_engine(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                          const RolloutTable& table, const tiller_hooks_t* hooks) {
+  if (BankPosterior::wanted(config)) return BankPosterior::lay_out(arena, config, setup, table, hooks);
+  return TransitionPosterior::lay_out(arena, config, setup, table, hooks);
+}
+}  // namespace
+
+extern const PosteriorTable transition_posterior;
+const PosteriorTable transition_posterior = {lay_out_engine, TransitionPosterior::check, true, true};
 
 }  // namespace tiller

@@ -1,4 +1,4 @@
-#include "posterior/bank_delay.hpp"
+#include "posterior/transition/bank_delay.hpp"
 
 #include <cmath>
 

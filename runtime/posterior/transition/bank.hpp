@@ -2,8 +2,8 @@
 
 #include <cstdint>
 
-#include "posterior/bank_delay.hpp"
 #include "posterior/posterior.hpp"
+#include "posterior/transition/bank_delay.hpp"
 
 namespace tiller {
 

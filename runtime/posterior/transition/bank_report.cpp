@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "core/rng.hpp"
-#include "posterior/bank.hpp"
+#include "posterior/transition/bank.hpp"
 
 namespace tiller {
 

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "posterior/bank.hpp"
+#include "posterior/transition/bank.hpp"
 #include "tiller/math.hpp"
 
 namespace tiller {

@@ -1,0 +1,1 @@
+set(sources conjugate_posterior.cpp scale_regression.cpp affine.cpp report.cpp)
