@@ -138,7 +138,7 @@ class Bench:
     def __init__(self, folder, sources):
         self.folder = pathlib.Path(folder)
         self.compiler = os.environ.get("CXX", "c++")
-        self.flags = ["-std=c++17", "-O1", f"-I{ROOT / 'runtime'}", f"-I{ROOT / 'runtime/include'}"]
+        self.flags = ["-std=c++17", "-O1", f"-I{ROOT}", f"-I{ROOT / 'runtime'}", f"-I{ROOT / 'runtime/include'}"]
         self.objects = {name: self.compile(SAFETY / f"{name}.cpp", name) for name in sources}
         self.others = [self.compile(path, path.stem) for path in
                        [*sorted((ROOT / "tests/safety").glob("*_test.cpp")), ROOT / "runtime/core/status.cpp"]]

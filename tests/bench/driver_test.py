@@ -11,7 +11,7 @@ import unittest
 from pathlib import Path
 
 sys.path.insert(0, os.environ["TILLER_BENCH"])
-sys.path.insert(0, os.environ["TILLER_BENCH"] + "/peers")
+sys.path.insert(0, os.environ["TILLER_BENCH"] + "/../peers")
 
 import posterior  # noqa: E402
 import robot  # noqa: E402

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "fuzz.hpp"
+#include "tools/logs/identify_log.hpp"
 #include "tools/robot/robot_file.hpp"
 
 namespace fuzz {
