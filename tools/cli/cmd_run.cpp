@@ -6,6 +6,7 @@
 #include "tools/command/commands.hpp"
 #include "tools/doctor/tick_forecast.hpp"
 #include "tools/links/model_plant.hpp"
+#include "tools/robot/transport_names.hpp"
 #include "tools/run/episodes.hpp"
 #include "tools/run/run_facts.hpp"
 #include "tools/run/run_loop.hpp"
@@ -55,7 +56,7 @@ bool open_link(const Arguments& a, const RobotFile& robot, Opened& opened, std::
     (void)open_plant(a, robot, opened, error);
   } else {
     TransportLinkOptions options;
-    options.kind = a.transport.empty() ? robot.transport.kind : a.transport == "can" ? "socketcan" : a.transport;
+    options.kind = a.transport.empty() ? robot.transport.kind : transport_named(a.transport);
     options.lockstep = a.lockstep;
     options.patience_s = a.patience_s;
     options.by_clock = robot.realtime.by_clock;
@@ -192,8 +193,8 @@ void add_run_command(CLI::App& app, int& exit_code) {
   command->add_option("ROBOT", a->robot, "robot file (.toml)")->required();
   auto* sim = command->add_flag("--sim", a->sim, "the plant of [sim] in this process, as fast as it goes");
   command->add_flag("--real-time", a->real_time, "with --sim: not faster than the wall clock")->needs(sim);
-  command->add_option("--transport", a->transport, "instead of the robot file's: lcm or can")
-      ->check(CLI::IsMember({"lcm", "can", "socketcan"}))
+  command->add_option("--transport", a->transport, "instead of the robot file's: " + join(transport_words()))
+      ->check(CLI::IsMember(transport_words()))
       ->excludes(sim);
   auto* lockstep = command->add_flag(
       "--lockstep", a->lockstep,

@@ -46,7 +46,7 @@ class Link {
 std::unique_ptr<Link> make_sim_link(const RobotFile& robot, SimPlant& plant, bool paced);
 
 struct TransportLinkOptions {
-  std::string kind;       ///< "lcm" or "socketcan"
+  std::string kind;       ///< a name of transports.def
   bool lockstep = false;  ///< the stamps are the time; a tick waits for its measurement
   bool by_clock = false;  ///< not in lockstep: ticks at absolute times, with the newest measurement of the moment
   /// Lockstep: wall time to wait for a measurement before ticking without one.

@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "tools/robot/robot_sections.hpp"
+#include "tools/robot/transport_names.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -156,7 +157,7 @@ void read_transport(FileErrors& errors, const toml::table& root, RobotFile& robo
   TransportSection& transport = robot.transport;
   transport.line = line_of(*table);
   section.refuse_unknown();
-  if (!section.has("kind")) section.missing("kind", "write kind = \"lcm\" or \"socketcan\"");
+  if (!section.has("kind")) section.missing("kind", "write one of " + join(transport_names()));
   const auto kind = section.choice("kind");
   if (!kind) return;
   transport.kind = find_key("transport", "kind")->choices()[*kind];

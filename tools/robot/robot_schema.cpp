@@ -7,6 +7,7 @@
 #include "effects/effect_info.hpp"
 #include "planners/planner.hpp"
 #include "posterior/posterior.hpp"
+#include "tools/robot/transport_names.hpp"
 
 namespace tiller::tools {
 namespace {

@@ -1,0 +1,101 @@
+#include <cmath>
+
+#include "io/socketcan_transport.hpp"
+#include "tools/links/transport.hpp"
+
+namespace tiller::tools {
+namespace {
+
+/// "board:3" or "position:force_N" (checked when the robot file was read).
+CanChannel parse_channel(const std::string& text, const Words& inputs) {
+  const std::string source = text.substr(0, text.find(':'));
+  const std::string rest = text.substr(text.find(':') + 1);
+  CanChannel channel;
+  if (source == "board") {
+    channel.index = static_cast<std::uint8_t>(std::stoi(rest));
+    return channel;
+  }
+  channel.source = source == "position" ? CanSource::kMotorPosition : CanSource::kMotorVelocity;
+  channel.index = static_cast<std::uint8_t>(index_of(inputs, rest));
+  return channel;
+}
+
+ActuatorSettings drive_settings(const DriveSection& drive) {
+  ActuatorSettings settings;
+  settings.kind = static_cast<ActuatorKind>(index_of({"odrive", "moteus", "mit"}, drive.actuator));
+  settings.mode = static_cast<ActuatorMode>(index_of({"torque", "velocity", "position"}, drive.command));
+  settings.resolution = static_cast<MoteusResolution>(index_of({"int8", "int16", "int32", "f32"}, drive.resolution));
+  settings.watchdog_s = drive.watchdog_s;
+  settings.range = {drive.position_rad, drive.velocity_rad_s, drive.torque_Nm, drive.kp_max, drive.kd_max};
+  settings.reply = static_cast<MitReply>(index_of({"plain", "ak", "damiao"}, drive.reply));
+  settings.reply_id = drive.reply_id;
+  settings.kp_Nm_rad = drive.kp_Nm_rad;
+  settings.kd_Nms_rad = drive.kd_Nms_rad;
+  return settings;
+}
+
+CanLayout can_layout(const RobotFile& robot) {
+  const TransportSection& t = robot.transport;
+  CanLayout layout;
+  layout.motor_count = robot.model->input_count;
+  for (std::uint32_t i = 0; i < layout.motor_count; ++i) {
+    layout.motors[i].node = i < t.nodes.size() ? t.nodes[i] : i + 1;
+    layout.motors[i].wheel_radius_m = i < t.wheel_radius_m.size() ? t.wheel_radius_m[i] : 1;
+    if (i < t.drives.size()) layout.motors[i].drive = drive_settings(t.drives[i]);
+    const double rate_per_s = robot.config.safety.input_rate_per_s[i];
+    layout.motors[i].entry_rate_per_s = std::isfinite(rate_per_s) ? rate_per_s : 0;
+  }
+  layout.channel_count = robot.config.measurement_count;
+  bool board = t.channels.empty();
+  for (std::uint32_t i = 0; i < layout.channel_count; ++i) {
+    layout.channels[i].index = static_cast<std::uint8_t>(i);
+    if (!t.channels.empty()) layout.channels[i] = parse_channel(t.channels[i], robot.inputs);
+    board = board || layout.channels[i].source == CanSource::kSensor;
+  }
+  layout.sensor_node = board ? t.sensor_node : CanLayout::kNoBoard;
+  layout.heartbeat_timeout_us = static_cast<std::uint32_t>(std::lround(1e6 * t.heartbeat_timeout_s));
+  layout.stamp_on_arrival = t.stamp_on_arrival;
+  return layout;
+}
+
+class SocketCanHost final : public HostTransport {
+ public:
+  tiller_status_t open(const RobotFile& robot, const TransportLinkOptions& options, OpenError& problem) override {
+    SocketCanOptions can;
+    can.interface = robot.transport.interface.c_str();
+    can.layout = can_layout(robot);
+    if (options.lockstep) can.layout.stamp_on_arrival = false;
+    const tiller_status_t status = socketcan_open(&can_, can, &problem);
+    asks_ = status == tiller_status_ok && can_.robot.needs_asking();
+    return status;
+  }
+
+  const tiller_transport_t& table() const override { return kSocketCanTransport; }
+  void* self() override { return &can_; }
+  void prepare() override { can_.robot.prepare(true); }
+  bool is_ready() const override { return can_.robot.is_ready(); }
+  bool asks() const override { return asks_; }
+  void ask() override { (void)socketcan_ask(&can_); }
+
+  std::string more_counters() const override {
+    const auto n = [](std::uint64_t value) { return static_cast<unsigned long long>(value); };
+    const SocketCanCounters& c = can_.bus_counters;
+    std::string text = std::string(", times of arrival by ") + stamp_source_text(can_.stamps);
+    if (c.held_back) text += format(", %llu commands held back by a stuck bus", n(c.held_back));
+    if (c.foreign) text += format(", %llu set points of another program", n(c.foreign));
+    if (c.bus_offs) text += format(", %llu times bus-off", n(c.bus_offs));
+    if (const char* why = socketcan_fault_text(&can_)) text += std::string("; ") + why;
+    return text;
+  }
+
+ private:
+  SocketCanTransport can_;
+  bool asks_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<HostTransport> make_socketcan_transport();
+std::unique_ptr<HostTransport> make_socketcan_transport() { return std::make_unique<SocketCanHost>(); }
+
+}  // namespace tiller::tools
