@@ -105,7 +105,7 @@ class Judge {
 void fill_particles(const gap::ResidualFit& fit, GridRollout& rollout) {
   tiller_config_t config = fit.config;
   config.prior_mixture = &fit.joint_prior->mixture;
-  const PriorLaw law(config);
+  const PriorDistribution law(config);
   std::vector<double> v(law.dimension() * kLanes);
   std::vector<std::uint32_t> index(kLanes);
   law.draw(7, kLanes, v.data(), index.data());

@@ -59,7 +59,7 @@ struct Clock {
   }
 };
 
-class Dice {
+class RandomStream {
  public:
   double operator()(double low, double high) {
     state_ = state_ * 6364136223846793005ull + 1442695040888963407ull;
@@ -79,8 +79,8 @@ tiller_config_t config_of(std::uint32_t kind) {
   return c;
 }
 
-void random_state(bench::Planning& p, Dice& dice, bool broken) {
-  const double x[4] = {dice(-1, 1), broken ? NAN : dice(-4, 4), dice(-3, 3), dice(-8, 8)};
+void random_state(bench::Planning& p, RandomStream& random, bool broken) {
+  const double x[4] = {random(-1, 1), broken ? NAN : random(-4, 4), random(-3, 3), random(-8, 8)};
   p.set_state(x);
 }
 
@@ -98,10 +98,10 @@ void run(bench::Table& table, std::uint32_t kind, long calls) {
   hooks.context = &clock;
   hooks.now_ns = [](void* c) { return static_cast<Clock*>(c)->read(); };
   bench::Planning p(config_of(kind), 0.1, best_isa(), &hooks);
-  Dice dice;
+  RandomStream random;
   std::vector<double> reads, iteration_ns, plan_ns;
   for (int k = 0; k < 1000; ++k) {
-    random_state(p, dice, false);
+    random_state(p, random, false);
     clock.start(1'000'000'000);
     p.request.deadline.deadline_ns = clock.deadline;
     const double begin = cpu_ns();
@@ -115,9 +115,9 @@ void run(bench::Table& table, std::uint32_t kind, long calls) {
   long bad = 0, cut = 0;
   std::int64_t most_after = 0;
   for (long k = 0; k < calls; ++k) {
-    random_state(p, dice, k % 100 == 99);
+    random_state(p, random, k % 100 == 99);
     const double last = p.command[0];
-    clock.start(1 + static_cast<std::int64_t>(dice(0.0, 1.2 * most_reads)));
+    clock.start(1 + static_cast<std::int64_t>(random(0.0, 1.2 * most_reads)));
     p.request.deadline.deadline_ns = clock.deadline;
     p.plan();
     const double end = cpu_ns(), u = p.command[0];
@@ -143,10 +143,10 @@ int count_instructions(const char* name, int plans) {
   const std::uint32_t kind = bench::planner_kind(name);
   if (kind == tiller_planner_kind_count) return 2;
   bench::Planning p(config_of(kind), 0.1);
-  Dice dice;
+  RandomStream random;
   for (int k = 0; k < 3; ++k) p.plan();
   for (int k = 0; k < plans; ++k) {
-    random_state(p, dice, false);
+    random_state(p, random, false);
     CALLGRIND_ZERO_STATS;
     p.plan();
     CALLGRIND_DUMP_STATS;

@@ -21,9 +21,9 @@ struct AlignedFree {
 };
 
 /// Uniform and normal numbers that every standard library makes alike.
-class Dice {
+class RandomStream {
  public:
-  explicit Dice(std::uint64_t seed) : engine_(seed * 0x9e3779b97f4a7c15ull + 1) {}
+  explicit RandomStream(std::uint64_t seed) : engine_(seed * 0x9e3779b97f4a7c15ull + 1) {}
   double uniform() { return (static_cast<double>(engine_() >> 11) + 0.5) * 0x1p-53; }
   double normal() { return std::sqrt(-2.0 * std::log(uniform())) * std::cos(6.283185307179586 * uniform()); }
 
@@ -235,10 +235,10 @@ bool override_setting(UncertainTask& task, const std::string& key, double value)
 }
 
 UncertainRun run_uncertain(const UncertainTask& task, Knowledge knowledge, std::uint64_t seed) {
-  Dice dice(seed);
+  RandomStream random(seed);
   std::vector<double> truth;
   for (std::uint32_t i = 0; i < task.config.param_count; ++i) truth.push_back(task.config.priors[i].a);
-  for (const std::uint32_t i : task.off) truth[i] *= 1.0 + kOff * (2.0 * dice.uniform() - 1.0);
+  for (const std::uint32_t i : task.off) truth[i] *= 1.0 + kOff * (2.0 * random.uniform() - 1.0);
 
   tiller_config_t config = informed(task, knowledge, truth);
   config.seed = seed;
@@ -263,7 +263,7 @@ UncertainRun run_uncertain(const UncertainTask& task, Knowledge knowledge, std::
     m.stamp_us = now_us;
     m.sequence = k;
     for (std::uint32_t i = 0; i < config.measurement_count; ++i)
-      m.value[i] = plant.x[config.measured_state[i]] + config.measurement_sd[i] * dice.normal();
+      m.value[i] = plant.x[config.measured_state[i]] + config.measurement_sd[i] * random.normal();
     tiller_command_t command{};
     const int said = tiller_tick(t, now_us, &m, &command);
     run.bad_ticks += said >= 100 && said < 200;

@@ -100,7 +100,7 @@ void Bench::configure(tiller_config_t& config, int unknowns) const {
   p.robust = static_cast<std::uint32_t>(robust);
   p.discrepancy = static_cast<std::uint32_t>(discrepancy);
   p.adequacy = 0;
-  if (scouts >= 0.0) p.scout_share = scouts;
+  if (scouts >= 0.0) p.prior_proposal_fraction = scouts;
 }
 
 std::vector<Accuracy> Bench::run(const Cell& cell, int count) const {

@@ -39,7 +39,7 @@ struct Fault {
   const char* name;
   const char* group;
   const char* what;  ///< one line for the table of docs/evidence/faults.md
-  Road road;
+  Route route;
   End end;
   Timeout timeout;
   const char* answer;  ///< what tiller does, for the same table
@@ -53,7 +53,7 @@ struct Fault {
   bool (*noticed)(const World&, const tiller_info_t&) = nullptr;  ///< kRides: the fault has left its mark
   double genuine_sd = 8.0;    ///< a reading farther from the truth than so many sensor deviations is not genuine
   int lasts_ticks = 1 << 30;  ///< then it is over
-  std::unique_ptr<Link> (*link)(const Setup&, Device&) = nullptr;  ///< Road::kSocket: how the ends are wired
+  std::unique_ptr<Link> (*link)(const Setup&, Device&) = nullptr;  ///< Route::kSocket: how the ends are wired
 };
 
 /// Every kind: sensors and time, planner and posterior, operator and actuator, CAN, drives, LCM.

@@ -1,4 +1,4 @@
-// The road over CAN: codecs of the runtime on one side, emulated drive and sensor board on the other. The bus is a
+// The route over CAN: codecs of the runtime on one side, emulated drive and sensor board on the other. The bus is a
 // list of frames; what a socket would report of it (bus-off, a full queue) is a switch of the World.
 
 #include "harness/faults/fault_bus.hpp"
@@ -61,14 +61,14 @@ class BusLink final : public Link {
 
   bool sense(World& world, const Fault* fault, const tiller_measurement_t& genuine,
              tiller_measurement_t& measurement) override {
-    if (fault != nullptr) plant_.befall(world.drive);
+    if (fault != nullptr) plant_.inject(world.drive);
     world.drive = DriveTrouble::kNone;
-    hear(world, fault, plant_.frames(genuine));
+    on_frame(world, fault, plant_.frames(genuine));
     CanFrame questions[CanRobot::kMaxFrames];
     const std::uint32_t count = robot_.queries_due(questions);
     if (count > 0 && !world.cut) {
       for (std::uint32_t i = 0; i < count; ++i) plant_.deliver(questions[i]);
-      hear(world, fault, plant_.answers());
+      on_frame(world, fault, plant_.answers());
     }
     return robot_.take(&measurement);
   }
@@ -89,7 +89,7 @@ class BusLink final : public Link {
   void after_period() override { plant_.watch(); }
 
  private:
-  void hear(World& world, const Fault* fault, std::vector<CanFrame> frames) {
+  void on_frame(World& world, const Fault* fault, std::vector<CanFrame> frames) {
     if (fault != nullptr && fault->frames != nullptr) fault->frames(world, frames);
     if (world.cut) frames.clear();
     for (const CanFrame& f : frames)
@@ -151,13 +151,13 @@ std::vector<CanFrame> BusPlant::frames(const tiller_measurement_t& genuine) {
 void BusPlant::deliver(const CanFrame& data) {
   const sim::CanFrame frame = to_sim(data);
   sim::PlantCommand command;
-  if (sim::read_controller_status(kBoard, frame, command)) return device_.obey(command);
+  if (sim::read_controller_status(kBoard, frame, command)) return device_.apply(command);
   if (axis_->take(frame, shaft(), answers_) == sim::DriveAxis::Event::kNone) return;
   command.value = {axis_->torque_Nm()};
-  device_.obey(command);
+  device_.apply(command);
 }
 
-void BusPlant::befall(DriveTrouble trouble) {
+void BusPlant::inject(DriveTrouble trouble) {
   if (trouble == DriveTrouble::kNone) return;
   if (trouble == DriveTrouble::kStoppedByAnother) {
     CanFrame stop[ActuatorProtocol::kMaxFrames];

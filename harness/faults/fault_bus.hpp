@@ -20,7 +20,7 @@ class BusPlant {
   void deliver(const CanFrame& frame);
   /// What the drive has answered since it was asked last.
   std::vector<CanFrame> answers();
-  void befall(DriveTrouble trouble);
+  void inject(DriveTrouble trouble);
   /// After simulated time has passed: the drive learns that its motor's watchdog has tripped.
   void watch();
 

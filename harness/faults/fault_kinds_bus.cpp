@@ -21,7 +21,7 @@ void drop(std::vector<CanFrame>& frames, const Wanted& wanted) {
 void drop_board(World&, std::vector<CanFrame>& frames) { drop(frames, from_board); }
 
 Fault bus(const char* name, const char* what, End end, Timeout timeout, const char* answer) {
-  return {name, kGroup, what, Road::kBus, end, timeout, answer};
+  return {name, kGroup, what, Route::kBus, end, timeout, answer};
 }
 
 void contents(std::vector<Fault>& list) {

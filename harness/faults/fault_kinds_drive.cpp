@@ -45,10 +45,10 @@ struct Both {
 template <class Change>
 void both(std::vector<Fault>& list, Both names, const char* what_moteus, const char* what_mit, End end, Timeout timeout,
           const char* answer, const Change& change) {
-  list.push_back({names.moteus, kGroup, what_moteus, Road::kBus, end, timeout, answer});
+  list.push_back({names.moteus, kGroup, what_moteus, Route::kBus, end, timeout, answer});
   list.back().prepare = with_moteus;
   change(list.back());
-  list.push_back({names.mit, kGroup, what_mit, Road::kBus, end, timeout, answer});
+  list.push_back({names.mit, kGroup, what_mit, Route::kBus, end, timeout, answer});
   list.back().prepare = with_mit;
   change(list.back());
 }
@@ -150,7 +150,7 @@ void answers(std::vector<Fault>& list) {
            frames = now;
          };
        });
-  list.push_back({"encoder_nan_moteus", kGroup, "moteus: the position that it measures is not told (NaN)", Road::kBus,
+  list.push_back({"encoder_nan_moteus", kGroup, "moteus: the position that it measures is not told (NaN)", Route::kBus,
                   End::kStops, Timeout::kSensor, "no measurement is complete: `sensor_stale`, SAFE"});
   list.back().prepare = [](Setup& s) {
     with_moteus(s);
@@ -198,17 +198,17 @@ void commands(std::vector<Fault>& list) {
 
 // Those tell neither faults nor whether they are enabled.
 void plain(std::vector<Fault>& list) {
-  list.push_back({"drive_watchdog_mit_plain", kGroup, "MIT (plain): commands are lost for 0.3 s", Road::kBus,
+  list.push_back({"drive_watchdog_mit_plain", kGroup, "MIT (plain): commands are lost for 0.3 s", Route::kBus,
                   End::kStops, Timeout::kWatchdog, "the drive lets go; it counts as silent: `actuator_fault`, SAFE"});
   list.back().prepare = with_plain_mit;
   list.back().commands = [](World& w, std::vector<CanFrame>& frames) {
     if (w.ticks < 15) frames.clear();
   };
-  list.push_back({"drive_silent_mit_plain", kGroup, "MIT (plain): its answers are lost", Road::kBus, End::kStops,
+  list.push_back({"drive_silent_mit_plain", kGroup, "MIT (plain): its answers are lost", Route::kBus, End::kStops,
                   Timeout::kHeartbeat, "`actuator_fault`, SAFE"});
   list.back().prepare = with_plain_mit;
   list.back().frames = [](World&, std::vector<CanFrame>& frames) { drop(frames, from_drive); };
-  list.push_back({"drive_restarts_mit_plain", kGroup, "MIT (plain): its supply breaks down for a moment", Road::kBus,
+  list.push_back({"drive_restarts_mit_plain", kGroup, "MIT (plain): its supply breaks down for a moment", Route::kBus,
                   End::kBounded, Timeout::kSensor,
                   "without force from then on; nothing tells it but the motion (`model_inadequate`)"});
   list.back().prepare = with_plain_mit;

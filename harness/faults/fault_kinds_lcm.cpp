@@ -13,7 +13,7 @@ constexpr const char* kGroup = "LCM";
 constexpr std::size_t kMostPackets = 1000;
 
 Fault lcm(const char* name, const char* what, End end, Timeout timeout, const char* answer) {
-  return {name, kGroup, what, Road::kLcm, end, timeout, answer};
+  return {name, kGroup, what, Route::kLcm, end, timeout, answer};
 }
 
 /// Changes the message of every packet as the function says.

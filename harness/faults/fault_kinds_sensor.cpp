@@ -36,19 +36,19 @@ double jump_rad(World& world) {
 
 void values(std::vector<Fault>& list) {
   const char* group = "sensor values";
-  list.push_back({"one_value_nan", group, "one value is NaN from now on", Road::kMemory, End::kStops, Timeout::kSensor,
+  list.push_back({"one_value_nan", group, "one value is NaN from now on", Route::kMemory, End::kStops, Timeout::kSensor,
                   "skipped; SAFE once that value by itself is older than the timeout"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     m.value[w.angle()] = kNan;
     return true;
   };
-  list.push_back({"all_values_nan", group, "all values are NaN", Road::kMemory, End::kStops, Timeout::kBadTicks,
+  list.push_back({"all_values_nan", group, "all values are NaN", Route::kMemory, End::kStops, Timeout::kBadTicks,
                   "`sensor_not_finite`, SAFE"});
   list.back().measure = [](World&, tiller_measurement_t& m) {
     for (double& v : m.value) v = kNan;
     return true;
   };
-  list.push_back({"some_values_nan", group, "one of five measurements has a NaN", Road::kMemory, End::kRides,
+  list.push_back({"some_values_nan", group, "one of five measurements has a NaN", Route::kMemory, End::kRides,
                   Timeout::kSensor, "skipped and counted"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     // three whole measurements in a row would be bad_ticks_to_safe
@@ -60,26 +60,26 @@ void values(std::vector<Fault>& list) {
   list.back().noticed = [](const World&, const tiller_info_t& i) {
     return i.missing_values + i.rejected_measurements > 0;
   };
-  list.push_back({"infinite", group, "a value is infinite", Road::kMemory, End::kStops, Timeout::kBadTicks,
+  list.push_back({"infinite", group, "a value is infinite", Route::kMemory, End::kStops, Timeout::kBadTicks,
                   "`sensor_not_finite`, SAFE"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     m.value[w.angle()] = w.random.sign() * kInf;
     return true;
   };
-  list.push_back({"out_of_range", group, "a value beyond measurement_low..high", Road::kMemory, End::kStops,
+  list.push_back({"out_of_range", group, "a value beyond measurement_low..high", Route::kMemory, End::kStops,
                   Timeout::kBadTicks, "`sensor_out_of_range`, SAFE"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     m.value[0] = w.random.sign() * w.random.uniform(61.0, 1e6);
     return true;
   };
-  list.push_back({"denormal_and_huge", group, "values of 1e-310 and 1e308 by turns", Road::kMemory, End::kStops,
+  list.push_back({"denormal_and_huge", group, "values of 1e-310 and 1e308 by turns", Route::kMemory, End::kStops,
                   Timeout::kBadTicks, "`sensor_jump` or `sensor_out_of_range`, SAFE"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     m.value[0] = w.ticks % 2 == 0 ? 1e308 : -1e308;
     m.value[1] = 1e-310;
     return true;
   };
-  list.push_back({"jump_once", group, "one reading is off by 1.5 to 3 rad", Road::kMemory, End::kRides,
+  list.push_back({"jump_once", group, "one reading is off by 1.5 to 3 rad", Route::kMemory, End::kRides,
                   Timeout::kSensor, "`sensor_jump`: rejected, the plan goes on"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     m.value[w.angle()] += jump_rad(w);
@@ -87,13 +87,13 @@ void values(std::vector<Fault>& list) {
   };
   list.back().noticed = rejected;
   list.back().lasts_ticks = 1;
-  list.push_back({"jump_that_stays", group, "an encoder slips by 1.5 to 3 rad", Road::kMemory, End::kStops,
+  list.push_back({"jump_that_stays", group, "an encoder slips by 1.5 to 3 rad", Route::kMemory, End::kStops,
                   Timeout::kBadTicks, "`sensor_jump`, SAFE"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     m.value[w.angle()] += jump_rad(w);
     return true;
   };
-  list.push_back({"bit_flips", group, "a random bit of every fifth value flips", Road::kMemory, End::kBounded,
+  list.push_back({"bit_flips", group, "a random bit of every fifth value flips", Route::kMemory, End::kBounded,
                   Timeout::kSensor, "what is rejected is not used; SAFE if it goes on"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     for (double& v : m.value) {
@@ -105,7 +105,7 @@ void values(std::vector<Fault>& list) {
     }
     return true;
   };
-  list.push_back({"frozen", group, "values repeat to the last bit, stamps go on, while it swings", Road::kMemory,
+  list.push_back({"frozen", group, "values repeat to the last bit, stamps go on, while it swings", Route::kMemory,
                   End::kStops, Timeout::kFrozen, "`sensor_frozen`, SAFE"});
   list.back().prepare = [](Setup& s) {
     s.config.cost.reference = swing(s.robot);
@@ -120,43 +120,43 @@ void values(std::vector<Fault>& list) {
 
 void arrival(std::vector<Fault>& list) {
   const char* group = "arrival";
-  list.push_back({"silent", group, "no measurement comes", Road::kMemory, End::kStops, Timeout::kSensor,
+  list.push_back({"silent", group, "no measurement comes", Route::kMemory, End::kStops, Timeout::kSensor,
                   "the rest of the plan, then `sensor_stale`, SAFE"});
   list.back().measure = [](World&, tiller_measurement_t&) { return false; };
-  list.push_back({"silent_for_three_ticks", group, "three measurements are lost", Road::kMemory, End::kRides,
+  list.push_back({"silent_for_three_ticks", group, "three measurements are lost", Route::kMemory, End::kRides,
                   Timeout::kSensor, "the next steps of the plan"});
   list.back().measure = [](World&, tiller_measurement_t&) { return false; };
   list.back().lasts_ticks = 3;
-  list.push_back({"every_third", group, "two of three measurements are lost", Road::kMemory, End::kRides,
+  list.push_back({"every_third", group, "two of three measurements are lost", Route::kMemory, End::kRides,
                   Timeout::kSensor, "the next steps of the plan"});
   list.back().measure = [](World& w, tiller_measurement_t&) { return w.ticks % 3 == 2; };
-  list.push_back({"repeated", group, "the same measurement again and again", Road::kMemory, End::kStops,
+  list.push_back({"repeated", group, "the same measurement again and again", Route::kMemory, End::kStops,
                   Timeout::kSensor, "nothing new: `sensor_stale`, SAFE"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     if (w.ticks == 0) w.kept = w.past[w.past.size() - 2];
     m = w.kept;
     return true;
   };
-  list.push_back({"late", group, "every measurement comes three ticks late", Road::kMemory, End::kBounded,
+  list.push_back({"late", group, "every measurement comes three ticks late", Route::kMemory, End::kBounded,
                   Timeout::kSensor, "taken for what it is: an old state"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     m = w.past[w.past.size() - 4];
     return true;
   };
-  list.push_back({"too_late", group, "every measurement comes 0.2 s late", Road::kMemory, End::kStops, Timeout::kSensor,
-                  "`sensor_stale`, SAFE"});
+  list.push_back({"too_late", group, "every measurement comes 0.2 s late", Route::kMemory, End::kStops,
+                  Timeout::kSensor, "`sensor_stale`, SAFE"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     m = w.past[w.past.size() - 11];
     return true;
   };
-  list.push_back({"swapped", group, "pairs of measurements come in the wrong order", Road::kMemory, End::kRides,
+  list.push_back({"swapped", group, "pairs of measurements come in the wrong order", Route::kMemory, End::kRides,
                   Timeout::kSensor, "`time_backwards`: the older one is rejected"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     if (w.ticks % 2 == 1) m = w.past[w.past.size() - 3];
     return true;
   };
   list.back().noticed = rejected;
-  list.push_back({"absurd_latency", group, "command_latency_us is 2^32 - 1", Road::kMemory, End::kBounded,
+  list.push_back({"absurd_latency", group, "command_latency_us is 2^32 - 1", Route::kMemory, End::kBounded,
                   Timeout::kSensor, "bounded to four periods"});
   list.back().measure = [](World&, tiller_measurement_t& m) {
     m.command_latency_us = 0xffffffffu;
@@ -166,28 +166,28 @@ void arrival(std::vector<Fault>& list) {
 
 void time(std::vector<Fault>& list) {
   const char* group = "time";
-  list.push_back({"stamp_stands", group, "the sensors' stamps stand still", Road::kMemory, End::kStops,
+  list.push_back({"stamp_stands", group, "the sensors' stamps stand still", Route::kMemory, End::kStops,
                   Timeout::kBadTicks, "`time_backwards`, SAFE"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     if (w.ticks == 0) w.kept = w.past[w.past.size() - 2];
     m.stamp_us = w.kept.stamp_us;
     return true;
   };
-  list.push_back({"stamp_backwards", group, "the sensors' stamps run backwards", Road::kMemory, End::kStops,
+  list.push_back({"stamp_backwards", group, "the sensors' stamps run backwards", Route::kMemory, End::kStops,
                   Timeout::kBadTicks, "`time_backwards`, SAFE"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     if (w.ticks == 0) w.kept = w.past[w.past.size() - 2];
     m.stamp_us = w.kept.stamp_us - 3000 * w.ticks;
     return true;
   };
-  list.push_back({"stamp_ahead", group, "the sensors' stamps are up to an hour ahead", Road::kMemory, End::kStops,
+  list.push_back({"stamp_ahead", group, "the sensors' stamps are up to an hour ahead", Route::kMemory, End::kStops,
                   Timeout::kBadTicks, "`sensor_stale`: their age is unknown, SAFE"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     if (w.amount == 0.0) w.amount = std::pow(10.0, w.random.uniform(5.0, 9.5));
     m.stamp_us += static_cast<std::int64_t>(w.amount);
     return true;
   };
-  list.push_back({"stamp_extreme", group, "a stamp at the end of the numbers", Road::kMemory, End::kStops,
+  list.push_back({"stamp_extreme", group, "a stamp at the end of the numbers", Route::kMemory, End::kStops,
                   Timeout::kBadTicks, "differences saturate; rejected, SAFE"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     m.stamp_us =
@@ -195,7 +195,7 @@ void time(std::vector<Fault>& list) {
     return true;
   };
   list.push_back({"clock_steps_back", group, "the caller's clock and the stamps step back by up to an hour",
-                  Road::kMemory, End::kStops, Timeout::kBadTicks, "`time_backwards`, SAFE"});
+                  Route::kMemory, End::kStops, Timeout::kBadTicks, "`time_backwards`, SAFE"});
   list.back().step = [](World& w) {
     if (w.ticks == 0) w.clock_offset_us = -static_cast<std::int64_t>(w.random.uniform(1e6, 3.6e9));
   };
@@ -204,7 +204,7 @@ void time(std::vector<Fault>& list) {
     return true;
   };
   list.push_back({"clock_steps_ahead", group, "the caller's clock and the stamps step ahead by up to an hour",
-                  Road::kMemory, End::kStops, Timeout::kNow, "`sensor_stale`, SAFE"});
+                  Route::kMemory, End::kStops, Timeout::kNow, "`sensor_stale`, SAFE"});
   list.back().step = [](World& w) {
     if (w.ticks == 0) w.clock_offset_us = static_cast<std::int64_t>(w.random.uniform(1e6, 3.6e9));
   };
@@ -212,16 +212,16 @@ void time(std::vector<Fault>& list) {
     m.stamp_us += w.clock_offset_us;
     return true;
   };
-  list.push_back({"callers_clock_ahead", group, "the caller's clock alone steps ahead", Road::kMemory, End::kStops,
+  list.push_back({"callers_clock_ahead", group, "the caller's clock alone steps ahead", Route::kMemory, End::kStops,
                   Timeout::kBadTicks, "`sensor_stale`, SAFE"});
   list.back().step = [](World& w) {
     if (w.ticks == 0) w.clock_offset_us = static_cast<std::int64_t>(w.random.uniform(2e5, 3.6e9));
   };
-  list.push_back({"clocks_stand", group, "the caller's clock stands still, nothing is measured", Road::kMemory,
+  list.push_back({"clocks_stand", group, "the caller's clock stands still, nothing is measured", Route::kMemory,
                   End::kStops, Timeout::kSensor, "each such tick counts for a period: `sensor_stale`, SAFE"});
   list.back().step = [](World& w) { w.clock_stands = true; };
   list.back().measure = [](World&, tiller_measurement_t&) { return false; };
-  list.push_back({"everything_at_once", group, "values, stamps and losses at random", Road::kMemory, End::kBounded,
+  list.push_back({"everything_at_once", group, "values, stamps and losses at random", Route::kMemory, End::kBounded,
                   Timeout::kSensor, "what is rejected is not used"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     const double strange[] = {kNan, kInf, -kInf, 1e300, -1e-310, 59.0, 0.0};

@@ -1,4 +1,4 @@
-// The road over LCM: the runtime's decoder and gate on one side, generated types on the other. The network is a list of
+// The route over LCM: the runtime's decoder and gate on one side, generated types on the other. The network is a list of
 // packets.
 
 #include <algorithm>
@@ -74,7 +74,7 @@ class LcmLink final : public Link {
     plain.sequence = in.sequence;
     plain.state = in.state;
     plain.plan = in.plan_sequence;
-    device_.obey(plain);
+    device_.apply(plain);
   }
 
   std::uint64_t refused() const override { return refused_; }

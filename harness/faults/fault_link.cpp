@@ -15,7 +15,7 @@ class MemoryLink final : public Link {
     return fault == nullptr || fault->measure == nullptr || fault->measure(world, measurement);
   }
   void send(World&, const Fault*, const tiller_command_t& command) override {
-    device_.obey(plant_command(command, inputs_));
+    device_.apply(plant_command(command, inputs_));
   }
 
  private:
@@ -27,7 +27,7 @@ class MemoryLink final : public Link {
 
 Device::Device(sim::Plant& plant, double plan_timeout_s) : plant_(plant), watch_(std::llround(plan_timeout_s * 1e6)) {}
 
-void Device::obey(const sim::PlantCommand& command) {
+void Device::apply(const sim::PlantCommand& command) {
   watch_.note(command, plant_.time_us());
   if (command.has_value && !watch_.hung(plant_.time_us())) plant_.apply(command.value.data());
 }

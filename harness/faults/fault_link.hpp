@@ -12,7 +12,7 @@ class Device {
  public:
   Device(sim::Plant& plant, double plan_timeout_s);
   /// Carries a command out, unless nobody seems to think behind it.
-  void obey(const sim::PlantCommand& command);
+  void apply(const sim::PlantCommand& command);
   sim::Plant& plant() { return plant_; }
 
  private:
@@ -20,7 +20,7 @@ class Device {
   sim::PlanWatch watch_;
 };
 
-/// A road with its codecs and without its wires: what would be on them is a list that the fault may change.
+/// A route with its codecs and without its wires: what would be on them is a list that the fault may change.
 class Link {
  public:
   virtual ~Link() = default;
@@ -34,7 +34,7 @@ class Link {
   virtual std::uint64_t refused() const { return 0; }
   /// Simulated time has passed.
   virtual void after_period() {}
-  /// What the road itself has seen that must not be, e.g. an old command on the wire; null: nothing.
+  /// What the route itself has seen that must not be, e.g. an old command on the wire; null: nothing.
   virtual const char* wrong() const { return nullptr; }
 };
 

@@ -55,14 +55,14 @@ KindResult run_kind(std::uint64_t seeds, const std::vector<Robot>& robots,
 }
 
 void print_line(const Fault& fault, const KindResult& r) {
-  std::printf("    %-32s %-11s %4d runs %4d wrong  %s%s%s\n", fault.name, name_of(fault.road), r.runs, r.wrong,
+  std::printf("    %-32s %-11s %4d runs %4d wrong  %s%s%s\n", fault.name, name_of(fault.route), r.runs, r.wrong,
               stop_text(fault, r).c_str(), r.wrong ? "  " : "", r.first_wrong.c_str());
   std::fflush(stdout);
 }
 
 std::string page_row(const Fault& fault, const KindResult& r) {
   std::ostringstream row;
-  row << "| " << fault.group << " | " << fault.what << " | " << name_of(fault.road) << " | " << fault.answer << " | "
+  row << "| " << fault.group << " | " << fault.what << " | " << name_of(fault.route) << " | " << fault.answer << " | "
       << stop_text(fault, r) << " | " << allowed_text(fault) << " |";
   return row.str();
 }

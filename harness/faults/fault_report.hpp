@@ -27,7 +27,7 @@ KindResult run_kind(std::uint64_t seeds, const std::vector<Robot>& robots,
 /// A line for whoever watches, flushed.
 void print_line(const Fault& fault, const KindResult& result);
 
-/// A row of the table of docs/evidence/faults.md: group, fault, road, answer, when it stopped, allowed.
+/// A row of the table of docs/evidence/faults.md: group, fault, route, answer, when it stopped, allowed.
 std::string page_row(const Fault& fault, const KindResult& result);
 
 }  // namespace tiller::faults

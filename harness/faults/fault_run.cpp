@@ -96,11 +96,11 @@ class Run {
     plant_ = sim::Plant::make(s.plant, error);
     if (!plant_) return fail("the plant cannot be made");
     device_ = std::make_unique<Device>(*plant_, s.plan_timeout_s);
-    switch (fault_.road) {
-      case Road::kMemory: link_ = make_memory_link(s, *device_); break;
-      case Road::kBus: link_ = make_bus_link(s, *device_); break;
-      case Road::kLcm: link_ = make_lcm_link(s, *device_); break;
-      case Road::kSocket: link_ = fault_.link(s, *device_); break;
+    switch (fault_.route) {
+      case Route::kMemory: link_ = make_memory_link(s, *device_); break;
+      case Route::kBus: link_ = make_bus_link(s, *device_); break;
+      case Route::kLcm: link_ = make_lcm_link(s, *device_); break;
+      case Route::kSocket: link_ = fault_.link(s, *device_); break;
     }
     own_ = {sizeof own_, TILLER_CONFIG_VERSION, broken_cost, nullptr, &world_};
     if (s.own_cost) {

@@ -95,12 +95,12 @@ tiller_config_t cart_pole(Random& random, sim::PlantOptions& plant) {
 
 const char* name_of(Robot robot) { return robot == Robot::kPendulum ? "pendulum" : "cart-pole"; }
 
-const char* name_of(Road road) {
-  switch (road) {
-    case Road::kMemory: return "memory";
-    case Road::kBus: return "CAN";
-    case Road::kSocket: return "virtual CAN";
-    case Road::kLcm: break;
+const char* name_of(Route route) {
+  switch (route) {
+    case Route::kMemory: return "memory";
+    case Route::kBus: return "CAN";
+    case Route::kSocket: return "virtual CAN";
+    case Route::kLcm: break;
   }
   return "LCM";
 }

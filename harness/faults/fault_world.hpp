@@ -17,13 +17,13 @@ constexpr Robot kRobots[] = {Robot::kPendulum, Robot::kCartPole};
 const char* name_of(Robot robot);
 
 /// The way between plant and controller.
-enum class Road {
+enum class Route {
   kMemory,  ///< structs: what the controller itself must stand
   kBus,     ///< CAN frames of the codecs on both sides; the bus between them is a list
   kLcm,     ///< encoded LCM messages; the network between them is a list
   kSocket   ///< CAN frames through the SocketCAN transport and a kernel's virtual interfaces (tests/vcan)
 };
-const char* name_of(Road road);
+const char* name_of(Route route);
 
 /// SplitMix64: small, and the same everywhere.
 class Random {

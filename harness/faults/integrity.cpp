@@ -71,11 +71,11 @@ class Bus {
     CanLayout layout = bus_layout(setup);
     layout.heartbeat_timeout_us = 0;
     robot_.reset(layout);
-    (void)hear(next());
+    (void)on_frame(next());
   }
   std::vector<CanFrame> next() { return board_frames(++sequence_, random_); }
   /// True if a measurement came of these frames.
-  bool hear(const std::vector<CanFrame>& frames) {
+  bool on_frame(const std::vector<CanFrame>& frames) {
     for (const CanFrame& f : frames) (void)robot_.receive(f, 10000 * std::int64_t{sequence_});
     tiller_measurement_t m{};
     return robot_.take(&m);
@@ -118,7 +118,7 @@ class Sealed {
     plant_.seal(kChannel, packet.data(), size, m.stamp_us);
     return packet;
   }
-  bool hear(const Packet& packet) {
+  bool on_frame(const Packet& packet) {
     (void)lcm_take_measurement(&transport_, packet.data(), static_cast<std::uint32_t>(packet.size()), 0);
     const bool taken = transport_.has_new;
     transport_.has_new = false;
@@ -132,12 +132,12 @@ class Sealed {
   std::int64_t sequence_ = 0;
 };
 
-/// Repetitions, swapped neighbours and replays of a road's deliveries.
-template <class Road>
-IntegrityRow disorder(Road& road, Random& random, std::uint64_t trials) {
+/// Repetitions, swapped neighbours and replays of a route's deliveries.
+template <class Route>
+IntegrityRow disorder(Route& route, Random& random, std::uint64_t trials) {
   IntegrityRow row;
-  std::deque<decltype(road.next())> past = {road.next()};
-  (void)road.hear(past.back());
+  std::deque<decltype(route.next())> past = {route.next()};
+  (void)route.on_frame(past.back());
   const auto wrong = [&](bool taken) {
     ++row.trials;
     row.passed += taken;
@@ -145,20 +145,20 @@ IntegrityRow disorder(Road& road, Random& random, std::uint64_t trials) {
   while (row.trials < trials) {
     for (; past.size() > kReplayWindow; past.pop_front()) {
     }
-    past.push_back(road.next());
+    past.push_back(route.next());
     switch (random.below(3)) {
       case 0:  // the last one again
-        (void)road.hear(past.back());
-        wrong(road.hear(past.back()));
+        (void)route.on_frame(past.back());
+        wrong(route.on_frame(past.back()));
         break;
       case 1:  // the next two in the wrong order
-        past.push_back(road.next());
-        (void)road.hear(past.back());
-        wrong(road.hear(past[past.size() - 2]));
+        past.push_back(route.next());
+        (void)route.on_frame(past.back());
+        wrong(route.on_frame(past[past.size() - 2]));
         break;
       default: {  // one from long ago
-        (void)road.hear(past.back());
-        wrong(road.hear(past[random.below(static_cast<std::uint32_t>(past.size()))]));
+        (void)route.on_frame(past.back());
+        wrong(route.on_frame(past[random.below(static_cast<std::uint32_t>(past.size()))]));
       }
     }
   }
@@ -201,15 +201,15 @@ IntegrityRow flips_of_status(std::uint64_t trials) {
 IntegrityRow flips_of_sealed(std::uint64_t trials) {
   IntegrityRow row;
   Random random(3);
-  Sealed road(random);
-  (void)road.hear(road.next());
+  Sealed route(random);
+  (void)route.on_frame(route.next());
   for (; row.trials < trials; ++row.trials) {
-    Packet bad = road.next();
+    Packet bad = route.next();
     const auto bits = static_cast<std::uint32_t>(8 * bad.size());
     const std::uint32_t first = random.below(bits), second = random.below(bits);
     flip(bad, first);
     if (second != first) flip(bad, second);
-    row.passed += road.hear(bad);
+    row.passed += route.on_frame(bad);
   }
   return row;
 }
@@ -222,8 +222,8 @@ IntegrityRow disorder_of_board(std::uint64_t trials) {
 
 IntegrityRow disorder_of_sealed(std::uint64_t trials) {
   Random random(5);
-  Sealed road(random);
-  return disorder(road, random, trials);
+  Sealed route(random);
+  return disorder(route, random, trials);
 }
 
 }  // namespace tiller::faults

@@ -22,7 +22,7 @@ double rms(const std::vector<double>& values, double about = 0) {
 }
 
 /// Of teeth or magnets: a whole number a turn, or a part of the travel.
-double pitch(Draws& d, Port p, const Typical& t) {
+double spatial_period(Draws& d, Port p, const Typical& t) {
   if (t.turns[p]) return 2 * kPi / std::round(d.log_between(6, 24));
   return t.position[p] * d.between(0.15, 0.6);
 }
@@ -73,12 +73,16 @@ Parameters cubic(double s, Port p, const Typical& t, Draws) {
 }
 Parameters cogging(double s, Port p, const Typical& t, Draws d) {
   const auto [cosine, sine] = turned(d, 0.5 * s * t.force[p]);
-  return {{"cosine_SI", cosine}, {"sine_SI", sine}, {"pitch_SI", pitch(d, p, t)}};
+  return {{"cosine_SI", cosine}, {"sine_SI", sine}, {"spatial_period_SI", spatial_period(d, p, t)}};
 }
 Parameters ripple(double s, Port p, const Typical& t, Draws d) {
   const auto [cosine, sine] = turned(d, 0.6 * s);
   const auto [cosine2, sine2] = turned(d, 0.6 * s * d.between(0.3, 0.7));
-  return {{"cosine", cosine}, {"sine", sine}, {"cosine2", cosine2}, {"sine2", sine2}, {"pitch_SI", pitch(d, p, t)}};
+  return {{"cosine", cosine},
+          {"sine", sine},
+          {"cosine2", cosine2},
+          {"sine2", sine2},
+          {"spatial_period_SI", spatial_period(d, p, t)}};
 }
 Parameters inertia(double s, Port p, const Typical& t, Draws) { return {{"inertia_SI", s * t.inertia[p]}}; }
 Parameters tilt(double s, Port, const Typical&, Draws d) { return {{"angle_rad", sign(d) * 0.3 * s}}; }
@@ -132,7 +136,7 @@ Parameters friction_drift(double s, Port p, const Typical& t, Draws d) {
   return {{"friction_SI", friction}, {"heat_J", friction * t.velocity[p] * d.between(1.0, 2.5)}};
 }
 Parameters position_friction(double s, Port p, const Typical& t, Draws d) {
-  return {{"friction_SI", 0.8 * s * t.force[p]}, {"pitch_SI", pitch(d, p, t)}};
+  return {{"friction_SI", 0.8 * s * t.force[p]}, {"spatial_period_SI", spatial_period(d, p, t)}};
 }
 Parameters loose(double s, Port, const Typical&, Draws d) {
   return {{"share", 0.4 * s}, {"slip_s", d.between(0.03, 0.1)}};
@@ -151,7 +155,7 @@ Parameters swinging(double s, Port, const Typical& t, Draws d) {
   return {{"mass_kg", s * t.mass}, {"length_m", d.between(0.1, 0.3)}};
 }
 Parameters eccentricity(double s, Port p, const Typical& t, Draws) {
-  return {{"amplitude_SI", 0.3 * s * t.position[p]}, {"pitch_SI", t.turns[p] ? 2 * kPi : 2 * t.position[p]}};
+  return {{"amplitude_SI", 0.3 * s * t.position[p]}, {"spatial_period_SI", t.turns[p] ? 2 * kPi : 2 * t.position[p]}};
 }
 
 }  // namespace

@@ -93,7 +93,8 @@ Finding check_priors(const tiller_config_t& c) {
 }
 
 /// One coordinate of one component: its mean, and its row of the root.
-Finding check_coordinate(double mean, const double* row, std::uint32_t r, std::uint32_t d, const PriorLaw& bounds) {
+Finding check_coordinate(double mean, const double* row, std::uint32_t r, std::uint32_t d,
+                         const PriorDistribution& bounds) {
   constexpr tiller_status_t kBad = tiller_status_bad_prior;
   double variance = 0.0;
   for (std::uint32_t s = 0; s < d; ++s) {
@@ -119,7 +120,7 @@ Finding check_mixture(const tiller_config_t& c) {
   if (m.version != TILLER_CONFIG_VERSION) return {tiller_status_version_mismatch, "prior_mixture.version"};
   tiller_config_t marginals = c;
   marginals.prior_mixture = nullptr;
-  const PriorLaw bounds(marginals);
+  const PriorDistribution bounds(marginals);
   const std::uint32_t d = bounds.dimension();
   if (!in(m.components, 1, Mixture::kMaxComponents)) return {kBad, "prior_mixture.components"};
   if (d == 0 || m.dimension != d) return {kBad, "prior_mixture.dimension"};

@@ -16,10 +16,10 @@ struct Cogging {
     i.param_count = 3;
     i.params[0] = {"cosine_SI", "N or N m", -__builtin_huge_val(), __builtin_huge_val(), Scale::force, 2, {0.1, -0.1}};
     i.params[1] = {"sine_SI", "N or N m", -__builtin_huge_val(), __builtin_huge_val(), Scale::force, 2, {0.1, 0.1}};
-    i.params[2] = {"pitch_SI", "m or rad", 0.005, 6.4, Scale::pitch, 0, {}};
+    i.params[2] = {"spatial_period_SI", "m or rad", 0.005, 6.4, Scale::spatial_period, 0, {}};
     i.needs_position = true;
     i.help = "a force periodic in position: magnets and slots, a gear's teeth";
-    i.equation = "force = cosine cos(2 pi q / pitch) + sine sin(2 pi q / pitch)";
+    i.equation = "force = cosine cos(2 pi q / spatial_period) + sine sin(2 pi q / spatial_period)";
     i.source = "Hanselman (2003), Brushless permanent magnet motor design, ch. 5";
     i.aliases[0] = "torque_ripple";
     i.separation = "slow motion without drive: cogging stays, ripple goes with the current";

@@ -44,7 +44,7 @@ enum class Scale {
   period,               ///< the control period
   mass,                 ///< mass that the joint's force moves
   inertia,              ///< inertia that the joint's force moves (kg for a sliding joint)
-  pitch                 ///< no start can be had: scanned over [low, high], evenly in the logarithm
+  spatial_period        ///< no start can be had: scanned over [low, high], evenly in the logarithm
 };
 
 constexpr int kMaxEffectParams = 16;

@@ -55,10 +55,10 @@ S dry_friction(const JointStep<S>& in, const Level& level) {
 }
 
 /// A fraction of a turn of something periodic in x, within half a turn to either side: lanes' sine and cosine want
-/// small arguments. A pitch that is not positive gives what a pitch of 1 gives.
+/// small arguments. A spatial_period that is not positive gives what a spatial_period of 1 gives.
 template <class S>
-S phase(const S& x, const S& pitch) {
-  const S turns = x / select(pitch > S(0.0), pitch, S(1.0));
+S phase(const S& x, const S& spatial_period) {
+  const S turns = x / select(spatial_period > S(0.0), spatial_period, S(1.0));
   return S(6.28318530717958647693) * (turns - nearest(turns));
 }
 

@@ -47,7 +47,7 @@ struct InputDelay {
   }
   /// past(i) is the command i periods ago, i = 0..steps. Commands may carry derivatives that S has not.
   template <class Command, class Past>
-  static void take_turns(const Past& past, int steps, const Reach& r, Command& older, Command& newer) {
+  static void split_at_switch(const Past& past, int steps, const Reach& r, Command& older, Command& newer) {
     newer = past(r.first);
     older = past(r.first < steps ? r.first + 1 : steps);
     Command next = older;

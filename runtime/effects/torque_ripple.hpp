@@ -17,11 +17,11 @@ struct TorqueRipple {
     i.params[1] = {"sine", "1", -1.0, 1.0, Scale::none, 2, {0.0, 0.1}};
     i.params[2] = {"cosine2", "1", -1.0, 1.0, Scale::none, 2, {0.02, 0.02}};
     i.params[3] = {"sine2", "1", -1.0, 1.0, Scale::none, 2, {0.02, 0.02}};
-    i.params[4] = {"pitch_SI", "m or rad", 0.005, 6.4, Scale::pitch, 0, {}};
+    i.params[4] = {"spatial_period_SI", "m or rad", 0.005, 6.4, Scale::spatial_period, 0, {}};
     i.needs_drive = true;
     i.needs_position = true;
     i.help = "the drive force swings with the position";
-    i.equation = "force = drive (c cos a + s sin a + c2 cos 2a + s2 sin 2a), a = 2 pi q / pitch";
+    i.equation = "force = drive (c cos a + s sin a + c2 cos 2a + s2 sin 2a), a = 2 pi q / spatial_period";
     i.source =
         "Jahns, Soong (1996), Pulsating torque minimization techniques for permanent magnet AC motor drives, IEEE TIE 43";
     i.aliases[0] = "cogging";

@@ -9,7 +9,7 @@ namespace {
 bool is_fault(tiller_status_t status) { return status >= 1 && status < 200; }
 
 /// Whether an update that returned this took the measurement in.
-bool taken(tiller_status_t status) { return !is_fault(status) && status != tiller_status_measurement_doubted; }
+bool taken(tiller_status_t status) { return !is_fault(status) && status != tiller_status_measurement_outlier; }
 
 bool all_finite(const double* values, std::uint32_t count) {
   return std::all_of(values, values + count, [](double v) { return std::isfinite(v); });
@@ -77,7 +77,7 @@ void Executive::learn(Tick& tick) {
     return;
   }
   const std::int64_t start_ns = clock_ns();
-  const tiller_status_t status = take_in(tick);
+  const tiller_status_t status = update_belief(tick);
   tick.note(status);
   if (!taken(status)) note_untaken(tick, status);
   read_posterior(tick);
@@ -85,7 +85,7 @@ void Executive::learn(Tick& tick) {
   info_.posterior_ns = clock_ns() - start_ns;
 }
 
-tiller_status_t Executive::take_in(Tick& tick) {
+tiller_status_t Executive::update_belief(Tick& tick) {
   const tiller_measurement_t& m = *tick.measurement;
   tick.period_s = static_cast<double>(elapsed_us(m.stamp_us, stamp_us_)) * 1e-6;
   const std::int64_t begin_us = stamp_us_;
@@ -95,7 +95,7 @@ tiller_status_t Executive::take_in(Tick& tick) {
   // bounded, for the measurement comes from outside: a latency of an hour, told once, would put this command an hour
   // ahead, and until then the timeline would believe none of those that follow
   const std::int64_t most_us = std::llround(kLongestLead_periods * config_.period_s * 1e6);
-  answer_us_ = std::clamp<std::int64_t>(elapsed_us(m.command_latency_us, age_us), 0, most_us);
+  actuation_latency_us_ = std::clamp<std::int64_t>(elapsed_us(m.command_latency_us, age_us), 0, most_us);
 
   if (!filters_run_ || tick.period_s > kLongestGap_periods * config_.period_s) return restart_filters(tick);
   const tiller_status_t status = bridge(tick, begin_us);
@@ -259,7 +259,7 @@ void Executive::enter_motion() {
 }
 
 void Executive::replan(Tick& tick) {
-  const double ahead_s = static_cast<double>(elapsed_us(takes_hold_us(tick), stamp_us_)) * 1e-6;
+  const double ahead_s = static_cast<double>(elapsed_us(effective_at_us(tick), stamp_us_)) * 1e-6;
   const double bounded_s = std::min(ahead_s, kLongestLead_periods * config_.period_s);
   belief_.draw(*posterior_, timeline_, info_.ticks, stamp_us_, bounded_s);
 
@@ -362,16 +362,16 @@ void Executive::gate(Tick& tick, tiller_command_t& command) {
   command.sequence = sequence_;
   command.state = machine_.state();
   command.plan_sequence = static_cast<std::uint32_t>(info_.plans);
-  timeline_.push(takes_hold_us(tick), command.value);
-  info_.gate_cuts = gate_.cuts();
+  timeline_.push(effective_at_us(tick), command.value);
+  info_.gate_clipped = gate_.cuts();
   info_.gate_rejections = gate_.rejections();
 }
 
 /// Never before now: a latency that has run out already, or that the caller does not know, ends with the
 /// tick.
-std::int64_t Executive::takes_hold_us(const Tick& tick) const {
+std::int64_t Executive::effective_at_us(const Tick& tick) const {
   std::int64_t at_us = 0;
-  return __builtin_add_overflow(tick.now_us, answer_us_, &at_us) ? tick.now_us : at_us;
+  return __builtin_add_overflow(tick.now_us, actuation_latency_us_, &at_us) ? tick.now_us : at_us;
 }
 
 // ---- record ----------------------------------------------------------------------------------------------

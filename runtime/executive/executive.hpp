@@ -98,7 +98,7 @@ class Executive {
   void record(const Tick& tick, const tiller_command_t& command);
 
   // learn
-  tiller_status_t take_in(Tick& tick);
+  tiller_status_t update_belief(Tick& tick);
   tiller_status_t restart_filters(Tick& tick);
   tiller_status_t bridge(const Tick& tick, std::int64_t begin_us);
   void note_untaken(Tick& tick, tiller_status_t why);
@@ -114,7 +114,7 @@ class Executive {
   void hold_command(double* command) const;
   void count_hold(Tick& tick);
   // gate
-  std::int64_t takes_hold_us(const Tick& tick) const;
+  std::int64_t effective_at_us(const Tick& tick) const;
 
   bool moving() const { return machine_.state() == tiller_state_active || machine_.state() == tiller_state_hold; }
   bool standing_by() const { return machine_.state() == tiller_state_init || machine_.state() == tiller_state_standby; }
@@ -144,12 +144,12 @@ class Executive {
   // where it stands
   tiller_info_t info_{};
   std::int64_t last_now_us_ = 0;
-  std::int64_t stamp_us_ = 0;     // of the last measurement taken in
-  std::int64_t answer_us_ = 0;    // from now to when a command takes hold, as of the last measurement
-  std::uint32_t sequence_ = 0;    // of the last measurement taken in
-  bool filters_run_ = false;      // stamp_us_ is the start of the next transition
-  std::int64_t estimate_us_ = 0;  // stamp of the last measurement that the estimate stands on
-  std::uint32_t untaken_ = 0;     // updates in a row that took no measurement in
+  std::int64_t stamp_us_ = 0;              // of the last measurement taken in
+  std::int64_t actuation_latency_us_ = 0;  // from now to when a command takes hold, as of the last measurement
+  std::uint32_t sequence_ = 0;             // of the last measurement taken in
+  bool filters_run_ = false;               // stamp_us_ is the start of the next transition
+  std::int64_t estimate_us_ = 0;           // stamp of the last measurement that the estimate stands on
+  std::uint32_t untaken_ = 0;              // updates in a row that took no measurement in
   bool was_moving_ = false;
   std::uint64_t task_tick_ = 0;  // tick in which motion began: step 0 of a reference
   std::uint32_t hold_ticks_ = 0;

@@ -37,7 +37,7 @@ void PlanningBelief::lay_out(Arena& arena, const tiller_config_t& config, const 
   controls_ = arena.take<float>(std::size_t{nu} * lanes_);
   final_state_ = arena.take<float>(std::size_t{nx} * lanes_);
   final_effect_ = arena.take<float>(std::size_t{ns} * lanes_);
-  ways_ = arena.take<Way>(count);
+  lookahead_ = arena.take<Lookahead>(count);
   belief_ = {count, params_, state_, effect_state_, over_delays ? nullptr : history_};
 }
 
@@ -45,12 +45,12 @@ void PlanningBelief::draw(const Posterior& posterior, const CommandTimeline& tim
                           std::int64_t stamp_us, double ahead_s) {
   posterior.draw(belief_.count, tick, params_, state_, effect_state_, nullptr);
   for (std::uint32_t lane = 0; lane < belief_.count; ++lane)
-    ways_[lane].late_s = posterior.drawn_delay(lane) * config_->period_s;
-  measure_ways(ahead_s);
+    lookahead_[lane].late_s = posterior.drawn_delay(lane) * config_->period_s;
+  compute_lookahead(ahead_s);
   // steps no longer than the period: that is the step for which the substeps were chosen
   step_parts(timeline, stamp_us);
   std::uint32_t most = 0;
-  for (std::uint32_t lane = 0; lane < belief_.count; ++lane) most = std::max(most, ways_[lane].whole);
+  for (std::uint32_t lane = 0; lane < belief_.count; ++lane) most = std::max(most, lookahead_[lane].whole);
   for (std::uint32_t left = most; left > 0; --left) step_whole(timeline, stamp_us, left);
   if (!over_delays_) fill_history(timeline, stamp_us, ahead_s);
 }
@@ -62,7 +62,7 @@ double PlanningBelief::delay_s(const EffectSlot& slot, std::uint32_t lane) const
   return delay_s > 0.0 ? std::min(delay_s, longest_s) : 0.0;
 }
 
-void PlanningBelief::measure_ways(double ahead_s) {
+void PlanningBelief::compute_lookahead(double ahead_s) {
   const double period_s = config_->period_s;
   double sum_s = 0.0;
   for (std::uint32_t lane = 0; lane < belief_.count; ++lane) {
@@ -70,13 +70,13 @@ void PlanningBelief::measure_ways(double ahead_s) {
     for (std::uint32_t e = 0; e < setup_->effect_count && over_delays_; ++e)
       if (setup_->effects[e].kind == tiller_effect_input_delay)
         longest_s = std::max(longest_s, delay_s(setup_->effects[e], lane));
-    Way& way = ways_[lane];
-    way.total_s = std::max(ahead_s, 0.0) + longest_s + way.late_s;
+    Lookahead& ahead = lookahead_[lane];
+    ahead.total_s = std::max(ahead_s, 0.0) + longest_s + ahead.late_s;
     // a period less a rounding is a period
-    way.whole = static_cast<std::uint32_t>(way.total_s / period_s + kLeastShare);
-    way.part_s = way.total_s - way.whole * period_s;
-    if (way.part_s < kLeastShare * period_s) way.part_s = 0.0;
-    sum_s += way.total_s;
+    ahead.whole = static_cast<std::uint32_t>(ahead.total_s / period_s + kLeastShare);
+    ahead.part_s = ahead.total_s - ahead.whole * period_s;
+    if (ahead.part_s < kLeastShare * period_s) ahead.part_s = 0.0;
+    sum_s += ahead.total_s;
   }
   lead_periods_ = static_cast<std::uint32_t>(std::lround(sum_s / (belief_.count * period_s)));
 }
@@ -86,15 +86,15 @@ void PlanningBelief::step_parts(const CommandTimeline& timeline, std::int64_t st
   for (std::uint32_t first = 0; first < belief_.count; first += kLanePadding) {
     const std::uint32_t end = std::min(first + kLanePadding, belief_.count);
     for (std::uint32_t lane = first; lane < end; ++lane)
-      fill_controls(timeline, stamp_us, lane, 0.0, ways_[lane].part_s);
+      fill_controls(timeline, stamp_us, lane, 0.0, lookahead_[lane].part_s);
     for (std::uint32_t lane = first; lane < end; ++lane) {
-      const double part_s = ways_[lane].part_s;
+      const double part_s = lookahead_[lane].part_s;
       if (!(part_s > 0.0)) continue;
       step(first, kLanePadding, part_s);
       for (std::uint32_t same = lane; same < end; ++same) {
-        if (ways_[same].part_s != part_s) continue;
+        if (lookahead_[same].part_s != part_s) continue;
         take_final(first, kLanePadding, same);
-        ways_[same].part_s = 0.0;
+        lookahead_[same].part_s = 0.0;
       }
     }
   }
@@ -104,12 +104,12 @@ void PlanningBelief::step_parts(const CommandTimeline& timeline, std::int64_t st
 void PlanningBelief::step_whole(const CommandTimeline& timeline, std::int64_t stamp_us, std::uint32_t left) {
   const double period_s = config_->period_s;
   for (std::uint32_t lane = 0; lane < belief_.count; ++lane) {
-    const double from_s = ways_[lane].total_s - left * period_s;
+    const double from_s = lookahead_[lane].total_s - left * period_s;
     fill_controls(timeline, stamp_us, lane, from_s, from_s + period_s);
   }
   step(0, lanes_, period_s);
   for (std::uint32_t lane = 0; lane < belief_.count; ++lane)
-    if (ways_[lane].whole >= left) take_final(0, lanes_, lane);
+    if (lookahead_[lane].whole >= left) take_final(0, lanes_, lane);
 }
 
 /// Each hypothesis has its own delay, so each sees another piece of the same timeline.
@@ -117,7 +117,7 @@ void PlanningBelief::fill_controls(const CommandTimeline& timeline, std::int64_t
                                    double from_s, double to_s) {
   const std::uint32_t nu = config_->model->input_count;
   double command[TILLER_MAX_INPUTS];
-  const double late_s = ways_[lane].late_s;
+  const double late_s = lookahead_[lane].late_s;
   timeline.mean(stamp_us, from_s - late_s, to_s - late_s, command);
   for (std::uint32_t i = 0; i < nu; ++i) controls_[i * lanes_ + lane] = static_cast<float>(command[i]);
   for (std::uint32_t e = 0; e < setup_->effect_count; ++e) {

@@ -38,14 +38,14 @@ class PlanningBelief {
  private:
   /// How far one hypothesis goes: a part of a period, then whole ones, so that each whole one falls together with the
   /// hold of a command where ticks are regular.
-  struct Way {
+  struct Lookahead {
     double total_s = 0.0;
     double part_s = 0.0;
     double late_s = 0.0;  // of all inputs, by the posterior's hypothesis
     std::uint32_t whole = 0;
   };
 
-  void measure_ways(double ahead_s);
+  void compute_lookahead(double ahead_s);
   double delay_s(const EffectSlot& slot, std::uint32_t lane) const;
   void step_parts(const CommandTimeline& timeline, std::int64_t stamp_us);
   void step_whole(const CommandTimeline& timeline, std::int64_t stamp_us, std::uint32_t left);
@@ -59,16 +59,16 @@ class PlanningBelief {
   const RolloutTable* table_ = nullptr;
   const StepSetup* setup_ = nullptr;
   bool over_delays_ = false;
-  StepSetup undelayed_;            // the setup without its delays: the controls below have them already
-  std::uint32_t lanes_ = 0;        // M, padded
-  float* params_ = nullptr;        // (np x M) and room to read up to `lanes_`
-  float* state_ = nullptr;         // (nx x M) likewise
-  float* effect_state_ = nullptr;  // (ns x M) likewise
-  float* history_ = nullptr;       // (delay_steps x nu)
-  float* controls_ = nullptr;      // (nu x lanes)
-  float* final_state_ = nullptr;   // (nx x lanes)
-  float* final_effect_ = nullptr;  // (ns x lanes)
-  Way* ways_ = nullptr;            // (M)
+  StepSetup undelayed_;             // the setup without its delays: the controls below have them already
+  std::uint32_t lanes_ = 0;         // M, padded
+  float* params_ = nullptr;         // (np x M) and room to read up to `lanes_`
+  float* state_ = nullptr;          // (nx x M) likewise
+  float* effect_state_ = nullptr;   // (ns x M) likewise
+  float* history_ = nullptr;        // (delay_steps x nu)
+  float* controls_ = nullptr;       // (nu x lanes)
+  float* final_state_ = nullptr;    // (nx x lanes)
+  float* final_effect_ = nullptr;   // (ns x lanes)
+  Lookahead* lookahead_ = nullptr;  // (M)
   std::uint32_t lead_periods_ = 0;
   Belief belief_;
 };

@@ -172,7 +172,7 @@ tiller_status_t fault(const SocketCanTransport* transport) {
 }
 
 // An adapter that was plugged in again: its controller knows of no errors yet, and its clock is another one.
-void begin_anew(SocketCanTransport* transport) {
+void restart(SocketCanTransport* transport) {
   transport->bus = CanBusState::kActive;
   transport->interface_clock = InterfaceClock();
 }
@@ -184,7 +184,7 @@ tiller_status_t socketcan_poll(void* self, tiller_measurement_t* measurement) {
   if (transport->socket < 0) return tiller_status_transport_closed;
   for (int i = 0; i < kMaxFramesPerPoll && read_frame(transport); ++i) {
   }
-  if (transport->link_down && socketcan_bind_again(transport)) begin_anew(transport);
+  if (transport->link_down && socketcan_bind_again(transport)) restart(transport);
   watch_confirmation(transport);
   CanFrame queries[CanRobot::kMaxFrames];
   const std::uint32_t due = transport->robot.queries_due(queries);

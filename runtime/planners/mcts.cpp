@@ -29,7 +29,7 @@ constexpr std::uint32_t kReserved = 2;       // rollout 0 is the old plan, rollo
 constexpr double kFade = 0.5;                // of what the tree knew, every tick: it was about another state
 
 /// Numbers of one simulation, from one Philox draw (xorshift128, Marsaglia 2003).
-struct Dice {
+struct RandomStream {
   std::uint32_t w[4];
   std::uint32_t next() {
     const std::uint32_t t = w[3] ^ (w[3] << 11);
@@ -97,17 +97,17 @@ void begin(Sampler& s) {
 }
 
 /// One leaf's simulations: its path, and what follows by each default policy.
-void choose_for_leaf(const Sampler& s, Search& t, std::uint32_t leaf, std::uint32_t first_lane, Dice& dice) {
+void choose_for_leaf(const Sampler& s, Search& t, std::uint32_t leaf, std::uint32_t first_lane, RandomStream& random) {
   const std::uint32_t depth = t.tree.path(leaf, t.choice);
   for (std::uint32_t policy = 0; policy < kPolicies; ++policy) {
     for (std::uint32_t j = depth; j < s.grid.knots; ++j) {
       const std::uint32_t before = j > 0 ? t.choice[j - 1] : t.plan[0];
       if (policy == 0)
         t.choice[j] = t.plan[j];
-      else if (policy == 1 || (dice.next() & 1u))
+      else if (policy == 1 || (random.next() & 1u))
         t.choice[j] = before;
       else
-        t.choice[j] = dice.below(t.actions);
+        t.choice[j] = random.below(t.actions);
     }
     std::copy(t.choice, t.choice + s.grid.knots, t.chosen + std::size_t{first_lane + policy} * s.grid.knots);
   }
@@ -121,10 +121,10 @@ bool draw(Sampler& s) {
     if (t.leaf_count % kLeavesAtOnce == kLeavesAtOnce - 1 && s.request->deadline.passed()) return false;
     const std::uint64_t high = (std::uint64_t{kRngPlanner} << 32) | (s.iteration << 16) | t.leaf_count;
     const Philox::Words words = Philox::draw(s.seed, s.request->tick, high);
-    Dice dice = {{words.w[0] | 1u, words.w[1], words.w[2], words.w[3]}};
-    const std::uint32_t leaf = t.tree.select(depth, t.plan, dice.next(), t.range, s.settings->exploration);
+    RandomStream random = {{words.w[0] | 1u, words.w[1], words.w[2], words.w[3]}};
+    const std::uint32_t leaf = t.tree.select(depth, t.plan, random.next(), t.range, s.settings->exploration);
     t.leaves[t.leaf_count] = leaf;
-    choose_for_leaf(s, t, leaf, t.leaf_count * kPolicies, dice);
+    choose_for_leaf(s, t, leaf, t.leaf_count * kPolicies, random);
   }
   // row by row: a lane's knots stand too far apart for the cache
   float* row = s.knots;

@@ -92,10 +92,10 @@ void AdequacyTest::reset() {
   channel_ = 0;
   feature_ = tiller_feature_none;
   statistic_ = 0.0;
-  begin_anew();
+  restart();
 }
 
-void AdequacyTest::begin_anew() {
+void AdequacyTest::restart() {
   for (std::uint32_t k = 0; k < channels_; ++k) channel_data_[k] = {};
   for (std::uint32_t i = 0; i < channels_ * features_ * kCohorts; ++i) sums_[i] = {};
   for (std::uint32_t i = 0; i < channels_ * kCohorts; ++i) growth_[i] = 0.0;

@@ -77,7 +77,7 @@ class AdequacyTest {
 
   void reset();
   /// The sums begin anew, because the posterior does; an alarm stays.
-  void begin_anew();
+  void restart();
   /// Takes an alarm back: what was learnt since explains the data.
   void withdraw() { state_ = tiller_adequacy_adequate; }
   /// Whether the sums gave an alarm in this tick, an earlier one or not.

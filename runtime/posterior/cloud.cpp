@@ -27,7 +27,7 @@ Cloud Cloud::lay_out(Arena& arena, const tiller_config_t& config, const ExtraCoo
   for (std::uint32_t i = 0; i < c.np; ++i)
     if (config.priors[i].kind != tiller_prior_fixed) c.inferred[c.named++] = i;
   c.d = c.named + extra.count;
-  c.prior = PriorLaw(config, extra);
+  c.prior = PriorDistribution(config, extra);
   c.params = arena.take<double>(std::size_t{c.np} * c.n);
   c.coordinate = arena.take<double>(std::size_t{c.d} * c.n);
   c.log_weight = arena.take<double>(c.n);

@@ -17,7 +17,7 @@ struct Cloud {
   std::uint32_t d = 0;                             // coordinates: inferred parameters, then the engine's own
   std::uint32_t named = 0;                         // inferred parameters
   std::uint32_t inferred[TILLER_MAX_PARAMS] = {};  // (named) their rows
-  PriorLaw prior;
+  PriorDistribution prior;
 
   double* params = nullptr;      // (np x N)
   double* coordinate = nullptr;  // (d x N) in the prior's coordinates

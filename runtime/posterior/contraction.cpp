@@ -135,7 +135,7 @@ bool contract(std::uint32_t d, const double* posterior, const double* prior, Con
 
 bool contract(const tiller_config_t& config, const Posterior& posterior, Contraction& to) {
   double covariance[TILLER_MAX_PARAMS * TILLER_MAX_PARAMS], prior[TILLER_MAX_PARAMS * TILLER_MAX_PARAMS];
-  const PriorLaw law(config);
+  const PriorDistribution law(config);
   particle_covariance(config, posterior, law.dimension(), covariance);
   law.covariance(prior);
   return contract(law.dimension(), covariance, prior, to);

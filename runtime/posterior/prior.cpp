@@ -87,20 +87,21 @@ double prior_quantile(const tiller_prior_t& prior, double u) {
   return centre(prior) + prior.b * cut_normal_quantile(low, high, u);
 }
 
-PriorLaw::PriorLaw(const tiller_config_t& config, const ExtraCoordinates& extra) : config_(&config), extra_(extra) {
+PriorDistribution::PriorDistribution(const tiller_config_t& config, const ExtraCoordinates& extra)
+    : config_(&config), extra_(extra) {
   for (std::uint32_t i = 0; i < config.param_count; ++i)
     if (config.priors[i].kind != tiller_prior_fixed) inferred_[named_++] = i;
   d_ = named_ + extra.count;
   if (config.prior_mixture) mixture_ = Mixture(*config.prior_mixture);
 }
 
-bool PriorLaw::within(const double* v) const {
+bool PriorDistribution::within(const double* v) const {
   bool inside = true;
   for (std::uint32_t j = 0; j < named_; ++j) inside = inside && v[j] >= low(j) && v[j] <= high(j);
   return inside;
 }
 
-void PriorLaw::covariance(double* c) const {
+void PriorDistribution::covariance(double* c) const {
   for (std::uint32_t i = 0; i < d_ * d_; ++i) c[i] = 0.0;
   for (std::uint32_t j = 0; j < d_; ++j) c[j * d_ + j] = spread(j) * spread(j);
   if (!is_mixture()) return;
@@ -129,13 +130,13 @@ double NormalLaw::log_density(const double* v) const {
   return sum;
 }
 
-double PriorLaw::log_density(const double* v) const {
+double PriorDistribution::log_density(const double* v) const {
   return before_ ? changed_log_density(v) : configured_log_density(v);
 }
 
 /// Logarithm of the factor that normalises configured_log_density() over the named coordinates; of a mixture as if it were
 /// not cut.
-double PriorLaw::log_scale() const {
+double PriorDistribution::log_scale() const {
   if (is_mixture()) return mixture_.log_scale() - 0.5 * named_ * kLogTwoPi;
   double sum = 0.0;
   for (std::uint32_t j = 0; j < named_; ++j) {
@@ -151,7 +152,7 @@ double PriorLaw::log_scale() const {
 }
 
 /// log(1/2 before(v) + 1/2 configured(named) before(extra)).
-double PriorLaw::changed_log_density(const double* v) const {
+double PriorDistribution::changed_log_density(const double* v) const {
   double configured = configured_log_density(v);
   if (std::isinf(configured)) return configured;
   configured += log_scale();
@@ -166,14 +167,14 @@ double PriorLaw::changed_log_density(const double* v) const {
   return larger + math::log(0.5 * math::exp(before - larger) + 0.5 * math::exp(configured - larger));
 }
 
-double PriorLaw::configured_log_density(const double* v) const {
+double PriorDistribution::configured_log_density(const double* v) const {
   if (is_mixture() && !within(v)) return -kInfinity;
   double sum = is_mixture() ? mixture_.log_density(v) : 0.0;
   for (std::uint32_t j = is_mixture() ? named_ : 0; j < d_; ++j) sum += log_prior(marginal(j), v[j]);
   return sum;
 }
 
-void PriorLaw::draw_one(Rng& rng, double* v) const {
+void PriorDistribution::draw_one(Rng& rng, double* v) const {
   for (std::uint32_t j = is_mixture() ? named_ : 0; j < d_; ++j) v[j] = prior_quantile(marginal(j), rng.uniform());
   if (!is_mixture()) return;
   for (int i = 0; i < kTries; ++i) {
@@ -183,7 +184,7 @@ void PriorLaw::draw_one(Rng& rng, double* v) const {
   for (std::uint32_t j = 0; j < named_; ++j) v[j] = folded(v[j], low(j), high(j));
 }
 
-void PriorLaw::draw(std::uint64_t seed, std::uint32_t count, double* v, std::uint32_t* index) const {
+void PriorDistribution::draw(std::uint64_t seed, std::uint32_t count, double* v, std::uint32_t* index) const {
   if (is_mixture()) draw_mixture(seed, count, v, index);
   for (std::uint32_t j = is_mixture() ? named_ : 0; j < d_; ++j) {
     Rng rng(seed, kRngPrior, j < named_ ? inferred_[j] : TILLER_MAX_PARAMS + 2 + (j - named_));
@@ -193,7 +194,7 @@ void PriorLaw::draw(std::uint64_t seed, std::uint32_t count, double* v, std::uin
   }
 }
 
-void PriorLaw::draw_mixture(std::uint64_t seed, std::uint32_t count, double* v, std::uint32_t* index) const {
+void PriorDistribution::draw_mixture(std::uint64_t seed, std::uint32_t count, double* v, std::uint32_t* index) const {
   Rng strata(seed, kRngPrior, TILLER_MAX_PARAMS), again(seed, kRngPrior, TILLER_MAX_PARAMS + 1);
   const double offset = mixture_.components() > 1 ? strata.uniform() : 0.5;
   const auto component = [&](std::uint32_t k) { return mixture_.component_at((k + offset) / count); };

@@ -45,10 +45,10 @@ struct NormalLaw {
 
 /// The joint prior of all coordinates v (d): of the inferred parameters the marginals' product, or config.prior_mixture
 /// cut to the marginals' bounds; times the extra coordinates' marginals.
-class PriorLaw {
+class PriorDistribution {
  public:
-  PriorLaw() = default;
-  explicit PriorLaw(const tiller_config_t& config, const ExtraCoordinates& extra = {});
+  PriorDistribution() = default;
+  explicit PriorDistribution(const tiller_config_t& config, const ExtraCoordinates& extra = {});
 
   std::uint32_t dimension() const { return d_; }
   /// Coordinates 0 .. named() - 1 are those of inferred parameters.

@@ -61,7 +61,7 @@ bool spread(const Cloud& cloud, std::uint32_t first_still, std::uint32_t still, 
 
 }  // namespace
 
-CoordinateStep draw_coordinate_step(const PriorLaw& prior, Rng& rng) {
+CoordinateStep draw_coordinate_step(const PriorDistribution& prior, Rng& rng) {
   CoordinateStep step;
   step.coordinate = rng.below(prior.dimension());
   const double length = prior.spread(step.coordinate) * math::exp(-kWidestLog * rng.uniform());
@@ -103,7 +103,7 @@ void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::
       for (std::uint32_t j = 0; j < d; ++j) p.coordinate[j] = present[j];
       p.coordinate[step.coordinate] += step.length;
     }
-    const double scouts = cloud.config->posterior.scout_share;
+    const double scouts = cloud.config->posterior.prior_proposal_fraction;
     if (scouts > 0.0 && rng.uniform() < scouts) {
       // a scout: an independent draw from the prior, whose density cancels out of the ratio
       cloud.prior.draw_one(rng, p.coordinate);

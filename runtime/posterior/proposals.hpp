@@ -23,7 +23,7 @@ struct CoordinateStep {
 /// For a cloud that has lost a dimension: descendants of as few particles as there are dimensions lie on a line or a
 /// plane, and neither their differences nor their covariance lead out of it. Whichever length fits is accepted, and the
 /// next differences have it.
-CoordinateStep draw_coordinate_step(const PriorLaw& prior, Rng& rng);
+CoordinateStep draw_coordinate_step(const PriorDistribution& prior, Rng& rng);
 
 /// Proposals for particles cursor, cursor + 1, .. cursor + moves - 1 (modulo N; moves <= N / 2): differential
 /// evolution between particles that stand still (ter Braak 2006) or a random walk with their covariance. A proposal

@@ -92,9 +92,9 @@ struct MovingStep {
         substep(step, command, p, plan.body[0], {plan.registers, 0});
       return;
     }
-    Turns<Model, P> turns;
+    CommandSwitch<Model, P> turns;
     step.plan_steps(plan, &p, true);
-    step.template take_turns<1, 1>(&turns, plan, [&](int, int age, int port) { return past(age, port); });
+    step.template split_at_switch<1, 1>(&turns, plan, [&](int, int age, int port) { return past(age, port); });
     step.for_parts(plan, &p, [&](const PartOfAll<Model, P>& part) {
       Trajectory<Model, P> before;
       step.keep(t, before);

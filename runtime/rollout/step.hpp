@@ -38,7 +38,7 @@ struct Parameters {
 
 /// What delays make of the commands of one period: where a part of it says so the older one acts, else the newer one.
 template <class Model, class S>
-struct Turns {
+struct CommandSwitch {
   typename Model::template Input<S> older, newer;
 };
 
@@ -262,12 +262,13 @@ struct Stepper {
   /// What acts in a period whose inputs are delayed; past(trajectory, i, port): the command of input `port` i periods
   /// ago.
   template <int kCount, int kSets, class Past>
-  TILLER_INLINE void take_turns(Turns<Model, S>* turns, const Plan<kCount, kSets>& plan, const Past& past) const {
+  TILLER_INLINE void split_at_switch(CommandSwitch<Model, S>* turns, const Plan<kCount, kSets>& plan,
+                                     const Past& past) const {
     for (int r = 0; r < kCount; ++r)
       each(model.nu(), [&](auto i) TILLER_INLINED {
-        InputDelay<Value>::take_turns([&](int age) TILLER_INLINED { return past(r, age, static_cast<int>(i)); },
-                                      static_cast<int>(setup.delay_steps), plan.registers[r].delay[i],
-                                      turns[r].older[i], turns[r].newer[i]);
+        InputDelay<Value>::split_at_switch([&](int age) TILLER_INLINED { return past(r, age, static_cast<int>(i)); },
+                                           static_cast<int>(setup.delay_steps), plan.registers[r].delay[i],
+                                           turns[r].older[i], turns[r].newer[i]);
       });
   }
 
@@ -489,7 +490,7 @@ struct Stepper {
       for (int i = 0; i < count; ++i) visit(PartOfAll<Model, S>{plan.registers, kept * OnePlan::kMostParts + i});
     }
   }
-  /// One period, as planned. `past` as in take_turns(), or NoPast: no input is delayed.
+  /// One period, as planned. `past` as in split_at_switch(), or NoPast: no input is delayed.
   template <int kCount, int kSets, class Past>
   TILLER_INLINE void advance_all(Trajectory<Model, S>* t, const Input* commands, const Parameters<Model, S>* p,
                                  Plan<kCount, kSets>& plan, const Past& past) const {
@@ -500,9 +501,9 @@ struct Stepper {
         substep_all<kCount, kSets>(t, acting, p, plan.body, {plan.registers, 0});
       }
     } else {
-      Turns<Model, S> turns[kCount];
+      CommandSwitch<Model, S> turns[kCount];
       Trajectory<Model, S> before[kCount];
-      if (plan.turning) take_turns<kCount, kSets>(turns, plan, past);
+      if (plan.turning) split_at_switch<kCount, kSets>(turns, plan, past);
       for_parts(plan, p, [&](const PartOfAll<Model, S>& part) TILLER_INLINED {
         bool stand = false;
         for (int r = 0; r < kCount; ++r) {
@@ -516,7 +517,7 @@ struct Stepper {
     }
   }
   /// The commands that act in a part.
-  TILLER_INLINE Input chosen(const Turns<Model, S>& turns, const Part<Model, S>& part) const {
+  TILLER_INLINE Input chosen(const CommandSwitch<Model, S>& turns, const Part<Model, S>& part) const {
     Input acting;
     each(model.nu(), [&](auto i) TILLER_INLINED { acting[i] = select(part.older[i], turns.older[i], turns.newer[i]); });
     return acting;

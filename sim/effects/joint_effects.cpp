@@ -63,7 +63,8 @@ class Spring final : public Effect {
 
 class Cogging final : public Effect {
  public:
-  explicit Cogging(const Parameters& p) : table_(p.at("pitch_SI"), {p.at("cosine_SI"), p.at("sine_SI"), 0, 0}) {}
+  explicit Cogging(const Parameters& p)
+      : table_(p.at("spatial_period_SI"), {p.at("cosine_SI"), p.at("sine_SI"), 0, 0}) {}
   void push(Joint& joint, const Moment&) override { joint.add_force(table_.at(joint.position())); }
 
  private:
@@ -74,7 +75,7 @@ class Cogging final : public Effect {
 class TorqueRipple final : public Effect {
  public:
   explicit TorqueRipple(const Parameters& p)
-      : table_(p.at("pitch_SI"), {p.at("cosine"), p.at("sine"), p.at("cosine2"), p.at("sine2")}) {}
+      : table_(p.at("spatial_period_SI"), {p.at("cosine"), p.at("sine"), p.at("cosine2"), p.at("sine2")}) {}
   void push(Joint& joint, const Moment& now) override { joint.add_force(now.drive * table_.at(joint.position())); }
 
  private:
@@ -137,12 +138,12 @@ std::vector<EffectInfo> joint_effects() {
       {"cubic_spring", PortKind::joint, {{"stiffness_SI3"}}, "a spring towards 0 that stiffens", make_effect<Spring>},
       {"cogging",
        PortKind::joint,
-       {{"cosine_SI", true}, {"sine_SI", true}, {"pitch_SI"}},
+       {{"cosine_SI", true}, {"sine_SI", true}, {"spatial_period_SI"}},
        "a force periodic in position",
        make_effect<Cogging>},
       {"torque_ripple",
        PortKind::joint,
-       {{"cosine", true}, {"sine", true}, {"cosine2", true}, {"sine2", true}, {"pitch_SI"}},
+       {{"cosine", true}, {"sine", true}, {"cosine2", true}, {"sine2", true}, {"spatial_period_SI"}},
        "the motor's force swings with the position",
        make_effect<TorqueRipple>},
       {"joint_inertia", PortKind::joint, {{"inertia_SI"}}, "a flywheel on the joint", make_effect<JointInertia>},

@@ -116,7 +116,7 @@ class FrictionDrift final : public Effect {
 /// A rail with rough patches: friction on every other half of a pitch.
 class PositionFriction final : public Effect {
  public:
-  explicit PositionFriction(const Parameters& p) : friction_(p.at("friction_SI")), pitch_(p.at("pitch_SI")) {}
+  explicit PositionFriction(const Parameters& p) : friction_(p.at("friction_SI")), pitch_(p.at("spatial_period_SI")) {}
   bool is_dry() const override { return true; }
   double dry_friction(const Joint& joint, const Moment&) override {
     if (pitch_ <= 0) return friction_;
@@ -212,7 +212,8 @@ class SwingingLoad final : public Effect {
 /// An encoder's disc that is off its centre.
 class EncoderEccentricity final : public Effect {
  public:
-  explicit EncoderEccentricity(const Parameters& p) : amplitude_(p.at("amplitude_SI")), pitch_(p.at("pitch_SI")) {}
+  explicit EncoderEccentricity(const Parameters& p)
+      : amplitude_(p.at("amplitude_SI")), pitch_(p.at("spatial_period_SI")) {}
   double show(double truth) const override {
     return pitch_ > 0 ? truth + amplitude_ * std::sin(kTwoPi * truth / pitch_) : truth;
   }
@@ -253,7 +254,7 @@ std::vector<EffectInfo> strange_effects() {
        make_effect<FrictionDrift>},
       {"position_friction",
        PortKind::joint,
-       {{"friction_SI"}, {"pitch_SI"}},
+       {{"friction_SI"}, {"spatial_period_SI"}},
        "dry friction in patches",
        make_effect<PositionFriction>},
       {"loose_coupling",
@@ -283,7 +284,7 @@ std::vector<EffectInfo> strange_effects() {
        make_effect<SwingingLoad>},
       {"encoder_eccentricity",
        PortKind::sensor,
-       {{"amplitude_SI"}, {"pitch_SI"}},
+       {{"amplitude_SI"}, {"spatial_period_SI"}},
        "an encoder off its centre",
        make_effect<EncoderEccentricity>},
   };

@@ -87,7 +87,7 @@ void spoil(C& c, Draw& draw, double share) {
   maybe(c.planner.exploration, [&] { return draw.chance(0.2) ? 0.0 : draw.magnitude(1e-12, 1e6); });
   maybe(c.posterior.ess_fraction, [&] { return draw.magnitude(TILLER_SMALLEST_SHARE, 1.0); });
   maybe(c.posterior.noise_scale_shape, [&] { return draw.magnitude(TILLER_SMALLEST_SHARE, 1e6); });
-  maybe(c.posterior.scout_share, [&] { return 0.5 * draw.uniform(); });
+  maybe(c.posterior.prior_proposal_fraction, [&] { return 0.5 * draw.uniform(); });
   if (draw.chance(share)) {
     const double width = draw.magnitude(1e-9, TILLER_LARGEST_VALUE);
     c.safety.input_low[0] = draw.chance(0.3) ? 0.0 : -width;
@@ -285,7 +285,7 @@ const Range kRanges[] = {
     TILLER_RANGE(initial_state_sd[0], 1e-9, 1e9, true, false),
     TILLER_RANGE(posterior.ess_fraction, 1e-6, 1, false, false),
     TILLER_RANGE(posterior.noise_scale_shape, 1e-6, 1e6, false, false),
-    TILLER_RANGE(posterior.scout_share, 0, 0.5, true, false),
+    TILLER_RANGE(posterior.prior_proposal_fraction, 0, 0.5, true, false),
     TILLER_RANGE(planner.cvar_alpha, 0, 0.999, true, false),
     TILLER_RANGE(planner.noise_sd[0], 1e-9, 1e9, false, false),
     TILLER_RANGE(planner.temperature, 1e-6, 1, false, false),

@@ -72,9 +72,9 @@ TEST(Learn, OneGoodUpdateForgivesThoseBefore) {
 TEST(Learn, DoubtedMeasurementsLeaveAPredictionForNoLongerThanTheSensorsTimeout) {
   Bench b;
   b.activate();
-  fakes::posterior.update_status = tiller_status_measurement_doubted;
+  fakes::posterior.update_status = tiller_status_measurement_outlier;
   const int plans = fakes::planner.plans;
-  EXPECT_EQ(b.tick(), tiller_status_measurement_doubted);
+  EXPECT_EQ(b.tick(), tiller_status_measurement_outlier);
   EXPECT_EQ(fakes::planner.plans, plans) << "the measurement is not in the estimate";
   EXPECT_EQ(b.executive->info().posterior_failures, 0u);
   EXPECT_EQ(fakes::posterior.starts, 1);
@@ -94,7 +94,7 @@ TEST(Learn, HoldIsNotFedBackFromAnOldEstimateEither) {
   fakes::planner.result.status = tiller_status_plan_not_finite;
   (void)b.tick();
   ASSERT_EQ(b.state(), tiller_state_hold);
-  fakes::posterior.update_status = tiller_status_measurement_doubted;
+  fakes::posterior.update_status = tiller_status_measurement_outlier;
   for (int i = 0; i < 6; ++i) (void)b.tick();
   EXPECT_EQ(b.state(), tiller_state_safe);
 }

@@ -61,7 +61,7 @@ TEST(Plan, CommandBeyondTheLimitsIsCutAndCounted) {
   fakes::planner.command[0] = 50.0;
   EXPECT_EQ(b.tick(), tiller_status_command_limited);
   EXPECT_EQ(b.command.value[0], 10.0);
-  EXPECT_EQ(b.executive->info().gate_cuts, 1u);
+  EXPECT_EQ(b.executive->info().gate_clipped, 1u);
   EXPECT_EQ(b.state(), tiller_state_active);
   (void)b.tick();
   EXPECT_EQ(fakes::planner.last_command[0], 10.0) << "the planner is told what was sent, not what it wished";

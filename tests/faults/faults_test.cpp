@@ -40,7 +40,7 @@ TEST(Refusal, ConfigurationThatDoesNotFitBecomesNoController) {
 
 /// The judge must be able to say no: a fault that nobody answers.
 TEST(Judge, SeesAMotorThatIsNotStopped) {
-  Fault ignored{"ignored", "", "", Road::kMemory, End::kStops, Timeout::kSensor, ""};
+  Fault ignored{"ignored", "", "", Route::kMemory, End::kStops, Timeout::kSensor, ""};
   for (const Robot robot : kRobots) {
     const Outcome o = run_fault(ignored, robot, 1);
     ASSERT_NE(o.wrong, nullptr);
@@ -51,7 +51,7 @@ TEST(Judge, SeesAMotorThatIsNotStopped) {
 
 TEST(Judge, SeesMotionWithoutGenuineReadings) {
   // an encoder that drifts more slowly than any limit: nobody can reject it, and the judge must not call it well
-  Fault drift{"drift", "", "", Road::kMemory, End::kBounded, Timeout::kSensor, ""};
+  Fault drift{"drift", "", "", Route::kMemory, End::kBounded, Timeout::kSensor, ""};
   drift.measure = [](World& w, tiller_measurement_t& m) {
     m.value[w.angle()] += 0.1 * (w.ticks + 1);
     return true;

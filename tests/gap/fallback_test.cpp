@@ -66,7 +66,7 @@ struct Case {
   void fill_particles(GridRollout& rollout) const {
     tiller_config_t config = fit.config;
     config.prior_mixture = &fit.joint_prior->mixture;
-    const PriorLaw law(config);
+    const PriorDistribution law(config);
     std::vector<double> v(law.dimension() * kLanes);
     std::vector<std::uint32_t> index(kLanes);
     law.draw(7, kLanes, v.data(), index.data());
@@ -162,7 +162,7 @@ TEST(Fallback, ForceIsThePriorsFarFromTheData) {
   EXPECT_GT(std::sqrt(c.fit.covariance[d * d - 1]), 0.9 * c.fit.prior_sd);
 }
 
-// Particles and the filter's doubt of the first state foretell held-out rollouts of 1 s. A window's errors go together,
+// Particles and the filter's doubt of the first state predict held-out rollouts of 1 s. A window's errors go together,
 // so the 52 windows of a pendulum are what counts: of 90 % each, at least 41 in all but 1 of 100 such tests.
 TEST(Fallback, RolloutsOfOneSecondAreForetold) {
   for (const Case* c : {&Case::spring(), &Case::friction()}) {

@@ -62,7 +62,7 @@ double density(const Joint& j, const double* v) {
 TEST(Mixture, DensityIsTheSumOfNormals) {
   const Three joint;
   const auto c = config_with(joint);
-  const tiller::PriorLaw law(c);
+  const tiller::PriorDistribution law(c);
   const double origin[2] = {1.0, -1.2};
   const double constant = law.log_density(origin) - std::log(density(joint, origin));
   for (double x = 0.6; x < 1.5; x += 0.07) {
@@ -82,7 +82,7 @@ TEST(Mixture, NothingOutsideOfTheBounds) {
   auto c = config_with(joint);
   c.priors[0] = rig::uniform(0.75, 1.3);
   c.priors[1].low = 0.2;
-  const tiller::PriorLaw law(c);
+  const tiller::PriorDistribution law(c);
   const double inside[2] = {1.0, std::log(0.21)}, below[2] = {1.0, std::log(0.19)}, above[2] = {1.31, -1.0};
   EXPECT_TRUE(std::isfinite(law.log_density(inside)));
   EXPECT_EQ(law.log_density(below), -INFINITY);
@@ -94,7 +94,7 @@ TEST(Mixture, NothingOutsideOfTheBounds) {
 TEST(Mixture, CovarianceIsWithinAndBetween) {
   const Three joint;
   const auto c = config_with(joint);
-  const tiller::PriorLaw law(c);
+  const tiller::PriorDistribution law(c);
   double expected[4] = {}, mean[2] = {}, got[4];
   for (std::size_t k = 0; k < 3; ++k)
     for (std::size_t j = 0; j < 2; ++j) mean[j] += joint.weight[k] * joint.mean[2 * k + j];
@@ -112,7 +112,7 @@ TEST(Mixture, CovarianceIsWithinAndBetween) {
 
   auto marginals = c;
   marginals.prior_mixture = nullptr;
-  tiller::PriorLaw(marginals).covariance(got);
+  tiller::PriorDistribution(marginals).covariance(got);
   EXPECT_DOUBLE_EQ(got[0], 400.0 / 12.0);
   EXPECT_EQ(got[1], 0.0);
   EXPECT_DOUBLE_EQ(got[3], 25.0);
@@ -135,7 +135,7 @@ struct Moments {
 TEST(Mixture, DrawsHaveItsMoments) {
   const Three joint;
   const auto c = config_with(joint);
-  const tiller::PriorLaw law(c);
+  const tiller::PriorDistribution law(c);
   double expected[4];
   law.covariance(expected);
   const double mean[2] = {0.2 * 0.8 + 0.5 * 1.0 + 0.3 * 1.3, -0.2 * 1.5 - 0.5 * 1.2 - 0.3 * 0.9};
@@ -165,7 +165,7 @@ TEST(Mixture, CutDrawsFollowTheDensity) {
   c.priors[0] = rig::uniform(0.78, 1.32);
   c.priors[1].low = std::exp(-1.6);
   c.priors[1].high = std::exp(-0.7);
-  const tiller::PriorLaw law(c);
+  const tiller::PriorDistribution law(c);
   constexpr int kSide = 6, kFine = 40, kDraws = 20000;
   std::vector<double> mass(kSide * kSide), seen(kSide * kSide);
   double sum = 0.0;
@@ -222,7 +222,7 @@ TEST(Mixture, BoundsThatLeaveLittleAreKept) {
   auto c = config_with(joint);
   c.priors[0] = rig::uniform(-1e-6, 1e-6);
   c.priors[1] = rig::uniform(0.0, 1e-6);
-  const tiller::PriorLaw law(c);
+  const tiller::PriorDistribution law(c);
   tiller::Rng rng(1, 77, 0);
   for (int k = 0; k < 1000; ++k) {
     double v[2];

@@ -22,7 +22,7 @@ tiller_config_t config_of_two() {
   c.priors[1] = {tiller_prior_fixed, 0, 0.5, 0.0, 0.5, 0.5};
   c.priors[2] = {tiller_prior_normal, 0, 5.0, 2.0, -INFINITY, INFINITY};
   c.posterior.particles = kParticles;
-  c.posterior.scout_share = 0.0;
+  c.posterior.prior_proposal_fraction = 0.0;
   return c;
 }
 

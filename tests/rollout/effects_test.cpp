@@ -117,7 +117,7 @@ TEST_P(EveryEffect, IsStableAtTheLargestStep) {
       for (double& x : batch.state) x /= std::sqrt(size);
     if (info.params[0].low < 0.0) continue;  // an offset is a force, not something that could be stable
     for (int i = 0; i < info.param_count; ++i)
-      if (info.params[i].scale != Scale::pitch)
+      if (info.params[i].scale != Scale::spatial_period)
         batch.set_param(c.model->param_count + static_cast<std::uint32_t>(i), size);
     batch.run(*c.model, select_rollout(*c.model));
     for (std::uint32_t i = 0; i < batch.nx * batch.lanes; ++i) {

@@ -99,7 +99,7 @@ TEST(Cogging, IsAPotentialOfItsPitch) {
     const double a = 2 * kPi * q / pitch;
     return -pitch / (2 * kPi) * (c * std::sin(a) - s * std::cos(a));
   };
-  const auto o = axis("cogging", "", {{"cosine_SI", c}, {"sine_SI", s}, {"pitch_SI", pitch}});
+  const auto o = axis("cogging", "", {{"cosine_SI", c}, {"sine_SI", s}, {"spatial_period_SI", pitch}});
   for (const double t : {0.1, 0.33, 1.0}) {
     const auto x = after(o, 0, t, 0.5);
     // of 0.014 J of potential
@@ -109,9 +109,9 @@ TEST(Cogging, IsAPotentialOfItsPitch) {
 
 TEST(TorqueRipple, DoesTheWorkOfTheDriveTimesItsHarmonics) {
   const double c = 0.2, s = -0.1, c2 = 0.05, s2 = 0.1, pitch = 0.2, u = 2.0, w = 2 * kPi / pitch;
-  const auto x = after(
-      axis("torque_ripple", "", {{"cosine", c}, {"sine", s}, {"cosine2", c2}, {"sine2", s2}, {"pitch_SI", pitch}}), u,
-      0.5);
+  const auto x = after(axis("torque_ripple", "",
+                            {{"cosine", c}, {"sine", s}, {"cosine2", c2}, {"sine2", s2}, {"spatial_period_SI", pitch}}),
+                       u, 0.5);
   const double q = x[0];
   const double path = q + (c * std::sin(w * q) - s * (std::cos(w * q) - 1)) / w +
                       (c2 * std::sin(2 * w * q) - s2 * (std::cos(2 * w * q) - 1)) / (2 * w);
@@ -234,8 +234,8 @@ TEST(HiddenEffects, AtZeroParametersChangeNothing) {
            {"lugre_friction", {"friction_SI", "stiction_extra_SI", "stribeck_velocity_SI", "bristle_stiffness_SI"}},
            {"linear_spring", {"stiffness_SI"}},
            {"cubic_spring", {"stiffness_SI3"}},
-           {"cogging", {"cosine_SI", "sine_SI", "pitch_SI"}},
-           {"torque_ripple", {"cosine", "sine", "cosine2", "sine2", "pitch_SI"}},
+           {"cogging", {"cosine_SI", "sine_SI", "spatial_period_SI"}},
+           {"torque_ripple", {"cosine", "sine", "cosine2", "sine2", "spatial_period_SI"}},
            {"joint_inertia", {"inertia_SI"}},
            {"tilt", {"angle_rad"}},
            {"payload", {"mass_kg"}},

@@ -112,7 +112,7 @@ TEST(FrictionDrift, FallsToAFifthAsItWarms) {
 }
 
 TEST(PositionFriction, HoldsOnARoughPatchAlone) {
-  PlantOptions o = axis("position_friction", {{"friction_SI", 1.0}, {"pitch_SI", 0.1}});
+  PlantOptions o = axis("position_friction", {{"friction_SI", 1.0}, {"spatial_period_SI", 0.1}});
   o.initial_state["position_m"] = 0.02;
   auto rough = make(o);
   command(*rough, 0.9);
@@ -204,7 +204,7 @@ TEST(SwingingLoad, AddsAPendulumAndKeepsEnergy) {
 }
 
 TEST(EncoderEccentricity, ShowsAWaveOverTheTurn) {
-  PlantOptions o = axis("encoder_eccentricity", {{"amplitude_SI", 0.01}, {"pitch_SI", 0.4}});
+  PlantOptions o = axis("encoder_eccentricity", {{"amplitude_SI", 0.01}, {"spatial_period_SI", 0.4}});
   o.initial_state["position_m"] = 0.1;
   double clean = 0;
   make(o)->measure_clean(&clean);

@@ -177,8 +177,8 @@ std::vector<double> carried_over(const std::vector<tiller_prior_t>& prior, int r
     for (int round = 0; round <= rounds; ++round) {
       std::vector<double> v(std::size_t{d} * kPoints);
       std::vector<std::uint32_t> index(kPoints);
-      PriorLaw(config).draw(100001 + 1000 * series + static_cast<std::uint64_t>(round), kPoints, v.data(),
-                            index.data());
+      PriorDistribution(config).draw(100001 + 1000 * series + static_cast<std::uint64_t>(round), kPoints, v.data(),
+                                     index.data());
       for (std::size_t k = 0; k < kPoints; ++k)
         for (std::size_t j = 0; j < d; ++j) cloud.value[d * k + j] = v[kPoints * j + k];
       if (round == 0) before = moments_of(cloud);
@@ -235,7 +235,7 @@ TEST(MixtureFit, CloudAtABoundKeepsItsMoments) {
   config.priors[0] = {tiller_prior_normal, 0, 0, 1, 0.0, INFINITY};
   PointCloud drawn = cloud_of(1, std::vector<double>(4096));
   std::vector<std::uint32_t> index(4096);
-  PriorLaw(config).draw(1, 4096, drawn.value.data(), index.data());
+  PriorDistribution(config).draw(1, 4096, drawn.value.data(), index.data());
   const Moments again = moments_of(drawn);
   EXPECT_NEAR(again.mean(0), points.mean(0), 0.03 * sd);
   EXPECT_NEAR(std::sqrt(again.covariance(0, 0)) / sd, 1.0, 0.03);

@@ -105,7 +105,7 @@ bool RawPort::receive(CanFrame& frame) {
   return false;
 }
 
-// ---- the road ----
+// ---- the route ----
 
 SocketLink::SocketLink(const Setup& setup, Device& device, Wiring wiring)
     : plant_(setup, device), tells_torque_(setup.drive == ActuatorKind::odrive) {

@@ -36,7 +36,7 @@ class RawPort {
   int fd_ = -1;
 };
 
-/// The road over sockets: the plant's codecs behind a raw socket, the SocketCAN transport with the controller on the
+/// The route over sockets: the plant's codecs behind a raw socket, the SocketCAN transport with the controller on the
 /// other end, the kernel's queues, interfaces and faults between them. A third socket, at the plant's end, sees what
 /// is on the wire and judges it: every torque must be one that the controller has commanded in this tick, unless the
 /// fault lets the kernel hold it back.

@@ -266,7 +266,7 @@ Outcome run_process_fault(const ProcessFault& fault, Robot robot, std::uint64_t 
 }
 
 Fault row_of(const ProcessFault& fault) {
-  Fault row{fault.name, "processes", fault.what, Road::kSocket, End::kStops, Timeout::kWatchdog, fault.answer};
+  Fault row{fault.name, "processes", fault.what, Route::kSocket, End::kStops, Timeout::kWatchdog, fault.answer};
   row.prepare = shrink;
   return row;
 }

@@ -28,7 +28,7 @@ std::unique_ptr<Link> through_gateway(const Setup& setup, Device& device) {
 }
 
 Fault kind(const char* name, const char* group, const char* what, End end, Timeout timeout, const char* answer) {
-  Fault fault{name, group, what, Road::kSocket, end, timeout, answer};
+  Fault fault{name, group, what, Route::kSocket, end, timeout, answer};
   fault.prepare = shrink;
   return fault;
 }

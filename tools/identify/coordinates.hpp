@@ -37,7 +37,7 @@ class Coordinates {
   void survey(std::vector<double> values);
 
   const tiller_config_t& config_;
-  PriorLaw law_;
+  PriorDistribution law_;
   std::vector<std::uint32_t> inferred_;
   std::vector<double> median_, mean_, sd_;  // (d)
 };

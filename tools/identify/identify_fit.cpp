@@ -90,8 +90,8 @@ std::vector<double> take_samples(const Posterior& posterior, std::uint32_t np, s
 
 bool is_taken(tiller_status_t status) { return status == tiller_status_ok || status >= tiller_status_command_limited; }
 
-void take_in(Posterior& posterior, const tiller_config_t& config, const std::vector<Stretch>& stretches,
-             const FitOptions& options, Fit& result) {
+void update_posterior(Posterior& posterior, const tiller_config_t& config, const std::vector<Stretch>& stretches,
+                      const FitOptions& options, Fit& result) {
   std::size_t all = 0, done = 0;
   for (const Stretch& stretch : stretches) all += stretch.steps.size();
   result.history.begin(posterior, config, all);
@@ -131,7 +131,7 @@ bool fit_with(const Candidate& candidate, double process_scale, const std::vecto
   result.sample_count = std::min(result.particles, 512u);
   summarise(*block.posterior, candidate, true, result);
   result.prior_samples = take_samples(*block.posterior, config.param_count, result.sample_count);
-  take_in(*block.posterior, config, stretches, options, result);
+  update_posterior(*block.posterior, config, stretches, options, result);
   summarise(*block.posterior, candidate, false, result);
   result.samples = take_samples(*block.posterior, config.param_count, result.sample_count);
   result.covariance.resize(std::size_t{config.param_count} * config.param_count);

@@ -67,7 +67,7 @@ void Roller::stand_at(const Grid& grid, std::size_t start) {
   }
 }
 
-void Roller::foresee(std::size_t steps) {
+void Roller::predict(std::size_t steps) {
   foreseen_.resize((steps + 1) * model_.state_count * kLanes);
   RolloutJob<double> run = rollout_.job(*grid_, point_, steps);
   run.state = {filter_.state(), kLanes};

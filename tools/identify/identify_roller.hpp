@@ -22,7 +22,7 @@ class Roller {
   /// to there, as on a robot that plans from there. A point before the last one begins the grid anew.
   void stand_at(const Grid& grid, std::size_t start);
   /// What each hypothesis foresees from where it stands: no noise.
-  void foresee(std::size_t steps);
+  void predict(std::size_t steps);
   /// What the sensors of each hypothesis would read: a start of its own within its filter's doubt, process noise at
   /// every step and measurement noise on top, all as large as the fit found them.
   void read(std::size_t steps);

@@ -181,7 +181,7 @@ Score score(const Candidate& candidate, const Fit& fit, const std::vector<Grid>&
   for (std::size_t s = 0; s < starts.size(); ++s) {
     const Start& start = starts[s];
     roller.stand_at(*start.grid, start.point);
-    roller.foresee(start.steps);
+    roller.predict(start.steps);
     roller.read(start.steps);
     bool finite = true;
     for (Tally& tally : tallies) {

@@ -113,7 +113,7 @@ class TransportLink : public Link {
     missed_ = !came;
     note_fault(sensed, last_us + period_us_);
     last_us_ = sensed.now_us = monotonic_us();
-    if (sensed.fresh) foresee_latency(sensed);
+    if (sensed.fresh) predict_latency(sensed);
     return sensed;
   }
 
@@ -135,14 +135,14 @@ class TransportLink : public Link {
       (void)look(sensed);
     }
     last_us_ = sensed.now_us = monotonic_us();
-    if (sensed.fresh) foresee_latency(sensed);
+    if (sensed.fresh) predict_latency(sensed);
     return sensed;
   }
 
   /// A command acts after the tick that computes it, not at the stamp that it answers. Robots seldom say how much
   /// later; unaccounted for, 1.5 ms at a 20 ms period pull the friction of the cart-pole by several standard
   /// deviations.
-  void foresee_latency(Sensed& sensed) {
+  void predict_latency(Sensed& sensed) {
     const double age_us = static_cast<double>(sensed.now_us - sensed.measurement.stamp_us);
     const double latency_us = std::clamp(age_us + compute_us_, 0.0, 1e6);
     std::uint32_t& told_us = sensed.measurement.command_latency_us;

@@ -207,7 +207,7 @@ class BoxedMoments {
     std::fill(config.priors, config.priors + box.dimension, standard);
     std::vector<double> v(std::size_t{box.dimension} * kPoints);
     std::vector<std::uint32_t> index(kPoints);
-    PriorLaw(config).draw(1, kPoints, v.data(), index.data());
+    PriorDistribution(config).draw(1, kPoints, v.data(), index.data());
     normal_ = Eigen::Map<const Row>(v.data(), box.dimension, kPoints);
   }
 

@@ -244,7 +244,7 @@ StoredPosterior store_posterior(const tiller_config_t& config, const Words& para
   StoredPosterior out;
   PointCloud cloud;
   tiller_config_t marginals = config;
-  const PriorLaw law(marginals);
+  const PriorDistribution law(marginals);
   out.model = config.model->name;
   out.created_by = std::string("tiller ") + tiller_version();
   cloud.dimension = law.dimension();

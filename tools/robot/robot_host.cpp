@@ -58,6 +58,8 @@ void read_sim_effect(FileErrors& errors, const toml::table& table, std::size_t i
   for (auto&& [name, node] : table) {
     const std::string word(name.str());
     if (word == "kind" || word == "port") continue;
+    if (const char* now = renamed_key("sim.effects[]", word))
+      errors.at(node, path + "." + word, std::string("is called ") + now + " now", std::string("write ") + now);
     if (const auto value = checked_number(errors, node, path + "." + word, kFinite)) {
       effect.parameters[word] = *value;
     }

@@ -358,6 +358,18 @@ const KeySpec* find_key(const std::string& section, const std::string& key) {
   return nullptr;
 }
 
+const char* renamed_key(const std::string& section, const std::string& key) {
+  struct Renamed {
+    const char *section, *was, *now;
+  };
+  static constexpr Renamed kRenamed[] = {{"posterior", "scout_share", "prior_proposal_fraction"},
+                                         {"effects[]", "pitch_SI", "spatial_period_SI"},
+                                         {"sim.effects[]", "pitch_SI", "spatial_period_SI"}};
+  for (const Renamed& renamed : kRenamed)
+    if (section == renamed.section && key == renamed.was) return renamed.now;
+  return nullptr;
+}
+
 bool planner_reads(const KeySpec& key, const std::string& planner) {
   if (!key.readers) return true;
   const std::string readers = std::string(", ") + key.readers + ", ";

@@ -60,6 +60,9 @@ Words keys_of(const std::string& section);
 /// The entry; null if the section has no such key.
 const KeySpec* find_key(const std::string& section, const std::string& key);
 
+/// What a key of earlier versions is called now; null: it was never one.
+const char* renamed_key(const std::string& section, const std::string& key);
+
 /// Whether the planner reads the key of [planner].
 bool planner_reads(const KeySpec& key, const std::string& planner);
 

@@ -236,6 +236,11 @@ Words SectionReader::refuse_unknown(const Words& also) {
   for (auto&& [name, value] : *table_) {
     const std::string word(name.str());
     if (std::find(known.begin(), known.end(), word) != known.end()) continue;
+    if (const char* now = renamed_key(schema_, word)) {
+      errors_->at(value, path_of(word), std::string("is called ") + now + " now", std::string("write ") + now);
+      meant.emplace_back(now);
+      continue;
+    }
     errors_->at(value, path_of(word), "unknown key", remedy_for_unknown(word, known));
     meant.push_back(nearest(word, known));
   }

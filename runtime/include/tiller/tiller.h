@@ -38,7 +38,7 @@ extern "C" {
 
 #define TILLER_VERSION_MAJOR 0
 #define TILLER_VERSION_MINOR 1
-#define TILLER_CONFIG_VERSION 6u
+#define TILLER_CONFIG_VERSION 7u
 #define TILLER_ALIGNMENT 64u /**< of the caller's block: one AVX-512 register, one cache line */
 #define TILLER_MAX_MEASUREMENTS TILLER_MAX_STATES
 
@@ -178,7 +178,7 @@ typedef struct tiller_posterior_config {
   double forgetting[TILLER_MAX_FORGETTING]; /**< share of the old data that each tick keeps, in [0.5, 1], largest
                                     first; 1: nothing is forgotten. Of several the rate is chosen by predictive
                                     likelihood; filter, conjugate: one */
-  double scout_share; /**< of the moves that are tried from the prior's whole width, in [0, 0.5] */
+  double prior_proposal_fraction; /**< of the moves that are tried from the prior's whole width, in [0, 0.5] */
   double noise_ratio_sd; /**< filter: standard deviation of the logarithm of process_sd's true factor beside that of
                               measurement_sd, which is inferred; 0: process_sd and measurement_sd share one factor;
                               in [0, 10] */
@@ -465,7 +465,7 @@ typedef struct tiller_info {
   uint64_t rejected_measurements;      /**< whole measurements that the guard refused */
   uint64_t missing_values;             /**< NaN in measurements that were taken in */
   uint64_t late_plans;                 /**< ticks whose deadline left no time for a single iteration */
-  uint64_t gate_cuts, gate_rejections; /**< commands cut to a limit; commands with NaN or infinity */
+  uint64_t gate_clipped, gate_rejections; /**< commands cut to a limit; commands with NaN or infinity */
   uint64_t plan_failures;              /**< ticks without a finite plan, or with a plan that was used up */
   uint64_t posterior_failures;         /**< updates that no particle took in, and filters begun anew after a pause */
   uint32_t adequacy;                   /**< tiller_adequacy_t */

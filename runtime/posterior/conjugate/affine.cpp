@@ -49,7 +49,7 @@ struct Trial {
 /// f(m + a + b) - f(m + a) - f(m + b) + f(m) = 0 for random steps a and b, and for a = b: then no second derivative is
 /// left in any direction.
 bool ConjugatePosterior::is_affine(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table) {
-  const PriorLaw prior(config);
+  const PriorDistribution prior(config);
   const Whitening white(prior, config);
   const std::uint32_t d = prior.dimension(), nx = config.model->state_count;
   Rng rng(config.seed, kRngPrior, TILLER_MAX_PARAMS + 2);

@@ -7,7 +7,7 @@
 
 namespace tiller {
 
-ConjugatePosterior::Whitening::Whitening(const PriorLaw& prior, const tiller_config_t& config) {
+ConjugatePosterior::Whitening::Whitening(const PriorDistribution& prior, const tiller_config_t& config) {
   for (std::uint32_t j = 0; j < prior.dimension(); ++j) {
     const std::uint32_t d = prior.dimension();
     mean[j] = prior.is_mixture() ? config.prior_mixture->mean[j] : prior.marginal(j).a;

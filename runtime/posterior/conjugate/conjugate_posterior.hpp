@@ -64,7 +64,7 @@ class ConjugatePosterior final : public Posterior {
   struct Whitening {
     double mean[TILLER_MAX_PARAMS] = {};
     double root[TILLER_MAX_PARAMS][TILLER_MAX_PARAMS] = {};  // lower triangular
-    explicit Whitening(const PriorLaw& prior, const tiller_config_t& config);
+    explicit Whitening(const PriorDistribution& prior, const tiller_config_t& config);
     Whitening() = default;
   };
 

@@ -186,12 +186,12 @@ void FilterPosterior::reset() {
 tiller_status_t FilterPosterior::skip(const Transition& transition) {
   Transition unseen = transition;
   for (std::uint32_t k = 0; k < ny_; ++k) unseen.measured[k] = NAN;
-  return take_in(unseen, false);
+  return advance(unseen, false);
 }
 
-tiller_status_t FilterPosterior::update(const Transition& transition) { return take_in(transition, true); }
+tiller_status_t FilterPosterior::update(const Transition& transition) { return advance(transition, true); }
 
-tiller_status_t FilterPosterior::take_in(const Transition& transition, bool moves) {
+tiller_status_t FilterPosterior::advance(const Transition& transition, bool moves) {
   if (!started_) return tiller_status_wrong_state;
   const tiller_status_t refusal = check_transition(*config_, transition);
   if (refusal != tiller_status_ok) return refusal;
@@ -215,7 +215,7 @@ tiller_status_t FilterPosterior::take_in(const Transition& transition, bool move
   note_reach();
   remember_input(now_.transition.input);
   watch_change(resting);
-  return doubted ? tiller_status_measurement_doubted : status;
+  return doubted ? tiller_status_measurement_outlier : status;
 }
 
 void FilterPosterior::predict() {

@@ -73,7 +73,7 @@ class FilterPosterior final : public Posterior {
   static constexpr std::uint32_t kHistory = TILLER_MAX_DELAY_STEPS + 2;
 
   /// The filter at the start of an exact window, the same for every particle; `measured` corrects it.
-  struct StartLaw {
+  struct InitialStateDistribution {
     double state[kMaxFilterStates] = {};
     double covariance[triangle_rows(kMaxFilterStates)] = {};
     double effect_state[TILLER_MAX_EFFECT_STATES] = {};
@@ -106,7 +106,7 @@ class FilterPosterior final : public Posterior {
   };
 
   // filter_posterior.cpp: the tick
-  tiller_status_t take_in(const Transition& transition, bool moves);
+  tiller_status_t advance(const Transition& transition, bool moves);
   void predict();
   void predict_chunk(std::uint32_t chunk) const;
   bool gate(Transition& transition);
@@ -218,7 +218,7 @@ class FilterPosterior final : public Posterior {
   double* input_history_ = nullptr;   // (kHistory x nu) newest first
   std::uint64_t window_begin_ = 0;    // first transition of the window
   bool window_exact_ = true;          // begins at a start(): any lane's filter there is known exactly
-  StartLaw start_;
+  InitialStateDistribution start_;
   double force_drift_[kMaxRegressors] = {};  // (forces) variance that a force gains per second
   double reach_[TILLER_MAX_STATES] = {};     // farthest that a state has been from where it began
   NormalLaw before_;                         // what was known before the robot changed

@@ -53,14 +53,14 @@ void FilterPosterior::relearn() {
   moved_ = leaves_ = 0;
   early_ = kEarly;
   begin_all_filters();
-  adequacy_->begin_anew();
+  adequacy_->restart();
   response_->begin();
 }
 
 /// Every filter goes on from where they are together: mean, mean covariance and what they disagree about.
 void FilterPosterior::start_at_present() {
   const std::uint32_t about = heaviest();
-  StartLaw law;
+  InitialStateDistribution law;
   double off[kMaxFilterStates];
   for (std::uint32_t i = 0; i < n_; ++i) {
     const double w = cloud_.weight[i];

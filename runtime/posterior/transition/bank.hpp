@@ -82,7 +82,7 @@ class BankPosterior final : public Posterior {
   void weigh_rates(const double* log_predictive);
   bool on_trial(std::uint32_t rate) const;
   void leave_what_has_changed();
-  void begin_anew(std::uint32_t rate);
+  void restart_on_trial(std::uint32_t rate);
   void put_on_trial(std::uint32_t rate);
   void set_member_weights();
   const Posterior& leader() const { return *engine_[leader_]; }

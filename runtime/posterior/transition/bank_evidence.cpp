@@ -80,12 +80,12 @@ void BankPosterior::leave_what_has_changed() {
     for (std::uint32_t fast = slow + 1; fast < rates_; ++fast)
       behind = behind || (!on_trial(fast) && rate_evidence_[fast] - rate_evidence_[slow] > kClear);
     if (!behind || on_trial(slow)) continue;
-    begin_anew(slow);
+    restart_on_trial(slow);
     ++restarts_;
   }
 }
 
-void BankPosterior::begin_anew(std::uint32_t rate) {
+void BankPosterior::restart_on_trial(std::uint32_t rate) {
   restart_rate(rate);
   put_on_trial(rate);
 }

@@ -67,7 +67,7 @@ void TransitionCloud::leave_out_sticking(std::uint32_t slot, const double* chang
 /// Where a joint comes to rest within a step the response depends on the friction's strength: the best guess is what the
 /// transitions before say of it.
 void TransitionCloud::estimate_dry_force() {
-  const std::uint32_t stride = n_ > kWitnesses ? n_ / kWitnesses : 1, joints = evidence_.joints();
+  const std::uint32_t stride = n_ > kSubsample ? n_ / kSubsample : 1, joints = evidence_.joints();
   for (std::uint32_t j = 0; j < joints; ++j) {
     double force = 0.0, weight = 0.0;
     for (std::uint32_t i = 0; i < n_; i += stride) {

@@ -8,11 +8,11 @@ namespace tiller {
 
 /// Normalised by what the noise and the particles' disagreement let expect; before the transition is counted. The
 /// witnesses' mean is off by an eighth of what the particles disagree about, which is part of the deviation by which it
-/// is divided. Cost: O(kWitnesses nx).
+/// is divided. Cost: O(kSubsample nx).
 void TransitionCloud::measure_innovation(std::uint32_t slot) {
   const MeasuredStep& step = steps_[slot];
   const float* basis = basis_ + slot * columns_;
-  const std::uint32_t stride = n_ > kWitnesses ? n_ / kWitnesses : 1;
+  const std::uint32_t stride = n_ > kSubsample ? n_ / kSubsample : 1;
   for (std::uint32_t r = 0; r < nx_; ++r) {
     innovation_[r] = NAN;
     if (std::isnan(step.change[r])) continue;

@@ -15,13 +15,13 @@ constexpr double kOrdinary = 4.5;
 /// Particles below this share of an even weight have no say.
 constexpr double kHasSay = 1e-2;
 /// Doubted transitions in a row after which they are believed: then the world has changed, not the sensor.
-constexpr std::uint32_t kDoubtedRun = 5;
+constexpr std::uint32_t kOutlierRun = 5;
 
 }  // namespace
 
 /// How far the worst row of a transition lies from what a particle predicts: the square of the residual over that of the
 /// Student-t's residual that is as improbable as kOrdinary normal deviations. Few data so do not speak of many deviations.
-double TransitionCloud::surprise(std::uint32_t particle, const MeasuredStep& step, const float* basis) const {
+double TransitionCloud::outlier_ratio(std::uint32_t particle, const MeasuredStep& step, const float* basis) const {
   double worst = 0.0;
   for (std::uint32_t r = 0; r < nx_; ++r) {
     if (std::isnan(step.change[r])) continue;
@@ -45,7 +45,7 @@ double TransitionCloud::find_robust_weight(std::uint32_t slot) {
   double least = INFINITY;
   for (std::uint32_t i = 0; i < n_; ++i) {
     if (!(cloud_.weight[i] * n_ > kHasSay)) continue;
-    const double share = surprise(i, steps_[slot], basis_ + slot * columns_);
+    const double share = outlier_ratio(i, steps_[slot], basis_ + slot * columns_);
     if (share < least) least = share;
     // the first particle usually ends the search
     if (least <= 1.0) {
@@ -53,8 +53,8 @@ double TransitionCloud::find_robust_weight(std::uint32_t slot) {
       return 1.0;
     }
   }
-  if (++doubted_run_ > kDoubtedRun) return 1.0;
-  ++doubted_;
+  if (++doubted_run_ > kOutlierRun) return 1.0;
+  ++outliers_;
   // the weighted square falls as the residual grows: else every glitch would widen the noise by as much as an
   // ordinary residual's largest
   return 1.0 / (least * least);

@@ -104,14 +104,14 @@ void TransitionCloud::begin() {
   exponent_ = robust_weight_ = 1.0;
   acceptance_ = log_predictive_ = discrepancy_share_ = 0.0;
   cursor_ = moved_ = doubted_run_ = 0;
-  resamplings_ = doubted_ = lost_ = work_ = 0;
+  resamplings_ = outliers_ = lost_ = work_ = 0;
 }
 
 void TransitionCloud::load_params() {
   for (std::size_t i = 0; i < std::size_t{np_} * n_; ++i) params_[i] = static_cast<float>(cloud_.params[i]);
 }
 
-tiller_status_t TransitionCloud::take_in(const MeasuredStep& step) {
+tiller_status_t TransitionCloud::update(const MeasuredStep& step) {
   work_ = 0;
   remember(step);
   const std::uint32_t slot = static_cast<std::uint32_t>((end_ - 1) % capacity_);

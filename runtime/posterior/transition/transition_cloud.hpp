@@ -15,7 +15,7 @@ namespace tiller {
 /// (Gilks and Berzuini 2001; Chopin 2002), with a summary of second order for what has left the ring. A bank of them,
 /// each with a delay or a forgetting rate of its own, weighs hypotheses by log_predictive().
 ///
-/// The work of take_in() is bounded by work_limit() steps of the model, which are spread over hooks.parallel_for.
+/// The work of update() is bounded by work_limit() steps of the model, which are spread over hooks.parallel_for.
 class TransitionCloud {
  public:
   static TransitionCloud* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
@@ -27,7 +27,7 @@ class TransitionCloud {
   void restart();
   /// Takes in one transition; step.weight and step.basis are not read. ok, tempered, or posterior_degenerate with
   /// nothing changed. History rows are copied.
-  tiller_status_t take_in(const MeasuredStep& step);
+  tiller_status_t update(const MeasuredStep& step);
 
   const Cloud& cloud() const { return cloud_; }
   const Evidence& evidence() const { return evidence_; }
@@ -37,7 +37,7 @@ class TransitionCloud {
   double acceptance() const { return acceptance_; }
   std::uint64_t resamplings() const { return resamplings_; }
   /// Transitions that no particle could explain.
-  std::uint64_t doubted() const { return doubted_; }
+  std::uint64_t outliers() const { return outliers_; }
   /// Transitions that left the ring without a trace in the summary: no finite residuals around the cloud.
   std::uint64_t lost() const { return lost_; }
   /// Swept at the full exponent since the last resampling.
@@ -54,7 +54,7 @@ class TransitionCloud {
   double noise_variance(std::uint32_t row) const { return noise_variance_[row]; }
   /// Of the residuals' squares, the largest over the joints that the discrepancy takes up, 0..1.
   double discrepancy_share() const { return discrepancy_share_; }
-  /// Steps of the model that the last take_in() took, and that none exceeds.
+  /// Steps of the model that the last update() took, and that none exceeds.
   std::uint64_t work() const { return work_; }
   std::uint64_t work_limit() const;
 
@@ -74,7 +74,7 @@ class TransitionCloud {
   };
 
   /// At most this many particles, evenly spaced, stand for the cloud where its mean need not be exact.
-  static constexpr std::uint32_t kWitnesses = 64;
+  static constexpr std::uint32_t kSubsample = 64;
   static constexpr double kNoiseWorth = 20.0;
   /// By how much per tick the noise is believed to grow, for a restart: what the data's surprise has put into the noise
   /// lately is not the noise's.
@@ -105,7 +105,7 @@ class TransitionCloud {
 
   // robust_weight.cpp
   double find_robust_weight(std::uint32_t slot);
-  double surprise(std::uint32_t particle, const MeasuredStep& step, const float* basis) const;
+  double outlier_ratio(std::uint32_t particle, const MeasuredStep& step, const float* basis) const;
 
   // innovation.cpp
   void measure_innovation(std::uint32_t slot);
@@ -121,8 +121,8 @@ class TransitionCloud {
   void move();
   std::uint32_t move_batch(std::uint32_t moves);
   void propose(std::uint32_t moves);
-  void widen(std::uint32_t moves);
-  void judge(std::uint32_t moves);
+  void inflate(std::uint32_t moves);
+  void accept_reject(std::uint32_t moves);
 
   // retire.cpp
   void retire();
@@ -185,7 +185,7 @@ class TransitionCloud {
   double innovation_[TILLER_MAX_STATES] = {};
   double noise_variance_[TILLER_MAX_STATES] = {}, calm_variance_[TILLER_MAX_STATES] = {};
   std::uint32_t cursor_ = 0, moved_ = 0, doubted_run_ = 0;
-  std::uint64_t resamplings_ = 0, doubted_ = 0, lost_ = 0, work_ = 0;
+  std::uint64_t resamplings_ = 0, outliers_ = 0, lost_ = 0, work_ = 0;
 };
 
 }  // namespace tiller

@@ -57,7 +57,7 @@ std::uint32_t TransitionCloud::move_batch(std::uint32_t moves) {
   }
   for (std::uint32_t r = 0; r < rows_; ++r) std::memset(proposed_ring_ + r * lanes_, 0, sizeof(double) * lanes);
   sum_ring({proposed_params_, lanes_}, lanes, proposed_ring_, lanes_);
-  judge(moves);
+  accept_reject(moves);
   cursor_ = (cursor_ + moves) % n_;
   moved_ = moved_ + moves < n_ ? moved_ + moves : n_;
   return moves;
@@ -94,8 +94,8 @@ void TransitionCloud::propose(std::uint32_t moves) {
   bool whole = true;
   job.whole = &whole;
   transition_table().propose(job);
-  if (!whole) widen(moves);
-  const double scouts = config_->posterior.scout_share;
+  if (!whole) inflate(moves);
+  const double scouts = config_->posterior.prior_proposal_fraction;
   if (flat_prior_ && !(scouts > 0.0)) return;
   for (std::uint32_t m = 0; m < moves; ++m) {
     double present[kMaxCoordinates], proposed[kMaxCoordinates];
@@ -116,7 +116,7 @@ void TransitionCloud::propose(std::uint32_t moves) {
 }
 
 /// Every other proposal is a step of one coordinate.
-void TransitionCloud::widen(std::uint32_t moves) {
+void TransitionCloud::inflate(std::uint32_t moves) {
   for (std::uint32_t m = 1; m < moves; m += 2) {
     Rng rng(config_->seed, kRngScout, kWidening + batch_ * 4096 + m);
     const auto [moving, length] = draw_coordinate_step(cloud_.prior, rng);
@@ -132,7 +132,7 @@ void TransitionCloud::widen(std::uint32_t moves) {
 }
 
 /// Metropolis on prior x likelihood^exponent.
-void TransitionCloud::judge(std::uint32_t moves) {
+void TransitionCloud::accept_reject(std::uint32_t moves) {
   const std::uint32_t lanes = (moves + 15) / 16 * 16, wrap = n_ - cursor_;
   for (std::uint32_t r = 0; r < rows_; ++r) {
     const double *total = total_ + r * n_ + cursor_, *ring = ring_sums_ + r * n_ + cursor_;

@@ -124,7 +124,7 @@ tiller_status_t TransitionPosterior::update(const Transition& transition) {
     std::memcpy(step.input, transition.input, sizeof step.input);
     step.period_s = transition.period_s;
     step.history = input_history_;
-    status = particles_->take_in(step);
+    status = particles_->update(step);
     log_predictive_ = status == tiller_status_posterior_degenerate ? -INFINITY : particles_->log_predictive();
     if (adequacy_ && status != tiller_status_posterior_degenerate) test(step);
   } else if (particles_->exponent() < 1.0) {

@@ -39,7 +39,7 @@ class TransitionPosterior final : public Posterior {
   double acceptance() const override { return particles_->acceptance(); }
   std::uint64_t resamplings() const override { return particles_->resamplings(); }
   /// Transitions that no particle could explain.
-  std::uint64_t gated() const override { return particles_->doubted(); }
+  std::uint64_t gated() const override { return particles_->outliers(); }
   std::uint32_t size() const override { return n_; }
   void particle(std::uint32_t index, double* params, double* state, double* weight) const override;
   void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,

@@ -196,34 +196,34 @@ double ExciteSearch::score(const InputSequence& sequence) {
 }
 
 /// Every shape by itself, at three amplitudes: what an engineer would try first.
-std::vector<Genome> ExciteSearch::plain_genomes() const {
-  std::vector<Genome> all;
+std::vector<SequenceCode> ExciteSearch::plain_codes() const {
+  std::vector<SequenceCode> all;
   for (std::uint32_t shape = 0; shape < kShapes; ++shape)
     for (const double amplitude : {1.0, 0.8, 0.55}) {
-      Genome genome;
-      genome.genes.resize(law_.size());
+      SequenceCode code;
+      code.genes.resize(law_.size());
       for (std::size_t g = 0; g < law_.size(); ++g) {
-        genome.genes[g].shape = static_cast<Shape>(shape);
-        genome.genes[g].amplitude = amplitude;
-        genome.genes[g].slow = 0.15 + 0.1 * static_cast<double>(g % 3);
-        genome.genes[g].fast = 0.85 - 0.15 * static_cast<double>(g % 3);
-        genome.genes[g].pattern = 0.1 + 0.37 * static_cast<double>(g % 3);
+        code.genes[g].shape = static_cast<Shape>(shape);
+        code.genes[g].amplitude = amplitude;
+        code.genes[g].slow = 0.15 + 0.1 * static_cast<double>(g % 3);
+        code.genes[g].fast = 0.85 - 0.15 * static_cast<double>(g % 3);
+        code.genes[g].pattern = 0.1 + 0.37 * static_cast<double>(g % 3);
       }
-      all.push_back(std::move(genome));
+      all.push_back(std::move(code));
     }
   return all;
 }
 
-Genome ExciteSearch::draw(Rng& rng, const std::vector<Member>& elite) const {
-  Genome genome;
+SequenceCode ExciteSearch::draw(Rng& rng, const std::vector<Member>& elite) const {
+  SequenceCode code;
   // half are children of the law, half a good one with a few genes redrawn
   const bool child = elite.empty() || rng.uniform() < 0.5;
-  if (!child) genome = elite[rng.below(static_cast<std::uint32_t>(elite.size()))].genome;
-  genome.genes.resize(law_.size());
+  if (!child) code = elite[rng.below(static_cast<std::uint32_t>(elite.size()))].code;
+  code.genes.resize(law_.size());
   for (std::size_t g = 0; g < law_.size(); ++g) {
     if (!child && rng.uniform() > 1.5 / static_cast<double>(law_.size())) continue;
     const Law& law = law_[g];
-    Gene& gene = genome.genes[g];
+    Gene& gene = code.genes[g];
     double u = rng.uniform();
     std::uint32_t shape = 0;
     while (shape + 1 < kShapes && u > law.shape[shape]) u -= law.shape[shape++];
@@ -234,7 +234,7 @@ Genome ExciteSearch::draw(Rng& rng, const std::vector<Member>& elite) const {
       number_of(gene, i) = std::fabs(std::remainder(v, 2.0));  // reflected into [0, 1]
     }
   }
-  return genome;
+  return code;
 }
 
 void ExciteSearch::learn(const std::vector<Member>& elite) {
@@ -244,13 +244,13 @@ void ExciteSearch::learn(const std::vector<Member>& elite) {
     Law& law = law_[g];
     for (std::uint32_t s = 0; s < kShapes; ++s) {
       double share = 0;
-      for (const Member& m : elite) share += m.genome.genes[g].shape == static_cast<Shape>(s) ? 1 / n : 0;
+      for (const Member& m : elite) share += m.code.genes[g].shape == static_cast<Shape>(s) ? 1 / n : 0;
       law.shape[s] = (1 - kNew) * law.shape[s] + kNew * share;
     }
     for (int i = 0; i < kGeneNumbers; ++i) {
       double mean = 0, square = 0;
       for (const Member& m : elite) {
-        Gene gene = m.genome.genes[g];
+        Gene gene = m.code.genes[g];
         mean += number_of(gene, i) / n;
         square += number_of(gene, i) * number_of(gene, i) / n;
       }
@@ -273,11 +273,11 @@ bool ExciteSearch::run(std::string& error) {
   Rng rng(options_.seed, kRngPlanner, 0);
   for (std::uint32_t round = 0; round < options_.rounds && !stopped(); ++round) {
     std::vector<Member> members = elite;
-    const std::vector<Genome> plain = round == 0 ? plain_genomes() : std::vector<Genome>();
+    const std::vector<SequenceCode> plain = round == 0 ? plain_codes() : std::vector<SequenceCode>();
     for (std::uint32_t m = 0; m < options_.population && !stopped(); ++m) {
       Member member;
-      member.genome = m < plain.size() ? plain[m] : draw(rng, elite);
-      InputSequence sequence = express(member.genome, options_.range, period_s_, options_.seconds);
+      member.code = m < plain.size() ? plain[m] : draw(rng, elite);
+      InputSequence sequence = express(member.code, options_.range, period_s_, options_.seconds);
       ++tried_;
       if (options_.progress) options_.progress("search", (round + m / (1.0 * options_.population)) / options_.rounds);
       if (!shrink_to_bounds(sequence)) continue;

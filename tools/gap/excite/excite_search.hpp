@@ -36,12 +36,12 @@ class ExciteSearch {
     InputSequence sequence;
     double nats = -1;
   };
-  /// What new genomes are drawn from: of each gene its shapes' probabilities, and each number's mean and deviation.
+  /// What new codes are drawn from: of each gene its shapes' probabilities, and each number's mean and deviation.
   struct Law {
     double shape[kShapes], mean[kGeneNumbers], sd[kGeneNumbers];
   };
   struct Member {
-    Genome genome;
+    SequenceCode code;
     double score = 0;
   };
 
@@ -54,8 +54,8 @@ class ExciteSearch {
   bool within(const InputSequence& sequence);
   bool shrink_to_bounds(InputSequence& sequence);
   double score(const InputSequence& sequence);
-  std::vector<Genome> plain_genomes() const;
-  Genome draw(Rng& rng, const std::vector<Member>& elite) const;
+  std::vector<SequenceCode> plain_codes() const;
+  SequenceCode draw(Rng& rng, const std::vector<Member>& elite) const;
   void learn(const std::vector<Member>& elite);
   bool stopped() const { return options_.stop && *options_.stop != 0; }
 

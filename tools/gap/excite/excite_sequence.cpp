@@ -110,12 +110,12 @@ std::vector<double> rms_of(const InputSequence& s, const std::vector<InputRange>
   return rms;
 }
 
-InputSequence express(const Genome& genome, const std::vector<InputRange>& range, double period_s, double seconds) {
+InputSequence express(const SequenceCode& code, const std::vector<InputRange>& range, double period_s, double seconds) {
   InputSequence s = empty_sequence(range.size(), period_s, seconds);
-  const std::size_t stretches = genome.genes.size() / range.size(), points = s.points();
+  const std::size_t stretches = code.genes.size() / range.size(), points = s.points();
   const double length_s = s.seconds() / static_cast<double>(stretches);
-  for (std::size_t g = 0; g < genome.genes.size(); ++g) {
-    const Gene& gene = genome.genes[g];
+  for (std::size_t g = 0; g < code.genes.size(); ++g) {
+    const Gene& gene = code.genes[g];
     const std::size_t stretch = g / range.size(), input = g % range.size();
     const InputRange& r = range[input];
     const Wave wave(gene, period_s, length_s, g);

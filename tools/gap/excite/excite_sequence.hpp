@@ -38,14 +38,14 @@ constexpr int kGeneNumbers = 5;
 double& number_of(Gene& gene, int i);
 
 /// What may be chosen of a sequence: (stretches x nu) genes.
-struct Genome {
+struct SequenceCode {
   std::vector<Gene> genes;
 };
 
 /// Stretches that `seconds` are cut into.
 std::uint32_t stretches_of(double seconds);
 /// Within range and rate; begins and ends with the input at rest.
-InputSequence express(const Genome& genome, const std::vector<InputRange>& range, double period_s, double seconds);
+InputSequence express(const SequenceCode& code, const std::vector<InputRange>& range, double period_s, double seconds);
 /// Twelve lines from 0.2 Hz to 4 Hz (less where the period is long), phases by Schroeder (1970), with the root mean
 /// square given (nu); where that exceeds the range it is cut.
 InputSequence default_multisine(const std::vector<InputRange>& range, const std::vector<double>& rms, double period_s,

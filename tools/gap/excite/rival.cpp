@@ -37,7 +37,7 @@ double typical(const RobotFile& robot, Scale scale, std::uint32_t port) {
     case Scale::velocity: return kTurn_s;
     case Scale::input: return drive;
     case Scale::period: return c.period_s;
-    case Scale::pitch: return 0.3;
+    case Scale::spatial_period: return 0.3;
     default: return 1.0;
   }
 }

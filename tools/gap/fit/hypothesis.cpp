@@ -67,7 +67,7 @@ bool make_hypothesis(const tiller_config_t& nominal, const std::vector<EffectAt>
       const double scale = scales ? scale_of(*scales, *nominal.model, effect.kind, effect.port, i) : 1.0;
       FreeParam f{out.config.param_count, 0, 0, scale, {}};
       bound(effect.kind, param, nominal, f);
-      if (param.scale == Scale::pitch && scales) {
+      if (param.scale == Scale::spatial_period && scales) {
         const std::uint32_t j = joint_of(*nominal.model, effect.kind, effect.port);
         if (j >= nominal.model->joint_count) return false;
         if (!(f.low > 0)) f.low = 4 * scales->joint[j].step;

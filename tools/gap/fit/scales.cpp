@@ -170,7 +170,7 @@ double scale_of(const Scales& s, const tiller_model_t& model, std::uint32_t kind
     case Scale::period: return s.period_s;
     case Scale::mass: return s.mass;
     case Scale::inertia: return joint.inertia;
-    case Scale::pitch: return joint.range;
+    case Scale::spatial_period: return joint.range;
     default: return 1;
   }
 }

@@ -8,9 +8,9 @@
 #include "tools/base/text.hpp"
 #include "tools/gap/localise/localise.hpp"
 #include "tools/gap/pipeline/data.hpp"
+#include "tools/gap/pipeline/data_quality.hpp"
 #include "tools/gap/pipeline/engine.hpp"
-#include "tools/gap/pipeline/gate.hpp"
-#include "tools/gap/pipeline/proof.hpp"
+#include "tools/gap/pipeline/holdout.hpp"
 #include "tools/gap/pipeline/verdict.hpp"
 #include "tools/gap/result/thresholds.hpp"
 #include "tools/gap/search/confirm.hpp"
@@ -85,7 +85,7 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
     s.windows.push_back(w);
   }
   index_windows(s);
-  gate(config, s.data.grids, result);
+  check_data_quality(config, s.data.grids, result);
   if (!result.reasons.empty()) return result;
   result.fit_windows = result.decide_windows = s.work.size();
   result.test_windows = s.test.size();
@@ -101,7 +101,7 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
   s.shooting = std::make_unique<Shooting>(s.data, s.windows, config, s.scales);
   result.memory_bytes = memory_bound(s);
 
-  Found found = search(s);
+  SearchResult found = search(s);
   confirm(s, found);
   FitSettings last;
   last.information = true;
@@ -113,7 +113,7 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
   s.progress("localising", 0);
   if (!s.stopped()) localise(config, s.data.grids, found.entries[0].fit.params.data(), options.seed, result);
   s.progress("proof", 0);
-  prove(s, found, result);
+  test_on_holdout(s, found, result);
   conclude(s, found, param_names, result);
   s.progress("done", 1);
   result.cpu_s = cpu_now_s() - start_s;

@@ -9,7 +9,7 @@
 #include "tools/gap/fit/edges.hpp"
 #include "tools/gap/fit/intervals.hpp"
 #include "tools/gap/result/thresholds.hpp"
-#include "tools/gap/search/twins.hpp"
+#include "tools/gap/search/equivalent_forms.hpp"
 #include "tools/robot/units.hpp"
 
 namespace tiller::tools::gap {
@@ -25,7 +25,7 @@ bool alias(const EffectAt& a, const EffectAt& b) {
   return names(x.aliases, y.name) || names(y.aliases, x.name);
 }
 
-std::vector<Estimate> estimates(const Session& s, const Entry& e, const Entry& nominal,
+std::vector<Estimate> estimates(const Session& s, const Candidate& e, const Candidate& nominal,
                                 const std::vector<std::string>& param_names) {
   std::vector<Estimate> list;
   Words units = parameter_units(s.config, param_names);
@@ -69,9 +69,9 @@ std::vector<Estimate> estimates(const Session& s, const Entry& e, const Entry& n
   return list;
 }
 
-std::string separations(const Session& s, const std::vector<const Entry*>& set) {
+std::string separations(const Session& s, const std::vector<const Candidate*>& set) {
   std::vector<std::string> texts;
-  for (const Entry* e : set)
+  for (const Candidate* e : set)
     for (const EffectAt& effect : e->effects()) {
       const char* text = effect_info(effect.kind).separation;
       if (text && std::find(texts.begin(), texts.end(), text) == texts.end()) texts.push_back(text);
@@ -107,21 +107,21 @@ bool same_by_structure(const std::vector<EffectAt>& one, const std::vector<Effec
   return true;
 }
 
-void conclude(Session& s, const Found& found, const std::vector<std::string>& param_names, Result& result) {
-  const Entry &nominal = found.entries[0], &best = found.entries[found.best];
+void conclude(Session& s, const SearchResult& found, const std::vector<std::string>& param_names, Result& result) {
+  const Candidate &nominal = found.entries[0], &best = found.entries[found.best];
   const std::string best_text = effects_text(best.effects(), *s.config.model);
-  // best, its rivals, then the others by what they foresee
+  // best, its rivals, then the others by what they predict
   std::vector<std::size_t> order(found.entries.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
   const auto rank = [&](std::size_t i) {
     if (i == found.best) return -HUGE_VAL;
     double cost = 0;
-    for (const std::size_t w : s.work) cost += found.entries[i].held[w];
+    for (const std::size_t w : s.work) cost += found.entries[i].cv_cost[w];
     return cost;
   };
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return rank(a) < rank(b); });
   for (const std::size_t i : order) {
-    const Entry& e = found.entries[i];
+    const Candidate& e = found.entries[i];
     Explanation x;
     x.effects = e.effects();
     x.params = estimates(s, e, nominal, param_names);
@@ -130,19 +130,19 @@ void conclude(Session& s, const Found& found, const std::vector<std::string>& pa
     x.z = to_nominal.z;
     x.z_to_best = i == found.best ? 0 : to_best.z;
     x.robust_z_to_best = i == found.best ? 0 : to_best.robust_z;
-    x.remaining_sigma = s.sigma(e.held, s.work);
-    const double left = s.sigma(best.held, s.work);
+    x.remaining_sigma = s.sigma(e.cv_cost, s.work);
+    const double left = s.sigma(best.cv_cost, s.work);
     x.rollout_ratio = left > 0 ? x.remaining_sigma / left : 1;
     const bool rival = std::find(found.ambiguity.begin(), found.ambiguity.end(), i) != found.ambiguity.end();
     x.equivalent = i == found.best || (rival && difference_sigma(s, best, e) < kEquivalent_sigma);
     if (rival) result.ambiguity.push_back(result.ranking.size());
     result.ranking.push_back(std::move(x));
   }
-  result.nominal_sigma = s.sigma(nominal.held, s.work);
-  if (result.horizons.empty()) result.remaining_sigma = s.sigma(best.held, s.work);
-  const double left = std::max(result.remaining_sigma, s.sigma(best.held, s.work));
+  result.nominal_sigma = s.sigma(nominal.cv_cost, s.work);
+  if (result.horizons.empty()) result.remaining_sigma = s.sigma(best.cv_cost, s.work);
+  const double left = std::max(result.remaining_sigma, s.sigma(best.cv_cost, s.work));
 
-  std::vector<const Entry*> set;
+  std::vector<const Candidate*> set;
   bool one_answer = true;
   for (const std::size_t i : found.ambiguity) {
     set.push_back(&found.entries[i]);
@@ -165,7 +165,7 @@ void conclude(Session& s, const Found& found, const std::vector<std::string>& pa
   const std::string from_to = "1 s rollouts go from " + sigmas + " to " + format("%.2f", left) + ".";
   const std::string values = parameter_text(result.ranking.front(), s.config.param_count);
   for (const HorizonGap& h : result.horizons) {
-    if (h.after_sigma <= kWorseProof * h.before_sigma || h.worse_z <= kWorseProof_z) continue;
+    if (h.after_sigma <= kWorseHoldout * h.before_sigma || h.worse_z <= kWorseHoldout_z) continue;
     result.verdict = Verdict::unnamed;
     result.ambiguity.clear();
     result.sentence = best_text + " (" + values + ") explains the windows worked on, but rollouts of " +
@@ -187,7 +187,7 @@ void conclude(Session& s, const Found& found, const std::vector<std::string>& pa
   if (set.size() > 1 && !one_answer) {
     std::vector<std::string> texts;
     texts.reserve(set.size());
-    for (const Entry* e : set) texts.push_back(effects_text(e->effects(), *s.config.model));
+    for (const Candidate* e : set) texts.push_back(effects_text(e->effects(), *s.config.model));
     result.verdict = Verdict::ambiguous;
     result.sentence = "These explain the gap equally well: " + join(texts, "; or ") + ". " + from_to;
     return;

@@ -81,7 +81,7 @@ struct Widening {
   double share = 1.0;  ///< of the likelihood that is believed
   double wider = 1.0;  ///< the forces' prior deviation, where disbelief alone does not do
 };
-Widening widening_of(const ResidualRegression& r, const ResidualRegression::Foretold& f, double typical) {
+Widening widening_of(const ResidualRegression& r, const ResidualRegression::Prediction& f, double typical) {
   Widening w;
   if (f.error.size() == 0) return w;
   const auto too_narrow = [&](double share, double wider) {
@@ -110,9 +110,9 @@ Widening widening_of(const ResidualRegression& r, const ResidualRegression::Fore
 void take(const ResidualRegression& r, const std::vector<Grid>& grids, double force_sd, double typical, double period_s,
           ResidualFit& fit) {
   const auto d = static_cast<Eigen::Index>(r.free().size());
-  const ResidualRegression::Foretold foretold = r.foretell(grids, force_sd);
-  fit.rollout_ratio = foretold.rms_sigma / fit.rollout_ratio;
-  const Widening w = widening_of(r, foretold, typical);
+  const ResidualRegression::Prediction predicted = r.predict(grids, force_sd);
+  fit.rollout_ratio = predicted.rms_sigma / fit.rollout_ratio;
+  const Widening w = widening_of(r, predicted, typical);
   const Matrix covariance = r.posterior_precision(r.sums(), w.share, w.wider).llt().solve(Matrix::Identity(d, d));
   fit.believed = w.share;
   fit.at = r.free();
@@ -198,7 +198,7 @@ bool fit_residual(const tiller_config_t& config, const std::vector<Grid>& grids,
       }
       if (r.sums().finite) {
         nominal = r.evidence(r.sums(), r.z());
-        fit.rollout_ratio = r.foretell(grids, force_sd).rms_sigma;
+        fit.rollout_ratio = r.predict(grids, force_sd).rms_sigma;
       }
       std::vector<double> step;
       r.at(r.z(), fit.nominal, step);

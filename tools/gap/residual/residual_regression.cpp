@@ -12,7 +12,7 @@ namespace {
 constexpr int kSteps = 5;       // Gauss-Newton's; the forces enter nearly linearly, so that three nearly do
 constexpr int kPriorGrid = 33;  // deviations tried, evenly in the logarithm
 constexpr double kPriorLow = 1e-3, kPriorHigh = 3.0;  // times the typical force
-constexpr double kHorizon_s = 1.0;                    // over which the law is asked to foretell rollouts
+constexpr double kHorizon_s = 1.0;                    // over which the law is asked to predict rollouts
 
 }  // namespace
 
@@ -152,7 +152,7 @@ ResidualRegression::Vector ResidualRegression::inside(Vector z) const {
   return z;
 }
 
-ResidualRegression::Foretold ResidualRegression::foretell(const std::vector<Grid>& grids, double force_sd) const {
+ResidualRegression::Prediction ResidualRegression::predict(const std::vector<Grid>& grids, double force_sd) const {
   const tiller_model_t& model = *config_.model;
   const std::uint32_t nx = model.state_count, d = static_cast<std::uint32_t>(free_.size());
   const std::uint32_t lanes = (d + nx + kLanePadding) / kLanePadding * kLanePadding;
@@ -198,7 +198,7 @@ ResidualRegression::Foretold ResidualRegression::foretell(const std::vector<Grid
       }
     }
   }
-  Foretold out;
+  Prediction out;
   if (!error.empty()) out.rms_sigma = std::sqrt(squares / static_cast<double>(error.size()));
   const auto rows = static_cast<Eigen::Index>(error.size());
   out.error = Eigen::Map<Vector>(error.data(), rows);

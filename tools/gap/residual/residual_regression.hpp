@@ -45,12 +45,12 @@ class ResidualRegression {
 
   /// How wrong rollouts of a second from the filter's states are, and what they depend on: rows of error, variance
   /// that the state's doubt and the sensor leave, and slope along each parameter of z (d).
-  struct Foretold {
+  struct Prediction {
     Vector error, variance;
     Matrix slope;
     double rms_sigma = HUGE_VAL;  ///< errors in the sensor's deviations
   };
-  Foretold foretell(const std::vector<Grid>& grids, double force_sd) const;
+  Prediction predict(const std::vector<Grid>& grids, double force_sd) const;
 
   const Vector& z() const { return z_; }
   const PredictionSums& sums() const { return sums_; }

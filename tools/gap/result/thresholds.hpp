@@ -13,13 +13,13 @@ constexpr double kLimiterRunIn_s = 5.0;     // of rate limits, by commands alone
 constexpr double kStateHalfWidth_s = 0.03;  // parabola of the first guess of a window's state
 constexpr double kTestShare = 0.15;         // of the windows, kept for the proof
 constexpr double kLeast_s = 4.0;            // of windows: with less nothing is decided
-constexpr double kShortestProof_s = 0.25;   // lengths of the rollouts kept for the proof
-constexpr double kProof_s = 1.0;
-constexpr double kLongestProof_s = 3.0;
+constexpr double kShortestHoldout_s = 0.25;  // lengths of the rollouts kept for the proof
+constexpr double kHoldout_s = 1.0;
+constexpr double kLongestHoldout_s = 3.0;
 
 // ---- screen --------------------------------------------------------------------------------------
 constexpr double kPitchStep = 0.3;                 // periods over the whole excursion between the pitches of a scan
-constexpr double kPitchNoise = 4;                  // sensor deviations in the shortest pitch of a scan
+constexpr double kSpatialPeriodNoise = 4;          // sensor deviations in the shortest pitch of a scan
 constexpr std::size_t kMostPitches = 400;          // of a scan
 constexpr std::size_t kPitchStarts = 4;            // peaks of a scan that are fitted
 constexpr std::size_t kScreenWindows = 12;         // of the working windows, evenly
@@ -61,8 +61,8 @@ constexpr double kKeptRival_z = -1;      // against another explanation: one tha
 constexpr double kKeptBehind_nats = 60;  // on the working windows: further behind is not asked for
 
 // ---- verdict -------------------------------------------------------------------------------------
-constexpr double kWorseProof = 1.1;       // kept rollouts of any length that grow by more refute a name
-constexpr double kWorseProof_z = 1;       // ... if they do so window by window: an unstable plant's run anywhere
+constexpr double kWorseHoldout = 1.1;     // kept rollouts of any length that grow by more refute a name
+constexpr double kWorseHoldout_z = 1;     // ... if they do so window by window: an unstable plant's run anywhere
 constexpr double kExplained_sigma = 1.1;  // what "named" may leave
 constexpr double kPartlyShare = 0.5;      // of the gap's square: what "partly explained" may leave
 constexpr double kEquivalent_sigma =

@@ -2,7 +2,7 @@
 #include <cmath>
 
 #include "tools/gap/result/thresholds.hpp"
-#include "tools/gap/search/decide.hpp"
+#include "tools/gap/search/cross_validate.hpp"
 #include "tools/gap/search/pool.hpp"
 #include "tools/gap/search/relations.hpp"
 
@@ -11,24 +11,25 @@
 namespace tiller::tools::gap {
 namespace {
 
-double held_cost(const Session& s, const Entry& e) {
+double held_out_cost(const Session& s, const Candidate& e) {
   double sum = 0;
-  for (const std::size_t w : s.work) sum += e.held[w];
+  for (const std::size_t w : s.work) sum += e.cv_cost[w];
   return sum;
 }
 
 // Held-out cost with two nats for each parameter and what choices cost: between equals the simpler leads.
-double ranked_cost(const Session& s, const Entry& e) {
-  return held_cost(s, e) + 2 * s.dispersion * (2 * static_cast<double>(e.hypothesis.free.size()) + e.choice_nats);
+double ranked_cost(const Session& s, const Candidate& e) {
+  return held_out_cost(s, e) + 2 * s.dispersion * (2 * static_cast<double>(e.hypothesis.free.size()) + e.choice_nats);
 }
 
 // How large the difference of two explanations is, as a share of the whole gap, in amplitude.
-double share_of_gap(const Session& s, const Entry& nominal, const Entry& better, const Entry& worse) {
-  const double whole = held_cost(s, nominal) - held_cost(s, better), part = held_cost(s, worse) - held_cost(s, better);
+double share_of_gap(const Session& s, const Candidate& nominal, const Candidate& better, const Candidate& worse) {
+  const double whole = held_out_cost(s, nominal) - held_out_cost(s, better),
+               part = held_out_cost(s, worse) - held_out_cost(s, better);
   return whole > 0 && part > 0 ? std::sqrt(part / whole) : 0;
 }
 
-bool worth(const Session& s, const Entry& nominal, const Entry& rich, const Entry& simple) {
+bool worth(const Session& s, const Candidate& nominal, const Candidate& rich, const Candidate& simple) {
   if (!compare(s, rich, simple).significant(kRicher_nats, kRicher_z)) return false;
   return simple.effects().empty() || share_of_gap(s, nominal, rich, simple) > kSizeShare;
 }
@@ -44,9 +45,9 @@ std::size_t Pool::leader(std::size_t most) const {
   return lead;
 }
 
-// A special case of it, or fewer parameters that foresee the same.
+// A special case of it, or fewer parameters that predict the same.
 bool Pool::simpler_than(std::size_t simple, std::size_t rich) {
-  const Entry &a = entries[simple], &b = entries[rich];
+  const Candidate &a = entries[simple], &b = entries[rich];
   if (nested(a, b)) return true;
   return !a.effects().empty() && a.effects().size() <= b.effects().size() &&
          a.hypothesis.free.size() < b.hypothesis.free.size() &&
@@ -60,7 +61,7 @@ std::size_t Pool::choose(std::size_t most) {
     again = false;
     std::size_t simpler = best;
     for (std::size_t i = 0; i < entries.size(); ++i) {
-      const Entry& e = entries[i];
+      const Candidate& e = entries[i];
       if (i == best || !e.decided || !simpler_than(i, best)) continue;
       if (worth(session_, nominal(), entries[best], e)) continue;
       if (simpler == best || ranked_cost(session_, e) < ranked_cost(session_, entries[simpler])) simpler = i;
@@ -75,7 +76,7 @@ std::size_t Pool::choose(std::size_t most) {
 
 bool Pool::better(std::size_t a, std::size_t b, std::size_t level) {
   if (a == b) return false;
-  const Entry &x = entries[a], &y = entries[b];
+  const Candidate &x = entries[a], &y = entries[b];
   if (b != 0 && x.hypothesis.free.size() <= y.hypothesis.free.size())
     return ranked_cost(session_, x) < ranked_cost(session_, y);
   return compare(session_, x, y).significant(kGap_nats, kGap_z) &&
@@ -85,9 +86,9 @@ bool Pool::better(std::size_t a, std::size_t b, std::size_t level) {
 std::vector<std::size_t> Pool::rivals(std::size_t index) {
   if (index == 0) return {};
   std::vector<std::size_t> found = {index};
-  const Entry& best = entries[index];
+  const Candidate& best = entries[index];
   for (std::size_t i = 1; i < entries.size(); ++i) {
-    const Entry& e = entries[i];
+    const Candidate& e = entries[i];
     if (i == index || !e.decided || nested(best, e)) continue;
     if (e.effects().size() > best.effects().size() && e.hypothesis.free.size() >= best.hypothesis.free.size()) continue;
     const Comparison c = compare(session_, best, e);

@@ -11,14 +11,14 @@ namespace {
 
 struct Confirmer {
   Session& s;
-  Found& found;
+  SearchResult& found;
   std::vector<double> start_x0;  // the nominal model's there: on an unstable plant the measurements' lead astray
 
-  Entry& best() { return found.entries[found.best]; }
+  Candidate& best() { return found.entries[found.best]; }
 
   // Costs of the kept windows under the parameters of the working ones.
-  void foresee(Entry& e) {
-    if (!e.kept.empty()) return;
+  void predict(Candidate& e) {
+    if (!e.test_cost.empty()) return;
     Fit fit = e.fit;
     if (!start_x0.empty()) fit.x0 = start_x0;
     FitSettings states;
@@ -26,14 +26,14 @@ struct Confirmer {
     states.iterations = 12;
     states.tolerance = 0.05;
     s.shooting->fit(e.hypothesis, s.test, states, fit);
-    e.kept = fit.cost;
+    e.test_cost = fit.cost;
     if (e.effects().empty()) start_x0 = fit.x0;
   }
 
-  Comparison kept(Entry& a, Entry& b) {
-    foresee(a);
-    foresee(b);
-    return compare_on(s, s.test, a.kept, b.kept);
+  Comparison on_test_windows(Candidate& a, Candidate& b) {
+    predict(a);
+    predict(b);
+    return compare_on(s, s.test, a.test_cost, b.test_cost);
   }
 
   // What merit has to reach here: with few kept windows even an effect that stands kGap_z off on the working ones is
@@ -48,9 +48,9 @@ struct Confirmer {
     std::size_t simpler = found.best;
     double least = 0;
     for (std::size_t i = 0; i < found.entries.size(); ++i) {
-      Entry& e = found.entries[i];
+      Candidate& e = found.entries[i];
       if (i == found.best || !nested(e, best())) continue;
-      const Comparison c = kept(best(), e);
+      const Comparison c = on_test_windows(best(), e);
       if (c.z > (e.effects().empty() ? gap_z() : kKeptRicher_z)) continue;
       const double gain = compare(s, e, found.entries[0]).gain_nats;
       if (simpler != found.best && gain <= least) continue;
@@ -70,12 +70,12 @@ struct Confirmer {
   void share() {
     auto& set = found.ambiguity;
     for (std::size_t i = 1; i < found.entries.size(); ++i) {
-      Entry& e = found.entries[i];
+      Candidate& e = found.entries[i];
       if (std::find(set.begin(), set.end(), i) != set.end() || e.hypothesis.free.size() > best().hypothesis.free.size())
         continue;
       const Comparison work = compare(s, best(), e);
       if (work.gain_nats > kKeptBehind_nats || far_behind(work)) continue;
-      const Comparison c = kept(best(), e);
+      const Comparison c = on_test_windows(best(), e);
       if (c.z < (nested(e, best()) ? gap_z() : kKeptRival_z)) set.push_back(i);
     }
   }
@@ -83,10 +83,10 @@ struct Confirmer {
 
 }  // namespace
 
-void confirm(Session& s, Found& found) {
+void confirm(Session& s, SearchResult& found) {
   if (found.best == 0 || s.test.size() < 3 || !s.options.given.empty()) return;
   Confirmer confirmer{s, found, {}};
-  confirmer.foresee(found.entries[0]);
+  confirmer.predict(found.entries[0]);
   bool moved = false;
   while (found.best != 0 && !s.stopped()) {
     const std::size_t simpler = confirmer.step_back();

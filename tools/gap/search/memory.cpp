@@ -12,7 +12,7 @@ constexpr std::size_t kNumber = sizeof(double);
 // A set of effects with its fit: start states, costs and what was held out by window, slopes by window and parameter.
 std::size_t set_bytes(const Session& s, std::size_t windows) {
   const std::size_t nx = s.config.model->state_count, most = TILLER_MAX_PARAMS;
-  return sizeof(Entry) + most * (sizeof(FreeParam) + kNumber) + most * most * kNumber +
+  return sizeof(Candidate) + most * (sizeof(FreeParam) + kNumber) + most * most * kNumber +
          TILLER_MAX_EFFECTS * sizeof(EffectAt) + windows * (nx + 2 + most) * kNumber;
 }
 
@@ -35,16 +35,16 @@ std::size_t localise_bytes(const Session& s) {
 }
 
 // Rollouts of the windows kept for the proof, of the longest length, and what the page shows of them.
-std::size_t proof_bytes(const Session& s) {
+std::size_t holdout_bytes(const Session& s) {
   std::size_t points = 0, longest = 0;
   for (const std::size_t i : s.test) points += s.windows[i].points;
   double period_s = s.config.period_s;
   for (const std::size_t i : s.test) {
     const double own_s = s.data.grids[s.windows[i].grid].period_s;
-    longest = std::max(longest, static_cast<std::size_t>(kLongestProof_s / own_s) + 1);
+    longest = std::max(longest, static_cast<std::size_t>(kLongestHoldout_s / own_s) + 1);
     period_s = std::min(period_s, own_s);
   }
-  const auto shortest = static_cast<std::size_t>(std::max(8.0, kShortestProof_s / period_s));
+  const auto shortest = static_cast<std::size_t>(std::max(8.0, kShortestHoldout_s / period_s));
   const std::size_t windows = points / shortest + 1, shown = 8 * longest;
   const std::size_t channels = 3 * std::size_t{s.config.measurement_count} + s.config.model->input_count + 1u;
   return std::max(Shooting::bytes_for(s.config, windows, 2 * shortest),
@@ -64,7 +64,7 @@ std::size_t memory_bound(const Session& s) {
   // a scan's path in lanes, steps of a search
   const std::size_t work = 2 * WindowRollout::bytes_for(s.config, points) + 8 * one;
   return data_bytes(s) + Shooting::bytes_for(s.config, s.windows.size(), points) + sets * one + told + work +
-         std::max(localise_bytes(s), proof_bytes(s));
+         std::max(localise_bytes(s), holdout_bytes(s));
 }
 
 }  // namespace tiller::tools::gap

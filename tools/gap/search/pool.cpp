@@ -5,7 +5,7 @@
 
 #include "effects/effect_info.hpp"
 #include "tools/gap/result/thresholds.hpp"
-#include "tools/gap/search/decide.hpp"
+#include "tools/gap/search/cross_validate.hpp"
 #include "tools/gap/search/refine.hpp"
 #include "tools/gap/search/relations.hpp"
 
@@ -18,7 +18,7 @@ std::size_t Pool::find(const std::vector<EffectAt>& effects) const {
 }
 
 void Pool::begin() {
-  Entry nominal;
+  Candidate nominal;
   make_hypothesis(session_.config, {}, &session_.scales, nominal.hypothesis);
   session_.progress("nominal fit", 0);
   nominal.fit = session_.shooting->begin(nominal.hypothesis, {}, nullptr);
@@ -27,14 +27,14 @@ void Pool::begin() {
     session_.shooting->fit(nominal.hypothesis, session_.work, {}, nominal.fit);
   }
   nominal.full = true;
-  decide(session_, nominal);
+  cross_validate(session_, nominal);
   entries.push_back(std::move(nominal));
 }
 
 // What a set's cost has to come below to be worth anything: that of the best of its subsets, less what chance gives.
-double Pool::enough_for(const Entry& e) const {
+double Pool::enough_for(const Candidate& e) const {
   double least = INFINITY;
-  for (const Entry& p : entries) {
+  for (const Candidate& p : entries) {
     const auto in_e = [&](const EffectAt& x) {
       return std::find(e.effects().begin(), e.effects().end(), x) != e.effects().end();
     };
@@ -44,24 +44,24 @@ double Pool::enough_for(const Entry& e) const {
   return least - 2 * kRicher_nats;
 }
 
-void Pool::consider(std::vector<Entry> screened, std::size_t keep) {
+void Pool::consider(std::vector<Candidate> screened, std::size_t keep) {
   const double each = 4 * session_.dispersion;
-  std::stable_sort(screened.begin(), screened.end(), [&](const Entry& a, const Entry& b) {
+  std::stable_sort(screened.begin(), screened.end(), [&](const Candidate& a, const Candidate& b) {
     return a.screened + each * static_cast<double>(a.hypothesis.free.size()) <
            b.screened + each * static_cast<double>(b.hypothesis.free.size());
   });
-  std::vector<Entry> kept;
-  for (Entry& e : screened) {
+  std::vector<Candidate> kept;
+  for (Candidate& e : screened) {
     if (kept.size() >= keep) break;
-    const auto same = [&](const Entry& k) { return same_set(k.effects(), e.effects()); };
+    const auto same = [&](const Candidate& k) { return same_set(k.effects(), e.effects()); };
     if (!e.fit.finite || find(e.effects()) != kNone || std::any_of(kept.begin(), kept.end(), same)) continue;
     kept.push_back(std::move(e));
   }
   double ahead = INFINITY;
-  for (const Entry& e : entries) ahead = std::min(ahead, e.fit.total());
-  for (Entry& e : kept) e.enough = enough_for(e);
+  for (const Candidate& e : entries) ahead = std::min(ahead, e.fit.total());
+  for (Candidate& e : kept) e.enough = enough_for(e);
   refine(session_, kept, ahead);
-  for (Entry& e : kept)
+  for (Candidate& e : kept)
     if (e.fit.finite && !session_.stopped() && entries.size() + 1 < kMostSets) entries.push_back(std::move(e));
   decide_near();
 }
@@ -72,11 +72,11 @@ void Pool::decide_near() {
   for (std::size_t i = 1; i < entries.size(); ++i)
     if (entries[i].fit.total() < entries[first].fit.total()) first = i;
   if (first != 0) session_.dispersion = dispersion_of(session_, entries[first]);
-  for (Entry& e : entries) {
+  for (Candidate& e : entries) {
     if (e.decided || session_.stopped() || e.fit.total() > e.enough) continue;
     if (e.fit.total() - entries[first].fit.total() > 2 * kBehind_nats * session_.dispersion) continue;
     if (!e.full) fit_fully(session_, e);
-    if (e.fit.finite) decide(session_, e);
+    if (e.fit.finite) cross_validate(session_, e);
   }
   session_.dispersion = dispersion_of(session_, entries[leader(SIZE_MAX)]);
 }
@@ -96,7 +96,7 @@ std::size_t Pool::without(std::size_t index, std::size_t member) {
     at += count;
   }
   if (const std::size_t known = find(rest); known != kNone) return known;
-  Entry e;
+  Candidate e;
   if (entries.size() + 1 >= kMostSets || !make_hypothesis(session_.config, rest, &session_.scales, e.hypothesis))
     return kNone;
   e.fit = session_.shooting->begin(e.hypothesis, params, &entries[index].fit);
@@ -109,10 +109,10 @@ std::size_t Pool::without(std::size_t index, std::size_t member) {
 }
 
 void Pool::settle(std::size_t index) {
-  Entry& e = entries[index];
+  Candidate& e = entries[index];
   if (session_.stopped() || e.decided) return;
   if (!e.full) fit_fully(session_, e);
-  if (e.fit.finite) decide(session_, e);
+  if (e.fit.finite) cross_validate(session_, e);
 }
 
 std::vector<std::size_t> Pool::beam(std::size_t effects, std::size_t width) const {

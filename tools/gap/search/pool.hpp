@@ -13,14 +13,14 @@ class Pool {
   static constexpr std::size_t kNone = SIZE_MAX;
   explicit Pool(Session& session) : session_(session) {}
 
-  std::vector<Entry> entries;
+  std::vector<Candidate> entries;
 
-  Entry& nominal() { return entries[0]; }
+  Candidate& nominal() { return entries[0]; }
   std::size_t find(const std::vector<EffectAt>& effects) const;
   /// Fits and whitens the nominal model.
   void begin();
   /// The best `keep` sets of a screen: fitted, and decided upon where they are near the best.
-  void consider(std::vector<Entry> screened, std::size_t keep);
+  void consider(std::vector<Candidate> screened, std::size_t keep);
   /// The set without one member, fitted where it has not been yet; kNone where it cannot be.
   std::size_t without(std::size_t index, std::size_t member);
   /// To the end and decided upon, whatever it was.
@@ -41,7 +41,7 @@ class Pool {
   std::vector<std::size_t> rivals(std::size_t best);
 
  private:
-  double enough_for(const Entry& e) const;
+  double enough_for(const Candidate& e) const;
   void decide_near();
   bool simpler_than(std::size_t simple, std::size_t rich);
 

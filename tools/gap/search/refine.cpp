@@ -9,10 +9,10 @@
 namespace tiller::tools::gap {
 namespace {
 
-// Other values of a shape's parameter: half and twice a pitch, the catalogue's starts of a velocity or a distance.
+// Other values of a shape's parameter: half and twice a spatial_period, the catalogue's starts of a velocity or a distance.
 std::vector<double> other_shapes(const Session& s, const EffectAt& e, int param, double now) {
   const EffectParam& p = effect_info(e.kind).params[param];
-  if (p.scale == Scale::pitch) return {0.5 * now, 2 * now};
+  if (p.scale == Scale::spatial_period) return {0.5 * now, 2 * now};
   // a delay's slope changes at every whole period
   if (e.kind == tiller_effect_input_delay) return {now - 0.6 * s.scales.period_s, now + 0.6 * s.scales.period_s};
   if (is_strength(p.scale) || p.scale == Scale::period || p.scale == Scale::input) return {};
@@ -25,7 +25,7 @@ std::vector<double> other_shapes(const Session& s, const EffectAt& e, int param,
 
 // Fits of shapes have more than one valley: from the end of the fit once more with each shape changed, strengths that
 // ran away back at their starts.
-void polish(Session& s, Entry& entry) {
+void polish(Session& s, Candidate& entry) {
   std::size_t at = s.config.param_count;
   for (const EffectAt& e : entry.effects()) {
     const EffectInfo& info = effect_info(e.kind);
@@ -56,11 +56,11 @@ void polish(Session& s, Entry& entry) {
   }
 }
 
-bool by_total(const Entry& a, const Entry& b) { return a.fit.total() < b.fit.total(); }
+bool by_total(const Candidate& a, const Candidate& b) { return a.fit.total() < b.fit.total(); }
 
 }  // namespace
 
-void fit_fully(Session& s, Entry& entry) {
+void fit_fully(Session& s, Candidate& entry) {
   entry.hypothesis.setup.substeps = s.config.substeps;
   FitSettings to_end;
   to_end.tolerance = kFitTolerance;
@@ -68,10 +68,10 @@ void fit_fully(Session& s, Entry& entry) {
   entry.full = true;
 }
 
-void refine(Session& s, std::vector<Entry>& entries, double ahead) {
+void refine(Session& s, std::vector<Candidate>& entries, double ahead) {
   std::size_t done = 0;
   double best = ahead;
-  for (Entry& e : entries) {
+  for (Candidate& e : entries) {
     s.progress("fitting", static_cast<double>(done++) / static_cast<double>(entries.size()));
     if (s.stopped()) break;
     e.hypothesis.setup.substeps = s.config.substeps;
@@ -81,10 +81,10 @@ void refine(Session& s, std::vector<Entry>& entries, double ahead) {
     if (e.fit.finite) best = std::min(best, e.fit.total());
   }
   std::stable_sort(entries.begin(), entries.end(), by_total);
-  const auto hopeless = [&](const Entry& e) {
+  const auto hopeless = [&](const Candidate& e) {
     return e.fit.total() > e.enough || e.fit.total() > kStillInRace * best + 2 * kBehind_nats * s.dispersion;
   };
-  for (Entry& e : entries) {
+  for (Candidate& e : entries) {
     if (s.stopped() || !e.fit.finite || hopeless(e)) continue;
     fit_fully(s, e);
     best = std::min(best, e.fit.total());

@@ -48,7 +48,7 @@ bool same_set(const std::vector<EffectAt>& a, const std::vector<EffectAt>& b) {
                      [&](const EffectAt& e) { return std::find(b.begin(), b.end(), e) != b.end(); });
 }
 
-bool nested(const Entry& simple, const Entry& rich) {
+bool nested(const Candidate& simple, const Candidate& rich) {
   if (simple.hypothesis.free.size() >= rich.hypothesis.free.size()) return false;
   std::uint32_t taken = 0;
   for (const EffectAt& e : simple.effects()) {

@@ -10,7 +10,7 @@ namespace tiller::tools::gap {
 bool same_set(const std::vector<EffectAt>& a, const std::vector<EffectAt>& b);
 
 /// `simple` is a special case of `rich`: each of its effects is one of rich's or contained in one.
-bool nested(const Entry& simple, const Entry& rich);
+bool nested(const Candidate& simple, const Candidate& rich);
 
 /// One may be taken for the other at the same joint: a special case, a richer one, an alias, or of like shape over the
 /// range that a log covers (a long wave of cogging and a spring).

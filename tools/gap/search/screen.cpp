@@ -5,7 +5,7 @@
 
 #include "effects/effect_info.hpp"
 #include "tools/gap/result/thresholds.hpp"
-#include "tools/gap/search/pitch_scan.hpp"
+#include "tools/gap/search/spatial_period_scan.hpp"
 
 namespace tiller::tools::gap {
 namespace {
@@ -15,11 +15,11 @@ bool has(const std::vector<EffectAt>& effects, const EffectAt& e) {
 }
 
 bool has_pitch(const EffectInfo& info) {
-  return info.param_count > 2 && info.params[info.param_count - 1].scale == Scale::pitch;
+  return info.param_count > 2 && info.params[info.param_count - 1].scale == Scale::spatial_period;
 }
 
-std::vector<std::vector<double>> all_starts(Session& s, const Entry& base, const EffectAt& e) {
-  return has_pitch(effect_info(e.kind)) ? scan_pitches(s, base, e, kPitchStarts) : starts_of(s, e);
+std::vector<std::vector<double>> all_starts(Session& s, const Candidate& base, const EffectAt& e) {
+  return has_pitch(effect_info(e.kind)) ? scan_spatial_periods(s, base, e, kPitchStarts) : starts_of(s, e);
 }
 
 // Where an earlier screen left it, and the same near nothing.
@@ -67,7 +67,7 @@ std::vector<std::vector<double>> starts_of(const Session& s, const EffectAt& e) 
 }
 
 void fit_from(Session& s, const std::vector<double>& params, const Fit& warm,
-              const std::vector<std::vector<double>>& starts, int iterations, bool scanned, Entry& entry) {
+              const std::vector<std::vector<double>>& starts, int iterations, bool scanned, Candidate& entry) {
   for (const std::vector<double>& start : starts) {
     std::vector<double> all = params;
     all.insert(all.end(), start.begin(), start.end());
@@ -85,8 +85,8 @@ void fit_from(Session& s, const std::vector<double>& params, const Fit& warm,
   entry.screened = entry.fit.total();
 }
 
-std::vector<Entry> screen(Session& s, const Entry& base, std::size_t keep, Hints& hints, bool fresh) {
-  std::vector<Entry> found;
+std::vector<Candidate> screen(Session& s, const Candidate& base, std::size_t keep, Hints& hints, bool fresh) {
+  std::vector<Candidate> found;
   std::size_t done = 0;
   hints.resize(s.candidates.size());
   for (std::size_t c = 0; c < s.candidates.size(); ++c) {
@@ -96,7 +96,7 @@ std::vector<Entry> screen(Session& s, const Entry& base, std::size_t keep, Hints
     if (has(base.effects(), e)) continue;
     std::vector<EffectAt> effects = base.effects();
     effects.push_back(e);
-    Entry entry;
+    Candidate entry;
     if (!make_hypothesis(s.config, effects, &s.scales, entry.hypothesis)) continue;
     entry.hypothesis.setup.substeps = s.coarse_substeps;
     const bool all = fresh || hints[c].empty();
@@ -107,11 +107,11 @@ std::vector<Entry> screen(Session& s, const Entry& base, std::size_t keep, Hints
       hints[c].assign(entry.fit.params.end() - effect_info(e.kind).param_count, entry.fit.params.end());
     found.push_back(std::move(entry));
   }
-  const auto better = [](const Entry& a, const Entry& b) { return a.fit.total() < b.fit.total(); };
+  const auto better = [](const Candidate& a, const Candidate& b) { return a.fit.total() < b.fit.total(); };
   std::stable_sort(found.begin(), found.end(), better);
   // a second look at twice as many as are kept: one step is not always telling
   if (found.size() > 2 * keep) found.resize(2 * keep);
-  for (Entry& entry : found) {
+  for (Candidate& entry : found) {
     if (s.stopped()) break;
     FitSettings more;
     more.iterations = 3;

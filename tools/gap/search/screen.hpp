@@ -9,12 +9,12 @@ using Hints = std::vector<std::vector<double>>;
 
 /// Candidate effects beside those of `base`, fitted in a few coarse steps on a part of the windows, best first: one from
 /// every start, three more for twice `keep` of them. `fresh`: from all starts of the catalogue, else from the hints.
-std::vector<Entry> screen(Session& session, const Entry& base, std::size_t keep, Hints& hints, bool fresh);
+std::vector<Candidate> screen(Session& session, const Candidate& base, std::size_t keep, Hints& hints, bool fresh);
 
 /// Fits entry.hypothesis on the screen's windows from `params` with each of `starts` behind them; the best is the
 /// entry's. `scanned`: the start states follow before the parameters move.
 void fit_from(Session& session, const std::vector<double>& params, const Fit& warm,
-              const std::vector<std::vector<double>>& starts, int iterations, bool scanned, Entry& entry);
+              const std::vector<std::vector<double>>& starts, int iterations, bool scanned, Candidate& entry);
 
 /// Every start of an effect's parameters at a port (starts x params).
 std::vector<std::vector<double>> starts_of(const Session& session, const EffectAt& effect);

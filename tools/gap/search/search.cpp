@@ -4,9 +4,9 @@
 
 #include "effects/effect_info.hpp"
 #include "tools/gap/result/thresholds.hpp"
+#include "tools/gap/search/equivalent_forms.hpp"
 #include "tools/gap/search/pool.hpp"
 #include "tools/gap/search/relations.hpp"
-#include "tools/gap/search/twins.hpp"
 
 namespace tiller::tools::gap {
 namespace {
@@ -14,16 +14,16 @@ namespace {
 class Searcher {
  public:
   explicit Searcher(Session& session) : s_(session), pool_(session) {}
-  Found run();
+  SearchResult run();
 
  private:
   void expand(const std::vector<std::size_t>& bases, std::size_t keep, bool fresh);
-  void keep_promising(std::vector<Entry>& entries);
+  void keep_promising(std::vector<Candidate>& entries);
   void exchange();
   void swap_members();
   void prune();
   void take_given();
-  Found finish();
+  SearchResult finish();
 
   Session& s_;
   Pool pool_;
@@ -34,22 +34,22 @@ class Searcher {
 };
 
 // What comes near the best set on the screen's windows.
-void Searcher::keep_promising(std::vector<Entry>& entries) {
+void Searcher::keep_promising(std::vector<Candidate>& entries) {
   if (entries.empty()) return;
   const double most = kPromising * pool_.screened_now(best_) + 2 * kBehind_nats;
-  const auto far = [&](const Entry& e) { return !(e.screened < most); };
+  const auto far = [&](const Candidate& e) { return !(e.screened < most); };
   entries.erase(std::remove_if(entries.begin(), entries.end(), far), entries.end());
 }
 
 // One effect more beside each of the bases. From hints, only what comes near the best set is fitted.
 void Searcher::expand(const std::vector<std::size_t>& bases, std::size_t keep, bool fresh) {
-  std::vector<Entry> all;
+  std::vector<Candidate> all;
   for (const std::size_t i : bases) {
     const std::vector<EffectAt> effects = pool_.entries[i].effects();
     const auto same = [&](const std::vector<EffectAt>& e) { return same_set(e, effects); };
     if (s_.stopped() || std::any_of(expanded_.begin(), expanded_.end(), same)) continue;
     expanded_.push_back(effects);
-    for (Entry& e : screen(s_, pool_.entries[i], keep, hints_, fresh)) all.push_back(std::move(e));
+    for (Candidate& e : screen(s_, pool_.entries[i], keep, hints_, fresh)) all.push_back(std::move(e));
   }
   if (!fresh) keep_promising(all);
   pool_.consider(std::move(all), keep);
@@ -70,7 +70,7 @@ void Searcher::prune() {
 void Searcher::exchange() {
   const std::size_t index = best_;
   const std::vector<EffectAt> effects = pool_.entries[index].effects();
-  std::vector<Entry> others;
+  std::vector<Candidate> others;
   std::size_t at = s_.config.param_count;
   for (std::size_t i = 0; i < effects.size(); ++i) {
     const auto count = static_cast<std::size_t>(effect_info(effects[i].kind).param_count);
@@ -80,7 +80,7 @@ void Searcher::exchange() {
       set.erase(set.begin() + static_cast<std::ptrdiff_t>(i));
       if (std::find(set.begin(), set.end(), e) != set.end()) continue;
       set.push_back(e);
-      Entry entry;
+      Candidate entry;
       if (pool_.find(set) != Pool::kNone || !make_hypothesis(s_.config, set, &s_.scales, entry.hypothesis)) continue;
       entry.hypothesis.setup.substeps = s_.coarse_substeps;
       std::vector<double> rest = pool_.entries[index].fit.params;
@@ -124,8 +124,8 @@ void Searcher::take_given() {
 }
 
 // What was decided upon, in the order in which it was found.
-Found Searcher::finish() {
-  Found found;
+SearchResult Searcher::finish() {
+  SearchResult found;
   std::vector<std::size_t> place(pool_.entries.size(), 0);
   for (std::size_t i = 0; i < pool_.entries.size(); ++i) {
     if (!pool_.entries[i].decided) continue;
@@ -138,7 +138,7 @@ Found Searcher::finish() {
   return found;
 }
 
-Found Searcher::run() {
+SearchResult Searcher::run() {
   pool_.begin();
   if (!s_.options.given.empty()) {
     take_given();
@@ -146,12 +146,13 @@ Found Searcher::run() {
   }
   for (std::uint32_t level = 1; level <= s_.options.max_effects && !s_.stopped(); ++level) {
     const std::size_t from = best_;
-    const bool gap = s_.sigma(pool_.nominal().held, s_.work) > kExplained_sigma;
+    const bool gap = s_.sigma(pool_.nominal().cv_cost, s_.work) > kExplained_sigma;
     expand({from}, level == 1 ? kKeep : kKeepMore, true);
     std::size_t now = pool_.choose();
     if (level == 2) {  // the pair need not hold the best single effect, nor need either of its effects show alone
       best_ = now;
-      expand(pool_.beam(1, kBeam), kKeepMore, from == 0 || s_.sigma(pool_.entries[now].held, s_.work) > kNoise_sigma);
+      expand(pool_.beam(1, kBeam), kKeepMore,
+             from == 0 || s_.sigma(pool_.entries[now].cv_cost, s_.work) > kNoise_sigma);
       now = pool_.choose();
     }
     best_ = now;
@@ -166,16 +167,16 @@ Found Searcher::run() {
     if (best_ != from && !pool_.better(best_, 0, 1)) best_ = from;
     if (level > 1 || !gap) break;
   }
-  Found found = finish();
+  SearchResult found = finish();
   find_rivals(s_, found);
   return found;
 }
 
 // The other writing of the best, if it has one, stands beside it; the elementary one leads.
-void pair_up(Session& s, Pool& pool, Found& found) {
-  Entry twin;
+void pair_up(Session& s, Pool& pool, SearchResult& found) {
+  Candidate twin;
   const std::size_t one = found.best;
-  if (s.stopped() || !make_twin(s, pool.entries[one], twin)) return;
+  if (s.stopped() || !make_equivalent(s, pool.entries[one], twin)) return;
   std::size_t other = pool.find(twin.effects());
   if (other == Pool::kNone) {
     other = pool.entries.size();
@@ -191,7 +192,7 @@ void pair_up(Session& s, Pool& pool, Found& found) {
 
 }  // namespace
 
-void find_rivals(Session& s, Found& found) {
+void find_rivals(Session& s, SearchResult& found) {
   Pool pool(s);
   pool.entries = std::move(found.entries);
   found.ambiguity = pool.rivals(found.best);
@@ -199,6 +200,6 @@ void find_rivals(Session& s, Found& found) {
   found.entries = std::move(pool.entries);
 }
 
-Found search(Session& s) { return Searcher(s).run(); }
+SearchResult search(Session& s) { return Searcher(s).run(); }
 
 }  // namespace tiller::tools::gap

@@ -1,13 +1,13 @@
 #pragma once
 
-#include "tools/gap/search/decide.hpp"
+#include "tools/gap/search/cross_validate.hpp"
 #include "tools/gap/search/screen.hpp"
 
 namespace tiller::tools::gap {
 
 /// Every explanation that was decided upon, the nominal model first, and the one that takes the name.
-struct Found {
-  std::vector<Entry> entries;
+struct SearchResult {
+  std::vector<Candidate> entries;
   std::size_t best = 0;                ///< into entries
   std::vector<std::size_t> ambiguity;  ///< that cannot be told from it, itself included; empty if it is the nominal
   bool interrupted = false;
@@ -15,9 +15,9 @@ struct Found {
 
 /// Beam search over sets of effects, each level only where the one before left a significant remainder; then backward
 /// pruning.
-Found search(Session& session);
+SearchResult search(Session& session);
 
 /// Fills found.ambiguity for found.best anew.
-void find_rivals(Session& session, Found& found);
+void find_rivals(Session& session, SearchResult& found);
 
 }  // namespace tiller::tools::gap

@@ -9,16 +9,17 @@
 namespace tiller::tools::gap {
 
 /// A hypothesis with its fit and what it foresees of windows that had no part in it.
-struct Entry {
+struct Candidate {
   Hypothesis hypothesis;
-  Fit fit;                   ///< to all working windows
-  std::vector<double> held;  ///< (working windows) cost under the parameters of the other fold
-  std::vector<double> kept;  ///< (all windows) cost of those kept for the proof; empty until confirm() asks
-  double choice_nats = 0;    ///< of choices made on both folds, which held-out costs do not show: pitches of scans
-  double screened = 0;       ///< cost on the screen's windows, in coarse steps
+  Fit fit;                        ///< to all working windows
+  std::vector<double> cv_cost;    ///< (working windows) cost under the parameters of the other fold
+  std::vector<double> test_cost;  ///< (all windows) cost of those kept for the proof; empty until confirm() asks
+  double choice_nats =
+      0;                ///< of choices made on both folds, which held-out costs do not show: spatial periods of scans
+  double screened = 0;  ///< cost on the screen's windows, in coarse steps
   double enough = INFINITY;  ///< a cost above it explains nothing that a subset does not
   bool full = false;         ///< fitted to the end
-  bool decided = false;      ///< `held` is filled
+  bool decided = false;      ///< `cv_cost` is filled
   const std::vector<EffectAt>& effects() const { return hypothesis.added; }
 };
 

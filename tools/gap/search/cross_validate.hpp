@@ -4,8 +4,8 @@
 
 namespace tiller::tools::gap {
 
-/// Fills entry.held: each working window under parameters fitted to the other fold, its start state fitted anew.
-void decide(Session& session, Entry& entry);
+/// Fills entry.cv_cost: each working window under parameters fitted to the other fold, its start state fitted anew.
+void cross_validate(Session& session, Candidate& entry);
 
 /// How much better `a` foresees the working windows than `b`.
 struct Comparison {
@@ -14,15 +14,15 @@ struct Comparison {
   double robust_z = 0;   ///< the same with each window's noise level its own
   bool significant(double nats, double errors) const { return gain_nats > nats && z > errors; }
 };
-Comparison compare(const Session& session, const Entry& a, const Entry& b);
+Comparison compare(const Session& session, const Candidate& a, const Candidate& b);
 /// The same on the windows `which`, from costs by window; `ahead_nats`: of `a` before any window is looked at.
 Comparison compare_on(const Session& session, const std::vector<std::size_t>& which, const std::vector<double>& cost_a,
                       const std::vector<double>& cost_b, double ahead_nats = 0);
 
 /// Variance of an entry's whitened residuals with their serial correlation over the working windows; at least 1.
-double dispersion_of(Session& session, const Entry& entry);
+double dispersion_of(Session& session, const Candidate& entry);
 
-/// Root mean square difference of what two entries foresee in the working windows, whitened.
-double difference_sigma(Session& session, const Entry& a, const Entry& b);
+/// Root mean square difference of what two entries predict in the working windows, whitened.
+double difference_sigma(Session& session, const Candidate& a, const Candidate& b);
 
 }  // namespace tiller::tools::gap

@@ -1,4 +1,4 @@
-#include "tools/gap/pipeline/gate.hpp"
+#include "tools/gap/pipeline/data_quality.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -220,7 +220,7 @@ void check_units(const tiller_config_t& config, const std::vector<Grid>& grids, 
 
 }  // namespace
 
-void gate(const tiller_config_t& config, const std::vector<Grid>& grids, Result& result) {
+void check_data_quality(const tiller_config_t& config, const std::vector<Grid>& grids, Result& result) {
   result.noise_ratio = 0;
   check_amount(grids, result);
   if (!result.reasons.empty()) return;

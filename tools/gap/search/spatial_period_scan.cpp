@@ -1,4 +1,4 @@
-#include "tools/gap/search/pitch_scan.hpp"
+#include "tools/gap/search/spatial_period_scan.hpp"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
@@ -15,7 +15,7 @@ constexpr std::uint32_t kLanes = kLanePadding;
 constexpr double kTurn = 6.283185307179586;
 
 struct Peak {
-  double pitch = 0, reduction = 0;
+  double spatial_period = 0, reduction = 0;
   std::vector<double> amplitude;
 };
 
@@ -39,17 +39,18 @@ double sensor_sd(const Session& s, std::uint32_t state) {
 }
 
 bool has_pitch(const EffectInfo& info) {
-  return info.param_count > 2 && info.params[info.param_count - 1].scale == Scale::pitch;
+  return info.param_count > 2 && info.params[info.param_count - 1].scale == Scale::spatial_period;
 }
 
 // Periods per unit of position that a scan compares.
 std::vector<double> frequencies(const Session& s, const EffectAt& effect) {
   const EffectInfo& info = effect_info(effect.kind);
-  const EffectParam& pitch = info.params[info.param_count - 1];
+  const EffectParam& spatial_period = info.params[info.param_count - 1];
   const double range = excursion(s, s.work, s.config.model->joints[effect.port].position);
-  const double shortest = std::max({pitch.low > 0 ? pitch.low : 0.0, 3 * s.scales.joint[effect.port].step,
-                                    kPitchNoise * sensor_sd(s, s.config.model->joints[effect.port].position)});
-  const double longest = std::min(pitch.high, 1.5 * range);
+  const double shortest =
+      std::max({spatial_period.low > 0 ? spatial_period.low : 0.0, 3 * s.scales.joint[effect.port].step,
+                kSpatialPeriodNoise * sensor_sd(s, s.config.model->joints[effect.port].position)});
+  const double longest = std::min(spatial_period.high, 1.5 * range);
   if (!(range > 0) || !(longest > shortest)) return {};
   const double span = 1 / shortest - 1 / longest;
   const std::size_t count =
@@ -70,8 +71,8 @@ double choice_nats(const Session& s, const std::vector<EffectAt>& effects) {
   return sum;
 }
 
-std::vector<std::vector<double>> scan_pitches(Session& s, const Entry& base, const EffectAt& effect,
-                                              std::size_t starts) {
+std::vector<std::vector<double>> scan_spatial_periods(Session& s, const Candidate& base, const EffectAt& effect,
+                                                      std::size_t starts) {
   const tiller_model_t& model = *s.config.model;
   const EffectInfo& info = effect_info(effect.kind);
   const tiller_joint_t& joint = model.joints[effect.port];
@@ -82,7 +83,7 @@ std::vector<std::vector<double>> scan_pitches(Session& s, const Entry& base, con
   const std::size_t count = frequency.size();
   if (count == 0) return {};
 
-  // normal equations of every pitch, over all windows
+  // normal equations of every spatial_period, over all windows
   const std::uint32_t per_run = kLanes / columns;
   std::vector<double> square(count * columns * columns, 0.0), cross(count * columns, 0.0);
   for (const std::size_t index : which) {
@@ -132,7 +133,7 @@ std::vector<std::vector<double>> scan_pitches(Session& s, const Entry& base, con
     for (std::size_t p = 0; p < start.size(); ++p)
       start[p] =
           std::clamp(start[p], 0.9 * std::max(-1e300, info.params[p].low), 0.9 * std::min(1e300, info.params[p].high));
-    start.push_back(peaks[i].pitch);
+    start.push_back(peaks[i].spatial_period);
     found.push_back(start);
   }
   return found;

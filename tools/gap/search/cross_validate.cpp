@@ -1,10 +1,10 @@
-#include "tools/gap/search/decide.hpp"
+#include "tools/gap/search/cross_validate.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 #include "tools/gap/result/thresholds.hpp"
-#include "tools/gap/search/pitch_scan.hpp"
+#include "tools/gap/search/spatial_period_scan.hpp"
 
 namespace tiller::tools::gap {
 namespace {
@@ -38,10 +38,10 @@ double Session::sigma(const std::vector<double>& cost, const std::vector<std::si
   return freedom > 0 ? std::sqrt(sum / freedom) : 0;
 }
 
-void decide(Session& s, Entry& entry) {
+void cross_validate(Session& s, Candidate& entry) {
   const std::size_t nx = s.config.model->state_count;
   if (s.nominal_x0.empty()) s.nominal_x0 = entry.fit.x0;  // it is decided upon first
-  entry.held.assign(s.windows.size(), 0.0);
+  entry.cv_cost.assign(s.windows.size(), 0.0);
   for (int f = 0; f < 2; ++f) {
     Fit fit = entry.fit;
     FitSettings settings;
@@ -58,14 +58,14 @@ void decide(Session& s, Entry& entry) {
     states.iterations = 8;
     states.tolerance = 0.05;
     s.shooting->fit(entry.hypothesis, s.fold[f], states, fit);
-    for (const std::size_t w : s.fold[f]) entry.held[w] = fit.cost[w];
+    for (const std::size_t w : s.fold[f]) entry.cv_cost[w] = fit.cost[w];
   }
   entry.choice_nats = choice_nats(s, entry.effects());
   entry.decided = true;
 }
 
-Comparison compare(const Session& s, const Entry& a, const Entry& b) {
-  return compare_on(s, s.work, a.held, b.held, b.choice_nats - a.choice_nats);
+Comparison compare(const Session& s, const Candidate& a, const Candidate& b) {
+  return compare_on(s, s.work, a.cv_cost, b.cv_cost, b.choice_nats - a.choice_nats);
 }
 
 Comparison compare_on(const Session& s, const std::vector<std::size_t>& which, const std::vector<double>& cost_a,
@@ -86,7 +86,7 @@ Comparison compare_on(const Session& s, const std::vector<std::size_t>& which, c
   return c;
 }
 
-double dispersion_of(Session& s, const Entry& entry) {
+double dispersion_of(Session& s, const Candidate& entry) {
   constexpr int kLags = 20;
   const std::uint32_t ny = s.config.measurement_count;
   double at[kLags + 1] = {}, count = 0;
@@ -108,7 +108,7 @@ double dispersion_of(Session& s, const Entry& entry) {
   return std::max(1.0, at[0] / count) * std::max(1.0, inflation);
 }
 
-double difference_sigma(Session& s, const Entry& a, const Entry& b) {
+double difference_sigma(Session& s, const Candidate& a, const Candidate& b) {
   double sum = 0, count = 0;
   std::vector<double> ra, rb;
   for (const std::size_t w : s.work) {

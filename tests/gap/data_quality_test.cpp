@@ -8,7 +8,7 @@
 #include "tests/gap/synthetic.hpp"
 #include "tools/gap/localise/noise.hpp"
 #include "tools/gap/pipeline/data.hpp"
-#include "tools/gap/pipeline/gate.hpp"
+#include "tools/gap/pipeline/data_quality.hpp"
 #include "tools/open/robot_open.hpp"
 #include "tools/robot/robot_file.hpp"
 

@@ -1,4 +1,4 @@
-#include "tools/gap/pipeline/proof.hpp"
+#include "tools/gap/pipeline/holdout.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -95,9 +95,9 @@ constexpr std::size_t kOverlays = 4;
 
 }  // namespace
 
-void prove(Session& s, const Found& found, Result& result) {
-  const Entry &nominal = found.entries[0], &best = found.entries[found.best];
-  for (const double seconds : {kShortestProof_s, kProof_s, kLongestProof_s}) {
+void test_on_holdout(Session& s, const SearchResult& found, Result& result) {
+  const Candidate &nominal = found.entries[0], &best = found.entries[found.best];
+  for (const double seconds : {kShortestHoldout_s, kHoldout_s, kLongestHoldout_s}) {
     const std::vector<Window> windows = test_windows(s, seconds);
     if (windows.empty() || s.stopped()) continue;
     Shooting shooting(s.data, windows, s.config, s.scales);
@@ -136,7 +136,7 @@ void prove(Session& s, const Found& found, Result& result) {
     gap.worse_z = mean_z(ratios);
     gap.before_rms = errors[0].rms();
     gap.after_rms = errors[1].rms();
-    if (seconds == kProof_s) result.remaining_sigma = gap.after_sigma;
+    if (seconds == kHoldout_s) result.remaining_sigma = gap.after_sigma;
     result.horizons.push_back(gap);
     result.overlays = std::move(overlays);
   }

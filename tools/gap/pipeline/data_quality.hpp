@@ -15,6 +15,6 @@ namespace tiller::tools::gap {
 ///   thousandths or reversed, nearly all of them, that channel is what is wrong and not the physics
 ///
 /// Cost: 10 ms for 48 s at 100 Hz; a few times that where units are in doubt.
-void gate(const tiller_config_t& config, const std::vector<Grid>& grids, Result& result);
+void check_data_quality(const tiller_config_t& config, const std::vector<Grid>& grids, Result& result);
 
 }  // namespace tiller::tools::gap

@@ -1,9 +1,9 @@
-#include "tools/gap/search/twins.hpp"
+#include "tools/gap/search/equivalent_forms.hpp"
 
 #include <algorithm>
 
 #include "effects/effect_info.hpp"
-#include "tools/gap/search/decide.hpp"
+#include "tools/gap/search/cross_validate.hpp"
 
 namespace tiller::tools::gap {
 namespace {
@@ -35,7 +35,7 @@ std::size_t index_of(const std::vector<EffectAt>& effects, std::uint32_t kind, s
 }
 
 /// The entry's effects and parameters with every one that can be written otherwise written so.
-bool rewrite(const Entry& entry, std::vector<EffectAt>& effects, std::vector<double>& params) {
+bool rewrite(const Candidate& entry, std::vector<EffectAt>& effects, std::vector<double>& params) {
   const std::vector<EffectAt>& old = entry.effects();
   const std::vector<double>& p = entry.fit.params;
   params.assign(p.begin(), p.begin() + entry.hypothesis.own_params);
@@ -82,14 +82,14 @@ std::size_t name_count(const std::vector<EffectAt>& effects) {
   return effects.size() - static_cast<std::size_t>(std::count_if(effects.begin(), effects.end(), joins));
 }
 
-bool make_twin(Session& s, const Entry& entry, Entry& twin) {
+bool make_equivalent(Session& s, const Candidate& entry, Candidate& twin) {
   std::vector<EffectAt> effects;
   std::vector<double> params;
   if (!rewrite(entry, effects, params) || !make_hypothesis(s.config, effects, &s.scales, twin.hypothesis)) return false;
   twin.fit = s.shooting->begin(twin.hypothesis, params, &entry.fit);
   s.shooting->fit(twin.hypothesis, s.work, {}, twin.fit);
   if (!twin.fit.finite) return false;
-  decide(s, twin);
+  cross_validate(s, twin);
   return true;
 }
 

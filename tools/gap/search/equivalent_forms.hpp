@@ -17,6 +17,6 @@ std::size_t name_count(const std::vector<EffectAt>& effects);
 
 /// The other writing of the entry, fitted and decided upon; false where it has none (none of the two forms, or a
 /// force beyond the friction, which no friction can be).
-bool make_twin(Session& session, const Entry& entry, Entry& twin);
+bool make_equivalent(Session& session, const Candidate& entry, Candidate& twin);
 
 }  // namespace tiller::tools::gap
