@@ -110,7 +110,8 @@ install(DIRECTORY ${PROJECT_SOURCE_DIR}/runtime/include/tiller DESTINATION ${CMA
   FILES_MATCHING PATTERN "*.hpp" PATTERN "*.h" PATTERN "*.def")
 install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
 
-# The same for programs without CMake. The libraries need nothing of C++'s own: a program in C is linked by the C driver.
+# The same for programs without CMake. The libraries need nothing of C++'s own: a program in C is linked by the C
+# driver.
 set(TILLER_PC_LIBS "")
 foreach(target IN LISTS core_targets)
   get_target_property(type ${target} TYPE)

@@ -1,5 +1,6 @@
-# modules.txt in the build folder: a line for each folder that makes targets, with the folders whose targets it links. It is
-# read from the targets themselves, so it cannot differ from what is built. tools/dev/modules.py draws and checks it.
+# modules.txt in the build folder: a line for each folder that makes targets, with the folders whose targets it links.
+# It is read from the targets themselves, so it cannot differ from what is built. tools/dev/modules.py draws and checks
+# it.
 
 function(tiller_directories result folder)
   set(all ${folder})

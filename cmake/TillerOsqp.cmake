@@ -1,6 +1,6 @@
-# OSQP for planner.qp_solver = "osqp". Its C sources come with the Python wheel (tools/dev/requirements.txt; `./dev setup`
-# installs it) and are compiled from there, as one object whose symbols are all local but the six of tiller_osqp.h:
-# a program may link an OSQP of its own beside. Sets TILLER_HAS_OSQP.
+# OSQP for planner.qp_solver = "osqp". Its C sources come with the Python wheel (tools/dev/requirements.txt; `./dev
+# setup` installs it) and are compiled from there, as one object whose symbols are all local but the six of
+# tiller_osqp.h: a program may link an OSQP of its own beside. Sets TILLER_HAS_OSQP.
 option(TILLER_WITH_OSQP "OSQP as a solver of sqp's quadratic programs, if its wheel is in TILLER_VENV" ON)
 set(TILLER_HAS_OSQP FALSE)
 if(NOT TILLER_WITH_OSQP)

@@ -71,8 +71,8 @@ function(tiller_library name)
   set_property(GLOBAL APPEND PROPERTY TILLER_RUNTIME_TARGETS ${target})
 endfunction()
 
-# tiller_include_root(result folder): a folder of links, in the build, through which the headers of this one folder of the tree
-# are included by their path.
+# tiller_include_root(result folder): a folder of links, in the build, through which the headers of this one folder of
+# the tree are included by their path.
 function(tiller_include_root result folder)
   string(REPLACE "/" "_" id ${folder})
   set(root ${PROJECT_BINARY_DIR}/include_roots/${id})
@@ -87,8 +87,8 @@ endfunction()
 # tiller_module(folder SOURCES a.cpp ... DEPENDS folder ... PRIVATE_LIBS ... PUBLIC_LIBS ...)
 #
 # Makes the static library of a folder outside of runtime: tools/gap/fit gives tiller_tools_gap_fit. Its headers are
-# included by their path, "tools/gap/fit/file.hpp"; the include root is a folder of links that holds that one path, so that
-# a folder that is not in DEPENDS, or below one that is, cannot be included by accident.
+# included by their path, "tools/gap/fit/file.hpp"; the include root is a folder of links that holds that one path, so
+# that a folder that is not in DEPENDS, or below one that is, cannot be included by accident.
 function(tiller_module folder)
   cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS;PRIVATE_LIBS;PUBLIC_LIBS" ${ARGN})
   string(REPLACE "/" "_" id ${folder})
@@ -107,8 +107,9 @@ function(tiller_module folder)
   target_link_libraries(tiller_${id} ${scope} ${ARG_DEPENDS} ${ARG_PUBLIC_LIBS})
 endfunction()
 
-# tiller_read_table(file.def MACRO wanted built definitions): the names that a table lists as MACRO(name, ...), of which a build
-# with a list `wanted` has those alone. Sets `built` to the names and `definitions` to TILLER_BUILT_<what>_<name>=0 or 1.
+# tiller_read_table(file.def MACRO wanted built definitions): the names that a table lists as MACRO(name, ...), of which
+# a build with a list `wanted` has those alone. Sets `built` to the names and `definitions` to
+# TILLER_BUILT_<what>_<name>=0 or 1.
 function(tiller_read_table file macro option built definitions)
   set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${file})
   file(STRINGS ${file} lines REGEX "^${macro}\\(")
@@ -156,8 +157,8 @@ elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
 else()
   set(TILLER_ISAS scalar)
 endif()
-# A build for one known processor may leave copies out. At the desk the baseline and this processor's best are built: the
-# third copy is a third of the kernels' compile time. A build server and whoever ships binaries want all.
+# A build for one known processor may leave copies out. At the desk the baseline and this processor's best are built:
+# the third copy is a third of the kernels' compile time. A build server and whoever ships binaries want all.
 if(TILLER_ISA_ONLY AND NOT TILLER_ISA_ONLY STREQUAL "all")
   set(TILLER_ISAS ${TILLER_ISA_ONLY})
 elseif(NOT TILLER_ISA_ONLY AND NOT DEFINED ENV{CI} AND NOT CMAKE_CROSSCOMPILING AND EXISTS /proc/cpuinfo
@@ -189,8 +190,8 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   set(TILLER_ISA_QUIET -Wno-uninitialized -Wno-maybe-uninitialized)
 endif()
 if(TILLER_SANITIZE OR TILLER_COVERAGE)
-  # Optimised, an instrumented kernel compiles for minutes; as it is, in 15 to 40 s. Of the fuzzer's counters it is spared
-  # below.
+  # Optimised, an instrumented kernel compiles for minutes; as it is, in 15 to 40 s. Of the fuzzer's counters it is
+  # spared below.
   set(TILLER_ISA_OPTIMISATION -O0 -g1)
   if(TILLER_COVERAGE)
     set(TILLER_ISA_OPTIMISATION -O1 -g1)
@@ -227,9 +228,9 @@ endfunction()
 
 # tiller_test(name SOURCES a_test.cpp ... LIBS tiller_core ... LABELS slow)
 #
-# A GoogleTest program registered with ctest as <name>. Every test prints what it measured. Files of testing::TempDir() are
-# in a folder of its own: another test, preset or checkout that runs at the same time has others. The label threads: it has
-# some (the target threaded builds these).
+# A GoogleTest program registered with ctest as <name>. Every test prints what it measured. Files of testing::TempDir()
+# are in a folder of its own: another test, preset or checkout that runs at the same time has others. The label threads:
+# it has some (the target threaded builds these).
 function(tiller_test name)
   cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LIBS;LABELS;ARGS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})

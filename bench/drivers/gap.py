@@ -1,5 +1,6 @@
 # programs: bench_gap bench_gap_measured bench_gap_loop bench_gap_residual bench_gap_export
-"""./dev bench gap: how often `tiller gap` names what is missing, on data in which it was hidden and on measured machines.
+"""./dev bench gap: how often `tiller gap` names what is missing, on data in which it was hidden and on measured
+machines.
 
     ./dev bench gap                        every section for which there are data
     ./dev bench gap sealed --seeds 2       one section; what follows goes to its program (--plants, --kinds, --noises, ..)
@@ -49,7 +50,8 @@ TITLES = {"sealed": "one hidden effect", "null": "nothing hidden", "two": "two h
 QUICK = {"sealed": ["--seeds", "1", "--noises", "0.002"], "null": ["--seeds", "1", "--noises", "0.002"]}
 # logs of the XL330 that nothing is fitted to
 HELD_OUT = "up_and_down"
-# swing-ups of the DFKI pendulum with its usual bob; other logs hold spikes of torque (docs/guide/identify.md) or little motion
+# swing-ups of the DFKI pendulum with its usual bob; other logs hold spikes of torque (docs/guide/identify.md) or little
+# motion
 SWING_UPS = ["ddp", "direct_collocation", "ilqr", "sac"]
 
 

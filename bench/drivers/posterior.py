@@ -1,4 +1,5 @@
-# programs: bench_posterior bench_residual bench_accuracy bench_misspecified bench_methods bench_episodes bench_posterior_peers
+# programs: bench_posterior bench_residual bench_accuracy bench_misspecified bench_methods bench_episodes
+# bench_posterior_peers
 """./dev bench posterior: whether the posterior can be trusted, what it costs, and its peers, in one table.
 
     ./dev bench posterior                          every section but the long peer

@@ -1,6 +1,6 @@
-// ./dev bench gap loop: does the robot file that `tiller gap` writes control better? A cart-pole (ODE) with dry friction
-// or a delay that its model lacks tracks a reference with a hanging pole; `tiller gap` reads three runs of 10 s of that
-// very controller and adds what it finds; the same controller, plant and noise track again with the new file.
+// ./dev bench gap loop: does the robot file that `tiller gap` writes control better? A cart-pole (ODE) with dry
+// friction or a delay that its model lacks tracks a reference with a hanging pole; `tiller gap` reads three runs of 10
+// s of that very controller and adds what it finds; the same controller, plant and noise track again with the new file.
 //
 // Cost: the task's own, mean per tick, of the true states. Every seed draws plant, strength of the effect and noise;
 // none is left out, and a run that failed counts as lost. Settings were chosen on seeds 100001 .. 100004 (--tune).

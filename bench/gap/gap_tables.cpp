@@ -85,8 +85,8 @@ void print_confusion(const Rows& rows) {
 }
 
 /// By r, the nominal model's rollout error over 1 s in sensor deviations. Two readings of "nominal": the robot file's
-/// model after its own parameters were fitted to the data (what is left is what an effect must explain; noise is part of
-/// it, so it never falls below 1), and the plant without the effect, its parameters true.
+/// model after its own parameters were fitted to the data (what is left is what an effect must explain; noise is part
+/// of it, so it never falls below 1), and the plant without the effect, its parameters true.
 void sealed_by(Table& table, const Rows& rows, const char* reading, double GapRow::*ratio) {
   const Rows strong = where(rows, [&](const GapRow& r) { return r.*ratio >= 3; });
   const Rows middle = where(rows, [&](const GapRow& r) { return r.*ratio >= 1.5 && r.*ratio < 3; });

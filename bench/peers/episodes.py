@@ -1,4 +1,5 @@
-"""The tasks of bench_accuracy (accuracy_tasks.cpp) once more in numpy, for peers: models, priors, excitation, likelihood.
+"""The tasks of bench_accuracy (accuracy_tasks.cpp) once more in numpy, for peers: models, priors, excitation,
+likelihood.
 
 Written from the equations, not from the kernels: what both agree on is checked against exported episodes (`check`).
 Shapes: state (nx, n), parameters (d, n), input (n); n systems side by side.

@@ -2,15 +2,16 @@
 
     gap_sindy.py FOLDERS... [--methods stlsq,frols,ssr] [--settings FILE.json]
 
-Each folder has robot.toml and log_*.csv as bench_gap_export writes them; the sealed answer is not opened. One line of JSON
-a folder: {"case": name, "answers": {method: [effects]}}.
+Each folder has robot.toml and log_*.csv as bench_gap_export writes them; the sealed answer is not opened. One line of
+JSON a folder: {"case": name, "answers": {method: [effects]}}.
 
-What it is given, to be at its best: the nominal model's inverse dynamics (so that only the missing force is sought), the
-directions in which its uncertain parameters may move (free, not counted), derivatives by Savitzky and Golay with a window
-that goes by the noise, a weak form (the equation against test functions of 0.6 s, which its own finite differences do not
-survive without), a library of the catalogue's terms as far as an expression linear in coefficients can have them, with the
-pitch of periodic terms, the speed of Stribeck's, the width of a dead zone and the limit of a saturation each scanned
-beforehand, and joints one by one. Settings were tuned on seeds from 100001 on and are frozen below.
+What it is given, to be at its best: the nominal model's inverse dynamics (so that only the missing force is sought),
+the directions in which its uncertain parameters may move (free, not counted), derivatives by Savitzky and Golay with a
+window that goes by the noise, a weak form (the equation against test functions of 0.6 s, which its own finite
+differences do not survive without), a library of the catalogue's terms as far as an expression linear in coefficients
+can have them, with the pitch of periodic terms, the speed of Stribeck's, the width of a dead zone and the limit of a
+saturation each scanned beforehand, and joints one by one. Settings were tuned on seeds from 100001 on and are frozen
+below.
 """
 
 import argparse
@@ -27,8 +28,8 @@ from scipy.signal import savgol_filter
 warnings.filterwarnings("ignore")
 
 # Tuned on seeds 100001 of friction, offset, lag and delay on pendulum and cart-pole at three noises: window of the
-# derivatives by noise (samples of 15, 25 and 41), threshold of STLSQ over the force's size (0.15, 0.3, 0.5), share by which
-# one more term must lower the held-out error for the greedy ones (0.05, 0.15, 0.35).
+# derivatives by noise (samples of 15, 25 and 41), threshold of STLSQ over the force's size (0.15, 0.3, 0.5), share by
+# which one more term must lower the held-out error for the greedy ones (0.05, 0.15, 0.35).
 SETTINGS = {"window": {"0.0003": 25, "0.002": 41, "0.01": 41}, "stlsq": 0.5, "alpha": 1e-3, "frols": 0.35, "ssr": 0.35,
             "nothing": 0.03}
 TEST_FUNCTION_S, STRIDE_S = 0.6, 0.1
@@ -207,8 +208,8 @@ class Problem:
         self.names, self.fit, self.held = self.rows(scan)
 
     def rows(self, scan):
-        """Names, then (y, columns) to fit and held out, less what the uncertain parameters' directions explain. Terms of
-        which they leave nearly nothing go: what is left is the noise of the accelerations, and y has the same."""
+        """Names, then (y, columns) to fit and held out, less what the uncertain parameters' directions explain. Terms
+        of which they leave nearly nothing go: what is left is the noise of the accelerations, and y has the same."""
         names, parts = None, []
         for motions, force, free in zip(self.motions, self.force, self.free):
             terms = terms_of(self.world, self.joint, *motions, scan)

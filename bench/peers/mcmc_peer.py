@@ -2,9 +2,9 @@
 
     mcmc_peer.py EPISODES... [--sigma S] [--episodes N]
 
-32 walkers, the package's default stretch move; begun in a small ball around the best of some prior draws, climbed uphill;
-a third thrown away. The density is that of episodes.py: all data at once, noise marginalised as tiller does it. Nothing
-is shared with tiller but the equations.
+32 walkers, the package's default stretch move; begun in a small ball around the best of some prior draws, climbed
+uphill; a third thrown away. The density is that of episodes.py: all data at once, noise marginalised as tiller does it.
+Nothing is shared with tiller but the equations.
 """
 
 import argparse

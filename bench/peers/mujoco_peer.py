@@ -11,8 +11,8 @@ XML = """
 <worldbody><body name="cart"><joint name="slide" type="slide" axis="1 0 0"/>
 <inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
 <body name="pole"><joint name="hinge" type="hinge" axis="0 1 0"/>
-<inertial pos="0 0 0.5" mass="0.1" diaginertia="0.00833333333333333 0.00833333333333333 1e-4"/></body></body></worldbody>
-<actuator><motor joint="slide"/></actuator></mujoco>
+<inertial pos="0 0 0.5" mass="0.1" diaginertia="0.00833333333333333 0.00833333333333333
+1e-4"/></body></body></worldbody> <actuator><motor joint="slide"/></actuator></mujoco>
 """
 
 

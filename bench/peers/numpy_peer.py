@@ -1,8 +1,8 @@
 """Squared one-step residuals of 1,024 cart-poles at recorded transitions, in numpy.
 
-The measured state is shared by all particles, so its sine and cosine are scalars in every variant. `plain`: the formulas
-as they stand in episodes.py. `in place`: written for speed, no temporaries, and what depends on the parameters alone
-computed once, outside of the timing (which tiller's kernel does not do).
+The measured state is shared by all particles, so its sine and cosine are scalars in every variant. `plain`: the
+formulas as they stand in episodes.py. `in place`: written for speed, no temporaries, and what depends on the parameters
+alone computed once, outside of the timing (which tiller's kernel does not do).
 """
 
 import math

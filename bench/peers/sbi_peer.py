@@ -2,14 +2,15 @@
 
     sbi_peer.py EPISODES... [--tests N] [--quick]
 
-EPISODES: folders that `bench_accuracy --export` wrote; the first N of a task and noise level are its tests. One line of JSON for
-every task, noise level, density estimator and number of simulations.
+EPISODES: folders that `bench_accuracy --export` wrote; the first N of a task and noise level are its tests. One line of
+JSON for every task, noise level, density estimator and number of simulations.
 
-Settings are the package's defaults (batch 200, learning rate 5e-4, a tenth held out for validation, stop after 20 epochs
-without gain, z-scores); estimators its mixture density network and its neural spline flow. What an episode is summarised
-by is near sufficient: each rate's change regressed on the terms that its equation of motion has, the coefficients, and
-the logarithms of residual deviation and of each coefficient's deviation. Simulations are at the test's noise level: the
-estimator is told sigma, which tiller's posterior has to find out. One training answers any number of episodes.
+Settings are the package's defaults (batch 200, learning rate 5e-4, a tenth held out for validation, stop after 20
+epochs without gain, z-scores); estimators its mixture density network and its neural spline flow. What an episode is
+summarised by is near sufficient: each rate's change regressed on the terms that its equation of motion has, the
+coefficients, and the logarithms of residual deviation and of each coefficient's deviation. Simulations are at the
+test's noise level: the estimator is told sigma, which tiller's posterior has to find out. One training answers any
+number of episodes.
 """
 
 import argparse

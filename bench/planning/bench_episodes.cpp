@@ -2,11 +2,11 @@
 // next one's control (Possas et al. 2020, algorithm 1), against the prior kept as it was and against an oracle that
 // knows the plant's parameters.
 //
-// The demo's robot with priors four to ten times as wide, and episodes of 3 s, of which the swing-up takes two: with the
-// demo's own priors the posterior is sharp after half a second, and an episode of 6 s costs what the oracle's does from
-// the first on (a robot file on the command line is taken as it is: try robots/cart_pole.toml --seconds 6). Every seed
-// draws its own truth from the priors; the three controllers meet the same noise in the same episode. No seed is left
-// out; settings are chosen on seeds from 100001 on (--seeds 100001 20).
+// The demo's robot with priors four to ten times as wide, and episodes of 3 s, of which the swing-up takes two: with
+// the demo's own priors the posterior is sharp after half a second, and an episode of 6 s costs what the oracle's does
+// from the first on (a robot file on the command line is taken as it is: try robots/cart_pole.toml --seconds 6). Every
+// seed draws its own truth from the priors; the three controllers meet the same noise in the same episode. No seed is
+// left out; settings are chosen on seeds from 100001 on (--seeds 100001 20).
 
 #include <cmath>
 #include <cstdio>

@@ -1,4 +1,5 @@
-// tiller's side of ./dev bench planning: takes part in the rounds of table/rounds.hpp, on the same problems as the peers.
+// tiller's side of ./dev bench planning: takes part in the rounds of table/rounds.hpp, on the same problems as the
+// peers.
 //
 //   bench_peers hover.txt
 

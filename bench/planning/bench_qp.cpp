@@ -1,9 +1,9 @@
-// ./dev bench qp: quadratic programs along a horizon. The reference is a quadrotor at hover, 12 states and 4 inputs, the
-// matrices of OSQP's model predictive control example, N = 10, |u| <= 0.5, |x| <= 5, from random states.
+// ./dev bench qp: quadratic programs along a horizon. The reference is a quadrotor at hover, 12 states and 4 inputs,
+// the matrices of OSQP's model predictive control example, N = 10, |u| <= 0.5, |x| <= 5, from random states.
 //
-// Goals: 20 us a program of a closed loop, each started from the last one's active set, with the first input within 1e-4
-// of a tight solution, and 5 times OSQP (sparse, set up once, warm) on the same programs. Programs from cold, every one
-// with active bounds, are the hard case, and stand below.
+// Goals: 20 us a program of a closed loop, each started from the last one's active set, with the first input within
+// 1e-4 of a tight solution, and 5 times OSQP (sparse, set up once, warm) on the same programs. Programs from cold,
+// every one with active bounds, are the hard case, and stand below.
 
 #include <cmath>
 #include <cstdio>

@@ -1,16 +1,16 @@
 // ./dev bench calibration: do intervals cover what they claim, beside references that share no code with the engines?
 //
-// Each row is a kind of run (calibration_rows.cpp): a plant with equations and an integrator of its own, whose parameters
-// are drawn from the prior by the seed. Figures over its runs: coverage of 50, 90 and 95 % intervals over runs and
-// parameters, chi-square of the ranks, the deviations' ratio to an importance sampler's (median) and the mean's distance
-// from its (mean, in its deviations), the log density at the truth below the sampler's and below a joint-state unscented
-// filter's (median), and runs with an alarm.
+// Each row is a kind of run (calibration_rows.cpp): a plant with equations and an integrator of its own, whose
+// parameters are drawn from the prior by the seed. Figures over its runs: coverage of 50, 90 and 95 % intervals over
+// runs and parameters, chi-square of the ranks, the deviations' ratio to an importance sampler's (median) and the
+// mean's distance from its (mean, in its deviations), the log density at the truth below the sampler's and below a
+// joint-state unscented filter's (median), and runs with an alarm.
 //
 //   bench_calibration [--rows TEXT] [--engine filter|transition] [--plant pendulum|cart-pole] [--runs N] [--seed FIRST]
 //                     [--references N] [--threads N] [--json FILE] [--resume 1]
 //
-// Scores are taken on seeds 1 and up; settings are chosen on seeds from 100001. --json appends; --resume 1 leaves out the
-// rows that the file has.
+// Scores are taken on seeds 1 and up; settings are chosen on seeds from 100001. --json appends; --resume 1 leaves out
+// the rows that the file has.
 
 #include <algorithm>
 #include <cmath>

@@ -3,9 +3,9 @@
 //
 // Accuracy. Tasks, noise and excitation: accuracy_tasks.hpp, 400 transitions. Every method gets the same number of
 // simulations. Log densities are taken at the true parameters, by a kernel density estimate of the method's own samples
-// (Gaussian kernel, their covariance times Scott's N^(-2/(d+4)), N their effective number). The exact posterior does not
-// know the noise; ABC is told it, which is in its favour. `iterations` of SimOpt decide how narrow it is, so two of them
-// are shown.
+// (Gaussian kernel, their covariance times Scott's N^(-2/(d+4)), N their effective number). The exact posterior does
+// not know the noise; ABC is told it, which is in its favour. `iterations` of SimOpt decide how narrow it is, so two of
+// them are shown.
 //
 // Sample efficiency. n real transitions of the pendulum's episode, a fit, then swing-up with MPPI on the fitted mean
 // (method_episode.hpp) on the true pendulum. "reached": the return is at least 95 % of that of planning with the true

@@ -1,10 +1,10 @@
 // ./dev bench misspecified: what the posterior says when the plant does more than the model.
 //
-// Cart-pole and pendulum of accuracy_tasks.hpp (two unknowns, sigma .03, 400 transitions), the plant once from the model
-// and once from ODE (misspecified_worlds.hpp), with one effect hidden from the estimator at a time. Coverage: share of
-// 90 % intervals, over runs and parameters, that hold the truth. Log density: median over the runs, at the truth, of the
-// particles convolved with a Gaussian kernel (their own covariance, Scott's factor). Goal where the plain engine covers
-// at most .25: at least .85 with the remedy.
+// Cart-pole and pendulum of accuracy_tasks.hpp (two unknowns, sigma .03, 400 transitions), the plant once from the
+// model and once from ODE (misspecified_worlds.hpp), with one effect hidden from the estimator at a time. Coverage:
+// share of 90 % intervals, over runs and parameters, that hold the truth. Log density: median over the runs, at the
+// truth, of the particles convolved with a Gaussian kernel (their own covariance, Scott's factor). Goal where the plain
+// engine covers at most .25: at least .85 with the remedy.
 //
 // Adequacy: alarms of the model without discrepancy basis within 200 ticks, over the runs in which the effect makes the
 // nominal model's open-loop error over 25 periods at least three times what noise alone makes it; false alarms in runs

@@ -1,4 +1,5 @@
-// The parts of ./dev bench robot that are programs of their own: faults, gate, soak, integrity, loss. robot.py runs them all.
+// The parts of ./dev bench robot that are programs of their own: faults, gate, soak, integrity, loss. robot.py runs
+// them all.
 
 #include <cstdlib>
 #include <cstring>

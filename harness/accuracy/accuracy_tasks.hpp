@@ -3,11 +3,12 @@
 // The tasks of Online BayesSim's Table I (Possas et al. 2020) that have a model here, at a declared noise, and episodes
 // of them. The true parameters are drawn from the prior, so a posterior's calibration can be judged too.
 //
-// What a task states: model and integrator (semi-implicit Euler, one step of 20 ms: the data come from the very map that
-// the estimators know, so its discretisation is no error), prior, excitation, noise, 400 transitions an episode.
-// Noise enters the state of every transition, x[k+1] = f(x[k], u[k]; theta) + w, and the next one starts from there: all
-// states are measured and the likelihood is exact. Its deviation is sigma times the task's `step_rms`; the estimator
-// knows nominal deviations of kNominalSigma times step_rms, and its noise prior is wide enough to leave that open.
+// What a task states: model and integrator (semi-implicit Euler, one step of 20 ms: the data come from the very map
+// that the estimators know, so its discretisation is no error), prior, excitation, noise, 400 transitions an episode.
+// Noise enters the state of every transition, x[k+1] = f(x[k], u[k]; theta) + w, and the next one starts from there:
+// all states are measured and the likelihood is exact. Its deviation is sigma times the task's `step_rms`; the
+// estimator knows nominal deviations of kNominalSigma times step_rms, and its noise prior is wide enough to leave that
+// open.
 
 #include <cstdint>
 #include <string>

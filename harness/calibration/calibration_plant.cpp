@@ -27,10 +27,10 @@ void runge_kutta(const PlantPhysics& p, double* x, double input, double h) {
   for (int i = 0; i < n; ++i) x[i] += h / 6.0 * (k[0][i] + 2.0 * k[1][i] + 2.0 * k[2][i] + k[3][i]);
 }
 
-/// A step with dry friction at the driven joint, the first of either mechanism. It acts against the motion; where the joint
-/// comes to rest within the step, the rest of it begins from there: it sticks where friction is the stronger, else it goes
-/// on the other way. (Stopping it for the whole step instead would delay every reversal by half a step, a thousandth of a
-/// pendulum's period.)
+/// A step with dry friction at the driven joint, the first of either mechanism. It acts against the motion; where the
+/// joint comes to rest within the step, the rest of it begins from there: it sticks where friction is the stronger,
+/// else it goes on the other way. (Stopping it for the whole step instead would delay every reversal by half a step, a
+/// thousandth of a pendulum's period.)
 void step(const PlantPhysics& p, double* x, double input, double h) {
   if (!(p.coulomb > 0.0)) return runge_kutta(p, x, input, h);
   const int rate = p.joints(), n = p.states();

@@ -250,8 +250,8 @@ Fit climb(const Target& target, Eigen::VectorXd at) {
 
 namespace {
 
-/// A Student-t about the mode, then, refitted, one about the whole and normals about points drawn from the last round: they
-/// follow bounds and bent ridges.
+/// A Student-t about the mode, then, refitted, one about the whole and normals about points drawn from the last round:
+/// they follow bounds and bent ridges.
 class Proposal {
  public:
   static constexpr double kFreedom = 5.0, kWhole = 0.4, kNarrow = 0.35;

@@ -1,7 +1,7 @@
 #pragma once
 
-// References of the calibration benchmark. They share no code with runtime/: an extended Kalman filter of their own over
-// the plants' equations, importance sampling of the parameters, and a joint-state unscented filter.
+// References of the calibration benchmark. They share no code with runtime/: an extended Kalman filter of their own
+// over the plants' equations, importance sampling of the parameters, and a joint-state unscented filter.
 
 #include <Eigen/Core>
 #include <cstdint>
@@ -33,8 +33,8 @@ struct ReferenceProblem {
   bool measured[kPlantStates] = {};     ///< states that are read
   double sensor_sd[kPlantStates] = {};  ///< nominal, quantisation included
   double start[kPlantStates] = {}, start_sd[kPlantStates] = {};
-  /// False: the nominal noise is the truth. True: sigma^2 ~ InvGamma(shape, shape) scales all variances, and the process
-  /// deviations are exp(ratio) times as large beside it, ratio ~ N(0, ratio_sd^2).
+  /// False: the nominal noise is the truth. True: sigma^2 ~ InvGamma(shape, shape) scales all variances, and the
+  /// process deviations are exp(ratio) times as large beside it, ratio ~ N(0, ratio_sd^2).
   bool noise_unknown = false;
   double noise_shape = 5.0, noise_ratio_sd = 1.5;
 
@@ -58,8 +58,8 @@ struct ReferencePosterior {
   double rank(int j, double truth) const;  ///< weight below the truth
 };
 
-/// Importance sampling with Student-t proposals about the mode, twice refitted. `near` (d, physical) is where the search for
-/// the mode begins: a reference may know the truth. Cost: about 2,000 likelihoods.
+/// Importance sampling with Student-t proposals about the mode, twice refitted. `near` (d, physical) is where the
+/// search for the mode begins: a reference may know the truth. Cost: about 2,000 likelihoods.
 ReferencePosterior sample_reference(const ReferenceProblem& problem, const PlantRecord& record, const double* near,
                                     std::uint64_t seed);
 

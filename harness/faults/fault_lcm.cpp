@@ -1,5 +1,5 @@
-// The route over LCM: the runtime's decoder and gate on one side, generated types on the other. The network is a list of
-// packets.
+// The route over LCM: the runtime's decoder and gate on one side, generated types on the other. The network is a list
+// of packets.
 
 #include <algorithm>
 #include <cstdio>

@@ -1,5 +1,5 @@
-// Integrity of our own frames and messages, counted. The runtime's readers on one side, the plant's writers (which share
-// no code with them) on the other.
+// Integrity of our own frames and messages, counted. The runtime's readers on one side, the plant's writers (which
+// share no code with them) on the other.
 
 #include "harness/faults/integrity.hpp"
 

@@ -17,8 +17,8 @@ IntegrityRow flips_of_status(std::uint64_t trials);
 /// One or two random bits of a measurement over LCM, sealed with a key.
 IntegrityRow flips_of_sealed(std::uint64_t trials);
 
-/// Protected measurements over the bus, each trial one of: the last one again, the next two in the wrong order, one from
-/// up to kReplayWindow measurements ago. What was not new and in order, and was taken, has passed.
+/// Protected measurements over the bus, each trial one of: the last one again, the next two in the wrong order, one
+/// from up to kReplayWindow measurements ago. What was not new and in order, and was taken, has passed.
 constexpr std::uint32_t kReplayWindow = 1u << 16;
 IntegrityRow disorder_of_board(std::uint64_t trials);
 /// The same with sealed messages.

@@ -40,7 +40,8 @@ bool same(EffectSet a, EffectSet b) {
   return a == b;
 }
 
-/// Friction of two levels written as the Coulomb friction and the constant force that it is (tools/gap/search/equivalent_forms.hpp).
+/// Friction of two levels written as the Coulomb friction and the constant force that it is
+/// (tools/gap/search/equivalent_forms.hpp).
 EffectSet elementary(const EffectSet& set) {
   EffectSet split;
   for (const EffectName& e : set) {

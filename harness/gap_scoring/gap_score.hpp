@@ -31,7 +31,8 @@ bool find_outcome(const std::string& name, Outcome& outcome);
 
 /// `truth` empty: a null run, where every verdict but "no_gap" is wrong or unnamed. A set is structurally equivalent to
 /// another if their effects can be paired so that each pair is equal or aliases by the catalogue (EffectInfo::aliases,
-/// either way round; asymmetric friction is Coulomb friction and a constant force); that alone, not that these data cannot tell them apart, lets a reported class count as exact.
+/// either way round; asymmetric friction is Coulomb friction and a constant force); that alone, not that these data
+/// cannot tell them apart, lets a reported class count as exact.
 Outcome judge(const EffectSet& truth, const GapAnswer& answer);
 
 /// "coulomb_friction" of "coulomb_friction@cart".

@@ -67,8 +67,8 @@ bool record(const Setup& setup, const std::vector<double>& amplitude, const std:
   return true;
 }
 
-/// The state at a row as the sensors show it, less noise: a constant error of a sensor moves where a rollout starts, and
-/// is a gap only as far as the motion depends on the place.
+/// The state at a row as the sensors show it, less noise: a constant error of a sensor moves where a rollout starts,
+/// and is a gap only as far as the motion depends on the place.
 std::vector<double> seen_state(const Setup& setup, const Series& series, std::size_t row) {
   std::vector<double> state;
   const std::size_t positions = setup.plant->excursion.size(), last = series.time_s.size() - 1;

@@ -1,8 +1,8 @@
 #pragma once
 
-// Data in which an effect is hidden, for `tiller gap`: a robot file as an honest engineer would write it, logs of an ODE
-// plant that does more than the file says, and the answer under seal. docs/evidence/hidden_effects.md tells how they are drawn.
-// Everything follows from the case alone: same case, same bits.
+// Data in which an effect is hidden, for `tiller gap`: a robot file as an honest engineer would write it, logs of an
+// ODE plant that does more than the file says, and the answer under seal. docs/evidence/hidden_effects.md tells how
+// they are drawn. Everything follows from the case alone: same case, same bits.
 
 #include <cstdint>
 #include <memory>

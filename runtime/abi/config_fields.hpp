@@ -69,8 +69,8 @@ void set_config_value(tiller_config_t& config, const ConfigField& field, std::ui
 /// Every setting of config.def at its default.
 void set_defaults(tiller_config_t& config);
 
-/// The first setting of a group that is out of its range (a literal, the field's path), arrays as far as the model's states
-/// and inputs go; null: none. Needs config.model.
+/// The first setting of a group that is out of its range (a literal, the field's path), arrays as far as the model's
+/// states and inputs go; null: none. Needs config.model.
 const char* out_of_range(const tiller_config_t& config, FieldGroup group);
 
 }  // namespace tiller

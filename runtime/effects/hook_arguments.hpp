@@ -32,11 +32,12 @@ S yield(const JointStep<S>& in) {
 
 /// Dry friction over a step of constant force otherwise: level(direction, speed) is its size, of the direction +-1.
 ///   - the joint slides on: the level of the mean speed, against the motion;
-///   - it comes to rest within the step: that level up to there, and from there either it holds (the force that stops the
-///     joint exactly, so that v becomes 0 and not a small number) or it slides on the way that the other forces push.
-/// Second order through the reversal too; the projection of the stopping force onto [-level, level] alone (Moreau's time
-/// stepping) errs there by level dt, which in a record of 10 ms periods is what a fit sees. Bounded by the level, so stable
-/// at any step. A level that is the constant 0 gives 0, without derivatives, at rest as well.
+///   - it comes to rest within the step: that level up to there, and from there either it holds (the force that stops
+///     the joint exactly, so that v becomes 0 and not a small number) or it slides on the way that the other forces
+///     push.
+/// Second order through the reversal too; the projection of the stopping force onto [-level, level] alone (Moreau's
+/// time stepping) errs there by level dt, which in a record of 10 ms periods is what a fit sees. Bounded by the level,
+/// so stable at any step. A level that is the constant 0 gives 0, without derivatives, at rest as well.
 template <class S, class Level>
 S dry_friction(const JointStep<S>& in, const Level& level) {
   const S way = copysign(S(1.0), in.velocity), speed = abs(in.velocity), forward = way * in.free;

@@ -6,9 +6,9 @@ namespace tiller {
 
 /// Transport delay of an input. For commands constant over periods of length T, a delay of n T + r makes each period
 /// two parts: r long the command of n + 1 periods ago, then that of n periods ago. The steps end where the command
-/// changes, so that the delay is as exact as the integrator (the mean of the two over the period would move a position by
-/// up to a T^2 / 8 for a change a of the acceleration). Every lane may have its own delay; the history belongs to the
-/// input, not to the particle. A delay of 0 passes the command through, to the last bit.
+/// changes, so that the delay is as exact as the integrator (the mean of the two over the period would move a position
+/// by up to a T^2 / 8 for a change a of the acceleration). Every lane may have its own delay; the history belongs to
+/// the input, not to the particle. A delay of 0 passes the command through, to the last bit.
 template <class S>
 struct InputDelay {
   static constexpr bool inlined = true;

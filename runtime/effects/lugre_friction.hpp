@@ -8,10 +8,11 @@ namespace tiller {
 /// Bristle friction: before it slides the contact is a spring that yields. The state is the bristles' mean deflection
 /// z. Within a step velocity and deflection count with their values at 1 - theta of the start and theta of the end; the
 /// equation is quadratic in that deflection once the direction of sliding is known, and that is the sign of the
-/// velocity that the deflection of the start would give: closed form, |z| never exceeds level / stiffness, stable at any
-/// step and stiffness. theta is one half for bristles that are slow against the step (second order: implicit Euler damps
-/// them like a dashpot of stiffness dt / 2, which a fit of 10 ms records sees) and goes to 1 where they are faster than
-/// it, so that a stiff contact sticks and does not ring. Micro-damping is left out (viscous_friction beside it damps).
+/// velocity that the deflection of the start would give: closed form, |z| never exceeds level / stiffness, stable at
+/// any step and stiffness. theta is one half for bristles that are slow against the step (second order: implicit Euler
+/// damps them like a dashpot of stiffness dt / 2, which a fit of 10 ms records sees) and goes to 1 where they are
+/// faster than it, so that a stiff contact sticks and does not ring. Micro-damping is left out (viscous_friction beside
+/// it damps).
 template <class S>
 struct LugreFriction {
   static constexpr Hook hook = Hook::dissipation;

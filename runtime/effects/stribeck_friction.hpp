@@ -5,8 +5,8 @@
 
 namespace tiller {
 
-/// Dry friction that is larger at rest than in motion: the level of the mean speed in the step, bounded and so stable at
-/// any step.
+/// Dry friction that is larger at rest than in motion: the level of the mean speed in the step, bounded and so stable
+/// at any step.
 template <class S>
 struct StribeckFriction {
   static constexpr Hook hook = Hook::dissipation;

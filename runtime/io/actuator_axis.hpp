@@ -32,9 +32,10 @@ struct ActuatorState {
 /// times, with one command after the other, whatever it confirms: with a tenth of all frames lost, one start in 1e5
 /// loses them all.
 ///
-/// Bumpless entry: until the drive confirms and was asked often enough, it is sent what it does anyway (no torque, its own velocity or position);
-/// from there the set point moves to the command at no more than the rate given, and is the command from then on. So a
-/// drive that took half a second to enable does not meet the torque that was planned meanwhile at once.
+/// Bumpless entry: until the drive confirms and was asked often enough, it is sent what it does anyway (no torque, its
+/// own velocity or position); from there the set point moves to the command at no more than the rate given, and is the
+/// command from then on. So a drive that took half a second to enable does not meet the torque that was planned
+/// meanwhile at once.
 class ActuatorAxis {
  public:
   /// Signs of life that a drive gets to report that it is enabled after it was asked.

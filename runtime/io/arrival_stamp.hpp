@@ -35,7 +35,8 @@ constexpr std::size_t kArrivalStampSpace = CMSG_SPACE(3 * sizeof(timespec));
 /// Takes a stamp off a control message; false: it is of another kind.
 bool read_arrival_stamp(const cmsghdr* message, ArrivalStamp* stamp);
 
-/// The interface's clock against the kernel's, from stamps alone: CAN controllers have no clock that a program could read.
+/// The interface's clock against the kernel's, from stamps alone: CAN controllers have no clock that a program could
+/// read.
 ///
 /// The kernel's stamp of a frame is later than the interface's by the offset of the clocks and the time until the
 /// interrupt was served. That time is never below zero, so the least difference of the last half second is the offset,
@@ -43,8 +44,8 @@ bool read_arrival_stamp(const cmsghdr* message, ArrivalStamp* stamp);
 /// for crystals that differ by 100 ppm, where interrupts of a busy processor wait for 100 us to milliseconds.
 class InterfaceClock {
  public:
-  /// The arrival by the kernel's clock, never later than its own stamp. A frame without a stamp of the interface has the
-  /// kernel's; so has one whose difference says that a clock was set.
+  /// The arrival by the kernel's clock, never later than its own stamp. A frame without a stamp of the interface has
+  /// the kernel's; so has one whose difference says that a clock was set.
   std::int64_t arrival_ns(const ArrivalStamp& stamp);
 
  private:

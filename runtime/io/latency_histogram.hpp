@@ -6,7 +6,8 @@
 namespace tiller {
 
 /// Counts durations in fixed memory: 64 bins for every doubling, so that a quantile is known to 1.6 %, the largest
-/// exactly. 18 kB; an add costs a few nanoseconds and never fails. Below zero counts as zero; from 18 minutes on, as that.
+/// exactly. 18 kB; an add costs a few nanoseconds and never fails. Below zero counts as zero; from 18 minutes on, as
+/// that.
 class LatencyHistogram {
  public:
   void add(std::int64_t ns) {

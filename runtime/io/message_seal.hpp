@@ -19,7 +19,8 @@ const char* seal_text(SealState state);
 /// One end of a link whose messages are authenticated with a key that both ends hold: a trailer of 48 bytes behind the
 /// encoded message,
 ///
-///     session | counter | challenge | answer: uint64 each, big-endian | tag: BLAKE2s-128(key; channel, 0, all before it)
+///     session | counter | challenge | answer: uint64 each, big-endian | tag: BLAKE2s-128(key; channel, 0, all before
+///     it)
 ///
 /// Decoders made by lcm-gen read a message from the front and leave the rest, so listeners without the key go on
 /// working. The channel is part of the tag: a command cannot be passed off as a measurement, nor one robot's message as
@@ -29,12 +30,13 @@ const char* seal_text(SealState state);
 /// without one, changes nothing.
 ///   - `session` is drawn at random when an end starts; `counter` grows by one with each of its messages. A receiver
 ///     takes each counter of a session once and only upwards.
-///   - `challenge` is a number that the sender has drawn; `answer` is the newest challenge that it has heard. A receiver
-///     takes up a new session only from a message that answers its present challenge, which it then draws again. So what
-///     was recorded before the receiver started, or in a session that was given up, never passes.
+///   - `challenge` is a number that the sender has drawn; `answer` is the newest challenge that it has heard. A
+///     receiver takes up a new session only from a message that answers its present challenge, which it then draws
+///     again. So what was recorded before the receiver started, or in a session that was given up, never passes.
 ///   - A receiver draws a new challenge twice in `window_us`, by its own monotonic clock, and takes answers to the last
 ///     two: a message that was held up on its way for longer than the window does not pass. Window 0: not checked.
-/// A message that is a trailer alone carries a challenge and nothing else. docs/reference/security.md has the whole argument.
+/// A message that is a trailer alone carries a challenge and nothing else. docs/reference/security.md has the whole
+/// argument.
 class MessageSeal {
  public:
   static constexpr std::uint32_t kKeyBytes = 32, kSecretBytes = 32, kTagBytes = 16, kTrailerBytes = 4 * 8 + kTagBytes;

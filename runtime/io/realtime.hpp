@@ -40,8 +40,8 @@ struct RealtimeReport {
 /// "priority", "memory", "processors", "stack".
 const char* realtime_part_name(RealtimePart part);
 
-/// Applies the options to the calling thread (memory: to the process). Threads that it starts later have its priority and
-/// processors; make those that must not have them before. Undone by realtime_end(), or with the process.
+/// Applies the options to the calling thread (memory: to the process). Threads that it starts later have its priority
+/// and processors; make those that must not have them before. Undone by realtime_end(), or with the process.
 RealtimeReport realtime_begin(const RealtimeOptions& options);
 /// Back to the ordinary scheduler, any processor, pages as they come.
 void realtime_end(const RealtimeReport& report);
@@ -55,9 +55,9 @@ void touch_pages(void* block, std::size_t bytes);
 /// A tick at absolute times of CLOCK_MONOTONIC: start, start + period, start + 2 period, ... What a tick takes does not
 /// move those that follow, and errors do not add up.
 ///
-/// Overrun: when a time has passed before it is waited for, the tick comes at once if it is the only one; of several, one
-/// comes at once, for the latest, and the others are skipped and counted. Ticks never come in a burst: a controller that
-/// has slept needs one answer to the present, not many to the past.
+/// Overrun: when a time has passed before it is waited for, the tick comes at once if it is the only one; of several,
+/// one comes at once, for the latest, and the others are skipped and counted. Ticks never come in a burst: a controller
+/// that has slept needs one answer to the present, not many to the past.
 class PeriodicTimer {
  public:
   explicit PeriodicTimer(std::int64_t period_ns) : period_ns_(period_ns) {}

@@ -7,8 +7,8 @@
 namespace tiller {
 
 /// The frames of a sensor board (dbc/sensors.dbc), as numbers. Two layouts share the bus: version 0 without protection,
-/// and version 1, in which the last byte is a CRC-8 over identifier and content (core/e2e.hpp; Hamming distance 4 at this
-/// length) and the measurement's own number is the counter.
+/// and version 1, in which the last byte is a CRC-8 over identifier and content (core/e2e.hpp; Hamming distance 4 at
+/// this length) and the measurement's own number is the counter.
 ///
 /// A reader takes version 0 until it has seen version 1: from then on what is not protected is refused, so that a
 /// damaged version cannot pass for an old layout.

@@ -112,8 +112,8 @@ ArrivalStamp take_ancillary(SocketCanTransport* transport, msghdr& message) {
   return stamp;
 }
 
-/// The arrival on the clock of this program. The kernel stamps by CLOCK_REALTIME: when that was set since the last frame,
-/// one stamp is not believed. Any age is: a program that was stopped must see how old what it finds is.
+/// The arrival on the clock of this program. The kernel stamps by CLOCK_REALTIME: when that was set since the last
+/// frame, one stamp is not believed. Any age is: a program that was stopped must see how old what it finds is.
 std::int64_t arrival_us(SocketCanTransport* transport, const ArrivalStamp& stamp) {
   constexpr std::int64_t kStepUs = 100000, kBesideUs = 2000;
   std::int64_t now_us = monotonic_us(), real_us = realtime_us();

@@ -36,10 +36,10 @@ struct SocketCanCounters {
 
 /// A raw CAN socket that never waits. Owned by the caller, filled by socketcan_open. One thread at a time.
 ///
-/// Frames are stamped on arrival, by the interface where it has a clock and else by the kernel, so that a program that was
-/// held up does not take a late reading for a new one. Own set points come back once they were on the bus: as long as the last tick's have not, no more are
-/// queued behind them, so that a bus that recovers carries at most one tick's old set points and not a queue of them.
-/// (A driver that brings none back is taken as it is.)
+/// Frames are stamped on arrival, by the interface where it has a clock and else by the kernel, so that a program that
+/// was held up does not take a late reading for a new one. Own set points come back once they were on the bus: as long
+/// as the last tick's have not, no more are queued behind them, so that a bus that recovers carries at most one tick's
+/// old set points and not a queue of them. (A driver that brings none back is taken as it is.)
 struct SocketCanTransport {
   int socket = -1;
   char interface[16] = {};  // its name, to find it again

@@ -90,8 +90,8 @@ std::int64_t waited_us(msghdr& message) {
   return 0;
 }
 
-/// A classic BPF program that lets one channel pass: as a whole message, or as the first fragment of a larger one, which
-/// the parser then refuses by name. It sees a datagram from its UDP header on.
+/// A classic BPF program that lets one channel pass: as a whole message, or as the first fragment of a larger one,
+/// which the parser then refuses by name. It sees a datagram from its UDP header on.
 class ChannelFilter {
  public:
   explicit ChannelFilter(const char* channel) {

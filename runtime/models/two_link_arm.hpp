@@ -4,8 +4,8 @@
 
 namespace tiller {
 
-/// Two-link arm: the acrobot's two rods in a vertical plane with a motor in each hinge. Angles, parameters and equations
-/// are the acrobot's.
+/// Two-link arm: the acrobot's two rods in a vertical plane with a motor in each hinge. Angles, parameters and
+/// equations are the acrobot's.
 template <class S>
 struct TwoLinkArm {
   using Links = Acrobot<S>;

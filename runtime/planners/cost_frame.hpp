@@ -13,7 +13,8 @@ class CostFrame {
     cost_ = &config.cost;
     states_ = config.model->state_count;
   }
-  /// `origin` (nx; null: zeros). True if it is not that of the call before: a path planned until then has another frame.
+  /// `origin` (nx; null: zeros). True if it is not that of the call before: a path planned until then has another
+  /// frame.
   template <class T>
   bool move_to(const double* origin, CostTerms<T>& terms) {
     const double zero[TILLER_MAX_STATES] = {};

@@ -15,9 +15,10 @@ namespace {
 // limits and each of the M hypotheses are what they are for any planner, and nothing is stored of states.
 //
 // A tree over choices has one cost where the M hypotheses have M: the risk of a whole simulation over the hypotheses.
-// It is an open-loop tree: a node is a sequence of choices, not what they lead to under one hypothesis, and its value is
-// the mean over default policies of the risk over hypotheses. "worst" then prefers choices whose costliest hypothesis is
-// cheap on average over what may follow; the plan is the cheapest simulation itself, under the risk as configured.
+// It is an open-loop tree: a node is a sequence of choices, not what they lead to under one hypothesis, and its value
+// is the mean over default policies of the risk over hypotheses. "worst" then prefers choices whose costliest
+// hypothesis is cheap on average over what may follow; the plan is the cheapest simulation itself, under the risk as
+// configured.
 //
 // The plan is not the most visited path but the cheapest simulation, as in single-player games (Schadd et al.,
 // "Single-player Monte-Carlo tree search", 2008): the same sequence always costs the same, so the best one seen is no

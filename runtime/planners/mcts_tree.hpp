@@ -9,10 +9,10 @@ namespace tiller {
 /// A tree over sequences of choices, in a pool of fixed size: who was visited how often at what mean cost, and where to
 /// look next. It knows nothing of robots: a choice is a number below `actions`.
 ///
-/// UCT (Kocsis and Szepesvari, "Bandit based Monte-Carlo planning", ECML 2006): a node's untried choices come first, then
-/// the child with the largest  q + c sqrt(2 ln N / n),  q its mean cost as a share of the range of costs, 1 the cheapest.
-/// A batch of leaves is looked for before any of them is evaluated; visits under way count in N and n as if they were
-/// made (WU-UCT, Liu et al., "Watch the unobserved", ICLR 2020), so the batch spreads out.
+/// UCT (Kocsis and Szepesvari, "Bandit based Monte-Carlo planning", ECML 2006): a node's untried choices come first,
+/// then the child with the largest  q + c sqrt(2 ln N / n),  q its mean cost as a share of the range of costs, 1 the
+/// cheapest. A batch of leaves is looked for before any of them is evaluated; visits under way count in N and n as if
+/// they were made (WU-UCT, Liu et al., "Watch the unobserved", ICLR 2020), so the batch spreads out.
 class MctsTree {
  public:
   static constexpr std::uint32_t kNone = 0xffffffffu;

@@ -87,7 +87,8 @@ void reset_path_plan(PathPlan& p);
 
 /// Takes the command in force, brought into the limits; the safe command if it is null.
 void take_command(PathPlan& p, const double* last_command);
-/// Moves the cost into the belief's frame; a path of another frame is dropped, its inputs stay. True if the frame moved.
+/// Moves the cost into the belief's frame; a path of another frame is dropped, its inputs stay. True if the frame
+/// moved.
 bool take_origin(PathPlan& p, const double* origin);
 /// The first scenarios of the belief; false if there is nothing to plan over. A path for another number of scenarios is
 /// dropped.
@@ -109,8 +110,8 @@ bool take_box(PathPlan& p);
 /// gains are then zero. `factorised`: the factor is that of the present matrices already.
 bool solve_path(PathPlan& p, std::uint32_t most_sweeps, bool factorised);
 
-/// Rolls the linear system on under the solution's gains with the rate limits in the loop: what a rate limit takes from one
-/// input, the gains ask of the next. For plans whose inputs have one (rate_limited); changes dx, du.
+/// Rolls the linear system on under the solution's gains with the rate limits in the loop: what a rate limit takes from
+/// one input, the gains ask of the next. For plans whose inputs have one (rate_limited); changes dx, du.
 void limit_solution(PathPlan& p);
 
 /// Rolls candidates (alpha, beta) out from the start: u = control + alpha step + beta gain (z - state).

@@ -22,8 +22,8 @@ struct SamplingMethod {
   void (*update)(Sampler& s);
   /// Settles the mean for good and returns its cost; called if at least one iteration was completed.
   double (*choose)(Sampler& s);
-  /// Fills the knots of all rollouts, on one thread; false if the deadline passed on the way. Null: normal samples around
-  /// the mean.
+  /// Fills the knots of all rollouts, on one thread; false if the deadline passed on the way. Null: normal samples
+  /// around the mean.
   bool (*draw)(Sampler& s) = nullptr;
   /// The iteration that was drawn does not count; null: nothing to undo.
   void (*cancel)(Sampler& s) = nullptr;

@@ -80,8 +80,9 @@ void fill_mix(const tiller_planner_config_t& p, float* mix) {
   for (std::uint32_t i = 0; i < knots * knots; ++i) mix[i] = static_cast<float>(factor[i]);
 }
 
-/// The samples stand at several scales of the spread, so their squares are set against those of their scales: with equal
-/// weights the spread is expected to stay. Rollouts 0 and 1, the mean and the best, were not drawn and have no say.
+/// The samples stand at several scales of the spread, so their squares are set against those of their scales: with
+/// equal weights the spread is expected to stay. Rollouts 0 and 1, the mean and the best, were not drawn and have no
+/// say.
 void adapt_spread(Sampler& s) {
   s.weight[0] = s.weight[1] = 0.0f;
   double scales = 0.0, squares = 0.0;

@@ -51,8 +51,8 @@ std::uint32_t best_candidate(const Sqp& s, double& cost, double& merit) {
   return best;
 }
 
-/// Where the path's own inputs are the best by no more than rounding, the full step is as good, and it answers the state
-/// that was measured: a cost of 1e9 that nothing changes hides what the answer is worth.
+/// Where the path's own inputs are the best by no more than rounding, the full step is as good, and it answers the
+/// state that was measured: a cost of 1e9 that nothing changes hides what the answer is worth.
 bool prefer_full_step(const Sqp& s, double& cost, double& merit) {
   const double risk = candidate_risk(s.plan, 0), all = risk + bounds_penalty(s, 0);
   if (!(all <= merit + kFlat * std::fabs(merit))) return false;

@@ -56,8 +56,8 @@ void lay_out_programs(Arena& arena, const tiller_config_t& config, const Rollout
 /// sqp_solve.cpp: solves the program around the path; leaves step and gains for the line search in the plan's factor.
 /// False where there is no solution at all.
 bool solve_program(Sqp& s, const Deadline& deadline);
-/// The first sweep of the program's active set ahead of its measurement: with the set of the last plan, only vectors are
-/// left to do.
+/// The first sweep of the program's active set ahead of its measurement: with the set of the last plan, only vectors
+/// are left to do.
 void prefactorise(Sqp& s);
 
 }  // namespace tiller

@@ -19,7 +19,8 @@ constexpr double kFeatureClip = 1.5;
 /// In the estimate of the noise's scale.
 constexpr double kScaleClip = 4.0;
 /// r, in squared deviations: some twentieth of the information at which an alarm is hoped for (V = 100 to 200 after as
-/// many ticks of a feature of unit size), where log E loses least, about 2, to the mixture (Howard et al., section 3.5).
+/// many ticks of a feature of unit size), where log E loses least, about 2, to the mixture (Howard et al., section
+/// 3.5).
 constexpr double kMixing = 6.0;
 /// Share of the level for the sums that begin with the run.
 constexpr double kFirstShare = 0.5;

@@ -44,8 +44,8 @@ std::uint32_t velocity_state(const tiller_model_t& model, std::uint32_t i);
 /// Under the model a normalised innovation has, given all that came before, mean zero and variance one: it goes with
 /// nothing that was known beforehand. For a feature b known before the innovation y and any l,
 ///     exp(l S - l^2 V / 2),   S = sum b y,   V = sum b^2 (y^2 + 2) / 3
-/// is then a supermartingale (Delyon, "Exponential inequality for sums of dependent random variables", EJP 14, 2009; the
-/// third of V that is observed keeps it honest where the scale is misjudged). Averaged over l ~ N(0, 1 / r) it is
+/// is then a supermartingale (Delyon, "Exponential inequality for sums of dependent random variables", EJP 14, 2009;
+/// the third of V that is observed keeps it honest where the scale is misjudged). Averaged over l ~ N(0, 1 / r) it is
 ///     E = sqrt(r / (V + r)) exp(S^2 / (2 (V + r)))
 /// (Robbins 1970; Howard, Ramdas, McAuliffe and Sekhon, Annals of Statistics 49, 2021, section 3.2), and by Ville's
 /// inequality it ever exceeds 1 / level with probability at most `level`. Changes late in a run are seen because the
@@ -66,8 +66,8 @@ class AdequacyTest {
   static constexpr double kLevel = 0.01;
   static constexpr std::uint32_t kLevelTicks = 10000;
 
-  /// Innovations that alternate give no alarm: a Kalman filter's do where its process noise is stated too large, those of
-  /// states taken as measured do by the measurements' noise, and neither misleads.
+  /// Innovations that alternate give no alarm: a Kalman filter's do where its process noise is stated too large, those
+  /// of states taken as measured do by the measurements' noise, and neither misleads.
   ///
   /// `overlap`: neighbouring innovations share the noise of the measurement between them, as those of states taken as
   /// measured do. A feature then is one of the tick before the last, and the sums of those that may alternate count

@@ -16,8 +16,8 @@ inline std::uint32_t discrepancy_joints(const tiller_config_t& config) {
 }
 
 /// What forces that the model lacks do to the state over one step: for a constant, a viscous and a dry force at each of
-/// the first kDiscrepancyJoints joints the change of every state, through the model's inertia and integrator and with the
-/// effects library's own friction.
+/// the first kDiscrepancyJoints joints the change of every state, through the model's inertia and integrator and with
+/// the effects library's own friction.
 ///
 /// The constant and the viscous one are linear in their strength: their share per unit of it. The dry one is not where
 /// the joint comes to rest within the step; it is taken at the strength that is handed in.
@@ -30,7 +30,8 @@ class ForceResponse {
   static ForceResponse lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
                                const RolloutTable& table, std::uint32_t joints);
   /// params (np), effect_state (ns, nullable where there is none), command history (delay_steps x nu), dry_force
-  /// (joints). change (nx x joints x kDiscrepancyBasis), [state][force's joint][kind]; zeros where the step is not finite.
+  /// (joints). change (nx x joints x kDiscrepancyBasis), [state][force's joint][kind]; zeros where the step is not
+  /// finite.
   void observe(const double* params, const double* state, const double* effect_state, const double* input,
                double period_s, const double* history, const double* dry_force, double* change);
 

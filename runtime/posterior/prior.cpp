@@ -134,8 +134,8 @@ double PriorDistribution::log_density(const double* v) const {
   return before_ ? changed_log_density(v) : configured_log_density(v);
 }
 
-/// Logarithm of the factor that normalises configured_log_density() over the named coordinates; of a mixture as if it were
-/// not cut.
+/// Logarithm of the factor that normalises configured_log_density() over the named coordinates; of a mixture as if it
+/// were not cut.
 double PriorDistribution::log_scale() const {
   if (is_mixture()) return mixture_.log_scale() - 0.5 * named_ * kLogTwoPi;
   double sum = 0.0;

@@ -8,15 +8,16 @@ namespace tiller {
 
 /// Tells a robot that stands still from one that moves.
 ///
-/// A model's errors are small beside its noise in one value and independent from one value to the next; at rest they are
-/// neither. An encoder repeats itself to the last bit, friction holds what the model lets swing, and a process noise that
-/// is not there is seen not to be there again and again: each tick at rest says the same thing once more, and a likelihood
-/// that takes ten thousand of them for independent is sure of whatever fits best. So after kRestTicks of rest further
-/// ticks count for nothing, until something moves.
+/// A model's errors are small beside its noise in one value and independent from one value to the next; at rest they
+/// are neither. An encoder repeats itself to the last bit, friction holds what the model lets swing, and a process
+/// noise that is not there is seen not to be there again and again: each tick at rest says the same thing once more,
+/// and a likelihood that takes ten thousand of them for independent is sure of whatever fits best. So after kRestTicks
+/// of rest further ticks count for nothing, until something moves.
 ///
-/// Rest: no measured value has left the place where the count began by more than kMoved deviations of its sensor, no input
-/// its level by more than kInputShare of its range. A tick is judged by those before it and by its input, not by what it
-/// measures: to count the ticks alone in which something is seen to move would make the noise look larger than it is.
+/// Rest: no measured value has left the place where the count began by more than kMoved deviations of its sensor, no
+/// input its level by more than kInputShare of its range. A tick is judged by those before it and by its input, not by
+/// what it measures: to count the ticks alone in which something is seen to move would make the noise look larger than
+/// it is.
 class RestGuard {
  public:
   RestGuard() = default;

@@ -1,7 +1,8 @@
 #pragma once
 
 // The cost of a trajectory, as the kernels hold it: every term of tiller_cost_config_t in the precision of the
-// rollouts. The formulas are in cost_text.hpp, one text for numbers, lanes and duals; docs/reference/costs.md explains them.
+// rollouts. The formulas are in cost_text.hpp, one text for numbers, lanes and duals; docs/reference/costs.md explains
+// them.
 
 #include <cstddef>
 #include <cstdint>

@@ -9,8 +9,8 @@
 
 namespace tiller {
 
-/// A table's value of state i in the precision of the terms. Whole turns of an angle make no difference to what is wrapped
-/// and would cost single precision its digits; up to 16 of them (turns.hpp) it stays as it is.
+/// A table's value of state i in the precision of the terms. Whole turns of an angle make no difference to what is
+/// wrapped and would cost single precision its digits; up to 16 of them (turns.hpp) it stays as it is.
 template <class T, class Model, class I>
 TILLER_INLINE T table_value(const Model& model, I i, double value) {
   if (model.is_angle(i) && (value > 100.53096491487338 || value < -100.53096491487338))

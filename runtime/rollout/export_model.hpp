@@ -9,8 +9,8 @@
 //
 // The source then defines `extern "C" const tiller_model_t* tiller_model(void)`.
 //
-// With TILLER_KERNEL_PART=1 the source leaves out what differentiates, with =2 it is that alone: two objects that compile
-// side by side and link to the same model.
+// With TILLER_KERNEL_PART=1 the source leaves out what differentiates, with =2 it is that alone: two objects that
+// compile side by side and link to the same model.
 
 #if defined(TILLER_COMPILE_ISA_avx512) && defined(__GNUC__) && !defined(__clang__) && !defined(__OPTIMIZE__)
 #error \

@@ -1,8 +1,8 @@
 #pragma once
 
 // Kernels of gradient planners for one model and one instruction set. Linearisation: the lanes are the points of the
-// path, which are known beforehand, so the steps of a horizon run side by side. Rollouts with feedback: a step waits for
-// the one before, so the lanes are the candidates of the line search, which then cost nothing.
+// path, which are known beforehand, so the steps of a horizon run side by side. Rollouts with feedback: a step waits
+// for the one before, so the lanes are the candidates of the line search, which then cost nothing.
 
 #include "rollout/dual_step.hpp"
 #include "rollout/own_cost.hpp"

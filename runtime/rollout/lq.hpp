@@ -97,9 +97,9 @@ const LqKernel& select_lq(Isa isa, std::uint32_t states, std::uint32_t inputs);
 
 /// The exact minimum under the box, by a primal-dual active set: solve with some inputs held at their bounds, hold what
 /// went beyond, let go what pulls back (Hintermueller, Ito, Kunisch 2002: a semi-smooth Newton method). Starts from
-/// factor.held. Returns the sweeps made, 0 where factorise failed. After `most_sweeps` without agreement x, u are the last
-/// sweep's, and inputs that were free may be beyond the box; `exact` tells. `factorised`: the first sweep's factor stands
-/// already.
+/// factor.held. Returns the sweeps made, 0 where factorise failed. After `most_sweeps` without agreement x, u are the
+/// last sweep's, and inputs that were free may be beyond the box; `exact` tells. `factorised`: the first sweep's factor
+/// stands already.
 std::uint32_t solve_lq_box(const LqKernel& kernel, const LqProblem& problem, const LqFactor& factor, double* x,
                            double* u, std::uint32_t most_sweeps, bool* exact, bool factorised = false);
 

@@ -1,8 +1,8 @@
 #pragma once
 
 // One period from a state that all lanes share, with whatever a setup may hold: effects, substeps, commands that change
-// within the period. Beside where a state is it keeps how far it has moved: in single precision the change over a period
-// cannot be recovered from two nearly equal numbers.
+// within the period. Beside where a state is it keeps how far it has moved: in single precision the change over a
+// period cannot be recovered from two nearly equal numbers.
 
 #include "rollout/step.hpp"
 #include "scalar/pack.hpp"

@@ -21,8 +21,8 @@ struct PathJob {
   const double* params = nullptr;   // (M x np) the model's, then the effects'
   std::uint32_t param_count = 0;    // np
   double* next = nullptr;           // (N x M x nz)
-  // Nullable, both or none. Blocks of n x n and n x nu for an n >= nz (a linear-quadratic problem may have states of its
-  // own behind z): only the first nz rows and columns are written.
+  // Nullable, both or none. Blocks of n x n and n x nu for an n >= nz (a linear-quadratic problem may have states of
+  // its own behind z): only the first nz rows and columns are written.
   double* a = nullptr;          // (N x M x n x n)
   double* b = nullptr;          // (N x M x n x nu)
   std::uint32_t lq_states = 0;  // n
@@ -32,7 +32,8 @@ struct PathJob {
 constexpr std::uint32_t kCandidates = 8;
 
 /// Rolls the model out under u_k = cut(control_k + alpha step_k + beta gain_k (z - state_k)) for every pair (alpha,
-/// beta), cut to the limits and to the rate of change. The gain acts on all M scenarios' deviations; each alpha has one input sequence.
+/// beta), cut to the limits and to the rate of change. The gain acts on all M scenarios' deviations; each alpha has one
+/// input sequence.
 struct FeedbackJob {
   const StepSetup* setup = nullptr;
   double period_s = 0.0;

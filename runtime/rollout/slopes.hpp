@@ -2,8 +2,8 @@
 
 // One period of the free step with its derivatives by state and input.
 //
-// Looped: the dynamics are differentiated by dual numbers, in one text out of line; through the integrator the chain rule
-// goes in loops, past the entries of the dynamics' Jacobian that are zero for every state: with D the state's own
+// Looped: the dynamics are differentiated by dual numbers, in one text out of line; through the integrator the chain
+// rule goes in loops, past the entries of the dynamics' Jacobian that are zero for every state: with D the state's own
 // derivatives,
 //
 //   k = f(x, u),   dk/d(x, u) = f_x D + [0 f_u]
@@ -12,8 +12,8 @@
 // derivative (Curtis, Powell and Reid, 1974). A chain of sixteen carts, 36 columns, takes eight derivatives at once.
 //
 // In one piece: the whole step in dual numbers whose zeros are known to the compiler. That is up to a half faster, and
-// its text grows with the square of the states and with the equations: models of few states and short equations have it,
-// for one substep. With long ones the loops' call costs less than what they save.
+// its text grows with the square of the states and with the equations: models of few states and short equations have
+// it, for one substep. With long ones the loops' call costs less than what they save.
 
 #include "rollout/step.hpp"
 #include "scalar/depends.hpp"

@@ -8,8 +8,8 @@
 namespace tiller {
 
 /// A wheel that has turned a million times stands at 6e6 rad, of which single precision keeps half a radian. Lanes
-/// therefore see angles less whole turns, removed in double precision. Up to this many turns they stay as they are: single
-/// precision resolves 8 urad there, below what encoders tell, and ordinary robots never go further.
+/// therefore see angles less whole turns, removed in double precision. Up to this many turns they stay as they are:
+/// single precision resolves 8 urad there, below what encoders tell, and ordinary robots never go further.
 constexpr double kFarTurns = 16.0;
 constexpr double kTurn_rad = 6.283185307179586;
 

@@ -17,7 +17,8 @@ constexpr std::int8_t kSafe = tiller_state_safe;
 //   - Reset is refused while the robot moves: it would drop the state estimate under a running plan.
 // clang-format off
 constexpr std::int8_t kNext[kStateCount][kEventCount] = {
-  //            arm       disarm    stop   reset     measured  cleared   plan_good plan_failed hold_expired sensor_fault clock_set
+  //            arm       disarm    stop   reset     measured  cleared   plan_good plan_failed hold_expired sensor_fault
+  //            clock_set
   /* INIT    */ {kInit,    kInit,    kSafe, kInit,    kStandby, kActive,  kInit,    kInit,      kInit,       kInit,       kInit},
   /* STANDBY */ {kStandby, kStandby, kSafe, kInit,    kStandby, kActive,  kStandby, kStandby,   kStandby,    kSafe,       kInit},
   /* ACTIVE  */ {kActive,  kStandby, kSafe, kRefused, kActive,  kActive,  kActive,  kHold,      kActive,     kSafe,       kActive},

@@ -2,8 +2,8 @@
 
 // A dual number that knows which of its derivatives are zero. The knowledge is a bit mask carried beside them; where
 // the code is inlined and unrolled the compiler folds every mask to a constant and the arithmetic with zeros is gone.
-// (It may not drop 0 * x by itself: x may be infinite.) Constants cost what they cost a plain number. Not inlined, it is
-// still right, only slower than Dual.
+// (It may not drop 0 * x by itself: x may be infinite.) Constants cost what they cost a plain number. Not inlined, it
+// is still right, only slower than Dual.
 //
 // Same functions and same choices at kinks as Dual; where no derivative is dropped the bits are the same.
 

@@ -45,8 +45,8 @@ class SliderJoint final : public Joint {
   double least_inertia_;
 };
 
-/// A hinge about +y or -y through the anchor, a point of the z axis; parent null means the world. The angle is zero in the
-/// pose in which the hinge was built, and counts turns.
+/// A hinge about +y or -y through the anchor, a point of the z axis; parent null means the world. The angle is zero in
+/// the pose in which the hinge was built, and counts turns.
 class HingeJoint final : public Joint {
  public:
   HingeJoint(OdeWorld& world, dBodyID body, dBodyID parent, double axis_y, double least_inertia, double anchor_z_m = 0);

@@ -25,8 +25,8 @@ Frame arm_end(const Frame& from, double length, double angle, double rate, doubl
 /// loses a share of rate^2 step / 2 of its speed each second: an error of first order that looks like drag.
 ///
 /// Midpoint: coordinates go half a step, ODE solves for the velocities there, coordinates go the other half. The bodies
-/// are put on the joints exactly, and the part of their acceleration that comes from turning alone is handed to ODE as a
-/// force, for which d'Alembert stands. Second order; for forces that depend on position alone it is the symplectic
+/// are put on the joints exactly, and the part of their acceleration that comes from turning alone is handed to ODE as
+/// a force, for which d'Alembert stands. Second order; for forces that depend on position alone it is the symplectic
 /// leapfrog. Velocity-dependent forces see the rate carried forward by half of the last step's change.
 class PlanarMechanism : public Mechanism {
  public:

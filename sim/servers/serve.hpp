@@ -15,8 +15,8 @@ struct PlantMeasurement {
   std::int64_t stamp_us;      ///< when the encoders were read
   std::uint32_t sequence;     ///< 0, 1, 2, ...
   std::vector<double> value;  // (measurements)
-  /// Real time: mean time from the stamp of a measurement to the arrival of its command; 0: not known yet. In lockstep a
-  /// command arrives at the stamp.
+  /// Real time: mean time from the stamp of a measurement to the arrival of its command; 0: not known yet. In lockstep
+  /// a command arrives at the stamp.
   std::int64_t answer_us = 0;
 };
 

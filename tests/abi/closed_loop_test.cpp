@@ -18,8 +18,8 @@ TEST(ClosedLoop, PendulumStandsUnderEveryPlanner) {
     PendulumPlant plant;
     tiller_config_t config = rig::pendulum_config();
     config.planner.kind = kind;
-    // a gradient from hanging leads to where the torque just holds the pendulum; it takes samples to find that it pumps.
-    // 2.8 rad is within what the torque lifts at once (sin 2.8 m g l = 2 N m of 3)
+    // a gradient from hanging leads to where the torque just holds the pendulum; it takes samples to find that it
+    // pumps. 2.8 rad is within what the torque lifts at once (sin 2.8 m g l = 2 N m of 3)
     if (kind == tiller_planner_ilqr || kind == tiller_planner_sqp) plant.angle_rad = config.initial_state[0] = 2.8;
     // random shooting refines nothing: it needs the samples
     if (kind == tiller_planner_random_shooting) config.planner.rollouts = 512;

@@ -5,7 +5,8 @@
 
 #include "rig.hpp"
 
-// Each fault of the sensors, of time and of the plan, and the state that answers it. docs/reference/safety.md tells the same.
+// Each fault of the sensors, of time and of the plan, and the state that answers it. docs/reference/safety.md tells the
+// same.
 
 namespace {
 

@@ -10,7 +10,8 @@
 // Nothing allocates after tiller_init.
 
 #if TILLER_TEST_SANITIZED
-// a tick is some fifty times slower here, and the promise of 1e5 is kept by the plain build: these look for other faults
+// a tick is some fifty times slower here, and the promise of 1e5 is kept by the plain build: these look for other
+// faults
 constexpr int kTicks = 5000 * tiller_planner_kind_count;
 #else
 constexpr int kTicks = 100000;  // over all planners

@@ -1,8 +1,9 @@
-// The controller of swing_up.hpp on a robot's computer, with a drive and a sensor board on a CAN bus: a command for each
-// measurement, the board's stamps being the time (lockstep). Prints a hash over the commands.
+// The controller of swing_up.hpp on a robot's computer, with a drive and a sensor board on a CAN bus: a command for
+// each measurement, the board's stamps being the time (lockstep). Prints a hash over the commands.
 //
 //   can_runtime INTERFACE PROTOCOL TICKS                       the controller; PROTOCOL: odrive, moteus or mit
-//   can_runtime --hand-over INTERFACE PROTOCOL COMMAND ...     opens the socket, and runs COMMAND with it as descriptor 3
+//   can_runtime --hand-over INTERFACE PROTOCOL COMMAND ...     opens the socket, and runs COMMAND with it as descriptor
+//   3
 //
 // The second is for a controller of another architecture: what emulates its system calls knows no options of CAN
 // sockets, so a native program sets them, and the controller takes "fd:3" for its interface.

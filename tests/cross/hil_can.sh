@@ -1,7 +1,7 @@
 #!/bin/sh
 # hil_can.sh TILLER ROBOT NATIVE TICKS "PROTOCOL..." FOREIGN...: hardware in the loop across architectures on a virtual
-# CAN bus. The plant is a process of this machine (ODE, `tiller sim`) behind a drive of each protocol and a sensor board;
-# the controller is built for another machine and runs under its emulator. To be run where there is a vcan0
+# CAN bus. The plant is a process of this machine (ODE, `tiller sim`) behind a drive of each protocol and a sensor
+# board; the controller is built for another machine and runs under its emulator. To be run where there is a vcan0
 # (tests/vcan/run_on_can.sh).
 #
 #   1. the NATIVE controller opens its socket itself
@@ -9,7 +9,8 @@
 #      because the emulator knows no options of CAN sockets
 #
 # Both must send the same: the hashes over the commands' bits are equal, and so are all frames of the controller that a
-# third program, candump, sees on the bus. Both controllers come from reproducible builds of tests/cross/can_runtime.cpp.
+# third program, candump, sees on the bus. Both controllers come from reproducible builds of
+# tests/cross/can_runtime.cpp.
 set -eu
 tiller=$1 robot=$2 native=$3 ticks=$4 protocols=$5
 shift 5

@@ -2,8 +2,8 @@
 
     extend_test.py SOURCE WORK VENV
 
-copies the tree to WORK, adds a planner's setting `dummy_count`, an engine `dummy` and a transport `dummy`, builds the command
-with one model and one planner, and looks for the three in what it reads, writes and says.
+copies the tree to WORK, adds a planner's setting `dummy_count`, an engine `dummy` and a transport `dummy`, builds the
+command with one model and one planner, and looks for the three in what it reads, writes and says.
 """
 
 import pathlib
@@ -16,7 +16,8 @@ ENGINE = """#include "posterior/filter/filter_posterior.hpp"
 
 namespace tiller {
 namespace {
-Posterior* lay_out_engine(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+Posterior* lay_out_engine(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable&
+table,
                           const tiller_hooks_t* hooks) {
   return FilterPosterior::lay_out(arena, config, setup, table, hooks);
 }

@@ -1,7 +1,7 @@
 #pragma once
 
-// What a fuzzer's source includes. It defines LLVMFuzzerTestOneInput, which any engine drives: libFuzzer in a build with
-// TILLER_FUZZ, run_corpus.cpp elsewhere.
+// What a fuzzer's source includes. It defines LLVMFuzzerTestOneInput, which any engine drives: libFuzzer in a build
+// with TILLER_FUZZ, run_corpus.cpp elsewhere.
 
 #include <cstddef>
 #include <cstdint>

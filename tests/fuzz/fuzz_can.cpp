@@ -1,5 +1,6 @@
-// The robot's side of a CAN bus: frames in, measurements, faults and frames out, for every protocol of actuators.def; and
-// the end-to-end code of short frames. An input is one byte that chooses the layout, then steps of a kind and its bytes.
+// The robot's side of a CAN bus: frames in, measurements, faults and frames out, for every protocol of actuators.def;
+// and the end-to-end code of short frames. An input is one byte that chooses the layout, then steps of a kind and its
+// bytes.
 #include <cmath>
 #include <cstring>
 

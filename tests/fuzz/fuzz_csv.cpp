@@ -1,5 +1,5 @@
-// The readers of CSV: a log from anywhere with the checks that follow it, the rate measured where the bytes name it; and
-// the ticks of a run of tiller.
+// The readers of CSV: a log from anywhere with the checks that follow it, the rate measured where the bytes name it;
+// and the ticks of a run of tiller.
 #include "fuzz_robot.hpp"
 #include "tools/logs/log_readers.hpp"
 #include "tools/replay/replay.hpp"

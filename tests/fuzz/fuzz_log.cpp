@@ -1,9 +1,9 @@
 // The readers of LCM event logs, for learning and for replay, and of records of `tiller run`. MCAP has a fuzzer of its
 // own, and so has CSV.
 //
-// A record file is of one build of tiller, so none can be kept in the corpus: an input that begins with "REC" is a recipe
-// for one. A number of changes, each two bytes of position and the byte there, to the header that this build writes and to
-// twenty-two ticks; what is left is appended.
+// A record file is of one build of tiller, so none can be kept in the corpus: an input that begins with "REC" is a
+// recipe for one. A number of changes, each two bytes of position and the byte there, to the header that this build
+// writes and to twenty-two ticks; what is left is appended.
 #include <cstring>
 
 #include "fuzz_robot.hpp"

@@ -1,8 +1,8 @@
 // The reader of MCAP files, and of a run in one.
 //
-// In a file every length stands before what it measures, so a mutation that makes a text longer breaks the file around it.
-// An input that begins with "RUN" is therefore a recipe for a file: messages of the three topics, each one byte of topic,
-// two of length and its JSON.
+// In a file every length stands before what it measures, so a mutation that makes a text longer breaks the file around
+// it. An input that begins with "RUN" is therefore a recipe for a file: messages of the three topics, each one byte of
+// topic, two of length and its JSON.
 #include <cstring>
 
 #include "fuzz_robot.hpp"

@@ -1,5 +1,5 @@
-// The robot file's reader, checks included, trial steps not. Files that it would open in turn (models to compile, trajectories,
-// posteriors) are left out: they are programs, or have readers of their own.
+// The robot file's reader, checks included, trial steps not. Files that it would open in turn (models to compile,
+// trajectories, posteriors) are left out: they are programs, or have readers of their own.
 #include "fuzz.hpp"
 #include "tools/robot/robot_text.hpp"
 

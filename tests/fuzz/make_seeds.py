@@ -1,8 +1,8 @@
 """make_seeds.py [--check] CORPUS TYPES: small inputs to begin with, one folder a fuzzer. Findings join them by hand.
 With --check nothing is written: it fails where the corpus is not what this would write, as after a change of a message.
 
-TYPES is the folder of the generated Python package tiller_lcm. Deterministic: running it again changes nothing. The words
-of robot files come from docs/reference/robot_file.md.
+TYPES is the folder of the generated Python package tiller_lcm. Deterministic: running it again changes nothing. The
+words of robot files come from docs/reference/robot_file.md.
 """
 import hashlib
 import json
@@ -77,7 +77,8 @@ run = encoder + board(1) + command + heartbeat + encoder + board(2)
 for layout in range(4):
     save("can", f"odrive_{layout}", bytes([layout, 0]) + run)
 save("can", "odrive_fault", b"\0\0" + command + frame(1, 1, struct.pack("<IBBBB", 64, 1, 0, 0, 0)) + b"\1" + command)
-# moteus answers with registers: mode, position, velocity, torque as floats, then voltage, temperature and fault as bytes
+# moteus answers with registers: mode, position, velocity, torque as floats, then voltage, temperature and fault as
+# bytes
 registers = b"\x2c\x04\x00" + struct.pack("<ffff", 10.0, 0.25, -0.5, 0.1) + b"\x23\x0d\x30\x18\x00"
 answer = b"\5" + bytes([4 + 1, 1, len(registers)]) + registers
 save("can", "moteus", b"\3\x11" + b"\2" + answer + command + answer + answer)
@@ -156,8 +157,8 @@ save("log", "lcm_no_telemetry", event(0, b"CAMERA", bytes(40)) + log[:178] + b"w
 save("log", "record", b"REC\0")
 save("log", "record_changed", b"REC\3" + bytes([0, 9, 1, 0, 200, 255, 16, 0, 255]) + b"\1\x20\0" + b"tail")
 
-# ---- mcap: a file of one tick with everything in it, the same without the CRCs that keep damage from what is behind them,
-# and a recipe (fuzz_mcap.cpp)
+# ---- mcap: a file of one tick with everything in it, the same without the CRCs that keep damage from what is behind
+# them, and a recipe (fuzz_mcap.cpp)
 
 
 def text(words):

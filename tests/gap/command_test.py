@@ -1,5 +1,5 @@
-"""`tiller gap` from outside: verdicts and exit codes on data of an integrator of its own, bad input, folders that cannot
-be written, interruption, and the new robot file that closes the gap."""
+"""`tiller gap` from outside: verdicts and exit codes on data of an integrator of its own, bad input, folders that
+cannot be written, interruption, and the new robot file that closes the gap."""
 
 import json
 import math

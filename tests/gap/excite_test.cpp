@@ -1,5 +1,5 @@
-// tiller excite: the sequence that it proposes tells rivals apart better than an ordinary one does, keeps its limits, and
-// what no input can tell apart is said to be so.
+// tiller excite: the sequence that it proposes tells rivals apart better than an ordinary one does, keeps its limits,
+// and what no input can tell apart is said to be so.
 
 #include "tools/gap/excite/excite.hpp"
 
@@ -77,9 +77,10 @@ struct Pair {
 void PrintTo(const Pair& pair, std::ostream* out) { *out << pair.name; }
 
 class Hard : public testing::TestWithParam<Pair> {};
-// The factors are the least of what seeds 100001 .. 100004 reach (docs/guide/excite.md), less a third of the way to one. A delay
-// and a lag differ by (w T)^2 / 2 in what they let through while a pendulum answers with 1 / w^2: up to w T = 1 every
-// frequency tells them apart as well as any other, and no sequence does much better than a multisine of the same power.
+// The factors are the least of what seeds 100001 .. 100004 reach (docs/guide/excite.md), less a third of the way to
+// one. A delay and a lag differ by (w T)^2 / 2 in what they let through while a pendulum answers with 1 / w^2: up to w
+// T = 1 every frequency tells them apart as well as any other, and no sequence does much better than a multisine of the
+// same power.
 INSTANTIATE_TEST_SUITE_P(
     Pairs, Hard,
     testing::Values(Pair{"CoulombStribeck", "coulomb_friction:friction_SI=0.05",

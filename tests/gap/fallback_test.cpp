@@ -113,8 +113,8 @@ TEST(Fallback, ShrinksTheGapOfWhatHasNoName) {
   }
 }
 
-// Nothing to learn: no very strong evidence (5 nats, Kass and Raftery 1995), forces below a hundredth of the command's size,
-// rollouts as they were.
+// Nothing to learn: no very strong evidence (5 nats, Kass and Raftery 1995), forces below a hundredth of the command's
+// size, rollouts as they were.
 TEST(Fallback, IsNothingWhereNothingIsMissing) {
   const Case& c = Case::nothing();
   EXPECT_LT(c.fit.evidence_nats, 5.0);

@@ -135,7 +135,8 @@ TEST(Localise, TheRightJointOfTheCartPole) {
   }
 }
 
-// A command is held over its period: taken for the value at its start alone, every run would show half a period's delay.
+// A command is held over its period: taken for the value at its start alone, every run would show half a period's
+// delay.
 TEST(Localise, AHeldCommandIsNoDelay) {
   Synthetic s;
   s.amplitude = 0.8;

@@ -1,5 +1,5 @@
-// Closing the loop where nothing has a name: a cart that is held by a spring of which the catalogue has no entry follows
-// a reference; its logs teach the residual; the same controller follows again with the new robot file.
+// Closing the loop where nothing has a name: a cart that is held by a spring of which the catalogue has no entry
+// follows a reference; its logs teach the residual; the same controller follows again with the new robot file.
 
 #include <gtest/gtest.h>
 
@@ -91,9 +91,9 @@ double tracking_cost(const RobotFile& robot, std::uint64_t seed, double seconds,
   return result.exit_code == 0 ? result.cost : HUGE_VAL;
 }
 
-// Two thirds of the cost are asked for; half was left while this was written. The filters of the old robot file take the
-// spring for process noise and follow what is measured, so that it tracks better than the model deserves. Plant and noise
-// are the same in both runs, and neither was in the logs.
+// Two thirds of the cost are asked for; half was left while this was written. The filters of the old robot file take
+// the spring for process noise and follow what is measured, so that it tracks better than the model deserves. Plant and
+// noise are the same in both runs, and neither was in the logs.
 TEST(ResidualLoop, NewRobotFileTracksBetter) {
   write_reference();
   std::string error;

@@ -22,9 +22,9 @@ constexpr int kRuns = 8;
 constexpr int kRuns = 40;
 #endif
 
-/// A damped pendulum by the midpoint rule at 0.2 ms, pushed at random where `process_sd` (rad/s per root of a second) is
-/// not zero. Its frequencies lie below 10 rad/s, so a step errs by less than (10 * 0.2e-3)^3 / 12 < 1e-9 rad and twenty
-/// seconds by less than a tenth of the sensor's deviation.
+/// A damped pendulum by the midpoint rule at 0.2 ms, pushed at random where `process_sd` (rad/s per root of a second)
+/// is not zero. Its frequencies lie below 10 rad/s, so a step errs by less than (10 * 0.2e-3)^3 / 12 < 1e-9 rad and
+/// twenty seconds by less than a tenth of the sensor's deviation.
 class Pendulum {
  public:
   Pendulum(double process_sd, std::uint64_t seed) : process_sd_(process_sd), random_(seed) {}
@@ -106,7 +106,8 @@ struct Outcome {
   double ends[2] = {};
 };
 
-/// What `identify` does with one file, for the model whose parameters are learnt alone: no other candidate is judged here.
+/// What `identify` does with one file, for the model whose parameters are learnt alone: no other candidate is judged
+/// here.
 struct Data {
   std::vector<Stretch> stretches;
   std::vector<Grid> grids;
@@ -159,8 +160,8 @@ double chi_square_share(double n, double normal) {
 }
 
 // Bounds that a right method passes 999 times in 1000 on either side. The squares of n errors over their deviations are
-// chi-square; the two parameters of a run are correlated, which counts as half their number. The ends of a run share its
-// parameters, so a share of n ends has the deviation of half as many, root of 0.09 / (n / 2).
+// chi-square; the two parameters of a run are correlated, which counts as half their number. The ends of a run share
+// its parameters, so a share of n ends has the deviation of half as many, root of 0.09 / (n / 2).
 TEST_P(Calibration, IntervalsAndBandsHoldWhatTheySay) {
   constexpr double kNormal = 3.1;
   Outcome all;

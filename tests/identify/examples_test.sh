@@ -24,8 +24,8 @@ export TILLER_CXX="$work/quick_cxx"
 
 fail() { echo "FAILED: $*" >&2; exit 1; }
 
-# every command on one example; $2 is a state that its plant must show, $3 a parameter that it must learn, $4 the periods
-# that 3 s have at least
+# every command on one example; $2 is a state that its plant must show, $3 a parameter that it must learn, $4 the
+# periods that 3 s have at least
 try() {
   name=$1
   echo "== $name"

@@ -8,7 +8,8 @@ what runs, because every processor and the emulator have it.
 A row may differ by BOUND from its table: another version of the C library or of GCC 12 moves rows by some tenths of a
 per cent, while what is worth noticing moves them by several. Rows that fall by more than the bound fail too: the table
 is renewed, so that what was won is held. SLACK instructions are free: the C library clears and copies with what the
-processor has, which costs 32 instructions more or less in every row. `TILLER_APPROVE=1 ctest -R instruction_counts` writes the table.
+processor has, which costs 32 instructions more or less in every row. `TILLER_APPROVE=1 ctest -R instruction_counts`
+writes the table.
 
 usage: instructions_test.py VALGRIND PROGRAM COMPILER_VERSION TABLE FOLDER
 """

@@ -2,7 +2,8 @@
 //   settings  KIND NODE MODE RESOLUTION WATCHDOG REPLY REPLY_ID POSITION VELOCITY TORQUE KP_MAX KD_MAX KP KD
 //   make      enable|disable|idle|query|clear        -> frames, "ID EXTENDED FD HEX" with spaces between frames
 //   command   VALUE                                  -> the same
-//   receive   ID EXTENDED FD HEX                     -> foreign | refused | taken ALIVE MODE ENABLED FAULT CODE MOTION P V
+//   receive   ID EXTENDED FD HEX                     -> foreign | refused | taken ALIVE MODE ENABLED FAULT CODE MOTION
+//   P V
 //                                                       TORQUE T TEMPERATURE C
 #include <cstdio>
 #include <iostream>

@@ -94,8 +94,8 @@ TEST(ArrivalStamp, AKernelWithoutSuchAnInterfaceStampsByItself) {
   ::close(sender);
 }
 
-/// An interface whose clock begins at `begin_ns` and runs `ppm` fast, and a kernel that serves its interrupts after 5 us at
-/// least, 100 us on average, now and then 3 ms.
+/// An interface whose clock begins at `begin_ns` and runs `ppm` fast, and a kernel that serves its interrupts after 5
+/// us at least, 100 us on average, now and then 3 ms.
 class Interface {
  public:
   Interface(std::int64_t begin_ns, double ppm, unsigned seed)

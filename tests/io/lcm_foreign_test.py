@@ -1,8 +1,8 @@
 """lcm_foreign_test.py CLIENT TYPES: what another machine sends, on a network of two (a veth pair, a namespace each).
 
-With ttl=0 its measurements are refused and counted, though they carry the right group, channel and type; a datagram sent to
-this machine's own address does not arrive at all. With ttl=1 they are taken. This machine's own are taken in both.
-Run in a network namespace of its own.
+With ttl=0 its measurements are refused and counted, though they carry the right group, channel and type; a datagram
+sent to this machine's own address does not arrive at all. With ttl=1 they are taken. This machine's own are taken in
+both. Run in a network namespace of its own.
 """
 import os
 import socket

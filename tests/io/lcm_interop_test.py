@@ -1,10 +1,11 @@
 """lcm_interop_test.py CLIENT LCM_BIN TYPES: the runtime's own codec and unmodified LCM programs on one network.
 
-1. lcm-logger records what CLIENT (the own codec) and a plant in Python (package lcm) say to each other; nothing is lost.
+1. lcm-logger records what CLIENT (the own codec) and a plant in Python (package lcm) say to each other; nothing is
+lost.
 2. lcm-logplayer plays the plant's side of that log to a fresh CLIENT, which takes every measurement.
 3. With a key: a plant that signs by examples/python_plant/seal.py is heard, and takes CLIENT's commands; without a
-   signature, with another key, changed on the way, repeated, from before CLIENT started, from an end that CLIENT does not
-   know, or on another channel nothing passes.
+   signature, with another key, changed on the way, repeated, from before CLIENT started, from an end that CLIENT does
+   not know, or on another channel nothing passes.
 Run in a network namespace of its own.
 """
 import os

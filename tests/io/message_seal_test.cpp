@@ -81,7 +81,8 @@ class End {
   MessageSeal seal_;
 };
 
-/// Plant and runtime: the plant speaks once a period, the runtime answers what it takes, and challenges what it does not.
+/// Plant and runtime: the plant speaks once a period, the runtime answers what it takes, and challenges what it does
+/// not.
 class Pair {
  public:
   explicit Pair(std::int64_t window_us = kWindowUs) : plant(kUp, kDown, window_us), runtime(kDown, kUp, window_us) {}

@@ -1,6 +1,6 @@
 #!/bin/sh
-# What `tiller export` says of compiling and linking, done word for word: a built-in model, one in C, one in C with a cost,
-# one in C++, each in a program of C that knows nothing of the C++ library.
+# What `tiller export` says of compiling and linking, done word for word: a built-in model, one in C, one in C with a
+# cost, one in C++, each in a program of C that knows nothing of the C++ library.
 # usage: export_test.sh PREFIX WORK_FOLDER SOURCE_FOLDER
 set -eu
 prefix=$1
@@ -24,8 +24,8 @@ export_to() { # folder robot_file
   [ -s build.sh ] || fail "$1: the head has no commands"
 }
 
-# How fast a kernel runs is not judged here: the compiler hears every word of the command and the head, and then -O1. What
-# is compiled without that word are the copies of model_loader_test.
+# How fast a kernel runs is not judged here: the compiler hears every word of the command and the head, and then -O1.
+# What is compiled without that word are the copies of model_loader_test.
 make_quick_compiler() {
   mkdir -p "$work/quick"
   printf '#!/bin/sh\nexec "%s" "$@" -O1\n' "$(command -v c++)" >"$work/quick/c++"

@@ -35,7 +35,8 @@ _PROBE = """
   });
   const wide = all(document, "body *").filter((e) => !e.closest("svg, .scroll") &&
       (e.getBoundingClientRect().right > document.documentElement.clientWidth + 1 ||
-       e.clientWidth > 0 && e.scrollWidth > e.clientWidth + 1)).map((e) => e.tagName + ": " + e.textContent.slice(0, 60));
+       e.clientWidth > 0 && e.scrollWidth > e.clientWidth + 1)).map((e) => e.tagName + ": " + e.textContent.slice(0,
+       60));
   const out = document.createElement("pre");
   out.id = "probe";
   out.style.display = "none";

@@ -1,5 +1,5 @@
-// A penalty of 1e12 weighs nothing where it makes no difference: single precision has seven digits, and a limit that every
-// sample violates alike must not take them all.
+// A penalty of 1e12 weighs nothing where it makes no difference: single precision has seven digits, and a limit that
+// every sample violates alike must not take them all.
 
 #include "planner_matrix.hpp"
 #include "planners/sampler.hpp"
@@ -117,8 +117,8 @@ TEST_P(Penalty, that_all_samples_pay_alike_erases_nothing) {
     std::printf("%s, %u particles: commands differ by %.1e Nm, cos %.3f and %.3f\n",
                 tiller::find_planner(GetParam())->name, particles, worst_Nm, std::cos(a.x[0]), std::cos(b.x[0]));
     EXPECT_NEAR(std::cos(a.x[0]), std::cos(b.x[0]), 1e-3) << particles;
-    // nothing is left of the penalty in the costs of samples. Gradients have double precision, and choose their steps by
-    // costs that end at 5e-7
+    // nothing is left of the penalty in the costs of samples. Gradients have double precision, and choose their steps
+    // by costs that end at 5e-7
     EXPECT_LE(worst_Nm, is_gradient(GetParam()) ? 0.1 : 0.0) << particles;
   }
 }

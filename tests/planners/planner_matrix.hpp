@@ -9,8 +9,8 @@ namespace tiller_test {
 /// A suite that runs on every line of planners.def.
 class EveryPlanner : public ::testing::TestWithParam<std::uint32_t> {};
 
-/// Solves along a linearisation: an iteration is two calls of the model's kernels, and where the model is linear the plan
-/// is the optimum whatever was drawn.
+/// Solves along a linearisation: an iteration is two calls of the model's kernels, and where the model is linear the
+/// plan is the optimum whatever was drawn.
 inline bool is_gradient(std::uint32_t planner) {
   return planner == tiller_planner_ilqr || planner == tiller_planner_hybrid || planner == tiller_planner_sqp;
 }

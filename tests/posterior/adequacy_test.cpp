@@ -70,7 +70,8 @@ struct Plant {
   }
 };
 
-/// Mean square error of rollouts of the true parameters without the effect over 20 periods, and that of the noise alone.
+/// Mean square error of rollouts of the true parameters without the effect over 20 periods, and that of the noise
+/// alone.
 struct Rollouts {
   double effect = 0.0, noise = 0.0;
   double ratio() const { return std::sqrt(effect / noise); }
@@ -365,8 +366,8 @@ TEST(Adequacy, AlternatingValuesAreNoAlarmAndAlikeOnesAre) {
     }
 }
 
-/// Sensors' noise of 1 % of what a step changes makes one-step residuals overlap: with each tick's taken for independent of
-/// the one before, nearly every such run gave an alarm.
+/// Sensors' noise of 1 % of what a step changes makes one-step residuals overlap: with each tick's taken for
+/// independent of the one before, nearly every such run gave an alarm.
 TEST(Adequacy, NoiseOnMeasuredStatesIsNoAlarm) {
   auto c = rig::transition_config();
   c.posterior.particles = 256;

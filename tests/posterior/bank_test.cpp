@@ -118,7 +118,8 @@ tiller_config_t pendulum() {
   c.priors[0] = rig::uniform(0.25, 0.75);
   c.priors[1] = rig::uniform(0.3, 0.7);
   c.priors[2] = rig::uniform(0.0, 0.1);
-  // above what the random torque does to the angle within a step: the engine takes the states' residuals for independent
+  // above what the random torque does to the angle within a step: the engine takes the states' residuals for
+  // independent
   c.measurement_sd[0] = 4e-4;
   c.measurement_sd[1] = 2e-3;
   c.process_sd[0] = 0.0;
@@ -320,8 +321,8 @@ double member_sd(const tiller_config_t& c, const tiller::Posterior& p, std::uint
   return std::sqrt(square / sum - mean / sum * mean / sum);
 }
 
-/// A further cloud that is fed the inputs of the delay that leads has at last what that delay's own cloud has. The noise of
-/// the delay before would widen it two and a half times, a first transition with another history by a tenth.
+/// A further cloud that is fed the inputs of the delay that leads has at last what that delay's own cloud has. The
+/// noise of the delay before would widen it two and a half times, a first transition with another history by a tenth.
 TEST(Bank, RatesFollowTheDelayThatLeads) {
   auto c = small();
   c.posterior.delay_hypotheses = 4;

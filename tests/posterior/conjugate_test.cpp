@@ -120,9 +120,9 @@ struct LeastSquares {
   }
 };
 
-// With a0 = 1e6 the noise is as good as known: s^2 = 1 to 1e-3 by its prior, and to 1e-3 of the mean's distance from the
-// prior's it enters. So the noise that the engine itself found goes into the reference; what is left of its spread (1e-3)
-// squared times the prior's share is below 1e-8 of a deviation.
+// With a0 = 1e6 the noise is as good as known: s^2 = 1 to 1e-3 by its prior, and to 1e-3 of the mean's distance from
+// the prior's it enters. So the noise that the engine itself found goes into the reference; what is left of its spread
+// (1e-3) squared times the prior's share is below 1e-8 of a deviation.
 TEST(Conjugate, IsBatchLeastSquares) {
   auto c = config();
   c.posterior.noise_scale_shape = 1e6;
@@ -276,8 +276,8 @@ TEST(Conjugate, ParticlesAreTheLaw) {
   EXPECT_EQ(params[1], static_cast<float>(mean[1]));
 }
 
-// A gain that doubles in mid-run: with a tenth of the data's weight left after 45 transitions the law has followed after
-// 60, without forgetting it has not.
+// A gain that doubles in mid-run: with a tenth of the data's weight left after 45 transitions the law has followed
+// after 60, without forgetting it has not.
 TEST(Conjugate, ForgettingFollowsAChange) {
   for (const double rate : {1.0, 0.95}) {
     auto c = config();
@@ -486,8 +486,8 @@ TEST(Conjugate, RefusesWhatItCannotDo) {
   EXPECT_EQ(with([](auto& c) { c.priors[1] = rig::fixed(0.3); }), "");
 }
 
-// The pendulum is affine in its damping, not in mass or length, and in the damping only under an integrator that evaluates
-// the dynamics once.
+// The pendulum is affine in its damping, not in mass or length, and in the damping only under an integrator that
+// evaluates the dynamics once.
 TEST(Conjugate, AffinityIsFoundOut) {
   const auto pendulum = [](int unknown, std::uint32_t integrator, std::uint32_t substeps) {
     tiller_config_t c = config();
@@ -509,8 +509,8 @@ TEST(Conjugate, AffinityIsFoundOut) {
 
 // ---- the other engines ---------------------------------------------------------------------------
 
-// Their model is the same where the sensors are far better than a step's noise. `transition` gives each state a noise of its
-// own; with two hundred transitions that moves the mean by less than what is allowed here.
+// Their model is the same where the sensors are far better than a step's noise. `transition` gives each state a noise
+// of its own; with two hundred transitions that moves the mean by less than what is allowed here.
 class OtherEngine : public ::testing::TestWithParam<std::uint32_t> {};
 INSTANTIATE_TEST_SUITE_P(Engines, OtherEngine, ::testing::Values(tiller_posterior_filter, tiller_posterior_transition));
 

@@ -200,8 +200,8 @@ TEST(Exact, TemperingEndsAtTheExactPosterior) {
 }
 
 /// Start, run, start again, run: the parameters' knowledge of the first stretch stays. Checked against the sum of
-/// both stretches' exact evidences; the noise is believed (large shape), so that the two are independent. After a start in
-/// mid-run a state may be as far from where it began as it has ever been.
+/// both stretches' exact evidences; the noise is believed (large shape), so that the two are independent. After a start
+/// in mid-run a state may be as far from where it began as it has ever been.
 TEST(Exact, KnowledgeSurvivesAGap) {
   auto c = large_cloud();
   c.posterior.noise_scale_shape = 1e6;

@@ -1,4 +1,5 @@
-// The references that bench_accuracy judges engines by, against closed forms, and against each other where there is none.
+// The references that bench_accuracy judges engines by, against closed forms, and against each other where there is
+// none.
 
 #include <gtest/gtest.h>
 

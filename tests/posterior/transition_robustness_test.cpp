@@ -143,7 +143,8 @@ TEST(TransitionRobustness, ParticlesThatBlowUpDieAlone) {
 }
 
 /// Glitches of a hundred deviations hardly move the posterior when transitions are weighed, and ruin it when they are
-/// not: a fiftieth of the transitions, the end of each wrong for one tick (so that the next one's beginning is wrong too).
+/// not: a fiftieth of the transitions, the end of each wrong for one tick (so that the next one's beginning is wrong
+/// too).
 TEST(TransitionRobustness, OutliersAreDoubted) {
   auto c = rig::transition_config();
   c.posterior.discrepancy = 0;

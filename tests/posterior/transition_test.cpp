@@ -140,8 +140,8 @@ TEST(Transition, ExactFromTheSummaryOfAnAffineModel) {
   expect_exact(c, 800, "all in the summary");
 }
 
-/// Damping next to its bound, and correlated with the gain. Proposals that are thrown back at the bound one coordinate at a
-/// time are not symmetric: they make it 5 to 15 % too wide.
+/// Damping next to its bound, and correlated with the gain. Proposals that are thrown back at the bound one coordinate
+/// at a time are not symmetric: they make it 5 to 15 % too wide.
 TEST(Transition, ExactAtABoundOfCorrelatedParameters) {
   auto c = rig::transition_config();
   c.posterior.window = 128;
@@ -310,8 +310,8 @@ Coverage cover(tiller_config_t c, int runs, int steps, double coulomb) {
   return result;
 }
 
-/// Of 300 runs 270 +- 5.2 and 150 +- 8.7 are expected; four counts within 2.8 deviations each fail a right engine once in
-/// fifty choices of seeds.
+/// Of 300 runs 270 +- 5.2 and 150 +- 8.7 are expected; four counts within 2.8 deviations each fail a right engine once
+/// in fifty choices of seeds.
 TEST(Transition, IntervalsCoverAsTheySay) {
   auto c = rig::transition_config();
   c.posterior.particles = 256;
@@ -330,8 +330,8 @@ TEST(Transition, IntervalsCoverAsTheySay) {
 }
 
 /// Coulomb friction that the model lacks: without the discrepancy the damping's intervals hold the truth hardly ever;
-/// with it about 77 +- 4.2 times of 100 (gain) and 83 +- 3.8 (damping), short of 90 because the mass is stopped within a
-/// step time and again; not three deviations less. Regressors that know nothing of stopping cover the gain 29 times.
+/// with it about 77 +- 4.2 times of 100 (gain) and 83 +- 3.8 (damping), short of 90 because the mass is stopped within
+/// a step time and again; not three deviations less. Regressors that know nothing of stopping cover the gain 29 times.
 TEST(Transition, HiddenFrictionIsTakenUpByTheDiscrepancy) {
   auto c = rig::transition_config();
   c.process_sd[1] = 0.02;

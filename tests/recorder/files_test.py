@@ -100,8 +100,8 @@ class Files(unittest.TestCase):
             self.assertEqual(len(found), sum(count for end, count in zip(ends, counts) if size >= end), size)
 
     def test_killed_it_is_a_finished_file_without_a_summary(self):
-        """At ten instants: an unseekable and a seeking reader both take it, and the ticks replay. A kill in the midst of
-        a write (the kernel looks for one at every page of it) leaves a file that is cut off there."""
+        """At ten instants: an unseekable and a seeking reader both take it, and the ticks replay. A kill in the midst
+        of a write (the kernel looks for one at every page of it) leaves a file that is cut off there."""
         replayed = finished = 0
         for attempt in range(10):
             path, events_path = self.home / "killed.mcap", self.home / "killed.lcm"

@@ -172,8 +172,8 @@ TEST(OutputFile, WithoutMemoryItCountsWhatItGivesUp) {
 }
 #endif
 
-/// The disk is full at some byte of the file (a limit of the process stands in for it: the write is cut there): the file
-/// is readable up to its last whole chunk.
+/// The disk is full at some byte of the file (a limit of the process stands in for it: the write is cut there): the
+/// file is readable up to its last whole chunk.
 TEST(Recorder, WhereTheDiskEndsTheFileStaysReadable) {
   const Folder folder;
   const std::string path = folder / "run.mcap";

@@ -1,5 +1,5 @@
-// The reader of LCM logs: what liblcm writes it reads, damage costs the damaged event alone, and memory does not depend on
-// what a file claims.
+// The reader of LCM logs: what liblcm writes it reads, damage costs the damaged event alone, and memory does not depend
+// on what a file claims.
 #include "tools/logs/lcm_event_log.hpp"
 
 #include <gtest/gtest.h>

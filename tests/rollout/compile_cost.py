@@ -1,5 +1,5 @@
-"""compile_cost.py FILE COMPILER ARGUMENTS...: runs the compiler and writes to FILE, as JSON, the object that it made, the
-most memory that one of its processes had and its seconds. Exits with its code."""
+"""compile_cost.py FILE COMPILER ARGUMENTS...: runs the compiler and writes to FILE, as JSON, the object that it made,
+the most memory that one of its processes had and its seconds. Exits with its code."""
 
 import json
 import os

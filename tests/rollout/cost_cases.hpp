@@ -103,7 +103,8 @@ inline std::vector<CostCase> cost_cases(const tiller_model_t& model) {
   return all;
 }
 
-/// The case as the kernels take it; `p` fills the cost-to-go, which need not be a Riccati solution for a formula's test.
+/// The case as the kernels take it; `p` fills the cost-to-go, which need not be a Riccati solution for a formula's
+/// test.
 template <class T>
 CostTerms<T> terms_of(const CostCase& c, std::uint32_t nx) {
   tiller_cost_config_t cost = c.cost;

@@ -1,5 +1,5 @@
-"""kernel_bounds_test.py LARGE.cost WIDE.cost: what kernels of many states cost to compile, as compile_cost.py wrote it down
-when they were built.
+"""kernel_bounds_test.py LARGE.cost WIDE.cost: what kernels of many states cost to compile, as compile_cost.py wrote it
+down when they were built.
 
 Memory: a robot's computer of 2 GB has 1 GB for a compiler. Bytes: they grow with what is unrolled, and the seconds with
 them; the bounds are half as much again as the kernels have. Seconds are not judged: a machine may be busy.

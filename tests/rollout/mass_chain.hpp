@@ -1,7 +1,7 @@
 #pragma once
 
-// A model of more states than a shipped build takes: what the kernel makes of it is compiled and tested with limits of its
-// own.
+// A model of more states than a shipped build takes: what the kernel makes of it is compiled and tested with limits of
+// its own.
 
 #include "tiller/model.hpp"
 

@@ -6,8 +6,8 @@
 // The acrobot of bodies and joints against its equations of motion, written out here from the Lagrangian with the
 // upper rod's angle a from hanging, the lower rod's angle b against the upper one, and
 //   A = I1 + m1 c1^2 + m2 l1^2, B = I2 + m2 c2^2, H = m2 l1 c2:
-//   (A + B + 2 H cos b) a'' + (B + H cos b) b'' - H sin b (2 a' b' + b'^2) + g (m1 c1 + m2 l1) sin a + g m2 c2 sin(a+b) = 0
-//   (B + H cos b) a'' + B b'' + H sin b a'^2 + g m2 c2 sin(a + b) = torque
+//   (A + B + 2 H cos b) a'' + (B + H cos b) b'' - H sin b (2 a' b' + b'^2) + g (m1 c1 + m2 l1) sin a + g m2 c2 sin(a+b)
+//   = 0 (B + H cos b) a'' + B b'' + H sin b a'^2 + g m2 c2 sin(a + b) = torque
 
 namespace tiller::sim {
 namespace {

@@ -106,8 +106,9 @@ TEST_P(Drives, PreparedInStandbyItFollowsTheFirstCommand) {
   EXPECT_NEAR(0.19, period(tiller_state_active, 0.19), GetParam().step_Nm);
 }
 
-// An ODrive reports closed loop although the frame that chose the torque mode was lost; a plain drive of the MIT protocol
-// answers whether it has entered its motor mode or not. Whichever of the first requests are lost, the drive obeys.
+// An ODrive reports closed loop although the frame that chose the torque mode was lost; a plain drive of the MIT
+// protocol answers whether it has entered its motor mode or not. Whichever of the first requests are lost, the drive
+// obeys.
 TEST_P(Drives, NoLostRequestLeavesItDeaf) {
   for (unsigned pattern = 0; pattern < 1u << (ActuatorAxis::kBlindRequests - 1); ++pattern) {
     bus = RobotBus(layout());

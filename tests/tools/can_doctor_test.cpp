@@ -1,5 +1,5 @@
-// What `ip -details -statistics -json link show` prints for controllers, in the shapes of iproute2 5 and 6 (mcp251xfd and
-// gs_usb as they stand on robots), and what is to be said about them.
+// What `ip -details -statistics -json link show` prints for controllers, in the shapes of iproute2 5 and 6 (mcp251xfd
+// and gs_usb as they stand on robots), and what is to be said about them.
 #include "tools/doctor/can_doctor.hpp"
 
 #include <gtest/gtest.h>

@@ -1,8 +1,8 @@
 // `pace = "clock"` with drives that speak only when spoken to, over virtual CAN: a tick begins by the clock, with the
 // question, and has the answer to that question or none.
 //
-// By the wall clock, on whatever machine, an emulated one too: nothing here asserts how long something took. Every answer
-// tells another position, so that a measurement names the question that it answers.
+// By the wall clock, on whatever machine, an emulated one too: nothing here asserts how long something took. Every
+// answer tells another position, so that a measurement names the question that it answers.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -153,7 +153,8 @@ class ClockAsks : public ::testing::Test {
     (void)link_->send(command);
     now_us_ = sensed.now_us;
     if (!sensed.fresh) return -1;
-    // whatever it answers, it came in this tick; two clocks are read one after the other, on a machine that may stand still between
+    // whatever it answers, it came in this tick; two clocks are read one after the other, on a machine that may stand
+    // still between
     ++answers_;
     strays_ += sensed.measurement.stamp_us < due_us_ - 20000;
     EXPECT_LE(sensed.measurement.stamp_us, sensed.now_us);
@@ -183,7 +184,8 @@ class ClockAsks : public ::testing::Test {
     return found;
   }
 
-  /// Ticks until a round of them is as good as asked for: a machine that others slow down stands still in one, not in six.
+  /// Ticks until a round of them is as good as asked for: a machine that others slow down stands still in one, not in
+  /// six.
   Count good_round(int count, int fresh, int strange) {
     Count found;
     for (int round = 0; round < 6; ++round) {

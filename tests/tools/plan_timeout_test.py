@@ -1,4 +1,5 @@
-"""plan_timeout_test.py TILLER ROBOT TYPES: [sim] plan_timeout_s of a served plant, against a sender that repeats its plan.
+"""plan_timeout_test.py TILLER ROBOT TYPES: [sim] plan_timeout_s of a served plant, against a sender that repeats its
+plan.
 
 Run in a network namespace of its own.
 """

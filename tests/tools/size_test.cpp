@@ -70,8 +70,8 @@ TEST(Size, CountsFollowTheConfiguration) {
   EXPECT_GT(gradient.path_feedback, 0u);
 }
 
-/// Measured by ./dev cross: mean instructions per tick over 10,000 ticks, plant included. A change that halves or doubles the work
-/// of a tick makes this fail: measure again.
+/// Measured by ./dev cross: mean instructions per tick over 10,000 ticks, plant included. A change that halves or
+/// doubles the work of a tick makes this fail: measure again.
 TEST(Size, EstimateIsWithinAThirdOfTheEmulatedProcessor) {
   struct Case {
     swing_up::Task task;

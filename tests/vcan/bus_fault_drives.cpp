@@ -1,5 +1,5 @@
-// The same faults with drives of other protocols behind the wires: moteus, whose frames are CAN FD, and Damiao's kind of the
-// MIT protocol. Left out are the kinds whose frames are an ODrive's own.
+// The same faults with drives of other protocols behind the wires: moteus, whose frames are CAN FD, and Damiao's kind
+// of the MIT protocol. Left out are the kinds whose frames are an ODrive's own.
 
 #include <cstdio>
 #include <cstdlib>

@@ -1,6 +1,7 @@
 // Every kind of fault on real sockets: runtime and plant over virtual CAN interfaces, the kernel's own queues, gateway
 // and error frames between them. In lockstep: a tick follows each period of the plant, however slow the machine is.
-// What must hold is judged as for all other faults (harness/faults/fault_run.cpp), and on the wire (bus_fault_link.hpp).
+// What must hold is judged as for all other faults (harness/faults/fault_run.cpp), and on the wire
+// (bus_fault_link.hpp).
 //
 //   bus_fault_test [--seeds N] [--kind NAME] [--quick] [--page]
 //

@@ -1,6 +1,6 @@
 #!/bin/sh
-# doctor.sh TILLER: `tiller can doctor` on real interfaces of a kernel. Each ailment is brought about, must be found, and
-# is mended by the very command that the doctor names; then it must be gone. can0 is a controller with the kernel's
+# doctor.sh TILLER: `tiller can doctor` on real interfaces of a kernel. Each ailment is brought about, must be found,
+# and is mended by the very command that the doctor names; then it must be gone. can0 is a controller with the kernel's
 # driver (sja1000) and emulated hardware: it has a bit rate, modes and a queue, and a load that can be measured, but
 # never an error on its wires. vcan0 is a virtual interface.
 set -eu

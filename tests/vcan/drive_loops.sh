@@ -1,8 +1,8 @@
 #!/bin/sh
-# drive_loops.sh TILLER ROBOT: `tiller run` steers the plant of `tiller sim` over a virtual CAN bus, in lockstep, behind a
-# drive of each protocol in turn. The pendulum starts 0.05 rad from upright, where it falls in a second when it is left
-# alone or steered wrongly; it must stand after two. ROBOT is robots/pendulum.toml, here with a planner and a posterior
-# that an emulated machine computes in reasonable time.
+# drive_loops.sh TILLER ROBOT: `tiller run` steers the plant of `tiller sim` over a virtual CAN bus, in lockstep, behind
+# a drive of each protocol in turn. The pendulum starts 0.05 rad from upright, where it falls in a second when it is
+# left alone or steered wrongly; it must stand after two. ROBOT is robots/pendulum.toml, here with a planner and a
+# posterior that an emulated machine computes in reasonable time.
 set -eu
 tiller=$1
 robot=$2

@@ -1,5 +1,5 @@
-// The plant of `tiller sim` behind emulated drives of each protocol on one thread, the SocketCAN transport on another, a
-// virtual CAN bus in between. In lockstep, so the machine's speed does not matter.
+// The plant of `tiller sim` behind emulated drives of each protocol on one thread, the SocketCAN transport on another,
+// a virtual CAN bus in between. In lockstep, so the machine's speed does not matter.
 #include <gtest/gtest.h>
 #include <poll.h>
 

@@ -1,7 +1,7 @@
-// The SocketCAN transport as a process, with three motors of three protocols; the motors are drives.py, another process.
-// Both know the numbers of every step: command(motor, step) from here, position, velocity and torque from there. The
-// drives compare every frame with that of another encoder; here every value must be the one that was encoded.
-// Usage: drives_client INTERFACE STEPS
+// The SocketCAN transport as a process, with three motors of three protocols; the motors are drives.py, another
+// process. Both know the numbers of every step: command(motor, step) from here, position, velocity and torque from
+// there. The drives compare every frame with that of another encoder; here every value must be the one that was
+// encoded. Usage: drives_client INTERFACE STEPS
 #include <poll.h>
 
 #include <cmath>

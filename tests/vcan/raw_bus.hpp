@@ -17,9 +17,10 @@ namespace tiller_test {
 /// The frames of settled(): no peer sees them.
 constexpr std::uint32_t kMarker = CAN_EFF_FLAG | 0x1fffffff;
 
-/// Waits until everything written to `interface` before has reached its readers. What is written to virtual CAN is mostly
-/// there when write returns, but a kernel that was held up puts it off. A marker goes the same way behind it: the queue is
-/// one for each processor, so writers stay on one (stay_on_one_processor). At once if the interface is down.
+/// Waits until everything written to `interface` before has reached its readers. What is written to virtual CAN is
+/// mostly there when write returns, but a kernel that was held up puts it off. A marker goes the same way behind it:
+/// the queue is one for each processor, so writers stay on one (stay_on_one_processor). At once if the interface is
+/// down.
 inline void settled(const char* interface) {
   const int s = ::socket(PF_CAN, SOCK_RAW, CAN_RAW);
   const int on = 1;

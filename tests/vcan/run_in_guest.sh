@@ -12,8 +12,9 @@
 #
 # In the guest: vcan0, vcan1 and the pair vx0 <-> vx1 are up; ip, tc, candump, cansend, cangen, cangw and busybox
 # are there; nothing else is, no network either. Two emulated CAN controllers (SJA1000) share a bus; once their driver
-# is loaded (insmod /modules/sja1000.ko; insmod /modules/kvaser_pci.ko) they are can0 and can1. The guest is emulated without hardware help (machines of CI
-# seldom have it): floating point is 20 to 35 times slower than outside, so tests there run in lockstep.
+# is loaded (insmod /modules/sja1000.ko; insmod /modules/kvaser_pci.ko) they are can0 and can1. The guest is emulated
+# without hardware help (machines of CI seldom have it): floating point is 20 to 35 times slower than outside, so tests
+# there run in lockstep.
 set -eu
 here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
 # shellcheck source=tests/vcan/stage.sh

@@ -397,7 +397,8 @@ TEST_F(SocketCan, AMeasurementThatWaitedInTheQueueIsAsOldAsItIs) {
   options.layout.stamp_on_arrival = true;
   open(options);
   RawBus bus("vcan0");
-  // two clocks are read one after the other, at microseconds each; a machine that stands still between them is asked again
+  // two clocks are read one after the other, at microseconds each; a machine that stands still between them is asked
+  // again
   bool near = false;
   for (std::uint32_t k = 0; k < 10 && !near; ++k) {
     const std::int64_t before_us = monotonic_us();

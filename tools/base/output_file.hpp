@@ -62,12 +62,12 @@ class OutputFile {
   bool lags_ = false;
 };
 
-/// Makes the folders that are missing on the way to a file, and says so on stderr: every output option does. What cannot
-/// be made shows when the file is.
+/// Makes the folders that are missing on the way to a file, and says so on stderr: every output option does. What
+/// cannot be made shows when the file is.
 void make_folders_for(const std::string& path);
 
-/// Whether a file can be written at `path`, tried without changing one that is there; folders are made on the way. False
-/// with a sentence in `error` that names the file and the reason.
+/// Whether a file can be written at `path`, tried without changing one that is there; folders are made on the way.
+/// False with a sentence in `error` that names the file and the reason.
 bool can_write_file(const std::string& path, std::string& error);
 
 /// Puts `bytes` in the place of the file at `path`, or leaves it as it was: a reader sees the old content or the new

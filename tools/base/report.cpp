@@ -35,8 +35,8 @@ std::string last_lines(const std::string& text, std::size_t count) {
   return text.substr(from);
 }
 
-/// No interpreter (what `env` says by 127), or one without a package: not a page that cannot be written or data that are
-/// wrong.
+/// No interpreter (what `env` says by 127), or one without a package: not a page that cannot be written or data that
+/// are wrong.
 bool lacks_packages(const ChildResult& child) {
   return child.exit_code == 127 || child.output.find("No module named") != std::string::npos;
 }

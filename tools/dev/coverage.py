@@ -1,7 +1,7 @@
 """coverage.py BUILD_FOLDER JOBS: what the tests of a build with --coverage reached of runtime/.
 
-Writes BUILD_FOLDER/coverage.html (a page per file beside it) and prints lines and branches of every folder. A line that is
-compiled several times, by a template or for several programs, counts once and is reached where any copy is.
+Writes BUILD_FOLDER/coverage.html (a page per file beside it) and prints lines and branches of every folder. A line that
+is compiled several times, by a template or for several programs, counts once and is reached where any copy is.
 """
 import collections
 import json

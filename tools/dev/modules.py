@@ -5,8 +5,9 @@
     modules.py BUILD/modules.txt --check PAGE   fails where a wall is broken or the page's table is out of date
     modules.py BUILD/modules.txt --write PAGE   renews the table between the page's two marks
 
-Three rules: a folder links only folders of its own level or below (LEVELS), folders that link each other form no circle, and an
-#include reaches only folders that its own folder links, directly or through others. Tests may use everything.
+Three rules: a folder links only folders of its own level or below (LEVELS), folders that link each other form no
+circle, and an #include reaches only folders that its own folder links, directly or through others. Tests may use
+everything.
 """
 
 import argparse

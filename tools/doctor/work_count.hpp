@@ -16,13 +16,13 @@ struct ModelWork {
   std::uint64_t path_linearise = 0;  ///< with derivatives along a plan: gradient planners
   std::uint64_t path_feedback = 0;   ///< candidates of their line search
   std::uint64_t steps() const;
-  /// As many instructions as these steps take on a Cortex-M7 (tools/doctor/instruction_costs.def); models that are not listed
-  /// count as the listed one with the next number of states, named in `stand_in`.
+  /// As many instructions as these steps take on a Cortex-M7 (tools/doctor/instruction_costs.def); models that are not
+  /// listed count as the listed one with the next number of states, named in `stand_in`.
   double instructions(const tiller_config_t& config, std::string& stand_in) const;
 };
 
-/// Instructions of a tick over those of its model steps: the filters' algebra, sampling, weights. Measured on the image of
-/// tests/cortex_m: see docs/guide/targets.md.
+/// Instructions of a tick over those of its model steps: the filters' algebra, sampling, weights. Measured on the image
+/// of tests/cortex_m: see docs/guide/targets.md.
 constexpr double kBesideSteps = 1.2;
 
 /// The work of ticks, counted, not derived: a controller of this configuration runs `ticks` ticks on its own model at

@@ -18,8 +18,8 @@ class Roller {
   static constexpr std::uint32_t kLanes = 64;
   Roller(const Candidate& candidate, const Fit& fit);
 
-  /// Goes on to grid point `start`: each hypothesis' own Kalman filter has taken in the grid's measurements and inputs up
-  /// to there, as on a robot that plans from there. A point before the last one begins the grid anew.
+  /// Goes on to grid point `start`: each hypothesis' own Kalman filter has taken in the grid's measurements and inputs
+  /// up to there, as on a robot that plans from there. A point before the last one begins the grid anew.
   void stand_at(const Grid& grid, std::size_t start);
   /// What each hypothesis foresees from where it stands: no noise.
   void predict(std::size_t steps);

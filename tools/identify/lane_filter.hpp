@@ -9,8 +9,8 @@
 
 namespace tiller::tools {
 
-/// Extended Kalman filters side by side over the same data, each lane with parameters and process noise of its own: what
-/// the posterior's particles carry, for parameters that stay. Variances are over the common noise scale's square.
+/// Extended Kalman filters side by side over the same data, each lane with parameters and process noise of its own:
+/// what the posterior's particles carry, for parameters that stay. Variances are over the common noise scale's square.
 class LaneFilter {
  public:
   /// `lanes`: a multiple of kLanePadding. The configuration outlives the filter and has passed tiller_config_check.

@@ -10,7 +10,8 @@ namespace tiller::tools {
 class LatencyWatch {
  public:
   /// Of the period. Of a cart-pole at 50 Hz, 20 seeds of 8 s: with 1 % that was not accounted for, every 90 % interval
-  /// still held the truth; with 2 % that of the friction did in 5 of 20, with 3 % that of the length in 13, with 5 % in 8.
+  /// still held the truth; with 2 % that of the friction did in 5 of 20, with 3 % that of the length in 13, with 5 % in
+  /// 8.
   static constexpr double kNoticeable = 0.02;
   static constexpr std::uint32_t kMeanOver = 50;  ///< measurements: the first ones of a run come while caches are cold
 

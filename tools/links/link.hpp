@@ -29,7 +29,8 @@ class Link {
   virtual tiller_status_t send(const tiller_command_t& command) = 0;
   /// The true state (nx) where the plant is in this process; false elsewhere. NaN: the plant has no such state.
   virtual bool truth(double* state) const = 0;
-  /// Before the robot may move: drives get ready in STANDBY, and is_ready tells when they are, or that they will not be.
+  /// Before the robot may move: drives get ready in STANDBY, and is_ready tells when they are, or that they will not
+  /// be.
   virtual void prepare() {}
   virtual bool is_ready() const { return true; }
   /// After every tick, for whoever listens.

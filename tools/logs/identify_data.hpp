@@ -34,8 +34,8 @@ std::vector<Grid> make_grids(const Log& log, const LogMap& map, const tiller_con
 /// A state at grid point `point` from the measurements around it alone, so that no candidate model has a hand in
 /// it: per joint a parabola of position over time, fitted by least squares to the positions and to the measured
 /// rates, weighted by the sensors' deviations, over +-half_width_s (at least two points to either side). States
-/// that belong to no joint are averaged over three points. `sd` (nx, nullable): what the sensors' deviations leave of doubt.
-/// False where a needed value is missing.
+/// that belong to no joint are averaged over three points. `sd` (nx, nullable): what the sensors' deviations leave of
+/// doubt. False where a needed value is missing.
 bool estimate_state(const Grid& grid, const tiller_config_t& config, std::size_t point, double half_width_s,
                     double* state, double* sd = nullptr);
 

@@ -16,10 +16,10 @@ struct LcmEvent {
 
 /// Reads the log of lcm-logger (format: lcm-proj.github.io, "LCM log file format") front to back from any stream.
 ///
-/// Memory is fixed, whatever the bytes say: no message of ours is longer than kMostBytes, so a longer one (a camera's) is
-/// passed over. liblcm's reader asks the heap for what the file claims, up to 2 GiB an event. Between events everything
-/// up to the next sync word is passed over, so that a damaged event costs itself alone; an event that is cut off ends the
-/// log. Cost: one pass.
+/// Memory is fixed, whatever the bytes say: no message of ours is longer than kMostBytes, so a longer one (a camera's)
+/// is passed over. liblcm's reader asks the heap for what the file claims, up to 2 GiB an event. Between events
+/// everything up to the next sync word is passed over, so that a damaged event costs itself alone; an event that is cut
+/// off ends the log. Cost: one pass.
 class LcmEventLog {
  public:
   static constexpr std::uint32_t kMostBytes = 1u << 16;

@@ -10,13 +10,14 @@ namespace tiller::tools {
 
 /// Reads a log by what its first bytes say it is:
 ///   CSV with a header             read_log(): columns and units of the robot file's [log]
-///   LCM event log (lcm-logger)    channels <prefix>MEASUREMENT and <prefix>COMMAND of [transport], as docs/guide/lcm.md
+///   LCM event log (lcm-logger)    channels <prefix>MEASUREMENT and <prefix>COMMAND of [transport], as
+///   docs/guide/lcm.md
 ///                                 tells; values in the order of [measurement] and of the model's inputs, SI units
 ///   record of `tiller run --record`    measurements and commands of every tick
 ///   MCAP of `tiller run --record`    the same ticks
 ///   other MCAP                    JSON messages; columns as "topic.field" (python/tiller_tools/mcap_csv.py)
-/// In the three before that a row is a measurement, and its input the command that was in force from then on: a message's or
-/// tick's command that answers it. False with every reason in `error`.
+/// In the three before that a row is a measurement, and its input the command that was in force from then on: a
+/// message's or tick's command that answers it. False with every reason in `error`.
 bool read_any_log(const std::string& path, const RobotFile& robot, Log& log, std::string& error);
 
 /// "csv", "lcm", "record", "mcap": by the first bytes; "csv" where nothing else fits.

@@ -9,8 +9,8 @@
 
 namespace tiller::tools {
 
-// Readers of logs for learning: from a stream or bytes, so that nothing but the caller opens files. In the binary ones a
-// row is a measurement, and its input the command that was in force from then on. `path` is for messages alone. False
+// Readers of logs for learning: from a stream or bytes, so that nothing but the caller opens files. In the binary ones
+// a row is a measurement, and its input the command that was in force from then on. `path` is for messages alone. False
 // with every reason in `error`.
 
 /// A CSV: read_log() without opening a file.

@@ -14,11 +14,12 @@ namespace tiller::tools {
 //
 //   /measurement   stamp_us, sequence, command_latency_us and the measured states by name; only where there was one
 //   /command       stamp_us, sequence, plan_sequence and the inputs by name
-//   /tick          tick, now_us, status, planner_iterations, calls, ...; mean and sd: the estimate of state and parameters
+//   /tick          tick, now_us, status, planner_iterations, calls, ...; mean and sd: the estimate of state and
+//   parameters
 //
 // Numbers are written so that they read back as the same double; NaN is null, infinity a text. The attachment
-// `controller` is what a record file begins with (record_header), `robot.toml` the robot file: with them, `tiller replay`
-// repeats the run to the last bit.
+// `controller` is what a record file begins with (record_header), `robot.toml` the robot file: with them, `tiller
+// replay` repeats the run to the last bit.
 
 class McapRun {
  public:
@@ -28,8 +29,8 @@ class McapRun {
   void open(const std::string& path, const tiller_config_t& config, std::int64_t epoch_us);
   void add(const RecordEntry& entry);
   void flush() { writer_.flush(); }
-  /// With what the recorder counted, as metadata `recorder`: ticks handed over, those among them that no log holds, which
-  /// they are, and messages that this file lacks.
+  /// With what the recorder counted, as metadata `recorder`: ticks handed over, those among them that no log holds,
+  /// which they are, and messages that this file lacks.
   bool close(std::uint64_t ticks, std::uint64_t dropped_ticks, const std::vector<LogHole>& holes = {});
   const McapWriter& writer() const { return writer_; }
 

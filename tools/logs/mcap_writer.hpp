@@ -10,13 +10,13 @@
 
 namespace tiller::tools {
 
-/// Writes MCAP (mcap.dev/spec, major version 0): uncompressed chunks with CRC-32, a message index for each, and a summary
-/// at the end, so that readers may seek.
+/// Writes MCAP (mcap.dev/spec, major version 0): uncompressed chunks with CRC-32, a message index for each, and a
+/// summary at the end, so that readers may seek.
 ///
 /// Made for logs that end without warning. Schemas, channels and attachments stand before the first chunk; every flush
-/// is one write of whole chunks, followed by the marks of a finished file without a summary, which the next write covers.
-/// So a file whose writer was killed is a valid one, and a file that was cut anywhere is readable up to its last whole
-/// chunk.
+/// is one write of whole chunks, followed by the marks of a finished file without a summary, which the next write
+/// covers. So a file whose writer was killed is a valid one, and a file that was cut anywhere is readable up to its
+/// last whole chunk.
 class McapWriter {
  public:
   /// Creates the file and writes its header. `library` names the program.

@@ -23,7 +23,8 @@ struct RecordedRun {
   bool cut_off = false;        ///< the file ends early, is damaged or has holes
 };
 
-/// Adds the ticks that the entries' numbers leave out to the holes that a reader has found, and tells of all in the note.
+/// Adds the ticks that the entries' numbers leave out to the holes that a reader has found, and tells of all in the
+/// note.
 void find_holes(RecordedRun& run);
 
 /// How many ticks can be judged: those before the first hole, where the controller knew what the log tells.
@@ -32,22 +33,22 @@ std::size_t sound_ticks(const RecordedRun& run);
 /// Number of iterations that a log does not tell: the planner does what the configuration says.
 constexpr std::uint32_t kIterationsUnknown = 0xffffffffu;
 
-/// Reads what can be replayed, by its first bytes: a record, an MCAP or a CSV of `tiller run`, a log of LCM. False with a message
-/// in `error`.
+/// Reads what can be replayed, by its first bytes: a record, an MCAP or a CSV of `tiller run`, a log of LCM. False with
+/// a message in `error`.
 bool read_recorded_run(const std::string& path, const RobotFile& robot, RecordedRun& run, std::string& error);
 
 /// The text of the robot file that the log carries: an MCAP of `tiller run` does. Empty: none.
 std::string robot_in_log(const std::string& path);
 
-/// The ticks of an LCM log with measurements, commands and (where they were logged) telemetry. docs/guide/replay.md tells what
-/// is taken from where.
+/// The ticks of an LCM log with measurements, commands and (where they were logged) telemetry. docs/guide/replay.md
+/// tells what is taken from where.
 bool read_lcm_run(const std::string& path, const RobotFile& robot, RecordedRun& run, std::string& error);
 /// The same from a stream; `path` stands in errors.
 bool read_lcm_run(std::istream& file, const std::string& path, const RobotFile& robot, RecordedRun& run,
                   std::string& error);
 
-/// The ticks of a CSV of `tiller run --log`; `text` is the file's, `path` its name for messages. Like an LCM log, it does
-/// not hold the configuration.
+/// The ticks of a CSV of `tiller run --log`; `text` is the file's, `path` its name for messages. Like an LCM log, it
+/// does not hold the configuration.
 bool read_csv_run(const std::string& text, const std::string& path, const RobotFile& robot, RecordedRun& run,
                   std::string& error);
 

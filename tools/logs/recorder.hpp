@@ -56,9 +56,9 @@ struct RecorderReport {
   double alarm_log_s = 0;
 };
 
-/// Writes the files of a run in a thread of its own. A tick copies 4 kB into a ring and goes on, whatever the disk does;
-/// formatting and writing, with the waits that they bring, are the thread's. What a crash of the program may cost is the
-/// last quarter of a second.
+/// Writes the files of a run in a thread of its own. A tick copies 4 kB into a ring and goes on, whatever the disk
+/// does; formatting and writing, with the waits that they bring, are the thread's. What a crash of the program may cost
+/// is the last quarter of a second.
 class Recorder {
  public:
   /// `config` is the controller's.
@@ -76,8 +76,8 @@ class Recorder {
   RecorderReport stop();
 
   std::uint64_t dropped() const { return dropped_.load(std::memory_order_relaxed); }
-  /// How the files are, from any thread and at no cost: dropped ticks at once, what the disk refuses from the next flush
-  /// on. The status is ok again once everything that waited is written, unless something is missing for good.
+  /// How the files are, from any thread and at no cost: dropped ticks at once, what the disk refuses from the next
+  /// flush on. The status is ok again once everything that waited is written, unless something is missing for good.
   LogState state() const;
 
   static std::size_t ring_ticks(double period_s);

@@ -232,8 +232,8 @@ RecordEntry entry_of(const RobotFile& robot, const Answer& answer, bool lockstep
   return entry;
 }
 
-/// Whether the controller was given a measurement that is not in the log. A command repeats the sequence of the last one
-/// that was taken in, so a new number is a measurement; the first tick of a run has one, unless it says otherwise.
+/// Whether the controller was given a measurement that is not in the log. A command repeats the sequence of the last
+/// one that was taken in, so a new number is a measurement; the first tick of a run has one, unless it says otherwise.
 bool lacks_measurement(const Answer& answer, const Answer* before) {
   if (answer.has_answered) return false;
   if (answer.told && is_refusal(answer.telemetry.status)) return !answer.has_waiting;

@@ -39,8 +39,8 @@ struct TickView {
 ///   ref.<state>...     the reference's row that is due ([cost] reference); empty before the task begins
 ///   tick, now_us, stamp_us, sequence, command_latency_us, infinite, calls, stop_status
 ///                      what `tiller replay` needs beside the rest: see tiller_record_t. stamp_us .. infinite are empty
-///                      where there was no measurement; bit i of infinite: the measured value i was infinite, bit 16 + i:
-///                      it was negative too (its cell is empty)
+///                      where there was no measurement; bit i of infinite: the measured value i was infinite, bit 16 +
+///                      i: it was negative too (its cell is empty)
 ///
 /// Measured values, commands and the estimates of states and parameters read back as the same double.
 class RunLog {

@@ -6,8 +6,8 @@
 
 namespace tiller::tools {
 
-/// A queue from one thread to one other, of a size that is fixed when it is made; neither side ever waits for the other.
-/// Every page of it is touched at once, so that none is fetched in a tick.
+/// A queue from one thread to one other, of a size that is fixed when it is made; neither side ever waits for the
+/// other. Every page of it is touched at once, so that none is fetched in a tick.
 template <class T>
 class SpscRing {
  public:

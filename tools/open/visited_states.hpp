@@ -20,9 +20,9 @@ struct VisitedStates {
 
 /// A short closed loop on the configuration's own model at the priors' centre, from the start state toward the task:
 /// between 50 and 200 periods, and two horizons or the reference's length where these lie between. The controller is an
-/// iLQR of one hypothesis, cheap whatever planner is configured, and stays within the limits of [limits]; where the task
-/// has no such plan, the configured planner steers with few samples. The path ends early where the controller would
-/// latch SAFE, so every point lies within the sensors' limits. At least one point: the start. Deterministic.
+/// iLQR of one hypothesis, cheap whatever planner is configured, and stays within the limits of [limits]; where the
+/// task has no such plan, the configured planner steers with few samples. The path ends early where the controller
+/// would latch SAFE, so every point lies within the sensors' limits. At least one point: the start. Deterministic.
 VisitedStates visit_states(const tiller_config_t& config);
 
 }  // namespace tiller::tools

@@ -37,8 +37,8 @@ struct ReplayResult {
   std::size_t lost_calls = 0;  ///< ticks before which the host called more than the record keeps
 };
 
-/// Whether they are the same to the last bit, or within the tolerance; `difference` becomes the larger of what it was and
-/// the largest difference of an input.
+/// Whether they are the same to the last bit, or within the tolerance; `difference` becomes the larger of what it was
+/// and the largest difference of an input.
 bool same_command(const tiller_command_t& a, const tiller_command_t& b, std::uint32_t inputs, double tolerance,
                   double& difference);
 

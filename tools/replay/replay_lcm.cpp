@@ -172,8 +172,8 @@ void in_lockstep(LcmRobot& plant, const RobotFile& robot, const RecordedRun& run
   }
 }
 
-/// At the log's pace, answers counted by the sequence that they answer; ticks without a measurement are the controller's
-/// own business.
+/// At the log's pace, answers counted by the sequence that they answer; ticks without a measurement are the
+/// controller's own business.
 void in_real_time(LcmRobot& plant, const RobotFile& robot, const RecordedRun& run, const ReplayOptions& options,
                   ReplayResult& result) {
   std::map<std::uint32_t, tiller_command_t> answers;

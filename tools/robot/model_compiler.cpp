@@ -230,8 +230,8 @@ std::string last_line(const std::string& text) {
   return "";
 }
 
-/// A kernel's two halves side by side (rollout/export_model.hpp), then linked. Words: the object, its dependency file, the
-/// source, and the compiler with its flags.
+/// A kernel's two halves side by side (rollout/export_model.hpp), then linked. Words: the object, its dependency file,
+/// the source, and the compiler with its flags.
 constexpr char kTwoHalves[] = R"(
 object=$1 dependencies=$2 source=$3
 shift 3

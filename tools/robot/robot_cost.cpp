@@ -1,4 +1,5 @@
-// [cost]: what is more than keys with a place in the configuration: bounds, obstacles, trajectories, a cost of one's own.
+// [cost]: what is more than keys with a place in the configuration: bounds, obstacles, trajectories, a cost of one's
+// own.
 
 #include <cmath>
 #include <filesystem>

@@ -21,8 +21,8 @@ enum class KeyKind {
   other           // a table or list with a reader of its own
 };
 
-/// One key of the robot file. Those with an offset are the lines of tiller/config.def: read, checked and stored from this
-/// entry alone; their default is what tiller_config_default() leaves there.
+/// One key of the robot file. Those with an offset are the lines of tiller/config.def: read, checked and stored from
+/// this entry alone; their default is what tiller_config_default() leaves there.
 struct KeySpec {
   const char* section;  ///< "planner"; "measurement.*" for the tables below one with free names
   const char* key;

@@ -37,7 +37,8 @@ class SectionReader {
   void missing(const std::string& key, std::string remedy);
   void error(const std::string& key, std::string problem, std::string remedy);
 
-  /// Whether `low` is below `high` where both are there; else an error at the lower key with both values and their order.
+  /// Whether `low` is below `high` where both are there; else an error at the lower key with both values and their
+  /// order.
   bool in_order(const std::string& low_key, std::optional<double> low, const std::string& high_key,
                 std::optional<double> high);
 

@@ -14,8 +14,8 @@ constexpr double kLineEvery_s = 0.5;
 constexpr auto kDrawEvery = std::chrono::milliseconds(100);
 constexpr int kBarWidth = 24;
 
-/// A terminal that was stopped (Ctrl-S), or a pipe that nobody reads, must not hold up the run: what it does not take at
-/// once is not shown.
+/// A terminal that was stopped (Ctrl-S), or a pipe that nobody reads, must not hold up the run: what it does not take
+/// at once is not shown.
 bool stdout_takes() {
   pollfd out = {STDOUT_FILENO, POLLOUT, 0};
   return ::poll(&out, 1, 0) == 1 && (out.revents & POLLOUT) != 0;

@@ -31,7 +31,8 @@ struct PaceResult {
   std::uint64_t skipped_periods = 0;  ///< by the clock: that had no tick
 };
 
-/// "real time: SCHED_FIFO 80, memory locked, ..." and what it did not get, with the remedy; empty where nothing was asked.
+/// "real time: SCHED_FIFO 80, memory locked, ..." and what it did not get, with the remedy; empty where nothing was
+/// asked.
 std::string realtime_text(const RobotFile& robot, const RealtimeReport& report);
 /// The histograms as CSV: upper edge of a bin in microseconds, ticks, wake-ups; empty bins are left out.
 std::string histogram_csv(const PaceResult& pace);

@@ -19,7 +19,8 @@ class RunStart {
   /// The first measurement, within `patience_s` of wall time. False with a sentence in `error`.
   bool wait_for_first(double patience_s, Sensed& sensed, std::string& error);
   /// Until every measured state has stood within four deviations of the start's for half a second, for as long as it
-  /// takes; the safe command is sent meanwhile. The controller is not asked: it would learn from whoever moves the robot.
+  /// takes; the safe command is sent meanwhile. The controller is not asked: it would learn from whoever moves the
+  /// robot.
   bool wait_for_start(Sensed& sensed, std::string& error);
 
  private:

@@ -3,8 +3,8 @@
 // Elementary functions made of +, -, *, / and sqrt alone, so that their bits are the same wherever these are IEEE 754
 // doubles, rounded to nearest and not contracted (-ffp-contract=off): the reproducible build on x86-64, aarch64, armhf
 // and Cortex-M7. The reductions are the usual ones (Cody and Waite 1980; Muller, Elementary Functions, 2016, ch. 11);
-// the kernels are Taylor series, whose coefficients the compiler works out. Errors (tests/scalar/portable_math_test.cpp): at
-// most 3 ulp, unless said otherwise. Cost: some 20 to 40 operations each.
+// the kernels are Taylor series, whose coefficients the compiler works out. Errors
+// (tests/scalar/portable_math_test.cpp): at most 3 ulp, unless said otherwise. Cost: some 20 to 40 operations each.
 //
 // The float versions round the double's result: 1 ulp, and right almost everywhere.
 

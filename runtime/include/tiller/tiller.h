@@ -260,7 +260,8 @@ typedef enum tiller_terminal {
 } tiller_terminal_t;
 
 /** A cost of your own in C: the slow path, one lane at a time, with central differences for gradients. The fast one
- *  is a template beside the model (docs/reference/costs.md). Pure functions; what is not finite fails the trajectory. */
+ *  is a template beside the model (docs/reference/costs.md). Pure functions; what is not finite fails the trajectory.
+ *  */
 typedef struct tiller_own_cost {
   uint32_t size;    /**< sizeof(tiller_own_cost_t) */
   uint32_t version; /**< TILLER_CONFIG_VERSION */

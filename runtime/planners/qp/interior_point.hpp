@@ -4,10 +4,10 @@
 
 namespace tiller {
 
-/// Interior point over the Riccati sweep: Mehrotra's predictor and corrector (SIAM J. Optimization 2, 1992) for programs
-/// along a horizon (Rao, Wright, Rawlings 1998). Bounds enter a sweep as additions to diagonals and gradients, so an
-/// iteration costs one factorisation (cubic in s, linear in N) and one more pass of matrix-vector products. Slacks of
-/// soft bounds are eliminated one by one and cost nothing.
+/// Interior point over the Riccati sweep: Mehrotra's predictor and corrector (SIAM J. Optimization 2, 1992) for
+/// programs along a horizon (Rao, Wright, Rawlings 1998). Bounds enter a sweep as additions to diagonals and gradients,
+/// so an iteration costs one factorisation (cubic in s, linear in N) and one more pass of matrix-vector products.
+/// Slacks of soft bounds are eliminated one by one and cost nothing.
 struct InteriorPoint {
   /// One side of one variable's bound: t = sign (v - bound) + e > 0 with multiplier y > 0; soft: e > 0 with multiplier
   /// r > 0 and l + w e - y - r = 0.

@@ -15,8 +15,8 @@ struct ActiveSetQp {
   bool stands = false;          // the factor is that of these matrices and this set: the first sweep resolves alone
 };
 
-/// Sweeps until the set settles (solved; bounds on states are not looked at), the cap or the deadline. Inputs are within
-/// their bounds and states follow from them whatever the status, unless it is broken.
+/// Sweeps until the set settles (solved; bounds on states are not looked at), the cap or the deadline. Inputs are
+/// within their bounds and states follow from them whatever the status, unless it is broken.
 QpReport solve_active_set(ActiveSetQp& work, const Qp& qp, const QpLimits& limits, QpSolution& solution);
 bool states_within(const Qp& qp, const QpSolution& solution);
 /// Drops the sets of the first `steps` stages; the last one's is repeated.

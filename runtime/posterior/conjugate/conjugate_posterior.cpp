@@ -205,8 +205,8 @@ void ConjugatePosterior::clear_adequacy() {
   disturbances_.begin();
 }
 
-/// Each value against what the data before it predict, noise and parameters unknown. Measured states forget nothing over
-/// a step, so a disturbance stands in one innovation and no other.
+/// Each value against what the data before it predict, noise and parameters unknown. Measured states forget nothing
+/// over a step, so a disturbance stands in one innovation and no other.
 void ConjugatePosterior::test(const Transition& transition) {
   Innovation now;
   double phi[TILLER_MAX_MEASUREMENTS][kMaxDisturbances], speed[TILLER_MAX_MEASUREMENTS];

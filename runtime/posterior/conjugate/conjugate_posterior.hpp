@@ -12,10 +12,10 @@ namespace tiller {
 ///
 ///     x[k+1] = f(x[k], u[k]; theta) + w,  w_r ~ N(0, s^2 process_sd_r^2 dt),  theta ~ N(m, C),  s^2 ~ InvGamma(a0, a0)
 ///
-/// with x measured at both ends: a linear regression (scale_regression.hpp), so the posterior is exact. Mean, deviation,
-/// covariance and quantiles are the law's own; particles are N fixed standardised draws carried through its present
-/// mean and root, all of equal weight, so that they move smoothly as data come in. posterior.forgetting[0] discounts old
-/// data exponentially (never the prior).
+/// with x measured at both ends: a linear regression (scale_regression.hpp), so the posterior is exact. Mean,
+/// deviation, covariance and quantiles are the law's own; particles are N fixed standardised draws carried through its
+/// present mean and root, all of equal weight, so that they move smoothly as data come in. posterior.forgetting[0]
+/// discounts old data exponentially (never the prior).
 ///
 /// A transition whose beginning was not measured in full adds nothing; of its end, missing states are left out. States
 /// with process_sd = 0 carry no row: the regression has no scale for them. Where the noise is in the sensors and not

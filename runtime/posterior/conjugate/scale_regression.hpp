@@ -39,8 +39,8 @@ class ScaleRegression {
   /// Given node k's s: the law of a' w is normal. Its mean and variance; node_weight() sums to one.
   double node_weight(std::uint32_t k) const { return weight_[k]; }
   void along(const double* a, std::uint32_t k, double* mean, double* variance) const;
-  /// Given node k's s: w = mean + root z with z ~ N(0, I), root the symmetric one (d x d, stride kMax): a smooth function
-  /// of the data.
+  /// Given node k's s: w = mean + root z with z ~ N(0, I), root the symmetric one (d x d, stride kMax): a smooth
+  /// function of the data.
   void law(std::uint32_t k, double* mean, double* root) const;
 
  private:

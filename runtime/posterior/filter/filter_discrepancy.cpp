@@ -10,8 +10,8 @@ namespace {
 
 /// A force that is small against any that matters and large against rounding.
 constexpr double kSmall = 1e-4;
-/// Prior deviation of a force that the model lacks, in what accelerates its joint as half of the inputs' range does: a robot
-/// that works is stronger than its friction. Of a viscous one at the speed that this range reaches in kReach_s.
+/// Prior deviation of a force that the model lacks, in what accelerates its joint as half of the inputs' range does: a
+/// robot that works is stronger than its friction. Of a viscous one at the speed that this range reaches in kReach_s.
 constexpr double kSpread = 0.2;
 constexpr double kReach_s = 0.2;
 /// Below this share of the usual speed a joint that dry friction would stop says nothing.
@@ -24,8 +24,8 @@ struct DryShare {
   double velocity, position;
 };
 
-/// A joint that begins at velocity v, would change it by `free` without dry friction, and by `dry` at most with it alone.
-/// Where it reverses, friction turns round, and holds it if it is the stronger.
+/// A joint that begins at velocity v, would change it by `free` without dry friction, and by `dry` at most with it
+/// alone. Where it reverses, friction turns round, and holds it if it is the stronger.
 DryShare dry_share(double v, double free, double dry) {
   const double sign = v != 0.0 ? std::copysign(1.0, v) : -std::copysign(1.0, free);
   const double slowing = dry - free * sign;  // of the speed over a whole step

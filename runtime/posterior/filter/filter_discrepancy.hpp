@@ -8,17 +8,18 @@
 
 namespace tiller {
 
-/// Forces that the model lacks, as further states of the filter: a constant, a viscous and a dry one at each joint, which
-/// stay as they are and push the state over a period,
+/// Forces that the model lacks, as further states of the filter: a constant, a viscous and a dry one at each joint,
+/// which stay as they are and push the state over a period,
 ///
 ///   next = f(x, u) + sum_j g_j (beta_j0 - beta_j1 v_j - beta_j2 s(v_j)),   beta' = beta
 ///
-/// g_j what a unit force at joint j does to the state, v_j the joint's velocity, s its sign (on average, where it reverses
-/// within the period). The filter finds them beside
+/// g_j what a unit force at joint j does to the state, v_j the joint's velocity, s its sign (on average, where it
+/// reverses within the period). The filter finds them beside
 /// the state, and its innovations' likelihood has them integrated out (Friedland, "Treatment of bias in recursive
 /// filtering", IEEE TAC 14, 1969).
 ///
-/// Cost of a step of 16 lanes: a rollout of one step per joint, and the filter's algebra with three more states a joint.
+/// Cost of a step of 16 lanes: a rollout of one step per joint, and the filter's algebra with three more states a
+/// joint.
 class FilterDiscrepancy {
  public:
   FilterDiscrepancy() = default;
@@ -46,8 +47,8 @@ class FilterDiscrepancy {
 
   /// The forces' standard deviations before any data (forces), from what they do in lane 0.
   void prior_sd(const Lanes16& job, double* sd) const;
-  /// Takes note of one lane of a step. True where a joint was so slow that dry friction may have held it: its friction is
-  /// then whatever force the model has there, which none of these has the form of.
+  /// Takes note of one lane of a step. True where a joint was so slow that dry friction may have held it: its friction
+  /// is then whatever force the model has there, which none of these has the form of.
   bool sticks(const Lanes16& job, std::uint32_t lane);
 
  private:

@@ -17,7 +17,8 @@ constexpr double kGate = 8.0;
 /// Outliers in a row after which a measurement is believed after all: then the world has changed, not the sensor.
 constexpr std::uint32_t kGateRun = 5;
 
-/// Deviations at which the prior of the noises' ratio is cut: beyond, process noise is as good as none, or all there is.
+/// Deviations at which the prior of the noises' ratio is cut: beyond, process noise is as good as none, or all there
+/// is.
 constexpr double kWidestRatio = 2.0;
 
 std::uint32_t round_up(std::uint32_t value, std::uint32_t multiple) {

@@ -19,8 +19,8 @@ namespace tiller {
 /// The engine for noisy or partial measurements and for effects with states: each particle carries an extended Kalman
 /// filter of its own for the state, the states of its effects, and how large process noise is beside sensor noise.
 ///
-/// Cost of an update, bounded by the configuration: N + 2 * moves_per_tick * (window + 1) filtered transitions and a few
-/// dozen for the summary; of a skipped period N and those.
+/// Cost of an update, bounded by the configuration: N + 2 * moves_per_tick * (window + 1) filtered transitions and a
+/// few dozen for the summary; of a skipped period N and those.
 class FilterPosterior final : public Posterior {
  public:
   static FilterPosterior* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,

@@ -65,10 +65,10 @@ void FilterPosterior::widen_jacobian(const Chunk& chunk) const {
     }
 }
 
-/// P' = A P A^T + Q with the chunk's Jacobian, into the chunk. Process noise of a joint's velocity is an acceleration that
-/// is white in time, so it reaches the position within the period: q^2 [dt^3/3, dt^2/2; dt^2/2, dt] (Bar-Shalom, Li and
-/// Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 6.2.2). Of other states it is a
-/// random walk.
+/// P' = A P A^T + Q with the chunk's Jacobian, into the chunk. Process noise of a joint's velocity is an acceleration
+/// that is white in time, so it reaches the position within the period: q^2 [dt^3/3, dt^2/2; dt^2/2, dt] (Bar-Shalom,
+/// Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 6.2.2). Of other states
+/// it is a random walk.
 void FilterPosterior::predict_covariance(const Chunk& chunk, const Step& step) const {
   const double period_s = step.transition->period_s;
   double process[triangle_rows(kMaxFilterStates)] = {};

@@ -14,8 +14,8 @@ constexpr double kPointsPerTerm = 2.5;
 /// Share of a deviation below which the rest of a root's row counts as nothing: rounding, whose logarithm is noise.
 constexpr double kLeastRoot = 1e-7;
 
-/// Lower root of a covariance given as the upper triangle of element i at p[i * stride]: to[r] the logarithm of diagonal
-/// r, then the elements left of it over the diagonal's scale.
+/// Lower root of a covariance given as the upper triangle of element i at p[i * stride]: to[r] the logarithm of
+/// diagonal r, then the elements left of it over the diagonal's scale.
 void to_root(std::uint32_t n, const double* p, std::uint32_t stride, double* to, std::uint32_t to_stride) {
   double root[kMaxFilterStates][kMaxFilterStates];
   for (std::uint32_t r = 0; r < n; ++r) {

@@ -11,13 +11,13 @@ namespace tiller {
 /// What transitions that have left the window say of the parameters, and where the filter stands at the window's start,
 /// as polynomials of the coordinates (polynomial_design.hpp).
 ///
-/// At every point of the design a filter of its own is carried along the window's start. Of each transition that leaves,
-/// the normalised innovations z_k, log s^2 and the filter after it are fitted at those points:
+/// At every point of the design a filter of its own is carried along the window's start. Of each transition that
+/// leaves, the normalised innovations z_k, log s^2 and the filter after it are fitted at those points:
 ///
 ///   S(v) = phi' G phi with G += w c c',   l(v) = t' phi      (z ~ c' phi)
 ///
-/// Covariances go by the logarithm of their root's diagonal and the rest of the root over it, so that every polynomial is
-/// a covariance. Meant for differences between two points: what the polynomials miss at one is missed at the other.
+/// Covariances go by the logarithm of their root's diagonal and the rest of the root over it, so that every polynomial
+/// is a covariance. Meant for differences between two points: what the polynomials miss at one is missed at the other.
 class FilterSummary {
  public:
   /// nx: of the filters' states.
@@ -27,14 +27,14 @@ class FilterSummary {
   void forget(double keep);
 
   const PolynomialDesign& design() const { return design_; }
-  /// Lays the design around the cloud; what is known of the past is carried over, the filters at the points are read from
-  /// the polynomials.
+  /// Lays the design around the cloud; what is known of the past is carried over, the filters at the points are read
+  /// from the polynomials.
   void centre_on(const Cloud& cloud);
   /// The filters at the design's points.
   const FilterRows& filters() const { return filters_; }
 
-  /// One transition leaves: sums of all points have been advanced by it, the filters stand after it. z (ny x points) its
-  /// normalised innovations, log_variance (points).
+  /// One transition leaves: sums of all points have been advanced by it, the filters stand after it. z (ny x points)
+  /// its normalised innovations, log_variance (points).
   void add(double weight, std::uint32_t ny, const double* z, const double* log_variance);
   /// The polynomials of the filters at the points.
   void fit_filters();

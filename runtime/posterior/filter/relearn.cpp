@@ -1,9 +1,9 @@
 // A robot that has changed: what was learnt of it becomes one half of a new prior, beside the configured one.
 //
-// The change-point model of Fearnhead and Liu (JRSS B 69, 2007) with one candidate, the moment at which the adequacy test
-// sounds: before it the parameters are those of the posterior, after it they are the same with probability one half, and
-// drawn from the prior otherwise. A false alarm then costs little: the particles that were right predict better than
-// those from the prior and soon have all the weight.
+// The change-point model of Fearnhead and Liu (JRSS B 69, 2007) with one candidate, the moment at which the adequacy
+// test sounds: before it the parameters are those of the posterior, after it they are the same with probability one
+// half, and drawn from the prior otherwise. A false alarm then costs little: the particles that were right predict
+// better than those from the prior and soon have all the weight.
 
 #include <cmath>
 #include <cstring>
@@ -106,8 +106,8 @@ void FilterPosterior::keep_cloud_as_prior() {
     }
 }
 
-/// Every other particle keeps what it knows, the others are drawn from the configured prior, with the noise's coordinate
-/// that they had.
+/// Every other particle keeps what it knows, the others are drawn from the configured prior, with the noise's
+/// coordinate that they had.
 void FilterPosterior::mix_cloud() {
   cloud_.resample(tick_);
   permute_carried();

@@ -11,8 +11,9 @@ namespace tiller {
 ///   z_k(theta) ~ N(0, sigma^2),  sigma^2 ~ InvGamma(a0, b0)
 ///   log L = -(a0 + n/2) log(b0 + S / 2) - l / 2
 ///
-/// with z_k an innovation over the deviation s_k that its filter expects of it, S = sum z^2, l = sum log s^2, n the number
-/// of values (Bernardo and Smith, Bayesian Theory, 1994, appendix A.2). Sums of a particle stand in rows: S, then l.
+/// with z_k an innovation over the deviation s_k that its filter expects of it, S = sum z^2, l = sum log s^2, n the
+/// number of values (Bernardo and Smith, Bayesian Theory, 1994, appendix A.2). Sums of a particle stand in rows: S,
+/// then l.
 class ScaleEvidence {
  public:
   static constexpr std::uint32_t kSquared = 0, kLogs = 1, kRows = 2;

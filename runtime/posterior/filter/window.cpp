@@ -11,8 +11,8 @@ namespace tiller {
 
 namespace {
 
-/// Transitions that leave between two looks at whether the design still lies where the cloud is, which does not move far
-/// within a few ticks.
+/// Transitions that leave between two looks at whether the design still lies where the cloud is, which does not move
+/// far within a few ticks.
 constexpr std::uint32_t kLook = 8;
 
 }  // namespace
@@ -88,7 +88,8 @@ void FilterPosterior::begin_points() {
   summary_.fit_filters();
 }
 
-/// The oldest transition leaves: its innovations at the design's points go into the summary, the window's start moves on.
+/// The oldest transition leaves: its innovations at the design's points go into the summary, the window's start moves
+/// on.
 void FilterPosterior::leave() {
   const bool look = ++leaves_ >= kLook;
   if (look) leaves_ = 0;
@@ -110,8 +111,8 @@ void FilterPosterior::leave() {
   ++window_begin_;
 }
 
-/// One transition at all points. Points that have no finite step keep their filters and are marked by a log variance that
-/// is not a number.
+/// One transition at all points. Points that have no finite step keep their filters and are marked by a log variance
+/// that is not a number.
 void FilterPosterior::step_points(std::uint64_t index) {
   const Kept& kept = window_[index];
   const std::uint32_t points = summary_.design().points();

@@ -7,8 +7,8 @@
 
 namespace tiller {
 
-/// Hypotheses that no single cloud holds, side by side: by how many periods the inputs come late, and at which rate what
-/// was learnt ages. Each is an engine of its own over the same transitions:
+/// Hypotheses that no single cloud holds, side by side: by how many periods the inputs come late, and at which rate
+/// what was learnt ages. Each is an engine of its own over the same transitions:
 ///
 ///   members 0 .. D-1       a delay of [j, j + 1) periods, the first rate
 ///   members D .. D+R-2     the delay that leads, rates 1 .. R-1
@@ -19,9 +19,9 @@ namespace tiller {
 /// 1995). A rate's is the same with a slow forgetting of its own, as in dynamic model averaging (Raftery, Karny and
 /// Ettler, Technometrics 52, 2010), in favour of the first rate as long as the others predict no better.
 ///
-/// Where a faster rate predicts better by kClear nats, what the slower ones know has become untrue: they begin anew from
-/// the prior, are not used while they learn, and come back as trusted as the best. (A faster cloud's own sums are no good
-/// start: they still hold the old data's share, which a slower one would keep for long.)
+/// Where a faster rate predicts better by kClear nats, what the slower ones know has become untrue: they begin anew
+/// from the prior, are not used while they learn, and come back as trusted as the best. (A faster cloud's own sums are
+/// no good start: they still hold the old data's share, which a slower one would keep for long.)
 ///
 /// Cost of an update: D + R - 1 updates of the engine, each with one parameter and as many effects more as the model
 /// has inputs; memory likewise, and one configuration each.

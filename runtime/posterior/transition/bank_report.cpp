@@ -157,9 +157,9 @@ double BankPosterior::mean_delay() const {
   return sum;
 }
 
-/// Whose each of `count` <= kColumns columns is. How many are a member's: one uniform number, evenly spaced pointers into
-/// the cumulated weights. Mixed, so that any first few columns come from all: the next one is of whom the largest share
-/// is still to come.
+/// Whose each of `count` <= kColumns columns is. How many are a member's: one uniform number, evenly spaced pointers
+/// into the cumulated weights. Mixed, so that any first few columns come from all: the next one is of whom the largest
+/// share is still to come.
 void BankPosterior::apportion(std::uint32_t count, std::uint64_t tick, std::uint32_t first,
                               std::uint32_t* columns) const {
   Rng rng(config_->seed, kRngSelect, ~(tick * kColumns + first));

@@ -64,8 +64,8 @@ void TransitionCloud::leave_out_sticking(std::uint32_t slot, const double* chang
   set_weight(slot, steps_[slot].weight);
 }
 
-/// Where a joint comes to rest within a step the response depends on the friction's strength: the best guess is what the
-/// transitions before say of it.
+/// Where a joint comes to rest within a step the response depends on the friction's strength: the best guess is what
+/// the transitions before say of it.
 void TransitionCloud::estimate_dry_force() {
   const std::uint32_t stride = n_ > kSubsample ? n_ / kSubsample : 1, joints = evidence_.joints();
   for (std::uint32_t j = 0; j < joints; ++j) {

@@ -13,8 +13,8 @@ namespace tiller {
 ///   log L = -sum_r (a0 + n_r / 2) log(b_r + (S_r - p_r' (B_r + K^-1)^-1 p_r) / 2)
 ///
 /// with S_r = sum w e^2, p_r = sum w b e, B_r = sum w b b', n_r = sum w: the normal-inverse-gamma family (Bernardo and
-/// Smith, Bayesian Theory, 1994, appendix A.2). Of beta's determinant only det(B + K^-1) depends on the data, and not on
-/// theta: it is left out here and counts in log_evidence alone.
+/// Smith, Bayesian Theory, 1994, appendix A.2). Of beta's determinant only det(B + K^-1) depends on the data, and not
+/// on theta: it is left out here and counts in log_evidence alone.
 ///
 /// b_r = a0 (q_r^2 dt + 2 m_r^2) with the configured process_sd q and measurement_sd m.
 class Evidence {

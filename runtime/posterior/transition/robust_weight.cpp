@@ -19,8 +19,9 @@ constexpr std::uint32_t kOutlierRun = 5;
 
 }  // namespace
 
-/// How far the worst row of a transition lies from what a particle predicts: the square of the residual over that of the
-/// Student-t's residual that is as improbable as kOrdinary normal deviations. Few data so do not speak of many deviations.
+/// How far the worst row of a transition lies from what a particle predicts: the square of the residual over that of
+/// the Student-t's residual that is as improbable as kOrdinary normal deviations. Few data so do not speak of many
+/// deviations.
 double TransitionCloud::outlier_ratio(std::uint32_t particle, const MeasuredStep& step, const float* basis) const {
   double worst = 0.0;
   for (std::uint32_t r = 0; r < nx_; ++r) {

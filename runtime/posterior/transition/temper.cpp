@@ -12,8 +12,8 @@ namespace {
 
 /// How close the search for an exponent comes to the floor of effective samples.
 constexpr double kSlack = 0.1;
-/// While most of the data of a young ring have yet to count, steps may cost more effective samples: the cloud shrinks by orders of
-/// magnitude then, and a short run must arrive.
+/// While most of the data of a young ring have yet to count, steps may cost more effective samples: the cloud shrinks
+/// by orders of magnitude then, and a short run must arrive.
 constexpr double kEarly = 0.5, kEarlyFloor = 0.5;
 
 }  // namespace
@@ -47,8 +47,8 @@ void TransitionCloud::raise() {
 }
 
 /// target = prior x likelihood^exponent. base_: log weight less what the old likelihood has in it; gain_: the
-/// likelihood; weights follow the change of the target. An exponent rises only after every particle has had a move since
-/// it last changed: particles that were only copied look like agreement, and the target outruns them. Returns the
+/// likelihood; weights follow the change of the target. An exponent rises only after every particle has had a move
+/// since it last changed: particles that were only copied look like agreement, and the target outruns them. Returns the
 /// weights' sum at the largest exponent that is allowed.
 WeighResult TransitionCloud::temper(bool any_dead) {
   std::memcpy(log_likelihood_, gain_, n_ * sizeof(double));

@@ -10,8 +10,8 @@
 
 namespace tiller {
 
-/// Sums of squares and of projections from residuals. Rows of `sums`: nx squares sum_k w_kr e_kr^2, then for each pushed
-/// state r = pushed[b] its projections sum_k w_kr b_kbi e_kr at nx + b * regressors + i.
+/// Sums of squares and of projections from residuals. Rows of `sums`: nx squares sum_k w_kr e_kr^2, then for each
+/// pushed state r = pushed[b] its projections sum_k w_kr b_kbi e_kr at nx + b * regressors + i.
 struct ResidualSumJob {
   std::uint32_t nx = 0, regressors = 0;
   std::uint32_t pushed_count = 0;
@@ -43,8 +43,8 @@ struct TransitionTable {
   Isa isa = Isa::scalar;
   void (*sum_residuals)(const ResidualSumJob& job) = nullptr;
   void (*evidence)(const EvidenceJob& job) = nullptr;
-  /// mean[r] (nx) = sum_l weight_l S_lr over the lanes whose sums are finite and whose weight is not zero, divided by their
-  /// weight; false where there is none. The discrepancy's share is taken off S; shares[r]: the same of S before.
+  /// mean[r] (nx) = sum_l weight_l S_lr over the lanes whose sums are finite and whose weight is not zero, divided by
+  /// their weight; false where there is none. The discrepancy's share is taken off S; shares[r]: the same of S before.
   bool (*mean_errors)(const EvidenceJob& job, const double* weight, double* mean, double* before) = nullptr;
   ProposeLanes propose = nullptr;
   /// base = log_weight - exponent * old and gain = fresh; where one of them is not finite, -infinity and 0. True if any

@@ -10,8 +10,8 @@
 // `tiller excite`: which input sequence tells the remaining explanations of a gap apart, and how long to record.
 //
 // Were rival a true, its outputs along the inputs u would be y_a. Rival b is fitted to them, parameters and state, and
-// what it still misses, whitened by sensor and process noise, is D_ab(u): half of it is the log odds in nats by which the
-// record is expected to favour a. (Hunter and Reiner, Technometrics 7, 1965; Atkinson and Fedorov, "The design of
+// what it still misses, whitened by sensor and process noise, is D_ab(u): half of it is the log odds in nats by which
+// the record is expected to favour a. (Hunter and Reiner, Technometrics 7, 1965; Atkinson and Fedorov, "The design of
 // experiments for discriminating between two rival models", Biometrika 62, 1975: T-optimality.)
 
 namespace tiller::tools::gap {

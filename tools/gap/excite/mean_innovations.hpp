@@ -33,8 +33,8 @@ class RivalRollout {
 /// state are accounted for by the filter, and so is what a linearised model may claim: its memory fades over
 /// kMemory_s, the length of the windows that `tiller gap` decides by.
 ///
-/// Lanes: parameter vectors, and one perturbation per state for the filter's Jacobian. A perturbation is as large as the
-/// state's deviation, so that a kink (dry friction) is seen as the filter's cloud would see it.
+/// Lanes: parameter vectors, and one perturbation per state for the filter's Jacobian. A perturbation is as large as
+/// the state's deviation, so that a kink (dry friction) is seen as the filter's cloud would see it.
 class MeanInnovations {
  public:
   static constexpr double kMemory_s = 1.0;

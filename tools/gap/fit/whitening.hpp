@@ -8,8 +8,8 @@ namespace tiller::tools::gap {
 
 /// Makes a window's residuals independent with deviation one: y - rollout carries sensor noise and, from then on, every
 /// kick of process noise. A Kalman filter of the deviation from the nominal path (zero at the window's start, since the
-/// start state is fitted), linearised along it, has the whitened residuals as its innovations: what a Cholesky factor of
-/// the window's covariance would give, in O(points).
+/// start state is fitted), linearised along it, has the whitened residuals as its innovations: what a Cholesky factor
+/// of the window's covariance would give, in O(points).
 ///
 /// One whitening serves all hypotheses, so that their costs are comparable.
 class Whitening {

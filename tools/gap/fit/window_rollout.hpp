@@ -7,9 +7,9 @@
 
 namespace tiller::tools::gap {
 
-/// Rollouts of one window by the runtime's kernel: 16 lanes of start states and parameters. States of effects begin with
-/// a run-in over the commands before the window; those that follow the motion (bristles, play) with a longer one along
-/// the measured path, since a rollout would have left it by then.
+/// Rollouts of one window by the runtime's kernel: 16 lanes of start states and parameters. States of effects begin
+/// with a run-in over the commands before the window; those that follow the motion (bristles, play) with a longer one
+/// along the measured path, since a rollout would have left it by then.
 class WindowRollout {
  public:
   static constexpr std::uint32_t kLanes = kLanePadding;

@@ -57,9 +57,9 @@ bool with_residual(const tiller_config_t& config, std::uint32_t joint, const Res
 /// until rollouts of 1 s from its particles are as wrong on these logs as it says, without any random force, which a
 /// planner's rollouts do not have: the likelihood counts with the exponent `believed` (Miller and Dunson 2019, Robust
 /// Bayesian inference via coarsening). Directions that no data tell keep the prior,
-/// which is widened itself where that does not do: where the missing physics is no force over position and velocity. `params` (np of
-/// `config`): where to begin, as the nominal fit gave them. Deterministic. A fifth of a second for a pendulum's 48 s
-/// at 100 Hz. False with a sentence in `error`.
+/// which is widened itself where that does not do: where the missing physics is no force over position and velocity.
+/// `params` (np of `config`): where to begin, as the nominal fit gave them. Deterministic. A fifth of a second for a
+/// pendulum's 48 s at 100 Hz. False with a sentence in `error`.
 bool fit_residual(const tiller_config_t& config, const std::vector<Grid>& grids, const double* params,
                   std::uint32_t joint, ResidualFit& fit, std::string& error);
 

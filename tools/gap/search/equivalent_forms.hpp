@@ -7,8 +7,8 @@
 namespace tiller::tools::gap {
 
 // Friction of two levels is Coulomb friction and a constant force: forward = friction - force, backward = friction +
-// force, in motion and at rest alike. No measurement of the joint tells the two apart, so one is never named without the
-// other; the pair leads, since its members have physics and remedies of their own.
+// force, in motion and at rest alike. No measurement of the joint tells the two apart, so one is never named without
+// the other; the pair leads, since its members have physics and remedies of their own.
 
 /// The set with asymmetric friction written as its pair, where the joint has neither of the two already.
 std::vector<EffectAt> elementary(const std::vector<EffectAt>& effects);

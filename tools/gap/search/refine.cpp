@@ -9,7 +9,8 @@
 namespace tiller::tools::gap {
 namespace {
 
-// Other values of a shape's parameter: half and twice a spatial_period, the catalogue's starts of a velocity or a distance.
+// Other values of a shape's parameter: half and twice a spatial_period, the catalogue's starts of a velocity or a
+// distance.
 std::vector<double> other_shapes(const Session& s, const EffectAt& e, int param, double now) {
   const EffectParam& p = effect_info(e.kind).params[param];
   if (p.scale == Scale::spatial_period) return {0.5 * now, 2 * now};

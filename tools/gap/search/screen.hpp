@@ -7,8 +7,9 @@ namespace tiller::tools::gap {
 /// Parameters of each candidate (candidates x its own) where the first screen left it; starts of later ones.
 using Hints = std::vector<std::vector<double>>;
 
-/// Candidate effects beside those of `base`, fitted in a few coarse steps on a part of the windows, best first: one from
-/// every start, three more for twice `keep` of them. `fresh`: from all starts of the catalogue, else from the hints.
+/// Candidate effects beside those of `base`, fitted in a few coarse steps on a part of the windows, best first: one
+/// from every start, three more for twice `keep` of them. `fresh`: from all starts of the catalogue, else from the
+/// hints.
 std::vector<Candidate> screen(Session& session, const Candidate& base, std::size_t keep, Hints& hints, bool fresh);
 
 /// Fits entry.hypothesis on the screen's windows from `params` with each of `starts` behind them; the best is the
