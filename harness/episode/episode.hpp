@@ -9,7 +9,7 @@
 
 namespace tiller::bench {
 
-/// One run of a robot file against its stand-in plant, in lockstep: what is varied.
+/// One run of a robot file against its simulated plant, in lockstep: what is varied.
 struct EpisodeOptions {
   std::uint64_t seed = 1;  ///< of the plant's truth and noise, and of the controller
   tiller_planner_kind_t planner = tiller_planner_mppi;

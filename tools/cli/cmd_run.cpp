@@ -188,7 +188,7 @@ int run_command(Arguments& a) {
 }  // namespace
 
 void add_run_command(CLI::App& app, int& exit_code) {
-  auto* command = app.add_subcommand("run", "steer a robot (or its stand-in) by its robot file");
+  auto* command = app.add_subcommand("run", "steer a robot (or its simulated plant) by its robot file");
   auto a = std::make_shared<Arguments>();
   command->add_option("ROBOT", a->robot, "robot file (.toml)")->required();
   auto* sim = command->add_flag("--sim", a->sim, "the plant of [sim] in this process, as fast as it goes");
@@ -238,7 +238,7 @@ void add_run_command(CLI::App& app, int& exit_code) {
       "Ctrl-C stops the robot with its safe command and keeps the log.\n\n"
       "Examples:\n"
       "  tiller run robots/cart_pole.toml --sim --seconds 10 --report out/run.html\n"
-      "      the controller against the stand-in plant, as fast as it goes, with a page at the end\n"
+      "      the controller against the simulated plant, as fast as it goes, with a page at the end\n"
       "  tiller run robots/cart_pole.toml --sim --episodes 5 --seconds 6 --posterior out/cart.posterior.json\n"
       "      what one episode learnt is the next one's prior; run it again, and it goes on from the file\n"
       "  tiller run robots/cart_pole.toml --transport lcm --log run.csv\n"

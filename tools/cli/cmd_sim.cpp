@@ -121,7 +121,7 @@ int sim_command(const Arguments& a) {
 }  // namespace
 
 void add_sim_command(CLI::App& app, int& exit_code) {
-  auto* command = app.add_subcommand("sim", "serve the stand-in plant of a robot file to `tiller run`");
+  auto* command = app.add_subcommand("sim", "serve the simulated plant of a robot file to `tiller run`");
   auto a = std::make_shared<Arguments>();
   command->add_option("ROBOT", a->robot, "robot file (.toml) with a [sim] section")->required();
   command->add_option("--serve", a->serve, "how: lcm or can (default lcm)")->check(CLI::IsMember({"lcm", "can"}));

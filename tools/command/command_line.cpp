@@ -18,7 +18,7 @@ constexpr const char* kFooter =
     "  tiller demo                          a cart-pole with unknown masses, start to end, with a report\n"
     "  tiller help robot-file               every key of a robot file\n"
     "  tiller check my_robot.toml           is my file right, and what does it mean?\n"
-    "  tiller run my_robot.toml --sim       my controller against a stand-in plant, no hardware\n"
+    "  tiller run my_robot.toml --sim       my controller against a simulated plant, no hardware\n"
     "\n"
     "Exit codes: 0 done; 1 wrong input, nothing was moved; 2 done, but a log or report is incomplete;\n"
     "3 the controller latched SAFE; 4 `tiller replay`: a command differs; those of `tiller gap` are its verdict.\n"

@@ -9,7 +9,7 @@
 
 namespace tiller::tools {
 
-/// The stand-in plant of a robot file, and what is true in it.
+/// The simulated plant of a robot file, and what is true in it.
 struct SimPlant {
   std::unique_ptr<sim::Plant> plant;
   std::vector<double> true_params;         // (param_count) NaN: the plant has nothing that answers to it

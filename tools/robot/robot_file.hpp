@@ -59,7 +59,7 @@ struct SimEffect {
   std::map<std::string, double> parameters;
 };
 
-/// [sim]: the stand-in plant. `line` is 0 where the file has no such section.
+/// [sim]: the simulated plant. `line` is 0 where the file has no such section.
 struct SimSection {
   int line = 0;
   std::string plant;

@@ -60,7 +60,7 @@ const std::vector<SectionSpec> kSections = {
      "What `tiller run` asks of Linux where the wall clock sets the pace. What it does not get, it says; without this "
      "section it asks for nothing (docs/guide/real_time.md)."},
     {"sim", "[sim]",
-     "The stand-in plant of `tiller sim`, `tiller demo` and `tiller run --sim`; nothing else reads it."},
+     "The simulated plant of `tiller sim`, `tiller demo` and `tiller run --sim`; nothing else reads it."},
     {"sim.sensors.*", "in [sim]: sensors = { state = { ... } }", "What the plant's encoders do to the truth."},
     {"sim.effects[]", "[[sim.effects]]",
      "Physics that the plant has and the model may lack. Beside the keys below, the effect's own parameters take "
