@@ -1,4 +1,4 @@
-// Layout, and the part of the tick that filters: predict, gate, correct.
+// The part of the tick that filters: predict, gate, correct.
 
 #include "posterior/filter/filter_posterior.hpp"
 
@@ -17,141 +17,7 @@ constexpr double kGate = 8.0;
 /// Outliers in a row after which a measurement is believed after all: then the world has changed, not the sensor.
 constexpr std::uint32_t kGateRun = 5;
 
-/// Deviations at which the prior of the noises' ratio is cut: beyond, process noise is as good as none, or all there
-/// is.
-constexpr double kWidestRatio = 2.0;
-
-std::uint32_t round_up(std::uint32_t value, std::uint32_t multiple) {
-  return (value + multiple - 1) / multiple * multiple;
-}
-
-/// The ratio of process to sensor noise, where there is process noise whose size may be misstated.
-ExtraCoordinates noise_ratio(const tiller_config_t& config) {
-  ExtraCoordinates extra;
-  bool any = false;
-  for (std::uint32_t i = 0; i < config.model->state_count; ++i) any = any || config.process_sd[i] > 0.0;
-  if (!any || !config.posterior.enabled || !(config.posterior.noise_ratio_sd > 0.0)) return extra;
-  extra.count = 1;
-  const double sd = config.posterior.noise_ratio_sd;
-  extra.prior[0] = {tiller_prior_normal, 0, 0.0, sd, -kWidestRatio * sd, kWidestRatio * sd};
-  return extra;
-}
-
 }  // namespace
-
-FilterPosterior* FilterPosterior::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
-                                          const RolloutTable& table, const tiller_hooks_t* hooks) {
-  const std::uint32_t n = config.posterior.particles, nx = config.model->state_count;
-  const std::uint32_t nu = config.model->input_count, np = config.param_count, ns = setup.effect_state_count;
-  const std::uint32_t ny = config.measurement_count;
-  const std::uint32_t slots = config.posterior.window + 1, move_lanes = round_up(n / 2, kChunk);
-
-  auto* p = arena.take<FilterPosterior>(1);
-  const FilterDiscrepancy discrepancy(config, setup, table);
-  const std::uint32_t forces = discrepancy.forces(), nf = nx + forces, triangle = triangle_rows(nf);
-  constexpr std::uint32_t sums = ScaleEvidence::kRows;
-  auto rows = [&](std::uint32_t count, std::uint32_t stride) {
-    return arena.take<double>(std::size_t{count} * stride);
-  };
-  auto filter = [&](std::uint32_t stride) {
-    FilterRows f;
-    f.state = rows(nf, stride);
-    f.covariance = rows(triangle, stride);
-    f.effect_state = rows(ns, stride);
-    f.stride = stride;
-    return f;
-  };
-
-  const ExtraCoordinates extra = noise_ratio(config);
-  const Cloud cloud = Cloud::lay_out(arena, config, extra);
-  const std::uint32_t d = cloud.d;
-  Carried carried;
-  carried.filter = filter(n);
-  carried.process_scale = rows(1, n);
-  carried.sums = rows(sums, n);
-  carried.base = rows(sums, n);
-  carried.log_likelihood = rows(1, n);
-
-  auto* window = arena.take<Kept>(slots);
-  auto* window_history = arena.take<double>(std::size_t{slots} * setup.delay_steps * nu);
-  auto* input_history = rows(kHistory, nu);
-  const FilterSummary summary = FilterSummary::lay_out(arena, d, nf, ns);
-  const NormalLaw before = NormalLaw::lay_out(arena, d);
-
-  auto* chunks = arena.take<Chunk>(n / kChunk);
-  for (std::uint32_t i = 0; i < n / kChunk; ++i) {
-    Chunk chunk;
-    chunk.params = rows(np + 1, kChunk);
-    chunk.coordinate = rows(d, kChunk);
-    chunk.filter = filter(kChunk);
-    chunk.predicted = filter(kChunk);
-    chunk.process_scale = rows(1, kChunk);
-    chunk.jacobian = rows(nf * nf, kChunk);
-    chunk.sums = rows(sums, kChunk);
-    chunk.normalised = rows(ny, kChunk);
-    chunk.unit = rows(nx * discrepancy.joints(), kChunk);
-    chunk.push = rows(nx * forces, kChunk);
-    if (has_sensor_effects(config)) {
-      chunk.gain = rows(ny, kChunk);
-      chunk.offset = rows(ny, kChunk);
-    }
-    if (chunks) chunks[i] = chunk;
-  }
-  auto* scratch = rows(sums + 2, n);
-  auto* proposals = arena.take<Proposal>(n / 2);
-  auto* proposed_sums = rows(sums, move_lanes);
-  auto* move_coordinate = rows(d, move_lanes);
-  auto* point_innovation = rows(ny + 1, summary.design().points());
-  // a cloud that does not learn has innovations that go with whatever its parameters are off by
-  const bool tested = config.posterior.adequacy != 0 && config.posterior.enabled != 0;
-  AdequacyTest* adequacy = tested ? AdequacyTest::lay_out(arena, config, false) : nullptr;
-  DisturbanceResponse* response = tested ? DisturbanceResponse::lay_out(arena, config) : nullptr;
-  auto* response_scratch = rows(tested ? nx + nx * nx + nx * nu : 0, kChunk);
-  if (arena.measuring() || !arena.fits()) return nullptr;
-
-  p->config_ = &config;
-  p->setup_ = setup;
-  p->table_ = &table;
-  p->filter_ = &filter_table();
-  p->hooks_ = hooks;
-  p->n_ = n;
-  p->nx_ = nx;
-  p->nu_ = nu;
-  p->np_ = np;
-  p->ns_ = ns;
-  p->ny_ = ny;
-  p->triangle_ = triangle;
-  p->d_ = d;
-  p->forces_ = forces;
-  p->nf_ = nf;
-  for (std::uint32_t k = 0; k < ny; ++k)
-    p->measurement_variance_[k] = config.measurement_sd[k] * config.measurement_sd[k];
-  p->enabled_ = config.posterior.enabled != 0;
-  p->has_ratio_ = extra.count > 0;
-  p->keep_ = config.posterior.forgetting_count > 0 ? config.posterior.forgetting[0] : 1.0;
-  p->cloud_ = cloud;
-  p->carried_ = carried;
-  p->evidence_ = ScaleEvidence(config);
-  p->window_ = Ring<Kept>(window, slots);
-  p->window_history_ = window_history;
-  p->input_history_ = input_history;
-  p->summary_ = summary;
-  p->before_ = before;
-  p->discrepancy_ = discrepancy;
-  p->rest_ = RestGuard(config);
-  p->chunks_ = chunks;
-  p->scratch_ = scratch;
-  p->proposals_ = proposals;
-  p->proposed_sums_ = proposed_sums;
-  p->move_coordinate_ = move_coordinate;
-  p->move_lanes_ = move_lanes;
-  p->point_innovation_ = point_innovation;
-  p->adequacy_ = adequacy;
-  p->response_ = response;
-  p->response_scratch_ = response_scratch;
-  p->reset();
-  return p;
-}
 
 void FilterPosterior::reset() {
   cloud_.prior.believe_before(nullptr);
@@ -341,15 +207,5 @@ void FilterPosterior::remember_input(const double* input) {
   std::memmove(input_history_ + nu_, input_history_, sizeof(double) * (kHistory - 1) * nu_);
   std::memcpy(input_history_, input, sizeof(double) * nu_);
 }
-
-namespace {
-Posterior* lay_out_engine(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
-                          const RolloutTable& table, const tiller_hooks_t* hooks) {
-  return FilterPosterior::lay_out(arena, config, setup, table, hooks);
-}
-}  // namespace
-
-extern const PosteriorTable filter_posterior;
-const PosteriorTable filter_posterior = {lay_out_engine};
 
 }  // namespace tiller

@@ -105,6 +105,8 @@ class FilterPosterior final : public Posterior {
     const double* history = nullptr;
   };
 
+  class Layout;  // filter_layout.cpp
+
   // filter_posterior.cpp: the tick
   tiller_status_t advance(const Transition& transition, bool moves);
   void predict();

@@ -107,10 +107,10 @@ bool same_by_structure(const std::vector<EffectAt>& one, const std::vector<Effec
   return true;
 }
 
-void conclude(Session& s, const SearchResult& found, const std::vector<std::string>& param_names, Result& result) {
-  const Candidate &nominal = found.entries[0], &best = found.entries[found.best];
-  const std::string best_text = effects_text(best.effects(), *s.config.model);
-  // best, its rivals, then the others by what they predict
+namespace {
+
+// Indices of the candidates: the best, then the others by what they predict.
+std::vector<std::size_t> ranked(const Session& s, const SearchResult& found) {
   std::vector<std::size_t> order(found.entries.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
   const auto rank = [&](std::size_t i) {
@@ -120,85 +120,132 @@ void conclude(Session& s, const SearchResult& found, const std::vector<std::stri
     return cost;
   };
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return rank(a) < rank(b); });
-  for (const std::size_t i : order) {
-    const Candidate& e = found.entries[i];
-    Explanation x;
-    x.effects = e.effects();
-    x.params = estimates(s, e, nominal, param_names);
-    const Comparison to_nominal = compare(s, e, nominal), to_best = compare(s, e, best);
-    x.gain_nats = to_nominal.gain_nats;
-    x.z = to_nominal.z;
-    x.z_to_best = i == found.best ? 0 : to_best.z;
-    x.robust_z_to_best = i == found.best ? 0 : to_best.robust_z;
-    x.remaining_sigma = s.sigma(e.cv_cost, s.work);
-    const double left = s.sigma(best.cv_cost, s.work);
-    x.rollout_ratio = left > 0 ? x.remaining_sigma / left : 1;
+  return order;
+}
+
+// What a candidate explains, beside the nominal model and the best one.
+Explanation explanation_of(Session& s, const SearchResult& found, std::size_t i, bool rival,
+                           const std::vector<std::string>& param_names) {
+  const Candidate &nominal = found.entries[0], &best = found.entries[found.best], &e = found.entries[i];
+  Explanation x;
+  x.effects = e.effects();
+  x.params = estimates(s, e, nominal, param_names);
+  const Comparison to_nominal = compare(s, e, nominal), to_best = compare(s, e, best);
+  x.gain_nats = to_nominal.gain_nats;
+  x.z = to_nominal.z;
+  x.z_to_best = i == found.best ? 0 : to_best.z;
+  x.robust_z_to_best = i == found.best ? 0 : to_best.robust_z;
+  x.remaining_sigma = s.sigma(e.cv_cost, s.work);
+  const double left = s.sigma(best.cv_cost, s.work);
+  x.rollout_ratio = left > 0 ? x.remaining_sigma / left : 1;
+  x.equivalent = i == found.best || (rival && difference_sigma(s, best, e) < kEquivalent_sigma);
+  return x;
+}
+
+void rank_explanations(Session& s, const SearchResult& found, const std::vector<std::string>& param_names,
+                       Result& result) {
+  for (const std::size_t i : ranked(s, found)) {
     const bool rival = std::find(found.ambiguity.begin(), found.ambiguity.end(), i) != found.ambiguity.end();
-    x.equivalent = i == found.best || (rival && difference_sigma(s, best, e) < kEquivalent_sigma);
     if (rival) result.ambiguity.push_back(result.ranking.size());
-    result.ranking.push_back(std::move(x));
+    result.ranking.push_back(explanation_of(s, found, i, rival, param_names));
   }
-  result.nominal_sigma = s.sigma(nominal.cv_cost, s.work);
-  if (result.horizons.empty()) result.remaining_sigma = s.sigma(best.cv_cost, s.work);
-  const double left = std::max(result.remaining_sigma, s.sigma(best.cv_cost, s.work));
+}
 
-  std::vector<const Candidate*> set;
-  bool one_answer = true;
+// What the verdict's sentence is made of.
+struct Answer {
+  const Session& s;
+  const SearchResult& found;
+  const Result& result;
+  std::vector<const Candidate*> set;  // the ambiguity set
+  bool one_answer = true;             // its members are the same by structure
+  double left = 0;                    // normalised RMS error that the best explanation leaves
+
+  const Candidate& best() const { return found.entries[found.best]; }
+  std::string text(const Candidate& e) const { return effects_text(e.effects(), *s.config.model); }
+  std::string sigmas() const { return format("%.2f", result.nominal_sigma) + " sigma"; }
+  std::string from_to() const { return "1 s rollouts go from " + sigmas() + " to " + format("%.2f", left) + "."; }
+  std::string values() const { return parameter_text(result.ranking.front(), s.config.param_count); }
+  Words texts(std::size_t from) const {
+    Words words;
+    for (std::size_t i = from; i < set.size(); ++i) words.push_back(text(*set[i]));
+    return words;
+  }
+};
+
+Answer answer_of(Session& s, const SearchResult& found, const Result& result) {
+  Answer a = {s, found, result, {}};
+  a.left = std::max(result.remaining_sigma, s.sigma(a.best().cv_cost, s.work));
   for (const std::size_t i : found.ambiguity) {
-    set.push_back(&found.entries[i]);
-    one_answer = one_answer && (i == found.best || (same_by_structure(best.effects(), found.entries[i].effects()) &&
-                                                    difference_sigma(s, best, found.entries[i]) < kEquivalent_sigma));
+    const Candidate& e = found.entries[i];
+    a.set.push_back(&e);
+    a.one_answer = a.one_answer && (i == found.best || (same_by_structure(a.best().effects(), e.effects()) &&
+                                                        difference_sigma(s, a.best(), e) < kEquivalent_sigma));
   }
-  if (set.size() > 1) result.separation = separations(s, set);
+  return a;
+}
 
-  const std::string sigmas = format("%.2f", result.nominal_sigma) + " sigma";
-  if (found.best == 0) {
-    const bool quiet = result.nominal_sigma <= s.options.budget_sigma;
-    result.verdict = quiet ? Verdict::no_gap : Verdict::unnamed;
-    result.sentence = quiet ? "Model and measurement agree: rollouts of 1 s leave " + sigmas +
-                                  " and no known effect makes them better."
-                            : "There is a gap of " + sigmas +
-                                  " that no known effect explains: process noise beyond what the "
-                                  "robot file says, or physics that the catalogue lacks.";
-    return;
-  }
-  const std::string from_to = "1 s rollouts go from " + sigmas + " to " + format("%.2f", left) + ".";
-  const std::string values = parameter_text(result.ranking.front(), s.config.param_count);
-  for (const HorizonGap& h : result.horizons) {
-    if (h.after_sigma <= kWorseHoldout * h.before_sigma || h.worse_z <= kWorseHoldout_z) continue;
-    result.verdict = Verdict::unnamed;
-    result.ambiguity.clear();
-    result.sentence = best_text + " (" + values + ") explains the windows worked on, but rollouts of " +
-                      format("%.3g", h.seconds) + " s on those kept for the proof get worse with it, from " +
-                      format("%.2f", h.before_sigma) + " to " + format("%.2f", h.after_sigma) +
-                      " sigma: nothing is named. Record more, and more varied, motion.";
-    return;
-  }
-  if (left > kExplained_sigma || name_count(best.effects()) > 2) {
-    // nothing is named that leaves most of the gap
-    const double before = result.nominal_sigma * result.nominal_sigma - 1, after = left * left - 1;
-    const bool partly = before > 0 && after < kPartlyShare * before;
-    result.verdict = partly ? Verdict::partly : Verdict::unnamed;
-    result.sentence = partly ? "Partly explained by " + best_text + " (" + values + "): " + from_to +
-                                   " The rest is none of the known effects."
-                             : "No known effect explains the gap; the nearest is " + best_text + ": " + from_to;
-    return;
-  }
-  if (set.size() > 1 && !one_answer) {
-    std::vector<std::string> texts;
-    texts.reserve(set.size());
-    for (const Candidate* e : set) texts.push_back(effects_text(e->effects(), *s.config.model));
+void say_nothing_found(const Answer& a, Result& result) {
+  const bool quiet = result.nominal_sigma <= a.s.options.budget_sigma;
+  result.verdict = quiet ? Verdict::no_gap : Verdict::unnamed;
+  result.sentence = quiet ? "Model and measurement agree: rollouts of 1 s leave " + a.sigmas() +
+                                " and no known effect makes them better."
+                          : "There is a gap of " + a.sigmas() +
+                                " that no known effect explains: process noise beyond what the "
+                                "robot file says, or physics that the catalogue lacks.";
+}
+
+// The first length of rollouts over the test windows that get worse with the best explanation; null: none.
+const HorizonGap* worse_horizon(const Result& result) {
+  for (const HorizonGap& h : result.horizons)
+    if (!(h.after_sigma <= kWorseHoldout * h.before_sigma || h.worse_z <= kWorseHoldout_z)) return &h;
+  return nullptr;
+}
+
+void say_refuted(const Answer& a, const HorizonGap& h, Result& result) {
+  result.verdict = Verdict::unnamed;
+  result.ambiguity.clear();
+  result.sentence = a.text(a.best()) + " (" + a.values() + ") explains the windows worked on, but rollouts of " +
+                    format("%.3g", h.seconds) + " s on those kept for the proof get worse with it, from " +
+                    format("%.2f", h.before_sigma) + " to " + format("%.2f", h.after_sigma) +
+                    " sigma: nothing is named. Record more, and more varied, motion.";
+}
+
+// Nothing is named that leaves most of the gap.
+void say_nearest(const Answer& a, Result& result) {
+  const double before = result.nominal_sigma * result.nominal_sigma - 1, after = a.left * a.left - 1;
+  const bool partly = before > 0 && after < kPartlyShare * before;
+  result.verdict = partly ? Verdict::partly : Verdict::unnamed;
+  result.sentence = partly
+                        ? "Partly explained by " + a.text(a.best()) + " (" + a.values() + "): " + a.from_to() +
+                              " The rest is none of the known effects."
+                        : "No known effect explains the gap; the nearest is " + a.text(a.best()) + ": " + a.from_to();
+}
+
+void say_named(const Answer& a, Result& result) {
+  if (a.set.size() > 1 && !a.one_answer) {
     result.verdict = Verdict::ambiguous;
-    result.sentence = "These explain the gap equally well: " + join(texts, "; or ") + ". " + from_to;
+    result.sentence = "These explain the gap equally well: " + join(a.texts(0), "; or ") + ". " + a.from_to();
     return;
   }
   result.verdict = Verdict::named;
-  result.sentence = "Missing: " + best_text + " (" + values + "). " + from_to;
-  if (set.size() > 1) {
-    std::vector<std::string> texts;
-    for (std::size_t i = 1; i < set.size(); ++i) texts.push_back(effects_text(set[i]->effects(), *s.config.model));
-    result.sentence += " The same by structure: " + join(texts, "; or ") + ".";
-  }
+  result.sentence = "Missing: " + a.text(a.best()) + " (" + a.values() + "). " + a.from_to();
+  if (a.set.size() > 1) result.sentence += " The same by structure: " + join(a.texts(1), "; or ") + ".";
+}
+
+}  // namespace
+
+void conclude(Session& s, const SearchResult& found, const std::vector<std::string>& param_names, Result& result) {
+  const Candidate &nominal = found.entries[0], &best = found.entries[found.best];
+  rank_explanations(s, found, param_names, result);
+  result.nominal_sigma = s.sigma(nominal.cv_cost, s.work);
+  if (result.horizons.empty()) result.remaining_sigma = s.sigma(best.cv_cost, s.work);
+  const Answer answer = answer_of(s, found, result);
+  if (answer.set.size() > 1) result.separation = separations(s, answer.set);
+
+  if (found.best == 0) return say_nothing_found(answer, result);
+  if (const HorizonGap* worse = worse_horizon(result)) return say_refuted(answer, *worse, result);
+  if (answer.left > kExplained_sigma || name_count(best.effects()) > 2) return say_nearest(answer, result);
+  say_named(answer, result);
 }
 
 }  // namespace tiller::tools::gap

@@ -1,0 +1,210 @@
+// Where a filter posterior's rows are in its block.
+
+#include "posterior/filter/filter_posterior.hpp"
+
+namespace tiller {
+
+namespace {
+
+/// Standard deviations at which the prior of the noises' ratio is cut: beyond, process noise is as good as none, or all
+/// there is.
+constexpr double kWidestRatio = 2.0;
+
+std::uint32_t round_up(std::uint32_t value, std::uint32_t multiple) {
+  return (value + multiple - 1) / multiple * multiple;
+}
+
+/// The ratio of process to sensor noise, where there is process noise whose size may be misstated.
+ExtraCoordinates noise_ratio(const tiller_config_t& config) {
+  ExtraCoordinates extra;
+  bool any = false;
+  for (std::uint32_t i = 0; i < config.model->state_count; ++i) any = any || config.process_sd[i] > 0.0;
+  if (!any || !config.posterior.enabled || !(config.posterior.noise_ratio_sd > 0.0)) return extra;
+  extra.count = 1;
+  const double sd = config.posterior.noise_ratio_sd;
+  extra.prior[0] = {tiller_prior_normal, 0, 0.0, sd, -kWidestRatio * sd, kWidestRatio * sd};
+  return extra;
+}
+
+}  // namespace
+
+/// Takes rows from the arena in a fixed order, which the arena's measuring pass repeats; the pointers go into the posterior
+/// once there is memory for it.
+class FilterPosterior::Layout {
+ public:
+  Layout(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table)
+      : arena_(arena), config_(config), setup_(setup), discrepancy_(config, setup, table), extra_(noise_ratio(config)) {
+    nf_ = nx_ + discrepancy_.forces();
+  }
+
+  void take_carried() {
+    cloud_ = Cloud::lay_out(arena_, config_, extra_);
+    carried_.filter = filter(n_);
+    carried_.process_scale = rows(1, n_);
+    carried_.sums = rows(rows_, n_);
+    carried_.base = rows(rows_, n_);
+    carried_.log_likelihood = rows(1, n_);
+  }
+
+  void take_window() {
+    window_ = arena_.take<Kept>(slots_);
+    window_history_ = arena_.take<double>(std::size_t{slots_} * setup_.delay_steps * nu_);
+    input_history_ = rows(kHistory, nu_);
+    summary_ = FilterSummary::lay_out(arena_, cloud_.d, nf_, ns_);
+    before_ = NormalLaw::lay_out(arena_, cloud_.d);
+  }
+
+  void take_chunks() {
+    chunks_ = arena_.take<Chunk>(n_ / kChunk);
+    for (std::uint32_t i = 0; i < n_ / kChunk; ++i) {
+      const Chunk taken = chunk();
+      if (chunks_) chunks_[i] = taken;
+    }
+  }
+
+  void take_scratch() {
+    scratch_ = rows(rows_ + 2, n_);
+    proposals_ = arena_.take<Proposal>(n_ / 2);
+    proposed_sums_ = rows(rows_, move_lanes_);
+    move_coordinate_ = rows(cloud_.d, move_lanes_);
+    point_innovation_ = rows(ny_ + 1, summary_.design().points());
+  }
+
+  void take_tests() {
+    // a cloud that does not learn has innovations that go with whatever its parameters are off by
+    const bool tested = config_.posterior.adequacy != 0 && config_.posterior.enabled != 0;
+    adequacy_ = tested ? AdequacyTest::lay_out(arena_, config_, false) : nullptr;
+    response_ = tested ? DisturbanceResponse::lay_out(arena_, config_) : nullptr;
+    response_scratch_ = rows(tested ? nx_ + nx_ * nx_ + nx_ * nu_ : 0, kChunk);
+  }
+
+  void fill(FilterPosterior& p) const {
+    fill_sizes(p);
+    p.cloud_ = cloud_;
+    p.carried_ = carried_;
+    p.evidence_ = ScaleEvidence(config_);
+    p.window_ = Ring<Kept>(window_, slots_);
+    p.window_history_ = window_history_;
+    p.input_history_ = input_history_;
+    p.summary_ = summary_;
+    p.before_ = before_;
+    p.discrepancy_ = discrepancy_;
+    p.rest_ = RestGuard(config_);
+    p.chunks_ = chunks_;
+    p.scratch_ = scratch_;
+    p.proposals_ = proposals_;
+    p.proposed_sums_ = proposed_sums_;
+    p.move_coordinate_ = move_coordinate_;
+    p.point_innovation_ = point_innovation_;
+    p.adequacy_ = adequacy_;
+    p.response_ = response_;
+    p.response_scratch_ = response_scratch_;
+  }
+
+ private:
+  double* rows(std::uint32_t count, std::uint32_t stride) { return arena_.take<double>(std::size_t{count} * stride); }
+
+  FilterRows filter(std::uint32_t stride) {
+    FilterRows f;
+    f.state = rows(nf_, stride);
+    f.covariance = rows(triangle_rows(nf_), stride);
+    f.effect_state = rows(ns_, stride);
+    f.stride = stride;
+    return f;
+  }
+
+  Chunk chunk() {
+    Chunk c;
+    c.params = rows(np_ + 1, kChunk);
+    c.coordinate = rows(cloud_.d, kChunk);
+    c.filter = filter(kChunk);
+    c.predicted = filter(kChunk);
+    c.process_scale = rows(1, kChunk);
+    c.jacobian = rows(nf_ * nf_, kChunk);
+    c.sums = rows(rows_, kChunk);
+    c.normalised = rows(ny_, kChunk);
+    c.unit = rows(nx_ * discrepancy_.joints(), kChunk);
+    c.push = rows(nx_ * discrepancy_.forces(), kChunk);
+    if (has_sensor_effects(config_)) {
+      c.gain = rows(ny_, kChunk);
+      c.offset = rows(ny_, kChunk);
+    }
+    return c;
+  }
+
+  void fill_sizes(FilterPosterior& p) const {
+    p.n_ = n_;
+    p.nx_ = nx_;
+    p.nu_ = nu_;
+    p.np_ = np_;
+    p.ns_ = ns_;
+    p.ny_ = ny_;
+    p.triangle_ = triangle_rows(nf_);
+    p.d_ = cloud_.d;
+    p.forces_ = discrepancy_.forces();
+    p.nf_ = nf_;
+    p.move_lanes_ = move_lanes_;
+    for (std::uint32_t k = 0; k < ny_; ++k)
+      p.measurement_variance_[k] = config_.measurement_sd[k] * config_.measurement_sd[k];
+    p.enabled_ = config_.posterior.enabled != 0;
+    p.has_ratio_ = extra_.count > 0;
+    p.keep_ = config_.posterior.forgetting_count > 0 ? config_.posterior.forgetting[0] : 1.0;
+  }
+
+  Arena& arena_;
+  const tiller_config_t& config_;
+  const StepSetup& setup_;
+  const FilterDiscrepancy discrepancy_;
+  const ExtraCoordinates extra_;
+  const std::uint32_t n_ = config_.posterior.particles, nx_ = config_.model->state_count;
+  const std::uint32_t nu_ = config_.model->input_count, np_ = config_.param_count, ns_ = setup_.effect_state_count;
+  const std::uint32_t ny_ = config_.measurement_count;
+  const std::uint32_t slots_ = config_.posterior.window + 1, move_lanes_ = round_up(n_ / 2, kChunk);
+  std::uint32_t nf_ = 0;
+
+  Cloud cloud_;
+  Carried carried_;
+  FilterSummary summary_;
+  NormalLaw before_;
+  Kept* window_ = nullptr;
+  double *window_history_ = nullptr, *input_history_ = nullptr;
+  Chunk* chunks_ = nullptr;
+  Proposal* proposals_ = nullptr;
+  double *scratch_ = nullptr, *proposed_sums_ = nullptr, *move_coordinate_ = nullptr, *point_innovation_ = nullptr;
+  AdequacyTest* adequacy_ = nullptr;
+  DisturbanceResponse* response_ = nullptr;
+  double* response_scratch_ = nullptr;
+};
+
+FilterPosterior* FilterPosterior::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                                          const RolloutTable& table, const tiller_hooks_t* hooks) {
+  auto* p = arena.take<FilterPosterior>(1);
+  Layout layout(arena, config, setup, table);
+  layout.take_carried();
+  layout.take_window();
+  layout.take_chunks();
+  layout.take_scratch();
+  layout.take_tests();
+  if (arena.measuring() || !arena.fits()) return nullptr;
+
+  p->config_ = &config;
+  p->setup_ = setup;
+  p->table_ = &table;
+  p->filter_ = &filter_table();
+  p->hooks_ = hooks;
+  layout.fill(*p);
+  p->reset();
+  return p;
+}
+
+namespace {
+Posterior* lay_out_engine(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                          const RolloutTable& table, const tiller_hooks_t* hooks) {
+  return FilterPosterior::lay_out(arena, config, setup, table, hooks);
+}
+}  // namespace
+
+extern const PosteriorTable filter_posterior;
+const PosteriorTable filter_posterior = {lay_out_engine};
+
+}  // namespace tiller
