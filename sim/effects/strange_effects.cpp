@@ -222,9 +222,7 @@ class EncoderEccentricity final : public Effect {
   double amplitude_, pitch_;
 };
 
-}  // namespace
-
-std::vector<EffectInfo> strange_effects() {
+std::vector<EffectInfo> of_joints() {
   return {
       {"q2_spring",
        PortKind::joint,
@@ -257,6 +255,11 @@ std::vector<EffectInfo> strange_effects() {
        {{"friction_SI"}, {"spatial_period_SI"}},
        "dry friction in patches",
        make_effect<PositionFriction>},
+  };
+}
+
+std::vector<EffectInfo> of_commands_and_the_rest() {
+  return {
       {"loose_coupling",
        PortKind::command,
        {{"share"}, {"slip_s"}},
@@ -288,6 +291,14 @@ std::vector<EffectInfo> strange_effects() {
        "an encoder off its centre",
        make_effect<EncoderEccentricity>},
   };
+}
+
+}  // namespace
+
+std::vector<EffectInfo> strange_effects() {
+  std::vector<EffectInfo> all = of_joints();
+  for (const EffectInfo& info : of_commands_and_the_rest()) all.push_back(info);
+  return all;
 }
 
 }  // namespace tiller::sim

@@ -356,17 +356,13 @@ bool read_posterior(const std::string& path, StoredPosterior& out, Words& errors
   return parse_posterior(text, path, out, errors);
 }
 
-bool take_prior(const StoredPosterior& posterior, const std::string& path, RobotFile& robot, Words& errors) {
-  const std::size_t before = errors.size();
-  const auto refuse = [&](const std::string& what, const std::string& remedy) {
-    errors.push_back(path + ": " + what + "; " + remedy);
-  };
-  if (posterior.model != robot.model->name) {
-    refuse("model = \"" + posterior.model + "\": the robot file's model is " + robot.model->name,
-           "name the posterior of this robot");
-    return false;
-  }
-  std::vector<std::size_t> from;  // (d) position in the file of each of the robot's
+namespace {
+
+/// Position in the posterior of each inferred parameter of the robot file; what does not fit goes to `refuse`.
+template <class Refuse>
+std::vector<std::size_t> match_parameters(const StoredPosterior& posterior, const RobotFile& robot,
+                                          const Refuse& refuse) {
+  std::vector<std::size_t> from;
   Words inferred;
   const std::size_t d = posterior.params.size();
   for (std::size_t i = 0; i < robot.params.size(); ++i) {
@@ -400,16 +396,36 @@ bool take_prior(const StoredPosterior& posterior, const std::string& path, Robot
     if (index_of(inferred, name) < 0)
       refuse("parameters: holds " + name + ", which has no prior in the robot file",
              "give it one there; inferred there: " + join(inferred));
-  if (errors.size() != before) return false;
+  return from;
+}
 
+GaussianMixture reordered(const GaussianMixture& mixture, std::size_t d, const std::vector<std::size_t>& from) {
   GaussianMixture ordered;
   ordered.dimension = static_cast<std::uint32_t>(d);
-  ordered.weight = posterior.mixture.weight;
+  ordered.weight = mixture.weight;
   for (std::size_t c = 0; c < ordered.components(); ++c) {
-    for (const std::size_t r : from) ordered.mean.push_back(posterior.mixture.mean[c * d + r]);
+    for (const std::size_t r : from) ordered.mean.push_back(mixture.mean[c * d + r]);
     for (const std::size_t r : from)
-      for (const std::size_t s : from) ordered.covariance.push_back(posterior.mixture.covariance[(c * d + r) * d + s]);
+      for (const std::size_t s : from) ordered.covariance.push_back(mixture.covariance[(c * d + r) * d + s]);
   }
+  return ordered;
+}
+
+}  // namespace
+
+bool take_prior(const StoredPosterior& posterior, const std::string& path, RobotFile& robot, Words& errors) {
+  const std::size_t before = errors.size();
+  const auto refuse = [&](const std::string& what, const std::string& remedy) {
+    errors.push_back(path + ": " + what + "; " + remedy);
+  };
+  if (posterior.model != robot.model->name) {
+    refuse("model = \"" + posterior.model + "\": the robot file's model is " + robot.model->name,
+           "name the posterior of this robot");
+    return false;
+  }
+  const std::vector<std::size_t> from = match_parameters(posterior, robot, refuse);
+  if (errors.size() != before) return false;
+  const GaussianMixture ordered = reordered(posterior.mixture, posterior.params.size(), from);
   if (roots_of(ordered).empty()) {
     refuse("mixture: a covariance is not positive definite in the robot file's order", kAnew);
     return false;

@@ -171,6 +171,41 @@ void exchange(const OsqpColumns& columns, const Qp& qp, double* z, double* y, bo
   }
 }
 
+/// Copies of the shape's masks, which are read at every solve.
+void keep_masks(Arena& arena, OsqpShape& shape) {
+  const std::size_t s = std::size_t{shape.sizes.states} * shape.sizes.scenarios;
+  const std::size_t states = shape.sizes.states, inputs = shape.sizes.inputs;
+  struct Mask {
+    const std::uint8_t** from;
+    std::size_t size;
+  };
+  for (const Mask& mask :
+       {Mask{&shape.bounded, s}, Mask{&shape.soft, s}, Mask{&shape.a, states * states}, Mask{&shape.b, states * inputs},
+        Mask{&shape.qxx, states * states}, Mask{&shape.quu, inputs * inputs}}) {
+    if (!*mask.from) continue;
+    std::uint8_t* copy = arena.take<std::uint8_t>(mask.size);
+    for (std::size_t i = 0; copy && i < mask.size; ++i) copy[i] = (*mask.from)[i];
+    *mask.from = copy;
+  }
+}
+
+tiller_osqp_problem problem_of(const OsqpQp& w) {
+  tiller_osqp_problem problem{};
+  problem.n = w.n;
+  problem.m = w.m;
+  problem.p_column = w.p_column;
+  problem.p_row = w.p_row;
+  problem.p_value = w.p_value;
+  problem.a_column = w.a_column;
+  problem.a_row = w.a_row;
+  problem.a_value = w.a_value;
+  problem.q = w.q;
+  problem.low = w.low;
+  problem.high = w.high;
+  problem.order = w.order;
+  return problem;
+}
+
 }  // namespace
 
 bool has_osqp() { return true; }
@@ -186,7 +221,6 @@ OsqpQp lay_out_osqp(Arena& arena, const OsqpShape& shape) {
   const std::size_t n = static_cast<std::size_t>(w.n), m = static_cast<std::size_t>(w.m);
   const std::size_t p = static_cast<std::size_t>(counts.p), a = static_cast<std::size_t>(counts.a);
   const std::size_t s = std::size_t{shape.sizes.states} * shape.sizes.scenarios;
-  const std::size_t states = shape.sizes.states, inputs = shape.sizes.inputs;
   w.p_column = arena.take<int>(n + 1);
   w.a_column = arena.take<int>(n + 1);
   w.p_row = arena.take<int>(p);
@@ -196,19 +230,7 @@ OsqpQp lay_out_osqp(Arena& arena, const OsqpShape& shape) {
   w.a_value = arena.take<double>(a);
   for (double** row : {&w.q, &w.z}) *row = arena.take<double>(n);
   for (double** row : {&w.low, &w.high, &w.y}) *row = arena.take<double>(m);
-  // The shape's masks are read at every solve.
-  struct Mask {
-    const std::uint8_t** from;
-    std::size_t size;
-  };
-  for (const Mask& mask :
-       {Mask{&w.shape.bounded, s}, Mask{&w.shape.soft, s}, Mask{&w.shape.a, states * states},
-        Mask{&w.shape.b, states * inputs}, Mask{&w.shape.qxx, states * states}, Mask{&w.shape.quu, inputs * inputs}}) {
-    if (!*mask.from) continue;
-    std::uint8_t* copy = arena.take<std::uint8_t>(mask.size);
-    for (std::size_t i = 0; copy && i < mask.size; ++i) copy[i] = (*mask.from)[i];
-    *mask.from = copy;
-  }
+  keep_masks(arena, w.shape);
   w.memory_size = tiller_osqp_bytes(w.n, w.m, counts.p, counts.a, counts.factor);
   unsigned char* memory = arena.take<unsigned char>(w.memory_size);
   if (!memory || !w.low || !w.high) return w;  // measuring, or no room
@@ -222,19 +244,7 @@ OsqpQp lay_out_osqp(Arena& arena, const OsqpShape& shape) {
     w.low[i] = dynamics ? 0.0 : -1.0;
     w.high[i] = dynamics ? 0.0 : 1.0;
   }
-  tiller_osqp_problem problem{};
-  problem.n = w.n;
-  problem.m = w.m;
-  problem.p_column = w.p_column;
-  problem.p_row = w.p_row;
-  problem.p_value = w.p_value;
-  problem.a_column = w.a_column;
-  problem.a_row = w.a_row;
-  problem.a_value = w.a_value;
-  problem.q = w.q;
-  problem.low = w.low;
-  problem.high = w.high;
-  problem.order = w.order;
+  const tiller_osqp_problem problem = problem_of(w);
   w.solver = tiller_osqp_setup(&problem, shape.tolerance, memory, w.memory_size, &w.memory_used);
   return w;
 }

@@ -11,9 +11,69 @@ namespace {
 constexpr std::uint32_t kLanes = WindowRollout::kLanes;
 }
 
+// Steps of a period from sixteen points of a window's base path: without and with a small force, and linearised.
+struct Shooting::PushedSteps {
+  const tiller_model_t& model;
+  const Hypothesis &base, &pushed;
+  double period_s, push;
+  std::vector<double> params;
+  std::vector<double> x, u, effect, history, next[2], unused, a;
+
+  PushedSteps(const tiller_model_t& of, const Hypothesis& base_, const Hypothesis& pushed_, const Fit& fit,
+              double period, double force)
+      : model(of),
+        base(base_),
+        pushed(pushed_),
+        period_s(period),
+        push(force),
+        params(fit.params),
+        x(std::size_t{of.state_count} * kLanes),
+        u(std::size_t{of.input_count} * kLanes),
+        effect(std::size_t{TILLER_MAX_EFFECT_STATES + 1} * kLanes, 0.0),
+        history(std::size_t{TILLER_MAX_DELAY_STEPS + 2} * TILLER_MAX_INPUTS, 0.0),
+        unused(x.size()),
+        a(x.size() * of.state_count) {
+    params.resize(base.config.param_count);
+    params.push_back(0);
+    next[0].resize(x.size());
+    next[1].resize(x.size());
+  }
+
+  void take() {
+    const RolloutTable& table = select_rollout(model);
+    for (int side = 0; side < 2; ++side) {
+      params.back() = side * push;
+      RolloutJob<double> job;
+      job.setup = &pushed.setup;
+      job.lanes = kLanes;
+      job.horizon = 1;
+      job.period_s = period_s;
+      job.state = {x.data(), kLanes};
+      job.params.data = params.data();
+      job.effect_state = {effect.data(), kLanes};
+      job.controls = {u.data(), kLanes};
+      job.history = history.data();
+      job.final_state = next[side].data();
+      table.rollout_f64(model, job);
+    }
+    LineariseJob job;
+    job.setup = &base.setup;
+    job.lanes = kLanes;
+    job.period_s = period_s;
+    job.state = {x.data(), kLanes};
+    job.params.data = params.data();
+    job.effect_state = {effect.data(), kLanes};
+    job.control = {u.data(), kLanes};
+    job.history = history.data();
+    job.next_state = unused.data();
+    job.a = a.data();
+    table.linearise(model, job);
+  }
+};
+
 bool Shooting::open_response(const Hypothesis& h, const Fit& fit, std::size_t index, std::uint32_t joint) {
   const Window& w = windows_[index];
-  const std::uint32_t nu = model_.input_count, np = h.config.param_count;
+  const std::uint32_t nu = model_.input_count;
 
   // the force is a constant offset for one period
   std::vector<EffectAt> effects = h.added;
@@ -24,68 +84,39 @@ bool Shooting::open_response(const Hypothesis& h, const Fit& fit, std::size_t in
   stride_ = nx_ + 1;
   differentiate(h, index, fit, false);
   if (!std::isfinite(gram_[index * kMostColumns * kMostColumns + stride_ * stride_ - 1])) return false;
-  std::vector<double> path(rollout_.trajectory(), rollout_.trajectory() + std::size_t{w.points} * nx_ * kLanes);
+  const std::vector<double> path(rollout_.trajectory(), rollout_.trajectory() + std::size_t{w.points} * nx_ * kLanes);
 
-  const RolloutTable& table = select_rollout(model_);
-  const double period = data_.grids[w.grid].period_s, push = 0.01 * scales_.joint[joint].force;
-  std::vector<double> x(std::size_t{nx_} * kLanes), u(std::size_t{nu} * kLanes), next[2],
-      a(std::size_t{nx_} * nx_ * kLanes), params(fit.params),
-      effect(std::size_t{TILLER_MAX_EFFECT_STATES + 1} * kLanes, 0.0),
-      history(std::size_t{TILLER_MAX_DELAY_STEPS + 2} * TILLER_MAX_INPUTS, 0.0);
-  params.resize(np);
-  params.push_back(0);
-  next[0].resize(x.size());
-  next[1].resize(x.size());
+  PushedSteps steps(model_, h, pushed, fit, data_.grids[w.grid].period_s, 0.01 * scales_.joint[joint].force);
   for (std::size_t first = 0; first + 1 < w.points; first += kLanes) {
     for (std::uint32_t l = 0; l < kLanes; ++l) {
       const std::size_t k = std::min<std::size_t>(first + l, w.points - 2);
-      for (std::uint32_t i = 0; i < nx_; ++i) x[i * kLanes + l] = path[(k * nx_ + i) * kLanes];
-      for (std::uint32_t i = 0; i < nu; ++i) u[i * kLanes + l] = data_.controls[w.grid][(w.start + k) * nu + i];
+      for (std::uint32_t i = 0; i < nx_; ++i) steps.x[i * kLanes + l] = path[(k * nx_ + i) * kLanes];
+      for (std::uint32_t i = 0; i < nu; ++i) steps.u[i * kLanes + l] = data_.controls[w.grid][(w.start + k) * nu + i];
     }
-    for (int side = 0; side < 2; ++side) {
-      params.back() = side * push;
-      RolloutJob<double> job;
-      job.setup = &pushed.setup;
-      job.lanes = kLanes;
-      job.horizon = 1;
-      job.period_s = period;
-      job.state = {x.data(), kLanes};
-      job.params.data = params.data();
-      job.effect_state = {effect.data(), kLanes};
-      job.controls = {u.data(), kLanes};
-      job.history = history.data();
-      job.final_state = next[side].data();
-      table.rollout_f64(model_, job);
-    }
-    LineariseJob job;
-    job.setup = &h.setup;
-    job.lanes = kLanes;
-    job.period_s = period;
-    job.state = {x.data(), kLanes};
-    job.params.data = params.data();
-    job.effect_state = {effect.data(), kLanes};
-    job.control = {u.data(), kLanes};
-    job.history = history.data();
-    std::vector<double> unused(x.size());
-    job.next_state = unused.data();
-    job.a = a.data();
-    table.linearise(model_, job);
+    steps.take();
     for (std::uint32_t l = 0; l < kLanes && first + l + 1 < w.points; ++l) {
-      const std::size_t k = first + l;
-      for (std::uint32_t i = 0; i < nx_; ++i)
-        response_b_[k * nx_ + i] = (next[1][i * kLanes + l] - next[0][i * kLanes + l]) / push;
-      for (std::uint32_t i = 0; i < nx_ * nx_; ++i) response_a_[k * nx_ * nx_ + i] = a[i * kLanes + l];
-      const std::uint32_t q = model_.joints[joint].position;
-      response_position_[k] =
-          q == TILLER_NO_POSITION ? 0.0 : 0.5 * (path[(k * nx_ + q) * kLanes] + path[((k + 1) * nx_ + q) * kLanes]);
-      // where it was, not where the base thinks it was: half a tooth apart is the opposite force
-      double seen = 0;
-      for (std::size_t m = w.start + k - 1; q != TILLER_NO_POSITION && m < w.start + k + 3; ++m)
-        seen += 0.25 * data_.grids[w.grid].state[q][m];
-      if (q != TILLER_NO_POSITION && std::isfinite(seen)) response_position_[k] = seen;
+      keep_step(steps, first + l, l);
+      response_position_[first + l] = position_between(w, path, joint, first + l);
     }
   }
   return true;
+}
+
+void Shooting::keep_step(const PushedSteps& steps, std::size_t k, std::uint32_t lane) {
+  for (std::uint32_t i = 0; i < nx_; ++i)
+    response_b_[k * nx_ + i] = (steps.next[1][i * kLanes + lane] - steps.next[0][i * kLanes + lane]) / steps.push;
+  for (std::uint32_t i = 0; i < nx_ * nx_; ++i) response_a_[k * nx_ * nx_ + i] = steps.a[i * kLanes + lane];
+}
+
+double Shooting::position_between(const Window& w, const std::vector<double>& path, std::uint32_t joint,
+                                  std::size_t k) const {
+  const std::uint32_t q = model_.joints[joint].position;
+  if (q == TILLER_NO_POSITION) return 0.0;
+  // where it was, not where the base thinks it was: half a tooth apart is the opposite force
+  double seen = 0;
+  for (std::size_t m = w.start + k - 1; m < w.start + k + 3; ++m) seen += 0.25 * data_.grids[w.grid].state[q][m];
+  if (std::isfinite(seen)) return seen;
+  return 0.5 * (path[(k * nx_ + q) * kLanes] + path[((k + 1) * nx_ + q) * kLanes]);
 }
 
 void Shooting::begin_response() {

@@ -87,6 +87,10 @@ class Shooting {
              std::vector<double>& step);
   const double* residual_lanes(const Window& w, std::size_t index);
 
+  struct PushedSteps;
+  void keep_step(const PushedSteps& steps, std::size_t k, std::uint32_t lane);
+  /// Of the joint, between points k and k + 1 of the window: measured where it is, else on the base path.
+  double position_between(const Window& w, const std::vector<double>& path, std::uint32_t joint, std::size_t k) const;
   void begin_response();
   void step_response(std::size_t index, std::size_t k, const double* force);
   void end_response(std::size_t index);

@@ -19,9 +19,63 @@ Whitening::Whitening(const tiller_config_t& config, std::size_t windows, std::si
   lanes_.resize(std::size_t{nx_ + TILLER_MAX_EFFECT_STATES + 1 + TILLER_MAX_INPUTS + nx_ + nx_ * nx_} * kLanes);
 }
 
+// The linearisation of the steps from sixteen points of a path at once.
+struct Whitening::Steps {
+  const Hypothesis& nominal;
+  const WindowData& data;
+  const Window& w;
+  const double* path;
+  std::size_t stride;
+  const double* params;
+  double *x, *effect, *u, *next, *a;  // (rows x lanes), a: (nx * nx)
+
+  void linearise(std::size_t first) const {
+    const tiller_model_t& model = *nominal.config.model;
+    const std::uint32_t nx = model.state_count, nu = model.input_count;
+    const double no_history[(TILLER_MAX_DELAY_STEPS + 2) * TILLER_MAX_INPUTS] = {};
+    for (std::uint32_t l = 0; l < kLanes; ++l) {
+      const std::size_t at = std::min<std::size_t>(first + l, w.points - 1);
+      for (std::uint32_t i = 0; i < nx; ++i) x[i * kLanes + l] = path[(at * nx + i) * stride];
+      for (std::uint32_t i = 0; i < nu; ++i) u[i * kLanes + l] = data.controls[w.grid][(w.start + at) * nu + i];
+    }
+    LineariseJob job;
+    job.setup = &nominal.setup;
+    job.lanes = kLanes;
+    job.period_s = data.grids[w.grid].period_s;
+    job.state = {x, kLanes};
+    job.params.data = params;
+    job.effect_state = {effect, kLanes};
+    job.control = {u, kLanes};
+    job.history = no_history;
+    job.next_state = next;
+    job.a = a;
+    select_rollout(model).linearise(model, job);
+  }
+};
+
 void Whitening::prepare(std::size_t index, const Hypothesis& nominal, const WindowData& data, const Window& w,
                         const double* path, std::size_t stride, const double* params) {
   const tiller_config_t& config = nominal.config;
+  weigh_measured(index, config, data, w);
+  if (!process_) return;
+
+  double *x = lanes_.data(), *effect = x + nx_ * kLanes, *u = effect + (TILLER_MAX_EFFECT_STATES + 1) * kLanes,
+         *next = u + TILLER_MAX_INPUTS * kLanes, *a = next + nx_ * kLanes;
+  const Steps steps = {nominal, data, w, path, stride, params, x, effect, u, next, a};
+  std::fill_n(effect, (TILLER_MAX_EFFECT_STATES + 1) * kLanes, 0.0);
+  double p[TILLER_MAX_STATES * TILLER_MAX_STATES] = {};
+  for (std::size_t k = 0; k < w.points; ++k) {
+    const std::uint32_t lane = k % kLanes;
+    if (lane == 0) steps.linearise(k);
+    double* step = a_.data() + (index * points_ + k) * nx_ * nx_;
+    for (std::uint32_t i = 0; i < nx_ * nx_; ++i) step[i] = a[i * kLanes + lane];
+    correct(index * points_ + k, p);
+    propagate(config, data.grids[w.grid].period_s, step, p);
+  }
+}
+
+void Whitening::weigh_measured(std::size_t index, const tiller_config_t& config, const WindowData& data,
+                               const Window& w) {
   const std::vector<double>& measured = data.measured[w.grid];
   values_[index] = 0;
   for (std::size_t k = 0; k < w.points; ++k)
@@ -30,63 +84,37 @@ void Whitening::prepare(std::size_t index, const Hypothesis& nominal, const Wind
       values_[index] += there;
       g_[(index * points_ + k) * ny_ + i] = there ? 1 / config.measurement_sd[i] : 0;
     }
-  if (!process_) return;
+}
 
-  const RolloutTable& table = select_rollout(*config.model);
-  const std::uint32_t nu = config.model->input_count;
-  double *x = lanes_.data(), *effect = x + nx_ * kLanes, *u = effect + (TILLER_MAX_EFFECT_STATES + 1) * kLanes,
-         *next = u + TILLER_MAX_INPUTS * kLanes, *a = next + nx_ * kLanes;
-  const double no_history[(TILLER_MAX_DELAY_STEPS + 2) * TILLER_MAX_INPUTS] = {};
-  std::fill_n(effect, (TILLER_MAX_EFFECT_STATES + 1) * kLanes, 0.0);
-  double p[TILLER_MAX_STATES * TILLER_MAX_STATES] = {}, ap[TILLER_MAX_STATES * TILLER_MAX_STATES];
-  const double period = data.grids[w.grid].period_s;
-  for (std::size_t k = 0; k < w.points; ++k) {
-    const std::uint32_t lane = k % kLanes;
-    if (lane == 0) {  // the next sixteen points at once
-      for (std::uint32_t l = 0; l < kLanes; ++l) {
-        const std::size_t at = std::min<std::size_t>(k + l, w.points - 1);
-        for (std::uint32_t i = 0; i < nx_; ++i) x[i * kLanes + l] = path[(at * nx_ + i) * stride];
-        for (std::uint32_t i = 0; i < nu; ++i) u[i * kLanes + l] = data.controls[w.grid][(w.start + at) * nu + i];
-      }
-      LineariseJob job;
-      job.setup = &nominal.setup;
-      job.lanes = kLanes;
-      job.period_s = period;
-      job.state = {x, kLanes};
-      job.params.data = params;
-      job.effect_state = {effect, kLanes};
-      job.control = {u, kLanes};
-      job.history = no_history;
-      job.next_state = next;
-      job.a = a;
-      table.linearise(*config.model, job);
-    }
-    double* step = a_.data() + (index * points_ + k) * nx_ * nx_;
-    for (std::uint32_t i = 0; i < nx_ * nx_; ++i) step[i] = a[i * kLanes + lane];
-    for (std::uint32_t i = 0; i < ny_; ++i) {
-      double* gain = k_.data() + ((index * points_ + k) * ny_ + i) * nx_;
-      std::fill_n(gain, nx_, 0.0);
-      double& weight = g_[(index * points_ + k) * ny_ + i];
-      if (weight == 0) continue;
-      const std::uint32_t s = measured_[i];
-      const double variance = p[s * nx_ + s] + 1 / (weight * weight);
-      for (std::uint32_t r = 0; r < nx_; ++r) gain[r] = p[r * nx_ + s] / variance;
-      for (std::uint32_t r = 0; r < nx_; ++r)
-        for (std::uint32_t c = 0; c < nx_; ++c) ap[r * nx_ + c] = p[r * nx_ + c] - gain[r] * p[s * nx_ + c];
-      std::copy_n(ap, nx_ * nx_, p);
-      weight = 1 / std::sqrt(variance);
-    }
+void Whitening::correct(std::size_t point, double* p) {
+  double ap[TILLER_MAX_STATES * TILLER_MAX_STATES];
+  for (std::uint32_t i = 0; i < ny_; ++i) {
+    double* gain = k_.data() + (point * ny_ + i) * nx_;
+    std::fill_n(gain, nx_, 0.0);
+    double& weight = g_[point * ny_ + i];
+    if (weight == 0) continue;
+    const std::uint32_t s = measured_[i];
+    const double variance = p[s * nx_ + s] + 1 / (weight * weight);
+    for (std::uint32_t r = 0; r < nx_; ++r) gain[r] = p[r * nx_ + s] / variance;
     for (std::uint32_t r = 0; r < nx_; ++r)
-      for (std::uint32_t c = 0; c < nx_; ++c) {
-        ap[r * nx_ + c] = 0;
-        for (std::uint32_t m = 0; m < nx_; ++m) ap[r * nx_ + c] += step[r * nx_ + m] * p[m * nx_ + c];
-      }
-    for (std::uint32_t r = 0; r < nx_; ++r)
-      for (std::uint32_t c = 0; c < nx_; ++c) {
-        p[r * nx_ + c] = r == c ? config.process_sd[r] * config.process_sd[r] * period : 0.0;
-        for (std::uint32_t m = 0; m < nx_; ++m) p[r * nx_ + c] += ap[r * nx_ + m] * step[c * nx_ + m];
-      }
+      for (std::uint32_t c = 0; c < nx_; ++c) ap[r * nx_ + c] = p[r * nx_ + c] - gain[r] * p[s * nx_ + c];
+    std::copy_n(ap, nx_ * nx_, p);
+    weight = 1 / std::sqrt(variance);
   }
+}
+
+void Whitening::propagate(const tiller_config_t& config, double period_s, const double* step, double* p) const {
+  double ap[TILLER_MAX_STATES * TILLER_MAX_STATES];
+  for (std::uint32_t r = 0; r < nx_; ++r)
+    for (std::uint32_t c = 0; c < nx_; ++c) {
+      ap[r * nx_ + c] = 0;
+      for (std::uint32_t m = 0; m < nx_; ++m) ap[r * nx_ + c] += step[r * nx_ + m] * p[m * nx_ + c];
+    }
+  for (std::uint32_t r = 0; r < nx_; ++r)
+    for (std::uint32_t c = 0; c < nx_; ++c) {
+      p[r * nx_ + c] = r == c ? config.process_sd[r] * config.process_sd[r] * period_s : 0.0;
+      for (std::uint32_t m = 0; m < nx_; ++m) p[r * nx_ + c] += ap[r * nx_ + m] * step[c * nx_ + m];
+    }
 }
 
 void Whitening::apply(std::size_t index, const Window& w, double* rows) const {

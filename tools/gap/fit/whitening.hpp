@@ -26,6 +26,14 @@ class Whitening {
   static std::size_t bytes_for(const tiller_config_t& config, std::size_t windows, std::size_t points);
 
  private:
+  struct Steps;
+  /// The inverse standard deviation of each measurement of the window; 0 where it is missing.
+  void weigh_measured(std::size_t index, const tiller_config_t& config, const WindowData& data, const Window& window);
+  /// Takes the measurements of a point into the covariance p (nx * nx), and keeps gains and weights.
+  void correct(std::size_t point, double* p);
+  /// p = step p step' + process noise of a period.
+  void propagate(const tiller_config_t& config, double period_s, const double* step, double* p) const;
+
   std::uint32_t nx_, ny_;
   std::size_t points_;
   bool process_ = false;

@@ -13,6 +13,8 @@
 namespace tiller::tools::gap {
 namespace {
 
+constexpr const char* kNoFit = "residual: no fit: the model's prediction errors have no bound on these logs";
+
 using Matrix = Eigen::MatrixXd;
 using Vector = Eigen::VectorXd;
 
@@ -166,6 +168,72 @@ bool with_residual(const tiller_config_t& config, std::uint32_t joint, const Res
   return true;
 }
 
+namespace {
+
+// What the logs say of the size of the force, before its shape is sought.
+struct ForceSizes {
+  double typical = 0.0;        // accelerates the joint as the data do
+  double force_sd = 0.0;       // noise of the force
+  double nominal = -HUGE_VAL;  // log evidence of the model without it
+};
+
+// `r` is of the first scales. False: the force moves nothing.
+bool size_up(ResidualRegression& r, const tiller_config_t& config, const tiller_config_t& extended,
+             const std::vector<Grid>& grids, const double* params, const tiller_joint_t& port, const Travel& travel,
+             ForceSizes& sizes, ResidualFit& fit) {
+  const PredictionSums at = r.pass(r.z(), 0.1);
+  const double response = at.response(port.velocity);
+  double& typical = sizes.typical;
+  typical = response > 0.0 ? travel.acceleration * travel.period_s / response : 0.0;
+  if (!(typical > 0.0)) return false;
+  // the model without it: forces held at nothing
+  r.set_prior(1e-6 * typical);
+  for (int pass = 0; pass < 2; ++pass) {
+    sizes.force_sd = pass == 0 ? 0.1 * typical : r.choose_force_sd(kNoiseLow * typical, kNoiseHigh * typical);
+    if (!r.solve(sizes.force_sd, 0.0)) break;
+  }
+  if (r.sums().finite) {
+    sizes.nominal = r.evidence(r.sums(), r.z());
+    fit.rollout_ratio = r.predict(grids, sizes.force_sd).rms_sigma;
+  }
+  std::vector<double> step;
+  r.at(r.z(), fit.nominal, step);
+  fit.nominal.resize(config.param_count);
+  ResidualRegression first(extended, grids, params, config.param_count);
+  first.set_prior(0.3 * typical);
+  if (first.solve(0.1 * typical, typical))
+    sizes.force_sd = first.choose_force_sd(kNoiseLow * typical, kNoiseHigh * typical);
+  return true;
+}
+
+// The scales of the largest evidence go into `fit`; false with a message where none fits.
+bool choose_scales(const tiller_config_t& config, const std::vector<Grid>& grids, const double* params,
+                   std::uint32_t joint, const Travel& travel, const std::vector<ResidualScales>& all, ForceSizes& sizes,
+                   ResidualFit& fit, std::string& error) {
+  double best = -HUGE_VAL;
+  tiller_config_t extended;
+  for (const ResidualScales& scales : all) {
+    with_residual(config, joint, scales, 1.0, extended, error);
+    ResidualRegression r(extended, grids, params, config.param_count);
+    if (sizes.typical == 0.0 &&
+        !size_up(r, config, extended, grids, params, config.model->joints[joint], travel, sizes, fit)) {
+      error = "residual: a force at the joint moves nothing; the nominal model is unusable";
+      return false;
+    }
+    r.set_prior(0.3 * sizes.typical);
+    if (!r.solve(sizes.force_sd, sizes.typical)) continue;
+    const double evidence = r.evidence(r.sums(), r.z());
+    if (!(evidence > best)) continue;
+    best = evidence;
+    fit.scales = scales;
+  }
+  if (std::isfinite(best)) return true;
+  error = kNoFit;
+  return false;
+}
+
+}  // namespace
+
 bool fit_residual(const tiller_config_t& config, const std::vector<Grid>& grids, const double* params,
                   std::uint32_t joint, ResidualFit& fit, std::string& error) {
   tiller_config_t extended;
@@ -177,63 +245,27 @@ bool fit_residual(const tiller_config_t& config, const std::vector<Grid>& grids,
     return false;
   }
   const bool is_angle = ((config.model->angle_mask >> port.position) & 1u) != 0;
-  double best = -HUGE_VAL, nominal = -HUGE_VAL, typical = 0.0, force_sd = 0.0;
-  for (const ResidualScales& scales : scales_of(travel, is_angle)) {
-    with_residual(config, joint, scales, 1.0, extended, error);
-    ResidualRegression r(extended, grids, params, config.param_count);
-    if (typical == 0.0) {
-      // what accelerates the joint as the data do
-      const PredictionSums at = r.pass(r.z(), 0.1);
-      const double response = at.response(port.velocity);
-      typical = response > 0.0 ? travel.acceleration * travel.period_s / response : 0.0;
-      if (!(typical > 0.0)) {
-        error = "residual: a force at the joint moves nothing; the nominal model is unusable";
-        return false;
-      }
-      // the model without it: forces held at nothing
-      r.set_prior(1e-6 * typical);
-      for (int pass = 0; pass < 2; ++pass) {
-        force_sd = pass == 0 ? 0.1 * typical : r.choose_force_sd(kNoiseLow * typical, kNoiseHigh * typical);
-        if (!r.solve(force_sd, 0.0)) break;
-      }
-      if (r.sums().finite) {
-        nominal = r.evidence(r.sums(), r.z());
-        fit.rollout_ratio = r.predict(grids, force_sd).rms_sigma;
-      }
-      std::vector<double> step;
-      r.at(r.z(), fit.nominal, step);
-      fit.nominal.resize(config.param_count);
-      ResidualRegression first(extended, grids, params, config.param_count);
-      first.set_prior(0.3 * typical);
-      if (first.solve(0.1 * typical, typical))
-        force_sd = first.choose_force_sd(kNoiseLow * typical, kNoiseHigh * typical);
-    }
-    r.set_prior(0.3 * typical);
-    if (!r.solve(force_sd, typical)) continue;
-    const double evidence = r.evidence(r.sums(), r.z());
-    if (!(evidence > best)) continue;
-    best = evidence;
-    fit.scales = scales;
-  }
-  if (!std::isfinite(best)) {
-    error = "residual: no fit: the model's prediction errors have no bound on these logs";
-    return false;
-  }
+  const std::vector<ResidualScales> all = scales_of(travel, is_angle);
+  ForceSizes sizes;
+  if (!choose_scales(config, grids, params, joint, travel, all, sizes, fit, error)) return false;
+
   fit.joint = joint;
   fit.first = config.param_count;
   with_residual(config, joint, fit.scales, 1.0, fit.config, error);
   ResidualRegression r(fit.config, grids, params, config.param_count);
+  const double typical = sizes.typical;
+  double force_sd = sizes.force_sd;
   r.set_prior(0.3 * typical);
   for (int pass = 0; pass < 2; ++pass) {
     if (!r.solve(force_sd, typical)) {
-      error = "residual: no fit: the model's prediction errors have no bound on these logs";
+      error = kNoFit;
       return false;
     }
     if (pass == 0) force_sd = r.choose_force_sd(kNoiseLow * typical, kNoiseHigh * typical);
   }
   // the best of several widths stands for all of them
-  fit.log_evidence = r.evidence(r.sums(), r.z()) - std::log(static_cast<double>(scales_of(travel, is_angle).size()));
-  fit.evidence_nats = fit.log_evidence - nominal;
+  fit.log_evidence = r.evidence(r.sums(), r.z()) - std::log(static_cast<double>(all.size()));
+  fit.evidence_nats = fit.log_evidence - sizes.nominal;
   fit.after_sigma = std::sqrt(r.sums().squared / r.sums().count);
   Vector without = r.z();
   without.tail(kResidualForces).setZero();

@@ -71,63 +71,99 @@ double choice_nats(const Session& s, const std::vector<EffectAt>& effects) {
   return sum;
 }
 
-std::vector<std::vector<double>> scan_spatial_periods(Session& s, const Candidate& base, const EffectAt& effect,
-                                                      std::size_t starts) {
-  const tiller_model_t& model = *s.config.model;
-  const EffectInfo& info = effect_info(effect.kind);
-  const tiller_joint_t& joint = model.joints[effect.port];
-  const std::uint32_t harmonics = static_cast<std::uint32_t>(info.param_count - 1) / 2, columns = 2 * harmonics;
-  if (columns == 0 || columns > kLanes || !has_pitch(info)) return {};
-  const std::vector<std::size_t>& which = s.work;
-  const std::vector<double> frequency = frequencies(s, effect);
-  const std::size_t count = frequency.size();
-  if (count == 0) return {};
+namespace {
 
-  // normal equations of every spatial_period, over all windows
-  const std::uint32_t per_run = kLanes / columns;
-  std::vector<double> square(count * columns * columns, 0.0), cross(count * columns, 0.0);
-  for (const std::size_t index : which) {
-    const Window& w = s.windows[index];
-    if (!s.shooting->open_response(base.hypothesis, base.fit, index, effect.port)) continue;
-    for (std::size_t first = 0; first < count; first += per_run) {
-      const std::size_t here = std::min<std::size_t>(per_run, count - first);
-      s.shooting->force_response(index, [&](std::size_t k, double q, double* force) {
-        const double drive =
-            info.needs_drive && joint.drive != 0 ? s.data.grids[w.grid].input[joint.drive - 1][w.start + k] : 1.0;
-        for (std::size_t f = 0; f < here; ++f)
-          for (std::uint32_t h = 0; h < harmonics; ++h) {
-            const double phase = kTurn * q * frequency[first + f] * (h + 1);
-            force[f * columns + 2 * h] = drive * std::cos(phase);
-            force[f * columns + 2 * h + 1] = drive * std::sin(phase);
-          }
-      });
-      const double* products = s.shooting->response_products();  // (lanes x lanes), then (lanes) with the residual
-      for (std::size_t f = 0; f < here; ++f)
-        for (std::uint32_t a = 0; a < columns; ++a) {
-          cross[(first + f) * columns + a] += products[kLanes * kLanes + f * columns + a];
-          for (std::uint32_t b = 0; b < columns; ++b)
-            square[((first + f) * columns + a) * columns + b] += products[(f * columns + a) * kLanes + f * columns + b];
-        }
+// Normal equations of every spatial period for amplitudes of its harmonics, summed over the working windows.
+class PeriodFits {
+ public:
+  PeriodFits(Session& s, const EffectAt& effect, const EffectInfo& info)
+      : s_(s),
+        info_(info),
+        joint_(s.config.model->joints[effect.port]),
+        port_(effect.port),
+        harmonics_(static_cast<std::uint32_t>(info.param_count - 1) / 2),
+        frequency_(frequencies(s, effect)),
+        square_(frequency_.size() * columns() * columns(), 0.0),
+        cross_(frequency_.size() * columns(), 0.0) {}
+
+  std::uint32_t columns() const { return 2 * harmonics_; }
+  std::size_t count() const { return frequency_.size(); }
+
+  void add_window(const Candidate& base, std::size_t index) {
+    if (!s_.shooting->open_response(base.hypothesis, base.fit, index, port_)) return;
+    const std::uint32_t per_run = kLanes / columns();
+    for (std::size_t first = 0; first < count(); first += per_run)
+      add_frequencies(index, first, std::min<std::size_t>(per_run, count() - first));
+  }
+
+  std::vector<Peak> solve() const {
+    const std::uint32_t n = columns();
+    std::vector<Peak> peaks(count());
+    for (std::size_t i = 0; i < count(); ++i) {
+      Eigen::MatrixXd a = Eigen::Map<const Eigen::MatrixXd>(square_.data() + i * n * n, n, n);
+      const Eigen::VectorXd b = Eigen::Map<const Eigen::VectorXd>(cross_.data() + i * n, n);
+      a.diagonal().array() += 1e-9 * a.diagonal().maxCoeff() + 1e-12;
+      const Eigen::VectorXd x = a.ldlt().solve(b);
+      peaks[i] = {1 / frequency_[i], b.dot(x), std::vector<double>(x.data(), x.data() + n)};
+      if (!std::isfinite(peaks[i].reduction)) peaks[i].reduction = 0;
     }
+    return peaks;
   }
-  std::vector<Peak> peaks(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    Eigen::MatrixXd a = Eigen::Map<const Eigen::MatrixXd>(square.data() + i * columns * columns, columns, columns);
-    const Eigen::VectorXd b = Eigen::Map<const Eigen::VectorXd>(cross.data() + i * columns, columns);
-    a.diagonal().array() += 1e-9 * a.diagonal().maxCoeff() + 1e-12;
-    const Eigen::VectorXd x = a.ldlt().solve(b);
-    peaks[i] = {1 / frequency[i], b.dot(x), std::vector<double>(x.data(), x.data() + columns)};
-    if (!std::isfinite(peaks[i].reduction)) peaks[i].reduction = 0;
+
+ private:
+  void add_frequencies(std::size_t index, std::size_t first, std::size_t here) {
+    const Window& w = s_.windows[index];
+    const std::uint32_t n = columns();
+    s_.shooting->force_response(index, [&](std::size_t k, double q, double* force) {
+      const double drive =
+          info_.needs_drive && joint_.drive != 0 ? s_.data.grids[w.grid].input[joint_.drive - 1][w.start + k] : 1.0;
+      for (std::size_t f = 0; f < here; ++f)
+        for (std::uint32_t h = 0; h < harmonics_; ++h) {
+          const double phase = kTurn * q * frequency_[first + f] * (h + 1);
+          force[f * n + 2 * h] = drive * std::cos(phase);
+          force[f * n + 2 * h + 1] = drive * std::sin(phase);
+        }
+    });
+    const double* products = s_.shooting->response_products();  // (lanes x lanes), then (lanes) with the residual
+    for (std::size_t f = 0; f < here; ++f)
+      for (std::uint32_t a = 0; a < n; ++a) {
+        cross_[(first + f) * n + a] += products[kLanes * kLanes + f * n + a];
+        for (std::uint32_t b = 0; b < n; ++b)
+          square_[((first + f) * n + a) * n + b] += products[(f * n + a) * kLanes + f * n + b];
+      }
   }
+
+  Session& s_;
+  const EffectInfo& info_;
+  const tiller_joint_t& joint_;
+  std::uint32_t port_, harmonics_;
+  std::vector<double> frequency_, square_, cross_;
+};
+
+// Indices of the local maxima, the largest first.
+std::vector<std::size_t> maxima(const std::vector<Peak>& peaks) {
   std::vector<std::size_t> order;
-  for (std::size_t i = 0; i < count; ++i)
+  for (std::size_t i = 0; i < peaks.size(); ++i)
     if ((i == 0 || peaks[i].reduction >= peaks[i - 1].reduction) &&
-        (i + 1 == count || peaks[i].reduction >= peaks[i + 1].reduction))
+        (i + 1 == peaks.size() || peaks[i].reduction >= peaks[i + 1].reduction))
       order.push_back(i);
   std::stable_sort(order.begin(), order.end(),
                    [&](std::size_t a, std::size_t b) { return peaks[a].reduction > peaks[b].reduction; });
+  return order;
+}
+
+}  // namespace
+
+std::vector<std::vector<double>> scan_spatial_periods(Session& s, const Candidate& base, const EffectAt& effect,
+                                                      std::size_t starts) {
+  const EffectInfo& info = effect_info(effect.kind);
+  if (info.param_count < 3 || !has_pitch(info)) return {};
+  PeriodFits fits(s, effect, info);
+  if (fits.columns() > kLanes || fits.count() == 0) return {};
+  for (const std::size_t index : s.work) fits.add_window(base, index);
+  const std::vector<Peak> peaks = fits.solve();
   std::vector<std::vector<double>> found;
-  for (const std::size_t i : order) {
+  for (const std::size_t i : maxima(peaks)) {
     if (found.size() >= starts) break;
     std::vector<double> start = peaks[i].amplitude;
     for (std::size_t p = 0; p < start.size(); ++p)
