@@ -4,7 +4,7 @@
 
 #include "abi/checks.hpp"
 
-// What the groups of tiller_config_check share. Conditions are written so that a NaN fails them.
+// Definitions that the groups of tiller_config_check share. Conditions are written so that a NaN fails them.
 
 namespace tiller {
 

@@ -6,7 +6,7 @@
 
 namespace tiller {
 
-/// What is wrong, and where: `field` is a literal, the path of the field in tiller_config_t.
+/// A defect and its place: `field` is a literal, the path of the field in tiller_config_t.
 struct Finding {
   tiller_status_t status = tiller_status_ok;
   const char* field = "";

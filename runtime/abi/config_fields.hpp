@@ -6,7 +6,7 @@
 
 #include "tiller/tiller.h"
 
-// What config.def says of a setting, as data: tiller_config_default and tiller_config_check walk over it, and so do the
+// The lines of config.def as data: tiller_config_default and tiller_config_check walk over it, and so do the
 // robot file's reader, its manual and `tiller export`.
 
 namespace tiller {

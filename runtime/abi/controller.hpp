@@ -2,7 +2,7 @@
 
 #include "executive/executive.hpp"
 
-/// What the opaque tiller_t is: the head of the caller's block.
+/// The opaque tiller_t: the head of the caller's block.
 struct tiller_controller {
   tiller::Executive* executive = nullptr;
 };

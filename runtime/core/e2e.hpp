@@ -19,7 +19,7 @@ namespace tiller {
 /// 1/256. 119 bits are 14 bytes: identifier, counter and 11 bytes of data, more than a classic CAN frame holds; longer
 /// frames are refused. CAN's own CRC-15 does not cover what happens behind the controller: drivers, gateways, queues.
 ///
-/// What it is not: protection against an opponent. Whoever can write to the bus can compute a CRC.
+/// It does not protect against an opponent. Whoever can write to the bus can compute a CRC.
 struct E2eCrc8 {
   static constexpr std::uint8_t kPolynomial = 0x2F;
 

@@ -77,7 +77,7 @@ class Rng {
   double spare_ = 0.0;
 };
 
-/// What random numbers are for: one stream per purpose, so that adding a consumer does not shift another.
+/// Purposes of random numbers: one stream per purpose, so that adding a consumer does not shift another.
 enum RngPurpose : std::uint32_t {
   kRngPrior = 1,
   kRngResample = 2,

@@ -5,7 +5,7 @@
 
 namespace tiller {
 
-/// What acts is off by a factor: a drifting torque constant, a sagging supply, a wrong gear ratio.
+/// The acting force is off by a factor: a drifting torque constant, a sagging supply, a wrong gear ratio.
 template <class S>
 struct ActuatorGain {
   static constexpr Hook hook = Hook::input;

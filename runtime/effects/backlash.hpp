@@ -32,7 +32,7 @@ struct Backlash {
     i.separation = "an encoder at the motor, or slow reversals: play is a distance, a delay a time";
     return i;
   }();
-  /// What acts at the joint instead of the drive force, as a force to add.
+  /// The force at the joint that replaces the drive force, as a force to add.
   static S force(const JointStep<S>& in, S* state, const S* p) {
     const auto present = min(p[0], p[1]) > S(0.0);
     const S half = S(0.5) * p[0], inverse = in.dt_s / select(present, p[1], S(1.0));

@@ -30,7 +30,8 @@ enum class Hook {
   sensor         ///< outside the step: measurement from state (rollout/measurement.hpp)
 };
 
-/// What a parameter's magnitude goes with, so that a fit can start anywhere: a start is a multiple of it.
+/// The quantity that a parameter's magnitude scales with, so that a fit can start anywhere: a start is a multiple of
+/// it.
 enum class Scale {
   none,                 ///< the start as it stands
   force,                ///< typical generalised force at the joint

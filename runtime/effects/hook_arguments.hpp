@@ -2,14 +2,14 @@
 
 namespace tiller {
 
-/// What an input effect sees in a substep.
+/// Arguments of an input effect in a substep.
 template <class S>
 struct InputStep {
   S command;  ///< what comes in: the command, or what the effect before made of it
   S dt_s;
 };
 
-/// What an effect at a joint sees in a substep. Those that act before the free step (Hook::force) see position,
+/// Arguments of an effect at a joint in a substep. Those that act before the free step (Hook::force) see position,
 /// velocity and drive; the others all of it.
 template <class S>
 struct JointStep {

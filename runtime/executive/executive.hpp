@@ -60,7 +60,7 @@ class Executive {
   std::int64_t last_now_us() const { return last_now_us_; }
 
  private:
-  /// What one tick finds out on its way.
+  /// Intermediate results of one tick.
   struct Tick {
     std::int64_t now_us = 0;
     std::int64_t start_ns = 0;

@@ -7,7 +7,7 @@
 
 namespace tiller {
 
-/// What each part of a controller takes of its block, in bytes, in the order in which they lie. Filled by the layout
+/// Bytes of the block that each part of a controller takes, in the order in which they lie. Filled by the layout
 /// itself, so that it cannot disagree with what is laid out.
 struct PartSizes {
   static constexpr std::uint32_t kMost = 12;
@@ -19,7 +19,7 @@ struct PartSizes {
   Part part[kMost] = {};
   std::uint32_t count = 0;
 
-  /// What the arena gave since the last call belongs to `name`.
+  /// Memory that the arena gave since the last call belongs to `name`.
   void note(const char* name, const Arena& arena) {
     if (count < kMost) part[count++] = {name, arena.used() - before_};
     before_ = arena.used();

@@ -14,7 +14,7 @@ enum class ActuatorKind : std::uint8_t {
   count
 };
 
-/// What a command is. Radians and newton metres are those of the shaft that the drive reports.
+/// The quantity that a command sets. Radians and newton metres are those of the shaft that the drive reports.
 enum class ActuatorMode : std::uint8_t { torque, velocity, position };
 
 /// How moteus registers travel. Integers save bandwidth: docs/guide/actuators.md has their steps and ranges.
@@ -45,7 +45,7 @@ struct ActuatorSettings {
   double kp_Nm_rad = 0.0, kd_Nms_rad = 0.0;  ///< mit: gains of the position mode; velocity mode reads kd
 };
 
-/// What one frame told. Everything is optional: a frame of ODrive brings one of these groups, one of moteus all.
+/// The content of one frame. Everything is optional: a frame of ODrive brings one of these groups, one of moteus all.
 struct ActuatorReport {
   bool alive = false;  ///< counts as the drive's sign of life
   bool has_mode = false, enabled = false;
@@ -89,7 +89,7 @@ struct ActuatorProtocol {
 
   const char* name;
   std::uint32_t capabilities;
-  /// What is wrong with the settings (a literal), or null.
+  /// The defect of the settings (a literal), or null.
   const char* (*settings_error)(const ActuatorSettings& settings);
   /// Which of `capabilities` this drive has: a protocol's dialects may have fewer.
   std::uint32_t (*capabilities_of)(const ActuatorSettings& settings);

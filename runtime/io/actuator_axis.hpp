@@ -7,7 +7,7 @@
 
 namespace tiller {
 
-/// What a drive has told so far. NaN: not told.
+/// The last values that a drive has reported. NaN: not told.
 struct ActuatorState {
   bool heard = false;
   std::int64_t heard_us = 0;  ///< arrival of its last sign of life
@@ -62,12 +62,12 @@ class ActuatorAxis {
   /// (0: for ever) is silent.
   void watch(std::int64_t stamp_us, std::uint32_t timeout_us);
 
-  /// What is wrong, as a literal, or null.
+  /// The present fault, as a literal, or null.
   const char* fault_text() const;
   const ActuatorState& state() const { return state_; }
   /// Enabled, as far as it tells.
   bool is_confirmed() const { return confirmed_ && asked_enough() && wanted_ == Wanted::on && !disarmed_; }
-  /// What the last command told the drive to do, in the unit of the mode.
+  /// The set point of the last command, in the unit of the mode.
   double set_point() const { return set_point_; }
 
   bool has_motion() const { return has_motion_; }  ///< since forget_motion

@@ -16,7 +16,7 @@ enum class StampSource : std::uint8_t {
 /// "the interface's clock", ...
 const char* stamp_source_text(StampSource source);
 
-/// What came along with a datagram or frame. Zero: none.
+/// Ancillary data of a datagram or frame. Zero: none.
 struct ArrivalStamp {
   std::int64_t kernel_ns = 0;     ///< by CLOCK_REALTIME
   std::int64_t interface_ns = 0;  ///< by the interface's own clock, which begins and drifts as it likes

@@ -45,7 +45,7 @@ struct CanLayout {
   bool stamp_on_arrival = false;  ///< ignore the board's clock
 };
 
-/// What is wrong with a layout (a literal), or null.
+/// The defect of a layout (a literal), or null.
 const char* can_layout_error(const CanLayout& layout);
 
 /// The robot's side of the bus without the bus: frames in, measurements and faults out; commands in, frames
@@ -91,7 +91,7 @@ class CanRobot {
   /// The drives' frames to clear faults, to be sent after an operator's decision; forgets what was latched.
   std::uint32_t clear_faults(CanFrame* frames);
 
-  /// What to let through.
+  /// Identifiers to let through.
   std::uint32_t filters(CanFilter* out) const;
   /// Under which identifiers set points go out: what comes back of them confirms that they were sent, and one that was
   /// not sent from here is another program's.

@@ -85,8 +85,8 @@ inline constexpr LcmType kLcmMeasurementType = make_lcm_type(kLcmMeasurementFiel
 inline constexpr LcmType kLcmCommandType = make_lcm_type(kLcmCommandFields);
 inline constexpr LcmType kLcmTelemetryType = make_lcm_type(kLcmTelemetryFields);
 
-/// What a host knows of the logs that it writes; as it stands, all is well. Counters are never decremented, but for
-/// what waits.
+/// The state of the logs that a host writes. The defaults mean that all is well. Counters are never decremented, but
+/// for what waits.
 struct LogState {
   /// io_error: a disk refuses, or refused for too long; queue_full: a disk takes too long, and ticks were dropped.
   tiller_status_t status = tiller_status_ok;

@@ -71,7 +71,7 @@ extern const tiller_transport_t kLcmTransport;
 /// takes milliseconds here, and seconds where multicast does not work.
 [[nodiscard]] tiller_status_t lcm_transport_open(LcmTransport* transport, const LcmOptions& options, OpenError* error);
 
-/// What the controller says of itself, for whoever listens. Cost: one encode of 700 bytes and one sendto.
+/// Telemetry of the controller. Cost: one encode of 700 bytes and one sendto.
 tiller_status_t lcm_send_telemetry(LcmTransport* transport, std::int64_t stamp_us, const tiller_info_t& info,
                                    std::uint32_t state_count, std::uint32_t param_count, const LogState& log = {});
 

@@ -56,8 +56,8 @@ constexpr std::uint32_t kind_bytes(LcmKind kind) { return kind == LcmKind::kInt3
 
 }  // namespace lcm_detail
 
-/// What lcm-gen computes for a struct without members of other struct types: names, types and dimensions of the fields,
-/// not the name of the struct. A test compares it with lcm-gen's own.
+/// The hash that lcm-gen computes for a struct without members of other struct types: names, types and dimensions of
+/// the fields, not the name of the struct. A test compares it with lcm-gen's own.
 template <std::uint32_t kCount>
 constexpr LcmType make_lcm_type(const LcmField (&fields)[kCount]) {
   std::uint64_t hash = 0x12345678;

@@ -7,7 +7,7 @@
 
 namespace tiller {
 
-/// What a control loop asks of Linux so that nothing but its own work holds it up. Every part is optional and works, or
+/// Real-time settings that a control loop asks of Linux. Every part is optional and works, or
 /// fails, by itself: realtime_begin() tells what it got.
 struct RealtimeOptions {
   int priority = 0;             ///< 1..99: SCHED_FIFO with it; 0: the scheduler is left alone

@@ -21,10 +21,10 @@ struct SocketCanOptions {
   std::int64_t confirm_timeout_us = 100000;
 };
 
-/// What the controller of the bus says of itself in error frames.
+/// The state of the bus controller, from error frames.
 enum class CanBusState : std::uint8_t { kActive, kPassive, kBusOff };
 
-/// What the bus has told beyond the counters of every transport; never decremented.
+/// Counters of the bus beyond those of every transport; never decremented.
 struct SocketCanCounters {
   std::uint64_t confirmed = 0;  ///< set points seen on the bus
   std::uint64_t held_back = 0;  ///< ticks without set points because the last ones were still unsent
@@ -80,7 +80,7 @@ tiller_status_t socketcan_clear_faults(SocketCanTransport* transport);
 /// Asks motors that do not speak unasked for their state (CanRobot::ask): before a tick where no board gives the time.
 tiller_status_t socketcan_ask(SocketCanTransport* transport);
 
-/// What is wrong with the bus or a motor, as a literal; null without a fault.
+/// The fault of the bus or of a motor, as a literal; null without a fault.
 const char* socketcan_fault_text(const SocketCanTransport* transport);
 
 }  // namespace tiller

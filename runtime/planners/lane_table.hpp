@@ -6,7 +6,7 @@
 
 namespace tiller {
 
-// What sampling planners do in lanes apart from the rollout itself. A lane is a rollout; every array over rollouts
+// The work of sampling planners in lanes, apart from the rollout. A lane is a rollout; every array over rollouts
 // is padded to a multiple of 16 and kept as rows of lanes. Knots stand input-major: row = input * knots + knot.
 
 /// Names the normal numbers of two rows: four words that are random functions of (seed, tick, iteration, row pair).

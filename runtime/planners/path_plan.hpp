@@ -13,8 +13,8 @@
 
 namespace tiller {
 
-/// What gradient planners share: a path (states of M scenarios under one input sequence), the linear-quadratic problem
-/// around it, and the ways to go from one to the other. Angles are unwrapped along the path.
+/// State that gradient planners share: a path (states of M scenarios under one input sequence), the linear-quadratic
+/// problem around it, and the ways to go from one to the other. Angles are unwrapped along the path.
 ///
 /// States of the linear-quadratic problem: z = (x, effect states), and behind it, where the cost has an input-rate
 /// weight, the input of the period before (n = nz + nu).

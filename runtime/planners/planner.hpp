@@ -45,8 +45,8 @@ struct PlannerTable {
   void (*reset)(void* self);
   /// (horizon x nu) inputs of the present plan.
   const float* (*sequence)(const void* self);
-  /// What can be done before the next measurement, for the tick after that of the last plan; null: nothing. The plan
-  /// that follows may differ in its bits from one without preparation, never in its contract.
+  /// Work that can be done before the next measurement, for the tick after that of the last plan; null: nothing. The
+  /// plan that follows may differ in its bits from one without preparation, never in its contract.
   void (*prepare)(void* self, const PlanRequest& expected) = nullptr;
   /// Feedback around the plan: see tiller_get_feedback; null: none. False past the horizon or before the first plan.
   bool (*feedback)(const void* self, std::uint32_t step, double* gain, double* state, double* input) = nullptr;
@@ -59,7 +59,7 @@ struct PlannerTable {
 
 /// By kind (tiller_planner_kind_t); null if there is none.
 const PlannerTable* find_planner(std::uint32_t kind);
-/// What it does, in half a sentence; null if there is none.
+/// A short description; null if there is no such planner.
 const char* planner_help(std::uint32_t kind);
 
 }  // namespace tiller

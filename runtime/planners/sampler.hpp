@@ -13,7 +13,7 @@ namespace tiller {
 
 struct Sampler;
 
-/// What tells one sampling planner from another; everything else is shared.
+/// The part of a sampling planner that is its own; everything else is shared.
 struct SamplingMethod {
   const char* name;
   /// Before the first iteration of a plan; the mean is the shifted old plan.
@@ -153,7 +153,7 @@ void adapt_spread(Sampler& s);
 /// Moves the spread up with the knots; the free places begin at noise_sd.
 void shift_spread(Sampler& s, std::uint32_t gone);
 
-/// What lanes may compute with: squares and sums over 8192 rollouts of it stay finite in f32.
+/// The largest value that lanes compute with: squares and sums over 8192 rollouts of it stay finite in f32.
 float lane_number(double x);
 
 /// Knots of a horizon whose knots hold: one for each piece that may begin within it, and the last one's copy.

@@ -101,7 +101,7 @@ class AdequacyTest {
   static constexpr std::uint32_t kCohorts = 8;
   static constexpr std::uint32_t kMaxFeatures = kMaxDisturbances + 2;
 
-  /// What is remembered of a channel from tick to tick.
+  /// The state of a channel from tick to tick.
   struct Channel {
     double squares = 0.0;  // of the clipped values
     double count = 0.0;

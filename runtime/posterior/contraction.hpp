@@ -6,7 +6,7 @@
 
 namespace tiller {
 
-/// What the data have told, direction by direction: with the prior's covariance P and the particles' C, both in
+/// How much the data have narrowed each direction: with the prior's covariance P and the particles' C, both in
 /// coordinates, the pairs C x = r P x. A ratio r near one is a direction of which nothing was learnt (posterior
 /// contraction; Schad, Betancourt and Vasishth, "Toward a principled Bayesian workflow", 2021).
 struct Contraction {

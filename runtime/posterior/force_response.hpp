@@ -15,7 +15,7 @@ inline std::uint32_t discrepancy_joints(const tiller_config_t& config) {
   return all < kDiscrepancyJoints ? all : kDiscrepancyJoints;
 }
 
-/// What forces that the model lacks do to the state over one step: for a constant, a viscous and a dry force at each of
+/// The effect of unmodelled forces on the state over one step: for a constant, a viscous and a dry force at each of
 /// the first kDiscrepancyJoints joints the change of every state, through the model's inertia and integrator and with
 /// the effects library's own friction.
 ///

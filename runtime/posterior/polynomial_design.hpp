@@ -52,7 +52,7 @@ class PolynomialDesign {
 
   /// triangle (terms (terms + 1) / 2) += weight c c', its upper half row by row.
   void add_square(const double* coefficients, double weight, double* triangle) const;
-  /// What every evaluation over this design shares: its shape, and the points of `lanes` (rows of `stride`).
+  /// Data that every evaluation over this design shares: its shape, and the points of `lanes` (rows of `stride`).
   PolynomialJob job(std::uint32_t lanes, const double* coordinate, std::uint32_t stride) const;
 
   /// c_now = T' c_before, in place; scratch (terms).

@@ -9,14 +9,14 @@
 
 namespace tiller {
 
-/// What happened between two measurements.
+/// Inputs and measurements of one transition.
 struct Transition {
   double period_s = 0.0;                          // measured
   double input[TILLER_MAX_INPUTS] = {};           // mean command in force over the period
   double measured[TILLER_MAX_MEASUREMENTS] = {};  // (ny) at its end; NaN: missing
 };
 
-/// What an engine says of the hypotheses that it weighs besides the parameters; what it does not have stays as it is
+/// Reports of an engine beyond the parameters; fields that it does not support stay as they are
 /// here.
 struct PosteriorReport {
   double noise_sd[TILLER_MAX_STATES] = {};          // (nx) estimated, per square root of a second, as process_sd
@@ -43,7 +43,7 @@ class Posterior {
   /// tiller_config_check; it, `table` and `hooks` (nullable) outlive the posterior.
   static Posterior* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
                             const RolloutTable& table, const tiller_hooks_t* hooks);
-  /// What stands against this engine for this configuration, beyond tiller_config_check: ok, or bad_posterior with
+  /// Reasons against this engine for this configuration, beyond tiller_config_check: ok, or bad_posterior with
   /// the field in `field` (a literal). Init asks before it lays out.
   static tiller_status_t check(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
                                const char** field);
@@ -54,7 +54,7 @@ class Posterior {
   /// (ny), NaN: missing. Refuses infinite values (sensor_not_finite), leaving everything as it was.
   virtual tiller_status_t start(const double* measured) = 0;
   /// Begins anew from the prior in mid-run, because the parameters have changed; measured (ny) is the last measurement.
-  /// What an engine knows of the noise it may keep.
+  /// An engine may keep its estimate of the noise.
   virtual void restart(const double* measured) {
     reset();
     (void)start(measured);

@@ -102,7 +102,7 @@ TILLER_INLINE S obstacles_cost(const Model& model, const CostTerms<T>& cost,
   return sum;
 }
 
-/// What limits cost: a sum of its own where their weights would swallow the digits of every other term.
+/// The cost of limits: a sum of its own where their weights would swallow the digits of every other term.
 template <class Model, class S, class T>
 TILLER_INLINE S penalty_cost(const Model& model, const CostTerms<T>& cost, const typename Model::template State<S>& x) {
   return bounds_cost<Model, S>(model, cost, x) + obstacles_cost<Model, S>(model, cost, x);

@@ -72,7 +72,7 @@ __attribute__((noinline)) L called_force(std::uint32_t kind, const JointStep<L>&
   return L(0.0);
 }
 
-/// What acts after an input effect that is not inlined.
+/// The force after an input effect that is not inlined.
 template <class L>
 __attribute__((noinline)) L called_input(std::uint32_t kind, const InputStep<L>& in, L* state, const L* p) {
   switch (kind) {

@@ -167,7 +167,8 @@ struct GradientKernel {
   static constexpr int kScenarios = TILLER_MAX_SCENARIOS;
   using Input = typename Model::template Input<P>;
 
-  /// What a state costs beyond the quadratic terms too, the inputs' own left out; u is null at the end of the horizon.
+  /// The cost of a state with the terms that are not quadratic, the inputs' own left out; u is null at the end of the
+  /// horizon.
   static __attribute__((noinline)) P every_cost(const FeedbackJob& job, std::size_t step,
                                                 const typename Model::template State<P>& x, const Input* u,
                                                 const typename Model::template Params<P>& p) {

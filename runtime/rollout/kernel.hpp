@@ -237,7 +237,7 @@ struct Kernel {
   template <class Sweep>
   static constexpr LqKernel kKernelOf = Sweep::kernel();
 
-  /// What differentiates, which is half of a kernel's text: in this unit, or in another one (export_model.hpp).
+  /// The derivatives, which are half of a kernel's text: in this unit, or in another one (export_model.hpp).
   struct Derivatives {
     static constexpr auto linearise = &Kernel::linearise;
     static constexpr auto path_linearise = &GradientKernel<M, Cost>::linearise;

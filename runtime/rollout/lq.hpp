@@ -46,7 +46,7 @@ struct LqProblem {
   const double* high = nullptr;  // (N x m)
 };
 
-/// What a factorisation leaves. The caller owns the arrays (lay_out_lq_factor); s = M n.
+/// The result of a factorisation. The caller owns the arrays (lay_out_lq_factor); s = M n.
 ///
 ///     u_k = gain x_k + step            (note the sign: the gain is added)
 ///     cost to go = 1/2 x' value x + slope' x + constant, so the multiplier of x_{k+1} = f is value x + slope there

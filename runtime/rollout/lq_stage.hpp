@@ -1,6 +1,6 @@
 #pragma once
 
-// What happens to the inputs of one stage once the cost to go is a quadratic in them: hold, factorise, gains. Any m.
+// The inputs of one stage, given a quadratic cost to go: hold, factorise, gains. Any m.
 
 #include <cmath>
 #include <cstdint>

@@ -5,7 +5,7 @@
 
 namespace tiller {
 
-/// What the sensor effects make of a state: measured = gain x + offset.
+/// The map of the sensor effects: measured = gain x + offset.
 struct MeasurementMap {
   double gain = 1.0, offset = 0.0;
   double of(double state) const { return gain * state + offset; }
@@ -53,7 +53,7 @@ inline MeasurementMap measurement_map(const tiller_config_t& config, std::uint32
   return map;
 }
 
-/// What measurement `channel` (0..measurement_count - 1) of a state's value reads, noise left out.
+/// The noise-free reading of measurement `channel` (0..measurement_count - 1) for a state's value.
 inline double measured_value(const tiller_config_t& config, const double* params, std::uint32_t channel, double state) {
   return measurement_map(config, config.measured_state[channel], params).of(state);
 }

@@ -1,6 +1,6 @@
 #pragma once
 
-// What the stepper asks of a model, for models written as templates (StaticModel: every count and index is a
+// The interface of a model to the stepper, for models written as templates (StaticModel: every count and index is a
 // constant, loops unroll, fields stay in registers) and as C tables (TableModel: loops with run-time counts).
 
 #include <type_traits>
@@ -77,7 +77,7 @@ struct StaticModel {
     else
       return Index<kForces>{};
   }
-  /// What is unrolled over the states pays for few of them: its text grows faster than its gain.
+  /// Unrolling over the states pays for few of them: its text grows faster than its gain.
   static constexpr bool kFewStates = kStates <= 6;
   static constexpr bool kLongDynamics = LongDynamics<M<double>>::value;
   static_assert(ForceOf<M<double>>::joint_count == kForces, "one joint for each force, in order");

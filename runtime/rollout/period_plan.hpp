@@ -12,7 +12,7 @@
 
 namespace tiller {
 
-/// What a number is without the derivatives that it may carry: lengths of steps have none.
+/// The type of a number without its derivatives: lengths of steps have none.
 template <class S, class = void>
 struct ValueOf {
   using type = S;
@@ -30,7 +30,7 @@ struct Length {
   typename ValueOf<S>::type h, half, sixth;
 };
 
-/// What comparisons give.
+/// The type of a comparison.
 template <class S>
 using MaskOf = decltype(std::declval<S>() > std::declval<S>());
 

@@ -134,7 +134,7 @@ struct ResidualKernel {
     for (int l = 0; l < P::width; ++l) rows[l] += static_cast<double>(all[l]);
   }
 
-  /// What a register of lanes adds up over the block.
+  /// The sums of a register of lanes over the block.
   struct Sums {
     P squared[kStates], projected[kStates][kBasis];
     unsigned basis_rows;

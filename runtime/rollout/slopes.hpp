@@ -36,7 +36,7 @@ struct Slopes {
   static constexpr bool kColoured = kDirections > 16;
   static constexpr int kPass = 8;  // derivatives that a pass of a coloured Jacobian carries
 
-  /// What each state's rate depends on: states, then inputs. Columns of one colour share no row.
+  /// The dependencies of each state's rate: states, then inputs. Columns of one colour share no row.
   struct Pattern {
     std::uint8_t count[kStates], states[kStates], column[kStates][kDirections];
     std::uint8_t colour[kDirections], colours;

@@ -10,7 +10,7 @@
 //      c. the integrator takes the free step
 //      d. effects act on the free step's velocities, implicitly, one after the other: more inertia, the drive train,
 //         what is elastic, what dissipates
-// What d. holds is split off because it is what is stiff: solved for the velocity at the end of the step it is stable
+// The forces of d. are split off because they are stiff: solved for the velocity at the end of the step it is stable
 // at any step and can stop a joint exactly. The splitting is second order in the substep where the force is smooth.
 // Dissipation comes last, so that a joint can stick against all the rest.
 
@@ -22,7 +22,7 @@
 
 namespace tiller {
 
-/// What one register of trajectories carries.
+/// The state of one register of trajectories.
 template <class Model, class S>
 struct Trajectory {
   typename Model::template State<S> x;
@@ -36,7 +36,7 @@ struct Parameters {
   S effect[TILLER_MAX_PARAMS];
 };
 
-/// What delays make of the commands of one period: where a part of it says so the older one acts, else the newer one.
+/// The delayed commands of one period: where a part of it says so the older one acts, else the newer one.
 template <class Model, class S>
 struct CommandSwitch {
   typename Model::template Input<S> older, newer;
@@ -248,7 +248,7 @@ struct Stepper {
       plan_effects(part, p);
     }
   }
-  /// What effects make of a part's length.
+  /// Effect quantities that follow from the length of a part.
   TILLER_INLINE void plan_effects(Part<Model, S>& part, const Parameters<Model, S>& p) const {
     constexpr int kList = static_cast<int>(Hook::input);
     if constexpr (InlinedEffect<ActuatorLag<S>, S>::value)
@@ -259,7 +259,7 @@ struct Stepper {
 
   // ---- the period --------------------------------------------------------------------------------
 
-  /// What acts in a period whose inputs are delayed; past(trajectory, i, port): the command of input `port` i periods
+  /// The inputs of a period with delays; past(trajectory, i, port): the command of input `port` i periods
   /// ago.
   template <int kCount, int kSets, class Past>
   TILLER_INLINE void split_at_switch(CommandSwitch<Model, S>* turns, const Plan<kCount, kSets>& plan,

@@ -6,7 +6,7 @@
 
 namespace tiller {
 
-/// What a command may be. Per input.
+/// Limits of a command, per input.
 struct GateLimits {
   std::uint32_t count = 0;  // nu
   double low[TILLER_MAX_INPUTS] = {};

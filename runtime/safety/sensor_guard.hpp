@@ -6,7 +6,7 @@
 
 namespace tiller {
 
-/// What a measurement may be. Per measured value.
+/// Limits of a measurement, per measured value.
 struct SensorLimits {
   std::uint32_t count = 0;       // ny
   std::uint32_t angle_mask = 0;  // bit i: value i is an angle; its differences are wrapped to +-pi

@@ -6,7 +6,7 @@
 
 namespace tiller {
 
-/// What can happen to the state machine. The order is that of the table's columns.
+/// Events of the state machine. The order is that of the table's columns.
 enum class Event : std::uint8_t {
   arm,           ///< tiller_arm
   disarm,        ///< tiller_disarm

@@ -1,5 +1,5 @@
-// The shipped robot files that are no cart-pole, on their simulated plants in lockstep. Seeds 1..20 draw truth and noise.
-// The bound of 19 of 20 is the one of the cart-pole.
+// The shipped robot files that are no cart-pole, on their simulated plants in lockstep. Seeds 1..20 draw truth and
+// noise. The bound of 19 of 20 is the one of the cart-pole.
 
 #include <gtest/gtest.h>
 

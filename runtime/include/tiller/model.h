@@ -30,7 +30,7 @@ extern "C" {
 #define TILLER_MAX_DELAY_STEPS 16  /**< longest input delay, in control periods */
 #define TILLER_MAX_SCENARIOS 8     /**< particles that a gradient planner plans over at once */
 
-/** What acts on the body from outside the model. Effects such as a tilt or a payload change it. */
+/** External influences on the body, outside of the model. Effects such as a tilt or a payload change it. */
 typedef struct tiller_body {
   double gravity_x_m_s2;     /**< along +x; 0 on level ground */
   double gravity_z_m_s2;     /**< along +z (up); -9.81 on level ground */

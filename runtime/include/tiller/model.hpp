@@ -74,7 +74,7 @@
 
 namespace tiller {
 
-/// What acts on the body from outside: see tiller_body_t.
+/// External influences on the body: see tiller_body_t.
 template <class S>
 struct Body {
   S gravity_x_m_s2, gravity_z_m_s2, payload_kg, payload_kgm2;
@@ -93,7 +93,7 @@ struct NoFields {
   static constexpr int count = 0;
 };
 
-/// What a model template may leave out: Force with joints, Params, angles.
+/// Optional members of a model template: Force with joints, Params, angles.
 template <class Model, class = void>
 struct ForceOf {
   using type = NoFields;

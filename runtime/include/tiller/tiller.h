@@ -84,7 +84,7 @@ typedef enum tiller_prior_kind {
   tiller_prior_log_normal = 3 /**< median a, standard deviation b of the logarithm, cut to [low, high] */
 } tiller_prior_kind_t;
 
-/** What is believed of a parameter before the first measurement. Every value out to eight deviations must be a
+/** The prior of a parameter, before the first measurement. Every value out to eight deviations must be a
  *  parameter's (at most TILLER_LARGEST_PARAMETER; of a log-normal prior at least TILLER_SMALLEST_PARAMETER), if need be
  *  by the bounds. */
 typedef struct tiller_prior {
@@ -128,7 +128,7 @@ typedef enum tiller_risk {
   tiller_risk_worst = 2 /**< the costliest particle */
 } tiller_risk_t;
 
-/** What stands between the knots of a sampled sequence. */
+/** Interpolation between the knots of a sampled sequence. */
 typedef enum tiller_interpolation {
   tiller_interpolation_linear = 0,
   tiller_interpolation_cubic = 1 /**< monotone cubic (Fritsch and Carlson 1980): smooth, never beyond its knots */
@@ -252,7 +252,7 @@ typedef struct tiller_obstacle {
 } tiller_obstacle_t;
 #define TILLER_MAX_OBSTACLES 8
 
-/** What the last state of the horizon costs. */
+/** The cost of the last state of the horizon. */
 typedef enum tiller_terminal {
   tiller_terminal_diagonal = 0, /**< (x-t)' Qf (x-t) */
   tiller_terminal_lqr = 1       /**< that, and the LQR cost-to-go at `target` for the priors' centre: the horizon then
@@ -375,7 +375,7 @@ typedef struct tiller_config {
  *  tiller_find_model found none) no_model, which every use of the configuration then says too. */
 tiller_status_t tiller_config_default(tiller_config_t* config, const tiller_model_t* model);
 
-/** What is wrong with a configuration: the first reason, and the name of the field in `field` (a literal). */
+/** Checks a configuration: the first reason against it, and the name of the field in `field` (a literal). */
 tiller_status_t tiller_config_check(const tiller_config_t* config, const char** field);
 
 /** The caller's services; all may be null. */
@@ -430,7 +430,7 @@ typedef enum tiller_adequacy {
                                       that has learnt anew explains it */
 } tiller_adequacy_t;
 
-/** What betrays an inadequate model: what its normalised innovations go with. */
+/** The quantity that the normalised innovations of an inadequate model depend on. */
 typedef enum tiller_feature {
   tiller_feature_none = 0,
   tiller_feature_bias = 1,           /**< a constant */
@@ -445,7 +445,7 @@ typedef enum tiller_feature {
 /** The feature's name, e.g. "velocity_sign"; "unknown" for one that does not exist. */
 const char* tiller_feature_name(tiller_feature_t feature);
 
-/** What a controller says of itself after a tick. Counters never decrease and wrap at 2^64. */
+/** The state of a controller after a tick. Counters never decrease and wrap at 2^64. */
 typedef struct tiller_info {
   uint64_t ticks;
   uint32_t state;              /**< tiller_state_t */
@@ -519,7 +519,7 @@ void tiller_get_info(const tiller_t* t, tiller_info_t* info);
 tiller_status_t tiller_get_covariance(const tiller_t* t, double* covariance);
 /** Weighted quantile q in [0, 1] of parameter `param`. Cost: O(N log N). */
 tiller_status_t tiller_get_quantile(const tiller_t* t, uint32_t param, double q, double* value);
-/** What the data have told, direction by direction: the generalised eigenvectors of the posterior's covariance against
+/** How much the data have narrowed each direction of the parameters: the generalised eigenvectors of the posterior's covariance against
  *  the prior's, in the parameters' coordinates, least known first. variance_ratio (d): posterior over prior, near 1
  *  where the data say nothing; direction (d x np, row-major): in units of each parameter's prior deviation, length one,
  *  zero for fixed parameters. Both nullable; *d is the number of inferred parameters. Cost: O(N d^2 + d^3). */
@@ -533,7 +533,7 @@ tiller_status_t tiller_get_feedback(const tiller_t* t, uint32_t step, double* ga
 /** One particle: params (np), state (nx), normalised weight; any pointer may be null. */
 tiller_status_t tiller_get_particle(const tiller_t* t, uint32_t index, double* params, double* state, double* weight);
 
-/** What the caller did between two ticks, as tiller_record_t.calls keeps it. */
+/** Calls between two ticks, as tiller_record_t.calls keeps it. */
 typedef enum tiller_call {
   tiller_call_none = 0,
   tiller_call_arm = 1,

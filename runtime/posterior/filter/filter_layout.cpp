@@ -28,8 +28,8 @@ ExtraCoordinates noise_ratio(const tiller_config_t& config) {
 
 }  // namespace
 
-/// Takes rows from the arena in a fixed order, which the arena's measuring pass repeats; the pointers go into the posterior
-/// once there is memory for it.
+/// Takes rows from the arena in a fixed order, which the arena's measuring pass repeats; the pointers go into the
+/// posterior once there is memory for it.
 class FilterPosterior::Layout {
  public:
   Layout(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table)

@@ -55,7 +55,7 @@ class FilterPosterior final : public Posterior {
   /// A posterior that has only begun, and has not taken all of its data in yet, predicts with a bias that is its own.
   static constexpr std::uint32_t kEarly = 64;
 
-  /// What each particle carries beside its parameters: rows of N.
+  /// The state of each particle beside its parameters: rows of N.
   struct Carried {
     FilterRows filter;
     double* process_scale = nullptr;   // (N) factor of the process noise's variance

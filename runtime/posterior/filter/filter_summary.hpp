@@ -8,7 +8,7 @@
 
 namespace tiller {
 
-/// What transitions that have left the window say of the parameters, and where the filter stands at the window's start,
+/// The evidence of evicted transitions about the parameters, and where the filter stands at the window's start,
 /// as polynomials of the coordinates (polynomial_design.hpp).
 ///
 /// At every point of the design a filter of its own is carried along the window's start. Of each transition that

@@ -15,7 +15,7 @@ struct ErrorDynamics {
   const double* covariance = nullptr;  // (triangle) predicted
 };
 
-/// What disturbances that the model lacks would put into the innovations: each is an acceleration (or a wrong input)
+/// The effect of unmodelled disturbances on the innovations: each is an acceleration (or a wrong input)
 /// that acts from now on, and a filter that does not know it takes it up and forgets it as
 ///     xi' = A (I - K H) xi + g phi,   response = H xi
 /// so that its trace in an encoder's values comes a few ticks late and stays for a while (Willsky and Jones, "A

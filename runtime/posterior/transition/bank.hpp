@@ -88,7 +88,7 @@ class BankPosterior final : public Posterior {
   const Posterior& leader() const { return *engine_[leader_]; }
 
   // bank_report.cpp
-  /// What counts events of the whole life: sums over the members, whoever leads.
+  /// Counters of events over the whole life: sums over the members, whoever leads.
   struct Counts {
     std::uint64_t resamplings = 0, gated = 0, relearned = 0, lost = 0;
     void add(const Posterior& engine);

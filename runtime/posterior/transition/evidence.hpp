@@ -52,7 +52,7 @@ class Evidence {
 
   /// Of `lanes` particles whose sums stand in rows of `stride`.
   void log_likelihood(std::uint32_t lanes, const double* sums, std::uint32_t stride, double* out) const;
-  /// What is the same for every particle: log of the evidence less log L, whose change is a transition's share.
+  /// The part that is equal for every particle: log of the evidence less log L, whose change is a transition's share.
   double log_constant() const;
   /// Weighted means (nx) of the squared error and of what it is with the discrepancy's share; false where no particle
   /// is finite.
@@ -62,7 +62,7 @@ class Evidence {
   double squared_error(const double* sums, std::uint32_t stride, std::uint32_t row) const;
   /// E[beta | p] (regressors) of one pushed state.
   void coefficients(const double* sums, std::uint32_t stride, std::uint32_t place, double* beta) const;
-  /// What the discrepancy leaves of a new residual: e - b' E[beta | p].
+  /// The part of a new residual that the discrepancy does not explain: e - b' E[beta | p].
   double innovation(const double* sums, std::uint32_t stride, std::uint32_t row, double residual,
                     const float* basis) const;
   /// Student-t predictive of one residual: degrees of freedom, and the square of its scale (b' M b included).

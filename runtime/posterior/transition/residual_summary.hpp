@@ -8,7 +8,7 @@
 
 namespace tiller {
 
-/// What transitions that nobody keeps any more say of the parameters: their residuals as polynomials of second order
+/// The evidence of evicted transitions about the parameters: their residuals as polynomials of second order
 /// (polynomial_design.hpp), summed up,
 ///
 ///   e_kr(v) ~ c_kr' phi(z),   S_r(v) = phi' G_r phi with G_r += w c c',   p_j(v) = t_j' phi with t_j += w b_j c

@@ -61,7 +61,7 @@ class TransitionCloud {
  private:
   static constexpr std::uint32_t kChunk = 64;  // lanes of a task
   static constexpr std::uint32_t kBlock = 32;  // transitions whose residuals are at hand at a time
-  /// What a proposal costs beside its residuals, in steps of the model.
+  /// The cost of a proposal beside its residuals, in steps of the model.
   static constexpr std::uint32_t kProposalWork = 64;
 
   /// Where the sums of a run of lanes go.
