@@ -33,7 +33,7 @@ const Mistake kMistakes[] = {
     {"unknown_key_in_limits", "safe = 1", "save = 1", "force_N = { low", "limits.force_N.save", "did you mean safe?"},
     {"renamed_key", "window = 32", "window = 32\nscout_share = 0.1", "scout_share", "posterior.scout_share = 0.1",
      "is called prior_proposal_fraction now"},
-    {"not_a_multiple", "window = 32", "window = 32\nparticles = 100", "particles", "posterior.particles = 100",
+    {"not_a_multiple", "particles = 128", "particles = 100", "particles = 100", "posterior.particles = 100",
      "is not a multiple of 16; write a whole number at least 16 and at most 4096, a multiple of 16"},
     {"unknown_section", "[recorder]", "[recoder]", "[recoder]", "[recoder]", "did you mean recorder?"},
     {"key_outside_sections", "[robot]\n", "period_s = 1\n[robot]\n", "period_s = 1", "period_s",
