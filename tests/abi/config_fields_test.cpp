@@ -1,4 +1,5 @@
-// config.def against tiller.h: no setting is left out, each default is in its range, and a value beyond is refused by name.
+// config.def against tiller.h: no setting is left out, each default is in its range, and a value beyond is refused by
+// name.
 #include <gtest/gtest.h>
 
 #include <cmath>

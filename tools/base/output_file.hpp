@@ -20,8 +20,8 @@ class OutputFile {
   /// False: nothing of it is kept, for the disk refuses and the memory for it is used up. Never throws.
   bool write(const char* bytes, std::size_t size);
   bool write(const std::string& text) { return write(text.data(), text.size()); }
-  /// What every flush writes behind the content, for the next one to overwrite: a closing mark, so that the file is
-  /// whole between two flushes too. Not in files that cannot be overwritten (pipes, devices). Empty: none.
+  /// The tail that every flush writes behind the content and the next one overwrites: a closing mark, so that the file
+  /// is whole between two flushes too. Not in files that cannot be overwritten (pipes, devices). Empty: none.
   void set_tail(std::string tail) { tail_ = std::move(tail); }
   /// Hands what is buffered to the operating system, in one write; what it refuses is tried again by the next one.
   void flush();

@@ -28,7 +28,7 @@ struct CanLinkState {
 /// Reads the output of ip (a list of one link). False with the reason in `error`.
 bool parse_can_link(const std::string& json, CanLinkState& link, std::string& error);
 
-/// What the bus is to do; zeros: not known.
+/// The expected settings of the bus; zeros: not known.
 struct CanDemand {
   bool fd = false;                   ///< CAN FD frames
   std::int64_t frames_per_tick = 0;  ///< sent at once

@@ -25,7 +25,7 @@ std::string duration_text(double seconds);
 /// period 20 ms".
 std::string forecast_text(const RobotFile& robot, const TickForecast& forecast);
 
-/// What to say where the robot would wait for its controller; empty where the tick fits its period.
+/// A warning if the robot would wait for its controller; empty if the tick fits its period.
 std::string misfit_text(const RobotFile& robot, const TickForecast& forecast);
 /// The same of a run's own ticks, in simulated time.
 std::string misfit_text(const RobotFile& robot, double median_tick_s);

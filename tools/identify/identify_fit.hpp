@@ -21,7 +21,7 @@ struct Candidate {
   bool learns() const;       ///< at least one parameter has a prior
 };
 
-/// What a fit compares, simplest first: the model without effects and with every parameter at its prior's centre;
+/// The candidates of a fit, simplest first: the model without effects and with every parameter at its prior's centre;
 /// the same with the model's own parameters learnt (if any has a prior); then the effects, one more at a time, in
 /// the order of the robot file.
 std::vector<Candidate> make_candidates(const RobotFile& robot);

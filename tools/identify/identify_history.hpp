@@ -9,7 +9,7 @@
 
 namespace tiller::tools {
 
-/// What was known part of the way through the logs.
+/// The posterior part of the way through the logs.
 struct Snapshot {
   std::uint64_t transitions = 0;        ///< taken in so far; 0: the prior
   double data_s = 0;                    ///< seconds of data taken in, gaps and what lies between logs left out

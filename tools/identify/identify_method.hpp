@@ -12,7 +12,7 @@ namespace tiller::tools {
 bool fit_by_method(const Candidate& candidate, const std::vector<Stretch>& stretches, const std::vector<Grid>& grids,
                    const FitOptions& options, Fit& result, std::string& error);
 
-/// What the tables say of the method: simulations, iterations, the caveat. Empty for the posterior.
+/// The tables' line about the method: simulations, iterations, the caveat. Empty for the posterior.
 std::string method_text(const Fit& fit);
 
 }  // namespace tiller::tools

@@ -21,9 +21,9 @@ class Roller {
   /// Goes on to grid point `start`: each hypothesis' own Kalman filter has taken in the grid's measurements and inputs
   /// up to there, as on a robot that plans from there. A point before the last one begins the grid anew.
   void stand_at(const Grid& grid, std::size_t start);
-  /// What each hypothesis foresees from where it stands: no noise.
+  /// The prediction of each hypothesis from its state, without noise.
   void predict(std::size_t steps);
-  /// What the sensors of each hypothesis would read: a start of its own within its filter's doubt, process noise at
+  /// The sensor readings of each hypothesis: a start of its own within its filter's doubt, process noise at
   /// every step and measurement noise on top, all as large as the fit found them.
   void read(std::size_t steps);
 
@@ -31,7 +31,7 @@ class Roller {
   const double* readings(std::size_t step, std::uint32_t state) const { return row(readings_.data(), step, state); }
 
  private:
-  /// What the sensors make of a state in each lane; a rate that is not measured follows its position's sensor.
+  /// The readings of a state in each lane; a rate that is not measured follows its position's sensor.
   void map_sensors();
   void as_measured(double* rows, std::size_t count) const;
   /// Adds each lane's draw within its filter's doubt.

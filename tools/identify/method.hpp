@@ -24,7 +24,7 @@ struct MethodOptions {
   std::function<void(double)> progress;                     ///< share done, 0..1; may be empty
 };
 
-/// What is learnt from what. The configuration has passed tiller_config_check; its seed names all random numbers.
+/// The input of a method. The configuration has passed tiller_config_check; its seed names all random numbers.
 struct MethodProblem {
   const tiller_config_t* config = nullptr;
   std::vector<std::string> params;                  ///< (param_count) names, for errors

@@ -20,7 +20,7 @@ class LatencyWatch {
   /// Of each new measurement: what it tells, 0 for nothing, and what the run can see.
   void note(std::uint32_t told_us, double seen_us);
 
-  /// What the operator should know, once; else empty. `can_tell`: the link's messages have a place for it.
+  /// A message for the operator, once; else empty. `can_tell`: the link's messages have a place for it.
   std::string news(bool can_tell);
 
  private:

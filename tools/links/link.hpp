@@ -12,7 +12,7 @@
 
 namespace tiller::tools {
 
-/// What one wait brought: the instant of the tick, and perhaps a measurement.
+/// The result of one wait: the instant of the tick, and perhaps a measurement.
 struct Sensed {
   std::int64_t now_us = 0;
   bool fresh = false;
@@ -37,7 +37,7 @@ class Link {
   virtual void tell(const tiller_info_t&, std::int64_t, const LogState&) {}
   /// The clock that paces the ticks; null where measurements do, or nothing does.
   virtual const PeriodicTimer* timer() const { return nullptr; }
-  /// What the operator should know, once; empty at all other times.
+  /// A message for the operator, once; empty at all other times.
   virtual std::string news() { return ""; }
   /// One line for the end of a run: what the transport counted. Empty if there is nothing to tell.
   virtual std::string counters() const { return ""; }

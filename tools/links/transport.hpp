@@ -28,7 +28,7 @@ class HostTransport {
   /// Whether measurements can say when a command takes hold.
   virtual bool tells_latency() const { return false; }
   virtual void tell(const RobotFile&, const tiller_info_t&, std::int64_t, const LogState&) {}
-  /// What it counts beyond tiller_transport_counters_t: ", 3 challenged".
+  /// Counters beyond tiller_transport_counters_t: ", 3 challenged".
   virtual std::string more_counters() const { return ""; }
 };
 

@@ -21,7 +21,7 @@ class TrialPlant {
   const std::vector<double>& state() const { return state_; }                // (nx)
   const std::vector<double>& effect_state() const { return effect_state_; }  // (ns), at least one number
   const std::vector<double>& history() const { return history_; }            // (delay_steps + 1, nu), newest first
-  /// What the sensors say now, its stamp `tick` periods after a second.
+  /// The present readings of the sensors, its stamp `tick` periods after a second.
   tiller_measurement_t measure(std::uint32_t tick) const;
 
  private:

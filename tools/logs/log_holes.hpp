@@ -26,7 +26,7 @@ void find_missing_ticks(const std::vector<RecordEntry>& entries, std::vector<Log
 /// "20 to 26, 31": ticks in the order given; after `most` places, how many more there are.
 std::string ticks_text(const std::vector<LogHole>& holes, std::size_t most);
 
-/// What is missing where, and what that means for a replay; empty where there is no hole.
+/// Holes with their places and their meaning for a replay; empty if there is none.
 std::string holes_text(const std::vector<LogHole>& holes, const std::vector<RecordEntry>& entries);
 
 }  // namespace tiller::tools

@@ -18,7 +18,7 @@ struct McapChannel {
   std::string topic, message_encoding, schema;  ///< the schema's name
 };
 
-/// What an MCAP file holds, in the file's order.
+/// The content of an MCAP file, in the file's order.
 struct McapContent {
   std::map<std::uint16_t, McapChannel> channels;
   std::map<std::string, std::string> attachments;  ///< by name

@@ -16,7 +16,7 @@
 
 namespace tiller::tools {
 
-/// What a tick hands over: plain data, copied into the ring.
+/// The data of a tick: plain data, copied into the ring.
 struct LoggedTick {
   RecordEntry entry;
   tiller_info_t info{};
@@ -42,7 +42,7 @@ struct RecorderOptions {
   std::int64_t epoch_us = 0;
 };
 
-/// What came of it. Counters per cause.
+/// Counters of results, per cause.
 struct RecorderReport {
   std::uint64_t ticks = 0;          ///< handed over
   std::uint64_t dropped_ticks = 0;  ///< the ring was full: the disk took longer than it holds

@@ -10,7 +10,7 @@
 
 namespace tiller::tools {
 
-/// What one tick leaves behind, for the log, the screen and the report.
+/// The data of one tick, for the log, the screen and the report.
 struct TickView {
   double time_s = 0;                                  ///< since the first measurement, robot time
   const tiller_measurement_t* measurement = nullptr;  ///< null: nothing new

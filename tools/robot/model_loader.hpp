@@ -32,7 +32,7 @@ const tiller_model_t* load_model(const ModelRequest& request, std::string& error
 /// The file that `request` names, relative names resolved against robot_dir; "" for a built-in model.
 std::string model_path(const ModelRequest& request);
 
-/// What is wrong with a table that came from outside; "" if it can be used.
+/// The defect of a table that came from outside; "" if it can be used.
 std::string check_model_table(const tiller_model_t* model);
 
 }  // namespace tiller::tools

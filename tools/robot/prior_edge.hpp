@@ -20,7 +20,7 @@ struct PriorEdge {
   double bound = 0;         ///< in the parameter's unit; of a tail the quantile where it begins
 };
 
-/// What physics allows a parameter; infinite: it has no say.
+/// Physical bounds of a parameter; infinite: none.
 struct PhysicalRange {
   double least = -std::numeric_limits<double>::infinity(), most = std::numeric_limits<double>::infinity();
 };

@@ -8,7 +8,7 @@
 
 namespace tiller::tools {
 
-/// What a value of the robot file may be.
+/// The type of a value of the robot file.
 enum class KeyKind {
   text,
   flag,           // true or false
@@ -60,7 +60,7 @@ Words keys_of(const std::string& section);
 /// The entry; null if the section has no such key.
 const KeySpec* find_key(const std::string& section, const std::string& key);
 
-/// What a key of earlier versions is called now; null: it was never one.
+/// The present name of a key of earlier versions; null: it was never one.
 const char* renamed_key(const std::string& section, const std::string& key);
 
 /// Whether the planner reads the key of [planner].

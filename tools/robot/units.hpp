@@ -18,7 +18,7 @@ std::string unit_of_effect(const EffectInfo& info, int param, std::uint32_t port
 /// Of every parameter of the configuration (param_count), called `names`: the model's, then each effect's.
 Words parameter_units(const tiller_config_t& config, const Words& names);
 
-/// What physics allows a parameter of the model by its name: masses, inertias and lengths are not negative.
+/// Physical bounds of a parameter of the model, by its name: masses, inertias and lengths are not negative.
 double least_of_unit(const std::string& name);
 
 }  // namespace tiller::tools

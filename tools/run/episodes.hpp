@@ -20,7 +20,7 @@ struct EpisodesOptions {
   bool simulated = true;  ///< false: somebody puts the robot back between episodes, and each waits for it
 };
 
-/// What one episode came to.
+/// The result of one episode.
 struct EpisodeRow {
   std::uint64_t episode = 0;  ///< 1 is the first that the posterior went through, in this call or before
   double cost = 0, time_s = 0;

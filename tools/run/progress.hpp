@@ -9,7 +9,7 @@
 
 namespace tiller::tools {
 
-/// What a run shows while it lasts: on a terminal one block that overwrites itself ten times a second, elsewhere
+/// The progress display of a run: on a terminal one block that overwrites itself ten times a second, elsewhere
 /// a line for every half second of robot time, so that a log file of the output stays readable.
 class Progress {
  public:

@@ -6,7 +6,7 @@
 
 namespace tiller::tools {
 
-/// What a page about a run needs beside its CSV: see tiller_tools/report.py for the keys.
+/// Data that the page of a run needs beside its CSV: see tiller_tools/report.py for the keys.
 struct RunStory {
   std::string title;
   std::string outcome;  ///< one sentence; empty: none

@@ -27,7 +27,7 @@ struct RunOptions {
   bool await_start = false;
 };
 
-/// What a run came to.
+/// The result of a run.
 struct RunResult {
   int exit_code = 0;
   std::uint64_t ticks = 0;

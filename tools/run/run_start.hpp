@@ -10,7 +10,7 @@
 
 namespace tiller::tools {
 
-/// What comes before a run's first tick: a robot that answers, and stands where it shall begin.
+/// Steps before a run's first tick: a robot that answers, and stands where it shall begin.
 class RunStart {
  public:
   RunStart(const RobotFile& robot, Link& link, const StopFlag& stop, Progress& progress)

@@ -10,9 +10,9 @@ namespace tiller::tools {
 std::string summary(const RobotFile& robot, const RunOptions& options, const RunResult& result);
 /// A sentence for every parameter whose posterior stands on its prior's edge (find_prior_edge).
 Words run_edges(const RobotFile& robot, const RunResult& result);
-/// What just became of the logs of a run, for its progress.
+/// The present state of a run's logs, for its progress.
 const char* log_news(const LogState& log);
-/// What the logs of a run lack, without a line's end; "complete" if nothing.
+/// The defects of a run's logs, without a line's end; "complete" if there are none.
 std::string log_text(const LogState& log);
 /// One line on what the model does not explain; info.adequacy is tiller_adequacy_inadequate.
 std::string inadequacy(const RobotFile& robot, const tiller_info_t& info);

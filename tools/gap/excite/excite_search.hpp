@@ -26,7 +26,7 @@ class ExciteSearch {
   bool reach(const InputSequence& sequence, std::vector<double>& low, std::vector<double>& high);
 
  private:
-  /// What may be true: a rival at its values, or near them where nobody gave any.
+  /// A possible truth: a rival at its values, or near them where nobody gave any.
   struct Truth {
     std::size_t rival = 0;
     std::vector<double> params;
@@ -36,7 +36,7 @@ class ExciteSearch {
     InputSequence sequence;
     double nats = -1;
   };
-  /// What new codes are drawn from: of each gene its shapes' probabilities, and each number's mean and deviation.
+  /// The distribution of new codes: of each gene its shapes' probabilities, and each number's mean and deviation.
   struct Law {
     double shape[kShapes], mean[kGeneNumbers], sd[kGeneNumbers];
   };

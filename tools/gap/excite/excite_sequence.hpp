@@ -22,7 +22,7 @@ struct InputSequence {
 };
 std::vector<double> rms_of(const InputSequence& sequence, const std::vector<InputRange>& range);
 
-/// What a stretch of a sequence looks like.
+/// The shape of a stretch of a sequence.
 enum class Shape : std::uint32_t { multisine, chirp, steps, square, hold_release, ramp, count };
 constexpr std::uint32_t kShapes = static_cast<std::uint32_t>(Shape::count);
 
@@ -37,7 +37,7 @@ struct Gene {
 constexpr int kGeneNumbers = 5;
 double& number_of(Gene& gene, int i);
 
-/// What may be chosen of a sequence: (stretches x nu) genes.
+/// The choices that make a sequence: (stretches x nu) genes.
 struct SequenceCode {
   std::vector<Gene> genes;
 };

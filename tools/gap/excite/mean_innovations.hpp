@@ -28,7 +28,7 @@ class RivalRollout {
   StepSetup setup_;
 };
 
-/// What a rival's extended Kalman filter would not predict of outputs that another one made: the mean of its
+/// The part of another rival's outputs that a rival's extended Kalman filter does not predict: the mean of its
 /// innovations, whitened. Their squares sum to D (excite.hpp) for the parameters given; process noise and the unknown
 /// state are accounted for by the filter, and so is what a linearised model may claim: its memory fades over
 /// kMemory_s, the length of the windows that `tiller gap` decides by.

@@ -7,7 +7,7 @@
 
 namespace tiller::tools::gap {
 
-/// What a fit starts from and ends at.
+/// The start and the result of a fit.
 struct Fit {
   std::vector<double> params;  ///< (np)
   std::vector<double> x0;      ///< (all windows x nx); those of the windows fitted are moved
@@ -53,7 +53,7 @@ class Shooting {
   void residuals(const Hypothesis& hypothesis, const Fit& fit, std::size_t index, std::vector<double>& out);
   /// Makes ready for force_response() in a window: the system linearised along the fit's path, for forces at `joint`.
   bool open_response(const Hypothesis& hypothesis, const Fit& fit, std::size_t index, std::uint32_t joint);
-  /// What forces of sixteen kinds would do to the window's measurements: force(k, position, out (lanes)) is called for
+  /// The effect of sixteen kinds of forces on the window's measurements: force(k, position, out (lanes)) is called for
   /// every period. Whitened, start state projected out.
   template <class Force>
   void force_response(std::size_t index, const Force& force) {

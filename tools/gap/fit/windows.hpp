@@ -20,7 +20,7 @@ struct Window {
   std::uint32_t run_in_steps = 0;         ///< commands that states of effects see before the window
 };
 
-/// What windows are cut from, in the form in which rollouts read it. Angles are unwrapped.
+/// The data that windows are cut from, as rollouts read them. Angles are unwrapped.
 struct WindowData {
   std::vector<Grid> grids;
   std::vector<std::vector<double>> controls;  ///< per grid (points x nu)

@@ -18,7 +18,7 @@ int exit_code_of(const Result& result, double budget_sigma);
 std::string gap_json(const RobotFile& robot, const Options& options, const Result& result,
                      const std::string& robot_file);
 
-/// What the command prints.
+/// The text that the command prints.
 std::string gap_text(const RobotFile& robot, const Result& result);
 
 }  // namespace tiller::tools::gap

@@ -21,7 +21,7 @@ struct ResidualScales {
   double centre = 0, spacing = 1, period = 1, velocity_scale = 1, velocity_reach = 1;
 };
 
-/// What is known of the residual after the logs.
+/// The posterior of the residual after the logs.
 struct ResidualFit {
   std::uint32_t joint = 0;
   ResidualScales scales;

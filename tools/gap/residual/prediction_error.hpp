@@ -22,7 +22,7 @@ struct PredictionSums {
   Eigen::VectorXd response;     ///< (nx) root mean square change of the state over a period for a unit force
 };
 
-/// What the filter knows at a point of a log.
+/// The state of the filter at a point of a log.
 struct Filtered {
   std::size_t grid = 0, point = 0;
   Eigen::VectorXd state;       ///< (nx)

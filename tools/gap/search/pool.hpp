@@ -27,7 +27,7 @@ class Pool {
   void settle(std::size_t index);
   /// Sets of `effects` members that fit best, best first; at most `width`.
   std::vector<std::size_t> beam(std::size_t effects, std::size_t width) const;
-  /// What the screen would see of a set: its cost on the screen's windows in coarse steps.
+  /// The screen's view of a set: its cost on the screen's windows in coarse steps.
   double screened_now(std::size_t index);
 
   // ---- choice (choice.cpp) ----
@@ -37,7 +37,7 @@ class Pool {
   std::size_t choose(std::size_t most = SIZE_MAX);
   /// Whether `a`, a set of `level` effects, is worth more than `b`: significantly, or no worse with no more parameters.
   bool better(std::size_t a, std::size_t b, std::size_t level);
-  /// What cannot be told from `best`, itself first.
+  /// Candidates that cannot be told from `best`, itself first.
   std::vector<std::size_t> rivals(std::size_t best);
 
  private:

@@ -23,7 +23,7 @@ struct Candidate {
   const std::vector<EffectAt>& effects() const { return hypothesis.added; }
 };
 
-/// What every step works on. Built once; the vectors keep their size.
+/// The data that every step works on. Built once; the vectors keep their size.
 struct Session {
   const tiller_config_t& config;
   std::uint32_t coarse_substeps;  ///< of the robot file: for the screen

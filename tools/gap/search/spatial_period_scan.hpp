@@ -12,7 +12,7 @@ namespace tiller::tools::gap {
 std::vector<std::vector<double>> scan_spatial_periods(Session& session, const Candidate& base, const EffectAt& effect,
                                                       std::size_t starts);
 
-/// What the choice of spatial periods costs: the logarithm of how many a scan compares, summed over the effects that
+/// The cost of choosing spatial periods: the logarithm of how many a scan compares, summed over the effects that
 /// have one. Every spatial_period is a hypothesis of its own, chosen on both folds, so cross-validation does not charge
 /// for it.
 double choice_nats(const Session& session, const std::vector<EffectAt>& effects);
