@@ -13,6 +13,7 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
 constexpr std::uint32_t kSwingSteps = 500;
+constexpr const char *kValues = "sensor values", *kTime = "time";
 
 /// Rows of a task that never rests: a robot at rest may rightly repeat itself.
 const double* swing(Robot robot) {
@@ -34,21 +35,20 @@ double jump_rad(World& world) {
   return world.amount;
 }
 
-void values(std::vector<Fault>& list) {
-  const char* group = "sensor values";
-  list.push_back({"one_value_nan", group, "one value is NaN from now on", Route::kMemory, End::kStops, Timeout::kSensor,
-                  "skipped; SAFE once that value by itself is older than the timeout"});
+void values_not_finite(std::vector<Fault>& list) {
+  list.push_back({"one_value_nan", kValues, "one value is NaN from now on", Route::kMemory, End::kStops,
+                  Timeout::kSensor, "skipped; SAFE once that value by itself is older than the timeout"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     m.value[w.angle()] = kNan;
     return true;
   };
-  list.push_back({"all_values_nan", group, "all values are NaN", Route::kMemory, End::kStops, Timeout::kBadTicks,
+  list.push_back({"all_values_nan", kValues, "all values are NaN", Route::kMemory, End::kStops, Timeout::kBadTicks,
                   "`sensor_not_finite`, SAFE"});
   list.back().measure = [](World&, tiller_measurement_t& m) {
     for (double& v : m.value) v = kNan;
     return true;
   };
-  list.push_back({"some_values_nan", group, "one of five measurements has a NaN", Route::kMemory, End::kRides,
+  list.push_back({"some_values_nan", kValues, "one of five measurements has a NaN", Route::kMemory, End::kRides,
                   Timeout::kSensor, "skipped and counted"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     // three whole measurements in a row would be bad_ticks_to_safe
@@ -60,26 +60,29 @@ void values(std::vector<Fault>& list) {
   list.back().noticed = [](const World&, const tiller_info_t& i) {
     return i.missing_values + i.rejected_measurements > 0;
   };
-  list.push_back({"infinite", group, "a value is infinite", Route::kMemory, End::kStops, Timeout::kBadTicks,
+  list.push_back({"infinite", kValues, "a value is infinite", Route::kMemory, End::kStops, Timeout::kBadTicks,
                   "`sensor_not_finite`, SAFE"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     m.value[w.angle()] = w.random.sign() * kInf;
     return true;
   };
-  list.push_back({"out_of_range", group, "a value beyond measurement_low..high", Route::kMemory, End::kStops,
+}
+
+void values_far_off(std::vector<Fault>& list) {
+  list.push_back({"out_of_range", kValues, "a value beyond measurement_low..high", Route::kMemory, End::kStops,
                   Timeout::kBadTicks, "`sensor_out_of_range`, SAFE"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     m.value[0] = w.random.sign() * w.random.uniform(61.0, 1e6);
     return true;
   };
-  list.push_back({"denormal_and_huge", group, "values of 1e-310 and 1e308 by turns", Route::kMemory, End::kStops,
+  list.push_back({"denormal_and_huge", kValues, "values of 1e-310 and 1e308 by turns", Route::kMemory, End::kStops,
                   Timeout::kBadTicks, "`sensor_jump` or `sensor_out_of_range`, SAFE"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     m.value[0] = w.ticks % 2 == 0 ? 1e308 : -1e308;
     m.value[1] = 1e-310;
     return true;
   };
-  list.push_back({"jump_once", group, "one reading is off by 1.5 to 3 rad", Route::kMemory, End::kRides,
+  list.push_back({"jump_once", kValues, "one reading is off by 1.5 to 3 rad", Route::kMemory, End::kRides,
                   Timeout::kSensor, "`sensor_jump`: rejected, the plan goes on"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     m.value[w.angle()] += jump_rad(w);
@@ -87,13 +90,16 @@ void values(std::vector<Fault>& list) {
   };
   list.back().noticed = rejected;
   list.back().lasts_ticks = 1;
-  list.push_back({"jump_that_stays", group, "an encoder slips by 1.5 to 3 rad", Route::kMemory, End::kStops,
+  list.push_back({"jump_that_stays", kValues, "an encoder slips by 1.5 to 3 rad", Route::kMemory, End::kStops,
                   Timeout::kBadTicks, "`sensor_jump`, SAFE"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     m.value[w.angle()] += jump_rad(w);
     return true;
   };
-  list.push_back({"bit_flips", group, "a random bit of every fifth value flips", Route::kMemory, End::kBounded,
+}
+
+void values_damaged(std::vector<Fault>& list) {
+  list.push_back({"bit_flips", kValues, "a random bit of every fifth value flips", Route::kMemory, End::kBounded,
                   Timeout::kSensor, "what is rejected is not used; SAFE if it goes on"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     for (double& v : m.value) {
@@ -105,7 +111,7 @@ void values(std::vector<Fault>& list) {
     }
     return true;
   };
-  list.push_back({"frozen", group, "values repeat to the last bit, stamps go on, while it swings", Route::kMemory,
+  list.push_back({"frozen", kValues, "values repeat to the last bit, stamps go on, while it swings", Route::kMemory,
                   End::kStops, Timeout::kFrozen, "`sensor_frozen`, SAFE"});
   list.back().prepare = [](Setup& s) {
     s.config.cost.reference = swing(s.robot);
@@ -164,37 +170,39 @@ void arrival(std::vector<Fault>& list) {
   };
 }
 
-void time(std::vector<Fault>& list) {
-  const char* group = "time";
-  list.push_back({"stamp_stands", group, "the sensors' stamps stand still", Route::kMemory, End::kStops,
+void stamps(std::vector<Fault>& list) {
+  list.push_back({"stamp_stands", kTime, "the sensors' stamps stand still", Route::kMemory, End::kStops,
                   Timeout::kBadTicks, "`time_backwards`, SAFE"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     if (w.ticks == 0) w.kept = w.past[w.past.size() - 2];
     m.stamp_us = w.kept.stamp_us;
     return true;
   };
-  list.push_back({"stamp_backwards", group, "the sensors' stamps run backwards", Route::kMemory, End::kStops,
+  list.push_back({"stamp_backwards", kTime, "the sensors' stamps run backwards", Route::kMemory, End::kStops,
                   Timeout::kBadTicks, "`time_backwards`, SAFE"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     if (w.ticks == 0) w.kept = w.past[w.past.size() - 2];
     m.stamp_us = w.kept.stamp_us - 3000 * w.ticks;
     return true;
   };
-  list.push_back({"stamp_ahead", group, "the sensors' stamps are up to an hour ahead", Route::kMemory, End::kStops,
+  list.push_back({"stamp_ahead", kTime, "the sensors' stamps are up to an hour ahead", Route::kMemory, End::kStops,
                   Timeout::kBadTicks, "`sensor_stale`: their age is unknown, SAFE"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     if (w.amount == 0.0) w.amount = std::pow(10.0, w.random.uniform(5.0, 9.5));
     m.stamp_us += static_cast<std::int64_t>(w.amount);
     return true;
   };
-  list.push_back({"stamp_extreme", group, "a stamp at the end of the numbers", Route::kMemory, End::kStops,
+  list.push_back({"stamp_extreme", kTime, "a stamp at the end of the numbers", Route::kMemory, End::kStops,
                   Timeout::kBadTicks, "differences saturate; rejected, SAFE"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     m.stamp_us =
         w.random.below(2) == 0 ? std::numeric_limits<std::int64_t>::min() : std::numeric_limits<std::int64_t>::max();
     return true;
   };
-  list.push_back({"clock_steps_back", group, "the caller's clock and the stamps step back by up to an hour",
+}
+
+void clocks(std::vector<Fault>& list) {
+  list.push_back({"clock_steps_back", kTime, "the caller's clock and the stamps step back by up to an hour",
                   Route::kMemory, End::kStops, Timeout::kBadTicks, "`time_backwards`, SAFE"});
   list.back().step = [](World& w) {
     if (w.ticks == 0) w.clock_offset_us = -static_cast<std::int64_t>(w.random.uniform(1e6, 3.6e9));
@@ -203,7 +211,7 @@ void time(std::vector<Fault>& list) {
     m.stamp_us += w.clock_offset_us;
     return true;
   };
-  list.push_back({"clock_steps_ahead", group, "the caller's clock and the stamps step ahead by up to an hour",
+  list.push_back({"clock_steps_ahead", kTime, "the caller's clock and the stamps step ahead by up to an hour",
                   Route::kMemory, End::kStops, Timeout::kNow, "`sensor_stale`, SAFE"});
   list.back().step = [](World& w) {
     if (w.ticks == 0) w.clock_offset_us = static_cast<std::int64_t>(w.random.uniform(1e6, 3.6e9));
@@ -212,16 +220,19 @@ void time(std::vector<Fault>& list) {
     m.stamp_us += w.clock_offset_us;
     return true;
   };
-  list.push_back({"callers_clock_ahead", group, "the caller's clock alone steps ahead", Route::kMemory, End::kStops,
+  list.push_back({"callers_clock_ahead", kTime, "the caller's clock alone steps ahead", Route::kMemory, End::kStops,
                   Timeout::kBadTicks, "`sensor_stale`, SAFE"});
   list.back().step = [](World& w) {
     if (w.ticks == 0) w.clock_offset_us = static_cast<std::int64_t>(w.random.uniform(2e5, 3.6e9));
   };
-  list.push_back({"clocks_stand", group, "the caller's clock stands still, nothing is measured", Route::kMemory,
+  list.push_back({"clocks_stand", kTime, "the caller's clock stands still, nothing is measured", Route::kMemory,
                   End::kStops, Timeout::kSensor, "each such tick counts for a period: `sensor_stale`, SAFE"});
   list.back().step = [](World& w) { w.clock_stands = true; };
   list.back().measure = [](World&, tiller_measurement_t&) { return false; };
-  list.push_back({"everything_at_once", group, "values, stamps and losses at random", Route::kMemory, End::kBounded,
+}
+
+void everything_at_once(std::vector<Fault>& list) {
+  list.push_back({"everything_at_once", kTime, "values, stamps and losses at random", Route::kMemory, End::kBounded,
                   Timeout::kSensor, "what is rejected is not used"});
   list.back().measure = [](World& w, tiller_measurement_t& m) {
     const double strange[] = {kNan, kInf, -kInf, 1e300, -1e-310, 59.0, 0.0};
@@ -237,9 +248,13 @@ void time(std::vector<Fault>& list) {
 
 std::vector<Fault> sensor_faults() {
   std::vector<Fault> list;
-  values(list);
+  values_not_finite(list);
+  values_far_off(list);
+  values_damaged(list);
   arrival(list);
-  time(list);
+  stamps(list);
+  clocks(list);
+  everything_at_once(list);
   return list;
 }
 
