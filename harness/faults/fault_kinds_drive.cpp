@@ -84,7 +84,7 @@ void troubles(std::vector<Fault>& list) {
        });
 }
 
-void answers(std::vector<Fault>& list) {
+void answers_missing(std::vector<Fault>& list) {
   both(list, {"drive_silent_moteus", "drive_silent_mit"}, "moteus: its answers are lost", "MIT: its answers are lost",
        End::kStops, Timeout::kHeartbeat, "`actuator_fault`, SAFE",
        [](Fault& f) { f.frames = [](World&, std::vector<CanFrame>& frames) { drop(frames, from_drive); }; });
@@ -110,6 +110,9 @@ void answers(std::vector<Fault>& list) {
            }
          };
        });
+}
+
+void answers_wrong(std::vector<Fault>& list) {
   both(list, {"drive_doubled_moteus", "drive_doubled_mit"}, "moteus: a second drive of the same node, off, answers too",
        "MIT (Damiao): a second drive of the same node, off, answers too", End::kStops, Timeout::kNow,
        "its answer contradicts: `actuator_fault`, SAFE", [](Fault& f) {
@@ -150,6 +153,9 @@ void answers(std::vector<Fault>& list) {
            frames = now;
          };
        });
+}
+
+void positions_missing(std::vector<Fault>& list) {
   list.push_back({"encoder_nan_moteus", kGroup, "moteus: the position that it measures is not told (NaN)", Route::kBus,
                   End::kStops, Timeout::kSensor, "no measurement is complete: `sensor_stale`, SAFE"});
   list.back().prepare = [](Setup& s) {
@@ -222,7 +228,9 @@ void plain(std::vector<Fault>& list) {
 std::vector<Fault> drive_faults() {
   std::vector<Fault> list;
   troubles(list);
-  answers(list);
+  answers_missing(list);
+  answers_wrong(list);
+  positions_missing(list);
   commands(list);
   plain(list);
   return list;
