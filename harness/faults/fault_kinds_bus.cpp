@@ -105,6 +105,9 @@ void order(std::vector<Fault>& list) {
   list.back().frames = [](World& w, std::vector<CanFrame>& frames) {
     drop(frames, [&](const CanFrame&) { return w.random.chance(0.1); });
   };
+}
+
+void boards(std::vector<Fault>& list) {
   list.push_back(bus("board_doubled", "a second board of the same node, 1.5 to 3 rad away, speaks into the first",
                      End::kBounded, Timeout::kSensor, "`sensor_jump` where they differ; SAFE if it goes on"));
   list.back().frames = [](World& w, std::vector<CanFrame>& frames) {
@@ -216,6 +219,7 @@ std::vector<Fault> bus_faults() {
   std::vector<Fault> list;
   contents(list);
   order(list);
+  boards(list);
   drives(list);
   wires(list);
   return list;
