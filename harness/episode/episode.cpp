@@ -77,60 +77,69 @@ class Judge {
   std::uint64_t seen_ = 0;
 };
 
-}  // namespace
-
-EpisodeResult run_episode(const tools::RobotFile& given, const EpisodeOptions& options) {
-  EpisodeResult result;
-  result.seed = options.seed;
-  tools::RobotFile robot = given;
+tools::RobotFile vary(tools::RobotFile robot, const EpisodeOptions& options) {
   robot.sim.seed = options.seed;
   robot.config.seed = options.seed;
   if (options.episode > 0) tools::seed_episode(robot, options.episode);
   robot.config.planner.kind = options.planner;
   if (!options.clock) robot.config.planner.deadline_us = 0;
   if (options.frozen) robot.config.posterior.enabled = 0;
+  return robot;
+}
 
-  const auto plant = tools::make_sim_plant(robot, result.error);
-  if (!plant) return result;
-  const auto link = tools::make_sim_link(robot, *plant, false);
-
-  tools::ThreadPool pool(options.threads);
-  tiller_hooks_t hooks{};
-  hooks.size = sizeof hooks;
-  hooks.version = TILLER_CONFIG_VERSION;
-  hooks.context = &pool;
-  hooks.now_ns = options.clock ? &now_ns : nullptr;
-  hooks.parallel_for = [](void* context, std::uint32_t n, void (*work)(void*, std::uint32_t), void* arg) {
-    static_cast<tools::ThreadPool*>(context)->run(n, work, arg);
-  };
-  const std::size_t size = tiller_size(&robot.config);
-  const std::unique_ptr<void, AlignedFree> memory(
-      ::operator new (std::max<std::size_t>(size, 1), std::align_val_t{TILLER_ALIGNMENT}));
-  tiller_t* t = nullptr;
-  const tiller_status_t status = tiller_init(&t, &robot.config, &hooks, memory.get(), size);
-  if (status != tiller_status_ok) {
-    result.error = tiller_status_text(status);
-    return result;
+/// A controller in memory of its own.
+class Controller {
+ public:
+  Controller(const tools::RobotFile& robot, const EpisodeOptions& options) : pool_(options.threads) {
+    hooks_.size = sizeof hooks_;
+    hooks_.version = TILLER_CONFIG_VERSION;
+    hooks_.context = &pool_;
+    hooks_.now_ns = options.clock ? &now_ns : nullptr;
+    hooks_.parallel_for = [](void* context, std::uint32_t n, void (*work)(void*, std::uint32_t), void* arg) {
+      static_cast<tools::ThreadPool*>(context)->run(n, work, arg);
+    };
+    const std::size_t size = tiller_size(&robot.config);
+    memory_.reset(::operator new (std::max<std::size_t>(size, 1), std::align_val_t{TILLER_ALIGNMENT}));
+    status_ = tiller_init(&t_, &robot.config, &hooks_, memory_.get(), size);
   }
-  tiller_arm(t);
+  tiller_t* get() const { return t_; }
+  tiller_status_t status() const { return status_; }
 
+ private:
+  tools::ThreadPool pool_;
+  tiller_hooks_t hooks_{};
+  std::unique_ptr<void, AlignedFree> memory_;
+  tiller_t* t_ = nullptr;
+  tiller_status_t status_;
+};
+
+/// Drives to the end; the controller's report after the last tick.
+tiller_info_t run_ticks(tiller_t* t, const tools::RobotFile& robot, double seconds, tools::Link& link,
+                        EpisodeResult& result) {
   Judge judge(robot);
   std::vector<double> tick_us, state(robot.states.size());
   const volatile std::sig_atomic_t go_on = 0;
-  const auto ticks = static_cast<std::uint64_t>(std::llround(options.seconds / robot.config.period_s));
+  const auto ticks = static_cast<std::uint64_t>(std::llround(seconds / robot.config.period_s));
   result.command_hash = 1469598103934665603ull;
   tiller_info_t info{};
   for (std::uint64_t k = 0; k < ticks; ++k) {
-    const tools::Sensed sensed = link->wait(go_on);
+    const tools::Sensed sensed = link.wait(go_on);
     tiller_command_t command{};
     tiller_tick(t, sensed.now_us, sensed.fresh ? &sensed.measurement : nullptr, &command);
-    link->send(command);
-    link->truth(state.data());
+    link.send(command);
+    link.truth(state.data());
     judge.see(static_cast<double>(k) * robot.config.period_s, state.data(), command.value, result);
     for (std::size_t i = 0; i < robot.inputs.size(); ++i) hash_bits(result.command_hash, command.value[i]);
     tiller_get_info(t, &info);
     if (info.tick_ns > 0) tick_us.push_back(static_cast<double>(info.tick_ns) * 1e-3);
   }
+  result.tick_us_median = quantile(tick_us, 0.5);
+  result.tick_us_p99 = quantile(tick_us, 0.99);
+  result.tick_us_worst = quantile(tick_us, 1.0);
+  return info;
+}
+
+void take_counters(const tiller_info_t& info, EpisodeResult& result) {
   result.ticks = info.ticks;
   result.late_plans = info.late_plans;
   result.rejected = info.rejected_measurements;
@@ -139,20 +148,24 @@ EpisodeResult run_episode(const tools::RobotFile& given, const EpisodeOptions& o
   result.noise_scale = info.noise_scale;
   result.effective_samples = info.effective_samples;
   result.acceptance = info.acceptance;
-  result.tick_us_median = quantile(tick_us, 0.5);
-  result.tick_us_p99 = quantile(tick_us, 0.99);
-  result.tick_us_worst = quantile(tick_us, 1.0);
-  for (std::uint32_t k = 0; k < robot.config.posterior.particles; ++k) {
+}
+
+void take_particles(const tiller_t* t, const tiller_config_t& config, EpisodeResult& result) {
+  for (std::uint32_t k = 0; k < config.posterior.particles; ++k) {
     double params[TILLER_MAX_PARAMS], weight = 0.0;
     (void)tiller_get_particle(t, k, params, nullptr, &weight);
-    result.particles.params.insert(result.particles.params.end(), params, params + robot.config.param_count);
+    result.particles.params.insert(result.particles.params.end(), params, params + config.param_count);
     result.particles.weight.push_back(weight);
   }
+}
+
+void take_parameters(const tiller_t* t, const tools::RobotFile& robot, const std::vector<double>& truth,
+                     const tiller_info_t& info, EpisodeResult& result) {
   for (std::uint32_t i = 0; i < robot.config.param_count; ++i) {
     if (robot.config.priors[i].kind == tiller_prior_fixed) continue;
     ParameterResult p;
     p.name = robot.params[i];
-    p.truth = plant->true_params[i];
+    p.truth = truth[i];
     p.prior_sd = prior_sd(robot.config.priors[i]);
     p.mean = info.param_mean[i];
     p.sd = info.param_sd[i];
@@ -160,6 +173,27 @@ EpisodeResult run_episode(const tools::RobotFile& given, const EpisodeOptions& o
     tiller_get_quantile(t, i, 0.95, &p.q95);
     result.parameters.push_back(p);
   }
+}
+
+}  // namespace
+
+EpisodeResult run_episode(const tools::RobotFile& given, const EpisodeOptions& options) {
+  EpisodeResult result;
+  result.seed = options.seed;
+  const tools::RobotFile robot = vary(given, options);
+  const auto plant = tools::make_sim_plant(robot, result.error);
+  if (!plant) return result;
+  const auto link = tools::make_sim_link(robot, *plant, false);
+  const Controller controller(robot, options);
+  if (controller.status() != tiller_status_ok) {
+    result.error = tiller_status_text(controller.status());
+    return result;
+  }
+  tiller_arm(controller.get());
+  const tiller_info_t info = run_ticks(controller.get(), robot, options.seconds, *link, result);
+  take_counters(info, result);
+  take_particles(controller.get(), robot.config, result);
+  take_parameters(controller.get(), robot, plant->true_params, info, result);
   return result;
 }
 
