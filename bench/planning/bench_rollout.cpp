@@ -184,80 +184,87 @@ std::vector<Isa> isas() {
   return all;
 }
 
-}  // namespace
+/// A benchmark of the kernel's lanes.
+void add_lanes(bench::Table& table, const std::string& name, const tiller_config_t& config, Isa isa) {
+  auto lanes = std::make_shared<Batch<float>>(config);
+  table.add(name, [lanes, config, isa](benchmark::State& state) {
+    const RolloutTable& rollouts = select_rollout(*config.model, isa);
+    for (auto _ : state) rollouts.rollout_f32(*config.model, lanes->job);
+    benchmark::DoNotOptimize(lanes->cost[0]);
+  });
+}
 
-int main(int argc, char** argv) {
-  bench::Table table;
+void add_integrations(bench::Table& table) {
   for (const Integration& way : kIntegrations) {
     const tiller_config_t config = cart_pole_config(way.integrator);
     auto plain = std::make_shared<Batch<double>>(config);
     table.add(std::string(way.name) + "/plain", [plain, way](benchmark::State& state) {
       for (auto _ : state) benchmark::DoNotOptimize(plain_double(*plain, way.integrator));
     });
-    for (Isa isa : isas()) {
-      auto lanes = std::make_shared<Batch<float>>(config);
-      table.add(std::string(way.name) + "/" + isa_name(isa), [lanes, config, isa](benchmark::State& state) {
-        const RolloutTable& rollouts = select_rollout(*config.model, isa);
-        for (auto _ : state) rollouts.rollout_f32(*config.model, lanes->job);
-        benchmark::DoNotOptimize(lanes->cost[0]);
-      });
-    }
+    for (Isa isa : isas()) add_lanes(table, std::string(way.name) + "/" + isa_name(isa), config, isa);
   }
+}
+
+void add_effects(bench::Table& table) {
   for (const Case& c : kCases) {
     tiller_config_t config = cart_pole_config(tiller_integrator_semi_implicit_euler);
     config.effect_count = static_cast<std::uint32_t>(c.effects.size());
     for (std::size_t i = 0; i < c.effects.size(); ++i) config.effects[i] = c.effects[i];
     config.param_count = 3 + config.effect_count;
     for (tiller_prior_t& p : config.priors) p = {tiller_prior_uniform, 0, 0, 0, 0, 0.05};
-    auto lanes = std::make_shared<Batch<float>>(config);
-    table.add(std::string("effects/") + c.name, [lanes, config](benchmark::State& state) {
-      const RolloutTable& rollouts = select_rollout(*config.model);
-      for (auto _ : state) rollouts.rollout_f32(*config.model, lanes->job);
-      benchmark::DoNotOptimize(lanes->cost[0]);
-    });
+    add_lanes(table, std::string("effects/") + c.name, config, best_isa());
   }
+}
+
+void add_costs(bench::Table& table) {
   for (const CostRow& c : kCostRows) {
     tiller_config_t config = cart_pole_config(tiller_integrator_semi_implicit_euler);
     c.change(config.cost);
-    auto lanes = std::make_shared<Batch<float>>(config);
-    table.add(std::string("cost/") + c.name, [lanes, config](benchmark::State& state) {
-      const RolloutTable& rollouts = select_rollout(*config.model);
-      for (auto _ : state) rollouts.rollout_f32(*config.model, lanes->job);
-      benchmark::DoNotOptimize(lanes->cost[0]);
-    });
+    add_lanes(table, std::string("cost/") + c.name, config, best_isa());
   }
+}
+
+void print_integration(bench::Table& table, const Integration& way) {
+  const double plain = table.seconds(std::string(way.name) + "/plain");
+  table.heading(std::string(way.name) + ": per rollout-step, and against the same template in plain double with libm");
+  table.row("plain double", plain / kSteps * 1e9, "ns");
+  for (Isa isa : isas()) {
+    const bool euler = way.integrator == tiller_integrator_semi_implicit_euler;
+    const double t = table.seconds(std::string(way.name) + "/" + isa_name(isa));
+    bench::Goal ns, ratio;
+    if (isa == Isa::avx512) ns = bench::at_most(way.avx512_ns), ratio = bench::at_least(25);
+    if (isa == Isa::avx2) ns = bench::at_most(way.avx2_ns), ratio = bench::at_least(12);
+    table.row(std::string(isa_name(isa)) + ", time", t / kSteps * 1e9, "ns", ns);
+    table.row(std::string(isa_name(isa)) + ", speed-up", plain / t, "x", euler ? ratio : bench::Goal{});
+  }
+}
+
+/// The rows of `group`, each beside the first.
+template <class Rows>
+void print_group(bench::Table& table, const std::string& group, const Rows& rows) {
+  const double first = table.seconds(group + rows[0].name);
+  for (const auto& row : rows) {
+    const double t = table.seconds(group + row.name);
+    table.row(row.name, t / kSteps * 1e9, "ns");
+    table.row(std::string(row.name) + ", ratio", t / first, "x");
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  bench::Table table;
+  add_integrations(table);
+  add_effects(table);
+  add_costs(table);
   table.run(argc, argv);
 
   std::printf("instruction set in use: %s; cart-pole, N=%u, K=%u, stage cost, f32 lanes\n", isa_name(best_isa()),
               kHorizon, kRollouts);
-  for (const Integration& way : kIntegrations) {
-    const double plain = table.seconds(std::string(way.name) + "/plain");
-    table.heading(std::string(way.name) +
-                  ": per rollout-step, and against the same template in plain double with libm");
-    table.row("plain double", plain / kSteps * 1e9, "ns");
-    for (Isa isa : isas()) {
-      const bool euler = way.integrator == tiller_integrator_semi_implicit_euler;
-      const double t = table.seconds(std::string(way.name) + "/" + isa_name(isa));
-      bench::Goal ns, ratio;
-      if (isa == Isa::avx512) ns = bench::at_most(way.avx512_ns), ratio = bench::at_least(25);
-      if (isa == Isa::avx2) ns = bench::at_most(way.avx2_ns), ratio = bench::at_least(12);
-      table.row(std::string(isa_name(isa)) + ", time", t / kSteps * 1e9, "ns", ns);
-      table.row(std::string(isa_name(isa)) + ", speed-up", plain / t, "x", euler ? ratio : bench::Goal{});
-    }
-  }
+  for (const Integration& way : kIntegrations) print_integration(table, way);
   table.heading("cost of effects (semi-implicit Euler, instruction set in use), against none");
-  const double bare = table.seconds(std::string("effects/") + kCases[0].name);
-  for (const Case& c : kCases) {
-    const double t = table.seconds(std::string("effects/") + c.name);
-    table.row(c.name, t / kSteps * 1e9, "ns");
-    table.row(std::string(c.name) + ", ratio", t / bare, "x");
-  }
+  print_group(table, "effects/", kCases);
   table.heading("cost terms (semi-implicit Euler, instruction set in use), against the quadratic cost");
-  const double quadratic = table.seconds(std::string("cost/") + kCostRows[0].name);
-  for (const CostRow& c : kCostRows) {
-    const double t = table.seconds(std::string("cost/") + c.name);
-    table.row(c.name, t / kSteps * 1e9, "ns");
-    table.row(std::string(c.name) + ", ratio", t / quadratic, "x");
-  }
+  print_group(table, "cost/", kCostRows);
   return table.finish();
 }
