@@ -131,11 +131,9 @@ struct Parts {
   void roll() { select_lq(table, 4, 1).roll(problem, factor, x.data(), u.data()); }
 };
 
-}  // namespace
+using Plannings = std::vector<std::unique_ptr<Planning>>;
 
-int main(int argc, char** argv) {
-  bench::Table table;
-  Parts parts;
+void add_parts(bench::Table& table, Parts& parts) {
   table.add("linearise", [&](benchmark::State& s) {
     for (auto _ : s) parts.linearise();
   });
@@ -145,7 +143,10 @@ int main(int argc, char** argv) {
   table.add("roll", [&](benchmark::State& s) {
     for (auto _ : s) parts.roll();
   });
-  std::vector<std::unique_ptr<Planning>> solves;
+}
+
+/// Returns the iterations of each.
+std::vector<std::uint32_t> add_solves(bench::Table& table, Plannings& solves) {
   std::vector<std::uint32_t> iterations;
   for (const Solve& solve : kSolves) {
     solves.push_back(std::make_unique<Planning>(solve_config(solve)));
@@ -157,16 +158,25 @@ int main(int argc, char** argv) {
       for (auto _ : s) p.plan_cold();
     });
   }
-  Planning loop(solve_config(kSolves[2]));
-  double loop_cost[4];
+  return iterations;
+}
+
+/// Returns the costs with one, two and three iterations a tick.
+std::vector<double> add_loops(bench::Table& table, Planning& loop) {
+  std::vector<double> cost;
   for (std::uint32_t n = 1; n <= 3; ++n) {
-    loop_cost[n] = closed_loop(loop, n);
+    cost.push_back(closed_loop(loop, n));
     table.add("closed loop " + std::to_string(n), [&loop, n](benchmark::State& s) {
       for (auto _ : s) benchmark::DoNotOptimize(closed_loop(loop, n));
     });
   }
-  std::vector<std::unique_ptr<Planning>> several;
-  for (const std::uint32_t m : {2u, 4u, 8u}) {
+  return cost;
+}
+
+constexpr std::uint32_t kScenarios[] = {2, 4, 8};
+
+void add_scenarios(bench::Table& table, Plannings& several) {
+  for (const std::uint32_t m : kScenarios) {
     tiller_config_t c = bench::cart_pole_config(tiller_planner_ilqr, 30);
     c.planner.particles = m;
     several.push_back(std::make_unique<Planning>(c, 0.05));
@@ -175,12 +185,9 @@ int main(int argc, char** argv) {
       for (auto _ : s) p.plan();
     });
   }
-  table.run(argc, argv);
+}
 
-  table.heading("parts of an iteration, N=50, 4 states, 1 input");
-  table.row("linearisation", table.seconds("linearise") * 1e9 / 50, "ns/point", bench::at_most(15.0));
-  table.row("Riccati sweep", table.seconds("factorise") * 1e6, "us");
-  table.row("linear rollout", table.seconds("roll") * 1e6, "us");
+void print_solves(bench::Table& table, const std::vector<std::uint32_t>& iterations) {
   table.heading("from u = 0, hanging, to the optimum");
   for (std::size_t i = 0; i < iterations.size(); ++i) {
     const Solve& s = kSolves[i];
@@ -190,15 +197,39 @@ int main(int argc, char** argv) {
     table.row(text, us, "us", s.goal_us > 0.0 ? bench::at_most(s.goal_us) : bench::Goal{});
     table.row("  an iteration", each, "us", !s.limited && s.horizon == 50 ? bench::at_most(5.0) : bench::Goal{});
   }
+}
+
+void print_loops(bench::Table& table, const std::vector<double>& cost) {
   table.heading("closed loop, |u| <= 20, N=50, 400 steps, multiple shooting");
   for (std::uint32_t n = 1; n <= 3; ++n) {
     const std::string text = std::to_string(n) + (n == 1 ? " iteration" : " iterations") + " a tick: ";
-    table.row(text + "half the cost", loop_cost[n], "", n == 2 ? bench::at_most(104.0) : bench::Goal{});
+    table.row(text + "half the cost", cost[n - 1], "", n == 2 ? bench::at_most(104.0) : bench::Goal{});
     table.row(text + "a step", table.seconds("closed loop " + std::to_string(n)) * 1e6 / 400, "us",
               n == 2 ? bench::at_most(20.0) : bench::Goal{});
   }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  bench::Table table;
+  Parts parts;
+  Plannings solves, several;
+  add_parts(table, parts);
+  const std::vector<std::uint32_t> iterations = add_solves(table, solves);
+  Planning loop(solve_config(kSolves[2]));
+  const std::vector<double> loop_cost = add_loops(table, loop);
+  add_scenarios(table, several);
+  table.run(argc, argv);
+
+  table.heading("parts of an iteration, N=50, 4 states, 1 input");
+  table.row("linearisation", table.seconds("linearise") * 1e9 / 50, "ns/point", bench::at_most(15.0));
+  table.row("Riccati sweep", table.seconds("factorise") * 1e6, "us");
+  table.row("linear rollout", table.seconds("roll") * 1e6, "us");
+  print_solves(table, iterations);
+  print_loops(table, loop_cost);
   table.heading("one iteration for M scenarios, N=30");
-  for (const std::uint32_t m : {2u, 4u, 8u})
+  for (const std::uint32_t m : kScenarios)
     table.row("M=" + std::to_string(m), table.seconds("scenarios " + std::to_string(m)) * 1e6, "us");
   return table.finish();
 }
