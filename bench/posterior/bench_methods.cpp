@@ -27,6 +27,7 @@
 #include <vector>
 
 #include "bench/posterior/method_episode.hpp"
+#include "bench/posterior/method_fits.hpp"
 #include "bench/table/arguments.hpp"
 #include "bench/table/bench_table.hpp"
 #include "harness/accuracy/accuracy_run.hpp"
@@ -37,7 +38,6 @@ namespace {
 
 using namespace tiller;
 using namespace tiller::bench;
-using tools::MethodProblem;
 using tools::MethodResult;
 
 struct Settings {
@@ -48,13 +48,6 @@ struct Settings {
   std::uint32_t simulations = 10000;
 };
 
-/// A method with settings.
-struct Contender {
-  const char* label;
-  const char* method;
-  std::uint32_t iterations;
-  double rollout_s;  // 0: the whole episode
-};
 const Contender kContenders[] = {
     {"reps", "reps", 1, 0},
     {"simopt, whole episode, 5 iterations", "simopt", 5, 0},
@@ -70,56 +63,6 @@ double thread_seconds() {
   timespec t;
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
-
-MethodResult learn(const AccuracyTask& task, const Episode& episode, std::uint32_t ticks, double sigma,
-                   std::uint64_t seed, const Contender& contender, std::uint32_t simulations) {
-  tiller_config_t config = task.config;
-  config.seed = seed;
-  for (std::uint32_t r = 0; r < task.states(); ++r)
-    config.process_sd[r] = sigma * task.step_rms[r] / std::sqrt(config.period_s);
-  const std::vector<tools::Grid> grids = {grid_of(task, episode, ticks)};
-  const std::vector<tools::Stretch> stretches;
-  MethodProblem problem;
-  problem.config = &config;
-  problem.grids = &grids;
-  problem.stretches = &stretches;
-  problem.options.simulations = simulations;
-  problem.options.iterations = contender.iterations;
-  problem.options.rollout_s = contender.rollout_s;
-  MethodResult result;
-  std::string error;
-  if (!tools::find_method(contender.method)->run(problem, result, error)) {
-    std::fprintf(stderr, "bench_methods: %s, seed %llu: %s\n", contender.label, static_cast<unsigned long long>(seed),
-                 error.c_str());
-    std::exit(1);
-  }
-  return result;
-}
-
-/// The online posterior's particles after so many transitions, in the form of a method's result.
-MethodResult learn_online(const AccuracyTask& task, const Episode& episode, std::uint32_t ticks, std::uint64_t seed) {
-  tiller_config_t config = task.config;
-  config.seed = seed;
-  config.posterior.kind = tiller_posterior_transition;
-  config.posterior.particles = 1024;
-  config.posterior.window = 64;
-  config.posterior.moves_per_tick = 128;
-  config.posterior.robust = config.posterior.discrepancy = config.posterior.adequacy = 0;
-  Episode first = episode;
-  first.ticks = ticks;
-  const EngineResult online = run_engine(task, config, first);
-  MethodResult result;
-  for (Eigen::Index s = 0; s < online.weight.size(); ++s) {
-    std::vector<double> params = episode.truth;  // the fixed ones
-    for (std::size_t j = 0; j < task.inferred.size(); ++j)
-      params[task.inferred[j]] = online.point(static_cast<Eigen::Index>(j), s);
-    result.params.insert(result.params.end(), params.begin(), params.end());
-    result.weight.push_back(online.weight[s]);
-  }
-  result.history.resize(1);
-  tools::weighted_moments(result.params, result.weight, task.config.param_count, result.history[0]);
-  return result;
 }
 
 struct Score {
@@ -201,62 +144,71 @@ double ordered(std::vector<double> v, double q) {
   return v[static_cast<std::size_t>(std::ceil(q * static_cast<double>(v.size()))) - 1];
 }
 
-void efficiency(const Settings& settings, const AccuracyTask& task) {
-  const Contender rivals[] = {{"simopt, whole trajectory", "simopt", 10, 0},
-                              {"step_simopt", "step_simopt", 10, 0},
-                              {"online posterior", nullptr, 0, 0}};
-  constexpr std::size_t kRivals = std::size(rivals);
-  constexpr std::size_t kTried = std::size(kTransitions);
-  std::printf("\nswing-up of the pendulum after n real transitions, sigma %g, %d pendulums, %u simulations a fit\n",
-              settings.sigma, settings.runs, settings.simulations / 5);
-  std::vector<double> share[kRivals][kTried], needed[kRivals], prior_share, oracle_return;
-  for (int run = 0; run < settings.runs; ++run) {
-    const std::uint64_t seed = settings.first_seed + static_cast<std::uint64_t>(run);
-    const Episode episode = make_episode(task, settings.sigma, kEpisodeTicks, seed);
-    const double oracle = swing_up_return(task, episode.truth, episode.truth, kSwingTicks, seed);
-    oracle_return.push_back(oracle);
-    std::vector<double> centre = episode.truth;
-    for (const std::uint32_t i : task.inferred)
-      centre[i] = 0.5 * (task.config.priors[i].low + task.config.priors[i].high);
-    prior_share.push_back(swing_up_return(task, episode.truth, centre, kSwingTicks, seed) / oracle);
-    for (std::size_t c = 0; c < kRivals; ++c) {
-      double first = INFINITY;  // of the n from which on it is always enough
-      for (std::size_t t = 0; t < kTried; ++t) {
-        const MethodResult fit = rivals[c].method ? learn(task, episode, kTransitions[t], settings.sigma, seed,
-                                                          rivals[c], settings.simulations / 5)
-                                                  : learn_online(task, episode, kTransitions[t], seed);
-        const double got = swing_up_return(task, episode.truth, fit.history.back().mean, kSwingTicks, seed) / oracle;
-        share[c][t].push_back(got);
-        if (got < kEnough)
-          first = INFINITY;
-        else
-          first = std::min<double>(first, kTransitions[t]);
-      }
-      needed[c].push_back(first);
-    }
+const Contender kRivals[] = {{"simopt, whole trajectory", "simopt", 10, 0},
+                             {"step_simopt", "step_simopt", 10, 0},
+                             {"online posterior", nullptr, 0, 0}};
+constexpr std::size_t kRivalCount = std::size(kRivals), kTried = std::size(kTransitions);
+
+/// Returns of the swing-up, as shares of the oracle's, a value for each pendulum.
+struct Returns {
+  std::vector<double> share[kRivalCount][kTried], prior_share, oracle;
+  std::vector<double> needed[kRivalCount];  // n from which on it is always enough
+};
+
+void add_rival(const Settings& settings, const AccuracyTask& task, const Episode& episode, std::uint64_t seed,
+               double oracle, std::size_t c, Returns& returns) {
+  double first = INFINITY;
+  for (std::size_t t = 0; t < kTried; ++t) {
+    const MethodResult fit = kRivals[c].method ? learn(task, episode, kTransitions[t], settings.sigma, seed, kRivals[c],
+                                                       settings.simulations / 5)
+                                               : learn_online(task, episode, kTransitions[t], seed);
+    const double got = swing_up_return(task, episode.truth, fit.history.back().mean, kSwingTicks, seed) / oracle;
+    returns.share[c][t].push_back(got);
+    if (got < kEnough)
+      first = INFINITY;
+    else
+      first = std::min<double>(first, kTransitions[t]);
   }
-  std::printf("  mean return of the oracle %.3f; at the prior's centre %.0f %% of it\n", mean_of(oracle_return),
-              100 * mean_of(prior_share));
+  returns.needed[c].push_back(first);
+}
+
+void add_pendulum(const Settings& settings, const AccuracyTask& task, std::uint64_t seed, Returns& returns) {
+  const Episode episode = make_episode(task, settings.sigma, kEpisodeTicks, seed);
+  const double oracle = swing_up_return(task, episode.truth, episode.truth, kSwingTicks, seed);
+  returns.oracle.push_back(oracle);
+  std::vector<double> centre = episode.truth;
+  for (const std::uint32_t i : task.inferred)
+    centre[i] = 0.5 * (task.config.priors[i].low + task.config.priors[i].high);
+  returns.prior_share.push_back(swing_up_return(task, episode.truth, centre, kSwingTicks, seed) / oracle);
+  for (std::size_t c = 0; c < kRivalCount; ++c) add_rival(settings, task, episode, seed, oracle, c, returns);
+}
+
+void print_returns(const Settings& settings, const Returns& returns) {
+  std::printf("  mean return of the oracle %.3f; at the prior's centre %.0f %% of it\n", mean_of(returns.oracle),
+              100 * mean_of(returns.prior_share));
   std::printf("  %-28s", "share of the oracle's, n =");
   for (const std::uint32_t n : kTransitions) std::printf(" %10u", n);
   std::printf("\n");
-  for (std::size_t c = 0; c < kRivals; ++c) {
-    std::printf("  %-28s", rivals[c].label);
-    for (std::size_t t = 0; t < kTried; ++t) {
+  for (std::size_t c = 0; c < kRivalCount; ++c) {
+    std::printf("  %-28s", kRivals[c].label);
+    for (const std::vector<double>& shares : returns.share[c]) {
       int enough = 0;
-      for (const double s : share[c][t]) enough += s >= kEnough;
-      std::printf(" %4.0f (%3.0f)", 100 * mean_of(share[c][t]), 100.0 * enough / settings.runs);
+      for (const double s : shares) enough += s >= kEnough;
+      std::printf(" %4.0f (%3.0f)", 100 * mean_of(shares), 100.0 * enough / settings.runs);
     }
     std::printf("\n");
   }
   std::printf("  mean %% of the oracle's return (%% of pendulums with at least %.0f %%)\n", 100 * kEnough);
-  for (std::size_t c = 0; c < kRivals; ++c)
-    std::printf("  %-28s transitions needed: by half of the pendulums %g, by 90 %% %g\n", rivals[c].label,
-                ordered(needed[c], 0.5), ordered(needed[c], 0.9));
+  for (std::size_t c = 0; c < kRivalCount; ++c)
+    std::printf("  %-28s transitions needed: by half of the pendulums %g, by 90 %% %g\n", kRivals[c].label,
+                ordered(returns.needed[c], 0.5), ordered(returns.needed[c], 0.9));
+}
+
+void print_claims(const Returns& returns) {
   Table claims;
   claims.heading("the claim of sample efficiency");
   for (const double q : {0.5, 0.9}) {
-    const double steps = ordered(needed[1], q), trajectories = ordered(needed[0], q);
+    const double steps = ordered(returns.needed[1], q), trajectories = ordered(returns.needed[0], q);
     const std::string who = q == 0.5 ? "half of the pendulums" : "nine in ten pendulums";
     if (std::isinf(steps) && std::isinf(trajectories))
       std::printf("  %s: neither reaches it with %u transitions\n", who.c_str(), kTransitions[kTried - 1]);
@@ -264,6 +216,16 @@ void efficiency(const Settings& settings, const AccuracyTask& task) {
       claims.row("transitions for " + who + ": step_simopt over simopt", steps / trajectories, "", at_most(0.99));
   }
   claims.finish();
+}
+
+void efficiency(const Settings& settings, const AccuracyTask& task) {
+  std::printf("\nswing-up of the pendulum after n real transitions, sigma %g, %d pendulums, %u simulations a fit\n",
+              settings.sigma, settings.runs, settings.simulations / 5);
+  Returns returns;
+  for (int run = 0; run < settings.runs; ++run)
+    add_pendulum(settings, task, settings.first_seed + static_cast<std::uint64_t>(run), returns);
+  print_returns(settings, returns);
+  print_claims(returns);
 }
 
 bool parse(int argc, char** argv, Settings& s) {
