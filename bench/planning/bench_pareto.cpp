@@ -32,7 +32,7 @@ double cpu_us() {
   return static_cast<double>(t.tv_sec) * 1e6 + 1e-3 * static_cast<double>(t.tv_nsec);
 }
 
-/// What reading the clock adds to a measurement.
+/// Time that reading the clock adds to a measurement.
 double clock_us() {
   std::vector<double> v;
   for (int i = 0; i < 2001; ++i) {

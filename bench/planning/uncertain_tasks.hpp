@@ -23,7 +23,7 @@ struct UncertainTask {
 /// Changes one setting, for choosing them; false: there is none of that name.
 bool override_setting(UncertainTask& task, const std::string& key, double value);
 
-/// What a controller knows, and what it does with it.
+/// Knowledge of a controller, and its use.
 enum class Knowledge { nominal, mean, expected, cvar, oracle };
 constexpr Knowledge kKnowledge[] = {Knowledge::nominal, Knowledge::mean, Knowledge::expected, Knowledge::cvar,
                                     Knowledge::oracle};

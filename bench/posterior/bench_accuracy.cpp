@@ -41,7 +41,7 @@ struct LossGoals {
   Goal median, tail, worst;
 };
 
-/// What holds of every group of runs: log densities, the loss, coverage.
+/// Figures of every group of runs: log densities, the loss, coverage.
 void report(Table& table, Family& family, const Cell& cell, const std::vector<Accuracy>& runs, const LossGoals& goals) {
   const auto online = column(runs, [](const Accuracy& a) { return a.online; });
   const auto exact = column(runs, [](const Accuracy& a) { return a.exact; });

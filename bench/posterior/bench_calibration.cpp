@@ -147,7 +147,7 @@ void report(Table& table, const CalibrationRow& row, const std::vector<Calibrati
   for (const auto& [feature, count] : features)
     named += (named.empty() ? ": " : ", ") + feature + " " + std::to_string(count);
   table.row("runs with an alarm" + named, static_cast<double>(alarms), "");
-  if (relearned > 0) table.row("runs that learnt anew", static_cast<double>(relearned), "");
+  if (relearned > 0) table.row("runs that learnt again", static_cast<double>(relearned), "");
   table.row("estimated over configured noise, median", quantile_of(noise, 0.5), "x");
   table.row("CPU time of a tick, median", 1e6 * quantile_of(seconds, 0.5) / row.run.ticks, "us");
   if (faults > 0) table.row("updates that failed", static_cast<double>(faults), "", at_most(0));

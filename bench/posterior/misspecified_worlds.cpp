@@ -52,7 +52,7 @@ class ModelWorld final : public World {
   StepSetup setup_;
 };
 
-/// Bodies and joints. Built anew whenever a parameter changes; placed at the state of every period's beginning.
+/// Bodies and joints. Rebuilt whenever a parameter changes; placed at the state of every period's beginning.
 class OdeWorld final : public World {
  public:
   OdeWorld(const AccuracyTask& task, const Hidden& hidden)

@@ -10,7 +10,7 @@
 
 namespace tiller::bench {
 
-/// What the model lacks; all zero: nothing. Frictions are in terms of the true inertia at the actuated joint (all
+/// Effects that the model lacks; all zero: none. Frictions are in terms of the true inertia at the actuated joint (all
 /// masses of the cart-pole, m l^2 of the pendulum), so that light and heavy systems are slowed down alike.
 struct Hidden {
   std::string name = "nothing";

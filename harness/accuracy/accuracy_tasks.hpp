@@ -3,7 +3,7 @@
 // The tasks of Online BayesSim's Table I (Possas et al. 2020) that have a model here, at a declared noise, and episodes
 // of them. The true parameters are drawn from the prior, so a posterior's calibration can be judged too.
 //
-// What a task states: model and integrator (semi-implicit Euler, one step of 20 ms: the data come from the very map
+// Statement of a task: model and integrator (semi-implicit Euler, one step of 20 ms: the data come from the very map
 // that the estimators know, so its discretisation is no error), prior, excitation, noise, 400 transitions an episode.
 // Noise enters the state of every transition, x[k+1] = f(x[k], u[k]; theta) + w, and the next one starts from there:
 // all states are measured and the likelihood is exact. Its deviation is sigma times the task's `step_rms`; the
@@ -24,7 +24,7 @@ constexpr std::uint32_t kEpisodeTicks = 400;
 /// Noise levels of the tables.
 constexpr double kSigmas[] = {0.01, 0.03, 0.1, 0.3};
 
-/// Input on every channel: clip(amplitude * xi - feedback x), xi uniform on [-1, 1], drawn anew every `hold` ticks.
+/// Input on every channel: clip(amplitude * xi - feedback x), xi uniform on [-1, 1], drawn again every `hold` ticks.
 /// The feedback keeps the motion bounded; it is part of the recorded input.
 struct Excitation {
   double amplitude = 1.0, limit = 1.0;
@@ -65,7 +65,7 @@ class Commands {
   double push_[TILLER_MAX_INPUTS] = {};
 };
 
-/// What was recorded, in double.
+/// The recording, in double.
 struct Episode {
   std::uint32_t ticks = 0, nx = 0, nu = 0;
   std::vector<double> truth;  // (np)

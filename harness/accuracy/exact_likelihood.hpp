@@ -52,7 +52,7 @@ class ExactLikelihood {
   std::vector<double> known_;  // (nx) n_r
 };
 
-/// What an exact posterior says, physical parameters.
+/// Moments of an exact posterior, in physical parameters.
 struct ExactPosterior {
   Eigen::VectorXd mean;
   Eigen::MatrixXd covariance;

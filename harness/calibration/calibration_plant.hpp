@@ -63,7 +63,7 @@ struct PlantRun {
   int change_tick = 0;         ///< where it jumps; 0: it drifts linearly over the run
 };
 
-/// What was recorded at one tick: the command of the period that ends with it, and the readings at its end.
+/// Record of one tick: the command of the period that ends with it, and the readings at its end.
 struct PlantTick {
   double input = 0.0;
   bool measured = true;               ///< a measurement came at all

@@ -25,7 +25,7 @@ struct ReferencePrior {
   double deviation() const;  ///< the same
 };
 
-/// What is taken as known of a recording, and what is inferred.
+/// The known quantities of a recording and the inferred ones.
 struct ReferenceProblem {
   PlantPhysics physics;                 ///< the parameters that are not inferred; process_sd: nominal
   std::vector<int> inferred;            ///< indices of parameters

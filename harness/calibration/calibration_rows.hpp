@@ -36,7 +36,7 @@ struct CalibrationRow {
 /// All rows: both engines, both mechanisms.
 std::vector<CalibrationRow> calibration_rows();
 
-/// What the estimator is configured as: model, priors, nominal noise, start, engine.
+/// Configuration of the estimator: model, priors, nominal noise, start, engine.
 tiller_config_t calibration_config(const CalibrationRow& row);
 
 /// The row's plant with its parameters drawn from the prior by the seed.

@@ -8,7 +8,7 @@
 
 namespace tiller::bench {
 
-/// What an engine says after a run.
+/// Report of an engine after a run.
 struct CalibrationScore {
   std::vector<double> rank;            ///< (d) weight of the particles below the truth, ties halved
   std::vector<double> sd;              ///< (d) of the particles

@@ -20,7 +20,7 @@ struct EpisodeOptions {
   std::uint64_t episode = 0;  ///< of several with the same truth: noise and controller have seeds of their own
 };
 
-/// What one parameter came to.
+/// Outcome for one parameter.
 struct ParameterResult {
   std::string name;
   double truth, prior_sd, mean, sd, q05, q95;

@@ -23,7 +23,7 @@ enum class Timeout {
   kNow,
   kSensor,     ///< sensor_timeout_s
   kBadTicks,   ///< bad_ticks_to_safe periods
-  kUntaken,    ///< twice as many: every other one begins the filters anew
+  kUntaken,    ///< twice as many: every other one restarts the filters
   kFrozen,     ///< two windows of frozen_ticks
   kHold,       ///< hold_ticks_to_safe periods
   kLatePlans,  ///< half a horizon of plans moved on, then HOLD
@@ -65,7 +65,7 @@ std::vector<Fault> bus_faults();
 std::vector<Fault> drive_faults();
 std::vector<Fault> lcm_faults();
 
-/// What a run came to.
+/// Outcome of a run.
 struct Outcome {
   const char* wrong = nullptr;  ///< null: as it must be; else the first thing that was not
   double wrong_s = 0.0;         ///< when, since the fault began

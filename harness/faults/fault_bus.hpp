@@ -18,7 +18,7 @@ class BusPlant {
   /// A period's frames: the drive's answers to the last commands, its heartbeat, stamp, values, encoder estimates.
   std::vector<CanFrame> frames(const tiller_measurement_t& genuine);
   void deliver(const CanFrame& frame);
-  /// What the drive has answered since it was asked last.
+  /// Answers of the drive since it was asked last.
   std::vector<CanFrame> answers();
   void inject(DriveTrouble trouble);
   /// After simulated time has passed: the drive learns that its motor's watchdog has tripped.

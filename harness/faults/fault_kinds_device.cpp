@@ -1,4 +1,4 @@
-// What the operator and the drive do, and commands that get lost behind the controller.
+// Faults of the operator and the drive, and commands that get lost behind the controller.
 
 #include "harness/faults/fault.hpp"
 

@@ -25,7 +25,7 @@ bool from_drive(const CanFrame& f) { return f.id >> 5 != kBoard; }
 /// A set point, a stop or a question: not the status for the board.
 bool to_drive(const CanFrame& f) { return f.id >> 5 != kBoard; }
 
-/// What an answer says of the mode becomes "off". A moteus answers with the mode in its third byte.
+/// The mode in an answer becomes "off". A moteus answers with the mode in its third byte.
 void say_off(CanFrame& answer, ActuatorKind kind) {
   if (kind == ActuatorKind::moteus)
     answer.data[2] = 0;

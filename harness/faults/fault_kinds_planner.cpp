@@ -166,7 +166,7 @@ void beliefs(std::vector<Fault>& list) {
   list.back().prepare = [](Setup& s) { s.config.safety.sensor_timeout_s = 0.2; };
   list.back().measure = [](World& w, tiller_measurement_t&) { return w.ticks >= 6; };
   list.push_back({"filters_begin_anew", group, "a gap of twenty periods that the sensors' timeout allows",
-                  Route::kMemory, End::kBounded, Timeout::kSensor, "the filters begin anew, the parameters stay"});
+                  Route::kMemory, End::kBounded, Timeout::kSensor, "the filters start again, the parameters stay"});
   list.back().prepare = [](Setup& s) { s.config.safety.sensor_timeout_s = 0.5; };
   list.back().measure = [](World& w, tiller_measurement_t&) { return w.ticks >= 20; };
   list.back().noticed = [](const World&, const tiller_info_t& i) { return i.posterior_failures > 0; };

@@ -28,13 +28,13 @@ class Link {
   virtual bool sense(World& world, const Fault* fault, const tiller_measurement_t& genuine,
                      tiller_measurement_t& measurement) = 0;
   virtual void send(World& world, const Fault* fault, const tiller_command_t& command) = 0;
-  /// What the transport would report at a poll.
+  /// Reports of the transport at a poll.
   virtual tiller_status_t fault(const World& world) const { return world.transport; }
   /// Messages and frames that were refused.
   virtual std::uint64_t refused() const { return 0; }
   /// Simulated time has passed.
   virtual void after_period() {}
-  /// What the route itself has seen that must not be, e.g. an old command on the wire; null: nothing.
+  /// A breach that the route itself has seen, e.g. an old command on the wire; null: nothing.
   virtual const char* wrong() const { return nullptr; }
 };
 

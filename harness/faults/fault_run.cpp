@@ -29,7 +29,7 @@ std::int64_t turned_clock(void* context) {
   return clock->ns;
 }
 
-/// What was measured without noise in the last while: a reading that agrees with none of it is not genuine.
+/// True values of the last while, without noise: a reading that agrees with none of it is not genuine.
 class Truth {
  public:
   Truth(const tiller_config_t& config, std::size_t rows, double sd) : config_(config), rows_(rows), sd_(sd) {}

@@ -39,7 +39,7 @@ class Random {
   std::uint64_t state_;
 };
 
-/// What befalls the drive itself.
+/// Faults of the drive itself.
 enum class DriveTrouble { kNone, kFails, kStoppedByAnother, kRestarts };
 
 /// A run before it begins: a fault may change all of it.

@@ -4,7 +4,7 @@
 
 namespace tiller::faults {
 
-/// What damaged, repeated and reordered frames and messages of our own came to: `passed` of `trials` were taken for
+/// Outcome for damaged, repeated and reordered frames and messages of our own: `passed` of `trials` were taken for
 /// genuine.
 struct IntegrityRow {
   std::uint64_t trials = 0, passed = 0;

@@ -1,6 +1,6 @@
 #pragma once
 
-// What the new robot file is worth: a cart-pole tracks a reference with the model it was given, `tiller gap` reads that
+// Worth of the new robot file: a cart-pole tracks a reference with the model it was given, `tiller gap` reads that
 // run's logs and names what is hidden in the plant, and the same controller tracks again with the effect in its model.
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 
 namespace tiller::bench {
 
-/// What the plant has and the first robot file lacks.
+/// The effect that the plant has and the first robot file lacks.
 enum class HiddenEffect { dry_friction, delay };
 const char* hidden_name(HiddenEffect hidden);
 

@@ -22,8 +22,8 @@ double typical_process_sd(const std::string& plant, double noise_sd) {
   return 3 * noise_sd * inertia / std::sqrt(1e-3);
 }
 
-/// What surrounds the effect goes by cell and seed: a third of the cases each has another excitation, a third a coarse
-/// encoder (its step three sensor deviations: as much noise again), a quarter process noise.
+/// The surroundings of the effect go by cell and seed: a third of the cases each has another excitation, a third a
+/// coarse encoder (its step three sensor deviations: as much noise again), a quarter process noise.
 void surround(CaseWanted& w, const std::string& cell) {
   const sim::NoiseStream draw(w.seed, "surroundings of " + cell);
   w.excitation = kExcitations[static_cast<int>(draw.uniform(0) * 3)];

@@ -1,6 +1,6 @@
 #pragma once
 
-// What a fit reaches that is told the hidden effects: the standard that answers are held to.
+// Result of a fit that is told the hidden effects: the standard that answers are held to.
 
 #include <vector>
 

@@ -1,6 +1,6 @@
 #pragma once
 
-// What an answer of `tiller gap` is worth beside the sealed truth. By names alone, so that peers are judged alike.
+// Score of an answer of `tiller gap` beside the sealed truth. By names alone, so that peers are judged alike.
 
 #include <string>
 #include <vector>

@@ -22,7 +22,7 @@ enum class HidingPlace {
   body
 };
 
-/// What a rich motion of the plant without effects looks like; index: joint (that is, position) or input.
+/// Extent of a rich motion of the plant without effects; index: joint (that is, position) or input.
 struct Typical {
   std::vector<double> force;     ///< (joints) RMS acceleration times inertia, or command
   std::vector<double> velocity;  ///< (joints) RMS

@@ -1,6 +1,6 @@
 #pragma once
 
-// What stands between a case and its runs: the plant with its true parameters, and the robot file that an honest
+// The set-up between a case and its runs: the plant with its true parameters, and the robot file that an honest
 // engineer has of it. Inside of gap_worlds.hpp.
 
 #include <cmath>

@@ -43,7 +43,7 @@ struct Series {
   std::vector<std::vector<double>> clean;     ///< (ny) of (rows): what the sensors show, less noise and rounding
 };
 
-/// What the workflow must not see.
+/// The truth, which the workflow must not see.
 struct Sealed {
   WorldCase world;
   std::vector<std::string> names;  ///< of the plant's parameters ...
@@ -77,7 +77,7 @@ bool write_world(const World& world, const std::string& folder, const std::strin
 std::string series_csv(const World& world, const Series& series);
 std::string sealed_json(const Sealed& answer, const std::string& name);
 
-/// What is asked of a case; the rest is drawn by the seed.
+/// Request for a case; the seed draws the rest.
 struct CaseWanted {
   std::string plant = "pendulum";
   std::vector<std::string> kinds;  ///< of effects, a port may stand behind "@"; empty: a null run

@@ -11,7 +11,7 @@
 
 namespace tiller {
 
-/// What a storm of commands came to. Every kind of escape is counted by itself, so that a report can name it.
+/// Outcome of a storm of commands. Every kind of escape is counted by itself, so that a report can name it.
 struct StormResult {
   std::uint64_t commands = 0, cut = 0, rejected = 0;
   std::uint64_t not_finite = 0;    ///< escapes: NaN or infinity came out,
@@ -44,7 +44,7 @@ class GateStorm {
     return value;
   }
 
-  /// What is meant to slip through: the edges of the limits and of the rate, and what is no number.
+  /// Values that are meant to slip through: the edges of the limits and of the rate, and NaN.
   double adversarial(std::uint32_t i) {
     const double low = gate_limits_.low[i], high = gate_limits_.high[i];
     const double step = gate_limits_.rate_per_s[i] * gate_limits_.period_s;
@@ -87,7 +87,7 @@ class GateStorm {
     }
   }
 
-  /// What the contract makes of the limits.
+  /// The limits by the contract.
   void settle_limits() {
     for (std::uint32_t i = 0; i < gate_limits_.count; ++i) {
       double safe = gate_limits_.safe_command[i];

@@ -39,7 +39,7 @@ Finding check_effects(const tiller_config_t& c) {
 
 constexpr double kDeviations = 8.0;  // no cloud of particles draws from beyond
 
-/// What is left between the bounds within eight deviations of the middle, in the coordinate of the prior: something,
+/// The range left between the bounds within eight deviations of the middle, in the coordinate of the prior: something,
 /// and nothing beyond `most` on either side of zero.
 bool draws_within(double middle, double sd, double low, double high, double most) {
   const double least = std::fmax(low, middle - kDeviations * sd), largest = std::fmin(high, middle + kDeviations * sd);
@@ -162,7 +162,7 @@ Finding check_posterior(const tiller_config_t& c) {
   return kGood;
 }
 
-/// What the posterior's engine wants beyond the ranges of single settings.
+/// Requirements of the posterior's engine beyond the ranges of single settings.
 Finding check_engine(const tiller_config_t& c) {
   StepSetup setup;
   const tiller_status_t bound = make_step_setup(c, setup);

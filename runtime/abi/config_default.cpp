@@ -26,7 +26,7 @@ void measure_positions(tiller_config_t& c) {
     c.measured_state[c.measurement_count++] = static_cast<std::uint8_t>(x);
 }
 
-/// What a model leaves out are forces, so its velocities wander and its positions follow.
+/// A model leaves out forces: its velocities wander and its positions follow.
 void spread_noise(tiller_config_t& c) {
   const tiller_model_t& model = *c.model;
   std::fill(c.measurement_sd, c.measurement_sd + TILLER_MAX_MEASUREMENTS, 1e-3);

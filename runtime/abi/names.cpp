@@ -1,4 +1,4 @@
-// What the C ABI names, apart from any controller.
+// Names that the C ABI gives to kinds and settings. No controller is needed.
 #include "scalar/isa.hpp"
 #include "tiller/tiller.h"
 

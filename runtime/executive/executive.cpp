@@ -136,7 +136,7 @@ tiller_status_t Executive::bridge(const Tick& tick, std::int64_t begin_us) {
 }
 
 /// The estimate does not stand on this measurement, so nothing is planned from it. A doubted one leaves a prediction;
-/// after a fault the filters begin anew with the next measurement, but not for ever.
+/// after a fault the filters start again with the next measurement, but not for ever.
 void Executive::note_untaken(Tick& tick, tiller_status_t why) {
   tick.usable = false;
   if (!is_fault(why)) return;
@@ -165,7 +165,7 @@ void Executive::read_posterior(Tick& tick) {
   origin_.follow(info_.state_mean);
   posterior_->set_origin(origin());
   if (all_finite(info_.state_mean, config_.model->state_count)) return;
-  // nothing can be planned from this; the next measurement begins the filters anew
+  // nothing can be planned from this; the next measurement restarts the filters
   tick.note(tiller_status_state_not_finite);
   if (filters_run_) note_untaken(tick, tiller_status_state_not_finite);
 }
@@ -335,7 +335,7 @@ void Executive::hold_command(double* command) const {
 }
 
 void Executive::count_hold(Tick& tick) {
-  // held at its end: HOLD may last for ever, and a count that wraps would begin it anew
+  // held at its end: HOLD may last for ever, and a count that wraps would restart it
   const bool hold = machine_.state() == tiller_state_hold;
   hold_ticks_ = !hold ? 0 : hold_ticks_ + (hold_ticks_ < kLongest ? 1 : 0);
   const std::uint32_t most = config_.safety.hold_ticks_to_safe;

@@ -18,8 +18,8 @@
 
 namespace tiller {
 
-/// The state is predicted over missed periods, one by one, up to so many; after a longer pause the filters begin
-/// anew, the parameters stay.
+/// The state is predicted over missed periods, one by one, up to so many; after a longer pause the filters
+/// restart and the parameters stay.
 constexpr double kLongestGap_periods = 16.0;
 /// How far ahead of its measurement a command may take effect.
 constexpr double kLongestLead_periods = 4.0;
@@ -71,7 +71,7 @@ class Executive {
     double wanted[TILLER_MAX_INPUTS] = {};
     tiller_status_t status = tiller_status_ok;
     std::uint32_t iterations = 0;
-    bool restarted = false;  // the filters began anew in this tick
+    bool restarted = false;  // the filters started again in this tick
 
     /// The first fault stands, else the first limit: a fault is the better reason for a command.
     void note(tiller_status_t reason);

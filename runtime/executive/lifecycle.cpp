@@ -10,7 +10,7 @@ tiller_status_t Executive::arm() {
   return status;
 }
 
-/// The next motion begins anew even where no tick has seen the robot stand still in between.
+/// The next motion starts again even where no tick has seen the robot stand still in between.
 void Executive::end_motion() {
   was_moving_ = false;
   motion_.clear();

@@ -122,7 +122,7 @@ std::uint32_t ActuatorAxis::rest(CanFrame* out) {
   return count;
 }
 
-/// What keeps the drive doing what it does.
+/// The frame that keeps the drive in its present mode.
 double ActuatorAxis::as_it_is() const {
   switch (settings_.mode) {
     case ActuatorMode::position: return state_.position_rad;

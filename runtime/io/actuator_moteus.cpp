@@ -72,7 +72,7 @@ std::uint32_t command_filters(const ActuatorSettings& settings, CanFilter* out) 
   return 1;
 }
 
-/// What one register says. False: a number that cannot be.
+/// Reads one register. False: an impossible number.
 bool take(std::uint32_t reg, const Reader& reader, ActuatorReport& report, int& mode) {
   double value = 0.0;
   switch (reg) {

@@ -74,7 +74,7 @@ SealState MessageSeal::go_on(const Trailer& trailer, std::int64_t now_us) {
   return is_fresh(trailer.answer, now_us) ? SealState::kOk : SealState::kHeldUp;
 }
 
-/// What answers a challenge was signed after it was drawn.
+/// The answer to a challenge was signed after the challenge was drawn.
 bool MessageSeal::is_fresh(std::uint64_t answer, std::int64_t now_us) const {
   if (window_us_ <= 0 || answer == challenge_.number) return true;
   return answer != 0 && answer == previous_.number && now_us - previous_.drawn_us <= window_us_;

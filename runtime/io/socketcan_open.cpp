@@ -95,7 +95,8 @@ std::uint32_t make_filters(const SocketCanTransport* transport, can_filter* out)
   return count + transport->own_count;
 }
 
-/// What an emulator of the system calls does not know, the program that handed the socket over has set.
+/// An emulator of the system calls may not know these options; then the program that handed the socket over has set
+/// them.
 bool set_option(const SocketCanTransport* transport, int level, int name, const void* value, std::size_t size) {
   if (setsockopt(transport->socket, level, name, value, static_cast<socklen_t>(size)) == 0) return true;
   return transport->adopted && errno == ENOPROTOOPT;

@@ -22,7 +22,7 @@ SocketCanTransport* transport_of(void* self) { return static_cast<SocketCanTrans
 
 // ---- receiving ----
 
-// What waited in the interface's queue is gone with it.
+// Frames that waited in the interface's queue are gone with it.
 void lose_link(SocketCanTransport* transport) {
   transport->link_down = true;
   transport->awaited = 0;

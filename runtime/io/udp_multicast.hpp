@@ -20,7 +20,7 @@ const char* parse_udpm_url(const char* url, UdpmUrl* parsed);
 /// Whether the URL names this provider at all.
 bool is_udpm_url(const char* url);
 
-/// What liblcm would find out in a banner of its own on stderr: whether datagrams to the URL's group can leave this
+/// The test that liblcm makes with a banner of its own on stderr: whether datagrams to the URL's group can leave this
 /// process and reach it. False with a sentence and the command that mends it in `error` (nullable). True for a URL of
 /// another provider, and for one that cannot be read, which is told elsewhere. Nothing is sent.
 bool has_multicast_route(const char* url, OpenError* error);

@@ -184,8 +184,8 @@ bool iterate_multiple(Ilqr& s) {
   return true;
 }
 
-/// What multiple shooting sends: the path's inputs from the present start, as they are or under the gains, whichever
-/// costs less. The path itself stays what the next tick begins with.
+/// The inputs that multiple shooting sends: those of the path from the present start, as they are or under the gains,
+/// whichever costs less. The path itself stays what the next tick begins with.
 void settle_multiple(Ilqr& s) {
   PathPlan& p = s.plan;
   roll_candidates(p, kStepAlpha, kStepBeta);

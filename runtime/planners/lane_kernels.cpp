@@ -92,7 +92,7 @@ F knot_tangent(const F& a, const F& b) {
   return min(max(F(0.5f) * (a + b), steep), flat);
 }
 
-/// What stands between two knots, over the fraction of the way; for lines only the first two are read.
+/// Interpolation between two knots over the fraction of the way; for lines only the first two are read.
 struct Segment {
   F from, slope, square, cube, low, high;
 };

@@ -23,7 +23,7 @@ double nearest_turn(double angle) {
 
 // ---- quadratic costs ----------------------------------------------------------------------------
 
-/// What is constant over time and iterations: the Hessians, and the rows of a, b that pass the last input on.
+/// Constants over time and iterations: the Hessians and the rows of a, b that pass the last input on.
 void write_hessians(PathPlan& p) {
   const std::size_t h = p.horizon, m = p.scenarios, n = p.n, s = m * n, nu = p.nu;
   std::memset(p.qxx, 0, (h + 1) * s * n * sizeof(double));

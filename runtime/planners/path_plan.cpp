@@ -80,7 +80,7 @@ void shift_path(PathPlan& p, std::uint64_t tick) {
 
 namespace {
 
-/// What does not change with the path: the rows that pass the last input on.
+/// The rows that pass the last input on. They do not change with the path.
 void write_constant_dynamics(PathPlan& p) {
   const std::size_t h = p.horizon, m = p.scenarios, n = p.n, nu = p.nu;
   std::memset(p.a, 0, h * m * n * n * sizeof(double));

@@ -225,7 +225,7 @@ void find_least_penalties(Sampler& s) {
     if (!(s.least_penalty[m] < kInfinity)) s.least_penalty[m] = 0.0f;
 }
 
-/// What a cost of particle m gets of its penalty. The mean over particles does not care which of them a constant was
+/// The penalty's share of particle m's cost. The mean over particles does not care which of them a constant was
 /// taken from; a tail does.
 float counted_penalty(const Sampler& s, std::uint32_t m, float penalty) {
   const float own = penalty - s.least_penalty[m];
@@ -233,7 +233,7 @@ float counted_penalty(const Sampler& s, std::uint32_t m, float penalty) {
   return own + (s.least_penalty[m] - static_cast<float>(s.reference));
 }
 
-/// What of the penalties is the same for all samples.
+/// The part of the penalties that is the same for all samples.
 double shared_penalty(const Sampler& s) {
   double least = static_cast<double>(s.least_penalty[0]), sum = 0.0;
   for (std::uint32_t m = 0; m < s.particles; ++m) {
@@ -243,7 +243,7 @@ double shared_penalty(const Sampler& s) {
   return s.settings->risk == tiller_risk_mean ? sum / s.particles : least;
 }
 
-/// Costs of this iteration, less what all samples share. What was told of this plan before is told anew.
+/// Costs of this iteration, less what all samples share. What was told of this plan before is told again.
 void add_penalties(Sampler& s) {
   find_least_penalties(s);
   const double before = s.reference;

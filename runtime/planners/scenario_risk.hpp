@@ -16,7 +16,7 @@ namespace tiller {
 class ScenarioRisk {
  public:
   void lay_out(const tiller_planner_config_t& settings) { settings_ = &settings; }
-  /// Begins anew for `count` scenarios, all weights equal.
+  /// Starts again for `count` scenarios, all weights equal.
   void begin(std::uint32_t count);
   std::uint32_t count() const { return count_; }
   bool mean() const { return settings_->risk == tiller_risk_mean; }

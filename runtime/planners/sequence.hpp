@@ -20,7 +20,7 @@ double limit_command(const InputLimit& limit, double wish, double last);
 double admit_command(const InputLimit& limit, double last, double fallback);
 
 /// Knots slide with time: they stay where they are on the clock while the horizon moves over them, so that shifting a
-/// plan by a period is exact whatever their spacing. (Knots fixed to the horizon would have to be read off anew at
+/// plan by a period is exact whatever their spacing. (Knots fixed to the horizon would have to be read off again at
 /// every tick, and a sequence that is interpolated again and again is a different one: after 8 ticks its kinks are off
 /// by a third, and a cart-pole swings up at 8 % more cost.) Knot j stands j * steps / spans - phase / spans periods
 /// after now, steps = horizon - 1 and spans = knots - 1; behind the last knot, for at most one knot spacing, its

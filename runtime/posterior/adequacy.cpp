@@ -138,7 +138,7 @@ void AdequacyTest::remember(Channel& channel, double y) const {
   channel.recent += kRecent * (channel.previous - channel.recent);
 }
 
-/// What the sum of a feature's products may vary more than independent ones would.
+/// Excess variance of the sum of a feature's products over that of independent ones.
 double AdequacyTest::variance_share(std::uint32_t feature) const {
   const bool alternates =
       feature == disturbances_ || (feature >= kInputs && feature < disturbances_ && (feature - kInputs) % 2 == 1);

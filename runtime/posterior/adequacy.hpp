@@ -49,7 +49,7 @@ std::uint32_t velocity_state(const tiller_model_t& model, std::uint32_t i);
 ///     E = sqrt(r / (V + r)) exp(S^2 / (2 (V + r)))
 /// (Robbins 1970; Howard, Ramdas, McAuliffe and Sekhon, Annals of Statistics 49, 2021, section 3.2), and by Ville's
 /// inequality it ever exceeds 1 / level with probability at most `level`. Changes late in a run are seen because the
-/// sums begin anew every kSpacing ticks and live for kCohorts * kSpacing; half of the level is for the
+/// sums start again every kSpacing ticks and live for kCohorts * kSpacing; half of the level is for the
 /// first of them (a model is wrong from the start, mostly), the rest is split over the others, either over channels and
 /// features (Shin, Ramdas and Rinaldo, "E-detectors", 2023, for the same idea without the split).
 ///
@@ -76,13 +76,13 @@ class AdequacyTest {
   static AdequacyTest* lay_out(Arena& arena, const tiller_config_t& config, bool overlap);
 
   void reset();
-  /// The sums begin anew, because the posterior does; an alarm stays.
+  /// The sums start again, because the posterior does; an alarm stays.
   void restart();
   /// Takes an alarm back: what was learnt since explains the data.
   void withdraw() { state_ = tiller_adequacy_adequate; }
   /// Whether the sums gave an alarm in this tick, an earlier one or not.
   bool sounds() const { return sounds_; }
-  /// The state estimate begins anew: the innovations of the next kSettling ticks are not tested.
+  /// The state estimate starts again: the innovations of the next kSettling ticks are not tested.
   void begin();
   void take(const Innovation& innovation);
 

@@ -1,4 +1,4 @@
-// What no engine takes in.
+// Transitions that no engine takes in.
 
 #include "posterior/posterior.hpp"
 

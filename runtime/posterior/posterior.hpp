@@ -50,10 +50,10 @@ class Posterior {
 
   /// Draws the particles from the prior; forgets everything.
   virtual void reset() = 0;
-  /// First measurement after reset (or after a gap: parameters are kept, the state estimate begins anew). measured
+  /// First measurement after reset (or after a gap: parameters are kept, the state estimate starts again). measured
   /// (ny), NaN: missing. Refuses infinite values (sensor_not_finite), leaving everything as it was.
   virtual tiller_status_t start(const double* measured) = 0;
-  /// Begins anew from the prior in mid-run, because the parameters have changed; measured (ny) is the last measurement.
+  /// Restarts from the prior in mid-run, because the parameters have changed; measured (ny) is the last measurement.
   /// An engine may keep its estimate of the noise.
   virtual void restart(const double* measured) {
     reset();
@@ -107,7 +107,7 @@ class Posterior {
   virtual double log_predictive() const { return 0.0; }
   /// Whether the model explains the data, tested at every tick; null where config.posterior.adequacy is 0.
   virtual const AdequacyTest* adequacy() const { return nullptr; }
-  /// Takes an alarm back and begins the test anew.
+  /// Takes an alarm back and restarts the test.
   virtual void clear_adequacy() {}
   virtual void report(PosteriorReport& report) const { report = {}; }
 

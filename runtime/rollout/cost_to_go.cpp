@@ -60,7 +60,7 @@ bool solve(Square m, Square& b) {
   return true;
 }
 
-/// What a parameter is before anything was measured.
+/// Value of a parameter before anything was measured.
 double centre(const tiller_prior_t& prior) {
   if (prior.kind == tiller_prior_fixed) return prior.a;
   if (prior.kind == tiller_prior_uniform) return 0.5 * (prior.low + prior.high);

@@ -47,7 +47,7 @@ struct Part {
 /// Of one register of trajectories.
 template <class Model, class S>
 struct RegisterPlan {
-  static constexpr int kKept = 2;  // more substeps than these are planned anew each time
+  static constexpr int kKept = 2;  // more substeps than these are planned again each time
   static constexpr int kMostParts = Model::kMostInputs + 1;
 
   typename InputDelay<typename ValueOf<S>::type>::Reach delay[Model::kMostInputs];

@@ -89,7 +89,7 @@ double feedback_input(const FeedbackJob& job, const Plane& plane, Point* t, cons
   return wish < low ? low : wish > high ? high : wish;  // a NaN comes through
 }
 
-/// What a state costs, the inputs' own terms left out; u is null at the end of the horizon.
+/// Cost of a state without the inputs' own terms; u is null at the end of the horizon.
 double own_cost(const FeedbackJob& job, std::uint64_t row, const double* x, const double* u, const double* p) {
   const CostTerms<double>& cost = *job.cost;
   if (!cost.has(kCostOwnFunction)) return 0.0;

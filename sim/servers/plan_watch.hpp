@@ -26,7 +26,7 @@ class PlanWatch {
     proof_ = proof;
     watched_ = moving;
   }
-  /// What comes now is not to be obeyed, nor to feed the motor's watchdog.
+  /// Commands from now on are not obeyed and do not feed the motor's watchdog.
   bool hung(std::int64_t time_us) const { return timeout_us_ > 0 && watched_ && time_us - fresh_us_ >= timeout_us_; }
 
  private:

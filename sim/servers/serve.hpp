@@ -66,7 +66,7 @@ struct ServeOptions {
   std::function<void(const Plant&, const PlantMeasurement&)> on_period;
 };
 
-/// What happened, for the caller to print.
+/// Outcome, for the caller to print.
 struct ServeReport {
   std::uint64_t periods = 0;
   std::uint64_t commands = 0;         ///< applied

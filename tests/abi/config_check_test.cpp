@@ -36,7 +36,7 @@ void demonstrate(C& c) {
 
 double no_cost(const double*, const double*, const double*, double, void*) { return 0.0; }
 
-/// A right cost of one's own, anew at every call.
+/// A right cost of one's own, new at every call.
 tiller_own_cost_t& own(C& c) {
   static tiller_own_cost_t cost;
   cost = {sizeof(tiller_own_cost_t), TILLER_CONFIG_VERSION, no_cost, nullptr, nullptr};
@@ -45,7 +45,7 @@ tiller_own_cost_t& own(C& c) {
   return cost;
 }
 
-/// A right joint prior of the pendulum's two inferred parameters, anew at every call.
+/// A right joint prior of the pendulum's two inferred parameters, new at every call.
 struct Joint {
   double weight[2] = {0.25, 0.75};
   double mean[4] = {1.0, 0.05, 1.4, 0.15};

@@ -1,4 +1,4 @@
-// What a model's step costs on a Cortex-M7, in instructions: a row for every built-in model of this build, integrator,
+// Cost of a model's step on a Cortex-M7, in instructions: a row for every built-in model of this build, integrator,
 // with and without an effect. The rows stand in tools/doctor/instruction_costs.def, where `tiller size` reads them.
 
 #include "board.hpp"

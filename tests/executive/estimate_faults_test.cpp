@@ -22,7 +22,7 @@ TEST(Transition, NoLearningInSafe) {
   EXPECT_EQ(fakes::posterior.transitions.size(), before);
   (void)b.executive->reset();
   (void)b.tick();
-  EXPECT_EQ(fakes::posterior.starts, 2) << "the state estimate begins anew";
+  EXPECT_EQ(fakes::posterior.starts, 2) << "the state estimate starts again";
 }
 
 TEST(Learn, NothingIsPlannedFromAnEstimateThatDidNotTakeTheMeasurementIn) {
@@ -35,7 +35,7 @@ TEST(Learn, NothingIsPlannedFromAnEstimateThatDidNotTakeTheMeasurementIn) {
   EXPECT_EQ(b.state(), tiller_state_active) << "once; the last plan's next step goes out";
   EXPECT_EQ(b.executive->info().posterior_failures, 1u);
   fakes::posterior.update_status = tiller_status_tempered;
-  EXPECT_EQ(b.tick(), tiller_status_ok) << "the filters begin anew at this measurement";
+  EXPECT_EQ(b.tick(), tiller_status_ok) << "the filters start again at this measurement";
   EXPECT_EQ(fakes::posterior.starts, 2);
   EXPECT_EQ(fakes::planner.plans, plans + 1);
   EXPECT_EQ(b.tick(), tiller_status_tempered);

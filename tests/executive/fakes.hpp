@@ -9,7 +9,7 @@
 
 namespace fakes {
 
-/// What the fake planner is to answer and what it was asked.
+/// Answers of the fake planner, and the requests that it got.
 struct Planner {
   double command[TILLER_MAX_INPUTS] = {};
   tiller::PlanResult result = {tiller_status_ok, 1, 0.0};
@@ -25,7 +25,7 @@ struct Planner {
 };
 extern Planner planner;
 
-/// What the fake posterior is to answer and what it was told. Its state mean is the last measurement and zero
+/// Answers of the fake posterior, and the data that it got. Its state mean is the last measurement and zero
 /// velocities, its parameters are one half.
 struct Posterior {
   tiller_status_t start_status = tiller_status_ok, update_status = tiller_status_ok;

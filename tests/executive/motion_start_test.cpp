@@ -63,7 +63,7 @@ TEST(Task, StepsCountFromWhereMotionBegins) {
   (void)b.executive->disarm();
   (void)b.tick();
   b.activate();
-  EXPECT_EQ(fakes::planner.task_step, 0u) << "motion begins anew, and the task with it";
+  EXPECT_EQ(fakes::planner.task_step, 0u) << "motion starts again, and the task with it";
 }
 
 TEST(Task, PreparationIsForTheNextTick) {

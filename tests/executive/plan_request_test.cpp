@@ -1,4 +1,4 @@
-// What a planner is asked for: iterations, deadline, and the state where the command takes hold.
+// A request to a planner: iterations, deadline, and the state where the command takes hold.
 #include <gtest/gtest.h>
 
 #include "bench.hpp"

@@ -1,6 +1,6 @@
 #pragma once
 
-// What a fuzzer's source includes. It defines LLVMFuzzerTestOneInput, which any engine drives: libFuzzer in a build
+// Included by a fuzzer's source, which defines LLVMFuzzerTestOneInput, which any engine drives: libFuzzer in a build
 // with TILLER_FUZZ, run_corpus.cpp elsewhere.
 
 #include <cstddef>

@@ -75,7 +75,7 @@ tiller_measurement_t measurement_of(fuzz::Bytes& input, std::uint32_t count) {
   return m;
 }
 
-/// What our own plants write is what the runtime reads.
+/// Our own plants' messages are read by the runtime.
 void check_round_trip(fuzz::Bytes& input) {
   const std::uint32_t count = 1 + input.byte() % TILLER_MAX_MEASUREMENTS;
   const tiller_measurement_t sent = measurement_of(input, count);

@@ -48,7 +48,7 @@ inline const tiller::tools::RobotFile& robot() {
   return file;
 }
 
-/// What every reader of logs promises: columns of one length.
+/// Every reader of logs promises columns of one length.
 inline void check_log_shape(const tiller::tools::Log& log) {
   require(log.line.size() == log.rows(), "a line for every row");
   for (const auto& column : log.state) require(column.empty() || column.size() == log.rows(), "states of one length");

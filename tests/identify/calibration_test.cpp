@@ -1,4 +1,4 @@
-// What identify says of its own doubt: parameter intervals as wide as their errors, and predictive bands that hold nine
+// Uncertainty as identify reports it: parameter intervals as wide as their errors, and predictive bands that hold nine
 // in ten ends, on a plant whose code is this file's own.
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-// What a log may look like, and what is said when it does not: file, line, column, remedy.
+// Accepted logs, and the errors for all others: file, line, column, remedy.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -14,7 +14,7 @@ import numpy as np  # noqa: E402
 
 from tiller_tools import identify_report, page, report, table  # noqa: E402
 
-# What run_facts_json says of write_run's columns.
+# Meaning of write_run's columns, as run_facts_json gives it.
 COLUMNS = {"states": {"angle_rad": "rad", "rate_rad_s": "rad/s"}, "angles": ["angle_rad"], "measured": ["angle_rad"],
            "inputs": {"force_N": "N"}, "parameters": {"pole_mass_kg": "kg", "cart.damping_SI": "N s/m"}, "tracked": []}
 PARAMS = {"pole_mass_kg": (0.05, 0.15, 0.083), "cart.damping_SI": (0.1, 0.3, 0.2)}

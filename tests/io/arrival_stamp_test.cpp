@@ -163,7 +163,7 @@ TEST(InterfaceClock, ClocksThatAreSetCostHalfASecondAtMost) {
   }
 }
 
-/// The interface is reset: its clock begins anew.
+/// The interface is reset: its clock starts again.
 TEST(InterfaceClock, AnInterfaceThatBeginsAnewIsBelievedAgain) {
   InterfaceClock clock;
   Interface before(90000000 * kMs, 30, 5), after(1000, 30, 6);

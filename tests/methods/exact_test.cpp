@@ -153,7 +153,7 @@ TEST(SimOpt, FindsThePendulum) {
   }
 }
 
-// What docs/theory/methods.md warns of: iterations narrow the Gaussian whether or not there are data for it.
+// docs/theory/methods.md warns of this: iterations narrow the Gaussian whether or not there are data for it.
 TEST(SimOpt, ShrinksWithEveryIterationWhateverTheDataTell) {
   const TestLog log = pendulum_log(6, 0.05, 21);  // a tenth of the data
   const MethodResult result = run("step_simopt", log.problem());

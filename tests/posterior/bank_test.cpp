@@ -355,7 +355,7 @@ TEST(Bank, RecoversFromAGainThatDoubles) {
 
 TEST(Bank, CountersNeverFallThoughHypothesesBeginAnewAndTheLeadChanges) {
   const auto c = forgetting();
-  // the gain doubles and halves: rates begin anew again and again
+  // the gain doubles and halves: rates start again again and again
   const auto log = simulate(
       c, [](int k) { return k / 300 % 2 ? 1.4 : 0.7; }, 0.3, 1200, 733, 0);
   Bank p(c);

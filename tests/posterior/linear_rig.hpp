@@ -144,7 +144,7 @@ struct Log {
 };
 
 /// Simulates the system with process and measurement noise scaled by `noise` (a standard deviation), forces drawn
-/// anew every five steps.
+/// again every five steps.
 inline Log simulate(const tiller_config_t& c, double gain, double damping, int steps, unsigned seed, double noise = 1.0,
                     double force = 1.0) {
   std::mt19937_64 random(seed);

@@ -2,7 +2,7 @@
 
 #include <string>
 
-/// What one instruction set's lanes got wrong; empty text for nothing.
+/// Errors of one instruction set's lanes; empty text for none.
 struct PackReport {
   int width_f32, width_f64;
   double sincos_f32, sincos_f64;                 // largest absolute error, |x| <= 8192 and 1e6

@@ -1,4 +1,4 @@
-// What only some drives have, and which of them may share a bus.
+// Settings that only some drives have, and which drives may share a bus.
 #include "drive_rig.hpp"
 #include "sim/devices/moteus_axis.hpp"
 

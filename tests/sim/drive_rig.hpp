@@ -69,7 +69,7 @@ struct RobotBus {
     for (const sim::CanFrame& frame : frames)
       EXPECT_TRUE(robot.receive(to_robot(frame), now_us)) << "identifier " << frame.id;
   }
-  /// What went out reaches the drive, and its answers come back.
+  /// Sent frames reach the drive, and its answers come back.
   void deliver(const CanFrame* frames, std::uint32_t count, sim::DriveAxis& drive, const sim::Shaft& shaft,
                std::int64_t now_us = 0) {
     for (std::uint32_t i = 0; i < count; ++i) {

@@ -30,7 +30,7 @@ extern "C" int clock_gettime(clockid_t clock, timespec* now) {
 namespace tiller {
 namespace {
 
-/// What becomes of one message.
+/// Fate of one message.
 enum class Fate { kArrives, kIsLost, kArrivesTwice, kArrivesAfterTheNext };  // the next one that arrives
 
 /// A third of all messages is lost, a tenth each is doubled and delayed.

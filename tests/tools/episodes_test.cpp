@@ -69,7 +69,7 @@ sensors = { position_m = { sd = 0.0005 }, angle_rad = { sd = 0.002 } }
   return robot ? *robot : RobotFile{};
 }
 
-/// The simulated plant, anew for each episode; `interrupt_at` raises SIGINT in that tick of all.
+/// The simulated plant, new for each episode; `interrupt_at` raises SIGINT in that tick of all.
 struct Plants {
   std::unique_ptr<SimPlant> plant;
   std::unique_ptr<Link> link;

@@ -155,7 +155,7 @@ TEST(MixtureFit, FewPointsAreWidenedAndOnePointIsNoCollapse) {
   EXPECT_GE(std::sqrt(single.covariance[0]), 2.0e-4);
 }
 
-/// Deviations of 512 points of `prior` after `rounds` of fitting and drawing anew from the fit, without any data, over
+/// Deviations of 512 points of `prior` after `rounds` of fitting and drawing again from the fit, without any data, over
 /// those before: (d), geometric mean of six series. What is drawn is random: the deviation of 512 points is off by some
 /// 2 % in each round (cut draws are not stratified), 6 % after ten, and the mean of six series by 2.6 %.
 std::vector<double> carried_over(const std::vector<tiller_prior_t>& prior, int rounds) {

@@ -86,7 +86,7 @@ void add_listeners(const std::string& name, std::vector<CanFinding>& findings) {
   if (any) findings.push_back(describe_can_listeners(listeners));
 }
 
-/// What the robot file asks of the bus: FD for moteus; at most three frames a motor and one for the board.
+/// Demands of the robot file on the bus: FD for moteus; at most three frames a motor and one for the board.
 bool read_demand(const Arguments& a, CanDemand& demand, std::string& interface) {
   demand.fd = a.fd;
   if (a.robot.empty()) return true;

@@ -13,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What was learnt of the whole model, as the prior of a run (docs/guide/episodes.md).
+/// The posterior of the whole model, as the prior of a run (docs/guide/episodes.md).
 bool write_posterior(const fs::path& path, const RobotFile& robot, const Assessed& whole, std::string& error) {
   if (!whole.candidate.learns()) return true;
   StoredPosterior stored = store_posterior(whole.candidate.config, whole.candidate.params, {whole.fit.samples, {}});

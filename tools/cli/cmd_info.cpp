@@ -90,7 +90,7 @@ void print_unread(const RobotFile& robot) {
   if (!unread.empty()) std::printf("             %s does not read %s\n", planner.c_str(), join(unread).c_str());
 }
 
-/// What a tick takes here, predicted from its work and measured; a warning where the robot would wait for it.
+/// Time of a tick on this machine, predicted from its work and measured; a warning where the robot would wait for it.
 void print_tick(const RobotFile& robot) {
   constexpr double kBudget_s = 1.0;
   TickForecast forecast;

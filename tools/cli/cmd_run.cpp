@@ -130,7 +130,7 @@ EpisodesOptions episodes_options(const Arguments& a) {
   return options;
 }
 
-/// What a tick will take, before a simulated run hides it; true where it does not fit the period.
+/// Predicted time of a tick, before a simulated run hides it; true where it does not fit the period.
 bool predict_tick(const Arguments& a, const RobotFile& robot) {
   constexpr double kBudget_s = 0.25;
   const double deadline_s = 1e-6 * robot.config.planner.deadline_us;
@@ -162,7 +162,7 @@ int run_command(Arguments& a) {
   }
   Opened opened;
   const OpenEpisode open = [&](const RobotFile& now, std::vector<double>& true_params, std::string& error) {
-    // a robot behind a transport stays connected; a plant in this process begins anew
+    // a robot behind a transport stays connected; a plant in this process starts again
     if ((a.sim || !opened.link) && !open_link(a, a.sim ? now : *robot, opened, error))
       return static_cast<Link*>(nullptr);
     true_params = opened.true_params;

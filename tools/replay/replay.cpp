@@ -14,7 +14,7 @@ struct FreeBlock {
   void operator()(void* block) const { std::free(block); }
 };
 
-/// What the host did to the controller before the tick, in its order. False: more than the record keeps.
+/// Calls of the host on the controller before the tick, in their order. False: more than the record keeps.
 bool repeat_calls(tiller_t* controller, const RecordEntry& entry) {
   for (std::uint32_t calls = entry.record.calls; calls != 0; calls >>= 4) {
     switch (calls & 15u) {
@@ -29,8 +29,8 @@ bool repeat_calls(tiller_t* controller, const RecordEntry& entry) {
   return true;
 }
 
-/// What the record's configuration points to is not in the record: it is taken from the robot file. False where that
-/// is another task.
+/// Objects that the record's configuration points to are not in the record: they are taken from the robot file. False
+/// where that is another task.
 bool take_pointers(const RobotFile& robot, tiller_config_t& config) {
   const tiller_cost_config_t& from = robot.config.cost;
   tiller_cost_config_t& to = config.cost;

@@ -12,7 +12,7 @@ namespace fs = std::filesystem;
 
 std::string object_of(const std::string& source) { return fs::path(source).stem().string() + ".o"; }
 
-/// What links the model; its lines, if it is not built in, are added to `text`.
+/// Link options of the model; its lines, if it is not built in, are added to `text`.
 std::string model_object(const ModelRequest& request, const std::string& indent, std::string& text) {
   if (request.file.empty()) return "";
   const fs::path file = request.file;

@@ -232,7 +232,7 @@ std::string model_text(const RobotFile& robot, std::string& declaration) {
   return "tiller_model()";
 }
 
-/// What the file is, how it is called, and how it is built.
+/// The file's purpose, its name, and how to build it.
 std::string head_text(const RobotFile& robot, const std::string& prefix, const std::string& config_file) {
   const std::string file = std::filesystem::path(robot.path).filename().string();
   const std::string extension = std::filesystem::path(robot.model_request.file).extension().string();

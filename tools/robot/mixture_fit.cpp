@@ -158,7 +158,7 @@ Components best_mixture(const Sample& s, const Matrix& floor, const Component& w
   return best;
 }
 
-/// What is not known of a component's mean and covariance after n points, to first order the predictive density's
+/// Uncertainty of a component's mean and covariance after n points, to first order the predictive density's
 /// width: (n + 1) / (n - 1), at most fourfold.
 void widen_for_count(Components& components) {
   for (Component& c : components) c.covariance *= std::min(4.0, (c.points + 1.0) / std::max(c.points - 1.0, 0.1));

@@ -204,7 +204,7 @@ std::string first_errors(const std::string& output) {
   return text.empty() ? "  | " + output : text;
 }
 
-/// What a cache entry consists of.
+/// Parts of a cache entry.
 struct Entry {
   fs::path object;
   fs::path beside(const char* extension) const {

@@ -18,7 +18,7 @@ using Json = nlohmann::ordered_json;
 constexpr const char* kFormat = "tiller posterior";
 constexpr int kVersion = 1;
 constexpr std::uintmax_t kLargest_bytes = 1 << 20;  // sixteen parameters and 64 components take a third of it
-constexpr const char* kAnew = "write it anew with tiller run --save-posterior or tiller identify -o";
+constexpr const char* kAnew = "write it again with tiller run --save-posterior or tiller identify -o";
 
 /// FNV-1a, 64 bits, over the text without the checksum.
 std::string checksum_of(const Json& json) {
@@ -373,7 +373,7 @@ std::vector<std::size_t> match_parameters(const StoredPosterior& posterior, cons
     const int at = index_of(posterior.params, name);
     if (at < 0) {
       refuse("parameters: has nothing of " + name,
-             "give " + name + " a number in the robot file, or learn anew with it");
+             "give " + name + " a number in the robot file, or learn again with it");
       continue;
     }
     const auto j = static_cast<std::size_t>(at);
@@ -389,7 +389,7 @@ std::vector<std::size_t> match_parameters(const StoredPosterior& posterior, cons
       if (mean >= coordinate_low(prior) && mean <= coordinate_high(prior)) continue;
       refuse("mixture[" + std::to_string(c + 1) + "].mean: " + name + " = " +
                  number_text(from_coordinate(prior, mean)) + " lies outside of the robot file's bounds",
-             "widen them to hold it, or learn anew");
+             "widen them to hold it, or learn again");
     }
   }
   for (const std::string& name : posterior.params)

@@ -115,7 +115,7 @@ std::string remedy_for(const Words& path) {
   return (spec ? std::string(spec->help) + "; " : std::string()) + "see `tiller help robot-file`";
 }
 
-/// What an engine of the posterior wants of the rest of the file; empty where the field is a setting of its own.
+/// Demands of a posterior's engine on the rest of the file; empty where the field is a setting of its own.
 std::string engine_wants(const RobotFile& robot, const std::string& field) {
   if (field == "measurement" || field == "measured_state") {
     Words missing;
@@ -132,7 +132,7 @@ std::string engine_wants(const RobotFile& robot, const std::string& field) {
   return {};
 }
 
-/// What only the library's own check sees: multiples, and combinations of values.
+/// Errors that only the library's own check sees: multiples, and combinations of values.
 void check_whole(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   const char* field = nullptr;
   const tiller_status_t status = tiller_config_check(&robot.config, &field);

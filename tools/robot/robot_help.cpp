@@ -16,7 +16,7 @@ T field(const tiller_config_t& config, int offset, std::size_t index = 0) {
   return value;
 }
 
-/// What tiller_config_default leaves in an array: one number, or that it depends on the state or input.
+/// Default of an array in tiller_config_default: one number, or that it depends on the state or input.
 std::string array_default(const tiller_config_t& config, const KeySpec& key, std::size_t count) {
   const double first = field<double>(config, key.offset);
   for (std::size_t i = 1; i < count; ++i) {

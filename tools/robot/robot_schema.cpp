@@ -275,7 +275,7 @@ const std::vector<KeySpec> kOthers = {
      "hold: a row's input is in force until the next (commands); mean: measured at the row's instant"},
 };
 
-/// What the reader of the file does where a key is left out, in the place of the configuration's default.
+/// Behaviour of the file's reader where a key is left out, in the place of the configuration's default.
 const char* default_of_reader(const char* field) {
   static const std::pair<const char*, const char*> kKnown[] = {
       {"substeps", "by the noise"},

@@ -8,7 +8,7 @@
 namespace tiller::tools {
 namespace {
 
-/// What to write: "a number above 0 and at most 10".
+/// The allowed values in words: "a number above 0 and at most 10".
 std::string number_remedy(const char* what, const KeySpec& spec) {
   const bool low = std::isfinite(spec.low);
   const bool high = std::isfinite(spec.high);

@@ -173,7 +173,7 @@ std::vector<double> at_periods(const Table& table, const std::vector<std::vector
   return out;
 }
 
-/// What one file says, all demonstrations' angles on the same turn at their start.
+/// Content of one file, all demonstrations' angles on the same turn at their start.
 void take_turns_of(const Trajectory& first, const tiller_model_t& model, Trajectory& other) {
   for (std::uint32_t i = 0; i < model.state_count; ++i) {
     if ((model.angle_mask >> i & 1) == 0) continue;

@@ -80,7 +80,7 @@ Json plane_of(const RobotFile& robot) {
   return plane;
 }
 
-/// What each column of the log is: a reader that told commands from counters by their names would draw the counters
+/// Meaning of each column of the log: a reader that told commands from counters by their names would draw the counters
 /// that a later version adds.
 Json columns(const RobotFile& robot) {
   const Words all = parameter_units(robot.config, robot.params);

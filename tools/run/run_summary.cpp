@@ -123,7 +123,7 @@ std::string summary(const RobotFile& robot, const RunOptions& options, const Run
   text += posterior_lines(robot, options, result);
   if (result.info.adequacy == tiller_adequacy_inadequate) text += "  " + inadequacy(robot, result.info) + "\n";
   if (result.info.relearned > 0)
-    text += format("  the robot seemed to have changed: learnt anew %llu times (docs/theory/posterior.md, relearn)\n",
+    text += format("  the robot seemed to have changed: learnt again %llu times (docs/theory/posterior.md, relearn)\n",
                    static_cast<unsigned long long>(result.info.relearned));
   text += tick_line(robot, result) + log_line(result.log);
   return options.real_time ? text + pace_lines(robot, result.pace) : text;

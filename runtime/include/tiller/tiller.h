@@ -183,7 +183,7 @@ typedef struct tiller_posterior_config {
                               measurement_sd, which is inferred; 0: process_sd and measurement_sd share one factor;
                               in [0, 10] */
   uint32_t relearn;  /**< filter: 1: an alarm of the adequacy test in motion makes what was learnt one half of a new
-                              prior, beside the configured one, so that a robot that has changed is learnt anew */
+                              prior, beside the configured one, so that a robot that has changed is learnt again */
   uint32_t reserved; /**< 0 */
 } tiller_posterior_config_t;
 
@@ -427,7 +427,7 @@ typedef enum tiller_adequacy {
   tiller_adequacy_untested = 0, /**< switched off, or too few data yet */
   tiller_adequacy_adequate = 1,
   tiller_adequacy_inadequate = 2 /**< no parameter value explains a channel; until tiller_reset, or until a posterior
-                                      that has learnt anew explains it */
+                                      that has learnt again explains it */
 } tiller_adequacy_t;
 
 /** The quantity that the normalised innovations of an inadequate model depend on. */
@@ -468,7 +468,7 @@ typedef struct tiller_info {
   uint64_t late_plans;                 /**< ticks whose deadline left no time for a single iteration */
   uint64_t gate_clipped, gate_rejections; /**< commands cut to a limit; commands with NaN or infinity */
   uint64_t plan_failures;              /**< ticks without a finite plan, or with a plan that was used up */
-  uint64_t posterior_failures;         /**< updates that no particle took in, and filters begun anew after a pause */
+  uint64_t posterior_failures;         /**< updates that no particle took in, and filters started again after a pause */
   uint32_t adequacy;                   /**< tiller_adequacy_t */
   uint32_t inadequate_channel;         /**< index of the measurement whose innovations gave the alarm */
   uint32_t inadequate_feature;         /**< tiller_feature_t */
@@ -479,7 +479,7 @@ typedef struct tiller_info {
   double forgetting_weight[TILLER_MAX_FORGETTING]; /**< of the configured rates */
   double discrepancy_share; /**< of the residuals' squares that the discrepancy basis takes up, 0..1 */
   uint64_t plans;           /**< finite plans that the planner has made; stands still while it does not get that far */
-  uint64_t relearned;       /**< times that the posterior began to learn anew because the robot seemed to have changed */
+  uint64_t relearned;       /**< times that the posterior began to learn again because the robot seemed to have changed */
   uint64_t lost_transitions; /**< transitions that no longer judge moves: no finite step near the particles */
 } tiller_info_t;
 
@@ -497,7 +497,7 @@ tiller_status_t tiller_arm(tiller_t* t);
 tiller_status_t tiller_disarm(tiller_t* t);
 /** Latches SAFE at once, for reasons that only the caller sees (emergency stop, actuator fault, bus-off). */
 tiller_status_t tiller_stop(tiller_t* t, tiller_status_t why);
-/** Leaves SAFE: -> INIT, disarmed. The posterior over the parameters is kept; the state estimate starts anew. */
+/** Leaves SAFE: -> INIT, disarmed. The posterior over the parameters is kept; the state estimate starts again. */
 tiller_status_t tiller_reset(tiller_t* t);
 
 /** Does now what the next tick's plan needs and can be done without its measurement (gradient planners: shift,

@@ -233,7 +233,7 @@ struct Solve {
     return terms ? sum / static_cast<double>(terms) : 0.0;
   }
 
-  /// What the eliminated bound leaves in its variable's gradient and diagonal.
+  /// The eliminated bound's share of its variable's gradient and diagonal.
   static double weight(const Bound& b) {
     const double a = b.y / b.t;
     if (!b.soft) return a;

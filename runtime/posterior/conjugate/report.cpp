@@ -1,4 +1,4 @@
-// What the closed form tells: moments, quantiles, particles.
+// Report of the closed form: moments, quantiles, particles.
 
 #include <cmath>
 

@@ -1,4 +1,4 @@
-// What the adequacy test is fed with: each value against the mixture's prediction, and what disturbances would have put
+// Input of the adequacy test: each value against the mixture's prediction, and what disturbances would have put
 // into it.
 
 #include <cmath>

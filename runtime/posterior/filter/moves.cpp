@@ -75,7 +75,7 @@ void FilterPosterior::place_lane(const Chunk& chunk, std::uint32_t l, const doub
   chunk.process_scale[l] = has_ratio_ ? ratio_scale(coordinate[cloud_.named]) : 1.0;
 }
 
-/// What the summary says of each proposal less what it says of the present parameters.
+/// The summary's log density of each proposal less that of the present parameters.
 void FilterPosterior::sum_past(std::uint32_t moves) {
   const std::uint32_t lanes = round_up(moves, kChunk);
   std::memset(proposed_sums_, 0, sizeof(double) * rows_ * move_lanes_);

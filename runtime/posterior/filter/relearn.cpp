@@ -15,10 +15,10 @@ namespace tiller {
 
 namespace {
 
-/// An alarm within so many ticks of learning anew is no change of the robot: no parameters explain it. And who has
+/// An alarm within so many ticks of learning again is no change of the robot: no parameters explain it. And who has
 /// explained the data for as long has been right.
 constexpr std::uint32_t kTrial = 1024;
-/// What was known of the noise is worth so many values from then on.
+/// Number of values that the earlier knowledge of the noise is worth from then on.
 constexpr double kNoiseWorth = 20.0;
 
 }  // namespace

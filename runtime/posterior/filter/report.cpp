@@ -1,4 +1,4 @@
-// What the posterior tells: moments, quantiles, particles.
+// Report of the posterior: moments, quantiles, particles.
 
 #include <cmath>
 

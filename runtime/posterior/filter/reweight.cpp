@@ -68,7 +68,7 @@ void FilterPosterior::resample() {
   ++resamplings_;
 }
 
-/// What the particles carry goes where they went.
+/// Data that the particles carry moves with them.
 void FilterPosterior::permute_carried() {
   const auto permute = [this](double* rows, std::uint32_t count) {
     for (std::uint32_t i = 0; i < count; ++i) cloud_.permute(rows + std::size_t{i} * n_);

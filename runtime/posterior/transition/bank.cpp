@@ -167,7 +167,7 @@ void BankPosterior::restart_rate(std::uint32_t rate) {
   }
 }
 
-/// An engine that begins anew may count from zero again; what it counted until then stays counted.
+/// An engine that starts again may count from zero again; what it counted until then stays counted.
 void BankPosterior::restart_member(std::uint32_t member) {
   retired_.add(*engine_[member]);
   engine_[member]->restart(last_);

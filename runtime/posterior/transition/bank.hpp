@@ -19,7 +19,7 @@ namespace tiller {
 /// 1995). A rate's is the same with a slow forgetting of its own, as in dynamic model averaging (Raftery, Karny and
 /// Ettler, Technometrics 52, 2010), in favour of the first rate as long as the others predict no better.
 ///
-/// Where a faster rate predicts better by kClear nats, what the slower ones know has become untrue: they begin anew
+/// Where a faster rate predicts better by kClear nats, what the slower ones know has become untrue: they start again
 /// from the prior, are not used while they learn, and come back as trusted as the best. (A faster cloud's own sums are
 /// no good start: they still hold the old data's share, which a slower one would keep for long.)
 ///
@@ -60,7 +60,7 @@ class BankPosterior final : public Posterior {
   void clear_adequacy() override;
   void report(PosteriorReport& report) const override;
 
-  /// Begun anew because a faster rate predicted better.
+  /// started again because a faster rate predicted better.
   std::uint64_t restarts() const { return restarts_; }
 
  private:
@@ -125,12 +125,12 @@ class BankPosterior final : public Posterior {
   std::uint32_t best_delay_ = 0, leader_ = 0;
   double delay_evidence_[TILLER_MAX_HYPOTHESES] = {};  // logs, the largest 0
   double rate_evidence_[TILLER_MAX_FORGETTING] = {};
-  std::uint32_t age_[TILLER_MAX_FORGETTING] = {};  // ticks since it began anew, saturating
+  std::uint32_t age_[TILLER_MAX_FORGETTING] = {};  // ticks since it started again, saturating
   double delay_weight_[TILLER_MAX_HYPOTHESES] = {}, rate_weight_[TILLER_MAX_FORGETTING] = {};
   double weight_[kMaxMembers] = {};
   double log_predictive_ = 0.0;
   std::uint64_t restarts_ = 0;
-  Counts retired_;  // of members' lives that ended when they began anew
+  Counts retired_;  // of members' lives that ended when they started again
 };
 
 }  // namespace tiller

@@ -21,12 +21,12 @@ constexpr double kLogFaster = -2.5;
 /// A faster rate that predicts better by this: not by a cluster of large values, which a faster rate's wider noise
 /// explains better by up to ten nats, but by a change, of which a single tick often tells more.
 constexpr double kClear = 20.0;
-/// Ticks that a cloud which began anew has to learn in: what it predicts meanwhile is as wide as the prior, says
+/// Ticks that a cloud which started again has to learn in: what it predicts meanwhile is as wide as the prior, says
 /// nothing of its rate, and neither counts nor is used. Twice the memory of a rate of .94, so that a slower cloud comes
 /// out of it knowing more of the robot as it is now than the faster one that it takes over from.
 constexpr std::uint32_t kTrial = 32;
 
-/// What a non-finite density, of a cloud that died, is taken for.
+/// Replacement for the non-finite density of a cloud that died.
 constexpr double kDead = -50.0;
 double finite(double log_density) { return std::isfinite(log_density) ? std::fmax(log_density, -1e6) : kDead; }
 

@@ -1,4 +1,4 @@
-// What the members say together.
+// The members' joint report.
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-// What the discrepancy's regressors are, and when they come into force.
+// The discrepancy's regressors, and when they come into force.
 
 #include <cmath>
 #include <cstring>
@@ -12,7 +12,7 @@ namespace {
 /// Transitions after which the regressors' scale is taken, once and for all: sums over different regressors would not
 /// add up.
 constexpr std::uint32_t kScaleTicks = 16;
-/// Ticks after that at which the regressors of what the ring holds are taken anew, kScaleTicks transitions a tick: the
+/// Ticks after that at which the regressors of what the ring holds are taken again, kScaleTicks transitions a tick: the
 /// first ones came from a cloud that was still wide.
 constexpr std::uint64_t kAgain[] = {16, 48};
 /// Least strength at which dry friction is taken, in what moves a velocity by a deviation of its configured noise.

@@ -1,4 +1,4 @@
-// What the adequacy test is fed with: the newest transition against what the particles predicted.
+// Input of the adequacy test: the newest transition against what the particles predicted.
 
 #include <cmath>
 

@@ -1,4 +1,4 @@
-// What leaves the ring: its exact share of each particle's sums, and its polynomials for the summary.
+// A transition leaves the ring: its exact share of each particle's sums, and its polynomials for the summary.
 
 #include <cstring>
 

@@ -174,7 +174,7 @@ class TransitionCloud {
   float* design_residual_ = nullptr;       // (nx x points)
 
   bool discrepancy_begun_ = false;
-  std::uint64_t begun_at_ = 0, again_ = 0, again_end_ = 0;  // transitions whose regressors are to be taken anew
+  std::uint64_t begun_at_ = 0, again_ = 0, again_end_ = 0;  // transitions whose regressors are to be taken again
   double basis_scale_[kMaxPushed * kMaxRegressors] = {};    // (columns) 1 / root mean square
   double least_dry_force_[kDiscrepancyJoints] = {};
   double dry_force_[kDiscrepancyJoints] = {};  // strength at which dry friction is taken

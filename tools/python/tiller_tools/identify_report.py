@@ -234,7 +234,7 @@ def adequacy_figure(candidate: dict) -> str:
                             "parameters explains the data; one run of 10,000 steps in a hundred gets there by chance.")
 
 
-# What a feature of the residuals points to (tiller_feature_t).
+# Likely causes of a feature of the residuals (tiller_feature_t).
 MEANING = {"bias": "a constant force, or an offset", "velocity": "viscous friction or drag",
            "velocity_sign": "dry friction", "input": "a gain of the drive", "input_change": "a delay or lag of the drive",
            "previous": "something that stays for a while", "size": "more noise than was stated, or growing"}
