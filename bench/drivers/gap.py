@@ -12,6 +12,7 @@ Sections:
     null      nothing hidden: false alarms
     two       two effects at once
     outside   effects that the catalogue lacks
+    mujoco    one effect hidden in machines that MuJoCo simulates, and none (--seeds N, --kinds A,B)
     sindy     PySINDy on the sealed data
     emps      a measured ball-screw axis (--emps FOLDER; never shipped)
     xl330     a measured servo (--xl330 FOLDER)
@@ -37,16 +38,17 @@ import subprocess
 import sys
 
 import _gap_confusion as confusion
+import _gap_mujoco as mujoco
 import _gap_sindy as sindy
 from _driver import ROOT, note, run_table, summary
 
 WORLDS = ["sealed", "null", "two", "outside"]
 MACHINES = ["emps", "xl330", "dfki"]
 OTHERS = {"loop": "bench_gap_loop", "residual": "bench_gap_residual"}
-SECTIONS = [*WORLDS, "sindy", *MACHINES, *OTHERS]
+SECTIONS = [*WORLDS, "mujoco", "sindy", *MACHINES, *OTHERS]
 TITLES = {"sealed": "one hidden effect", "null": "nothing hidden", "two": "two hidden effects",
           "outside": "hidden effects that the catalogue lacks", "emps": "EMPS", "xl330": "XL330", "dfki": "DFKI pendulum",
-          "sindy": "PySINDy on the same data", "loop": "closing the loop", "residual": "when nothing fits"}
+          "mujoco": "MuJoCo's machines", "sindy": "PySINDy on the same data", "loop": "closing the loop", "residual": "when nothing fits"}
 QUICK = {"sealed": ["--seeds", "1", "--noises", "0.002"], "null": ["--seeds", "1", "--noises", "0.002"]}
 # logs of the XL330 that nothing is fitted to
 HELD_OUT = "up_and_down"
@@ -99,10 +101,21 @@ def run_section(section, args):
         return run_table(section, programs / "bench_gap", arguments + (["--tune"] if args.tune else []))
     if section == "sindy":
         return sindy.run(args)
+    if section == "mujoco":
+        return mujoco.run(mujoco_arguments(args))
     if section in MACHINES:
         arguments = machine_arguments(section, args)
         return run_table(section, programs / "bench_gap_measured", arguments) if arguments else ([], True)
     return run_table(section, programs / OTHERS[section], args.rest)
+
+
+def mujoco_arguments(args):
+    """Its own options are among those that go after the section's name."""
+    parser = argparse.ArgumentParser(prog="./dev bench gap mujoco", allow_abbrev=False)
+    parser.add_argument("--seeds", type=int, default=1 if args.quick else 2, help="of every kind, plant and noise")
+    parser.add_argument("--kinds", type=lambda text: text.split(","), default=[])
+    own = parser.parse_args(args.rest if args.sections == ["mujoco"] else [])
+    return argparse.Namespace(**{**vars(args), **vars(own)})
 
 
 def parse(arguments):

@@ -202,8 +202,9 @@ TEST(Transition, EvidenceWithDiscrepancyIsAMultivariateT) {
   const double none = evidence.log_constant();
   evidence.log_likelihood(lanes, sums.data(), lanes, before.data());
   for (int k = 0; k < 30; ++k) {
-    const float weight[2] = {1.0f, 1.0f},
-                b[3] = {1.0f, static_cast<float>(rng.normal()), rng.normal() < 0 ? -1.0f : 1.0f};
+    const float weight[2] = {1.0f, 1.0f};
+    // of the velocity; then of the position, which nothing pushes here
+    const float b[6] = {1.0f, static_cast<float>(rng.normal()), rng.normal() < 0 ? -1.0f : 1.0f, 0.0f, 0.0f, 0.0f};
     basis.insert(basis.end(), b, b + 3);
     e[0].push_back(0.002 * rng.normal());
     e[1].push_back(0.02 * rng.normal() + 0.05 * static_cast<double>(b[2]));
