@@ -144,7 +144,7 @@ def run_case(case, makers, args):
     truth = sorted(f"{e['kind']}@{e['port']}" for e in sealed["effects"])
     logs = sorted(folder.glob("log_*.csv"))
     done = subprocess.run([str(args.build / "tools/tiller"), "gap", str(folder / "robot.toml"), *map(str, logs),
-                           "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False,
+                           "--json", "--threads", "1"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False,
                           env=dict(os.environ, **ONE_THREAD))
     try:
         result = json.loads(done.stdout)

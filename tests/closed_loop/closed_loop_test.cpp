@@ -46,7 +46,7 @@ constexpr std::uint64_t kSeeds = 20;
 
 class SwingUp : public ::testing::TestWithParam<tiller_planner_kind_t> {};
 INSTANTIATE_TEST_SUITE_P(Planners, SwingUp, ::testing::Values(tiller_planner_mppi, tiller_planner_cem),
-                         [](const auto& info) { return info.param == tiller_planner_mppi ? "mppi" : "cem"; });
+                         [](const auto& test) { return test.param == tiller_planner_mppi ? "mppi" : "cem"; });
 
 TEST_P(SwingUp, TwentySeeds) {
   std::uint64_t upright = 0;
@@ -70,8 +70,9 @@ TEST_P(SwingUp, TwentySeeds) {
   }
   EXPECT_GE(upright, kSeeds - 1);
   EXPECT_EQ(covered.size(), 3u);
-  if (kSeeds == 20)
+  if (kSeeds == 20) {
     for (const auto& [name, n] : covered) EXPECT_GE(n, 15u) << name;
+  }
 }
 
 TEST(Lockstep, SameSeedSameBitsForAnyNumberOfThreads) {

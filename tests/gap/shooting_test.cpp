@@ -89,6 +89,39 @@ TEST(Shooting, SlopesAreThoseOfCentralDifferences) {
   }
 }
 
+// Threads that share the windows change no bit of a fit with friction, whose windows are rescued now and then.
+TEST(Shooting, SameBitsForAnyNumberOfThreads) {
+  Synthetic world = viscous_world();
+  world.force = [](double, double v, double, double) { return -0.05 * std::tanh(v / 1e-3); };
+  const std::vector<EffectAt> effects = {{tiller_effect_coulomb_friction, 0}};
+  Problem alone(world, effects, 2, 100003);
+  alone.solve();
+  for (const unsigned count : {2u, 3u, 8u}) {
+    Problem shared(world, effects, 2, 100003);
+    ThreadPool threads(count);
+    shared.shooting = std::make_unique<Shooting>(shared.data, shared.windows, shared.config, shared.scales, &threads);
+    shared.shooting->prepare_whitening(shared.hypothesis, shared.fit);
+    shared.solve();
+    EXPECT_EQ(shared.fit.params, alone.fit.params) << count;
+    EXPECT_EQ(shared.fit.x0, alone.fit.x0) << count;
+    EXPECT_EQ(shared.fit.cost, alone.fit.cost) << count;
+    EXPECT_EQ(shared.fit.information, alone.fit.information) << count;
+    EXPECT_EQ(shared.fit.total(), alone.fit.total()) << count;
+  }
+}
+
+// A stop leaves a record that is whole: costs of the start states and parameters that it holds.
+TEST(Shooting, StopsWithACostOfWhatItHas) {
+  Problem p(viscous_world(), {{tiller_effect_viscous_friction, 0}}, 1, 100004);
+  volatile int stop = 1;
+  p.shooting->stop_at(&stop);
+  const std::vector<double> before = p.fit.params;
+  p.solve();
+  EXPECT_EQ(p.fit.params, before);
+  EXPECT_TRUE(p.fit.finite);
+  EXPECT_GT(p.fit.data_cost, 0);
+}
+
 TEST(Shooting, EliminationIsADenseSolve) {
   Problem p(viscous_world(), {{tiller_effect_viscous_friction, 0}}, 1, 100002);
   p.windows.resize(3);

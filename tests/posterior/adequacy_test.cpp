@@ -362,7 +362,9 @@ TEST(Adequacy, AlternatingValuesAreNoAlarmAndAlikeOnesAre) {
         before[0] = now;
       }
       EXPECT_EQ(alone.test->state() == tiller_adequacy_inadequate, share > 0.0) << overlap;
-      if (share > 0.0) EXPECT_EQ(alone.test->feature(), tiller_feature_previous);
+      if (share > 0.0) {
+        EXPECT_EQ(alone.test->feature(), tiller_feature_previous);
+      }
     }
 }
 

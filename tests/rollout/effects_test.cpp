@@ -23,9 +23,9 @@ std::vector<Case> all_cases() {
 }
 
 class EveryEffect : public ::testing::TestWithParam<Case> {};
-INSTANTIATE_TEST_SUITE_P(Effects, EveryEffect, ::testing::ValuesIn(all_cases()), [](const auto& info) {
-  return std::string(info.param.model->name) + "_" + effect_info(info.param.kind).name + "_" +
-         std::to_string(info.param.port);
+INSTANTIATE_TEST_SUITE_P(Effects, EveryEffect, ::testing::ValuesIn(all_cases()), [](const auto& test) {
+  return std::string(test.param.model->name) + "_" + effect_info(test.param.kind).name + "_" +
+         std::to_string(test.param.port);
 });
 
 TEST_P(EveryEffect, AtZeroIsTheIdentityToTheLastBit) {

@@ -28,8 +28,11 @@ TEST_P(EveryModel, TableIsComplete) {
   const tiller_model_t& m = *GetParam();
   EXPECT_EQ(tiller_find_model(m.name), &m);
   ASSERT_NE(m.kernels, nullptr);
-  for (Isa isa : all_isas())
-    if (isa != Isa::scalar) EXPECT_EQ(select_rollout(m, isa).isa, isa);
+  for (Isa isa : all_isas()) {
+    if (isa != Isa::scalar) {
+      EXPECT_EQ(select_rollout(m, isa).isa, isa);
+    }
+  }
   for (std::uint32_t j = 0; j < m.joint_count; ++j) {
     EXPECT_LT(m.joints[j].velocity, m.state_count);
     EXPECT_LT(m.joints[j].force, m.joint_count);

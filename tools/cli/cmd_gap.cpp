@@ -1,12 +1,16 @@
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <sstream>
+#include <thread>
 
 #include "effects/effect_info.hpp"
 #include "tools/base/output_file.hpp"
@@ -50,28 +54,48 @@ class StopOnInterrupt {
   struct sigaction before_ {};
 };
 
-/// On a terminal one line that overwrites itself, elsewhere a line a step.
+/// On a terminal one line that overwrites itself, elsewhere a line a step: the step, the time so far, the time left.
 class StepLine {
  public:
-  StepLine() : terminal_(isatty(STDERR_FILENO) != 0) {}
+  StepLine() : terminal_(isatty(STDERR_FILENO) != 0), started_(Clock::now()) {}
   ~StepLine() { clear(); }
   void show(const char* step, double share) {
+    const bool next = last_ != step;
+    if (next && !last_.empty()) place_ = std::min(place_ + 1, std::size(kDone) - 2);
+    last_ = step;
+    if (!terminal_ && !next) return;
+    const double done = kDone[place_] + share * (kDone[place_ + 1] - kDone[place_]);
+    const std::string text = step + times(done);
     if (terminal_) {
       std::string bar(20, '.');
-      for (std::size_t i = 0; i < bar.size() && static_cast<double>(i) < share * 20; ++i) bar[i] = '#';
-      std::fprintf(stderr, "\r\033[K[%s] %s", bar.c_str(), step);
+      for (std::size_t i = 0; i < bar.size() && static_cast<double>(i) < done * 20; ++i) bar[i] = '#';
+      std::fprintf(stderr, "\r\033[K[%s] %s", bar.c_str(), text.c_str());
       std::fflush(stderr);
-    } else if (last_ != step) {
-      std::fprintf(stderr, "gap: %s\n", step);
+    } else {
+      std::fprintf(stderr, "gap: %s\n", text.c_str());
     }
-    last_ = step;
   }
   void clear() {
     if (terminal_ && !last_.empty()) std::fprintf(stderr, "\r\033[K");
   }
 
  private:
+  using Clock = std::chrono::steady_clock;
+  /// Share of the whole that is done when each step begins: the nominal fit, then screening and fitting in turn, for one
+  /// effect and for the second that is looked for beside it. A search that finds nothing ends earlier, one for three
+  /// effects later.
+  static constexpr double kDone[] = {0, 0.02, 0.3, 0.5, 0.72, 0.8, 0.93, 0.97, 1};
+
+  std::string times(double done) const {
+    const double so_far_s = std::chrono::duration<double>(Clock::now() - started_).count();
+    if (so_far_s < 1) return "";
+    const std::string spent = ", " + format("%.0f", so_far_s) + " s";
+    return done < 0.1 || done >= 1 ? spent : spent + ", about " + format("%.0f", so_far_s * (1 / done - 1)) + " s left";
+  }
+
   bool terminal_;
+  Clock::time_point started_;
+  std::size_t place_ = 0;
   std::string last_;
 };
 
@@ -207,6 +231,7 @@ void add_gap_command(CLI::App& app, int& exit_code) {
       "gap", "find where model and logs disagree, name the missing effect, add it to the robot file");
   auto options = std::make_shared<GapOptions>();
   gap::Options& find = options->find;
+  find.threads = std::max(1u, std::thread::hardware_concurrency());
   command->add_option("ROBOT", options->robot, "robot file (.toml): model, priors, sensors, [log]")->required();
   command->add_option("LOGS", find.logs, "logs: CSV, LCM event logs, records of `tiller run --record`")->required();
   command->add_option("--hold-out", find.hold_out, "logs for the proof alone (default: a share of LOGS)");
@@ -218,6 +243,9 @@ void add_gap_command(CLI::App& app, int& exit_code) {
       ->check(check_kind);
   command->add_option("--max-effects", find.max_effects, "most effects in one explanation (default 3)")
       ->check(CLI::Range(1, 6));
+  command
+      ->add_option("--threads", find.threads, "threads that share the work; results are the same bits (default: all)")
+      ->check(CLI::Range(1, 256));
   command->add_option("--seed", find.seed, "of the permutations (default 1)")->check(CLI::PositiveNumber);
   command->add_flag("--json", options->json, "gap.json on standard output instead of the tables");
   command->footer(

@@ -80,11 +80,12 @@ bool Shooting::open_response(const Hypothesis& h, const Fit& fit, std::size_t in
   effects.push_back({tiller_effect_constant_offset, joint});
   Hypothesis pushed;
   if (!make_hypothesis(config_, effects, &scales_, pushed)) return false;
-  rollout_.use(h);
+  WindowRollout& rollout = scratch_[0].rollout;
+  rollout.use(h);
   stride_ = nx_ + 1;
-  differentiate(h, index, fit, false);
+  differentiate(scratch_[0], h, index, fit, false);
   if (!std::isfinite(gram_[index * kMostColumns * kMostColumns + stride_ * stride_ - 1])) return false;
-  const std::vector<double> path(rollout_.trajectory(), rollout_.trajectory() + std::size_t{w.points} * nx_ * kLanes);
+  const std::vector<double> path(rollout.trajectory(), rollout.trajectory() + std::size_t{w.points} * nx_ * kLanes);
 
   PushedSteps steps(model_, h, pushed, fit, data_.grids[w.grid].period_s, 0.01 * scales_.joint[joint].force);
   for (std::size_t first = 0; first + 1 < w.points; first += kLanes) {
@@ -121,7 +122,7 @@ double Shooting::position_between(const Window& w, const std::vector<double>& pa
 
 void Shooting::begin_response() {
   std::fill(deviation_.begin(), deviation_.end(), 0.0);
-  std::fill_n(rows_.begin(), std::size_t{ny_} * kLanes, 0.0);
+  std::fill_n(scratch_[0].rows.begin(), std::size_t{ny_} * kLanes, 0.0);
 }
 
 void Shooting::step_response(std::size_t, std::size_t k, const double* force) {
@@ -134,18 +135,21 @@ void Shooting::step_response(std::size_t, std::size_t k, const double* force) {
   }
   for (std::uint32_t r = 0; r < nx_; ++r) std::copy_n(next[r], kLanes, deviation_.begin() + r * kLanes);
   for (std::uint32_t i = 0; i < ny_; ++i)
-    std::copy_n(next[measured_[i]], kLanes, rows_.begin() + static_cast<std::ptrdiff_t>(((k + 1) * ny_ + i) * kLanes));
+    std::copy_n(next[measured_[i]], kLanes,
+                scratch_[0].rows.begin() + static_cast<std::ptrdiff_t>(((k + 1) * ny_ + i) * kLanes));
 }
 
-// columns_ holds the start state's derivatives and the residual, as differentiate() left them.
+// The scratch's columns hold the start state's derivatives and the residual, as differentiate() left them.
 void Shooting::end_response(std::size_t index) {
   const Window& w = windows_[index];
-  whitening_.apply(index, w, rows_.data());
+  double* rows = scratch_[0].rows.data();
+  const double* columns = scratch_[0].columns.data();
+  whitening_.apply(index, w, rows);
   const std::uint32_t nc = nx_ + 1;
   double along[(TILLER_MAX_STATES + 1) * kLanes] = {};
   std::fill(products_.begin(), products_.end(), 0.0);
   for (std::size_t r = 0; r < std::size_t{w.points} * ny_; ++r) {
-    const double *row = rows_.data() + r * kLanes, *column = columns_.data() + r * nc;
+    const double *row = rows + r * kLanes, *column = columns + r * nc;
     for (std::uint32_t c = 0; c < nc; ++c)
       for (std::uint32_t l = 0; l < kLanes; ++l) along[c * kLanes + l] += column[c] * row[l];
     for (std::uint32_t i = 0; i < kLanes; ++i)

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <memory>
 #include <vector>
 
+#include "tools/base/thread_pool.hpp"
 #include "tools/gap/fit/whitening.hpp"
 #include "tools/gap/fit/window_rollout.hpp"
 
@@ -34,11 +36,16 @@ struct FitSettings {
 /// the trial steps: four lengths of the parameters' step by four of the start state's, each window taking the best of
 /// its own, which is what gets fits past the kinks of dry friction.
 ///
+/// Threads share the windows. Every window's numbers are its own and sums are taken in the windows' order, so results are
+/// the same bits for any number of threads.
+///
 /// Cost: two rollouts of 16 lanes per window and iteration (more lanes where parameters are many).
 class Shooting {
  public:
   Shooting(const WindowData& data, const std::vector<Window>& windows, const tiller_config_t& config,
-           const Scales& scales);
+           const Scales& scales, ThreadPool* threads = nullptr);
+  /// Where *stop is not zero, fits end with the step they are in.
+  void stop_at(const volatile int* stop) { stop_ = stop; }
 
   const std::vector<Window>& windows() const { return windows_; }
   /// Starts a fit's record: priors' centres for parameters that `params` lacks.
@@ -70,14 +77,24 @@ class Shooting {
   const double* response_products() const { return products_.data(); }
   std::size_t values(std::size_t index) const { return whitening_.values(index); }
   /// On the heap, for `windows` windows of up to `points` points: taken by the constructor, fixed from then on.
-  static std::size_t bytes_for(const tiller_config_t& config, std::size_t windows, std::size_t points);
-  double rollouts() const { return rollouts_; }  ///< windows rolled out so far
+  static std::size_t bytes_for(const tiller_config_t& config, std::size_t windows, std::size_t points,
+                               unsigned threads = 1);
 
  private:
   static constexpr std::uint32_t kLanes = WindowRollout::kLanes;
   static constexpr std::uint32_t kMostColumns = TILLER_MAX_STATES + TILLER_MAX_PARAMS + 1;
+  /// Memory of one thread.
+  struct Scratch {
+    WindowRollout rollout;
+    std::vector<double> rows;     // (points * ny x lanes)
+    std::vector<double> columns;  // (points * ny x columns)
+  };
+  /// work(scratch, n) for n = 0 .. count - 1, each with the memory of the thread that it falls to.
+  template <class Work>
+  void share(std::size_t count, const Work& work);
+  static double penalty_of(const Hypothesis& h, const double* params, std::size_t stride);
   void linearise(const Hypothesis& h, const std::vector<std::size_t>& which, const Fit& fit, bool params);
-  void differentiate(const Hypothesis& h, std::size_t index, const Fit& fit, bool params);
+  void differentiate(Scratch& scratch, const Hypothesis& h, std::size_t index, const Fit& fit, bool params);
   double try_steps(const Hypothesis& h, const std::vector<std::size_t>& which, const std::vector<double>& step,
                    double damping, Fit& fit);
   bool rescue(const Hypothesis& h, const std::vector<std::size_t>& which, Fit& fit);
@@ -85,7 +102,12 @@ class Shooting {
                bool& current);
   bool solve(const Hypothesis& h, const std::vector<std::size_t>& which, const Fit& fit, double damping,
              std::vector<double>& step);
-  const double* residual_lanes(const Window& w, std::size_t index);
+  const double* residual_lanes(Scratch& scratch, std::size_t index);
+  /// Sums of squares of the residuals of every lane, after states and params were filled.
+  void lane_costs(Scratch& scratch, std::size_t index, double* cost);
+  /// A better start state of a window, tried in sixteen places; what it saves, 0 for nothing.
+  double rescue_window(Scratch& scratch, const Hypothesis& h, std::size_t index, Fit& fit);
+  bool stopped() const { return stop_ != nullptr && *stop_ != 0; }
 
   struct PushedSteps;
   void keep_step(const PushedSteps& steps, std::size_t k, std::uint32_t lane);
@@ -102,13 +124,12 @@ class Shooting {
   const Scales& scales_;
   std::uint32_t nx_, ny_;
   std::uint8_t measured_[TILLER_MAX_MEASUREMENTS];
-  WindowRollout rollout_;
+  ThreadPool* threads_;
+  const volatile int* stop_ = nullptr;
+  std::vector<Scratch> scratch_;  // of each thread; the first one's is also what the rest of the class works in
   Whitening whitening_;
-  std::vector<double> rows_;     // (points * ny x lanes)
-  std::vector<double> columns_;  // (points * ny x columns)
-  std::vector<double> gram_;     // per window (columns x columns)
-  std::uint32_t stride_ = 0;     // columns of the last linearisation: start state, parameters, residual
-  double rollouts_ = 0;
+  std::vector<double> gram_;  // per window (columns x columns)
+  std::uint32_t stride_ = 0;  // columns of the last linearisation: start state, parameters, residual
   // of the response: (points x nx x nx), (points x nx), (points), (nx x lanes), (lanes + 1) x lanes
   std::vector<double> response_a_, response_b_, response_position_, deviation_, products_;
 };

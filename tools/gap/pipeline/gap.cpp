@@ -75,7 +75,7 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
   fine.substeps = std::max(config.substeps,
                            std::min(64u, static_cast<std::uint32_t>(std::ceil(config.period_s / kSubstep_s - 1e-9))));
   Session s{
-      fine, config.substeps, options, make_window_data(std::move(work), config), {}, {}, {}, {}, {}, {}, {}, {}, {},
+      fine, config.substeps, options, make_window_data(std::move(work), config), {}, {}, {}, {}, {}, {}, {}, {}, {}, {},
       1.0};
   s.windows = make_windows(s.data, config, kWindow_s, 0, own);
   split_windows(s.windows, hold_out.empty() ? kTestShare : 0.0);
@@ -98,7 +98,9 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
   }
   s.scales = measure_scales(s.data, s.windows, config, prior_centre(config).data());
   s.candidates = candidates_of(config, options);
-  s.shooting = std::make_unique<Shooting>(s.data, s.windows, config, s.scales);
+  s.threads = std::make_unique<ThreadPool>(std::max(1u, options.threads));
+  s.shooting = std::make_unique<Shooting>(s.data, s.windows, config, s.scales, s.threads.get());
+  s.shooting->stop_at(options.stop);
   result.memory_bytes = memory_bound(s);
 
   SearchResult found = search(s);
@@ -115,6 +117,7 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
   s.progress("proof", 0);
   test_on_holdout(s, found, result);
   conclude(s, found, param_names, result);
+  if (result.interrupted) result.sentence = "Stopped before the search came to its end. So far: " + result.sentence;
   s.progress("done", 1);
   result.cpu_s = cpu_now_s() - start_s;
   return result;

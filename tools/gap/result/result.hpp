@@ -138,6 +138,7 @@ struct Options {
   std::vector<std::string> only;  ///< kinds to consider; empty: all
   std::vector<EffectAt> given;    ///< taken for the explanation whatever the data say; empty: searched for
   std::uint64_t seed = 1;
+  std::uint32_t threads = 1;  ///< that share the windows; results are the same bits for any number
   std::function<void(const char* step, double share)> progress;  ///< may be empty
   const volatile int* stop = nullptr;                            ///< set by Ctrl-C: finish the step, keep what is done
 };

@@ -61,7 +61,8 @@ void cross_validate(Session& s, Candidate& entry) {
     for (const std::size_t w : s.fold[f]) entry.cv_cost[w] = fit.cost[w];
   }
   entry.choice_nats = choice_nats(s, entry.effects());
-  entry.decided = true;
+  // costs of fits that were stopped halfway compare with nothing; the nominal model has to be there
+  entry.decided = !s.stopped() || entry.effects().empty();
 }
 
 Comparison compare(const Session& s, const Candidate& a, const Candidate& b) {

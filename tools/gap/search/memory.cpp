@@ -63,8 +63,8 @@ std::size_t memory_bound(const Session& s) {
   for (const Window& w : s.windows) points = std::max<std::size_t>(points, w.points);
   // a scan's path in lanes, steps of a search
   const std::size_t work = 2 * WindowRollout::bytes_for(s.config, points) + 8 * one;
-  return data_bytes(s) + Shooting::bytes_for(s.config, s.windows.size(), points) + sets * one + told + work +
-         std::max(localise_bytes(s), holdout_bytes(s));
+  return data_bytes(s) + Shooting::bytes_for(s.config, s.windows.size(), points, s.threads->size()) + sets * one +
+         told + work + std::max(localise_bytes(s), holdout_bytes(s));
 }
 
 }  // namespace tiller::tools::gap

@@ -31,6 +31,7 @@ struct Session {
   WindowData data;
   std::vector<Window> windows;
   Scales scales;
+  std::unique_ptr<ThreadPool> threads;
   std::unique_ptr<Shooting> shooting;
   std::vector<std::size_t> work, fold[2], test, screen;  ///< indices of windows
   std::vector<EffectAt> candidates;                      ///< that fit the model's ports
