@@ -241,7 +241,7 @@ function(tiller_test name)
     set(ARG_TIMEOUT 300)
   endif()
   if(CMAKE_CROSSCOMPILING_EMULATOR OR TILLER_SANITIZE OR TILLER_COVERAGE) # some twenty times slower
-    math(EXPR ARG_TIMEOUT "4 * ${ARG_TIMEOUT}")
+    math(EXPR ARG_TIMEOUT "10 * ${ARG_TIMEOUT}")
   endif()
   set(folder ${CMAKE_CURRENT_BINARY_DIR}/${name}_files)
   file(MAKE_DIRECTORY ${folder})
