@@ -11,14 +11,13 @@ import shutil
 import subprocess
 import sys
 
-FOLDERS = ["cmake", "runtime", "sim", "tools", "robots"]
+FOLDERS = ["cmake", "runtime", "sim", "tools", "harness", "bench", "robots"]
 ENGINE = """#include "posterior/filter/filter_posterior.hpp"
 
 namespace tiller {
 namespace {
-Posterior* lay_out_engine(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable&
-table,
-                          const tiller_hooks_t* hooks) {
+Posterior* lay_out_engine(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                          const RolloutTable& table, const tiller_hooks_t* hooks) {
   return FilterPosterior::lay_out(arena, config, setup, table, hooks);
 }
 }  // namespace

@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <poll.h>
-#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -92,10 +91,10 @@ class HeldSignals {
 // ---- the child --------------------------------------------------------------------------------------
 
 /// Between fork and exec: nothing but what a signal handler might call.
-[[noreturn]] void become(char* const* words, pid_t parent, int output, int failure, const sigset_t& mask) {
+/// Nothing is executed before the guard is there (`go`): what the program starts must not outlive a killed owner.
+[[noreturn]] void become(char* const* words, int go, int output, int failure, const sigset_t& mask) {
   setpgid(0, 0);
-  prctl(PR_SET_PDEATHSIG, SIGTERM);  // until the guard is there
-  if (getppid() != parent) _exit(127);
+  if (!read_byte(go)) _exit(127);
   const int nothing = ::open("/dev/null", O_RDONLY);
   dup2(nothing, STDIN_FILENO);
   dup2(output, STDOUT_FILENO);
@@ -134,28 +133,32 @@ class Child {
 
   /// 0, or why not.
   int start(char* const* words, const sigset_t& mask) {
-    Pipe failure;
-    if (!output_.open() || !lifeline_.open() || !failure.open()) return errno;
-    const pid_t parent = getpid();
+    Pipe failure, go;
+    if (!output_.open() || !lifeline_.open() || !failure.open() || !go.open()) return errno;
     child_ = fork();
     if (child_ < 0) return errno;
-    if (child_ == 0) become(words, parent, output_.write, failure.write, mask);
+    if (child_ == 0) {
+      Pipe::close(go.write);
+      become(words, go.read, output_.write, failure.write, mask);
+    }
     setpgid(child_, child_);  // whichever of the two is first
+    guard_ = fork();
+    if (guard_ == 0) {
+      for (int* end : {&lifeline_.write, &output_.read, &output_.write, &failure.read, &failure.write, &go.write})
+        Pipe::close(*end);
+      guard(child_, lifeline_.read);
+    }
     Pipe::close(output_.write);
     Pipe::close(failure.write);
+    if (guard_ > 0) (void)!::write(go.write, "", 1);
+    Pipe::close(go.write);
     int why = 0;
     ssize_t n = 0;
     do n = ::read(failure.read, &why, sizeof why);
     while (n < 0 && errno == EINTR);
-    if (n == sizeof why) {
+    if (n == sizeof why || guard_ < 0) {
       reap(child_);
-      return why;
-    }
-    guard_ = fork();
-    if (guard_ == 0) {
-      ::close(lifeline_.write);
-      ::close(output_.read);
-      guard(child_, lifeline_.read);
+      return n == sizeof why ? why : EAGAIN;
     }
     return 0;
   }
