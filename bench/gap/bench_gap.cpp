@@ -1,16 +1,18 @@
 // How often `tiller gap` names what was hidden, over worlds of gap_worlds.hpp.
 //
 //     bench_gap SECTION.. [--out FOLDER] [--seeds N] [--tune] [--jobs N] [--plants a,b] [--kinds a,b] [--noises x,y]
-//               [--cases N] [--no-oracle] [--tables]
+//               [--cases N] [--no-oracle] [--tables] [--keep]
 //
 // Sections: sealed null two outside. Every case adds a line to FOLDER/results.csv; cases that stand there are not run
 // again, so a run that was cut goes on. --tables runs nothing. --tune takes the tuning seeds (100001 and up) instead of
-// the scoring seeds (1 and up), and FOLDER/tuning.csv. --cases N stops after N cases.
+// the scoring seeds (1 and up), and FOLDER/tuning.csv. --cases N stops after N cases. --keep leaves the files of every
+// case in FOLDER, for `tiller gap`.
 
 #include <fcntl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -31,7 +33,7 @@ struct Arguments {
   std::string out = "gap";
   CasePlan plan;
   std::size_t jobs = 1, cases = SIZE_MAX;
-  bool tune = false, oracle = true, tables_only = false;
+  bool tune = false, oracle = true, tables_only = false, keep = false;
   std::string results() const { return out + (tune ? "/tuning.csv" : "/results.csv"); }
 };
 
@@ -68,6 +70,8 @@ bool parse(int argc, char** argv, Arguments& a) {
       a.tune = true;
     else if (word == "--no-oracle")
       a.oracle = false;
+    else if (word == "--keep")
+      a.keep = true;
     else if (word == "--tables")
       a.tables_only = true;
     else if (word == "--noises") {
@@ -96,7 +100,9 @@ void append(const std::string& path, const std::string& line) {
 void run_share(const std::vector<GapCase>& cases, std::size_t share, const Arguments& a) {
   const std::string folder = a.out + "/case_" + std::to_string(share);
   for (std::size_t i = share; i < cases.size(); i += a.jobs) {
-    const GapRow row = run_case(cases[i], folder, a.oracle);
+    std::string own = cases[i].id();
+    std::replace(own.begin(), own.end(), '/', '-');
+    const GapRow row = run_case(cases[i], a.keep ? a.out + "/" + own : folder, a.oracle, a.keep);
     append(a.results(), row_text(row));
     std::fprintf(stderr, "%zu/%zu %s r %.3g: %s %s -> %s%s%s\n", i + 1, cases.size(), row.id.c_str(), row.r,
                  row.verdict.c_str(), row.sets.c_str(), row.outcome.c_str(), row.note.empty() ? "" : ": ",

@@ -53,6 +53,7 @@ std::string row_text(const GapRow& row);
 std::vector<GapRow> read_rows(const std::string& path);
 
 /// Makes the world, asks find_gap(), judges. `folder` holds its files and is emptied. `oracle`: also fits the truth.
-GapRow run_case(const GapCase& c, const std::string& folder, bool oracle);
+/// `keep` leaves them there.
+GapRow run_case(const GapCase& c, const std::string& folder, bool oracle, bool keep = false);
 
 }  // namespace tiller::bench

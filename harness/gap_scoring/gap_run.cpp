@@ -94,7 +94,7 @@ void score(const World& world, const tools::RobotFile& robot, const Result& resu
 
 }  // namespace
 
-GapRow run_case(const GapCase& c, const std::string& folder, bool oracle) {
+GapRow run_case(const GapCase& c, const std::string& folder, bool oracle, bool keep) {
   GapRow row;
   row.id = c.id();
   row.section = c.section;
@@ -134,7 +134,7 @@ GapRow run_case(const GapCase& c, const std::string& folder, bool oracle) {
     row.gap_oracle = known.gap;
     row.note = count_covered(made, known.params, row.oracle_covered, row.oracle_intervals);
   }
-  fs::remove_all(folder);
+  if (!keep) fs::remove_all(folder);
   return row;
 }
 

@@ -29,6 +29,7 @@ struct Backlash {
     i.aliases[0] = "dead_zone";
     i.aliases[1] = "input_delay";
     i.aliases[2] = "coulomb_friction";
+    i.aliases[3] = "joint_inertia";  // where the gap does not open
     i.separation = "an encoder at the motor, or slow reversals: play is a distance, a delay a time";
     return i;
   }();

@@ -142,7 +142,6 @@ class Command(unittest.TestCase):
     def test_bad_logs_end_with_3_and_never_name(self):
         rows = simulate(7, FRICTION)
         bad = {
-            "gap": (rows[:300] + rows[390:], "are missing after line 301"),
             "twice": (rows[:300] + [rows[299]] + rows[300:], "repeats line 301"),
             "reversed": (rows[:300] + rows[200:300] + rows[300:], "backwards"),
             "nan": (rows[:50] + [(rows[50][0], math.nan, 0.0)] + rows[51:], "'nan'"),

@@ -9,6 +9,7 @@
 #include "tools/gap/localise/noise.hpp"
 #include "tools/gap/pipeline/data.hpp"
 #include "tools/gap/pipeline/data_quality.hpp"
+#include "tools/gap/pipeline/time_scale.hpp"
 #include "tools/open/robot_open.hpp"
 #include "tools/robot/robot_file.hpp"
 
@@ -124,7 +125,6 @@ std::vector<Bad> bad_logs() {
   all.push_back({"semicolons", sheet().text(';').replace(0, 27, "time_s;angle_rad;torque_Nm\n"), {":1:", "comma"}});
   add("wrong_names", [](Sheet& s) { s.header = "t,theta,tau"; },
       {":1:", "no column 'time_s'", "t, theta, tau", "[log]"});
-  add("gap", [](Sheet& s) { s.erase(300, 380); }, {":302:", "0.81 s are missing after line 301", "cut the file"});
   add("repeated", [](Sheet& s) { s.time[200] = s.time[199]; }, {":202:", "repeats line 201", "delete"});
   add("backwards", [](Sheet& s) { s.time[200] -= 0.5; }, {":202:", "backwards", "two files"});
   add("nan", [](Sheet& s) { s.angle[100] = NAN; }, {":102:", "'angle_rad' is 'nan'", "leave the cell"});
@@ -158,7 +158,7 @@ std::vector<Bad> bad_logs() {
       [](Sheet& s) {
         for (double& u : s.torque) u = 0;
       },
-      {"'torque_Nm' does not change", "record"});
+      {"'torque_Nm' does not change", "log the command that was sent"});
   add("still",
       [](Sheet& s) {
         for (double& q : s.angle) q = 5e-3 * q;
@@ -201,6 +201,63 @@ TEST(Gate, RefusesEveryBadLog) {
     for (const std::string& word : bad.said)
       EXPECT_NE(text.find(word), std::string::npos) << bad.name << " lacks '" << word << "'";
   }
+}
+
+TEST(Gate, CutsALogAtItsGaps) {
+  Sheet s = sheet();
+  s.erase(300, 380);
+  const Result result = judge({write("gap_cut.csv", s.text())});
+  EXPECT_TRUE(result.reasons.empty()) << all_of(result);
+  EXPECT_NEAR(result.data_s, 7.2, 0.1);
+  ASSERT_EQ(result.notes.size(), 1u);
+  EXPECT_NE(result.notes[0].find("1 gap(s)"), std::string::npos) << result.notes[0];
+}
+
+// A pendulum that swings freely tells of its joint; the same columns with a drive that was not logged tell of nothing.
+TEST(Gate, TakesFreeSwings) {
+  const auto swing = [](double q, double v, double) { return -9.81 / 0.4 * std::sin(q) - 0.05 * v; };
+  std::string text = "time_s,angle_rad\n";
+  Rng rng(3, 5, 7);
+  double q = 1.2, v = 0;
+  for (int k = 0; k < 800; ++k) {
+    char row[64];
+    std::snprintf(row, sizeof row, "%.6f,%.9g\n", 0.01 * k, q + 2e-3 * rng.normal());
+    text += row;
+    for (int fine = 0; fine < 20; ++fine) {
+      v += 0.0005 * swing(q, v, 0);
+      q += 0.0005 * v;
+    }
+  }
+  const Result result = judge({write("gap_free_swing.csv", text)});
+  EXPECT_TRUE(result.reasons.empty()) << all_of(result);
+  std::string notes;
+  for (const std::string& note : result.notes) notes += note + "\n";
+  EXPECT_NE(notes.find("no column of an input"), std::string::npos) << notes;
+  EXPECT_NE(notes.find("cannot be told"), std::string::npos) << notes;
+}
+
+TEST(TimeScale, IsOneForMachinesAndFollowsWhatIsFasterOrSlower) {
+  const auto scale = [](double hertz, double period_s) {
+    Synthetic s;
+    s.period_s = period_s;
+    tiller_config_t config = synthetic_config(s);
+    Grid grid;
+    grid.period_s = period_s;
+    grid.state.resize(2);
+    grid.input.resize(1);
+    Rng rng(1, 2, 3);
+    for (int k = 0; k < 4000; ++k) {
+      grid.state[0].push_back(0.5 * std::sin(6.283185307179586 * hertz * period_s * k) + 2e-3 * rng.normal());
+      grid.state[1].push_back(NAN);
+      grid.input[0].push_back(0);
+    }
+    return measure_time_scale(config, {grid});
+  };
+  for (const double hertz : {0.1, 0.3, 1.0, 3.0, 8.0}) EXPECT_EQ(scale(hertz, 0.01), 1) << hertz;
+  EXPECT_EQ(scale(0.01, 0.01), 1) << "who samples at 100 Hz has a reason";
+  // a sinusoid's autocorrelation is one half after a sixth of its period: 60 s of 6 minutes, 2.45 ms at 68 Hz
+  EXPECT_NEAR(scale(1 / 360.0, 4.0), 30, 4);
+  EXPECT_NEAR(scale(68, 1e-4), 0.123, 0.02);
 }
 
 TEST(Gate, TakesGoodLogs) {

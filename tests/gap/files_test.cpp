@@ -168,8 +168,8 @@ TEST(Verdicts, ExitCodes) {
   const struct {
     Verdict verdict;
     int code;
-  } all[] = {{Verdict::no_gap, 0}, {Verdict::named, 1},   {Verdict::ambiguous, 2},
-             {Verdict::partly, 2}, {Verdict::unnamed, 2}, {Verdict::unfit, 3}};
+  } all[] = {{Verdict::no_gap, 0},  {Verdict::named, 1},   {Verdict::ambiguous, 2}, {Verdict::partly, 2},
+             {Verdict::unnamed, 2}, {Verdict::leading, 2}, {Verdict::off_prior, 2}, {Verdict::unfit, 3}};
   for (const auto& c : all) {
     r.verdict = c.verdict;
     EXPECT_EQ(exit_code_of(r, 1.1), c.code) << verdict_name(c.verdict);

@@ -61,7 +61,8 @@ def gap_result(verdict: str = "named") -> dict:
                            _map("joint", "joint_Nm", "position", "angle_rad", 1.0, 0.01 * np.cos(x)),
                            _map("joint", "joint_Nm", "input_rate", "d torque_Nm/dt", 0.3, 0.01 * x)]},
         "ranking": ranking, "ambiguity": [0, 1] if verdict == "ambiguous" else [0] if found else [],
-        "separation": "move slowly through standstill" if verdict == "ambiguous" else "", "remaining_sigma": 1.02,
+        "leading": 1 if verdict == "leading" else None, "more_s": 20.0 if verdict == "leading" else 0.0,
+        "separation": "move slowly through standstill" if verdict in ("ambiguous", "leading") else "", "remaining_sigma": 1.02,
         "catalogue": catalogue, "robot_file": "out/arm_gap.toml" if found else None,
         "cost": {"cpu_s": 2.1, "memory_bytes": 12000000}, **gap}
     if verdict == "unfit":

@@ -20,7 +20,7 @@ from page_fixture import gap_result  # noqa: E402
 from schema_check import problems  # noqa: E402
 from tiller_tools import gap_report, page, table  # noqa: E402
 
-VERDICTS = ("no_gap", "named", "ambiguous", "partly_explained", "unnamed", "unfit")
+VERDICTS = ("no_gap", "named", "ambiguous", "partly_explained", "unnamed", "leading", "off_prior", "unfit")
 
 
 class Page(unittest.TestCase):

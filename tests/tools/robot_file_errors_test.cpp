@@ -48,7 +48,7 @@ const Mistake kMistakes[] = {
     {"section_as_value", "[robot]\nname = \"bench\"\nseed = 7\n", "robot = 3\n", "robot = 3", "robot = 3",
      "head the section with [robot]"},
     {"out_of_range", "substeps = 2", "substeps = 65", "substeps", "model.substeps = 65", "at least 1 and at most 64"},
-    {"period_zero", "period_s = 0.02", "period_s = 0", "period_s", "model.period_s = 0", "at least 0.0001"},
+    {"period_zero", "period_s = 0.02", "period_s = 0", "period_s", "model.period_s = 0", "at least 1e-05"},
     {"not_a_number", "sensor_timeout_s = 0.1", "sensor_timeout_s = nan", "sensor_timeout_s",
      "safety.sensor_timeout_s = nan", "is not a number"},
     {"infinite_limit", "high = 18", "high = inf", "force_N = { low", "limits.force_N.high = inf", "is infinite"},

@@ -13,10 +13,8 @@
 namespace tiller::tools {
 namespace {
 
-/// [log] tells of CSV files alone; the other formats say themselves what is what.
-LogMap map_of(const std::string& path, const RobotFile& robot) {
-  return log_format(path) == "csv" ? robot.log : LogMap();
-}
+/// [log] tells of files with columns of their own; the other formats say themselves what is what.
+LogMap map_of(const std::string& path, const RobotFile& robot) { return has_own_columns(path) ? robot.log : LogMap(); }
 
 bool read_logs(const RobotFile& robot, const std::vector<std::string>& paths, std::vector<Log>& logs,
                std::vector<std::string>& warnings, std::string& error) {

@@ -125,17 +125,19 @@ bool check_log(const Log& log, const LogMap& map, const tiller_model_t& model, d
     if (!log.state[i].empty())
       check_channel(log, model.state_names[i], column_of(map, model.state_names[i]), log.state[i], true, warnings,
                     error);
-  for (std::uint32_t i = 0; i < model.input_count && error.empty(); ++i)
+  for (std::uint32_t i = 0; i < model.input_count && error.empty() && !log.undriven; ++i)
     check_channel(log, model.input_names[i], column_of(map, model.input_names[i]), log.input[i], false, warnings,
                   error);
   for (std::uint32_t j = 0; j < model.joint_count && error.empty(); ++j)
     error = check_rate(log, map, model, model.joints[j]);
   if (!error.empty()) return false;
+  if (log.undriven && model.input_count > 0)
+    warnings.push_back(log.path + ": no column of an input: the robot is taken to move freely, every input 0");
   hint_degrees(log, map, model, warnings);
   const std::vector<Segment> segments = split_at_gaps(log);
   if (segments.size() > 1)
     warnings.push_back(log.path + ": " + std::to_string(segments.size() - 1) +
-                       " gap(s) longer than five typical steps; the state estimate begins anew after each");
+                       " gap(s) longer than five typical steps; the state estimate starts again after each");
   return true;
 }
 

@@ -97,6 +97,18 @@ double deviation_of(const tiller_config_t& config, std::uint32_t state) {
   return kNaN;  // logged, but not a sensor of the robot: not used
 }
 
+// No sensor's, and not the speed of a joint whose position is measured: nothing but the model says where it is.
+bool is_hidden(const tiller_config_t& config, std::uint32_t state) {
+  if (std::isfinite(deviation_of(config, state))) return false;
+  for (std::uint32_t j = 0; j < config.model->joint_count; ++j) {
+    const tiller_joint_t& joint = config.model->joints[j];
+    if (joint.velocity == state && joint.position != TILLER_NO_POSITION &&
+        std::isfinite(deviation_of(config, joint.position)))
+      return false;
+  }
+  return true;
+}
+
 // Normal equations of q(t) = c0 + c1 t + c2 t^2, solved by Cramer's rule: three unknowns.
 struct Parabola {
   double a[3][3] = {}, b[3] = {};
@@ -172,9 +184,14 @@ bool estimate_state(const Grid& grid, const tiller_config_t& config, std::size_t
     sd[i] = deviation_of(config, i) / std::sqrt(3.0);
   }
   for (std::uint32_t j = 0; j < model.joint_count; ++j)
-    if (model.joints[j].position != TILLER_NO_POSITION &&
+    if (model.joints[j].position != TILLER_NO_POSITION && !is_hidden(config, model.joints[j].position) &&
         !estimate_joint(grid, config, model.joints[j], point, reach, state, sd))
       return false;
+  for (std::uint32_t i = 0; i < model.state_count; ++i)
+    if (!std::isfinite(state[i]) && is_hidden(config, i)) {
+      state[i] = config.initial_state[i];
+      sd[i] = config.initial_state_sd[i];
+    }
   for (std::uint32_t i = 0; i < model.state_count; ++i)
     if (!std::isfinite(state[i])) return false;
   for (std::uint32_t i = 0; i < model.state_count; ++i)

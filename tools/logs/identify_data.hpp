@@ -25,6 +25,7 @@ struct Grid {
   std::string path;
   double first_time_s = 0;
   double period_s = 0;
+  double time_scale = 1;  ///< of what is slow and fast here, over that of a machine that moves within a second
   std::vector<std::vector<double>> state;  ///< (nx) of (points): interpolated; NaN where not measured
   std::vector<std::vector<double>> input;  ///< (nu) of (points): mean from the point to the next
   std::size_t points() const { return input.empty() ? 0 : input[0].size(); }
@@ -35,7 +36,8 @@ std::vector<Grid> make_grids(const Log& log, const LogMap& map, const tiller_con
 /// it: per joint a parabola of position over time, fitted by least squares to the positions and to the measured
 /// rates, weighted by the sensors' deviations, over +-half_width_s (at least two points to either side). States
 /// that belong to no joint are averaged over three points. `sd` (nx, nullable): what the sensors' deviations leave of
-/// doubt. False where a needed value is missing.
+/// doubt. A state that no sensor sees, and that is no speed of a measured position, is where [start] has it. False where
+/// a needed value is missing.
 bool estimate_state(const Grid& grid, const tiller_config_t& config, std::size_t point, double half_width_s,
                     double* state, double* sd = nullptr);
 

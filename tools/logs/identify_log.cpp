@@ -23,6 +23,8 @@ struct Channel {
   std::size_t index = 0;
   bool may_miss = false;  // an empty cell is a missing measurement
   std::vector<double>* out = nullptr;
+  bool input = false;
+  double zero = 0;  // what the column reads where the quantity is 0
 };
 
 std::vector<std::string> split_row(const std::string& text) {
@@ -70,9 +72,12 @@ bool find_columns(const std::vector<std::string>& header, std::vector<Channel>& 
     if (hits > 1)
       problems.add(1, "column '" + channel.column + "' appears twice in the header; rename one");
     else
-      problems.add(1, "no column '" + channel.column + "' for " + channel.field + "; the header has: " + join(header) +
-                          (near.empty() ? "" : " (did you mean '" + near + "'?)") +
-                          "; name the column in [log] columns = { " + channel.field + " = \"...\" }");
+      problems.add(
+          1, "no column '" + channel.column + "' for " + channel.field + "; the header has: " + join(header) +
+                 (near.empty() ? "" : " (did you mean '" + near + "'?)") + "; name the column in [log] columns = { " +
+                 channel.field + " = \"...\" }" +
+                 (channel.input ? ", or write [log] undriven = true if nothing drives the robot" : "") +
+                 (channel.field == "time" ? ", or [log] row_s = ... if the rows are as far apart as that" : ""));
   }
   return problems.none();
 }
@@ -91,7 +96,7 @@ double parse_cell(const Channel& channel, const std::string& cell, int line, Pro
     problems.add(line, "column '" + channel.column + "' is '" + cell + "'; " +
                            (channel.may_miss ? "leave the cell of a missing measurement empty" : "delete the row"));
   } else {
-    return value * channel.factor;
+    return (value - channel.zero) * channel.factor;
   }
   return missing;
 }
@@ -133,20 +138,34 @@ double factor_of(const LogMap& map, const std::string& field) {
   return found == map.units.end() ? 1.0 : unit_factor(found->second);
 }
 
+// A log with nothing but stamps and states is one of a robot that moves freely. A further column may be a command under
+// another name, so it takes a word in the robot file then.
+bool is_undriven(const LogMap& map, const tiller_model_t& model, const std::vector<std::string>& header) {
+  if (map.undriven) return true;
+  const auto is_state = [&](const std::string& name) {
+    for (std::uint32_t i = 0; i < model.state_count; ++i)
+      if (column_of(map, model.state_names[i]) == name) return true;
+    return name == map.time;
+  };
+  return std::all_of(header.begin(), header.end(), is_state);
+}
+
 std::vector<Channel> make_channels(const LogMap& map, const tiller_model_t& model, const std::vector<int>& measured,
                                    Log& log) {
   std::vector<Channel> channels;
-  channels.push_back({"time", map.time, factor_of(map, "time"), 0, false, &log.time_s});
+  if (!(map.row_s > 0)) channels.push_back({"time", map.time, factor_of(map, "time"), 0, false, &log.time_s});
   for (std::uint32_t i = 0; i < model.state_count; ++i) {
     const std::string field = model.state_names[i];
     const bool wanted = std::find(measured.begin(), measured.end(), static_cast<int>(i)) != measured.end();
     if (wanted || map.columns.count(field))
       channels.push_back({field, column_of(map, field), factor_of(map, field), 0, true, &log.state[i]});
   }
-  for (std::uint32_t i = 0; i < model.input_count; ++i) {
+  for (std::uint32_t i = 0; i < model.input_count && !log.undriven; ++i) {
     const std::string field = model.input_names[i];
-    channels.push_back({field, column_of(map, field), factor_of(map, field), 0, false, &log.input[i]});
+    channels.push_back({field, column_of(map, field), factor_of(map, field), 0, false, &log.input[i], true});
   }
+  for (Channel& channel : channels)
+    if (const auto zero = map.zeros.find(channel.field); zero != map.zeros.end()) channel.zero = zero->second;
   return channels;
 }
 
@@ -174,15 +193,20 @@ bool read_csv_log(std::istream& file, const std::string& path, const LogMap& map
   Problems problems(path);
   if (is_separator_other_than_comma(header))
     problems.add(1, "columns are separated by something else than a comma; export the log with commas");
-  std::vector<Channel> channels = make_channels(map, model, measured, log);
   const std::vector<std::string> names = split_row(header);
+  log.undriven = is_undriven(map, model, names);
+  std::vector<Channel> channels = make_channels(map, model, measured, log);
   if (problems.none() && find_columns(names, channels, problems))
     read_rows(file, names.size(), channels, log, problems);
+  for (std::size_t i = 0; map.row_s > 0 && i < log.line.size(); ++i)
+    log.time_s.push_back(static_cast<double>(i) * map.row_s);
   if (problems.none()) check_stamps(log, map.time, problems);
   if (problems.none() && log.rows() < 20)
     problems.add(1, std::to_string(log.rows()) + " rows are too few to learn from; at least 20");
   error = problems.text();
   if (!error.empty()) return false;
+  if (log.undriven)
+    for (auto& input : log.input) input.assign(log.rows(), 0.0);
   const double start = log.time_s[0];
   for (double& t : log.time_s) t -= start;
   return true;

@@ -15,6 +15,7 @@ struct Log {
   std::vector<double> time_s;              ///< (rows) from the first row on
   std::vector<std::vector<double>> state;  ///< (nx) of (rows); NaN: not measured; empty: no such column
   std::vector<std::vector<double>> input;  ///< (nu) of (rows)
+  bool undriven = false;                   ///< inputs are 0 because the log has none
   std::size_t rows() const { return time_s.size(); }
 };
 

@@ -174,6 +174,10 @@ bool read_controller(FileErrors& errors, const toml::table& root, RobotFile& rob
   read_parameters(errors, root, robot);
   read_measurements(errors, root, robot);
   read_bound_sections(errors, root, robot);
+  // a slow machine's measurements are not late because they are a period old
+  constexpr double kPeriodsToLate = 5;
+  if (!root["safety"]["sensor_timeout_s"] && robot.config.period_s > robot.config.safety.sensor_timeout_s)
+    robot.config.safety.sensor_timeout_s = kPeriodsToLate * robot.config.period_s;
   read_cost_terms(errors, root, robot);
   read_limits(errors, root, robot);
   read_transport(errors, root, robot);

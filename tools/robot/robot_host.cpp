@@ -219,6 +219,8 @@ void read_log_map(FileErrors& errors, const toml::table& root, RobotFile& robot)
   section.refuse_unknown();
   LogMap& log = robot.log;
   if (const auto time = section.text("time")) log.time = *time;
+  if (const auto row_s = section.number("row_s")) log.row_s = *row_s;
+  log.undriven = section.flag("undriven").value_or(false);
   if (const auto input = section.choice("input")) log.input = find_key("log", "input")->choices()[*input];
   Words names = robot.states;
   names.insert(names.end(), robot.inputs.begin(), robot.inputs.end());
@@ -238,6 +240,17 @@ void read_log_map(FileErrors& errors, const toml::table& root, RobotFile& robot)
     }
   };
   read_words("columns", names, log.columns);
+  if (const toml::table* zeros = section.subtable("zeros"))
+    for (auto&& [name, node] : *zeros) {
+      const std::string word(name.str()), path = section.path_of("zeros." + word);
+      if (index_of(names, word) < 0)
+        errors.at(node, path, "is no state or input of the model", remedy_for_unknown(word, names));
+      else if (!node.is_number() || !std::isfinite(*node.value<double>()))
+        errors.at(node, path, "is no number",
+                  "write what the column reads where " + word + " is 0, in the column's unit");
+      else
+        log.zeros[word] = *node.value<double>();
+    }
   names.emplace_back("time");
   read_words("units", names, log.units);
   for (const auto& [name, unit] : log.units) {

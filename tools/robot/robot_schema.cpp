@@ -268,17 +268,25 @@ const std::vector<KeySpec> kOthers = {
     {"log", "columns", K::other, "", "the same names", 0, 0, false, hand, nullptr, "{ state or input = \"column\" }"},
     {"log", "units", K::other, "", "SI", 0, 0, false, hand, nullptr,
      "{ time, state or input = \"unit\" }, e.g. { angle_rad = \"deg\" }"},
+    {"log", "zeros", K::other, "", "0", 0, 0, false, hand, nullptr,
+     "{ state or input = number }: what the column reads, in its unit, where the quantity is 0"},
     {"log", "input", K::choice, "", "hold", 0, 0, false, hand,
      [] {
        return Words{"hold", "mean"};
      },
      "hold: a row's input is in force until the next (commands); mean: measured at the row's instant"},
+    {"log", "row_s", K::number, "s", "by the stamps", 1e-6, 3600, false, hand, nullptr,
+     "from row to row, where the logs have no column of stamps"},
+    {"log", "undriven", K::flag, "", "false", 0, 1, false, hand, nullptr,
+     "true: nothing drives the robot in the logs, every input is 0; so it is without this key where a log has only "
+     "stamps and states"},
 };
 
 /// Behaviour of the file's reader where a key is left out, in the place of the configuration's default.
 const char* default_of_reader(const char* field) {
   static const std::pair<const char*, const char*> kKnown[] = {
       {"substeps", "by the noise"},
+      {"safety.sensor_timeout_s", "0.1; 5 periods where these are longer"},
       {"posterior.discrepancy", "true for transition, else false"},
       {"cost.saturating_width", "no say"},
       {"cost.own_weight", "1 with a cost of your own"}};

@@ -43,6 +43,13 @@ std::vector<double> deviations(const Hypothesis& h, const Fit& fit, double dispe
   return sd;
 }
 
+double widest_sd(const FreeParam& param, double mean) {
+  if (param.prior.kind == tiller_prior_normal) return param.prior.b;
+  if (param.prior.kind == tiller_prior_log_normal) return param.prior.b * std::fabs(mean);
+  const double width = param.high - param.low;
+  return std::isfinite(width) ? width / std::sqrt(12.0) : HUGE_VAL;
+}
+
 double interval_factor(const Hypothesis& h, const Fit& fit) {
   // Cornish and Fisher's expansion of Student's quantile: within 0.003 from ten degrees of freedom on
   constexpr double z = 1.959963984540054;

@@ -14,6 +14,9 @@ namespace tiller::tools::gap {
 ///     right where residuals are correlated within windows or larger in some than in others.
 std::vector<double> deviations(const Hypothesis& hypothesis, const Fit& fit, double dispersion);
 
+/// Standard deviation that a parameter's prior and bounds allow: data that say little widen neither.
+double widest_sd(const FreeParam& param, double mean);
+
 /// Half width of a 95 % interval in deviations: Student's t, since the windows tell the deviation too.
 double interval_factor(const Hypothesis& hypothesis, const Fit& fit);
 

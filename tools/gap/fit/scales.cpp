@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "rollout/rollout.hpp"
+#include "tools/gap/result/thresholds.hpp"
 
 namespace tiller::tools::gap {
 namespace {
@@ -99,7 +100,7 @@ Scales measure_scales(const WindowData& data, const std::vector<Window>& windows
     bool have = false;
     for (std::size_t k = w.start; k < w.start + w.points; k += stride) {
       double x[TILLER_MAX_STATES] = {};
-      if (!estimate_state(grid, config, k, 0.03, x)) {
+      if (!estimate_state(grid, config, k, kStateHalfWidth_s * grid.time_scale, x)) {
         have = false;
         continue;
       }

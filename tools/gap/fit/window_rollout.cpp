@@ -32,7 +32,8 @@ const double* WindowRollout::history(const Window& w, std::size_t start) {
 // Periods before the window over which effects follow the measured path: as many as there are without a hole.
 std::size_t WindowRollout::path_steps(const Window& w) const {
   const std::vector<double>& path = data_.path[w.grid];
-  const auto most = static_cast<std::size_t>(std::lround(kPathRunIn_s / data_.grids[w.grid].period_s));
+  const auto most = static_cast<std::size_t>(
+      std::lround(kPathRunIn_s * data_.grids[w.grid].time_scale / data_.grids[w.grid].period_s));
   std::size_t steps = 0;
   while (steps < most && steps < w.start && std::isfinite(path[(w.start - steps - 1) * model_.state_count])) ++steps;
   return steps;
@@ -64,11 +65,13 @@ void WindowRollout::follow_path(const Window& w, std::size_t start) {
 void WindowRollout::follow_commands(const Window& w, const EffectSlot& limiter, std::size_t start) {
   const std::uint32_t nu = model_.input_count;
   const double period = data_.grids[w.grid].period_s;
-  const auto most = static_cast<std::size_t>(std::lround(kLimiterRunIn_s / period));
+  const auto most = static_cast<std::size_t>(std::lround(kLimiterRunIn_s * data_.grids[w.grid].time_scale / period));
   double* out = effect_states_.data() + limiter.state * kLanes;
   const double* rate = params_.data() + limiter.param * kLanes;
   std::size_t k = start > most ? start - most : 0;
-  std::fill_n(out, kLanes, data_.controls[w.grid][k * nu + limiter.port]);
+  // a log begins with a drive that was off, unless the machine moves already; a stretch after a gap with its command
+  const bool off = k == 0 && data_.begins_at_rest[w.grid];
+  std::fill_n(out, kLanes, off ? 0.0 : data_.controls[w.grid][k * nu + limiter.port]);
   for (; k < start; ++k) {
     const double command = data_.controls[w.grid][k * nu + limiter.port];
     for (std::uint32_t l = 0; l < kLanes; ++l) {

@@ -19,11 +19,28 @@ void unwrap(std::vector<double>& angle) {
   }
 }
 
+// A log's beginning, with every joint slower than a twentieth of its typical speed.
+bool at_rest(const Grid& grid, const tiller_model_t& model, const std::vector<double>& path) {
+  constexpr double kStill = 0.05;
+  const std::size_t nx = model.state_count, n = path.size() / nx;
+  std::size_t first = 0;
+  while (first < n && !std::isfinite(path[first * nx])) ++first;
+  if (grid.first_time_s > 0 || first == n) return false;
+  for (std::uint32_t j = 0; j < model.joint_count; ++j) {
+    const std::uint32_t v = model.joints[j].velocity;
+    double squares = 0, count = 0;
+    for (std::size_t k = first; k < n; ++k)
+      if (const double rate = path[k * nx + v]; std::isfinite(rate)) squares += rate * rate, count += 1;
+    if (!(std::fabs(path[first * nx + v]) <= kStill * std::sqrt(squares / std::max(1.0, count)))) return false;
+  }
+  return true;
+}
+
 bool estimate_near(const WindowData& data, const tiller_config_t& config, const Window& w, std::size_t point,
                    double* state, double* sd = nullptr) {
   const Grid& grid = data.grids[w.grid];
-  for (const double half_width_s : {kStateHalfWidth_s, 2 * kStateHalfWidth_s, 4 * kStateHalfWidth_s})
-    if (estimate_state(grid, config, point, half_width_s, state, sd)) return true;
+  for (const double factor : {1, 2, 4})
+    if (estimate_state(grid, config, point, factor * kStateHalfWidth_s * grid.time_scale, state, sd)) return true;
   return false;
 }
 
@@ -46,9 +63,10 @@ WindowData make_window_data(std::vector<Grid> grids, const tiller_config_t& conf
     std::vector<double> path(n * model.state_count, NAN);
     for (std::size_t k = 0; k < n; ++k) {
       double state[TILLER_MAX_STATES];
-      if (estimate_state(grid, config, k, kStateHalfWidth_s, state))
+      if (estimate_state(grid, config, k, kStateHalfWidth_s * grid.time_scale, state))
         std::copy_n(state, model.state_count, path.begin() + static_cast<std::ptrdiff_t>(k * model.state_count));
     }
+    data.begins_at_rest.push_back(at_rest(grid, model, path));
     data.path.push_back(std::move(path));
     data.controls.push_back(std::move(controls));
     data.measured.push_back(std::move(measured));
@@ -61,7 +79,8 @@ std::vector<Window> make_windows(const WindowData& data, const tiller_config_t& 
                                  std::size_t first_grid, std::size_t last_grid) {
   std::vector<Window> windows;
   for (std::size_t g = first_grid; g < last_grid; ++g) {
-    const double period = data.grids[g].period_s;
+    // in periods of a machine that moves within a second
+    const double period = data.grids[g].period_s / data.grids[g].time_scale;
     const auto run_in = static_cast<std::size_t>(std::lround(kRunIn_s / period));
     const std::size_t reach =
         std::max<std::size_t>(2, static_cast<std::size_t>(std::lround(kStateHalfWidth_s / period)));

@@ -27,13 +27,14 @@ struct WindowData {
   std::vector<std::vector<double>> measured;  ///< per grid (points x ny)
   /// Per grid (points x nx): the state at each point as the measurements around it say; NaN where they do not.
   std::vector<std::vector<double>> path;
+  std::vector<bool> begins_at_rest;  ///< per grid: it is a log's beginning, and no joint moves there
   double data_s = 0;
 };
 
 /// Copies and unwraps the grids.
 WindowData make_window_data(std::vector<Grid> grids, const tiller_config_t& config);
 
-/// Windows of about `seconds`, end to end, each with a run-in before it. Stretches that are too short give none.
+/// Windows of about `seconds` times the grids' time scale, end to end, each with a run-in before it. Stretches that are too short give none.
 /// `first_grid`, `last_grid`: of data.grids.
 std::vector<Window> make_windows(const WindowData& data, const tiller_config_t& config, double seconds,
                                  std::size_t first_grid, std::size_t last_grid);

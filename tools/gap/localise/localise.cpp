@@ -119,8 +119,8 @@ std::vector<Centre> make_centres(const std::vector<ResidualForce>& forces, std::
   std::vector<Centre> centres;
   for (std::size_t g = 0; g < forces.size(); ++g) {
     const ResidualForce& r = forces[g];
-    const std::size_t half = test_function(kTestHalfWidth, r.period_s).size() / 2;
-    const auto stride = static_cast<std::size_t>(std::max(1.0, std::round(kCentreSpacing / r.period_s)));
+    const std::size_t half = test_function(kTestHalfWidth, r.period_s / r.time_scale).size() / 2;
+    const auto stride = static_cast<std::size_t>(std::max(1.0, std::round(kCentreSpacing * r.time_scale / r.period_s)));
     std::size_t last_bad = 0;
     for (std::size_t k = 0, next = half; k < r.points(); ++k) {
       if (!std::isfinite(r.force[joint][k])) last_bad = k + 1;
@@ -138,7 +138,7 @@ std::vector<Centre> in_blocks(const std::vector<Centre>& centres, const std::vec
                               std::size_t& block) {
   std::vector<std::size_t> first = {0};  // of each run
   for (std::size_t c = 1; c < centres.size(); ++c) {
-    const double step = forces[centres[c].grid].period_s;
+    const double step = forces[centres[c].grid].period_s / forces[centres[c].grid].time_scale;
     const bool same = centres[c].grid == centres[c - 1].grid &&
                       static_cast<double>(centres[c].point - centres[c - 1].point) * step < 1.5 * kCentreSpacing;
     if (!same) first.push_back(c);
@@ -165,8 +165,9 @@ std::vector<double> weak_residual(const std::vector<ResidualForce>& forces, cons
                                   std::uint32_t joint) {
   std::vector<double> weak;
   for (const Centre& c : centres) {
-    const std::vector<double> bump = test_function(kTestHalfWidth, forces[c.grid].period_s);
-    const double* f = forces[c.grid].force[joint].data() + c.point - bump.size() / 2;
+    const ResidualForce& r = forces[c.grid];
+    const std::vector<double> bump = test_function(kTestHalfWidth, r.period_s / r.time_scale);
+    const double* f = r.force[joint].data() + c.point - bump.size() / 2;
     weak.push_back(std::inner_product(bump.begin(), bump.end(), f, 0.0));
   }
   return weak;
@@ -178,7 +179,8 @@ std::vector<double> occupancy(const std::vector<ResidualForce>& forces, const st
   const std::size_t bins = edges.size() - 1;
   std::vector<double> rows(centres.size() * bins, 0.0);
   for (std::size_t c = 0; c < centres.size(); ++c) {
-    const std::vector<double> bump = test_function(kTestHalfWidth, forces[centres[c].grid].period_s);
+    const ResidualForce& r = forces[centres[c].grid];
+    const std::vector<double> bump = test_function(kTestHalfWidth, r.period_s / r.time_scale);
     const double* value = axis.value[centres[c].grid].data() + centres[c].point - bump.size() / 2;
     for (std::size_t k = 0; k < bump.size(); ++k)
       if (std::isfinite(value[k])) rows[c * bins + bin_of(edges, value[k])] += bump[k];

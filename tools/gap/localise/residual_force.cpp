@@ -65,7 +65,7 @@ std::vector<double> smooth_states(const tiller_config_t& config, const Grid& gri
   std::vector<double> states(nx * grid.points(), kNaN);
   double x[TILLER_MAX_STATES];
   for (std::size_t k = 0; k < grid.points(); ++k)
-    if (estimate_state(grid, config, k, kSmoothHalfWidth, x))
+    if (estimate_state(grid, config, k, kSmoothHalfWidth * grid.time_scale, x))
       for (std::uint32_t i = 0; i < nx; ++i) states[i * grid.points() + k] = x[i];
   // The slope of a parabola is short by a tenth of the half width squared times the third derivative; the difference of
   // the smoothed positions is as quiet and nearly without that.
@@ -176,8 +176,9 @@ double norm_of_differences(const std::vector<double>& f, double h, int order) {
 struct Shares {
   double position = 0, velocity = 0;
 };
-Shares shares_of(const tiller_config_t& config, const tiller_joint_t& joint, double h) {
-  const std::vector<double> bump = test_function(kTestHalfWidth, h);
+Shares shares_of(const tiller_config_t& config, const tiller_joint_t& joint, const Grid& grid) {
+  const double h = grid.period_s;
+  const std::vector<double> bump = test_function(kTestHalfWidth * grid.time_scale, h);
   const double velocity_sd = sd_of(config, joint.velocity);
   const double position_sd = joint.position == TILLER_NO_POSITION ? kNaN : sd_of(config, joint.position);
   Shares s;
@@ -216,7 +217,8 @@ double model_acceleration(const std::vector<double>& changes, std::uint32_t join
 
 // A command is held from its point to the next: at the point itself it is the mean of two.
 void put_inputs(const Grid& grid, ResidualForce& r) {
-  const auto reach = static_cast<std::ptrdiff_t>(std::max(1.0, std::round(kSmoothHalfWidth / grid.period_s)));
+  const auto reach =
+      static_cast<std::ptrdiff_t>(std::max(1.0, std::round(kSmoothHalfWidth * grid.time_scale / grid.period_s)));
   const auto points = static_cast<std::ptrdiff_t>(grid.points());
   for (const std::vector<double>& u : grid.input) {
     std::vector<double> mean(grid.points(), kNaN), slope(grid.points(), kNaN);
@@ -241,13 +243,14 @@ ResidualForce of_grid(const tiller_config_t& config, const Grid& grid, const dou
   const std::size_t points = grid.points();
   ResidualForce r;
   r.period_s = grid.period_s;
+  r.time_scale = grid.time_scale;
   for (std::size_t k = 0; k < points; ++k)
     r.time_s.push_back(grid.first_time_s + static_cast<double>(k) * grid.period_s);
   const std::vector<double> states = smooth_states(config, grid);
   const std::vector<double> changes = model_changes(config, grid, states, params);
   std::vector<Shares> shares;
   for (std::uint32_t j = 0; j < model.joint_count; ++j) {
-    shares.push_back(shares_of(config, model.joints[j], grid.period_s));
+    shares.push_back(shares_of(config, model.joints[j], grid));
     const auto row = [&](std::uint32_t i) {
       const auto begin = states.begin() + static_cast<std::ptrdiff_t>(i * points);
       return std::vector<double>(begin, begin + static_cast<std::ptrdiff_t>(points));

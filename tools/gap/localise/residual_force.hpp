@@ -13,7 +13,7 @@ namespace tiller::tools::gap {
 /// smooth test function (weak form: the sum by parts puts the differences on the test function, and the noise of
 /// neighbouring points cancels).
 struct ResidualForce {
-  double period_s = 0;
+  double period_s = 0, time_scale = 1;
   std::vector<std::vector<double>> force;        ///< (joints) of (points), N or N m; NaN: not known
   std::vector<std::vector<double>> model_force;  ///< (joints) of (points): M a, for comparison
   std::vector<std::vector<double>> position;     ///< (joints) of (points), smoothed; angles wrapped; empty: none

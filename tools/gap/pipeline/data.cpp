@@ -11,7 +11,6 @@
 namespace tiller::tools::gap {
 namespace {
 
-constexpr double kLongestGap = 0.05;    // s that may lack between two rows; the stretches are cut there
 constexpr double kMostAtLimit = 0.05;   // share of a channel's rows at its extreme value
 constexpr std::size_t kLongRun = 8;     // rows in a row there
 constexpr double kMostSaturated = 0.7;  // share of a command's rows at a limit, all on one side: of all logs together
@@ -22,19 +21,6 @@ std::string column_of(const LogMap& map, const std::string& field) {
 }
 
 std::string where(const Log& log, std::size_t row) { return log.path + ":" + std::to_string(log.line[row]) + ": "; }
-
-void check_gaps(const Log& log, const LogMap& map, std::vector<std::string>& reasons) {
-  const double longest = std::max(kLongestGap, 5 * median_step_s(log));
-  int count = 0;
-  for (std::size_t i = 1; i < log.rows(); ++i) {
-    const double step = log.time_s[i] - log.time_s[i - 1];
-    if (step <= longest || ++count > 1) continue;
-    reasons.push_back(where(log, i) + "column '" + map.time + "': " + format("%.3g s", step) +
-                      " are missing after line " + std::to_string(log.line[i - 1]) +
-                      "; what the robot did meanwhile is not known: cut the file there and give both parts");
-  }
-  if (count > 1) reasons.back() += " (and " + std::to_string(count - 1) + " more gaps)";
-}
 
 // Of the rows that change at all: a channel may be clipped most of the time.
 double typical_change(const std::vector<double>& values) {
@@ -124,7 +110,6 @@ void add_lines(const std::string& text, std::vector<std::string>& out) {
 }  // namespace
 
 void check_rows(const Log& log, const LogMap& map, const tiller_config_t& config, std::vector<std::string>& reasons) {
-  check_gaps(log, map, reasons);
   for (std::uint32_t k = 0; k < config.measurement_count; ++k) {
     const std::uint32_t state = config.measured_state[k];
     if (!log.state[state].empty())
@@ -136,7 +121,7 @@ std::string hash_of_files(const std::vector<std::string>& paths) {
   std::uint64_t hash = 14695981039346656037ull;
   std::vector<char> block(1 << 16);
   for (const std::string& path : paths) {
-    std::ifstream file(path, std::ios::binary);
+    std::ifstream file(log_file(path), std::ios::binary);
     while (file.read(block.data(), static_cast<std::streamsize>(block.size())), file.gcount() > 0)
       for (std::streamsize i = 0; i < file.gcount(); ++i)
         hash = (hash ^ static_cast<unsigned char>(block[static_cast<std::size_t>(i)])) * 1099511628211ull;
@@ -151,7 +136,7 @@ bool load_logs(const RobotFile& robot, const std::vector<std::string>& paths, st
   for (const std::string& path : paths) {
     Log log;
     std::string error;
-    const bool csv = log_format(path) == "csv";
+    const bool csv = has_own_columns(path);
     const LogMap map = csv ? robot.log : LogMap();
     const std::size_t bad = result.reasons.size();
     if (read_any_log(path, robot, log, error))

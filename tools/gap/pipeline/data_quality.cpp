@@ -3,12 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "tools/base/text.hpp"
-#include "tools/gap/fit/hypothesis.hpp"
 #include "tools/gap/localise/noise.hpp"
-#include "tools/gap/localise/residual_force.hpp"
+#include "tools/gap/pipeline/unit_check.hpp"
 #include "tools/gap/result/thresholds.hpp"
 
 namespace tiller::tools::gap {
@@ -18,6 +16,8 @@ constexpr double kLeastStretch = 1.2;   // s that a stretch must last to hold a 
 constexpr double kLeastMovement = 2.5;  // a channel's standard deviation over its noise
 constexpr double kMostNoise = 10.0, kOddNoise = 2.0, kLittleNoise = 0.2;  // ratios to the robot file's
 constexpr double kMostMissing = 0.5;                                      // share of a channel's readings
+constexpr double kMostOverLimit = 20;                                     // of an input, over [limits]
+constexpr double kDriven = 0.02;  // share of the forces' square that is left: a robot that moves freely leaves less
 
 double length_s(const Grid& grid) { return static_cast<double>(grid.points()) * grid.period_s; }
 
@@ -29,13 +29,15 @@ std::string paths_of(const std::vector<Grid>& grids) {
 
 void check_amount(const std::vector<Grid>& grids, Result& result) {
   double all = 0;
+  const double scale = grids.empty() ? 1 : grids[0].time_scale;
   for (const Grid& grid : grids)
-    if (length_s(grid) >= kLeastStretch) all += length_s(grid);
+    if (length_s(grid) >= kLeastStretch * grid.time_scale) all += length_s(grid);
   result.data_s = all;
-  if (all >= kLeast_s) return;
+  if (all >= kLeast_s * scale) return;
   result.reasons.push_back(paths_of(grids) + ": " + format("%.3g s", all) + " of data in stretches of " +
-                           format("%g s", kLeastStretch) + " or more are too short; record at least " +
-                           format("%g s", kLeast_s) + " without a gap, better 6 logs of 8 s");
+                           format("%.3g s", kLeastStretch * scale) + " or more are too short; record at least " +
+                           format("%.3g s", kLeast_s * scale) + " without a gap, better 6 logs of " +
+                           format("%.3g s", 8 * scale));
 }
 
 double deviation(const std::vector<double>& values) {
@@ -88,144 +90,65 @@ void check_channel(const tiller_config_t& config, const std::vector<Grid>& grids
   }
 }
 
+void check_input_size(const tiller_config_t& config, const std::vector<Grid>& grids, std::uint32_t input,
+                      Result& result) {
+  double most = 0, largest = 0;
+  for (const Grid& grid : grids) {
+    most = std::max(most, deviation(grid.input[input]));
+    for (const double u : grid.input[input]) largest = std::max(largest, std::fabs(u));
+  }
+  const double limit = std::max(std::fabs(config.safety.input_low[input]), std::fabs(config.safety.input_high[input]));
+  if (!(most > 0 && limit > 0 && std::isfinite(limit) && largest > kMostOverLimit * limit)) return;
+  const std::string name = config.model->input_names[input];
+  result.reasons.push_back(paths_of(grids) + ": column '" + name + "' reaches " + format("%.4g", largest) +
+                           ", where [limits] allows " + format("%.4g", limit) +
+                           "; if it is in thousandths, write [log] units = { " + name +
+                           " = \"mNm\" }, else correct [limits]");
+}
+
+// A robot that moves by itself tells of its joints; where it was driven, and the column does not say so, of nothing.
 void check_inputs(const tiller_config_t& config, const std::vector<Grid>& grids, Result& result) {
   const tiller_model_t& model = *config.model;
-  bool moves = false;
+  const std::vector<bool> moves = inputs_that_move(config, grids);
+  std::vector<std::string> still;
   for (std::uint32_t i = 0; i < model.input_count; ++i) {
-    double most = 0, largest = 0;
-    for (const Grid& grid : grids) {
-      most = std::max(most, deviation(grid.input[i]));
-      for (const double u : grid.input[i]) largest = std::max(largest, std::fabs(u));
-    }
-    const double limit = std::max(std::fabs(config.safety.input_low[i]), std::fabs(config.safety.input_high[i]));
-    moves = moves || most > 1e-6 * limit;
-    const std::string name = model.input_names[i];
-    if (most > 0 && limit > 0 && std::isfinite(limit) && largest > 20 * limit)
-      result.reasons.push_back(paths_of(grids) + ": column '" + name + "' reaches " + format("%.4g", largest) +
-                               ", where [limits] allows " + format("%.4g", limit) +
-                               "; if it is in thousandths, write [log] units = { " + name +
-                               " = \"mNm\" }, else correct [limits]");
+    check_input_size(config, grids, i, result);
+    if (!moves[i]) still.push_back("'" + std::string(model.input_names[i]) + "'");
   }
-  if (!moves && model.input_count > 0)
-    result.reasons.push_back(paths_of(grids) + ": column '" + std::string(model.input_names[0]) +
-                             "' does not change in any log; record while the robot is driven (a multisine or steps: "
-                             "`tiller excite`), and log the command that was sent");
-}
-
-// ---- units and signs -------------------------------------------------------------------------------------------
-
-// A channel that may have been logged in another unit: what was read is `factor` times what it should have been.
-struct Suspect {
-  std::string name, unit, words;
-  double factor = 1;
-  std::uint32_t joint = TILLER_MAX_JOINTS, input = TILLER_MAX_INPUTS;
-};
-
-std::vector<Suspect> suspects_of(const tiller_config_t& config) {
-  const tiller_model_t& model = *config.model;
-  std::vector<Suspect> all;
-  for (std::uint32_t j = 0; j < model.joint_count; ++j) {
-    const std::uint32_t q = model.joints[j].position;
-    if (q == TILLER_NO_POSITION) continue;
-    const std::string name = model.state_names[q];
-    const bool angle = (model.angle_mask >> q & 1u) != 0;
-    if (angle) {
-      all.push_back({name, "deg", "in degrees", 57.29577951308232, j});
-      all.push_back({name, "-rad", "reversed in sign", -1, j});
-    } else {
-      all.push_back({name, "mm", "in mm", 1e3, j});
-      all.push_back({name, "cm", "in cm", 1e2, j});
-      all.push_back({name, "-m", "reversed in sign", -1, j});
-    }
-  }
-  for (std::uint32_t i = 0; i < model.input_count; ++i) {
-    const std::string name = model.input_names[i];
-    all.push_back({name, "", "reversed in sign", -1, TILLER_MAX_JOINTS, i});
-    all.push_back(
-        {name, name.find("Nm") != std::string::npos ? "mNm" : "", "in thousandths", 1e3, TILLER_MAX_JOINTS, i});
-    all.push_back({name, name.find("Nm") == std::string::npos ? "kN" : "", "in thousands", 1e-3, TILLER_MAX_JOINTS, i});
-  }
-  return all;
-}
-
-std::vector<Grid> corrected(const std::vector<Grid>& grids, const tiller_model_t& model, const Suspect& s) {
-  std::vector<Grid> copy = grids;
-  for (Grid& grid : copy) {
-    const auto scale = [&](std::vector<double>& values) {
-      for (double& v : values) v /= s.factor;
-    };
-    if (s.input < TILLER_MAX_INPUTS) scale(grid.input[s.input]);
-    if (s.joint < TILLER_MAX_JOINTS) {
-      scale(grid.state[model.joints[s.joint].position]);
-      scale(grid.state[model.joints[s.joint].velocity]);
-    }
-  }
-  return copy;
-}
-
-double weak_square(const std::vector<double>& values, double period_s) {
-  const std::vector<double> bump = test_function(kTestHalfWidth, period_s);
-  double sum = 0;
-  for (std::size_t k = 0; k + bump.size() <= values.size(); k += bump.size() / 4) {
-    const double weak = std::inner_product(bump.begin(), bump.end(), values.data() + k, 0.0);
-    if (std::isfinite(weak)) sum += weak * weak;
-  }
-  return sum;
-}
-
-// What the model leaves of the forces: residual over accelerating and driving force, 0 for a perfect model, about 1 or
-// more for one that tells nothing. The worst joint's.
-double unexplained(const tiller_config_t& config, const std::vector<Grid>& grids, const double* params) {
-  std::string why;
-  const std::vector<ResidualForce> forces = residual_forces(config, grids, params, why);
-  if (!why.empty()) return 0;
-  const tiller_model_t& model = *config.model;
-  double worst = 0;
-  for (std::uint32_t j = 0; j < model.joint_count; ++j) {
-    double left = 0, all = 0;
-    for (const ResidualForce& r : forces) {
-      std::vector<double> measured = r.force[j];
-      for (std::size_t k = 0; k < r.points(); ++k) measured[k] += r.model_force[j][k];
-      left += weak_square(r.force[j], r.period_s);
-      all += weak_square(measured, r.period_s);
-      if (model.joints[j].drive != 0) all += weak_square(r.input[model.joints[j].drive - 1u], r.period_s);
-    }
-    if (all > 0) worst = std::max(worst, left / all);
-  }
-  return worst;
-}
-
-void check_units(const tiller_config_t& config, const std::vector<Grid>& grids, Result& result) {
-  const std::vector<double> params = prior_centre(config);
-  const double as_read = unexplained(config, grids, params.data());
-  if (!(as_read > 0.3)) return;
-  const Suspect* best = nullptr;
-  double least = as_read;
-  const std::vector<Suspect> suspects = suspects_of(config);
-  for (const Suspect& s : suspects) {
-    const double left = unexplained(config, corrected(grids, *config.model, s), params.data());
-    if (!(left < least)) continue;
-    least = left;
-    best = &s;
-  }
-  if (!best || !(least < 0.1 * as_read)) return;
-  const std::string unit =
-      best->unit.empty() ? "" : ": write [log] units = { " + best->name + " = \"" + best->unit + "\" }";
-  result.reasons.push_back(
-      paths_of(grids) + ": column '" + best->name + "': the model leaves " +
-      format("%.0f %%", 100 * std::sqrt(as_read)) + " of the forces unexplained as it stands, and " +
-      format("%.0f %%", 100 * std::sqrt(least)) + " if it is " + best->words + unit +
-      (best->factor == -1 ? "; or its counterpart (input or position) is the one that is reversed" : ""));
+  if (still.empty()) return;
+  const std::string columns = (still.size() > 1 ? "columns " : "column ") + join(still);
+  const double unexplained = still.size() == model.input_count ? least_unexplained(config, grids) : 0;
+  if (unexplained > kDriven)
+    result.reasons.push_back(paths_of(grids) + ": " + columns +
+                             " does not change in any log, and without a drive the "
+                             "model leaves " +
+                             format("%.0f %%", 100 * std::sqrt(unexplained)) +
+                             " of the forces unexplained: log the command that was sent, or let the robot move freely");
+  else
+    result.notes.push_back("The " + columns +
+                           " does not change in any log: gain, lag, delay and other effects of the "
+                           "drive cannot be told and are not considered.");
 }
 
 }  // namespace
+
+std::vector<bool> inputs_that_move(const tiller_config_t& config, const std::vector<Grid>& grids) {
+  std::vector<bool> moves;
+  for (std::uint32_t i = 0; i < config.model->input_count; ++i) {
+    double most = 0;
+    for (const Grid& grid : grids) most = std::max(most, deviation(grid.input[i]));
+    const double limit = std::max(std::fabs(config.safety.input_low[i]), std::fabs(config.safety.input_high[i]));
+    moves.push_back(most > 1e-6 * (std::isfinite(limit) ? limit : 0));
+  }
+  return moves;
+}
 
 void check_data_quality(const tiller_config_t& config, const std::vector<Grid>& grids, Result& result) {
   result.noise_ratio = 0;
   check_amount(grids, result);
   if (!result.reasons.empty()) return;
   const std::size_t before = result.reasons.size();
-  check_units(config, grids, result);
+  check_units(config, grids, paths_of(grids), result);
   if (result.reasons.size() == before)  // a wrong unit makes the noise wrong too: said once
     for (std::uint32_t k = 0; k < config.measurement_count; ++k) check_channel(config, grids, k, result);
   check_inputs(config, grids, result);

@@ -10,11 +10,14 @@ namespace tiller::tools::gap {
 /// Whether data can answer at all, before anything is fitted: fills result.noise_ratio and, where they cannot,
 /// result.reasons (what is wrong, in which file, how to mend it); what is merely odd goes to result.notes.
 ///
-///   enough seconds, every channel and some input move, noise as the robot file says (to a factor of ten)
-///   units and signs: where the model explains nothing of the accelerations and, with one channel in degrees, in
-///   thousandths or reversed, nearly all of them, that channel is what is wrong and not the physics
+///   enough seconds, every channel moves, noise as the robot file says (to a factor of ten)
+///   an input that moves, or a model that explains most of a free motion
+///   units and signs (unit_check.hpp)
 ///
 /// Cost: 10 ms for 48 s at 100 Hz; a few times that where units are in doubt.
 void check_data_quality(const tiller_config_t& config, const std::vector<Grid>& grids, Result& result);
+
+/// (nu) Whether an input changes in any of the logs: effects of one that does not cannot be told.
+std::vector<bool> inputs_that_move(const tiller_config_t& config, const std::vector<Grid>& grids);
 
 }  // namespace tiller::tools::gap

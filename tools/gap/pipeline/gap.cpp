@@ -11,6 +11,7 @@
 #include "tools/gap/pipeline/data_quality.hpp"
 #include "tools/gap/pipeline/engine.hpp"
 #include "tools/gap/pipeline/holdout.hpp"
+#include "tools/gap/pipeline/time_scale.hpp"
 #include "tools/gap/pipeline/verdict.hpp"
 #include "tools/gap/result/thresholds.hpp"
 #include "tools/gap/search/confirm.hpp"
@@ -28,8 +29,16 @@ bool is_measured(const tiller_config_t& config, std::uint32_t state) {
   return false;
 }
 
+// False for an effect of a drive whose command does not change in any log.
+bool is_driven(const tiller_model_t& model, const EffectInfo& info, std::uint32_t port,
+               const std::vector<bool>& moves) {
+  if (info.port == PortKind::input) return moves[port];
+  return info.port != PortKind::joint || !info.needs_drive || moves[model.joints[port].drive - 1u];
+}
+
 // Everything of the catalogue at every port that it fits and that the robot file does not have there.
-std::vector<EffectAt> candidates_of(const tiller_config_t& config, const Options& options) {
+std::vector<EffectAt> candidates_of(const tiller_config_t& config, const Options& options,
+                                    const std::vector<bool>& moves) {
   if (!options.given.empty()) return options.given;
   std::vector<EffectAt> list;
   for (std::uint32_t kind = 0; kind < effect_kind_count(); ++kind) {
@@ -40,6 +49,7 @@ std::vector<EffectAt> candidates_of(const tiller_config_t& config, const Options
     for (std::uint32_t port = 0; port < port_count(info.port, *config.model); ++port) {
       if (!port_fits(info, port, *config.model)) continue;
       if (info.port == PortKind::sensor && !is_measured(config, port)) continue;
+      if (!is_driven(*config.model, info, port, moves)) continue;
       const EffectAt e{kind, port};
       bool there = false;
       for (std::uint32_t i = 0; i < config.effect_count; ++i)
@@ -71,12 +81,14 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
   Result result;
   const std::size_t own = work.size(), all = own + hold_out.size();
   for (Grid& grid : hold_out) work.push_back(std::move(grid));
+  const double scale = measure_time_scale(config, work);
+  for (Grid& grid : work) grid.time_scale = scale;
   tiller_config_t fine = config;  // the kernel's own step errors must not look like physics
-  fine.substeps = std::max(config.substeps,
-                           std::min(64u, static_cast<std::uint32_t>(std::ceil(config.period_s / kSubstep_s - 1e-9))));
+  const double steps = std::ceil(config.period_s / (kSubstep_s * scale) - 1e-9);
+  fine.substeps = std::max(config.substeps, static_cast<std::uint32_t>(std::min(64.0, steps)));
   Session s{
-      fine, config.substeps, options, make_window_data(std::move(work), config), {}, {}, {}, {}, {}, {}, {}, {}, {}, {},
-      1.0};
+      fine, config.substeps, options, make_window_data(std::move(work), config), {}, {}, {}, {}, {}, {}, {}, {}, {},
+      {},   scale,           1.0};
   s.windows = make_windows(s.data, config, kWindow_s, 0, own);
   split_windows(s.windows, hold_out.empty() ? kTestShare : 0.0);
   std::vector<Window> held = make_windows(s.data, config, kWindow_s, own, all);
@@ -90,14 +102,21 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
   result.fit_windows = result.decide_windows = s.work.size();
   result.test_windows = s.test.size();
   result.data_s = s.data.data_s;
+  if (scale != 1)
+    result.notes.push_back("The motion is " + format("%.3g", scale > 1 ? scale : 1 / scale) + " times " +
+                           (scale > 1 ? "slower" : "faster") +
+                           " than that of a machine that moves within a second: "
+                           "windows and rollouts are " +
+                           format("%.3g s", kWindow_s * scale) + " long.");
   if (static_cast<double>(s.work.size()) * kWindow_s < kLeast_s || s.fold[0].size() < 2 || s.fold[1].size() < 2) {
     result.reasons.push_back("the logs hold " + format("%.1f", s.data.data_s) + " s in stretches of which " +
-                             format("%zu", s.work.size()) + " windows of 1 s can be cut; at least " +
-                             format("%.0f", kLeast_s) + " are needed: record longer, without gaps");
+                             format("%zu", s.work.size()) + " windows of " + format("%.3g s", kWindow_s * scale) +
+                             " can be cut; at least " + format("%.0f", kLeast_s) +
+                             " are needed: record longer, without gaps");
     return result;
   }
   s.scales = measure_scales(s.data, s.windows, config, prior_centre(config).data());
-  s.candidates = candidates_of(config, options);
+  s.candidates = candidates_of(config, options, inputs_that_move(config, s.data.grids));
   s.threads = std::make_unique<ThreadPool>(std::max(1u, options.threads));
   s.shooting = std::make_unique<Shooting>(s.data, s.windows, config, s.scales, s.threads.get());
   s.shooting->stop_at(options.stop);
@@ -109,7 +128,8 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
   last.information = true;
   s.shooting->fit(found.entries[0].hypothesis, s.work, last, found.entries[0].fit);
   for (std::size_t i = 1; i < found.entries.size(); ++i)
-    if (i == found.best || std::find(found.ambiguity.begin(), found.ambiguity.end(), i) != found.ambiguity.end())
+    if (i == found.best || i == found.leading ||
+        std::find(found.ambiguity.begin(), found.ambiguity.end(), i) != found.ambiguity.end())
       s.shooting->fit(found.entries[i].hypothesis, s.work, last, found.entries[i].fit);
   result.interrupted = found.interrupted;
   s.progress("localising", 0);

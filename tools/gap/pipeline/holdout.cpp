@@ -8,7 +8,7 @@
 namespace tiller::tools::gap {
 namespace {
 
-// Windows of `seconds` within runs of neighbouring test windows.
+// Windows of `seconds` times the time scale within runs of neighbouring test windows.
 std::vector<Window> test_windows(const Session& s, double seconds) {
   std::vector<Window> cut;
   for (std::size_t i = 0; i < s.test.size();) {
@@ -17,7 +17,7 @@ std::vector<Window> test_windows(const Session& s, double seconds) {
     std::size_t end = first.start + first.points;
     while (last < s.test.size() && s.windows[s.test[last]].grid == first.grid && s.windows[s.test[last]].start == end)
       end += s.windows[s.test[last++]].points;
-    const double period = s.data.grids[first.grid].period_s;
+    const double scale = s.data.grids[first.grid].time_scale, period = s.data.grids[first.grid].period_s / scale;
     const auto points = static_cast<std::size_t>(std::max(8.0, std::round(seconds / period)));
     const std::size_t count = std::max<std::size_t>((end - first.start) / points, 0);
     for (std::size_t k = 0; k < count; ++k) {
@@ -25,9 +25,10 @@ std::vector<Window> test_windows(const Session& s, double seconds) {
       w.start = first.start + k * points;
       w.points = static_cast<std::uint32_t>(points);
       bool ok = false;
-      for (const double half : {kStateHalfWidth_s, 3 * kStateHalfWidth_s})
+      for (const double half : {kStateHalfWidth_s * scale, 3 * kStateHalfWidth_s * scale})
         ok = ok || estimate_state(s.data.grids[w.grid], s.config, w.start, half, w.x0, w.x0_sd);
-      ok = ok && estimate_state(s.data.grids[w.grid], s.config, w.start - w.run_in_steps, kStateHalfWidth_s, w.run_in);
+      ok = ok && estimate_state(s.data.grids[w.grid], s.config, w.start - w.run_in_steps, kStateHalfWidth_s * scale,
+                                w.run_in);
       if (ok) cut.push_back(w);
     }
     i = last;
@@ -108,7 +109,7 @@ void test_on_holdout(Session& s, const SearchResult& found, Result& result) {
     states.fix_params = true;
     states.tolerance = 1e-3;
     HorizonGap gap;
-    gap.seconds = seconds;
+    gap.seconds = seconds * s.time_scale;
     Errors errors[2];
     std::vector<Overlay> overlays;
     std::vector<double> ratios;  // logarithms of the windows' costs, after over before

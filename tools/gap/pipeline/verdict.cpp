@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 
 #include "effects/effect_info.hpp"
 #include "tools/base/text.hpp"
@@ -57,10 +58,10 @@ std::vector<Estimate> estimates(const Session& s, const Candidate& e, const Cand
   for (std::size_t f = 0; f < e.hypothesis.free.size(); ++f) {
     const FreeParam& free = e.hypothesis.free[f];
     Estimate& p = list[free.index];
-    p.sd = sd[f];
+    p.sd = std::min(sd[f], widest_sd(free, p.mean));
     p.low = std::max(free.low, p.mean - reach * p.sd);
     p.high = std::min(free.high, p.mean + reach * p.sd);
-    if (f < before.size()) p.before_sd = before[f];
+    if (f < before.size()) p.before_sd = std::min(before[f], widest_sd(free, p.before));
     if (f < edges.size()) p.edge = edges[f];
     // an effect that does what the parameter may not leaves it where it was
     if (p.edge.side == EdgeSide::none && f < held.size() && held[f].at_bound && p.mean == held[f].bound)
@@ -146,6 +147,7 @@ void rank_explanations(Session& s, const SearchResult& found, const std::vector<
                        Result& result) {
   for (const std::size_t i : ranked(s, found)) {
     const bool rival = std::find(found.ambiguity.begin(), found.ambiguity.end(), i) != found.ambiguity.end();
+    if (found.leading != 0 && i == found.leading) result.leading = result.ranking.size();
     if (rival) result.ambiguity.push_back(result.ranking.size());
     result.ranking.push_back(explanation_of(s, found, i, rival, param_names));
   }
@@ -163,7 +165,10 @@ struct Answer {
   const Candidate& best() const { return found.entries[found.best]; }
   std::string text(const Candidate& e) const { return effects_text(e.effects(), *s.config.model); }
   std::string sigmas() const { return format("%.2f", result.nominal_sigma) + " sigma"; }
-  std::string from_to() const { return "1 s rollouts go from " + sigmas() + " to " + format("%.2f", left) + "."; }
+  std::string length() const { return format("%.3g s", kWindow_s * s.time_scale); }
+  std::string from_to() const {
+    return length() + " rollouts go from " + sigmas() + " to " + format("%.2f", left) + ".";
+  }
   std::string values() const { return parameter_text(result.ranking.front(), s.config.param_count); }
   Words texts(std::size_t from) const {
     Words words;
@@ -184,14 +189,105 @@ Answer answer_of(Session& s, const SearchResult& found, const Result& result) {
   return a;
 }
 
+// Of the model's own parameter from its prior, in the prior's deviations; 0 where the prior is uniform.
+double off_prior_sd(const FreeParam& free, double value) {
+  double slope, curvature;
+  return std::sqrt(prior_penalty(free, value, &slope, &curvature));
+}
+
+// "mass_kg = 0.31, 4.2 deviations from its prior", one after the other.
+Words parameters_off_prior(const Answer& a) {
+  Words texts;
+  for (const FreeParam& free : a.best().hypothesis.free) {
+    if (free.index >= a.best().hypothesis.own_params) break;
+    const Estimate& e = a.result.ranking.front().params[free.index];
+    const double away = off_prior_sd(free, e.mean);
+    if (away > kMostPrior_sd)
+      texts.push_back(e.name + " = " + format("%.4g", e.mean) + (e.unit.empty() ? "" : " " + e.unit) + ", " +
+                      format("%.1f", away) + " standard deviations from its prior");
+  }
+  return texts;
+}
+
+void say_leading(const Answer& a, Result& result) {
+  const Explanation& x = result.ranking[result.leading];
+  const Candidate& leading = a.found.entries[a.found.leading];
+  result.verdict = Verdict::leading;
+  result.more_s = a.found.more_s;
+  result.separation = separations(a.s, {&leading});
+  result.sentence = "Leading, not yet proven: " + a.text(leading) + " (" + parameter_text(x, a.s.config.param_count) +
+                    "), ahead by " + format("%.0f", x.gain_nats) + " nats at z = " + format("%.1f", x.z) + ". Record " +
+                    format("%.2g", a.found.more_s) + " s more of such data, or better: " + result.separation + ".";
+}
+
+// A parameter that moved far to fit may stand in for an effect that does the same to the motion.
+void say_off_prior(const Answer& a, const Words& off, Result& result) {
+  result.verdict = Verdict::off_prior;
+  Words same;
+  for (std::size_t i = 1; i < result.ranking.size() && same.size() < 3; ++i) {
+    const Explanation& x = result.ranking[i];
+    if (x.effects.size() == 1 && x.remaining_sigma < kSameSigma * result.nominal_sigma)
+      same.push_back(effects_text(x.effects, *a.s.config.model));
+  }
+  result.sentence = "The model fits (" + a.sigmas() + ") with " + join(off, "; ") +
+                    ". Either that prior is wrong, or something acts as the parameter does" +
+                    (same.empty() ? "." : ": " + join(same, "; or ") + ".") +
+                    " Weigh or measure the part; if it is as the prior says, an effect is missing.";
+}
+
+// "est.csv from 540.00 to 604.00 s"
+std::string place_of(const Answer& a, std::size_t window) {
+  const Window& w = a.s.windows[window];
+  const Grid& grid = a.s.data.grids[w.grid];
+  const double start = grid.first_time_s + static_cast<double>(w.start) * grid.period_s;
+  return std::filesystem::path(grid.path).filename().string() +
+         format(" from %.2f to %.2f s", start, start + w.points * grid.period_s);
+}
+
+constexpr std::size_t kPlacesTold = 4;
+
+// One disturbance in a few windows is no property of the machine, and cannot be proven to be one.
+void note_few_windows(const Answer& a, Result& result) {
+  std::vector<std::size_t> order = a.s.work;
+  const std::vector<double>& cost = a.found.entries[0].cv_cost;
+  const auto excess = [&](std::size_t w) {
+    return std::max(0.0, cost[w] - static_cast<double>(a.s.shooting->values(w)));
+  };
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t x, std::size_t y) { return excess(x) > excess(y); });
+  double whole = 0, few = 0;
+  for (const std::size_t w : order) whole += excess(w);
+  const std::size_t count = std::max<std::size_t>(1, order.size() / kFewWindows);
+  Words where;
+  for (std::size_t i = 0; i < count; ++i) {
+    few += excess(order[i]);
+    if (i < kPlacesTold) where.push_back(place_of(a, order[i]));
+  }
+  if (count > kPlacesTold) where.push_back("and " + std::to_string(count - kPlacesTold) + " more");
+  if (count < 2 || !(few > kMostInFew * whole)) return;
+  result.notes.push_back(format("%.0f %%", 100 * few / whole) + " of the gap is in " + std::to_string(count) + " of " +
+                         std::to_string(order.size()) + " windows: " + join(where, "; ") +
+                         ". Look at what happened there; what acts so seldom is proven by more motion of that kind.");
+}
+
 void say_nothing_found(const Answer& a, Result& result) {
-  const bool quiet = result.nominal_sigma <= a.s.options.budget_sigma;
-  result.verdict = quiet ? Verdict::no_gap : Verdict::unnamed;
-  result.sentence = quiet ? "Model and measurement agree: rollouts of 1 s leave " + a.sigmas() +
-                                " and no known effect makes them better."
-                          : "There is a gap of " + a.sigmas() +
-                                " that no known effect explains: process noise beyond what the "
-                                "robot file says, or physics that the catalogue lacks.";
+  if (result.nominal_sigma > a.s.options.budget_sigma) {
+    if (result.leading != 0) return say_leading(a, result);
+    result.verdict = Verdict::unnamed;
+    result.sentence = "There is a gap of " + a.sigmas() +
+                      " that no known effect explains: process noise beyond what the robot file says, or physics that "
+                      "the catalogue lacks.";
+    note_few_windows(a, result);
+    return;
+  }
+  if (const Words off = parameters_off_prior(a); !off.empty()) return say_off_prior(a, off, result);
+  result.verdict = Verdict::no_gap;
+  result.sentence = "Model and measurement agree: rollouts of " + a.length() + " leave " + a.sigmas() +
+                    " and no known effect makes them better" + (result.leading != 0 ? " to a proven degree." : ".");
+  if (result.leading == 0) return;
+  const Explanation& x = result.ranking[result.leading];
+  result.notes.push_back(effects_text(x.effects, *a.s.config.model) + " is ahead by " + format("%.0f", x.gain_nats) +
+                         " nats at z = " + format("%.1f", x.z) + ", too little to be named; about " +
+                         format("%.2g", a.found.more_s) + " s more of such data would tell.");
 }
 
 // The first length of rollouts over the test windows that get worse with the best explanation; null: none.
@@ -230,6 +326,8 @@ void say_named(const Answer& a, Result& result) {
   result.verdict = Verdict::named;
   result.sentence = "Missing: " + a.text(a.best()) + " (" + a.values() + "). " + a.from_to();
   if (a.set.size() > 1) result.sentence += " The same by structure: " + join(a.texts(1), "; or ") + ".";
+  if (const Words off = parameters_off_prior(a); !off.empty())
+    result.notes.push_back("Beside it: " + join(off, "; ") + ". Is that prior right?");
 }
 
 }  // namespace
@@ -243,6 +341,11 @@ void conclude(Session& s, const SearchResult& found, const std::vector<std::stri
   if (answer.set.size() > 1) result.separation = separations(s, answer.set);
 
   if (found.best == 0) return say_nothing_found(answer, result);
+  if (!found.beside.empty()) {
+    Words sets;
+    for (const std::vector<EffectAt>& set : found.beside) sets.push_back(effects_text(set, *s.config.model));
+    result.notes.push_back("Something small acts beside it that the data do not tell: " + join(sets, "; or ") + ".");
+  }
   if (const HorizonGap* worse = worse_horizon(result)) return say_refuted(answer, *worse, result);
   if (answer.left > kExplained_sigma || name_count(best.effects()) > 2) return say_nearest(answer, result);
   say_named(answer, result);

@@ -192,6 +192,8 @@ std::string gap_json(const RobotFile& robot, const Options& options, const Resul
                     {"where", {{"region", region_json(result.region, model)}, {"maps", maps}}},
                     {"ranking", ranking},
                     {"ambiguity", result.ambiguity},
+                    {"leading", result.leading == 0 ? json(nullptr) : json(result.leading)},
+                    {"more_s", number(result.more_s)},
                     {"separation", result.separation},
                     {"horizons", horizons_json(result)},
                     {"remaining_sigma", number(result.remaining_sigma)},

@@ -21,6 +21,8 @@ const char* verdict_name(Verdict verdict) {
     case Verdict::ambiguous: return "ambiguous";
     case Verdict::partly: return "partly_explained";
     case Verdict::unnamed: return "unnamed";
+    case Verdict::leading: return "leading";
+    case Verdict::off_prior: return "off_prior";
     default: return "unfit";
   }
 }

@@ -84,8 +84,8 @@ struct Region {
   double z = 0;
 };
 
-enum class Verdict { no_gap, named, ambiguous, partly, unnamed, unfit };
-const char* verdict_name(Verdict verdict);  ///< "no_gap", "named", "ambiguous", "partly_explained", "unnamed", "unfit"
+enum class Verdict { no_gap, named, ambiguous, partly, unnamed, leading, off_prior, unfit };
+const char* verdict_name(Verdict verdict);  ///< "partly_explained" for partly, else as it is called here
 
 /// A held-out stretch: what was measured and what the models roll out from its first state.
 struct Overlay {
@@ -116,7 +116,9 @@ struct Result {
   std::vector<Explanation> ranking;    ///< best first; the nominal model is among them
   std::vector<std::size_t> ambiguity;  ///< indices into ranking that cannot be told from the best, the best included;
                                        ///< empty unless something is named
-  std::string separation;  ///< the experiment that would tell the ambiguity set apart; empty if none is needed
+  std::size_t leading = 0;  ///< into ranking: what comes nearest to being proven where nothing is; 0: nothing does
+  double more_s = 0;        ///< of data as these that would prove it
+  std::string separation;   ///< the experiment that would tell the ambiguity set apart; empty if none is needed
 
   // proof
   std::vector<HorizonGap> horizons;

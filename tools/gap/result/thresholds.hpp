@@ -43,20 +43,25 @@ constexpr int kMostSwaps = 3;          // rounds in which the members of the bes
 constexpr std::size_t kMostSets = 128;  // of effects that are fitted to all windows: what memory is told for
 
 // ---- decision ------------------------------------------------------------------------------------
+constexpr double kPriorBend = 3;       // deviations from a prior up to which its cost is a Gaussian's
+constexpr double kMostPrior_sd = 3;    // of a model's own parameter: further off, something acts as it does
 constexpr double kLeastClip_nats = 4;  // of a window's difference
 constexpr double kBehind_nats = 60;    // behind the best fit: not decided upon
 constexpr double kGap_nats = 10;       // an effect against none: e^-10 times 40 candidates
 constexpr double kGap_z = 3;
+constexpr double kOpen_z = 1.5;     // with as many nats: neither proven nor refuted
 constexpr double kRicher_nats = 5;  // a richer explanation against a special case of it
 constexpr double kRicher_z = 2.5;
 constexpr double kRival_nats = 4;  // the best against another of its size
 constexpr double kRival_z = 1.5;
+constexpr std::size_t kAnything = 3;  // sets that cannot be told apart: what they do not share is not known
 constexpr double kSizeShare = 0.04;   // of the gap, in amplitude: what a further effect must explain
 constexpr double kRivalShare = 0.25;  // of the gap: more than that apart is no rival, however few windows show it
 
 // ---- the windows kept for the proof ----------------------------------------------------------------
 constexpr double kKeptGap_z = 1;         // of a name against none there
 constexpr double kKeptRicher_z = 0;      // against a special case of it; up to kKeptGap_z both are reported
+constexpr double kBeyondChoice = 2;      // of the standard errors asked for: the choice among many cannot have made it
 constexpr double kKeptRival_z = -1;      // against another explanation: one that they prefer by more is reported too
 constexpr double kKeptBehind_nats = 60;  // on the working windows: further behind is not asked for
 
@@ -65,6 +70,9 @@ constexpr double kWorseHoldout = 1.1;     // kept rollouts of any length that gr
 constexpr double kWorseHoldout_z = 1;     // ... if they do so window by window: an unstable plant's run anywhere
 constexpr double kExplained_sigma = 1.1;  // what "named" may leave
 constexpr double kPartlyShare = 0.5;      // of the gap's square: what "partly explained" may leave
+constexpr std::size_t kFewWindows = 10;   // a tenth of the windows
+constexpr double kMostInFew = 0.8;        // of the gap's square in them: it is told where
+constexpr double kSameSigma = 1.03;       // of the nominal model's: an effect that leaves up to that does the same
 constexpr double kEquivalent_sigma =
     0.1;  // difference of predictions below which two explanations are one on these data
 

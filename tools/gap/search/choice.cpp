@@ -11,22 +11,10 @@
 namespace tiller::tools::gap {
 namespace {
 
-double held_out_cost(const Session& s, const Candidate& e) {
-  double sum = 0;
-  for (const std::size_t w : s.work) sum += e.cv_cost[w];
-  return sum;
-}
-
-// Held-out cost with two nats for each parameter and what choices cost: between equals the simpler leads.
+// Held-out cost with two nats for each parameter, what choices cost and what priors do: between equals the simpler
+// leads.
 double ranked_cost(const Session& s, const Candidate& e) {
-  return held_out_cost(s, e) + 2 * s.dispersion * (2 * static_cast<double>(e.hypothesis.free.size()) + e.choice_nats);
-}
-
-// How large the difference of two explanations is, as a share of the whole gap, in amplitude.
-double share_of_gap(const Session& s, const Candidate& nominal, const Candidate& better, const Candidate& worse) {
-  const double whole = held_out_cost(s, nominal) - held_out_cost(s, better),
-               part = held_out_cost(s, worse) - held_out_cost(s, better);
-  return whole > 0 && part > 0 ? std::sqrt(part / whole) : 0;
+  return held_out_cost(s, e) + 2 * s.dispersion * (2 * static_cast<double>(e.hypothesis.free.size()) - e.ahead_nats());
 }
 
 bool worth(const Session& s, const Candidate& nominal, const Candidate& rich, const Candidate& simple) {
@@ -93,8 +81,9 @@ std::vector<std::size_t> Pool::rivals(std::size_t index) {
     if (e.effects().size() > best.effects().size() && e.hypothesis.free.size() >= best.hypothesis.free.size()) continue;
     const Comparison c = compare(session_, best, e);
     if (c.significant(kRival_nats, kRival_z)) continue;
-    // the same predictions from more parameters: the simpler has the name
-    if (e.hypothesis.free.size() > best.hypothesis.free.size() &&
+    // the same predictions from more parameters: the simpler has the name, but another mechanism is told (a rotor's
+    // inertia, or that of a rotor behind a play that does not open)
+    if (e.hypothesis.free.size() > best.hypothesis.free.size() && !other_mechanism(best, e, *session_.config.model) &&
         difference_sigma(session_, best, e) < kEquivalent_sigma)
       continue;
     if (share_of_gap(session_, nominal(), best, e) > kRivalShare) continue;

@@ -2,23 +2,35 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
+#include "tools/gap/fit/intervals.hpp"
 #include "tools/gap/result/thresholds.hpp"
 #include "tools/gap/search/relations.hpp"
 
 namespace tiller::tools::gap {
 namespace {
 
+constexpr std::size_t kFewestKept = 3;  // windows that a test can be made of
+
 struct Confirmer {
   Session& s;
   SearchResult& found;
   std::vector<double> start_x0;  // the nominal model's there: on an unstable plant the measurements' lead astray
+  std::vector<std::size_t> all;  // working and kept windows
 
+  Confirmer(Session& session, SearchResult& result) : s(session), found(result), all(session.work) {
+    if (!kept()) return;
+    all.insert(all.end(), s.test.begin(), s.test.end());
+    predict(found.entries[0]);
+  }
+
+  bool kept() const { return s.test.size() >= kFewestKept; }
   Candidate& best() { return found.entries[found.best]; }
 
   // Costs of the kept windows under the parameters of the working ones.
   void predict(Candidate& e) {
-    if (!e.test_cost.empty()) return;
+    if (!kept() || !e.test_cost.empty()) return;
     Fit fit = e.fit;
     if (!start_x0.empty()) fit.x0 = start_x0;
     FitSettings states;
@@ -30,28 +42,55 @@ struct Confirmer {
     if (e.effects().empty()) start_x0 = fit.x0;
   }
 
-  Comparison on_test_windows(Candidate& a, Candidate& b) {
-    predict(a);
-    predict(b);
-    return compare_on(s, s.test, a.test_cost, b.test_cost);
+  std::vector<double> held_out(Candidate& e) {
+    predict(e);
+    std::vector<double> cost = e.cv_cost;
+    for (const std::size_t w : s.test)
+      if (kept()) cost[w] = e.test_cost[w];
+    return cost;
   }
 
-  // What merit has to reach here: with few kept windows even an effect that stands kGap_z off on the working ones is
-  // expected at less than kKeptGap_z.
-  double gap_z() const {
+  // No window's cost is that of a fit to itself, so working and kept ones count alike.
+  Comparison on_all_windows(Candidate& a, Candidate& b) {
+    return compare_on(s, all, held_out(a), held_out(b), a.ahead_nats() - b.ahead_nats());
+  }
+
+  double kept_z(Candidate& a, Candidate& b) {
+    if (!kept()) return std::numeric_limits<double>::infinity();
+    predict(a);
+    predict(b);
+    return compare_on(s, s.test, a.test_cost, b.test_cost).z;
+  }
+
+  // What merit has to reach on the kept windows: with few of them even an effect that stands kGap_z off on the working
+  // ones is expected at less than kKeptGap_z.
+  double least_kept_z(const Candidate& simple) const {
+    if (!simple.effects().empty()) return kKeptRicher_z;
     const double share = static_cast<double>(s.test.size()) / static_cast<double>(s.work.size());
     return std::min(kKeptGap_z, 0.5 * kGap_z * std::sqrt(share));
   }
 
-  // The special case of the best that the kept windows bear out as well; the best itself if there is none.
-  std::size_t step_back() {
+  // So far off that the choice among many cannot have made it, and a few windows more do not unmake it.
+  bool beyond_choice(const Candidate& rich, const Candidate& simple) {
+    return compare(s, rich, simple).z >= kBeyondChoice * (simple.effects().empty() ? kGap_z : kRicher_z);
+  }
+
+  // The decision rule, of an explanation against its special case (the nominal model is everybody's).
+  bool proven(Candidate& rich, Candidate& simple) {
+    const bool gap = simple.effects().empty();
+    if (!on_all_windows(rich, simple).significant(gap ? kGap_nats : kRicher_nats, gap ? kGap_z : kRicher_z))
+      return false;
+    return beyond_choice(rich, simple) || kept_z(rich, simple) > least_kept_z(simple);
+  }
+
+  // The special case of the best against which it does not hold; the best itself if there is none.
+  template <class Holds>
+  std::size_t step_back(const Holds& holds) {
     std::size_t simpler = found.best;
     double least = 0;
     for (std::size_t i = 0; i < found.entries.size(); ++i) {
       Candidate& e = found.entries[i];
-      if (i == found.best || !nested(e, best())) continue;
-      const Comparison c = on_test_windows(best(), e);
-      if (c.z > (e.effects().empty() ? gap_z() : kKeptRicher_z)) continue;
+      if (i == found.best || !nested(e, best()) || holds(e)) continue;
       const double gain = compare(s, e, found.entries[0]).gain_nats;
       if (simpler != found.best && gain <= least) continue;
       simpler = i;
@@ -61,41 +100,123 @@ struct Confirmer {
   }
 
   // By the rule of the working windows: a share of the gap, in amplitude.
-  bool far_behind(const Comparison& work) const {
-    const double whole = compare(s, found.entries[found.best], found.entries[0]).gain_nats;
+  bool far_behind(const Comparison& work) {
+    const double whole = compare(s, best(), found.entries[0]).gain_nats;
     return work.gain_nats > kRivalShare * kRivalShare * whole;
   }
 
-  // Special cases that the kept windows all but refute the best against, and rivals that they prefer.
+  bool shares(Candidate& e) {
+    const Comparison work = compare(s, best(), e);
+    if (work.gain_nats > kKeptBehind_nats || far_behind(work)) return false;
+    if (nested(e, best())) return !beyond_choice(best(), e) && kept_z(best(), e) < std::min(kKeptGap_z, gap_z());
+    return kept_z(best(), e) < kKeptRival_z;
+  }
+  double gap_z() { return least_kept_z(found.entries[0]); }
+
+  // More than the best, of as many effects, and on the way to being proven.
+  bool leads(Candidate& rich, Candidate& simple) {
+    if (!nested(simple, rich)) return false;
+    const Comparison c = on_all_windows(rich, simple);
+    const bool gap = simple.effects().empty();
+    if (!c.significant(gap ? kGap_nats : kRicher_nats, kOpen_z)) return false;
+    return gap || (rich.effects().size() == simple.effects().size() &&
+                   share_of_gap(s, found.entries[0], rich, simple) > kSizeShare);
+  }
+
+  // Special cases that the kept windows all but refute the best against, rivals that they prefer, and what is more than
+  // the best and not refuted.
   void share() {
     auto& set = found.ambiguity;
     for (std::size_t i = 1; i < found.entries.size(); ++i) {
       Candidate& e = found.entries[i];
-      if (std::find(set.begin(), set.end(), i) != set.end() || e.hypothesis.free.size() > best().hypothesis.free.size())
-        continue;
-      const Comparison work = compare(s, best(), e);
-      if (work.gain_nats > kKeptBehind_nats || far_behind(work)) continue;
-      const Comparison c = on_test_windows(best(), e);
-      if (c.z < (nested(e, best()) ? gap_z() : kKeptRival_z)) set.push_back(i);
+      if (std::find(set.begin(), set.end(), i) != set.end()) continue;
+      const bool richer = e.hypothesis.free.size() > best().hypothesis.free.size();
+      if (richer ? leads(e, best()) : shares(e)) set.push_back(i);
+    }
+  }
+
+  // Of the gap's square; where there is next to no gap, whatever leads.
+  bool explains_most(const Candidate& e) {
+    const double before = s.sigma(found.entries[0].cv_cost, s.work), after = s.sigma(e.cv_cost, s.work);
+    return before <= s.options.budget_sigma || after * after - 1 < kPartlyShare * (before * before - 1);
+  }
+
+  // What all members of the ambiguity set have in common takes the name where the rest is small and could be anything.
+  void keep_what_is_certain() {
+    if (found.ambiguity.size() < kAnything || best().effects().size() < 2) return;
+    std::vector<EffectAt> common = best().effects();
+    for (const std::size_t i : found.ambiguity) {
+      const std::vector<EffectAt>& other = found.entries[i].effects();
+      common.erase(
+          std::remove_if(common.begin(), common.end(),
+                         [&](const EffectAt& e) { return std::find(other.begin(), other.end(), e) == other.end(); }),
+          common.end());
+    }
+    for (std::size_t i = 1; i < found.entries.size() && !common.empty(); ++i) {
+      if (!same_set(found.entries[i].effects(), common) || common.size() == best().effects().size()) continue;
+      if (share_of_gap(s, found.entries[0], best(), found.entries[i]) > kRivalShare) return;
+      for (const std::size_t member : found.ambiguity) found.beside.push_back(found.entries[member].effects());
+      found.best = i;
+      find_rivals(s, found);
+      return;
+    }
+  }
+
+  // Where nothing is proven: what comes nearest to it, and how much more of such data would prove it.
+  void find_leading() {
+    Candidate& nominal = found.entries[0];
+    double most = 0;
+    for (std::size_t i = 1; i < found.entries.size(); ++i) {
+      Candidate& e = found.entries[i];
+      if (!leads(e, nominal) || !explains_most(e)) continue;
+      const Comparison c = on_all_windows(e, nominal);
+      if (c.gain_nats <= most) continue;
+      most = c.gain_nats;
+      found.leading = i;
+      // z grows with the root of the windows; what is beyond choice is asked where the kept windows disagree
+      const double asked = c.z < kGap_z ? kGap_z : kBeyondChoice * kGap_z;
+      found.more_s = kWindow_s * s.time_scale *
+                     std::max(2.0, std::ceil(static_cast<double>(all.size()) * (asked * asked / (c.z * c.z) - 1)));
     }
   }
 };
 
+// Whether a parameter that an effect adds is as uncertain as it is large.
+bool is_undetermined(Session& s, Candidate& e) {
+  FitSettings last;
+  last.information = true;
+  s.shooting->fit(e.hypothesis, s.work, last, e.fit);
+  const std::vector<double> sd = deviations(e.hypothesis, e.fit, s.dispersion);
+  for (std::size_t f = 0; f < sd.size(); ++f) {
+    const FreeParam& free = e.hypothesis.free[f];
+    if (free.index >= e.hypothesis.own_params && !(sd[f] < std::fabs(e.fit.params[free.index]))) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 void confirm(Session& s, SearchResult& found) {
-  if (found.best == 0 || s.test.size() < 3 || !s.options.given.empty()) return;
-  Confirmer confirmer{s, found, {}};
-  confirmer.predict(found.entries[0]);
-  bool moved = false;
+  if (!s.options.given.empty() || s.stopped()) return;
+  Confirmer confirmer(s, found);
+  const std::size_t chosen = found.best;
   while (found.best != 0 && !s.stopped()) {
-    const std::size_t simpler = confirmer.step_back();
+    const std::size_t simpler =
+        confirmer.step_back([&](Candidate& simple) { return confirmer.proven(confirmer.best(), simple); });
     if (simpler == found.best) break;
     found.best = simpler;
-    moved = true;
   }
-  if (moved) find_rivals(s, found);
-  if (found.best != 0 && !s.stopped()) confirmer.share();
+  while (found.best != 0 && !s.stopped() && is_undetermined(s, confirmer.best())) {
+    const std::size_t simpler =
+        confirmer.step_back([&](Candidate& simple) { return confirmer.beyond_choice(confirmer.best(), simple); });
+    if (simpler == found.best) break;
+    found.best = simpler;
+  }
+  if (found.best != chosen) find_rivals(s, found);
+  if (s.stopped()) return;
+  if (found.best == 0) return confirmer.find_leading();
+  confirmer.share();
+  confirmer.keep_what_is_certain();
 }
 
 }  // namespace tiller::tools::gap

@@ -29,6 +29,16 @@ double paired_z(std::vector<double> d) {
 
 }  // namespace
 
+double prior_nats(const Hypothesis& h, const std::vector<double>& params) {
+  double sum = 0, slope, curvature;
+  for (const FreeParam& free : h.free) {
+    if (free.index >= h.own_params) continue;
+    const double z = std::sqrt(prior_penalty(free, params[free.index], &slope, &curvature));
+    sum += z < kPriorBend ? 0.5 * z * z : kPriorBend * (z - 0.5 * kPriorBend);
+  }
+  return sum;
+}
+
 double Session::sigma(const std::vector<double>& cost, const std::vector<std::size_t>& which) const {
   double sum = 0, freedom = 0;
   for (const std::size_t w : which) {
@@ -61,12 +71,25 @@ void cross_validate(Session& s, Candidate& entry) {
     for (const std::size_t w : s.fold[f]) entry.cv_cost[w] = fit.cost[w];
   }
   entry.choice_nats = choice_nats(s, entry.effects());
+  entry.prior_nats = prior_nats(entry.hypothesis, entry.fit.params);
   // costs of fits that were stopped halfway compare with nothing; the nominal model has to be there
   entry.decided = !s.stopped() || entry.effects().empty();
 }
 
+double held_out_cost(const Session& s, const Candidate& e) {
+  double sum = 0;
+  for (const std::size_t w : s.work) sum += e.cv_cost[w];
+  return sum;
+}
+
+double share_of_gap(const Session& s, const Candidate& nominal, const Candidate& better, const Candidate& worse) {
+  const double whole = held_out_cost(s, nominal) - held_out_cost(s, better),
+               part = held_out_cost(s, worse) - held_out_cost(s, better);
+  return whole > 0 && part > 0 ? std::sqrt(part / whole) : 0;
+}
+
 Comparison compare(const Session& s, const Candidate& a, const Candidate& b) {
-  return compare_on(s, s.work, a.cv_cost, b.cv_cost, b.choice_nats - a.choice_nats);
+  return compare_on(s, s.work, a.cv_cost, b.cv_cost, a.ahead_nats() - b.ahead_nats());
 }
 
 Comparison compare_on(const Session& s, const std::vector<std::size_t>& which, const std::vector<double>& cost_a,

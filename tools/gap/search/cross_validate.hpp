@@ -7,7 +7,16 @@ namespace tiller::tools::gap {
 /// Fills entry.cv_cost: each working window under parameters fitted to the other fold, its start state fitted anew.
 void cross_validate(Session& session, Candidate& entry);
 
-/// How much better `a` foresees the working windows than `b`.
+/// Nats that the model's own parameters pay for their distance z from their priors: z^2 / 2, and from kPriorBend on
+/// along the tangent (Huber), since a data sheet that is wrong is wrong by more than a Gaussian says.
+double prior_nats(const Hypothesis& hypothesis, const std::vector<double>& params);
+
+/// Of the working windows.
+double held_out_cost(const Session& session, const Candidate& entry);
+/// How large the difference of two explanations is, as a share of the whole gap, in amplitude.
+double share_of_gap(const Session& session, const Candidate& nominal, const Candidate& better, const Candidate& worse);
+
+/// How much better `a` foresees the working windows than `b`, what their parameters pay to the priors included.
 struct Comparison {
   double gain_nats = 0;  ///< log density, dispersion counted
   double z = 0;          ///< clipped paired differences over windows, in standard errors

@@ -38,9 +38,9 @@ std::size_t localise_bytes(const Session& s) {
 std::size_t holdout_bytes(const Session& s) {
   std::size_t points = 0, longest = 0;
   for (const std::size_t i : s.test) points += s.windows[i].points;
-  double period_s = s.config.period_s;
+  double period_s = s.config.period_s / s.time_scale;
   for (const std::size_t i : s.test) {
-    const double own_s = s.data.grids[s.windows[i].grid].period_s;
+    const double own_s = s.data.grids[s.windows[i].grid].period_s / s.time_scale;
     longest = std::max(longest, static_cast<std::size_t>(kLongestHoldout_s / own_s) + 1);
     period_s = std::min(period_s, own_s);
   }

@@ -10,6 +10,23 @@
 #include "tools/gap/search/relations.hpp"
 
 namespace tiller::tools::gap {
+namespace {
+
+// What acts seldom (a limit, a gap that opens) shows in few windows: those that the nominal model fits worst take the
+// places of a quarter of the screen's.
+void screen_where_it_fails(Session& s, const Fit& nominal) {
+  std::vector<std::size_t> worst = s.work;
+  std::stable_sort(worst.begin(), worst.end(),
+                   [&](std::size_t a, std::size_t b) { return nominal.cost[a] > nominal.cost[b]; });
+  worst.resize(std::min(worst.size(), s.screen.size() / 4));
+  std::vector<std::size_t> screen = worst;
+  for (const std::size_t w : s.screen)
+    if (screen.size() < s.screen.size() && std::find(worst.begin(), worst.end(), w) == worst.end()) screen.push_back(w);
+  std::sort(screen.begin(), screen.end());
+  s.screen = screen;
+}
+
+}  // namespace
 
 std::size_t Pool::find(const std::vector<EffectAt>& effects) const {
   for (std::size_t i = 0; i < entries.size(); ++i)
@@ -27,6 +44,7 @@ void Pool::begin() {
     session_.shooting->fit(nominal.hypothesis, session_.work, {}, nominal.fit);
   }
   nominal.full = true;
+  screen_where_it_fails(session_, nominal.fit);
   cross_validate(session_, nominal);
   entries.push_back(std::move(nominal));
 }

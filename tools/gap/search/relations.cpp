@@ -63,6 +63,26 @@ bool nested(const Candidate& simple, const Candidate& rich) {
   return true;
 }
 
+bool other_mechanism(const Candidate& simple, const Candidate& rich, const tiller_model_t& model) {
+  if (simple.effects().size() != rich.effects().size() || nested(simple, rich) ||
+      rich.hypothesis.free.size() != simple.hypothesis.free.size() + 1)
+    return false;
+  const auto missing = [](const std::vector<EffectAt>& from, const std::vector<EffectAt>& in) {
+    std::vector<EffectAt> left;
+    for (const EffectAt& e : from)
+      if (std::find(in.begin(), in.end(), e) == in.end()) left.push_back(e);
+    return left;
+  };
+  const std::vector<EffectAt> a = missing(simple.effects(), rich.effects()),
+                              b = missing(rich.effects(), simple.effects());
+  if (a.size() != 1 || b.size() != 1) return false;
+  const auto& aliases = effect_info(b[0].kind).aliases;
+  const char* name = effect_info(a[0].kind).name;
+  return std::any_of(std::begin(aliases), std::end(aliases),
+                     [&](const char* alias) { return alias != nullptr && std::strcmp(alias, name) == 0; }) &&
+         joint_of(model, a[0].kind, a[0].port) == joint_of(model, b[0].kind, b[0].port);
+}
+
 bool may_be_taken_for(const EffectAt& a, const EffectAt& b, const tiller_model_t& model) {
   if (a == b) return false;
   const EffectInfo &x = effect_info(a.kind), &y = effect_info(b.kind);

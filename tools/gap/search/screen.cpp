@@ -56,7 +56,8 @@ std::vector<std::vector<double>> starts_of(const Session& s, const EffectAt& e) 
   for (const double share : kSmallStarts) {
     std::vector<double> small = first;
     for (int i = 0; i < info.param_count; ++i)
-      if (is_strength(info.params[i].scale) || e.kind == tiller_effect_dead_zone)
+      if (is_strength(info.params[i].scale) || info.params[i].scale == Scale::period ||
+          e.kind == tiller_effect_dead_zone)
         small[static_cast<std::size_t>(i)] *= share;
     if (small != first) starts.push_back(small);
   }

@@ -14,9 +14,11 @@ struct Candidate {
   Fit fit;                        ///< to all working windows
   std::vector<double> cv_cost;    ///< (working windows) cost under the parameters of the other fold
   std::vector<double> test_cost;  ///< (all windows) cost of those kept for the proof; empty until confirm() asks
+  double ahead_nats() const { return -choice_nats - prior_nats; }  ///< before any window is looked at
   double choice_nats =
-      0;                ///< of choices made on both folds, which held-out costs do not show: spatial periods of scans
-  double screened = 0;  ///< cost on the screen's windows, in coarse steps
+      0;                  ///< of choices made on both folds, which held-out costs do not show: spatial periods of scans
+  double prior_nats = 0;  ///< what the model's own parameters pay for their distance from their priors
+  double screened = 0;    ///< cost on the screen's windows, in coarse steps
   double enough = INFINITY;  ///< a cost above it explains nothing that a subset does not
   bool full = false;         ///< fitted to the end
   bool decided = false;      ///< `cv_cost` is filled
@@ -36,6 +38,7 @@ struct Session {
   std::vector<std::size_t> work, fold[2], test, screen;  ///< indices of windows
   std::vector<EffectAt> candidates;                      ///< that fit the model's ports
   std::vector<double> nominal_x0;                        ///< (all windows x nx) start states of the nominal model's fit
+  double time_scale = 1;                                 ///< of all grids
   double dispersion = 1;  ///< variance of whitened residuals, serial correlation counted; at least 1
 
   bool stopped() const { return options.stop != nullptr && *options.stop != 0; }

@@ -19,8 +19,10 @@ from .table import ReportError, read_json, write_page
 _HEADLINE = {"no_gap": "model and data agree", "named": "the missing effect has a name",
              "ambiguous": "several effects explain the gap equally well",
              "partly_explained": "a part of the gap has a name", "unnamed": "no known effect explains the gap",
+             "leading": "an effect leads, not yet proven", "off_prior": "a parameter lies far off its prior",
              "unfit": "the data cannot answer"}
-_GOOD = {"no_gap": True, "named": False, "ambiguous": None, "partly_explained": None, "unnamed": None, "unfit": False}
+_GOOD = {"no_gap": True, "named": False, "ambiguous": None, "partly_explained": None, "unnamed": None, "leading": None,
+         "off_prior": None, "unfit": False}
 _AXES = {"position": "position", "velocity": "velocity", "input": "command", "input_rate": "change of the command",
          "time": "time", "input_sign_square": "direction of movement times load"}
 _MEANING = {

@@ -77,6 +77,7 @@ p { max-width: 80ch; margin: 6px 0; }
 .facts b { display: block; font-size: 18px; font-weight: 600; font-variant-numeric: tabular-nums; }
 .facts span { color: #5a626b; font-size: 13px; }
 .scroll { overflow-x: auto; }
+li { overflow-wrap: anywhere; }
 table { border-collapse: collapse; font-size: 15px; font-variant-numeric: tabular-nums; min-width: 50%; }
 th, td { padding: 6px 14px 6px 0; text-align: right; white-space: nowrap; border-bottom: 1px solid #e3e6ea; }
 th { color: #5a626b; font-weight: 500; } th:first-child, td:first-child { text-align: left; }

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tools/gap/result/result.hpp"
+#include "tools/logs/identify_data.hpp"
+
+namespace tiller::tools::gap {
+
+/// Adds a reason where one column in another unit or with another sign explains nearly all of the forces that the model
+/// leaves with every parameter that its priors allow.
+void check_units(const tiller_config_t& config, const std::vector<Grid>& grids, const std::string& paths,
+                 Result& result);
+
+/// Least share of the forces' square that the model leaves with parameters that its priors allow: 0 for a perfect model,
+/// about 1 for one that tells nothing. Cost: some ten times a rollout of the data for each parameter.
+double least_unexplained(const tiller_config_t& config, const std::vector<Grid>& grids);
+
+}  // namespace tiller::tools::gap
