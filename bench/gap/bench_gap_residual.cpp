@@ -53,8 +53,8 @@ struct Summary {
 
   void add(const Judged& judged, const std::string& kind) {
     // what a force over position and velocity can be; the others depend on time, on commands or on states of their own
-    static const std::set<std::string> state_kinds = {"q2_spring",         "gap_spring",     "hard_stop",
-                                                      "position_friction", "friction_drift", "elastic_joint"};
+    static const std::set<std::string> state_kinds = {"square_spring", "gap_spring",     "hard_stop",
+                                                      "rough_patches", "friction_drift", "elastic_joint"};
     ratios.push_back(judged.after / judged.before);
     if (state_kinds.count(kind)) of_state.push_back(ratios.back());
     offered += judged.offered;

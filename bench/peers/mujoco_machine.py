@@ -58,16 +58,18 @@ def point(at, mass):
 
 
 def joint(name, kind, axis, play, child):
-    """The joint, or with play a rotor on a motor's joint and the joint's own way between two stops."""
+    """The joint, or a rotor on a motor's joint and the joint's own way from it: between two stops, or on a spring."""
     plain = f'<joint name="{name}" type="{kind}" axis="{axis}" armature="0"/>'
     if play is None:
         return f'<body>{plain}{child}</body>'
-    gap, inertia = play
-    return (f'<body><joint name="{name}" type="{kind}" axis="{axis}" armature="{inertia!r}"/>'
+    if "gap_SI" in play:
+        held = (f'limited="true" range="{-play["gap_SI"] / 2!r} {play["gap_SI"] / 2!r}" solreflimit="0.002 1" '
+                'solimplimit="0.99 0.999 0.0001"')
+    else:
+        held = f'stiffness="{play["stiffness_SI"]!r}" damping="{play["damping_SI"]!r}"'
+    return (f'<body><joint name="{name}" type="{kind}" axis="{axis}" armature="{play["rotor_inertia_SI"]!r}"/>'
             f'<inertial pos="0 0 0" mass="1e-6" diaginertia="1e-9 1e-9 1e-9"/>'
-            f'<body><joint name="{name}_play" type="{kind}" axis="{axis}" limited="true" '
-            f'range="{-gap / 2!r} {gap / 2!r}" solreflimit="0.002 1" solimplimit="0.99 0.999 0.0001"/>{child}</body>'
-            f'</body>')
+            f'<body><joint name="{name}_play" type="{kind}" axis="{axis}" {held}/>{child}</body></body>')
 
 
 def mjcf(plant, p, options):
@@ -117,8 +119,8 @@ class Machine:
         self.effects = effects
         options = {"play": {}, "lag": {}}
         for kind, port, e in effects:
-            if kind == "backlash":
-                options["play"][self.facts["motors"][port]] = (e["gap_SI"], e["rotor_inertia_SI"])
+            if kind in ("backlash", "elastic_joint"):
+                options["play"][self.facts["motors"][port]] = e
             elif kind == "payload":
                 options["payload"] = e["mass_kg"]
             elif kind == "tilt":
@@ -158,6 +160,7 @@ class Machine:
             self.data.qvel[d] = v
         self.bristle = {}
         self.slow = [0.0] * len(self.facts["motors"])
+        self.load = [0.0] * len(self.facts["motors"])
         self.past = [[] for _ in self.facts["motors"]]
 
     def position(self):
@@ -197,6 +200,9 @@ class Machine:
                 most = e["rate_SI_s"] * STEP
                 self.slow[port] += min(max(out[port] - self.slow[port], -most), most)
                 out[port] = self.slow[port]
+            elif kind == "supply_sag":
+                self.load[port] += (abs(out[port]) - self.load[port]) * -math.expm1(-STEP / e["recovery_s"])
+                out[port] /= 1 + e["droop_per_SI"] * self.load[port]
         return out
 
     def applied(self, forces):
@@ -210,6 +216,16 @@ class Machine:
                 total[port] -= e["drag_SI"] * abs(v[port]) * v[port]
             elif kind == "cubic_spring":
                 total[port] -= e["stiffness_SI3"] * q[port] ** 3
+            elif kind == "square_spring":
+                total[port] -= e["stiffness_SI2"] * q[port] * abs(q[port])
+            elif kind == "hard_stop":
+                into = q[port] - e["position_SI"]
+                if into > 0:
+                    total[port] -= max(e["stiffness_SI"] * into + e["damping_SI"] * v[port], 0.0)
+            elif kind == "position_friction":
+                a = 2 * math.pi * q[port] / e["spatial_period_SI"]
+                self.model.dof_frictionloss[self.load_dof[port]] = max(
+                    e["friction_SI"] + e["cosine_SI"] * math.cos(a) + e["sine_SI"] * math.sin(a), 0.0)
             elif kind in ("cogging", "torque_ripple"):
                 a = 2 * math.pi * q[port] / e["spatial_period_SI"]
                 if kind == "cogging":

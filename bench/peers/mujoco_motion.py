@@ -16,7 +16,8 @@ KINDS = {
     "torque_ripple": "motor", "joint_inertia": "motor", "backlash": "motor", "actuator_gain": "input",
     "actuator_lag": "input", "input_delay": "input", "dead_zone": "input", "saturation": "input",
     "rate_limit": "input", "sensor_bias": "gravity_sensor", "sensor_scale": "gravity_sensor", "tilt": "gravity_body",
-    "payload": "gravity_body",
+    "payload": "gravity_body", "square_spring": "joint", "hard_stop": "joint", "position_friction": "motor",
+    "supply_sag": "input", "elastic_joint": "motor",
 }
 
 # ---- excitation ------------------------------------------------------------------------------------
@@ -152,7 +153,7 @@ def make_effect(kind, port, s, t, plant, nominal, shape):
     """Parameters for a strength s of 0 to 1; `shape`: numbers in 0 .. 1 that are no strength."""
     facts = PLANTS[plant]
     j = port if KINDS[kind] in ("joint", "motor") else min(port, len(facts["joints"]) - 1)
-    if kind == "backlash" or KINDS[kind] == "input":
+    if kind in ("backlash", "elastic_joint") or KINDS[kind] == "input":
         j = facts["motors"][port]
     force = t["input"][facts["motors"].index(j)] if j in facts["motors"] else \
         inertia_at(plant, nominal, j) * t["acceleration"][j]
@@ -186,6 +187,22 @@ def make_effect(kind, port, s, t, plant, nominal, shape):
     if kind == "joint_inertia": return {"inertia_SI": 0.6 * s * inertia}
     if kind == "backlash":
         return {"gap_SI": 0.25 * s * q, "rotor_inertia_SI": inertia * (0.02 + 0.1 * shape[1])}
+    if kind == "square_spring": return {"stiffness_SI2": 0.8 * s * force / t["reach"][j] ** 2}
+    if kind == "hard_stop":
+        stiffness = 8 * force / t["reach"][j]
+        return {"position_SI": t["reach"][j] * (1.4 - (1.1 + 0.3 * shape[1]) * s), "stiffness_SI": stiffness,
+                "damping_SI": 0.1 * math.sqrt(stiffness * inertia)}
+    if kind == "position_friction":
+        swing = friction * (0.4 + 0.5 * shape[3])
+        return {"friction_SI": friction, "cosine_SI": swing * math.cos(phase), "sine_SI": swing * math.sin(phase),
+                "spatial_period_SI": pitch}
+    if kind == "supply_sag":
+        return {"droop_per_SI": 1.5 * s / t["input"][port], "recovery_s": 0.2 + 0.8 * shape[1]}
+    if kind == "elastic_joint":
+        rotor = inertia * (0.03 + 0.2 * shape[1])
+        soft = inertia * (2 * math.pi * (1.5 + shape[2])) ** 2 / s
+        stiffness = min(soft, rotor * (2 * math.pi * 60) ** 2)
+        return {"stiffness_SI": stiffness, "rotor_inertia_SI": rotor, "damping_SI": 0.1 * math.sqrt(stiffness * rotor)}
     if kind == "actuator_gain": return {"gain_error": sign * 0.4 * s}
     if kind == "actuator_lag": return {"time_constant_s": 0.15 * s}
     if kind == "input_delay": return {"delay_s": 0.1 * s}
@@ -202,11 +219,11 @@ def ports_of(kind, plant):
     """[(index in the machine, name in the answer)] where the kind may sit."""
     facts, place = PLANTS[plant], KINDS[kind]
     joints = list(enumerate(facts["joints"]))
-    if kind in ("linear_spring", "cubic_spring"):  # the spring's zero is where the plant rests
+    if kind in ("linear_spring", "cubic_spring", "square_spring", "hard_stop"):  # the spring's zero is where the plant rests
         return [(i, n) for i, n in joints if facts["rest"][i] == 0]
     if place == "joint":
         return joints
-    if kind == "backlash":
+    if kind in ("backlash", "elastic_joint"):
         return [(k, facts["inputs"][k]) for k, j in enumerate(facts["motors"])]
     if place == "motor":
         return [(j, facts["joints"][j]) for j in facts["motors"]]

@@ -75,9 +75,9 @@ def tame(rows, sizes):
 
 
 def without(bare, plant, truth, effects):
-    """The machine without the effects; of play the rotor stays, whose mass a fit may add to the plant's."""
+    """The machine without the effects; of play or a spring the rotor stays, whose mass a fit may add to the plant's."""
     rotors = [("joint_inertia", PLANTS[plant]["motors"][port], {"inertia_SI": e["rotor_inertia_SI"]})
-              for kind, port, e in effects if kind == "backlash"]
+              for kind, port, e in effects if kind in ("backlash", "elastic_joint")]
     return Machine(plant, truth, rotors) if rotors else bare
 
 

@@ -18,9 +18,9 @@ struct GapCase {
   std::string id() const;  ///< "sealed/pendulum/tilt/0.002/7"; no comma, no blank
 };
 
-/// Scoring seeds count from 11, tuning seeds from 100001: thresholds are frozen before the former are drawn. Seeds 1 to
-/// 10 were the scoring seeds of an earlier engine, whose errors on them have been looked at.
-constexpr std::uint64_t kFirstScoringSeed = 11, kFirstTuningSeed = 100001;
+/// Scoring seeds count from 31, tuning seeds from 100001: thresholds are frozen before the former are drawn. Seeds 1 to
+/// 30 are those of earlier engines, whose errors on them have been looked at.
+constexpr std::uint64_t kFirstScoringSeed = 31, kFirstTuningSeed = 100001;
 
 struct CasePlan {
   std::uint64_t first_seed = kFirstScoringSeed;

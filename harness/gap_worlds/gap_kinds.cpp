@@ -49,6 +49,14 @@ Parameters asymmetric(double s, Port p, const Typical& t, Draws d) {
   const bool forward = d.uniform() < 0.5;
   return {{"forward_SI", forward ? large : small}, {"backward_SI", forward ? small : large}};
 }
+Parameters position_friction(double s, Port p, const Typical& t, Draws d) {
+  const double friction = 0.6 * s * t.force[p];
+  const auto [cosine, sine] = turned(d, friction * d.between(0.8, 1.0));
+  return {{"friction_SI", friction},
+          {"cosine_SI", cosine},
+          {"sine_SI", sine},
+          {"spatial_period_SI", spatial_period(d, p, t)}};
+}
 Parameters load_friction(double s, Port, const Typical&, Draws) { return {{"coefficient", 0.6 * s}}; }
 Parameters drag(double s, Port p, const Typical& t, Draws) {
   return {{"drag_SI", 0.6 * s * t.force[p] / std::pow(t.velocity[p], 2)}};
@@ -112,10 +120,10 @@ Parameters bias(double s, Port p, const Typical& t, Draws d) {
 }
 Parameters scale(double s, Port, const Typical&, Draws d) { return {{"scale_error", sign(d) * 0.3 * s}}; }
 
-// what no catalogue has
-Parameters q2_spring(double s, Port p, const Typical& t, Draws) {
+Parameters square_spring(double s, Port p, const Typical& t, Draws) {
   return {{"stiffness_SI2", 0.6 * s * t.force[p] / std::pow(t.reach[p], 2)}};
 }
+// what no catalogue has
 Parameters gap_spring(double s, Port p, const Typical& t, Draws d) {
   return {{"stiffness_SI", 2 * s * t.force[p] / t.reach[p]}, {"gap_SI", 2 * t.reach[p] * d.between(0.4, 0.9)}};
 }
@@ -135,18 +143,19 @@ Parameters friction_drift(double s, Port p, const Typical& t, Draws d) {
   const double friction = 0.7 * s * t.force[p];
   return {{"friction_SI", friction}, {"heat_J", friction * t.velocity[p] * d.between(1.0, 2.5)}};
 }
-Parameters position_friction(double s, Port p, const Typical& t, Draws d) {
+Parameters rough_patches(double s, Port p, const Typical& t, Draws d) {
   return {{"friction_SI", 0.8 * s * t.force[p]}, {"spatial_period_SI", spatial_period(d, p, t)}};
 }
 Parameters loose(double s, Port, const Typical&, Draws d) {
   return {{"share", 0.4 * s}, {"slip_s", d.between(0.03, 0.1)}};
 }
-Parameters droop(double s, Port p, const Typical& t, Draws d) {
+Parameters supply_sag(double s, Port p, const Typical& t, Draws d) {
   return {{"droop_per_SI", 2 * s / t.input[p]}, {"recovery_s", d.between(0.2, 0.8)}};
 }
 Parameters jitter(double s, Port, const Typical&, Draws) { return {{"delay_s", 0.12 * s}}; }
 Parameters elastic(double s, Port p, const Typical& t, Draws d) {
-  const double rotor = (0.03 + 0.25 * s) * t.inertia[p], hz = d.between(1.5, 2.5);
+  // a rotor within what a mass is known to: the spring is what shows
+  const double rotor = 0.03 * t.inertia[p], hz = d.between(1.5, 2.5);
   // at most 80 Hz: faster than that no step of half a millisecond follows
   const double stiffness = std::min(t.inertia[p] * std::pow(2 * kPi * hz, 2) / s, rotor * std::pow(2 * kPi * 80, 2));
   return {{"stiffness_SI", stiffness}, {"rotor_inertia_SI", rotor}, {"damping_SI", 0.1 * std::sqrt(stiffness * rotor)}};
@@ -187,18 +196,19 @@ const std::vector<HiddenKind>& hidden_kind_table() {
       {"sensor_scale", P::spring_sensor, true, scale},
       {"tilt", P::body, true, tilt},
       {"payload", P::body, true, payload},
+      {"square_spring", P::spring_joint, true, square_spring},
+      {"hard_stop", P::spring_joint, true, hard_stop},
+      {"position_friction", P::motor_joint, true, position_friction},
+      {"supply_sag", P::input, true, supply_sag},
+      {"elastic_joint", P::ground_input, true, elastic},
 
-      {"q2_spring", P::spring_joint, false, q2_spring},
       {"gap_spring", P::spring_joint, false, gap_spring},
-      {"hard_stop", P::spring_joint, false, hard_stop},
       {"wind_gusts", P::joint, false, wind},
       {"periodic_force", P::joint, false, periodic},
       {"friction_drift", P::motor_joint, false, friction_drift},
-      {"position_friction", P::motor_joint, false, position_friction},
+      {"rough_patches", P::motor_joint, false, rough_patches},
       {"loose_coupling", P::input, false, loose},
-      {"supply_droop", P::input, false, droop},
       {"command_jitter", P::input, false, jitter},
-      {"elastic_joint", P::ground_input, false, elastic},
       {"swinging_load", P::body, false, swinging},
       {"encoder_eccentricity", P::sensor, false, eccentricity},
   };

@@ -38,18 +38,22 @@ enum class Scale {
   force_per_velocity,   ///< force / typical velocity
   force_per_velocity2,  ///< force / velocity^2
   force_per_position,   ///< force / typical excursion
+  force_per_position2,  ///< force / excursion^2
   force_per_position3,  ///< force / excursion^3
-  position,             ///< typical excursion of the joint
-  velocity,             ///< typical velocity of the joint
-  input,                ///< typical command
-  period,               ///< the control period
-  mass,                 ///< mass that the joint's force moves
-  inertia,              ///< inertia that the joint's force moves (kg for a sliding joint)
-  spatial_period        ///< no start can be had: scanned over [low, high], evenly in the logarithm
+  stiffness,            ///< force / typical excursion about its mean
+  position,             ///< typical excursion of the joint about its mean
+  place,          ///< excursion of the joint from its lowest to its highest position; starts count from the lowest
+  velocity,       ///< typical velocity of the joint
+  input,          ///< typical command
+  per_input,      ///< 1 / typical command
+  period,         ///< the control period
+  mass,           ///< mass that the joint's force moves
+  inertia,        ///< inertia that the joint's force moves (kg for a sliding joint)
+  spatial_period  ///< no start can be had: scanned over [low, high], evenly in the logarithm
 };
 
 constexpr int kMaxEffectParams = 16;
-constexpr int kMaxStarts = 4;
+constexpr int kMaxStarts = 6;
 
 struct EffectParam {
   const char* name = nullptr;  ///< ends in its unit; "_SI": N or N m and the like, by the port
@@ -69,6 +73,7 @@ struct EffectInfo {
   int state_count = 0;
   bool needs_drive = false;          ///< only at a joint that an input drives (tiller_joint_t.drive), or that input
   bool needs_position = false;       ///< only at a joint that has one
+  bool paired_starts = false;        ///< starts go together, the k-th of each parameter; else each with each
   bool unnamed = false;              ///< stands for physics without a name: never a candidate of a search for names
   const char* help = nullptr;        ///< one line
   const char* equation = nullptr;    ///< plain text

@@ -23,13 +23,8 @@ struct LugreFriction {
     i.params[0] = {"friction_SI", "N or N m", 0.0, __builtin_huge_val(), Scale::force, 2, {0.05, 0.2}};
     i.params[1] = {"stiction_extra_SI", "N or N m", 0.0, __builtin_huge_val(), Scale::force, 2, {0.02, 0.1}};
     i.params[2] = {"stribeck_velocity_SI", "m/s or rad/s", 0.0, __builtin_huge_val(), Scale::velocity, 2, {0.05, 0.2}};
-    i.params[3] = {"bristle_stiffness_SI",
-                   "N/m or N m/rad",
-                   0.0,
-                   __builtin_huge_val(),
-                   Scale::force_per_position,
-                   2,
-                   {30.0, 10.0}};
+    i.params[3] = {"bristle_stiffness_SI", "N/m or N m/rad", 0.0, __builtin_huge_val(), Scale::stiffness, 3,
+                   {30.0, 10.0, 300.0}};
     i.state_count = 1;
     i.help = "bristle friction: a spring before it slides, then Stribeck";
     i.equation =

@@ -33,6 +33,24 @@ class CoulombFriction final : public Effect {
   double force_;
 };
 
+/// A bent rail: the motor's force limit follows the position.
+class PositionFriction final : public Effect {
+ public:
+  explicit PositionFriction(const Parameters& p)
+      : mean_(p.at("friction_SI")),
+        cosine_(p.at("cosine_SI")),
+        sine_(p.at("sine_SI")),
+        pitch_(p.at("spatial_period_SI")) {}
+  bool is_dry() const override { return true; }
+  double dry_friction(const Joint& joint, const Moment&) override {
+    const double a = pitch_ > 0 ? 2 * 3.14159265358979323846 * joint.position() / pitch_ : 0;
+    return std::max(0.0, mean_ + cosine_ * std::cos(a) + sine_ * std::sin(a));
+  }
+
+ private:
+  double mean_, cosine_, sine_, pitch_;
+};
+
 /// The motor's force limit falls from stiction to sliding friction as the joint gathers speed.
 class StribeckFriction final : public Effect {
  public:
@@ -125,6 +143,11 @@ std::vector<EffectInfo> friction_effects() {
        {{"friction_SI"}},
        "N or N m: dry friction that sticks",
        make_effect<CoulombFriction>},
+      {"position_friction",
+       PortKind::joint,
+       {{"friction_SI"}, {"cosine_SI", true}, {"sine_SI", true}, {"spatial_period_SI"}},
+       "dry friction that swings with the position",
+       make_effect<PositionFriction>},
       {"stribeck_friction",
        PortKind::joint,
        {{"friction_SI"}, {"stiction_extra_SI"}, {"stribeck_velocity_SI"}},

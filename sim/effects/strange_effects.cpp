@@ -1,4 +1,4 @@
-// Physics that no catalogue of effects has an entry for.
+// Physics that catalogues of effects seldom have an entry for: buffers, drift, slip, elasticity, chance.
 
 #include <algorithm>
 #include <cmath>
@@ -15,9 +15,9 @@ constexpr double kTwoPi = 6.283185307179586;
 std::uint64_t millisecond(const Moment& now) { return static_cast<std::uint64_t>(now.time_us / 1000); }
 
 /// A leaf spring that stiffens: force = -stiffness q |q|.
-class Q2Spring final : public Effect {
+class SquareSpring final : public Effect {
  public:
-  explicit Q2Spring(const Parameters& p) : stiffness_(p.at("stiffness_SI2")) {}
+  explicit SquareSpring(const Parameters& p) : stiffness_(p.at("stiffness_SI2")) {}
   void push(Joint& joint, const Moment&) override {
     joint.add_force(-stiffness_ * joint.position() * std::fabs(joint.position()));
   }
@@ -114,9 +114,9 @@ class FrictionDrift final : public Effect {
 };
 
 /// A rail with rough patches: friction on every other half of a pitch.
-class PositionFriction final : public Effect {
+class RoughPatches final : public Effect {
  public:
-  explicit PositionFriction(const Parameters& p) : friction_(p.at("friction_SI")), pitch_(p.at("spatial_period_SI")) {}
+  explicit RoughPatches(const Parameters& p) : friction_(p.at("friction_SI")), pitch_(p.at("spatial_period_SI")) {}
   bool is_dry() const override { return true; }
   double dry_friction(const Joint& joint, const Moment&) override {
     if (pitch_ <= 0) return friction_;
@@ -145,9 +145,9 @@ class LooseCoupling final : public Effect {
 };
 
 /// A supply that sags under load and recovers: the force falls with the mean of what was asked.
-class SupplyDroop final : public Effect {
+class SupplySag final : public Effect {
  public:
-  explicit SupplyDroop(const Parameters& p) : droop_(p.at("droop_per_SI")), time_s_(p.at("recovery_s")) {}
+  explicit SupplySag(const Parameters& p) : droop_(p.at("droop_per_SI")), time_s_(p.at("recovery_s")) {}
   void reset(std::uint64_t) override { load_ = 0; }
   double drive(double wanted, const Moment& now) override {
     load_ += (std::fabs(wanted) - load_) * (time_s_ > 0 ? -std::expm1(-now.step_s / time_s_) : 1.0);
@@ -224,11 +224,11 @@ class EncoderEccentricity final : public Effect {
 
 std::vector<EffectInfo> of_joints() {
   return {
-      {"q2_spring",
+      {"square_spring",
        PortKind::joint,
        {{"stiffness_SI2"}},
        "a spring whose force goes as the square",
-       make_effect<Q2Spring>},
+       make_effect<SquareSpring>},
       {"gap_spring", PortKind::joint, {{"stiffness_SI"}, {"gap_SI"}}, "a spring beyond a gap", make_effect<GapSpring>},
       {"hard_stop",
        PortKind::joint,
@@ -250,11 +250,11 @@ std::vector<EffectInfo> of_joints() {
        {{"friction_SI"}, {"heat_J"}},
        "dry friction that falls as it warms",
        make_effect<FrictionDrift>},
-      {"position_friction",
+      {"rough_patches",
        PortKind::joint,
        {{"friction_SI"}, {"spatial_period_SI"}},
        "dry friction in patches",
-       make_effect<PositionFriction>},
+       make_effect<RoughPatches>},
   };
 }
 
@@ -265,11 +265,11 @@ std::vector<EffectInfo> of_commands_and_the_rest() {
        {{"share"}, {"slip_s"}},
        "the coupling slips a share of the time",
        make_effect<LooseCoupling>},
-      {"supply_droop",
+      {"supply_sag",
        PortKind::command,
        {{"droop_per_SI"}, {"recovery_s"}},
        "the force sags under load",
-       make_effect<SupplyDroop>},
+       make_effect<SupplySag>},
       {"command_jitter",
        PortKind::command,
        {{"delay_s"}},

@@ -153,6 +153,48 @@ TEST(Engine, SaysWhatIsMissingOfShortLogs) {
   ASSERT_FALSE(r.reasons.empty());
 }
 
+// Forces that were measured at the rows, read as commands that are held: late by half a period, which no effect mends.
+TEST(Engine, SaysThatInputsWereMeasuredNotHeld) {
+  Synthetic s = pendulum(3e-4);
+  s.period_s = 0.02;
+  s.continuous = true;
+  const Result r = run(s, 100032);
+  std::string notes;
+  for (const std::string& note : r.notes) notes += note + "\n";
+  EXPECT_NE(notes.find("input = \"mean\""), std::string::npos) << verdict_name(r.verdict) << " " << notes;
+  s.continuous = false;
+  s.force = [](double, double, double, double t) { return 0.1 * std::sin(7 * t * t); };
+  for (const std::string& note : run(s, 100032).notes) EXPECT_EQ(note.find("input ="), std::string::npos) << note;
+}
+
+// A torque-driven pendulum tells its mass, its friction and its motor's gain by their ratios alone.
+TEST(Engine, SaysWhichParametersNoMotionTells) {
+  Synthetic s = pendulum(2e-3);
+  s.params = {0.5, 0.4, 0.02};
+  tiller_config_t config = synthetic_config(s);
+  config.priors[0] = {tiller_prior_uniform, 0, 0, 0, 0.1, 2.0};
+  config.priors[2] = {tiller_prior_uniform, 0, 0, 0, 0.001, 0.1};
+  config.effects[0] = {tiller_effect_actuator_gain, 0};
+  config.effect_count = 1;
+  config.priors[config.param_count++] = {tiller_prior_normal, 0, 0.001, 0.05, -0.5, 0.5};
+  Options options;
+  options.only = {"coulomb_friction"};
+  const auto notes = [&] {
+    const Result r = find_gap_on(config, {"mass_kg", "length_m", "damping_Nms", "torque_Nm.gain_error"},
+                                 simulate_logs(s, 6, 100031), {}, options);
+    std::string all;
+    for (const std::string& note : r.notes) all += note + "\n";
+    return all;
+  };
+  const std::string open = notes();
+  for (const char* part : {"The logs tell", "mass_kg", "damping_Nms", "gain_error", "No motion tells more"})
+    EXPECT_NE(open.find(part), std::string::npos) << part << " in " << open;
+  EXPECT_EQ(open.find("length_m"), std::string::npos) << open;
+  // with a gain that is known the same logs tell everything
+  config.priors[3] = {tiller_prior_fixed, 0, 0, 0, 0, 0};
+  EXPECT_EQ(notes().find("The logs"), std::string::npos);
+}
+
 TEST(Engine, GivesTheSameBitsAgain) {
   Synthetic s = pendulum(1e-2);
   s.force = [](double, double v, double, double) { return -0.05 * v; };

@@ -1,5 +1,5 @@
-// Closing the loop where nothing has a name: a cart that is held by a spring of which the catalogue has no entry
-// follows a reference; its logs teach the residual; the same controller follows again with the new robot file.
+// Closing the loop without a name: a cart that is held by a spring of which the robot file knows nothing follows a
+// reference; its logs teach the residual; the same controller follows again with the new robot file.
 
 #include <gtest/gtest.h>
 
@@ -60,7 +60,7 @@ sensors.position_m = { sd = 0.0005 }
 sensors.angle_rad = { sd = 0.002 }
 parameters = { cart_mass_kg = 1.02, pole_mass_kg = 0.095, half_length_m = 0.5 }
 [[sim.effects]]
-kind = "q2_spring"
+kind = "square_spring"
 port = "cart"
 stiffness_SI2 = 50
 )";

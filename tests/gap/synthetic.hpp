@@ -25,6 +25,7 @@ struct Synthetic {
   std::function<double(double q, double v, double u, double t)> force;  // at `joint`; empty: none
   std::function<double(double u)> actuator;                             // empty: as commanded
   double delay_s = 0;
+  bool continuous = false;  // the input moves within a period: what a log has is its value at the row
 };
 
 /// Joints' positions measured (rates too if asked for), of every built-in model.
@@ -76,7 +77,7 @@ inline Grid simulate(const Synthetic& s, std::uint64_t seed) {
   const int fine = static_cast<int>(std::lround(s.period_s / 0.0005));
   const double h = s.period_s / fine;
   const auto command = [&](double t) {
-    return s.amplitude * multisine(std::floor(t / s.period_s + 1e-9) * s.period_s, seed);
+    return s.amplitude * multisine(s.continuous ? t : std::floor(t / s.period_s + 1e-9) * s.period_s, seed);
   };
   const tiller_joint_t& joint = model.joints[s.joint];
   const auto slope = [&](const std::vector<double>& at, double t, std::vector<double>& dx) {

@@ -94,8 +94,8 @@ TEST(Worlds, ReachTheStrengthThatIsAskedFor) {
 
 TEST(Worlds, EveryKindCanBeHiddenInEveryPlantThatHasAPlaceForIt) {
   for (const std::string& plant : world_plants()) {
-    EXPECT_GE(hidden_kinds(plant, true).size(), 22u) << plant;
-    EXPECT_GE(hidden_kinds(plant, false).size(), 12u) << plant;
+    EXPECT_GE(hidden_kinds(plant, true).size(), 27u) << plant;
+    EXPECT_GE(hidden_kinds(plant, false).size(), 9u) << plant;
   }
   for (const bool in : {true, false}) {
     for (const std::string& kind : hidden_kinds("two_link_arm", in)) {

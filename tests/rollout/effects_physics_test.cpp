@@ -222,6 +222,108 @@ TEST(CubicSpring, KeepsItsEnergyAndItsPeriod) {
   EXPECT_NEAR(crossing, 1.31102878 * std::sqrt(2 * Rotor::kInertia / stiffness) / 0.5, 1e-3);
 }
 
+TEST(SquareSpring, KeepsItsEnergy) {
+  Rotor r;
+  r.config.substeps = 10;
+  add_effect(r.config, tiller_effect_square_spring, 0);
+  const double stiffness = 20.0, energy = stiffness * std::pow(0.5, 3) / 3;
+  const auto b = r.run({stiffness}, 0.0, 0.0, 200, 0.5);
+  for (std::uint32_t step = 1; step <= 200; ++step) {
+    const double q = Rotor::angle(b, step), v = Rotor::rate(b, step);
+    EXPECT_NEAR(0.5 * Rotor::kInertia * v * v + stiffness * std::pow(std::abs(q), 3) / 3, energy, 2e-3 * energy);
+  }
+  const auto stiff = r.run({1e5}, 0.0, 0.0, 500, 0.5);  // far stiffer than the step can follow
+  for (std::uint32_t step = 1; step <= 500; ++step) ASSERT_LE(std::abs(Rotor::angle(stiff, step)), 0.6);
+}
+
+// Half a swing on spring and damper, then free: depth and speed of the return have closed forms.
+TEST(HardStop, GivesBackWhatItsDamperLeavesOnEitherSide) {
+  const double place = 0.5, stiffness = 400.0, damping = 2.0, speed = 1.0;
+  const double pace = std::sqrt(stiffness / Rotor::kInertia),
+               share = 0.5 * damping / std::sqrt(stiffness * Rotor::kInertia),
+               swing = pace * std::sqrt(1 - share * share);
+  for (const double side : {1.0, -1.0}) {
+    Rotor r;
+    r.config.substeps = 64;
+    r.config.integrator = tiller_integrator_rk4;
+    add_effect(r.config, tiller_effect_hard_stop, 0);
+    const auto b = r.run({side * place, side * stiffness, damping}, side * speed, 0.0, 100, side * 0.3);
+    double furthest = 0.0;
+    for (std::uint32_t step = 1; step <= 100; ++step) furthest = std::max(furthest, side * Rotor::angle(b, step));
+    EXPECT_GT(furthest, place + 0.02);
+    EXPECT_LT(furthest, place + speed / pace);
+    // the spring lets go where spring and damper together would pull
+    const double angle = std::atan2(2 * share * std::sqrt(1 - share * share), 1 - 2 * share * share);
+    const double gone = (3.14159265358979323846 - angle) / swing;
+    const double back = speed * std::exp(-share * pace * gone);
+    EXPECT_NEAR(side * Rotor::rate(b, 100), -back, 0.01);
+    // short of it nothing happens
+    EXPECT_EQ(Rotor::rate(r.run({side * place, side * stiffness, damping}, 0.0, 0.0, 20, side * 0.45), 20), 0.0);
+  }
+  Rotor r;
+  add_effect(r.config, tiller_effect_hard_stop, 0);
+  const auto hard = r.run({0.5, 1e7, 10.0}, 1.0, 0.5, 400);  // far stiffer than the step can follow: it holds
+  for (std::uint32_t step = 1; step <= 400; ++step) ASSERT_LT(Rotor::angle(hard, step), 0.55) << step;
+}
+
+TEST(PositionFriction, FollowsItsLawAndHoldsWhereItIsLarge) {
+  Rotor r;
+  r.config.substeps = 16;
+  add_effect(r.config, tiller_effect_position_friction, 0);
+  const std::vector<double> params = {0.3, 0.1, -0.2, 0.7};
+  const auto b = r.run(params, 1.0, 0.45, 50);
+  double q = 0.3, v = 1.0;
+  for (int k = 0; k < 1000000; ++k) {
+    const double a = 2 * M_PI * q / 0.7;
+    v += 1e-6 * (0.45 - (0.3 + 0.1 * std::cos(a) - 0.2 * std::sin(a))) / Rotor::kInertia;
+    q += 1e-6 * v;
+  }
+  EXPECT_NEAR(Rotor::rate(b, 50), v, 1e-3);
+  EXPECT_GT(Rotor::rate(r.run({0.3, 0.2, 0.0, 0.6}, 0.0, 0.2, 10, 0.3), 10), 0.01);  // 0.1 does not hold 0.2
+  EXPECT_EQ(Rotor::rate(r.run({0.3, 0.2, 0.0, 0.6}, 0.0, 0.4, 50, 0.0), 50), 0.0);   // 0.5 holds 0.4
+}
+
+TEST(SupplySag, FallsWithTheMeanOfWhatWasAsked) {
+  Rotor r;
+  add_effect(r.config, tiller_effect_supply_sag, 0);
+  const double droop = 0.5, recovery = 0.3, torque = 0.8;
+  const auto b = r.run({droop, recovery}, 0.0, torque, 50);
+  // impulse of u / (1 + droop u (1 - exp(-t / recovery))): with s = droop u, recovery u / (1 + s) ln((1 + s) e^(t/T) - s)
+  const double s = droop * torque;
+  const auto impulse = [&](double t) {
+    return recovery * torque / (1 + s) * std::log((1 + s) * std::exp(t / recovery) - s);
+  };
+  for (std::uint32_t step : {5u, 20u, 50u})
+    EXPECT_NEAR(Rotor::rate(b, step) * Rotor::kInertia, impulse(0.02 * step), 2e-4) << step;
+  EXPECT_EQ(Rotor::rate(r.run({0.0, recovery}, 0.0, torque, 50), 50),
+            Rotor::rate(r.run({0.0, 0.0}, 0.0, torque, 50), 50));
+}
+
+// Two bodies on a spring: (1 - cos w t) u / (m + J) is the joint's acceleration, w^2 = k (1/m + 1/J).
+TEST(ElasticJoint, RotorAndJointSwingAgainstEachOther) {
+  const double stiffness = 30.0, rotor = 0.05, torque = 0.5, mass = Rotor::kInertia;
+  const double w = std::sqrt(stiffness * (1 / mass + 1 / rotor));
+  for (std::uint32_t substeps : {8u, 64u}) {
+    Rotor r;
+    r.config.substeps = substeps;
+    add_effect(r.config, tiller_effect_elastic_joint, 0);
+    const auto b = r.run({stiffness, rotor, 0.0}, 0.0, torque, 50);
+    const double step_s = 0.02 / substeps, late = std::pow(w * step_s, 2) / 12 * w;  // phase error a second
+    for (std::uint32_t step : {2u, 10u, 50u}) {
+      const double t = 0.02 * step, size = torque / (mass + rotor);
+      EXPECT_NEAR(Rotor::rate(b, step), size * (t - std::sin(w * t) / w), size / w * (late * t + 0.02)) << step;
+    }
+  }
+  // a spring far stiffer than the step: one body
+  Rotor r;
+  add_effect(r.config, tiller_effect_elastic_joint, 0);
+  const auto stiff = r.run({1e7, rotor, 100.0}, 0.0, torque, 50);
+  EXPECT_NEAR(Rotor::rate(stiff, 50), torque / (mass + rotor), 1e-3);
+  // and off to the last bit
+  EXPECT_EQ(Rotor::rate(r.run({0.0, rotor, 0.1}, 1.0, torque, 50), 50),
+            Rotor::rate(r.run({stiffness, 0.0, 0.1}, 1.0, torque, 50), 50));
+}
+
 TEST(Cogging, KeepsTheEnergyOfItsPotential) {
   Rotor r;
   add_effect(r.config, tiller_effect_cogging, 0);

@@ -97,6 +97,11 @@ TEST_P(EveryEffect, ChangesTheMotionWhenOn) {
   EXPECT_NE(off.final_state, on.final_state);
 }
 
+bool is_spring(Scale scale) {
+  return scale == Scale::force_per_position || scale == Scale::force_per_position2 ||
+         scale == Scale::force_per_position3;
+}
+
 // A huge coefficient at the longest period must neither explode nor overshoot into a new oscillation.
 TEST_P(EveryEffect, IsStableAtTheLargestStep) {
   const Case c = GetParam();
@@ -113,7 +118,7 @@ TEST_P(EveryEffect, IsStableAtTheLargestStep) {
     std::fill(batch.effect_state.begin(), batch.effect_state.end(), 0.0);
     if (c.kind == tiller_effect_payload) continue;  // of a tonne at a kilogram's arm the model itself is stiff
     // a spring hands out the energy that it starts with: that of 1 N/m
-    if (info.params[0].scale == Scale::force_per_position || info.params[0].scale == Scale::force_per_position3)
+    if (is_spring(info.params[0].scale))
       for (double& x : batch.state) x /= std::sqrt(size);
     if (info.params[0].low < 0.0) continue;  // an offset is a force, not something that could be stable
     for (int i = 0; i < info.param_count; ++i)

@@ -64,6 +64,17 @@ TEST(LoadFriction, GoesWithTheDriveAlone) {
   EXPECT_NEAR(after(o, 0.0, 1.0, 1.0)[1], 1.0, 1e-12);
 }
 
+TEST(PositionFriction, TakesTheWorkOfItsLevelAlongTheWay) {
+  const double friction = 0.4, sine = 0.3, pitch = 0.2;
+  const auto x =
+      after(axis("position_friction", "",
+                 {{"friction_SI", friction}, {"cosine_SI", 0}, {"sine_SI", sine}, {"spatial_period_SI", pitch}}),
+            0, 0.5, 1.0);
+  const double wave = 2 * 3.141592653589793 / pitch;
+  const double work = friction * x[0] + sine / wave * (1 - std::cos(wave * x[0]));
+  EXPECT_NEAR(0.5 * (1.0 - x[1] * x[1]), work, 1e-3);
+}
+
 TEST(QuadraticDrag, SlowsDownAsAHyperbola) {
   // v' = -c v^2: v0 / (1 + c v0 t); 1e-4: second order at 0.5 ms
   EXPECT_NEAR(after(axis("quadratic_drag", "", {{"drag_SI", 0.5}}), 0, 2.0, 3.0)[1], 3.0 / (1 + 0.5 * 3.0 * 2.0), 1e-4);
@@ -245,7 +256,12 @@ TEST(HiddenEffects, AtZeroParametersChangeNothing) {
            {"rate_limit", {"rate_SI_s"}},
            {"backlash", {"gap_SI", "rotor_inertia_SI"}},
            {"sensor_bias", {"bias_SI"}},
-           {"sensor_scale", {"scale_error"}}}) {
+           {"sensor_scale", {"scale_error"}},
+           {"square_spring", {"stiffness_SI2"}},
+           {"hard_stop", {"position_SI", "stiffness_SI", "damping_SI"}},
+           {"position_friction", {"friction_SI", "cosine_SI", "sine_SI", "spatial_period_SI"}},
+           {"supply_sag", {"droop_per_SI", "recovery_s"}},
+           {"elastic_joint", {"stiffness_SI", "rotor_inertia_SI", "damping_SI"}}}) {
     HiddenEffect effect{kind, "", {}};
     for (const std::string& name : parameters) effect.parameters[name] = 0;
     zero.effects.push_back(effect);

@@ -19,7 +19,7 @@ PlantOptions axis(const std::string& kind, const std::map<std::string, double>& 
 }
 
 TEST(OtherSprings, KeepTheEnergyOfTheirPotentials) {
-  PlantOptions o = axis("q2_spring", {{"stiffness_SI2", 6.0}});
+  PlantOptions o = axis("square_spring", {{"stiffness_SI2", 6.0}});
   o.initial_state["position_m"] = -0.5;
   auto plant = make(o);
   for (int k = 0; k < 30; ++k) {
@@ -111,8 +111,8 @@ TEST(FrictionDrift, FallsToAFifthAsItWarms) {
   EXPECT_NEAR(truth(*plant)[1] - before, 1.8, 0.01);
 }
 
-TEST(PositionFriction, HoldsOnARoughPatchAlone) {
-  PlantOptions o = axis("position_friction", {{"friction_SI", 1.0}, {"spatial_period_SI", 0.1}});
+TEST(RoughPatches, HoldOnARoughPatchAlone) {
+  PlantOptions o = axis("rough_patches", {{"friction_SI", 1.0}, {"spatial_period_SI", 0.1}});
   o.initial_state["position_m"] = 0.02;
   auto rough = make(o);
   command(*rough, 0.9);
@@ -137,8 +137,8 @@ TEST(LooseCoupling, SlipsItsShareOfTheTime) {
   EXPECT_NEAR(slips / 4000.0, 0.25, 0.03);
 }
 
-TEST(SupplyDroop, SagsUnderLoadAndRecovers) {
-  auto plant = make(axis("supply_droop", {{"droop_per_SI", 0.25}, {"recovery_s", 0.1}}));
+TEST(SupplySag, SagsUnderLoadAndRecovers) {
+  auto plant = make(axis("supply_sag", {{"droop_per_SI", 0.25}, {"recovery_s", 0.1}}));
   command(*plant, 2.0);
   plant->advance(0.0005);
   EXPECT_NEAR(motor(*plant), 2.0, 0.01);

@@ -31,11 +31,15 @@ double typical(const RobotFile& robot, Scale scale, std::uint32_t port) {
     case Scale::force: return 0.3 * drive;
     case Scale::force_per_velocity: return 0.3 * drive / kTurn_s;
     case Scale::force_per_velocity2: return 0.3 * drive / (kTurn_s * kTurn_s);
+    case Scale::force_per_position2:
+    case Scale::stiffness:
     case Scale::force_per_position: return 0.3 * drive / kTurn;
     case Scale::force_per_position3: return 0.3 * drive / (kTurn * kTurn * kTurn);
+    case Scale::place:
     case Scale::position: return kTurn;
     case Scale::velocity: return kTurn_s;
     case Scale::input: return drive;
+    case Scale::per_input: return 1 / drive;
     case Scale::period: return c.period_s;
     case Scale::spatial_period: return 0.3;
     default: return 1.0;

@@ -31,10 +31,17 @@ void bound(std::uint32_t kind, const EffectParam& param, const tiller_config_t& 
   if (kind == tiller_effect_input_delay) f.high = std::min(param.high, TILLER_MAX_DELAY_STEPS * config.period_s);
   // where 0 means off, what is next to it is a machine that stands still
   if (kind == tiller_effect_saturation || kind == tiller_effect_rate_limit) f.low = 0.02 * f.scale;
+  // a force that sags at once is a curve of the command, not a supply
+  if (kind == tiller_effect_supply_sag && param.scale == Scale::period) f.low = kLeastRecovery * f.scale;
   if (param.scale == Scale::velocity) {
     f.low = std::max(f.low, kLeastShape * f.scale);
     f.high = std::min(f.high, kMostShape * f.scale);
   }
+  if (param.scale == Scale::stiffness) {
+    f.high = std::min(f.high, kMostStiffness * f.scale);
+    f.low = std::max(f.low, -kMostStiffness * f.scale);
+  }
+  if (param.scale == Scale::period) f.high = std::min(f.high, kMostPeriods * f.scale);
   if (is_strength(param.scale)) {
     const double most = kMostStrength * f.scale;
     f.low = std::max(f.low, -most);

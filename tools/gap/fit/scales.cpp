@@ -126,6 +126,7 @@ Scales measure_scales(const WindowData& data, const std::vector<Window>& windows
     if (joint.position != TILLER_NO_POSITION) {
       out.position = positive(state[joint.position].deviation(), 1e-3);
       out.reach = positive(std::max(std::fabs(state[joint.position].high), std::fabs(state[joint.position].low)), 1e-2);
+      out.low = std::isfinite(state[joint.position].low) ? state[joint.position].low : 0;
       out.range = positive(state[joint.position].high - state[joint.position].low, 1e-2);
     }
     out.step = positive(step[j].rms(), 1e-4);
@@ -144,7 +145,9 @@ bool is_strength(Scale scale) {
     case Scale::force_per_velocity:
     case Scale::force_per_velocity2:
     case Scale::force_per_position:
+    case Scale::force_per_position2:
     case Scale::force_per_position3:
+    case Scale::per_input:
     case Scale::mass:
     case Scale::inertia:
     case Scale::none: return true;
@@ -164,16 +167,28 @@ double scale_of(const Scales& s, const tiller_model_t& model, std::uint32_t kind
     case Scale::force_per_velocity: return force / joint.velocity;
     case Scale::force_per_velocity2: return force / (joint.velocity * joint.velocity);
     case Scale::force_per_position: return force / reach;
+    case Scale::force_per_position2: return force / (reach * reach);
     case Scale::force_per_position3: return force / (reach * reach * reach);
+    case Scale::stiffness: return joint.force / joint.position;
     case Scale::position: return position;
+    case Scale::place: return joint.range;
     case Scale::velocity: return joint.velocity;
     case Scale::input: return info.port == PortKind::input ? s.input[port] : 1;
+    case Scale::per_input: return info.port == PortKind::input ? 1 / s.input[port] : 1;
     case Scale::period: return s.period_s;
     case Scale::mass: return s.mass;
     case Scale::inertia: return joint.inertia;
     case Scale::spatial_period: return joint.range;
     default: return 1;
   }
+}
+
+double start_of(const Scales& s, const tiller_model_t& model, std::uint32_t kind, std::uint32_t port, int param,
+                int k) {
+  const EffectParam& p = effect_info(kind).params[param];
+  const std::uint32_t j = joint_of(model, kind, port);
+  const double from = p.scale == Scale::place && j < model.joint_count ? s.joint[j].low : 0.0;
+  return from + (k < p.start_count ? p.start[k] : 0.0) * scale_of(s, model, kind, port, param);
 }
 
 }  // namespace tiller::tools::gap

@@ -13,6 +13,7 @@ struct Scales {
     double force = 1, velocity = 1, position = 1, inertia = 1;
     double step = 1e-3;  ///< typical motion in a period
     double range = 1;    ///< whole excursion
+    double low = 0;      ///< lowest position
     double reach = 1;    ///< largest distance from position 0
   };
   Joint joint[TILLER_MAX_JOINTS];
@@ -28,6 +29,10 @@ Scales measure_scales(const WindowData& data, const std::vector<Window>& windows
 
 /// Magnitude of parameter `param` of an effect of `kind` at `port`.
 double scale_of(const Scales& scales, const tiller_model_t& model, std::uint32_t kind, std::uint32_t port, int param);
+
+/// Its k-th start of a fit; 0 where the catalogue has none.
+double start_of(const Scales& scales, const tiller_model_t& model, std::uint32_t kind, std::uint32_t port, int param,
+                int k);
 
 /// Whether a parameter that goes with `scale` takes the effect away at zero; others are its shape.
 bool is_strength(Scale scale);

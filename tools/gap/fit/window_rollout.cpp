@@ -60,23 +60,32 @@ void WindowRollout::follow_path(const Window& w, std::size_t start) {
   }
 }
 
-// What a limiter puts out at `start`, by all commands before it that count: it may be seconds behind them, longer than
-// any run-in.
-void WindowRollout::follow_commands(const Window& w, const EffectSlot& limiter, std::size_t start) {
+// The state at `start` of an effect that commands alone move, by all of them that count: a limiter may be seconds
+// behind, a supply takes as long to recover, longer than any run-in.
+void WindowRollout::follow_commands(const Window& w, const EffectSlot& slot, std::size_t start) {
   const std::uint32_t nu = model_.input_count;
   const double period = data_.grids[w.grid].period_s;
   const auto most = static_cast<std::size_t>(std::lround(kLimiterRunIn_s * data_.grids[w.grid].time_scale / period));
-  double* out = effect_states_.data() + limiter.state * kLanes;
-  const double* rate = params_.data() + limiter.param * kLanes;
+  double* out = effect_states_.data() + slot.state * kLanes;
+  const double* params = params_.data() + slot.param * kLanes;
+  const bool limits = slot.kind == tiller_effect_rate_limit;
   std::size_t k = start > most ? start - most : 0;
   // a log begins with a drive that was off, unless the machine moves already; a stretch after a gap with its command
   const bool off = k == 0 && data_.begins_at_rest[w.grid];
-  std::fill_n(out, kLanes, off ? 0.0 : data_.controls[w.grid][k * nu + limiter.port]);
+  const auto target = [&](std::size_t at) {
+    const double command = data_.controls[w.grid][at * nu + slot.port];
+    return limits ? command : std::fabs(command);
+  };
+  std::fill_n(out, kLanes, off ? 0.0 : target(k));
+  double keep[kLanes];  // of the distance, over a period
+  for (std::uint32_t l = 0; l < kLanes; ++l)
+    keep[l] = limits ? 0.0 : std::exp(-period / std::max(params[kLanes + l], 1e-9));
   for (; k < start; ++k) {
-    const double command = data_.controls[w.grid][k * nu + limiter.port];
+    const double now = target(k);
     for (std::uint32_t l = 0; l < kLanes; ++l) {
-      const double change = command - out[l], step = rate[l] > 0 ? rate[l] * period : std::fabs(change);
-      out[l] += std::max(-step, std::min(step, change));
+      const double change = now - out[l];
+      const double most = limits && params[l] > 0 ? params[l] * period : std::fabs(change);
+      out[l] += (1 - keep[l]) * std::max(-most, std::min(most, change));
     }
   }
 }
@@ -93,7 +102,7 @@ void WindowRollout::run_in(const Window& w) {
     if (setup.effects[e].kind == tiller_effect_actuator_lag)
       std::fill_n(effect_states_.begin() + setup.effects[e].state * kLanes, kLanes,
                   data_.controls[w.grid][(start > 0 ? start - 1 : 0) * nu + setup.effects[e].port]);
-    else if (setup.effects[e].kind == tiller_effect_rate_limit)
+    else if (setup.effects[e].kind == tiller_effect_rate_limit || setup.effects[e].kind == tiller_effect_supply_sag)
       follow_commands(w, setup.effects[e], start);
   if (along > 0) return follow_path(w, start);
   if (w.run_in_steps == 0) return;

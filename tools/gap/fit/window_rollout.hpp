@@ -27,7 +27,7 @@ class WindowRollout {
 
  private:
   const double* history(const Window& window, std::size_t start);
-  void follow_commands(const Window& window, const EffectSlot& limiter, std::size_t start);
+  void follow_commands(const Window& window, const EffectSlot& slot, std::size_t start);
   void run_in(const Window& window);
   std::size_t path_steps(const Window& window) const;
   void follow_path(const Window& window, std::size_t start);

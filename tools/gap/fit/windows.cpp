@@ -19,21 +19,41 @@ void unwrap(std::vector<double>& angle) {
   }
 }
 
-// A log's beginning, with every joint slower than a twentieth of its typical speed.
-bool at_rest(const Grid& grid, const tiller_model_t& model, const std::vector<double>& path) {
-  constexpr double kStill = 0.05;
+// A log's beginning, with every joint slower than a twentieth of its typical speed as far as the noise lets one see.
+// `first`: the first point of which there is a state.
+bool at_rest(const Grid& grid, const tiller_config_t& config, const std::vector<double>& path, std::size_t& first) {
+  constexpr double kStill = 0.05, kSeen_sd = 3;
+  const tiller_model_t& model = *config.model;
   const std::size_t nx = model.state_count, n = path.size() / nx;
-  std::size_t first = 0;
-  while (first < n && !std::isfinite(path[first * nx])) ++first;
+  for (first = 0; first < n && !std::isfinite(path[first * nx]);) ++first;
   if (grid.first_time_s > 0 || first == n) return false;
+  double state[TILLER_MAX_STATES], sd[TILLER_MAX_STATES];
+  if (!estimate_state(grid, config, first, kStateHalfWidth_s * grid.time_scale, state, sd)) return false;
   for (std::uint32_t j = 0; j < model.joint_count; ++j) {
     const std::uint32_t v = model.joints[j].velocity;
     double squares = 0, count = 0;
     for (std::size_t k = first; k < n; ++k)
       if (const double rate = path[k * nx + v]; std::isfinite(rate)) squares += rate * rate, count += 1;
-    if (!(std::fabs(path[first * nx + v]) <= kStill * std::sqrt(squares / std::max(1.0, count)))) return false;
+    const double still = kStill * std::sqrt(squares / std::max(1.0, count));
+    if (!(std::fabs(path[first * nx + v]) <= std::max(still, kSeen_sd * sd[v]))) return false;
   }
   return true;
+}
+
+// The points before `first` of a log that begins at rest: speeds in proportion to the time.
+void start_from_rest(const Grid& grid, const tiller_model_t& model, std::size_t first, std::vector<double>& path) {
+  const std::size_t nx = model.state_count;
+  for (std::size_t k = 0; k < first; ++k) {
+    double* x = path.data() + k * nx;
+    std::copy_n(path.data() + first * nx, nx, x);
+    const double share = static_cast<double>(k) / static_cast<double>(first);
+    for (std::uint32_t j = 0; j < model.joint_count; ++j) {
+      const tiller_joint_t& joint = model.joints[j];
+      const double late_s = static_cast<double>(first - k) * grid.period_s;
+      if (joint.position != TILLER_NO_POSITION) x[joint.position] -= 0.5 * (1 + share) * x[joint.velocity] * late_s;
+      x[joint.velocity] *= share;
+    }
+  }
 }
 
 bool estimate_near(const WindowData& data, const tiller_config_t& config, const Window& w, std::size_t point,
@@ -66,7 +86,9 @@ WindowData make_window_data(std::vector<Grid> grids, const tiller_config_t& conf
       if (estimate_state(grid, config, k, kStateHalfWidth_s * grid.time_scale, state))
         std::copy_n(state, model.state_count, path.begin() + static_cast<std::ptrdiff_t>(k * model.state_count));
     }
-    data.begins_at_rest.push_back(at_rest(grid, model, path));
+    std::size_t first = 0;
+    data.begins_at_rest.push_back(at_rest(grid, config, path, first));
+    if (data.begins_at_rest.back()) start_from_rest(grid, model, first, path);
     data.path.push_back(std::move(path));
     data.controls.push_back(std::move(controls));
     data.measured.push_back(std::move(measured));

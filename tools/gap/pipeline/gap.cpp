@@ -6,6 +6,7 @@
 
 #include "effects/effect_info.hpp"
 #include "tools/base/text.hpp"
+#include "tools/gap/fit/identifiability.hpp"
 #include "tools/gap/localise/localise.hpp"
 #include "tools/gap/pipeline/data.hpp"
 #include "tools/gap/pipeline/data_quality.hpp"
@@ -73,6 +74,26 @@ void index_windows(Session& s) {
   for (std::size_t i = 0; i < s.work.size(); i += stride) s.screen.push_back(s.work[i]);
 }
 
+// Where a gap is left: whether it goes if the inputs are those at the rows and change in between, instead of holding
+// from row to row.
+void try_inputs_at_rows(Session& s, const Candidate& nominal, Result& result) {
+  if (result.verdict == Verdict::no_gap || result.verdict == Verdict::named || s.stopped()) return;
+  std::vector<Grid> grids = s.data.grids;
+  for (Grid& grid : grids)
+    for (auto& input : grid.input)
+      for (std::size_t k = 0; k + 1 < input.size(); ++k) input[k] = 0.5 * (input[k] + input[k + 1]);
+  const WindowData data = make_window_data(std::move(grids), s.config);
+  Shooting shooting(data, s.windows, s.config, s.scales, s.threads.get());
+  shooting.prepare_whitening(nominal.hypothesis, nominal.fit);
+  Fit fit = shooting.begin(nominal.hypothesis, nominal.fit.params, nullptr);
+  shooting.fit(nominal.hypothesis, s.work, {}, fit);
+  if (!fit.finite || fit.total() > kOtherInputs * nominal.fit.total()) return;
+  result.notes.push_back("The gap shrinks to " +
+                         format("%.2f", result.nominal_sigma * std::sqrt(fit.total() / nominal.fit.total())) +
+                         " sigma if the logged inputs are what acted at the rows and changed in between, as measured "
+                         "forces do: [log] input = \"mean\".");
+}
+
 }  // namespace
 
 Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>& param_names, std::vector<Grid> work,
@@ -127,6 +148,8 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
   FitSettings last;
   last.information = true;
   s.shooting->fit(found.entries[0].hypothesis, s.work, last, found.entries[0].fit);
+  for (const UntoldDirection& d : untold_directions(found.entries[0].hypothesis, found.entries[0].fit, param_names))
+    result.notes.push_back(untold_text(found.entries[0].hypothesis, d, param_names));
   for (std::size_t i = 1; i < found.entries.size(); ++i)
     if (i == found.best || i == found.leading ||
         std::find(found.ambiguity.begin(), found.ambiguity.end(), i) != found.ambiguity.end())
@@ -137,6 +160,7 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
   s.progress("proof", 0);
   test_on_holdout(s, found, result);
   conclude(s, found, param_names, result);
+  try_inputs_at_rows(s, found.entries[0], result);
   if (result.interrupted) result.sentence = "Stopped before the search came to its end. So far: " + result.sentence;
   s.progress("done", 1);
   result.cpu_s = cpu_now_s() - start_s;

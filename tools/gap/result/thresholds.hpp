@@ -28,7 +28,10 @@ constexpr double kSmallStarts[2] = {0.05, 0.002};  // of a start: further ones t
 constexpr double kOtherLimits[4] = {0.12, 1.6, 2.5, 8};  // further starts of limits, over the catalogue's largest
 constexpr std::size_t kPolished = 3;                     // of them, fitted again from other shapes
 constexpr double kMostStrength = 30;                     // of a strength, over what is typical of the data
-constexpr double kLeastShape = 0.01;                     // of a shape's velocity, over what is typical
+constexpr double kMostStiffness = 1e4;                   // of a contact or a drive train, which is no strength: rigid
+constexpr double kLeastRecovery = 10;  // periods of a supply: without memory it bends as load friction does
+constexpr double kMostPeriods = 3000;  // of a lag or a recovery: windows see next to nothing of a slower one
+constexpr double kLeastShape = 0.01;   // of a shape's velocity, over what is typical
 constexpr double kMostShape = 5;
 constexpr std::size_t kKeep = 8;       // candidates that are fitted fully
 constexpr std::size_t kKeepMore = 5;   // the same beside an effect that is there already
@@ -58,6 +61,10 @@ constexpr std::size_t kAnything = 3;  // sets that cannot be told apart: what th
 constexpr double kSizeShare = 0.04;   // of the gap, in amplitude: what a further effect must explain
 constexpr double kRivalShare = 0.25;  // of the gap: more than that apart is no rival, however few windows show it
 
+// ---- what the logs cannot tell of the model itself ------------------------------------------------
+constexpr double kUntold = 0.1;     // relative deviation from the data alone; told where the prior is narrower yet
+constexpr double kTakesPart = 0.2;  // of the largest relative change in such a direction
+
 // ---- the windows kept for the proof ----------------------------------------------------------------
 constexpr double kKeptGap_z = 1;         // of a name against none there
 constexpr double kKeptRicher_z = 0;      // against a special case of it; up to kKeptGap_z both are reported
@@ -70,6 +77,7 @@ constexpr double kWorseHoldout = 1.1;     // kept rollouts of any length that gr
 constexpr double kWorseHoldout_z = 1;     // ... if they do so window by window: an unstable plant's run anywhere
 constexpr double kExplained_sigma = 1.1;  // what "named" may leave
 constexpr double kPartlyShare = 0.5;      // of the gap's square: what "partly explained" may leave
+constexpr double kOtherInputs = 0.5;      // of the nominal cost: inputs read in another way that leave less are told
 constexpr std::size_t kFewWindows = 10;   // a tenth of the windows
 constexpr double kMostInFew = 0.8;        // of the gap's square in them: it is told where
 constexpr double kSameSigma = 1.03;       // of the nominal model's: an effect that leaves up to that does the same

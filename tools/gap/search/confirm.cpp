@@ -13,6 +13,19 @@ namespace {
 
 constexpr std::size_t kFewestKept = 3;  // windows that a test can be made of
 
+// Whether a parameter that an effect adds is as uncertain as it is large.
+bool is_undetermined(Session& s, Candidate& e) {
+  FitSettings last;
+  last.information = true;
+  s.shooting->fit(e.hypothesis, s.work, last, e.fit);
+  const std::vector<double> sd = deviations(e.hypothesis, e.fit, s.dispersion);
+  for (std::size_t f = 0; f < sd.size(); ++f) {
+    const FreeParam& free = e.hypothesis.free[f];
+    if (free.index >= e.hypothesis.own_params && !(sd[f] < std::fabs(e.fit.params[free.index]))) return true;
+  }
+  return false;
+}
+
 struct Confirmer {
   Session& s;
   SearchResult& found;
@@ -85,7 +98,7 @@ struct Confirmer {
 
   // The special case of the best against which it does not hold; the best itself if there is none.
   template <class Holds>
-  std::size_t step_back(const Holds& holds) {
+  std::size_t special_case(const Holds& holds) {
     std::size_t simpler = found.best;
     double least = 0;
     for (std::size_t i = 0; i < found.entries.size(); ++i) {
@@ -97,6 +110,18 @@ struct Confirmer {
       least = gain;
     }
     return simpler;
+  }
+  template <class Holds>
+  bool step_back_once(const Holds& holds) {
+    const std::size_t simpler = special_case(holds);
+    if (simpler == found.best) return false;
+    found.best = simpler;
+    return true;
+  }
+  template <class Holds>
+  void step_back_while_not(const Holds& holds) {
+    while (found.best != 0 && !s.stopped() && step_back_once(holds)) {
+    }
   }
 
   // By the rule of the working windows: a share of the gap, in amplitude.
@@ -162,37 +187,30 @@ struct Confirmer {
     }
   }
 
-  // Where nothing is proven: what comes nearest to it, and how much more of such data would prove it.
+  // Where nothing is proven: what comes nearest to it with parameters that the data determine, and how much more of such
+  // data would prove it.
   void find_leading() {
     Candidate& nominal = found.entries[0];
-    double most = 0;
+    std::vector<std::pair<double, std::size_t>> leaders;
     for (std::size_t i = 1; i < found.entries.size(); ++i) {
       Candidate& e = found.entries[i];
       if (!leads(e, nominal) || !explains_most(e)) continue;
-      const Comparison c = on_all_windows(e, nominal);
-      if (c.gain_nats <= most) continue;
-      most = c.gain_nats;
-      found.leading = i;
-      // z grows with the root of the windows; what is beyond choice is asked where the kept windows disagree
-      const double asked = c.z < kGap_z ? kGap_z : kBeyondChoice * kGap_z;
-      found.more_s = kWindow_s * s.time_scale *
-                     std::max(2.0, std::ceil(static_cast<double>(all.size()) * (asked * asked / (c.z * c.z) - 1)));
+      const double gain = on_all_windows(e, nominal).gain_nats;
+      if (gain > 0) leaders.emplace_back(gain, i);
     }
+    if (leaders.empty()) return;
+    std::sort(leaders.rbegin(), leaders.rend());
+    const auto determined = std::find_if(leaders.begin(), leaders.end(), [&](const auto& leader) {
+      return !s.stopped() && !is_undetermined(s, found.entries[leader.second]);
+    });
+    found.leading = (determined == leaders.end() ? leaders.front() : *determined).second;
+    const Comparison c = on_all_windows(found.entries[found.leading], nominal);
+    // z grows with the root of the windows; what is beyond choice is asked where the kept windows disagree
+    const double asked = c.z < kGap_z ? kGap_z : kBeyondChoice * kGap_z;
+    found.more_s = kWindow_s * s.time_scale *
+                   std::max(2.0, std::ceil(static_cast<double>(all.size()) * (asked * asked / (c.z * c.z) - 1)));
   }
 };
-
-// Whether a parameter that an effect adds is as uncertain as it is large.
-bool is_undetermined(Session& s, Candidate& e) {
-  FitSettings last;
-  last.information = true;
-  s.shooting->fit(e.hypothesis, s.work, last, e.fit);
-  const std::vector<double> sd = deviations(e.hypothesis, e.fit, s.dispersion);
-  for (std::size_t f = 0; f < sd.size(); ++f) {
-    const FreeParam& free = e.hypothesis.free[f];
-    if (free.index >= e.hypothesis.own_params && !(sd[f] < std::fabs(e.fit.params[free.index]))) return true;
-  }
-  return false;
-}
 
 }  // namespace
 
@@ -200,18 +218,15 @@ void confirm(Session& s, SearchResult& found) {
   if (!s.options.given.empty() || s.stopped()) return;
   Confirmer confirmer(s, found);
   const std::size_t chosen = found.best;
-  while (found.best != 0 && !s.stopped()) {
-    const std::size_t simpler =
-        confirmer.step_back([&](Candidate& simple) { return confirmer.proven(confirmer.best(), simple); });
-    if (simpler == found.best) break;
-    found.best = simpler;
-  }
-  while (found.best != 0 && !s.stopped() && is_undetermined(s, confirmer.best())) {
-    const std::size_t simpler =
-        confirmer.step_back([&](Candidate& simple) { return confirmer.beyond_choice(confirmer.best(), simple); });
-    if (simpler == found.best) break;
-    found.best = simpler;
-  }
+  const auto proven = [&](Candidate& simple) { return confirmer.proven(confirmer.best(), simple); };
+  // Of an effect that is proven the size may be open, where a parameter of the model trades with it.
+  const auto sized = [&](Candidate& simple) {
+    return simple.effects().empty() || confirmer.beyond_choice(confirmer.best(), simple);
+  };
+  confirmer.step_back_while_not(proven);
+  while (found.best != 0 && !s.stopped() && is_undetermined(s, confirmer.best()))
+    if (!confirmer.step_back_once(sized)) break;
+  confirmer.step_back_while_not(proven);
   if (found.best != chosen) find_rivals(s, found);
   if (s.stopped()) return;
   if (found.best == 0) return confirmer.find_leading();

@@ -18,9 +18,9 @@ std::vector<double> other_shapes(const Session& s, const EffectAt& e, int param,
   if (e.kind == tiller_effect_input_delay) return {now - 0.6 * s.scales.period_s, now + 0.6 * s.scales.period_s};
   if (is_strength(p.scale) || p.scale == Scale::period || p.scale == Scale::input) return {};
   std::vector<double> values;
-  const double scale = scale_of(s.scales, *s.config.model, e.kind, e.port, param);
   values.reserve(static_cast<std::size_t>(p.start_count));
-  for (int k = 0; k < p.start_count; ++k) values.push_back(p.start[k] * scale);
+  for (int k = 0; k < p.start_count; ++k)
+    values.push_back(start_of(s.scales, *s.config.model, e.kind, e.port, param, k));
   return values;
 }
 

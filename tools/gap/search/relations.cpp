@@ -65,7 +65,7 @@ bool nested(const Candidate& simple, const Candidate& rich) {
 
 bool other_mechanism(const Candidate& simple, const Candidate& rich, const tiller_model_t& model) {
   if (simple.effects().size() != rich.effects().size() || nested(simple, rich) ||
-      rich.hypothesis.free.size() != simple.hypothesis.free.size() + 1)
+      rich.hypothesis.free.size() > simple.hypothesis.free.size() + 2)
     return false;
   const auto missing = [](const std::vector<EffectAt>& from, const std::vector<EffectAt>& in) {
     std::vector<EffectAt> left;

@@ -12,7 +12,7 @@ bool same_set(const std::vector<EffectAt>& a, const std::vector<EffectAt>& b);
 /// `simple` is a special case of `rich`: each of its effects is one of rich's or contained in one.
 bool nested(const Candidate& simple, const Candidate& rich);
 
-/// `rich` is `simple` with one more parameter, and one effect's place is taken by another kind that lists it as an alias
+/// `rich` is `simple` with one or two more parameters, and one effect's place is taken by another kind that lists it as an alias
 /// without containing it: another mechanism that may do the same.
 bool other_mechanism(const Candidate& simple, const Candidate& rich, const tiller_model_t& model);
 

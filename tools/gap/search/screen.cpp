@@ -36,12 +36,16 @@ std::vector<std::vector<double>> short_starts(const EffectAt& e, const std::vect
 std::vector<std::vector<double>> starts_of(const Session& s, const EffectAt& e) {
   const EffectInfo& info = effect_info(e.kind);
   std::vector<std::vector<double>> starts = {{}};
+  for (int k = 0; info.paired_starts && k + 1 < info.params[0].start_count; ++k) starts.emplace_back();
   for (int i = 0; i < info.param_count; ++i) {
     const EffectParam& param = info.params[i];
     std::vector<double> values;
-    const double scale = scale_of(s.scales, *s.config.model, e.kind, e.port, i);
     for (int k = 0; k < std::max(1, param.start_count); ++k)
-      values.push_back(std::clamp((param.start_count > 0 ? param.start[k] : 0.0) * scale, param.low, param.high));
+      values.push_back(std::clamp(start_of(s.scales, *s.config.model, e.kind, e.port, i, k), param.low, param.high));
+    if (info.paired_starts) {
+      for (std::size_t k = 0; k < starts.size(); ++k) starts[k].push_back(values[std::min(k, values.size() - 1)]);
+      continue;
+    }
     std::vector<std::vector<double>> next;
     for (const auto& start : starts)
       for (const double v : values) {

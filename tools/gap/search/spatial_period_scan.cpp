@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "effects/effect_info.hpp"
+#include "rollout/effect_calls.hpp"
 #include "tools/gap/result/thresholds.hpp"
 
 namespace tiller::tools::gap {
@@ -73,7 +74,8 @@ double choice_nats(const Session& s, const std::vector<EffectAt>& effects) {
 
 namespace {
 
-// Normal equations of every spatial period for amplitudes of its harmonics, summed over the working windows.
+// Normal equations of every spatial period for the mean of a friction and amplitudes of its harmonics, summed over the
+// working windows.
 class PeriodFits {
  public:
   PeriodFits(Session& s, const EffectAt& effect, const EffectInfo& info)
@@ -82,11 +84,13 @@ class PeriodFits {
         joint_(s.config.model->joints[effect.port]),
         port_(effect.port),
         harmonics_(static_cast<std::uint32_t>(info.param_count - 1) / 2),
+        means_(static_cast<std::uint32_t>(info.param_count - 1) % 2),
+        opposes_(hook_of(effect.kind) == Hook::dissipation),
         frequency_(frequencies(s, effect)),
         square_(frequency_.size() * columns() * columns(), 0.0),
         cross_(frequency_.size() * columns(), 0.0) {}
 
-  std::uint32_t columns() const { return 2 * harmonics_; }
+  std::uint32_t columns() const { return means_ + 2 * harmonics_; }
   std::size_t count() const { return frequency_.size(); }
 
   void add_window(const Candidate& base, std::size_t index) {
@@ -114,15 +118,21 @@ class PeriodFits {
   void add_frequencies(std::size_t index, std::size_t first, std::size_t here) {
     const Window& w = s_.windows[index];
     const std::uint32_t n = columns();
+    double before = NAN, way = 0;  // of the motion: what friction is against
     s_.shooting->force_response(index, [&](std::size_t k, double q, double* force) {
       const double drive =
           info_.needs_drive && joint_.drive != 0 ? s_.data.grids[w.grid].input[joint_.drive - 1][w.start + k] : 1.0;
-      for (std::size_t f = 0; f < here; ++f)
+      if (q != before && std::isfinite(before)) way = q > before ? 1 : -1;
+      before = q;
+      const double size = opposes_ ? -way : drive;
+      for (std::size_t f = 0; f < here; ++f) {
+        if (means_ > 0) force[f * n] = size;
         for (std::uint32_t h = 0; h < harmonics_; ++h) {
           const double phase = kTurn * q * frequency_[first + f] * (h + 1);
-          force[f * n + 2 * h] = drive * std::cos(phase);
-          force[f * n + 2 * h + 1] = drive * std::sin(phase);
+          force[f * n + means_ + 2 * h] = size * std::cos(phase);
+          force[f * n + means_ + 2 * h + 1] = size * std::sin(phase);
         }
+      }
     });
     const double* products = s_.shooting->response_products();  // (lanes x lanes), then (lanes) with the residual
     for (std::size_t f = 0; f < here; ++f)
@@ -136,7 +146,8 @@ class PeriodFits {
   Session& s_;
   const EffectInfo& info_;
   const tiller_joint_t& joint_;
-  std::uint32_t port_, harmonics_;
+  std::uint32_t port_, harmonics_, means_;
+  bool opposes_;
   std::vector<double> frequency_, square_, cross_;
 };
 

@@ -7,6 +7,7 @@ force sits, which effects explain it, what adding the best one brings on windows
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from pathlib import Path
 from textwrap import wrap
@@ -192,6 +193,14 @@ def ranking_table(result: dict) -> str:
     return page.rows(["explanation", "gain (nats)", "z", "z to the best", "robust", "rollouts / best's", "leaves"], body)
 
 
+def _powers_of_ten(low: float, high: float, most: int = 7) -> list[float]:
+    """Zero and powers of ten from 10 on, both signs, as many as have room beside each other."""
+    powers = [math.floor(math.log10(x)) if x >= 10 else 0 for x in (-low, high)]
+    step = max(1, math.ceil(sum(powers) / (most - 1)))
+    down, up = ([10.0**k for k in range(step, most_power + 1, step)] for most_power in powers)
+    return [-x for x in reversed(down)] + [0.0] + up
+
+
 def behind_figure(result: dict) -> str:
     """How far each explanation stays behind the best one; the gains themselves differ too little to be seen."""
     ranking = [x for x in result["ranking"][:10] if x["gain_nats"] is not None]
@@ -209,7 +218,9 @@ def behind_figure(result: dict) -> str:
     ax.set_yticks(np.arange(len(ranking)), ["\n".join(wrap(_effects(x), 32)[:2]) for x in ranking], fontsize=8)
     ax.set_xscale("symlog", linthresh=10)
     ax.xaxis.set_major_formatter(page.plain)
-    ax.set_xlim(min(0.0, 2 * float(np.nanmin(behind))), max(30.0, 10 * float(np.nanmax(behind))))
+    low, high = min(0.0, 2 * float(np.nanmin(behind))), max(30.0, 10 * float(np.nanmax(behind)))
+    ax.set_xlim(low, high)
+    ax.set_xticks(_powers_of_ten(low, high))
     ax.invert_yaxis()
     ax.grid(axis="y", visible=False)
     return page.svg(figure, "On windows held out of the fit that predicts them. Blue: the answer, and what cannot be told "
