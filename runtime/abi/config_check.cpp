@@ -22,7 +22,7 @@ Finding check_struct(const tiller_config_t& c) {
 }
 
 Finding check_effects(const tiller_config_t& c) {
-  static Names8 fields = {TILLER_EIGHT("effects")};
+  static constexpr auto fields = element_names<TILLER_MAX_EFFECTS>("effects");
   if (c.effect_count > TILLER_MAX_EFFECTS) return {tiller_status_bad_dimension, "effect_count"};
   std::uint32_t params = c.model->param_count, states = 0;
   for (std::uint32_t e = 0; e < c.effect_count; ++e) {
@@ -73,7 +73,7 @@ bool prior_support(const tiller_prior_t& p, double& low, double& high) {
 }
 
 Finding check_priors(const tiller_config_t& c) {
-  static Names24 fields = {TILLER_TWENTY_FOUR("priors")};
+  static constexpr auto fields = element_names<TILLER_MAX_PARAMS>("priors");
   double low = 0.0, high = 0.0;
   for (std::uint32_t i = 0; i < c.param_count; ++i)
     if (!prior_support(c.priors[i], low, high)) return {tiller_status_bad_prior, fields[i]};
@@ -140,7 +140,8 @@ Finding check_mixture(const tiller_config_t& c) {
 }
 
 Finding check_measurements(const tiller_config_t& c) {
-  static Names12 measured = {TILLER_TWELVE("measured_state")}, sd = {TILLER_TWELVE("measurement_sd")};
+  static constexpr auto measured = element_names<TILLER_MAX_MEASUREMENTS>("measured_state");
+  static constexpr auto sd = element_names<TILLER_MAX_MEASUREMENTS>("measurement_sd");
   const std::uint32_t nx = c.model->state_count;
   if (!in(c.measurement_count, 1, TILLER_MAX_MEASUREMENTS)) return {tiller_status_bad_dimension, "measurement_count"};
   for (std::uint32_t i = 0; i < c.measurement_count; ++i) {
@@ -173,9 +174,11 @@ Finding check_engine(const tiller_config_t& c) {
 }
 
 Finding check_commands(const tiller_config_t& c) {
-  static Names4 low = {TILLER_FOUR("safety.input_low")}, high = {TILLER_FOUR("safety.input_high")};
-  static Names4 rate = {TILLER_FOUR("safety.input_rate_per_s")}, safe = {TILLER_FOUR("safety.safe_command")};
-  static Names4 gain = {TILLER_FOUR("safety.hold_gain")};
+  static constexpr auto low = element_names<TILLER_MAX_INPUTS>("safety.input_low");
+  static constexpr auto high = element_names<TILLER_MAX_INPUTS>("safety.input_high");
+  static constexpr auto rate = element_names<TILLER_MAX_INPUTS>("safety.input_rate_per_s");
+  static constexpr auto safe = element_names<TILLER_MAX_INPUTS>("safety.safe_command");
+  static constexpr auto gain = element_names<TILLER_MAX_INPUTS>("safety.hold_gain");
   const tiller_safety_config_t& s = c.safety;
   constexpr tiller_status_t kBad = tiller_status_bad_limit;
   for (std::uint32_t i = 0; i < c.model->input_count; ++i) {
@@ -190,8 +193,9 @@ Finding check_commands(const tiller_config_t& c) {
 }
 
 Finding check_sensors(const tiller_config_t& c) {
-  static Names12 low = {TILLER_TWELVE("safety.measurement_low")}, high = {TILLER_TWELVE("safety.measurement_high")};
-  static Names12 rate = {TILLER_TWELVE("safety.measurement_rate_per_s")};
+  static constexpr auto low = element_names<TILLER_MAX_MEASUREMENTS>("safety.measurement_low");
+  static constexpr auto high = element_names<TILLER_MAX_MEASUREMENTS>("safety.measurement_high");
+  static constexpr auto rate = element_names<TILLER_MAX_MEASUREMENTS>("safety.measurement_rate_per_s");
   const tiller_safety_config_t& s = c.safety;
   constexpr tiller_status_t kBad = tiller_status_bad_limit;
   for (std::uint32_t i = 0; i < c.measurement_count; ++i) {

@@ -1,6 +1,7 @@
 #include <cstring>
 
 #include "abi/check_parts.hpp"
+#include "core/bits.hpp"
 #include "planners/planner.hpp"
 #include "planners/qp/osqp_qp.hpp"
 #include "rollout/cost.hpp"
@@ -37,21 +38,21 @@ Finding check_tree(const tiller_planner_config_t& p, std::uint32_t inputs) {
 
 /// The terms that act state by state.
 Finding check_state_terms(const tiller_cost_config_t& c, std::uint32_t states) {
-  static Names12 low = {TILLER_TWELVE("cost.state_low")}, high = {TILLER_TWELVE("cost.state_high")},
-                 weight = {TILLER_TWELVE("cost.bound_weight")};
+  static constexpr auto low = element_names<TILLER_MAX_STATES>("cost.state_low");
+  static constexpr auto high = element_names<TILLER_MAX_STATES>("cost.state_high");
+  static constexpr auto weight = element_names<TILLER_MAX_STATES>("cost.bound_weight");
   constexpr tiller_status_t kBad = tiller_status_bad_cost;
   for (std::uint32_t i = 0; i < states; ++i) {
     if (!is_value_or_none(c.state_low[i])) return {kBad, low[i]};
     if (!is_value_or_none(c.state_high[i]) || !(c.state_high[i] > c.state_low[i])) return {kBad, high[i]};
     if (!is_weight(c.bound_weight[i])) return {kBad, weight[i]};
   }
-  if ((c.hard_bounds >> states) != 0) return {kBad, "cost.hard_bounds"};
+  if ((c.hard_bounds & ~low_bits(states)) != 0) return {kBad, "cost.hard_bounds"};
   return kGood;
 }
 
 Finding check_obstacles(const tiller_cost_config_t& c, std::uint32_t states) {
-  static Names8 fields = {TILLER_EIGHT("cost.obstacles")};
-  static_assert(TILLER_MAX_OBSTACLES == 8, "names above");
+  static constexpr auto fields = element_names<TILLER_MAX_OBSTACLES>("cost.obstacles");
   if (c.obstacle_count > TILLER_MAX_OBSTACLES) return {tiller_status_bad_cost, "cost.obstacle_count"};
   for (std::uint32_t i = 0; i < c.obstacle_count; ++i) {
     const tiller_obstacle_t& o = c.obstacles[i];
@@ -114,6 +115,8 @@ Finding check_cost_to_go(const tiller_config_t& c) {
   constexpr double kMost = 1e16;
   StepSetup setup;
   CostTerms<double> terms;
+  double matrix[TILLER_MAX_STATES * TILLER_MAX_STATES];
+  terms.cost_to_go = matrix;
   tiller_status_t status = make_step_setup(c, setup);
   if (status == tiller_status_ok) status = lay_out_cost(c, setup, select_rollout(*c.model), &terms, nullptr);
   if (status != tiller_status_ok) return {status, "cost.terminal"};

@@ -1,6 +1,6 @@
 #include "abi/config_fields.hpp"
 
-#include "abi/check_parts.hpp"
+#include "abi/element_names.hpp"
 
 namespace tiller {
 namespace {
@@ -8,19 +8,21 @@ namespace {
 using namespace ranges;
 
 // Literals, so that nothing formats text here.
-#define TILLER_COUNT(section, key, field, ...) constexpr const char* k_##section##_##key[] = {#field};
+#define TILLER_COUNT(section, key, field, ...) constexpr auto k_##section##_##key = single_name(#field);
 #define TILLER_NUMBER TILLER_COUNT
 #define TILLER_FLAG TILLER_COUNT
 #define TILLER_CHOICE TILLER_COUNT
-#define TILLER_STATES(section, key, field, ...) constexpr Names12 k_##section##_##key = {TILLER_TWELVE(#field)};
-#define TILLER_INPUTS(section, key, field, ...) constexpr Names4 k_##section##_##key = {TILLER_FOUR(#field)};
+#define TILLER_STATES(section, key, field, ...) \
+  constexpr auto k_##section##_##key = element_names<TILLER_MAX_STATES>(#field);
+#define TILLER_INPUTS(section, key, field, ...) \
+  constexpr auto k_##section##_##key = element_names<TILLER_MAX_INPUTS>(#field);
 #include "tiller/config.def"
 
 static_assert(sizeof(tiller_config_t) < 65536, "offsets are of 16 bits");
 
-#define TILLER_ENTRY(section, key, kind, field, multiple, fallback, ...)                                  \
-  {FieldGroup::section, FieldKind::kind,    offsetof(tiller_config_t, field), multiple, double(fallback), \
-   __VA_ARGS__,         k_##section##_##key},
+#define TILLER_ENTRY(section, key, kind, field, multiple, fallback, ...)             \
+  {FieldGroup::section, FieldKind::kind, offsetof(tiller_config_t, field), multiple, \
+   double(fallback),    __VA_ARGS__,     k_##section##_##key[0],           sizeof k_##section##_##key.text[0]},
 #define TILLER_COUNT(section, key, field, fallback, low, high, multiple, ...) \
   TILLER_ENTRY(section, key, count, field, multiple, fallback, {low, high})
 #define TILLER_NUMBER(section, key, field, fallback, range, ...) \
@@ -76,8 +78,8 @@ const char* out_of_range(const tiller_config_t& config, FieldGroup group) {
                                                                   : 1;
     for (std::uint32_t i = 0; i < count; ++i) {
       const double value = config_value(config, field, i);
-      if (!field.range.holds(value)) return field.name[i];
-      if (field.multiple > 1 && static_cast<std::uint32_t>(value) % field.multiple != 0) return field.name[i];
+      if (!field.range.holds(value)) return field.name(i);
+      if (field.multiple > 1 && static_cast<std::uint32_t>(value) % field.multiple != 0) return field.name(i);
     }
   }
   return nullptr;

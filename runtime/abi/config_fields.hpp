@@ -50,7 +50,11 @@ struct ConfigField {
   std::uint16_t multiple;   ///< of a count
   double fallback;          ///< default; of an array, of each element
   FieldRange range;         ///< of an array, of each element
-  const char* const* name;  ///< literals: "posterior.window"; of an array "cost.target[0]", ...
+  const char* names;        ///< of the first element: "posterior.window"; of an array "cost.target[0]"
+  std::size_t name_stride;  ///< bytes from one element's name to the next
+
+  /// Of an array the element's; lives for ever.
+  const char* name(std::uint32_t element = 0) const { return names + element * name_stride; }
 };
 
 /// Every line of config.def, in order.

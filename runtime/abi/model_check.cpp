@@ -1,4 +1,5 @@
 #include "abi/checks.hpp"
+#include "core/bits.hpp"
 
 namespace tiller {
 namespace {
@@ -36,7 +37,7 @@ Finding check_model(const tiller_model_t& m) {
   if (!all_named(m.param_names, m.param_count)) return {tiller_status_bad_model, "model.param_names"};
   if (!all_named(m.force_names, m.joint_count)) return {tiller_status_bad_model, "model.force_names"};
   if (!joints_fit(m)) return {tiller_status_bad_model, "model.joints"};
-  if (m.angle_mask >> m.state_count != 0) return {tiller_status_bad_model, "model.angle_mask"};
+  if ((m.angle_mask & ~low_bits(m.state_count)) != 0) return {tiller_status_bad_model, "model.angle_mask"};
 #if defined(TILLER_NO_C_MODELS)
   if (m.kernels == nullptr) return {tiller_status_bad_model, "model.kernels"};
 #else

@@ -70,11 +70,8 @@ tiller_status_t tiller_get_particle(const tiller_t* t, uint32_t index, double* p
 tiller_status_t tiller_get_record(const tiller_t* t, uint64_t tick, tiller_record_t* record) {
   if (t == nullptr || record == nullptr) return tiller_status_null_argument;
   const tiller::Recorder& recorder = t->executive->recorder();
-  const tiller_record_t* found = recorder.find(tick);
-  if (found == nullptr)
-    return recorder.overwritten(tick) ? tiller_status_record_overwritten : tiller_status_bad_dimension;
-  *record = *found;
-  return tiller_status_ok;
+  if (recorder.read(tick, *record)) return tiller_status_ok;
+  return recorder.overwritten(tick) ? tiller_status_record_overwritten : tiller_status_bad_dimension;
 }
 
 }  // extern "C"

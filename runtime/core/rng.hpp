@@ -88,4 +88,9 @@ enum RngPurpose : std::uint32_t {
   kRngScout = 7,
 };
 
+/// Streams of kRngPrior: a parameter's own by its place, and between them those of a draw as a whole. They do not go by
+/// the capacities of model.h: builds with other ones make the same runs.
+constexpr std::uint64_t kPriorStrata = 24, kPriorRepeat = 25, kPriorExtra = 26;
+constexpr std::uint64_t prior_stream(std::uint32_t param) { return param < kPriorStrata ? param : 1024 + param; }
+
 }  // namespace tiller

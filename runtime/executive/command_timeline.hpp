@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 #include "core/arena.hpp"
@@ -36,16 +37,14 @@ class CommandTimeline {
   void mean(std::int64_t reference_us, double from_s, double to_s, double* command) const;
 
  private:
-  struct Entry {
-    std::int64_t from_us;
-    double command[TILLER_MAX_INPUTS];
-  };
-
   void make_room(std::int64_t now_us);
   void merge_shortest_pair();
   void remove(std::uint32_t at);
 
-  Entry* entry_ = nullptr;  // (kCapacity) oldest first
+  double* command(std::uint32_t at) const { return command_ + std::size_t{at} * nu_; }
+
+  std::int64_t* from_us_ = nullptr;  // (kCapacity) oldest first
+  double* command_ = nullptr;        // (kCapacity x nu)
   std::uint32_t count_ = 0;
   std::uint32_t nu_ = 0;
   std::int64_t window_us_ = 0;

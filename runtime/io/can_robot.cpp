@@ -6,11 +6,13 @@ extern "C" {
 #include "tiller_sensors.h"
 }
 
+#define TILLER_TEXT_OF(x) #x
+#define TILLER_TEXT(x) TILLER_TEXT_OF(x)
+
 namespace tiller {
 namespace {
 
 constexpr std::uint32_t kNodes = 64;  // 6 bits of the identifier
-constexpr std::uint32_t kBoardChannels = 12;
 
 std::uint32_t can_id(std::uint32_t node, std::uint32_t command) { return node << 5 | command; }
 
@@ -87,8 +89,12 @@ const char* channel_error(const CanLayout& layout, const CanChannel& channel) {
 }  // namespace
 
 const char* can_layout_error(const CanLayout& layout) {
-  if (layout.motor_count < 1 || layout.motor_count > TILLER_MAX_INPUTS) return "there must be 1..4 motors";
-  if (layout.channel_count < 1 || layout.channel_count > TILLER_MAX_MEASUREMENTS) return "there must be 1..12 channels";
+  if (layout.motor_count < 1 || layout.motor_count > TILLER_MAX_INPUTS)
+    return "there must be 1.." TILLER_TEXT(TILLER_MAX_INPUTS) " motors";
+  if (layout.channel_count < 1 || layout.channel_count > TILLER_MAX_MEASUREMENTS)
+    return "there must be 1.." TILLER_TEXT(TILLER_MAX_MEASUREMENTS) " channels";
+  if (layout.sensor_node != CanLayout::kNoBoard && layout.motor_count > kBoardMotors)
+    return "a sensor board is told of at most 15 motors";
   if (layout.sensor_node >= kNodes && layout.sensor_node != CanLayout::kNoBoard)
     return "the sensor board's node_id is above 63";
   for (std::uint32_t i = 0; i < layout.motor_count; ++i)

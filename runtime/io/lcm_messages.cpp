@@ -4,6 +4,39 @@
 #include <cmath>
 
 namespace tiller {
+namespace {
+
+/// `most`: values that the narrow type holds. A message that claims more has none that anybody may read.
+template <class Message>
+bool read_counted(const LcmType& narrow, std::int32_t most, const LcmType& wide, const std::uint8_t* bytes,
+                  std::uint32_t size, Message& message) {
+  Message read{};
+  if (lcm_decode(narrow, bytes, size, &read)) {
+    if (read.count > most) read.count = -1;
+  } else if (!lcm_decode(wide, bytes, size, &read)) {
+    return false;
+  }
+  message = read;
+  return true;
+}
+
+}  // namespace
+
+bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmMeasurement& message) {
+  return read_counted(kLcmMeasurementType, kLcmNarrowMeasurements, kLcmWideMeasurementType, bytes, size, message);
+}
+
+bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmCommand& message) {
+  return read_counted(kLcmCommandType, kLcmNarrowCommands, kLcmWideCommandType, bytes, size, message);
+}
+
+bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmTelemetry& message) {
+  LcmTelemetry read{};
+  if (!lcm_decode(kLcmTelemetryType, bytes, size, &read) && !lcm_decode(kLcmWideTelemetryType, bytes, size, &read))
+    return false;
+  message = read;
+  return true;
+}
 
 LcmMeasurement lcm_message(const tiller_measurement_t& measurement, std::uint32_t count) {
   LcmMeasurement message{};
@@ -12,7 +45,8 @@ LcmMeasurement lcm_message(const tiller_measurement_t& measurement, std::uint32_
   message.command_latency_us = static_cast<std::int32_t>(std::min(measurement.command_latency_us, 0x7fffffffu));
   message.count = static_cast<std::int32_t>(count);
   for (std::uint32_t i = 0; i < count; ++i) {
-    if (!std::isnan(measurement.value[i])) message.valid_mask |= 1 << i;
+    if (!std::isnan(measurement.value[i]))
+      message.valid_mask = static_cast<std::int32_t>(static_cast<std::uint32_t>(message.valid_mask) | 1u << i);
     message.value[i] = measurement.value[i];
   }
   return message;

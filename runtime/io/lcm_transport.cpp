@@ -52,9 +52,13 @@ tiller_measurement_t convert(const LcmMeasurement& message) {
 }
 
 const char* not_ours(const LcmTransport* transport, std::uint32_t size) {
-  if (!transport->seal.has_key() && size == kLcmMeasurementType.bytes + MessageSeal::kTrailerBytes)
+  const std::uint32_t count = transport->options.measurement_count;
+  LcmMeasurement of_ours{};
+  of_ours.count = static_cast<std::int32_t>(count);
+  if (!transport->seal.has_key() &&
+      size == lcm_size(lcm_measurement_type(count), &of_ours) + MessageSeal::kTrailerBytes)
     return "a measurement is signed, and the robot file names no key_file";
-  return "a message is not a tiller_lcm.measurement_t (length or fingerprint)";
+  return "a message is neither a tiller_lcm.measurement_t nor a wide_measurement_t (length or fingerprint)";
 }
 
 tiller_status_t udp_poll(LcmTransport* transport) {
@@ -88,11 +92,11 @@ tiller_status_t lcm_poll(void* self, tiller_measurement_t* measurement) {
 tiller_status_t publish(LcmTransport* transport, const char* channel, const LcmType* type, const void* message) {
   std::uint8_t packet[UdpDatagram::kCapacity];
   const bool own = transport->lcm == nullptr;
-  std::uint32_t size = type != nullptr ? type->bytes : 0;
+  std::uint32_t size = type != nullptr ? lcm_size(*type, message) : 0;
   const std::uint32_t at = lc02_begin(packet, sizeof packet, transport->packets_sent, channel);
   if (at == 0 || at + size + MessageSeal::kTrailerBytes > sizeof packet) return tiller_status_bad_message;
   std::uint8_t* body = packet + at;
-  if (type != nullptr) lcm_encode(*type, message, body);
+  if (type != nullptr) (void)lcm_encode(*type, message, body);
   if (transport->seal.has_key()) {
     transport->seal.seal(channel, body, size, monotonic_us());
     size += MessageSeal::kTrailerBytes;
@@ -106,7 +110,7 @@ tiller_status_t publish(LcmTransport* transport, const char* channel, const LcmT
 
 tiller_status_t publish_command(LcmTransport* transport, const tiller_command_t& command) {
   const LcmCommand message = lcm_message(command, transport->options.input_count);
-  return publish(transport, transport->command_channel, &kLcmCommandType, &message);
+  return publish(transport, transport->command_channel, &lcm_command_type(transport->options.input_count), &message);
 }
 
 tiller_status_t lcm_send(void* self, const tiller_command_t* command) {
@@ -229,8 +233,7 @@ bool lcm_take_measurement(LcmTransport* transport, const void* data, std::uint32
     if (size == 0) return false;  // a challenge and nothing else
   }
   LcmMeasurement message{};
-  if (!lcm_decode(kLcmMeasurementType, bytes, size, &message))
-    return refuse(transport, counters.bad_messages, not_ours(transport, size));
+  if (!lcm_read(bytes, size, message)) return refuse(transport, counters.bad_messages, not_ours(transport, size));
   if (const char* why = wrong_content(message, transport->options.measurement_count))
     return refuse(transport, counters.bad_messages, why);
   if (!transport->options.lockstep && transport->options.max_wait_us > 0 && waited > transport->options.max_wait_us)
@@ -281,7 +284,7 @@ tiller_status_t lcm_send_telemetry(LcmTransport* transport, std::int64_t stamp_u
   if (!is_open(transport)) return tiller_status_transport_closed;
   if (state_count > TILLER_MAX_STATES || param_count > TILLER_MAX_PARAMS) return tiller_status_bad_dimension;
   const LcmTelemetry message = lcm_message(info, stamp_us, state_count, param_count, log);
-  return publish(transport, transport->telemetry_channel, &kLcmTelemetryType, &message);
+  return publish(transport, transport->telemetry_channel, &lcm_telemetry_type(state_count, param_count), &message);
 }
 
 }  // namespace tiller

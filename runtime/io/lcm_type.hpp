@@ -6,13 +6,15 @@ namespace tiller {
 
 enum class LcmKind : std::uint8_t { kInt32, kInt64, kDouble };
 
-/// A field of an LCM type: a scalar (length 0) or an array of constant length. Arrays of variable length do not exist
-/// here: their decoder would take the length from the packet.
+/// A field of an LCM type: a scalar (length 0), an array of constant length, or one whose length an int32 field before it
+/// says. The struct has room for `length` values; a packet that says more is refused.
 struct LcmField {
   const char* name;
   LcmKind kind;
   std::uint32_t length;
-  std::uint32_t offset;  ///< in the C++ struct
+  std::uint32_t offset;              ///< in the C++ struct
+  const char* counted_by = nullptr;  ///< name of the field that says how many; null: `length`
+  std::uint32_t counter_offset = 0;  ///< that field in the C++ struct
 };
 
 /// A type: its fields in the order of the .lcm file.
@@ -20,7 +22,7 @@ struct LcmType {
   const LcmField* fields;
   std::uint32_t field_count;
   std::uint64_t fingerprint;
-  std::uint32_t bytes;  ///< encoded, fingerprint included
+  std::uint32_t bytes;  ///< encoded, fingerprint included; with counted arrays, at most
 };
 
 namespace lcm_detail {
@@ -67,18 +69,23 @@ constexpr LcmType make_lcm_type(const LcmField (&fields)[kCount]) {
     hash = lcm_detail::hash_text(hash, lcm_detail::kind_name(field.kind));
     hash = lcm_detail::hash_byte(hash, field.length > 0 ? 1 : 0);  // number of dimensions
     if (field.length > 0) {
-      hash = lcm_detail::hash_byte(hash, 0);  // a constant one
-      hash = lcm_detail::hash_decimal(hash, field.length);
+      hash = lcm_detail::hash_byte(hash, field.counted_by != nullptr ? 1 : 0);  // a variable or a constant one
+      hash = field.counted_by != nullptr ? lcm_detail::hash_text(hash, field.counted_by)
+                                         : lcm_detail::hash_decimal(hash, field.length);
     }
     bytes += lcm_detail::kind_bytes(field.kind) * (field.length > 0 ? field.length : 1);
   }
   return {fields, kCount, hash << 1 | hash >> 63, bytes};
 }
 
-/// Encodes a struct into exactly type.bytes bytes.
-void lcm_encode(const LcmType& type, const void* message, std::uint8_t* bytes);
+/// Bytes of the encoded struct, at most type.bytes. Its counters are within 0..length.
+std::uint32_t lcm_size(const LcmType& type, const void* message);
 
-/// Any bytes, any length. False, and the struct is as it was, unless they are exactly one message of this type.
+/// Encodes a struct into exactly lcm_size() bytes, which it returns.
+std::uint32_t lcm_encode(const LcmType& type, const void* message, std::uint8_t* bytes);
+
+/// Any bytes, any length. False, and the struct is as it was, unless they are exactly one message of this type. Values
+/// beyond a counted array's length stay as they were.
 [[nodiscard]] bool lcm_decode(const LcmType& type, const std::uint8_t* bytes, std::uint32_t size, void* message);
 
 }  // namespace tiller

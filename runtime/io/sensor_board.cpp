@@ -11,7 +11,6 @@ extern "C" {
 namespace tiller {
 namespace {
 
-constexpr std::uint32_t kBoardChannels = 12;
 constexpr std::uint32_t kCommandMask = 31;
 
 }  // namespace

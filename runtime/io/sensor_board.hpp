@@ -6,6 +6,9 @@
 
 namespace tiller {
 
+/// What the frames of sensors.dbc have room for.
+constexpr std::uint32_t kBoardChannels = 12, kBoardMotors = 15;
+
 /// The frames of a sensor board (dbc/sensors.dbc), as numbers. Two layouts share the bus: version 0 without protection,
 /// and version 1, in which the last byte is a CRC-8 over identifier and content (core/e2e.hpp; Hamming distance 4 at
 /// this length) and the measurement's own number is the counter.

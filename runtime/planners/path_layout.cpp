@@ -73,6 +73,7 @@ void lay_out_path_plan(Arena& arena, const tiller_config_t& config, const StepSe
   take_sizes(config, setup, p);
   p.frame.lay_out(config);
   take_arrays(arena, p);
+  if (config.cost.terminal == tiller_terminal_lqr) p.cost.cost_to_go = arena.take<double>(std::size_t{p.nx} * p.nx);
   if (arena.measuring() || !arena.fits()) return;
   p.settings = &config.planner;
   p.model = config.model;

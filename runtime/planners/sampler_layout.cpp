@@ -108,6 +108,8 @@ Sampler* lay_out_sampler(Arena& arena, const tiller_config_t& config, const Step
   Sampler nobody;
   const Sizes z = measure(config, setup, method);
   take_arrays(arena, z, config.model->input_count, s ? *s : nobody);
+  float* const cost_to_go =
+      config.cost.terminal == tiller_terminal_lqr ? arena.take<float>(std::size_t{z.states} * z.states) : nullptr;
   if (!s || !arena.fits()) return nullptr;  // measuring, or a block that is too small
   s->method = &method;
   s->settings = &config.planner;
@@ -117,6 +119,7 @@ Sampler* lay_out_sampler(Arena& arena, const tiller_config_t& config, const Step
   s->lanes = &select_lanes(table.isa);
   s->hooks = hooks;
   s->seed = config.seed;
+  s->cost_terms.cost_to_go = cost_to_go;
   if (lay_out_cost(config, setup, table, nullptr, &s->cost_terms) != tiller_status_ok) return nullptr;
   s->frame.lay_out(config);
   s->penalised = z.penalised;

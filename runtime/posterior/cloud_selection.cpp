@@ -58,7 +58,7 @@ struct SpreadOrder {
 
 /// Fills `order` by slices of the projection onto the principal direction; within a slice, by number. Cost: O(N d^2).
 void Cloud::order_by_principal_direction() const {
-  double mean[TILLER_MAX_PARAMS] = {}, scale[TILLER_MAX_PARAMS], matrix[TILLER_MAX_PARAMS][TILLER_MAX_PARAMS] = {};
+  double mean[TILLER_MAX_PARAMS] = {}, scale[TILLER_MAX_PARAMS], matrix[TILLER_MAX_PARAMS][TILLER_MAX_PARAMS];
   for (std::uint32_t j = 0; j < named; ++j) {
     const double* row = coordinate + j * n;
     scale[j] = 1.0 / prior.spread(j);

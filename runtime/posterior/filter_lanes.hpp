@@ -3,11 +3,12 @@
 #include <cstdint>
 
 #include "scalar/isa.hpp"
+#include "tiller/model.h"
 
 namespace tiller {
 
 /// States of a filter: the model's, and the forces that it may lack.
-constexpr std::uint32_t kMaxFilterStates = 20;
+constexpr std::uint32_t kMaxFilterStates = TILLER_MAX_STATES + 8;
 
 /// Rows of the upper triangle of an n x n matrix, row by row: (0,0) (0,1) .. (0,n-1) (1,1) ..
 constexpr std::uint32_t triangle_rows(std::uint32_t n) { return n * (n + 1) / 2; }

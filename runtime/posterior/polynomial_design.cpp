@@ -1,5 +1,6 @@
 #include "posterior/polynomial_design.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -110,7 +111,8 @@ bool PolynomialDesign::covers(const Cloud& cloud) const {
 
 /// Weighted mean (d) of the cloud and the lower root (d x d) of its covariance.
 void PolynomialDesign::find_moments(const Cloud& cloud, double* mean, double* root) const {
-  double covariance[kMaxCoordinates * kMaxCoordinates] = {};
+  double covariance[kMaxCoordinates * kMaxCoordinates];
+  std::fill(covariance, covariance + std::size_t{d_} * d_, 0.0);
   const std::uint32_t n = cloud.n;
   for (std::uint32_t j = 0; j < d_; ++j) {
     mean[j] = 0.0;

@@ -187,7 +187,7 @@ void PriorDistribution::draw_one(Rng& rng, double* v) const {
 void PriorDistribution::draw(std::uint64_t seed, std::uint32_t count, double* v, std::uint32_t* index) const {
   if (is_mixture()) draw_mixture(seed, count, v, index);
   for (std::uint32_t j = is_mixture() ? named_ : 0; j < d_; ++j) {
-    Rng rng(seed, kRngPrior, j < named_ ? inferred_[j] : TILLER_MAX_PARAMS + 2 + (j - named_));
+    Rng rng(seed, kRngPrior, j < named_ ? prior_stream(inferred_[j]) : kPriorExtra + (j - named_));
     shuffle(index, count, rng);
     for (std::uint32_t k = 0; k < count; ++k)
       v[j * count + k] = prior_quantile(marginal(j), (index[k] + rng.uniform()) / count);
@@ -195,11 +195,11 @@ void PriorDistribution::draw(std::uint64_t seed, std::uint32_t count, double* v,
 }
 
 void PriorDistribution::draw_mixture(std::uint64_t seed, std::uint32_t count, double* v, std::uint32_t* index) const {
-  Rng strata(seed, kRngPrior, TILLER_MAX_PARAMS), again(seed, kRngPrior, TILLER_MAX_PARAMS + 1);
+  Rng strata(seed, kRngPrior, kPriorStrata), again(seed, kRngPrior, kPriorRepeat);
   const double offset = mixture_.components() > 1 ? strata.uniform() : 0.5;
   const auto component = [&](std::uint32_t k) { return mixture_.component_at((k + offset) / count); };
   for (std::uint32_t j = 0; j < named_; ++j) {
-    Rng rng(seed, kRngPrior, inferred_[j]);
+    Rng rng(seed, kRngPrior, prior_stream(inferred_[j]));
     for (std::uint32_t begin = 0, end = 0; begin < count; begin = end) {
       while (end < count && component(end) == component(begin)) ++end;
       shuffle(index + begin, end - begin, rng);

@@ -2,6 +2,7 @@
 
 #include "posterior/proposals.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/rng.hpp"
@@ -28,7 +29,7 @@ constexpr double kFlat = 1e-10;
 /// Random numbers of coordinate steps, apart from others of the same stream.
 constexpr std::uint64_t kWidening = std::uint64_t{1} << 60;
 
-/// Lower Cholesky factor (d x d, stride kMaxCoordinates) of the covariance of the particles that stand still. False:
+/// Lower Cholesky factor (d x d) of the covariance of the particles that stand still. False:
 /// they do not span all dimensions.
 bool spread(const Cloud& cloud, std::uint32_t first_still, std::uint32_t still, double* factor) {
   const std::uint32_t n = cloud.n, d = cloud.d;
@@ -38,22 +39,23 @@ bool spread(const Cloud& cloud, std::uint32_t first_still, std::uint32_t still, 
     for (std::uint32_t j = 0; j < d; ++j) mean[j] += cloud.weight[i] * cloud.coordinate[j * n + i];
   }
   for (std::uint32_t j = 0; j < d; ++j) mean[j] /= sum;
-  double square[kMaxCoordinates * kMaxCoordinates] = {};
+  double square[kMaxCoordinates * kMaxCoordinates];
+  std::fill(square, square + std::size_t{d} * d, 0.0);
   for (std::uint32_t k = 0, i = first_still; k < still; ++k, i = i + 1 < n ? i + 1 : 0) {
     double off[kMaxCoordinates];
     for (std::uint32_t j = 0; j < d; ++j) off[j] = cloud.coordinate[j * n + i] - mean[j];
     for (std::uint32_t r = 0; r < d; ++r)
-      for (std::uint32_t c = 0; c <= r; ++c) square[r * kMaxCoordinates + c] += cloud.weight[i] / sum * off[r] * off[c];
+      for (std::uint32_t c = 0; c <= r; ++c) square[r * d + c] += cloud.weight[i] / sum * off[r] * off[c];
   }
   bool whole = true;
   for (std::uint32_t r = 0; r < d; ++r) {
     for (std::uint32_t c = 0; c <= r; ++c) {
-      double rest = square[r * kMaxCoordinates + c];
-      for (std::uint32_t k = 0; k < c; ++k) rest -= factor[r * kMaxCoordinates + k] * factor[c * kMaxCoordinates + k];
+      double rest = square[r * d + c];
+      for (std::uint32_t k = 0; k < c; ++k) rest -= factor[r * d + k] * factor[c * d + k];
       // coordinates that are functions of one another leave nothing: the walk then stays on their line
-      const double pivot = factor[c * kMaxCoordinates + c];
-      if (r == c && !(rest > kFlat * square[r * kMaxCoordinates + r])) whole = false;
-      factor[r * kMaxCoordinates + c] = r == c ? std::sqrt(std::fmax(rest, 0.0)) : pivot > 0.0 ? rest / pivot : 0.0;
+      const double pivot = factor[c * d + c];
+      if (r == c && !(rest > kFlat * square[r * d + r])) whole = false;
+      factor[r * d + c] = r == c ? std::sqrt(std::fmax(rest, 0.0)) : pivot > 0.0 ? rest / pivot : 0.0;
     }
   }
   return whole;
@@ -72,7 +74,7 @@ CoordinateStep draw_coordinate_step(const PriorDistribution& prior, Rng& rng) {
 void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::uint32_t moves, Proposal* proposals) {
   const std::uint32_t n = cloud.n, d = cloud.d;
   const std::uint32_t first_still = (cursor + moves) % n, still = n - moves;
-  double factor[kMaxCoordinates * kMaxCoordinates] = {};
+  double factor[kMaxCoordinates * kMaxCoordinates];
   const bool whole = spread(cloud, first_still, still, factor);
   const double best = kOptimalStep / std::sqrt(static_cast<double>(d));
 
@@ -93,7 +95,7 @@ void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::
       const double* row = cloud.coordinate + j * n;
       present[j] = row[p.particle];
       double to = present[j] + difference * (row[a] - row[b]);
-      for (std::uint32_t k = 0; k <= j; ++k) to += factor[j * kMaxCoordinates + k] * walk[k];
+      for (std::uint32_t k = 0; k <= j; ++k) to += factor[j * d + k] * walk[k];
       // no reflection at a bound: of one coordinate of a correlated step it is not symmetric
       p.coordinate[j] = to;
     }

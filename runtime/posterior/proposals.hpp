@@ -10,7 +10,7 @@ namespace tiller {
 /// Where one particle is asked to go.
 struct Proposal {
   std::uint32_t particle = 0;
-  double coordinate[kMaxCoordinates] = {};
+  double* coordinate = nullptr;   // (d), its owner's
   double log_prior_change = 0.0;  // log of prior over the present one's, -infinity where the prior refuses
   double log_uniform = 0.0;       // accept if the target's change, prior included, is larger
 };

@@ -78,20 +78,25 @@ template CostTerms<double> make_cost_terms<double>(const tiller_cost_config_t&);
 
 tiller_status_t lay_out_cost(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
                              CostTerms<double>* exact, CostTerms<float>* lanes) {
+  double* const exact_p = exact ? exact->cost_to_go : nullptr;
+  float* const lanes_p = lanes ? lanes->cost_to_go : nullptr;
   if (exact) *exact = make_cost_terms<double>(config.cost);
   if (lanes) *lanes = make_cost_terms<float>(config.cost);
+  if (exact) exact->cost_to_go = exact_p;
+  if (lanes) lanes->cost_to_go = lanes_p;
   // whole turns of a target make no difference to what is wrapped, and in single precision they cost it its digits
   for (std::uint32_t i = 0; lanes && i < config.model->state_count; ++i)
     if ((config.model->angle_mask >> i) & 1u)
       lanes->target[i] = static_cast<float>(config.cost.target[i] - far_turns(config.cost.target[i]));
   if (config.cost.own_weight > 0.0 && !config.cost.own && !table.own_cost) return tiller_status_bad_cost;
   if (config.cost.terminal != tiller_terminal_lqr) return tiller_status_ok;
+  if ((exact && !exact_p) || (lanes && !lanes_p)) return tiller_status_null_argument;
   double p[TILLER_MAX_STATES * TILLER_MAX_STATES] = {};
   if (!lqr_cost_to_go(config, setup, table, p)) return tiller_status_bad_cost;
   const std::uint32_t count = config.model->state_count * config.model->state_count;
   for (std::uint32_t i = 0; i < count; ++i) {
-    if (exact) exact->cost_to_go[i] = p[i];
-    if (lanes) lanes->cost_to_go[i] = static_cast<float>(p[i]);
+    if (exact) exact_p[i] = p[i];
+    if (lanes) lanes_p[i] = static_cast<float>(p[i]);
   }
   if (exact) exact->extra |= kCostToGo;
   if (lanes) lanes->extra |= kCostToGo;

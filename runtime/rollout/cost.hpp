@@ -35,7 +35,7 @@ struct CostObstacle {
 };
 
 /// Plain data: it may be copied, and lies in the planner's part of the block. The arrays of a reference or a
-/// demonstration are the caller's doubles and are read row by row as they are.
+/// demonstration are the caller's doubles and are read row by row as they are; the cost-to-go is a row of the block.
 template <class T>
 struct CostTerms {
   T target[TILLER_MAX_STATES];
@@ -50,7 +50,7 @@ struct CostTerms {
   T inverse_width[TILLER_MAX_STATES];  // 0 where a state has no say
   T low[TILLER_MAX_STATES], high[TILLER_MAX_STATES], bound[TILLER_MAX_STATES];
   CostObstacle<T> obstacles[TILLER_MAX_OBSTACLES];
-  T cost_to_go[TILLER_MAX_STATES * TILLER_MAX_STATES];  // P, (nx x nx) row-major, symmetric
+  T* cost_to_go = nullptr;  // P, (nx x nx) row-major, symmetric: its owner's, set before lay_out_cost
 
   const double* reference;           // (reference_rows x nx)
   const double* demonstration_mean;  // (demonstration_rows x nx)
@@ -68,7 +68,8 @@ struct CostTerms {
 template <class T>
 CostTerms<T> make_cost_terms(const tiller_cost_config_t& cost);
 
-/// Every term, in both precisions; either may be null. With tiller_terminal_lqr the cost-to-go of the infinite horizon
+/// Every term, in both precisions; either may be null. `cost_to_go` stays the array that it was, and is filled; where the
+/// configuration wants one and the terms have none, null_argument. With tiller_terminal_lqr the cost-to-go of the infinite horizon
 /// around the target: parameters at their priors' centres, the constant input that holds the target best, the
 /// differences of state and input from there (delays, lags and dry friction left out). The discrete Riccati equation
 /// is solved by structure-preserving doubling (Chu, Fan, Lin and Wang 2004, Int. J. Control 77:767). bad_cost where it

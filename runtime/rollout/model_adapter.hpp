@@ -65,6 +65,8 @@ struct StaticModel {
   static constexpr int kParams = Params<double>::count;
   static constexpr int kForces = Force<double>::count;
   static constexpr int kMostInputs = kInputs > 0 ? kInputs : 1;
+  static constexpr int kMostForces = kForces > 0 ? kForces : 1;
+  static constexpr bool kKnowsResponses = HasResponses<M<double>>::value;
   static constexpr Index<kStates> nx() { return {}; }
   static constexpr Index<kInputs> nu() { return {}; }
   static constexpr Index<kParams> np() { return {}; }
@@ -138,6 +140,17 @@ struct StaticModel {
       return M<S>::dynamics(x, u, body);
   }
 
+  /// The inverse inertia of a model that has it written out: column[j][i], the acceleration of joint i for a unit force
+  /// at joint j.
+  template <class S>
+  static __attribute__((noinline)) void responses(const State<S>& x, const Body<S>& body, const Params<S>& p,
+                                                  S (*column)[kMostForces]) {
+    if constexpr (kParams > 0)
+      M<S>::responses(x, body, p, column);
+    else
+      M<S>::responses(x, body, column);
+  }
+
   /// Accelerations (nf) of all joints for a unit force at joint j: a column of the inverse inertia, by a dual number
   /// along that force. A difference of two calls would lose it to rounding in f32 where other forces are large; and of
   /// the sparse dual only the inertia is left to compute, everything that does not depend on the force falls away.
@@ -205,6 +218,8 @@ struct TableModel {
   using Force = FieldArray<S, TILLER_MAX_JOINTS>;
 
   static constexpr int kMostInputs = TILLER_MAX_INPUTS;
+  static constexpr int kMostForces = TILLER_MAX_JOINTS;
+  static constexpr bool kKnowsResponses = false;
 
   const tiller_model_t* table;
   explicit TableModel(const tiller_model_t& model) : table(&model) {}

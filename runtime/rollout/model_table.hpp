@@ -30,31 +30,40 @@ struct ModelTable {
   }
   template <class S>
   static typename Model::template State<S> evaluate(const double* x, const double* u, const double* f,
-                                                    const tiller_body_t* body, const double* p, int first_direction) {
+                                                    const tiller_body_t* body, const double* p,
+                                                    [[maybe_unused]] int first_direction = 0) {
     typename Model::template State<S> xs;
     typename Model::template Input<S> us;
     typename Model::template Force<S> fs;
     typename Model::template Params<S> ps;
     read<S>(x, u, f, p, xs, us, fs, ps);
     if constexpr (!std::is_same<S, double>::value) {
-      each(Model::nx(), [&](auto i) { xs[i].d[first_direction + i] = 1.0; });
-      each(Model::nu(), [&](auto i) { us[i].d[first_direction + Model::kStates + i] = 1.0; });
+      const auto seed = [&](S& value, int direction) {
+        if (direction >= first_direction && direction < first_direction + S::directions)
+          value.d[direction - first_direction] = 1.0;
+      };
+      each(Model::nx(), [&](auto i) { seed(xs[i], i); });
+      each(Model::nu(), [&](auto i) { seed(us[i], Model::kStates + i); });
     }
-    (void)first_direction;
     return Model::template dynamics<S>(xs, us, fs, Body<S>::from(*body), ps);
   }
   static void dynamics(const double* x, const double* u, const double* f, const tiller_body_t* body, const double* p,
                        double* dxdt) {
-    const auto dx = evaluate<double>(x, u, f, body, p, 0);
+    const auto dx = evaluate<double>(x, u, f, body, p);
     each(Model::nx(), [&](auto i) { dxdt[i] = dx[i]; });
   }
   static void jacobian(const double* x, const double* u, const double* f, const tiller_body_t* body, const double* p,
                        double* a, double* b) {
-    const auto dx = evaluate<Dual<double, Model::kStates + Model::kInputs>>(x, u, f, body, p, 0);
-    each(Model::nx(), [&](auto i) {
-      for (int c = 0; c < Model::kStates; ++c) a[i * Model::kStates + c] = dx[i].d[c];
-      for (int c = 0; c < Model::kInputs; ++c) b[i * Model::kInputs + c] = dx[i].d[Model::kStates + c];
-    });
+    // all directions at once where they are few; the text of many compiles for a long time, and nothing waits for it
+    constexpr int kAll = Model::kStates + Model::kInputs, kPass = kAll <= 16 ? kAll : 4;
+    for (int first = 0; first < kAll; first += kPass) {
+      const auto dx = evaluate<Dual<double, kPass>>(x, u, f, body, p, first);
+      each(Model::nx(), [&](auto i) {
+        for (int c = first; c < kAll && c < first + kPass; ++c)
+          (c < Model::kStates ? a[i * Model::kStates + c] : b[i * Model::kInputs + c - Model::kStates]) =
+              dx[i].d[c - first];
+      });
+    }
   }
 
   static constexpr tiller_model_t make(const ModelKernels* kernels) {

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "effects/catalogue.hpp"
+#include "rollout/rollout.hpp"
 #include "tiller/model.hpp"
 
 namespace tiller {
@@ -39,9 +40,9 @@ using MaskOf = decltype(std::declval<S>() > std::declval<S>());
 template <class Model, class S>
 struct Part {
   Length<S> step;
-  MaskOf<S> older[Model::kMostInputs];                      // the input's older command acts
-  MaskOf<S> stands;                                         // lanes whose part is empty stand still in it
-  typename ActuatorLag<S>::Shares lag[TILLER_MAX_EFFECTS];  // by the lag's place among the input effects
+  MaskOf<S> older[Model::kMostInputs];                                 // the input's older command acts
+  MaskOf<S> stands;                                                    // lanes whose part is empty stand still in it
+  typename ActuatorLag<S>::Shares lag[most_lags(Model::kMostInputs)];  // by the lag's place among the lags
 };
 
 /// Of one register of trajectories.

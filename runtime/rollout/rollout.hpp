@@ -18,11 +18,14 @@ struct Lanes {
 
 /// An effect bound to its port, its parameters and its states.
 struct EffectSlot {
-  std::uint16_t kind = 0;   // tiller_effect_kind_t
-  std::uint16_t port = 0;   // joint or input
-  std::uint16_t param = 0;  // first row in the particle's parameters
-  std::uint16_t state = 0;  // first row in the particle's effect states
+  std::uint16_t kind;   // tiller_effect_kind_t
+  std::uint16_t port;   // joint or input
+  std::uint16_t param;  // first row in the particle's parameters
+  std::uint16_t state;  // first row in the particle's effect states
 };
+
+/// Actuator lags that a robot of so many inputs may have: one each, and a few may have two.
+constexpr int most_lags(int inputs) { return inputs > 8 ? inputs : 8; }
 
 /// How one control period is stepped: the same for planner, posterior and gap.
 struct StepSetup {
@@ -33,7 +36,7 @@ struct StepSetup {
   std::uint32_t effect_count = 0;
   std::uint32_t effect_state_count = 0;  // ns
   std::uint32_t delay_steps = 0;         // history rows that rollouts read, 0..TILLER_MAX_DELAY_STEPS + 1
-  EffectSlot effects[TILLER_MAX_EFFECTS];
+  EffectSlot effects[TILLER_MAX_EFFECTS] = {};
 };
 
 /// Binds the configuration's effects; the delay bound comes from the priors' upper bounds.

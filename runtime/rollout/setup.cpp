@@ -25,6 +25,7 @@ tiller_status_t make_step_setup(const tiller_config_t& config, StepSetup& setup)
   setup.body = config.body;
   if (config.effect_count > TILLER_MAX_EFFECTS) return tiller_status_bad_effect;
   std::uint32_t param = model.param_count, state = 0;
+  int lags = 0;
   for (std::uint32_t e = 0; e < config.effect_count; ++e) {
     const tiller_effect_t& effect = config.effects[e];
     if (effect.kind >= effect_kind_count()) return tiller_status_bad_effect;
@@ -33,6 +34,8 @@ tiller_status_t make_step_setup(const tiller_config_t& config, StepSetup& setup)
     setup.effects[e] = {static_cast<std::uint16_t>(effect.kind), static_cast<std::uint16_t>(effect.port),
                         static_cast<std::uint16_t>(param), static_cast<std::uint16_t>(state)};
     if (param + static_cast<std::uint32_t>(info.param_count) > TILLER_MAX_PARAMS) return tiller_status_bad_effect;
+    if (effect.kind == tiller_effect_actuator_lag && ++lags > most_lags(static_cast<int>(model.input_count)))
+      return tiller_status_bad_effect;
     if (effect.kind == tiller_effect_input_delay) {
       const tiller_prior_t& prior = config.priors[param];
       const std::uint32_t rows = delay_rows(prior, config.period_s);

@@ -34,7 +34,9 @@ struct Slopes {
   using Jacobian = P[kStates][kDirections];
 
   static constexpr bool kColoured = kDirections > 16;
-  static constexpr int kPass = 8;  // derivatives that a pass of a coloured Jacobian carries
+  /// Derivatives that a pass of a coloured Jacobian carries. The equations of a robot with many joints have some ten
+  /// thousand terms with eight, which no first-level cache holds.
+  static constexpr int kPass = Model::kLongDynamics ? 4 : 8;
 
   /// The dependencies of each state's rate: states, then inputs. Columns of one colour share no row.
   struct Pattern {

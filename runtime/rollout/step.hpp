@@ -59,6 +59,8 @@ struct Stepper {
   Time substep_s;                                // of the steps to come
   EffectSlot slots[kHooks][TILLER_MAX_EFFECTS];  // the setup's effects by hook, in their order
   std::uint32_t slot_count[kHooks] = {};
+  std::uint8_t lag_of[TILLER_MAX_EFFECTS];  // of an input effect that is a lag: its place among the lags
+  std::uint8_t lags = 0;
   std::uint32_t reacting = 0;  // bit j: something acts at joint j after the free step
   State* moved = nullptr;      // read only with kTracks
 
@@ -72,6 +74,8 @@ struct Stepper {
   void take(Hook hook, EffectSlot slot) {
     if (hook == Hook::drive) slot.port = driven_joint(slot.port);
     if (hook >= Hook::inertia && hook <= Hook::dissipation) reacting |= 1u << slot.port;
+    if (hook == Hook::input && slot.kind == tiller_effect_actuator_lag)
+      lag_of[slot_count[static_cast<int>(hook)]] = lags++;
     const int list = static_cast<int>(hook == Hook::drive || hook == Hook::elastic ? Hook::dissipation : hook);
     slots[list][slot_count[list]++] = slot;
   }
@@ -254,7 +258,7 @@ struct Stepper {
     if constexpr (InlinedEffect<ActuatorLag<S>, S>::value)
       for (std::uint32_t e = 0; e < slot_count[kList]; ++e)
         if (slots[kList][e].kind == tiller_effect_actuator_lag)
-          part.lag[e] = ActuatorLag<S>::shares(part.step.h, effect_params(p, slots[kList][e]));
+          part.lag[lag_of[e]] = ActuatorLag<S>::shares(part.step.h, effect_params(p, slots[kList][e]));
   }
 
   // ---- the period --------------------------------------------------------------------------------
@@ -317,7 +321,8 @@ struct Stepper {
           if constexpr (std::is_same<decltype(effect), Called>::value)
             command = called_input<S>(slot.kind, {command, S(part[r].step.h)}, state, params);
           else
-            command = effect.apply(command, part[r].lag[&slot - slots[static_cast<int>(Hook::input)]], state, params);
+            command =
+                effect.apply(command, part[r].lag[lag_of[&slot - slots[static_cast<int>(Hook::input)]]], state, params);
         }
       });
     });
@@ -339,22 +344,30 @@ struct Stepper {
 
   /// Accelerations for unit forces at the joints where something reacts, in the middle of the step: the inertia at
   /// its start would cost an order. response[r][j][i]: of joint i for a force at j.
-  using Response = S[TILLER_MAX_JOINTS][TILLER_MAX_JOINTS];
+  using Response = S[Model::kMostForces][Model::kMostForces];
   template <int kCount, int kSets>
   TILLER_INLINE void respond(Response* response, const State* begin, const Trajectory<Model, S>* t, const Input* u,
                              const Force* f, const Parameters<Model, S>* p, const Body<S>* bodies) const {
-    each(model.joints(), [&](auto j) TILLER_INLINED {
-      if (!((reacting >> static_cast<int>(j)) & 1u)) {  // nobody reads it; compilers cannot know
-        for (int r = 0; r < kCount; ++r) each(model.joints(), [&](auto i) { response[r][j][i] = S(0.0); });
-        return;
-      }
+    if constexpr (Model::kKnowsResponses) {
       for (int r = 0; r < kCount; ++r) {
         State middle;
         each(model.nx(), [&](auto i) { middle[i] = S(0.5) * (begin[r][i] + t[r].x[i]); });
-        model.template force_response<S>(middle, u[r], f[r], bodies[kSets == 1 ? 0 : r], p[kSets == 1 ? 0 : r].model, j,
-                                         response[r][j]);
+        model.template responses<S>(middle, bodies[kSets == 1 ? 0 : r], p[kSets == 1 ? 0 : r].model, response[r]);
       }
-    });
+    } else {
+      each(model.joints(), [&](auto j) TILLER_INLINED {
+        if (!((reacting >> static_cast<int>(j)) & 1u)) {  // nobody reads it; compilers cannot know
+          for (int r = 0; r < kCount; ++r) each(model.joints(), [&](auto i) { response[r][j][i] = S(0.0); });
+          return;
+        }
+        for (int r = 0; r < kCount; ++r) {
+          State middle;
+          each(model.nx(), [&](auto i) { middle[i] = S(0.5) * (begin[r][i] + t[r].x[i]); });
+          model.template force_response<S>(middle, u[r], f[r], bodies[kSets == 1 ? 0 : r], p[kSets == 1 ? 0 : r].model,
+                                           j, response[r][j]);
+        }
+      });
+    }
   }
 
   template <class I>
@@ -378,7 +391,7 @@ struct Stepper {
       const EffectSlot& slot = slots[kList][e];
       at_port(model.joints(), slot.port, [&](auto j) TILLER_INLINED {
         for (int r = 0; r < kCount; ++r) {
-          S column[TILLER_MAX_JOINTS];
+          S column[Model::kMostForces];
           each(model.joints(), [&](auto i) { column[i] = response[r][j][i]; });
           const S share = JointInertia<S>::per_acceleration(column[j], effect_params(p[kSets == 1 ? 0 : r], slot));
           const S lost = share * (model.template velocity<S>(t[r].x, j) - model.template velocity<S>(begin[r], j));

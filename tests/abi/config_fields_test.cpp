@@ -61,7 +61,7 @@ TEST(ConfigFields, FieldsDoNotOverlapAndStandInTheirStructsOrder) {
   std::string group;
   std::size_t end = 0;
   for (const ConfigField& field : tiller::config_fields()) {
-    const std::string name = field.name[0];
+    const std::string name = field.name();
     const std::string now = name.substr(0, name.find('.') == std::string::npos ? 0 : name.find('.'));
     if (now != group || now.empty()) end = 0;
     group = now;
@@ -75,9 +75,9 @@ TEST(ConfigFields, DefaultsAreInRange) {
   tiller_config_t defaults;
   ASSERT_EQ(tiller_config_default(&defaults, config.model), tiller_status_ok);
   for (const ConfigField& field : tiller::config_fields()) {
-    EXPECT_TRUE(field.range.holds(field.fallback)) << field.name[0];
+    EXPECT_TRUE(field.range.holds(field.fallback)) << field.name();
     if (field.group == tiller::FieldGroup::noise) continue;  // process noise goes by the model's joints
-    EXPECT_EQ(tiller::config_value(defaults, field, 0), field.fallback) << field.name[0];
+    EXPECT_EQ(tiller::config_value(defaults, field, 0), field.fallback) << field.name();
   }
 }
 
@@ -91,7 +91,7 @@ std::string refused(const ConfigField& field, double value) {
 
 TEST(ConfigFields, ValuesBeyondTheRangeAreRefusedByName) {
   for (const ConfigField& field : tiller::config_fields()) {
-    const std::string name = field.name[0];
+    const std::string name = field.name();
     if (is_whole(field.kind)) {
       EXPECT_EQ(refused(field, field.range.high + 1), name);
       if (field.range.low > 0) {

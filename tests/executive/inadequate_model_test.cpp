@@ -35,9 +35,9 @@ TEST(Adequacy, InadequateModelIsAStatusThatNamesTheChannelAndStopsNothing) {
   EXPECT_EQ(info.first_fault, tiller_status_ok);
   EXPECT_EQ(b.state(), tiller_state_active);
   EXPECT_EQ(b.command.value[0], 1.25) << "the plan's";
-  const tiller_record_t* r = b.executive->recorder().find(info.ticks - 1);
-  ASSERT_NE(r, nullptr);
-  EXPECT_EQ(r->status, tiller_status_model_inadequate);
+  tiller_record_t r;
+  ASSERT_TRUE(b.executive->recorder().read(info.ticks - 1, r));
+  EXPECT_EQ(r.status, tiller_status_model_inadequate);
 }
 
 TEST(Adequacy, EveryFaultAndEveryOtherLimitGoBeforeIt) {

@@ -77,8 +77,11 @@ TEST(Task, PreparationIsForTheNextTick) {
   (void)b.tick();
   EXPECT_EQ(fakes::planner.expected_tick, fakes::planner.tick);
   EXPECT_EQ(fakes::planner.expected_task_step, fakes::planner.task_step);
-  EXPECT_EQ(b.executive->recorder().find(1)->calls, 0u);
-  EXPECT_EQ(b.executive->recorder().find(2)->calls, static_cast<std::uint32_t>(tiller_call_prepare));
+  tiller_record_t r;
+  ASSERT_TRUE(b.executive->recorder().read(1, r));
+  EXPECT_EQ(r.calls, 0u);
+  ASSERT_TRUE(b.executive->recorder().read(2, r));
+  EXPECT_EQ(r.calls, static_cast<std::uint32_t>(tiller_call_prepare));
   (void)b.executive->disarm();
   (void)b.tick();
   b.executive->prepare();

@@ -373,7 +373,7 @@ TEST_F(Loader, TablesAreChecked) {
     const char* said;
   } cases[] = {
       {"TILLER_MODEL_VERSION, .name", "77, .name", "size or version"},
-      {".state_count = 2", ".state_count = 13", "state_count is 13; allowed: 1 to 12"},
+      {".state_count = 2", ".state_count = 33", "state_count is 33; allowed: 1 to 32"},
       {".input_count = 1", ".input_count = 0", "input_count is 0"},
       {".dynamics = dynamics", ".jacobian = 0", "has no dynamics"},
       {"\"velocity_m_s\"", "\"position_m\"", "has 'position_m' twice"},

@@ -356,9 +356,10 @@ TEST(CanLayoutError, EveryMistakeHasItsText) {
   };
   const auto has = [](const std::string& text, const char* part) { return text.find(part) != std::string::npos; };
   EXPECT_EQ("accepted", text_of([](CanLayout&) {}));
-  EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motor_count = 0; }), "1..4 motors"));
-  EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motor_count = 5; }), "1..4 motors"));
-  EXPECT_TRUE(has(text_of([](CanLayout& l) { l.channel_count = 0; }), "1..12 channels"));
+  EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motor_count = 0; }), "1..16 motors"));
+  EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motor_count = 17; }), "1..16 motors"));
+  EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motor_count = 16; }), "at most 15 motors"));
+  EXPECT_TRUE(has(text_of([](CanLayout& l) { l.channel_count = 0; }), "1..32 channels"));
   EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motors[0].node = 64; }), "above 63"));
   EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motors[0].node = kBoard; }), "sensor board"));
   EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motors[l.motor_count++] = l.motors[0]; }), "same node_id"));

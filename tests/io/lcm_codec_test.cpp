@@ -15,6 +15,9 @@
 #include "tiller_lcm/command_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
 #include "tiller_lcm/telemetry_t.hpp"
+#include "tiller_lcm/wide_command_t.hpp"
+#include "tiller_lcm/wide_measurement_t.hpp"
+#include "tiller_lcm/wide_telemetry_t.hpp"
 
 namespace tiller {
 namespace {
@@ -93,6 +96,124 @@ TEST(LcmCodec, FieldsAreWhereLcmGenPutsThem) {
   EXPECT_EQ(2, read.count);
   EXPECT_EQ(-0.25, read.value[1]);
   EXPECT_EQ(13, read.plan_sequence);
+}
+
+std::vector<double> row(int count, double first) {
+  std::vector<double> values(static_cast<std::size_t>(count));
+  for (int i = 0; i < count; ++i) values[static_cast<std::size_t>(i)] = first + 0.5 * i;
+  return values;
+}
+
+template <class Theirs>
+Bytes encoded(const Theirs& message) {
+  Bytes bytes(static_cast<std::size_t>(message.getEncodedSize()));
+  message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+  return bytes;
+}
+
+/// Our bytes of what we read from theirs.
+template <class Ours>
+Bytes again(const LcmType& type, const Bytes& bytes, Ours& ours) {
+  EXPECT_TRUE(lcm_read(bytes.data(), static_cast<std::uint32_t>(bytes.size()), ours));
+  Bytes out(lcm_size(type, &ours));
+  EXPECT_EQ(lcm_encode(type, &ours, out.data()), out.size());
+  return out;
+}
+
+TEST(LcmCodec, WideTypesAreLcmGensAtEveryCount) {
+  EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::wide_measurement_t::getHash()), kLcmWideMeasurementType.fingerprint);
+  EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::wide_command_t::getHash()), kLcmWideCommandType.fingerprint);
+  EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::wide_telemetry_t::getHash()), kLcmWideTelemetryType.fingerprint);
+  for (int count = 0; count <= 32; ++count) {
+    tiller_lcm::wide_measurement_t m{};
+    m.stamp_us = -9;
+    m.sequence = 17;
+    m.command_latency_us = 3;
+    m.count = count;
+    m.valid_mask = -2;  // all but the first
+    m.value = row(count, 1.0);
+    LcmMeasurement ours{};
+    EXPECT_EQ(encoded(m), again(kLcmWideMeasurementType, encoded(m), ours)) << count;
+    EXPECT_EQ(ours.stamp_us, -9);
+    EXPECT_EQ(ours.count, count);
+    EXPECT_EQ(ours.valid_mask, -2);
+    if (count > 0) {
+      EXPECT_EQ(ours.value[count - 1], 1.0 + 0.5 * (count - 1));
+    }
+  }
+  for (int count = 0; count <= 16; ++count) {
+    tiller_lcm::wide_command_t c{};
+    c.sequence = 5;
+    c.state = 2;
+    c.count = count;
+    c.value = row(count, -1.0);
+    c.plan_sequence = 77;
+    LcmCommand ours{};
+    EXPECT_EQ(encoded(c), again(kLcmWideCommandType, encoded(c), ours)) << count;
+    EXPECT_EQ(ours.plan_sequence, 77);
+  }
+  for (const auto& [states, params] : {std::pair{0, 0}, {14, 9}, {32, 64}, {3, 40}}) {
+    tiller_lcm::wide_telemetry_t t{};
+    t.tick = 4;
+    t.state_count = states;
+    t.param_count = params;
+    t.state_mean = row(states, 1.0);
+    t.state_sd = row(states, 2.0);
+    t.param_mean = row(params, 3.0);
+    t.param_sd = row(params, 4.0);
+    t.plans = 6;
+    t.log_lost_bytes = 8;
+    LcmTelemetry ours{};
+    EXPECT_EQ(encoded(t), again(kLcmWideTelemetryType, encoded(t), ours)) << states << " " << params;
+    EXPECT_EQ(ours.plans, 6);
+    EXPECT_EQ(ours.log_lost_bytes, 8);
+    if (params > 0) {
+      EXPECT_EQ(ours.param_sd[params - 1], 4.0 + 0.5 * (params - 1));
+    }
+  }
+}
+
+// A packet that claims more values than there is room for, or other than it has, is no message of ours.
+TEST(LcmCodec, ACountThatThePacketDoesNotHoldIsRefused) {
+  tiller_lcm::wide_measurement_t m{};
+  m.count = 20;
+  m.value = row(20, 1.0);
+  const Bytes whole = encoded(m);
+  constexpr std::size_t kCountAt = 8 + 8 + 8 + 4;
+  LcmMeasurement ours{};
+  ours.stamp_us = 42;
+  for (std::uint32_t count = 0; count <= 255; ++count) {
+    Bytes bytes = whole;
+    bytes[kCountAt + 3] = static_cast<std::uint8_t>(count);
+    EXPECT_EQ(lcm_read(bytes.data(), static_cast<std::uint32_t>(bytes.size()), ours), count == 20) << count;
+    bytes[kCountAt] = 0x80;  // negative, or two thousand million
+    EXPECT_FALSE(lcm_read(bytes.data(), static_cast<std::uint32_t>(bytes.size()), ours)) << count;
+  }
+  tiller_lcm::wide_measurement_t wider{};
+  wider.count = 33;
+  wider.value = row(33, 1.0);
+  const Bytes beyond = encoded(wider);
+  EXPECT_FALSE(lcm_read(beyond.data(), static_cast<std::uint32_t>(beyond.size()), ours));
+  for (std::uint32_t size = 0; size < whole.size(); ++size) {
+    const Bytes part(whole.begin(), whole.begin() + size);
+    EXPECT_FALSE(lcm_read(part.data(), size, ours)) << size;
+  }
+  tiller_lcm::measurement_t narrow{};
+  narrow.count = 20;  // its array has twelve
+  const Bytes lies = encoded(narrow);
+  ASSERT_TRUE(lcm_read(lies.data(), static_cast<std::uint32_t>(lies.size()), ours));
+  EXPECT_EQ(ours.count, -1);
+}
+
+// Small robots keep the types that their plants and logs know.
+TEST(LcmCodec, TheNarrowTypeIsSentWhereItFits) {
+  EXPECT_EQ(&lcm_measurement_type(12), &kLcmMeasurementType);
+  EXPECT_EQ(&lcm_measurement_type(13), &kLcmWideMeasurementType);
+  EXPECT_EQ(&lcm_command_type(4), &kLcmCommandType);
+  EXPECT_EQ(&lcm_command_type(5), &kLcmWideCommandType);
+  EXPECT_EQ(&lcm_telemetry_type(12, 24), &kLcmTelemetryType);
+  EXPECT_EQ(&lcm_telemetry_type(13, 2), &kLcmWideTelemetryType);
+  EXPECT_EQ(&lcm_telemetry_type(2, 25), &kLcmWideTelemetryType);
 }
 
 TEST(LcmCodec, OtherLengthsAreRefusedAndChangeNothing) {

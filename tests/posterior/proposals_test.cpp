@@ -54,6 +54,8 @@ class OnALine : public testing::Test {
 TEST_F(OnALine, EveryOtherProposalLeavesItAlongOneCoordinate) {
   ASSERT_EQ(cloud_.d, 2u);
   Proposal proposals[kMoves];
+  double coordinate[kMoves][2];
+  for (std::uint32_t m = 0; m < kMoves; ++m) proposals[m].coordinate = coordinate[m];
   int off = 0;
   double least = INFINITY, most = 0;
   for (std::uint64_t tick = 0; tick < 50; ++tick) {
@@ -86,6 +88,8 @@ TEST_F(OnALine, MovesFindTheWholePosterior) {
     return -0.5 * (std::pow((v[0] - 5.0) / sd[0], 2) + std::pow((v[1] - 5.0) / sd[1], 2));
   };
   Proposal proposals[kMoves];
+  double coordinate[kMoves][2];
+  for (std::uint32_t m = 0; m < kMoves; ++m) proposals[m].coordinate = coordinate[m];
   std::uint32_t cursor = 0;
   double sum[2] = {}, square[2] = {}, count = 0;
   for (std::uint64_t tick = 0; tick < 4000; ++tick) {

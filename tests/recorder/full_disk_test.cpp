@@ -178,7 +178,7 @@ TEST(Recorder, WhereTheDiskEndsTheFileStaysReadable) {
   const Folder folder;
   const std::string path = folder / "run.mcap";
   const auto robot = arm();
-  for (const rlim_t limit : {rlim_t{20000}, rlim_t{60000}, rlim_t{61111}}) {
+  for (const rlim_t limit : {rlim_t{40000}, rlim_t{80000}, rlim_t{81111}}) {
     const pid_t child = fork();
     if (child == 0) {
       std::signal(SIGXFSZ, SIG_IGN);

@@ -115,6 +115,8 @@ CostTerms<T> terms_of(const CostCase& c, std::uint32_t nx) {
   CostTerms<T> terms = make_cost_terms<T>(cost);
   if (c.lqr) {
     terms.extra |= kCostToGo;
+    static T matrix[TILLER_MAX_STATES * TILLER_MAX_STATES];  // the same for every case of so many states
+    terms.cost_to_go = matrix;
     for (std::uint32_t r = 0; r < nx; ++r)
       for (std::uint32_t k = 0; k < nx; ++k) terms.cost_to_go[r * nx + k] = T(r == k ? 4.0 + 0.5 * r : 0.6);
   }

@@ -233,6 +233,16 @@ tiller_config_t upright_cart_pole() {
   return config;
 }
 
+/// Terms with room for their cost-to-go.
+struct Terms : CostTerms<double> {
+  Terms() { cost_to_go = matrix_; }
+  Terms(const Terms&) = delete;
+  Terms& operator=(const Terms&) = delete;
+
+ private:
+  double matrix_[TILLER_MAX_STATES * TILLER_MAX_STATES] = {};
+};
+
 tiller_status_t lay_out(const tiller_config_t& config, CostTerms<double>& terms) {
   StepSetup setup;
   if (make_step_setup(config, setup) != tiller_status_ok) std::abort();
@@ -242,7 +252,7 @@ tiller_status_t lay_out(const tiller_config_t& config, CostTerms<double>& terms)
 // Independent of the doubling: the plain Riccati recursion over 5000 periods on a Jacobian by central differences.
 TEST(CostToGo, IsTheRiccatiRecursionsLimit) {
   const tiller_config_t config = upright_cart_pole();
-  CostTerms<double> terms;
+  Terms terms;
   ASSERT_EQ(lay_out(config, terms), tiller_status_ok);
   ASSERT_TRUE(terms.has(kCostToGo));
   const tiller_model_t& m = *config.model;
@@ -300,7 +310,7 @@ TEST(CostToGo, LinearisesWhereTheTargetIsHeld) {
   for (int i = 0; i < 6; ++i) config.cost.state_weight[i] = 1.0;
   config.cost.input_weight[0] = config.cost.input_weight[1] = 0.1;
   config.cost.terminal = tiller_terminal_lqr;
-  CostTerms<double> terms;
+  Terms terms;
   ASSERT_EQ(lay_out(config, terms), tiller_status_ok);
   for (int i = 0; i < 6; ++i) {
     EXPECT_GT(terms.cost_to_go[i * 6 + i], 1.0);
@@ -310,7 +320,7 @@ TEST(CostToGo, LinearisesWhereTheTargetIsHeld) {
 }
 
 TEST(CostToGo, RefusesWhatHasNone) {
-  CostTerms<double> terms;
+  Terms terms;
   tiller_config_t config = upright_cart_pole();
   config.cost.input_weight[0] = 0.0;
   EXPECT_EQ(lay_out(config, terms), tiller_status_bad_cost);
@@ -328,7 +338,7 @@ TEST(CostToGo, RefusesWhatHasNone) {
 // Delay, lag and dry friction would hide the input from the state; they are left out, not fatal.
 TEST(CostToGo, BearsEffectsWithMemory) {
   tiller_config_t config = upright_cart_pole();
-  CostTerms<double> bare, with;
+  Terms bare, with;
   ASSERT_EQ(lay_out(config, bare), tiller_status_ok);
   add_effect(config, tiller_effect_input_delay, 0);
   config.priors[3] = {tiller_prior_uniform, 0, 0, 0, 0.0, 0.05};

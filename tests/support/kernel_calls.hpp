@@ -63,7 +63,7 @@ class KernelCalls {
     job.state = path_state_;
     job.control = zero_;
     job.params = f64_.params;
-    job.param_count = TILLER_MAX_PARAMS;
+    job.param_count = kParams;
     job.next = next_;
     job.a = path_a_;
     job.b = path_b_;
@@ -77,7 +77,7 @@ class KernelCalls {
     job.horizon = kHorizon;
     job.start = f64_.state;
     job.params = f64_.params;
-    job.param_count = TILLER_MAX_PARAMS;
+    job.param_count = kParams;
     job.state = path_state_;
     job.control = job.step = zero_;
     job.gain = gain_;
@@ -123,6 +123,7 @@ class KernelCalls {
     return job;
   }
 
+  static constexpr std::uint32_t kParams = 24;  // of any model and its effect, as many whatever the limit is
   static constexpr std::uint32_t kSquare = TILLER_MAX_STATES * TILLER_MAX_STATES;
   static constexpr std::uint32_t kOblong = TILLER_MAX_STATES * TILLER_MAX_INPUTS;
   Arrays<float> f32_;

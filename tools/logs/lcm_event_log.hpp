@@ -4,6 +4,8 @@
 #include <istream>
 #include <string>
 
+#include "io/lcm_messages.hpp"
+
 namespace tiller::tools {
 
 /// One event of an LCM log: a message as it came off the bus.
@@ -13,6 +15,13 @@ struct LcmEvent {
   std::string message;      ///< empty where it is longer than LcmEventLog::kMostBytes
   std::uint32_t bytes = 0;  ///< length of the message, held or not
 };
+
+/// The message of an event, narrow or wide (io/lcm_messages.hpp); false: it is another one.
+template <class Message>
+[[nodiscard]] bool read_event(const LcmEvent& event, Message& message) {
+  return lcm_read(reinterpret_cast<const std::uint8_t*>(event.message.data()),
+                  static_cast<std::uint32_t>(event.message.size()), message);
+}
 
 /// Reads the log of lcm-logger (format: lcm-proj.github.io, "LCM log file format") front to back from any stream.
 ///

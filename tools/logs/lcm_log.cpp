@@ -18,8 +18,8 @@ void LcmLog::open(const std::string& path, std::int64_t epoch_us) {
 void LcmLog::event(const char* channel, std::int64_t now_us, const LcmType& type, const void* message) {
   constexpr std::uint64_t kSync = 0xEDA1DA01u;
   const std::string name = robot_.transport.channel_prefix + channel;
-  std::string content(type.bytes, '\0');
-  lcm_encode(type, message, reinterpret_cast<std::uint8_t*>(content.data()));
+  std::string content(lcm_size(type, message), '\0');
+  (void)lcm_encode(type, message, reinterpret_cast<std::uint8_t*>(content.data()));
   std::string bytes;
   big_endian(bytes, kSync, 4);
   big_endian(bytes, number_, 8);
@@ -37,12 +37,12 @@ void LcmLog::add(const RecordEntry& entry, const tiller_info_t& info, const LogS
   const auto count = [](std::size_t n) { return static_cast<std::uint32_t>(n); };
   if (r.has_measurement != 0) {
     const LcmMeasurement measurement = lcm_message(r.measurement, count(robot_.measurements.size()));
-    event("MEASUREMENT", r.now_us, kLcmMeasurementType, &measurement);
+    event("MEASUREMENT", r.now_us, lcm_measurement_type(count(robot_.measurements.size())), &measurement);
   }
   const LcmCommand command = lcm_message(r.command, count(robot_.inputs.size()));
-  event("COMMAND", r.now_us, kLcmCommandType, &command);
+  event("COMMAND", r.now_us, lcm_command_type(count(robot_.inputs.size())), &command);
   const LcmTelemetry telemetry = lcm_message(info, r.now_us, robot_.model->state_count, robot_.config.param_count, log);
-  event("TELEMETRY", r.now_us, kLcmTelemetryType, &telemetry);
+  event("TELEMETRY", r.now_us, lcm_telemetry_type(robot_.model->state_count, robot_.config.param_count), &telemetry);
 }
 
 }  // namespace tiller::tools

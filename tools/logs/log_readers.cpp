@@ -6,8 +6,7 @@
 #include <limits>
 #include <map>
 
-#include "tiller_lcm/command_t.hpp"
-#include "tiller_lcm/measurement_t.hpp"
+#include "io/lcm_messages.hpp"
 #include "tools/base/text.hpp"
 #include "tools/logs/lcm_event_log.hpp"
 #include "tools/logs/mcap_run.hpp"
@@ -110,8 +109,8 @@ class LcmRows {
   static constexpr std::size_t kMostChannels = 64;  // to tell of; a log with more is no log of ours
 
   void take_measurement(const LcmEvent& event) {
-    tiller_lcm::measurement_t m;
-    if (m.decode(event.message.data(), 0, static_cast<int>(event.message.size())) < 0) return void(++undecoded_);
+    LcmMeasurement m;
+    if (!read_event(event, m)) return void(++undecoded_);
     if (m.count < 0 || static_cast<std::uint32_t>(m.count) != robot_.config.measurement_count) {
       said_ = m.count;
       return void(++miscounted_);
@@ -129,8 +128,8 @@ class LcmRows {
 
   void take_command(const LcmEvent& event) {
     any_command_ = true;
-    tiller_lcm::command_t c;
-    if (c.decode(event.message.data(), 0, static_cast<int>(event.message.size())) < 0) return void(++undecoded_);
+    LcmCommand c;
+    if (!read_event(event, c)) return void(++undecoded_);
     const auto row = row_of_.find(c.sequence);
     if (row == row_of_.end()) return;  // answers a measurement from before the log
     for (std::uint32_t i = 0; i < robot_.model->input_count; ++i) rows_[row->second].input[i] = c.value[i];

@@ -8,9 +8,7 @@
 #include <limits>
 #include <map>
 
-#include "tiller_lcm/command_t.hpp"
-#include "tiller_lcm/measurement_t.hpp"
-#include "tiller_lcm/telemetry_t.hpp"
+#include "io/lcm_messages.hpp"
 #include "tools/logs/lcm_event_log.hpp"
 #include "tools/logs/recorded_run.hpp"
 
@@ -22,16 +20,16 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 /// A command with the telemetry that was logged for it.
 struct Answer {
   std::uint64_t tick = 0;
-  tiller_lcm::command_t command{};
+  LcmCommand command{};
   bool told = false;
-  tiller_lcm::telemetry_t telemetry{};
+  LcmTelemetry telemetry{};
   bool has_answered = false;  ///< `answered` is the measurement that it answers
   tiller_measurement_t answered{};
   bool has_waiting = false;  ///< `waiting` is the newest one that came since the command before
   tiller_measurement_t waiting{};
 };
 
-tiller_measurement_t convert(const tiller_lcm::measurement_t& message) {
+tiller_measurement_t convert(const LcmMeasurement& message) {
   tiller_measurement_t m{};
   m.stamp_us = message.stamp_us;
   m.sequence = static_cast<std::uint32_t>(message.sequence);
@@ -40,8 +38,6 @@ tiller_measurement_t convert(const tiller_lcm::measurement_t& message) {
     m.value[i] = (static_cast<std::uint32_t>(message.valid_mask) >> i & 1u) != 0 ? message.value[i] : kNaN;
   return m;
 }
-
-int size_of(const LcmEvent& event) { return static_cast<int>(event.message.size()); }
 
 class LogReader {
  public:
@@ -70,9 +66,8 @@ class LogReader {
 
  private:
   void take_measurement(const LcmEvent& event) {
-    tiller_lcm::measurement_t m;
-    if (m.decode(event.message.data(), 0, size_of(event)) < 0 || m.count < 0 ||
-        static_cast<std::uint32_t>(m.count) != robot_.config.measurement_count)
+    LcmMeasurement m;
+    if (!read_event(event, m) || m.count < 0 || static_cast<std::uint32_t>(m.count) != robot_.config.measurement_count)
       return;
     ++measurements_;
     const tiller_measurement_t measurement = convert(m);
@@ -84,7 +79,7 @@ class LogReader {
 
   void take_command(const LcmEvent& event, std::vector<Answer>& answers) {
     Answer answer;
-    if (answer.command.decode(event.message.data(), 0, size_of(event)) < 0) return;
+    if (!read_event(event, answer.command)) return;
     if (was_repeated(answer.command, answers)) return;
     const auto sequence = static_cast<std::uint32_t>(answer.command.sequence);
     const auto same = [&](const tiller_measurement_t& m) { return m.sequence == sequence; };
@@ -103,7 +98,7 @@ class LogReader {
   }
 
   /// In lockstep the answer to a measurement that came again is the same command once more, and no tick.
-  static bool was_repeated(const tiller_lcm::command_t& command, const std::vector<Answer>& answers) {
+  static bool was_repeated(const LcmCommand& command, const std::vector<Answer>& answers) {
     const auto oldest = static_cast<std::ptrdiff_t>(std::min(answers.size(), kMostBack));
     return std::any_of(answers.end() - oldest, answers.end(), [&](const Answer& a) {
       return a.command.stamp_us == command.stamp_us && a.command.sequence == command.sequence &&
@@ -113,8 +108,8 @@ class LogReader {
   }
 
   void take_telemetry(const LcmEvent& event, std::vector<Answer>& answers) const {
-    tiller_lcm::telemetry_t t;
-    if (t.decode(event.message.data(), 0, size_of(event)) < 0 || t.tick < 1 || t.tick > kMostTicks) return;
+    LcmTelemetry t;
+    if (!read_event(event, t) || t.tick < 1 || t.tick > kMostTicks) return;
     const std::size_t newest = answers.size(), oldest = newest - std::min(newest, kMostBack);
     for (std::size_t i = newest; i > oldest; --i) {
       Answer& answer = answers[i - 1];
@@ -198,7 +193,7 @@ class Foresight {
 
 void take_telemetry(const RobotFile& robot, const Answer& answer, RecordEntry& entry) {
   tiller_record_t& r = entry.record;
-  const tiller_lcm::telemetry_t& t = answer.telemetry;
+  const LcmTelemetry& t = answer.telemetry;
   r.tick = static_cast<std::uint64_t>(t.tick - 1);
   r.status = t.status;
   r.planner_iterations = static_cast<std::uint32_t>(t.planner_iterations);
@@ -215,7 +210,7 @@ void take_telemetry(const RobotFile& robot, const Answer& answer, RecordEntry& e
 RecordEntry entry_of(const RobotFile& robot, const Answer& answer, bool lockstep, const Foresight& foresight) {
   RecordEntry entry;
   tiller_record_t& r = entry.record;
-  const tiller_lcm::command_t& c = answer.command;
+  const LcmCommand& c = answer.command;
   r.now_us = r.command.stamp_us = c.stamp_us;
   r.command.sequence = static_cast<std::uint32_t>(c.sequence);
   r.command.state = static_cast<std::uint32_t>(c.state);

@@ -9,10 +9,9 @@
 #include <thread>
 #include <utility>
 
+#include "io/lcm_messages.hpp"
 #include "io/monotonic_clock.hpp"
 #include "io/udp_multicast.hpp"
-#include "tiller_lcm/command_t.hpp"
-#include "tiller_lcm/measurement_t.hpp"
 #include "tools/links/lcm_seal.hpp"
 #include "tools/replay/replay.hpp"
 
@@ -38,17 +37,11 @@ class LcmRobot {
   bool good() const { return lcm_ != nullptr; }
 
   bool publish(const tiller_measurement_t& m, std::uint32_t count, std::int64_t shift_us) {
-    tiller_lcm::measurement_t out{};
-    out.stamp_us = m.stamp_us + shift_us;
-    out.sequence = m.sequence;
-    out.command_latency_us = static_cast<std::int32_t>(m.command_latency_us);
-    out.count = static_cast<std::int32_t>(count);
-    for (std::uint32_t i = 0; i < count; ++i) {
-      if (!std::isnan(m.value[i])) out.valid_mask |= 1 << i;
-      out.value[i] = m.value[i];
-    }
-    std::vector<unsigned char> bytes(static_cast<std::size_t>(out.getEncodedSize()));
-    out.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
+    LcmMeasurement out = lcm_message(m, count);
+    out.stamp_us += shift_us;
+    const LcmType& type = lcm_measurement_type(count);
+    std::vector<unsigned char> bytes(lcm_size(type, &out));
+    (void)lcm_encode(type, &out, bytes.data());
     return publish(bytes);
   }
 
@@ -95,8 +88,8 @@ class LcmRobot {
     const auto* data = static_cast<const unsigned char*>(buffer->data);
     std::vector<unsigned char> bytes(data, data + buffer->data_size);
     if (robot->seal_.verify && !robot->seal_.verify(channel, bytes)) return;
-    tiller_lcm::command_t in{};
-    if (in.decode(bytes.data(), 0, static_cast<int>(bytes.size())) < 0) return;
+    LcmCommand in;
+    if (!lcm_read(bytes.data(), static_cast<std::uint32_t>(bytes.size()), in)) return;
     tiller_command_t command{};
     command.stamp_us = in.stamp_us;
     command.sequence = static_cast<std::uint32_t>(in.sequence);

@@ -120,7 +120,7 @@ bool is_channel(const std::string& word, const Words& inputs) {
   const std::string rest = word.substr(colon + 1);
   if (source == "position" || source == "velocity") return index_of(inputs, rest) >= 0;
   const bool digits = !rest.empty() && rest.find_first_not_of("0123456789") == std::string::npos;
-  return source == "board" && digits && rest.size() <= 2 && std::stoi(rest) < TILLER_MAX_MEASUREMENTS;
+  return source == "board" && digits && rest.size() <= 2 && std::stoi(rest) <= 11;
 }
 
 void read_channels(SectionReader& section, const RobotFile& robot, TransportSection& transport) {

@@ -18,15 +18,26 @@ extern "C" {
 #endif
 #define TILLER_MODEL_VERSION 1u
 
-/** Upper bounds of every model; the block is sized for the counts actually used. */
-#ifndef TILLER_MAX_STATES /* a kernel that is compiled and stepped without the library may have others */
-#define TILLER_MAX_STATES 12
-#define TILLER_MAX_JOINTS 6
+/** Upper bounds of every model; the block is sized for the counts actually used. A build for one robot may set lower
+ *  ones on its command line, the same for every file that it links: its structs and stacks shrink with them. */
+#ifndef TILLER_MAX_STATES
+#define TILLER_MAX_STATES 32 /**< at most 32: sets of states are words of 32 bits */
 #endif
-#define TILLER_MAX_INPUTS 4
-#define TILLER_MAX_PARAMS 24       /**< model parameters and effect parameters together */
-#define TILLER_MAX_EFFECTS 8
-#define TILLER_MAX_EFFECT_STATES 8 /**< over all effects */
+#ifndef TILLER_MAX_JOINTS
+#define TILLER_MAX_JOINTS 16
+#endif
+#ifndef TILLER_MAX_INPUTS
+#define TILLER_MAX_INPUTS 16
+#endif
+#ifndef TILLER_MAX_PARAMS
+#define TILLER_MAX_PARAMS 64 /**< model parameters and effect parameters together */
+#endif
+#ifndef TILLER_MAX_EFFECTS
+#define TILLER_MAX_EFFECTS 32
+#endif
+#ifndef TILLER_MAX_EFFECT_STATES
+#define TILLER_MAX_EFFECT_STATES 16 /**< over all effects */
+#endif
 #define TILLER_MAX_DELAY_STEPS 16  /**< longest input delay, in control periods */
 #define TILLER_MAX_SCENARIOS 8     /**< particles that a gradient planner plans over at once */
 

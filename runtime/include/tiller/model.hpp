@@ -51,6 +51,12 @@
 // then differentiated in one text that all integrators share. It compiles in two thirds of the time; derivatives by RK4
 // take a tenth less, by the other integrators a third more.
 //
+// A model of many joints may say how they answer to forces, for effects that act implicitly (friction, backlash, more
+// inertia); where it does not, the answers are derivatives of its dynamics, one sweep a joint:
+//
+//       /// column[j][i]: acceleration of joint i for a unit force at joint j, everything else at rest.
+//       static void responses(const State& x, const tiller::Body<S>& body, const Params& p, S (*column)[kJoints]);
+//
 // A cost of your own stands beside the model, under the same rules; the second derivatives that gradient planners need
 // follow from the same text (docs/reference/costs.md):
 //
@@ -126,6 +132,11 @@ template <class Model>
 struct AnglesOf<Model, std::void_t<decltype(Model::angles)>> {
   static constexpr unsigned mask = Model::angles;
 };
+/// Optional: the inverse of the inertia matrix, written out.
+template <class Model, class = void>
+struct HasResponses : std::false_type {};
+template <class Model>
+struct HasResponses<Model, std::void_t<decltype(&Model::responses)>> : std::true_type {};
 template <class Model, class = void>
 struct LongDynamics {
   static constexpr bool value = false;

@@ -355,7 +355,7 @@ typedef struct tiller_config {
 
   uint32_t measurement_count;                     /**< ny */
   uint32_t record_ticks;                          /**< ticks kept in the block, 0..65536 */
-  uint8_t measured_state[16];                     /**< (ny) index of the state that each measurement reads */
+  uint8_t measured_state[TILLER_MAX_MEASUREMENTS];/**< (ny) index of the state that each measurement reads */
   double measurement_sd[TILLER_MAX_MEASUREMENTS]; /**< of the sensor, quantisation included; scales */
   double process_sd[TILLER_MAX_STATES];           /**< random change of the state that the model does not explain,
                                               per square root of a second; same unit as the state. Scales, or 0: the

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "core/bits.hpp"
 #include "core/rng.hpp"
 #include "posterior/conjugate/conjugate_posterior.hpp"
 #include "rollout/measurement.hpp"
@@ -23,7 +24,7 @@ bool unbounded_normal(const tiller_prior_t& p) {
 bool every_state_measured(const tiller_config_t& config) {
   std::uint32_t seen = 0;
   for (std::uint32_t k = 0; k < config.measurement_count; ++k) seen |= 1u << config.measured_state[k];
-  return config.measurement_count == config.model->state_count && seen == (1u << config.model->state_count) - 1u;
+  return config.measurement_count == config.model->state_count && seen == low_bits(config.model->state_count);
 }
 
 /// One random state, input and past.
@@ -52,7 +53,7 @@ bool ConjugatePosterior::is_affine(const tiller_config_t& config, const StepSetu
   const PriorDistribution prior(config);
   const Whitening white(prior, config);
   const std::uint32_t d = prior.dimension(), nx = config.model->state_count;
-  Rng rng(config.seed, kRngPrior, TILLER_MAX_PARAMS + 2);
+  Rng rng(config.seed, kRngPrior, kPriorExtra);
   for (int trial = 0; trial < kStates; ++trial) {
     const Trial at(config, rng);
     // lanes: m, m + a, m + b, m + a + b, m + 2 a

@@ -48,6 +48,12 @@ class FilterPosterior::Layout {
 
   void take_window() {
     window_ = arena_.take<Kept>(slots_);
+    const std::uint32_t row = nu_ + ny_;
+    double* const kept = rows(slots_, row);
+    for (std::uint32_t k = 0; window_ != nullptr && kept != nullptr && k < slots_; ++k) {
+      window_[k].input = kept + std::size_t{k} * row;
+      window_[k].measured = window_[k].input + nu_;
+    }
     window_history_ = arena_.take<double>(std::size_t{slots_} * setup_.delay_steps * nu_);
     input_history_ = rows(kHistory, nu_);
     summary_ = FilterSummary::lay_out(arena_, cloud_.d, nf_, ns_);
@@ -65,9 +71,16 @@ class FilterPosterior::Layout {
   void take_scratch() {
     scratch_ = rows(rows_ + 2, n_);
     proposals_ = arena_.take<Proposal>(n_ / 2);
+    double* const proposed = rows(cloud_.d, n_ / 2);
+    for (std::uint32_t m = 0; proposals_ != nullptr && proposed != nullptr && m < n_ / 2; ++m)
+      proposals_[m].coordinate = proposed + std::size_t{m} * cloud_.d;
     proposed_sums_ = rows(rows_, move_lanes_);
     move_coordinate_ = rows(cloud_.d, move_lanes_);
     point_innovation_ = rows(ny_ + 1, summary_.design().points());
+    start_.state = rows(nf_, 1);
+    start_.covariance = rows(triangle_rows(nf_), 1);
+    start_.effect_state = rows(ns_, 1);
+    start_.measured = rows(ny_, 1);
   }
 
   void take_tests() {
@@ -96,6 +109,7 @@ class FilterPosterior::Layout {
     p.proposed_sums_ = proposed_sums_;
     p.move_coordinate_ = move_coordinate_;
     p.point_innovation_ = point_innovation_;
+    p.start_ = start_;
     p.adequacy_ = adequacy_;
     p.response_ = response_;
     p.response_scratch_ = response_scratch_;
@@ -168,6 +182,7 @@ class FilterPosterior::Layout {
   NormalLaw before_;
   Kept* window_ = nullptr;
   double *window_history_ = nullptr, *input_history_ = nullptr;
+  InitialStateDistribution start_;
   Chunk* chunks_ = nullptr;
   Proposal* proposals_ = nullptr;
   double *scratch_ = nullptr, *proposed_sums_ = nullptr, *move_coordinate_ = nullptr, *point_innovation_ = nullptr;

@@ -2,6 +2,7 @@
 
 #include "posterior/filter/filter_posterior.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -103,7 +104,8 @@ FilterRows FilterPosterior::carried_lanes(std::uint32_t at) const {
 FilterPosterior::Step FilterPosterior::particle_step(std::uint32_t c) const {
   const std::uint32_t at = c * kChunk;
   Step step;
-  step.transition = &now_.transition;
+  step.period_s = now_.transition.period_s;
+  step.input = now_.transition.input;
   step.from = carried_lanes(at);
   step.params = {cloud_.params + at, n_};
   step.process_scale = carried_.process_scale + at;
@@ -196,7 +198,11 @@ void FilterPosterior::remember_transition() {
   const auto slot = static_cast<std::size_t>(window_.end() % window_.capacity());
   const std::size_t row = std::size_t{setup_.delay_steps} * nu_;
   std::memcpy(window_history_ + slot * row, input_history_, sizeof(double) * row);
-  window_.push() = now_;
+  Kept& kept = window_.push();
+  kept.period_s = now_.transition.period_s;
+  kept.weight = now_.weight;
+  std::copy(now_.transition.input, now_.transition.input + nu_, kept.input);
+  std::copy(now_.transition.measured, now_.transition.measured + ny_, kept.measured);
 }
 
 const double* FilterPosterior::history_of(std::uint64_t index) const {

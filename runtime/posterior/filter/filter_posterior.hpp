@@ -64,20 +64,27 @@ class FilterPosterior final : public Posterior {
     double* log_likelihood = nullptr;  // (N) of all data
   };
 
-  /// A transition and what went with it, as the window keeps it.
-  struct Kept {
+  /// A transition that is being taken in.
+  struct Now {
     Transition transition;
     double weight = 1.0;  // 0: not counted
+  };
+  /// One as the window keeps it: its values are rows of the block.
+  struct Kept {
+    double period_s = 0.0;
+    double weight = 1.0;
+    double* input = nullptr;     // (nu)
+    double* measured = nullptr;  // (ny)
   };
 
   static constexpr std::uint32_t kHistory = TILLER_MAX_DELAY_STEPS + 2;
 
   /// The filter at the start of an exact window, the same for every particle; `measured` corrects it.
   struct InitialStateDistribution {
-    double state[kMaxFilterStates] = {};
-    double covariance[triangle_rows(kMaxFilterStates)] = {};
-    double effect_state[TILLER_MAX_EFFECT_STATES] = {};
-    double measured[TILLER_MAX_MEASUREMENTS] = {};
+    double* state = nullptr;         // (nf)
+    double* covariance = nullptr;    // (triangle)
+    double* effect_state = nullptr;  // (ns)
+    double* measured = nullptr;      // (ny)
   };
 
   /// Scratch of one chunk of lanes: rows of kChunk.
@@ -98,7 +105,8 @@ class FilterPosterior final : public Posterior {
 
   /// A transition as a chunk's lanes take it.
   struct Step {
-    const Transition* transition = nullptr;
+    double period_s = 0.0;
+    const double* input = nullptr;  // (nu)
     FilterRows from;
     Lanes<double> params;
     const double* process_scale = nullptr;
@@ -141,6 +149,7 @@ class FilterPosterior final : public Posterior {
 
   // filter_start.cpp: where the filters begin
   void set_start(const double* sd, const double* measured);
+  void clear_start();
   void set_force_start();
   void begin_filters(const Chunk& chunk, const FilterRows& rows) const;
   void begin_all_filters();
@@ -236,7 +245,7 @@ class FilterPosterior final : public Posterior {
   double* move_coordinate_ = nullptr;   // (d x lanes of moves)
   std::uint32_t move_lanes_ = 0;        // N / 2, rounded up
   double* point_innovation_ = nullptr;  // (ny + 1 x points) what leaves, at the design's points
-  Kept now_;                            // being taken in
+  Now now_;                             // being taken in
 
   // where it stands
   bool started_ = false;

@@ -1,5 +1,6 @@
 // Where the filters begin: at the configured state, or, in mid-run, wherever the robot may have got to.
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -15,9 +16,15 @@ constexpr double kDrift = 0.01;
 
 }  // namespace
 
+void FilterPosterior::clear_start() {
+  std::fill(start_.state, start_.state + nf_, 0.0);
+  std::fill(start_.covariance, start_.covariance + triangle_, 0.0);
+  std::fill(start_.effect_state, start_.effect_state + ns_, 0.0);
+}
+
 /// The configured state with deviations sd (nx), and a first measurement (ny).
 void FilterPosterior::set_start(const double* sd, const double* measured) {
-  start_ = {};
+  clear_start();
   for (std::uint32_t r = 0; r < nx_; ++r) {
     start_.state[r] = config_->initial_state[r];
     start_.covariance[triangle_row(nf_, r, r)] = sd[r] * sd[r];
@@ -29,13 +36,11 @@ void FilterPosterior::set_start(const double* sd, const double* measured) {
 /// The forces' law before any data, from what they do to the first chunk's particles at the configured state.
 void FilterPosterior::set_force_start() {
   const Chunk& chunk = chunks_[0];
-  Transition nothing;
-  nothing.period_s = config_->period_s;
-  std::memcpy(nothing.input, config_->safety.safe_command, sizeof(double) * nu_);
   map_sensors(chunk, cloud_.params, n_);
   begin_filters(chunk, chunk.filter);
   Step step;
-  step.transition = &nothing;
+  step.period_s = config_->period_s;
+  step.input = config_->safety.safe_command;
   step.from = chunk.filter;
   step.params = {cloud_.params, n_};
   step.history = input_history_;

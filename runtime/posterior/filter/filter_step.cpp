@@ -1,5 +1,6 @@
 // One filtered transition of a chunk of lanes: what the tick, the reruns and the summary have in common.
 
+#include <algorithm>
 #include <cstring>
 
 #include "posterior/filter/filter_posterior.hpp"
@@ -20,11 +21,11 @@ LineariseJob FilterPosterior::linearise_job(const Chunk& chunk, const Step& step
   LineariseJob job;
   job.setup = &setup_;
   job.lanes = kChunk;
-  job.period_s = step.transition->period_s;
+  job.period_s = step.period_s;
   job.state = {step.from.state, step.from.stride};
   job.params = step.params;
   job.effect_state = {step.from.effect_state, step.from.stride};
-  job.control = {step.transition->input, 0};
+  job.control = {step.input, 0};
   job.history = step.history;
   job.next_state = chunk.predicted.state;
   job.next_effect_state = chunk.predicted.effect_state;
@@ -38,11 +39,11 @@ FilterDiscrepancy::Lanes16 FilterPosterior::discrepancy_job(const Chunk& chunk, 
       std::memcpy(chunk.params + i * kChunk, step.params.data + i * step.params.stride, sizeof(double) * kChunk);
   FilterDiscrepancy::Lanes16 job;
   job.lanes = kChunk;
-  job.period_s = step.transition->period_s;
+  job.period_s = step.period_s;
   job.state = {step.from.state, step.from.stride};
   job.effect_state = {step.from.effect_state, step.from.stride};
   job.params = chunk.params;
-  job.input = step.transition->input;
+  job.input = step.input;
   job.history = step.history;
   job.next = chunk.predicted.state;
   job.unit = chunk.unit;
@@ -70,8 +71,9 @@ void FilterPosterior::widen_jacobian(const Chunk& chunk) const {
 /// Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 6.2.2). Of other states
 /// it is a random walk.
 void FilterPosterior::predict_covariance(const Chunk& chunk, const Step& step) const {
-  const double period_s = step.transition->period_s;
-  double process[triangle_rows(kMaxFilterStates)] = {};
+  const double period_s = step.period_s;
+  double process[triangle_rows(kMaxFilterStates)];
+  std::fill(process, process + triangle_, 0.0);
   const auto at = [&](std::uint32_t r, std::uint32_t c) -> double& {
     return process[r < c ? triangle_row(nf_, r, c) : triangle_row(nf_, c, r)];
   };

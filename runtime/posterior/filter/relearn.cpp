@@ -5,6 +5,7 @@
 // half, and drawn from the prior otherwise. A false alarm then costs little: the particles that were right predict
 // better than those from the prior and soon have all the weight.
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -60,7 +61,8 @@ void FilterPosterior::relearn() {
 /// Every filter goes on from where they are together: mean, mean covariance and what they disagree about.
 void FilterPosterior::start_at_present() {
   const std::uint32_t about = heaviest();
-  InitialStateDistribution law;
+  clear_start();
+  const InitialStateDistribution& law = start_;
   double off[kMaxFilterStates];
   for (std::uint32_t i = 0; i < n_; ++i) {
     const double w = cloud_.weight[i];
@@ -81,8 +83,7 @@ void FilterPosterior::start_at_present() {
       }
   }
   for (std::uint32_t r = 0; r < nf_; ++r) law.state[r] += carried_.filter.state[r * n_ + about];
-  for (double& value : law.measured) value = NAN;
-  start_ = law;
+  std::fill(law.measured, law.measured + ny_, NAN);
 }
 
 /// The cloud's normal law, in the place of what it was believed to be.

@@ -65,7 +65,7 @@ void DisturbanceResponse::predict(const ErrorDynamics& error, double period_s, c
 
 void DisturbanceResponse::correct(const ErrorDynamics& error, const unsigned char* used,
                                   const double* measurement_variance) {
-  double p[triangle_rows(TILLER_MAX_STATES)] = {}, column[TILLER_MAX_STATES] = {};
+  double p[triangle_rows(TILLER_MAX_STATES)], column[TILLER_MAX_STATES];
   for (std::uint32_t i = 0; i < triangle_rows(nx_); ++i) p[i] = error.covariance[i];
   for (std::uint32_t k = 0; k < ny_; ++k) {
     if (!used[k]) continue;

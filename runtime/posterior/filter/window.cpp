@@ -36,13 +36,14 @@ void FilterPosterior::rerun_chunk(std::uint32_t c) const {
 void FilterPosterior::step_chunk(const Chunk& chunk, std::uint64_t index) const {
   const Kept& kept = window_[index];
   Step step;
-  step.transition = &kept.transition;
+  step.period_s = kept.period_s;
+  step.input = kept.input;
   step.from = chunk.filter;
   step.params = {chunk.params, kChunk};
   step.process_scale = chunk.process_scale;
   step.history = history_of(index);
   predict_lanes(chunk, step);
-  CorrectJob correct = correct_job(kept.transition.measured, chunk);
+  CorrectJob correct = correct_job(kept.measured, chunk);
   correct.weight = kept.weight;
   correct.squared_error = chunk.sums + ScaleEvidence::kSquared * kChunk;
   correct.log_variance = chunk.sums + ScaleEvidence::kLogs * kChunk;
@@ -119,7 +120,8 @@ void FilterPosterior::step_points(std::uint64_t index) {
   for_each_point_chunk([&](std::uint32_t at, const Chunk& chunk) {
     const FilterRows lanes = point_lanes(at);
     Step step;
-    step.transition = &kept.transition;
+    step.period_s = kept.period_s;
+    step.input = kept.input;
     step.from = lanes;
     step.params = {chunk.params, kChunk};
     step.process_scale = chunk.process_scale;
@@ -127,7 +129,7 @@ void FilterPosterior::step_points(std::uint64_t index) {
     predict_lanes(chunk, step);
     double *squared = chunk.sums, *logs = chunk.sums + kChunk;
     std::memset(squared, 0, sizeof(double) * 2 * kChunk);
-    CorrectJob correct = correct_job(kept.transition.measured, chunk);
+    CorrectJob correct = correct_job(kept.measured, chunk);
     correct.to = lanes;
     correct.squared_error = squared;
     correct.log_variance = logs;

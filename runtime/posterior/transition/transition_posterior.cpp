@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "core/bits.hpp"
 #include "rollout/measurement.hpp"
 
 namespace tiller {
@@ -43,7 +44,7 @@ tiller_status_t TransitionPosterior::check(const tiller_config_t& config, const 
   std::uint32_t seen = 0;
   for (std::uint32_t k = 0; k < config.measurement_count; ++k) seen |= 1u << config.measured_state[k];
   *field = "measurement";
-  if (config.measurement_count != config.model->state_count || seen != (1u << config.model->state_count) - 1u)
+  if (config.measurement_count != config.model->state_count || seen != low_bits(config.model->state_count))
     return tiller_status_bad_posterior;
   *field = "effects";
   if (setup.effect_state_count > 0) return tiller_status_bad_posterior;
