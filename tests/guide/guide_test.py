@@ -82,6 +82,7 @@ def prepare():
         hidden = f'\n[[sim.effects]]\nkind = "coulomb_friction"\nport = "{port}"\nfriction_SI = {HIDDEN[name]}\n'
         (WORK / f"{name}_with_friction.toml").write_text(text + hidden, encoding="utf-8")
     shutil.copytree(SOURCE / "examples/own_model", WORK / "my_robot")
+    shutil.copy(SOURCE / "examples/from_urdf/my_arm.urdf", WORK)
     (WORK / "nightly").mkdir()
     for i in ("1", "2", "3"):
         for robot, log in (("mine", f"run{i}.csv"), ("pendulum", f"nightly/run{i}.csv")):

@@ -1,0 +1,170 @@
+// import: a robot description into a model of one's own, with its robot file.
+
+#include <sys/stat.h>
+
+#include <cstdio>
+#include <cstdlib>
+
+#include "tools/base/output_file.hpp"
+#include "tools/command/commands.hpp"
+#include "tools/import/model_writer.hpp"
+#include "tools/import/robot_writer.hpp"
+
+namespace tiller::tools {
+namespace {
+
+struct Options {
+  std::string description, folder, frame, base = "fixed";
+  Words unknown, hold;
+  bool any_inertia = false, force = false;
+};
+
+int complain_all(const std::vector<std::string>& errors) {
+  for (const std::string& error : errors) (void)complain(error);
+  return kExitBadInput;
+}
+
+bool exists(const std::string& path) {
+  struct stat status = {};
+  return ::stat(path.c_str(), &status) == 0;
+}
+
+bool read_hold(const Words& words, MechanismOptions& options, std::vector<std::string>& errors) {
+  for (const std::string& word : words) {
+    const std::size_t equals = word.find('=');
+    MechanismOptions::Held held{word.substr(0, equals), 0.0};
+    if (equals != std::string::npos) {
+      char* end = nullptr;
+      held.position = std::strtod(word.c_str() + equals + 1, &end);
+      if (*end != '\0' || end == word.c_str() + equals + 1)
+        errors.push_back("--hold " + word + ": write JOINT or JOINT=POSITION, in rad or m");
+    }
+    options.held.push_back(held);
+  }
+  return errors.empty();
+}
+
+/// The frame that carries the payload: the one named, else the link that hangs on the longest chain of joints, behind
+/// its fixed joints.
+bool payload_frame(const Mechanism& mechanism, const std::string& wanted, int& frame, std::vector<std::string>& errors) {
+  if (!wanted.empty()) {
+    frame = mechanism.find_frame(wanted);
+    if (frame >= 0) return true;
+    Words names;
+    for (const NamedFrame& f : mechanism.frames) names.push_back(f.name);
+    const std::string near = nearest(wanted, names);
+    errors.push_back("--frame " + wanted + ": no link is called so" +
+                     (near.empty() ? "; there are " + join(names) : "; is '" + near + "' meant?"));
+    return false;
+  }
+  int longest = 0;
+  frame = -1;
+  for (std::size_t i = 0; i < mechanism.frames.size(); ++i) {
+    int depth = 0;
+    for (int b = mechanism.frames[i].body; b >= 0; b = mechanism.bodies[static_cast<std::size_t>(b)].parent) ++depth;
+    // the last of several: what hangs on fixed joints comes after what it hangs on
+    if (depth >= longest && depth > 0) {
+      longest = depth;
+      frame = static_cast<int>(i);
+    }
+  }
+  return true;
+}
+
+/// What a model may have; the remedy names joints to hold.
+bool within_limits(const Mechanism& mechanism, const ModelNames& names, const Unknowns& unknowns,
+                   std::vector<std::string>& errors) {
+  const auto over = [&](const char* what, std::size_t has, int most, const std::string& remedy) {
+    if (has > static_cast<std::size_t>(most))
+      errors.push_back(mechanism.path + ": " + std::to_string(has) + " " + what + " where a model may have " +
+                       std::to_string(most) + "; " + remedy);
+  };
+  const std::size_t many = names.joints.size() > TILLER_MAX_JOINTS ? names.joints.size() - TILLER_MAX_JOINTS : 0;
+  over("joints", names.joints.size(), TILLER_MAX_JOINTS,
+       "hold " + std::to_string(many) + " that do not matter, by commas: --hold JOINT[=POSITION],..., for example --hold " +
+           mechanism.bodies.back().joint);
+  static_assert(2 * TILLER_MAX_JOINTS <= TILLER_MAX_STATES, "a position and a speed for each joint");
+  over("inputs", names.inputs.size(), TILLER_MAX_INPUTS, "hold some: --hold JOINT[=POSITION]");
+  std::size_t effects = unknowns.payload ? 1 : 0;
+  for (const JointFriction& f : unknowns.friction) effects += (f.viscous.empty() ? 0 : 1) + (f.dry.empty() ? 0 : 1);
+  over("parameters", unknowns.parameters.size() + effects,
+       TILLER_MAX_PARAMS, "name fewer with --unknown");
+  over("effects", effects, TILLER_MAX_EFFECTS,
+       "name fewer with --unknown");
+  if (names.inputs.empty())
+    errors.push_back(mechanism.path + ": no joint is driven, so there is nothing to control");
+  return errors.empty();
+}
+
+int write_files(const Options& o, const Mechanism& mechanism, const Unknowns& unknowns, int frame) {
+  const WrittenModel model = write_model(mechanism, unknowns, frame);
+  const std::string stem = identifier(mechanism.name), header = stem + ".hpp";
+  const std::string robot_path = o.folder + "/robot.toml", model_path = o.folder + "/" + header;
+  const std::string frame_name = frame >= 0 ? mechanism.frames[static_cast<std::size_t>(frame)].name : "";
+  for (const std::string& path : {robot_path, model_path})
+    if (!o.force && exists(path)) return complain(path + " is there already; write it anew with --force");
+  std::string error;
+  make_folders_for(robot_path);
+  if (!replace_file(model_path, model.text, error)) return complain(error);
+  if (!replace_file(robot_path, write_robot(mechanism, unknowns, model.names, header, frame_name), error))
+    return complain(error);
+  for (const std::string& note : mechanism.notes) std::printf("note: %s\n", note.c_str());
+  std::printf("%s: %zu joints, %zu inputs, %zu parameters; %d operations for the accelerations, %d for the inverse inertia\n",
+              mechanism.name.c_str(), model.names.joints.size(), model.names.inputs.size(), unknowns.parameters.size(),
+              model.operations, model.response_operations);
+  std::printf("  %s\n  %s\n", model_path.c_str(), robot_path.c_str());
+  if (!frame_name.empty()) std::printf("  a payload hangs at frame %s; another: --frame NAME\n", frame_name.c_str());
+  std::printf("next:\n  tiller check %s\n  tiller run %s --sim --seconds 5 --report %s/run.html\n", robot_path.c_str(),
+              robot_path.c_str(), o.folder.c_str());
+  return kExitOk;
+}
+
+int import_command(Options& o) {
+  std::vector<std::string> errors;
+  MechanismOptions options;
+  options.any_inertia = o.any_inertia;
+  options.base = o.base == "free" ? BaseKind::free : o.base == "planar" ? BaseKind::planar : BaseKind::fixed;
+  Description description;
+  Mechanism mechanism;
+  Unknowns unknowns;
+  int frame = -1;
+  if (!read_hold(o.hold, options, errors) || !read_urdf(o.description, description, errors) ||
+      !build_mechanism(description, options, mechanism, errors) ||
+      !read_unknowns(o.unknown, mechanism, unknowns, errors) ||
+      !payload_frame(mechanism, o.frame, frame, errors) ||
+      !within_limits(mechanism, name_model(mechanism), unknowns, errors))
+    return complain_all(errors);
+  if (o.folder.empty()) o.folder = identifier(mechanism.name);
+  while (o.folder.size() > 1 && o.folder.back() == '/') o.folder.pop_back();
+  return write_files(o, mechanism, unknowns, frame);
+}
+
+}  // namespace
+
+void add_import_command(CLI::App& app, int& exit_code) {
+  auto* command = app.add_subcommand("import", "a robot's description (URDF) into a model and its robot file");
+  auto o = std::make_shared<Options>();
+  command->add_option("DESCRIPTION", o->description, "URDF; of a xacro, what `xacro FILE` prints")->required();
+  command->add_option("-o,--output", o->folder, "folder for the model's header and robot.toml [the robot's name]");
+  command->add_option("--unknown", o->unknown,
+                      "what is uncertain: payload[=KG], mass:LINK, inertia:LINK, friction:JOINT, gain:JOINT;\n"
+                      "* for every one; several by commas")
+      ->delimiter(',');
+  command->add_option("--frame", o->frame, "link that carries the payload [the last one]");
+  command->add_option("--base", o->base, "fixed, planar (x, y, yaw) or free (x, y, z, yaw, pitch, roll) [fixed]")
+      ->check(CLI::IsMember({"fixed", "planar", "free"}));
+  command->add_option("--hold", o->hold, "joints that do not move: JOINT or JOINT=POSITION; several by commas")
+      ->delimiter(',');
+  command->add_flag("--any-inertia", o->any_inertia, "take inertias that no body can have as they are");
+  command->add_flag("--force", o->force, "write over files that are there");
+  command->footer(
+      "The equations are written out for this one robot (docs/guide/import.md); every command works with the result.\n\n"
+      "Examples:\n"
+      "  tiller import my_arm.urdf -o my_arm --unknown payload=2,friction:*\n"
+      "      my_arm/my_arm.hpp and my_arm/robot.toml, with a prior for the load and every joint's friction\n"
+      "  tiller import ur5.urdf --unknown mass:forearm_link --frame tool0 --hold wrist_3_joint\n"
+      "      one mass in doubt, five joints");
+  command->callback([o, &exit_code] { exit_code = import_command(*o); });
+}
+
+}  // namespace tiller::tools

@@ -1,0 +1,82 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <tuple>
+#include <vector>
+
+namespace tiller::tools {
+
+class ExpressionGraph;
+
+/// A number that the emitted code will compute: a node of a graph. Arithmetic on it makes nodes; equal terms are one
+/// node, whichever way they were reached, and what multiplies by 0 or 1 or adds 0 is none. A default-constructed one is
+/// the constant 0 of no graph.
+class Expression {
+ public:
+  Expression() = default;
+  Expression(double constant) : constant_(constant) {}  // NOLINT(google-explicit-constructor): numbers are expressions
+  Expression(ExpressionGraph* graph, std::int32_t node) : graph_(graph), node_(node) {}
+
+  bool is_constant() const { return graph_ == nullptr; }
+  double constant() const { return constant_; }
+  bool is(double value) const { return is_constant() && constant_ == value; }
+  ExpressionGraph* graph() const { return graph_; }
+  std::int32_t node() const { return node_; }
+
+  Expression operator-() const;
+  friend Expression operator+(const Expression& a, const Expression& b);
+  friend Expression operator-(const Expression& a, const Expression& b);
+  friend Expression operator*(const Expression& a, const Expression& b);
+  friend Expression operator/(const Expression& a, const Expression& b);
+  Expression& operator+=(const Expression& b) { return *this = *this + b; }
+  Expression& operator-=(const Expression& b) { return *this = *this - b; }
+
+ private:
+  ExpressionGraph* graph_ = nullptr;
+  std::int32_t node_ = -1;
+  double constant_ = 0.0;
+};
+
+Expression sin(const Expression& x);
+Expression cos(const Expression& x);
+Expression exp(const Expression& x);
+
+/// The nodes behind expressions. Operands come before what uses them.
+class ExpressionGraph {
+ public:
+  enum class Op : std::uint8_t { symbol, constant, add, subtract, multiply, divide, negate, sine, cosine, exponential };
+  struct Node {
+    Op op = Op::constant;
+    std::int32_t a = -1, b = -1;  ///< operands
+    double value = 0.0;           ///< of a constant
+    std::string text;             ///< of a symbol: how the emitted code calls it
+  };
+
+  ExpressionGraph() = default;
+  ExpressionGraph(const ExpressionGraph&) = delete;
+  ExpressionGraph& operator=(const ExpressionGraph&) = delete;
+
+  /// A quantity that the emitted code is given.
+  Expression symbol(const std::string& text);
+
+  const std::vector<Node>& nodes() const { return nodes_; }
+  /// The node of a constant too.
+  std::int32_t node_of(const Expression& x);
+  Expression make(Op op, const Expression& a, const Expression& b);
+
+ private:
+  std::int32_t add(Node node);
+
+  std::vector<Node> nodes_;
+  std::map<std::tuple<Op, std::int32_t, std::int32_t, double, std::string>, std::int32_t> known_;
+};
+
+/// Straight-line C++ of the expressions that `outputs` need, `indent` before every line: "const S t3 = t1 * t2;". What
+/// is used once stands where it is used. Sines and cosines of one argument are one sincos. Texts of the outputs come
+/// back in `values`. Deterministic. `operations`, nullable, counts arithmetic.
+std::string emit_code(ExpressionGraph& graph, const std::vector<Expression>& outputs, const std::string& indent,
+                      std::vector<std::string>& values, int* operations = nullptr);
+
+}  // namespace tiller::tools

@@ -1,0 +1,413 @@
+#include "tools/import/mechanism.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+#include <set>
+
+#include "tools/base/text.hpp"
+
+namespace tiller::tools {
+
+std::vector<int> Mechanism::free_joints() const {
+  std::vector<int> joints;
+  for (std::size_t i = 0; i < bodies.size(); ++i)
+    if (bodies[i].mimics < 0) joints.push_back(static_cast<int>(i));
+  return joints;
+}
+
+int Mechanism::find_frame(const std::string& wanted) const {
+  for (std::size_t i = 0; i < frames.size(); ++i)
+    if (frames[i].name == wanted) return static_cast<int>(i);
+  return -1;
+}
+
+namespace {
+
+/// Below this, lengths and sines are rounding of the file's numbers.
+constexpr double kNothing = 1e-13;
+
+double clean(double value) { return std::fabs(value) < kNothing ? 0.0 : value; }
+
+/// A body while the tree grows: its frame is that of the link behind the joint.
+struct RawBody {
+  MovingBody body;
+  Pose origin;          // of the link's frame in the parent body's, at joint position 0
+  Vec3<double> axis{};  // in the link's frame
+  Pose aligned;         // the body's own frame in the link's
+};
+
+Pose frame_of(const Vec3<double>& z, const Vec3<double>& x, const Vec3<double>& at) {
+  const Vec3<double> y = cross(z, x);
+  Pose pose;
+  for (int r = 0; r < 3; ++r) {
+    const auto i = static_cast<std::size_t>(r);
+    pose.rotation(r, 0) = x[i];
+    pose.rotation(r, 1) = y[i];
+    pose.rotation(r, 2) = z[i];
+  }
+  pose.position = at;
+  return pose;
+}
+
+/// A unit vector at right angles to `z`: the link's own x where that is one.
+Vec3<double> any_normal(const Vec3<double>& z) {
+  for (const Vec3<double>& tried : {Vec3<double>{1, 0, 0}, Vec3<double>{0, 1, 0}}) {
+    const Vec3<double> rest = tried - scaled(dot(tried, z), z);
+    const double length = std::sqrt(dot(rest, rest));
+    if (length > 0.5) return scaled(1.0 / length, rest);
+  }
+  return {0, 0, 1};
+}
+
+/// The frame of a body in that of its link: z along the joint, x along the common normal of this axis and the next one's,
+/// the origin where the normal stands on this axis. Of one child, then, only four numbers are not zero.
+Pose align(const Vec3<double>& z, const Vec3<double>* next_z, const Vec3<double>* next_at) {
+  if (next_z == nullptr) return frame_of(z, any_normal(z), {});
+  const Vec3<double> normal = cross(z, *next_z);
+  const double sine = std::sqrt(dot(normal, normal));
+  if (sine < 1e-9) {  // parallel: the normal goes through this link's origin
+    const Vec3<double> across = *next_at - scaled(dot(*next_at, z), z);
+    const double distance = std::sqrt(dot(across, across));
+    return frame_of(z, distance > 1e-9 ? scaled(1.0 / distance, across) : any_normal(z), {});
+  }
+  const Vec3<double> x = scaled(1.0 / sine, normal);
+  // foot on this axis: s z + a x = at + t next_z
+  const double s = dot(cross(*next_at, *next_z), normal) / (sine * sine);
+  return frame_of(z, x, scaled(s, z));
+}
+
+JointFrame decompose(const Pose& pose) {
+  JointFrame f;
+  const Mat3<double>& r = pose.rotation;
+  const Vec3<double>& p = pose.position;
+  // R = Rz(azimuth) Rx(tilt) Rz(turn): its third column is (sin a sin t, -cos a sin t, cos t)
+  const double sine = std::hypot(r(0, 2), r(1, 2));
+  if (sine < kNothing) {
+    f.tilt_rad = r(2, 2) > 0.0 ? 0.0 : M_PI;
+    // only azimuth and turn together are known: along x is where the next axis stands
+    f.azimuth_rad = std::hypot(p[0], p[1]) > kNothing ? std::atan2(p[1], p[0]) : 0.0;
+  } else {
+    f.azimuth_rad = std::atan2(r(0, 2), -r(1, 2));
+    f.tilt_rad = std::atan2(sine, r(2, 2));
+    // the other half turn is as good, and often is no turn at all
+    if (std::fabs(f.azimuth_rad) > M_PI / 2) {
+      f.azimuth_rad += f.azimuth_rad > 0.0 ? -M_PI : M_PI;
+      f.tilt_rad = -f.tilt_rad;
+    }
+  }
+  f.azimuth_rad = clean(f.azimuth_rad);
+  if (std::fabs(std::fabs(f.azimuth_rad) - M_PI) < kNothing && sine < kNothing) {
+    f.azimuth_rad = 0.0;
+  }
+  const Mat3<double> before = rotation_about({0, 0, 1}, f.azimuth_rad) * rotation_about({1, 0, 0}, f.tilt_rad);
+  const Mat3<double> turn = before.transposed() * r;
+  f.turn_rad = clean(std::atan2(turn(1, 0), turn(0, 0)));
+  f.tilt_rad = clean(f.tilt_rad);
+  const Vec3<double> along = rotation_about({0, 0, 1}, f.azimuth_rad).transposed() * p;
+  f.x_m = clean(along[0]);
+  const Vec3<double> rest = rotation_about({1, 0, 0}, f.tilt_rad).transposed() * Vec3<double>{0.0, along[1], along[2]};
+  f.y_m = clean(rest[1]);
+  f.z_m = clean(rest[2]);
+  return f;
+}
+
+class Builder {
+ public:
+  Builder(const Description& robot, const MechanismOptions& options, Mechanism& out, std::vector<std::string>& errors)
+      : robot_(robot), options_(options), out_(out), errors_(errors) {}
+
+  bool run() {
+    out_ = {};
+    out_.name = robot_.name;
+    out_.path = robot_.path;
+    out_.notes = robot_.notes;
+    for (const LinkText& link : robot_.links) link_[link.name] = &link;
+    for (const JointText& joint : robot_.joints) below_[joint.parent].push_back(&joint);
+    check_held();
+    const std::string root = find_root();
+    if (!errors_.empty()) return false;
+    add_base(root);
+    check_reached();
+    if (!errors_.empty()) return false;
+    resolve_mimics();
+    place_frames();
+    check_masses();
+    if (errors_.empty() && out_.bodies.empty()) errors_.push_back(robot_.path + ": nothing moves: every joint is fixed");
+    return errors_.empty();
+  }
+
+ private:
+  void error(int line, const std::string& text) {
+    errors_.push_back(robot_.path + ":" + std::to_string(line) + ": " + text);
+  }
+
+  void check_held() {
+    for (const MechanismOptions::Held& held : options_.held) {
+      const auto found = std::find_if(robot_.joints.begin(), robot_.joints.end(),
+                                      [&](const JointText& j) { return j.name == held.joint; });
+      if (found == robot_.joints.end()) {
+        Words names;
+        for (const JointText& j : robot_.joints) names.push_back(j.name);
+        const std::string near = nearest(held.joint, names);
+        errors_.push_back("--hold " + held.joint + ": " + robot_.path + " has no such joint" +
+                          (near.empty() ? "" : "; is '" + near + "' meant?"));
+      }
+      held_[held.joint] = held.position;
+    }
+  }
+
+  std::string find_root() {
+    std::map<std::string, const JointText*> above;
+    for (const JointText& joint : robot_.joints) {
+      if (above.count(joint.child) > 0)
+        error(joint.line, "link '" + joint.child + "' hangs on two joints, '" + above[joint.child]->name + "' and '" +
+                              joint.name + "'; a closed chain is no tree: cut it at one of them");
+      above[joint.child] = &joint;
+    }
+    std::vector<std::string> roots;
+    for (const LinkText& link : robot_.links)
+      if (above.count(link.name) == 0) roots.push_back(link.name);
+    if (roots.size() == 1) return roots[0];
+    if (roots.empty())
+      errors_.push_back(robot_.path + ": every link hangs on another: the joints go in a circle");
+    else
+      errors_.push_back(robot_.path + ": " + std::to_string(roots.size()) + " links hang on nothing (" + join(roots) +
+                        "); a robot has one root: add fixed joints between them");
+    return "";
+  }
+
+  /// The base, and behind it the joints that carry it where it moves.
+  void add_base(const std::string& root) {
+    int at = -1;
+    const auto add = [&](const char* name, bool prismatic, const Vec3<double>& axis) {
+      RawBody raw;
+      raw.body.joint = name;
+      raw.body.parent = at;
+      raw.body.prismatic = prismatic;
+      raw.body.low = -INFINITY;
+      raw.body.high = raw.body.effort = raw.body.speed = INFINITY;
+      raw.body.actuated = false;
+      raw.body.wraps = !prismatic;
+      raw.axis = axis;
+      raw_.push_back(raw);
+      at = static_cast<int>(raw_.size()) - 1;
+    };
+    if (options_.base != BaseKind::fixed) {
+      add("base_x", true, {1, 0, 0});
+      add("base_y", true, {0, 1, 0});
+      if (options_.base == BaseKind::free) add("base_z", true, {0, 0, 1});
+      add("base_yaw", false, {0, 0, 1});
+    }
+    if (options_.base == BaseKind::free) {
+      add("base_pitch", false, {0, 1, 0});
+      add("base_roll", false, {1, 0, 0});
+    }
+    add_link(root, at, Pose{}, 0);
+  }
+
+  void add_link(const std::string& name, int body, const Pose& pose, int depth) {
+    reached_.insert(name);
+    if (depth > 1000) return error(0, "the joints go in a circle through link '" + name + "'");
+    const LinkText& link = *link_.at(name);
+    frames_.push_back({name, body, pose});
+    if (link.has_inertia && body >= 0) {
+      check_inertia(link);
+      raw_[static_cast<std::size_t>(body)].body.links.push_back({name, moved(link.body, pose)});
+    }
+    const auto below = below_.find(name);
+    if (below == below_.end()) return;
+    for (const JointText* joint : below->second) add_joint(*joint, body, pose, depth);
+  }
+
+  void add_joint(const JointText& joint, int body, const Pose& pose, int depth) {
+    const auto held = held_.find(joint.name);
+    if (joint.kind == JointKind::fixed || held != held_.end()) {
+      Pose motion;
+      const double by = held != held_.end() ? held->second : 0.0;
+      if (joint.kind == JointKind::prismatic) motion.position = scaled(by, joint.axis);
+      if (joint.kind == JointKind::revolute || joint.kind == JointKind::continuous)
+        motion.rotation = rotation_about(joint.axis, by);
+      return add_link(joint.child, body, pose * joint.origin * motion, depth + 1);
+    }
+    if (joint.kind == JointKind::floating || joint.kind == JointKind::planar) {
+      const bool is_base = body < 0;
+      error(joint.line, "joint '" + joint.name + "' is " +
+                            (joint.kind == JointKind::floating ? "floating" : "planar") +
+                            (is_base ? "; make it fixed and import with --base " +
+                                           std::string(joint.kind == JointKind::floating ? "free" : "planar")
+                                     : ", which only a base may be; write it as prismatic and revolute joints"));
+      return;
+    }
+    RawBody raw;
+    MovingBody& b = raw.body;
+    b.joint = joint.name;
+    b.parent = body;
+    b.prismatic = joint.kind == JointKind::prismatic;
+    b.wraps = joint.kind == JointKind::continuous;
+    b.low = joint.low;
+    b.high = joint.high;
+    b.effort = joint.effort;
+    b.speed = joint.speed;
+    b.damping = joint.damping;
+    b.friction = joint.friction;
+    b.armature = joint.armature;
+    b.line = joint.line;
+    raw.origin = pose * joint.origin;
+    raw.axis = joint.axis;
+    raw_.push_back(raw);
+    add_link(joint.child, static_cast<int>(raw_.size()) - 1, Pose{}, depth + 1);
+  }
+
+  /// A body's mass is above zero and its principal moments are those of some distribution of mass: none is larger than
+  /// the two others together.
+  void check_inertia(const LinkText& link) {
+    const RigidBody& b = link.body;
+    if (options_.any_inertia) return;
+    const Vec3<double> moment = principal_moments(b.inertia_kgm2);
+    const double most = moment[2], slack = 1e-6 * most + 1e-15;
+    const auto numbers = [&] {
+      return format("principal moments %.4g, %.4g, %.4g kgm2", moment[0], moment[1], moment[2]);
+    };
+    if (moment[0] < -slack)
+      error(link.line, "the inertia of link '" + link.name + "' is not positive (" + numbers() +
+                           "); correct it, or take it as it is with --any-inertia");
+    else if (most > moment[0] + moment[1] + slack)
+      notes_of_shape_.push_back({&link, numbers()});
+  }
+
+  void check_reached() {
+    for (const LinkText& link : robot_.links)
+      if (reached_.count(link.name) == 0)
+        error(link.line, "link '" + link.name + "' is not connected with the root: the joints go in a circle");
+  }
+
+  void resolve_mimics() {
+    std::map<std::string, int> index;
+    for (std::size_t i = 0; i < raw_.size(); ++i) index[raw_[i].body.joint] = static_cast<int>(i);
+    std::map<std::string, const JointText*> text;
+    for (const JointText& joint : robot_.joints) text[joint.name] = &joint;
+    for (RawBody& raw : raw_) {
+      const auto found = text.find(raw.body.joint);
+      if (found == text.end() || found->second->mimics.empty()) continue;
+      // through a chain of mimics to a joint that moves by itself
+      double ratio = 1.0, offset = 0.0;
+      const JointText* joint = found->second;
+      for (std::size_t steps = 0; joint != nullptr && !joint->mimics.empty() && steps <= text.size(); ++steps) {
+        offset += ratio * joint->mimic_offset;
+        ratio *= joint->mimic_ratio;
+        joint = text.count(joint->mimics) > 0 ? text[joint->mimics] : nullptr;
+      }
+      if (joint == nullptr || !joint->mimics.empty()) {
+        error(found->second->line, "joint '" + raw.body.joint + "' mimics itself");
+        continue;
+      }
+      const auto leader = index.find(joint->name);
+      if (leader == index.end()) {
+        error(found->second->line, "joint '" + raw.body.joint + "' mimics '" + joint->name +
+                                       "', which does not move; hold it too: --hold " + raw.body.joint);
+        continue;
+      }
+      raw.body.mimics = leader->second;
+      raw.body.mimic_ratio = ratio;
+      raw.body.mimic_offset = offset;
+      raw.body.actuated = false;
+    }
+  }
+
+  /// Every body's own frame, and from there what the equations need.
+  void place_frames() {
+    for (std::size_t i = 0; i < raw_.size(); ++i) {
+      const RawBody* next = nullptr;
+      for (const RawBody& other : raw_)
+        if (next == nullptr && other.body.parent == static_cast<int>(i)) next = &other;
+      if (next == nullptr) {
+        raw_[i].aligned = align(raw_[i].axis, nullptr, nullptr);
+        continue;
+      }
+      const Vec3<double> z = next->origin.rotation * next->axis;
+      raw_[i].aligned = align(raw_[i].axis, &z, &next->origin.position);
+    }
+    for (const RawBody& raw : raw_) {
+      const Pose above = raw.body.parent < 0 ? Pose{} : inverse(raw_[static_cast<std::size_t>(raw.body.parent)].aligned);
+      MovingBody body = raw.body;
+      body.frame = decompose(above * raw.origin * raw.aligned);
+      for (LinkShare& share : body.links) share.body = moved(share.body, inverse(raw.aligned));
+      out_.bodies.push_back(body);
+    }
+    for (NamedFrame frame : frames_) {
+      if (frame.body >= 0) frame.pose = inverse(raw_[static_cast<std::size_t>(frame.body)].aligned) * frame.pose;
+      out_.frames.push_back(frame);
+    }
+  }
+
+  /// Every joint moves something: the bodies behind it have mass, or inertia about its axis.
+  void check_masses() {
+    std::vector<RigidBody> whole(out_.bodies.size());
+    for (std::size_t i = 0; i < out_.bodies.size(); ++i)
+      for (const LinkShare& share : out_.bodies[i].links) whole[i] = together(whole[i], share.body);
+    std::vector<bool> moves(out_.bodies.size(), false);
+    for (std::size_t i = out_.bodies.size(); i-- > 0;) {
+      const MovingBody& body = out_.bodies[i];
+      const RigidBody& b = whole[i];
+      const double about_axis =
+          b.inertia_kgm2(2, 2) + b.mass_kg * (b.com_m[0] * b.com_m[0] + b.com_m[1] * b.com_m[1]);
+      const bool own = (body.prismatic ? b.mass_kg : about_axis) + body.armature > 0.0;
+      if (!own && !moves[i])
+        error(body.line, "joint '" + body.joint + "' moves nothing that has " +
+                             (body.prismatic ? "mass" : "inertia about its axis") + links_behind(i) +
+                             "; add <inertial> to them, make the joint fixed, or hold it: --hold " + body.joint);
+      // what has mass off the axis, or more than a line of it, moves the joints before it too
+      const bool any = b.mass_kg > 0.0 || moves[i];
+      if (body.parent >= 0 && any) moves[static_cast<std::size_t>(body.parent)] = true;
+    }
+    for (const auto& [link, numbers] : notes_of_shape_) {
+      if (moving_link(link->name))
+        error(link->line, "no body can have the inertia of link '" + link->name + "' (" + numbers +
+                              "; the largest is above the sum of the others); correct it, or take it as it is with "
+                              "--any-inertia");
+    }
+  }
+
+  bool moving_link(const std::string& name) const {
+    for (const MovingBody& body : out_.bodies)
+      for (const LinkShare& share : body.links)
+        if (share.link == name) return true;
+    return false;
+  }
+
+  std::string links_behind(std::size_t body) const {
+    Words names;
+    for (const NamedFrame& frame : out_.frames)
+      if (frame.body == static_cast<int>(body)) names.push_back("'" + frame.name + "'");
+    return names.empty() ? "" : (names.size() > 1 ? ": links " : ": link ") + join(names) + " at line " +
+                                    std::to_string(link_.at(first_link(body))->line);
+  }
+  std::string first_link(std::size_t body) const {
+    for (const NamedFrame& frame : out_.frames)
+      if (frame.body == static_cast<int>(body)) return frame.name;
+    return "";
+  }
+
+  const Description& robot_;
+  const MechanismOptions& options_;
+  Mechanism& out_;
+  std::vector<std::string>& errors_;
+  std::map<std::string, const LinkText*> link_;
+  std::map<std::string, std::vector<const JointText*>> below_;
+  std::map<std::string, double> held_;
+  std::set<std::string> reached_;
+  std::vector<NamedFrame> frames_;
+  std::vector<RawBody> raw_;
+  std::vector<std::pair<const LinkText*, std::string>> notes_of_shape_;
+};
+
+}  // namespace
+
+bool build_mechanism(const Description& robot, const MechanismOptions& options, Mechanism& mechanism,
+                     std::vector<std::string>& errors) {
+  return Builder(robot, options, mechanism, errors).run();
+}
+
+}  // namespace tiller::tools

@@ -1,0 +1,77 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tools/import/description.hpp"
+
+namespace tiller::tools {
+
+/// What moves: bodies in a tree, parents first, each behind one joint along its own z. Links on fixed joints are parts of
+/// the body that carries them.
+
+/// A link's share of a body, in the body's frame.
+struct LinkShare {
+  std::string link;
+  RigidBody body;
+};
+
+/// A named frame: a link of the description.
+struct NamedFrame {
+  std::string name;
+  int body = -1;  ///< -1: the base
+  Pose pose;      ///< in that body's frame
+};
+
+/// How a joint's frame stands in its parent's: turned by `azimuth` about z, moved along the new x, turned by `tilt` about
+/// it, moved along y and z, turned by `turn` about z (Denavit and Hartenberg, with what their four numbers cannot say).
+struct JointFrame {
+  double azimuth_rad = 0.0, tilt_rad = 0.0, turn_rad = 0.0;
+  double x_m = 0.0, y_m = 0.0, z_m = 0.0;
+};
+
+struct MovingBody {
+  std::string joint;
+  int parent = -1;  ///< -1: the base
+  bool prismatic = false;
+  bool wraps = false;  ///< a whole turn changes nothing
+  JointFrame frame;
+  std::vector<LinkShare> links;
+  double low = 0.0, high = 0.0;  ///< of the joint; infinite: none
+  double effort = 0.0, speed = 0.0;
+  double damping = 0.0, friction = 0.0, armature = 0.0;
+  bool actuated = true;
+  int mimics = -1;  ///< the body whose joint this one follows
+  double mimic_ratio = 1.0, mimic_offset = 0.0;
+  int line = 0;
+};
+
+struct Mechanism {
+  std::string name, path;
+  std::vector<MovingBody> bodies;
+  std::vector<NamedFrame> frames;
+  std::vector<std::string> notes;
+
+  /// Indices of the bodies whose joints have states of their own.
+  std::vector<int> free_joints() const;
+  int find_frame(const std::string& name) const;  ///< -1: none
+};
+
+enum class BaseKind { fixed, planar, free };
+
+struct MechanismOptions {
+  BaseKind base = BaseKind::fixed;
+  bool any_inertia = false;  ///< inertias that no body can have are taken as they are
+  /// Joints that do not move, and where they stand.
+  struct Held {
+    std::string joint;
+    double position = 0.0;
+  };
+  std::vector<Held> held;
+};
+
+/// Builds the tree. False with every problem in `errors`, "file:line: what; remedy".
+bool build_mechanism(const Description& robot, const MechanismOptions& options, Mechanism& mechanism,
+                     std::vector<std::string>& errors);
+
+}  // namespace tiller::tools

@@ -1,0 +1,412 @@
+#include "tools/import/model_writer.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <map>
+
+#include "tools/base/text.hpp"
+#include "tools/import/articulated_body.hpp"
+#include "tools/import/expression.hpp"
+
+namespace tiller::tools {
+namespace {
+
+std::string type_name(const std::string& robot) {
+  std::string out;
+  bool up = true;
+  for (const char c : identifier(robot)) {
+    if (c == '_') {
+      up = true;
+      continue;
+    }
+    out += up ? static_cast<char>(std::toupper(static_cast<unsigned char>(c))) : c;
+    up = false;
+  }
+  return out.empty() ? "Robot" : out;
+}
+
+/// The equations' unknown quantities as symbols, and what follows from them for every body.
+class Equations {
+ public:
+  Equations(const Mechanism& mechanism, const Unknowns& unknowns, const ModelNames& names, int payload_frame)
+      : mechanism_(mechanism), unknowns_(unknowns), names_(names), payload_frame_(payload_frame) {}
+
+  /// Accelerations of the joints with states.
+  std::vector<Expression> accelerations() {
+    ArticulatedBody<Expression> tree(mechanism_, inertias());
+    tree.place(positions());
+    tree.weigh();
+    const Vec3<Expression> base{-graph.symbol("body.gravity_x_m_s2"), 0.0, -graph.symbol("body.gravity_z_m_s2")};
+    std::vector<Expression> found = tree.accelerate(speeds(), forces(), base);
+    const std::vector<int> followers = mimicking();
+    if (!followers.empty()) hold(tree, followers, found);
+    std::vector<Expression> out;
+    for (const int body : names_.bodies) out.push_back(found[at(body)]);
+    return out;
+  }
+
+  /// (joints x joints), lower triangle: accelerations for unit forces.
+  std::vector<std::vector<Expression>> responses() {
+    ArticulatedBody<Expression> tree(mechanism_, inertias());
+    tree.place(positions());
+    tree.weigh();
+    const std::vector<std::vector<Expression>> all = inverse_inertia(tree);
+    const std::vector<int> followers = mimicking();
+    const std::size_t n = names_.bodies.size();
+    std::vector<std::vector<Expression>> out(n, std::vector<Expression>(n));
+    const Holding holding = hold_matrix(all, followers);
+    for (std::size_t r = 0; r < n; ++r)
+      for (std::size_t c = 0; c <= r; ++c) {
+        Expression w = all[at(names_.bodies[r])][at(names_.bodies[c])];
+        if (!followers.empty()) {
+          std::vector<Expression> pull;
+          for (std::size_t k = 0; k < followers.size(); ++k) pull.push_back(holding.reach[k][at(names_.bodies[c])]);
+          const std::vector<Expression> force = solve(holding.matrix, pull);
+          for (std::size_t k = 0; k < followers.size(); ++k)
+            w -= holding.reach[k][at(names_.bodies[r])] * force[k];
+        }
+        out[r][c] = w;
+      }
+    return out;
+  }
+
+  ExpressionGraph graph;
+
+ private:
+  static std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+  Expression parameter(ModelParameter::Kind kind, const std::string& about, int slot, const Expression& otherwise) {
+    for (const ModelParameter& p : unknowns_.parameters)
+      if (p.kind == kind && p.about == about && p.slot == slot) return graph.symbol("p." + p.name);
+    return otherwise;
+  }
+  bool is_unknown(ModelParameter::Kind kind, const std::string& about) const {
+    return std::any_of(unknowns_.parameters.begin(), unknowns_.parameters.end(),
+                       [&](const ModelParameter& p) { return p.kind == kind && p.about == about; });
+  }
+
+  /// The place among the joints with states of a body's own joint, or of the one it follows.
+  std::size_t joint_of(std::size_t body) const {
+    const int leader = mechanism_.bodies[body].mimics;
+    const int wanted = leader < 0 ? static_cast<int>(body) : leader;
+    return static_cast<std::size_t>(std::find(names_.bodies.begin(), names_.bodies.end(), wanted) -
+                                    names_.bodies.begin());
+  }
+  std::vector<Expression> positions() {
+    std::vector<Expression> out;
+    for (std::size_t i = 0; i < mechanism_.bodies.size(); ++i) {
+      const MovingBody& b = mechanism_.bodies[i];
+      const Expression q = graph.symbol("x." + names_.positions[joint_of(i)]);
+      out.push_back(b.mimics < 0 ? q : Expression(b.mimic_ratio) * q + Expression(b.mimic_offset));
+    }
+    return out;
+  }
+  std::vector<Expression> speeds() {
+    std::vector<Expression> out;
+    for (std::size_t i = 0; i < mechanism_.bodies.size(); ++i) {
+      const MovingBody& b = mechanism_.bodies[i];
+      const Expression v = graph.symbol("x." + names_.velocities[joint_of(i)]);
+      out.push_back(b.mimics < 0 ? v : Expression(b.mimic_ratio) * v);
+    }
+    return out;
+  }
+  std::vector<Expression> forces() {
+    const std::vector<Expression> speed = speeds();
+    std::vector<Expression> out;
+    for (std::size_t i = 0; i < mechanism_.bodies.size(); ++i) {
+      const MovingBody& b = mechanism_.bodies[i];
+      Expression force;
+      if (b.mimics < 0) {
+        const std::size_t j = joint_of(i);
+        force = graph.symbol("f." + names_.forces[j]);
+        if (names_.input_of[j] >= 0)
+          force += parameter(ModelParameter::Kind::gain, b.joint, 0, 1.0) *
+                   graph.symbol("u." + names_.inputs[at(names_.input_of[j])]);
+      }
+      // a follower has no joint of its own that an effect could act at
+      if (b.mimics >= 0) force -= Expression(b.damping) * speed[i];
+      out.push_back(force);
+    }
+    return out;
+  }
+
+  // ---- inertias ----
+
+  /// About the body's origin, of a mass, its first moment and its second moment about the centre `c` of before.
+  static BodyInertia<Expression> about_origin(const Expression& mass, const Vec3<Expression>& first,
+                                              const Mat3<Expression>& second, const Vec3<double>& c) {
+    // second moment about the origin: S + h c' + c h' + m c c', with h about c
+    Mat3<Expression> s = second;
+    for (int r = 0; r < 3; ++r)
+      for (int k = 0; k < 3; ++k)
+        s(r, k) = s(r, k) + first[at(r)] * Expression(c[at(k)]) + Expression(c[at(r)]) * first[at(k)] +
+                  mass * Expression(c[at(r)] * c[at(k)]);
+    BodyInertia<Expression> b;
+    b.mass = mass;
+    for (int k = 0; k < 3; ++k) b.moment[at(k)] = first[at(k)] + mass * Expression(c[at(k)]);
+    for (int r = 0; r < 3; ++r)
+      for (int k = 0; k < 3; ++k) {
+        if (r == k)
+          b.inertia(r, k) = s((r + 1) % 3, (r + 1) % 3) + s((r + 2) % 3, (r + 2) % 3);
+        else
+          b.inertia(r, k) = -s(r, k);
+      }
+    return b;
+  }
+
+  BodyInertia<Expression> known(const RigidBody& b, const Expression& scale) const {
+    const RigidBody origin = together(b, {});
+    BodyInertia<Expression> out;
+    out.mass = scale * Expression(b.mass_kg);
+    for (std::size_t k = 0; k < 3; ++k) out.moment[k] = scale * Expression(b.mass_kg * b.com_m[k]);
+    const double square = dot(b.com_m, b.com_m);
+    for (int r = 0; r < 3; ++r)
+      for (int c = 0; c < 3; ++c)
+        out.inertia(r, c) = scale * Expression(origin.inertia_kgm2(r, c) +
+                                               b.mass_kg * ((r == c ? square : 0.0) - b.com_m[at(r)] * b.com_m[at(c)]));
+    return out;
+  }
+
+  /// An inertia of log-Cholesky coordinates, which is that of some distribution of mass whatever they are.
+  BodyInertia<Expression> deformed(const LinkShare& share) {
+    using Kind = ModelParameter::Kind;
+    const auto p = [&](int slot) { return parameter(Kind::inertia, share.link, slot, 0.0); };
+    const Expression size = exp(p(0) + p(0));
+    Mat3<Expression> b;
+    for (int k = 0; k < 3; ++k) b(k, k) = exp(p(1 + k));
+    b(0, 1) = p(4), b(1, 2) = p(5), b(0, 2) = p(6);
+    const Vec3<Expression> shift{p(7), p(8), p(9)};
+    Mat3<Expression> second;
+    const Mat3<double>& inertia = share.body.inertia_kgm2;
+    const double half = 0.5 * (inertia(0, 0) + inertia(1, 1) + inertia(2, 2));
+    for (int r = 0; r < 3; ++r)
+      for (int c = 0; c < 3; ++c) second(r, c) = (r == c ? half : 0.0) - inertia(r, c);
+    Mat3<Expression> moved = b * second * b.transposed();
+    const Expression mass(share.body.mass_kg);
+    Vec3<Expression> first;
+    for (int r = 0; r < 3; ++r) {
+      for (int c = 0; c < 3; ++c) moved(r, c) = size * (moved(r, c) + mass * shift[at(r)] * shift[at(c)]);
+      first[at(r)] = size * mass * shift[at(r)];
+    }
+    return about_origin(size * mass, first, moved, share.body.com_m);
+  }
+
+  std::vector<BodyInertia<Expression>> inertias() {
+    std::vector<BodyInertia<Expression>> out(mechanism_.bodies.size());
+    const auto add = [](BodyInertia<Expression>& to, const BodyInertia<Expression>& b) {
+      to.mass += b.mass;
+      to.moment = to.moment + b.moment;
+      to.inertia = to.inertia + b.inertia;
+    };
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      RigidBody rest;
+      for (const LinkShare& share : mechanism_.bodies[i].links) {
+        if (is_unknown(ModelParameter::Kind::inertia, share.link))
+          add(out[i], deformed(share));
+        else if (is_unknown(ModelParameter::Kind::mass, share.link))
+          add(out[i], known(share.body, parameter(ModelParameter::Kind::mass, share.link, 0, 0.0) /
+                                            Expression(share.body.mass_kg)));
+        else
+          rest = together(rest, share.body);
+      }
+      add(out[i], known(rest, 1.0));
+    }
+    if (payload_frame_ >= 0) {
+      const NamedFrame& frame = mechanism_.frames[at(payload_frame_)];
+      if (frame.body >= 0) {
+        Mat3<Expression> second;  // an inertia J about every axis is second moments of J / 2
+        for (int k = 0; k < 3; ++k) second(k, k) = Expression(0.5) * graph.symbol("body.payload_kgm2");
+        add(out[at(frame.body)], about_origin(graph.symbol("body.payload_kg"), {}, second, frame.pose.position));
+      }
+    }
+    return out;
+  }
+
+  // ---- joints that follow others ----
+
+  std::vector<int> mimicking() const {
+    std::vector<int> out;
+    for (std::size_t i = 0; i < mechanism_.bodies.size(); ++i)
+      if (mechanism_.bodies[i].mimics >= 0) out.push_back(static_cast<int>(i));
+    return out;
+  }
+
+  std::vector<std::vector<Expression>> inverse_inertia(ArticulatedBody<Expression>& tree) const {
+    const std::size_t n = mechanism_.bodies.size();
+    std::vector<std::vector<Expression>> all(n, std::vector<Expression>(n));
+    for (std::size_t j = 0; j < n; ++j) {
+      const std::vector<Expression> column = tree.respond(j);
+      for (std::size_t i = 0; i <= j; ++i) all[i][j] = all[j][i] = column[i];
+    }
+    return all;
+  }
+
+  /// A force that holds follower m to its leader: 1 at m, minus the ratio at the leader.
+  struct Holding {
+    std::vector<std::vector<Expression>> reach;   // (followers x bodies) accelerations for each such force
+    std::vector<std::vector<Expression>> matrix;  // (followers x followers) how far they part for each
+  };
+  Holding hold_matrix(const std::vector<std::vector<Expression>>& all, const std::vector<int>& followers) const {
+    Holding h;
+    const std::size_t n = mechanism_.bodies.size();
+    for (const int m : followers) {
+      const MovingBody& b = mechanism_.bodies[at(m)];
+      std::vector<Expression> row(n);
+      for (std::size_t i = 0; i < n; ++i) row[i] = all[i][at(m)] - Expression(b.mimic_ratio) * all[i][at(b.mimics)];
+      h.reach.push_back(row);
+    }
+    for (std::size_t r = 0; r < followers.size(); ++r) {
+      std::vector<Expression> row;
+      for (std::size_t c = 0; c < followers.size(); ++c) row.push_back(parting(h.reach[c], followers[r]));
+      h.matrix.push_back(row);
+    }
+    return h;
+  }
+  Expression parting(const std::vector<Expression>& acceleration, int follower) const {
+    const MovingBody& b = mechanism_.bodies[at(follower)];
+    return acceleration[at(follower)] - Expression(b.mimic_ratio) * acceleration[at(b.mimics)];
+  }
+  void hold(ArticulatedBody<Expression>& tree, const std::vector<int>& followers, std::vector<Expression>& found) {
+    const Holding h = hold_matrix(inverse_inertia(tree), followers);
+    std::vector<Expression> apart;
+    apart.reserve(followers.size());
+    for (const int m : followers) apart.push_back(parting(found, m));
+    const std::vector<Expression> force = solve(h.matrix, apart);
+    for (std::size_t i = 0; i < found.size(); ++i)
+      for (std::size_t k = 0; k < followers.size(); ++k) found[i] -= h.reach[k][i] * force[k];
+  }
+  /// A symmetric positive system by elimination without pivots.
+  static std::vector<Expression> solve(std::vector<std::vector<Expression>> a, std::vector<Expression> b) {
+    const std::size_t n = b.size();
+    for (std::size_t k = 0; k < n; ++k) {
+      const Expression inverse = Expression(1.0) / a[k][k];
+      for (std::size_t r = k + 1; r < n; ++r) {
+        const Expression factor = a[r][k] * inverse;
+        for (std::size_t c = k; c < n; ++c) a[r][c] -= factor * a[k][c];
+        b[r] -= factor * b[k];
+      }
+    }
+    for (std::size_t k = n; k-- > 0;) {
+      for (std::size_t c = k + 1; c < n; ++c) b[k] -= a[k][c] * b[c];
+      b[k] = b[k] / a[k][k];
+    }
+    return b;
+  }
+
+  const Mechanism& mechanism_;
+  const Unknowns& unknowns_;
+  const ModelNames& names_;
+  const int payload_frame_;
+};
+
+std::string fields(const char* name, const std::vector<std::string>& list) {
+  std::string out = std::string("  TILLER_FIELDS(") + name + ", S";
+  const std::string indent(17 + std::string(name).size(), ' ');
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    out += ",";
+    const std::size_t begin = out.rfind('\n') == std::string::npos ? 0 : out.rfind('\n') + 1;
+    out += out.size() - begin + list[i].size() > 110 ? "\n" + indent + list[i] : " " + list[i];
+  }
+  return out + ");\n";
+}
+
+std::string listed(const std::vector<std::string>& values, const std::string& indent) {
+  std::string out;
+  for (std::size_t i = 0; i < values.size(); ++i) out += (i > 0 ? ",\n" + indent : "") + values[i];
+  return out;
+}
+
+}  // namespace
+
+ModelNames name_model(const Mechanism& mechanism) {
+  ModelNames names;
+  names.type = type_name(mechanism.name);
+  names.bodies = mechanism.free_joints();
+  std::map<std::string, int> taken;
+  for (const int index : names.bodies) {
+    const MovingBody& body = mechanism.bodies[static_cast<std::size_t>(index)];
+    std::string name = identifier(body.joint);
+    if (const int before = taken[name]++; before > 0) name += "_" + std::to_string(before + 1);
+    names.joints.push_back(name);
+    names.positions.push_back(name + (body.prismatic ? "_m" : "_rad"));
+    names.velocities.push_back(name + (body.prismatic ? "_m_s" : "_rad_s"));
+    names.forces.push_back(name + (body.prismatic ? "_N" : "_Nm"));
+    names.input_of.push_back(body.actuated ? static_cast<int>(names.inputs.size()) : -1);
+    if (body.actuated) names.inputs.push_back(names.forces.back());
+  }
+  return names;
+}
+
+WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, int payload_frame) {
+  WrittenModel out;
+  out.names = name_model(mechanism);
+  const ModelNames& n = out.names;
+  const std::size_t joints = n.joints.size();
+
+  Equations dynamics(mechanism, unknowns, n, payload_frame);
+  std::vector<std::string> values;
+  const std::string dynamics_code =
+      emit_code(dynamics.graph, dynamics.accelerations(), "    ", values, &out.operations);
+  std::vector<std::string> derivatives;
+  for (const std::string& v : n.velocities) derivatives.push_back("x." + v);
+  derivatives.insert(derivatives.end(), values.begin(), values.end());
+
+  Equations inverse(mechanism, unknowns, n, payload_frame);
+  std::vector<Expression> entries;
+  for (const std::vector<Expression>& row : inverse.responses())
+    for (std::size_t c = 0; c < joints && entries.size() < joints * joints; ++c) entries.push_back(row[c]);
+  std::vector<Expression> lower;
+  for (std::size_t r = 0; r < joints; ++r)
+    for (std::size_t c = 0; c <= r; ++c) lower.push_back(entries[r * joints + c]);
+  std::vector<std::string> columns;
+  std::string response_code = emit_code(inverse.graph, lower, "    ", columns, &out.response_operations);
+  std::size_t k = 0;
+  for (std::size_t r = 0; r < joints; ++r)
+    for (std::size_t c = 0; c <= r; ++c, ++k) {
+      const std::string place = "column[" + std::to_string(r) + "][" + std::to_string(c) + "]";
+      const std::string mirror = "column[" + std::to_string(c) + "][" + std::to_string(r) + "]";
+      response_code += "    " + (r == c ? place : mirror + " = " + place) + " = " + columns[k] + ";\n";
+    }
+
+  std::vector<std::string> params;
+  for (const ModelParameter& p : unknowns.parameters) params.push_back(p.name);
+  const bool has_params = !params.empty();
+  const std::string p_argument = has_params ? ", const Params& p" : "";
+  std::vector<std::string> states = n.positions;
+  states.insert(states.end(), n.velocities.begin(), n.velocities.end());
+
+  std::string& text = out.text;
+  text = "#pragma once\n\n#include \"tiller/model.hpp\"\n\n";
+  text += "/// " + mechanism.name + ", from " + mechanism.path.substr(mechanism.path.find_last_of('/') + 1) +
+          " by `tiller import`, which writes it anew: forward dynamics of the tree by the\n"
+          "/// articulated-body algorithm (Featherstone 2008), unrolled: " +
+          std::to_string(out.operations) + " operations. ";
+  text += payload_frame >= 0 ? "The payload hangs at frame " + mechanism.frames[static_cast<std::size_t>(payload_frame)].name + ".\n"
+                             : "\n";
+  text += "template <class S>\nstruct " + n.type + " {\n  static constexpr const char* name = \"" +
+          identifier(mechanism.name) + "\";\n";
+  text += fields("State", states) + fields("Input", n.inputs);
+  if (has_params) text += fields("Params", params);
+  text += fields("Force", n.forces);
+  text += "  static constexpr tiller_joint_t joints[] = {  // position, velocity, force, 1 + input\n";
+  unsigned angles = 0;
+  for (std::size_t j = 0; j < joints; ++j) {
+    text += "      {\"" + n.joints[j] + "\", " + std::to_string(j) + ", " + std::to_string(joints + j) + ", " +
+            std::to_string(j) + ", " + std::to_string(n.input_of[j] + 1) + "},\n";
+    if (mechanism.bodies[static_cast<std::size_t>(n.bodies[j])].wraps) angles |= 1u << j;
+  }
+  text += "  };\n";
+  if (angles != 0) text += "  static constexpr unsigned angles = " + format("0x%xu", angles) + ";\n";
+  text += "  static constexpr bool long_dynamics = true;\n\n";
+  text += "  // one text for all who call it: these equations are long, and a call costs nothing beside them\n"
+          "  __attribute__((noinline)) static State dynamics(const State& x, [[maybe_unused]] const Input& u, const Force& f,\n"
+          "                        [[maybe_unused]] const tiller::Body<S>& body" + p_argument + ") {\n"
+          "    using tiller::sincos;\n" + dynamics_code + "    return {" + listed(derivatives, "            ") + "};\n  }\n\n";
+  text += "  /// The inverse inertia: " + std::to_string(out.response_operations) + " operations.\n"
+          "  static void responses([[maybe_unused]] const State& x, [[maybe_unused]] const tiller::Body<S>& body,\n"
+          "                        " + (has_params ? "[[maybe_unused]] const Params& p, " : std::string()) +
+          "S (*column)[" + std::to_string(joints) + "]) {\n    using tiller::sincos;\n" + response_code + "  }\n};\n";
+  return out;
+}
+
+}  // namespace tiller::tools

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tools/import/unknowns.hpp"
+
+namespace tiller::tools {
+
+/// Names of the emitted model, in its own order.
+struct ModelNames {
+  std::string type;  ///< the struct: "Ur5"
+  std::vector<int> bodies;  ///< of the joints that have states
+  std::vector<std::string> joints, positions, velocities, inputs, forces;
+  std::vector<int> input_of;  ///< (joints) index into `inputs`; -1: none drives it
+};
+ModelNames name_model(const Mechanism& mechanism);
+
+struct WrittenModel {
+  std::string text;  ///< the header
+  ModelNames names;
+  int operations = 0;           ///< arithmetic of one call of the dynamics
+  int response_operations = 0;  ///< of the inverse inertia
+};
+
+/// The equations as a header for [model] file: forward dynamics and the inverse inertia, unrolled, for any scalar. The
+/// payload of `body` hangs at `payload_frame` (an index of mechanism.frames; -1: nowhere).
+WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, int payload_frame);
+
+}  // namespace tiller::tools

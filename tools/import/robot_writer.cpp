@@ -1,0 +1,218 @@
+#include "tools/import/robot_writer.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tools/base/text.hpp"
+
+namespace tiller::tools {
+namespace {
+
+/// What a description that states no effort is taken for.
+constexpr double kUnstatedEffort = 10.0;
+/// The default task moves each joint so far from where it starts.
+constexpr double kMove_rad = 0.3, kMove_m = 0.05;
+constexpr double kEncoder_rad = 0.0005, kEncoder_m = 0.0001;
+
+class RobotText {
+ public:
+  RobotText(const Mechanism& mechanism, const Unknowns& unknowns, const ModelNames& names)
+      : mechanism_(mechanism), unknowns_(unknowns), names_(names) {}
+
+  std::string write(const std::string& header, const std::string& payload_frame) {
+    out_ += "# " + mechanism_.name + ", imported from " + file_name(mechanism_.path) +
+            ". `tiller import` writes this file once; it is yours to change.\n"
+            "# Every key: `tiller help robot-file`.\n\n";
+    out_ += "[robot]\nname = \"" + identifier(mechanism_.name) + "\"\n\n[model]\nfile = \"" + header + "\"\ntype = \"" +
+            names_.type + "\"\nperiod_s = 0.01\nintegrator = \"midpoint\"\n\n";
+    parameters();
+    effects(payload_frame);
+    measurement();
+    task();
+    safety();
+    plant();
+    return out_;
+  }
+
+ private:
+  static std::string file_name(const std::string& path) { return path.substr(path.find_last_of('/') + 1); }
+  const MovingBody& body(std::size_t joint) const {
+    return mechanism_.bodies[static_cast<std::size_t>(names_.bodies[joint])];
+  }
+  std::size_t joints() const { return names_.joints.size(); }
+  static double effort(const MovingBody& b) { return b.effort < 1e6 ? b.effort : kUnstatedEffort; }
+
+  /// "{ a = 1, b = 2 }" of what `value` says for each joint; empty texts are left out.
+  template <class Value>
+  std::string table(const std::vector<std::string>& keys, const Value& value) const {
+    std::string text;
+    for (std::size_t j = 0; j < keys.size(); ++j) {
+      const std::string v = value(j);
+      if (!v.empty()) text += (text.empty() ? " " : ", ") + keys[j] + " = " + v;
+    }
+    return "{" + text + " }";
+  }
+
+  /// The position that a joint starts at: 0 where its limits allow, else their middle.
+  double start(std::size_t joint) const {
+    const MovingBody& b = body(joint);
+    const double margin = std::isfinite(b.high - b.low) ? 0.1 * (b.high - b.low) : 0.0;
+    if (b.low + margin <= 0.0 && 0.0 <= b.high - margin) return 0.0;
+    return std::isfinite(b.high - b.low) ? 0.5 * (b.low + b.high) : std::isfinite(b.low) ? b.low : b.high;
+  }
+  double target(std::size_t joint) const {
+    const MovingBody& b = body(joint);
+    if (!b.actuated) return start(joint);
+    const double room = std::isfinite(b.high - b.low) ? 0.2 * (b.high - b.low) : INFINITY;
+    const double move = std::min(b.prismatic ? kMove_m : kMove_rad, room);
+    const double up = start(joint) + move;
+    return round_to(up <= b.high ? up : start(joint) - move);
+  }
+  static double round_to(double value) { return std::round(1e6 * value) / 1e6; }
+
+  void parameters() {
+    if (unknowns_.parameters.empty()) return;
+    out_ += "[parameters]\n";
+    for (const ModelParameter& p : unknowns_.parameters) {
+      out_ += p.name + " = " + p.prior;
+      if (p.kind == ModelParameter::Kind::inertia && p.slot == 0)
+        out_ += "   # ten coordinates of " + p.about + "'s inertia; 0 is the description's";
+      out_ += "\n";
+    }
+    out_ += "\n";
+  }
+
+  void effect(const char* list, const char* kind, const std::string& joint, const char* key, const std::string& value) {
+    if (!value.empty())
+      out_ += std::string("[[") + list + "]]\nkind = \"" + kind + "\"\nport = \"" + identifier(joint) + "\"\n" + key +
+              " = " + value + "\n\n";
+  }
+
+  void effects(const std::string& payload_frame) {
+    if (unknowns_.payload)
+      out_ += "# carried at " + payload_frame + "\n[[effects]]\nkind = \"payload\"\nmass_kg = { uniform = [0.0, " +
+              number_text(unknowns_.payload_kg) + "] }\n\n";
+    for (const JointFriction& f : unknowns_.friction) {
+      effect("effects", "viscous_friction", f.joint, "damping_SI", f.viscous);
+      effect("effects", "coulomb_friction", f.joint, "friction_SI", f.dry);
+    }
+  }
+
+  void measurement() {
+    out_ += "[measurement]\n";
+    for (std::size_t j = 0; j < joints(); ++j)
+      out_ += names_.positions[j] + " = { sd = " + number_text(body(j).prismatic ? kEncoder_m : kEncoder_rad) + " }\n";
+    out_ += "\n[noise]\n# what the equations do not know, as a random walk of the speeds\nprocess_sd = " +
+            table(names_.velocities, [](std::size_t) { return std::string("0.02"); }) + "\n\n";
+    out_ += "[start]\nstate = " +
+            table(names_.positions,
+                  [&](std::size_t j) { return start(j) != 0.0 ? number_text(round_to(start(j))) : std::string(); }) +
+            "\n\n";
+    const bool vague = std::any_of(unknowns_.friction.begin(), unknowns_.friction.end(), [](const JointFriction& f) {
+      return f.viscous.find('{') != std::string::npos || f.dry.find('{') != std::string::npos;
+    });
+    if (unknowns_.parameters.empty() && !unknowns_.payload && !vague)
+      out_ += "# nothing is unknown: one hypothesis would do\n[posterior]\nenabled = false\nparticles = 16\n\n";
+    else
+      out_ += "# small, so that a tick of many joints stays short; `tiller size` tells what more would take\n"
+              "[posterior]\nparticles = 64\nwindow = 16\nmoves_per_tick = 8\n\n";
+  }
+
+  void task() {
+    out_ += "[planner]\nkind = \"ilqr\"\nhorizon = 20\nparticles = 1\niterations = 2\n\n"
+            "# full effort for a tick costs what a tenth of a radian does\n[cost]\n";
+    out_ += "target = " + table(names_.positions, [&](std::size_t j) { return number_text(target(j)); }) + "\n";
+    std::vector<std::string> states = names_.positions;
+    states.insert(states.end(), names_.velocities.begin(), names_.velocities.end());
+    const auto weights = [&](double position, double velocity) {
+      return table(states, [&](std::size_t i) { return number_text(i < joints() ? position : velocity); });
+    };
+    out_ += "state_weight = " + weights(10.0, 0.1) + "\nterminal_weight = " + weights(100.0, 10.0) + "\n";
+    const auto effort_weight = [&](std::size_t i) {
+      const double e = effort(body(driven(i)));
+      return format("%.3g", 0.1 / (e * e));
+    };
+    out_ += "input_weight = " + table(names_.inputs, effort_weight) +
+            "\ninput_rate_weight = " + table(names_.inputs, effort_weight) + "\n";
+    bounds();
+    out_ += "\n";
+  }
+
+  void bounds() {
+    std::string rows;
+    for (std::size_t j = 0; j < joints(); ++j) {
+      const MovingBody& b = body(j);
+      if (!std::isfinite(b.low) || !std::isfinite(b.high)) continue;
+      rows += "bounds." + names_.positions[j] + " = { low = " + number_text(b.low) + ", high = " + number_text(b.high) +
+              ", weight = 1000 }\n";
+    }
+    if (!rows.empty()) out_ += "# the joints' ends, as costs\n" + rows;
+  }
+
+  /// The joint that input i drives.
+  std::size_t driven(std::size_t i) const {
+    return static_cast<std::size_t>(std::find(names_.input_of.begin(), names_.input_of.end(), static_cast<int>(i)) -
+                                    names_.input_of.begin());
+  }
+
+  void safety() {
+    out_ += "[limits]\n";
+    for (std::size_t i = 0; i < names_.inputs.size(); ++i) {
+      const MovingBody& b = body(driven(i));
+      const std::string e = number_text(effort(b));
+      out_ += names_.inputs[i] + " = { low = -" + e + ", high = " + e + ", safe = 0 }" +
+              (b.effort < 1e6 ? "" : "   # the description states none: write the motor's") + "\n";
+    }
+    out_ += "\n[safety]\nsensor_timeout_s = 0.05\n";
+    out_ += "# brakes while no plan can be had; a joint under gravity sinks\n";
+    for (std::size_t i = 0; i < names_.inputs.size(); ++i) {
+      const std::size_t j = driven(i);
+      const double speed = body(j).speed < 1e6 ? body(j).speed : 3.0;
+      out_ += "hold_gain." + names_.inputs[i] + " = { " + names_.velocities[j] + " = " +
+              format("%.3g", 0.2 * effort(body(j)) / speed) + " }\n";
+    }
+    std::string ranges;
+    for (std::size_t j = 0; j < joints(); ++j) {
+      const MovingBody& b = body(j);
+      if (!std::isfinite(b.low) || !std::isfinite(b.high)) continue;
+      const double margin = 0.05 * (b.high - b.low);
+      ranges += "#   " + names_.positions[j] + " = { sd = ..., low = " + format("%.4g", b.low - margin) +
+                ", high = " + format("%.4g", b.high + margin) + " }\n";
+    }
+    if (!ranges.empty())
+      out_ += "\n# a reading beyond its joint's ends is refused where [measurement] says so:\n" + ranges;
+    out_ += "\n";
+  }
+
+  void plant() {
+    out_ += "# The simulated plant: this model, stepped ten times finer, with parameters that the controller does not know.\n"
+            "# It checks the loop, not the model; only a plant with equations of its own (or the robot) does that.\n"
+            "[sim]\nplant = \"model\"\nseed = 1\n";
+    if (!unknowns_.parameters.empty()) out_ += "draw = true               # from the priors above, by the seed\n";
+    for (std::size_t j = 0; j < joints(); ++j)
+      out_ += "sensors." + names_.positions[j] + " = { sd = " +
+              number_text(0.5 * (body(j).prismatic ? kEncoder_m : kEncoder_rad)) + " }\n";
+    out_ += "\n";
+    if (unknowns_.payload)
+      out_ += "[[sim.effects]]\nkind = \"payload\"\nmass_kg = " + number_text(round_to(0.4 * unknowns_.payload_kg)) + "\n\n";
+    for (const JointFriction& f : unknowns_.friction) {
+      const auto value = [](double v) { return v > 0.0 ? format("%.4g", v) : std::string(); };
+      effect("sim.effects", "viscous_friction", f.joint, "damping_SI", value(f.plant_viscous));
+      effect("sim.effects", "coulomb_friction", f.joint, "friction_SI", value(f.plant_dry));
+    }
+  }
+
+  const Mechanism& mechanism_;
+  const Unknowns& unknowns_;
+  const ModelNames& names_;
+  std::string out_;
+};
+
+}  // namespace
+
+std::string write_robot(const Mechanism& mechanism, const Unknowns& unknowns, const ModelNames& names,
+                        const std::string& header, const std::string& payload_frame) {
+  return RobotText(mechanism, unknowns, names).write(header, payload_frame);
+}
+
+}  // namespace tiller::tools

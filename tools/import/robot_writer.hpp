@@ -1,0 +1,14 @@
+#pragma once
+
+#include <string>
+
+#include "tools/import/model_writer.hpp"
+
+namespace tiller::tools {
+
+/// The robot file for an emitted model: priors from the unknowns, limits from the description, a task that moves every
+/// joint, a simulated plant, comments on what to look at. `header` is the model's file name.
+std::string write_robot(const Mechanism& mechanism, const Unknowns& unknowns, const ModelNames& names,
+                        const std::string& header, const std::string& payload_frame);
+
+}  // namespace tiller::tools

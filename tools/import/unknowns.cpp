@@ -1,0 +1,154 @@
+#include "tools/import/unknowns.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <cstdlib>
+
+#include "tools/base/text.hpp"
+
+namespace tiller::tools {
+
+std::string identifier(const std::string& name) {
+  std::string out;
+  for (const char c : name) out += std::isalnum(static_cast<unsigned char>(c)) != 0 ? c : '_';
+  if (out.empty() || std::isdigit(static_cast<unsigned char>(out[0])) != 0) out = "j" + out;
+  return out;
+}
+
+const char* const* inertia_coordinates() {
+  static const char* const names[kInertiaCoordinates] = {"size",     "stretch_x", "stretch_y", "stretch_z", "shear_xy",
+                                                         "shear_yz", "shear_xz",  "shift_x_m", "shift_y_m", "shift_z_m"};
+  return names;
+}
+
+namespace {
+
+constexpr double kPayload_kg = 3.0;
+/// How far a description's numbers are believed where they are called unknown: a quarter for masses, a tenth for
+/// shapes and gains.
+constexpr double kMassShare = 0.25, kShapeSd = 0.1, kGainSd = 0.1;
+/// A joint whose friction nobody states: of its effort, at most so much dry, and so much viscous at its top speed.
+constexpr double kDryShare = 0.05, kViscousShare = 0.05;
+
+class Reader {
+ public:
+  Reader(const Mechanism& mechanism, Unknowns& out, std::vector<std::string>& errors)
+      : mechanism_(mechanism), out_(out), errors_(errors) {
+    for (const MovingBody& body : mechanism.bodies) {
+      if (body.mimics < 0) joints_.push_back(body.joint);
+      for (const LinkShare& share : body.links) links_.push_back(share.link);
+    }
+  }
+
+  void read(const std::vector<std::string>& words) {
+    for (const std::string& word : words) take(word);
+    for (const MovingBody& body : mechanism_.bodies) {
+      if (body.mimics >= 0 || has_friction(body.joint) || !(body.damping + body.friction > 0.0)) continue;
+      const auto known = [](double value) { return value > 0.0 ? number_text(value) : std::string(); };
+      out_.friction.push_back({body.joint, known(body.damping), known(body.friction), body.damping, body.friction});
+    }
+  }
+
+ private:
+  void take(const std::string& word) {
+    const std::size_t colon = word.find(':'), equals = word.find('=');
+    const std::string kind = word.substr(0, std::min(colon, equals));
+    const std::string about = colon == std::string::npos ? "" : word.substr(colon + 1);
+    if (kind == "payload") return take_payload(word, equals);
+    static const Words kinds{"payload", "mass", "inertia", "friction", "gain"};
+    if (std::find(kinds.begin(), kinds.end(), kind) == kinds.end())
+      return fail(word, "is none of payload[=KG], mass:LINK, inertia:LINK, friction:JOINT, gain:JOINT" + meant(kind, kinds));
+    const bool of_link = kind == "mass" || kind == "inertia";
+    const Words& known = of_link ? links_ : joints_;
+    if (about.empty())
+      return fail(word, "names no " + std::string(of_link ? "link" : "joint") + "; write " + kind + ":NAME or " + kind + ":*");
+    if (about != "*" && std::find(known.begin(), known.end(), about) == known.end())
+      return fail(word, std::string(of_link ? "no link that moves and has inertia" : "no joint that moves by itself") +
+                            " is called '" + about + "'" + meant(about, known));
+    for (const std::string& name : known)
+      if (about == "*" || about == name) add(kind, name);
+  }
+
+  void fail(const std::string& word, const std::string& text) { errors_.push_back("--unknown " + word + ": " + text); }
+  static std::string meant(const std::string& word, const Words& known) {
+    const std::string near = nearest(word, known);
+    return near.empty() ? "; there are " + join(known) : "; is '" + near + "' meant?";
+  }
+
+  void take_payload(const std::string& word, std::size_t equals) {
+    out_.payload = true;
+    out_.payload_kg = kPayload_kg;
+    if (equals == std::string::npos) return;
+    char* end = nullptr;
+    out_.payload_kg = std::strtod(word.c_str() + equals + 1, &end);
+    if (*end != '\0' || !(out_.payload_kg > 0.0) || !(out_.payload_kg < 1e6)) fail(word, "is no mass in kg above 0");
+  }
+
+  bool has(ModelParameter::Kind kind, const std::string& about) const {
+    return std::any_of(out_.parameters.begin(), out_.parameters.end(),
+                       [&](const ModelParameter& p) { return p.kind == kind && p.about == about; });
+  }
+  const MovingBody& body_of(const std::string& joint) const {
+    return *std::find_if(mechanism_.bodies.begin(), mechanism_.bodies.end(),
+                         [&](const MovingBody& b) { return b.joint == joint; });
+  }
+  double mass_of(const std::string& link) const {
+    for (const MovingBody& body : mechanism_.bodies)
+      for (const LinkShare& share : body.links)
+        if (share.link == link) return share.body.mass_kg;
+    return 0.0;
+  }
+
+  void add(const std::string& kind, const std::string& about) {
+    using Kind = ModelParameter::Kind;
+    if (kind == "mass" && !has(Kind::mass, about) && !has(Kind::inertia, about)) {
+      const double m = mass_of(about);
+      if (m > 0.0)
+        out_.parameters.push_back({Kind::mass, identifier(about) + "_mass_kg", about, 0,
+                                   "{ log_normal = [" + number_text(m) + ", " + number_text(kMassShare) + "] }"});
+    }
+    if (kind == "inertia" && !has(Kind::inertia, about)) {
+      if (has(Kind::mass, about)) return fail("inertia:" + about, "its mass is unknown already, which inertia includes");
+      for (int k = 0; k < kInertiaCoordinates; ++k)
+        out_.parameters.push_back({Kind::inertia, identifier(about) + "_" + inertia_coordinates()[k], about, k,
+                                   "{ normal = [0.0, " + number_text(k < 7 ? kShapeSd : 0.1 * kShapeSd) + "] }"});
+    }
+    if (kind == "gain" && !has(Kind::gain, about) && body_of(about).actuated)
+      out_.parameters.push_back({Kind::gain, identifier(about) + "_gain", about, 0,
+                                 "{ log_normal = [1.0, " + number_text(kGainSd) + "] }"});
+    if (kind == "friction") add_friction(body_of(about));
+  }
+
+  bool has_friction(const std::string& joint) const {
+    return std::any_of(out_.friction.begin(), out_.friction.end(),
+                       [&](const JointFriction& f) { return f.joint == joint; });
+  }
+  void add_friction(const MovingBody& body) {
+    if (has_friction(body.joint)) return;
+    const double effort = body.effort < 1e6 ? body.effort : 10.0, speed = body.speed < 1e6 ? body.speed : 1.0;
+    const double dry = std::max(2.0 * body.friction, kDryShare * effort);
+    const double viscous = std::max(2.0 * body.damping, kViscousShare * effort / speed);
+    const auto prior = [](double most) { return "{ uniform = [0.0, " + format("%.4g", most) + "] }"; };
+    // where the description says nothing, what the prior calls likely is as good a truth as any
+    const auto truth = [](double stated, double most) { return stated > 0.0 ? stated : 0.4 * most; };
+    out_.friction.push_back(
+        {body.joint, prior(viscous), prior(dry), truth(body.damping, viscous), truth(body.friction, dry)});
+  }
+
+  const Mechanism& mechanism_;
+  Unknowns& out_;
+  std::vector<std::string>& errors_;
+  Words joints_, links_;
+};
+
+}  // namespace
+
+bool read_unknowns(const std::vector<std::string>& words, const Mechanism& mechanism, Unknowns& unknowns,
+                   std::vector<std::string>& errors) {
+  unknowns = {};
+  const std::size_t before = errors.size();
+  Reader(mechanism, unknowns, errors).read(words);
+  return errors.size() == before;
+}
+
+}  // namespace tiller::tools
