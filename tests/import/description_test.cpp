@@ -25,10 +25,9 @@ std::string robot(const std::string& joint = "", const std::string& inertial = "
          "<joint name=\"turn\" type=\"revolute\">\n<parent link=\"base\"/>\n<child link=\"arm\"/>\n<axis xyz=\"0 0 1\"/>\n" +
          (joint.empty() ? std::string("<limit lower=\"-1\" upper=\"1\" effort=\"3\" velocity=\"2\"/>") : joint) +
          "</joint>\n<link name=\"arm\">\n" +
-         (inertial.empty()
-              ? std::string("<inertial><origin xyz=\"0.1 0 0\"/><mass value=\"1\"/>"
-                            "<inertia ixx=\"0.01\" iyy=\"0.01\" izz=\"0.01\"/></inertial>")
-              : inertial) +
+         (inertial.empty() ? std::string("<inertial><origin xyz=\"0.1 0 0\"/><mass value=\"1\"/>"
+                                         "<inertia ixx=\"0.01\" iyy=\"0.01\" izz=\"0.01\"/></inertial>")
+                           : inertial) +
          "\n</link>\n" + more + "</robot>\n";
 }
 
@@ -65,18 +64,21 @@ TEST(Description, MistakesAreToldByLineAndWithARemedy) {
       {robot("<mimic joint=\"turm\"/>"), ":3:", "mimics 'turm'"},
       {robot("<mimic joint=\"turn\"/>"), ":3:", "mimics itself"},
       {robot("", "<inertial><mass value=\"1\"/></inertial>"), ":9:", "lacks <inertia"},
-      {robot("", "<inertial><mass value=\"-1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\"/></inertial>"), ":9:", "negative mass"},
-      {robot("", "<inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"-1\"/></inertial>"), ":9:", "--any-inertia"},
-      {robot("", "<inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"5\"/></inertial>"), ":9:", "--any-inertia"},
+      {robot("", "<inertial><mass value=\"-1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"1\"/></inertial>"),
+       ":9:", "negative mass"},
+      {robot("", "<inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"-1\"/></inertial>"),
+       ":9:", "--any-inertia"},
+      {robot("", "<inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"5\"/></inertial>"),
+       ":9:", "--any-inertia"},
       {robot("", "<inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\"/></inertial>"), ":9:", "lacks izz"},
       {robot("", "<visual/>"), ":3:", "moves nothing that has inertia about its axis: link 'arm' at line 8"},
       {robot("", "", "<link name=\"arm\"/>\n"), ":11:", "a second link 'arm'"},
       {robot("", "", "<link name=\"lost\"/>\n"), "", "2 links hang on nothing (base, lost)"},
       {robot("", "", "<joint name=\"w\" type=\"welded\"/>\n"), ":11:", "none of fixed, revolute"},
-      {robot("", "", "<joint name=\"w\" type=\"fixed\"><parent link=\"amr\"/><child link=\"arm\"/></joint>\n"), ":11:",
-       "is 'arm' meant?"},
-      {robot("", "", "<joint name=\"back\" type=\"fixed\"><parent link=\"base\"/><child link=\"arm\"/></joint>\n"), ":11:",
-       "hangs on two joints"},
+      {robot("", "", "<joint name=\"w\" type=\"fixed\"><parent link=\"amr\"/><child link=\"arm\"/></joint>\n"),
+       ":11:", "is 'arm' meant?"},
+      {robot("", "", "<joint name=\"back\" type=\"fixed\"><parent link=\"base\"/><child link=\"arm\"/></joint>\n"),
+       ":11:", "hangs on two joints"},
       {robot("", "", "<joint name=\"back\" type=\"fixed\"><parent link=\"arm\"/><child link=\"base\"/></joint>\n"), "",
        "go in a circle"},
       {"<robot name=\"r\">\n<link name=\"w\"/><link name=\"b\"/>\n<joint name=\"f\" type=\"floating\"><parent link=\"w\"/>"
@@ -91,10 +93,29 @@ TEST(Description, MistakesAreToldByLineAndWithARemedy) {
   EXPECT_NE(refusal(robot("", "<inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"5\"/></inertial>")), "");
   MechanismOptions any;
   any.any_inertia = true;
-  EXPECT_EQ(refusal(robot("", "<inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"5\"/></inertial>"), any), "");
+  EXPECT_EQ(refusal(robot("", "<inertial><mass value=\"1\"/><inertia ixx=\"1\" iyy=\"1\" izz=\"5\"/></inertial>"), any),
+            "");
   MechanismOptions held;
   held.held = {{"tunr", 0.0}};
   EXPECT_NE(refusal(robot(), held).find("is 'turn' meant?"), std::string::npos);
+}
+
+// Rotor inertia from the command line, and a note where it is missing: 3 Nm on 1e-4 kgm2 are 30,000 rad/s2.
+TEST(Description, AJointWithoutARotorIsTold) {
+  const std::string light =
+      robot("", "<inertial><mass value=\"0.01\"/><inertia ixx=\"1e-4\" iyy=\"1e-4\" izz=\"1e-4\"/></inertial>");
+  Mechanism mechanism;
+  ASSERT_EQ(imported(light, mechanism), "");
+  ASSERT_EQ(mechanism.notes.size(), 1u);
+  EXPECT_NE(mechanism.notes[0].find("30000 rad/s2"), std::string::npos) << mechanism.notes[0];
+  EXPECT_NE(mechanism.notes[0].find("--armature turn=KGM2"), std::string::npos) << mechanism.notes[0];
+  MechanismOptions options;
+  options.armature = {{"*", 0.0099}};
+  ASSERT_EQ(imported(light, mechanism, options), "");
+  EXPECT_TRUE(mechanism.notes.empty());
+  EXPECT_NEAR(mobility(mechanism, {0.3})[0], 100.0, 1e-9);
+  options.armature = {{"tunr", 0.1}};
+  EXPECT_NE(imported(light, mechanism, options).find("is 'turn' meant?"), std::string::npos);
 }
 
 TEST(Description, AMissingFileIsTold) {
@@ -150,8 +171,7 @@ TEST(Expression, CodeComputesWhatIsSharedOnce) {
   const Expression shared = x * y + 1.0, sine = sin(x), cosine = cos(x);
   std::vector<std::string> values;
   int operations = 0;
-  const std::string code =
-      emit_code(graph, {shared / x, y - (shared - x), sine * cosine}, "", values, &operations);
+  const std::string code = emit_code(graph, {shared / x, y - (shared - x), sine * cosine}, "", values, &operations);
   EXPECT_EQ(code, "const S t1 = x * y + S(1.0);\nS s2, c2;\nsincos(x, s2, c2);\n");
   EXPECT_EQ(values, (std::vector<std::string>{"t1 / x", "y - (t1 - x)", "s2 * c2"}));
   EXPECT_EQ(operations, 8);

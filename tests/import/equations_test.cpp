@@ -6,7 +6,7 @@
 #include <random>
 
 #include "newton_euler.hpp"
-#include "test_arm.hpp"       // as imported
+#include "test_arm.hpp"   // as imported
 #include "vague_arm.hpp"  // with a mass, an inertia, a gain and friction unknown
 
 namespace tiller_test {

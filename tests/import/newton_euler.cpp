@@ -7,9 +7,9 @@ using namespace tiller::tools;
 /// A link's motion in the world.
 struct NewtonEuler::Moving {
   Pose pose;
-  Vec3<double> turn{}, turn_rate{};       // angular velocity and its derivative
-  Vec3<double> speed{}, acceleration{};   // of the origin
-  Vec3<double> axis{};                    // of the joint before it
+  Vec3<double> turn{}, turn_rate{};      // angular velocity and its derivative
+  Vec3<double> speed{}, acceleration{};  // of the origin
+  Vec3<double> axis{};                   // of the joint before it
   const JointText* joint = nullptr;
 };
 

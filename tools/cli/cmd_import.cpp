@@ -2,6 +2,7 @@
 
 #include <sys/stat.h>
 
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 
@@ -15,7 +16,7 @@ namespace {
 
 struct Options {
   std::string description, folder, frame, base = "fixed";
-  Words unknown, hold;
+  Words unknown, hold, armature;
   bool any_inertia = false, force = false;
 };
 
@@ -29,24 +30,44 @@ bool exists(const std::string& path) {
   return ::stat(path.c_str(), &status) == 0;
 }
 
-bool read_hold(const Words& words, MechanismOptions& options, std::vector<std::string>& errors) {
-  for (const std::string& word : words) {
-    const std::size_t equals = word.find('=');
-    MechanismOptions::Held held{word.substr(0, equals), 0.0};
-    if (equals != std::string::npos) {
-      char* end = nullptr;
-      held.position = std::strtod(word.c_str() + equals + 1, &end);
-      if (*end != '\0' || end == word.c_str() + equals + 1)
-        errors.push_back("--hold " + word + ": write JOINT or JOINT=POSITION, in rad or m");
-    }
-    options.held.push_back(held);
+/// "JOINT=NUMBER", or the name alone where `fallback` is given.
+bool read_pair(const char* option, const std::string& word, const double* fallback, std::string& joint, double& value,
+               std::vector<std::string>& errors) {
+  const std::size_t equals = word.find('=');
+  joint = word.substr(0, equals);
+  if (equals == std::string::npos && fallback != nullptr) {
+    value = *fallback;
+    return true;
+  }
+  char* end = nullptr;
+  value = equals == std::string::npos ? NAN : std::strtod(word.c_str() + equals + 1, &end);
+  if (std::isfinite(value) && end != word.c_str() + equals + 1 && *end == '\0') return true;
+  errors.push_back(std::string(option) + " " + word + ": write " + (fallback != nullptr ? "JOINT or " : "") +
+                   "JOINT=NUMBER, in SI units");
+  return false;
+}
+
+bool read_joint_options(const Options& o, MechanismOptions& options, std::vector<std::string>& errors) {
+  const double zero = 0.0;
+  for (const std::string& word : o.hold) {
+    MechanismOptions::Held held;
+    if (read_pair("--hold", word, &zero, held.joint, held.position, errors)) options.held.push_back(held);
+  }
+  for (const std::string& word : o.armature) {
+    MechanismOptions::Armature armature;
+    if (!read_pair("--armature", word, nullptr, armature.joint, armature.inertia, errors)) continue;
+    if (armature.inertia < 0.0)
+      errors.push_back("--armature " + word + ": an inertia is not negative");
+    else
+      options.armature.push_back(armature);
   }
   return errors.empty();
 }
 
 /// The frame that carries the payload: the one named, else the link that hangs on the longest chain of joints, behind
 /// its fixed joints.
-bool payload_frame(const Mechanism& mechanism, const std::string& wanted, int& frame, std::vector<std::string>& errors) {
+bool payload_frame(const Mechanism& mechanism, const std::string& wanted, int& frame,
+                   std::vector<std::string>& errors) {
   if (!wanted.empty()) {
     frame = mechanism.find_frame(wanted);
     if (frame >= 0) return true;
@@ -81,19 +102,27 @@ bool within_limits(const Mechanism& mechanism, const ModelNames& names, const Un
   };
   const std::size_t many = names.joints.size() > TILLER_MAX_JOINTS ? names.joints.size() - TILLER_MAX_JOINTS : 0;
   over("joints", names.joints.size(), TILLER_MAX_JOINTS,
-       "hold " + std::to_string(many) + " that do not matter, by commas: --hold JOINT[=POSITION],..., for example --hold " +
+       "hold " + std::to_string(many) +
+           " that do not matter, by commas: --hold JOINT[=POSITION],..., for example --hold " +
            mechanism.bodies.back().joint);
   static_assert(2 * TILLER_MAX_JOINTS <= TILLER_MAX_STATES, "a position and a speed for each joint");
   over("inputs", names.inputs.size(), TILLER_MAX_INPUTS, "hold some: --hold JOINT[=POSITION]");
   std::size_t effects = unknowns.payload ? 1 : 0;
   for (const JointFriction& f : unknowns.friction) effects += (f.viscous.empty() ? 0 : 1) + (f.dry.empty() ? 0 : 1);
-  over("parameters", unknowns.parameters.size() + effects,
-       TILLER_MAX_PARAMS, "name fewer with --unknown");
-  over("effects", effects, TILLER_MAX_EFFECTS,
-       "name fewer with --unknown");
-  if (names.inputs.empty())
-    errors.push_back(mechanism.path + ": no joint is driven, so there is nothing to control");
+  over("parameters", unknowns.parameters.size() + effects, TILLER_MAX_PARAMS, "name fewer with --unknown");
+  over("effects", effects, TILLER_MAX_EFFECTS, "name fewer with --unknown");
+  if (names.inputs.empty()) errors.push_back(mechanism.path + ": no joint is driven, so there is nothing to control");
   return errors.empty();
+}
+
+/// The coordinates for which PolynomialDesign has all terms of second order.
+constexpr std::size_t kManyUnknowns = 8;
+
+std::size_t unknown_count(const Unknowns& unknowns) {
+  std::size_t count = unknowns.parameters.size() + (unknowns.payload ? 1 : 0);
+  for (const JointFriction& f : unknowns.friction)
+    for (const std::string* text : {&f.viscous, &f.dry}) count += text->find('{') != std::string::npos ? 1 : 0;
+  return count;
 }
 
 int write_files(const Options& o, const Mechanism& mechanism, const Unknowns& unknowns, int frame) {
@@ -109,9 +138,15 @@ int write_files(const Options& o, const Mechanism& mechanism, const Unknowns& un
   if (!replace_file(robot_path, write_robot(mechanism, unknowns, model.names, header, frame_name), error))
     return complain(error);
   for (const std::string& note : mechanism.notes) std::printf("note: %s\n", note.c_str());
-  std::printf("%s: %zu joints, %zu inputs, %zu parameters; %d operations for the accelerations, %d for the inverse inertia\n",
-              mechanism.name.c_str(), model.names.joints.size(), model.names.inputs.size(), unknowns.parameters.size(),
-              model.operations, model.response_operations);
+  if (const std::size_t count = unknown_count(unknowns); count > kManyUnknowns)
+    std::printf(
+        "note: %zu unknown parameters: the filter sums up old data to second order for %zu at most, and its intervals come "
+        "out too narrow beyond; name what matters most, fix the rest at values that `tiller identify` finds\n",
+        count, kManyUnknowns);
+  std::printf(
+      "%s: %zu joints, %zu inputs, %zu parameters; %d operations for the accelerations, %d for the inverse inertia\n",
+      mechanism.name.c_str(), model.names.joints.size(), model.names.inputs.size(), unknowns.parameters.size(),
+      model.operations, model.response_operations);
   std::printf("  %s\n  %s\n", model_path.c_str(), robot_path.c_str());
   if (!frame_name.empty()) std::printf("  a payload hangs at frame %s; another: --frame NAME\n", frame_name.c_str());
   std::printf("next:\n  tiller check %s\n  tiller run %s --sim --seconds 5 --report %s/run.html\n", robot_path.c_str(),
@@ -128,10 +163,9 @@ int import_command(Options& o) {
   Mechanism mechanism;
   Unknowns unknowns;
   int frame = -1;
-  if (!read_hold(o.hold, options, errors) || !read_urdf(o.description, description, errors) ||
+  if (!read_joint_options(o, options, errors) || !read_urdf(o.description, description, errors) ||
       !build_mechanism(description, options, mechanism, errors) ||
-      !read_unknowns(o.unknown, mechanism, unknowns, errors) ||
-      !payload_frame(mechanism, o.frame, frame, errors) ||
+      !read_unknowns(o.unknown, mechanism, unknowns, errors) || !payload_frame(mechanism, o.frame, frame, errors) ||
       !within_limits(mechanism, name_model(mechanism), unknowns, errors))
     return complain_all(errors);
   if (o.folder.empty()) o.folder = identifier(mechanism.name);
@@ -146,14 +180,19 @@ void add_import_command(CLI::App& app, int& exit_code) {
   auto o = std::make_shared<Options>();
   command->add_option("DESCRIPTION", o->description, "URDF; of a xacro, what `xacro FILE` prints")->required();
   command->add_option("-o,--output", o->folder, "folder for the model's header and robot.toml [the robot's name]");
-  command->add_option("--unknown", o->unknown,
-                      "what is uncertain: payload[=KG], mass:LINK, inertia:LINK, friction:JOINT, gain:JOINT;\n"
-                      "* for every one; several by commas")
+  command
+      ->add_option("--unknown", o->unknown,
+                   "what is uncertain: payload[=KG], mass:LINK, inertia:LINK, friction:JOINT, gain:JOINT;\n"
+                   "* for every one; several by commas")
       ->delimiter(',');
   command->add_option("--frame", o->frame, "link that carries the payload [the last one]");
   command->add_option("--base", o->base, "fixed, planar (x, y, yaw) or free (x, y, z, yaw, pitch, roll) [fixed]")
       ->check(CLI::IsMember({"fixed", "planar", "free"}));
   command->add_option("--hold", o->hold, "joints that do not move: JOINT or JOINT=POSITION; several by commas")
+      ->delimiter(',');
+  command
+      ->add_option("--armature", o->armature,
+                   "rotor inertia behind the gear, where the description has none: JOINT=KGM2, *=KGM2; by commas")
       ->delimiter(',');
   command->add_flag("--any-inertia", o->any_inertia, "take inertias that no body can have as they are");
   command->add_flag("--force", o->force, "write over files that are there");

@@ -164,7 +164,8 @@ class ArticulatedBody {
   }
 
   /// Accelerations of the joints (bodies) under forces, speeds and gravity.
-  std::vector<T> accelerate(const std::vector<T>& speed, const std::vector<T>& force, const Vec3<T>& base_acceleration) {
+  std::vector<T> accelerate(const std::vector<T>& speed, const std::vector<T>& force,
+                            const Vec3<T>& base_acceleration) {
     using namespace articulated;
     force_ = force;
     std::vector<Spatial<T>> velocity(n_), bias(n_), load(n_);

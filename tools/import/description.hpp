@@ -24,16 +24,16 @@ struct JointText {
   int line = 0;
   JointKind kind = JointKind::fixed;
   std::string parent, child;
-  Pose origin;  ///< of the child's frame in the parent's, where the joint stands at 0
+  Pose origin;                       ///< of the child's frame in the parent's, where the joint stands at 0
   Vec3<double> axis{1.0, 0.0, 0.0};  ///< unit, in the child's frame
   bool has_limits = false;
   double low = -std::numeric_limits<double>::infinity(), high = std::numeric_limits<double>::infinity();
   double effort = std::numeric_limits<double>::infinity();  ///< Nm or N
   double speed = std::numeric_limits<double>::infinity();   ///< rad/s or m/s
-  double damping = 0.0;   ///< Nms or Ns/m
-  double friction = 0.0;  ///< Nm or N
-  double armature = 0.0;  ///< kgm2 or kg
-  std::string mimics;     ///< the joint that this one follows; empty: none
+  double damping = 0.0;                                     ///< Nms or Ns/m
+  double friction = 0.0;                                    ///< Nm or N
+  double armature = 0.0;                                    ///< kgm2 or kg
+  std::string mimics;                                       ///< the joint that this one follows; empty: none
   double mimic_ratio = 1.0, mimic_offset = 0.0;
 };
 

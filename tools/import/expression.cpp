@@ -11,7 +11,9 @@ using Op = ExpressionGraph::Op;
 
 namespace {
 
-ExpressionGraph* graph_of(const Expression& a, const Expression& b) { return a.graph() != nullptr ? a.graph() : b.graph(); }
+ExpressionGraph* graph_of(const Expression& a, const Expression& b) {
+  return a.graph() != nullptr ? a.graph() : b.graph();
+}
 
 /// The operand of a negation; null: it is none.
 bool is_negated(const Expression& x, Expression& operand) {
@@ -127,8 +129,8 @@ Expression ExpressionGraph::make(Op op, const Expression& a, const Expression& b
 }
 
 std::int32_t ExpressionGraph::add(Node node) {
-  const auto [found, is_new] = known_.try_emplace({node.op, node.a, node.b, node.value, node.text},
-                                                  static_cast<std::int32_t>(nodes_.size()));
+  const auto [found, is_new] =
+      known_.try_emplace({node.op, node.a, node.b, node.value, node.text}, static_cast<std::int32_t>(nodes_.size()));
   if (is_new) nodes_.push_back(std::move(node));
   return found->second;
 }
@@ -182,11 +184,26 @@ class Emitter {
     switch (n.op) {
       case Op::symbol: text = n.text; return;
       case Op::constant: text = constant(n.value); return;
-      case Op::add: text = operand(n.a, kSum) + " + " + operand(n.b, kSum); rank = kSum; break;
-      case Op::subtract: text = operand(n.a, kSum) + " - " + operand(n.b, kProduct); rank = kSum; break;
-      case Op::multiply: text = operand(n.a, kProduct) + " * " + operand(n.b, kProduct); rank = kProduct; break;
-      case Op::divide: text = operand(n.a, kProduct) + " / " + operand(n.b, kAtom); rank = kProduct; break;
-      case Op::negate: text = "-" + operand(n.a, kAtom); rank = kSum; break;
+      case Op::add:
+        text = operand(n.a, kSum) + " + " + operand(n.b, kSum);
+        rank = kSum;
+        break;
+      case Op::subtract:
+        text = operand(n.a, kSum) + " - " + operand(n.b, kProduct);
+        rank = kSum;
+        break;
+      case Op::multiply:
+        text = operand(n.a, kProduct) + " * " + operand(n.b, kProduct);
+        rank = kProduct;
+        break;
+      case Op::divide:
+        text = operand(n.a, kProduct) + " / " + operand(n.b, kAtom);
+        rank = kProduct;
+        break;
+      case Op::negate:
+        text = "-" + operand(n.a, kAtom);
+        rank = kSum;
+        break;
       case Op::sine:
       case Op::cosine: return circular(id);
       case Op::exponential: text = "exp(" + text_[at(n.a)] + ")"; break;

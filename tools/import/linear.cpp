@@ -33,8 +33,8 @@ Mat3<double> point_inertia(double mass_kg, const Vec3<double>& at) {
   Mat3<double> j;
   for (int r = 0; r < 3; ++r)
     for (int c = 0; c < 3; ++c)
-      j(r, c) = mass_kg * ((r == c ? dot(at, at) : 0.0) -
-                           at[static_cast<std::size_t>(r)] * at[static_cast<std::size_t>(c)]);
+      j(r, c) =
+          mass_kg * ((r == c ? dot(at, at) : 0.0) - at[static_cast<std::size_t>(r)] * at[static_cast<std::size_t>(c)]);
   return j;
 }
 
@@ -55,7 +55,8 @@ Vec3<double> principal_moments(const Mat3<double>& inertia) {
   Eigen::Matrix3d m;
   for (int r = 0; r < 3; ++r)
     for (int c = 0; c < 3; ++c) m(r, c) = inertia(r, c);
-  const Eigen::Vector3d values = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(m, Eigen::EigenvaluesOnly).eigenvalues();
+  const Eigen::Vector3d values =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(m, Eigen::EigenvaluesOnly).eigenvalues();
   return {values[0], values[1], values[2]};
 }
 

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "tools/base/text.hpp"
+#include "tools/import/articulated_body.hpp"
 
 namespace tiller::tools {
 
@@ -24,6 +25,9 @@ int Mechanism::find_frame(const std::string& wanted) const {
 }
 
 namespace {
+
+/// Accelerations that no motor with a rotor reaches.
+constexpr double kFast_rad_s2 = 5000.0, kFast_m_s2 = 1000.0;
 
 /// Below this, lengths and sines are rounding of the file's numbers.
 constexpr double kNothing = 1e-13;
@@ -126,6 +130,7 @@ class Builder {
     for (const LinkText& link : robot_.links) link_[link.name] = &link;
     for (const JointText& joint : robot_.joints) below_[joint.parent].push_back(&joint);
     check_held();
+    check_armature();
     const std::string root = find_root();
     if (!errors_.empty()) return false;
     add_base(root);
@@ -134,7 +139,9 @@ class Builder {
     resolve_mimics();
     place_frames();
     check_masses();
-    if (errors_.empty() && out_.bodies.empty()) errors_.push_back(robot_.path + ": nothing moves: every joint is fixed");
+    if (errors_.empty()) note_light_joints();
+    if (errors_.empty() && out_.bodies.empty())
+      errors_.push_back(robot_.path + ": nothing moves: every joint is fixed");
     return errors_.empty();
   }
 
@@ -155,6 +162,17 @@ class Builder {
                           (near.empty() ? "" : "; is '" + near + "' meant?"));
       }
       held_[held.joint] = held.position;
+    }
+  }
+
+  void check_armature() {
+    for (const MechanismOptions::Armature& a : options_.armature) {
+      Words names;
+      for (const JointText& j : robot_.joints) names.push_back(j.name);
+      if (a.joint == "*" || std::find(names.begin(), names.end(), a.joint) != names.end()) continue;
+      const std::string near = nearest(a.joint, names);
+      errors_.push_back("--armature " + a.joint + ": " + robot_.path + " has no such joint" +
+                        (near.empty() ? "" : "; is '" + near + "' meant?"));
     }
   }
 
@@ -233,8 +251,7 @@ class Builder {
     }
     if (joint.kind == JointKind::floating || joint.kind == JointKind::planar) {
       const bool is_base = body < 0;
-      error(joint.line, "joint '" + joint.name + "' is " +
-                            (joint.kind == JointKind::floating ? "floating" : "planar") +
+      error(joint.line, "joint '" + joint.name + "' is " + (joint.kind == JointKind::floating ? "floating" : "planar") +
                             (is_base ? "; make it fixed and import with --base " +
                                            std::string(joint.kind == JointKind::floating ? "free" : "planar")
                                      : ", which only a base may be; write it as prismatic and revolute joints"));
@@ -253,6 +270,9 @@ class Builder {
     b.damping = joint.damping;
     b.friction = joint.friction;
     b.armature = joint.armature;
+    for (const MechanismOptions::Armature& a : options_.armature)
+      if (a.joint == joint.name || (a.joint == "*" && joint.armature == 0.0 && joint.mimics.empty()))
+        b.armature = a.inertia;
     b.line = joint.line;
     raw.origin = pose * joint.origin;
     raw.axis = joint.axis;
@@ -330,7 +350,8 @@ class Builder {
       raw_[i].aligned = align(raw_[i].axis, &z, &next->origin.position);
     }
     for (const RawBody& raw : raw_) {
-      const Pose above = raw.body.parent < 0 ? Pose{} : inverse(raw_[static_cast<std::size_t>(raw.body.parent)].aligned);
+      const Pose above =
+          raw.body.parent < 0 ? Pose{} : inverse(raw_[static_cast<std::size_t>(raw.body.parent)].aligned);
       MovingBody body = raw.body;
       body.frame = decompose(above * raw.origin * raw.aligned);
       for (LinkShare& share : body.links) share.body = moved(share.body, inverse(raw.aligned));
@@ -351,8 +372,7 @@ class Builder {
     for (std::size_t i = out_.bodies.size(); i-- > 0;) {
       const MovingBody& body = out_.bodies[i];
       const RigidBody& b = whole[i];
-      const double about_axis =
-          b.inertia_kgm2(2, 2) + b.mass_kg * (b.com_m[0] * b.com_m[0] + b.com_m[1] * b.com_m[1]);
+      const double about_axis = b.inertia_kgm2(2, 2) + b.mass_kg * (b.com_m[0] * b.com_m[0] + b.com_m[1] * b.com_m[1]);
       const bool own = (body.prismatic ? b.mass_kg : about_axis) + body.armature > 0.0;
       if (!own && !moves[i])
         error(body.line, "joint '" + body.joint + "' moves nothing that has " +
@@ -370,6 +390,20 @@ class Builder {
     }
   }
 
+  /// A joint that its own motor accelerates beyond anything real has a rotor that the description leaves out.
+  void note_light_joints() {
+    const std::vector<double> gain = mobility(out_, start_position(out_));
+    for (std::size_t i = 0; i < out_.bodies.size(); ++i) {
+      const MovingBody& b = out_.bodies[i];
+      const double most = b.effort * gain[i];
+      if (!b.actuated || !std::isfinite(b.effort) || most < (b.prismatic ? kFast_m_s2 : kFast_rad_s2)) continue;
+      out_.notes.push_back(robot_.path + ":" + std::to_string(b.line) + ": joint '" + b.joint +
+                           format("' reaches %.0f %s by its own effort: the rotor's inertia is missing; ", most,
+                                  b.prismatic ? "m/s2" : "rad/s2") +
+                           "write <dynamics armature=\"kgm2\"/> or import with --armature " + b.joint + "=KGM2");
+    }
+  }
+
   bool moving_link(const std::string& name) const {
     for (const MovingBody& body : out_.bodies)
       for (const LinkShare& share : body.links)
@@ -381,8 +415,9 @@ class Builder {
     Words names;
     for (const NamedFrame& frame : out_.frames)
       if (frame.body == static_cast<int>(body)) names.push_back("'" + frame.name + "'");
-    return names.empty() ? "" : (names.size() > 1 ? ": links " : ": link ") + join(names) + " at line " +
-                                    std::to_string(link_.at(first_link(body))->line);
+    return names.empty() ? ""
+                         : (names.size() > 1 ? ": links " : ": link ") + join(names) + " at line " +
+                               std::to_string(link_.at(first_link(body))->line);
   }
   std::string first_link(std::size_t body) const {
     for (const NamedFrame& frame : out_.frames)
@@ -404,6 +439,44 @@ class Builder {
 };
 
 }  // namespace
+
+std::vector<double> start_position(const Mechanism& mechanism) {
+  std::vector<double> out;
+  for (const MovingBody& b : mechanism.bodies) {
+    const bool ranged = std::isfinite(b.high - b.low);
+    const double margin = ranged ? 0.1 * (b.high - b.low) : 0.0;
+    if (b.low + margin <= 0.0 && 0.0 <= b.high - margin)
+      out.push_back(0.0);
+    else
+      out.push_back(ranged ? 0.5 * (b.low + b.high) : std::isfinite(b.low) ? b.low : b.high);
+  }
+  for (std::size_t i = 0; i < out.size(); ++i)
+    if (const MovingBody& b = mechanism.bodies[i]; b.mimics >= 0)
+      out[i] = b.mimic_ratio * out[static_cast<std::size_t>(b.mimics)] + b.mimic_offset;
+  return out;
+}
+
+std::vector<double> mobility(const Mechanism& mechanism, const std::vector<double>& position) {
+  std::vector<BodyInertia<double>> inertia;
+  for (const MovingBody& body : mechanism.bodies) {
+    RigidBody whole;
+    for (const LinkShare& share : body.links) whole = together(whole, share.body);
+    BodyInertia<double> b;
+    b.mass = whole.mass_kg;
+    b.moment = scaled(whole.mass_kg, whole.com_m);
+    const Mat3<double> arm = skew(whole.com_m);
+    const Mat3<double> square = arm * arm;
+    for (int r = 0; r < 3; ++r)
+      for (int c = 0; c < 3; ++c) b.inertia(r, c) = whole.inertia_kgm2(r, c) - whole.mass_kg * square(r, c);
+    inertia.push_back(b);
+  }
+  ArticulatedBody<double> tree(mechanism, inertia);
+  tree.place(position);
+  tree.weigh();
+  std::vector<double> out;
+  for (std::size_t j = 0; j < mechanism.bodies.size(); ++j) out.push_back(tree.respond(j)[j]);
+  return out;
+}
 
 bool build_mechanism(const Description& robot, const MechanismOptions& options, Mechanism& mechanism,
                      std::vector<std::string>& errors) {

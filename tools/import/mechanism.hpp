@@ -68,7 +68,19 @@ struct MechanismOptions {
     double position = 0.0;
   };
   std::vector<Held> held;
+  /// Rotor inertias behind the gears, which most descriptions leave out: of one joint, or of every one ("*").
+  struct Armature {
+    std::string joint;
+    double inertia = 0.0;  ///< kgm2 or kg
+  };
+  std::vector<Armature> armature;
 };
+
+/// How fast one unit of force accelerates each joint (bodies), the robot standing at `position` (bodies).
+std::vector<double> mobility(const Mechanism& mechanism, const std::vector<double>& position);
+
+/// The position (bodies) that a robot begins at: 0 where the joints' limits allow, else their middle.
+std::vector<double> start_position(const Mechanism& mechanism);
 
 /// Builds the tree. False with every problem in `errors`, "file:line: what; remedy".
 bool build_mechanism(const Description& robot, const MechanismOptions& options, Mechanism& mechanism,

@@ -62,8 +62,7 @@ class Equations {
           std::vector<Expression> pull;
           for (std::size_t k = 0; k < followers.size(); ++k) pull.push_back(holding.reach[k][at(names_.bodies[c])]);
           const std::vector<Expression> force = solve(holding.matrix, pull);
-          for (std::size_t k = 0; k < followers.size(); ++k)
-            w -= holding.reach[k][at(names_.bodies[r])] * force[k];
+          for (std::size_t k = 0; k < followers.size(); ++k) w -= holding.reach[k][at(names_.bodies[r])] * force[k];
         }
         out[r][c] = w;
       }
@@ -381,8 +380,9 @@ WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, i
           " by `tiller import`, which writes it anew: forward dynamics of the tree by the\n"
           "/// articulated-body algorithm (Featherstone 2008), unrolled: " +
           std::to_string(out.operations) + " operations. ";
-  text += payload_frame >= 0 ? "The payload hangs at frame " + mechanism.frames[static_cast<std::size_t>(payload_frame)].name + ".\n"
-                             : "\n";
+  text += payload_frame >= 0
+              ? "The payload hangs at frame " + mechanism.frames[static_cast<std::size_t>(payload_frame)].name + ".\n"
+              : "\n";
   text += "template <class S>\nstruct " + n.type + " {\n  static constexpr const char* name = \"" +
           identifier(mechanism.name) + "\";\n";
   text += fields("State", states) + fields("Input", n.inputs);
@@ -398,14 +398,20 @@ WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, i
   text += "  };\n";
   if (angles != 0) text += "  static constexpr unsigned angles = " + format("0x%xu", angles) + ";\n";
   text += "  static constexpr bool long_dynamics = true;\n\n";
-  text += "  // one text for all who call it: these equations are long, and a call costs nothing beside them\n"
-          "  __attribute__((noinline)) static State dynamics(const State& x, [[maybe_unused]] const Input& u, const Force& f,\n"
-          "                        [[maybe_unused]] const tiller::Body<S>& body" + p_argument + ") {\n"
-          "    using tiller::sincos;\n" + dynamics_code + "    return {" + listed(derivatives, "            ") + "};\n  }\n\n";
-  text += "  /// The inverse inertia: " + std::to_string(out.response_operations) + " operations.\n"
+  text +=
+      "  // one text for all who call it: these equations are long, and a call costs nothing beside them\n"
+      "  __attribute__((noinline)) static State dynamics(const State& x, [[maybe_unused]] const Input& u, const Force& f,\n"
+      "                        [[maybe_unused]] const tiller::Body<S>& body" +
+      p_argument +
+      ") {\n"
+      "    using tiller::sincos;\n" +
+      dynamics_code + "    return {" + listed(derivatives, "            ") + "};\n  }\n\n";
+  text += "  /// The inverse inertia: " + std::to_string(out.response_operations) +
+          " operations.\n"
           "  static void responses([[maybe_unused]] const State& x, [[maybe_unused]] const tiller::Body<S>& body,\n"
-          "                        " + (has_params ? "[[maybe_unused]] const Params& p, " : std::string()) +
-          "S (*column)[" + std::to_string(joints) + "]) {\n    using tiller::sincos;\n" + response_code + "  }\n};\n";
+          "                        " +
+          (has_params ? "[[maybe_unused]] const Params& p, " : std::string()) + "S (*column)[" +
+          std::to_string(joints) + "]) {\n    using tiller::sincos;\n" + response_code + "  }\n};\n";
   return out;
 }
 

@@ -9,7 +9,7 @@ namespace tiller::tools {
 
 /// Names of the emitted model, in its own order.
 struct ModelNames {
-  std::string type;  ///< the struct: "Ur5"
+  std::string type;         ///< the struct: "Ur5"
   std::vector<int> bodies;  ///< of the joints that have states
   std::vector<std::string> joints, positions, velocities, inputs, forces;
   std::vector<int> input_of;  ///< (joints) index into `inputs`; -1: none drives it

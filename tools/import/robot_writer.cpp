@@ -12,19 +12,27 @@ namespace {
 constexpr double kUnstatedEffort = 10.0;
 /// The default task moves each joint so far from where it starts.
 constexpr double kMove_rad = 0.3, kMove_m = 0.05;
+constexpr double kPeriod_s = 0.01;
+/// Share of the effort that nobody explains, from tick to tick.
+constexpr double kUnknownForce = 0.002;
 constexpr double kEncoder_rad = 0.0005, kEncoder_m = 0.0001;
 
 class RobotText {
  public:
   RobotText(const Mechanism& mechanism, const Unknowns& unknowns, const ModelNames& names)
-      : mechanism_(mechanism), unknowns_(unknowns), names_(names) {}
+      : mechanism_(mechanism),
+        unknowns_(unknowns),
+        names_(names),
+        start_(start_position(mechanism)),
+        mobility_(mobility(mechanism, start_)) {}
 
   std::string write(const std::string& header, const std::string& payload_frame) {
     out_ += "# " + mechanism_.name + ", imported from " + file_name(mechanism_.path) +
             ". `tiller import` writes this file once; it is yours to change.\n"
             "# Every key: `tiller help robot-file`.\n\n";
     out_ += "[robot]\nname = \"" + identifier(mechanism_.name) + "\"\n\n[model]\nfile = \"" + header + "\"\ntype = \"" +
-            names_.type + "\"\nperiod_s = 0.01\nintegrator = \"midpoint\"\n\n";
+            names_.type + "\"\nperiod_s = " + number_text(kPeriod_s) + "\nintegrator = \"midpoint\"\n" + substeps() +
+            "\n";
     parameters();
     effects(payload_frame);
     measurement();
@@ -53,13 +61,7 @@ class RobotText {
     return "{" + text + " }";
   }
 
-  /// The position that a joint starts at: 0 where its limits allow, else their middle.
-  double start(std::size_t joint) const {
-    const MovingBody& b = body(joint);
-    const double margin = std::isfinite(b.high - b.low) ? 0.1 * (b.high - b.low) : 0.0;
-    if (b.low + margin <= 0.0 && 0.0 <= b.high - margin) return 0.0;
-    return std::isfinite(b.high - b.low) ? 0.5 * (b.low + b.high) : std::isfinite(b.low) ? b.low : b.high;
-  }
+  double start(std::size_t joint) const { return start_[static_cast<std::size_t>(names_.bodies[joint])]; }
   double target(std::size_t joint) const {
     const MovingBody& b = body(joint);
     if (!b.actuated) return start(joint);
@@ -67,6 +69,12 @@ class RobotText {
     const double move = std::min(b.prismatic ? kMove_m : kMove_rad, room);
     const double up = start(joint) + move;
     return round_to(up <= b.high ? up : start(joint) - move);
+  }
+  /// Dry friction at many joints asks for short steps, which many joints cannot have within a tick.
+  std::string substeps() const {
+    return joints() > 3 && unknowns_.friction.size() > 3
+               ? "substeps = 2   # `tiller check` asks for more, for friction's sake; a tick then takes longer\n"
+               : "";
   }
   static double round_to(double value) { return std::round(1e6 * value) / 1e6; }
 
@@ -102,8 +110,15 @@ class RobotText {
     out_ += "[measurement]\n";
     for (std::size_t j = 0; j < joints(); ++j)
       out_ += names_.positions[j] + " = { sd = " + number_text(body(j).prismatic ? kEncoder_m : kEncoder_rad) + " }\n";
-    out_ += "\n[noise]\n# what the equations do not know, as a random walk of the speeds\nprocess_sd = " +
-            table(names_.velocities, [](std::size_t) { return std::string("0.02"); }) + "\n\n";
+    out_ +=
+        "\n[noise]\n# what the equations do not know: a force of 0.2 % of the effort in a period, as a random walk of the speeds\n"
+        "process_sd = " +
+        table(names_.velocities,
+              [&](std::size_t j) {
+                const double gain = mobility_[static_cast<std::size_t>(names_.bodies[j])];
+                return format("%.2g", std::max(0.01, kUnknownForce * effort(body(j)) * gain * std::sqrt(kPeriod_s)));
+              }) +
+        "\n\n";
     out_ += "[start]\nstate = " +
             table(names_.positions,
                   [&](std::size_t j) { return start(j) != 0.0 ? number_text(round_to(start(j))) : std::string(); }) +
@@ -114,13 +129,15 @@ class RobotText {
     if (unknowns_.parameters.empty() && !unknowns_.payload && !vague)
       out_ += "# nothing is unknown: one hypothesis would do\n[posterior]\nenabled = false\nparticles = 16\n\n";
     else
-      out_ += "# small, so that a tick of many joints stays short; `tiller size` tells what more would take\n"
-              "[posterior]\nparticles = 64\nwindow = 16\nmoves_per_tick = 8\n\n";
+      out_ +=
+          "# small, so that a tick of many joints stays short; `tiller size` tells what more would take\n"
+          "[posterior]\nparticles = 64\nwindow = 16\nmoves_per_tick = 8\n\n";
   }
 
   void task() {
-    out_ += "[planner]\nkind = \"ilqr\"\nhorizon = 20\nparticles = 1\niterations = 2\n\n"
-            "# full effort for a tick costs what a tenth of a radian does\n[cost]\n";
+    out_ +=
+        "[planner]\nkind = \"ilqr\"\nhorizon = 20\nparticles = 1\niterations = 2\n\n"
+        "# full effort for a tick costs what a tenth of a radian does\n[cost]\n";
     out_ += "target = " + table(names_.positions, [&](std::size_t j) { return number_text(target(j)); }) + "\n";
     std::vector<std::string> states = names_.positions;
     states.insert(states.end(), names_.velocities.begin(), names_.velocities.end());
@@ -185,16 +202,18 @@ class RobotText {
   }
 
   void plant() {
-    out_ += "# The simulated plant: this model, stepped ten times finer, with parameters that the controller does not know.\n"
-            "# It checks the loop, not the model; only a plant with equations of its own (or the robot) does that.\n"
-            "[sim]\nplant = \"model\"\nseed = 1\n";
+    out_ +=
+        "# The simulated plant: this model, stepped ten times finer, with parameters that the controller does not know.\n"
+        "# It checks the loop, not the model; only a plant with equations of its own (or the robot) does that.\n"
+        "[sim]\nplant = \"model\"\nseed = 1\n";
     if (!unknowns_.parameters.empty()) out_ += "draw = true               # from the priors above, by the seed\n";
     for (std::size_t j = 0; j < joints(); ++j)
-      out_ += "sensors." + names_.positions[j] + " = { sd = " +
-              number_text(0.5 * (body(j).prismatic ? kEncoder_m : kEncoder_rad)) + " }\n";
+      out_ += "sensors." + names_.positions[j] +
+              " = { sd = " + number_text(0.5 * (body(j).prismatic ? kEncoder_m : kEncoder_rad)) + " }\n";
     out_ += "\n";
     if (unknowns_.payload)
-      out_ += "[[sim.effects]]\nkind = \"payload\"\nmass_kg = " + number_text(round_to(0.4 * unknowns_.payload_kg)) + "\n\n";
+      out_ += "[[sim.effects]]\nkind = \"payload\"\nmass_kg = " + number_text(round_to(0.4 * unknowns_.payload_kg)) +
+              "\n\n";
     for (const JointFriction& f : unknowns_.friction) {
       const auto value = [](double v) { return v > 0.0 ? format("%.4g", v) : std::string(); };
       effect("sim.effects", "viscous_friction", f.joint, "damping_SI", value(f.plant_viscous));
@@ -205,6 +224,7 @@ class RobotText {
   const Mechanism& mechanism_;
   const Unknowns& unknowns_;
   const ModelNames& names_;
+  const std::vector<double> start_, mobility_;
   std::string out_;
 };
 

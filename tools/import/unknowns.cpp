@@ -16,8 +16,9 @@ std::string identifier(const std::string& name) {
 }
 
 const char* const* inertia_coordinates() {
-  static const char* const names[kInertiaCoordinates] = {"size",     "stretch_x", "stretch_y", "stretch_z", "shear_xy",
-                                                         "shear_yz", "shear_xz",  "shift_x_m", "shift_y_m", "shift_z_m"};
+  static const char* const names[kInertiaCoordinates] = {"size",      "stretch_x", "stretch_y", "stretch_z",
+                                                         "shear_xy",  "shear_yz",  "shear_xz",  "shift_x_m",
+                                                         "shift_y_m", "shift_z_m"};
   return names;
 }
 
@@ -57,11 +58,13 @@ class Reader {
     if (kind == "payload") return take_payload(word, equals);
     static const Words kinds{"payload", "mass", "inertia", "friction", "gain"};
     if (std::find(kinds.begin(), kinds.end(), kind) == kinds.end())
-      return fail(word, "is none of payload[=KG], mass:LINK, inertia:LINK, friction:JOINT, gain:JOINT" + meant(kind, kinds));
+      return fail(word,
+                  "is none of payload[=KG], mass:LINK, inertia:LINK, friction:JOINT, gain:JOINT" + meant(kind, kinds));
     const bool of_link = kind == "mass" || kind == "inertia";
     const Words& known = of_link ? links_ : joints_;
     if (about.empty())
-      return fail(word, "names no " + std::string(of_link ? "link" : "joint") + "; write " + kind + ":NAME or " + kind + ":*");
+      return fail(
+          word, "names no " + std::string(of_link ? "link" : "joint") + "; write " + kind + ":NAME or " + kind + ":*");
     if (about != "*" && std::find(known.begin(), known.end(), about) == known.end())
       return fail(word, std::string(of_link ? "no link that moves and has inertia" : "no joint that moves by itself") +
                             " is called '" + about + "'" + meant(about, known));
@@ -108,14 +111,15 @@ class Reader {
                                    "{ log_normal = [" + number_text(m) + ", " + number_text(kMassShare) + "] }"});
     }
     if (kind == "inertia" && !has(Kind::inertia, about)) {
-      if (has(Kind::mass, about)) return fail("inertia:" + about, "its mass is unknown already, which inertia includes");
+      if (has(Kind::mass, about))
+        return fail("inertia:" + about, "its mass is unknown already, which inertia includes");
       for (int k = 0; k < kInertiaCoordinates; ++k)
         out_.parameters.push_back({Kind::inertia, identifier(about) + "_" + inertia_coordinates()[k], about, k,
                                    "{ normal = [0.0, " + number_text(k < 7 ? kShapeSd : 0.1 * kShapeSd) + "] }"});
     }
     if (kind == "gain" && !has(Kind::gain, about) && body_of(about).actuated)
-      out_.parameters.push_back({Kind::gain, identifier(about) + "_gain", about, 0,
-                                 "{ log_normal = [1.0, " + number_text(kGainSd) + "] }"});
+      out_.parameters.push_back(
+          {Kind::gain, identifier(about) + "_gain", about, 0, "{ log_normal = [1.0, " + number_text(kGainSd) + "] }"});
     if (kind == "friction") add_friction(body_of(about));
   }
 

@@ -21,7 +21,7 @@ struct ModelParameter {
 /// stiff where a joint is light.
 struct JointFriction {
   std::string joint;
-  std::string viscous, dry;  ///< TOML, a number or a prior; empty: none
+  std::string viscous, dry;                     ///< TOML, a number or a prior; empty: none
   double plant_viscous = 0.0, plant_dry = 0.0;  ///< of the simulated plant: the description's, or within the prior
 };
 

@@ -46,7 +46,8 @@ class Reader {
         note(*e, "<" + tag + "> is not read");
     }
     if (left_out_.count("transmission") > 0)
-      robot_.notes.push_back(robot_.path + ": <transmission> is not read: inputs are joint forces; name a gain with "
+      robot_.notes.push_back(robot_.path +
+                             ": <transmission> is not read: inputs are joint forces; name a gain with "
                              "--unknown gain:JOINT where a gear's ratio or a motor's constant is in doubt");
     check_names();
   }
@@ -220,7 +221,8 @@ class Reader {
       if (!joints.insert(joint.name).second) error(joint.line, "a second joint '" + joint.name + "'");
       for (const std::string& end : {joint.parent, joint.child})
         if (!end.empty() && links.count(end) == 0)
-          error(joint.line, "joint '" + joint.name + "' names link '" + end + "', which there is not" + meant(end, links));
+          error(joint.line,
+                "joint '" + joint.name + "' names link '" + end + "', which there is not" + meant(end, links));
     }
     for (const JointText& joint : robot_.joints)
       if (!joint.mimics.empty() && joints.count(joint.mimics) == 0)
@@ -254,8 +256,8 @@ bool read_urdf(const std::string& path, Description& robot, std::vector<std::str
   }
   tinyxml2::XMLDocument document;
   if (document.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS) {
-    errors.push_back(path + ":" + std::to_string(document.ErrorLineNum()) + ": no XML: " +
-                     (document.ErrorStr() != nullptr ? document.ErrorStr() : "") +
+    errors.push_back(path + ":" + std::to_string(document.ErrorLineNum()) +
+                     ": no XML: " + (document.ErrorStr() != nullptr ? document.ErrorStr() : "") +
                      "; a URDF is the XML that `xacro` writes or `ros2 param get` shows as robot_description");
     return false;
   }

@@ -1,0 +1,198 @@
+# programs: tiller_command
+"""./dev bench robots: imported robots beside pinocchio: the same accelerations, and how long a step takes.
+
+    --only NAME    robots whose name contains it
+    --states N     random states of each robot (200)
+    --no-speed     accuracy alone
+
+The robots are a fixed list of example-robot-data (PyPI, installed once below build/bench_peers). Accelerations and the
+inverse inertia are compared at the same random states; an error is relative to the largest entry. A step is the
+accelerations and an Euler step of one lane. Descriptions that are refused are listed with the reason.
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+
+from _driver import CORE, HOME, ONE_THREAD, PEERS, ROOT, need_environment, note, python_of, site_packages, summary
+
+TILLER = ROOT / "build/release/tools/tiller"
+# the folder and the file of each robot; what is held, so that sixteen joints remain
+ROBOTS = [
+    ("ur3", "ur_description/urdf/ur3_robot.urdf"), ("ur5", "ur_description/urdf/ur5_robot.urdf"),
+    ("ur10", "ur_description/urdf/ur10_robot.urdf"), ("panda arm", "panda_description/urdf/panda.urdf"),
+    ("xarm7", "xarm_description/urdf/xarm7.urdf"), ("z1", "z1_description/urdf/z1.urdf"),
+    ("kinova", "kinova_description/robots/kinova.urdf"), ("so101", "so101_description/urdf/so101.urdf"),
+    ("talos left arm", "talos_data/robots/talos_left_arm.urdf"), ("tiago", "tiago_description/robots/tiago_no_hand.urdf"),
+    ("allegro hand", "allegro_hand_description/urdf/allegro_right_hand.urdf"),
+    ("hyq legs", "hyq_description/robots/hyq_no_sensors.urdf"), ("anymal legs", "anymal_b_simple_description/robots/anymal.urdf"),
+    ("a1 legs", "a1_description/urdf/a1.urdf"), ("go2 legs", "go2_description/urdf/go2.urdf"),
+    ("b1 legs", "b1_description/urdf/b1.urdf"), ("solo12 legs", "solo_description/robots/solo12.urdf"),
+    ("bolt legs", "bolt_description/robots/bolt.urdf"), ("finger", "finger_edu_description/robots/finger_edu.urdf"),
+    ("double pendulum", "double_pendulum_description/urdf/double_pendulum.urdf"),
+]
+HOLD = {"panda arm": "panda_finger_joint1,panda_finger_joint2"}
+SPEED = {"ur5": {"avx512": 15.0, "avx2": 33.0, "scalar": 300.0}, "panda arm": {"avx512": 18.0, "avx2": 40.0}}
+PEER_RATIO = 80.0  # pinocchio's step over one of our lanes
+FLAGS = {"avx2": ["-mavx2", "-mfma"],
+         "avx512": ["-mavx512f", "-mavx512cd", "-mavx512dq", "-mavx512bw", "-mavx512vl", "-mfma",
+                    "-mprefer-vector-width=512"]}
+
+
+def instruction_sets():
+    flags = next((line for line in open("/proc/cpuinfo", encoding="utf-8") if line.startswith("flags")), "").split()
+    sets = ["avx2"] if {"avx2", "fma"} <= set(flags) else []
+    return sets + (["avx512"] if {"avx512f", "avx512dq", "avx512bw", "avx512vl"} <= set(flags) else [])
+
+
+def descriptions():
+    share = site_packages("robots") / "cmeel.prefix/share/example-robot-data/robots"
+    for name, file in ROBOTS:
+        found = sorted(share.rglob(pathlib.Path(file).name))
+        yield name, next((f for f in found if str(f).endswith(file)), found[0] if found else None)
+
+
+def import_robot(name, urdf, folder):
+    """(header, struct, joints, operations), or the reason why not."""
+    hold = ["--hold", HOLD[name]] if name in HOLD else []
+    done = subprocess.run([TILLER, "import", urdf, "-o", folder, "--force", "--any-inertia", *hold], capture_output=True,
+                          text=True, check=False)
+    if done.returncode != 0:
+        return done.stderr.strip().replace(str(urdf), urdf.name)
+    header = next(folder.glob("*.hpp"))
+    text = header.read_text(encoding="utf-8")
+    return (header, re.search(r"struct (\w+) \{", text)[1], re.findall(r'\{"([^"]+)", \d+, \d+, \d+, \d+\}', text),
+            int(re.search(r"unrolled: (\d+)", text)[1]))
+
+
+def compile_robot(header, struct, isa, program):
+    command = ["g++", "-std=c++17", "-O3", "-fno-exceptions", "-fno-rtti", *FLAGS[isa], f"-DTILLER_COMPILE_ISA={isa}",
+               f"-DTILLER_COMPILE_ISA_{isa}=1", f"-DMODEL={struct}", f'-DHEADER="{header}"', f"-I{ROOT}/runtime",
+               f"-I{ROOT}/runtime/include", PEERS / "imported_robot.cpp", "-o", program]
+    subprocess.run([str(c) for c in command], check=True)
+
+
+def plain_urdf(name, urdf, folder):
+    """The description as pinocchio takes it: what we hold is a fixed joint there."""
+    text = urdf.read_text(encoding="utf-8")
+    for joint in HOLD.get(name, "").split(","):
+        text = re.sub(rf'(<joint name="{joint}" )type="\w+"', r'\1type="fixed"', text) if joint else text
+    plain = folder / "plain.urdf"
+    plain.write_text(re.sub(r"<mimic [^>]*/>", "", text), encoding="utf-8")
+    return plain
+
+
+def differences(program, urdf, joints, states):
+    """Largest relative errors of accelerations and inverse inertia."""
+    peer = subprocess.run([python_of("robots"), PEERS / "pinocchio_peer.py", "values", urdf, ",".join(joints), "1",
+                           str(states)], capture_output=True, text=True, check=False)
+    if peer.returncode != 0:
+        return None, peer.stderr.strip().splitlines()[-1]
+    theirs = [json.loads(line) for line in peer.stdout.splitlines()]
+    rows = "\n".join(" ".join(repr(v) for v in t["row"]) for t in theirs)
+    ours = subprocess.run([program, "values"], input=rows, capture_output=True, text=True, check=True).stdout
+    worst, n = [0.0, 0.0], len(joints)
+    for line, t in zip(ours.splitlines(), theirs):
+        got = [float(v) for v in line.split()]
+        for k, (mine, wanted) in enumerate(((got[:n], t["acceleration"]), (got[n:], sum(t["inverse"], [])))):
+            scale = max(abs(w) for w in wanted)
+            worst[k] = max(worst[k], max(abs(a - b) for a, b in zip(mine, wanted)) / scale)
+    return worst, ""
+
+
+def on_one_core(command):
+    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, check=True,
+                          env=dict(os.environ, **ONE_THREAD), preexec_fn=lambda: os.sched_setaffinity(0, {CORE}))
+    return json.loads(done.stdout)
+
+
+def pinocchio_speed(urdf, folder):
+    prefix = site_packages("robots") / "cmeel.prefix"
+    eigen = next((p for p in ("/usr/include/eigen3", "/usr/local/include/eigen3") if os.path.isdir(p)), "/usr/include")
+    program = folder / "pinocchio_speed"
+    if not program.exists():
+        # pinocchio's variants have more members than Boost's prepared lists
+        command = ["g++", "-std=c++17", "-O3", "-march=native", "-DNDEBUG", "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS",
+                   "-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30", "-isystem", prefix / "include",
+                   "-isystem", eigen, PEERS / "pinocchio_speed.cpp", f"-L{prefix}/lib", "-lpinocchio_default",
+                   "-lboost_serialization", f"-Wl,--disable-new-dtags,-rpath,{prefix}/lib", "-o", program]
+        done = subprocess.run([str(c) for c in command], capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            note("pinocchio's own speed is not measured: its headers do not compile here\n" +
+                 "\n".join(done.stderr.splitlines()[:6]))
+            return None
+    saved = folder / "pinocchio.model"
+    subprocess.run([str(python_of("robots")), "-c", "import sys, pinocchio\n"
+                    "pinocchio.buildModelFromUrdf(sys.argv[1]).saveToText(sys.argv[2])", str(urdf), str(saved)], check=True)
+    return on_one_core([program, saved])["pinocchio"]
+
+
+def row(table, heading, what, figure, unit, goal, bound):
+    met = figure <= bound if goal == "<=" else figure >= bound
+    table.append({"section": "robots", "heading": heading, "row": what, "figure": figure, "unit": unit,
+                  "goal": f"{goal} {bound:g}", "met": met})
+    print(f"  {what:<60} {figure:10.3g} {unit:<6} goal {goal} {bound:g}  {'met' if met else 'short'}", flush=True)
+
+
+def speeds(table, name, header, struct, urdf, folder):
+    peer = pinocchio_speed(urdf, folder)
+    heading, scalar, lane = "a step, per lane", [], []
+    for isa in instruction_sets():
+        program = folder / f"speed_{isa}"
+        compile_robot(header, struct, isa, program)
+        measured = on_one_core([program, "speed"])
+        row(table, heading, f"{name}, f32, {isa}", measured["f32"], "ns", "<=", SPEED[name][isa])
+        print(f"    f64 {measured['f64']:.3g} ns; scalar double {measured['scalar']:.4g} ns")
+        scalar.append(measured["scalar"])
+        lane.append(measured["f32"])
+    if scalar and "scalar" in SPEED[name]:
+        row(table, heading, f"{name}, scalar double, the better compilation", min(scalar), "ns", "<=", SPEED[name]["scalar"])
+    if lane and peer:
+        row(table, heading, f"{name}, pinocchio's {peer:.0f} ns over an f32 lane", peer / min(lane), "x", ">=", PEER_RATIO)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", default="", metavar="NAME")
+    parser.add_argument("--states", type=int, default=200, metavar="N")
+    parser.add_argument("--no-speed", action="store_true")
+    options = parser.parse_args()
+    if not need_environment("robots"):
+        sys.exit("robots: without pinocchio there is nothing to compare with")
+    table = []
+    with tempfile.TemporaryDirectory() as temporary:
+        for name, urdf in descriptions():
+            if options.only not in name:
+                continue
+            folder = pathlib.Path(temporary) / name.replace(" ", "_")
+            folder.mkdir()
+            if urdf is None:
+                print(f"  {name}: not in this version of example-robot-data")
+                continue
+            found = import_robot(name, urdf, folder)
+            if isinstance(found, str):
+                print(f"  {name}: refused: {found}")
+                continue
+            header, struct, joints, operations = found
+            print(f"{name}: {len(joints)} joints, {operations} operations", flush=True)
+            plain = plain_urdf(name, urdf, folder)
+            program = folder / "values"
+            compile_robot(header, struct, instruction_sets()[0], program)
+            worst, why = differences(program, plain, joints, options.states)
+            if worst is None:
+                print(f"  not compared: {why}")
+                continue
+            row(table, "against pinocchio", f"{name}: accelerations, relative", worst[0], "", "<=", 1e-11)
+            row(table, "against pinocchio", f"{name}: inverse inertia, relative", worst[1], "", "<=", 1e-11)
+            if name in SPEED and not options.no_speed:
+                speeds(table, name, header, struct, plain, pathlib.Path(temporary))
+    summary(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,88 @@
+// An imported model alone: MODEL of HEADER (-D). Compiled by robots.py; not part of the CMake build.
+//
+//   imported_robot values   reads rows q, v, force of n numbers each; prints accelerations and the inverse inertia
+//   imported_robot speed    nanoseconds of a step (accelerations, then Euler) of one lane: f32 lanes, f64 lanes, scalar
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <vector>
+
+#include "scalar/pack.hpp"
+
+#include HEADER
+
+namespace {
+
+constexpr int kJoints = sizeof(MODEL<double>::joints) / sizeof(MODEL<double>::joints[0]);
+
+template <class S>
+typename MODEL<S>::State rates(const typename MODEL<S>::State& x, const typename MODEL<S>::Force& f) {
+  const tiller::Body<S> body = {S(0.0), S(-9.81), S(0.0), S(0.0)};
+  return MODEL<S>::dynamics(x, {}, f, body);
+}
+
+int values() {
+  std::vector<double> row(3 * kJoints);
+  for (;;) {
+    for (double& v : row)
+      if (std::scanf("%lf", &v) != 1) return 0;
+    MODEL<double>::State x;
+    MODEL<double>::Force f;
+    std::memcpy(static_cast<void*>(&x), row.data(), sizeof x);
+    std::memcpy(static_cast<void*>(&f), row.data() + 2 * kJoints, sizeof f);
+    const MODEL<double>::State dx = rates<double>(x, f);
+    double all[2 * kJoints], column[kJoints][kJoints];
+    std::memcpy(all, static_cast<const void*>(&dx), sizeof all);
+    MODEL<double>::responses(x, {0.0, -9.81, 0.0, 0.0}, column);
+    for (int j = 0; j < kJoints; ++j) std::printf("%.17g ", all[kJoints + j]);
+    for (const auto& r : column)
+      for (double v : r) std::printf("%.17g ", v);
+    std::printf("\n");
+  }
+}
+
+/// Median of nine rounds over a batch that stays in the first-level cache.
+template <class S>
+double step_ns(int lanes) {
+  constexpr int kBatch = 16, kSteps = 2000, kRounds = 9;
+  using State = typename MODEL<S>::State;
+  std::vector<State> batch(kBatch);
+  const S h(1e-4);
+  std::vector<double> rounds;
+  for (int round = 0; round < kRounds; ++round) {
+    for (int b = 0; b < kBatch; ++b) {
+      S* x = reinterpret_cast<S*>(&batch[static_cast<std::size_t>(b)]);
+      for (int i = 0; i < 2 * kJoints; ++i) x[i] = S(0.1 * std::sin(i + 3.0 * b));
+    }
+    typename MODEL<S>::Force f;
+    for (int j = 0; j < kJoints; ++j) reinterpret_cast<S*>(&f)[j] = S(0.3 * j);
+    const auto begin = std::chrono::steady_clock::now();
+    for (int step = 0; step < kSteps; ++step)
+      for (State& x : batch) {
+        const State dx = rates<S>(x, f);
+        S* to = reinterpret_cast<S*>(&x);
+        const S* by = reinterpret_cast<const S*>(&dx);
+        for (int i = 0; i < 2 * kJoints; ++i) to[i] = to[i] + h * by[i];
+      }
+    const std::chrono::duration<double, std::nano> spent = std::chrono::steady_clock::now() - begin;
+    rounds.push_back(spent.count() / (double(kSteps) * kBatch * lanes));
+  }
+  for (std::size_t i = 0; i < rounds.size(); ++i)
+    for (std::size_t k = i + 1; k < rounds.size(); ++k)
+      if (rounds[k] < rounds[i]) std::swap(rounds[i], rounds[k]);
+  return rounds[kRounds / 2];
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc > 1 && std::strcmp(argv[1], "speed") == 0) {
+    using tiller::TILLER_COMPILE_ISA::Pack;
+    std::printf("{\"f32\": %.4g, \"f64\": %.4g, \"scalar\": %.4g}\n", step_ns<Pack<float>>(Pack<float>::width),
+                step_ns<Pack<double>>(Pack<double>::width), step_ns<double>(1));
+    return 0;
+  }
+  return values();
+}
