@@ -259,20 +259,8 @@ class ArticulatedBody {
     return d;
   }
 
- private:
   using StepList = std::vector<articulated::Step<T>>;
-
-  /// A turn by a constant angle: quarter turns are exact.
-  static articulated::Turn<T> constant_turn(int axis, double angle_rad) {
-    if (angle_rad == 0.0) return {axis, T(0.0), T(1.0), true};
-    return {axis, T(exact(std::sin(angle_rad))), T(exact(std::cos(angle_rad))), false};
-  }
-  static double exact(double value) {
-    for (const double whole : {-1.0, 0.0, 1.0})
-      if (std::fabs(value - whole) < 1e-15) return whole;
-    return value;
-  }
-
+  /// From the parent's frame to the body's, the joint standing at `position`.
   static StepList steps_of(const MovingBody& body, const T& position) {
     using namespace articulated;
     using std::cos;
@@ -299,6 +287,18 @@ class ArticulatedBody {
     }
     steps.push_back({{T(0.0), T(f.y_m), along}, turn});
     return steps;
+  }
+
+ private:
+  /// A turn by a constant angle: quarter turns are exact.
+  static articulated::Turn<T> constant_turn(int axis, double angle_rad) {
+    if (angle_rad == 0.0) return {axis, T(0.0), T(1.0), true};
+    return {axis, T(exact(std::sin(angle_rad))), T(exact(std::cos(angle_rad))), false};
+  }
+  static double exact(double value) {
+    for (const double whole : {-1.0, 0.0, 1.0})
+      if (std::fabs(value - whole) < 1e-15) return whole;
+    return value;
   }
 
   /// The inertia that is felt through a joint that gives way; what the joint takes over is zero, not a difference.

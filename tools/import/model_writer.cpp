@@ -190,6 +190,31 @@ class Equations {
     return about_origin(size * mass, first, moved, share.body.com_m);
   }
 
+  /// What a body that turns about its z can give to its parent without changing any motion: its mass as if it stood on
+  /// the axis, and as much inertia about x as about y (Gautier and Khalil's regrouping, 1990). The rest has neither
+  /// mass nor inertia about y, so that much of the recursion vanishes. What the base gets moves nothing.
+  void hand_down(std::vector<BodyInertia<Expression>>& bodies) const {
+    using namespace articulated;
+    for (std::size_t i = bodies.size(); i-- > 0;) {
+      const MovingBody& body = mechanism_.bodies[i];
+      if (body.prismatic) continue;
+      BodyInertia<Expression>& b = bodies[i];
+      Inertia<Expression> given;
+      for (int k = 0; k < 3; ++k) given.m(k, k) = b.mass;
+      given.h = skew(Vec3<Expression>{0.0, 0.0, b.moment[2]});
+      given.i(0, 0) = given.i(1, 1) = b.inertia(1, 1);
+      b.inertia(0, 0) -= b.inertia(1, 1);
+      b.inertia(1, 1) = b.moment[2] = b.mass = 0.0;
+      if (body.parent < 0) continue;
+      const auto steps = ArticulatedBody<Expression>::steps_of(body, 0.0);
+      for (std::size_t s = steps.size(); s-- > 0;) given = inertia_up(steps[s], given);
+      BodyInertia<Expression>& above = bodies[at(body.parent)];
+      above.mass += given.m(0, 0);
+      above.moment = above.moment + Vec3<Expression>{given.h(2, 1), given.h(0, 2), given.h(1, 0)};
+      above.inertia = above.inertia + given.i;
+    }
+  }
+
   std::vector<BodyInertia<Expression>> inertias() {
     std::vector<BodyInertia<Expression>> out(mechanism_.bodies.size());
     const auto add = [](BodyInertia<Expression>& to, const BodyInertia<Expression>& b) {
@@ -218,6 +243,7 @@ class Equations {
         add(out[at(frame.body)], about_origin(graph.symbol("body.payload_kg"), {}, second, frame.pose.position));
       }
     }
+    hand_down(out);
     return out;
   }
 
