@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/import/description.hpp"
+#include "tools/description/description.hpp"
 
 namespace tiller_test {
 

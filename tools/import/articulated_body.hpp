@@ -3,7 +3,7 @@
 #include <cmath>
 #include <vector>
 
-#include "tools/import/linear.hpp"
+#include "tools/description/linear.hpp"
 #include "tools/import/mechanism.hpp"
 
 namespace tiller::tools {

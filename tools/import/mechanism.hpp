@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/import/description.hpp"
+#include "tools/description/description.hpp"
 
 namespace tiller::tools {
 

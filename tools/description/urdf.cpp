@@ -8,7 +8,7 @@
 #include <set>
 
 #include "tools/base/text.hpp"
-#include "tools/import/description.hpp"
+#include "tools/description/description.hpp"
 
 namespace tiller::tools {
 namespace {

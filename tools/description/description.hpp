@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/import/linear.hpp"
+#include "tools/description/linear.hpp"
 
 namespace tiller::tools {
 

@@ -1,4 +1,4 @@
-#include "tools/import/linear.hpp"
+#include "tools/description/linear.hpp"
 
 #include <Eigen/Eigenvalues>
 #include <cmath>
