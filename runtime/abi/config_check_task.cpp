@@ -81,6 +81,25 @@ Finding check_rows(const tiller_cost_config_t& c, std::size_t states) {
   return kGood;
 }
 
+/// The outputs' costs; a model without outputs has nothing to weigh.
+Finding check_outputs(const tiller_cost_config_t& c, const tiller_model_t& model) {
+  static constexpr auto fields = element_names<TILLER_MAX_OUTPUTS>("cost.outputs");
+  constexpr tiller_status_t kBad = tiller_status_bad_cost;
+  if ((c.outputs != nullptr) != (c.output_count > 0)) return {kBad, "cost.output_count"};
+  if (c.output_count != 0 && c.output_count != model.output_count) return {kBad, "cost.output_count"};
+  for (std::uint32_t j = 0; j < c.output_count; ++j) {
+    const tiller_output_cost_t& o = c.outputs[j];
+    const bool bounds = is_value_or_none(o.low) && is_value_or_none(o.high) && o.high > o.low;
+    const bool weights = is_weight(o.weight) && is_weight(o.terminal_weight) && is_weight(o.bound_weight);
+    if (!is_value(o.target) || !bounds || !weights) return {kBad, fields[j]};
+  }
+  if ((c.output_reference != nullptr) != (c.output_reference_steps > 0)) return {kBad, "cost.output_reference_steps"};
+  if (c.output_reference != nullptr && c.outputs == nullptr) return {kBad, "cost.output_reference"};
+  if (!all_values(c.output_reference, std::size_t{c.output_reference_steps} * model.output_count))
+    return {kBad, "cost.output_reference"};
+  return kGood;
+}
+
 Finding check_own(const tiller_cost_config_t& c) {
   if (!is_weight(c.own_weight)) return {tiller_status_bad_cost, "cost.own_weight"};
   if (c.own == nullptr) return kGood;
@@ -105,6 +124,7 @@ Finding check_cost(const tiller_config_t& c) {
   Finding finding = check_state_terms(c.cost, states);
   if (finding.status == tiller_status_ok) finding = check_obstacles(c.cost, states);
   if (finding.status == tiller_status_ok) finding = check_rows(c.cost, states);
+  if (finding.status == tiller_status_ok) finding = check_outputs(c.cost, *c.model);
   if (finding.status == tiller_status_ok) finding = check_own(c.cost);
   return finding;
 }

@@ -36,6 +36,9 @@ Finding check_model(const tiller_model_t& m) {
   if (!all_named(m.input_names, m.input_count)) return {tiller_status_bad_model, "model.input_names"};
   if (!all_named(m.param_names, m.param_count)) return {tiller_status_bad_model, "model.param_names"};
   if (!all_named(m.force_names, m.joint_count)) return {tiller_status_bad_model, "model.force_names"};
+  if (m.output_count > TILLER_MAX_OUTPUTS) return {tiller_status_bad_model, "model.output_count"};
+  if (!all_named(m.output_names, m.output_count)) return {tiller_status_bad_model, "model.output_names"};
+  if (m.output_count > 0 && m.outputs == nullptr) return {tiller_status_bad_model, "model.outputs"};
   if (!joints_fit(m)) return {tiller_status_bad_model, "model.joints"};
   if ((m.angle_mask & ~low_bits(m.state_count)) != 0) return {tiller_status_bad_model, "model.angle_mask"};
 #if defined(TILLER_NO_C_MODELS)

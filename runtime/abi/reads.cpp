@@ -67,6 +67,14 @@ tiller_status_t tiller_get_particle(const tiller_t* t, uint32_t index, double* p
   return tiller_status_ok;
 }
 
+tiller_status_t tiller_get_outputs(const tiller_t* t, double* y) {
+  if (t == nullptr || y == nullptr) return tiller_status_null_argument;
+  const tiller_model_t& model = *t->executive->config().model;
+  if (model.output_count == 0) return tiller_status_bad_model;
+  model.outputs(t->executive->info().state_mean, t->executive->info().param_mean, y);
+  return tiller_status_ok;
+}
+
 tiller_status_t tiller_get_record(const tiller_t* t, uint64_t tick, tiller_record_t* record) {
   if (t == nullptr || record == nullptr) return tiller_status_null_argument;
   const tiller::Recorder& recorder = t->executive->recorder();

@@ -265,6 +265,7 @@ void Executive::replan(Tick& tick) {
 
   PlanRequest request;
   request.belief = &belief_.belief();
+  request.goal = goal_;
   request.origin = origin();
   request.last_command = gate_.last();
   request.tick = info_.ticks;

@@ -44,6 +44,10 @@ class Executive {
   tiller_status_t reset();
   void force_iterations(std::uint32_t iterations) { forced_iterations_ = iterations; }
   void prepare();
+  // the goal, checked by the caller
+  void set_target(const double* target);
+  void set_output_target(const double* target);
+  void set_reference(const double* states, const double* outputs, std::uint32_t steps);
 
   // executive.cpp
   tiller_status_t tick(std::int64_t now_us, const tiller_measurement_t* measurement, tiller_command_t& command);
@@ -84,6 +88,7 @@ class Executive {
   // lifecycle.cpp
   void end_motion();
   void forget_times();
+  void note_goal();
 
   // the tick, in order
   Tick begin_tick(std::int64_t now_us, const tiller_measurement_t* measurement);
@@ -121,8 +126,9 @@ class Executive {
   bool has_clock() const { return hooks_.now_ns != nullptr; }
   std::int64_t clock_ns() const { return has_clock() ? hooks_.now_ns(hooks_.context) : 0; }
 
-  // constant after lay_out
+  // constant after lay_out, but for the goal in config_.cost
   tiller_config_t config_{};
+  tiller_output_cost_t* outputs_ = nullptr;  // config_.cost.outputs
   tiller_hooks_t hooks_{};
   StepSetup setup_;
   const RolloutTable* table_ = nullptr;
@@ -152,6 +158,7 @@ class Executive {
   std::uint32_t untaken_ = 0;              // updates in a row that took no measurement in
   bool was_moving_ = false;
   std::uint64_t task_tick_ = 0;  // tick in which motion began: step 0 of a reference
+  std::uint64_t goal_ = 0;       // how often the goal has changed
   std::uint32_t hold_ticks_ = 0;
   std::uint32_t unrenewed_plans_ = 0;  // in a row, by planners that had no time for an iteration
   static constexpr std::uint32_t kNotForced = 0xffffffffu, kLongest = 0xffffffffu;

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "executive/executive.hpp"
@@ -57,6 +58,12 @@ Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const
   Executive& self = placed ? *placed : stand_in;
   self.config_ = config;
   if (hooks) self.hooks_ = *hooks;
+  // goals change while the robot runs: the targets are the block's
+  auto* outputs = arena.take<tiller_output_cost_t>(config.cost.output_count);
+  if (outputs != nullptr && config.cost.output_count > 0) {
+    std::copy(config.cost.outputs, config.cost.outputs + config.cost.output_count, outputs);
+    self.config_.cost.outputs = self.outputs_ = outputs;
+  }
   if (make_step_setup(self.config_, self.setup_) != tiller_status_ok) return nullptr;
   self.table_ = &select_rollout(*config.model);
   self.planner_table_ = find_planner(config.planner.kind);

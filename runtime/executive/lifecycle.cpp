@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <limits>
 
 #include "executive/executive.hpp"
@@ -53,6 +54,35 @@ tiller_status_t Executive::reset() {
   return status;
 }
 
+void Executive::note_goal() {
+  ++goal_;
+  recorder_.note_call(tiller_call_goal);
+}
+
+void Executive::set_target(const double* target) {
+  std::copy(target, target + config_.model->state_count, config_.cost.target);
+  config_.cost.reference = nullptr;
+  config_.cost.reference_steps = 0;
+  note_goal();
+}
+
+void Executive::set_output_target(const double* target) {
+  for (std::uint32_t j = 0; j < config_.cost.output_count; ++j) outputs_[j].target = target[j];
+  config_.cost.output_reference = nullptr;
+  config_.cost.output_reference_steps = 0;
+  note_goal();
+}
+
+/// Row 0 of what is given is due at the next tick.
+void Executive::set_reference(const double* states, const double* outputs, std::uint32_t steps) {
+  config_.cost.reference = states;
+  config_.cost.reference_steps = states ? steps : 0;
+  config_.cost.output_reference = outputs;
+  config_.cost.output_reference_steps = outputs ? steps : 0;
+  task_tick_ = info_.ticks;
+  note_goal();
+}
+
 /// Every moment that was kept: stamps of a clock that has been set since would hold back all later ones.
 void Executive::forget_times() {
   timeline_.clear();
@@ -66,6 +96,7 @@ void Executive::prepare() {
   recorder_.note_call(tiller_call_prepare);
   PlanRequest expected;
   expected.belief = &belief_.belief();
+  expected.goal = goal_;
   expected.origin = origin();
   expected.last_command = gate_.last();
   expected.tick = info_.ticks;

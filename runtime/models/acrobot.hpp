@@ -24,6 +24,16 @@ struct Acrobot {
   static constexpr tiller_joint_t joints[] = {{"shoulder", 0, 2, 0, 0}, {"elbow", 1, 3, 1, 1}};
   static constexpr unsigned angles = (1u << 0) | (1u << 1);
   static constexpr bool long_dynamics = true;
+  TILLER_FIELDS(Output, S, tip_x_m, tip_z_m);  // of the lower rod, from the shoulder
+
+  static Output outputs(const State& x, const Params& p) {
+    S sine, cosine, sine1, cosine1;
+    sincos(x.elbow_rad, sine, cosine);
+    sincos(x.shoulder_rad, sine1, cosine1);
+    const S sine12 = sine1 * cosine + cosine1 * sine, cosine12 = cosine1 * cosine - sine1 * sine;
+    return {p.upper_length_m * sine1 + p.lower_length_m * sine12,
+            -(p.upper_length_m * cosine1 + p.lower_length_m * cosine12)};
+  }
 
   static State dynamics(const State& x, const Input& u, const Force& f, const Body<S>& body, const Params& p) {
     const S beyond = p.lower_mass_kg + body.payload_kg;  // hangs on the elbow

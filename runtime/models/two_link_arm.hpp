@@ -17,6 +17,9 @@ struct TwoLinkArm {
   static constexpr tiller_joint_t joints[] = {{"shoulder", 0, 2, 0, 1}, {"elbow", 1, 3, 1, 2}};
   static constexpr unsigned angles = (1u << 0) | (1u << 1);
   static constexpr bool long_dynamics = true;
+  using Output = typename Links::Output;
+
+  static Output outputs(const State& x, const Params& p) { return Links::outputs(x, p); }
 
   static State dynamics(const State& x, const Input& u, const Force& f, const Body<S>& body, const Params& p) {
     Force turn = f;

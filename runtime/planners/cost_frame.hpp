@@ -6,12 +6,21 @@
 
 namespace tiller {
 
-/// Keeps a planner's cost in the frame of its belief, whose angles come less whole turns.
+/// Keeps a planner's cost at the present goal, and in the frame of its belief, whose angles come less whole turns.
 class CostFrame {
  public:
   void lay_out(const tiller_config_t& config) {
     cost_ = &config.cost;
     states_ = config.model->state_count;
+    angles_ = config.model->angle_mask;
+  }
+  /// `goal` counts the changes of the configuration's goal. True if it is not that of the call before.
+  template <class T>
+  bool take_goal(std::uint64_t goal, CostTerms<T>& terms) {
+    if (goal == goal_) return false;
+    goal_ = goal;
+    tiller::take_goal(*cost_, states_, angles_, terms);
+    return true;
   }
   /// `origin` (nx; null: zeros). True if it is not that of the call before: a path planned until then has another
   /// frame.
@@ -29,7 +38,8 @@ class CostFrame {
 
  private:
   const tiller_cost_config_t* cost_ = nullptr;
-  std::uint32_t states_ = 0;
+  std::uint32_t states_ = 0, angles_ = 0;
+  std::uint64_t goal_ = 0;
   double origin_[TILLER_MAX_STATES] = {};
 };
 

@@ -10,6 +10,12 @@ void take_command(PathPlan& p, const double* last_command) {
     p.last_input[i] = admit_command(p.limits[i], last_command ? last_command[i] : p.fallback[i], p.fallback[i]);
 }
 
+bool take_goal(PathPlan& p, std::uint64_t goal) {
+  if (!p.frame.take_goal(goal, p.cost)) return false;
+  p.hessians_stand = false;  // a reference may have come or gone
+  return true;
+}
+
 bool take_origin(PathPlan& p, const double* origin) {
   if (!p.frame.move_to(origin, p.cost)) return false;
   p.has_path = p.has_gain = p.hessians_stand = false;

@@ -23,6 +23,7 @@ struct PlanRequest {
   const double* last_command = nullptr;  // (nu) in force: the rate limit starts there
   std::uint64_t tick = 0;                // names the random numbers; the old plan is shifted by one period a tick
   std::uint64_t task_step = 0;           // periods since the task began: the row of a reference that is due now
+  std::uint64_t goal = 0;                // changes of the goal so far
   const double* origin = nullptr;        // (nx) whole turns that the belief's angles come less; null: none
   Deadline deadline;
 };

@@ -31,7 +31,7 @@ struct Sizes {
   bool mixed, penalised;
 };
 
-constexpr std::uint32_t kPenalties = kCostBounds | kCostObstacles;
+constexpr std::uint32_t kPenalties = kCostBounds | kCostObstacles | kCostOutputBounds;
 
 Sizes measure(const tiller_config_t& config, const StepSetup& setup, const SamplingMethod& method) {
   const tiller_planner_config_t& p = config.planner;

@@ -152,6 +152,7 @@ PlanResult plan(void* self, const PlanRequest& request, double* command) {
   take_command(p, request.last_command);
   p.task_step = request.task_step;
   shift(s, request.tick);
+  if (take_goal(p, request.goal)) s.prepared = false;
   if (take_origin(p, request.origin)) place_hard_bounds(s);
   if (!take_belief(p, request.belief)) {
     result.status = tiller_status_plan_not_finite;

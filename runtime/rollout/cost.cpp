@@ -17,10 +17,14 @@ std::uint32_t present_terms(const tiller_cost_config_t& cost) {
     if (weight > 0.0) terms |= kCostBounds;
   for (std::uint32_t k = 0; k < cost.obstacle_count; ++k)
     if (cost.obstacles[k].weight > 0.0) terms |= kCostObstacles;
-  if (cost.reference && cost.reference_steps > 0) terms |= kCostReference;
   if (cost.demonstration_weight > 0.0 && cost.demonstration_mean && cost.demonstration_root &&
       cost.demonstration_steps > 0)
     terms |= kCostDemonstration;
+  for (std::uint32_t j = 0; cost.outputs && j < cost.output_count; ++j) {
+    const tiller_output_cost_t& o = cost.outputs[j];
+    if (o.weight > 0.0 || o.terminal_weight > 0.0) terms |= kCostOutputs;
+    if (o.bound_weight > 0.0) terms |= kCostOutputBounds;
+  }
   if (cost.own_weight > 0.0) terms |= cost.own ? kCostOwnFunction : kCostOwnTemplate;
   return terms;
 }
@@ -41,7 +45,30 @@ void take_states(const tiller_cost_config_t& cost, CostTerms<T>& terms) {
   }
 }
 
+template <class T>
+void take_reference(const tiller_cost_config_t& cost, CostTerms<T>& terms) {
+  terms.reference = cost.reference;
+  terms.reference_rows = cost.reference_steps;
+  if (cost.reference && cost.reference_steps > 0)
+    terms.extra |= kCostReference;
+  else
+    terms.extra &= ~static_cast<std::uint32_t>(kCostReference);
+  terms.output_reference = cost.output_reference;
+  terms.output_reference_rows = cost.output_reference_steps;
+}
+
 }  // namespace
+
+template <class T>
+void take_goal(const tiller_cost_config_t& cost, std::uint32_t states, std::uint32_t angles, CostTerms<T>& terms) {
+  for (std::uint32_t i = 0; i < states; ++i) {
+    const bool turns = sizeof(T) < sizeof(double) && ((angles >> i) & 1u);
+    terms.target[i] = static_cast<T>(cost.target[i] - (turns ? far_turns(cost.target[i]) : 0.0));
+  }
+  take_reference(cost, terms);
+}
+template void take_goal<float>(const tiller_cost_config_t&, std::uint32_t, std::uint32_t, CostTerms<float>&);
+template void take_goal<double>(const tiller_cost_config_t&, std::uint32_t, std::uint32_t, CostTerms<double>&);
 
 template <class T>
 CostTerms<T> make_cost_terms(const tiller_cost_config_t& cost) {
@@ -63,12 +90,12 @@ CostTerms<T> make_cost_terms(const tiller_cost_config_t& cost) {
                                                static_cast<T>(o.radius_m),
                                                static_cast<T>(o.weight)};
   }
-  terms.reference = cost.reference;
-  terms.reference_rows = cost.reference_steps;
+  take_reference(cost, terms);
   terms.demonstration_mean = cost.demonstration_mean;
   terms.demonstration_root = cost.demonstration_root;
   terms.demonstration_rows = cost.demonstration_steps;
   terms.demonstration_weight = static_cast<T>(cost.demonstration_weight);
+  terms.outputs = cost.outputs;
   terms.own = cost.own;
   terms.own_weight = static_cast<T>(cost.own_weight);
   return terms;
@@ -85,9 +112,7 @@ tiller_status_t lay_out_cost(const tiller_config_t& config, const StepSetup& set
   if (exact) exact->cost_to_go = exact_p;
   if (lanes) lanes->cost_to_go = lanes_p;
   // whole turns of a target make no difference to what is wrapped, and in single precision they cost it its digits
-  for (std::uint32_t i = 0; lanes && i < config.model->state_count; ++i)
-    if ((config.model->angle_mask >> i) & 1u)
-      lanes->target[i] = static_cast<float>(config.cost.target[i] - far_turns(config.cost.target[i]));
+  if (lanes) take_goal(config.cost, config.model->state_count, config.model->angle_mask, *lanes);
   if (config.cost.own_weight > 0.0 && !config.cost.own && !table.own_cost) return tiller_status_bad_cost;
   if (config.cost.terminal != tiller_terminal_lqr) return tiller_status_ok;
   if ((exact && !exact_p) || (lanes && !lanes_p)) return tiller_status_null_argument;

@@ -24,7 +24,9 @@ enum CostTerm : std::uint32_t {
   kCostDemonstration = 1u << 4,
   kCostToGo = 1u << 5,         // the matrix at the end of the horizon
   kCostOwnFunction = 1u << 6,  // the caller's, in C
-  kCostOwnTemplate = 1u << 7   // the one that the kernel was compiled with
+  kCostOwnTemplate = 1u << 7,  // the one that the kernel was compiled with
+  kCostOutputs = 1u << 8,      // their targets
+  kCostOutputBounds = 1u << 9
 };
 
 /// A circle to keep out of.
@@ -59,6 +61,9 @@ struct CostTerms {
   T demonstration_weight;
   T own_weight;
   const tiller_own_cost_t* own;
+  const tiller_output_cost_t* outputs;  // (ny), the configuration's
+  const double* output_reference;       // (output_reference_rows x ny)
+  std::uint32_t output_reference_rows;
 
   bool only_quadratic() const { return extra == 0; }
   bool has(CostTerm term) const { return (extra & term) != 0; }
@@ -78,6 +83,11 @@ CostTerms<T> make_cost_terms(const tiller_cost_config_t& cost);
 /// No memory but the stack's (about 60 kB); about 0.1 ms.
 tiller_status_t lay_out_cost(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
                              CostTerms<double>* exact, CostTerms<float>* lanes);
+
+/// What may change while the robot runs: target and references, as the configuration has them now. `angles`: bits of
+/// the states that wrap, whose whole turns single precision does without.
+template <class T>
+void take_goal(const tiller_cost_config_t& cost, std::uint32_t states, std::uint32_t angles, CostTerms<T>& terms);
 
 /// Row of a table of `rows` that is due at `step`: the last row holds.
 TILLER_INLINE std::size_t cost_row(std::uint64_t step, std::uint32_t rows) {

@@ -5,6 +5,7 @@
 // for the one before, so the lanes are the candidates of the line search, which then cost nothing.
 
 #include "rollout/dual_step.hpp"
+#include "rollout/output_cost.hpp"
 #include "rollout/own_cost.hpp"
 #include "rollout/path.hpp"
 #include "rollout/slopes.hpp"
@@ -176,6 +177,7 @@ struct GradientKernel {
     const std::uint64_t row = job.task_step + step;
     P sum = u ? every_state_cost<Model, P>(Model{}, cost, cost.state, row, x)
               : every_terminal_cost<Model, P>(Model{}, cost, row, x);
+    if constexpr (Model::kOutputs > 0) sum = sum + output_cost<Model, P>(Model{}, cost, !u, row, x, p);
     if (cost.has(kCostOwnTemplate) || cost.has(kCostOwnFunction))
       sum = sum + OwnCost<Model, Cost, P>::evaluate(cost, x, u, p, static_cast<double>(row) * job.setup->period_s);
     return sum;

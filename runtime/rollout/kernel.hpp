@@ -9,6 +9,7 @@
 #include "rollout/lane_rows.hpp"
 #include "rollout/lq_scenarios.hpp"
 #include "rollout/lq_sweep.hpp"
+#include "rollout/output_cost.hpp"
 #include "rollout/own_cost.hpp"
 #include "rollout/quadratise_lanes.hpp"
 #include "rollout/residual_kernel.hpp"
@@ -36,6 +37,7 @@ struct Kernel {
     P sum = u ? every_state_cost<Model, P>(Model{}, cost, cost.state, row, x) +
                     input_cost<Model, P>(Model{}, cost, *u, before)
               : every_terminal_cost<Model, P>(Model{}, cost, row, x);
+    if constexpr (Model::kOutputs > 0) sum = sum + output_cost<Model, P>(Model{}, cost, !u, row, x, p);
     if (cost.has(kCostOwnTemplate) || cost.has(kCostOwnFunction))
       sum = sum + OwnCost<Model, Cost, P>::evaluate(cost, x, u, p, static_cast<double>(row) * job.setup->period_s);
     return sum;
@@ -43,8 +45,17 @@ struct Kernel {
 
   /// As every_cost, out of line.
   template <class P, class T>
-  static __attribute__((noinline)) P penalty(const RolloutJob<T>& job, const typename Model::template State<P>& x) {
+  static __attribute__((noinline)) P state_penalty(const RolloutJob<T>& job,
+                                                   const typename Model::template State<P>& x) {
     return penalty_cost<Model, P>(Model{}, *job.cost, x);
+  }
+  template <class P, class T>
+  static TILLER_INLINE P penalty(const RolloutJob<T>& job, const typename Model::template State<P>& x,
+                                 [[maybe_unused]] const typename Model::template Params<P>& p) {
+    if constexpr (Model::kOutputs > 0)
+      return state_penalty<P>(job, x) + output_penalty<Model, P>(Model{}, *job.cost, x, p);
+    else
+      return state_penalty<P>(job, x);
   }
 
   template <class T>
@@ -102,7 +113,7 @@ struct Kernel {
           else
             cost[r] = cost[r] + state_cost<Model, P>(stepper.model, job.cost->target, job.cost->state, t[r].x) +
                       input_cost<Model, P>(stepper.model, *job.cost, u, before[r]);
-          if (kExtra && job.penalty_out) penalties[r] = penalties[r] + penalty<P>(job, t[r].x);
+          if (kExtra && job.penalty_out) penalties[r] = penalties[r] + penalty<P>(job, t[r].x, params.model);
           before[r] = u;
         }
         if constexpr (kEffects)
@@ -127,7 +138,8 @@ struct Kernel {
                            ? every_cost<P>(job, job.horizon, t[r].x, nullptr, before[r], p[kSplat ? 0 : r].model)
                            : state_cost<Model, P>(stepper.model, job.cost->target, job.cost->terminal, t[r].x);
         (cost[r] + last).store(job.cost_out + at);
-        if (kExtra && job.penalty_out) (penalties[r] + penalty<P>(job, t[r].x)).store(job.penalty_out + at);
+        if (kExtra && job.penalty_out)
+          (penalties[r] + penalty<P>(job, t[r].x, p[kSplat ? 0 : r].model)).store(job.penalty_out + at);
       }
       if (job.trajectory)
         store_state<T>(job.trajectory + static_cast<std::size_t>(job.horizon) * kStates * job.lanes, job.lanes, at,

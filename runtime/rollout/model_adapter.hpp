@@ -59,11 +59,14 @@ struct StaticModel {
   using Params = typename ParamsOf<M<S>>::type;
   template <class S>
   using Force = typename ForceOf<M<S>>::type;
+  template <class S>
+  using Output = typename OutputOf<M<S>>::type;
 
   static constexpr int kStates = State<double>::count;
   static constexpr int kInputs = Input<double>::count;
   static constexpr int kParams = Params<double>::count;
   static constexpr int kForces = Force<double>::count;
+  static constexpr int kOutputs = Output<double>::count;
   static constexpr int kMostInputs = kInputs > 0 ? kInputs : 1;
   static constexpr int kMostForces = kForces > 0 ? kForces : 1;
   static constexpr bool kKnowsResponses = HasResponses<M<double>>::value;
@@ -71,6 +74,7 @@ struct StaticModel {
   static constexpr Index<kInputs> nu() { return {}; }
   static constexpr Index<kParams> np() { return {}; }
   static constexpr Index<kForces> nf() { return {}; }
+  static constexpr Index<kOutputs> ny() { return {}; }
   /// Joints as effects go through them: constants for up to three, which stay in registers; more are a loop, or every
   /// effect's text would stand in the kernel once a joint.
   static constexpr auto joints() {
@@ -85,7 +89,7 @@ struct StaticModel {
   static_assert(ForceOf<M<double>>::joint_count == kForces, "one joint for each force, in order");
   static_assert(kForces > 0 || !HasJoints<M<double>>::value, "joints ask for TILLER_FIELDS(Force, ...)");
   static_assert(kStates <= TILLER_MAX_STATES && kInputs <= TILLER_MAX_INPUTS && kParams <= TILLER_MAX_PARAMS &&
-                    kForces <= TILLER_MAX_JOINTS,
+                    kForces <= TILLER_MAX_JOINTS && kOutputs <= TILLER_MAX_OUTPUTS,
                 "the model is larger than docs/reference/limits.md allows");
 
   template <int I>
@@ -138,6 +142,15 @@ struct StaticModel {
       return M<S>::dynamics(x, u, body, p);
     else
       return M<S>::dynamics(x, u, body);
+  }
+
+  /// What the model tells of itself; out of line, for a pose's text is long and nothing is gained by copies of it.
+  template <class S>
+  static __attribute__((noinline)) Output<S> outputs(const State<S>& x, [[maybe_unused]] const Params<S>& p) {
+    if constexpr (kParams > 0)
+      return M<S>::outputs(x, p);
+    else
+      return M<S>::outputs(x);
   }
 
   /// The inverse inertia of a model that has it written out: column[j][i], the acceleration of joint i for a unit force
@@ -216,7 +229,10 @@ struct TableModel {
   using Params = FieldArray<S, TILLER_MAX_PARAMS>;
   template <class S>
   using Force = FieldArray<S, TILLER_MAX_JOINTS>;
+  template <class S>
+  using Output = FieldArray<S, TILLER_MAX_OUTPUTS>;
 
+  static constexpr int kOutputs = TILLER_MAX_OUTPUTS;
   static constexpr int kMostInputs = TILLER_MAX_INPUTS;
   static constexpr int kMostForces = TILLER_MAX_JOINTS;
   static constexpr bool kKnowsResponses = false;
@@ -228,6 +244,7 @@ struct TableModel {
   int nu() const { return static_cast<int>(table->input_count); }
   int np() const { return static_cast<int>(table->param_count); }
   int nf() const { return static_cast<int>(table->joint_count); }
+  int ny() const { return static_cast<int>(table->output_count); }
   int joints() const { return nf(); }
   bool is_angle(int i) const { return (table->angle_mask >> i) & 1u; }
   template <class S>
@@ -251,6 +268,12 @@ struct TableModel {
     State<S> dx;
     table->dynamics(x.v, u.v, f.v, &b, p.v, dx.v);
     return dx;
+  }
+  template <class S>
+  Output<S> outputs(const State<S>& x, const Params<S>& p) const {
+    Output<S> y{};
+    table->outputs(x.v, p.v, y.v);
+    return y;
   }
   /// The dynamics are affine in the force: one difference is exact but for rounding, which double bears.
   template <class S>

@@ -66,6 +66,15 @@ struct ModelTable {
     }
   }
 
+  static void outputs(const double* x, const double* p, double* y) {
+    typename Model::template State<double> xs;
+    typename Model::template Params<double> ps;
+    each(Model::nx(), [&](auto i) { xs[i] = x[i]; });
+    each(Model::np(), [&](auto i) { ps[i] = p[i]; });
+    const auto ys = Model::template outputs<double>(xs, ps);
+    each(Model::ny(), [&](auto i) { y[i] = ys[i]; });
+  }
+
   static constexpr tiller_model_t make(const ModelKernels* kernels) {
     tiller_model_t t{};
     t.size = sizeof(tiller_model_t);
@@ -84,6 +93,9 @@ struct ModelTable {
     t.dynamics = &dynamics;
     t.jacobian = &jacobian;
     t.kernels = kernels;
+    t.output_count = Model::kOutputs;
+    t.output_names = OutputOf<M<double>>::type::names;
+    if constexpr (Model::kOutputs > 0) t.outputs = &outputs;
     return t;
   }
 };

@@ -2,6 +2,7 @@
 
 // QuadratiseJob in lanes: a lane is a step of the horizon.
 
+#include "rollout/output_cost.hpp"
 #include "rollout/quadratise.hpp"
 #include "rollout/rollout.hpp"
 #include "scalar/pack.hpp"
@@ -112,6 +113,14 @@ struct Quadratiser {
     }
   }
 
+  /// Out of line, as an own cost: a pose's derivatives are long.
+  static __attribute__((noinline)) void add_outputs(const QuadratiseJob& job, const Rows& rows, const State& x,
+                                                    bool terminal, std::uint32_t lane, E& e) {
+    Params p;
+    each(Model::np(), [&](auto i) { p[i] = load(job.params, i, lane, rows.spread); });
+    expand_outputs<Model, P>(*job.cost, terminal, rows, x, p, e);
+  }
+
   // ---- steps and the end -------------------------------------------------------------------------
 
   static TILLER_INLINE P load(const Lanes<double>& rows, int row, std::uint32_t lane, std::uint32_t spread) {
@@ -172,6 +181,8 @@ struct Quadratiser {
       });
       expand_inputs<Model, P>(Model{}, cost, u, before, e);
     }
+    if constexpr (kExtra && Model::kOutputs > 0)
+      if (cost.has(kCostOutputs) || cost.has(kCostOutputBounds)) add_outputs(job, rows, x, kTerminal, lane, e);
     if constexpr (kExtra) add_own_cost(job, rows, x, kTerminal ? nullptr : &u, lane, e);
     store_all(job, lane, kSpread, e);
   }

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "rollout/output_cost.hpp"
 #include "rollout/quadratise.hpp"
 #include "rollout/residual.hpp"
 #include "rollout/step.hpp"
@@ -47,18 +48,27 @@ double own_cost(const RolloutJob<T>& job, std::uint64_t row, const double* x, co
   return static_cast<double>(cost.own_weight) * cost.own->terminal(x, p, time_s, cost.own->context);
 }
 
+using ModelParams = TableModel::Params<double>;
+
 template <class T>
 double stage_cost(const TableModel& model, const RolloutJob<T>& job, std::uint32_t step, const Step::State& x,
-                  const Step::Input& u, const Step::Input& before, const double* p) {
+                  const Step::Input& u, const Step::Input& before, const ModelParams& p) {
   const std::uint64_t row = job.task_step + step;
   return every_state_cost<TableModel, double>(model, *job.cost, job.cost->state, row, x) +
-         input_cost<TableModel, double>(model, *job.cost, u, before) + own_cost(job, row, x.v, u.v, p);
+         input_cost<TableModel, double>(model, *job.cost, u, before) +
+         output_cost<TableModel, double>(model, *job.cost, false, row, x, p) + own_cost(job, row, x.v, u.v, p.v);
 }
 
 template <class T>
-double terminal_cost(const TableModel& model, const RolloutJob<T>& job, const Step::State& x, const double* p) {
+double terminal_cost(const TableModel& model, const RolloutJob<T>& job, const Step::State& x, const ModelParams& p) {
   const std::uint64_t row = job.task_step + job.horizon;
-  return every_terminal_cost<TableModel, double>(model, *job.cost, row, x) + own_cost(job, row, x.v, nullptr, p);
+  return every_terminal_cost<TableModel, double>(model, *job.cost, row, x) +
+         output_cost<TableModel, double>(model, *job.cost, true, row, x, p) + own_cost(job, row, x.v, nullptr, p.v);
+}
+
+template <class T>
+double every_penalty(const TableModel& model, const CostTerms<T>& cost, const Step::State& x, const ModelParams& p) {
+  return penalty_cost<TableModel, double>(model, cost, x) + output_penalty<TableModel, double>(model, cost, x, p);
 }
 
 template <class T>
@@ -81,8 +91,8 @@ void roll_lane(const TableModel& model, const Step& step, const RolloutJob<T>& j
     Step::Input u{};
     for (int i = 0; i < nu; ++i) u[i] = cell(job.controls, static_cast<std::size_t>(k) * nu + i, lane);
     if (job.cost) {
-      cost += stage_cost(model, job, k, t.x, u, before, p.model.v);
-      if (job.penalty_out) penalty += penalty_cost<TableModel, double>(model, *job.cost, t.x);
+      cost += stage_cost(model, job, k, t.x, u, before, p.model);
+      if (job.penalty_out) penalty += every_penalty(model, *job.cost, t.x, p.model);
       before = u;
     }
     const auto past = [&](int age, int input) {
@@ -95,9 +105,9 @@ void roll_lane(const TableModel& model, const Step& step, const RolloutJob<T>& j
     };
     step.advance(t, u, p, past);
   }
-  if (job.cost && job.cost_out) job.cost_out[lane] = static_cast<T>(cost + terminal_cost(model, job, t.x, p.model.v));
+  if (job.cost && job.cost_out) job.cost_out[lane] = static_cast<T>(cost + terminal_cost(model, job, t.x, p.model));
   if (job.cost && job.penalty_out)
-    job.penalty_out[lane] = static_cast<T>(penalty + penalty_cost<TableModel, double>(model, *job.cost, t.x));
+    job.penalty_out[lane] = static_cast<T>(penalty + every_penalty(model, *job.cost, t.x, p.model));
   if (job.trajectory) keep(job.trajectory + static_cast<std::size_t>(job.horizon) * nx * job.lanes);
   if (job.final_state) keep(job.final_state);
   if (job.final_effect_state)
@@ -254,6 +264,34 @@ void add_own_function(const TableModel& model, const QuadratiseJob& job, std::ui
   add_own<kN>(job.cost->own_weight, nx, nu, n, value, gradient, hessian, e);
 }
 
+/// Central differences, one state after the other.
+template <class Due>
+void add_outputs(const TableModel& model, const QuadratiseJob& job, std::uint32_t lane, bool terminal, const Due& due,
+                 const Step::State& x, PlainExpansion& e) {
+  const CostTerms<double>& cost = *job.cost;
+  const int nx = model.nx(), ny = model.ny();
+  ModelParams p{};
+  for (int i = 0; i < model.np(); ++i) p[i] = cell(job.params, static_cast<std::size_t>(i), lane);
+  const auto y = model.outputs<double>(x, p);
+  double gradient[TILLER_MAX_OUTPUTS][TILLER_MAX_STATES];
+  Step::State at = x;
+  for (int k = 0; k < nx; ++k) {
+    const double width = 6e-6 * (std::fabs(x[k]) > 1.0 ? std::fabs(x[k]) : 1.0);
+    at[k] = x[k] + width;
+    const auto above = model.outputs<double>(at, p);
+    at[k] = x[k] - width;
+    const auto below = model.outputs<double>(at, p);
+    at[k] = x[k];
+    for (int j = 0; j < ny; ++j) gradient[j][k] = (above[j] - below[j]) / (2.0 * width);
+  }
+  for (int j = 0; j < ny; ++j) {
+    const tiller_output_cost_t& o = cost.outputs[j];
+    const double target =
+        cost.output_reference ? due(cost.output_reference, cost.output_reference_rows, ny, j) : o.target;
+    expand_output<double>(o, target, terminal ? o.terminal_weight : o.weight, nx, y[j], gradient[j], e);
+  }
+}
+
 void quadratise_lane(const TableModel& model, const QuadratiseJob& job, std::uint32_t lane, bool stage) {
   const CostTerms<double>& cost = *job.cost;
   const auto due = [&](const double* table, std::uint32_t rows, int count, int index) {
@@ -273,6 +311,7 @@ void quadratise_lane(const TableModel& model, const QuadratiseJob& job, std::uin
     }
     expand_inputs<TableModel, double>(model, cost, u, before, e);
   }
+  if (cost.has(kCostOutputs) || cost.has(kCostOutputBounds)) add_outputs(model, job, lane, !stage, due, x, e);
   if (cost.has(kCostOwnFunction)) add_own_function(model, job, lane, stage, x, u, e);
   store_expansion(e, model.nx(), model.nu(), job, lane);
 }

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "rollout/cost_text.hpp"
+#include "rollout/output_cost.hpp"
 #include "rollout/path.hpp"
 #include "rollout/step.hpp"
 
@@ -126,6 +126,7 @@ void feedback(const tiller_model_t& table, const FeedbackJob& job) {
         load_params(model, job.params + j * params, params, p);
         keep(k, j);
         cost[j] += inputs + every_state_cost<TableModel, double>(model, *job.cost, job.cost->state, row, t[j].x) +
+                   output_cost<TableModel, double>(model, *job.cost, false, row, t[j].x, p.model) +
                    own_cost(job, row, t[j].x.v, u.v, p.model.v);
         step.advance(t[j], u, p);
       }
@@ -134,9 +135,12 @@ void feedback(const tiller_model_t& table, const FeedbackJob& job) {
     for (std::size_t j = 0; j < count; ++j) {
       const std::uint64_t row = job.task_step + job.horizon;
       keep(job.horizon, j);
-      job.cost_out[j * kCandidates + lane] = cost[j] +
-                                             every_terminal_cost<TableModel, double>(model, *job.cost, row, t[j].x) +
-                                             own_cost(job, row, t[j].x.v, nullptr, job.params + j * params);
+      Parameters<TableModel, double> p{};
+      load_params(model, job.params + j * params, params, p);
+      job.cost_out[j * kCandidates + lane] =
+          cost[j] + every_terminal_cost<TableModel, double>(model, *job.cost, row, t[j].x) +
+          output_cost<TableModel, double>(model, *job.cost, true, row, t[j].x, p.model) +
+          own_cost(job, row, t[j].x.v, nullptr, p.model.v);
     }
   }
 }

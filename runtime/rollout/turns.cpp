@@ -40,6 +40,12 @@ class Places {
     for (std::uint32_t i = 0; i < config.param_count; ++i) param_[i] = from_prior(config.priors[i], rng);
     // the quadratic terms wrap their differences, bounds and obstacles move with the origin
     cost_.extra &= kCostOwnFunction | kCostOwnTemplate;
+    if (config.model->output_count > 0) {
+      for (tiller_output_cost_t& o : outputs_) o = {0.0, 1.0, 1.0, -INFINITY, INFINITY, 0.0};
+      cost_.outputs = outputs_;
+      cost_.output_reference = nullptr;
+      cost_.extra |= kCostOutputs;
+    }
     std::fill(cost_.state, cost_.state + TILLER_MAX_STATES, 0.0);
     std::fill(cost_.terminal, cost_.terminal + TILLER_MAX_STATES, 0.0);
   }
@@ -99,6 +105,7 @@ class Places {
   const StepSetup& setup_;
   const RolloutTable& table_;
   CostTerms<double> cost_;
+  tiller_output_cost_t outputs_[TILLER_MAX_OUTPUTS];
   double start_[TILLER_MAX_STATES][kTries] = {}, effect_[TILLER_MAX_EFFECT_STATES][kTries] = {};
   double param_[TILLER_MAX_PARAMS] = {}, control_[TILLER_MAX_INPUTS * kPeriods] = {};
   double history_[(TILLER_MAX_DELAY_STEPS + 1) * TILLER_MAX_INPUTS] = {};

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <limits>
 #include <map>
 #include <memory>
@@ -78,7 +79,7 @@ struct MechanismInfo {
   std::vector<std::string> joints;    // ports of joint effects
   std::size_t actuated;               // index of the joint that the (first) motor drives
   std::vector<std::size_t> motors;    // (commands) index of the joint that each drives; empty: not one each
-  std::unique_ptr<Mechanism> (*build)(const std::map<std::string, double>& parameters);
+  std::function<std::unique_ptr<Mechanism>(const std::map<std::string, double>& parameters)> build;
 };
 
 const std::vector<MechanismInfo>& mechanisms();

@@ -3,10 +3,13 @@
 #include <cstdint>
 #include <limits>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
 namespace tiller::sim {
+
+struct MechanismInfo;
 
 /// Physics that the plant has and the model of the controller may lack.
 struct HiddenEffect {
@@ -19,6 +22,7 @@ struct HiddenEffect {
 /// are refused by Plant::make with a list of those it has. Times are in seconds; noise in channel units.
 struct PlantOptions {
   std::string kind = "cart_pole";               ///< see plant_help()
+  std::shared_ptr<const MechanismInfo> made;    ///< in the place of `kind`: a mechanism made for this robot
   std::map<std::string, double> parameters;     ///< physical parameters that differ from the default
   std::map<std::string, double> initial_state;  ///< by state name; default: hanging at rest
   std::vector<HiddenEffect> effects;            ///< actuator effects act in this order

@@ -183,7 +183,7 @@ Plant::Plant(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Plant::~Plant() = default;
 
 std::unique_ptr<Plant> Plant::make(const PlantOptions& options, std::string& error) {
-  const MechanismInfo* info = find_mechanism(options.kind);
+  const MechanismInfo* info = options.made ? options.made.get() : find_mechanism(options.kind);
   if (info == nullptr) {
     error = "unknown plant '" + options.kind + "'; known:";
     for (const MechanismInfo& known : mechanisms()) error += " " + known.kind;

@@ -133,7 +133,7 @@ TEST(Equations, OfAPendulumAreOneFraction) {
   std::string turned = text;
   turned.erase(turned.find("<axis xyz=\"0 0 1\"/>"), 19);
   ASSERT_EQ(imported(turned, mechanism), "");
-  const WrittenModel model = write_model(mechanism, {}, -1);
+  const WrittenModel model = write_model(mechanism, {}, -1, {});
   EXPECT_LT(model.operations, 20) << model.text;
   EXPECT_EQ(model.response_operations, 0) << "one over a constant\n" << model.text;
 }

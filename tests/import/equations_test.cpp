@@ -115,6 +115,39 @@ TEST_F(Imported, ResponsesAreTheInverseInertia) {
   }
 }
 
+// Links that stand a metre from the lens along its axes tell where these point.
+TEST_F(Imported, OutputsAreTheFramesPose) {
+  const char* const kAlong[3] = {"lens_x", "lens_y", "lens_z"};
+  for (std::size_t k = 0; k < 3; ++k) {
+    LinkText link;
+    link.name = kAlong[k];
+    JointText weld;
+    weld.name = link.name + "_weld";
+    weld.parent = "lens";
+    weld.child = link.name;
+    weld.origin.position[k] = 1.0;
+    robot_.links.push_back(link);
+    robot_.joints.push_back(weld);
+  }
+  std::mt19937 random(7);
+  for (int k = 0; k < 50; ++k) {
+    const Point p = random_point(random);
+    const Values q = with_mirror(p.q, true);
+    const NewtonEuler reference(robot_);
+    const Arm::Output y = Arm::outputs(state_of<Arm>(p));
+    const Vec3<double> origin = reference.origin_of("lens", q);
+    const double ours[3] = {y.lens_x_m, y.lens_y_m, y.lens_z_m};
+    const double rotation[3][3] = {{y.lens_rxx, y.lens_rxy, y.lens_rxz},
+                                   {y.lens_ryx, y.lens_ryy, y.lens_ryz},
+                                   {y.lens_rzx, y.lens_rzy, y.lens_rzz}};
+    for (std::size_t r = 0; r < 3; ++r) {
+      EXPECT_NEAR(ours[r], origin[r], 1e-13);
+      for (std::size_t c = 0; c < 3; ++c)
+        EXPECT_NEAR(rotation[r][c], reference.origin_of(kAlong[c], q)[r] - origin[r], 1e-13);
+    }
+  }
+}
+
 // A payload is a link of its own: a ball screwed to the frame that carries it, here the camera's lens.
 TEST_F(Imported, APayloadIsABodyAtItsFrame) {
   constexpr double kMass = 1.3, kInertia = 0.004;

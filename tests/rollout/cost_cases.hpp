@@ -18,6 +18,8 @@ struct CostCase {
   tiller_cost_config_t cost{};
   std::vector<double> reference, mean, root;
   tiller_own_cost_t own{};
+  std::vector<tiller_output_cost_t> outputs;
+  std::vector<double> output_reference;
   bool lqr = false;
 };
 
@@ -89,6 +91,20 @@ inline std::vector<CostCase> cost_cases(const tiller_model_t& model) {
     c.own = {sizeof(tiller_own_cost_t), TILLER_CONFIG_VERSION, own_stage, own_terminal, &factor};
     c.cost.own_weight = 0.8;
   };
+  const auto outputs = [ny = model.output_count, &rng](CostCase& c) {
+    for (std::uint32_t j = 0; j < ny; ++j)
+      c.outputs.push_back({0.3 - 0.2 * j, 1.5 + j, 4.0, -0.4 + 0.1 * j, 0.5, j % 2 == 0 ? 6.0 : 0.0});
+    c.cost.output_reference_steps = ny > 0 ? 5 : 0;
+    for (std::uint32_t i = 0; i < 5 * ny; ++i) c.output_reference.push_back(rng.uniform() - 0.5);
+  };
+  if (model.output_count > 0) {
+    add("outputs", outputs);
+    add("output_targets", [&](CostCase& c) {
+      outputs(c);
+      c.cost.output_reference_steps = 0;
+      c.output_reference.clear();
+    });
+  }
   add("saturating", saturating);
   add("bounds", bounds);
   add("obstacles", obstacles);
@@ -97,7 +113,7 @@ inline std::vector<CostCase> cost_cases(const tiller_model_t& model) {
   add("cost_to_go", [](CostCase& c) { c.lqr = true; });
   add("own_function", own);
   add("all", [&](CostCase& c) {
-    saturating(c), bounds(c), obstacles(c), reference(c), demonstration(c), own(c);
+    saturating(c), bounds(c), obstacles(c), reference(c), demonstration(c), own(c), outputs(c);
     c.lqr = true;
   });
   return all;
@@ -112,6 +128,9 @@ CostTerms<T> terms_of(const CostCase& c, std::uint32_t nx) {
   if (!c.mean.empty()) cost.demonstration_mean = c.mean.data();
   if (!c.root.empty()) cost.demonstration_root = c.root.data();
   if (c.own.stage) cost.own = &c.own;
+  if (!c.outputs.empty()) cost.outputs = c.outputs.data();
+  cost.output_count = static_cast<std::uint32_t>(c.outputs.size());
+  if (!c.output_reference.empty()) cost.output_reference = c.output_reference.data();
   CostTerms<T> terms = make_cost_terms<T>(cost);
   if (c.lqr) {
     terms.extra |= kCostToGo;
@@ -169,8 +188,22 @@ struct PlainCost {
     }
     return sum;
   }
+  double outputs(bool at_end, std::uint64_t step, const double* x, const double* p) const {
+    if (c.outputs.empty()) return 0.0;
+    double y[TILLER_MAX_OUTPUTS], sum = 0.0;
+    model.outputs(x, p, y);
+    const std::size_t ny = c.outputs.size();
+    for (std::size_t j = 0; j < ny; ++j) {
+      const tiller_output_cost_t& o = c.outputs[j];
+      const double t =
+          c.output_reference.empty() ? o.target : c.output_reference[row(step, c.cost.output_reference_steps) * ny + j];
+      sum += (at_end ? o.terminal_weight : o.weight) * std::pow(y[j] - t, 2) +
+             o.bound_weight * std::pow(std::max({0.0, o.low - y[j], y[j] - o.high}), 2);
+    }
+    return sum;
+  }
   double stage(std::uint64_t step, const double* x, const double* u, const double* before, const double* p) const {
-    double sum = states(c.cost.state_weight, step, x);
+    double sum = states(c.cost.state_weight, step, x) + outputs(false, step, x, p);
     for (std::uint32_t i = 0; i < model.input_count; ++i)
       sum += c.cost.input_weight[i] * u[i] * u[i] + c.cost.input_rate_weight[i] * std::pow(u[i] - before[i], 2);
     if (c.own.stage) sum += c.cost.own_weight * c.own.stage(x, u, p, double(step) * period_s, c.own.context);
@@ -178,7 +211,7 @@ struct PlainCost {
   }
   double terminal(std::uint64_t step, const double* x, const double* p) const {
     const std::uint32_t nx = model.state_count;
-    double sum = states(c.cost.terminal_weight, step, x);
+    double sum = states(c.cost.terminal_weight, step, x) + outputs(true, step, x, p);
     const std::vector<double> d = difference(step, x);
     if (c.lqr)
       for (std::uint32_t r = 0; r < nx; ++r)

@@ -219,7 +219,8 @@ TEST_P(EveryExpansion, LanesAgreeWithThePlainLoop) {
       for (std::uint32_t lane = 0; lane <= kStages; ++lane) {
         const auto a = want.hessian(lane), b = got.hessian(lane);
         // clipped eigenvalues of differences with a rounding error of 1e-8
-        const double tolerance = c.own.stage ? 1e-6 : 1e-12;
+        // and slopes of outputs by central differences, to 1e-10
+        const double tolerance = c.own.stage ? 1e-6 : c.outputs.empty() ? 1e-12 : 1e-8;
         for (std::size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(a[i], b[i], tolerance * (1 + std::abs(a[i]))) << c.name;
       }
     }

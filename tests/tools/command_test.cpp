@@ -161,6 +161,93 @@ TEST_F(Command, ARecordReplaysToTheLastBit) {
   EXPECT_TRUE(contains(bent.out, "\n  state     angle_rad            recorded ")) << "the state at it: " << bent.out;
 }
 
+const std::string kArm = TILLER_TEST_ROBOTS "/two_link_arm.toml";
+
+/// The last row's value of a column.
+double last_of(const std::string& csv, const std::string& column) {
+  std::istringstream rows(csv);
+  std::string header, row, last;
+  std::getline(rows, header);
+  while (std::getline(rows, row)) last = row;
+  std::istringstream names(header), cells(last);
+  for (std::string name, cell; std::getline(names, name, ',') && std::getline(cells, cell, ',');)
+    if (name == column) return std::stod(cell);
+  return NAN;
+}
+
+// The tip of an ODE arm, with a load that the controller does not know.
+TEST_F(Command, GoalsAreReachedAndReplayed) {
+  Words arguments = {"run",   kArm,      "--sim",   "--seconds",
+                     "6",     "--quiet", "--goals", TILLER_TEST_ROBOTS "/two_link_arm_goals.csv",
+                     "--log", "arm.csv"};
+  for (const char* name : {"arm.mcap", "arm.rec"}) arguments.insert(arguments.end(), {"--record", name});
+  const Ended ended = run(arguments);
+  ASSERT_EQ(ended.code, 0) << ended.out;
+  const std::string log = text_of("arm.csv");
+  // the goal of 4 s, after 2 s: ODE's first-order steps and the encoder's noise leave a millimetre
+  EXPECT_EQ(last_of(log, "goal.tip_x_m"), -0.2);
+  EXPECT_NEAR(last_of(log, "out.tip_x_m"), -0.2, 0.005);
+  EXPECT_NEAR(last_of(log, "out.tip_z_m"), -0.7, 0.005);
+  const double q1 = last_of(log, "true.shoulder_rad"), q2 = last_of(log, "true.elbow_rad");
+  EXPECT_NEAR(0.5 * std::sin(q1) + 0.4 * std::sin(q1 + q2), -0.2, 0.005);
+  EXPECT_NEAR(last_of(log, "mean.body.mass_kg"), 0.4, 0.01);
+  for (const char* name : {"arm.csv", "arm.mcap", "arm.rec"}) {
+    const Ended same = run({"replay", name, kArm});
+    EXPECT_EQ(same.code, 0) << same.out;
+    EXPECT_TRUE(contains(same.out, "600 ticks replayed")) << same.out;
+    EXPECT_TRUE(contains(same.out, ", 0 different")) << same.out;
+  }
+}
+
+TEST_F(Command, OutputsThatAreWrongAreToldByKey) {
+  const std::string right = "outputs.tip_x_m = { target = 0.5, weight = 300, terminal_weight = 1000 }";
+  const struct {
+    const char *text, *says;
+  } cases[] = {
+      {"outputs.tip_y_m = { target = 0.5, weight = 300 }", "cost.outputs.tip_y_m"},
+      {"outputs.tip_x_m = { weight = 300 }", "write where the output is wanted"},
+      {"outputs.tip_x_m = { target = 0.5 }", "write what being off the target costs"},
+      {"outputs.tip_x_m = { low = 0.5 }", "write what being outside of the bounds costs"},
+      {"outputs.tip_x_m = { low = 0.5, high = 0.4, bound_weight = 1 }", "cost.outputs.tip_x_m.low = 0.5"},
+      {"outputs.tip_x_m = { target = 0.5, weight = -1 }", "cost.outputs.tip_x_m.weight = -1"},
+      {"outputs.tip_x_m = { target = nan, weight = 1 }", "cost.outputs.tip_x_m.target = nan"},
+      {"outputs.tip_x_m = 3", "cost.outputs.tip_x_m = 3"},
+      {"frames.tip = { position_m = [0, 0, 0], weight = 1 }", "the model has no frame of that name"},
+  };
+  for (const auto& wrong : cases) {
+    std::ofstream(folder_ + "/arm.toml") << variant(kArm, {{right, wrong.text}});
+    const Ended ended = run({"check", "arm.toml"});
+    EXPECT_EQ(ended.code, 1) << wrong.text;
+    EXPECT_TRUE(contains(ended.out, "arm.toml:")) << ended.out;
+    EXPECT_TRUE(contains(ended.out, wrong.says)) << "expected '" << wrong.says << "' in\n" << ended.out;
+  }
+}
+
+TEST_F(Command, GoalsThatAreNoneAreToldByLine) {
+  const struct {
+    const char *text, *says;
+  } cases[] = {{"time_s,tip_x_m\n1,nan\n", "goals.csv:2: tip_x_m = nan: is no finite number"},
+               {"time_s,tip_x_m\n1,0.2\n1,0.3\n", "goals.csv:3: time_s = 1: is not after the row before"},
+               {"time_s,tip_x_m\n1,0.2,3\n", "goals.csv:2: row: has 3 cells, the header 2"},
+               {"time_s,tip_y_m\n1,0.2\n", "goals.csv:1: tip_y_m: is neither a state nor an output"},
+               {"tip_x_m\n0.2\n", "goals.csv:1: time_s: the header has no such column"},
+               {"time_s,tool_roll_rad\n1,0.2\n", "goals.csv:1: tool_roll_rad: is neither"},
+               {"", "goals.csv:1: goals: there is none"}};
+  for (const auto& wrong : cases) {
+    std::ofstream(folder_ + "/goals.csv") << wrong.text;
+    const Ended ended = run({"run", kArm, "--sim", "--seconds", "1", "--quiet", "--goals", "goals.csv"});
+    EXPECT_EQ(ended.code, 1) << ended.out;
+    EXPECT_TRUE(contains(ended.out, wrong.says)) << "expected '" << wrong.says << "' in\n" << ended.out;
+  }
+  EXPECT_TRUE(
+      contains(run({"run", kArm, "--sim", "--seconds", "1", "--goals", "none.csv"}).out, "none.csv: cannot be read"));
+  // goals of outputs that nothing weighs
+  std::ofstream(folder_ + "/goals.csv") << "time_s,tip_x_m\n1,0.2\n";
+  EXPECT_TRUE(
+      contains(run({"run", TILLER_TEST_ROBOTS "/acrobot.toml", "--sim", "--seconds", "1", "--goals", "goals.csv"}).out,
+               "the robot file weighs none"));
+}
+
 TEST_F(Command, ALogThatIsCutOffSaysSoAndAnMcapBringsItsRobot) {
   Words arguments = {"run", kCartPole, "--sim", "--seconds", "1", "--quiet"};
   for (const char* name : {"run.mcap", "run.rec", "run.lcm"}) arguments.insert(arguments.end(), {"--record", name});

@@ -15,8 +15,8 @@ namespace tiller::tools {
 namespace {
 
 struct Options {
-  std::string description, folder, frame, base = "fixed";
-  Words unknown, hold, armature;
+  std::string description, folder, base = "fixed";
+  Words unknown, hold, armature, frame;
   bool any_inertia = false, force = false;
 };
 
@@ -64,22 +64,9 @@ bool read_joint_options(const Options& o, MechanismOptions& options, std::vector
   return errors.empty();
 }
 
-/// The frame that carries the payload: the one named, else the link that hangs on the longest chain of joints, behind
-/// its fixed joints.
-bool payload_frame(const Mechanism& mechanism, const std::string& wanted, int& frame,
-                   std::vector<std::string>& errors) {
-  if (!wanted.empty()) {
-    frame = mechanism.find_frame(wanted);
-    if (frame >= 0) return true;
-    Words names;
-    for (const NamedFrame& f : mechanism.frames) names.push_back(f.name);
-    const std::string near = nearest(wanted, names);
-    errors.push_back("--frame " + wanted + ": no link is called so" +
-                     (near.empty() ? "; there are " + join(names) : "; is '" + near + "' meant?"));
-    return false;
-  }
-  int longest = 0;
-  frame = -1;
+/// The link that hangs on the longest chain of joints, behind its fixed joints; -1: nothing moves.
+int last_frame(const Mechanism& mechanism) {
+  int longest = 0, frame = -1;
   for (std::size_t i = 0; i < mechanism.frames.size(); ++i) {
     int depth = 0;
     for (int b = mechanism.frames[i].body; b >= 0; b = mechanism.bodies[static_cast<std::size_t>(b)].parent) ++depth;
@@ -89,7 +76,35 @@ bool payload_frame(const Mechanism& mechanism, const std::string& wanted, int& f
       frame = static_cast<int>(i);
     }
   }
-  return true;
+  return frame;
+}
+
+/// The frames that are told of; the first carries the payload.
+bool read_frames(const Mechanism& mechanism, const Words& wanted, std::vector<int>& frames,
+                 std::vector<std::string>& errors) {
+  constexpr std::size_t kMost = TILLER_MAX_OUTPUTS / 12;
+  if (wanted.empty()) {
+    if (const int last = last_frame(mechanism); last >= 0) frames.push_back(last);
+    return true;
+  }
+  for (const std::string& word : wanted) {
+    const int frame = mechanism.find_frame(word);
+    if (frame < 0) {
+      Words names;
+      for (const NamedFrame& f : mechanism.frames) names.push_back(f.name);
+      const std::string near = nearest(word, names);
+      errors.push_back("--frame " + word + ": no link is called so" +
+                       (near.empty() ? "; there are " + join(names) : "; is '" + near + "' meant?"));
+    } else if (mechanism.frames[static_cast<std::size_t>(frame)].body < 0) {
+      errors.push_back("--frame " + word + ": belongs to the base, which does not move; name a link behind a joint");
+    } else {
+      frames.push_back(frame);
+    }
+  }
+  if (frames.size() > kMost)
+    errors.push_back("--frame: " + std::to_string(frames.size()) + " frames where a model may tell of " +
+                     std::to_string(kMost) + "; name fewer");
+  return errors.empty();
 }
 
 /// What a model may have; the remedy names joints to hold.
@@ -125,8 +140,10 @@ std::size_t unknown_count(const Unknowns& unknowns) {
   return count;
 }
 
-int write_files(const Options& o, const Mechanism& mechanism, const Unknowns& unknowns, int frame) {
-  const WrittenModel model = write_model(mechanism, unknowns, frame);
+int write_files(const Options& o, const Mechanism& mechanism, const Unknowns& unknowns,
+                const std::vector<int>& frames) {
+  const int frame = frames.empty() ? -1 : frames.front();
+  const WrittenModel model = write_model(mechanism, unknowns, frame, frames);
   const std::string stem = identifier(mechanism.name), header = stem + ".hpp";
   const std::string robot_path = o.folder + "/robot.toml", model_path = o.folder + "/" + header;
   const std::string frame_name = frame >= 0 ? mechanism.frames[static_cast<std::size_t>(frame)].name : "";
@@ -144,11 +161,14 @@ int write_files(const Options& o, const Mechanism& mechanism, const Unknowns& un
         "out too narrow beyond; name what matters most, fix the rest at values that `tiller identify` finds\n",
         count, kManyUnknowns);
   std::printf(
-      "%s: %zu joints, %zu inputs, %zu parameters; %d operations for the accelerations, %d for the inverse inertia\n",
+      "%s: %zu joints, %zu inputs, %zu parameters; %d operations for the accelerations, %d for the inverse inertia, "
+      "%d for the frames' poses\n",
       mechanism.name.c_str(), model.names.joints.size(), model.names.inputs.size(), unknowns.parameters.size(),
-      model.operations, model.response_operations);
+      model.operations, model.response_operations, model.output_operations);
   std::printf("  %s\n  %s\n", model_path.c_str(), robot_path.c_str());
-  if (!frame_name.empty()) std::printf("  a payload hangs at frame %s; another: --frame NAME\n", frame_name.c_str());
+  if (!frame_name.empty())
+    std::printf("  frame %s carries the payload and has targets in [cost]; others: --frame NAME,...\n",
+                frame_name.c_str());
   std::printf("next:\n  tiller check %s\n  tiller run %s --sim --seconds 5 --report %s/run.html\n", robot_path.c_str(),
               robot_path.c_str(), o.folder.c_str());
   return kExitOk;
@@ -162,15 +182,15 @@ int import_command(Options& o) {
   Description description;
   Mechanism mechanism;
   Unknowns unknowns;
-  int frame = -1;
+  std::vector<int> frames;
   if (!read_joint_options(o, options, errors) || !read_urdf(o.description, description, errors) ||
       !build_mechanism(description, options, mechanism, errors) ||
-      !read_unknowns(o.unknown, mechanism, unknowns, errors) || !payload_frame(mechanism, o.frame, frame, errors) ||
+      !read_unknowns(o.unknown, mechanism, unknowns, errors) || !read_frames(mechanism, o.frame, frames, errors) ||
       !within_limits(mechanism, name_model(mechanism), unknowns, errors))
     return complain_all(errors);
   if (o.folder.empty()) o.folder = identifier(mechanism.name);
   while (o.folder.size() > 1 && o.folder.back() == '/') o.folder.pop_back();
-  return write_files(o, mechanism, unknowns, frame);
+  return write_files(o, mechanism, unknowns, frames);
 }
 
 }  // namespace
@@ -185,7 +205,10 @@ void add_import_command(CLI::App& app, int& exit_code) {
                    "what is uncertain: payload[=KG], mass:LINK, inertia:LINK, friction:JOINT, gain:JOINT;\n"
                    "* for every one; several by commas")
       ->delimiter(',');
-  command->add_option("--frame", o->frame, "link that carries the payload [the last one]");
+  command
+      ->add_option("--frame", o->frame,
+                   "links whose poses costs and logs know; the first carries the payload [the last link]")
+      ->delimiter(',');
   command->add_option("--base", o->base, "fixed, planar (x, y, yaw) or free (x, y, z, yaw, pitch, roll) [fixed]")
       ->check(CLI::IsMember({"fixed", "planar", "free"}));
   command->add_option("--hold", o->hold, "joints that do not move: JOINT or JOINT=POSITION; several by commas")

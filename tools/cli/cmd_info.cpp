@@ -41,10 +41,16 @@ void print_cost(const RobotFile& robot) {
     if (c.bound_weight[i] > 0 || (c.hard_bounds >> i & 1)) bounded.push_back(robot.states[i]);
   if (!bounded.empty()) terms.push_back("bounds of " + join(bounded));
   if (c.obstacle_count > 0) terms.push_back(std::to_string(c.obstacle_count) + " obstacle(s)");
+  Words outputs;
+  for (std::uint32_t j = 0; j < c.output_count; ++j)
+    if (c.outputs[j].weight > 0 || c.outputs[j].terminal_weight > 0 || c.outputs[j].bound_weight > 0)
+      outputs.push_back(robot.outputs[j]);
+  if (!outputs.empty()) terms.push_back("outputs " + join(outputs));
   if (c.reference) terms.push_back(format("a reference of %.3g s", c.reference_steps * robot.config.period_s));
   if (c.demonstration_mean)
     terms.push_back(format("a demonstration of %.3g s", c.demonstration_steps * robot.config.period_s));
   if (c.own_weight > 0) terms.emplace_back("a cost of your own");
+  if (!robot.outputs.empty()) std::printf("  outputs    %s\n", join(robot.outputs).c_str());
   std::printf("  cost       quadratic%s%s\n", terms.empty() ? "" : ", ", terms.empty() ? "" : join(terms).c_str());
 }
 

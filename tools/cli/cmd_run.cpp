@@ -6,6 +6,7 @@
 #include "tools/command/commands.hpp"
 #include "tools/doctor/tick_forecast.hpp"
 #include "tools/links/model_plant.hpp"
+#include "tools/robot/goals.hpp"
 #include "tools/robot/transport_names.hpp"
 #include "tools/run/episodes.hpp"
 #include "tools/run/run_facts.hpp"
@@ -16,7 +17,7 @@ namespace tiller::tools {
 namespace {
 
 struct Arguments {
-  std::string robot, transport, log, report, posterior, save_posterior, alarm_log, histogram;
+  std::string robot, transport, log, report, goals, posterior, save_posterior, alarm_log, histogram;
   Words records;
   std::uint32_t episodes = 1;
   bool sim = false, lockstep = false, real_time = false, quiet = false;
@@ -112,7 +113,7 @@ void write_histogram(const Arguments& a, const RunResult& result) {
   if (!a.histogram.empty() && !replace_file(a.histogram, histogram_csv(result.pace), error)) complain(error);
 }
 
-EpisodesOptions episodes_options(const Arguments& a) {
+EpisodesOptions episodes_options(const Arguments& a, const std::vector<Goal>& goals) {
   EpisodesOptions options;
   options.episodes = a.episodes;
   options.posterior = a.posterior.empty() ? a.save_posterior : a.posterior;
@@ -124,6 +125,7 @@ EpisodesOptions episodes_options(const Arguments& a) {
   options.run.log = a.log;
   options.run.records = a.records;
   options.run.real_time = !is_simulated(a);
+  options.run.goals = goals;
   options.run.alarm_log = a.alarm_log_s > 0 ? alarm_log_of(a) : "";
   options.run.alarm_log_s = a.alarm_log_s;
   options.run.first_wait_s = a.wait_s;
@@ -156,6 +158,12 @@ int run_command(Arguments& a) {
   if (is_simulated(a)) robot->config.planner.deadline_us = 0;
   std::string unwritable;  // a page is worth knowing of before the robot moves; a log is kept in memory where it must
   if (!a.report.empty() && !can_write_file(a.report, unwritable)) return complain("--report " + unwritable);
+  std::vector<Goal> goals;
+  Words problems;
+  if (!a.goals.empty() && !read_goals(a.goals, *robot, goals, problems)) {
+    for (const std::string& problem : problems) (void)complain(problem);
+    return kExitBadInput;
+  }
   if (a.episodes > 1 && a.seconds <= 0) return complain("--episodes: give each a length with --seconds");
   if (!a.report.empty() && a.log.empty()) {
     a.log = std::filesystem::path(a.report).replace_extension(".csv").string();
@@ -168,7 +176,7 @@ int run_command(Arguments& a) {
     true_params = opened.true_params;
     return opened.link.get();
   };
-  const EpisodesResult all = run_episodes(*robot, episodes_options(a), open);
+  const EpisodesResult all = run_episodes(*robot, episodes_options(a, goals), open);
   if (all.last.ticks == 0) return all.exit_code;
   RunOptions options;
   options.true_params = opened.true_params;
@@ -208,6 +216,10 @@ void add_run_command(CLI::App& app, int& exit_code) {
       ->check(number_between(0.001, 1e9));
   command->add_option("--wait", a->wait_s, "wall time in s to wait for the first measurement")
       ->check(number_between(0.001, 1e9));
+  command->add_option(
+      "--goals", a->goals,
+      "CSV of goals: time_s, then states, outputs or angles of frames by name; each row is the target from "
+      "its time after the first measurement on (docs/reference/costs.md)");
   command->add_option("--log", a->log, "write a CSV row per tick");
   command->add_option("--report", a->report, "write a one-file HTML page (and its CSV beside it)");
   command

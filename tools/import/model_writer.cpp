@@ -4,6 +4,7 @@
 #include <cctype>
 #include <map>
 
+#include "tools/base/frame_names.hpp"
 #include "tools/base/text.hpp"
 #include "tools/import/articulated_body.hpp"
 #include "tools/import/expression.hpp"
@@ -66,6 +67,25 @@ class Equations {
         }
         out[r][c] = w;
       }
+    return out;
+  }
+
+  /// Where frames stand in the base's axes: origin, then rotation row by row.
+  std::vector<Expression> poses(const std::vector<int>& frames) {
+    ArticulatedBody<Expression> tree(mechanism_, {});
+    tree.place(positions());
+    std::vector<Expression> out;
+    for (const int index : frames) {
+      const NamedFrame& frame = mechanism_.frames[at(index)];
+      const Vec3<double>& p = frame.pose.position;
+      for (const Expression& value : tree.point(frame.body, {p[0], p[1], p[2]})) out.push_back(value);
+      Vec3<Expression> axis[3];
+      for (int c = 0; c < 3; ++c)
+        axis[c] = tree.direction(frame.body,
+                                 {frame.pose.rotation(0, c), frame.pose.rotation(1, c), frame.pose.rotation(2, c)});
+      for (std::size_t r = 0; r < 3; ++r)
+        for (const Vec3<Expression>& a : axis) out.push_back(a[r]);
+    }
     return out;
   }
 
@@ -362,7 +382,8 @@ ModelNames name_model(const Mechanism& mechanism) {
   return names;
 }
 
-WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, int payload_frame) {
+WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, int payload_frame,
+                         const std::vector<int>& told) {
   WrittenModel out;
   out.names = name_model(mechanism);
   const ModelNames& n = out.names;
@@ -392,6 +413,16 @@ WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, i
       const std::string mirror = "column[" + std::to_string(c) + "][" + std::to_string(r) + "]";
       response_code += "    " + (r == c ? place : mirror + " = " + place) + " = " + columns[k] + ";\n";
     }
+
+  Equations kinematics(mechanism, unknowns, n, payload_frame);
+  std::vector<std::string> outputs, poses;
+  std::string pose_code;
+  for (const int frame : told)
+    for (const std::string& name :
+         frame_output_names(identifier(mechanism.frames[static_cast<std::size_t>(frame)].name)))
+      outputs.push_back(name);
+  if (!told.empty())
+    pose_code = emit_code(kinematics.graph, kinematics.poses(told), "    ", poses, &out.output_operations);
 
   std::vector<std::string> params;
   for (const ModelParameter& p : unknowns.parameters) params.push_back(p.name);
@@ -437,7 +468,14 @@ WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, i
           "  static void responses([[maybe_unused]] const State& x, [[maybe_unused]] const tiller::Body<S>& body,\n"
           "                        " +
           (has_params ? "[[maybe_unused]] const Params& p, " : std::string()) + "S (*column)[" +
-          std::to_string(joints) + "]) {\n    using tiller::sincos;\n" + response_code + "  }\n};\n";
+          std::to_string(joints) + "]) {\n    using tiller::sincos;\n" + response_code + "  }\n";
+  if (!told.empty())
+    text += "\n" + fields("Output", outputs) +
+            "\n  /// Poses of frames in the base's axes: " + std::to_string(out.output_operations) +
+            " operations.\n  static Output outputs(const State& x" +
+            (has_params ? ", [[maybe_unused]] const Params& p" : std::string()) + ") {\n    using tiller::sincos;\n" +
+            pose_code + "    return {" + listed(poses, "            ") + "};\n  }\n";
+  text += "};\n";
   return out;
 }
 

@@ -21,10 +21,13 @@ struct WrittenModel {
   ModelNames names;
   int operations = 0;           ///< arithmetic of one call of the dynamics
   int response_operations = 0;  ///< of the inverse inertia
+  int output_operations = 0;    ///< of the frames' poses
 };
 
 /// The equations as a header for [model] file: forward dynamics and the inverse inertia, unrolled, for any scalar. The
-/// payload of `body` hangs at `payload_frame` (an index of mechanism.frames; -1: nowhere).
-WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, int payload_frame);
+/// payload of `body` hangs at `payload_frame` (an index of mechanism.frames; -1: nowhere). `told`: frames whose poses are
+/// the model's outputs (tools/base/frame_names.hpp).
+WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, int payload_frame,
+                         const std::vector<int>& told);
 
 }  // namespace tiller::tools

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "tools/base/text.hpp"
+#include "tools/import/articulated_body.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -13,6 +14,8 @@ constexpr double kUnstatedEffort = 10.0;
 /// The default task moves each joint so far from where it starts.
 constexpr double kMove_rad = 0.3, kMove_m = 0.05;
 constexpr double kPeriod_s = 0.01;
+/// A joint at twice its largest speed costs this much a period; full effort costs 0.1.
+constexpr double kSpeedWeight = 1000.0;
 /// Share of the effort that nobody explains, from tick to tick.
 constexpr double kUnknownForce = 0.002;
 constexpr double kEncoder_rad = 0.0005, kEncoder_m = 0.0001;
@@ -36,7 +39,7 @@ class RobotText {
     parameters();
     effects(payload_frame);
     measurement();
-    task();
+    task(payload_frame);
     safety();
     plant();
     return out_;
@@ -134,7 +137,7 @@ class RobotText {
           "[posterior]\nparticles = 64\nwindow = 16\nmoves_per_tick = 8\n\n";
   }
 
-  void task() {
+  void task(const std::string& frame) {
     out_ +=
         "[planner]\nkind = \"ilqr\"\nhorizon = 20\nparticles = 1\niterations = 2\n\n"
         "# full effort for a tick costs what a tenth of a radian does\n[cost]\n";
@@ -152,7 +155,36 @@ class RobotText {
     out_ += "input_weight = " + table(names_.inputs, effort_weight) +
             "\ninput_rate_weight = " + table(names_.inputs, effort_weight) + "\n";
     bounds();
+    frame_target(frame);
     out_ += "\n";
+  }
+
+  /// The same target told by where the tool would be; for whoever would rather say it so.
+  void frame_target(const std::string& name) {
+    const int index = mechanism_.find_frame(name);
+    if (index < 0) return;
+    const NamedFrame& frame = mechanism_.frames[static_cast<std::size_t>(index)];
+    ArticulatedBody<double> tree(mechanism_, {});
+    std::vector<double> position = start_;
+    for (std::size_t j = 0; j < joints(); ++j) position[static_cast<std::size_t>(names_.bodies[j])] = target(j);
+    for (std::size_t i = 0; i < mechanism_.bodies.size(); ++i) {
+      const MovingBody& b = mechanism_.bodies[i];
+      if (b.mimics >= 0) position[i] = b.mimic_ratio * position[static_cast<std::size_t>(b.mimics)] + b.mimic_offset;
+    }
+    tree.place(position);
+    const Vec3<double> p = tree.point(frame.body, frame.pose.position);
+    Mat3<double> r;
+    for (int c = 0; c < 3; ++c) {
+      const Vec3<double> axis =
+          tree.direction(frame.body, {frame.pose.rotation(0, c), frame.pose.rotation(1, c), frame.pose.rotation(2, c)});
+      for (int k = 0; k < 3; ++k) r(k, c) = axis[static_cast<std::size_t>(k)];
+    }
+    const double pitch = std::atan2(-r(2, 0), std::hypot(r(0, 0), r(1, 0)));
+    const double roll = std::atan2(r(2, 1), r(2, 2)), yaw = std::atan2(r(1, 0), r(0, 0));
+    const auto triple = [](double a, double b, double c) { return format("[%.4f, %.4f, %.4f]", a, b, c); };
+    out_ += "# or where the tool is wanted, in the base's axes; then without the positions' weights above\n# frames." +
+            identifier(name) + " = { position_m = " + triple(p[0], p[1], p[2]) +
+            ", weight = 1000, rpy_rad = " + triple(roll, pitch, yaw) + ", rotation_weight = 100 }\n";
   }
 
   void bounds() {
@@ -164,6 +196,16 @@ class RobotText {
               ", weight = 1000 }\n";
     }
     if (!rows.empty()) out_ += "# the joints' ends, as costs\n" + rows;
+    std::string speeds;
+    for (std::size_t j = 0; j < joints(); ++j) {
+      const double speed = body(j).speed;
+      if (!(speed < 1e6)) continue;
+      const std::string most = number_text(speed);
+      speeds += "bounds." + names_.velocities[j] + " = { low = -" + most + ", high = " + most +
+                ", weight = " + format("%.3g", kSpeedWeight / (speed * speed)) + " }\n";
+    }
+    if (!speeds.empty())
+      out_ += "# and their largest speeds\n" + speeds;
   }
 
   /// The joint that input i drives.

@@ -6,7 +6,8 @@
 #include <random>
 
 #include "effects/effect_info.hpp"
-#include "sim/mechanisms/mechanism.hpp"
+#include "sim/mechanisms/tree.hpp"
+#include "tools/import/described_plant.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -61,10 +62,12 @@ void apply_draw(const RobotFile& robot, const sim::MechanismInfo& info, sim::Pla
   }
 }
 
-sim::PlantOptions plant_options(const RobotFile& robot, const sim::MechanismInfo& info) {
+sim::PlantOptions plant_options(const RobotFile& robot, const sim::MechanismInfo& info,
+                                std::shared_ptr<const sim::MechanismInfo> described) {
   const SimSection& s = robot.sim;
   sim::PlantOptions options;
   options.kind = s.plant;
+  options.made = std::move(described);
   options.parameters = s.parameters;
   if (s.draw) apply_draw(robot, info, options);
   for (const SimEffect& effect : s.effects) options.effects.push_back({effect.kind, effect.port, effect.parameters});
@@ -159,7 +162,17 @@ double draw_from_prior(const tiller_prior_t& prior, double (*uniform)(void*), vo
 }
 
 std::unique_ptr<SimPlant> make_sim_plant(const RobotFile& robot, std::string& error) {
-  const sim::MechanismInfo* info = sim::find_mechanism(robot.sim.plant);
+  std::shared_ptr<const sim::MechanismInfo> described;
+  if (robot.sim.plant == "urdf") {
+    std::vector<std::string> problems;
+    const auto tree = describe_plant({robot.sim.file, robot.sim.frame, robot.sim.hold, robot.sim.armature}, problems);
+    if (!tree) {
+      for (const std::string& problem : problems) error += where(robot) + problem + "\n";
+      return nullptr;
+    }
+    described = std::make_shared<const sim::MechanismInfo>(sim::tree_info(tree));
+  }
+  const sim::MechanismInfo* info = described ? described.get() : sim::find_mechanism(robot.sim.plant);
   if (robot.sim.line == 0 && !info) {
     error = robot.path + ": has no [sim] section, and there is no plant '" + robot.sim.plant +
             "'; add [sim] with plant = one of those in `tiller sim --help`\n";
@@ -173,7 +186,7 @@ std::unique_ptr<SimPlant> make_sim_plant(const RobotFile& robot, std::string& er
   }
   auto made = std::make_unique<SimPlant>();
   std::string problem;
-  made->plant = sim::Plant::make(plant_options(robot, *info), problem);
+  made->plant = sim::Plant::make(plant_options(robot, *info, described), problem);
   if (!made->plant) {
     error = where(robot) + problem + "\n";
     return nullptr;

@@ -114,6 +114,12 @@ std::string tick_json(const RobotFile& robot, const RecordEntry& entry) {
   put(sd, robot.params, r.param_sd);
   json["mean"] = mean;
   json["sd"] = sd;
+  if (entry.goal != 0) {
+    Json goal = Json::object();
+    if ((entry.goal & kGoalStates) != 0) put(goal, robot.states, entry.target);
+    if ((entry.goal & kGoalOutputs) != 0) put(goal, robot.outputs, entry.output_target);
+    json["goal"] = goal;
+  }
   return json.dump();
 }
 
@@ -127,6 +133,20 @@ bool take_command(const RobotFile& robot, const Json& json, tiller_command_t& c)
          take(json, "plan_sequence", c.plan_sequence) && take(json, robot.inputs, c.value);
 }
 
+/// What was set before the tick; nothing in ticks without a new goal.
+bool take_goal(const RobotFile& robot, const Json& json, RecordEntry& entry) {
+  if (!json.contains("goal")) return true;
+  const Json& goal = json["goal"];
+  if (!goal.is_object()) return false;
+  if (goal.contains(robot.states[0])) {
+    entry.goal |= kGoalStates;
+    if (!take(goal, robot.states, entry.target)) return false;
+  }
+  if (robot.outputs.empty() || !goal.contains(robot.outputs[0])) return true;
+  entry.goal |= kGoalOutputs;
+  return take(goal, robot.outputs, entry.output_target);
+}
+
 bool take_tick(const RobotFile& robot, const Json& json, RecordEntry& entry) {
   tiller_record_t& r = entry.record;
   const auto is_object = [&](const char* name) { return json.contains(name) && json[name].is_object(); };
@@ -138,7 +158,7 @@ bool take_tick(const RobotFile& robot, const Json& json, RecordEntry& entry) {
          take(json["mean"], robot.params, r.param_mean) && take(json["sd"], robot.params, r.param_sd) &&
          json.contains("plan_cost") && take(json["plan_cost"], r.plan_cost) && json.contains("effective_samples") &&
          take(json["effective_samples"], r.effective_samples) && json.contains("noise_scale") &&
-         take(json["noise_scale"], r.noise_scale);
+         take(json["noise_scale"], r.noise_scale) && take_goal(robot, json, entry);
 }
 
 std::string text_of(const std::string& path) {

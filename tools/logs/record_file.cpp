@@ -30,6 +30,8 @@ std::string record_header(const tiller_config_t& config) {
   tiller_config_t copy = config;
   copy.model = nullptr;
   copy.cost.reference = copy.cost.demonstration_mean = copy.cost.demonstration_root = nullptr;
+  copy.cost.outputs = nullptr;
+  copy.cost.output_reference = nullptr;
   copy.cost.own = nullptr;
   copy.prior_mixture = nullptr;
   std::string bytes(kMagic, sizeof kMagic);

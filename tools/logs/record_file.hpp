@@ -15,9 +15,12 @@ namespace tiller::tools {
 /// One tick of a record file: what the host did to the controller before it, then the tick itself.
 struct RecordEntry {
   std::uint32_t stop_status = 0;  ///< tiller_stop with this status before the tick; 0: not
-  std::uint32_t reserved = 0;
+  std::uint32_t goal = 0;         ///< kGoalStates, kGoalOutputs: which goal was set before the tick
   tiller_record_t record{};
+  double target[TILLER_MAX_STATES] = {};          ///< then where to
+  double output_target[TILLER_MAX_OUTPUTS] = {};  ///< and where to with the outputs
 };
+constexpr std::uint32_t kGoalStates = 1u, kGoalOutputs = 2u;
 
 /// Record files are of one build of tiller: structs as they are in memory. Layout: "TILLREC2", uint32 sizes of
 /// tiller_config_t and of RecordEntry, the configuration with its pointers zero, uint32 components and dimension of the

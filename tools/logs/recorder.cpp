@@ -33,7 +33,7 @@ Recorder::Recorder(const RobotFile& robot, const RecorderOptions& options)
       options_(options),
       wanted_(!options.log.empty() || !options.records.empty() || !options.alarm_log.empty()),
       ring_(wanted_ ? ring_ticks(robot.config.period_s) : 1),
-      log_(robot, options.has_truth, options.true_params),
+      log_(robot, options.has_truth, options.true_params, options.goals),
       alarm_(robot) {
   if (!options.alarm_log.empty()) history_ticks_ = AlarmWindow::ring_ticks(robot, options.alarm_log_s);
 }
@@ -128,6 +128,7 @@ void Recorder::take(const LoggedTick& tick) {
     view.q05 = tick.q05;
     view.q95 = tick.q95;
     view.true_state = tick.has_truth ? tick.true_state : nullptr;
+    view.outputs = tick.outputs;
     log_.add(view);
   }
   for (McapRun& mcap : mcaps_) mcap.add(tick.entry);

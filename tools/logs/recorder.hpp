@@ -27,6 +27,7 @@ struct LoggedTick {
   bool has_truth = false;  ///< true_state is known
   double q05[TILLER_MAX_PARAMS] = {}, q95[TILLER_MAX_PARAMS] = {};
   double true_state[TILLER_MAX_STATES] = {};
+  double outputs[TILLER_MAX_OUTPUTS] = {};
 };
 
 struct RecorderOptions {
@@ -36,6 +37,7 @@ struct RecorderOptions {
   double alarm_log_s = 20;
   std::vector<double> true_params;
   bool has_truth = false;
+  std::uint32_t goals = 0;  ///< kGoalStates, kGoalOutputs: what the run will set
   /// Simulated time waits for the disk; the robot's does not, and what the ring cannot hold is dropped and counted.
   bool lossless = false;
   /// Added to the ticks' times in MCAP and LCM logs.

@@ -47,6 +47,7 @@ class CsvRow {
   }
   const std::string& wrong() const { return wrong_; }
 
+  bool has(const std::string& column) const { return index_.count(column) > 0; }
   bool is_empty(const std::string& column) { return cell(column).empty(); }
   template <class Integer>
   void integer(const std::string& column, Integer& value) {
@@ -114,6 +115,17 @@ void take_parameters(const RobotFile& robot, CsvRow& row, tiller_record_t& r) {
   }
 }
 
+/// The goal that was set before the tick; where none was, the columns tell the one in force.
+void take_goal(const RobotFile& robot, CsvRow& row, RecordEntry& entry) {
+  for (std::uint32_t calls = entry.record.calls; calls != 0; calls >>= 4)
+    if ((calls & 15u) == tiller_call_goal) {
+      entry.goal |= row.has("goal." + robot.states[0]) ? kGoalStates : 0;
+      entry.goal |= !robot.outputs.empty() && row.has("goal." + robot.outputs[0]) ? kGoalOutputs : 0;
+    }
+  if ((entry.goal & kGoalStates) != 0) row.numbers("goal.", robot.states, entry.target);
+  if ((entry.goal & kGoalOutputs) != 0) row.numbers("goal.", robot.outputs, entry.output_target);
+}
+
 RecordEntry entry_of(const RobotFile& robot, CsvRow& row) {
   static const CodeNames statuses =
       code_names(kStatusCodes, [](int code) { return tiller_status_name(static_cast<tiller_status_t>(code)); });
@@ -132,6 +144,7 @@ RecordEntry entry_of(const RobotFile& robot, CsvRow& row) {
   row.numbers("", robot.inputs, r.command.value);
   row.numbers("mean.", robot.states, r.state_mean);
   take_parameters(robot, row, r);
+  take_goal(robot, row, entry);
   r.has_measurement = row.is_empty("stamp_us") ? 0 : 1;
   if (r.has_measurement != 0) {
     take_measurement(robot, row, r.measurement);

@@ -7,8 +7,8 @@
 
 namespace tiller::tools {
 
-RunLog::RunLog(const RobotFile& robot, bool has_true_state, std::vector<double> true_params)
-    : robot_(robot), has_true_state_(has_true_state), true_params_(std::move(true_params)) {
+RunLog::RunLog(const RobotFile& robot, bool has_true_state, std::vector<double> true_params, std::uint32_t goals)
+    : robot_(robot), has_true_state_(has_true_state), goals_(goals), true_params_(std::move(true_params)) {
   for (std::size_t i = 0; i < robot.params.size(); ++i) {
     if (robot.config.priors[i].kind != tiller_prior_fixed) inferred_.push_back(i);
   }
@@ -31,6 +31,9 @@ std::string RunLog::header() const {
   if (has_true_state_) add_all("true.", robot_.states);
   if (!true_params_.empty()) add_all("true.", inferred);
   if (robot_.config.cost.reference) add_all("ref.", robot_.states);
+  if (robot_.config.cost.outputs) add_all("out.", robot_.outputs);
+  if ((goals_ & kGoalStates) != 0) add_all("goal.", robot_.states);
+  if ((goals_ & kGoalOutputs) != 0) add_all("goal.", robot_.outputs);
   add_all("", {"tick", "now_us", "stamp_us", "sequence", "command_latency_us", "infinite", "calls", "stop_status"});
   return join(columns, ",");
 }
@@ -61,6 +64,16 @@ void RunLog::reference(const tiller_info_t& info) {
   const auto step = task_.step(info.ticks - 1, static_cast<tiller_state_t>(info.state));
   for (std::size_t i = 0; i < robot_.states.size(); ++i)
     number(step ? reference_row(cost, robot_.states.size(), *step)[i] : NAN);
+}
+
+/// Outputs and goals.
+void RunLog::task(const TickView& tick) {
+  for (std::size_t j = 0; robot_.config.cost.outputs && j < robot_.outputs.size(); ++j)
+    number(tick.outputs ? tick.outputs[j] : NAN);
+  for (std::size_t i = 0; (goals_ & kGoalStates) != 0 && i < robot_.states.size(); ++i)
+    exact(tick.entry ? tick.entry->target[i] : NAN);
+  for (std::size_t j = 0; (goals_ & kGoalOutputs) != 0 && j < robot_.outputs.size(); ++j)
+    exact(tick.entry ? tick.entry->output_target[j] : NAN);
 }
 
 void RunLog::replayed(const TickView& tick) {
@@ -106,6 +119,7 @@ void RunLog::add(const TickView& tick) {
     for (const std::size_t i : inferred_) number(true_params_[i]);
   }
   reference(info);
+  task(tick);
   replayed(tick);
   row_ += '\n';
   file_.write(row_);

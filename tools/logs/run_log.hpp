@@ -23,6 +23,7 @@ struct TickView {
   const double* q05 = nullptr;                    // (param_count)
   const double* q95 = nullptr;                    // (param_count)
   const double* true_state = nullptr;             // (nx); null: not known
+  const double* outputs = nullptr;                // (ny) at the estimate; null: no output has a cost
 };
 
 /// One CSV row per tick. Columns, in this order:
@@ -37,6 +38,8 @@ struct TickView {
 ///   state, status      words: "ACTIVE", "ok"
 ///   true.<state>..., true.<param>...    where the plant is in this process
 ///   ref.<state>...     the reference's row that is due ([cost] reference); empty before the task begins
+///   out.<output>...    the model's outputs at the estimate, where they have costs
+///   goal.<state>..., goal.<output>...   the goal in force, in runs whose goals change (--goals)
 ///   tick, now_us, stamp_us, sequence, command_latency_us, infinite, calls, stop_status
 ///                      what `tiller replay` needs beside the rest: see tiller_record_t. stamp_us .. infinite are empty
 ///                      where there was no measurement; bit i of infinite: the measured value i was infinite, bit 16 +
@@ -46,7 +49,8 @@ struct TickView {
 class RunLog {
  public:
   /// `true_params` (param_count, NaN: not known) may be empty.
-  RunLog(const RobotFile& robot, bool has_true_state, std::vector<double> true_params);
+  /// `goals`: bits of RecordEntry::goal that this run will set.
+  RunLog(const RobotFile& robot, bool has_true_state, std::vector<double> true_params, std::uint32_t goals = 0);
 
   void open(const std::string& path);
   void add(const TickView& tick);
@@ -60,10 +64,12 @@ class RunLog {
   void number(double value);
   void exact(double value);
   void reference(const tiller_info_t& info);
+  void task(const TickView& tick);
   void replayed(const TickView& tick);
 
   const RobotFile& robot_;
   bool has_true_state_;
+  std::uint32_t goals_;
   std::vector<double> true_params_;
   std::vector<std::size_t> inferred_;  // indices of parameters that are not fixed
   TaskClock task_;

@@ -16,6 +16,7 @@ struct FreeBlock {
 
 /// Calls of the host on the controller before the tick, in their order. False: more than the record keeps.
 bool repeat_calls(tiller_t* controller, const RecordEntry& entry) {
+  bool set_goal = false;
   for (std::uint32_t calls = entry.record.calls; calls != 0; calls >>= 4) {
     switch (calls & 15u) {
       case tiller_call_arm: (void)tiller_arm(controller); break;
@@ -23,6 +24,13 @@ bool repeat_calls(tiller_t* controller, const RecordEntry& entry) {
       case tiller_call_stop: (void)tiller_stop(controller, static_cast<tiller_status_t>(entry.stop_status)); break;
       case tiller_call_reset: (void)tiller_reset(controller); break;
       case tiller_call_prepare: (void)tiller_prepare(controller); break;
+      case tiller_call_goal:  // once for all: of several in a row the last one counts
+        if (set_goal) break;
+        if ((entry.goal & kGoalStates) != 0) (void)tiller_set_target(controller, entry.target);
+        if ((entry.goal & kGoalOutputs) != 0) (void)tiller_set_output_target(controller, entry.output_target);
+        if (entry.goal == 0) return false;
+        set_goal = true;
+        break;
       default: return false;
     }
   }
@@ -40,6 +48,9 @@ bool take_pointers(const RobotFile& robot, tiller_config_t& config) {
   to.demonstration_mean = from.demonstration_mean;
   to.demonstration_root = from.demonstration_root;
   to.own = from.own;
+  if (to.output_count != from.output_count || to.output_reference_steps != from.output_reference_steps) return false;
+  to.outputs = from.outputs;
+  to.output_reference = from.output_reference;
   return true;
 }
 
@@ -99,7 +110,7 @@ bool replay_through_file(const RobotFile& robot, RecordedRun& run, const ReplayO
                          std::string& error) {
   tiller_config_t config = run.has_config ? run.config : robot.config;
   if (run.has_config && !take_pointers(robot, config)) {
-    error = "the reference or the demonstration of " + robot.path + " has another length by now";
+    error = "the reference, the demonstration or the outputs' cost of " + robot.path + " has another length by now";
     return false;
   }
   config.record_ticks = 0;

@@ -52,6 +52,7 @@ Words trace_field(const RobotFile& robot, const std::string& field) {
   if (name == "cost.state_low") return {"cost", "bounds", name_at(robot.states, i), "low"};
   if (name == "cost.state_high") return {"cost", "bounds", name_at(robot.states, i), "high"};
   if (name == "cost.bound_weight") return {"cost", "bounds", name_at(robot.states, i), "weight"};
+  if (name == "cost.outputs") return {"cost", "outputs", name_at(robot.outputs, i)};
   if (name.rfind("cost.own.", 0) == 0) return {"model", "file"};
   if (name == "safety.input_low") return {"limits", input, "low"};
   if (name == "safety.input_high") return {"limits", input, "high"};

@@ -156,12 +156,28 @@ std::string mixture_text(const RobotFile& robot, const std::string& prefix) {
          "_prior_root};\n\n";
 }
 
+/// The outputs' costs, which the configuration points to.
+std::string outputs_text(const RobotFile& robot, const std::string& prefix) {
+  const tiller_cost_config_t& c = robot.config.cost;
+  if (!c.outputs) return "";
+  std::string text =
+      "static const tiller_output_cost_t " + prefix + "_outputs[" + std::to_string(c.output_count) + "] = {\n";
+  for (std::uint32_t j = 0; j < c.output_count; ++j) {
+    const tiller_output_cost_t& o = c.outputs[j];
+    text += "  {" + c_number(o.target) + ", " + c_number(o.weight) + ", " + c_number(o.terminal_weight) + ", " +
+            c_number(o.low) + ", " + c_number(o.high) + ", " + c_number(o.bound_weight) + "}, /* " + robot.outputs[j] +
+            " */\n";
+  }
+  return text + "};\n\n";
+}
+
 std::string arrays_text(const RobotFile& robot, const std::string& prefix) {
   const tiller_cost_config_t& c = robot.config.cost;
   const std::size_t nx = robot.states.size();
   return mixture_text(robot, prefix) + array_text(prefix + "_reference", c.reference, c.reference_steps, nx) +
          array_text(prefix + "_demonstration_mean", c.demonstration_mean, c.demonstration_steps, nx) +
-         array_text(prefix + "_demonstration_root", c.demonstration_root, c.demonstration_steps, nx * nx);
+         array_text(prefix + "_demonstration_root", c.demonstration_root, c.demonstration_steps, nx * nx) +
+         outputs_text(robot, prefix);
 }
 
 Initialiser cost_part(const RobotFile& robot, const std::string& prefix) {
@@ -179,6 +195,8 @@ Initialiser cost_part(const RobotFile& robot, const std::string& prefix) {
     part.word("demonstration_mean", prefix + "_demonstration_mean");
     part.word("demonstration_root", prefix + "_demonstration_root");
   }
+  if (c.outputs) part.word("outputs", prefix + "_outputs");
+  part.count("output_count", c.output_count);
   part.count("reference_steps", c.reference_steps);
   part.count("demonstration_steps", c.demonstration_steps);
   return part;

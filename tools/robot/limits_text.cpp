@@ -30,6 +30,7 @@ std::vector<Limit> all_limits() {
       TILLER_LIMIT("inputs of a model", TILLER_MAX_INPUTS),
       TILLER_LIMIT("joints of a model, each with its generalised force; may be none", TILLER_MAX_JOINTS),
       TILLER_LIMIT("parameters, the model's and its effects' together; may be none", TILLER_MAX_PARAMS),
+      TILLER_LIMIT("outputs of a model; may be none", TILLER_MAX_OUTPUTS),
       TILLER_LIMIT("names in one TILLER_FIELDS", TILLER_MAX_FIELDS),
       // effects
       TILLER_LIMIT("effects of a robot file", TILLER_MAX_EFFECTS),

@@ -198,6 +198,7 @@ void read_cost_terms(FileErrors& errors, const toml::table& root, RobotFile& rob
   read_obstacles(section, robot);
   read_reference(section, robot, *rows);
   read_demonstration(section, robot, *rows);
+  read_outputs(section, robot, *rows);
   read_own(section, robot);
   robot.rows = std::move(rows);
 }

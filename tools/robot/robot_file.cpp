@@ -75,6 +75,7 @@ bool read_model(FileErrors& errors, const toml::table& root, RobotFile& robot) {
 void take_names(RobotFile& robot) {
   const tiller_model_t& model = *robot.model;
   robot.states.assign(model.state_names, model.state_names + model.state_count);
+  robot.outputs.assign(model.output_names, model.output_names + model.output_count);
   robot.inputs.assign(model.input_names, model.input_names + model.input_count);
   robot.params.assign(model.param_names, model.param_names + model.param_count);
 }

@@ -63,6 +63,8 @@ struct SimEffect {
 struct SimSection {
   int line = 0;
   std::string plant;
+  std::string file, frame;  ///< of the plant "urdf": the description (absolute), and the link that carries a payload
+  std::map<std::string, double> hold, armature;
   bool draw = false;  ///< true parameters and effects from the priors
   std::map<std::string, double> parameters, state, sensor_sd, sensor_step;
   std::vector<SimEffect> effects;
@@ -82,6 +84,7 @@ struct JointPrior;
 /// The arrays that the configuration's cost points to.
 struct TaskRows {
   std::vector<double> reference, demonstration_mean, demonstration_root;
+  std::vector<tiller_output_cost_t> outputs;
 };
 
 /// A robot file, read, checked and complete.
@@ -94,7 +97,7 @@ struct RobotFile {
   std::shared_ptr<const TaskRows> rows;         ///< what `config.cost` points to
   std::shared_ptr<const JointPrior> joint;      ///< what `config.prior_mixture` points to
   tiller_config_t config{};
-  Words states, inputs, measurements;
+  Words states, inputs, measurements, outputs;
   Words params;  ///< (param_count) the model's, then each effect's as "<port>.<parameter>"
   TransportSection transport;
   RealtimeSection realtime;

@@ -188,6 +188,21 @@ void read_plan_timeout(SectionReader& section, const RobotFile& robot, SimSectio
                 "allow several periods of " + number_text(robot.config.period_s) + " s; 0 switches it off");
 }
 
+/// The plant of a description, and its keys, which no other plant reads.
+void read_described(SectionReader& section, const RobotFile& robot, SimSection& sim) {
+  const bool described = sim.plant == "urdf";
+  for (const char* key : {"file", "frame", "hold", "armature"})
+    if (!described && section.has(key))
+      section.error(key, "is no key of the plant " + sim.plant, "leave it out, or write plant = \"urdf\"");
+  if (!described) return;
+  if (!section.has("file")) section.missing("file", "name the URDF, relative to the robot file");
+  const std::filesystem::path file = section.text("file").value_or("");
+  sim.file = (file.is_absolute() ? file : robot.model_request.robot_dir / file).string();
+  sim.frame = section.text("frame").value_or("");
+  read_map(section, "hold", sim.hold);
+  read_map(section, "armature", sim.armature);
+}
+
 void read_sim(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   const toml::table* table = section_table(errors, root, "sim");
   SectionReader section(errors, "sim", "sim", table);
@@ -196,6 +211,7 @@ void read_sim(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   if (!table) return;
   sim.line = line_of(*table);
   section.refuse_unknown();
+  read_described(section, robot, sim);
   sim.draw = section.flag("draw").value_or(false);
   read_map(section, "parameters", sim.parameters);
   read_map(section, "state", sim.state);

@@ -23,6 +23,8 @@ void read_forgetting(SectionReader& posterior, RobotFile& robot);
 void read_prior_file(SectionReader& posterior, RobotFile& robot);
 /// Bounds, obstacles, trajectories and the own cost of [cost]; after the keys that are bound to fields.
 void read_cost_terms(FileErrors& errors, const toml::table& root, RobotFile& robot);
+/// Its outputs and frames.
+void read_outputs(SectionReader& cost, RobotFile& robot, TaskRows& rows);
 void read_transport(FileErrors& errors, const toml::table& root, RobotFile& robot);
 /// [transport] actuator and drives; after nodes, levers and [limits].
 void read_drives(SectionReader& section, const RobotFile& robot, TransportSection& transport);

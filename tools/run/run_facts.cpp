@@ -4,8 +4,10 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "posterior/prior.hpp"
+#include "tools/base/frame_names.hpp"
 #include "tools/robot/prior_edge.hpp"
 #include "tools/robot/robot_schema.hpp"
 #include "tools/robot/units.hpp"
@@ -104,6 +106,33 @@ Json columns(const RobotFile& robot) {
           {"tracked", tracked}};
 }
 
+/// Outputs that have a cost, and the frames that are wanted somewhere, whose rotation is no nine curves.
+void add_outputs(const RobotFile& robot, Json& json) {
+  const tiller_cost_config_t& c = robot.config.cost;
+  Json outputs = Json::object(), frames = Json::array(), target = Json::object();
+  const auto weighed = [&](const std::string& name) {
+    const int at = index_of(robot.outputs, name);
+    return at >= 0 && (c.outputs[at].weight > 0 || c.outputs[at].terminal_weight > 0 || c.outputs[at].bound_weight > 0);
+  };
+  std::set<std::string> rotations;
+  for (const std::string& output : robot.outputs) {
+    if (output.size() < 5 || output.compare(output.size() - 4, 4, "_x_m") != 0) continue;
+    const std::string frame = output.substr(0, output.size() - 4);
+    const auto names = frame_output_names(frame);
+    if (index_of(robot.outputs, names.back()) < 0) continue;
+    rotations.insert(names.begin() + 3, names.end());
+    if (weighed(names[0]) || weighed(names[3])) frames.push_back({{"name", frame}, {"turns", weighed(names[3])}});
+  }
+  for (std::size_t j = 0; j < robot.outputs.size(); ++j) {
+    const std::string& name = robot.outputs[j];
+    target[name] = c.outputs[j].target;
+    if (weighed(name) && rotations.count(name) == 0) outputs[name] = unit_of_field(name);
+  }
+  json["columns"]["outputs"] = outputs;
+  json["columns"]["frames"] = frames;
+  json["output_target"] = target;
+}
+
 }  // namespace
 
 std::string run_facts_json(const RobotFile& robot, const RunResult& result, const RunStory& story) {
@@ -111,6 +140,7 @@ std::string run_facts_json(const RobotFile& robot, const RunResult& result, cons
   Json json = {{"title", story.title}, {"good", story.good}};
   if (!story.outcome.empty()) json["outcome"] = story.outcome;
   json["columns"] = columns(robot);
+  if (c.cost.outputs) add_outputs(robot, json);
   for (std::size_t i = 0; i < robot.inputs.size(); ++i) {
     json["limits"][robot.inputs[i]] = Json::array({c.safety.input_low[i], c.safety.input_high[i]});
   }

@@ -37,6 +37,7 @@ class Runner {
         host_(options.threads),
         recorder_(robot, recorder_options()),
         progress_(robot, Progress::style_for_stdout(options.quiet), options.seconds, options.true_params) {
+    for (std::uint32_t j = 0; j < config_.cost.output_count; ++j) output_target_[j] = config_.cost.outputs[j].target;
     if (recorder_.wanted()) config_.record_ticks = std::max(config_.record_ticks, 1u);
   }
 
@@ -72,6 +73,8 @@ class Runner {
     recorder.alarm_log_s = options_.alarm_log_s;
     recorder.true_params = options_.true_params;
     recorder.has_truth = knows_truth();
+    for (const Goal& goal : options_.goals)
+      recorder.goals |= (goal.states.empty() ? 0 : kGoalStates) | (goal.outputs.empty() ? 0 : kGoalOutputs);
     recorder.lossless = !options_.real_time;
     if (options_.real_time) recorder.epoch_us = wall_us() - monotonic_us();
     return recorder;
@@ -105,6 +108,7 @@ class Runner {
       (void)tiller_stop(host_.get(), sensed_.fault);
       entry.stop_status = static_cast<std::uint32_t>(sensed_.fault);
     }
+    pursue_goals(entry);
     const auto begin = Clock::now();
     status_ = tiller_tick(host_.get(), sensed_.now_us, sensed_.fresh ? &sensed_.measurement : nullptr, &command_);
     const std::int64_t took_ns = std::chrono::nanoseconds(Clock::now() - begin).count();
@@ -116,6 +120,27 @@ class Runner {
     tiller_get_info(host_.get(), &info_);
     note_tick(entry);
     (void)tiller_prepare(host_.get());  // the command is out: what waits for no measurement is done while none is due
+  }
+
+  /// Sets the goal that is due, if it is not the one in force.
+  void pursue_goals(RecordEntry& entry) {
+    const std::vector<Goal>& goals = options_.goals;
+    std::size_t due = next_goal_;
+    while (due < goals.size() && goals[due].time_s <= time_s()) ++due;
+    if (due > next_goal_) {
+      const Goal& goal = goals[due - 1];
+      if (!goal.states.empty() && tiller_set_target(host_.get(), goal.states.data()) == tiller_status_ok) {
+        std::copy(goal.states.begin(), goal.states.end(), config_.cost.target);
+        entry.goal |= kGoalStates;
+      }
+      if (!goal.outputs.empty() && tiller_set_output_target(host_.get(), goal.outputs.data()) == tiller_status_ok) {
+        std::copy(goal.outputs.begin(), goal.outputs.end(), output_target_);
+        entry.goal |= kGoalOutputs;
+      }
+      next_goal_ = due;
+    }
+    std::copy(config_.cost.target, config_.cost.target + config_.model->state_count, entry.target);
+    std::copy(output_target_, output_target_ + config_.cost.output_count, entry.output_target);
   }
 
   void note_tick(RecordEntry& entry) {
@@ -144,6 +169,7 @@ class Runner {
     logged_.status = view.status;
     logged_.alarm = alarm && !options_.alarm_log.empty();
     logged_.has_truth = view.true_state != nullptr;
+    if (config_.cost.outputs) (void)tiller_get_outputs(host_.get(), logged_.outputs);
     std::copy(std::begin(q05_), std::end(q05_), logged_.q05);
     std::copy(std::begin(q95_), std::end(q95_), logged_.q95);
     std::copy(std::begin(true_state_), std::end(true_state_), logged_.true_state);
@@ -157,7 +183,7 @@ class Runner {
       x[i] = known ? view.true_state[i] : info_.state_mean[i];
     }
     const std::uint64_t step = task_.step(info_.ticks - 1, static_cast<tiller_state_t>(info_.state)).value_or(0);
-    const double cost = stage_cost(config_, step, x, command_.value);
+    const double cost = stage_cost(config_, step, x, command_.value, info_.param_mean, output_target_);
     result_.cost += (cost - result_.cost) / static_cast<double>(++costed_);
     if (sensed_.fresh && costed_ > 1) ++result_.transitions;
   }
@@ -297,6 +323,8 @@ class Runner {
   std::uint64_t safe_ticks_ = 0;
   bool told_inadequate_ = false;
   std::uint64_t costed_ = 0;
+  std::size_t next_goal_ = 0;
+  double output_target_[TILLER_MAX_OUTPUTS] = {};  // in force
   TaskClock task_;
   double q05_[TILLER_MAX_PARAMS] = {};
   double q95_[TILLER_MAX_PARAMS] = {};

@@ -16,7 +16,7 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
-#define TILLER_MODEL_VERSION 1u
+#define TILLER_MODEL_VERSION 2u
 
 /** Upper bounds of every model; the block is sized for the counts actually used. A build for one robot may set lower
  *  ones on its command line, the same for every file that it links: its structs and stacks shrink with them. */
@@ -37,6 +37,9 @@ extern "C" {
 #endif
 #ifndef TILLER_MAX_EFFECT_STATES
 #define TILLER_MAX_EFFECT_STATES 16 /**< over all effects */
+#endif
+#ifndef TILLER_MAX_OUTPUTS
+#define TILLER_MAX_OUTPUTS 64
 #endif
 #define TILLER_MAX_DELAY_STEPS 16  /**< longest input delay, in control periods */
 #define TILLER_MAX_SCENARIOS 8     /**< particles that a gradient planner plans over at once */
@@ -90,6 +93,12 @@ typedef struct tiller_model {
 
   /** Lanes, duals and rollouts compiled from a C++ template; NULL for a model written in C. */
   const void* kernels;
+
+  /** Optional: what the model tells of itself beyond its state, as y (ny) = outputs(x (nx), p (np)): the pose of a
+   *  tool, the distance of two parts. Costs and pages use them. Pure, and smooth where gradient planners are used. */
+  uint32_t output_count;           /**< ny, 0..TILLER_MAX_OUTPUTS */
+  const char* const* output_names; /**< (ny) */
+  void (*outputs)(const double* x, const double* p, double* y);
 } tiller_model_t;
 
 /** The models that this library was built with, by name; NULL if there is none of that name (tiller_model_names

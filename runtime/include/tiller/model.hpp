@@ -57,6 +57,12 @@
 //       /// column[j][i]: acceleration of joint i for a unit force at joint j, everything else at rest.
 //       static void responses(const State& x, const tiller::Body<S>& body, const Params& p, S (*column)[kJoints]);
 //
+// A model may tell of itself what its state does not say at once, the pose of a tool or the distance of two parts. Costs
+// take these outputs as they take states (docs/reference/costs.md), and pages draw them:
+//
+//       TILLER_FIELDS(Output, S, tip_x_m, tip_z_m);
+//       static Output outputs(const State& x, const Params& p);   // without Params: outputs(x)
+//
 // A cost of your own stands beside the model, under the same rules; the second derivatives that gradient planners need
 // follow from the same text (docs/reference/costs.md):
 //
@@ -131,6 +137,15 @@ struct AnglesOf {
 template <class Model>
 struct AnglesOf<Model, std::void_t<decltype(Model::angles)>> {
   static constexpr unsigned mask = Model::angles;
+};
+/// Optional: outputs.
+template <class Model, class = void>
+struct OutputOf {
+  using type = NoFields;
+};
+template <class Model>
+struct OutputOf<Model, std::void_t<typename Model::Output>> {
+  using type = typename Model::Output;
 };
 /// Optional: the inverse of the inertia matrix, written out.
 template <class Model, class = void>

@@ -273,11 +273,22 @@ typedef struct tiller_own_cost {
   void* context;
 } tiller_own_cost_t;
 
+/** The cost of one output of the model (tiller_model_t.outputs). Outputs do not wrap: an angle is better told by its
+ *  sine and cosine. */
+typedef struct tiller_output_cost {
+  double target;          /**< t, a value */
+  double weight;          /**< w, a weight */
+  double terminal_weight; /**< in the place of w at the end of the horizon, a weight */
+  double low, high;       /**< bounds, values; -INFINITY, INFINITY for none */
+  double bound_weight;    /**< b, a weight */
+} tiller_output_cost_t;
+
 /** The task. Every term is off while its weight is zero. Per step
  *
  *    (x-t)' Q (x-t) + u' R u + du' S du                      du: change per period; differences of angles wrapped
  *  + w_s (1 - exp(-1/2 sum_i ((x_i-t_i) / width_i)^2))       saturating (Deisenroth and Rasmussen, PILCO, 2011)
  *  + sum_i b_i max(0, low_i - x_i, x_i - high_i)^2           soft bounds
+ *  + sum_j w_j (y_j-t_j)^2 + b_j max(0, low_j - y_j, y_j - high_j)^2    outputs y of the model
  *  + obstacles + demonstration + own
  *
  *  and at the end of the horizon Qf in the place of Q, without the inputs. Where a reference is given, its row takes
@@ -315,6 +326,12 @@ typedef struct tiller_cost_config {
 
   const tiller_own_cost_t* own; /**< null: the cost template that the model's kernels were compiled with, if any */
   double own_weight;            /**< a weight */
+
+  const tiller_output_cost_t* outputs; /**< (output_count), copied by tiller_init; null: no output has a say */
+  const double* output_reference;      /**< (output_reference_steps x ny), values: rows as `reference` has them; null:
+                                            the targets. The caller's */
+  uint32_t output_reference_steps;
+  uint32_t output_count; /**< the model's count of outputs, or 0 */
 } tiller_cost_config_t;
 
 /** Limits and the answers to faults. */
@@ -497,6 +514,22 @@ tiller_status_t tiller_arm(tiller_t* t);
 tiller_status_t tiller_disarm(tiller_t* t);
 /** Latches SAFE at once, for reasons that only the caller sees (emergency stop, actuator fault, bus-off). */
 tiller_status_t tiller_stop(tiller_t* t, tiller_status_t why);
+/* A goal may change at any time between two ticks; the next plan pursues it. Nothing is allocated, and nothing that was
+ * learned is touched. Weights stay those of the configuration: an output or a state without one has no say. What is
+ * not a value is refused with bad_cost, and the goal stays. `terminal = lqr` keeps the matrix of the first target. */
+
+/** Where to go, in states (nx); ends a reference of states. HOLD's feedback aims there too. */
+tiller_status_t tiller_set_target(tiller_t* t, const double* target);
+/** Where to bring the model's outputs (ny); ends a reference of outputs. bad_cost where the configuration weighs no
+ *  outputs. */
+tiller_status_t tiller_set_output_target(tiller_t* t, const double* target);
+/** Rows to follow: `states` (steps x nx) and `outputs` (steps x ny), either may be null: its targets hold then. Row 0 is
+ *  due at the next tick, the last row holds; time_s of an own cost begins again. The arrays are not copied: they outlive
+ *  the controller or the next goal. Time: one look at each value. steps is 1 at least; to end a reference, set a
+ *  target. */
+tiller_status_t tiller_set_reference(tiller_t* t, const double* states, const double* outputs, uint32_t steps);
+/** The model's outputs y (ny) at the present estimate of state and parameters. bad_model where it has none. */
+tiller_status_t tiller_get_outputs(const tiller_t* t, double* y);
 /** Leaves SAFE: -> INIT, disarmed. The posterior over the parameters is kept; the state estimate starts again. */
 tiller_status_t tiller_reset(tiller_t* t);
 
@@ -541,6 +574,7 @@ typedef enum tiller_call {
   tiller_call_stop = 3,
   tiller_call_reset = 4,
   tiller_call_prepare = 5,
+  tiller_call_goal = 6, /**< tiller_set_target and its like; what the goal was, the caller keeps */
   tiller_call_lost = 15 /**< more than eight calls before one tick: the rest were not kept */
 } tiller_call_t;
 
@@ -553,7 +587,7 @@ typedef struct tiller_record {
   int32_t status;
   uint32_t has_measurement;
   uint32_t planner_iterations;
-  uint32_t calls; /**< accepted tiller_arm/disarm/stop/reset since the tick before, four bits each
+  uint32_t calls; /**< accepted tiller_arm/disarm/stop/reset/prepare/set_... since the tick before, four bits each
                                     (tiller_call_t), the first in the lowest */
   double plan_cost, effective_samples, noise_scale;
   int64_t tick_ns;

@@ -14,6 +14,10 @@ say:
      "edges": {"pole_mass_kg": {"at": "upper bound", "value": 0.15, "by": "prior",
                                 "text": "pole_mass_kg at its upper bound 0.15: widen the prior"}}}
 
+Where outputs of the model have costs, "columns" has them too ("outputs": {"tip_x_m": "m"}), and the frames that are
+wanted somewhere ("frames": [{"name": "tool0", "turns": true}], in the log as out.tool0_x_m ... out.tool0_rzz), and
+"output_target" the targets of all outputs, for which the log's goal.* stand where they changed.
+
 "columns" is required, with the unit of each ("angles": of one turn, where whole turns are the same); every other key
 is optional. "tracked" states have a reference to follow, in the log as ref.*; "plane" names two states that span one,
 and the obstacles in it: {"x": "x_m", "y": "z_m", "obstacles": [[x, y, radius]]}. "priors" holds 5 % and 95 % of the
@@ -49,7 +53,8 @@ class Run:
         self.states, self.inputs, self.params = (list(columns[key]) for key in ("states", "inputs", "parameters"))
         self.measured, self.angles = set(columns["measured"]), set(columns["angles"])
         self.tracked = [name for name in self.states if name in columns["tracked"]]
-        self.units = {**columns["states"], **columns["inputs"], **columns["parameters"]}
+        self.outputs, self.frames = columns.get("outputs", {}), columns.get("frames", [])
+        self.units = {**self.outputs, **columns["states"], **columns["inputs"], **columns["parameters"]}
 
     def column(self, name: str) -> np.ndarray | None:
         return self.table[name] if name in self.table else None
@@ -71,6 +76,11 @@ class Run:
         if name not in self.angles:
             return rows
         return rows + 2 * np.pi * np.round((self.table[f"mean.{name}"] - rows) / (2 * np.pi))
+
+    def output_goal(self, name: str) -> np.ndarray:
+        """Where an output was wanted, row by row."""
+        rows = self.column(f"goal.{name}")
+        return rows if rows is not None else np.full(len(self.time), float(self.meta["output_target"][name]))
 
     def edge(self, name: str) -> dict | None:
         return self.meta.get("edges", {}).get(name)
@@ -171,6 +181,51 @@ def error_figure(run: Run, name: str) -> str:
     unit = page.unit_text(run.units[name])
     return page.svg(figure, f"Of the {which}: RMS {page.number(np.sqrt(np.mean(known ** 2)), 3)} {unit}, at most "
                             f"{page.number(np.max(np.abs(known)), 3)} {unit}.")
+
+
+def output_figure(run: Run, name: str) -> str:
+    figure, ax = page.axes(name, page.unit_label(name, run.units[name]))
+    cut = page.thin(len(run.time))
+    _finite_line(ax, run.time[cut], run.table[f"out.{name}"][cut], color=page.ESTIMATE, label="estimate")
+    _finite_line(ax, run.time[cut], run.output_goal(name)[cut], color=page.INK, linewidth=1.2, linestyle=(0, (1, 1.2)),
+                 label="goal")
+    ax.margins(x=0.01)
+    page.legend(ax)
+    return page.svg(figure)
+
+
+def frame_errors(run: Run, frame: dict) -> tuple[np.ndarray, np.ndarray | None]:
+    """How far a frame is from its goal: metres, and radians where its rotation has a cost."""
+    name = frame["name"]
+
+    def rows(axes) -> np.ndarray:
+        return np.array([[run.table[f"out.{name}_{axis}"], run.output_goal(f"{name}_{axis}")] for axis in axes])
+
+    position = rows([f"{axis}_m" for axis in "xyz"])
+    distance = np.sqrt(np.sum((position[:, 0] - position[:, 1]) ** 2, axis=0))
+    if not frame["turns"]:
+        return distance, None
+    rotation = rows([f"r{row}{column}" for row in "xyz" for column in "xyz"])
+    # |R - G|^2 = 8 sin^2(angle / 2)
+    apart = np.sqrt(np.sum((rotation[:, 0] - rotation[:, 1]) ** 2, axis=0) / 8)
+    return distance, 2 * np.arcsin(np.minimum(apart, 1))
+
+
+def frame_figures(run: Run, frame: dict) -> list[str]:
+    distance, angle = frame_errors(run, frame)
+    cut = page.thin(len(run.time))
+    figures = []
+    for values, what, unit in ((distance, "distance", "mm"), (angle, "angle", "deg")):
+        if values is None:
+            continue
+        values = values * 1e3 if unit == "mm" else np.degrees(values)
+        figure, ax = page.axes(f"{what} of {frame['name']} from its goal", unit)
+        _finite_line(ax, run.time[cut], values[cut], color=page.ESTIMATE, label="estimate")
+        ax.set_yscale("log")
+        ax.margins(x=0.01)
+        known = values[np.isfinite(values)]
+        figures.append(page.svg(figure, f"At the end {page.number(known[-1], 3)} {unit}." if known.size else ""))
+    return figures
 
 
 def path_figure(run: Run, plane: dict) -> str:
@@ -336,6 +391,8 @@ def build(run: Run) -> str:
     body.append("<h2>How it moved</h2>")
     plane = run.meta.get("plane")
     body.append(page.grid(([path_figure(run, plane)] if plane else []) +
+                          [figure for frame in run.frames for figure in frame_figures(run, frame)] +
+                          [output_figure(run, name) for name in run.outputs] +
                           [error_figure(run, name) for name in run.tracked] +
                           [state_figure(run, name) for name in run.states] +
                           [input_figure(run, name) for name in run.inputs]))

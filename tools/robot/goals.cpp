@@ -1,0 +1,176 @@
+// CSV files of goals.
+
+#include "tools/robot/goals.hpp"
+
+#include <array>
+#include <cerrno>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <sstream>
+
+#include "tools/base/frame_names.hpp"
+#include "tools/robot/section_reader.hpp"
+
+namespace tiller::tools {
+namespace {
+
+constexpr std::size_t kMostErrors = 5;  // more say no more
+
+std::string trimmed(const std::string& text) {
+  const std::size_t from = text.find_first_not_of(" \t\r");
+  return from == std::string::npos ? "" : text.substr(from, text.find_last_not_of(" \t\r") - from + 1);
+}
+
+Words cells_of(const std::string& line) {
+  Words cells;
+  std::stringstream stream(line);
+  for (std::string cell; std::getline(stream, cell, ',');) cells.push_back(trimmed(cell));
+  if (!line.empty() && line.back() == ',') cells.emplace_back();
+  return cells;
+}
+
+/// What a column sets.
+struct Column {
+  enum class Kind { time, state, output, angle } kind = Kind::time;
+  std::size_t index = 0;  ///< of the state or the output; of an angle: roll, pitch, yaw
+  std::string frame;      ///< an angle's
+};
+
+class GoalReader {
+ public:
+  GoalReader(const std::string& path, const RobotFile& robot, Words& errors)
+      : path_(path), robot_(robot), errors_(errors), before_(errors.size()) {}
+
+  bool read(std::istream& file, std::vector<Goal>& goals) {
+    std::string line;
+    for (std::size_t number = 1; std::getline(file, line) && errors_.size() < before_ + kMostErrors; ++number) {
+      if (trimmed(line).empty() || trimmed(line)[0] == '#') continue;
+      if (names_.empty())
+        read_header(cells_of(line), number);
+      else if (errors_.size() == before_)
+        read_row(cells_of(line), number, goals);
+    }
+    if (errors_.size() == before_ && goals.empty())
+      add(1, "goals", "there is none", "write a header and a row for each goal, e.g. time_s," + robot_.states[0]);
+    return errors_.size() == before_;
+  }
+
+ private:
+  void add(std::size_t line, const std::string& what, const std::string& problem, const std::string& remedy) {
+    errors_.push_back(path_ + ":" + std::to_string(line) + ": " + what + ": " + problem + "; " + remedy);
+  }
+
+  /// Angles of frames that the model tells of.
+  bool is_angle(const std::string& name, Column& column) const {
+    const char* const endings[] = {"_roll_rad", "_pitch_rad", "_yaw_rad"};
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::string ending = endings[k];
+      if (name.size() <= ending.size() || name.compare(name.size() - ending.size(), ending.size(), ending) != 0)
+        continue;
+      column = {Column::Kind::angle, k, name.substr(0, name.size() - ending.size())};
+      return index_of(robot_.outputs, frame_output_names(column.frame)[3]) >= 0;
+    }
+    return false;
+  }
+
+  void read_header(const Words& names, std::size_t line) {
+    names_ = names;
+    bool has_time = false;
+    for (const std::string& name : names) {
+      Column column;
+      if (name == "time_s") {
+        has_time = true;
+      } else if (const int state = index_of(robot_.states, name); state >= 0) {
+        column = {Column::Kind::state, static_cast<std::size_t>(state), ""};
+        about_states_ = true;
+      } else if (const int output = index_of(robot_.outputs, name); output >= 0) {
+        column = {Column::Kind::output, static_cast<std::size_t>(output), ""};
+        about_outputs_ = true;
+      } else if (is_angle(name, column)) {
+        about_outputs_ = true;
+      } else {
+        Words known = {"time_s"};
+        known.insert(known.end(), robot_.states.begin(), robot_.states.end());
+        known.insert(known.end(), robot_.outputs.begin(), robot_.outputs.end());
+        add(line, name, "is neither a state nor an output of the model", remedy_for_unknown(name, known));
+      }
+      columns_.push_back(column);
+    }
+    if (!has_time) add(line, "time_s", "the header has no such column", "write from when on each goal holds");
+    if (about_outputs_ && robot_.config.cost.output_count == 0)
+      add(line, "goals of outputs", "the robot file weighs none",
+          "give them weights in [cost] outputs or [cost] frames");
+    const tiller_cost_config_t& cost = robot_.config.cost;
+    now_.states.assign(cost.target, cost.target + robot_.states.size());
+    for (std::uint32_t j = 0; j < cost.output_count; ++j) now_.outputs.push_back(cost.outputs[j].target);
+  }
+
+  void read_row(const Words& cells, std::size_t line, std::vector<Goal>& goals) {
+    if (cells.size() != columns_.size())
+      return add(line, "row",
+                 "has " + std::to_string(cells.size()) + " cells, the header " + std::to_string(columns_.size()),
+                 "write a cell for each column");
+    std::string frame;
+    std::array<double, 3> rpy{};
+    for (std::size_t c = 0; c < cells.size(); ++c) {
+      const Column& column = columns_[c];
+      if (cells[c].empty() && column.kind != Column::Kind::time) continue;
+      char* end = nullptr;
+      const double value = std::strtod(cells[c].c_str(), &end);
+      if (cells[c].empty() || *end != '\0' || !(std::fabs(value) <= TILLER_LARGEST_VALUE))
+        return add(line, names_[c] + " = " + cells[c], "is no finite number", "write the number alone, in SI units");
+      switch (column.kind) {
+        case Column::Kind::time:
+          if (!goals.empty() && !(value > goals.back().time_s))
+            return add(line, "time_s = " + cells[c], "is not after the row before", "sort the rows by time");
+          now_.time_s = value;
+          break;
+        case Column::Kind::state: now_.states[column.index] = value; break;
+        case Column::Kind::output: now_.outputs[column.index] = value; break;
+        case Column::Kind::angle:
+          if (column.frame != frame) turn(frame, rpy);
+          frame = column.frame;
+          rpy[column.index] = value;
+      }
+    }
+    turn(frame, rpy);
+    goals.push_back(now_);
+    if (!about_states_) goals.back().states.clear();
+    if (!about_outputs_) goals.back().outputs.clear();
+  }
+
+  /// Sets a frame's rotation, and makes the angles ready for the next one.
+  void turn(const std::string& frame, std::array<double, 3>& rpy) {
+    if (frame.empty()) return;
+    const auto names = frame_output_names(frame);
+    const std::array<double, 9> rotation = rotation_of(rpy);
+    for (std::size_t i = 0; i < 9; ++i)
+      now_.outputs[static_cast<std::size_t>(index_of(robot_.outputs, names[3 + i]))] = rotation[i];
+    rpy = {};
+  }
+
+  const std::string& path_;
+  const RobotFile& robot_;
+  Words& errors_;
+  const std::size_t before_;
+  Words names_;
+  std::vector<Column> columns_;
+  bool about_states_ = false, about_outputs_ = false;
+  Goal now_;
+};
+
+}  // namespace
+
+bool read_goals(const std::string& path, const RobotFile& robot, std::vector<Goal>& goals, Words& errors) {
+  goals.clear();
+  std::ifstream file(path);
+  if (!file) {
+    errors.push_back(path + ": cannot be read: " + std::strerror(errno));
+    return false;
+  }
+  return GoalReader(path, robot, errors).read(file, goals);
+}
+
+}  // namespace tiller::tools
