@@ -136,8 +136,7 @@ class TreeMechanism final : public Mechanism {
   }
   bool add_payload(double mass_kg) override {
     if (tree_->payload_link < 0 || carrier_[at(tree_->payload_link)] < 0 || !bodies_.empty()) return false;
-    const double point = 1e-8 * mass_kg;  // ODE wants some inertia
-    weigh(at(tree_->payload_link), mass_kg, tree_->payload_m, {point, 0, 0, 0, point, 0, 0, 0, point});
+    weigh(at(tree_->payload_link), mass_kg, tree_->payload_m, {});
     return true;
   }
   bool add_flywheel(std::size_t joint, double inertia) override {
@@ -175,8 +174,9 @@ class TreeMechanism final : public Mechanism {
     Point3 origin{};  // of the joint's frame in the parent part's
     Rotation3 rotation{};
     double armature = 0, least_inertia = 0;
-    dMass mass{};  // about the part's frame
-    Point3 com{};
+    double mass_kg = 0;
+    Point3 moment{}, com{};  // mass times centre; the centre
+    Rotation3 inertia{};     // about the part's frame
     dBodyID body = nullptr;
     dJointID id = nullptr, rotor = nullptr;
   };
@@ -205,7 +205,6 @@ class TreeMechanism final : public Mechanism {
     part.origin = here.at;
     part.rotation = here.rotation;
     part.armature = joint.armature;
-    dMassSetZero(&part.mass);
     pose_[at(joint.child)] = Pose{};
     carrier_[at(joint.child)] = static_cast<int>(parts_.size());
     parts_.push_back(part);
@@ -216,24 +215,30 @@ class TreeMechanism final : public Mechanism {
     const Pose& pose = pose_[link];
     const Rotation3 turned = times(times(pose.rotation, inertia), transposed(pose.rotation));
     const Point3 c = pose.at + times(pose.rotation, com);
-    dMass mass;
-    dMassSetZero(&mass);
-    mass.mass = mass_kg;
+    Part& part = parts_[at(carrier_[link])];
+    part.mass_kg += mass_kg;
+    part.moment = part.moment + mass_kg * c;
+    part.inertia = shifted(part.inertia, turned, mass_kg, c);
+  }
+
+  /// inertia + more + mass (c'c 1 - c c').
+  static Rotation3 shifted(const Rotation3& inertia, const Rotation3& more, double mass_kg, const Point3& c) {
+    Rotation3 sum{};
     for (std::size_t i = 0; i < 3; ++i)
-      for (std::size_t k = 0; k < 3; ++k) mass.I[4 * i + k] = turned[3 * i + k];
-    dMassTranslate(&mass, c[0], c[1], c[2]);
-    dMassAdd(&parts_[at(carrier_[link])].mass, &mass);
+      for (std::size_t k = 0; k < 3; ++k)
+        sum[3 * i + k] = inertia[3 * i + k] + more[3 * i + k] + mass_kg * ((i == k ? dot(c, c) : 0.0) - c[i] * c[k]);
+    return sum;
   }
 
   /// Bodies and joints, once their masses are known.
   void assemble() {
     for (Part& part : parts_) {
-      part.com = {part.mass.c[0], part.mass.c[1], part.mass.c[2]};
-      dMass centred = part.mass;
-      dMassTranslate(&centred, -part.com[0], -part.com[1], -part.com[2]);
-      centred.c[0] = centred.c[1] = centred.c[2] = 0;
+      part.com = (1 / part.mass_kg) * part.moment;
+      const Rotation3 i = shifted(part.inertia, {}, -part.mass_kg, part.com);
+      dMass mass;
+      dMassSetParameters(&mass, part.mass_kg, 0, 0, 0, i[0], i[4], i[8], i[1], i[2], i[5]);
       part.body = dBodyCreate(world_.id());
-      dBodySetMass(part.body, &centred);
+      dBodySetMass(part.body, &mass);
       dBodySetGyroscopicMode(part.body, 0);  // push_turning has it
       bodies_.push_back(part.body);
     }

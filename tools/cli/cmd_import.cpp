@@ -5,6 +5,9 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
 
 #include "tools/base/output_file.hpp"
 #include "tools/command/commands.hpp"
@@ -140,7 +143,34 @@ std::size_t unknown_count(const Unknowns& unknowns) {
   return count;
 }
 
-int write_files(const Options& o, const Mechanism& mechanism, const Unknowns& unknowns,
+/// Copies the description beside the robot file and makes sure that a plant can be made of it; the reason against it is a
+/// note. False with `error` where the copy cannot be written.
+bool make_plant(const Options& o, const MechanismOptions& options, const std::string& frame, DescribedPlant& plant,
+                std::vector<std::string>& notes, std::string& error) {
+  if (options.base != BaseKind::fixed) {
+    notes.push_back(o.description + ": a base that moves has no ODE plant; [sim] plant = \"model\"");
+    return true;
+  }
+  plant.frame = frame;
+  for (const auto& held : options.held) plant.hold[held.joint] = held.position;
+  for (const auto& armature : options.armature) plant.armature[armature.joint] = armature.inertia;
+  plant.file = o.description;
+  std::vector<std::string> problems;
+  if (!describe_plant(plant, problems)) {
+    for (const std::string& problem : problems) notes.push_back(problem);
+    plant = {};
+    return true;
+  }
+  const std::string name = o.description.substr(o.description.find_last_of('/') + 1), copy = o.folder + "/" + name;
+  std::ifstream from(o.description, std::ios::binary);
+  std::stringstream text;
+  text << from.rdbuf();
+  plant.file = name;
+  std::error_code none;
+  return std::filesystem::equivalent(o.description, copy, none) || replace_file(copy, text.str(), error);
+}
+
+int write_files(const Options& o, const MechanismOptions& options, const Mechanism& mechanism, const Unknowns& unknowns,
                 const std::vector<int>& frames) {
   const int frame = frames.empty() ? -1 : frames.front();
   const WrittenModel model = write_model(mechanism, unknowns, frame, frames);
@@ -151,10 +181,13 @@ int write_files(const Options& o, const Mechanism& mechanism, const Unknowns& un
     if (!o.force && exists(path)) return complain(path + " is there already; write it anew with --force");
   std::string error;
   make_folders_for(robot_path);
+  DescribedPlant plant;
+  std::vector<std::string> notes = mechanism.notes;
+  if (!make_plant(o, options, frame_name, plant, notes, error)) return complain(error);
   if (!replace_file(model_path, model.text, error)) return complain(error);
-  if (!replace_file(robot_path, write_robot(mechanism, unknowns, model.names, header, frame_name), error))
+  if (!replace_file(robot_path, write_robot(mechanism, unknowns, model.names, header, frame_name, plant), error))
     return complain(error);
-  for (const std::string& note : mechanism.notes) std::printf("note: %s\n", note.c_str());
+  for (const std::string& note : notes) std::printf("note: %s\n", note.c_str());
   if (const std::size_t count = unknown_count(unknowns); count > kManyUnknowns)
     std::printf(
         "note: %zu unknown parameters: the filter sums up old data to second order for %zu at most, and its intervals come "
@@ -190,7 +223,7 @@ int import_command(Options& o) {
     return complain_all(errors);
   if (o.folder.empty()) o.folder = identifier(mechanism.name);
   while (o.folder.size() > 1 && o.folder.back() == '/') o.folder.pop_back();
-  return write_files(o, mechanism, unknowns, frames);
+  return write_files(o, options, mechanism, unknowns, frames);
 }
 
 }  // namespace

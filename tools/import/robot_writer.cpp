@@ -29,7 +29,7 @@ class RobotText {
         start_(start_position(mechanism)),
         mobility_(mobility(mechanism, start_)) {}
 
-  std::string write(const std::string& header, const std::string& payload_frame) {
+  std::string write(const std::string& header, const std::string& payload_frame, const DescribedPlant& made) {
     out_ += "# " + mechanism_.name + ", imported from " + file_name(mechanism_.path) +
             ". `tiller import` writes this file once; it is yours to change.\n"
             "# Every key: `tiller help robot-file`.\n\n";
@@ -41,7 +41,7 @@ class RobotText {
     measurement();
     task(payload_frame);
     safety();
-    plant();
+    plant(made);
     return out_;
   }
 
@@ -204,8 +204,7 @@ class RobotText {
       speeds += "bounds." + names_.velocities[j] + " = { low = -" + most + ", high = " + most +
                 ", weight = " + format("%.3g", kSpeedWeight / (speed * speed)) + " }\n";
     }
-    if (!speeds.empty())
-      out_ += "# and their largest speeds\n" + speeds;
+    if (!speeds.empty()) out_ += "# and their largest speeds\n" + speeds;
   }
 
   /// The joint that input i drives.
@@ -243,11 +242,18 @@ class RobotText {
     out_ += "\n";
   }
 
-  void plant() {
-    out_ +=
-        "# The simulated plant: this model, stepped ten times finer, with parameters that the controller does not know.\n"
-        "# It checks the loop, not the model; only a plant with equations of its own (or the robot) does that.\n"
-        "[sim]\nplant = \"model\"\nseed = 1\n";
+  void plant(const DescribedPlant& made) {
+    if (made.file.empty())
+      out_ +=
+          "# The simulated plant: this model, stepped ten times finer, with parameters that the controller does not know.\n"
+          "# It checks the loop, not the model; only a plant with equations of its own (or the robot) does that.\n"
+          "[sim]\nplant = \"model\"\nseed = 1\n";
+    else
+      out_ +=
+          "# The simulated plant: an ODE world made from the description, which shares no equation with the model.\n"
+          "[sim]\nplant = \"urdf\"\nfile = \"" +
+          made.file + "\"\n" + (made.frame.empty() ? "" : "frame = \"" + made.frame + "\"\n") +
+          numbers("hold", made.hold) + numbers("armature", made.armature) + "seed = 1\n";
     if (!unknowns_.parameters.empty()) out_ += "draw = true               # from the priors above, by the seed\n";
     for (std::size_t j = 0; j < joints(); ++j)
       out_ += "sensors." + names_.positions[j] +
@@ -263,6 +269,13 @@ class RobotText {
     }
   }
 
+  static std::string numbers(const std::string& key, const std::map<std::string, double>& values) {
+    std::string text;
+    for (const auto& [name, value] : values)
+      text += (text.empty() ? " \"" : ", \"") + name + "\" = " + number_text(value);
+    return text.empty() ? "" : key + " = {" + text + " }\n";
+  }
+
   const Mechanism& mechanism_;
   const Unknowns& unknowns_;
   const ModelNames& names_;
@@ -273,8 +286,8 @@ class RobotText {
 }  // namespace
 
 std::string write_robot(const Mechanism& mechanism, const Unknowns& unknowns, const ModelNames& names,
-                        const std::string& header, const std::string& payload_frame) {
-  return RobotText(mechanism, unknowns, names).write(header, payload_frame);
+                        const std::string& header, const std::string& payload_frame, const DescribedPlant& plant) {
+  return RobotText(mechanism, unknowns, names).write(header, payload_frame, plant);
 }
 
 }  // namespace tiller::tools

@@ -70,7 +70,17 @@ sim::PlantOptions plant_options(const RobotFile& robot, const sim::MechanismInfo
   options.made = std::move(described);
   options.parameters = s.parameters;
   if (s.draw) apply_draw(robot, info, options);
-  for (const SimEffect& effect : s.effects) options.effects.push_back({effect.kind, effect.port, effect.parameters});
+  const std::size_t drawn = options.effects.size();
+  for (const SimEffect& effect : s.effects) {
+    // what [sim] gives goes before what was drawn
+    const auto same = std::find_if(
+        options.effects.begin(), options.effects.begin() + static_cast<std::ptrdiff_t>(drawn),
+        [&](const sim::HiddenEffect& e) { return e.kind == effect.kind && (e.port == effect.port || e.port.empty()); });
+    if (same != options.effects.begin() + static_cast<std::ptrdiff_t>(drawn))
+      same->parameters = effect.parameters;
+    else
+      options.effects.push_back({effect.kind, effect.port, effect.parameters});
+  }
   for (std::size_t i = 0; i < robot.states.size(); ++i) {
     for (const sim::Channel& state : info.states) {
       if (state.name == robot.states[i]) options.initial_state[state.name] = robot.config.initial_state[i];
