@@ -38,6 +38,13 @@ bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmTelemetry& messa
   return true;
 }
 
+bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmGoal& message) {
+  LcmGoal read{};
+  if (!lcm_decode(kLcmGoalType, bytes, size, &read)) return false;
+  message = read;
+  return true;
+}
+
 LcmMeasurement lcm_message(const tiller_measurement_t& measurement, std::uint32_t count) {
   LcmMeasurement message{};
   message.stamp_us = measurement.stamp_us;

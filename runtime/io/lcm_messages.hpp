@@ -37,6 +37,12 @@ struct LcmTelemetry {
   std::int64_t log_dropped_ticks, log_waiting_bytes, log_lost_bytes;
 };
 
+struct LcmGoal {
+  std::int64_t stamp_us, sequence;
+  std::int32_t kind, count;
+  double value[64];
+};
+
 // clang-format off
 #define TILLER_LCM_FIELD(Struct, kind, name, length) {#name, LcmKind::kind, length, offsetof(Struct, name)}
 #define TILLER_LCM_COUNTED(Struct, name, count, length) \
@@ -122,6 +128,13 @@ inline constexpr LcmField kLcmWideTelemetryFields[] = {
   TILLER_LCM_FIELD(LcmTelemetry, kInt64,  log_waiting_bytes,   0),
   TILLER_LCM_FIELD(LcmTelemetry, kInt64,  log_lost_bytes,      0),
 };
+inline constexpr LcmField kLcmGoalFields[] = {
+  TILLER_LCM_FIELD(LcmGoal, kInt64,  stamp_us, 0),
+  TILLER_LCM_FIELD(LcmGoal, kInt64,  sequence, 0),
+  TILLER_LCM_FIELD(LcmGoal, kInt32,  kind,     0),
+  TILLER_LCM_FIELD(LcmGoal, kInt32,  count,    0),
+  TILLER_LCM_COUNTED(LcmGoal, value, count, 64),
+};
 #undef TILLER_LCM_FIELD
 #undef TILLER_LCM_COUNTED
 // clang-format on
@@ -129,6 +142,7 @@ inline constexpr LcmField kLcmWideTelemetryFields[] = {
 inline constexpr LcmType kLcmMeasurementType = make_lcm_type(kLcmMeasurementFields);
 inline constexpr LcmType kLcmCommandType = make_lcm_type(kLcmCommandFields);
 inline constexpr LcmType kLcmTelemetryType = make_lcm_type(kLcmTelemetryFields);
+inline constexpr LcmType kLcmGoalType = make_lcm_type(kLcmGoalFields);
 inline constexpr LcmType kLcmWideMeasurementType = make_lcm_type(kLcmWideMeasurementFields);
 inline constexpr LcmType kLcmWideCommandType = make_lcm_type(kLcmWideCommandFields);
 inline constexpr LcmType kLcmWideTelemetryType = make_lcm_type(kLcmWideTelemetryFields);
@@ -151,6 +165,7 @@ constexpr const LcmType& lcm_telemetry_type(std::uint32_t states, std::uint32_t 
 [[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmMeasurement& message);
 [[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmCommand& message);
 [[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmTelemetry& message);
+[[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmGoal& message);
 
 /// The state of the logs that a host writes. The defaults mean that all is well. Counters are never decremented, but
 /// for what waits.

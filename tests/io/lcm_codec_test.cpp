@@ -15,6 +15,7 @@
 #include "tiller_lcm/command_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
 #include "tiller_lcm/telemetry_t.hpp"
+#include "tiller_lcm/goal_t.hpp"
 #include "tiller_lcm/wide_command_t.hpp"
 #include "tiller_lcm/wide_measurement_t.hpp"
 #include "tiller_lcm/wide_telemetry_t.hpp"
@@ -123,6 +124,7 @@ Bytes again(const LcmType& type, const Bytes& bytes, Ours& ours) {
 TEST(LcmCodec, WideTypesAreLcmGensAtEveryCount) {
   EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::wide_measurement_t::getHash()), kLcmWideMeasurementType.fingerprint);
   EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::wide_command_t::getHash()), kLcmWideCommandType.fingerprint);
+  EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::goal_t::getHash()), kLcmGoalType.fingerprint);
   EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::wide_telemetry_t::getHash()), kLcmWideTelemetryType.fingerprint);
   for (int count = 0; count <= 32; ++count) {
     tiller_lcm::wide_measurement_t m{};
@@ -151,6 +153,19 @@ TEST(LcmCodec, WideTypesAreLcmGensAtEveryCount) {
     LcmCommand ours{};
     EXPECT_EQ(encoded(c), again(kLcmWideCommandType, encoded(c), ours)) << count;
     EXPECT_EQ(ours.plan_sequence, 77);
+  }
+  for (int count = 0; count <= 64; ++count) {
+    tiller_lcm::goal_t g{};
+    g.sequence = 6;
+    g.kind = 1;
+    g.count = count;
+    g.value = row(count, 0.3);
+    LcmGoal ours{};
+    EXPECT_EQ(encoded(g), again(kLcmGoalType, encoded(g), ours)) << count;
+    EXPECT_EQ(ours.kind, 1);
+    if (count > 0) {
+      EXPECT_EQ(ours.value[count - 1], g.value.back());
+    }
   }
   for (const auto& [states, params] : {std::pair{0, 0}, {14, 9}, {32, 64}, {3, 40}}) {
     tiller_lcm::wide_telemetry_t t{};

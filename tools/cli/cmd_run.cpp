@@ -113,7 +113,7 @@ void write_histogram(const Arguments& a, const RunResult& result) {
   if (!a.histogram.empty() && !replace_file(a.histogram, histogram_csv(result.pace), error)) complain(error);
 }
 
-EpisodesOptions episodes_options(const Arguments& a, const std::vector<Goal>& goals) {
+EpisodesOptions episodes_options(const Arguments& a, const std::vector<Goal>& goals, LcmGoals* lcm_goals) {
   EpisodesOptions options;
   options.episodes = a.episodes;
   options.posterior = a.posterior.empty() ? a.save_posterior : a.posterior;
@@ -126,6 +126,7 @@ EpisodesOptions episodes_options(const Arguments& a, const std::vector<Goal>& go
   options.run.records = a.records;
   options.run.real_time = !is_simulated(a);
   options.run.goals = goals;
+  options.run.lcm_goals = lcm_goals;
   options.run.alarm_log = a.alarm_log_s > 0 ? alarm_log_of(a) : "";
   options.run.alarm_log_s = a.alarm_log_s;
   options.run.first_wait_s = a.wait_s;
@@ -160,7 +161,11 @@ int run_command(Arguments& a) {
   if (!a.report.empty() && !can_write_file(a.report, unwritable)) return complain("--report " + unwritable);
   std::vector<Goal> goals;
   Words problems;
-  if (!a.goals.empty() && !read_goals(a.goals, *robot, goals, problems)) {
+  LcmGoals lcm_goals(*robot);
+  std::string deaf;
+  const bool from_lcm = a.goals == "lcm";
+  if (from_lcm && !lcm_goals.open(deaf)) return complain(deaf);
+  if (!a.goals.empty() && !from_lcm && !read_goals(a.goals, *robot, goals, problems)) {
     for (const std::string& problem : problems) (void)complain(problem);
     return kExitBadInput;
   }
@@ -176,7 +181,7 @@ int run_command(Arguments& a) {
     true_params = opened.true_params;
     return opened.link.get();
   };
-  const EpisodesResult all = run_episodes(*robot, episodes_options(a, goals), open);
+  const EpisodesResult all = run_episodes(*robot, episodes_options(a, goals, from_lcm ? &lcm_goals : nullptr), open);
   if (all.last.ticks == 0) return all.exit_code;
   RunOptions options;
   options.true_params = opened.true_params;
@@ -184,6 +189,7 @@ int run_command(Arguments& a) {
   if (a.episodes > 1) std::printf("\n%s\nthe last one: ", episodes_table(*robot, all.rows).c_str());
   std::fputs(summary(*robot, options, all.last).c_str(), stdout);
   if (const std::string counted = opened.link->counters(); !counted.empty()) std::printf("  %s\n", counted.c_str());
+  if (const std::string counted = lcm_goals.counters(); !counted.empty()) std::printf("  %s\n", counted.c_str());
   const std::string misfit = misfit_text(*robot, 1e-6 * all.last.pace.tick_time.quantile_us(0.5));
   if (!told && !misfit.empty()) complain(misfit);
   if (!all.last.readable_log.empty()) std::printf("log: %s\n", all.last.readable_log.c_str());
@@ -219,7 +225,7 @@ void add_run_command(CLI::App& app, int& exit_code) {
   command->add_option(
       "--goals", a->goals,
       "CSV of goals: time_s, then states, outputs or angles of frames by name; each row is the target from "
-      "its time after the first measurement on (docs/reference/costs.md)");
+      "its time after the first measurement on (docs/reference/costs.md). lcm: from the channel GOAL of [transport]");
   command->add_option("--log", a->log, "write a CSV row per tick");
   command->add_option("--report", a->report, "write a one-file HTML page (and its CSV beside it)");
   command

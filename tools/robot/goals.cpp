@@ -102,9 +102,7 @@ class GoalReader {
     if (about_outputs_ && robot_.config.cost.output_count == 0)
       add(line, "goals of outputs", "the robot file weighs none",
           "give them weights in [cost] outputs or [cost] frames");
-    const tiller_cost_config_t& cost = robot_.config.cost;
-    now_.states.assign(cost.target, cost.target + robot_.states.size());
-    for (std::uint32_t j = 0; j < cost.output_count; ++j) now_.outputs.push_back(cost.outputs[j].target);
+    now_ = goal_of(robot_);
   }
 
   void read_row(const Words& cells, std::size_t line, std::vector<Goal>& goals) {
@@ -162,6 +160,14 @@ class GoalReader {
 };
 
 }  // namespace
+
+Goal goal_of(const RobotFile& robot) {
+  const tiller_cost_config_t& cost = robot.config.cost;
+  Goal goal;
+  goal.states.assign(cost.target, cost.target + robot.states.size());
+  for (std::uint32_t j = 0; j < cost.output_count; ++j) goal.outputs.push_back(cost.outputs[j].target);
+  return goal;
+}
 
 bool read_goals(const std::string& path, const RobotFile& robot, std::vector<Goal>& goals, Words& errors) {
   goals.clear();

@@ -73,6 +73,7 @@ class Runner {
     recorder.alarm_log_s = options_.alarm_log_s;
     recorder.true_params = options_.true_params;
     recorder.has_truth = knows_truth();
+    if (options_.lcm_goals) recorder.goals = kGoalStates | (config_.cost.output_count > 0 ? kGoalOutputs : 0);
     for (const Goal& goal : options_.goals)
       recorder.goals |= (goal.states.empty() ? 0 : kGoalStates) | (goal.outputs.empty() ? 0 : kGoalOutputs);
     recorder.lossless = !options_.real_time;
@@ -122,23 +123,26 @@ class Runner {
     (void)tiller_prepare(host_.get());  // the command is out: what waits for no measurement is done while none is due
   }
 
+  void pursue(const Goal& goal, RecordEntry& entry) {
+    if (!goal.states.empty() && tiller_set_target(host_.get(), goal.states.data()) == tiller_status_ok) {
+      std::copy(goal.states.begin(), goal.states.end(), config_.cost.target);
+      entry.goal |= kGoalStates;
+    }
+    if (!goal.outputs.empty() && tiller_set_output_target(host_.get(), goal.outputs.data()) == tiller_status_ok) {
+      std::copy(goal.outputs.begin(), goal.outputs.end(), output_target_);
+      entry.goal |= kGoalOutputs;
+    }
+  }
+
   /// Sets the goal that is due, if it is not the one in force.
   void pursue_goals(RecordEntry& entry) {
     const std::vector<Goal>& goals = options_.goals;
     std::size_t due = next_goal_;
     while (due < goals.size() && goals[due].time_s <= time_s()) ++due;
-    if (due > next_goal_) {
-      const Goal& goal = goals[due - 1];
-      if (!goal.states.empty() && tiller_set_target(host_.get(), goal.states.data()) == tiller_status_ok) {
-        std::copy(goal.states.begin(), goal.states.end(), config_.cost.target);
-        entry.goal |= kGoalStates;
-      }
-      if (!goal.outputs.empty() && tiller_set_output_target(host_.get(), goal.outputs.data()) == tiller_status_ok) {
-        std::copy(goal.outputs.begin(), goal.outputs.end(), output_target_);
-        entry.goal |= kGoalOutputs;
-      }
-      next_goal_ = due;
-    }
+    if (due > next_goal_) pursue(goals[due - 1], entry);
+    next_goal_ = due;
+    Goal told;
+    if (options_.lcm_goals && options_.lcm_goals->poll(told)) pursue(told, entry);
     std::copy(config_.cost.target, config_.cost.target + config_.model->state_count, entry.target);
     std::copy(output_target_, output_target_ + config_.cost.output_count, entry.output_target);
   }

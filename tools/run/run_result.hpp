@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "io/lcm_messages.hpp"
+#include "tools/links/lcm_goals.hpp"
 #include "tools/logs/run_log.hpp"
 #include "tools/robot/goals.hpp"
 #include "tools/robot/posterior_file.hpp"
@@ -23,6 +24,7 @@ struct RunOptions {
   double alarm_log_s = 20;          ///< its length
   double first_wait_s = 10;         ///< wall time to wait for the first measurement
   std::vector<Goal> goals;          ///< by time; empty: the robot file's alone
+  LcmGoals* lcm_goals = nullptr;    ///< in their place: from whoever sends them
   std::vector<double> true_params;  ///< (param_count) where the plant is in this process
   /// The safe command is sent, and nothing is learnt, until every measured state has stood within four deviations of
   /// the start's ([start] state, sd and the sensor's) for half a second: somebody puts the robot back.
