@@ -13,7 +13,7 @@ TILLER_ISA_NAMESPACE_BEGIN
 /// Directions that a filter takes at once, which has none but the state's: all where they are few. The wider, the less
 /// is computed twice, and the longer it compiles.
 template <class Model>
-constexpr int kStatePass = Model::kFewStates ? Model::kStates : 4;
+constexpr int kStatePass = Model::kFewStates || Model::kKnowsSlopes ? Model::kStates : 4;
 
 template <class Model, int kDirections>
 struct DualStep {

@@ -100,7 +100,7 @@ struct GradientKernel {
   }
 
   /// Directions beyond (x, s, u) are not there; a pass takes kPass of them.
-  static constexpr int kPass = 4;
+  static constexpr int kPass = Model::kKnowsSlopes ? kDirections : 4;
   using DualPass = DualStep<Model, kPass>;
 
   static void linearise_effects_pass(const PathJob& job, const Points& at, int used, int first_direction) {

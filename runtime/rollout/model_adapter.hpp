@@ -13,6 +13,11 @@
 
 namespace tiller {
 
+template <class S>
+struct IsDual : std::false_type {};
+template <class S, int N>
+struct IsDual<Dual<S, N>> : std::true_type {};
+
 template <class Fields, class = void>
 struct HasCount : std::false_type {};
 template <class Fields>
@@ -70,6 +75,9 @@ struct StaticModel {
   static constexpr int kMostInputs = kInputs > 0 ? kInputs : 1;
   static constexpr int kMostForces = kForces > 0 ? kForces : 1;
   static constexpr bool kKnowsResponses = HasResponses<M<double>>::value;
+  static constexpr bool kKnowsSlopes = HasSlopes<M<double>>::value;
+  static_assert(!kKnowsSlopes || (kKnowsResponses && kStates == 2 * kForces),
+                "slopes ask for responses and joints alone");
   static constexpr Index<kStates> nx() { return {}; }
   static constexpr Index<kInputs> nu() { return {}; }
   static constexpr Index<kParams> np() { return {}; }
@@ -129,12 +137,16 @@ struct StaticModel {
   }
   static constexpr int force_index(int j) { return M<double>::joints[j].force; }
   static constexpr int drive(int j) { return M<double>::joints[j].drive; }
+  static constexpr int position_index(int j) { return M<double>::joints[j].position; }
+  static constexpr int velocity_index(int j) { return M<double>::joints[j].velocity; }
 
   /// With the arguments that the model takes.
   template <class S>
   static TILLER_INLINE State<S> dynamics(const State<S>& x, const Input<S>& u, [[maybe_unused]] const Force<S>& f,
                                          const Body<S>& body, [[maybe_unused]] const Params<S>& p) {
-    if constexpr (kForces > 0 && kParams > 0)
+    if constexpr (kKnowsSlopes && IsDual<S>::value)
+      return sloped_dynamics<S>(x, u, f, body, p);
+    else if constexpr (kForces > 0 && kParams > 0)
       return M<S>::dynamics(x, u, f, body, p);
     else if constexpr (kForces > 0)
       return M<S>::dynamics(x, u, f, body);
@@ -142,6 +154,78 @@ struct StaticModel {
       return M<S>::dynamics(x, u, body, p);
     else
       return M<S>::dynamics(x, u, body);
+  }
+
+  /// Derivatives of the accelerations of a model that knows its slopes, rows joints: with W the inverse inertia and ID
+  /// the forces for given accelerations, d a/dq = -W dID/dq (Carpentier and Mansard 2018, Analytical derivatives of rigid
+  /// body dynamics algorithms).
+  template <class S>
+  struct JointSlopes {
+    S acceleration[kMostForces], column[kMostForces][kMostForces], input_gain[kMostForces];
+    S by_state[kMostForces][kStates];
+  };
+  template <class S>
+  static __attribute__((noinline)) void slopes(const State<S>& x, const Input<S>& u, const Force<S>& f,
+                                               const Body<S>& body, [[maybe_unused]] const Params<S>& p,
+                                               JointSlopes<S>& s) {
+    S by_position[kMostForces][kMostForces], by_speed[kMostForces][kMostForces];
+    if constexpr (kParams > 0)
+      M<S>::slopes(x, u, f, body, p, s.acceleration, s.column, by_position, by_speed, s.input_gain);
+    else
+      M<S>::slopes(x, u, f, body, s.acceleration, s.column, by_position, by_speed, s.input_gain);
+    for (int i = 0; i < kForces; ++i) {
+      S row[2 * kMostForces];
+      for (int c = 0; c < 2 * kForces; ++c) row[c] = S(0.0);
+      for (int m = 0; m < kForces; ++m)
+        for (int c = 0; c < kForces; ++c) {
+          row[c] = row[c] - s.column[m][i] * by_position[m][c];
+          row[kForces + c] = row[kForces + c] - s.column[m][i] * by_speed[m][c];
+        }
+      for (int c = 0; c < kForces; ++c) {
+        s.by_state[i][M<double>::joints[c].position] = row[c];
+        s.by_state[i][M<double>::joints[c].velocity] = row[kForces + c];
+      }
+    }
+  }
+  /// The dynamics on dual numbers by the chain rule. Parameters and the body are taken for constants: nothing that
+  /// differentiates a step moves them.
+  template <class D>
+  static __attribute__((noinline)) State<D> sloped_dynamics(const State<D>& x, const Input<D>& u, const Force<D>& f,
+                                                            const Body<D>& body, const Params<D>& p) {
+    using S = typename D::value_type;
+    State<S> xv;
+    Input<S> uv;
+    Force<S> fv;
+    Params<S> pv;
+    each(nx(), [&](auto i) { xv[i] = x[i].v; });
+    each(nu(), [&](auto i) { uv[i] = u[i].v; });
+    each(nf(), [&](auto i) { fv[i] = f[i].v; });
+    each(np(), [&](auto i) { pv[i] = p[i].v; });
+    JointSlopes<S> s;
+    slopes<S>(xv, uv, fv, {body.gravity_x_m_s2.v, body.gravity_z_m_s2.v, body.payload_kg.v, body.payload_kgm2.v}, pv,
+              s);
+    D force[kMostForces];  // what pushes each joint beside its own motion
+    each(nf(), [&](auto j) {
+      const int input = drive(static_cast<int>(j)) - 1;
+      const int place = force_index(static_cast<int>(j));
+      force[j] = element(f, place);
+      if (input >= 0)
+        for (int k = 0; k < D::directions; ++k)
+          force[j].d[k] = force[j].d[k] + s.input_gain[j] * element(u, input).d[k];
+    });
+    State<D> out;
+    for (int i = 0; i < kForces; ++i) {
+      D& rate = element(out, M<double>::joints[i].velocity);
+      rate.v = s.acceleration[i];
+      for (int k = 0; k < D::directions; ++k) {
+        S sum = S(0.0);
+        for (int c = 0; c < kStates; ++c) sum = sum + s.by_state[i][c] * element(x, c).d[k];
+        for (int j = 0; j < kForces; ++j) sum = sum + s.column[j][i] * force[j].d[k];
+        rate.d[k] = sum;
+      }
+      element(out, M<double>::joints[i].position) = element(x, M<double>::joints[i].velocity);
+    }
+    return out;
   }
 
   /// What the model tells of itself; out of line, for a pose's text is long and nothing is gained by copies of it.
@@ -235,7 +319,7 @@ struct TableModel {
   static constexpr int kOutputs = TILLER_MAX_OUTPUTS;
   static constexpr int kMostInputs = TILLER_MAX_INPUTS;
   static constexpr int kMostForces = TILLER_MAX_JOINTS;
-  static constexpr bool kKnowsResponses = false;
+  static constexpr bool kKnowsResponses = false, kKnowsSlopes = false;
 
   const tiller_model_t* table;
   explicit TableModel(const tiller_model_t& model) : table(&model) {}

@@ -55,7 +55,7 @@ struct ModelTable {
   static void jacobian(const double* x, const double* u, const double* f, const tiller_body_t* body, const double* p,
                        double* a, double* b) {
     // all directions at once where they are few; the text of many compiles for a long time, and nothing waits for it
-    constexpr int kAll = Model::kStates + Model::kInputs, kPass = kAll <= 16 ? kAll : 4;
+    constexpr int kAll = Model::kStates + Model::kInputs, kPass = kAll <= 16 || Model::kKnowsSlopes ? kAll : 4;
     for (int first = 0; first < kAll; first += kPass) {
       const auto dx = evaluate<Dual<double, kPass>>(x, u, f, body, p, first);
       each(Model::nx(), [&](auto i) {

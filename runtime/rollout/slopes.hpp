@@ -44,6 +44,7 @@ struct Slopes {
     std::uint8_t colour[kDirections], colours;
     __attribute__((noinline)) void find() {
       static_assert(kDirections <= 64, "Depends has one bit a direction");
+      if constexpr (Model::kKnowsSlopes) return find_joints();
       typename Model::template State<Depends> x;
       typename Model::template Input<Depends> u;
       each(Model::nx(), [&](auto i) { x[i] = Depends::variable(i); });
@@ -63,6 +64,17 @@ struct Slopes {
     }
 
    private:
+    /// A position's rate is its speed; a speed's depends on everything.
+    void find_joints() {
+      each(Model::nf(), [&](auto j) {
+        const int speed = Model::velocity_index(j), place = Model::position_index(j);
+        count[place] = states[place] = 1;
+        column[place][0] = static_cast<std::uint8_t>(speed);
+        count[speed] = static_cast<std::uint8_t>(kDirections);
+        states[speed] = static_cast<std::uint8_t>(kStates);
+        for (int c = 0; c < kDirections; ++c) column[speed][c] = static_cast<std::uint8_t>(c);
+      });
+    }
     void choose_colours(const std::uint64_t* rows) {
       std::uint64_t taken[kDirections] = {};
       colours = 0;
@@ -153,10 +165,31 @@ struct Slopes {
 
   /// dx = f(x, u) and its Jacobian.
   TILLER_INLINE void rates(const State& x, State& dx, Jacobian& j) const {
-    if constexpr (kColoured)
+    if constexpr (Model::kKnowsSlopes)
+      rates_by_model(x, dx, j);
+    else if constexpr (kColoured)
       rates_by_colour(x, dx, j);
     else
       rates_at_once(x, dx, j);
+  }
+  __attribute__((noinline)) void rates_by_model(const State& x, State& dx, Jacobian& j) const {
+    typename Model::template JointSlopes<P> s;
+    Force none;
+    each(Model::nf(), [&](auto i) { none[i] = P(0.0); });
+    Model::template slopes<P>(x, u, none, body, p, s);
+    for (auto& row : j)
+      for (P& slope : row) slope = P(0.0);
+    each(Model::nf(), [&](auto i) {
+      const int speed = Model::velocity_index(i), place = Model::position_index(i);
+      element(dx, place) = element(x, speed);
+      element(dx, speed) = s.acceleration[i];
+      j[place][speed] = P(1.0);
+      for (int c = 0; c < kStates; ++c) j[speed][c] = s.by_state[i][c];
+      each(Model::nf(), [&](auto m) {
+        if (const int input = Model::drive(static_cast<int>(m)); input > 0)
+          j[speed][kStates + input - 1] = s.column[m][i] * s.input_gain[m];
+      });
+    });
   }
   __attribute__((noinline)) void rates_by_colour(const State& x, State& dx, Jacobian& j) const {
     using D = Dual<P, kPass>;

@@ -342,6 +342,24 @@ struct Stepper {
     });
   }
 
+  /// The same of a model that knows its slopes, on dual numbers: how the inverse inertia itself changes with the pose is
+  /// left out of derivatives. It would act through what reacts at the joints alone, to the second order of the step.
+  template <class D>
+  __attribute__((noinline)) void respond_still(const typename Model::template State<D>& x, const Body<D>& body,
+                                               const typename Model::template Params<D>& p,
+                                               D (*response)[Model::kMostForces]) const {
+    using V = typename D::value_type;
+    typename Model::template State<V> xv;
+    typename Model::template Params<V> pv;
+    each(model.nx(), [&](auto i) { xv[i] = x[i].v; });
+    each(model.np(), [&](auto i) { pv[i] = p[i].v; });
+    V column[Model::kMostForces][Model::kMostForces];
+    model.template responses<V>(
+        xv, {body.gravity_x_m_s2.v, body.gravity_z_m_s2.v, body.payload_kg.v, body.payload_kgm2.v}, pv, column);
+    for (int j = 0; j < Model::kMostForces; ++j)
+      for (int i = 0; i < Model::kMostForces; ++i) response[j][i] = D(column[j][i]);
+  }
+
   /// Accelerations for unit forces at the joints where something reacts, in the middle of the step: the inertia at
   /// its start would cost an order. response[r][j][i]: of joint i for a force at j.
   using Response = S[Model::kMostForces][Model::kMostForces];
@@ -352,7 +370,11 @@ struct Stepper {
       for (int r = 0; r < kCount; ++r) {
         State middle;
         each(model.nx(), [&](auto i) { middle[i] = S(0.5) * (begin[r][i] + t[r].x[i]); });
-        model.template responses<S>(middle, bodies[kSets == 1 ? 0 : r], p[kSets == 1 ? 0 : r].model, response[r]);
+        if constexpr (Model::kKnowsSlopes && IsDual<S>::value) {
+          respond_still(middle, bodies[kSets == 1 ? 0 : r], p[kSets == 1 ? 0 : r].model, response[r]);
+          continue;
+        } else
+          model.template responses<S>(middle, bodies[kSets == 1 ? 0 : r], p[kSets == 1 ? 0 : r].model, response[r]);
       }
     } else {
       each(model.joints(), [&](auto j) TILLER_INLINED {

@@ -6,6 +6,8 @@
 #include <random>
 
 #include "newton_euler.hpp"
+#include "rollout/model_table.hpp"
+#include "stiff_arm.hpp"  // with its gripper held, so that no joint follows another
 #include "test_arm.hpp"   // as imported
 #include "vague_arm.hpp"  // with a mass, an inertia, a gain and friction unknown
 
@@ -258,6 +260,98 @@ TEST_F(Imported, AnUnknownGainMultipliesItsInput) {
   f.look_Nm = 1.4;
   const Vague::State same = Vague::dynamics(state_of<Vague>(p), {}, f, body_of(p), params);
   EXPECT_NEAR(pushed.look_rad_s, same.look_rad_s, 1e-10 * std::fabs(same.look_rad_s));
+}
+
+// ---- slopes -----------------------------------------------------------------------------------------------------------
+
+using Stiff = StiffArm<double>;
+using StiffModel = tiller::StaticModel<StiffArm>;
+constexpr int kStiff = 4;
+
+struct StiffPoint {
+  double x[2 * kStiff], u[kStiff], f[kStiff], p[2];
+  tiller_body_t body;
+};
+StiffPoint stiff_point(std::mt19937& random) {
+  std::uniform_real_distribution<double> unit(-1.0, 1.0);
+  StiffPoint s{};
+  for (double& x : s.x) x = 2.0 * unit(random);
+  for (double& u : s.u) u = 5.0 * unit(random);
+  for (double& f : s.f) f = 5.0 * unit(random);
+  s.p[0] = 0.8 + 0.3 * unit(random);
+  s.p[1] = 1.0 + 0.3 * unit(random);
+  s.body = {3.0 * unit(random), 0.0, 0.5, 0.002};
+  s.body.gravity_z_m_s2 = -9.81;
+  return s;
+}
+static_assert(StiffModel::kKnowsSlopes, "no joint follows another");
+static_assert(!tiller::StaticModel<TestArm>::kKnowsSlopes, "one does");
+
+TEST(Slopes, AreTheDifferencesOfTheDynamics) {
+  using Table = tiller::ModelTable<StiffArm>;
+  std::mt19937 random(8);
+  for (int k = 0; k < 50; ++k) {
+    StiffPoint s = stiff_point(random);
+    double a[4 * kStiff * kStiff], b[2 * kStiff * kStiff], more[2 * kStiff], less[2 * kStiff];
+    Table::jacobian(s.x, s.u, s.f, &s.body, s.p, a, b);
+    double scale = 1.0;
+    for (const double value : a) scale = std::max(scale, std::fabs(value));
+    for (int c = 0; c < 3 * kStiff; ++c) {
+      double& z = c < 2 * kStiff ? s.x[c] : s.u[c - 2 * kStiff];
+      const double before = z, width = 1e-5;
+      z = before + width;
+      Table::dynamics(s.x, s.u, s.f, &s.body, s.p, more);
+      z = before - width;
+      Table::dynamics(s.x, s.u, s.f, &s.body, s.p, less);
+      z = before;
+      for (int i = 0; i < 2 * kStiff; ++i) {
+        const double slope = c < 2 * kStiff ? a[i * 2 * kStiff + c] : b[i * kStiff + c - 2 * kStiff];
+        // truncation and rounding of the differences, 1e-10 each of accelerations of some hundred
+        EXPECT_NEAR(slope, (more[i] - less[i]) / (2 * width), 1e-7 * scale) << "state " << i << " by " << c;
+      }
+    }
+  }
+}
+
+// Forces that have derivatives of their own, as effects' do, and directions that no state is: the whole chain.
+TEST(Slopes, CarryEveryDirection) {
+  using D = tiller::Dual<double, 3>;
+  std::mt19937 random(9);
+  std::uniform_real_distribution<double> unit(-1.0, 1.0);
+  const StiffPoint s = stiff_point(random);
+  double along[3][4 * kStiff];
+  for (auto& row : along)
+    for (double& value : row) value = unit(random);
+  StiffModel::State<D> x;
+  StiffModel::Input<D> u;
+  StiffModel::Force<D> f;
+  StiffModel::Params<D> p;
+  const auto seed = [&](double value, int place) {
+    D d(value);
+    for (int k = 0; k < 3; ++k) d.d[k] = along[k][place];
+    return d;
+  };
+  tiller::each(StiffModel::nx(), [&](auto i) { x[i] = seed(s.x[i], i); });
+  tiller::each(StiffModel::nu(), [&](auto i) { u[i] = seed(s.u[i], 2 * kStiff + i); });
+  tiller::each(StiffModel::nf(), [&](auto i) { f[i] = seed(s.f[i], 3 * kStiff + i); });
+  tiller::each(StiffModel::np(), [&](auto i) { p[i] = D(s.p[i]); });
+  const auto dx = StiffModel::dynamics<D>(
+      x, u, f, {D(s.body.gravity_x_m_s2), D(s.body.gravity_z_m_s2), D(s.body.payload_kg), D(s.body.payload_kgm2)}, p);
+  for (int k = 0; k < 3; ++k) {
+    double ends[2][2 * kStiff];
+    for (int way = 0; way < 2; ++way) {
+      StiffPoint moved = s;
+      const double width = way == 0 ? 1e-5 : -1e-5;
+      for (int i = 0; i < 2 * kStiff; ++i) moved.x[i] += width * along[k][i];
+      for (int i = 0; i < kStiff; ++i) moved.u[i] += width * along[k][2 * kStiff + i];
+      for (int i = 0; i < kStiff; ++i) moved.f[i] += width * along[k][3 * kStiff + i];
+      tiller::ModelTable<StiffArm>::dynamics(moved.x, moved.u, moved.f, &moved.body, moved.p, ends[way]);
+    }
+    tiller::each(StiffModel::nx(), [&](auto i) {
+      const double slope = (ends[0][i] - ends[1][i]) / 2e-5;
+      EXPECT_NEAR(dx[i].d[k], slope, 1e-6 * (1.0 + std::fabs(slope))) << "state " << int(i);
+    });
+  }
 }
 
 }  // namespace

@@ -7,7 +7,7 @@
 #include "tools/base/frame_names.hpp"
 #include "tools/base/text.hpp"
 #include "tools/import/articulated_body.hpp"
-#include "tools/import/expression.hpp"
+#include "tools/import/inverse_dynamics.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -37,8 +37,7 @@ class Equations {
     ArticulatedBody<Expression> tree(mechanism_, inertias());
     tree.place(positions());
     tree.weigh();
-    const Vec3<Expression> base{-graph.symbol("body.gravity_x_m_s2"), 0.0, -graph.symbol("body.gravity_z_m_s2")};
-    std::vector<Expression> found = tree.accelerate(speeds(), forces(), base);
+    std::vector<Expression> found = tree.accelerate(speeds(), forces(), base_acceleration());
     const std::vector<int> followers = mimicking();
     if (!followers.empty()) hold(tree, followers, found);
     std::vector<Expression> out;
@@ -70,6 +69,41 @@ class Equations {
     return out;
   }
 
+  /// What accelerates the joints: their forces without what speeds and gravity take.
+  std::vector<Expression> pushes() {
+    const std::size_t n = mechanism_.bodies.size();
+    const std::vector<Expression> taken = joint_forces<Expression>(
+        mechanism_, inertias(), positions(), speeds(), std::vector<Expression>(n, 0.0), base_acceleration());
+    std::vector<Expression> out = forces();
+    for (std::size_t i = 0; i < n; ++i) out[i] -= taken[i];
+    return out;
+  }
+
+  /// Slopes of the joints' forces at given accelerations ("acceleration[i]"): (joints x joints) by positions, then by
+  /// speeds; row: force.
+  std::vector<Expression> force_slopes() {
+    const std::size_t n = mechanism_.bodies.size();
+    std::vector<BodyInertia<Slope>> inertia;
+    for (const BodyInertia<Expression>& b : inertias()) inertia.push_back(constant(b));
+    const std::vector<Expression> q = positions(), v = speeds();
+    std::vector<Slope> acceleration;
+    for (std::size_t i = 0; i < n; ++i)
+      acceleration.push_back(still(graph.symbol("acceleration[" + std::to_string(i) + "]")));
+    const Vec3<Expression> base = base_acceleration();
+    std::vector<Expression> out(2 * n * n);
+    for (std::size_t along = 0; along < 2 * n; ++along) {
+      std::vector<Slope> position, speed;
+      for (std::size_t i = 0; i < n; ++i) {
+        position.push_back({q[i], i == along ? 1.0 : 0.0});
+        speed.push_back({v[i], i + n == along ? 1.0 : 0.0});
+      }
+      const std::vector<Slope> force = joint_forces<Slope>(mechanism_, inertia, position, speed, acceleration,
+                                                           {still(base[0]), still(base[1]), still(base[2])});
+      for (std::size_t i = 0; i < n; ++i) out[(along < n ? 0 : n * n) + i * n + along % n] = force[i].slope;
+    }
+    return out;
+  }
+
   /// Where frames stand in the base's axes: origin, then rotation row by row.
   std::vector<Expression> poses(const std::vector<int>& frames) {
     ArticulatedBody<Expression> tree(mechanism_, {});
@@ -93,6 +127,20 @@ class Equations {
 
  private:
   static std::size_t at(int i) { return static_cast<std::size_t>(i); }
+  static Slope still(const Expression& x) { return {x, 0.0}; }
+  static BodyInertia<Slope> constant(const BodyInertia<Expression>& b) {
+    BodyInertia<Slope> out;
+    out.mass = still(b.mass);
+    for (int r = 0; r < 3; ++r) {
+      out.moment[at(r)] = still(b.moment[at(r)]);
+      for (int c = 0; c < 3; ++c) out.inertia(r, c) = still(b.inertia(r, c));
+    }
+    return out;
+  }
+  /// Gravity as an acceleration of the base.
+  Vec3<Expression> base_acceleration() {
+    return {-graph.symbol("body.gravity_x_m_s2"), 0.0, -graph.symbol("body.gravity_z_m_s2")};
+  }
 
   Expression parameter(ModelParameter::Kind kind, const std::string& about, int slot, const Expression& otherwise) {
     for (const ModelParameter& p : unknowns_.parameters)
@@ -355,6 +403,37 @@ std::string fields(const char* name, const std::vector<std::string>& list) {
   return out + ");\n";
 }
 
+/// The body of `slopes` behind the inverse inertia.
+std::string slopes_text(const Mechanism& mechanism, const Unknowns& unknowns, const ModelNames& n, int payload_frame,
+                        int& operations) {
+  const std::string joints = std::to_string(n.joints.size());
+  int bias_operations = 0, slope_operations = 0;
+  std::vector<std::string> bias, slopes;
+  Equations statics(mechanism, unknowns, n, payload_frame);
+  std::string text = "    S force[" + joints + "];\n    {\n" +
+                     emit_code(statics.graph, statics.pushes(), "      ", bias, &bias_operations);
+  for (std::size_t j = 0; j < n.joints.size(); ++j)
+    text += "      force[" + std::to_string(j) + "] = " + bias[j] + ";\n";
+  text += "    }\n    for (int i = 0; i < " + joints + "; ++i) {\n      S sum = S(0.0);\n      for (int j = 0; j < " +
+          joints + "; ++j) sum = sum + column[j][i] * force[j];\n      acceleration[i] = sum;\n    }\n";
+  for (std::size_t j = 0; j < n.joints.size(); ++j) {
+    std::string gain = n.input_of[j] < 0 ? "0.0" : "1.0";
+    for (const ModelParameter& p : unknowns.parameters)
+      if (p.kind == ModelParameter::Kind::gain &&
+          p.about == mechanism.bodies[static_cast<std::size_t>(n.bodies[j])].joint)
+        gain = "p." + p.name;
+    text += "    input_gain[" + std::to_string(j) + "] = S(" + gain + ");\n";
+  }
+  Equations turned(mechanism, unknowns, n, payload_frame);
+  text += emit_code(turned.graph, turned.force_slopes(), "    ", slopes, &slope_operations);
+  const std::size_t count = n.joints.size();
+  for (std::size_t k = 0; k < slopes.size(); ++k)
+    text += std::string("    ") + (k < count * count ? "by_position[" : "by_speed[") +
+            std::to_string(k % (count * count) / count) + "][" + std::to_string(k % count) + "] = " + slopes[k] + ";\n";
+  operations = bias_operations + slope_operations + static_cast<int>(2 * count * count);
+  return text;
+}
+
 std::string listed(const std::vector<std::string>& values, const std::string& indent) {
   std::string out;
   for (std::size_t i = 0; i < values.size(); ++i) out += (i > 0 ? ",\n" + indent : "") + values[i];
@@ -414,6 +493,11 @@ WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, i
       response_code += "    " + (r == c ? place : mirror + " = " + place) + " = " + columns[k] + ";\n";
     }
 
+  const bool has_slopes =
+      std::none_of(mechanism.bodies.begin(), mechanism.bodies.end(), [](const MovingBody& b) { return b.mimics >= 0; });
+  std::string slope_code;
+  if (has_slopes) slope_code = slopes_text(mechanism, unknowns, n, payload_frame, out.slope_operations);
+
   Equations kinematics(mechanism, unknowns, n, payload_frame);
   std::vector<std::string> outputs, poses;
   std::string pose_code;
@@ -469,6 +553,18 @@ WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, i
           "                        " +
           (has_params ? "[[maybe_unused]] const Params& p, " : std::string()) + "S (*column)[" +
           std::to_string(joints) + "]) {\n    using tiller::sincos;\n" + response_code + "  }\n";
+  if (has_slopes)
+    text +=
+        "\n  /// Accelerations of the joints with what they follow from: the inverse inertia (column), and the slopes of the\n"
+        "  /// joints' forces by positions and speeds at these accelerations. " +
+        std::to_string(out.slope_operations + out.response_operations) +
+        " operations.\n"
+        "  __attribute__((noinline)) static void slopes(const State& x, [[maybe_unused]] const Input& u, const Force& f,\n"
+        "                     const tiller::Body<S>& body" +
+        p_argument + ", S* acceleration, S (*column)[" + std::to_string(joints) +
+        "],\n                     S (*by_position)[" + std::to_string(joints) + "], S (*by_speed)[" +
+        std::to_string(joints) + "], S* input_gain) {\n    responses(x, body, " + (has_params ? "p, " : "") +
+        "column);\n    using tiller::sincos;\n" + slope_code + "  }\n";
   if (!told.empty())
     text += "\n" + fields("Output", outputs) +
             "\n  /// Poses of frames in the base's axes: " + std::to_string(out.output_operations) +

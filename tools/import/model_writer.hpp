@@ -22,6 +22,7 @@ struct WrittenModel {
   int operations = 0;           ///< arithmetic of one call of the dynamics
   int response_operations = 0;  ///< of the inverse inertia
   int output_operations = 0;    ///< of the frames' poses
+  int slope_operations = 0;     ///< of the slopes beyond the inverse inertia
 };
 
 /// The equations as a header for [model] file: forward dynamics and the inverse inertia, unrolled, for any scalar. The
