@@ -71,6 +71,7 @@ bool read_joint_options(const Options& o, MechanismOptions& options, std::vector
 int last_frame(const Mechanism& mechanism) {
   int longest = 0, frame = -1;
   for (std::size_t i = 0; i < mechanism.frames.size(); ++i) {
+    if (!mechanism.frames[i].is_link) continue;
     int depth = 0;
     for (int b = mechanism.frames[i].body; b >= 0; b = mechanism.bodies[static_cast<std::size_t>(b)].parent) ++depth;
     // the last of several: what hangs on fixed joints comes after what it hangs on
@@ -96,7 +97,7 @@ bool read_frames(const Mechanism& mechanism, const Words& wanted, std::vector<in
       Words names;
       for (const NamedFrame& f : mechanism.frames) names.push_back(f.name);
       const std::string near = nearest(word, names);
-      errors.push_back("--frame " + word + ": no link is called so" +
+      errors.push_back("--frame " + word + ": no link or site is called so" +
                        (near.empty() ? "; there are " + join(names) : "; is '" + near + "' meant?"));
     } else if (mechanism.frames[static_cast<std::size_t>(frame)].body < 0) {
       errors.push_back("--frame " + word + ": belongs to the base, which does not move; name a link behind a joint");
@@ -127,6 +128,8 @@ bool within_limits(const Mechanism& mechanism, const ModelNames& names, const Un
   over("inputs", names.inputs.size(), TILLER_MAX_INPUTS, "hold some: --hold JOINT[=POSITION]");
   std::size_t effects = unknowns.payload ? 1 : 0;
   for (const JointFriction& f : unknowns.friction) effects += (f.viscous.empty() ? 0 : 1) + (f.dry.empty() ? 0 : 1);
+  for (const MovingBody& b : mechanism.bodies)
+    if (b.mimics < 0 && b.stiffness > 0.0) effects += b.rest != 0.0 ? 2 : 1;
   over("parameters", unknowns.parameters.size() + effects, TILLER_MAX_PARAMS, "name fewer with --unknown");
   over("effects", effects, TILLER_MAX_EFFECTS, "name fewer with --unknown");
   if (names.inputs.empty()) errors.push_back(mechanism.path + ": no joint is driven, so there is nothing to control");
@@ -216,7 +219,7 @@ int import_command(Options& o) {
   Mechanism mechanism;
   Unknowns unknowns;
   std::vector<int> frames;
-  if (!read_joint_options(o, options, errors) || !read_urdf(o.description, description, errors) ||
+  if (!read_joint_options(o, options, errors) || !read_description(o.description, description, errors) ||
       !build_mechanism(description, options, mechanism, errors) ||
       !read_unknowns(o.unknown, mechanism, unknowns, errors) || !read_frames(mechanism, o.frame, frames, errors) ||
       !within_limits(mechanism, name_model(mechanism), unknowns, errors))
@@ -229,9 +232,12 @@ int import_command(Options& o) {
 }  // namespace
 
 void add_import_command(CLI::App& app, int& exit_code) {
-  auto* command = app.add_subcommand("import", "a robot's description (URDF) into a model and its robot file");
+  auto* command = app.add_subcommand("import", "a robot's description (URDF, MJCF) into a model and its robot file");
   auto o = std::make_shared<Options>();
-  command->add_option("DESCRIPTION", o->description, "URDF; of a xacro, what `xacro FILE` prints")->required();
+  command
+      ->add_option("DESCRIPTION", o->description,
+                   "URDF, of a xacro what `xacro FILE` prints; or MJCF, .mjb, read by\nthe Python package mujoco")
+      ->required();
   command->add_option("-o,--output", o->folder, "folder for the model's header and robot.toml [the robot's name]");
   command
       ->add_option("--unknown", o->unknown,
@@ -240,7 +246,7 @@ void add_import_command(CLI::App& app, int& exit_code) {
       ->delimiter(',');
   command
       ->add_option("--frame", o->frame,
-                   "links whose poses costs and logs know; the first carries the payload [the last link]")
+                   "links, or an MJCF's sites, whose poses costs and logs know; the first carries the payload\n[the last link]")
       ->delimiter(',');
   command->add_option("--base", o->base, "fixed, planar (x, y, yaw) or free (x, y, z, yaw, pitch, roll) [fixed]")
       ->check(CLI::IsMember({"fixed", "planar", "free"}));

@@ -12,12 +12,12 @@ namespace tiller::tools {
 /// messages. Readers of other formats fill the same.
 struct LinkText {
   std::string name;
-  int line = 0;
+  int line = 0;  ///< 0: the format keeps none
   bool has_inertia = false;
   RigidBody body;  ///< in the link's frame
 };
 
-enum class JointKind { fixed, revolute, continuous, prismatic, floating, planar };
+enum class JointKind { fixed, revolute, continuous, prismatic, floating, planar, ball };
 
 struct JointText {
   std::string name;
@@ -33,18 +33,44 @@ struct JointText {
   double damping = 0.0;                                     ///< Nms or Ns/m
   double friction = 0.0;                                    ///< Nm or N
   double armature = 0.0;                                    ///< kgm2 or kg
-  std::string mimics;                                       ///< the joint that this one follows; empty: none
+  double stiffness = 0.0, rest = 0.0;                       ///< a spring about `rest`: Nm/rad or N/m; rad or m
+  double start = std::numeric_limits<double>::quiet_NaN();  ///< where it stands at first; NaN: nobody says
+  bool actuated = true;
+  std::string mimics;  ///< the joint that this one follows; empty: none
   double mimic_ratio = 1.0, mimic_offset = 0.0;
+};
+
+/// A point of interest on a link.
+struct FrameText {
+  std::string name, link;
+  Pose pose;  ///< in the link's frame
+};
+
+/// What ties two links beside the joints of the tree.
+struct TieText {
+  std::string name, kind, link_a, link_b;
 };
 
 struct Description {
   std::string path, name;
   std::vector<LinkText> links;
   std::vector<JointText> joints;
+  std::vector<FrameText> frames;
+  std::vector<TieText> ties;
+  std::string free_joint;  ///< what carries the whole robot through space, where the file has such a joint: fixed here
+  Vec3<double> gravity_m_s2{0.0, 0.0, -9.81};
   std::vector<std::string> notes;  ///< "file:line: what was left out, and why"
 };
 
-/// Reads a URDF. False with every problem in `errors`, "file:line: what; remedy", one a line.
+/// Reads a description, by what the file holds and not by its name: a URDF (<robot>), an MJCF (<mujoco>) or an .mjb.
+/// False with every problem in `errors`, "file:line: what; remedy", one a line.
+bool read_description(const std::string& path, Description& robot, std::vector<std::string>& errors);
+
 bool read_urdf(const std::string& path, Description& robot, std::vector<std::string>& errors);
+/// An MJCF or an .mjb, by MuJoCo's own compiler (tiller_tools.mjcf, in the Python that draws reports).
+bool read_mjcf(const std::string& path, Description& robot, std::vector<std::string>& errors);
+/// What that compiler says of the file at `path`, as JSON.
+bool read_compiled_mjcf(const std::string& json, const std::string& path, Description& robot,
+                        std::vector<std::string>& errors);
 
 }  // namespace tiller::tools

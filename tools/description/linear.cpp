@@ -21,6 +21,17 @@ Mat3<double> rotation_rpy(const Vec3<double>& rpy_rad) {
          rotation_about({1, 0, 0}, rpy_rad[0]);
 }
 
+Mat3<double> rotation_of_quaternion(const std::array<double, 4>& wxyz) {
+  const double length = std::sqrt(wxyz[0] * wxyz[0] + wxyz[1] * wxyz[1] + wxyz[2] * wxyz[2] + wxyz[3] * wxyz[3]);
+  const double w = wxyz[0] / length;
+  const Mat3<double> half = skew(scaled(1.0 / length, Vec3<double>{wxyz[1], wxyz[2], wxyz[3]}));
+  const Mat3<double> square = half * half;
+  Mat3<double> r = Mat3<double>::identity();
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) r(i, j) += 2.0 * (w * half(i, j) + square(i, j));
+  return r;
+}
+
 RigidBody moved(const RigidBody& body, const Pose& pose) {
   return {body.mass_kg, pose.rotation * body.com_m + pose.position,
           pose.rotation * body.inertia_kgm2 * pose.rotation.transposed()};

@@ -99,6 +99,8 @@ inline Pose inverse(const Pose& p) {
 
 /// Rotation by `angle` about a unit axis (Rodrigues).
 Mat3<double> rotation_about(const Vec3<double>& axis, double angle_rad);
+/// Of a quaternion w, x, y, z of any length above 0.
+Mat3<double> rotation_of_quaternion(const std::array<double, 4>& wxyz);
 /// URDF's roll, pitch, yaw: about the fixed x, then y, then z.
 Mat3<double> rotation_rpy(const Vec3<double>& rpy_rad);
 

@@ -266,7 +266,7 @@ bool read_urdf(const std::string& path, Description& robot, std::vector<std::str
     const std::string name = root != nullptr ? root->Name() : "";
     errors.push_back(path + ":" + std::to_string(root != nullptr ? root->GetLineNum() : 1) + ": the root is <" + name +
                      ">, a URDF's is <robot>" +
-                     (name == "mujoco" ? "; this is an MJCF, which is not read"
+                     (name == "mujoco" ? "; this is an MJCF"
                       : name == "sdf"  ? "; this is an SDF, which is not read"
                                        : ""));
     return false;

@@ -136,19 +136,21 @@ class Builder {
     add_base(root);
     check_reached();
     if (!errors_.empty()) return false;
+    check_ties();
     resolve_mimics();
     place_frames();
     check_masses();
+    take_gravity();
     if (errors_.empty()) note_light_joints();
     if (errors_.empty() && out_.bodies.empty())
       errors_.push_back(robot_.path + ": nothing moves: every joint is fixed");
+    if (errors_.empty()) add_points();
     return errors_.empty();
   }
 
  private:
-  void error(int line, const std::string& text) {
-    errors_.push_back(robot_.path + ":" + std::to_string(line) + ": " + text);
-  }
+  void error(int line, const std::string& text) { errors_.push_back(at_line(line) + ": " + text); }
+  std::string at_line(int line) const { return line > 0 ? robot_.path + ":" + std::to_string(line) : robot_.path; }
 
   void check_held() {
     for (const MechanismOptions::Held& held : options_.held) {
@@ -257,6 +259,9 @@ class Builder {
                                      : ", which only a base may be; write it as prismatic and revolute joints"));
       return;
     }
+    if (joint.kind == JointKind::ball)
+      return error(joint.line,
+                   "joint '" + joint.name + "' is a ball; write it as three hinges, or hold it: --hold " + joint.name);
     RawBody raw;
     MovingBody& b = raw.body;
     b.joint = joint.name;
@@ -269,6 +274,10 @@ class Builder {
     b.speed = joint.speed;
     b.damping = joint.damping;
     b.friction = joint.friction;
+    b.stiffness = joint.stiffness;
+    b.rest = joint.rest;
+    b.start = joint.start;
+    b.actuated = joint.actuated;
     b.armature = joint.armature;
     for (const MechanismOptions::Armature& a : options_.armature)
       if (a.joint == joint.name || (a.joint == "*" && joint.armature == 0.0 && joint.mimics.empty()))
@@ -303,6 +312,45 @@ class Builder {
         error(link.line, "link '" + link.name + "' is not connected with the root: the joints go in a circle");
   }
 
+  /// What ties two links is idle where they are one body already, and closes a chain otherwise.
+  void check_ties() {
+    const auto body_of = [&](const std::string& link) {
+      const auto found =
+          std::find_if(frames_.begin(), frames_.end(), [&](const NamedFrame& f) { return f.name == link; });
+      return found != frames_.end() ? found->body : -1;
+    };
+    for (const TieText& tie : robot_.ties) {
+      const int a = body_of(tie.link_a), b = body_of(tie.link_b);
+      if (a == b) continue;
+      const MovingBody& last = raw_[static_cast<std::size_t>(std::max(a, b))].body;
+      error(0, tie.kind + " '" + tie.name + "' ties link '" + tie.link_a + "' to '" + tie.link_b +
+                   "': a closed chain is no tree; take it out, or hold the joints between them, for example --hold " +
+                   last.joint);
+    }
+  }
+
+  void take_gravity() {
+    const Vec3<double>& g = robot_.gravity_m_s2;
+    out_.gravity_m_s2 = {g[0], 0.0, g[2]};
+    if (g[1] != 0.0)
+      out_.notes.push_back(robot_.path + format(": gravity along y (%.4g m/s2) is left out: turn the robot so that "
+                                                "gravity has x and z alone",
+                                                g[1]));
+    if (!robot_.free_joint.empty() && options_.base == BaseKind::fixed)
+      out_.notes.push_back(robot_.path + ": joint '" + robot_.free_joint +
+                           "' is free and held where the file puts it; --base free lets it move");
+  }
+
+  /// Points of interest, known by their names alone; a link goes before one of the same name.
+  void add_points() {
+    for (const FrameText& point : robot_.frames) {
+      const int link = out_.find_frame(point.link);
+      if (link < 0 || out_.find_frame(point.name) >= 0) continue;
+      const NamedFrame& on = out_.frames[static_cast<std::size_t>(link)];
+      out_.frames.push_back({point.name, on.body, on.pose * point.pose, false});
+    }
+  }
+
   void resolve_mimics() {
     std::map<std::string, int> index;
     for (std::size_t i = 0; i < raw_.size(); ++i) index[raw_[i].body.joint] = static_cast<int>(i);
@@ -329,6 +377,9 @@ class Builder {
                                        "', which does not move; hold it too: --hold " + raw.body.joint);
         continue;
       }
+      if (raw.body.damping + raw.body.friction + raw.body.stiffness > 0.0)
+        out_.notes.push_back(at_line(found->second->line) + ": joint '" + raw.body.joint + "' follows '" + joint->name +
+                             "': damping, friction and springs of its own are not read");
       raw.body.mimics = leader->second;
       raw.body.mimic_ratio = ratio;
       raw.body.mimic_offset = offset;
@@ -397,10 +448,10 @@ class Builder {
       const MovingBody& b = out_.bodies[i];
       const double most = b.effort * gain[i];
       if (!b.actuated || !std::isfinite(b.effort) || most < (b.prismatic ? kFast_m_s2 : kFast_rad_s2)) continue;
-      out_.notes.push_back(robot_.path + ":" + std::to_string(b.line) + ": joint '" + b.joint +
+      out_.notes.push_back(at_line(b.line) + ": joint '" + b.joint +
                            format("' reaches %.0f %s by its own effort: the rotor's inertia is missing; ", most,
                                   b.prismatic ? "m/s2" : "rad/s2") +
-                           "write <dynamics armature=\"kgm2\"/> or import with --armature " + b.joint + "=KGM2");
+                           "give it an armature in the file, or import with --armature " + b.joint + "=KGM2");
     }
   }
 
@@ -415,9 +466,11 @@ class Builder {
     Words names;
     for (const NamedFrame& frame : out_.frames)
       if (frame.body == static_cast<int>(body)) names.push_back("'" + frame.name + "'");
-    return names.empty() ? ""
-                         : (names.size() > 1 ? ": links " : ": link ") + join(names) + " at line " +
-                               std::to_string(link_.at(first_link(body))->line);
+    return names.empty() ? "" : (names.size() > 1 ? ": links " : ": link ") + join(names) + line_of(first_link(body));
+  }
+  std::string line_of(const std::string& link) const {
+    const int line = link_.at(link)->line;
+    return line > 0 ? " at line " + std::to_string(line) : "";
   }
   std::string first_link(std::size_t body) const {
     for (const NamedFrame& frame : out_.frames)
@@ -445,7 +498,9 @@ std::vector<double> start_position(const Mechanism& mechanism) {
   for (const MovingBody& b : mechanism.bodies) {
     const bool ranged = std::isfinite(b.high - b.low);
     const double margin = ranged ? 0.1 * (b.high - b.low) : 0.0;
-    if (b.low + margin <= 0.0 && 0.0 <= b.high - margin)
+    if (std::isfinite(b.start))
+      out.push_back(std::min(std::max(b.start, b.low), b.high));
+    else if (b.low + margin <= 0.0 && 0.0 <= b.high - margin)
       out.push_back(0.0);
     else
       out.push_back(ranged ? 0.5 * (b.low + b.high) : std::isfinite(b.low) ? b.low : b.high);

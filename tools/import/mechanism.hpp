@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -16,11 +17,12 @@ struct LinkShare {
   RigidBody body;
 };
 
-/// A named frame: a link of the description.
+/// A named frame: a link of the description, or a point of interest on one.
 struct NamedFrame {
   std::string name;
   int body = -1;  ///< -1: the base
   Pose pose;      ///< in that body's frame
+  bool is_link = true;
 };
 
 /// How a joint's frame stands in its parent's: turned by `azimuth` about z, moved along the new x, turned by `tilt` about
@@ -40,6 +42,8 @@ struct MovingBody {
   double low = 0.0, high = 0.0;  ///< of the joint; infinite: none
   double effort = 0.0, speed = 0.0;
   double damping = 0.0, friction = 0.0, armature = 0.0;
+  double stiffness = 0.0, rest = 0.0;  ///< a spring about `rest`
+  double start = NAN;                  ///< NaN: nobody says
   bool actuated = true;
   int mimics = -1;  ///< the body whose joint this one follows
   double mimic_ratio = 1.0, mimic_offset = 0.0;
@@ -50,6 +54,7 @@ struct Mechanism {
   std::string name, path;
   std::vector<MovingBody> bodies;
   std::vector<NamedFrame> frames;
+  Vec3<double> gravity_m_s2{0.0, 0.0, -9.81};  ///< none along y
   std::vector<std::string> notes;
 
   /// Indices of the bodies whose joints have states of their own.
@@ -79,7 +84,8 @@ struct MechanismOptions {
 /// How fast one unit of force accelerates each joint (bodies), the robot standing at `position` (bodies).
 std::vector<double> mobility(const Mechanism& mechanism, const std::vector<double>& position);
 
-/// The position (bodies) that a robot begins at: 0 where the joints' limits allow, else their middle.
+/// The position (bodies) that a robot begins at: the description's, else 0 where the joints' limits allow, else their
+/// middle.
 std::vector<double> start_position(const Mechanism& mechanism);
 
 /// Builds the tree. False with every problem in `errors`, "file:line: what; remedy".

@@ -37,6 +37,7 @@ class RobotText {
             names_.type + "\"\nperiod_s = " + number_text(kPeriod_s) + "\nintegrator = \"midpoint\"\n" + substeps() +
             "\n";
     parameters();
+    gravity();
     effects(payload_frame);
     measurement();
     task(payload_frame);
@@ -107,6 +108,23 @@ class RobotText {
       effect("effects", "viscous_friction", f.joint, "damping_SI", f.viscous);
       effect("effects", "coulomb_friction", f.joint, "friction_SI", f.dry);
     }
+    springs("effects");
+  }
+
+  /// A spring about another position than 0 is one about 0 and a constant force.
+  void springs(const char* list) {
+    for (std::size_t j = 0; j < joints(); ++j) {
+      const MovingBody& b = body(j);
+      if (!(b.stiffness > 0.0)) continue;
+      effect(list, "linear_spring", b.joint, "stiffness_SI", number_text(b.stiffness));
+      if (b.rest != 0.0) effect(list, "constant_offset", b.joint, "force_SI", number_text(b.stiffness * b.rest));
+    }
+  }
+
+  void gravity() {
+    const Vec3<double>& g = mechanism_.gravity_m_s2;
+    if (g[0] != 0.0 || g[2] != -9.81)
+      out_ += "[body]\ngravity_x_m_s2 = " + number_text(g[0]) + "\ngravity_z_m_s2 = " + number_text(g[2]) + "\n\n";
   }
 
   void measurement() {
@@ -267,6 +285,7 @@ class RobotText {
       effect("sim.effects", "viscous_friction", f.joint, "damping_SI", value(f.plant_viscous));
       effect("sim.effects", "coulomb_friction", f.joint, "friction_SI", value(f.plant_dry));
     }
+    springs("sim.effects");
   }
 
   static std::string numbers(const std::string& key, const std::map<std::string, double>& values) {

@@ -1,0 +1,368 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "tools/base/report.hpp"
+#include "tools/base/text.hpp"
+#include "tools/description/description.hpp"
+
+namespace tiller::tools {
+namespace {
+
+using Json = nlohmann::json;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+Vec3<double> triple(const Json& json) { return json.get<std::array<double, 3>>(); }
+Pose pose_of(const Json& quaternion, const Json& position) {
+  return {rotation_of_quaternion(quaternion.get<std::array<double, 4>>()), triple(position)};
+}
+std::string text(const Json& json, const char* key) { return json.at(key).get<std::string>(); }
+double number(const Json& json, const char* key) { return json.at(key).get<double>(); }
+double largest(const Json& range) { return std::max(std::fabs(range.at(0).get<double>()), std::fabs(range.at(1).get<double>())); }
+
+/// A joint moves its body in the axes that the joints before it leave: each becomes a link of its own, whose origin is
+/// the joint's anchor. MuJoCo's positions stay as they are, so a joint may stand at another one than 0 in the file.
+class CompiledReader {
+ public:
+  CompiledReader(const Json& json, Description& robot, std::vector<std::string>& errors)
+      : json_(json), bodies_(json.at("bodies")), robot_(robot), errors_(errors) {}
+
+  void read() {
+    robot_.name = text(json_, "name");
+    robot_.gravity_m_s2 = triple(json_.at("gravity"));
+    find_trees();
+    if (!errors_.empty()) return;
+    for (std::size_t b = 0; b < bodies_.size(); ++b)
+      if (!left_out(b)) add_body(b);
+    read_actuators();
+    read_equalities();
+    for (const Json& site : json_.at("sites"))
+      if (const std::size_t b = site.at("body").get<std::size_t>(); !left_out(b))
+        robot_.frames.push_back({text(site, "name"), body_name(b), pose_of(site.at("quat"), site.at("pos"))});
+    read_home();
+    note_the_rest();
+  }
+
+ private:
+  void error(const std::string& what) { errors_.push_back(robot_.path + ": " + what); }
+  void note(const std::string& what) { robot_.notes.push_back(robot_.path + ": " + what); }
+  /// A note about all that are named in a list.
+  void note_of(const char* what, const Words& names, const std::string& says) {
+    if (!names.empty()) note(std::string(what) + (names.size() > 1 ? "s " : " ") + join(names) + ": " + says);
+  }
+
+  std::string body_name(std::size_t b) const { return text(bodies_[b], "name"); }
+  std::size_t parent(std::size_t b) const { return bodies_[b].at("parent").get<std::size_t>(); }
+  /// The child of the world that carries a body.
+  std::size_t tree_of(std::size_t b) const {
+    while (b != 0 && parent(b) != 0) b = parent(b);
+    return b;
+  }
+  bool left_out(std::size_t b) const { return props_.count(tree_of(b)) > 0; }
+
+  /// What floats: the robot itself, or things that lie about in its scene.
+  void find_trees() {
+    std::map<std::size_t, std::string> floats;  // by tree, its free joint
+    std::map<std::size_t, std::string> moves;   // by tree, one of its other joints
+    for (const Json& joint : json_.at("joints")) {
+      const auto tree = tree_of(joint.at("body").get<std::size_t>());
+      (text(joint, "type") == "free" ? floats : moves)[tree] = text(joint, "name");
+    }
+    std::vector<std::size_t> robots;
+    for (const auto& [tree, joint] : floats)
+      if (moves.count(tree) > 0) robots.push_back(tree);
+    const bool one_stands = moves.size() > robots.size();
+    if (robots.empty() && !one_stands)
+      for (const auto& [tree, joint] : floats) robots.push_back(tree);
+    if (robots.size() + (one_stands ? 1 : 0) > 1) {
+      Words names;
+      for (const std::size_t tree : robots) names.push_back("'" + body_name(tree) + "'");
+      return error((names.size() > 1 ? "bodies " : "body ") + join(names) + (names.size() > 1 ? " float" : " floats") +
+                   (one_stands ? " beside a robot that stands on the world" : "") +
+                   "; an import is one robot: take the others out of the file");
+    }
+    if (!robots.empty()) base_ = robots[0];
+    Words names;
+    for (const auto& [tree, joint] : floats)
+      if (tree != base_) {
+        props_.insert(tree);
+        names.push_back(body_name(tree));
+      }
+    note_of("free body", names, "not part of the robot, left out");
+  }
+
+  void add_body(std::size_t b) {
+    const Json& body = bodies_[b];
+    LinkText link;
+    link.name = body_name(b);
+    const Vec3<double> moment = triple(body.at("inertia"));
+    const Pose principal = pose_of(body.at("iquat"), body.at("ipos"));
+    RigidBody inertia;
+    inertia.mass_kg = number(body, "mass");
+    for (int k = 0; k < 3; ++k) inertia.inertia_kgm2(k, k) = moment[static_cast<std::size_t>(k)];
+    link.body = moved(inertia, principal);
+    // furniture does not travel with a robot that floats
+    const bool furniture = base_ != 0 && body.at("on_world").get<bool>();
+    link.has_inertia = !furniture && (inertia.mass_kg > 0.0 || dot(moment, moment) > 0.0);
+    robot_.links.push_back(link);
+    if (b == 0) return;
+
+    std::string above = body_name(parent(b));
+    Pose at = pose_of(body.at("quat"), body.at("pos"));  // of the body's frame in the link that it hangs on so far
+    std::vector<const Json*> joints;
+    for (const Json& joint : json_.at("joints"))
+      if (joint.at("body").get<std::size_t>() == b) joints.push_back(&joint);
+    for (const Json* joint : joints) {
+      if (text(*joint, "type") == "free") {
+        robot_.free_joint = text(*joint, "name");
+        continue;
+      }
+      const Vec3<double> anchor = text(*joint, "type") == "slide" ? Vec3<double>{} : triple(joint->at("pos"));
+      const bool ends = joint == joints.back() && dot(anchor, anchor) == 0.0;
+      const std::string below = ends ? link.name : link.name + ":" + text(*joint, "name");
+      add_joint(*joint, at * Pose{Mat3<double>::identity(), anchor}, above, below);
+      at = {Mat3<double>::identity(), scaled(-1.0, anchor)};
+      if (ends) return;
+      above = below;
+      LinkText between;
+      between.name = below;
+      robot_.links.push_back(between);
+    }
+    JointText weld;
+    weld.name = joints.size() == 1 && !robot_.free_joint.empty() && b == base_ ? robot_.free_joint : link.name + ":fixed";
+    weld.parent = above;
+    weld.child = link.name;
+    weld.origin = at;
+    robot_.joints.push_back(weld);
+  }
+
+  void add_joint(const Json& json, const Pose& at, const std::string& above, const std::string& below) {
+    JointText joint;
+    joint.name = text(json, "name");
+    joint.parent = above;
+    joint.child = below;
+    joint.origin = at;
+    joint.axis = triple(json.at("axis"));
+    const std::string type = text(json, "type");
+    const double initial = number(json, "ref");
+    joint.stiffness = number(json, "stiffness");
+    joint.rest = number(json, "springref");
+    joint.has_limits = json.at("limited").get<bool>();
+    if (type == "ball") {
+      joint.kind = JointKind::ball;
+    } else if (type == "slide") {
+      joint.kind = JointKind::prismatic;
+      joint.origin.position = at.position - scaled(initial, at.rotation * joint.axis);
+    } else {
+      // a spring remembers the turns
+      joint.kind = joint.has_limits || joint.stiffness > 0.0 ? JointKind::revolute : JointKind::continuous;
+      if (initial != 0.0) joint.origin.rotation = at.rotation * rotation_about(joint.axis, -initial);
+    }
+    if (joint.has_limits) {
+      joint.low = json.at("range").at(0).get<double>();
+      joint.high = json.at("range").at(1).get<double>();
+    }
+    joint.damping = number(json, "damping");
+    joint.friction = number(json, "frictionloss");
+    joint.armature = number(json, "armature");
+    joint.actuated = false;
+    for (const Json& what : json.at("beyond")) note("joint '" + joint.name + "' has " + what.get<std::string>() + ": not read");
+    robot_.joints.push_back(joint);
+  }
+
+  JointText* find_joint(const std::string& name) {
+    for (JointText& joint : robot_.joints)
+      if (joint.name == name && joint.kind != JointKind::fixed) return &joint;
+    return nullptr;
+  }
+
+  void read_actuators() {
+    std::map<std::string, double> effort;
+    std::map<std::string, Words> kinds;  // what they are beside motors
+    Words geared, lagging, elsewhere, one_way;
+    for (const Json& a : json_.at("actuators")) {
+      const std::string name = text(a, "name"), way = text(a, "transmission"), target = text(a, "target");
+      JointText* joint = way == "joint" || way == "jointinparent" ? find_joint(target) : nullptr;
+      if (joint == nullptr || joint->kind == JointKind::ball) {
+        if (!of_a_prop(way, target)) elsewhere.push_back(name + " (" + way + (target.empty() ? "" : " " + target) + ")");
+        continue;
+      }
+      const double gear = std::fabs(number(a, "gear"));
+      joint->actuated = true;
+      joint->armature += gear * gear * number(a, "armature");
+      joint->damping += gear * gear * number(a, "damping");
+      const std::string kind = kind_of(a);
+      const double gain = std::fabs(a.at("gain_values").at(0).get<double>());
+      double force = a.at("force_limited").get<bool>() ? largest(a.at("force_range")) : kInfinity;
+      if (kind == "motor") {
+        if (a.at("control_limited").get<bool>()) force = std::min(force, gain * largest(a.at("control_range")));
+        if (gear * gain != 1.0) geared.push_back(name + " (" + number_text(gear * gain) + ")");
+        if (pushes_one_way(a)) one_way.push_back(name);
+      } else {
+        kinds[kind].push_back(name);
+      }
+      if (text(a, "dynamics") != "none" || number(a, "delay") > 0.0) lagging.push_back(name);
+      effort[target] += gear * force;
+    }
+    for (const auto& [kind, names] : kinds)
+      note_of(kind.c_str(), names, "the law is not read: inputs are joint forces; the force's limits are, where there are any");
+    note_of("motor with gear", geared, "the input is the joint's force, so many times MuJoCo's ctrl");
+    note_of("actuator", one_way, "pushes one way; [limits] has both: correct them there");
+    note_of("actuator", lagging, "filters and delays are not read; name a lag or a delay in [[effects]]");
+    note_of("actuator", elsewhere, "drives no hinge or slide, not read: what it moves has no input");
+    for (const Json& j : json_.at("joints")) {
+      JointText* joint = find_joint(text(j, "name"));
+      if (joint == nullptr) continue;
+      if (effort.count(joint->name) > 0 && effort[joint->name] > 0.0) joint->effort = effort[joint->name];
+      if (j.at("force_limited").get<bool>()) joint->effort = std::min(joint->effort, largest(j.at("force_range")));
+    }
+    if (!json_.at("actuators").empty()) return;
+    for (JointText& joint : robot_.joints) joint.actuated = true;
+    note("there are no actuators: every joint is taken as driven");
+  }
+
+  bool of_a_prop(const std::string& way, const std::string& target) const {
+    if (way != "joint" && way != "jointinparent") return false;
+    for (const Json& j : json_.at("joints"))
+      if (text(j, "name") == target) return left_out(j.at("body").get<std::size_t>());
+    return false;
+  }
+
+  static std::string kind_of(const Json& a) {
+    const std::string gain = text(a, "gain"), bias = text(a, "bias");
+    if (a.at("plugin").get<bool>()) return "actuator by plugin";
+    if (gain == "fixed" && bias == "none") return "motor";
+    if (gain == "fixed" && bias == "affine")
+      return a.at("bias_values").at(1).get<double>() != 0.0 ? "position servo" : "velocity servo";
+    return "actuator of gain " + gain;
+  }
+  static bool pushes_one_way(const Json& a) {
+    const auto one_sided = [&](const char* on, const char* range) {
+      return a.at(on).get<bool>() && a.at(range).at(0).get<double>() * a.at(range).at(1).get<double>() >= 0.0;
+    };
+    return one_sided("force_limited", "force_range") || one_sided("control_limited", "control_range");
+  }
+
+  void read_equalities() {
+    std::map<std::string, double> initial;
+    for (const Json& joint : json_.at("joints"))
+      initial[text(joint, "name")] = number(joint, "ref");
+    for (const Json& e : json_.at("equalities")) {
+      const std::string name = text(e, "name"), type = text(e, "type");
+      if (!e.at("active").get<bool>()) {
+        note("equality '" + name + "' is switched off: not read");
+      } else if (type == "joint") {
+        couple(e, name, initial);
+      } else if (type == "connect" || type == "weld") {
+        const auto ends = e.at("bodies").get<std::array<std::string, 2>>();
+        robot_.ties.push_back({name, type, ends[0], ends[1]});
+      } else {
+        note("equality '" + name + "' (" + type + ") is not read");
+      }
+    }
+  }
+
+  /// q - q0 = a0 + a1 (p - p0) + ..., of the first joint by the second.
+  void couple(const Json& e, const std::string& name, std::map<std::string, double>& initial) {
+    const auto own = e.at("joints").at(0).get<std::string>();
+    const auto c = e.at("data").get<std::array<double, 5>>();
+    JointText* joint = find_joint(own);
+    if (joint == nullptr) return note("equality '" + name + "' couples '" + own + "', which is no hinge or slide: not read");
+    const bool alone = e.at("joints").size() < 2;
+    if (alone || c[2] != 0.0 || c[3] != 0.0 || c[4] != 0.0)
+      return error("equality '" + name + "' holds joint '" + own + "' " +
+                   (alone ? "at " + number_text(initial[own] + c[0]) + "; take it out and import with --hold " + own + "=" +
+                                number_text(initial[own] + c[0])
+                          : "to a curve of another's position; only straight lines are read: take it out, or leave it two "
+                            "coefficients"));
+    if (!joint->mimics.empty())
+      return error("equality '" + name + "' couples joint '" + own + "', which follows '" + joint->mimics +
+                   "' already; take one of the two out");
+    joint->mimics = e.at("joints").at(1).get<std::string>();
+    joint->mimic_ratio = c[1];
+    joint->mimic_offset = initial[own] + c[0] - c[1] * initial[joint->mimics];
+  }
+
+  void read_home() {
+    const Json& joints = json_.at("joints");
+    for (const Json& key : json_.at("keyframes")) {
+      if (text(key, "name") != "home") continue;
+      for (std::size_t j = 0; j < joints.size(); ++j)
+        if (JointText* joint = find_joint(text(joints[j], "name")); joint != nullptr)
+          joint->start = key.at("positions").at(j).get<double>();
+    }
+  }
+
+  void note_the_rest() {
+    Words tendons, light;
+    for (const Json& t : json_.at("tendons"))
+      if (t.at("acts").get<bool>()) tendons.push_back(text(t, "name"));
+    note_of("tendon", tendons, "springs, damping, friction, inertia and limits of tendons are not read");
+    for (std::size_t b = 0; b < bodies_.size(); ++b)
+      if (number(bodies_[b], "gravcomp") != 0.0 && !left_out(b)) light.push_back(body_name(b));
+    note_of("body", light, "gravcomp is not read: the joints carry the whole weight");
+    if (number(json_, "density") > 0.0 || number(json_, "viscosity") > 0.0 || !json_.at("fluid_bodies").empty())
+      note("the medium's density and viscosity are not read");
+    note_of("plugin", json_.at("plugins").get<Words>(), "not read");
+    note_of("flex", json_.at("flexes").get<Words>(), "not read: bodies are rigid");
+    if (const int count = json_.at("touching").get<int>(); count > 0)
+      note("contacts are not read (" + std::to_string(count) + " shapes that may touch)");
+  }
+
+  const Json& json_;
+  const Json& bodies_;
+  Description& robot_;
+  std::vector<std::string>& errors_;
+  std::size_t base_ = 0;         ///< the body that floats with the robot; 0: it stands on the world
+  std::set<std::size_t> props_;  ///< trees that float beside it
+};
+
+std::string file_text(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+}  // namespace
+
+bool read_compiled_mjcf(const std::string& json, const std::string& path, Description& robot,
+                        std::vector<std::string>& errors) {
+  robot = {};
+  robot.path = path;
+  const std::size_t before = errors.size();
+  try {
+    const Json parsed = Json::parse(json);
+    if (parsed.contains("error"))
+      errors.push_back(path + ": " + parsed["error"].get<std::string>());
+    else
+      CompiledReader(parsed, robot, errors).read();
+  } catch (const Json::exception& e) {
+    errors.push_back(path + ": what tiller_tools.mjcf says of it cannot be read: " + e.what());
+  }
+  return errors.size() == before;
+}
+
+bool read_mjcf(const std::string& path, Description& robot, std::vector<std::string>& errors) {
+  std::error_code code;
+  std::string folder = (std::filesystem::temp_directory_path(code) / "tiller-mjcf-XXXXXX").string();
+  if (::mkdtemp(folder.data()) == nullptr) {
+    errors.push_back(folder + ": no folder for temporary files; set TMPDIR to one that can be written");
+    return false;
+  }
+  const std::string out = folder + "/compiled.json";
+  std::string error;
+  const bool ran = run_python_tool("mjcf", {path, out}, error);
+  const std::string json = ran ? file_text(out) : "";
+  std::filesystem::remove_all(folder, code);
+  if (ran) return read_compiled_mjcf(json, path, robot, errors);
+  errors.push_back(path + ": " + error);
+  return false;
+}
+
+}  // namespace tiller::tools

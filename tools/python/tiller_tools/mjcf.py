@@ -1,0 +1,134 @@
+"""A robot in MuJoCo's format, compiled by MuJoCo itself, as JSON that `tiller import` reads.
+
+    python -m tiller_tools.mjcf ROBOT OUT
+
+ROBOT is an MJCF or an .mjb. OUT holds the compiled model's bodies, joints and what acts on them, in MuJoCo's own words
+and units, or {"error": ...} where it does not compile. Nothing of the XML is read here: defaults, includes, classes and
+inertias from meshes are the compiler's.
+"""
+
+import json
+import pathlib
+import sys
+
+
+def compiled(mujoco, path):
+    if path.read_bytes()[:1] == b"1":  # an .mjb begins with 54321, an XML with "<" or a byte order mark
+        return mujoco.MjModel.from_binary_path(str(path))
+    return mujoco.MjModel.from_xml_path(str(path))
+
+
+def word(enum, value, prefix):
+    """mjGAIN_FIXED: "fixed"."""
+    try:
+        return enum(int(value)).name[len(prefix):].lower()
+    except ValueError:
+        return f"kind {int(value)}"
+
+
+class Names:
+    """Names of one kind, made up where the file has none, each once."""
+
+    def __init__(self, mujoco, model, kind, count, fallback):
+        self.of, taken = [], set()
+        for k in range(count):
+            name = mujoco.mj_id2name(model, kind, k) or fallback(k)
+            while name in taken:
+                name += "_"
+            taken.add(name)
+            self.of.append(name)
+
+
+def describe(mujoco, m, stem):
+    obj, lists = mujoco.mjtObj, lambda rows: [[float(v) for v in row] for row in rows]
+    body = Names(mujoco, m, obj.mjOBJ_BODY, m.nbody, lambda k: f"body{k}").of
+    joint = Names(mujoco, m, obj.mjOBJ_JOINT, m.njnt, lambda k: f"{body[m.jnt_bodyid[k]]}_joint").of
+    names = lambda kind, count, what: Names(mujoco, m, kind, count, lambda k: f"{what}{k}").of
+    site = names(obj.mjOBJ_SITE, m.nsite, "site")
+    tendon = names(obj.mjOBJ_TENDON, m.ntendon, "tendon")
+    own = m.names[:m.names.index(b"\0")].decode()
+    optional = lambda field, k, none=0.0: getattr(m, field)[k] if hasattr(m, field) else none  # not in every version
+
+    out = {"mujoco": mujoco.__version__, "name": own if own not in ("", "MuJoCo Model") else stem,
+           "gravity": m.opt.gravity.tolist(), "density": m.opt.density, "viscosity": m.opt.viscosity}
+    out["bodies"] = [{"name": body[k], "parent": int(m.body_parentid[k]), "on_world": int(m.body_weldid[k]) == 0,
+                      "pos": m.body_pos[k].tolist(), "quat": m.body_quat[k].tolist(), "mass": float(m.body_mass[k]),
+                      "ipos": m.body_ipos[k].tolist(), "iquat": m.body_iquat[k].tolist(),
+                      "inertia": m.body_inertia[k].tolist(), "gravcomp": float(m.body_gravcomp[k])}
+                     for k in range(m.nbody)]
+    out["joints"] = []
+    for k in range(m.njnt):
+        q, v, kind = m.jnt_qposadr[k], m.jnt_dofadr[k], word(mujoco.mjtJoint, m.jnt_type[k], "mjJNT_")
+        extra = [what for what, there in (
+            ("springs of higher order", any(optional("jnt_stiffnesspoly", k, []))),
+            ("damping of higher order", any(optional("dof_dampingpoly", v, []))),
+            ("a spring that yields", optional("jnt_springyield", k) > 0.0)) if there]
+        out["joints"].append({
+            "name": joint[k], "type": kind, "body": int(m.jnt_bodyid[k]), "pos": m.jnt_pos[k].tolist(),
+            "axis": m.jnt_axis[k].tolist(), "limited": bool(m.jnt_limited[k]), "range": m.jnt_range[k].tolist(),
+            "armature": float(m.dof_armature[v]), "damping": float(m.dof_damping[v]),
+            "frictionloss": float(m.dof_frictionloss[v]), "stiffness": float(m.jnt_stiffness[k]),
+            "springref": float(m.qpos_spring[q]), "ref": float(m.qpos0[q]),
+            "force_limited": bool(m.jnt_actfrclimited[k]), "force_range": m.jnt_actfrcrange[k].tolist(),
+            "beyond": extra})
+
+    targets = {"joint": joint, "jointinparent": joint, "tendon": tendon, "site": site, "body": body, "slidercrank": site}
+    actuator = names(obj.mjOBJ_ACTUATOR, len(m.actuator_trntype), "actuator")
+    out["actuators"] = []
+    for k, name in enumerate(actuator):
+        kind, control = word(mujoco.mjtTrn, m.actuator_trntype[k], "mjTRN_"), optional("actuator_ctrladr", k, k)
+        target = int(m.actuator_trnid[k][0])
+        out["actuators"].append({
+            "name": name, "transmission": kind, "target": targets[kind][target] if kind in targets and target >= 0 else "",
+            "gear": float(m.actuator_gear[optional("actuator_outadr", k, k)][0]),
+            "dynamics": word(mujoco.mjtDyn, m.actuator_dyntype[k], "mjDYN_"),
+            "gain": word(mujoco.mjtGain, m.actuator_gaintype[k], "mjGAIN_"), "gain_values": m.actuator_gainprm[k].tolist(),
+            "bias": word(mujoco.mjtBias, m.actuator_biastype[k], "mjBIAS_"), "bias_values": m.actuator_biasprm[k].tolist(),
+            "control_limited": bool(m.actuator_ctrllimited[control]), "control_range": m.actuator_ctrlrange[control].tolist(),
+            "force_limited": bool(m.actuator_forcelimited[k]), "force_range": m.actuator_forcerange[k].tolist(),
+            "armature": float(optional("actuator_armature", k)), "damping": float(optional("actuator_damping", k)),
+            "delay": float(optional("actuator_delay", k)), "plugin": int(m.actuator_plugin[k]) >= 0})
+
+    out["equalities"] = []
+    for k, name in enumerate(names(obj.mjOBJ_EQUALITY, m.neq, "equality")):
+        kind, ends = word(mujoco.mjtEq, m.eq_type[k], "mjEQ_"), [int(m.eq_obj1id[k]), int(m.eq_obj2id[k])]
+        on_sites = m.eq_objtype[k] == obj.mjOBJ_SITE
+        entry = {"name": name, "type": kind, "active": bool(m.eq_active0[k]), "data": m.eq_data[k][:5].tolist()}
+        if kind == "joint":
+            entry["joints"] = [joint[e] for e in ends if e >= 0]
+        elif kind in ("connect", "weld"):
+            entry["bodies"] = [body[m.site_bodyid[e] if on_sites else e] for e in ends]
+        out["equalities"].append(entry)
+
+    out["tendons"] = [{"name": tendon[k], "acts": bool(m.tendon_stiffness[k] or m.tendon_damping[k] or
+                                                       m.tendon_frictionloss[k] or m.tendon_limited[k] or
+                                                       optional("tendon_armature", k))} for k in range(m.ntendon)]
+    out["sites"] = [{"name": site[k], "body": int(m.site_bodyid[k]), "pos": m.site_pos[k].tolist(),
+                     "quat": m.site_quat[k].tolist()} for k in range(m.nsite)]
+    out["keyframes"] = [{"name": name, "positions": [float(m.key_qpos[k][a]) for a in m.jnt_qposadr]}
+                        for k, name in enumerate(names(obj.mjOBJ_KEY, m.nkey, "key"))]
+    out["touching"] = int(sum(1 for k in range(m.ngeom) if m.geom_contype[k] or m.geom_conaffinity[k])) + m.npair
+    out["fluid_bodies"] = sorted({body[m.geom_bodyid[k]] for k in range(m.ngeom) if m.geom_fluid[k][0] > 0.0})
+    out["plugins"] = names(obj.mjOBJ_PLUGIN, m.nplugin, "plugin")
+    out["flexes"] = names(obj.mjOBJ_FLEX, m.nflex, "flex")
+    return out
+
+
+def main():
+    path, out = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2])
+    try:
+        import mujoco
+    except ImportError:
+        result = {"error": f"MuJoCo's own compiler reads this format, and {sys.executable} has no package mujoco; install "
+                           f"it once: {sys.executable} -m pip install mujoco (or set TILLER_PYTHON to an interpreter that "
+                           "has it)"}
+    else:
+        try:
+            result = describe(mujoco, compiled(mujoco, path), path.stem)
+        except (ValueError, OSError) as refusal:  # what MuJoCo's compiler says, in its own words
+            result = {"error": "MuJoCo does not compile it: " + " ".join(str(refusal).split())}
+    out.write_text(json.dumps(result), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
