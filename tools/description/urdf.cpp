@@ -266,9 +266,10 @@ bool read_urdf(const std::string& path, Description& robot, std::vector<std::str
     const std::string name = root != nullptr ? root->Name() : "";
     errors.push_back(path + ":" + std::to_string(root != nullptr ? root->GetLineNum() : 1) + ": the root is <" + name +
                      ">, a URDF's is <robot>" +
-                     (name == "mujoco" ? "; this is an MJCF"
-                      : name == "sdf"  ? "; this is an SDF, which is not read"
-                                       : ""));
+                     (name == "mujoco"          ? "; this is an MJCF"
+                      : name == "mujocoinclude" ? "; this is a part of an MJCF: import the file that includes it"
+                      : name == "sdf"           ? "; this is an SDF, which is not read"
+                                                : ""));
     return false;
   }
   Reader reader(robot, errors);

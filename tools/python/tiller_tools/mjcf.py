@@ -49,8 +49,15 @@ def describe(mujoco, m, stem):
     own = m.names[:m.names.index(b"\0")].decode()
     optional = lambda field, k, none=0.0: getattr(m, field)[k] if hasattr(m, field) else none  # not in every version
 
+    def off(*what):  # switched off by <option><flag/>
+        bits = [getattr(mujoco.mjtDisableBit, "mjDSBL_" + w, 0) for w in what]
+        return any(m.opt.disableflags & int(b) for b in bits)
+
+    no_springs, no_damping = off("SPRING", "PASSIVE"), off("DAMPER", "PASSIVE")
+    no_friction, no_limits = off("FRICTIONLOSS", "CONSTRAINT"), off("LIMIT", "CONSTRAINT")
     out = {"mujoco": mujoco.__version__, "name": own if own not in ("", "MuJoCo Model") else stem,
-           "gravity": m.opt.gravity.tolist(), "density": m.opt.density, "viscosity": m.opt.viscosity}
+           "gravity": [0.0, 0.0, 0.0] if off("GRAVITY") else m.opt.gravity.tolist(),
+           "density": m.opt.density, "viscosity": m.opt.viscosity}
     out["bodies"] = [{"name": body[k], "parent": int(m.body_parentid[k]), "on_world": int(m.body_weldid[k]) == 0,
                       "pos": m.body_pos[k].tolist(), "quat": m.body_quat[k].tolist(), "mass": float(m.body_mass[k]),
                       "ipos": m.body_ipos[k].tolist(), "iquat": m.body_iquat[k].tolist(),
@@ -65,35 +72,44 @@ def describe(mujoco, m, stem):
             ("a spring that yields", optional("jnt_springyield", k) > 0.0)) if there]
         out["joints"].append({
             "name": joint[k], "type": kind, "body": int(m.jnt_bodyid[k]), "pos": m.jnt_pos[k].tolist(),
-            "axis": m.jnt_axis[k].tolist(), "limited": bool(m.jnt_limited[k]), "range": m.jnt_range[k].tolist(),
-            "armature": float(m.dof_armature[v]), "damping": float(m.dof_damping[v]),
-            "frictionloss": float(m.dof_frictionloss[v]), "stiffness": float(m.jnt_stiffness[k]),
+            "axis": m.jnt_axis[k].tolist(), "limited": bool(m.jnt_limited[k]) and not no_limits,
+            "range": m.jnt_range[k].tolist(),
+            "armature": float(m.dof_armature[v]), "damping": 0.0 if no_damping else float(m.dof_damping[v]),
+            "frictionloss": 0.0 if no_friction else float(m.dof_frictionloss[v]),
+            "stiffness": 0.0 if no_springs else float(m.jnt_stiffness[k]),
             "springref": float(m.qpos_spring[q]), "ref": float(m.qpos0[q]),
             "force_limited": bool(m.jnt_actfrclimited[k]), "force_range": m.jnt_actfrcrange[k].tolist(),
             "beyond": extra})
 
-    targets = {"joint": joint, "jointinparent": joint, "tendon": tendon, "site": site, "body": body, "slidercrank": site}
+    targets = {"joint": joint, "jointinparent": joint, "tendon": tendon, "site": site, "body": body,
+               "slidercrank": site}
     actuator = names(obj.mjOBJ_ACTUATOR, len(m.actuator_trntype), "actuator")
     out["actuators"] = []
     for k, name in enumerate(actuator):
         kind, control = word(mujoco.mjtTrn, m.actuator_trntype[k], "mjTRN_"), optional("actuator_ctrladr", k, k)
         target = int(m.actuator_trnid[k][0])
         out["actuators"].append({
-            "name": name, "transmission": kind, "target": targets[kind][target] if kind in targets and target >= 0 else "",
+            "name": name, "transmission": kind,
+            "target": targets[kind][target] if kind in targets and target >= 0 else "",
             "gear": float(m.actuator_gear[optional("actuator_outadr", k, k)][0]),
             "dynamics": word(mujoco.mjtDyn, m.actuator_dyntype[k], "mjDYN_"),
-            "gain": word(mujoco.mjtGain, m.actuator_gaintype[k], "mjGAIN_"), "gain_values": m.actuator_gainprm[k].tolist(),
-            "bias": word(mujoco.mjtBias, m.actuator_biastype[k], "mjBIAS_"), "bias_values": m.actuator_biasprm[k].tolist(),
-            "control_limited": bool(m.actuator_ctrllimited[control]), "control_range": m.actuator_ctrlrange[control].tolist(),
+            "gain": word(mujoco.mjtGain, m.actuator_gaintype[k], "mjGAIN_"),
+            "gain_values": m.actuator_gainprm[k].tolist(),
+            "bias": word(mujoco.mjtBias, m.actuator_biastype[k], "mjBIAS_"),
+            "bias_values": m.actuator_biasprm[k].tolist(),
+            "control_limited": bool(m.actuator_ctrllimited[control]),
+            "control_range": m.actuator_ctrlrange[control].tolist(),
             "force_limited": bool(m.actuator_forcelimited[k]), "force_range": m.actuator_forcerange[k].tolist(),
-            "armature": float(optional("actuator_armature", k)), "damping": float(optional("actuator_damping", k)),
+            "armature": float(optional("actuator_armature", k)),
+            "damping": 0.0 if no_damping else float(optional("actuator_damping", k)),
             "delay": float(optional("actuator_delay", k)), "plugin": int(m.actuator_plugin[k]) >= 0})
 
     out["equalities"] = []
     for k, name in enumerate(names(obj.mjOBJ_EQUALITY, m.neq, "equality")):
         kind, ends = word(mujoco.mjtEq, m.eq_type[k], "mjEQ_"), [int(m.eq_obj1id[k]), int(m.eq_obj2id[k])]
         on_sites = m.eq_objtype[k] == obj.mjOBJ_SITE
-        entry = {"name": name, "type": kind, "active": bool(m.eq_active0[k]), "data": m.eq_data[k][:5].tolist()}
+        entry = {"name": name, "type": kind, "active": bool(m.eq_active0[k]) and not off("EQUALITY", "CONSTRAINT"),
+                 "data": m.eq_data[k][:5].tolist()}
         if kind == "joint":
             entry["joints"] = [joint[e] for e in ends if e >= 0]
         elif kind in ("connect", "weld"):
@@ -119,9 +135,9 @@ def main():
     try:
         import mujoco
     except ImportError:
-        result = {"error": f"MuJoCo's own compiler reads this format, and {sys.executable} has no package mujoco; install "
-                           f"it once: {sys.executable} -m pip install mujoco (or set TILLER_PYTHON to an interpreter that "
-                           "has it)"}
+        result = {"error": f"MuJoCo's own compiler reads this format, and {sys.executable} has no package mujoco; "
+                           f"install it once: {sys.executable} -m pip install mujoco (or set TILLER_PYTHON to an "
+                           "interpreter that has it)"}
     else:
         try:
             result = describe(mujoco, compiled(mujoco, path), path.stem)
