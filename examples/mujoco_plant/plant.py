@@ -1,0 +1,120 @@
+"""A robot in MuJoCo that tiller steers over LCM: joint forces in, encoders out. docs/guide/lcm.md explains it.
+
+    plant.py my_arm.urdf my_arm/robot.toml --payload 1.2 --frame tool
+
+The description (URDF, MJCF) is the machine; of the robot file the plant takes the wiring alone: which joints are
+measured and driven, where they start, how long a period is. The load and the friction are known to nobody else.
+"""
+import argparse
+import re
+import struct
+import time
+import tomllib
+import xml.etree.ElementTree as xml
+import lcm
+import mujoco
+import numpy as np
+from tiller_lcm import command_t, wide_command_t, wide_measurement_t
+
+def load(path, driven, payload_kg, frame):
+    """The model, with joints that the robot file does not know held at 0, and a ball of steel at a link or site."""
+    root = xml.parse(path).getroot()
+    if root.tag == "mujoco":
+        spec = mujoco.MjSpec.from_file(path)
+    else:  # a URDF's meshes are seldom there, and its inertias do not need them
+        for link in root.iter("link"):
+            for shape in link.findall("visual") + link.findall("collision"): link.remove(shape)
+        root.append(xml.fromstring('<mujoco><compiler fusestatic="false"/></mujoco>'))
+        spec = mujoco.MjSpec.from_string(xml.tostring(root, encoding="unicode"))
+    for joint in spec.joints: joint.name = joint.name or joint.parent.name + "_joint"  # as the import calls them
+    for joint in [j for j in spec.joints if identifier(j.name) not in driven]:
+        for tie in [e for e in spec.equalities if joint.name in (e.name1, e.name2)]: spec.delete(tie)
+        spec.delete(joint)
+    if payload_kg > 0.0:
+        site = next((s for s in spec.sites if s.name == frame), None)
+        body = site.parent if site else spec.body(frame)
+        if body is None: raise SystemExit(f"{path} has no body or site '{frame}': name one with --frame")
+        kgm2 = 0.4 * payload_kg * (payload_kg / (7850.0 * 4.0 / 3.0 * np.pi)) ** (2.0 / 3.0)
+        body.add_body(name="payload", mass=payload_kg, inertia=[kgm2] * 3, explicitinertial=True,
+                      **(dict(pos=site.pos, quat=site.quat) if site else {}))
+    spec.option.timestep, spec.option.integrator = STEP_S, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)  # commands are forces at the joints
+    return spec.compile()
+
+def identifier(name): return re.sub(r"[^A-Za-z0-9]", "_", name)
+def split(key): return re.fullmatch(r"(.*?)_(rad_s|m_s|rad|m|Nm|N)", key).groups()
+
+def decode(data):
+    for kind in (wide_command_t, command_t):
+        try: message = kind.decode(data)
+        except (ValueError, struct.error): continue  # the other type, or no command
+        if message.count == len(inputs): return message
+
+def hear(channel, data):
+    global newest
+    newest = decode(data) or newest
+
+def say(sequence, stamp_us, latency_us, values):
+    message, mask = wide_measurement_t(), (1 << len(values)) - 1
+    message.sequence, message.stamp_us, message.command_latency_us = sequence, stamp_us, latency_us
+    message.count, message.value, message.valid_mask = len(values), values, mask - (mask >> 31 << 32)
+    bus.publish(options.prefix + "MEASUREMENT", message.encode())
+
+def read():
+    exact = [d.qvel[place[name][1]] if unit.endswith("_s") else d.qpos[place[name][0]] for name, unit in wiring]
+    return [float(v + options.noise * n) for v, n in zip(exact, noise.standard_normal(len(exact)))]
+
+def push(command):
+    d.qfrc_applied[inputs] = np.nan_to_num(command.value, posinf=0.0, neginf=0.0) if command else 0.0
+
+def lockstep():
+    met = False
+    for k in range(round(options.seconds / period_s)):
+        values, tries, answered = read(), 10, False
+        while not answered and (tries > 0 or not met):  # a datagram may be lost: ask again, without end at first
+            say(k, 10**6 + round(k * period_s * 1e6), 0, values)
+            while not answered and bus.handle_timeout(100): answered = newest and newest.sequence == k
+            tries -= 1
+        met = met or answered
+        push(newest if answered else None)
+        for _ in range(round(period_s / STEP_S)): mujoco.mj_step(m, d)
+
+def real_time():
+    start_s, sent_s, latency_s, heard_s, last = clock(), {}, 0.0, 0.0, -1
+    for step in range(round(options.seconds / STEP_S)):
+        if step % round(period_s / STEP_S) == 0:
+            k = step // round(period_s / STEP_S)
+            sent_s[k] = clock()
+            say(k, round(1e6 * sent_s[k]), round(1e6 * latency_s), read())
+        while bus.handle_timeout(max(0, round(1e3 * (start_s + (step + 1) * STEP_S - clock())))): pass
+        if newest and last < newest.sequence < len(sent_s):
+            last, heard_s = newest.sequence, clock()
+            latency_s += 0.1 * (heard_s - sent_s[last] - latency_s)
+        push(newest if clock() - heard_s < 0.1 else None)  # the motors' watchdog
+        if last >= 0: mujoco.mj_step(m, d)  # brakes hold until the first command
+
+STEP_S, clock = 0.001, time.monotonic
+options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+for name in ("description", "robot"): options.add_argument(name)
+options.add_argument("--frame", default="", metavar="NAME", help="body or site that carries the payload")
+options.add_argument("--real-time", action="store_true", help="else lockstep")
+for name, value, unit in (("payload", 0.0, "KG"), ("friction", 0.0, "NM"), ("armature", 0.0, "KGM2"),
+                          ("noise", 0.00025, "RAD"), ("seconds", 10.0, "S"), ("seed", 1, "N"),
+                          ("prefix", "TILLER_", "TEXT"), ("url", "udpm://239.255.76.67:7667?ttl=0", "URL")):
+    options.add_argument("--" + name, type=type(value), default=value, metavar=unit, help=f"[{value}]")
+options = options.parse_args()
+with open(options.robot, "rb") as file: robot = tomllib.load(file)
+period_s, wiring = robot["model"]["period_s"], [split(key) for key in robot["measurement"]]
+m = load(options.description, {name for name, _ in wiring}, options.payload, options.frame)
+m.dof_frictionloss[:] += options.friction
+m.dof_armature[m.dof_armature == 0.0] = options.armature
+d, noise = mujoco.MjData(m), np.random.default_rng(options.seed)
+place = {identifier(m.joint(j).name): (m.jnt_qposadr[j], m.jnt_dofadr[j]) for j in range(m.njnt)}
+inputs = [place[split(key)[0]][1] for key in robot["limits"]]
+for key, value in robot["start"]["state"].items(): d.qpos[place[split(key)[0]][0]] = value
+bus, newest = lcm.LCM(options.url), None
+bus.subscribe(options.prefix + "COMMAND", hear)
+real_time() if options.real_time else lockstep()
+miss = {key: d.qpos[place[split(key)[0]][0]] - value for key, value in robot["cost"]["target"].items()}
+worst = max(miss, key=lambda key: abs(miss[key]))
+print(f"after {options.seconds:g} s the largest distance from the target is {abs(miss[worst]):.4f} ({worst})")
