@@ -35,8 +35,8 @@ def load(path, driven, payload_kg, frame):
         body = site.parent if site else spec.body(frame)
         if body is None: raise SystemExit(f"{path} has no body or site '{frame}': name one with --frame")
         kgm2 = 0.4 * payload_kg * (payload_kg / (7850.0 * 4.0 / 3.0 * np.pi)) ** (2.0 / 3.0)
-        body.add_body(name="payload", mass=payload_kg, inertia=[kgm2] * 3, explicitinertial=True,
-                      **(dict(pos=site.pos, quat=site.quat) if site else {}))
+        body.add_body(name="payload", mass=payload_kg, inertia=[kgm2] * 3, explicitinertial=True, ipos=[0, 0, 0],
+                      pos=site.pos if site else [0, 0, 0])
     spec.option.timestep, spec.option.integrator = STEP_S, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)  # commands are forces at the joints
     return spec.compile()

@@ -1,0 +1,137 @@
+"""mjcf_test.py TILLER FOLDER [--write]: an MJCF through MuJoCo itself, and what the C++ tests have stored of that.
+
+With mujoco: what tiller_tools.mjcf says of FOLDER/machine.xml is what machine.json has, the accelerations in
+machine_accelerations.json are MuJoCo's, and the command imports the XML and its .mjb. Without it: the command says how to
+get it. --write stores both files anew.
+"""
+import json
+import math
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+STATES, SEED = 40, 7
+JOINTS = ["lane", "pan", "tip", "elbow", "grip", "wheel_joint"]
+RATIO, OFFSET = 1.5, 0.02 + 0.005 - 1.5 * 0.01  # of the finger that follows: q - 0.02 = 0.005 + 1.5 (p - 0.01)
+
+
+LOAD_KG, LOAD_KGM2 = 0.7, 0.004  # at the site eye
+
+
+def load(mujoco, path, loaded=False):
+    spec = mujoco.MjSpec.from_file(str(path))
+    if loaded:
+        eye = spec.site("eye")
+        eye.parent.add_body(pos=eye.pos, ipos=[0, 0, 0], mass=LOAD_KG, inertia=[LOAD_KGM2] * 3, explicitinertial=True)
+    m = spec.compile()
+    for what in ("CONSTRAINT", "ACTUATION", "SPRING", "DAMPER"):  # these are effects of the robot file
+        m.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, "mjDSBL_" + what))
+    return m
+
+
+def accelerations(mujoco, m, q, v, force):
+    """Of the joints that move by themselves: the follower's by projection, the toy at rest."""
+    import numpy as np
+
+    d, jacobian = mujoco.MjData(m), np.zeros((m.nv, len(JOINTS)))
+    ids = [m.joint(name).id if name != "wheel_joint" else m.body("wheel").jntadr[0] for name in JOINTS]
+    for k, j in enumerate(ids):
+        d.qpos[m.jnt_qposadr[j]], jacobian[m.jnt_dofadr[j], k] = q[k], 1.0
+    follower = m.joint("grip_mirror").id
+    d.qpos[m.jnt_qposadr[follower]] = RATIO * q[4] + OFFSET
+    jacobian[m.jnt_dofadr[follower]] = RATIO * jacobian[m.jnt_dofadr[ids[4]]]
+    d.qvel[:] = jacobian @ np.array(v)
+    mujoco.mj_forward(m, d)
+    inertia = np.zeros((m.nv, m.nv))
+    mujoco.mj_fullM(m, d, inertia)
+    return np.linalg.solve(jacobian.T @ inertia @ jacobian, np.array(force) - jacobian.T @ d.qfrc_bias).tolist()
+
+
+def compiled(folder, name="machine.xml"):
+    out = pathlib.Path(tempfile.mkdtemp()) / "out.json"
+    package = pathlib.Path(folder).parents[1] / "tools/python"
+    subprocess.run([sys.executable, "-m", "tiller_tools.mjcf", str(folder / name), str(out)], check=True,
+                   env=dict(os.environ, PYTHONPATH=str(package), PYTHONDONTWRITEBYTECODE="1"))
+    return json.loads(out.read_text(encoding="utf-8"))
+
+
+def both(mujoco, folder):
+    return load(mujoco, folder / "machine.xml"), load(mujoco, folder / "machine.xml", True)
+
+
+def write(mujoco, folder):
+    import numpy as np
+
+    (folder / "machine.json").write_text(json.dumps(compiled(folder), indent=1) + "\n", encoding="utf-8")
+    m, heavy, rng, rows = *both(mujoco, folder), np.random.default_rng(SEED), []
+    for _ in range(STATES):
+        q, v, force = (rng.uniform(-a, a, len(JOINTS)).round(4).tolist() for a in (2.0, 3.0, 15.0))
+        rows.append({"q": q, "v": v, "force": force, "a": accelerations(mujoco, m, q, v, force),
+                     "a_loaded": accelerations(mujoco, heavy, q, v, force)})
+    text = ",\n".join(json.dumps(row) for row in rows)
+    (folder / "machine_accelerations.json").write_text(f"[\n{text}\n]\n", encoding="utf-8")
+
+
+def same(ours, theirs, where=""):
+    """Where two JSON values differ, beyond rounding; None: nowhere."""
+    if isinstance(ours, dict) and isinstance(theirs, dict):
+        if set(ours) != set(theirs):
+            return f"{where}: keys {sorted(set(ours) ^ set(theirs))}"
+        return next((d for k in ours if k != "mujoco" and (d := same(ours[k], theirs[k], f"{where}.{k}"))), None)
+    if isinstance(ours, list) and isinstance(theirs, list) and len(ours) == len(theirs):
+        return next((d for k, (a, b) in enumerate(zip(ours, theirs)) if (d := same(a, b, f"{where}[{k}]"))), None)
+    if type(ours) in (int, float) and type(theirs) in (int, float):
+        return None if math.isclose(ours, theirs, rel_tol=1e-9, abs_tol=1e-12) else f"{where}: {ours} and {theirs}"
+    return None if ours == theirs else f"{where}: {ours} and {theirs}"
+
+
+def imported(tiller, file, folder):
+    return subprocess.run([tiller, "import", str(file), "-o", str(folder)], capture_output=True, text=True, check=False,
+                          env=dict(os.environ, TILLER_PYTHON=sys.executable))
+
+
+def with_mujoco(mujoco, tiller, folder):
+    difference = same(compiled(folder), json.loads((folder / "machine.json").read_text(encoding="utf-8")))
+    assert difference is None, difference
+    models, worst = both(mujoco, folder), 0.0
+    for row in json.loads((folder / "machine_accelerations.json").read_text(encoding="utf-8")):
+        for m, key in zip(models, ("a", "a_loaded")):
+            theirs = accelerations(mujoco, m, row["q"], row["v"], row["force"])
+            worst = max(worst, max(abs(a - b) for a, b in zip(row[key], theirs)) / max(map(abs, theirs)))
+    assert worst < 1e-10, worst
+    with tempfile.TemporaryDirectory() as out:
+        out = pathlib.Path(out)
+        done = imported(tiller, folder / "machine.xml", out / "xml")
+        assert done.returncode == 0 and "toy" in done.stdout, done.stderr + done.stdout
+        mujoco.mj_saveModel(mujoco.MjModel.from_xml_path(str(folder / "machine.xml")), str(out / "machine.mjb"), None)
+        done = imported(tiller, out / "machine.mjb", out / "mjb")
+        assert done.returncode == 0, done.stderr
+        texts = [next((out / kind).glob("*.hpp")).read_text(encoding="utf-8") for kind in ("xml", "mjb")]
+        assert texts[0] == texts[1].replace("machine.mjb", "machine.xml"), "the .mjb is another machine"
+        (out / "bad.xml").write_text("<mujoco><worldbody><body><joint/></body></worldbody></mujoco>", encoding="utf-8")
+        done = imported(tiller, out / "bad.xml", out / "bad")
+        assert done.returncode != 0 and "bad.xml: MuJoCo does not compile it: " in done.stderr, done.stderr
+    print("with mujoco", mujoco.__version__, "worst", worst)
+
+
+def without_mujoco(tiller, folder):
+    done = imported(tiller, folder / "machine.xml", "nowhere")
+    assert done.returncode != 0 and f"{sys.executable} -m pip install mujoco" in done.stderr, done.stderr
+    print("without mujoco")
+
+
+def main():
+    tiller, folder = sys.argv[1], pathlib.Path(sys.argv[2]).resolve()
+    try:
+        import mujoco
+    except ImportError:
+        return without_mujoco(tiller, folder)
+    if sys.argv[3:] == ["--write"]:
+        write(mujoco, folder)
+    return with_mujoco(mujoco, tiller, folder)
+
+
+if __name__ == "__main__":
+    main()
