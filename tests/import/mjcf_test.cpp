@@ -43,9 +43,9 @@ void expect_mujocos(const char* key, double load_kg, double load_kgm2) {
   for (const Json& row : rows) {
     auto state = row["q"].get<std::vector<double>>();
     for (const double v : row["v"].get<std::vector<double>>()) state.push_back(v);
-    const Machine::State dx =
-        Machine::dynamics(filled<Machine::State>(state), {}, filled<Machine::Force>(row["force"].get<std::vector<double>>()),
-                          {1.2, -9.6, load_kg, load_kgm2});
+    const Machine::State dx = Machine::dynamics(filled<Machine::State>(state), {},
+                                                filled<Machine::Force>(row["force"].get<std::vector<double>>()),
+                                                {1.2, -9.6, load_kg, load_kgm2});
     double ours[2 * kJoints], scale = 0.0;
     std::memcpy(ours, static_cast<const void*>(&dx), sizeof ours);
     const auto theirs = row[key].get<std::vector<double>>();
@@ -145,22 +145,31 @@ TEST(Mjcf, WhatHasNoEquationsHereIsRefusedOrTold) {
   EXPECT_EQ(refusal(ball, options), "");
 
   const Json loop = changed([](Json& j) {
-    j["equalities"][0] = {{"name", "pin"}, {"type", "connect"}, {"active", true}, {"data", {0, 0, 0, 0, 0}},
+    j["equalities"][0] = {{"name", "pin"},
+                          {"type", "connect"},
+                          {"active", true},
+                          {"data", {0, 0, 0, 0, 0}},
                           {"bodies", {"wheel", "bracket"}}};
   });
   expect_in(refusal(loop), "connect 'pin' ties link 'wheel' to 'bracket': a closed chain is no tree");
   EXPECT_EQ(refusal(loop, options), "") << "both are one body where the wheel is held";
 
-  expect_in(refusal(changed([](Json& j) { j["equalities"][0]["data"][2] = 0.1; })), "equality 'jaws' holds joint 'grip_m");
-  expect_in(refusal(changed([](Json& j) { j["equalities"][0]["joints"] = {"grip_mirror"}; })), "--hold grip_mirror=0.025");
+  expect_in(refusal(changed([](Json& j) { j["equalities"][0]["data"][2] = 0.1; })),
+            "equality 'jaws' holds joint 'grip_m");
+  expect_in(refusal(changed([](Json& j) { j["equalities"][0]["joints"] = {"grip_mirror"}; })),
+            "--hold grip_mirror=0.025");
   expect_in(told(changed([](Json& j) { j["equalities"][0]["active"] = false; })), "equality 'jaws' is switched off");
-  expect_in(told(changed([](Json& j) { j["equalities"][0]["type"] = "tendon"; })), "equality 'jaws' (tendon) is not read");
+  expect_in(told(changed([](Json& j) { j["equalities"][0]["type"] = "tendon"; })),
+            "equality 'jaws' (tendon) is not read");
   expect_in(told(changed([](Json& j) { j["bodies"][3]["gravcomp"] = 1.0; })), "link arm: gravcomp is not read");
   expect_in(told(changed([](Json& j) { j["density"] = 1.2; })), "density and viscosity are not read");
   expect_in(told(changed([](Json& j) { j["plugins"] = {"elastic"}; })), "plugin elastic: not read");
   expect_in(told(changed([](Json& j) { j["gravity"][1] = 2.0; })), "gravity along y (2 m/s2) is left out");
   expect_in(told(changed([](Json& j) { j["actuators"][2]["bias_values"] = {0, 0, -1}; })), "velocity servo lifter");
-  expect_in(told(changed([](Json& j) { j["actuators"][1]["control_range"] = {0, 5}; })), "actuator turner: pushes one way");
+  expect_in(told(changed([](Json& j) {
+              j["actuators"][1]["control_range"] = {0, 5};
+            })),
+            "actuator turner: pushes one way");
   expect_in(told(changed([](Json& j) { j["actuators"] = Json::array(); })), "every joint is taken as driven");
   expect_in(told(changed([](Json& j) { j["joints"][1]["beyond"] = {"springs of higher order"}; })),
             "joint 'pan' has springs of higher order: not read");

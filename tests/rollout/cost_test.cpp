@@ -114,8 +114,8 @@ void expect_penalties_apart(const tiller_model_t& m, const RolloutTable& table, 
     apart.job.penalty_out = penalty.data();
     whole.run(m, table);
     apart.run(m, table);
-    const bool has = whole.weights.has(kCostBounds) || whole.weights.has(kCostObstacles) ||
-                     whole.weights.has(kCostOutputBounds);
+    const bool has =
+        whole.weights.has(kCostBounds) || whole.weights.has(kCostObstacles) || whole.weights.has(kCostOutputBounds);
     for (std::uint32_t l = 0; l < kLanes; ++l) {
       const double want = double(whole.cost[l]);
       EXPECT_NEAR(double(apart.cost[l]) + double(penalty[l]), want, tolerance * (1.0 + std::abs(want))) << c.name;

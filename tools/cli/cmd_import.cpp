@@ -148,20 +148,35 @@ std::size_t unknown_count(const Unknowns& unknowns) {
 
 /// Copies the description beside the robot file and makes sure that a plant can be made of it; the reason against it is a
 /// note. False with `error` where the copy cannot be written.
-bool make_plant(const Options& o, const MechanismOptions& options, const std::string& frame, DescribedPlant& plant,
+bool make_plant(const Options& o, const MechanismOptions& options, const Mechanism& mechanism,
+                const std::string& compiled, const std::string& frame, DescribedPlant& plant,
                 std::vector<std::string>& notes, std::string& error) {
   if (options.base != BaseKind::fixed) {
     notes.push_back(o.description + ": a base that moves has no ODE plant; [sim] plant = \"model\"");
+    return true;
+  }
+  if (mechanism.gravity_m_s2[0] != 0.0) {
+    notes.push_back(o.description + ": gravity that is not along z has no ODE plant; [sim] plant = \"model\"");
     return true;
   }
   plant.frame = frame;
   for (const auto& held : options.held) plant.hold[held.joint] = held.position;
   for (const auto& armature : options.armature) plant.armature[armature.joint] = armature.inertia;
   plant.file = o.description;
+  // what MuJoCo has compiled can be read where there is no MuJoCo, nor the file's meshes
+  const std::string json = identifier(mechanism.name) + ".json";
+  if (!compiled.empty()) {
+    plant.file = o.folder + "/" + json;
+    if (!replace_file(plant.file, compiled, error)) return false;
+  }
   std::vector<std::string> problems;
   if (!describe_plant(plant, problems)) {
     for (const std::string& problem : problems) notes.push_back(problem);
     plant = {};
+    return true;
+  }
+  if (!compiled.empty()) {
+    plant.file = json;
     return true;
   }
   const std::string name = o.description.substr(o.description.find_last_of('/') + 1), copy = o.folder + "/" + name;
@@ -174,7 +189,7 @@ bool make_plant(const Options& o, const MechanismOptions& options, const std::st
 }
 
 int write_files(const Options& o, const MechanismOptions& options, const Mechanism& mechanism, const Unknowns& unknowns,
-                const std::vector<int>& frames) {
+                const std::string& compiled, const std::vector<int>& frames) {
   const int frame = frames.empty() ? -1 : frames.front();
   const WrittenModel model = write_model(mechanism, unknowns, frame, frames);
   const std::string stem = identifier(mechanism.name), header = stem + ".hpp";
@@ -186,7 +201,7 @@ int write_files(const Options& o, const MechanismOptions& options, const Mechani
   make_folders_for(robot_path);
   DescribedPlant plant;
   std::vector<std::string> notes = mechanism.notes;
-  if (!make_plant(o, options, frame_name, plant, notes, error)) return complain(error);
+  if (!make_plant(o, options, mechanism, compiled, frame_name, plant, notes, error)) return complain(error);
   if (!replace_file(model_path, model.text, error)) return complain(error);
   if (!replace_file(robot_path, write_robot(mechanism, unknowns, model.names, header, frame_name, plant), error))
     return complain(error);
@@ -226,7 +241,7 @@ int import_command(Options& o) {
     return complain_all(errors);
   if (o.folder.empty()) o.folder = identifier(mechanism.name);
   while (o.folder.size() > 1 && o.folder.back() == '/') o.folder.pop_back();
-  return write_files(o, options, mechanism, unknowns, frames);
+  return write_files(o, options, mechanism, unknowns, description.compiled, frames);
 }
 
 }  // namespace
@@ -245,8 +260,9 @@ void add_import_command(CLI::App& app, int& exit_code) {
                    "* for every one; several by commas")
       ->delimiter(',');
   command
-      ->add_option("--frame", o->frame,
-                   "links, or an MJCF's sites, whose poses costs and logs know; the first carries the payload\n[the last link]")
+      ->add_option(
+          "--frame", o->frame,
+          "links, or an MJCF's sites, whose poses costs and logs know; the first carries the payload\n[the last link]")
       ->delimiter(',');
   command->add_option("--base", o->base, "fixed, planar (x, y, yaw) or free (x, y, z, yaw, pitch, roll) [fixed]")
       ->check(CLI::IsMember({"fixed", "planar", "free"}));

@@ -59,11 +59,12 @@ struct Description {
   std::vector<TieText> ties;
   std::string free_joint;  ///< what carries the whole robot through space, where the file has such a joint: fixed here
   Vec3<double> gravity_m_s2{0.0, 0.0, -9.81};
+  std::string compiled;            ///< of an MJCF: what MuJoCo says of it, as JSON, which can be read in its place
   std::vector<std::string> notes;  ///< "file:line: what was left out, and why"
 };
 
-/// Reads a description, by what the file holds and not by its name: a URDF (<robot>), an MJCF (<mujoco>) or an .mjb.
-/// False with every problem in `errors`, "file:line: what; remedy", one a line.
+/// Reads a description, by what the file holds and not by its name: a URDF (<robot>), an MJCF (<mujoco>), an .mjb, or the
+/// JSON that is made of the two. False with every problem in `errors`, "file:line: what; remedy", one a line.
 bool read_description(const std::string& path, Description& robot, std::vector<std::string>& errors);
 
 bool read_urdf(const std::string& path, Description& robot, std::vector<std::string>& errors);

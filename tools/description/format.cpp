@@ -13,6 +13,8 @@ bool read_description(const std::string& path, Description& robot, std::vector<s
   const std::string text{std::istreambuf_iterator<char>(file), {}};
   const char mjb[] = {'1', '\xd4', 0, 0};  // 54321 in the file's first four bytes
   if (text.size() > sizeof mjb && std::memcmp(text.data(), mjb, sizeof mjb) == 0) return read_mjcf(path, robot, errors);
+  const std::size_t first = text.find_first_not_of(" \t\r\n");
+  if (first != std::string::npos && text[first] == '{') return read_compiled_mjcf(text, path, robot, errors);
   tinyxml2::XMLDocument document;
   const bool is_xml = document.Parse(text.data(), text.size()) == tinyxml2::XML_SUCCESS;
   const tinyxml2::XMLElement* root = is_xml ? document.RootElement() : nullptr;

@@ -341,6 +341,7 @@ bool read_compiled_mjcf(const std::string& json, const std::string& path, Descri
                         std::vector<std::string>& errors) {
   robot = {};
   robot.path = path;
+  robot.compiled = json;
   const std::size_t before = errors.size();
   try {
     const Json parsed = Json::parse(json);

@@ -31,6 +31,11 @@ class TreeBuilder {
     }
     if (!plant_.frame.empty()) {
       tree_->payload_link = link_of(plant_.frame);
+      for (const FrameText& point : robot_.frames)
+        if (tree_->payload_link < 0 && point.name == plant_.frame) {
+          tree_->payload_link = link_of(point.link);
+          tree_->payload_m = point.pose.position;
+        }
       if (tree_->payload_link < 0) fail(robot_.path + ": has no link '" + plant_.frame + "' to carry the payload");
     }
     reached_.assign(tree_->links.size(), false);
@@ -143,7 +148,8 @@ std::shared_ptr<const sim::Tree> describe_plant(const DescribedPlant& plant, std
   options.any_inertia = true;  // the import has judged them
   for (const auto& [joint, position] : plant.hold) options.held.push_back({joint, position});
   for (const auto& [joint, inertia] : plant.armature) options.armature.push_back({joint, inertia});
-  if (!read_urdf(plant.file, robot, errors) || !build_mechanism(robot, options, mechanism, errors)) return nullptr;
+  if (!read_description(plant.file, robot, errors) || !build_mechanism(robot, options, mechanism, errors))
+    return nullptr;
   return TreeBuilder(robot, mechanism, plant, errors).build();
 }
 

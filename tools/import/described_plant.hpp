@@ -11,8 +11,8 @@ namespace tiller::tools {
 
 /// How a description becomes a plant: what `tiller import` was told of it.
 struct DescribedPlant {
-  std::string file;   ///< the URDF
-  std::string frame;  ///< the link that carries a payload; empty: none
+  std::string file;   ///< the description
+  std::string frame;  ///< the link, or the point on one, that carries a payload; empty: none
   std::map<std::string, double> hold, armature;
 };
 

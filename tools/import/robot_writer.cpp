@@ -271,7 +271,11 @@ class RobotText {
           "# The simulated plant: an ODE world made from the description, which shares no equation with the model.\n"
           "[sim]\nplant = \"urdf\"\nfile = \"" +
           made.file + "\"\n" + (made.frame.empty() ? "" : "frame = \"" + made.frame + "\"\n") +
-          numbers("hold", made.hold) + numbers("armature", made.armature) + "seed = 1\n";
+          numbers("hold", made.hold) + numbers("armature", made.armature) +
+          (mechanism_.gravity_m_s2[2] != -9.81
+               ? "parameters.gravity_m_s2 = " + number_text(-mechanism_.gravity_m_s2[2]) + "\n"
+               : "") +
+          "seed = 1\n";
     if (!unknowns_.parameters.empty()) out_ += "draw = true               # from the priors above, by the seed\n";
     for (std::size_t j = 0; j < joints(); ++j)
       out_ += "sensors." + names_.positions[j] +
