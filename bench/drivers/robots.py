@@ -93,7 +93,7 @@ def import_robot(file, options, folder):
 def compile_robot(header, struct, isa, program):
     command = ["g++", "-std=c++17", "-O3", "-fno-exceptions", "-fno-rtti", *FLAGS[isa], f"-DTILLER_COMPILE_ISA={isa}",
                f"-DTILLER_COMPILE_ISA_{isa}=1", f"-DMODEL={struct}", f'-DHEADER="{header}"', f"-I{ROOT}/runtime",
-               f"-I{ROOT}/runtime/include", PEERS / "imported_robot.cpp", "-o", program]
+               f"-I{ROOT}/runtime/include", f"-I{ROOT}/build/release/generated/effects", PEERS / "imported_robot.cpp", "-o", program]
     subprocess.run([str(c) for c in command], check=True)
 
 
@@ -107,8 +107,8 @@ def plain_urdf(name, urdf, folder):
     return plain
 
 
-def differences(program, joints, *peer):
-    """Largest relative errors of accelerations and inverse inertia."""
+def differences(program, joints, has_slopes, *peer):
+    """Largest relative errors of accelerations, inverse inertia and, where both have them, the accelerations' slopes."""
     peer = subprocess.run([python_of("robots"), *peer], capture_output=True, text=True, check=False)
     if peer.returncode != 0:
         return None, peer.stderr.strip().splitlines()[-1]
@@ -121,6 +121,13 @@ def differences(program, joints, *peer):
         for k, (mine, wanted) in enumerate(((got[:n], t["acceleration"]), (got[n:], sum(t["inverse"], [])))):
             scale = max(abs(w) for w in wanted)
             worst[k] = max(worst[k], max(abs(a - b) for a, b in zip(mine, wanted)) / scale)
+    if "slopes" not in theirs[0] or not has_slopes:
+        return worst, ""
+    ours = subprocess.run([program, "slopes"], input=rows, capture_output=True, text=True, check=True).stdout
+    worst.append(0.0)
+    for line, t in zip(ours.splitlines(), theirs):
+        wanted = [v for half in t["slopes"] for r in half for v in r]
+        worst[2] = max(worst[2], max(abs(float(a) - b) for a, b in zip(line.split(), wanted)) / max(map(abs, wanted)))
     return worst, ""
 
 
@@ -158,13 +165,15 @@ def row(table, heading, what, figure, unit, goal, bound):
     print(f"  {what:<60} {figure:10.3g} {unit:<6} goal {goal} {bound:g}  {'met' if met else 'short'}", flush=True)
 
 
-def compare(table, name, engine, program, joints, *peer):
-    worst, why = differences(program, joints, *peer)
+def compare(table, name, engine, program, joints, header, *peer):
+    worst, why = differences(program, joints, "void slopes(" in header.read_text(encoding="utf-8"), *peer)
     if worst is None:
         print(f"  not compared with {engine}: {why}", flush=True)
         return
     row(table, f"against {engine}", f"{name}: accelerations, relative", worst[0], "", "<=", 1e-11)
     row(table, f"against {engine}", f"{name}: inverse inertia, relative", worst[1], "", "<=", 1e-11)
+    if len(worst) > 2:
+        row(table, f"against {engine}", f"{name}: slopes of the accelerations, relative", worst[2], "", "<=", 1e-11)
 
 
 def from_urdfs(table, options, temporary):
@@ -186,9 +195,9 @@ def from_urdfs(table, options, temporary):
         plain = plain_urdf(name, urdf, folder)
         program = folder / "values"
         compile_robot(header, struct, instruction_sets()[0], program)
-        compare(table, name, "pinocchio", program, joints, PEERS / "pinocchio_peer.py", "values", plain, ",".join(joints),
+        compare(table, name, "pinocchio", program, joints, header, PEERS / "pinocchio_peer.py", "values", plain, ",".join(joints),
                 "1", str(options.states))
-        compare(table, name, "MuJoCo", program, joints, PEERS / "mujoco_robot.py", urdf, ",".join(joints), hold, "1",
+        compare(table, name, "MuJoCo", program, joints, header, PEERS / "mujoco_robot.py", urdf, ",".join(joints), hold, "1",
                 str(options.states))
         if name in SPEED and not options.no_speed:
             speeds(table, name, header, struct, plain, temporary)
@@ -209,7 +218,7 @@ def from_mjcfs(table, options, temporary):
         program = folder / "values"
         compile_robot(header, struct, instruction_sets()[0], program)
         held = how[1] if how[:1] == ["--hold"] else ""
-        compare(table, name, "MuJoCo", program, joints, PEERS / "mujoco_robot.py", file, ",".join(joints), held, "1",
+        compare(table, name, "MuJoCo", program, joints, header, PEERS / "mujoco_robot.py", file, ",".join(joints), held, "1",
                 str(options.states))
 
 
@@ -222,6 +231,8 @@ def speeds(table, name, header, struct, urdf, folder):
         measured = on_one_core([program, "speed"])
         row(table, heading, f"{name}, f32, {isa}", measured["f32"], "ns", "<=", SPEED[name][isa])
         print(f"    f64 {measured['f64']:.3g} ns; scalar double {measured['scalar']:.4g} ns")
+        row(table, heading, f"{name}, {isa}: accelerations with their slopes over them alone", measured["slopes"] / measured["alone"],
+            "x", "<=", 4.0)
         scalar.append(measured["scalar"])
         lane.append(measured["f32"])
     if scalar and "scalar" in SPEED[name]:

@@ -1,14 +1,18 @@
 // An imported model alone: MODEL of HEADER (-D). Compiled by robots.py; not part of the CMake build.
 //
 //   imported_robot values   reads rows q, v, force of n numbers each; prints accelerations and the inverse inertia
-//   imported_robot speed    nanoseconds of a step (accelerations, then Euler) of one lane: f32 lanes, f64 lanes, scalar
+//   imported_robot slopes   the same rows; prints the slopes of the accelerations by position, then by speed
+//   imported_robot speed    nanoseconds of a step (accelerations, then Euler) of one lane: f32 lanes, f64 lanes, scalar;
+//                           and of the accelerations with their slopes beside the accelerations alone, f64 lanes
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <vector>
 
+#include "rollout/model_adapter.hpp"
 #include "scalar/pack.hpp"
 
 #include HEADER
@@ -41,6 +45,66 @@ int values() {
       for (double v : r) std::printf("%.17g ", v);
     std::printf("\n");
   }
+}
+
+template <class S>
+using Slopes = typename tiller::StaticModel<MODEL>::template JointSlopes<S>;
+
+template <class S>
+void slopes(const typename MODEL<S>::State& x, const typename MODEL<S>::Force& f, Slopes<S>& out) {
+  if constexpr (tiller::StaticModel<MODEL>::kKnowsSlopes)
+    tiller::StaticModel<MODEL>::slopes<S>(x, {}, f, {S(0.0), S(-9.81), S(0.0), S(0.0)}, {}, out);
+}
+
+int slope_values() {
+  std::vector<double> row(3 * kJoints);
+  for (;;) {
+    for (double& v : row)
+      if (std::scanf("%lf", &v) != 1) return 0;
+    MODEL<double>::State x;
+    MODEL<double>::Force f;
+    std::memcpy(static_cast<void*>(&x), row.data(), sizeof x);
+    std::memcpy(static_cast<void*>(&f), row.data() + 2 * kJoints, sizeof f);
+    Slopes<double> s;
+    slopes<double>(x, f, s);
+    for (int half = 0; half < 2; ++half)
+      for (const auto& r : s.by_state)
+        for (int c = 0; c < kJoints; ++c) std::printf("%.17g ", r[half * kJoints + c]);
+    std::printf("\n");
+  }
+}
+
+/// Nanoseconds of one register: accelerations alone, then with their slopes; medians of nine rounds.
+void slope_ns(double* alone, double* both) {
+  using S = tiller::TILLER_COMPILE_ISA::Pack<double>;
+  constexpr int kCalls = 20000, kRounds = 9;
+  typename MODEL<S>::State x;
+  typename MODEL<S>::Force f;
+  for (int i = 0; i < 2 * kJoints; ++i) reinterpret_cast<S*>(&x)[i] = S(0.1 * std::sin(i));
+  for (int i = 0; i < kJoints; ++i) reinterpret_cast<S*>(&f)[i] = S(0.3 * i);
+  std::vector<double> rounds[2];
+  Slopes<S> s;
+  S* first = reinterpret_cast<S*>(&x);
+  for (int round = 0; round < kRounds; ++round)
+    for (int which = 0; which < 2; ++which) {
+      const auto begin = std::chrono::steady_clock::now();
+      for (int call = 0; call < kCalls; ++call) {
+        S rate;
+        if (which == 0) {
+          const auto dx = rates<S>(x, f);
+          rate = reinterpret_cast<const S*>(&dx)[kJoints];
+        } else {
+          slopes<S>(x, f, s);
+          rate = s.acceleration[0];
+        }
+        first[0] = first[0] + S(1e-12) * rate;  // so that calls wait for each other
+      }
+      const std::chrono::duration<double, std::nano> spent = std::chrono::steady_clock::now() - begin;
+      rounds[which].push_back(spent.count() / kCalls);
+    }
+  for (auto& list : rounds) std::sort(list.begin(), list.end());
+  *alone = rounds[0][kRounds / 2];
+  *both = rounds[1][kRounds / 2];
 }
 
 /// Median of nine rounds over a batch that stays in the first-level cache.
@@ -80,9 +144,13 @@ double step_ns(int lanes) {
 int main(int argc, char** argv) {
   if (argc > 1 && std::strcmp(argv[1], "speed") == 0) {
     using tiller::TILLER_COMPILE_ISA::Pack;
-    std::printf("{\"f32\": %.4g, \"f64\": %.4g, \"scalar\": %.4g}\n", step_ns<Pack<float>>(Pack<float>::width),
-                step_ns<Pack<double>>(Pack<double>::width), step_ns<double>(1));
+    double alone = 0.0, both = 0.0;
+    slope_ns(&alone, &both);
+    std::printf("{\"f32\": %.4g, \"f64\": %.4g, \"scalar\": %.4g, \"alone\": %.4g, \"slopes\": %.4g}\n",
+                step_ns<Pack<float>>(Pack<float>::width), step_ns<Pack<double>>(Pack<double>::width), step_ns<double>(1),
+                alone, both);
     return 0;
   }
+  if (argc > 1 && std::strcmp(argv[1], "slopes") == 0) return slope_values();
   return values();
 }

@@ -1,7 +1,7 @@
 """pinocchio_peer.py values URDF JOINTS SEED COUNT: random states, and what pinocchio makes of them, one JSON line each.
 
 JOINTS are the model's own names, by commas, in its order. A line has the row (q, v, force) and the accelerations and the
-inverse inertia in that order of joints.
+inverse inertia in that order of joints, and the slopes of the accelerations by position and by speed.
 """
 
 import json
@@ -31,5 +31,8 @@ for _ in range(count):
     acceleration = pin.aba(model, data, full_q, full_v, full_force)
     inverse = np.triu(pin.computeMinverse(model, data, full_q))
     inverse = inverse + np.triu(inverse, 1).T
-    print(json.dumps({"row": [*q, *v, *force], "acceleration": acceleration[order].tolist(),
+    pin.computeABADerivatives(model, data, full_q, full_v, full_force)
+    print(json.dumps({"row": [*q, *v, *force],
+                      "slopes": [data.ddq_dq[np.ix_(order, order)].tolist(), data.ddq_dv[np.ix_(order, order)].tolist()],
+                      "acceleration": acceleration[order].tolist(),
                       "inverse": inverse[np.ix_(order, order)].tolist()}))

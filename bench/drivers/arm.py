@@ -1,0 +1,160 @@
+# programs: tiller_command
+"""./dev bench arm: a Panda whose load nobody knows goes to ten poses, simulated by MuJoCo, over LCM in lockstep.
+
+    --seeds N      loads and poses (20)
+    --arms LIST    posterior, frozen, friction (all of them)
+
+The robot file comes from `tiller import`; what is asked of it is the hand's pose alone. Encoders of 0.25 mrad, 100 Hz, one
+core. `posterior` learns the load (0 to 3 kg), `frozen` keeps the prior's mean, `friction` learns the dry friction of four
+joints beside it. Errors are MuJoCo's, 1.5 s after each goal was given.
+"""
+
+import argparse
+import csv
+import json
+import os
+import pathlib
+import random
+import re
+import subprocess
+import sys
+
+from _driver import CORE, HOME, PEERS, ROOT, need_environment, note, python_of, site_packages, summary
+
+TILLER = ROOT / "build/release/tools/tiller"
+ROWS = []
+FRAME, HOLD_S, POSES = "panda_hand", 1.5, 10
+ROOTS = os.pathsep.join([str(ROOT / "build/release/python"),
+                         *map(str, (ROOT / "build/venv/lib").glob("python3*/site-packages"))])
+
+
+def urdf():
+    return next((site_packages("robots") / "cmeel.prefix/share/example-robot-data").rglob("panda.urdf"))
+
+
+def make_robot(folder, arm):
+    unknown = "payload=3" + (",friction:panda_joint1,friction:panda_joint2,friction:panda_joint3,friction:panda_joint4"
+                             if arm == "friction" else "")
+    subprocess.run([TILLER, "import", urdf(), "-o", folder, "--force", "--unknown", unknown, "--frame", FRAME, "--hold",
+                    "panda_finger_joint1,panda_finger_joint2", "--armature", "*=0.1"], check=True, stdout=subprocess.DEVNULL)
+    text = (folder / "robot.toml").read_text(encoding="utf-8")
+    speeds = lambda weight: "{ " + ", ".join(f"panda_joint{j}_rad_s = {weight}" for j in range(1, 8)) + " }"
+    text = re.sub(r"^state_weight = .*$", "state_weight = " + speeds(0.1), text, flags=re.M)
+    text = re.sub(r"^terminal_weight = .*$", "terminal_weight = " + speeds(5), text, flags=re.M)
+    text = text.replace(f"# frames.{FRAME}", f"frames.{FRAME}")
+    if arm == "friction":  # dry friction alone: it is what MuJoCo's joints have
+        text = re.sub(r"\[\[effects\]\]\nkind = \"viscous_friction\"[^\[]*", "", text)
+        text = re.sub(r"friction_SI = \{[^}]*\}", "friction_SI = { uniform = [0.0, 1.0] }", text)
+    if arm == "frozen":
+        text = text.replace("[posterior]", "[posterior]\nenabled = false")
+    text += f'\n[transport]\nkind = "lcm"\nchannel_prefix = "ARM_"\n'
+    (folder / "robot.toml").write_text(text, encoding="utf-8")
+
+
+def judge(*arguments):
+    out = subprocess.run([python_of("robots"), PEERS / "arm_judge.py", urdf(), FRAME, *map(str, arguments)], check=True,
+                         capture_output=True, text=True).stdout
+    return [json.loads(line) for line in out.splitlines()]
+
+
+def run(folder, arm, seed):
+    goals = judge("poses", seed, POSES)
+    lines = [f"time_s,{FRAME}_x_m,{FRAME}_y_m,{FRAME}_z_m,{FRAME}_roll_rad,{FRAME}_pitch_rad,{FRAME}_yaw_rad"]
+    for k, goal in enumerate(goals):
+        goal["end_s"] = HOLD_S * (k + 1)
+        lines.append(",".join(str(v) for v in [HOLD_S * k, *goal["position"], *goal["rpy"]]))
+    (folder / "goals.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (folder / "goals.json").write_text("".join(json.dumps(g) + "\n" for g in goals), encoding="utf-8")
+    payload_kg = random.Random(seed).uniform(0.0, 3.0)
+    seconds = HOLD_S * POSES
+    plant = subprocess.Popen(
+        [python_of("robots"), ROOT / "examples/mujoco_plant/plant.py", urdf(), folder / "robot.toml", "--frame", FRAME,
+         "--payload", str(payload_kg), "--armature", "0.1", "--seconds", str(seconds), "--seed", str(seed), "--prefix", "ARM_",
+         "--friction", "0.3" if arm == "friction" else "0"],
+        env=dict(os.environ, PYTHONPATH=ROOTS), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        log = folder / "run.csv"
+        done = subprocess.run([TILLER, "run", folder / "robot.toml", "--lockstep", "--seconds", str(seconds - 0.05), "--goals",
+                               folder / "goals.csv", "--log", log, "--quiet"], capture_output=True, text=True, check=False,
+                              preexec_fn=lambda: os.sched_setaffinity(0, {CORE}))
+        if done.returncode != 0:
+            note(f"{arm}, seed {seed}: {done.stderr.strip() or done.stdout.strip()}")
+    finally:
+        plant.terminate()
+        plant.wait()
+    rows = list(csv.DictReader(open(log, encoding="utf-8")))
+    ticks = sorted(float(row["tick_us"]) for row in rows[10:])
+    errors = judge("judge", log, folder / "goals.json")
+    result = {"arm": arm, "seed": seed, "payload_kg": payload_kg, "state": rows[-1]["state"],
+              "mm": [1e3 * e["m"] for e in errors], "deg": [57.29578 * e["rad"] for e in errors],
+              "tick_ms": [1e-3 * ticks[len(ticks) // 2], 1e-3 * ticks[int(0.99 * len(ticks))]]}
+    if "q05.body.mass_kg" in rows[-1]:
+        result["interval"] = [float(rows[-1]["q05.body.mass_kg"]), float(rows[-1]["q95.body.mass_kg"])]
+    return result
+
+
+def row(what, figure, unit, goal, good):
+    ROWS.append({"section": "arm", "heading": "a Panda in MuJoCo, ten poses", "row": what, "figure": figure, "unit": unit,
+                 "goal": goal, "met": good})
+    print(f"  {what:66s} {figure:>10.4g} {unit:<4} goal {goal:8s} {'met' if good else 'short'}", flush=True)
+
+
+def tell(results, arm):
+    of = [r for r in results if r["arm"] == arm]
+    if not of:
+        return
+    reached = [r for r in of if r["state"] == "ACTIVE" and max(r["mm"]) <= 5.0 and max(r["deg"]) <= 1.0]
+    print(f"{arm}: {len(of)} seeds")
+    n = len(of)
+    every_mm = sorted(v for r in of for v in r["mm"])
+    every_deg = sorted(v for r in of for v in r["deg"])
+    print(f"    all poses: {every_mm[len(every_mm) // 2]:.2f} mm median, {every_mm[-1]:.2f} mm at most; "
+          f"{every_deg[len(every_deg) // 2]:.3f} deg median, {every_deg[-1]:.3f} deg at most")
+    if arm == "frozen":
+        print(f"    seeds with ten poses within 5 mm and 1 degree: {len(reached)} of {n}")
+        return
+    row(f"{arm}: seeds with ten poses within 5 mm and 1 degree, of {n}", len(reached), "", f">= {n}", len(reached) >= n)
+    covered = sum(r["interval"][0] <= r["payload_kg"] <= r["interval"][1] for r in of)
+    row(f"{arm}: 90 % intervals of the load that hold it, of {n}", covered, "", f">= {round(0.8 * n)}", covered >= 0.8 * n)
+    error = sorted(abs(sum(r["interval"]) / 2 - r["payload_kg"]) for r in of)
+    print(f"    the load is off by {1e3 * error[n // 2]:.1f} g in the median, {1e3 * error[-1]:.1f} g at most")
+    p99 = sorted(r["tick_ms"][1] for r in of)[n // 2]
+    row(f"{arm}: tick, 99 %, median of the seeds", p99, "ms", "<= 5", p99 <= 5.0)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--arms", default="posterior,frozen,friction")
+    options = parser.parse_args()
+    if not TILLER.exists():
+        note(f"{TILLER.relative_to(ROOT)} is not there; run ./dev build")
+        return 1
+    if not need_environment("robots"):
+        return 1
+    home = HOME / "arm"
+    home.mkdir(parents=True, exist_ok=True)
+    results = []
+    kept = home / "rows.jsonl"  # a cut loses nothing
+    if kept.exists():
+        results = [json.loads(line) for line in kept.read_text(encoding="utf-8").splitlines()]
+    build = (ROOT / "build/release/tools/tiller").stat().st_mtime
+    results = [r for r in results if r.get("build") == build and r["seed"] < options.seeds]
+    kept.write_text("".join(json.dumps(r) + "\n" for r in results), encoding="utf-8")
+    for arm in options.arms.split(","):
+        make_robot(home / arm, arm)
+        for seed in range(options.seeds):
+            if any(r["arm"] == arm and r["seed"] == seed for r in results):
+                continue
+            result = dict(run(home / arm, arm, seed), build=build)
+            note(f"{arm}, seed {seed}: {max(result['mm']):.2f} mm, {max(result['deg']):.3f} deg, {result['payload_kg']:.3f} kg "
+                 f"in {result.get('interval')}, tick {result['tick_ms'][0]:.2f} and {result['tick_ms'][1]:.2f} ms")
+            results.append(result)
+            with open(kept, "a", encoding="utf-8") as file:
+                file.write(json.dumps(result) + "\n")
+        tell(results, arm)
+    summary(ROWS)
+    return 0
+
+
+sys.exit(main())
