@@ -2,6 +2,7 @@
 """./dev bench arm: a Panda whose load nobody knows goes to ten poses, simulated by MuJoCo, over LCM in lockstep.
 
     --seeds N      loads and poses (20)
+    --first N      seed to begin with (0); tuning uses 100 and up
     --arms LIST    posterior, frozen, friction (all of them)
 
 The robot file comes from `tiller import`; what is asked of it is the hand's pose alone. Encoders of 0.25 mrad, 100 Hz, one
@@ -23,6 +24,7 @@ from _driver import CORE, HOME, PEERS, ROOT, need_environment, note, python_of, 
 
 TILLER = ROOT / "build/release/tools/tiller"
 ROWS = []
+POSTURE = 0.1
 FRAME, HOLD_S, POSES = "panda_hand", 1.5, 10
 ROOTS = os.pathsep.join([str(ROOT / "build/release/python"),
                          *map(str, (ROOT / "build/venv/lib").glob("python3*/site-packages"))])
@@ -39,11 +41,14 @@ def make_robot(folder, arm):
                     "panda_finger_joint1,panda_finger_joint2", "--armature", "*=0.1"], check=True, stdout=subprocess.DEVNULL)
     text = (folder / "robot.toml").read_text(encoding="utf-8")
     speeds = lambda weight: "{ " + ", ".join(f"panda_joint{j}_rad_s = {weight}" for j in range(1, 8)) + " }"
-    text = re.sub(r"^state_weight = .*$", "state_weight = " + speeds(0.1), text, flags=re.M)
+    # seven joints for six numbers: a weak pull to where the arm began says which of the postures, for a tenth of a millimetre
+    posture = "{ " + ", ".join(f"panda_joint{j}_rad = {POSTURE}" for j in range(1, 8)) + ", "
+    text = re.sub(r"^target = .*$", "target = { panda_joint4_rad = -1.5708, panda_joint6_rad = 1.8675 }", text, flags=re.M)
+    text = re.sub(r"^state_weight = .*$", "state_weight = " + speeds(0.1).replace("{ ", posture), text, flags=re.M)
     text = re.sub(r"^terminal_weight = .*$", "terminal_weight = " + speeds(5), text, flags=re.M)
     text = text.replace(f"# frames.{FRAME}", f"frames.{FRAME}")
     if arm == "friction":  # dry friction alone: it is what MuJoCo's joints have
-        text = re.sub(r"\[\[effects\]\]\nkind = \"viscous_friction\"[^\[]*", "", text)
+        text = "\n\n".join(part for part in text.split("\n\n") if "viscous_friction" not in part)
         text = re.sub(r"friction_SI = \{[^}]*\}", "friction_SI = { uniform = [0.0, 1.0] }", text)
     if arm == "frozen":
         text = text.replace("[posterior]", "[posterior]\nenabled = false")
@@ -125,6 +130,7 @@ def tell(results, arm):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--first", type=int, default=0, help="seed to begin with; tuning uses 100 and up")
     parser.add_argument("--arms", default="posterior,frozen,friction")
     options = parser.parse_args()
     if not TILLER.exists():
@@ -139,11 +145,11 @@ def main():
     if kept.exists():
         results = [json.loads(line) for line in kept.read_text(encoding="utf-8").splitlines()]
     build = (ROOT / "build/release/tools/tiller").stat().st_mtime
-    results = [r for r in results if r.get("build") == build and r["seed"] < options.seeds]
+    results = [r for r in results if r.get("build") == build and options.first <= r["seed"] < options.first + options.seeds]
     kept.write_text("".join(json.dumps(r) + "\n" for r in results), encoding="utf-8")
     for arm in options.arms.split(","):
         make_robot(home / arm, arm)
-        for seed in range(options.seeds):
+        for seed in range(options.first, options.first + options.seeds):
             if any(r["arm"] == arm and r["seed"] == seed for r in results):
                 continue
             result = dict(run(home / arm, arm, seed), build=build)
