@@ -26,6 +26,8 @@ def load(path, driven, payload_kg, frame):
             for shape in link.findall("visual") + link.findall("collision"): link.remove(shape)
         root.append(xml.fromstring('<mujoco><compiler fusestatic="false"/></mujoco>'))
         spec = mujoco.MjSpec.from_string(xml.tostring(root, encoding="unicode"))
+        for joint in root.findall("joint/dynamics[@armature]/.."):  # of a URDF MuJoCo does not read it
+            spec.joint(joint.get("name")).armature = float(joint.find("dynamics").get("armature"))
     for joint in spec.joints: joint.name = joint.name or joint.parent.name + "_joint"  # as the import calls them
     for joint in [j for j in spec.joints if identifier(j.name) not in driven]:
         for tie in [e for e in spec.equalities if joint.name in (e.name1, e.name2)]: spec.delete(tie)
@@ -35,8 +37,8 @@ def load(path, driven, payload_kg, frame):
         body = site.parent if site else spec.body(frame)
         if body is None: raise SystemExit(f"{path} has no body or site '{frame}': name one with --frame")
         kgm2 = 0.4 * payload_kg * (payload_kg / (7850.0 * 4.0 / 3.0 * np.pi)) ** (2.0 / 3.0)
-        body.add_body(name="payload", mass=payload_kg, inertia=[kgm2] * 3, explicitinertial=True, ipos=[0, 0, 0],
-                      pos=site.pos if site else [0, 0, 0])
+        at = site.pos if site else [0, 0, 0]
+        body.add_body(mass=payload_kg, inertia=[kgm2] * 3, explicitinertial=True, ipos=[0, 0, 0], pos=at)
     spec.option.timestep, spec.option.integrator = STEP_S, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)  # commands are forces at the joints
     return spec.compile()
@@ -65,17 +67,15 @@ def read():
     return [float(v + options.noise * n) for v, n in zip(exact, noise.standard_normal(len(exact)))]
 
 def push(command):
-    d.qfrc_applied[inputs] = np.nan_to_num(command.value, posinf=0.0, neginf=0.0) if command else 0.0
+    d.qfrc_applied[inputs] = np.nan_to_num(command.value[:len(inputs)], posinf=0.0, neginf=0.0) if command else 0.0
 
 def lockstep():
-    met = False
     for k in range(round(options.seconds / period_s)):
-        values, tries, answered = read(), 10, False
-        while not answered and (tries > 0 or not met):  # a datagram may be lost: ask again, without end at first
+        values, tries, answered = read(), 10 if newest else 10**9, False  # nobody has answered yet: ask without end
+        while not answered and tries > 0:  # a datagram may be lost: ask again
             say(k, 10**6 + round(k * period_s * 1e6), 0, values)
             while not answered and bus.handle_timeout(100): answered = newest and newest.sequence == k
             tries -= 1
-        met = met or answered
         push(newest if answered else None)
         for _ in range(round(period_s / STEP_S)): mujoco.mj_step(m, d)
 
