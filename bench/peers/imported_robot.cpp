@@ -147,8 +147,8 @@ int main(int argc, char** argv) {
     double alone = 0.0, both = 0.0;
     slope_ns(&alone, &both);
     std::printf("{\"f32\": %.4g, \"f64\": %.4g, \"scalar\": %.4g, \"alone\": %.4g, \"slopes\": %.4g}\n",
-                step_ns<Pack<float>>(Pack<float>::width), step_ns<Pack<double>>(Pack<double>::width), step_ns<double>(1),
-                alone, both);
+                step_ns<Pack<float>>(Pack<float>::width), step_ns<Pack<double>>(Pack<double>::width),
+                step_ns<double>(1), alone, both);
     return 0;
   }
   if (argc > 1 && std::strcmp(argv[1], "slopes") == 0) return slope_values();

@@ -148,7 +148,8 @@ class RobotText {
       return f.viscous.find('{') != std::string::npos || f.dry.find('{') != std::string::npos;
     });
     if (unknowns_.parameters.empty() && !unknowns_.payload && !vague)
-      out_ += "# nothing is unknown: one hypothesis would do\n[posterior]\nenabled = false\nparticles = 16\nmoves_per_tick = 8\n\n";
+      out_ +=
+          "# nothing is unknown: one hypothesis would do\n[posterior]\nenabled = false\nparticles = 16\nmoves_per_tick = 8\n\n";
     else
       out_ +=
           "# small, so that a tick of many joints stays short; `tiller size` tells what more would take\n"
