@@ -136,8 +136,8 @@ bool within_limits(const Mechanism& mechanism, const ModelNames& names, const Un
   return errors.empty();
 }
 
-/// The coordinates for which PolynomialDesign has all terms of second order.
-constexpr std::size_t kManyUnknowns = 8;
+/// Up to so many the filter's intervals were found right for arms (docs/evidence/robots.md).
+constexpr std::size_t kManyUnknowns = 3;
 
 std::size_t unknown_count(const Unknowns& unknowns) {
   std::size_t count = unknowns.parameters.size() + (unknowns.payload ? 1 : 0);
@@ -208,8 +208,8 @@ int write_files(const Options& o, const MechanismOptions& options, const Mechani
   for (const std::string& note : notes) std::printf("note: %s\n", note.c_str());
   if (const std::size_t count = unknown_count(unknowns); count > kManyUnknowns)
     std::printf(
-        "note: %zu unknown parameters: the filter sums up old data to second order for %zu at most, and its intervals come "
-        "out too narrow beyond; name what matters most, fix the rest at values that `tiller identify` finds\n",
+        "note: %zu unknown parameters: with more than %zu the intervals of an arm's filter come out too narrow; name what "
+        "matters most, fix the rest at values that `tiller identify` finds\n",
         count, kManyUnknowns);
   std::printf(
       "%s: %zu joints, %zu inputs, %zu parameters; %d operations for the accelerations, %d for the inverse inertia, "
