@@ -20,7 +20,7 @@ inline double far_turns(double angle_rad) {
 
 /// Angles (bits, as tiller_model_t.angle_mask) in which the whole robot repeats with every turn: its dynamics, effects
 /// included, and an own cost. A spring or a cam on an angle does not; there whole turns have to stay. Tried out on 64
-/// random states with four draws of inputs and of the prior's parameters, over two periods; about 12 kB of the stack.
+/// random states with four draws of inputs and of the prior's parameters, over two periods; about 15 kB of the stack.
 std::uint32_t periodic_angles(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table);
 
 /// Bounds and obstacles, which stand in unwrapped states, for states that come less `origin` (nx).
