@@ -2,7 +2,7 @@
 //
 //   imported_robot values   reads rows q, v, force of n numbers each; prints accelerations and the inverse inertia
 //   imported_robot slopes   the same rows; prints the slopes of the accelerations by position, then by speed
-//   imported_robot speed    nanoseconds of a step (accelerations, then Euler) of one lane: f32 lanes, f64 lanes, scalar;
+//   imported_robot speed    nanoseconds of a step (accelerations, then Euler) of one lane: f32, f64, scalar;
 //                           and of the accelerations with their slopes beside the accelerations alone, f64 lanes
 
 #include <algorithm>
@@ -27,15 +27,20 @@ typename MODEL<S>::State rates(const typename MODEL<S>::State& x, const typename
   return MODEL<S>::dynamics(x, {}, f, body);
 }
 
+/// False at the end of the input.
+bool read_row(MODEL<double>::State& x, MODEL<double>::Force& f) {
+  double row[3 * kJoints];
+  for (double& v : row)
+    if (std::scanf("%lf", &v) != 1) return false;
+  std::memcpy(static_cast<void*>(&x), row, sizeof x);
+  std::memcpy(static_cast<void*>(&f), row + 2 * kJoints, sizeof f);
+  return true;
+}
+
 int values() {
-  std::vector<double> row(3 * kJoints);
-  for (;;) {
-    for (double& v : row)
-      if (std::scanf("%lf", &v) != 1) return 0;
-    MODEL<double>::State x;
-    MODEL<double>::Force f;
-    std::memcpy(static_cast<void*>(&x), row.data(), sizeof x);
-    std::memcpy(static_cast<void*>(&f), row.data() + 2 * kJoints, sizeof f);
+  MODEL<double>::State x;
+  MODEL<double>::Force f;
+  while (read_row(x, f)) {
     const MODEL<double>::State dx = rates<double>(x, f);
     double all[2 * kJoints], column[kJoints][kJoints];
     std::memcpy(all, static_cast<const void*>(&dx), sizeof all);
@@ -45,6 +50,7 @@ int values() {
       for (double v : r) std::printf("%.17g ", v);
     std::printf("\n");
   }
+  return 0;
 }
 
 template <class S>
@@ -57,14 +63,9 @@ void slopes(const typename MODEL<S>::State& x, const typename MODEL<S>::Force& f
 }
 
 int slope_values() {
-  std::vector<double> row(3 * kJoints);
-  for (;;) {
-    for (double& v : row)
-      if (std::scanf("%lf", &v) != 1) return 0;
-    MODEL<double>::State x;
-    MODEL<double>::Force f;
-    std::memcpy(static_cast<void*>(&x), row.data(), sizeof x);
-    std::memcpy(static_cast<void*>(&f), row.data() + 2 * kJoints, sizeof f);
+  MODEL<double>::State x;
+  MODEL<double>::Force f;
+  while (read_row(x, f)) {
     Slopes<double> s;
     slopes<double>(x, f, s);
     for (int half = 0; half < 2; ++half)
@@ -72,6 +73,7 @@ int slope_values() {
         for (int c = 0; c < kJoints; ++c) std::printf("%.17g ", r[half * kJoints + c]);
     std::printf("\n");
   }
+  return 0;
 }
 
 /// Nanoseconds of one register: accelerations alone, then with their slopes; medians of nine rounds.

@@ -1,5 +1,5 @@
-// pinocchio_speed MODEL (as pinocchio saves it): nanoseconds of pinocchio's own ABA and Euler step, one robot, one thread. Compiled by robots.py
-// against the headers and libraries in pinocchio's wheel; not part of the CMake build.
+// pinocchio_speed MODEL (as pinocchio saves it): nanoseconds of pinocchio's own ABA and Euler step, one robot, one
+// thread. Compiled by robots.py against the headers and libraries in pinocchio's wheel; not part of the CMake build.
 
 #include <pinocchio/algorithm/aba.hpp>
 #include <pinocchio/algorithm/joint-configuration.hpp>

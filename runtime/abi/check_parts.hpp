@@ -23,6 +23,12 @@ inline bool is_scale_or_none(double v) { return v > 0.0 && (std::isinf(v) || is_
 inline bool is_value_or_none(double v) { return std::isinf(v) || is_value(v); }
 inline bool in(std::uint32_t v, std::uint32_t low, std::uint32_t high) { return v >= low && v <= high; }
 
+inline bool all_values(const double* values, std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i)
+    if (!is_value(values[i])) return false;
+  return true;
+}
+
 Finding check_planner(const tiller_config_t& c);
 Finding check_cost(const tiller_config_t& c);
 /// That the LQR cost-to-go exists, if it is asked for; after every other check, since it steps the model.

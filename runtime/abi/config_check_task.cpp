@@ -12,12 +12,6 @@
 namespace tiller {
 namespace {
 
-bool all_values(const double* values, std::size_t count) {
-  for (std::size_t i = 0; i < count; ++i)
-    if (!is_value(values[i])) return false;
-  return true;
-}
-
 /// `levels` values for each input: that many children has every node that is opened.
 std::uint32_t choices(std::uint32_t levels, std::uint32_t inputs) {
   std::uint32_t count = 1;

@@ -26,12 +26,6 @@ std::size_t measure(const tiller_config_t& config) {
   return arena.used();
 }
 
-bool all_values(const double* values, std::size_t count) {
-  for (std::size_t i = 0; i < count; ++i)
-    if (!tiller::is_value(values[i])) return false;
-  return true;
-}
-
 bool hooks_match(const tiller_hooks_t* hooks) {
   return hooks == nullptr || (hooks->size == sizeof(tiller_hooks_t) && hooks->version == TILLER_CONFIG_VERSION);
 }
@@ -92,7 +86,7 @@ tiller_status_t tiller_force_iterations(tiller_t* t, uint32_t iterations) {
 
 tiller_status_t tiller_set_target(tiller_t* t, const double* target) {
   if (t == nullptr || target == nullptr) return tiller_status_null_argument;
-  if (!all_values(target, t->executive->config().model->state_count)) return tiller_status_bad_cost;
+  if (!tiller::all_values(target, t->executive->config().model->state_count)) return tiller_status_bad_cost;
   t->executive->set_target(target);
   return tiller_status_ok;
 }
@@ -100,7 +94,7 @@ tiller_status_t tiller_set_target(tiller_t* t, const double* target) {
 tiller_status_t tiller_set_output_target(tiller_t* t, const double* target) {
   if (t == nullptr || target == nullptr) return tiller_status_null_argument;
   const std::uint32_t outputs = t->executive->config().cost.output_count;
-  if (outputs == 0 || !all_values(target, outputs)) return tiller_status_bad_cost;
+  if (outputs == 0 || !tiller::all_values(target, outputs)) return tiller_status_bad_cost;
   t->executive->set_output_target(target);
   return tiller_status_ok;
 }
@@ -109,9 +103,9 @@ tiller_status_t tiller_set_reference(tiller_t* t, const double* states, const do
   if (t == nullptr || (states == nullptr && outputs == nullptr)) return tiller_status_null_argument;
   const tiller_config_t& config = t->executive->config();
   if (steps == 0 || (outputs != nullptr && config.cost.output_count == 0)) return tiller_status_bad_cost;
-  if (states != nullptr && !all_values(states, std::size_t{steps} * config.model->state_count))
+  if (states != nullptr && !tiller::all_values(states, std::size_t{steps} * config.model->state_count))
     return tiller_status_bad_cost;
-  if (outputs != nullptr && !all_values(outputs, std::size_t{steps} * config.cost.output_count))
+  if (outputs != nullptr && !tiller::all_values(outputs, std::size_t{steps} * config.cost.output_count))
     return tiller_status_bad_cost;
   t->executive->set_reference(states, outputs, steps);
   return tiller_status_ok;

@@ -10,6 +10,8 @@ namespace tiller::sim {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
+/// A stop takes back this share of what it was run over by per step, so it throws back at that share of the approach.
+constexpr double kStopRepair = 0.05;
 
 Point3 operator+(const Point3& a, const Point3& b) { return {a[0] + b[0], a[1] + b[1], a[2] + b[2]}; }
 Point3 operator-(const Point3& a, const Point3& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
@@ -122,7 +124,7 @@ class TreeMechanism final : public Mechanism {
     shown_v_ = v_;
   }
   double energy_J() const override {
-    const_cast<TreeMechanism*>(this)->put(q_, v_);  // the step left the bodies halfway
+    put(q_, v_);  // the step left the bodies halfway
     double energy = world_.energy_J(bodies_);
     for (std::size_t i = 0; i < parts_.size(); ++i) energy += 0.5 * parts_[i].armature * v_[i] * v_[i];
     return energy;
@@ -243,12 +245,12 @@ class TreeMechanism final : public Mechanism {
       bodies_.push_back(part.body);
     }
     put(q_, v_);  // zero: ODE counts joint positions from here
-    for (Part& part : parts_) connect(part);
+    for (std::size_t i = 0; i < parts_.size(); ++i) connect(i);
     measure_inertias();
   }
 
-  void connect(Part& part) {
-    const std::size_t i = at(static_cast<int>(&part - parts_.data()));
+  void connect(std::size_t i) {
+    Part& part = parts_[i];
     const dBodyID parent = part.parent >= 0 ? parts_[at(part.parent)].body : nullptr;
     const Point3 axis = axes_[i], anchor = frames_[i].at;
     const TreeJoint& joint = *part.joint;
@@ -261,12 +263,12 @@ class TreeMechanism final : public Mechanism {
       dJointSetHingeAnchor(part.id, anchor[0], anchor[1], anchor[2]);
       dJointSetHingeAxis(part.id, axis[0], axis[1], axis[2]);
     }
-    // a hinge's angle lies within one turn
+    // ODE's hinge knows its angle within half a turn either way: ends beyond have no stop
     const auto set = part.slides ? dJointSetSliderParam : dJointSetHingeParam;
     if (std::isfinite(low) && std::isfinite(high) && (part.slides || (low > -kPi && high < kPi))) {
       set(part.id, dParamLoStop, low);
       set(part.id, dParamHiStop, high);
-      set(part.id, dParamStopERP, 0.05);
+      set(part.id, dParamStopERP, kStopRepair);
     }
     if (part.armature <= 0) return;
     part.rotor = part.slides ? dJointCreateLMotor(world_.id(), nullptr) : dJointCreateAMotor(world_.id(), nullptr);
@@ -327,7 +329,7 @@ class TreeMechanism final : public Mechanism {
   }
 
   /// Moves ODE's bodies; frames_, axes_ and centres_ are then those of (q, v).
-  void put(const std::vector<double>& q, const std::vector<double>& v) {
+  void put(const std::vector<double>& q, const std::vector<double>& v) const {
     move(q, v);
     for (std::size_t i = 0; i < parts_.size(); ++i) {
       const Motion& c = centres_[i];
@@ -349,7 +351,7 @@ class TreeMechanism final : public Mechanism {
     }
   }
 
-  void move(const std::vector<double>& q, const std::vector<double>& v) {
+  void move(const std::vector<double>& q, const std::vector<double>& v) const {
     frames_.resize(parts_.size());
     axes_.resize(parts_.size());
     centres_.resize(parts_.size());
@@ -418,8 +420,8 @@ class TreeMechanism final : public Mechanism {
   std::vector<std::unique_ptr<Joint>> joints_;
   std::vector<dBodyID> bodies_;  // empty until the first place()
   std::vector<double> q_, v_, last_v_, shown_q_, shown_v_, force_;
-  std::vector<Motion> frames_, centres_;
-  std::vector<Point3> axes_;
+  mutable std::vector<Motion> frames_, centres_;  // of the last put() or set_velocities()
+  mutable std::vector<Point3> axes_;
 };
 
 }  // namespace
@@ -461,8 +463,7 @@ MechanismInfo tree_info(std::shared_ptr<const Tree> tree) {
 bool tree_is_possible(const Tree& tree, std::string& why) {
   std::vector<double> moved(tree.links.size(), 0.0);
   std::vector<int> carrier(tree.links.size(), -1);
-  for (std::size_t j = 0; j < tree.joints.size(); ++j) {
-    const TreeJoint& joint = tree.joints[j];
+  for (const TreeJoint& joint : tree.joints) {
     const auto child = static_cast<std::size_t>(joint.child);
     const int above = joint.parent >= 0 ? carrier[static_cast<std::size_t>(joint.parent)] : -1;
     carrier[child] = joint.kind == TreeJoint::Kind::fixed ? above : joint.child;

@@ -47,7 +47,8 @@ struct Tree {
 };
 
 /// The plant of a tree: one ODE body for each link that moves (links on fixed joints are part of what carries them),
-/// one hinge or slider for each joint, stops at the joints' ends, gravity along -z.
+/// one hinge or slider for each joint, gravity along -z. Joints have stops at their ends, hinges where both lie within
+/// half a turn.
 ///
 /// Coordinates go half a step, ODE solves for the velocities there, coordinates go the other half: steps of second
 /// order, as PlanarMechanism has them. Bodies stand on their joints exactly; the acceleration that comes from turning

@@ -16,6 +16,12 @@ std::string nearest(const std::string& word, const Words& known);
 /// "a, b, c"; "none" for an empty list.
 std::string join(const Words& words, const char* separator = ", ");
 
+/// Without blanks at its ends.
+std::string trimmed(const std::string& text);
+
+/// The cells of a CSV line, trimmed; a comma at the end opens an empty one.
+Words csv_cells(const std::string& line);
+
 /// Shortest decimal text that reads back as the same double.
 std::string number_text(double value);
 

@@ -277,8 +277,8 @@ void add_import_command(CLI::App& app, int& exit_code) {
   command->footer(
       "The equations are written out for this one robot (docs/guide/import.md); every command works with the result.\n\n"
       "Examples:\n"
-      "  tiller import my_arm.urdf -o my_arm --unknown payload=2,friction:*\n"
-      "      my_arm/my_arm.hpp and my_arm/robot.toml, with a prior for the load and every joint's friction\n"
+      "  tiller import my_arm.urdf -o my_arm --unknown payload=2\n"
+      "      my_arm/my_arm.hpp and my_arm/robot.toml, with a prior for the load\n"
       "  tiller import ur5.urdf --unknown mass:forearm_link --frame tool0 --hold wrist_3_joint\n"
       "      one mass in doubt, five joints");
   command->callback([o, &exit_code] { exit_code = import_command(*o); });

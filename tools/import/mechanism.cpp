@@ -65,8 +65,8 @@ Vec3<double> any_normal(const Vec3<double>& z) {
   return {0, 0, 1};
 }
 
-/// The frame of a body in that of its link: z along the joint, x along the common normal of this axis and the next one's,
-/// the origin where the normal stands on this axis. Of one child, then, only four numbers are not zero.
+/// The frame of a body in that of its link: z along the joint, x along the common normal of this axis and the
+/// next one's, the origin where the normal stands on this axis. Of one child, then, only four numbers are not zero.
 Pose align(const Vec3<double>& z, const Vec3<double>* next_z, const Vec3<double>* next_at) {
   if (next_z == nullptr) return frame_of(z, any_normal(z), {});
   const Vec3<double> normal = cross(z, *next_z);

@@ -157,9 +157,12 @@ class RobotText {
   }
 
   void task(const std::string& frame) {
-    out_ +=
-        "[planner]\nkind = \"ilqr\"\nhorizon = 20\nparticles = 1\niterations = 2\n\n"
-        "# full effort for a tick costs what a tenth of a radian does\n[cost]\n";
+    const bool sticks = std::any_of(unknowns_.friction.begin(), unknowns_.friction.end(),
+                                    [](const JointFriction& f) { return !f.dry.empty(); });
+    if (sticks) out_ += "# a joint that sticks has no gradient: samples find the force that frees it\n";
+    out_ += std::string("[planner]\nkind = \"") + (sticks ? "hybrid" : "ilqr") +
+            "\"\nhorizon = 20\nparticles = 1\niterations = 2\n\n"
+            "# full effort for a tick costs what a tenth of a radian does\n[cost]\n";
     out_ += "target = " + table(names_.positions, [&](std::size_t j) { return number_text(target(j)); }) + "\n";
     std::vector<std::string> states = names_.positions;
     states.insert(states.end(), names_.velocities.begin(), names_.velocities.end());

@@ -191,6 +191,7 @@ std::unique_ptr<SimPlant> make_sim_plant(const RobotFile& robot, std::string& er
   if (!info) {
     Words known;
     for (const sim::MechanismInfo& mechanism : sim::mechanisms()) known.push_back(mechanism.kind);
+    known.insert(known.end(), {"urdf", "model"});
     error = where(robot) + "there is no plant '" + robot.sim.plant + "'; plants: " + join(known) + "\n";
     return nullptr;
   }

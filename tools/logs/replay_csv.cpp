@@ -115,13 +115,10 @@ void take_parameters(const RobotFile& robot, CsvRow& row, tiller_record_t& r) {
   }
 }
 
-/// The goal that was set before the tick; where none was, the columns tell the one in force.
+/// The goal that was set before the tick, in runs whose goals change.
 void take_goal(const RobotFile& robot, CsvRow& row, RecordEntry& entry) {
-  for (std::uint32_t calls = entry.record.calls; calls != 0; calls >>= 4)
-    if ((calls & 15u) == tiller_call_goal) {
-      entry.goal |= row.has("goal." + robot.states[0]) ? kGoalStates : 0;
-      entry.goal |= !robot.outputs.empty() && row.has("goal." + robot.outputs[0]) ? kGoalOutputs : 0;
-    }
+  if (!row.has("goal")) return;
+  row.integer("goal", entry.goal);
   if ((entry.goal & kGoalStates) != 0) row.numbers("goal.", robot.states, entry.target);
   if ((entry.goal & kGoalOutputs) != 0) row.numbers("goal.", robot.outputs, entry.output_target);
 }

@@ -32,6 +32,7 @@ std::string RunLog::header() const {
   if (!true_params_.empty()) add_all("true.", inferred);
   if (robot_.config.cost.reference) add_all("ref.", robot_.states);
   if (robot_.config.cost.outputs) add_all("out.", robot_.outputs);
+  if (goals_ != 0) columns.emplace_back("goal");
   if ((goals_ & kGoalStates) != 0) add_all("goal.", robot_.states);
   if ((goals_ & kGoalOutputs) != 0) add_all("goal.", robot_.outputs);
   add_all("", {"tick", "now_us", "stamp_us", "sequence", "command_latency_us", "infinite", "calls", "stop_status"});
@@ -70,6 +71,7 @@ void RunLog::reference(const tiller_info_t& info) {
 void RunLog::task(const TickView& tick) {
   for (std::size_t j = 0; robot_.config.cost.outputs && j < robot_.outputs.size(); ++j)
     number(tick.outputs ? tick.outputs[j] : NAN);
+  if (goals_ != 0) cell(tick.entry ? std::to_string(tick.entry->goal) : "");
   for (std::size_t i = 0; (goals_ & kGoalStates) != 0 && i < robot_.states.size(); ++i)
     exact(tick.entry ? tick.entry->target[i] : NAN);
   for (std::size_t j = 0; (goals_ & kGoalOutputs) != 0 && j < robot_.outputs.size(); ++j)

@@ -39,7 +39,8 @@ struct TickView {
 ///   true.<state>..., true.<param>...    where the plant is in this process
 ///   ref.<state>...     the reference's row that is due ([cost] reference); empty before the task begins
 ///   out.<output>...    the model's outputs at the estimate, where they have costs
-///   goal.<state>..., goal.<output>...   the goal in force, in runs whose goals change (--goals)
+///   goal, goal.<state>..., goal.<output>...   in runs whose goals change (--goals): which was set in this tick (1
+///                      states, 2 outputs, 3 both, 0 none), and the goals in force
 ///   tick, now_us, stamp_us, sequence, command_latency_us, infinite, calls, stop_status
 ///                      what `tiller replay` needs beside the rest: see tiller_record_t. stamp_us .. infinite are empty
 ///                      where there was no measurement; bit i of infinite: the measured value i was infinite, bit 16 +

@@ -8,7 +8,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
-#include <sstream>
 
 #include "tools/base/frame_names.hpp"
 #include "tools/robot/section_reader.hpp"
@@ -17,19 +16,6 @@ namespace tiller::tools {
 namespace {
 
 constexpr std::size_t kMostErrors = 5;  // more say no more
-
-std::string trimmed(const std::string& text) {
-  const std::size_t from = text.find_first_not_of(" \t\r");
-  return from == std::string::npos ? "" : text.substr(from, text.find_last_not_of(" \t\r") - from + 1);
-}
-
-Words cells_of(const std::string& line) {
-  Words cells;
-  std::stringstream stream(line);
-  for (std::string cell; std::getline(stream, cell, ',');) cells.push_back(trimmed(cell));
-  if (!line.empty() && line.back() == ',') cells.emplace_back();
-  return cells;
-}
 
 /// What a column sets.
 struct Column {
@@ -48,9 +34,9 @@ class GoalReader {
     for (std::size_t number = 1; std::getline(file, line) && errors_.size() < before_ + kMostErrors; ++number) {
       if (trimmed(line).empty() || trimmed(line)[0] == '#') continue;
       if (names_.empty())
-        read_header(cells_of(line), number);
+        read_header(csv_cells(line), number);
       else if (errors_.size() == before_)
-        read_row(cells_of(line), number, goals);
+        read_row(csv_cells(line), number, goals);
     }
     if (errors_.size() == before_ && goals.empty())
       add(1, "goals", "there is none", "write a header and a row for each goal, e.g. time_s," + robot_.states[0]);

@@ -8,7 +8,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
-#include <sstream>
 
 namespace tiller::tools {
 namespace {
@@ -28,19 +27,6 @@ struct Findings {
     list.push_back(path + ":" + std::to_string(line) + ": " + what + ": " + problem + "; " + remedy);
   }
 };
-
-std::string trimmed(const std::string& text) {
-  const std::size_t from = text.find_first_not_of(" \t\r");
-  return from == std::string::npos ? "" : text.substr(from, text.find_last_not_of(" \t\r") - from + 1);
-}
-
-Words cells_of(const std::string& line) {
-  Words cells;
-  std::stringstream stream(line);
-  for (std::string cell; std::getline(stream, cell, ',');) cells.push_back(trimmed(cell));
-  if (!line.empty() && line.back() == ',') cells.emplace_back();
-  return cells;
-}
 
 int column_of(const Words& header, const std::string& name) {
   const auto found = std::find(header.begin(), header.end(), name);
@@ -137,10 +123,10 @@ bool read_table(std::ifstream& file, const tiller_model_t& model, Table& table, 
     const std::string row = trimmed(text);
     if (row.empty() || row[0] == '#') continue;
     if (headed) {
-      read_row(cells_of(row), line, columns, model, table, findings);
+      read_row(csv_cells(row), line, columns, model, table, findings);
       continue;
     }
-    columns = find_columns(cells_of(row), model, findings);
+    columns = find_columns(csv_cells(row), model, findings);
     headed = true;
     if (!findings.none()) return false;
   }

@@ -182,19 +182,19 @@ typedef struct tiller_posterior_config {
   double noise_ratio_sd; /**< filter: standard deviation of the logarithm of process_sd's true factor beside that of
                               measurement_sd, which is inferred; 0: process_sd and measurement_sd share one factor;
                               in [0, 10] */
-  uint32_t relearn;  /**< filter: 1: an alarm of the adequacy test in motion makes what was learnt one half of a new
+  uint32_t relearn;      /**< filter: 1: an alarm of the adequacy test in motion makes what was learnt one half of a new
                               prior, beside the configured one, so that a robot that has changed is learnt again */
-  uint32_t reserved; /**< 0 */
+  uint32_t reserved;     /**< 0 */
 } tiller_posterior_config_t;
 
 /** A joint prior of the inferred parameters, in their order in `priors` and in their coordinates (the logarithm where
  *  the marginal prior is log-normal): a mixture of normals, cut to the marginals' bounds; the marginals' densities do
  *  not count then. The arrays are the caller's and outlive the controller. */
 typedef struct tiller_mixture {
-  uint32_t size;       /**< sizeof(tiller_mixture_t) */
-  uint32_t version;    /**< TILLER_CONFIG_VERSION */
-  uint32_t components; /**< 1..64 */
-  uint32_t dimension;  /**< d: number of priors that are not fixed */
+  uint32_t size;        /**< sizeof(tiller_mixture_t) */
+  uint32_t version;     /**< TILLER_CONFIG_VERSION */
+  uint32_t components;  /**< 1..64 */
+  uint32_t dimension;   /**< d: number of priors that are not fixed */
   const double* weight; /**< (components) >= 0, sum one */
   const double* mean;   /**< (components x d) row-major; out to eight deviations as a marginal prior's values */
   const double* root;   /**< (components x d x d) lower Cholesky factors of the covariances, row-major; their diagonals
@@ -370,15 +370,15 @@ typedef struct tiller_config {
   tiller_effect_t effects[TILLER_MAX_EFFECTS];
   tiller_prior_t priors[TILLER_MAX_PARAMS];
 
-  uint32_t measurement_count;                     /**< ny */
-  uint32_t record_ticks;                          /**< ticks kept in the block, 0..65536 */
-  uint8_t measured_state[TILLER_MAX_MEASUREMENTS];/**< (ny) index of the state that each measurement reads */
-  double measurement_sd[TILLER_MAX_MEASUREMENTS]; /**< of the sensor, quantisation included; scales */
-  double process_sd[TILLER_MAX_STATES];           /**< random change of the state that the model does not explain,
+  uint32_t measurement_count;                      /**< ny */
+  uint32_t record_ticks;                           /**< ticks kept in the block, 0..65536 */
+  uint8_t measured_state[TILLER_MAX_MEASUREMENTS]; /**< (ny) index of the state that each measurement reads */
+  double measurement_sd[TILLER_MAX_MEASUREMENTS];  /**< of the sensor, quantisation included; scales */
+  double process_sd[TILLER_MAX_STATES];            /**< random change of the state that the model does not explain,
                                               per square root of a second; same unit as the state. Scales, or 0: the
                                               model explains the state exactly (`conjugate` needs one above 0) */
-  double initial_state[TILLER_MAX_STATES];        /**< expected at the first measurement; values */
-  double initial_state_sd[TILLER_MAX_STATES];     /**< and how sure that is; scales, or 0 */
+  double initial_state[TILLER_MAX_STATES];         /**< expected at the first measurement; values */
+  double initial_state_sd[TILLER_MAX_STATES];      /**< and how sure that is; scales, or 0 */
 
   tiller_posterior_config_t posterior;
   const tiller_mixture_t* prior_mixture; /**< joint prior in the place of the marginals; null: none */
@@ -450,13 +450,13 @@ typedef enum tiller_adequacy {
 /** The quantity that the normalised innovations of an inadequate model depend on. */
 typedef enum tiller_feature {
   tiller_feature_none = 0,
-  tiller_feature_bias = 1,           /**< a constant */
-  tiller_feature_velocity = 2,       /**< the joint's velocity: viscous friction, drag */
-  tiller_feature_velocity_sign = 3,  /**< its sign: dry friction */
-  tiller_feature_input = 4,          /**< the input: gain */
-  tiller_feature_input_change = 5,   /**< the input's change: delay, lag */
-  tiller_feature_previous = 6,       /**< the innovation before: anything that stays for a while */
-  tiller_feature_size = 7,           /**< larger than the configured noise, or growing */
+  tiller_feature_bias = 1,          /**< a constant */
+  tiller_feature_velocity = 2,      /**< the joint's velocity: viscous friction, drag */
+  tiller_feature_velocity_sign = 3, /**< its sign: dry friction */
+  tiller_feature_input = 4,         /**< the input: gain */
+  tiller_feature_input_change = 5,  /**< the input's change: delay, lag */
+  tiller_feature_previous = 6,      /**< the innovation before: anything that stays for a while */
+  tiller_feature_size = 7,          /**< larger than the configured noise, or growing */
   tiller_feature_count
 } tiller_feature_t;
 /** The feature's name, e.g. "velocity_sign"; "unknown" for one that does not exist. */
@@ -480,23 +480,23 @@ typedef struct tiller_info {
   double state_sd[TILLER_MAX_STATES];
   double param_mean[TILLER_MAX_PARAMS];
   double param_sd[TILLER_MAX_PARAMS];
-  uint64_t rejected_measurements;      /**< whole measurements that the guard refused */
-  uint64_t missing_values;             /**< NaN in measurements that were taken in */
-  uint64_t late_plans;                 /**< ticks whose deadline left no time for a single iteration */
+  uint64_t rejected_measurements;         /**< whole measurements that the guard refused */
+  uint64_t missing_values;                /**< NaN in measurements that were taken in */
+  uint64_t late_plans;                    /**< ticks whose deadline left no time for a single iteration */
   uint64_t gate_clipped, gate_rejections; /**< commands cut to a limit; commands with NaN or infinity */
-  uint64_t plan_failures;              /**< ticks without a finite plan, or with a plan that was used up */
-  uint64_t posterior_failures;         /**< updates that no particle took in, and filters started again after a pause */
-  uint32_t adequacy;                   /**< tiller_adequacy_t */
-  uint32_t inadequate_channel;         /**< index of the measurement whose innovations gave the alarm */
-  uint32_t inadequate_feature;         /**< tiller_feature_t */
+  uint64_t plan_failures;                 /**< ticks without a finite plan, or with a plan that was used up */
+  uint64_t posterior_failures; /**< updates that no particle took in, and filters started again after a pause */
+  uint32_t adequacy;           /**< tiller_adequacy_t */
+  uint32_t inadequate_channel; /**< index of the measurement whose innovations gave the alarm */
+  uint32_t inadequate_feature; /**< tiller_feature_t */
   uint32_t reserved;
-  double adequacy_statistic; /**< largest test statistic over its threshold: above 1 is an alarm */
-  double noise_sd[TILLER_MAX_STATES];  /**< estimated, as process_sd; zero where the engine has no estimate per state */
+  double adequacy_statistic;          /**< largest test statistic over its threshold: above 1 is an alarm */
+  double noise_sd[TILLER_MAX_STATES]; /**< estimated, as process_sd; zero where the engine has no estimate per state */
   double delay_weight[TILLER_MAX_HYPOTHESES];      /**< of input delays nearest to 0, 1, .. periods */
   double forgetting_weight[TILLER_MAX_FORGETTING]; /**< of the configured rates */
-  double discrepancy_share; /**< of the residuals' squares that the discrepancy basis takes up, 0..1 */
-  uint64_t plans;           /**< finite plans that the planner has made; stands still while it does not get that far */
-  uint64_t relearned;       /**< times that the posterior began to learn again because the robot seemed to have changed */
+  double discrepancy_share;  /**< of the residuals' squares that the discrepancy basis takes up, 0..1 */
+  uint64_t plans;            /**< finite plans that the planner has made; stands still while it does not get that far */
+  uint64_t relearned;        /**< times that the posterior began to learn again because the robot seemed changed */
   uint64_t lost_transitions; /**< transitions that no longer judge moves: no finite step near the particles */
 } tiller_info_t;
 
@@ -523,10 +523,10 @@ tiller_status_t tiller_set_target(tiller_t* t, const double* target);
 /** Where to bring the model's outputs (ny); ends a reference of outputs. bad_cost where the configuration weighs no
  *  outputs. */
 tiller_status_t tiller_set_output_target(tiller_t* t, const double* target);
-/** Rows to follow: `states` (steps x nx) and `outputs` (steps x ny), either may be null: its targets hold then. Row 0 is
- *  due at the next tick, the last row holds; time_s of an own cost begins again. The arrays are not copied: they outlive
- *  the controller or the next goal. Time: one look at each value. steps is 1 at least; to end a reference, set a
- *  target. */
+/** Rows to follow: `states` (steps x nx) and `outputs` (steps x ny), either may be null: its targets hold then. Row 0
+ *  is due at the next tick, the last row holds; time_s of an own cost begins again. The arrays are not copied: they
+ *  outlive the controller or the next goal. Time: one look at each value. steps is 1 at least; to end a reference, set
+ *  a target. */
 tiller_status_t tiller_set_reference(tiller_t* t, const double* states, const double* outputs, uint32_t steps);
 /** The model's outputs y (ny) at the present estimate of state and parameters. bad_model where it has none. */
 tiller_status_t tiller_get_outputs(const tiller_t* t, double* y);
@@ -552,10 +552,10 @@ void tiller_get_info(const tiller_t* t, tiller_info_t* info);
 tiller_status_t tiller_get_covariance(const tiller_t* t, double* covariance);
 /** Weighted quantile q in [0, 1] of parameter `param`. Cost: O(N log N). */
 tiller_status_t tiller_get_quantile(const tiller_t* t, uint32_t param, double q, double* value);
-/** How much the data have narrowed each direction of the parameters: the generalised eigenvectors of the posterior's covariance against
- *  the prior's, in the parameters' coordinates, least known first. variance_ratio (d): posterior over prior, near 1
- *  where the data say nothing; direction (d x np, row-major): in units of each parameter's prior deviation, length one,
- *  zero for fixed parameters. Both nullable; *d is the number of inferred parameters. Cost: O(N d^2 + d^3). */
+/** How much the data have narrowed each direction of the parameters: the generalised eigenvectors of the posterior's
+ *  covariance against the prior's, in the parameters' coordinates, least known first. variance_ratio (d): posterior
+ *  over prior, near 1 where the data say nothing; direction (d x np, row-major): in units of each parameter's prior
+ *  deviation, length one, zero for fixed parameters. Both nullable; *d is the number of inferred parameters. Cost: O(N d^2 + d^3). */
 tiller_status_t tiller_get_contraction(const tiller_t* t, uint32_t* d, double* variance_ratio, double* direction);
 /** The planned inputs, (horizon x nu) row-major, first the one in force. Returns the number of steps copied. */
 uint32_t tiller_get_plan(const tiller_t* t, double* inputs, uint32_t steps);
