@@ -2,6 +2,7 @@
 
 #include "abi/check_parts.hpp"
 #include "core/bits.hpp"
+#include "planners/mcts_tree.hpp"
 #include "planners/planner.hpp"
 #include "planners/qp/osqp_qp.hpp"
 #include "rollout/cost.hpp"
@@ -12,21 +13,13 @@
 namespace tiller {
 namespace {
 
-/// `levels` values for each input: that many children has every node that is opened.
-std::uint32_t choices(std::uint32_t levels, std::uint32_t inputs) {
-  std::uint32_t count = 1;
-  for (std::uint32_t i = 0; i < inputs; ++i) count *= levels;
-  return count;
-}
-
 Finding check_tree(const tiller_planner_config_t& p, std::uint32_t inputs) {
   constexpr tiller_status_t kBad = tiller_status_bad_planner;
   // how the settings go together is of no interest to planners that read none of them
   if (std::strcmp(find_planner(p.kind)->name, "mcts") != 0) return kGood;
   if (p.hold_steps > p.horizon) return {kBad, "planner.hold_steps"};
-  constexpr std::uint32_t kMostChildren = 64;  // of a node
-  const std::uint32_t children = choices(p.levels, inputs);
-  if (children > kMostChildren || children >= p.nodes) return {kBad, "planner.levels"};
+  const std::uint32_t joint = tree_actions(p.levels, inputs);
+  if ((joint > 0 ? joint : p.levels) >= p.nodes) return {kBad, "planner.levels"};  // the root's children
   return kGood;
 }
 

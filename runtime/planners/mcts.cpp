@@ -20,6 +20,10 @@ namespace {
 // hypothesis is cheap on average over what may follow; the plan is the cheapest simulation itself, under the risk as
 // configured.
 //
+// One choice of the tree sets every input of a knot where levels^inputs choices fit a node. With more inputs they are
+// set one after the other, each a level of the tree (factored actions): a node then has `levels` children however many
+// inputs there are, and its value is the mean over what the inputs behind it may do.
+//
 // The plan is not the most visited path but the cheapest simulation, as in single-player games (Schadd et al.,
 // "Single-player Monte-Carlo tree search", 2008): the same sequence always costs the same, so the best one seen is no
 // lucky draw.
@@ -48,12 +52,15 @@ struct Search {
   Sampler* core = nullptr;
   MctsTree tree;
   std::uint32_t levels = 2, actions = 2;
+  std::uint32_t stages = 1;  // choices of the tree per knot: 1, or one for each input
   std::uint32_t leaf_count = 0;
   std::uint32_t* leaves = nullptr;  // (K / kPolicies) of the batch under way
-  std::uint32_t* plan = nullptr;    // (knots) the old plan's choices
-  std::uint32_t* choice = nullptr;  // (knots) of one simulation
-  std::uint8_t* chosen = nullptr;   // (K x knots) of all
+  std::uint32_t* plan = nullptr;    // (knots x stages) the old plan's choices
+  std::uint32_t* choice = nullptr;  // (knots x stages) of one simulation
+  std::uint8_t* chosen = nullptr;   // (K x knots x stages) of all
   float* value = nullptr;           // (inputs x actions)
+
+  std::uint32_t choices() const { return core->grid.knots * stages; }
   MctsTree::Range range;
   double cost_sum = 0.0;  // of this plan's simulations
   double cost_count = 0.0;
@@ -63,33 +70,40 @@ struct Search {
 
 Search& search_of(const Sampler& s) { return *static_cast<Search*>(s.companion); }
 
+/// The value that `action` gives to `input`.
 double value_of(const Search& t, std::uint32_t action, std::uint32_t input) {
-  for (std::uint32_t i = 0; i < input; ++i) action /= t.levels;
+  if (t.stages == 1)
+    for (std::uint32_t i = 0; i < input; ++i) action /= t.levels;
   const InputLimit& limit = t.core->limits[input];
   const double share = static_cast<double>(action % t.levels) / (t.levels - 1);
   return (1.0 - share) * limit.low + share * limit.high;
 }
 
-/// The action nearest to knot `j` of the plan.
-std::uint32_t action_near(const Search& t, const double* rows, std::uint32_t stride, std::uint32_t j) {
+std::uint32_t level_near(const Search& t, std::uint32_t input, double value) {
+  const InputLimit& limit = t.core->limits[input];
+  const double width = limit.high - limit.low;
+  const double share = width > 0.0 ? (value - limit.low) / width : 0.0;
+  return static_cast<std::uint32_t>(std::nearbyint(std::fmin(std::fmax(share, 0.0), 1.0) * (t.levels - 1)));
+}
+
+/// The action of `stage` nearest to knot `j` of the plan.
+std::uint32_t action_near(const Search& t, const double* rows, std::uint32_t stride, std::uint32_t j,
+                          std::uint32_t stage) {
+  if (t.stages > 1) return level_near(t, stage, rows[stage * stride + j]);
   std::uint32_t action = 0, place = 1;
-  for (std::uint32_t i = 0; i < t.core->inputs; ++i, place *= t.levels) {
-    const InputLimit& limit = t.core->limits[i];
-    const double width = limit.high - limit.low;
-    const double share = width > 0.0 ? (rows[i * stride + j] - limit.low) / width : 0.0;
-    const double level = std::nearbyint(std::fmin(std::fmax(share, 0.0), 1.0) * (t.levels - 1));
-    action += place * static_cast<std::uint32_t>(level);
-  }
+  for (std::uint32_t i = 0; i < t.core->inputs; ++i, place *= t.levels)
+    action += place * level_near(t, i, rows[i * stride + j]);
   return action;
 }
 
-/// Choices that begin within the horizon.
-std::uint32_t depth_of(const Sampler& s) { return (s.clock.horizon + s.clock.phase + s.clock.hold - 1) / s.clock.hold; }
+/// Knots that begin within the horizon.
+std::uint32_t knots_within(const Sampler& s) { return (s.clock.horizon + s.clock.phase + s.clock.hold - 1) / s.clock.hold; }
 
 void begin(Sampler& s) {
   Search& t = search_of(s);
   if (s.gone == 1)
-    t.tree.descend(action_near(t, s.knot_before, 1, 0));
+    for (std::uint32_t stage = 0; stage < t.stages; ++stage)
+      t.tree.descend(action_near(t, s.knot_before, 1, 0, stage));
   else if (s.gone > 1)
     t.tree.clear(t.actions);
   s.gone = 0;
@@ -98,11 +112,11 @@ void begin(Sampler& s) {
 }
 
 /// One leaf's simulations: its path, and what follows by each default policy.
-void choose_for_leaf(const Sampler& s, Search& t, std::uint32_t leaf, std::uint32_t first_lane, RandomStream& random) {
+void choose_for_leaf(Search& t, std::uint32_t leaf, std::uint32_t first_lane, RandomStream& random) {
   const std::uint32_t depth = t.tree.path(leaf, t.choice);
   for (std::uint32_t policy = 0; policy < kPolicies; ++policy) {
-    for (std::uint32_t j = depth; j < s.grid.knots; ++j) {
-      const std::uint32_t before = j > 0 ? t.choice[j - 1] : t.plan[0];
+    for (std::uint32_t j = depth; j < t.choices(); ++j) {
+      const std::uint32_t before = j >= t.stages ? t.choice[j - t.stages] : t.plan[j];
       if (policy == 0)
         t.choice[j] = t.plan[j];
       else if (policy == 1 || (random.next() & 1u))
@@ -110,14 +124,15 @@ void choose_for_leaf(const Sampler& s, Search& t, std::uint32_t leaf, std::uint3
       else
         t.choice[j] = random.below(t.actions);
     }
-    std::copy(t.choice, t.choice + s.grid.knots, t.chosen + std::size_t{first_lane + policy} * s.grid.knots);
+    std::copy(t.choice, t.choice + t.choices(), t.chosen + std::size_t{first_lane + policy} * t.choices());
   }
 }
 
 bool draw(Sampler& s) {
   Search& t = search_of(s);
-  for (std::uint32_t j = 0; j < s.grid.knots; ++j) t.plan[j] = action_near(t, s.mean, s.grid.knots, j);
-  const std::uint32_t depth = depth_of(s);
+  for (std::uint32_t c = 0; c < t.choices(); ++c)
+    t.plan[c] = action_near(t, s.mean, s.grid.knots, c / t.stages, c % t.stages);
+  const std::uint32_t depth = knots_within(s) * t.stages;
   for (t.leaf_count = 0; t.leaf_count < s.rollouts / kPolicies; ++t.leaf_count) {
     if (t.leaf_count % kLeavesAtOnce == kLeavesAtOnce - 1 && s.request->deadline.passed()) return false;
     const std::uint64_t high = (std::uint64_t{kRngPlanner} << 32) | (s.iteration << 16) | t.leaf_count;
@@ -125,15 +140,16 @@ bool draw(Sampler& s) {
     RandomStream random = {{words.w[0] | 1u, words.w[1], words.w[2], words.w[3]}};
     const std::uint32_t leaf = t.tree.select(depth, t.plan, random.next(), t.range, s.settings->exploration);
     t.leaves[t.leaf_count] = leaf;
-    choose_for_leaf(s, t, leaf, t.leaf_count * kPolicies, random);
+    choose_for_leaf(t, leaf, t.leaf_count * kPolicies, random);
   }
   // row by row: a lane's knots stand too far apart for the cache
   float* row = s.knots;
   for (std::uint32_t i = 0; i < s.inputs; ++i) {
     const float* value = t.value + std::size_t{i} * t.actions;
+    const std::uint32_t stage = t.stages > 1 ? i : 0, stride = t.choices();
     for (std::uint32_t j = 0; j < s.grid.knots; ++j, row += s.rollouts)
       for (std::uint32_t lane = 0; lane < s.rollouts; ++lane)
-        row[lane] = value[t.chosen[std::size_t{lane} * s.grid.knots + j]];
+        row[lane] = value[t.chosen[std::size_t{lane} * stride + j * t.stages + stage]];
   }
   return true;
 }
@@ -173,7 +189,7 @@ double choose(Sampler& s) {
   // what begins beyond the horizon was not simulated: the last choice within it holds
   for (std::uint32_t i = 0; i < s.inputs; ++i) {
     double* row = s.mean + i * s.grid.knots;
-    for (std::uint32_t j = depth_of(s); j < s.grid.knots; ++j) row[j] = row[j - 1];
+    for (std::uint32_t j = knots_within(s); j < s.grid.knots; ++j) row[j] = row[j - 1];
   }
   t.last_cost = s.best_cost;
   t.has_cost = true;
@@ -188,12 +204,6 @@ void rebase(Sampler& s, double change) {
 
 constexpr SamplingMethod kMethod = {"mcts", begin, update, choose, draw, cancel, true, rebase};
 
-std::uint32_t power(std::uint32_t base, std::uint32_t exponent) {
-  std::uint32_t product = 1;
-  while (exponent-- > 0) product *= base;
-  return product;
-}
-
 void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
               const tiller_hooks_t* hooks) {
   auto* t = arena.take<Search>(1);
@@ -201,19 +211,20 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
   Search& place = t ? *t : nobody;
   const tiller_planner_config_t& p = config.planner;
   const std::uint32_t hold = std::max(std::uint32_t{1}, p.hold_steps), knots = held_knots(p.horizon, hold);
+  place.levels = std::max(std::uint32_t{2}, p.levels);
+  const std::uint32_t inputs = config.model->input_count, joint = tree_actions(place.levels, inputs);
+  place.stages = joint > 0 ? 1 : inputs;
+  place.actions = joint > 0 ? joint : place.levels;
+  const std::uint32_t choices = knots * place.stages;
   place.tree.lay_out(arena, std::max(std::uint32_t{16}, p.nodes));
   place.leaves = arena.take<std::uint32_t>(p.rollouts / kPolicies);
-  place.plan = arena.take<std::uint32_t>(knots);
-  place.choice = arena.take<std::uint32_t>(knots);
-  place.chosen = arena.take<std::uint8_t>(std::size_t{p.rollouts} * knots);
-  place.value = arena.take<float>(std::size_t{config.model->input_count} * MctsTree::kMostActions);
+  place.plan = arena.take<std::uint32_t>(choices);
+  place.choice = arena.take<std::uint32_t>(choices);
+  place.chosen = arena.take<std::uint8_t>(std::size_t{p.rollouts} * choices);
+  place.value = arena.take<float>(std::size_t{inputs} * place.actions);
   Sampler* core = lay_out_sampler(arena, config, setup, table, hooks, kMethod);
   if (!core) return nullptr;
   place.core = core;
-  place.levels = std::max(std::uint32_t{2}, p.levels);
-  // config_check refuses more; here nothing may be written past the end
-  while (place.levels > 2 && power(place.levels, core->inputs) > MctsTree::kMostActions) --place.levels;
-  place.actions = power(place.levels, core->inputs);
   core->companion = t;
   for (std::uint32_t i = 0; i < core->inputs; ++i)
     for (std::uint32_t a = 0; a < place.actions; ++a)

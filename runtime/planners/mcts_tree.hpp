@@ -6,6 +6,16 @@
 
 namespace tiller {
 
+constexpr std::uint32_t kMostTreeActions = 64;  // children of a node: bits of a word
+
+/// levels^inputs, where a node has room for as many choices; else 0: inputs are then chosen one after the other.
+constexpr std::uint32_t tree_actions(std::uint32_t levels, std::uint32_t inputs) {
+  std::uint32_t count = 1;
+  for (std::uint32_t i = 0; i < inputs; ++i)
+    if ((count *= levels) > kMostTreeActions) return 0;
+  return count;
+}
+
 /// A tree over sequences of choices, in a pool of fixed size: who was visited how often at what mean cost, and where to
 /// look next. It knows nothing of robots: a choice is a number below `actions`.
 ///
@@ -16,7 +26,6 @@ namespace tiller {
 class MctsTree {
  public:
   static constexpr std::uint32_t kNone = 0xffffffffu;
-  static constexpr std::uint32_t kMostActions = 64;
   static constexpr std::uint32_t kRoot = 0;
 
   void lay_out(Arena& arena, std::uint32_t nodes);

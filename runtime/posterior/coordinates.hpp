@@ -11,4 +11,9 @@ namespace tiller {
 constexpr std::uint32_t kMaxExtra = 1;
 constexpr std::uint32_t kMaxCoordinates = TILLER_MAX_PARAMS + kMaxExtra;
 
+/// Polynomials of the coordinates (polynomial_design.hpp) have terms of second order in this many of them at most.
+constexpr std::uint32_t kMostCurvedCoordinates = kMaxCoordinates < 8 ? kMaxCoordinates : 8;
+constexpr std::uint32_t kMaxPolynomialTerms =
+    1 + kMaxCoordinates + kMostCurvedCoordinates * (kMostCurvedCoordinates + 1) / 2;
+
 }  // namespace tiller

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "posterior/coordinates.hpp"
 #include "scalar/isa.hpp"
 #include "tiller/model.h"
 
@@ -31,7 +32,7 @@ struct PredictJob {
   std::uint32_t covariance_stride = 0;
   const double* process = nullptr;        // (triangle) covariance of the process noise over this period
   const double* process_scale = nullptr;  // (lanes) its factor; null: one
-  double* predicted = nullptr;            // (triangle); may alias `covariance`
+  double* predicted = nullptr;            // (triangle); none of the above
   std::uint32_t predicted_stride = 0;
 };
 
@@ -72,7 +73,7 @@ struct WeighResult {
 struct PolynomialJob {
   std::uint32_t d = 0, squares = 0, linear = 0;
   std::uint32_t terms = 0;
-  bool quadratic = true;
+  std::uint32_t curved = 0;              // the first coordinates, with terms of second order
   std::uint32_t lanes = 0;               // a multiple of 16
   const double* centre = nullptr;        // (d)
   const double* inverse_root = nullptr;  // (d x d) lower

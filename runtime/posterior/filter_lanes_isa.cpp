@@ -14,8 +14,9 @@ TILLER_ISA_NAMESPACE_BEGIN
 namespace {
 
 using P = Pack<double>;
-constexpr std::uint32_t kMaxStates = kMaxFilterStates;
-constexpr std::uint32_t kMaxTriangle = triangle_rows(kMaxStates);
+
+/// Matrices of larger filters stay in the block: copies in registers' width would take 200 kB of stack at the most states.
+constexpr std::uint32_t kMostOnStack = 8;
 
 /// The number of states as a constant where it is common (the compiler then keeps the loops in registers), else
 /// as a variable.
@@ -34,7 +35,7 @@ struct Count<0> {
 template <std::uint32_t N>
 void predict_lanes(const PredictJob& job) {
   const Count<N> nx(job.nx);
-  constexpr std::uint32_t max = N ? N : kMaxStates;
+  constexpr std::uint32_t max = N ? N : kMostOnStack;
   for (std::uint32_t lane = 0; lane < job.lanes; lane += P::width) {
     P p[max * max], a[max * max];
     for (std::uint32_t r = 0; r < nx; ++r)
@@ -58,6 +59,33 @@ void predict_lanes(const PredictJob& job) {
   }
 }
 
+/// The same sums in the same order, read from the block.
+void predict_large(const PredictJob& job) {
+  const std::uint32_t nx = job.nx;
+  for (std::uint32_t lane = 0; lane < job.lanes; lane += P::width) {
+    const auto a = [&](std::uint32_t r, std::uint32_t c) { return P::load(job.a + (r * nx + c) * job.a_stride + lane); };
+    const double* covariance = job.covariance + lane;
+    for (std::uint32_t r = 0; r < nx; ++r) {
+      P ap[kMaxFilterStates];  // row r of A P
+      for (std::uint32_t k = 0; k < nx; ++k) {
+        const P factor = a(r, k);
+        std::uint32_t row = k;  // of element (0, k), then (1, k) ..
+        for (std::uint32_t c = 0; c < nx; ++c) {
+          const P element = P::load(covariance + row * job.covariance_stride);
+          ap[c] = k > 0 ? fma(factor, element, ap[c]) : factor * element;
+          row += c < k ? nx - c - 1 : 1;  // down the column, then along the row
+        }
+      }
+      for (std::uint32_t c = r; c < nx; ++c) {
+        P sum = P(job.process[triangle_row(nx, r, c)]) *
+                (job.process_scale ? P::load(job.process_scale + lane) : P(1.0));
+        for (std::uint32_t k = 0; k < nx; ++k) sum = fma(ap[k], a(c, k), sum);
+        sum.store(job.predicted + triangle_row(nx, r, c) * job.predicted_stride + lane);
+      }
+    }
+  }
+}
+
 P wrap_to_pi(const P& angle) {
   constexpr double kTurn = 6.283185307179586476925;
   return angle - P(kTurn) * nearest(angle * P(1.0 / kTurn));
@@ -67,11 +95,10 @@ P wrap_to_pi(const P& angle) {
 /// (NaN stays NaN: max gives its second argument then.)
 P not_negative(const P& variance) { return max(P(0.0), variance); }
 
-template <std::uint32_t N>
+template <std::uint32_t N, std::uint32_t kMost = N>
 void correct_lanes(const CorrectJob& job) {
   const Count<N> nx(job.nx);
-  constexpr std::uint32_t max_states = N ? N : kMaxStates;
-  constexpr std::uint32_t max_triangle = N ? triangle_rows(N) : kMaxTriangle;
+  constexpr std::uint32_t max_states = kMost, max_triangle = triangle_rows(kMost);
   const std::uint32_t rows = triangle_rows(nx);
   const P weight(job.weight);
   for (std::uint32_t lane = 0; lane < job.lanes; lane += P::width) {
@@ -135,7 +162,7 @@ void predict(const PredictJob& job) {
   switch (job.nx) {
     case 2: return predict_lanes<2>(job);
     case 4: return predict_lanes<4>(job);
-    default: return predict_lanes<0>(job);
+    default: return job.nx <= kMostOnStack ? predict_lanes<0>(job) : predict_large(job);
   }
 }
 
@@ -143,16 +170,19 @@ void correct(const CorrectJob& job) {
   switch (job.nx) {
     case 2: return correct_lanes<2>(job);
     case 4: return correct_lanes<4>(job);
-    default: return correct_lanes<0>(job);
+    default: break;
   }
+  // by size, so that small filters take little stack
+  if (job.nx <= kMostOnStack) return correct_lanes<0, kMostOnStack>(job);
+  if (job.nx <= 2 * kMostOnStack) return correct_lanes<0, 2 * kMostOnStack>(job);
+  correct_lanes<0, kMaxFilterStates>(job);
 }
 
 void polynomial(const PolynomialJob& job) {
-  constexpr std::uint32_t kMaxTerms = 45;  // of eight coordinates; as PolynomialDesign's
   const std::uint32_t triangle = job.terms * (job.terms + 1) / 2;
   const P factor(job.factor);
   for (std::uint32_t lane = 0; lane < job.lanes; lane += static_cast<std::uint32_t>(P::width)) {
-    P off[kMaxCoordinates], z[kMaxCoordinates], phi[kMaxTerms], square(0.0);
+    P off[kMaxCoordinates], z[kMaxCoordinates], phi[kMaxPolynomialTerms], square(0.0);
     for (std::uint32_t r = 0; r < job.d; ++r) {
       off[r] = P::load(job.coordinate + r * job.coordinate_stride + lane) - P(job.centre[r]);
       z[r] = P(0.0);
@@ -162,8 +192,8 @@ void polynomial(const PolynomialJob& job) {
     std::uint32_t term = 0;
     phi[term++] = select(square > P(job.trusted_square), P(__builtin_nan("")), P(1.0));
     for (std::uint32_t r = 0; r < job.d; ++r) phi[term++] = z[r];
-    for (std::uint32_t r = 0; r < job.d && job.quadratic; ++r)
-      for (std::uint32_t c = r; c < job.d; ++c) phi[term++] = z[r] * z[c];
+    for (std::uint32_t r = 0; r < job.curved; ++r)
+      for (std::uint32_t c = r; c < job.curved; ++c) phi[term++] = z[r] * z[c];
     for (std::uint32_t r = 0; r < job.squares; ++r) {
       double* to = job.sums + r * job.stride + lane;
       fma(factor, quadratic_form(job.gram + r * triangle, phi, job.terms), P::load(to)).store(to);

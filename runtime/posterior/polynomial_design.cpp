@@ -19,8 +19,6 @@ constexpr double kFarthest = 0.7, kNarrowest = 0.3, kWidest = 2.0;
 constexpr std::uint32_t kDesignStream = 11;
 /// Share of the prior's deviation that a design has along every direction, whatever the cloud has.
 constexpr double kLeastWidth = 1e-7;
-/// Most coordinates that have terms of second order.
-constexpr std::uint32_t kMostQuadratic = 8;
 
 /// Lower Cholesky factor of a positive definite n x n matrix, row-major. What rounding has left of a variance that
 /// others explain is kept above zero.
@@ -45,8 +43,8 @@ std::uint32_t round_up(double value, std::uint32_t multiple) {
 PolynomialDesign PolynomialDesign::lay_out(Arena& arena, std::uint32_t d, double points_per_term) {
   PolynomialDesign s;
   s.d_ = d;
-  s.quadratic_ = d <= kMostQuadratic;
-  s.terms_ = s.quadratic_ ? 1 + d + d * (d + 1) / 2 : 1 + d;
+  s.curved_ = std::min(d, kMostCurved);
+  s.terms_ = 1 + d + s.curved_ * (s.curved_ + 1) / 2;
   s.points_ = round_up(points_per_term * s.terms_, 16);
   s.centre_ = arena.take<double>(d);
   s.root_ = arena.take<double>(std::size_t{d} * d);
@@ -84,8 +82,8 @@ void PolynomialDesign::whiten(const double* v, double* z) const {
 void PolynomialDesign::monomials(const double* z, double* phi) const {
   *phi++ = 1.0;
   for (std::uint32_t r = 0; r < d_; ++r) *phi++ = z[r];
-  for (std::uint32_t r = 0; r < d_ && quadratic_; ++r)
-    for (std::uint32_t c = r; c < d_; ++c) *phi++ = z[r] * z[c];
+  for (std::uint32_t r = 0; r < curved_; ++r)
+    for (std::uint32_t c = r; c < curved_; ++c) *phi++ = z[r] * z[c];
 }
 
 bool PolynomialDesign::covers(const Cloud& cloud) const {
@@ -216,14 +214,14 @@ void PolynomialDesign::find_translation(const double* centre, const double* root
     for (std::uint32_t c = 0; c < d_; ++c) t[(1 + r) * terms_ + 1 + c] = a[r * d_ + c];
   }
   std::uint32_t row = 1 + d_;
-  for (std::uint32_t i = 0; i < d_ && quadratic_; ++i) {
-    for (std::uint32_t j = i; j < d_; ++j, ++row) {
+  for (std::uint32_t i = 0; i < curved_; ++i) {
+    for (std::uint32_t j = i; j < curved_; ++j, ++row) {
       double* to = t + row * terms_;
       to[0] = b[i] * b[j];
       for (std::uint32_t k = 0; k < d_; ++k) to[1 + k] = b[i] * a[j * d_ + k] + b[j] * a[i * d_ + k];
       std::uint32_t column = 1 + d_;
-      for (std::uint32_t k = 0; k < d_; ++k)
-        for (std::uint32_t l = k; l < d_; ++l, ++column)
+      for (std::uint32_t k = 0; k < curved_; ++k)
+        for (std::uint32_t l = k; l < curved_; ++l, ++column)
           to[column] = a[i * d_ + k] * a[j * d_ + l] + (k == l ? 0.0 : a[i * d_ + l] * a[j * d_ + k]);
     }
   }
@@ -238,7 +236,7 @@ PolynomialJob PolynomialDesign::job(std::uint32_t lanes, const double* coordinat
   PolynomialJob job;
   job.d = d_;
   job.terms = terms_;
-  job.quadratic = quadratic_;
+  job.curved = curved_;
   job.lanes = lanes;
   job.centre = centre_;
   job.inverse_root = inverse_root_;

@@ -13,12 +13,16 @@ namespace tiller {
 ///   f(v) ~ c' phi(z),  phi = [1, z, z z'],  v = centre + L z
 ///
 /// by least squares over a design of points around a cloud of particles. Functions are smooth and known without noise:
-/// what the fit leaves is their third order over the cloud. Above eight coordinates phi is [1, z].
+/// what the fit leaves is their third order over the cloud. The products z z' are those of the first kMostCurved
+/// coordinates, the model's before its effects'; the others have slopes alone. Forces of effects are mostly linear in
+/// their parameters, and the fit's cost grows with the square of its terms.
 ///
-/// A new design is an affine change of z, under which polynomials are carried over exactly: phi_before = T phi_now.
+/// A new design is an affine change of z, under which polynomials are carried over exactly: phi_before = T phi_now. L
+/// is lower triangular, so the first coordinates' z follow from the first coordinates' z, and their products too.
 class PolynomialDesign {
  public:
-  static constexpr std::uint32_t kMaxTerms = 45;  // eight coordinates, second order
+  static constexpr std::uint32_t kMostCurved = kMostCurvedCoordinates;
+  static constexpr std::uint32_t kMaxTerms = kMaxPolynomialTerms;
 
   /// Points are `points_per_term` times the terms, at least 16.
   static PolynomialDesign lay_out(Arena& arena, std::uint32_t d, double points_per_term);
@@ -35,7 +39,8 @@ class PolynomialDesign {
 
   std::uint32_t dimension() const { return d_; }
   std::uint32_t terms() const { return terms_; }
-  bool quadratic() const { return quadratic_; }
+  /// Coordinates that have terms of second order, the first ones.
+  std::uint32_t curved() const { return curved_; }
   std::uint32_t points() const { return points_; }
   /// (d x points), row stride points()
   const double* at() const { return design_; }
@@ -66,8 +71,8 @@ class PolynomialDesign {
   void place_points(const Cloud& cloud);
   void invert();
 
-  std::uint32_t d_ = 0, terms_ = 0, points_ = 0;
-  bool quadratic_ = true, laid_ = false;
+  std::uint32_t d_ = 0, curved_ = 0, terms_ = 0, points_ = 0;
+  bool laid_ = false;
   double trusted_square_ = 0.0;
   double* centre_ = nullptr;          // (d)
   double* root_ = nullptr;            // (d x d) L, lower

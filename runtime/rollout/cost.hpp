@@ -77,10 +77,10 @@ CostTerms<T> make_cost_terms(const tiller_cost_config_t& cost);
 /// the configuration wants one and the terms have none, null_argument. With tiller_terminal_lqr the cost-to-go of the
 /// infinite horizon around the target: parameters at their priors' centres, the constant input that holds the target
 /// best, the differences of state and input from there (delays, lags and dry friction left out). The discrete Riccati
-/// equation is solved by structure-preserving doubling (Chu, Fan, Lin and Wang 2004, Int. J. Control 77:767). bad_cost where it
-/// has no solution: an unstable motion that no input reaches, or an input without a weight; and where an own cost has a
-/// weight but there is neither a function nor a template in the kernels.
-/// No memory but the stack's (about 60 kB); about 0.1 ms.
+/// equation is solved by structure-preserving doubling (Chu, Fan, Lin and Wang 2004, Int. J. Control 77:767).
+/// bad_cost where it has no solution: an unstable motion that no input reaches, or an input without a weight; and where
+/// an own cost has a weight but there is neither a function nor a template in the kernels.
+/// No memory but the stack's (18 kB for four states, 250 kB for 32); about 0.1 ms.
 tiller_status_t lay_out_cost(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
                              CostTerms<double>* exact, CostTerms<float>* lanes);
 

@@ -7,37 +7,37 @@
 namespace tiller {
 namespace {
 
-constexpr int kMaxN = TILLER_MAX_STATES;
-
-/// A small square matrix with its size; row-major.
+/// A small square matrix with its size; row-major. N: the most rows that it has room for.
+template <int N>
 struct Square {
   int n;
-  double v[kMaxN * kMaxN];
+  double v[N * N];
+  explicit Square(int size) : n(size) { set_zero(); }
+  void set_zero() {
+    for (int i = 0; i < n * n; ++i) v[i] = 0.0;
+  }
   double& operator()(int r, int c) { return v[r * n + c]; }
   double operator()(int r, int c) const { return v[r * n + c]; }
 };
 
-Square zero(int n) {
-  Square m{};
-  m.n = n;
-  return m;
-}
-Square product(const Square& a, const Square& b) {
-  Square m = zero(a.n);
+/// m = a b
+template <int N>
+void multiply(const Square<N>& a, const Square<N>& b, Square<N>& m) {
+  m.set_zero();
   for (int r = 0; r < a.n; ++r)
     for (int k = 0; k < a.n; ++k)
       for (int c = 0; c < a.n; ++c) m(r, c) += a(r, k) * b(k, c);
-  return m;
 }
-Square transpose(const Square& a) {
-  Square m = zero(a.n);
+/// t = a'
+template <int N>
+void transpose(const Square<N>& a, Square<N>& t) {
   for (int r = 0; r < a.n; ++r)
-    for (int c = 0; c < a.n; ++c) m(r, c) = a(c, r);
-  return m;
+    for (int c = 0; c < a.n; ++c) t(r, c) = a(c, r);
 }
 
-/// m x = b for the n columns of b, by elimination with partial pivoting; false where m is singular.
-bool solve(Square m, Square& b) {
+/// m x = b for the n columns of b, by elimination with partial pivoting, which spoils m; false where m is singular.
+template <int N>
+bool solve(Square<N>& m, Square<N>& b) {
   const int n = m.n;
   for (int k = 0; k < n; ++k) {
     int pivot = k;
@@ -75,11 +75,12 @@ double joint_centre(const tiller_prior_t& prior, const tiller_mixture_t& joint, 
 }
 
 /// The model around the target: one period, x+ = next + a dx + b du.
+template <int N>
 struct LinearModel {
   int nx, nu;
-  double next[kMaxN];
-  double a[kMaxN * kMaxN];
-  double b[kMaxN * TILLER_MAX_INPUTS];
+  double next[N];
+  double a[N * N];
+  double b[N * TILLER_MAX_INPUTS];
 };
 
 /// The setup with those effects alone that are smooth at rest and have no memory: a delay or a lag would hide the input
@@ -97,13 +98,14 @@ StepSetup without_memory(const StepSetup& setup) {
 
 /// Around the target with the parameters at their priors' centres. The kernels work in whole registers, hence the
 /// padding.
+template <int N>
 struct Linearisation {
   double params[TILLER_MAX_PARAMS] = {};
   double effect_state[TILLER_MAX_EFFECT_STATES] = {};
   double history[(TILLER_MAX_DELAY_STEPS + 1) * TILLER_MAX_INPUTS] = {};
-  double next[kMaxN * kLanePadding];
-  double a[kMaxN * kMaxN * kLanePadding];
-  double b[kMaxN * TILLER_MAX_INPUTS * kLanePadding];
+  double next[N * kLanePadding];
+  double a[N * N * kLanePadding];
+  double b[N * TILLER_MAX_INPUTS * kLanePadding];
 
   explicit Linearisation(const tiller_config_t& config) {
     for (std::uint32_t i = 0, inferred = 0; i < config.param_count && i < TILLER_MAX_PARAMS; ++i) {
@@ -111,8 +113,8 @@ struct Linearisation {
       params[i] = joint ? joint_centre(config.priors[i], *config.prior_mixture, inferred++) : centre(config.priors[i]);
     }
   }
-  LinearModel at(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table, const double* u) {
-    LinearModel m{};
+  void at(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table, const double* u,
+          LinearModel<N>& m) {
     m.nx = static_cast<int>(config.model->state_count);
     m.nu = static_cast<int>(config.model->input_count);
     LineariseJob job;
@@ -130,14 +132,14 @@ struct Linearisation {
     for (int i = 0; i < m.nx; ++i) m.next[i] = next[i * static_cast<int>(kLanePadding)];
     for (int i = 0; i < m.nx * m.nx; ++i) m.a[i] = a[i * static_cast<int>(kLanePadding)];
     for (int i = 0; i < m.nx * m.nu; ++i) m.b[i] = b[i * static_cast<int>(kLanePadding)];
-    return m;
   }
 };
 
 /// One Gauss-Newton step towards the input that holds the target: min |next + b du - target|^2, the smallest du where
 /// several do. False where it is not finite.
-bool hold_target(const tiller_config_t& config, const LinearModel& m, double* u) {
-  Square normal = zero(m.nu), right = zero(m.nu);
+template <int N>
+bool hold_target(const tiller_config_t& config, const LinearModel<N>& m, double* u) {
+  Square<TILLER_MAX_INPUTS> normal(m.nu), right(m.nu);
   double largest = 0.0;
   for (int r = 0; r < m.nu; ++r)
     for (int c = 0; c < m.nu; ++c) {
@@ -158,47 +160,64 @@ bool hold_target(const tiller_config_t& config, const LinearModel& m, double* u)
   return true;
 }
 
+/// The model around the target and the input that holds it best. Out of line: its rows of lanes are off the stack
+/// before the Riccati equation's matrices are on it.
+template <int N>
+[[gnu::noinline]] bool linearise_at_target(const tiller_config_t& config, const StepSetup& full,
+                                           const RolloutTable& table, LinearModel<N>& m) {
+  const StepSetup setup = without_memory(full);
+  Linearisation<N> linearisation(config);
+  double u[TILLER_MAX_INPUTS] = {};
+  linearisation.at(config, setup, table, u, m);
+  for (int k = 0; k < 5; ++k) {
+    if (!hold_target(config, m, u)) return false;
+    linearisation.at(config, setup, table, u, m);
+  }
+  return true;
+}
+
 /// H = lim of Q + A'(H^-1 + G)^-1 A with G = B R^-1 B', in doubling steps: after k of them the horizon is 2^k periods.
-bool double_riccati(Square a, Square g, Square h, double* p) {
+/// h begins as Q and becomes the limit; a and g are spoilt.
+template <int N>
+[[gnu::noinline]] bool double_riccati(Square<N>& a, Square<N>& g, Square<N>& h) {
   const int n = a.n;
+  Square<N> w(n), wa(n), wg(n), at(n), more(n), half(n);
   for (int k = 0; k < 64; ++k) {
-    Square w = product(g, h);
+    // W^-1 A and W^-1 G, W = I + G H
+    multiply(g, h, w);
     for (int i = 0; i < n; ++i) w(i, i) += 1.0;
-    Square wa = a, wg = g;  // W^-1 A and W^-1 G, W = I + G H
-    if (!solve(w, wa) || !solve(w, wg)) return false;
-    const Square at = transpose(a);
-    const Square more_g = product(product(a, wg), at), more_h = product(product(at, h), wa);
-    a = product(a, wa);
+    half = w;
+    wa = a, wg = g;
+    if (!solve(w, wa) || !solve(half, wg)) return false;
+    transpose(a, at);
+    multiply(a, wg, half);
+    multiply(half, at, more);
+    for (int r = 0; r < n; ++r)
+      for (int c = 0; c < n; ++c) g(r, c) += 0.5 * (more(r, c) + more(c, r));
+    multiply(at, h, half);
+    multiply(half, wa, more);
+    w = a;
+    multiply(w, wa, a);
     double change = 0.0, size = 0.0;
     for (int r = 0; r < n; ++r)
       for (int c = 0; c < n; ++c) {
-        g(r, c) += 0.5 * (more_g(r, c) + more_g(c, r));
-        const double addition = 0.5 * (more_h(r, c) + more_h(c, r));
+        const double addition = 0.5 * (more(r, c) + more(c, r));
         h(r, c) += addition;
         change = std::fmax(change, std::fabs(addition));
         size = std::fmax(size, std::fabs(h(r, c)));
       }
     if (!std::isfinite(change) || !std::isfinite(size) || size > 1e15) return false;
-    if (change <= 1e-13 * size) {
-      for (int i = 0; i < n * n; ++i) p[i] = h.v[i];
-      return true;
-    }
+    if (change <= 1e-13 * size) return true;
   }
   return false;
 }
 
-}  // namespace
-
-bool lqr_cost_to_go(const tiller_config_t& config, const StepSetup& full, const RolloutTable& table, double* p) {
-  const StepSetup setup = without_memory(full);
-  Linearisation linearisation(config);
-  double u[TILLER_MAX_INPUTS] = {};
-  LinearModel m = linearisation.at(config, setup, table, u);
-  for (int k = 0; k < 5; ++k) {
-    if (!hold_target(config, m, u)) return false;
-    m = linearisation.at(config, setup, table, u);
-  }
-  Square a = zero(m.nx), g = zero(m.nx), h = zero(m.nx);
+template <int N>
+[[gnu::noinline]] bool cost_to_go_of(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+                                     double* p) {
+  LinearModel<N> m;
+  if (!linearise_at_target(config, setup, table, m)) return false;
+  Square<N> a(m.nx), g(m.nx), h(m.nx);
   for (int i = 0; i < m.nx * m.nx; ++i) a.v[i] = m.a[i];
   for (int r = 0; r < m.nx; ++r) {
     h(r, r) = config.cost.state_weight[r];
@@ -208,7 +227,23 @@ bool lqr_cost_to_go(const tiller_config_t& config, const StepSetup& full, const 
         g(r, c) += m.b[r * m.nu + j] * m.b[c * m.nu + j] / config.cost.input_weight[j];
       }
   }
-  return double_riccati(a, g, h, p);
+  if (!double_riccati(a, g, h)) return false;
+  for (int i = 0; i < m.nx * m.nx; ++i) p[i] = h.v[i];
+  return true;
+}
+
+/// With room for half as many states where that is enough: the stack goes by what the model has.
+template <int N>
+bool fit(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table, double* p) {
+  if constexpr (N > 4)
+    if (config.model->state_count <= N / 2) return fit<N / 2>(config, setup, table, p);
+  return cost_to_go_of<N>(config, setup, table, p);
+}
+
+}  // namespace
+
+bool lqr_cost_to_go(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table, double* p) {
+  return fit<TILLER_MAX_STATES>(config, setup, table, p);
 }
 
 }  // namespace tiller

@@ -318,7 +318,7 @@ TEST(ConfigCheck, AcceptsTheEndsOfTheRanges) {
   EXPECT_EQ(tiller_config_check(&c, &field), tiller_status_ok) << field;
 }
 
-// levels^inputs children must fit into the pool, a choice into the horizon: where the planner is the tree search.
+// The children of the root must fit into the pool, a choice into the horizon: where the planner is the tree search.
 TEST(ConfigCheck, TreeSearchSettingsGoTogether) {
   std::uint32_t kind = 0;
   while (kind < tiller_planner_kind_count && std::string(tiller::find_planner(kind)->name) != "mcts") ++kind;

@@ -173,5 +173,79 @@ TEST(Mcts, is_better_for_its_tree) {
   EXPECT_LT(with, 0.95 * without);
 }
 
+constexpr int kMasses = 4;
+
+/// Masses that know nothing of each other, each with an input of its own: the best plan for all is the best for each.
+const tiller_model_t& masses() {
+  static const char* const names[] = {"a_m", "b_m", "c_m", "d_m", "a_m_s", "b_m_s", "c_m_s", "d_m_s"};
+  static const char* const inputs[] = {"a_N", "b_N", "c_N", "d_N"};
+  static const char* const params[] = {"mass_kg"};
+  static const tiller_model_t model = [] {
+    tiller_model_t m{};
+    m.size = sizeof m;
+    m.version = TILLER_MODEL_VERSION;
+    m.name = "masses";
+    m.state_count = 2 * kMasses;
+    m.input_count = kMasses;
+    m.param_count = 1;
+    m.state_names = names;
+    m.input_names = inputs;
+    m.param_names = params;
+    m.dynamics = [](const double* x, const double* u, const double*, const tiller_body_t*, const double* p,
+                    double* dxdt) {
+      for (int i = 0; i < kMasses; ++i) {
+        dxdt[i] = x[kMasses + i];
+        dxdt[kMasses + i] = u[i] / p[0];
+      }
+    };
+    return m;
+  }();
+  return model;
+}
+
+tiller_config_t masses_config(std::uint32_t nodes) {
+  tiller_config_t c = line_config(tiller_planner_mcts);
+  c.model = &masses();
+  c.planner.nodes = nodes;
+  c.planner.iterations = 16;
+  for (int i = 0; i < kMasses; ++i) {
+    c.cost.state_weight[i] = 1.0;
+    c.cost.state_weight[kMasses + i] = 0.1;
+    c.cost.terminal_weight[i] = 20.0;
+    c.cost.terminal_weight[kMasses + i] = 10.0;
+    c.cost.input_weight[i] = 0.01;
+  }
+  return c;
+}
+
+const std::vector<double> kAtStart = {0.5, -0.4, 0.3, -0.2, 0.0, 0.5, -0.5, 0.2};
+
+/// 5^4 values together are more than a node has children: a choice then sets one input, and every input keeps its five.
+/// The masses are brought to rest by planning again and again.
+TEST(Mcts, many_inputs_keep_their_levels_and_reach_their_targets) {
+  const tiller_config_t c = masses_config(4096);
+  Bench bench(c);
+  std::vector<double> x = kAtStart;
+  std::set<float> seen[kMasses];
+  for (int tick = 0; tick < 150; ++tick) {
+    bench.set_state(x);
+    bench.plan();
+    for (int i = 0; i < kMasses; ++i) {
+      for (int row = 0; row < 50; ++row) seen[i].insert(bench.sequence()[row * kMasses + i]);
+      x[i] += c.period_s * x[kMasses + i];
+      x[kMasses + i] += c.period_s * bench.command[i];
+    }
+  }
+  for (const std::set<float>& input : seen) {
+    EXPECT_TRUE(input.count(-2.5f) || input.count(2.5f)) << "in between, which two or three levels would lack";
+    for (const float value : input) EXPECT_TRUE(std::set<float>({-5.0f, -2.5f, 0.0f, 2.5f, 5.0f}).count(value)) << value;
+  }
+  // the least change of speed is 2.5 N for 0.1 s, so a mass comes to rest within 0.25 m/s and what that travels
+  for (int i = 0; i < kMasses; ++i) {
+    EXPECT_LT(std::fabs(x[i]), 0.1) << i;
+    EXPECT_LT(std::fabs(x[kMasses + i]), 0.3) << i;
+  }
+}
+
 }  // namespace
 }  // namespace tiller_test

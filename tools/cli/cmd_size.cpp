@@ -6,6 +6,7 @@
 #include "abi/controller.hpp"
 #include "executive/part_sizes.hpp"
 #include "tools/command/commands.hpp"
+#include "tools/doctor/stack_use.hpp"
 #include "tools/doctor/work_count.hpp"
 #include "tools/robot/robot_schema.hpp"
 
@@ -17,6 +18,7 @@ constexpr std::uint32_t kTicks = 50;
 struct Report {
   PartSizes parts;
   std::size_t total = 0;
+  StackUse stack;
   ModelWork mean, most;
   double instructions = 0.0, most_instructions = 0.0;
   std::string stand_in;  // whose steps were measured, where the model's own were not
@@ -44,6 +46,9 @@ void print_table(const RobotFile& robot, const Report& r) {
       std::printf("    %-20s  %11llu  %11llu\n", what, static_cast<unsigned long long>(mean),
                   static_cast<unsigned long long>(most));
   };
+  std::printf("\n  stack of the calling thread    bytes\n");
+  std::printf("    %-20s  %11zu\n", "tiller_init", r.stack.init_bytes);
+  std::printf("    %-20s  %11zu\n", "tiller_tick", r.stack.tick_bytes);
   std::printf("\n  model steps per tick           mean         most\n");
   row("samples (f32)", r.mean.rollout_f32, r.most.rollout_f32);
   row("predictions (f64)", r.mean.rollout_f64, r.most.rollout_f64);
@@ -71,6 +76,7 @@ void print_json(const RobotFile& robot, const Report& r) {
   out["model"] = robot.model->name;
   out["block_bytes"] = r.total;
   for (std::uint32_t i = 0; i < r.parts.count; ++i) out["parts"][r.parts.part[i].name] = r.parts.part[i].bytes;
+  out["stack_bytes"] = {{"init", r.stack.init_bytes}, {"tick", r.stack.tick_bytes}};
   out["model_steps_per_tick"] = {{"mean", work_json(r.mean)}, {"most", work_json(r.most)}};
   out["cortex_m7_instructions_per_tick"] = {{"mean", r.instructions}, {"most", r.most_instructions}};
   out["measured_on"] = r.stand_in.empty() ? std::string(robot.model->name) : r.stand_in;
@@ -86,7 +92,9 @@ int size_command(const std::string& path, const Overrides& overrides, bool json)
   Report report;
   measure_parts(robot->config, report);
   std::string error;
-  if (!count_work(robot->config, kTicks, report.mean, report.most, error)) return complain(path + ": " + error);
+  if (!count_work(robot->config, kTicks, report.mean, report.most, error) ||
+      !measure_stack(robot->config, kTicks, report.stack, error))
+    return complain(path + ": " + error);
   report.instructions = kBesideSteps * report.mean.instructions(robot->config, report.stand_in);
   report.most_instructions = kBesideSteps * report.most.instructions(robot->config, report.stand_in);
   if (json)
@@ -99,7 +107,7 @@ int size_command(const std::string& path, const Overrides& overrides, bool json)
 }  // namespace
 
 void add_size_command(CLI::App& app, int& exit_code) {
-  auto* command = app.add_subcommand("size", "what a robot file's controller takes: RAM by part, work per tick");
+  auto* command = app.add_subcommand("size", "what a robot file's controller takes: RAM by part, stack, work per tick");
   auto path = std::make_shared<std::string>();
   auto overrides = std::make_shared<Overrides>();
   auto json = std::make_shared<bool>(false);
@@ -107,8 +115,9 @@ void add_size_command(CLI::App& app, int& exit_code) {
   command->add_flag("--json", *json, "as JSON");
   add_override_options(*command, *overrides);
   command->footer(
-      "RAM is exact for this machine; where pointers have 32 bits it is a little less. The model's steps are counted\n"
-      "while the controller runs on its own model; what a step costs was measured on a Cortex-M7 (docs/guide/targets.md).\n\n"
+      "RAM is exact for this machine; where pointers have 32 bits it is a little less. Stack is measured here, with the\n"
+      "lanes that this processor has. The model's steps are counted while the controller runs on its own model; what\n"
+      "a step costs was measured on a Cortex-M7 (docs/guide/targets.md).\n\n"
       "Examples:\n"
       "  tiller size robots/pendulum.toml\n"
       "      a table\n"

@@ -5,13 +5,13 @@
 #include <cmath>
 #include <cstdlib>
 #include <iterator>
-#include <limits>
 #include <memory>
 #include <vector>
 
 #include "rollout/path.hpp"
 #include "rollout/residual.hpp"
 #include "rollout/rollout.hpp"
+#include "tools/doctor/tireless.hpp"
 #include "tools/links/trial_plant.hpp"
 
 namespace tiller::tools {
@@ -129,22 +129,13 @@ struct CountedTick {
 
 std::int64_t now_ns(void*) { return std::chrono::nanoseconds(Clock::now().time_since_epoch()).count(); }
 
-/// The model may rest, and leave what the sensors may say: a controller that has latched SAFE does no work.
-void let_go_on(tiller_safety_config_t& safety) {
-  const double inf = std::numeric_limits<double>::infinity();
-  safety.frozen_ticks = 0;
-  std::fill(std::begin(safety.measurement_low), std::end(safety.measurement_low), -inf);
-  std::fill(std::begin(safety.measurement_high), std::end(safety.measurement_high), inf);
-  std::fill(std::begin(safety.measurement_rate_per_s), std::end(safety.measurement_rate_per_s), inf);
-}
-
 /// A controller that steers its own model, with kernels that count. `by_clock`: the planner's deadline holds.
 class CountedController {
  public:
   CountedController(const tiller_config_t& config, bool by_clock)
       : counting_(*config.model), config_(config), plant_(config, config.substeps) {
     config_.model = &counting_.model();
-    let_go_on(config_.safety);
+    never_tire(config_.safety);
     if (by_clock)
       hooks_.now_ns = now_ns;
     else

@@ -26,12 +26,15 @@ struct Spread {
   bool whole = true;                                 // the factor is regular
 };
 
-/// Weighted sums over particles [begin, end) about `origin`: first and second moments.
-inline void add_moments(const ProposalJob& job, std::uint32_t begin, std::uint32_t end, const double* origin,
-                        double& weight, double* first, double* second) {
-  if (begin >= end) return;
-  P w_sum(0.0), sum[kMax], square[kMax * (kMax + 1) / 2];
-  for (std::uint32_t r = 0, i = 0; r < job.d; ++r) {
+/// Elements of the second moments that are summed up at a time: more take more stack. All of eight coordinates, and one
+/// row of the most.
+constexpr std::uint32_t kMostAtOnce = kMax > 36 ? kMax : 36;
+
+/// Weighted sums over particles [begin, end) about `origin`: first and second moments of rows [from, to).
+inline void add_rows(const ProposalJob& job, std::uint32_t begin, std::uint32_t end, const double* origin,
+                     std::uint32_t from, std::uint32_t to, double& weight, double* first, double* second) {
+  P w_sum(0.0), sum[kMax], square[kMostAtOnce];
+  for (std::uint32_t r = from, i = 0; r < to; ++r) {
     sum[r] = P(0.0);
     for (std::uint32_t c = 0; c <= r; ++c) square[i++] = P(0.0);
   }
@@ -39,17 +42,28 @@ inline void add_moments(const ProposalJob& job, std::uint32_t begin, std::uint32
     const P w = P::load(job.weight + k);
     P off[kMax];
     w_sum = w_sum + w;
-    for (std::uint32_t r = 0, i = 0; r < job.d; ++r) {
-      off[r] = P::load(job.coordinate + r * job.n + k) - P(origin[r]);
+    const auto distance = [&](std::uint32_t r) { return P::load(job.coordinate + r * job.n + k) - P(origin[r]); };
+    for (std::uint32_t r = 0; r < from; ++r) off[r] = distance(r);
+    for (std::uint32_t r = from, i = 0; r < to; ++r) {
+      off[r] = distance(r);
       const P weighted = w * off[r];
       sum[r] = sum[r] + weighted;
       for (std::uint32_t c = 0; c <= r; ++c, ++i) square[i] = fma(weighted, off[c], square[i]);
     }
   }
-  weight += reduce_add(w_sum);
-  for (std::uint32_t r = 0, i = 0; r < job.d; ++r) {
+  if (from == 0) weight += reduce_add(w_sum);
+  for (std::uint32_t r = from, i = 0; r < to; ++r) {
     first[r] += reduce_add(sum[r]);
-    for (std::uint32_t c = 0; c <= r; ++c, ++i) second[i] += reduce_add(square[i]);
+    for (std::uint32_t c = 0; c <= r; ++c, ++i) second[r * (r + 1) / 2 + c] += reduce_add(square[i]);
+  }
+}
+
+inline void add_moments(const ProposalJob& job, std::uint32_t begin, std::uint32_t end, const double* origin,
+                        double& weight, double* first, double* second) {
+  if (begin >= end) return;
+  for (std::uint32_t from = 0, to = 0; from < job.d; from = to) {
+    for (std::uint32_t elements = 0; to < job.d && elements + to + 1 <= kMostAtOnce; ++to) elements += to + 1;
+    add_rows(job, begin, end, origin, from, to, weight, first, second);
   }
 }
 

@@ -5,13 +5,6 @@
 
 namespace tiller {
 
-namespace {
-
-/// Points of the design per term: residuals are cheap.
-constexpr double kPointsPerTerm = 4.0;
-
-}  // namespace
-
 ResidualSummary ResidualSummary::lay_out(Arena& arena, std::uint32_t d, const Evidence& evidence) {
   ResidualSummary s;
   s.nx_ = evidence.nx();

@@ -35,7 +35,8 @@ class ResidualSummary {
   void add_sums(std::uint32_t lanes, const double* coordinate, double factor, double* sums, std::uint32_t stride) const;
 
  private:
-  static constexpr std::uint32_t kMaxPoints = 192;  // of the design: four for each of the most terms, rounded up
+  static constexpr std::uint32_t kPointsPerTerm = 4;  // of the design: residuals are cheap
+  static constexpr std::uint32_t kMaxPoints = (kPointsPerTerm * PolynomialDesign::kMaxTerms + 15) / 16 * 16;
 
   std::uint32_t nx_ = 0, regressors_ = 0, pushed_count_ = 0, projections_ = 0, triangle_ = 0;
   std::uint32_t pushed_[kMaxPushed] = {};
