@@ -249,11 +249,12 @@ struct Kernel {
   template <class Sweep>
   static constexpr LqKernel kKernelOf = Sweep::kernel();
 
+  static constexpr auto kFeedback = &GradientKernel<M, Cost>::feedback;
   /// The derivatives, which are half of a kernel's text: in this unit, or in another one (export_model.hpp).
   struct Derivatives {
     static constexpr auto linearise = &Kernel::linearise;
     static constexpr auto path_linearise = &GradientKernel<M, Cost>::linearise;
-    static constexpr auto feedback = &GradientKernel<M, Cost>::feedback;
+    static constexpr auto feedback = kFeedback;
     static constexpr auto quadratise = &Quadratiser<Model, Cost>::quadratise;
   };
   template <class Derived>

@@ -14,9 +14,13 @@
 namespace tiller {
 
 template <class S>
-struct IsDual : std::false_type {};
+struct IsDual : std::false_type {
+  static constexpr int directions = 0;
+};
 template <class S, int N>
-struct IsDual<Dual<S, N>> : std::true_type {};
+struct IsDual<Dual<S, N>> : std::true_type {
+  static constexpr int directions = N;
+};
 
 template <class Fields, class = void>
 struct HasCount : std::false_type {};

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "effects/catalogue.hpp"
+#include "rollout/effect_calls.hpp"
 #include "rollout/rollout.hpp"
 #include "tiller/model.hpp"
 
@@ -35,14 +36,21 @@ struct Length {
 template <class S>
 using MaskOf = decltype(std::declval<S>() > std::declval<S>());
 
+/// What a part keeps for a lag: nothing where lags are called instead of inlined, as derivatives have them. Shares with
+/// derivatives in many directions would take 200 kB of an arm's stack, and nobody would read them.
+struct NothingKept {};
+template <class S>
+using LagKept =
+    std::conditional_t<InlinedEffect<ActuatorLag<S>, S>::value, typename ActuatorLag<S>::Shares, NothingKept>;
+
 /// A part of a substep, up to where the first of a lane's inputs takes its newer command; a whole substep where nothing
 /// is delayed.
 template <class Model, class S>
 struct Part {
   Length<S> step;
-  MaskOf<S> older[Model::kMostInputs];                                 // the input's older command acts
-  MaskOf<S> stands;                                                    // lanes whose part is empty stand still in it
-  typename ActuatorLag<S>::Shares lag[most_lags(Model::kMostInputs)];  // by the lag's place among the lags
+  MaskOf<S> older[Model::kMostInputs];            // the input's older command acts
+  MaskOf<S> stands;                               // lanes whose part is empty stand still in it
+  LagKept<S> lag[most_lags(Model::kMostInputs)];  // by the lag's place among the lags
 };
 
 /// Of one register of trajectories.

@@ -471,6 +471,21 @@ struct Stepper {
     }
   }
 
+  /// Derivatives in many directions are long arithmetic: each stage of a step then has a function and a frame of its
+  /// own. In one function their temporaries would lie side by side, 600 kB of stack for an arm of six joints.
+  static constexpr bool kApart = IsDual<S>::directions > 8;
+  template <class Stage>
+  static __attribute__((noinline)) void run_apart(const Stage& stage) {
+    stage();
+  }
+  template <class Stage>
+  static TILLER_INLINE void run_stage(const Stage& stage) {
+    if constexpr (kApart)
+      run_apart(stage);
+    else
+      stage();
+  }
+
   /// One part of a substep with effects. u: the commands, of which input effects make what acts; bodies: (kSets);
   /// free(begin, u, f): the free steps, which leave in `begin` where they began.
   template <int kCount, int kSets, class Free>
@@ -479,24 +494,26 @@ struct Stepper {
     Force f[kCount];
     State begin[kCount];
     for (int r = 0; r < kCount; ++r) f[r] = no_force();
-    act<kCount, kSets>(t, u, f, p, part);
+    run_stage([&]() TILLER_INLINED { act<kCount, kSets>(t, u, f, p, part); });
     free(begin, u, f);
     if (reacting == 0) return;
     Response response[kCount];
-    respond<kCount, kSets>(response, begin, t, u, f, p, bodies);
-    weigh_down<kCount, kSets>(begin, t, response, p, part);
-    react<kCount, kSets>(begin, t, u, response, p, part);
+    run_stage([&]() TILLER_INLINED { respond<kCount, kSets>(response, begin, t, u, f, p, bodies); });
+    run_stage([&]() TILLER_INLINED { weigh_down<kCount, kSets>(begin, t, response, p, part); });
+    run_stage([&]() TILLER_INLINED { react<kCount, kSets>(begin, t, u, response, p, part); });
   }
   template <int kCount, int kSets>
   TILLER_INLINE void substep_all(Trajectory<Model, S>* t, Input* u, const Parameters<Model, S>* p,
                                  const Body<S>* bodies, const PartOfAll<Model, S>& part) const {
     substep_with<kCount, kSets>(t, u, p, bodies, part, [&](State* begin, const Input*, const Force* f) TILLER_INLINED {
+      const auto take = [&](auto integrator) TILLER_INLINED {
+        constexpr auto kIntegrator = static_cast<tiller_integrator_t>(integrator.value);
+        run_stage([&]() TILLER_INLINED { free_steps<kCount, kSets, kIntegrator>(begin, t, u, f, p, bodies, part); });
+      };
       switch (setup.integrator) {
-        case tiller_integrator_semi_implicit_euler:
-          return free_steps<kCount, kSets, tiller_integrator_semi_implicit_euler>(begin, t, u, f, p, bodies, part);
-        case tiller_integrator_midpoint:
-          return free_steps<kCount, kSets, tiller_integrator_midpoint>(begin, t, u, f, p, bodies, part);
-        default: return free_steps<kCount, kSets, tiller_integrator_rk4>(begin, t, u, f, p, bodies, part);
+        case tiller_integrator_semi_implicit_euler: return take(Index<tiller_integrator_semi_implicit_euler>{});
+        case tiller_integrator_midpoint: return take(Index<tiller_integrator_midpoint>{});
+        default: return take(Index<tiller_integrator_rk4>{});
       }
     });
   }

@@ -16,7 +16,7 @@
 namespace tiller::tools {
 namespace {
 
-/// As much as a thread of `tiller run` has touched before its first tick ([realtime] stack_kB).
+/// The bound of docs/guide/targets.md, a quarter of what `tiller run` touches before its first tick ([realtime] stack_kB).
 constexpr std::size_t kBound = 256 * 1024;
 
 volatile unsigned char sink;

@@ -50,7 +50,7 @@ struct RealtimeSection {
   int priority = 80;
   bool lock_memory = true;
   std::uint64_t cpus = 0;  ///< bit i: processor i; 0: any
-  std::uint32_t stack_kB = 256;
+  std::uint32_t stack_kB = 1024;
 };
 
 struct SimEffect {

@@ -260,8 +260,8 @@ const std::vector<KeySpec> kOthers = {
      "true: no page of the program is ever fetched again (mlockall)"},
     {"realtime", "cpus", K::other, "", "any", 0, 0, false, hand, nullptr,
      "processors of the tick and of its threads, [2, 3]"},
-    {"realtime", "stack_kB", K::count, "kB", "256", 0, 4096, false, hand, nullptr,
-     "of stack touched before the first tick; 0: none"},
+    {"realtime", "stack_kB", K::count, "kB", "1024", 0, 4096, false, hand, nullptr,
+     "of stack touched before the first tick; 0: none; `tiller size` tells what a tick takes"},
 
     {"sim", "plant", K::text, "", "the model's name", 0, 0, false, hand, nullptr,
      "kind of plant (`tiller sim --help`); \"urdf\": an ODE world made from a description; \"model\": the model itself"},
