@@ -10,7 +10,9 @@
 #include <sstream>
 
 #include "tools/base/output_file.hpp"
+#include "tools/cli/import_function.hpp"
 #include "tools/command/commands.hpp"
+#include "tools/description/function.hpp"
 #include "tools/import/model_writer.hpp"
 #include "tools/import/robot_writer.hpp"
 
@@ -18,8 +20,8 @@ namespace tiller::tools {
 namespace {
 
 struct Options {
-  std::string description, folder, base = "fixed";
-  Words unknown, hold, armature, frame;
+  std::string description, folder, details, base = "fixed";
+  Words unknown, hold, armature, frame, value;
   bool any_inertia = false, force = false;
 };
 
@@ -225,8 +227,36 @@ int write_files(const Options& o, const MechanismOptions& options, const Mechani
   return kExitOk;
 }
 
+/// Options that the other kind of file has no use for are refused: whoever gives them takes the file for another one.
+bool options_fit(const Options& o, bool is_function) {
+  const auto refuse = [&](bool given, const char* option) {
+    if (given)
+      (void)complain(std::string(option) + ": " + o.description + (is_function ? " is a CasADi function" : " is no CasADi function") +
+                     ", which has no use for it");
+    return given;
+  };
+  bool bad = false;
+  if (is_function) {
+    bad |= refuse(!o.frame.empty(), "--frame");
+    bad |= refuse(!o.hold.empty(), "--hold");
+    bad |= refuse(!o.armature.empty(), "--armature");
+    bad |= refuse(o.base != "fixed", "--base");
+    bad |= refuse(o.any_inertia, "--any-inertia");
+  } else {
+    bad |= refuse(!o.value.empty(), "--value");
+    bad |= refuse(!o.details.empty(), "--details");
+  }
+  return !bad;
+}
+
 int import_command(Options& o) {
   std::vector<std::string> errors;
+  const bool has_function = is_function(o.description);
+  if (!options_fit(o, has_function)) return kExitBadInput;
+  if (has_function) return import_function({o.description, o.folder, o.details, o.unknown, o.value, o.force});
+  if (o.description.size() > 3 && o.description.compare(o.description.size() - 3, 3, ".py") == 0)
+    return complain(o.description + ": a Python source is not run; let it write the function, f.save(\"" +
+                    o.description.substr(0, o.description.size() - 3) + ".casadi\"), and import that file");
   MechanismOptions options;
   options.any_inertia = o.any_inertia;
   options.base = o.base == "free" ? BaseKind::free : o.base == "planar" ? BaseKind::planar : BaseKind::fixed;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <string>
 #include <tuple>
@@ -42,16 +43,44 @@ class Expression {
 Expression sin(const Expression& x);
 Expression cos(const Expression& x);
 Expression exp(const Expression& x);
+Expression log(const Expression& x);
+Expression sqrt(const Expression& x);
+Expression abs(const Expression& x);
+Expression tanh(const Expression& x);
+Expression floor(const Expression& x);
+Expression nearest(const Expression& x);  ///< ties to even
+Expression atan2(const Expression& y, const Expression& x);
+Expression min(const Expression& a, const Expression& b);
+Expression max(const Expression& a, const Expression& b);
+Expression copysign(const Expression& a, const Expression& b);
+
+// Conditions are expressions of their own kind: they stand in select, logical_* and condition_of alone, and number_of
+// makes 1 and 0 of them. Constant ones are the constants 1 and 0.
+Expression less(const Expression& a, const Expression& b);
+Expression less_equal(const Expression& a, const Expression& b);
+Expression equal(const Expression& a, const Expression& b);
+Expression logical_not(const Expression& m);
+Expression logical_and(const Expression& m, const Expression& n);
+Expression logical_or(const Expression& m, const Expression& n);
+Expression select(const Expression& m, const Expression& a, const Expression& b);
+bool is_condition(const Expression& x);
+Expression number_of(const Expression& x);     ///< what is no condition stays what it is
+Expression condition_of(const Expression& x);  ///< x != 0
 
 /// The nodes behind expressions. Operands come before what uses them.
 class ExpressionGraph {
  public:
-  enum class Op : std::uint8_t { symbol, constant, add, subtract, multiply, divide, negate, sine, cosine, exponential };
+  enum class Op : std::uint8_t {
+    symbol, constant, add, subtract, multiply, divide, negate, sine, cosine, exponential,
+    logarithm, square_root, magnitude, hyperbolic_tangent, floor, nearest, arc_tangent2, min, max, copysign,
+    less, less_equal, equal, logical_not, logical_and, logical_or,  // conditions
+    select
+  };
   struct Node {
     Op op = Op::constant;
-    std::int32_t a = -1, b = -1;  ///< operands
-    double value = 0.0;           ///< of a constant
-    std::string text;             ///< of a symbol: how the emitted code calls it
+    std::int32_t a = -1, b = -1, c = -1;  ///< operands
+    double value = 0.0;                   ///< of a constant
+    std::string text;                     ///< of a symbol: how the emitted code calls it
   };
 
   ExpressionGraph() = default;
@@ -64,13 +93,17 @@ class ExpressionGraph {
   const std::vector<Node>& nodes() const { return nodes_; }
   /// The node of a constant too.
   std::int32_t node_of(const Expression& x);
+  Expression make(Op op, const Expression& a);
   Expression make(Op op, const Expression& a, const Expression& b);
+  Expression make(Op op, const Expression& a, const Expression& b, const Expression& c);
 
  private:
   std::int32_t add(Node node);
+  Expression keep(Node node);
 
   std::vector<Node> nodes_;
-  std::map<std::tuple<Op, std::int32_t, std::int32_t, double, std::string>, std::int32_t> known_;
+  using Key = std::tuple<Op, std::int32_t, std::int32_t, std::int32_t, double, std::string>;
+  std::map<Key, std::int32_t> known_;
 };
 
 /// Straight-line C++ of the expressions that `outputs` need, `indent` before every line: "const S t3 = t1 * t2;". What
@@ -78,5 +111,12 @@ class ExpressionGraph {
 /// back in `values`. Deterministic. `operations`, nullable, counts arithmetic.
 std::string emit_code(ExpressionGraph& graph, const std::vector<Expression>& outputs, const std::string& indent,
                       std::vector<std::string>& values, int* operations = nullptr);
+
+/// The functions of tiller/scalar.hpp that an emitted text calls, as "sin", "select".
+std::vector<std::string> called_functions(const ExpressionGraph& graph, const std::vector<Expression>& outputs);
+
+/// Values of expressions, by the values of symbols. Conditions are 1 or 0.
+std::vector<double> evaluate(const ExpressionGraph& graph, const std::vector<Expression>& outputs,
+                             const std::function<double(const std::string& symbol)>& value_of);
 
 }  // namespace tiller::tools

@@ -1,30 +1,16 @@
 #include "tools/import/model_writer.hpp"
 
 #include <algorithm>
-#include <cctype>
 #include <map>
 
 #include "tools/base/frame_names.hpp"
 #include "tools/base/text.hpp"
 #include "tools/import/articulated_body.hpp"
 #include "tools/import/inverse_dynamics.hpp"
+#include "tools/import/model_text.hpp"
 
 namespace tiller::tools {
 namespace {
-
-std::string type_name(const std::string& robot) {
-  std::string out;
-  bool up = true;
-  for (const char c : identifier(robot)) {
-    if (c == '_') {
-      up = true;
-      continue;
-    }
-    out += up ? static_cast<char>(std::toupper(static_cast<unsigned char>(c))) : c;
-    up = false;
-  }
-  return out.empty() ? "Robot" : out;
-}
 
 /// The equations' unknown quantities as symbols, and what follows from them for every body.
 class Equations {
@@ -392,17 +378,6 @@ class Equations {
   const int payload_frame_;
 };
 
-std::string fields(const char* name, const std::vector<std::string>& list) {
-  std::string out = std::string("  TILLER_FIELDS(") + name + ", S";
-  const std::string indent(17 + std::string(name).size(), ' ');
-  for (std::size_t i = 0; i < list.size(); ++i) {
-    out += ",";
-    const std::size_t begin = out.rfind('\n') == std::string::npos ? 0 : out.rfind('\n') + 1;
-    out += out.size() - begin + list[i].size() > 110 ? "\n" + indent + list[i] : " " + list[i];
-  }
-  return out + ");\n";
-}
-
 /// The body of `slopes` behind the inverse inertia.
 std::string slopes_text(const Mechanism& mechanism, const Unknowns& unknowns, const ModelNames& n, int payload_frame,
                         int& operations) {
@@ -432,12 +407,6 @@ std::string slopes_text(const Mechanism& mechanism, const Unknowns& unknowns, co
             std::to_string(k % (count * count) / count) + "][" + std::to_string(k % count) + "] = " + slopes[k] + ";\n";
   operations = bias_operations + slope_operations + static_cast<int>(2 * count * count);
   return text;
-}
-
-std::string listed(const std::vector<std::string>& values, const std::string& indent) {
-  std::string out;
-  for (std::size_t i = 0; i < values.size(); ++i) out += (i > 0 ? ",\n" + indent : "") + values[i];
-  return out;
 }
 
 }  // namespace
@@ -526,9 +495,9 @@ WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, i
               : "\n";
   text += "template <class S>\nstruct " + n.type + " {\n  static constexpr const char* name = \"" +
           identifier(mechanism.name) + "\";\n";
-  text += fields("State", states) + fields("Input", n.inputs);
-  if (has_params) text += fields("Params", params);
-  text += fields("Force", n.forces);
+  text += fields_text("State", states) + fields_text("Input", n.inputs);
+  if (has_params) text += fields_text("Params", params);
+  text += fields_text("Force", n.forces);
   text += "  static constexpr tiller_joint_t joints[] = {  // position, velocity, force, 1 + input\n";
   unsigned angles = 0;
   for (std::size_t j = 0; j < joints; ++j) {
@@ -566,7 +535,7 @@ WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, i
         std::to_string(joints) + "], S* input_gain) {\n    responses(x, body, " + (has_params ? "p, " : "") +
         "column);\n    using tiller::sincos;\n" + slope_code + "  }\n";
   if (!told.empty())
-    text += "\n" + fields("Output", outputs) +
+    text += "\n" + fields_text("Output", outputs) +
             "\n  /// Poses of frames in the base's axes: " + std::to_string(out.output_operations) +
             " operations.\n  static Output outputs(const State& x" +
             (has_params ? ", [[maybe_unused]] const Params& p" : std::string()) + ") {\n    using tiller::sincos;\n" +
