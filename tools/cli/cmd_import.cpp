@@ -231,8 +231,8 @@ int write_files(const Options& o, const MechanismOptions& options, const Mechani
 bool options_fit(const Options& o, bool is_function) {
   const auto refuse = [&](bool given, const char* option) {
     if (given)
-      (void)complain(std::string(option) + ": " + o.description + (is_function ? " is a CasADi function" : " is no CasADi function") +
-                     ", which has no use for it");
+      (void)complain(std::string(option) + ": " + o.description +
+                     (is_function ? " is a CasADi function" : " is no CasADi function") + ", which has no use for it");
     return given;
   };
   bool bad = false;
@@ -277,17 +277,19 @@ int import_command(Options& o) {
 }  // namespace
 
 void add_import_command(CLI::App& app, int& exit_code) {
-  auto* command = app.add_subcommand("import", "a robot's description (URDF, MJCF) into a model and its robot file");
+  auto* command = app.add_subcommand(
+      "import", "a robot's description (URDF, MJCF) or CasADi function into a model and its robot file");
   auto o = std::make_shared<Options>();
   command
       ->add_option("DESCRIPTION", o->description,
-                   "URDF, of a xacro what `xacro FILE` prints; or MJCF, .mjb, read by\nthe Python package mujoco")
+                   "URDF, of a xacro what `xacro FILE` prints; MJCF, .mjb, read by the Python\npackage mujoco; "
+                   "what casadi.Function.save wrote, read by the package casadi;\nor the JSON that an import keeps")
       ->required();
   command->add_option("-o,--output", o->folder, "folder for the model's header and robot.toml [the robot's name]");
   command
       ->add_option("--unknown", o->unknown,
                    "what is uncertain: payload[=KG], mass:LINK, inertia:LINK, friction:JOINT, gain:JOINT;\n"
-                   "* for every one; several by commas")
+                   "of a function: its parameters; * for every one; several by commas")
       ->delimiter(',');
   command
       ->add_option(
@@ -303,6 +305,11 @@ void add_import_command(CLI::App& app, int& exit_code) {
                    "rotor inertia behind the gear, where the description has none: JOINT=KGM2, *=KGM2; by commas")
       ->delimiter(',');
   command->add_flag("--any-inertia", o->any_inertia, "take inertias that no body can have as they are");
+  command->add_option("--value", o->value, "of a function's parameters: NAME=NUMBER; several by commas")
+      ->delimiter(',');
+  command->add_option("--details", o->details,
+                      "about a function: TOML or JSON with names, parameters, limits, joints, angles, period_s\n"
+                      "[<function>.details.toml or .details.json beside it]");
   command->add_flag("--force", o->force, "write over files that are there");
   command->footer(
       "The equations are written out for this one robot (docs/guide/import.md); every command works with the result.\n\n"
@@ -310,7 +317,9 @@ void add_import_command(CLI::App& app, int& exit_code) {
       "  tiller import my_arm.urdf -o my_arm --unknown payload=2\n"
       "      my_arm/my_arm.hpp and my_arm/robot.toml, with a prior for the load\n"
       "  tiller import ur5.urdf --unknown mass:forearm_link --frame tool0 --hold wrist_3_joint\n"
-      "      one mass in doubt, five joints");
+      "      one mass in doubt, five joints\n"
+      "  tiller import cart_pole.casadi --value pole_kg=0.2,length_m=0.5 --unknown pole_kg\n"
+      "      xdot = f(x, u, p) as CasADi saved it; symbols' names become the names of states and parameters");
   command->callback([o, &exit_code] { exit_code = import_command(*o); });
 }
 

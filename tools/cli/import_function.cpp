@@ -37,7 +37,8 @@ bool take_values(const Words& values, FunctionText& function, Words& errors) {
 bool within_limits(const FunctionModel& m, Words& errors) {
   const auto over = [&](const char* what, std::size_t count, int most) {
     if (count > static_cast<std::size_t>(most))
-      errors.push_back(m.path + ": " + std::to_string(count) + " " + what + " where a model may have " + std::to_string(most));
+      errors.push_back(m.path + ": " + std::to_string(count) + " " + what + " where a model may have " +
+                       std::to_string(most));
   };
   over("states", m.states.size(), TILLER_MAX_STATES);
   over("inputs", m.inputs.size(), TILLER_MAX_INPUTS);
@@ -52,7 +53,8 @@ int write_files(const ImportFunction& o, const FunctionText& function, FunctionM
   const std::string header = model.name + ".hpp", robot = o.folder + "/robot.toml";
   const std::string path = o.folder + "/" + header, kept = o.folder + "/" + model.name + ".json";
   for (const std::string& file : {robot, path})
-    if (!o.force && std::filesystem::exists(file)) return complain(file + " is there already; write it anew with --force");
+    if (!o.force && std::filesystem::exists(file))
+      return complain(file + " is there already; write it anew with --force");
   make_folders_for(robot);
   std::string error;
   for (const auto& [file, text] : {std::pair{path, written.text}, std::pair{kept, function.compiled},
@@ -60,8 +62,8 @@ int write_files(const ImportFunction& o, const FunctionText& function, FunctionM
     if (!replace_file(file, text, error)) return complain(error);
   for (const std::string& text : model.notes) std::printf("note: %s\n", text.c_str());
   std::printf("%s: %zu states, %zu inputs, %zu joints, %zu parameters, %zu outputs; %d operations for the derivatives",
-              model.name.c_str(), model.states.size(), model.inputs.size(), model.joints.size(), model.parameters.size(),
-              model.outputs.size(), written.operations);
+              model.name.c_str(), model.states.size(), model.inputs.size(), model.joints.size(),
+              model.parameters.size(), model.outputs.size(), written.operations);
   if (!model.told.empty()) std::printf(", %d for the outputs", written.output_operations);
   std::printf("\n  %s\n  %s\n  %s, which can be imported without CasADi\n", path.c_str(), robot.c_str(), kept.c_str());
   std::printf("next:\n  tiller check %s\n  tiller run %s --sim --seconds 5 --report %s/run.html\n", robot.c_str(),

@@ -231,7 +231,8 @@ bool is_function(const std::string& path) {
   const std::string text = file_text(path);
   if (is_json(text)) return text.find("\"casadi\"") != std::string::npos;
   constexpr std::size_t kHead = 32;  // CasADi writes half a byte as one of the first sixteen letters
-  return text.size() > kHead && std::all_of(text.begin(), text.begin() + kHead, [](char c) { return c >= 'a' && c <= 'p'; });
+  return text.size() > kHead &&
+         std::all_of(text.begin(), text.begin() + kHead, [](char c) { return c >= 'a' && c <= 'p'; });
 }
 
 bool read_compiled_function(const std::string& json, const std::string& path, FunctionText& function, Words& errors) {

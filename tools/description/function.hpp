@@ -38,10 +38,10 @@ struct FunctionDetails {
   struct Joint {
     std::string name, velocity, force;
   };
-  std::string path;                                      ///< for messages; empty: there is none
-  std::string name;                                      ///< the robot's; empty: the file's
-  double period_s = 0.0;                                 ///< 0: the default
-  std::map<std::string, Words> names;                    ///< of the elements, by argument or result
+  std::string path;                                       ///< for messages; empty: there is none
+  std::string name;                                       ///< the robot's; empty: the file's
+  double period_s = 0.0;                                  ///< 0: the default
+  std::map<std::string, Words> names;                     ///< of the elements, by argument or result
   std::map<std::string, std::vector<double>> parameters;  ///< values, column by column, by element or symbol
   std::map<std::string, std::pair<double, double>> limits;
   std::vector<Joint> joints;

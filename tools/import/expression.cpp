@@ -135,12 +135,8 @@ Expression floor(const Expression& x) { return apply(Op::floor, x, std::floor); 
 Expression nearest(const Expression& x) { return apply(Op::nearest, x, std::nearbyint); }
 Expression atan2(const Expression& y, const Expression& x) { return apply(Op::arc_tangent2, y, x, std::atan2); }
 Expression copysign(const Expression& a, const Expression& b) { return apply(Op::copysign, a, b, std::copysign); }
-Expression min(const Expression& a, const Expression& b) {
-  return same(a, b) ? a : apply(Op::min, a, b, smaller);
-}
-Expression max(const Expression& a, const Expression& b) {
-  return same(a, b) ? a : apply(Op::max, a, b, larger);
-}
+Expression min(const Expression& a, const Expression& b) { return same(a, b) ? a : apply(Op::min, a, b, smaller); }
+Expression max(const Expression& a, const Expression& b) { return same(a, b) ? a : apply(Op::max, a, b, larger); }
 
 Expression less(const Expression& a, const Expression& b) { return apply(Op::less, a, b, is_less); }
 Expression less_equal(const Expression& a, const Expression& b) { return apply(Op::less_equal, a, b, is_less_equal); }
@@ -382,7 +378,10 @@ class Emitter {
         text = operand(n.a, kSum) + " == " + operand(n.b, kSum);
         rank = kComparison;
         break;
-      case Op::logical_not: text = "!" + operand(n.a, kAtom); break;
+      case Op::logical_not:
+        text = "!" + operand(n.a, kAtom);
+        rank = kComparison;
+        break;
       case Op::logical_and:
         text = operand(n.a, kAtom) + " & " + operand(n.b, kAtom);
         rank = kLogic;

@@ -71,9 +71,32 @@ Expression condition_of(const Expression& x);  ///< x != 0
 class ExpressionGraph {
  public:
   enum class Op : std::uint8_t {
-    symbol, constant, add, subtract, multiply, divide, negate, sine, cosine, exponential,
-    logarithm, square_root, magnitude, hyperbolic_tangent, floor, nearest, arc_tangent2, min, max, copysign,
-    less, less_equal, equal, logical_not, logical_and, logical_or,  // conditions
+    symbol,
+    constant,
+    add,
+    subtract,
+    multiply,
+    divide,
+    negate,
+    sine,
+    cosine,
+    exponential,
+    logarithm,
+    square_root,
+    magnitude,
+    hyperbolic_tangent,
+    floor,
+    nearest,
+    arc_tangent2,
+    min,
+    max,
+    copysign,
+    less,
+    less_equal,
+    equal,
+    logical_not,
+    logical_and,
+    logical_or,  // conditions
     select
   };
   struct Node {

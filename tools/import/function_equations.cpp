@@ -68,6 +68,15 @@ X sum(const X& a, const X& b) {
   return a + b;
 }
 
+/// Of a choice between numbers it is known which are equal to a third: CasADi compares conditions with 0.
+X equals(const X& a, const X& b) {
+  X m, then, otherwise;
+  if (!b.is_constant() || !is_branch(a, m, then, otherwise) || !then.is_constant() || !otherwise.is_constant())
+    return equal(a, b);
+  const bool first = then.is(b.constant()), second = otherwise.is(b.constant());
+  return first == second ? X(first ? 1.0 : 0.0) : first ? m : logical_not(m);
+}
+
 struct Operation {
   std::size_t operands;
   bool takes_conditions;
@@ -119,13 +128,12 @@ const std::unordered_map<std::string, Operation>& operations() {
       {"remainder", two([](const X& a, const X& b) { return a - b * nearest(a / b); })},
       {"lt", two(less)},
       {"le", two(less_equal)},
-      {"eq", two(equal)},
-      {"ne", two([](const X& a, const X& b) { return logical_not(equal(a, b)); })},
+      {"eq", two(equals)},
+      {"ne", two([](const X& a, const X& b) { return logical_not(equals(a, b)); })},
       {"not", {1, true, [](const Operands& o) { return logical_not(condition_of(o[0])); }}},
       {"and", logical(logical_and)},
       {"or", logical(logical_or)},
-      {"if_else_zero",
-       {2, true, [](const Operands& o) { return select(condition_of(o[0]), number_of(o[1]), 0.0); }}},
+      {"if_else_zero", {2, true, [](const Operands& o) { return select(condition_of(o[0]), number_of(o[1]), 0.0); }}},
   };
   return table;
 }
@@ -172,7 +180,8 @@ class Rebuilder {
       return true;
     }
     if (i.op == "input") {
-      if (i.operands.size() != 2 || !within(i.operands[0], inputs_) || !within(i.operands[1], inputs_[at(i.operands[0])]))
+      if (i.operands.size() != 2 || !within(i.operands[0], inputs_) ||
+          !within(i.operands[1], inputs_[at(i.operands[0])]))
         return false;
       put(i.result, inputs_[at(i.operands[0])][at(i.operands[1])]);
       return true;

@@ -46,16 +46,17 @@ bool near(double a, double b) { return std::fabs(a - b) <= kSame * (1.0 + std::f
 /// What a C++ struct of TILLER_FIELDS cannot call a member.
 bool is_taken(const std::string& name) {
   static const std::set<std::string> words{
-      "alignas",  "alignof",   "and",       "asm",      "auto",     "bitand",   "bitor",    "bool",     "break",
-      "case",     "catch",     "char",      "class",    "compl",    "const",    "constexpr", "continue", "decltype",
-      "default",  "delete",    "do",        "double",   "else",     "enum",     "explicit", "export",   "extern",
-      "false",    "float",     "for",       "friend",   "goto",     "if",       "inline",   "int",      "long",
-      "mutable",  "namespace", "new",       "noexcept", "not",      "nullptr",  "operator", "or",       "private",
-      "protected", "public",   "register",  "return",   "short",    "signed",   "sizeof",   "static",   "struct",
-      "switch",   "template",  "this",      "throw",    "true",     "try",      "typedef",  "typeid",   "typename",
-      "union",    "unsigned",  "using",     "virtual",  "void",     "volatile", "while",    "xor",      "linux",
-      "unix",     "S",         "Fields",    "names",    "count",    "NAN",      "INFINITY", "NULL",     "EOF"};
-  return words.count(name) > 0 || name.find("__") != std::string::npos || (name[0] == '_') || name.rfind("TILLER_", 0) == 0;
+      "alignas",   "alignof",   "and",      "asm",      "auto",  "bitand",   "bitor",     "bool",     "break",
+      "case",      "catch",     "char",     "class",    "compl", "const",    "constexpr", "continue", "decltype",
+      "default",   "delete",    "do",       "double",   "else",  "enum",     "explicit",  "export",   "extern",
+      "false",     "float",     "for",      "friend",   "goto",  "if",       "inline",    "int",      "long",
+      "mutable",   "namespace", "new",      "noexcept", "not",   "nullptr",  "operator",  "or",       "private",
+      "protected", "public",    "register", "return",   "short", "signed",   "sizeof",    "static",   "struct",
+      "switch",    "template",  "this",     "throw",    "true",  "try",      "typedef",   "typeid",   "typename",
+      "union",     "unsigned",  "using",    "virtual",  "void",  "volatile", "while",     "xor",      "linux",
+      "unix",      "S",         "Fields",   "names",    "count", "NAN",      "INFINITY",  "NULL",     "EOF"};
+  return words.count(name) > 0 || name.find("__") != std::string::npos || (name[0] == '_') ||
+         name.rfind("TILLER_", 0) == 0;
 }
 
 class Builder {
@@ -118,7 +119,8 @@ class Builder {
     if (is_unnamed()) {
       x_ = inputs > 0 ? 0 : -1, u_ = inputs > 1 ? 1 : -1, p_ = inputs > 2 ? 2 : -1, f_ = inputs > 3 ? 3 : -1;
       xdot_ = outputs > 0 ? 0 : -1, y_ = outputs > 1 ? 1 : -1;
-      if (x_ >= 0 && u_ >= 0) note("its arguments have no names: taken as x, u, p, f in this order, results as xdot, y");
+      if (x_ >= 0 && u_ >= 0)
+        note("its arguments have no names: taken as x, u, p, f in this order, results as xdot, y");
     } else {
       x_ = find(function_.inputs, kStateNames), u_ = find(function_.inputs, kInputNames);
       p_ = find(function_.inputs, kParameterNames), f_ = find(function_.inputs, kForceNames);
@@ -126,10 +128,14 @@ class Builder {
     }
     const std::string example = "name them: Function(\"f\", [x, u, p], [xdot], [\"x\", \"u\", \"p\"], [\"xdot\"])";
     for (const auto& [index, name] : {std::pair{x_, "x (states)"}, std::pair{u_, "u (inputs)"}})
-      if (index < 0) error(std::string("has no argument ") + name + "; there are " + listed_ports(function_.inputs) + "; " + example);
-    if (xdot_ < 0) error("has no result xdot (derivatives); there are " + listed_ports(function_.outputs) + "; " + example);
+      if (index < 0)
+        error(std::string("has no argument ") + name + "; there are " + listed_ports(function_.inputs) + "; " +
+              example);
+    if (xdot_ < 0)
+      error("has no result xdot (derivatives); there are " + listed_ports(function_.outputs) + "; " + example);
     for (int k = 0; k < outputs; ++k)
-      if (k != xdot_ && k != y_) note("result '" + function_.outputs[at(k)].name + "' is not read; results are xdot and y");
+      if (k != xdot_ && k != y_)
+        note("result '" + function_.outputs[at(k)].name + "' is not read; results are xdot and y");
     if (f_ >= 0 && function_.inputs[at(f_)].size() == 0) f_ = -1;
     if (p_ >= 0 && function_.inputs[at(p_)].size() == 0) p_ = -1;
     if (y_ >= 0 && function_.outputs[at(y_)].size() == 0) y_ = -1;
@@ -145,7 +151,8 @@ class Builder {
   void expect_vector(const FunctionPort& port) {
     const bool dense = port.size() == at(port.rows) * at(port.columns);
     if ((port.rows != 1 && port.columns != 1) || port.size() == 0 || !dense)
-      error(port.name + " " + shape_text(port) + (dense ? "" : " with structural zeros") + "; it has to be a dense column");
+      error(port.name + " " + shape_text(port) + (dense ? "" : " with structural zeros") +
+            "; it has to be a dense column");
   }
   bool check_shapes() {
     expect_vector(input(x_));
@@ -162,8 +169,10 @@ class Builder {
     if (!errors_.empty()) return false;
     for (const FunctionSample& sample : function_.samples) {
       bool fits = sample.in.size() == function_.inputs.size() && sample.out.size() == function_.outputs.size();
-      for (std::size_t i = 0; fits && i < sample.in.size(); ++i) fits = sample.in[i].size() == function_.inputs[i].size();
-      for (std::size_t i = 0; fits && i < sample.out.size(); ++i) fits = sample.out[i].size() == function_.outputs[i].size();
+      for (std::size_t i = 0; fits && i < sample.in.size(); ++i)
+        fits = sample.in[i].size() == function_.inputs[i].size();
+      for (std::size_t i = 0; fits && i < sample.out.size(); ++i)
+        fits = sample.out[i].size() == function_.outputs[i].size();
       if (!fits) error("a sample has not the function's shape; write it anew from the function");
       if (!fits) return false;
     }
@@ -233,7 +242,8 @@ class Builder {
         const FunctionPort& xdot = function_.outputs[at(xdot_)];
         if (i.operands[0] < 0 || at(i.operands[0]) >= xdot.size()) continue;
         const int position = xdot.row[at(i.operands[0])], velocity = state_at(i.operands[1]);
-        if (velocity < 0 || velocity == position || is_velocity[at(velocity)] || at(position) >= model_.states.size()) continue;
+        if (velocity < 0 || velocity == position || is_velocity[at(velocity)] || at(position) >= model_.states.size())
+          continue;
         model_.velocity_of[at(position)] = velocity;
         is_velocity[at(velocity)] = true;
       } else if (i.op != "output" && i.result >= 0 && i.result < kMostWork) {
@@ -262,11 +272,13 @@ class Builder {
       joint.position = joint.velocity < 0 ? -1 : position_of(joint.velocity);
       if (identifier(wanted.name) != wanted.name) details_error(key, "is no name of letters, digits and underscores");
       if (joint.velocity < 0)
-        details_error(key, "has velocity = \"" + wanted.velocity + "\", which is no state" + meant(wanted.velocity, model_.states));
+        details_error(key, "has velocity = \"" + wanted.velocity + "\", which is no state" +
+                               meant(wanted.velocity, model_.states));
       Words forces = force_names_;
       forces.insert(forces.end(), model_.inputs.begin(), model_.inputs.end());
       if (!has(forces, wanted.force))
-        details_error(key, "has force = \"" + wanted.force + "\", which is no input and no element of f" + meant(wanted.force, forces));
+        details_error(key, "has force = \"" + wanted.force + "\", which is no input and no element of f" +
+                               meant(wanted.force, forces));
       else if (has(model_.forces, wanted.force))
         details_error(key, "has force = \"" + wanted.force + "\", which is another joint's already");
       if (index_of(force_names_, wanted.force) < 0) joint.drive = index_of(model_.inputs, wanted.force);
@@ -295,9 +307,8 @@ class Builder {
     };
     Words unmatched;
     for (const std::string& force : open) {
-      const auto same = std::find_if(positions.begin(), positions.end(), [&](int k) {
-        return without_unit(model_.states[at(k)]) == without_unit(force);
-      });
+      const auto same = std::find_if(positions.begin(), positions.end(),
+                                     [&](int k) { return without_unit(model_.states[at(k)]) == without_unit(force); });
       if (same == positions.end()) {
         unmatched.push_back(force);
       } else {
@@ -311,7 +322,8 @@ class Builder {
       Words free;
       for (const int k : positions) free.push_back(model_.states[at(k)]);
       error("forces " + join(unmatched) + " have no joint: positions whose derivative is a state are " + join(free) +
-            "; say in " + details_path() + " where they push: joints.NAME = { velocity = \"STATE\", force = \"" + unmatched[0] + "\" }");
+            "; say in " + details_path() + " where they push: joints.NAME = { velocity = \"STATE\", force = \"" +
+            unmatched[0] + "\" }");
     }
     return errors_.empty();
   }
@@ -438,8 +450,9 @@ class Builder {
           ++compared;
           const double mine = ours[(port == y_ ? model_.states.size() : 0) + at(shape.row[k])];
           if (near(mine, theirs)) continue;
-          error(shape.name + "[" + std::to_string(shape.row[k]) + "] comes out as " + number_text(mine) + " where CasADi has " +
-                number_text(theirs) + "; the import does not understand this function: it writes nothing");
+          error(shape.name + "[" + std::to_string(shape.row[k]) + "] comes out as " + number_text(mine) +
+                " where CasADi has " + number_text(theirs) +
+                "; the import does not understand this function: it writes nothing");
           return false;
         }
       }
@@ -527,7 +540,8 @@ class Builder {
     char* end = nullptr;
     const unsigned long place = std::strtoul(symbol.c_str() + line + 1, &end, 10);
     if (*end != '\0' || place >= found->second.size()) {
-      details_error("parameters." + of, "has " + std::to_string(found->second.size()) + " numbers, and none for " + symbol);
+      details_error("parameters." + of,
+                    "has " + std::to_string(found->second.size()) + " numbers, and none for " + symbol);
       value = 0.0;
     } else {
       value = found->second[place];
@@ -555,7 +569,8 @@ class Builder {
     if (!unused.empty()) note("parameters " + join(unused) + " change nothing: left out");
     if (!missing.empty())
       error("parameters without a value: " + join(missing) + "; give them with --value " + join(missing, "=NUMBER,") +
-            "=NUMBER, or in " + details_path() + ":\n  [parameters]\n  " + join(missing, " = NUMBER\n  ") + " = NUMBER");
+            "=NUMBER, or in " + details_path() + ":\n  [parameters]\n  " + join(missing, " = NUMBER\n  ") +
+            " = NUMBER");
     for (const auto& [name, value] : details_.parameters)
       if (taken.count(name) == 0)
         details_error("parameters." + name, "is no parameter of the function" +
@@ -568,7 +583,8 @@ class Builder {
     if (const auto zero = std::find_if(model_.parameters.begin(), model_.parameters.end(),
                                        [](const FunctionParameter& p) { return p.is_unknown && p.value == 0.0; });
         zero != model_.parameters.end() && missing.empty())
-      note("parameter " + zero->name + " is 0, so that its prior has no scale: 0.1 is taken; correct it in [parameters]");
+      note("parameter " + zero->name +
+           " is 0, so that its prior has no scale: 0.1 is taken; correct it in [parameters]");
   }
 
   void read_limits() {
@@ -588,7 +604,8 @@ class Builder {
     for (const auto& [name, range] : details_.limits)
       if (!has(model_.inputs, name)) details_error("limits." + name, "is no input" + meant(name, model_.inputs));
     if (!unstated.empty())
-      note("nobody states limits of " + join(unstated) + ": guessed; write the machine's into [limits] of the robot file");
+      note("nobody states limits of " + join(unstated) +
+           ": guessed; write the machine's into [limits] of the robot file");
   }
 
   /// States in rad at which a turn more changes nothing, where the details do not say which wrap.
@@ -610,8 +627,8 @@ class Builder {
       found.push_back(model_.states[k]);
     }
     if (!found.empty())
-      note("states that wrap at a half turn, for a turn more changes nothing: " + join(found) + "; if not: angles = [] in " +
-           details_path());
+      note("states that wrap at a half turn, for a turn more changes nothing: " + join(found) +
+           "; if not: angles = [] in " + details_path());
   }
   bool is_periodic(const std::string& state) const {
     bool compared = false;
@@ -637,7 +654,8 @@ class Builder {
     if (!idle.empty()) note("inputs " + join(idle) + " change nothing");
     if (details_.names.count("x") == 0)
       for (const std::string& name : model_.states)
-        if (name.rfind("x_", 0) == 0 && name.find_first_not_of("0123456789", 2) == std::string::npos) unnamed.push_back(name);
+        if (name.rfind("x_", 0) == 0 && name.find_first_not_of("0123456789", 2) == std::string::npos)
+          unnamed.push_back(name);
     if (!unnamed.empty())
       note("states " + join(unnamed) + " have no names of their own; names with SI units go into " + details_path() +
            ": names.x = [\"cart_m\", ...]");

@@ -26,12 +26,12 @@ struct FunctionParameter {
 struct FunctionModel {
   std::string path, name, type;
   Words states, inputs, forces, outputs;
-  std::vector<FunctionParameter> parameters;       ///< those that matter
-  std::vector<std::pair<double, double>> limits;   ///< (inputs)
-  std::vector<bool> limit_stated;                  ///< (inputs)
-  std::vector<FunctionJoint> joints;               ///< (forces)
-  std::vector<int> velocity_of;                    ///< (states) the state that is its derivative; -1: none
-  unsigned angles = 0;                             ///< states that wrap at +-pi
+  std::vector<FunctionParameter> parameters;      ///< those that matter
+  std::vector<std::pair<double, double>> limits;  ///< (inputs)
+  std::vector<bool> limit_stated;                 ///< (inputs)
+  std::vector<FunctionJoint> joints;              ///< (forces)
+  std::vector<int> velocity_of;                   ///< (states) the state that is its derivative; -1: none
+  unsigned angles = 0;                            ///< states that wrap at +-pi
   double period_s = 0.0;
   bool is_smooth = true;  ///< no branch, no step
   ExpressionGraph graph;

@@ -53,8 +53,9 @@ class RobotText {
     const double period = m_.period_s > 0.0 ? m_.period_s : kPeriod_s;
     out_ += "# " + m_.name + ", imported from " + file_name(m_.path) +
             ". `tiller import` writes this file once; it is yours to change.\n"
-            "# Every key: `tiller help robot-file`.\n\n[robot]\nname = \"" + m_.name + "\"\n\n[model]\nfile = \"" + header +
-            "\"\ntype = \"" + m_.type + "\"\nperiod_s = " + number_text(period) + "\n\n";
+            "# Every key: `tiller help robot-file`.\n\n[robot]\nname = \"" +
+            m_.name + "\"\n\n[model]\nfile = \"" + header + "\"\ntype = \"" + m_.type +
+            "\"\nperiod_s = " + number_text(period) + "\n\n";
     parameters();
     measurement();
     task();
@@ -70,7 +71,8 @@ class RobotText {
   static bool is_place(const std::string& name) { return ends_with(name, "_rad") || ends_with(name, "_m"); }
   static double encoder(const std::string& name) { return is_place(name) ? 0.001 : 0.01; }
   bool is_unknown() const {
-    return std::any_of(m_.parameters.begin(), m_.parameters.end(), [](const FunctionParameter& p) { return p.is_unknown; });
+    return std::any_of(m_.parameters.begin(), m_.parameters.end(),
+                       [](const FunctionParameter& p) { return p.is_unknown; });
   }
 
   template <class Value>
@@ -103,16 +105,22 @@ class RobotText {
     out_ +=
         "\n[noise]\n# what the equations do not know, as a random walk of each state: its standard deviation after a second\n"
         "process_sd = " +
-        table(m_.states, [&](std::size_t k) { return is_velocity(k) ? "0.05" : m_.velocity_of[k] >= 0 ? "0.001" : "0.01"; }) + "\n\n";
-    out_ += is_unknown() ? "[posterior]\nparticles = 64\n\n"
-                         : "# nothing is unknown: one hypothesis would do\n[posterior]\nenabled = false\nparticles = 16\n\n";
+        table(m_.states,
+              [&](std::size_t k) { return is_velocity(k)           ? "0.05"
+                                          : m_.velocity_of[k] >= 0 ? "0.001"
+                                                                   : "0.01"; }) +
+        "\n\n";
+    out_ += is_unknown()
+                ? "[posterior]\nparticles = 64\n\n"
+                : "# nothing is unknown: one hypothesis would do\n[posterior]\nenabled = false\nparticles = 16\n\n";
   }
 
   void task() {
     out_ += std::string(m_.is_smooth ? "" : "# the equations have branches or kinks: samples look beyond them\n") +
             "[planner]\nkind = \"" + (m_.is_smooth ? "ilqr" : "hybrid") + "\"\nhorizon = 40\nparticles = 1\n\n" +
-            "# a first task: the first state moves by " + number_text(kMove) + ", all others return to where they start\n[cost]\ntarget = { " +
-            m_.states[0] + " = " + number_text(kMove) + " }\n";
+            "# a first task: the first state moves by " + number_text(kMove) +
+            ", all others return to where they start\n[cost]\ntarget = { " + m_.states[0] + " = " + number_text(kMove) +
+            " }\n";
     const auto weights = [&](const char* place, const char* speed) {
       return table(m_.states, [&](std::size_t k) { return std::string(is_velocity(k) ? speed : place); });
     };
@@ -129,10 +137,12 @@ class RobotText {
     for (std::size_t i = 0; i < m_.inputs.size(); ++i) {
       const auto& [low, high] = m_.limits[i];
       const double safe = std::min(std::max(0.0, low), high);
-      out_ += m_.inputs[i] + " = { low = " + number_text(low) + ", high = " + number_text(high) + ", safe = " +
-              number_text(safe) + " }" + (m_.limit_stated[i] ? "" : "   # nobody states it: write the machine's") + "\n";
+      out_ += m_.inputs[i] + " = { low = " + number_text(low) + ", high = " + number_text(high) +
+              ", safe = " + number_text(safe) + " }" +
+              (m_.limit_stated[i] ? "" : "   # nobody states it: write the machine's") + "\n";
     }
-    out_ += "\n[safety]\nsensor_timeout_s = " + number_text(5.0 * (m_.period_s > 0.0 ? m_.period_s : kPeriod_s)) + "\n\n";
+    out_ +=
+        "\n[safety]\nsensor_timeout_s = " + number_text(5.0 * (m_.period_s > 0.0 ? m_.period_s : kPeriod_s)) + "\n\n";
   }
 
   void plant() {
@@ -165,7 +175,8 @@ WrittenFunction write_function_model(FunctionModel& m) {
   std::string& text = out.text;
   text = "#pragma once\n\n#include \"tiller/model.hpp\"\n\n/// " + m.name + ", from " + file_name(m.path) +
          " by `tiller import`, which writes it anew: the instructions of a CasADi function, " +
-         std::to_string(out.operations) + "\n/// operations. What is not an argument of the function changes nothing: " +
+         std::to_string(out.operations) +
+         "\n/// operations. What is not an argument of the function changes nothing: " +
          "[body] gravity and payloads.\ntemplate <class S>\nstruct " + m.type +
          " {\n  static constexpr const char* name = \"" + m.name + "\";\n";
   text += fields_text("State", m.states) + fields_text("Input", m.inputs);
@@ -175,12 +186,13 @@ WrittenFunction write_function_model(FunctionModel& m) {
   if (is_long) text += "  static constexpr bool long_dynamics = true;\n";
   text += std::string("\n  ") + (is_long ? "__attribute__((noinline)) " : "") +
           "static State dynamics([[maybe_unused]] const State& x, [[maybe_unused]] const Input& u" +
-          (m.forces.empty() ? "" : ", [[maybe_unused]] const Force& f") + ",\n                        const tiller::Body<S>&" +
-          with_params + ") {\n" + using_text(m.graph, m.derivatives) + code + "    return {" + listed(values, "            ") +
-          "};\n  }\n";
+          ",\n                        " + (m.forces.empty() ? "" : "[[maybe_unused]] const Force& f, ") +
+          "const tiller::Body<S>&" + with_params + ") {\n" + using_text(m.graph, m.derivatives) + code +
+          "    return {" + listed(values, "            ") + "};\n  }\n";
   if (!m.told.empty())
-    text += "\n" + fields_text("Output", m.outputs) + "  static Output outputs([[maybe_unused]] const State& x" + with_params +
-            ") {\n" + using_text(m.graph, m.told) + told_code + "    return {" + listed(told, "            ") + "};\n  }\n";
+    text += "\n" + fields_text("Output", m.outputs) + "  static Output outputs([[maybe_unused]] const State& x" +
+            with_params + ") {\n" + using_text(m.graph, m.told) + told_code + "    return {" +
+            listed(told, "            ") + "};\n  }\n";
   text += "};\n";
   return out;
 }
