@@ -165,9 +165,13 @@ class Rebuilder {
   /// False: the list is none of a function.
   bool run() {
     outputs_.clear();
-    for (const FunctionPort& port : function_.outputs) outputs_.emplace_back(port.size());
+    for (const FunctionPort& port : function_.outputs) {
+      outputs_.emplace_back(port.size());
+      open_ += port.size();
+    }
     return std::all_of(function_.instructions.begin(), function_.instructions.end(),
-                       [&](const FunctionInstruction& i) { return step(i); });
+                       [&](const FunctionInstruction& i) { return step(i); }) &&
+           open_ == 0;
   }
 
   /// A fault and the results that it reaches, in the order in which they appear.
@@ -229,6 +233,7 @@ class Rebuilder {
   bool deliver(int port, int element, const FunctionArgument& value) {
     if (!within(port, outputs_) || !within(element, outputs_[at(port)])) return false;
     outputs_[at(port)][at(element)] = number_of(value.value);
+    --open_;
     if (value.fault.empty()) return true;
     auto found = std::find_if(faults.begin(), faults.end(), [&](const auto& f) { return f.first == value.fault; });
     if (found == faults.end()) found = faults.insert(faults.end(), {value.fault, {}});
@@ -246,6 +251,7 @@ class Rebuilder {
   const std::vector<std::vector<FunctionArgument>>& inputs_;
   std::vector<std::vector<Expression>>& outputs_;
   std::unordered_map<int, FunctionArgument> work_;
+  std::size_t open_ = 0;  // elements of results that no instruction has given yet
 };
 
 }  // namespace

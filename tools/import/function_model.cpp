@@ -373,11 +373,12 @@ class Builder {
   /// Without results that nobody reads: what they need is not refused.
   FunctionText only_read() const {
     FunctionText out = function_;
-    out.instructions.erase(std::remove_if(out.instructions.begin(), out.instructions.end(),
-                                          [&](const FunctionInstruction& i) {
-                                            return i.op == "output" && i.result != xdot_ && i.result != y_;
-                                          }),
+    const auto is_read = [&](int port) { return port == xdot_ || port == y_ || at(port) >= function_.outputs.size(); };
+    const auto is_idle = [&](const FunctionInstruction& i) { return i.op == "output" && !is_read(i.result); };
+    out.instructions.erase(std::remove_if(out.instructions.begin(), out.instructions.end(), is_idle),
                            out.instructions.end());
+    for (std::size_t k = 0; k < out.outputs.size(); ++k)
+      if (!is_read(static_cast<int>(k))) out.outputs[k].row.clear();
     return out;
   }
 
