@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdlib>
 #include <functional>
 #include <limits>
 #include <map>
@@ -33,13 +34,15 @@ class Mechanism {
   /// Moves the bodies to the state (order of state_channels) and forgets all forces.
   virtual void place(const std::vector<double>& state) = 0;
   virtual void read_state(double* out) const = 0;
-  /// Adds the forces that the motors make (commands) for the coming step only.
+  /// The forces that the motors make (commands) in the coming step, or the velocities that they keep.
   virtual void drive(const double* motor) = 0;
   /// Adds the plant's own passive forces (its viscous friction), then steps the world.
   virtual void step(double step_s) = 0;
-  virtual double energy_J() const = 0;                      ///< kinetic and potential
-  virtual double own_damping(std::size_t joint) const = 0;  ///< viscous coefficient among the parameters
-  virtual Joint& joint(std::size_t index) = 0;              ///< order of MechanismInfo::joints
+  virtual double energy_J() const = 0;  ///< kinetic and potential
+
+  // Of a mechanism with joints; one whose motors keep a velocity may have none.
+  virtual double own_damping(std::size_t /*joint*/) const { return 0; }  ///< viscous coefficient among the parameters
+  virtual Joint& joint(std::size_t /*index*/) { std::abort(); }          ///< order of MechanismInfo::joints
 
   /// Steps of second order (PlanarMechanism). False: this mechanism has none.
   virtual bool set_midpoint(bool midpoint) { return !midpoint; }
@@ -91,5 +94,7 @@ MechanismInfo acrobot_info();
 MechanismInfo planar_quadrotor_info();
 MechanismInfo two_link_arm_info();
 MechanismInfo linear_axis_info();
+MechanismInfo skid_steer_info();
+MechanismInfo pusher_slider_info();
 
 }  // namespace tiller::sim

@@ -90,6 +90,13 @@ bool check_encoders(const PlantOptions& o, const MechanismInfo& info, std::strin
   return true;
 }
 
+bool check_process_noise(const PlantOptions& o, const MechanismInfo& info, std::string& error) {
+  if (o.process_noise_sd <= 0 || !info.joints.empty()) return true;
+  error = "process_noise_sd = " + number(o.process_noise_sd) + ": a random force at a joint, and the plant " + info.kind +
+          " has none; leave it out";
+  return false;
+}
+
 bool check_times(const PlantOptions& o, std::string& error) {
   const double step_us = o.step_s * 1e6;
   if (!(step_us >= 1 && step_us <= 1000) || std::fabs(step_us - std::round(step_us)) > 1e-6) {
@@ -119,6 +126,11 @@ bool check_effect(const HiddenEffect& effect, const PlantOptions& o, const Mecha
   const auto kinds = names_of(effect_infos(), [](const EffectInfo& e) { return e.kind; });
   if (!known(effect.kind, kinds, "hidden effect", error)) return false;
   const EffectInfo& what = *find_effect(effect.kind);
+  if (what.port == PortKind::joint && info.joints.empty()) {
+    error = "effect " + effect.kind + " acts at a joint, and the plant " + info.kind +
+            " has none: its commands are velocities; effects at commands and sensors remain";
+    return false;
+  }
   if (find_port(effect, o, info) < 0) {
     return known(effect.port, port_names(what.port, o, info), "port of effect " + effect.kind + " on " + info.kind,
                  error);
@@ -179,7 +191,8 @@ std::map<std::string, double> merged_parameters(const PlantOptions& options, con
 
 bool check_options(const PlantOptions& options, const MechanismInfo& info, std::string& error) {
   return check_parameters(options, info, error) && check_initial_state(options, info, error) &&
-         check_encoders(options, info, error) && check_times(options, error) && check_effects(options, info, error);
+         check_encoders(options, info, error) && check_times(options, error) && check_process_noise(options, info, error) &&
+         check_effects(options, info, error);
 }
 
 }  // namespace tiller::sim
