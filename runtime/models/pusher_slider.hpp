@@ -37,7 +37,9 @@ struct PusherSlider {
     const Vector speed = to_box(u.pusher_x_m_s, u.pusher_y_m_s, sine, cosine);
     const Touch touch = touch_of(finger, p);
     const Vector i = {-touch.outward.x, -touch.outward.y}, t = {touch.outward.y, -touch.outward.x};
-    const S into = max(speed.x * i.x + speed.y * i.y + touch.depth * kGapRate_per_s, S(0.0));
+    const S wanted = speed.x * i.x + speed.y * i.y + touch.depth * kGapRate_per_s;
+    const auto apart = wanted <= S(0.0);  // these comparisons let a NaN through
+    const S into = select(apart, S(0.0), wanted);
     const S along = speed.x * t.x + speed.y * t.y;
 
     // moments of unit forces, over c; Q in the contact's axes has the determinant 1 + |p|^2 / c^2
@@ -50,10 +52,9 @@ struct PusherSlider {
 
     const S side = select(stick_t < S(0.0), -p.friction, p.friction);
     const S slide_i = into / max(qii + side * qit, qii * 0.05);  // the bound is where a finger would wedge itself in
-    const auto slides = abs(stick_t) > p.friction * stick_i;
-    const auto apart = !(into > S(0.0));
-    const S fi = select(apart, S(0.0), select(slides, slide_i, stick_i));
-    const S ft = select(apart, S(0.0), select(slides, side * slide_i, stick_t));
+    const auto sticks = abs(stick_t) <= p.friction * stick_i;
+    const S fi = select(apart, S(0.0), select(sticks, stick_i, slide_i));
+    const S ft = select(apart, S(0.0), select(sticks, stick_t, side * slide_i));
 
     const S vx = fi * i.x + ft * t.x, vy = fi * i.y + ft * t.y;
     return {cosine * vx - sine * vy, sine * vx + cosine * vy, (fi * mi + ft * mt) * inverse_c, u.pusher_x_m_s,

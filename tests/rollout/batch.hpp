@@ -29,6 +29,14 @@ inline void add_effect(tiller_config_t& c, std::uint32_t kind, std::uint32_t por
   c.effects[c.effect_count++] = {kind, port};
   c.param_count += static_cast<std::uint32_t>(effect_info(kind).param_count);
 }
+/// The same where the model has that port; a kinematic one has no joints.
+inline void add_effect_if_it_fits(tiller_config_t& c, std::uint32_t kind, std::uint32_t port) {
+  if (port_fits(effect_info(kind), port, *c.model)) add_effect(c, kind, port);
+}
+/// An effect with one parameter that any model takes: viscous friction at the first joint, or an input's gain.
+inline void add_some_effect(tiller_config_t& c) {
+  add_effect(c, c.model->joint_count > 0 ? tiller_effect_viscous_friction : tiller_effect_actuator_gain, 0);
+}
 
 template <class T>
 struct Batch {

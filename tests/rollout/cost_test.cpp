@@ -59,7 +59,7 @@ TEST_P(EveryModelsCost, TermsAreTheirFormulas) {
   for (const CostCase& c : cost_cases(m))
     for (int effects = 0; effects < 2; ++effects) {
       tiller_config_t config = plain_config(&m);
-      if (effects) add_effect(config, tiller_effect_viscous_friction, 0);
+      if (effects) add_some_effect(config);
       for (tiller_integrator_t way : {tiller_integrator_semi_implicit_euler, tiller_integrator_rk4}) {
         config.integrator = way;
         for (Isa isa : all_isas()) {
@@ -100,7 +100,7 @@ TEST_P(EveryModelsCost, EveryTermMatters) {
 template <class T>
 void expect_penalties_apart(const tiller_model_t& m, const RolloutTable& table, bool effects, double tolerance) {
   tiller_config_t config = plain_config(&m);
-  if (effects) add_effect(config, tiller_effect_viscous_friction, 0);
+  if (effects) add_some_effect(config);
   std::vector<T> shared(TILLER_MAX_PARAMS, T(0.8));
   for (const CostCase& c : cost_cases(m)) {
     Batch<T> whole(config, kLanes, kHorizon), apart(config, kLanes, kHorizon);

@@ -35,8 +35,8 @@ TEST_P(EveryEffect, AtZeroIsTheIdentityToTheLastBit) {
       // the comparison keeps an effect with parameter zero in both, so that both take the same path of the kernel
       tiller_config_t without = plain_config(c.model), with = plain_config(c.model);
       without.integrator = with.integrator = integrator;
-      add_effect(without, tiller_effect_constant_offset, 0);
-      add_effect(with, tiller_effect_constant_offset, 0);
+      add_some_effect(without);
+      add_some_effect(with);
       add_effect(with, c.kind, c.port);
       Batch<double> a(without, 16, 20), b(with, 16, 20);
       a.set_param(c.model->param_count, 0.0);
@@ -87,6 +87,7 @@ TEST_P(EveryEffect, AtZeroIsTheIdentityInTheJacobian) {
 TEST_P(EveryEffect, ChangesTheMotionWhenOn) {
   const Case c = GetParam();
   if (effect_info(c.kind).port == PortKind::sensor) return;  // changes what is measured
+  if (effect_info(c.kind).port == PortKind::body && c.model->joint_count == 0) return;  // nothing that gravity moves
   tiller_config_t with = plain_config(c.model);
   add_effect(with, c.kind, c.port);
   Batch<double> off(with, 16, 20), on(with, 16, 20);

@@ -34,15 +34,15 @@ std::vector<Case> all_cases() {
               add_effect(c, tiller_effect_viscous_friction, j);
               if (j == 0) add_effect(c, tiller_effect_coulomb_friction, j);
             }
-          if (effects == 2 || effects == 4) add_effect(c, tiller_effect_constant_offset, m->joint_count - 1);
+          if (effects == 2 || effects == 4) add_effect_if_it_fits(c, tiller_effect_constant_offset, m->joint_count - 1);
           if (effects == 3 || effects == 4) add_effect(c, tiller_effect_input_delay, 0);
           if (effects == 5) {  // what a lane does to the body and with its own functions must not meet the shared tape
             add_effect(c, tiller_effect_payload, 0);
             add_effect(c, tiller_effect_tilt, 0);
             add_effect(c, tiller_effect_dead_zone, 0);
-            add_effect(c, tiller_effect_joint_inertia, 0);
-            add_effect(c, tiller_effect_stribeck_friction, m->joint_count - 1);
-            add_effect(c, tiller_effect_quadratic_drag, 0);
+            add_effect_if_it_fits(c, tiller_effect_joint_inertia, 0);
+            add_effect_if_it_fits(c, tiller_effect_stribeck_friction, m->joint_count - 1);
+            add_effect_if_it_fits(c, tiller_effect_quadratic_drag, 0);
           }
           cases.push_back({std::string(m->name) + "_" + std::to_string(integrator) + "_" + std::to_string(substeps) +
                                "_" + names[effects],
@@ -142,7 +142,11 @@ INSTANTIATE_TEST_SUITE_P(Cases, Residual, ::testing::ValuesIn(all_cases()), [](c
 // Increments in single precision: thirty roundings of 6e-8 relative to the change itself, and the state's own rounding
 // (6e-8 of up to pi), which the dynamics of one period make no larger. A difference of two states would miss this by an
 // order of magnitude where angles have turned (ChangesAreNotLostInTheState asks for more).
-double tolerance(double change) { return 2e-6 * change + 3e-7; }
+// But a finger deep in a box, as random states have it, is taken out at 20/s of its depth, and turns the box by that over
+// the limit length of 0.4 m: four roundings for one.
+double tolerance(const tiller_model_t& model, double change) {
+  return (std::string(model.name) == "pusher_slider" ? 4.0 : 1.0) * (2e-6 * change + 3e-7);
+}
 
 TEST_P(Residual, IsOneStepInDouble) {
   const Problem p(GetParam().config);
@@ -156,7 +160,7 @@ TEST_P(Residual, IsOneStepInDouble) {
         for (std::uint32_t l = 0; l < kLanes; ++l) {
           const std::size_t at = (k * p.nx + i) * kLanes + l;
           const double want = p.steps[k].change[i] - change[at];
-          worst = std::max(worst, std::abs(double(got.residual[at]) - want) / tolerance(std::abs(change[at])));
+          worst = std::max(worst, std::abs(double(got.residual[at]) - want) / tolerance(p.model, std::abs(change[at])));
         }
     EXPECT_LT(worst, 1.0) << name;
   };
