@@ -174,6 +174,151 @@ TEST(PlanarQuadrotor, AtPointsDoneByHand) {
   EXPECT_NEAR(dx[5], 2.0, 1e-14);  // 0.1 N at 0.2 m on 0.01 kg m2, counter-clockwise
 }
 
+// A pivot turn, and a circle about a point that icr_offset keeps from going aside.
+TEST(SkidSteer, AtPointsDoneByHand) {
+  const std::vector<double> p = {0.1, 0.5, 0.2};
+  auto dx = derivative("skid_steer", {0, 0, 0}, {2.0, 2.0}, p);
+  EXPECT_NEAR(dx[0], 0.2, 1e-15);
+  EXPECT_NEAR(dx[1], 0.0, 1e-15);
+  EXPECT_NEAR(dx[2], 0.0, 1e-15);
+  dx = derivative("skid_steer", {3, 4, 1.5707963267948966}, {-1.0, 1.0}, p);  // looks along y, turns to the left
+  EXPECT_NEAR(dx[2], 0.4, 1e-15);
+  EXPECT_NEAR(dx[0], 0.08, 1e-15);  // the origin, 0.2 m behind the centre, goes to the right
+  EXPECT_NEAR(dx[1], 0.0, 1e-15);
+}
+
+/// The quasi-static law as conditions, not as a solution: whatever the box does has a contact force for its reason.
+struct PushedBox {
+  double into, along;      // force of the finger in its contact's axes, up to the limit surface's factor
+  double slip, approach;   // speed of the finger against the box there: along the face, and into the box
+  double depth, off_limit; // of the finger; of the twist from the one that the force makes
+};
+PushedBox pushed(const std::vector<double>& x, const std::vector<double>& u, const std::vector<double>& p) {
+  const auto dx = derivative("pusher_slider", x, u, p);
+  const double c = std::cos(x[2]), s = std::sin(x[2]);
+  const auto turned = [&](double a, double b) { return std::pair<double, double>{c * a + s * b, -s * a + c * b}; };
+  const auto [qx, qy] = turned(x[3] - x[0], x[4] - x[1]);
+  const auto [ux, uy] = turned(u[0], u[1]);
+  const auto [fx, fy] = turned(dx[0], dx[1]);  // the limit surface: force and velocity are the same direction
+  const double px = std::fmin(std::fmax(qx, -p[2]), p[2]), py = std::fmin(std::fmax(qy, -p[3]), p[3]);
+  const double distance = std::hypot(qx - px, qy - py), ix = (px - qx) / distance, iy = (py - qy) / distance;
+  const double vx = fx - dx[2] * py, vy = fy + dx[2] * px;  // of the box at the contact
+  PushedBox b;
+  b.into = fx * ix + fy * iy;
+  b.along = -fx * iy + fy * ix;
+  b.slip = -(ux - vx) * iy + (uy - vy) * ix;
+  b.approach = (ux - vx) * ix + (uy - vy) * iy;
+  b.depth = p[4] - distance;
+  b.off_limit = dx[2] * p[1] * p[1] - (px * fy - py * fx);
+  return b;
+}
+
+TEST(PusherSlider, EveryMotionHasAForceInTheCone) {
+  Rng rng(11, 96, 0);
+  const auto draw = [&](double low, double high) { return low + (high - low) * rng.uniform(); };
+  int sticks = 0, slides = 0, apart = 0;
+  for (int k = 0; k < 4000; ++k) {
+    const std::vector<double> p = {draw(0.05, 0.7), draw(0.025, 0.06), 0.05, 0.04, 0.01};
+    // within 3 mm of a face or corner, from every side, the box at any place and angle
+    const double angle = draw(-3, 3), around = draw(-3.14159, 3.14159);
+    const double reach = draw(0.007, 0.013);
+    const double cx = std::fmin(std::fmax(0.1 * std::cos(around), -0.05), 0.05);
+    const double cy = std::fmin(std::fmax(0.1 * std::sin(around), -0.04), 0.04);
+    const bool ahead = std::fabs(cx) == 0.05;
+    const double qx = ahead ? cx + std::copysign(reach, cx) : cx, qy = ahead ? cy : cy + std::copysign(reach, cy);
+    const double c = std::cos(angle), s = std::sin(angle), x0 = draw(-1, 1), y0 = draw(-1, 1);
+    const std::vector<double> x = {x0, y0, angle, x0 + c * qx - s * qy, y0 + s * qx + c * qy};
+    const std::vector<double> u = {draw(-0.05, 0.05), draw(-0.05, 0.05)};
+    const PushedBox b = pushed(x, u, p);
+    EXPECT_NEAR(b.off_limit, 0, 1e-12);
+    if (b.into == 0 && b.along == 0) {
+      ++apart;
+      EXPECT_LE(b.approach + 20 * b.depth, 1e-12) << "a finger that comes nearer than 20/s of its gap pushes";
+      continue;
+    }
+    EXPECT_GT(b.into, 0) << "no force pulls";
+    EXPECT_LE(std::fabs(b.along), p[0] * b.into * (1 + 1e-12));
+    EXPECT_NEAR(b.approach, -20 * b.depth, 1e-12) << "the depth goes at 20/s";
+    if (std::fabs(b.slip) < 1e-12) {
+      ++sticks;
+    } else {
+      ++slides;
+      EXPECT_NEAR(std::fabs(b.along), p[0] * b.into, 1e-12) << "at the cone's edge";
+      EXPECT_GT(b.along * b.slip, 0) << "the finger drags along its slip";
+    }
+  }
+  EXPECT_GT(sticks, 400);
+  EXPECT_GT(slides, 400);
+  EXPECT_GT(apart, 400);
+}
+
+// Duals against differences, of f at a robot's own sizes. At a switch of modes the differences of two widths disagree:
+// there the derivative is one of the two sides', and finite.
+TEST(PusherSlider, DerivativesAreDifferencesAwayFromTheSwitches) {
+  const tiller_model_t& m = *tiller_find_model("pusher_slider");
+  ASSERT_NE(m.jacobian, nullptr);
+  const tiller_body_t level = {0.0, -9.81, 0.0, 0.0};
+  Rng rng(12, 96, 0);
+  const auto draw = [&](double low, double high) { return low + (high - low) * rng.uniform(); };
+  int compared = 0, states = 0;
+  for (int k = 0; k < 2000; ++k) {
+    const std::vector<double> p = {draw(0.05, 0.7), draw(0.025, 0.06), 0.05, 0.05, 0.01};
+    std::vector<double> x = {draw(-0.01, 0.01), draw(-0.01, 0.01), draw(-0.3, 0.3), draw(-0.075, 0.075),
+                             draw(-0.075, 0.075)},
+                        u = {draw(-0.05, 0.05), draw(-0.05, 0.05)};
+    double a[25], b[10];
+    m.jacobian(x.data(), u.data(), nullptr, &level, p.data(), a, b);
+    for (const double v : a) ASSERT_TRUE(std::isfinite(v)) << k;
+    for (const double v : b) ASSERT_TRUE(std::isfinite(v)) << k;
+    for (int j = 0; j < 7; ++j) {
+      double* const at = j < 5 ? &x[j] : &u[j - 5];
+      const double middle = *at;
+      const auto slope = [&](double width) {
+        *at = middle + width;
+        auto more = derivative("pusher_slider", x, u, p);
+        *at = middle - width;
+        const auto less = derivative("pusher_slider", x, u, p);
+        *at = middle;
+        for (int i = 0; i < 5; ++i) more[i] = (more[i] - less[i]) / (2 * width);
+        return more;
+      };
+      const auto wide = slope(2e-6), narrow = slope(1e-6);
+      for (int i = 0; i < 5; ++i) {
+        ++states;
+        if (std::fabs(wide[i] - narrow[i]) > 1e-6 * (1 + std::fabs(narrow[i]))) continue;
+        ++compared;
+        EXPECT_NEAR(j < 5 ? a[i * 5 + j] : b[i * 2 + j - 5], narrow[i], 1e-5 * (1 + std::fabs(narrow[i]))) << i << j;
+      }
+    }
+  }
+  EXPECT_GT(compared, 0.99 * states);
+}
+
+// Where the centre of the finger stands on the box's rim or in its middle nothing divides by zero.
+TEST(PusherSlider, IsFiniteEverywhere) {
+  const tiller_model_t& m = *tiller_find_model("pusher_slider");
+  const tiller_body_t level = {0.0, -9.81, 0.0, 0.0};
+  const std::vector<double> p = {0.3, 0.04, 0.05, 0.05, 0.01};
+  for (const double qx : {-0.06, -0.05, 0.0, 0.05, 1e6})
+    for (const double qy : {-0.05, 0.0, 1e-300, 0.05})
+      for (const double v : {0.0, 0.03}) {
+        const double x[5] = {0, 0, 0, qx, qy}, u[2] = {v, -v};
+        double a[25], b[10], dx[5];
+        m.dynamics(x, u, nullptr, &level, p.data(), dx);
+        m.jacobian(x, u, nullptr, &level, p.data(), a, b);
+        for (const double value : dx) EXPECT_TRUE(std::isfinite(value)) << qx << " " << qy;
+        for (const double value : a) EXPECT_TRUE(std::isfinite(value)) << qx << " " << qy;
+        for (const double value : b) EXPECT_TRUE(std::isfinite(value)) << qx << " " << qy;
+      }
+  double x[5] = {0, 0, 0, -0.05, 0}, u[2] = {0.01, 0}, dx[5];
+  for (int i = 0; i < 5; ++i) {  // nothing that is not a number is lost on the way
+    std::vector<double> broken = p;
+    broken[i] = NAN;
+    m.dynamics(x, u, nullptr, &level, broken.data(), dx);
+    EXPECT_TRUE(std::isnan(dx[0]) || std::isnan(dx[1]) || std::isnan(dx[2])) << i;
+  }
+}
+
 // Without torque the acrobot keeps its energy, through the kernel and its integrator.
 TEST(Acrobot, KeepsItsEnergy) {
   const tiller_model_t& m = *tiller_find_model("acrobot");
