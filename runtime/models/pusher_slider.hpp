@@ -28,6 +28,7 @@ struct PusherSlider {
   TILLER_FIELDS(Input, S, pusher_x_m_s, pusher_y_m_s);
   TILLER_FIELDS(Params, S, friction, limit_length_m, half_length_m, half_width_m, pusher_radius_m);
   static constexpr unsigned angles = 1u << 2;
+  static constexpr bool long_dynamics = true;
   static constexpr double kGapRate_per_s = 20.0;
 
   static State dynamics(const State& x, const Input& u, const Body<S>&, const Params& p) {
