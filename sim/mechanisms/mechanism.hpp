@@ -96,5 +96,7 @@ MechanismInfo two_link_arm_info();
 MechanismInfo linear_axis_info();
 MechanismInfo skid_steer_info();
 MechanismInfo pusher_slider_info();
+MechanismInfo furuta_info();
+MechanismInfo hopper_info();
 
 }  // namespace tiller::sim

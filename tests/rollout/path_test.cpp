@@ -9,6 +9,8 @@
 #include <random>
 #include <vector>
 
+#include "batch.hpp"
+
 namespace tiller_test {
 namespace {
 
@@ -50,7 +52,7 @@ struct Path {
     const std::uint32_t rows = np + (z.effects ? 2 : 0);
     std::mt19937 random(3);
     std::normal_distribution<double> normal;
-    for (std::uint32_t i = 0; i < (kHorizon + 1) * kScenarios * nz; ++i) state.push_back(normal(random));
+    for (std::uint32_t i = 0; i < (kHorizon + 1) * kScenarios * nz; ++i) state.push_back(normal(random) + (i % nz < nx ? tiller::state_centre(model, i % nz) : 0.0));
     for (std::uint32_t i = 0; i < kHorizon * nu; ++i) control.push_back(3.0 * normal(random));
     for (std::uint32_t j = 0; j < kScenarios; ++j)
       for (std::uint32_t i = 0; i < rows; ++i) params.push_back(i < np ? 0.5 + 0.1 * (i + j) : 0.03 + 0.01 * j);
