@@ -1,8 +1,8 @@
 #!/bin/sh
-# first_run.sh TILLER URDF: imports, checks and runs an arm of which nothing is unknown, with nothing said but what has to
+# first_run.sh TILLER URDF [PYTHON]: imports, checks and runs an arm of which nothing is unknown, with nothing said but what has to
 # be. At the end of 4 s every joint of the simulated plant is within 0.02 of where the robot file wants it.
 set -eu
-tiller=$1 urdf=$2
+tiller=$1 urdf=$2 python=${3:-}
 rm -rf first
 "$tiller" import "$urdf" -o first --hold grip,grip_mirror
 "$tiller" check first/robot.toml
@@ -24,3 +24,12 @@ awk -F, '
     }
     exit bad || joints == 0
   }' first/robot.toml first/run.csv
+
+[ -n "$python" ] || exit 0
+# The page's figure is where the model says that its frame is; a cost too small to matter puts that into the log.
+sed 's/^# \(frames\..*[{,] *\)weight = 1000\(.*\)rotation_weight = 100/\1weight = 1e-9\2rotation_weight = 1e-9/' \
+  first/robot.toml > first/told.toml
+frame=$(sed -n 's/^frames\.\([a-z_]*\) = .*/\1/p' first/told.toml)
+"$tiller" run first/told.toml --sim --seconds 0.6 --quiet --report first/told.html
+grep -q 'id=robot-canvas' first/told.html
+"$python" "$(dirname "$0")/figure_check.py" first/told.csv "$frame"

@@ -13,6 +13,7 @@
 #include "tools/cli/import_function.hpp"
 #include "tools/command/commands.hpp"
 #include "tools/description/function.hpp"
+#include "tools/import/figure_writer.hpp"
 #include "tools/import/model_writer.hpp"
 #include "tools/import/robot_writer.hpp"
 
@@ -190,8 +191,8 @@ bool make_plant(const Options& o, const MechanismOptions& options, const Mechani
   return std::filesystem::equivalent(o.description, copy, none) || replace_file(copy, text.str(), error);
 }
 
-int write_files(const Options& o, const MechanismOptions& options, const Mechanism& mechanism, const Unknowns& unknowns,
-                const std::string& compiled, const std::vector<int>& frames) {
+int write_files(const Options& o, const MechanismOptions& options, const Description& description,
+                const Mechanism& mechanism, const Unknowns& unknowns, const std::vector<int>& frames) {
   const int frame = frames.empty() ? -1 : frames.front();
   const WrittenModel model = write_model(mechanism, unknowns, frame, frames);
   const std::string stem = identifier(mechanism.name), header = stem + ".hpp";
@@ -203,9 +204,10 @@ int write_files(const Options& o, const MechanismOptions& options, const Mechani
   make_folders_for(robot_path);
   DescribedPlant plant;
   std::vector<std::string> notes = mechanism.notes;
-  if (!make_plant(o, options, mechanism, compiled, frame_name, plant, notes, error)) return complain(error);
+  if (!make_plant(o, options, mechanism, description.compiled, frame_name, plant, notes, error)) return complain(error);
   if (!replace_file(model_path, model.text, error)) return complain(error);
-  if (!replace_file(robot_path, write_robot(mechanism, unknowns, model.names, header, frame_name, plant), error))
+  const std::string figure = write_figure(description, options, mechanism, model.names, frames);
+  if (!replace_file(robot_path, write_robot(mechanism, unknowns, model.names, header, frame_name, plant, figure), error))
     return complain(error);
   for (const std::string& note : notes) std::printf("note: %s\n", note.c_str());
   if (const std::size_t count = unknown_count(unknowns); count > kManyUnknowns)
@@ -271,7 +273,7 @@ int import_command(Options& o) {
     return complain_all(errors);
   if (o.folder.empty()) o.folder = identifier(mechanism.name);
   while (o.folder.size() > 1 && o.folder.back() == '/') o.folder.pop_back();
-  return write_files(o, options, mechanism, unknowns, description.compiled, frames);
+  return write_files(o, options, description, mechanism, unknowns, frames);
 }
 
 }  // namespace

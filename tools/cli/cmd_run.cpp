@@ -71,7 +71,8 @@ bool open_link(const Arguments& a, const RobotFile& robot, Opened& opened, std::
 }
 
 /// The page, from wherever the whole log is.
-int report_run(const Arguments& a, const RobotFile& robot, const RunResult& result) {
+int report_run(const Arguments& a, const RobotFile& robot, const RunResult& result,
+               const std::vector<double>& true_params) {
   if (a.report.empty()) return result.exit_code;
   if (result.readable_log.empty()) {
     complain("no report: the log that it is made from is not complete");
@@ -81,7 +82,7 @@ int report_run(const Arguments& a, const RobotFile& robot, const RunResult& resu
   const bool safe = result.exit_code == kExitSafe;
   const auto fault = static_cast<tiller_status_t>(result.info.first_fault);
   const std::string outcome = safe ? std::string("ended in SAFE: ") + tiller_status_text(fault) : "";
-  if (write_run_facts(robot, result, {robot.name, outcome, !safe}, error) &&
+  if (write_run_facts(robot, result, {robot.name, outcome, !safe, true_params}, error) &&
       write_report(result.readable_log, a.report, error)) {
     std::printf("report: %s\n", std::filesystem::absolute(a.report).c_str());
     return result.exit_code;
@@ -195,7 +196,7 @@ int run_command(Arguments& a) {
   if (!all.last.readable_log.empty()) std::printf("log: %s\n", all.last.readable_log.c_str());
   tell_next_step(a, all.last);
   write_histogram(a, all.last);
-  const int reported = report_run(a, *robot, all.last);
+  const int reported = report_run(a, *robot, all.last, opened.true_params);
   return all.exit_code ? all.exit_code : reported;
 }
 

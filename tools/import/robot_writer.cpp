@@ -29,7 +29,8 @@ class RobotText {
         start_(start_position(mechanism)),
         mobility_(mobility(mechanism, start_)) {}
 
-  std::string write(const std::string& header, const std::string& payload_frame, const DescribedPlant& made) {
+  std::string write(const std::string& header, const std::string& payload_frame, const DescribedPlant& made,
+                    const std::string& figure) {
     out_ += "# " + mechanism_.name + ", imported from " + file_name(mechanism_.path) +
             ". `tiller import` writes this file once; it is yours to change.\n"
             "# Every key: `tiller help robot-file`.\n\n";
@@ -42,6 +43,7 @@ class RobotText {
     measurement();
     task(payload_frame);
     safety();
+    out_ += figure;
     plant(made);
     return out_;
   }
@@ -313,8 +315,9 @@ class RobotText {
 }  // namespace
 
 std::string write_robot(const Mechanism& mechanism, const Unknowns& unknowns, const ModelNames& names,
-                        const std::string& header, const std::string& payload_frame, const DescribedPlant& plant) {
-  return RobotText(mechanism, unknowns, names).write(header, payload_frame, plant);
+                        const std::string& header, const std::string& payload_frame, const DescribedPlant& plant,
+                        const std::string& figure) {
+  return RobotText(mechanism, unknowns, names).write(header, payload_frame, plant, figure);
 }
 
 }  // namespace tiller::tools

@@ -185,6 +185,7 @@ bool read_controller(FileErrors& errors, const toml::table& root, RobotFile& rob
   read_realtime(errors, root, robot);
   read_sim(errors, root, robot);
   read_log_map(errors, root, robot);
+  read_figure(errors, root, robot);
   if (errors.empty()) check_whole(errors, root, robot);
   return errors.empty();
 }

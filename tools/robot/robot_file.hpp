@@ -9,6 +9,7 @@
 #include "tiller/tiller.h"
 #include "tools/base/file_errors.hpp"
 #include "tools/base/text.hpp"
+#include "tools/robot/figure.hpp"
 #include "tools/robot/log_map.hpp"
 #include "tools/robot/model_loader.hpp"
 #include "tools/robot/substep_advice.hpp"
@@ -103,6 +104,7 @@ struct RobotFile {
   RealtimeSection realtime;
   SimSection sim;
   LogMap log;
+  FigureSection figure;
   SubstepAdvice substeps;  ///< what the period needs; taken where the file does not say
 };
 

@@ -70,6 +70,15 @@ const std::vector<SectionSpec> kSections = {
      "Physics that the plant has and the model may lack. Beside the keys below, the effect's own parameters take "
      "numbers."},
     {"log", "[log]", "How `tiller identify` reads logs from elsewhere; logs of tiller need nothing."},
+    {"figure", "[figure]",
+     "The stick figure that the page of a run shows. Nothing else reads it. Lengths are in metres, x and y level and z "
+     "up. Where the keys say value, write a number, the name of a state or a parameter, or a sum of such: "
+     "`0.1`, `\"angle_rad\"`, `\"0.1 - 2*half_length_m\"`."},
+    {"figure.links[]", "[[figure.links]]",
+     "A frame with what is drawn in it, placed in its parent's: moved by position_m, turned by rpy_rad or quaternion, "
+     "then by its joint. Parents go first. `tiller import` writes one for each link of the description."},
+    {"figure.links[].circles[]", "in [[figure.links]]: circles = [{ ... }]", "Wheels, pivots, bobs."},
+    {"figure.links[].boxes[]", "in [[figure.links]]: boxes = [{ ... }]", "Carriages, bodies."},
 };
 
 /// Of sections that also have settings of config.def: those that the manual shows first.
@@ -319,6 +328,39 @@ const std::vector<KeySpec> kOthers = {
     {"log", "undriven", K::flag, "", "false", 0, 1, false, hand, nullptr,
      "true: nothing drives the robot in the logs, every input is 0; so it is without this key where a log has only "
      "stamps and states"},
+
+    {"figure", "view", K::choice, "", "3d", 0, 0, false, hand, figure_view_names,
+     "at first: side has x to the right and z up, top x to the right and y up; the mouse turns them all"},
+    {"figure", "links", K::other, "", kRequired, 0, 0, false, hand, nullptr, "as [[figure.links]]"},
+    {"figure", "goals_m", K::other, "m", "none", 0, 0, false, hand, nullptr,
+     "[x, y, z] points of values, which may name outputs too; drawn where their targets are, [[\"tip_x_m\", 0, "
+     "\"tip_z_m\"]]. Frames of [cost] and targets of states need nothing"},
+    {"figure.links[]", "name", K::text, "", kRequired, 0, 0, false, hand, nullptr, "for `parent` and for messages"},
+    {"figure.links[]", "parent", K::text, "", "the world", 0, 0, false, hand, nullptr, "a link above this one"},
+    {"figure.links[]", "position_m", K::other, "m", "0 each", 0, 0, false, hand, nullptr,
+     "[x, y, z] values: the link's origin in the parent's frame"},
+    {"figure.links[]", "rpy_rad", K::other, "rad", "0 each", 0, 0, false, hand, nullptr,
+     "[roll, pitch, yaw] values: turned about the parent's x, y and z axis, in this order, as a URDF has them"},
+    {"figure.links[]", "quaternion", K::other, "", "none", 0, 0, false, hand, nullptr,
+     "[w, x, y, z] values in the place of rpy_rad, of any length above 0"},
+    {"figure.links[]", "axis", K::other, "", "none", 0, 0, false, hand, nullptr,
+     "[x, y, z] numbers: the joint's direction in the link; required by turn_rad and slide_m"},
+    {"figure.links[]", "turn_rad", K::other, "rad", "0", 0, 0, false, hand, nullptr, "value: turned about axis"},
+    {"figure.links[]", "slide_m", K::other, "m", "0", 0, 0, false, hand, nullptr, "value: moved along axis"},
+    {"figure.links[]", "joined", K::flag, "", "false", 0, 1, false, hand, nullptr,
+     "true: a line from the parent's origin to this link's"},
+    {"figure.links[]", "lines_m", K::other, "m", "none", 0, 0, false, hand, nullptr,
+     "lines in the link's frame, each a list of points of three values: [[[0, 0, 0], [0, 0, \"length_m\"]]]"},
+    {"figure.links[]", "circles", K::other, "", "none", 0, 0, false, hand, nullptr, "circles in the link's frame"},
+    {"figure.links[]", "boxes", K::other, "", "none", 0, 0, false, hand, nullptr, "boxes in the link's frame"},
+    {"figure.links[].circles[]", "at_m", K::other, "m", "0 each", 0, 0, false, hand, nullptr, "[x, y, z] values"},
+    {"figure.links[].circles[]", "radius_m", K::other, "m", kRequired, 0, 0, false, hand, nullptr, "value"},
+    {"figure.links[].circles[]", "normal", K::other, "", "[0, 1, 0]", 0, 0, false, hand, nullptr,
+     "[x, y, z] numbers: at right angles to its plane"},
+    {"figure.links[].boxes[]", "at_m", K::other, "m", "0 each", 0, 0, false, hand, nullptr,
+     "[x, y, z] values: its centre"},
+    {"figure.links[].boxes[]", "size_m", K::other, "m", kRequired, 0, 0, false, hand, nullptr,
+     "[x, y, z] values: its extents along the link's axes"},
 };
 
 /// Behaviour of the file's reader where a key is left out, in the place of the configuration's default.
@@ -442,6 +484,7 @@ Words risk_names() { return {"mean", "cvar", "worst"}; }
 Words interpolation_names() { return {"linear", "cubic"}; }
 Words shooting_names() { return {"single", "multiple"}; }
 Words qp_names() { return {"riccati", "osqp"}; }
+Words figure_view_names() { return {"3d", "side", "top"}; }
 Words terminal_names() { return {"diagonal", "lqr"}; }
 
 Words effect_names() {

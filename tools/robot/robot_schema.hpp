@@ -76,5 +76,6 @@ Words qp_names();
 Words terminal_names();
 Words effect_names();
 Words builtin_model_names();
+Words figure_view_names();
 
 }  // namespace tiller::tools

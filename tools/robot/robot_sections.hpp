@@ -31,6 +31,8 @@ void read_drives(SectionReader& section, const RobotFile& robot, TransportSectio
 void read_realtime(FileErrors& errors, const toml::table& root, RobotFile& robot);
 void read_sim(FileErrors& errors, const toml::table& root, RobotFile& robot);
 void read_log_map(FileErrors& errors, const toml::table& root, RobotFile& robot);
+/// After the parameters and effects: it may name them.
+void read_figure(FileErrors& errors, const toml::table& root, RobotFile& robot);
 
 /// A key of a table with its value.
 struct Entry {

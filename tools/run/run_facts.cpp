@@ -121,7 +121,7 @@ void add_outputs(const RobotFile& robot, Json& json) {
     const auto names = frame_output_names(frame);
     if (index_of(robot.outputs, names.back()) < 0) continue;
     rotations.insert(names.begin() + 3, names.end());
-    if (weighed(names[0]) || weighed(names[3])) frames.push_back({{"name", frame}, {"turns", weighed(names[3])}});
+    if (weighed(names[0]) || weighed(names[3])) frames.push_back({{"name", frame}, {"moves", weighed(names[0])}, {"turns", weighed(names[3])}});
   }
   for (std::size_t j = 0; j < robot.outputs.size(); ++j) {
     const std::string& name = robot.outputs[j];
@@ -131,6 +131,56 @@ void add_outputs(const RobotFile& robot, Json& json) {
   json["columns"]["outputs"] = outputs;
   json["columns"]["frames"] = frames;
   json["output_target"] = target;
+}
+
+Json value_json(const FigureValue& value) {
+  Json terms = Json::array();
+  for (const FigureTerm& term : value) terms.push_back(Json::array({term.factor, term.name}));
+  return terms;
+}
+
+template <class Values>
+Json values_json(const Values& values) {
+  Json list = Json::array();
+  for (const FigureValue& value : values) list.push_back(value_json(value));
+  return list;
+}
+
+Json link_json(const FigureLink& link) {
+  Json json = {{"name", link.name},         {"parent", link.parent},
+               {"position_m", values_json(link.position_m)}, {"rpy_rad", values_json(link.rpy_rad)},
+               {"axis", link.axis},         {"turn_rad", value_json(link.turn_rad)},
+               {"slide_m", value_json(link.slide_m)},        {"joined", link.joined}};
+  if (!link.quaternion.empty()) json["quaternion"] = values_json(link.quaternion);
+  json["lines_m"] = json["circles"] = json["boxes"] = Json::array();
+  for (const auto& line : link.lines_m) {
+    Json points = Json::array();
+    for (const FigurePoint& point : line) points.push_back(values_json(point));
+    json["lines_m"].push_back(points);
+  }
+  for (const FigureCircle& circle : link.circles)
+    json["circles"].push_back(
+        {{"at_m", values_json(circle.at_m)}, {"radius_m", value_json(circle.radius_m)}, {"normal", circle.normal}});
+  for (const FigureBox& box : link.boxes)
+    json["boxes"].push_back({{"at_m", values_json(box.at_m)}, {"size_m", values_json(box.size_m)}});
+  return json;
+}
+
+/// The figure, and the parameters that it may name: what the controller believes where the log has no column, and the
+/// plant's.
+void add_figure(const RobotFile& robot, const std::vector<double>& true_params, Json& json) {
+  if (robot.figure.line == 0) return;
+  Json figure = {{"view", robot.figure.view}, {"goals_m", Json::array()}, {"links", Json::array()}};
+  for (const FigurePoint& goal : robot.figure.goals_m) figure["goals_m"].push_back(values_json(goal));
+  for (const FigureLink& link : robot.figure.links) figure["links"].push_back(link_json(link));
+  figure["parameters"] = figure["true_parameters"] = Json::object();
+  for (std::size_t i = 0; i < robot.params.size(); ++i) {
+    if (robot.config.priors[i].kind == tiller_prior_fixed)
+      figure["parameters"][robot.params[i]] = robot.config.priors[i].a;
+    if (i < true_params.size() && std::isfinite(true_params[i]))
+      figure["true_parameters"][robot.params[i]] = true_params[i];
+  }
+  json["figure"] = figure;
 }
 
 }  // namespace
@@ -154,6 +204,7 @@ std::string run_facts_json(const RobotFile& robot, const RunResult& result, cons
   for (std::size_t i = 0; i < edges.size() && c.posterior.enabled; ++i)
     if (edges[i].side != EdgeSide::none) json["edges"][robot.params[i]] = edge_json(robot.params[i], edges[i]);
   json["facts"] = facts(robot, result);
+  add_figure(robot, story.true_params, json);
   return json.dump(2) + "\n";
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "tools/run/run_loop.hpp"
 
@@ -11,6 +12,7 @@ struct RunStory {
   std::string title;
   std::string outcome;  ///< one sentence; empty: none
   bool good = true;
+  std::vector<double> true_params = {};  ///< (param_count, NaN: not known) of the plant; empty: none known
 };
 
 /// Its text: what the log's columns are, with their units, and what the log does not say.

@@ -85,6 +85,17 @@ th { color: #5a626b; font-weight: 500; } th:first-child, td:first-child { text-a
   gap: 22px 28px; margin: 14px 0; }
 .grid .wide { grid-column: 1 / -1; }
 figure { margin: 0; } figure svg { width: 100%; height: auto; display: block; }
+.stage canvas { width: 100%; height: clamp(240px, 46vw, 430px); display: block; border: 1px solid #e3e6ea;
+  border-radius: 6px; touch-action: pan-y; cursor: grab; }
+.stage .controls { display: flex; flex-wrap: wrap; gap: 6px 12px; align-items: center; margin: 8px 0 4px; }
+.stage .controls input { flex: 1 1 140px; min-width: 0; } .stage .controls output { font-variant-numeric: tabular-nums; }
+.stage button, .stage select { font: inherit; font-size: 14px; padding: 3px 12px; border: 1px solid #c4cad1;
+  border-radius: 6px; background: #f7f8fa; color: inherit; } .stage button { min-width: 5em; }
+.legend { display: flex; flex-wrap: wrap; gap: 2px 18px; font-size: 14px; color: #5a626b; }
+.legend i { display: inline-block; width: 24px; margin-right: 6px; vertical-align: middle; }
+.robot { display: grid; gap: 22px 28px; margin: 14px 0; grid-template-columns: minmax(0, 1fr); }
+@media (min-width: 800px) { .robot { grid-template-columns: minmax(0, 3fr) minmax(0, 2fr); } }
+@media print { .stage { display: none; } }
 figcaption { color: #5a626b; font-size: 14px; line-height: 1.4; }
 code { font-size: .92em; background: #f3f5f7; padding: 1px 5px; border-radius: 4px; }
 footer { margin-top: 40px; color: #5a626b; font-size: 14px; }

@@ -18,6 +18,9 @@ Where outputs of the model have costs, "columns" has them too ("outputs": {"tip_
 wanted somewhere ("frames": [{"name": "tool0", "turns": true}], in the log as out.tool0_x_m ... out.tool0_rzz), and
 "output_target" the targets of all outputs, for which the log's goal.* stand where they changed.
 
+Where the robot file has a [figure], "figure" holds it: its links with all values as sums of [factor, name], and the
+parameters that the log has no column of ("parameters", of the plant "true_parameters").
+
 "columns" is required, with the unit of each ("angles": of one turn, where whole turns are the same); every other key
 is optional. "tracked" states have a reference to follow, in the log as ref.*; "plane" names two states that span one,
 and the obstacles in it: {"x": "x_m", "y": "z_m", "obstacles": [[x, y, radius]]}. "priors" holds 5 % and 95 % of the
@@ -35,7 +38,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import page
+from . import animation, page
 from .table import ReportError, Table, read_json, read_table, write_page
 
 _WORDS = ("state", "status")
@@ -384,6 +387,7 @@ def build(run: Run) -> str:
     if run.meta.get("outcome"):
         body.append(page.outcome(run.meta["outcome"], run.meta.get("good")))
     body.append(run_facts(run))
+    body.append(animation.section(run))
     if run.params:
         edges = [run.edge(name)["text"] for name in run.params if run.edge(name)]
         body += ["<h2>What was learnt</h2>", page.warnings(edges), param_table(run),
