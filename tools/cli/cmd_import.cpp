@@ -14,16 +14,20 @@
 #include "tools/command/commands.hpp"
 #include "tools/description/function.hpp"
 #include "tools/import/figure_writer.hpp"
+#include "tools/import/identifiable.hpp"
 #include "tools/import/model_writer.hpp"
 #include "tools/import/robot_writer.hpp"
+#include "tools/robot/clearance_file.hpp"
 
 namespace tiller::tools {
 namespace {
 
 struct Options {
   std::string description, folder, details, base = "fixed";
-  Words unknown, hold, armature, frame, value;
-  bool any_inertia = false, force = false;
+  Words unknown, hold, armature, frame, sphere, value;
+  std::string sphere_file;
+  double margin_rad = 0.0;
+  bool any_inertia = false, force = false, keep_unidentifiable = false, model_only = false;
 };
 
 int complain_all(const std::vector<std::string>& errors) {
@@ -70,6 +74,78 @@ bool read_joint_options(const Options& o, MechanismOptions& options, std::vector
   return errors.empty();
 }
 
+/// "LINK:X,Y,Z,RADIUS"
+bool read_sphere(const std::string& word, Spheres& spheres, std::vector<std::string>& errors) {
+  const std::size_t colon = word.rfind(':');
+  const Words cells = colon == std::string::npos || colon == 0 ? Words{} : csv_cells(word.substr(colon + 1));
+  double value[4] = {};
+  bool good = cells.size() == 4;
+  for (std::size_t i = 0; good && i < 4; ++i) {
+    char* end = nullptr;
+    value[i] = std::strtod(cells[i].c_str(), &end);
+    good = !cells[i].empty() && *end == '\0' && std::fabs(value[i]) < 1e6;
+  }
+  if (!good || !(value[3] > 0.0)) {
+    errors.push_back("--sphere " + word + ": write LINK:X,Y,Z,RADIUS, in m in the link's frame, with a radius above 0");
+    return false;
+  }
+  Sphere sphere{"", word.substr(0, colon), {value[0], value[1], value[2]}, value[3]};
+  int on_link = 1;
+  for (const Sphere& other : spheres.list) on_link += other.link == sphere.link ? 1 : 0;
+  sphere.name = identifier(sphere.link) + "_" + std::to_string(on_link);
+  spheres.list.push_back(sphere);
+  return true;
+}
+
+/// Of the options, of the file that they name, and with --model-only of the robot file that stays.
+bool read_spheres(const Options& o, Spheres& spheres, std::vector<std::string>& errors) {
+  const std::string robot = o.folder + "/robot.toml";
+  const std::string file = o.sphere_file.empty() && o.model_only ? robot : o.sphere_file;
+  if (o.model_only && !exists(robot)) {
+    errors.push_back(robot + ": is not there, so that --model-only would leave a model without a robot file; leave it out");
+    return false;
+  }
+  if (o.model_only && !(o.sphere.empty() && o.sphere_file.empty())) {
+    errors.push_back("--model-only takes the spheres of " + robot + "; write them there, without --sphere and --spheres");
+    return false;
+  }
+  if (!file.empty() && !o.sphere.empty()) {
+    errors.push_back("--sphere and --spheres: use one of them; a file has as many as you like");
+    return false;
+  }
+  if (!file.empty() && !read_sphere_file(file, spheres, errors)) return false;
+  for (const std::string& word : o.sphere) (void)read_sphere(word, spheres, errors);
+  if (!o.sphere_file.empty() && spheres.empty() && errors.empty())
+    errors.push_back(file + ": has no spheres in a section [cost.clearance]");
+  return errors.empty();
+}
+
+/// The command that writes the same model, without what belongs to the robot file alone.
+std::string command_text(const Options& o) {
+  const auto quoted = [](const std::string& word) {
+    return word.find_first_of(" *'\"$&;()<>|\\") == std::string::npos ? word : "'" + word + "'";
+  };
+  std::string text = "tiller import " + quoted(o.description) + " -o " + quoted(o.folder);
+  const auto add = [&](const char* option, const Words& words) {
+    if (!words.empty()) text += std::string(" ") + option + " " + quoted(join(words, ","));
+  };
+  add("--unknown", o.unknown);
+  add("--frame", o.frame);
+  add("--hold", o.hold);
+  add("--armature", o.armature);
+  if (o.base != "fixed") text += " --base " + o.base;
+  if (o.any_inertia) text += " --any-inertia";
+  return text;
+}
+
+/// Head of a header: how it was written, and the spheres that it knows.
+std::string head_of(const Options& o, const Spheres& spheres) {
+  if (spheres.empty()) return "";
+  std::string text = command_mark() + command_text(o) + "\n";
+  for (const std::string& mark : all_marks(spheres)) text += mark + "\n";
+  return text;
+}
+
 /// The link that hangs on the longest chain of joints, behind its fixed joints; -1: nothing moves.
 int last_frame(const Mechanism& mechanism) {
   int longest = 0, frame = -1;
@@ -114,6 +190,17 @@ bool read_frames(const Mechanism& mechanism, const Words& wanted, std::vector<in
   return errors.empty();
 }
 
+bool outputs_fit(const Spheres& spheres, const SphereOutputs& distances, std::size_t frames,
+                 std::vector<std::string>& errors) {
+  const std::size_t all = 12 * frames + distances.outputs.size();
+  if (all <= TILLER_MAX_OUTPUTS) return true;
+  errors.push_back("spheres: " + std::to_string(spheres.list.size()) + " of them make " +
+                   std::to_string(distances.outputs.size()) + " distances, which with " + std::to_string(frames) +
+                   " frame(s) of 12 outputs is more than the " + std::to_string(TILLER_MAX_OUTPUTS) +
+                   " outputs of a model; use fewer spheres, or name links in may_touch whose distance is nobody's worry");
+  return false;
+}
+
 /// What a model may have; the remedy names joints to hold.
 bool within_limits(const Mechanism& mechanism, const ModelNames& names, const Unknowns& unknowns,
                    std::vector<std::string>& errors) {
@@ -143,7 +230,8 @@ bool within_limits(const Mechanism& mechanism, const ModelNames& names, const Un
 constexpr std::size_t kManyUnknowns = 3;
 
 std::size_t unknown_count(const Unknowns& unknowns) {
-  std::size_t count = unknowns.parameters.size() + (unknowns.payload ? 1 : 0);
+  std::size_t count = unknowns.payload ? 1 : 0;
+  for (const ModelParameter& p : unknowns.parameters) count += p.is_held ? 0 : 1;
   for (const JointFriction& f : unknowns.friction)
     for (const std::string* text : {&f.viscous, &f.dry}) count += text->find('{') != std::string::npos ? 1 : 0;
   return count;
@@ -192,22 +280,28 @@ bool make_plant(const Options& o, const MechanismOptions& options, const Mechani
 }
 
 int write_files(const Options& o, const MechanismOptions& options, const Description& description,
-                const Mechanism& mechanism, const Unknowns& unknowns, const std::vector<int>& frames) {
+                const Mechanism& mechanism, const Unknowns& unknowns, const std::vector<int>& frames,
+                const Spheres& spheres, const SphereOutputs& distances) {
   const int frame = frames.empty() ? -1 : frames.front();
-  const WrittenModel model = write_model(mechanism, unknowns, frame, frames);
+  const WrittenModel model = write_model(mechanism, unknowns, frame, frames, distances);
   const std::string stem = identifier(mechanism.name), header = stem + ".hpp";
   const std::string robot_path = o.folder + "/robot.toml", model_path = o.folder + "/" + header;
   const std::string frame_name = frame >= 0 ? mechanism.frames[static_cast<std::size_t>(frame)].name : "";
   for (const std::string& path : {robot_path, model_path})
-    if (!o.force && exists(path)) return complain(path + " is there already; write it anew with --force");
+    if (!o.force && !o.model_only && exists(path))
+      return complain(path + " is there already; write it anew with --force, the model alone with --model-only");
   std::string error;
   make_folders_for(robot_path);
   DescribedPlant plant;
   std::vector<std::string> notes = mechanism.notes;
   if (!make_plant(o, options, mechanism, description.compiled, frame_name, plant, notes, error)) return complain(error);
-  if (!replace_file(model_path, model.text, error)) return complain(error);
+  if (!replace_file(model_path, head_of(o, spheres) + model.text, error)) return complain(error);
   const std::string figure = write_figure(description, options, mechanism, model.names, frames);
-  if (!replace_file(robot_path, write_robot(mechanism, unknowns, model.names, header, frame_name, plant, figure), error))
+  if (!o.model_only &&
+      !replace_file(robot_path,
+                    write_robot(mechanism, unknowns, model.names, header, frame_name, plant,
+                                {o.margin_rad, spheres, figure}),
+                    error))
     return complain(error);
   for (const std::string& note : notes) std::printf("note: %s\n", note.c_str());
   if (const std::size_t count = unknown_count(unknowns); count > kManyUnknowns)
@@ -244,11 +338,24 @@ bool options_fit(const Options& o, bool is_function) {
     bad |= refuse(!o.armature.empty(), "--armature");
     bad |= refuse(o.base != "fixed", "--base");
     bad |= refuse(o.any_inertia, "--any-inertia");
+    bad |= refuse(!o.sphere.empty(), "--sphere");
+    bad |= refuse(!o.sphere_file.empty(), "--spheres");
+    bad |= refuse(o.margin_rad > 0.0, "--margin");
+    bad |= refuse(o.model_only, "--model-only");
+    bad |= refuse(o.keep_unidentifiable, "--keep-unidentifiable");
   } else {
     bad |= refuse(!o.value.empty(), "--value");
     bad |= refuse(!o.details.empty(), "--details");
   }
   return !bad;
+}
+
+/// Notes and comments on what no motion can tell; without --keep-unidentifiable that is held at the description's.
+void judge_unknowns(const Options& o, int payload_frame, Mechanism& mechanism, Unknowns& unknowns) {
+  const Identifiability found = find_identifiable(mechanism, unknowns, payload_frame);
+  if (!o.keep_unidentifiable) hold_unidentifiable(found, unknowns);
+  comment_parameters(found, unknowns);
+  for (const std::string& note : identifiable_notes(found, !o.keep_unidentifiable)) mechanism.notes.push_back(note);
 }
 
 int import_command(Options& o) {
@@ -273,7 +380,13 @@ int import_command(Options& o) {
     return complain_all(errors);
   if (o.folder.empty()) o.folder = identifier(mechanism.name);
   while (o.folder.size() > 1 && o.folder.back() == '/') o.folder.pop_back();
-  return write_files(o, options, description, mechanism, unknowns, frames);
+  Spheres spheres;
+  SphereOutputs distances;
+  if (!read_spheres(o, spheres, errors) || !place_spheres(spheres, mechanism, distances, errors) ||
+      !outputs_fit(spheres, distances, frames.size(), errors))
+    return complain_all(errors);
+  judge_unknowns(o, frames.empty() ? -1 : frames.front(), mechanism, unknowns);
+  return write_files(o, options, description, mechanism, unknowns, frames, spheres, distances);
 }
 
 }  // namespace
@@ -306,6 +419,18 @@ void add_import_command(CLI::App& app, int& exit_code) {
       ->add_option("--armature", o->armature,
                    "rotor inertia behind the gear, where the description has none: JOINT=KGM2, *=KGM2; by commas")
       ->delimiter(',');
+  command->add_option("--sphere", o->sphere,
+                      "LINK:X,Y,Z,RADIUS, as often as needed: a sphere on a link, in m in its frame, that is to stay apart\n"
+                      "from those of other links; obstacles and a floor: --spheres");
+  command->add_option("--spheres", o->sphere_file, "a TOML file with the section [cost.clearance] (docs/reference/costs.md)");
+  command
+      ->add_option("--margin", o->margin_rad,
+                   "so many rad before its end a joint that turns begins to cost, in [cost] bounds [0]")
+      ->check(CLI::Range(0.0, 3.0));
+  command->add_flag("--model-only", o->model_only,
+                    "write the model anew, with the spheres of the folder's robot.toml, which stays as it is");
+  command->add_flag("--keep-unidentifiable", o->keep_unidentifiable,
+                    "unknowns that no motion can tell keep their priors, which filters of few particles make narrow\nby chance; without it they are held at the description's values");
   command->add_flag("--any-inertia", o->any_inertia, "take inertias that no body can have as they are");
   command->add_option("--value", o->value, "of a function's parameters: NAME=NUMBER; several by commas")
       ->delimiter(',');
@@ -318,6 +443,8 @@ void add_import_command(CLI::App& app, int& exit_code) {
       "Examples:\n"
       "  tiller import my_arm.urdf -o my_arm --unknown payload=2\n"
       "      my_arm/my_arm.hpp and my_arm/robot.toml, with a prior for the load\n"
+      "  tiller import my_arm.urdf -o my_arm --sphere base:0,0,0.1,0.12 --sphere hand:0,0,0.05,0.06\n"
+      "      the hand keeps away from the base; `tiller import my_arm.urdf -o my_arm --model-only` after spheres move\n"
       "  tiller import ur5.urdf --unknown mass:forearm_link --frame tool0 --hold wrist_3_joint\n"
       "      one mass in doubt, five joints\n"
       "  tiller import cart_pole.casadi --value pole_kg=0.2,length_m=0.5 --unknown pole_kg\n"

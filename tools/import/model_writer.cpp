@@ -12,6 +12,9 @@
 namespace tiller::tools {
 namespace {
 
+/// Distances are sqrt(d^2 + this^2), which has a slope where centres meet; 5 micrometres are added at 0.1 m.
+constexpr double kSoftDistance_m = 0.001;
+
 /// The equations' unknown quantities as symbols, and what follows from them for every body.
 class Equations {
  public:
@@ -105,6 +108,25 @@ class Equations {
                                  {frame.pose.rotation(0, c), frame.pose.rotation(1, c), frame.pose.rotation(2, c)});
       for (std::size_t r = 0; r < 3; ++r)
         for (const Vec3<Expression>& a : axis) out.push_back(a[r]);
+    }
+    return out;
+  }
+
+  /// Squares of the distances of centres, and heights.
+  std::vector<Expression> distances(const SphereOutputs& spheres) {
+    ArticulatedBody<Expression> tree(mechanism_, {});
+    tree.place(positions());
+    std::vector<Vec3<Expression>> centres;
+    for (const PlacedSphere& s : spheres.placed) centres.push_back(tree.point(s.body, {s.at[0], s.at[1], s.at[2]}));
+    std::vector<Expression> out;
+    for (const SphereOutput& output : spheres.outputs) {
+      const Vec3<Expression>& a = centres[at(output.a)];
+      if (output.b < 0) {
+        out.push_back(a[2]);
+        continue;
+      }
+      const Vec3<Expression> apart = a - centres[at(output.b)];
+      out.push_back(dot(apart, apart));
     }
     return out;
   }
@@ -431,7 +453,7 @@ ModelNames name_model(const Mechanism& mechanism) {
 }
 
 WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, int payload_frame,
-                         const std::vector<int>& told) {
+                         const std::vector<int>& told, const SphereOutputs& spheres) {
   WrittenModel out;
   out.names = name_model(mechanism);
   const ModelNames& n = out.names;
@@ -468,14 +490,23 @@ WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, i
   if (has_slopes) slope_code = slopes_text(mechanism, unknowns, n, payload_frame, out.slope_operations);
 
   Equations kinematics(mechanism, unknowns, n, payload_frame);
-  std::vector<std::string> outputs, poses;
+  std::vector<std::string> outputs, told_values;
   std::string pose_code;
   for (const int frame : told)
     for (const std::string& name :
          frame_output_names(identifier(mechanism.frames[static_cast<std::size_t>(frame)].name)))
       outputs.push_back(name);
-  if (!told.empty())
-    pose_code = emit_code(kinematics.graph, kinematics.poses(told), "    ", poses, &out.output_operations);
+  std::vector<Expression> told_of = kinematics.poses(told);
+  for (const Expression& distance : kinematics.distances(spheres)) told_of.push_back(distance);
+  const std::size_t first_distance = outputs.size();
+  for (const SphereOutput& output : spheres.outputs) outputs.push_back(output.name);
+  if (!outputs.empty()) pose_code = emit_code(kinematics.graph, told_of, "    ", told_values, &out.output_operations);
+  for (std::size_t i = 0; i < spheres.outputs.size(); ++i)
+    if (spheres.outputs[i].b >= 0) {
+      std::string& value = told_values[first_distance + i];
+      value = "sqrt(" + value + " + S(" + number_text(kSoftDistance_m * kSoftDistance_m) + "))";
+      out.output_operations += 2;
+    }
 
   std::vector<std::string> params;
   for (const ModelParameter& p : unknowns.parameters) params.push_back(p.name);
@@ -534,12 +565,14 @@ WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, i
         "],\n                     S (*by_position)[" + std::to_string(joints) + "], S (*by_speed)[" +
         std::to_string(joints) + "], S* input_gain) {\n    responses(x, body, " + (has_params ? "p, " : "") +
         "column);\n    using tiller::sincos;\n" + slope_code + "  }\n";
-  if (!told.empty())
-    text += "\n" + fields_text("Output", outputs) +
-            "\n  /// Poses of frames in the base's axes: " + std::to_string(out.output_operations) +
-            " operations.\n  static Output outputs(const State& x" +
+  if (!outputs.empty())
+    text += "\n" + fields_text("Output", outputs) + "\n  /// Poses of frames in the base's axes" +
+            (spheres.outputs.empty() ? std::string() : ", distances of spheres' centres") + ": " +
+            std::to_string(out.output_operations) +
+            " operations.\n  static Output outputs([[maybe_unused]] const State& x" +
             (has_params ? ", [[maybe_unused]] const Params& p" : std::string()) + ") {\n    using tiller::sincos;\n" +
-            pose_code + "    return {" + listed(poses, "            ") + "};\n  }\n";
+            (spheres.outputs.empty() ? "" : "    using tiller::sqrt;\n") + pose_code + "    return {" +
+            listed(told_values, "            ") + "};\n  }\n";
   text += "};\n";
   return out;
 }

@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "tools/import/sphere_outputs.hpp"
 #include "tools/import/unknowns.hpp"
 
 namespace tiller::tools {
@@ -21,14 +22,14 @@ struct WrittenModel {
   ModelNames names;
   int operations = 0;           ///< arithmetic of one call of the dynamics
   int response_operations = 0;  ///< of the inverse inertia
-  int output_operations = 0;    ///< of the frames' poses
+  int output_operations = 0;    ///< of the frames' poses and the spheres' distances
   int slope_operations = 0;     ///< of the slopes beyond the inverse inertia
 };
 
 /// The equations as a header for [model] file: forward dynamics and the inverse inertia, unrolled, for any scalar. The
 /// payload of `body` hangs at `payload_frame` (an index of mechanism.frames; -1: nowhere). `told`: frames whose poses are
-/// the model's outputs (tools/base/frame_names.hpp).
+/// the model's outputs (tools/base/frame_names.hpp); the distances of `spheres` follow them (tools/base/spheres.hpp).
 WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, int payload_frame,
-                         const std::vector<int>& told);
+                         const std::vector<int>& told, const SphereOutputs& spheres = {});
 
 }  // namespace tiller::tools

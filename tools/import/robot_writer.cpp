@@ -22,15 +22,15 @@ constexpr double kEncoder_rad = 0.0005, kEncoder_m = 0.0001;
 
 class RobotText {
  public:
-  RobotText(const Mechanism& mechanism, const Unknowns& unknowns, const ModelNames& names)
+  RobotText(const Mechanism& mechanism, const Unknowns& unknowns, const ModelNames& names, const TaskExtras& extras)
       : mechanism_(mechanism),
         unknowns_(unknowns),
         names_(names),
+        extras_(extras),
         start_(start_position(mechanism)),
         mobility_(mobility(mechanism, start_)) {}
 
-  std::string write(const std::string& header, const std::string& payload_frame, const DescribedPlant& made,
-                    const std::string& figure) {
+  std::string write(const std::string& header, const std::string& payload_frame, const DescribedPlant& made) {
     out_ += "# " + mechanism_.name + ", imported from " + file_name(mechanism_.path) +
             ". `tiller import` writes this file once; it is yours to change.\n"
             "# Every key: `tiller help robot-file`.\n\n";
@@ -43,7 +43,7 @@ class RobotText {
     measurement();
     task(payload_frame);
     safety();
-    out_ += figure;
+    out_ += extras_.figure;
     plant(made);
     return out_;
   }
@@ -84,13 +84,18 @@ class RobotText {
   }
   static double round_to(double value) { return std::round(1e6 * value) / 1e6; }
 
+  bool has_priors() const {
+    return !std::all_of(unknowns_.parameters.begin(), unknowns_.parameters.end(),
+                        [](const ModelParameter& p) { return p.is_held; });
+  }
   void parameters() {
     if (unknowns_.parameters.empty()) return;
     out_ += "[parameters]\n";
     for (const ModelParameter& p : unknowns_.parameters) {
-      out_ += p.name + " = " + p.prior;
       if (p.kind == ModelParameter::Kind::inertia && p.slot == 0)
-        out_ += "   # ten coordinates of " + p.about + "'s inertia; 0 is the description's";
+        out_ += "# ten coordinates of " + p.about + "'s inertia; 0 is the description's\n";
+      out_ += p.name + " = " + p.prior();
+      if (!p.comment.empty()) out_ += "   # " + p.comment;
       out_ += "\n";
     }
     out_ += "\n";
@@ -149,7 +154,7 @@ class RobotText {
     const bool vague = std::any_of(unknowns_.friction.begin(), unknowns_.friction.end(), [](const JointFriction& f) {
       return f.viscous.find('{') != std::string::npos || f.dry.find('{') != std::string::npos;
     });
-    if (unknowns_.parameters.empty() && !unknowns_.payload && !vague)
+    if (!has_priors() && !unknowns_.payload && !vague)
       out_ +=
           "# nothing is unknown: one hypothesis would do\n[posterior]\nenabled = false\nparticles = 16\nmoves_per_tick = 8\n\n";
     else
@@ -181,6 +186,7 @@ class RobotText {
     bounds();
     frame_target(frame);
     out_ += "\n";
+    if (!extras_.spheres.empty()) out_ += clearance_text(extras_.spheres);
   }
 
   /// The same target told by where the tool would be; for whoever would rather say it so.
@@ -217,6 +223,7 @@ class RobotText {
       const MovingBody& b = body(j);
       if (!std::isfinite(b.low) || !std::isfinite(b.high)) continue;
       rows += "bounds." + names_.positions[j] + " = { low = " + number_text(b.low) + ", high = " + number_text(b.high) +
+              (b.prismatic || !(extras_.margin_rad > 0.0) ? "" : ", margin = " + number_text(extras_.margin_rad)) +
               ", weight = 1000 }\n";
     }
     if (!rows.empty()) out_ += "# the joints' ends, as costs\n" + rows;
@@ -282,7 +289,7 @@ class RobotText {
                ? "parameters.gravity_m_s2 = " + number_text(-mechanism_.gravity_m_s2[2]) + "\n"
                : "") +
           "seed = 1\n";
-    if (!unknowns_.parameters.empty()) out_ += "draw = true               # from the priors above, by the seed\n";
+    if (has_priors()) out_ += "draw = true               # from the priors above, by the seed\n";
     for (std::size_t j = 0; j < joints(); ++j)
       out_ += "sensors." + names_.positions[j] +
               " = { sd = " + number_text(0.5 * (body(j).prismatic ? kEncoder_m : kEncoder_rad)) + " }\n";
@@ -308,6 +315,7 @@ class RobotText {
   const Mechanism& mechanism_;
   const Unknowns& unknowns_;
   const ModelNames& names_;
+  const TaskExtras& extras_;
   const std::vector<double> start_, mobility_;
   std::string out_;
 };
@@ -316,8 +324,8 @@ class RobotText {
 
 std::string write_robot(const Mechanism& mechanism, const Unknowns& unknowns, const ModelNames& names,
                         const std::string& header, const std::string& payload_frame, const DescribedPlant& plant,
-                        const std::string& figure) {
-  return RobotText(mechanism, unknowns, names).write(header, payload_frame, plant, figure);
+                        const TaskExtras& extras) {
+  return RobotText(mechanism, unknowns, names, extras).write(header, payload_frame, plant);
 }
 
 }  // namespace tiller::tools

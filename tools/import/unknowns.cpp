@@ -22,12 +22,19 @@ const char* const* inertia_coordinates() {
   return names;
 }
 
+std::string ModelParameter::prior() const {
+  if (is_held) return is_log_normal() ? number_text(value) : "0.0";
+  const auto spread = [&] { return format("%.4g", sd); };
+  return is_log_normal() ? "{ log_normal = [" + (value == 1.0 ? "1.0" : number_text(value)) + ", " + spread() + "] }"
+                         : "{ normal = [0.0, " + spread() + "] }";
+}
+
 namespace {
 
 constexpr double kPayload_kg = 3.0;
 /// How far a description's numbers are believed where they are called unknown: a quarter for masses, a tenth for
 /// shapes and gains.
-constexpr double kMassShare = 0.25, kShapeSd = 0.1, kGainSd = 0.1;
+constexpr double kMassShare = 0.25, kShapeSd = 0.1, kShiftSd_m = 0.01, kGainSd = 0.1;
 /// A joint whose friction nobody states: of its effort, at most so much dry, and so much viscous at its top speed.
 constexpr double kDryShare = 0.05, kViscousShare = 0.05;
 
@@ -106,20 +113,17 @@ class Reader {
     using Kind = ModelParameter::Kind;
     if (kind == "mass" && !has(Kind::mass, about) && !has(Kind::inertia, about)) {
       const double m = mass_of(about);
-      if (m > 0.0)
-        out_.parameters.push_back({Kind::mass, identifier(about) + "_mass_kg", about, 0,
-                                   "{ log_normal = [" + number_text(m) + ", " + number_text(kMassShare) + "] }"});
+      if (m > 0.0) out_.parameters.push_back({Kind::mass, identifier(about) + "_mass_kg", about, 0, m, kMassShare});
     }
     if (kind == "inertia" && !has(Kind::inertia, about)) {
       if (has(Kind::mass, about))
         return fail("inertia:" + about, "its mass is unknown already, which inertia includes");
       for (int k = 0; k < kInertiaCoordinates; ++k)
-        out_.parameters.push_back({Kind::inertia, identifier(about) + "_" + inertia_coordinates()[k], about, k,
-                                   "{ normal = [0.0, " + number_text(k < 7 ? kShapeSd : 0.1 * kShapeSd) + "] }"});
+        out_.parameters.push_back({Kind::inertia, identifier(about) + "_" + inertia_coordinates()[k], about, k, 0.0,
+                                   k < 7 ? kShapeSd : kShiftSd_m});
     }
     if (kind == "gain" && !has(Kind::gain, about) && body_of(about).actuated)
-      out_.parameters.push_back(
-          {Kind::gain, identifier(about) + "_gain", about, 0, "{ log_normal = [1.0, " + number_text(kGainSd) + "] }"});
+      out_.parameters.push_back({Kind::gain, identifier(about) + "_gain", about, 0, 1.0, kGainSd});
     if (kind == "friction") add_friction(body_of(about));
   }
 

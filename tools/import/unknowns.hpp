@@ -11,10 +11,16 @@ namespace tiller::tools {
 struct ModelParameter {
   enum class Kind { mass, inertia, gain };
   Kind kind = Kind::mass;
-  std::string name;   ///< as in the robot file: "forearm_link_mass_kg"
-  std::string about;  ///< the link or joint
-  int slot = 0;       ///< of an inertia's ten coordinates
-  std::string prior;  ///< TOML, as it stands in [parameters]
+  std::string name;          ///< as in the robot file: "forearm_link_mass_kg"
+  std::string about;         ///< the link or joint
+  int slot = 0;              ///< of an inertia's ten coordinates
+  double value = 0.0;        ///< by the description
+  double sd = 0.0;           ///< of the prior: of an inertia's coordinates as it is, else of the logarithm
+  bool is_held = false;      ///< at `value`, which stands in the prior's place
+  std::string comment = {};  ///< what stands behind it in the robot file
+
+  bool is_log_normal() const { return kind != Kind::inertia; }
+  std::string prior() const;  ///< TOML, as it stands in [parameters]
 };
 
 /// Friction of a joint: effects of the robot file, which act implicitly. Equations with damping of their own would be

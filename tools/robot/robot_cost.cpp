@@ -18,6 +18,7 @@ void read_bound_of(FileErrors& errors, const std::string& name, const toml::node
   bound.refuse_unknown();
   const auto low = bound.number("low");
   const auto high = bound.number("high");
+  const double margin = bound.number("margin").value_or(0.0);
   const auto weight = bound.number("weight");
   const auto hard = bound.flag("hard");
   if (errors.list().size() != before) return;
@@ -26,8 +27,10 @@ void read_bound_of(FileErrors& errors, const std::string& name, const toml::node
   } else if (bound.in_order("low", low, "high", high) && weight.value_or(0) <= 0 && !hard.value_or(false)) {
     bound.missing("weight", "write weight = what being outside costs, or hard = true with the planner sqp");
   }
-  if (low) cost.state_low[state] = *low;
-  if (high) cost.state_high[state] = *high;
+  if (low && high && !(*low + margin < *high - margin) && *low < *high)
+    bound.error("margin", "leaves nothing between low and high", "write less than half of their distance");
+  if (low) cost.state_low[state] = *low + margin;
+  if (high) cost.state_high[state] = *high - margin;
   cost.bound_weight[state] = weight.value_or(0);
   if (hard.value_or(false)) cost.hard_bounds |= 1u << state;
 }

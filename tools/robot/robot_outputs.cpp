@@ -1,4 +1,4 @@
-// [cost] outputs and frames: what the model's outputs cost.
+// [cost] outputs, frames and clearance: what the model's outputs cost.
 
 #include <array>
 #include <cmath>
@@ -33,22 +33,6 @@ void read_output(FileErrors& errors, const std::string& name, const toml::table&
   (void)section.in_order("low", low, "high", high);
   out = {target.value_or(0),      weight.value_or(0),      terminal.value_or(weight.value_or(0)),
          low.value_or(-INFINITY), high.value_or(INFINITY), bound.value_or(0)};
-}
-
-/// Three finite numbers; false after an error.
-bool read_triple(SectionReader& section, const std::string& key, std::array<double, 3>& out) {
-  const toml::node* node = section.node(key);
-  const toml::array* list = node ? node->as_array() : nullptr;
-  bool good = list && list->size() == 3;
-  for (std::size_t i = 0; good && i < 3; ++i) {
-    const auto value = (*list)[i].value<double>();
-    good = value && std::fabs(*value) <= TILLER_LARGEST_VALUE;
-    if (good) out[i] = *value;
-  }
-  if (!good)
-    section.error(key, "is " + (list ? std::string("no list of three numbers") : kind_text(*node)),
-                  "write three numbers, e.g. [0.4, 0.0, 0.3]");
-  return good;
 }
 
 void read_frame(FileErrors& errors, const std::string& name, const toml::table& table, const RobotFile& robot,
@@ -118,17 +102,33 @@ void each_named(SectionReader& section, const char* key, const Words& known, con
 
 }  // namespace
 
+bool read_triple(SectionReader& section, const std::string& key, std::array<double, 3>& out) {
+  const toml::node* node = section.node(key);
+  const toml::array* list = node ? node->as_array() : nullptr;
+  bool good = list && list->size() == 3;
+  for (std::size_t i = 0; good && i < 3; ++i) {
+    const auto value = (*list)[i].value<double>();
+    good = value && std::fabs(*value) <= TILLER_LARGEST_VALUE;
+    if (good) out[i] = *value;
+  }
+  if (!good)
+    section.error(key, "is " + (list ? std::string("no list of three numbers") : kind_text(*node)),
+                  "write three numbers, e.g. [0.4, 0.0, 0.3]");
+  return good;
+}
+
 void read_outputs(SectionReader& section, RobotFile& robot, TaskRows& rows) {
-  if (!section.has("outputs") && !section.has("frames")) return;
+  if (!section.has("outputs") && !section.has("frames") && !section.has("clearance")) return;
   std::vector<tiller_output_cost_t> costs = no_costs(robot.outputs.size());
   std::set<std::string> taken;
   each_named(section, "frames", frames_of(robot), "frame", [&](const std::string& name, const toml::table& table) {
     read_frame(section.errors(), name, table, robot, costs, taken);
   });
+  read_clearance(section, robot, costs, taken);
   each_named(section, "outputs", robot.outputs, "output", [&](const std::string& name, const toml::table& table) {
     if (taken.count(name) > 0)
       return section.errors().at(*section.node("outputs"), "cost.outputs." + name,
-                                 "is part of a frame that is told above", "leave one of the two out");
+                                 "is part of a frame or of the clearance, which are told already", "leave one of the two out");
     read_output(section.errors(), name, table, costs[static_cast<std::size_t>(index_of(robot.outputs, name))]);
   });
   rows.outputs = std::move(costs);

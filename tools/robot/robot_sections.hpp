@@ -3,6 +3,9 @@
 // Readers of the sections of a robot file that are more than keys with a place in the configuration.
 // Each reports what is wrong and goes on, so that one run finds every error.
 
+#include <array>
+#include <set>
+
 #include "tools/robot/robot_file.hpp"
 #include "tools/robot/section_reader.hpp"
 
@@ -23,8 +26,13 @@ void read_forgetting(SectionReader& posterior, RobotFile& robot);
 void read_prior_file(SectionReader& posterior, RobotFile& robot);
 /// Bounds, obstacles, trajectories and the own cost of [cost]; after the keys that are bound to fields.
 void read_cost_terms(FileErrors& errors, const toml::table& root, RobotFile& robot);
-/// Its outputs and frames.
+/// Its outputs, frames and clearance.
 void read_outputs(SectionReader& cost, RobotFile& robot, TaskRows& rows);
+/// [cost.clearance]: bounds of the distances that the model tells; `taken` gets their outputs' names.
+void read_clearance(SectionReader& cost, const RobotFile& robot, std::vector<tiller_output_cost_t>& costs,
+                    std::set<std::string>& taken);
+/// Three finite numbers; false after an error.
+bool read_triple(SectionReader& section, const std::string& key, std::array<double, 3>& out);
 void read_transport(FileErrors& errors, const toml::table& root, RobotFile& robot);
 /// [transport] actuator and drives; after nodes, levers and [limits].
 void read_drives(SectionReader& section, const RobotFile& robot, TransportSection& transport);
