@@ -4,6 +4,7 @@
 
 #include "abi/checks.hpp"
 #include "abi/element_names.hpp"
+#include "rollout/attitude.hpp"
 
 // Definitions that the groups of tiller_config_check share. Conditions are written so that a NaN fails them.
 
@@ -26,6 +27,14 @@ inline bool in(std::uint32_t v, std::uint32_t low, std::uint32_t high) { return 
 inline bool all_values(const double* values, std::size_t count) {
   for (std::size_t i = 0; i < count; ++i)
     if (!is_value(values[i])) return false;
+  return true;
+}
+
+/// Rows of states: values, and quaternions of unit length.
+inline bool are_states(const tiller_model_t& model, const double* rows, std::size_t count) {
+  if (!all_values(rows, count * model.state_count)) return false;
+  for (std::size_t k = 0; k < count; ++k)
+    if (!are_attitudes(model.quaternion_mask, rows + k * model.state_count)) return false;
   return true;
 }
 

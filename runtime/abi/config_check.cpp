@@ -139,6 +139,30 @@ Finding check_mixture(const tiller_config_t& c) {
   return std::fabs(sum - 1.0) <= 1e-9 ? kGood : Finding{kBad, "prior_mixture.weight"};
 }
 
+/// A quaternion is measured whole, w, x, y, z one after the other, or not at all.
+Finding check_measured_attitudes(const tiller_config_t& c) {
+  static constexpr auto measured = element_names<TILLER_MAX_MEASUREMENTS>("measured_state");
+  const std::uint32_t taken = quaternion_states(c.model->quaternion_mask);
+  for (std::uint32_t i = 0; i < c.measurement_count; ++i) {
+    const std::uint32_t first = c.measured_state[i];
+    if (!((taken >> first) & 1u)) continue;
+    const bool begins = ((c.model->quaternion_mask >> first) & 1u) != 0 && i + 4 <= c.measurement_count;
+    for (std::uint32_t k = 0; k < 4; ++k)
+      if (!begins || c.measured_state[i + k] != first + k) return {tiller_status_bad_dimension, measured[i]};
+    i += 3;
+  }
+  return kGood;
+}
+
+Finding check_start(const tiller_config_t& c) {
+  static constexpr auto state = element_names<TILLER_MAX_STATES>("initial_state");
+  Finding finding = kGood;
+  for_quaternions(c.model->quaternion_mask, [&](std::uint32_t first) {
+    if (!is_attitude(c.initial_state + first)) finding = {tiller_status_bad_seed, state[first]};
+  });
+  return finding;
+}
+
 Finding check_measurements(const tiller_config_t& c) {
   static constexpr auto measured = element_names<TILLER_MAX_MEASUREMENTS>("measured_state");
   static constexpr auto sd = element_names<TILLER_MAX_MEASUREMENTS>("measurement_sd");
@@ -148,7 +172,7 @@ Finding check_measurements(const tiller_config_t& c) {
     if (c.measured_state[i] >= nx) return {tiller_status_bad_dimension, measured[i]};
     if (!is_scale(c.measurement_sd[i])) return {tiller_status_bad_noise, sd[i]};
   }
-  return kGood;
+  return check_measured_attitudes(c);
 }
 
 /// How the settings of the posterior go together.
@@ -228,6 +252,7 @@ constexpr Check kChecks[] = {
     check_measurements,
     check_group<FieldGroup::noise, tiller_status_bad_noise>,
     check_group<FieldGroup::start, tiller_status_bad_seed>,
+    check_start,
     check_group<FieldGroup::posterior, tiller_status_bad_posterior>,
     check_posterior,
     check_group<FieldGroup::planner, tiller_status_bad_planner>,

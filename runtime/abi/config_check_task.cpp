@@ -38,6 +38,22 @@ Finding check_state_terms(const tiller_cost_config_t& c, std::uint32_t states) {
   return kGood;
 }
 
+/// A quaternion's difference has three parts, which stand in the last three of its states.
+Finding check_attitudes(const tiller_cost_config_t& c, const tiller_model_t& model) {
+  static constexpr auto target = element_names<TILLER_MAX_STATES>("cost.target");
+  static constexpr auto state = element_names<TILLER_MAX_STATES>("cost.state_weight");
+  static constexpr auto terminal = element_names<TILLER_MAX_STATES>("cost.terminal_weight");
+  Finding finding = kGood;
+  for_quaternions(model.quaternion_mask, [&](std::uint32_t first) {
+    if (c.terminal_weight[first] != 0.0) finding = {tiller_status_bad_cost, terminal[first]};
+    if (c.state_weight[first] != 0.0) finding = {tiller_status_bad_cost, state[first]};
+    if (!is_attitude(c.target + first)) finding = {tiller_status_bad_cost, target[first]};
+  });
+  if (model.quaternion_mask != 0 && c.demonstration_weight > 0.0)
+    finding = {tiller_status_bad_cost, "cost.demonstration_weight"};
+  return finding;
+}
+
 Finding check_obstacles(const tiller_cost_config_t& c, std::uint32_t states) {
   static constexpr auto fields = element_names<TILLER_MAX_OBSTACLES>("cost.obstacles");
   if (c.obstacle_count > TILLER_MAX_OBSTACLES) return {tiller_status_bad_cost, "cost.obstacle_count"};
@@ -52,10 +68,11 @@ Finding check_obstacles(const tiller_cost_config_t& c, std::uint32_t states) {
 
 /// Rows that the configuration only points to. An array without steps, or steps without an array, is half a
 /// statement; a weight without anything to weigh is a task that is not the one that was meant.
-Finding check_rows(const tiller_cost_config_t& c, std::size_t states) {
+Finding check_rows(const tiller_cost_config_t& c, const tiller_model_t& model) {
+  const std::size_t states = model.state_count;
   constexpr tiller_status_t kBad = tiller_status_bad_cost;
   if ((c.reference != nullptr) != (c.reference_steps > 0)) return {kBad, "cost.reference_steps"};
-  if (!all_values(c.reference, c.reference_steps * states)) return {kBad, "cost.reference"};
+  if (!are_states(model, c.reference, c.reference_steps)) return {kBad, "cost.reference"};
   const std::size_t steps = c.demonstration_steps;
   if ((c.demonstration_mean != nullptr) != (steps > 0)) return {kBad, "cost.demonstration_mean"};
   if ((c.demonstration_root != nullptr) != (steps > 0)) return {kBad, "cost.demonstration_root"};
@@ -103,14 +120,18 @@ Finding check_planner(const tiller_config_t& c) {
   constexpr tiller_status_t kBad = tiller_status_bad_planner;
   if (find_planner(p.kind) == nullptr) return {kBad, "planner.kind"};
   if (p.qp_solver == tiller_qp_osqp && !has_osqp()) return {kBad, "planner.qp_solver"};
+  // its states leave the unit sphere between two linearisations
+  if (c.model->quaternion_mask != 0 && std::strcmp(find_planner(p.kind)->name, "sqp") == 0)
+    return {kBad, "planner.kind"};
   return check_tree(p, c.model->input_count);
 }
 
 Finding check_cost(const tiller_config_t& c) {
   const std::uint32_t states = c.model->state_count;
   Finding finding = check_state_terms(c.cost, states);
+  if (finding.status == tiller_status_ok) finding = check_attitudes(c.cost, *c.model);
   if (finding.status == tiller_status_ok) finding = check_obstacles(c.cost, states);
-  if (finding.status == tiller_status_ok) finding = check_rows(c.cost, states);
+  if (finding.status == tiller_status_ok) finding = check_rows(c.cost, *c.model);
   if (finding.status == tiller_status_ok) finding = check_outputs(c.cost, *c.model);
   if (finding.status == tiller_status_ok) finding = check_own(c.cost);
   return finding;

@@ -4,6 +4,7 @@
 
 #include "abi/checks.hpp"
 #include "abi/config_fields.hpp"
+#include "rollout/attitude.hpp"
 
 namespace tiller {
 namespace {
@@ -15,15 +16,26 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 /// from us.
 constexpr tiller_prior_t kMissingPrior = {tiller_prior_fixed, 0, kNan, 0.0, -kInf, kInf};
 
-/// Encoders: the positions of the joints; for a model of velocity ports alone, every state.
+/// Encoders: the positions of the joints, and attitudes; for a model of velocity ports alone, every state.
 void measure_positions(tiller_config_t& c) {
   const tiller_model_t& model = *c.model;
   for (std::uint32_t j = 0; j < model.joint_count; ++j)
     if (model.joints[j].position != TILLER_NO_POSITION)
       c.measured_state[c.measurement_count++] = model.joints[j].position;
+  // and a tracker, where there are attitudes
+  for_quaternions(model.quaternion_mask, [&](std::uint32_t first) {
+    for (std::uint32_t i = first; i < first + 4 && c.measurement_count < TILLER_MAX_MEASUREMENTS; ++i)
+      c.measured_state[c.measurement_count++] = static_cast<std::uint8_t>(i);
+  });
   if (c.measurement_count > 0) return;
   for (std::uint32_t x = 0; x < model.state_count; ++x)
     c.measured_state[c.measurement_count++] = static_cast<std::uint8_t>(x);
+}
+
+/// No rotation, as start and as target.
+void level_quaternions(tiller_config_t& c) {
+  for_quaternions(c.model->quaternion_mask,
+                  [&](std::uint32_t first) { c.initial_state[first] = c.cost.target[first] = 1.0; });
 }
 
 /// A model leaves out forces: its velocities wander and its positions follow.
@@ -70,6 +82,7 @@ extern "C" tiller_status_t tiller_config_default(tiller_config_t* config, const 
   std::fill(c.priors, c.priors + TILLER_MAX_PARAMS, tiller::kMissingPrior);
   tiller::measure_positions(c);
   tiller::spread_noise(c);
+  tiller::level_quaternions(c);
   c.posterior.forgetting_count = 1;
   std::fill(c.posterior.forgetting, c.posterior.forgetting + TILLER_MAX_FORGETTING, 1.0);
   tiller::open_bounds(c.cost);

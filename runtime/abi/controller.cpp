@@ -86,7 +86,8 @@ tiller_status_t tiller_force_iterations(tiller_t* t, uint32_t iterations) {
 
 tiller_status_t tiller_set_target(tiller_t* t, const double* target) {
   if (t == nullptr || target == nullptr) return tiller_status_null_argument;
-  if (!tiller::all_values(target, t->executive->config().model->state_count)) return tiller_status_bad_cost;
+  const tiller_model_t& model = *t->executive->config().model;
+  if (!tiller::are_states(model, target, 1)) return tiller_status_bad_cost;
   t->executive->set_target(target);
   return tiller_status_ok;
 }
@@ -103,8 +104,7 @@ tiller_status_t tiller_set_reference(tiller_t* t, const double* states, const do
   if (t == nullptr || (states == nullptr && outputs == nullptr)) return tiller_status_null_argument;
   const tiller_config_t& config = t->executive->config();
   if (steps == 0 || (outputs != nullptr && config.cost.output_count == 0)) return tiller_status_bad_cost;
-  if (states != nullptr && !tiller::all_values(states, std::size_t{steps} * config.model->state_count))
-    return tiller_status_bad_cost;
+  if (states != nullptr && !tiller::are_states(*config.model, states, steps)) return tiller_status_bad_cost;
   if (outputs != nullptr && !tiller::all_values(outputs, std::size_t{steps} * config.cost.output_count))
     return tiller_status_bad_cost;
   t->executive->set_reference(states, outputs, steps);

@@ -1,5 +1,7 @@
 #include "abi/checks.hpp"
 #include "core/bits.hpp"
+#include "rollout/attitude.hpp"
+#include "rollout/model_adapter.hpp"
 
 namespace tiller {
 namespace {
@@ -22,6 +24,17 @@ bool joints_fit(const tiller_model_t& m) {
   return true;
 }
 
+/// A joint's velocity is the derivative of its position, which none of a quaternion's four states has.
+bool quaternion_is_joint(const tiller_model_t& m) {
+  const std::uint32_t taken = quaternion_states(m.quaternion_mask);
+  for (std::uint32_t j = 0; j < m.joint_count; ++j) {
+    const tiller_joint_t& joint = m.joints[j];
+    if ((taken >> joint.velocity) & 1u) return true;
+    if (joint.position != TILLER_NO_POSITION && ((taken >> joint.position) & 1u)) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 Finding check_model(const tiller_model_t& m) {
@@ -41,6 +54,8 @@ Finding check_model(const tiller_model_t& m) {
   if (m.output_count > 0 && m.outputs == nullptr) return {tiller_status_bad_model, "model.outputs"};
   if (!joints_fit(m)) return {tiller_status_bad_model, "model.joints"};
   if ((m.angle_mask & ~low_bits(m.state_count)) != 0) return {tiller_status_bad_model, "model.angle_mask"};
+  if (!quaternions_fit(m.quaternion_mask, m.state_count, m.angle_mask) || quaternion_is_joint(m))
+    return {tiller_status_bad_model, "model.quaternion_mask"};
 #if defined(TILLER_NO_C_MODELS)
   if (m.kernels == nullptr) return {tiller_status_bad_model, "model.kernels"};
 #else

@@ -43,12 +43,23 @@ const char* port_name(PortKind port, const tiller_model_t& model, std::uint32_t 
     default: return "body";
   }
 }
+namespace {
+
+bool is_quaternion_state(const tiller_model_t& model, std::uint32_t state) {
+  const std::uint32_t mask = model.quaternion_mask;
+  return ((mask | mask << 1 | mask << 2 | mask << 3) >> state) & 1u;
+}
+
+}  // namespace
+
 bool port_fits(const EffectInfo& info, std::uint32_t port, const tiller_model_t& model) {
   if (port >= port_count(info.port, model)) return false;
   if (info.port == PortKind::joint) {
     const tiller_joint_t& joint = model.joints[port];
     return (!info.needs_drive || joint.drive != 0) && (!info.needs_position || joint.position != TILLER_NO_POSITION);
   }
+  // four states are one reading there: a bias or a scale of one component says nothing
+  if (info.port == PortKind::sensor && is_quaternion_state(model, port)) return false;
   if (info.port == PortKind::input && info.needs_drive) {
     for (std::uint32_t j = 0; j < model.joint_count; ++j)
       if (model.joints[j].drive == port + 1) return true;

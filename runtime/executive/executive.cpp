@@ -322,15 +322,17 @@ Deadline Executive::deadline(const Tick& tick) {
   return deadline;
 }
 
-/// u = -K (x - target), with differences of angles wrapped.
+/// u = -K (x - target), with differences of angles wrapped and those of quaternions turned.
 void Executive::hold_command(double* command) const {
   const tiller_model_t& model = *config_.model;
+  double off[TILLER_MAX_STATES];
+  state_differences(model, info_.state_mean, config_.cost.target, off);
   for (std::uint32_t i = 0; i < model.input_count; ++i) {
     command[i] = config_.safety.safe_command[i];
     for (std::uint32_t x = 0; x < model.state_count; ++x) {
       const double gain = config_.safety.hold_gain[i * TILLER_MAX_STATES + x];
       // a state without a gain has no say, not even by being infinite
-      if (gain != 0.0) command[i] -= gain * state_difference(model, x, info_.state_mean[x], config_.cost.target[x]);
+      if (gain != 0.0) command[i] -= gain * off[x];
     }
   }
 }

@@ -27,6 +27,8 @@ SensorLimits sensor_limits(const tiller_config_t& config) {
     limits.high[i] = config.safety.measurement_high[i];
     limits.rate_per_s[i] = config.safety.measurement_rate_per_s[i];
     if ((config.model->angle_mask >> config.measured_state[i]) & 1u) limits.angle_mask |= 1u << i;
+    // the other three follow (tiller_config_check)
+    if ((config.model->quaternion_mask >> config.measured_state[i]) & 1u) limits.quaternion_mask |= 1u << i;
   }
   limits.timeout_us = std::llround(config.safety.sensor_timeout_s * 1e6);
   limits.ahead_us = std::llround(config.period_s * 1e6);

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/rng.hpp"
+#include "rollout/attitude.hpp"
 
 namespace tiller {
 
@@ -32,10 +33,25 @@ void MotionCheck::begin(const Posterior& posterior, std::uint64_t tick, const do
       state_[x * kLanes + lane] = static_cast<float>(state_mean[x] + spread);
     }
   }
+  turn_quaternions(state_mean);
   std::copy(state_, state_ + std::size_t{config_->model->state_count} * kLanes, base_);
   std::fill(moved_, moved_ + kLanes, false);
   steps_ = 0;
   begun_ = true;
+}
+
+/// What was added to a quaternion's states is a difference, and turns it.
+void MotionCheck::turn_quaternions(const double* state_mean) {
+  for_quaternions(config_->model->quaternion_mask, [&](std::uint32_t first) {
+    const Quaternion<double> mean = read_quaternion(state_mean + first);
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+      float* at = state_ + std::size_t{first} * kLanes + lane;
+      const auto spread = [&](std::uint32_t i) { return static_cast<double>(at[i * kLanes]) - state_mean[first + i]; };
+      double turned[4];
+      write_quaternion(attitude_sum(mean, {spread(1), spread(2), spread(3)}), turned);
+      for (std::uint32_t i = 0; i < 4; ++i) at[i * kLanes] = static_cast<float>(turned[i]);
+    }
+  });
 }
 
 void MotionCheck::step(double period_s, const double* input, const float* history) {

@@ -40,6 +40,7 @@ class MotionCheck {
   static constexpr std::uint32_t kLanes = kLanePadding;
 
   void note_moves();
+  void turn_quaternions(const double* state_mean);
 
   const tiller_config_t* config_ = nullptr;
   const StepSetup* setup_ = nullptr;

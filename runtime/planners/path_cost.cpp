@@ -180,7 +180,9 @@ void quadratise_every_term(PathPlan& p) {
 }  // namespace
 
 void quadratise_path(PathPlan& p) {
-  const bool quadratic = p.cost.only_quadratic() || !p.table->quadratise;
+  // the Hessian of a quaternion's difference is not constant
+  const bool constant = p.cost.only_quadratic() && p.model->quaternion_mask == 0;
+  const bool quadratic = constant || !p.table->quadratise;
   p.problem.qux = p.rate || !quadratic ? p.qux : nullptr;
   if (quadratic)
     quadratise_quadratic(p);

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "rollout/attitude.hpp"
+
 namespace tiller {
 
 void take_command(PathPlan& p, const double* last_command) {
@@ -22,6 +24,19 @@ bool take_origin(PathPlan& p, const double* origin) {
   return true;
 }
 
+namespace {
+
+/// q and -q are one attitude: the path goes on with the sign that it had.
+void take_near_signs(const PathPlan& p, std::uint32_t j, double* z) {
+  const double* path = p.state + std::size_t{j} * p.nz;
+  for_quaternions(p.model->quaternion_mask, [&](std::uint32_t first) {
+    if (!(dot(read_quaternion(z + first), read_quaternion(path + first)) < 0.0)) return;
+    for (std::uint32_t i = first; i < first + 4; ++i) z[i] = -z[i];
+  });
+}
+
+}  // namespace
+
 bool take_belief(PathPlan& p, const Belief* belief) {
   if (!belief || belief->count == 0) return false;
   const std::uint32_t m = belief->count < p.most_scenarios ? belief->count : p.most_scenarios;
@@ -39,6 +54,7 @@ bool take_belief(PathPlan& p, const Belief* belief) {
       const double near = p.state[std::size_t{j} * p.nz + i];
       if (p.has_path && ((p.model->angle_mask >> i) & 1u)) z[i] = near + state_difference(*p.model, i, z[i], near);
     }
+    if (p.has_path && p.model->quaternion_mask != 0) take_near_signs(p, j, z);
     for (std::uint32_t s = 0; s < p.ns; ++s)
       z[p.nx + s] = static_cast<double>(belief->effect_state[s * belief->count + j]);
     for (std::uint32_t i = 0; i < p.np; ++i)

@@ -8,6 +8,7 @@
 #include "posterior/lane_forms.hpp"
 #include "scalar/pack.hpp"
 #include "tiller/model.h"
+#include "tiller/rotation.hpp"
 
 TILLER_ISA_NAMESPACE_BEGIN
 
@@ -95,6 +96,49 @@ P wrap_to_pi(const P& angle) {
 /// (NaN stays NaN: max gives its second argument then.)
 P not_negative(const P& variance) { return max(P(0.0), variance); }
 
+/// The quaternions of a register of filters while measurements correct them: x holds the correction so far, a
+/// difference from what was predicted, and `seen` what was measured, likewise.
+struct Turns {
+  const std::uint32_t mask;
+  std::uint32_t states = 0;  // bits of all that they take
+  Quaternion<P> predicted[kMaxFilterStates / 4];
+  P seen[kMaxFilterStates];
+
+  explicit Turns(std::uint32_t quaternions) : mask(quaternions) {}
+
+  __attribute__((noinline)) void begin(const CorrectJob& job, P* x) {
+    for (std::uint32_t i = 0, n = 0; mask >> i; ++i) {
+      if (!((mask >> i) & 1u)) continue;
+      states |= 15u << i;
+      Quaternion<P>& q = predicted[n++];
+      q = {x[i], x[i + 1], x[i + 2], x[i + 3]};
+      Vector3<P> z = {P(0.0), P(0.0), P(0.0)};
+      for (std::uint32_t k = 0; k < job.ny; ++k) {
+        if (job.measured_state[k] == i + 1) z.x = P(job.measured[k]);
+        if (job.measured_state[k] == i + 2) z.y = P(job.measured[k]);
+        if (job.measured_state[k] == i + 3) z.z = P(job.measured[k]);
+      }
+      const Quaternion<P> none = {P(1.0), P(0.0), P(0.0), P(0.0)};
+      const Vector3<P> off = attitude_difference(attitude_sum(none, z), q);
+      seen[i] = P(0.0);
+      seen[i + 1] = off.x;
+      seen[i + 2] = off.y;
+      seen[i + 3] = off.z;
+      for (std::uint32_t k = i; k < i + 4; ++k) x[k] = P(0.0);
+    }
+  }
+  __attribute__((noinline)) void end(P* x) const {
+    for (std::uint32_t i = 0, n = 0; mask >> i; ++i) {
+      if (!((mask >> i) & 1u)) continue;
+      const Quaternion<P> q = normalised(attitude_sum(predicted[n++], {x[i + 1], x[i + 2], x[i + 3]}));
+      x[i] = q.w;
+      x[i + 1] = q.x;
+      x[i + 2] = q.y;
+      x[i + 3] = q.z;
+    }
+  }
+};
+
 template <std::uint32_t N, std::uint32_t kMost = N>
 void correct_lanes(const CorrectJob& job) {
   const Count<N> nx(job.nx);
@@ -105,6 +149,8 @@ void correct_lanes(const CorrectJob& job) {
     P x[max_states], p[max_triangle];
     for (std::uint32_t i = 0; i < nx; ++i) x[i] = P::load(job.from.state + i * job.from.stride + lane);
     for (std::uint32_t i = 0; i < rows; ++i) p[i] = P::load(job.from.covariance + i * job.from.stride + lane);
+    Turns turns(job.quaternion_mask);
+    if (turns.mask != 0) turns.begin(job, x);
     P squared = P::load(job.squared_error + lane), logs = P::load(job.log_variance + lane);
 
     for (std::uint32_t k = 0; k < job.ny; ++k) {
@@ -116,8 +162,9 @@ void correct_lanes(const CorrectJob& job) {
       const std::uint32_t m = job.measured_state[k];
       const bool mapped = job.gain != nullptr;
       const P slope = mapped ? P::load(job.gain + k * job.lanes + lane) : P(1.0);
+      const P read = (turns.states >> m) & 1u ? turns.seen[m] : P(job.measured[k]);
       P innovation =
-          P(job.measured[k]) - (mapped ? fma(slope, x[m], P::load(job.offset + k * job.lanes + lane)) : x[m]);
+          read - (mapped ? fma(slope, x[m], P::load(job.offset + k * job.lanes + lane)) : x[m]);
       if (job.angle_mask >> m & 1u) innovation = wrap_to_pi(innovation);
       P column[max_states];  // P h^T
       for (std::uint32_t i = 0; i < nx; ++i) column[i] = p[i < m ? triangle_row(nx, i, m) : triangle_row(nx, m, i)];
@@ -138,6 +185,8 @@ void correct_lanes(const CorrectJob& job) {
       logs = fma(weight, log(variance), logs);
       if (job.normalised) (innovation * sqrt(inverse)).store(job.normalised + k * job.lanes + lane);
     }
+
+    if (turns.mask != 0) turns.end(x);
 
     // a sum is finite only if all of its terms are: one test for the lane
     P sum = squared + logs;

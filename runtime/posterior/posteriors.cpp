@@ -58,6 +58,11 @@ tiller_status_t Posterior::check(const tiller_config_t& config, const StepSetup&
     *field = "posterior.forgetting";
     return tiller_status_bad_posterior;
   }
+  // only the filter takes differences on the tangent plane
+  if (config.model->quaternion_mask != 0 && p.kind != tiller_posterior_filter) {
+    *field = "posterior.kind";
+    return tiller_status_bad_posterior;
+  }
   return engine->check ? engine->check(config, setup, table, field) : tiller_status_ok;
 }
 

@@ -6,6 +6,7 @@
 
 #include "rollout/cost.hpp"
 #include "rollout/model_adapter.hpp"
+#include "rollout/quaternion.hpp"
 
 namespace tiller {
 
@@ -30,15 +31,30 @@ TILLER_INLINE S wrapped_difference(const Model& model, I i, const S& a, const S&
   return difference - S(6.283185307179586) * nearest(difference * S(0.15915494309189535));
 }
 
+/// x - b state by state, b(i) being state i of b.
+template <class Model, class S, class B>
+TILLER_INLINE typename Model::template State<S> differences(const Model& model,
+                                                            const typename Model::template State<S>& x, const B& b) {
+  typename Model::template State<S> d;
+  each(model.nx(), [&](auto i) { d[i] = wrapped_difference<Model, S>(model, i, x[i], b(i)); });
+  turn_differences<Model, S>(model, x, b, d);
+  return d;
+}
+
 /// sum_i weight_i (x_i - target_i)^2. `weight` is Q or Qf.
 template <class Model, class S, class T>
 TILLER_INLINE S state_cost(const Model& model, const T* target, const T* weight,
                            const typename Model::template State<S>& x) {
   S sum = S(0.0);
-  each(model.nx(), [&](auto i) {
-    const S difference = wrapped_difference<Model, S>(model, i, x[i], S(target[i]));
-    sum = sum + S(weight[i]) * difference * difference;
-  });
+  if constexpr (Model::kMayTurn) {
+    const auto d = differences<Model, S>(model, x, [&](auto i) { return S(target[i]); });
+    each(model.nx(), [&](auto i) { sum = sum + S(weight[i]) * d[i] * d[i]; });
+  } else {
+    each(model.nx(), [&](auto i) {
+      const S difference = wrapped_difference<Model, S>(model, i, x[i], S(target[i]));
+      sum = sum + S(weight[i]) * difference * difference;
+    });
+  }
   return sum;
 }
 
@@ -148,11 +164,8 @@ TILLER_INLINE typename Model::template State<S> from_target(const Model& model, 
   const double* row = nullptr;
   if (cost.has(kCostReference))
     row = cost.reference + cost_row(step, cost.reference_rows) * static_cast<std::size_t>(static_cast<int>(model.nx()));
-  typename Model::template State<S> d;
-  each(model.nx(), [&](auto i) {
-    d[i] = wrapped_difference<Model, S>(model, i, x[i], S(row ? table_value<T>(model, i, row[i]) : cost.target[i]));
-  });
-  return d;
+  return differences<Model, S>(
+      model, x, [&](auto i) { return S(row ? table_value<T>(model, i, row[i]) : cost.target[i]); });
 }
 
 /// Everything that a state costs at time row `step` but the own cost; `weight` is Q or Qf.

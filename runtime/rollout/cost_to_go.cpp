@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "rollout/attitude.hpp"
 #include "tiller/math.hpp"
 
 namespace tiller {
@@ -132,6 +133,11 @@ struct Linearisation {
     for (int i = 0; i < m.nx; ++i) m.next[i] = next[i * static_cast<int>(kLanePadding)];
     for (int i = 0; i < m.nx * m.nx; ++i) m.a[i] = a[i * static_cast<int>(kLanePadding)];
     for (int i = 0; i < m.nx * m.nu; ++i) m.b[i] = b[i * static_cast<int>(kLanePadding)];
+    const std::uint32_t turns = config.model->quaternion_mask, n = config.model->state_count;
+    if (turns == 0) return;
+    to_tangent_columns(turns, config.cost.target, 1, n, n, m.a, 1);
+    to_tangent_rows(turns, m.next, 1, n, m.a, 1);
+    to_tangent_rows(turns, m.next, 1, config.model->input_count, m.b, 1);
   }
 };
 
@@ -140,7 +146,8 @@ struct Linearisation {
 template <int N>
 bool hold_target(const tiller_config_t& config, const LinearModel<N>& m, double* u) {
   Square<TILLER_MAX_INPUTS> normal(m.nu), right(m.nu);
-  double largest = 0.0;
+  double largest = 0.0, off[TILLER_MAX_STATES];
+  state_differences(*config.model, m.next, config.cost.target, off);
   for (int r = 0; r < m.nu; ++r)
     for (int c = 0; c < m.nu; ++c) {
       for (int i = 0; i < m.nx; ++i) normal(r, c) += m.b[i * m.nu + r] * m.b[i * m.nu + c];
@@ -149,9 +156,7 @@ bool hold_target(const tiller_config_t& config, const LinearModel<N>& m, double*
   if (!(largest > 0.0)) return std::isfinite(largest);
   for (int r = 0; r < m.nu; ++r) {
     normal(r, r) += 1e-10 * largest;
-    for (int i = 0; i < m.nx; ++i)
-      right(r, 0) -= m.b[i * m.nu + r] *
-                     state_difference(*config.model, static_cast<std::uint32_t>(i), m.next[i], config.cost.target[i]);
+    for (int i = 0; i < m.nx; ++i) right(r, 0) -= m.b[i * m.nu + r] * off[i];
   }
   if (!solve(normal, right)) return false;
   for (int r = 0; r < m.nu; ++r) u[r] += right(r, 0);

@@ -3,6 +3,7 @@
 // The interface of a model to the stepper, for models written as templates (StaticModel: every count and index is a
 // constant, loops unroll, fields stay in registers) and as C tables (TableModel: loops with run-time counts).
 
+#include <cstdint>
 #include <type_traits>
 #include <utility>
 
@@ -57,6 +58,18 @@ TILLER_INLINE auto& element(Fields& f, int i) {
   }
 }
 
+/// Whether quaternions lie within the states, apart from each other and from the angles.
+constexpr bool quaternions_fit(std::uint32_t quaternions, std::uint32_t states, std::uint32_t angles) {
+  std::uint64_t taken = angles;
+  for (std::uint32_t i = 0; i < 32; ++i) {
+    if (!((quaternions >> i) & 1u)) continue;
+    const std::uint64_t four = std::uint64_t{15} << i;
+    if (i + 4 > states || (taken & four) != 0) return false;
+    taken |= four;
+  }
+  return true;
+}
+
 /// A model written as a template.
 template <template <class> class M>
 struct StaticModel {
@@ -103,6 +116,13 @@ struct StaticModel {
   static_assert(kStates <= TILLER_MAX_STATES && kInputs <= TILLER_MAX_INPUTS && kParams <= TILLER_MAX_PARAMS &&
                     kForces <= TILLER_MAX_JOINTS && kOutputs <= TILLER_MAX_OUTPUTS,
                 "the model is larger than docs/reference/limits.md allows");
+
+  /// Bit i: states i to i + 3 are a unit quaternion.
+  static constexpr unsigned kQuaternions = QuaternionsOf<M<double>>::mask;
+  static constexpr bool kMayTurn = kQuaternions != 0;
+  static constexpr unsigned quaternions() { return kQuaternions; }
+  static_assert(quaternions_fit(kQuaternions, kStates, AnglesOf<M<double>>::mask),
+                "quaternions: bit i says that states i to i + 3 are one, and none of them an angle");
 
   template <int I>
   static constexpr bool is_angle(Index<I>) {
@@ -335,6 +355,8 @@ struct TableModel {
   int ny() const { return static_cast<int>(table->output_count); }
   int joints() const { return nf(); }
   bool is_angle(int i) const { return (table->angle_mask >> i) & 1u; }
+  static constexpr bool kMayTurn = true;
+  std::uint32_t quaternions() const { return table->quaternion_mask; }
   template <class S>
   S* position(State<S>& x, int j) const {
     return table->joints[j].position == TILLER_NO_POSITION ? nullptr : &x[table->joints[j].position];

@@ -96,6 +96,7 @@ struct ModelTable {
     t.output_count = Model::kOutputs;
     t.output_names = OutputOf<M<double>>::type::names;
     if constexpr (Model::kOutputs > 0) t.outputs = &outputs;
+    t.quaternion_mask = Model::kQuaternions;
     return t;
   }
 };

@@ -35,6 +35,14 @@ struct MovingStep {
                                                  const Params& p, State& dx) {
     dx = Model::template dynamics<P>(x, u, f, body, p);
   }
+  /// Quaternions come back to unit length; `moved` goes along.
+  TILLER_INLINE void normalise() {
+    if constexpr (Model::kMayTurn) {
+      const State before = t.x;
+      normalise_quaternions<Model, P>(Model{}, t.x);
+      each(Model::nx(), [&](auto i) { moved[i] = moved[i] + (t.x[i] - before[i]); });
+    }
+  }
   TILLER_INLINE void place(const State& dx, const P& time, State& x) const {
     each(Model::nx(), [&](auto i) { x[i] = begin[i] + (moved[i] + time * dx[i]); });
   }
@@ -62,6 +70,7 @@ struct MovingStep {
           moved[i] = moved[i] + step.sixth * (k1[i] + P(2.0) * (k2[i] + k3[i]) + k4[i]);
           t.x[i] = begin[i] + moved[i];
         });
+        normalise();
         return;
       }
     }
@@ -69,6 +78,7 @@ struct MovingStep {
       moved[i] = moved[i] + step.h * k1[i];
       t.x[i] = begin[i] + moved[i];
     });
+    normalise();
   }
 
   __attribute__((noinline)) void substep(Step& step, Input u, const Parameters<Model, P>& p, const Body<P>& body,

@@ -162,7 +162,7 @@ struct Quadratiser {
     each(Model::nx(), [&](auto i) { x[i] = load(job.state, i, lane, kSpread); });
     E e;
     e.clear(kX, kU);
-    if constexpr (kExtra) {
+    if constexpr (kExtra || Model::kMayTurn) {
       expand_states<kX, Model, P>(Model{}, cost, kTerminal ? cost.terminal : cost.state, rows, x, e);
     } else {
       const double* weight = kTerminal ? cost.terminal : cost.state;

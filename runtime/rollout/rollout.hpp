@@ -157,7 +157,13 @@ struct Belief {
   const float* history = nullptr;       // (delay_steps x nu) newest first, shared
 };
 
-/// Wrapped difference a - b of state i of the model.
+/// Wrapped difference a - b of state i of the model. Of a quaternion's state that is the difference of components:
+/// state_differences() knows better.
 double state_difference(const tiller_model_t& model, std::uint32_t i, double a, double b);
+/// All of them, d (nx) = a (nx) - b (nx); of a quaternion the rotation from b to a (attitude_difference), in the last
+/// three of its states. d may be a or b.
+void state_differences(const tiller_model_t& model, const double* a, const double* b, double* d);
+/// a (nx) = b (nx) + d (nx), the other way round.
+void add_differences(const tiller_model_t& model, const double* b, const double* d, double* a);
 
 }  // namespace tiller

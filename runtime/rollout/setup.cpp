@@ -1,6 +1,7 @@
 #include <cmath>
 
 #include "effects/effect_info.hpp"
+#include "rollout/attitude.hpp"
 #include "rollout/rollout.hpp"
 
 namespace tiller {
@@ -55,6 +56,52 @@ tiller_status_t make_step_setup(const tiller_config_t& config, StepSetup& setup)
 double state_difference(const tiller_model_t& model, std::uint32_t i, double a, double b) {
   const double difference = a - b;
   return (model.angle_mask >> i) & 1u ? std::remainder(difference, 6.283185307179586) : difference;
+}
+
+void state_differences(const tiller_model_t& model, const double* a, const double* b, double* d) {
+  for (std::uint32_t i = 0; i < model.state_count; ++i) {
+    if ((model.quaternion_mask >> i) & 1u) {
+      const Quaternion<double> at = read_quaternion(a + i), from = read_quaternion(b + i);
+      const Vector3<double> turn = attitude_difference(at, from);
+      write_quaternion({0.0, turn.x, turn.y, turn.z}, d + i);
+      i += 3;
+    } else {
+      d[i] = state_difference(model, i, a[i], b[i]);
+    }
+  }
+}
+
+void add_differences(const tiller_model_t& model, const double* b, const double* d, double* a) {
+  for (std::uint32_t i = 0; i < model.state_count; ++i) {
+    if ((model.quaternion_mask >> i) & 1u) {
+      write_quaternion(normalised(attitude_sum(read_quaternion(b + i), {d[i + 1], d[i + 2], d[i + 3]})), a + i);
+      i += 3;
+    } else {
+      a[i] = b[i] + d[i];
+    }
+  }
+}
+
+void to_tangent_columns(std::uint32_t quaternions, const double* state, std::size_t state_stride, std::uint32_t rows,
+                        std::uint32_t columns, double* m, std::size_t stride) {
+  for_quaternions(quaternions, [&](std::uint32_t first) {
+    const Quaternion<double> q = read_quaternion(state + first * state_stride, state_stride);
+    for (std::uint32_t r = 0; r < rows; ++r) {
+      double* at = m + (std::size_t{r} * columns + first) * stride;
+      write_quaternion(to_tangent(q, read_quaternion(at, stride)), at, stride);
+    }
+  });
+}
+
+void to_tangent_rows(std::uint32_t quaternions, const double* state, std::size_t state_stride, std::uint32_t columns,
+                     double* m, std::size_t stride) {
+  for_quaternions(quaternions, [&](std::uint32_t first) {
+    const Quaternion<double> q = read_quaternion(state + first * state_stride, state_stride);
+    for (std::uint32_t c = 0; c < columns; ++c) {
+      double* at = m + (std::size_t{first} * columns + c) * stride;
+      write_quaternion(to_tangent(q, read_quaternion(at, columns * stride)), at, columns * stride);
+    }
+  });
 }
 
 }  // namespace tiller

@@ -153,13 +153,32 @@ struct Slopes {
     State x = from, next;
     Jacobian d;
     step<true>(h, x, next, d);
+    normalise(next, d);
     for (std::uint32_t k = 1; k < setup.substeps; ++k) {
       x = next;
       step<false>(h, x, next, d);
+      normalise(next, d);
     }
     each(Model::nx(), [&](auto i) {
       to.put(i, next[i]);
       to.put_slopes(i, [&](int c) TILLER_INLINED { return d[i][c]; });
+    });
+  }
+
+  /// Quaternions come back to unit length, and their derivatives lose the part along them: d(q/|q|) = (1 - n n') dq / |q|
+  /// with n = q/|q|.
+  TILLER_INLINE void normalise(State& x, Jacobian& d) const {
+    each_quaternion(Model{}, [&](auto index) {
+      constexpr int first = decltype(index)::value;
+      const Quaternion<P> q = quaternion_of<P>([&](auto i) { return x[i]; }, index), n = normalised(q);
+      put_quaternion(x, index, n);
+      const P length = dot(n, q), unit[4] = {n.w, n.x, n.y, n.z};
+      const P shrink = P(1.0) / select(length > P(0.0), length, P(1.0));
+      for (int c = 0; c < kDirections; ++c) {
+        P along = unit[0] * d[first][c];
+        for (int k = 1; k < 4; ++k) along = along + unit[k] * d[first + k][c];
+        for (int k = 0; k < 4; ++k) d[first + k][c] = shrink * (d[first + k][c] - unit[k] * along);
+      }
     });
   }
 

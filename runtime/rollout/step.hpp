@@ -7,7 +7,7 @@
 //   2. each substep, in two parts where a delayed command changes within it:
 //      a. input effects (lag) advance and give the acting input
 //      b. force effects add to the generalised forces
-//      c. the integrator takes the free step
+//      c. the integrator takes the free step, and quaternions come back to unit length
 //      d. effects act on the free step's velocities, implicitly, one after the other: more inertia, the drive train,
 //         what is elastic, what dissipates
 // The forces of d. are split off because they are stiff: solved for the velocity at the end of the step it is stable
@@ -18,6 +18,7 @@
 #include "rollout/effect_calls.hpp"
 #include "rollout/model_adapter.hpp"
 #include "rollout/period_plan.hpp"
+#include "rollout/quaternion.hpp"
 #include "rollout/rollout.hpp"
 
 namespace tiller {
@@ -126,6 +127,16 @@ struct Stepper {
     return next;
   }
   TILLER_INLINE State free_step(tiller_integrator_t integrator, const State& x, const Input& u, const Force& f,
+                                const Body<S>& b, const Params& p, const Length<S>& step) const {
+    if constexpr (Model::kMayTurn) {
+      State next = integrate(integrator, x, u, f, b, p, step);
+      normalise_quaternions<Model, S>(model, next);
+      return next;
+    } else {
+      return integrate(integrator, x, u, f, b, p, step);
+    }
+  }
+  TILLER_INLINE State integrate(tiller_integrator_t integrator, const State& x, const Input& u, const Force& f,
                                 const Body<S>& b, const Params& p, const Length<S>& step) const {
     switch (integrator) {
       case tiller_integrator_semi_implicit_euler: return semi_implicit(x, u, f, b, p, step);

@@ -80,7 +80,7 @@ tiller_status_t SensorGuard::judge(std::int64_t now_us, const tiller_measurement
   for (std::uint32_t i = 0; i < limits_.count; ++i) {
     if (std::isnan(measurement.value[i])) continue;
     ++present;
-    const tiller_status_t value = judge_value(i, measurement.value[i], measurement.stamp_us);
+    const tiller_status_t value = judge_value(i, measurement.value, measurement.stamp_us);
     if (value != tiller_status_ok) return value;
   }
   // without any value there is nothing to learn from; a filter cannot begin on half a measurement
@@ -97,14 +97,36 @@ tiller_status_t SensorGuard::judge_stamp(std::int64_t now_us, std::int64_t stamp
   return tiller_status_ok;
 }
 
-tiller_status_t SensorGuard::judge_value(std::uint32_t i, double value, std::int64_t stamp_us) const {
+/// Of unit length, nearly: a tracker that has lost its body sends zeros. One that is not whole is none (missing).
+bool SensorGuard::is_attitude(const double* value) const {
+  constexpr double kMost = 0.1;
+  double square = 0.0;
+  for (int k = 0; k < 4; ++k) square += value[k] * value[k];
+  return !(std::fabs(std::sqrt(square) - 1.0) > kMost);
+}
+
+/// q and -q are one attitude: -1 where value i belongs to one that is nearer to the last with its sign changed.
+double SensorGuard::sign_of(std::uint32_t i, const double* values) const {
+  for (std::uint32_t k = 0; k < 4 && k <= i; ++k) {
+    const std::uint32_t first = i - k;
+    if (!((limits_.quaternion_mask >> first) & 1u)) continue;
+    double product = 0.0;
+    for (std::uint32_t j = first; j < first + 4; ++j) product += values[j] * seen_[j];
+    return product < 0.0 ? -1.0 : 1.0;
+  }
+  return 1.0;
+}
+
+tiller_status_t SensorGuard::judge_value(std::uint32_t i, const double* values, std::int64_t stamp_us) const {
+  const double value = values[i];
   if (!std::isfinite(value)) return tiller_status_sensor_not_finite;
   // whatever the robot allows: its image in single precision, a difference or a square would be of no use
   if (std::fabs(value) > TILLER_LARGEST_VALUE) return tiller_status_sensor_out_of_range;
   if (value < limits_.low[i] || value > limits_.high[i]) return tiller_status_sensor_out_of_range;
+  if (((limits_.quaternion_mask >> i) & 1u) && !is_attitude(values + i)) return tiller_status_sensor_out_of_range;
   if (!started_ || std::isinf(limits_.rate_per_s[i])) return tiller_status_ok;
 
-  double change = value - seen_[i];
+  double change = (limits_.quaternion_mask == 0 ? 1.0 : sign_of(i, values)) * value - seen_[i];
   if ((limits_.angle_mask >> i) & 1u) change = std::remainder(change, kTwoPi);
   const double time_s = static_cast<double>(elapsed_us(stamp_us, seen_us_[i])) * 1e-6;
   return std::abs(change) > limits_.rate_per_s[i] * time_s ? tiller_status_sensor_jump : tiller_status_ok;

@@ -10,6 +10,8 @@ namespace tiller {
 struct SensorLimits {
   std::uint32_t count = 0;       // ny
   std::uint32_t angle_mask = 0;  // bit i: value i is an angle; its differences are wrapped to +-pi
+  /// bit i: values i to i + 3 are a unit quaternion, or its negative
+  std::uint32_t quaternion_mask = 0;
   double low[TILLER_MAX_MEASUREMENTS] = {};
   double high[TILLER_MAX_MEASUREMENTS] = {};
   double rate_per_s[TILLER_MAX_MEASUREMENTS] = {};
@@ -61,7 +63,9 @@ class SensorGuard {
  private:
   tiller_status_t judge(std::int64_t now_us, const tiller_measurement_t& measurement) const;
   tiller_status_t judge_stamp(std::int64_t now_us, std::int64_t stamp_us) const;
-  tiller_status_t judge_value(std::uint32_t i, double value, std::int64_t stamp_us) const;
+  bool is_attitude(const double* value) const;
+  double sign_of(std::uint32_t i, const double* value) const;
+  tiller_status_t judge_value(std::uint32_t i, const double* values, std::int64_t stamp_us) const;
   void accept(const tiller_measurement_t& measurement);
   bool repeated(const tiller_measurement_t& measurement) const;
   bool stale(std::int64_t now_us) const;

@@ -92,6 +92,7 @@ MechanismInfo cart_pole_info();
 MechanismInfo pendulum_info();
 MechanismInfo acrobot_info();
 MechanismInfo planar_quadrotor_info();
+MechanismInfo quadrotor_info();
 MechanismInfo two_link_arm_info();
 MechanismInfo linear_axis_info();
 MechanismInfo skid_steer_info();

@@ -6,7 +6,7 @@ const std::vector<MechanismInfo>& mechanisms() {
   static const std::vector<MechanismInfo> all = {pendulum_info(),         cart_pole_info(),    acrobot_info(),
                                                  planar_quadrotor_info(), two_link_arm_info(), linear_axis_info(),
                                                  skid_steer_info(),       pusher_slider_info(), furuta_info(),
-                                                 hopper_info()};
+                                                 hopper_info(),           quadrotor_info()};
   return all;
 }
 

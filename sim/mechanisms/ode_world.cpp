@@ -104,10 +104,29 @@ void FreeAxis::set_dry_friction(double force) {
     motor_ = dJointCreateLMotor(world_.id(), nullptr);
     dJointAttach(motor_, body_, nullptr);
     dJointSetLMotorNumAxes(motor_, 1);
-    dJointSetLMotorAxis(motor_, 0, 0, axis_ == 0 ? 1 : 0, 0, axis_ == 2 ? 1 : 0);
+    dJointSetLMotorAxis(motor_, 0, 0, axis_ == 0 ? 1 : 0, axis_ == 1 ? 1 : 0, axis_ == 2 ? 1 : 0);
     dJointSetLMotorParam(motor_, dParamVel, 0);
   }
   dJointSetLMotorParam(motor_, dParamFMax, force);
+}
+
+double BodyRate::rate() const {
+  const dReal* w = dBodyGetAngularVel(body_);
+  dVector3 own;
+  dBodyVectorFromWorld(body_, w[0], w[1], w[2], own);
+  return own[axis_];
+}
+
+void BodyRate::set_dry_friction(double torque_Nm) {
+  constexpr int kOfTheBody = 1;
+  if (motor_ == nullptr) {
+    motor_ = dJointCreateAMotor(world_.id(), nullptr);
+    dJointAttach(motor_, body_, nullptr);
+    dJointSetAMotorNumAxes(motor_, 1);
+    dJointSetAMotorAxis(motor_, 0, kOfTheBody, axis_ == 0 ? 1 : 0, axis_ == 1 ? 1 : 0, axis_ == 2 ? 1 : 0);
+    dJointSetAMotorParam(motor_, dParamVel, 0);
+  }
+  dJointSetAMotorParam(motor_, dParamFMax, torque_Nm);
 }
 
 void FreeTilt::set_dry_friction(double torque_Nm) {

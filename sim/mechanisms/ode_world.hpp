@@ -68,14 +68,16 @@ class HingeJoint final : public Joint {
   double seen_rad_ = 0;
 };
 
-/// One direction in which a free body moves: axis 0 is x, 2 is z. Dry friction is that of a motor against the world.
+/// One direction in which a free body moves: axis 0 is x, 1 y, 2 z. Dry friction is that of a motor against the world.
 class FreeAxis final : public Joint {
  public:
   FreeAxis(OdeWorld& world, dBodyID body, int axis, double least_inertia)
       : world_(world), body_(body), axis_(axis), least_inertia_(least_inertia) {}
   double position() const override { return dBodyGetPosition(body_)[axis_]; }
   double rate() const override { return dBodyGetLinearVel(body_)[axis_]; }
-  void add_force(double force) override { dBodyAddForce(body_, axis_ == 0 ? force : 0, 0, axis_ == 2 ? force : 0); }
+  void add_force(double force) override {
+    dBodyAddForce(body_, axis_ == 0 ? force : 0, axis_ == 1 ? force : 0, axis_ == 2 ? force : 0);
+  }
   void set_dry_friction(double force) override;
   double least_inertia() const override { return least_inertia_; }
 
@@ -83,6 +85,27 @@ class FreeAxis final : public Joint {
   OdeWorld& world_;
   dBodyID body_;
   dJointID motor_ = nullptr;  // made with the first dry friction: a row more for the solver
+  int axis_;
+  double least_inertia_;
+};
+
+/// The rate of a free body about one of its own axes. It is no angle's derivative, so there is no position: always 0.
+class BodyRate final : public Joint {
+ public:
+  BodyRate(OdeWorld& world, dBodyID body, int axis, double least_inertia)
+      : world_(world), body_(body), axis_(axis), least_inertia_(least_inertia) {}
+  double position() const override { return 0; }
+  double rate() const override;
+  void add_force(double torque_Nm) override {
+    dBodyAddRelTorque(body_, axis_ == 0 ? torque_Nm : 0, axis_ == 1 ? torque_Nm : 0, axis_ == 2 ? torque_Nm : 0);
+  }
+  void set_dry_friction(double torque_Nm) override;
+  double least_inertia() const override { return least_inertia_; }
+
+ private:
+  OdeWorld& world_;
+  dBodyID body_;
+  dJointID motor_ = nullptr;
   int axis_;
   double least_inertia_;
 };

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdlib>
 
+#include "posterior/attitude_measurement.hpp"
+#include "rollout/attitude.hpp"
 #include "rollout/measurement.hpp"
 
 namespace tiller::tools {
@@ -60,11 +62,15 @@ void LaneFilter::begin(const double* measured) {
   for (std::uint32_t i = 0; i < nx_; ++i)
     for (std::uint32_t l = 0; l < lanes_; ++l) {
       state_[i * lanes_ + l] = config_.initial_state[i];
-      covariance_[triangle_row(nx_, i, i) * lanes_ + l] = config_.initial_state_sd[i] * config_.initial_state_sd[i];
+      covariance_[triangle_row(nx_, i, i) * lanes_ + l] =
+          (model_.quaternion_mask >> i) & 1u ? 0.0 : config_.initial_state_sd[i] * config_.initial_state_sd[i];
     }
   for (std::size_t j = 0; j < history_.size(); ++j) history_[j] = config_.safety.safe_command[j % nu_];
   std::fill(std::begin(gated_in_a_row_), std::end(gated_in_a_row_), 0u);
-  correct(measured);
+  double first[TILLER_MAX_MEASUREMENTS];
+  std::copy_n(measured, ny_, first);
+  take_attitudes(config_, first);
+  correct(first);
   // the first measurement tells of the start, of no parameter
   std::fill(squared_error_.begin(), squared_error_.end(), 0.0);
   std::fill(log_variance_.begin(), log_variance_.end(), 0.0);
@@ -75,6 +81,7 @@ void LaneFilter::step(const Transition& transition, double noise_scale) {
   predict(transition);
   double measured[TILLER_MAX_MEASUREMENTS];
   std::copy_n(transition.measured, ny_, measured);
+  take_attitudes(config_, measured);
   gate(measured, noise_scale);
   correct(measured);
   std::rotate(history_.begin(), history_.end() - nu_, history_.end());
@@ -95,12 +102,18 @@ void LaneFilter::predict(const Transition& transition) {
   job.next_effect_state = next_effect_state_.data();
   job.a = jacobian_.data();
   table_.linearise(model_, job);
+  const std::uint32_t turns = model_.quaternion_mask;
+  for (std::uint32_t l = 0; turns != 0 && l < lanes_; ++l) {
+    to_tangent_columns(turns, &state_[l], lanes_, nx_, nx_, &jacobian_[l], lanes_);
+    to_tangent_rows(turns, &next_state_[l], lanes_, nx_, &jacobian_[l], lanes_);
+  }
   state_.swap(next_state_);
   effect_state_.swap(next_effect_state_);
 
   double process[triangle_rows(TILLER_MAX_STATES)] = {};
   for (std::uint32_t i = 0; i < nx_; ++i)
-    process[triangle_row(nx_, i, i)] = config_.process_sd[i] * config_.process_sd[i] * transition.period_s;
+    process[triangle_row(nx_, i, i)] =
+        (turns >> i) & 1u ? 0.0 : config_.process_sd[i] * config_.process_sd[i] * transition.period_s;
   PredictJob spread;
   spread.nx = nx_;
   spread.lanes = lanes_;
@@ -120,6 +133,7 @@ void LaneFilter::correct(const double* measured) {
   job.ny = ny_;
   job.lanes = lanes_;
   job.angle_mask = model_.angle_mask;
+  job.quaternion_mask = model_.quaternion_mask;
   job.measured_state = config_.measured_state;
   job.measured = measured;
   job.variance = measurement_variance_;
@@ -135,23 +149,24 @@ void LaneFilter::correct(const double* measured) {
 void LaneFilter::gate(double* measured, double noise_scale) {
   for (std::uint32_t k = 0; k < ny_; ++k) {
     if (std::isnan(measured[k])) continue;
-    if (gated_in_a_row_[k] >= kGateRun || is_explained(k, measured[k], noise_scale)) {
+    if (gated_in_a_row_[k] >= kGateRun || is_explained(k, measured, noise_scale)) {
       gated_in_a_row_[k] = 0;
       continue;
     }
     measured[k] = NAN;
     ++gated_in_a_row_[k];
   }
+  drop_parts(config_, measured);
 }
 
-bool LaneFilter::is_explained(std::uint32_t channel, double measured, double noise_scale) const {
+bool LaneFilter::is_explained(std::uint32_t channel, const double* measured, double noise_scale) const {
   const std::uint32_t state = config_.measured_state[channel];
   const double scale = std::fmax(1.0, noise_scale * noise_scale);
   const double* variance = &covariance_[triangle_row(nx_, state, state) * lanes_];
   for (std::uint32_t l = 0; l < lanes_; ++l) {
     const std::size_t at = channel * lanes_ + l;
     const double gain = gain_.empty() ? 1.0 : gain_[at], offset = offset_.empty() ? 0.0 : offset_[at];
-    const double error = state_difference(model_, state, measured, gain * state_[state * lanes_ + l] + offset);
+    const double error = innovation_of(config_, measured, channel, state_.data() + l, lanes_, {gain, offset});
     const double sum = gain * gain * variance[l] + measurement_variance_[channel];
     if (error * error <= kGate * kGate * scale * sum) return true;
   }

@@ -39,7 +39,7 @@ class LaneFilter {
   void predict(const Transition& transition);
   void correct(const double* measured);
   void gate(double* measured, double noise_scale);
-  bool is_explained(std::uint32_t channel, double measured, double noise_scale) const;
+  bool is_explained(std::uint32_t channel, const double* measured, double noise_scale) const;
 
   const tiller_config_t& config_;
   const tiller_model_t& model_;

@@ -11,6 +11,7 @@
 
 #include "tools/base/text.hpp"
 #include "tools/logs/log_readers.hpp"
+#include "tools/robot/attitude_signs.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -209,6 +210,7 @@ bool read_csv_log(std::istream& file, const std::string& path, const LogMap& map
     for (auto& input : log.input) input.assign(log.rows(), 0.0);
   const double start = log.time_s[0];
   for (double& t : log.time_s) t -= start;
+  take_near_signs(model.quaternion_mask, log.state);
   return true;
 }
 

@@ -8,7 +8,9 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
+#include <map>
 
+#include "rollout/attitude.hpp"
 #include "tools/base/frame_names.hpp"
 #include "tools/robot/section_reader.hpp"
 
@@ -19,8 +21,9 @@ constexpr std::size_t kMostErrors = 5;  // more say no more
 
 /// What a column sets.
 struct Column {
-  enum class Kind { time, state, output, angle } kind = Kind::time;
+  enum class Kind { time, state, output, angle, attitude } kind = Kind::time;
   std::size_t index = 0;  ///< of the state or the output; of an angle: roll, pitch, yaw
+  std::size_t first = 0;  ///< of an attitude's angle: the quaternion's first state
   std::string frame;      ///< an angle's
 };
 
@@ -48,14 +51,20 @@ class GoalReader {
     errors_.push_back(path_ + ":" + std::to_string(line) + ": " + what + ": " + problem + "; " + remedy);
   }
 
-  /// Angles of frames that the model tells of.
+  /// Angles of frames that the model tells of, and of quaternions among its states.
   bool is_angle(const std::string& name, Column& column) const {
     const char* const endings[] = {"_roll_rad", "_pitch_rad", "_yaw_rad"};
     for (std::size_t k = 0; k < 3; ++k) {
       const std::string ending = endings[k];
       if (name.size() <= ending.size() || name.compare(name.size() - ending.size(), ending.size(), ending) != 0)
         continue;
-      column = {Column::Kind::angle, k, name.substr(0, name.size() - ending.size())};
+      column = {Column::Kind::angle, k, 0, name.substr(0, name.size() - ending.size())};
+      const int first = index_of(robot_.states, column.frame + "_w");
+      if (first >= 0 && (robot_.config.model->quaternion_mask >> first & 1u) != 0) {
+        column.kind = Column::Kind::attitude;
+        column.first = static_cast<std::size_t>(first);
+        return true;
+      }
       return index_of(robot_.outputs, frame_output_names(column.frame)[3]) >= 0;
     }
     return false;
@@ -69,13 +78,13 @@ class GoalReader {
       if (name == "time_s") {
         has_time = true;
       } else if (const int state = index_of(robot_.states, name); state >= 0) {
-        column = {Column::Kind::state, static_cast<std::size_t>(state), ""};
+        column = {Column::Kind::state, static_cast<std::size_t>(state), 0, ""};
         about_states_ = true;
       } else if (const int output = index_of(robot_.outputs, name); output >= 0) {
-        column = {Column::Kind::output, static_cast<std::size_t>(output), ""};
+        column = {Column::Kind::output, static_cast<std::size_t>(output), 0, ""};
         about_outputs_ = true;
       } else if (is_angle(name, column)) {
-        about_outputs_ = true;
+        (column.kind == Column::Kind::attitude ? about_states_ : about_outputs_) = true;
       } else {
         Words known = {"time_s"};
         known.insert(known.end(), robot_.states.begin(), robot_.states.end());
@@ -98,6 +107,7 @@ class GoalReader {
                  "write a cell for each column");
     std::string frame;
     std::array<double, 3> rpy{};
+    std::map<std::size_t, std::array<double, 3>> angles;  // by the quaternion's first state
     for (std::size_t c = 0; c < cells.size(); ++c) {
       const Column& column = columns_[c];
       if (cells[c].empty() && column.kind != Column::Kind::time) continue;
@@ -113,6 +123,7 @@ class GoalReader {
           break;
         case Column::Kind::state: now_.states[column.index] = value; break;
         case Column::Kind::output: now_.outputs[column.index] = value; break;
+        case Column::Kind::attitude: angles[column.first][column.index] = value; break;
         case Column::Kind::angle:
           if (column.frame != frame) turn(frame, rpy);
           frame = column.frame;
@@ -120,9 +131,23 @@ class GoalReader {
       }
     }
     turn(frame, rpy);
+    for (const auto& [first, a] : angles)
+      write_quaternion(from_roll_pitch_yaw(a[0], a[1], a[2]), &now_.states[first]);
+    for_quaternions(robot_.config.model->quaternion_mask, [&](std::uint32_t first) {
+      if (!is_attitude(&now_.states[first]))
+        add(line, robot_.states[first], "is the first of a quaternion whose length is not 1",
+            "write all four of it, or its roll, pitch and yaw in rad (" + attitude_columns(first) + ")");
+    });
+    if (errors_.size() != before_) return;
     goals.push_back(now_);
     if (!about_states_) goals.back().states.clear();
     if (!about_outputs_) goals.back().outputs.clear();
+  }
+
+  std::string attitude_columns(std::size_t first) const {
+    const std::string& name = robot_.states[first];  // ends with _w, or is told as it is
+    const std::string stem = name.substr(0, name.size() - 2);
+    return stem + "_roll_rad, " + stem + "_pitch_rad, " + stem + "_yaw_rad";
   }
 
   /// Sets a frame's rotation, and makes the angles ready for the next one.

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cstring>
 #include <filesystem>
 
+#include "rollout/attitude.hpp"
 #include "rollout/measurement.hpp"
 #include "tools/robot/config_trace.hpp"
 #include "tools/robot/robot_sections.hpp"
@@ -133,13 +135,52 @@ std::string engine_wants(const RobotFile& robot, const std::string& field) {
   return {};
 }
 
+/// What is wrong, and what to do about it.
+struct Refusal {
+  std::string problem, remedy;
+};
+
+/// What quaternions among the states demand (docs/reference/rotations.md); empty where the field is none of theirs.
+Refusal attitude_wants(const RobotFile& robot, const std::string& field) {
+  const tiller_config_t& c = robot.config;
+  const auto about = [&](const char* name) { return field.compare(0, std::strlen(name), name) == 0; };
+  Refusal told;
+  const auto of_state = [&](std::uint32_t first) {
+    const auto all = [&](std::uint32_t from) {
+      return join(Words(robot.states.begin() + from, robot.states.begin() + first + 4), ", ");
+    };
+    const std::string index = "[" + std::to_string(first) + "]";
+    const bool named = field.size() > index.size() && field.compare(field.size() - index.size(), index.size(), index) == 0;
+    if ((about("cost.target") || about("initial_state")) && named)
+      told = {"the quaternion " + all(first) + " is not of length 1", "write all four of it; 1, 0, 0, 0 is no rotation"};
+    if ((about("cost.state_weight") || about("cost.terminal_weight")) && named)
+      told = {"the first of a quaternion bears no weight",
+              "write weights for " + all(first + 1) + ": rotations about the body's axes in half radians"};
+    if (about("cost.reference"))
+      told = {"has a row in which the quaternion " + all(first) + " is not of length 1", "divide the four by their length"};
+    if (about("measured_state"))
+      told = {"a quaternion is measured whole or not at all",
+              "write " + all(first) + " in this order into [measurement], one after the other, or none of them"};
+  };
+  for_quaternions(c.model->quaternion_mask, of_state);
+  if (c.model->quaternion_mask == 0) return told;
+  if (about("planner.kind") && c.planner.kind == tiller_planner_sqp)
+    told = {"does not plan for a quaternion among the states", "write ilqr, hybrid or mppi"};
+  if (about("posterior.kind") && c.posterior.kind != tiller_posterior_filter)
+    told = {"takes no quaternion among the states", "kind = \"filter\" does"};
+  if (about("cost.demonstration_weight"))
+    told = {"demonstrations of a quaternion among the states are not known", "write a reference"};
+  return told;
+}
+
 /// Errors that only the library's own check sees: multiples, and combinations of values.
 void check_whole(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   const char* field = nullptr;
   const tiller_status_t status = tiller_config_check(&robot.config, &field);
   if (status == tiller_status_ok) return;
   std::string wants;
-  if (status == tiller_status_bad_posterior) wants = engine_wants(robot, field ? field : "");
+  if (status == tiller_status_bad_posterior && attitude_wants(robot, field ? field : "").problem.empty())
+    wants = engine_wants(robot, field ? field : "");
   if (status == tiller_status_bad_effect && has_sensor_effects(robot.config) &&
       robot.config.posterior.kind != tiller_posterior_filter)
     wants = "takes measurements for the states themselves and so no effect at a sensor, such as sensor_bias";
@@ -153,12 +194,14 @@ void check_whole(FileErrors& errors, const toml::table& root, RobotFile& robot) 
   std::string found;
   const toml::node* node = find_node(root, path, found);
   const std::string key = join(path, ".");
+  Refusal told = attitude_wants(robot, field ? field : "");
+  if (told.problem.empty()) told = {tiller_status_text(status), remedy_for(path)};
   if (!node) {
-    errors.at_line(errors.last_line(), key, tiller_status_text(status), remedy_for(path));
+    errors.at_line(errors.last_line(), key, told.problem, told.remedy);
   } else if (node->is_table() && !node->as_table()->is_inline()) {
-    errors.at_table(*node, key, tiller_status_text(status), remedy_for(path));
+    errors.at_table(*node, key, told.problem, told.remedy);
   } else {
-    errors.at(*node, found, tiller_status_text(status), remedy_for(path));
+    errors.at(*node, found, told.problem, told.remedy);
   }
 }
 

@@ -9,6 +9,9 @@
 #include <cstring>
 #include <fstream>
 
+#include "rollout/attitude.hpp"
+#include "tools/robot/attitude_signs.hpp"
+
 namespace tiller::tools {
 namespace {
 
@@ -141,6 +144,17 @@ void unwrap(std::vector<double>& angle) {
     angle[k] -= 2 * kPi * std::round((angle[k] - angle[k - 1]) / (2 * kPi));
 }
 
+/// Between two rows a quaternion is shorter than one.
+void normalise(const tiller_model_t& model, std::vector<double>& rows) {
+  for (std::size_t at = 0; at < rows.size(); at += model.state_count)
+    for_quaternions(model.quaternion_mask, [&](std::uint32_t first) {
+      double* q = &rows[at + first];
+      // what is no attitude in the file stays none, and is told so
+      if (std::fabs(dot(read_quaternion(q), read_quaternion(q)) - 1) < 0.1)
+        write_quaternion(normalised(read_quaternion(q)), q);
+    });
+}
+
 /// Row k of the result stands k periods after the first row.
 std::vector<double> at_periods(const Table& table, const std::vector<std::vector<double>>& columns, double period_s,
                                std::size_t rows) {
@@ -204,6 +218,7 @@ bool read_trajectory(const std::string& path, const tiller_model_t& model, doubl
   if (!read_table(file, model, table, findings)) return false;
   for (std::uint32_t i = 0; i < model.state_count; ++i)
     if (model.angle_mask >> i & 1) unwrap(table.mean[i]);
+  take_near_signs(model.quaternion_mask, table.mean);
   const double periods = (table.time_s.back() - table.time_s.front()) / period_s;
   if (periods > kMostTrajectoryPeriods) {
     findings.add(1, "time_s", "goes over " + number_text(std::floor(periods)) + " periods",
@@ -212,6 +227,7 @@ bool read_trajectory(const std::string& path, const tiller_model_t& model, doubl
   }
   out.rows = static_cast<std::size_t>(std::floor(periods + 1e-6)) + 1;
   out.mean = at_periods(table, table.mean, period_s, out.rows);
+  normalise(model, out.mean);
   const bool deviations = !table.sd.front().empty();
   out.sd = deviations ? at_periods(table, table.sd, period_s, out.rows) : std::vector<double>();
   return true;

@@ -4,6 +4,8 @@
 #include <chrono>
 #include <cmath>
 
+#include "rollout/rollout.hpp"
+
 namespace tiller::tools {
 namespace {
 
@@ -36,11 +38,13 @@ std::string RunStart::nothing_came(double patience_s, tiller_status_t fault) con
 
 bool RunStart::stands_at_start(const tiller_measurement_t& measurement) const {
   const tiller_config_t& config = robot_.config;
+  double seen[TILLER_MAX_STATES];
+  std::copy_n(config.initial_state, config.model->state_count, seen);
+  for (std::uint32_t i = 0; i < config.measurement_count; ++i) seen[config.measured_state[i]] = measurement.value[i];
+  state_differences(*config.model, seen, config.initial_state, seen);
   for (std::uint32_t i = 0; i < config.measurement_count; ++i) {
     const std::uint32_t state = config.measured_state[i];
-    double off = measurement.value[i] - config.initial_state[state];
-    if (config.model->angle_mask >> state & 1u) off = std::remainder(off, 2 * M_PI);
-    if (!(std::fabs(off) <= 4 * std::hypot(config.initial_state_sd[state], config.measurement_sd[i]))) return false;
+    if (!(std::fabs(seen[state]) <= 4 * std::hypot(config.initial_state_sd[state], config.measurement_sd[i]))) return false;
   }
   return true;
 }

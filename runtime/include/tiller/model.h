@@ -16,7 +16,7 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
-#define TILLER_MODEL_VERSION 2u
+#define TILLER_MODEL_VERSION 3u
 
 /** Upper bounds of every model; the block is sized for the counts actually used. A build for one robot may set lower
  *  ones on its command line, the same for every file that it links: its structs and stacks shrink with them. */
@@ -99,6 +99,11 @@ typedef struct tiller_model {
   uint32_t output_count;           /**< ny, 0..TILLER_MAX_OUTPUTS */
   const char* const* output_names; /**< (ny) */
   void (*outputs)(const double* x, const double* p, double* y);
+
+  /** Bit i set: states i to i + 3 are a unit quaternion w, x, y, z (Hamilton's, body to world), no angles and no
+   *  joints' positions. Every step ends at unit length, and differences are rotations, not differences of components:
+   *  see docs/guide/own_model.md. */
+  uint32_t quaternion_mask;
 } tiller_model_t;
 
 /** The models that this library was built with, by name; NULL if there is none of that name (tiller_model_names

@@ -47,6 +47,14 @@
 // a joint's velocity is the derivative of its position. Field names carry SI units and become the names in robot
 // files, logs, plots and reports.
 //
+// An attitude in space is a unit quaternion in four states that follow each other, w first (Hamilton's, body to world):
+//
+//       TILLER_FIELDS(State, S, attitude_w, attitude_x, attitude_y, attitude_z, roll_rad_s, pitch_rad_s, yaw_rad_s);
+//       static constexpr unsigned quaternions = 1u << 0;          // bit i: states i to i + 3
+//
+// The stepper brings it back to unit length after every step, and its differences are rotations (tiller/rotation.hpp,
+// which has the functions for such equations).
+//
 // `static constexpr bool long_dynamics = true;` says that the equations are long (a double pendulum's are): they are
 // then differentiated in one text that all integrators share. It compiles in two thirds of the time; derivatives by RK4
 // take a tenth less, by the other integrators a third more.
@@ -148,6 +156,14 @@ struct AnglesOf {
 template <class Model>
 struct AnglesOf<Model, std::void_t<decltype(Model::angles)>> {
   static constexpr unsigned mask = Model::angles;
+};
+template <class Model, class = void>
+struct QuaternionsOf {
+  static constexpr unsigned mask = 0;
+};
+template <class Model>
+struct QuaternionsOf<Model, std::void_t<decltype(Model::quaternions)>> {
+  static constexpr unsigned mask = Model::quaternions;
 };
 /// Optional: outputs.
 template <class Model, class = void>

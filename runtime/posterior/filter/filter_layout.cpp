@@ -149,6 +149,7 @@ class FilterPosterior::Layout {
   void fill_sizes(FilterPosterior& p) const {
     p.n_ = n_;
     p.nx_ = nx_;
+    p.quaternions_ = config_.model->quaternion_mask;
     p.nu_ = nu_;
     p.np_ = np_;
     p.ns_ = ns_;

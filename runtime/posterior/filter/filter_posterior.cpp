@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "posterior/attitude_measurement.hpp"
 #include "posterior/tasks.hpp"
 
 namespace tiller {
@@ -65,6 +66,7 @@ tiller_status_t FilterPosterior::advance(const Transition& transition, bool move
   if (refusal != tiller_status_ok) return refusal;
   ++tick_;
   now_.transition = transition;
+  take_attitudes(*config_, now_.transition.measured);
   predict();
   const bool doubted = gate(now_.transition);
   const bool resting = moves && rest_.resting(now_.transition);
@@ -129,6 +131,7 @@ bool FilterPosterior::gate(Transition& t) {
     ++gate_run_[k];
     ++gated_;
   }
+  drop_parts(*config_, t.measured);
   return any && !left;
 }
 
@@ -140,8 +143,7 @@ bool FilterPosterior::explained(const Transition& t, std::uint32_t k) const {
     const Chunk& chunk = chunks_[i / kChunk];
     const std::uint32_t lane = i % kChunk;
     const MeasurementMap map = sensor(chunk, k, lane);
-    const double predicted = map.of(chunk.predicted.state[state * kChunk + lane]);
-    const double error = state_difference(*config_->model, state, t.measured[k], predicted);
+    const double error = innovation_of(*config_, t.measured, k, chunk.predicted.state + lane, kChunk, map);
     const double variance =
         map.gain * map.gain * chunk.predicted.covariance[row * kChunk + lane] + measurement_variance_[k];
     // the first particle usually ends the search

@@ -139,6 +139,7 @@ class FilterPosterior final : public Posterior {
   LineariseJob linearise_job(const Chunk& chunk, const Step& step) const;
   FilterDiscrepancy::Lanes16 discrepancy_job(const Chunk& chunk, const Step& step) const;
   void widen_jacobian(const Chunk& chunk) const;
+  void turn_jacobian(const Chunk& chunk, const Step& step) const;
   void predict_covariance(const Chunk& chunk, const Step& step) const;
   CorrectJob correct_job(const double* measured, const Chunk& chunk) const;
   void map_sensors(const Chunk& chunk, const double* params, std::uint32_t stride) const;
@@ -165,6 +166,7 @@ class FilterPosterior final : public Posterior {
   // innovation.cpp: what the adequacy test is fed with
   void test_innovation();
   void respond(const double* speed, Innovation& now);
+  void turn_response(const Step& step, std::uint32_t lane, const LineariseJob& job) const;
   double mean_before(std::uint32_t state) const;
 
   // reweight.cpp: likelihood, exponent, resampling
@@ -187,6 +189,7 @@ class FilterPosterior final : public Posterior {
   // window.cpp: reruns, and what leaves the window
   void rerun(std::uint32_t lanes);
   void rerun_chunk(std::uint32_t chunk) const;
+  void read_summary(const Chunk& chunk) const;
   void step_chunk(const Chunk& chunk, std::uint64_t index) const;
   void retire(std::uint32_t keep);
   void lay_design();
@@ -200,6 +203,7 @@ class FilterPosterior final : public Posterior {
   void close_window();
 
   // report.cpp
+  void turn_moments(std::uint32_t about, double* state_mean, double* state_sd) const;
   void take_mean(float* params, float* state, float* effect_state) const;
   void take_strata(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state) const;
 
@@ -213,6 +217,7 @@ class FilterPosterior final : public Posterior {
   const tiller_hooks_t* hooks_ = nullptr;
   static constexpr std::uint32_t rows_ = ScaleEvidence::kRows;
   std::uint32_t n_ = 0, nx_ = 0, nu_ = 0, np_ = 0, ns_ = 0, ny_ = 0;
+  std::uint32_t quaternions_ = 0;      // bits of their first states
   std::uint32_t d_ = 0;                // coordinates
   std::uint32_t forces_ = 0, nf_ = 0;  // of the discrepancy; states of the filters, forces included
   std::uint32_t triangle_ = 0;         // of the filters' covariances

@@ -4,7 +4,9 @@
 #include <cmath>
 #include <cstring>
 
+#include "posterior/attitude_measurement.hpp"
 #include "posterior/filter/filter_posterior.hpp"
+#include "rollout/attitude.hpp"
 
 namespace tiller {
 
@@ -27,9 +29,13 @@ void FilterPosterior::set_start(const double* sd, const double* measured) {
   clear_start();
   for (std::uint32_t r = 0; r < nx_; ++r) {
     start_.state[r] = config_->initial_state[r];
-    start_.covariance[triangle_row(nf_, r, r)] = sd[r] * sd[r];
+    start_.covariance[triangle_row(nf_, r, r)] = (quaternions_ >> r) & 1u ? 0.0 : sd[r] * sd[r];
   }
+  for_quaternions(quaternions_, [&](std::uint32_t first) {
+    write_quaternion(normalised(read_quaternion(start_.state + first)), start_.state + first);
+  });
   for (std::uint32_t k = 0; k < ny_; ++k) start_.measured[k] = measured ? measured[k] : NAN;
+  take_attitudes(*config_, start_.measured);
   if (forces_ > 0 && measured) set_force_start();
 }
 
@@ -105,9 +111,11 @@ tiller_status_t FilterPosterior::start(const double* measured) {
 /// The heaviest particle stands for all.
 void FilterPosterior::note_reach() {
   const std::uint32_t particle = heaviest();
+  double at[TILLER_MAX_STATES];
+  for (std::uint32_t i = 0; i < nx_; ++i) at[i] = carried_.filter.state[i * n_ + particle];
+  state_differences(*config_->model, at, config_->initial_state, at);
   for (std::uint32_t i = 0; i < nx_; ++i) {
-    const double state = carried_.filter.state[i * n_ + particle];
-    const double off = std::fabs(state_difference(*config_->model, i, state, config_->initial_state[i]));
+    const double off = std::fabs(at[i]);
     if (off > reach_[i] && std::isfinite(off)) reach_[i] = off;
   }
 }

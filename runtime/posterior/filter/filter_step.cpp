@@ -1,9 +1,11 @@
 // One filtered transition of a chunk of lanes: what the tick, the reruns and the summary have in common.
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 
 #include "posterior/filter/filter_posterior.hpp"
+#include "rollout/attitude.hpp"
 
 namespace tiller {
 
@@ -14,6 +16,7 @@ void FilterPosterior::predict_lanes(const Chunk& chunk, const Step& step) const 
     discrepancy_.step(discrepancy_job(chunk, step));
     widen_jacobian(chunk);
   }
+  if (quaternions_ != 0) turn_jacobian(chunk, step);
   predict_covariance(chunk, step);
 }
 
@@ -51,6 +54,20 @@ FilterDiscrepancy::Lanes16 FilterPosterior::discrepancy_job(const Chunk& chunk, 
   return job;
 }
 
+/// Derivatives by and of a quaternion's states become those by and of its differences, along the attitude that each
+/// lane had and has: then its covariance is 3 x 3, along the body's axes, with a row of zeros before it (the error-state
+/// filter of Sola 2017, section 5). Beside the dynamics it costs little, so it is done lane by lane.
+void FilterPosterior::turn_jacobian(const Chunk& chunk, const Step& step) const {
+  for (std::uint32_t l = 0; l < kChunk; ++l) {
+    for_quaternions(quaternions_, [&](std::uint32_t first) {  // forces may have pushed it off the sphere
+      double* q = chunk.predicted.state + first * kChunk + l;
+      write_quaternion(normalised(read_quaternion(q, kChunk)), q, kChunk);
+    });
+    to_tangent_columns(quaternions_, step.from.state + l, step.from.stride, nf_, nf_, chunk.jacobian + l, kChunk);
+    to_tangent_rows(quaternions_, chunk.predicted.state + l, kChunk, nf_, chunk.jacobian + l, kChunk);
+  }
+}
+
 /// [A G; 0 I] in the place of A. From the last element back: the wider rows begin behind the narrower ones.
 void FilterPosterior::widen_jacobian(const Chunk& chunk) const {
   constexpr std::size_t kRow = sizeof(double) * kChunk;
@@ -77,7 +94,8 @@ void FilterPosterior::predict_covariance(const Chunk& chunk, const Step& step) c
   const auto at = [&](std::uint32_t r, std::uint32_t c) -> double& {
     return process[r < c ? triangle_row(nf_, r, c) : triangle_row(nf_, c, r)];
   };
-  for (std::uint32_t i = 0; i < nx_; ++i) at(i, i) = config_->process_sd[i] * config_->process_sd[i] * period_s;
+  for (std::uint32_t i = 0; i < nx_; ++i)
+    at(i, i) = (quaternions_ >> i) & 1u ? 0.0 : config_->process_sd[i] * config_->process_sd[i] * period_s;
   for (std::uint32_t j = 0; j < config_->model->joint_count; ++j) {
     const tiller_joint_t& joint = config_->model->joints[j];
     if (joint.position == TILLER_NO_POSITION) continue;
@@ -121,6 +139,7 @@ CorrectJob FilterPosterior::correct_job(const double* measured, const Chunk& chu
   job.gain = chunk.gain;
   job.offset = chunk.offset;
   job.angle_mask = config_->model->angle_mask;
+  job.quaternion_mask = quaternions_;
   job.measured_state = config_->measured_state;
   job.measured = measured;
   job.variance = measurement_variance_;

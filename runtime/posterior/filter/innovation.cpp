@@ -3,7 +3,9 @@
 
 #include <cmath>
 
+#include "posterior/attitude_measurement.hpp"
 #include "posterior/filter/filter_posterior.hpp"
+#include "rollout/attitude.hpp"
 
 namespace tiller {
 
@@ -37,11 +39,11 @@ void FilterPosterior::test_innovation() {
       const MeasurementMap map = sensor(chunk, k, lane);
       const double variance =
           map.gain * map.gain * chunk.predicted.covariance[row * kChunk + lane] + measurement_variance_[k];
-      const double error = state_difference(*config_->model, state, now_.transition.measured[k], map.of(predicted));
+      const double error = innovation_of(*config_, now_.transition.measured, k, chunk.predicted.state + lane, kChunk, map);
       mean += w * error;
       square += w * error * error;
       within += w * variance;
-      moved += w * (predicted - carried_.filter.state[state * n_ + i]);
+      moved += w * (predicted - carried_.filter.state[state * n_ + i]);  // of a quaternion a feature as good as any
     }
     const double between = std::fmax(0.0, square - mean * mean);
     now.normalised[k] = mean / std::sqrt(noise_scale_ * noise_scale_ * within + between);
@@ -55,6 +57,13 @@ void FilterPosterior::test_innovation() {
   adequacy_->take(now);
 }
 
+/// As turn_jacobian(), for one lane.
+void FilterPosterior::turn_response(const Step& step, std::uint32_t lane, const LineariseJob& job) const {
+  to_tangent_columns(quaternions_, step.from.state + lane, step.from.stride, nx_, nx_, job.a + lane, kChunk);
+  to_tangent_rows(quaternions_, job.next_state + lane, kChunk, nx_, job.a + lane, kChunk);
+  to_tangent_rows(quaternions_, job.next_state + lane, kChunk, nu_, job.b + lane, kChunk);
+}
+
 /// The heaviest particle's filter stands for all: a feature need only be known beforehand, and they hardly differ.
 void FilterPosterior::respond(const double* speed, Innovation& now) {
   const std::uint32_t i = heaviest(), lane = i % kChunk;
@@ -65,6 +74,7 @@ void FilterPosterior::respond(const double* speed, Innovation& now) {
   job.a = response_scratch_ + std::size_t{nx_} * kChunk;
   job.b = job.a + std::size_t{nx_} * nx_ * kChunk;
   table_->linearise(*config_->model, job);
+  if (quaternions_ != 0) turn_response(particle_step(i / kChunk), lane, job);
   double covariance[triangle_rows(TILLER_MAX_STATES)];  // of the model's states alone
   for (std::uint32_t r = 0; r < nx_; ++r)
     for (std::uint32_t c = r; c < nx_; ++c)

@@ -11,6 +11,7 @@
 
 #include "core/rng.hpp"
 #include "posterior/filter/filter_posterior.hpp"
+#include "rollout/attitude.hpp"
 
 namespace tiller {
 
@@ -64,24 +65,40 @@ void FilterPosterior::start_at_present() {
   clear_start();
   const InitialStateDistribution& law = start_;
   double off[kMaxFilterStates];
+  const auto from_about = [&](std::uint32_t i) {
+    const double* state = carried_.filter.state;
+    for (std::uint32_t r = 0; r < nf_; ++r) off[r] = state[r * n_ + i] - state[r * n_ + about];
+    for_quaternions(quaternions_, [&](std::uint32_t first) {
+      const double* q = state + first * n_;
+      const Vector3<double> d = attitude_difference(read_quaternion(q + i, n_), read_quaternion(q + about, n_));
+      write_quaternion({0.0, d.x, d.y, d.z}, off + first);
+    });
+  };
   for (std::uint32_t i = 0; i < n_; ++i) {
     const double w = cloud_.weight[i];
     if (!(w > 0.0)) continue;
-    for (std::uint32_t r = 0; r < nf_; ++r)
-      law.state[r] += w * (carried_.filter.state[r * n_ + i] - carried_.filter.state[r * n_ + about]);
+    from_about(i);
+    for (std::uint32_t r = 0; r < nf_; ++r) law.state[r] += w * off[r];
     for (std::uint32_t s = 0; s < ns_; ++s) law.effect_state[s] += w * carried_.filter.effect_state[s * n_ + i];
   }
   for (std::uint32_t i = 0; i < n_; ++i) {
     const double w = cloud_.weight[i];
     if (!(w > 0.0)) continue;
-    for (std::uint32_t r = 0; r < nf_; ++r)
-      off[r] = carried_.filter.state[r * n_ + i] - carried_.filter.state[r * n_ + about] - law.state[r];
+    from_about(i);
+    for (std::uint32_t r = 0; r < nf_; ++r) off[r] -= law.state[r];
     for (std::uint32_t r = 0; r < nf_; ++r)
       for (std::uint32_t c = r; c < nf_; ++c) {
         const std::uint32_t at = triangle_row(nf_, r, c);
         law.covariance[at] += w * (carried_.filter.covariance[at * n_ + i] + off[r] * off[c]);
       }
   }
+  for_quaternions(quaternions_, [&](std::uint32_t first) {
+    const Quaternion<double> middle = read_quaternion(carried_.filter.state + first * n_ + about, n_);
+    const double* d = law.state + first;
+    const Quaternion<double> q = normalised(attitude_sum(middle, {d[1], d[2], d[3]}));
+    // what is added below
+    write_quaternion({q.w - middle.w, q.x - middle.x, q.y - middle.y, q.z - middle.z}, law.state + first);
+  });
   for (std::uint32_t r = 0; r < nf_; ++r) law.state[r] += carried_.filter.state[r * n_ + about];
   std::fill(law.measured, law.measured + ny_, NAN);
 }

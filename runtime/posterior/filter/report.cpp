@@ -3,8 +3,35 @@
 #include <cmath>
 
 #include "posterior/filter/filter_posterior.hpp"
+#include "rollout/attitude.hpp"
 
 namespace tiller {
+
+/// Moments of quaternions, from the differences from one particle, in the last three of four states.
+void FilterPosterior::turn_moments(std::uint32_t about, double* state_mean, double* state_sd) const {
+  for_quaternions(quaternions_, [&](std::uint32_t first) {
+    const double* q = carried_.filter.state + first * n_;
+    const Quaternion<double> middle = read_quaternion(q + about, n_);
+    double mean[3] = {}, between[3] = {}, within[3] = {};
+    for (std::uint32_t k = 0; k < n_; ++k) {
+      const Vector3<double> d = attitude_difference(read_quaternion(q + k, n_), middle);
+      const double off[3] = {d.x, d.y, d.z};
+      for (std::uint32_t i = 0; i < 3; ++i) {
+        const std::uint32_t row = triangle_row(nf_, first + 1 + i, first + 1 + i);
+        mean[i] += cloud_.weight[k] * off[i];
+        between[i] += cloud_.weight[k] * off[i] * off[i];
+        within[i] += cloud_.weight[k] * carried_.filter.covariance[row * n_ + k];
+      }
+    }
+    if (state_mean)
+      write_quaternion(normalised(attitude_sum(middle, {mean[0], mean[1], mean[2]})), state_mean + first);
+    if (!state_sd) return;
+    state_sd[first] = 0.0;
+    for (std::uint32_t i = 0; i < 3; ++i)
+      state_sd[first + 1 + i] = std::sqrt(std::fmax(0.0, between[i] - mean[i] * mean[i]) +
+                                          noise_scale_ * noise_scale_ * std::fmax(0.0, within[i]));
+  });
+}
 
 void FilterPosterior::moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const {
   cloud_.moments(param_mean, param_sd);
@@ -27,6 +54,7 @@ void FilterPosterior::moments(double* param_mean, double* param_sd, double* stat
     const double variance_within = within < 0.0 ? 0.0 : noise_scale_ * noise_scale_ * within;
     state_sd[i] = std::sqrt(std::fmax(0.0, between - mean * mean) + variance_within);
   }
+  turn_moments(about, state_mean, state_sd);
 }
 
 void FilterPosterior::particle(std::uint32_t index, double* params, double* state, double* weight) const {

@@ -6,6 +6,7 @@
 
 #include "posterior/filter/filter_posterior.hpp"
 #include "posterior/tasks.hpp"
+#include "rollout/attitude.hpp"
 
 namespace tiller {
 
@@ -29,8 +30,19 @@ void FilterPosterior::rerun_chunk(std::uint32_t c) const {
   if (window_exact_)
     begin_filters(chunk, chunk.filter);
   else
-    summary_.read_filters(kChunk, chunk.coordinate, kChunk, chunk.filter);
+    read_summary(chunk);
   for (std::uint64_t index = window_begin_; index < window_.end(); ++index) step_chunk(chunk, index);
+}
+
+/// Filters from the polynomials, which do not keep a quaternion's length.
+void FilterPosterior::read_summary(const Chunk& chunk) const {
+  summary_.read_filters(kChunk, chunk.coordinate, kChunk, chunk.filter);
+  for_quaternions(quaternions_, [&](std::uint32_t first) {
+    for (std::uint32_t l = 0; l < kChunk; ++l) {
+      double* q = chunk.filter.state + first * chunk.filter.stride + l;
+      write_quaternion(normalised(read_quaternion(q, chunk.filter.stride)), q, chunk.filter.stride);
+    }
+  });
 }
 
 void FilterPosterior::step_chunk(const Chunk& chunk, std::uint64_t index) const {
