@@ -202,7 +202,7 @@ const Mistake kMistakes[] = {
      "[[figure.links]]\nname = \"pole\"\nposition_m = [0, 0, \"0.1 -\"]\n[recorder]\n", "position_m = [",
      "figure.links[pole].position_m", "ends where a number or a name is expected"},
     {"figure_in_a_plane", "[recorder]\n",
-     "[[figure.links]]\nname = \"pole\"\nlines_m = [[[0, 0], [0, 1]]]\n[recorder]\n", "lines_m",
+     "[[figure.links]]\nname = \"pole\"\nlines_m = [[[0, 0], [0, 0, 1]]]\n[recorder]\n", "lines_m",
      "figure.links[pole].lines_m", "has 2 entries; write three"},
     {"figure_of_a_point", "[recorder]\n",
      "[[figure.links]]\nname = \"pole\"\nlines_m = [[[0, 0, 0]]]\n[recorder]\n", "lines_m",

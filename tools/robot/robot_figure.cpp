@@ -126,10 +126,11 @@ class FigureReader {
     const std::string name = table["name"].value<std::string>().value_or("");
     const std::string path = "figure.links[" + (name.empty() ? std::to_string(number) : name) + "]";
     SectionReader section(errors_, "figure.links[]", path, &table);
-    section.refuse_unknown();
+    const Words meant = section.refuse_unknown();
     FigureLink link;
     link.name = section.text("name").value_or("");
-    if (!section.has("name")) section.missing("name", "write how the link is called, \"pole\"");
+    if (!section.has("name") && index_of(meant, "name") < 0)
+      section.missing("name", "write how the link is called, \"pole\"");
     for (const FigureLink& other : figure.links)
       if (!link.name.empty() && other.name == link.name)
         section.error("name", "is the name of another link", "give each link a name of its own");
@@ -137,7 +138,7 @@ class FigureReader {
     point(section, "position_m", link.position_m);
     point(section, "rpy_rad", link.rpy_rad);
     read_quaternion(section, link);
-    read_joint(section, link);
+    read_joint(section, meant, link);
     link.joined = section.flag("joined").value_or(false);
     read_lines(section, link);
     each_table(section, "circles", [&](const toml::table& one, const std::string& at) { read_circle(one, at, link); });
@@ -166,14 +167,15 @@ class FigureReader {
       section.error("quaternion", "stands beside rpy_rad", "leave one of the two out: both turn the link");
   }
 
-  void read_joint(SectionReader& section, FigureLink& link) {
+  void read_joint(SectionReader& section, const Words& meant, FigureLink& link) {
     if (const toml::node* node = section.node("turn_rad")) (void)value(*node, section.path_of("turn_rad"), link.turn_rad);
     if (const toml::node* node = section.node("slide_m")) (void)value(*node, section.path_of("slide_m"), link.slide_m);
     const bool moves = section.has("turn_rad") || section.has("slide_m");
     if (section.has("axis")) {
       direction(section.node("axis"), section.path_of("axis"), link.axis);
-      if (!moves) section.error("axis", "of nothing", "write turn_rad or slide_m, what the link does about or along it");
-    } else if (moves) {
+      if (!moves && index_of(meant, "turn_rad") < 0 && index_of(meant, "slide_m") < 0)
+        section.error("axis", "of nothing", "write turn_rad or slide_m, what the link does about or along it");
+    } else if (moves && index_of(meant, "axis") < 0) {
       section.missing("axis", "write the joint's direction in the link, [0, 0, 1]");
     }
   }
@@ -199,12 +201,12 @@ class FigureReader {
 
   void read_circle(const toml::table& table, const std::string& path, FigureLink& link) {
     SectionReader section(errors_, "figure.links[].circles[]", path, &table);
-    section.refuse_unknown();
+    const Words meant = section.refuse_unknown();
     FigureCircle circle;
     point(section, "at_m", circle.at_m);
     if (const toml::node* node = section.node("radius_m"))
       (void)value(*node, section.path_of("radius_m"), circle.radius_m);
-    else
+    else if (index_of(meant, "radius_m") < 0)
       section.missing("radius_m", "write the circle's radius");
     if (section.has("normal")) direction(section.node("normal"), section.path_of("normal"), circle.normal);
     link.circles.push_back(circle);
@@ -212,11 +214,11 @@ class FigureReader {
 
   void read_box(const toml::table& table, const std::string& path, FigureLink& link) {
     SectionReader section(errors_, "figure.links[].boxes[]", path, &table);
-    section.refuse_unknown();
+    const Words meant = section.refuse_unknown();
     FigureBox box;
     point(section, "at_m", box.at_m);
     point(section, "size_m", box.size_m);
-    if (!section.has("size_m")) section.missing("size_m", "write its extents, [0.4, 0.2, 0.2]");
+    if (!section.has("size_m") && index_of(meant, "size_m") < 0) section.missing("size_m", "write its extents, [0.4, 0.2, 0.2]");
     link.boxes.push_back(box);
   }
 

@@ -79,7 +79,7 @@ const std::vector<SectionSpec> kSections = {
     {"log", "[log]", "How `tiller identify` reads logs from elsewhere; logs of tiller need nothing."},
     {"figure", "[figure]",
      "The stick figure that the page of a run shows. Nothing else reads it. Lengths are in metres, x and y level and z "
-     "up. Where the keys say value, write a number, the name of a state or a parameter, or a sum of such: "
+     "up. A value is a number, the name of a state or a parameter, or a sum of these: "
      "`0.1`, `\"angle_rad\"`, `\"0.1 - 2*half_length_m\"`."},
     {"figure.links[]", "[[figure.links]]",
      "A frame with what is drawn in it, placed in its parent's: moved by position_m, turned by rpy_rad or quaternion, "

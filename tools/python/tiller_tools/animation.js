@@ -123,17 +123,16 @@
     const text = `grid ${+cell.toPrecision(2)} m, at z = 0`;
     pen.fillText(text, width - pen.measureText(text).width - 8, height - 8);
   };
-  // where the last point of the figure was
+  // where the figure's tip was
   const trace = () => {
     const track = tracks[tracks.truth ? "truth" : "estimate"];
-    const last = data.shapes[data.shapes.length - 1], index = last[0] === "line" ? last[last.length - 1] : last[1];
     pen.strokeStyle = data.colours.trace;
     pen.lineWidth = 1.5;
     pen.setLineDash([]);
     pen.beginPath();
     let drawing = false;
     for (let i = 0; i <= frame; ++i) {
-      const [x, y] = project(track(i)[index]);
+      const [x, y] = project(track(i)[data.tip]);
       if (isFinite(x + y)) drawing ? pen.lineTo(x, y) : pen.moveTo(x, y);
       drawing = isFinite(x + y);
     }

@@ -199,7 +199,7 @@ def data(scene: Scene) -> dict:
             triads.append(_constant(spread))
         return {"view": _VIEWS[scene.view], "time": [round(float(t), 4) for t in scene.time],
                 "middle": middle.tolist(), "step": step, "low": low.tolist(), "high": high.tolist(), "size": size,
-                "points": scene.estimate.shape[1], "shapes": scene.sketch.shapes,
+                "points": scene.estimate.shape[1], "shapes": scene.sketch.shapes, "tip": scene.sketch.tip,
                 "tracks": {name: _packed(points, middle, step) for name, points in tracks.items()
                            if points is not None},
                 "frames": [_packed(frame, middle, step) for frame in triads],

@@ -108,6 +108,23 @@ class Sketch:
                 self.shapes.append(["circle", *self._circle(i, circle)])
             for box in link["boxes"]:
                 self.shapes.append(["box", *self._box(i, box)])
+        self.tip = self._tip()
+
+    def _tip(self) -> int:
+        """The point whose way is worth seeing: the end of the longest chain, or where a body is that moves by itself."""
+        links, deepest, depths = self._figure["links"], -1, []
+        for i, link in enumerate(links):
+            depths.append(1 + (depths[link["parent"]] if link["parent"] >= 0 else 0))
+            drawn = link["joined"] or link["lines_m"] or link["circles"] or link["boxes"]
+            if drawn and (deepest < 0 or depths[i] >= depths[deepest]):
+                deepest = i
+        if deepest < 0:
+            return 0
+        link, origin = links[deepest], [[], [], []]
+        moves = link["parent"] < 0 and any(name for terms in link["position_m"] for _, name in terms)
+        if moves or not (link["lines_m"] or link["circles"]):
+            return self._point(deepest, origin)
+        return self._point(deepest, link["circles"][-1]["at_m"] if link["circles"] else link["lines_m"][-1][-1])
 
     @property
     def point_count(self) -> int:
