@@ -145,10 +145,9 @@ struct Read {
     robot.model_request.file = header;
     for (const char* const name : Arm::Output::names) robot.outputs.emplace_back(name);
     costs.assign(robot.outputs.size(), {0.0, 0.0, 0.0, -INFINITY, INFINITY, 0.0});
-    std::set<std::string> taken;
     const toml::table root = toml::parse(std::string_view(text), std::string_view("robot.toml"));
     SectionReader cost(problems, "cost", "cost", root["cost"].as_table());
-    read_clearance(cost, robot, costs, taken);
+    (void)read_clearance(cost, robot, costs);
     errors = problems.text();
   }
   const tiller_output_cost_t& of(const std::string& output) const {

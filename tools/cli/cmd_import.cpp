@@ -93,6 +93,12 @@ bool read_sphere(const std::string& word, Spheres& spheres, std::vector<std::str
   int on_link = 1;
   for (const Sphere& other : spheres.list) on_link += other.link == sphere.link ? 1 : 0;
   sphere.name = identifier(sphere.link) + "_" + std::to_string(on_link);
+  for (const Sphere& other : spheres.list)
+    if (other.name == sphere.name) {
+      errors.push_back("--sphere " + word + ": would be called " + sphere.name + " as one on link '" + other.link +
+                       "' is; rename a link in the description");
+      return false;
+    }
   spheres.list.push_back(sphere);
   return true;
 }

@@ -59,28 +59,31 @@ bool fits_model(SectionReader& cost, const RobotFile& robot, const ClearanceSect
 
 }  // namespace
 
-void read_clearance(SectionReader& cost, const RobotFile& robot, std::vector<tiller_output_cost_t>& costs,
-                    std::set<std::string>& taken) {
+std::vector<ClearanceOutput> read_clearance(SectionReader& cost, const RobotFile& robot,
+                                            std::vector<tiller_output_cost_t>& costs) {
+  std::vector<ClearanceOutput> bounded;
   const toml::table* table = cost.subtable("clearance");
-  if (!table) return;
   ClearanceSection section;
-  if (!read_clearance_section(cost.errors(), *table, section) || !fits_model(cost, robot, section)) return;
-  if (!(section.spheres.weight > 0.0)) return;
-  const auto bound = [&](const std::string& output, double low) {
-    const int at = index_of(robot.outputs, output);
-    if (at < 0) return;
-    tiller_output_cost_t& out = costs[static_cast<std::size_t>(at)];
-    out.low = low + section.spheres.margin_m;
-    out.bound_weight = section.spheres.weight;
-    taken.insert(output);
+  if (!table || !read_clearance_section(cost.errors(), *table, section) || !fits_model(cost, robot, section))
+    return bounded;
+  const Spheres& spheres = section.spheres;
+  if (!(spheres.weight > 0.0)) return bounded;
+  const auto bound = [&](const std::string& output, double radii_m, double at_m) {
+    const int index = index_of(robot.outputs, output);
+    if (index < 0) return;
+    tiller_output_cost_t& out = costs[static_cast<std::size_t>(index)];
+    out.low = at_m + radii_m + spheres.margin_m;
+    out.bound_weight = spheres.weight;
+    bounded.push_back({output, at_m + radii_m, spheres.margin_m});
   };
-  const std::vector<Sphere>& list = section.spheres.list;
+  const std::vector<Sphere>& list = spheres.list;
   for (std::size_t a = 0; a < list.size(); ++a) {
     for (std::size_t b = a + 1; b < list.size(); ++b)
-      if (!section.spheres.are_free_to_touch(list[a], list[b]))
-        bound(apart_output(list[a].name, list[b].name), list[a].radius_m + list[b].radius_m);
-    bound(height_output(list[a].name), section.spheres.floor_m + list[a].radius_m);
+      if (!spheres.are_free_to_touch(list[a], list[b]))
+        bound(apart_output(list[a].name, list[b].name), list[a].radius_m + list[b].radius_m, 0.0);
+    if (spheres.has_floor) bound(height_output(list[a].name), list[a].radius_m, spheres.floor_m);
   }
+  return bounded;
 }
 
 }  // namespace tiller::tools

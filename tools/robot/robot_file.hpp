@@ -82,10 +82,17 @@ struct SimSection {
 
 struct JointPrior;
 
-/// The arrays that the configuration's cost points to.
+/// A distance that [cost.clearance] bounds: of two surfaces by `radii_m` less than the output.
+struct ClearanceOutput {
+  std::string output;
+  double radii_m = 0.0, margin_m = 0.0;
+};
+
+/// The arrays that the configuration's cost points to, and what they stand for.
 struct TaskRows {
   std::vector<double> reference, demonstration_mean, demonstration_root;
   std::vector<tiller_output_cost_t> outputs;
+  std::vector<ClearanceOutput> clearance;
 };
 
 /// A robot file, read, checked and complete.

@@ -124,7 +124,8 @@ void read_outputs(SectionReader& section, RobotFile& robot, TaskRows& rows) {
   each_named(section, "frames", frames_of(robot), "frame", [&](const std::string& name, const toml::table& table) {
     read_frame(section.errors(), name, table, robot, costs, taken);
   });
-  read_clearance(section, robot, costs, taken);
+  rows.clearance = read_clearance(section, robot, costs);
+  for (const ClearanceOutput& bounded : rows.clearance) taken.insert(bounded.output);
   each_named(section, "outputs", robot.outputs, "output", [&](const std::string& name, const toml::table& table) {
     if (taken.count(name) > 0)
       return section.errors().at(*section.node("outputs"), "cost.outputs." + name,

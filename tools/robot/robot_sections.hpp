@@ -4,7 +4,6 @@
 // Each reports what is wrong and goes on, so that one run finds every error.
 
 #include <array>
-#include <set>
 
 #include "tools/robot/robot_file.hpp"
 #include "tools/robot/section_reader.hpp"
@@ -28,9 +27,9 @@ void read_prior_file(SectionReader& posterior, RobotFile& robot);
 void read_cost_terms(FileErrors& errors, const toml::table& root, RobotFile& robot);
 /// Its outputs, frames and clearance.
 void read_outputs(SectionReader& cost, RobotFile& robot, TaskRows& rows);
-/// [cost.clearance]: bounds of the distances that the model tells; `taken` gets their outputs' names.
-void read_clearance(SectionReader& cost, const RobotFile& robot, std::vector<tiller_output_cost_t>& costs,
-                    std::set<std::string>& taken);
+/// [cost.clearance]: bounds of the distances that the model tells, which are returned.
+std::vector<ClearanceOutput> read_clearance(SectionReader& cost, const RobotFile& robot,
+                                            std::vector<tiller_output_cost_t>& costs);
 /// Three finite numbers; false after an error.
 bool read_triple(SectionReader& section, const std::string& key, std::array<double, 3>& out);
 void read_transport(FileErrors& errors, const toml::table& root, RobotFile& robot);

@@ -114,6 +114,14 @@ void add_outputs(const RobotFile& robot, Json& json) {
     const int at = index_of(robot.outputs, name);
     return at >= 0 && (c.outputs[at].weight > 0 || c.outputs[at].terminal_weight > 0 || c.outputs[at].bound_weight > 0);
   };
+  // of pairs of spheres the page shows the nearest alone
+  Json clearance = Json::object(), bounds = Json::object();
+  if (robot.rows)
+    for (const ClearanceOutput& pair : robot.rows->clearance)
+      clearance[pair.output] = {{"radii_m", pair.radii_m}, {"margin_m", pair.margin_m}};
+  const auto bounds_of = [](const tiller_output_cost_t& o) {
+    return Json::array({std::isfinite(o.low) ? Json(o.low) : Json(), std::isfinite(o.high) ? Json(o.high) : Json()});
+  };
   std::set<std::string> rotations;
   for (const std::string& output : robot.outputs) {
     if (output.size() < 5 || output.compare(output.size() - 4, 4, "_x_m") != 0) continue;
@@ -126,8 +134,12 @@ void add_outputs(const RobotFile& robot, Json& json) {
   for (std::size_t j = 0; j < robot.outputs.size(); ++j) {
     const std::string& name = robot.outputs[j];
     target[name] = c.outputs[j].target;
-    if (weighed(name) && rotations.count(name) == 0) outputs[name] = unit_of_field(name);
+    if (!weighed(name) || rotations.count(name) > 0 || clearance.contains(name)) continue;
+    outputs[name] = unit_of_field(name);
+    if (!(c.outputs[j].weight > 0) && !(c.outputs[j].terminal_weight > 0)) bounds[name] = bounds_of(c.outputs[j]);
   }
+  if (!clearance.empty()) json["clearance"] = clearance;
+  if (!bounds.empty()) json["output_bounds"] = bounds;
   json["columns"]["outputs"] = outputs;
   json["columns"]["frames"] = frames;
   json["output_target"] = target;

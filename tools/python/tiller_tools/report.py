@@ -16,7 +16,8 @@ say:
 
 Where outputs of the model have costs, "columns" has them too ("outputs": {"tip_x_m": "m"}), and the frames that are
 wanted somewhere ("frames": [{"name": "tool0", "turns": true}], in the log as out.tool0_x_m ... out.tool0_rzz), and
-"output_target" the targets of all outputs, for which the log's goal.* stand where they changed.
+"output_target" the targets of all outputs, for which the log's goal.* stand where they changed; "output_bounds" has those
+of outputs without a target, "clearance" the spheres' distances ({"apart_a_1_b_1_m": {"radii_m": .., "margin_m": ..}}).
 
 Where the robot file has a [figure], "figure" holds it: its links with all values as sums of [factor, name], and the
 parameters that the log has no column of ("parameters", of the plant "true_parameters").
@@ -190,11 +191,40 @@ def output_figure(run: Run, name: str) -> str:
     figure, ax = page.axes(name, page.unit_label(name, run.units[name]))
     cut = page.thin(len(run.time))
     _finite_line(ax, run.time[cut], run.table[f"out.{name}"][cut], color=page.ESTIMATE, label="estimate")
-    _finite_line(ax, run.time[cut], run.output_goal(name)[cut], color=page.INK, linewidth=1.2, linestyle=(0, (1, 1.2)),
-                 label="goal")
+    bounds = run.meta.get("output_bounds", {}).get(name)
+    if bounds is None:
+        _finite_line(ax, run.time[cut], run.output_goal(name)[cut], color=page.INK, linewidth=1.2,
+                     linestyle=(0, (1, 1.2)), label="goal")
+    for bound in bounds or []:
+        if bound is not None:
+            ax.axhline(bound, color=page.INK, linewidth=1.2, linestyle=(0, (4, 2)), label="bound")
     ax.margins(x=0.01)
     page.legend(ax)
     return page.svg(figure)
+
+
+def clearance_figures(run: Run) -> list[str]:
+    """Of the spheres that are to stay apart, how far apart the nearest two surfaces are at each moment."""
+    pairs = run.meta.get("clearance", {})
+    if not pairs:
+        return []
+    names = list(pairs)
+    gaps = 1e3 * np.array([run.table[f"out.{name}"] - pairs[name]["radii_m"] for name in names])
+    known = np.flatnonzero(np.all(np.isfinite(gaps), axis=0))
+    if not known.size:
+        return []
+    figure, ax = page.axes("least clearance", "mm")
+    cut = page.thin(len(run.time))
+    nearest = np.min(gaps, axis=0)
+    _finite_line(ax, run.time[cut], nearest[cut], color=page.ESTIMATE, label="estimate")
+    margin = 1e3 * pairs[names[0]]["margin_m"]
+    ax.axhline(margin, color=page.INK, linewidth=1.2, linestyle=(0, (4, 2)), label="margin")
+    ax.margins(x=0.01)
+    page.legend(ax)
+    row = known[np.argmin(nearest[known])]
+    which = names[int(np.argmin(gaps[:, row]))]
+    return [page.svg(figure, f"At least {page.number(nearest[row], 3)} mm, of {which}, at {page.number(run.time[row], 3)} "
+                             f"s; wanted {page.number(margin, 3)} mm.")]
 
 
 def frame_errors(run: Run, frame: dict) -> tuple[np.ndarray, np.ndarray | None]:
@@ -396,7 +426,7 @@ def build(run: Run) -> str:
     plane = run.meta.get("plane")
     body.append(page.grid(([path_figure(run, plane)] if plane else []) +
                           [figure for frame in run.frames for figure in frame_figures(run, frame)] +
-                          [output_figure(run, name) for name in run.outputs] +
+                          clearance_figures(run) + [output_figure(run, name) for name in run.outputs] +
                           [error_figure(run, name) for name in run.tracked] +
                           [state_figure(run, name) for name in run.states] +
                           [input_figure(run, name) for name in run.inputs]))
