@@ -265,6 +265,7 @@ std::string plant_help() {
     for (const Channel& c : info.commands) out << " " << c.name;
     out << "\n  joints:";
     for (const std::string& name : info.joints) out << " " << name;
+    if (info.joints.empty()) out << " none";
     out << "\n";
   }
   out << "hidden effects:\n";

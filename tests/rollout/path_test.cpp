@@ -30,7 +30,8 @@ const Case kCases[] = {{tiller_integrator_semi_implicit_euler, 1, false},
                        {tiller_integrator_rk4, 1, true},
                        {tiller_integrator_semi_implicit_euler, 2, true}};
 
-/// A path of random states with lag at input 0 and viscous friction at joint 0 where there are effects.
+/// A path of random states with lag at input 0 and viscous friction at joint 0 (or a gain, where a model has no joint) where
+/// there are effects.
 struct Path {
   tiller::StepSetup setup;
   std::uint32_t nx, nu, np, nz, n;
@@ -44,7 +45,8 @@ struct Path {
     if (z.effects) {
       setup.effect_count = 2;
       setup.effects[0] = {tiller_effect_actuator_lag, 0, static_cast<std::uint16_t>(np), 0};
-      setup.effects[1] = {tiller_effect_viscous_friction, 0, static_cast<std::uint16_t>(np + 1), 0};
+      const auto second = model.joint_count > 0 ? tiller_effect_viscous_friction : tiller_effect_actuator_gain;
+      setup.effects[1] = {static_cast<std::uint16_t>(second), 0, static_cast<std::uint16_t>(np + 1), 0};
       setup.effect_state_count = 1;
     }
     nz = nx + setup.effect_state_count;
