@@ -260,7 +260,7 @@ bool read_function_details(const std::string& text, const std::string& path, Fun
   const Json details = json_of(text, path, errors);
   if (errors.size() != before) return false;
   DetailsReader(path, function.details, errors).read(details);
-  if (function.details.path.empty() || std::filesystem::exists(path)) function.details.path = path;
+  if (path.rfind("--", 0) != 0) function.details.path = path;  // an option is no place to write more
   Json kept = Json::parse(function.compiled);
   kept["details"].merge_patch(details);
   function.compiled = one_row_a_line(kept);

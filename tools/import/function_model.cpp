@@ -220,11 +220,11 @@ class Builder {
     }
     for (const auto& [key, names] : details_.names)
       if (!has({"x", "u", "p", "f", "y"}, key)) details_error("names." + key, "is none of names.x, u, p, f, y");
-    std::set<std::string> columns, parameters, forces;  // states, inputs and outputs stand in one log
+    std::set<std::string> columns, forces;  // all but the forces stand in one log
     check_names("x", model_.states, columns);
     check_names("u", model_.inputs, columns);
     check_names("y", model_.outputs, columns);
-    check_names("p", parameter_names_, parameters);
+    check_names("p", parameter_names_, columns);
     check_names("f", force_names_, forces);
     return errors_.empty();
   }
@@ -301,8 +301,11 @@ class Builder {
       if (velocity >= 0 && !is_named) positions.push_back(static_cast<int>(k));
     }
     const auto add = [&](const std::string& force, int position) {
-      model_.joints.push_back(
-          {identifier(without_unit(model_.states[at(position)])), position, model_.velocity_of[at(position)], -1});
+      const std::string& state = model_.states[at(position)];
+      const std::string name = without_unit(state);  // "a" of "a_rad", but once
+      const bool taken = std::any_of(model_.joints.begin(), model_.joints.end(),
+                                     [&](const FunctionJoint& j) { return j.name == name; });
+      model_.joints.push_back({taken ? state : name, position, model_.velocity_of[at(position)], -1});
       model_.forces.push_back(force);
     };
     Words unmatched;
