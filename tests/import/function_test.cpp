@@ -261,6 +261,9 @@ TEST(Function, AnotherListThanAFunctionsIsTold) {
   Json cut = function();
   cut["inputs"][0]["elements"].erase(0);
   expect_in(refusal(cut), "input 'x' has not a name for each element");
+  Json outside = function();
+  outside["outputs"][0]["rows"][1] = 77;
+  expect_in(refusal(outside), "'xdot' has not the elements that its shape says");
   Json wrong = function();
   for (Json& row : wrong["instructions"])  // another function than the one that the samples are of
     if (row[0] == "tan") row[0] = "tanh";
@@ -409,6 +412,22 @@ TEST(Function, IfElseIsOneSelect) {
   const std::string text = write_function_model(model).text;
   expect_in(text, "select(x.q_rad < S(0.5), x.v_rad_s, u.u_Nm)");
   EXPECT_EQ(text.find("select("), text.rfind("select("));
+}
+
+TEST(Function, TheRobotFileHasWhatIsKnown) {
+  FunctionModel known, vague;
+  told(function(), details(), known);
+  const std::string file = write_function_robot(known, "function.hpp");
+  expect_in(file, "period_s = 0.01\n");
+  expect_in(file, "gains_1 = 0.25\n");
+  expect_in(file, "pull_N = { low = -1, high = 2, safe = 0 }\n");
+  expect_in(file, "[posterior]\nenabled = false\nparticles = 16\nmoves_per_tick = 8\n");
+  expect_in(file, "kind = \"hybrid\"");  // it has branches
+  EXPECT_EQ(file.find("\na_rad_s = { sd"), std::string::npos) << "velocities are not measured";
+  ASSERT_EQ(refusal(function(), details(), vague, {"k_N"}), "");
+  const std::string unsure = write_function_robot(vague, "function.hpp");
+  expect_in(unsure, "k_N = { log_normal = [1.5, 0.25] }\n");
+  expect_in(unsure, "draw = true");
 }
 
 // What a file holds decides, not its name; a Python source is not run.

@@ -366,6 +366,8 @@ void judge_unknowns(const Options& o, int payload_frame, Mechanism& mechanism, U
 
 int import_command(Options& o) {
   std::vector<std::string> errors;
+  if (std::filesystem::is_directory(o.description))
+    return complain(o.description + ": is a folder; name the description in it");
   const bool has_function = is_function(o.description);
   if (!options_fit(o, has_function)) return kExitBadInput;
   if (has_function) return import_function({o.description, o.folder, o.details, o.unknown, o.value, o.force});

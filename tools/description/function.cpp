@@ -8,6 +8,7 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <stdexcept>
 
 #include "tools/base/report.hpp"
 #include "tools/base/toml.hpp"
@@ -32,12 +33,18 @@ std::vector<double> numbers(const Json& json) {
   return out;
 }
 
+constexpr int kLargest = 10000;  // rows; a model has far fewer
+
 FunctionPort port_of(const Json& json) {
   FunctionPort port;
   port.name = json.at("name").get<std::string>();
   port.rows = json.at("shape").at(0).get<int>();
   port.columns = json.at("shape").at(1).get<int>();
   port.row = json.at("rows").get<std::vector<int>>();
+  const bool inside =
+      std::all_of(port.row.begin(), port.row.end(), [&](int row) { return row >= 0 && row < port.rows; });
+  if (!inside || port.rows < 0 || port.columns < 0 || port.rows > kLargest || port.columns > kLargest)
+    throw std::invalid_argument("'" + port.name + "' has not the elements that its shape says");
   if (json.contains("elements")) port.elements = json.at("elements").get<Words>();
   return port;
 }

@@ -110,9 +110,10 @@ class RobotText {
                                           : m_.velocity_of[k] >= 0 ? "0.001"
                                                                    : "0.01"; }) +
         "\n\n";
-    out_ += is_unknown()
-                ? "[posterior]\nparticles = 64\n\n"
-                : "# nothing is unknown: one hypothesis would do\n[posterior]\nenabled = false\nparticles = 16\n\n";
+    out_ +=
+        is_unknown()
+            ? "[posterior]\nparticles = 64\n\n"
+            : "# nothing is unknown: one hypothesis would do\n[posterior]\nenabled = false\nparticles = 16\nmoves_per_tick = 8\n\n";
   }
 
   void task() {
