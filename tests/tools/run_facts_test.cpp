@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
@@ -54,6 +55,46 @@ TEST(RunFacts, NameWhatEachColumnOfTheLogIs) {
   EXPECT_EQ(columns["measured"].dump(), R"(["position_m","angle_rad"])");
   EXPECT_EQ(columns["inputs"].dump(), R"({"force_N":"N"})");
   EXPECT_EQ(columns["parameters"].dump(), R"({"pole_mass_kg":"kg","half_length_m":"m","cart.damping_SI":"N s/m"})");
+}
+
+TEST(RunFacts, TellTheFigureInSumsOfNames) {
+  const std::string figure = R"(
+[figure]
+view = "side"
+goals_m = [["position_m", 0, 0]]
+[[figure.links]]
+name = "cart"
+position_m = ["position_m", 0, 0.1]
+[[figure.links]]
+name = "pole"
+parent = "cart"
+axis = [0, 2, 0]
+turn_rad = "0.5 - 2 * angle_rad*1.5+cart_mass_kg"
+joined = true
+lines_m = [[[0, 0, 0], [0, 0, "2*half_length_m"]]]
+circles = [{ radius_m = "-half_length_m" }]
+)";
+  EXPECT_FALSE(nlohmann::json::parse(run_facts_json(*robot_of(test::kGoodRobot), RunResult{}, {})).contains("figure"));
+  const auto robot = robot_of(test::kGoodRobot + figure);
+  ASSERT_NE(robot, nullptr);
+  const std::vector<double> truth = {1.1, 0.07, NAN, 0.2, 0.01};
+  const auto json = nlohmann::ordered_json::parse(run_facts_json(*robot, RunResult{}, {"", "", true, truth}))["figure"];
+  EXPECT_EQ(json["view"], "side");
+  EXPECT_EQ(json["goals_m"].dump(), R"([[[[1.0,"position_m"]],[],[]]])");
+  const auto& cart = json["links"][0];
+  const auto& pole = json["links"][1];
+  EXPECT_EQ(cart["parent"], -1);
+  EXPECT_EQ(cart["position_m"].dump(), R"([[[1.0,"position_m"]],[],[[0.1,""]]])");
+  EXPECT_EQ(pole["parent"], 0);
+  EXPECT_EQ(pole["axis"].dump(), "[0.0,1.0,0.0]");
+  EXPECT_EQ(pole["turn_rad"].dump(), R"([[0.5,""],[-3.0,"angle_rad"],[1.0,"cart_mass_kg"]])");
+  EXPECT_EQ(pole["lines_m"].dump(), R"([[[[],[],[]],[[],[],[[2.0,"half_length_m"]]]]])");
+  EXPECT_EQ(pole["circles"][0]["radius_m"].dump(), R"([[-1.0,"half_length_m"]])");
+  EXPECT_FALSE(pole.contains("quaternion"));
+  // fixed ones have no column in the log; of the plant what is known
+  EXPECT_EQ(json["parameters"].dump(), R"({"cart_mass_kg":1.0,"force_N.time_constant_s":0.01})");
+  EXPECT_EQ(json["true_parameters"].dump(),
+            R"({"cart_mass_kg":1.1,"pole_mass_kg":0.07,"cart.damping_SI":0.2,"force_N.time_constant_s":0.01})");
 }
 
 TEST(RunFacts, EveryColumnThatTheyPromiseIsInTheLog) {

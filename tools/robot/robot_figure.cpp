@@ -9,7 +9,7 @@
 namespace tiller::tools {
 namespace {
 
-constexpr std::size_t kMostLinks = 128;
+constexpr std::size_t kMostLinks = 1000;
 constexpr const char* kValueRemedy = "write a number, a state, a parameter, or a sum of such: \"0.1 - 2*half_length_m\"";
 
 /// One term of a sum: numbers times at most one name.
