@@ -22,6 +22,7 @@ class PusherSlider final : public Mechanism {
         finger_shape_(dCreateSphere(nullptr, radius_m_)),
         tip_(law_of(p.at("friction"), p.at("mass_kg"), p.at("gravity_m_s2"))) {
     dBodySetKinematic(finger_);
+    dWorldSetContactMaxCorrectingVel(world_.id(), 0.2);  // a finger that begins in the box shoots it nowhere
     dGeomSetBody(box_shape_, box_);
     dGeomSetBody(finger_shape_, finger_);
     make_feet(p.at("limit_length_m"),

@@ -149,6 +149,11 @@ TEST(RunFacts, APlaneIsTheTwoStatesInMetres) {
   EXPECT_EQ(plane(), R"({"obstacles":[[0.5,0.25,0.2]],"x":"z_m","y":"x_m"})");
   EXPECT_FALSE(nlohmann::json::parse(run_facts_json(*robot_of(test::kGoodRobot), RunResult{}, {})).contains("plane"))
       << "a rail is none";
+  const auto box = read_robot_file(TILLER_TEST_ROBOTS "/pusher_slider.toml", errors);
+  ASSERT_NE(box, nullptr) << errors;
+  EXPECT_EQ(nlohmann::json::parse(run_facts_json(*box, RunResult{}, {}))["plane"].dump(),
+            R"({"obstacles":[],"x":"x_m","y":"y_m"})")
+      << "of four states in metres those of the names";
 }
 
 TEST(TaskClock, CountsFromTheFirstTickInMotionAndAnewAfterAPause) {

@@ -65,13 +65,19 @@ bool is_weighed(const tiller_cost_config_t& cost, std::size_t state) {
 }
 
 /// The two states that span the plane which the robot moves in, and what stands there: those of the obstacles, else the
-/// only two that are in metres. Null: it moves in none.
+/// only two that are in metres, else x_m and y_m. Null: it moves in none.
 Json plane_of(const RobotFile& robot) {
   const tiller_cost_config_t& cost = robot.config.cost;
   std::vector<std::size_t> axes;
   for (std::size_t i = 0; i < robot.states.size(); ++i)
     if (unit_of_field(robot.states[i]) == "m") axes.push_back(i);
   if (cost.obstacle_count > 0) axes = {cost.obstacles[0].x_state, cost.obstacles[0].y_state};
+  if (axes.size() != 2) {
+    axes.clear();
+    for (const char* name : {"x_m", "y_m"})
+      for (std::size_t i = 0; i < robot.states.size(); ++i)
+        if (robot.states[i] == name) axes.push_back(i);
+  }
   if (axes.size() != 2) return nullptr;
   Json plane = {{"x", robot.states[axes[0]]}, {"y", robot.states[axes[1]]}, {"obstacles", Json::array()}};
   for (std::uint32_t i = 0; i < cost.obstacle_count; ++i) {
