@@ -148,12 +148,14 @@ MechanismInfo pusher_slider_info() {
   MechanismInfo info;
   info.kind = "pusher_slider";
   info.help =
-      "a box on sixteen feet that rub on level ground, and a round finger that pushes it and goes where its velocity says";
+      "a box on sixteen feet that rub on level ground, and a round finger that pushes it and goes where its velocity "
+      "says";
   info.parameters = {
       {"mass_kg", 1.0, 0, false, "of the box"},
       {"half_length_m", 0.05, 0, false, "of the box, along its x axis"},
       {"half_width_m", 0.05, 0, false, "of the box, along its y axis"},
-      {"limit_length_m", 0.04, 0, false, "most moment of the ground's friction over its most force: the feet's distance"},
+      {"limit_length_m", 0.04, 0, false,
+       "most moment of the ground's friction over its most force: the feet's distance"},
       {"ground_friction", 0.35, 0, false, "of the feet on the ground"},
       {"friction", 0.3, 0, true, "of the finger on the box"},
       {"pusher_radius_m", 0.01, 0, false, "of the finger"},

@@ -144,8 +144,8 @@ MechanismInfo skid_steer_info() {
   MechanismInfo info;
   info.kind = "skid_steer";
   info.help =
-      "a chassis on four wheels that rub on level ground; both of a side are driven at one speed; heading 0 looks along "
-      "x, counter-clockwise is positive";
+      "a chassis on four wheels that rub on level ground; both of a side are driven at one speed; heading 0 looks "
+      "along x, counter-clockwise is positive";
   info.parameters = {
       {"mass_kg", 10.0, 0, false, "of all, the wheels are 4 % of it each"},
       {"wheel_radius_m", 0.1, 0, false, "axle to ground"},

@@ -92,8 +92,8 @@ bool check_encoders(const PlantOptions& o, const MechanismInfo& info, std::strin
 
 bool check_process_noise(const PlantOptions& o, const MechanismInfo& info, std::string& error) {
   if (o.process_noise_sd <= 0 || !info.joints.empty()) return true;
-  error = "process_noise_sd = " + number(o.process_noise_sd) + ": a random force at a joint, and the plant " + info.kind +
-          " has none; leave it out";
+  error = "process_noise_sd = " + number(o.process_noise_sd) + ": a random force at a joint, and the plant " +
+          info.kind + " has none; leave it out";
   return false;
 }
 
@@ -191,8 +191,8 @@ std::map<std::string, double> merged_parameters(const PlantOptions& options, con
 
 bool check_options(const PlantOptions& options, const MechanismInfo& info, std::string& error) {
   return check_parameters(options, info, error) && check_initial_state(options, info, error) &&
-         check_encoders(options, info, error) && check_times(options, error) && check_process_noise(options, info, error) &&
-         check_effects(options, info, error);
+         check_encoders(options, info, error) && check_times(options, error) &&
+         check_process_noise(options, info, error) && check_effects(options, info, error);
 }
 
 }  // namespace tiller::sim

@@ -93,8 +93,8 @@ auto off_from(double x_m, double y_m, double angle_rad, double way_m, double tur
   };
 }
 
-// The first lap of the circle, at whose end the base knows how it slips. Without learning it is 18 mm off; its nose points
-// up to 0.1 rad out of the circle, since it does not turn about its middle.
+// The first lap of the circle, at whose end the base knows how it slips. Without learning it is 18 mm off. Its nose
+// points up to 0.1 rad out of the circle, since it does not turn about its middle.
 TEST(SkidSteer, ClosesItsCircle) {
   for (std::uint64_t seed = 1; seed <= (kSeeds > 1 ? 3 : 1); ++seed)
     EXPECT_LT(run_judged({"skid_steer.toml", 12}, seed, off_from(0, 0, 2 * M_PI, 0.01, 0.15)), 1) << seed;

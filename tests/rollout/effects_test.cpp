@@ -87,7 +87,7 @@ TEST_P(EveryEffect, AtZeroIsTheIdentityInTheJacobian) {
 
 TEST_P(EveryEffect, ChangesTheMotionWhenOn) {
   const Case c = GetParam();
-  if (effect_info(c.kind).port == PortKind::sensor) return;  // changes what is measured
+  if (effect_info(c.kind).port == PortKind::sensor) return;                             // changes what is measured
   if (effect_info(c.kind).port == PortKind::body && c.model->joint_count == 0) return;  // nothing that gravity moves
   tiller_config_t with = plain_config(c.model);
   add_effect(with, c.kind, c.port);

@@ -189,9 +189,9 @@ TEST(SkidSteer, AtPointsDoneByHand) {
 
 /// The quasi-static law as conditions, not as a solution: whatever the box does has a contact force for its reason.
 struct PushedBox {
-  double into, along;      // force of the finger in its contact's axes, up to the limit surface's factor
-  double slip, approach;   // speed of the finger against the box there: along the face, and into the box
-  double depth, off_limit; // of the finger; of the twist from the one that the force makes
+  double into, along;       // force of the finger in its contact's axes, up to the limit surface's factor
+  double slip, approach;    // speed of the finger against the box there: along the face, and into the box
+  double depth, off_limit;  // of the finger; of the twist from the one that the force makes
 };
 PushedBox pushed(const std::vector<double>& x, const std::vector<double>& u, const std::vector<double>& p) {
   const auto dx = derivative("pusher_slider", x, u, p);

@@ -30,8 +30,8 @@ const Case kCases[] = {{tiller_integrator_semi_implicit_euler, 1, false},
                        {tiller_integrator_rk4, 1, true},
                        {tiller_integrator_semi_implicit_euler, 2, true}};
 
-/// A path of random states with lag at input 0 and viscous friction at joint 0 (or a gain, where a model has no joint) where
-/// there are effects.
+/// A path of random states with lag at input 0 and viscous friction at joint 0, or a gain where a model has no joint,
+/// where there are effects.
 struct Path {
   tiller::StepSetup setup;
   std::uint32_t nx, nu, np, nz, n;

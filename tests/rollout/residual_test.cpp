@@ -143,8 +143,8 @@ INSTANTIATE_TEST_SUITE_P(Cases, Residual, ::testing::ValuesIn(all_cases()), [](c
 // Increments in single precision: thirty roundings of 6e-8 relative to the change itself, and the state's own rounding
 // (6e-8 of up to pi), which the dynamics of one period make no larger. A difference of two states would miss this by an
 // order of magnitude where angles have turned (ChangesAreNotLostInTheState asks for more).
-// But a finger deep in a box, as random states have it, is taken out at 20/s of its depth, and turns the box by that over
-// the limit length of 0.4 m: four roundings for one.
+// But a finger deep in a box, as random states have it, is taken out at 20/s of its depth, and turns the box by that
+// over the limit length of 0.4 m: four roundings for one.
 double tolerance(const tiller_model_t& model, double change) {
   return (std::string(model.name) == "pusher_slider" ? 4.0 : 1.0) * (2e-6 * change + 3e-7);
 }
