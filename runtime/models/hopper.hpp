@@ -40,7 +40,7 @@ struct Hopper {
 
   static constexpr double kSettle_s = 0.003;
   static constexpr double kSmooth_N = 2.0;
-  static constexpr double kShortest_m = 0.05;  // a shorter leg turns as if it had this length; at 0 it would have no say
+  static constexpr double kShortest_m = 0.05;  // a shorter leg turns at finite rates, too
   static constexpr double kDeepest_m = 0.02;   // what is deeper in the ground is not thrown out faster
 
   static Output outputs(const State& x, const Params&) {

@@ -6,7 +6,8 @@ namespace {
 /// An arm on a vertical axis, along +x at 0, and a pendulum on a hinge along the arm at its end. ODE has both as bodies
 /// in space; the tree steps them.
 std::shared_ptr<const Tree> make_tree(const std::map<std::string, double>& p) {
-  const double arm_inertia = p.at("arm_inertia_kgm2"), arm_moment = p.at("arm_moment_kgm"), length = p.at("arm_length_m");
+  const double arm_inertia = p.at("arm_inertia_kgm2"), arm_moment = p.at("arm_moment_kgm");
+  const double length = p.at("arm_length_m");
   Tree tree;
   tree.name = "furuta";
 
@@ -54,18 +55,18 @@ std::shared_ptr<const Tree> make_tree(const std::map<std::string, double>& p) {
 MechanismInfo furuta_info() {
   // Quanser's QUBE-Servo 2: arm of 0.095 kg and 0.085 m, pendulum of 0.024 kg and 0.129 m, both as uniform rods
   const std::map<std::string, double> rods = {
-      {"arm_length_m", 0.085},       {"arm_inertia_kgm2", 2.34e-4},        {"arm_moment_kgm", 0.00404},
-      {"pendulum_mass_kg", 0.024},   {"pendulum_length_m", 0.129},         {"pendulum_com_m", 0.0645},
-      {"pendulum_inertia_kgm2", 3.328e-5}, {"pendulum_axial_kgm2", 1e-9}};
+      {"arm_length_m", 0.085},            {"arm_inertia_kgm2", 2.34e-4},  {"arm_moment_kgm", 0.00404},
+      {"pendulum_mass_kg", 0.024},        {"pendulum_length_m", 0.129},   {"pendulum_com_m", 0.0645},
+      {"pendulum_inertia_kgm2", 3.33e-5}, {"pendulum_axial_kgm2", 1e-9}};
   MechanismInfo info = tree_info(make_tree(rods));
   info.kind = "furuta";
   info.help =
-      "a motor turns a level arm about the vertical, a pendulum swings about the arm's direction at its end; pendulum 0 "
-      "hangs, and it is positive on the side to which a positive arm moves (counter-clockwise from above)";
+      "a motor turns a level arm about the vertical, a pendulum swings about the arm's direction at its end; pendulum "
+      "0 hangs, and it is positive on the side to which a positive arm moves (counter-clockwise from above)";
   info.parameters = {
       {"arm_length_m", rods.at("arm_length_m"), 0, false, "axis to the pendulum's hinge"},
       {"arm_inertia_kgm2", rods.at("arm_inertia_kgm2"), 0, false, "of arm and rotor about the axis"},
-      {"arm_moment_kgm", rods.at("arm_moment_kgm"), 0, true, "the arm's mass times its centre's distance from the axis"},
+      {"arm_moment_kgm", rods.at("arm_moment_kgm"), 0, true, "the arm's mass times the distance of its centre"},
       {"pendulum_mass_kg", rods.at("pendulum_mass_kg"), 0, false, "mass of the pendulum"},
       {"pendulum_length_m", rods.at("pendulum_length_m"), 0, false, "hinge to tip, where a payload is"},
       {"pendulum_com_m", rods.at("pendulum_com_m"), 0, false, "hinge to the pendulum's centre of mass"},

@@ -39,8 +39,8 @@ inline void add_some_effect(tiller_config_t& c) {
   add_effect(c, c.model->joint_count > 0 ? tiller_effect_viscous_friction : tiller_effect_actuator_gain, 0);
 }
 
-/// Where the random states of a model lie about: 0, but a hopper flies, on a leg longer than they vary. On the ground it
-/// is stiff; hopper_test.cpp has it there.
+/// Where the random states of a model lie about: 0, but a hopper flies, on a leg longer than they vary. On the ground
+/// it is stiff; hopper_test.cpp has it there.
 inline double state_centre(const tiller_model_t& model, std::uint32_t state) {
   if (std::strcmp(model.name, "hopper") != 0) return 0.0;
   return state == 1 ? 8.0 : state == 4 ? 3.0 : 0.0;  // z_m, leg_m

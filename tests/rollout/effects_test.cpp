@@ -121,7 +121,8 @@ TEST_P(EveryEffect, IsStableAtTheLargestStep) {
     std::fill(batch.effect_state.begin(), batch.effect_state.end(), 0.0);
     if (c.kind == tiller_effect_payload) continue;  // of a tonne at a kilogram's arm the model itself is stiff
     // springs that pull a hopper into its ground, or its leg together, meet what is stiff there
-    if (is_spring(info.params[0].scale) && std::strcmp(c.model->name, "hopper") == 0 && (c.port == 1 || c.port == 4)) return;
+    const bool hopper = std::strcmp(c.model->name, "hopper") == 0;
+    if (is_spring(info.params[0].scale) && hopper && (c.port == 1 || c.port == 4)) return;
     // a spring hands out the energy that it starts with: that of 1 N/m
     if (is_spring(info.params[0].scale))
       for (double& x : batch.state) x /= std::sqrt(size);

@@ -13,8 +13,8 @@ struct Point {
   double x, y, z, mass_kg;
 };
 
-/// The pendulum as two points of mass on its own line, with its mass, centre and inertia; the arm as one at its end, with
-/// its moment, whose missing inertia turns with it; the payload as a point with an inertia that turns both ways.
+/// The pendulum as two points of mass on its own line, with its mass, centre and inertia; the arm as one at its end,
+/// with its moment, whose missing inertia turns with it; the payload as a point with an inertia that turns both ways.
 struct Robot {
   const double* p;
   tiller_body_t body;

@@ -24,7 +24,8 @@ std::vector<S> derivative(const std::vector<S>& z, const double* parameters = kP
   for (int i = 0; i < kStates; ++i) at[i] = z[static_cast<std::size_t>(i)];
   for (int i = 0; i < 7; ++i) of[i] = S(parameters[i]);
   const S none(0.0);
-  const auto dx = Hopper<S>::dynamics(x, {z[10], z[11]}, {none, none, none, none, none}, {none, S(-9.81), none, none}, p);
+  const Body<S> level = {none, S(-9.81), none, none};
+  const auto dx = Hopper<S>::dynamics(x, {z[10], z[11]}, {none, none, none, none, none}, level, p);
   return {&dx.x_m, &dx.x_m + kStates};
 }
 
@@ -113,7 +114,7 @@ TEST(HopperContact, WorksAgainstTheFoot) {
   Rng rng(4, 41, 0);
   for (int k = 0; k < 20000; ++k) {
     const auto random = [&](double low, double high) { return low + (high - low) * rng.uniform(); };
-    std::vector<double> z = {0, 0, 0, 0, 0.5, random(-2, 2), 0, 0, 0, 0, 0, 0};  // straight down, no load but the foot's
+    std::vector<double> z = {0, 0, 0, 0, 0.5, random(-2, 2), 0, 0, 0, 0, 0, 0};  // no load but the foot's weight
     z[1] = 0.5 + random(-0.005, 0.03);
     const double slip_m_s = z[5];
     const Push r = ground_push(z);
@@ -121,7 +122,7 @@ TEST(HopperContact, WorksAgainstTheFoot) {
   }
 }
 
-// 10 s on the spot under 40 N along the leg and a hip torque within the cone: the foot stays where it is.
+// A second on the spot: 30 N along the leg and a hip torque within the cone; the foot stays where it is.
 TEST(HopperContact, AFootUnderLoadNeitherSinksNorCreeps) {
   double p[7];
   std::copy(kParams, kParams + 7, p);
@@ -189,8 +190,10 @@ TEST(HopperContact, LanesAgreeOnTheGround) {
   const auto prepare = [&](auto& b) {
     Rng rng(6, 41, 0);
     for (std::uint32_t l = 0; l < 16; ++l) {
-      const double start[] = {0, 0.52 + 0.04 * rng.uniform(), 0, 0.2 * (rng.uniform() - 0.5), 0.5, rng.uniform(), -1, 0, 0, 0};
-      for (std::uint32_t i = 0; i < kStates; ++i) b.state[i * 16 + l] = static_cast<std::decay_t<decltype(b.state[0])>>(start[i]);
+      const double start[] = {0,  0.52 + 0.04 * rng.uniform(), 0, 0.2 * (rng.uniform() - 0.5), 0.5, rng.uniform(),
+                              -1, 0,                           0, 0};
+      using Number = typename std::decay_t<decltype(b.state)>::value_type;
+      for (std::uint32_t i = 0; i < kStates; ++i) b.state[i * 16 + l] = static_cast<Number>(start[i]);
     }
     for (std::uint32_t i = 0; i < 7; ++i) b.set_param(i, kParams[i]);
   };

@@ -199,7 +199,7 @@ TEST(RobotFile, MeasurementsKeepTheOrderOfTheFile) {
 }
 
 TEST(RobotFile, ShippedFilesAreValid) {
-  for (const char* name : {"cart_pole.toml", "pendulum.toml", "acrobot.toml", "planar_quadrotor.toml"}) {
+  for (const char* name : {"cart_pole.toml", "pendulum.toml", "acrobot.toml", "planar_quadrotor.toml", "furuta.toml", "hopper.toml"}) {
     std::string errors;
     const auto robot = read_robot_file(std::string(TILLER_TEST_ROBOTS) + "/" + name, errors);
     ASSERT_NE(robot, nullptr) << errors;
