@@ -115,5 +115,31 @@ TEST(Furuta, AtPointsDoneByHand) {
   EXPECT_NEAR(dx[3], m11 * turn / (m11 * m22 - m12 * m12), 1e-12);
 }
 
+// Accelerations by MuJoCo 3 (mj_forward) of the same robot in its terms: two hinges, a mass at the tip. A state, torques
+// of motor and effects, gravity, payload, parameters; then what came out.
+TEST(Furuta, AcceleratesAsMuJoCoSays) {
+  struct Row {
+    double in[18], out[2];
+  };
+  const Row rows[] = {
+      {{-0.1683, -2.0692, -4.8571, -6.3054, -0.1225, 0.0628, -0.0154, -0.7635, -10.5961, 0, 0, 0.1317, 0.0099, 0.0098,
+       0.2408, 0.361, 0.1087, 0.0006}, {-10.3507776924491, 71.659115344585}},
+      {{-0.8535, 0.9338, -0.9547, 2.1466, -0.1108, -0.0732, -0.0341, -1.9107, -10.0207, 0.0569, 0, 0.114, 0.0063,
+       0.0141, 0.2011, 0.3734, 0.0725, 0.0005}, {-5.76077003239397, -35.3249539311722}},
+      {{-3.0498, -0.9998, 0.0451, 4.9445, -0.0756, -0.01, -0.0448, 1.3206, -8.8325, 0, 0, 0.074, 0.0043, 0.0119,
+       0.2213, 0.3601, 0.0578, 0.001}, {-19.7908939017872, 35.1947114988662}},
+      {{-3.481, -1.0214, -1.9244, -0.2244, -0.1721, 0.0431, -0.0362, -2.1909, -10.2966, 0.1222, 0.0005, 0.1623,
+       0.0056, 0.0135, 0.2172, 0.1725, 0.1446, 0.0003}, {-10.3675185319668, 53.1127678550362}},
+  };
+  const tiller_model_t& m = *tiller_find_model("furuta");
+  for (const Row& row : rows) {
+    const tiller_body_t body = {row.in[7], row.in[8], row.in[9], row.in[10]};
+    double dx[4];
+    m.dynamics(row.in, row.in + 4, row.in + 5, &body, row.in + 11, dx);
+    const double size = std::max(std::fabs(row.out[0]), std::fabs(row.out[1]));
+    for (int i = 0; i < 2; ++i) EXPECT_NEAR(dx[2 + i], row.out[i], 1e-12 * size);  // its 15 digits
+  }
+}
+
 }  // namespace
 }  // namespace tiller

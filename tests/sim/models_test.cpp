@@ -126,7 +126,7 @@ TEST(HopperPlant, FliesAsTheEquationsSay) {
 }
 
 /// Largest distances of places and of the body's speeds on the way of a hopper dropped on its foot, leaning and moving
-/// sideways: a landing, a stance of a quarter of a second, up again. The foot's own speed is another thing while it lands.
+/// sideways: a landing, a stance of a quarter of a second, up again. The foot's own speed is left out: it lands.
 void land(double true_friction, double& place, double& speed) {
   const tiller_body_t level = {0.0, -9.81, 0.0, 0.0};
   PlantOptions o = hopper(5e-5);
