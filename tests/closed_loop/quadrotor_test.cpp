@@ -35,16 +35,15 @@ RunResult run(const RobotFile& robot, double seconds) {
 }
 
 TEST(Quadrotor, FliesTheFigureEight) {
-  for (const std::uint64_t seed : {1, 2}) {
-    const auto robot = open(seed);
-    const RunResult result = run(*robot, 12.5);
-    EXPECT_EQ(result.exit_code, 0);
-    const std::vector<double>& x = result.last_true_state;
-    ASSERT_EQ(x.size(), 13u);
-    // back where it began
-    EXPECT_LT(std::hypot(x[0], x[1], x[2] - 1), 0.05) << "seed " << seed;
-    EXPECT_LT(result.cost, 1.0) << "seed " << seed;  // a tenth of a metre off costs 0.2
-  }
+  const auto robot = open(1);
+  const RunResult result = run(*robot, 12.5);
+  EXPECT_EQ(result.exit_code, 0);
+  const std::vector<double>& x = result.last_true_state;
+  ASSERT_EQ(x.size(), 13u);
+  EXPECT_LT(std::hypot(x[0], x[1], x[2] - 1), 0.02) << "it ends where it began";
+  // places alone cost 20 for a square metre: 0.2 where it is a tenth of a metre off all the way
+  EXPECT_LT(result.cost, 0.2);
+  EXPECT_TRUE(result.q05[0] < 0.9605 && 0.9597 < result.q95[0]) << "mass of seed 1: 0.9601 kg";
 }
 
 // From upside down, on its side, nose down and nose up, with a spin: all rest where they should within three seconds.
