@@ -8,7 +8,7 @@ namespace tiller {
 
 // What a quaternion's sensor says, as filters take it. Of its four values the first is missing and the others are the
 // difference from no rotation (attitude_difference in tiller/rotation.hpp): the length of a quaternion says nothing, so
-// three values count into the likelihood, the noise and the test of the model. All of it is nothing without quaternions.
+// three values count into the likelihood, the noise and the test of the model. Without quaternions nothing is changed.
 
 /// Measured values (ny) become those that filters take. A quaternion that is not whole is missing.
 void take_attitudes(const tiller_config_t& config, double* measured);

@@ -165,8 +165,8 @@ struct Slopes {
     });
   }
 
-  /// Quaternions come back to unit length, and their derivatives lose the part along them: d(q/|q|) = (1 - n n') dq / |q|
-  /// with n = q/|q|.
+  /// Quaternions come back to unit length, and their derivatives lose the part along them: with n = q / |q|,
+  /// dn = (1 - n n') dq / |q|.
   TILLER_INLINE void normalise(State& x, Jacobian& d) const {
     each_quaternion(Model{}, [&](auto index) {
       constexpr int first = decltype(index)::value;

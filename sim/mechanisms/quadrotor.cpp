@@ -6,8 +6,8 @@ namespace tiller::sim {
 namespace {
 
 /// A free body with four rotors in an X: front left, front right, rear left, rear right; x forward, y left, z up. ODE
-/// turns it, gyroscopic torque included. Each rotor pushes along the body's z where it stands; front left and rear right
-/// turn clockwise as seen from above, and their drag turns the body the other way.
+/// turns it, gyroscopic torque included. Each rotor pushes along the body's z where it stands; front left and rear
+/// right turn clockwise as seen from above, and their drag turns the body the other way.
 class Quadrotor final : public Mechanism {
  public:
   explicit Quadrotor(const std::map<std::string, double>& p)

@@ -58,9 +58,10 @@ Log simulate(const tiller_config_t& c, int steps, unsigned seed) {
   std::normal_distribution<double> n;
   std::uniform_real_distribution<double> u01;
   Log log{};
-  for (int i = 0; i < 7; ++i)
-    log.params[i] =
-        c.priors[i].kind == tiller_prior_fixed ? c.priors[i].a : c.priors[i].low + u01(random) * (c.priors[i].high - c.priors[i].low);
+  for (int i = 0; i < 7; ++i) {
+    const tiller_prior_t& p = c.priors[i];
+    log.params[i] = p.kind == tiller_prior_fixed ? p.a : p.low + u01(random) * (p.high - p.low);
+  }
   StepSetup setup;
   (void)make_step_setup(c, setup);
   const RolloutTable& table = select_rollout(*c.model);

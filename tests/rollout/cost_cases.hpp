@@ -109,11 +109,14 @@ inline std::vector<CostCase> cost_cases(const tiller_model_t& model) {
   add("bounds", bounds);
   add("obstacles", obstacles);
   add("reference", reference);
-  add("demonstration", demonstration);
+  // of a quaternion there is none (tiller_config_check)
+  const bool demonstrates = model.quaternion_mask == 0;
+  if (demonstrates) add("demonstration", demonstration);
   add("cost_to_go", [](CostCase& c) { c.lqr = true; });
   add("own_function", own);
   add("all", [&](CostCase& c) {
-    saturating(c), bounds(c), obstacles(c), reference(c), demonstration(c), own(c), outputs(c);
+    saturating(c), bounds(c), obstacles(c), reference(c), own(c), outputs(c);
+    if (demonstrates) demonstration(c);
     c.lqr = true;
   });
   return all;
@@ -142,7 +145,7 @@ CostTerms<T> terms_of(const CostCase& c, std::uint32_t nx) {
   return terms;
 }
 
-/// The header's formulas by hand: no templates, no lanes, nothing shared with the kernels but state_difference.
+/// The header's formulas by hand: no templates, no lanes, nothing shared with the kernels but state_differences.
 struct PlainCost {
   const tiller_model_t& model;
   const CostCase& c;
@@ -154,10 +157,8 @@ struct PlainCost {
   std::vector<double> difference(std::uint64_t step, const double* x) const {
     const std::uint32_t nx = model.state_count;
     std::vector<double> d(nx);
-    for (std::uint32_t i = 0; i < nx; ++i) {
-      const double t = c.reference.empty() ? c.cost.target[i] : c.reference[row(step, c.cost.reference_steps) * nx + i];
-      d[i] = state_difference(model, i, x[i], t);
-    }
+    const double* row_due = c.reference.empty() ? c.cost.target : &c.reference[row(step, c.cost.reference_steps) * nx];
+    state_differences(model, x, row_due, d.data());
     return d;
   }
   double states(const double* weight, std::uint64_t step, const double* x) const {

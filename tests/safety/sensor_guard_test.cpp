@@ -270,5 +270,36 @@ TEST(SensorGuard, RestartForgetsReadingsButNotCounters) {
   EXPECT_EQ(b.guard.rejected(), 1u);
 }
 
+/// An attitude alone, at most half a unit per component and second.
+SensorLimits attitude_alone() {
+  SensorLimits limits;
+  limits.count = 4;
+  limits.quaternion_mask = 1u;
+  for (int i = 0; i < 4; ++i) limits.low[i] = -kInf, limits.high[i] = kInf, limits.rate_per_s[i] = 0.5;
+  limits.timeout_us = 100000;
+  limits.ahead_us = kPeriod_us;
+  limits.bad_ticks_to_safe = 100;
+  return limits;
+}
+
+tiller_status_t verdict_on(SensorGuard& guard, std::int64_t stamp_us, double w, double x, double y, double z) {
+  tiller_measurement_t m = {};
+  m.stamp_us = stamp_us;
+  m.value[0] = w, m.value[1] = x, m.value[2] = y, m.value[3] = z;
+  return guard.check(stamp_us, &m).status;
+}
+
+TEST(SensorGuard, AnAttitudeHasTwoSignsAndOneLength) {
+  SensorGuard guard(attitude_alone());
+  EXPECT_EQ(verdict_on(guard, 0, 0.6, 0.8, 0, 0), tiller_status_ok);
+  EXPECT_EQ(verdict_on(guard, 1 * kPeriod_us, -0.6, -0.8, 0, 0), tiller_status_ok) << "the same attitude";
+  EXPECT_EQ(verdict_on(guard, 2 * kPeriod_us, 0.6, 0.8, 0, 0.001), tiller_status_ok);
+  EXPECT_EQ(verdict_on(guard, 3 * kPeriod_us, 0.8, 0.6, 0, 0), tiller_status_sensor_jump);
+  EXPECT_EQ(verdict_on(guard, 4 * kPeriod_us, 0, 0, 0, 0), tiller_status_sensor_out_of_range) << "a lost tracker";
+  EXPECT_EQ(verdict_on(guard, 5 * kPeriod_us, 1.2, 1.6, 0, 0), tiller_status_sensor_out_of_range) << "length 2";
+  EXPECT_EQ(verdict_on(guard, 6 * kPeriod_us, kNan, kNan, kNan, kNan), tiller_status_sensor_not_finite);
+  EXPECT_EQ(verdict_on(guard, 7 * kPeriod_us, 0.6, kNan, 0, 0), tiller_status_ok) << "a part is missing";
+}
+
 }  // namespace
 }  // namespace tiller

@@ -62,7 +62,8 @@ TEST(Quadrotor, EachPairOfRotorsTurnsItItsOwnWay) {
 TEST(Quadrotor, TumblesUnderNoTorque) {
   PlantOptions o = quadrotor();
   o.step_s = 1e-4;
-  o.parameters = {{"gravity_m_s2", 0.0}, {"inertia_x_kgm2", 0.003}, {"inertia_y_kgm2", 0.005}, {"inertia_z_kgm2", 0.009}};
+  o.parameters = {
+      {"gravity_m_s2", 0.0}, {"inertia_x_kgm2", 0.003}, {"inertia_y_kgm2", 0.005}, {"inertia_z_kgm2", 0.009}};
   o.initial_state = {{"roll_rad_s", 0.05}, {"pitch_rad_s", 5.0}, {"yaw_rad_s", 0.05}};
   auto plant = make(o);
   const auto momentum = [&] {
@@ -99,8 +100,8 @@ TEST(Quadrotor, ItsQuaternionGoesOnWithoutJumps) {
 }
 
 // One short step of the plant from random states, attitudes of every kind among them: the change of its rates over the
-// step is the model's acceleration. ODE takes the gyroscopic torque implicitly and turns the attitude by the rates after
-// the step, both of first order in it.
+// step is the model's acceleration. ODE takes the gyroscopic torque implicitly and turns the attitude by the rates
+// after the step, both of first order in it.
 TEST(Quadrotor, AcceleratesAsTheModelSays) {
   const tiller_model_t& model = *tiller_find_model("quadrotor");
   std::mt19937_64 random(11);

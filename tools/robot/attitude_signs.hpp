@@ -9,8 +9,8 @@
 
 namespace tiller::tools {
 
-/// q and -q are one attitude: rows of states (a column each, empty: not there) go on with the sign that is nearer to the
-/// last row that has all four.
+/// q and -q are one attitude: rows of states (a column each, empty: not there) go on with the sign that is nearer to
+/// the last row that has all four.
 inline void take_near_signs(std::uint32_t quaternions, std::vector<std::vector<double>>& columns) {
   for_quaternions(quaternions, [&](std::uint32_t first) {
     const std::size_t rows = columns[first].size();

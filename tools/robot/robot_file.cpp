@@ -150,14 +150,17 @@ Refusal attitude_wants(const RobotFile& robot, const std::string& field) {
       return join(Words(robot.states.begin() + from, robot.states.begin() + first + 4), ", ");
     };
     const std::string index = "[" + std::to_string(first) + "]";
-    const bool named = field.size() > index.size() && field.compare(field.size() - index.size(), index.size(), index) == 0;
+    const std::size_t length = index.size();
+    const bool named = field.size() > length && field.compare(field.size() - length, length, index) == 0;
     if ((about("cost.target") || about("initial_state")) && named)
-      told = {"the quaternion " + all(first) + " is not of length 1", "write all four of it; 1, 0, 0, 0 is no rotation"};
+      told = {"the quaternion " + all(first) + " is not of length 1",
+              "write all four of it; 1, 0, 0, 0 is no rotation"};
     if ((about("cost.state_weight") || about("cost.terminal_weight")) && named)
       told = {"the first of a quaternion bears no weight",
               "write weights for " + all(first + 1) + ": rotations about the body's axes in half radians"};
     if (about("cost.reference"))
-      told = {"has a row in which the quaternion " + all(first) + " is not of length 1", "divide the four by their length"};
+      told = {"has a row in which the quaternion " + all(first) + " is not of length 1",
+              "divide the four by their length"};
     if (about("measured_state"))
       told = {"a quaternion is measured whole or not at all",
               "write " + all(first) + " in this order into [measurement], one after the other, or none of them"};

@@ -44,7 +44,8 @@ bool RunStart::stands_at_start(const tiller_measurement_t& measurement) const {
   state_differences(*config.model, seen, config.initial_state, seen);
   for (std::uint32_t i = 0; i < config.measurement_count; ++i) {
     const std::uint32_t state = config.measured_state[i];
-    if (!(std::fabs(seen[state]) <= 4 * std::hypot(config.initial_state_sd[state], config.measurement_sd[i]))) return false;
+    const double most = 4 * std::hypot(config.initial_state_sd[state], config.measurement_sd[i]);
+    if (!(std::fabs(seen[state]) <= most)) return false;
   }
   return true;
 }

@@ -116,7 +116,8 @@ Quaternion<S> exp(const Vector3<S>& v) {
   S sine, cosine;
   sincos(S(0.5) * angle, sine, cosine);
   const S share = select(small, S(0.5) - square * (S(1.0 / 48.0) - square * S(1.0 / 3840.0)), sine / angle);
-  const S w = select(small, S(1.0) - square * (S(0.125) - square * (S(1.0 / 384.0) - square * S(1.0 / 46080.0))), cosine);
+  const S near_one = S(1.0) - square * (S(0.125) - square * (S(1.0 / 384.0) - square * S(1.0 / 46080.0)));
+  const S w = select(small, near_one, cosine);
   return {w, share * v.x, share * v.y, share * v.z};
 }
 

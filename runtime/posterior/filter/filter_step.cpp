@@ -55,8 +55,8 @@ FilterDiscrepancy::Lanes16 FilterPosterior::discrepancy_job(const Chunk& chunk, 
 }
 
 /// Derivatives by and of a quaternion's states become those by and of its differences, along the attitude that each
-/// lane had and has: then its covariance is 3 x 3, along the body's axes, with a row of zeros before it (the error-state
-/// filter of Sola 2017, section 5). Beside the dynamics it costs little, so it is done lane by lane.
+/// lane had and has: then its covariance is 3 x 3, along the body's axes, with a row of zeros before it (the
+/// error-state filter of Sola 2017, section 5). Beside the dynamics it costs little, so it is done lane by lane.
 void FilterPosterior::turn_jacobian(const Chunk& chunk, const Step& step) const {
   for (std::uint32_t l = 0; l < kChunk; ++l) {
     for_quaternions(quaternions_, [&](std::uint32_t first) {  // forces may have pushed it off the sphere

@@ -39,7 +39,8 @@ void FilterPosterior::test_innovation() {
       const MeasurementMap map = sensor(chunk, k, lane);
       const double variance =
           map.gain * map.gain * chunk.predicted.covariance[row * kChunk + lane] + measurement_variance_[k];
-      const double error = innovation_of(*config_, now_.transition.measured, k, chunk.predicted.state + lane, kChunk, map);
+      const double* state_of = chunk.predicted.state + lane;
+      const double error = innovation_of(*config_, now_.transition.measured, k, state_of, kChunk, map);
       mean += w * error;
       square += w * error * error;
       within += w * variance;
