@@ -295,6 +295,20 @@ class Pages(unittest.TestCase):
             np.testing.assert_allclose(unpacked(data, track)[-1, 1], expected, atol=2 * data["step"], err_msg=track)
         self.assertEqual(len(unpacked(data, "goal")), 1, "a goal that stays is told once")
 
+    def test_axes_of_a_frames_goal_point_where_it_is_wanted(self):
+        columns = still_rod(30, x_m=0, y_m=0, z_m=0, dx=1, dy=0, dz=0)
+        run = write_run(self.folder, columns, ROD)
+        turn = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]], float)
+        run.frames = [{"name": "tool", "moves": True, "turns": True}]
+        run.meta["output_target"] = dict(zip(("tool_x_m", "tool_y_m", "tool_z_m"), (3.0, 2.0, 1.0))) | {
+            f"tool_r{r}{c}": turn[i, j] for i, r in enumerate("xyz") for j, c in enumerate("xyz")}
+        data = shown(run)
+        data["tracks"]["frame"], data["points"] = data["frames"][0], 4
+        ends = unpacked(data, "frame")[0]
+        np.testing.assert_allclose(ends[0], [3, 2, 1], atol=2 * data["step"])
+        length = 0.2 * data["size"]
+        np.testing.assert_allclose((ends[1:] - ends[0]) / length, turn.T, atol=5 * data["step"] / length)
+
 
 # Plays with the page and tells what became of it.
 _HANDS = """<script>

@@ -172,7 +172,7 @@ def _packed(points: np.ndarray, middle: np.ndarray, step: float) -> str:
     """Steps of 1/32000 of the scene's half width as 16-bit numbers, base64; -32768: not known."""
     steps = np.round((points - middle) / step)
     steps[~np.isfinite(steps)] = -32768
-    return base64.b64encode(np.clip(steps, -32768, 32767).astype("<i2").tobytes()).decode()
+    return base64.b64encode(steps.astype("<i2").tobytes()).decode()
 
 
 def _constant(points: np.ndarray) -> np.ndarray:
@@ -181,32 +181,32 @@ def _constant(points: np.ndarray) -> np.ndarray:
 
 
 def data(scene: Scene) -> dict:
-    everything = np.concatenate([points.reshape(-1, 3) for points in scene.moving()]
-                                + [frame[:, 0] for frame in scene.frames] + scene.marks
-                                + [np.reshape(scene.obstacles, (-1, 3))])
+    size = _figure_size(scene.estimate)
+    triads = [_axes(frame, 0.2 * size) for frame in scene.frames]
+    everything = np.concatenate([np.reshape(points, (-1, 3)) for points in
+                                 [*scene.moving(), *triads, *scene.marks, scene.obstacles]])
     everything = everything[np.isfinite(everything).all(axis=1)]
     low, high = everything.min(axis=0), everything.max(axis=0)
     middle, half = (low + high) / 2, max(float(np.max(high - low)) / 2, 1e-3)
     step = half / 32000
-    with np.errstate(invalid="ignore"):
-        tracks = {"estimate": scene.estimate, "truth": scene.truth,
-                  "goal": None if scene.goal is None else _constant(scene.goal)}
-        size = _figure_size(scene.estimate)
-        triads = []
-        for frame in scene.frames:
-            spread = frame.copy()
-            spread[:, 1:] = frame[:, :1] + 0.2 * size * frame[:, 1:]
-            triads.append(_constant(spread))
-        return {"view": _VIEWS[scene.view], "time": [round(float(t), 4) for t in scene.time],
-                "middle": middle.tolist(), "step": step, "low": low.tolist(), "high": high.tolist(), "size": size,
-                "points": scene.estimate.shape[1], "shapes": scene.sketch.shapes, "tip": scene.sketch.tip,
-                "tracks": {name: _packed(points, middle, step) for name, points in tracks.items()
-                           if points is not None},
-                "frames": [_packed(frame, middle, step) for frame in triads],
-                "marks": [_packed(_constant(mark), middle, step) for mark in scene.marks],
-                "obstacles": scene.obstacles,
-                "colours": {"estimate": page.ESTIMATE, "truth": page.TRUTH, "goal": page.INK, "ground": "#dfe3e8",
-                            "obstacle": page.LIMIT, "trace": page.BAND}}
+    tracks = {"estimate": scene.estimate, "truth": scene.truth,
+              "goal": None if scene.goal is None else _constant(scene.goal)}
+    return {"view": _VIEWS[scene.view], "time": [round(float(t), 4) for t in scene.time],
+            "middle": middle.tolist(), "step": step, "low": low.tolist(), "high": high.tolist(), "size": size,
+            "points": scene.estimate.shape[1], "shapes": scene.sketch.shapes, "tip": scene.sketch.tip,
+            "tracks": {name: _packed(points, middle, step) for name, points in tracks.items() if points is not None},
+            "frames": [_packed(_constant(triad), middle, step) for triad in triads],
+            "marks": [_packed(_constant(mark), middle, step) for mark in scene.marks],
+            "obstacles": scene.obstacles,
+            "colours": {"estimate": page.ESTIMATE, "truth": page.TRUTH, "goal": page.INK, "ground": "#dfe3e8",
+                        "obstacle": page.LIMIT, "trace": page.BAND}}
+
+
+def _axes(frame: np.ndarray, length: float) -> np.ndarray:
+    """A frame's origin and the ends of its axes."""
+    ends = frame.copy()
+    ends[:, 1:] = frame[:, :1] + length * frame[:, 1:]
+    return ends
 
 
 def _figure_size(points: np.ndarray) -> float:
