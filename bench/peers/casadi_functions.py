@@ -1,4 +1,4 @@
-"""casadi_functions.py FOLDER NAME STATES: a model as a CasADi function, xdot = f(x, u, p), with what the comparison needs.
+"""casadi_functions.py FOLDER NAME STATES: a model as a CasADi function, xdot = f(x, u, p), and what is compared.
 
 Writes FOLDER/NAME.casadi, its C code NAME.c, and NAME.details.toml; prints a line of JSON for each of STATES random
 points: x, u, p, then xdot and its slopes by x and by u, by CasADi.
@@ -39,8 +39,8 @@ def car():
 
 
 def quadrotor():
-    x, u = [ca.SX.sym(n) for n in "px_m py_m pz_m qw qx qy qz vx_m_s vy_m_s vz_m_s wx_rad_s wy_rad_s wz_rad_s".split()], symbols(
-        "t0_N", "t1_N", "t2_N", "t3_N")
+    x = symbols(*"px_m py_m pz_m qw qx qy qz vx_m_s vy_m_s vz_m_s wx_rad_s wy_rad_s wz_rad_s".split())
+    u = symbols("t0_N", "t1_N", "t2_N", "t3_N")
     mass, arm, ixx, iyy, izz, drag = p = symbols("mass_kg", "arm_m", "ixx_kgm2", "iyy_kgm2", "izz_kgm2", "drag_m")
     q, v, w = x[3:7], ca.vertcat(*x[7:10]), ca.vertcat(*x[10:13])
     a, (b, c, d) = q[0], q[1:]
@@ -67,7 +67,8 @@ def triple_pendulum():
         kinetic = kinetic + 0.5 * mass * ca.sumsqr(ca.jtimes(place, coordinates, speeds))
         potential = potential + 9.81 * mass * place[1]
     momentum = ca.gradient(kinetic, speeds)
-    push = ca.vertcat(u[0], 0, 0, 0) + ca.gradient(kinetic - potential, coordinates) - ca.jtimes(momentum, coordinates, speeds)
+    push = ca.vertcat(u[0], 0, 0, 0) + ca.gradient(kinetic - potential, coordinates)
+    push = push - ca.jtimes(momentum, coordinates, speeds)
     acceleration = ca.solve(ca.jacobian(momentum, speeds), push)
     return q + v, v + ca.vertsplit(acceleration), u, p, [1.0, 0.3, 0.2, 0.1, 0.4]
 
@@ -82,14 +83,9 @@ def main():
     given = [ca.vertcat(*x), ca.vertcat(*u), ca.vertcat(*p)]
     function = ca.Function("f", given, [ca.vertcat(*rates)], ["x", "u", "p"], ["xdot"])
     function.save(str(folder / f"{stem}.casadi"))
-    here = pathlib.Path.cwd()
-    try:  # the generator takes no path
-        import os
-
-        os.chdir(folder)
-        function.generate(f"{stem}.c")
-    finally:
-        os.chdir(here)
+    generator = ca.CodeGenerator(f"{stem}.c")
+    generator.add(function)
+    generator.generate(f"{folder}/")
     values = "\n".join(f"{s.name()} = {v}" for s, v in zip(p, nominal))
     (folder / f"{stem}.details.toml").write_text(f"[parameters]\n{values}\n", encoding="utf-8")
     slopes = ca.Function("s", given, [ca.jacobian(ca.vertcat(*rates), ca.vertcat(*x, *u))])

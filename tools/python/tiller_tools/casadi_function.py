@@ -54,7 +54,8 @@ def number(value):
 
 
 def port(name, sparsity, elements=None):
-    out = {"name": name, "shape": list(sparsity.shape), "rows": list(sparsity.row()), "columns": list(sparsity.get_col())}
+    rows, columns = list(sparsity.row()), list(sparsity.get_col())
+    out = {"name": name, "shape": list(sparsity.shape), "rows": rows, "columns": columns}
     return dict(out, elements=elements) if elements is not None else out
 
 
