@@ -115,8 +115,8 @@ TEST(Furuta, AtPointsDoneByHand) {
   EXPECT_NEAR(dx[3], m11 * turn / (m11 * m22 - m12 * m12), 1e-12);
 }
 
-// Accelerations by MuJoCo 3 (mj_forward) of the same robot in its terms: two hinges, a mass at the tip. A state, torques
-// of motor and effects, gravity, payload, parameters; then what came out.
+// Accelerations by MuJoCo 3 (mj_forward) of the same robot in its terms: two hinges, a mass at the tip. A state,
+// torques of motor and effects, gravity, payload, parameters; then what came out.
 TEST(Furuta, AcceleratesAsMuJoCoSays) {
   struct Row {
     double in[18], out[2];

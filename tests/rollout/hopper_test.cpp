@@ -215,8 +215,8 @@ TEST(HopperContact, LanesAgreeOnTheGround) {
   }
 }
 
-// High up, accelerations by MuJoCo 3 (mj_forward) of two bodies on slides and hinges. A state, inputs, forces of effects,
-// gravity, payload, parameters; then what came out. At 1e7 m the ground's smooth corner is 1e-12 N.
+// High up, accelerations by MuJoCo 3 (mj_forward) of two bodies on slides and hinges. A state, inputs, forces of
+// effects, gravity, payload, parameters; then what came out. At 1e7 m the ground's smooth corner is 1e-12 N.
 TEST(Hopper, FliesAsMuJoCoSays) {
   struct Row {
     double in[28], out[5];
