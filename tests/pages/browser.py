@@ -65,7 +65,7 @@ class Browser:
         self._run("--window-size=1300,2400", f"--screenshot={file}")
         return image.imread(file)[:, :, :3]
 
-    def look(self, width: int = 1200, height: int = 9000) -> tuple[dict, np.ndarray]:
+    def look(self, width: int = 1200, height: int = 14000) -> tuple[dict, np.ndarray]:
         """What the probe finds, and a picture of it: (rows x columns x 3), 0 .. 1."""
         probed, file = self.folder / "probed.html", self.folder / "probed.png"
         text = self.page.read_text(encoding="utf-8").replace("</body>", _PROBE + "</body>")
