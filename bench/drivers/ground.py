@@ -15,11 +15,13 @@ import argparse
 import csv
 import json
 import math
+import pathlib
 import random
 import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import tomllib
 
 import numpy as np
@@ -37,14 +39,17 @@ ROWS = []
 
 def run(text, seconds, seed, *more):
     """The log of a run, column by column."""
-    home = HOME / "ground"
-    (home / "run.toml").write_text(text, encoding="utf-8")
-    done = subprocess.run([TILLER, "run", home / "run.toml", "--sim", "--seconds", str(seconds), "--seed", str(seed), "--quiet",
-                           "--log", home / "run.csv", *more], capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        sys.exit(f"ground: {home / 'run.toml'}: {done.stderr or done.stdout}")
-    with open(home / "run.csv", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    with tempfile.TemporaryDirectory() as temporary:  # of this run alone: two benchmarks may go on side by side
+        folder = pathlib.Path(temporary)
+        for file in ROBOTS.glob("*.csv"):
+            shutil.copy(file, folder)
+        (folder / "run.toml").write_text(text, encoding="utf-8")
+        done = subprocess.run([TILLER, "run", folder / "run.toml", "--sim", "--seconds", str(seconds), "--seed", str(seed),
+                               "--quiet", "--log", folder / "run.csv", *more], capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            sys.exit(f"ground: {done.stderr or done.stdout}")
+        with open(folder / "run.csv", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
     numeric = [name for name in rows[0] if name not in ("state", "status", "stop_status")]
     log = {name: np.array([float(r[name] or "nan") for r in rows]) for name in numeric}
     log["state"] = [r["state"] for r in rows]
@@ -305,8 +310,6 @@ def main():
         return 1
     home = HOME / "ground"
     home.mkdir(parents=True, exist_ok=True)
-    for file in ROBOTS.glob("*.csv"):
-        shutil.copy(file, home)
     kept, build = home / "rows.jsonl", TILLER.stat().st_mtime
     results = [json.loads(line) for line in kept.read_text(encoding="utf-8").splitlines()] if kept.exists() else []
     results = [r for r in results if r["build"] == build]

@@ -19,8 +19,8 @@ namespace tiller {
 /// Contact comes and goes without stiffness: the box yields with max(0, u_i + 20/s penetration). From afar that is 0;
 /// within a few millimetres before and after the touch the gap decays at 20/s. So no step needs to find the touch.
 ///
-/// friction |p_i p_t| must stay below c^2 + p_t^2, or a finger that slides would wedge itself in; boxes with a friction
-/// below 1 do.
+/// friction |p_i p_t| must stay below c^2 + p_t^2, or a finger that slides would wedge itself in. So it does for every
+/// contact of a box that bears evenly and a friction below 1.
 template <class S>
 struct PusherSlider {
   static constexpr const char* name = "pusher_slider";

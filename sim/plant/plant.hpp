@@ -20,7 +20,7 @@ namespace tiller::sim {
 ///     plant->measure(encoders);
 ///
 /// Time is simulated time alone. One thread at a time; plants are independent of each other. A physics step
-/// takes about 2 us. The same options give the same bits.
+/// takes about 2 us, with contacts 20 to 40 us. The same options give the same bits.
 ///
 /// On its way to the bodies a command passes: latency of the line, watchdog of the device, saturation, hidden
 /// delay and lag in the order of the options.
