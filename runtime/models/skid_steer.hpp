@@ -6,8 +6,7 @@ namespace tiller {
 
 /// Skid-steer base, as its wheels' speeds drive it: both wheels of a side turn together, and to turn the base they slip
 /// (Mandow et al. 2007, Experimental kinematics for wheeled skid-steer mobile robots; the three parameters are those of
-/// Barcelos et al. 2020, DISCO). Kinematic: no forces, no joints. Heading 0 looks along x; counter-clockwise is
-/// positive.
+/// Barcelos et al. 2020, DISCO). Kinematic: no forces, no joints. Heading 0 is along x; counter-clockwise is positive.
 ///
 ///   v_x = radius (left + right) / 2,  heading' = radius (right - left) / axle,  v_y = -icr_offset heading'
 ///
