@@ -1,8 +1,9 @@
 #!/bin/sh
-# first_run.sh TILLER URDF [PYTHON]: imports, checks and runs an arm of which nothing is unknown, with nothing said but what has to
-# be. At the end of 4 s every joint of the simulated plant is within 0.02 of where the robot file wants it.
+# first_run.sh TILLER URDF [PYTHON [INCLUDE]]: imports, checks and runs an arm of which nothing is unknown, with nothing said
+# but what has to be. At the end of 4 s every joint of the simulated plant is within 0.02 of where the robot file wants it.
+# Then its record is replayed, its size told and its C compiled against the headers in INCLUDE.
 set -eu
-tiller=$1 urdf=$2 python=${3:-}
+tiller=$1 urdf=$2 python=${3:-} include=${4:-}
 rm -rf first
 "$tiller" import "$urdf" -o first --hold grip,grip_mirror
 "$tiller" check first/robot.toml
@@ -24,6 +25,14 @@ awk -F, '
     }
     exit bad || joints == 0
   }' first/robot.toml first/run.csv
+
+# A record of the run gives the same commands again; the robot file becomes C, and tells what it takes.
+"$tiller" run first/robot.toml --sim --seconds 0.5 --quiet --record first/run.mcap
+"$tiller" replay first/run.mcap | grep -q ' 0 different'
+"$tiller" size first/robot.toml | grep -q 'tiller_tick'
+"$tiller" export first/robot.toml -o first/arm.c
+grep -q 'tiller_model()' first/arm.c
+[ -z "$include" ] || cc -std=c99 -fsyntax-only -Wall -Wextra -Werror "-I$include" first/arm.c
 
 [ -n "$python" ] || exit 0
 # The page's figure is where the model says that its frame is; a cost too small to matter puts that into the log.
