@@ -34,9 +34,9 @@ bool Episode::known(std::size_t point) const {
 }
 
 bool every_state_measured(const tiller_config_t& config) {
-  std::uint32_t seen = 0;
-  for (std::uint32_t k = 0; k < config.measurement_count; ++k) seen |= 1u << config.measured_state[k];
-  return seen == (1u << config.model->state_count) - 1;
+  std::uint64_t seen = 0;  // of as many as 32 states, which a word of 32 bits cannot count up to
+  for (std::uint32_t k = 0; k < config.measurement_count; ++k) seen |= std::uint64_t{1} << config.measured_state[k];
+  return seen == (std::uint64_t{1} << config.model->state_count) - 1;
 }
 
 bool make_episodes(const MethodProblem& problem, std::vector<Episode>& episodes, std::string& error) {

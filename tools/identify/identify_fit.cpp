@@ -20,23 +20,63 @@ double centre(const tiller_prior_t& prior) {
 
 tiller_prior_t fixed_at(double value) { return {tiller_prior_fixed, 0, value, 0, -INFINITY, INFINITY}; }
 
-// The robot's model with its first `effects` effects.
-Candidate with_effects(const RobotFile& robot, std::uint32_t effects) {
+constexpr std::uint32_t kOneByOne = 8;  // effects; of more, all of a kind join at once: a fit each would take hours
+
+using Stage = std::vector<bool>;  // (effects of the robot file) which of them a candidate has
+
+// The effects of each candidate, in the robot file's order: one more at a time, or of many one kind more at a time.
+std::vector<Stage> stages_of(const tiller_config_t& config) {
+  std::vector<Stage> stages;
+  Stage stage(config.effect_count);
+  for (std::uint32_t e = 0; e < config.effect_count; ++e) {
+    if (stage[e]) continue;
+    for (std::uint32_t other = e; other < config.effect_count; ++other)
+      if (other == e || (config.effect_count > kOneByOne && config.effects[other].kind == config.effects[e].kind))
+        stage[other] = true;
+    stages.push_back(stage);
+  }
+  return stages;
+}
+
+// "viscous_friction (joint)", or of several "viscous_friction (6 of them)", by kind in the order of the first of each.
+std::string effects_name(const tiller_config_t& config) {
+  std::string text;
+  for (std::uint32_t e = 0; e < config.effect_count; ++e) {
+    const EffectInfo& info = effect_info(config.effects[e].kind);
+    const auto same = [&](const tiller_effect_t& other) { return other.kind == config.effects[e].kind; };
+    const tiller_effect_t* const end = config.effects + config.effect_count;
+    const auto count = std::count_if(config.effects, end, same);
+    const bool many = config.effect_count > kOneByOne && count > 1;
+    if (many && std::find_if(config.effects, end, same) != config.effects + e) continue;
+    text += std::string(" + ") + info.name + " (" +
+            (many ? std::to_string(count) + " of them" : port_name(info.port, *config.model, config.effects[e].port)) +
+            ")";
+  }
+  return text;
+}
+
+// The robot's model with some of its effects.
+Candidate with_effects(const RobotFile& robot, const Stage& stage) {
   Candidate candidate;
   candidate.config = robot.config;
-  candidate.config.effect_count = effects;
-  // a joint prior is of all parameters or of none
-  if (effects < robot.config.effect_count) candidate.config.prior_mixture = nullptr;
-  std::uint32_t params = robot.model->param_count;
-  candidate.name = robot.model->name;
-  for (std::uint32_t e = 0; e < effects; ++e) {
-    const EffectInfo& info = effect_info(robot.config.effects[e].kind);
-    params += static_cast<std::uint32_t>(info.param_count);
-    const std::uint32_t port = robot.config.effects[e].port;
-    candidate.name += std::string(" + ") + info.name + " (" + port_name(info.port, *robot.model, port) + ")";
+  candidate.config.effect_count = 0;
+  std::uint32_t count = robot.model->param_count, from = count;
+  candidate.params.assign(robot.params.begin(), robot.params.begin() + count);
+  for (std::uint32_t e = 0; e < robot.config.effect_count; ++e) {
+    const auto params = static_cast<std::uint32_t>(effect_info(robot.config.effects[e].kind).param_count);
+    if (stage[e]) {
+      candidate.config.effects[candidate.config.effect_count++] = robot.config.effects[e];
+      for (std::uint32_t i = 0; i < params; ++i, ++count) {
+        candidate.config.priors[count] = robot.config.priors[from + i];
+        candidate.params.push_back(robot.params[from + i]);
+      }
+    }
+    from += params;
   }
-  candidate.config.param_count = params;
-  candidate.params.assign(robot.params.begin(), robot.params.begin() + params);
+  candidate.config.param_count = count;
+  // a joint prior is of all parameters or of none
+  if (candidate.config.effect_count < robot.config.effect_count) candidate.config.prior_mixture = nullptr;
+  candidate.name = robot.model->name + effects_name(candidate.config);
   return candidate;
 }
 
@@ -172,14 +212,14 @@ bool Candidate::learns() const {
 
 std::vector<Candidate> make_candidates(const RobotFile& robot) {
   std::vector<Candidate> candidates;
-  Candidate nominal = with_effects(robot, 0);
+  Candidate nominal = with_effects(robot, Stage(robot.config.effect_count));
   if (nominal.learns()) candidates.push_back(nominal);
   nominal.name = "nominal";
   nominal.config.prior_mixture = nullptr;
   for (std::uint32_t i = 0; i < nominal.config.param_count; ++i)
     nominal.config.priors[i] = fixed_at(centre(nominal.config.priors[i]));
   candidates.insert(candidates.begin(), nominal);
-  for (std::uint32_t e = 1; e <= robot.config.effect_count; ++e) candidates.push_back(with_effects(robot, e));
+  for (const Stage& stage : stages_of(robot.config)) candidates.push_back(with_effects(robot, stage));
   return candidates;
 }
 

@@ -23,7 +23,7 @@ struct Candidate {
 
 /// The candidates of a fit, simplest first: the model without effects and with every parameter at its prior's centre;
 /// the same with the model's own parameters learnt (if any has a prior); then the effects, one more at a time, in
-/// the order of the robot file.
+/// the order of the robot file. Of more than eight effects, all of one kind are one step.
 std::vector<Candidate> make_candidates(const RobotFile& robot);
 
 struct ParamSummary {

@@ -142,7 +142,8 @@ bool Shooting::solve(const Hypothesis& h, const std::vector<std::size_t>& which,
     size(i) = 1 / std::max(1e-12, h.free[i].scale);
     s(i, i) += damping * s(i, i) + 1e-8 * size(i) * size(i);
   }
-  std::uint32_t held = 0;
+  std::uint64_t held = 0;  // a bit for each: an arm with friction at every joint has more than 32
+  static_assert(TILLER_MAX_PARAMS <= 64, "what is held at a bound is a word of 64 bits");
   for (std::uint32_t round = 0; round <= nf; ++round) {
     ParamSquare a = s;
     ParamVector b = g;
@@ -165,7 +166,7 @@ bool Shooting::solve(const Hypothesis& h, const std::vector<std::size_t>& which,
       const double at = fit.params[h.free[i].index], to = std::clamp(at + x(i), h.free[i].low, h.free[i].high);
       if (to == at + x(i)) continue;
       fixed(i) = to - at;
-      held |= 1u << i;
+      held |= std::uint64_t{1} << i;
       more = true;
     }
     if (more) continue;

@@ -25,6 +25,11 @@ struct Suspect {
   std::uint32_t joint = TILLER_MAX_JOINTS, input = TILLER_MAX_INPUTS;
 };
 
+bool is_angle_name(const std::string& name) {
+  const std::string end = "_rad";
+  return name.size() > end.size() && name.compare(name.size() - end.size(), end.size(), end) == 0;
+}
+
 std::vector<Suspect> suspects_of(const tiller_config_t& config) {
   const tiller_model_t& model = *config.model;
   std::vector<Suspect> all;
@@ -32,7 +37,8 @@ std::vector<Suspect> suspects_of(const tiller_config_t& config) {
     const std::uint32_t q = model.joints[j].position;
     if (q == TILLER_NO_POSITION) continue;
     const std::string name = model.state_names[q];
-    const bool angle = (model.angle_mask >> q & 1u) != 0;
+    // by its name too: a hinge between two ends is an angle that does not wrap
+    const bool angle = (model.angle_mask >> q & 1u) != 0 || is_angle_name(name);
     if (angle) {
       all.push_back({name, "deg", "in degrees", 57.29577951308232, j});
       all.push_back({name, "-rad", "reversed in sign", -1, j});

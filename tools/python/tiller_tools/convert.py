@@ -2,6 +2,7 @@
 
     python -m tiller_tools.convert emps FOLDER OUT [--pulses]
     python -m tiller_tools.convert xl330 FOLDER OUT
+    python -m tiller_tools.convert tx40 FOLDER OUT
 
 emps: DATA_EMPS.mat (with --pulses DATA_EMPS_PULSES.mat instead) of the Electro-Mechanical Positioning System, A. Janot,
 M. Gautier, M. Brunot, "Data set and reference models of EMPS", nonlinear system identification workshop 2019. One CSV:
@@ -12,17 +13,33 @@ O. Ly, "Extended friction models for the physics simulation of servo actuators",
 by its gain and trajectory: time_s, angle_rad, rate_rad_s (the servo's own estimate, filtered), duty, volts, torque_Nm =
 duty x volts x the servo's torque per volt at standstill by its data sheet (NM_PER_VOLT), goal_rad. Rows in which the
 servo was switched off are left out: its windings are open then, another machine.
+
+tx40: a Staubli TX40, six joints that move at once (thanhndv212/figaroh-examples, examples/staubli_TX40):
+pos_read_data.csv (motor positions, rad) and curr_data.csv (motor torques in N m, by their size; named currents), 5 kHz
+without stamps, and tx40_mdh_modified.urdf. One CSV at 200 Hz: time_s, joint_1_rad .. joint_6_rad at the row's instant,
+joint_1_Nm .. joint_6_Nm, means from the row to the next; beside it tx40.urdf, a copy, and tx40.toml, a robot file for the
+model that `tiller import OUT/tx40.urdf -o OUT/model --armature joint_6=0.005 --force` writes.
 """
 
 import argparse
 import csv
 import json
+import math
 import pathlib
+import shutil
 import sys
 
 # XL330-M288-T, robotis.com: stall torque 0.52 N m at 5 V
 NM_PER_VOLT = 0.52 / 5.0
 PWM_LIMIT = 885.0
+
+# TX40: motor positions = GEARS x joint positions; motor 6 turns with joint 5 too (the wrist). Zeros as the URDF has them.
+TX40_JOINTS = 6
+TX40_GEARS = [32.0, 32.0, 45.0, -48.0, 45.0, 32.0]
+TX40_WRIST = 32.0  # motor 6 over joint 5
+TX40_ZEROS_RAD = [0.0, -1.5707963267948966, 1.5707963267948966, 0.0, 0.0, 0.0]
+TX40_ROWS_PER_S = 5000
+TX40_MERGED = 25  # rows: 5 ms
 
 
 def write(path, names, columns):
@@ -67,17 +84,71 @@ def xl330(folder, out):
                [d * v * NM_PER_VOLT for d, v in zip(duty, volts)], [e["goal_position"] for e in rows]])
 
 
+def numbers_of(path, columns):
+    """The columns of a CSV with a header, as floats; refuses rows of another length and what is no number."""
+    with open(path, encoding="utf-8", newline="") as file:
+        rows = csv.reader(file)
+        header = next(rows, [])
+        if len(header) != columns:
+            raise ValueError(f"{path.name}: {len(header)} columns; {columns} are expected, one for each motor")
+        table = []
+        for row in rows:
+            try:
+                values = [float(cell) for cell in row]
+            except ValueError as why:
+                raise ValueError(f"{path.name}:{rows.line_num}: {why}") from None
+            if len(values) != columns or not all(map(math.isfinite, values)):
+                raise ValueError(f"{path.name}:{rows.line_num}: {columns} finite numbers are expected")
+            table.append(values)
+    return table
+
+
+def joint_positions(motor):
+    """Joint angles of the URDF from motor angles: the wrist's coupling first, then gears and zeros."""
+    joints = [angle / gear for angle, gear in zip(motor, TX40_GEARS)]
+    joints[5] -= TX40_WRIST * joints[4] / TX40_GEARS[5]
+    return [angle + zero for angle, zero in zip(joints, TX40_ZEROS_RAD)]
+
+
+def joint_torques(motor):
+    """What motor torques do at the joints: the transpose of the gears, by virtual work."""
+    joints = [torque * gear for torque, gear in zip(motor, TX40_GEARS)]
+    joints[4] += TX40_WRIST * motor[5]
+    return joints
+
+
+def tx40(folder, out):
+    motors, torques = (numbers_of(folder / name, TX40_JOINTS) for name in ("pos_read_data.csv", "curr_data.csv"))
+    if len(motors) != len(torques):
+        raise ValueError(f"pos_read_data.csv has {len(motors)} rows and curr_data.csv {len(torques)}: not of one run")
+    # The mean torque over the rows that follow is the impulse that moves the joints from one kept position to the next:
+    # a filter's bandwidth would be one thing more to know.
+    starts = range(0, len(motors) - TX40_MERGED + 1, TX40_MERGED)
+    mean = lambda at, motor: math.fsum(row[motor] for row in torques[at:at + TX40_MERGED]) / TX40_MERGED
+    rows = [[at / TX40_ROWS_PER_S, *joint_positions(motors[at]),
+             *joint_torques([mean(at, motor) for motor in range(TX40_JOINTS)])] for at in starts]
+    names = [f"joint_{joint + 1}_{unit}" for unit in ("rad", "Nm") for joint in range(TX40_JOINTS)]
+    write(out / "tx40.csv", ["time_s", *names], zip(*rows))
+    for source, copy in ((folder / "tx40_mdh_modified.urdf", "tx40.urdf"),
+                         (pathlib.Path(__file__).with_name("tx40.toml"), "tx40.toml")):
+        shutil.copyfile(source, out / copy)
+        print(out / copy)
+
+
+SOURCES = {"emps": emps, "xl330": xl330, "tx40": tx40}
+
+
 def main():
     parser = argparse.ArgumentParser(prog="tiller_tools.convert", description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("source", choices=["emps", "xl330"])
+    parser.add_argument("source", choices=SOURCES)
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("out", type=pathlib.Path)
     parser.add_argument("--pulses", action="store_true")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     try:
-        emps(args.folder, args.out, args.pulses) if args.source == "emps" else xl330(args.folder, args.out)
+        SOURCES[args.source](args.folder, args.out, *([args.pulses] if args.source == "emps" else []))
     except (OSError, KeyError, ValueError) as why:
         print(f"convert: {args.folder}: {why}", file=sys.stderr)
         return 1
