@@ -118,17 +118,35 @@ bool read_text(const std::string& path, std::string& text) {
   return static_cast<bool>(file);
 }
 
+/// The joints at which a residual is tried: those whose residual force goes most with something. Of two joints both.
+std::vector<std::uint32_t> residual_joints(const gap::Result& result) {
+  constexpr std::size_t kMost = 2;
+  std::vector<std::uint32_t> joints;
+  for (const gap::AxisMap& map : result.maps)  // the clearest first
+    if (joints.size() < kMost && std::find(joints.begin(), joints.end(), map.joint) == joints.end())
+      joints.push_back(map.joint);
+  return joints;
+}
+
 /// Puts the unnamed effect for what is left into `text`, and its joint law beside the file; `text` stays where the logs
 /// do not speak for it.
-bool add_residual(const GapOptions& options, const RobotFile& robot, const std::string& posterior, std::string& text) {
+bool add_residual(const GapOptions& options, const RobotFile& robot, const gap::Result& result,
+                  const std::string& posterior, std::string& text) {
   std::vector<Log> logs;
   std::vector<Grid> grids;
   gap::Result scratch;
   gap::ResidualOffer offer;
   std::string error;
+  gap::ResidualSearch search;
+  search.joints = residual_joints(result);
+  search.stop = &stop_requested;
+  search.begins = [&robot](std::uint32_t joint) {
+    std::fprintf(stderr, "gap: learning what is left at %s as a force without a name\n",
+                 robot.model->joints[joint].name);
+  };
   constexpr double kVeryStrong_nats = 10.0;
   if (!gap::load_logs(robot, options.find.logs, logs, grids, nullptr, scratch) ||
-      !gap::offer_residual(text, robot.path, grids, kVeryStrong_nats, offer, error)) {
+      !gap::offer_residual(text, robot.path, grids, kVeryStrong_nats, offer, error, search)) {
     if (!options.json && !error.empty()) std::printf("nothing is learnt of the rest: %s\n", error.c_str());
     return false;
   }
@@ -152,7 +170,7 @@ bool write_new_robot(const GapOptions& options, const RobotFile& robot, const ga
     worth = gap::write_robot(robot, old_text, result.ranking[0], result.data_hash, text, error);
   }
   const std::string posterior = (folder / (robot.name + "_gap.posterior.json")).string();
-  if (error.empty() && rest && add_residual(options, robot, posterior, text)) {
+  if (error.empty() && rest && add_residual(options, robot, result, posterior, text)) {
     worth = true;
     if (!options.json)
       std::printf("what has no name is learnt as a residual; begin with tiller run --posterior %s\n",
@@ -203,6 +221,7 @@ int gap_command(GapOptions& options) {
   }
   for (const std::string& note : result.notes) std::fprintf(stderr, "note: %s\n", note.c_str());
   if (!options.json) std::fputs(gap::gap_text(*robot, result).c_str(), stdout);
+  std::fflush(stdout);  // a residual may take minutes yet
   std::string json;
   bool good = true;
   if (!options.folder.empty())
@@ -212,7 +231,7 @@ int gap_command(GapOptions& options) {
   if (options.json) good = std::fputs(json.c_str(), stdout) >= 0 && good;
   good = std::fflush(stdout) == 0 && good;
   if (!good) return kExitGapIncomplete;
-  return result.interrupted ? kExitInterrupted : gap::exit_code_of(result, options.find.budget_sigma);
+  return result.interrupted || stop_requested != 0 ? kExitInterrupted : gap::exit_code_of(result, options.find.budget_sigma);
 }
 
 std::string check_kind(const std::string& name) {

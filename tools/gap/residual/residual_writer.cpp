@@ -45,7 +45,7 @@ std::string with_noise(std::string text, const ResidualFit& fit, const RobotFile
 }  // namespace
 
 bool offer_residual(const std::string& text, const std::string& path, const std::vector<Grid>& grids, double least_nats,
-                    ResidualOffer& offer, std::string& error) {
+                    ResidualOffer& offer, std::string& error, const ResidualSearch& search) {
   const auto robot = parse_robot_file(text, path, error);
   if (!robot) return false;
   std::vector<double> params;
@@ -55,12 +55,17 @@ bool offer_residual(const std::string& text, const std::string& path, const std:
   }
   bool found = false;
   std::string why;
-  for (std::uint32_t joint = 0; joint < robot->model->joint_count; ++joint) {
+  std::vector<std::uint32_t> joints = search.joints;
+  for (std::uint32_t j = 0; search.joints.empty() && j < robot->model->joint_count; ++j) joints.push_back(j);
+  for (const std::uint32_t joint : joints) {
+    if (search.stop != nullptr && *search.stop != 0) break;
+    if (search.begins) search.begins(joint);
     ResidualFit fit;
     if (!fit_residual(robot->config, grids, params.data(), joint, fit, why)) continue;
     if (!found || fit.log_evidence > offer.fit.log_evidence) offer.fit = fit;
     found = true;
   }
+  if (!found && why.empty()) why = "residual: stopped before the first joint was fitted";
   if (!found || !(offer.fit.evidence_nats >= least_nats)) {
     error = found ? format("residual: the logs speak for it by %.1f nats only", offer.fit.evidence_nats) : why;
     return false;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -14,11 +15,19 @@ struct ResidualOffer {
   StoredPosterior posterior;  ///< to be written beside it, for tiller run --posterior
 };
 
-/// For the verdicts "unnamed" and "partly explained": fits the residual at every joint that has a position, takes the
-/// one with the largest evidence and appends it to `text`, a robot file as it stands (with the effects that were found,
-/// if any). The result is read back before it is given out. False with a sentence in `error`; also where the evidence
-/// is below `least_nats` over the model without it, or rollouts of one second on these logs are no better with it.
+/// Where a residual is looked for. A fit at one joint of an arm of six takes minutes.
+struct ResidualSearch {
+  std::vector<std::uint32_t> joints;                ///< in this order; empty: all
+  const volatile int* stop = nullptr;               ///< where it is not zero, no further joint is tried
+  std::function<void(std::uint32_t joint)> begins;  ///< before each joint; may be empty
+};
+
+/// For the verdicts "unnamed" and "partly explained": fits the residual at every joint of `search` that has a position,
+/// takes the one with the largest evidence and appends it to `text`, a robot file as it stands (with the effects that
+/// were found, if any). The result is read back before it is given out. False with a sentence in `error`; also where the
+/// evidence is below `least_nats` over the model without it, or rollouts of one second on these logs are no better with
+/// it.
 bool offer_residual(const std::string& text, const std::string& path, const std::vector<Grid>& grids, double least_nats,
-                    ResidualOffer& offer, std::string& error);
+                    ResidualOffer& offer, std::string& error, const ResidualSearch& search = {});
 
 }  // namespace tiller::tools::gap
