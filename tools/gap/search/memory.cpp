@@ -16,6 +16,12 @@ std::size_t set_bytes(const Session& s, std::size_t windows) {
          TILLER_MAX_EFFECTS * sizeof(EffectAt) + windows * (nx + 2 + most) * kNumber;
 }
 
+std::size_t prior_free(const tiller_config_t& config) {
+  std::size_t count = 0;
+  for (std::uint32_t i = 0; i < config.param_count; ++i) count += config.priors[i].kind != tiller_prior_fixed;
+  return count;
+}
+
 std::size_t data_bytes(const Session& s) {
   std::size_t numbers = 0;
   for (const auto* part : {&s.data.controls, &s.data.measured, &s.data.path})
@@ -61,8 +67,15 @@ std::size_t memory_bound(const Session& s) {
   const std::size_t told = kMostSets * (sizeof(Explanation) + TILLER_MAX_PARAMS * (sizeof(Estimate) + 64));
   std::size_t points = 0;
   for (const Window& w : s.windows) points = std::max<std::size_t>(points, w.points);
+  // where many parameters begin (pool.cpp): pieces of the windows, before anything else is kept
+  const auto pieces = static_cast<std::size_t>(kWindow_s / kBrief_s) + 1;
+  const std::size_t brief = prior_free(s.config) > kManyParams
+                                ? Shooting::bytes_for(s.config, pieces * s.windows.size(), points / pieces + 8,
+                                                      s.threads->size()) +
+                                      pieces * s.windows.size() * (sizeof(Window) + 4 * kNumber)
+                                : 0;
   // a scan's path in lanes, steps of a search
-  const std::size_t work = 2 * WindowRollout::bytes_for(s.config, points) + 8 * one;
+  const std::size_t work = brief + 2 * WindowRollout::bytes_for(s.config, points) + 8 * one;
   return data_bytes(s) + Shooting::bytes_for(s.config, s.windows.size(), points, s.threads->size()) + sets * one +
          told + work + std::max(localise_bytes(s), holdout_bytes(s));
 }

@@ -17,8 +17,8 @@ servo was switched off are left out: its windings are open then, another machine
 tx40: a Staubli TX40, six joints that move at once (thanhndv212/figaroh-examples, examples/staubli_TX40):
 pos_read_data.csv (motor positions, rad) and curr_data.csv (motor torques in N m, by their size; named currents), 5 kHz
 without stamps, and tx40_mdh_modified.urdf. One CSV at 200 Hz: time_s, joint_1_rad .. joint_6_rad at the row's instant,
-joint_1_Nm .. joint_6_Nm, means from the row to the next; beside it tx40.urdf, a copy, and tx40.toml, a robot file for the
-model that `tiller import OUT/tx40.urdf -o OUT/model --armature joint_6=0.005 --force` writes.
+joint_1_Nm .. joint_6_Nm, means from the row to the next, without the standstill at the end; beside it tx40.urdf, a copy, and tx40.toml, a robot file for the
+model that `tiller import OUT/tx40.urdf -o OUT/model --armature ..` writes (its head has the line).
 """
 
 import argparse
@@ -40,6 +40,7 @@ TX40_WRIST = 32.0  # motor 6 over joint 5
 TX40_ZEROS_RAD = [0.0, -1.5707963267948966, 1.5707963267948966, 0.0, 0.0, 0.0]
 TX40_ROWS_PER_S = 5000
 TX40_MERGED = 25  # rows: 5 ms
+TX40_STILL_RAD = 0.002  # from where the arm stands in the end; what comes after is standstill, which tells nothing
 
 
 def write(path, names, columns):
@@ -127,6 +128,9 @@ def tx40(folder, out):
     mean = lambda at, motor: math.fsum(row[motor] for row in torques[at:at + TX40_MERGED]) / TX40_MERGED
     rows = [[at / TX40_ROWS_PER_S, *joint_positions(motors[at]),
              *joint_torques([mean(at, motor) for motor in range(TX40_JOINTS)])] for at in starts]
+    end = rows[-1][1:TX40_JOINTS + 1]
+    moves = [max(abs(a - b) for a, b in zip(row[1:], end)) > TX40_STILL_RAD for row in rows]
+    rows = rows[:len(moves) - moves[::-1].index(True) + 1] if any(moves) else rows
     names = [f"joint_{joint + 1}_{unit}" for unit in ("rad", "Nm") for joint in range(TX40_JOINTS)]
     write(out / "tx40.csv", ["time_s", *names], zip(*rows))
     for source, copy in ((folder / "tx40_mdh_modified.urdf", "tx40.urdf"),
