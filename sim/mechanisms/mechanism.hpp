@@ -70,7 +70,7 @@ struct ParameterInfo {
   std::string help;
 };
 
-/// What one kind of plant has, and how to build it. Entries are in mechanisms.cpp.
+/// What one kind of plant has, and how to build it. Entries are in mechanisms.def.
 struct MechanismInfo {
   std::string kind;
   std::string help;
@@ -88,16 +88,7 @@ struct MechanismInfo {
 const std::vector<MechanismInfo>& mechanisms();
 const MechanismInfo* find_mechanism(const std::string& kind);  ///< null: unknown
 
-MechanismInfo cart_pole_info();
-MechanismInfo pendulum_info();
-MechanismInfo acrobot_info();
-MechanismInfo planar_quadrotor_info();
-MechanismInfo quadrotor_info();
-MechanismInfo two_link_arm_info();
-MechanismInfo linear_axis_info();
-MechanismInfo skid_steer_info();
-MechanismInfo pusher_slider_info();
-MechanismInfo furuta_info();
-MechanismInfo hopper_info();
+#define SIM_MECHANISM(name) MechanismInfo name##_info();
+#include "sim/mechanisms/mechanisms.def"
 
 }  // namespace tiller::sim

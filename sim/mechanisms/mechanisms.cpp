@@ -3,10 +3,10 @@
 namespace tiller::sim {
 
 const std::vector<MechanismInfo>& mechanisms() {
-  static const std::vector<MechanismInfo> all = {pendulum_info(),         cart_pole_info(),    acrobot_info(),
-                                                 planar_quadrotor_info(), two_link_arm_info(), linear_axis_info(),
-                                                 skid_steer_info(),       pusher_slider_info(), furuta_info(),
-                                                 hopper_info(),           quadrotor_info()};
+  static const std::vector<MechanismInfo> all = {
+#define SIM_MECHANISM(name) name##_info(),
+#include "sim/mechanisms/mechanisms.def"
+  };
   return all;
 }
 
