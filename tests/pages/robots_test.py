@@ -7,6 +7,7 @@ goes by its verdict, which the last bits of a simulated run may turn: its figure
 import json
 import math
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -23,7 +24,7 @@ APPROVED = Path(__file__).parent / "approved"
 # Lanes that every x86-64 processor has, so that all of them show the same run. Elsewhere what the machine has is taken.
 SIMULATED = ("--sim", "--quiet", "--alarm-seconds", 0)
 ENVIRONMENT = os.environ | {"TILLER_ISA": "sse2", "PYTHONDONTWRITEBYTECODE": "1"}
-# How fast this machine is; and of an acrobot single rollouts, which it takes anywhere from a last bit on.
+# How fast this machine is; and single rollouts of what a last bit takes anywhere: an acrobot, a hopper that lands.
 AXES_ONLY = r"^time of a tick$"
 AXES_ONLY_CHAOTIC = AXES_ONLY + r"| from [0-9.]+ s of "
 
@@ -111,7 +112,7 @@ def approved_differences(figures: list[dict], file: Path) -> list[str]:
         return [f"nothing is approved: look at the page, then run again with TILLER_APPROVE=1 to make {file}"]
     approved = json.loads(file.read_text(encoding="utf-8"))
     return look.differences(figures, approved, look.SAME_TASK,
-                            AXES_ONLY_CHAOTIC if "acrobot" in file.stem else AXES_ONLY)
+                            AXES_ONLY_CHAOTIC if re.search("acrobot|hopper", file.stem) else AXES_ONLY)
 
 
 PAGES = {"run": page_of_run, "reference": page_of_reference, "demo": page_of_demo, "identify": page_of_identify,

@@ -74,6 +74,8 @@ struct Batch {
     };
     fill(state, nx * lanes, -1.5, 1.5);
     for (std::uint32_t i = 0; i < nx * lanes; ++i) state[i] += static_cast<T>(state_centre(*config.model, i / lanes));
+    for (std::uint32_t q = 0; q < nx; ++q)
+      if (config.model->quaternion_mask >> q & 1u) to_unit(q);
     fill(params, TILLER_MAX_PARAMS * lanes, 0.4, 1.2);
     fill(controls, horizon * nu * lanes, -3, 3);
     fill(effect_state, TILLER_MAX_EFFECT_STATES * lanes, -1, 1);
@@ -107,6 +109,14 @@ struct Batch {
   }
   void set_param(std::uint32_t row, double value) {
     for (std::uint32_t l = 0; l < lanes; ++l) params[row * lanes + l] = static_cast<T>(value);
+  }
+  /// A rotation in every lane, as estimates and steps have it: states q to q + 3.
+  void to_unit(std::uint32_t q) {
+    for (std::uint32_t l = 0; l < lanes; ++l) {
+      T* const w = &state[q * lanes + l];
+      const T norm = std::sqrt(w[0] * w[0] + w[lanes] * w[lanes] + w[2 * lanes] * w[2 * lanes] + w[3 * lanes] * w[3 * lanes]);
+      for (std::uint32_t k = 0; k < 4; ++k) w[k * lanes] /= norm;
+    }
   }
   void run(const tiller_model_t& model, const RolloutTable& table) const {
     if constexpr (sizeof(T) == 4)

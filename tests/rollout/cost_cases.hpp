@@ -71,10 +71,10 @@ inline std::vector<CostCase> cost_cases(const tiller_model_t& model) {
     c.cost.state_high[1] = 0.1;
     c.cost.bound_weight[1] = 2.0;
   };
-  const auto obstacles = [](CostCase& c) {
+  const auto obstacles = [x = state_centre(model, 0), y = state_centre(model, 1)](CostCase& c) {
     c.cost.obstacle_count = 2;
-    c.cost.obstacles[0] = {0, 1, 0.3, -0.2, 0.9, 4.0};
-    c.cost.obstacles[1] = {1, 0, -0.8, 0.5, 1.1, 0.7};
+    c.cost.obstacles[0] = {0, 1, x + 0.3, y - 0.2, 0.9, 4.0};
+    c.cost.obstacles[1] = {1, 0, y - 0.8, x + 0.5, 1.1, 0.7};
   };
   const auto reference = [nx, &rng](CostCase& c) {
     c.cost.reference_steps = 7;  // shorter than the horizon: the last row holds

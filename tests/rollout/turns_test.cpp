@@ -44,7 +44,9 @@ TEST(FarTurns, AreNoneForOrdinaryAngles) {
 TEST(PeriodicAngles, AreThoseOfEveryModelWithoutEffects) {
   for (std::uint32_t k = 0; tiller_builtin_model(k) != nullptr; ++k) {
     const tiller_model_t& model = *tiller_builtin_model(k);
-    EXPECT_EQ(periodic(config_of(&model)), model.angle_mask) << model.name;
+    tiller_config_t c = config_of(&model);
+    c.period_s = 0.002;  // a stable step on the hopper's stiff ground, which else makes more of rounding
+    EXPECT_EQ(periodic(c), model.angle_mask) << model.name;
   }
 }
 
