@@ -118,6 +118,23 @@ TEST(Description, AJointWithoutARotorIsTold) {
   EXPECT_NE(imported(light, mechanism, options).find("is 'turn' meant?"), std::string::npos);
 }
 
+// A robot file takes no bound of 1e16, and what turns for ever is told apart from what has two ends.
+TEST(Description, EndsOf1e16AreNone) {
+  Mechanism mechanism;
+  ASSERT_EQ(imported(robot("<limit lower=\"-1e+16\" upper=\"1e+16\" effort=\"1e9\" velocity=\"1e16\"/>"), mechanism), "");
+  ASSERT_EQ(mechanism.bodies.size(), 1u);
+  const MovingBody& turns = mechanism.bodies[0];
+  EXPECT_EQ(turns.low, -INFINITY);
+  EXPECT_EQ(turns.high, INFINITY);
+  EXPECT_EQ(turns.effort, INFINITY);
+  EXPECT_EQ(turns.speed, INFINITY);
+  EXPECT_TRUE(turns.wraps);
+  ASSERT_EQ(imported(robot("<limit lower=\"-1\" upper=\"1e+16\" effort=\"3\" velocity=\"2\"/>"), mechanism), "");
+  EXPECT_EQ(mechanism.bodies[0].low, -1.0);
+  EXPECT_EQ(mechanism.bodies[0].high, INFINITY);
+  EXPECT_FALSE(mechanism.bodies[0].wraps);
+}
+
 TEST(Description, AMissingFileIsTold) {
   Description description;
   std::vector<std::string> errors;

@@ -38,6 +38,14 @@ struct JointText {
   bool actuated = true;
   std::string mimics;  ///< the joint that this one follows; empty: none
   double mimic_ratio = 1.0, mimic_offset = 0.0;
+
+  /// Takes what is as large as 1e16, which descriptions write where a joint has no end, for none.
+  void open_ends() {
+    constexpr double kNoEnd = 1e6, kNone = std::numeric_limits<double>::infinity();
+    if (low <= -kNoEnd) low = -kNone;
+    for (double* most : {&high, &effort, &speed})
+      if (*most >= kNoEnd) *most = kNone;
+  }
 };
 
 /// A point of interest on a link.

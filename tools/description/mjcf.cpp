@@ -171,6 +171,7 @@ class CompiledReader {
     if (joint.has_limits) {
       joint.low = json.at("range").at(0).get<double>();
       joint.high = json.at("range").at(1).get<double>();
+      joint.open_ends();
     }
     joint.damping = number(json, "damping");
     joint.friction = number(json, "frictionloss");

@@ -211,6 +211,10 @@ class Reader {
     number(limit, "velocity", joint.speed);
     if (!(joint.effort > 0.0)) joint.effort = std::numeric_limits<double>::infinity();
     if (!(joint.speed > 0.0)) joint.speed = std::numeric_limits<double>::infinity();
+    const bool ended = std::isfinite(joint.low) || std::isfinite(joint.high);
+    joint.open_ends();
+    if (joint.kind == JointKind::revolute && ended && !std::isfinite(joint.low) && !std::isfinite(joint.high))
+      joint.kind = JointKind::continuous;  // a propeller, said by 1e16
   }
 
   void check_names() {
