@@ -29,9 +29,10 @@ int main(void) {
   /* the controller: what is known of the robot, what is wanted, what is allowed */
   tiller_config_t config;
   tiller_config_default(&config, tiller_find_model("pendulum"));
-  config.priors[0] = (tiller_prior_t){tiller_prior_uniform, 0, 0, 0, 0.8, 1.6}; /* mass_kg */
-  config.priors[1] = (tiller_prior_t){tiller_prior_fixed, 0, 0.5, 0, 0, 0};     /* length_m, measured */
-  config.priors[2] = (tiller_prior_t){tiller_prior_uniform, 0, 0, 0, 0.0, 0.2}; /* damping_Nms */
+  static const tiller_prior_t priors[] = {{tiller_prior_uniform, 0, 0, 0, 0.8, 1.6},  /* mass_kg */
+                                          {tiller_prior_fixed, 0, 0.5, 0, 0, 0},      /* length_m, measured */
+                                          {tiller_prior_uniform, 0, 0, 0, 0.0, 0.2}}; /* damping_Nms */
+  config.priors = priors;
   config.cost.target[0] = 3.14159265;
   config.cost.state_weight[0] = config.cost.terminal_weight[0] = 10.0;
   config.cost.state_weight[1] = config.cost.terminal_weight[1] = 0.5;

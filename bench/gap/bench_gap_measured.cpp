@@ -17,6 +17,7 @@
 #include "effects/effect_info.hpp"
 #include "harness/gap_scoring/gap_oracle.hpp"
 #include "harness/gap_scoring/gap_score.hpp"
+#include "tiller/config.hpp"
 #include "tools/gap/pipeline/gap.hpp"
 #include "tools/identify/grid_rollout.hpp"
 #include "tools/open/robot_open.hpp"
@@ -89,7 +90,7 @@ double free_run(const tools::RobotFile& robot, const Explanation& best, const st
   }
   const auto grids = make_grids(log, robot.log, robot.config);
   if (grids.empty() || grids[0].points() < 20) return NAN;
-  tiller_config_t config = robot.config;
+  tiller::Config config = robot.config;
   for (const auto& e : best.effects) {
     config.effects[config.effect_count++] = {e.kind, e.port};
     for (int i = 0; i < effect_info(e.kind).param_count; ++i) ++config.param_count;

@@ -4,6 +4,7 @@
 #include <ctime>
 
 #include "posterior/prior.hpp"
+#include "tiller/config.hpp"
 #include "tools/gap/residual/fallback.hpp"
 #include "tools/identify/grid_rollout.hpp"
 #include "tools/open/robot_open.hpp"
@@ -85,7 +86,7 @@ class Judge {
 };
 
 void fill_particles(const gap::ResidualFit& fit, GridRollout& rollout) {
-  tiller_config_t config = fit.config;
+  tiller::Config config = fit.config;
   config.prior_mixture = &fit.joint_prior->mixture;
   const PriorDistribution law(config);
   std::vector<double> v(law.dimension() * kLanes);

@@ -18,6 +18,7 @@
 #include "bench/problems/planning_problem.hpp"
 #include "bench/table/arguments.hpp"
 #include "bench/table/bench_table.hpp"
+#include "tiller/config.hpp"
 
 #if __has_include(<valgrind/callgrind.h>)
 #include <valgrind/callgrind.h>
@@ -70,8 +71,8 @@ class RandomStream {
   std::uint64_t state_ = 2026;
 };
 
-tiller_config_t config_of(std::uint32_t kind) {
-  tiller_config_t c = bench::cart_pole_config(kind, 20);
+tiller::Config config_of(std::uint32_t kind) {
+  tiller::Config c = bench::cart_pole_config(kind, 20);
   c.planner.rollouts = 128;
   c.planner.particles = 2;
   c.planner.iterations = 4;

@@ -12,6 +12,7 @@
 #include "bench/table/bench_table.hpp"
 #include "rollout/lq.hpp"
 #include "rollout/path.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -40,8 +41,8 @@ constexpr Solve kSolves[] = {{"free, multiple", false, tiller_shooting_multiple,
                              {"free, multiple, N=100", false, tiller_shooting_multiple, 100, 70.2379, 0.0},
                              {"|u| <= 20, multiple, N=100", true, tiller_shooting_multiple, 100, 93.7298, 0.0}};
 
-tiller_config_t solve_config(const Solve& s) {
-  tiller_config_t c = bench::cart_pole_config(tiller_planner_ilqr, s.horizon, s.limited);
+tiller::Config solve_config(const Solve& s) {
+  tiller::Config c = bench::cart_pole_config(tiller_planner_ilqr, s.horizon, s.limited);
   c.planner.shooting = s.shooting;
   return c;
 }
@@ -177,7 +178,7 @@ constexpr std::uint32_t kScenarios[] = {2, 4, 8};
 
 void add_scenarios(bench::Table& table, Plannings& several) {
   for (const std::uint32_t m : kScenarios) {
-    tiller_config_t c = bench::cart_pole_config(tiller_planner_ilqr, 30);
+    tiller::Config c = bench::cart_pole_config(tiller_planner_ilqr, 30);
     c.planner.particles = m;
     several.push_back(std::make_unique<Planning>(c, 0.05));
     Planning& p = *several.back();

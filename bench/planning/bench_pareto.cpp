@@ -13,6 +13,7 @@
 
 #include "bench/problems/planning_problem.hpp"
 #include "bench/table/arguments.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -23,7 +24,7 @@ constexpr int kSteps = 400;
 
 struct Point {
   std::string settings;
-  tiller_config_t config;
+  tiller::Config config;
 };
 
 double cpu_us() {
@@ -177,7 +178,7 @@ int main(int argc, char** argv) {
       std::vector<double> costs, times, tails;
       const std::uint64_t runs = sampled(name) ? seeds : static_cast<std::uint64_t>(repeats);
       for (std::uint64_t i = 0; i < runs; ++i) {
-        tiller_config_t config = point.config;
+        tiller::Config config = point.config;
         config.seed = sampled(name) ? first + i : 1;
         const Run r = run(config, clock);
         costs.push_back(r.cost);

@@ -8,6 +8,7 @@
 #include "bench/table/rounds.hpp"
 #include "planners/qp/osqp_qp.hpp"
 #include "planners/qp/riccati_qp.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -23,7 +24,7 @@ void add_solve(std::vector<Contender>& all, const std::string& name, const tille
   std::uint32_t n = 1;
   const auto within = [&] { return std::abs(figure - optimum) <= 1e-3 * optimum; };
   for (; n <= kMostIterations && !within(); ++n) {
-    tiller_config_t config = given;
+    tiller::Config config = given;
     config.planner.iterations = n;
     planning = std::make_shared<Planning>(config);
     planning->plan_cold();
@@ -43,7 +44,7 @@ void add_gradient(std::vector<Contender>& all) {
     const char* task = limited ? " box" : " free";
     if (const std::uint32_t kind = planner_kind("ilqr"); kind != tiller_planner_kind_count)
       for (const tiller_shooting_t shooting : {tiller_shooting_single, tiller_shooting_multiple}) {
-        tiller_config_t config = cart_pole_config(kind, 50, limited);
+        tiller::Config config = cart_pole_config(kind, 50, limited);
         config.planner.shooting = shooting;
         add_solve(all, std::string(shooting ? "tiller ilqr multiple" : "tiller ilqr single") + task, config, optimum);
       }
@@ -53,7 +54,7 @@ void add_gradient(std::vector<Contender>& all) {
 }
 
 void add_mppi(std::vector<Contender>& all) {
-  tiller_config_t config = cart_pole_config(tiller_planner_mppi);
+  tiller::Config config = cart_pole_config(tiller_planner_mppi);
   config.planner.rollouts = 1536;
   const double swinging[4] = {0.0, 3.0, 0.1, 0.5};
   std::copy(swinging, swinging + 4, config.initial_state);
@@ -65,7 +66,7 @@ void add_mppi(std::vector<Contender>& all) {
 void add_rollout(std::vector<Contender>& all) {
   constexpr std::uint32_t kLanes = 1536, kSteps = 50;
   struct Work {
-    tiller_config_t config = cart_pole_config(tiller_planner_mppi);
+    tiller::Config config = cart_pole_config(tiller_planner_mppi);
     StepSetup setup;
     std::vector<float> state, params, controls, cost, final_state;
     RolloutJob<float> job;

@@ -12,15 +12,16 @@
 #include "bench/problems/planning_problem.hpp"
 #include "bench/table/bench_table.hpp"
 #include "planners/sampler.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
 using namespace tiller;
 
 /// The cart-pole with a rate limit, swinging, with a plan in progress.
-tiller_config_t planner_config(std::uint32_t planner, std::uint32_t rollouts, std::uint32_t horizon,
-                               std::uint32_t particles) {
-  tiller_config_t c = bench::cart_pole_config(planner, horizon);
+tiller::Config planner_config(std::uint32_t planner, std::uint32_t rollouts, std::uint32_t horizon,
+                              std::uint32_t particles) {
+  tiller::Config c = bench::cart_pole_config(planner, horizon);
   const double swinging[4] = {0.0, 3.0, 0.1, 0.5};
   std::copy(swinging, swinging + 4, c.initial_state);
   c.planner.rollouts = rollouts;
@@ -45,7 +46,7 @@ std::vector<Isa> isas() {
 
 struct Case {
   std::string name;
-  tiller_config_t config;
+  tiller::Config config;
   double avx512_us, avx2_us;  // goals; 0: none
 };
 

@@ -14,6 +14,7 @@
 #include "rollout/cost_text.hpp"
 #include "rollout/rollout.hpp"
 #include "rollout/step.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -22,8 +23,8 @@ using namespace tiller;
 constexpr std::uint32_t kRollouts = 1536, kHorizon = 50;
 constexpr double kSteps = double(kRollouts) * kHorizon;
 
-tiller_config_t cart_pole_config(tiller_integrator_t integrator) {
-  tiller_config_t c{};
+tiller::Config cart_pole_config(tiller_integrator_t integrator) {
+  tiller::Config c{};
   c.model = tiller_find_model("cart_pole");
   c.period_s = 0.02;
   c.substeps = 1;
@@ -54,7 +55,7 @@ struct Batch {
         cost(kRollouts),
         effect_state(TILLER_MAX_EFFECT_STATES),
         history(TILLER_MAX_DELAY_STEPS),
-        weights(make_cost_terms<T>(config.cost)) {
+        weights(make_cost_terms<T>(config.cost, config.model->state_count)) {
     if (make_step_setup(config, setup) != tiller_status_ok) std::abort();
     for (std::size_t i = 0; i < controls.size(); ++i) controls[i] = T(10.0 * std::sin(0.37 * double(i % 7919)));
     params.resize(TILLER_MAX_PARAMS, T(0.01));
@@ -114,7 +115,7 @@ const Case kCases[] = {
 /// Cost terms beyond the quadratic, each beside it.
 struct CostRow {
   const char* name;
-  void (*change)(tiller_cost_config_t& cost);
+  void (*change)(tiller::Config& config);
 };
 double own_in_c(const double* x, const double*, const double*, double, void*) { return x[0] * x[0]; }
 const std::vector<double>& table_of(double value) {
@@ -124,46 +125,46 @@ const std::vector<double>& table_of(double value) {
   return table;
 }
 const CostRow kCostRows[] = {
-    {"quadratic", [](tiller_cost_config_t&) {}},
+    {"quadratic", [](tiller::Config&) {}},
     {"saturating",
-     [](tiller_cost_config_t& c) {
-       c.saturating_weight = 1.0;
-       for (double& width : c.saturating_width) width = 1.0;
+     [](tiller::Config& c) {
+       c.cost.saturating_weight = 1.0;
+       for (double& width : c.cost.saturating_width) width = 1.0;
      }},
     {"bounds of one state",
-     [](tiller_cost_config_t& c) {
+     [](tiller::Config& c) {
        c.bound_weight[0] = 1.0;
        c.state_low[0] = -1.0;
        c.state_high[0] = 1.0;
      }},
     {"one obstacle",
-     [](tiller_cost_config_t& c) {
-       c.obstacle_count = 1;
+     [](tiller::Config& c) {
+       c.cost.obstacle_count = 1;
        c.obstacles[0] = {0, 1, 0.0, 0.0, 1.0, 1.0};
      }},
     {"eight obstacles",
-     [](tiller_cost_config_t& c) {
-       c.obstacle_count = 8;
+     [](tiller::Config& c) {
+       c.cost.obstacle_count = 8;
        for (tiller_obstacle_t& o : c.obstacles) o = {0, 1, 0.0, 0.0, 1.0, 1.0};
      }},
     {"reference",
-     [](tiller_cost_config_t& c) {
-       c.reference = table_of(0.1).data();
-       c.reference_steps = 2 * kHorizon;
+     [](tiller::Config& c) {
+       c.cost.reference = table_of(0.1).data();
+       c.cost.reference_steps = 2 * kHorizon;
      }},
     {"demonstration",
-     [](tiller_cost_config_t& c) {
-       c.demonstration_mean = table_of(0.1).data();
-       c.demonstration_root = table_of(0.2).data();
-       c.demonstration_steps = 2 * kHorizon;
-       c.demonstration_weight = 1.0;
+     [](tiller::Config& c) {
+       c.cost.demonstration_mean = table_of(0.1).data();
+       c.cost.demonstration_root = table_of(0.2).data();
+       c.cost.demonstration_steps = 2 * kHorizon;
+       c.cost.demonstration_weight = 1.0;
      }},
     {"own cost in C",
-     [](tiller_cost_config_t& c) {
+     [](tiller::Config& c) {
        static const tiller_own_cost_t own = {sizeof(tiller_own_cost_t), TILLER_CONFIG_VERSION, own_in_c, nullptr,
                                              nullptr};
-       c.own = &own;
-       c.own_weight = 1.0;
+       c.cost.own = &own;
+       c.cost.own_weight = 1.0;
      }},
 };
 
@@ -196,7 +197,7 @@ void add_lanes(bench::Table& table, const std::string& name, const tiller_config
 
 void add_integrations(bench::Table& table) {
   for (const Integration& way : kIntegrations) {
-    const tiller_config_t config = cart_pole_config(way.integrator);
+    const tiller::Config config = cart_pole_config(way.integrator);
     auto plain = std::make_shared<Batch<double>>(config);
     table.add(std::string(way.name) + "/plain", [plain, way](benchmark::State& state) {
       for (auto _ : state) benchmark::DoNotOptimize(plain_double(*plain, way.integrator));
@@ -207,7 +208,7 @@ void add_integrations(bench::Table& table) {
 
 void add_effects(bench::Table& table) {
   for (const Case& c : kCases) {
-    tiller_config_t config = cart_pole_config(tiller_integrator_semi_implicit_euler);
+    tiller::Config config = cart_pole_config(tiller_integrator_semi_implicit_euler);
     config.effect_count = static_cast<std::uint32_t>(c.effects.size());
     for (std::size_t i = 0; i < c.effects.size(); ++i) config.effects[i] = c.effects[i];
     config.param_count = 3 + config.effect_count;
@@ -218,8 +219,8 @@ void add_effects(bench::Table& table) {
 
 void add_costs(bench::Table& table) {
   for (const CostRow& c : kCostRows) {
-    tiller_config_t config = cart_pole_config(tiller_integrator_semi_implicit_euler);
-    c.change(config.cost);
+    tiller::Config config = cart_pole_config(tiller_integrator_semi_implicit_euler);
+    c.change(config);
     add_lanes(table, std::string("cost/") + c.name, config, best_isa());
   }
 }

@@ -9,6 +9,7 @@
 #include <random>
 
 #include "bench/problems/planning_problem.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller::bench {
 namespace {
@@ -31,8 +32,8 @@ class RandomStream {
   std::mt19937_64 engine_;
 };
 
-tiller_config_t base(const char* model, const std::vector<double>& nominal) {
-  tiller_config_t c;
+tiller::Config base(const char* model, const std::vector<double>& nominal) {
+  tiller::Config c;
   tiller_config_default(&c, tiller_find_model(model));
   for (std::size_t i = 0; i < nominal.size(); ++i) c.priors[i] = {tiller_prior_fixed, 0, nominal[i], 0.0, -kInf, kInf};
   c.integrator = tiller_integrator_semi_implicit_euler;
@@ -49,13 +50,13 @@ tiller_config_t base(const char* model, const std::vector<double>& nominal) {
   return c;
 }
 
-void limit(tiller_config_t& c, std::uint32_t input, double low, double high, double noise_sd) {
+void limit(tiller::Config& c, std::uint32_t input, double low, double high, double noise_sd) {
   c.safety.input_low[input] = low;
   c.safety.input_high[input] = high;
   c.planner.noise_sd[input] = noise_sd;
 }
 
-void weigh(tiller_config_t& c, std::initializer_list<double> state, std::initializer_list<double> terminal,
+void weigh(tiller::Config& c, std::initializer_list<double> state, std::initializer_list<double> terminal,
            double input) {
   std::copy(state.begin(), state.end(), c.cost.state_weight);
   std::copy(terminal.begin(), terminal.end(), c.cost.terminal_weight);
@@ -87,7 +88,7 @@ class Plant {
   double x[TILLER_MAX_STATES] = {};
 
  private:
-  tiller_config_t config_;
+  tiller::Config config_;
   StepSetup setup_;
   std::vector<double> params_;
 };
@@ -102,8 +103,8 @@ double step_cost(const tiller_config_t& c, const double* x, const double* u) {
   return sum;
 }
 
-tiller_config_t informed(const UncertainTask& task, Knowledge knowledge, const std::vector<double>& truth) {
-  tiller_config_t c = task.config;
+tiller::Config informed(const UncertainTask& task, Knowledge knowledge, const std::vector<double>& truth) {
+  tiller::Config c = task.config;
   const bool learns = knowledge != Knowledge::nominal && knowledge != Knowledge::oracle;
   c.posterior.enabled = learns;
   c.planner.particles = knowledge == Knowledge::expected || knowledge == Knowledge::cvar ? task.hypotheses : 1;
@@ -132,7 +133,7 @@ const char* knowledge_name(Knowledge k) {
 
 UncertainTask cart_pole_task() {
   UncertainTask t{"cart-pole", base("cart_pole", {1.0, 0.1, 0.5}), {0, 1, 2}, 400};
-  tiller_config_t& c = t.config;
+  tiller::Config& c = t.config;
   c.initial_state[1] = 3.141592653589793;
   c.measurement_sd[0] = 0.0005;
   c.planner.horizon = 40;
@@ -147,16 +148,16 @@ UncertainTask rail_task() {
   t.name = "cart-pole on a rail";
   constexpr double kMargin = 0.15;  // soft bounds give way, so the plan is given a shorter rail
   t.rail_m = 0.8;
-  t.config.cost.state_low[0] = -(t.rail_m - kMargin);
-  t.config.cost.state_high[0] = t.rail_m - kMargin;
-  t.config.cost.bound_weight[0] = 1e4;
+  t.config.state_low[0] = -(t.rail_m - kMargin);
+  t.config.state_high[0] = t.rail_m - kMargin;
+  t.config.bound_weight[0] = 1e4;
   return t;
 }
 
 UncertainTask acrobot_task() {
   // two uniform rods of 1 kg and 0.5 m; the masses and the lower rod's centre are what is not known
   UncertainTask t{"acrobot", base("acrobot", {1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 1.0 / 48.0, 1.0 / 48.0}), {0, 1, 5}, 400};
-  tiller_config_t& c = t.config;
+  tiller::Config& c = t.config;
   t.hypotheses = 8;
   c.integrator = tiller_integrator_rk4;
   c.cost.target[0] = 3.141592653589793;
@@ -175,7 +176,7 @@ UncertainTask acrobot_task() {
 
 UncertainTask planar_quadrotor_task() {
   UncertainTask t{"planar quadrotor", base("planar_quadrotor", {0.5, 0.15, 0.005, 0.1}), {0, 1, 2}, 200};
-  tiller_config_t& c = t.config;
+  tiller::Config& c = t.config;
   c.initial_state[0] = -1.5;
   c.initial_state[1] = -0.5;
   c.planner.kind = tiller_planner_ilqr;
@@ -217,8 +218,8 @@ bool override_setting(UncertainTask& task, const std::string& key, double value)
        [](Task& t, double v) {
          for (double& w : t.config.cost.terminal_weight) w *= v;
        }},
-      {"bound_weight", [](Task& t, double v) { t.config.cost.bound_weight[0] = v; }},
-      {"bound", [](Task& t, double v) { t.config.cost.state_low[0] = -(t.config.cost.state_high[0] = v); }},
+      {"bound_weight", [](Task& t, double v) { t.config.bound_weight[0] = v; }},
+      {"bound", [](Task& t, double v) { t.config.state_low[0] = -(t.config.state_high[0] = v); }},
       {"hard_bounds", [](Task& t, double v) { t.config.cost.hard_bounds = whole(v); }},
       {"limit",
        [](Task& t, double v) {
@@ -240,7 +241,7 @@ UncertainRun run_uncertain(const UncertainTask& task, Knowledge knowledge, std::
   for (std::uint32_t i = 0; i < task.config.param_count; ++i) truth.push_back(task.config.priors[i].a);
   for (const std::uint32_t i : task.off) truth[i] *= 1.0 + kOff * (2.0 * random.uniform() - 1.0);
 
-  tiller_config_t config = informed(task, knowledge, truth);
+  tiller::Config config = informed(task, knowledge, truth);
   config.seed = seed;
   const std::size_t size = tiller_size(&config);
   const std::unique_ptr<void, AlignedFree> memory(

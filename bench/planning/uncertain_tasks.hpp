@@ -7,13 +7,14 @@
 #include <vector>
 
 #include "rollout/rollout.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller::bench {
 
 /// One task with its settings, all of them; chosen on seeds 1001..1020.
 struct UncertainTask {
   std::string name;
-  tiller_config_t config;          ///< priors: nominal values, all fixed
+  tiller::Config config;           ///< priors: nominal values, all fixed
   std::vector<std::uint32_t> off;  ///< parameters that are uniform on +-30 % of their nominal value
   std::uint32_t ticks;
   double rail_m = 0.0;            ///< bound on |state 0| that a run is judged by; 0: none

@@ -7,6 +7,7 @@
 
 #include "bench/table/arguments.hpp"
 #include "bench/table/spread.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller::bench {
 namespace {
@@ -91,7 +92,7 @@ std::vector<AccuracyTask> Bench::tasks(int unknowns) const {
   return wanted;
 }
 
-void Bench::configure(tiller_config_t& config, int unknowns) const {
+void Bench::configure(tiller::Config& config, int unknowns) const {
   tiller_posterior_config_t& p = config.posterior;
   p.kind = filter ? tiller_posterior_filter : tiller_posterior_transition;
   p.particles = particles > 0 ? static_cast<std::uint32_t>(particles) : filter ? 512 : 1024;
@@ -104,14 +105,14 @@ void Bench::configure(tiller_config_t& config, int unknowns) const {
 }
 
 std::vector<Accuracy> Bench::run(const Cell& cell, int count) const {
-  tiller_config_t config = cell.task.config;
+  tiller::Config config = cell.task.config;
   configure(config, static_cast<int>(cell.task.inferred.size()));
   if (cell.set) cell.set(config.posterior);
   if (!accepted(config)) return {};
   std::vector<Accuracy> out(static_cast<std::size_t>(count));
   spread(cell.task.name, count, threads, [&](int i) {
     const std::uint64_t seed = first_seed + static_cast<std::uint64_t>(i);
-    tiller_config_t seeded = config;
+    tiller::Config seeded = config;
     seeded.seed = seed;
     out[static_cast<std::size_t>(i)] =
         compare(cell.task, seeded, make_episode(cell.task, cell.sigma, kEpisodeTicks, seed), seed);
@@ -129,7 +130,7 @@ std::vector<Accuracy> Bench::run_short() const {
   spread("short runs", short_runs, threads, [&](int i) {
     const std::uint64_t seed = first_seed + static_cast<std::uint64_t>(i);
     const ShortRun run = make_short_run(all, seed);
-    tiller_config_t config = run.task.config;
+    tiller::Config config = run.task.config;
     configure(config, static_cast<int>(run.task.inferred.size()));
     config.seed = seed;
     out[static_cast<std::size_t>(i)] = compare(run.task, config, run.episode, seed);
@@ -143,8 +144,8 @@ std::vector<Accuracy> Bench::run_short() const {
   return out;
 }
 
-tiller_config_t encoder_config(const AccuracyTask& task) {
-  tiller_config_t config = task.config;
+tiller::Config encoder_config(const AccuracyTask& task) {
+  tiller::Config config = task.config;
   config.measurement_count = task.states() / 2;  // positions stand before their rates
   for (std::uint32_t i = 0; i < config.measurement_count; ++i) config.measurement_sd[i] = kEncoderSd;
   for (std::uint32_t i = 0; i < task.states(); ++i) config.initial_state_sd[i] = kEncoderSd;
@@ -156,12 +157,12 @@ tiller_config_t encoder_config(const AccuracyTask& task) {
 std::vector<Accuracy> Bench::run_encoders(const AccuracyTask& task, double sigma_now, int count) const {
   Bench sizes = *this;
   sizes.filter = true;
-  tiller_config_t config = encoder_config(task);
+  tiller::Config config = encoder_config(task);
   sizes.configure(config, static_cast<int>(task.inferred.size()));
   std::vector<Accuracy> out(static_cast<std::size_t>(count));
   spread("encoders only, " + task.name, count, threads, [&](int i) {
     const std::uint64_t seed = first_seed + static_cast<std::uint64_t>(i);
-    tiller_config_t seeded = config;
+    tiller::Config seeded = config;
     seeded.seed = seed;
     const Episode episode = make_episode(task, sigma_now, kEpisodeTicks, seed);
     const EngineResult online = run_engine(task, seeded, episode, config.measurement_sd);

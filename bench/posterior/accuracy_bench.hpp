@@ -8,6 +8,7 @@
 
 #include "harness/accuracy/accuracy_run.hpp"
 #include "harness/accuracy/accuracy_statistics.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller::bench {
 
@@ -36,7 +37,7 @@ struct Bench {
   /// The tasks of so many unknowns that were asked for.
   std::vector<AccuracyTask> tasks(int unknowns) const;
   /// Posterior settings for so many unknowns.
-  void configure(tiller_config_t& config, int unknowns) const;
+  void configure(tiller::Config& config, int unknowns) const;
 
   /// `count` runs from the first seed on; empty where the engine refuses the configuration.
   std::vector<Accuracy> run(const Cell& cell, int count) const;
@@ -48,6 +49,6 @@ struct Bench {
 bool accepted(const tiller_config_t& config);
 
 /// The task with positions alone measured, under noise of kEncoderSd, for the filter.
-tiller_config_t encoder_config(const AccuracyTask& task);
+tiller::Config encoder_config(const AccuracyTask& task);
 
 }  // namespace tiller::bench

@@ -20,6 +20,7 @@
 #include "bench/table/bench_table.hpp"
 #include "bench/table/spread.hpp"
 #include "posterior/adequacy.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -67,7 +68,7 @@ std::vector<Trial> trials(const AccuracyTask& task) {
   return all;
 }
 
-void apply(tiller_config_t& config, const AccuracyTask& task, const Hidden& hidden, Remedy remedy) {
+void apply(tiller::Config& config, const AccuracyTask& task, const Hidden& hidden, Remedy remedy) {
   tiller_posterior_config_t& p = config.posterior;
   const bool all = remedy == Remedy::all;
   p.discrepancy = all || remedy == Remedy::discrepancy;
@@ -92,14 +93,14 @@ struct Outcome {
 Outcome run_remedy(const Bench& bench, const AccuracyTask& task, const Trial& trial, Source source, Remedy remedy) {
   Bench sizes = bench;
   sizes.filter = remedy == Remedy::filter;
-  tiller_config_t config = task.config;
+  tiller::Config config = task.config;
   sizes.configure(config, static_cast<int>(task.inferred.size()));
   apply(config, task, trial.hidden, remedy);
   if (!accepted(config)) return {};
   std::vector<int> hits(static_cast<std::size_t>(bench.runs));
   std::vector<double> density(hits.size());
   spread(task.name + ", " + trial.hidden.name, bench.runs, bench.threads, [&](int i) {
-    tiller_config_t seeded = config;
+    tiller::Config seeded = config;
     seeded.seed = bench.first_seed + static_cast<std::uint64_t>(i);
     const Readings r = read_plant(task, trial.hidden, source, kSigma, kEpisodeTicks, seeded.seed);
     const EngineResult online = run_engine(task, seeded, r.episode);
@@ -142,7 +143,7 @@ void report_suite(Table& table, const Bench& bench, const std::string& only) {
 /// Tick of the first alarm; 0: none.
 std::uint32_t first_alarm(const Bench& bench, const AccuracyTask& task, const Hidden& hidden, Source source,
                           std::uint32_t ticks, std::uint64_t seed) {
-  tiller_config_t config = task.config;
+  tiller::Config config = task.config;
   bench.configure(config, static_cast<int>(task.inferred.size()));
   config.posterior.adequacy = 1;
   config.seed = seed;
@@ -205,7 +206,7 @@ void report_drift(Table& table, const Bench& bench) {
     table.heading("drift: a pendulum's mass doubles in mid-run, plant from " + std::string(source_name(source)));
     double error[2] = {};
     for (const Remedy remedy : {Remedy::none, Remedy::forgetting}) {
-      tiller_config_t config = task.config;
+      tiller::Config config = task.config;
       bench.configure(config, 2);
       apply(config, task, {}, remedy);
       if (!accepted(config)) continue;
@@ -213,7 +214,7 @@ void report_drift(Table& table, const Bench& bench) {
       spread("drift", bench.runs, bench.threads, [&](int i) {
         const std::uint64_t seed = bench.first_seed + static_cast<std::uint64_t>(i);
         const std::size_t at = static_cast<std::size_t>(i);
-        tiller_config_t seeded = config;
+        tiller::Config seeded = config;
         seeded.seed = seed;
         Hidden jump;
         jump.ramp = 2.0;

@@ -13,6 +13,7 @@
 #include "bench/table/bench_table.hpp"
 #include "core/rng.hpp"
 #include "posterior/posterior.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -20,8 +21,8 @@ using namespace tiller;
 
 constexpr int kTicks = 3000;
 
-tiller_config_t cart_pole_config() {
-  tiller_config_t c{};
+tiller::Config cart_pole_config() {
+  tiller::Config c{};
   c.model = tiller_find_model("cart_pole");
   c.seed = 1;
   c.period_s = 0.02;
@@ -111,7 +112,7 @@ class Subject {
   struct Free {
     void operator()(void* p) const { std::free(p); }
   };
-  tiller_config_t config_;
+  tiller::Config config_;
   StepSetup setup_;
   std::vector<Transition> log_;
   std::unique_ptr<void, Free> memory_;

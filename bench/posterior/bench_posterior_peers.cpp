@@ -15,6 +15,7 @@
 #include "bench/table/rounds.hpp"
 #include "harness/accuracy/accuracy_run.hpp"
 #include "rollout/residual.hpp"
+#include "tiller/config.hpp"
 
 #if __has_include(<valgrind/callgrind.h>)
 #include <valgrind/callgrind.h>
@@ -42,8 +43,8 @@ AccuracyTask task_named(const std::string& name) {
   std::exit(2);
 }
 
-tiller_config_t posterior_config(const AccuracyTask& task, std::uint64_t seed) {
-  tiller_config_t c = task.config;
+tiller::Config posterior_config(const AccuracyTask& task, std::uint64_t seed) {
+  tiller::Config c = task.config;
   c.posterior.kind = tiller_posterior_transition;
   c.posterior.particles = kParticles;
   c.posterior.window = kRing;
@@ -140,7 +141,7 @@ class Ticks {
 
  private:
   AccuracyTask task_;
-  tiller_config_t config_;
+  tiller::Config config_;
   StepSetup setup_;
   Episode episode_;
   Block memory_;

@@ -12,6 +12,7 @@
 #include "core/rng.hpp"
 #include "effects/effect_info.hpp"
 #include "rollout/residual.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -64,7 +65,7 @@ struct Batch {
 
   Batch(const char* name, const Shape& shape, tiller_integrator_t integrator, const Variant& variant)
       : model(tiller_find_model(name)), steps(shape.count) {
-    tiller_config_t config{};
+    tiller::Config config{};
     config.model = model;
     config.period_s = 0.02;
     config.substeps = 1;

@@ -5,6 +5,7 @@
 #include <cstdlib>
 
 #include "bench/problems/planning_problem.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller::bench {
 
@@ -25,9 +26,9 @@ tools::Grid grid_of(const AccuracyTask& task, const Episode& episode, std::uint3
 
 namespace {
 
-tiller_config_t planner_config(const AccuracyTask& pendulum, const std::vector<double>& truth,
-                               const std::vector<double>& params, std::uint64_t seed) {
-  tiller_config_t c;
+tiller::Config planner_config(const AccuracyTask& pendulum, const std::vector<double>& truth,
+                              const std::vector<double>& params, std::uint64_t seed) {
+  tiller::Config c;
   if (tiller_config_default(&c, pendulum.config.model) != tiller_status_ok) std::abort();
   c.seed = seed;
   c.period_s = pendulum.config.period_s;

@@ -6,6 +6,7 @@
 
 #include "bench/posterior/method_episode.hpp"
 #include "harness/accuracy/accuracy_run.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller::bench {
 
@@ -14,7 +15,7 @@ using tools::MethodResult;
 
 MethodResult learn(const AccuracyTask& task, const Episode& episode, std::uint32_t ticks, double sigma,
                    std::uint64_t seed, const Contender& contender, std::uint32_t simulations) {
-  tiller_config_t config = task.config;
+  tiller::Config config = task.config;
   config.seed = seed;
   for (std::uint32_t r = 0; r < task.states(); ++r)
     config.process_sd[r] = sigma * task.step_rms[r] / std::sqrt(config.period_s);
@@ -38,7 +39,7 @@ MethodResult learn(const AccuracyTask& task, const Episode& episode, std::uint32
 }
 
 MethodResult learn_online(const AccuracyTask& task, const Episode& episode, std::uint32_t ticks, std::uint64_t seed) {
-  tiller_config_t config = task.config;
+  tiller::Config config = task.config;
   config.seed = seed;
   config.posterior.kind = tiller_posterior_transition;
   config.posterior.particles = 1024;

@@ -10,6 +10,7 @@
 
 #include "sim/effects/effects.hpp"
 #include "sim/mechanisms/mechanism.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller::bench {
 namespace {
@@ -48,7 +49,7 @@ class ModelWorld final : public World {
   }
 
  private:
-  tiller_config_t config_;
+  tiller::Config config_;
   StepSetup setup_;
 };
 

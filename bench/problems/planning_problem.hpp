@@ -12,6 +12,7 @@
 
 #include "bench/problems/cart_pole_problem.hpp"
 #include "planners/planner.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller::bench {
 
@@ -23,8 +24,8 @@ inline std::uint32_t planner_kind(const std::string& name) {
 }
 
 /// The cart-pole of the comparisons for a planner; no rate limit, one known model, one iteration a plan.
-inline tiller_config_t cart_pole_config(std::uint32_t kind, std::uint32_t horizon = 50, bool limited = true) {
-  tiller_config_t c;
+inline tiller::Config cart_pole_config(std::uint32_t kind, std::uint32_t horizon = 50, bool limited = true) {
+  tiller::Config c;
   tiller_config_default(&c, tiller_find_model("cart_pole"));
   c.seed = 1;
   c.period_s = CartPoleProblem::kPeriod;
@@ -64,7 +65,7 @@ inline tiller_config_t cart_pole_config(std::uint32_t kind, std::uint32_t horizo
 /// A planner in a block of its own, with a belief of `particles` hypotheses whose parameters are spread evenly over
 /// +-`spread` of the nominal ones.
 struct Planning {
-  tiller_config_t config;
+  tiller::Config config;
   StepSetup setup;
   const PlannerTable* planner;
   std::vector<unsigned char> block;

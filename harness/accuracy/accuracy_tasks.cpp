@@ -5,6 +5,7 @@
 #include <cstdlib>
 
 #include "posterior/prior.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller::bench {
 
@@ -28,9 +29,9 @@ AccuracyTask base(const char* name, const tiller_model_t& model, std::initialize
                   std::initializer_list<double> step_rms) {
   AccuracyTask t;
   t.name = name;
-  tiller_config_t& c = t.config;
+  tiller::Config& c = t.config;
   c = {};
-  c.size = sizeof c;
+  c.size = sizeof(tiller_config_t);
   c.version = TILLER_CONFIG_VERSION;
   c.model = &model;
   c.param_count = model.param_count;

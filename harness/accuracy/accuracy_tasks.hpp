@@ -16,6 +16,7 @@
 
 #include "core/rng.hpp"
 #include "posterior/posterior.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller::bench {
 
@@ -34,7 +35,7 @@ struct Excitation {
 
 struct AccuracyTask {
   std::string name;
-  tiller_config_t config;  ///< every state measured; priors: the task's; noise: nominal
+  tiller::Config config;  ///< every state measured; priors: the task's; noise: nominal
   Excitation excitation;
   std::vector<std::uint32_t> inferred;      ///< parameters with a prior
   double step_rms[TILLER_MAX_STATES] = {};  ///< RMS one-step change of each state under prior and excitation, no noise

@@ -7,6 +7,7 @@
 
 #include "harness/calibration/calibration_plant.hpp"
 #include "posterior/posterior.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller::bench {
 
@@ -19,7 +20,7 @@ class EngineInstance {
   struct Free {
     void operator()(void* p) const { std::free(p); }
   };
-  tiller_config_t config_;
+  tiller::Config config_;
   StepSetup setup_;
   std::unique_ptr<void, Free> memory_;
   Posterior* posterior_ = nullptr;

@@ -5,6 +5,8 @@
 #include <cstdlib>
 #include <random>
 
+#include "tiller/config.hpp"
+
 namespace tiller::bench {
 namespace {
 
@@ -90,7 +92,7 @@ void scale_noise(CalibrationRow& row, double sensor, double process) {
   for (double& sd : row.problem.sensor_sd) sd *= sensor;
   for (double& sd : row.problem.physics.process_sd) sd *= process;
   row.problem.noise_unknown = false;
-  row.configure = [sensor, process](tiller_config_t& c) {
+  row.configure = [sensor, process](tiller::Config& c) {
     for (double& sd : c.measurement_sd) sd /= sensor;
     for (double& sd : c.process_sd) sd /= process;
   };
@@ -186,7 +188,7 @@ void lacking_physics(Rows& rows) {
       r.problem.inferred.pop_back();
       r.problem.prior.pop_back();
       r.references = 0;
-      r.configure = [](tiller_config_t& c) { c.posterior.discrepancy = 1; };
+      r.configure = [](tiller::Config& c) { c.posterior.discrepancy = 1; };
     });
   }
   if (!rows.filter())
@@ -196,7 +198,7 @@ void lacking_physics(Rows& rows) {
       rows.add(name, kAtLeast, [&](CalibrationRow& r) {
         r.run.delay_periods = delay;
         r.references = 0;
-        r.configure = [](tiller_config_t& c) { c.posterior.delay_hypotheses = 3; };
+        r.configure = [](tiller::Config& c) { c.posterior.delay_hypotheses = 3; };
       });
     }
   const auto changing = [&](const char* name, double factor, int tick) {
@@ -213,7 +215,7 @@ void lacking_physics(Rows& rows) {
       else
         prior.low *= factor;
       if (tick == 0)
-        r.configure = [](tiller_config_t& c) {
+        r.configure = [](tiller::Config& c) {
           c.posterior.forgetting_count = 1;
           c.posterior.forgetting[0] = 0.98;
           if (c.posterior.kind == tiller_posterior_filter) return;
@@ -223,7 +225,7 @@ void lacking_physics(Rows& rows) {
           c.posterior.forgetting[2] = 0.94;
         };
       else if (r.engine == Engine::transition)
-        r.configure = [](tiller_config_t& c) {
+        r.configure = [](tiller::Config& c) {
           c.posterior.forgetting_count = 3;
           c.posterior.forgetting[0] = 1.0;
           c.posterior.forgetting[1] = 0.98;
@@ -260,11 +262,11 @@ std::vector<CalibrationRow> calibration_rows() {
   return all;
 }
 
-tiller_config_t calibration_config(const CalibrationRow& row) {
+tiller::Config calibration_config(const CalibrationRow& row) {
   const ReferenceProblem& q = row.problem;
   const PlantPhysics& p = q.physics;
   const bool pendulum = p.mechanism == Mechanism::pendulum;
-  tiller_config_t c;
+  tiller::Config c;
   if (tiller_config_default(&c, tiller_find_model(pendulum ? "pendulum" : "cart_pole")) != tiller_status_ok)
     std::abort();
   if (!pendulum) {

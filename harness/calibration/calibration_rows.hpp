@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "harness/calibration/calibration_reference.hpp"
-#include "tiller/tiller.h"
+#include "tiller/config.hpp"
 
 namespace tiller::bench {
 
@@ -27,7 +27,7 @@ struct CalibrationRow {
   ReferenceProblem problem;
   int most_runs = 1 << 30;  ///< of a row that takes long
   int references = 100;     ///< runs that are compared with a reference; 0: the reference does not know this plant
-  std::function<void(tiller_config_t&)> configure;  ///< what the estimator is told beyond the defaults; may be empty
+  std::function<void(tiller::Config&)> configure;  ///< what the estimator is told beyond the defaults; may be empty
   CalibrationGoal goal;
 
   int dimensions() const { return problem.dimensions(); }
@@ -37,7 +37,7 @@ struct CalibrationRow {
 std::vector<CalibrationRow> calibration_rows();
 
 /// Configuration of the estimator: model, priors, nominal noise, start, engine.
-tiller_config_t calibration_config(const CalibrationRow& row);
+tiller::Config calibration_config(const CalibrationRow& row);
 
 /// The row's plant with its parameters drawn from the prior by the seed.
 PlantRun draw_run(const CalibrationRow& row, std::uint64_t seed);

@@ -5,6 +5,8 @@
 #include <cstdlib>
 #include <memory>
 
+#include "tiller/config.hpp"
+
 namespace tiller::bench {
 namespace {
 
@@ -90,7 +92,7 @@ void compare(const CalibrationRow& row, const PlantRecord& record, const Cloud& 
 
 CalibrationScore run_calibration(const CalibrationRow& row, std::uint64_t seed, bool with_reference) {
   const PlantRecord record = record_plant(draw_run(row, seed), seed);
-  tiller_config_t config = calibration_config(row);
+  tiller::Config config = calibration_config(row);
   config.seed = seed;
   CalibrationScore score;
   EngineInstance engine(config);

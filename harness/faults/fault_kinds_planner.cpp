@@ -50,9 +50,9 @@ void failing(std::vector<Fault>& list) {
   list.back().prepare = [](Setup& s) {
     s.config.planner.kind = tiller_planner_sqp;
     const std::uint32_t x = s.robot == Robot::kPendulum ? 1 : 3;
-    s.config.cost.state_low[x] = 4.0;  // round and round at a speed that gravity does not leave it
-    s.config.cost.state_high[x] = 4.1;
-    s.config.cost.bound_weight[x] = 10.0;
+    s.config.state_low[x] = 4.0;  // round and round at a speed that gravity does not leave it
+    s.config.state_high[x] = 4.1;
+    s.config.bound_weight[x] = 10.0;
     s.config.cost.hard_bounds = 1u << x;
   };
   list.push_back({"solver_capped", group, "one iteration for each quadratic program", Route::kMemory, End::kBounded,

@@ -6,6 +6,7 @@
 #include <new>
 
 #include "harness/faults/fault_bus.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller::faults {
 namespace {
@@ -20,7 +21,7 @@ struct AlignedFree {
 /// Large enough to swing up, with timeouts for a bus that loses.
 Setup lossy_setup(std::uint64_t seed) {
   Setup s = setup_of(Robot::kPendulum, seed);
-  tiller_config_t& c = s.config;
+  tiller::Config& c = s.config;
   c.planner.kind = tiller_planner_cem;
   c.planner.horizon = 60;  // with 50 steps of 128 rollouts one swing-up in ten ends beside gravity, on any bus
   c.planner.knots = 12;

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "harness/faults/fault_world.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller::faults {
 
@@ -10,7 +11,7 @@ namespace tiller::faults {
 struct Refusal {
   const char* name;
   const char* what;
-  void (*spoil)(tiller_config_t&);
+  void (*spoil)(tiller::Config&);
   std::size_t missing_bytes = 0;  ///< of the block
   std::size_t shift_bytes = 0;    ///< of its start, away from TILLER_ALIGNMENT
 };

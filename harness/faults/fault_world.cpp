@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "tiller/config.hpp"
+
 namespace tiller::faults {
 namespace {
 
@@ -11,7 +13,7 @@ tiller_prior_t uniform(double low, double high) { return {tiller_prior_uniform, 
 tiller_prior_t fixed(double value) { return {tiller_prior_fixed, 0, value, 0.0, value, value}; }
 
 /// Small sizes: what is shown here is what happens, not how well it steers.
-void size_down(tiller_config_t& c) {
+void size_down(tiller::Config& c) {
   c.posterior.particles = 64;
   c.posterior.window = 16;
   c.posterior.moves_per_tick = 8;
@@ -27,8 +29,8 @@ void size_down(tiller_config_t& c) {
   c.record_ticks = 16;
 }
 
-tiller_config_t pendulum(Random& random, sim::PlantOptions& plant) {
-  tiller_config_t c{};
+tiller::Config pendulum(Random& random, sim::PlantOptions& plant) {
+  tiller::Config c{};
   (void)tiller_config_default(&c, tiller_find_model("pendulum"));
   size_down(c);
   c.priors[0] = uniform(0.25, 0.75);
@@ -45,10 +47,10 @@ tiller_config_t pendulum(Random& random, sim::PlantOptions& plant) {
   c.safety.input_low[0] = -1.5;
   c.safety.input_high[0] = 1.5;
   c.safety.input_rate_per_s[0] = 60.0;
-  c.safety.measurement_low[0] = -60.0;
-  c.safety.measurement_high[0] = 60.0;
-  c.safety.measurement_rate_per_s[0] = 18.0;
-  c.safety.hold_gain[1] = 0.2;
+  c.measurement_low[0] = -60.0;
+  c.measurement_high[0] = 60.0;
+  c.measurement_rate_per_s[0] = 18.0;
+  c.hold_gain[1] = 0.2;
   plant.kind = "pendulum";
   plant.parameters["mass_kg"] = random.uniform(0.3, 0.7);
   plant.parameters["damping_Nms"] = random.uniform(0.01, 0.09);
@@ -57,8 +59,8 @@ tiller_config_t pendulum(Random& random, sim::PlantOptions& plant) {
   return c;
 }
 
-tiller_config_t cart_pole(Random& random, sim::PlantOptions& plant) {
-  tiller_config_t c{};
+tiller::Config cart_pole(Random& random, sim::PlantOptions& plant) {
+  tiller::Config c{};
   (void)tiller_config_default(&c, tiller_find_model("cart_pole"));
   size_down(c);
   c.priors[0] = fixed(1.0);
@@ -75,13 +77,13 @@ tiller_config_t cart_pole(Random& random, sim::PlantOptions& plant) {
   c.safety.input_low[0] = -20.0;
   c.safety.input_high[0] = 20.0;
   c.safety.input_rate_per_s[0] = 1000.0;
-  c.safety.measurement_low[0] = -8.0;
-  c.safety.measurement_high[0] = 8.0;
-  c.safety.measurement_low[1] = -60.0;
-  c.safety.measurement_high[1] = 60.0;
-  c.safety.measurement_rate_per_s[0] = 12.0;
-  c.safety.measurement_rate_per_s[1] = 18.0;
-  c.safety.hold_gain[2] = 4.0;
+  c.measurement_low[0] = -8.0;
+  c.measurement_high[0] = 8.0;
+  c.measurement_low[1] = -60.0;
+  c.measurement_high[1] = 60.0;
+  c.measurement_rate_per_s[0] = 12.0;
+  c.measurement_rate_per_s[1] = 18.0;
+  c.hold_gain[2] = 4.0;
   plant.kind = "cart_pole";
   plant.parameters["pole_mass_kg"] = random.uniform(0.06, 0.14);
   plant.parameters["half_length_m"] = random.uniform(0.4, 0.6);

@@ -8,7 +8,7 @@
 
 #include "io/can_robot.hpp"
 #include "sim/plant/plant.hpp"
-#include "tiller/tiller.h"
+#include "tiller/config.hpp"
 
 namespace tiller::faults {
 
@@ -45,7 +45,7 @@ enum class DriveTrouble { kNone, kFails, kStoppedByAnother, kRestarts };
 /// A run before it begins: a fault may change all of it.
 struct Setup {
   Robot robot;
-  tiller_config_t config;
+  tiller::Config config;
   sim::PlantOptions plant;
   std::int64_t heartbeat_timeout_us = 200000;  ///< of a motor on the bus
   double plan_timeout_s = 0.5;                 ///< of the plant

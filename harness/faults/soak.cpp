@@ -14,6 +14,7 @@
 
 #include "harness/faults/fault_world.hpp"
 #include "io/memory_transport.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller::faults {
 namespace {
@@ -46,9 +47,9 @@ struct Bob {
   }
 };
 
-tiller_config_t upright() {
+tiller::Config upright() {
   Setup s = setup_of(Robot::kPendulum, 1);
-  tiller_config_t& c = s.config;
+  tiller::Config& c = s.config;
   c.period_s = kPeriod_s;
   c.initial_state[0] = kPi;
   c.posterior.particles = 16;
@@ -172,7 +173,7 @@ class Soak {
   }
 
   SoakCase soak_;
-  tiller_config_t config_;
+  tiller::Config config_;
   Random random_;
   Bob bob_;
   MemoryTransport transport_;

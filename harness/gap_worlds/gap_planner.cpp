@@ -5,7 +5,7 @@
 #include <new>
 
 #include "harness/gap_worlds/gap_setup.hpp"
-#include "tiller/tiller.h"
+#include "tiller/config.hpp"
 #include "tools/open/robot_open.hpp"
 #include "tools/robot/robot_file.hpp"
 
@@ -22,7 +22,7 @@ class Planner final : public Commander {
  public:
   Planner(const Setup& setup, const std::string& name, std::unique_ptr<tools::RobotFile> robot)
       : setup_(setup), draws_(setup.world.seed, "planner." + name), robot_(std::move(robot)) {
-    tiller_config_t& c = robot_->config;
+    tiller::Config& c = robot_->config;
     c.posterior.enabled = 0;
     c.seed = static_cast<std::uint64_t>(draws_.uniform() * 0x1p52);
     c.safety.frozen_ticks = 0;
@@ -45,7 +45,7 @@ class Planner final : public Commander {
  private:
   /// A target holds for the life of an engine, so each target has its own.
   void aim(std::size_t row, const double* measured) {
-    tiller_config_t& c = robot_->config;
+    tiller::Config& c = robot_->config;
     for (std::size_t i = 0; i < setup_.plant->motors.size(); ++i) {
       const WorldPlant::Motor& motor = setup_.plant->motors[i];
       c.cost.target[motor.state] =

@@ -2,6 +2,7 @@
 
 #include "abi/check_parts.hpp"
 #include "abi/config_fields.hpp"
+#include "core/element.hpp"
 #include "effects/effect_info.hpp"
 #include "posterior/posterior.hpp"
 #include "posterior/prior.hpp"
@@ -24,6 +25,7 @@ Finding check_struct(const tiller_config_t& c) {
 Finding check_effects(const tiller_config_t& c) {
   static constexpr auto fields = element_names<TILLER_MAX_EFFECTS>("effects");
   if (c.effect_count > TILLER_MAX_EFFECTS) return {tiller_status_bad_dimension, "effect_count"};
+  if (c.effect_count > 0 && c.effects == nullptr) return {tiller_status_null_argument, "effects"};
   std::uint32_t params = c.model->param_count, states = 0;
   for (std::uint32_t e = 0; e < c.effect_count; ++e) {
     if (c.effects[e].kind >= effect_kind_count()) return {tiller_status_bad_effect, fields[e]};
@@ -75,6 +77,8 @@ bool prior_support(const tiller_prior_t& p, double& low, double& high) {
 Finding check_priors(const tiller_config_t& c) {
   static constexpr auto fields = element_names<TILLER_MAX_PARAMS>("priors");
   double low = 0.0, high = 0.0;
+  // a parameter that nobody has said anything about must not get a number from us
+  if (c.param_count > 0 && c.priors == nullptr) return {tiller_status_bad_prior, fields[0]};
   for (std::uint32_t i = 0; i < c.param_count; ++i)
     if (!prior_support(c.priors[i], low, high)) return {tiller_status_bad_prior, fields[i]};
 
@@ -210,8 +214,8 @@ Finding check_commands(const tiller_config_t& c) {
     if (!is_value(s.input_high[i]) || s.input_high[i] < s.input_low[i]) return {kBad, high[i]};
     if (!is_scale_or_none(s.input_rate_per_s[i])) return {kBad, rate[i]};
     if (!(s.safe_command[i] >= s.input_low[i] && s.safe_command[i] <= s.input_high[i])) return {kBad, safe[i]};
-    for (std::uint32_t x = 0; x < c.model->state_count; ++x)
-      if (!is_value(s.hold_gain[i * TILLER_MAX_STATES + x])) return {kBad, gain[i]};
+    for (std::uint32_t x = 0; s.hold_gain != nullptr && x < c.model->state_count; ++x)
+      if (!is_value(s.hold_gain[i * c.model->state_count + x])) return {kBad, gain[i]};
   }
   return kGood;
 }
@@ -223,10 +227,11 @@ Finding check_sensors(const tiller_config_t& c) {
   const tiller_safety_config_t& s = c.safety;
   constexpr tiller_status_t kBad = tiller_status_bad_limit;
   for (std::uint32_t i = 0; i < c.measurement_count; ++i) {
-    if (!is_value_or_none(s.measurement_low[i])) return {kBad, low[i]};
-    if (!is_value_or_none(s.measurement_high[i]) || !(s.measurement_high[i] > s.measurement_low[i]))
-      return {kBad, high[i]};
-    if (!is_scale_or_none(s.measurement_rate_per_s[i])) return {kBad, rate[i]};
+    const double least = element_or(s.measurement_low, i, -HUGE_VAL);
+    const double most = element_or(s.measurement_high, i, HUGE_VAL);
+    if (!is_value_or_none(least)) return {kBad, low[i]};
+    if (!is_value_or_none(most) || !(most > least)) return {kBad, high[i]};
+    if (!is_scale_or_none(element_or(s.measurement_rate_per_s, i, HUGE_VAL))) return {kBad, rate[i]};
   }
   // a timeout below the period would call every measurement stale before the next can come
   return s.sensor_timeout_s >= c.period_s ? kGood : Finding{kBad, "safety.sensor_timeout_s"};

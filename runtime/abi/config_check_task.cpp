@@ -2,6 +2,7 @@
 
 #include "abi/check_parts.hpp"
 #include "core/bits.hpp"
+#include "core/element.hpp"
 #include "planners/mcts_tree.hpp"
 #include "planners/planner.hpp"
 #include "planners/qp/osqp_qp.hpp"
@@ -30,9 +31,10 @@ Finding check_state_terms(const tiller_cost_config_t& c, std::uint32_t states) {
   static constexpr auto weight = element_names<TILLER_MAX_STATES>("cost.bound_weight");
   constexpr tiller_status_t kBad = tiller_status_bad_cost;
   for (std::uint32_t i = 0; i < states; ++i) {
-    if (!is_value_or_none(c.state_low[i])) return {kBad, low[i]};
-    if (!is_value_or_none(c.state_high[i]) || !(c.state_high[i] > c.state_low[i])) return {kBad, high[i]};
-    if (!is_weight(c.bound_weight[i])) return {kBad, weight[i]};
+    const double least = element_or(c.state_low, i, -HUGE_VAL), most = element_or(c.state_high, i, HUGE_VAL);
+    if (!is_value_or_none(least)) return {kBad, low[i]};
+    if (!is_value_or_none(most) || !(most > least)) return {kBad, high[i]};
+    if (!is_weight(element_or(c.bound_weight, i, 0.0))) return {kBad, weight[i]};
   }
   if ((c.hard_bounds & ~low_bits(states)) != 0) return {kBad, "cost.hard_bounds"};
   return kGood;
@@ -57,6 +59,7 @@ Finding check_attitudes(const tiller_cost_config_t& c, const tiller_model_t& mod
 Finding check_obstacles(const tiller_cost_config_t& c, std::uint32_t states) {
   static constexpr auto fields = element_names<TILLER_MAX_OBSTACLES>("cost.obstacles");
   if (c.obstacle_count > TILLER_MAX_OBSTACLES) return {tiller_status_bad_cost, "cost.obstacle_count"};
+  if (c.obstacle_count > 0 && c.obstacles == nullptr) return {tiller_status_null_argument, "cost.obstacles"};
   for (std::uint32_t i = 0; i < c.obstacle_count; ++i) {
     const tiller_obstacle_t& o = c.obstacles[i];
     const bool plane = o.x_state < states && o.y_state < states && o.x_state != o.y_state;

@@ -10,11 +10,6 @@ namespace tiller {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
-/// A prior that tiller_init refuses: a parameter that nobody has said anything about must not get a number
-/// from us.
-constexpr tiller_prior_t kMissingPrior = {tiller_prior_fixed, 0, kNan, 0.0, -kInf, kInf};
 
 /// Encoders: the positions of the joints, and attitudes; for a model of velocity ports alone, every state.
 void measure_positions(tiller_config_t& c) {
@@ -46,16 +41,8 @@ void spread_noise(tiller_config_t& c) {
   if (model.joint_count == 0) std::fill(c.process_sd, c.process_sd + model.state_count, 0.01);
 }
 
-void open_bounds(tiller_cost_config_t& c) {
-  std::fill(c.state_low, c.state_low + TILLER_MAX_STATES, -kInf);
-  std::fill(c.state_high, c.state_high + TILLER_MAX_STATES, kInf);
-}
-
 void open_limits(tiller_safety_config_t& s) {
   std::fill(s.input_rate_per_s, s.input_rate_per_s + TILLER_MAX_INPUTS, kInf);
-  std::fill(s.measurement_low, s.measurement_low + TILLER_MAX_MEASUREMENTS, -kInf);
-  std::fill(s.measurement_high, s.measurement_high + TILLER_MAX_MEASUREMENTS, kInf);
-  std::fill(s.measurement_rate_per_s, s.measurement_rate_per_s + TILLER_MAX_MEASUREMENTS, kInf);
 }
 
 }  // namespace
@@ -79,13 +66,11 @@ extern "C" tiller_status_t tiller_config_default(tiller_config_t* config, const 
   c.seed = 1;
   tiller::set_defaults(c);
   c.param_count = model->param_count;
-  std::fill(c.priors, c.priors + TILLER_MAX_PARAMS, tiller::kMissingPrior);
   tiller::measure_positions(c);
   tiller::spread_noise(c);
   tiller::level_quaternions(c);
   c.posterior.forgetting_count = 1;
   std::fill(c.posterior.forgetting, c.posterior.forgetting + TILLER_MAX_FORGETTING, 1.0);
-  tiller::open_bounds(c.cost);
   tiller::open_limits(c.safety);
   *config = c;
   return tiller_status_ok;

@@ -330,7 +330,7 @@ void Executive::hold_command(double* command) const {
   for (std::uint32_t i = 0; i < model.input_count; ++i) {
     command[i] = config_.safety.safe_command[i];
     for (std::uint32_t x = 0; x < model.state_count; ++x) {
-      const double gain = config_.safety.hold_gain[i * TILLER_MAX_STATES + x];
+      const double gain = config_.safety.hold_gain[i * model.state_count + x];
       // a state without a gain has no say, not even by being infinite
       if (gain != 0.0) command[i] -= gain * off[x];
     }

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/element.hpp"
 #include "executive/executive.hpp"
 
 namespace tiller {
@@ -23,9 +24,9 @@ SensorLimits sensor_limits(const tiller_config_t& config) {
   SensorLimits limits;
   limits.count = config.measurement_count;
   for (std::uint32_t i = 0; i < limits.count; ++i) {
-    limits.low[i] = config.safety.measurement_low[i];
-    limits.high[i] = config.safety.measurement_high[i];
-    limits.rate_per_s[i] = config.safety.measurement_rate_per_s[i];
+    limits.low[i] = element_or(config.safety.measurement_low, i, -HUGE_VAL);
+    limits.high[i] = element_or(config.safety.measurement_high, i, HUGE_VAL);
+    limits.rate_per_s[i] = element_or(config.safety.measurement_rate_per_s, i, HUGE_VAL);
     if ((config.model->angle_mask >> config.measured_state[i]) & 1u) limits.angle_mask |= 1u << i;
     // the other three follow (tiller_config_check)
     if ((config.model->quaternion_mask >> config.measured_state[i]) & 1u) limits.quaternion_mask |= 1u << i;
@@ -35,6 +36,44 @@ SensorLimits sensor_limits(const tiller_config_t& config) {
   limits.frozen_ticks = config.safety.frozen_ticks;
   limits.bad_ticks_to_safe = config.safety.bad_ticks_to_safe;
   return limits;
+}
+
+/// Arrays of the caller's become ones of the block's. The block is as large where one is left out: what that means is
+/// then written down.
+template <class T>
+T* keep(Arena& arena, const T*& array, std::size_t count) {
+  T* own = arena.take<T>(count);
+  if (own == nullptr) return nullptr;
+  if (array != nullptr) std::copy(array, array + count, own);
+  array = own;
+  return own;
+}
+
+void keep_arrays(Arena& arena, tiller_config_t& c) {
+  const std::size_t nx = c.model->state_count, nu = c.model->input_count, ny = c.measurement_count;
+  (void)keep(arena, c.effects, c.effect_count);
+  (void)keep(arena, c.priors, c.param_count);
+  (void)keep(arena, c.cost.obstacles, c.cost.obstacle_count);
+  const struct {
+    const double*& array;
+    std::size_t count;
+    double none;
+  } rows[] = {{c.cost.state_low, nx, -HUGE_VAL},
+              {c.cost.state_high, nx, HUGE_VAL},
+              {c.cost.bound_weight, nx, 0.0},
+              {c.safety.hold_gain, nu * nx, 0.0},
+              {c.safety.measurement_low, ny, -HUGE_VAL},
+              {c.safety.measurement_high, ny, HUGE_VAL},
+              {c.safety.measurement_rate_per_s, ny, HUGE_VAL}};
+  std::size_t sum = 0;
+  for (const auto& row : rows) sum += row.count;
+  auto* own = arena.take<double>(sum);
+  if (own == nullptr) return;
+  for (const auto& row : rows) {
+    for (std::size_t i = 0; i < row.count; ++i) own[i] = element_or(row.array, i, row.none);
+    row.array = own;
+    own += row.count;
+  }
 }
 
 /// How far back from the newest command anybody asks: the command takes hold so long after its measurement, the
@@ -60,12 +99,8 @@ Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const
   Executive& self = placed ? *placed : stand_in;
   self.config_ = config;
   if (hooks) self.hooks_ = *hooks;
-  // goals change while the robot runs: the targets are the block's
-  auto* outputs = arena.take<tiller_output_cost_t>(config.cost.output_count);
-  if (outputs != nullptr && config.cost.output_count > 0) {
-    std::copy(config.cost.outputs, config.cost.outputs + config.cost.output_count, outputs);
-    self.config_.cost.outputs = self.outputs_ = outputs;
-  }
+  self.outputs_ = keep(arena, self.config_.cost.outputs, config.cost.output_count);
+  keep_arrays(arena, self.config_);
   if (make_step_setup(self.config_, self.setup_) != tiller_status_ok) return nullptr;
   self.table_ = &select_rollout(*config.model);
   self.planner_table_ = find_planner(config.planner.kind);

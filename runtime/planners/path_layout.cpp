@@ -82,7 +82,7 @@ void lay_out_path_plan(Arena& arena, const tiller_config_t& config, const StepSe
   p.path = &select_path(table);
   // the check of the configuration has seen that the cost can be laid out
   if (lay_out_cost(config, setup, table, &p.cost, nullptr) != tiller_status_ok)
-    p.cost = make_cost_terms<double>(config.cost);
+    p.cost = make_cost_terms<double>(config.cost, config.model->state_count);
   for (std::uint32_t i = 0; i < p.nu; ++i) {
     InputLimit& limit = p.limits[i];
     limit.low = p.low[i] = config.safety.input_low[i];

@@ -48,7 +48,7 @@ Sizes measure(const tiller_config_t& config, const StepSetup& setup, const Sampl
   z.states = config.model->state_count;
   z.params = config.param_count;
   z.effects = setup.effect_state_count;
-  z.penalised = (make_cost_terms<float>(config.cost).extra & kPenalties) != 0;
+  z.penalised = (make_cost_terms<float>(config.cost, config.model->state_count).extra & kPenalties) != 0;
   z.mixed = !method.draw && mixes_noise(p);
   return z;
 }

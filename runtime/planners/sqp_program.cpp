@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "core/element.hpp"
 #include "planners/sqp.hpp"
 
 namespace tiller {
@@ -77,8 +78,8 @@ void place_hard_bounds(Sqp& s) {
   const tiller_cost_config_t& cost = p.frame.cost();
   for (std::uint32_t i = 0; i < p.nx; ++i) {
     const bool hard = (cost.hard_bounds >> i) & 1u;
-    s.state_low[i] = hard ? cost.state_low[i] - p.frame.origin()[i] : -INFINITY;
-    s.state_high[i] = hard ? cost.state_high[i] - p.frame.origin()[i] : INFINITY;
+    s.state_low[i] = hard ? element_or(cost.state_low, i, -HUGE_VAL) - p.frame.origin()[i] : -INFINITY;
+    s.state_high[i] = hard ? element_or(cost.state_high, i, HUGE_VAL) - p.frame.origin()[i] : INFINITY;
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "core/element.hpp"
 #include "rollout/cost_to_go.hpp"
 #include "rollout/rollout.hpp"
 #include "rollout/turns.hpp"
@@ -10,11 +11,11 @@ namespace tiller {
 namespace {
 
 /// Which terms have a weight.
-std::uint32_t present_terms(const tiller_cost_config_t& cost) {
+std::uint32_t present_terms(const tiller_cost_config_t& cost, std::uint32_t states) {
   std::uint32_t terms = 0;
   if (cost.saturating_weight > 0.0) terms |= kCostSaturating;
-  for (double weight : cost.bound_weight)
-    if (weight > 0.0) terms |= kCostBounds;
+  for (std::uint32_t i = 0; i < states; ++i)
+    if (element_or(cost.bound_weight, i, 0.0) > 0.0) terms |= kCostBounds;
   for (std::uint32_t k = 0; k < cost.obstacle_count; ++k)
     if (cost.obstacles[k].weight > 0.0) terms |= kCostObstacles;
   if (cost.demonstration_weight > 0.0 && cost.demonstration_mean && cost.demonstration_root &&
@@ -30,18 +31,18 @@ std::uint32_t present_terms(const tiller_cost_config_t& cost) {
 }
 
 template <class T>
-void take_states(const tiller_cost_config_t& cost, CostTerms<T>& terms) {
-  for (int i = 0; i < TILLER_MAX_STATES; ++i) {
+void take_states(const tiller_cost_config_t& cost, std::uint32_t states, CostTerms<T>& terms) {
+  for (std::uint32_t i = 0; i < TILLER_MAX_STATES; ++i) {
     terms.target[i] = static_cast<T>(cost.target[i]);
     terms.state[i] = static_cast<T>(cost.state_weight[i]);
     terms.terminal[i] = static_cast<T>(cost.terminal_weight[i]);
     const double width = cost.saturating_width[i];
     terms.inverse_width[i] = width > 0.0 ? static_cast<T>(1.0 / width) : T(0);
     // a bound without a weight is none, whatever stands there
-    const bool bounded = cost.bound_weight[i] > 0.0;
-    terms.low[i] = bounded ? static_cast<T>(cost.state_low[i]) : T(-INFINITY);
-    terms.high[i] = bounded ? static_cast<T>(cost.state_high[i]) : T(INFINITY);
-    terms.bound[i] = bounded ? static_cast<T>(cost.bound_weight[i]) : T(0);
+    const double bound = i < states ? element_or(cost.bound_weight, i, 0.0) : 0.0;
+    terms.low[i] = bound > 0.0 ? static_cast<T>(element_or(cost.state_low, i, -HUGE_VAL)) : T(-INFINITY);
+    terms.high[i] = bound > 0.0 ? static_cast<T>(element_or(cost.state_high, i, HUGE_VAL)) : T(INFINITY);
+    terms.bound[i] = bound > 0.0 ? static_cast<T>(bound) : T(0);
   }
 }
 
@@ -71,14 +72,14 @@ template void take_goal<float>(const tiller_cost_config_t&, std::uint32_t, std::
 template void take_goal<double>(const tiller_cost_config_t&, std::uint32_t, std::uint32_t, CostTerms<double>&);
 
 template <class T>
-CostTerms<T> make_cost_terms(const tiller_cost_config_t& cost) {
+CostTerms<T> make_cost_terms(const tiller_cost_config_t& cost, std::uint32_t states) {
   CostTerms<T> terms{};
-  take_states(cost, terms);
+  take_states(cost, states, terms);
   for (int i = 0; i < TILLER_MAX_INPUTS; ++i) {
     terms.input[i] = static_cast<T>(cost.input_weight[i]);
     terms.input_rate[i] = static_cast<T>(cost.input_rate_weight[i]);
   }
-  terms.extra = present_terms(cost);
+  terms.extra = present_terms(cost, states);
   terms.saturating_weight = static_cast<T>(cost.saturating_weight);
   for (std::uint32_t k = 0; k < cost.obstacle_count && k < TILLER_MAX_OBSTACLES; ++k) {
     const tiller_obstacle_t& o = cost.obstacles[k];
@@ -100,15 +101,15 @@ CostTerms<T> make_cost_terms(const tiller_cost_config_t& cost) {
   terms.own_weight = static_cast<T>(cost.own_weight);
   return terms;
 }
-template CostTerms<float> make_cost_terms<float>(const tiller_cost_config_t&);
-template CostTerms<double> make_cost_terms<double>(const tiller_cost_config_t&);
+template CostTerms<float> make_cost_terms<float>(const tiller_cost_config_t&, std::uint32_t);
+template CostTerms<double> make_cost_terms<double>(const tiller_cost_config_t&, std::uint32_t);
 
 tiller_status_t lay_out_cost(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
                              CostTerms<double>* exact, CostTerms<float>* lanes) {
   double* const exact_p = exact ? exact->cost_to_go : nullptr;
   float* const lanes_p = lanes ? lanes->cost_to_go : nullptr;
-  if (exact) *exact = make_cost_terms<double>(config.cost);
-  if (lanes) *lanes = make_cost_terms<float>(config.cost);
+  if (exact) *exact = make_cost_terms<double>(config.cost, config.model->state_count);
+  if (lanes) *lanes = make_cost_terms<float>(config.cost, config.model->state_count);
   if (exact) exact->cost_to_go = exact_p;
   if (lanes) lanes->cost_to_go = lanes_p;
   // whole turns of a target make no difference to what is wrapped, and in single precision they cost it its digits

@@ -71,7 +71,7 @@ struct CostTerms {
 
 /// Every term but the cost-to-go matrix, which takes a model: see lay_out_cost.
 template <class T>
-CostTerms<T> make_cost_terms(const tiller_cost_config_t& cost);
+CostTerms<T> make_cost_terms(const tiller_cost_config_t& cost, std::uint32_t states);
 
 /// Every term, in both precisions; either may be null. `cost_to_go` stays the array that it was, and is filled; where
 /// the configuration wants one and the terms have none, null_argument. With tiller_terminal_lqr the cost-to-go of the

@@ -356,7 +356,7 @@ struct Stepper {
   /// The same of a model that knows its slopes, on dual numbers: how the inverse inertia itself changes with the pose is
   /// left out of derivatives. It would act through what reacts at the joints alone, to the second order of the step.
   template <class D>
-  __attribute__((noinline)) void respond_still(const typename Model::template State<D>& x, const Body<D>& body,
+  __attribute__((noinline)) void respond_still(const typename Model::template State<D>& x, const Body<D>& dual_body,
                                                const typename Model::template Params<D>& p,
                                                D (*response)[Model::kMostForces]) const {
     using V = typename D::value_type;
@@ -366,7 +366,8 @@ struct Stepper {
     each(model.np(), [&](auto i) { pv[i] = p[i].v; });
     V column[Model::kMostForces][Model::kMostForces];
     model.template responses<V>(
-        xv, {body.gravity_x_m_s2.v, body.gravity_z_m_s2.v, body.payload_kg.v, body.payload_kgm2.v}, pv, column);
+        xv, {dual_body.gravity_x_m_s2.v, dual_body.gravity_z_m_s2.v, dual_body.payload_kg.v, dual_body.payload_kgm2.v},
+        pv, column);
     for (int j = 0; j < Model::kMostForces; ++j)
       for (int i = 0; i < Model::kMostForces; ++i) response[j][i] = D(column[j][i]);
   }

@@ -1,7 +1,9 @@
 #include "rollout/turns.hpp"
 
 #include <algorithm>
+#include <cmath>
 
+#include "core/element.hpp"
 #include "core/rng.hpp"
 #include "tiller/math.hpp"
 
@@ -27,7 +29,10 @@ double from_prior(const tiller_prior_t& prior, Rng& rng) {
 class Places {
  public:
   Places(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table, std::uint32_t round)
-      : config_(config), setup_(setup), table_(table), cost_(make_cost_terms<double>(config.cost)) {
+      : config_(config),
+        setup_(setup),
+        table_(table),
+        cost_(make_cost_terms<double>(config.cost, config.model->state_count)) {
     Rng rng(config.seed, kRngMotion, round);
     const tiller_model_t& model = *config.model;
     for (std::uint32_t l = 0; l < kTries; ++l)
@@ -129,9 +134,9 @@ template <class T>
 void move_cost_terms(const tiller_cost_config_t& cost, std::uint32_t states, const double* origin,
                      CostTerms<T>& terms) {
   for (std::uint32_t i = 0; i < states; ++i) {
-    if (!(cost.bound_weight[i] > 0.0)) continue;
-    terms.low[i] = static_cast<T>(cost.state_low[i] - origin[i]);
-    terms.high[i] = static_cast<T>(cost.state_high[i] - origin[i]);
+    if (!(element_or(cost.bound_weight, i, 0.0) > 0.0)) continue;
+    terms.low[i] = static_cast<T>(element_or(cost.state_low, i, -HUGE_VAL) - origin[i]);
+    terms.high[i] = static_cast<T>(element_or(cost.state_high, i, HUGE_VAL) - origin[i]);
   }
   std::uint32_t count = 0;  // those without a weight were left out
   for (std::uint32_t k = 0; k < cost.obstacle_count && k < TILLER_MAX_OBSTACLES; ++k) {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "rig.hpp"
+#include "tiller/config.hpp"
 
 // The built-in models steered on plants that share no code with them.
 
@@ -16,7 +17,7 @@ using rig::PendulumPlant;
 TEST(ClosedLoop, PendulumStandsUnderEveryPlanner) {
   for (std::uint32_t kind = 0; kind < tiller_planner_kind_count; ++kind) {
     PendulumPlant plant;
-    tiller_config_t config = rig::pendulum_config();
+    tiller::Config config = rig::pendulum_config();
     config.planner.kind = kind;
     // a gradient from hanging leads to where the torque just holds the pendulum; it takes samples to find that it
     // pumps. 2.8 rad is within what the torque lifts at once (sin 2.8 m g l = 2 N m of 3)
@@ -56,7 +57,7 @@ TEST(ClosedLoop, OwnCostInCStandsThePendulum) {
   std::uint64_t calls = 0;
   const tiller_own_cost_t own = {sizeof(tiller_own_cost_t), TILLER_CONFIG_VERSION, energy_cost, energy_at_the_end,
                                  &calls};
-  tiller_config_t config = rig::pendulum_config();
+  tiller::Config config = rig::pendulum_config();
   for (int i = 0; i < 2; ++i) config.cost.state_weight[i] = config.cost.terminal_weight[i] = 0.0;
   config.cost.own = &own;
   config.planner.knots = 10;
@@ -90,7 +91,7 @@ TEST(ClosedLoop, AReferenceIsFollowedFromTheBeginningOfTheTask) {
     rows[2 * k] = 0.5 * std::sin(0.04 * k);  // rad, one period in 3.1 s
     rows[2 * k + 1] = 0.5 * 2.0 * std::cos(0.04 * k);
   }
-  tiller_config_t config = rig::pendulum_config();
+  tiller::Config config = rig::pendulum_config();
   config.cost.reference = rows;
   config.cost.reference_steps = 200;
   config.cost.target[0] = 0.0;
@@ -159,7 +160,7 @@ TEST(ClosedLoop, KnownLatencyIsPlannedFor) {
 /// Mean of 1 + cos(angle) over the last 4 of 10 s (0: upright) with a motor that answers 110 ms late.
 double fall_behind_delay(std::uint64_t seed, bool known, bool predicted) {
   PendulumPlant plant;
-  tiller_config_t config = rig::pendulum_config();
+  tiller::Config config = rig::pendulum_config();
   config.seed = seed;
   if (known) {
     config.effect_count = 1;

@@ -8,6 +8,7 @@
 
 #include "planners/planner.hpp"
 #include "rig.hpp"
+#include "tiller/config.hpp"
 
 // Every field that tiller_init relies on is spoiled, one at a time; the check must name that field.
 
@@ -15,7 +16,7 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
-using C = tiller_config_t;
+using C = tiller::Config;
 
 const double kRows[8] = {0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};
 const double kRowsWithNan[8] = {0.0, 1.0, 2.0, kNan, 4.0, 5.0, 6.0, 7.0};
@@ -23,8 +24,8 @@ const double kRowsWithNan[8] = {0.0, 1.0, 2.0, kNan, 4.0, 5.0, 6.0, 7.0};
 /// A right obstacle, to be spoiled.
 tiller_obstacle_t& obstacle(C& c) {
   c.cost.obstacle_count = 1;
-  c.cost.obstacles[0] = {0, 1, 0.5, -0.5, 0.1, 100.0};
-  return c.cost.obstacles[0];
+  c.obstacles[0] = {0, 1, 0.5, -0.5, 0.1, 100.0};
+  return c.obstacles[0];
 }
 
 /// A right demonstration of two periods of two states.
@@ -222,11 +223,11 @@ const Spoiled kSpoiled[] = {
     {"cost.saturating_weight", tiller_status_bad_cost, [](C& c) { c.cost.saturating_weight = kNan; }},
     {"cost.saturating_width[1]", tiller_status_bad_cost, [](C& c) { c.cost.saturating_width[1] = 0.0; }},
     {"cost.saturating_width[1]", tiller_status_bad_cost, [](C& c) { c.cost.saturating_width[1] = kNan; }},
-    {"cost.state_low[0]", tiller_status_bad_cost, [](C& c) { c.cost.state_low[0] = kNan; }},
-    {"cost.state_high[0]", tiller_status_bad_cost, [](C& c) { c.cost.state_high[0] = kNan; }},
-    {"cost.state_high[1]", tiller_status_bad_cost, [](C& c) { c.cost.state_low[1] = c.cost.state_high[1] = 1.0; }},
-    {"cost.bound_weight[0]", tiller_status_bad_cost, [](C& c) { c.cost.bound_weight[0] = -1.0; }},
-    {"cost.bound_weight[0]", tiller_status_bad_cost, [](C& c) { c.cost.bound_weight[0] = kInf; }},
+    {"cost.state_low[0]", tiller_status_bad_cost, [](C& c) { c.state_low[0] = kNan; }},
+    {"cost.state_high[0]", tiller_status_bad_cost, [](C& c) { c.state_high[0] = kNan; }},
+    {"cost.state_high[1]", tiller_status_bad_cost, [](C& c) { c.state_low[1] = c.state_high[1] = 1.0; }},
+    {"cost.bound_weight[0]", tiller_status_bad_cost, [](C& c) { c.bound_weight[0] = -1.0; }},
+    {"cost.bound_weight[0]", tiller_status_bad_cost, [](C& c) { c.bound_weight[0] = kInf; }},
     {"cost.hard_bounds", tiller_status_bad_cost, [](C& c) { c.cost.hard_bounds = 1u << 2; }},
     {"cost.obstacle_count", tiller_status_bad_cost, [](C& c) { c.cost.obstacle_count = 9; }},
     {"cost.obstacles[0]", tiller_status_bad_cost, [](C& c) { obstacle(c).x_state = 2; }},
@@ -263,11 +264,10 @@ const Spoiled kSpoiled[] = {
     {"safety.input_high[0]", tiller_status_bad_limit, [](C& c) { c.safety.input_high[0] = kNan; }},
     {"safety.input_rate_per_s[0]", tiller_status_bad_limit, [](C& c) { c.safety.input_rate_per_s[0] = 0.0; }},
     {"safety.safe_command[0]", tiller_status_bad_limit, [](C& c) { c.safety.safe_command[0] = 4.0; }},
-    {"safety.hold_gain[0]", tiller_status_bad_limit, [](C& c) { c.safety.hold_gain[1] = kNan; }},
-    {"safety.measurement_low[0]", tiller_status_bad_limit, [](C& c) { c.safety.measurement_low[0] = kNan; }},
-    {"safety.measurement_high[0]", tiller_status_bad_limit, [](C& c) { c.safety.measurement_high[0] = -60.0; }},
-    {"safety.measurement_rate_per_s[0]", tiller_status_bad_limit,
-     [](C& c) { c.safety.measurement_rate_per_s[0] = -1.0; }},
+    {"safety.hold_gain[0]", tiller_status_bad_limit, [](C& c) { c.hold_gain[1] = kNan; }},
+    {"safety.measurement_low[0]", tiller_status_bad_limit, [](C& c) { c.measurement_low[0] = kNan; }},
+    {"safety.measurement_high[0]", tiller_status_bad_limit, [](C& c) { c.measurement_high[0] = -60.0; }},
+    {"safety.measurement_rate_per_s[0]", tiller_status_bad_limit, [](C& c) { c.measurement_rate_per_s[0] = -1.0; }},
     {"safety.sensor_timeout_s", tiller_status_bad_limit, [](C& c) { c.safety.sensor_timeout_s = 0.01; }},
     {"safety.sensor_timeout_s", tiller_status_bad_limit, [](C& c) { c.safety.sensor_timeout_s = kInf; }},
     {"safety.bad_ticks_to_safe", tiller_status_bad_limit, [](C& c) { c.safety.bad_ticks_to_safe = 0; }},
@@ -306,10 +306,10 @@ TEST(ConfigCheck, AcceptsTheEndsOfTheRanges) {
   c.cost.input_weight[0] = 0.01;
   c.cost.saturating_weight = 1.0;
   c.cost.saturating_width[0] = kInf;
-  c.cost.state_low[0] = -1.0;
+  c.state_low[0] = -1.0;
   c.cost.hard_bounds = 3;
   (void)obstacle(c);
-  c.cost.obstacles[0].weight = 0.0;
+  c.obstacles[0].weight = 0.0;
   c.cost.reference = kRows;
   c.cost.reference_steps = 4;
   demonstrate(c);
@@ -379,7 +379,7 @@ TEST(ConfigCheck, NamesWhatTheModelLacks) {
     const char* field = nullptr;
     EXPECT_EQ(tiller_config_check(&config, &field), c.status) << c.field;
     EXPECT_STREQ(field, c.field);
-    tiller_config_t unused;
+    tiller::Config unused;
     EXPECT_EQ(tiller_config_default(&unused, &model), c.status);
   }
 }

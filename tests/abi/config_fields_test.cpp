@@ -10,6 +10,7 @@
 
 #include "abi/config_fields.hpp"
 #include "rig.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -71,8 +72,8 @@ TEST(ConfigFields, FieldsDoNotOverlapAndStandInTheirStructsOrder) {
 }
 
 TEST(ConfigFields, DefaultsAreInRange) {
-  const tiller_config_t config = rig::pendulum_config();
-  tiller_config_t defaults;
+  const tiller::Config config = rig::pendulum_config();
+  tiller::Config defaults;
   ASSERT_EQ(tiller_config_default(&defaults, config.model), tiller_status_ok);
   for (const ConfigField& field : tiller::config_fields()) {
     EXPECT_TRUE(field.range.holds(field.fallback)) << field.name();
@@ -83,7 +84,7 @@ TEST(ConfigFields, DefaultsAreInRange) {
 
 /// The field that tiller_config_check names for a configuration with one wrong value.
 std::string refused(const ConfigField& field, double value) {
-  tiller_config_t config = rig::pendulum_config();
+  tiller::Config config = rig::pendulum_config();
   tiller::set_config_value(config, field, 0, value);
   const char* name = "";
   return tiller_config_check(&config, &name) == tiller_status_ok ? "nothing" : name;

@@ -10,10 +10,11 @@
 #include <string>
 
 #include "rig.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
-using C = tiller_config_t;
+using C = tiller::Config;
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
@@ -57,20 +58,18 @@ void spoil(C& c, Draw& draw, double share) {
     maybe(c.cost.state_weight[i], weight);
     maybe(c.cost.terminal_weight[i], weight);
     maybe(c.cost.saturating_width[i], scale);
-    maybe(c.cost.bound_weight[i], weight);
-    maybe(c.cost.state_low[i], [&] { return -std::fabs(draw.value()) - 1e-9; });
-    maybe(c.cost.state_high[i], [&] { return std::fabs(draw.value()) + 1e-9; });
-    c.cost.state_low[i] =
-        std::fmax(c.cost.state_low[i], std::isinf(c.cost.state_low[i]) ? -kInf : -TILLER_LARGEST_VALUE);
-    c.cost.state_high[i] =
-        std::fmin(c.cost.state_high[i], std::isinf(c.cost.state_high[i]) ? kInf : TILLER_LARGEST_VALUE);
-    maybe(c.safety.hold_gain[i], value);
+    maybe(c.bound_weight[i], weight);
+    maybe(c.state_low[i], [&] { return -std::fabs(draw.value()) - 1e-9; });
+    maybe(c.state_high[i], [&] { return std::fabs(draw.value()) + 1e-9; });
+    c.state_low[i] = std::fmax(c.state_low[i], std::isinf(c.state_low[i]) ? -kInf : -TILLER_LARGEST_VALUE);
+    c.state_high[i] = std::fmin(c.state_high[i], std::isinf(c.state_high[i]) ? kInf : TILLER_LARGEST_VALUE);
+    maybe(c.hold_gain[i], value);
   }
   for (std::uint32_t i = 0; i < c.measurement_count; ++i) {
     maybe(c.measurement_sd[i], scale);
-    maybe(c.safety.measurement_low[i], [] { return -kInf; });
-    maybe(c.safety.measurement_high[i], [] { return kInf; });
-    maybe(c.safety.measurement_rate_per_s[i], [] { return kInf; });
+    maybe(c.measurement_low[i], [] { return -kInf; });
+    maybe(c.measurement_high[i], [] { return kInf; });
+    maybe(c.measurement_rate_per_s[i], [] { return kInf; });
   }
   maybe(c.cost.input_weight[0], weight);
   maybe(c.cost.input_rate_weight[0], weight);
@@ -97,7 +96,7 @@ void spoil(C& c, Draw& draw, double share) {
   }
   if (draw.chance(share)) {
     c.cost.obstacle_count = 1;
-    c.cost.obstacles[0] = {0, 1, draw.value(), draw.value(), draw.scale(), draw.weight()};
+    c.obstacles[0] = {0, 1, draw.value(), draw.value(), draw.scale(), draw.weight()};
   }
   c.body.gravity_z_m_s2 = draw.chance(share) ? draw.sign() * draw.magnitude(1e-9, 100) : c.body.gravity_z_m_s2;
   c.body.payload_kg = draw.chance(share) ? draw.magnitude(1e-9, 1e6) : 0.0;
@@ -149,8 +148,8 @@ C configuration() {
   c.measured_state[1] = 1;
   c.measurement_sd[0] = 0.002;
   c.measurement_sd[1] = 0.02;
-  c.safety.measurement_low[1] = -kInf;
-  c.safety.measurement_high[1] = c.safety.measurement_rate_per_s[1] = kInf;
+  c.measurement_low[1] = -kInf;
+  c.measurement_high[1] = c.measurement_rate_per_s[1] = kInf;
   c.posterior.particles = 32;
   c.planner.horizon = 12;
   c.planner.knots = 4;
@@ -269,6 +268,11 @@ struct Range {
   bool zero, infinity;
 };
 
+// of an array of Config, which the struct points to by the same name below `group`
+#define TILLER_ARRAY_RANGE(group, name, low, high, zero, infinity)                       \
+  Range {                                                                                \
+#group "." #name, [](C & c) -> double& { return c.name; }, low, high, zero, infinity \
+  }
 #define TILLER_RANGE(name, low, high, zero, infinity)                         \
   Range {                                                                     \
 #name, [](C & c) -> double& { return c.name; }, low, high, zero, infinity \
@@ -303,13 +307,13 @@ const Range kRanges[] = {
     TILLER_RANGE(cost.input_rate_weight[0], 1e-12, 1e12, true, false),
     TILLER_RANGE(cost.saturating_weight, 1e-12, 1e12, true, false),
     TILLER_RANGE(cost.saturating_width[1], 1e-9, 1e9, false, true),
-    TILLER_RANGE(cost.state_high[0], -1e9, 1e9, true, true),
-    TILLER_RANGE(cost.bound_weight[0], 1e-12, 1e12, true, false),
+    TILLER_ARRAY_RANGE(cost, state_high[0], -1e9, 1e9, true, true),
+    TILLER_ARRAY_RANGE(cost, bound_weight[0], 1e-12, 1e12, true, false),
     TILLER_RANGE(cost.own_weight, 1e-12, 1e12, true, false),
     TILLER_RANGE(safety.input_high[0], -3.0, 1e9, true, false),  // from the lower limit on
     TILLER_RANGE(safety.input_rate_per_s[0], 1e-9, 1e9, false, true),
-    TILLER_RANGE(safety.measurement_high[0], -49.0, 1e9, true, true),
-    TILLER_RANGE(safety.measurement_rate_per_s[0], 1e-9, 1e9, false, true),
+    TILLER_ARRAY_RANGE(safety, measurement_high[0], -49.0, 1e9, true, true),
+    TILLER_ARRAY_RANGE(safety, measurement_rate_per_s[0], 1e-9, 1e9, false, true),
 };
 
 double unused_cost(const double*, const double*, const double*, double, void*) { return 0.0; }
@@ -399,10 +403,10 @@ TEST(ConfigRange, RowsOfACostAreHeldToTheSame) {
             "cost.reference");
   EXPECT_EQ(field_of([](C& c) {
               c.cost.obstacle_count = 1;
-              c.cost.obstacles[0] = {0, 1, 0, 0, 1e-20, 1};
+              c.obstacles[0] = {0, 1, 0, 0, 1e-20, 1};
             }),
             "cost.obstacles[0]");
-  EXPECT_EQ(field_of([](C& c) { c.safety.hold_gain[0] = 1e155; }), "safety.hold_gain[0]");
+  EXPECT_EQ(field_of([](C& c) { c.hold_gain[0] = 1e155; }), "safety.hold_gain[0]");
 }
 
 }  // namespace

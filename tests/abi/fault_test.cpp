@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "rig.hpp"
+#include "tiller/config.hpp"
 
 // Each fault of the sensors, of time and of the plan, and the state that answers it. docs/reference/safety.md tells the
 // same.
@@ -119,7 +120,7 @@ TEST_F(Fault, FrozenReadingsUnderAMovingPlanAreSafe) {
 
 TEST(Frozen, ARobotThatRestsIsNotASensorThatDied) {
   // no torque to speak of: the pendulum hangs still, and its encoder repeats to the last bit, rightly
-  tiller_config_t config = rig::pendulum_config();
+  tiller::Config config = rig::pendulum_config();
   config.safety.input_low[0] = -1e-4;
   config.safety.input_high[0] = 1e-4;
   class Still : public PendulumPlant {
@@ -158,7 +159,7 @@ TEST(Missing, OneOfTwoSensorsMayPauseButNotDie) {
 
 TEST(Gap, LongerThanSixteenPeriodsBeginsTheFiltersAnew) {
   PendulumPlant plant;
-  tiller_config_t config = rig::pendulum_config();
+  tiller::Config config = rig::pendulum_config();
   config.safety.sensor_timeout_s = 1.0;
   Loop loop(config, plant);
   loop.activate(30);
@@ -175,7 +176,7 @@ TEST(Gap, LongerThanSixteenPeriodsBeginsTheFiltersAnew) {
 
 TEST(Plan, UsedUpIsHoldAndAMeasurementEndsIt) {
   PendulumPlant plant;
-  tiller_config_t config = rig::pendulum_config();
+  tiller::Config config = rig::pendulum_config();
   config.planner.horizon = 4;
   config.planner.knots = 2;
   config.safety.sensor_timeout_s = 1.0;
@@ -197,7 +198,7 @@ TEST(Plan, UsedUpIsHoldAndAMeasurementEndsIt) {
 
 TEST(Plan, HoldDampsAndEndsInSafe) {
   PendulumPlant plant;
-  tiller_config_t config = rig::pendulum_config();
+  tiller::Config config = rig::pendulum_config();
   config.planner.horizon = 2;
   config.planner.knots = 2;
   config.safety.sensor_timeout_s = 10.0;
@@ -223,7 +224,7 @@ TEST(Input, NothingTheSensorsSayLetsABadCommandOut) {
   // 20,000 ticks of everything at once, from fixed seeds; judged by the loop at every tick
   for (std::uint32_t seed = 1; seed <= 4; ++seed) {
     PendulumPlant plant;
-    tiller_config_t config = rig::pendulum_config();
+    tiller::Config config = rig::pendulum_config();
     config.planner.kind = seed % tiller_planner_kind_count;
     config.planner.rollouts = 16;
     config.planner.horizon = 6;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "rig.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -76,9 +77,9 @@ class ArmPlant : public rig::Plant {
 tiller_prior_t fixed(double value) { return {tiller_prior_fixed, 0, value, 0.0, value, value}; }
 
 /// The arm with an unknown lower mass; the tip's position is all that it is asked for.
-tiller_config_t arm_config(std::uint32_t planner, const tiller_output_cost_t* outputs) {
-  tiller_config_t c;
-  if (tiller_config_default(&c, tiller_find_model("two_link_arm")) != tiller_status_ok) return tiller_config_t{};
+tiller::Config arm_config(std::uint32_t planner, const tiller_output_cost_t* outputs) {
+  tiller::Config c;
+  if (tiller_config_default(&c, tiller_find_model("two_link_arm")) != tiller_status_ok) return tiller::Config{};
   const double rod = kLength_m[0], lower = kLength_m[1];
   c.priors[0] = fixed(1.0);
   c.priors[1] = {tiller_prior_uniform, 0, 0.0, 0.0, 0.5, 1.2};
@@ -111,7 +112,7 @@ tiller_config_t arm_config(std::uint32_t planner, const tiller_output_cost_t* ou
     c.safety.input_low[i] = -20.0;
     c.safety.input_high[i] = 20.0;
     c.safety.input_rate_per_s[i] = 1000.0;
-    c.safety.hold_gain[i * TILLER_MAX_STATES + 2 + i] = 0.5;
+    c.hold_gain[i * static_cast<int>(c.model->state_count) + 2 + i] = 0.5;
   }
   c.cost.outputs = outputs;
   c.cost.output_count = outputs != nullptr ? 2 : 0;
@@ -158,10 +159,10 @@ TEST_P(EveryPlannersGoal, TipGoesFromGoalToGoal) {
 // A goal that is set before the first tick is the goal of the configuration, to the last bit.
 TEST_P(EveryPlannersGoal, IsTheSameWhereverItComesFrom) {
   const TipCost here(0.6, 0.1), elsewhere(-0.2, -0.7);
-  tiller_config_t config = arm_config(GetParam(), here.rows);
+  tiller::Config config = arm_config(GetParam(), here.rows);
   config.cost.state_weight[0] = config.cost.terminal_weight[0] = 1.0;
   config.cost.target[0] = 0.7;
-  tiller_config_t other = config;
+  tiller::Config other = config;
   other.cost.outputs = elsewhere.rows;
   other.cost.target[0] = -2.0;
   ArmPlant plants[2];
@@ -214,7 +215,7 @@ TEST(Goals, OutputBoundsHoldTheTip) {
     ArmPlant plant;
     plant.x[0] = -0.4;
     plant.x[1] = 0.8;
-    tiller_config_t config = arm_config(planner, cost.rows);
+    tiller::Config config = arm_config(planner, cost.rows);
     config.initial_state[0] = plant.x[0];
     config.initial_state[1] = plant.x[1];
     Loop loop(config, plant);
@@ -270,7 +271,7 @@ TEST(Goals, OutputsOfTheConfigurationAreChecked) {
     return tiller_config_check(&c, &field);
   };
   TipCost cost(0.5, -0.5);
-  tiller_config_t c = arm_config(tiller_planner_ilqr, cost.rows);
+  tiller::Config c = arm_config(tiller_planner_ilqr, cost.rows);
   EXPECT_EQ(check(c), tiller_status_ok) << field;
   c.cost.output_count = 1;
   EXPECT_EQ(check(c), tiller_status_bad_cost);
@@ -285,7 +286,7 @@ TEST(Goals, OutputsOfTheConfigurationAreChecked) {
   EXPECT_EQ(check(c), tiller_status_bad_cost);
   EXPECT_STREQ(field, "cost.outputs[0]");
   // a model without outputs
-  tiller_config_t pendulum = rig::pendulum_config();
+  tiller::Config pendulum = rig::pendulum_config();
   const TipCost none(0.0, 0.0);
   pendulum.cost.outputs = none.rows;
   pendulum.cost.output_count = 2;

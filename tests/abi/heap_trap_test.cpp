@@ -6,6 +6,7 @@
 
 #include "heap_trap.hpp"
 #include "rig.hpp"
+#include "tiller/config.hpp"
 
 // Nothing allocates after tiller_init.
 
@@ -86,7 +87,8 @@ void serial_for(void*, std::uint32_t n, void (*work)(void*, std::uint32_t), void
 double own_stage(const double* x, const double* u, const double*, double, void*) { return x[1] * x[1] + u[0] * u[0]; }
 
 /// Every term that a task may have, weak.
-void add_every_term(tiller_cost_config_t& cost) {
+void add_every_term(tiller::Config& config) {
+  tiller_cost_config_t& cost = config.cost;
   static const tiller_own_cost_t own = {sizeof(tiller_own_cost_t), TILLER_CONFIG_VERSION, own_stage, nullptr, nullptr};
   static const double reference[] = {0.0, 0.0, 1.0, 0.5, 3.0, 0.0};
   static const double root[] = {1.0, 0.0, 0.5, 1.0};
@@ -94,12 +96,12 @@ void add_every_term(tiller_cost_config_t& cost) {
   cost.input_weight[0] = 0.01;
   cost.saturating_weight = 0.1;
   cost.saturating_width[0] = 0.5;
-  cost.state_low[1] = -8.0;
-  cost.state_high[1] = 8.0;
-  cost.bound_weight[1] = 0.1;
+  config.state_low[1] = -8.0;
+  config.state_high[1] = 8.0;
+  config.bound_weight[1] = 0.1;
   cost.hard_bounds = 2;
   cost.obstacle_count = 1;
-  cost.obstacles[0] = {0, 1, 1.0, 3.0, 0.5, 0.1};
+  config.obstacles[0] = {0, 1, 1.0, 3.0, 0.5, 0.1};
   cost.reference = reference;
   cost.reference_steps = 3;
   cost.demonstration_mean = reference;
@@ -112,7 +114,7 @@ void add_every_term(tiller_cost_config_t& cost) {
 
 TEST(HeapTrap, NothingInALongLifeOfEveryPlanner) {
   for (std::uint32_t kind = 0; kind < tiller_planner_kind_count; ++kind) {
-    tiller_config_t config = rig::pendulum_config();
+    tiller::Config config = rig::pendulum_config();
     config.planner.kind = kind;
     config.planner.rollouts = 16;
     config.planner.particles = 2;
@@ -130,7 +132,7 @@ TEST(HeapTrap, NothingInALongLifeOfEveryPlanner) {
     config.priors[4] = {tiller_prior_uniform, 0, 0.0, 0.0, 0.0, 0.05};
     config.priors[5] = {tiller_prior_uniform, 0, 0.0, 0.0, 0.0, 0.03};
     config.param_count = 6;
-    add_every_term(config.cost);
+    add_every_term(config);
     std::int64_t clock = 0;
     tiller_hooks_t hooks = {};
     hooks.size = sizeof hooks;
@@ -164,7 +166,7 @@ void run_inadequate(void* arg) {
 }
 
 TEST(HeapTrap, NothingAtAnAlarmOfAnInadequateModel) {
-  tiller_config_t config = rig::pendulum_config();
+  tiller::Config config = rig::pendulum_config();
   config.priors[2] = {tiller_prior_fixed, 0, 0.0, 0.0, 0.0, 0.0};  // the model has no damping, the plant has plenty
   PendulumPlant plant;
   plant.damping_Nms = 0.5;

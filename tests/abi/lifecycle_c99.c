@@ -14,12 +14,14 @@ static int failures = 0;
   } while (0)
 
 static void fill(tiller_config_t* c) {
+  static tiller_prior_t priors[TILLER_MAX_PARAMS];
   uint32_t i;
   CHECK(tiller_config_default(c, tiller_find_model("pendulum")) == tiller_status_ok);
   for (i = 0; i < c->param_count; ++i) {
-    c->priors[i].kind = tiller_prior_fixed;
-    c->priors[i].a = 0.5;
+    priors[i].kind = tiller_prior_fixed;
+    priors[i].a = 0.5;
   }
+  c->priors = priors;
   c->safety.input_low[0] = -1.0;
   c->safety.input_high[0] = 1.0;
   c->cost.state_weight[0] = 1.0;

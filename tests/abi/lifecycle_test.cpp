@@ -7,6 +7,7 @@
 
 #include "planners/planner.hpp"
 #include "rig.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -30,7 +31,7 @@ TEST(Init, NeedsExactlyTheMeasuredSize) {
 
 TEST(Init, WritesNothingOutsideItsBlockInAWholeLife) {
   for (std::uint32_t kind = 0; kind < tiller_planner_kind_count; ++kind) {
-    tiller_config_t config = rig::pendulum_config();
+    tiller::Config config = rig::pendulum_config();
     config.planner.kind = kind;
     PendulumPlant plant;
     Loop loop(config, plant);
@@ -64,7 +65,7 @@ TEST(Init, WritesNothingOutsideItsBlockInAWholeLife) {
 }
 
 TEST(Init, RefusesWhatDoesNotFit) {
-  const tiller_config_t config = rig::pendulum_config();
+  const tiller::Config config = rig::pendulum_config();
   const std::size_t size = tiller_size(&config);
   Block block(size + 64);
   auto* memory = static_cast<unsigned char*>(block.memory());
@@ -75,7 +76,7 @@ TEST(Init, RefusesWhatDoesNotFit) {
   EXPECT_EQ(tiller_init(&t, &config, nullptr, memory + 8, size), tiller_status_memory_misaligned);
   EXPECT_EQ(tiller_init(&t, &config, nullptr, memory, 0), tiller_status_memory_too_small);
 
-  tiller_config_t old = config;
+  tiller::Config old = config;
   old.version += 1;
   EXPECT_EQ(tiller_init(&t, &old, nullptr, memory, size), tiller_status_version_mismatch);
   EXPECT_EQ(tiller_size(&old), 0u);
@@ -115,7 +116,7 @@ TEST(Calls, RefuseNull) {
   tiller_record_t record;
   tiller_info_t info;
   EXPECT_EQ(tiller_size(nullptr), 0u);
-  EXPECT_EQ(tiller_config_default(nullptr, nullptr), tiller_status_null_argument);
+  EXPECT_EQ(tiller_config_default(static_cast<tiller_config_t*>(nullptr), nullptr), tiller_status_null_argument);
   EXPECT_EQ(tiller_config_check(nullptr, nullptr), tiller_status_null_argument);
   EXPECT_EQ(tiller_arm(nullptr), tiller_status_null_argument);
   EXPECT_EQ(tiller_disarm(nullptr), tiller_status_null_argument);
@@ -241,7 +242,7 @@ TEST(Feedback, IsGivenAroundThePlanOrRefused) {
   EXPECT_EQ(tiller_prepare(nullptr), tiller_status_null_argument);
   for (std::uint32_t kind = 0; kind < tiller_planner_kind_count; ++kind) {
     const tiller::PlannerTable& planner = *tiller::find_planner(kind);
-    tiller_config_t config = rig::pendulum_config();
+    tiller::Config config = rig::pendulum_config();
     config.planner.kind = kind;
     // to rest from a small angle with inputs that cost: where an input stands at its limit, its gain is zero
     config.cost.target[0] = 0.0;

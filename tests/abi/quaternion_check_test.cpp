@@ -4,13 +4,13 @@
 #include <functional>
 #include <string>
 
-#include "tiller/tiller.h"
+#include "tiller/config.hpp"
 
 // What tiller_config_check says of quaternions: every rule of docs/reference/rotations.md, broken one at a time.
 
 namespace {
 
-using C = tiller_config_t;
+using C = tiller::Config;
 
 C good() {
   C c{};

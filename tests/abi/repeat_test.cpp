@@ -8,6 +8,7 @@
 
 #include "planners/planner.hpp"
 #include "rig.hpp"
+#include "tiller/config.hpp"
 
 // The same inputs give the same commands, to the last bit: twice, on one or two threads, and from the records.
 
@@ -16,8 +17,8 @@ namespace {
 using rig::Loop;
 using rig::PendulumPlant;
 
-tiller_config_t config_of(std::uint32_t kind) {
-  tiller_config_t config = rig::pendulum_config();
+tiller::Config config_of(std::uint32_t kind) {
+  tiller::Config config = rig::pendulum_config();
   config.planner.kind = kind;
   config.planner.iterations = 3;
   config.record_ticks = 400;
@@ -109,14 +110,14 @@ class EveryPlanner : public ::testing::TestWithParam<std::uint32_t> {};
 INSTANTIATE_TEST_SUITE_P(Kinds, EveryPlanner, ::testing::Range(0u, std::uint32_t{tiller_planner_kind_count}));
 
 TEST_P(EveryPlanner, SameInputsSameBits) {
-  const tiller_config_t config = config_of(GetParam());
+  const tiller::Config config = config_of(GetParam());
   expect_same(eventful_run(config, nullptr), eventful_run(config, nullptr));
 }
 
 TEST_P(EveryPlanner, AnotherSeedIsAnotherRun) {
   if (GetParam() == tiller_planner_ilqr || GetParam() == tiller_planner_sqp)
     GTEST_SKIP() << "draws nothing, and its commands stand at the limits";
-  tiller_config_t other = config_of(GetParam());
+  tiller::Config other = config_of(GetParam());
   const auto first = eventful_run(other, nullptr);
   other.seed = 2;
   const auto second = eventful_run(other, nullptr);
@@ -140,7 +141,7 @@ void backwards(void* context, std::uint32_t n, void (*work)(void*, std::uint32_t
 }
 
 TEST_P(EveryPlanner, OneAndTwoThreadsAndReversedTasksGiveTheSameBits) {
-  const tiller_config_t config = config_of(GetParam());
+  const tiller::Config config = config_of(GetParam());
   const auto serial = eventful_run(config, nullptr);
   tiller_hooks_t hooks = hooks_with(nullptr);
   hooks.parallel_for = two_threads;
@@ -155,7 +156,7 @@ TEST_P(EveryPlanner, OneAndTwoThreadsAndReversedTasksGiveTheSameBits) {
 }
 
 TEST_P(EveryPlanner, RecordsReplayBitByBit) {
-  const tiller_config_t config = config_of(GetParam());
+  const tiller::Config config = config_of(GetParam());
   const auto recorded = eventful_run(config, nullptr);
   expect_same(recorded, replay(config, recorded));
 }
@@ -170,7 +171,7 @@ TEST_P(EveryPlanner, PreparationIsRecordedWhereThereIsOne) {
 }
 
 TEST(PredictedDelay, RepeatsAndReplaysBitByBit) {
-  tiller_config_t config = config_of(tiller_planner_mppi);
+  tiller::Config config = config_of(tiller_planner_mppi);
   config.effect_count = 1;
   config.effects[0] = {tiller_effect_input_delay, 0};
   config.param_count = 4;
@@ -202,7 +203,7 @@ struct UnevenClock {
 TEST_P(EveryPlanner, ADeadlineInTheRecordingIsReplayedWithoutAClock) {
   if (GetParam() == tiller_planner_sqp)
     GTEST_SKIP() << "a program that the deadline cuts short leaves an approximation, which only the clock could repeat";
-  tiller_config_t config = config_of(GetParam());
+  tiller::Config config = config_of(GetParam());
   config.planner.deadline_us = 4000;
   UnevenClock clock;
   tiller_hooks_t hooks = hooks_with(&clock);
@@ -220,7 +221,7 @@ TEST_P(EveryPlanner, ADeadlineInTheRecordingIsReplayedWithoutAClock) {
 
 TEST(Records, RingGivesUpItsOldest) {
   PendulumPlant plant;
-  tiller_config_t config = rig::pendulum_config();
+  tiller::Config config = rig::pendulum_config();
   config.record_ticks = 8;
   Loop loop(config, plant);
   loop.run(20);

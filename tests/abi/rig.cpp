@@ -3,6 +3,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "tiller/config.hpp"
+
 namespace rig {
 namespace {
 
@@ -61,9 +63,9 @@ void CartPolePlant::step(const double* command, double time_s) {
   integrate(x, 4, time_s, [&](const double* s, double* dxdt) { derivative(s, command[0], dxdt); });
 }
 
-tiller_config_t pendulum_config() {
-  tiller_config_t c;
-  if (tiller_config_default(&c, tiller_find_model("pendulum")) != tiller_status_ok) return tiller_config_t{};
+tiller::Config pendulum_config() {
+  tiller::Config c;
+  if (tiller_config_default(&c, tiller_find_model("pendulum")) != tiller_status_ok) return tiller::Config{};
   c.priors[0] = uniform(0.8, 1.6);
   c.priors[1] = fixed(0.5);
   c.priors[2] = uniform(0.0, 0.2);
@@ -83,18 +85,18 @@ tiller_config_t pendulum_config() {
   c.safety.input_low[0] = -3.0;
   c.safety.input_high[0] = 3.0;
   c.safety.input_rate_per_s[0] = 100.0;
-  c.safety.measurement_low[0] = -50.0;
-  c.safety.measurement_high[0] = 50.0;
-  c.safety.measurement_rate_per_s[0] = 40.0;
-  c.safety.hold_gain[1] = 0.3;  // damps the joint
+  c.measurement_low[0] = -50.0;
+  c.measurement_high[0] = 50.0;
+  c.measurement_rate_per_s[0] = 40.0;
+  c.hold_gain[1] = 0.3;  // damps the joint
   c.safety.bad_ticks_to_safe = 3;
   c.safety.frozen_ticks = 10;
   return c;
 }
 
-tiller_config_t cart_pole_config() {
-  tiller_config_t c;
-  if (tiller_config_default(&c, tiller_find_model("cart_pole")) != tiller_status_ok) return tiller_config_t{};
+tiller::Config cart_pole_config() {
+  tiller::Config c;
+  if (tiller_config_default(&c, tiller_find_model("cart_pole")) != tiller_status_ok) return tiller::Config{};
   c.priors[0] = fixed(1.0);
   c.priors[1] = uniform(0.05, 0.15);
   c.priors[2] = uniform(0.25, 0.75);
@@ -108,7 +110,7 @@ tiller_config_t cart_pole_config() {
   c.safety.input_low[0] = -20.0;
   c.safety.input_high[0] = 20.0;
   c.safety.input_rate_per_s[0] = 1000.0;
-  c.safety.hold_gain[2] = 4.0;
+  c.hold_gain[2] = 4.0;
   return c;
 }
 

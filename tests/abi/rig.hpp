@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "tiller/tiller.h"
+#include "tiller/config.hpp"
 
 namespace rig {
 
@@ -43,9 +43,9 @@ class CartPolePlant : public Plant {
 
 /// Swing-up of the pendulum with half the torque it would take at once; mass and damping unknown. Sizes are small:
 /// the tests are about what happens, not about how well it steers.
-tiller_config_t pendulum_config();
+tiller::Config pendulum_config();
 /// Swing-up of the cart-pole, pole mass and half length unknown.
-tiller_config_t cart_pole_config();
+tiller::Config cart_pole_config();
 
 /// A block of exactly `size` bytes at the right alignment, with canaries on both sides.
 class Block {
@@ -100,7 +100,7 @@ class Loop {
  private:
   void judge(const tiller_command_t& before);
 
-  tiller_config_t config_;
+  tiller::Config config_;
   Plant& plant_;
   Block block_;
   tiller_t* t_ = nullptr;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "rig.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -18,15 +19,15 @@ using rig::PendulumPlant;
 constexpr double kTurn_rad = 6.283185307179586;
 
 /// Every parameter known: what the posterior learns is no part of the comparison.
-tiller_config_t known_pendulum(std::uint32_t planner) {
-  tiller_config_t c = rig::pendulum_config();
+tiller::Config known_pendulum(std::uint32_t planner) {
+  tiller::Config c = rig::pendulum_config();
   const double truth[] = {1.2, 0.5, 0.08};
   for (int i = 0; i < 3; ++i) c.priors[i] = {tiller_prior_fixed, 0, truth[i], 0.0, truth[i], truth[i]};
   c.planner.kind = planner;
   c.initial_state[0] = 0.3;
-  c.safety.measurement_low[0] = -INFINITY;
-  c.safety.measurement_high[0] = INFINITY;
-  c.safety.measurement_rate_per_s[0] = INFINITY;
+  c.measurement_low[0] = -INFINITY;
+  c.measurement_high[0] = INFINITY;
+  c.measurement_rate_per_s[0] = INFINITY;
   return c;
 }
 
@@ -51,11 +52,11 @@ class Shown {
 };
 
 /// Moves all that a configuration says of the angle by so much.
-tiller_config_t turned(tiller_config_t c, double angle_rad) {
+tiller::Config turned(tiller::Config c, double angle_rad) {
   c.initial_state[0] += angle_rad;
   c.cost.target[0] += angle_rad;
-  c.cost.state_low[0] += angle_rad;
-  c.cost.state_high[0] += angle_rad;
+  c.state_low[0] += angle_rad;
+  c.state_high[0] += angle_rad;
   return c;
 }
 
@@ -92,10 +93,10 @@ TEST(Turns, MillionOfThemChangeNoCommand) {
 
 TEST(Turns, BoundsAndTargetsGoWithThem) {
   for (const std::uint32_t planner : {tiller_planner_mppi, tiller_planner_ilqr, tiller_planner_sqp}) {
-    tiller_config_t config = known_pendulum(planner);
-    config.cost.state_low[0] = -0.2;
-    config.cost.state_high[0] = 0.5;
-    config.cost.bound_weight[0] = 500.0;
+    tiller::Config config = known_pendulum(planner);
+    config.state_low[0] = -0.2;
+    config.state_high[0] = 0.5;
+    config.bound_weight[0] = 500.0;
     config.cost.hard_bounds = planner == tiller_planner_sqp ? 1u : 0u;
     const double worst = worst_difference(config, 3e4 * kTurn_rad, 10);
     std::printf("planner %u: %.1e Nm\n", planner, worst);
@@ -105,7 +106,7 @@ TEST(Turns, BoundsAndTargetsGoWithThem) {
 
 TEST(Turns, RotationWithoutEndKeepsItsCommands) {
   for (const std::uint32_t planner : {tiller_planner_mppi, tiller_planner_ilqr}) {
-    tiller_config_t config = known_pendulum(planner);
+    tiller::Config config = known_pendulum(planner);
     config.initial_state[1] = 25.0;
     for (double* weight : {config.cost.state_weight, config.cost.terminal_weight}) {
       weight[0] = 0.0;
@@ -135,7 +136,7 @@ TEST(Turns, RotationWithoutEndKeepsItsCommands) {
 
 TEST(Turns, FeedbackIsToldInTheCallersAngles) {
   const double far_rad = 1e4 * kTurn_rad;
-  const tiller_config_t config = turned(known_pendulum(tiller_planner_ilqr), far_rad);
+  const tiller::Config config = turned(known_pendulum(tiller_planner_ilqr), far_rad);
   PendulumPlant plant;
   plant.angle_rad = config.initial_state[0];
   Loop loop(config, plant);
@@ -146,7 +147,7 @@ TEST(Turns, FeedbackIsToldInTheCallersAngles) {
 }
 
 TEST(Turns, FrozenSensorIsNoticedAfterThem) {
-  tiller_config_t config = turned(known_pendulum(tiller_planner_mppi), 1e6 * kTurn_rad);
+  tiller::Config config = turned(known_pendulum(tiller_planner_mppi), 1e6 * kTurn_rad);
   PendulumPlant plant;
   plant.angle_rad = config.initial_state[0];
   Loop loop(config, plant);

@@ -7,6 +7,7 @@
 
 #include "rollout/attitude.hpp"
 #include "rollout/rollout.hpp"
+#include "tiller/config.hpp"
 #include "tools/links/plant_setup.hpp"
 #include "tools/open/robot_open.hpp"
 #include "tools/run/run_loop.hpp"
@@ -52,7 +53,7 @@ TEST(Quadrotor, RecoversFromEveryAttitude) {
   std::uint64_t seed = 0;
   for (const auto& [roll, pitch, yaw] : starts) {
     const auto robot = open(++seed);
-    tiller_config_t& c = robot->config;
+    tiller::Config& c = robot->config;
     c.cost.reference = nullptr;
     c.cost.reference_steps = 0;
     write_quaternion(from_roll_pitch_yaw(roll, pitch, yaw), c.initial_state + 3);

@@ -2,6 +2,7 @@
 
 #include "board.hpp"
 #include "swing_up.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -37,7 +38,7 @@ void row(const char* what, std::uint64_t value) {
 }
 
 bool run(const swing_up::Task& task, std::uint32_t ticks) {
-  static tiller_config_t config;  // static: a kilobyte and more that the stack need not hold
+  static tiller::Config config;  // static: a kilobyte and more that the stack need not hold
   config = swing_up::config(task);
   Counts counts;
   counts.before = board::timer();

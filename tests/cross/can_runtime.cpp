@@ -18,6 +18,7 @@
 
 #include "io/socketcan_transport.hpp"
 #include "swing_up.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -53,7 +54,7 @@ tiller_status_t wait_for(tiller_measurement_t& measurement) {
 }
 
 int control(unsigned long ticks) {
-  const tiller_config_t config = swing_up::config(swing_up::kSwingUp);
+  const tiller::Config config = swing_up::config(swing_up::kSwingUp);
   tiller_t* t = nullptr;
   if (tiller_init(&t, &config, nullptr, block, sizeof block) != tiller_status_ok) return 1;
   (void)tiller_arm(t);

@@ -5,13 +5,14 @@
 #include <cstdlib>
 
 #include "swing_up.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
 alignas(TILLER_ALIGNMENT) unsigned char block[512u << 10];
 
 bool run(const swing_up::Task& task, std::uint32_t ticks) {
-  const tiller_config_t config = swing_up::config(task);
+  const tiller::Config config = swing_up::config(task);
   const swing_up::Result result = swing_up::run(task, config, block, sizeof block, ticks, nullptr, nullptr);
   char line[swing_up::kLine];
   swing_up::describe(task.name, result, line);

@@ -9,6 +9,7 @@
 
 #include "io/lcm_transport.hpp"
 #include "swing_up.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -40,7 +41,7 @@ bool wait_for(tiller_measurement_t& measurement, int patience_ms) {
 }  // namespace
 
 int main(int count, char** arguments) {
-  const tiller_config_t config = swing_up::config(swing_up::kSwingUp);
+  const tiller::Config config = swing_up::config(swing_up::kSwingUp);
   tiller_t* t = nullptr;
   if (tiller_init(&t, &config, nullptr, block, sizeof block) != tiller_status_ok) return 1;
   if (!open_transport(count > 1 ? arguments[1] : "TILLER_")) return 1;

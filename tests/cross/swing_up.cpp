@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "tiller/config.hpp"
 #include "tiller/portable_math.hpp"
 
 namespace swing_up {
@@ -52,10 +53,10 @@ void Plant::step(double torque_Nm, double time_s) {
   }
 }
 
-tiller_config_t config(const Task& task) {
+tiller::Config config(const Task& task) {
   const bool samples = task.kind == tiller_planner_mppi;
-  tiller_config_t c;
-  if (tiller_config_default(&c, tiller_find_model("pendulum")) != tiller_status_ok) return tiller_config_t{};
+  tiller::Config c;
+  if (tiller_config_default(&c, tiller_find_model("pendulum")) != tiller_status_ok) return tiller::Config{};
   if (task.friction_Nm > 0.0) {
     c.effect_count = 1;
     c.effects[0] = {tiller_effect_coulomb_friction, 0};
@@ -86,7 +87,7 @@ tiller_config_t config(const Task& task) {
   c.cost.input_weight[0] = c.cost.input_rate_weight[0] = 0.01;
   c.safety.input_low[0] = -1.5;
   c.safety.input_high[0] = 1.5;
-  c.safety.hold_gain[1] = 0.2;
+  c.hold_gain[1] = 0.2;
   c.safety.frozen_ticks = 0;  // dry friction holds the joint within a grain of its encoder for longer than any limit
   return c;
 }

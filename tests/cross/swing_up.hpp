@@ -7,7 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "tiller/tiller.h"
+#include "tiller/config.hpp"
 
 namespace swing_up {
 
@@ -34,7 +34,7 @@ constexpr Task kHold = {"ilqr", tiller_planner_ilqr, 2.7, 0.5, 0.0};
 constexpr std::uint32_t kPush = 500;
 
 /// 64 particles; small enough for 256 KiB of RAM.
-tiller_config_t config(const Task& task);
+tiller::Config config(const Task& task);
 
 /// FNV-1a over the bits of numbers.
 constexpr std::uint64_t kHashStart = 14695981039346656037ull;

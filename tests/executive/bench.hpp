@@ -5,17 +5,18 @@
 
 #include "executive/executive.hpp"
 #include "fakes.hpp"
+#include "tiller/config.hpp"
 
 namespace bench {
 
 /// A pendulum whose parameters are known: mass and length one half, damping one half.
-inline tiller_config_t known_pendulum() {
-  tiller_config_t c;
+inline tiller::Config known_pendulum() {
+  tiller::Config c;
   (void)tiller_config_default(&c, tiller_find_model("pendulum"));
   for (std::uint32_t i = 0; i < c.param_count; ++i) c.priors[i] = {tiller_prior_fixed, 0, 0.5, 0.0, 0.5, 0.5};
   c.safety.input_low[0] = -10.0;
   c.safety.input_high[0] = 10.0;
-  c.safety.hold_gain[0] = 2.0;
+  c.hold_gain[0] = 2.0;
   c.safety.frozen_ticks = 0;
   c.planner.horizon = 8;
   c.planner.particles = 3;

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "bench.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -87,8 +88,8 @@ TEST(Learn, DoubtedMeasurementsLeaveAPredictionForNoLongerThanTheSensorsTimeout)
 }
 
 TEST(Learn, HoldIsNotFedBackFromAnOldEstimateEither) {
-  tiller_config_t config = known_pendulum();
-  config.safety.hold_gain[1] = 1.0;
+  tiller::Config config = known_pendulum();
+  config.hold_gain[1] = 1.0;
   Bench b(config);
   b.activate();
   fakes::planner.result.status = tiller_status_plan_not_finite;
@@ -114,9 +115,9 @@ TEST(Learn, StateThatIsNotFiniteIsNotPlannedFromAndBeginsAnew) {
 }
 
 TEST(Learn, HoldWithAStateThatIsNotFiniteSendsTheSafeCommand) {
-  tiller_config_t config = known_pendulum();
+  tiller::Config config = known_pendulum();
   config.safety.safe_command[0] = 0.5;
-  config.safety.hold_gain[1] = 1.0;
+  config.hold_gain[1] = 1.0;
   Bench b(config);
   b.activate();
   fakes::planner.result.status = tiller_status_plan_not_finite;

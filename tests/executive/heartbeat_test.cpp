@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "bench.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller {
 
@@ -69,7 +70,7 @@ TEST(Wrap, PlansNumberGoesOnOverThirtyTwoBits) {
 }
 
 TEST(Wrap, LatePlansOfYearsStayInHold) {
-  tiller_config_t config = known_pendulum();
+  tiller::Config config = known_pendulum();
   config.safety.hold_ticks_to_safe = 0;  // HOLD may last
   Bench b(config);
   b.activate();

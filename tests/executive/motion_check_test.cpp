@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "bench.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -24,7 +25,7 @@ class Motion : public ::testing::Test {
     EXPECT_EQ(motion_.steps(), static_cast<std::uint32_t>(steps));
     return motion_.should_move();
   }
-  tiller_config_t config_;
+  tiller::Config config_;
   bench::Storage storage_, source_storage_;
   tiller::StepSetup setup_;
   tiller::MotionCheck motion_;

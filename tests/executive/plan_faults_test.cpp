@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "bench.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -46,7 +47,7 @@ TEST(Plan, CommandThatIsNotFiniteIsAFailureWhateverTheStatusSays) {
 }
 
 TEST(Plan, HoldAngleErrorIsWrapped) {
-  tiller_config_t config = known_pendulum();
+  tiller::Config config = known_pendulum();
   config.cost.target[0] = 3.0;
   Bench b(config);
   b.activate();

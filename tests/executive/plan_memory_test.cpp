@@ -3,11 +3,12 @@
 #include <gtest/gtest.h>
 
 #include "bench.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
 TEST(PlanMemory, FindsTheStepByTime) {
-  const tiller_config_t config = bench::known_pendulum();  // period 20 ms, horizon 8
+  const tiller::Config config = bench::known_pendulum();  // period 20 ms, horizon 8
   bench::Storage storage(4096);
   tiller::Arena arena = storage.arena();
   tiller::PlanMemory plan;

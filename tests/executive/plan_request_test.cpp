@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "bench.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -22,7 +23,7 @@ TEST(Plan, ForcedIterationsHoldForOneTick) {
 }
 
 TEST(Plan, DeadlineCountsFromTheTicksStartAndNeedsAClock) {
-  tiller_config_t config = known_pendulum();
+  tiller::Config config = known_pendulum();
   config.planner.deadline_us = 3;
   {
     Bench b(config);

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "bench.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -27,7 +28,7 @@ void integrate(double& angle, double& rate, double time_s, double half, const To
 }
 
 struct Source {
-  explicit Source(tiller_config_t c, bool over_delays = false) : config(c), storage(1 << 16), source_storage(1 << 16) {
+  explicit Source(tiller::Config c, bool over_delays = false) : config(c), storage(1 << 16), source_storage(1 << 16) {
     fakes::reset();
     EXPECT_EQ(make_step_setup(config, setup), tiller_status_ok);
     const tiller::RolloutTable& table = tiller::select_rollout(*config.model);
@@ -39,7 +40,7 @@ struct Source {
   }
   void push(std::int64_t at_us, double value) { timeline.push(at_us, &value); }
 
-  tiller_config_t config;
+  tiller::Config config;
   bench::Storage storage, source_storage;
   StepSetup setup;
   PlanningBelief belief;
@@ -71,7 +72,7 @@ TEST(PlanningBelief, StepsUnderTheCommandsAlreadySent) {
 }
 
 TEST(PlanningBelief, EachHypothesisHasItsOwnDelay) {
-  tiller_config_t config = bench::known_pendulum();
+  tiller::Config config = bench::known_pendulum();
   config.effect_count = 1;
   config.effects[0] = {tiller_effect_input_delay, 0};
   config.param_count = 4;
@@ -136,8 +137,8 @@ TEST(PlanningBelief, HypothesesDifferByTheirParameters) {
 }
 
 /// A pendulum with an input delay of up to 60 ms, 20 ms periods.
-tiller_config_t delayed_pendulum(std::uint32_t particles) {
-  tiller_config_t config = bench::known_pendulum();
+tiller::Config delayed_pendulum(std::uint32_t particles) {
+  tiller::Config config = bench::known_pendulum();
   config.planner.particles = particles;
   config.effect_count = 1;
   config.effects[0] = {tiller_effect_input_delay, 0};

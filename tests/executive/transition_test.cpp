@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "bench.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -121,7 +122,7 @@ TEST(Transition, MeasuredStampsCountAndNotThePeriod) {
 }
 
 TEST(Transition, GapIsPredictedThroughAndBeyondSixteenPeriodsTheFiltersBeginAnew) {
-  tiller_config_t config = known_pendulum();
+  tiller::Config config = known_pendulum();
   config.safety.sensor_timeout_s = 10.0;
   Bench b(config);
   b.activate();

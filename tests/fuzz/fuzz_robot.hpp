@@ -36,7 +36,7 @@ inline const tiller::tools::RobotFile& robot() {
     made.inputs = {inputs[0]};
     made.measurements = {states[0]};
     made.params = {params[0], params[1], params[2]};
-    made.config.size = sizeof made.config;
+    made.config.size = sizeof(tiller_config_t);
     made.config.version = TILLER_CONFIG_VERSION;
     made.config.period_s = 0.02;
     made.config.measurement_count = 1;

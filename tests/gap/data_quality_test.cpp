@@ -6,6 +6,7 @@
 #include <fstream>
 
 #include "tests/gap/synthetic.hpp"
+#include "tiller/config.hpp"
 #include "tools/gap/localise/noise.hpp"
 #include "tools/gap/pipeline/data.hpp"
 #include "tools/gap/pipeline/data_quality.hpp"
@@ -240,7 +241,7 @@ TEST(TimeScale, IsOneForMachinesAndFollowsWhatIsFasterOrSlower) {
   const auto scale = [](double hertz, double period_s) {
     Synthetic s;
     s.period_s = period_s;
-    tiller_config_t config = synthetic_config(s);
+    tiller::Config config = synthetic_config(s);
     Grid grid;
     grid.period_s = period_s;
     grid.state.resize(2);

@@ -5,6 +5,7 @@
 
 #include "effects/effect_info.hpp"
 #include "tests/gap/synthetic.hpp"
+#include "tiller/config.hpp"
 #include "tools/gap/pipeline/engine.hpp"
 
 namespace tiller::tools::gap {
@@ -18,7 +19,7 @@ Synthetic pendulum(double noise_sd) {
 }
 
 Result run(const Synthetic& s, std::uint64_t seed, std::uint32_t max_effects = 2, const Synthetic* kept = nullptr) {
-  tiller_config_t config = synthetic_config(s);
+  tiller::Config config = synthetic_config(s);
   const double mass = s.params[0];
   config.priors[0] = {tiller_prior_uniform, 0, 0, 0, 0.95 * mass, 1.05 * mass};
   config.process_sd[s.model->joints[0].velocity] = s.process_sd;
@@ -171,7 +172,7 @@ TEST(Engine, SaysThatInputsWereMeasuredNotHeld) {
 TEST(Engine, SaysWhichParametersNoMotionTells) {
   Synthetic s = pendulum(2e-3);
   s.params = {0.5, 0.4, 0.02};
-  tiller_config_t config = synthetic_config(s);
+  tiller::Config config = synthetic_config(s);
   config.priors[0] = {tiller_prior_uniform, 0, 0, 0, 0.1, 2.0};
   config.priors[2] = {tiller_prior_uniform, 0, 0, 0, 0.001, 0.1};
   config.effects[0] = {tiller_effect_actuator_gain, 0};

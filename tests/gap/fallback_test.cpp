@@ -12,6 +12,7 @@
 #include "core/rng.hpp"
 #include "hidden_pendulum.hpp"
 #include "posterior/prior.hpp"
+#include "tiller/config.hpp"
 #include "tools/gap/residual/prediction_error.hpp"
 #include "tools/gap/residual/residual_writer.hpp"
 #include "tools/identify/grid_rollout.hpp"
@@ -25,7 +26,7 @@ constexpr std::uint32_t kLanes = 64;
 /// A fit to six logs, made once for each kind.
 struct Case {
   hidden::Setup setup;
-  tiller_config_t nominal = hidden::nominal(setup);
+  tiller::Config nominal = hidden::nominal(setup);
   std::vector<Grid> test;
   ResidualFit fit;
   explicit Case(const hidden::Torque& extra) {
@@ -53,7 +54,7 @@ struct Case {
     std::copy_n(nominal.process_sd, TILLER_MAX_STATES, filtered.process_sd);
     return filtered;
   }
-  mutable tiller_config_t filtered{};
+  mutable tiller::Config filtered{};
 
   std::vector<double> means(const tiller_config_t& config) const {
     std::vector<double> p;
@@ -64,7 +65,7 @@ struct Case {
   }
   /// Draws of the joint law into the rollout's lanes.
   void fill_particles(GridRollout& rollout) const {
-    tiller_config_t config = fit.config;
+    tiller::Config config = fit.config;
     config.prior_mixture = &fit.joint_prior->mixture;
     const PriorDistribution law(config);
     std::vector<double> v(law.dimension() * kLanes);

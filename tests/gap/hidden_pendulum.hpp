@@ -8,6 +8,7 @@
 #include <random>
 #include <vector>
 
+#include "tiller/config.hpp"
 #include "tools/logs/identify_data.hpp"
 
 namespace hidden {
@@ -67,8 +68,8 @@ inline std::vector<tiller::tools::Grid> logs(const Setup& s, const Torque& extra
 }
 
 /// The nominal model of it: mass within 5 %, length and damping known, an encoder alone.
-inline tiller_config_t nominal(const Setup& s) {
-  tiller_config_t c;
+inline tiller::Config nominal(const Setup& s) {
+  tiller::Config c;
   tiller_config_default(&c, tiller_find_model("pendulum"));
   c.period_s = s.period_s;
   c.substeps = 1;

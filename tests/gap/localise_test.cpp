@@ -4,13 +4,14 @@
 #include <cstdio>
 
 #include "tests/gap/synthetic.hpp"
+#include "tiller/config.hpp"
 #include "tools/gap/localise/localise.hpp"
 
 namespace tiller::tools::gap {
 namespace {
 
 Result run(const Synthetic& s, std::uint64_t seed, int logs = 6) {
-  const tiller_config_t config = synthetic_config(s);
+  const tiller::Config config = synthetic_config(s);
   Result result;
   localise(config, simulate_logs(s, logs, seed), s.params.data(), seed, result);
   return result;

@@ -6,6 +6,7 @@
 #include <cerrno>
 
 #include "tests/gap/synthetic.hpp"
+#include "tiller/config.hpp"
 #include "tools/gap/pipeline/engine.hpp"
 
 namespace {
@@ -54,7 +55,7 @@ struct Use {
 };
 
 Use run(const Synthetic& s, int logs, std::uint32_t max_effects) {
-  tiller_config_t config = synthetic_config(s);
+  tiller::Config config = synthetic_config(s);
   config.priors[0] = {tiller_prior_uniform, 0, 0, 0, 0.95 * s.params[0], 1.05 * s.params[0]};
   std::vector<std::string> names;
   for (std::uint32_t i = 0; i < s.model->param_count; ++i) names.push_back(s.model->param_names[i]);

@@ -12,6 +12,7 @@
 #include "effects/catalogue.hpp"
 #include "hidden_pendulum.hpp"
 #include "posterior/posterior.hpp"
+#include "tiller/config.hpp"
 #include "tools/gap/residual/fallback.hpp"
 
 // The linker sends every call of these to us (see CMakeLists.txt), from whichever library it comes.
@@ -43,10 +44,10 @@ constexpr double kPriorSd = 0.5;
 const ResidualScales kScales{0.0, 0.8, 6.283185307179586, 0.5, 12.0};
 
 /// A pendulum known but for the residual; both states measured unless `encoder`.
-tiller_config_t config(bool encoder) {
+tiller::Config config(bool encoder) {
   hidden::Setup s;
   s.period_s = 0.02;
-  tiller_config_t c = hidden::nominal(s);
+  tiller::Config c = hidden::nominal(s);
   c.integrator = tiller_integrator_semi_implicit_euler;
   c.priors[0] = {tiller_prior_fixed, 0, s.mass_kg, 0.0, 0.0, 0.0};
   c.measurement_count = encoder ? 1 : 2;
@@ -60,7 +61,7 @@ tiller_config_t config(bool encoder) {
   c.posterior.noise_scale_shape = 2.0;
   c.posterior.adequacy = 0;
   c.posterior.window = 64;
-  tiller_config_t with;
+  tiller::Config with;
   std::string error;
   if (!with_residual(c, 0, kScales, kPriorSd, with, error)) std::abort();
   return with;
@@ -95,7 +96,7 @@ class Engine {
   bool good() const { return fits_ && status_ == tiller_status_ok; }
 
  private:
-  tiller_config_t config_;
+  tiller::Config config_;
   StepSetup setup_;
   tiller_status_t status_ = tiller_status_ok;
   std::size_t size_ = 0;
@@ -175,7 +176,7 @@ void force_at(Posterior& p, std::uint32_t first, double angle, double rate, doub
 // Forces drawn from their prior, 40 runs of 5 s: central 90 % intervals of the force at states that were visited, and
 // at one that never is. 40 draws of 90 %: 31 to 40 in all but 1 of 200.
 TEST(ResidualOnline, ClosedFormIsCalibrated) {
-  tiller_config_t c = config(false);
+  tiller::Config c = config(false);
   c.posterior.kind = tiller_posterior_conjugate;
   c.posterior.particles = 256;
   Engine p(c);
@@ -203,7 +204,7 @@ TEST(ResidualOnline, ClosedFormIsCalibrated) {
 TEST(ResidualOnline, NoEngineAllocates) {
   for (const tiller_posterior_kind_t kind :
        {tiller_posterior_conjugate, tiller_posterior_transition, tiller_posterior_filter}) {
-    tiller_config_t c = config(kind == tiller_posterior_filter);
+    tiller::Config c = config(kind == tiller_posterior_filter);
     c.posterior.kind = kind;
     c.posterior.particles = 256;
     c.posterior.moves_per_tick = 32;
@@ -221,7 +222,7 @@ TEST(ResidualOnline, NoEngineAllocates) {
 // Ten unknowns by particles: means at a visited state within three deviations of the closed form's and of the truth,
 // the state that is never visited still at the prior's width (to a quarter: particles that were resampled often).
 TEST(ResidualOnline, ParticlesLearnItToo) {
-  tiller_config_t c = config(false);
+  tiller::Config c = config(false);
   const std::vector<double> true_params = truth(c, 21);
   const std::vector<Transition> data = simulate(c, true_params, 500, 21);
   for (const tiller_posterior_kind_t kind : {tiller_posterior_conjugate, tiller_posterior_transition}) {
@@ -244,7 +245,7 @@ TEST(ResidualOnline, ParticlesLearnItToo) {
 
 // The same from an encoder alone.
 TEST(ResidualOnline, FilterLearnsItFromAnEncoder) {
-  tiller_config_t c = config(true);
+  tiller::Config c = config(true);
   const std::vector<double> true_params = truth(c, 22);
   c.posterior.kind = tiller_posterior_filter;
   c.posterior.particles = 1024;

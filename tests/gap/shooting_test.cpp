@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "tests/gap/synthetic.hpp"
+#include "tiller/config.hpp"
 #include "tools/gap/fit/shooting.hpp"
 
 namespace tiller::tools::gap {
@@ -17,7 +18,7 @@ namespace {
 // A pendulum whose mass is not known exactly, with a viscous force that the hypothesis has as an effect.
 struct Problem {
   Synthetic world;
-  tiller_config_t config;
+  tiller::Config config;
   WindowData data;
   std::vector<Window> windows;
   Scales scales;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/rng.hpp"
+#include "tiller/config.hpp"
 #include "tools/logs/identify_data.hpp"
 
 namespace tiller::tools::gap {
@@ -29,8 +30,8 @@ struct Synthetic {
 };
 
 /// Joints' positions measured (rates too if asked for), of every built-in model.
-inline tiller_config_t synthetic_config(const Synthetic& s) {
-  tiller_config_t config;
+inline tiller::Config synthetic_config(const Synthetic& s) {
+  tiller::Config config;
   tiller_config_default(&config, s.model);
   config.period_s = s.period_s;
   config.measurement_count = 0;

@@ -9,6 +9,7 @@
 
 #include "rollout/cost.hpp"
 #include "rollout/rollout.hpp"
+#include "tiller/config.hpp"
 #include "tools/robot/model_compiler.hpp"
 #include "tools/robot/model_loader.hpp"
 
@@ -188,10 +189,10 @@ struct Cost {
 
 TEST_F(Template, ItsCostIsCompiledIntoTheKernels) {
   ASSERT_NE(model(), nullptr);
-  tiller_config_t config;
+  tiller::Config config;
   ASSERT_EQ(tiller_config_default(&config, model()), tiller_status_ok);
   config.cost.own_weight = 0.5;
-  const CostTerms<double> terms = make_cost_terms<double>(config.cost);
+  const CostTerms<double> terms = make_cost_terms<double>(config.cost, config.model->state_count);
   const StepSetup setup;
   const double state[] = {1.0, 0.0}, mass = 3.0, inputs[] = {2.0, 2.0};
   double out[kLanePadding];

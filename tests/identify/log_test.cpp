@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "tiller/config.hpp"
 #include "tools/logs/identify_data.hpp"
 #include "tools/logs/identify_log.hpp"
 
@@ -185,8 +186,8 @@ TEST(Log, GapsSplitAndManyTurnsWarn) {
 
 // ---- from rows to transitions ----
 
-tiller_config_t pendulum_config(double period_s) {
-  tiller_config_t config;
+tiller::Config pendulum_config(double period_s) {
+  tiller::Config config;
   tiller_config_default(&config, &pendulum());
   config.period_s = period_s;
   config.measurement_count = 2;
@@ -199,7 +200,7 @@ tiller_config_t pendulum_config(double period_s) {
 
 TEST(Stretch, MergesRowsAndKeepsTheInputsArea) {
   const Outcome outcome = read(write_file("merge.csv", swing(301)));
-  const tiller_config_t config = pendulum_config(0.04);
+  const tiller::Config config = pendulum_config(0.04);
   for (const char* input : {"hold", "mean"}) {
     LogMap map = dfki_map();
     map.input = input;
@@ -228,7 +229,7 @@ TEST(Stretch, KeepsStepsOfACoarserLog) {
 
 TEST(Grid, StartStateComesFromTheLogAlone) {
   const Outcome outcome = read(write_file("grid.csv", swing(300)));
-  const tiller_config_t config = pendulum_config(0.01);
+  const tiller::Config config = pendulum_config(0.01);
   const std::vector<Grid> grids = make_grids(outcome.log, dfki_map(), config);
   ASSERT_EQ(grids.size(), 1u);
   double state[TILLER_MAX_STATES], sd[TILLER_MAX_STATES];
@@ -245,7 +246,7 @@ TEST(Grid, StartStateComesFromTheLogAlone) {
 // s sqrt(1/7 + (sum t^2)^2 / 7^2 / (sum t^4 - (sum t^2)^2 / 7)) = s sqrt(1/7 + 16/84).
 TEST(Grid, DoubtOfTheStartStateIsThatOfLeastSquares) {
   const Outcome outcome = read(write_file("doubt.csv", swing(300)));
-  tiller_config_t config = pendulum_config(0.01);
+  tiller::Config config = pendulum_config(0.01);
   config.measurement_count = 1;
   config.measured_state[0] = 0;
   config.measurement_sd[0] = 0.002;

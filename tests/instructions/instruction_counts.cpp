@@ -8,6 +8,7 @@
 
 #include "kernel_calls.hpp"
 #include "rig.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -76,7 +77,7 @@ void count_planners() {
                   {"sqp", tiller_planner_sqp},
                   {"hybrid", tiller_planner_hybrid}};
   for (const auto& planner : planners) {
-    tiller_config_t config = rig::cart_pole_config();
+    tiller::Config config = rig::cart_pole_config();
     config.planner.kind = planner.kind;
     config.posterior.enabled = 0;
     config.posterior.particles = 32;  // so that the state filters do not hide the planner
@@ -95,7 +96,7 @@ class BothMeasured : public rig::PendulumPlant {
 };
 
 void count_posteriors() {
-  tiller_config_t config = rig::pendulum_config();
+  tiller::Config config = rig::pendulum_config();
   config.planner.rollouts = 32;  // the posterior's share is what counts here
   rig::PendulumPlant angle;
   count_ticks("pendulum/tick/filter", config, angle);
@@ -104,8 +105,8 @@ void count_posteriors() {
   config.measurement_count = 2;
   config.measured_state[1] = 1;
   config.measurement_sd[1] = 0.01;
-  config.safety.measurement_low[1] = -100.0;
-  config.safety.measurement_high[1] = 100.0;
+  config.measurement_low[1] = -100.0;
+  config.measurement_high[1] = 100.0;
   BothMeasured both;
   count_ticks("pendulum/tick/transition", config, both);
 }

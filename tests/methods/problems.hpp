@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "tiller/config.hpp"
 #include "tools/identify/grid_rollout.hpp"
 #include "tools/identify/method.hpp"
 
@@ -46,7 +47,7 @@ inline const tiller_model_t& linear_model() {
 
 /// A log with its configuration: one grid, and the same as one stretch.
 struct TestLog {
-  tiller_config_t config{};
+  tiller::Config config{};
   std::vector<Grid> grids;
   std::vector<Stretch> stretches;
   std::vector<std::string> names;
@@ -61,8 +62,8 @@ struct TestLog {
   }
 };
 
-inline tiller_config_t measured_config(const tiller_model_t& model, double period_s, double sensor_sd) {
-  tiller_config_t c;
+inline tiller::Config measured_config(const tiller_model_t& model, double period_s, double sensor_sd) {
+  tiller::Config c;
   (void)tiller_config_default(&c, &model);
   c.seed = 1;
   c.period_s = period_s;

@@ -4,6 +4,7 @@
 
 #include "planner_matrix.hpp"
 #include "thread_pool.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller_test {
 namespace {
@@ -30,8 +31,8 @@ struct TickingClock {
 };
 
 // 512 rollouts in chunks of 64 over 4 particles: 32 calls an iteration.
-tiller_config_t long_iterations(std::uint32_t planner) {
-  tiller_config_t c = line_config(planner);
+tiller::Config long_iterations(std::uint32_t planner) {
+  tiller::Config c = line_config(planner);
   c.planner.rollouts = 512;
   c.planner.particles = 4;
   c.planner.horizon = 10;
@@ -154,7 +155,7 @@ TEST_P(Anytime, no_belief_is_no_plan) {
 }
 
 TEST_P(Anytime, one_bad_particle_makes_no_rollout_finite) {
-  tiller_config_t c = line_config(GetParam());
+  tiller::Config c = line_config(GetParam());
   c.planner.particles = 4;
   Bench bench(c);
   bench.params[2] = std::numeric_limits<float>::quiet_NaN();

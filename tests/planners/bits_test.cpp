@@ -6,14 +6,15 @@
 
 #include "planner_matrix.hpp"
 #include "thread_pool.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller_test {
 namespace {
 
 using Bits = EveryPlanner;
 
-tiller_config_t shared_work(std::uint32_t planner) {
-  tiller_config_t c = line_config(planner);
+tiller::Config shared_work(std::uint32_t planner) {
+  tiller::Config c = line_config(planner);
   c.planner.rollouts = 1040;  // the last chunk is not full
   c.planner.particles = 3;
   c.planner.iterations = 3;
@@ -55,7 +56,7 @@ void expect_same_on_any_threads(const tiller_config_t& config) {
 TEST_P(Bits, do_not_depend_on_threads) { expect_same_on_any_threads(shared_work(GetParam())); }
 
 TEST_P(Bits, do_not_depend_on_threads_with_every_option) {
-  tiller_config_t c = shared_work(GetParam());
+  tiller::Config c = shared_work(GetParam());
   switch_options_on(c);
   expect_same_on_any_threads(c);
 }
@@ -72,7 +73,7 @@ TEST_P(Bits, repeat) {
 
 TEST_P(Bits, differ_by_tick_and_by_seed) {
   if (is_gradient(GetParam())) GTEST_SKIP() << "the optimum of a linear model is the same";
-  tiller_config_t c = shared_work(GetParam());
+  tiller::Config c = shared_work(GetParam());
   // the whole plan: planners that choose among a few values often choose the same first one
   const auto planned = [](const tiller_config_t& config, std::uint64_t tick) {
     Bench bench(config);

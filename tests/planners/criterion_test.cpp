@@ -5,6 +5,7 @@
 #include <functional>
 
 #include "planner_matrix.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller_test {
 namespace {
@@ -12,8 +13,8 @@ namespace {
 using Criterion = EveryPlanner;
 
 /// alpha < 0: the mean; >= 1: the costliest particle.
-tiller_config_t three_masses(std::uint32_t planner, double alpha) {
-  tiller_config_t c = line_config(planner);
+tiller::Config three_masses(std::uint32_t planner, double alpha) {
+  tiller::Config c = line_config(planner);
   c.planner.particles = 5;
   c.planner.horizon = 30;
   c.planner.risk = alpha < 0.0 ? tiller_risk_mean : alpha >= 1.0 ? tiller_risk_worst : tiller_risk_cvar;
@@ -74,7 +75,7 @@ TEST_P(Criterion, reported_cost_is_the_sequences) {
 
 TEST_P(Criterion, never_rises_above_the_warm_start) {
   for (const std::uint32_t iterations : {1u, 4u}) {
-    tiller_config_t c = three_masses(GetParam(), 0.5);
+    tiller::Config c = three_masses(GetParam(), 0.5);
     c.planner.rollouts = 32;  // few and wild, so that the mean of the samples is often bad
     c.planner.noise_sd[0] = 50.0;
     c.planner.iterations = iterations;

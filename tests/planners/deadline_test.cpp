@@ -3,6 +3,7 @@
 // more than the reads of a planner that stops. ./dev bench deadline does the same a hundred thousand times.
 
 #include "planner_matrix.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller_test {
 namespace {
@@ -26,7 +27,7 @@ tiller_hooks_t reading_clock() {
 
 TEST_P(Deadlines, a_command_and_no_work_beyond) {
   const tiller_hooks_t hooks = reading_clock();
-  tiller_config_t c = line_config(GetParam());
+  tiller::Config c = line_config(GetParam());
   c.planner.rollouts = 128;
   c.planner.particles = 2;
   c.planner.horizon = 10;

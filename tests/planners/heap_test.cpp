@@ -10,6 +10,7 @@
 
 #include "planner_matrix.hpp"
 #include "planners/qp/osqp_qp.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 std::atomic<long> heap_calls{0};
@@ -83,7 +84,7 @@ TEST(HeapTrap, sees_what_it_should) {
 }
 
 TEST_P(Heap, is_not_touched_by_plans) {
-  tiller_config_t c = line_config(GetParam());
+  tiller::Config c = line_config(GetParam());
   c.planner.particles = 3;
   c.planner.iterations = 2;
   c.planner.risk = tiller_risk_cvar;
@@ -104,15 +105,15 @@ TEST_P(Heap, is_not_touched_by_plans) {
 TEST(HeapOfSqp, is_not_touched_by_quadratic_programs) {
   for (const std::uint32_t solver : {tiller_qp_riccati, tiller_qp_osqp}) {
     if (solver == tiller_qp_osqp && !tiller::has_osqp()) continue;
-    tiller_config_t c = line_config(tiller_planner_sqp);
+    tiller::Config c = line_config(tiller_planner_sqp);
     c.planner.horizon = 20;
     c.planner.qp_solver = solver;
     c.planner.qp_iterations = 200;
     c.planner.qp_tolerance = 1e-3;
     c.safety.input_rate_per_s[0] = 40.0;
     c.cost.hard_bounds = 2u;  // speed
-    c.cost.state_low[1] = -0.3;
-    c.cost.state_high[1] = 0.3;
+    c.state_low[1] = -0.3;
+    c.state_high[1] = 0.3;
     Bench bench(c);
     const std::vector<double> states[3] = {{1.0, 0.0}, {0.5, -0.4}, {std::nan(""), 0.0}};
     const long before = heap_calls;

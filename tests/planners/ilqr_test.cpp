@@ -6,6 +6,7 @@
 #include <random>
 
 #include "planner_matrix.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller_test {
 namespace {
@@ -109,8 +110,8 @@ std::vector<Matrix> riccati(const Matrix& a, const Matrix& b, int n, int m, cons
   return gains;
 }
 
-tiller_config_t wide_config(const tiller_model_t& model, std::uint32_t shooting) {
-  tiller_config_t c = line_config(tiller_planner_ilqr);
+tiller::Config wide_config(const tiller_model_t& model, std::uint32_t shooting) {
+  tiller::Config c = line_config(tiller_planner_ilqr);
   c.model = &model;
   c.planner.shooting = shooting;
   c.planner.iterations = 5;
@@ -167,7 +168,7 @@ TEST(Ilqr, reproduces_lqr_with_its_gains) {
       for (int j = 0; j < kN; ++j) a[i * kN + j] = dt * kLinear.f[i][j] + (i == j ? 1.0 : 0.0);
       for (int j = 0; j < kM; ++j) b[i * kM + j] = dt * kLinear.g[i][j];
     }
-    tiller_config_t c = wide_config(linear, shooting);
+    tiller::Config c = wide_config(linear, shooting);
     for (int i = 0; i < kN; ++i) c.cost.state_weight[i] = 1.0 + i, c.cost.terminal_weight[i] = 10.0;
     for (int i = 0; i < kM; ++i) c.cost.input_weight[i] = 0.1;
     const double random = lqr_error(c, a, b, {1.0, -0.5, 0.25, 2.0});
@@ -183,8 +184,8 @@ TEST(Ilqr, reproduces_lqr_with_its_gains) {
 
 constexpr double kPole[3] = {1.0, 0.1, 0.5};
 
-tiller_config_t cart_pole(std::uint32_t shooting, std::uint32_t horizon, double limit) {
-  tiller_config_t c = line_config(tiller_planner_ilqr);
+tiller::Config cart_pole(std::uint32_t shooting, std::uint32_t horizon, double limit) {
+  tiller::Config c = line_config(tiller_planner_ilqr);
   c.model = tiller_find_model("cart_pole");
   c.param_count = 3;
   c.integrator = tiller_integrator_semi_implicit_euler;
@@ -237,7 +238,7 @@ double rollout_cost(const tiller_config_t& c, const std::vector<double>& u) {
   tiller::StepSetup setup;
   setup.period_s = c.period_s;
   setup.integrator = tiller_integrator_semi_implicit_euler;
-  const tiller::CostTerms<double> cost = tiller::make_cost_terms<double>(c.cost);
+  const tiller::CostTerms<double> cost = tiller::make_cost_terms<double>(c.cost, c.model->state_count);
   const double x[4] = {0.0, static_cast<double>(static_cast<float>(3.141592653589793)), 0.0, 0.0};
   double p[3], out[tiller::kLanePadding];
   for (int i = 0; i < 3; ++i) p[i] = static_cast<double>(static_cast<float>(kPole[i]));
@@ -255,7 +256,7 @@ double rollout_cost(const tiller_config_t& c, const std::vector<double>& u) {
 }
 
 TEST(Ilqr, box_solution_satisfies_the_optimality_conditions) {
-  const tiller_config_t c = cart_pole(tiller_shooting_multiple, 50, 20.0);
+  const tiller::Config c = cart_pole(tiller_shooting_multiple, 50, 20.0);
   CartPoleBench bench(c);
   const double cost = bench.plan().cost;
   std::vector<double> u(50);
@@ -308,7 +309,7 @@ TEST(Ilqr, checks_its_deadline_before_every_iteration) {
 
 TEST(Ilqr, a_prepared_plan_is_the_plan) {
   for (const std::uint32_t shooting : {tiller_shooting_single, tiller_shooting_multiple}) {
-    tiller_config_t c = cart_pole(shooting, 50, 20.0);
+    tiller::Config c = cart_pole(shooting, 50, 20.0);
     c.planner.iterations = 3;
     CartPoleBench prepared(c), plain(c);
     const tiller::PlannerTable& table = *tiller::find_planner(tiller_planner_ilqr);
@@ -332,8 +333,8 @@ TEST(Ilqr, a_prepared_plan_is_the_plan) {
 // ---- scenarios ----------------------------------------------------------------------------------
 
 /// Three masses on a line under one input sequence.
-tiller_config_t masses(std::uint32_t shooting, std::uint32_t horizon) {
-  tiller_config_t c = wide_config(double_integrator, shooting);
+tiller::Config masses(std::uint32_t shooting, std::uint32_t horizon) {
+  tiller::Config c = wide_config(double_integrator, shooting);
   c.planner.particles = 3;
   c.planner.horizon = horizon;
   c.cost.input_rate_weight[0] = 0.003;
@@ -391,7 +392,7 @@ Matrix best_inputs(const tiller_config_t& c, const Bench& bench, const double* w
 
 TEST(Ilqr, several_scenarios_share_one_sequence) {
   for (const std::uint32_t shooting : {tiller_shooting_single, tiller_shooting_multiple}) {
-    const tiller_config_t c = masses(shooting, 20);
+    const tiller::Config c = masses(shooting, 20);
     Bench bench(c, nullptr, tiller::select_rollout(*c.model));
     spread(bench);
     bench.plan();
@@ -432,7 +433,7 @@ double best_risk(const tiller_config_t& c, const Bench& bench, double bound) {
 TEST(Ilqr, risk_reaches_its_minimum) {
   for (const std::uint32_t shooting : {tiller_shooting_single, tiller_shooting_multiple})
     for (const double alpha : {0.3, 0.5, 1.0}) {
-      tiller_config_t c = masses(shooting, 8);
+      tiller::Config c = masses(shooting, 8);
       c.planner.risk = alpha < 1.0 ? tiller_risk_cvar : tiller_risk_worst;
       c.planner.cvar_alpha = alpha;
       c.planner.iterations = 100;

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "planner_matrix.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller_test {
 namespace {
@@ -28,8 +29,8 @@ double uniform(std::mt19937_64& random, double low, double high) {
 }
 
 /// Limits from a point to the whole range of double, rates from none to infinite.
-tiller_config_t random_problem(std::mt19937_64& random, std::uint32_t planner) {
-  tiller_config_t c = line_config(planner);
+tiller::Config random_problem(std::mt19937_64& random, std::uint32_t planner) {
+  tiller::Config c = line_config(planner);
   c.seed = random();
   c.planner.horizon = 2 + below(random, 12);
   c.planner.knots = 2 + below(random, 5);
@@ -98,7 +99,7 @@ TEST_P(Limits, are_kept_in_random_problems) {
   const long plans = configurations() * kPlans;
   long at_limit = 0, at_rate = 0, not_finite = 0;
   for (long i = 0; i < configurations(); ++i) {
-    const tiller_config_t c = random_problem(random, GetParam());
+    const tiller::Config c = random_problem(random, GetParam());
     Bench bench(c);
     for (long k = 0; k < kPlans; ++k) {
       const double bad = random() % 16 == 0 ? pick(random, {kNan, kInfinity, -kInfinity, 1e30}) : 0.0;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "planner_matrix.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller_test {
 namespace {
@@ -52,7 +53,7 @@ double closed_loop_cost(const tiller_config_t& c, Policy policy) {
 class Lqr : public ::testing::TestWithParam<std::uint32_t> {};
 
 TEST_P(Lqr, closed_loop_cost_is_near_optimal) {
-  tiller_config_t c = line_config(GetParam());
+  tiller::Config c = line_config(GetParam());
   c.planner.rollouts = 256;
   c.planner.iterations = 3;
   c.planner.levels = 15;

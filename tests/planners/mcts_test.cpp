@@ -7,6 +7,7 @@
 
 #include "planners/mcts_tree.hpp"
 #include "problem.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller_test {
 namespace {
@@ -122,7 +123,7 @@ TEST(MctsTree, descends_with_all_that_is_below_and_gives_the_rest_back) {
 }
 
 TEST(Mcts, plays_no_other_values_than_its_levels) {
-  tiller_config_t c = line_config(tiller_planner_mcts);
+  tiller::Config c = line_config(tiller_planner_mcts);
   c.planner.levels = 3;
   Bench bench(c);
   bool moved = false;
@@ -139,7 +140,7 @@ TEST(Mcts, plays_no_other_values_than_its_levels) {
 }
 
 TEST(Mcts, holds_choices_on_the_clock) {
-  tiller_config_t c = line_config(tiller_planner_mcts);
+  tiller::Config c = line_config(tiller_planner_mcts);
   c.planner.hold_steps = 7;
   Bench bench(c);
   for (int tick = 0; tick < 40; ++tick) {
@@ -159,7 +160,7 @@ TEST(Mcts, is_better_for_its_tree) {
   double with = 0.0, without = 0.0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed)
     for (const bool tree : {true, false}) {
-      tiller_config_t c = line_config(tiller_planner_mcts);
+      tiller::Config c = line_config(tiller_planner_mcts);
       c.seed = seed;
       c.planner.rollouts = 64;
       c.planner.iterations = 16;
@@ -203,8 +204,8 @@ const tiller_model_t& masses() {
   return model;
 }
 
-tiller_config_t masses_config(std::uint32_t nodes) {
-  tiller_config_t c = line_config(tiller_planner_mcts);
+tiller::Config masses_config(std::uint32_t nodes) {
+  tiller::Config c = line_config(tiller_planner_mcts);
   c.model = &masses();
   c.planner.nodes = nodes;
   c.planner.iterations = 16;
@@ -223,7 +224,7 @@ const std::vector<double> kAtStart = {0.5, -0.4, 0.3, -0.2, 0.0, 0.5, -0.5, 0.2}
 /// 5^4 values together are more than a node has children: a choice then sets one input, and every input keeps its five.
 /// The masses are brought to rest by planning again and again.
 TEST(Mcts, many_inputs_keep_their_levels_and_reach_their_targets) {
-  const tiller_config_t c = masses_config(4096);
+  const tiller::Config c = masses_config(4096);
   Bench bench(c);
   std::vector<double> x = kAtStart;
   std::set<float> seen[kMasses];
@@ -238,7 +239,8 @@ TEST(Mcts, many_inputs_keep_their_levels_and_reach_their_targets) {
   }
   for (const std::set<float>& input : seen) {
     EXPECT_TRUE(input.count(-2.5f) || input.count(2.5f)) << "in between, which two or three levels would lack";
-    for (const float value : input) EXPECT_TRUE(std::set<float>({-5.0f, -2.5f, 0.0f, 2.5f, 5.0f}).count(value)) << value;
+    for (const float value : input)
+      EXPECT_TRUE(std::set<float>({-5.0f, -2.5f, 0.0f, 2.5f, 5.0f}).count(value)) << value;
   }
   // the least change of speed is 2.5 N for 0.1 s, so a mass comes to rest within 0.25 m/s and what that travels
   for (int i = 0; i < kMasses; ++i) {

@@ -4,6 +4,7 @@
 
 #include "planners/sampler.hpp"
 #include "problem.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller_test {
 namespace {
@@ -20,7 +21,7 @@ double effective_share(const tiller::Sampler& s) {
 TEST(MppiShare, is_the_temperature_whatever_the_costs_scale) {
   for (const double share : {0.01, 0.05, 0.3, 0.9})
     for (const double scale : {1e-12, 1.0, 1e12}) {
-      tiller_config_t c = line_config(tiller_planner_mppi);
+      tiller::Config c = line_config(tiller_planner_mppi);
       c.planner.rollouts = 1024;
       c.planner.temperature = share;
       for (int i = 0; i < 2; ++i) {
@@ -39,7 +40,7 @@ TEST(MppiShare, is_the_temperature_whatever_the_costs_scale) {
 }
 
 TEST(MppiShare, of_equal_costs_is_one) {
-  tiller_config_t c = line_config(tiller_planner_mppi);
+  tiller::Config c = line_config(tiller_planner_mppi);
   c.planner.noise_sd[0] = 0.0;
   Bench bench(c);
   bench.set_state({1.0, 0.0});

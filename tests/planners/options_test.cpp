@@ -4,6 +4,7 @@
 
 #include "planners/sampler.hpp"
 #include "problem.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller_test {
 namespace {
@@ -13,8 +14,8 @@ using tiller::Sampler;
 const Sampler& sampler_of(const Bench& bench) { return *static_cast<const Sampler*>(bench.planner()); }
 
 /// One knot grid of a plan whose samples are not cut by limits.
-tiller_config_t wide_config(std::uint32_t planner, std::uint32_t knots) {
-  tiller_config_t c = line_config(planner);
+tiller::Config wide_config(std::uint32_t planner, std::uint32_t knots) {
+  tiller::Config c = line_config(planner);
   c.planner.knots = knots;
   c.planner.rollouts = 8192;
   c.safety.input_low[0] = -1e6;
@@ -28,7 +29,7 @@ std::vector<double> sample_moments(const tiller_config_t& c) {
   std::vector<double> sum(std::size_t{n} * n, 0.0);
   double count = 0.0;
   for (std::uint64_t seed = 0; seed < 40; ++seed) {
-    tiller_config_t one = c;
+    tiller::Config one = c;
     one.seed = seed;
     one.planner.horizon = 3;
     Bench bench(one);
@@ -55,7 +56,7 @@ TEST(NoiseColour, keeps_the_spread_of_every_knot_and_has_the_spectrum) {
   constexpr std::uint32_t kKnots = 12;
   double last_neighbours = -1.0;
   for (const double colour : {0.0, 1.0, 2.0, 4.0}) {
-    tiller_config_t c = wide_config(tiller_planner_cem, kKnots);
+    tiller::Config c = wide_config(tiller_planner_cem, kKnots);
     c.planner.noise_colour = colour;
     const std::vector<double> moments = sample_moments(c);
     // the power spectrum's own sum, written out over twice the knots, the constant as strong as the slowest wave
@@ -82,7 +83,7 @@ TEST(NoiseColour, keeps_the_spread_of_every_knot_and_has_the_spectrum) {
 TEST(Filter, is_pddms_recursion_over_the_knots) {
   constexpr std::uint32_t kKnots = 6;
   constexpr double kBeta = 0.6;
-  tiller_config_t c = wide_config(tiller_planner_mppi, kKnots);
+  tiller::Config c = wide_config(tiller_planner_mppi, kKnots);
   c.planner.filter = kBeta;
   const std::vector<double> moments = sample_moments(c);
   for (std::uint32_t i = 0; i < kKnots; ++i)
@@ -98,7 +99,7 @@ TEST(Filter, is_pddms_recursion_over_the_knots) {
 
 TEST(AdaptCovariance, leaves_the_spread_where_all_samples_are_equal) {
   for (const std::uint32_t kind : {std::uint32_t{tiller_planner_mppi}, std::uint32_t{tiller_planner_cem}}) {
-    tiller_config_t c = wide_config(kind, 6);
+    tiller::Config c = wide_config(kind, 6);
     c.planner.rollouts = 1024;
     c.planner.adapt_covariance = 1;
     c.planner.elite_fraction = 1.0;
@@ -114,7 +115,7 @@ TEST(AdaptCovariance, leaves_the_spread_where_all_samples_are_equal) {
 
 TEST(AdaptCovariance, narrows_to_what_matters_between_floor_and_ceiling) {
   for (const std::uint32_t kind : {std::uint32_t{tiller_planner_mppi}, std::uint32_t{tiller_planner_cem}}) {
-    tiller_config_t c = wide_config(kind, 6);
+    tiller::Config c = wide_config(kind, 6);
     c.planner.rollouts = 1024;
     c.planner.adapt_covariance = 1;
     c.cost = {};
@@ -135,7 +136,7 @@ TEST(AdaptCovariance, narrows_to_what_matters_between_floor_and_ceiling) {
 }
 
 TEST(AdaptCovariance, never_leaves_floor_and_ceiling_and_moves_with_the_knots) {
-  tiller_config_t c = line_config(tiller_planner_mppi);
+  tiller::Config c = line_config(tiller_planner_mppi);
   c.planner.adapt_covariance = 1;
   Bench bench(c);
   const Sampler& s = sampler_of(bench);
@@ -159,7 +160,7 @@ TEST(AdaptCovariance, never_leaves_floor_and_ceiling_and_moves_with_the_knots) {
 }
 
 TEST(Interpolation, cubic_plans_slide_unchanged) {
-  tiller_config_t c = line_config(tiller_planner_mppi);
+  tiller::Config c = line_config(tiller_planner_mppi);
   c.planner.interpolation = tiller_interpolation_cubic;
   Bench bench(c);
   bench.set_state({1.0, 0.0});
@@ -176,7 +177,7 @@ TEST(Interpolation, cubic_plans_slide_unchanged) {
 TEST(TwoInputs, every_option_and_the_tree_fly_within_the_limits) {
   for (const std::uint32_t kind : {std::uint32_t{tiller_planner_random_shooting}, std::uint32_t{tiller_planner_cem},
                                    std::uint32_t{tiller_planner_mppi}, std::uint32_t{tiller_planner_mcts}}) {
-    tiller_config_t c = line_config(kind);
+    tiller::Config c = line_config(kind);
     c.model = tiller_find_model("planar_quadrotor");
     ASSERT_NE(c.model, nullptr);
     c.param_count = c.model->param_count;

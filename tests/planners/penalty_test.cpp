@@ -3,6 +3,7 @@
 
 #include "planner_matrix.hpp"
 #include "planners/sampler.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller_test {
 namespace {
@@ -39,8 +40,8 @@ const tiller_model_t kModel = {sizeof(tiller_model_t),
 constexpr double kParams[3] = {1.2, 0.5, 0.08};
 constexpr double kBelt_m = 1.01, kLimit_m = 1.0;
 
-tiller_config_t swing_up(std::uint32_t planner, std::uint32_t particles) {
-  tiller_config_t c = line_config(planner);
+tiller::Config swing_up(std::uint32_t planner, std::uint32_t particles) {
+  tiller::Config c = line_config(planner);
   c.model = &kModel;
   c.param_count = 3;
   c.planner.horizon = 40;
@@ -51,9 +52,9 @@ tiller_config_t swing_up(std::uint32_t planner, std::uint32_t particles) {
   c.cost.state_weight[0] = c.cost.terminal_weight[0] = 10.0;
   c.cost.state_weight[1] = c.cost.terminal_weight[1] = 0.5;
   c.cost.input_weight[0] = 0.0;
-  c.cost.state_low[2] = -1.0;
-  c.cost.state_high[2] = kLimit_m;
-  c.cost.bound_weight[2] = 1e12;
+  c.state_low[2] = -1.0;
+  c.state_high[2] = kLimit_m;
+  c.bound_weight[2] = 1e12;
   c.safety.input_low[0] = -3.0;
   c.safety.input_high[0] = 3.0;  // half of what would lift it at once
   return c;
@@ -101,10 +102,10 @@ using Penalty = EveryPlanner;
 
 TEST_P(Penalty, that_all_samples_pay_alike_erases_nothing) {
   for (const std::uint32_t particles : {1u, 4u}) {
-    const tiller_config_t dear = swing_up(GetParam(), particles);
-    tiller_config_t free = dear;
+    const tiller::Config dear = swing_up(GetParam(), particles);
+    tiller::Config free = dear;
     // gradient planners take another way through a cost that is quadratic alone
-    free.cost.bound_weight[2] = is_gradient(GetParam()) ? 1e-6 : 0.0;
+    free.bound_weight[2] = is_gradient(GetParam()) ? 1e-6 : 0.0;
     // a gradient from hanging leads to where the torque just holds the pendulum
     const double begin_rad = is_gradient(GetParam()) ? 2.8 : 0.3;
     Steered a(dear, begin_rad), b(free, begin_rad);
@@ -127,11 +128,11 @@ TILLER_EVERY_PLANNER(Penalty);
 
 /// MPPI's share is of all finite samples, those far beyond a limit too.
 TEST(PenaltyOfSome, leaves_mppi_to_weigh_the_others) {
-  tiller_config_t c = line_config(tiller_planner_mppi);
+  tiller::Config c = line_config(tiller_planner_mppi);
   c.planner.rollouts = 1024;
-  c.cost.state_low[0] = -INFINITY;
-  c.cost.state_high[0] = 1.0;
-  c.cost.bound_weight[0] = 1e12;
+  c.state_low[0] = -INFINITY;
+  c.state_high[0] = 1.0;
+  c.bound_weight[0] = 1e12;
   Bench bench(c, nullptr, tiller::select_rollout(*c.model));
   bench.set_state({0.9, 0.0});
   for (int t = 0; t < 10; ++t) {

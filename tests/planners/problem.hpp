@@ -11,13 +11,14 @@
 #include "double_integrator.h"
 #include "plain_rollout.hpp"
 #include "planners/planner.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller_test {
 
 /// A mass of 1 kg on a line, 20 ms, |u| <= 5 N: the configuration that the tests vary.
-inline tiller_config_t line_config(std::uint32_t planner) {
-  tiller_config_t c{};
-  c.size = sizeof c;
+inline tiller::Config line_config(std::uint32_t planner) {
+  tiller::Config c{};
+  c.size = sizeof(tiller_config_t);
   c.version = TILLER_CONFIG_VERSION;
   c.model = &double_integrator;
   c.seed = 1;
@@ -57,7 +58,7 @@ inline tiller_config_t line_config(std::uint32_t planner) {
 }
 
 /// Every option of the sampling planners that is off by default.
-inline void switch_options_on(tiller_config_t& c) {
+inline void switch_options_on(tiller::Config& c) {
   c.planner.interpolation = tiller_interpolation_cubic;
   c.planner.adapt_covariance = 1;
   c.planner.noise_colour = 1.5;
@@ -124,7 +125,7 @@ class Bench {
   struct FreeBlock {
     void operator()(unsigned char* p) const { ::operator delete[](p, std::align_val_t{64}); }
   };
-  tiller_config_t config_;
+  tiller::Config config_;
   tiller::StepSetup setup_;
   const tiller::PlannerTable* table_;
   std::unique_ptr<unsigned char[], FreeBlock> block_;

@@ -6,6 +6,7 @@
 
 #include "planners/qp/osqp_qp.hpp"
 #include "problem.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller_test {
 namespace {
@@ -14,14 +15,14 @@ constexpr double kNone = std::numeric_limits<double>::infinity();
 
 const tiller::RolloutTable& table_of(const tiller_config_t& c) { return tiller::select_rollout(*c.model); }
 
-tiller_config_t line_sqp() {
-  tiller_config_t c = line_config(tiller_planner_sqp);
+tiller::Config line_sqp() {
+  tiller::Config c = line_config(tiller_planner_sqp);
   c.integrator = tiller_integrator_rk4;
   c.planner.qp_iterations = 60;
   c.planner.qp_tolerance = 1e-8;
   for (double& low : c.safety.input_low) low = -500.0;
   for (double& high : c.safety.input_high) high = 500.0;
-  for (int i = 0; i < TILLER_MAX_STATES; ++i) c.cost.state_low[i] = -kNone, c.cost.state_high[i] = kNone;
+  for (int i = 0; i < TILLER_MAX_STATES; ++i) c.state_low[i] = -kNone, c.state_high[i] = kNone;
   return c;
 }
 
@@ -46,7 +47,7 @@ void first_gain(const tiller_config_t& c, double* k) {
 }
 
 TEST(Sqp, is_lqr_on_a_linear_system) {
-  const tiller_config_t c = line_sqp();
+  const tiller::Config c = line_sqp();
   double k[2];
   first_gain(c, k);
   for (const double position : {0.5, -2.0, 1.0}) {
@@ -65,7 +66,7 @@ TEST(Sqp, is_lqr_on_a_linear_system) {
 /// Without a rate limit the last input is no state, and the cost has no cross terms for OSQP to read.
 TEST(Sqp, osqp_is_lqr_too) {
   if (!tiller::has_osqp()) GTEST_SKIP() << "built without OSQP";
-  tiller_config_t c = line_sqp();
+  tiller::Config c = line_sqp();
   c.planner.qp_solver = tiller_qp_osqp;
   c.planner.qp_iterations = 10000;
   c.planner.qp_tolerance = 1e-7;
@@ -81,13 +82,13 @@ TEST(Sqp, osqp_is_lqr_too) {
 
 /// A linear problem with everything bounded: solved in one iteration, so a second one has nothing to add.
 TEST(Sqp, one_program_solves_a_linear_problem_with_bounds) {
-  tiller_config_t c = line_sqp();
+  tiller::Config c = line_sqp();
   c.safety.input_low[0] = -3.0;
   c.safety.input_high[0] = 3.0;
   c.safety.input_rate_per_s[0] = 40.0;  // 0.8 N a period
   c.cost.hard_bounds = 2u;              // speed
-  c.cost.state_low[1] = -0.6;
-  c.cost.state_high[1] = 0.6;
+  c.state_low[1] = -0.6;
+  c.state_high[1] = 0.6;
   for (const std::uint32_t solver : {tiller_qp_riccati, tiller_qp_osqp}) {
     if (solver == tiller_qp_osqp && !tiller::has_osqp()) continue;
     c.planner.qp_solver = solver;
@@ -123,12 +124,12 @@ TEST(Sqp, one_program_solves_a_linear_problem_with_bounds) {
 }
 
 TEST(Sqp, says_when_bounds_cannot_be_kept) {
-  tiller_config_t c = line_sqp();
+  tiller::Config c = line_sqp();
   c.safety.input_low[0] = -3.0;
   c.safety.input_high[0] = 3.0;
   c.cost.hard_bounds = 1u;
-  c.cost.state_low[0] = -0.1;
-  c.cost.state_high[0] = 0.1;
+  c.state_low[0] = -0.1;
+  c.state_high[0] = 0.1;
   Bench bench(c, nullptr, table_of(c));
   bench.set_state({0.5, 0.0});
   const tiller::PlanResult result = bench.plan();
@@ -139,7 +140,7 @@ TEST(Sqp, says_when_bounds_cannot_be_kept) {
 }
 
 TEST(Sqp, says_when_a_program_runs_into_its_cap) {
-  tiller_config_t c = line_sqp();
+  tiller::Config c = line_sqp();
   c.safety.input_rate_per_s[0] = 40.0;
   c.safety.input_low[0] = -3.0;
   c.safety.input_high[0] = 3.0;
@@ -153,9 +154,9 @@ TEST(Sqp, says_when_a_program_runs_into_its_cap) {
 
 // ---- cart-pole on a short rail ------------------------------------------------------------------
 
-tiller_config_t cart_pole_sqp() {
-  tiller_config_t c{};
-  c.size = sizeof c;
+tiller::Config cart_pole_sqp() {
+  tiller::Config c{};
+  c.size = sizeof(tiller_config_t);
   c.version = TILLER_CONFIG_VERSION;
   c.model = tiller_find_model("cart_pole");
   c.seed = 1;
@@ -177,7 +178,7 @@ tiller_config_t cart_pole_sqp() {
     c.cost.terminal_weight[i] = terminal[i];
   }
   c.cost.input_weight[0] = 0.001;
-  for (int i = 0; i < TILLER_MAX_STATES; ++i) c.cost.state_low[i] = -kNone, c.cost.state_high[i] = kNone;
+  for (int i = 0; i < TILLER_MAX_STATES; ++i) c.state_low[i] = -kNone, c.state_high[i] = kNone;
   for (std::uint32_t i = 0; i < TILLER_MAX_INPUTS; ++i) {
     c.safety.input_low[i] = -20.0;
     c.safety.input_high[i] = 20.0;
@@ -233,13 +234,13 @@ Ride ride(const tiller_config_t& c, const std::vector<double>& start, int steps,
 }
 
 TEST(Sqp, keeps_a_cart_on_its_rail) {
-  tiller_config_t c = cart_pole_sqp();
+  tiller::Config c = cart_pole_sqp();
   const std::vector<double> start = {0.0, 3.0, 0.0, 0.0};  // hanging, a little aside
   const Ride free = ride(c, start, 300);
   const double rail = 0.4 * free.widest;
   c.cost.hard_bounds = 1u;
-  c.cost.state_low[0] = -rail;
-  c.cost.state_high[0] = rail;
+  c.state_low[0] = -rail;
+  c.state_high[0] = rail;
   const Ride bound = ride(c, start, 300);
   std::printf("free: %.3f m wide, ends %.1e rad from upright; rail %.3f m: %.4f m, %.1e rad, %d relaxed, %d unsolved\n",
               free.widest, free.angle, rail, bound.widest, bound.angle, bound.relaxed, bound.unsolved);
@@ -250,7 +251,7 @@ TEST(Sqp, keeps_a_cart_on_its_rail) {
 }
 
 TEST(Sqp, preparation_changes_little) {
-  tiller_config_t c = cart_pole_sqp();
+  tiller::Config c = cart_pole_sqp();
   c.planner.iterations = 1;
   const Ride plain = ride(c, {0.3, 0.2, 0.0, 0.0}, 150), prepared = ride(c, {0.3, 0.2, 0.0, 0.0}, 150, true);
   double largest = 0.0;
@@ -262,7 +263,7 @@ TEST(Sqp, preparation_changes_little) {
 }
 
 TEST(Sqp, plans_for_scenarios_under_every_risk) {
-  tiller_config_t c = cart_pole_sqp();
+  tiller::Config c = cart_pole_sqp();
   c.planner.particles = 4;
   c.planner.cvar_alpha = 0.5;
   for (const std::uint32_t risk : {tiller_risk_mean, tiller_risk_cvar, tiller_risk_worst}) {

@@ -2,6 +2,7 @@
 // 400 N/s, and held there. The plant is one of the belief's models, stepped by the same kernel in double.
 
 #include "planner_matrix.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller_test {
 namespace {
@@ -10,8 +11,8 @@ using SwingUp = EveryPlanner;
 
 constexpr double kParams[3] = {1.0, 0.1, 0.5};  // cart 1 kg, pole 0.1 kg, half length 0.5 m
 
-tiller_config_t cart_pole(std::uint32_t planner, std::uint32_t particles) {
-  tiller_config_t c = line_config(planner);
+tiller::Config cart_pole(std::uint32_t planner, std::uint32_t particles) {
+  tiller::Config c = line_config(planner);
   c.model = tiller_find_model("cart_pole");
   c.param_count = 3;
   c.integrator = tiller_integrator_semi_implicit_euler;
@@ -90,7 +91,7 @@ double time_upright(const tiller_config_t& c) {
 TEST_P(SwingUp, within_six_seconds_and_held) {
   for (const std::uint32_t particles : {1u, 8u})
     for (const std::uint64_t seed : seeds_of(GetParam(), 5)) {
-      tiller_config_t c = cart_pole(GetParam(), particles);
+      tiller::Config c = cart_pole(GetParam(), particles);
       c.seed = seed;
       const double upright = time_upright(c);
       std::printf("%s, %u particles, seed %d: upright for good after %.2f s\n", tiller::find_planner(GetParam())->name,
@@ -102,7 +103,7 @@ TEST_P(SwingUp, within_six_seconds_and_held) {
 }
 
 /// Commands of half a second from hanging.
-std::vector<double> first_commands(tiller_config_t c, std::uint64_t seed) {
+std::vector<double> first_commands(tiller::Config c, std::uint64_t seed) {
   c.seed = seed;
   Bench bench(c, nullptr, tiller::select_rollout(*c.model));
   believe(bench);
@@ -119,7 +120,7 @@ std::vector<double> first_commands(tiller_config_t c, std::uint64_t seed) {
 
 TEST_P(SwingUp, seeds_make_a_difference_where_something_is_drawn) {
   for (const std::uint32_t particles : {1u, 8u}) {
-    const tiller_config_t c = cart_pole(GetParam(), particles);
+    const tiller::Config c = cart_pole(GetParam(), particles);
     EXPECT_EQ(first_commands(c, 1) == first_commands(c, 2), draws_nothing(GetParam())) << particles;
   }
 }

@@ -6,6 +6,7 @@
 
 #include "harness/accuracy/accuracy_run.hpp"
 #include "harness/accuracy/accuracy_statistics.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -14,8 +15,8 @@ using namespace tiller::bench;
 
 constexpr std::uint64_t kFirstSeed = 300001;  // apart from those that scores are taken on and settings chosen on
 
-tiller_config_t with_engine(const AccuracyTask& task, std::uint64_t seed) {
-  tiller_config_t c = task.config;
+tiller::Config with_engine(const AccuracyTask& task, std::uint64_t seed) {
+  tiller::Config c = task.config;
   c.seed = seed;
   c.posterior.kind = tiller_posterior_transition;
   c.posterior.particles = 512;

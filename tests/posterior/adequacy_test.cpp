@@ -11,6 +11,7 @@
 #include <cstring>
 #include <functional>
 
+#include "tiller/config.hpp"
 #include "transition_rig.hpp"
 
 namespace {
@@ -37,7 +38,7 @@ const tiller_model_t& jointed() {
   return model;
 }
 
-tiller_config_t tested() {
+tiller::Config tested() {
   auto c = rig::config();
   c.model = &jointed();
   c.priors[1] = rig::uniform(0.1, 0.5);
@@ -256,7 +257,7 @@ TEST(Adequacy, FindsGrowingNoise) {
 // ---- the test by itself, on values that the sceptic has drawn ----
 
 struct Alone {
-  tiller_config_t c = tested();
+  tiller::Config c = tested();
   AdequacyTest* test = nullptr;
   Alone(std::uint32_t channels, bool overlap) {
     c.measurement_count = channels;

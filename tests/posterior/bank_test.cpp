@@ -9,13 +9,14 @@
 #include <memory>
 
 #include "posterior/transition/bank.hpp"
+#include "tiller/config.hpp"
 #include "transition_rig.hpp"
 
 namespace {
 
 using rig::TransitionLog;
 
-tiller_config_t small() {
+tiller::Config small() {
   auto c = rig::transition_config();
   c.posterior.particles = 256;
   c.posterior.window = 32;
@@ -73,7 +74,7 @@ TEST(Bank, OneHypothesisIsTheEngineItself) {
   two.posterior.delay_hypotheses = 3;
   Bank a(one), b(two);
   EXPECT_GT(b.size(), 2 * a.size());
-  EXPECT_LT(b.size(), 4 * a.size() + 16 * sizeof(tiller_config_t));
+  EXPECT_LT(b.size(), 4 * a.size() + 16 * (sizeof(tiller_config_t) + TILLER_MAX_PARAMS * sizeof(tiller_prior_t)));
   EXPECT_EQ(b->size(), 2 * a->size());
 }
 
@@ -108,8 +109,8 @@ TEST(Bank, FindsTheDelay) {
   }
 }
 
-tiller_config_t pendulum() {
-  tiller_config_t c = rig::transition_config();
+tiller::Config pendulum() {
+  tiller::Config c = rig::transition_config();
   c.model = tiller_find_model("pendulum");
   c.period_s = 0.02;
   c.integrator = tiller_integrator_rk4;
@@ -173,7 +174,7 @@ struct KernelBank {
   }
   tiller::Posterior* operator->() { return &**instance; }
   tiller::Posterior& operator*() { return **instance; }
-  tiller_config_t c;
+  tiller::Config c;
   tiller::StepSetup setup;
   std::unique_ptr<rig::Instance> instance;
 };
@@ -195,7 +196,7 @@ TEST(Bank, CoversADelayBetweenWholePeriods) {
     int covered[3] = {}, covered_delay = 0, rounded = 0;
     double worst = 0.0;
     for (unsigned seed = 0; seed < runs; ++seed) {
-      tiller_config_t c = pendulum();
+      tiller::Config c = pendulum();
       c.seed = 1 + seed;
       std::mt19937_64 random(1500 + seed);
       std::uniform_real_distribution<double> u01;
@@ -294,7 +295,7 @@ int recovery(const tiller_config_t& c, unsigned seed) {
   return since <= watched - stays ? since : watched;
 }
 
-tiller_config_t forgetting() {
+tiller::Config forgetting() {
   auto c = small();
   c.posterior.particles = 512;
   c.posterior.window = 64;

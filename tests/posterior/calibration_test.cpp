@@ -7,6 +7,7 @@
 #include <cstdio>
 
 #include "linear_rig.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -47,7 +48,7 @@ void expect_binomial(int hits, int runs, double p) {
   EXPECT_NEAR(hits, runs * p, 3.29 * std::sqrt(runs * p * (1.0 - p)));
 }
 
-void calibrate(const char* what, tiller_config_t c, int steps, int runs, bool both) {
+void calibrate(const char* what, tiller::Config c, int steps, int runs, bool both) {
   Ranks ranks[2];
   const double a0 = c.posterior.noise_scale_shape;
   for (int run = 0; run < runs; ++run) {

@@ -8,14 +8,15 @@
 
 #include "linear_rig.hpp"
 #include "rollout/rollout.hpp"
+#include "tiller/config.hpp"
 
 namespace rig {
 
 /// The library's cart-pole with viscous friction at the cart; pole mass, half length and friction unknown, each
 /// uniform within 50 % of its nominal value; encoders on position and angle, no rates.
-inline tiller_config_t cart_pole_config() {
-  tiller_config_t c{};
-  c.size = sizeof c;
+inline tiller::Config cart_pole_config() {
+  tiller::Config c{};
+  c.size = sizeof(tiller_config_t);
   c.version = TILLER_CONFIG_VERSION;
   c.model = tiller_find_model("cart_pole");
   c.seed = 1;
@@ -118,7 +119,7 @@ struct CartPole {
     instance = std::make_unique<Instance>(c, hooks, tiller::select_rollout(*c.model), &setup);
   }
   tiller::Posterior* operator->() { return &**instance; }
-  tiller_config_t c;
+  tiller::Config c;
   tiller::StepSetup setup;
   std::unique_ptr<Instance> instance;
 };

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "rollout/rollout.hpp"
+#include "tiller/config.hpp"
 #include "transition_rig.hpp"
 
 // The linker sends every call of these to us (see CMakeLists.txt), from whichever library it comes.
@@ -40,8 +41,8 @@ namespace {
 using rig::Instance;
 
 /// The rig with both states measured, and normal priors of gain and damping.
-tiller_config_t config() {
-  tiller_config_t c = rig::config();
+tiller::Config config() {
+  tiller::Config c = rig::config();
   c.priors[0] = rig::normal(1.0, 0.3);
   c.priors[1] = rig::normal(0.4, 0.2);
   c.measurement_count = 2;
@@ -471,7 +472,7 @@ const char* refusal(const tiller_config_t& c, const tiller::RolloutTable& table 
 TEST(Conjugate, RefusesWhatItCannotDo) {
   EXPECT_STREQ(refusal(config()), "");
   const auto with = [](auto change) {
-    tiller_config_t c = config();
+    tiller::Config c = config();
     change(c);
     return std::string(refusal(c));
   };
@@ -490,7 +491,7 @@ TEST(Conjugate, RefusesWhatItCannotDo) {
 // evaluates the dynamics once.
 TEST(Conjugate, AffinityIsFoundOut) {
   const auto pendulum = [](int unknown, std::uint32_t integrator, std::uint32_t substeps) {
-    tiller_config_t c = config();
+    tiller::Config c = config();
     c.model = tiller_find_model("pendulum");
     c.integrator = integrator;
     c.substeps = substeps;

@@ -11,6 +11,7 @@
 
 #include "cart_pole_rig.hpp"
 #include "posterior/contraction.hpp"
+#include "tiller/config.hpp"
 #include "transition_rig.hpp"
 
 // The linker sends every call of these to us (see CMakeLists.txt), from whichever library it comes.
@@ -271,7 +272,7 @@ TEST(Draw, StratifiedAndWhole) {
 }
 
 /// A cloud whose weights differ by orders of magnitude: nothing was resampled or moved.
-tiller_config_t weighted_cloud() {
+tiller::Config weighted_cloud() {
   auto c = rig::config();
   c.posterior.ess_fraction = 0.01;
   c.posterior.moves_per_tick = 0;

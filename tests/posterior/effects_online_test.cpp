@@ -9,6 +9,7 @@
 
 #include "linear_rig.hpp"
 #include "rollout/measurement.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -22,9 +23,9 @@ struct Case {
   std::vector<double> least_sharper;  // prior over posterior deviation that 20 s must give, per unknown parameter
 };
 
-tiller_config_t pendulum_config(const Case& which) {
-  tiller_config_t c{};
-  c.size = sizeof c;
+tiller::Config pendulum_config(const Case& which) {
+  tiller::Config c{};
+  c.size = sizeof(tiller_config_t);
   c.version = TILLER_CONFIG_VERSION;
   c.model = tiller_find_model("pendulum");
   c.period_s = 0.02;
@@ -108,7 +109,7 @@ class Online : public ::testing::TestWithParam<Case> {};
 TEST_P(Online, EffectIsFound) {
   const Case& which = GetParam();
   for (unsigned seed = 1; seed <= 3; ++seed) {
-    tiller_config_t c = pendulum_config(which);
+    tiller::Config c = pendulum_config(which);
     c.seed = seed;
     const Log log = simulate(c, which.torque_Nm, seed, 1000);
     tiller::StepSetup setup;

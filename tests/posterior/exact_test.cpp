@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include "linear_rig.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -111,7 +112,7 @@ void expect_agreement(const tiller_config_t& base, int steps, int runs, bool bot
   }
 }
 
-tiller_config_t large_cloud() {
+tiller::Config large_cloud() {
   auto c = rig::config();
   c.posterior.particles = 1024;
   c.posterior.moves_per_tick = 128;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "posterior/posterior.hpp"
+#include "tiller/config.hpp"
 
 namespace rig {
 
@@ -74,9 +75,9 @@ inline tiller_prior_t log_normal(double median, double sd) {
 }
 
 /// Position measured, velocity not; gain uniform on [0.5, 1.5], damping known.
-inline tiller_config_t config() {
-  tiller_config_t c{};
-  c.size = sizeof c;
+inline tiller::Config config() {
+  tiller::Config c{};
+  c.size = sizeof(tiller_config_t);
   c.version = TILLER_CONFIG_VERSION;
   c.model = &model();
   c.seed = 1;
@@ -131,7 +132,7 @@ class Instance {
   const void* memory() const { return memory_; }
 
  private:
-  tiller_config_t config_;
+  tiller::Config config_;
   std::size_t size_ = 0;
   void* memory_ = nullptr;
   tiller::Posterior* posterior_ = nullptr;

@@ -9,6 +9,7 @@
 
 #include "linear_rig.hpp"
 #include "posterior/prior.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -36,7 +37,7 @@ struct Three : Joint {
               {0.05, 0.0, 0.1, 0.2, 0.1, 0.0, -0.3, 0.05, 0.02, 0.0, 0.0, 0.3}) {}
 };
 
-tiller_config_t config_with(const Joint& joint) {
+tiller::Config config_with(const Joint& joint) {
   auto c = rig::config();
   c.priors[0] = rig::uniform(-10.0, 10.0);
   c.priors[1] = rig::log_normal(0.3, 5.0);

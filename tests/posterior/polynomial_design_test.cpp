@@ -1,6 +1,7 @@
 // Polynomials of the parameters: what has the terms that they have is known exactly, wherever the cloud goes.
 
 #include "posterior/polynomial_design.hpp"
+#include "tiller/config.hpp"
 
 #include <gtest/gtest.h>
 
@@ -41,7 +42,7 @@ struct Parameters {
   std::vector<std::string> names;
   std::vector<const char*> pointers;
   tiller_model_t model{};
-  tiller_config_t config;
+  tiller::Config config;
 };
 
 /// A block that ends where what was laid out ends.
@@ -67,8 +68,7 @@ struct Function {
     std::normal_distribution<double> normal;
     for (double& s : slope) s = normal(random);
     for (std::uint32_t r = 0; r < d; ++r)
-      for (std::uint32_t c = 0; c < d; ++c)
-        product[r * d + c] = r < 8 && c < 8 ? normal(random) : 0.0;
+      for (std::uint32_t c = 0; c < d; ++c) product[r * d + c] = r < 8 && c < 8 ? normal(random) : 0.0;
   }
   double operator()(const double* v) const {
     double sum = 0.3;

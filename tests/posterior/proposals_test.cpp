@@ -1,6 +1,7 @@
 // Where particles are asked to go when all that is left of a cloud lies on a line.
 
 #include "posterior/proposals.hpp"
+#include "tiller/config.hpp"
 
 #include <gtest/gtest.h>
 
@@ -15,8 +16,8 @@ using tiller::Proposal;
 
 constexpr std::uint32_t kParticles = 64, kMoves = 32;
 
-tiller_config_t config_of_two() {
-  tiller_config_t c;
+tiller::Config config_of_two() {
+  tiller::Config c;
   (void)tiller_config_default(&c, tiller_find_model("pendulum"));
   c.priors[0] = {tiller_prior_uniform, 0, 0.0, 0.0, 0.0, 10.0};
   c.priors[1] = {tiller_prior_fixed, 0, 0.5, 0.0, 0.5, 0.5};
@@ -46,7 +47,7 @@ class OnALine : public testing::Test {
   /// Twice the distance from the line through the two particles, in units of its direction (2, 1).
   static double off_line(const double* v) { return v[0] - 5.0 - 2.0 * (v[1] - 5.0); }
 
-  tiller_config_t config_;
+  tiller::Config config_;
   std::vector<unsigned char> storage_;
   Cloud cloud_;
 };

@@ -3,13 +3,14 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <array>
+#include <cmath>
 #include <random>
 
 #include "cart_pole_rig.hpp"
 #include "posterior/adequacy.hpp"
 #include "rollout/attitude.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller {
 namespace {
@@ -18,8 +19,8 @@ constexpr std::uint32_t kX = 13, kU = 4, kY = 7, kFirst = 3;
 using Q = Quaternion<double>;
 using V = Vector3<double>;
 
-tiller_config_t quadrotor_config() {
-  tiller_config_t c{};
+tiller::Config quadrotor_config() {
+  tiller::Config c{};
   (void)tiller_config_default(&c, tiller_find_model("quadrotor"));
   c.period_s = 0.02;
   c.integrator = tiller_integrator_midpoint;
@@ -116,7 +117,7 @@ Moments run(const tiller_config_t& c, const Log& log) {
 }
 
 TEST(QuaternionFilter, SignsOfTheSensorMakeNoDifference) {
-  const tiller_config_t c = quadrotor_config();
+  const tiller::Config c = quadrotor_config();
   Log log = simulate(c, 80, 1);
   const Moments before = run(c, log);
   std::mt19937 random(3);
@@ -130,7 +131,7 @@ TEST(QuaternionFilter, SignsOfTheSensorMakeNoDifference) {
 }
 
 TEST(QuaternionFilter, APartThatIsMissingIsTheWholeThatIsMissing) {
-  const tiller_config_t c = quadrotor_config();
+  const tiller::Config c = quadrotor_config();
   Log part = simulate(c, 60, 2), whole = part;
   for (std::size_t t = 10; t < part.transitions.size(); t += 3) {
     part.transitions[t].measured[kFirst + t % 4] = NAN;
@@ -144,7 +145,7 @@ TEST(QuaternionFilter, APartThatIsMissingIsTheWholeThatIsMissing) {
 // The world's x and y are as good as any others: data that are turned about z give the same parameters, noise and
 // deviations, and the turned state. Without moves, whose decisions would follow rounding.
 TEST(QuaternionFilter, TurnsWithTheWorld) {
-  tiller_config_t c = quadrotor_config();
+  tiller::Config c = quadrotor_config();
   c.posterior.moves_per_tick = 0;
   Log log = simulate(c, 40, 3);
   const Moments before = run(c, log);
@@ -158,15 +159,15 @@ TEST(QuaternionFilter, TurnsWithTheWorld) {
     Log turned = log;
     turn_pose(turned.first);
     for (Transition& t : turned.transitions) turn_pose(t.measured);
-    tiller_config_t other = c;
+    tiller::Config other = c;
     turn_pose(other.initial_state);
     const Moments after = run(other, turned);
     EXPECT_NEAR(after.param[0], before.param[0], 1e-8);
     EXPECT_NEAR(after.param_sd[0], before.param_sd[0], 1e-8);
     EXPECT_NEAR(after.noise, before.noise, 1e-8);
     for (std::uint32_t i = kFirst; i < kFirst + 4; ++i) EXPECT_NEAR(after.state_sd[i], before.state_sd[i], 1e-8);
-    const V apart = attitude_difference(read_quaternion(after.state + kFirst),
-                                        turn * read_quaternion(before.state + kFirst));
+    const V apart =
+        attitude_difference(read_quaternion(after.state + kFirst), turn * read_quaternion(before.state + kFirst));
     EXPECT_LT(std::sqrt(dot(apart, apart)), 1e-8);
   }
 }
@@ -174,7 +175,7 @@ TEST(QuaternionFilter, TurnsWithTheWorld) {
 // Seven values, six degrees of freedom. Were they counted as seven, the noise would be sqrt(6/7) = 0.93 of what it is.
 // 8 seeds of 150 transitions are 7200 values, which tell a factor to 0.8 %; the bound is six of these.
 TEST(QuaternionFilter, NoiseAndDeviationsAreWhatTheyAre) {
-  const tiller_config_t c = quadrotor_config();
+  const tiller::Config c = quadrotor_config();
   double noise = 0, squares = 0;
   int count = 0, covered = 0;
   constexpr int kSeeds = 8;
@@ -211,7 +212,7 @@ TEST(QuaternionFilter, NoiseAndDeviationsAreWhatTheyAre) {
 }
 
 TEST(QuaternionFilter, FindsAnAttitudeThatIsHalfATurnFromWhereItWasExpected) {
-  tiller_config_t c = quadrotor_config();
+  tiller::Config c = quadrotor_config();
   Log log = simulate(c, 60, 7);
   c.initial_state[kFirst] = 0;
   c.initial_state[kFirst + 1] = 1;  // upside down

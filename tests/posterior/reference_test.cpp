@@ -9,6 +9,7 @@
 
 #include "harness/accuracy/accuracy_statistics.hpp"
 #include "harness/accuracy/exact_likelihood.hpp"
+#include "tiller/config.hpp"
 
 namespace {
 
@@ -51,9 +52,9 @@ const tiller_model_t& model() {
 AccuracyTask linear_task(double low, double high) {
   AccuracyTask t;
   t.name = "linear";
-  tiller_config_t& c = t.config;
+  tiller::Config& c = t.config;
   c = {};
-  c.size = sizeof c;
+  c.size = sizeof(tiller_config_t);
   c.version = TILLER_CONFIG_VERSION;
   c.model = &model();
   c.param_count = 2;

@@ -8,6 +8,7 @@
 
 #include "core/rng.hpp"
 #include "rollout/residual.hpp"
+#include "tiller/config.hpp"
 #include "transition_rig.hpp"
 
 namespace {
@@ -16,7 +17,7 @@ using rig::Instance;
 
 constexpr double kStepRms[4] = {0.022, 0.074, 0.122, 0.367}, kSigma = 0.03;
 
-tiller_config_t cart_pole() {
+tiller::Config cart_pole() {
   auto c = rig::transition_config();
   c.model = tiller_find_model("cart_pole");
   c.param_count = 3;
@@ -38,7 +39,7 @@ tiller_config_t cart_pole() {
 }
 
 struct Plant {
-  explicit Plant(tiller_config_t config) : c(config) {
+  explicit Plant(tiller::Config config) : c(config) {
     c.effects[0] = {tiller_effect_viscous_friction, 0};
     c.effects[1] = {tiller_effect_coulomb_friction, 0};
     c.effect_count = 2;
@@ -61,12 +62,12 @@ struct Plant {
     tiller::select_rollout(*c.model).rollout_f64(*c.model, job);
     for (std::uint32_t r = 0; r < 4; ++r) state[r] = out[r * tiller::kLanePadding];
   }
-  tiller_config_t c;
+  tiller::Config c;
   tiller::StepSetup setup;
 };
 
 /// Of 2 x runs 90 % intervals, how many hold the truth; friction per kg of all that moves with the cart.
-int covered(tiller_config_t c, int runs, double viscous, double coulomb) {
+int covered(tiller::Config c, int runs, double viscous, double coulomb) {
   const Plant plant(c);
   int hits = 0;
   for (int k = 0; k < runs; ++k) {

@@ -2,6 +2,7 @@
 
 #include "linear_rig.hpp"
 #include "rollout/residual.hpp"
+#include "tiller/config.hpp"
 
 namespace rig {
 
@@ -87,8 +88,8 @@ inline const tiller_model_t& transition_model() {
 }
 
 /// Gain and damping unknown, both states measured, noise nearly unknown.
-inline tiller_config_t transition_config() {
-  tiller_config_t c = config();
+inline tiller::Config transition_config() {
+  tiller::Config c = config();
   c.model = &transition_model();
   c.priors[1] = uniform(0.0, 1.0);
   c.measurement_count = 2;

@@ -7,6 +7,7 @@
 
 #include "core/rng.hpp"
 #include "posterior/transition/evidence.hpp"
+#include "tiller/config.hpp"
 #include "transition_rig.hpp"
 
 namespace {
@@ -99,7 +100,7 @@ struct Moments {
 /// Over several seeds, so that N particles' own noise (1 / sqrt(N) of a deviation a run) averages out: what is left
 /// is bias. 16 runs of 1,024 particles: .008 for the mean, .0055 for the deviation, if particles were independent;
 /// five of these are allowed.
-void expect_exact(tiller_config_t c, int steps, const char* what, double damping = 0.3) {
+void expect_exact(tiller::Config c, int steps, const char* what, double damping = 0.3) {
   const int runs = 16;
   double bias[2] = {}, ratio[2] = {}, correlation = 0.0;
   for (int seed = 0; seed < runs; ++seed) {
@@ -291,7 +292,7 @@ struct Coverage {
 };
 
 /// Truths drawn from the prior; how often the central 90 % and 50 % intervals hold them.
-Coverage cover(tiller_config_t c, int runs, int steps, double coulomb) {
+Coverage cover(tiller::Config c, int runs, int steps, double coulomb) {
   Coverage result;
   result.runs = runs;
   for (int k = 0; k < runs; ++k) {

@@ -10,11 +10,12 @@
 #include "core/rng.hpp"
 #include "effects/effect_info.hpp"
 #include "rollout/rollout.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller {
 
-inline tiller_config_t plain_config(const tiller_model_t* model) {
-  tiller_config_t c{};
+inline tiller::Config plain_config(const tiller_model_t* model) {
+  tiller::Config c{};
   c.model = model;
   c.period_s = 0.02;
   c.substeps = 1;
@@ -26,16 +27,16 @@ inline tiller_config_t plain_config(const tiller_model_t* model) {
 }
 
 /// Adds an effect; its parameters stand behind those of the effects before it.
-inline void add_effect(tiller_config_t& c, std::uint32_t kind, std::uint32_t port) {
+inline void add_effect(tiller::Config& c, std::uint32_t kind, std::uint32_t port) {
   c.effects[c.effect_count++] = {kind, port};
   c.param_count += static_cast<std::uint32_t>(effect_info(kind).param_count);
 }
 /// The same where the model has that port; a kinematic one has no joints.
-inline void add_effect_if_it_fits(tiller_config_t& c, std::uint32_t kind, std::uint32_t port) {
+inline void add_effect_if_it_fits(tiller::Config& c, std::uint32_t kind, std::uint32_t port) {
   if (port_fits(effect_info(kind), port, *c.model)) add_effect(c, kind, port);
 }
 /// An effect with one parameter that any model takes: viscous friction at the first joint, or an input's gain.
-inline void add_some_effect(tiller_config_t& c) {
+inline void add_some_effect(tiller::Config& c) {
   add_effect(c, c.model->joint_count > 0 ? tiller_effect_viscous_friction : tiller_effect_actuator_gain, 0);
 }
 
@@ -47,7 +48,7 @@ inline double state_centre(const tiller_model_t& model, std::uint32_t state) {
 }
 
 /// What falls for seconds lands on its ground; a test that takes that long lets it float.
-inline void let_float(tiller_config_t& config) {
+inline void let_float(tiller::Config& config) {
   if (std::strcmp(config.model->name, "hopper") == 0) config.body.gravity_z_m_s2 = 0.0;
 }
 
@@ -114,7 +115,8 @@ struct Batch {
   void to_unit(std::uint32_t q) {
     for (std::uint32_t l = 0; l < lanes; ++l) {
       T* const w = &state[q * lanes + l];
-      const T norm = std::sqrt(w[0] * w[0] + w[lanes] * w[lanes] + w[2 * lanes] * w[2 * lanes] + w[3 * lanes] * w[3 * lanes]);
+      const T norm =
+          std::sqrt(w[0] * w[0] + w[lanes] * w[lanes] + w[2 * lanes] * w[2 * lanes] + w[3 * lanes] * w[3 * lanes]);
       for (std::uint32_t k = 0; k < 4; ++k) w[k * lanes] /= norm;
     }
   }

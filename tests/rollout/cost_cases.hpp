@@ -15,7 +15,9 @@ namespace tiller {
 /// A cost configuration with the arrays that it points at.
 struct CostCase {
   std::string name;
-  tiller_cost_config_t cost{};
+  tiller_cost_config_t cost{};  // its pointers are set by terms_of
+  double state_low[TILLER_MAX_STATES], state_high[TILLER_MAX_STATES], bound_weight[TILLER_MAX_STATES] = {};
+  tiller_obstacle_t obstacles[TILLER_MAX_OBSTACLES] = {};
   std::vector<double> reference, mean, root;
   tiller_own_cost_t own{};
   std::vector<tiller_output_cost_t> outputs;
@@ -38,8 +40,8 @@ inline CostCase quadratic_case(const tiller_model_t& model) {
     c.cost.state_weight[i] = 1.0 + 0.1 * i;
     c.cost.terminal_weight[i] = 2.0;
     c.cost.saturating_width[i] = INFINITY;
-    c.cost.state_low[i] = -INFINITY;
-    c.cost.state_high[i] = INFINITY;
+    c.state_low[i] = -INFINITY;
+    c.state_high[i] = INFINITY;
   }
   for (std::uint32_t i = 0; i < model.input_count; ++i) {
     c.cost.input_weight[i] = 0.05;
@@ -65,16 +67,16 @@ inline std::vector<CostCase> cost_cases(const tiller_model_t& model) {
     for (std::uint32_t i = 0; i + 1 < nx; ++i) c.cost.saturating_width[i] = 0.5 + 0.2 * i;  // the last has no say
   };
   const auto bounds = [](CostCase& c) {
-    c.cost.state_low[0] = -0.3;
-    c.cost.state_high[0] = 0.4;
-    c.cost.bound_weight[0] = 5.0;
-    c.cost.state_high[1] = 0.1;
-    c.cost.bound_weight[1] = 2.0;
+    c.state_low[0] = -0.3;
+    c.state_high[0] = 0.4;
+    c.bound_weight[0] = 5.0;
+    c.state_high[1] = 0.1;
+    c.bound_weight[1] = 2.0;
   };
   const auto obstacles = [x = state_centre(model, 0), y = state_centre(model, 1)](CostCase& c) {
     c.cost.obstacle_count = 2;
-    c.cost.obstacles[0] = {0, 1, x + 0.3, y - 0.2, 0.9, 4.0};
-    c.cost.obstacles[1] = {1, 0, y - 0.8, x + 0.5, 1.1, 0.7};
+    c.obstacles[0] = {0, 1, x + 0.3, y - 0.2, 0.9, 4.0};
+    c.obstacles[1] = {1, 0, y - 0.8, x + 0.5, 1.1, 0.7};
   };
   const auto reference = [nx, &rng](CostCase& c) {
     c.cost.reference_steps = 7;  // shorter than the horizon: the last row holds
@@ -127,6 +129,10 @@ inline std::vector<CostCase> cost_cases(const tiller_model_t& model) {
 template <class T>
 CostTerms<T> terms_of(const CostCase& c, std::uint32_t nx) {
   tiller_cost_config_t cost = c.cost;
+  cost.state_low = c.state_low;
+  cost.state_high = c.state_high;
+  cost.bound_weight = c.bound_weight;
+  cost.obstacles = c.obstacles;
   if (!c.reference.empty()) cost.reference = c.reference.data();
   if (!c.mean.empty()) cost.demonstration_mean = c.mean.data();
   if (!c.root.empty()) cost.demonstration_root = c.root.data();
@@ -134,7 +140,7 @@ CostTerms<T> terms_of(const CostCase& c, std::uint32_t nx) {
   if (!c.outputs.empty()) cost.outputs = c.outputs.data();
   cost.output_count = static_cast<std::uint32_t>(c.outputs.size());
   if (!c.output_reference.empty()) cost.output_reference = c.output_reference.data();
-  CostTerms<T> terms = make_cost_terms<T>(cost);
+  CostTerms<T> terms = make_cost_terms<T>(cost, nx);
   if (c.lqr) {
     terms.extra |= kCostToGo;
     static T matrix[TILLER_MAX_STATES * TILLER_MAX_STATES];  // the same for every case of so many states
@@ -168,13 +174,12 @@ struct PlainCost {
     for (std::uint32_t i = 0; i < nx; ++i) {
       sum += weight[i] * d[i] * d[i];
       q += std::pow(d[i] / c.cost.saturating_width[i], 2);
-      if (c.cost.bound_weight[i] > 0)
-        sum += c.cost.bound_weight[i] *
-               std::pow(std::max({0.0, c.cost.state_low[i] - x[i], x[i] - c.cost.state_high[i]}), 2);
+      if (c.bound_weight[i] > 0)
+        sum += c.bound_weight[i] * std::pow(std::max({0.0, c.state_low[i] - x[i], x[i] - c.state_high[i]}), 2);
     }
     sum += c.cost.saturating_weight * (1.0 - std::exp(-0.5 * q));
     for (std::uint32_t k = 0; k < c.cost.obstacle_count; ++k) {
-      const tiller_obstacle_t& o = c.cost.obstacles[k];
+      const tiller_obstacle_t& o = c.obstacles[k];
       const double distance = std::hypot(x[o.x_state] - o.x_m, x[o.y_state] - o.y_m);
       if (distance < o.radius_m) sum += o.weight * std::pow(o.radius_m - distance, 2);
     }

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "cost_cases.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller {
 namespace {
@@ -58,7 +59,7 @@ TEST_P(EveryModelsCost, TermsAreTheirFormulas) {
   const tiller_model_t as_c = as_c_model(m);
   for (const CostCase& c : cost_cases(m))
     for (int effects = 0; effects < 2; ++effects) {
-      tiller_config_t config = plain_config(&m);
+      tiller::Config config = plain_config(&m);
       if (effects) add_some_effect(config);
       for (tiller_integrator_t way : {tiller_integrator_semi_implicit_euler, tiller_integrator_rk4}) {
         config.integrator = way;
@@ -79,7 +80,7 @@ TEST_P(EveryModelsCost, TermsAreTheirFormulas) {
 // Terms that change nothing would pass the test above if the plain side forgot them too: each must matter.
 TEST_P(EveryModelsCost, EveryTermMatters) {
   const tiller_model_t& m = *GetParam();
-  const tiller_config_t config = plain_config(&m);
+  const tiller::Config config = plain_config(&m);
   std::vector<double> quadratic;
   for (const CostCase& c : cost_cases(m)) {
     Batch<double> b(config, kLanes, kHorizon);
@@ -99,7 +100,7 @@ TEST_P(EveryModelsCost, EveryTermMatters) {
 // Penalties by themselves and the cost without them are the cost with them.
 template <class T>
 void expect_penalties_apart(const tiller_model_t& m, const RolloutTable& table, bool effects, double tolerance) {
-  tiller_config_t config = plain_config(&m);
+  tiller::Config config = plain_config(&m);
   if (effects) add_some_effect(config);
   std::vector<T> shared(TILLER_MAX_PARAMS, T(0.8));
   for (const CostCase& c : cost_cases(m)) {
@@ -142,7 +143,7 @@ TEST_P(EveryModelsCost, PenaltiesAreToldApart) {
 // Whole turns of an angle in a table make no difference, though single precision could not even hold them.
 TEST_P(EveryModelsCost, RowsMayCountTurns) {
   const tiller_model_t& m = *GetParam();
-  const tiller_config_t config = plain_config(&m);
+  const tiller::Config config = plain_config(&m);
   for (const CostCase& near : cost_cases(m)) {
     if (near.reference.empty() && near.mean.empty()) continue;
     CostCase far = near;
@@ -164,8 +165,8 @@ TEST_P(EveryModelsCost, WeightZeroIsOff) {
   const tiller_model_t& m = *GetParam();
   CostCase c = cost_cases(m).back();
   c.cost.saturating_weight = c.cost.demonstration_weight = c.cost.own_weight = 0.0;
-  for (double& weight : c.cost.bound_weight) weight = 0.0;
-  for (tiller_obstacle_t& o : c.cost.obstacles) o.weight = 0.0;
+  for (double& weight : c.bound_weight) weight = 0.0;
+  for (tiller_obstacle_t& o : c.obstacles) o.weight = 0.0;
   for (tiller_output_cost_t& o : c.outputs) o.weight = o.terminal_weight = o.bound_weight = 0.0;
   c.reference.clear();
   c.lqr = false;
@@ -174,7 +175,7 @@ TEST_P(EveryModelsCost, WeightZeroIsOff) {
 
 TEST_P(EveryModelsCost, RowsFollowTheTasksClock) {
   const tiller_model_t& m = *GetParam();
-  const tiller_config_t config = plain_config(&m);
+  const tiller::Config config = plain_config(&m);
   const std::uint32_t nx = m.state_count;
   CostCase c = quadratic_case(m);
   c.cost.reference_steps = 40;
@@ -225,8 +226,8 @@ TEST_P(EveryModelsCost, NotANumberFailsItsTrajectoryAlone) {
 
 // ---- the LQR's cost-to-go --------------------------------------------------------------------------
 
-tiller_config_t upright_cart_pole() {
-  tiller_config_t config = plain_config(tiller_find_model("cart_pole"));
+tiller::Config upright_cart_pole() {
+  tiller::Config config = plain_config(tiller_find_model("cart_pole"));
   const double value[] = {1.0, 0.1, 0.5}, weight[] = {1.0, 1.0, 0.1, 0.1};
   for (int i = 0; i < 3; ++i) config.priors[i] = {tiller_prior_fixed, 0, value[i], 0, 0, 0};
   for (int i = 0; i < 4; ++i) config.cost.state_weight[i] = weight[i];
@@ -253,7 +254,7 @@ tiller_status_t lay_out(const tiller_config_t& config, CostTerms<double>& terms)
 
 // Independent of the doubling: the plain Riccati recursion over 5000 periods on a Jacobian by central differences.
 TEST(CostToGo, IsTheRiccatiRecursionsLimit) {
-  const tiller_config_t config = upright_cart_pole();
+  const tiller::Config config = upright_cart_pole();
   Terms terms;
   ASSERT_EQ(lay_out(config, terms), tiller_status_ok);
   ASSERT_TRUE(terms.has(kCostToGo));
@@ -306,7 +307,7 @@ TEST(CostToGo, IsTheRiccatiRecursionsLimit) {
 // The quadrotor moves sideways only by tilting its thrust: around zero input it could not. The matrix takes the input
 // that holds the target.
 TEST(CostToGo, LinearisesWhereTheTargetIsHeld) {
-  tiller_config_t config = plain_config(tiller_find_model("planar_quadrotor"));
+  tiller::Config config = plain_config(tiller_find_model("planar_quadrotor"));
   const double value[] = {0.5, 0.2, 0.01, 0.0};
   for (int i = 0; i < 4; ++i) config.priors[i] = {tiller_prior_fixed, 0, value[i], 0, 0, 0};
   for (int i = 0; i < 6; ++i) config.cost.state_weight[i] = 1.0;
@@ -323,7 +324,7 @@ TEST(CostToGo, LinearisesWhereTheTargetIsHeld) {
 
 TEST(CostToGo, RefusesWhatHasNone) {
   Terms terms;
-  tiller_config_t config = upright_cart_pole();
+  tiller::Config config = upright_cart_pole();
   config.cost.input_weight[0] = 0.0;
   EXPECT_EQ(lay_out(config, terms), tiller_status_bad_cost);
   // an actuator without gravity in a model whose falling motion no input reaches: both rotors of no thrust
@@ -339,7 +340,7 @@ TEST(CostToGo, RefusesWhatHasNone) {
 
 // Delay, lag and dry friction would hide the input from the state; they are left out, not fatal.
 TEST(CostToGo, BearsEffectsWithMemory) {
-  tiller_config_t config = upright_cart_pole();
+  tiller::Config config = upright_cart_pole();
   Terms bare, with;
   ASSERT_EQ(lay_out(config, bare), tiller_status_ok);
   add_effect(config, tiller_effect_input_delay, 0);

@@ -4,13 +4,14 @@
 
 #include "batch.hpp"
 #include "rollout/measurement.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller {
 namespace {
 
 /// The pendulum without gravity: one inertia, one joint; formulas are closed.
 struct Rotor {
-  tiller_config_t config = plain_config(tiller_find_model("pendulum"));
+  tiller::Config config = plain_config(tiller_find_model("pendulum"));
   static constexpr double kInertia = 0.5 * 0.8 * 0.8;
   Rotor() { config.body.gravity_z_m_s2 = 0.0; }
   Batch<double> run(double param, double rate, double torque, std::uint32_t steps) {
@@ -363,7 +364,7 @@ TEST(JointInertia, IsWhatAHeavierBodyWouldBe) {
   }
   // at the cart, through the whole mechanism: a heavier cart
   const tiller_model_t& m = *tiller_find_model("cart_pole");
-  tiller_config_t config = plain_config(&m);
+  tiller::Config config = plain_config(&m);
   config.substeps = 64;
   add_effect(config, tiller_effect_joint_inertia, 0);
   Batch<double> with(config, 16, 50), heavier(config, 16, 50);
@@ -444,7 +445,7 @@ TEST(Backlash, CrossesTheGapAndThenDrivesBoth) {
 TEST(Backlash, StaysInTheGap) {
   for (double rotor : {1e-9, 1e-3, 1.0})
     for (std::uint32_t substeps : {1u, 4u}) {
-      tiller_config_t config = plain_config(tiller_find_model("pendulum"));
+      tiller::Config config = plain_config(tiller_find_model("pendulum"));
       config.substeps = substeps;
       add_effect(config, tiller_effect_backlash, 0);
       Batch<double> b(config, 16, 200);
@@ -461,7 +462,7 @@ TEST(Backlash, StaysInTheGap) {
 
 TEST(Body, PayloadAndTiltAreTheConfigurationsOwn) {
   for (const tiller_model_t* model : all_models()) {
-    tiller_config_t with = plain_config(model), plain = plain_config(model);
+    tiller::Config with = plain_config(model), plain = plain_config(model);
     add_effect(with, tiller_effect_payload, 0);
     add_effect(with, tiller_effect_tilt, 0);
     add_effect(plain, tiller_effect_payload, 0);
@@ -484,7 +485,7 @@ TEST(Body, PayloadAndTiltAreTheConfigurationsOwn) {
 }
 
 TEST(Sensor, EffectsComposeInTheirOrder) {
-  tiller_config_t c = plain_config(tiller_find_model("pendulum"));
+  tiller::Config c = plain_config(tiller_find_model("pendulum"));
   c.measurement_count = 2;
   c.measured_state[0] = 1;
   c.measured_state[1] = 0;
@@ -574,7 +575,7 @@ TEST(InputDelay, IsTheShiftedCommandLaneByLane) {
   constexpr std::uint32_t kSteps = 12, kFine = 20, kLanes = 16;
   for (const char* name : {"cart_pole", "planar_quadrotor"})
     for (std::uint32_t substeps : {1u, 10u}) {
-      tiller_config_t config = plain_config(tiller_find_model(name)), fine = config;
+      tiller::Config config = plain_config(tiller_find_model(name)), fine = config;
       const std::uint32_t nu = config.model->input_count, first = config.param_count;
       config.integrator = fine.integrator = tiller_integrator_rk4;
       config.substeps = substeps;
@@ -625,7 +626,7 @@ TEST(InputDelay, ReadsTheHistoryOfCommands) {
 // Friction at the cart's joint must act through the whole mechanism: momentum along the rail is kept but for friction.
 TEST(Friction, GoesThroughTheModelsOwnInertia) {
   const tiller_model_t& m = *tiller_find_model("cart_pole");
-  tiller_config_t config = plain_config(&m);
+  tiller::Config config = plain_config(&m);
   config.substeps = 64;
   config.body.gravity_z_m_s2 = 0.0;
   add_effect(config, tiller_effect_viscous_friction, 0);

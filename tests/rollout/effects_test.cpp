@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "batch.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller {
 namespace {
@@ -33,7 +34,7 @@ TEST_P(EveryEffect, AtZeroIsTheIdentityToTheLastBit) {
   for (tiller_integrator_t integrator : {tiller_integrator_semi_implicit_euler, tiller_integrator_rk4})
     for (Isa isa : all_isas()) {
       // the comparison keeps an effect with parameter zero in both, so that both take the same path of the kernel
-      tiller_config_t without = plain_config(c.model), with = plain_config(c.model);
+      tiller::Config without = plain_config(c.model), with = plain_config(c.model);
       without.integrator = with.integrator = integrator;
       add_some_effect(without);
       add_some_effect(with);
@@ -53,9 +54,9 @@ TEST_P(EveryEffect, AtZeroIsTheIdentityToTheLastBit) {
 TEST_P(EveryEffect, AtZeroIsTheIdentityInTheJacobian) {
   const Case c = GetParam();
   const std::uint32_t nx = c.model->state_count, nu = c.model->input_count, np = c.model->param_count;
-  tiller_config_t config = plain_config(c.model);
+  tiller::Config config = plain_config(c.model);
   add_effect(config, c.kind, c.port);
-  const tiller_config_t bare = plain_config(c.model);
+  const tiller::Config bare = plain_config(c.model);
   const std::vector<double> rest(TILLER_MAX_STATES, 0.0), history(TILLER_MAX_DELAY_STEPS * TILLER_MAX_INPUTS, 0.0);
   std::vector<double> params(TILLER_MAX_PARAMS, 0.7), place;
   for (std::uint32_t i = 0; i < nx; ++i) place.push_back(state_centre(*c.model, i));
@@ -89,7 +90,7 @@ TEST_P(EveryEffect, ChangesTheMotionWhenOn) {
   const Case c = GetParam();
   if (effect_info(c.kind).port == PortKind::sensor) return;                             // changes what is measured
   if (effect_info(c.kind).port == PortKind::body && c.model->joint_count == 0) return;  // nothing that gravity moves
-  tiller_config_t with = plain_config(c.model);
+  tiller::Config with = plain_config(c.model);
   add_effect(with, c.kind, c.port);
   Batch<double> off(with, 16, 20), on(with, 16, 20);
   off.set_param(c.model->param_count, 0.0);
@@ -110,7 +111,7 @@ TEST_P(EveryEffect, IsStableAtTheLargestStep) {
   const EffectInfo& info = effect_info(c.kind);
   for (double size : {1.0, 1e3, 1e6}) {
     if (info.params[0].unit == std::string("s")) size = 0.1;  // the longest delay that the prior allows
-    tiller_config_t with = plain_config(c.model);
+    tiller::Config with = plain_config(c.model);
     with.period_s = 0.1;
     with.substeps = 10;
     let_float(with);
@@ -142,7 +143,7 @@ TEST_P(EveryEffect, TemplateAndTableAgree) {
   const Case c = GetParam();
   const tiller_model_t plain = as_c_model(*c.model);
   for (tiller_integrator_t integrator : {tiller_integrator_semi_implicit_euler, tiller_integrator_midpoint}) {
-    tiller_config_t with = plain_config(c.model);
+    tiller::Config with = plain_config(c.model);
     with.integrator = integrator;
     with.substeps = 2;
     add_effect(with, c.kind, c.port);
@@ -161,7 +162,7 @@ TEST_P(EveryEffect, TemplateAndTableAgree) {
 TEST(Setup, RefusesWhatTheModelLacks) {
   const tiller_model_t& m = *tiller_find_model("pendulum");
   StepSetup setup;
-  tiller_config_t config = plain_config(&m);
+  tiller::Config config = plain_config(&m);
   add_effect(config, tiller_effect_viscous_friction, 1);
   EXPECT_EQ(make_step_setup(config, setup), tiller_status_bad_effect);
   config = plain_config(&m);

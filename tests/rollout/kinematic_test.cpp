@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "kinematic_models.hpp"
+#include "tiller/config.hpp"
 #include "tiller/model.hpp"
 
 namespace tiller {
@@ -121,7 +122,7 @@ TEST(Kinematic, TheTableSaysWhatIsNotThere) {
   EXPECT_EQ(car.angle_mask, 4u);
   EXPECT_EQ(known.param_count, 0u);
   EXPECT_EQ(known.angle_mask, 0u);
-  tiller_config_t config;
+  tiller::Config config;
   ASSERT_EQ(tiller_config_default(&config, &car), tiller_status_ok);
   config.priors[0] = config.priors[1] = {tiller_prior_uniform, 0, 0, 0, 0.8, 1.2};
   EXPECT_EQ(config.measurement_count, 3u) << "every state, where no joint has a position";
@@ -139,7 +140,7 @@ TEST(Kinematic, AControllerLearnsTheGainsAndArrives) {
     void operator()(void* block) const { std::free(block); }
   };
   for (const std::uint32_t planner : {tiller_planner_mppi, tiller_planner_ilqr}) {
-    tiller_config_t config;
+    tiller::Config config;
     ASSERT_EQ(tiller_config_default(&config, test::unicycle()), tiller_status_ok);
     config.priors[0] = config.priors[1] = {tiller_prior_uniform, 0, 0, 0, 0.8, 1.2};
     config.period_s = kPeriod_s;

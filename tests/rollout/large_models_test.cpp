@@ -10,6 +10,7 @@
 #include "large_models.hpp"
 #include "rollout/path.hpp"
 #include "rollout/residual.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller {
 namespace {
@@ -30,8 +31,8 @@ const Case kCases[] = {{0, 1, false}, {1, 1, false}, {2, 1, false}, {0, 2, false
                        {2, 2, false}, {0, 1, true},  {1, 2, true},  {2, 1, true}};
 
 /// One of each kind of force that a joint may feel, at joints all over the machine.
-tiller_config_t config_of(const Case& z, const tiller_model_t* model, bool delay) {
-  tiller_config_t c = plain_config(model);
+tiller::Config config_of(const Case& z, const tiller_model_t* model, bool delay) {
+  tiller::Config c = plain_config(model);
   c.integrator = z.integrator;
   c.substeps = z.substeps;
   c.body = {0.2, -9.81, 0.1, 0.0};
@@ -104,7 +105,7 @@ TEST(LargeModel, APathIsLinearisedAsItsTableInC) {
     const tiller_model_t* models[] = {test::large_model(), test::large_model_in_c()};
     for (int way = 0; way < 2; ++way) {
       StepSetup setup;
-      const tiller_config_t config = config_of(z, models[way], false);
+      const tiller::Config config = config_of(z, models[way], false);
       ASSERT_EQ(make_step_setup(config, setup), tiller_status_ok);
       next[way].resize(kHorizon * kScenarios * kStates);
       a[way].assign(std::size_t{kHorizon} * kScenarios * n * n, 7.0);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "batch.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller {
 namespace {
@@ -322,7 +323,7 @@ TEST(PusherSlider, IsFiniteEverywhere) {
 // Without torque the acrobot keeps its energy, through the kernel and its integrator.
 TEST(Acrobot, KeepsItsEnergy) {
   const tiller_model_t& m = *tiller_find_model("acrobot");
-  tiller_config_t config = plain_config(&m);
+  tiller::Config config = plain_config(&m);
   config.substeps = 10;
   Batch<double> b(config, 16, 250);
   std::fill(b.controls.begin(), b.controls.end(), 0.0);

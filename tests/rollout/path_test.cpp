@@ -54,7 +54,8 @@ struct Path {
     const std::uint32_t rows = np + (z.effects ? 2 : 0);
     std::mt19937 random(3);
     std::normal_distribution<double> normal;
-    for (std::uint32_t i = 0; i < (kHorizon + 1) * kScenarios * nz; ++i) state.push_back(normal(random) + (i % nz < nx ? tiller::state_centre(model, i % nz) : 0.0));
+    for (std::uint32_t i = 0; i < (kHorizon + 1) * kScenarios * nz; ++i)
+      state.push_back(normal(random) + (i % nz < nx ? tiller::state_centre(model, i % nz) : 0.0));
     for (std::uint32_t i = 0; i < kHorizon * nu; ++i) control.push_back(3.0 * normal(random));
     for (std::uint32_t j = 0; j < kScenarios; ++j)
       for (std::uint32_t i = 0; i < rows; ++i) params.push_back(i < np ? 0.5 + 0.1 * (i + j) : 0.03 + 0.01 * j);
@@ -139,7 +140,7 @@ struct Feedback {
     tiller_cost_config_t terms{};
     for (int i = 0; i < TILLER_MAX_STATES; ++i) terms.state_weight[i] = 1.0 + i, terms.terminal_weight[i] = 10.0;
     for (int i = 0; i < TILLER_MAX_INPUTS; ++i) terms.input_weight[i] = 0.1, terms.input_rate_weight[i] = 0.02;
-    cost = tiller::make_cost_terms<double>(terms);
+    cost = tiller::make_cost_terms<double>(terms, model.state_count);
     std::mt19937 random(5);
     std::normal_distribution<double> normal;
     for (std::uint32_t i = 0; i < kHorizon * path.nu; ++i) step.push_back(normal(random));

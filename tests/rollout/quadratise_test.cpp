@@ -5,6 +5,7 @@
 
 #include "cost_cases.hpp"
 #include "own_cost_kernel.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller {
 namespace {
@@ -22,7 +23,7 @@ struct Expanded {
 
   Expanded(const tiller_model_t& m, const RolloutTable& table, const CostCase& c, std::uint64_t seed)
       : nx(m.state_count), nu(m.input_count), terms(terms_of<double>(c, m.state_count)) {
-    const tiller_config_t config = plain_config(&m);
+    const tiller::Config config = plain_config(&m);
     if (make_step_setup(config, setup) != tiller_status_ok) std::abort();
     Rng rng(seed, 97, 0);
     const auto fill = [&](std::vector<double>& v, std::size_t n, double size) {
@@ -308,7 +309,7 @@ TEST(OwnCost, TemplateIsTheFunction) {
 }
 
 TEST(OwnCost, WeightWithoutACostIsRefused) {
-  tiller_config_t config = plain_config(tiller_find_model("cart_pole"));
+  tiller::Config config = plain_config(tiller_find_model("cart_pole"));
   config.cost.own_weight = 1.0;
   StepSetup setup;
   ASSERT_EQ(make_step_setup(config, setup), tiller_status_ok);

@@ -126,8 +126,6 @@ tiller_cost_config_t cost_of(const State& target) {
     cost.target[i] = target[i];
     cost.state_weight[i] = i == kAttitude ? 0.0 : 1.0 + 0.3 * i;
     cost.terminal_weight[i] = i == kAttitude ? 0.0 : 2.0 + 0.1 * i;
-    cost.state_low[i] = -INFINITY;
-    cost.state_high[i] = INFINITY;
   }
   return cost;
 }
@@ -178,13 +176,19 @@ TEST(QuaternionCost, GradientIsThatOfTheValueAlongTheSphere) {
   for (const tiller_model_t* model : {&quadrotor(), &in_c()})
     for (const bool every : {false, true}) {
       tiller_cost_config_t cost = cost_of(target);
+      State low, high, bound{};
+      low.fill(-INFINITY);
+      high.fill(INFINITY);
+      cost.state_low = low.data();
+      cost.state_high = high.data();
+      cost.bound_weight = bound.data();
       if (every) {
         cost.saturating_weight = 3;
         for (std::uint32_t i = 0; i < kX; ++i) cost.saturating_width[i] = i == kAttitude ? 0 : 2.0 + 0.1 * i;
-        cost.bound_weight[kAttitude + 1] = 5;
-        cost.state_high[kAttitude + 1] = x[kAttitude + 1] - 0.2;
+        bound[kAttitude + 1] = 5;
+        high[kAttitude + 1] = x[kAttitude + 1] - 0.2;
       }
-      const CostTerms<double> terms = make_cost_terms<double>(cost);
+      const CostTerms<double> terms = make_cost_terms<double>(cost, kX);
       const Expanded e(*model, terms, x);
       EXPECT_NEAR(e.value[0], plain_cost(cost, x), 1e-12 * e.value[0]);
       for (int k = 1; k < 4; ++k) {  // along the three tangents
@@ -195,8 +199,7 @@ TEST(QuaternionCost, GradientIsThatOfTheValueAlongTheSphere) {
         add_differences(quadrotor(), x.data(), along, more.data());
         along[kAttitude + k] = -h;
         add_differences(quadrotor(), x.data(), along, less.data());
-        for (int i = kAttitude; i < kAttitude + 4; ++i)
-          sum += e.lx[i * 2 * kLanes] * (more[i] - less[i]) / (2 * h);
+        for (int i = kAttitude; i < kAttitude + 4; ++i) sum += e.lx[i * 2 * kLanes] * (more[i] - less[i]) / (2 * h);
         EXPECT_NEAR(sum, (plain_cost(cost, more) - plain_cost(cost, less)) / (2 * h), 1e-7 * e.value[0]);
       }
       // lengths alone cost nothing, but where a bound says so
@@ -212,7 +215,7 @@ TEST(QuaternionCost, GradientIsThatOfTheValueAlongTheSphere) {
 TEST(QuaternionCost, HessianAtTheTargetIsTheWeightsInTheBodysAxes) {
   const State target = random_state(3);
   const tiller_cost_config_t cost = cost_of(target);
-  const Expanded e(quadrotor(), make_cost_terms<double>(cost), target);
+  const Expanded e(quadrotor(), make_cost_terms<double>(cost, kX), target);
   const Quaternion<double> q = read_quaternion(&target[kAttitude]);
   for (int k = 1; k < 4; ++k) {
     const Quaternion<double> axis = {0.0, k == 1 ? 1.0 : 0.0, k == 2 ? 1.0 : 0.0, k == 3 ? 1.0 : 0.0};
@@ -229,7 +232,7 @@ TEST(QuaternionCost, RolloutsOfBothSignsCostTheSame) {
   const State target = random_state(5);
   State x = random_state(6), negative = x;
   for (int i = kAttitude; i < kAttitude + 4; ++i) negative[i] = -x[i];
-  const CostTerms<double> terms = make_cost_terms<double>(cost_of(target));
+  const CostTerms<double> terms = make_cost_terms<double>(cost_of(target), kX);
   const StepSetup setup = setup_of(tiller_integrator_midpoint, 1);
   double cost[2][kLanes], controls[kU * 10];
   for (int i = 0; i < 40; ++i) controls[i] = kInput[i % 4];

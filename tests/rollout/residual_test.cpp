@@ -5,6 +5,7 @@
 
 #include "batch.hpp"
 #include "rollout/residual.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller {
 namespace {
@@ -15,7 +16,7 @@ constexpr std::uint32_t kBasisCount = 3;
 struct Case {
   std::string name;
   const tiller_model_t* model;
-  tiller_config_t config;
+  tiller::Config config;
 };
 
 std::vector<Case> all_cases() {
@@ -24,7 +25,7 @@ std::vector<Case> all_cases() {
     for (int integrator = 0; integrator < 3; ++integrator)
       for (std::uint32_t substeps : {1u, 3u})
         for (int effects = 0; effects < 6; ++effects) {
-          tiller_config_t c = plain_config(m);
+          tiller::Config c = plain_config(m);
           c.integrator = static_cast<std::uint32_t>(integrator);
           c.substeps = substeps;
           c.body = {0.3, -9.81, 0.1, 0.01};
@@ -229,7 +230,7 @@ INSTANTIATE_TEST_SUITE_P(Models, Model, ::testing::ValuesIn(all_models()),
 // Far from the origin and at short periods a difference of two states would have lost the change: at x = 1000 m single
 // precision is 6e-5 m fine, and a step of 1 ms at 1 m/s is 1e-3 m long.
 TEST_P(Model, ChangesAreNotLostInTheState) {
-  tiller_config_t config = plain_config(GetParam());
+  tiller::Config config = plain_config(GetParam());
   config.period_s = 0.001;
   Problem p(config);
   for (MeasuredStep& s : p.steps) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "batch.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller {
 namespace {
@@ -45,7 +46,7 @@ TEST_P(EveryModel, LanesAgreeWithTheScalarLoop) {
   const tiller_model_t plain = as_c_model(m);
   for (tiller_integrator_t integrator : kIntegrators)
     for (std::uint32_t substeps : {1u, 3u}) {
-      tiller_config_t config = plain_config(&m);
+      tiller::Config config = plain_config(&m);
       config.integrator = integrator;
       config.substeps = substeps;
       Batch<double> want(config, 16, 20);
@@ -65,7 +66,7 @@ TEST_P(EveryModel, LanesAgreeWithTheScalarLoop) {
 TEST_P(EveryModel, SinglePrecisionFollowsDouble) {
   const tiller_model_t& m = *GetParam();
   for (tiller_integrator_t integrator : kIntegrators) {
-    tiller_config_t config = plain_config(&m);
+    tiller::Config config = plain_config(&m);
     config.integrator = integrator;
     for (std::uint32_t lanes : {16u, 80u, 208u}) {  // a remainder of registers as well as whole groups
       Batch<double> want(config, lanes, 20);
@@ -88,7 +89,7 @@ TEST_P(EveryModel, SinglePrecisionFollowsDouble) {
 // A splat is a shorthand: the same bits as the same values written out in every lane.
 TEST_P(EveryModel, SplatsAreShorthand) {
   const tiller_model_t& m = *GetParam();
-  const tiller_config_t config = plain_config(&m);
+  const tiller::Config config = plain_config(&m);
   Batch<double> a(config, 32, 10), b(config, 32, 10);
   std::vector<double> state(a.nx), params(TILLER_MAX_PARAMS);
   for (std::uint32_t i = 0; i < a.nx; ++i) state[i] = a.state[i * a.lanes];
@@ -108,7 +109,7 @@ TEST_P(EveryModel, SplatsAreShorthand) {
 TEST_P(EveryModel, DualsAgreeWithDifferences) {
   const tiller_model_t& m = *GetParam();
   const tiller_model_t plain = as_c_model(m);
-  tiller_config_t config = plain_config(&m);
+  tiller::Config config = plain_config(&m);
   for (std::uint32_t j = 0; j < m.joint_count; ++j) add_effect(config, tiller_effect_viscous_friction, j);
   add_effect(config, tiller_effect_actuator_lag, 0);
   Batch<double> batch(config, 16, 1);
@@ -157,7 +158,7 @@ TEST_P(EveryModel, IntegratorsHaveTheirOrder) {
   const int order[] = {1, 2, 4};
   for (int k = 0; k < 3; ++k) {
     const auto run = [&](std::uint32_t substeps, tiller_integrator_t integrator) {
-      tiller_config_t config = plain_config(&m);
+      tiller::Config config = plain_config(&m);
       config.integrator = integrator;
       config.substeps = substeps;
       config.period_s = 0.1;
@@ -177,7 +178,7 @@ TEST_P(EveryModel, IntegratorsHaveTheirOrder) {
 
 TEST_P(EveryModel, NotANumberStaysInItsLane) {
   const tiller_model_t& m = *GetParam();
-  const tiller_config_t config = plain_config(&m);
+  const tiller::Config config = plain_config(&m);
   Batch<float> good(config, 32, 10), bad(config, 32, 10);
   good.run(m, select_rollout(m));
   bad.state[5] = NAN;
@@ -192,7 +193,7 @@ TEST_P(EveryModel, NotANumberStaysInItsLane) {
 
 TEST(Pendulum, EnergyWithoutDamping) {
   const tiller_model_t& m = *tiller_find_model("pendulum");
-  tiller_config_t config = plain_config(&m);
+  tiller::Config config = plain_config(&m);
   config.integrator = tiller_integrator_rk4;
   Batch<double> batch(config, 16, 500);
   std::fill(batch.controls.begin(), batch.controls.end(), 0.0);
@@ -213,7 +214,7 @@ TEST(Pendulum, EnergyWithoutDamping) {
 // The cart-pole against its energy balance: work of the force equals the change of energy.
 TEST(CartPole, WorkAndEnergy) {
   const tiller_model_t& m = *tiller_find_model("cart_pole");
-  tiller_config_t config = plain_config(&m);
+  tiller::Config config = plain_config(&m);
   config.substeps = 20;
   Batch<double> batch(config, 16, 50);
   batch.run(m, select_rollout(m));

@@ -5,12 +5,13 @@
 #include <cmath>
 
 #include "batch.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller {
 namespace {
 
-tiller_config_t config_of(const tiller_model_t* model) {
-  tiller_config_t c = plain_config(model);
+tiller::Config config_of(const tiller_model_t* model) {
+  tiller::Config c = plain_config(model);
   for (tiller_prior_t& prior : c.priors) prior = {tiller_prior_uniform, 0, 0.0, 0.0, 0.4, 0.8};
   for (std::uint32_t i = 0; i < TILLER_MAX_INPUTS; ++i) {
     c.safety.input_low[i] = -1.0;
@@ -18,7 +19,7 @@ tiller_config_t config_of(const tiller_model_t* model) {
   }
   return c;
 }
-tiller_config_t pendulum() { return config_of(tiller_find_model("pendulum")); }
+tiller::Config pendulum() { return config_of(tiller_find_model("pendulum")); }
 
 std::uint32_t periodic(const tiller_config_t& config) {
   StepSetup setup;
@@ -27,8 +28,8 @@ std::uint32_t periodic(const tiller_config_t& config) {
 }
 
 /// The pendulum with an effect at its joint, parameters uniform in [low, high].
-tiller_config_t pendulum_with(std::uint32_t kind, double low, double high) {
-  tiller_config_t c = pendulum();
+tiller::Config pendulum_with(std::uint32_t kind, double low, double high) {
+  tiller::Config c = pendulum();
   const std::uint32_t first = c.param_count;
   add_effect(c, kind, 0);
   for (std::uint32_t i = first; i < c.param_count; ++i) c.priors[i] = {tiller_prior_uniform, 0, 0, 0, low, high};
@@ -44,14 +45,14 @@ TEST(FarTurns, AreNoneForOrdinaryAngles) {
 TEST(PeriodicAngles, AreThoseOfEveryModelWithoutEffects) {
   for (std::uint32_t k = 0; tiller_builtin_model(k) != nullptr; ++k) {
     const tiller_model_t& model = *tiller_builtin_model(k);
-    tiller_config_t c = config_of(&model);
+    tiller::Config c = config_of(&model);
     c.period_s = 0.002;  // a stable step on the hopper's stiff ground, which else makes more of rounding
     EXPECT_EQ(periodic(c), model.angle_mask) << model.name;
   }
 }
 
 TEST(PeriodicAngles, FixedParametersNeedNoBounds) {
-  tiller_config_t c = pendulum();
+  tiller::Config c = pendulum();
   for (tiller_prior_t& prior : c.priors) prior = {tiller_prior_fixed, 0, 0.5, 0.0, 0.0, 0.0};
   EXPECT_EQ(periodic(c), 1u);
 }
@@ -72,15 +73,15 @@ double upright(const double* x, const double*, const double*, double, void*) { r
 
 TEST(PeriodicAngles, OwnCostHasItsSay) {
   tiller_own_cost_t own = {sizeof(tiller_own_cost_t), TILLER_CONFIG_VERSION, wound, nullptr, nullptr};
-  tiller_config_t config = pendulum();
+  tiller::Config config = pendulum();
   config.cost.own = &own;
   config.cost.own_weight = 1.0;
   EXPECT_EQ(periodic(config), 0u);
   own.stage = upright;
   EXPECT_EQ(periodic(config), 1u);
   // bounds and obstacles go with the turns, so they are in nobody's way
-  config.cost.bound_weight[0] = 1e3;
-  config.cost.state_high[0] = 0.5;
+  config.bound_weight[0] = 1e3;
+  config.state_high[0] = 0.5;
   EXPECT_EQ(periodic(config), 1u);
 }
 

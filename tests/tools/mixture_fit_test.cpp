@@ -10,6 +10,7 @@
 #include <memory>
 #include <random>
 
+#include "tiller/config.hpp"
 #include "tools/robot/joint_prior.hpp"
 
 namespace tiller::tools {
@@ -163,7 +164,7 @@ std::vector<double> carried_over(const std::vector<tiller_prior_t>& prior, int r
   const auto d = static_cast<std::uint32_t>(prior.size());
   std::vector<double> log_ratio(d, 0.0);
   for (std::uint32_t series = 0; series < kSeries; ++series) {
-    tiller_config_t config{};
+    tiller::Config config{};
     config.param_count = d;
     std::copy(prior.begin(), prior.end(), config.priors);
     PointCloud cloud = cloud_of(d, std::vector<double>(std::size_t{d} * kPoints));
@@ -229,7 +230,7 @@ TEST(MixtureFit, CloudAtABoundKeepsItsMoments) {
   const Moments points = moments_of(c);
   const double sd = std::sqrt(points.covariance(0, 0));
   const JointPrior joint(fit_mixture(c));
-  tiller_config_t config{};
+  tiller::Config config{};
   config.param_count = 1;
   config.prior_mixture = &joint.mixture;
   config.priors[0] = {tiller_prior_normal, 0, 0, 1, 0.0, INFINITY};

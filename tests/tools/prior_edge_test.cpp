@@ -7,6 +7,7 @@
 #include "core/rng.hpp"
 #include "posterior/prior.hpp"
 #include "robot_text.hpp"
+#include "tiller/config.hpp"
 #include "tools/open/robot_open.hpp"
 #include "tools/robot/prior_edge.hpp"
 #include "tools/robot/robot_file.hpp"
@@ -116,7 +117,7 @@ TEST(PriorEdge, WhatPhysicsAllowsIsTheCataloguesAndTheUnits) {
   std::string errors;
   const auto robot = parse_robot_file(test::kGoodRobot, "bench.toml", errors);
   ASSERT_NE(robot, nullptr) << errors;
-  tiller_config_t config = robot->config;
+  tiller::Config config = robot->config;
   const auto least = [&](const char* name) {
     return physical_range(config, robot->params, static_cast<std::uint32_t>(index_of(robot->params, name))).least;
   };

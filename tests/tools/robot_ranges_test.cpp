@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "tiller/config.hpp"
 #include "tools/open/robot_open.hpp"
 #include "tools/robot/config_trace.hpp"
 #include "tools/robot/robot_file.hpp"
@@ -13,23 +14,23 @@
 namespace tiller::tools {
 namespace {
 
-using C = tiller_config_t;
+using C = tiller::Config;
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
 /// Keys whose readers put them into the configuration by hand.
 double* field_of(const KeySpec& spec, C& c) {
   const std::string path = std::string(spec.section) + "/" + spec.key;
   if (path == "measurement.*/sd") return &c.measurement_sd[0];
-  if (path == "measurement.*/low") return &c.safety.measurement_low[0];
-  if (path == "measurement.*/high") return &c.safety.measurement_high[0];
-  if (path == "measurement.*/rate_per_s") return &c.safety.measurement_rate_per_s[0];
-  if (path == "cost.bounds.*/low") return &c.cost.state_low[0];
-  if (path == "cost.bounds.*/high") return &c.cost.state_high[0];
-  if (path == "cost.bounds.*/weight") return &c.cost.bound_weight[0];
-  if (path == "cost.obstacles[]/x_m") return &c.cost.obstacles[0].x_m;
-  if (path == "cost.obstacles[]/y_m") return &c.cost.obstacles[0].y_m;
-  if (path == "cost.obstacles[]/radius_m") return &c.cost.obstacles[0].radius_m;
-  if (path == "cost.obstacles[]/weight") return &c.cost.obstacles[0].weight;
+  if (path == "measurement.*/low") return &c.measurement_low[0];
+  if (path == "measurement.*/high") return &c.measurement_high[0];
+  if (path == "measurement.*/rate_per_s") return &c.measurement_rate_per_s[0];
+  if (path == "cost.bounds.*/low") return &c.state_low[0];
+  if (path == "cost.bounds.*/high") return &c.state_high[0];
+  if (path == "cost.bounds.*/weight") return &c.bound_weight[0];
+  if (path == "cost.obstacles[]/x_m") return &c.obstacles[0].x_m;
+  if (path == "cost.obstacles[]/y_m") return &c.obstacles[0].y_m;
+  if (path == "cost.obstacles[]/radius_m") return &c.obstacles[0].radius_m;
+  if (path == "cost.obstacles[]/weight") return &c.obstacles[0].weight;
   if (path == "limits.*/low") return &c.safety.input_low[0];
   if (path == "limits.*/high") return &c.safety.input_high[0];
   if (path == "limits.*/rate_per_s") return &c.safety.input_rate_per_s[0];
@@ -58,10 +59,10 @@ torque_Nm = { low = -1e9, high = 1e9 }
                                 "open.toml", errors);
   EXPECT_TRUE(robot) << errors;
   C& c = robot->config;
-  c.safety.measurement_low[0] = -kInf;
-  c.safety.measurement_high[0] = kInf;
+  c.measurement_low[0] = -kInf;
+  c.measurement_high[0] = kInf;
   c.cost.obstacle_count = 1;
-  c.cost.obstacles[0] = {0, 1, 0, 0, 1, 1};
+  c.obstacles[0] = {0, 1, 0, 0, 1, 1};
   c.safety.sensor_timeout_s = 3600;
   // the demonstration and the cost of one's own: weights that need something to weigh
   static const double zeros[4] = {};

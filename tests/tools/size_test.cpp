@@ -8,6 +8,7 @@
 #include "abi/controller.hpp"
 #include "executive/part_sizes.hpp"
 #include "swing_up.hpp"
+#include "tiller/config.hpp"
 #include "tools/doctor/work_count.hpp"
 #include "tools/open/robot_open.hpp"
 #include "tools/robot/robot_file.hpp"
@@ -31,7 +32,7 @@ TEST(Size, PartsAreTheWholeBlockForEveryRobotAndPlanner) {
     const auto robot = read_robot_file(entry.path().string(), errors);
     ASSERT_TRUE(robot) << errors;
     for (std::uint32_t kind = 0; kind < tiller_planner_kind_count; ++kind) {
-      tiller_config_t config = robot->config;
+      tiller::Config config = robot->config;
       config.planner.kind = kind;
       const std::size_t size = tiller_size(&config);
       if (size == 0) continue;  // this planner cannot do what the file asks for
@@ -47,7 +48,7 @@ TEST(Size, PartsAreTheWholeBlockForEveryRobotAndPlanner) {
 }
 
 TEST(Size, CountsFollowTheConfiguration) {
-  tiller_config_t config = swing_up::config(swing_up::kSwingUp);
+  tiller::Config config = swing_up::config(swing_up::kSwingUp);
   ModelWork once, twice, most;
   std::string error;
   ASSERT_TRUE(count_work(config, 20, once, most, error)) << error;
@@ -78,7 +79,7 @@ TEST(Size, EstimateIsWithinAThirdOfTheEmulatedProcessor) {
     double measured;
   };
   for (const Case& c : {Case{swing_up::kSwingUp, 5.4e6}, Case{swing_up::kHold, 2.5e6}}) {
-    const tiller_config_t config = swing_up::config(c.task);
+    const tiller::Config config = swing_up::config(c.task);
     ModelWork mean, most;
     std::string error, stand_in;
     ASSERT_TRUE(count_work(config, 50, mean, most, error)) << error;

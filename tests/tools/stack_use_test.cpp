@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "tiller/config.hpp"
 #include "tools/open/robot_open.hpp"
 #include "tools/robot/robot_file.hpp"
 
@@ -39,7 +40,7 @@ TEST(StackUse, TellsTheDeepestCall) {
 }
 
 void expect_within_bound(const tiller_config_t& given, const std::string& what, std::size_t init_bound = kBound) {
-  tiller_config_t config = given;
+  tiller::Config config = given;
   config.posterior.window = 16;  // sooner full, no deeper
   const char* field = nullptr;
   if (tiller_config_check(&config, &field) != tiller_status_ok) return;  // not for this planner or engine
@@ -77,7 +78,8 @@ const tiller_model_t& largest_model() {
       for (const std::string& name : text) at.push_back(name.c_str());
     }
   };
-  static const Names states("x", 2 * kMasses), inputs("u", kMasses), params("p", TILLER_MAX_PARAMS), forces("f", kMasses);
+  static const Names states("x", 2 * kMasses), inputs("u", kMasses), params("p", TILLER_MAX_PARAMS),
+      forces("f", kMasses);
   static const std::vector<tiller_joint_t> joints = [] {
     std::vector<tiller_joint_t> all;
     for (std::uint32_t i = 0; i < kMasses; ++i)
@@ -111,7 +113,7 @@ const tiller_model_t& largest_model() {
 }
 
 TEST(StackUse, TheLargestModelStaysWithinTheBoundWithEveryPlannerAndEngine) {
-  tiller_config_t c;
+  tiller::Config c;
   ASSERT_EQ(tiller_config_default(&c, &largest_model()), tiller_status_ok);
   for (tiller_prior_t& prior : c.priors) prior = {tiller_prior_normal, 0, 1.0, 0.05, 0.5, 1.5};
   for (std::uint32_t i = 0; i < TILLER_MAX_INPUTS; ++i) {
@@ -137,7 +139,8 @@ TEST(StackUse, TheLargestModelStaysWithinTheBoundWithEveryPlannerAndEngine) {
     for (std::uint32_t planner = 0; planner < tiller_planner_kind_count; ++planner) {
       c.posterior.kind = engine;
       c.planner.kind = planner;
-      expect_within_bound(c, "largest model, engine " + std::to_string(engine) + ", planner " + std::to_string(planner));
+      expect_within_bound(c,
+                          "largest model, engine " + std::to_string(engine) + ", planner " + std::to_string(planner));
     }
   c.planner.kind = tiller_planner_ilqr;
   c.cost.terminal = tiller_terminal_lqr;

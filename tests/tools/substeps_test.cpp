@@ -9,6 +9,7 @@
 #include <filesystem>
 
 #include "robot_text.hpp"
+#include "tiller/config.hpp"
 #include "tools/doctor/tick_forecast.hpp"
 #include "tools/open/visited_states.hpp"
 #include "tools/robot/robot_file.hpp"
@@ -77,7 +78,7 @@ TEST_F(Substeps, ThePathEndsWhereTheControllerWouldStop) {
 // z^4/24, which leaves the unit circle at z = -2.785. A configuration must not get fewer substeps than that.
 TEST_F(Substeps, AStiffModelGetsWhatItsStabilityAsksFor) {
   constexpr double kStability = 2.785;
-  tiller_config_t config;
+  tiller::Config config;
   ASSERT_EQ(tiller_config_default(&config, tiller_find_model("pendulum")), tiller_status_ok);
   const auto known = [](double value) { return tiller_prior_t{tiller_prior_fixed, 0, value, 0, value, value}; };
   config.priors[0] = config.priors[1] = known(1.0);

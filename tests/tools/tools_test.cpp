@@ -12,6 +12,7 @@
 
 #include "read_all.hpp"
 #include "robot_text.hpp"
+#include "tiller/config.hpp"
 #include "tools/base/output_file.hpp"
 #include "tools/base/text.hpp"
 #include "tools/base/thread_pool.hpp"
@@ -258,7 +259,7 @@ TEST(Progress, BlockTellsWhatARunIsWatchedFor) {
 }
 
 TEST_F(Scratch, RecordFilesRefuseWhatTheyAreNot) {
-  tiller_config_t config;
+  tiller::Config config;
   std::shared_ptr<const JointPrior> joint;
   std::vector<RecordEntry> entries;
   std::string error;

@@ -6,6 +6,8 @@
 #include <set>
 #include <sstream>
 
+#include "tiller/config.hpp"
+
 namespace tiller::faults {
 namespace {
 
@@ -77,7 +79,7 @@ std::string wall_time(double periods) {
 }
 
 void shrink(Setup& setup) {
-  tiller_config_t& c = setup.config;
+  tiller::Config& c = setup.config;
   c.posterior.particles = 16;
   c.posterior.moves_per_tick = 0;
   c.planner.horizon = 20;

@@ -65,8 +65,9 @@ bool read_limits(const Arguments& a, const RobotFile& robot, gap::ExciteOptions&
     r.low = low, r.high = high;
   }
   for (std::size_t m = 0; m < robot.measurements.size(); ++m) {
-    if (!std::isfinite(s.measurement_low[m]) && !std::isfinite(s.measurement_high[m])) continue;
-    options.keep.push_back({robot.config.measured_state[m], s.measurement_low[m], s.measurement_high[m]});
+    const double least = s.measurement_low[m], most = s.measurement_high[m];
+    if (std::isfinite(least) || std::isfinite(most))
+      options.keep.push_back({robot.config.measured_state[m], least, most});
   }
   for (const std::string& text : a.keep) {
     if (!parse_range(text, robot.states, "--keep", index, low, high, error)) return false;

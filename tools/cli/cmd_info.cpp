@@ -7,6 +7,7 @@
 
 #include "planners/planner.hpp"
 #include "posterior/prior.hpp"
+#include "tiller/config.hpp"
 #include "tools/command/commands.hpp"
 #include "tools/doctor/tick_forecast.hpp"
 #include "tools/robot/effects_text.hpp"
@@ -82,7 +83,7 @@ void print_joint_prior(const RobotFile& robot) {
 
 /// Settings that differ from their default and that the chosen planner does not read.
 void print_unread(const RobotFile& robot) {
-  tiller_config_t plain;
+  Config plain;
   if (tiller_config_default(&plain, robot.model) != tiller_status_ok) return;
   const std::string planner = planner_names()[robot.config.planner.kind];
   Words unread;

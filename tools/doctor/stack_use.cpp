@@ -8,6 +8,7 @@
 #include <cstring>
 #include <memory>
 
+#include "tiller/config.hpp"
 #include "tools/doctor/tireless.hpp"
 #include "tools/links/trial_plant.hpp"
 
@@ -64,7 +65,7 @@ std::size_t PaintedStack::used() const {
 }
 
 bool measure_stack(const tiller_config_t& given, std::uint32_t ticks, StackUse& use, std::string& error) {
-  tiller_config_t config = given;
+  Config config = given;
   never_tire(config.safety);
   config.planner.deadline_us = 0;
   TrialPlant plant(config, config.substeps);

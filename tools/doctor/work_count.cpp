@@ -11,6 +11,7 @@
 #include "rollout/path.hpp"
 #include "rollout/residual.hpp"
 #include "rollout/rollout.hpp"
+#include "tiller/config.hpp"
 #include "tools/doctor/tireless.hpp"
 #include "tools/links/trial_plant.hpp"
 
@@ -176,7 +177,7 @@ class CountedController {
     void operator()(void* block) const { std::free(block); }
   };
   const CountingModel counting_;
-  tiller_config_t config_;
+  Config config_;
   TrialPlant plant_;  // of the model itself: its steps are not the controller's
   tiller_hooks_t hooks_ = {sizeof(tiller_hooks_t), TILLER_CONFIG_VERSION, nullptr, nullptr, nullptr};
   std::unique_ptr<void, FreeBlock> block_;

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "effects/effect_info.hpp"
+#include "tiller/config.hpp"
 #include "tools/base/text.hpp"
 #include "tools/identify/identify_noise.hpp"
 
@@ -150,7 +151,7 @@ void update_posterior(Posterior& posterior, const tiller_config_t& config, const
 /// One pass over the data with process noise `process_scale` times the configured one.
 bool fit_with(const Candidate& candidate, double process_scale, const std::vector<Stretch>& stretches,
               const FitOptions& options, Fit& result, std::string& error) {
-  tiller_config_t config = candidate.config;
+  Config config = candidate.config;
   for (double& sd : config.process_sd) sd *= process_scale;
   config.posterior.enabled = candidate.learns() ? 1 : 0;
   config.posterior.particles = options.particles;
@@ -223,8 +224,8 @@ std::vector<Candidate> make_candidates(const RobotFile& robot) {
   return candidates;
 }
 
-tiller_config_t fitted_config(const Candidate& candidate, const Fit& fit) {
-  tiller_config_t config = candidate.config;
+Config fitted_config(const Candidate& candidate, const Fit& fit) {
+  Config config = candidate.config;
   for (double& sd : config.process_sd) sd *= fit.process_scale;
   return config;
 }

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "tiller/config.hpp"
 #include "tools/identify/identify_history.hpp"
 #include "tools/identify/method.hpp"
 #include "tools/logs/identify_data.hpp"
@@ -15,10 +16,10 @@ namespace tiller::tools {
 
 /// A model whose parameters are learnt from logs: the robot file's, or a part of it.
 struct Candidate {
-  std::string name;          ///< "nominal", "pendulum + viscous_friction (joint)", ...
-  tiller_config_t config{};  ///< a copy of the robot's with fewer effects; owns nothing
-  Words params;              ///< (param_count)
-  bool learns() const;       ///< at least one parameter has a prior
+  std::string name;     ///< "nominal", "pendulum + viscous_friction (joint)", ...
+  Config config{};      ///< a copy of the robot's with fewer effects; owns nothing
+  Words params;         ///< (param_count)
+  bool learns() const;  ///< at least one parameter has a prior
 };
 
 /// The candidates of a fit, simplest first: the model without effects and with every parameter at its prior's centre;
@@ -66,7 +67,7 @@ struct Fit {
 bool can_be_fitted(const tiller_config_t& config, std::string& error);
 
 /// The candidate's configuration with its process noise as the fit found it.
-tiller_config_t fitted_config(const Candidate& candidate, const Fit& fit);
+Config fitted_config(const Candidate& candidate, const Fit& fit);
 
 /// Learns the candidate's parameters from the stretches, one after the other, through the runtime's posterior; the
 /// state estimate begins anew with each. With the filter engine the share of process noise is learnt too, from one fit

@@ -4,6 +4,7 @@
 
 #include "core/rng.hpp"
 #include "rollout/measurement.hpp"
+#include "tiller/config.hpp"
 #include "tools/identify/grid_rollout.hpp"
 #include "tools/identify/identify_fit.hpp"
 #include "tools/identify/lane_filter.hpp"
@@ -41,7 +42,7 @@ class Roller {
     return rows + (step * model_.state_count + state) * kLanes;
   }
 
-  const tiller_config_t config_;  // with the process noise that the fit found
+  const Config config_;  // with the process noise that the fit found
   const tiller_model_t& model_;
   const RolloutTable& table_;
   GridRollout rollout_;

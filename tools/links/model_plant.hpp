@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "rollout/rollout.hpp"
+#include "tiller/config.hpp"
 #include "tools/links/link.hpp"
 
 namespace tiller::tools {
@@ -31,7 +32,7 @@ class ModelPlant {
   bool set_sensors(const RobotFile& robot, std::string& error);
   double normal();
 
-  tiller_config_t config_{};  // the plant's own: hidden effects, every prior fixed
+  Config config_{};  // the plant's own: hidden effects, every prior fixed
   StepSetup setup_;
   const RolloutTable* table_ = nullptr;
   double state_[TILLER_MAX_STATES] = {};

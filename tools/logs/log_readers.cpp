@@ -7,6 +7,7 @@
 #include <map>
 
 #include "io/lcm_messages.hpp"
+#include "tiller/config.hpp"
 #include "tools/base/text.hpp"
 #include "tools/logs/lcm_event_log.hpp"
 #include "tools/logs/mcap_run.hpp"
@@ -193,7 +194,7 @@ bool read_lcm_log(std::istream& file, const std::string& path, const RobotFile& 
 bool read_record_log(std::istream& file, const std::string& path, const RobotFile& robot, Log& log,
                      std::string& error) {
   begin(log, path);
-  tiller_config_t config;
+  Config config;
   std::shared_ptr<const JointPrior> joint;
   if (!read_record_header(file, path, config, joint, error)) return false;
   if (config.measurement_count != robot.config.measurement_count ||

@@ -4,10 +4,12 @@
 #include <cstring>
 #include <fstream>
 
+#include "tiller/config.hpp"
+
 namespace tiller::tools {
 namespace {
 constexpr char kMagic[8] = {'T', 'I', 'L', 'L', 'R', 'E', 'C', '2'};
-constexpr std::uint32_t kSizes[2] = {sizeof(tiller_config_t), sizeof(RecordEntry)};
+constexpr std::uint32_t kSizes[2] = {sizeof(Config), sizeof(RecordEntry)};
 
 bool read_joint(std::istream& file, std::shared_ptr<const JointPrior>& joint) {
   std::uint32_t shape[2] = {};
@@ -27,8 +29,15 @@ bool read_joint(std::istream& file, std::shared_ptr<const JointPrior>& joint) {
 }  // namespace
 
 std::string record_header(const tiller_config_t& config) {
-  tiller_config_t copy = config;
-  copy.model = nullptr;
+  Config copy = config;
+  tiller_config_t& pointers = copy;
+  pointers.model = nullptr;
+  pointers.effects = nullptr;
+  pointers.priors = nullptr;
+  copy.cost.state_low = copy.cost.state_high = copy.cost.bound_weight = nullptr;
+  copy.cost.obstacles = nullptr;
+  copy.safety.hold_gain = nullptr;
+  copy.safety.measurement_low = copy.safety.measurement_high = copy.safety.measurement_rate_per_s = nullptr;
   copy.cost.reference = copy.cost.demonstration_mean = copy.cost.demonstration_root = nullptr;
   copy.cost.outputs = nullptr;
   copy.cost.output_reference = nullptr;
@@ -54,7 +63,7 @@ void write_record(OutputFile& file, const RecordEntry& entry) {
   file.write(reinterpret_cast<const char*>(&entry), sizeof entry);
 }
 
-bool read_record_header(std::istream& file, const std::string& path, tiller_config_t& config,
+bool read_record_header(std::istream& file, const std::string& path, Config& config,
                         std::shared_ptr<const JointPrior>& joint, std::string& error) {
   char magic[sizeof kMagic];
   std::uint32_t sizes[2];
@@ -69,6 +78,7 @@ bool read_record_header(std::istream& file, const std::string& path, tiller_conf
     return false;
   }
   file.read(reinterpret_cast<char*>(&config), sizeof config);
+  config.own_arrays();
   if (!file || !read_joint(file, joint)) {
     error = path + ": its head is cut off; record the run again\n";
     return false;
@@ -77,7 +87,7 @@ bool read_record_header(std::istream& file, const std::string& path, tiller_conf
   return true;
 }
 
-bool read_record_file(const std::string& path, tiller_config_t& config, std::shared_ptr<const JointPrior>& joint,
+bool read_record_file(const std::string& path, Config& config, std::shared_ptr<const JointPrior>& joint,
                       std::vector<RecordEntry>& entries, std::string& error) {
   std::ifstream file(path, std::ios::binary);
   if (!file) {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tiller/tiller.h"
+#include "tiller/config.hpp"
 #include "tools/base/output_file.hpp"
 #include "tools/robot/joint_prior.hpp"
 
@@ -23,18 +23,18 @@ struct RecordEntry {
 constexpr std::uint32_t kGoalStates = 1u, kGoalOutputs = 2u;
 
 /// Record files are of one build of tiller: structs as they are in memory. Layout: "TILLREC2", uint32 sizes of
-/// tiller_config_t and of RecordEntry, the configuration with its pointers zero, uint32 components and dimension of the
-/// joint prior (zero: none), its weights, means and roots, then entries.
+/// Config and of RecordEntry, the configuration with its arrays and its pointers zero, uint32 components and dimension
+/// of the joint prior (zero: none), its weights, means and roots, then entries.
 std::string record_header(const tiller_config_t& config);
 void write_record_header(OutputFile& file, const tiller_config_t& config);
 void write_record(OutputFile& file, const RecordEntry& entry);
 
 /// False with a message in `error` that names the file and what is wrong with it. `joint` becomes what
 /// config.prior_mixture points to, or null.
-bool read_record_header(std::istream& file, const std::string& path, tiller_config_t& config,
+bool read_record_header(std::istream& file, const std::string& path, Config& config,
                         std::shared_ptr<const JointPrior>& joint, std::string& error);
 /// The same with the entries; one that is cut off at the end is left out.
-bool read_record_file(const std::string& path, tiller_config_t& config, std::shared_ptr<const JointPrior>& joint,
+bool read_record_file(const std::string& path, Config& config, std::shared_ptr<const JointPrior>& joint,
                       std::vector<RecordEntry>& entries, std::string& error);
 
 }  // namespace tiller::tools

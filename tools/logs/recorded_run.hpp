@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "tiller/config.hpp"
 #include "tools/logs/log_holes.hpp"
 #include "tools/logs/record_file.hpp"
 #include "tools/robot/robot_file.hpp"
@@ -15,7 +16,7 @@ namespace tiller::tools {
 /// A run that was read back from a log.
 struct RecordedRun {
   bool has_config = false;  ///< `config` and `joint` are what the controller was made from
-  tiller_config_t config{};
+  Config config{};
   std::shared_ptr<const JointPrior> joint;
   std::vector<RecordEntry> entries;
   std::vector<LogHole> holes;  ///< what is missing among them, in their order

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <memory>
 
+#include "tiller/config.hpp"
 #include "tools/links/trial_plant.hpp"
 
 namespace tiller::tools {
@@ -18,8 +19,8 @@ struct FreeBlock {
 };
 
 /// The same task for a controller that costs little: nothing to learn, one hypothesis, few samples.
-tiller_config_t cheap(const tiller_config_t& config, std::uint32_t planner) {
-  tiller_config_t c = config;
+Config cheap(const tiller_config_t& config, std::uint32_t planner) {
+  Config c = config;
   for (std::uint32_t i = 0; i < c.param_count; ++i) {
     const double centre = centre_of(c.priors[i]);
     c.priors[i] = {tiller_prior_fixed, 0, centre, 0, centre, centre};
@@ -27,7 +28,7 @@ tiller_config_t cheap(const tiller_config_t& config, std::uint32_t planner) {
   c.prior_mixture = nullptr;
   c.substeps = kPlanSubsteps;
   c.record_ticks = 0;
-  tiller_config_t plain;
+  Config plain;
   if (tiller_config_default(&plain, config.model) == tiller_status_ok) c.posterior = plain.posterior;
   c.posterior.enabled = 0;
   c.posterior.particles = c.posterior.window = 16;
@@ -88,7 +89,7 @@ std::uint32_t periods_of(const tiller_config_t& config) {
 }
 
 bool steer(const tiller_config_t& config, std::uint32_t planner, TrialPlant& plant, VisitedStates& path) {
-  const tiller_config_t c = cheap(config, planner);
+  const Config c = cheap(config, planner);
   const Controller controller(c);
   if (!controller.get()) return false;
   for (std::uint32_t tick = 0; tick < periods_of(config); ++tick) {

@@ -7,6 +7,8 @@
 #include <cstring>
 #include <thread>
 
+#include "tiller/config.hpp"
+
 namespace tiller::tools {
 namespace {
 
@@ -39,7 +41,7 @@ bool repeat_calls(tiller_t* controller, const RecordEntry& entry) {
 
 /// Objects that the record's configuration points to are not in the record: they are taken from the robot file. False
 /// where that is another task.
-bool take_pointers(const RobotFile& robot, tiller_config_t& config) {
+bool take_pointers(const RobotFile& robot, Config& config) {
   const tiller_cost_config_t& from = robot.config.cost;
   tiller_cost_config_t& to = config.cost;
   config.model = robot.model;
@@ -108,7 +110,7 @@ bool is_behind_a_hole(const RecordedRun& run, std::size_t index, bool same, Repl
 
 bool replay_through_file(const RobotFile& robot, RecordedRun& run, const ReplayOptions& options, ReplayResult& result,
                          std::string& error) {
-  tiller_config_t config = run.has_config ? run.config : robot.config;
+  Config config = run.has_config ? run.config : robot.config;
   if (run.has_config && !take_pointers(robot, config)) {
     error = "the reference, the demonstration or the outputs' cost of " + robot.path + " has another length by now";
     return false;

@@ -1,5 +1,6 @@
 #include "tools/robot/export_config.hpp"
 
+#include <algorithm>
 #include <cctype>
 #include <cmath>
 #include <filesystem>
@@ -53,25 +54,31 @@ std::string enum_name(const char* prefix, const Words& names, std::uint32_t valu
   return "tiller_" + std::string(prefix) + "_" + names.at(value);
 }
 
-std::string effects_text(const RobotFile& robot) {
-  std::string text = "{\n";
-  for (std::uint32_t i = 0; i < robot.config.effect_count; ++i) {
-    const tiller_effect_t& e = robot.config.effects[i];
-    text += "    {" + enum_name("effect", effect_names(), e.kind) + ", " + std::to_string(e.port) + "u},\n";
-  }
-  return text + "  }";
+/// The definition of an array of its own, which the configuration points to.
+std::string definition(const std::string& type, const std::string& name, std::size_t count, const std::string& rows) {
+  return "static const " + type + " " + name + "[" + std::to_string(count) + "] = {\n" + rows + "};\n\n";
 }
 
-std::string priors_text(const RobotFile& robot) {
-  const Words kinds = {"fixed", "uniform", "normal", "log_normal"};
-  std::string text = "{\n";
-  for (std::uint32_t i = 0; i < TILLER_MAX_PARAMS; ++i) {
-    const tiller_prior_t& p = robot.config.priors[i];
-    text += "    {" + enum_name("prior", kinds, p.kind) + ", 0, " + c_number(p.a) + ", " + c_number(p.b) + ", " +
-            c_number(p.low) + ", " + c_number(p.high) + "},";
-    text += i < robot.params.size() ? " /* " + robot.params[i] + " */\n" : "\n";
+std::string effects_text(const RobotFile& robot, const std::string& prefix) {
+  if (robot.config.effect_count == 0) return "";
+  std::string rows;
+  for (std::uint32_t i = 0; i < robot.config.effect_count; ++i) {
+    const tiller_effect_t& e = robot.config.effects[i];
+    rows += "  {" + enum_name("effect", effect_names(), e.kind) + ", " + std::to_string(e.port) + "u},\n";
   }
-  return text + "  }";
+  return definition("tiller_effect_t", prefix + "_effects", robot.config.effect_count, rows);
+}
+
+std::string priors_text(const RobotFile& robot, const std::string& prefix) {
+  if (robot.config.param_count == 0) return "";
+  const Words kinds = {"fixed", "uniform", "normal", "log_normal"};
+  std::string rows;
+  for (std::uint32_t i = 0; i < robot.config.param_count; ++i) {
+    const tiller_prior_t& p = robot.config.priors[i];
+    rows += "  {" + enum_name("prior", kinds, p.kind) + ", 0, " + c_number(p.a) + ", " + c_number(p.b) + ", " +
+            c_number(p.low) + ", " + c_number(p.high) + "}, /* " + robot.params[i] + " */\n";
+  }
+  return definition("tiller_prior_t", prefix + "_priors", robot.config.param_count, rows);
 }
 
 std::string measured_text(const RobotFile& robot) {
@@ -120,28 +127,67 @@ Initialiser plain_part(const RobotFile& robot, const char* group) {
   return part;
 }
 
-std::string obstacles_text(const RobotFile& robot) {
-  std::string text = "{\n";
+std::string obstacles_text(const RobotFile& robot, const std::string& prefix) {
+  if (robot.config.cost.obstacle_count == 0) return "";
+  std::string rows;
   for (std::uint32_t i = 0; i < robot.config.cost.obstacle_count; ++i) {
     const tiller_obstacle_t& o = robot.config.cost.obstacles[i];
-    text += "      {" + std::to_string(o.x_state) + "u, " + std::to_string(o.y_state) + "u, " + c_number(o.x_m) + ", " +
+    rows += "  {" + std::to_string(o.x_state) + "u, " + std::to_string(o.y_state) + "u, " + c_number(o.x_m) + ", " +
             c_number(o.y_m) + ", " + c_number(o.radius_m) + ", " + c_number(o.weight) + "}, /* " +
             robot.states[o.x_state] + ", " + robot.states[o.y_state] + " */\n";
   }
-  return text + "    }";
+  return definition("tiller_obstacle_t", prefix + "_obstacles", robot.config.cost.obstacle_count, rows);
 }
 
-/// An array of its own, which the configuration points to; nothing where there are no values.
+/// Rows of values; nothing where there are none.
 std::string array_text(const std::string& name, const double* values, std::size_t rows, std::size_t columns) {
   if (!values) return "";
-  std::string text = "static const double " + name + "[" + std::to_string(rows * columns) + "] = {\n";
+  std::string text;
   for (std::size_t k = 0; k < rows; ++k) {
     text += "  ";
     for (std::size_t i = 0; i < columns; ++i) text += c_number(values[k * columns + i]) + ",";
     text += "\n";
   }
-  return text + "};\n\n";
+  return definition("double", name, rows * columns, text);
 }
+
+/// One value for each name, unless all say the same as none: the arrays that may be left out.
+class OptionalArrays {
+ public:
+  OptionalArrays(const RobotFile& robot, std::string prefix) : prefix_(std::move(prefix)) {
+    const tiller_cost_config_t& c = robot.config.cost;
+    const tiller_safety_config_t& s = robot.config.safety;
+    add("state_low", c.state_low, robot.states, -HUGE_VAL);
+    add("state_high", c.state_high, robot.states, HUGE_VAL);
+    add("bound_weight", c.bound_weight, robot.states, 0.0);
+    add("hold_gain", s.hold_gain, gain_names(robot), 0.0);
+    add("measurement_low", s.measurement_low, robot.measurements, -HUGE_VAL);
+    add("measurement_high", s.measurement_high, robot.measurements, HUGE_VAL);
+    add("measurement_rate_per_s", s.measurement_rate_per_s, robot.measurements, HUGE_VAL);
+  }
+
+  const std::string& text() const { return text_; }
+  void point(Initialiser& part, const std::string& field) const {
+    if (text_.find(" " + prefix_ + "_" + field + "[") != std::string::npos) part.word(field, prefix_ + "_" + field);
+  }
+
+ private:
+  static Words gain_names(const RobotFile& robot) {
+    Words names;
+    for (const std::string& input : robot.inputs)
+      for (const std::string& state : robot.states) names.push_back(input + ", " + state);
+    return names;
+  }
+
+  void add(const std::string& field, const double* values, const Words& names, double none) {
+    if (!values || std::all_of(values, values + names.size(), [&](double v) { return v == none; })) return;
+    std::string rows;
+    for (std::size_t i = 0; i < names.size(); ++i) rows += "  " + c_number(values[i]) + ", /* " + names[i] + " */\n";
+    text_ += definition("double", prefix_ + "_" + field, names.size(), rows);
+  }
+
+  std::string prefix_, text_;
+};
 
 /// The joint prior with its arrays; nothing where there is none.
 std::string mixture_text(const RobotFile& robot, const std::string& prefix) {
@@ -160,21 +206,22 @@ std::string mixture_text(const RobotFile& robot, const std::string& prefix) {
 std::string outputs_text(const RobotFile& robot, const std::string& prefix) {
   const tiller_cost_config_t& c = robot.config.cost;
   if (!c.outputs) return "";
-  std::string text =
-      "static const tiller_output_cost_t " + prefix + "_outputs[" + std::to_string(c.output_count) + "] = {\n";
+  std::string text;
   for (std::uint32_t j = 0; j < c.output_count; ++j) {
     const tiller_output_cost_t& o = c.outputs[j];
     text += "  {" + c_number(o.target) + ", " + c_number(o.weight) + ", " + c_number(o.terminal_weight) + ", " +
             c_number(o.low) + ", " + c_number(o.high) + ", " + c_number(o.bound_weight) + "}, /* " + robot.outputs[j] +
             " */\n";
   }
-  return text + "};\n\n";
+  return definition("tiller_output_cost_t", prefix + "_outputs", c.output_count, text);
 }
 
 std::string arrays_text(const RobotFile& robot, const std::string& prefix) {
   const tiller_cost_config_t& c = robot.config.cost;
   const std::size_t nx = robot.states.size();
-  return mixture_text(robot, prefix) + array_text(prefix + "_reference", c.reference, c.reference_steps, nx) +
+  return effects_text(robot, prefix) + priors_text(robot, prefix) + mixture_text(robot, prefix) +
+         OptionalArrays(robot, prefix).text() + obstacles_text(robot, prefix) +
+         array_text(prefix + "_reference", c.reference, c.reference_steps, nx) +
          array_text(prefix + "_demonstration_mean", c.demonstration_mean, c.demonstration_steps, nx) +
          array_text(prefix + "_demonstration_root", c.demonstration_root, c.demonstration_steps, nx * nx) +
          outputs_text(robot, prefix);
@@ -184,12 +231,11 @@ Initialiser cost_part(const RobotFile& robot, const std::string& prefix) {
   const tiller_cost_config_t& c = robot.config.cost;
   Initialiser part("    ");
   write_settings(part, robot, "cost");
+  const OptionalArrays arrays(robot, prefix);
   part.count("obstacle_count", c.obstacle_count);
-  part.numbers("state_low", c.state_low, TILLER_MAX_STATES, robot.states);
-  part.numbers("state_high", c.state_high, TILLER_MAX_STATES, robot.states);
-  part.numbers("bound_weight", c.bound_weight, TILLER_MAX_STATES, robot.states);
+  for (const char* field : {"state_low", "state_high", "bound_weight"}) arrays.point(part, field);
   part.count("hard_bounds", c.hard_bounds);
-  if (c.obstacle_count > 0) part.word("obstacles", obstacles_text(robot));
+  if (c.obstacle_count > 0) part.word("obstacles", prefix + "_obstacles");
   if (c.reference) part.word("reference", prefix + "_reference");
   if (c.demonstration_mean) {
     part.word("demonstration_mean", prefix + "_demonstration_mean");
@@ -202,17 +248,16 @@ Initialiser cost_part(const RobotFile& robot, const std::string& prefix) {
   return part;
 }
 
-Initialiser safety_part(const RobotFile& robot) {
+Initialiser safety_part(const RobotFile& robot, const std::string& prefix) {
   const tiller_safety_config_t& s = robot.config.safety;
   Initialiser part("    ");
   part.numbers("input_low", s.input_low, TILLER_MAX_INPUTS, robot.inputs);
   part.numbers("input_high", s.input_high, TILLER_MAX_INPUTS, robot.inputs);
   part.numbers("input_rate_per_s", s.input_rate_per_s, TILLER_MAX_INPUTS, robot.inputs);
   part.numbers("safe_command", s.safe_command, TILLER_MAX_INPUTS, robot.inputs);
-  part.numbers("hold_gain", s.hold_gain, TILLER_MAX_INPUTS * TILLER_MAX_STATES, {});
-  part.numbers("measurement_low", s.measurement_low, TILLER_MAX_MEASUREMENTS, robot.measurements);
-  part.numbers("measurement_high", s.measurement_high, TILLER_MAX_MEASUREMENTS, robot.measurements);
-  part.numbers("measurement_rate_per_s", s.measurement_rate_per_s, TILLER_MAX_MEASUREMENTS, robot.measurements);
+  const OptionalArrays arrays(robot, prefix);
+  for (const char* field : {"hold_gain", "measurement_low", "measurement_high", "measurement_rate_per_s"})
+    arrays.point(part, field);
   write_settings(part, robot, "safety");
   return part;
 }
@@ -227,8 +272,8 @@ std::string config_text(const RobotFile& robot, const std::string& prefix) {
   all.group("body", plain_part(robot, "body"));
   all.count("effect_count", c.effect_count);
   all.count("param_count", c.param_count);
-  if (c.effect_count > 0) all.word("effects", effects_text(robot));
-  all.word("priors", priors_text(robot));
+  if (c.effect_count > 0) all.word("effects", prefix + "_effects");
+  if (c.param_count > 0) all.word("priors", prefix + "_priors");
   all.count("measurement_count", c.measurement_count);
   all.word("measured_state", measured_text(robot));
   all.numbers("measurement_sd", c.measurement_sd, TILLER_MAX_MEASUREMENTS, robot.measurements);
@@ -236,7 +281,7 @@ std::string config_text(const RobotFile& robot, const std::string& prefix) {
   if (c.prior_mixture) all.word("prior_mixture", "&" + prefix + "_prior");
   all.group("planner", plain_part(robot, "planner"));
   all.group("cost", cost_part(robot, prefix));
-  all.group("safety", safety_part(robot));
+  all.group("safety", safety_part(robot, prefix));
   return all.text();
 }
 

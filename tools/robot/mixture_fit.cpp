@@ -7,6 +7,7 @@
 
 #include "core/rng.hpp"
 #include "posterior/prior.hpp"
+#include "tiller/config.hpp"
 #include "tools/robot/joint_prior.hpp"
 
 namespace tiller::tools {
@@ -202,7 +203,7 @@ class BoxedMoments {
  public:
   explicit BoxedMoments(const PointCloud& box) : box_(box), normal_(box.dimension, kPoints) {
     tiller_prior_t standard = {tiller_prior_normal, 0, 0.0, 1.0, -INFINITY, INFINITY};
-    tiller_config_t config{};
+    Config config{};
     config.param_count = box.dimension;
     std::fill(config.priors, config.priors + box.dimension, standard);
     std::vector<double> v(std::size_t{box.dimension} * kPoints);

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "tiller/config.hpp"
 #include "tools/base/output_file.hpp"
 
 namespace tiller::tools {
@@ -243,7 +244,7 @@ int line_of(const std::string& text, std::size_t byte) {
 StoredPosterior store_posterior(const tiller_config_t& config, const Words& params, const Particles& particles) {
   StoredPosterior out;
   PointCloud cloud;
-  tiller_config_t marginals = config;
+  Config marginals = config;
   const PriorDistribution law(marginals);
   out.model = config.model->name;
   out.created_by = std::string("tiller ") + tiller_version();

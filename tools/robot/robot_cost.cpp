@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "tiller/config.hpp"
 #include "tools/robot/robot_sections.hpp"
 #include "tools/robot/trajectory_file.hpp"
 
@@ -12,7 +13,7 @@ namespace {
 
 void read_bound_of(FileErrors& errors, const std::string& name, const toml::node& node, std::size_t state,
                    RobotFile& robot) {
-  tiller_cost_config_t& cost = robot.config.cost;
+  Config& config = robot.config;
   SectionReader bound(errors, "cost.bounds.*", "cost.bounds." + name, node.as_table());
   const std::size_t before = errors.list().size();
   bound.refuse_unknown();
@@ -29,10 +30,10 @@ void read_bound_of(FileErrors& errors, const std::string& name, const toml::node
   }
   if (low && high && !(*low + margin < *high - margin) && *low < *high)
     bound.error("margin", "leaves nothing between low and high", "write less than half of their distance");
-  if (low) cost.state_low[state] = *low + margin;
-  if (high) cost.state_high[state] = *high - margin;
-  cost.bound_weight[state] = weight.value_or(0);
-  if (hard.value_or(false)) cost.hard_bounds |= 1u << state;
+  if (low) config.state_low[state] = *low + margin;
+  if (high) config.state_high[state] = *high - margin;
+  config.bound_weight[state] = weight.value_or(0);
+  if (hard.value_or(false)) config.cost.hard_bounds |= 1u << state;
 }
 
 void read_bounds(SectionReader& section, RobotFile& robot) {
@@ -82,7 +83,7 @@ void read_obstacle(FileErrors& errors, const toml::table& table, std::size_t ind
   if (obstacle.x_state == obstacle.y_state) {
     section.error("y_state", "is the first axis already", "name two states");
   } else if (index <= TILLER_MAX_OBSTACLES) {
-    robot.config.cost.obstacles[robot.config.cost.obstacle_count++] = obstacle;
+    robot.config.obstacles[robot.config.cost.obstacle_count++] = obstacle;
   }
 }
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tiller/tiller.h"
+#include "tiller/config.hpp"
 #include "tools/base/file_errors.hpp"
 #include "tools/base/text.hpp"
 #include "tools/robot/figure.hpp"
@@ -104,7 +104,7 @@ struct RobotFile {
   const tiller_own_cost_t* own_cost = nullptr;  ///< of a C source that exports tiller_cost()
   std::shared_ptr<const TaskRows> rows;         ///< what `config.cost` points to
   std::shared_ptr<const JointPrior> joint;      ///< what `config.prior_mixture` points to
-  tiller_config_t config{};
+  Config config{};
   Words states, inputs, measurements, outputs;
   Words params;  ///< (param_count) the model's, then each effect's as "<port>.<parameter>"
   TransportSection transport;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <cstring>
 
+#include "tiller/config.hpp"
 #include "tools/robot/robot_schema.hpp"
 
 namespace tiller::tools {
@@ -41,7 +42,7 @@ std::string default_text(const tiller_config_t& config, const tiller_model_t& mo
 /// Defaults are those of the first built-in model.
 std::string fallback_of(const KeySpec& key) {
   const tiller_model_t* model = tiller_builtin_model(0);
-  tiller_config_t config;
+  Config config;
   if (key.fallback || !model || tiller_config_default(&config, model) != tiller_status_ok) {
     return key.fallback ? key.fallback : "";
   }

@@ -2,13 +2,14 @@
 
 #include <algorithm>
 
+#include "tiller/config.hpp"
 #include "tools/robot/robot_sections.hpp"
 
 namespace tiller::tools {
 namespace {
 
 void read_measurement(FileErrors& errors, const Entry& entry, RobotFile& robot) {
-  tiller_config_t& config = robot.config;
+  Config& config = robot.config;
   const std::uint32_t row = config.measurement_count;
   const std::string path = "measurement." + entry.name;
   SectionReader sensor(errors, "measurement.*", path, entry.node->as_table());
@@ -18,9 +19,9 @@ void read_measurement(FileErrors& errors, const Entry& entry, RobotFile& robot) 
   const auto low = sensor.number("low");
   const auto high = sensor.number("high");
   (void)sensor.in_order("low", low, "high", high);
-  if (low) config.safety.measurement_low[row] = *low;
-  if (high) config.safety.measurement_high[row] = *high;
-  if (const auto rate = sensor.number("rate_per_s")) config.safety.measurement_rate_per_s[row] = *rate;
+  if (low) config.measurement_low[row] = *low;
+  if (high) config.measurement_high[row] = *high;
+  if (const auto rate = sensor.number("rate_per_s")) config.measurement_rate_per_s[row] = *rate;
 }
 
 void read_limit(FileErrors& errors, const Entry& entry, std::size_t input, RobotFile& robot) {
@@ -142,7 +143,8 @@ void read_hold_gain(SectionReader& safety, RobotFile& robot) {
         safety.errors().at(gain, path + "." + state, "the model has no state of that name",
                            remedy_for_unknown(state, robot.states));
       } else if (const auto value = checked_number(safety.errors(), gain, path + "." + state, spec)) {
-        robot.config.safety.hold_gain[u * TILLER_MAX_STATES + x] = *value;
+        robot.config.hold_gain[static_cast<std::size_t>(u) * robot.states.size() + static_cast<std::size_t>(x)] =
+            *value;
       }
     }
   }

@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include "io/monotonic_clock.hpp"
+#include "tiller/config.hpp"
 #include "tools/base/exit_codes.hpp"
 #include "tools/base/stop_flag.hpp"
 #include "tools/logs/recorder.hpp"
@@ -309,7 +310,7 @@ class Runner {
   static constexpr double kSafeFor_s = 0.5;  // the safe command is repeated that long before the run ends
 
   const RobotFile& robot_;
-  tiller_config_t config_;
+  Config config_;
   Link& link_;
   const RunOptions& options_;
   StopFlag stop_;

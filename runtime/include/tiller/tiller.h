@@ -21,7 +21,8 @@
  *   - Nothing allocates, blocks, locks, prints or throws after tiller_init. An instance is used by one
  *     thread at a time; instances are independent.
  *   - Units are SI; names carry them. Stamps are microseconds of any one monotonic clock.
- *   - Arrays are sized by the TILLER_MAX constants and filled from the front.
+ *   - Arrays are sized by the TILLER_MAX constants and filled from the front; rare ones stand behind pointers, whose
+ *     comments tell the count. Null: none.
  *   - Structs begin with size and version. Fill them with the *_default() functions, then change fields.
  */
 #ifndef TILLER_TILLER_H_
@@ -38,7 +39,7 @@ extern "C" {
 
 #define TILLER_VERSION_MAJOR 0
 #define TILLER_VERSION_MINOR 1
-#define TILLER_CONFIG_VERSION 7u
+#define TILLER_CONFIG_VERSION 8u
 #define TILLER_ALIGNMENT 64u /**< of the caller's block: one AVX-512 register, one cache line */
 #define TILLER_MAX_MEASUREMENTS TILLER_MAX_STATES
 
@@ -305,13 +306,13 @@ typedef struct tiller_cost_config {
   double saturating_weight;                   /**< w_s, a weight */
   double saturating_width[TILLER_MAX_STATES]; /**< scales; INFINITY: the state has no say */
 
-  double state_low[TILLER_MAX_STATES]; /**< bounds of the unwrapped state, values; -INFINITY, INFINITY for none */
-  double state_high[TILLER_MAX_STATES];
-  double bound_weight[TILLER_MAX_STATES]; /**< b, weights */
-  uint32_t hard_bounds; /**< bit i: `sqp` keeps the bounds of state i as constraints (softened by an exact
-                                    penalty only where they cannot be kept); other planners know b alone */
+  const double* state_low;    /**< (nx) bounds of the unwrapped state, values; -INFINITY for none; null: none at all */
+  const double* state_high;   /**< (nx) likewise, INFINITY for none */
+  const double* bound_weight; /**< (nx) b, weights; null: zero */
+  uint32_t hard_bounds;       /**< bit i: `sqp` keeps the bounds of state i as constraints (softened by an exact
+                                   penalty only where they cannot be kept); other planners know b alone */
   uint32_t reserved;
-  tiller_obstacle_t obstacles[TILLER_MAX_OBSTACLES];
+  const tiller_obstacle_t* obstacles; /**< (obstacle_count) */
 
   /* A trajectory to track: row k is the target k periods after the task began; the last row holds. The arrays are
    * the caller's and outlive the controller, as the model's table does. */
@@ -338,22 +339,23 @@ typedef struct tiller_cost_config {
 typedef struct tiller_safety_config {
   double input_low[TILLER_MAX_INPUTS]; /**< command limits, values */
   double input_high[TILLER_MAX_INPUTS];
-  double input_rate_per_s[TILLER_MAX_INPUTS];              /**< largest change of the command, scales; INFINITY: none */
-  double safe_command[TILLER_MAX_INPUTS];                  /**< sent in SAFE and before ACTIVE; usually zero */
-  double hold_gain[TILLER_MAX_INPUTS * TILLER_MAX_STATES]; /**< HOLD: u = safe - K (x - target), values; row-major,
-                                                   row stride TILLER_MAX_STATES */
-  double measurement_low[TILLER_MAX_MEASUREMENTS];         /**< outside: sensor_out_of_range; values, or +-INFINITY for
-                                                   none. Beyond TILLER_LARGEST_VALUE a reading is out of range always */
-  double measurement_high[TILLER_MAX_MEASUREMENTS];
-  double measurement_rate_per_s[TILLER_MAX_MEASUREMENTS]; /**< faster: sensor_jump; scales, INFINITY for none */
-  double sensor_timeout_s;                                /**< older than this: SAFE */
-  uint32_t frozen_ticks;       /**< identical readings in a row under a moving plan: SAFE; 0: off */
-  uint32_t bad_ticks_to_safe;  /**< consecutive rejected measurements: SAFE */
-  uint32_t hold_ticks_to_safe; /**< consecutive ticks in HOLD: SAFE; 0: HOLD may last */
+  double input_rate_per_s[TILLER_MAX_INPUTS]; /**< largest change of the command, scales; INFINITY: none */
+  double safe_command[TILLER_MAX_INPUTS];     /**< sent in SAFE and before ACTIVE; usually zero */
+  const double* hold_gain;        /**< K (nu x nx), row-major, values. HOLD: u = safe - K (x - target); null: zero */
+  const double* measurement_low;  /**< (ny) outside: sensor_out_of_range; values, or +-INFINITY for none; null: none.
+                                      Beyond TILLER_LARGEST_VALUE a reading is out of range always */
+  const double* measurement_high; /**< (ny) likewise */
+  const double* measurement_rate_per_s; /**< (ny) faster: sensor_jump; scales, INFINITY for none; null: none */
+  double sensor_timeout_s;              /**< older than this: SAFE */
+  uint32_t frozen_ticks;                /**< identical readings in a row under a moving plan: SAFE; 0: off */
+  uint32_t bad_ticks_to_safe;           /**< consecutive rejected measurements: SAFE */
+  uint32_t hold_ticks_to_safe;          /**< consecutive ticks in HOLD: SAFE; 0: HOLD may last */
 } tiller_safety_config_t;
 
-/** Everything a controller is made from. Constant after init (it is copied into the block); the model
- *  table is not copied. The host tools write it from a robot file; see docs/reference/robot_file.md. */
+/** Everything a controller is made from. Constant after init: it is copied into the block, with the arrays of priors,
+ *  effects, bounds, obstacles, outputs, gains and sensor limits that it points to; the model's table, the mixture and
+ *  the rows of references and demonstrations are the caller's. The host tools write it from a robot file; see
+ *  docs/reference/robot_file.md. C++ fills one with its arrays by tiller::Config (tiller/config.hpp). */
 typedef struct tiller_config {
   uint32_t size;    /**< sizeof(tiller_config_t) */
   uint32_t version; /**< TILLER_CONFIG_VERSION */
@@ -366,9 +368,9 @@ typedef struct tiller_config {
   tiller_body_t body;  /**< gravity in [-100, 100] m/s^2; payload_kg and payload_kgm2 in [0, 1e6] */
 
   uint32_t effect_count;
-  uint32_t param_count; /**< model parameters + effect parameters */
-  tiller_effect_t effects[TILLER_MAX_EFFECTS];
-  tiller_prior_t priors[TILLER_MAX_PARAMS];
+  uint32_t param_count;           /**< model parameters + effect parameters */
+  const tiller_effect_t* effects; /**< (effect_count) */
+  const tiller_prior_t* priors;   /**< (param_count) of the model's parameters, then of the effects' */
 
   uint32_t measurement_count;                      /**< ny */
   uint32_t record_ticks;                           /**< ticks kept in the block, 0..65536 */
@@ -387,8 +389,8 @@ typedef struct tiller_config {
   tiller_safety_config_t safety;
 } tiller_config_t;
 
-/** Fills every field with a documented default for a model: RK4, one substep, MPPI, all parameters
- *  missing a prior (kind fixed at NaN, refused by tiller_init), command limits zero. Without a model (NULL, because
+/** Fills every field with a documented default for a model: RK4, one substep, MPPI, no effects, no priors (null:
+ *  refused by tiller_init where the model has parameters), no bounds, no obstacles, command limits zero. Without a model (NULL, because
  *  tiller_find_model found none) no_model, which every use of the configuration then says too. */
 tiller_status_t tiller_config_default(tiller_config_t* config, const tiller_model_t* model);
 

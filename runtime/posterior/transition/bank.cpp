@@ -35,11 +35,15 @@ BankPosterior* BankPosterior::lay_out(Arena& arena, const tiller_config_t& confi
   auto* p = arena.take<BankPosterior>(1);
   auto* configs = arena.take<tiller_config_t>(members);
   const tiller_mixture_t* mixture = hypotheses.fractional ? lay_out_delayed_mixture(arena, config) : nullptr;
+  // with one more prior, of the fraction; while measuring, on the stack
+  tiller_prior_t stand_in[TILLER_MAX_PARAMS];
+  auto* placed = hypotheses.fractional ? arena.take<tiller_prior_t>(rows) : nullptr;
+  tiller_prior_t* priors = placed ? placed : stand_in;
   const StepSetup member_setup = hypotheses.member_setup(config, setup);
   Posterior* engine[kMaxMembers] = {};
   for (std::uint32_t i = 0; i < members; ++i) {
     tiller_config_t one = member_config(config, i, i < delays ? 0 : i - delays + 1);
-    hypotheses.add_fraction(one, mixture);
+    hypotheses.add_fraction(one, priors, mixture);
     if (configs) configs[i] = one;
     engine[i] = Posterior::lay_out(arena, configs ? configs[i] : one, member_setup, table, hooks);
   }

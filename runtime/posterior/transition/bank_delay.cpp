@@ -1,5 +1,6 @@
 #include "posterior/transition/bank_delay.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "posterior/force_response.hpp"
@@ -35,9 +36,12 @@ DelayHypotheses DelayHypotheses::of(const tiller_config_t& config, const StepSet
   return {hypotheses - 1, true};
 }
 
-void DelayHypotheses::add_fraction(tiller_config_t& config, const tiller_mixture_t* prior_mixture) const {
+void DelayHypotheses::add_fraction(tiller_config_t& config, tiller_prior_t* priors,
+                                   const tiller_mixture_t* prior_mixture) const {
   if (!fractional) return;
-  config.priors[config.param_count++] = {tiller_prior_uniform, 0, 0.0, 0.0, 0.0, config.period_s};
+  if (config.param_count > 0) std::copy(config.priors, config.priors + config.param_count, priors);
+  priors[config.param_count++] = {tiller_prior_uniform, 0, 0.0, 0.0, 0.0, config.period_s};
+  config.priors = priors;
   config.prior_mixture = prior_mixture;
 }
 

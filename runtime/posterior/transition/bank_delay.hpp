@@ -24,9 +24,10 @@ struct DelayHypotheses {
   static DelayHypotheses of(const tiller_config_t& config, const StepSetup& setup);
   /// Parameters of a member: the configuration's, then the fraction.
   std::uint32_t param_count(const tiller_config_t& config) const { return config.param_count + (fractional ? 1u : 0u); }
-  /// Makes the robot's configuration a member's: one more prior, and lay_out_delayed_mixture()'s joint one. Its
-  /// effects stay the robot's; those that read the fraction are in member_setup() alone.
-  void add_fraction(tiller_config_t& config, const tiller_mixture_t* prior_mixture) const;
+  /// Makes the robot's configuration a member's: one more prior, and lay_out_delayed_mixture()'s joint one. `priors`
+  /// (param_count()) is filled with all of them. Its effects stay the robot's; those that read the fraction are in
+  /// member_setup() alone.
+  void add_fraction(tiller_config_t& config, tiller_prior_t* priors, const tiller_mixture_t* prior_mixture) const;
   /// `config` and `setup` are the robot's.
   StepSetup member_setup(const tiller_config_t& config, const StepSetup& setup) const;
 };

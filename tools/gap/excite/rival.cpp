@@ -8,6 +8,7 @@
 
 #include "effects/effect_info.hpp"
 #include "posterior/prior.hpp"
+#include "tiller/config.hpp"
 
 namespace tiller::tools::gap {
 namespace {
@@ -84,7 +85,7 @@ void bound_delay(Rival& r, std::size_t index) {
 
 bool add_effect(const RobotFile& robot, std::uint32_t kind, std::uint32_t port, Rival& r, std::string& error) {
   const EffectInfo& info = effect_info(kind);
-  tiller_config_t& c = r.config;
+  Config& c = r.config;
   const std::string at = port_name(info.port, *c.model, port);
   if (!port_fits(info, port, *c.model)) {
     error = std::string(info.name) + " cannot stand at " + at + ": it needs " +

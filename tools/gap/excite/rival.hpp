@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "rollout/rollout.hpp"
+#include "tiller/config.hpp"
 #include "tools/gap/result/result.hpp"
 
 namespace tiller::tools::gap {
@@ -12,7 +13,7 @@ namespace tiller::tools::gap {
 /// values, and how far each of them may move in a refit.
 struct Rival {
   std::string name;               ///< "stribeck_friction (joint)"; "nominal"
-  tiller_config_t config{};       ///< with the effects; every added parameter fixed at its value
+  Config config{};                ///< with the effects; every added parameter fixed at its value
   std::vector<EffectAt> effects;  ///< added to the robot file's
   Words params;                   ///< (np)
   std::vector<double> value;      ///< (np)

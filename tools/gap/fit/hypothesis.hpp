@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "rollout/rollout.hpp"
+#include "tiller/config.hpp"
 #include "tools/gap/fit/scales.hpp"
 #include "tools/gap/result/result.hpp"
 
@@ -19,7 +20,7 @@ struct FreeParam {
 
 /// The robot file's model with effects added: what a fit is made of.
 struct Hypothesis {
-  tiller_config_t config;
+  Config config;
   StepSetup setup;
   std::vector<EffectAt> added;
   std::vector<FreeParam> free;   ///< the model's inferred ones, then all of the added effects'

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "rollout/rollout.hpp"
+#include "tiller/config.hpp"
 #include "tools/gap/result/thresholds.hpp"
 
 namespace tiller::tools::gap {
@@ -15,7 +16,7 @@ constexpr std::uint32_t kLanes = kLanePadding;
 // Inertia that a force at joint j moves: the velocity that a small force makes in one period, by the kernel itself.
 double inertia_at(const tiller_config_t& nominal, std::uint32_t j, const std::vector<Window>& windows,
                   const double* params, double period_s) {
-  tiller_config_t config = nominal;
+  Config config = nominal;
   config.effect_count = 1;
   config.effects[0] = {tiller_effect_constant_offset, j};
   config.param_count = config.model->param_count + 1;

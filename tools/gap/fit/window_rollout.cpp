@@ -84,8 +84,8 @@ void WindowRollout::follow_commands(const Window& w, const EffectSlot& slot, std
     const double now = target(k);
     for (std::uint32_t l = 0; l < kLanes; ++l) {
       const double change = now - out[l];
-      const double most = limits && params[l] > 0 ? params[l] * period : std::fabs(change);
-      out[l] += (1 - keep[l]) * std::max(-most, std::min(most, change));
+      const double bound = limits && params[l] > 0 ? params[l] * period : std::fabs(change);
+      out[l] += (1 - keep[l]) * std::max(-bound, std::min(bound, change));
     }
   }
 }

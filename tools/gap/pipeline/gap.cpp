@@ -5,6 +5,7 @@
 #include <ctime>
 
 #include "effects/effect_info.hpp"
+#include "tiller/config.hpp"
 #include "tools/base/text.hpp"
 #include "tools/gap/fit/identifiability.hpp"
 #include "tools/gap/localise/localise.hpp"
@@ -104,7 +105,7 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
   for (Grid& grid : hold_out) work.push_back(std::move(grid));
   const double scale = measure_time_scale(config, work);
   for (Grid& grid : work) grid.time_scale = scale;
-  tiller_config_t fine = config;  // the kernel's own step errors must not look like physics
+  Config fine = config;  // the kernel's own step errors must not look like physics
   const double steps = std::ceil(config.period_s / (kSubstep_s * scale) - 1e-9);
   fine.substeps = std::max(config.substeps, static_cast<std::uint32_t>(std::min(64.0, steps)));
   Session s{

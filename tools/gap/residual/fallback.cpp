@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "posterior/prior.hpp"
-#include "tiller/tiller.h"
+#include "tiller/config.hpp"
 #include "tools/base/file_errors.hpp"
 #include "tools/gap/report/robot_writer.hpp"
 #include "tools/gap/residual/residual_regression.hpp"
@@ -143,7 +143,7 @@ void take(const ResidualRegression& r, const std::vector<Grid>& grids, double fo
 }  // namespace
 
 bool with_residual(const tiller_config_t& config, std::uint32_t joint, const ResidualScales& scales, double prior_sd,
-                   tiller_config_t& out, std::string& error) {
+                   Config& out, std::string& error) {
   const EffectInfo& info = effect_info(tiller_effect_residual);
   if (joint >= config.model->joint_count || !port_fits(info, joint, *config.model)) {
     error = "residual: the model has no joint " + std::to_string(joint) + " with a position";
@@ -211,7 +211,7 @@ bool choose_scales(const tiller_config_t& config, const std::vector<Grid>& grids
                    std::uint32_t joint, const Travel& travel, const std::vector<ResidualScales>& all, ForceSizes& sizes,
                    ResidualFit& fit, std::string& error) {
   double best = -HUGE_VAL;
-  tiller_config_t extended;
+  Config extended;
   for (const ResidualScales& scales : all) {
     with_residual(config, joint, scales, 1.0, extended, error);
     ResidualRegression r(extended, grids, params, config.param_count);
@@ -236,7 +236,7 @@ bool choose_scales(const tiller_config_t& config, const std::vector<Grid>& grids
 
 bool fit_residual(const tiller_config_t& config, const std::vector<Grid>& grids, const double* params,
                   std::uint32_t joint, ResidualFit& fit, std::string& error) {
-  tiller_config_t extended;
+  Config extended;
   if (!with_residual(config, joint, {}, 1.0, extended, error)) return false;
   const tiller_joint_t& port = config.model->joints[joint];
   const Travel travel = travel_of(config, grids, port);

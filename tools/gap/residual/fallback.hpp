@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "effects/residual.hpp"
+#include "tiller/config.hpp"
 #include "tools/logs/identify_data.hpp"
 #include "tools/robot/joint_prior.hpp"
 #include "tools/robot/posterior_file.hpp"
@@ -40,7 +41,7 @@ struct ResidualFit {
 
   /// The configuration with the effect: widths fixed, forces normal (these means and deviations, their correlations
   /// left out), process_sd raised by what force_sd does to the state.
-  tiller_config_t config{};
+  Config config{};
   /// The joint law of all inferred parameters, for config.prior_mixture (not set: it would point into this object).
   std::shared_ptr<const JointPrior> joint_prior;
 };
@@ -48,7 +49,7 @@ struct ResidualFit {
 /// Adds the effect with fixed widths and forces ~ N(0, prior_sd^2). False with a sentence in `error` where there is no
 /// room for it (TILLER_MAX_EFFECTS, TILLER_MAX_PARAMS) or the joint has no position.
 bool with_residual(const tiller_config_t& config, std::uint32_t joint, const ResidualScales& scales, double prior_sd,
-                   tiller_config_t& out, std::string& error);
+                   Config& out, std::string& error);
 
 /// Bayesian regression of the residual force at `joint`, jointly with the configuration's inferred parameters under
 /// their priors: prediction errors of an extended Kalman filter (encoders suffice), Gauss-Newton around the optimum

@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "tiller/config.hpp"
 #include "tools/gap/residual/prediction_error.hpp"
 
 // The regression behind fit_residual(): a configuration's inferred parameters and the forces of its effect `residual`.
@@ -64,7 +65,7 @@ class ResidualRegression {
   void choose_prior(const PredictionSums& at, const Vector& z, double typical);
   Vector inside(Vector z) const;
 
-  tiller_config_t config_;
+  Config config_;
   std::vector<double> params_;
   std::vector<std::uint32_t> free_;
   std::size_t own_ = 0;  // parameters beside the forces
