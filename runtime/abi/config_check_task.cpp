@@ -123,9 +123,6 @@ Finding check_planner(const tiller_config_t& c) {
   constexpr tiller_status_t kBad = tiller_status_bad_planner;
   if (find_planner(p.kind) == nullptr) return {kBad, "planner.kind"};
   if (p.qp_solver == tiller_qp_osqp && !has_osqp()) return {kBad, "planner.qp_solver"};
-  // its states leave the unit sphere between two linearisations
-  if (c.model->quaternion_mask != 0 && std::strcmp(find_planner(p.kind)->name, "sqp") == 0)
-    return {kBad, "planner.kind"};
   return check_tree(p, c.model->input_count);
 }
 
