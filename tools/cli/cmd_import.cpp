@@ -250,6 +250,9 @@ bool make_plant(const Options& o, const MechanismOptions& options, const Mechani
                 std::vector<std::string>& notes, std::string& error) {
   if (options.base != BaseKind::fixed) {
     notes.push_back(o.description + ": a base that moves has no ODE plant; [sim] plant = \"model\"");
+    notes.push_back(o.description +
+                    ": neither thrust nor contact with the ground is described, so only the joints' own motors move the "
+                    "base; `tiller models` lists robots that fly and drive");
     return true;
   }
   if (mechanism.gravity_m_s2[0] != 0.0) {
