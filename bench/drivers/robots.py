@@ -111,6 +111,16 @@ def plain_urdf(name, urdf, folder):
     return plain
 
 
+def print_judged(what, ours, theirs, judges):
+    """Whose digits are lost, where some are: both against what elimination in 80 bits says."""
+    worst = [0.0, 0.0]
+    for wanted, *both in zip(judges, ours, theirs):
+        for k, got in enumerate(both):
+            worst[k] = max(worst[k], max(abs(a - b) for a, b in zip(got, wanted)) / max(map(abs, wanted)))
+    if max(worst) > 1e-12:
+        print(f"  {what} against elimination in 80 bits: imported {worst[0]:.2g}, pinocchio {worst[1]:.2g}", flush=True)
+
+
 def differences(program, joints, has_slopes, *peer):
     """Largest relative errors of accelerations, inverse inertia and, where both have them, the accelerations' slopes."""
     peer = subprocess.run([python_of("robots"), *peer], capture_output=True, text=True, check=False)
@@ -125,6 +135,9 @@ def differences(program, joints, has_slopes, *peer):
         for k, (mine, wanted) in enumerate(((got[:n], t["acceleration"]), (got[n:], sum(t["inverse"], [])))):
             scale = max(abs(w) for w in wanted)
             worst[k] = max(worst[k], max(abs(a - b) for a, b in zip(mine, wanted)) / scale)
+    if "judge" in theirs[0]:
+        print_judged("inverse inertia", ([float(v) for v in line.split()][n:] for line in ours.splitlines()),
+                     (sum(t["inverse"], []) for t in theirs), (sum(t["judge"], []) for t in theirs))
     if "slopes" not in theirs[0] or not has_slopes:
         return worst, ""
     ours = subprocess.run([program, "slopes"], input=rows, capture_output=True, text=True, check=True).stdout
@@ -132,6 +145,8 @@ def differences(program, joints, has_slopes, *peer):
     for line, t in zip(ours.splitlines(), theirs):
         wanted = [v for half in t["slopes"] for r in half for v in r]
         worst[2] = max(worst[2], max(abs(float(a) - b) for a, b in zip(line.split(), wanted)) / max(map(abs, wanted)))
+    print_judged("slopes", ([float(v) for v in line.split()] for line in ours.splitlines()),
+                 *([[v for half in t[key] for r in half for v in r] for t in theirs] for key in ("slopes", "judge_slopes")))
     return worst, ""
 
 

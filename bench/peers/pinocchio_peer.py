@@ -1,7 +1,9 @@
 """pinocchio_peer.py values URDF JOINTS SEED COUNT: random states, and what pinocchio makes of them, one JSON line each.
 
 JOINTS are the model's own names, by commas, in its order. A line has the row (q, v, force) and the accelerations and the
-inverse inertia in that order of joints, and the slopes of the accelerations by position and by speed.
+inverse inertia in that order of joints, and the slopes of the accelerations by position and by speed. `judge` is the
+inverse of the same inertia matrix by elimination in 80 bits, which no recursion over bodies is part of, and
+`judge_slopes` are the slopes that follow from it and those of the inverse dynamics.
 """
 
 import json
@@ -10,6 +12,21 @@ import sys
 
 import numpy as np
 import pinocchio as pin
+
+
+def eliminated(matrix):
+    """The inverse, by Gauss and Jordan with pivots, in long double."""
+    n = len(matrix)
+    rows = np.hstack([matrix.astype(np.longdouble), np.eye(n, dtype=np.longdouble)])
+    for i in range(n):
+        pivot = i + int(np.argmax(np.abs(rows[i:, i])))
+        rows[[i, pivot]] = rows[[pivot, i]]
+        rows[i] /= rows[i, i]
+        for j in range(n):
+            if j != i:
+                rows[j] -= rows[j, i] * rows[i]
+    return rows[:, n:]
+
 
 urdf, joints, seed, count = sys.argv[2], sys.argv[3].split(","), int(sys.argv[4]), int(sys.argv[5])
 model = pin.buildModelFromUrdf(urdf)
@@ -31,8 +48,13 @@ for _ in range(count):
     acceleration = pin.aba(model, data, full_q, full_v, full_force)
     inverse = np.triu(pin.computeMinverse(model, data, full_q))
     inverse = inverse + np.triu(inverse, 1).T
+    inertia = np.triu(pin.crba(model, data, full_q))
+    judge = eliminated(inertia + np.triu(inertia, 1).T)
     pin.computeABADerivatives(model, data, full_q, full_v, full_force)
+    slopes = [data.ddq_dq[np.ix_(order, order)].tolist(), data.ddq_dv[np.ix_(order, order)].tolist()]
+    pin.computeRNEADerivatives(model, data, full_q, full_v, acceleration)
+    judged = [(-judge @ d)[np.ix_(order, order)].astype(float).tolist() for d in (data.dtau_dq, data.dtau_dv)]
     print(json.dumps({"row": [*q, *v, *force],
-                      "slopes": [data.ddq_dq[np.ix_(order, order)].tolist(), data.ddq_dv[np.ix_(order, order)].tolist()],
+                      "slopes": slopes, "judge_slopes": judged,
                       "acceleration": acceleration[order].tolist(),
-                      "inverse": inverse[np.ix_(order, order)].tolist()}))
+                      "inverse": inverse[np.ix_(order, order)].tolist(), "judge": judge[np.ix_(order, order)].astype(float).tolist()}))
