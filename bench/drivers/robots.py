@@ -1,4 +1,4 @@
-# programs: tiller_command
+# programs: tiller_command bench_arm_iterations
 """./dev bench robots: imported robots beside pinocchio, MuJoCo and CasADi: the same equations, and how long a step takes.
 
     --only NAME    robots whose name contains it
@@ -10,7 +10,8 @@ The robots are fixed lists: URDFs of example-robot-data, MJCFs of gymnasium, dm_
 installed once below build/bench_peers). Accelerations and the inverse inertia are compared at the same random states; an
 error is relative to the largest entry. A step is the accelerations and an Euler step of one lane. Descriptions that are
 refused are listed with the reason. CasADi functions (PyPI) are compared with CasADi's own values and Jacobians, and with
-the C code that it generates, compiled by gcc -O3 for this processor.
+the C code that it generates, compiled by gcc -O3 for this processor. An iteration of `ilqr` on the Panda stands beside one
+of crocoddyl (PyPI) on the same problem.
 """
 
 import argparse
@@ -18,6 +19,7 @@ import json
 import os
 import pathlib
 import re
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -63,6 +65,7 @@ MJCF = [
 SPEED = {"ur5": {"avx512": 15.0, "avx2": 33.0, "scalar": 300.0}, "panda arm": {"avx512": 18.0, "avx2": 40.0}}
 FUNCTIONS = ["cart pole", "car", "quadrotor", "triple pendulum"]
 CASADI_RATIO = {"avx512": 16.0, "avx2": 8.0}  # a step of CasADi's C code over one of our lanes: as many as lanes are wide
+ITERATION_US = 120.0  # of ilqr for 7 joints, 30 steps
 PEER_RATIO = 80.0  # pinocchio's step over one of our lanes
 FLAGS = {"avx2": ["-mavx2", "-mfma"],
          "avx512": ["-mavx512f", "-mavx512cd", "-mavx512dq", "-mavx512bw", "-mavx512vl", "-mfma",
@@ -220,6 +223,8 @@ def from_urdfs(table, options, temporary):
                 str(options.states))
         if name in SPEED and not options.no_speed:
             speeds(table, name, header, struct, plain, temporary)
+        if name == "panda arm" and not options.no_speed:
+            iterations(table, folder / "robot.toml", plain)
 
 
 def from_mjcfs(table, options, temporary):
@@ -318,6 +323,29 @@ def speeds(table, name, header, struct, urdf, folder):
         row(table, heading, f"{name}, scalar double, the better compilation", min(scalar), "ns", "<=", SPEED[name]["scalar"])
     if lane and peer:
         row(table, heading, f"{name}, pinocchio's {peer:.0f} ns over an f32 lane", peer / min(lane), "x", ">=", PEER_RATIO)
+
+
+def iterations(table, robot, urdf):
+    """Turn by turn, so that both see the same machine."""
+    ours, theirs = [], {}
+    has_peer = need_environment("main")
+    for _ in range(5):
+        ours.append(on_one_core([ROOT / "build/release/bench/bench_arm_iterations", robot]))
+        if not has_peer:
+            continue
+        lines = subprocess.run([str(python_of("main")), str(PEERS / "crocoddyl_arm.py"), str(urdf)], capture_output=True, text=True,
+                               check=True, env=dict(os.environ, **ONE_THREAD),
+                               preexec_fn=lambda: os.sched_setaffinity(0, {CORE})).stdout
+        for found in map(json.loads, lines.splitlines()):
+            theirs.setdefault(found["solver"], []).append(found)
+    heading, mine = "an iteration of ilqr, 7 joints, 30 steps", statistics.median(o["iteration_us"] for o in ours)
+    row(table, heading, "panda arm", mine, "us", "<=", ITERATION_US)
+    for solver, found in theirs.items():
+        apart = max(abs(a - b) for a, b in zip(ours[0]["first_Nm"], found[0]["first_Nm"], strict=True))
+        print(f"    crocoddyl {solver} {statistics.median(f['iteration_us'] for f in found):.4g} us; at the optimum the first torques "
+              f"differ by {apart:.2g} Nm, the costs are {ours[0]['cost']:.9g} and {found[0]['cost']:.9g}")
+        row(table, heading, f"panda arm, crocoddyl's {solver} over ilqr",
+            statistics.median(f["iteration_us"] for f in found) / mine, "x", ">=", 1.0)
 
 
 def main():

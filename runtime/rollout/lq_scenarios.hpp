@@ -4,6 +4,7 @@
 // value function couples the systems through the shared input, so it is a full matrix of M x M blocks; the dynamics are
 // block-diagonal, so a stage costs 2 M^2 n^3 products and not (M n)^3.
 
+#include "rollout/lq_row.hpp"
 #include "rollout/lq_stage.hpp"
 
 TILLER_ISA_NAMESPACE_BEGIN
@@ -24,9 +25,29 @@ struct ScenarioSweep {
     TILLER_INLINE int m() const { return kInputs ? kInputs : inputs; }
   };
 
-  /// out += s row
-  static TILLER_INLINE void add(double s, const double* row, int width, double* out) {
-    for (int j = 0; j < width; ++j) out[j] += s * row[j];
+  /// w entries of a sum of rows, in registers: out += sum_k s[k stride] rows[k pitch ...]. Two chains: half the latency.
+  template <int w>
+  static TILLER_INLINE void add_piece(const double* s, std::size_t stride, const double* rows, std::size_t pitch,
+                                      int count, double* out) {
+    Row<w> even = Row<w>::load(out), odd = Row<w>::zero();
+    int k = 0;
+    for (; k + 1 < count; k += 2, s += 2 * stride, rows += 2 * pitch) {
+      even.add(s[0], Row<w>::load(rows));
+      odd.add(s[stride], Row<w>::load(rows + pitch));
+    }
+    if (k < count) even.add(s[0], Row<w>::load(rows));
+    even.add(odd);
+    even.store(out);
+  }
+  /// The same for entries from..width of the rows, wide pieces first.
+  static void add_rows(const double* s, std::size_t stride, const double* rows, std::size_t pitch, int count, int width,
+                       double* out, int from = 0) {
+    int j = from;
+    for (; j + 16 <= width; j += 16) add_piece<16>(s, stride, rows + j, pitch, count, out + j);
+    if (j + 8 <= width) add_piece<8>(s, stride, rows + j, pitch, count, out + j), j += 8;
+    if (j + 4 <= width) add_piece<4>(s, stride, rows + j, pitch, count, out + j), j += 4;
+    if (j + 2 <= width) add_piece<2>(s, stride, rows + j, pitch, count, out + j), j += 2;
+    if (j < width) add_piece<1>(s, stride, rows + j, pitch, count, out + j);
   }
   static TILLER_INLINE void copy(const double* row, int width, double* out) {
     for (int j = 0; j < width; ++j) out[j] = row ? row[j] : 0.0;
@@ -50,7 +71,7 @@ struct ScenarioSweep {
     for (int j = 0; j < z.count; ++j) {
       double* row = out + j * n;
       copy(nullptr, n, row);
-      for (int r = 0; r < n; ++r) add(in[j * n + r], a + (j * n + r) * n, n, row);
+      add_rows(in + j * n, 1, a + j * n * n, n, n, n, row);
     }
   }
 
@@ -59,11 +80,10 @@ struct ScenarioSweep {
     const std::size_t s = static_cast<std::size_t>(z.stack);
     const int m = z.m();
     copy(f.slope + (k + 1) * s, z.stack, carried);
-    if (p.c)
-      for (int i = 0; i < z.stack; ++i) add(p.c[k * s + i], f.value + ((k + 1) * s + i) * s, z.stack, carried);
+    if (p.c) add_rows(p.c + k * s, 1, f.value + (k + 1) * s * s, s, z.stack, z.stack, carried);
     double* force = f.force + k * m;
     copy(p.qu + k * m, m, force);
-    for (int i = 0; i < z.stack; ++i) add(carried[i], p.b + (k * s + i) * m, m, force);
+    add_rows(carried, 1, p.b + k * s * m, m, z.stack, m, force);
   }
   /// slope = qx + a' carried + carry' step, once the step is known
   static void slope(const LqProblem& p, const LqFactor& f, const Sizes& z, std::size_t k, const double* carried) {
@@ -72,8 +92,8 @@ struct ScenarioSweep {
     double* out = f.slope + k * s;
     copy(p.qx + k * s, z.stack, out);
     for (int j = 0; j < z.count; ++j)
-      for (int r = 0; r < n; ++r) add(carried[j * n + r], p.a + (k * s + j * n + r) * n, n, out + j * n);
-    for (int i = 0; i < m; ++i) add(f.step[k * m + i], f.carry + (k * m + i) * s, z.stack, out);
+      add_rows(carried + j * n, 1, p.a + (k * s + static_cast<std::size_t>(j * n)) * n, n, n, n, out + j * n);
+    add_rows(f.step + k * m, 1, f.carry + k * m * s, s, m, z.stack, out);
   }
 
   static bool factorise(const LqProblem& p, const LqFactor& f) {
@@ -92,14 +112,13 @@ struct ScenarioSweep {
       for (std::size_t i = 0; i < s; ++i) times_blocks(ahead + i * s, a, z, pa + i * s);
       copy(p.qux ? p.qux + k * m * s : nullptr, m * z.stack, carry);
       copy(nullptr, m * z.stack, pb);
-      for (int i = 0; i < z.stack; ++i)
-        for (int v = 0; v < m; ++v) {
-          add(b[i * m + v], pa + i * s, z.stack, carry + v * s);
-          add(b[i * m + v], ahead + i * s, z.stack, pb + v * s);
-        }
+      for (int v = 0; v < m; ++v) {
+        add_rows(b + v, m, pa, s, z.stack, z.stack, carry + v * s);
+        add_rows(b + v, m, ahead, s, z.stack, z.stack, pb + v * s);
+      }
       copy(p.quu + k * m * m, m * m, curvature);
       for (int v = 0; v < m; ++v) {
-        for (int i = 0; i < z.stack; ++i) add(pb[v * s + i], b + i * m, m, curvature + v * m);
+        add_rows(pb + v * s, 1, b, m, z.stack, m, curvature + v * m);
         curvature[v * m + v] += p.regularisation + (p.input_diagonal ? p.input_diagonal[k * m + v] : 0.0);
       }
       gradients(p, f, z, k, carried);
@@ -111,9 +130,11 @@ struct ScenarioSweep {
       set_blocks(p, z, k, value);
       for (int j = 0; j < z.count; ++j)
         for (int r = 0; r < n; ++r) {
-          double* row = value + (j * n + r) * s;
-          for (int q = 0; q < n; ++q) add(a[(j * n + q) * n + r], pa + (j * n + q) * s, z.stack, row);
-          for (int v = 0; v < m; ++v) add(carry[v * s + j * n + r], f.gain + (k * m + v) * s, z.stack, row);
+          // from the diagonal on, rounded down to where registers begin: the other triangle is its image
+          const int at = j * n + r, from = at / 8 * 8;
+          double* row = value + at * s;
+          add_rows(a + j * n * n + r, n, pa + j * n * s, s, n, z.stack, row, from);
+          add_rows(carry + at, s, f.gain + k * m * s, s, m, z.stack, row, from);
         }
       for (std::size_t i = 1; i < s; ++i)
         for (std::size_t j = 0; j < i; ++j) value[i * s + j] = value[j * s + i];
@@ -160,7 +181,7 @@ struct ScenarioSweep {
     const std::size_t s = static_cast<std::size_t>(z.stack);
     for (std::size_t k = 0; k <= p.horizon; ++k) {
       copy(f.slope + k * s, z.stack, lambda + k * s);
-      for (std::size_t i = 0; i < s; ++i) add(x[k * s + i], f.value + (k * s + i) * s, z.stack, lambda + k * s);
+      add_rows(x + k * s, 1, f.value + k * s * s, s, z.stack, z.stack, lambda + k * s);
     }
   }
 
