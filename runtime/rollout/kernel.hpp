@@ -58,6 +58,34 @@ struct Kernel {
       return state_penalty<P>(job, x);
   }
 
+  /// The input of a closed loop: see RolloutFeedback. As every_cost, out of line.
+  template <class P, class T>
+  static __attribute__((noinline)) void feed_back(const RolloutJob<T>& job, std::uint32_t step, std::uint32_t lane,
+                                                  const typename Model::template State<P>& x,
+                                                  const typename Model::template Input<P>& before,
+                                                  typename Model::template Input<P>& u) {
+    const RolloutFeedback<T>& loop = *job.feedback;
+    typename Model::template State<P> d;
+    typename Model::template Input<P> last;
+    load_fields<P, P>(d, Model::nx(), loop.reference, static_cast<int>(step) * kStates, lane);
+    each(Model::nx(), [&](auto c) { d[c] = x[c] - d[c]; });
+    const bool rate = loop.columns > static_cast<std::uint32_t>(kStates);
+    if (rate) {
+      load_fields<P, P>(last, Model::nu(), job.controls, (static_cast<int>(step) - 1) * kInputs, lane);
+      each(Model::nu(), [&](auto c) { last[c] = before[c] - last[c]; });
+    }
+    each(Model::nu(), [&](auto i) {
+      const T* row = loop.gain + (static_cast<std::size_t>(step) * kInputs + i) * loop.columns;
+      P wish = u[i];
+      each(Model::nx(), [&](auto c) { wish = wish + P(row[c]) * d[c]; });
+      if (rate) each(Model::nu(), [&](auto c) { wish = wish + P(row[kStates + c]) * last[c]; });
+      // in this order, so that a NaN comes through
+      const P low = max(P(loop.low[i]), before[i] - P(loop.most_change[i]));
+      const P high = min(P(loop.high[i]), before[i] + P(loop.most_change[i]));
+      u[i] = select(wish < low, low, select(wish > high, high, wish));
+    });
+  }
+
   template <class T>
   static TILLER_INLINE void store_state(T* rows, std::size_t stride, std::uint32_t lane,
                                         const typename Model::template State<Pack<T>>& x) {
@@ -107,6 +135,7 @@ struct Kernel {
           store_state<T>(job.trajectory + static_cast<std::size_t>(step) * kStates * job.lanes, job.lanes, at, t[r].x);
         Input u;
         load_fields<P, P>(u, Model::nu(), job.controls, static_cast<int>(step) * kInputs, at);
+        if (kExtra && job.feedback && step >= job.feedback->from) feed_back<P>(job, step, at, t[r].x, before[r], u);
         if (job.cost) {
           if (kExtra && !job.cost->only_quadratic())
             cost[r] = cost[r] + every_cost<P>(job, step, t[r].x, &u, before[r], params.model);
@@ -174,7 +203,7 @@ struct Kernel {
   static void rollout_f32(const tiller_model_t&, const RolloutJob<float>& job) {
     if (job.setup->effect_count > 0 || !job.params.splat())
       return roll_all<float, 4, true, false, true, tiller_integrator_rk4>(job);
-    const bool extra = job.cost && (!job.cost->only_quadratic() || job.penalty_out);
+    const bool extra = job.feedback || (job.cost && (!job.cost->only_quadratic() || job.penalty_out));
     return extra ? roll_bare<true>(job) : roll_bare<false>(job);
   }
   static void rollout_f64(const tiller_model_t&, const RolloutJob<double>& job) {

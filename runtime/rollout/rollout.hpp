@@ -47,26 +47,44 @@ tiller_status_t make_step_setup(const tiller_config_t& config, StepSetup& setup)
 /// kLanePadding and every lane array is readable (writable) up to that.
 constexpr std::uint32_t kLanePadding = 16;
 
+/// Feedback of closed-loop rollouts, around a reference motion of each lane's own. From step `from` on the input is
+///
+///     u = cut(controls_k + gain_k [x - reference_k; before - controls_(k-1)])
+///
+/// with `before` the input of the step before, cut to the limits and to the change per period. x - reference is the
+/// plain difference: angles start on the reference's turn. The setup has no input delay, and the job has a cost.
+template <class T>
+struct RolloutFeedback {
+  std::uint32_t from = 1;          // >= 1
+  std::uint32_t columns = 0;       // of the gain: nx, or nx + nu with the rows' answer to the input before
+  const T* gain = nullptr;         // (horizon x nu x columns)
+  Lanes<T> reference;              // (horizon * nx)
+  const T* low = nullptr;          // (nu)
+  const T* high = nullptr;         // (nu)
+  const T* most_change = nullptr;  // (nu) per period; 1e15 for none
+};
+
 template <class T>
 struct RolloutJob {
   const StepSetup* setup = nullptr;
   std::uint32_t lanes = 0;
   std::uint32_t horizon = 0;
-  double period_s = 0.0;               // 0: the setup's; else a measured period
-  Lanes<T> state;                      // (nx) start
-  Lanes<T> params;                     // (np) model's, then effects'
-  Lanes<T> effect_state;               // (ns) start
-  Lanes<T> controls;                   // (horizon * nu)
-  const T* history = nullptr;          // (delay_steps x nu) commands before controls[0], newest first; may be
-                                       // null where delay_steps is 0 and the cost has no input-rate weight
-  const T* previous_input = nullptr;   // (nu) for the input-rate cost of step 0; null: as controls[0]
-  const CostTerms<T>* cost = nullptr;  // null: no cost
-  std::uint64_t task_step = 0;         // periods since the task began: the time row of step 0
-  T* cost_out = nullptr;               // (lanes)
-  T* penalty_out = nullptr;            // (lanes) of bounds and obstacles, whatever `extra` says; nullable
-  T* final_state = nullptr;            // (nx x lanes), row stride `lanes`; nullable
-  T* final_effect_state = nullptr;     // (ns x lanes); nullable
-  T* trajectory = nullptr;             // ((horizon + 1) * nx x lanes); nullable
+  double period_s = 0.0;                         // 0: the setup's; else a measured period
+  Lanes<T> state;                                // (nx) start
+  Lanes<T> params;                               // (np) model's, then effects'
+  Lanes<T> effect_state;                         // (ns) start
+  Lanes<T> controls;                             // (horizon * nu)
+  const T* history = nullptr;                    // (delay_steps x nu) commands before controls[0], newest first; may be
+                                                 // null where delay_steps is 0 and the cost has no input-rate weight
+  const T* previous_input = nullptr;             // (nu) for the input-rate cost of step 0; null: as controls[0]
+  const CostTerms<T>* cost = nullptr;            // null: no cost
+  const RolloutFeedback<T>* feedback = nullptr;  // null: controls are the inputs
+  std::uint64_t task_step = 0;                   // periods since the task began: the time row of step 0
+  T* cost_out = nullptr;                         // (lanes)
+  T* penalty_out = nullptr;                      // (lanes) of bounds and obstacles, whatever `extra` says; nullable
+  T* final_state = nullptr;                      // (nx x lanes), row stride `lanes`; nullable
+  T* final_effect_state = nullptr;               // (ns x lanes); nullable
+  T* trajectory = nullptr;                       // ((horizon + 1) * nx x lanes); nullable
 };
 
 /// One period, linearised by dual numbers: next = f(state, u), a = d next / d state, b = d next / d u.

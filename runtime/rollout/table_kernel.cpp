@@ -71,6 +71,29 @@ double every_penalty(const TableModel& model, const CostTerms<T>& cost, const St
   return penalty_cost<TableModel, double>(model, cost, x) + output_penalty<TableModel, double>(model, cost, x, p);
 }
 
+/// The input of a closed loop: see RolloutFeedback.
+template <class T>
+void feed_back(const TableModel& model, const RolloutJob<T>& job, std::uint32_t step, std::uint32_t lane,
+               const Step::State& x, const Step::Input& before, Step::Input& u) {
+  const RolloutFeedback<T>& loop = *job.feedback;
+  const int nx = model.nx(), nu = model.nu(), columns = static_cast<int>(loop.columns);
+  const std::size_t first = std::size_t{step} * static_cast<std::size_t>(nu);
+  const auto planned = [&](int i) { return cell(job.controls, first - static_cast<std::size_t>(nu - i), lane); };
+  const auto reference = [&](int c) {
+    return cell(loop.reference, std::size_t{step} * static_cast<std::size_t>(nx) + static_cast<std::size_t>(c), lane);
+  };
+  for (int i = 0; i < nu; ++i) {
+    const T* row = loop.gain + (first + static_cast<std::size_t>(i)) * loop.columns;
+    double wish = u[i];
+    for (int c = 0; c < nx; ++c) wish += static_cast<double>(row[c]) * (x[c] - reference(c));
+    for (int c = nx; c < columns; ++c) wish += static_cast<double>(row[c]) * (before[c - nx] - planned(c - nx));
+    const double change = static_cast<double>(loop.most_change[i]);
+    const double low = std::fmax(static_cast<double>(loop.low[i]), before[i] - change);
+    const double high = std::fmin(static_cast<double>(loop.high[i]), before[i] + change);
+    u[i] = wish < low ? low : wish > high ? high : wish;
+  }
+}
+
 template <class T>
 void roll_lane(const TableModel& model, const Step& step, const RolloutJob<T>& job, std::uint32_t lane) {
   const StepSetup& setup = *job.setup;
@@ -90,6 +113,7 @@ void roll_lane(const TableModel& model, const Step& step, const RolloutJob<T>& j
     if (job.trajectory) keep(job.trajectory + static_cast<std::size_t>(k) * nx * job.lanes);
     Step::Input u{};
     for (int i = 0; i < nu; ++i) u[i] = cell(job.controls, static_cast<std::size_t>(k) * nu + i, lane);
+    if (job.feedback && k >= job.feedback->from) feed_back(model, job, k, lane, t.x, before, u);
     if (job.cost) {
       cost += stage_cost(model, job, k, t.x, u, before, p.model);
       if (job.penalty_out) penalty += every_penalty(model, *job.cost, t.x, p.model);
