@@ -11,7 +11,8 @@ namespace {
 // is kept over the iterations and over the ticks (as rollouts 1 and 0 of the core) and the choice of the best sample
 // where the mean of the elites is worse; its coloured noise is noise_colour, for every method.
 
-constexpr double kSpreadFloor = 0.1;  // of noise_sd: a collapsed spread finds nothing when the scene changes
+constexpr double kSpreadFloor = 0.1;    // of noise_sd: a collapsed spread finds nothing when the scene changes
+constexpr double kSpreadCeiling = 2.0;  // as adapt_covariance has it
 
 void begin(Sampler& s) {
   if (s.settings->adapt_covariance) return;  // the spread goes on from the tick before
@@ -39,18 +40,31 @@ void mark_elites(Sampler& s, std::uint32_t count) {
   }
 }
 
+/// Mean square of the elites' scales on the ladder. Rollouts 0 and 1 were not drawn: nothing of the spread is in them.
+double elite_scale(const Sampler& s, std::uint32_t count) {
+  double sum = 0.0;
+  for (std::uint32_t k = 2; k < s.rollouts; ++k) {
+    const double scale = static_cast<double>(s.scale[k % kScales]);
+    sum += static_cast<double>(s.weight[k]) * scale * scale;
+  }
+  return sum / count;
+}
+
+/// Moves mean and spread towards the elites'. Samples stand at several scales of the spread, so the elites' variance is
+/// set against that of their scales: elites that were chosen by chance leave the spread as it was.
 void update(Sampler& s) {
   const std::uint32_t count = elite_count(s);
   mark_elites(s, count);
   s.lanes->moments(s.knots, s.rows, s.rollouts, s.rollouts, s.weight, s.row_mean, s.row_sum, s.row_squares);
-  const double keep = s.settings->smoothing;
+  const double keep = s.settings->smoothing, scale = elite_scale(s, count);
   for (std::uint32_t r = 0; r < s.rows; ++r) {
     const double shift = static_cast<double>(s.row_sum[r]) / count;  // of the elites' mean from the old mean
     const double variance = static_cast<double>(s.row_squares[r]) / count - shift * shift;
-    const double spread = keep * s.spread[r] + (1.0 - keep) * std::sqrt(std::fmax(variance, 0.0));
     s.mean[r] += (1.0 - keep) * shift;
-    if (s.settings->adapt_covariance) continue;
-    s.spread[r] = std::fmax(spread, kSpreadFloor * s.settings->noise_sd[r / s.grid.knots]);
+    if (s.settings->adapt_covariance || !(scale > 0.0)) continue;
+    const double spread = keep * s.spread[r] + (1.0 - keep) * std::sqrt(std::fmax(variance, 0.0) / scale);
+    const double noise_sd = s.settings->noise_sd[r / s.grid.knots];
+    s.spread[r] = std::fmin(std::fmax(spread, kSpreadFloor * noise_sd), kSpreadCeiling * noise_sd);
   }
   if (s.settings->adapt_covariance) adapt_spread(s);
 }
@@ -72,6 +86,7 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
 }  // namespace
 
 extern const PlannerTable cem_planner;
-const PlannerTable cem_planner = {kMethod.name, lay_out, plan_by_sampling, reset_sampler, sampled_sequence};
+const PlannerTable cem_planner = {
+    kMethod.name, lay_out, plan_by_sampling, reset_sampler, sampled_sequence, nullptr, sampled_feedback, false, true};
 
 }  // namespace tiller
