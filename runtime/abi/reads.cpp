@@ -52,7 +52,8 @@ uint32_t tiller_get_plan(const tiller_t* t, double* inputs, uint32_t steps) {
 tiller_status_t tiller_get_feedback(const tiller_t* t, uint32_t step, double* gain, double* state, double* input) {
   if (t == nullptr) return tiller_status_null_argument;
   const tiller::PlannerTable& planner = t->executive->planner_table();
-  if (planner.feedback == nullptr) return tiller_status_bad_planner;
+  const bool open = planner.feedback_if_closed && t->executive->config().planner.closed_loop == 0;
+  if (planner.feedback == nullptr || open) return tiller_status_bad_planner;
   const bool there = planner.feedback(t->executive->planner(), step, gain, state, input);
   // the planner's angles come less whole turns; the caller's do not
   for (uint32_t i = 0; there && state != nullptr && i < t->executive->config().model->state_count; ++i)

@@ -110,8 +110,9 @@ Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const
   self.gate_ = OutputGate(gate_limits(config));
   self.posterior_ = Posterior::lay_out(arena, self.config_, self.setup_, *self.table_, &self.hooks_);
   note("posterior");
-  const bool over_delays =
-      self.planner_table_->undelayed || config.planner.predict_delay != 0 || config.posterior.delay_hypotheses > 1;
+  const bool closed = self.planner_table_->feedback_if_closed && config.planner.closed_loop != 0;
+  const bool over_delays = self.planner_table_->undelayed || closed || config.planner.predict_delay != 0 ||
+                           config.posterior.delay_hypotheses > 1;
   self.belief_.lay_out(arena, self.config_, self.setup_, *self.table_, over_delays);
   note("planning belief");
   self.planner_ =

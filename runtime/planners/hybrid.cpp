@@ -111,6 +111,6 @@ bool feedback(const void* self, std::uint32_t step, double* gain, double* state,
 }  // namespace
 
 extern const PlannerTable hybrid_planner;
-const PlannerTable hybrid_planner = {"hybrid", lay_out, plan, reset, sequence, nullptr, feedback, true, true};
+const PlannerTable hybrid_planner = {"hybrid", lay_out, plan, reset, sequence, nullptr, feedback, true, false, true};
 
 }  // namespace tiller

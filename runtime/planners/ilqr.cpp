@@ -19,6 +19,7 @@
 #include "planners/flush_to_zero.hpp"
 #include "planners/ilqr.hpp"
 #include "planners/line_search.hpp"
+#include "planners/scenario_tree.hpp"
 
 namespace tiller {
 namespace {
@@ -240,6 +241,7 @@ void iterate(Ilqr& s, const Deadline& deadline, PlanResult& result) {
 
 PlanResult plan(void* self, const PlanRequest& request, double* command) {
   Ilqr& s = *static_cast<Ilqr*>(self);
+  if (s.tree) return plan_tree(*s.tree, request, command);
   PathPlan& p = s.plan;
   PlanResult result;
   result.cost = kInfinity;
@@ -257,6 +259,7 @@ PlanResult plan(void* self, const PlanRequest& request, double* command) {
 /// The next tick's path, problem and factor. What the measurement will bring is the start alone.
 void prepare(void* self, const PlanRequest& expected) {
   Ilqr& s = *static_cast<Ilqr*>(self);
+  if (s.tree) return;
   PathPlan& p = s.plan;
   take_command(p, expected.last_command);
   p.task_step = expected.task_step;
@@ -269,17 +272,33 @@ void prepare(void* self, const PlanRequest& expected) {
   s.solved = solve(s) && p.exact;
 }
 
-void reset(void* self) { reset_ilqr(*static_cast<Ilqr*>(self)); }
+void reset(void* self) {
+  Ilqr& s = *static_cast<Ilqr*>(self);
+  if (s.tree)
+    reset_tree(*s.tree);
+  else
+    reset_ilqr(s);
+}
 
 void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
               const tiller_hooks_t*) {
-  return lay_out_ilqr(arena, config, setup, table, config.planner.shooting == tiller_shooting_single);
+  if (!wants_tree(config))
+    return lay_out_ilqr(arena, config, setup, table, config.planner.shooting == tiller_shooting_single);
+  auto* s = arena.take<Ilqr>(1);
+  ScenarioTree* const tree = lay_out_tree(arena, config, setup, table);
+  if (!s || !tree) return nullptr;
+  s->tree = tree;
+  return s;
 }
 
-const float* sequence(const void* self) { return static_cast<const Ilqr*>(self)->plan.sequence; }
+const float* sequence(const void* self) {
+  const Ilqr& s = *static_cast<const Ilqr*>(self);
+  return s.tree ? tree_sequence(*s.tree) : s.plan.sequence;
+}
 
 bool feedback(const void* self, std::uint32_t step, double* gain, double* state, double* input) {
-  return path_feedback(static_cast<const Ilqr*>(self)->plan, step, gain, state, input);
+  const Ilqr& s = *static_cast<const Ilqr*>(self);
+  return s.tree ? tree_feedback(*s.tree, step, gain, state, input) : path_feedback(s.plan, step, gain, state, input);
 }
 
 }  // namespace
@@ -314,6 +333,6 @@ Ilqr* lay_out_ilqr(Arena& arena, const tiller_config_t& config, const StepSetup&
 }
 
 extern const PlannerTable ilqr_planner;
-const PlannerTable ilqr_planner = {"ilqr", lay_out, plan, reset, sequence, prepare, feedback, true, true};
+const PlannerTable ilqr_planner = {"ilqr", lay_out, plan, reset, sequence, prepare, feedback, true, false, true};
 
 }  // namespace tiller

@@ -4,8 +4,11 @@
 
 namespace tiller {
 
+struct ScenarioTree;
+
 /// Iterative LQR: see ilqr.cpp. Also the second half of `hybrid`.
 struct Ilqr {
+  ScenarioTree* tree = nullptr;  // plans in the place of everything below where it is set
   PathPlan plan;
   double cost = 0.0;      // of the path under the risk; infinity: not known
   double penalty = 0.0;   // of defects, multiple shooting

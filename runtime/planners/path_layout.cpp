@@ -9,7 +9,7 @@ bool rate_weight(const tiller_config_t& config) {
   return false;
 }
 
-void take_sizes(const tiller_config_t& config, const StepSetup& setup, PathPlan& p) {
+void take_sizes(const tiller_config_t& config, const StepSetup& setup, std::uint32_t most_scenarios, PathPlan& p) {
   p.nx = config.model->state_count;
   p.ns = setup.effect_state_count;
   p.nz = p.nx + p.ns;
@@ -18,7 +18,7 @@ void take_sizes(const tiller_config_t& config, const StepSetup& setup, PathPlan&
   p.rate = rate_weight(config);
   p.n = p.nz + (p.rate ? p.nu : 0);
   p.horizon = config.planner.horizon;
-  p.most_scenarios = config.planner.particles < TILLER_MAX_SCENARIOS ? config.planner.particles : TILLER_MAX_SCENARIOS;
+  p.most_scenarios = config.planner.particles < most_scenarios ? config.planner.particles : most_scenarios;
   p.lanes = (p.horizon + 1 + kLanePadding - 1) / kLanePadding * kLanePadding;
 }
 
@@ -69,8 +69,8 @@ void take_arrays(Arena& arena, PathPlan& p) {
 }  // namespace
 
 void lay_out_path_plan(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
-                       PathPlan& p) {
-  take_sizes(config, setup, p);
+                       PathPlan& p, std::uint32_t most_scenarios) {
+  take_sizes(config, setup, most_scenarios, p);
   p.frame.lay_out(config);
   take_arrays(arena, p);
   if (config.cost.terminal == tiller_terminal_lqr) p.cost.cost_to_go = arena.take<double>(std::size_t{p.nx} * p.nx);

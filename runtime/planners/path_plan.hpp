@@ -81,8 +81,9 @@ struct PathPlan {
   double* candidate_cost = nullptr;     // (M x kCandidates)
 };
 
+/// With room for the planner's particles, but for no more than `most_scenarios`.
 void lay_out_path_plan(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
-                       PathPlan& p);
+                       PathPlan& p, std::uint32_t most_scenarios = TILLER_MAX_SCENARIOS);
 void reset_path_plan(PathPlan& p);
 
 /// Takes the command in force, brought into the limits; the safe command if it is null.

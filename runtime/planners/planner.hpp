@@ -54,6 +54,8 @@ struct PlannerTable {
   /// Knows nothing of input delays: its setup has none, belief.history is null, and every hypothesis comes brought
   /// forward to when its first command acts (as planner.predict_delay asks for any planner).
   bool undelayed = false;
+  /// That feedback is there with planner.closed_loop alone.
+  bool feedback_if_closed = false;
   /// May be done before its last iteration; says iteration_capped by itself where it stopped short of that.
   bool converges = false;
 };

@@ -24,6 +24,7 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
 }  // namespace
 
 extern const PlannerTable random_shooting_planner;
-const PlannerTable random_shooting_planner = {kMethod.name, lay_out, plan_by_sampling, reset_sampler, sampled_sequence};
+const PlannerTable random_shooting_planner = {
+    kMethod.name, lay_out, plan_by_sampling, reset_sampler, sampled_sequence, nullptr, sampled_feedback, false, true};
 
 }  // namespace tiller

@@ -55,6 +55,7 @@ bool take_belief(Sampler& s, const Belief* belief) {
   pack_rows(belief->params, s.params, s.particles, belief->count, s.padded, s.particle_params, s.lane_params);
   pack_rows(belief->effect_state, s.effect_states, s.particles, belief->count, s.padded, s.particle_effects,
             s.lane_effects);
+  if (s.loop) take_mean_hypothesis(s);
   return true;
 }
 
@@ -91,6 +92,9 @@ RolloutJob<float> common_job(const Sampler& s) {
   job.task_step = s.request->task_step;
   return job;
 }
+
+/// One hypothesis alone goes where the mean goes: there is nothing to answer.
+bool answers(const Sampler& s) { return s.loop && s.loop->has_gain && s.particles > 1; }
 
 void sample_chunk(Sampler& s, std::uint32_t first, std::uint32_t lanes) {
   SampleJob job;
@@ -150,6 +154,19 @@ void reduce_chunk(Sampler& s, std::uint32_t chunk, const float* cost) {
   s.lanes->risk(risk);
 }
 
+/// The closed loop around the chunk's own motions of the mean hypothesis.
+RolloutFeedback<float> chunk_law(Sampler& s, std::uint32_t slot, std::uint32_t lanes, const float* controls) {
+  float* reference = s.loop->references + slot * s.loop->chunk_size;
+  RolloutJob<float> job = mean_job(s);
+  job.lanes = lanes;
+  job.controls = {controls, lanes};
+  job.trajectory = reference;
+  s.table->rollout_f32(*s.model, job);
+  RolloutFeedback<float> law = s.loop->law;
+  law.reference = {reference, lanes};
+  return law;
+}
+
 /// False if the deadline passed on the way. The clock is read once a rollout call.
 bool evaluate_chunk(Sampler& s, std::uint32_t slot, std::uint32_t chunk) {
   const std::uint32_t first = chunk * s.chunk_lanes;
@@ -163,6 +180,12 @@ bool evaluate_chunk(Sampler& s, std::uint32_t slot, std::uint32_t chunk) {
   RolloutJob<float> job = common_job(s);
   job.lanes = lanes;
   job.controls = {controls, lanes};
+  RolloutFeedback<float> law;
+  if (answers(s)) {
+    if (s.request->deadline.passed()) return false;
+    law = chunk_law(s, slot, lanes, controls);
+    job.feedback = &law;
+  }
   for (std::uint32_t m = 0; m < s.particles; ++m) {
     if (s.request->deadline.passed()) return false;
     job.state = {s.particle_state + m * s.states, 0};
@@ -292,7 +315,23 @@ std::uint32_t iterate(Sampler& s, PlanResult& result) {
   return s.iteration;
 }
 
+/// Gains for a plan that will have an iteration.
+void begin_loop(Sampler& s) {
+  if (s.request->deadline.iterations == 0 || s.request->deadline.passed()) return;
+  expand_mean(s, nullptr);
+  compute_gains(s);
+}
+
 }  // namespace
+
+RolloutJob<float> mean_job(const Sampler& s) {
+  RolloutJob<float> job = common_job(s);
+  job.cost = nullptr;
+  job.state = {s.loop->state, 0};
+  job.params = {s.loop->params, 0};
+  job.effect_state = {s.loop->effects, 0};
+  return job;
+}
 
 void start_from_command(Sampler& s, const double* last_command) {
   for (std::uint32_t i = 0; i < s.inputs; ++i) {
@@ -312,8 +351,10 @@ PlanResult plan_by_sampling(void* self, const PlanRequest& request, double* comm
   result.cost = std::numeric_limits<double>::infinity();
   s.best_cost = std::numeric_limits<double>::infinity();
   s.reference = 0.0;
+  if (s.loop) s.loop->has_gain = false;
   if (take_belief(s, request.belief)) {
     const FlushToZero flush;  // not around the limits: a denormal command in force is a number like any other
+    if (s.loop) begin_loop(s);
     s.method->begin(s);
     result.iterations = iterate(s, result);
     if (result.iterations > 0) result.cost = s.method->choose(s) + s.reference;
@@ -321,6 +362,7 @@ PlanResult plan_by_sampling(void* self, const PlanRequest& request, double* comm
     result.status = tiller_status_plan_not_finite;
   }
   expand_mean(s, command);
+  if (s.loop && s.loop->has_gain) roll_reference(s);
   s.request = nullptr;
   return result;
 }
@@ -342,6 +384,13 @@ double evaluate_mean(Sampler& s) {
   job.controls = {s.sequence, 0};
   job.cost_out = s.lane_cost;
   job.penalty_out = s.lane_penalty;
+  RolloutFeedback<float> law;
+  if (answers(s)) {
+    roll_reference(s);
+    law = s.loop->law;
+    law.reference = {s.loop->reference, 0};
+    job.feedback = &law;
+  }
   s.table->rollout_f32(*s.model, job);
   for (std::uint32_t m = 0; s.penalised && m < s.particles; ++m)
     s.lane_cost[m] += counted_penalty(s, m, s.lane_penalty[m]);

@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "core/arena.hpp"
+#include "planners/closed_loop.hpp"
 #include "planners/cost_frame.hpp"
 #include "planners/lane_table.hpp"
 #include "planners/planner.hpp"
@@ -67,6 +68,7 @@ struct Sampler {
   float rate_step[TILLER_MAX_INPUTS] = {};  // negative: none
   float scale[kScales] = {};                // of the noise, by rollout mod 16
   void* companion = nullptr;                // what the method keeps beside
+  ClosedLoop* loop = nullptr;               // null: one sequence for all hypotheses
   float* mix = nullptr;                     // (knots x knots) of the noise along the knots; null: white
   bool cubic = false;                       // between the knots
 
@@ -130,6 +132,9 @@ Sampler* lay_out_sampler(Arena& arena, const tiller_config_t& config, const Step
 PlanResult plan_by_sampling(void* self, const PlanRequest& request, double* command);
 void reset_sampler(void* self);
 const float* sampled_sequence(const void* self);
+
+/// A rollout of the mean hypothesis from the present state, without a cost; for plans with a closed loop.
+RolloutJob<float> mean_job(const Sampler& s);
 
 /// Cost of the present mean under the limits and the risk; fills the sequence. One rollout with a lane per particle:
 /// about the price of 16 sampled rollouts.

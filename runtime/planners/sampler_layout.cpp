@@ -28,7 +28,7 @@ std::uint32_t hold_of(const tiller_planner_config_t& p) { return p.hold_steps > 
 /// Numbers that both passes of the layout need.
 struct Sizes {
   std::uint32_t rows, horizon, knots, rollouts, chunk_lanes, chunks, slots, particles, padded, states, params, effects;
-  bool mixed, penalised;
+  bool mixed, penalised, closed;
 };
 
 constexpr std::uint32_t kPenalties = kCostBounds | kCostObstacles | kCostOutputBounds;
@@ -50,6 +50,7 @@ Sizes measure(const tiller_config_t& config, const StepSetup& setup, const Sampl
   z.effects = setup.effect_state_count;
   z.penalised = (make_cost_terms<float>(config.cost, config.model->state_count).extra & kPenalties) != 0;
   z.mixed = !method.draw && mixes_noise(p);
+  z.closed = closes_loop(config, method);
   return z;
 }
 
@@ -108,10 +109,13 @@ Sampler* lay_out_sampler(Arena& arena, const tiller_config_t& config, const Step
   Sampler nobody;
   const Sizes z = measure(config, setup, method);
   take_arrays(arena, z, config.model->input_count, s ? *s : nobody);
+  ClosedLoop* const loop =
+      z.closed ? lay_out_closed_loop(arena, config, setup, table, z.slots, z.chunk_lanes) : nullptr;
   float* const cost_to_go =
       config.cost.terminal == tiller_terminal_lqr ? arena.take<float>(std::size_t{z.states} * z.states) : nullptr;
   if (!s || !arena.fits()) return nullptr;  // measuring, or a block that is too small
   s->method = &method;
+  s->loop = loop;
   s->settings = &config.planner;
   s->model = config.model;
   s->setup = &setup;
@@ -148,6 +152,7 @@ void reset_sampler(void* self) {
   s.has_plan = false;
   s.lambda = 0.0;
   s.gone = 0;
+  if (s.loop) reset_closed_loop(*s.loop);
   s.clock = {s.grid.horizon, s.grid.knots, 0, s.method->holds ? hold_of(*s.settings) : 0};
   fill_grid(s.clock, s.first_step, s.fraction);
   for (std::uint32_t r = 0; r < s.rows; ++r) {

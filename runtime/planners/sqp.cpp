@@ -209,6 +209,6 @@ bool feedback(const void* self, std::uint32_t step, double* gain, double* state,
 }  // namespace
 
 extern const PlannerTable sqp_planner;
-const PlannerTable sqp_planner = {"sqp", lay_out, plan, reset, sequence, prepare, feedback, true, true};
+const PlannerTable sqp_planner = {"sqp", lay_out, plan, reset, sequence, prepare, feedback, true, false, true};
 
 }  // namespace tiller

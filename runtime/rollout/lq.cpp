@@ -1,5 +1,6 @@
 #include "rollout/lq.hpp"
 
+#include "rollout/lq_held.hpp"
 #include "rollout/rollout.hpp"
 #include "scalar/isa_copies.hpp"
 
@@ -8,10 +9,7 @@ namespace tiller {
 TILLER_DECLARE_COPIES(LqKernel, kLqGeneral)
 TILLER_DECLARE_COPIES(LqKernel, kLqTwelveFour)
 
-namespace {
-
-/// One bound of the box passed or one held input let go: how many changed.
-std::uint32_t update_held(const LqProblem& p, const LqFactor& f, const double* x, const double* u) {
+std::uint32_t update_lq_held(const LqProblem& p, const LqFactor& f, const double* x, const double* u) {
   const std::size_t m = p.inputs, s = std::size_t{p.states} * p.scenarios;
   std::uint32_t changes = 0;
   for (std::size_t k = 0; k < p.horizon; ++k)
@@ -32,8 +30,6 @@ std::uint32_t update_held(const LqProblem& p, const LqFactor& f, const double* x
     }
   return changes;
 }
-
-}  // namespace
 
 std::size_t lq_scratch_size(std::uint32_t states, std::uint32_t inputs, std::uint32_t scenarios) {
   const std::size_t s = std::size_t{states} * scenarios;
@@ -83,7 +79,7 @@ std::uint32_t solve_lq_box(const LqKernel& kernel, const LqProblem& problem, con
   for (std::uint32_t sweep = 1; sweep <= most_sweeps; ++sweep) {
     if (!(factorised && sweep == 1) && !kernel.factorise(problem, factor)) return 0;
     kernel.roll(problem, factor, x, u);
-    *exact = !factor.held || !problem.low || update_held(problem, factor, x, u) == 0;
+    *exact = !factor.held || !problem.low || update_lq_held(problem, factor, x, u) == 0;
     if (*exact || sweep == most_sweeps) return sweep;
   }
   return most_sweeps;

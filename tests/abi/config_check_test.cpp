@@ -193,6 +193,9 @@ const Spoiled kSpoiled[] = {
     {"planner.filter", tiller_status_bad_planner, [](C& c) { c.planner.filter = 0.0; }},
     {"planner.filter", tiller_status_bad_planner, [](C& c) { c.planner.filter = 1.1; }},
     {"planner.filter", tiller_status_bad_planner, [](C& c) { c.planner.filter = kNan; }},
+    {"planner.closed_loop", tiller_status_bad_planner, [](C& c) { c.planner.closed_loop = 2; }},
+    {"planner.shared_steps", tiller_status_bad_planner, [](C& c) { c.planner.shared_steps = 0; }},
+    {"planner.shared_steps", tiller_status_bad_planner, [](C& c) { c.planner.shared_steps = 513; }},
     {"planner.shooting", tiller_status_bad_planner, [](C& c) { c.planner.shooting = 2; }},
     {"planner.qp_solver", tiller_status_bad_planner, [](C& c) { c.planner.qp_solver = 2; }},
     {"planner.qp_iterations", tiller_status_bad_planner, [](C& c) { c.planner.qp_iterations = 0; }},
@@ -296,6 +299,8 @@ TEST(ConfigCheck, AcceptsTheEndsOfTheRanges) {
   p.adapt_covariance = p.predict_delay = 1;
   p.noise_colour = 4.0;
   p.filter = 1.0;
+  p.closed_loop = 1;
+  p.shared_steps = 512;
   p.qp_iterations = 10000;
   p.refine_iterations = 20;
   p.regularisation = p.exploration = 0.0;

@@ -164,6 +164,8 @@ void choose_engines(C& c, Draw& draw) {
   c.seed = 1 + draw.below(1000);
   c.planner.kind = draw.below(tiller_planner_kind_count);
   c.planner.risk = draw.below(3);
+  c.planner.closed_loop = draw.below(2);
+  c.planner.shared_steps = 1 + draw.below(8);
   c.cost.terminal = draw.chance(0.2) ? tiller_terminal_lqr : tiller_terminal_diagonal;
   c.posterior.kind = draw.below(tiller_posterior_kind_count);
   if (c.posterior.kind != tiller_posterior_conjugate) return;

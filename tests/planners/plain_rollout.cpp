@@ -49,9 +49,37 @@ void step(const tiller_model_t& model, const tiller::StepSetup& setup, std::uint
   }
 }
 
+/// The closed loop's inputs of step t, one lane after the other.
+void feed_back(const tiller_model_t& model, const tiller::RolloutJob<float>& job, std::uint32_t t, std::uint32_t lane,
+               std::uint32_t count, const Block* x, const Block* before, Block* u) {
+  const tiller::RolloutFeedback<float>& law = *job.feedback;
+  const std::uint32_t nx = model.state_count, nu = model.input_count;
+  for (std::uint32_t i = 0; i < nu; ++i) {
+    const float* gain = law.gain + (t * nu + i) * law.columns;
+    Block wish, reference, planned;
+    std::copy(u[i], u[i] + kBlock, wish);
+    for (std::uint32_t c = 0; c < nx; ++c) {
+      take(law.reference, t * nx + c, lane, count, reference);
+      for (std::uint32_t l = 0; l < count; ++l) wish[l] += static_cast<double>(gain[c]) * (x[c][l] - reference[l]);
+    }
+    for (std::uint32_t c = 0; nx + c < law.columns; ++c) {
+      take(job.controls, (t - 1) * nu + c, lane, count, planned);
+      for (std::uint32_t l = 0; l < count; ++l)
+        wish[l] += static_cast<double>(gain[nx + c]) * (before[c][l] - planned[l]);
+    }
+    const double change = static_cast<double>(law.most_change[i]);
+    for (std::uint32_t l = 0; l < count; ++l) {
+      const double low = std::max(static_cast<double>(law.low[i]), before[i][l] - change);
+      const double high = std::min(static_cast<double>(law.high[i]), before[i][l] + change);
+      u[i][l] = wish[l] < low ? low : wish[l] > high ? high : wish[l];
+    }
+  }
+}
+
 void rollout(const tiller_model_t& model, const tiller::RolloutJob<float>& job) {
   if (on_plain_rollout) on_plain_rollout();
-  const tiller::CostTerms<float>& w = *job.cost;
+  static const tiller::CostTerms<float> no_cost{};
+  const tiller::CostTerms<float>& w = job.cost ? *job.cost : no_cost;
   Block x[TILLER_MAX_STATES] = {}, p[TILLER_MAX_PARAMS] = {}, u[TILLER_MAX_INPUTS] = {}, before[TILLER_MAX_INPUTS] = {};
   for (std::uint32_t lane = 0; lane < job.lanes; lane += kBlock) {
     const std::uint32_t count = std::min(kBlock, job.lanes - lane);
@@ -60,11 +88,19 @@ void rollout(const tiller_model_t& model, const tiller::RolloutJob<float>& job) 
     for (std::uint32_t i = 0; i < model.input_count; ++i)
       for (double& v : before[i]) v = static_cast<double>(job.previous_input[i]);
     Block cost = {};
+    const auto keep = [&](std::uint32_t t) {
+      for (std::uint32_t i = 0; job.trajectory && i < model.state_count; ++i)
+        for (std::uint32_t l = 0; l < count; ++l)
+          job.trajectory[(t * model.state_count + i) * job.lanes + lane + l] = static_cast<float>(x[i][l]);
+    };
     for (std::uint32_t t = 0; t < job.horizon; ++t) {
+      keep(t);
+      for (std::uint32_t i = 0; i < model.input_count; ++i)
+        take(job.controls, t * model.input_count + i, lane, count, u[i]);
+      if (job.feedback && t >= job.feedback->from) feed_back(model, job, t, lane, count, x, before, u);
       for (std::uint32_t i = 0; i < model.state_count; ++i)
         add_square(model, i, static_cast<double>(w.state[i]), static_cast<double>(w.target[i]), x[i], cost);
       for (std::uint32_t i = 0; i < model.input_count; ++i) {
-        take(job.controls, t * model.input_count + i, lane, count, u[i]);
         const double weight = static_cast<double>(w.input[i]), rate_weight = static_cast<double>(w.input_rate[i]);
         for (std::uint32_t l = 0; l < kBlock; ++l) {
           const double change = u[i][l] - before[i][l];
@@ -76,7 +112,8 @@ void rollout(const tiller_model_t& model, const tiller::RolloutJob<float>& job) 
     }
     for (std::uint32_t i = 0; i < model.state_count; ++i)
       add_square(model, i, static_cast<double>(w.terminal[i]), static_cast<double>(w.target[i]), x[i], cost);
-    for (std::uint32_t l = 0; l < count; ++l) job.cost_out[lane + l] = static_cast<float>(cost[l]);
+    keep(job.horizon);
+    for (std::uint32_t l = 0; job.cost_out && l < count; ++l) job.cost_out[lane + l] = static_cast<float>(cost[l]);
   }
 }
 

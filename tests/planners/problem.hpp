@@ -40,6 +40,7 @@ inline tiller::Config line_config(std::uint32_t planner) {
   c.planner.qp_tolerance = 1e-6;
   c.planner.refine_iterations = 2;
   c.planner.filter = 1.0;
+  c.planner.shared_steps = 1;
   c.planner.levels = 5;
   c.planner.nodes = 1024;
   c.planner.hold_steps = 5;
@@ -63,6 +64,7 @@ inline void switch_options_on(tiller::Config& c) {
   c.planner.adapt_covariance = 1;
   c.planner.noise_colour = 1.5;
   c.planner.filter = 0.7;
+  c.planner.closed_loop = 1;
 }
 
 /// A planner in a block of its own, of exactly the measured size, and a belief to plan over.

@@ -39,7 +39,7 @@ extern "C" {
 
 #define TILLER_VERSION_MAJOR 0
 #define TILLER_VERSION_MINOR 1
-#define TILLER_CONFIG_VERSION 8u
+#define TILLER_CONFIG_VERSION 9u
 #define TILLER_ALIGNMENT 64u /**< of the caller's block: one AVX-512 register, one cache line */
 #define TILLER_MAX_MEASUREMENTS TILLER_MAX_STATES
 
@@ -226,6 +226,11 @@ typedef struct tiller_planner_config {
   double noise_colour;       /**< power of the samples' spectrum over the knots goes as f^-colour; 0 white, 2 a
                                     random walk; in [0, 4] */
   double filter;             /**< MPPI, PDDM's beta, 1e-6..1: n_t = beta noise_t + (1 - beta) n_(t-1); 1: off */
+
+  /* plans that will learn */
+  uint32_t closed_loop;  /**< 1: each particle corrects its way by feedback on its own state (sampling planners), or has
+                              a sequence of its own (iLQR), after the steps that all share */
+  uint32_t shared_steps; /**< with closed_loop: steps whose inputs are the same for all particles, 1..512 */
 
   /* gradient planners */
   uint32_t shooting;          /**< iLQR: tiller_shooting_t */
@@ -561,8 +566,8 @@ tiller_status_t tiller_get_quantile(const tiller_t* t, uint32_t param, double q,
 tiller_status_t tiller_get_contraction(const tiller_t* t, uint32_t* d, double* variance_ratio, double* direction);
 /** The planned inputs, (horizon x nu) row-major, first the one in force. Returns the number of steps copied. */
 uint32_t tiller_get_plan(const tiller_t* t, double* inputs, uint32_t steps);
-/** Feedback around the plan, from planners that have it (ilqr, sqp, hybrid): u = input + gain (x - state) for plan
- *  step `step`. gain (nu x nx, row-major), state (nx), input (nu); any pointer may be null. bad_planner where the
+/** Feedback around the plan, from planners that have it (ilqr, sqp, hybrid; with closed_loop mppi, cem and
+ *  random_shooting): u = input + gain (x - state) for plan step `step`, at any rate between two ticks. gain (nu x nx, row-major), state (nx), input (nu); any pointer may be null. bad_planner where the
  *  planner has none, bad_dimension past the horizon. */
 tiller_status_t tiller_get_feedback(const tiller_t* t, uint32_t step, double* gain, double* state, double* input);
 /** One particle: params (np), state (nx), normalised weight; any pointer may be null. */

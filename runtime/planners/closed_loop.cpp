@@ -1,0 +1,181 @@
+#include "planners/closed_loop.hpp"
+
+#include <cmath>
+#include <cstring>
+
+#include "planners/line_search.hpp"
+#include "planners/sampler.hpp"
+#include "rollout/attitude.hpp"
+
+namespace tiller {
+namespace {
+
+constexpr int kMostRaises = 8;  // of the regularisation, until the sweep finds a positive definite curvature
+
+/// Mean over the M hypotheses of row `i` of a splat array (M x count).
+double mean_of(const float* splats, std::uint32_t count, std::uint32_t i, std::uint32_t m) {
+  double sum = 0.0;
+  for (std::uint32_t j = 0; j < m; ++j) sum += static_cast<double>(splats[j * count + i]);
+  return sum / m;
+}
+
+/// An angle's mean is that of the differences from the first hypothesis.
+double mean_state(const Sampler& s, std::uint32_t i) {
+  if (((s.model->angle_mask >> i) & 1u) == 0) return mean_of(s.particle_state, s.states, i, s.particles);
+  const double first = static_cast<double>(s.particle_state[i]);
+  double sum = 0.0;
+  for (std::uint32_t j = 0; j < s.particles; ++j)
+    sum += state_difference(*s.model, i, static_cast<double>(s.particle_state[j * s.states + i]), first);
+  return first + sum / s.particles;
+}
+
+void set_state(Sampler& s, std::uint32_t j, std::uint32_t i, double x) {
+  s.particle_state[j * s.states + i] = s.lane_state[i * s.padded + j] = static_cast<float>(x);
+}
+
+/// q and -q are one attitude: every hypothesis takes the first one's sign, and the mean has length one.
+void average_attitudes(Sampler& s, float* mean) {
+  for_quaternions(s.model->quaternion_mask, [&](std::uint32_t q) {
+    double sum[4] = {};
+    for (std::uint32_t j = 0; j < s.particles; ++j) {
+      const float* x = s.particle_state + j * s.states + q;
+      const float* first = s.particle_state + q;
+      const float along = x[0] * first[0] + x[1] * first[1] + x[2] * first[2] + x[3] * first[3];
+      for (std::uint32_t i = 0; i < 4; ++i) {
+        const double part = static_cast<double>(along < 0.0f ? -x[i] : x[i]);
+        if (j > 0) set_state(s, j, q + i, part);
+        sum[i] += part;
+      }
+    }
+    const double length = std::sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2] + sum[3] * sum[3]);
+    for (std::uint32_t i = 0; i < 4; ++i) mean[q + i] = static_cast<float>(length > 0.0 ? sum[i] / length : i == 0);
+  });
+}
+
+/// Every input free: a sample that answers at a limit is cut there.
+bool sweep(PathPlan& p) {
+  std::memset(p.factor.held, 0, std::size_t{p.horizon} * p.nu);
+  p.problem.regularisation = p.settings->regularisation;
+  for (int i = 0; i <= kMostRaises; ++i) {
+    if (p.lq->factorise(p.problem, p.factor)) return true;
+    raise_regularisation(p);
+  }
+  return false;
+}
+
+/// The columns of the states, and those of the input before where the problem has them; effect states stay out.
+void copy_gains(const PathPlan& p, ClosedLoop& loop) {
+  for (std::size_t row = 0; row < std::size_t{p.horizon} * p.nu; ++row) {
+    const double* from = p.factor.gain + row * p.n;
+    float* to = loop.gain + row * loop.law.columns;
+    for (std::uint32_t c = 0; c < loop.law.columns; ++c) to[c] = lane_number(from[c < p.nx ? c : p.nz + (c - p.nx)]);
+  }
+}
+
+}  // namespace
+
+bool closes_loop(const tiller_config_t& config, const SamplingMethod& method) {
+  return config.planner.closed_loop != 0 && !method.draw && config.planner.kind != tiller_planner_hybrid;
+}
+
+ClosedLoop* lay_out_closed_loop(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                                const RolloutTable& table, std::uint32_t slots, std::uint32_t chunk_lanes) {
+  auto* placed = arena.take<ClosedLoop>(1);
+  ClosedLoop nobody;
+  ClosedLoop& loop = placed ? *placed : nobody;
+  lay_out_path_plan(arena, config, setup, table, loop.path, 1);
+  const PathPlan& p = loop.path;
+  loop.law.columns = p.nx + (p.rate ? p.nu : 0);
+  loop.chunk_size = (std::size_t{p.horizon} + 1) * p.nx * chunk_lanes;
+  loop.gain = arena.take<float>(std::size_t{p.horizon} * p.nu * loop.law.columns);
+  loop.state = arena.take<float>(p.nx);
+  loop.params = arena.take<float>(p.np);
+  loop.effects = arena.take<float>(p.ns);
+  loop.references = arena.take<float>(slots * loop.chunk_size);
+  loop.reference = arena.take<float>((std::size_t{p.horizon} + 1) * p.nx * kLanePadding);
+  if (!placed || !arena.fits()) return nullptr;
+  for (std::uint32_t i = 0; i < p.nu; ++i) {
+    loop.low[i] = lane_number(p.limits[i].low);
+    loop.high[i] = lane_number(p.limits[i].high);
+    loop.most_change[i] = lane_number(p.limits[i].step);
+  }
+  loop.law.from = config.planner.shared_steps > 0 ? config.planner.shared_steps : 1;
+  loop.law.gain = loop.gain;
+  loop.law.low = loop.low;
+  loop.law.high = loop.high;
+  loop.law.most_change = loop.most_change;
+  reset_closed_loop(loop);
+  return placed;
+}
+
+void reset_closed_loop(ClosedLoop& loop) {
+  reset_path_plan(loop.path);
+  loop.has_gain = false;
+}
+
+void take_mean_hypothesis(Sampler& s) {
+  ClosedLoop& loop = *s.loop;
+  for (std::uint32_t i = 0; i < s.params; ++i)
+    loop.params[i] = static_cast<float>(mean_of(s.particle_params, s.params, i, s.particles));
+  for (std::uint32_t i = 0; i < s.effect_states; ++i)
+    loop.effects[i] = static_cast<float>(mean_of(s.particle_effects, s.effect_states, i, s.particles));
+  for (std::uint32_t i = 0; i < s.states; ++i) loop.state[i] = static_cast<float>(mean_state(s, i));
+  for (std::uint32_t i = 0; i < s.states; ++i) {
+    if (((s.model->angle_mask >> i) & 1u) == 0) continue;
+    const double mean = static_cast<double>(loop.state[i]);
+    for (std::uint32_t j = 0; j < s.particles; ++j)
+      set_state(s, j, i,
+                mean + state_difference(*s.model, i, static_cast<double>(s.particle_state[j * s.states + i]), mean));
+  }
+  average_attitudes(s, loop.state);
+}
+
+void compute_gains(Sampler& s) {
+  ClosedLoop& loop = *s.loop;
+  PathPlan& p = loop.path;
+  loop.has_gain = false;
+  (void)take_goal(p, s.request->goal);
+  (void)take_origin(p, s.request->origin);
+  take_command(p, s.request->last_command);
+  p.task_step = s.request->task_step;
+  const Belief mean = {1, loop.params, loop.state, loop.effects, nullptr};
+  p.has_path = false;  // the angles' turn is the belief's
+  (void)take_belief(p, &mean);
+  for (std::size_t i = 0; i < std::size_t{p.horizon} * p.nu; ++i) p.control[i] = static_cast<double>(s.sequence[i]);
+  std::memset(loop.gain, 0, std::size_t{p.horizon} * p.nu * loop.law.columns * sizeof(float));
+  if (!std::isfinite(roll_open(p))) return;
+  linearise_path(p);
+  quadratise_path(p);
+  clear_defects(p);
+  if (!sweep(p)) return;
+  copy_gains(p, loop);
+  loop.has_gain = true;
+}
+
+void roll_reference(Sampler& s) {
+  ClosedLoop& loop = *s.loop;
+  RolloutJob<float> job = mean_job(s);
+  job.lanes = kLanePadding;
+  job.controls = {s.sequence, 0};
+  job.trajectory = loop.reference;
+  s.table->rollout_f32(*s.model, job);
+  const std::size_t rows = (std::size_t{s.grid.horizon} + 1) * s.states;
+  for (std::size_t i = 0; i < rows; ++i) loop.reference[i] = loop.reference[i * kLanePadding];
+}
+
+bool sampled_feedback(const void* self, std::uint32_t step, double* gain, double* state, double* input) {
+  const Sampler& s = *static_cast<const Sampler*>(self);
+  if (!s.loop || !s.loop->has_gain || step >= s.grid.horizon) return false;
+  const ClosedLoop& loop = *s.loop;
+  for (std::uint32_t i = 0; gain && i < s.inputs; ++i)
+    for (std::uint32_t c = 0; c < s.states; ++c)
+      gain[i * s.states + c] =
+          static_cast<double>(loop.gain[(std::size_t{step} * s.inputs + i) * loop.law.columns + c]);
+  for (std::uint32_t c = 0; state && c < s.states; ++c)
+    state[c] = static_cast<double>(loop.reference[std::size_t{step} * s.states + c]);
+  for (std::uint32_t i = 0; input && i < s.inputs; ++i)
+    input[i] = static_cast<double>(s.sequence[std::size_t{step} * s.inputs + i]);
+  return true;
+}
+
+}  // namespace tiller
