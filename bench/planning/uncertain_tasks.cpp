@@ -1,6 +1,7 @@
 #include "bench/planning/uncertain_tasks.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -14,7 +15,7 @@
 namespace tiller::bench {
 namespace {
 
-constexpr double kOff = 0.3;
+constexpr double kUpright_rad = 0.3, kHeld_s = 1.0;
 constexpr double kInf = INFINITY;
 
 struct AlignedFree {
@@ -105,16 +106,25 @@ double step_cost(const tiller_config_t& c, const double* x, const double* u) {
 
 tiller::Config informed(const UncertainTask& task, Knowledge knowledge, const std::vector<double>& truth) {
   tiller::Config c = task.config;
-  const bool learns = knowledge != Knowledge::nominal && knowledge != Knowledge::oracle;
-  c.posterior.enabled = learns;
-  c.planner.particles = knowledge == Knowledge::expected || knowledge == Knowledge::cvar ? task.hypotheses : 1;
-  c.planner.risk = knowledge == Knowledge::cvar ? tiller_risk_cvar : tiller_risk_mean;
+  const auto is = [&](std::initializer_list<Knowledge> kinds) {
+    return std::find(kinds.begin(), kinds.end(), knowledge) != kinds.end();
+  };
+  const bool unsure = !is({Knowledge::nominal, Knowledge::oracle});
+  c.posterior.enabled = unsure && !is({Knowledge::uncorrected, Knowledge::closed_uncorrected});
+  c.planner.particles = unsure && knowledge != Knowledge::mean ? task.hypotheses : 1;
+  c.planner.risk = is({Knowledge::cvar, Knowledge::closed_cvar}) ? tiller_risk_cvar : tiller_risk_mean;
+  c.planner.closed_loop = is({Knowledge::closed_expected, Knowledge::closed_cvar, Knowledge::closed_uncorrected});
   for (const std::uint32_t i : task.off) {
-    const double nominal = c.priors[i].a;
+    const double nominal = c.priors[i].a, off = task.off_share * nominal;
     if (knowledge == Knowledge::oracle) c.priors[i].a = truth[i];
-    if (learns) c.priors[i] = {tiller_prior_uniform, 0, 0.0, 0.0, (1.0 - kOff) * nominal, (1.0 + kOff) * nominal};
+    if (unsure) c.priors[i] = {tiller_prior_uniform, 0, 0.0, 0.0, nominal - off, nominal + off};
   }
   return c;
+}
+
+bool is_upright(const UncertainTask& task, const double* x) {
+  const std::uint32_t i = static_cast<std::uint32_t>(task.upright_state);
+  return std::abs(state_difference(*task.config.model, i, x[i], task.config.cost.target[i])) < kUpright_rad;
 }
 
 std::uint32_t whole(double v) { return static_cast<std::uint32_t>(std::max(v, 0.0)); }
@@ -127,6 +137,10 @@ const char* knowledge_name(Knowledge k) {
     case Knowledge::mean: return "posterior mean";
     case Knowledge::expected: return "expected cost";
     case Knowledge::cvar: return "CVaR 0.9";
+    case Knowledge::closed_expected: return "closed loop, expected cost";
+    case Knowledge::closed_cvar: return "closed loop, CVaR 0.9";
+    case Knowledge::uncorrected: return "prior, expected cost";
+    case Knowledge::closed_uncorrected: return "prior, closed loop";
     default: return "oracle";
   }
 }
@@ -190,6 +204,21 @@ UncertainTask planar_quadrotor_task() {
   return t;
 }
 
+UncertainTask swing_up_task(std::uint32_t horizon, double off_share) {
+  UncertainTask t = cart_pole_task();
+  char name[80];
+  std::snprintf(name, sizeof name, "swing-up, %.0f %% off, horizon %u", 100.0 * off_share, horizon);
+  t.name = name;
+  t.config.planner.horizon = horizon;
+  t.config.planner.knots = 6;
+  t.config.planner.rollouts = 256;
+  t.hypotheses = 8;
+  t.off_share = off_share;
+  t.ticks = 300;
+  t.upright_state = 1;
+  return t;
+}
+
 bool override_setting(UncertainTask& task, const std::string& key, double value) {
   using Task = UncertainTask;
   static constexpr struct {
@@ -210,6 +239,8 @@ bool override_setting(UncertainTask& task, const std::string& key, double value)
       {"regularisation", [](Task& t, double v) { t.config.planner.regularisation = v; }},
       {"alpha", [](Task& t, double v) { t.config.planner.cvar_alpha = v; }},
       {"noise", [](Task& t, double v) { std::fill_n(t.config.planner.noise_sd, TILLER_MAX_INPUTS, v); }},
+      {"shared_steps", [](Task& t, double v) { t.config.planner.shared_steps = whole(v); }},
+      {"noise_ratio_sd", [](Task& t, double v) { t.config.posterior.noise_ratio_sd = v; }},
       {"hypotheses", [](Task& t, double v) { t.hypotheses = whole(v); }},
       {"particles", [](Task& t, double v) { t.config.posterior.particles = whole(v); }},
       {"moves", [](Task& t, double v) { t.config.posterior.moves_per_tick = whole(v); }},
@@ -239,7 +270,7 @@ UncertainRun run_uncertain(const UncertainTask& task, Knowledge knowledge, std::
   RandomStream random(seed);
   std::vector<double> truth;
   for (std::uint32_t i = 0; i < task.config.param_count; ++i) truth.push_back(task.config.priors[i].a);
-  for (const std::uint32_t i : task.off) truth[i] *= 1.0 + kOff * (2.0 * random.uniform() - 1.0);
+  for (const std::uint32_t i : task.off) truth[i] *= 1.0 + task.off_share * (2.0 * random.uniform() - 1.0);
 
   tiller::Config config = informed(task, knowledge, truth);
   config.seed = seed;
@@ -258,6 +289,7 @@ UncertainRun run_uncertain(const UncertainTask& task, Knowledge knowledge, std::
 
   Plant plant(task.config, truth);
   UncertainRun run;
+  std::uint32_t last_fall = 0;
   for (std::uint32_t k = 0; k < task.ticks; ++k) {
     const std::int64_t now_us = std::llround(k * config.period_s * 1e6);
     tiller_measurement_t m{};
@@ -266,12 +298,17 @@ UncertainRun run_uncertain(const UncertainTask& task, Knowledge knowledge, std::
     for (std::uint32_t i = 0; i < config.measurement_count; ++i)
       m.value[i] = plant.x[config.measured_state[i]] + config.measurement_sd[i] * random.normal();
     tiller_command_t command{};
+    const auto begin = std::chrono::steady_clock::now();
     const int said = tiller_tick(t, now_us, &m, &command);
+    run.tick_us +=
+        std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - begin).count() / task.ticks;
     run.bad_ticks += said >= 100 && said < 200;
     run.cost += step_cost(task.config, plant.x, command.value);
     plant.advance(command.value);
     run.farthest = std::max(run.farthest, std::abs(plant.x[0]));
+    if (task.upright_state >= 0 && !is_upright(task, plant.x)) last_fall = k + 1;
   }
+  run.held = task.upright_state >= 0 && (task.ticks - last_fall) * config.period_s >= kHeld_s;
   if (!std::isfinite(run.cost)) run.cost = 1e9;
   return run;
 }

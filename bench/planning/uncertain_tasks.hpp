@@ -1,6 +1,6 @@
 #pragma once
 
-// Tasks whose parameters are off by up to 30 %, and a plant to run them on: what bench_uncertainty compares.
+// Tasks whose parameters are off, by up to 30 % where no other share is named, and a plant to run them on: what bench_uncertainty compares.
 
 #include <cstdint>
 #include <string>
@@ -15,30 +15,45 @@ namespace tiller::bench {
 struct UncertainTask {
   std::string name;
   tiller::Config config;           ///< priors: nominal values, all fixed
-  std::vector<std::uint32_t> off;  ///< parameters that are uniform on +-30 % of their nominal value
+  std::vector<std::uint32_t> off;  ///< parameters that are uniform around their nominal value, +- off_share of it
   std::uint32_t ticks;
   double rail_m = 0.0;            ///< bound on |state 0| that a run is judged by; 0: none
   std::uint32_t hypotheses = 16;  ///< particles of expected-cost and CVaR planning
+  double off_share = 0.3;
+  int upright_state = -1;  ///< state that a run is judged by: within 0.3 rad of the target in its last second; -1: none
 };
 
 /// Changes one setting, for choosing them; false: there is none of that name.
 bool override_setting(UncertainTask& task, const std::string& key, double value);
 
-/// Knowledge of a controller, and its use.
-enum class Knowledge { nominal, mean, expected, cvar, oracle };
-constexpr Knowledge kKnowledge[] = {Knowledge::nominal, Knowledge::mean, Knowledge::expected, Knowledge::cvar,
-                                    Knowledge::oracle};
+/// Knowledge of a controller, and its use. Closed: plans in which each hypothesis answers where it goes. Uncorrected:
+/// expected cost over the prior, which no measurement changes.
+enum class Knowledge {
+  nominal,
+  mean,
+  expected,
+  cvar,
+  closed_expected,
+  closed_cvar,
+  uncorrected,
+  closed_uncorrected,
+  oracle
+};
 const char* knowledge_name(Knowledge k);
 
 UncertainTask cart_pole_task();
 UncertainTask rail_task();
 UncertainTask acrobot_task();
 UncertainTask planar_quadrotor_task();
+/// A swing-up of 6 s with the horizon of `horizon` periods; masses and length are off by `off_share`.
+UncertainTask swing_up_task(std::uint32_t horizon, double off_share);
 
 struct UncertainRun {
   double cost = 0.0;      ///< sum over the ticks of the task's step cost (target, weights; no bounds) at the true state
   double farthest = 0.0;  ///< largest |state 0|
   int bad_ticks = 0;      ///< ticks whose status was a fault
+  bool held = false;      ///< upright_state stayed near its target in the last second
+  double tick_us = 0.0;   ///< mean time of a tick, of this machine at this load
 };
 
 /// A whole run: a controller through its C interface in lockstep with the model itself at the true parameters,

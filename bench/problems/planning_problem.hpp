@@ -54,6 +54,7 @@ inline tiller::Config cart_pole_config(std::uint32_t kind, std::uint32_t horizon
   c.planner.temperature = 0.02;
   c.planner.elite_fraction = 0.05;
   c.planner.smoothing = 0.1;
+  c.planner.shared_steps = 1;
   const double limit =
       limited ? CartPoleProblem::kInputLimit : 1e4;  // limits must be finite; the free optimum is below
   c.safety.input_low[0] = -limit;
