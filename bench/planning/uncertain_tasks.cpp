@@ -86,6 +86,20 @@ class Plant {
     select_rollout(*config_.model).rollout_f64(*config_.model, job);
     for (std::uint32_t i = 0; i < config_.model->state_count; ++i) x[i] = next[i * kLanePadding];
   }
+  /// A period's process noise: an acceleration that is white in time, of joints with a position.
+  void disturb(RandomStream& random) {
+    const tiller_model_t& model = *config_.model;
+    const double h = config_.period_s;
+    for (std::uint32_t i = 0; i < model.state_count; ++i) {
+      const double sd = config_.process_sd[i];
+      if (!(sd > 0.0)) continue;
+      const double a = random.normal(), b = random.normal();
+      x[i] += sd * std::sqrt(h) * a;
+      for (std::uint32_t j = 0; j < model.joint_count; ++j)
+        if (model.joints[j].velocity == i && model.joints[j].position != TILLER_NO_POSITION)
+          x[model.joints[j].position] += sd * h * std::sqrt(h) * (0.5 * a + b / std::sqrt(12.0));
+    }
+  }
   double x[TILLER_MAX_STATES] = {};
 
  private:
@@ -251,6 +265,10 @@ bool override_setting(UncertainTask& task, const std::string& key, double value)
        }},
       {"bound_weight", [](Task& t, double v) { t.config.bound_weight[0] = v; }},
       {"bound", [](Task& t, double v) { t.config.state_low[0] = -(t.config.state_high[0] = v); }},
+      {"bound_risk", [](Task& t, double v) { t.config.cost.bound_risk = v; }},
+      {"closed_loop", [](Task& t, double v) { t.config.planner.closed_loop = whole(v); }},
+      {"noisy_rollouts", [](Task& t, double v) { t.config.planner.noisy_rollouts = whole(v); }},
+      {"qp_iterations", [](Task& t, double v) { t.config.planner.qp_iterations = whole(v); }},
       {"hard_bounds", [](Task& t, double v) { t.config.cost.hard_bounds = whole(v); }},
       {"limit",
        [](Task& t, double v) {
@@ -266,7 +284,8 @@ bool override_setting(UncertainTask& task, const std::string& key, double value)
   return false;
 }
 
-UncertainRun run_uncertain(const UncertainTask& task, Knowledge knowledge, std::uint64_t seed) {
+UncertainRun run_uncertain(const UncertainTask& task, Knowledge knowledge, std::uint64_t seed,
+                           const Observer& observe) {
   RandomStream random(seed);
   std::vector<double> truth;
   for (std::uint32_t i = 0; i < task.config.param_count; ++i) truth.push_back(task.config.priors[i].a);
@@ -302,9 +321,11 @@ UncertainRun run_uncertain(const UncertainTask& task, Knowledge knowledge, std::
     const int said = tiller_tick(t, now_us, &m, &command);
     run.tick_us +=
         std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - begin).count() / task.ticks;
+    if (observe) observe(t, k, plant.x);
     run.bad_ticks += said >= 100 && said < 200;
     run.cost += step_cost(task.config, plant.x, command.value);
     plant.advance(command.value);
+    if (task.noisy_plant) plant.disturb(random);
     run.farthest = std::max(run.farthest, std::abs(plant.x[0]));
     if (task.upright_state >= 0 && !is_upright(task, plant.x)) last_fall = k + 1;
   }

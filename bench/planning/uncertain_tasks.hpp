@@ -3,6 +3,7 @@
 // Tasks whose parameters are off, by up to 30 % where no other share is named, and a plant to run them on: what bench_uncertainty compares.
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,7 @@ struct UncertainTask {
   double rail_m = 0.0;            ///< bound on |state 0| that a run is judged by; 0: none
   std::uint32_t hypotheses = 16;  ///< particles of expected-cost and CVaR planning
   double off_share = 0.3;
+  bool noisy_plant = false;  ///< the plant has the configured process noise
   int upright_state = -1;  ///< state that a run is judged by: within 0.3 rad of the target in its last second; -1: none
 };
 
@@ -56,8 +58,12 @@ struct UncertainRun {
   double tick_us = 0.0;   ///< mean time of a tick, of this machine at this load
 };
 
+/// What a run looks like after a tick: the controller, the tick's number, the true state that its measurement was of.
+using Observer = std::function<void(const tiller_t*, std::uint32_t tick, const double* state)>;
+
 /// A whole run: a controller through its C interface in lockstep with the model itself at the true parameters,
 /// integrated in double by RK4 at ten steps a period, and noisy encoders. The seed draws truth and noise.
-UncertainRun run_uncertain(const UncertainTask& task, Knowledge knowledge, std::uint64_t seed);
+UncertainRun run_uncertain(const UncertainTask& task, Knowledge knowledge, std::uint64_t seed,
+                           const Observer& observe = nullptr);
 
 }  // namespace tiller::bench

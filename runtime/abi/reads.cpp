@@ -61,6 +61,20 @@ tiller_status_t tiller_get_feedback(const tiller_t* t, uint32_t step, double* ga
   return there ? tiller_status_ok : tiller_status_bad_dimension;
 }
 
+tiller_status_t tiller_get_prediction(const tiller_t* t, uint32_t step, double* mean, double* sd) {
+  if (t == nullptr) return tiller_status_null_argument;
+  const tiller_config_t& config = t->executive->config();
+  const tiller::Prediction& prediction = t->executive->prediction();
+  if (config.planner.predict_spread == 0) return tiller_status_bad_planner;
+  if (!prediction.made()) return tiller_status_wrong_state;
+  if (step > config.planner.horizon) return tiller_status_bad_dimension;
+  for (uint32_t i = 0; i < config.model->state_count; ++i) {
+    if (mean != nullptr) mean[i] = prediction.mean(step)[i] + t->executive->origin()[i];
+    if (sd != nullptr) sd[i] = prediction.sd(step)[i];
+  }
+  return tiller_status_ok;
+}
+
 tiller_status_t tiller_get_particle(const tiller_t* t, uint32_t index, double* params, double* state, double* weight) {
   if (t == nullptr) return tiller_status_null_argument;
   if (index >= t->executive->posterior().size()) return tiller_status_bad_dimension;

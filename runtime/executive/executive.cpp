@@ -254,6 +254,7 @@ void Executive::plan(Tick& tick) {
 void Executive::enter_motion() {
   planner_table_->reset(planner_);
   plan_.clear();
+  prediction_.clear();
   unrenewed_plans_ = 0;
   task_tick_ = info_.ticks;
 }
@@ -274,10 +275,12 @@ void Executive::replan(Tick& tick) {
   const PlanResult result = planner_table_->plan(planner_, request, tick.wanted);
   tick.iterations = result.iterations;
   info_.plan_cost = result.cost;
+  info_.plan_lead = belief_.lead_periods();
 
   if (is_fault(result.status)) return fail_plan(tick, result.status);
   if (!all_finite(tick.wanted, config_.model->input_count)) return fail_plan(tick, tiller_status_plan_not_finite);
   plan_.keep(tick.now_us, planner_table_->sequence(planner_), tick.wanted);
+  prediction_.predict(belief_.belief(), *planner_table_, planner_);
 
   if (result.iterations == 0) {
     // no time for a single iteration: the planner moved its last plan on by a step

@@ -9,6 +9,7 @@
 #include "executive/part_sizes.hpp"
 #include "executive/plan_memory.hpp"
 #include "executive/planning_belief.hpp"
+#include "executive/prediction.hpp"
 #include "executive/recorder.hpp"
 #include "planners/planner.hpp"
 #include "posterior/posterior.hpp"
@@ -57,6 +58,7 @@ class Executive {
   const Posterior& posterior() const { return *posterior_; }
   const Recorder& recorder() const { return recorder_; }
   const PlanMemory& plan() const { return plan_; }
+  const Prediction& prediction() const { return prediction_; }
   const PlannerTable& planner_table() const { return *planner_table_; }
   const void* planner() const { return planner_; }
   /// (nx) whole turns that the planner's angles come less.
@@ -143,6 +145,7 @@ class Executive {
   AngleOrigin origin_;
   PlanningBelief belief_;
   PlanMemory plan_;
+  Prediction prediction_;
   CommandTimeline timeline_;
   MotionCheck motion_;
   Recorder recorder_;

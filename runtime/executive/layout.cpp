@@ -120,6 +120,8 @@ Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const
   note("planner");
   self.plan_.lay_out(arena, self.config_);
   note("plan");
+  self.prediction_.lay_out(arena, self.config_, self.belief_.planner_setup(), *self.table_);
+  note("prediction");
   self.timeline_.lay_out(arena, config.model->input_count, command_window_us(self.config_, self.setup_));
   note("command timeline");
   self.motion_.lay_out(arena, self.config_, self.setup_, *self.table_);

@@ -38,7 +38,10 @@ void PlanningBelief::lay_out(Arena& arena, const tiller_config_t& config, const 
   final_state_ = arena.take<float>(std::size_t{nx} * lanes_);
   final_effect_ = arena.take<float>(std::size_t{ns} * lanes_);
   lookahead_ = arena.take<Lookahead>(count);
-  belief_ = {count, params_, state_, effect_state_, over_delays ? nullptr : history_};
+  const bool spreads =
+      config.cost.bound_risk > 0.0 || config.planner.predict_spread != 0 || config.planner.noisy_rollouts != 0;
+  if (spreads) spread_ = arena.take<StateSpread>(1);
+  belief_ = {count, params_, state_, effect_state_, over_delays ? nullptr : history_, spread_};
 }
 
 void PlanningBelief::draw(const Posterior& posterior, const CommandTimeline& timeline, std::uint64_t tick,
@@ -53,6 +56,27 @@ void PlanningBelief::draw(const Posterior& posterior, const CommandTimeline& tim
   for (std::uint32_t lane = 0; lane < belief_.count; ++lane) most = std::max(most, lookahead_[lane].whole);
   for (std::uint32_t left = most; left > 0; --left) step_whole(timeline, stamp_us, left);
   if (!over_delays_) fill_history(timeline, stamp_us, ahead_s);
+  if (spread_) take_spread(posterior);
+}
+
+/// Noise as it is estimated: the process's where the engine tells it by state, else by its common scale.
+void PlanningBelief::take_spread(const Posterior& posterior) {
+  const std::uint32_t nx = config_->model->state_count;
+  PosteriorReport report;
+  posterior.report(report);
+  const double scale = posterior.noise_scale();
+  double sd[TILLER_MAX_STATES];
+  for (std::uint32_t i = 0; i < nx; ++i)
+    sd[i] = report.noise_sd[i] > 0.0 ? report.noise_sd[i] : scale * config_->process_sd[i];
+  spread_->states = nx;
+  posterior.state_covariance(nx, spread_->covariance);
+  fill_process_covariance(*config_->model, sd, config_->period_s, spread_->process);
+  for (std::uint32_t i = 0; i < nx * nx; ++i) spread_->covariance[i] += lead_periods_ * spread_->process[i];
+  std::fill(spread_->sensor_variance, spread_->sensor_variance + nx, HUGE_VAL);
+  for (std::uint32_t k = 0; k < config_->measurement_count; ++k) {
+    const double noise = scale * config_->measurement_sd[k];
+    spread_->sensor_variance[config_->measured_state[k]] = noise * noise;
+  }
 }
 
 /// A hypothesis's own delay; one that is not a number, or outside of what the setup provides for, has none.

@@ -6,6 +6,7 @@
 #include "executive/command_timeline.hpp"
 #include "posterior/posterior.hpp"
 #include "rollout/rollout.hpp"
+#include "rollout/state_spread.hpp"
 
 namespace tiller {
 
@@ -24,7 +25,8 @@ class PlanningBelief {
                bool over_delays);
 
   /// Draws from the posterior as of `stamp_us` and steps `ahead_s` on under the commands of the timeline.
-  /// Less than a hundredth of a period is not stepped: it is below what the model is good for.
+  /// Less than a hundredth of a period is not stepped: it is below what the model is good for. Where the configuration
+  /// asks for predicted spreads the belief has one; over the steps ahead it grows by the process noise alone.
   /// Cost: at most M + (ahead + delay) / period rollouts of one step.
   void draw(const Posterior& posterior, const CommandTimeline& timeline, std::uint64_t tick, std::int64_t stamp_us,
             double ahead_s);
@@ -53,6 +55,7 @@ class PlanningBelief {
                      double to_s);
   void step(std::uint32_t first_lane, std::uint32_t lanes, double period_s);
   void take_final(std::uint32_t first_lane, std::uint32_t lanes, std::uint32_t lane);
+  void take_spread(const Posterior& posterior);
   void fill_history(const CommandTimeline& timeline, std::int64_t stamp_us, double ahead_s);
 
   const tiller_config_t* config_ = nullptr;
@@ -70,6 +73,7 @@ class PlanningBelief {
   float* final_effect_ = nullptr;   // (ns x lanes)
   Lookahead* lookahead_ = nullptr;  // (M)
   std::uint32_t lead_periods_ = 0;
+  StateSpread* spread_ = nullptr;  // null: nobody asks
   Belief belief_;
 };
 

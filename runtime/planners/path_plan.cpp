@@ -39,6 +39,7 @@ void take_near_signs(const PathPlan& p, std::uint32_t j, double* z) {
 
 bool take_belief(PathPlan& p, const Belief* belief) {
   if (!belief || belief->count == 0) return false;
+  p.spread = belief->spread;
   const std::uint32_t m = belief->count < p.most_scenarios ? belief->count : p.most_scenarios;
   if (m != p.scenarios) {
     p.scenarios = m;

@@ -53,6 +53,7 @@ struct PathPlan {
   std::uint32_t scenarios = 0;                // M
   double* start = nullptr;                    // (M x nz) unwrapped towards the path
   double* params = nullptr;                   // (M x np)
+  const StateSpread* spread = nullptr;        // the belief's; null: none is known
   double last_input[TILLER_MAX_INPUTS] = {};  // command in force, within limits
 
   // ---- the linear-quadratic problem around the path

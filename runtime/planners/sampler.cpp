@@ -56,6 +56,7 @@ bool take_belief(Sampler& s, const Belief* belief) {
   pack_rows(belief->effect_state, s.effect_states, s.particles, belief->count, s.padded, s.particle_effects,
             s.lane_effects);
   if (s.loop) take_mean_hypothesis(s);
+  if (s.noise) draw_rollout_noise(s);
   return true;
 }
 
@@ -93,8 +94,8 @@ RolloutJob<float> common_job(const Sampler& s) {
   return job;
 }
 
-/// One hypothesis alone goes where the mean goes: there is nothing to answer.
-bool answers(const Sampler& s) { return s.loop && s.loop->has_gain && s.particles > 1; }
+/// One hypothesis alone goes where the mean goes, unless noise drives it: there is nothing to answer.
+bool answers(const Sampler& s) { return s.loop && s.loop->has_gain && (s.particles > 1 || s.noise); }
 
 void sample_chunk(Sampler& s, std::uint32_t first, std::uint32_t lanes) {
   SampleJob job;
@@ -191,6 +192,7 @@ bool evaluate_chunk(Sampler& s, std::uint32_t slot, std::uint32_t chunk) {
     job.state = {s.particle_state + m * s.states, 0};
     job.params = {s.particle_params + m * s.params, 0};
     job.effect_state = {s.particle_effects + m * s.effect_states, 0};
+    if (s.noise) job.noise = {s.noise + std::size_t{m} * s.grid.horizon * s.states, 0};
     job.cost_out = cost + m * lanes;
     if (penalty) job.penalty_out = penalty + m * lanes;
     s.table->rollout_f32(*s.model, job);
@@ -382,6 +384,7 @@ double evaluate_mean(Sampler& s) {
   job.params = {s.lane_params, s.padded};
   job.effect_state = {s.lane_effects, s.padded};
   job.controls = {s.sequence, 0};
+  if (s.noise) job.noise = {s.lane_noise, s.padded};
   job.cost_out = s.lane_cost;
   job.penalty_out = s.lane_penalty;
   RolloutFeedback<float> law;

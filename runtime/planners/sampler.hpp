@@ -97,6 +97,8 @@ struct Sampler {
   float* lane_effects = nullptr;               // (ns x padded)
   float* lane_cost = nullptr;                  // (padded)
   float* lane_penalty = nullptr;               // (padded); null unless penalised
+  float* noise = nullptr;                      // (M x horizon * nx) of this tick; null unless noisy_rollouts
+  float* lane_noise = nullptr;                 // (horizon * nx x padded) the same, particles as lanes
   float start_lanes[TILLER_MAX_INPUTS] = {};   // start, in f32
   float before_lanes[TILLER_MAX_INPUTS] = {};  // knot_before, in f32
   double best_cost = 0.0;                      // cheapest sample of this plan
@@ -152,6 +154,10 @@ void expand_mean(Sampler& s, double* command);
 bool mixes_noise(const tiller_planner_config_t& p);
 /// Fills mix (knots x knots). O(knots^3).
 void fill_mix(const tiller_planner_config_t& p, float* mix);
+
+/// noisy_rollouts: start errors and process noise of this tick, from what the belief says of its spread; none where it
+/// says nothing. The same for all rollouts of a particle (common random numbers). Cost: about 15 ns a number.
+void draw_rollout_noise(Sampler& s);
 
 /// adapt_covariance: moves every knot's spread towards that of this iteration's weighted samples.
 void adapt_spread(Sampler& s);

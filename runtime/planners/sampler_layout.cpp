@@ -28,7 +28,7 @@ std::uint32_t hold_of(const tiller_planner_config_t& p) { return p.hold_steps > 
 /// Numbers that both passes of the layout need.
 struct Sizes {
   std::uint32_t rows, horizon, knots, rollouts, chunk_lanes, chunks, slots, particles, padded, states, params, effects;
-  bool mixed, penalised, closed;
+  bool mixed, penalised, closed, noisy;
 };
 
 constexpr std::uint32_t kPenalties = kCostBounds | kCostObstacles | kCostOutputBounds;
@@ -51,6 +51,7 @@ Sizes measure(const tiller_config_t& config, const StepSetup& setup, const Sampl
   z.penalised = (make_cost_terms<float>(config.cost, config.model->state_count).extra & kPenalties) != 0;
   z.mixed = !method.draw && mixes_noise(p);
   z.closed = closes_loop(config, method);
+  z.noisy = p.noisy_rollouts != 0 && !method.draw && p.kind != tiller_planner_hybrid;
   return z;
 }
 
@@ -71,6 +72,10 @@ void take_arrays(Arena& arena, const Sizes& z, std::uint32_t inputs, Sampler& s)
   s.lane_effects = arena.take<float>(z.padded * z.effects);
   s.lane_cost = arena.take<float>(z.padded);
   s.keys = arena.take<NoiseKey>((z.rows + 1) / 2);
+  if (z.noisy) {
+    s.noise = arena.take<float>(std::size_t{z.particles} * z.horizon * z.states);
+    s.lane_noise = arena.take<float>(std::size_t{z.padded} * z.horizon * z.states);
+  }
   if (z.mixed) s.mix = arena.take<float>(std::size_t{z.knots} * z.knots);
   s.knots = arena.take<float>(std::size_t{z.rows} * z.rollouts);
   s.cost = arena.take<float>(z.rollouts);

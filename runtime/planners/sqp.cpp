@@ -33,7 +33,7 @@ double bounds_penalty(const Sqp& s, std::uint32_t c) {
   for (std::size_t row = p.scenarios; s.state_bounds && row < (p.horizon + 1) * p.scenarios; ++row)
     for (std::size_t i = 0; i < p.nx; ++i) {
       const double x = p.candidate_state[(row * p.nz + i) * kCandidates + c];
-      sum += std::fmax(0.0, std::fmax(x - s.state_high[i], s.state_low[i] - x));
+      sum += std::fmax(0.0, margin_at(s, row, i) + std::fmax(x - s.state_high[i], s.state_low[i] - x));
     }
   return s.exact_weight * sum;
 }
@@ -70,6 +70,7 @@ bool begin_path(Sqp& s) {
 
 void linearise(Sqp& s) {
   linearise_path(s.plan);
+  predict_margins(s);
   quadratise_path(s.plan);
   s.set.stands = false;
   s.prepared = true;

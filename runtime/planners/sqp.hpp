@@ -36,6 +36,10 @@ struct Sqp {
   bool state_bounds = false;  // hard_bounds names a state with a bound
   double state_low[TILLER_MAX_STATES] = {}, state_high[TILLER_MAX_STATES] = {};
   double exact_weight = 0.0;  // of the bounds' penalty, this iteration
+  // chance constraints (sqp_chance.cpp): how much nearer the bounds stand at each state of the path
+  double quantile = 0.0;     // of the spread, in deviations; 0: bounds hold for the means
+  double* margin = nullptr;  // (N+1 x M x nx); null where quantile is 0
+  double* spread_work = nullptr;
 
   // ---- one plan
   double cost = 0.0, merit = 0.0;  // of the path: risk, and with the penalty of the bounds
@@ -48,6 +52,14 @@ struct Sqp {
 
 /// The configured hard bounds in the frame of the path.
 void place_hard_bounds(Sqp& s);
+/// sqp_chance.cpp: margins from the spread that is predicted along the linearised path under its gains; none without a
+/// belief that knows its spread.
+void lay_out_margins(Arena& arena, const tiller_config_t& config, Sqp& s);
+void predict_margins(Sqp& s);
+/// Of state i at row (stage, scenario) of the path.
+inline double margin_at(const Sqp& s, std::size_t row, std::size_t i) {
+  return s.margin ? s.margin[row * s.plan.nx + i] : 0.0;
+}
 /// sqp_program.cpp: around the plan's path, after linearise_path and quadratise_path.
 void take_state_bounds(Sqp& s, SqpProgram& program, bool lifted);
 void build_lifted(Sqp& s);

@@ -86,6 +86,7 @@ void place_hard_bounds(Sqp& s) {
 void lay_out_programs(Arena& arena, const tiller_config_t& config, const RolloutTable& table, Sqp& s) {
   PathPlan& p = s.plan;
   take_hard_bounds(config, s);
+  lay_out_margins(arena, config, s);
   const LqProblem lifted = lifted_sizes(p), &plain = p.problem;
   const LqProblem& large = s.rate_limits ? lifted : plain;
   s.plain.solution = lay_out_qp_solution(arena, plain);
@@ -132,8 +133,9 @@ void take_state_bounds(Sqp& s, SqpProgram& program, bool lifted) {
         double low = -INFINITY, high = INFINITY, from = 0.0;
         if (i < p.nx) {
           from = p.state[(k * m + j) * p.nz + i];
-          low = s.state_low[i];
-          high = s.state_high[i];
+          const double margin = margin_at(s, k * m + j, i);
+          low = s.state_low[i] + margin;
+          high = s.state_high[i] - margin;
         } else if (lifted && j == 0 && i >= p.nz && k > 0) {
           from = p.control[(k - 1) * p.nu + i - p.nz];
           low = p.low[i - p.nz];

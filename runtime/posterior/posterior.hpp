@@ -72,6 +72,10 @@ class Posterior {
   /// Weighted moments; every pointer nullable. params (np), state (nx). The state's deviation is scaled by the
   /// estimated noise. Cost: O(N (np + nx)).
   virtual void moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const = 0;
+  /// (nx x nx) row-major: of the state's estimate where the parameters are those of a hypothesis, with the estimated
+  /// noise; the mean over the particles. An engine without one gives the squares of moments() on the diagonal, which
+  /// hold what the parameters leave open as well. Cost: O(N nx^2).
+  virtual void state_covariance(std::uint32_t nx, double* covariance) const;
   /// (np x np) row-major, zero for fixed parameters. Cost: O(N np^2).
   virtual void covariance(double* covariance) const = 0;
   /// Weighted quantile q in [0, 1] of a parameter, linear between particles. Cost: O(N log N).

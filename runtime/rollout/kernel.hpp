@@ -86,6 +86,13 @@ struct Kernel {
     });
   }
 
+  template <class P, class T>
+  static __attribute__((noinline)) void add_noise(const RolloutJob<T>& job, std::uint32_t step, std::uint32_t lane,
+                                                  typename Model::template State<P>& x) {
+    each(Model::nx(),
+         [&](auto i) { x[i] = x[i] + load_row<P>(job.noise, static_cast<int>(step) * kStates + i, lane); });
+  }
+
   template <class T>
   static TILLER_INLINE void store_state(T* rows, std::size_t stride, std::uint32_t lane,
                                         const typename Model::template State<Pack<T>>& x) {
@@ -159,6 +166,9 @@ struct Kernel {
         };
         stepper.advance_all(t, commands, p, plan, past);
       }
+      if (kExtra && job.noise.data)
+        for (int r = 0; r < kRegisters; ++r)
+          add_noise<P>(job, step, lane + static_cast<std::uint32_t>(r * P::width), t[r].x);
     }
     for (int r = 0; r < kRegisters; ++r) {
       const std::uint32_t at = lane + static_cast<std::uint32_t>(r * P::width);
@@ -203,7 +213,7 @@ struct Kernel {
   static void rollout_f32(const tiller_model_t&, const RolloutJob<float>& job) {
     if (job.setup->effect_count > 0 || !job.params.splat())
       return roll_all<float, 4, true, false, true, tiller_integrator_rk4>(job);
-    const bool extra = job.feedback || (job.cost && (!job.cost->only_quadratic() || job.penalty_out));
+    const bool extra = job.feedback || job.noise.data || (job.cost && (!job.cost->only_quadratic() || job.penalty_out));
     return extra ? roll_bare<true>(job) : roll_bare<false>(job);
   }
   static void rollout_f64(const tiller_model_t&, const RolloutJob<double>& job) {

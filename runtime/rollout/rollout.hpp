@@ -69,15 +69,16 @@ struct RolloutJob {
   const StepSetup* setup = nullptr;
   std::uint32_t lanes = 0;
   std::uint32_t horizon = 0;
-  double period_s = 0.0;                         // 0: the setup's; else a measured period
-  Lanes<T> state;                                // (nx) start
-  Lanes<T> params;                               // (np) model's, then effects'
-  Lanes<T> effect_state;                         // (ns) start
-  Lanes<T> controls;                             // (horizon * nu)
-  const T* history = nullptr;                    // (delay_steps x nu) commands before controls[0], newest first; may be
-                                                 // null where delay_steps is 0 and the cost has no input-rate weight
-  const T* previous_input = nullptr;             // (nu) for the input-rate cost of step 0; null: as controls[0]
-  const CostTerms<T>* cost = nullptr;            // null: no cost
+  double period_s = 0.0;               // 0: the setup's; else a measured period
+  Lanes<T> state;                      // (nx) start
+  Lanes<T> params;                     // (np) model's, then effects'
+  Lanes<T> effect_state;               // (ns) start
+  Lanes<T> controls;                   // (horizon * nu)
+  const T* history = nullptr;          // (delay_steps x nu) commands before controls[0], newest first; may be
+                                       // null where delay_steps is 0 and the cost has no input-rate weight
+  const T* previous_input = nullptr;   // (nu) for the input-rate cost of step 0; null: as controls[0]
+  const CostTerms<T>* cost = nullptr;  // null: no cost
+  Lanes<T> noise;                      // (horizon * nx) added to the state at the end of each period; null: none
   const RolloutFeedback<T>* feedback = nullptr;  // null: controls are the inputs
   std::uint64_t task_step = 0;                   // periods since the task began: the time row of step 0
   T* cost_out = nullptr;                         // (lanes)
@@ -166,6 +167,8 @@ struct ModelKernels {
 /// The table to use for `model` on this processor: the template's best, or the lane loop over the C function.
 const RolloutTable& select_rollout(const tiller_model_t& model, Isa best = best_isa());
 
+struct StateSpread;
+
 /// M hypotheses to plan over: what the posterior hands to a planner. Rows of M, unpadded.
 struct Belief {
   std::uint32_t count = 0;              // M
@@ -173,6 +176,8 @@ struct Belief {
   const float* state = nullptr;         // (nx x M)
   const float* effect_state = nullptr;  // (ns x M)
   const float* history = nullptr;       // (delay_steps x nu) newest first, shared
+  // what is not known of the state beside the hypotheses (rollout/state_spread.hpp); null: nothing
+  const StateSpread* spread = nullptr;
 };
 
 /// Wrapped difference a - b of state i of the model. Of a quaternion's state that is the difference of components:

@@ -128,6 +128,8 @@ void roll_lane(const TableModel& model, const Step& step, const RolloutJob<T>& j
                  : static_cast<double>(job.history[(-then - 1) * nu + input]);
     };
     step.advance(t, u, p, past);
+    for (int i = 0; job.noise.data && i < nx; ++i)
+      t.x[i] += cell(job.noise, static_cast<std::size_t>(k) * nx + i, lane);
   }
   if (job.cost && job.cost_out) job.cost_out[lane] = static_cast<T>(cost + terminal_cost(model, job, t.x, p.model));
   if (job.cost && job.penalty_out)

@@ -129,6 +129,8 @@ void Recorder::take(const LoggedTick& tick) {
     view.q95 = tick.q95;
     view.true_state = tick.has_truth ? tick.true_state : nullptr;
     view.outputs = tick.outputs;
+    view.foreseen_mean = tick.was_foreseen ? tick.foreseen_mean : nullptr;
+    view.foreseen_sd = tick.was_foreseen ? tick.foreseen_sd : nullptr;
     log_.add(view);
   }
   for (McapRun& mcap : mcaps_) mcap.add(tick.entry);

@@ -28,6 +28,8 @@ struct LoggedTick {
   double q05[TILLER_MAX_PARAMS] = {}, q95[TILLER_MAX_PARAMS] = {};
   double true_state[TILLER_MAX_STATES] = {};
   double outputs[TILLER_MAX_OUTPUTS] = {};
+  bool was_foreseen = false;  ///< foreseen_mean and foreseen_sd are known
+  double foreseen_mean[TILLER_MAX_STATES] = {}, foreseen_sd[TILLER_MAX_STATES] = {};
 };
 
 struct RecorderOptions {

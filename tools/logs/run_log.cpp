@@ -32,6 +32,8 @@ std::string RunLog::header() const {
   if (!true_params_.empty()) add_all("true.", inferred);
   if (robot_.config.cost.reference) add_all("ref.", robot_.states);
   if (robot_.config.cost.outputs) add_all("out.", robot_.outputs);
+  if (robot_.config.planner.predict_spread != 0)
+    for (const char* prefix : {"foreseen.mean.", "foreseen.sd."}) add_all(prefix, robot_.states);
   if (goals_ != 0) columns.emplace_back("goal");
   if ((goals_ & kGoalStates) != 0) add_all("goal.", robot_.states);
   if ((goals_ & kGoalOutputs) != 0) add_all("goal.", robot_.outputs);
@@ -67,10 +69,13 @@ void RunLog::reference(const tiller_info_t& info) {
     number(step ? reference_row(cost, robot_.states.size(), *step)[i] : NAN);
 }
 
-/// Outputs and goals.
+/// Outputs, what was foreseen, and goals.
 void RunLog::task(const TickView& tick) {
   for (std::size_t j = 0; robot_.config.cost.outputs && j < robot_.outputs.size(); ++j)
     number(tick.outputs ? tick.outputs[j] : NAN);
+  if (robot_.config.planner.predict_spread != 0)
+    for (const double* row : {tick.foreseen_mean, tick.foreseen_sd})
+      for (std::size_t i = 0; i < robot_.states.size(); ++i) number(row ? row[i] : NAN);
   if (goals_ != 0) cell(tick.entry ? std::to_string(tick.entry->goal) : "");
   for (std::size_t i = 0; (goals_ & kGoalStates) != 0 && i < robot_.states.size(); ++i)
     exact(tick.entry ? tick.entry->target[i] : NAN);

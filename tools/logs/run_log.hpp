@@ -24,6 +24,8 @@ struct TickView {
   const double* q95 = nullptr;                    // (param_count)
   const double* true_state = nullptr;             // (nx); null: not known
   const double* outputs = nullptr;                // (ny) at the estimate; null: no output has a cost
+  const double* foreseen_mean = nullptr;          // (nx) of this tick's state, as it was foreseen; null: it was not
+  const double* foreseen_sd = nullptr;            // (nx)
 };
 
 /// One CSV row per tick. Columns, in this order:
@@ -39,6 +41,8 @@ struct TickView {
 ///   true.<state>..., true.<param>...    where the plant is in this process
 ///   ref.<state>...     the reference's row that is due ([cost] reference); empty before the task begins
 ///   out.<output>...    the model's outputs at the estimate, where they have costs
+///   foreseen.mean.<state>..., foreseen.sd.<state>...   what was foreseen of this row's state half a horizon before
+///                      ([planner] predict_spread); empty where nothing was
 ///   goal, goal.<state>..., goal.<output>...   in runs whose goals change (--goals): which was set in this tick (1
 ///                      states, 2 outputs, 3 both, 0 none), and the goals in force
 ///   tick, now_us, stamp_us, sequence, command_latency_us, infinite, calls, stop_status

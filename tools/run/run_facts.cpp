@@ -11,6 +11,7 @@
 #include "tools/robot/prior_edge.hpp"
 #include "tools/robot/robot_schema.hpp"
 #include "tools/robot/units.hpp"
+#include "tools/run/foresight.hpp"
 #include "tools/run/run_summary.hpp"
 
 namespace tiller::tools {
@@ -221,6 +222,7 @@ std::string run_facts_json(const RobotFile& robot, const RunResult& result, cons
   const std::vector<PriorEdge> edges = find_prior_edges(robot.config, robot.params, result.particles);
   for (std::size_t i = 0; i < edges.size() && c.posterior.enabled; ++i)
     if (edges[i].side != EdgeSide::none) json["edges"][robot.params[i]] = edge_json(robot.params[i], edges[i]);
+  if (c.planner.predict_spread != 0) json["foreseen_s"] = Foresight::steps_ahead(c.planner.horizon) * c.period_s;
   json["facts"] = facts(robot, result);
   add_figure(robot, story.true_params, json);
   return json.dump(2) + "\n";

@@ -12,6 +12,7 @@
 #include "tools/logs/recorder.hpp"
 #include "tools/robot/stage_cost.hpp"
 #include "tools/robot/task_clock.hpp"
+#include "tools/run/foresight.hpp"
 #include "tools/run/host_controller.hpp"
 #include "tools/run/progress.hpp"
 #include "tools/run/run_start.hpp"
@@ -37,6 +38,7 @@ class Runner {
         realtime_(robot, options.real_time),
         host_(options.threads),
         recorder_(robot, recorder_options()),
+        foresight_(robot.config.planner.horizon, robot.config.model->state_count),
         progress_(robot, Progress::style_for_stdout(options.quiet), options.seconds, options.true_params) {
     for (std::uint32_t j = 0; j < config_.cost.output_count; ++j) output_target_[j] = config_.cost.outputs[j].target;
     if (recorder_.wanted()) config_.record_ticks = std::max(config_.record_ticks, 1u);
@@ -164,6 +166,7 @@ class Runner {
   }
 
   void hand_over(const TickView& view, const RecordEntry& entry, bool alarm) {
+    if (config_.planner.predict_spread != 0) foresight_.look(host_.get(), info_);
     if (!recorder_.wanted()) return;
     logged_.entry = entry;
     if (tiller_get_record(host_.get(), info_.ticks - 1, &logged_.entry.record) != tiller_status_ok) return;
@@ -175,6 +178,7 @@ class Runner {
     logged_.alarm = alarm && !options_.alarm_log.empty();
     logged_.has_truth = view.true_state != nullptr;
     if (config_.cost.outputs) (void)tiller_get_outputs(host_.get(), logged_.outputs);
+    logged_.was_foreseen = foresight_.recall(info_, logged_.foreseen_mean, logged_.foreseen_sd);
     std::copy(std::begin(q05_), std::end(q05_), logged_.q05);
     std::copy(std::begin(q95_), std::end(q95_), logged_.q95);
     std::copy(std::begin(true_state_), std::end(true_state_), logged_.true_state);
@@ -318,6 +322,7 @@ class Runner {
   HostController host_;
   Recorder recorder_;
   LoggedTick logged_;
+  Foresight foresight_;
   Progress progress_;
   Sensed sensed_;
   tiller_command_t command_{};

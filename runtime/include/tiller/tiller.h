@@ -231,6 +231,10 @@ typedef struct tiller_planner_config {
   uint32_t closed_loop;  /**< 1: each particle corrects its way by feedback on its own state (sampling planners), or has
                               a sequence of its own (iLQR), after the steps that all share */
   uint32_t shared_steps; /**< with closed_loop: steps whose inputs are the same for all particles, 1..512 */
+  uint32_t
+      predict_spread; /**< 1: every plan comes with mean and deviation of the states ahead: tiller_get_prediction */
+  uint32_t noisy_rollouts; /**< 1: each particle's rollouts carry a start error and process noise, drawn once a tick for
+                                all samples (sampling planners) */
 
   /* gradient planners */
   uint32_t shooting;          /**< iLQR: tiller_shooting_t */
@@ -317,6 +321,9 @@ typedef struct tiller_cost_config {
   uint32_t hard_bounds;       /**< bit i: `sqp` keeps the bounds of state i as constraints (softened by an exact
                                    penalty only where they cannot be kept); other planners know b alone */
   uint32_t reserved;
+  double
+      bound_risk; /**< `sqp`: hard bounds are kept so far away that the predicted spread of the state exceeds each with
+                          this probability, at each step; in (0, 0.5], 0: off */
   const tiller_obstacle_t* obstacles; /**< (obstacle_count) */
 
   /* A trajectory to track: row k is the target k periods after the task began; the last row holds. The arrays are
@@ -496,7 +503,7 @@ typedef struct tiller_info {
   uint32_t adequacy;           /**< tiller_adequacy_t */
   uint32_t inadequate_channel; /**< index of the measurement whose innovations gave the alarm */
   uint32_t inadequate_feature; /**< tiller_feature_t */
-  uint32_t reserved;
+  uint32_t plan_lead;          /**< periods from the last plan's measurement to when its first command takes effect */
   double adequacy_statistic;          /**< largest test statistic over its threshold: above 1 is an alarm */
   double noise_sd[TILLER_MAX_STATES]; /**< estimated, as process_sd; zero where the engine has no estimate per state */
   double delay_weight[TILLER_MAX_HYPOTHESES];      /**< of input delays nearest to 0, 1, .. periods */
@@ -570,6 +577,11 @@ uint32_t tiller_get_plan(const tiller_t* t, double* inputs, uint32_t steps);
  *  random_shooting): u = input + gain (x - state) for plan step `step`, at any rate between two ticks. gain (nu x nx, row-major), state (nx), input (nu); any pointer may be null. bad_planner where the
  *  planner has none, bad_dimension past the horizon. */
 tiller_status_t tiller_get_feedback(const tiller_t* t, uint32_t step, double* gain, double* state, double* input);
+/** The state `step` periods after the last plan's first command takes effect, under its inputs and its feedback (where
+ *  the planner has one): mean (nx) and standard deviation (nx), of the parameters' particles, of the state's estimate and
+ *  of the process noise; either may be null. Angles go on without wrapping. bad_planner without planner.predict_spread,
+ *  wrong_state before the first plan, bad_dimension past the horizon. The plan has computed it: this copies. */
+tiller_status_t tiller_get_prediction(const tiller_t* t, uint32_t step, double* mean, double* sd);
 /** One particle: params (np), state (nx), normalised weight; any pointer may be null. */
 tiller_status_t tiller_get_particle(const tiller_t* t, uint32_t index, double* params, double* state, double* weight);
 

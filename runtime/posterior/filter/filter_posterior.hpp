@@ -32,6 +32,7 @@ class FilterPosterior final : public Posterior {
   tiller_status_t update(const Transition& transition) override;
   bool started() const override { return started_; }
   void moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const override;
+  void state_covariance(std::uint32_t nx, double* covariance) const override;
   void covariance(double* covariance) const override { cloud_.covariance(covariance); }
   double quantile(std::uint32_t param, double q) const override { return cloud_.quantile(param, q); }
   double effective_samples() const override { return cloud_.effective_samples; }

@@ -6,6 +6,7 @@
 
 #include "posterior/filter/filter_posterior.hpp"
 #include "rollout/attitude.hpp"
+#include "rollout/state_spread.hpp"
 
 namespace tiller {
 
@@ -83,26 +84,15 @@ void FilterPosterior::widen_jacobian(const Chunk& chunk) const {
     }
 }
 
-/// P' = A P A^T + Q with the chunk's Jacobian, into the chunk. Process noise of a joint's velocity is an acceleration
-/// that is white in time, so it reaches the position within the period: q^2 [dt^3/3, dt^2/2; dt^2/2, dt] (Bar-Shalom,
-/// Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 6.2.2). Of other states
-/// it is a random walk.
+/// P' = A P A^T + Q with the chunk's Jacobian, into the chunk.
 void FilterPosterior::predict_covariance(const Chunk& chunk, const Step& step) const {
   const double period_s = step.period_s;
-  double process[triangle_rows(kMaxFilterStates)];
+  double process[triangle_rows(kMaxFilterStates)], state_process[TILLER_MAX_STATES * TILLER_MAX_STATES];
   std::fill(process, process + triangle_, 0.0);
-  const auto at = [&](std::uint32_t r, std::uint32_t c) -> double& {
-    return process[r < c ? triangle_row(nf_, r, c) : triangle_row(nf_, c, r)];
-  };
-  for (std::uint32_t i = 0; i < nx_; ++i)
-    at(i, i) = (quaternions_ >> i) & 1u ? 0.0 : config_->process_sd[i] * config_->process_sd[i] * period_s;
-  for (std::uint32_t j = 0; j < config_->model->joint_count; ++j) {
-    const tiller_joint_t& joint = config_->model->joints[j];
-    if (joint.position == TILLER_NO_POSITION) continue;
-    const double variance = config_->process_sd[joint.velocity] * config_->process_sd[joint.velocity];
-    at(joint.position, joint.velocity) += 0.5 * variance * period_s * period_s;
-    at(joint.position, joint.position) += variance * period_s * period_s * period_s / 3.0;
-  }
+  const auto at = [&](std::uint32_t r, std::uint32_t c) -> double& { return process[triangle_row(nf_, r, c)]; };
+  fill_process_covariance(*config_->model, config_->process_sd, period_s, state_process);
+  for (std::uint32_t r = 0; r < nx_; ++r)
+    for (std::uint32_t c = r; c < nx_; ++c) at(r, c) = state_process[r * nx_ + c];
   for (std::uint32_t f = 0; f < forces_; ++f) at(nx_ + f, nx_ + f) = force_drift_[f] * period_s;
   PredictJob job;
   job.nx = nf_;

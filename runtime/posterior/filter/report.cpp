@@ -23,8 +23,7 @@ void FilterPosterior::turn_moments(std::uint32_t about, double* state_mean, doub
         within[i] += cloud_.weight[k] * carried_.filter.covariance[row * n_ + k];
       }
     }
-    if (state_mean)
-      write_quaternion(normalised(attitude_sum(middle, {mean[0], mean[1], mean[2]})), state_mean + first);
+    if (state_mean) write_quaternion(normalised(attitude_sum(middle, {mean[0], mean[1], mean[2]})), state_mean + first);
     if (!state_sd) return;
     state_sd[first] = 0.0;
     for (std::uint32_t i = 0; i < 3; ++i)
@@ -55,6 +54,16 @@ void FilterPosterior::moments(double* param_mean, double* param_sd, double* stat
     state_sd[i] = std::sqrt(std::fmax(0.0, between - mean * mean) + variance_within);
   }
   turn_moments(about, state_mean, state_sd);
+}
+
+void FilterPosterior::state_covariance(std::uint32_t nx, double* covariance) const {
+  for (std::uint32_t r = 0; r < nx; ++r)
+    for (std::uint32_t c = r; c < nx; ++c) {
+      const double* row = carried_.filter.covariance + triangle_row(nf_, r, c) * n_;
+      double sum = 0.0;
+      for (std::uint32_t k = 0; k < n_; ++k) sum += cloud_.weight[k] * row[k];
+      covariance[r * nx + c] = covariance[c * nx + r] = noise_scale_ * noise_scale_ * sum;
+    }
 }
 
 void FilterPosterior::particle(std::uint32_t index, double* params, double* state, double* weight) const {

@@ -19,6 +19,8 @@ wanted somewhere ("frames": [{"name": "tool0", "turns": true}], in the log as ou
 "output_target" the targets of all outputs, for which the log's goal.* stand where they changed; "output_bounds" has those
 of outputs without a target, "clearance" the spheres' distances ({"apart_a_1_b_1_m": {"radii_m": .., "margin_m": ..}}).
 
+With [planner] predict_spread the log has foreseen.mean.* and foreseen.sd.*, of each row's state "foreseen_s" before.
+
 Where the robot file has a [figure], "figure" holds it: its links with all values as sums of [factor, name], and the
 parameters that the log has no column of ("parameters", of the plant "true_parameters").
 
@@ -153,6 +155,28 @@ def state_figure(run: Run, name: str) -> str:
     ax.margins(x=0.01)
     page.legend(ax)
     return page.svg(figure)
+
+
+def foreseen_figure(run: Run, name: str) -> str | None:
+    """Where the state was foreseen half a horizon before, as a band, and where it then was."""
+    mean, sd = run.column(f"foreseen.mean.{name}"), run.column(f"foreseen.sd.{name}")
+    if mean is None or sd is None or not np.any(np.isfinite(mean)):
+        return None
+    truth = run.column(f"true.{name}")
+    what, now = ("truth", truth) if truth is not None else ("estimate", run.table[f"mean.{name}"])
+    off = _wrapped(now - mean) if name in run.angles else now - mean
+    figure, ax = page.axes(f"{name}, as foreseen", page.unit_label(name, run.units[name]))
+    cut = page.thin(len(run.time))
+    time, near = run.time[cut], (now - off)[cut]  # angles on the turn that the run was on
+    ax.fill_between(time, near - 1.645 * sd[cut], near + 1.645 * sd[cut], color=page.BAND, linewidth=0,
+                    label=f"foreseen {page.number(run.meta['foreseen_s'], 3)} s before, 90 %")
+    _finite_line(ax, time, now[cut], color=page.TRUTH if truth is not None else page.ESTIMATE, linewidth=1.2, label=what)
+    ax.margins(x=0.01)
+    page.legend(ax)
+    known = np.isfinite(off) & np.isfinite(sd)
+    inside = 100 * np.mean(np.abs(off[known]) <= 1.645 * sd[known])
+    return page.svg(figure, f"The {what} lies in the band in {page.number(inside, 3)} % of {np.count_nonzero(known)} "
+                            "rows.")
 
 
 def _wrapped(values: np.ndarray) -> np.ndarray:
@@ -418,6 +442,7 @@ def build(run: Run) -> str:
         body.append(page.outcome(run.meta["outcome"], run.meta.get("good")))
     body.append(run_facts(run))
     body.append(animation.section(run))
+    foreseen = [figure for figure in (foreseen_figure(run, name) for name in run.states) if figure]
     if run.params:
         edges = [run.edge(name)["text"] for name in run.params if run.edge(name)]
         body += ["<h2>What was learnt</h2>", page.warnings(edges), param_table(run),
@@ -430,6 +455,8 @@ def build(run: Run) -> str:
                           [error_figure(run, name) for name in run.tracked] +
                           [state_figure(run, name) for name in run.states] +
                           [input_figure(run, name) for name in run.inputs]))
+    if foreseen:
+        body += ["<h2>What was foreseen</h2>", page.grid(foreseen)]
     inner = [ess_figure(run)] if "ess" in run.table else []
     inner += [tick_figure(run)] if "tick_us" in run.table else []
     if inner:

@@ -1,0 +1,145 @@
+#include "executive/prediction.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "planners/predicted_spread.hpp"
+
+namespace tiller {
+
+void Prediction::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+                         const RolloutTable& table) {
+  if (config.planner.predict_spread == 0) return;
+  config_ = &config;
+  setup_ = &setup;
+  table_ = &table;
+  nx_ = config.model->state_count;
+  nu_ = config.model->input_count;
+  np_ = config.param_count;
+  ns_ = setup.effect_state_count;
+  const std::size_t m = config.planner.particles, square = std::size_t{nx_} * nx_;
+  lanes_ = static_cast<std::uint32_t>((m + kLanePadding - 1) / kLanePadding * kLanePadding);
+  const auto rows = [&](std::size_t count) { return arena.take<double>(count * lanes_); };
+  state_ = rows(nx_);
+  params_ = rows(np_);
+  effects_ = rows(ns_);
+  control_ = rows(nu_);
+  next_ = rows(nx_);
+  a_ = rows(square);
+  b_ = rows(std::size_t{nx_} * nu_);
+  history_ = arena.take<double>(std::size_t{setup.delay_steps} * nu_);
+  error_ = arena.take<double>(m * square);
+  estimate_ = arena.take<double>(m * square);
+  work_ = arena.take<double>(square + std::size_t{nx_} * nu_ + spread_scratch_size(nx_));
+  gain_ = arena.take<double>(std::size_t{nx_} * nu_);
+  reference_ = arena.take<double>(nx_);
+  input_ = arena.take<double>(nu_);
+  mean_ = arena.take<double>((std::size_t{config.planner.horizon} + 1) * nx_);
+  sd_ = arena.take<double>((std::size_t{config.planner.horizon} + 1) * nx_);
+}
+
+/// The belief as lanes; the padding repeats hypothesis 0. Angles stand on hypothesis 0's turn.
+void Prediction::take_start(const Belief& belief) {
+  hypotheses_ = std::min(belief.count, config_->planner.particles);
+  const auto take = [&](const float* from, std::uint32_t rows, double* to) {
+    for (std::uint32_t r = 0; r < rows; ++r)
+      for (std::uint32_t l = 0; l < lanes_; ++l)
+        to[r * lanes_ + l] = static_cast<double>(from[r * belief.count + (l < hypotheses_ ? l : 0)]);
+  };
+  take(belief.params, np_, params_);
+  take(belief.state, nx_, state_);
+  take(belief.effect_state, ns_, effects_);
+  for (std::uint32_t i = 0; i < nx_; ++i) {
+    if (((config_->model->angle_mask >> i) & 1u) == 0) continue;
+    double* row = state_ + i * lanes_;
+    for (std::uint32_t l = 1; l < lanes_; ++l) row[l] = row[0] + state_difference(*config_->model, i, row[l], row[0]);
+  }
+  for (std::uint32_t i = 0; i < setup_->delay_steps * nu_; ++i)
+    history_[i] = belief.history ? static_cast<double>(belief.history[i]) : 0.0;
+  for (std::uint32_t j = 0; j < hypotheses_; ++j) {
+    const std::size_t square = std::size_t{nx_} * nx_;
+    begin_spread(*belief.spread, nx_, error_ + j * square, estimate_ + j * square);
+  }
+}
+
+/// The plan's inputs of a step; whether they are answered.
+void Prediction::take_inputs(const PlannerTable& table, const void* planner, std::uint32_t step, bool& answers) {
+  const float* sequence = table.sequence(planner);
+  for (std::uint32_t i = 0; i < nu_; ++i) input_[i] = static_cast<double>(sequence[std::size_t{step} * nu_ + i]);
+  double unused[TILLER_MAX_INPUTS];
+  answers = step > 0 && table.feedback && table.feedback(planner, step, gain_, reference_, unused);
+  for (std::uint32_t l = 0; l < lanes_; ++l)
+    for (std::uint32_t i = 0; i < nu_; ++i) {
+      double u = input_[i];
+      for (std::uint32_t c = 0; answers && c < nx_; ++c)
+        u += gain_[i * nx_ + c] * state_difference(*config_->model, c, state_[c * lanes_ + l], reference_[c]);
+      control_[i * lanes_ + l] = std::fmin(std::fmax(u, config_->safety.input_low[i]), config_->safety.input_high[i]);
+    }
+}
+
+void Prediction::advance(const Belief& belief, bool answers) {
+  LineariseJob job;
+  job.setup = setup_;
+  job.lanes = lanes_;
+  job.state = {state_, lanes_};
+  job.params = {params_, lanes_};
+  job.effect_state = {effects_, lanes_};
+  job.control = {control_, lanes_};
+  job.history = history_;
+  job.next_state = next_;
+  job.next_effect_state = ns_ > 0 ? effects_ : nullptr;
+  job.a = a_;
+  job.b = b_;
+  table_->linearise(*config_->model, job);
+  std::copy(next_, next_ + std::size_t{nx_} * lanes_, state_);
+  for (std::uint32_t i = setup_->delay_steps * nu_; i-- > nu_;) history_[i] = history_[i - nu_];
+  for (std::uint32_t i = 0; setup_->delay_steps > 0 && i < nu_; ++i) history_[i] = input_[i];
+
+  const std::size_t square = std::size_t{nx_} * nx_;
+  double* const a = work_;
+  double* const b = a + square;
+  SpreadStage stage;
+  stage.size = nx_;
+  stage.inputs = nu_;
+  stage.a = a;
+  stage.stride = nx_;
+  stage.b = b;
+  // the feedback acts on what is estimated of the model's states
+  stage.gain = answers ? gain_ : nullptr;
+  stage.gain_stride = nx_;
+  for (std::uint32_t j = 0; j < hypotheses_; ++j) {
+    for (std::size_t i = 0; i < square; ++i) a[i] = a_[i * lanes_ + j];
+    for (std::size_t i = 0; i < std::size_t{nx_} * nu_; ++i) b[i] = b_[i * lanes_ + j];
+    step_spread(*belief.spread, stage, error_ + j * square, estimate_ + j * square, b + std::size_t{nx_} * nu_);
+  }
+}
+
+void Prediction::summarise(std::uint32_t step) {
+  for (std::uint32_t i = 0; i < nx_; ++i) {
+    const double* row = state_ + i * lanes_;
+    double mean = 0.0, between = 0.0, within = 0.0;
+    for (std::uint32_t j = 0; j < hypotheses_; ++j) mean += row[j] / hypotheses_;
+    for (std::uint32_t j = 0; j < hypotheses_; ++j) {
+      const std::size_t at = (std::size_t{j} * nx_ + i) * nx_ + i;
+      between += (row[j] - mean) * (row[j] - mean) / hypotheses_;
+      within += (error_[at] + estimate_[at]) / hypotheses_;
+    }
+    mean_[std::size_t{step} * nx_ + i] = mean;
+    sd_[std::size_t{step} * nx_ + i] = std::sqrt(between + std::fmax(0.0, within));
+  }
+}
+
+void Prediction::predict(const Belief& belief, const PlannerTable& table, const void* planner) {
+  if (!mean_ || !belief.spread || belief.count == 0) return;
+  take_start(belief);
+  summarise(0);
+  for (std::uint32_t step = 0; step < config_->planner.horizon; ++step) {
+    bool answers = false;
+    take_inputs(table, planner, step, answers);
+    advance(belief, answers);
+    summarise(step + 1);
+  }
+  made_ = true;
+}
+
+}  // namespace tiller

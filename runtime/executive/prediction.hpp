@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+
+#include "core/arena.hpp"
+#include "planners/planner.hpp"
+#include "rollout/state_spread.hpp"
+
+namespace tiller {
+
+/// Where a plan is expected to lead: mean and deviation of the state at each step, as a mixture of Gaussians about the
+/// hypotheses of the belief. Each hypothesis follows the plan's inputs, and its feedback where the planner has one, within
+/// the limits; around it lies the spread of predicted_spread.hpp. What the robot will learn on the way is not foreseen.
+class Prediction {
+ public:
+  void lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table);
+  /// Along the present plan of `planner` from `belief`, which knows its spread. Angles come less whole turns, as the
+  /// belief's. Cost: N linearisations of M lanes, and 5 M N nx^3 multiplications.
+  void predict(const Belief& belief, const PlannerTable& table, const void* planner);
+  bool made() const { return made_; }
+  void clear() { made_ = false; }
+  /// (nx) of step 0..N.
+  const double* mean(std::uint32_t step) const { return mean_ + std::size_t{step} * nx_; }
+  const double* sd(std::uint32_t step) const { return sd_ + std::size_t{step} * nx_; }
+
+ private:
+  void take_start(const Belief& belief);
+  void take_inputs(const PlannerTable& table, const void* planner, std::uint32_t step, bool& answers);
+  void advance(const Belief& belief, bool answers);
+  void summarise(std::uint32_t step);
+
+  const tiller_config_t* config_ = nullptr;
+  const StepSetup* setup_ = nullptr;
+  const RolloutTable* table_ = nullptr;
+  std::uint32_t nx_ = 0, nu_ = 0, np_ = 0, ns_ = 0;
+  std::uint32_t hypotheses_ = 0, lanes_ = 0;                                               // M, padded
+  double *state_ = nullptr, *params_ = nullptr, *effects_ = nullptr, *control_ = nullptr;  // rows of lanes
+  double *next_ = nullptr, *a_ = nullptr, *b_ = nullptr;                                   // rows of lanes
+  double* history_ = nullptr;                      // (delay_steps x nu) newest first
+  double *error_ = nullptr, *estimate_ = nullptr;  // (M x nx x nx)
+  double* work_ = nullptr;
+  double *gain_ = nullptr, *reference_ = nullptr, *input_ = nullptr;  // of a step of the plan
+  double *mean_ = nullptr, *sd_ = nullptr;                            // (N+1 x nx)
+  bool made_ = false;
+};
+
+}  // namespace tiller
