@@ -247,10 +247,17 @@ TEST(Feedback, IsGivenAroundThePlanOrRefused) {
     // to rest from a small angle with inputs that cost: where an input stands at its limit, its gain is zero
     config.cost.target[0] = 0.0;
     config.cost.input_weight[0] = 1.0;
+    config.planner.closed_loop = planner.feedback_if_closed;
     PendulumPlant plant;
     plant.angle_rad = 0.3;
     Loop loop(config, plant);
     ASSERT_TRUE(loop.ready());
+    if (planner.feedback_if_closed) {
+      config.planner.closed_loop = 0;
+      Loop open(config, plant);
+      ASSERT_TRUE(open.ready());
+      EXPECT_EQ(tiller_get_feedback(open.controller(), 0, gain, state, input), tiller_status_bad_planner);
+    }
     if (planner.feedback == nullptr) {
       loop.activate(5);
       EXPECT_EQ(tiller_get_feedback(loop.controller(), 0, gain, state, input), tiller_status_bad_planner);

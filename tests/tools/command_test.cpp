@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstddef>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -16,6 +17,7 @@
 #include <tuple>
 
 #include "command_rig.hpp"
+#include "tools/logs/record_file.hpp"
 
 namespace {
 
@@ -150,14 +152,17 @@ TEST_F(Command, ARecordReplaysToTheLastBit) {
   const Ended same = run({"replay", "run.rec", kCartPole});
   EXPECT_EQ(same.code, 0) << same.out;
   EXPECT_TRUE(contains(same.out, ", 0 different")) << same.out;
-  // one bit of one recorded command changed: found. The command's first value stands in the last entry.
+  // one bit of one recorded command changed, in tick 26 of 0 to 49: found
   std::string bytes = text_of("run.rec");
-  ASSERT_GT(bytes.size(), 10000u);
-  for (std::size_t i = bytes.size() / 2; i < bytes.size(); i += 64) bytes[i] = static_cast<char>(bytes[i] ^ 1);
+  constexpr std::size_t kEntry = sizeof(tiller::tools::RecordEntry);
+  ASSERT_GT(bytes.size(), 50 * kEntry);
+  const std::size_t command = offsetof(tiller::tools::RecordEntry, record) + offsetof(tiller_record_t, command);
+  char& bent_byte = bytes[bytes.size() - 24 * kEntry + command + offsetof(tiller_command_t, value) + 4];
+  bent_byte = static_cast<char>(bent_byte ^ 1);
   std::ofstream(folder_ + "/bent.rec", std::ios::binary) << bytes;
   const Ended bent = run({"replay", "bent.rec", kCartPole});
   EXPECT_EQ(bent.code, 4);
-  EXPECT_TRUE(contains(bent.out, "first difference in tick 2")) << bent.out;  // the second half
+  EXPECT_TRUE(contains(bent.out, "first difference in tick 26")) << bent.out;
   EXPECT_TRUE(contains(bent.out, "\n  state     angle_rad            recorded ")) << "the state at it: " << bent.out;
 }
 
