@@ -1,14 +1,14 @@
 #pragma once
 
-#include "planners/path_plan.hpp"
+#include "planners/multiple_shooting.hpp"
 
 namespace tiller {
 
 /// Iterative LQR: see ilqr.cpp. Also the second half of `hybrid`.
 struct Ilqr {
   PathPlan plan;
-  double cost = 0.0;      // of the path under the risk; infinity: not known
-  double penalty = 0.0;   // of defects, multiple shooting
+  double cost = 0.0;  // of the path under the risk; infinity: not known
+  MultipleShooting shooting;
   bool single = true;     // single shooting
   bool standing = false;  // the problem is that of the present path
   bool solved = false;    // and the factor is its
