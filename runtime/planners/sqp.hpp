@@ -1,6 +1,6 @@
 #pragma once
 
-#include "planners/path_plan.hpp"
+#include "planners/multiple_shooting.hpp"
 #include "planners/qp/osqp_qp.hpp"
 #include "planners/qp/riccati_qp.hpp"
 
@@ -36,6 +36,9 @@ struct Sqp {
   bool state_bounds = false;  // hard_bounds names a state with a bound
   double state_low[TILLER_MAX_STATES] = {}, state_high[TILLER_MAX_STATES] = {};
   double exact_weight = 0.0;  // of the bounds' penalty, this iteration
+  MultipleShooting shooting;
+  bool multiple = false;  // the next iteration is one of multiple shooting
+  bool open = false;      // the path is not a motion of the model; plan.settled is, and is sent
 
   // ---- one plan
   double cost = 0.0, merit = 0.0;  // of the path: risk, and with the penalty of the bounds
