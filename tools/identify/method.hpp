@@ -15,6 +15,7 @@ struct MethodOptions {
   std::uint32_t simulations = 10000;  ///< in all; SimOpt spends them in equal parts on its iterations
   std::uint32_t iterations = 10;      ///< of SimOpt
   double kl = 1.0;                    ///< bound of the KL divergence of REPS weights, > 0
+  double eta = std::numeric_limits<double>::quiet_NaN();      ///< temperature of reps, > 0; NaN: by `kl`
   double epsilon = std::numeric_limits<double>::quiet_NaN();  ///< ABC's tolerance; NaN: by `accept`
   double accept = 0.01;                     ///< share of the simulations that ABC keeps where epsilon is not given
   double rollout_s = 2.0;                   ///< length of SimOpt's rollouts; 0: each stretch of the logs in one
@@ -39,8 +40,9 @@ struct MethodIteration {
   double temperature = std::numeric_limits<double>::quiet_NaN();  ///< eta of REPS
   double kl = std::numeric_limits<double>::quiet_NaN();           ///< of the weights from equal ones
   double effective_samples = 0;
-  double discrepancy = std::numeric_limits<double>::quiet_NaN();  ///< weighted mean; ABC: the tolerance
-  double best = std::numeric_limits<double>::quiet_NaN();         ///< smallest
+  double discrepancy =
+      std::numeric_limits<double>::quiet_NaN();  ///< weighted mean; ABC: the tolerance; reps: minus the log likelihood
+  double best = std::numeric_limits<double>::quiet_NaN();  ///< smallest
 };
 
 struct MethodResult {
