@@ -108,7 +108,7 @@ struct Case {
 // 200 transitions whose noise leaves 1 % (see the posterior's row) in the parameters; trajectories accumulate it over
 // rollouts of 2 s, and their discrepancy is no likelihood, so they are allowed 10 %.
 TEST(SimOpt, FindsThePendulum) {
-  for (const Case& c : {Case{"simopt", 0.1}, Case{"step_simopt", 0.03}}) {
+  for (const Case& c : {Case{"trajectory_simopt", 0.1}, Case{"simopt", 0.03}}) {
     for (const unsigned seed : {1u, 2u, 3u, 4u, 5u}) {
       const TestLog log = pendulum_log(seed);
       const MethodResult result = run(c.method, log.problem());
@@ -127,7 +127,7 @@ TEST(SimOpt, FindsThePendulum) {
 // docs/theory/methods.md warns of this: iterations narrow the Gaussian whether or not there are data for it.
 TEST(SimOpt, ShrinksWithEveryIterationWhateverTheDataTell) {
   const TestLog log = pendulum_log(6, 0.05, 21);  // a tenth of the data
-  const MethodResult result = run("step_simopt", log.problem());
+  const MethodResult result = run("simopt", log.problem());
   for (std::size_t i = 2; i < result.history.size(); ++i)
     EXPECT_LT(result.history[i].sd[1], result.history[i - 1].sd[1]);
   EXPECT_LT(result.history.back().sd[1], 0.01 * 0.26) << "a hundredth of the prior's deviation";

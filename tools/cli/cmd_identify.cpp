@@ -78,8 +78,9 @@ void add_method_options(CLI::App& command, FitOptions& fit) {
   MethodOptions& how = fit.how;
   command.add_option("--simulations", how.simulations, "parameter vectors tried in all (default 10000)")
       ->check(CLI::Range(100, 10000000));
-  command.add_option("--iterations", how.iterations, "of simopt, step_simopt (default 10)")->check(CLI::Range(1, 1000));
-  command.add_option("--kl", how.kl, "bound of reps, simopt, step_simopt in an iteration (default 1)")
+  command.add_option("--iterations", how.iterations, "of simopt, trajectory_simopt (default 10)")
+      ->check(CLI::Range(1, 1000));
+  command.add_option("--kl", how.kl, "bound of reps, simopt, trajectory_simopt in an iteration (default 1)")
       ->check(number_between(1e-6, 100));
   command
       .add_option("--eta", how.eta,
@@ -90,8 +91,22 @@ void add_method_options(CLI::App& command, FitOptions& fit) {
       ->check(number_between(1e-9, 1e9));
   command.add_option("--accept", how.accept, "share that abc keeps where no --epsilon is given (default 0.01)")
       ->check(number_between(1e-6, 1));
-  command.add_option("--rollout", how.rollout_s, "seconds of simopt's rollouts; 0: whole stretches (default 2)")
+  command
+      .add_option("--rollout", how.rollout_s, "seconds of trajectory_simopt's rollouts; 0: whole stretches (default 2)")
       ->check(number_between(0, 3600));
+  command
+      .add_option("--discrepancy", how.discrepancy,
+                  "of simopt, trajectory_simopt: residual (default; errors step by step) or wasserstein (sliced "
+                  "Wasserstein-1 distance of the distributions of steps)")
+      ->check(CLI::IsMember({"residual", "wasserstein"}));
+  command
+      .add_option("--l1", how.weight_l1,
+                  "weight of absolute errors in a residual discrepancy (default: simopt 0, trajectory_simopt 1)")
+      ->check(number_between(0, 1e9));
+  command.add_option("--l2", how.weight_l2, "weight of squared errors (default 1)")->check(number_between(0, 1e9));
+  command.add_flag("--scale,!--no-scale", how.scale,
+                   "divide each channel by its RMS in the logs, so that radians and radians per second count alike "
+                   "(default: trajectory_simopt and wasserstein do, simopt takes SI units as they are)");
 }
 
 /// An option and the methods that read it.
@@ -102,19 +117,24 @@ struct MethodOption {
 
 const std::vector<MethodOption>& method_options() {
   static const std::vector<MethodOption> list = {
-      {"--simulations", {"reps", "simopt", "step_simopt", "abc", "abc_regression"}},
-      {"--iterations", {"simopt", "step_simopt"}},
-      {"--kl", {"reps", "simopt", "step_simopt"}},
+      {"--simulations", {"reps", "simopt", "trajectory_simopt", "abc", "abc_regression"}},
+      {"--iterations", {"simopt", "trajectory_simopt"}},
+      {"--kl", {"reps", "simopt", "trajectory_simopt"}},
       {"--eta", {"reps"}},
       {"--epsilon", {"abc", "abc_regression"}},
       {"--accept", {"abc", "abc_regression"}},
-      {"--rollout", {"simopt"}},
+      {"--rollout", {"trajectory_simopt"}},
+      {"--discrepancy", {"simopt", "trajectory_simopt"}},
+      {"--l1", {"simopt", "trajectory_simopt"}},
+      {"--l2", {"simopt", "trajectory_simopt"}},
+      {"--scale", {"simopt", "trajectory_simopt"}},
   };
   return list;
 }
 
 /// A sentence about the first option that the method does not read, or that two options set the same; else empty.
-std::string misplaced_option(const CLI::App& command, const std::string& method) {
+std::string misplaced_option(const CLI::App& command, const FitOptions& fit) {
+  const std::string& method = fit.method;
   const auto given = [&](const char* option) {
     return std::string(option) + " " + join(command.get_option(option)->results(), " ");
   };
@@ -127,6 +147,9 @@ std::string misplaced_option(const CLI::App& command, const std::string& method)
   if (command.count("--eta") > 0 && command.count("--kl") > 0)
     return given("--eta") + ", " + given("--kl") +
            ": both set the temperature of reps; --eta fixes it, --kl bounds how far the weights may go; give one";
+  for (const char* weight : {"--l1", "--l2"})
+    if (command.count(weight) > 0 && fit.how.discrepancy == "wasserstein")
+      return given(weight) + ": --discrepancy wasserstein has no such norm; leave it out, or choose residual";
   return "";
 }
 
@@ -171,7 +194,7 @@ void add_identify_command(CLI::App& app, int& exit_code) {
       "  tiller identify my_robot.toml run1.csv --method reps --eta 1 --simulations 100000\n"
       "      the posterior once more, by draws from the prior: a check of the particles where few parameters are learnt");
   command->callback([options, command, &exit_code] {
-    const std::string misplaced = misplaced_option(*command, options->fit.method);
+    const std::string misplaced = misplaced_option(*command, options->fit);
     exit_code = misplaced.empty() ? identify_command(*options) : complain(misplaced);
   });
 }
