@@ -1,5 +1,5 @@
 // ./dev bench methods: the methods of `tiller identify --method` beside the exact posterior, on the same episodes; and
-// the sample efficiency of step-based against trajectory SimOpt.
+// the sample efficiency of step-based against trajectory SimOpt, both with the norms of the latter.
 //
 // Accuracy. Tasks, noise and excitation: accuracy_tasks.hpp, 400 transitions. Every method gets the same number of
 // simulations. Log densities are taken at the true parameters, by a kernel density estimate of the method's own samples
@@ -50,11 +50,13 @@ struct Settings {
 
 const Contender kContenders[] = {
     {"reps", "reps", 1, 0},
-    {"simopt, whole episode, 5 iterations", "simopt", 5, 0},
-    {"simopt, whole episode, 10 iterations", "simopt", 10, 0},
-    {"simopt, 0.5 s rollouts, 10 iterations", "simopt", 10, 0.5},
-    {"step_simopt, 5 iterations", "step_simopt", 5, 0},
-    {"step_simopt, 10 iterations", "step_simopt", 10, 0},
+    {"trajectory_simopt, whole episode, 5 iterations", "trajectory_simopt", 5, 0},
+    {"trajectory_simopt, whole episode, 10 iterations", "trajectory_simopt", 10, 0},
+    {"trajectory_simopt, 0.5 s, 10 iterations", "trajectory_simopt", 10, 0.5},
+    {"simopt --l1 1 --scale, 5 iterations", "simopt", 5, 0, true},
+    {"simopt --l1 1 --scale, 10 iterations", "simopt", 10, 0, true},
+    {"simopt, 5 iterations", "simopt", 5, 0},
+    {"simopt, 10 iterations", "simopt", 10, 0},
     {"abc", "abc", 1, 0},
     {"abc_regression", "abc_regression", 1, 0},
 };
@@ -144,8 +146,8 @@ double ordered(std::vector<double> v, double q) {
   return v[static_cast<std::size_t>(std::ceil(q * static_cast<double>(v.size()))) - 1];
 }
 
-const Contender kRivals[] = {{"simopt, whole trajectory", "simopt", 10, 0},
-                             {"step_simopt", "step_simopt", 10, 0},
+const Contender kRivals[] = {{"trajectory_simopt", "trajectory_simopt", 10, 0},
+                             {"simopt --l1 1 --scale", "simopt", 10, 0, true},
                              {"online posterior", nullptr, 0, 0}};
 constexpr std::size_t kRivalCount = std::size(kRivals), kTried = std::size(kTransitions);
 
@@ -213,7 +215,7 @@ void print_claims(const Returns& returns) {
     if (std::isinf(steps) && std::isinf(trajectories))
       std::printf("  %s: neither reaches it with %u transitions\n", who.c_str(), kTransitions[kTried - 1]);
     else
-      claims.row("transitions for " + who + ": step_simopt over simopt", steps / trajectories, "", at_most(0.99));
+      claims.row("transitions for " + who + ": simopt over trajectory_simopt", steps / trajectories, "", at_most(0.99));
   }
   claims.finish();
 }

@@ -28,6 +28,10 @@ MethodResult learn(const AccuracyTask& task, const Episode& episode, std::uint32
   problem.options.simulations = simulations;
   problem.options.iterations = contender.iterations;
   problem.options.rollout_s = contender.rollout_s;
+  if (contender.norms) {
+    problem.options.weight_l1 = 1;
+    problem.options.scale = true;
+  }
   MethodResult result;
   std::string error;
   if (!tools::find_method(contender.method)->run(problem, result, error)) {

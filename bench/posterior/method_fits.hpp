@@ -12,7 +12,8 @@ struct Contender {
   const char* label;
   const char* method;
   std::uint32_t iterations;
-  double rollout_s;  // 0: the whole episode
+  double rollout_s;    // 0: the whole episode
+  bool norms = false;  // of SimOpt: --l1 1 --scale
 };
 
 /// A method's fit to the first `ticks` transitions; ends the program where the method fails.

@@ -104,76 +104,22 @@ namespace {
 
 // ---- multiple shooting --------------------------------------------------------------------------
 
-constexpr int kMostHalvings = 6;
-constexpr double kDescent = 1e-4;  // Armijo's share of the expected change
-
-/// l1 norm of what the path lacks of being a motion from the start.
-double defect(const PathPlan& p) {
-  const std::size_t row = std::size_t{p.scenarios} * p.nz;
-  double sum = 0.0;
-  for (std::size_t i = 0; i < p.horizon * row; ++i) sum += std::fabs(p.next[i] - p.state[i + row]);
-  for (std::size_t i = 0; i < row; ++i) sum += std::fabs(p.start[i] - p.state[i]);
-  return sum;
-}
-
-/// First-order change of the cost along the solution.
-double slope_along(const PathPlan& p) {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < (std::size_t{p.horizon} + 1) * p.scenarios * p.n; ++i) sum += p.qx[i] * p.dx[i];
-  for (std::size_t i = 0; i < std::size_t{p.horizon} * p.nu; ++i) sum += p.qu[i] * p.du[i];
-  return sum;
-}
-
-/// The candidates' memory is free in multiple shooting: it keeps the path that a step begins from.
-void keep_path(PathPlan& p) {
-  std::memcpy(p.candidate_state, p.state, (std::size_t{p.horizon} + 1) * p.scenarios * p.nz * sizeof(double));
-  std::memcpy(p.candidate_control, p.control, std::size_t{p.horizon} * p.nu * sizeof(double));
-}
-void restore_path(PathPlan& p) {
-  std::memcpy(p.state, p.candidate_state, (std::size_t{p.horizon} + 1) * p.scenarios * p.nz * sizeof(double));
-  std::memcpy(p.control, p.candidate_control, std::size_t{p.horizon} * p.nu * sizeof(double));
-}
-
-/// path = kept path + alpha (dx, du)
-void step_along(PathPlan& p, double alpha) {
-  for (std::size_t row = 0; row < (std::size_t{p.horizon} + 1) * p.scenarios; ++row)
-    for (std::size_t i = 0; i < p.nz; ++i)
-      p.state[row * p.nz + i] = p.candidate_state[row * p.nz + i] + alpha * p.dx[row * p.n + i];
-  for (std::size_t k = 0; k < p.horizon; ++k)
-    for (std::size_t i = 0; i < p.nu; ++i) {
-      const double u = p.candidate_control[k * p.nu + i] + alpha * p.du[k * p.nu + i];
-      p.control[k * p.nu + i] = std::fmin(std::fmax(u, p.low[i]), p.high[i]);
-    }
-}
-
-/// One iteration; false where nothing finite came of it. Steps are judged by the l1 merit cost + penalty * defects, the
-/// penalty large enough for the solution to lower it (Nocedal and Wright 2006, eq. 18.36).
+/// One iteration; false where nothing finite came of it.
 bool iterate_multiple(Ilqr& s) {
   PathPlan& p = s.plan;
   stand(s);
-  const double cost = p.risk.value(p.path_cost), gap = defect(p);
-  if (!std::isfinite(cost) || !std::isfinite(gap)) return false;
+  if (!std::isfinite(p.risk.value(p.path_cost)) || !std::isfinite(path_defects(p))) return false;
   if (!solve(s)) return true;
   if (p.rate_limited) limit_solution(p);
-  const double slope = slope_along(p);
-  if (gap > 0.0) s.penalty = std::fmax(s.penalty, 2.0 * slope / gap);
-  const double merit = cost + s.penalty * gap, expected = slope - s.penalty * gap;
-  keep_path(p);
-  for (int halvings = 0; halvings <= kMostHalvings; ++halvings) {
-    const double alpha = std::ldexp(1.0, -halvings);
-    step_along(p, alpha);
-    s.standing = false;
-    stand(s);
-    const double now = p.risk.value(p.path_cost) + s.penalty * defect(p);
-    if (!(now <= merit + kDescent * alpha * expected)) continue;
+  s.solved = false;
+  if (step_by_merit(p, {p.dx, p.du}, {}, s.shooting)) {
     const bool moved = p.risk.update(p.path_cost) > kWeightsStand;
-    if (moved) s.standing = false;
-    s.converged = !moved && -expected <= kConverged * std::fabs(merit);
+    s.standing = !moved;
+    s.converged = !moved && -s.shooting.expected <= kConverged * std::fabs(s.shooting.merit);
     lower_regularisation(p);
     return true;
   }
   // no step along the linear solution is good: the path becomes a motion of the model from the start again
-  restore_path(p);
   s.standing = false;
   raise_regularisation(p);
   s.converged = p.problem.regularisation > kMostRaised;
@@ -181,7 +127,7 @@ bool iterate_multiple(Ilqr& s) {
   roll_candidates(p, kStepAlpha, kStepBeta);
   const std::uint32_t best = cheapest(p, rolled);
   if (std::isfinite(rolled)) take_candidate(p, best);
-  s.penalty = 0.0;
+  s.shooting.penalty = 0.0;
   return true;
 }
 
@@ -204,7 +150,7 @@ void settle_multiple(Ilqr& s) {
 bool begin(Ilqr& s) {
   PathPlan& p = s.plan;
   s.converged = false;
-  s.penalty = 0.0;
+  s.shooting.penalty = 0.0;
   s.cost = kInfinity;
   // the inputs' motion from the present start: what single shooting linearises around; already known where prepared
   if (s.single && !s.standing) return roll_open(s);

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "planners/path_plan.hpp"
+#include "planners/multiple_shooting.hpp"
 
 namespace tiller {
 
@@ -10,8 +10,8 @@ struct ScenarioTree;
 struct Ilqr {
   ScenarioTree* tree = nullptr;  // plans in the place of everything below where it is set
   PathPlan plan;
-  double cost = 0.0;      // of the path under the risk; infinity: not known
-  double penalty = 0.0;   // of defects, multiple shooting
+  double cost = 0.0;  // of the path under the risk; infinity: not known
+  MultipleShooting shooting;
   bool single = true;     // single shooting
   bool standing = false;  // the problem is that of the present path
   bool solved = false;    // and the factor is its

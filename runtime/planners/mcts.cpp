@@ -2,8 +2,7 @@
 #include <cmath>
 
 #include "core/rng.hpp"
-#include "planners/mcts_tree.hpp"
-#include "planners/sampler.hpp"
+#include "planners/mcts_search.hpp"
 
 namespace tiller {
 namespace {
@@ -14,11 +13,10 @@ namespace {
 // and random ones; the leaf is worth their mean. Every simulation starts at the present state, so that delays, rate
 // limits and each of the M hypotheses are what they are for any planner, and nothing is stored of states.
 //
-// A tree over choices has one cost where the M hypotheses have M: the risk of a whole simulation over the hypotheses.
-// It is an open-loop tree: a node is a sequence of choices, not what they lead to under one hypothesis, and its value
-// is the mean over default policies of the risk over hypotheses. "worst" then prefers choices whose costliest
-// hypothesis is cheap on average over what may follow; the plan is the cheapest simulation itself, under the risk as
-// configured.
+// A node has one cost where its hypotheses have one each: the risk of a whole simulation over the hypotheses, and the
+// mean of that over default policies. Hypotheses that the sensors will tell apart after a choice have different nodes
+// from there on, and so different choices (mcts_branches.cpp); those that are not told apart share every choice. With
+// one hypothesis, or nothing measured, a node is a sequence of choices and nothing else.
 //
 // One choice of the tree sets every input of a knot where levels^inputs choices fit a node. With more inputs they are
 // set one after the other, each a level of the tree (factored actions): a node then has `levels` children however many
@@ -26,11 +24,9 @@ namespace {
 //
 // The plan is not the most visited path but the cheapest simulation, as in single-player games (Schadd et al.,
 // "Single-player Monte-Carlo tree search", 2008): the same sequence always costs the same, so the best one seen is no
-// lucky draw.
+// lucky draw. Where hypotheses are told apart it is the cheapest sequence for each outcome.
 
-constexpr std::uint32_t kPolicies = 4;
 constexpr std::uint32_t kLeavesAtOnce = 64;  // between two looks at the clock: some 10 us
-constexpr std::uint32_t kReserved = 2;       // rollout 0 is the old plan, rollout 1 the best so far
 constexpr double kFade = 0.5;                // of what the tree knew, every tick: it was about another state
 
 /// Numbers of one simulation, from one Philox draw (xorshift128, Marsaglia 2003).
@@ -46,29 +42,6 @@ struct RandomStream {
   }
   std::uint32_t below(std::uint32_t n) { return static_cast<std::uint32_t>((std::uint64_t{next()} * n) >> 32); }
 };
-
-/// The planner: a sampling core with a tree beside it.
-struct Search {
-  Sampler* core = nullptr;
-  MctsTree tree;
-  std::uint32_t levels = 2, actions = 2;
-  std::uint32_t stages = 1;  // choices of the tree per knot: 1, or one for each input
-  std::uint32_t leaf_count = 0;
-  std::uint32_t* leaves = nullptr;  // (K / kPolicies) of the batch under way
-  std::uint32_t* plan = nullptr;    // (knots x stages) the old plan's choices
-  std::uint32_t* choice = nullptr;  // (knots x stages) of one simulation
-  std::uint8_t* chosen = nullptr;   // (K x knots x stages) of all
-  float* value = nullptr;           // (inputs x actions)
-
-  std::uint32_t choices() const { return core->grid.knots * stages; }
-  MctsTree::Range range;
-  double cost_sum = 0.0;  // of this plan's simulations
-  double cost_count = 0.0;
-  double last_cost = 0.0;  // of the last plan
-  bool has_cost = false;
-};
-
-Search& search_of(const Sampler& s) { return *static_cast<Search*>(s.companion); }
 
 /// The value that `action` gives to `input`.
 double value_of(const Search& t, std::uint32_t action, std::uint32_t input) {
@@ -96,14 +69,12 @@ std::uint32_t action_near(const Search& t, const double* rows, std::uint32_t str
   return action;
 }
 
-/// Knots that begin within the horizon.
-std::uint32_t knots_within(const Sampler& s) { return (s.clock.horizon + s.clock.phase + s.clock.hold - 1) / s.clock.hold; }
-
 void begin(Sampler& s) {
   Search& t = search_of(s);
+  t.tree.begin_belief(s.particles);
+  shift_variants(t, s.gone);
   if (s.gone == 1)
-    for (std::uint32_t stage = 0; stage < t.stages; ++stage)
-      t.tree.descend(action_near(t, s.knot_before, 1, 0, stage));
+    for (std::uint32_t stage = 0; stage < t.stages; ++stage) t.tree.descend(action_near(t, s.knot_before, 1, 0, stage));
   else if (s.gone > 1)
     t.tree.clear(t.actions);
   s.gone = 0;
@@ -112,20 +83,50 @@ void begin(Sampler& s) {
 }
 
 /// One leaf's simulations: its path, and what follows by each default policy.
-void choose_for_leaf(Search& t, std::uint32_t leaf, std::uint32_t first_lane, RandomStream& random) {
-  const std::uint32_t depth = t.tree.path(leaf, t.choice);
+void choose_for_leaf(Search& t, std::uint32_t set, std::uint32_t member, RandomStream& random) {
+  const std::uint32_t depth = t.tree.path(t.leaves[std::size_t{set} * t.most_members + member], t.choice);
+  const std::uint32_t variant = set % t.variant_count;
   for (std::uint32_t policy = 0; policy < kPolicies; ++policy) {
-    for (std::uint32_t j = depth; j < t.choices(); ++j) {
+    const std::uint32_t from = policy < t.reserved(set) && set > 0 ? 0 : depth;
+    for (std::uint32_t j = from; j < t.choices(); ++j) {
       const std::uint32_t before = j >= t.stages ? t.choice[j - t.stages] : t.plan[j];
       if (policy == 0)
-        t.choice[j] = t.plan[j];
+        t.choice[j] = variant == 0 ? t.plan[j] : t.variants[std::size_t{variant} * t.choices() + j];
       else if (policy == 1 || (random.next() & 1u))
         t.choice[j] = before;
       else
         t.choice[j] = random.below(t.actions);
     }
-    std::copy(t.choice, t.choice + t.choices(), t.chosen + std::size_t{first_lane + policy} * t.choices());
+    std::copy(t.choice, t.choice + t.choices(), t.chosen_by(set * kPolicies + policy, member));
+    if (from < depth) t.tree.path(t.leaves[std::size_t{set} * t.most_members + member], t.choice);
   }
+}
+
+/// The ends of the set's walks that are leaves, and which of them each hypothesis comes to.
+void find_leaves(Search& t, std::uint32_t set) {
+  const std::uint32_t* ends = t.ends + std::size_t{set} * t.most_ends;
+  std::uint32_t* leaves = t.leaves + std::size_t{set} * t.most_members;
+  std::uint32_t count = 0;
+  for (std::uint32_t e = 0; e < t.end_count[set]; ++e) {
+    if (t.tree.splits(ends[e])) continue;
+    for (std::uint32_t m = 0; m < t.core->particles && t.branches(); ++m)
+      if ((t.tree.hypotheses(ends[e]) >> m) & 1u)
+        t.member[std::size_t{set} * t.core->most_particles + m] = static_cast<std::uint8_t>(count);
+    leaves[count++] = ends[e];
+  }
+  t.leaf_count[set] = count;
+}
+
+void draw_set(Sampler& s, std::uint32_t set, std::uint32_t depth) {
+  Search& t = search_of(s);
+  const std::uint64_t high = (std::uint64_t{kRngPlanner} << 32) | (s.iteration << 16) | set;
+  const Philox::Words words = Philox::draw(s.seed, s.request->tick, high);
+  RandomStream random = {{words.w[0] | 1u, words.w[1], words.w[2], words.w[3]}};
+  const MctsTree::Guide guide = {depth, t.plan, random.next(), t.range, s.settings->exploration};
+  std::uint32_t* ends = t.ends + std::size_t{set} * t.most_ends;
+  t.end_count[set] = t.tree.select_all(guide, ends);
+  find_leaves(t, set);
+  for (std::uint32_t member = 0; member < t.leaf_count[set]; ++member) choose_for_leaf(t, set, member, random);
 }
 
 bool draw(Sampler& s) {
@@ -133,30 +134,44 @@ bool draw(Sampler& s) {
   for (std::uint32_t c = 0; c < t.choices(); ++c)
     t.plan[c] = action_near(t, s.mean, s.grid.knots, c / t.stages, c % t.stages);
   const std::uint32_t depth = knots_within(s) * t.stages;
-  for (t.leaf_count = 0; t.leaf_count < s.rollouts / kPolicies; ++t.leaf_count) {
-    if (t.leaf_count % kLeavesAtOnce == kLeavesAtOnce - 1 && s.request->deadline.passed()) return false;
-    const std::uint64_t high = (std::uint64_t{kRngPlanner} << 32) | (s.iteration << 16) | t.leaf_count;
-    const Philox::Words words = Philox::draw(s.seed, s.request->tick, high);
-    RandomStream random = {{words.w[0] | 1u, words.w[1], words.w[2], words.w[3]}};
-    const std::uint32_t leaf = t.tree.select(depth, t.plan, random.next(), t.range, s.settings->exploration);
-    t.leaves[t.leaf_count] = leaf;
-    choose_for_leaf(t, leaf, t.leaf_count * kPolicies, random);
+  std::uint32_t leaves = 1;  // since the last look at the clock
+  for (t.set_count = 0; t.set_count < s.rollouts / kPolicies; ++t.set_count) {
+    if (leaves >= kLeavesAtOnce) {
+      if (s.request->deadline.passed()) return false;
+      leaves = 0;
+    }
+    draw_set(s, t.set_count, depth);
+    leaves += t.leaf_count[t.set_count];
   }
   // row by row: a lane's knots stand too far apart for the cache
   float* row = s.knots;
   for (std::uint32_t i = 0; i < s.inputs; ++i) {
     const float* value = t.value + std::size_t{i} * t.actions;
-    const std::uint32_t stage = t.stages > 1 ? i : 0, stride = t.choices();
+    const std::uint32_t stage = t.stages > 1 ? i : 0;
     for (std::uint32_t j = 0; j < s.grid.knots; ++j, row += s.rollouts)
       for (std::uint32_t lane = 0; lane < s.rollouts; ++lane)
-        row[lane] = value[t.chosen[std::size_t{lane} * stride + j * t.stages + stage]];
+        row[lane] = value[t.chosen_by(lane, 0)[j * t.stages + stage]];
   }
   return true;
 }
 
 void cancel(Sampler& s) {
   Search& t = search_of(s);
-  t.tree.cancel(t.leaves, t.leaf_count);
+  for (std::uint32_t set = 0; set < t.set_count; ++set)
+    for (std::uint32_t e = 0; e < t.end_count[set]; ++e) t.tree.cancel(t.ends[std::size_t{set} * t.most_ends + e]);
+  t.tree.remove_uncommitted();
+}
+
+/// The cheapest sequence that all hypotheses went through alike.
+void keep(Sampler& s) {
+  const Search& t = search_of(s);
+  std::uint32_t best = 0;
+  for (std::uint32_t lane = 1; lane < s.rollouts; ++lane) {
+    const std::uint32_t set = lane / kPolicies;
+    if (t.forks(set) && lane % kPolicies >= t.reserved(set)) continue;
+    if (s.cost[lane] < s.cost[best] || !(s.cost[best] <= s.range.high)) best = lane;
+  }
+  keep_rollout(s, best);
 }
 
 /// A simulation without a finite cost counts as the costliest that has one.
@@ -165,44 +180,61 @@ double simulated_cost(const Sampler& s, std::uint32_t lane) {
   return static_cast<double>(cost <= s.range.high ? cost : s.range.high);
 }
 
+/// The mean of a set's simulations, to all nodes on its walks.
+void back_up(Search& t, std::uint32_t set) {
+  const Sampler& s = *t.core;
+  const std::uint32_t* ends = t.ends + std::size_t{set} * t.most_ends;
+  const std::uint32_t first = t.reserved(set);
+  double sum = 0.0;
+  for (std::uint32_t p = first; p < kPolicies; ++p) sum += simulated_cost(s, set * kPolicies + p);
+  t.tree.back_up(ends[0], sum / (kPolicies - first));
+  for (std::uint32_t e = 1; e < t.end_count[set]; ++e) t.tree.back_up(ends[e], walk_cost(t, set, ends[e]));
+  t.cost_sum += sum;
+  t.cost_count += kPolicies - first;
+}
+
 void update(Sampler& s) {
   Search& t = search_of(s);
   // the old plan was simulated again: what it costs now and did not before, the tree's means have missed
   if (s.iteration == 0 && t.has_cost && s.warm_cost <= static_cast<double>(s.range.high))
     t.tree.offset(s.warm_cost - t.last_cost);
-  for (std::uint32_t l = 0; l < t.leaf_count; ++l) {
-    const std::uint32_t first = l > 0 ? 0 : kReserved;
-    double sum = 0.0;
-    for (std::uint32_t p = first; p < kPolicies; ++p) sum += simulated_cost(s, l * kPolicies + p);
-    t.tree.back_up(t.leaves[l], sum / (kPolicies - first));
-    t.cost_sum += sum;
-    t.cost_count += kPolicies - first;
-  }
+  if (t.branches()) tell_apart(t);
+  for (std::uint32_t set = 0; set < t.set_count; ++set) back_up(t, set);
+  if (t.branches()) credit_outcomes(t);
   t.tree.commit();
-  // between the cheapest and the mean: the costliest says how badly one can do, and drowns the differences that matter
-  t.range = {s.best_cost, t.cost_sum / t.cost_count};
   for (std::uint32_t r = 0; r < s.rows; ++r) s.mean[r] = s.best[r];
+  t.plan_cost = s.best_cost;
+  t.plan_branches = t.branches() && take_plan(t);
+  // between the cheapest and the mean: the costliest says how badly one can do, and drowns the differences that matter
+  t.range = {t.plan_cost, t.cost_sum / t.cost_count};
 }
 
 double choose(Sampler& s) {
   Search& t = search_of(s);
   // what begins beyond the horizon was not simulated: the last choice within it holds
+  const std::uint32_t within = knots_within(s);
   for (std::uint32_t i = 0; i < s.inputs; ++i) {
     double* row = s.mean + i * s.grid.knots;
-    for (std::uint32_t j = knots_within(s); j < s.grid.knots; ++j) row[j] = row[j - 1];
+    for (std::uint32_t j = within; j < s.grid.knots; ++j) row[j] = row[j - 1];
   }
-  t.last_cost = s.best_cost;
-  t.has_cost = true;
-  return s.best_cost;
+  for (std::uint32_t v = 0; v < t.variant_count && t.branches(); ++v) {
+    std::uint8_t* row = t.variants + std::size_t{v} * t.choices();
+    for (std::uint32_t c = within * t.stages; c < t.choices(); ++c) row[c] = row[c - t.stages];
+  }
+  t.last_cost = t.plan_branches ? evaluate_mean(s) : s.best_cost;
+  t.has_cost = std::isfinite(t.last_cost);
+  return t.plan_cost;
 }
 
 void rebase(Sampler& s, double change) {
   Search& t = search_of(s);
-  t.tree.offset(change);
+  rebase_branches(t, change);
   t.cost_sum += change * t.cost_count;
 }
 
-constexpr SamplingMethod kMethod = {"mcts", begin, update, choose, draw, cancel, true, rebase};
+constexpr SamplingMethod kMethod = {
+    "mcts",       begin,           update, choose, draw, cancel, true, rebase, keep, Outcomes::are_seen,
+    aim_particle, observe_particle};
 
 void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
               const tiller_hooks_t* hooks) {
@@ -216,12 +248,20 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
   place.stages = joint > 0 ? 1 : inputs;
   place.actions = joint > 0 ? joint : place.levels;
   const std::uint32_t choices = knots * place.stages;
-  place.tree.lay_out(arena, std::max(std::uint32_t{16}, p.nodes));
-  place.leaves = arena.take<std::uint32_t>(p.rollouts / kPolicies);
+  const bool branches = Outcomes::are_seen(config);
+  const std::uint32_t sets = p.rollouts / kPolicies;
+  place.most_members = branches ? p.particles : 1;
+  place.most_ends = branches ? 2 * p.particles : 1;
+  place.tree.lay_out(arena, std::max(std::uint32_t{16}, p.nodes), branches ? choices : 0);
+  place.ends = arena.take<std::uint32_t>(std::size_t{sets} * place.most_ends);
+  place.end_count = arena.take<std::uint32_t>(sets);
+  place.leaves = arena.take<std::uint32_t>(std::size_t{sets} * place.most_members);
+  place.leaf_count = arena.take<std::uint32_t>(sets);
   place.plan = arena.take<std::uint32_t>(choices);
   place.choice = arena.take<std::uint32_t>(choices);
-  place.chosen = arena.take<std::uint8_t>(std::size_t{p.rollouts} * choices);
+  place.chosen = arena.take<std::uint8_t>(std::size_t{p.rollouts} * place.most_members * choices);
   place.value = arena.take<float>(std::size_t{inputs} * place.actions);
+  lay_out_branches(arena, config, knots, choices, place);
   Sampler* core = lay_out_sampler(arena, config, setup, table, hooks, kMethod);
   if (!core) return nullptr;
   place.core = core;
@@ -243,6 +283,7 @@ void reset(void* self) {
   t.tree.clear(t.actions);
   t.range = {};
   t.has_cost = false;
+  t.variant_count = 1;
 }
 
 const float* sequence(const void* self) { return sampled_sequence(static_cast<const Search*>(self)->core); }

@@ -5,11 +5,22 @@
 #include "tiller/math.hpp"
 
 namespace tiller {
+namespace {
 
-void MctsTree::lay_out(Arena& arena, std::uint32_t nodes) {
-  nodes_ = arena.take<Node>(nodes);
-  moved_ = arena.take<std::uint32_t>(nodes);
+constexpr std::uint32_t kNodesPerOutcome = 4;  // of the pool: an outcome is worth looking into with a few choices
+
+}  // namespace
+
+void MctsTree::lay_out(Arena& arena, std::uint32_t nodes, std::uint32_t choices) {
   size_ = nodes;
+  choices_ = choices;
+  most_outcomes_ = choices > 0 ? nodes / kNodesPerOutcome : 0;
+  const std::uint32_t places = size_ + most_outcomes_;
+  nodes_ = arena.take<Node>(places);
+  moved_ = arena.take<std::uint32_t>(places);
+  if (choices == 0) return;
+  branch_ = arena.take<Branch>(places);
+  sequences_ = arena.take<std::uint8_t>(std::size_t{most_outcomes_ + 1} * choices);
 }
 
 void MctsTree::clear(std::uint32_t actions) {
@@ -17,28 +28,33 @@ void MctsTree::clear(std::uint32_t actions) {
   used_ = committed_ = 1;
   base_ = 0.0;
   nodes_[kRoot] = Node();
+  outcomes_ = 0;
+  released_ = false;
+  if (!branch_) return;
+  branch_[kRoot] = Branch();
+  branch_[kRoot].hypotheses = all_;
+  branch_[kRoot].sequence = 0;
 }
 
 // ---- looking for leaves -------------------------------------------------------------------------
 
-std::uint32_t MctsTree::select(std::uint32_t depth, const std::uint32_t* incumbent, std::uint32_t word,
-                               const Range& range, double exploration) {
-  std::uint32_t node = kRoot, level = 0;
+std::uint32_t MctsTree::walk(std::uint32_t node, const Guide& guide) {
+  std::uint32_t at = level(node);
   bool grown = false;
-  ++nodes_[kRoot].under_way;
-  while (level < depth && !grown) {
-    const std::uint32_t choice = untried(nodes_[node], incumbent[level], word);
+  ++nodes_[node].under_way;
+  while (at < guide.depth && !grown && !splits(node)) {
+    const std::uint32_t choice = untried(nodes_[node], guide.incumbent[at], guide.word);
     std::uint32_t next = kNone;
     if (choice != kNone) {
-      if (used_ == size_) break;
+      if (used_ - outcomes_ == size_) break;
       next = add_child(node, choice);
       grown = true;
     } else {
-      next = best_child(node, range, exploration);
+      next = best_child(node, guide.range, guide.exploration);
     }
     node = next;
     ++nodes_[node].under_way;
-    ++level;
+    ++at;
   }
   return node;
 }
@@ -63,6 +79,16 @@ std::uint32_t MctsTree::add_child(std::uint32_t node, std::uint32_t choice) {
   nodes_[child].next_sibling = nodes_[node].first_child;
   nodes_[node].first_child = child;
   nodes_[node].tried |= std::uint64_t{1} << choice;
+  if (!branch_) return child;
+  branch_[child] = Branch();
+  branch_[child].hypotheses = branch_[node].hypotheses;
+  branch_[child].level = branch_[node].level + 1;
+  return child;
+}
+
+std::uint32_t MctsTree::child_of(std::uint32_t node, std::uint32_t choice) const {
+  std::uint32_t child = nodes_[node].first_child;
+  while (child != kNone && nodes_[child].choice != choice) child = nodes_[child].next_sibling;
   return child;
 }
 
@@ -89,16 +115,17 @@ std::uint32_t MctsTree::best_child(std::uint32_t node, const Range& range, doubl
 
 std::uint32_t MctsTree::path(std::uint32_t leaf, std::uint32_t* choices) const {
   std::uint32_t depth = 0;
-  for (std::uint32_t n = leaf; nodes_[n].parent != kNone; n = nodes_[n].parent) ++depth;
-  std::uint32_t level = depth;
-  for (std::uint32_t n = leaf; nodes_[n].parent != kNone; n = nodes_[n].parent) choices[--level] = nodes_[n].choice;
+  for (std::uint32_t n = leaf; nodes_[n].parent != kNone; n = nodes_[n].parent) depth += is_outcome(n) ? 0u : 1u;
+  std::uint32_t at = depth;
+  for (std::uint32_t n = leaf; nodes_[n].parent != kNone; n = nodes_[n].parent)
+    if (!is_outcome(n)) choices[--at] = nodes_[n].choice;
   return depth;
 }
 
 // ---- what came of them --------------------------------------------------------------------------
 
-void MctsTree::back_up(std::uint32_t leaf, double cost) {
-  for (std::uint32_t n = leaf; n != kNone; n = nodes_[n].parent) {
+void MctsTree::back_up(std::uint32_t end, double cost) {
+  for (std::uint32_t n = end; n != kNone; n = is_outcome(n) ? kNone : nodes_[n].parent) {
     Node& node = nodes_[n];
     --node.under_way;
     node.visits += 1.0f;
@@ -106,9 +133,11 @@ void MctsTree::back_up(std::uint32_t leaf, double cost) {
   }
 }
 
-void MctsTree::cancel(const std::uint32_t* leaves, std::uint32_t count) {
-  for (std::uint32_t i = 0; i < count; ++i)
-    for (std::uint32_t n = leaves[i]; n != kNone; n = nodes_[n].parent) --nodes_[n].under_way;
+void MctsTree::cancel(std::uint32_t end) {
+  for (std::uint32_t n = end; n != kNone; n = is_outcome(n) ? kNone : nodes_[n].parent) --nodes_[n].under_way;
+}
+
+void MctsTree::remove_uncommitted() {
   while (used_ > committed_) {
     const Node& node = nodes_[--used_];  // the youngest child of its parent
     nodes_[node.parent].first_child = node.next_sibling;
@@ -116,18 +145,31 @@ void MctsTree::cancel(const std::uint32_t* leaves, std::uint32_t count) {
   }
 }
 
+void MctsTree::commit() {
+  if (released_) keep_below(kRoot);
+  committed_ = used_;
+}
+
 // ---- time ---------------------------------------------------------------------------------------
 
 void MctsTree::descend(std::uint32_t choice) {
-  std::uint32_t root = nodes_[kRoot].first_child;
-  while (root != kNone && nodes_[root].choice != choice) root = nodes_[root].next_sibling;
+  const std::uint32_t root = child_of(kRoot, choice);
   if (root == kNone) return clear(actions_);
+  keep_below(root);
+}
+
+/// `root` becomes the root of what is below it and was not released.
+void MctsTree::keep_below(std::uint32_t root) {
+  const std::uint32_t root_level = level(root);
   for (std::uint32_t n = 0; n < root; ++n) moved_[n] = kNone;
   std::uint32_t kept = 0;
   for (std::uint32_t n = root; n < used_; ++n) {
-    const bool stays = n == root || moved_[nodes_[n].parent] != kNone;
+    const bool stays = n == root || (moved_[nodes_[n].parent] != kNone && !(branch_ && branch_[n].gone));
     moved_[n] = stays ? kept : kNone;
-    if (stays) nodes_[kept++] = nodes_[n];
+    if (!stays) continue;
+    nodes_[kept] = nodes_[n];
+    if (branch_) branch_[kept] = branch_[n];
+    ++kept;
   }
   const auto place = [this](std::uint32_t n) { return n == kNone ? kNone : moved_[n]; };
   nodes_[kRoot].parent = nodes_[kRoot].next_sibling = kNone;
@@ -136,7 +178,10 @@ void MctsTree::descend(std::uint32_t choice) {
     node.parent = place(node.parent);
     node.first_child = place(node.first_child);
     node.next_sibling = place(node.next_sibling);
+    if (branch_) branch_[n].level -= root_level;
   }
+  if (branch_) branch_[kRoot].sequence = 0;
+  released_ = false;
   used_ = committed_ = kept;
 }
 

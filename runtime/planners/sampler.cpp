@@ -120,23 +120,19 @@ void sample_chunk(Sampler& s, std::uint32_t first, std::uint32_t lanes) {
     for (std::uint32_t r = 0; r < s.rows; ++r) s.knots[r * s.rollouts + 1] = static_cast<float>(s.best[r]);
 }
 
-void expand_chunk(Sampler& s, std::uint32_t first, std::uint32_t lanes, float* controls) {
+/// Controls from knots whose rows are `stride` apart.
+void expand_chunk(Sampler& s, const float* knots, std::uint32_t stride, std::uint32_t lanes, float* controls) {
   ExpandJob job;
   job.grid = s.grid;
   job.lanes = lanes;
-  job.stride = s.rollouts;
-  job.knots = s.knots + first;
+  job.stride = stride;
+  job.knots = knots;
   job.start = s.start_lanes;
   job.rate_step = s.rate_step;
   job.before = s.cubic ? s.before_lanes : nullptr;
   job.hold = s.method->holds;
   job.controls = controls;
   s.lanes->expand(job);
-}
-
-std::uint32_t lanes_of_chunk(const Sampler& s, std::uint32_t chunk) {
-  const std::uint32_t left = s.rollouts - chunk * s.chunk_lanes;
-  return left < s.chunk_lanes ? left : s.chunk_lanes;
 }
 
 /// Where the costs of a chunk begin.
@@ -170,14 +166,14 @@ RolloutFeedback<float> chunk_law(Sampler& s, std::uint32_t slot, std::uint32_t l
 
 /// False if the deadline passed on the way. The clock is read once a rollout call.
 bool evaluate_chunk(Sampler& s, std::uint32_t slot, std::uint32_t chunk) {
-  const std::uint32_t first = chunk * s.chunk_lanes;
+  const std::uint32_t first = first_of_chunk(s, chunk);
   const std::uint32_t lanes = lanes_of_chunk(s, chunk);
   float* controls = s.controls + std::size_t{slot} * s.grid.horizon * s.inputs * s.chunk_lanes;
-  const std::size_t place = chunk_place(s, s.penalised ? chunk : slot);
+  const std::size_t place = chunk_place(s, s.keeps_costs ? chunk : slot);
   float* cost = s.particle_cost + place;
   float* penalty = s.penalised ? s.particle_penalty + place : nullptr;
   sample_chunk(s, first, lanes);
-  expand_chunk(s, first, lanes, controls);
+  expand_chunk(s, s.knots + first, s.rollouts, lanes, controls);
   RolloutJob<float> job = common_job(s);
   job.lanes = lanes;
   job.controls = {controls, lanes};
@@ -189,13 +185,17 @@ bool evaluate_chunk(Sampler& s, std::uint32_t slot, std::uint32_t chunk) {
   }
   for (std::uint32_t m = 0; m < s.particles; ++m) {
     if (s.request->deadline.passed()) return false;
+    if (s.trajectory && s.method->aim(s, slot, chunk, m))
+      expand_chunk(s, own_knots_of(s, slot), lanes, lanes, controls);
     job.state = {s.particle_state + m * s.states, 0};
     job.params = {s.particle_params + m * s.params, 0};
     job.effect_state = {s.particle_effects + m * s.effect_states, 0};
     if (s.noise) job.noise = {s.noise + std::size_t{m} * s.grid.horizon * s.states, 0};
     job.cost_out = cost + m * lanes;
     if (penalty) job.penalty_out = penalty + m * lanes;
+    if (s.trajectory) job.trajectory = trajectory_of(s, slot);
     s.table->rollout_f32(*s.model, job);
+    if (s.trajectory) s.method->observe(s, slot, chunk, m);
   }
   if (!penalty) reduce_chunk(s, chunk, cost);
   return true;
@@ -284,13 +284,6 @@ void add_penalties(Sampler& s) {
   if (s.method->rebase) s.method->rebase(s, before - s.reference);
 }
 
-void keep_best(Sampler& s) {
-  if (!(static_cast<double>(s.range.low) < s.best_cost)) return;
-  s.best_cost = static_cast<double>(s.range.low);
-  const std::uint32_t k = cheapest_rollout(s);
-  for (std::uint32_t r = 0; r < s.rows; ++r) s.best[r] = static_cast<double>(s.knots[r * s.rollouts + k]);
-}
-
 /// Iterations until the cap, the deadline, or no finite sample; the number completed.
 std::uint32_t iterate(Sampler& s, PlanResult& result) {
   const Deadline& deadline = s.request->deadline;
@@ -307,7 +300,10 @@ std::uint32_t iterate(Sampler& s, PlanResult& result) {
       result.status = tiller_status_plan_not_finite;
       return s.iteration;
     }
-    keep_best(s);
+    if (s.method->keep)
+      s.method->keep(s);
+    else
+      keep_rollout(s, cheapest_rollout(s));
     s.mean_cost_before = static_cast<double>(s.cost[0]);
     if (s.iteration == 0) s.warm_cost = s.mean_cost_before;
     for (std::uint32_t r = 0; r < s.rows; ++r) s.before[r] = s.mean[r];
@@ -410,6 +406,17 @@ double evaluate_mean(Sampler& s) {
   risk.risk = risk_lanes;
   s.lanes->risk(risk);
   return static_cast<double>(risk_lanes[0]);
+}
+
+float particle_cost(const Sampler& s, std::uint32_t rollout, std::uint32_t m) {
+  const std::uint32_t chunk = rollout / s.chunk_lanes, lanes = lanes_of_chunk(s, chunk);
+  return s.particle_cost[chunk_place(s, chunk) + std::size_t{m} * lanes + rollout % s.chunk_lanes];
+}
+
+void keep_rollout(Sampler& s, std::uint32_t rollout) {
+  if (!(static_cast<double>(s.cost[rollout]) < s.best_cost)) return;
+  s.best_cost = static_cast<double>(s.cost[rollout]);
+  for (std::uint32_t r = 0; r < s.rows; ++r) s.best[r] = static_cast<double>(s.knots[r * s.rollouts + rollout]);
 }
 
 float lane_number(double x) {

@@ -32,6 +32,14 @@ struct SamplingMethod {
   bool holds = false;
   /// Costs of this plan are from now on `change` more than they were told; null: no cost is kept.
   void (*rebase)(Sampler& s, double change) = nullptr;
+  /// Keeps the cheapest sequence of an iteration in best and best_cost; null: that of the cheapest rollout.
+  void (*keep)(Sampler& s) = nullptr;
+  /// Whether particles may get sequences of their own in one rollout, by what is seen on the way; null: never.
+  bool (*branches)(const tiller_config_t& config) = nullptr;
+  /// Fills own_knots (rows x lanes of the chunk) of particle m in a chunk; false: as in all rollouts' knots.
+  bool (*aim)(Sampler& s, std::uint32_t slot, std::uint32_t chunk, std::uint32_t m) = nullptr;
+  /// Reads the trajectory of particle m in a chunk. As aim, by any thread.
+  void (*observe)(Sampler& s, std::uint32_t slot, std::uint32_t chunk, std::uint32_t m) = nullptr;
 };
 
 /// The sampling core: K rollouts around a mean sequence of knots, evaluated on M particles under the risk. A plan is
@@ -119,8 +127,11 @@ struct Sampler {
   float* weight = nullptr;       // (K)
   CostRange range{};
   float* controls = nullptr;          // (slots x horizon * inputs x chunk_lanes)
-  float* particle_cost = nullptr;     // (slots x M x chunk_lanes); penalised: (chunks x M x chunk_lanes)
+  bool keeps_costs = false;           // of all particles until the method's update
+  float* particle_cost = nullptr;     // (slots x M x chunk_lanes); keeps_costs: (chunks x M x chunk_lanes)
   float* particle_penalty = nullptr;  // likewise; null unless penalised
+  float* own_knots = nullptr;         // (slots x rows x chunk_lanes) of one particle; null unless the method branches
+  float* trajectory = nullptr;        // (slots x (horizon + 1) * nx x chunk_lanes) likewise
   std::uint32_t* aborted = nullptr;   // (slots)
   // The least penalty of any sample on each particle. Costs come less these: a limit that every sample violates alike,
   // with a weight of 1e12 say, would else leave no digit of single precision for what tells the samples apart.
@@ -141,6 +152,25 @@ RolloutJob<float> mean_job(const Sampler& s);
 /// Cost of the present mean under the limits and the risk; fills the sequence. One rollout with a lane per particle:
 /// about the price of 16 sampled rollouts.
 double evaluate_mean(Sampler& s);
+
+/// First rollout and number of rollouts of a chunk.
+inline std::uint32_t first_of_chunk(const Sampler& s, std::uint32_t chunk) { return chunk * s.chunk_lanes; }
+inline std::uint32_t lanes_of_chunk(const Sampler& s, std::uint32_t chunk) {
+  const std::uint32_t left = s.rollouts - chunk * s.chunk_lanes;
+  return left < s.chunk_lanes ? left : s.chunk_lanes;
+}
+inline float* own_knots_of(const Sampler& s, std::uint32_t slot) {
+  return s.own_knots + std::size_t{slot} * s.rows * s.chunk_lanes;
+}
+/// (horizon + 1) * nx rows of the chunk's lanes.
+inline float* trajectory_of(const Sampler& s, std::uint32_t slot) {
+  return s.trajectory + std::size_t{slot} * (s.grid.horizon + 1) * s.states * s.chunk_lanes;
+}
+/// Cost of a rollout on particle m; where keeps_costs.
+float particle_cost(const Sampler& s, std::uint32_t rollout, std::uint32_t m);
+
+/// Keeps the cheapest rollout's sequence if none before was cheaper.
+void keep_rollout(Sampler& s, std::uint32_t rollout);
 
 /// Takes the command in force, brought into the limits; the safe command if `last_command` is null.
 void start_from_command(Sampler& s, const double* last_command);

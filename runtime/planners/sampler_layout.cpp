@@ -28,7 +28,7 @@ std::uint32_t hold_of(const tiller_planner_config_t& p) { return p.hold_steps > 
 /// Numbers that both passes of the layout need.
 struct Sizes {
   std::uint32_t rows, horizon, knots, rollouts, chunk_lanes, chunks, slots, particles, padded, states, params, effects;
-  bool mixed, penalised, closed, noisy;
+  bool mixed, penalised, closed, branching, noisy;
 };
 
 constexpr std::uint32_t kPenalties = kCostBounds | kCostObstacles | kCostOutputBounds;
@@ -49,6 +49,7 @@ Sizes measure(const tiller_config_t& config, const StepSetup& setup, const Sampl
   z.params = config.param_count;
   z.effects = setup.effect_state_count;
   z.penalised = (make_cost_terms<float>(config.cost, config.model->state_count).extra & kPenalties) != 0;
+  z.branching = method.branches && method.branches(config);
   z.mixed = !method.draw && mixes_noise(p);
   z.closed = closes_loop(config, method);
   z.noisy = p.noisy_rollouts != 0 && !method.draw && p.kind != tiller_planner_hybrid;
@@ -81,10 +82,15 @@ void take_arrays(Arena& arena, const Sizes& z, std::uint32_t inputs, Sampler& s)
   s.cost = arena.take<float>(z.rollouts);
   s.weight = arena.take<float>(z.rollouts);
   s.controls = arena.take<float>(std::size_t{z.slots} * z.horizon * inputs * z.chunk_lanes);
-  // penalties are compared over all samples before they are added to anything
-  const std::size_t places = z.penalised ? z.chunks : z.slots;
+  // penalties are compared over all samples before they are added to anything; outcomes are told apart after a batch
+  s.keeps_costs = z.penalised || z.branching;
+  const std::size_t places = s.keeps_costs ? z.chunks : z.slots;
   s.particle_cost = arena.take<float>(places * z.particles * z.chunk_lanes);
   s.aborted = arena.take<std::uint32_t>(z.slots);
+  if (z.branching) {
+    s.own_knots = arena.take<float>(std::size_t{z.slots} * z.rows * z.chunk_lanes);
+    s.trajectory = arena.take<float>(std::size_t{z.slots} * (z.horizon + 1) * z.states * z.chunk_lanes);
+  }
   if (!z.penalised) return;
   s.lane_penalty = arena.take<float>(z.padded);
   s.least_penalty = arena.take<float>(z.particles);

@@ -1,12 +1,22 @@
 // Real-time sequential quadratic programming (Diehl, Bock and Schloeder 2005): an iteration linearises the path, solves
-// the quadratic program with its bounds, and rolls the model out under the program's step and gains for several step
-// lengths at once; the cheapest motion becomes the path. What bounds on states exceed counts with an exact penalty, the
-// same in the program and in the choice of the step. `prepare` shifts the path and linearises it before the measurement
-// is there; the program itself takes the deviation of the state, so what is left for the tick is its solution.
+// the quadratic program with its bounds, and steps.
+//
+//   single    rolls the model out under the program's step and gains for several step lengths at once; the cheapest
+//             motion becomes the path
+//   multiple  steps states and inputs along the solution (multiple_shooting.hpp) and leaves defects to the next program
+//
+// A cold start under one hypothesis is one of multiple shooting: far from the goal, motions of the model alone lead into
+// poor local minima. Once a motion is as cheap as the path, single shooting goes on from it, and a warm tick rolls out
+// once an iteration. Under several hypotheses all shooting is single: a path for each of them is dear.
+//
+// What bounds on states exceed counts with an exact penalty, the same in the program and in the choice of the step.
+// `prepare` shifts the path and linearises it before the measurement is there; the program itself takes the deviation of
+// the state, so what is left for the tick is its solution.
 
 #include "planners/sqp.hpp"
 
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include "planners/flush_to_zero.hpp"
@@ -16,6 +26,7 @@ namespace tiller {
 namespace {
 
 constexpr double kRelaxed = 100.0;  // tolerances of the program: what a bound may be exceeded by unreported
+constexpr double kSlight = 1e-6;    // share of the merit that is not worth an iteration of multiple shooting
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNoStep[kCandidates] = {};
 
@@ -61,11 +72,26 @@ bool prefer_full_step(const Sqp& s, double& cost, double& merit) {
   return true;
 }
 
+bool shoots_multiple(const Sqp& s) {
+  return s.plan.scenarios == 1 && s.plan.settings->shooting == tiller_shooting_multiple;
+}
+
+/// The path is a motion: its inputs are those to fall back on.
+void keep_inputs(Sqp& s) {
+  std::memcpy(s.plan.settled, s.plan.control, std::size_t{s.plan.horizon} * s.plan.nu * sizeof(double));
+}
+
 /// False, and the path stays, where its motion is not finite.
 bool begin_path(Sqp& s) {
-  const double cost = roll_open(s.plan);
-  if (std::isfinite(cost)) s.cost = cost;
-  return std::isfinite(cost);
+  PathPlan& p = s.plan;
+  if (s.open) std::memcpy(p.control, p.settled, std::size_t{p.horizon} * p.nu * sizeof(double));
+  s.open = false;
+  s.multiple = shoots_multiple(s);
+  const double cost = roll_open(p);
+  if (!std::isfinite(cost)) return false;
+  s.cost = cost;
+  keep_inputs(s);
+  return true;
 }
 
 void linearise(Sqp& s) {
@@ -76,16 +102,86 @@ void linearise(Sqp& s) {
   s.prepared = true;
 }
 
-/// One iteration; false where nothing finite came of it.
-bool iterate(Sqp& s, const Deadline& deadline) {
+/// Rolls the program's candidates out; without a solution, the path's inputs alone.
+void roll_program(Sqp& s, bool solved) {
+  roll_candidates(s.plan, solved ? kStepAlpha : kNoStep, solved ? kStepBeta : kNoStep);
+}
+
+// ---- multiple shooting --------------------------------------------------------------------------
+
+MeritBounds merit_bounds(const Sqp& s) {
+  MeritBounds bounds;
+  if (s.state_bounds) bounds = {s.state_low, s.state_high, s.margin, s.exact_weight};
+  return bounds;
+}
+
+/// The path becomes a motion of the model again, with as much of the program's step as is good for it.
+bool close_path(Sqp& s, bool solved) {
+  PathPlan& p = s.plan;
+  roll_program(s, solved);
+  const std::uint32_t best = best_candidate(s, s.cost, s.merit);
+  if (!std::isfinite(s.merit)) return false;
+  take_candidate(p, best);
+  s.open = s.multiple = false;
+  raise_regularisation(p);
+  s.converged = solved && p.problem.regularisation > kMostRaised;
+  return true;
+}
+
+/// One iteration of multiple shooting; false where nothing finite came of it.
+bool iterate_multiple(Sqp& s, const Deadline& deadline) {
+  if (!s.prepared) linearise(s);
+  s.prepared = false;
+  const bool solved = solve_program(s, deadline);
+  const PathStep step = {s.plain.solution.x, s.plain.solution.u};
+  if (!solved || !step_by_merit(s.plan, step, merit_bounds(s), s.shooting)) return close_path(s, solved);
+  predict_margins(s);
+  s.set.stands = false;
+  s.prepared = s.open = true;
+  s.converged = -s.shooting.expected <= kConverged * std::fabs(s.shooting.merit);
+  lower_regularisation(s.plan);
+  return true;
+}
+
+/// The inputs that an open path sends: its own from the present start, as they are or under the gains, whichever costs
+/// less. A motion that is as cheap as the path takes its place.
+bool settle(Sqp& s) {
+  PathPlan& p = s.plan;
+  const double path = p.risk.value(p.path_cost) + s.exact_weight * path_excess(p, merit_bounds(s));
+  roll_candidates(p, kNoStep, kStepBeta);
+  const std::uint32_t best = best_candidate(s, s.cost, s.merit);
+  if (!std::isfinite(s.merit)) return false;
+  for (std::size_t i = 0; i < std::size_t{p.horizon} * p.nu; ++i)
+    p.settled[i] = p.candidate_control[i * kCandidates + best];
+  if (s.merit > path + kSlight * std::fabs(path)) return true;
+  take_candidate(p, best);
+  s.open = s.multiple = false;
+  return true;
+}
+
+/// The last inputs that were sent, for a path of multiple shooting from which no motion follows.
+bool fall_back(Sqp& s) {
+  s.plan.has_path = false;
+  const bool finite = begin_path(s);
+  s.multiple = false;
+  return finite;
+}
+
+// ---- single shooting ----------------------------------------------------------------------------
+
+/// A step of 0.36 or less, and a longer one costs more than a little: motions lead no further here.
+bool is_short(const Sqp& s, std::uint32_t best) {
+  const double full = candidate_risk(s.plan, 0) + bounds_penalty(s, 0);
+  return best > 1 && !(full <= s.merit + kSlight * std::fabs(s.merit));
+}
+
+/// One iteration of single shooting; false where nothing finite came of it.
+bool iterate_single(Sqp& s, const Deadline& deadline) {
   PathPlan& p = s.plan;
   if (!s.prepared) linearise(s);
   s.prepared = false;
   const bool solved = solve_program(s, deadline);
-  if (solved)
-    roll_candidates(p, kStepAlpha, kStepBeta);
-  else
-    roll_candidates(p, kNoStep, kNoStep);
+  roll_program(s, solved);
   double cost = kInfinity, merit = kInfinity;
   std::uint32_t best = best_candidate(s, cost, merit);
   if (!std::isfinite(cost)) return false;
@@ -97,6 +193,11 @@ bool iterate(Sqp& s, const Deadline& deadline) {
   take_candidate(p, best);
   s.cost = cost;
   s.merit = merit;
+  if (solved && shoots_multiple(s) && is_short(s, best)) {
+    s.multiple = true;
+    keep_inputs(s);
+    return true;
+  }
   if (best == kWarm) {
     if (!moved) raise_regularisation(p);
     s.converged = solved && p.problem.regularisation > kMostRaised;
@@ -108,10 +209,13 @@ bool iterate(Sqp& s, const Deadline& deadline) {
   return true;
 }
 
+// ---- a plan -------------------------------------------------------------------------------------
+
 void run(Sqp& s, const PlanRequest& request, PlanResult& result) {
   PathPlan& p = s.plan;
   const FlushToZero flush;
   s.converged = false;
+  s.shooting.penalty = 0.0;
   s.cost = kInfinity;
   if (!finite_start(p) || (!p.has_path && !begin_path(s))) {
     result.status = tiller_status_plan_not_finite;
@@ -122,12 +226,14 @@ void run(Sqp& s, const PlanRequest& request, PlanResult& result) {
       result.status = tiller_status_iteration_capped;
       break;
     }
-    if (!iterate(s, request.deadline)) {
+    if (!(s.multiple ? iterate_multiple(s, request.deadline) : iterate_single(s, request.deadline))) {
       result.status = tiller_status_plan_not_finite;
       break;
     }
     ++result.iterations;
   }
+  const bool tried = result.iterations > 0 || result.status == tiller_status_plan_not_finite;
+  if (s.open && tried && !settle(s) && !fall_back(s)) result.status = tiller_status_plan_not_finite;
   const bool stopped = !s.converged && result.iterations < p.settings->iterations;
   if (stopped && result.status == tiller_status_ok) result.status = tiller_status_iteration_capped;
   if (result.iterations == 0) return;
@@ -137,10 +243,20 @@ void run(Sqp& s, const PlanRequest& request, PlanResult& result) {
   if (s.unsolved) result.status = tiller_status_program_unsolved;
 }
 
+/// The inputs of an open path, as many periods later.
+void shift_settled(PathPlan& p, std::size_t gone) {
+  for (std::size_t k = 0; k < p.horizon; ++k) {
+    const std::size_t from = k + gone < p.horizon ? k + gone : p.horizon - 1;
+    std::memmove(p.settled + k * p.nu, p.settled + from * p.nu, p.nu * sizeof(double));
+  }
+}
+
 void shift(Sqp& s, std::uint64_t tick) {
   PathPlan& p = s.plan;
   const std::uint64_t ticks = p.has_sequence && tick > p.last_tick ? tick - p.last_tick : 0;
-  if (ticks > 0) shift_active_set(s.set, p.problem, static_cast<std::uint32_t>(ticks < p.horizon ? ticks : p.horizon));
+  const auto gone = static_cast<std::uint32_t>(ticks < p.horizon ? ticks : p.horizon);
+  if (gone > 0) shift_active_set(s.set, p.problem, gone);
+  if (gone > 0 && s.open) shift_settled(p, gone);
   shift_path(p, tick);
 }
 
@@ -162,7 +278,7 @@ PlanResult plan(void* self, const PlanRequest& request, double* command) {
     run(s, request, result);
   }
   s.prepared = false;
-  write_sequence(p, p.control, command);
+  write_sequence(p, s.open ? p.settled : p.control, command);
   return result;
 }
 
@@ -184,7 +300,7 @@ void prepare(void* self, const PlanRequest& expected) {
 void reset(void* self) {
   Sqp& s = *static_cast<Sqp*>(self);
   reset_path_plan(s.plan);
-  s.prepared = s.converged = s.unsolved = s.set.stands = false;
+  s.prepared = s.converged = s.unsolved = s.set.stands = s.multiple = s.open = false;
   s.violation = 0.0;
   for (std::size_t i = 0; i < std::size_t{s.plan.horizon} * s.plan.nu; ++i) s.set.held[i] = 0;
 }

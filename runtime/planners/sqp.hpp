@@ -1,6 +1,6 @@
 #pragma once
 
-#include "planners/path_plan.hpp"
+#include "planners/multiple_shooting.hpp"
 #include "planners/qp/osqp_qp.hpp"
 #include "planners/qp/riccati_qp.hpp"
 
@@ -40,6 +40,9 @@ struct Sqp {
   double quantile = 0.0;     // of the spread, in deviations; 0: bounds hold for the means
   double* margin = nullptr;  // (N+1 x M x nx); null where quantile is 0
   double* spread_work = nullptr;
+  MultipleShooting shooting;
+  bool multiple = false;  // the next iteration is one of multiple shooting
+  bool open = false;      // the path is not a motion of the model; plan.settled is, and is sent
 
   // ---- one plan
   double cost = 0.0, merit = 0.0;  // of the path: risk, and with the penalty of the bounds

@@ -278,7 +278,7 @@ TEST(Identify, ByEveryMethod) {
     EXPECT_EQ(last["noise_scale"].is_null(), !posterior);
     EXPECT_EQ(last["samples"].size(), posterior ? 128u : 512u);
     EXPECT_EQ(last["method"]["iterations"].empty(), posterior);
-    if (std::string(method.name) == "simopt") {
+    if (std::string(method.name) == "trajectory_simopt") {
       // from angles alone; no interval is promised, so a fifth of the value it is
       EXPECT_NEAR(param(result.candidates.back(), "mass_kg").mean, kMass, 0.2 * kMass);
     }

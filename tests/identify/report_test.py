@@ -217,7 +217,7 @@ class Pages(unittest.TestCase):
         step = {"mean": [1.0, 0.5, 0.5], "sd": [0.0, 0.1, 0.1], "temperature": 0.2, "kl": 1.0,
                 "effective_samples": 300.0, "discrepancy": 0.3, "smallest_discrepancy": None}
         result["candidates"][-1].update(noise_scale=None, exponent=None, method={
-            "name": "step_simopt", "citation": "a paper & its equation", "caveat": "it is no posterior",
+            "name": "trajectory_simopt", "citation": "a paper & its equation", "caveat": "it is no posterior",
             "simulations": 4321, "diverged": 0, "iterations": [step] * 3})
         path = self.folder / "identify.json"
         path.write_text(json.dumps(result))
@@ -225,7 +225,7 @@ class Pages(unittest.TestCase):
         self.assertNotIn("While the logs were taken in", text)
         self.assertNotIn("Does the model explain the logs?", text)
         self.assertNotIn("noise over the robot file", text)
-        for word in ("damping_1_SI", "step_simopt", "a paper &amp; its equation", "it is no posterior", "4321",
+        for word in ("damping_1_SI", "trajectory_simopt", "a paper &amp; its equation", "it is no posterior", "4321",
                      "From iteration to iteration", "discrepancy"):
             self.assertIn(word, text)
 

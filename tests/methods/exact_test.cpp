@@ -9,35 +9,6 @@
 namespace tiller::tools {
 namespace {
 
-/// Mean and covariance of two parameters.
-struct Normal2 {
-  double mean[2] = {}, cov[2][2] = {};
-  double determinant() const { return cov[0][0] * cov[1][1] - cov[0][1] * cov[1][0]; }
-};
-
-/// Exact for linear_log: least squares with the prior, by the normal equations.
-Normal2 exact_posterior(const TestLog& log) {
-  const double dt = log.config.period_s, variance = log.config.process_sd[0] * log.config.process_sd[0] * dt;
-  double a[2][2] = {{1, 0}, {0, 1}}, b[2] = {0.5, 0.5};  // prior N(.5, 1)
-  const Grid& g = log.grids[0];
-  for (std::size_t p = 0; p + 1 < g.points(); ++p) {
-    const double u = g.input[0][p], v = g.input[1][p];
-    const double rows[2][2] = {{dt * u, dt * v}, {-dt * v, dt * u}};
-    for (int r = 0; r < 2; ++r) {
-      const double change = g.state[static_cast<std::size_t>(r)][p + 1] - g.state[static_cast<std::size_t>(r)][p];
-      for (int i = 0; i < 2; ++i) {
-        b[i] += rows[r][i] * change / variance;
-        for (int j = 0; j < 2; ++j) a[i][j] += rows[r][i] * rows[r][j] / variance;
-      }
-    }
-  }
-  Normal2 n;
-  const double det = a[0][0] * a[1][1] - a[0][1] * a[1][0];
-  n.cov[0][0] = a[1][1] / det, n.cov[1][1] = a[0][0] / det, n.cov[0][1] = n.cov[1][0] = -a[0][1] / det;
-  for (int i = 0; i < 2; ++i) n.mean[i] = n.cov[i][0] * b[0] + n.cov[i][1] * b[1];
-  return n;
-}
-
 Normal2 moments_of(const MethodResult& result) {
   Normal2 n;
   for (std::size_t s = 0; s < result.count(); ++s)
@@ -137,7 +108,7 @@ struct Case {
 // 200 transitions whose noise leaves 1 % (see the posterior's row) in the parameters; trajectories accumulate it over
 // rollouts of 2 s, and their discrepancy is no likelihood, so they are allowed 10 %.
 TEST(SimOpt, FindsThePendulum) {
-  for (const Case& c : {Case{"simopt", 0.1}, Case{"step_simopt", 0.03}}) {
+  for (const Case& c : {Case{"trajectory_simopt", 0.1}, Case{"simopt", 0.03}}) {
     for (const unsigned seed : {1u, 2u, 3u, 4u, 5u}) {
       const TestLog log = pendulum_log(seed);
       const MethodResult result = run(c.method, log.problem());
@@ -156,7 +127,7 @@ TEST(SimOpt, FindsThePendulum) {
 // docs/theory/methods.md warns of this: iterations narrow the Gaussian whether or not there are data for it.
 TEST(SimOpt, ShrinksWithEveryIterationWhateverTheDataTell) {
   const TestLog log = pendulum_log(6, 0.05, 21);  // a tenth of the data
-  const MethodResult result = run("step_simopt", log.problem());
+  const MethodResult result = run("simopt", log.problem());
   for (std::size_t i = 2; i < result.history.size(); ++i)
     EXPECT_LT(result.history[i].sd[1], result.history[i - 1].sd[1]);
   EXPECT_LT(result.history.back().sd[1], 0.01 * 0.26) << "a hundredth of the prior's deviation";

@@ -133,6 +133,36 @@ inline TestLog linear_log(unsigned seed, double noise = 0.7, std::size_t points 
   return log;
 }
 
+/// Mean and covariance of two parameters.
+struct Normal2 {
+  double mean[2] = {}, cov[2][2] = {};
+  double determinant() const { return cov[0][0] * cov[1][1] - cov[0][1] * cov[1][0]; }
+};
+
+/// Exact for linear_log: least squares with the prior, by the normal equations. The likelihood counts 1 / eta times.
+inline Normal2 exact_posterior(const TestLog& log, double eta = 1.0) {
+  const double dt = log.config.period_s, process = log.config.process_sd[0], sensor = log.config.measurement_sd[0];
+  const double variance = eta * (process * process * dt + 2 * sensor * sensor);
+  double a[2][2] = {{1, 0}, {0, 1}}, b[2] = {0.5, 0.5};  // prior N(.5, 1)
+  const Grid& g = log.grids[0];
+  for (std::size_t p = 0; p + 1 < g.points(); ++p) {
+    const double u = g.input[0][p], v = g.input[1][p];
+    const double rows[2][2] = {{dt * u, dt * v}, {-dt * v, dt * u}};
+    for (int r = 0; r < 2; ++r) {
+      const double change = g.state[static_cast<std::size_t>(r)][p + 1] - g.state[static_cast<std::size_t>(r)][p];
+      for (int i = 0; i < 2; ++i) {
+        b[i] += rows[r][i] * change / variance;
+        for (int j = 0; j < 2; ++j) a[i][j] += rows[r][i] * rows[r][j] / variance;
+      }
+    }
+  }
+  Normal2 n;
+  const double det = a[0][0] * a[1][1] - a[0][1] * a[1][0];
+  n.cov[0][0] = a[1][1] / det, n.cov[1][1] = a[0][0] / det, n.cov[0][1] = n.cov[1][0] = -a[0][1] / det;
+  for (int i = 0; i < 2; ++i) n.mean[i] = n.cov[i][0] * b[0] + n.cov[i][1] * b[1];
+  return n;
+}
+
 /// The built-in pendulum; mass and length uniform on [.1, 1], damping known.
 inline TestLog pendulum_log(unsigned seed, double noise = 0.05, std::size_t points = 201) {
   TestLog log;

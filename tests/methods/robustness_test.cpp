@@ -139,9 +139,9 @@ TEST(Methods, HiddenStatesAreRefusedWhereTheyCannotBeSimulated) {
   std::string error;
   EXPECT_FALSE(find_method("abc")->run(quick(log), result, error));
   EXPECT_NE(error.find("not every state has a sensor"), std::string::npos);
-  // SimOpt takes the rate from the angles around each point
+  // both forms of SimOpt take the rate from the angles around each point
   for (double& v : log.grids[0].state[1]) v = kNaN;
-  EXPECT_TRUE(find_method("simopt")->run(quick(log), result, error)) << error;
+  EXPECT_TRUE(find_method("trajectory_simopt")->run(quick(log), result, error)) << error;
   EXPECT_NEAR(result.history.back().mean[1], 0.7, 0.15);
 }
 

@@ -43,7 +43,7 @@ TEST(MctsTree, visits_the_best_path_most_and_every_choice_at_least_once) {
   for (int batch = 0; batch < 60; ++batch) {
     std::uint32_t leaves[8], choices[8];
     for (std::uint32_t& leaf : leaves)
-      leaf = t.tree.select(4, kNothing, static_cast<std::uint32_t>(random()), {0.0, 2.0}, 0.5);
+      leaf = t.tree.select({4, kNothing, static_cast<std::uint32_t>(random()), {0.0, 2.0}, 0.5});
     for (const std::uint32_t leaf : leaves) {
       const std::uint32_t depth = t.tree.path(leaf, choices);
       t.tree.back_up(leaf, path_cost(choices, depth, random));
@@ -63,7 +63,7 @@ TEST(MctsTree, visits_the_best_path_most_and_every_choice_at_least_once) {
 TEST(MctsTree, a_batch_spreads_out) {
   Tree t(1024, 3);
   std::set<std::uint32_t> leaves;
-  for (std::uint32_t i = 0; i < 39; ++i) leaves.insert(t.tree.select(6, kNothing, i << 24, {}, 0.5));
+  for (std::uint32_t i = 0; i < 39; ++i) leaves.insert(t.tree.select({6, kNothing, i << 24, {}, 0.5}));
   EXPECT_EQ(leaves.size(), 39u);  // 3 + 9 + 27: nothing is known yet, so the tree fills level by level
 }
 
@@ -75,13 +75,14 @@ TEST(MctsTree, cancelled_batches_leave_no_trace) {
     for (std::uint32_t& w : words) w = static_cast<std::uint32_t>(random());
     std::uint32_t lost[16];
     for (int i = 0; i < 16; ++i)
-      lost[i] = b.tree.select(5, kNothing, static_cast<std::uint32_t>(random()), {0.0, 2.0}, 1.0);
-    b.tree.cancel(lost, 16);
+      lost[i] = b.tree.select({5, kNothing, static_cast<std::uint32_t>(random()), {0.0, 2.0}, 1.0});
+    for (const std::uint32_t leaf : lost) b.tree.cancel(leaf);
+    b.tree.remove_uncommitted();
     ASSERT_EQ(a.tree.used(), b.tree.used());
     std::uint32_t leaves[16];
     for (int i = 0; i < 16; ++i) {
-      leaves[i] = a.tree.select(5, kNothing, words[i], {0.0, 2.0}, 1.0);
-      ASSERT_EQ(leaves[i], b.tree.select(5, kNothing, words[i], {0.0, 2.0}, 1.0)) << batch << " " << i;
+      leaves[i] = a.tree.select({5, kNothing, words[i], {0.0, 2.0}, 1.0});
+      ASSERT_EQ(leaves[i], b.tree.select({5, kNothing, words[i], {0.0, 2.0}, 1.0})) << batch << " " << i;
     }
     for (const std::uint32_t leaf : leaves) {
       const double cost = path_cost(choices, a.tree.path(leaf, choices), random);
@@ -101,7 +102,7 @@ TEST(MctsTree, descends_with_all_that_is_below_and_gives_the_rest_back) {
   double below = 0.0;
   std::set<std::vector<std::uint32_t>> known;
   for (int i = 0; i < 300; ++i) {
-    const std::uint32_t leaf = t.tree.select(5, kNothing, static_cast<std::uint32_t>(random()), {0.0, 2.0}, 1.0);
+    const std::uint32_t leaf = t.tree.select({5, kNothing, static_cast<std::uint32_t>(random()), {0.0, 2.0}, 1.0});
     const std::uint32_t depth = t.tree.path(leaf, choices);
     below += depth > 0 && choices[0] == 1;
     if (choices[0] == 1) known.insert(std::vector<std::uint32_t>(choices + 1, choices + depth));

@@ -529,6 +529,29 @@ TEST_F(Command, ExciteProposesWithinLimitsAndTells) {
   }
 }
 
+TEST_F(Command, IdentifyRefusesOptionsThatTheMethodDoesNotRead) {
+  const struct {
+    Words options;
+    const char* says;
+  } wrong[] = {
+      {{"--eta", "2"}, "--eta 2: the method posterior does not read it; leave it out, or choose --method reps"},
+      {{"--method", "reps", "--eta", "1", "--kl", "2"}, "--eta 1, --kl 2: both set the temperature of reps"},
+      {{"--method", "reps", "--l1", "1"}, "--l1 1: the method reps does not read it"},
+      {{"--method", "simopt", "--rollout", "1"}, "choose --method trajectory_simopt"},
+      {{"--method", "abc", "--scale"}, "does not read it; leave it out, or choose --method simopt"},
+      {{"--method", "simopt", "--discrepancy", "wasserstein", "--l2", "3"}, "--l2 3: --discrepancy wasserstein"},
+      {{"--method", "simopt", "--discrepancy", "emd"}, "emd"},
+      {{"--method", "reps", "--eta", "0"}, "not a number within"},
+      {{"--method", "step_simopt"}, "there is no method 'step_simopt'; known are posterior, reps, simopt"}};
+  for (const auto& w : wrong) {
+    Words arguments = {"identify", kCartPole, "log.csv"};
+    arguments.insert(arguments.end(), w.options.begin(), w.options.end());
+    const Ended refused = run(arguments);
+    EXPECT_EQ(refused.code, 1) << refused.out;
+    EXPECT_TRUE(contains(refused.out, w.says)) << "expected '" << w.says << "' in\n" << refused.out;
+  }
+}
+
 TEST_F(Command, EpisodesGoOnFromTheirFile) {
   const Words series = {"run",        kCartPole, "--sim",       "--quiet",        "--seconds", "1",
                         "--episodes", "2",       "--posterior", "kept/cart.json", "--record",  "run.rec"};

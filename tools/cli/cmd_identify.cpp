@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 
@@ -77,15 +78,79 @@ void add_method_options(CLI::App& command, FitOptions& fit) {
   MethodOptions& how = fit.how;
   command.add_option("--simulations", how.simulations, "parameter vectors tried in all (default 10000)")
       ->check(CLI::Range(100, 10000000));
-  command.add_option("--iterations", how.iterations, "of simopt, step_simopt (default 10)")->check(CLI::Range(1, 1000));
-  command.add_option("--kl", how.kl, "bound of reps, simopt, step_simopt in an iteration (default 1)")
+  command.add_option("--iterations", how.iterations, "of simopt, trajectory_simopt (default 10)")
+      ->check(CLI::Range(1, 1000));
+  command.add_option("--kl", how.kl, "bound of reps, simopt, trajectory_simopt in an iteration (default 1)")
       ->check(number_between(1e-6, 100));
+  command
+      .add_option("--eta", how.eta,
+                  "temperature of reps, in the place of --kl: weights ~ prior x exp(log likelihood / eta). 1 is the "
+                  "Bayesian posterior for the robot file's noise; 2 trusts the logs half as much")
+      ->check(number_between(1e-6, 1e9));
   command.add_option("--epsilon", how.epsilon, "tolerance of abc (default: so that one in a hundred is kept)")
       ->check(number_between(1e-9, 1e9));
   command.add_option("--accept", how.accept, "share that abc keeps where no --epsilon is given (default 0.01)")
       ->check(number_between(1e-6, 1));
-  command.add_option("--rollout", how.rollout_s, "seconds of simopt's rollouts; 0: whole stretches (default 2)")
+  command
+      .add_option("--rollout", how.rollout_s, "seconds of trajectory_simopt's rollouts; 0: whole stretches (default 2)")
       ->check(number_between(0, 3600));
+  command
+      .add_option("--discrepancy", how.discrepancy,
+                  "of simopt, trajectory_simopt: residual (default; errors step by step) or wasserstein (sliced "
+                  "Wasserstein-1 distance of the distributions of steps)")
+      ->check(CLI::IsMember({"residual", "wasserstein"}));
+  command
+      .add_option("--l1", how.weight_l1,
+                  "weight of absolute errors in a residual discrepancy (default: simopt 0, trajectory_simopt 1)")
+      ->check(number_between(0, 1e9));
+  command.add_option("--l2", how.weight_l2, "weight of squared errors (default 1)")->check(number_between(0, 1e9));
+  command.add_flag("--scale,!--no-scale", how.scale,
+                   "divide each channel by its RMS in the logs, so that radians and radians per second count alike "
+                   "(default: trajectory_simopt and wasserstein do, simopt takes SI units as they are)");
+}
+
+/// An option and the methods that read it.
+struct MethodOption {
+  const char* option;
+  Words readers;
+};
+
+const std::vector<MethodOption>& method_options() {
+  static const std::vector<MethodOption> list = {
+      {"--simulations", {"reps", "simopt", "trajectory_simopt", "abc", "abc_regression"}},
+      {"--iterations", {"simopt", "trajectory_simopt"}},
+      {"--kl", {"reps", "simopt", "trajectory_simopt"}},
+      {"--eta", {"reps"}},
+      {"--epsilon", {"abc", "abc_regression"}},
+      {"--accept", {"abc", "abc_regression"}},
+      {"--rollout", {"trajectory_simopt"}},
+      {"--discrepancy", {"simopt", "trajectory_simopt"}},
+      {"--l1", {"simopt", "trajectory_simopt"}},
+      {"--l2", {"simopt", "trajectory_simopt"}},
+      {"--scale", {"simopt", "trajectory_simopt"}},
+  };
+  return list;
+}
+
+/// A sentence about the first option that the method does not read, or that two options set the same; else empty.
+std::string misplaced_option(const CLI::App& command, const FitOptions& fit) {
+  const std::string& method = fit.method;
+  const auto given = [&](const char* option) {
+    return std::string(option) + " " + join(command.get_option(option)->results(), " ");
+  };
+  for (const MethodOption& option : method_options()) {
+    const bool reads = std::find(option.readers.begin(), option.readers.end(), method) != option.readers.end();
+    if (command.count(option.option) > 0 && !reads)
+      return given(option.option) + ": the method " + method + " does not read it; leave it out, or choose --method " +
+             join(option.readers, " or ");
+  }
+  if (command.count("--eta") > 0 && command.count("--kl") > 0)
+    return given("--eta") + ", " + given("--kl") +
+           ": both set the temperature of reps; --eta fixes it, --kl bounds how far the weights may go; give one";
+  for (const char* weight : {"--l1", "--l2"})
+    if (command.count(weight) > 0 && fit.how.discrepancy == "wasserstein")
+      return given(weight) + ": --discrepancy wasserstein has no such norm; leave it out, or choose residual";
+  return "";
 }
 
 std::string check_multiple(const std::string& text, unsigned of) {
@@ -125,8 +190,13 @@ void add_identify_command(CLI::App& app, int& exit_code) {
       "      learn from two logs, judge with the third, leave a page\n"
       "  tiller identify robots/dfki_pendulum.toml data/dfki_simple_pendulum/d*_measured.csv \\\n"
       "      --hold-out data/dfki_simple_pendulum/pd_system_identification_measured.csv\n"
-      "      the measured pendulum that comes with tiller (docs/guide/identify.md tells what to see)");
-  command->callback([options, &exit_code] { exit_code = identify_command(*options); });
+      "      the measured pendulum that comes with tiller (docs/guide/identify.md tells what to see)\n"
+      "  tiller identify my_robot.toml run1.csv --method reps --eta 1 --simulations 100000\n"
+      "      the posterior once more, by draws from the prior: a check of the particles where few parameters are learnt");
+  command->callback([options, command, &exit_code] {
+    const std::string misplaced = misplaced_option(*command, options->fit);
+    exit_code = misplaced.empty() ? identify_command(*options) : complain(misplaced);
+  });
 }
 
 }  // namespace tiller::tools

@@ -91,7 +91,7 @@ bool refuse(const MethodProblem& problem, std::string& error) {
     if (problem.config->effects[e].kind == tiller_effect_actuator_lag) {
       error =
           "an actuator's lag has a state that no log shows, so a single step cannot be simulated; use posterior "
-          "or simopt";
+          "or trajectory_simopt";
       return true;
     }
   return false;

@@ -8,7 +8,7 @@
 namespace tiller::tools {
 
 /// Purposes of random numbers (core/rng.hpp) that methods draw for.
-enum MethodRng : std::uint32_t { kRngCandidate = 64, kRngNoise = 65, kRngResult = 66 };
+enum MethodRng : std::uint32_t { kRngCandidate = 64, kRngNoise = 65, kRngResult = 66, kRngDirection = 67 };
 
 /// The d parameters that are learnt, in the coordinates of their priors (posterior/prior.hpp: the logarithm for a
 /// log-normal prior, else the parameter).

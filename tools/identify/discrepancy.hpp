@@ -1,7 +1,7 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
+#include <memory>
 #include <vector>
 
 #include "tools/identify/coordinates.hpp"
@@ -10,42 +10,52 @@
 
 namespace tiller::tools {
 
-/// How far a candidate's rollouts are from the logs (Chebotar et al. 2019, their discrepancy D):
-///
-///     D = mean over spans and steps of  w1 sum_r |W_r e_r| + w2 sum_r (W_r e_r)^2
-///
-/// e: simulated minus measured state (angles wrapped) along an open-loop rollout from the measured start under the
-/// logged inputs, filtered over time by a Gaussian; 1 / W_r: RMS displacement of state r from a span's start in the
-/// logs. The paper sums where this takes the mean; REPS weights do not depend on the scale of a cost. With one step a
-/// span it is the discrepancy of transitions.
+enum class DiscrepancyKind { residual, wasserstein };
+
+/// How simulated and logged states are compared (docs/theory/methods.md).
+struct DiscrepancyForm {
+  DiscrepancyKind kind = DiscrepancyKind::residual;
+  std::size_t steps = 1;                  ///< of a rollout; 0: whole episodes
+  double smoothing_steps = 0;             ///< residual: deviation of the filter over a rollout's errors; 0: none
+  double weight_l1 = 0.0, weight_l2 = 1;  ///< residual: of absolute and of squared errors
+  bool scale = false;                     ///< each channel over its RMS in the logs; else in SI units
+};
+
+/// How far a candidate's open-loop rollouts are from the logs, under the logged inputs and from the logged starts.
 class Discrepancy {
  public:
-  /// steps: of a span; 0: whole episodes. smoothing_steps: deviation of the filter; 0: none.
-  Discrepancy(const MethodProblem& problem, const Coordinates& coordinates, const std::vector<Episode>& episodes,
-              std::size_t steps, double smoothing_steps);
+  static std::unique_ptr<Discrepancy> make(const MethodProblem& problem, const Coordinates& coordinates,
+                                           const std::vector<Episode>& episodes, const DiscrepancyForm& form);
+  virtual ~Discrepancy() = default;
+  Discrepancy(const Discrepancy&) = delete;
+  Discrepancy& operator=(const Discrepancy&) = delete;
 
   /// Of `count` candidates, v (count x d); +infinity where a rollout was not finite. Cost: count times all steps.
   std::vector<double> operator()(const std::vector<double>& v, std::size_t count);
   /// Steps that are compared for each candidate.
   std::uint64_t transitions() const { return transitions_; }
 
- private:
+ protected:
   static constexpr std::uint32_t kLanes = 64;
-  void scale_by_displacement();
-  void make_filter(double smoothing_steps);
-  void add_span(const RolloutSpan& span, double* sum);
-  void errors_of(const RolloutSpan& span, std::uint32_t state, const double* trajectory);
-  void smooth(std::size_t steps);
+  Discrepancy(const MethodProblem& problem, const Coordinates& coordinates, const std::vector<Episode>& episodes,
+              const DiscrepancyForm& form);
+
+  /// kLanes candidates: begin, one add for each rollout, ((steps + 1) * nx x kLanes), then each lane's value, which is
+  /// not finite where a rollout was not.
+  virtual void begin() = 0;
+  virtual void add(const RolloutSpan& span, const double* trajectory) = 0;
+  virtual double value(std::uint32_t lane) = 0;
+
+  /// One over the RMS displacement of a state from a rollout's start in the logs; 0: it stands still.
+  double displacement_scale(std::uint32_t state) const;
+  std::uint32_t state_count() const { return config_.model->state_count; }
 
   const tiller_config_t& config_;
+  std::vector<RolloutSpan> spans_;
+
+ private:
   const Coordinates& coordinates_;
   GridRollout rollout_;
-  std::vector<RolloutSpan> spans_;
-  double weight_l1_, weight_l2_;
-  std::vector<double> scale_;             // (nx) W; 0: the state stands still
-  std::vector<double> filter_;            // one side, from the middle
-  std::vector<double> error_, smoothed_;  // (steps x kLanes); rows that are not measured are left out
-  std::vector<unsigned char> measured_;   // (steps)
   std::uint64_t transitions_ = 0;
 };
 

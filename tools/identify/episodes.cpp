@@ -14,12 +14,17 @@ Episode make_episode(const Grid& grid, const tiller_config_t& config, bool measu
   episode.grid = &grid;
   episode.nx = config.model->state_count;
   episode.state.assign(grid.points() * episode.nx, std::numeric_limits<double>::quiet_NaN());
+  episode.sd.assign(episode.state.size(), 0.0);
   for (std::size_t p = 0; p < grid.points(); ++p) {
-    double* state = episode.state.data() + p * episode.nx;
+    double *state = episode.state.data() + p * episode.nx, *sd = episode.sd.data() + p * episode.nx;
+    double estimate[TILLER_MAX_STATES], doubt[TILLER_MAX_STATES];
     if (measured) {
       for (std::uint32_t i = 0; i < episode.nx; ++i) state[i] = grid.state[i][p];
-    } else if (double estimate[TILLER_MAX_STATES]; estimate_state(grid, config, p, kHalfWidth_s, estimate)) {
-      std::copy(estimate, estimate + episode.nx, state);
+      for (std::uint32_t k = 0; k < config.measurement_count; ++k)
+        sd[config.measured_state[k]] = config.measurement_sd[k];
+    } else if (estimate_state(grid, config, p, kHalfWidth_s, estimate, doubt)) {
+      std::copy_n(estimate, episode.nx, state);
+      std::copy_n(doubt, episode.nx, sd);
     }
   }
   return episode;
@@ -67,6 +72,22 @@ std::vector<RolloutSpan> make_spans(const std::vector<Episode>& episodes, std::s
     }
   }
   return long_enough.empty() ? all : long_enough;
+}
+
+std::vector<double> least_variance(const tiller_model_t& model, const std::vector<RolloutSpan>& steps) {
+  std::vector<double> least(model.state_count);
+  for (std::uint32_t r = 0; r < model.state_count; ++r) {
+    double square = 0, count = 0;
+    for (const RolloutSpan& span : steps) {
+      const double change =
+          state_difference(model, r, span.episode->at(span.start + 1)[r], span.episode->at(span.start)[r]);
+      if (!std::isfinite(change)) continue;
+      square += change * change;
+      count += 1;
+    }
+    least[r] = std::max(count > 0 ? 1e-6 * square / count : 0.0, 1e-300);
+  }
+  return least;
 }
 
 }  // namespace tiller::tools

@@ -13,8 +13,10 @@ struct Episode {
   const Grid* grid = nullptr;
   std::uint32_t nx = 0;
   std::vector<double> state;  ///< (points x nx); NaN: not known
+  std::vector<double> sd;     ///< (points x nx) what the sensors' noise leaves of doubt in it
   std::size_t points() const { return grid->points(); }
   const double* at(std::size_t point) const { return state.data() + point * nx; }
+  const double* sd_at(std::size_t point) const { return sd.data() + point * nx; }
   bool known(std::size_t point) const;
 };
 
@@ -34,5 +36,9 @@ struct RolloutSpan {
 /// begins at a known state and ends at the next one's beginning; what is shorter than half of `steps` is left out
 /// unless nothing else is there.
 std::vector<RolloutSpan> make_spans(const std::vector<Episode>& episodes, std::size_t steps);
+
+/// (nx) The least variance that the change of a state over a step is taken to have: a thousandth of its root mean
+/// square, squared. A state without noise would have all the say.
+std::vector<double> least_variance(const tiller_model_t& model, const std::vector<RolloutSpan>& steps);
 
 }  // namespace tiller::tools

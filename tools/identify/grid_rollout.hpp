@@ -17,6 +17,7 @@ class GridRollout {
   GridRollout(const tiller_config_t& config, std::uint32_t lanes);
 
   std::uint32_t lanes() const { return lanes_; }
+  std::uint32_t param_count() const { return static_cast<std::uint32_t>(params_.size() / lanes_); }
   const StepSetup& setup() const { return setup_; }
   /// (np x lanes): to be filled before run().
   double* params() { return params_.data(); }

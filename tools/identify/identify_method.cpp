@@ -66,6 +66,15 @@ void summarise(const Candidate& candidate, const MethodResult& found, Fit& resul
                                          (found.params[s * np + j] - posterior.mean[j]);
 }
 
+// Below this many, the moments of weighted draws have errors of a tenth of a deviation and more (1 / sqrt(n)).
+constexpr double kFewSamples = 100;
+
+std::string few_samples(const Fit& fit) {
+  if (fit.method != "reps" || fit.effective_samples >= kFewSamples) return "";
+  return format("\n  the weight lies on %.1f of %llu draws: raise --simulations, --eta or --kl, or narrow the priors",
+                fit.effective_samples, static_cast<unsigned long long>(fit.simulations));
+}
+
 }  // namespace
 
 bool fit_by_method(const Candidate& candidate, const std::vector<Stretch>& stretches, const std::vector<Grid>& grids,
@@ -109,11 +118,15 @@ std::string method_text(const Fit& fit) {
   std::string text = format("  by %s: %llu simulations", method.name, static_cast<unsigned long long>(fit.simulations));
   if (fit.diverged > 0) text += format(", %llu of them diverged", static_cast<unsigned long long>(fit.diverged));
   if (fit.iterations.size() > 1) text += format(", %zu iterations", fit.iterations.size());
-  if (std::isfinite(last.temperature))
+  if (fit.method == "reps")
+    text += format("; temperature %.3g, divergence %.3g, mean log likelihood %.6g", last.temperature, last.kl,
+                   -last.discrepancy);
+  else if (std::isfinite(last.temperature))
     text +=
         format("; temperature %.3g, divergence %.3g, discrepancy %.3g", last.temperature, last.kl, last.discrepancy);
   else
     text += format("; tolerance %.3g", last.discrepancy);
+  text += few_samples(fit);
   return text + "\n  mind: " + method.caveat +
          "\n  it knows of no noise scale and of no exponent; see docs/theory/methods.md\n";
 }

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,11 +16,17 @@ struct MethodOptions {
   std::uint32_t simulations = 10000;  ///< in all; SimOpt spends them in equal parts on its iterations
   std::uint32_t iterations = 10;      ///< of SimOpt
   double kl = 1.0;                    ///< bound of the KL divergence of REPS weights, > 0
+  double eta = std::numeric_limits<double>::quiet_NaN();      ///< temperature of reps, > 0; NaN: by `kl`
   double epsilon = std::numeric_limits<double>::quiet_NaN();  ///< ABC's tolerance; NaN: by `accept`
-  double accept = 0.01;                     ///< share of the simulations that ABC keeps where epsilon is not given
-  double rollout_s = 2.0;                   ///< length of SimOpt's rollouts; 0: each stretch of the logs in one
-  double smoothing_s = 0.05;                ///< SimOpt's Gaussian filter over time of a rollout's errors; 0: none
-  double weight_l1 = 1.0, weight_l2 = 1.0;  ///< of absolute and of squared errors in a discrepancy
+  double accept = 0.01;                  ///< share of the simulations that ABC keeps where epsilon is not given
+  double rollout_s = 2.0;                ///< length of trajectory_simopt's rollouts; 0: each stretch in one
+  double smoothing_s = 0.05;             ///< trajectory_simopt's Gaussian filter over time of errors; 0: none
+  std::string discrepancy = "residual";  ///< of SimOpt, or "wasserstein"
+  /// Of absolute and of squared errors in a residual discrepancy; NaN: the method's (simopt 0 and 1, trajectory_simopt
+  /// 1 and 1).
+  double weight_l1 = std::numeric_limits<double>::quiet_NaN(), weight_l2 = weight_l1;
+  /// Each channel over its RMS in the logs; without: trajectory_simopt and wasserstein do, simopt does not.
+  std::optional<bool> scale;
   std::uint32_t particles = 512, window = 128, moves = 32;  ///< of the posterior
   std::function<void(double)> progress;                     ///< share done, 0..1; may be empty
 };
@@ -39,8 +46,9 @@ struct MethodIteration {
   double temperature = std::numeric_limits<double>::quiet_NaN();  ///< eta of REPS
   double kl = std::numeric_limits<double>::quiet_NaN();           ///< of the weights from equal ones
   double effective_samples = 0;
-  double discrepancy = std::numeric_limits<double>::quiet_NaN();  ///< weighted mean; ABC: the tolerance
-  double best = std::numeric_limits<double>::quiet_NaN();         ///< smallest
+  double discrepancy =
+      std::numeric_limits<double>::quiet_NaN();  ///< weighted mean; ABC: the tolerance; reps: minus the log likelihood
+  double best = std::numeric_limits<double>::quiet_NaN();  ///< smallest
 };
 
 struct MethodResult {

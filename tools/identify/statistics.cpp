@@ -38,19 +38,11 @@ Statistics::Statistics(const MethodProblem& problem, const Coordinates& coordina
 }
 
 void Statistics::set_noise() {
-  const tiller_model_t& model = *config_.model;
-  for (std::uint32_t r = 0; r < model.state_count; ++r) {
+  variance_ = least_variance(*config_.model, spans_);
+  for (std::uint32_t r = 0; r < config_.model->state_count; ++r) {
     const double process = config_.process_sd[r], sensor = sensor_sd(config_, r);
     noise_sd_.push_back(std::sqrt(process * process * config_.period_s + 2 * sensor * sensor));
-    double square = 0;
-    for (const RolloutSpan& span : spans_) {
-      const double change =
-          state_difference(model, r, span.episode->at(span.start + 1)[r], span.episode->at(span.start)[r]);
-      square += change * change;
-    }
-    // a state without noise would have all the say: it is trusted to a thousandth of its typical change
-    const double least = 1e-6 * square / static_cast<double>(spans_.size());
-    variance_.push_back(std::max({noise_sd_[r] * noise_sd_[r], least, 1e-300}));
+    variance_[r] = std::max(noise_sd_[r] * noise_sd_[r], variance_[r]);
   }
 }
 
