@@ -244,6 +244,7 @@ bool override_setting(UncertainTask& task, const std::string& key, double value)
       {"knots", [](Task& t, double v) { t.config.planner.knots = whole(v); }},
       {"rollouts", [](Task& t, double v) { t.config.planner.rollouts = whole(v); }},
       {"iterations", [](Task& t, double v) { t.config.planner.iterations = whole(v); }},
+      {"integrator", [](Task& t, double v) { t.config.integrator = whole(v); }},
       {"shooting", [](Task& t, double v) { t.config.planner.shooting = whole(v); }},
       {"refine", [](Task& t, double v) { t.config.planner.refine_iterations = whole(v); }},
       {"adapt", [](Task& t, double v) { t.config.planner.adapt_covariance = whole(v); }},

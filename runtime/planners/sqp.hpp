@@ -37,8 +37,8 @@ struct Sqp {
   double state_low[TILLER_MAX_STATES] = {}, state_high[TILLER_MAX_STATES] = {};
   double exact_weight = 0.0;  // of the bounds' penalty, this iteration
   // chance constraints (sqp_chance.cpp): how much nearer the bounds stand at each state of the path
-  double quantile = 0.0;     // of the spread, in deviations; 0: bounds hold for the means
-  double* margin = nullptr;  // (N+1 x M x nx); null where quantile is 0
+  double quantile = 0.0;     // of the spread where every state has an equal share of the risk, in deviations
+  double* margin = nullptr;  // (N+1 x M x nx); null: bounds hold for the means
   double* spread_work = nullptr;
   MultipleShooting shooting;
   bool multiple = false;  // the next iteration is one of multiple shooting

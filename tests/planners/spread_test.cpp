@@ -207,16 +207,17 @@ TEST(NoisyRollouts, are_the_same_for_every_sample_and_change_with_the_tick) {
   // all samples are the same sequence here: so are their costs
   EXPECT_NE(a.plan().cost, first);
   b.belief.spread = nullptr;
-  EXPECT_EQ(b.plan().cost, 0.0) << "nothing is known to disturb the mass at its target";
+  EXPECT_LT(b.plan().cost, 1e-12) << "nothing is known to disturb the mass at its target";
 }
 
 // ---- chance constraints -------------------------------------------------------------------------
 
-TEST(ChanceConstraints, keep_the_bound_away_by_the_quantile_of_the_spread) {
+TEST(ChanceConstraints, keep_the_bound_away_by_the_quantile_of_shared_risk) {
   tiller::Config c = line_config(tiller_planner_sqp);
-  c.planner.horizon = 30;
+  c.planner.horizon = 60;
   c.planner.iterations = 10;
-  c.cost.target[0] = 1.0;
+  c.cost.target[0] = 2.0;
+  c.cost.state_weight[0] = 10.0;
   c.state_high[0] = 0.8;  // the target lies behind the bound
   c.cost.hard_bounds = 1;
   c.cost.bound_risk = 0.05;
@@ -236,7 +237,7 @@ TEST(ChanceConstraints, keep_the_bound_away_by_the_quantile_of_the_spread) {
   double error[4], estimate[4], scratch[64];
   tiller::begin_spread(spread, 2, error, estimate);
   const double h = c.period_s, a[4] = {1.0, h, 0.0, 1.0}, b[2] = {0.0, h};
-  double nearest = 1.0;
+  std::vector<double> left, sd;
   for (std::uint32_t k = 0; k < c.planner.horizon; ++k) {
     double gain[2], state[2], input;
     ASSERT_TRUE(table.feedback(bench.planner(), k, gain, state, &input));
@@ -254,12 +255,15 @@ TEST(ChanceConstraints, keep_the_bound_away_by_the_quantile_of_the_spread) {
     stage.gain = gain;
     stage.gain_stride = 2;
     tiller::step_spread(spread, stage, error, estimate, scratch);
-    const double left = 0.8 - x, wanted = 1.6448536 * std::sqrt(error[0] + estimate[0]);
-    EXPECT_GE(left, wanted - 2e-3) << k;
-    nearest = std::min(nearest, left - wanted);
+    left.push_back(0.8 - x);
+    sd.push_back(std::sqrt(error[0] + estimate[0]));
   }
+  // the risk that the Gaussians leave is what was asked for: no more, and much of it is used
+  double risk = 0.0;
+  for (std::size_t k = 0; k < left.size(); ++k) risk += 0.5 * std::erfc(left[k] / sd[k] / std::sqrt(2.0));
+  EXPECT_LE(risk, 0.05 * 1.02);
+  EXPECT_GE(risk, 0.05 * 0.3);
   EXPECT_NEAR(farthest, 0.8, 1e-3) << "the means alone touch the bound";
-  EXPECT_LT(nearest, 5e-3) << "no farther away than asked";
 }
 
 TEST(ChanceConstraints, between_bounds_closer_than_the_spread_leave_the_middle) {

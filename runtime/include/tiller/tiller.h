@@ -322,8 +322,8 @@ typedef struct tiller_cost_config {
                                    penalty only where they cannot be kept); other planners know b alone */
   uint32_t reserved;
   double
-      bound_risk; /**< `sqp`: hard bounds are kept so far away that the predicted spread of the state exceeds each with
-                          this probability, at each step; in (0, 0.5], 0: off */
+      bound_risk; /**< `sqp`: hard bounds are kept so far away that the predicted spread carries the state beyond them
+                          with this probability, over the horizon; in (0, 0.5], 0: off */
   const tiller_obstacle_t* obstacles; /**< (obstacle_count) */
 
   /* A trajectory to track: row k is the target k periods after the task began; the last row holds. The arrays are
@@ -504,7 +504,7 @@ typedef struct tiller_info {
   uint32_t inadequate_channel; /**< index of the measurement whose innovations gave the alarm */
   uint32_t inadequate_feature; /**< tiller_feature_t */
   uint32_t plan_lead;          /**< periods from the last plan's measurement to when its first command takes effect */
-  double adequacy_statistic;          /**< largest test statistic over its threshold: above 1 is an alarm */
+  double adequacy_statistic;   /**< largest test statistic over its threshold: above 1 is an alarm */
   double noise_sd[TILLER_MAX_STATES]; /**< estimated, as process_sd; zero where the engine has no estimate per state */
   double delay_weight[TILLER_MAX_HYPOTHESES];      /**< of input delays nearest to 0, 1, .. periods */
   double forgetting_weight[TILLER_MAX_FORGETTING]; /**< of the configured rates */
