@@ -277,12 +277,10 @@ void report_bands(bench::Table& table, const std::vector<UncertainTask>& tasks, 
   }
 }
 
-/// Integrated as finely as the plant: a coarser integrator's error would pass for process noise.
 std::vector<UncertainTask> band_tasks() {
   UncertainTask cart = bench::cart_pole_task(), quadrotor = bench::planar_quadrotor_task();
   for (UncertainTask* task : {&cart, &quadrotor}) {
     task->noisy_plant = true;
-    task->config.integrator = tiller_integrator_rk4;
     task->config.planner.predict_spread = 1;
   }
   cart.config.process_sd[2] = 0.05;
@@ -313,7 +311,6 @@ UncertainTask chance_task() {
   c.state_high[0] = t.rail_m;
   c.cost.hard_bounds = 1;
   c.planner.kind = tiller_planner_sqp;
-  c.integrator = tiller_integrator_rk4;
   c.planner.iterations = 4;
   c.planner.horizon = 50;
   return t;

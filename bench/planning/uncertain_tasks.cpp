@@ -37,7 +37,9 @@ tiller::Config base(const char* model, const std::vector<double>& nominal) {
   tiller::Config c;
   tiller_config_default(&c, tiller_find_model(model));
   for (std::size_t i = 0; i < nominal.size(); ++i) c.priors[i] = {tiller_prior_fixed, 0, nominal[i], 0.0, -kInf, kInf};
-  c.integrator = tiller_integrator_semi_implicit_euler;
+  // as exact as the plant: at 20 ms the error of semi-implicit Euler costs more than parameters that are 30 % off, and
+  // passes for process noise
+  c.integrator = tiller_integrator_rk4;
   std::fill(c.measurement_sd, c.measurement_sd + TILLER_MAX_MEASUREMENTS, 0.002);
   std::fill(c.initial_state_sd, c.initial_state_sd + TILLER_MAX_STATES, 0.01);
   c.planner.kind = tiller_planner_mppi;
@@ -187,7 +189,6 @@ UncertainTask acrobot_task() {
   UncertainTask t{"acrobot", base("acrobot", {1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 1.0 / 48.0, 1.0 / 48.0}), {0, 1, 5}, 400};
   tiller::Config& c = t.config;
   t.hypotheses = 8;
-  c.integrator = tiller_integrator_rk4;
   c.cost.target[0] = 3.141592653589793;
   c.cost.terminal = tiller_terminal_lqr;
   c.measurement_sd[0] = c.measurement_sd[1] = 0.0005;

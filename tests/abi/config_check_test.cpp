@@ -196,6 +196,10 @@ const Spoiled kSpoiled[] = {
     {"planner.closed_loop", tiller_status_bad_planner, [](C& c) { c.planner.closed_loop = 2; }},
     {"planner.shared_steps", tiller_status_bad_planner, [](C& c) { c.planner.shared_steps = 0; }},
     {"planner.shared_steps", tiller_status_bad_planner, [](C& c) { c.planner.shared_steps = 513; }},
+    {"planner.predict_spread", tiller_status_bad_planner, [](C& c) { c.planner.predict_spread = 2; }},
+    {"planner.noisy_rollouts", tiller_status_bad_planner, [](C& c) { c.planner.noisy_rollouts = 2; }},
+    {"cost.bound_risk", tiller_status_bad_cost, [](C& c) { c.cost.bound_risk = 0.6; }},
+    {"cost.bound_risk", tiller_status_bad_cost, [](C& c) { c.cost.bound_risk = kNan; }},
     {"planner.shooting", tiller_status_bad_planner, [](C& c) { c.planner.shooting = 2; }},
     {"planner.qp_solver", tiller_status_bad_planner, [](C& c) { c.planner.qp_solver = 2; }},
     {"planner.qp_iterations", tiller_status_bad_planner, [](C& c) { c.planner.qp_iterations = 0; }},
@@ -301,6 +305,8 @@ TEST(ConfigCheck, AcceptsTheEndsOfTheRanges) {
   p.filter = 1.0;
   p.closed_loop = 1;
   p.shared_steps = 512;
+  p.predict_spread = p.noisy_rollouts = 1;
+  c.cost.bound_risk = 0.5;
   p.qp_iterations = 10000;
   p.refine_iterations = 20;
   p.regularisation = p.exploration = 0.0;

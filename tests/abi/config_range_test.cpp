@@ -166,6 +166,8 @@ void choose_engines(C& c, Draw& draw) {
   c.planner.risk = draw.below(3);
   c.planner.closed_loop = draw.below(2);
   c.planner.shared_steps = 1 + draw.below(8);
+  c.planner.predict_spread = draw.below(2);
+  c.planner.noisy_rollouts = draw.below(2);
   c.cost.terminal = draw.chance(0.2) ? tiller_terminal_lqr : tiller_terminal_diagonal;
   c.posterior.kind = draw.below(tiller_posterior_kind_count);
   if (c.posterior.kind != tiller_posterior_conjugate) return;
@@ -302,6 +304,7 @@ const Range kRanges[] = {
     TILLER_RANGE(planner.qp_tolerance, 1e-12, 1, false, false),
     TILLER_RANGE(planner.regularisation, 0, 1e6, true, false),
     TILLER_RANGE(planner.exploration, 0, 1e6, true, false),
+    TILLER_RANGE(cost.bound_risk, 0, 0.5, true, false),
     TILLER_RANGE(cost.target[0], -1e9, 1e9, true, false),
     TILLER_RANGE(cost.state_weight[0], 1e-12, 1e12, true, false),
     TILLER_RANGE(cost.terminal_weight[1], 1e-12, 1e12, true, false),

@@ -283,4 +283,37 @@ TEST(Feedback, IsGivenAroundThePlanOrRefused) {
   }
 }
 
+// What a plan foresees is there once it is asked for and made; its first step is the estimate.
+TEST(Prediction, IsGivenWithPlansOrRefused) {
+  double mean[TILLER_MAX_STATES], sd[TILLER_MAX_STATES];
+  EXPECT_EQ(tiller_get_prediction(nullptr, 0, mean, sd), tiller_status_null_argument);
+  tiller::Config config = rig::pendulum_config();
+  PendulumPlant plant;
+  Loop without(config, plant);
+  ASSERT_TRUE(without.ready());
+  EXPECT_EQ(tiller_get_prediction(without.controller(), 0, mean, sd), tiller_status_bad_planner);
+  for (const std::uint32_t kind : {std::uint32_t{tiller_planner_mppi}, std::uint32_t{tiller_planner_ilqr}}) {
+    config.planner.kind = kind;
+    config.planner.predict_spread = 1;
+    Loop loop(config, plant);
+    ASSERT_TRUE(loop.ready());
+    EXPECT_EQ(tiller_get_prediction(loop.controller(), 0, mean, sd), tiller_status_wrong_state);
+    loop.activate(40);
+    tiller_info_t info;
+    tiller_get_info(loop.controller(), &info);
+    ASSERT_EQ(tiller_get_prediction(loop.controller(), 0, mean, sd), tiller_status_ok);
+    for (std::uint32_t i = 0; i < 2; ++i) {
+      // the particles' mean is that of a draw of some of them
+      EXPECT_NEAR(mean[i], info.state_mean[i], 3.0 * info.state_sd[i] + 1e-6);
+      EXPECT_GT(sd[i], 0.0);
+    }
+    const double at_once = sd[0];
+    ASSERT_EQ(tiller_get_prediction(loop.controller(), config.planner.horizon, mean, sd), tiller_status_ok);
+    EXPECT_GT(sd[0], at_once) << "what is ahead is less sure";
+    EXPECT_EQ(tiller_get_prediction(loop.controller(), 0, nullptr, nullptr), tiller_status_ok);
+    EXPECT_EQ(tiller_get_prediction(loop.controller(), config.planner.horizon + 1, mean, sd),
+              tiller_status_bad_dimension);
+  }
+}
+
 }  // namespace

@@ -65,6 +65,7 @@ inline void switch_options_on(tiller::Config& c) {
   c.planner.noise_colour = 1.5;
   c.planner.filter = 0.7;
   c.planner.closed_loop = 1;
+  c.planner.noisy_rollouts = 1;
 }
 
 /// A planner in a block of its own, of exactly the measured size, and a belief to plan over.
