@@ -117,18 +117,21 @@ std::vector<Point> grid(const std::string& planner) {
     over(points, "%u knots", {5u, 6u, 8u, 10u}, [](Settings& s, unsigned v) { s.knots = v; });
     over(points, "sd %g", {4.0, 8.0}, [](Settings& s, double v) { s.noise_sd[0] = v; });
   }
+  const auto shooting = [&] { over(points, "shooting %u", {0u, 1u}, [](Settings& s, unsigned v) { s.shooting = v; }); };
   if (planner == "ilqr") {
-    over(points, "shooting %u", {0u, 1u}, [](Settings& s, unsigned v) { s.shooting = v; });
+    shooting();
     iterations({1, 2, 3, 5, 10, 20});
     over(points, "reg %g", {1e-9, 1e-5, 1e-3, 1e-2}, [](Settings& s, double v) { s.regularisation = v; });
   }
   if (planner == "sqp") {
+    shooting();
     over(points, "solver %u", {0u, 1u}, [](Settings& s, unsigned v) { s.qp_solver = v; });
     iterations({1, 2, 3, 5, 10});
     over(points, "%u qp its", {2u, 5u, 50u, 500u}, [](Settings& s, unsigned v) { s.qp_iterations = v; });
     over(points, "reg %g", {1e-9, 1e-3}, [](Settings& s, double v) { s.regularisation = v; });
   }
   if (planner == "hybrid") {
+    shooting();
     rollouts({16, 32, 64, 128, 256});
     // `iterations` counts the sampling one too
     over(points, "refine %u", {1u, 2u, 3u, 5u, 10u}, [](Settings& s, unsigned v) {
