@@ -5,11 +5,15 @@
 // unwrapped, from the upright in which the run ends (tiller may swing up on either side; solvers that do not wrap
 // angles see the same problem mirrored), so every planner is judged by the same function.
 //
-//   bench_pareto [--planner NAME] [--seeds FIRST COUNT] [--repeats N]     one JSON line for each setting
+//   bench_pareto [--planner NAME] [--seeds FIRST COUNT] [--repeats N] [--starts N]     one JSON line for each setting
+//
+// With --starts, the runs of a setting begin at N states all over the state space, a seed each: position +-0.5 m, any
+// angle, +-1 m/s and +-1 rad/s; the line has the mean over them, the costs' 90 % quantile and the worst.
 
 #include <algorithm>
 #include <cstdio>
 #include <ctime>
+#include <random>
 
 #include "bench/problems/planning_problem.hpp"
 #include "bench/table/arguments.hpp"
@@ -53,11 +57,18 @@ struct Run {
   double cost = 0.0, step_us = 0.0, p99_us = 0.0;
 };
 
-Run run(const tiller_config_t& config, double clock) {
+/// The i-th start of --starts.
+void draw_start(std::uint64_t i, double* x) {
+  std::mt19937 random(static_cast<unsigned>(i));
+  constexpr double kMost[4] = {0.5, CartPoleProblem::kStart[1], 1.0, 1.0};
+  for (int j = 0; j < 4; ++j) x[j] = kMost[j] * (2.0 * (random() / 4294967296.0) - 1.0);
+}
+
+Run run(const tiller_config_t& config, double clock, const double* start) {
   bench::Planning planning(config);
   const CartPoleProblem plant;
   double x[4], next[4];
-  std::copy(CartPoleProblem::kStart, CartPoleProblem::kStart + 4, x);
+  std::copy(start, start + 4, x);
   std::vector<double> spent;
   Run result;
   bench::Motion motion;
@@ -117,18 +128,21 @@ std::vector<Point> grid(const std::string& planner) {
     over(points, "%u knots", {5u, 6u, 8u, 10u}, [](Settings& s, unsigned v) { s.knots = v; });
     over(points, "sd %g", {4.0, 8.0}, [](Settings& s, double v) { s.noise_sd[0] = v; });
   }
+  const auto shooting = [&] { over(points, "shooting %u", {0u, 1u}, [](Settings& s, unsigned v) { s.shooting = v; }); };
   if (planner == "ilqr") {
-    over(points, "shooting %u", {0u, 1u}, [](Settings& s, unsigned v) { s.shooting = v; });
+    shooting();
     iterations({1, 2, 3, 5, 10, 20});
     over(points, "reg %g", {1e-9, 1e-5, 1e-3, 1e-2}, [](Settings& s, double v) { s.regularisation = v; });
   }
   if (planner == "sqp") {
+    shooting();
     over(points, "solver %u", {0u, 1u}, [](Settings& s, unsigned v) { s.qp_solver = v; });
     iterations({1, 2, 3, 5, 10});
     over(points, "%u qp its", {2u, 5u, 50u, 500u}, [](Settings& s, unsigned v) { s.qp_iterations = v; });
     over(points, "reg %g", {1e-9, 1e-3}, [](Settings& s, double v) { s.regularisation = v; });
   }
   if (planner == "hybrid") {
+    shooting();
     rollouts({16, 32, 64, 128, 256});
     // `iterations` counts the sampling one too
     over(points, "refine %u", {1u, 2u, 3u, 5u, 10u}, [](Settings& s, unsigned v) {
@@ -151,17 +165,60 @@ bool sampled(const std::string& planner) {
          planner == "hybrid";
 }
 
+/// Runs from hanging, a seed each.
+void print_hanging(const std::string& name, const Point& point, std::uint64_t first, std::uint64_t runs, double clock) {
+  std::vector<double> costs, times, tails;
+  for (std::uint64_t i = 0; i < runs; ++i) {
+    tiller::Config config = point.config;
+    config.seed = sampled(name) ? first + i : 1;
+    const Run r = run(config, clock, CartPoleProblem::kStart);
+    costs.push_back(r.cost);
+    times.push_back(r.step_us);
+    tails.push_back(r.p99_us);
+  }
+  std::printf(
+      "{\"planner\": \"%s\", \"settings\": \"%s\", \"cost\": %.6g, \"worst_cost\": %.6g, \"us\": %.4g, "
+      "\"p99_us\": %.4g, \"runs\": %zu}\n",
+      name.c_str(), point.settings.c_str(), median(costs), *std::max_element(costs.begin(), costs.end()), median(times),
+      median(tails), costs.size());
+  std::fflush(stdout);
+}
+
+void print_starts(const std::string& name, const Point& point, int starts, double clock) {
+  std::vector<double> costs, times;
+  double sum = 0.0;
+  for (int i = 0; i < starts; ++i) {
+    tiller::Config config = point.config;
+    config.seed = static_cast<std::uint64_t>(i) + 1;
+    double start[4];
+    draw_start(config.seed, start);
+    const Run r = run(config, clock, start);
+    costs.push_back(r.cost);
+    times.push_back(r.step_us);
+    sum += r.cost;
+  }
+  std::sort(costs.begin(), costs.end());
+  std::printf(
+      "{\"planner\": \"%s\", \"settings\": \"%s\", \"mean\": %.6g, \"median\": %.6g, \"q90\": %.6g, \"worst\": %.6g, "
+      "\"us\": %.4g, \"starts\": %d}\n",
+      name.c_str(), point.settings.c_str(), sum / starts, costs[costs.size() / 2], costs[costs.size() * 9 / 10],
+      costs.back(), median(times), starts);
+  std::fflush(stdout);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   std::string only;
   std::uint64_t first = 1, seeds = 5;
-  int repeats = 3;
+  int repeats = 3, starts = 0;
   for (int i = 1; i < argc; ++i) {
     if (!std::strcmp(argv[i], "--planner") && i + 1 < argc)
       only = argv[++i];
     else if (!std::strcmp(argv[i], "--repeats") && i + 1 < argc)
       repeats = bench::whole_number(argv[++i]);
+    else if (!std::strcmp(argv[i], "--starts") && i + 1 < argc)
+      starts = bench::whole_number(argv[++i]);
     else if (!std::strcmp(argv[i], "--seeds") && i + 2 < argc) {
       first = std::strtoull(argv[++i], nullptr, 10);
       seeds = std::strtoull(argv[++i], nullptr, 10);
@@ -174,24 +231,12 @@ int main(int argc, char** argv) {
   for (std::uint32_t kind = 0; kind < tiller_planner_kind_count; ++kind) {
     const std::string name = find_planner(kind)->name;
     if (!only.empty() && only != name) continue;
-    for (const Point& point : grid(name)) {
-      std::vector<double> costs, times, tails;
-      const std::uint64_t runs = sampled(name) ? seeds : static_cast<std::uint64_t>(repeats);
-      for (std::uint64_t i = 0; i < runs; ++i) {
-        tiller::Config config = point.config;
-        config.seed = sampled(name) ? first + i : 1;
-        const Run r = run(config, clock);
-        costs.push_back(r.cost);
-        times.push_back(r.step_us);
-        tails.push_back(r.p99_us);
-      }
-      std::printf(
-          "{\"planner\": \"%s\", \"settings\": \"%s\", \"cost\": %.6g, \"worst_cost\": %.6g, \"us\": %.4g, "
-          "\"p99_us\": %.4g, \"runs\": %zu}\n",
-          name.c_str(), point.settings.c_str(), median(costs), *std::max_element(costs.begin(), costs.end()),
-          median(times), median(tails), costs.size());
-      std::fflush(stdout);
-    }
+    const std::uint64_t runs = sampled(name) ? seeds : static_cast<std::uint64_t>(repeats);
+    for (const Point& point : grid(name))
+      if (starts > 0)
+        print_starts(name, point, starts, clock);
+      else
+        print_hanging(name, point, first, runs, clock);
   }
   return 0;
 }

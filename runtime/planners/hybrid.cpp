@@ -1,12 +1,15 @@
 // Sampling finds the valley, the gradient its floor: the first iteration of a plan is one of MPPI, the others are
-// iterations of iLQR (single shooting) from whichever costs less, what sampling settled on or the shifted old plan. The
-// sampler keeps a mean of its own: drawn to the refined plan, it would search the valley that is known already.
+// iterations of iLQR from whichever costs less, what sampling settled on or the shifted old plan. With multiple shooting
+// the old plan may still have defects; what it costs is then what its inputs cost from the present start. The sampler
+// keeps a mean of its own: drawn to the refined plan, it would search the valley that is known already.
 
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include "planners/flush_to_zero.hpp"
 #include "planners/ilqr.hpp"
+#include "planners/line_search.hpp"
 #include "planners/sampler.hpp"
 
 namespace tiller {
@@ -17,30 +20,79 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+constexpr double kOpenLoop[kCandidates] = {};
+
 struct Hybrid {
   Sampler* sampler = nullptr;
   Ilqr* gradient = nullptr;
-  double* other = nullptr;  // (N x nu) inputs that were not taken
+  double* other = nullptr;  // (N x nu) inputs of the motion that a refinement begins from
+  double start_cost = 0.0;  // and their cost
+  double path_merit = 0.0;  // of the last plan's path with its defects; infinity: it is a motion
 };
 
-/// The path becomes the cheaper of the shifted old plan and the sampled sequence; false where neither is finite.
-bool choose_start(Hybrid& h) {
+std::size_t input_bytes(const PathPlan& p) { return std::size_t{p.horizon} * p.nu * sizeof(double); }
+
+/// What the shifted old plan costs; its inputs, those of a motion, become h.other.
+double weigh_old_plan(Hybrid& h) {
   Ilqr& s = *h.gradient;
   PathPlan& p = s.plan;
-  const std::size_t count = std::size_t{p.horizon} * p.nu;
   s.cost = kInfinity;
-  s.standing = s.solved = s.converged = false;
-  const bool old_is_finite = roll_open(s);
-  const double old_cost = s.cost;
+  const bool kept = !s.single && p.has_path && p.has_gain;
+  if (kept)
+    settle_multiple(s);
+  else
+    roll_open(s);
+  std::memcpy(h.other, kept && s.settled ? p.settled : p.control, input_bytes(p));
+  return s.cost;
+}
+
+/// What the sampled sequence costs. Its inputs become h.other where they cost less than the old plan's, and its motion
+/// the path where that costs less than `most`.
+double weigh_samples(Hybrid& h, double old, double most) {
+  PathPlan& p = h.gradient->plan;
   const float* sampled = mppi_planner.sequence(h.sampler);
-  for (std::size_t i = 0; i < count; ++i) {
-    h.other[i] = p.control[i];
-    p.control[i] = static_cast<double>(sampled[i]);
+  double* control = p.settled;  // free until the refinement's end
+  std::memcpy(control, p.control, input_bytes(p));
+  for (std::size_t i = 0; i < std::size_t{p.horizon} * p.nu; ++i) p.control[i] = static_cast<double>(sampled[i]);
+  roll_candidates(p, kOpenLoop, kOpenLoop);
+  const double cost = candidate_risk(p, kWarm);
+  if (cost < old)
+    for (std::size_t i = 0; i < std::size_t{p.horizon} * p.nu; ++i)
+      h.other[i] = p.candidate_control[i * kCandidates + kWarm];
+  if (cost < most) {
+    take_candidate(p, kWarm);
+    p.has_gain = false;
+  } else {
+    std::memcpy(p.control, control, input_bytes(p));
   }
-  s.cost = kInfinity;
-  if (roll_open(s) && s.cost < old_cost) return true;
-  for (std::size_t i = 0; i < count; ++i) p.control[i] = h.other[i];
-  return old_is_finite && roll_open(s);
+  return cost;
+}
+
+/// The path becomes the cheaper of the shifted old plan and the sampled sequence; false where neither is finite. A path
+/// with defects is judged by its merit: what its inputs cost from the present start says little of where it leads.
+bool choose_start(Hybrid& h) {
+  Ilqr& s = *h.gradient;
+  s.standing = s.solved = s.converged = false;
+  s.shooting.penalty = 0.0;
+  const bool kept = !s.single && s.plan.has_path;
+  const double old = weigh_old_plan(h), worth = kept ? std::fmin(old, h.path_merit) : old;
+  const double sampled = weigh_samples(h, old, worth);
+  s.cost = h.start_cost = sampled < old ? sampled : old;
+  return std::isfinite(s.cost);
+}
+
+/// Multiple shooting may end with inputs that cost more than those that it began from: those are sent then, and the path
+/// stays what the next plan goes on from.
+void settle(Hybrid& h) {
+  Ilqr& s = *h.gradient;
+  if (s.single) return;
+  PathPlan& p = s.plan;
+  h.path_merit = s.standing ? p.risk.value(p.path_cost) + s.shooting.penalty * path_defects(p) : kInfinity;
+  settle_multiple(s);
+  if (s.settled && s.cost <= h.start_cost) return;
+  std::memcpy(p.settled, h.other, input_bytes(p));
+  s.cost = h.start_cost;
+  s.settled = true;
 }
 
 /// Iterations within `request`'s cap; the number completed.
@@ -65,8 +117,9 @@ std::uint32_t iterate(Hybrid& h, const PlanRequest& request, PlanResult& result)
       result.status = tiller_status_iteration_capped;
       break;
     }
-    if (!iterate_single(s)) s.converged = true;
+    if (!(s.single ? iterate_single(s) : iterate_multiple(s))) s.converged = true;
   }
+  settle(h);
   if (!s.converged && done < most && done < s.plan.settings->iterations) result.status = tiller_status_iteration_capped;
   return done;
 }
@@ -81,7 +134,8 @@ PlanResult plan(void* self, const PlanRequest& request, double* command) {
     result.iterations = iterate(h, request, result);
   if (result.iterations > 0) result.cost = h.gradient->cost;
   h.gradient->standing = h.gradient->solved = false;
-  write_sequence(h.gradient->plan, h.gradient->plan.control, command);
+  PathPlan& p = h.gradient->plan;
+  write_sequence(p, h.gradient->settled ? p.settled : p.control, command);
   return result;
 }
 
@@ -96,9 +150,9 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
   auto* h = arena.take<Hybrid>(1);
   double* other = arena.take<double>(std::size_t{config.planner.horizon} * config.model->input_count);
   void* sampler = mppi_planner.lay_out(arena, config, setup, table, hooks);
-  Ilqr* gradient = lay_out_ilqr(arena, config, setup, table, true);
+  Ilqr* gradient = lay_out_ilqr(arena, config, setup, table, config.planner.shooting == tiller_shooting_single);
   if (!h || !arena.fits()) return nullptr;
-  *h = {static_cast<Sampler*>(sampler), gradient, other};
+  *h = {static_cast<Sampler*>(sampler), gradient, other, 0.0, kInfinity};
   return h;
 }
 

@@ -100,11 +100,8 @@ bool iterate_single(Ilqr& s) {
   return true;
 }
 
-namespace {
-
 // ---- multiple shooting --------------------------------------------------------------------------
 
-/// One iteration; false where nothing finite came of it.
 bool iterate_multiple(Ilqr& s) {
   PathPlan& p = s.plan;
   stand(s);
@@ -131,8 +128,6 @@ bool iterate_multiple(Ilqr& s) {
   return true;
 }
 
-/// The inputs that multiple shooting sends: those of the path from the present start, as they are or under the gains,
-/// whichever costs less. The path itself stays what the next tick begins with.
 void settle_multiple(Ilqr& s) {
   PathPlan& p = s.plan;
   roll_candidates(p, kStepAlpha, kStepBeta);
@@ -143,6 +138,8 @@ void settle_multiple(Ilqr& s) {
   for (std::size_t i = 0; s.settled && i < std::size_t{p.horizon} * p.nu; ++i)
     p.settled[i] = p.candidate_control[i * kCandidates + chosen];
 }
+
+namespace {
 
 // ---- a plan -------------------------------------------------------------------------------------
 

@@ -7,7 +7,9 @@
 //
 // A cold start under one hypothesis is one of multiple shooting: far from the goal, motions of the model alone lead into
 // poor local minima. Once a motion is as cheap as the path, single shooting goes on from it, and a warm tick rolls out
-// once an iteration. Under several hypotheses all shooting is single: a path for each of them is dear.
+// once an iteration. Warm ticks do not turn back to multiple shooting, not even where single shooting steps short: that
+// finds cheaper plans and hops between valleys, which cost more in closed loop (docs/theory/planners_constrained.md).
+// Under several hypotheses all shooting is single: a path for each of them is dear.
 //
 // What bounds on states exceed counts with an exact penalty, the same in the program and in the choice of the step.
 // `prepare` shifts the path and linearises it before the measurement is there; the program itself takes the deviation of
@@ -15,6 +17,7 @@
 
 #include "planners/sqp.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -26,7 +29,7 @@ namespace tiller {
 namespace {
 
 constexpr double kRelaxed = 100.0;  // tolerances of the program: what a bound may be exceeded by unreported
-constexpr double kSlight = 1e-6;    // share of the merit that is not worth an iteration of multiple shooting
+constexpr double kClosed = 1e-6;    // share of its cost that a motion may cost more than the path that it replaces
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNoStep[kCandidates] = {};
 
@@ -37,8 +40,8 @@ bool finite_start(const PathPlan& p) {
   return std::isfinite(sum);
 }
 
-/// Penalty of what candidate `c` exceeds the bounds on states by.
-double bounds_penalty(const Sqp& s, std::uint32_t c) {
+/// What candidate `c` exceeds the bounds on states by.
+double bounds_excess(const Sqp& s, std::uint32_t c) {
   const PathPlan& p = s.plan;
   double sum = 0.0;
   for (std::size_t row = p.scenarios; s.state_bounds && row < (p.horizon + 1) * p.scenarios; ++row)
@@ -46,8 +49,9 @@ double bounds_penalty(const Sqp& s, std::uint32_t c) {
       const double x = p.candidate_state[(row * p.nz + i) * kCandidates + c];
       sum += std::fmax(0.0, margin_at(s, row, i) + std::fmax(x - s.state_high[i], s.state_low[i] - x));
     }
-  return s.exact_weight * sum;
+  return sum;
 }
+double bounds_penalty(const Sqp& s, std::uint32_t c) { return s.exact_weight * bounds_excess(s, c); }
 
 std::uint32_t best_candidate(const Sqp& s, double& cost, double& merit) {
   std::uint32_t best = kWarm;
@@ -76,9 +80,13 @@ bool shoots_multiple(const Sqp& s) {
   return s.plan.scenarios == 1 && s.plan.settings->shooting == tiller_shooting_multiple;
 }
 
-/// The path is a motion: its inputs are those to fall back on.
-void keep_inputs(Sqp& s) {
-  std::memcpy(s.plan.settled, s.plan.control, std::size_t{s.plan.horizon} * s.plan.nu * sizeof(double));
+/// Candidate `c` becomes the motion whose inputs are sent while a path is open.
+void settle_on(Sqp& s, std::uint32_t c) {
+  PathPlan& p = s.plan;
+  for (std::size_t i = 0; i < std::size_t{p.horizon} * p.nu; ++i)
+    p.settled[i] = p.candidate_control[i * kCandidates + c];
+  s.settled_cost = candidate_risk(p, c);
+  s.settled_excess = bounds_excess(s, c);
 }
 
 /// False, and the path stays, where its motion is not finite.
@@ -90,8 +98,20 @@ bool begin_path(Sqp& s) {
   const double cost = roll_open(p);
   if (!std::isfinite(cost)) return false;
   s.cost = cost;
-  keep_inputs(s);
+  settle_on(s, kWarm);
   return true;
+}
+
+/// What the inputs that would be sent without another iteration cost from the present start.
+void weigh_settled(Sqp& s) {
+  PathPlan& p = s.plan;
+  const std::size_t count = std::size_t{p.horizon} * p.nu;
+  if (!s.open) std::copy(p.control, p.control + count, p.settled);
+  std::swap_ranges(p.control, p.control + count, p.settled);
+  roll_candidates(p, kNoStep, kNoStep);
+  std::swap_ranges(p.control, p.control + count, p.settled);
+  s.settled_cost = candidate_risk(p, kWarm);
+  s.settled_excess = bounds_excess(s, kWarm);
 }
 
 void linearise(Sqp& s) {
@@ -115,12 +135,29 @@ MeritBounds merit_bounds(const Sqp& s) {
   return bounds;
 }
 
+/// The path becomes the motion of the inputs that were sent last. Nothing of the path that is given up goes into it: a
+/// rollout multiplies by its gains and states even where it takes no share of them.
+bool fall_back(Sqp& s) {
+  PathPlan& p = s.plan;
+  std::memcpy(p.control, p.settled, std::size_t{p.horizon} * p.nu * sizeof(double));
+  for (std::size_t k = 0; k <= p.horizon; ++k) std::memcpy(p.state + k * p.nz, p.start, p.nz * sizeof(double));
+  drop_gains(p);
+  p.problem.regularisation = p.settings->regularisation;
+  s.open = p.has_path = false;
+  const bool finite = begin_path(s);
+  s.multiple = false;
+  return finite;
+}
+
+double settled_merit(const Sqp& s) { return s.settled_cost + s.exact_weight * s.settled_excess; }
+bool beats_settled(const Sqp& s, double merit) { return std::isfinite(merit) && merit <= settled_merit(s); }
+
 /// The path becomes a motion of the model again, with as much of the program's step as is good for it.
 bool close_path(Sqp& s, bool solved) {
   PathPlan& p = s.plan;
   roll_program(s, solved);
   const std::uint32_t best = best_candidate(s, s.cost, s.merit);
-  if (!std::isfinite(s.merit)) return false;
+  if (!beats_settled(s, s.merit)) return fall_back(s);
   take_candidate(p, best);
   s.open = s.multiple = false;
   raise_regularisation(p);
@@ -143,37 +180,27 @@ bool iterate_multiple(Sqp& s, const Deadline& deadline) {
   return true;
 }
 
-/// The inputs that an open path sends: its own from the present start, as they are or under the gains, whichever costs
-/// less. A motion that is as cheap as the path takes its place.
+/// What an open path sends: its inputs from the present start, as they are or under the gains, or those sent before,
+/// whichever cost least. The path ends where its own motion is as cheap as it is, and where the motion sent before is
+/// cheaper than the path with its defects.
 bool settle(Sqp& s) {
   PathPlan& p = s.plan;
   const double path = p.risk.value(p.path_cost) + s.exact_weight * path_excess(p, merit_bounds(s));
   roll_candidates(p, kNoStep, kStepBeta);
   const std::uint32_t best = best_candidate(s, s.cost, s.merit);
-  if (!std::isfinite(s.merit)) return false;
-  for (std::size_t i = 0; i < std::size_t{p.horizon} * p.nu; ++i)
-    p.settled[i] = p.candidate_control[i * kCandidates + best];
-  if (s.merit > path + kSlight * std::fabs(path)) return true;
+  if (!beats_settled(s, s.merit)) {
+    s.cost = s.settled_cost;
+    s.merit = settled_merit(s);
+    return path + s.shooting.penalty * path_defects(p) < s.merit || fall_back(s);
+  }
+  settle_on(s, best);
+  if (s.merit > path + kClosed * std::fabs(path)) return true;
   take_candidate(p, best);
   s.open = s.multiple = false;
   return true;
 }
 
-/// The last inputs that were sent, for a path of multiple shooting from which no motion follows.
-bool fall_back(Sqp& s) {
-  s.plan.has_path = false;
-  const bool finite = begin_path(s);
-  s.multiple = false;
-  return finite;
-}
-
 // ---- single shooting ----------------------------------------------------------------------------
-
-/// A step of 0.36 or less, and a longer one costs more than a little: motions lead no further here.
-bool is_short(const Sqp& s, std::uint32_t best) {
-  const double full = candidate_risk(s.plan, 0) + bounds_penalty(s, 0);
-  return best > 1 && !(full <= s.merit + kSlight * std::fabs(s.merit));
-}
 
 /// One iteration of single shooting; false where nothing finite came of it.
 bool iterate_single(Sqp& s, const Deadline& deadline) {
@@ -193,11 +220,6 @@ bool iterate_single(Sqp& s, const Deadline& deadline) {
   take_candidate(p, best);
   s.cost = cost;
   s.merit = merit;
-  if (solved && shoots_multiple(s) && is_short(s, best)) {
-    s.multiple = true;
-    keep_inputs(s);
-    return true;
-  }
   if (best == kWarm) {
     if (!moved) raise_regularisation(p);
     s.converged = solved && p.problem.regularisation > kMostRaised;
@@ -217,10 +239,12 @@ void run(Sqp& s, const PlanRequest& request, PlanResult& result) {
   s.converged = false;
   s.shooting.penalty = 0.0;
   s.cost = kInfinity;
-  if (!finite_start(p) || (!p.has_path && !begin_path(s))) {
+  const bool cold = !p.has_path;
+  if (!finite_start(p) || (cold && !begin_path(s))) {
     result.status = tiller_status_plan_not_finite;
     return;
   }
+  if (s.multiple && !cold) weigh_settled(s);
   while (result.iterations < request.deadline.iterations && !s.converged) {
     if (request.deadline.passed()) {
       result.status = tiller_status_iteration_capped;
@@ -233,7 +257,7 @@ void run(Sqp& s, const PlanRequest& request, PlanResult& result) {
     ++result.iterations;
   }
   const bool tried = result.iterations > 0 || result.status == tiller_status_plan_not_finite;
-  if (s.open && tried && !settle(s) && !fall_back(s)) result.status = tiller_status_plan_not_finite;
+  if (s.open && tried && !settle(s)) result.status = tiller_status_plan_not_finite;
   const bool stopped = !s.converged && result.iterations < p.settings->iterations;
   if (stopped && result.status == tiller_status_ok) result.status = tiller_status_iteration_capped;
   if (result.iterations == 0) return;

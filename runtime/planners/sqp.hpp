@@ -42,7 +42,8 @@ struct Sqp {
   double* spread_work = nullptr;
   MultipleShooting shooting;
   bool multiple = false;  // the next iteration is one of multiple shooting
-  bool open = false;      // the path is not a motion of the model; plan.settled is, and is sent
+  bool open = false;      // the path is not a motion; the inputs of one, plan.settled, are sent
+  double settled_cost = 0.0, settled_excess = 0.0;  // of that motion: risk, and what it exceeds the bounds by
 
   // ---- one plan
   double cost = 0.0, merit = 0.0;  // of the path: risk, and with the penalty of the bounds
@@ -74,5 +75,7 @@ bool solve_program(Sqp& s, const Deadline& deadline);
 /// The first sweep of the program's active set ahead of its measurement: with the set of the last plan, only vectors
 /// are left to do.
 void prefactorise(Sqp& s);
+/// A rollout multiplies by gains even where it takes no share of them: what is not finite must not stay.
+void drop_gains(PathPlan& p);
 
 }  // namespace tiller

@@ -127,15 +127,14 @@ void take_gains(Sqp& s) {
     }
 }
 
-/// A rollout multiplies by gains even where it takes no share of them: what is not finite must not stay.
+}  // namespace
+
 void drop_gains(PathPlan& p) {
   const std::size_t rows = std::size_t{p.horizon} * p.nu;
   std::memset(p.factor.gain, 0, rows * p.scenarios * p.n * sizeof(double));
   std::memset(p.factor.step, 0, rows * sizeof(double));
   p.has_gain = false;
 }
-
-}  // namespace
 
 void prefactorise(Sqp& s) {
   PathPlan& p = s.plan;

@@ -24,11 +24,4 @@ tiller_status_t check_transition(const tiller_config_t& config, const Transition
   return tiller_status_ok;
 }
 
-void Posterior::state_covariance(std::uint32_t nx, double* covariance) const {
-  double sd[TILLER_MAX_STATES] = {};
-  moments(nullptr, nullptr, nullptr, sd);
-  std::fill(covariance, covariance + std::size_t{nx} * nx, 0.0);
-  for (std::uint32_t i = 0; i < nx; ++i) covariance[i * nx + i] = sd[i] * sd[i];
-}
-
 }  // namespace tiller

@@ -75,7 +75,12 @@ class Posterior {
   /// (nx x nx) row-major: of the state's estimate where the parameters are those of a hypothesis, with the estimated
   /// noise; the mean over the particles. An engine without one gives the squares of moments() on the diagonal, which
   /// hold what the parameters leave open as well. Cost: O(N nx^2).
-  virtual void state_covariance(std::uint32_t nx, double* covariance) const;
+  virtual void state_covariance(std::uint32_t nx, double* covariance) const {
+    double sd[TILLER_MAX_STATES] = {};
+    moments(nullptr, nullptr, nullptr, sd);
+    std::fill(covariance, covariance + std::size_t{nx} * nx, 0.0);
+    for (std::uint32_t i = 0; i < nx; ++i) covariance[i * nx + i] = sd[i] * sd[i];
+  }
   /// (np x np) row-major, zero for fixed parameters. Cost: O(N np^2).
   virtual void covariance(double* covariance) const = 0;
   /// Weighted quantile q in [0, 1] of a parameter, linear between particles. Cost: O(N log N).
