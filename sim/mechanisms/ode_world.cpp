@@ -22,6 +22,9 @@ void prepare_ode() {
 OdeWorld::OdeWorld(double gravity_m_s2) : gravity_m_s2_(gravity_m_s2) {
   prepare_ode();
   id_ = dWorldCreate();
+  // by default all worlds share one list of jobs without locks, which worlds in two threads corrupt
+  jobs_ = dThreadingAllocateSelfThreadedImplementation();
+  dWorldSetStepThreadingImplementation(id_, dThreadingImplementationGetFunctions(jobs_), jobs_);
   dWorldSetGravity(id_, 0, 0, -gravity_m_s2);
   // rigid joints: no softness, and four fifths of the positional drift taken back per step
   dWorldSetCFM(id_, 0);
@@ -30,7 +33,10 @@ OdeWorld::OdeWorld(double gravity_m_s2) : gravity_m_s2_(gravity_m_s2) {
   dWorldSetAutoDisableFlag(id_, 0);
 }
 
-OdeWorld::~OdeWorld() { dWorldDestroy(id_); }
+OdeWorld::~OdeWorld() {
+  dWorldDestroy(id_);
+  dThreadingFreeImplementation(jobs_);
+}
 
 void OdeWorld::step(double step_s) {
   prepare_ode();

@@ -1,12 +1,14 @@
 #pragma once
 
 #include <ode/ode.h>
+#include <ode/threading_impl.h>
 
 #include "sim/mechanisms/mechanism.hpp"
 
 namespace tiller::sim {
 
-/// Owns one ODE world and everything in it. Space is x right, y into the page, z up.
+/// Owns one ODE world and everything in it. Space is x right, y into the page, z up. Worlds in different threads do not
+/// touch each other; one world belongs to one thread at a time.
 class OdeWorld {
  public:
   explicit OdeWorld(double gravity_m_s2);
@@ -25,6 +27,7 @@ class OdeWorld {
 
  private:
   dWorldID id_;
+  dThreadingImplementationID jobs_;
   double gravity_m_s2_;  // downwards
   double sideways_m_s2_ = 0;
 };

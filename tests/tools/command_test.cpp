@@ -30,8 +30,8 @@ TEST_F(Command, HelpTeaches) {
   const Ended top = run({"--help"});
   EXPECT_EQ(top.code, 0);
   EXPECT_TRUE(contains(top.out, "First steps:")) << top.out;
-  for (const char* name : {"demo", "run", "sim", "identify", "excite", "export", "replay", "check", "size", "models",
-                           "effects", "planners", "help", "version"}) {
+  for (const char* name : {"demo", "run", "sim", "identify", "excite", "tune", "export", "replay", "check", "size",
+                           "models", "effects", "planners", "help", "version"}) {
     const Ended help = run({name, "--help"});
     EXPECT_EQ(help.code, 0) << name;
     const std::size_t examples = help.out.find("Examples:");
@@ -538,7 +538,8 @@ TEST_F(Command, IdentifyRefusesOptionsThatTheMethodDoesNotRead) {
       {{"--method", "reps", "--eta", "1", "--kl", "2"}, "--eta 1, --kl 2: both set the temperature of reps"},
       {{"--method", "reps", "--l1", "1"}, "--l1 1: the method reps does not read it"},
       {{"--method", "simopt", "--rollout", "1"}, "choose --method trajectory_simopt"},
-      {{"--method", "abc", "--scale"}, "does not read it; leave it out, or choose --method simopt"},
+      {{"--method", "abc", "--scale"}, "--scale: the method abc does not read it"},
+      {{"--method", "abc", "--no-scale"}, "--no-scale: the method abc does not read it"},
       {{"--method", "simopt", "--discrepancy", "wasserstein", "--l2", "3"}, "--l2 3: --discrepancy wasserstein"},
       {{"--method", "simopt", "--discrepancy", "emd"}, "emd"},
       {{"--method", "reps", "--eta", "0"}, "not a number within"},
@@ -550,6 +551,28 @@ TEST_F(Command, IdentifyRefusesOptionsThatTheMethodDoesNotRead) {
     EXPECT_EQ(refused.code, 1) << refused.out;
     EXPECT_TRUE(contains(refused.out, w.says)) << "expected '" << w.says << "' in\n" << refused.out;
   }
+}
+
+// What is left out is the method's own, not false and not zero.
+TEST_F(Command, FormsOfADiscrepancyThatAreNotGivenAreTheMethods) {
+  const std::string pendulum = std::string(TILLER_TEST_ROBOTS) + "/pendulum.toml";
+  ASSERT_EQ(run({"run", pendulum, "--sim", "--seconds", "3", "--quiet", "--log", "p.csv"}).code, 0);
+  const auto table = [&](const Words& options) {
+    Words arguments = {"identify", pendulum, "p.csv", "--simulations", "400", "--iterations", "2", "--method"};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    const Ended ended = run(arguments);
+    EXPECT_EQ(ended.code, 0) << ended.out;
+    const std::size_t from = ended.out.find("damping_Nms");
+    return from == std::string::npos ? ended.out : ended.out.substr(from);
+  };
+  const std::string steps = table({"simopt"}), trajectories = table({"trajectory_simopt"}),
+                    distances = table({"simopt", "--discrepancy", "wasserstein"});
+  EXPECT_EQ(table({"simopt", "--l1", "0", "--l2", "1", "--no-scale"}), steps);
+  EXPECT_NE(table({"simopt", "--scale"}), steps);
+  EXPECT_EQ(table({"trajectory_simopt", "--l1", "1", "--l2", "1", "--scale"}), trajectories);
+  EXPECT_NE(table({"trajectory_simopt", "--no-scale"}), trajectories);
+  EXPECT_EQ(table({"simopt", "--discrepancy", "wasserstein", "--scale"}), distances);
+  EXPECT_NE(table({"simopt", "--discrepancy", "wasserstein", "--no-scale"}), distances);
 }
 
 TEST_F(Command, EpisodesGoOnFromTheirFile) {

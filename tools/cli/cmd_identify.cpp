@@ -104,9 +104,11 @@ void add_method_options(CLI::App& command, FitOptions& fit) {
                   "weight of absolute errors in a residual discrepancy (default: simopt 0, trajectory_simopt 1)")
       ->check(number_between(0, 1e9));
   command.add_option("--l2", how.weight_l2, "weight of squared errors (default 1)")->check(number_between(0, 1e9));
-  command.add_flag("--scale,!--no-scale", how.scale,
-                   "divide each channel by its RMS in the logs, so that radians and radians per second count alike "
-                   "(default: trajectory_simopt and wasserstein do, simopt takes SI units as they are)");
+  // by a function, which a flag that is not given does not call: left out, the method decides
+  command.add_flag_function(
+      "--scale,!--no-scale", [&how](std::int64_t times) { how.scale = times > 0; },
+      "divide each channel by its RMS in the logs, so that radians and radians per second count alike "
+      "(default: trajectory_simopt and wasserstein do, simopt takes SI units as they are)");
 }
 
 /// An option and the methods that read it.
@@ -135,8 +137,10 @@ const std::vector<MethodOption>& method_options() {
 /// A sentence about the first option that the method does not read, or that two options set the same; else empty.
 std::string misplaced_option(const CLI::App& command, const FitOptions& fit) {
   const std::string& method = fit.method;
-  const auto given = [&](const char* option) {
-    return std::string(option) + " " + join(command.get_option(option)->results(), " ");
+  const auto given = [&](const std::string& name) {
+    const std::string value = join(command.get_option(name)->results(), " ");
+    if (name == "--scale") return value == "false" ? std::string("--no-scale") : name;
+    return name + " " + value;
   };
   for (const MethodOption& option : method_options()) {
     const bool reads = std::find(option.readers.begin(), option.readers.end(), method) != option.readers.end();
