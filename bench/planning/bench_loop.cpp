@@ -30,6 +30,7 @@ const Loop kLoops[] = {
     {"mppi", tiller_planner_mppi, false, true},
     {"cem", tiller_planner_cem, false, true},
     {"random_shooting", tiller_planner_random_shooting, false, false},
+    {"mcts", tiller_planner_mcts, false, false},
     {"mppi, frozen prior", tiller_planner_mppi, true, false},
     {"cem, frozen prior", tiller_planner_cem, true, false},
     {"random_shooting, frozen prior", tiller_planner_random_shooting, true, false},

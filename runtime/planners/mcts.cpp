@@ -10,8 +10,9 @@ namespace {
 // Monte-Carlo tree search over a few values per input, each held for hold_steps periods (mcts_tree.hpp has the rule by
 // which it grows). The sampling core rolls out: a lane is one simulation, its path through the tree and then a default
 // policy to the end of the horizon. kPolicies lanes belong to a leaf: the old plan's rest, the leaf's last choice held,
-// and random ones; the leaf is worth their mean. Every simulation starts at the present state, so that delays, rate
-// limits and each of the M hypotheses are what they are for any planner, and nothing is stored of states.
+// and the old plan's rest with a few changes; the leaf is worth their mean. Random choices in the place of changes fell
+// an unstable robot in every simulation, and so told nothing. Every simulation starts at the present state, so that
+// delays, rate limits and each of the M hypotheses are what they are for any planner, and nothing is stored of states.
 //
 // A node has one cost where its hypotheses have one each: the risk of a whole simulation over the hypotheses, and the
 // mean of that over default policies. Hypotheses that the sensors will tell apart after a choice have different nodes
@@ -26,8 +27,9 @@ namespace {
 // "Single-player Monte-Carlo tree search", 2008): the same sequence always costs the same, so the best one seen is no
 // lucky draw. Where hypotheses are told apart it is the cheapest sequence for each outcome.
 
-constexpr std::uint32_t kLeavesAtOnce = 64;  // between two looks at the clock: some 10 us
-constexpr double kFade = 0.5;                // of what the tree knew, every tick: it was about another state
+constexpr std::uint32_t kLeavesAtOnce = 64;                // between two looks at the clock: some 10 us
+constexpr std::uint32_t kMostMoves = 3, kLongestMove = 5;  // of a changed plan; in knots
+constexpr double kFade = 0.5;  // of what the tree knew, every tick: it was about another state
 
 /// Numbers of one simulation, from one Philox draw (xorshift128, Marsaglia 2003).
 struct RandomStream {
@@ -82,23 +84,45 @@ void begin(Sampler& s) {
   t.cost_sum = t.cost_count = 0.0;
 }
 
+/// Moves one input of choice `c` a level up or down, if there is one.
+void move_level(Search& t, std::uint32_t c, std::uint32_t place, bool up) {
+  const std::uint32_t level = t.choice[c] / place % t.levels;
+  if (up && level + 1 < t.levels) t.choice[c] += place;
+  if (!up && level > 0) t.choice[c] -= place;
+}
+
+/// One change of the choices from `depth` on, one input a level up or down: for up to kLongestMove knots on end, or at
+/// two knots in opposite directions, so that hardly more than the time between them counts.
+void move_choices(Search& t, std::uint32_t depth, RandomStream& random) {
+  const std::uint32_t at = depth + random.below(t.choices() - depth), length = 1 + random.below(kLongestMove);
+  std::uint32_t place = 1;
+  for (std::uint32_t i = t.stages > 1 ? 0 : random.below(t.core->inputs); i > 0; --i) place *= t.levels;
+  const std::uint32_t word = random.next();
+  const bool up = word & 1u, opposed = word & 2u;
+  const std::uint32_t step = opposed ? length * t.stages : t.stages, last = at + length * t.stages;
+  for (std::uint32_t c = at; c < t.choices() && (c < last || (opposed && c == last)); c += step)
+    move_level(t, c, place, up != (opposed && c == last));
+}
+
+/// How the lane's simulation goes on from choice `from`.
+void follow_policy(Search& t, std::uint32_t policy, std::uint32_t from, std::uint32_t variant, RandomStream& random) {
+  for (std::uint32_t j = from; j < t.choices(); ++j) {
+    if (policy == 1)
+      t.choice[j] = j >= t.stages ? t.choice[j - t.stages] : t.plan[j];
+    else
+      t.choice[j] = variant == 0 ? t.plan[j] : t.variants[std::size_t{variant} * t.choices() + j];
+  }
+  if (policy < 2 || from == t.choices()) return;
+  for (std::uint32_t moves = 1 + random.below(kMostMoves); moves > 0; --moves) move_choices(t, from, random);
+}
+
 /// One leaf's simulations: its path, and what follows by each default policy.
 void choose_for_leaf(Search& t, std::uint32_t set, std::uint32_t member, RandomStream& random) {
-  const std::uint32_t depth = t.tree.path(t.leaves[std::size_t{set} * t.most_members + member], t.choice);
-  const std::uint32_t variant = set % t.variant_count;
+  const std::uint32_t leaf = t.leaves[std::size_t{set} * t.most_members + member];
   for (std::uint32_t policy = 0; policy < kPolicies; ++policy) {
-    const std::uint32_t from = policy < t.reserved(set) && set > 0 ? 0 : depth;
-    for (std::uint32_t j = from; j < t.choices(); ++j) {
-      const std::uint32_t before = j >= t.stages ? t.choice[j - t.stages] : t.plan[j];
-      if (policy == 0)
-        t.choice[j] = variant == 0 ? t.plan[j] : t.variants[std::size_t{variant} * t.choices() + j];
-      else if (policy == 1 || (random.next() & 1u))
-        t.choice[j] = before;
-      else
-        t.choice[j] = random.below(t.actions);
-    }
+    const bool reserved = set > 0 && policy < t.reserved(set);
+    follow_policy(t, policy, reserved ? 0 : t.tree.path(leaf, t.choice), set % t.variant_count, random);
     std::copy(t.choice, t.choice + t.choices(), t.chosen_by(set * kPolicies + policy, member));
-    if (from < depth) t.tree.path(t.leaves[std::size_t{set} * t.most_members + member], t.choice);
   }
 }
 
@@ -106,15 +130,17 @@ void choose_for_leaf(Search& t, std::uint32_t set, std::uint32_t member, RandomS
 void find_leaves(Search& t, std::uint32_t set) {
   const std::uint32_t* ends = t.ends + std::size_t{set} * t.most_ends;
   std::uint32_t* leaves = t.leaves + std::size_t{set} * t.most_members;
-  std::uint32_t count = 0;
+  std::uint32_t count = 0, level = 0;
   for (std::uint32_t e = 0; e < t.end_count[set]; ++e) {
     if (t.tree.splits(ends[e])) continue;
+    level = std::max(level, t.tree.level(ends[e]));
     for (std::uint32_t m = 0; m < t.core->particles && t.branches(); ++m)
       if ((t.tree.hypotheses(ends[e]) >> m) & 1u)
         t.member[std::size_t{set} * t.core->most_particles + m] = static_cast<std::uint8_t>(count);
     leaves[count++] = ends[e];
   }
   t.leaf_count[set] = count;
+  t.deepest[set] = level / t.stages;
 }
 
 void draw_set(Sampler& s, std::uint32_t set, std::uint32_t depth) {
@@ -257,6 +283,7 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
   place.end_count = arena.take<std::uint32_t>(sets);
   place.leaves = arena.take<std::uint32_t>(std::size_t{sets} * place.most_members);
   place.leaf_count = arena.take<std::uint32_t>(sets);
+  place.deepest = arena.take<std::uint32_t>(sets);
   place.plan = arena.take<std::uint32_t>(choices);
   place.choice = arena.take<std::uint32_t>(choices);
   place.chosen = arena.take<std::uint8_t>(std::size_t{p.rollouts} * place.most_members * choices);

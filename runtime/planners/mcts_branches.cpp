@@ -57,10 +57,10 @@ void observe_particle(Sampler& s, std::uint32_t slot, std::uint32_t chunk, std::
   Search& t = search_of(s);
   const std::uint32_t first = first_of_chunk(s, chunk), lanes = lanes_of_chunk(s, chunk);
   const float* trajectory = trajectory_of(s, slot);
-  const std::uint32_t knots = knots_within(s);
+  const std::uint32_t last = knots_within(s) - 1;
   for (std::uint32_t set = first / kPolicies; set < (first + lanes) / kPolicies; ++set) {
     const std::uint32_t lane = set * kPolicies + t.reserved(set) - first;
-    for (std::uint32_t k = 1; k < knots; ++k)
+    for (std::uint32_t k = 1; k <= std::min(t.deepest[set], last); ++k)
       t.outcomes.record(set, k, m, trajectory + std::size_t{s.grid.first_step[k]} * s.states * lanes + lane, lanes);
   }
 }

@@ -25,6 +25,7 @@ struct Search {
   std::uint32_t* end_count = nullptr;   // (K / kPolicies)
   std::uint32_t* leaves = nullptr;      // (K / kPolicies x most_members) those of the ends that are leaves
   std::uint32_t* leaf_count = nullptr;  // (K / kPolicies)
+  std::uint32_t* deepest = nullptr;     // (K / kPolicies) knot that begins behind the deepest of the leaves
   std::uint32_t* plan = nullptr;        // (choices) the old plan's
   std::uint32_t* choice = nullptr;      // (choices) of one simulation
   std::uint8_t* chosen = nullptr;       // (K x most_members x choices) of all
