@@ -6,6 +6,11 @@
 #include "planners/predicted_spread.hpp"
 
 namespace tiller {
+namespace {
+
+constexpr double kRevisions = 20.0;  // plans over which their revisions are averaged
+
+}  // namespace
 
 void Prediction::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
                          const RolloutTable& table) {
@@ -34,6 +39,10 @@ void Prediction::lay_out(Arena& arena, const tiller_config_t& config, const Step
   gain_ = arena.take<double>(std::size_t{nx_} * nu_);
   reference_ = arena.take<double>(nx_);
   input_ = arena.take<double>(nu_);
+  expected_ = arena.take<double>(nu_);
+  expected_gain_ = arena.take<double>(std::size_t{nx_} * nu_);
+  expected_state_ = arena.take<double>(nx_);
+  revision_ = arena.take<double>(nu_);
   mean_ = arena.take<double>((std::size_t{config.planner.horizon} + 1) * nx_);
   sd_ = arena.take<double>((std::size_t{config.planner.horizon} + 1) * nx_);
 }
@@ -107,6 +116,7 @@ void Prediction::advance(const Belief& belief, bool answers) {
   // the feedback acts on what is estimated of the model's states
   stage.gain = answers ? gain_ : nullptr;
   stage.gain_stride = nx_;
+  stage.input_variance = revision_;
   for (std::uint32_t j = 0; j < hypotheses_; ++j) {
     for (std::size_t i = 0; i < square; ++i) a[i] = a_[i * lanes_ + j];
     for (std::size_t i = 0; i < std::size_t{nx_} * nu_; ++i) b[i] = b_[i * lanes_ + j];
@@ -129,10 +139,30 @@ void Prediction::summarise(std::uint32_t step) {
   }
 }
 
+/// How far the first input is from what the plan before and its feedback make of the present state; then the same of
+/// the second input, for the next plan.
+void Prediction::weigh_revision(const PlannerTable& table, const void* planner) {
+  const float* sequence = table.sequence(planner);
+  for (std::uint32_t i = 0; expects_ && i < nu_; ++i) {
+    double u = expected_[i];
+    for (std::uint32_t c = 0; c < nx_; ++c)
+      u += expected_gain_[i * nx_ + c] * state_difference(*config_->model, c, mean_[c], expected_state_[c]);
+    u = std::fmin(std::fmax(u, config_->safety.input_low[i]), config_->safety.input_high[i]);
+    const double off = static_cast<double>(sequence[i]) - u;
+    revision_[i] += (off * off - revision_[i]) / kRevisions;
+  }
+  for (std::uint32_t i = 0; i < nu_; ++i) expected_[i] = static_cast<double>(sequence[nu_ + i]);
+  double unused[TILLER_MAX_INPUTS];
+  if (!table.feedback || !table.feedback(planner, 1, expected_gain_, expected_state_, unused))
+    std::fill(expected_gain_, expected_gain_ + std::size_t{nx_} * nu_, 0.0);
+  expects_ = true;
+}
+
 void Prediction::predict(const Belief& belief, const PlannerTable& table, const void* planner) {
   if (!mean_ || !belief.spread || belief.count == 0) return;
   take_start(belief);
   summarise(0);
+  weigh_revision(table, planner);
   for (std::uint32_t step = 0; step < config_->planner.horizon; ++step) {
     bool answers = false;
     take_inputs(table, planner, step, answers);

@@ -11,6 +11,8 @@ namespace tiller {
 /// Where a plan is expected to lead: mean and deviation of the state at each step, as a mixture of Gaussians about the
 /// hypotheses of the belief. Each hypothesis follows the plan's inputs, and its feedback where the planner has one, within
 /// the limits; around it lies the spread of predicted_spread.hpp. What the robot will learn on the way is not foreseen.
+/// That plans are made again is: by how much the inputs sent have differed from what plan and feedback said a tick
+/// before (samples make every plan a little random) is a running mean over some 20 plans.
 class Prediction {
  public:
   void lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table);
@@ -18,13 +20,14 @@ class Prediction {
   /// belief's. Cost: N linearisations of M lanes, and 5 M N nx^3 multiplications.
   void predict(const Belief& belief, const PlannerTable& table, const void* planner);
   bool made() const { return made_; }
-  void clear() { made_ = false; }
+  void clear() { made_ = expects_ = false; }
   /// (nx) of step 0..N.
   const double* mean(std::uint32_t step) const { return mean_ + std::size_t{step} * nx_; }
   const double* sd(std::uint32_t step) const { return sd_ + std::size_t{step} * nx_; }
 
  private:
   void take_start(const Belief& belief);
+  void weigh_revision(const PlannerTable& table, const void* planner);
   void take_inputs(const PlannerTable& table, const void* planner, std::uint32_t step, bool& answers);
   void advance(const Belief& belief, bool answers);
   void summarise(std::uint32_t step);
@@ -40,7 +43,12 @@ class Prediction {
   double *error_ = nullptr, *estimate_ = nullptr;  // (M x nx x nx)
   double* work_ = nullptr;
   double *gain_ = nullptr, *reference_ = nullptr, *input_ = nullptr;  // of a step of the plan
-  double *mean_ = nullptr, *sd_ = nullptr;                            // (N+1 x nx)
+  double* expected_ = nullptr;        // (nu) what this tick's input was to be by the last plan, at its reference
+  double* expected_gain_ = nullptr;   // (nu x nx)
+  double* expected_state_ = nullptr;  // (nx)
+  double* revision_ = nullptr;        // (nu) running variance of what it came to differ by
+  bool expects_ = false;
+  double *mean_ = nullptr, *sd_ = nullptr;  // (N+1 x nx)
   bool made_ = false;
 };
 

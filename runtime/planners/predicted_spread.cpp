@@ -78,6 +78,10 @@ void step_spread(const StateSpread& spread, const SpreadStage& stage, double* er
   std::copy(next, next + square, error);
   read_sensors(n, spread, error, column);
   for (std::size_t i = 0; i < square; ++i) estimate[i] += next[i] - error[i];
+  for (std::size_t i = 0; stage.input_variance && i < stage.inputs; ++i)
+    for (std::size_t r = 0; r < n; ++r)
+      for (std::size_t c = 0; c < n; ++c)
+        estimate[r * n + c] += stage.b[r * stage.inputs + i] * stage.input_variance[i] * stage.b[c * stage.inputs + i];
 }
 
 double gaussian_quantile_above(double risk) {

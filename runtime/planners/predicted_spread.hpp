@@ -11,8 +11,9 @@ namespace tiller {
 /// that will be read; the estimate is steered back by the path's gains, u = u_k + K_k (estimate - path), and spreads by S:
 ///
 ///     E' = filter(A E A' + Q)
-///     S' = (A + B K) S (A + B K)' + (A E A' + Q - E'),    S = 0 at the start
+///     S' = (A + B K) S (A + B K)' + (A E A' + Q - E') + B U B',    S = 0 at the start
 ///
+/// where U is the variance by which inputs come to differ from plan and feedback when they are planned again.
 /// The state's covariance is S + E (van den Berg, Abbeel and Goldberg, LQG-MP, IJRR 2011). Without gains, or without
 /// sensors, that is A P A' + Q. Sensors read single states.
 struct SpreadStage {
@@ -23,6 +24,7 @@ struct SpreadStage {
   const double* b = nullptr;     // (n x nu)
   const double* gain = nullptr;  // (nu x n) in rows of `gain_stride`; null: none
   std::size_t gain_stride = 0;
+  const double* input_variance = nullptr;  // (nu) U; null: zero
 };
 
 std::size_t spread_scratch_size(std::uint32_t size);

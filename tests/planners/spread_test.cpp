@@ -19,6 +19,7 @@ constexpr double kStep_s = 0.1;
 constexpr double kA[4] = {1.0, kStep_s, 0.35, 1.0};  // an unstable axis
 constexpr double kB[2] = {0.005, 0.1};
 constexpr double kGain[2] = {-8.0, -4.0};
+constexpr double kRevision[1] = {0.8};  // variance of what planning again adds to the input
 
 StateSpread axis_spread() {
   StateSpread s;
@@ -40,6 +41,7 @@ tiller::SpreadStage axis_stage(bool answers) {
   stage.b = kB;
   stage.gain = answers ? kGain : nullptr;
   stage.gain_stride = 2;
+  stage.input_variance = answers ? kRevision : nullptr;
   return stage;
 }
 
@@ -69,7 +71,8 @@ std::vector<double> simulate(const StateSpread& s, bool answers, int steps, int 
       at[0] += x[0] * x[0] / runs;
       at[1] += x[0] * x[1] / runs;
       at[2] += x[1] * x[1] / runs;
-      const double u = answers ? kGain[0] * estimate[0] + kGain[1] * estimate[1] : 0.0;
+      const double answer = kGain[0] * estimate[0] + kGain[1] * estimate[1];
+      const double u = answers ? answer + std::sqrt(kRevision[0]) * normal(engine) : 0.0;
       const auto move = [&](double* z) {
         const double z0 = kA[0] * z[0] + kA[1] * z[1] + kB[0] * u, z1 = kA[2] * z[0] + kA[3] * z[1] + kB[1] * u;
         z[0] = z0;
