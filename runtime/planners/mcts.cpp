@@ -119,10 +119,12 @@ void follow_policy(Search& t, std::uint32_t policy, std::uint32_t from, std::uin
 /// One leaf's simulations: its path, and what follows by each default policy.
 void choose_for_leaf(Search& t, std::uint32_t set, std::uint32_t member, RandomStream& random) {
   const std::uint32_t leaf = t.leaves[std::size_t{set} * t.most_members + member];
+  std::uint32_t depth = t.tree.path(leaf, t.choice);
   for (std::uint32_t policy = 0; policy < kPolicies; ++policy) {
     const bool reserved = set > 0 && policy < t.reserved(set);
-    follow_policy(t, policy, reserved ? 0 : t.tree.path(leaf, t.choice), set % t.variant_count, random);
+    follow_policy(t, policy, reserved ? 0 : depth, set % t.variant_count, random);
     std::copy(t.choice, t.choice + t.choices(), t.chosen_by(set * kPolicies + policy, member));
+    if (reserved) depth = t.tree.path(leaf, t.choice);
   }
 }
 

@@ -15,7 +15,18 @@ std::uint32_t first_of(std::uint64_t hypotheses) { return static_cast<std::uint3
 
 }  // namespace
 
+double SubsetRisk::mean(const double* cost, const std::uint32_t* count, std::uint32_t n) {
+  double sum = 0.0;
+  std::uint32_t all = 0;
+  for (std::uint32_t j = 0; j < n; ++j) {
+    sum += count[j] * cost[j];
+    all += count[j];
+  }
+  return std::isfinite(sum) ? sum / all : HUGE_VAL;
+}
+
 double SubsetRisk::value(const double* cost, const std::uint32_t* count, std::uint32_t n) const {
+  if (risk_ == tiller_risk_mean) return mean(cost, count, n);
   double sorted[kMostHypotheses];
   std::uint32_t sorted_count[kMostHypotheses], all = 0;
   for (std::uint32_t j = 0; j < n; ++j) {
@@ -29,7 +40,7 @@ double SubsetRisk::value(const double* cost, const std::uint32_t* count, std::ui
     sorted_count[at] = count[j];
     all += count[j];
   }
-  const double tail = risk_ == tiller_risk_worst ? 1.0 : risk_ == tiller_risk_cvar ? share_ * all : all;
+  const double tail = risk_ == tiller_risk_worst ? 1.0 : share_ * all;
   double left = tail, sum = 0.0;
   for (std::uint32_t j = 0; j < n && left > 0.0; ++j) {
     sum += std::fmin(left, sorted_count[j]) * sorted[j];

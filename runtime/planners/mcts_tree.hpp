@@ -26,6 +26,7 @@ class SubsetRisk {
   double value(const double* cost, const std::uint32_t* count, std::uint32_t n) const;
 
  private:
+  static double mean(const double* cost, const std::uint32_t* count, std::uint32_t n);
   std::uint32_t risk_ = tiller_risk_mean;
   double share_ = 1.0;
 };
