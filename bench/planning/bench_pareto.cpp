@@ -5,7 +5,9 @@
 // unwrapped, from the upright in which the run ends (tiller may swing up on either side; solvers that do not wrap
 // angles see the same problem mirrored), so every planner is judged by the same function.
 //
-//   bench_pareto [--planner NAME] [--seeds FIRST COUNT] [--repeats N] [--starts N]     one JSON line for each setting
+//   bench_pareto [--planner NAME] [--seeds FIRST COUNT] [--repeats N] [--starts N] [--settings TEXT]...
+//
+// One JSON line for each setting; of several --settings, all texts have to be in its name.
 //
 // With --starts, the runs of a setting begin at N states all over the state space, a seed each: position +-0.5 m, any
 // angle, +-1 m/s and +-1 rad/s; the line has the mean over them, the costs' 90 % quantile and the worst.
@@ -61,7 +63,7 @@ struct Run {
 void draw_start(std::uint64_t i, double* x) {
   std::mt19937 random(static_cast<unsigned>(i));
   constexpr double kMost[4] = {0.5, CartPoleProblem::kStart[1], 1.0, 1.0};
-  for (int j = 0; j < 4; ++j) x[j] = kMost[j] * (2.0 * (random() / 4294967296.0) - 1.0);
+  for (int j = 0; j < 4; ++j) x[j] = kMost[j] * (2.0 * (static_cast<double>(random()) / 4294967296.0) - 1.0);
 }
 
 Run run(const tiller_config_t& config, double clock, const double* start) {
@@ -165,6 +167,11 @@ bool sampled(const std::string& planner) {
          planner == "hybrid";
 }
 
+bool has_all(const std::string& settings, const std::vector<std::string>& texts) {
+  return std::all_of(texts.begin(), texts.end(),
+                     [&](const std::string& text) { return settings.find(text) != std::string::npos; });
+}
+
 /// Runs from hanging, a seed each.
 void print_hanging(const std::string& name, const Point& point, std::uint64_t first, std::uint64_t runs, double clock) {
   std::vector<double> costs, times, tails;
@@ -210,6 +217,7 @@ void print_starts(const std::string& name, const Point& point, int starts, doubl
 
 int main(int argc, char** argv) {
   std::string only;
+  std::vector<std::string> texts;
   std::uint64_t first = 1, seeds = 5;
   int repeats = 3, starts = 0;
   for (int i = 1; i < argc; ++i) {
@@ -217,6 +225,8 @@ int main(int argc, char** argv) {
       only = argv[++i];
     else if (!std::strcmp(argv[i], "--repeats") && i + 1 < argc)
       repeats = bench::whole_number(argv[++i]);
+    else if (!std::strcmp(argv[i], "--settings") && i + 1 < argc)
+      texts.emplace_back(argv[++i]);
     else if (!std::strcmp(argv[i], "--starts") && i + 1 < argc)
       starts = bench::whole_number(argv[++i]);
     else if (!std::strcmp(argv[i], "--seeds") && i + 2 < argc) {
@@ -232,11 +242,13 @@ int main(int argc, char** argv) {
     const std::string name = find_planner(kind)->name;
     if (!only.empty() && only != name) continue;
     const std::uint64_t runs = sampled(name) ? seeds : static_cast<std::uint64_t>(repeats);
-    for (const Point& point : grid(name))
+    for (const Point& point : grid(name)) {
+      if (!has_all(point.settings, texts)) continue;
       if (starts > 0)
         print_starts(name, point, starts, clock);
       else
         print_hanging(name, point, first, runs, clock);
+    }
   }
   return 0;
 }

@@ -1,7 +1,10 @@
 // Sampling finds the valley, the gradient its floor: the first iteration of a plan is one of MPPI, the others are
-// iterations of iLQR from whichever costs less, what sampling settled on or the shifted old plan. With multiple shooting
-// the old plan may still have defects; what it costs is then what its inputs cost from the present start. The sampler
-// keeps a mean of its own: drawn to the refined plan, it would search the valley that is known already.
+// iterations of iLQR from whichever costs less, what sampling settled on or the shifted old plan. The sampler keeps a
+// mean of its own: drawn to the refined plan, it would search the valley that is known already.
+//
+// A refinement from samples is one of multiple shooting, over as many plans as it takes to close the path's defects. Then
+// single shooting goes on: to keep shooting multiple finds cheaper plans that hop between valleys, and costs more in
+// closed loop (docs/evidence/planners.md).
 
 #include <cmath>
 #include <cstring>
@@ -19,7 +22,7 @@ extern const PlannerTable mppi_planner;
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
+constexpr double kClosed = 1e-6;  // share of its cost that a motion may cost more than the path that it replaces
 constexpr double kOpenLoop[kCandidates] = {};
 
 struct Hybrid {
@@ -68,31 +71,60 @@ double weigh_samples(Hybrid& h, double old, double most) {
   return cost;
 }
 
+/// For several hypotheses a trial step of multiple shooting, which linearises, is dear.
+bool refines_multiple(const PathPlan& p) {
+  return p.scenarios == 1 && p.settings->shooting == tiller_shooting_multiple;
+}
+
 /// The path becomes the cheaper of the shifted old plan and the sampled sequence; false where neither is finite. A path
 /// with defects is judged by its merit: what its inputs cost from the present start says little of where it leads.
 bool choose_start(Hybrid& h) {
   Ilqr& s = *h.gradient;
   s.standing = s.solved = s.converged = false;
   s.shooting.penalty = 0.0;
-  const bool kept = !s.single && s.plan.has_path;
-  const double old = weigh_old_plan(h), worth = kept ? std::fmin(old, h.path_merit) : old;
+  const bool cold = !s.plan.has_path;
+  const bool open = !s.single && !cold;
+  const double old = weigh_old_plan(h), worth = open ? std::fmin(old, h.path_merit) : old;
   const double sampled = weigh_samples(h, old, worth);
+  if (cold || sampled < worth) s.single = !refines_multiple(s.plan);
   s.cost = h.start_cost = sampled < old ? sampled : old;
   return std::isfinite(s.cost);
 }
 
-/// Multiple shooting may end with inputs that cost more than those that it began from: those are sent then, and the path
-/// stays what the next plan goes on from.
+/// The path becomes the motion of `inputs`, and single shooting goes on from it. A rollout multiplies by the path's
+/// states even where it takes no share of them, so that those that are given up go first.
+void close_on(Ilqr& s, const double* inputs) {
+  PathPlan& p = s.plan;
+  const std::size_t row = std::size_t{p.scenarios} * p.nz;
+  for (std::size_t k = 0; k <= p.horizon; ++k) std::memcpy(p.state + k * row, p.start, row * sizeof(double));
+  std::memcpy(p.control, inputs, input_bytes(p));
+  s.single = true;
+  s.settled = s.standing = p.has_gain = false;
+  roll_open(s);
+}
+
+/// What a path of multiple shooting sends: its motion, or the one that it began from, whichever costs less. The path
+/// ends where its own motion is as cheap as it is, and where the motion that it began from is cheaper than the path with
+/// its defects.
 void settle(Hybrid& h) {
   Ilqr& s = *h.gradient;
   if (s.single) return;
   PathPlan& p = s.plan;
-  h.path_merit = s.standing ? p.risk.value(p.path_cost) + s.shooting.penalty * path_defects(p) : kInfinity;
-  settle_multiple(s);
-  if (s.settled && s.cost <= h.start_cost) return;
-  std::memcpy(p.settled, h.other, input_bytes(p));
-  s.cost = h.start_cost;
-  s.settled = true;
+  const double path = s.standing ? p.risk.value(p.path_cost) : kInfinity;
+  h.path_merit = path + s.shooting.penalty * path_defects(p);
+  const std::uint32_t chosen = settle_multiple(s);
+  if (s.settled && s.cost <= h.start_cost) {
+    if (s.cost > path + kClosed * std::fabs(path)) return;
+    take_candidate(p, chosen);
+    s.single = true;
+    s.settled = s.standing = false;
+  } else if (h.path_merit < h.start_cost) {
+    std::memcpy(p.settled, h.other, input_bytes(p));
+    s.cost = h.start_cost;
+    s.settled = true;
+  } else {
+    close_on(s, h.other);
+  }
 }
 
 /// Iterations within `request`'s cap; the number completed.

@@ -128,7 +128,7 @@ bool iterate_multiple(Ilqr& s) {
   return true;
 }
 
-void settle_multiple(Ilqr& s) {
+std::uint32_t settle_multiple(Ilqr& s) {
   PathPlan& p = s.plan;
   roll_candidates(p, kStepAlpha, kStepBeta);
   const double plain = candidate_risk(p, kWarm), gains = candidate_risk(p, kWarmUnderGains);
@@ -137,6 +137,7 @@ void settle_multiple(Ilqr& s) {
   s.settled = std::isfinite(s.cost);
   for (std::size_t i = 0; s.settled && i < std::size_t{p.horizon} * p.nu; ++i)
     p.settled[i] = p.candidate_control[i * kCandidates + chosen];
+  return chosen;
 }
 
 namespace {

@@ -37,7 +37,7 @@ bool iterate_single(Ilqr& s);
 /// One iteration of multiple shooting from any path; false where nothing finite came of it.
 bool iterate_multiple(Ilqr& s);
 /// The inputs that multiple shooting sends: those of the path from the present start, as they are or under the gains,
-/// whichever costs less. The path itself stays what the next tick begins with.
-void settle_multiple(Ilqr& s);
+/// whichever costs less; which candidate that is. The path itself stays what the next tick begins with.
+std::uint32_t settle_multiple(Ilqr& s);
 
 }  // namespace tiller
