@@ -158,7 +158,8 @@ double sliced_by_assignment(const TestLog& log, double a, double b, bool scale) 
 }
 
 TEST(WassersteinDiscrepancy, IsTheMeanOfBestAssignmentsOverSlices) {
-  const TestLog log = linear_log(3, 0.7, 7);
+  TestLog log = linear_log(3, 0.7, 7);
+  log.config.process_sd[0] = log.config.process_sd[1] = 0;  // of simulated steps
   for (const bool scale : {false, true}) {
     const Values found = discrepancies(log, {0.9, -0.3, -1.0, 2.0}, scale);
     EXPECT_NEAR(found[0], sliced_by_assignment(log, 0.9, -0.3, scale), 1e-12);
@@ -186,6 +187,22 @@ TEST(WassersteinDiscrepancy, TellsAnswersToOppositeInputsApart) {
   EXPECT_GT(found[1], 0.1);
   EXPECT_GT(found[2], 0.001);
   EXPECT_GT(found[1], 3 * found[2]) << "nearer parameters are nearer";
+}
+
+// Noise of .22 a step beside a motion of .09: a model that moves more would be spread as the logs are, if simulated steps
+// had no noise.
+TEST(WassersteinDiscrepancy, NoiseOfTheLogsIsNotTakenForMotion) {
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    TestLog log = linear_log(seed, 0.7, 1601);
+    const Values v = {0.9, -0.3, 1.6 * 0.9, 1.6 * -0.3};
+    const Values with = discrepancies(log, v, true);
+    EXPECT_LT(with[0], with[1]) << seed;
+    log.config.process_sd[0] = log.config.process_sd[1] = 0;
+    const Values without = discrepancies(log, v, true);
+    EXPECT_GT(without[0], without[1]) << "else this test shows nothing; seed " << seed;
+    std::printf("  seed %u: with noise %.4f, %.4f; without %.4f, %.4f\n", seed, with[0], with[1], without[0],
+                without[1]);
+  }
 }
 
 TEST(WassersteinDiscrepancy, FindsThePendulum) {

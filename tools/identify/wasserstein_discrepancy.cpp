@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/rng.hpp"
 #include "tools/identify/wasserstein.hpp"
 
 namespace tiller::tools {
@@ -20,6 +21,19 @@ WassersteinDiscrepancy::WassersteinDiscrepancy(const MethodProblem& problem, con
     : Discrepancy(problem, coordinates, episodes, form), direction_(slice_directions(kDirections, dimension())) {
   take_logs(form.scale);
   project_logs();
+  for (const RolloutSpan& span : spans_)
+    for (std::size_t k = 1; k <= span.steps; ++k)
+      if (span.episode->known(span.start + k)) add_noise(span, k);
+}
+
+void WassersteinDiscrepancy::add_noise(const RolloutSpan& span, std::size_t k) {
+  Rng rng(0, kRngNoise, noise_.size());
+  const double *start = span.episode->sd_at(span.start), *end = span.episode->sd_at(span.start + k);
+  for (std::uint32_t r = 0; r < state_count(); ++r) {
+    const double process = config_.process_sd[r], time_s = static_cast<double>(k) * config_.period_s;
+    const double sd = std::sqrt(process * process * time_s + start[r] * start[r] + end[r] * end[r]);
+    noise_.push_back(scale_[r] * sd * rng.normal());
+  }
 }
 
 // point_ and scale_: displacements over their RMS, starts and inputs over their standard deviations.
@@ -72,8 +86,9 @@ void WassersteinDiscrepancy::add(const RolloutSpan& span, const double* trajecto
     for (std::uint32_t r = 0; r < nx; ++r) {
       const bool angle = (config_.model->angle_mask >> r) & 1u;
       const double* row = trajectory + (k * nx + r) * kLanes;
+      const double noise = noise_[simulated_.size() / kLanes];
       for (std::uint32_t lane = 0; lane < kLanes; ++lane)
-        simulated_.push_back(scale_[r] * wrapped(row[lane] - start[r], angle));
+        simulated_.push_back(scale_[r] * wrapped(row[lane] - start[r], angle) + noise);
     }
   }
 }
