@@ -10,15 +10,15 @@ namespace tiller {
 
 /// Readings that simulations predict at the ends of their choices, and which hypotheses those tell apart.
 ///
-/// Under hypothesis j the reading of sensor y is normal around the prediction y_j. Its variance is that of the sensor and
-/// of the process noise that adds up until then, as a random walk of the state:
+/// Under hypothesis j the reading of sensor y is normal around the prediction y_j. Its variance is that of the sensor
+/// and of the process noise that adds up until then, as a random walk of the state:
 ///
 ///     s_y^2 = measurement_sd_y^2 + process_sd_y^2 t
 ///
-/// Two hypotheses d = |(y_i - y_j) / s| apart are taken for each other with probability Phi(-d / 2) (two normals of equal
-/// covariance and weight; Duda, Hart and Stork, "Pattern classification", 2001, section 2.8). They are told apart from
-/// d = 6 on, where that is 0.13 %. What is seen in between, at every period of a choice, is not counted: an outcome is
-/// assumed later rather than sooner.
+/// Two hypotheses d = |(y_i - y_j) / s| apart are taken for each other with probability Phi(-d / 2) (two normals of
+/// equal covariance and weight; Duda, Hart and Stork, "Pattern classification", 2001, section 2.8). They are told apart
+/// from d = 6 on, where that is 0.13 %. What is seen in between, at every period of a choice, is not counted: an outcome
+/// is assumed later rather than sooner.
 class Outcomes {
  public:
   /// `leaves` of a batch, `knots` of a horizon. Nothing where one hypothesis is planned over or nothing is measured.

@@ -42,11 +42,12 @@ constexpr std::uint32_t kMostHypotheses = 64;  // bits of a word
 /// they were made (WU-UCT, Liu et al., "Watch the unobserved", ICLR 2020), so the batch spreads out.
 ///
 /// With room for outcomes a node is a history of choices and of what was seen (Silver and Veness, "Monte-Carlo planning
-/// in large POMDPs", NeurIPS 2010), and holds the hypotheses that agree with it, a bit each. A node whose hypotheses are
-/// told apart after its last choice has outcomes as children in the place of choices, and each outcome goes on as a tree
-/// with a mean cost, a range and choices for its hypotheses alone. One simulation goes down all outcomes at once: every
-/// hypothesis takes part in it, by the path of its own outcome. A hypothesis is deterministic, so costs seen once hold:
-/// the least cost of an outcome is that of its cheapest sequence, or the risk over the least costs of outcomes below.
+/// in large POMDPs", NeurIPS 2010), and holds the hypotheses that agree with it, a bit each. A node whose hypotheses
+/// are told apart after its last choice has outcomes as children in the place of choices, and each outcome goes on as a
+/// tree with a mean cost, a range and choices for its hypotheses alone. One simulation goes down all outcomes at once:
+/// every hypothesis takes part in it, by the path of its own outcome. A hypothesis is deterministic, so costs seen once
+/// hold: the least cost of an outcome is that of its cheapest sequence, or the risk over the least costs of outcomes
+/// below.
 class MctsTree {
  public:
   static constexpr std::uint32_t kNone = 0xffffffffu;
@@ -108,8 +109,8 @@ class MctsTree {
   bool is_told(std::uint32_t node) const { return branch_[node].told; }
   /// `groups` (count) are the node's hypotheses as they are told apart. One group, or a pool without room: none are.
   void tell(std::uint32_t node, const std::uint64_t* groups, std::uint32_t count);
-  /// What `sequence` costs each hypothesis (kMostHypotheses), to all outcomes below `from` that it passes, for their own
-  /// hypotheses: each keeps its cheapest. `from` is an outcome or the root.
+  /// What `sequence` costs each hypothesis (kMostHypotheses), to all outcomes below `from` that it passes, for their
+  /// own hypotheses: each keeps its cheapest. `from` is an outcome or the root.
   void credit(std::uint32_t from, const std::uint8_t* sequence, const double* cost, const SubsetRisk& risk);
   /// The root's least cost, where one sequence for all hypotheses costs `sequence_cost`. O(nodes).
   double evaluate(double sequence_cost, const SubsetRisk& risk);

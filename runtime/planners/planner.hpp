@@ -32,7 +32,8 @@ struct PlanResult {
   tiller_status_t status = tiller_status_ok;  // ok, iteration_capped, or plan_not_finite (command: the shifted
                                               // old plan, still within limits)
   std::uint32_t iterations = 0;
-  double cost = 0.0;  // of the chosen sequence, under the configured risk; infinity where no iteration was completed
+  double cost = 0.0;  // of the chosen sequence (mcts: with what it does after each outcome), under the configured risk;
+                      // infinity where no iteration was completed
 };
 
 /// A planner: one entry of planners.def. Anytime: plan always fills `command` (nu), finite and within limits and
