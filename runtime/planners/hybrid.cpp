@@ -2,9 +2,9 @@
 // iterations of iLQR from whichever costs less, what sampling settled on or the shifted old plan. The sampler keeps a
 // mean of its own: drawn to the refined plan, it would search the valley that is known already.
 //
-// A refinement from samples is one of multiple shooting, over as many plans as it takes to close the path's defects. Then
-// single shooting goes on: to keep shooting multiple finds cheaper plans that hop between valleys, and costs more in
-// closed loop (docs/evidence/planners.md).
+// A refinement from samples is one of multiple shooting, over as many plans as it takes to close the path's defects.
+// Then single shooting goes on: to keep shooting multiple finds cheaper plans that hop between valleys, and costs more
+// in closed loop (docs/evidence/planners.md).
 
 #include <cmath>
 #include <cstring>
@@ -104,8 +104,8 @@ void close_on(Ilqr& s, const double* inputs) {
 }
 
 /// What a path of multiple shooting sends: its motion, or the one that it began from, whichever costs less. The path
-/// ends where its own motion is as cheap as it is, and where the motion that it began from is cheaper than the path with
-/// its defects.
+/// ends where its own motion is as cheap as it is, and where the motion that it began from is cheaper than the path
+/// with its defects.
 void settle(Hybrid& h) {
   Ilqr& s = *h.gradient;
   if (s.single) return;

@@ -36,8 +36,8 @@ double path_defects(const PathPlan& p);
 double path_excess(const PathPlan& p, const MeritBounds& bounds);
 
 /// Moves the path along the step, with as much of it as lowers the merit. Needs the problem of the present path
-/// (linearise_path, quadratise_path). True: the problem is that of the moved path. False: the path is as it was, and the
-/// problem is void. Overwrites the line search's candidates.
+/// (linearise_path, quadratise_path). True: the problem is that of the moved path. False: the path is as it was, and
+/// the problem is void. Overwrites the line search's candidates.
 bool step_by_merit(PathPlan& p, const PathStep& step, const MeritBounds& bounds, MultipleShooting& shooting);
 
 }  // namespace tiller

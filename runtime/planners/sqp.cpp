@@ -5,15 +5,16 @@
 //             motion becomes the path
 //   multiple  steps states and inputs along the solution (multiple_shooting.hpp) and leaves defects to the next program
 //
-// A cold start under one hypothesis is one of multiple shooting: far from the goal, motions of the model alone lead into
-// poor local minima. Once a motion is as cheap as the path, single shooting goes on from it, and a warm tick rolls out
-// once an iteration. Warm ticks do not turn back to multiple shooting, not even where single shooting steps short: that
-// finds cheaper plans and hops between valleys, which cost more in closed loop (docs/theory/planners_constrained.md).
-// Under several hypotheses all shooting is single: a path for each of them is dear.
+// A cold start under one hypothesis is one of multiple shooting: far from the goal, motions of the model alone lead
+// into poor local minima. Once a motion is as cheap as the path, single shooting goes on from it, and a warm tick rolls
+// out once an iteration. Warm ticks do not turn back to multiple shooting, not even where single shooting steps short:
+// that finds cheaper plans and hops between valleys, which cost more in closed loop
+// (docs/theory/planners_constrained.md). Under several hypotheses all shooting is single: a path for each of them is
+// dear.
 //
 // What bounds on states exceed counts with an exact penalty, the same in the program and in the choice of the step.
-// `prepare` shifts the path and linearises it before the measurement is there; the program itself takes the deviation of
-// the state, so what is left for the tick is its solution.
+// `prepare` shifts the path and linearises it before the measurement is there; the program itself takes the deviation
+// of the state, so what is left for the tick is its solution.
 
 #include "planners/sqp.hpp"
 

@@ -1,4 +1,5 @@
-// hybrid: what refining by multiple shooting gains in closed loop, and that no plan costs more than those it began from.
+// hybrid: what refining by multiple shooting gains in closed loop, and that no plan costs more than those it began
+// from.
 
 #include <gtest/gtest.h>
 
@@ -42,7 +43,8 @@ TEST(Hybrid, multiple_shooting_finds_the_better_swing_up) {
   EXPECT_GE(found, 8);  // some samples lie in another valley
 }
 
-/// The cost that a plan reports is that of its sequence, and neither the shifted old one nor the sampled one is cheaper.
+/// The cost that a plan reports is that of its sequence, and neither the shifted old one nor the sampled one is
+/// cheaper.
 TEST(Hybrid, plan_costs_no_more_than_its_warm_start_nor_its_samples) {
   for (const std::uint32_t shooting : {tiller_shooting_single, tiller_shooting_multiple}) {
     CartPoleBench bench(hybrid_config(shooting, 3, 1)), unrefined(hybrid_config(shooting, 0, 1));

@@ -1,5 +1,5 @@
-// Multiple shooting in sqp: its steps against dense solutions of the optimality conditions, its optima against a gradient
-// method of another kind, its defects, and what it does with starts that lead nowhere.
+// Multiple shooting in sqp: its steps against dense solutions of the optimality conditions, its optima against a
+// gradient method of another kind, its defects, and what it does with starts that lead nowhere.
 
 #include <gtest/gtest.h>
 
@@ -198,8 +198,8 @@ double motion_cost(const tiller::Config& c, const std::array<double, 2>& start, 
   return cost;
 }
 
-/// Projected gradient with the step lengths of Barzilai and Borwein (Birgin, Martinez and Raydan 2000), from the best of
-/// several random sequences on.
+/// Projected gradient with the step lengths of Barzilai and Borwein (Birgin, Martinez and Raydan 2000), from the best
+/// of several random sequences on.
 double best_cost(const tiller::Config& c, const std::array<double, 2>& start, double limit) {
   const std::size_t n = c.planner.horizon;
   std::mt19937 random(5);
@@ -354,8 +354,8 @@ TEST(MultipleShooting, swings_up_in_closed_loop_and_goes_on_by_single_shooting) 
   }
 }
 
-/// Twenty starts all over the state space, two iterations a tick: no plan costs more than the one before, shifted, and the
-/// loops cost less in the mean than with single shooting.
+/// Twenty starts all over the state space, two iterations a tick: no plan costs more than the one before, shifted, and
+/// the loops cost less in the mean than with single shooting.
 TEST(MultipleShooting, gains_in_closed_loop_without_ever_planning_worse) {
   double mean[2] = {}, worst[2] = {};
   for (const std::uint32_t shooting : {tiller_shooting_single, tiller_shooting_multiple}) {
