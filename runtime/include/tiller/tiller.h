@@ -237,7 +237,7 @@ typedef struct tiller_planner_config {
                                 all samples (sampling planners) */
 
   /* gradient planners */
-  uint32_t shooting;          /**< iLQR: tiller_shooting_t */
+  uint32_t shooting;          /**< iLQR, SQP, hybrid: tiller_shooting_t */
   uint32_t qp_solver;         /**< SQP: tiller_qp_solver_t */
   uint32_t qp_iterations;     /**< SQP: cap of the solver per quadratic program, 1..10000 */
   uint32_t refine_iterations; /**< hybrid: gradient iterations on the best sample, 0..20 */
