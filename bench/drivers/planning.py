@@ -77,6 +77,8 @@ def participants(build, torch):
     if have_main:
         programs.append([python_of("main"), PEERS / "osqp_peer.py", hover])
         programs.append([python_of("main"), PEERS / "mujoco_peer.py"])
+    if hover.exists() and need_environment("qp"):
+        programs.append([python_of("qp"), PEERS / "qp_peers.py", hover])
     if torch and need_environment("torch"):
         programs.append([python_of("torch"), PEERS / "mppi_peer.py"])
     return [Participant(p) for p in programs]
@@ -98,7 +100,7 @@ ROWS = [
     ("MPPI, K=1536, N=50, fresh noise: one iteration", ["tiller mppi"], ["pytorch_mppi"], "us", 90.0),
     ("rollout step, f32 batch", ["tiller rollout"], ["MuJoCo rollout"], "ns", None),
     ("hover QP 12/4/10, first input to 1e-4", ["tiller qp riccati hover"],
-     ["OSQP hover", "TinyMPC hover", "TinyMPC hover, 1e-3"], "us", 20.0),
+     ["OSQP hover", "TinyMPC hover", "TinyMPC hover, 1e-3", "PIQP hover", "ProxQP hover", "Clarabel hover"], "us", 5.0),
     ("hover QP by OSQP inside tiller", ["tiller qp osqp hover"], ["OSQP hover"], "us", None),
 ]
 SCALE = {"us": 1e6, "ns": 1e9}

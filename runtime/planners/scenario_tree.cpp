@@ -176,12 +176,33 @@ double risk_of(const ScenarioTree& t, std::uint32_t candidate) {
   return t.risk.value(cost);
 }
 
-/// False, and the paths stay, where a motion is not finite.
-bool roll_open(ScenarioTree& t) {
+/// Mean of the branches' inputs of row `at` under the risk's weights.
+double mean_input(const ScenarioTree& t, std::size_t at) {
+  double sum = 0.0;
+  for (std::uint32_t j = 0; j < t.count; ++j) sum += t.risk.weight()[j] * t.branch[j].control[at];
+  return sum;
+}
+
+/// Of its old inputs and the mean of all branches', each branch takes what costs its present hypothesis less: hypotheses
+/// are drawn anew every tick, and while much is learnt they are not those that the branches were planned for. False where
+/// neither leads to a finite motion.
+bool begin_paths(ScenarioTree& t) {
+  PathPlan& first = t.branch[0];
+  const std::size_t rows = std::size_t{first.horizon} * first.nu;
+  for (std::size_t at = 0; at < rows; ++at) first.settled[at] = mean_input(t, at);
   bool finite = true;
   double cost[TILLER_MAX_SCENARIOS];
   each_branch(t, [&](PathPlan& p, std::size_t j) {
+    double* const own = t.own;
+    std::memcpy(own, p.control, rows * sizeof(double));
+    std::memcpy(p.control, first.settled, rows * sizeof(double));
+    const double of_mean = roll_open(p);
+    std::memcpy(p.control, own, rows * sizeof(double));
     cost[j] = roll_open(p);
+    if (of_mean < cost[j]) {
+      std::memcpy(p.control, first.settled, rows * sizeof(double));
+      cost[j] = roll_open(p);
+    }
     finite = finite && std::isfinite(cost[j]);
   });
   t.standing = false;
@@ -235,13 +256,6 @@ void iterate(ScenarioTree& t) {
 }
 
 // ---- a plan -------------------------------------------------------------------------------------
-
-/// Mean of the branches' inputs of row `at` under the risk's weights.
-double mean_input(const ScenarioTree& t, std::size_t at) {
-  double sum = 0.0;
-  for (std::uint32_t j = 0; j < t.count; ++j) sum += t.risk.weight()[j] * t.branch[j].control[at];
-  return sum;
-}
 
 /// The shared periods of a shifted plan take in one in which the branches differed.
 void share_first_periods(ScenarioTree& t) {
@@ -304,7 +318,7 @@ bool take_request(ScenarioTree& t, const PlanRequest& request) {
 void iterate(ScenarioTree& t, const Deadline& deadline, PlanResult& result) {
   const FlushToZero flush;
   t.converged = false;
-  if (!roll_open(t)) {
+  if (!begin_paths(t)) {
     result.status = tiller_status_plan_not_finite;
     return;
   }
@@ -352,6 +366,7 @@ ScenarioTree* lay_out_tree(Arena& arena, const tiller_config_t& config, const St
   take(t.qu, r * nu);
   take(t.x, (r + 1) * s);
   take(t.u, r * nu);
+  take(t.own, std::size_t{p.horizon} * nu);
   t.hypothesis = arena.take<float>(p.np + p.nx + p.ns);
   t.trunk.states = p.n;
   t.trunk.inputs = p.nu;

@@ -24,6 +24,7 @@ struct ScenarioTree {
   double *a = nullptr, *b = nullptr, *qxx = nullptr, *qux = nullptr, *quu = nullptr, *qx = nullptr, *qu = nullptr;
   double* x = nullptr;          // (r+1 x M x n)
   double* u = nullptr;          // (r x nu)
+  double* own = nullptr;        // (N x nu) scratch
   float* hypothesis = nullptr;  // (np + nx + ns) one of the belief
   ScenarioRisk risk;
 
