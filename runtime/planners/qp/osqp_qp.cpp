@@ -83,13 +83,20 @@ void fill_pattern(const OsqpColumns& columns, OsqpQp& w) {
       [&] { w.a_column[++column] = entry; });
 }
 
-void fill_values(const OsqpColumns& columns, const Qp& qp, OsqpQp& w) {
+/// The matrices' entries; whether they are not those of the call before.
+bool fill_values(const OsqpColumns& columns, const Qp& qp, OsqpQp& w) {
+  bool changed = false;
+  const auto put = [&](double& at, double value) {
+    changed = changed || !(at == value);
+    at = value;
+  };
   int entry = 0;
   columns.objective(
-      &qp, [&](int, double value) { w.p_value[entry++] = value; }, [] {});
+      &qp, [&](int, double value) { put(w.p_value[entry++], value); }, [] {});
   entry = 0;
   columns.constraints(
-      &qp, [&](int, double value) { w.a_value[entry++] = value; }, [] {});
+      &qp, [&](int, double value) { put(w.a_value[entry++], value); }, [] {});
+  return changed;
 }
 
 /// q and the rows' bounds; what x_0 brings goes to the first stage's.
@@ -253,7 +260,9 @@ QpReport solve_osqp(OsqpQp& w, const Qp& qp, const QpLimits& limits, bool warm, 
   QpReport report;
   if (!w.solver) return report;
   const OsqpColumns columns(w.shape);
-  fill_values(columns, qp, w);
+  // a factorisation that stands is half of the work
+  const bool changed = fill_values(columns, qp, w) || !w.matrices_stand;
+  w.matrices_stand = false;
   fill_vectors(columns, qp, w);
   double sum = 0.0;  // what is not finite anywhere shows here: OSQP does not look
   for (int i = 0; i < w.n; ++i) sum += std::fabs(w.q[i]);
@@ -261,7 +270,8 @@ QpReport solve_osqp(OsqpQp& w, const Qp& qp, const QpLimits& limits, bool warm, 
   for (int i = 0; i < w.a_column[w.n]; ++i) sum += std::fabs(w.a_value[i]);
   for (int i = 0; i < w.m; ++i) sum += std::fabs(w.low[i]) / kFree + std::fabs(w.high[i]) / kFree;
   if (!std::isfinite(sum)) return report;
-  if (tiller_osqp_update(w.solver, w.p_value, w.a_value, w.q, w.low, w.high) != 0) return report;
+  const double *p = changed ? w.p_value : nullptr, *a = changed ? w.a_value : nullptr;
+  if (tiller_osqp_update(w.solver, p, a, w.q, w.low, w.high) != 0) return report;
   exchange(columns, qp, w.z, w.y, false, solution);
   tiller_osqp_warm_start(w.solver, warm ? w.z : nullptr, warm ? w.y : nullptr);
   report.status = QpStatus::capped;
@@ -277,6 +287,7 @@ QpReport solve_osqp(OsqpQp& w, const Qp& qp, const QpLimits& limits, bool warm, 
   if (result.solved < 0) report.status = QpStatus::infeasible;
   if (result.solved > 0) report.status = QpStatus::solved;
   if (result.solved < 0 || !std::isfinite(result.z[0])) return report;
+  w.matrices_stand = true;
   for (std::size_t i = 0; i < qp.stacked(); ++i) {
     solution.x[i] = qp.start[i];
     solution.multiplier[i] = solution.state_multiplier[i] = 0.0;

@@ -23,6 +23,7 @@ struct OsqpQp {
   int *p_column = nullptr, *p_row = nullptr, *a_column = nullptr, *a_row = nullptr, *order = nullptr;
   double *p_value = nullptr, *a_value = nullptr, *q = nullptr, *low = nullptr, *high = nullptr;
   double *z = nullptr, *y = nullptr;             // start of the next solve
+  bool matrices_stand = false;                   // the solver's are p_value and a_value, and its last solve went well
   std::size_t memory_used = 0, memory_size = 0;  // of OSQP's own block
 };
 
