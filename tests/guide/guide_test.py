@@ -3,8 +3,8 @@
     guide_test.py SOURCE TILLER WORK
 
 A command passes if it exits with a code that its page allows. Commands that steer a robot get one: a plant that `tiller sim`
-serves over LCM. Runs without an end are given one (`--seconds`). Synopses (with [OPTIONAL] or PLACEHOLDER words) are not run;
-their options must be in the command's help.
+serves over LCM. Runs without an end are given one (`--seconds`), searches few trials. Synopses (with [OPTIONAL] or
+PLACEHOLDER words) are not run; their options must be in the command's help.
 """
 
 import pathlib
@@ -17,6 +17,7 @@ SOURCE, TILLER, WORK = (pathlib.Path(a) for a in sys.argv[1:4])
 # 0..3 are verdicts of `tiller gap`; 2 of `tiller excite` says that no input separates a pair.
 ALLOWED = {"gap": {0, 1, 2, 3}, "excite": {0, 2}}
 SECONDS = "3"
+FEW_TRIALS = "--trials 3 --seconds 1 --train 1 --test 1"
 HIDDEN = {"mine": 1.0, "pendulum": 0.1}  # N, Nm
 
 
@@ -122,6 +123,8 @@ def check_synopsis(command):
 
 def bounded(command):
     endless = re.match(r"tiller (run|sim|demo) ", command + " ") and "--seconds" not in command
+    if command.startswith("tiller tune ") and "--trials" not in command:
+        return f"{command} {FEW_TRIALS}"
     return command + (f" --seconds {SECONDS}" if endless and "demo" not in command else "")
 
 

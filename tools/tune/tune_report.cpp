@@ -38,6 +38,8 @@ std::string gain_text(const Tuned& result) {
   }
   if (gain.scores.empty() || !std::isfinite(gain.mean()))
     return "  a plant's state was not finite on the other seeds: no difference can be given\n";
+  if (gain.scores.size() < 2)
+    return format("on the other seed: %+.4g; one seed tells no error: raise --test\n", gain.mean());
   const double error = gain.sd() / std::sqrt(static_cast<double>(gain.scores.size()));
   std::string text =
       format("on the other seeds, seed against seed: %+.4g +- %.2g (standard error), better on %d of %zu\n",
