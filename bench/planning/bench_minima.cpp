@@ -1,6 +1,6 @@
 // ./dev bench minima: which planner finds the best of several local minima, from a cold start.
 //
-// 20 small problems with known model, two of them controls with one minimum (minima_problems.toml). Their optima are
+// 20 small problems with known model, one of them a control with one minimum (minima_problems.toml). Their optima are
 // those of many local searches from random inputs, in numpy (bench/peers/minima_reference.py). The cost of the
 // reference's inputs, rolled out here, is first compared with the reference's.
 //
