@@ -257,7 +257,7 @@ def draw_policies(problem, count, rng):
     gain = rng.standard_normal((problem.nu, 2 * problem.nx + 1, count)) * rng.choice([0.3, 1.0, 3.0], count)
     x, out = np.repeat(problem.start, count, 1), np.empty((count, problem.steps, problem.nu))
     for k in range(problem.steps):
-        d = x - problem.target
+        d = np.nan_to_num(x - problem.target)  # Euler's rule takes wild motions beyond all numbers
         z = np.clip(np.einsum("ufb,fb->ub", gain, np.concatenate([d, np.sin(d), np.ones((1, count))])), -1.0, 1.0)
         out[:, k] = z.T
         x = problem.step(x, 0.5 * (problem.high - problem.low) * z + 0.5 * (problem.high + problem.low))
@@ -378,7 +378,7 @@ def descend(problem, z):
         again = np.flatnonzero(restart & (good | stuck))
         length[again] = 0.01 / np.maximum(np.max(np.abs(way[again]), 1), 1e-12)
         if evaluation % LOOK == 0 or evaluation == EVALUATIONS:
-            end_cost[names], end_z[names] = cost, z
+            end_cost[names], end_z[names] = np.where(np.isfinite(cost), cost, np.inf), z
             goes_on = before - cost > 1e-5 * np.abs(cost)
             if not goes_on.any():
                 break
@@ -422,6 +422,7 @@ def solve(problem, count):
 
 
 def main():
+    np.seterr(over="ignore", invalid="ignore")  # of searches that begin with such a motion; they end at infinity
     parser = argparse.ArgumentParser()
     parser.add_argument("problems")
     parser.add_argument("--starts", type=int, default=128)
