@@ -2,7 +2,7 @@
 // (corridor_tasks.hpp names them).
 //
 // A point mass of 2 kg, loaded with 1 kg more on its way, goes through a grid of squares. A cart-pole brings its pole
-// to the rail's end, upright. A quadrotor carries a slung load through two gates. 40 seeds a task. Success: the goal is
+// to the rail's end, upright. A quadrotor carries a slung load through two gates. 20 seeds a task. Success: the goal is
 // reached in time, and no period ends in a collision or beyond a limit. Goals, for all that learn: success in 95 % of
 // the runs (a bound of this table, not of the papers); the share of the 90 % intervals that hold the truth at the end
 // of the run within the binomial 95 % interval around 90 %; a tick of at most 1 ms of CPU time on one core.
@@ -31,7 +31,7 @@ using bench::Knowledge;
 constexpr double kSuccessGoal = 95.0, kTickGoal_us = 1000.0, kCoverage = 0.9;
 
 struct Options {
-  std::uint64_t first = 1, seeds = 40, trace = 0;
+  std::uint64_t first = 1, seeds = 20, trace = 0;
   unsigned threads = 2;
   std::string only, knowledge;
   std::FILE* json = nullptr;

@@ -194,7 +194,7 @@ CorridorTask grid_task() {
   for (std::uint32_t i = 0; i < 2; ++i) {
     limit(c, i, -10.0, 10.0, 6.0);
     bound(c, i, 10.7, 1e5);
-    bound(c, i + 2, 5.0, 1e3);  // in the place of a clamp
+    bound(c, i + 2, 4.0, 1e3);  // in the place of a clamp at 5 m/s: slow enough to stop within the horizon
   }
   weigh(c, {0.5, 0.5, 0.25, 0.25}, {1000.0, 1000.0, 0.1, 0.1}, 0.2);
   t.outputs = {{0.0, 0.0, 0.0, -kInf, -0.15, 1e6}};
@@ -219,8 +219,8 @@ CorridorTask rail_end_task() {
   tiller::Config& c = t.config;
   c.initial_state[0] = -kGoal_m;
   c.cost.target[0] = kGoal_m;
-  c.planner.horizon = 50;
-  c.planner.knots = 10;
+  c.planner.horizon = 40;
+  c.planner.knots = 8;
   limit(c, 0, -20.0, 20.0, 6.0);
   bound(c, 0, kRail_m - 0.05, 1e5);
   bound(c, 1, kLean_rad - 0.05, 1e5);
@@ -243,8 +243,10 @@ CorridorTask gates_task() {
   tiller::Config& c = t.config;
   c.initial_state[0] = -kGoal_m;
   c.cost.target[0] = kGoal_m;
-  c.planner.horizon = 50;
-  c.planner.knots = 10;
+  c.planner.horizon = 40;
+  c.planner.knots = 8;
+  c.posterior.particles = 96;
+  c.posterior.moves_per_tick = 8;
   limit(c, 0, 0.0, 6.0, 1.0);
   limit(c, 1, 0.0, 6.0, 1.0);
   bound(c, 1, kCeiling_m - kMargin_m, 1e5);
