@@ -246,6 +246,7 @@ CorridorTask gates_task() {
   c.planner.horizon = 40;
   c.planner.knots = 8;
   c.posterior.particles = 96;
+  c.planner.rollouts = 192;
   c.posterior.moves_per_tick = 8;
   limit(c, 0, 0.0, 6.0, 1.0);
   limit(c, 1, 0.0, 6.0, 1.0);
