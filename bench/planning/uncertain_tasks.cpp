@@ -5,10 +5,8 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <memory>
-#include <new>
-#include <random>
 
+#include "bench/planning/lockstep.hpp"
 #include "bench/problems/planning_problem.hpp"
 #include "tiller/config.hpp"
 
@@ -17,21 +15,6 @@ namespace {
 
 constexpr double kUpright_rad = 0.3, kHeld_s = 1.0;
 constexpr double kInf = INFINITY;
-
-struct AlignedFree {
-  void operator()(void* p) const { ::operator delete (p, std::align_val_t{TILLER_ALIGNMENT}); }
-};
-
-/// Uniform and normal numbers that every standard library makes alike.
-class RandomStream {
- public:
-  explicit RandomStream(std::uint64_t seed) : engine_(seed * 0x9e3779b97f4a7c15ull + 1) {}
-  double uniform() { return (static_cast<double>(engine_() >> 11) + 0.5) * 0x1p-53; }
-  double normal() { return std::sqrt(-2.0 * std::log(uniform())) * std::cos(6.283185307179586 * uniform()); }
-
- private:
-  std::mt19937_64 engine_;
-};
 
 tiller::Config base(const char* model, const std::vector<double>& nominal) {
   tiller::Config c;
@@ -66,74 +49,13 @@ void weigh(tiller::Config& c, std::initializer_list<double> state, std::initiali
   std::fill(c.cost.input_weight, c.cost.input_weight + TILLER_MAX_INPUTS, input);
 }
 
-/// The true system.
-class Plant {
- public:
-  Plant(const tiller_config_t& c, const std::vector<double>& params) : config_(c), params_(params) {
-    config_.integrator = tiller_integrator_rk4;
-    config_.substeps = 10;
-    if (make_step_setup(config_, setup_) != tiller_status_ok) std::abort();
-    std::copy(c.initial_state, c.initial_state + TILLER_MAX_STATES, x);
-  }
-  void advance(const double* u) {
-    double next[TILLER_MAX_STATES * kLanePadding];
-    RolloutJob<double> job;
-    job.setup = &setup_;
-    job.lanes = kLanePadding;
-    job.horizon = 1;
-    job.state = {x, 0};
-    job.params = {params_.data(), 0};
-    job.controls = {u, 0};
-    job.final_state = next;
-    select_rollout(*config_.model).rollout_f64(*config_.model, job);
-    for (std::uint32_t i = 0; i < config_.model->state_count; ++i) x[i] = next[i * kLanePadding];
-  }
-  /// A period's process noise: an acceleration that is white in time, of joints with a position.
-  void disturb(RandomStream& random) {
-    const tiller_model_t& model = *config_.model;
-    const double h = config_.period_s;
-    for (std::uint32_t i = 0; i < model.state_count; ++i) {
-      const double sd = config_.process_sd[i];
-      if (!(sd > 0.0)) continue;
-      const double a = random.normal(), b = random.normal();
-      x[i] += sd * std::sqrt(h) * a;
-      for (std::uint32_t j = 0; j < model.joint_count; ++j)
-        if (model.joints[j].velocity == i && model.joints[j].position != TILLER_NO_POSITION)
-          x[model.joints[j].position] += sd * h * std::sqrt(h) * (0.5 * a + b / std::sqrt(12.0));
-    }
-  }
-  double x[TILLER_MAX_STATES] = {};
-
- private:
-  tiller::Config config_;
-  StepSetup setup_;
-  std::vector<double> params_;
-};
-
-double step_cost(const tiller_config_t& c, const double* x, const double* u) {
-  double sum = 0.0;
-  for (std::uint32_t i = 0; i < c.model->state_count; ++i) {
-    const double d = state_difference(*c.model, i, x[i], c.cost.target[i]);
-    sum += c.cost.state_weight[i] * d * d;
-  }
-  for (std::uint32_t i = 0; i < c.model->input_count; ++i) sum += c.cost.input_weight[i] * u[i] * u[i];
-  return sum;
-}
-
 tiller::Config informed(const UncertainTask& task, Knowledge knowledge, const std::vector<double>& truth) {
   tiller::Config c = task.config;
-  const auto is = [&](std::initializer_list<Knowledge> kinds) {
-    return std::find(kinds.begin(), kinds.end(), knowledge) != kinds.end();
-  };
-  const bool unsure = !is({Knowledge::nominal, Knowledge::oracle});
-  c.posterior.enabled = unsure && !is({Knowledge::uncorrected, Knowledge::closed_uncorrected});
-  c.planner.particles = unsure && knowledge != Knowledge::mean ? task.hypotheses : 1;
-  c.planner.risk = is({Knowledge::cvar, Knowledge::closed_cvar}) ? tiller_risk_cvar : tiller_risk_mean;
-  c.planner.closed_loop = is({Knowledge::closed_expected, Knowledge::closed_cvar, Knowledge::closed_uncorrected});
+  set_knowledge(c, knowledge, task.hypotheses);
   for (const std::uint32_t i : task.off) {
     const double nominal = c.priors[i].a, off = task.off_share * nominal;
     if (knowledge == Knowledge::oracle) c.priors[i].a = truth[i];
-    if (unsure) c.priors[i] = {tiller_prior_uniform, 0, 0.0, 0.0, nominal - off, nominal + off};
+    if (is_unsure(knowledge)) c.priors[i] = {tiller_prior_uniform, 0, 0.0, 0.0, nominal - off, nominal + off};
   }
   return c;
 }
@@ -146,20 +68,6 @@ bool is_upright(const UncertainTask& task, const double* x) {
 std::uint32_t whole(double v) { return static_cast<std::uint32_t>(std::max(v, 0.0)); }
 
 }  // namespace
-
-const char* knowledge_name(Knowledge k) {
-  switch (k) {
-    case Knowledge::nominal: return "nominal";
-    case Knowledge::mean: return "posterior mean";
-    case Knowledge::expected: return "expected cost";
-    case Knowledge::cvar: return "CVaR 0.9";
-    case Knowledge::closed_expected: return "closed loop, expected cost";
-    case Knowledge::closed_cvar: return "closed loop, CVaR 0.9";
-    case Knowledge::uncorrected: return "prior, expected cost";
-    case Knowledge::closed_uncorrected: return "prior, closed loop";
-    default: return "oracle";
-  }
-}
 
 UncertainTask cart_pole_task() {
   UncertainTask t{"cart-pole", base("cart_pole", {1.0, 0.1, 0.5}), {0, 1, 2}, 400};
@@ -295,29 +203,14 @@ UncertainRun run_uncertain(const UncertainTask& task, Knowledge knowledge, std::
 
   tiller::Config config = informed(task, knowledge, truth);
   config.seed = seed;
-  const std::size_t size = tiller_size(&config);
-  const std::unique_ptr<void, AlignedFree> memory(
-      ::operator new (std::max<std::size_t>(size, 1), std::align_val_t{TILLER_ALIGNMENT}));
-  tiller_t* t = nullptr;
-  const tiller_status_t status = tiller_init(&t, &config, nullptr, memory.get(), size);
-  if (status != tiller_status_ok) {
-    const char* field = "";
-    tiller_config_check(&config, &field);
-    std::fprintf(stderr, "%s: %s (%s)\n", task.name.c_str(), tiller_status_text(status), field);
-    std::exit(1);
-  }
-  tiller_arm(t);
-
+  const LockstepController controller(task.name, config);
+  tiller_t* t = controller.get();
   Plant plant(task.config, truth);
   UncertainRun run;
   std::uint32_t last_fall = 0;
   for (std::uint32_t k = 0; k < task.ticks; ++k) {
     const std::int64_t now_us = std::llround(k * config.period_s * 1e6);
-    tiller_measurement_t m{};
-    m.stamp_us = now_us;
-    m.sequence = k;
-    for (std::uint32_t i = 0; i < config.measurement_count; ++i)
-      m.value[i] = plant.x[config.measured_state[i]] + config.measurement_sd[i] * random.normal();
+    const tiller_measurement_t m = plant.measure(now_us, k, random);
     tiller_command_t command{};
     const auto begin = std::chrono::steady_clock::now();
     const int said = tiller_tick(t, now_us, &m, &command);

@@ -1,12 +1,14 @@
 #pragma once
 
-// Tasks whose parameters are off, by up to 30 % where no other share is named, and a plant to run them on: what bench_uncertainty compares.
+// Tasks whose parameters are off, by up to 30 % where no other share is named, and their runs: what bench_uncertainty
+// compares.
 
 #include <cstdint>
 #include <functional>
 #include <string>
 #include <vector>
 
+#include "bench/planning/knowledge.hpp"
 #include "rollout/rollout.hpp"
 #include "tiller/config.hpp"
 
@@ -27,21 +29,6 @@ struct UncertainTask {
 
 /// Changes one setting, for choosing them; false: there is none of that name.
 bool override_setting(UncertainTask& task, const std::string& key, double value);
-
-/// Knowledge of a controller, and its use. Closed: plans in which each hypothesis answers where it goes. Uncorrected:
-/// expected cost over the prior, which no measurement changes.
-enum class Knowledge {
-  nominal,
-  mean,
-  expected,
-  cvar,
-  closed_expected,
-  closed_cvar,
-  uncorrected,
-  closed_uncorrected,
-  oracle
-};
-const char* knowledge_name(Knowledge k);
 
 UncertainTask cart_pole_task();
 UncertainTask rail_task();
