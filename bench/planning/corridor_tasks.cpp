@@ -173,7 +173,7 @@ std::uint32_t whole(double v) { return static_cast<std::uint32_t>(std::max(v, 0.
 CorridorTask grid_task() {
   CorridorTask t{};
   t.name = "point mass in a grid";
-  // of the authors' program: 2 kg known to 0.1 kg, 1 kg more after 100 steps of 15 ms, +-10 N, the map, the weights, and
+  // authors' program: 2 kg known to 0.1 kg, 1 kg more after 100 steps (15 ms), +-10 N, the map, the weights, and
   // a goal within 1 of the target over positions and velocities. Chosen here: a prior that is wide enough for the load
   // (the program's is normal around 2 kg), 600 steps in the place of 400, the horizon, the sensors
   t.config = base(&grid_point_mass_model(), {2.0, 0.0});
