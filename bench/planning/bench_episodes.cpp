@@ -35,8 +35,8 @@ double quantile(std::vector<double> v, double q) {
 }
 double median(const std::vector<double>& v) { return quantile(v, 0.5); }
 
-/// Poles of up to 1.2 m half length swing up in 2 s. A horizon of 1 s, the demo's, shows no plan that does: it drives the
-/// cart away to lean the pole, and knowing the truth then costs more than the prior's caution.
+/// Poles of up to 1.2 m half length swing up in 2 s. A horizon of 1 s, the demo's, shows no plan that does: it drives
+/// the cart away to lean the pole, and knowing the truth then costs more than the prior's caution.
 void lengthen(tools::RobotFile& robot) {
   robot.config.planner.horizon = 100;
   robot.config.planner.knots = 16;

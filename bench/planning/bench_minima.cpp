@@ -4,11 +4,11 @@
 // those of many local searches from random inputs, in numpy (bench/peers/minima_reference.py). The cost of the
 // reference's inputs, rolled out here, is first compared with the reference's.
 //
-// The robot stands in its start. A planner begins without a plan, and plans again and again from its last plan, which is
-// not shifted, until kPatience plans make it cheaper by less than 1e-6 of its cost, or kMostPlans are made. Its cheapest
-// sequence is rolled out in double. The optimum is found where that costs at most 1 % more. Settings are the same for
-// every problem: the defaults, but M = 1, K = 512, noise of a third of the input's range, and 5 refinements a plan of
-// `hybrid`.
+// The robot stands in its start. A planner begins without a plan, and plans again and again from its last plan, which
+// is not shifted, until kPatience plans make it cheaper by less than 1e-6 of its cost, or kMostPlans are made. Its
+// cheapest sequence is rolled out in double. The optimum is found where that costs at most 1 % more. Settings are the
+// same for every problem: the defaults, but M = 1, K = 512, noise of a third of the input's range, and 5 refinements a
+// plan of `hybrid`.
 //
 // Goals: `hybrid`, which is for such costs, finds 18 of 20; no planner undercuts the reference.
 //

@@ -2,10 +2,10 @@
 //
 //   moments     mean and deviation of the state along a horizon, linearised, against 100,000 rollouts of the same model
 //               that carry drawn start errors and process noise; and the expected saturating cost. Four models.
-//   bands       closed loops under process noise, parameters off by up to 30 % and learnt: share of the true states that
-//               fall into the 90 % band which was foreseen so many periods before. Goal: 87 to 93 %.
-//   rail        a swing-up on a rail of +-0.8 m under process noise, parameters known, sqp: share of 300 runs that leave
-//               the rail, with bounds held for the means, with a margin, and with chance constraints.
+//   bands       closed loops under process noise, parameters off by up to 30 % and learnt: share of the true states
+//               that fall into the 90 % band which was foreseen so many periods before. Goal: 87 to 93 %.
+//   rail        a swing-up on a rail of +-0.8 m under process noise, parameters known, sqp: share of 300 runs that
+//               leave the rail, with bounds held for the means, with a margin, and with chance constraints.
 //
 // Settings were chosen on seeds from 1001 on.
 //

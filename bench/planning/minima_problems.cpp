@@ -58,7 +58,6 @@ MinimaProblem read_problem(const toml::table& table) {
   MinimaProblem problem;
   problem.name = text(table, "name");
   problem.minima = text(table, "minima");
-  problem.single = table["single"].value_or(false);
   tiller::Config& c = problem.config;
   const tiller_model_t* model = tiller_find_model(text(table, "model").c_str());
   if (!model || tiller_config_default(&c, model) != tiller_status_ok) refuse(problem.name, "model");

@@ -12,7 +12,6 @@ namespace tiller::bench {
 struct MinimaProblem {
   std::string name;
   std::string minima;     ///< how its local minima differ
-  bool single = false;    ///< a control: there is only one
   tiller::Config config;  ///< without the planner's settings
 
   double optimum = 0.0;         ///< the reference's cost

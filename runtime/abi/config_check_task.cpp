@@ -123,11 +123,14 @@ Finding check_planner(const tiller_config_t& c) {
   constexpr tiller_status_t kBad = tiller_status_bad_planner;
   if (find_planner(p.kind) == nullptr) return {kBad, "planner.kind"};
   if (p.qp_solver == tiller_qp_osqp && !has_osqp()) return {kBad, "planner.qp_solver"};
+  // the filter's covariance of an attitude is of three differences, the linearised path's of four components
+  if (p.predict_spread != 0 && c.model->quaternion_mask != 0) return {kBad, "planner.predict_spread"};
   return check_tree(p, c.model->input_count);
 }
 
 Finding check_cost(const tiller_config_t& c) {
   const std::uint32_t states = c.model->state_count;
+  if (c.cost.bound_risk > 0.0 && c.model->quaternion_mask != 0) return {tiller_status_bad_cost, "cost.bound_risk"};
   Finding finding = check_state_terms(c.cost, states);
   if (finding.status == tiller_status_ok) finding = check_attitudes(c.cost, *c.model);
   if (finding.status == tiller_status_ok) finding = check_obstacles(c.cost, states);

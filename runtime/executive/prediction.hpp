@@ -9,8 +9,8 @@
 namespace tiller {
 
 /// Where a plan is expected to lead: mean and deviation of the state at each step, as a mixture of Gaussians about the
-/// hypotheses of the belief. Each hypothesis follows the plan's inputs, and its feedback where the planner has one, within
-/// the limits; around it lies the spread of predicted_spread.hpp. What the robot will learn on the way is not foreseen.
+/// hypotheses of the belief. Each hypothesis follows the plan's inputs, and its feedback where the planner has one,
+/// within the limits; around it lies the spread of predicted_spread.hpp. What the robot will learn is not foreseen.
 /// That plans are made again is: by how much the inputs sent have differed from what plan and feedback said a tick
 /// before (samples make every plan a little random) is a running mean over some 20 plans.
 class Prediction {

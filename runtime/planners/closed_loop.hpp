@@ -7,14 +7,14 @@ namespace tiller {
 struct Sampler;
 struct SamplingMethod;
 
-/// The closed loop of a sampling plan. A sequence that all hypotheses share open loop pays for spread that the robot will
-/// see and correct. So every sample is rolled out on the mean hypothesis first, and each hypothesis then follows that
-/// motion under an ancillary feedback (tube-based MPPI of Williams et al. 2018 has the same law around one motion),
+/// The closed loop of a sampling plan. A sequence that all hypotheses share open loop pays for spread that the robot
+/// will see and correct. So every sample is rolled out on the mean hypothesis first, and each hypothesis then follows
+/// that motion under an ancillary feedback (tube-based MPPI of Williams et al. 2018: the same law, around one motion),
 ///
 ///     u = cut(u_k + K_k (x - reference_k)),   k >= shared_steps
 ///
-/// with the gains of one Riccati sweep around the plan that the tick begins with: one backward pass a tick, and a rollout
-/// of the mean beside those of the M hypotheses. Gains are zero where the plan is not finite.
+/// with the gains of one Riccati sweep around the plan that the tick begins with: one backward pass a tick, and a
+/// rollout of the mean beside those of the M hypotheses. Gains are zero where the plan is not finite.
 struct ClosedLoop {
   PathPlan path;                // the mean hypothesis under the plan
   bool has_gain = false;        // of this plan

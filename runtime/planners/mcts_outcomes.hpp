@@ -17,8 +17,8 @@ namespace tiller {
 ///
 /// Two hypotheses d = |(y_i - y_j) / s| apart are taken for each other with probability Phi(-d / 2) (two normals of
 /// equal covariance and weight; Duda, Hart and Stork, "Pattern classification", 2001, section 2.8). They are told apart
-/// from d = 6 on, where that is 0.13 %. What is seen in between, at every period of a choice, is not counted: an outcome
-/// is assumed later rather than sooner.
+/// from d = 6 on, where that is 0.13 %. What is seen in between, at every period of a choice, is not counted: an
+/// outcome is assumed later rather than sooner.
 class Outcomes {
  public:
   /// `leaves` of a batch, `knots` of a horizon. Nothing where one hypothesis is planned over or nothing is measured.

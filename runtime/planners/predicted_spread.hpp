@@ -7,8 +7,8 @@
 
 namespace tiller {
 
-/// Spread of one hypothesis' state along a path, linearised. The estimate's error E is a Kalman filter's under the sensors
-/// that will be read; the estimate is steered back by the path's gains, u = u_k + K_k (estimate - path), and spreads by S:
+/// Spread of one hypothesis' state along a path, linearised. The estimate's error E is a Kalman filter's under the
+/// sensors that will be read; the path's gains steer the estimate, u = u_k + K_k (estimate - path); it spreads by S:
 ///
 ///     E' = filter(A E A' + Q)
 ///     S' = (A + B K) S (A + B K)' + (A E A' + Q - E') + B U B',    S = 0 at the start
@@ -38,8 +38,8 @@ void begin_spread(const StateSpread& spread, std::uint32_t size, double* error, 
 /// AS 241, to 1e-7).
 double gaussian_quantile_above(double risk);
 
-/// E of 1 - exp(-1/2 sum ((x_i - t_i) / width_i)^2) for x ~ N(mean, covariance), all of size n (Deisenroth and Rasmussen
-/// 2011): 1 - |I + P W|^(-1/2) exp(-1/2 d' W (I + P W)^(-1) d). difference (n) = mean - t; width INFINITY: no say.
+/// E of 1 - exp(-1/2 sum ((x_i - t_i) / width_i)^2) for x ~ N(mean, covariance), all of size n (Deisenroth and
+/// Rasmussen 2011): 1 - |I + P W|^(-1/2) exp(-1/2 d' W (I + P W)^(-1) d). difference (n) = mean - t; width INFINITY: no say.
 /// NaN where the covariance is not one. n <= TILLER_MAX_STATES. Cost: O(n^3).
 double expected_saturating_cost(std::uint32_t n, const double* difference, const double* covariance,
                                 const double* width);

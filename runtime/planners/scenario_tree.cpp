@@ -183,9 +183,9 @@ double mean_input(const ScenarioTree& t, std::size_t at) {
   return sum;
 }
 
-/// Of its old inputs and the mean of all branches', each branch takes what costs its present hypothesis less: hypotheses
-/// are drawn anew every tick, and while much is learnt they are not those that the branches were planned for. False where
-/// neither leads to a finite motion.
+/// Of its old inputs and the mean of all branches', each branch takes what costs its present hypothesis less.
+/// Hypotheses are drawn anew every tick, and while much is learnt they are not those that the branches were planned
+/// for. False where neither leads to a finite motion.
 bool begin_paths(ScenarioTree& t) {
   PathPlan& first = t.branch[0];
   const std::size_t rows = std::size_t{first.horizon} * first.nu;

@@ -4,13 +4,13 @@
 
 namespace tiller {
 
-/// iLQR on a tree of scenarios: the inputs of the first `shared` periods are one sequence for all hypotheses (nothing has
-/// been seen yet that tells them apart), each hypothesis then has inputs of its own (after that it is known; the
+/// iLQR on a tree of scenarios: the inputs of the first `shared` periods are one sequence for all hypotheses (nothing
+/// has been seen yet that tells them apart), each hypothesis then has inputs of its own (after that it is known; the
 /// multi-stage MPC of Lucia, Finkler and Engell, J. Process Control 2013, with one branching). Single shooting.
 ///
 /// Behind the shared periods the linear-quadratic problem falls apart: a sweep is M sweeps of one scenario each, whose
-/// costs to go, under the risk's weights, end the one of M stacked scenarios over the shared periods. For M = 8 and one
-/// shared period that is some 20 times less work than one sequence for all.
+/// costs to go, under the risk's weights, end the one of M stacked scenarios over the shared periods. A stage behind
+/// them updates M blocks of the value function in the place of M (M + 1) / 2.
 struct ScenarioTree {
   PathPlan* branch = nullptr;  // (most) of one scenario each, over the whole horizon
   std::uint32_t most = 0;      // hypotheses that there is room for

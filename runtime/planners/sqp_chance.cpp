@@ -1,6 +1,6 @@
-// Chance constraints of sqp: hard bounds stand back by a quantile of the predicted spread, so that the motion ahead leaves
-// them, anywhere, with the probability asked for. The spread is that of a robot that is measured and steered along the path
-// (predicted_spread.hpp): without the feedback an unstable one would leave no room between its bounds.
+// Chance constraints of sqp: hard bounds stand back by a quantile of the predicted spread, so that the motion ahead
+// leaves them, anywhere, with the probability asked for. The spread is that of a robot that is measured and steered
+// along the path (predicted_spread.hpp): without the feedback an unstable one would leave no room between its bounds.
 
 #include <algorithm>
 #include <cmath>

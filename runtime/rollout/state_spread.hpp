@@ -16,7 +16,7 @@ struct StateSpread {
   double sensor_variance[TILLER_MAX_STATES] = {};                 // of what is read every period; infinity: not read
 };
 
-/// Covariance (nx x nx) that a period adds, from deviations per square root of a second (nx). Noise of a joint's velocity
+/// Covariance (nx x nx) that a period adds, from deviations per square root of a second (nx). Noise of a joint's rate
 /// is an acceleration that is white in time, so it reaches the position within the period: q^2 [dt^3/3, dt^2/2; dt^2/2,
 /// dt] (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 6.2.2).
 /// Of other states it is a random walk.

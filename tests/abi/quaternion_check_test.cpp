@@ -41,6 +41,12 @@ TEST(QuaternionCheck, DefaultsAreNoRotationAndMeasureTheAttitude) {
   for (std::uint8_t i = 0; i < 7; ++i) EXPECT_EQ(c.measured_state[i], i);
 }
 
+TEST(QuaternionCheck, PredictedSpreadsAreOfModelsWithoutAttitudes) {
+  EXPECT_EQ(refused([](C& c) { c.planner.predict_spread = 1; }), "planner.predict_spread");
+  EXPECT_EQ(refused([](C& c) { c.cost.bound_risk = 0.05; }), "cost.bound_risk");
+  EXPECT_EQ(refused([](C& c) { c.planner.noisy_rollouts = 1; }), "");
+}
+
 TEST(QuaternionCheck, StartTargetAndReferenceAreOfUnitLength) {
   EXPECT_EQ(refused([](C& c) { c.initial_state[3] = 0; }), "initial_state[3]");
   EXPECT_EQ(refused([](C& c) { c.initial_state[4] = 0.1; }), "initial_state[3]");

@@ -573,13 +573,13 @@ tiller_status_t tiller_get_quantile(const tiller_t* t, uint32_t param, double q,
 tiller_status_t tiller_get_contraction(const tiller_t* t, uint32_t* d, double* variance_ratio, double* direction);
 /** The planned inputs, (horizon x nu) row-major, first the one in force. Returns the number of steps copied. */
 uint32_t tiller_get_plan(const tiller_t* t, double* inputs, uint32_t steps);
-/** Feedback around the plan, from planners that have it (ilqr, sqp, hybrid; with closed_loop mppi, cem and
- *  random_shooting): u = input + gain (x - state) for plan step `step`, at any rate between two ticks. gain (nu x nx, row-major), state (nx), input (nu); any pointer may be null. bad_planner where the
- *  planner has none, bad_dimension past the horizon. */
+/** Feedback around the plan, from planners that have it (ilqr, sqp, hybrid; with closed_loop mppi, cem, random_shooting):
+ *  u = input + gain (x - state) for plan step `step`. gain (nu x nx, row-major), state (nx), input (nu), each nullable.
+ *  bad_planner where the planner has none, bad_dimension past the horizon. */
 tiller_status_t tiller_get_feedback(const tiller_t* t, uint32_t step, double* gain, double* state, double* input);
 /** The state `step` periods after the last plan's first command takes effect, under its inputs and its feedback (where
- *  the planner has one): mean (nx) and standard deviation (nx), of the parameters' particles, of the state's estimate and
- *  of the process noise; either may be null. Angles go on without wrapping. bad_planner without planner.predict_spread,
+ *  the planner has one): mean (nx) and standard deviation (nx), of the particles, of the state's estimate and of the
+ *  process noise; either may be null. Angles go on without wrapping. bad_planner without planner.predict_spread,
  *  wrong_state before the first plan, bad_dimension past the horizon. The plan has computed it: this copies. */
 tiller_status_t tiller_get_prediction(const tiller_t* t, uint32_t step, double* mean, double* sd);
 /** One particle: params (np), state (nx), normalised weight; any pointer may be null. */
