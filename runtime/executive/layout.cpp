@@ -54,6 +54,7 @@ void keep_arrays(Arena& arena, tiller_config_t& c) {
   (void)keep(arena, c.effects, c.effect_count);
   (void)keep(arena, c.priors, c.param_count);
   (void)keep(arena, c.cost.obstacles, c.cost.obstacle_count);
+  (void)keep(arena, c.safety.cones, c.safety.cone_count);
   const struct {
     const double*& array;
     std::size_t count;

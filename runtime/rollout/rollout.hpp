@@ -176,6 +176,7 @@ struct Belief {
   const float* state = nullptr;         // (nx x M)
   const float* effect_state = nullptr;  // (ns x M)
   const float* history = nullptr;       // (delay_steps x nu) newest first, shared
+  const float* weight = nullptr;        // (M) of each hypothesis, sum one; null: all alike
   // what is not known of the state beside the hypotheses (rollout/state_spread.hpp); null: nothing
   const StateSpread* spread = nullptr;
 };

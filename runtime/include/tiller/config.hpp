@@ -24,6 +24,7 @@ struct Config : tiller_config_t {
   double state_high[TILLER_MAX_STATES];                          ///< cost.state_high: none
   double bound_weight[TILLER_MAX_STATES] = {};                   ///< cost.bound_weight
   tiller_obstacle_t obstacles[TILLER_MAX_OBSTACLES] = {};        ///< cost.obstacles
+  tiller_input_cone_t cones[TILLER_MAX_INPUT_CONES] = {};        ///< safety.cones
   double hold_gain[TILLER_MAX_INPUTS * TILLER_MAX_STATES] = {};  ///< safety.hold_gain, rows of the model's states
   double measurement_low[TILLER_MAX_MEASUREMENTS];               ///< safety.measurement_low: none
   double measurement_high[TILLER_MAX_MEASUREMENTS];              ///< safety.measurement_high: none
@@ -51,6 +52,7 @@ struct Config : tiller_config_t {
     cost.state_high = state_high;
     cost.bound_weight = bound_weight;
     cost.obstacles = obstacles;
+    safety.cones = cones;
     safety.hold_gain = hold_gain;
     safety.measurement_low = measurement_low;
     safety.measurement_high = measurement_high;
@@ -85,6 +87,7 @@ struct Config : tiller_config_t {
     copy(other.cost.state_high, nx, state_high);
     copy(other.cost.bound_weight, nx, bound_weight);
     copy(other.cost.obstacles, other.cost.obstacle_count, obstacles);
+    copy(other.safety.cones, other.safety.cone_count, cones);
     copy(other.safety.hold_gain, nu * nx, hold_gain);
     copy(other.safety.measurement_low, other.measurement_count, measurement_low);
     copy(other.safety.measurement_high, other.measurement_count, measurement_high);
@@ -100,6 +103,7 @@ struct Config : tiller_config_t {
     copy(other.state_high, TILLER_MAX_STATES, state_high);
     copy(other.bound_weight, TILLER_MAX_STATES, bound_weight);
     copy(other.obstacles, TILLER_MAX_OBSTACLES, obstacles);
+    copy(other.cones, TILLER_MAX_INPUT_CONES, cones);
     copy(other.hold_gain, TILLER_MAX_INPUTS * TILLER_MAX_STATES, hold_gain);
     copy(other.measurement_low, TILLER_MAX_MEASUREMENTS, measurement_low);
     copy(other.measurement_high, TILLER_MAX_MEASUREMENTS, measurement_high);
@@ -110,6 +114,7 @@ struct Config : tiller_config_t {
     own(other.state_high, cost.state_high, state_high);
     own(other.bound_weight, cost.bound_weight, bound_weight);
     own(other.obstacles, cost.obstacles, obstacles);
+    own(other.cones, safety.cones, cones);
     own(other.hold_gain, safety.hold_gain, hold_gain);
     own(other.measurement_low, safety.measurement_low, measurement_low);
     own(other.measurement_high, safety.measurement_high, measurement_high);

@@ -39,7 +39,7 @@ extern "C" {
 
 #define TILLER_VERSION_MAJOR 0
 #define TILLER_VERSION_MINOR 1
-#define TILLER_CONFIG_VERSION 9u
+#define TILLER_CONFIG_VERSION 10u
 #define TILLER_ALIGNMENT 64u /**< of the caller's block: one AVX-512 register, one cache line */
 #define TILLER_MAX_MEASUREMENTS TILLER_MAX_STATES
 
@@ -128,6 +128,13 @@ typedef enum tiller_risk {
   tiller_risk_cvar = 1, /**< mean of the worst (1 - alpha) share of whole trajectories */
   tiller_risk_worst = 2 /**< the costliest particle */
 } tiller_risk_t;
+
+/** Which hypotheses a planner plans over. */
+typedef enum tiller_hypotheses {
+  tiller_hypotheses_drawn = 0,       /**< from the posterior, equally likely */
+  tiller_hypotheses_sigma_points = 1 /**< its mean, and points to both sides of it along the widest axes of its
+                                          covariance, weighed so that mean and covariance along them are exact */
+} tiller_hypotheses_t;
 
 /** Interpolation between the knots of a sampled sequence. */
 typedef enum tiller_interpolation {
@@ -226,6 +233,8 @@ typedef struct tiller_planner_config {
   double noise_colour;       /**< power of the samples' spectrum over the knots goes as f^-colour; 0 white, 2 a
                                     random walk; in [0, 4] */
   double filter;             /**< MPPI, PDDM's beta, 1e-6..1: n_t = beta noise_t + (1 - beta) n_(t-1); 1: off */
+  double anneal_iterations;  /**< e-folds by which the spread falls from a tick's first iteration to its last, [0, 20] */
+  double anneal_horizon;     /**< e-folds by which the first knot's spread is below the last one's, [0, 20] */
 
   /* plans that will learn */
   uint32_t closed_loop;  /**< 1: each particle corrects its way by feedback on its own state (sampling planners), or has
@@ -235,6 +244,8 @@ typedef struct tiller_planner_config {
       predict_spread; /**< 1: every plan comes with mean and deviation of the states ahead: tiller_get_prediction */
   uint32_t noisy_rollouts; /**< 1: each particle's rollouts carry a start error and process noise, drawn once a tick for
                                 all samples (sampling planners) */
+  uint32_t hypotheses; /**< tiller_hypotheses_t */
+  uint32_t reserved;   /**< 0 */
 
   /* gradient planners */
   uint32_t shooting;          /**< iLQR, SQP, hybrid: tiller_shooting_t */
@@ -268,6 +279,12 @@ typedef enum tiller_terminal {
   tiller_terminal_lqr = 1       /**< that, and the LQR cost-to-go at `target` for the priors' centre: the horizon then
                                     goes on for ever as far as the model is linear there */
 } tiller_terminal_t;
+
+/** What is measured between a demonstrated distribution and the predicted one. */
+typedef enum tiller_divergence {
+  tiller_divergence_cross_entropy = 0, /**< -E log demonstration, under the prediction */
+  tiller_divergence_kl = 1             /**< KL(demonstration || prediction), entropies included */
+} tiller_divergence_t;
 
 /** A cost of your own in C: the slow path, one lane at a time, with central differences for gradients. The fast one
  *  is a template beside the model (docs/reference/costs.md). Pure functions; what is not finite fails the trajectory.
@@ -320,7 +337,7 @@ typedef struct tiller_cost_config {
   const double* bound_weight; /**< (nx) b, weights; null: zero */
   uint32_t hard_bounds;       /**< bit i: `sqp` keeps the bounds of state i as constraints (softened by an exact
                                    penalty only where they cannot be kept); other planners know b alone */
-  uint32_t reserved;
+  uint32_t demonstration_divergence; /**< tiller_divergence_t */
   double
       bound_risk; /**< `sqp`: hard bounds are kept so far away that the predicted spread carries the state beyond them
                           with this probability, over the horizon; in (0, 0.5], 0: off */
@@ -347,6 +364,16 @@ typedef struct tiller_cost_config {
   uint32_t output_count; /**< the model's count of outputs, or 0 */
 } tiller_cost_config_t;
 
+/** A second-order cone of inputs: sqrt(sum over `inputs` of u_i^2) <= limit + slope * u_axis. With slope 0 the limit of
+ *  a norm (a thruster's largest force, a pair's current), else a friction or gimbal cone. */
+typedef struct tiller_input_cone {
+  uint32_t inputs; /**< bit i: input i stands in the norm; 0 lies within its limits */
+  uint32_t axis;   /**< input along the cone's axis; read with a slope, and in no cone's norm */
+  double slope;    /**< a weight; limit + slope * input_low[axis] is not negative */
+  double limit;    /**< a scale, or 0 with a slope */
+} tiller_input_cone_t;
+#define TILLER_MAX_INPUT_CONES 4
+
 /** Limits and the answers to faults. */
 typedef struct tiller_safety_config {
   double input_low[TILLER_MAX_INPUTS]; /**< command limits, values */
@@ -362,6 +389,8 @@ typedef struct tiller_safety_config {
   uint32_t frozen_ticks;                /**< identical readings in a row under a moving plan: SAFE; 0: off */
   uint32_t bad_ticks_to_safe;           /**< consecutive rejected measurements: SAFE */
   uint32_t hold_ticks_to_safe;          /**< consecutive ticks in HOLD: SAFE; 0: HOLD may last */
+  uint32_t cone_count;                  /**< 0..TILLER_MAX_INPUT_CONES */
+  const tiller_input_cone_t* cones;     /**< (cone_count) kept by every planner and by the last gate */
 } tiller_safety_config_t;
 
 /** Everything a controller is made from. Constant after init: it is copied into the block, with the arrays of priors,
