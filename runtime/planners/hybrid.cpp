@@ -2,6 +2,9 @@
 // iterations of iLQR from whichever costs less, what sampling settled on or the shifted old plan. The sampler keeps a
 // mean of its own: drawn to the refined plan, it would search the valley that is known already.
 //
+// A scout beside it begins far from the plan and is refined as often, for one hypothesis alone (scout.hpp). Where its
+// motion costs less on all of them, the plan goes on from it: the cheapest sample seldom lies in the best valley.
+//
 // A refinement from samples is one of multiple shooting, over as many plans as it takes to close the path's defects.
 // Then single shooting goes on: to keep shooting multiple finds cheaper plans that hop between valleys, and costs more
 // in closed loop (docs/evidence/planners.md).
@@ -11,9 +14,8 @@
 #include <limits>
 
 #include "planners/flush_to_zero.hpp"
-#include "planners/ilqr.hpp"
 #include "planners/line_search.hpp"
-#include "planners/sampler.hpp"
+#include "planners/scout.hpp"
 
 namespace tiller {
 
@@ -23,11 +25,13 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kClosed = 1e-6;  // share of its cost that a motion may cost more than the path that it replaces
+constexpr double kCheaper = 1e-3;  // share of its cost that the scout has to save: equal ones take no turns
 constexpr double kOpenLoop[kCandidates] = {};
 
 struct Hybrid {
   Sampler* sampler = nullptr;
   Ilqr* gradient = nullptr;
+  Scout scout;
   double* other = nullptr;  // (N x nu) inputs of the motion that a refinement begins from
   double start_cost = 0.0;  // and their cost
   double path_merit = 0.0;  // of the last plan's path with its defects; infinity: it is a motion
@@ -91,18 +95,6 @@ bool choose_start(Hybrid& h) {
   return std::isfinite(s.cost);
 }
 
-/// The path becomes the motion of `inputs`, and single shooting goes on from it. A rollout multiplies by the path's
-/// states even where it takes no share of them, so that those that are given up go first.
-void close_on(Ilqr& s, const double* inputs) {
-  PathPlan& p = s.plan;
-  const std::size_t row = std::size_t{p.scenarios} * p.nz;
-  for (std::size_t k = 0; k <= p.horizon; ++k) std::memcpy(p.state + k * row, p.start, row * sizeof(double));
-  std::memcpy(p.control, inputs, input_bytes(p));
-  s.single = true;
-  s.settled = s.standing = p.has_gain = false;
-  roll_open(s);
-}
-
 /// What a path of multiple shooting sends: its motion, or the one that it began from, whichever costs less. The path
 /// ends where its own motion is as cheap as it is, and where the motion that it began from is cheaper than the path
 /// with its defects.
@@ -123,8 +115,30 @@ void settle(Hybrid& h) {
     s.cost = h.start_cost;
     s.settled = true;
   } else {
-    close_on(s, h.other);
+    (void)restart_path(s, h.other);
   }
+}
+
+/// The scout's motion becomes the path where it costs less on all hypotheses. A path with defects that promises more is
+/// left to close them first.
+void weigh_scout(Hybrid& h) {
+  Ilqr& s = *h.gradient;
+  PathPlan& p = s.plan;
+  const double worth = s.single ? s.cost : std::fmin(s.cost, h.path_merit);
+  if (!(h.scout.gradient->cost < p.path_cost[0])) return;
+  std::memcpy(h.scout.inputs, p.control, input_bytes(p));
+  std::memcpy(p.control, h.scout.gradient->plan.control, input_bytes(p));
+  roll_candidates(p, kOpenLoop, kOpenLoop);
+  const double cost = candidate_risk(p, kWarm);
+  if (!(cost < worth - kCheaper * std::fabs(worth))) {
+    std::memcpy(p.control, h.scout.inputs, input_bytes(p));
+    return;
+  }
+  take_candidate(p, kWarm);
+  s.single = true;
+  s.settled = s.standing = p.has_gain = false;
+  s.cost = cost;
+  h.scout.plans = 0;
 }
 
 /// Iterations within `request`'s cap; the number completed.
@@ -152,6 +166,7 @@ std::uint32_t iterate(Hybrid& h, const PlanRequest& request, PlanResult& result)
     if (!(s.single ? iterate_single(s) : iterate_multiple(s))) s.converged = true;
   }
   settle(h);
+  if (cap > 1 && search_on(h.scout, *h.sampler, s.plan, request, cap - 1)) weigh_scout(h);
   if (!s.converged && done < most && done < s.plan.settings->iterations) result.status = tiller_status_iteration_capped;
   return done;
 }
@@ -175,6 +190,7 @@ void reset(void* self) {
   Hybrid& h = *static_cast<Hybrid*>(self);
   mppi_planner.reset(h.sampler);
   reset_ilqr(*h.gradient);
+  reset_scout(h.scout);
 }
 
 void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
@@ -183,8 +199,11 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
   double* other = arena.take<double>(std::size_t{config.planner.horizon} * config.model->input_count);
   void* sampler = mppi_planner.lay_out(arena, config, setup, table, hooks);
   Ilqr* gradient = lay_out_ilqr(arena, config, setup, table, config.planner.shooting == tiller_shooting_single);
+  Scout scout;
+  lay_out_scout(arena, config, setup, table, scout);
   if (!h || !arena.fits()) return nullptr;
-  *h = {static_cast<Sampler*>(sampler), gradient, other, 0.0, kInfinity};
+  *h = {static_cast<Sampler*>(sampler), gradient, scout, other, 0.0, kInfinity};
+  reset_scout(h->scout);
   return h;
 }
 

@@ -71,6 +71,16 @@ bool roll_open(Ilqr& s) {
   return std::isfinite(cost);
 }
 
+bool restart_path(Ilqr& s, const double* inputs) {
+  PathPlan& p = s.plan;
+  const std::size_t row = std::size_t{p.scenarios} * p.nz;
+  for (std::size_t k = 0; k <= p.horizon; ++k) std::memcpy(p.state + k * row, p.start, row * sizeof(double));
+  std::memcpy(p.control, inputs, std::size_t{p.horizon} * p.nu * sizeof(double));
+  s.single = true;
+  s.settled = s.standing = p.has_gain = false;
+  return roll_open(s);
+}
+
 bool iterate_single(Ilqr& s) {
   PathPlan& p = s.plan;
   stand(s);
@@ -266,10 +276,10 @@ void reset_ilqr(Ilqr& s) {
 }
 
 Ilqr* lay_out_ilqr(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
-                   bool single) {
+                   bool single, std::uint32_t most_scenarios) {
   auto* s = arena.take<Ilqr>(1);
   Ilqr nobody;
-  lay_out_path_plan(arena, config, setup, table, s ? s->plan : nobody.plan);
+  lay_out_path_plan(arena, config, setup, table, s ? s->plan : nobody.plan, most_scenarios);
   if (!s || !arena.fits()) return nullptr;
   s->single = single;
   reset_ilqr(*s);

@@ -19,9 +19,9 @@ struct Ilqr {
   bool settled = false;  // multiple shooting: the sequence to send is not the path's
 };
 
-/// Null while the arena measures.
+/// Null while the arena measures. For no more than `most_scenarios`.
 Ilqr* lay_out_ilqr(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
-                   bool single);
+                   bool single, std::uint32_t most_scenarios = TILLER_MAX_SCENARIOS);
 void reset_ilqr(Ilqr& s);
 
 /// Takes command, belief and tick of a request; the path is the old plan's, shifted. False without a belief.
@@ -30,6 +30,10 @@ bool take_request(Ilqr& s, const PlanRequest& request);
 /// The path becomes the motion of the model from the start under its inputs; false, and it stays, where that is not
 /// finite.
 bool roll_open(Ilqr& s);
+
+/// The path becomes the motion under `inputs` (N x nu), and single shooting goes on from it; false where it is not
+/// finite. A rollout multiplies by the path's states even where it takes no share of them: those given up go first.
+bool restart_path(Ilqr& s, const double* inputs);
 
 /// One iteration of single shooting from a path that is a motion; false where nothing finite came of it.
 bool iterate_single(Ilqr& s);

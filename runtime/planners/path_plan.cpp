@@ -64,6 +64,20 @@ bool take_belief(PathPlan& p, const Belief* belief) {
   return true;
 }
 
+Belief one_hypothesis(const PathPlan& p, const Belief& belief, std::uint32_t j, float* room) {
+  const auto take = [&](const float* rows, std::uint32_t count) {
+    for (std::uint32_t i = 0; i < count; ++i) room[i] = rows[i * belief.count + j];
+    room += count;
+    return room - count;
+  };
+  Belief one;
+  one.count = 1;
+  one.params = take(belief.params, p.np);
+  one.state = take(belief.state, p.nx);
+  one.effect_state = take(belief.effect_state, p.ns);
+  return one;
+}
+
 void shift_path(PathPlan& p, std::uint64_t tick) {
   const bool first = !p.has_sequence;
   const std::uint64_t ticks = first || tick < p.last_tick ? 0 : tick - p.last_tick;

@@ -1,0 +1,120 @@
+#include "planners/scout.hpp"
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "core/rng.hpp"
+
+namespace tiller {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kClosed = 1e-6;  // share of its cost that a motion may cost more than the path that it replaces
+// of the planner's random numbers; no plan has so many iterations
+constexpr std::uint64_t kStream = (std::uint64_t{kRngPlanner} << 32) | (0xffffu << 16);
+constexpr std::uint32_t kWidest = 4;      // of the sampler's kScales scales
+constexpr std::uint32_t kTried = 8;       // samples of which a search begins from the cheapest
+constexpr std::uint32_t kMostPlans = 12;  // of a search; what has not become a cheaper motion by then seldom does
+
+/// The cheapest of a few of the widest samples, drawn anew for each search.
+std::uint32_t choose_sample(const Sampler& sampler, std::uint64_t begun) {
+  const std::uint32_t groups = sampler.rollouts / kScales;
+  std::uint32_t best = 0;
+  float least = std::numeric_limits<float>::infinity();
+  for (std::uint32_t n = 0; n < kTried; ++n) {
+    const Philox::Words w = Philox::draw(sampler.seed, begun, kStream | n);
+    const std::uint32_t k = w.w[0] % groups * kScales + w.w[1] % kWidest;
+    if (k >= 2 && sampler.cost[k] < least) {
+      best = k;
+      least = sampler.cost[k];
+    }
+  }
+  return best;
+}
+
+/// The sample's inputs; every other search adds what tells the sample from the sampler's mean to the present plan.
+bool begin(Scout& s, const Sampler& sampler, const PathPlan& present) {
+  PathPlan& p = s.gradient->plan;
+  const std::uint32_t sample = choose_sample(sampler, s.begun);
+  for (std::uint32_t r = 0; r < sampler.rows; ++r)
+    s.knots[r] = static_cast<double>(sampler.knots[std::size_t{r} * sampler.rollouts + sample]);
+  expand_sequence(sampler.grid, sampler.limits, s.knots, sampler.start, s.sequence, nullptr,
+                  sampler.cubic ? sampler.knot_before : nullptr);
+  const bool moves_plan = s.begun++ % 2 != 0;
+  for (std::size_t i = 0; i < std::size_t{p.horizon} * p.nu; ++i) {
+    s.inputs[i] = static_cast<double>(s.sequence[i]);
+    if (!moves_plan) continue;
+    const double moved = s.inputs[i] + present.control[i] - static_cast<double>(sampler.sequence[i]);
+    s.inputs[i] = std::fmin(std::fmax(moved, p.low[i % p.nu]), p.high[i % p.nu]);
+  }
+  p.has_path = p.has_gain = false;
+  p.problem.regularisation = p.settings->regularisation;
+  return restart_path(*s.gradient, s.inputs);
+}
+
+/// The path becomes its own motion where that costs no more.
+void close_path(Ilqr& g) {
+  PathPlan& p = g.plan;
+  const double path = g.standing ? p.risk.value(p.path_cost) : kInfinity;
+  const std::uint32_t chosen = settle_multiple(g);
+  if (!g.settled || g.cost > path + kClosed * std::fabs(path)) return;
+  take_candidate(p, chosen);
+  g.single = true;
+  g.settled = g.standing = false;
+}
+
+/// The path of this tick, a motion where it was one; false where there is none.
+bool resume(Scout& s, const Sampler& sampler, const PathPlan& present, const PlanRequest& request) {
+  Ilqr& g = *s.gradient;
+  const Belief one = one_hypothesis(g.plan, *request.belief, 0, s.hypothesis);
+  PlanRequest own = request;
+  own.belief = &one;
+  if (!take_request(g, own)) return false;
+  g.standing = g.solved = g.converged = false;
+  g.shooting.penalty = 0.0;
+  if (s.plans > 0) return !g.single || roll_open(g);
+  if (!begin(s, sampler, present)) return false;
+  g.single = g.plan.settings->shooting == tiller_shooting_single;
+  return true;
+}
+
+}  // namespace
+
+bool search_on(Scout& s, const Sampler& sampler, const PathPlan& present, const PlanRequest& request,
+               std::uint32_t iterations) {
+  Ilqr& g = *s.gradient;
+  if (!resume(s, sampler, present, request)) {
+    s.plans = 0;
+    return false;
+  }
+  bool sound = true;
+  for (std::uint32_t i = 0; i < iterations && sound && !g.converged; ++i) {
+    if (request.deadline.passed()) break;
+    sound = g.single ? iterate_single(g) : iterate_multiple(g);
+  }
+  if (sound && !g.single) close_path(g);
+  const bool motion = g.single && std::isfinite(g.cost);
+  ++s.plans;
+  if (!sound || s.plans >= kMostPlans || (motion && g.converged)) s.plans = 0;
+  return motion;
+}
+
+void lay_out_scout(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+                   Scout& s) {
+  const std::size_t count = std::size_t{config.planner.horizon} * config.model->input_count;
+  s.gradient = lay_out_ilqr(arena, config, setup, table, true, 1);
+  const std::size_t np = config.param_count, nx = config.model->state_count;
+  s.hypothesis = arena.take<float>(np + nx + setup.effect_state_count);
+  s.knots = arena.take<double>(std::size_t{config.planner.knots} * config.model->input_count);
+  s.inputs = arena.take<double>(count);
+  s.sequence = arena.take<float>(count);
+}
+
+void reset_scout(Scout& s) {
+  reset_ilqr(*s.gradient);
+  s.plans = 0;
+  s.begun = 0;
+}
+
+}  // namespace tiller

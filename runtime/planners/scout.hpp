@@ -1,0 +1,31 @@
+#pragma once
+
+#include "planners/ilqr.hpp"
+#include "planners/sampler.hpp"
+
+namespace tiller {
+
+/// A second plan beside that of `hybrid`, which begins far from it, from one of the widest samples, and is refined over
+/// several plans before anybody compares the two: a sample in a better valley costs more than the floor of a worse one.
+/// It is for the belief's first hypothesis alone, which keeps it cheap; whoever takes it weighs it on all of them.
+struct Scout {
+  Ilqr* gradient = nullptr;     // of one scenario
+  float* hypothesis = nullptr;  // (np + nx + ns)
+  double* knots = nullptr;      // (inputs * knots) of the sample
+  double* inputs = nullptr;     // (N x nu)
+  float* sequence = nullptr;    // (N x nu)
+  std::uint32_t plans = 0;      // since it began; 0: the next plan begins another
+  std::uint64_t begun = 0;
+};
+
+void lay_out_scout(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+                   Scout& s);
+void reset_scout(Scout& s);
+
+/// Up to `iterations` more of the scout for this request, after the sampler's iteration and the plan around `present`.
+/// True where it has become a motion; its cost on the first hypothesis is s.gradient->cost, its inputs are those of
+/// the path.
+bool search_on(Scout& s, const Sampler& sampler, const PathPlan& present, const PlanRequest& request,
+               std::uint32_t iterations);
+
+}  // namespace tiller
