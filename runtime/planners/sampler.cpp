@@ -76,7 +76,7 @@ bool prepare_iteration(Sampler& s) {
   }
   for (std::uint32_t r = 0; r < s.rows; ++r) {
     s.row_mean[r] = lane_number(s.mean[r]);
-    s.row_spread[r] = lane_number(s.spread[r]);
+    s.row_spread[r] = lane_number(anneal_of_row(s, r) * s.spread[r]);
   }
   return !s.method->draw || s.method->draw(s);
 }

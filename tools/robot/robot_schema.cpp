@@ -516,6 +516,8 @@ Words posterior_names() {
 }
 Words risk_names() { return {"mean", "cvar", "worst"}; }
 Words interpolation_names() { return {"linear", "cubic"}; }
+Words hypotheses_names() { return {"drawn", "sigma_points"}; }
+Words divergence_names() { return {"cross_entropy", "kl"}; }
 Words shooting_names() { return {"single", "multiple"}; }
 Words qp_names() { return {"riccati", "osqp"}; }
 Words figure_view_names() { return {"3d", "side", "top"}; }
