@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "planners/belief_weights.hpp"
 #include "planners/predicted_spread.hpp"
 
 namespace tiller {
@@ -33,6 +34,7 @@ void Prediction::lay_out(Arena& arena, const tiller_config_t& config, const Step
   a_ = rows(square);
   b_ = rows(std::size_t{nx_} * nu_);
   history_ = arena.take<double>(std::size_t{setup.delay_steps} * nu_);
+  weight_ = arena.take<double>(m);
   error_ = arena.take<double>(m * square);
   estimate_ = arena.take<double>(m * square);
   work_ = arena.take<double>(square + std::size_t{nx_} * nu_ + spread_scratch_size(nx_));
@@ -49,7 +51,8 @@ void Prediction::lay_out(Arena& arena, const tiller_config_t& config, const Step
 
 /// The belief as lanes; the padding repeats hypothesis 0. Angles stand on hypothesis 0's turn.
 void Prediction::take_start(const Belief& belief) {
-  hypotheses_ = std::min(belief.count, config_->planner.particles);
+  hypotheses_ = hypotheses_within(belief, config_->planner.particles);
+  fill_relative_weights(belief, hypotheses_, weight_);
   const auto take = [&](const float* from, std::uint32_t rows, double* to) {
     for (std::uint32_t r = 0; r < rows; ++r)
       for (std::uint32_t l = 0; l < lanes_; ++l)
@@ -128,11 +131,11 @@ void Prediction::summarise(std::uint32_t step) {
   for (std::uint32_t i = 0; i < nx_; ++i) {
     const double* row = state_ + i * lanes_;
     double mean = 0.0, between = 0.0, within = 0.0;
-    for (std::uint32_t j = 0; j < hypotheses_; ++j) mean += row[j] / hypotheses_;
+    for (std::uint32_t j = 0; j < hypotheses_; ++j) mean += weight_[j] * row[j] / hypotheses_;
     for (std::uint32_t j = 0; j < hypotheses_; ++j) {
       const std::size_t at = (std::size_t{j} * nx_ + i) * nx_ + i;
-      between += (row[j] - mean) * (row[j] - mean) / hypotheses_;
-      within += (error_[at] + estimate_[at]) / hypotheses_;
+      between += weight_[j] * (row[j] - mean) * (row[j] - mean) / hypotheses_;
+      within += weight_[j] * (error_[at] + estimate_[at]) / hypotheses_;
     }
     mean_[std::size_t{step} * nx_ + i] = mean;
     sd_[std::size_t{step} * nx_ + i] = std::sqrt(between + std::fmax(0.0, within));

@@ -40,6 +40,7 @@ class Prediction {
   double *state_ = nullptr, *params_ = nullptr, *effects_ = nullptr, *control_ = nullptr;  // rows of lanes
   double *next_ = nullptr, *a_ = nullptr, *b_ = nullptr;                                   // rows of lanes
   double* history_ = nullptr;                      // (delay_steps x nu) newest first
+  double* weight_ = nullptr;                       // (M) times M
   double *error_ = nullptr, *estimate_ = nullptr;  // (M x nx x nx)
   double* work_ = nullptr;
   double *gain_ = nullptr, *reference_ = nullptr, *input_ = nullptr;  // of a step of the plan

@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "core/arena.hpp"
+#include "planners/belief_weights.hpp"
 #include "planners/closed_loop.hpp"
 #include "planners/cost_frame.hpp"
 #include "planners/lane_table.hpp"
@@ -98,6 +99,8 @@ struct Sampler {
   // ---- one plan
   const PlanRequest* request = nullptr;
   std::uint32_t particles = 0, padded = 0;     // M, and M padded to kLanePadding
+  bool weighted = false;                       // the belief's hypotheses are
+  float particle_weight[64] = {};              // (M) sum one
   float* particle_state = nullptr;             // (M x nx) each particle's row is a splat for the rollouts
   float* particle_params = nullptr;            // (M x np)
   float* particle_effects = nullptr;           // (M x ns)
