@@ -39,8 +39,9 @@ void PlanningBelief::lay_out(Arena& arena, const tiller_config_t& config, const 
   final_state_ = arena.take<float>(std::size_t{nx} * lanes_);
   final_effect_ = arena.take<float>(std::size_t{ns} * lanes_);
   lookahead_ = arena.take<Lookahead>(count);
-  const bool spreads =
-      config.cost.bound_risk > 0.0 || config.planner.predict_spread != 0 || config.planner.noisy_rollouts != 0;
+  const bool spreads = config.cost.bound_risk > 0.0 || config.planner.predict_spread != 0 ||
+                       config.planner.noisy_rollouts != 0 ||
+                       config.cost.demonstration_divergence == tiller_divergence_kl;
   if (spreads) spread_ = arena.take<StateSpread>(1);
   points_.lay_out(arena, config, ns);
   belief_ = {count, params_, state_, effect_state_, over_delays ? nullptr : history_, points_.weight(), spread_};
