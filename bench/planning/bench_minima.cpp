@@ -12,7 +12,10 @@
 //
 // Goals: `hybrid`, which is for such costs, finds 18 of 20; no planner undercuts the reference.
 //
-//   bench_minima [--planner NAME] [--problem NAME] [--seeds N]
+// Sampling planners may be given other rollouts and iterations, and a spread that is annealed over a plan's iterations
+// and over its knots.
+//
+//   bench_minima [--planner NAME] [--problem NAME] [--seeds N] [--rollouts K] [--iterations I] [--anneal FOLDS FOLDS]
 
 #include <algorithm>
 #include <cmath>
@@ -33,11 +36,20 @@ using bench::MinimaProblem;
 constexpr double kFound = 0.01, kSameProblem = 1e-6, kGain = 1e-6;
 constexpr int kPatience = 200, kMostPlans = 1000;
 
+/// Of planners that sample, from the command line.
+struct Sampling {
+  std::uint32_t rollouts = 512, iterations = 0;  // 0: the problem's
+  double anneal_iterations = 0.0, anneal_horizon = 0.0;
+} sampling;
+
 tiller::Config planner_config(const MinimaProblem& problem, std::uint32_t kind, std::uint64_t seed) {
   tiller::Config c = problem.config;
   c.seed = seed;
   c.planner.kind = kind;
-  c.planner.rollouts = 512;
+  c.planner.rollouts = sampling.rollouts;
+  if (sampling.iterations > 0) c.planner.iterations = sampling.iterations;
+  c.planner.anneal_iterations = sampling.anneal_iterations;
+  c.planner.anneal_horizon = sampling.anneal_horizon;
   c.planner.refine_iterations = 5;
   if (kind == tiller_planner_hybrid) c.planner.iterations = 1 + c.planner.refine_iterations;
   for (std::uint32_t i = 0; i < c.model->input_count; ++i)
@@ -215,7 +227,14 @@ int main(int argc, char** argv) {
       only_problem = argv[++i];
     else if (!std::strcmp(argv[i], "--seeds") && more)
       seeds = static_cast<std::uint64_t>(std::max(1, bench::whole_number(argv[++i])));
-    else {
+    else if (!std::strcmp(argv[i], "--rollouts") && more)
+      sampling.rollouts = static_cast<std::uint32_t>(std::max(16, bench::whole_number(argv[++i])));
+    else if (!std::strcmp(argv[i], "--iterations") && more)
+      sampling.iterations = static_cast<std::uint32_t>(std::max(1, bench::whole_number(argv[++i])));
+    else if (!std::strcmp(argv[i], "--anneal") && i + 2 < argc) {
+      sampling.anneal_iterations = bench::real_number(argv[++i]);
+      sampling.anneal_horizon = bench::real_number(argv[++i]);
+    } else {
       std::fprintf(stderr, "bench_minima: unknown argument '%s'\n", argv[i]);
       return 2;
     }

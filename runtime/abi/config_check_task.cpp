@@ -3,6 +3,7 @@
 #include "abi/check_parts.hpp"
 #include "core/bits.hpp"
 #include "core/element.hpp"
+#include "executive/demonstration_divergence.hpp"
 #include "planners/mcts_tree.hpp"
 #include "planners/planner.hpp"
 #include "planners/qp/osqp_qp.hpp"
@@ -88,6 +89,24 @@ Finding check_rows(const tiller_cost_config_t& c, const tiller_model_t& model) {
   return kGood;
 }
 
+/// A divergence takes a demonstration that has a covariance, and predicted ones.
+Finding check_divergence(const tiller_cost_config_t& c, const tiller_model_t& model) {
+  if (c.demonstration_divergence != tiller_divergence_kl) return kGood;
+  const std::uint32_t states = model.state_count;
+  // the prediction's covariance of an attitude is of four components, the filter's of three differences
+  if (model.quaternion_mask != 0 || c.demonstration_steps == 0 || !(c.demonstration_weight > 0.0))
+    return {tiller_status_bad_cost, "cost.demonstration_divergence"};
+  if (c.demonstration_mean == nullptr || c.demonstration_root == nullptr)
+    return kGood;  // check_rows says what is wrong
+  double unit[TILLER_MAX_STATES * TILLER_MAX_STATES] = {}, root[TILLER_MAX_STATES * TILLER_MAX_STATES];
+  double work[3 * TILLER_MAX_STATES * TILLER_MAX_STATES], rest = 0.0;
+  for (std::uint32_t i = 0; i < states; ++i) unit[i * states + i] = 1.0;
+  for (std::size_t k = 0; k < c.demonstration_steps; ++k)
+    if (!gaussian_divergence(states, c.demonstration_root + k * states * states, unit, root, &rest, work))
+      return {tiller_status_bad_cost, "cost.demonstration_root"};
+  return kGood;
+}
+
 /// The outputs' costs; a model without outputs has nothing to weigh.
 Finding check_outputs(const tiller_cost_config_t& c, const tiller_model_t& model) {
   static constexpr auto fields = element_names<TILLER_MAX_OUTPUTS>("cost.outputs");
@@ -132,6 +151,7 @@ Finding check_cost(const tiller_config_t& c) {
   const std::uint32_t states = c.model->state_count;
   if (c.cost.bound_risk > 0.0 && c.model->quaternion_mask != 0) return {tiller_status_bad_cost, "cost.bound_risk"};
   Finding finding = check_state_terms(c.cost, states);
+  if (finding.status == tiller_status_ok) finding = check_divergence(c.cost, *c.model);
   if (finding.status == tiller_status_ok) finding = check_attitudes(c.cost, *c.model);
   if (finding.status == tiller_status_ok) finding = check_obstacles(c.cost, states);
   if (finding.status == tiller_status_ok) finding = check_rows(c.cost, *c.model);

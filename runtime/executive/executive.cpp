@@ -255,6 +255,7 @@ void Executive::enter_motion() {
   planner_table_->reset(planner_);
   plan_.clear();
   prediction_.clear();
+  divergence_.clear();
   unrenewed_plans_ = 0;
   task_tick_ = info_.ticks;
 }
@@ -272,15 +273,16 @@ void Executive::replan(Tick& tick) {
   request.tick = info_.ticks;
   request.task_step = info_.ticks - task_tick_ + belief_.lead_periods();
   request.deadline = deadline(tick);
+  divergence_.weigh(prediction_, request.task_step);
   const PlanResult result = planner_table_->plan(planner_, request, tick.wanted);
   tick.iterations = result.iterations;
-  info_.plan_cost = result.cost;
+  info_.plan_cost = result.cost + divergence_.rest();
   info_.plan_lead = belief_.lead_periods();
 
   if (is_fault(result.status)) return fail_plan(tick, result.status);
   if (!all_finite(tick.wanted, config_.model->input_count)) return fail_plan(tick, tiller_status_plan_not_finite);
   plan_.keep(tick.now_us, planner_table_->sequence(planner_), tick.wanted);
-  prediction_.predict(belief_.belief(), *planner_table_, planner_);
+  prediction_.predict(belief_.belief(), *planner_table_, planner_, request.task_step);
 
   if (result.iterations == 0) {
     // no time for a single iteration: the planner moved its last plan on by a step

@@ -5,6 +5,7 @@
 #include "core/arena.hpp"
 #include "executive/angle_origin.hpp"
 #include "executive/command_timeline.hpp"
+#include "executive/demonstration_divergence.hpp"
 #include "executive/motion_check.hpp"
 #include "executive/part_sizes.hpp"
 #include "executive/plan_memory.hpp"
@@ -146,6 +147,7 @@ class Executive {
   PlanningBelief belief_;
   PlanMemory plan_;
   Prediction prediction_;
+  DemonstrationDivergence divergence_;
   CommandTimeline timeline_;
   MotionCheck motion_;
   Recorder recorder_;

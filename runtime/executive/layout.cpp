@@ -116,6 +116,8 @@ Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const
                            config.posterior.delay_hypotheses > 1;
   self.belief_.lay_out(arena, self.config_, self.setup_, *self.table_, over_delays);
   note("planning belief");
+  self.divergence_.lay_out(arena, self.config_);
+  note("demonstration");
   self.planner_ =
       self.planner_table_->lay_out(arena, self.config_, self.belief_.planner_setup(), *self.table_, &self.hooks_);
   note("planner");

@@ -101,6 +101,7 @@ void Executive::prepare() {
   expected.last_command = gate_.last();
   expected.tick = info_.ticks;
   expected.task_step = info_.ticks - task_tick_ + belief_.lead_periods();
+  divergence_.weigh(prediction_, expected.task_step);
   planner_table_->prepare(planner_, expected);
 }
 

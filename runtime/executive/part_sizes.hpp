@@ -10,7 +10,7 @@ namespace tiller {
 /// Bytes of the block that each part of a controller takes, in the order in which they lie. Filled by the layout
 /// itself, so that it cannot disagree with what is laid out.
 struct PartSizes {
-  static constexpr std::uint32_t kMost = 12;
+  static constexpr std::uint32_t kMost = 16;
   struct Part {
     const char* name;
     std::size_t bytes;

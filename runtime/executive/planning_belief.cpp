@@ -21,7 +21,8 @@ StepSetup without_delays(const StepSetup& setup) {
 
 void PlanningBelief::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
                              const RolloutTable& table, bool over_delays) {
-  const std::uint32_t count = config.planner.particles;
+  const bool weighted = config.planner.hypotheses == tiller_hypotheses_sigma_points;
+  const std::uint32_t count = weighted ? SigmaPoints::count(config) : config.planner.particles;
   const std::uint32_t nx = config.model->state_count, nu = config.model->input_count;
   const std::uint32_t ns = setup.effect_state_count;
   config_ = &config;
@@ -38,17 +39,17 @@ void PlanningBelief::lay_out(Arena& arena, const tiller_config_t& config, const 
   final_state_ = arena.take<float>(std::size_t{nx} * lanes_);
   final_effect_ = arena.take<float>(std::size_t{ns} * lanes_);
   lookahead_ = arena.take<Lookahead>(count);
-  const bool spreads =
-      config.cost.bound_risk > 0.0 || config.planner.predict_spread != 0 || config.planner.noisy_rollouts != 0;
+  const bool spreads = config.cost.bound_risk > 0.0 || config.planner.predict_spread != 0 ||
+                       config.planner.noisy_rollouts != 0 ||
+                       config.cost.demonstration_divergence == tiller_divergence_kl;
   if (spreads) spread_ = arena.take<StateSpread>(1);
-  belief_ = {count, params_, state_, effect_state_, over_delays ? nullptr : history_, nullptr, spread_};
+  points_.lay_out(arena, config, ns);
+  belief_ = {count, params_, state_, effect_state_, over_delays ? nullptr : history_, points_.weight(), spread_};
 }
 
 void PlanningBelief::draw(const Posterior& posterior, const CommandTimeline& timeline, std::uint64_t tick,
                           std::int64_t stamp_us, double ahead_s) {
-  posterior.draw(belief_.count, tick, params_, state_, effect_state_, nullptr);
-  for (std::uint32_t lane = 0; lane < belief_.count; ++lane)
-    lookahead_[lane].late_s = posterior.drawn_delay(lane) * config_->period_s;
+  take_hypotheses(posterior, tick);
   compute_lookahead(ahead_s);
   // steps no longer than the period: that is the step for which the substeps were chosen
   step_parts(timeline, stamp_us);
@@ -57,6 +58,15 @@ void PlanningBelief::draw(const Posterior& posterior, const CommandTimeline& tim
   for (std::uint32_t left = most; left > 0; --left) step_whole(timeline, stamp_us, left);
   if (!over_delays_) fill_history(timeline, stamp_us, ahead_s);
   if (spread_) take_spread(posterior);
+}
+
+void PlanningBelief::take_hypotheses(const Posterior& posterior, std::uint64_t tick) {
+  if (belief_.weight)
+    points_.draw(posterior, params_, state_, effect_state_);
+  else
+    posterior.draw(belief_.count, tick, params_, state_, effect_state_, nullptr);
+  for (std::uint32_t lane = 0; lane < belief_.count; ++lane)
+    lookahead_[lane].late_s = (belief_.weight ? points_.delay(lane) : posterior.drawn_delay(lane)) * config_->period_s;
 }
 
 /// Noise as it is estimated: the process's where the engine tells it by state, else by its common scale.
@@ -100,7 +110,8 @@ void PlanningBelief::compute_lookahead(double ahead_s) {
     ahead.whole = static_cast<std::uint32_t>(ahead.total_s / period_s + kLeastShare);
     ahead.part_s = ahead.total_s - ahead.whole * period_s;
     if (ahead.part_s < kLeastShare * period_s) ahead.part_s = 0.0;
-    sum_s += ahead.total_s;
+    // weighted by M times the weight, so that hypotheses that are alike add up as they are
+    sum_s += ahead.total_s * (belief_.weight ? static_cast<double>(belief_.weight[lane]) * belief_.count : 1.0);
   }
   lead_periods_ = static_cast<std::uint32_t>(std::lround(sum_s / (belief_.count * period_s)));
 }

@@ -5,6 +5,7 @@
 #include "core/arena.hpp"
 #include "executive/command_timeline.hpp"
 #include "posterior/posterior.hpp"
+#include "posterior/sigma_points.hpp"
 #include "rollout/rollout.hpp"
 #include "rollout/state_spread.hpp"
 
@@ -24,9 +25,10 @@ class PlanningBelief {
   void lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
                bool over_delays);
 
-  /// Draws from the posterior as of `stamp_us` and steps `ahead_s` on under the commands of the timeline.
-  /// Less than a hundredth of a period is not stepped: it is below what the model is good for. Where the configuration
-  /// asks for predicted spreads the belief has one; over the steps ahead it grows by the process noise alone.
+  /// Takes sigma points of the posterior, or draws from it, as of `stamp_us`, and steps `ahead_s` on under the commands
+  /// of the timeline. Less than a hundredth of a period is not stepped: it is below what the model is good for. Where
+  /// the configuration asks for predicted spreads the belief has one; over the steps ahead it grows by the process noise
+  /// alone.
   /// Cost: at most M + (ahead + delay) / period rollouts of one step.
   void draw(const Posterior& posterior, const CommandTimeline& timeline, std::uint64_t tick, std::int64_t stamp_us,
             double ahead_s);
@@ -47,6 +49,7 @@ class PlanningBelief {
     std::uint32_t whole = 0;
   };
 
+  void take_hypotheses(const Posterior& posterior, std::uint64_t tick);
   void compute_lookahead(double ahead_s);
   double delay_s(const EffectSlot& slot, std::uint32_t lane) const;
   void step_parts(const CommandTimeline& timeline, std::int64_t stamp_us);
@@ -74,6 +77,7 @@ class PlanningBelief {
   Lookahead* lookahead_ = nullptr;  // (M)
   std::uint32_t lead_periods_ = 0;
   StateSpread* spread_ = nullptr;  // null: nobody asks
+  SigmaPoints points_;             // weight() is null where hypotheses are drawn
   Belief belief_;
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "planners/belief_weights.hpp"
 #include "planners/predicted_spread.hpp"
 
 namespace tiller {
@@ -14,7 +15,8 @@ constexpr double kRevisions = 20.0;  // plans over which their revisions are ave
 
 void Prediction::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
                          const RolloutTable& table) {
-  if (config.planner.predict_spread == 0) return;
+  const bool diverges = config.cost.demonstration_divergence == tiller_divergence_kl;
+  if (config.planner.predict_spread == 0 && !diverges) return;
   config_ = &config;
   setup_ = &setup;
   table_ = &table;
@@ -33,6 +35,7 @@ void Prediction::lay_out(Arena& arena, const tiller_config_t& config, const Step
   a_ = rows(square);
   b_ = rows(std::size_t{nx_} * nu_);
   history_ = arena.take<double>(std::size_t{setup.delay_steps} * nu_);
+  weight_ = arena.take<double>(m);
   error_ = arena.take<double>(m * square);
   estimate_ = arena.take<double>(m * square);
   work_ = arena.take<double>(square + std::size_t{nx_} * nu_ + spread_scratch_size(nx_));
@@ -45,11 +48,13 @@ void Prediction::lay_out(Arena& arena, const tiller_config_t& config, const Step
   revision_ = arena.take<double>(nu_);
   mean_ = arena.take<double>((std::size_t{config.planner.horizon} + 1) * nx_);
   sd_ = arena.take<double>((std::size_t{config.planner.horizon} + 1) * nx_);
+  if (diverges) covariance_ = arena.take<double>((std::size_t{config.planner.horizon} + 1) * square);
 }
 
 /// The belief as lanes; the padding repeats hypothesis 0. Angles stand on hypothesis 0's turn.
 void Prediction::take_start(const Belief& belief) {
-  hypotheses_ = std::min(belief.count, config_->planner.particles);
+  hypotheses_ = hypotheses_within(belief, config_->planner.particles);
+  fill_relative_weights(belief, hypotheses_, weight_);
   const auto take = [&](const float* from, std::uint32_t rows, double* to) {
     for (std::uint32_t r = 0; r < rows; ++r)
       for (std::uint32_t l = 0; l < lanes_; ++l)
@@ -128,15 +133,31 @@ void Prediction::summarise(std::uint32_t step) {
   for (std::uint32_t i = 0; i < nx_; ++i) {
     const double* row = state_ + i * lanes_;
     double mean = 0.0, between = 0.0, within = 0.0;
-    for (std::uint32_t j = 0; j < hypotheses_; ++j) mean += row[j] / hypotheses_;
+    for (std::uint32_t j = 0; j < hypotheses_; ++j) mean += weight_[j] * row[j] / hypotheses_;
     for (std::uint32_t j = 0; j < hypotheses_; ++j) {
       const std::size_t at = (std::size_t{j} * nx_ + i) * nx_ + i;
-      between += (row[j] - mean) * (row[j] - mean) / hypotheses_;
-      within += (error_[at] + estimate_[at]) / hypotheses_;
+      between += weight_[j] * (row[j] - mean) * (row[j] - mean) / hypotheses_;
+      within += weight_[j] * (error_[at] + estimate_[at]) / hypotheses_;
     }
     mean_[std::size_t{step} * nx_ + i] = mean;
     sd_[std::size_t{step} * nx_ + i] = std::sqrt(between + std::fmax(0.0, within));
   }
+  if (covariance_) mix_covariance(step);
+}
+
+/// Within the hypotheses and between them.
+void Prediction::mix_covariance(std::uint32_t step) {
+  const std::size_t square = std::size_t{nx_} * nx_;
+  const double* const mean = mean_ + std::size_t{step} * nx_;
+  double* const out = covariance_ + step * square;
+  std::fill(out, out + square, 0.0);
+  for (std::uint32_t j = 0; j < hypotheses_; ++j)
+    for (std::uint32_t r = 0; r < nx_; ++r)
+      for (std::uint32_t c = 0; c < nx_; ++c) {
+        const std::size_t at = j * square + std::size_t{r} * nx_ + c;
+        const double between = (state_[r * lanes_ + j] - mean[r]) * (state_[c * lanes_ + j] - mean[c]);
+        out[r * nx_ + c] += weight_[j] * (between + error_[at] + estimate_[at]) / hypotheses_;
+      }
 }
 
 /// How far the first input is from what the plan before and its feedback make of the present state; then the same of
@@ -158,8 +179,10 @@ void Prediction::weigh_revision(const PlannerTable& table, const void* planner) 
   expects_ = true;
 }
 
-void Prediction::predict(const Belief& belief, const PlannerTable& table, const void* planner) {
+void Prediction::predict(const Belief& belief, const PlannerTable& table, const void* planner,
+                         std::uint64_t task_step) {
   if (!mean_ || !belief.spread || belief.count == 0) return;
+  task_step_ = task_step;
   take_start(belief);
   summarise(0);
   weigh_revision(table, planner);

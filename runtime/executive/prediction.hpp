@@ -17,13 +17,17 @@ class Prediction {
  public:
   void lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table);
   /// Along the present plan of `planner` from `belief`, which knows its spread. Angles come less whole turns, as the
-  /// belief's. Cost: N linearisations of M lanes, and 5 M N nx^3 multiplications.
-  void predict(const Belief& belief, const PlannerTable& table, const void* planner);
+  /// belief's. `task_step` is the plan's. Cost: N linearisations of M lanes, and 5 M N nx^3 multiplications.
+  void predict(const Belief& belief, const PlannerTable& table, const void* planner, std::uint64_t task_step);
   bool made() const { return made_; }
   void clear() { made_ = expects_ = false; }
   /// (nx) of step 0..N.
   const double* mean(std::uint32_t step) const { return mean_ + std::size_t{step} * nx_; }
   const double* sd(std::uint32_t step) const { return sd_ + std::size_t{step} * nx_; }
+  /// (nx x nx) of the mixture at step 0..N; kept where the demonstration's divergence asks for it.
+  const double* covariance(std::uint32_t step) const { return covariance_ + std::size_t{step} * nx_ * nx_; }
+  /// Periods since the task began, of step 0.
+  std::uint64_t task_step() const { return task_step_; }
 
  private:
   void take_start(const Belief& belief);
@@ -31,6 +35,7 @@ class Prediction {
   void take_inputs(const PlannerTable& table, const void* planner, std::uint32_t step, bool& answers);
   void advance(const Belief& belief, bool answers);
   void summarise(std::uint32_t step);
+  void mix_covariance(std::uint32_t step);
 
   const tiller_config_t* config_ = nullptr;
   const StepSetup* setup_ = nullptr;
@@ -40,6 +45,7 @@ class Prediction {
   double *state_ = nullptr, *params_ = nullptr, *effects_ = nullptr, *control_ = nullptr;  // rows of lanes
   double *next_ = nullptr, *a_ = nullptr, *b_ = nullptr;                                   // rows of lanes
   double* history_ = nullptr;                      // (delay_steps x nu) newest first
+  double* weight_ = nullptr;                       // (M) times M
   double *error_ = nullptr, *estimate_ = nullptr;  // (M x nx x nx)
   double* work_ = nullptr;
   double *gain_ = nullptr, *reference_ = nullptr, *input_ = nullptr;  // of a step of the plan
@@ -49,6 +55,8 @@ class Prediction {
   double* revision_ = nullptr;        // (nu) running variance of what it came to differ by
   bool expects_ = false;
   double *mean_ = nullptr, *sd_ = nullptr;  // (N+1 x nx)
+  double* covariance_ = nullptr;            // (N+1 x nx x nx); null: nobody asks
+  std::uint64_t task_step_ = 0;
   bool made_ = false;
 };
 

@@ -50,23 +50,42 @@ double elite_scale(const Sampler& s, std::uint32_t count) {
   return sum / count;
 }
 
-/// Moves mean and spread towards the elites'. Samples stand at several scales of the spread, so the elites' variance is
-/// set against that of their scales: elites that were chosen by chance leave the spread as it was.
-void update(Sampler& s) {
-  const std::uint32_t count = elite_count(s);
-  mark_elites(s, count);
+void take_moments(Sampler& s) {
   s.lanes->moments(s.knots, s.rows, s.rollouts, s.rollouts, s.weight, s.row_mean, s.row_sum, s.row_squares);
-  const double keep = s.settings->smoothing, scale = elite_scale(s, count);
+}
+
+/// Elites without rollouts 0 and 1, which lie as far apart as samples of earlier iterations did: where those were drawn
+/// with several times the spread, two of them are more than the variance of all others. Their number.
+std::uint32_t drop_undrawn(Sampler& s, std::uint32_t count) {
+  count -= static_cast<std::uint32_t>(s.weight[0] + s.weight[1]);
+  s.weight[0] = s.weight[1] = 0.0f;
+  if (count > 0) take_moments(s);
+  return count;
+}
+
+/// Moves the spread towards that of `count` elites. Samples stand at several scales of the spread, so the elites'
+/// variance is set against that of their scales: elites that were chosen by chance leave the spread as it was.
+void refit_spread(Sampler& s, std::uint32_t count) {
+  const double keep = s.settings->smoothing, scale = count > 0 ? elite_scale(s, count) : 0.0;
+  if (!(scale > 0.0)) return;
   for (std::uint32_t r = 0; r < s.rows; ++r) {
     const double shift = static_cast<double>(s.row_sum[r]) / count;  // of the elites' mean from the old mean
-    const double variance = static_cast<double>(s.row_squares[r]) / count - shift * shift;
-    s.mean[r] += (1.0 - keep) * shift;
-    if (s.settings->adapt_covariance || !(scale > 0.0)) continue;
-    const double spread = keep * s.spread[r] + (1.0 - keep) * std::sqrt(std::fmax(variance, 0.0) / scale);
+    double variance = (static_cast<double>(s.row_squares[r]) / count - shift * shift) / scale;
+    if (!take_back_annealing(s, r, variance)) continue;
+    const double spread = keep * s.spread[r] + (1.0 - keep) * std::sqrt(std::fmax(variance, 0.0));
     const double noise_sd = s.settings->noise_sd[r / s.grid.knots];
     s.spread[r] = std::fmin(std::fmax(spread, kSpreadFloor * noise_sd), kSpreadCeiling * noise_sd);
   }
-  if (s.settings->adapt_covariance) adapt_spread(s);
+}
+
+void update(Sampler& s) {
+  const std::uint32_t count = elite_count(s);
+  mark_elites(s, count);
+  take_moments(s);
+  for (std::uint32_t r = 0; r < s.rows; ++r)
+    s.mean[r] += (1.0 - s.settings->smoothing) * (static_cast<double>(s.row_sum[r]) / count);
+  if (s.settings->adapt_covariance) return adapt_spread(s);
+  refit_spread(s, s.anneals ? drop_undrawn(s, count) : count);
 }
 
 double choose(Sampler& s) {

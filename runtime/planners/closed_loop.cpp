@@ -12,20 +12,26 @@ namespace {
 
 constexpr int kMostRaises = 8;  // of the regularisation, until the sweep finds a positive definite curvature
 
+/// A hypothesis' share of a mean, times M; 1 where all are alike.
+double weight_of(const Sampler& s, std::uint32_t j) {
+  return s.weighted ? static_cast<double>(s.particle_weight[j]) * s.particles : 1.0;
+}
+
 /// Mean over the M hypotheses of row `i` of a splat array (M x count).
-double mean_of(const float* splats, std::uint32_t count, std::uint32_t i, std::uint32_t m) {
+double mean_of(const Sampler& s, const float* splats, std::uint32_t count, std::uint32_t i) {
   double sum = 0.0;
-  for (std::uint32_t j = 0; j < m; ++j) sum += static_cast<double>(splats[j * count + i]);
-  return sum / m;
+  for (std::uint32_t j = 0; j < s.particles; ++j) sum += weight_of(s, j) * static_cast<double>(splats[j * count + i]);
+  return sum / s.particles;
 }
 
 /// An angle's mean is that of the differences from the first hypothesis.
 double mean_state(const Sampler& s, std::uint32_t i) {
-  if (((s.model->angle_mask >> i) & 1u) == 0) return mean_of(s.particle_state, s.states, i, s.particles);
+  if (((s.model->angle_mask >> i) & 1u) == 0) return mean_of(s, s.particle_state, s.states, i);
   const double first = static_cast<double>(s.particle_state[i]);
   double sum = 0.0;
   for (std::uint32_t j = 0; j < s.particles; ++j)
-    sum += state_difference(*s.model, i, static_cast<double>(s.particle_state[j * s.states + i]), first);
+    sum +=
+        weight_of(s, j) * state_difference(*s.model, i, static_cast<double>(s.particle_state[j * s.states + i]), first);
   return first + sum / s.particles;
 }
 
@@ -44,7 +50,7 @@ void average_attitudes(Sampler& s, float* mean) {
       for (std::uint32_t i = 0; i < 4; ++i) {
         const double part = static_cast<double>(along < 0.0f ? -x[i] : x[i]);
         if (j > 0) set_state(s, j, q + i, part);
-        sum[i] += part;
+        sum[i] += weight_of(s, j) * part;
       }
     }
     const double length = std::sqrt(sum[0] * sum[0] + sum[1] * sum[1] + sum[2] * sum[2] + sum[3] * sum[3]);
@@ -116,9 +122,9 @@ void reset_closed_loop(ClosedLoop& loop) {
 void take_mean_hypothesis(Sampler& s) {
   ClosedLoop& loop = *s.loop;
   for (std::uint32_t i = 0; i < s.params; ++i)
-    loop.params[i] = static_cast<float>(mean_of(s.particle_params, s.params, i, s.particles));
+    loop.params[i] = static_cast<float>(mean_of(s, s.particle_params, s.params, i));
   for (std::uint32_t i = 0; i < s.effect_states; ++i)
-    loop.effects[i] = static_cast<float>(mean_of(s.particle_effects, s.effect_states, i, s.particles));
+    loop.effects[i] = static_cast<float>(mean_of(s, s.particle_effects, s.effect_states, i));
   for (std::uint32_t i = 0; i < s.states; ++i) loop.state[i] = static_cast<float>(mean_state(s, i));
   for (std::uint32_t i = 0; i < s.states; ++i) {
     if (((s.model->angle_mask >> i) & 1u) == 0) continue;

@@ -59,12 +59,15 @@ struct ExpandJob {
 };
 
 /// Per rollout: the mean of the `tail` costliest of M particles (M: the plain mean; the last may count by a
-/// fraction); +infinity if any of the M is not finite.
+/// fraction); +infinity if any of the M is not finite. With weights the mean of the costliest `share` of them all (1:
+/// the plain mean; 0: the costliest one), in which one without weight has no say.
 struct RiskJob {
   std::uint32_t particles = 0, lanes = 0;
-  float tail = 1.0f;            // in (0, M]
-  const float* cost = nullptr;  // (M x lanes)
-  float* risk = nullptr;        // (lanes)
+  float tail = 1.0f;              // in (0, M]; read without weights
+  const float* weight = nullptr;  // (M) sum one; null: all alike
+  float share = 1.0f;             // in [0, 1]; read with weights
+  const float* cost = nullptr;    // (M x lanes)
+  float* risk = nullptr;          // (lanes)
 };
 
 /// Over the finite ones of n costs.

@@ -73,7 +73,9 @@ std::uint32_t action_near(const Search& t, const double* rows, std::uint32_t str
 
 void begin(Sampler& s) {
   Search& t = search_of(s);
-  t.tree.begin_belief(s.particles);
+  double weight[kMostHypotheses];
+  fill_relative_weights(*s.request->belief, s.particles, weight);
+  t.tree.begin_belief(s.particles, s.weighted ? weight : nullptr);
   shift_variants(t, s.gone);
   if (s.gone == 1)
     for (std::uint32_t stage = 0; stage < t.stages; ++stage) t.tree.descend(action_near(t, s.knot_before, 1, 0, stage));

@@ -103,13 +103,13 @@ void costs_of(const Sampler& s, std::uint32_t lane, double* cost) {
 }
 
 double subset_cost(const Search& t, std::uint32_t lane, std::uint64_t hypotheses) {
-  double cost[kMostHypotheses];
-  std::uint32_t one[kMostHypotheses], n = 0;
+  double cost[kMostHypotheses], weight[kMostHypotheses];
+  std::uint32_t n = 0;
   for (std::uint64_t left = hypotheses; left != 0; left &= left - 1, ++n) {
     cost[n] = static_cast<double>(particle_cost(*t.core, lane, static_cast<std::uint32_t>(__builtin_ctzll(left))));
-    one[n] = 1;
+    weight[n] = t.tree.weight_of(left & (~left + 1));
   }
-  return t.risk.value(cost, one, n);
+  return t.risk.value(cost, weight, n);
 }
 
 /// The outcome in which a walk began; the root.

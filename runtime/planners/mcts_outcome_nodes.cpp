@@ -8,51 +8,56 @@
 namespace tiller {
 namespace {
 
-std::uint32_t count_of(std::uint64_t hypotheses) {
-  return static_cast<std::uint32_t>(__builtin_popcountll(hypotheses));
-}
 std::uint32_t first_of(std::uint64_t hypotheses) { return static_cast<std::uint32_t>(__builtin_ctzll(hypotheses)); }
 
 }  // namespace
 
-double SubsetRisk::mean(const double* cost, const std::uint32_t* count, std::uint32_t n) {
-  double sum = 0.0;
-  std::uint32_t all = 0;
+double SubsetRisk::mean(const double* cost, const double* weight, std::uint32_t n) {
+  double sum = 0.0, all = 0.0;
   for (std::uint32_t j = 0; j < n; ++j) {
-    sum += count[j] * cost[j];
-    all += count[j];
+    sum += weight[j] * cost[j];
+    all += weight[j];
   }
   return std::isfinite(sum) ? sum / all : HUGE_VAL;
 }
 
-double SubsetRisk::value(const double* cost, const std::uint32_t* count, std::uint32_t n) const {
-  if (risk_ == tiller_risk_mean) return mean(cost, count, n);
-  double sorted[kMostHypotheses];
-  std::uint32_t sorted_count[kMostHypotheses], all = 0;
+double SubsetRisk::value(const double* cost, const double* weight, std::uint32_t n) const {
+  if (risk_ == tiller_risk_mean) return mean(cost, weight, n);
+  double sorted[kMostHypotheses], sorted_weight[kMostHypotheses], all = 0.0;
   for (std::uint32_t j = 0; j < n; ++j) {
     if (!std::isfinite(cost[j])) return HUGE_VAL;
     std::uint32_t at = j;  // insertion, costliest first
     for (; at > 0 && sorted[at - 1] < cost[j]; --at) {
       sorted[at] = sorted[at - 1];
-      sorted_count[at] = sorted_count[at - 1];
+      sorted_weight[at] = sorted_weight[at - 1];
     }
     sorted[at] = cost[j];
-    sorted_count[at] = count[j];
-    all += count[j];
+    sorted_weight[at] = weight[j];
+    all += weight[j];
   }
-  const double tail = risk_ == tiller_risk_worst ? 1.0 : share_ * all;
+  if (risk_ == tiller_risk_worst) return n > 0 ? sorted[0] : 0.0;
+  const double tail = share_ * all;
   double left = tail, sum = 0.0;
   for (std::uint32_t j = 0; j < n && left > 0.0; ++j) {
-    sum += std::fmin(left, sorted_count[j]) * sorted[j];
-    left -= sorted_count[j];
+    sum += std::fmin(left, sorted_weight[j]) * sorted[j];
+    left -= sorted_weight[j];
   }
   return sum / tail;
 }
 
 // ---- beliefs ------------------------------------------------------------------------------------
 
-void MctsTree::begin_belief(std::uint32_t count) {
+double MctsTree::weight_of(std::uint64_t hypotheses) const {
+  if (!weighted_) return __builtin_popcountll(hypotheses);
+  double sum = 0.0;
+  for (std::uint64_t left = hypotheses; left != 0; left &= left - 1) sum += weight_[first_of(left)];
+  return sum;
+}
+
+void MctsTree::begin_belief(std::uint32_t count, const double* weight) {
   if (!branch_) return;
+  weighted_ = weight != nullptr;
+  for (std::uint32_t j = 0; weight && j < count; ++j) weight_[j] = weight[j];
   all_ = count < kMostHypotheses ? (std::uint64_t{1} << count) - 1 : ~std::uint64_t{0};
   for (std::uint32_t n = 0; n < used_; ++n) {
     if (branch_[n].splits) release_children(n);
@@ -128,13 +133,13 @@ MctsTree::Range MctsTree::range_of(std::uint32_t outcome, const Range& range) co
 
 void MctsTree::offer(std::uint32_t outcome, const std::uint8_t* sequence, const double* cost, const SubsetRisk& risk) {
   Branch& b = branch_[outcome];
-  double own[kMostHypotheses];
-  std::uint32_t one[kMostHypotheses], n = 0;
+  double own[kMostHypotheses], weight[kMostHypotheses];
+  std::uint32_t n = 0;
   for (std::uint64_t left = b.hypotheses; left != 0; left &= left - 1, ++n) {
     own[n] = cost[first_of(left)];
-    one[n] = 1;
+    weight[n] = weight_of(left & (~left + 1));
   }
-  const double value = risk.value(own, one, n);
+  const double value = risk.value(own, weight, n);
   if (!(value < b.sequence_cost)) return;
   b.sequence_cost = value;
   std::memcpy(sequences_ + std::size_t{b.sequence} * choices_, sequence, choices_);
@@ -157,13 +162,13 @@ void MctsTree::credit(std::uint32_t from, const std::uint8_t* sequence, const do
 }
 
 double MctsTree::outcomes_risk(std::uint32_t node, const SubsetRisk& risk) const {
-  double cost[kMostHypotheses];
-  std::uint32_t hypotheses[kMostHypotheses], n = 0;
+  double cost[kMostHypotheses], weight[kMostHypotheses];
+  std::uint32_t n = 0;
   for (std::uint32_t o = nodes_[node].first_child; o != kNone; o = nodes_[o].next_sibling, ++n) {
     cost[n] = branch_[o].least_cost;
-    hypotheses[n] = count_of(branch_[o].hypotheses);
+    weight[n] = weight_of(branch_[o].hypotheses);
   }
-  return risk.value(cost, hypotheses, n);
+  return risk.value(cost, weight, n);
 }
 
 double MctsTree::evaluate(double sequence_cost, const SubsetRisk& risk) {
@@ -206,21 +211,23 @@ std::uint32_t MctsTree::likeliest() const {
     while (!branch_[node].splits) node = branch_[node].best_child;
     belief = nodes_[node].first_child;
     for (std::uint32_t o = belief; o != kNone; o = nodes_[o].next_sibling)
-      if (count_of(branch_[o].hypotheses) > count_of(branch_[belief].hypotheses)) belief = o;
+      if (weight_of(branch_[o].hypotheses) > weight_of(branch_[belief].hypotheses)) belief = o;
   }
   return first_of(branch_[belief].hypotheses);
 }
 
 void MctsTree::offset_each(const double* change) {
-  double all = 0.0;
-  for (std::uint64_t left = all_; left != 0; left &= left - 1) all += change[first_of(left)];
-  const double shared = all / count_of(all_);
+  const auto mean_of = [&](std::uint64_t hypotheses) {
+    double sum = 0.0;
+    for (std::uint64_t left = hypotheses; left != 0; left &= left - 1)
+      sum += weight_of(left & (~left + 1)) * change[first_of(left)];
+    return sum / weight_of(hypotheses);
+  };
+  const double shared = mean_of(all_);
   offset(shared);
   for (std::uint32_t n = 0; n < used_; ++n) {
     if (branch_[n].hypotheses == all_) continue;
-    double sum = 0.0;
-    for (std::uint64_t left = branch_[n].hypotheses; left != 0; left &= left - 1) sum += change[first_of(left)];
-    const double own = sum / count_of(branch_[n].hypotheses);
+    const double own = mean_of(branch_[n].hypotheses);
     nodes_[n].cost += own - shared;
     branch_[n].sequence_cost += own;
   }

@@ -22,11 +22,12 @@ class SubsetRisk {
  public:
   SubsetRisk() = default;
   explicit SubsetRisk(const tiller_planner_config_t& p) : risk_(p.risk), share_(1.0 - p.cvar_alpha) {}
-  /// cost (n), count (n) of hypotheses; n <= kMostHypotheses. Infinity where a cost is not finite.
-  double value(const double* cost, const std::uint32_t* count, std::uint32_t n) const;
+  /// cost (n), weight (n) of the hypotheses behind each, their number where they are alike; n <= kMostHypotheses.
+  /// Infinity where a cost is not finite.
+  double value(const double* cost, const double* weight, std::uint32_t n) const;
 
  private:
-  static double mean(const double* cost, const std::uint32_t* count, std::uint32_t n);
+  static double mean(const double* cost, const double* weight, std::uint32_t n);
   std::uint32_t risk_ = tiller_risk_mean;
   double share_ = 1.0;
 };
@@ -97,8 +98,11 @@ class MctsTree {
 
   // ---- outcomes (mcts_outcome_nodes.cpp) ----------------------------------------------------------
 
-  /// A belief of `count` hypotheses: outcomes of the last one are gone, all nodes hold all of them. O(nodes).
-  void begin_belief(std::uint32_t count);
+  /// A belief of `count` hypotheses: outcomes of the last one are gone, all nodes hold all of them. `weight` (count)
+  /// times their number; null: alike. O(nodes).
+  void begin_belief(std::uint32_t count, const double* weight = nullptr);
+  /// 1 of each hypothesis where they are alike.
+  double weight_of(std::uint64_t hypotheses) const;
   std::uint64_t hypotheses(std::uint32_t node) const { return branch_[node].hypotheses; }
   std::uint32_t level(std::uint32_t node) const { return branch_ ? branch_[node].level : 0; }
   std::uint32_t parent(std::uint32_t node) const { return nodes_[node].parent; }
@@ -116,7 +120,7 @@ class MctsTree {
   double evaluate(double sequence_cost, const SubsetRisk& risk);
   /// By the last evaluate(): the sequence (choices) of the hypothesis; null: that for all of them is the cheapest.
   const std::uint8_t* best_sequence(std::uint32_t hypothesis) const;
-  /// A hypothesis whose outcome, time and again, is that of most.
+  /// A hypothesis whose outcome, time and again, is the likeliest.
   std::uint32_t likeliest() const;
   /// As offset() where hypotheses differ: `change` (count) of each. O(nodes x hypotheses).
   void offset_each(const double* change);
@@ -162,6 +166,8 @@ class MctsTree {
   std::uint32_t size_ = 0, used_ = 0, committed_ = 0, actions_ = 0;
   std::uint32_t choices_ = 0, most_outcomes_ = 0, outcomes_ = 0;
   std::uint64_t all_ = 1;  // hypotheses of the belief
+  bool weighted_ = false;
+  double weight_[kMostHypotheses] = {};  // of each hypothesis, where they are weighted
   bool released_ = false;  // nodes that wait for keep_below
   double base_ = 0.0;
 };

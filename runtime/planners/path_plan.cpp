@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "planners/belief_weights.hpp"
 #include "rollout/attitude.hpp"
 
 namespace tiller {
@@ -40,7 +41,7 @@ void take_near_signs(const PathPlan& p, std::uint32_t j, double* z) {
 bool take_belief(PathPlan& p, const Belief* belief) {
   if (!belief || belief->count == 0) return false;
   p.spread = belief->spread;
-  const std::uint32_t m = belief->count < p.most_scenarios ? belief->count : p.most_scenarios;
+  const std::uint32_t m = hypotheses_within(*belief, p.most_scenarios);
   if (m != p.scenarios) {
     p.scenarios = m;
     p.has_path = p.has_gain = p.hessians_stand = p.dynamics_stand = false;
@@ -48,6 +49,9 @@ bool take_belief(PathPlan& p, const Belief* belief) {
     p.problem.scenarios = m;
     p.lq = &select_lq(*p.table, p.n, p.nu, m);
   }
+  double likelihood[TILLER_MAX_SCENARIOS];
+  fill_relative_weights(*belief, m, likelihood);
+  if (p.risk.take_likelihoods(likelihood)) p.hessians_stand = false;
   for (std::uint32_t j = 0; j < m; ++j) {
     double* z = p.start + std::size_t{j} * p.nz;
     for (std::uint32_t i = 0; i < p.nx; ++i) {
@@ -276,7 +280,9 @@ bool path_feedback(const PathPlan& p, std::uint32_t step, double* gain, double* 
     }
   for (std::uint32_t c = 0; state && c < p.nx; ++c) {
     state[c] = 0.0;
-    for (std::size_t j = 0; j < m; ++j) state[c] += p.state[(step * m + j) * p.nz + c] / static_cast<double>(m);
+    for (std::size_t j = 0; j < m; ++j)
+      state[c] += p.risk.likelihood(static_cast<std::uint32_t>(j)) * p.state[(step * m + j) * p.nz + c] /
+                  static_cast<double>(m);
   }
   for (std::uint32_t i = 0; input && i < p.nu; ++i) input[i] = p.control[std::size_t{step} * p.nu + i];
   return true;

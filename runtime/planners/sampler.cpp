@@ -49,8 +49,11 @@ void pack_rows(const float* rows, std::uint32_t count, std::uint32_t m, std::uin
 /// False if there is nothing to plan over.
 bool take_belief(Sampler& s, const Belief* belief) {
   if (!belief || belief->count == 0) return false;
-  s.particles = belief->count < s.most_particles ? belief->count : s.most_particles;
+  s.particles = hypotheses_within(*belief, s.most_particles);
   s.padded = pad_lanes(s.particles);
+  s.weighted = belief->weight != nullptr;
+  fill_relative_weights(*belief, s.particles, s.particle_weight);
+  for (std::uint32_t m = 0; m < s.particles; ++m) s.particle_weight[m] /= static_cast<float>(s.particles);
   pack_rows(belief->state, s.states, s.particles, belief->count, s.padded, s.particle_state, s.lane_state);
   pack_rows(belief->params, s.params, s.particles, belief->count, s.padded, s.particle_params, s.lane_params);
   pack_rows(belief->effect_state, s.effect_states, s.particles, belief->count, s.padded, s.particle_effects,
@@ -66,6 +69,24 @@ float risk_tail(const Sampler& s) {
   return static_cast<float>((1.0 - s.settings->cvar_alpha) * s.particles);
 }
 
+float risk_share(const Sampler& s) {
+  if (s.settings->risk == tiller_risk_worst) return 0.0f;
+  return s.settings->risk == tiller_risk_cvar ? static_cast<float>(1.0 - s.settings->cvar_alpha) : 1.0f;
+}
+
+/// Of costs (M x lanes).
+RiskJob risk_job(const Sampler& s, std::uint32_t lanes, const float* cost, float* risk) {
+  RiskJob job;
+  job.particles = s.particles;
+  job.lanes = lanes;
+  job.tail = risk_tail(s);
+  job.weight = s.weighted ? s.particle_weight : nullptr;
+  job.share = risk_share(s);
+  job.cost = cost;
+  job.risk = risk;
+  return job;
+}
+
 /// False if the deadline passed on the way.
 bool prepare_iteration(Sampler& s) {
   for (std::uint32_t i = 0; i < s.inputs; ++i) s.before_lanes[i] = lane_number(s.knot_before[i]);
@@ -76,7 +97,7 @@ bool prepare_iteration(Sampler& s) {
   }
   for (std::uint32_t r = 0; r < s.rows; ++r) {
     s.row_mean[r] = lane_number(s.mean[r]);
-    s.row_spread[r] = lane_number(s.spread[r]);
+    s.row_spread[r] = lane_number(anneal_of_row(s, r) * s.spread[r]);
   }
   return !s.method->draw || s.method->draw(s);
 }
@@ -142,13 +163,7 @@ std::size_t chunk_place(const Sampler& s, std::uint32_t place) {
 
 /// The risk of a chunk's costs (M x lanes).
 void reduce_chunk(Sampler& s, std::uint32_t chunk, const float* cost) {
-  RiskJob risk;
-  risk.particles = s.particles;
-  risk.lanes = lanes_of_chunk(s, chunk);
-  risk.tail = risk_tail(s);
-  risk.cost = cost;
-  risk.risk = s.cost + chunk * s.chunk_lanes;
-  s.lanes->risk(risk);
+  s.lanes->risk(risk_job(s, lanes_of_chunk(s, chunk), cost, s.cost + chunk * s.chunk_lanes));
 }
 
 /// The closed loop around the chunk's own motions of the mean hypothesis.
@@ -263,7 +278,8 @@ double shared_penalty(const Sampler& s) {
   double least = static_cast<double>(s.least_penalty[0]), sum = 0.0;
   for (std::uint32_t m = 0; m < s.particles; ++m) {
     least = std::fmin(least, static_cast<double>(s.least_penalty[m]));
-    sum += static_cast<double>(s.least_penalty[m]);
+    const double weight = s.weighted ? static_cast<double>(s.particle_weight[m]) * s.particles : 1.0;
+    sum += weight * static_cast<double>(s.least_penalty[m]);
   }
   return s.settings->risk == tiller_risk_mean ? sum / s.particles : least;
 }
@@ -398,13 +414,7 @@ double evaluate_mean(Sampler& s) {
   for (std::uint32_t m = 0; m < s.particles; ++m)
     for (std::uint32_t l = 0; l < kLanePadding; ++l) column[m * kLanePadding + l] = s.lane_cost[m];
   float risk_lanes[kLanePadding];
-  RiskJob risk;
-  risk.particles = s.particles;
-  risk.lanes = kLanePadding;
-  risk.tail = risk_tail(s);
-  risk.cost = column;
-  risk.risk = risk_lanes;
-  s.lanes->risk(risk);
+  s.lanes->risk(risk_job(s, kLanePadding, column, risk_lanes));
   return static_cast<double>(risk_lanes[0]);
 }
 

@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "core/arena.hpp"
+#include "planners/belief_weights.hpp"
 #include "planners/closed_loop.hpp"
 #include "planners/cost_frame.hpp"
 #include "planners/lane_table.hpp"
@@ -79,6 +80,7 @@ struct Sampler {
   ClosedLoop* loop = nullptr;               // null: one sequence for all hypotheses
   float* mix = nullptr;                     // (knots x knots) of the noise along the knots; null: white
   bool cubic = false;                       // between the knots
+  bool anneals = false;                     // anneal() is not 1 everywhere
 
   // ---- the plan, kept from tick to tick
   KnotClock clock;
@@ -97,6 +99,8 @@ struct Sampler {
   // ---- one plan
   const PlanRequest* request = nullptr;
   std::uint32_t particles = 0, padded = 0;     // M, and M padded to kLanePadding
+  bool weighted = false;                       // the belief's hypotheses are
+  float particle_weight[64] = {};              // (M) sum one
   float* particle_state = nullptr;             // (M x nx) each particle's row is a splat for the rollouts
   float* particle_params = nullptr;            // (M x np)
   float* particle_effects = nullptr;           // (M x ns)
@@ -188,6 +192,25 @@ void fill_mix(const tiller_planner_config_t& p, float* mix);
 /// noisy_rollouts: start errors and process noise of this tick, from what the belief says of its spread; none where it
 /// says nothing. The same for all rollouts of a particle (common random numbers). Cost: about 15 ns a number.
 void draw_rollout_noise(Sampler& s);
+
+/// Whether samples are drawn narrower in later iterations or at earlier knots.
+bool anneals(const tiller_planner_config_t& p);
+/// What an iteration's samples of knot j have of its spread (DIAL-MPC, Xue et al., ICRA 2025, whose factors a knot and
+/// an iteration are e-folds over all of them here):
+///
+///     exp(-anneal_iterations i / (I - 1)) exp(-anneal_horizon (1 - j / (J - 1))),   i = 0..I-1, j = 0..J-1
+///
+/// I is the configured number of iterations, whatever the deadline leaves of them: a replay draws the same samples.
+/// With I = 1 nothing falls over the iterations.
+double anneal(const tiller_planner_config_t& p, std::uint32_t iteration, std::uint32_t knot, std::uint32_t knots);
+/// That of a row in this iteration; 1 where nothing anneals.
+inline double anneal_of_row(const Sampler& s, std::uint32_t row) {
+  return s.anneals ? anneal(*s.settings, s.iteration, row % s.grid.knots, s.grid.knots) : 1.0;
+}
+/// Brings the variance of some of this iteration's samples, relative to their scales, back to before they were
+/// annealed: samples that were chosen by chance then leave the spread as it was. False where they say nothing of it:
+/// they lie so close together that single precision hardly tells them apart, or the variance is not finite.
+bool take_back_annealing(const Sampler& s, std::uint32_t row, double& variance);
 
 /// adapt_covariance: moves every knot's spread towards that of this iteration's weighted samples.
 void adapt_spread(Sampler& s);

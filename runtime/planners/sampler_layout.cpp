@@ -151,6 +151,7 @@ Sampler* lay_out_sampler(Arena& arena, const tiller_config_t& config, const Step
   s->most_particles = z.particles;
   for (std::uint32_t i = 0; i < kScales; ++i)
     s->scale[i] = static_cast<float>(math::pow(kFinestScale, static_cast<double>(i) / (kScales - 1)));
+  s->anneals = !method.draw && anneals(config.planner);
   s->cubic = !method.holds && config.planner.interpolation == tiller_interpolation_cubic;
   take_limits(*s, config);
   if (s->mix) fill_mix(config.planner, s->mix);

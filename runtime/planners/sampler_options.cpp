@@ -58,6 +58,7 @@ double learning_rate(double effective, double dimensions) {
   return std::fmin(1.0, rank_mu * (dimensions + 2.0) / 3.0);
 }
 
+constexpr double kToldApart = 1e-4;   // of a knot's value: a thousand of its roundings in single precision
 constexpr double kSpreadFloor = 0.1;  // of noise_sd: a collapsed spread finds nothing when the scene changes
 constexpr double kSpreadCeiling = 2.0;
 
@@ -80,6 +81,23 @@ void fill_mix(const tiller_planner_config_t& p, float* mix) {
   for (std::uint32_t i = 0; i < knots * knots; ++i) mix[i] = static_cast<float>(factor[i]);
 }
 
+bool anneals(const tiller_planner_config_t& p) { return p.anneal_iterations > 0.0 || p.anneal_horizon > 0.0; }
+
+double anneal(const tiller_planner_config_t& p, std::uint32_t iteration, std::uint32_t knot, std::uint32_t knots) {
+  double folds = 0.0;
+  if (p.iterations > 1) folds += p.anneal_iterations * std::fmin(1.0, iteration / (p.iterations - 1.0));
+  if (knots > 1) folds += p.anneal_horizon * (1.0 - knot / (knots - 1.0));
+  return math::exp(-folds);
+}
+
+bool take_back_annealing(const Sampler& s, std::uint32_t row, double& variance) {
+  const double annealed = anneal_of_row(s, row);
+  if (s.anneals && annealed * s.spread[row] < kToldApart * std::fabs(static_cast<double>(s.row_mean[row])))
+    return false;
+  variance /= annealed * annealed;
+  return std::isfinite(variance);
+}
+
 /// The samples stand at several scales of the spread, so their squares are set against those of their scales: with
 /// equal weights the spread is expected to stay. Rollouts 0 and 1, the mean and the best, were not drawn and have no
 /// say.
@@ -96,9 +114,9 @@ void adapt_spread(Sampler& s) {
   const double rate = learning_rate(std::fmax(scales * scales / squares, 2.0), s.grid.knots);
   s.lanes->moments(s.knots, s.rows, s.rollouts, s.rollouts, s.weight, s.row_mean, s.row_sum, s.row_squares);
   for (std::uint32_t r = 0; r < s.rows; ++r) {
-    const double variance = static_cast<double>(s.row_squares[r]) / scales;
+    double variance = static_cast<double>(s.row_squares[r]) / scales;
     const double noise_sd = s.settings->noise_sd[r / s.grid.knots];
-    if (!std::isfinite(variance)) continue;
+    if (!take_back_annealing(s, r, variance)) continue;
     const double spread = std::sqrt((1.0 - rate) * s.spread[r] * s.spread[r] + rate * variance);
     s.spread[r] = std::fmin(std::fmax(spread, kSpreadFloor * noise_sd), kSpreadCeiling * noise_sd);
   }

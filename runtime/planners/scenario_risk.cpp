@@ -12,7 +12,7 @@ constexpr double kLeastScale = 0.05;  // of the mean cost: ties do not make the 
 }  // namespace
 
 double ScenarioRisk::tail() const {
-  if (settings_->risk == tiller_risk_worst) return 1.0;
+  if (settings_->risk == tiller_risk_worst) return 1.0;  // of scenarios that are alike
   if (settings_->risk != tiller_risk_cvar) return count_;
   return (1.0 - settings_->cvar_alpha) * count_;
 }
@@ -22,29 +22,52 @@ void ScenarioRisk::begin(std::uint32_t count) {
   rate_ = kFirstRate;
   for (std::uint32_t j = 0; j < count; ++j) {
     weight_[j] = 1.0 / count;
+    likelihood_[j] = 1.0;
     last_change_[j] = 0.0;
   }
 }
 
+bool ScenarioRisk::take_likelihoods(const double* relative) {
+  bool news = false;
+  for (std::uint32_t j = 0; j < count_; ++j) {
+    news = news || likelihood_[j] != relative[j];
+    likelihood_[j] = relative[j];
+  }
+  if (!news) return false;
+  for (std::uint32_t j = 0; j < count_ && mean(); ++j) weight_[j] = likelihood_[j] / count_;
+  if (!mean()) project(weight_);
+  return true;
+}
+
 double ScenarioRisk::value(const double* cost) const {
-  double sorted[TILLER_MAX_SCENARIOS];
+  double sorted[TILLER_MAX_SCENARIOS], likelihood[TILLER_MAX_SCENARIOS];
   for (std::uint32_t j = 0; j < count_; ++j) {
     if (!std::isfinite(cost[j])) return std::numeric_limits<double>::infinity();
     std::uint32_t at = j;  // insertion, costliest first
-    for (; at > 0 && sorted[at - 1] < cost[j]; --at) sorted[at] = sorted[at - 1];
+    for (; at > 0 && sorted[at - 1] < cost[j]; --at) {
+      sorted[at] = sorted[at - 1];
+      likelihood[at] = likelihood[at - 1];
+    }
     sorted[at] = cost[j];
+    likelihood[at] = likelihood_[j];
   }
+  if (settings_->risk == tiller_risk_worst) return sorted[0];
   double left = tail(), sum = 0.0;
   for (std::uint32_t j = 0; j < count_ && left > 0.0; ++j) {
-    sum += (left < 1.0 ? left : 1.0) * sorted[j];
-    left -= 1.0;
+    sum += (left < likelihood[j] ? left : likelihood[j]) * sorted[j];
+    left -= likelihood[j];
   }
   return sum / tail();
 }
 
-/// Nearest point of {0 <= w <= bound, sum w = 1}: w - t cut to the bounds, t by bisection.
+/// Of the worst case all; a scenario that is not likely at all is none.
+double ScenarioRisk::most_weight(std::uint32_t j) const {
+  if (settings_->risk == tiller_risk_worst) return likelihood_[j] > 0.0 ? 1.0 : 0.0;
+  return tail() > likelihood_[j] ? likelihood_[j] / tail() : 1.0;
+}
+
+/// Nearest point of {0 <= w <= bounds, sum w = 1}: w - t cut to the bounds, t by bisection.
 void ScenarioRisk::project(double* w) const {
-  const double bound = tail() > 1.0 ? 1.0 / tail() : 1.0;
   double low = w[0], high = w[0];
   for (std::uint32_t j = 1; j < count_; ++j) {
     low = std::fmin(low, w[j]);
@@ -54,10 +77,10 @@ void ScenarioRisk::project(double* w) const {
   for (int i = 0; i < 60; ++i) {
     const double t = 0.5 * (low + high);
     double sum = 0.0;
-    for (std::uint32_t j = 0; j < count_; ++j) sum += std::fmin(std::fmax(w[j] - t, 0.0), bound);
+    for (std::uint32_t j = 0; j < count_; ++j) sum += std::fmin(std::fmax(w[j] - t, 0.0), most_weight(j));
     (sum > 1.0 ? low : high) = t;
   }
-  for (std::uint32_t j = 0; j < count_; ++j) w[j] = std::fmin(std::fmax(w[j] - high, 0.0), bound);
+  for (std::uint32_t j = 0; j < count_; ++j) w[j] = std::fmin(std::fmax(w[j] - high, 0.0), most_weight(j));
 }
 
 double ScenarioRisk::update(const double* cost) {

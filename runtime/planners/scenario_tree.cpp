@@ -4,6 +4,7 @@
 #include <cstring>
 #include <limits>
 
+#include "planners/belief_weights.hpp"
 #include "planners/flush_to_zero.hpp"
 #include "planners/line_search.hpp"
 #include "rollout/lq_held.hpp"
@@ -303,8 +304,11 @@ bool take_request(ScenarioTree& t, const PlanRequest& request) {
   }
   const Belief* belief = request.belief;
   if (!belief || belief->count == 0) return false;
-  const std::uint32_t count = belief->count < t.most ? belief->count : t.most;
+  const std::uint32_t count = hypotheses_within(*belief, t.most);
   if (count != t.count) recount(t, count);
+  double likelihood[TILLER_MAX_SCENARIOS];
+  fill_relative_weights(*belief, count, likelihood);
+  (void)t.risk.take_likelihoods(likelihood);
   each_branch(t, [&](PathPlan& p, std::uint32_t j) {
     (void)take_goal(p, request.goal);
     (void)take_origin(p, request.origin);

@@ -99,6 +99,10 @@ class Posterior {
   virtual std::uint32_t size() const = 0;
   /// One particle; every pointer nullable.
   virtual void particle(std::uint32_t index, double* params, double* state, double* weight) const = 0;
+  /// (ns) of the effects' states of one particle; as they are where the engine knows none.
+  virtual void particle_effects(std::uint32_t /*index*/, double* /*effect_state*/) const {}
+  /// By how many periods, parts of them included, the inputs of one particle come late, beside the effects' own delays.
+  virtual double particle_delay(std::uint32_t /*index*/) const { return 0.0; }
   /// Chooses `count` particles by stratified sampling from the weights (stream `tick`), into rows of `count`:
   /// params (np x count), state (nx x count), effect_state (ns x count); history (delay_steps x nu), newest first.
   /// Every pointer nullable. A particle of weight w is expected count * w times. The strata are slices along the
@@ -109,6 +113,7 @@ class Posterior {
                     float* history) const = 0;
   /// draw() gives states less `state` (nx), subtracted before they become single precision. Zeros until the first call.
   virtual void set_origin(const double* state) { std::copy(state, state + TILLER_MAX_STATES, origin_); }
+  const double* origin() const { return origin_; }  ///< (TILLER_MAX_STATES) of draw()'s states
   /// By how many periods, parts of them included, the inputs of the hypothesis in this column of the last draw() come
   /// late, beside the effects' own delays.
   virtual double drawn_delay(std::uint32_t /*column*/) const { return 0.0; }
@@ -121,8 +126,7 @@ class Posterior {
   virtual void report(PosteriorReport& report) const { report = {}; }
 
  protected:
-  ~Posterior() = default;                           // lives and ends with its block
-  const double* origin() const { return origin_; }  // of draw()'s states
+  ~Posterior() = default;  // lives and ends with its block
 
  private:
   double origin_[TILLER_MAX_STATES] = {};

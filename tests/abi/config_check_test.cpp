@@ -193,11 +193,29 @@ const Spoiled kSpoiled[] = {
     {"planner.filter", tiller_status_bad_planner, [](C& c) { c.planner.filter = 0.0; }},
     {"planner.filter", tiller_status_bad_planner, [](C& c) { c.planner.filter = 1.1; }},
     {"planner.filter", tiller_status_bad_planner, [](C& c) { c.planner.filter = kNan; }},
+    {"planner.anneal_iterations", tiller_status_bad_planner, [](C& c) { c.planner.anneal_iterations = 20.5; }},
+    {"planner.anneal_iterations", tiller_status_bad_planner, [](C& c) { c.planner.anneal_iterations = kNan; }},
+    {"planner.anneal_horizon", tiller_status_bad_planner, [](C& c) { c.planner.anneal_horizon = -0.1; }},
+    {"planner.anneal_horizon", tiller_status_bad_planner, [](C& c) { c.planner.anneal_horizon = kInf; }},
+    {"planner.hypotheses", tiller_status_bad_planner, [](C& c) { c.planner.hypotheses = 2; }},
     {"planner.closed_loop", tiller_status_bad_planner, [](C& c) { c.planner.closed_loop = 2; }},
     {"planner.shared_steps", tiller_status_bad_planner, [](C& c) { c.planner.shared_steps = 0; }},
     {"planner.shared_steps", tiller_status_bad_planner, [](C& c) { c.planner.shared_steps = 513; }},
     {"planner.predict_spread", tiller_status_bad_planner, [](C& c) { c.planner.predict_spread = 2; }},
     {"planner.noisy_rollouts", tiller_status_bad_planner, [](C& c) { c.planner.noisy_rollouts = 2; }},
+    {"cost.demonstration_divergence", tiller_status_bad_cost,
+     [](C& c) { c.cost.demonstration_divergence = tiller_divergence_kl; }},  // from nothing
+    {"cost.demonstration_divergence", tiller_status_bad_cost,
+     [](C& c) { demonstrate(c), c.cost.demonstration_divergence = 2; }},
+    {"cost.demonstration_divergence", tiller_status_bad_cost,
+     [](C& c) {
+       demonstrate(c), c.cost.demonstration_divergence = tiller_divergence_kl, c.cost.demonstration_weight = 0.0;
+     }},
+    {"cost.demonstration_root", tiller_status_bad_cost,  // infinitely wide in its second period
+     [](C& c) {
+       static const double kFlat[8] = {0.0, 1.0, 2.0, 3.0, 1.0, 2.0, 2.0, 4.0};
+       demonstrate(c), c.cost.demonstration_divergence = tiller_divergence_kl, c.cost.demonstration_root = kFlat;
+     }},
     {"cost.bound_risk", tiller_status_bad_cost, [](C& c) { c.cost.bound_risk = 0.6; }},
     {"cost.bound_risk", tiller_status_bad_cost, [](C& c) { c.cost.bound_risk = kNan; }},
     {"planner.shooting", tiller_status_bad_planner, [](C& c) { c.planner.shooting = 2; }},
@@ -306,6 +324,9 @@ TEST(ConfigCheck, AcceptsTheEndsOfTheRanges) {
   p.closed_loop = 1;
   p.shared_steps = 512;
   p.predict_spread = p.noisy_rollouts = 1;
+  p.anneal_iterations = p.anneal_horizon = 20.0;
+  p.hypotheses = tiller_hypotheses_sigma_points;
+  c.cost.demonstration_divergence = tiller_divergence_kl;
   c.cost.bound_risk = 0.5;
   p.qp_iterations = 10000;
   p.refine_iterations = 20;

@@ -81,6 +81,8 @@ void spoil(C& c, Draw& draw, double share) {
   maybe(c.planner.cvar_alpha, [&] { return TILLER_LARGEST_SHARE * draw.uniform(); });
   maybe(c.planner.filter, [&] { return draw.magnitude(TILLER_SMALLEST_SHARE, 1.0); });
   maybe(c.planner.noise_colour, [&] { return 4.0 * draw.uniform(); });
+  maybe(c.planner.anneal_iterations, [&] { return 20.0 * draw.uniform(); });
+  maybe(c.planner.anneal_horizon, [&] { return 20.0 * draw.uniform(); });
   maybe(c.planner.qp_tolerance, [&] { return draw.magnitude(1e-12, 1.0); });
   maybe(c.planner.regularisation, [&] { return draw.chance(0.2) ? 0.0 : draw.magnitude(1e-12, 1e6); });
   maybe(c.planner.exploration, [&] { return draw.chance(0.2) ? 0.0 : draw.magnitude(1e-12, 1e6); });
@@ -168,6 +170,7 @@ void choose_engines(C& c, Draw& draw) {
   c.planner.shared_steps = 1 + draw.below(8);
   c.planner.predict_spread = draw.below(2);
   c.planner.noisy_rollouts = draw.below(2);
+  c.planner.hypotheses = draw.below(2);
   c.cost.terminal = draw.chance(0.2) ? tiller_terminal_lqr : tiller_terminal_diagonal;
   c.posterior.kind = draw.below(tiller_posterior_kind_count);
   if (c.posterior.kind != tiller_posterior_conjugate) return;
@@ -300,6 +303,8 @@ const Range kRanges[] = {
     TILLER_RANGE(planner.elite_fraction, 1e-6, 1, false, false),
     TILLER_RANGE(planner.smoothing, 0, 0.999, true, false),
     TILLER_RANGE(planner.noise_colour, 0, 4, true, false),
+    TILLER_RANGE(planner.anneal_iterations, 0, 20, true, false),
+    TILLER_RANGE(planner.anneal_horizon, 0, 20, true, false),
     TILLER_RANGE(planner.filter, 1e-6, 1, false, false),
     TILLER_RANGE(planner.qp_tolerance, 1e-12, 1, false, false),
     TILLER_RANGE(planner.regularisation, 0, 1e6, true, false),

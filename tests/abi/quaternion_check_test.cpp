@@ -43,6 +43,8 @@ TEST(QuaternionCheck, DefaultsAreNoRotationAndMeasureTheAttitude) {
 
 TEST(QuaternionCheck, PredictedSpreadsAreOfModelsWithoutAttitudes) {
   EXPECT_EQ(refused([](C& c) { c.planner.predict_spread = 1; }), "planner.predict_spread");
+  EXPECT_EQ(refused([](C& c) { c.cost.demonstration_divergence = tiller_divergence_kl; }),
+            "cost.demonstration_divergence");
   EXPECT_EQ(refused([](C& c) { c.cost.bound_risk = 0.05; }), "cost.bound_risk");
   EXPECT_EQ(refused([](C& c) { c.planner.noisy_rollouts = 1; }), "");
 }

@@ -235,6 +235,42 @@ TEST_P(Lanes, risk_is_the_mean_of_the_sorted_tail) {
   EXPECT_LT(worst, 4e-6);  // 64 roundings of 6e-8
 }
 
+/// Weights in sixteenths: a particle of weight k / 16 is k of 16 that are alike.
+TEST_P(Lanes, weighted_risk_is_that_of_particles_counted_as_often_as_they_weigh) {
+  std::mt19937 random(3);
+  std::lognormal_distribution<float> cost(2.0f, 1.5f);
+  constexpr std::uint32_t kLanes = 80, kParticles = 6;
+  const std::uint32_t times[kParticles] = {1, 5, 0, 3, 2, 5};
+  float weight[kParticles];
+  for (std::uint32_t m = 0; m < kParticles; ++m) weight[m] = static_cast<float>(times[m]) / 16.0f;
+  for (const float share : {1.0f, 0.9f, 0.5f, 0.3125f, 0.25f, 0.1f, 0.01f, 0.0f}) {
+    std::vector<float> costs(kParticles * kLanes), risk(kLanes);
+    for (float& c : costs) c = cost(random);
+    costs[2 * kLanes + 1] = kInfinity;  // of no weight
+    tiller::RiskJob job;
+    job.particles = kParticles;
+    job.lanes = kLanes;
+    job.weight = weight;
+    job.share = share;
+    job.cost = costs.data();
+    job.risk = risk.data();
+    lanes.risk(job);
+    for (std::uint32_t lane = 0; lane < kLanes; ++lane) {
+      std::vector<double> column;
+      for (std::uint32_t m = 0; m < kParticles; ++m)
+        column.insert(column.end(), times[m], static_cast<double>(costs[m * kLanes + lane]));
+      const double expected = sorted_risk(column, share > 0.0f ? 16.0 * static_cast<double>(share) : 1e-9);
+      // t + (cost - t) / share: at 1 % the second is a hundredth of some roundings of the first
+      EXPECT_NEAR(static_cast<double>(risk[lane]) / expected, 1.0, 4e-6) << share;
+    }
+    costs[3 * kLanes + 7] = std::numeric_limits<float>::quiet_NaN();
+    costs[1 * kLanes + 8] = -kInfinity;
+    lanes.risk(job);
+    for (const std::uint32_t lane : {7u, 8u}) EXPECT_EQ(risk[lane], kInfinity) << share;
+    EXPECT_LT(risk[9], kInfinity);
+  }
+}
+
 TEST_P(Lanes, one_cost_that_is_not_finite_is_an_infinite_risk) {
   for (const float bad : {kInfinity, -kInfinity, std::numeric_limits<float>::quiet_NaN()})
     for (const float tail : {1.0f, 2.5f, 6.0f})

@@ -624,7 +624,7 @@ TEST(OutcomeRisk, is_that_of_the_hypotheses_one_by_one) {
     p.risk = std::array<std::uint32_t, 3>{tiller_risk_mean, tiller_risk_cvar, tiller_risk_worst}[i % 3];
     p.cvar_alpha = 0.9 * static_cast<double>(random() % 1000) / 1000.0;
     double cost[4];
-    std::uint32_t count[4];
+    double count[4];
     std::vector<double> each;
     for (int j = 0; j < 4; ++j) {
       cost[j] = static_cast<double>(random() % 100);

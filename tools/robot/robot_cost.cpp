@@ -162,6 +162,10 @@ bool read_demonstrations(SectionReader& section, const RobotFile& robot, std::ve
 void read_demonstration(SectionReader& section, RobotFile& robot, TaskRows& rows) {
   tiller_cost_config_t& cost = robot.config.cost;
   std::vector<Trajectory> runs;
+  const bool diverges = cost.demonstration_divergence == tiller_divergence_kl;
+  if (diverges && (!section.has("demonstration") || !(cost.demonstration_weight > 0)))
+    section.error("demonstration_divergence", "there is no demonstration that the prediction could diverge from",
+                  "write demonstration = [ files ] and a demonstration_weight above 0, or leave this out");
   if (!section.has("demonstration")) {
     if (cost.demonstration_weight > 0)
       section.error("demonstration_weight", "there is no demonstration to weigh", "write demonstration = [ files ]");

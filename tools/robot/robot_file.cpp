@@ -173,6 +173,8 @@ Refusal attitude_wants(const RobotFile& robot, const std::string& field) {
     told = {"takes no quaternion among the states", "kind = \"filter\" does"};
   if (about("cost.demonstration_weight"))
     told = {"demonstrations of a quaternion among the states are not known", "write a reference"};
+  if (about("cost.demonstration_divergence"))
+    told = {"covariances of a quaternion among the states are not predicted", "leave it out"};
   return told;
 }
 

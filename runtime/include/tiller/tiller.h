@@ -347,7 +347,7 @@ typedef struct tiller_cost_config {
    * the caller's and outlive the controller, as the model's table does. */
   const double* reference; /**< (reference_steps x nx), row-major, values; null: `target` */
   /* A demonstrated distribution: a Gaussian per period. Cost per step w_d / 2 |W_k (x - mean_k)|^2, W_k' W_k the
-   * inverse covariance: what a trajectory adds to the KL divergence from the demonstration (Englert et al. 2013). */
+   * inverse covariance: its cross-entropy. demonstration_divergence may ask for KL (Englert et al. 2013) instead. */
   const double* demonstration_mean; /**< (demonstration_steps x nx), values */
   const double* demonstration_root; /**< W: (demonstration_steps x nx x nx), row-major; w_d W^2 at most as any weight */
   uint32_t reference_steps;

@@ -43,6 +43,7 @@ class FilterPosterior final : public Posterior {
   std::uint64_t gated() const override { return gated_; }
   std::uint32_t size() const override { return n_; }
   void particle(std::uint32_t index, double* params, double* state, double* weight) const override;
+  void particle_effects(std::uint32_t index, double* effect_state) const override;
   void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
             float* history) const override;
   const AdequacyTest* adequacy() const override { return adequacy_; }

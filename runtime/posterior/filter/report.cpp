@@ -73,6 +73,11 @@ void FilterPosterior::particle(std::uint32_t index, double* params, double* stat
   if (weight) *weight = cloud_.weight[index];
 }
 
+void FilterPosterior::particle_effects(std::uint32_t index, double* effect_state) const {
+  if (index >= n_) return;
+  for (std::uint32_t i = 0; i < ns_; ++i) effect_state[i] = carried_.filter.effect_state[i * n_ + index];
+}
+
 /// One hypothesis: the mean, which stands for the cloud better than any single particle.
 void FilterPosterior::take_mean(float* params, float* state, float* effect_state) const {
   double mean[TILLER_MAX_PARAMS], state_mean[TILLER_MAX_STATES];

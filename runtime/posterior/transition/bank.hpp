@@ -49,6 +49,8 @@ class BankPosterior final : public Posterior {
   double log_predictive() const override { return log_predictive_; }
   std::uint32_t size() const override { return members_ * n_; }
   void particle(std::uint32_t index, double* params, double* state, double* weight) const override;
+  void particle_effects(std::uint32_t index, double* effect_state) const override;
+  double particle_delay(std::uint32_t index) const override;
   /// Members in proportion to their weights (systematic sampling). Of a member that gets one column: its mean.
   void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
             float* history) const override;

@@ -111,6 +111,17 @@ void BankPosterior::particle(std::uint32_t index, double* params, double* state,
   if (weight) *weight *= weight_[index / n_];
 }
 
+void BankPosterior::particle_effects(std::uint32_t index, double* effect_state) const {
+  if (index < size()) engine_[index / n_]->particle_effects(index % n_, effect_state);
+}
+
+double BankPosterior::particle_delay(std::uint32_t index) const {
+  if (index >= size()) return 0.0;
+  double all[TILLER_MAX_PARAMS];
+  if (hypotheses_.fractional) engine_[index / n_]->particle(index % n_, all, nullptr, nullptr);
+  return periods(index / n_, hypotheses_.fractional ? all[np_] : 0.0);
+}
+
 void BankPosterior::clear_adequacy() {
   for (std::uint32_t k = 0; k < members_; ++k) engine_[k]->clear_adequacy();
 }
