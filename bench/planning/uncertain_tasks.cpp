@@ -92,6 +92,16 @@ UncertainTask rail_task() {
   return t;
 }
 
+UncertainTask bounded_rail_task() {
+  UncertainTask t = rail_task();
+  t.name = "cart-pole on a rail, sqp";
+  t.config.planner.kind = tiller_planner_sqp;
+  t.config.cost.hard_bounds = 1u;
+  t.config.bound_weight[0] = 0.0;  // a constraint in the place of the penalty, at the same shorter rail
+  t.hypotheses = 8;
+  return t;
+}
+
 UncertainTask acrobot_task() {
   // two uniform rods of 1 kg and 0.5 m; the masses and the lower rod's centre are what is not known
   UncertainTask t{"acrobot", base("acrobot", {1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 1.0 / 48.0, 1.0 / 48.0}), {0, 1, 5}, 400};
@@ -124,6 +134,13 @@ UncertainTask planar_quadrotor_task() {
   limit(c, 0, 0.0, 6.0, 2.0);
   limit(c, 1, 0.0, 6.0, 2.0);
   weigh(c, {1.0, 1.0, 0.2, 0.05, 0.05, 0.01}, {50.0, 50.0, 10.0, 5.0, 5.0, 1.0}, 0.001);
+  return t;
+}
+
+UncertainTask bounded_quadrotor_task() {
+  UncertainTask t = planar_quadrotor_task();
+  t.name = "planar quadrotor, sqp";
+  t.config.planner.kind = tiller_planner_sqp;
   return t;
 }
 

@@ -32,8 +32,12 @@ bool override_setting(UncertainTask& task, const std::string& key, double value)
 
 UncertainTask cart_pole_task();
 UncertainTask rail_task();
+/// The rail as a constraint of `sqp`.
+UncertainTask bounded_rail_task();
 UncertainTask acrobot_task();
 UncertainTask planar_quadrotor_task();
+/// The same with `sqp`.
+UncertainTask bounded_quadrotor_task();
 /// A swing-up of 6 s with the horizon of `horizon` periods; masses and length are off by `off_share`.
 UncertainTask swing_up_task(std::uint32_t horizon, double off_share);
 

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstring>
+#include <ctime>
 #include <limits>
 #include <memory>
 #include <new>
@@ -43,6 +44,12 @@ void hash_bits(std::uint64_t& hash, double value) {
 std::int64_t now_ns(void*) {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
       .count();
+}
+
+std::int64_t cpu_now_ns(void*) {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
 }
 
 double quantile(std::vector<double>& v, double q) {
@@ -94,7 +101,7 @@ class Controller {
     hooks_.size = sizeof hooks_;
     hooks_.version = TILLER_CONFIG_VERSION;
     hooks_.context = &pool_;
-    hooks_.now_ns = options.clock ? &now_ns : nullptr;
+    hooks_.now_ns = !options.clock ? nullptr : options.cpu_clock ? &cpu_now_ns : &now_ns;
     hooks_.parallel_for = [](void* context, std::uint32_t n, void (*work)(void*, std::uint32_t), void* arg) {
       static_cast<tools::ThreadPool*>(context)->run(n, work, arg);
     };
@@ -135,6 +142,7 @@ tiller_info_t run_ticks(tiller_t* t, const tools::RobotFile& robot, double secon
   }
   result.tick_us_median = quantile(tick_us, 0.5);
   result.tick_us_p99 = quantile(tick_us, 0.99);
+  result.tick_us_p999 = quantile(tick_us, 0.999);
   result.tick_us_worst = quantile(tick_us, 1.0);
   return info;
 }

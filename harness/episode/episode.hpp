@@ -17,6 +17,7 @@ struct EpisodeOptions {
   double seconds = 10.0;
   unsigned threads = 1;
   bool clock = false;         ///< give the controller a clock: the robot file's deadline holds
+  bool cpu_clock = false;     ///< and it is this thread's CPU time, to which other programs add nothing (one thread)
   std::uint64_t episode = 0;  ///< of several with the same truth: noise and controller have seeds of their own
 };
 
@@ -35,7 +36,7 @@ struct EpisodeResult {
   double worst_position_m = 0;
   std::uint64_t command_hash = 0;  ///< of every bit of every command
   std::uint64_t ticks = 0, late_plans = 0, rejected = 0;
-  double tick_us_median = 0, tick_us_p99 = 0, tick_us_worst = 0;  ///< 0 without a clock
+  double tick_us_median = 0, tick_us_p99 = 0, tick_us_p999 = 0, tick_us_worst = 0;  ///< 0 without a clock
   int state = 0, status = 0;
   double noise_scale = 0, effective_samples = 0, acceptance = 0;
   std::vector<ParameterResult> parameters;  ///< those with a prior

@@ -7,6 +7,7 @@
 #include "planners/mcts_tree.hpp"
 #include "planners/planner.hpp"
 #include "planners/qp/osqp_qp.hpp"
+#include "planners/scenario_tree.hpp"
 #include "rollout/cost.hpp"
 #include "rollout/rollout.hpp"
 
@@ -142,6 +143,9 @@ Finding check_planner(const tiller_config_t& c) {
   constexpr tiller_status_t kBad = tiller_status_bad_planner;
   if (find_planner(p.kind) == nullptr) return {kBad, "planner.kind"};
   if (p.qp_solver == tiller_qp_osqp && !has_osqp()) return {kBad, "planner.qp_solver"};
+  // OSQP's pattern is that of one sequence
+  if (p.qp_solver == tiller_qp_osqp && p.kind == tiller_planner_sqp && wants_tree(c))
+    return {kBad, "planner.qp_solver"};
   // the filter's covariance of an attitude is of three differences, the linearised path's of four components
   if (p.predict_spread != 0 && c.model->quaternion_mask != 0) return {kBad, "planner.predict_spread"};
   return check_tree(p, c.model->input_count);

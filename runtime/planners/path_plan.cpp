@@ -79,6 +79,7 @@ Belief one_hypothesis(const PathPlan& p, const Belief& belief, std::uint32_t j, 
   one.params = take(belief.params, p.np);
   one.state = take(belief.state, p.nx);
   one.effect_state = take(belief.effect_state, p.ns);
+  one.spread = belief.spread;
   return one;
 }
 

@@ -97,7 +97,7 @@ bool take_origin(PathPlan& p, const double* origin);
 /// The first scenarios of the belief; false if there is nothing to plan over. A path for another number of scenarios is
 /// dropped.
 bool take_belief(PathPlan& p, const Belief* belief);
-/// Hypothesis j of a belief alone, in `room` (np + nx + ns) floats.
+/// Hypothesis j of a belief alone, in `room` (np + nx + ns).
 Belief one_hypothesis(const PathPlan& p, const Belief& belief, std::uint32_t j, float* room);
 /// The path as many periods later as ticks went by.
 void shift_path(PathPlan& p, std::uint64_t tick);

@@ -22,11 +22,13 @@ void each_branch(ScenarioTree& t, F&& f) {
 
 // ---- the linear-quadratic problem ---------------------------------------------------------------
 
-/// A branch's problem behind the shared periods, and its factor there.
-LqProblem behind(const PathPlan& p, std::size_t r) {
-  const std::size_t n = p.n, nu = p.nu;
+}  // namespace
+
+LqProblem problem_behind(const ScenarioTree& t, std::uint32_t branch) {
+  const PathPlan& p = t.branch[branch];
+  const std::size_t n = p.n, nu = p.nu, r = t.shared;
   LqProblem q = p.problem;
-  q.horizon = p.horizon - static_cast<std::uint32_t>(r);
+  q.horizon = p.horizon - t.shared;
   q.a += r * n * n;
   q.b += r * n * nu;
   q.qxx += r * n * n;
@@ -39,8 +41,10 @@ LqProblem behind(const PathPlan& p, std::size_t r) {
   return q;
 }
 
-LqFactor behind(const LqFactor& whole, std::size_t n, std::size_t nu, std::size_t r) {
-  LqFactor f = whole;
+LqFactor factor_behind(const ScenarioTree& t, std::uint32_t branch) {
+  const PathPlan& p = t.branch[branch];
+  const std::size_t n = p.n, nu = p.nu, r = t.shared;
+  LqFactor f = p.factor;
   f.gain += r * nu * n;
   f.step += r * nu;
   f.cholesky += r * nu * nu;
@@ -53,13 +57,12 @@ LqFactor behind(const LqFactor& whole, std::size_t n, std::size_t nu, std::size_
   return f;
 }
 
-/// The shared periods of all branches, stacked, under the risk's weights.
-void stack_trunk(ScenarioTree& t) {
+void stack_trunk(ScenarioTree& t, const double* weight) {
   const std::size_t m = t.count, n = t.branch[0].n, nu = t.branch[0].nu, s = m * n, r = t.shared;
   std::memset(t.quu, 0, r * nu * nu * sizeof(double));
   std::memset(t.qu, 0, r * nu * sizeof(double));
   each_branch(t, [&](PathPlan& p, std::size_t j) {
-    const double w = t.risk.weight()[j];
+    const double w = weight[j];
     for (std::size_t k = 0; k < r; ++k) {
       std::memcpy(t.a + (k * m + j) * n * n, p.a + k * n * n, n * n * sizeof(double));
       std::memcpy(t.b + (k * m + j) * n * nu, p.b + k * n * nu, n * nu * sizeof(double));
@@ -82,12 +85,23 @@ void stack_trunk(ScenarioTree& t) {
   t.lq = &select_lq(*t.branch[0].table, t.branch[0].n, t.branch[0].nu, t.count);
 }
 
+void raise_regularisation(ScenarioTree& t) {
+  double most = 0.0;
+  each_branch(t, [&](PathPlan& p, std::size_t) {
+    raise_regularisation(p);
+    most = std::fmax(most, p.problem.regularisation);
+  });
+  each_branch(t, [&](PathPlan& p, std::size_t) { p.problem.regularisation = most; });
+}
+
+namespace {
+
 /// Sweeps behind the shared periods; their costs to go end the trunk.
 bool factorise(ScenarioTree& t) {
   const std::size_t m = t.count, n = t.branch[0].n, r = t.shared;
   bool good = true;
-  each_branch(t, [&](PathPlan& p, std::size_t j) {
-    good = good && p.lq->factorise(behind(p, r), behind(p.factor, n, p.nu, r));
+  each_branch(t, [&](PathPlan& p, std::uint32_t j) {
+    good = good && p.lq->factorise(problem_behind(t, j), factor_behind(t, j));
     const double w = t.risk.weight()[j];
     for (std::size_t i = 0; i < n * n; ++i) t.qxx[(r * m + j) * n * n + i] = w * p.factor.value[r * n * n + i];
     for (std::size_t i = 0; i < n; ++i) t.qx[(r * m + j) * n + i] = w * p.factor.slope[r * n + i];
@@ -100,17 +114,17 @@ void roll_solution(ScenarioTree& t) {
   const std::size_t m = t.count, n = t.branch[0].n, r = t.shared;
   std::memset(t.x, 0, m * n * sizeof(double));
   t.lq->roll(t.trunk, t.trunk_factor, t.x, t.u);
-  each_branch(t, [&](PathPlan& p, std::size_t j) {
+  each_branch(t, [&](PathPlan& p, std::uint32_t j) {
     std::memcpy(p.dx + r * n, t.x + (r * m + j) * n, n * sizeof(double));
-    p.lq->roll(behind(p, r), behind(p.factor, n, p.nu, r), p.dx + r * n, p.du + r * p.nu);
+    p.lq->roll(problem_behind(t, j), factor_behind(t, j), p.dx + r * n, p.du + r * p.nu);
   });
 }
 
 std::uint32_t update_held(ScenarioTree& t) {
   const std::size_t n = t.branch[0].n, r = t.shared;
   std::uint32_t changes = update_lq_held(t.trunk, t.trunk_factor, t.x, t.u);
-  each_branch(t, [&](PathPlan& p, std::size_t) {
-    changes += update_lq_held(behind(p, r), behind(p.factor, n, p.nu, r), p.dx + r * n, p.du + r * p.nu);
+  each_branch(t, [&](PathPlan& p, std::uint32_t j) {
+    changes += update_lq_held(problem_behind(t, j), factor_behind(t, j), p.dx + r * n, p.du + r * p.nu);
   });
   return changes;
 }
@@ -137,26 +151,12 @@ void stand(ScenarioTree& t) {
   t.standing = true;
 }
 
-/// One regularisation for the whole tree: the largest that a branch asks for.
-void raise(ScenarioTree& t) {
-  double most = 0.0;
-  each_branch(t, [&](PathPlan& p, std::size_t) {
-    raise_regularisation(p);
-    most = std::fmax(most, p.problem.regularisation);
-  });
-  each_branch(t, [&](PathPlan& p, std::size_t) { p.problem.regularisation = most; });
-}
-
 void lower(ScenarioTree& t) {
   each_branch(t, [](PathPlan& p, std::size_t) { lower_regularisation(p); });
 }
 
-bool solve(ScenarioTree& t) {
-  each_branch(t, [](PathPlan& p, std::size_t) {
-    clear_defects(p);
-    (void)take_box(p);
-  });
-  stack_trunk(t);
+bool solve_in_box(ScenarioTree& t) {
+  stack_trunk(t, t.risk.weight());
   t.has_gain = false;
   for (std::uint32_t sweep = 0; sweep < kSweeps; ++sweep) {
     t.has_gain = factorise(t);
@@ -165,8 +165,17 @@ bool solve(ScenarioTree& t) {
     if (update_held(t) == 0) break;
   }
   write_steps(t, t.has_gain);
-  if (!t.has_gain) raise(t);
   return t.has_gain;
+}
+
+bool solve(ScenarioTree& t, const Deadline& deadline) {
+  each_branch(t, [](PathPlan& p, std::size_t) {
+    clear_defects(p);
+    (void)take_box(p);
+  });
+  const bool solved = t.solver.self ? t.solver.solve(t.solver.self, t, deadline) : solve_in_box(t);
+  if (!solved) raise_regularisation(t);
+  return solved;
 }
 
 // ---- the line search ----------------------------------------------------------------------------
@@ -175,6 +184,22 @@ double risk_of(const ScenarioTree& t, std::uint32_t candidate) {
   double cost[TILLER_MAX_SCENARIOS];
   for (std::uint32_t j = 0; j < t.count; ++j) cost[j] = t.branch[j].candidate_cost[candidate];
   return t.risk.value(cost);
+}
+
+double penalty_of(const ScenarioTree& t, std::uint32_t j, std::uint32_t candidate) {
+  return t.solver.self ? t.solver.penalty(t.solver.self, t, j, candidate) : 0.0;
+}
+
+double merit_of(const ScenarioTree& t, std::uint32_t candidate) {
+  double sum = risk_of(t, candidate);
+  for (std::uint32_t j = 0; j < t.count; ++j) sum += penalty_of(t, j, candidate);
+  return sum;
+}
+
+/// The branch's path becomes its inputs' motion; what it is charged, as if it were the only one.
+double roll_branch(ScenarioTree& t, std::uint32_t j) {
+  const double cost = roll_open(t.branch[j]);
+  return cost + t.count * penalty_of(t, j, kWarm);
 }
 
 /// Mean of the branches' inputs of row `at` under the risk's weights.
@@ -193,17 +218,17 @@ bool begin_paths(ScenarioTree& t) {
   for (std::size_t at = 0; at < rows; ++at) first.settled[at] = mean_input(t, at);
   bool finite = true;
   double cost[TILLER_MAX_SCENARIOS];
-  each_branch(t, [&](PathPlan& p, std::size_t j) {
+  each_branch(t, [&](PathPlan& p, std::uint32_t j) {
     double* const own = t.own;
     std::memcpy(own, p.control, rows * sizeof(double));
     std::memcpy(p.control, first.settled, rows * sizeof(double));
-    const double of_mean = roll_open(p);
+    const double of_mean = roll_branch(t, j);
     std::memcpy(p.control, own, rows * sizeof(double));
-    cost[j] = roll_open(p);
-    if (of_mean < cost[j]) {
+    if (of_mean < roll_branch(t, j)) {
       std::memcpy(p.control, first.settled, rows * sizeof(double));
-      cost[j] = roll_open(p);
+      (void)roll_branch(t, j);
     }
+    cost[j] = p.candidate_cost[kWarm];
     finite = finite && std::isfinite(cost[j]);
   });
   t.standing = false;
@@ -211,13 +236,13 @@ bool begin_paths(ScenarioTree& t) {
   return finite;
 }
 
-std::uint32_t cheapest(const ScenarioTree& t, double& cost) {
+std::uint32_t cheapest(const ScenarioTree& t, double& merit) {
   std::uint32_t best = 0;
-  cost = kInfinity;
+  merit = kInfinity;
   for (std::uint32_t i = 0; i < kCandidates; ++i) {
-    const double c = risk_of(t, i);
-    if (!(c < cost)) continue;
-    cost = c;
+    const double m = merit_of(t, i);
+    if (!(m < merit)) continue;
+    merit = m;
     best = i;
   }
   return best;
@@ -230,30 +255,31 @@ bool weigh(ScenarioTree& t) {
   return t.risk.update(full) > kWeightsStand;
 }
 
-void iterate(ScenarioTree& t) {
+void iterate(ScenarioTree& t, const Deadline& deadline) {
   stand(t);
-  if (!solve(t)) {
+  if (!solve(t, deadline)) {
     t.converged = t.branch[0].problem.regularisation > kMostRaised;
     return;
   }
   each_branch(t, [](PathPlan& p, std::size_t) { roll_candidates(p, kStepAlpha, kStepBeta); });
-  double cost = kInfinity;
-  const std::uint32_t best = cheapest(t, cost);
+  double merit = kInfinity;
+  const std::uint32_t best = cheapest(t, merit);
+  const double before = merit_of(t, kWarm);
   const bool moved = weigh(t);
-  if (!(cost < t.cost)) {
-    const bool flat = risk_of(t, 0) <= t.cost + kFlat * std::fabs(t.cost);
-    if (!moved && !flat) raise(t);
+  if (!(merit < before)) {
+    const bool flat = merit_of(t, 0) <= before + kFlat * std::fabs(before);
+    if (!moved && !flat) raise_regularisation(t);
     t.converged = (!moved && flat) || t.branch[0].problem.regularisation > kMostRaised;
     return;
   }
-  t.converged = !moved && t.cost - cost <= kConverged * std::fabs(cost);
+  t.converged = !moved && before - merit <= kConverged * std::fabs(merit);
   each_branch(t, [&](PathPlan& p, std::size_t) { take_candidate(p, best); });
-  t.cost = cost;
+  t.cost = risk_of(t, best);
   t.standing = false;
   if (best < 2)
     lower(t);
   else if (best > 3)
-    raise(t);
+    raise_regularisation(t);
 }
 
 // ---- a plan -------------------------------------------------------------------------------------
@@ -266,23 +292,6 @@ void share_first_periods(ScenarioTree& t) {
   }
 }
 
-/// Hypothesis j alone; its arrays last until the next call.
-Belief hypothesis(const ScenarioTree& t, const Belief& belief, std::uint32_t j) {
-  const PathPlan& p = t.branch[0];
-  float* at = t.hypothesis;
-  const auto take = [&](const float* rows, std::uint32_t count) {
-    for (std::uint32_t i = 0; i < count; ++i) at[i] = rows[i * belief.count + j];
-    at += count;
-    return at - count;
-  };
-  Belief one;
-  one.count = 1;
-  one.params = take(belief.params, p.np);
-  one.state = take(belief.state, p.nx);
-  one.effect_state = take(belief.effect_state, p.ns);
-  return one;
-}
-
 /// Branches for another number of hypotheses begin with the mean of those that were.
 void recount(ScenarioTree& t, std::uint32_t count) {
   const PathPlan& first = t.branch[0];
@@ -292,6 +301,7 @@ void recount(ScenarioTree& t, std::uint32_t count) {
   }
   for (std::uint32_t j = 0; j < t.most; ++j) t.branch[j].has_path = false;
   t.count = count;
+  t.has_gain = false;
   t.risk.begin(count);
 }
 
@@ -309,12 +319,14 @@ bool take_request(ScenarioTree& t, const PlanRequest& request) {
   double likelihood[TILLER_MAX_SCENARIOS];
   fill_relative_weights(*belief, count, likelihood);
   (void)t.risk.take_likelihoods(likelihood);
+  bool moved = false;
   each_branch(t, [&](PathPlan& p, std::uint32_t j) {
     (void)take_goal(p, request.goal);
-    (void)take_origin(p, request.origin);
-    const Belief one = hypothesis(t, *belief, j);
+    moved = take_origin(p, request.origin) || moved;
+    const Belief one = one_hypothesis(p, *belief, j, t.hypothesis);
     (void)take_belief(p, &one);
   });
+  if (moved && t.solver.self) t.solver.move_frame(t.solver.self, t);
   share_first_periods(t);
   return true;
 }
@@ -331,7 +343,7 @@ void iterate(ScenarioTree& t, const Deadline& deadline, PlanResult& result) {
       result.status = tiller_status_iteration_capped;
       break;
     }
-    iterate(t);
+    iterate(t, deadline);
     ++result.iterations;
   }
   if (!t.converged && result.iterations < t.branch[0].settings->iterations)

@@ -4,6 +4,20 @@
 
 namespace tiller {
 
+struct ScenarioTree;
+
+/// What a planner puts in the place of the tree's own solver, an active set over the inputs' limits.
+struct TreeSolver {
+  void* self = nullptr;  // null: none
+  /// Solves the problem around the paths, and leaves steps and gains in the factors of branches and trunk. False where
+  /// there is no solution.
+  bool (*solve)(void* self, ScenarioTree& tree, const Deadline& deadline) = nullptr;
+  /// What branch j's candidate `c` is to be charged beside its cost, in the unit of the tree's.
+  double (*penalty)(const void* self, const ScenarioTree& tree, std::uint32_t j, std::uint32_t c) = nullptr;
+  /// The paths' frame has moved.
+  void (*move_frame)(void* self, const ScenarioTree& tree) = nullptr;
+};
+
 /// iLQR on a tree of scenarios: the inputs of the first `shared` periods are one sequence for all hypotheses (nothing
 /// has been seen yet that tells them apart), each hypothesis then has inputs of its own (after that it is known; the
 /// multi-stage MPC of Lucia, Finkler and Engell, J. Process Control 2013, with one branching). Single shooting.
@@ -27,6 +41,7 @@ struct ScenarioTree {
   double* own = nullptr;        // (N x nu) scratch
   float* hypothesis = nullptr;  // (np + nx + ns) one of the belief
   ScenarioRisk risk;
+  TreeSolver solver;
 
   // ---- one plan
   double cost = 0.0;      // of the paths under the risk
@@ -37,6 +52,14 @@ struct ScenarioTree {
 
 /// Whether the configuration asks for a tree: closed_loop, several hypotheses, and a horizon beyond the shared periods.
 bool wants_tree(const tiller_config_t& config);
+/// A branch's problem behind the shared periods, and its factor there.
+LqProblem problem_behind(const ScenarioTree& t, std::uint32_t branch);
+LqFactor factor_behind(const ScenarioTree& t, std::uint32_t branch);
+/// The shared periods of all branches, stacked, under these weights (count); not the row that the branches begin with.
+void stack_trunk(ScenarioTree& t, const double* weight);
+/// One regularisation for the whole tree, raised to the largest that a branch asks for.
+void raise_regularisation(ScenarioTree& t);
+
 /// Null while the arena measures.
 ScenarioTree* lay_out_tree(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
                            const RolloutTable& table);

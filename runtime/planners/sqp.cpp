@@ -25,6 +25,7 @@
 
 #include "planners/flush_to_zero.hpp"
 #include "planners/line_search.hpp"
+#include "planners/sqp_tree.hpp"
 
 namespace tiller {
 namespace {
@@ -41,17 +42,7 @@ bool finite_start(const PathPlan& p) {
   return std::isfinite(sum);
 }
 
-/// What candidate `c` exceeds the bounds on states by.
-double bounds_excess(const Sqp& s, std::uint32_t c) {
-  const PathPlan& p = s.plan;
-  double sum = 0.0;
-  for (std::size_t row = p.scenarios; s.state_bounds && row < (p.horizon + 1) * p.scenarios; ++row)
-    for (std::size_t i = 0; i < p.nx; ++i) {
-      const double x = p.candidate_state[(row * p.nz + i) * kCandidates + c];
-      sum += std::fmax(0.0, margin_at(s, row, i) + std::fmax(x - s.state_high[i], s.state_low[i] - x));
-    }
-  return sum;
-}
+double bounds_excess(const Sqp& s, std::uint32_t c) { return candidate_excess(s.plan, s.bounds, s.margin, c); }
 double bounds_penalty(const Sqp& s, std::uint32_t c) { return s.exact_weight * bounds_excess(s, c); }
 
 std::uint32_t best_candidate(const Sqp& s, double& cost, double& merit) {
@@ -115,11 +106,15 @@ void weigh_settled(Sqp& s) {
   s.settled_excess = bounds_excess(s, kWarm);
 }
 
+void predict_path_margins(Sqp& s) {
+  if (s.margin && s.bounds.of_states) predict_margins(s.plan, s.bounds, s.room, s.margin);
+}
+
 void linearise(Sqp& s) {
   linearise_path(s.plan);
-  predict_margins(s);
+  predict_path_margins(s);
   quadratise_path(s.plan);
-  s.set.stands = false;
+  s.part.set.stands = false;
   s.prepared = true;
 }
 
@@ -132,7 +127,7 @@ void roll_program(Sqp& s, bool solved) {
 
 MeritBounds merit_bounds(const Sqp& s) {
   MeritBounds bounds;
-  if (s.state_bounds) bounds = {s.state_low, s.state_high, s.margin, s.exact_weight};
+  if (s.bounds.of_states) bounds = {s.bounds.low, s.bounds.high, s.margin, s.exact_weight};
   return bounds;
 }
 
@@ -171,10 +166,10 @@ bool iterate_multiple(Sqp& s, const Deadline& deadline) {
   if (!s.prepared) linearise(s);
   s.prepared = false;
   const bool solved = solve_program(s, deadline);
-  const PathStep step = {s.plain.solution.x, s.plain.solution.u};
+  const PathStep step = {s.part.plain.solution.x, s.part.plain.solution.u};
   if (!solved || !step_by_merit(s.plan, step, merit_bounds(s), s.shooting)) return close_path(s, solved);
-  predict_margins(s);
-  s.set.stands = false;
+  predict_path_margins(s);
+  s.part.set.stands = false;
   s.prepared = s.open = true;
   s.converged = -s.shooting.expected <= kConverged * std::fabs(s.shooting.merit);
   lower_regularisation(s.plan);
@@ -280,13 +275,14 @@ void shift(Sqp& s, std::uint64_t tick) {
   PathPlan& p = s.plan;
   const std::uint64_t ticks = p.has_sequence && tick > p.last_tick ? tick - p.last_tick : 0;
   const auto gone = static_cast<std::uint32_t>(ticks < p.horizon ? ticks : p.horizon);
-  if (gone > 0) shift_active_set(s.set, p.problem, gone);
+  if (gone > 0) shift_active_set(s.part.set, p.problem, gone);
   if (gone > 0 && s.open) shift_settled(p, gone);
   shift_path(p, tick);
 }
 
 PlanResult plan(void* self, const PlanRequest& request, double* command) {
   Sqp& s = *static_cast<Sqp*>(self);
+  if (s.tree) return plan_sqp_tree(*s.tree, request, command);
   PathPlan& p = s.plan;
   PlanResult result;
   result.cost = kInfinity;
@@ -295,7 +291,7 @@ PlanResult plan(void* self, const PlanRequest& request, double* command) {
   p.task_step = request.task_step;
   shift(s, request.tick);
   if (take_goal(p, request.goal)) s.prepared = false;
-  if (take_origin(p, request.origin)) place_hard_bounds(s);
+  if (take_origin(p, request.origin)) place_hard_bounds(p, s.bounds);
   if (!take_belief(p, request.belief)) {
     result.status = tiller_status_plan_not_finite;
   } else if (request.deadline.iterations > 0) {
@@ -310,6 +306,7 @@ PlanResult plan(void* self, const PlanRequest& request, double* command) {
 /// The path shifted and linearised, and the program's matrices factorised, for the tick after that of the last plan.
 void prepare(void* self, const PlanRequest& expected) {
   Sqp& s = *static_cast<Sqp*>(self);
+  if (s.tree) return;
   PathPlan& p = s.plan;
   if (!p.has_path || expected.tick <= p.last_tick) return;
   const FlushToZero flush;
@@ -324,15 +321,22 @@ void prepare(void* self, const PlanRequest& expected) {
 
 void reset(void* self) {
   Sqp& s = *static_cast<Sqp*>(self);
+  if (s.tree) return reset_sqp_tree(*s.tree);
   reset_path_plan(s.plan);
-  s.prepared = s.converged = s.unsolved = s.set.stands = s.multiple = s.open = false;
+  s.prepared = s.converged = s.unsolved = s.part.set.stands = s.multiple = s.open = false;
   s.violation = 0.0;
-  for (std::size_t i = 0; i < std::size_t{s.plan.horizon} * s.plan.nu; ++i) s.set.held[i] = 0;
+  for (std::size_t i = 0; i < std::size_t{s.plan.horizon} * s.plan.nu; ++i) s.part.set.held[i] = 0;
 }
 
 void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
               const tiller_hooks_t*) {
   auto* s = arena.take<Sqp>(1);
+  if (wants_tree(config)) {
+    SqpTree* const tree = lay_out_sqp_tree(arena, config, setup, table);
+    if (!s || !tree) return nullptr;
+    s->tree = tree;
+    return s;
+  }
   Sqp nobody;
   Sqp& place = s ? *s : nobody;
   lay_out_path_plan(arena, config, setup, table, place.plan);
@@ -342,10 +346,15 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
   return s;
 }
 
-const float* sequence(const void* self) { return static_cast<const Sqp*>(self)->plan.sequence; }
+const float* sequence(const void* self) {
+  const Sqp& s = *static_cast<const Sqp*>(self);
+  return s.tree ? tree_sequence(*s.tree->tree) : s.plan.sequence;
+}
 
 bool feedback(const void* self, std::uint32_t step, double* gain, double* state, double* input) {
-  return path_feedback(static_cast<const Sqp*>(self)->plan, step, gain, state, input);
+  const Sqp& s = *static_cast<const Sqp*>(self);
+  return s.tree ? tree_feedback(*s.tree->tree, step, gain, state, input)
+                : path_feedback(s.plan, step, gain, state, input);
 }
 
 }  // namespace

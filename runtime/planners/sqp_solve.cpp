@@ -17,87 +17,61 @@ QpLimits program_limits(const Sqp& s, const Deadline& deadline) {
   return limits;
 }
 
-void take_plain(Sqp& s) {
+/// All of the path.
+PartPath whole_path(const Sqp& s) {
+  const PathPlan& p = s.plan;
+  PartPath path;
+  for (std::uint32_t j = 0; j < p.scenarios; ++j) {
+    path.state[j] = p.state + std::size_t{j} * p.nz;
+    path.margin[j] = s.margin ? s.margin + std::size_t{j} * p.nx : nullptr;
+  }
+  path.state_stride = std::size_t{p.scenarios} * p.nz;
+  path.margin_stride = std::size_t{p.scenarios} * p.nx;
+  path.control = p.control;
+  path.before = p.last_input;
+  return path;
+}
+
+void take_bounds(Sqp& s, const PartPath& path, SqpProgram& program, bool lifted) {
+  const BoundPenalty penalty = exact_penalty(largest_gradient(s.plan));
+  s.exact_weight = penalty.linear;
+  take_state_bounds(s.plan, s.bounds, path, penalty, program, lifted);
+}
+
+void take_plain(Sqp& s, const PartPath& path) {
   PathPlan& p = s.plan;
   take_defects(p);
   take_box(p);
-  s.plain.qp.lq = p.problem;
-  for (std::size_t i = 0; i < std::size_t{p.scenarios} * p.n; ++i) s.plain.solution.x[i] = p.dx[i];
-  if (s.state_bounds) take_state_bounds(s, s.plain, false);
-}
-
-bool changes_within(const Sqp& s) {
-  const PathPlan& p = s.plan;
-  const double* du = s.plain.solution.u;
-  for (std::size_t at = p.nu; s.rate_limits && at < std::size_t{p.horizon} * p.nu; ++at) {
-    const double change = p.control[at] + du[at] - p.control[at - p.nu] - du[at - p.nu];
-    if (!(std::fabs(change) <= p.most_change[at % p.nu] * (1.0 + 1e-9))) return false;
-  }
-  return true;
+  s.part.plain.qp.lq = p.problem;
+  for (std::size_t i = 0; i < std::size_t{p.scenarios} * p.n; ++i) s.part.plain.solution.x[i] = p.dx[i];
+  if (s.bounds.of_states) take_bounds(s, path, s.part.plain, false);
 }
 
 // ---- the whole program --------------------------------------------------------------------------
 
-/// Changes of the inputs that the plain program's last inputs make: where the interior point starts.
-void start_lifted(Sqp& s) {
-  const PathPlan& p = s.plan;
-  for (std::size_t at = 0; at < std::size_t{p.horizon} * p.nu; ++at)
-    s.lifted.solution.u[at] = s.plain.solution.u[at] - (at < p.nu ? 0.0 : s.plain.solution.u[at - p.nu]);
-}
-
-/// Inputs and states of the plain program from the lifted one's.
-void take_lifted_solution(Sqp& s) {
-  const PathPlan& p = s.plan;
-  const std::size_t m = p.scenarios, large = p.nz + p.nu;
-  for (std::size_t k = 0; k < p.horizon; ++k)
-    for (std::size_t i = 0; i < p.nu; ++i)
-      s.plain.solution.u[k * p.nu + i] = s.lifted.solution.x[(k + 1) * m * large + p.nz + i];
-  for (std::size_t row = 0; row < (p.horizon + 1) * m; ++row) {
-    for (std::size_t i = 0; i < p.nz; ++i) s.plain.solution.x[row * p.n + i] = s.lifted.solution.x[row * large + i];
-    for (std::size_t i = p.nz; i < p.n; ++i) s.plain.solution.x[row * p.n + i] = s.lifted.solution.x[row * large + i];
-  }
-}
-
-bool all_finite(const double* rows, std::size_t count) {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < count; ++i) sum += std::fabs(rows[i]);
-  return std::isfinite(sum);
-}
-
-double largest_violation(const Sqp& s, const SqpProgram& program) {
-  const PathPlan& p = s.plan;
-  const std::size_t n = program.qp.lq.states;
-  double worst = 0.0;
-  for (std::size_t row = p.scenarios; s.state_bounds && row < (p.horizon + 1) * p.scenarios; ++row)
-    for (std::size_t i = 0; i < p.nx; ++i) {
-      const double x = program.solution.x[row * n + i];
-      worst = std::fmax(worst, std::fmax(x - program.state_high[row * n + i], program.state_low[row * n + i] - x));
-    }
-  return worst;
-}
-
 /// False where no solution came of it.
-bool solve_whole(Sqp& s, const QpLimits& limits) {
+bool solve_whole(Sqp& s, const PartPath& path, const QpLimits& limits) {
   PathPlan& p = s.plan;
-  if (s.rate_limits) {
-    build_lifted(s);
-    take_state_bounds(s, s.lifted, true);
-    start_lifted(s);
+  const bool lifted = s.bounds.of_rates;
+  if (lifted) {
+    build_lifted(p, path, s.part);
+    take_bounds(s, path, s.part.lifted, true);
+    start_lifted(p, path, s.part);
   }
-  SqpProgram& program = s.rate_limits ? s.lifted : s.plain;
+  SqpProgram& program = lifted ? s.part.lifted : s.part.plain;
   QpReport report;
   if (p.settings->qp_solver == tiller_qp_osqp) {
     if (p.scenarios == p.most_scenarios) report = solve_osqp(s.osqp, program.qp, limits, false, program.solution);
   } else {
     const LqProblem& q = program.qp.lq;
-    s.interior.kernel = &select_lq(*p.table, q.states, q.inputs, q.scenarios);
-    report = solve_interior_point(s.interior, program.qp, limits, program.solution);
+    s.part.interior.kernel = &select_lq(*p.table, q.states, q.inputs, q.scenarios);
+    report = solve_interior_point(s.part.interior, program.qp, limits, program.solution);
   }
   s.unsolved = report.status != QpStatus::solved;
   if (report.status == QpStatus::broken || report.status == QpStatus::infeasible) return false;
-  if (!all_finite(program.solution.u, std::size_t{p.horizon} * p.nu)) return false;
-  s.violation = largest_violation(s, program);
-  if (s.rate_limits) take_lifted_solution(s);
+  if (!finite_inputs(program)) return false;
+  if (s.bounds.of_states) s.violation = largest_violation(p, program);
+  if (lifted) take_lifted_solution(p, s.part);
   return true;
 }
 
@@ -105,13 +79,10 @@ bool solve_whole(Sqp& s, const QpLimits& limits) {
 void take_gains(Sqp& s) {
   PathPlan& p = s.plan;
   const std::size_t stack = std::size_t{p.scenarios} * p.n;
-  const double *u = s.plain.solution.u, *x = s.plain.solution.x;
+  const double *u = s.part.plain.solution.u, *x = s.part.plain.solution.x;
   for (std::size_t at = 0; at < std::size_t{p.horizon} * p.nu; ++at) {
-    const double margin = 1e-6 * (p.box_high[at] - p.box_low[at]);
-    s.set.held[at] = static_cast<std::int8_t>(u[at] >= p.box_high[at] - margin  ? 1
-                                              : u[at] <= p.box_low[at] + margin ? -1
-                                                                                : 0);
-    p.factor.held[at] = s.set.held[at];
+    s.part.set.held[at] = bound_of(s.part.plain, at);
+    p.factor.held[at] = s.part.set.held[at];
   }
   p.has_gain = p.lq->factorise(p.problem, p.factor);
   for (std::size_t k = 0; k < p.horizon; ++k)
@@ -127,13 +98,47 @@ void take_gains(Sqp& s) {
     }
 }
 
+/// Masks of what has bounds in the program that OSQP solves.
+struct Masks {
+  std::uint8_t bounded[TILLER_MAX_SCENARIOS * kMostQpStates] = {};
+  std::uint8_t soft[TILLER_MAX_SCENARIOS * kMostQpStates] = {};
+};
+void take_masks(const Sqp& s, const LqProblem& sizes, Masks& masks) {
+  const PathPlan& p = s.plan;
+  for (std::uint32_t j = 0; j < sizes.scenarios; ++j) {
+    for (std::uint32_t i = 0; i < p.nx; ++i)
+      masks.bounded[j * sizes.states + i] = masks.soft[j * sizes.states + i] = s.bounds.names(i);
+    for (std::uint32_t i = 0; s.bounds.of_rates && j == 0 && i < p.nu; ++i) masks.bounded[p.nz + i] = 1;
+  }
+}
+
 }  // namespace
 
-void drop_gains(PathPlan& p) {
-  const std::size_t rows = std::size_t{p.horizon} * p.nu;
-  std::memset(p.factor.gain, 0, rows * p.scenarios * p.n * sizeof(double));
-  std::memset(p.factor.step, 0, rows * sizeof(double));
-  p.has_gain = false;
+void lay_out_programs(Arena& arena, const tiller_config_t& config, const RolloutTable& table, Sqp& s) {
+  PathPlan& p = s.plan;
+  lay_out_hard_bounds(config, p, s.bounds);
+  if (wants_margins(config)) {
+    s.margin = arena.take<double>((std::size_t{p.horizon} + 1) * p.most_scenarios * p.nx);
+    lay_out_spread_room(arena, config, p, s.room);
+  }
+  lay_out_part(arena, p, s.bounds, p.problem, s.part);
+  s.part.set.factor = p.factor;
+  const LqProblem large = s.bounds.of_rates ? lifted_sizes(p, p.problem) : p.problem;
+  if (config.planner.qp_solver == tiller_qp_osqp) {
+    Masks masks;
+    take_masks(s, large, masks);
+    OsqpShape shape;
+    static const double cross = 0.0;
+    shape.sizes = large;
+    shape.sizes.qux = &cross;  // its place in the pattern
+    shape.bounded = masks.bounded;
+    shape.soft = masks.soft;
+    shape.tolerance = config.planner.qp_tolerance;
+    s.osqp = lay_out_osqp(arena, shape);
+  } else {
+    const LqKernel& kernel = select_lq(table, large.states, large.inputs, large.scenarios);
+    s.part.interior = lay_out_interior_point(arena, large, kernel);
+  }
 }
 
 void prefactorise(Sqp& s) {
@@ -141,37 +146,39 @@ void prefactorise(Sqp& s) {
   if (p.settings->qp_solver == tiller_qp_osqp) return;
   take_defects(p);
   take_box(p);
-  for (std::size_t at = 0; at < std::size_t{p.horizon} * p.nu; ++at) p.factor.held[at] = s.set.held[at];
-  s.set.stands = p.has_gain = p.lq->factorise(p.problem, p.factor);
+  for (std::size_t at = 0; at < std::size_t{p.horizon} * p.nu; ++at) p.factor.held[at] = s.part.set.held[at];
+  s.part.set.stands = p.has_gain = p.lq->factorise(p.problem, p.factor);
   if (!p.has_gain) drop_gains(p);
 }
 
 bool solve_program(Sqp& s, const Deadline& deadline) {
   PathPlan& p = s.plan;
-  take_plain(s);
+  const PartPath path = whole_path(s);
+  take_plain(s, path);
   s.violation = 0.0;
   s.unsolved = false;
   const QpLimits limits = program_limits(s, deadline);
-  s.set.kernel = p.lq;
+  s.part.set.kernel = p.lq;
   QpReport report;
   if (p.settings->qp_solver != tiller_qp_osqp) {
-    report = solve_active_set(s.set, s.plain.qp, limits, s.plain.solution);
+    report = solve_active_set(s.part.set, s.part.plain.qp, limits, s.part.plain.solution);
     if (report.status == QpStatus::broken) {
       drop_gains(p);
       return false;
     }
     p.has_gain = true;
-    if (report.status == QpStatus::solved && changes_within(s) && states_within(s.plain.qp, s.plain.solution))
+    const bool changes = !s.bounds.of_rates || changes_within(p, path, s.part);
+    if (report.status == QpStatus::solved && changes && states_within(s.part.plain.qp, s.part.plain.solution))
       return true;
   }
-  if (!solve_whole(s, limits)) {
+  if (!solve_whole(s, path, limits)) {
     s.unsolved = true;
     // what the active set left is within the inputs' limits; the line search decides what it is worth
     if (report.status != QpStatus::broken) return true;
     drop_gains(p);
     return false;
   }
-  s.set.stands = false;
+  s.part.set.stands = false;
   take_gains(s);
   return true;
 }

@@ -28,6 +28,13 @@ tiller_obstacle_t& obstacle(C& c) {
   return c.obstacles[0];
 }
 
+void sqp_tree(C& c) {
+  c.planner.kind = tiller_planner_sqp;
+  c.planner.particles = 2;
+  c.planner.shared_steps = 1;
+  c.planner.closed_loop = 1;
+}
+
 /// A right demonstration of two periods of two states.
 void demonstrate(C& c) {
   c.cost.demonstration_mean = c.cost.demonstration_root = kRows;
@@ -220,6 +227,8 @@ const Spoiled kSpoiled[] = {
     {"cost.bound_risk", tiller_status_bad_cost, [](C& c) { c.cost.bound_risk = kNan; }},
     {"planner.shooting", tiller_status_bad_planner, [](C& c) { c.planner.shooting = 2; }},
     {"planner.qp_solver", tiller_status_bad_planner, [](C& c) { c.planner.qp_solver = 2; }},
+    {"planner.qp_solver", tiller_status_bad_planner,  // OSQP solves no trees
+     [](C& c) { sqp_tree(c), c.planner.qp_solver = tiller_qp_osqp; }},
     {"planner.qp_iterations", tiller_status_bad_planner, [](C& c) { c.planner.qp_iterations = 0; }},
     {"planner.qp_iterations", tiller_status_bad_planner, [](C& c) { c.planner.qp_iterations = 10001; }},
     {"planner.refine_iterations", tiller_status_bad_planner, [](C& c) { c.planner.refine_iterations = 21; }},

@@ -137,7 +137,7 @@ TEST(MultipleShooting, step_solves_the_optimality_conditions_of_a_path_with_defe
     const Vector expected = dense_step(c, x, u, {2.5, 0.5});
     double largest = 0.0, worst = 0.0;
     for (std::size_t i = 0; i < expected.size(); ++i) {
-      const double got = i < 18 ? s.plain.solution.x[i] : s.plain.solution.u[i - 18];
+      const double got = i < 18 ? s.part.plain.solution.x[i] : s.part.plain.solution.u[i - 18];
       largest = std::max(largest, std::fabs(expected[i]));
       worst = std::max(worst, std::fabs(got - expected[i]));
     }

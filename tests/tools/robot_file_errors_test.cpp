@@ -144,6 +144,8 @@ const Mistake kMistakes[] = {
      "known: single, multiple"},
     {"unknown_qp_solver", "knots = 8", "knots = 8\nqp_solver = \"qpoases\"", "qpoases", "planner.qp_solver",
      "known: riccati, osqp"},
+    {"osqp_on_a_tree", "kind = \"cem\"", "kind = \"sqp\"\nclosed_loop = true\nqp_solver = \"osqp\"", "osqp",
+     "planner.qp_solver = \"osqp\"", "write qp_solver = \"riccati\""},
     {"colour_out_of_range", "knots = 8", "knots = 8\nnoise_colour = 5", "noise_colour", "planner.noise_colour = 5",
      "at least 0 and at most 4"},
     {"filter_zero", "knots = 8", "knots = 8\nfilter = 0", "filter", "planner.filter = 0",

@@ -178,6 +178,14 @@ Refusal attitude_wants(const RobotFile& robot, const std::string& field) {
   return told;
 }
 
+/// What does not go with a tree of scenarios; empty where the field is none of its.
+Refusal tree_wants(const RobotFile& robot, const std::string& field) {
+  const tiller_planner_config_t& p = robot.config.planner;
+  if (field != "planner.qp_solver" || p.closed_loop == 0 || p.kind != tiller_planner_sqp) return {};
+  return {"\"osqp\" solves no trees of scenarios, and closed_loop = true plans on one",
+          "write qp_solver = \"riccati\", or closed_loop = false"};
+}
+
 /// Errors that only the library's own check sees: multiples, and combinations of values.
 void check_whole(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   const char* field = nullptr;
@@ -200,6 +208,7 @@ void check_whole(FileErrors& errors, const toml::table& root, RobotFile& robot) 
   const toml::node* node = find_node(root, path, found);
   const std::string key = join(path, ".");
   Refusal told = attitude_wants(robot, field ? field : "");
+  if (told.problem.empty()) told = tree_wants(robot, field ? field : "");
   if (told.problem.empty()) told = {tiller_status_text(status), remedy_for(path)};
   if (!node) {
     errors.at_line(errors.last_line(), key, told.problem, told.remedy);

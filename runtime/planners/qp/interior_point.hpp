@@ -1,6 +1,6 @@
 #pragma once
 
-#include "planners/qp/qp.hpp"
+#include "planners/qp/qp_tree.hpp"
 
 namespace tiller {
 
@@ -38,5 +38,10 @@ InteriorPoint lay_out_interior_point(Arena& arena, const LqProblem& sizes, const
 /// Starts from solution.u (brought inside its bounds); fills all of the solution. Never leaves an input outside its
 /// bounds. The cap and the deadline leave the best iterate so far, whose dynamics hold exactly.
 QpReport solve_interior_point(InteriorPoint& work, const Qp& qp, const QpLimits& limits, QpSolution& solution);
+
+/// The same on a tree, with a workspace for each part: barriers are of single variables, so they leave the tree its
+/// structure, and one step length and one target serve all parts. An iteration is a sweep of every branch and one of
+/// the trunk.
+QpReport solve_interior_point(InteriorPoint* const* work, const QpTree& tree, const QpLimits& limits);
 
 }  // namespace tiller

@@ -8,13 +8,16 @@ namespace {
 constexpr std::uint32_t kMostSweeps = 20;    // of the active set; what has not settled by then mostly circles
 constexpr std::uint32_t kClippedSweeps = 2;  // the first ones, whose guesses are far off
 
+/// What a sweep does to the factor of a part.
+enum class Refactor { none, resolved, done, failed };
+
+/// The active set of one part of a tree.
 struct ActiveSet {
   const Qp& qp;
   ActiveSetQp& w;
   QpSolution& at;
   const LqFactor& f;
   std::size_t m, s, N;
-  std::uint32_t sweeps = 0;
 
   ActiveSet(const Qp& program, ActiveSetQp& work, QpSolution& solution)
       : qp(program), w(work), at(solution), f(work.factor) {
@@ -32,23 +35,24 @@ struct ActiveSet {
       if ((held > 0 && !std::isfinite(high(i))) || (held < 0 && !std::isfinite(low(i)))) held = 0;
     }
   }
-  bool sweep() {
+  /// The factor of the set that is wished for. `end_moved`: the last Hessian is not that of the factor.
+  Refactor refactor(bool first, bool end_moved) {
     // what changes at one stage changes the sweep there and before, nothing after it
     std::size_t changed = 0;
     for (std::size_t i = 0; i < N * m; ++i) {
       if (f.held[i] != w.held[i]) changed = i / m + 1;
       f.held[i] = w.held[i];
     }
-    LqProblem q = qp.lq;
-    const bool first = sweeps++ == 0;
-    if (first && w.stands && changed == 0) {
-      w.kernel->resolve(q, f);
-    } else {
-      q.stands_from = first || changed == N ? 0 : static_cast<std::uint32_t>(changed);
-      if (!w.kernel->factorise(q, f)) return false;
-    }
+    const bool stands = (w.stands || !first) && !end_moved;
     w.stands = false;
-    return roll(sweeps <= kClippedSweeps);
+    if (stands && changed == 0 && !first) return Refactor::none;
+    LqProblem q = qp.lq;
+    if (stands && changed == 0) {
+      w.kernel->resolve(q, f);
+      return Refactor::resolved;
+    }
+    q.stands_from = first || end_moved || changed == N ? 0 : static_cast<std::uint32_t>(changed);
+    return w.kernel->factorise(q, f) ? Refactor::done : Refactor::failed;
   }
   /// Forward under the gains. Where `clip`, each input is cut to its bounds before the states go on: later inputs then
   /// ask for what they would ask for under the bounds (as in control-limited differential dynamic programming; Tassa,
@@ -113,6 +117,51 @@ struct ActiveSet {
   }
 };
 
+/// The parts of a tree as one program.
+class TreeSet {
+ public:
+  TreeSet(ActiveSetQp* const* work, const QpTree& tree) : work_(work), tree_(tree) {}
+
+  void start() {
+    for (std::uint32_t i = 0; i < tree_.parts(); ++i) part(i).start();
+  }
+  /// The branches, the trunk that ends in their costs to go, and the solution forward. False for what has none.
+  bool sweep() {
+    const bool first = sweeps_++ == 0;
+    bool end_moved = false;
+    for (std::uint32_t j = 0; j < tree_.branches; ++j) {
+      const Refactor did = part(1 + j).refactor(first, false);
+      if (did == Refactor::failed) return false;
+      if (did == Refactor::none) continue;
+      const LqFactor& f = work_[1 + j]->factor;
+      end_trunk(tree_, j, did == Refactor::done ? f.value : nullptr, f.slope);
+      end_moved = end_moved || did == Refactor::done;
+    }
+    if (part(0).refactor(first, end_moved) == Refactor::failed) return false;
+    return roll(sweeps_ <= kClippedSweeps);
+  }
+  bool roll(bool clip) {
+    bool finite = true;
+    for (std::uint32_t i = 0; i < tree_.parts(); ++i) finite = part(i).roll(clip) && finite;
+    return finite;
+  }
+  bool update() {
+    bool changed = false;
+    for (std::uint32_t i = 0; i < tree_.parts(); ++i) changed = part(i).update() || changed;
+    return changed;
+  }
+  void finish() {
+    for (std::uint32_t i = 0; i < tree_.parts(); ++i) part(i).finish();
+  }
+
+ private:
+  ActiveSet part(std::uint32_t i) const { return ActiveSet(*tree_.part[i], *work_[i], *tree_.solution[i]); }
+
+  ActiveSetQp* const* work_;
+  const QpTree& tree_;
+  std::uint32_t sweeps_ = 0;
+};
+
 }  // namespace
 
 bool states_within(const Qp& qp, const QpSolution& at) {
@@ -131,7 +180,12 @@ void shift_active_set(ActiveSetQp& w, const LqProblem& sizes, std::uint32_t step
 }
 
 QpReport solve_active_set(ActiveSetQp& w, const Qp& qp, const QpLimits& limits, QpSolution& solution) {
-  ActiveSet set(qp, w, solution);
+  ActiveSetQp* const alone = &w;
+  return solve_active_set(&alone, tree_of(qp, solution), limits);
+}
+
+QpReport solve_active_set(ActiveSetQp* const* work, const QpTree& tree, const QpLimits& limits) {
+  TreeSet set(work, tree);
   QpReport report;
   set.start();
   const std::uint32_t most = limits.iterations < kMostSweeps ? limits.iterations : kMostSweeps;

@@ -18,6 +18,8 @@ struct ActiveSetQp {
 /// Sweeps until the set settles (solved; bounds on states are not looked at), the cap or the deadline. Inputs are
 /// within their bounds and states follow from them whatever the status, unless it is broken.
 QpReport solve_active_set(ActiveSetQp& work, const Qp& qp, const QpLimits& limits, QpSolution& solution);
+/// The same on a tree, with a workspace for each part. A branch whose set did not change is not swept again.
+QpReport solve_active_set(ActiveSetQp* const* work, const QpTree& tree, const QpLimits& limits);
 bool states_within(const Qp& qp, const QpSolution& solution);
 /// Drops the sets of the first `steps` stages; the last one's is repeated.
 void shift_active_set(ActiveSetQp& work, const LqProblem& sizes, std::uint32_t steps);
