@@ -575,6 +575,54 @@ TEST_F(Command, FormsOfADiscrepancyThatAreNotGivenAreTheMethods) {
   EXPECT_NE(table({"simopt", "--discrepancy", "wasserstein", "--no-scale"}), distances);
 }
 
+TEST_F(Command, EpisodesAreRefittedByAMethod) {
+  const Words series = {"run",        kCartPole,  "--sim",       "--quiet",         "--seconds",
+                        "1",          "--method", "simopt",      "--simulations",   "1000",
+                        "--episodes", "2",        "--posterior", "kept/simopt.json"};
+  const Ended first = run(series);
+  ASSERT_EQ(first.code, 0) << first.out;
+  EXPECT_TRUE(contains(first.out, "episode 2: cost ")) << first.out;
+  EXPECT_TRUE(contains(first.out, "; discrepancy ")) << first.out;
+  EXPECT_TRUE(contains(text_of("kept/simopt.json"), "\"episodes\": 2")) << text_of("kept/simopt.json");
+  EXPECT_TRUE(contains(run(series).out, "kept/simopt.json: posterior of 2 episode(s), "));
+
+  const struct {
+    Words options;
+    const char* says;
+  } wrong[] = {
+      {{"--method", "abc"}, "there is no method 'abc'; known are posterior, simopt, trajectory_simopt, reps"},
+      {{"--method", "simopt", "--frozen"}, "--frozen, --method simopt: the one keeps the prior"},
+      {{"--method", "reps", "--l1", "1"},
+       "--l1 1: the method reps does not read it; leave it out, or choose --method "
+       "simopt or trajectory_simopt"},
+      {{"--kl", "1"}, "--kl 1: the method posterior does not read it; leave it out, or choose --method reps or simopt"},
+      {{"--online"}, "--online: the method posterior learns within the episodes anyway"},
+      {{"--method", "simopt", "--episodes", "1"}, "nothing would read the refitted prior; give --episodes"}};
+  for (const auto& w : wrong) {
+    Words arguments = {"run", kCartPole, "--sim", "--seconds", "1"};
+    arguments.insert(arguments.end(), w.options.begin(), w.options.end());
+    const Ended refused = run(arguments);
+    EXPECT_EQ(refused.code, 1) << refused.out;
+    EXPECT_TRUE(contains(refused.out, w.says)) << "expected '" << w.says << "' in\n" << refused.out;
+  }
+  const Ended endless = run({"run", kCartPole, "--sim", "--episodes", "2", "--method", "simopt"});
+  EXPECT_EQ(endless.code, 1);
+  EXPECT_TRUE(contains(endless.out, "--method simopt: give each episode a length with --seconds")) << endless.out;
+}
+
+// Its noise scale and exponent are not known: the file says 1, and not what no reader takes.
+TEST_F(Command, WhatAMethodLearnsIsAPriorToo) {
+  const std::string pendulum = std::string(TILLER_TEST_ROBOTS) + "/pendulum.toml";
+  ASSERT_EQ(run({"run", pendulum, "--sim", "--seconds", "3", "--quiet", "--log", "p.csv"}).code, 0);
+  const Ended fitted = run(
+      {"identify", pendulum, "p.csv", "--method", "simopt", "--simulations", "400", "--iterations", "2", "-o", "fit"});
+  EXPECT_TRUE(contains(fitted.out, "posterior: ")) << fitted.out;
+  EXPECT_TRUE(contains(text_of("fit/posterior.json"), "\"noise_scale\": 1")) << text_of("fit/posterior.json");
+  const Ended used =
+      run({"run", pendulum, "--sim", "--seconds", "0.5", "--quiet", "--posterior", "fit/posterior.json"});
+  EXPECT_EQ(used.code, 0) << used.out;
+}
+
 TEST_F(Command, EpisodesGoOnFromTheirFile) {
   const Words series = {"run",        kCartPole, "--sim",       "--quiet",        "--seconds", "1",
                         "--episodes", "2",       "--posterior", "kept/cart.json", "--record",  "run.rec"};

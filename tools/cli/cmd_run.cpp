@@ -3,9 +3,11 @@
 
 #include "tools/base/output_file.hpp"
 #include "tools/base/report.hpp"
+#include "tools/cli/method_options.hpp"
 #include "tools/command/commands.hpp"
 #include "tools/doctor/tick_forecast.hpp"
 #include "tools/links/model_plant.hpp"
+#include "tools/refit/refit_prior.hpp"
 #include "tools/robot/goals.hpp"
 #include "tools/robot/transport_names.hpp"
 #include "tools/run/episodes.hpp"
@@ -24,7 +26,11 @@ struct Arguments {
   double seconds = 0;
   double wait_s = 10, alarm_log_s = RunOptions().alarm_log_s;
   double patience_s = TransportLinkOptions::kPatience_s;
+  bool online = false;  // the particles learn within the episodes of a refitted prior
+  RefitOptions refit{"posterior", {}};
   Overrides overrides;
+
+  bool refits() const { return refit.method != "posterior"; }
 };
 
 /// The robot, and the plant that it is where it is in this process.
@@ -120,6 +126,7 @@ EpisodesOptions episodes_options(const Arguments& a, const std::vector<Goal>& go
   options.posterior = a.posterior.empty() ? a.save_posterior : a.posterior;
   options.load = !a.posterior.empty();
   options.simulated = a.sim;
+  if (a.refits()) options.refit = make_refit(a.refit);
   options.run.seconds = a.seconds;
   options.run.threads = a.overrides.threads;
   options.run.quiet = a.quiet;
@@ -151,9 +158,36 @@ bool predict_tick(const Arguments& a, const RobotFile& robot) {
   return !misfit.empty();
 }
 
+/// Why the method between episodes cannot be what the other options say; empty: it can.
+std::string contradicted_method(const Arguments& a) {
+  if (!a.refits())
+    return a.online ? "--online: the method posterior learns within the episodes anyway; leave --online out" : "";
+  const std::string method = "--method " + a.refit.method;
+  if (a.overrides.frozen)
+    return "--frozen, " + method +
+           ": the one keeps the prior, the other refits it between episodes; give one (within "
+           "an episode the prior stays as it is without --online)";
+  if (a.seconds <= 0) return method + ": give each episode a length with --seconds";
+  if (a.episodes == 1 && a.posterior.empty() && a.save_posterior.empty())
+    return method +
+           ": of one episode without a file, nothing would read the refitted prior; give --episodes, "
+           "--posterior or --save-posterior";
+  return "";
+}
+
+/// SimOpt controls with what it has refitted between the episodes, and does not learn within them.
+bool prepare_refit(const Arguments& a, RobotFile& robot) {
+  if (!a.refits()) return true;
+  if (!a.online) robot.config.posterior.enabled = 0;
+  std::string error;
+  if (check_refit(a.refit, robot, error)) return true;
+  complain(error);
+  return false;
+}
+
 int run_command(Arguments& a) {
   auto robot = read_robot_or_complain(a.robot);
-  if (!robot || !apply_overrides(a.overrides, *robot)) return kExitBadInput;
+  if (!robot || !apply_overrides(a.overrides, *robot) || !prepare_refit(a, *robot)) return kExitBadInput;
   bool told = !a.sim || robot->config.planner.deadline_us > 0;
   if (a.sim) told = predict_tick(a, *robot) || told;
   // a plan that ends by the wall clock is not repeatable: in lockstep the iterations alone decide
@@ -251,6 +285,13 @@ void add_run_command(CLI::App& app, int& exit_code) {
                    "runs of --seconds one after the other, each from the start; the posterior of "
                    "one is the prior of the next (docs/guide/episodes.md)")
       ->check(CLI::Range(1, 100000));
+  MethodOptionsText said{refit_methods(), "what the next episode's prior is made by", "(default 1, a step an episode)"};
+  said.methods.insert(said.methods.begin(), "posterior");
+  a->refit.how.iterations = 1;
+  add_method_options(*command, said, a->refit.method, a->refit.how);
+  command->add_flag("--online", a->online,
+                    "the particles learn within each episode, too, from the prior that --method has refitted (default: "
+                    "only the method posterior learns within episodes)");
   command->add_flag("--quiet", a->quiet, "no progress");
   add_override_options(*command, a->overrides);
   command->footer(
@@ -260,9 +301,15 @@ void add_run_command(CLI::App& app, int& exit_code) {
       "      the controller against the simulated plant, as fast as it goes, with a page at the end\n"
       "  tiller run robots/cart_pole.toml --sim --episodes 5 --seconds 6 --posterior out/cart.posterior.json\n"
       "      what one episode learnt is the next one's prior; run it again, and it goes on from the file\n"
+      "  tiller run robots/cart_pole.toml --sim --episodes 5 --seconds 6 --method simopt --kl 1\n"
+      "      SimOpt: control with a Gaussian over the parameters, one bounded step of it after each episode\n"
       "  tiller run robots/cart_pole.toml --transport lcm --log run.csv\n"
       "      a robot (or `tiller sim robots/cart_pole.toml --serve lcm`) over LCM, until Ctrl-C");
-  command->callback([a, &exit_code] { exit_code = run_command(*a); });
+  command->callback([a, command, known = said.methods, &exit_code] {
+    std::string wrong = misplaced_option(*command, known, a->refit.method, a->refit.how);
+    if (wrong.empty()) wrong = contradicted_method(*a);
+    exit_code = wrong.empty() ? run_command(*a) : complain(wrong);
+  });
 }
 
 }  // namespace tiller::tools

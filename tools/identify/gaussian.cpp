@@ -16,9 +16,15 @@ using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowM
 
 }  // namespace
 
-Gaussian Gaussian::of_prior(const Coordinates& coordinates) {
+Gaussian Gaussian::of_prior(const tiller_config_t& config, const Coordinates& coordinates) {
   const std::uint32_t d = coordinates.count();
   Gaussian g{std::vector<double>(d), std::vector<double>(std::size_t{d} * d)};
+  if (config.prior_mixture) {
+    const Mixture mixture(*config.prior_mixture);
+    mixture.mean(g.mean.data());
+    mixture.covariance(g.covariance.data());
+    return g;
+  }
   for (std::uint32_t j = 0; j < d; ++j) {
     g.mean[j] = coordinates.mean(j);
     g.covariance[std::size_t{j} * d + j] = coordinates.sd(j) * coordinates.sd(j);
@@ -34,8 +40,10 @@ Gaussian Gaussian::refit(const Coordinates& coordinates, const std::vector<doubl
     for (std::uint32_t j = 0; j < d; ++j) g.mean[j] += weight[s] * v[s * d + j];
   for (std::size_t s = 0; s < weight.size(); ++s)
     for (std::uint32_t j = 0; j < d; ++j)
-      for (std::uint32_t k = 0; k < d; ++k)
+      for (std::uint32_t k = 0; k <= j; ++k)
         g.covariance[std::size_t{j} * d + k] += weight[s] * (v[s * d + j] - g.mean[j]) * (v[s * d + k] - g.mean[k]);
+  for (std::uint32_t j = 0; j < d; ++j)  // symmetric to the last bit, as a posterior's file has it
+    for (std::uint32_t k = 0; k < j; ++k) g.covariance[std::size_t{k} * d + j] = g.covariance[std::size_t{j} * d + k];
   for (std::uint32_t j = 0; j < d; ++j) {
     const double least = kLeastShare * coordinates.sd(j);
     g.covariance[std::size_t{j} * d + j] += least * least;

@@ -69,13 +69,13 @@ void summarise(const Candidate& candidate, const MethodResult& found, Fit& resul
 // Below this many, the moments of weighted draws have errors of a tenth of a deviation and more (1 / sqrt(n)).
 constexpr double kFewSamples = 100;
 
-std::string few_samples(const Fit& fit) {
-  if (fit.method != "reps" || fit.effective_samples >= kFewSamples) return "";
-  return format("\n  the weight lies on %.1f of %llu draws: raise --simulations, --eta or --kl, or narrow the priors",
-                fit.effective_samples, static_cast<unsigned long long>(fit.simulations));
-}
-
 }  // namespace
+
+std::string few_draws(const std::string& method, double effective_samples, std::uint64_t simulations) {
+  if (method != "reps" || effective_samples >= kFewSamples) return "";
+  return format("\n  the weight lies on %.1f of %llu draws: raise --simulations, --eta or --kl, or narrow the priors",
+                effective_samples, static_cast<unsigned long long>(simulations));
+}
 
 bool fit_by_method(const Candidate& candidate, const std::vector<Stretch>& stretches, const std::vector<Grid>& grids,
                    const FitOptions& options, Fit& result, std::string& error) {
@@ -126,7 +126,7 @@ std::string method_text(const Fit& fit) {
         format("; temperature %.3g, divergence %.3g, discrepancy %.3g", last.temperature, last.kl, last.discrepancy);
   else
     text += format("; tolerance %.3g", last.discrepancy);
-  text += few_samples(fit);
+  text += few_draws(fit.method, fit.effective_samples, fit.simulations);
   return text + "\n  mind: " + method.caveat +
          "\n  it knows of no noise scale and of no exponent; see docs/theory/methods.md\n";
 }

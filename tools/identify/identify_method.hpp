@@ -12,6 +12,9 @@ namespace tiller::tools {
 bool fit_by_method(const Candidate& candidate, const std::vector<Stretch>& stretches, const std::vector<Grid>& grids,
                    const FitOptions& options, Fit& result, std::string& error);
 
+/// "\n  the weight lies on ... draws: ..." where reps left so few that their moments are rough; else empty.
+std::string few_draws(const std::string& method, double effective_samples, std::uint64_t simulations);
+
 /// The tables' line about the method: simulations, iterations, the caveat. Empty for the posterior.
 std::string method_text(const Fit& fit);
 

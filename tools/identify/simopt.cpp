@@ -67,7 +67,7 @@ bool run_gaussian(const MethodProblem& problem, bool one_step, MethodResult& res
   const std::unique_ptr<Discrepancy> discrepancy = Discrepancy::make(problem, coordinates, episodes, form);
   const std::uint64_t seed = problem.config->seed;
   const std::size_t np = problem.config->param_count, count = options.simulations / std::max(1u, options.iterations);
-  Gaussian belief = Gaussian::of_prior(coordinates);
+  Gaussian belief = Gaussian::of_prior(*problem.config, coordinates);
   for (std::uint32_t i = 0; i < options.iterations; ++i) {
     Round round;
     round.v = belief.draw(coordinates, seed, kRngCandidate, i, count);

@@ -11,59 +11,13 @@
 #include "tools/base/text.hpp"
 #include "tools/logs/lcm_event_log.hpp"
 #include "tools/logs/mcap_run.hpp"
+#include "tools/logs/measured_rows.hpp"
 #include "tools/logs/record_file.hpp"
 
 namespace tiller::tools {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-// What a row is made of, whatever the format.
-struct Row {
-  int line = 0;  // number of the message or tick, from 1
-  std::int64_t stamp_us = 0;
-  double measured[TILLER_MAX_MEASUREMENTS] = {};
-  double input[TILLER_MAX_INPUTS] = {};
-};
-
-// In floating point: stamps come from files, and their difference need not fit.
-double seconds_between(std::int64_t from_us, std::int64_t to_us) {
-  return 1e-6 * (static_cast<double>(to_us) - static_cast<double>(from_us));
-}
-
-// ---- rows --------------------------------------------------------------------------------------------------------
-
-std::string stamp_problem(const Row& before, const Row& row) {
-  if (row.stamp_us == before.stamp_us)
-    return "the stamp repeats that of number " + std::to_string(before.line) +
-           "; two plants on one channel, or a log that was joined: record one run a file";
-  return "time goes backwards by " + format("%.6g", seconds_between(row.stamp_us, before.stamp_us)) +
-         " s; record one run a file";
-}
-
-void add_row(const Row& row, std::int64_t start_us, const RobotFile& robot, Log& log) {
-  log.line.push_back(row.line);
-  log.time_s.push_back(seconds_between(start_us, row.stamp_us));
-  for (std::uint32_t k = 0; k < robot.config.measurement_count; ++k)
-    log.state[robot.config.measured_state[k]].push_back(row.measured[k]);
-  for (std::uint32_t k = 0; k < robot.model->input_count; ++k) log.input[k].push_back(row.input[k]);
-}
-
-bool finish(const std::vector<Row>& rows, const char* what, const RobotFile& robot, Log& log, std::string& error) {
-  const auto fail = [&](int line, const std::string& text) {
-    error += (error.empty() ? "" : "\n") + log.path + ":" + std::to_string(line) + ": " + text;
-  };
-  log.state.resize(robot.model->state_count);
-  log.input.resize(robot.model->input_count);
-  if (rows.size() < 20) fail(1, std::to_string(rows.size()) + " " + what + " are too few to learn from; at least 20");
-  int wrong = 0;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    if (i > 0 && rows[i].stamp_us <= rows[i - 1].stamp_us && ++wrong <= 3)
-      fail(rows[i].line, stamp_problem(rows[i - 1], rows[i]));
-    add_row(rows[i], rows[0].stamp_us, robot, log);
-  }
-  return error.empty();
-}
 
 // ---- LCM ---------------------------------------------------------------------------------------------------------
 
@@ -95,11 +49,11 @@ class LcmRows {
   }
 
   /// From the first command on; one that is lost was held over.
-  std::vector<Row> answered() const {
-    std::vector<Row> used;
+  std::vector<MeasuredRow> answered() const {
+    std::vector<MeasuredRow> used;
     for (std::size_t i = 0; i < rows_.size(); ++i) {
       if (!answered_[i] && used.empty()) continue;
-      Row row = rows_[i];
+      MeasuredRow row = rows_[i];
       if (!answered_[i]) std::memcpy(row.input, used.back().input, sizeof row.input);
       used.push_back(row);
     }
@@ -116,7 +70,7 @@ class LcmRows {
       said_ = m.count;
       return void(++miscounted_);
     }
-    Row row;
+    MeasuredRow row;
     row.line = number_;
     row.stamp_us = m.stamp_us;
     for (int i = 0; i < m.count; ++i)
@@ -145,7 +99,7 @@ class LcmRows {
 
   const RobotFile& robot_;
   const std::string measured_, commanded_;
-  std::vector<Row> rows_;
+  std::vector<MeasuredRow> rows_;
   std::vector<bool> answered_;
   std::map<std::int64_t, std::size_t> row_of_;  // by sequence
   std::map<std::string, int> channels_;
@@ -155,21 +109,15 @@ class LcmRows {
 
 // ---- records -----------------------------------------------------------------------------------------------------
 
-bool read_entries(const std::vector<RecordEntry>& entries, const RobotFile& robot, Log& log, std::string& error) {
-  std::vector<Row> rows;
+bool read_entries(const std::vector<RecordEntry>& entries, const std::string& path, const RobotFile& robot, Log& log,
+                  std::string& error) {
+  std::vector<MeasuredRow> rows;
   for (std::size_t i = 0; i < entries.size(); ++i) {
     const tiller_record_t& record = entries[i].record;
-    if (record.has_measurement == 0) continue;
-    if (!rows.empty() && record.measurement.sequence == 0 && record.measurement.stamp_us < rows.back().stamp_us)
-      continue;
-    Row row;
-    row.line = static_cast<int>(i + 1);
-    row.stamp_us = record.measurement.stamp_us;
-    std::memcpy(row.measured, record.measurement.value, sizeof row.measured);
-    std::memcpy(row.input, record.command.value, sizeof row.input);
-    rows.push_back(row);
+    if (record.has_measurement != 0)
+      add_measured_row(static_cast<int>(i + 1), record.measurement, record.command, rows);
   }
-  return finish(rows, "ticks with a measurement", robot, log, error);
+  return make_log(rows, path, "ticks with a measurement", robot, log, error);
 }
 
 void begin(Log& log, const std::string& path) {
@@ -188,7 +136,7 @@ bool read_lcm_log(std::istream& file, const std::string& path, const RobotFile& 
     error = path + ": " + problem;
     return false;
   }
-  return finish(rows.answered(), "measurements that a command answers", robot, log, error);
+  return make_log(rows.answered(), path, "measurements that a command answers", robot, log, error);
 }
 
 bool read_record_log(std::istream& file, const std::string& path, const RobotFile& robot, Log& log,
@@ -204,14 +152,14 @@ bool read_record_log(std::istream& file, const std::string& path, const RobotFil
   }
   std::vector<RecordEntry> entries;
   for (RecordEntry entry; file.read(reinterpret_cast<char*>(&entry), sizeof entry);) entries.push_back(entry);
-  return read_entries(entries, robot, log, error);
+  return read_entries(entries, path, robot, log, error);
 }
 
 bool read_mcap_log(const std::string& bytes, const std::string& path, const RobotFile& robot, Log& log,
                    std::string& error) {
   begin(log, path);
   RecordedRun run;
-  if (read_mcap_run(bytes, path, robot, run, error)) return read_entries(run.entries, robot, log, error);
+  if (read_mcap_run(bytes, path, robot, run, error)) return read_entries(run.entries, path, robot, log, error);
   if (!error.empty() && error.back() == '\n') error.pop_back();
   return false;
 }

@@ -35,7 +35,12 @@ class Series {
 
   /// False: nothing may run.
   bool begin() {
-    learns_ = robot_.config.posterior.enabled != 0 && !inferred_of(robot_.config).empty();
+    const bool has_priors = !inferred_of(robot_.config).empty();
+    learns_ = has_priors && (options_.refit || robot_.config.posterior.enabled != 0);
+    if (options_.refit && !has_priors)
+      return fail(robot_.path +
+                  ": [parameters]: no parameter has a prior, so there is nothing to refit; give one a "
+                  "prior, or leave --method out");
     if (!learns_ && !options_.posterior.empty())
       return fail(robot_.path +
                   ": nothing is learnt (the posterior is frozen, or no parameter has a prior), so there "
@@ -61,6 +66,7 @@ class Series {
     RunOptions run = options_.run;
     run.true_params = std::move(true_params);
     run.await_start = !options_.simulated && options_.episodes > 1;
+    run.keep_rows = static_cast<bool>(options_.refit);
     if (options_.episodes == 1) return run;
     run.quiet = true;
     run.log = numbered(run.log, index() + 1);
@@ -74,23 +80,34 @@ class Series {
     return ended && (result.exit_code == kExitOk || result.exit_code == kExitLogIncomplete);
   }
 
+  /// The prior refitted to the episode of `now`, whose outcome goes to `row` too. False after a complaint.
+  bool refit(const RobotFile& now, const RunResult& result, EpisodeRow& row) {
+    const std::string episode = format("episode %llu", static_cast<unsigned long long>(row.episode));
+    Log log;
+    std::string error;
+    RefittedPrior refitted;
+    if (!make_log(result.rows, episode, "ticks with a measurement", now, log, error))
+      return fail(error + "; make the episodes longer (--seconds); the prior stays as it was");
+    if (!options_.refit(now, log, refitted, error)) return fail(episode + ": " + error + "; the prior stays as it was");
+    row.mean = std::move(refitted.mean);
+    row.sd = std::move(refitted.sd);
+    row.note = std::move(refitted.note);
+    refitted_ = std::move(refitted.posterior);
+    return true;
+  }
+
   /// The posterior becomes the next episode's prior, and the file's content.
   void take(const RunResult& result) {
-    if (learns_) {
-      StoredPosterior next = store_posterior(robot_.config, robot_.params, result.particles);
-      next.robot = robot_.name;
-      next.episodes = stored_.episodes + 1;
-      next.transitions = stored_.transitions + result.transitions;
-      next.noise_scale = result.info.noise_scale;
-      next.exponent = result.info.likelihood_exponent;
-      stored_ = std::move(next);
-      save();
-      Words errors;
-      if (!take_prior(stored_, robot_.name, robot_, errors))
-        std::fprintf(stderr, "tiller: %s\nthe prior stays as it was\n", join(errors, "\n").c_str());
-    } else {
-      ++stored_.episodes;
-    }
+    if (!learns_) return void(++stored_.episodes);
+    StoredPosterior next = options_.refit ? std::move(refitted_) : online(result);
+    next.robot = robot_.name;
+    next.episodes = stored_.episodes + 1;
+    next.transitions = stored_.transitions + result.transitions;
+    stored_ = std::move(next);
+    save();
+    Words errors;
+    if (!take_prior(stored_, robot_.name, robot_, errors))
+      std::fprintf(stderr, "tiller: %s\nthe prior stays as it was\n", join(errors, "\n").c_str());
   }
 
   /// Whether there is anything to do with an episode's posterior.
@@ -109,6 +126,13 @@ class Series {
   }
 
  private:
+  StoredPosterior online(const RunResult& result) const {
+    StoredPosterior next = store_posterior(robot_.config, robot_.params, result.particles);
+    next.noise_scale = result.info.noise_scale;
+    next.exponent = result.info.likelihood_exponent;
+    return next;
+  }
+
   void save() {
     std::string error;
     if (options_.posterior.empty() || save_posterior(options_.posterior, stored_, error)) return;
@@ -119,6 +143,7 @@ class Series {
   RobotFile& robot_;
   const EpisodesOptions& options_;
   StoredPosterior stored_;
+  StoredPosterior refitted_;  // of the episode that take() follows
   bool learns_ = false;
   int exit_code_ = kExitOk;
 };
@@ -143,6 +168,7 @@ void tell(const RobotFile& robot, const EpisodeRow& row, const RunResult& result
     text += format("%s %s %.4g +- %.2g", j ? "," : ";", robot.params[inferred[j]].c_str(), row.mean[j], row.sd[j]);
   if (result.info.likelihood_exponent < 1.0 && robot.config.posterior.enabled)
     text += format("; not converged, exponent %.2f", result.info.likelihood_exponent);
+  if (!row.note.empty()) text += "; " + row.note;
   for (const std::string& edge : run_edges(robot, result)) text += "; " + edge;
   if (result.info.adequacy == tiller_adequacy_inadequate) text += "; " + inadequacy(robot, result.info);
   std::printf("%s\n", text.c_str());
@@ -193,7 +219,9 @@ EpisodesResult run_episodes(RobotFile robot, const EpisodesOptions& options, con
                    index > 0 && !options.posterior.empty() ? ": the file holds the last complete one's posterior" : "");
       break;
     }
-    all.rows.push_back(row_of(now, index + 1, all.last));
+    EpisodeRow row = row_of(now, index + 1, all.last);
+    if (options.refit && !series.refit(now, all.last, row)) break;
+    all.rows.push_back(std::move(row));
     if (options.episodes > 1) tell(now, all.rows.back(), all.last);
     if (series.carries()) series.take(all.last);
   }

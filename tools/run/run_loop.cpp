@@ -42,6 +42,7 @@ class Runner {
         progress_(robot, Progress::style_for_stdout(options.quiet), options.seconds, options.true_params) {
     for (std::uint32_t j = 0; j < config_.cost.output_count; ++j) output_target_[j] = config_.cost.outputs[j].target;
     if (recorder_.wanted()) config_.record_ticks = std::max(config_.record_ticks, 1u);
+    if (options_.keep_rows) result_.rows.reserve(expected_ticks());
   }
 
   RunResult run() {
@@ -104,6 +105,12 @@ class Runner {
     return options_.seconds > 0 && time_s() >= options_.seconds;
   }
 
+  /// With room to spare, so that no tick waits for memory; an hour of them where the run has no end.
+  std::size_t expected_ticks() const {
+    const double seconds = options_.seconds > 0 ? 1.5 * options_.seconds : 3600;
+    return static_cast<std::size_t>(std::clamp(seconds / config_.period_s + 64, 64.0, 1e6));
+  }
+
   double time_s() const { return 1e-6 * static_cast<double>(sensed_.now_us - start_us_); }
 
   void tick() {
@@ -161,6 +168,8 @@ class Runner {
     if (const std::string news = link_.news(); !news.empty()) announce(news, true);
     const TickView view = look();
     count(view);
+    if (options_.keep_rows && sensed_.fresh)
+      add_measured_row(static_cast<int>(info_.ticks), sensed_.measurement, command_, result_.rows);
     hand_over(view, entry, alarm);
     progress_.show(view);
   }
