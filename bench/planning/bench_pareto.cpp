@@ -5,7 +5,7 @@
 // unwrapped, from the upright in which the run ends (tiller may swing up on either side; solvers that do not wrap
 // angles see the same problem mirrored), so every planner is judged by the same function.
 //
-//   bench_pareto [--planner NAME] [--seeds FIRST COUNT] [--repeats N] [--starts N] [--settings TEXT]...
+//   bench_pareto [--planner NAME] [--seeds FIRST COUNT] [--repeats N] [--starts N] [--horizon N] [--settings TEXT]...
 //
 // One JSON line for each setting; of several --settings, all texts have to be in its name.
 //
@@ -128,7 +128,7 @@ std::vector<Point> grid(const std::string& planner) {
     rollouts({32, 64, 128, 256, 512, 1536});
     iterations({1, 2, 4});
     over(points, "%u knots", {5u, 6u, 8u, 10u}, [](Settings& s, unsigned v) { s.knots = v; });
-    over(points, "sd %g", {4.0, 8.0}, [](Settings& s, double v) { s.noise_sd[0] = v; });
+    over(points, "sd %g", {8.0, 80.0}, [](Settings& s, double v) { s.noise_sd[0] = v; });
   }
   const auto shooting = [&] { over(points, "shooting %u", {0u, 1u}, [](Settings& s, unsigned v) { s.shooting = v; }); };
   if (planner == "ilqr") {
@@ -219,7 +219,7 @@ int main(int argc, char** argv) {
   std::string only;
   std::vector<std::string> texts;
   std::uint64_t first = 1, seeds = 5;
-  int repeats = 3, starts = 0;
+  int repeats = 3, starts = 0, horizon = 0;
   for (int i = 1; i < argc; ++i) {
     if (!std::strcmp(argv[i], "--planner") && i + 1 < argc)
       only = argv[++i];
@@ -229,6 +229,8 @@ int main(int argc, char** argv) {
       texts.emplace_back(argv[++i]);
     else if (!std::strcmp(argv[i], "--starts") && i + 1 < argc)
       starts = bench::whole_number(argv[++i]);
+    else if (!std::strcmp(argv[i], "--horizon") && i + 1 < argc)
+      horizon = bench::whole_number(argv[++i]);
     else if (!std::strcmp(argv[i], "--seeds") && i + 2 < argc) {
       first = std::strtoull(argv[++i], nullptr, 10);
       seeds = std::strtoull(argv[++i], nullptr, 10);
@@ -242,8 +244,9 @@ int main(int argc, char** argv) {
     const std::string name = find_planner(kind)->name;
     if (!only.empty() && only != name) continue;
     const std::uint64_t runs = sampled(name) ? seeds : static_cast<std::uint64_t>(repeats);
-    for (const Point& point : grid(name)) {
+    for (Point& point : grid(name)) {
       if (!has_all(point.settings, texts)) continue;
+      if (horizon > 0) point.config.planner.horizon = static_cast<std::uint32_t>(horizon);
       if (starts > 0)
         print_starts(name, point, starts, clock);
       else

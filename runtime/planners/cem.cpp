@@ -16,7 +16,7 @@ constexpr double kSpreadCeiling = 2.0;  // as adapt_covariance has it
 
 void begin(Sampler& s) {
   if (s.settings->adapt_covariance) return;  // the spread goes on from the tick before
-  for (std::uint32_t r = 0; r < s.rows; ++r) s.spread[r] = s.settings->noise_sd[r / s.grid.knots];
+  for (std::uint32_t r = 0; r < s.rows; ++r) s.spread[r] = s.noise_sd[r / s.grid.knots];
 }
 
 std::uint32_t elite_count(const Sampler& s) {
@@ -73,7 +73,7 @@ void refit_spread(Sampler& s, std::uint32_t count) {
     double variance = (static_cast<double>(s.row_squares[r]) / count - shift * shift) / scale;
     if (!take_back_annealing(s, r, variance)) continue;
     const double spread = keep * s.spread[r] + (1.0 - keep) * std::sqrt(std::fmax(variance, 0.0));
-    const double noise_sd = s.settings->noise_sd[r / s.grid.knots];
+    const double noise_sd = s.noise_sd[r / s.grid.knots];
     s.spread[r] = std::fmin(std::fmax(spread, kSpreadFloor * noise_sd), kSpreadCeiling * noise_sd);
   }
 }

@@ -25,6 +25,7 @@ namespace tiller {
 namespace {
 
 constexpr std::uint32_t kSweeps = 6;  // of the active set, an iteration; the next one goes on from its set
+constexpr double kClosed = 1e-6;    // share of its cost that a motion may cost more than the path that it replaces
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 std::uint32_t cheapest(const PathPlan& p, double& cost) {
@@ -150,6 +151,16 @@ std::uint32_t settle_multiple(Ilqr& s) {
   return chosen;
 }
 
+void close_path(Ilqr& s) {
+  PathPlan& p = s.plan;
+  const double path = s.standing ? p.risk.value(p.path_cost) : kInfinity;
+  const std::uint32_t chosen = settle_multiple(s);
+  if (!s.settled || s.cost > path + kClosed * std::fabs(path)) return;
+  take_candidate(p, chosen);
+  s.single = true;
+  s.settled = s.standing = false;
+}
+
 namespace {
 
 // ---- a plan -------------------------------------------------------------------------------------
@@ -161,6 +172,7 @@ bool begin(Ilqr& s) {
   s.shooting.penalty = 0.0;
   s.cost = kInfinity;
   // the inputs' motion from the present start: what single shooting linearises around; already known where prepared
+  if (!p.has_path) s.single = p.settings->shooting == tiller_shooting_single;
   if (s.single && !s.standing) return roll_open(s);
   return p.has_path || roll_open(s);
 }
@@ -187,7 +199,7 @@ void iterate(Ilqr& s, const Deadline& deadline, PlanResult& result) {
     if (s.converged) result.status = tiller_status_plan_not_finite;
     return;
   }
-  if (!s.single) settle_multiple(s);
+  if (!s.single) close_path(s);
   result.cost = s.cost;
   // the path's inputs lead beyond all numbers from the present start: whoever sent them would send what nobody weighed
   if (!std::isfinite(s.cost)) result.status = tiller_status_plan_not_finite;

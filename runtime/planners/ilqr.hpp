@@ -43,5 +43,7 @@ bool iterate_multiple(Ilqr& s);
 /// The inputs that multiple shooting sends: those of the path from the present start, as they are or under the gains,
 /// whichever costs less; which candidate that is. The path itself stays what the next tick begins with.
 std::uint32_t settle_multiple(Ilqr& s);
+/// settle_multiple; where the motion costs no more than the path, the path becomes it, and single shooting goes on.
+void close_path(Ilqr& s);
 
 }  // namespace tiller

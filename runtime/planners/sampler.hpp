@@ -65,6 +65,7 @@ struct Sampler {
   CostFrame frame;
   bool penalised = false;  // by bounds or obstacles, which cost_terms then leaves to the rollouts' penalties
   InputLimit limits[TILLER_MAX_INPUTS];
+  double noise_sd[TILLER_MAX_INPUTS] = {};  // of the samples
   double fallback[TILLER_MAX_INPUTS] = {};  // the safe command
 
   std::uint32_t states = 0, inputs = 0, params = 0, effect_states = 0;

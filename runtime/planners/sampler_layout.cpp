@@ -13,6 +13,9 @@ constexpr std::uint32_t kMostSlots = 8;
 // within a second and their mean with them: with a single scale, cart-pole at horizon 75 is never held (0 of 20
 // seeds), with the mixture it is in 20 of 20, and noise_sd may be off by a factor of two.
 constexpr double kFinestScale = 1.0 / 64.0;
+// Of the input's range: noise_sd where none is configured. Most knots of the widest samples are then at a limit, as those
+// of a swing-up; the finest have a thirtieth of the range. docs/evidence/planners.md has the costs.
+constexpr double kWidths = 2.0;
 constexpr std::uint32_t kControlBytes = 32 * 1024;  // of a chunk: two thirds of a 48 kB first-level cache
 
 /// Lanes of a chunk: 64 are four AVX-512 vectors in flight; 128 halve the cost of a call where there are enough
@@ -103,6 +106,8 @@ void take_limits(Sampler& s, const tiller_config_t& config) {
     limit.low = config.safety.input_low[i];
     limit.high = config.safety.input_high[i];
     limit.step = config.safety.input_rate_per_s[i] * config.period_s;
+    const double configured = config.planner.noise_sd[i];
+    s.noise_sd[i] = configured > 0.0 ? configured : kWidths * (limit.high - limit.low);
     s.fallback[i] = config.safety.safe_command[i];
     s.rate_step[i] = limit.step < limit.high - limit.low ? lane_number(limit.step) : -1.0f;
     for (std::uint32_t j = 0; j < s.grid.knots; ++j) {
@@ -170,7 +175,7 @@ void reset_sampler(void* self) {
   for (std::uint32_t r = 0; r < s.rows; ++r) {
     const std::uint32_t input = r / s.grid.knots;
     s.mean[r] = admit_command(s.limits[input], 0.0, 0.0);
-    s.spread[r] = s.settings->noise_sd[input];
+    s.spread[r] = s.noise_sd[input];
   }
   for (std::uint32_t i = 0; i < s.inputs; ++i) s.knot_before[i] = s.mean[i * s.grid.knots];
   start_from_command(s, nullptr);

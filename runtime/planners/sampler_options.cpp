@@ -115,7 +115,7 @@ void adapt_spread(Sampler& s) {
   s.lanes->moments(s.knots, s.rows, s.rollouts, s.rollouts, s.weight, s.row_mean, s.row_sum, s.row_squares);
   for (std::uint32_t r = 0; r < s.rows; ++r) {
     double variance = static_cast<double>(s.row_squares[r]) / scales;
-    const double noise_sd = s.settings->noise_sd[r / s.grid.knots];
+    const double noise_sd = s.noise_sd[r / s.grid.knots];
     if (!take_back_annealing(s, r, variance)) continue;
     const double spread = std::sqrt((1.0 - rate) * s.spread[r] * s.spread[r] + rate * variance);
     s.spread[r] = std::fmin(std::fmax(spread, kSpreadFloor * noise_sd), kSpreadCeiling * noise_sd);
@@ -127,7 +127,7 @@ void shift_spread(Sampler& s, std::uint32_t gone) {
     double* row = s.spread + i * s.grid.knots;
     shift_knots(row, s.grid.knots, gone);
     for (std::uint32_t j = s.grid.knots - (gone < s.grid.knots ? gone : s.grid.knots); j < s.grid.knots; ++j)
-      row[j] = s.settings->noise_sd[i];
+      row[j] = s.noise_sd[i];
   }
 }
 

@@ -9,8 +9,6 @@
 namespace tiller {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kClosed = 1e-6;  // share of its cost that a motion may cost more than the path that it replaces
 // of the planner's random numbers; no plan has so many iterations
 constexpr std::uint64_t kStream = (std::uint64_t{kRngPlanner} << 32) | (0xffffu << 16);
 constexpr std::uint32_t kWidest = 4;      // of the sampler's kScales scales
@@ -51,17 +49,6 @@ bool begin(Scout& s, const Sampler& sampler, const PathPlan& present) {
   p.has_path = p.has_gain = false;
   p.problem.regularisation = p.settings->regularisation;
   return restart_path(*s.gradient, s.inputs);
-}
-
-/// The path becomes its own motion where that costs no more.
-void close_path(Ilqr& g) {
-  PathPlan& p = g.plan;
-  const double path = g.standing ? p.risk.value(p.path_cost) : kInfinity;
-  const std::uint32_t chosen = settle_multiple(g);
-  if (!g.settled || g.cost > path + kClosed * std::fabs(path)) return;
-  take_candidate(p, chosen);
-  g.single = true;
-  g.settled = g.standing = false;
 }
 
 /// The path of this tick, a motion where it was one; false where there is none.

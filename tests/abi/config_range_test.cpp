@@ -298,7 +298,7 @@ const Range kRanges[] = {
     TILLER_RANGE(posterior.noise_scale_shape, 1e-6, 1e6, false, false),
     TILLER_RANGE(posterior.prior_proposal_fraction, 0, 0.5, true, false),
     TILLER_RANGE(planner.cvar_alpha, 0, 0.999, true, false),
-    TILLER_RANGE(planner.noise_sd[0], 1e-9, 1e9, false, false),
+    TILLER_RANGE(planner.noise_sd[0], 1e-9, 1e9, true, false),
     TILLER_RANGE(planner.temperature, 1e-6, 1, false, false),
     TILLER_RANGE(planner.elite_fraction, 1e-6, 1, false, false),
     TILLER_RANGE(planner.smoothing, 0, 0.999, true, false),

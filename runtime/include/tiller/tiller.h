@@ -222,7 +222,7 @@ typedef struct tiller_planner_config {
   uint32_t deadline_us;               /**< per tick, from its start, by hooks.now_ns; 0: iterations alone decide */
   uint32_t risk;                      /**< tiller_risk_t */
   double cvar_alpha;                  /**< in [0, .999]: 0 is the mean, .9 the mean of the worst tenth */
-  double noise_sd[TILLER_MAX_INPUTS]; /**< of the samples, in the input's unit; scales */
+  double noise_sd[TILLER_MAX_INPUTS]; /**< of the samples, in the input's unit; scales; 0: twice the input's range */
   double temperature;                 /**< MPPI: target effective share of the rollouts, 1e-6..1 */
   double elite_fraction;              /**< CEM, 1e-6..1 */
   double smoothing;                   /**< CEM: share of the old mean and spread that is kept, in [0, .999] */
