@@ -253,12 +253,15 @@ bool changes_within(const PathPlan& p, const PartPath& path, const SqpPart& part
   return true;
 }
 
-void start_lifted(const PathPlan& p, const PartPath& path, SqpPart& part) {
-  const double* u = part.plain.solution.u;
+void start_lifted(const PathPlan& p, const PartPath& path, double* last, SqpPart& part) {
   const std::size_t nu = p.nu;
   for (std::size_t at = 0; at < part.plain.qp.lq.horizon * nu; ++at) {
-    const double before = at >= nu ? u[at - nu] : path.change_before ? path.change_before[at] : 0.0;
-    part.lifted.solution.u[at] = u[at] - before;
+    const std::size_t i = at % nu;
+    const double planned = path.control[at] - (at < nu ? path.before[i] : path.control[at - nu]);
+    const double wish = path.control[at] + part.plain.solution.u[at] - last[i];
+    const double change = std::fmin(std::fmax(wish, -p.most_change[i]), p.most_change[i]);
+    part.lifted.solution.u[at] = change - planned;
+    last[i] += change;
   }
 }
 

@@ -1,6 +1,7 @@
 // One quadratic program of sqp: the active set on the plain program, and where bounds on states or on the inputs'
 // changes are in the way, a solver of the whole program.
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -56,7 +57,9 @@ bool solve_whole(Sqp& s, const PartPath& path, const QpLimits& limits) {
   if (lifted) {
     build_lifted(p, path, s.part);
     take_bounds(s, path, s.part.lifted, true);
-    start_lifted(p, path, s.part);
+    double last[TILLER_MAX_INPUTS];
+    std::copy(p.last_input, p.last_input + p.nu, last);
+    start_lifted(p, path, last, s.part);
   }
   SqpProgram& program = lifted ? s.part.lifted : s.part.plain;
   QpReport report;

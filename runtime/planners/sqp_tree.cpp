@@ -1,5 +1,6 @@
 #include "planners/sqp_tree.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -98,10 +99,13 @@ void build_lifted(SqpTree& s) {
   const ScenarioTree& t = *s.tree;
   const PathPlan& first = t.branch[0];
   const std::size_t large = first.nz + first.nu;
+  double end_of_trunk[TILLER_MAX_INPUTS], last[TILLER_MAX_INPUTS];
+  std::copy(first.last_input, first.last_input + first.nu, end_of_trunk);
   for (std::uint32_t i = 0; i <= t.count; ++i) {
     const PartPath path = path_of(s, i);
     build_lifted(first, path, s.part[i]);
-    start_lifted(first, path, s.part[i]);
+    std::copy(end_of_trunk, end_of_trunk + first.nu, last);
+    start_lifted(first, path, i == 0 ? end_of_trunk : last, s.part[i]);
     if (i > 0)
       s.part[i].lifted.qp.start = s.part[0].lifted.solution.x + (std::size_t{t.shared} * t.count + i - 1) * large;
   }

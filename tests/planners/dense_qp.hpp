@@ -30,11 +30,11 @@ struct DenseQp {
     const std::size_t n = size(), m = rows.size();
     std::vector<double> z(n, 0.0), s(m), y(m, 1.0), dz(n), ds(m), dy(m), ds_before(m), dy_before(m);
     for (std::size_t i = 0; i < m; ++i) s[i] = std::fmax(1.0, limits[i] - dot(rows[i], z));
-    for (int pass = 0; pass < 60; ++pass) {
+    for (int pass = 0; pass < 200; ++pass) {
       double mu = 0.0;
       for (std::size_t i = 0; i < m; ++i) mu += s[i] * y[i] / static_cast<double>(m);
       // where a multiplier is nearly zero, z errs by the root of mu
-      if (worst_residual(z, s, y) < 1e-9 && mu < 1e-17) break;
+      if (worst_residual(z, s, y) < 1e-9 && mu < 1e-15) break;
       ds_before.assign(m, 0.0);
       dy_before.assign(m, 0.0);
       step(z, s, y, 0.0, ds_before, dy_before, dz, ds, dy);

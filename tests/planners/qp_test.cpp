@@ -60,6 +60,31 @@ TEST(Qp, interior_point_does_not_jam_on_warm_starts) {
   std::printf("2000 programs, at most %u iterations\n", most);
 }
 
+/// A start whose inputs stand at the bounds across from where they belong, at twenty times the room of the other tests:
+/// no step leads them away, and only beginning anew in the middle does.
+TEST(Qp, interior_point_comes_away_from_wrong_bounds) {
+  std::uint32_t most = 0;
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    OwnedQp p = random_qp(seed);
+    std::fill(p.state_low.begin(), p.state_low.end(), -kNoBound);
+    std::fill(p.state_high.begin(), p.state_high.end(), kNoBound);
+    for (double& low : p.low) low *= 20.0;
+    for (double& high : p.high) high *= 20.0;
+    for (std::size_t i = 0; i < p.low.size(); ++i)
+      if (!(p.low[i] < p.high[i])) std::swap(p.low[i], p.high[i]);
+    for (double& g : p.qx) g *= 100.0;
+    RiccatiSolver solver(p);
+    ASSERT_EQ(solver.interior(p).status, QpStatus::solved) << "seed " << seed;
+    for (std::size_t i = 0; i < p.low.size(); ++i)
+      solver.solution.u[i] = solver.solution.u[i] > 0.5 * (p.low[i] + p.high[i]) ? p.low[i] : p.high[i];
+    const QpReport report = solver.interior(p);
+    EXPECT_EQ(report.status, QpStatus::solved) << "seed " << seed << ": " << report.residual;
+    most = std::max(most, report.iterations);
+  }
+  std::printf("at most %u iterations from the wrong bounds\n", most);
+  EXPECT_LE(most, 40u);
+}
+
 TEST(Qp, osqp_agrees) {
   if (!tiller::has_osqp()) GTEST_SKIP() << "built without OSQP";
   double worst_cost = 0.0, worst_fill = 0.0;

@@ -5,9 +5,11 @@
 namespace tiller {
 namespace {
 
-constexpr double kLeastSlack = 1e-2;  // first distances from the bounds, in the variables' units
-constexpr double kNoBound = 1e20;     // beyond any number that a robot's variables take
-constexpr double kHopeless = 1e8;     // times the first multipliers
+constexpr double kLeastSlack = 1e-2;   // first distances from the bounds, in the variables' units
+constexpr double kCentral = 0.3;       // first distance of a central input from its bounds, of the room between them
+constexpr double kCentralSlack = 0.1;  // and the least one of any variable
+constexpr double kNoBound = 1e20;      // beyond any number that a robot's variables take
+constexpr double kHopeless = 1e8;      // times the first multipliers
 
 /// NaN comes through.
 void take_worse(double r, double& worst) {
@@ -82,10 +84,12 @@ void InteriorPart::add(bool of_state, std::size_t index, double sign, double bou
   b.quadratic = qp->slack_quadratic ? qp->slack_quadratic[i] : 0.0;
 }
 
-void InteriorPart::first_iterate() {
+void InteriorPart::first_iterate(FirstIterate from) {
   for (std::size_t i = 0; i < N * m; ++i) {
     const double low = qp->lq.low ? qp->lq.low[i] : -INFINITY, high = qp->lq.high ? qp->lq.high[i] : INFINITY;
-    const double margin = std::fmin(kLeastSlack, 0.1 * (high - low));
+    const double room = high - low;
+    const double margin =
+        from == FirstIterate::central && std::isfinite(room) ? kCentral * room : std::fmin(kLeastSlack, 0.1 * room);
     double& u = at.u[i];
     if (!(std::fabs(u) < 1e300)) u = 0.0;
     u = std::fmin(std::fmax(u, low + margin), high - margin);
@@ -129,15 +133,23 @@ void InteriorPart::simulate() {
     }
 }
 
-void InteriorPart::first_multipliers(double size) {
+double InteriorPart::least_slack(const Bound& b, FirstIterate from) const {
+  if (from == FirstIterate::given) return kLeastSlack;
+  const double *low = b.of_state ? qp->state_low : qp->lq.low, *high = b.of_state ? qp->state_high : qp->lq.high;
+  const double room = low && high ? high[b.at] - low[b.at] : INFINITY;
+  return std::isfinite(room) ? kCentralSlack * room : 1.0;
+}
+
+void InteriorPart::first_multipliers(double size, FirstIterate from) {
   for (std::uint32_t i = 0; i < w->count; ++i) {
     Bound& b = w->bound[i];
+    const double least = least_slack(b, from);
     const double gap = b.sign * (value_of(b) - b.bound);
-    b.t = std::fmax(gap, kLeastSlack);
+    b.t = std::fmax(gap, least);
     b.y = size / b.t;
     if (!b.soft) continue;
-    b.e = std::fmax(-gap, kLeastSlack);
-    b.t = std::fmax(gap + b.e, kLeastSlack);
+    b.e = std::fmax(-gap, least);
+    b.t = std::fmax(gap + b.e, least);
     b.y = std::fmin(size / b.t, 0.5 * b.linear + 1e-8);
     b.r = std::fmax(b.linear + b.quadratic * b.e - b.y, 1e-8);
   }

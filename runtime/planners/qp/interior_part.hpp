@@ -11,6 +11,12 @@ enum class TreePlace {
   branch,  // its first row is the trunk's last
 };
 
+/// Where the iterates begin.
+enum class FirstIterate {
+  given,    // at the caller's inputs, brought inside their bounds: few iterations where they are nearly right
+  central,  // away from all bounds, wherever the inputs were
+};
+
 /// What an interior point method does to one program along a horizon, for a driver (interior_point.cpp) that walks over
 /// the parts of a tree: between the parts go the step at the branching, forward, and gradients there, backward.
 class InteriorPart {
@@ -20,13 +26,13 @@ class InteriorPart {
 
   // ---- set up, in this order; simulate goes from the trunk to the branches
   /// Inputs inside their bounds, multipliers zero.
-  void first_iterate();
+  void first_iterate(FirstIterate from);
   /// Inputs without room are fixed.
   void collect_bounds();
   /// States by the dynamics.
   void simulate();
   /// First distances and multipliers: on the central path as far as the iterate allows, at the size of the gradient.
-  void first_multipliers(double size);
+  void first_multipliers(double size, FirstIterate from);
 
   // ---- the iterate
   /// Gradient of the cost; the sum of its sizes, in which NaN in anything shows.
@@ -65,6 +71,7 @@ class InteriorPart {
   double& value_of(const Bound& b) const;
   double step_of(const Bound& b) const;
   void add(bool of_state, std::size_t index, double sign, double bound);
+  double least_slack(const Bound& b, FirstIterate from) const;
   void bound_residuals(double& worst);
   void input_residuals(double& worst);
   void state_residuals(const double* behind, double& worst);

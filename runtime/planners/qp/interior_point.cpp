@@ -24,16 +24,16 @@ class Solve {
   }
 
   /// Size of the cost's gradient at the first iterate.
-  double begin() {
-    each([](InteriorPart& part) {
-      part.first_iterate();
+  double begin(FirstIterate from) {
+    each([&](InteriorPart& part) {
+      part.first_iterate(from);
       part.collect_bounds();
       part.simulate();
     });
     return cost_gradient();
   }
-  void first_multipliers(double size) {
-    each([&](InteriorPart& part) { part.first_multipliers(size); });
+  void first_multipliers(double size, FirstIterate from) {
+    each([&](InteriorPart& part) { part.first_multipliers(size, from); });
   }
   double variables() const {
     std::size_t sum = 0;
@@ -152,16 +152,17 @@ QpReport solve_interior_point(InteriorPoint& work, const Qp& qp, const QpLimits&
 QpReport solve_interior_point(InteriorPoint* const* work, const QpTree& tree, const QpLimits& limits) {
   Solve solve(work, tree);
   QpReport report;
-  const double size = solve.begin();
+  const double size = solve.begin(FirstIterate::given);
   report.residual = size;
   if (!std::isfinite(size)) return report;
   const double first = std::fmax(1e-3, size / solve.variables());
-  solve.first_multipliers(first);
+  solve.first_multipliers(first, FirstIterate::given);
   // Where a step was short, or the pairs came no nearer to zero, they are far from balanced and a bold correction runs
   // into the same bounds again, round and round: the next step only balances them (Colombo and Gondzio 2008 tell of
   // this failure of Mehrotra's corrector).
   double before = INFINITY;
   bool jammed = false, balanced = false;  // never twice in a row
+  bool central = false;                   // begun anew
   for (;; ++report.iterations) {
     solve.cost_gradient();
     report.residual = solve.residual();
@@ -187,6 +188,14 @@ QpReport solve_interior_point(InteriorPoint* const* work, const QpTree& tree, co
     }
     const double longest = solve.longest_step();
     jammed = longest < kJam;
+    // Inputs that stand at the wrong bounds are not led away from them: an active set that circles leaves such ones.
+    if (jammed && balanced && !central) {
+      central = true;
+      solve.begin(FirstIterate::central);
+      solve.first_multipliers(first, FirstIterate::central);
+      before = INFINITY;
+      continue;
+    }
     solve.move(longest < 1.0 ? kToBoundary * longest : 1.0);
   }
   solve.clip_inputs();
