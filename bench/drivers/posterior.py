@@ -1,4 +1,4 @@
-# programs: bench_posterior bench_residual bench_accuracy bench_misspecified bench_methods bench_episodes
+# programs: bench_posterior bench_residual bench_accuracy bench_misspecified bench_methods bench_episodes bench_table1
 # bench_posterior_peers
 """./dev bench posterior: whether the posterior can be trusted, what it costs, and its peers, in one table.
 
@@ -11,6 +11,8 @@ Sections:
     cost           updates of the engines, time and memory (bench_posterior)
     residual       one-step residuals in lanes (bench_residual)
     accuracy       online posteriors beside exact ones, calibration, short runs, encoders only (bench_accuracy)
+    table1         the rows of Online BayesSim's Table I, contact among them: online, batch, rejection ABC; a line of
+                   build/table1.csv for each seed, so that a run that was cut goes on (bench_table1)
     misspecified   friction, delay, drift, outliers that the model lacks; adequacy (bench_misspecified)
     methods        REPS, SimOpt, rejection ABC on the same episodes (bench_methods)
     episodes       closed loop over episodes (bench_episodes)
@@ -32,11 +34,12 @@ import sys
 import _posterior_peers as peers
 from _driver import HOME, ROOT, note, rows_of, run_table, summary  # noqa: F401
 
-PROGRAMS = {name: f"bench_{name}" for name in ("residual", "accuracy", "misspecified", "methods", "episodes")}
+PROGRAMS = {name: f"bench_{name}" for name in ("residual", "accuracy", "table1", "misspecified", "methods",
+                                               "episodes")}
 PROGRAMS["cost"] = "bench_posterior"
-SECTIONS = ["cost", "residual", "accuracy", "misspecified", "methods", "episodes", "peers"]
+SECTIONS = ["cost", "residual", "accuracy", "table1", "misspecified", "methods", "episodes", "peers"]
 TITLES = {"cost": "what an update costs", "residual": "one-step residuals", "accuracy": "against exact posteriors",
-          "misspecified": "where the model is wrong", "methods": "likelihood-free methods",
+          "table1": "the rows of Table I", "misspecified": "where the model is wrong", "methods": "likelihood-free methods",
           "episodes": "closed loop over episodes"}
 # What --quick asks for; a section that is not here is left out of it.
 QUICK = {"accuracy": ["--runs", "20", "--short", "300"], "residual": []}

@@ -1,11 +1,12 @@
 // ./dev bench episodes: swing-up of the ODE cart-pole over episodes. The posterior of one episode is the prior of the
-// next one's control (Possas et al. 2020, algorithm 1), against the prior kept as it was and against an oracle that
-// knows the plant's parameters.
+// next one's control (Possas et al. 2020, algorithm 1); or the prior is refitted to each episode's log and nothing is
+// learnt within (SimOpt: Chebotar et al. 2019, algorithm 1; REPS weights at a temperature of 1); against the prior kept
+// as it was and against an oracle that knows the plant's parameters.
 //
 // The demo's robot with priors four to ten times as wide, and episodes of 3 s, of which the swing-up takes two: with
 // the demo's own priors the posterior is sharp after half a second, and an episode of 6 s costs what the oracle's does
 // from the first on (a robot file on the command line is taken as it is: try robots/cart_pole.toml --seconds 6). Every
-// seed draws its own truth from the priors; the three controllers meet the same noise in the same episode. No seed is
+// seed draws its own truth from the priors; all controllers meet the same noise in the same episode. No seed is
 // left out; settings are chosen on seeds from 100001 on (--seeds 100001 20).
 
 #include <cmath>
@@ -18,6 +19,7 @@
 #include "bench/table/bench_table.hpp"
 #include "harness/episode/episode.hpp"
 #include "tools/open/robot_open.hpp"
+#include "tools/refit/refit_prior.hpp"
 
 namespace {
 
@@ -52,14 +54,30 @@ void widen(tools::RobotFile& robot) {
         tiller_prior_uniform, 0, 0.0, 0.0, w.low, w.high};
 }
 
-/// Costs of one controller, (episodes) for every seed.
-using Costs = std::vector<std::vector<double>>;
+/// The controllers, which meet the same noise in the same episode. All but the first keep the prior within an episode.
+enum Arm { kPosterior, kSimOpt, kReps, kKept, kOracle, kArms };
+const char* const kName[kArms] = {"posterior carried over", "simopt", "reps --eta 1", "prior kept", "oracle"};
 
-struct Results {
-  Costs learning, frozen, oracle;
-  std::map<std::string, std::vector<std::vector<double>>> shrink;  // prior sd / posterior sd, (episodes) for every seed
-  double covered = 0, intervals = 0;                               // 90 % intervals after the last episode
+/// What a parameter's distribution for the next episode is.
+struct Learnt {
+  double error_sd = 0;  ///< of its mean, over the prior's deviation
+  double shrink = 0;    ///< prior's deviation over its own
+  bool covered = false;
 };
+
+/// One controller's episodes.
+struct Series {
+  std::vector<double> cost;                           // (episodes)
+  std::map<std::string, std::vector<Learnt>> learnt;  // (episodes) of each parameter
+};
+
+/// (seeds) of each controller.
+using Results = std::vector<Series>[kArms];
+
+[[noreturn]] void give_up(std::uint64_t seed, const std::string& why) {
+  std::fprintf(stderr, "seed %llu: %s\n", static_cast<unsigned long long>(seed), why.c_str());
+  std::exit(1);
+}
 
 bench::EpisodeResult run(const tools::RobotFile& robot, const Options& o, std::uint64_t seed, std::uint64_t episode,
                          bool frozen) {
@@ -70,9 +88,8 @@ bench::EpisodeResult run(const tools::RobotFile& robot, const Options& o, std::u
   options.seconds = o.seconds;
   options.frozen = frozen;
   bench::EpisodeResult result = run_episode(robot, options);
-  if (result.error.empty()) return result;
-  std::fprintf(stderr, "seed %llu: %s\n", static_cast<unsigned long long>(seed), result.error.c_str());
-  std::exit(1);
+  if (!result.error.empty()) give_up(seed, result.error);
+  return result;
 }
 
 /// The robot file with the truth in the place of its priors; the plant, which is drawn from them, stays what it was.
@@ -85,84 +102,147 @@ tools::RobotFile knowing(const tools::RobotFile& robot, const std::vector<bench:
   return oracle;
 }
 
-void run_seed(const tools::RobotFile& given, const Options& o, std::uint64_t seed, Results& results) {
-  std::vector<double> learning, frozen, oracle;
-  std::vector<bench::ParameterResult> truth;
-  tools::RobotFile robot = given;
-  std::map<std::string, std::vector<double>> shrink;
-  for (std::uint64_t e = 0; e < o.episodes; ++e) {
-    const auto learnt = run(robot, o, seed, e, false);
-    learning.push_back(learnt.cost);
-    truth = learnt.parameters;
-    for (const auto& p : learnt.parameters) shrink[p.name].push_back(p.shrink());
-    tools::Words errors;
-    const auto stored = tools::store_posterior(robot.config, robot.params, learnt.particles);
-    if (!tools::take_prior(stored, "carried over", robot, errors)) {
-      std::fprintf(stderr, "%s\n", tools::join(errors, "\n").c_str());
-      std::exit(1);
+/// As `tiller run --method` has them: one step after each episode, 10,000 simulations, a bound of 1 nat.
+tools::RefitPrior refit_of(Arm arm) {
+  tools::RefitOptions options;
+  options.method = arm == kReps ? "reps" : "simopt";
+  if (arm == kReps) options.how.eta = 1.0;
+  options.how.iterations = 1;
+  return tools::make_refit(options);
+}
+
+/// The prior that an episode leaves to the next one.
+tools::StoredPosterior next_prior(Arm arm, const tools::RobotFile& robot, std::uint64_t seed, std::uint64_t episode,
+                                  const bench::EpisodeResult& done) {
+  if (arm == kPosterior) return tools::store_posterior(robot.config, robot.params, done.particles);
+  tools::RobotFile now = robot;
+  now.config.seed = seed;
+  tools::seed_episode(now, episode);
+  tools::Log log;
+  tools::RefittedPrior refitted;
+  std::string error;
+  if (!tools::make_log(done.rows, "episode", "ticks with a measurement", now, log, error) ||
+      !refit_of(arm)(now, log, refitted, error))
+    give_up(seed, kName[arm] + (": " + error));
+  return refitted.posterior;
+}
+
+/// By 2,000 draws of the prior that is carried over.
+void note_learnt(const tools::RobotFile& carried, const std::vector<bench::ParameterResult>& before, Series& series) {
+  constexpr std::uint32_t kDraws = 2000;
+  const PriorDistribution law(carried.config);
+  std::vector<double> v(std::size_t{kDraws} * law.dimension());
+  std::vector<std::uint32_t> index(kDraws);
+  law.draw(1, kDraws, v.data(), index.data());
+  for (std::uint32_t j = 0; j < law.dimension(); ++j) {
+    std::vector<double> values(kDraws);
+    double mean = 0, square = 0;
+    for (std::uint32_t k = 0; k < kDraws; ++k) {
+      values[k] = from_coordinate(law.marginal(j), v[std::size_t{j} * kDraws + k]);
+      mean += values[k] / kDraws;
     }
-    frozen.push_back(run(given, o, seed, e, true).cost);
-    oracle.push_back(run(knowing(given, truth), o, seed, e, true).cost);
+    for (const double value : values) square += (value - mean) * (value - mean) / kDraws;
+    const bench::ParameterResult& p = before[j];
+    series.learnt[p.name].push_back({std::fabs(mean - p.truth) / p.prior_sd, p.prior_sd / std::sqrt(square),
+                                     quantile(values, 0.05) <= p.truth && p.truth <= quantile(values, 0.95)});
   }
-  for (const auto& p : truth) {
-    results.covered += p.covered();
-    ++results.intervals;
+}
+
+void run_seed(const tools::RobotFile& given, const Options& o, std::uint64_t seed, Results& results) {
+  std::vector<bench::ParameterResult> truth;
+  std::printf("    seed %3llu", static_cast<unsigned long long>(seed));
+  for (int a = 0; a < kArms; ++a) {
+    const Arm arm = static_cast<Arm>(a);
+    tools::RobotFile robot = arm == kOracle ? knowing(given, truth) : given;
+    Series series;
+    for (std::uint64_t e = 0; e < o.episodes; ++e) {
+      const auto done = run(robot, o, seed, e, arm != kPosterior);
+      series.cost.push_back(done.cost);
+      if (truth.empty()) truth = done.parameters;  // with the robot file's own prior_sd
+      if (arm == kKept || arm == kOracle) continue;
+      tools::Words errors;
+      if (!tools::take_prior(next_prior(arm, robot, seed, e, done), "carried over", robot, errors))
+        give_up(seed, tools::join(errors, "\n"));
+      note_learnt(robot, truth, series);
+    }
+    std::printf("  %s", kName[a]);
+    for (const double c : series.cost) std::printf(" %.2f", c);
+    std::fflush(stdout);
+    results[a].push_back(std::move(series));
   }
-  for (auto& [name, values] : shrink) results.shrink[name].push_back(values);
-  std::printf("    seed %3llu  learning", static_cast<unsigned long long>(seed));
-  for (const double c : learning) std::printf(" %8.2f", c);
-  std::printf("   frozen");
-  for (const double c : frozen) std::printf(" %8.2f", c);
-  std::printf("   oracle");
-  for (const double c : oracle) std::printf(" %8.2f", c);
   std::printf("\n");
-  std::fflush(stdout);
-  results.learning.push_back(learning);
-  results.frozen.push_back(frozen);
-  results.oracle.push_back(oracle);
 }
 
 /// Cost over the oracle's in the same episode, for every seed.
-std::vector<double> ratios(const Costs& costs, const Costs& oracle, std::size_t episode) {
+std::vector<double> ratios(const Results& results, Arm arm, std::size_t episode) {
   std::vector<double> all;
-  for (std::size_t s = 0; s < costs.size(); ++s) all.push_back(costs[s][episode] / oracle[s][episode]);
+  for (std::size_t s = 0; s < results[arm].size(); ++s)
+    all.push_back(results[arm][s].cost[episode] / results[kOracle][s].cost[episode]);
   return all;
 }
 
 /// A seed's cost averaged over episodes `first` and after: what one episode's noise does to it is smaller then.
-double later(const std::vector<double>& costs, std::size_t first) {
+double later(const Series& series, std::size_t first) {
   double sum = 0.0;
-  for (std::size_t e = first; e < costs.size(); ++e) sum += costs[e] / static_cast<double>(costs.size() - first);
+  for (std::size_t e = first; e < series.cost.size(); ++e)
+    sum += series.cost[e] / static_cast<double>(series.cost.size() - first);
   return sum;
 }
 
-void report(bench::Table& table, const Options& o, const Results& r) {
-  table.heading("cart-pole swing-up over episodes: cost over the oracle's, median over the seeds");
-  const std::size_t last = o.episodes - 1;
-  const double first_ratio = median(ratios(r.learning, r.oracle, 0));
+/// Seeds whose later episodes cost less than `other` does, in per cent.
+template <class Other>
+double share_below(const Results& results, Arm arm, const Other& other) {
+  double below = 0;
+  for (std::size_t s = 0; s < results[arm].size(); ++s) below += later(results[arm][s], 1) < other(s);
+  return 100.0 * below / static_cast<double>(results[arm].size());
+}
+
+/// Of one parameter after an episode, for every seed.
+std::vector<double> column(const std::vector<Series>& all, const std::string& name, std::size_t episode,
+                           double Learnt::*of) {
+  std::vector<double> values;
+  for (const Series& series : all) values.push_back(series.learnt.at(name)[episode].*of);
+  return values;
+}
+
+void report_learnt(bench::Table& table, const Results& results, Arm arm, std::size_t last) {
+  const std::vector<Series>& all = results[arm];
+  double covered = 0, intervals = 0;
+  for (const auto& [name, unused] : all.front().learnt) {
+    for (const std::size_t e : {std::size_t{0}, last}) {
+      const std::string when = name + (e == 0 ? " after episode 1, median" : " after the last, median");
+      table.row("  prior sd / sd of " + when, median(column(all, name, e, &Learnt::shrink)), "x");
+      table.row("  error of the mean of " + when, median(column(all, name, e, &Learnt::error_sd)), "prior sd");
+    }
+    for (const Series& series : all) covered += series.learnt.at(name)[last].covered, ++intervals;
+  }
+  table.row("  90 % intervals after the last episode that hold the truth", 100.0 * covered / intervals, "%");
+}
+
+void report_arm(bench::Table& table, const Results& results, Arm arm, std::size_t last) {
+  const double first_ratio = median(ratios(results, arm, 0));
+  table.heading(std::string("cart-pole swing-up over episodes, cost over the oracle's, median over the seeds: ") +
+                kName[arm]);
   for (std::size_t e = 0; e <= last; ++e) {
-    const double ratio = median(ratios(r.learning, r.oracle, e));
-    table.row("episode " + std::to_string(e + 1) + ", posterior carried over", ratio, "x",
-              e == 0 ? bench::Goal{} : bench::at_most(e == last ? std::min(1.05, first_ratio) : first_ratio));
+    const double bound = e == last && arm == kPosterior ? std::min(1.05, first_ratio) : first_ratio;
+    table.row("  episode " + std::to_string(e + 1), median(ratios(results, arm, e)), "x",
+              e == 0 || arm == kKept ? bench::Goal{} : bench::at_most(bound));
   }
-  table.row("last episode, posterior carried over, 90 % of the seeds",
-            quantile(ratios(r.learning, r.oracle, last), 0.9), "x");
-  table.row("last episode, prior kept", median(ratios(r.frozen, r.oracle, last)), "x");
-  double better = 0, falls = 0;
-  for (std::size_t s = 0; s < r.learning.size(); ++s) {
-    better += later(r.learning[s], 1) < later(r.frozen[s], 1);
-    falls += later(r.learning[s], 1) < r.learning[s][0];
-  }
-  const double share = 100.0 / static_cast<double>(r.learning.size());
-  table.row("seeds whose cost after episode 1 is below the kept prior's", better * share, "%", bench::at_least(95));
-  table.row("seeds whose cost after episode 1 is below that of episode 1", falls * share, "%");
-  for (const auto& [name, all] : r.shrink) {
-    std::vector<double> begin, end;
-    for (const auto& values : all) begin.push_back(values.front()), end.push_back(values.back());
-    table.row("prior sd / posterior sd after episode 1, median, " + name, median(begin), "x");
-    table.row("prior sd / posterior sd after the last, median, " + name, median(end), "x");
-  }
-  table.row("90 % intervals after the last episode that hold the truth", 100.0 * r.covered / r.intervals, "%");
+  table.row("  last episode, 90 % of the seeds", quantile(ratios(results, arm, last), 0.9), "x");
+  if (arm == kKept) return;
+  table.row("  seeds whose cost after episode 1 is below the kept prior's",
+            share_below(results, arm, [&](std::size_t s) { return later(results[kKept][s], 1); }), "%",
+            bench::at_least(95));
+  table.row("  seeds whose cost after episode 1 is below that of episode 1",
+            share_below(results, arm, [&](std::size_t s) { return results[arm][s].cost[0]; }), "%");
+  if (arm != kPosterior)
+    table.row("  seeds whose cost after episode 1 is below that with the posterior",
+              share_below(results, arm, [&](std::size_t s) { return later(results[kPosterior][s], 1); }), "%");
+  report_learnt(table, results, arm, last);
+}
+
+void report(bench::Table& table, const Options& o, const Results& results) {
+  for (int arm = 0; arm < kOracle; ++arm) report_arm(table, results, static_cast<Arm>(arm), o.episodes - 1);
 }
 
 }  // namespace

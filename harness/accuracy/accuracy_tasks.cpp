@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdlib>
 
+#include "harness/accuracy/measured_task.hpp"
 #include "posterior/prior.hpp"
 #include "tiller/config.hpp"
 
@@ -25,44 +26,9 @@ StepSetup setup_of(const tiller_config_t& c) {
   return setup;
 }
 
-AccuracyTask base(const char* name, const tiller_model_t& model, std::initializer_list<tiller_prior_t> priors,
-                  std::initializer_list<double> step_rms) {
-  AccuracyTask t;
-  t.name = name;
-  tiller::Config& c = t.config;
-  c = {};
-  c.size = sizeof(tiller_config_t);
-  c.version = TILLER_CONFIG_VERSION;
-  c.model = &model;
-  c.param_count = model.param_count;
-  c.body = {0.0, -9.81, 0.0, 0.0};
-  c.integrator = tiller_integrator_semi_implicit_euler;
-  c.period_s = 0.02;
-  c.substeps = 1;
-  std::copy(priors.begin(), priors.end(), c.priors);
-  for (std::uint32_t i = 0; i < c.param_count; ++i)
-    if (c.priors[i].kind != tiller_prior_fixed) t.inferred.push_back(i);
-  std::copy(step_rms.begin(), step_rms.end(), t.step_rms);
-  c.measurement_count = model.state_count;
-  for (std::uint32_t i = 0; i < model.state_count; ++i) {
-    c.measured_state[i] = static_cast<std::uint8_t>(i);
-    c.process_sd[i] = kNominalSigma * t.step_rms[i] / std::sqrt(c.period_s);
-    // readings are exact here; a filter needs some variance of its own, far below the noise of any row
-    c.measurement_sd[i] = 1e-3 * kSigmas[0] * t.step_rms[i];
-    c.initial_state_sd[i] = c.measurement_sd[i];
-  }
-  c.posterior.enabled = 1;
-  c.posterior.ess_fraction = 0.5;
-  c.posterior.delay_hypotheses = 1;
-  c.posterior.forgetting_count = 1;
-  c.posterior.forgetting[0] = 1.0;
-  c.posterior.noise_scale_shape = 0.5;  // three decimal powers of the variance within its 90 % interval
-  return t;
-}
-
 AccuracyTask cart_pole() {
-  AccuracyTask t = base("cart-pole", *tiller_find_model("cart_pole"),
-                        {fixed(1.0), uniform(0.1, 1.0), uniform(0.1, 1.0)}, {0.022, 0.074, 0.122, 0.367});
+  AccuracyTask t = measured_task("cart-pole", *tiller_find_model("cart_pole"), {},
+                                 {fixed(1.0), uniform(0.1, 1.0), uniform(0.1, 1.0)}, {0.022, 0.074, 0.122, 0.367});
   t.config.initial_state[1] = 3.141592653589793;
   t.excitation = {12.0, 20.0, 8, {4.0, 0.0, 2.0, 0.0}};
   t.paper_log_density = 4.66;
@@ -71,8 +37,8 @@ AccuracyTask cart_pole() {
 }
 
 AccuracyTask pendulum() {
-  AccuracyTask t = base("pendulum", *tiller_find_model("pendulum"), {uniform(0.1, 1.0), uniform(0.1, 1.0), fixed(0.02)},
-                        {0.071, 0.48});
+  AccuracyTask t = measured_task("pendulum", *tiller_find_model("pendulum"), {},
+                                 {uniform(0.1, 1.0), uniform(0.1, 1.0), fixed(0.02)}, {0.071, 0.48});
   t.config.initial_state[0] = 2.5;  // swings far by itself: the longest ones are moved by gravity alone
   t.excitation = {1.0, 2.0, 8, {0.0, 0.05}};
   t.paper_log_density = 4.08;
@@ -82,12 +48,13 @@ AccuracyTask pendulum() {
 
 AccuracyTask acrobot(const char* name, std::initializer_list<tiller_prior_t> priors,
                      std::initializer_list<double> step_rms, const Excitation& excitation) {
-  AccuracyTask t = base(name, rod_acrobot_model(), priors, step_rms);
+  AccuracyTask t = measured_task(name, rod_acrobot_model(), {}, priors, step_rms);
   t.excitation = excitation;
   return t;
 }
 
-Episode play(const AccuracyTask& task, const double* noise_sd, std::uint32_t ticks, std::uint64_t seed) {
+Episode play(const AccuracyTask& task, const double* noise_sd, std::uint32_t ticks, std::uint64_t seed,
+             const CommandSource& command) {
   Episode e;
   e.ticks = ticks;
   e.nx = task.states();
@@ -101,15 +68,21 @@ Episode play(const AccuracyTask& task, const double* noise_sd, std::uint32_t tic
   std::vector<double> params(task.config.param_count * kLanePadding), next(e.nx * kLanePadding);
   for (std::uint32_t i = 0; i < task.config.param_count; ++i)
     std::fill_n(&params[i * kLanePadding], kLanePadding, e.truth[i]);
-  Commands commands(task, seed);
   for (std::uint32_t k = 0; k < ticks; ++k) {
     const double* x = &e.state[k * e.nx];
-    commands.next(k, x, &e.input[k * e.nu]);
+    command(k, x, &e.input[k * e.nu]);
     step_lanes(task.config, setup, kLanePadding, x, params.data(), &e.input[k * e.nu], next.data());
     for (std::uint32_t r = 0; r < e.nx; ++r)
       e.state[(k + 1) * e.nx + r] = next[r * kLanePadding] + noise_sd[r] * noise.normal();
   }
   return e;
+}
+
+/// The task's own excitation.
+CommandSource excitation(const AccuracyTask& task, std::uint64_t seed) {
+  return [commands = Commands(task, seed)](std::uint32_t tick, const double* x, double* u) mutable {
+    commands.next(tick, x, u);
+  };
 }
 
 /// A prior of a random kind within [low, high].
@@ -125,6 +98,50 @@ tiller_prior_t random_prior(double low, double high, Rng& rng) {
 }
 
 }  // namespace
+
+void set_period(AccuracyTask& task, double period_s) {
+  task.config.period_s = period_s;
+  for (std::uint32_t i = 0; i < task.states(); ++i)
+    task.config.process_sd[i] = kNominalSigma * task.step_rms[i] / std::sqrt(period_s);
+}
+
+AccuracyTask measured_task(const char* name, const tiller_model_t& model,
+                           std::initializer_list<tiller_effect_t> effects, std::initializer_list<tiller_prior_t> priors,
+                           std::initializer_list<double> step_rms) {
+  AccuracyTask t;
+  t.name = name;
+  tiller::Config& c = t.config;
+  c = {};
+  c.size = sizeof(tiller_config_t);
+  c.version = TILLER_CONFIG_VERSION;
+  c.model = &model;
+  c.param_count = static_cast<std::uint32_t>(priors.size());
+  c.effect_count = static_cast<std::uint32_t>(effects.size());
+  std::copy(effects.begin(), effects.end(), c.effects);
+  c.body = {0.0, -9.81, 0.0, 0.0};
+  c.integrator = tiller_integrator_semi_implicit_euler;
+  c.period_s = 0.02;
+  c.substeps = 1;
+  std::copy(priors.begin(), priors.end(), c.priors);
+  for (std::uint32_t i = 0; i < c.param_count; ++i)
+    if (c.priors[i].kind != tiller_prior_fixed) t.inferred.push_back(i);
+  std::copy(step_rms.begin(), step_rms.end(), t.step_rms);
+  c.measurement_count = model.state_count;
+  for (std::uint32_t i = 0; i < model.state_count; ++i) {
+    c.measured_state[i] = static_cast<std::uint8_t>(i);
+    // readings are exact here; a filter needs some variance of its own, far below the noise of any row
+    c.measurement_sd[i] = 1e-3 * kSigmas[0] * t.step_rms[i];
+    c.initial_state_sd[i] = c.measurement_sd[i];
+  }
+  set_period(t, c.period_s);
+  c.posterior.enabled = 1;
+  c.posterior.ess_fraction = 0.5;
+  c.posterior.delay_hypotheses = 1;
+  c.posterior.forgetting_count = 1;
+  c.posterior.forgetting[0] = 1.0;
+  c.posterior.noise_scale_shape = 0.5;  // three decimal powers of the variance within its 90 % interval
+  return t;
+}
 
 std::vector<double> draw_truth(const AccuracyTask& task, std::uint64_t seed) {
   Rng rng(seed, kTruthStream, 0);
@@ -185,10 +202,15 @@ std::vector<AccuracyTask> accuracy_tasks() {
   return tasks;
 }
 
-Episode make_episode(const AccuracyTask& task, double sigma, std::uint32_t ticks, std::uint64_t seed) {
+Episode make_episode(const AccuracyTask& task, double sigma, std::uint32_t ticks, std::uint64_t seed,
+                     const CommandSource& command) {
   double sd[TILLER_MAX_STATES];
   for (std::uint32_t r = 0; r < task.states(); ++r) sd[r] = sigma * task.step_rms[r];
-  return play(task, sd, ticks, seed);
+  return play(task, sd, ticks, seed, command);
+}
+
+Episode make_episode(const AccuracyTask& task, double sigma, std::uint32_t ticks, std::uint64_t seed) {
+  return make_episode(task, sigma, ticks, seed, excitation(task, seed));
 }
 
 ShortRun make_short_run(const std::vector<AccuracyTask>& tasks, std::uint64_t seed) {
@@ -205,17 +227,22 @@ ShortRun make_short_run(const std::vector<AccuracyTask>& tasks, std::uint64_t se
   return run;
 }
 
-std::vector<double> measure_step_rms(const AccuracyTask& task, std::uint32_t draws) {
+std::vector<double> measure_step_rms(const AccuracyTask& task, std::uint32_t draws,
+                                     const std::function<CommandSource(std::uint64_t seed)>& commands) {
   const double no_noise[TILLER_MAX_STATES] = {};
   std::vector<double> sum(task.states());
-  for (std::uint32_t seed = 1; seed <= draws; ++seed) {
-    const Episode e = play(task, no_noise, kEpisodeTicks, 900000 + seed);
+  for (std::uint64_t seed = 900001; seed <= 900000 + draws; ++seed) {
+    const Episode e = play(task, no_noise, kEpisodeTicks, seed, commands(seed));
     for (std::uint32_t k = 0; k < e.ticks; ++k)
       for (std::uint32_t r = 0; r < e.nx; ++r)
         sum[r] += std::pow(e.state[(k + 1) * e.nx + r] - e.state[k * e.nx + r], 2) / (e.ticks * draws);
   }
   for (double& s : sum) s = std::sqrt(s);
   return sum;
+}
+
+std::vector<double> measure_step_rms(const AccuracyTask& task, std::uint32_t draws) {
+  return measure_step_rms(task, draws, [&](std::uint64_t seed) { return excitation(task, seed); });
 }
 
 }  // namespace tiller::bench

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "tools/logs/measured_rows.hpp"
 #include "tools/robot/posterior_file.hpp"
 #include "tools/robot/robot_file.hpp"
 
@@ -41,6 +42,7 @@ struct EpisodeResult {
   double noise_scale = 0, effective_samples = 0, acceptance = 0;
   std::vector<ParameterResult> parameters;  ///< those with a prior
   tools::Particles particles;               ///< of the posterior at the end
+  std::vector<tools::MeasuredRow> rows;     ///< what was measured and commanded
   std::string error;                        ///< not empty: the episode could not run
 
   bool upright() const { return upright_from_s >= 0 && upright_from_s <= 6.0; }

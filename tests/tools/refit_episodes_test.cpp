@@ -192,7 +192,7 @@ TEST_F(RefitEpisodes, RepsKeepsAMixtureOfItsWeightedDraws) {
   ASSERT_EQ(r.rows.size(), 2u);
   EXPECT_NE(r.rows[0].note.find("mean log likelihood"), std::string::npos) << r.rows[0].note;
   EXPECT_LT(r.rows[1].sd[1], r.rows[0].sd[1]);
-  EXPECT_EQ(stored("reps.json").particles, 4000u);
+  EXPECT_EQ(stored("reps.json").particles, 512u);
 }
 
 TEST_F(RefitEpisodes, TooShortAnEpisodeStopsTheSeries) {

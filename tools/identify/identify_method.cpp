@@ -12,20 +12,6 @@ namespace {
 constexpr std::uint32_t kSamples = 512;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-// Equally weighted rows by systematic resampling: the first `kSamples` strata of the weights.
-std::vector<double> resample(const std::vector<double>& params, const std::vector<double>& weight, std::size_t np) {
-  std::vector<double> rows;
-  double below = 0;
-  std::size_t s = 0;
-  for (std::uint32_t k = 0; k < kSamples; ++k) {
-    const double at = (k + 0.5) / kSamples;
-    while (s + 1 < weight.size() && below + weight[s] < at) below += weight[s++];
-    rows.insert(rows.end(), params.begin() + static_cast<std::ptrdiff_t>(s * np),
-                params.begin() + static_cast<std::ptrdiff_t>((s + 1) * np));
-  }
-  return rows;
-}
-
 std::vector<double> prior_rows(const Coordinates& coordinates, std::size_t np) {
   std::vector<double> rows(kSamples * np), v(coordinates.count());
   for (std::uint32_t k = 0; k < kSamples; ++k) {
@@ -70,6 +56,19 @@ void summarise(const Candidate& candidate, const MethodResult& found, Fit& resul
 constexpr double kFewSamples = 100;
 
 }  // namespace
+
+std::vector<double> resample(const std::vector<double>& params, const std::vector<double>& weight, std::size_t np) {
+  std::vector<double> rows;
+  double below = 0;
+  std::size_t s = 0;
+  for (std::uint32_t k = 0; k < kSamples; ++k) {
+    const double at = (k + 0.5) / kSamples;
+    while (s + 1 < weight.size() && below + weight[s] < at) below += weight[s++];
+    rows.insert(rows.end(), params.begin() + static_cast<std::ptrdiff_t>(s * np),
+                params.begin() + static_cast<std::ptrdiff_t>((s + 1) * np));
+  }
+  return rows;
+}
 
 std::string few_draws(const std::string& method, double effective_samples, std::uint64_t simulations) {
   if (method != "reps" || effective_samples >= kFewSamples) return "";

@@ -12,6 +12,9 @@ namespace tiller::tools {
 bool fit_by_method(const Candidate& candidate, const std::vector<Stretch>& stretches, const std::vector<Grid>& grids,
                    const FitOptions& options, Fit& result, std::string& error);
 
+/// 512 equally weighted rows (np) by systematic resampling: the middles of as many slices of the weights.
+std::vector<double> resample(const std::vector<double>& params, const std::vector<double>& weight, std::size_t np);
+
 /// "\n  the weight lies on ... draws: ..." where reps left so few that their moments are rough; else empty.
 std::string few_draws(const std::string& method, double effective_samples, std::uint64_t simulations);
 

@@ -32,8 +32,10 @@ StoredPosterior of_gaussian(const RobotFile& robot, const MethodResult& found) {
 }
 
 StoredPosterior of_result(const RobotFile& robot, const MethodResult& found) {
-  StoredPosterior out = found.gaussian ? of_gaussian(robot, found)
-                                       : store_posterior(robot.config, robot.params, {found.params, found.weight});
+  StoredPosterior out = found.gaussian
+                            ? of_gaussian(robot, found)
+                            : store_posterior(robot.config, robot.params,
+                                              {resample(found.params, found.weight, robot.config.param_count), {}});
   out.effective_samples = found.effective_samples;
   out.noise_scale = out.exponent = 1.0;  // the methods know of neither
   return out;
