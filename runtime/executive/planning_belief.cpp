@@ -41,7 +41,7 @@ void PlanningBelief::lay_out(Arena& arena, const tiller_config_t& config, const 
   const bool spreads =
       config.cost.bound_risk > 0.0 || config.planner.predict_spread != 0 || config.planner.noisy_rollouts != 0;
   if (spreads) spread_ = arena.take<StateSpread>(1);
-  belief_ = {count, params_, state_, effect_state_, over_delays ? nullptr : history_, spread_};
+  belief_ = {count, params_, state_, effect_state_, over_delays ? nullptr : history_, nullptr, spread_};
 }
 
 void PlanningBelief::draw(const Posterior& posterior, const CommandTimeline& timeline, std::uint64_t tick,

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "planners/cone_program.hpp"
 #include "planners/multiple_shooting.hpp"
 #include "planners/qp/osqp_qp.hpp"
 #include "planners/qp/riccati_qp.hpp"
@@ -63,6 +64,13 @@ void predict_margins(Sqp& s);
 /// Of state i at row (stage, scenario) of the path.
 inline double margin_at(const Sqp& s, std::size_t row, std::size_t i) {
   return s.margin ? s.margin[row * s.plan.nx + i] : 0.0;
+}
+/// The cones of the inputs before, which are states of the lifted program.
+inline QpCones lifted_cones(const PathPlan& p) {
+  QpCones cones = path_cones(p);
+  cones.of_state = true;
+  cones.first = p.nz;
+  return cones;
 }
 /// sqp_program.cpp: around the plan's path, after linearise_path and quadratise_path.
 void take_state_bounds(Sqp& s, SqpProgram& program, bool lifted);

@@ -112,7 +112,9 @@ void lay_out_programs(Arena& arena, const tiller_config_t& config, const Rollout
     shape.tolerance = config.planner.qp_tolerance;
     s.osqp = lay_out_osqp(arena, shape);
   } else {
-    s.interior = lay_out_interior_point(arena, large, select_lq(table, large.states, large.inputs, large.scenarios));
+    const QpCones cones = s.rate_limits ? lifted_cones(p) : path_cones(p);
+    s.interior =
+        lay_out_interior_point(arena, large, select_lq(table, large.states, large.inputs, large.scenarios), cones);
   }
 }
 

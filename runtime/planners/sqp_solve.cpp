@@ -23,6 +23,8 @@ void take_plain(Sqp& s) {
   take_box(p);
   s.plain.qp.lq = p.problem;
   for (std::size_t i = 0; i < std::size_t{p.scenarios} * p.n; ++i) s.plain.solution.x[i] = p.dx[i];
+  s.plain.qp.cones = path_cones(p);
+  p.cone_curvature = nullptr;
   if (s.state_bounds) take_state_bounds(s, s.plain, false);
 }
 
@@ -83,6 +85,7 @@ bool solve_whole(Sqp& s, const QpLimits& limits) {
     build_lifted(s);
     take_state_bounds(s, s.lifted, true);
     start_lifted(s);
+    s.lifted.qp.cones = lifted_cones(p);
   }
   SqpProgram& program = s.rate_limits ? s.lifted : s.plain;
   QpReport report;
@@ -101,30 +104,12 @@ bool solve_whole(Sqp& s, const QpLimits& limits) {
   return true;
 }
 
-/// Gains around the solution: one sweep with the inputs at their bounds held, and the step that ends at the solution.
+/// Gains around the solution; the next plan's active set begins with the inputs that it holds.
 void take_gains(Sqp& s) {
   PathPlan& p = s.plan;
-  const std::size_t stack = std::size_t{p.scenarios} * p.n;
-  const double *u = s.plain.solution.u, *x = s.plain.solution.x;
-  for (std::size_t at = 0; at < std::size_t{p.horizon} * p.nu; ++at) {
-    const double margin = 1e-6 * (p.box_high[at] - p.box_low[at]);
-    s.set.held[at] = static_cast<std::int8_t>(u[at] >= p.box_high[at] - margin  ? 1
-                                              : u[at] <= p.box_low[at] + margin ? -1
-                                                                                : 0);
-    p.factor.held[at] = s.set.held[at];
-  }
-  p.has_gain = p.lq->factorise(p.problem, p.factor);
-  for (std::size_t k = 0; k < p.horizon; ++k)
-    for (std::size_t i = 0; i < p.nu; ++i) {
-      const std::size_t at = k * p.nu + i;
-      double* gain = p.factor.gain + at * stack;
-      double step = u[at];
-      for (std::size_t c = 0; c < stack; ++c) {
-        if (!p.has_gain) gain[c] = 0.0;
-        step -= gain[c] * x[k * stack + c];
-      }
-      p.factor.step[at] = step;
-    }
+  const double* curvature = p.cones.count > 0 ? s.interior.cone_curvature : nullptr;
+  take_gains(p, s.plain.solution.x, s.plain.solution.u, curvature);
+  for (std::size_t at = 0; at < std::size_t{p.horizon} * p.nu; ++at) s.set.held[at] = p.factor.held[at];
 }
 
 }  // namespace
@@ -161,8 +146,9 @@ bool solve_program(Sqp& s, const Deadline& deadline) {
       return false;
     }
     p.has_gain = true;
-    if (report.status == QpStatus::solved && changes_within(s) && states_within(s.plain.qp, s.plain.solution))
-      return true;
+    const bool within = changes_within(s) && states_within(s.plain.qp, s.plain.solution) &&
+                        path_within_cones(p, s.plain.solution.u);
+    if (report.status == QpStatus::solved && within) return true;
   }
   if (!solve_whole(s, limits)) {
     s.unsolved = true;

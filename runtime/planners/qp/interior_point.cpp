@@ -36,6 +36,11 @@ struct Solve {
     delta.state_diagonal = w.px;
     delta.input_diagonal = w.pu;
     delta.low = delta.high = w.fixed_low;
+    if (qp.cones.count() == 0) return;
+    if (qp.cones.of_state)
+      delta.qxx = w.cone_hessian;
+    else
+      delta.quu = w.cone_hessian;
   }
 
   double& value(const Bound& b) const { return b.of_state ? at.x[b.at] : at.u[b.at]; }
@@ -122,6 +127,86 @@ struct Solve {
     }
   }
 
+  // ---- cones --------------------------------------------------------------------------------------
+
+  /// What the program adds to stage k's inputs, in arrays as those of a solution or a step.
+  double* inputs_of(std::size_t k, double* x, double* u) const {
+    return qp.cones.of_state ? x + (k + 1) * s + qp.cones.first : u + k * m;
+  }
+  /// Stage k's inputs at the iterate.
+  void read_inputs(std::size_t k, double* out) const {
+    const double* added = inputs_of(k, at.x, at.u);
+    for (std::size_t i = 0; i < m; ++i) out[i] = qp.cones.base[k * m + i] + added[i];
+  }
+
+  void collect_cones(double size) {
+    w.cone_count = 0;
+    for (std::size_t k = 0; k < N; ++k)
+      for (std::uint32_t c = 0; c < qp.cones.count() && w.cone_count < w.most_cones; ++c) {
+        ConeBound& b = w.cone[w.cone_count++];
+        b = ConeBound{};
+        b.stage = static_cast<std::uint32_t>(k);
+        b.cone = &qp.cones.cones->cone[c];
+        b.size = 1;
+        for (std::uint32_t i = 0; i < m; ++i)
+          if ((b.cone->inputs >> i) & 1u) b.input[b.size++] = i;
+        double u[TILLER_MAX_INPUTS];
+        read_inputs(k, u);
+        const double radius = cone_radius(*b.cone, u);
+        b.begin(u, radius > 0.0 ? std::fmin(kLeastSlack, 0.1 * radius) : kLeastSlack, size);
+      }
+  }
+
+  /// gap, and the multipliers' share of the gradient.
+  template <class Take>
+  void cone_residuals(const Take& take) {
+    for (std::uint32_t c = 0; c < w.cone_count; ++c) {
+      ConeBound& b = w.cone[c];
+      double u[TILLER_MAX_INPUTS];
+      read_inputs(b.stage, u);
+      b.value(u, b.gap);
+      for (std::uint32_t r = 0; r < b.size; ++r) {
+        b.gap[r] -= b.s[r];
+        take(std::fabs(b.gap[r]));
+        // all of the pair's product: its head alone leaves their directions apart by the root of what is left of it
+        if (r > 0) take(std::fabs(b.s[0] * b.z[r] + b.z[0] * b.s[r]));
+      }
+      take(b.complementarity(0.0));
+      b.add_transposed(-1.0, b.z, inputs_of(b.stage, w.gx, w.gu));
+    }
+  }
+
+  /// Scales the pairs; the program's Hessian with the cones' share.
+  void cone_hessians() {
+    if (w.cone_count == 0) return;
+    const std::size_t blocks = qp.cones.of_state ? (N + 1) * M * n * n : N * m * m;
+    const double* from = qp.cones.of_state ? qp.lq.qxx : qp.lq.quu;
+    for (std::size_t i = 0; i < blocks; ++i) w.cone_hessian[i] = from[i];
+    for (std::size_t i = 0; i < N * m * m; ++i) w.cone_curvature[i] = 0.0;
+    for (std::uint32_t c = 0; c < w.cone_count; ++c) {
+      ConeBound& b = w.cone[c];
+      b.scale();
+      b.add_curvature(w.cone_curvature + b.stage * m * m, m);
+    }
+    for (std::size_t k = 0; k < N; ++k)
+      for (std::size_t i = 0; i < m; ++i)
+        for (std::size_t j = 0; j < m; ++j) {
+          const double h = w.cone_curvature[(k * m + i) * m + j];
+          if (qp.cones.of_state)
+            w.cone_hessian[((k + 1) * M * n + qp.cones.first + i) * n + qp.cones.first + j] += h;
+          else
+            w.cone_hessian[(k * m + i) * m + j] += h;
+        }
+  }
+
+  void cone_gradients() {
+    for (std::uint32_t c = 0; c < w.cone_count; ++c) {
+      ConeBound& b = w.cone[c];
+      b.compute_push();
+      b.add_transposed(-1.0, b.push, inputs_of(b.stage, w.hx, w.hu));
+    }
+  }
+
   // ---- one iteration ------------------------------------------------------------------------------
 
   /// Gradient of the cost at the iterate; NaN in anything shows in the sum that is returned.
@@ -181,6 +266,7 @@ struct Solve {
       take(std::fabs(b.slack_residual));
       take(b.e * b.r);
     }
+    cone_residuals(take);
     const LqProblem& q = qp.lq;
     for (std::size_t k = 0; k < N; ++k)
       for (std::size_t i = 0; i < m; ++i) {
@@ -230,6 +316,8 @@ struct Solve {
       sum += (b.e + alpha * b.de) * (b.r + alpha * b.dr);
       ++terms;
     }
+    for (std::uint32_t c = 0; c < w.cone_count; ++c) sum += w.cone[c].complementarity(alpha);
+    terms += w.cone_count;
     return terms ? sum / static_cast<double>(terms) : 0.0;
   }
 
@@ -267,6 +355,7 @@ struct Solve {
       const Bound& b = w.bound[i];
       (b.of_state ? w.px : w.pu)[b.at] += weight(b);
     }
+    cone_hessians();
   }
   void barrier_gradients() {
     for (std::size_t i = 0; i < (N + 1) * s; ++i) w.hx[i] = w.gx[i];
@@ -275,11 +364,13 @@ struct Solve {
       const Bound& b = w.bound[i];
       (b.of_state ? w.hx : w.hu)[b.at] -= b.sign * push(b);
     }
+    cone_gradients();
   }
   void roll_step() {
     for (std::size_t i = 0; i < s; ++i) w.dx[i] = 0.0;
     w.kernel->roll(delta, w.factor, w.dx, w.du);
     for (std::uint32_t i = 0; i < w.count; ++i) recover(w.bound[i], step(w.bound[i]));
+    for (std::uint32_t c = 0; c < w.cone_count; ++c) w.cone[c].recover(inputs_of(w.cone[c].stage, w.dx, w.du));
   }
   bool predict() {
     for (std::uint32_t i = 0; i < w.count; ++i) {
@@ -300,6 +391,7 @@ struct Solve {
       b.target = centre - b.t * b.y - second * b.dt * b.dy;
       b.slack_target = centre - b.e * b.r - second * b.de * b.dr;
     }
+    for (std::uint32_t c = 0; c < w.cone_count; ++c) w.cone[c].aim(centre, second);
     barrier_gradients();
     w.kernel->resolve(delta, w.factor);
     roll_step();
@@ -318,6 +410,7 @@ struct Solve {
       keep(b.e, b.de);
       keep(b.r, b.dr);
     }
+    for (std::uint32_t c = 0; c < w.cone_count; ++c) alpha = w.cone[c].longest_step(alpha);
     return alpha;
   }
 
@@ -336,6 +429,7 @@ struct Solve {
       b.e += alpha * b.de;
       b.r += alpha * b.dr;
     }
+    for (std::uint32_t c = 0; c < w.cone_count; ++c) w.cone[c].move(alpha);
   }
 
   /// Rounding may have left an input a last digit outside.
@@ -349,7 +443,8 @@ struct Solve {
 
 }  // namespace
 
-InteriorPoint lay_out_interior_point(Arena& arena, const LqProblem& sizes, const LqKernel& kernel) {
+InteriorPoint lay_out_interior_point(Arena& arena, const LqProblem& sizes, const LqKernel& kernel,
+                                     const QpCones& cones) {
   InteriorPoint w;
   const std::size_t s = std::size_t{sizes.states} * sizes.scenarios, nx = (sizes.horizon + 1) * s,
                     nu = std::size_t{sizes.horizon} * sizes.inputs;
@@ -359,6 +454,11 @@ InteriorPoint lay_out_interior_point(Arena& arena, const LqProblem& sizes, const
   w.bound = arena.take<InteriorPoint::Bound>(w.most_bounds);
   for (double** rows : {&w.dx, &w.pi, &w.gx, &w.hx, &w.px}) *rows = arena.take<double>(nx);
   for (double** rows : {&w.du, &w.gu, &w.hu, &w.pu, &w.fixed_low}) *rows = arena.take<double>(nu);
+  if (cones.count() == 0) return w;
+  w.most_cones = cones.count() * sizes.horizon;
+  w.cone = arena.take<ConeBound>(w.most_cones);
+  w.cone_curvature = arena.take<double>(nu * sizes.inputs);
+  w.cone_hessian = arena.take<double>(cones.of_state ? nx * sizes.states : nu * sizes.inputs);
   return w;
 }
 
@@ -373,6 +473,7 @@ QpReport solve_interior_point(InteriorPoint& w, const Qp& qp, const QpLimits& li
   if (!std::isfinite(size)) return report;
   const double first = std::fmax(1e-3, size / static_cast<double>(solve.N * (solve.m + solve.s)));
   solve.first_multipliers(first);
+  solve.collect_cones(first);
   // Where a step was short, or the pairs came no nearer to zero, they are far from balanced and a bold correction runs
   // into the same bounds again, round and round: the next step only balances them (Colombo and Gondzio 2008 tell of
   // this failure of Mehrotra's corrector).
@@ -396,7 +497,7 @@ QpReport solve_interior_point(InteriorPoint& w, const Qp& qp, const QpLimits& li
     const double then = solve.mean_complementarity(solve.longest_step());
     balanced = !balanced && (jammed || now > kStall * before);
     before = now;
-    if (w.count > 0) {
+    if (w.count + w.cone_count > 0) {
       const double share = then / now;
       const double centring = balanced ? kBalance : share * share * share;
       solve.correct(std::fmax(centring * now, 0.1 * limits.tolerance), balanced ? 0.0 : 1.0);
