@@ -118,6 +118,8 @@ RolloutJob<float> common_job(const Sampler& s) {
 /// One hypothesis alone goes where the mean goes, unless noise drives it: there is nothing to answer.
 bool answers(const Sampler& s) { return s.loop && s.loop->has_gain && (s.particles > 1 || s.noise); }
 
+const InputCones* cones_of(const Sampler& s) { return s.cones.count > 0 ? &s.cones : nullptr; }
+
 void sample_chunk(Sampler& s, std::uint32_t first, std::uint32_t lanes) {
   SampleJob job;
   job.rows = s.rows;
@@ -132,6 +134,7 @@ void sample_chunk(Sampler& s, std::uint32_t first, std::uint32_t lanes) {
   job.high = s.row_high;
   job.mix = s.mix;
   job.row_knots = s.grid.knots;
+  job.cones = cones_of(s);
   job.knots = s.knots + first;
   if (!s.method->draw) s.lanes->sample(job);
   if (first != 0) return;
@@ -152,6 +155,7 @@ void expand_chunk(Sampler& s, const float* knots, std::uint32_t stride, std::uin
   job.rate_step = s.rate_step;
   job.before = s.cubic ? s.before_lanes : nullptr;
   job.hold = s.method->holds;
+  job.cones = cones_of(s);
   job.controls = controls;
   s.lanes->expand(job);
 }
@@ -348,10 +352,8 @@ RolloutJob<float> mean_job(const Sampler& s) {
 }
 
 void start_from_command(Sampler& s, const double* last_command) {
-  for (std::uint32_t i = 0; i < s.inputs; ++i) {
-    s.start[i] = admit_command(s.limits[i], last_command ? last_command[i] : s.fallback[i], s.fallback[i]);
-    s.start_lanes[i] = lane_number(s.start[i]);
-  }
+  admit_commands(s.limits, s.cones, s.inputs, last_command, s.fallback, s.start);
+  for (std::uint32_t i = 0; i < s.inputs; ++i) s.start_lanes[i] = lane_number(s.start[i]);
 }
 
 PlanResult plan_by_sampling(void* self, const PlanRequest& request, double* command) {
@@ -384,7 +386,7 @@ PlanResult plan_by_sampling(void* self, const PlanRequest& request, double* comm
 const float* sampled_sequence(const void* self) { return static_cast<const Sampler*>(self)->sequence; }
 
 void expand_mean(Sampler& s, double* command) {
-  expand_sequence(s.grid, s.limits, s.mean, s.start, s.sequence, command, s.cubic ? s.knot_before : nullptr,
+  expand_sequence(s.grid, s.limits, s.cones, s.mean, s.start, s.sequence, command, s.cubic ? s.knot_before : nullptr,
                   s.method->holds);
 }
 
