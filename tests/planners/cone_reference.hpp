@@ -76,7 +76,7 @@ class ConeReference {
  private:
   /// Cost, and its gradient. `whole`: with start, weight and target; else the quadratic part alone.
   double evaluate(const std::vector<double>& u, std::vector<double>& gradient, bool whole) const {
-    const double dt = c_.period_s;
+    const double dt = c_.period_s, share = 1.0 / static_cast<double>(masses_.size());
     std::fill(gradient.begin(), gradient.end(), 0.0);
     double sum = 0.0;
     for (const double mass : masses_) {
@@ -92,13 +92,13 @@ class ConeReference {
       for (std::uint32_t k = n_ + 1; k-- > 0;) {
         if (k < n_)
           for (int i = 0; i < 3; ++i) {
-            gradient[3 * k + i] += (0.5 * dt * dt * lambda[i] + dt * lambda[3 + i]) / mass / masses_.size();
+            gradient[3 * k + i] += (0.5 * dt * dt * lambda[i] + dt * lambda[3 + i]) / mass * share;
             lambda[3 + i] += dt * lambda[i];
           }
         for (int i = 0; i < 6; ++i) {
           const double w = k < n_ ? c_.cost.state_weight[i] : c_.cost.terminal_weight[i];
           const double d = x[6 * k + i] - (whole ? c_.cost.target[i] : 0.0);
-          sum += w * d * d / masses_.size();
+          sum += w * d * d * share;
           lambda[i] += 2.0 * w * d;
         }
       }

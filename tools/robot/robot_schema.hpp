@@ -71,6 +71,8 @@ Words integrator_names();
 Words posterior_names();
 Words risk_names();
 Words interpolation_names();
+Words hypotheses_names();
+Words divergence_names();
 Words shooting_names();
 Words qp_names();
 Words terminal_names();
