@@ -76,27 +76,10 @@ void mix_rows(const SampleJob& job) {
       }
 }
 
-void shrink_knots(const SampleJob& job) {
-  const std::uint32_t inputs = job.rows / job.row_knots;
-  F u[TILLER_MAX_INPUTS];
-  for (std::uint32_t j = 0; j < job.row_knots; ++j)
-    for (std::uint32_t lane = 0; lane < job.lanes; lane += kWidth) {
-      float* knot = job.knots + j * job.stride + lane;
-      const std::uint32_t input = job.row_knots * job.stride;
-      for (std::uint32_t i = 0; i < inputs; ++i) u[i] = F::load(knot + i * input);
-      shrink_lanes(*job.cones, static_cast<int>(inputs), u);
-      for (std::uint32_t i = 0; i < inputs; ++i) u[i].store(knot + i * input);
-    }
-}
-
 void sample(const SampleJob& job) {
-  if (job.mix) {
-    draw_rows<true>(job);
-    mix_rows(job);
-  } else {
-    draw_rows<false>(job);
-  }
-  if (job.cones) shrink_knots(job);
+  if (!job.mix) return draw_rows<false>(job);
+  draw_rows<true>(job);
+  mix_rows(job);
 }
 
 // ---- controls -----------------------------------------------------------------------------------

@@ -34,9 +34,7 @@ struct SampleJob {
   // Correlates one input's normals along its knots: n'(j) = sum over i <= j of mix(j, i) n(i). Null: white.
   // Cost: knots^2 / 2 multiplications a rollout and input.
   const float* mix = nullptr;   // (row_knots x row_knots) lower triangular, row-major
-  std::uint32_t row_knots = 0;  // knots per input; read where `mix` or `cones` is set
-  // Every knot shrunk onto the cones after the limits: a mean of knots within is within. Null: none.
-  const InputCones* cones = nullptr;
+  std::uint32_t row_knots = 0;  // knots per input; read where `mix` is set
   float* knots = nullptr;       // (rows x lanes)
 };
 
@@ -47,7 +45,9 @@ struct KnotGrid {
   const float* fraction = nullptr;            // (horizon) of the way from the step's knot to the next, in [0, 1]
 };
 
-/// Interpolation between the knots, then the rate limit along time from `start`, and the cones with it. With `before` it is the monotone cubic
+/// Interpolation between the knots, then the rate limit along time from `start`, and the cones with it: knots may be
+/// outside. (A mean of knots that are all shrunk onto a cone is inside of it, and commands never come to it: flights of
+/// tests/abi/cones_test.cpp cost 1 to 4 % more.) With `before` it is the monotone cubic
 /// of knot_tangent, and never leaves the interval of the two knots around it; with `hold` a stair; else linear.
 struct ExpandJob {
   KnotGrid grid;
@@ -58,7 +58,7 @@ struct ExpandJob {
   const float* rate_step = nullptr;  // (inputs) largest change a step; negative: no limit
   const float* before = nullptr;     // (inputs) value a knot ahead of the first; null: linear
   bool hold = false;                 // each knot's value until the next, in the place of a curve
-  const InputCones* cones = nullptr; // null: none, and at no cost
+  const InputCones* cones = nullptr;  // null: none, and at no cost
   float* controls = nullptr;         // (horizon * inputs x lanes), row stride `lanes`
 };
 

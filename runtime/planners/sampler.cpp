@@ -118,8 +118,6 @@ RolloutJob<float> common_job(const Sampler& s) {
 /// One hypothesis alone goes where the mean goes, unless noise drives it: there is nothing to answer.
 bool answers(const Sampler& s) { return s.loop && s.loop->has_gain && (s.particles > 1 || s.noise); }
 
-const InputCones* cones_of(const Sampler& s) { return s.cones.count > 0 ? &s.cones : nullptr; }
-
 void sample_chunk(Sampler& s, std::uint32_t first, std::uint32_t lanes) {
   SampleJob job;
   job.rows = s.rows;
@@ -134,7 +132,6 @@ void sample_chunk(Sampler& s, std::uint32_t first, std::uint32_t lanes) {
   job.high = s.row_high;
   job.mix = s.mix;
   job.row_knots = s.grid.knots;
-  job.cones = cones_of(s);
   job.knots = s.knots + first;
   if (!s.method->draw) s.lanes->sample(job);
   if (first != 0) return;
@@ -155,7 +152,7 @@ void expand_chunk(Sampler& s, const float* knots, std::uint32_t stride, std::uin
   job.rate_step = s.rate_step;
   job.before = s.cubic ? s.before_lanes : nullptr;
   job.hold = s.method->holds;
-  job.cones = cones_of(s);
+  job.cones = s.cones.count > 0 ? &s.cones : nullptr;
   job.controls = controls;
   s.lanes->expand(job);
 }

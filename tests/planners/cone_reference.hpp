@@ -86,7 +86,7 @@ class ConeReference {
  private:
   /// Cost, and its gradient. `whole`: with start, weight and target; else the quadratic part alone.
   double evaluate(const std::vector<double>& u, std::vector<double>& gradient, bool whole) const {
-    const double dt = c_.period_s;
+    const double dt = c_.period_s, share = 1.0 / static_cast<double>(masses_.size());
     std::fill(gradient.begin(), gradient.end(), 0.0);
     double sum = 0.0;
     for (std::size_t j = 0; j < masses_.size(); ++j) {
@@ -103,19 +103,19 @@ class ConeReference {
       for (std::uint32_t k = n_ + 1; k-- > 0;) {
         if (k < n_)
           for (int i = 0; i < 3; ++i) {
-            gradient[3 * at(j, k) + i] += (0.5 * dt * dt * lambda[i] + dt * lambda[3 + i]) / mass / masses_.size();
+            gradient[3 * at(j, k) + i] += (0.5 * dt * dt * lambda[i] + dt * lambda[3 + i]) / mass * share;
             lambda[3 + i] += dt * lambda[i];
           }
         for (int i = 0; i < 6; ++i) {
           const double w = k < n_ ? c_.cost.state_weight[i] : c_.cost.terminal_weight[i];
           const double d = x[6 * k + i] - (whole ? c_.cost.target[i] : 0.0);
-          sum += w * d * d / masses_.size();
+          sum += w * d * d * share;
           lambda[i] += 2.0 * w * d;
         }
       }
     }
     for (std::size_t j = 0; j < u.size(); ++j) {
-      const double w = c_.cost.input_weight[j % 3] / (j / 3 < shared_ ? 1.0 : static_cast<double>(masses_.size()));
+      const double w = c_.cost.input_weight[j % 3] * (j / 3 < shared_ ? 1.0 : share);
       sum += w * u[j] * u[j];
       gradient[j] += 2.0 * w * u[j];
     }
