@@ -86,6 +86,7 @@ void gate(const Options& options, Table& table) {
   table.row("escapes: not finite", static_cast<double>(r.not_finite), "", at_most(0));
   table.row("escapes: beyond a limit", static_cast<double>(r.beyond_limit), "", at_most(0));
   table.row("escapes: beyond a rate", static_cast<double>(r.beyond_rate), "", at_most(0));
+  table.row("escapes: outside a cone", static_cast<double>(r.beyond_cone), "", at_most(0));
   table.row("commands in order that came out changed", static_cast<double>(r.altered), "", at_most(0));
   table.row("cut to a limit", 100.0 * static_cast<double>(r.cut) / static_cast<double>(r.commands), "%");
   table.row("replaced for not being finite", 100.0 * static_cast<double>(r.rejected) / static_cast<double>(r.commands),

@@ -2,7 +2,9 @@
 
 #include "abi/check_parts.hpp"
 #include "abi/config_fields.hpp"
+#include "core/bits.hpp"
 #include "core/element.hpp"
+#include "core/input_cone.hpp"
 #include "effects/effect_info.hpp"
 #include "posterior/posterior.hpp"
 #include "posterior/prior.hpp"
@@ -220,6 +222,46 @@ Finding check_commands(const tiller_config_t& c) {
   return kGood;
 }
 
+/// One cone by itself.
+bool is_cone(const tiller_input_cone_t& cone, std::uint32_t inputs) {
+  if (cone.inputs == 0 || (cone.inputs & ~low_bits(inputs)) != 0) return false;
+  if (!is_weight(cone.slope)) return false;
+  if (!is_scale(cone.limit) && !(cone.limit == 0.0 && cone.slope > 0.0)) return false;
+  return cone.slope == 0.0 || cone.axis < inputs;
+}
+
+/// A projection shrinks a norm's inputs towards 0 for the value that an axis has: 0 is within their limits, no limit of
+/// the axis leaves a radius below 0, and an axis stands in no norm.
+Finding check_cones(const tiller_config_t& c) {
+  static constexpr auto fields = element_names<TILLER_MAX_INPUT_CONES>("safety.cones");
+  static constexpr auto low = element_names<TILLER_MAX_INPUTS>("safety.input_low");
+  static constexpr auto high = element_names<TILLER_MAX_INPUTS>("safety.input_high");
+  static constexpr auto safe = element_names<TILLER_MAX_INPUTS>("safety.safe_command");
+  const tiller_safety_config_t& s = c.safety;
+  constexpr tiller_status_t kBad = tiller_status_bad_limit;
+  if (s.cone_count > TILLER_MAX_INPUT_CONES) return {kBad, "safety.cone_count"};
+  if (s.cone_count > 0 && s.cones == nullptr) return {tiller_status_null_argument, "safety.cones"};
+  std::uint32_t norms = 0;
+  for (std::uint32_t k = 0; k < s.cone_count; ++k) {
+    if (!is_cone(s.cones[k], c.model->input_count)) return {kBad, fields[k]};
+    norms |= s.cones[k].inputs;
+  }
+  for (std::uint32_t k = 0; k < s.cone_count; ++k) {
+    const tiller_input_cone_t& cone = s.cones[k];
+    if (cone.slope > 0.0 && ((norms >> cone.axis) & 1u) != 0) return {kBad, fields[k]};
+    if (!(cone_radius(cone, s.input_low) >= 0.0)) return {kBad, fields[k]};
+    std::uint32_t first = c.model->input_count;
+    for (std::uint32_t i = c.model->input_count; i-- > 0;) {
+      if (((cone.inputs >> i) & 1u) == 0) continue;
+      if (!(s.input_low[i] <= 0.0)) return {kBad, low[i]};
+      if (!(s.input_high[i] >= 0.0)) return {kBad, high[i]};
+      first = i;
+    }
+    if (!(cone_norm(cone, s.safe_command) <= cone_radius(cone, s.safe_command))) return {kBad, safe[first]};
+  }
+  return kGood;
+}
+
 Finding check_sensors(const tiller_config_t& c) {
   static constexpr auto low = element_names<TILLER_MAX_MEASUREMENTS>("safety.measurement_low");
   static constexpr auto high = element_names<TILLER_MAX_MEASUREMENTS>("safety.measurement_high");
@@ -265,6 +307,7 @@ constexpr Check kChecks[] = {
     check_group<FieldGroup::cost, tiller_status_bad_cost>,
     check_cost,
     check_commands,
+    check_cones,
     check_group<FieldGroup::safety, tiller_status_bad_limit>,
     check_sensors,
     check_group<FieldGroup::recorder, tiller_status_bad_dimension>,

@@ -143,9 +143,9 @@ Finding check_planner(const tiller_config_t& c) {
   constexpr tiller_status_t kBad = tiller_status_bad_planner;
   if (find_planner(p.kind) == nullptr) return {kBad, "planner.kind"};
   if (p.qp_solver == tiller_qp_osqp && !has_osqp()) return {kBad, "planner.qp_solver"};
-  // OSQP's pattern is that of one sequence
-  if (p.qp_solver == tiller_qp_osqp && p.kind == tiller_planner_sqp && wants_tree(c))
-    return {kBad, "planner.qp_solver"};
+  // OSQP's pattern is that of one sequence, and it knows bounds and rows, no cones
+  const bool by_osqp = p.kind == tiller_planner_sqp && p.qp_solver == tiller_qp_osqp;
+  if (by_osqp && (wants_tree(c) || c.safety.cone_count > 0)) return {kBad, "planner.qp_solver"};
   // the filter's covariance of an attitude is of three differences, the linearised path's of four components
   if (p.predict_spread != 0 && c.model->quaternion_mask != 0) return {kBad, "planner.predict_spread"};
   return check_tree(p, c.model->input_count);

@@ -17,6 +17,7 @@ GateLimits gate_limits(const tiller_config_t& config) {
     limits.rate_per_s[i] = config.safety.input_rate_per_s[i];
     limits.safe_command[i] = config.safety.safe_command[i];
   }
+  limits.cones = make_input_cones(config.safety.cones, config.safety.cone_count);
   return limits;
 }
 

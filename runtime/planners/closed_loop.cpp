@@ -110,6 +110,7 @@ ClosedLoop* lay_out_closed_loop(Arena& arena, const tiller_config_t& config, con
   loop.law.low = loop.low;
   loop.law.high = loop.high;
   loop.law.most_change = loop.most_change;
+  loop.law.cones = p.cones.count > 0 ? &p.cones : nullptr;
   reset_closed_loop(loop);
   return placed;
 }

@@ -58,6 +58,10 @@ bool solve(Ilqr& s) {
     take_defects(p);
   if (take_box(p)) s.solved = false;
   s.solved = solve_path(p, kSweeps, s.solved);
+  if (s.solved && !path_within_cones(p, p.du)) {
+    p.exact = false;  // the factor is that of the problem with its cones
+    s.solved = solve_with_cones(p, s.cones, s.deadline);
+  }
   if (!s.solved) raise_regularisation(p);
   return s.solved;
 }
@@ -118,7 +122,7 @@ bool iterate_multiple(Ilqr& s) {
   stand(s);
   if (!std::isfinite(p.risk.value(p.path_cost)) || !std::isfinite(path_defects(p))) return false;
   if (!solve(s)) return true;
-  if (p.rate_limited) limit_solution(p);
+  if (p.rate_limited || p.cones.count > 0) limit_solution(p);
   s.solved = false;
   if (step_by_merit(p, {p.dx, p.du}, {}, s.shooting)) {
     const bool moved = p.risk.update(p.path_cost) > kWeightsStand;
@@ -227,6 +231,7 @@ void prepare(void* self, const PlanRequest& expected) {
   Ilqr& s = *static_cast<Ilqr*>(self);
   if (s.tree) return;
   PathPlan& p = s.plan;
+  s.deadline = {};
   take_command(p, expected.last_command);
   p.task_step = expected.task_step;
   shift_path(p, expected.tick);
@@ -272,6 +277,7 @@ bool feedback(const void* self, std::uint32_t step, double* gain, double* state,
 bool take_request(Ilqr& s, const PlanRequest& request) {
   PathPlan& p = s.plan;
   s.settled = false;
+  s.deadline = request.deadline;
   take_command(p, request.last_command);
   p.task_step = request.task_step;
   if (request.tick != p.last_tick) s.standing = s.solved = false;  // nothing was prepared for this tick
@@ -291,7 +297,9 @@ Ilqr* lay_out_ilqr(Arena& arena, const tiller_config_t& config, const StepSetup&
                    bool single, std::uint32_t most_scenarios) {
   auto* s = arena.take<Ilqr>(1);
   Ilqr nobody;
-  lay_out_path_plan(arena, config, setup, table, s ? s->plan : nobody.plan, most_scenarios);
+  Ilqr& place = s ? *s : nobody;
+  lay_out_path_plan(arena, config, setup, table, place.plan, most_scenarios);
+  lay_out_cone_program(arena, table, place.plan, place.cones);
   if (!s || !arena.fits()) return nullptr;
   s->single = single;
   reset_ilqr(*s);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "planners/cone_program.hpp"
 #include "planners/multiple_shooting.hpp"
 
 namespace tiller {
@@ -12,6 +13,8 @@ struct Ilqr {
   PathPlan plan;
   double cost = 0.0;  // of the path under the risk; infinity: not known
   MultipleShooting shooting;
+  ConeProgram cones;
+  Deadline deadline;  // of the plan under way
   bool single = true;     // single shooting
   bool standing = false;  // the problem is that of the present path
   bool solved = false;    // and the factor is its

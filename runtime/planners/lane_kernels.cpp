@@ -172,10 +172,42 @@ void expand_inputs(const ExpandJob& job) {
   }
 }
 
-void expand(const ExpandJob& job) {
+void expand_curves(const ExpandJob& job) {
   if (job.hold) return expand_inputs<Curve::stair>(job);
   if (job.before) return expand_inputs<Curve::cubic>(job);
   expand_inputs<Curve::line>(job);
+}
+
+/// Rates and cones along time, over controls that know neither. Cones tie inputs together, so that all inputs of a step
+/// go by before the next one.
+void keep_controls(const ExpandJob& job) {
+  const std::uint32_t inputs = job.grid.inputs;
+  float most[TILLER_MAX_INPUTS];
+  for (std::uint32_t i = 0; i < inputs; ++i) most[i] = job.rate_step[i] >= 0.0f ? job.rate_step[i] : kInfinity;
+  for (std::uint32_t lane = 0; lane < job.lanes; lane += kWidth) {
+    F last[TILLER_MAX_INPUTS], u[TILLER_MAX_INPUTS];
+    for (std::uint32_t i = 0; i < inputs; ++i) last[i] = F(job.start[i]);
+    for (std::uint32_t t = 0; t < job.grid.horizon; ++t) {
+      float* row = job.controls + t * inputs * job.lanes + lane;
+      for (std::uint32_t i = 0; i < inputs; ++i)
+        u[i] = min(max(F::load(row + i * job.lanes), last[i] - F(most[i])), last[i] + F(most[i]));
+      keep_lanes(*job.cones, static_cast<int>(inputs), last, most, u);
+      for (std::uint32_t i = 0; i < inputs; ++i) {
+        u[i].store(row + i * job.lanes);
+        last[i] = u[i];
+      }
+    }
+  }
+}
+
+void expand(const ExpandJob& job) {
+  if (!job.cones) return expand_curves(job);
+  float free[TILLER_MAX_INPUTS];
+  for (std::uint32_t i = 0; i < job.grid.inputs; ++i) free[i] = -1.0f;
+  ExpandJob curves = job;
+  curves.rate_step = free;
+  expand_curves(curves);
+  keep_controls(job);
 }
 
 // ---- risk ---------------------------------------------------------------------------------------

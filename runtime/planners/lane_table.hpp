@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "core/input_cone.hpp"
 #include "scalar/isa.hpp"
 
 namespace tiller {
@@ -44,7 +45,9 @@ struct KnotGrid {
   const float* fraction = nullptr;            // (horizon) of the way from the step's knot to the next, in [0, 1]
 };
 
-/// Interpolation between the knots, then the rate limit along time from `start`. With `before` it is the monotone cubic
+/// Interpolation between the knots, then the rate limit along time from `start`, and the cones with it: knots may be
+/// outside. (A mean of knots that are all shrunk onto a cone is inside of it, and commands never come to it: flights of
+/// tests/abi/cones_test.cpp cost 1 to 4 % more.) With `before` it is the monotone cubic
 /// of knot_tangent, and never leaves the interval of the two knots around it; with `hold` a stair; else linear.
 struct ExpandJob {
   KnotGrid grid;
@@ -55,6 +58,7 @@ struct ExpandJob {
   const float* rate_step = nullptr;  // (inputs) largest change a step; negative: no limit
   const float* before = nullptr;     // (inputs) value a knot ahead of the first; null: linear
   bool hold = false;                 // each knot's value until the next, in the place of a curve
+  const InputCones* cones = nullptr;  // null: none, and at no cost
   float* controls = nullptr;         // (horizon * inputs x lanes), row stride `lanes`
 };
 

@@ -17,8 +17,11 @@ const double kStepBeta[kCandidates] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0};
 
 void raise_regularisation(PathPlan& p) {
   double most = 0.0;
-  for (std::size_t i = 0; i < std::size_t{p.horizon} * p.nu; ++i)
-    most = std::fmax(most, std::fabs(p.factor.curvature[i * p.nu + i % p.nu]));
+  // the curvature of the cost: that of cones in force is without bound
+  for (std::size_t i = 0; i < std::size_t{p.horizon} * p.nu; ++i) {
+    const std::size_t at = i * p.nu + i % p.nu;
+    most = std::fmax(most, std::fabs(p.cone_curvature ? p.quu[at] : p.factor.curvature[at]));
+  }
   if (!(most > 0.0) || !std::isfinite(most)) most = 1.0;
   p.problem.regularisation = std::fmax(kRaise * p.problem.regularisation, kFirstRaise * most);
 }

@@ -15,6 +15,7 @@ void take_sizes(const tiller_config_t& config, const StepSetup& setup, std::uint
   p.nz = p.nx + p.ns;
   p.nu = config.model->input_count;
   p.np = config.param_count;
+  p.cones = make_input_cones(config.safety.cones, config.safety.cone_count);
   p.rate = rate_weight(config);
   p.n = p.nz + (p.rate ? p.nu : 0);
   p.horizon = config.planner.horizon;
@@ -40,6 +41,7 @@ void take_arrays(Arena& arena, PathPlan& p) {
   take(p.quu, h * nu * nu);
   take(p.qx, (h + 1) * s);
   take(p.qu, h * nu);
+  if (p.cones.count > 0) take(p.cone_quu, h * nu * nu);
   take(p.box_low, h * nu);
   take(p.box_high, h * nu);
   take(p.dx, (h + 1) * s);

@@ -9,8 +9,7 @@
 namespace tiller {
 
 void take_command(PathPlan& p, const double* last_command) {
-  for (std::uint32_t i = 0; i < p.nu; ++i)
-    p.last_input[i] = admit_command(p.limits[i], last_command ? last_command[i] : p.fallback[i], p.fallback[i]);
+  admit_commands(p.limits, p.cones, p.nu, last_command, p.fallback, p.last_input);
 }
 
 bool take_goal(PathPlan& p, std::uint64_t goal) {
@@ -186,6 +185,7 @@ bool take_box(PathPlan& p) {
 }
 
 bool solve_path(PathPlan& p, std::uint32_t most_sweeps, bool factorised) {
+  p.cone_curvature = nullptr;
   p.has_gain = solve_lq_box(*p.lq, p.problem, p.factor, p.dx, p.du, most_sweeps, &p.exact, factorised) > 0;
   if (!p.has_gain) {
     // a rollout multiplies by them even where it takes no share of them
@@ -197,17 +197,17 @@ bool solve_path(PathPlan& p, std::uint32_t most_sweeps, bool factorised) {
 
 void limit_solution(PathPlan& p) {
   const std::size_t m = p.scenarios, n = p.n, s = m * n, nu = p.nu;
-  double before[TILLER_MAX_INPUTS];
+  double before[TILLER_MAX_INPUTS], wish[TILLER_MAX_INPUTS];
   for (std::size_t i = 0; i < nu; ++i) before[i] = p.last_input[i];
   for (std::size_t k = 0; k < p.horizon; ++k) {
     const double* at = p.dx + k * s;
     double* du = p.du + k * nu;
     for (std::size_t i = 0; i < nu; ++i) {
-      double wish = p.control[k * nu + i] + p.factor.step[k * nu + i];
-      for (std::size_t c = 0; c < s; ++c) wish += p.factor.gain[(k * nu + i) * s + c] * at[c];
-      before[i] = limit_command(p.limits[i], wish, before[i]);
-      du[i] = before[i] - p.control[k * nu + i];
+      wish[i] = p.control[k * nu + i] + p.factor.step[k * nu + i];
+      for (std::size_t c = 0; c < s; ++c) wish[i] += p.factor.gain[(k * nu + i) * s + c] * at[c];
     }
+    limit_commands(p.limits, p.cones, p.nu, wish, before);
+    for (std::size_t i = 0; i < nu; ++i) du[i] = before[i] - p.control[k * nu + i];
     for (std::size_t row = 0; row < s; ++row) {
       const double *a = p.a + (k * s + row) * n, *x = at + row / n * n;
       double sum = p.problem.c ? p.c[k * s + row] : 0.0;
@@ -237,6 +237,7 @@ void roll_candidates(PathPlan& p, const double* alpha, const double* beta) {
   job.high = p.high;
   job.most_change = p.most_change;
   job.previous_input = p.last_input;
+  job.cones = p.cones.count > 0 ? &p.cones : nullptr;
   job.cost = &p.cost;
   job.task_step = p.task_step;
   job.cost_out = p.candidate_cost;
@@ -262,12 +263,13 @@ void take_candidate(PathPlan& p, std::uint32_t candidate) {
 void write_sequence(PathPlan& p, const double* inputs, double* command) {
   double u[TILLER_MAX_INPUTS];
   for (std::uint32_t i = 0; i < p.nu; ++i) u[i] = p.last_input[i];
-  for (std::uint32_t k = 0; k < p.horizon; ++k)
+  for (std::uint32_t k = 0; k < p.horizon; ++k) {
+    limit_commands(p.limits, p.cones, p.nu, inputs + k * p.nu, u);
     for (std::uint32_t i = 0; i < p.nu; ++i) {
-      u[i] = limit_command(p.limits[i], inputs[k * p.nu + i], u[i]);
       p.sequence[k * p.nu + i] = static_cast<float>(u[i]);
       if (k == 0) command[i] = u[i];
     }
+  }
 }
 
 bool path_feedback(const PathPlan& p, std::uint32_t step, double* gain, double* state, double* input) {

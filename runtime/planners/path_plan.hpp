@@ -27,6 +27,7 @@ struct PathPlan {
   const PathKernel* path = nullptr;
   CostTerms<double> cost{};
   InputLimit limits[TILLER_MAX_INPUTS];
+  InputCones cones;
   double low[TILLER_MAX_INPUTS] = {}, high[TILLER_MAX_INPUTS] = {}, most_change[TILLER_MAX_INPUTS] = {};
   double fallback[TILLER_MAX_INPUTS] = {};  // the safe command
   std::uint32_t nx = 0, ns = 0, nz = 0, nu = 0, np = 0;
@@ -63,6 +64,8 @@ struct PathPlan {
   LqProblem problem;
   LqFactor factor;
   const LqKernel* lq = nullptr;
+  double* cone_quu = nullptr;                   // (N x nu x nu) quu with the cones' curvature; null without cones
+  const double* cone_curvature = nullptr;       // what of the factor's curvature cones added; null: nothing
   bool dynamics_stand = false;                  // the constant rows of a, b, c are written
   bool hessians_stand = false;                  // those of a quadratic cost are constant: written once
   bool exact = false;                           // the last solution is the box problem's, and `held` is the factor's
@@ -87,7 +90,7 @@ void lay_out_path_plan(Arena& arena, const tiller_config_t& config, const StepSe
                        PathPlan& p, std::uint32_t most_scenarios = TILLER_MAX_SCENARIOS);
 void reset_path_plan(PathPlan& p);
 
-/// Takes the command in force, brought into the limits; the safe command if it is null.
+/// Takes the command in force, brought into limits and cones; the safe command if it is null.
 void take_command(PathPlan& p, const double* last_command);
 /// Takes the present goal; true if it has changed: what was prepared for the old one is void.
 bool take_goal(PathPlan& p, std::uint64_t goal);
@@ -116,8 +119,8 @@ bool take_box(PathPlan& p);
 /// gains are then zero. `factorised`: the factor is that of the present matrices already.
 bool solve_path(PathPlan& p, std::uint32_t most_sweeps, bool factorised);
 
-/// Rolls the linear system on under the solution's gains with the rate limits in the loop: what a rate limit takes from
-/// one input, the gains ask of the next. For plans whose inputs have one (rate_limited); changes dx, du.
+/// Rolls the linear system on under the solution's gains with rate limits and cones in the loop: what they take from
+/// one input, the gains ask of the next. For plans whose inputs have some; changes dx, du.
 void limit_solution(PathPlan& p);
 
 /// Rolls candidates (alpha, beta) out from the start: u = control + alpha step + beta gain (z - state).
@@ -126,7 +129,7 @@ double candidate_risk(const PathPlan& p, std::uint32_t candidate);
 /// Makes a candidate the path.
 void take_candidate(PathPlan& p, std::uint32_t candidate);
 
-/// The sequence, and the command in full precision, from `inputs` (N x nu) under the limits.
+/// The sequence, and the command in full precision, from `inputs` (N x nu) under limits and cones.
 void write_sequence(PathPlan& p, const double* inputs, double* command);
 
 /// PlannerTable::feedback around the path: the gains act on the same deviation of all scenarios.

@@ -152,6 +152,7 @@ void expand_chunk(Sampler& s, const float* knots, std::uint32_t stride, std::uin
   job.rate_step = s.rate_step;
   job.before = s.cubic ? s.before_lanes : nullptr;
   job.hold = s.method->holds;
+  job.cones = s.cones.count > 0 ? &s.cones : nullptr;
   job.controls = controls;
   s.lanes->expand(job);
 }
@@ -348,10 +349,8 @@ RolloutJob<float> mean_job(const Sampler& s) {
 }
 
 void start_from_command(Sampler& s, const double* last_command) {
-  for (std::uint32_t i = 0; i < s.inputs; ++i) {
-    s.start[i] = admit_command(s.limits[i], last_command ? last_command[i] : s.fallback[i], s.fallback[i]);
-    s.start_lanes[i] = lane_number(s.start[i]);
-  }
+  admit_commands(s.limits, s.cones, s.inputs, last_command, s.fallback, s.start);
+  for (std::uint32_t i = 0; i < s.inputs; ++i) s.start_lanes[i] = lane_number(s.start[i]);
 }
 
 PlanResult plan_by_sampling(void* self, const PlanRequest& request, double* command) {
@@ -384,7 +383,7 @@ PlanResult plan_by_sampling(void* self, const PlanRequest& request, double* comm
 const float* sampled_sequence(const void* self) { return static_cast<const Sampler*>(self)->sequence; }
 
 void expand_mean(Sampler& s, double* command) {
-  expand_sequence(s.grid, s.limits, s.mean, s.start, s.sequence, command, s.cubic ? s.knot_before : nullptr,
+  expand_sequence(s.grid, s.limits, s.cones, s.mean, s.start, s.sequence, command, s.cubic ? s.knot_before : nullptr,
                   s.method->holds);
 }
 

@@ -66,6 +66,7 @@ struct Sampler {
   bool penalised = false;  // by bounds or obstacles, which cost_terms then leaves to the rollouts' penalties
   InputLimit limits[TILLER_MAX_INPUTS];
   double noise_sd[TILLER_MAX_INPUTS] = {};  // of the samples
+  InputCones cones;
   double fallback[TILLER_MAX_INPUTS] = {};  // the safe command
 
   std::uint32_t states = 0, inputs = 0, params = 0, effect_states = 0;
@@ -177,10 +178,10 @@ float particle_cost(const Sampler& s, std::uint32_t rollout, std::uint32_t m);
 /// Keeps the cheapest rollout's sequence if none before was cheaper.
 void keep_rollout(Sampler& s, std::uint32_t rollout);
 
-/// Takes the command in force, brought into the limits; the safe command if `last_command` is null.
+/// Takes the command in force, brought into limits and cones; the safe command if `last_command` is null.
 void start_from_command(Sampler& s, const double* last_command);
 
-/// Expands the present mean under the limits into the sequence; `command` may be null.
+/// Expands the present mean under limits and cones into the sequence; `command` may be null.
 void expand_mean(Sampler& s, double* command);
 
 // ---- options (sampler_options.cpp) --------------------------------------------------------------

@@ -101,6 +101,7 @@ void take_arrays(Arena& arena, const Sizes& z, std::uint32_t inputs, Sampler& s)
 }
 
 void take_limits(Sampler& s, const tiller_config_t& config) {
+  s.cones = make_input_cones(config.safety.cones, config.safety.cone_count);
   for (std::uint32_t i = 0; i < s.inputs; ++i) {
     InputLimit& limit = s.limits[i];
     limit.low = config.safety.input_low[i];

@@ -31,13 +31,14 @@ std::uint32_t choose_sample(const Sampler& sampler, std::uint64_t begun) {
   return best;
 }
 
-/// The sample's inputs; every other search adds what tells the sample from the sampler's mean to the present plan.
+/// The sample's inputs; every other search adds what tells the sample from the sampler's mean to the present plan. What
+/// that puts out of a cone, the path's first rollout brings into it.
 bool begin(Scout& s, const Sampler& sampler, const PathPlan& present) {
   PathPlan& p = s.gradient->plan;
   const std::uint32_t sample = choose_sample(sampler, s.begun);
   for (std::uint32_t r = 0; r < sampler.rows; ++r)
     s.knots[r] = static_cast<double>(sampler.knots[std::size_t{r} * sampler.rollouts + sample]);
-  expand_sequence(sampler.grid, sampler.limits, s.knots, sampler.start, s.sequence, nullptr,
+  expand_sequence(sampler.grid, sampler.limits, sampler.cones, s.knots, sampler.start, s.sequence, nullptr,
                   sampler.cubic ? sampler.knot_before : nullptr);
   const bool moves_plan = s.begun++ % 2 != 0;
   for (std::size_t i = 0; i < std::size_t{p.horizon} * p.nu; ++i) {

@@ -18,6 +18,24 @@ double admit_command(const InputLimit& limit, double last, double fallback) {
   return std::fmin(std::fmax(std::isnan(u) ? 0.0 : u, limit.low), limit.high);
 }
 
+void limit_commands(const InputLimit* limits, const InputCones& cones, std::uint32_t inputs, const double* wish,
+                    double* last) {
+  double u[TILLER_MAX_INPUTS], step[TILLER_MAX_INPUTS] = {};
+  for (std::uint32_t i = 0; i < inputs; ++i) {
+    u[i] = limit_command(limits[i], wish[i], last[i]);
+    step[i] = limits[i].step;
+  }
+  if (cones.count > 0) keep_cones(cones, inputs, last, step, u);
+  for (std::uint32_t i = 0; i < inputs; ++i) last[i] = u[i];
+}
+
+void admit_commands(const InputLimit* limits, const InputCones& cones, std::uint32_t inputs, const double* last,
+                    const double* fallback, double* out) {
+  for (std::uint32_t i = 0; i < inputs; ++i)
+    out[i] = admit_command(limits[i], last ? last[i] : fallback[i], fallback[i]);
+  shrink_to_cones(cones, out);
+}
+
 void fill_grid(const KnotClock& clock, std::uint32_t* first_step, float* fraction) {
   const std::uint32_t steps = clock.steps(), last_segment = clock.knots - 2;
   std::uint32_t filled = 0;  // segments whose first step is known
@@ -72,18 +90,22 @@ Segment make_segment(const double* row, std::uint32_t count, std::uint32_t j, co
 
 }  // namespace
 
-void expand_sequence(const KnotGrid& grid, const InputLimit* limits, const double* knots, const double* start,
-                     float* sequence, double* command, const double* before, bool hold) {
-  for (std::uint32_t i = 0; i < grid.inputs; ++i) {
-    double u = start[i];
-    for (std::uint32_t segment = 0; segment + 1 < grid.knots; ++segment) {
-      Segment line = make_segment(knots + i * grid.knots, grid.knots, segment, before ? before + i : nullptr);
-      if (hold) line = {line.from, 0.0, 0.0, 0.0, line.from, line.from};
-      for (std::uint32_t t = grid.first_step[segment]; t < grid.first_step[segment + 1]; ++t) {
-        const double wish = line.at(static_cast<double>(grid.fraction[t]));
-        u = limit_command(limits[i], wish, u);
-        sequence[t * grid.inputs + i] = static_cast<float>(u);
-        if (t == 0 && command) command[i] = u;
+void expand_sequence(const KnotGrid& grid, const InputLimit* limits, const InputCones& cones, const double* knots,
+                     const double* start, float* sequence, double* command, const double* before, bool hold) {
+  double u[TILLER_MAX_INPUTS], wish[TILLER_MAX_INPUTS];
+  Segment line[TILLER_MAX_INPUTS];
+  for (std::uint32_t i = 0; i < grid.inputs; ++i) u[i] = start[i];
+  for (std::uint32_t segment = 0; segment + 1 < grid.knots; ++segment) {
+    for (std::uint32_t i = 0; i < grid.inputs; ++i) {
+      line[i] = make_segment(knots + i * grid.knots, grid.knots, segment, before ? before + i : nullptr);
+      if (hold) line[i] = {line[i].from, 0.0, 0.0, 0.0, line[i].from, line[i].from};
+    }
+    for (std::uint32_t t = grid.first_step[segment]; t < grid.first_step[segment + 1]; ++t) {
+      for (std::uint32_t i = 0; i < grid.inputs; ++i) wish[i] = line[i].at(static_cast<double>(grid.fraction[t]));
+      limit_commands(limits, cones, grid.inputs, wish, u);
+      for (std::uint32_t i = 0; i < grid.inputs; ++i) {
+        sequence[t * grid.inputs + i] = static_cast<float>(u[i]);
+        if (t == 0 && command) command[i] = u[i];
       }
     }
   }

@@ -19,6 +19,15 @@ double limit_command(const InputLimit& limit, double wish, double last);
 /// `last`, brought into the limits; `fallback` in its place if it is not a number.
 double admit_command(const InputLimit& limit, double last, double fallback);
 
+/// The commands nearest to `wish`, as core/input_cone.hpp has it, that are within limits, steps and cones; in place of
+/// `last`, which is within limits and cones.
+void limit_commands(const InputLimit* limits, const InputCones& cones, std::uint32_t inputs, const double* wish,
+                    double* last);
+
+/// A whole command in force, brought into limits and cones; null, and what is not a number, becomes the fallback.
+void admit_commands(const InputLimit* limits, const InputCones& cones, std::uint32_t inputs, const double* last,
+                    const double* fallback, double* out);
+
 /// Knots slide with time: they stay where they are on the clock while the horizon moves over them, so that shifting a
 /// plan by a period is exact whatever their spacing. (Knots fixed to the horizon would have to be read off again at
 /// every tick, and a sequence that is interpolated again and again is a different one: after 8 ticks its kinks are off
@@ -42,11 +51,12 @@ std::uint32_t advance_clock(KnotClock& clock, std::uint32_t periods);
 /// Drops the first `gone` of one input's knots; the last is repeated in the free places.
 void shift_knots(double* knots, std::uint32_t count, std::uint32_t gone);
 
-/// Fills `sequence` (horizon x inputs) from `knots` (inputs * knots, input-major) under the limits, step by step from
-/// `start` (inputs), and `command` (inputs) with its first step in full precision; command may be null. Cubic where
+/// Fills `sequence` (horizon x inputs) from `knots` (inputs * knots, input-major) under limits and cones, step by step
+/// from `start` (inputs), and `command` (inputs) with its first step in full precision; command may be null. Cubic where
 /// `before` (inputs), the values a knot ahead of the first, is given: the curve through a plan's remaining knots is
 /// then the same after one has fallen off its front. With `hold` each knot's value until the next. Else linear.
-void expand_sequence(const KnotGrid& grid, const InputLimit* limits, const double* knots, const double* start,
-                     float* sequence, double* command, const double* before = nullptr, bool hold = false);
+void expand_sequence(const KnotGrid& grid, const InputLimit* limits, const InputCones& cones, const double* knots,
+                     const double* start, float* sequence, double* command, const double* before = nullptr,
+                     bool hold = false);
 
 }  // namespace tiller

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "planners/cone_program.hpp"
 #include "planners/multiple_shooting.hpp"
 #include "planners/qp/osqp_qp.hpp"
 #include "planners/sqp_chance.hpp"

@@ -238,6 +238,7 @@ void build_lifted(const PathPlan& p, const PartPath& path, SqpPart& part) {
   to.qu = lift.qu;
   to.low = lift.low;
   to.high = lift.high;
+  part.lifted.qp.cones = part_cones(p, path, true);
 }
 
 // ---- their solutions ----------------------------------------------------------------------------

@@ -74,6 +74,10 @@ LqProblem lifted_sizes(const PathPlan& p, const LqProblem& sizes);
 /// Bounds on states, and on the inputs of a lifted program, for the program's deviations.
 void take_state_bounds(const PathPlan& p, const HardBounds& bounds, const PartPath& path, const BoundPenalty& penalty,
                        SqpProgram& program, bool lifted);
+/// The cones of its inputs; in a lifted program those are the inputs before, states of its first scenario.
+inline QpCones part_cones(const PathPlan& p, const PartPath& path, bool lifted) {
+  return {p.cones.count > 0 ? &p.cones : nullptr, path.control, lifted, lifted ? p.nz : 0};
+}
 /// The lifted program from the plain one, whose matrices and start it takes; a branch's start is the caller's to set.
 void build_lifted(const PathPlan& p, const PartPath& path, SqpPart& part);
 /// Whether the plain solution's inputs change by no more than they may.

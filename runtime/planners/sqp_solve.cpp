@@ -45,6 +45,8 @@ void take_plain(Sqp& s, const PartPath& path) {
   take_box(p);
   s.part.plain.qp.lq = p.problem;
   for (std::size_t i = 0; i < std::size_t{p.scenarios} * p.n; ++i) s.part.plain.solution.x[i] = p.dx[i];
+  s.part.plain.qp.cones = part_cones(p, path, false);
+  p.cone_curvature = nullptr;
   if (s.bounds.of_states) take_bounds(s, path, s.part.plain, false);
 }
 
@@ -78,27 +80,12 @@ bool solve_whole(Sqp& s, const PartPath& path, const QpLimits& limits) {
   return true;
 }
 
-/// Gains around the solution: one sweep with the inputs at their bounds held, and the step that ends at the solution.
+/// Gains around the solution; the next plan's active set begins with the inputs that it holds.
 void take_gains(Sqp& s) {
   PathPlan& p = s.plan;
-  const std::size_t stack = std::size_t{p.scenarios} * p.n;
-  const double *u = s.part.plain.solution.u, *x = s.part.plain.solution.x;
-  for (std::size_t at = 0; at < std::size_t{p.horizon} * p.nu; ++at) {
-    s.part.set.held[at] = bound_of(s.part.plain, at);
-    p.factor.held[at] = s.part.set.held[at];
-  }
-  p.has_gain = p.lq->factorise(p.problem, p.factor);
-  for (std::size_t k = 0; k < p.horizon; ++k)
-    for (std::size_t i = 0; i < p.nu; ++i) {
-      const std::size_t at = k * p.nu + i;
-      double* gain = p.factor.gain + at * stack;
-      double step = u[at];
-      for (std::size_t c = 0; c < stack; ++c) {
-        if (!p.has_gain) gain[c] = 0.0;
-        step -= gain[c] * x[k * stack + c];
-      }
-      p.factor.step[at] = step;
-    }
+  const double* curvature = p.cones.count > 0 ? s.part.interior.cone_curvature : nullptr;
+  take_gains(p, s.part.plain.solution.x, s.part.plain.solution.u, curvature);
+  for (std::size_t at = 0; at < std::size_t{p.horizon} * p.nu; ++at) s.part.set.held[at] = p.factor.held[at];
 }
 
 /// Masks of what has bounds in the program that OSQP solves.
@@ -140,7 +127,7 @@ void lay_out_programs(Arena& arena, const tiller_config_t& config, const Rollout
     s.osqp = lay_out_osqp(arena, shape);
   } else {
     const LqKernel& kernel = select_lq(table, large.states, large.inputs, large.scenarios);
-    s.part.interior = lay_out_interior_point(arena, large, kernel);
+    s.part.interior = lay_out_interior_point(arena, large, kernel, part_cones(p, {}, s.bounds.of_rates));
   }
 }
 
@@ -171,8 +158,9 @@ bool solve_program(Sqp& s, const Deadline& deadline) {
     }
     p.has_gain = true;
     const bool changes = !s.bounds.of_rates || changes_within(p, path, s.part);
-    if (report.status == QpStatus::solved && changes && states_within(s.part.plain.qp, s.part.plain.solution))
-      return true;
+    const bool within = changes && states_within(s.part.plain.qp, s.part.plain.solution) &&
+                        cones_within(s.part.plain.qp.cones, s.part.plain.qp.lq, s.part.plain.solution.u);
+    if (report.status == QpStatus::solved && within) return true;
   }
   if (!solve_whole(s, path, limits)) {
     s.unsolved = true;

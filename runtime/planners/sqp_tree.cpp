@@ -89,8 +89,12 @@ void take_plain(SqpTree& s) {
     part.set.factor = factor_behind(t, j);
     part.set.kernel = t.branch[j].lq;
     std::memcpy(part.set.held, part.set.factor.held, (t.branch[j].horizon - r) * nu);
+    t.branch[j].cone_curvature = nullptr;
   }
-  for (std::uint32_t i = 0; i <= t.count; ++i) s.part[i].set.stands = false;
+  for (std::uint32_t i = 0; i <= t.count; ++i) {
+    s.part[i].plain.qp.cones = part_cones(t.branch[0], path_of(s, i), false);
+    s.part[i].set.stands = false;
+  }
   if (s.bounds.of_states) take_bounds(s, false);
 }
 
@@ -135,6 +139,7 @@ bool within_bounds(const SqpTree& s) {
   for (std::uint32_t i = 0; i <= t.count; ++i) {
     const SqpPart& part = s.part[i];
     if (!states_within(part.plain.qp, part.plain.solution)) return false;
+    if (!cones_within(part.plain.qp.cones, part.plain.qp.lq, part.plain.solution.u)) return false;
     if (s.bounds.of_rates && !changes_within(t.branch[0], path_of(s, i), part)) return false;
   }
   return true;
@@ -166,14 +171,30 @@ bool solve_whole(SqpTree& s, const QpLimits& limits) {
   return true;
 }
 
-/// Gains around the solution: one sweep of the tree with the inputs at their bounds held.
+/// The part's plain problem with the curvature that its cones have in the solution. It is written where the branches'
+/// paths have room for theirs; over the shared periods the first one's is the trunk's.
+LqProblem with_cones(SqpTree& s, std::uint32_t i) {
+  ScenarioTree& t = *s.tree;
+  LqProblem q = s.part[i].plain.qp.lq;
+  PathPlan& p = t.branch[i > 0 ? i - 1 : 0];
+  if (p.cones.count == 0) return q;
+  const std::size_t block = std::size_t{p.nu} * p.nu;
+  const double* curvature = s.part[i].interior.cone_curvature;
+  double* quu = p.cone_quu + (i > 0 ? t.shared * block : 0);
+  for (std::size_t at = 0; at < q.horizon * block; ++at) quu[at] = q.quu[at] + curvature[at];
+  if (i > 0) p.cone_curvature = curvature;
+  q.quu = quu;
+  return q;
+}
+
+/// Gains around the solution: one sweep of the tree with the inputs at their bounds held, and the cones' curvature.
 bool factorise_held(SqpTree& s) {
   ScenarioTree& t = *s.tree;
   const QpTree tree = tree_of(s, false);
   bool good = true;
   for (std::uint32_t i = t.count + 1; i-- > 0;) {
     const SqpPart& part = s.part[i];
-    const LqProblem& q = part.plain.qp.lq;
+    const LqProblem q = with_cones(s, i);
     for (std::size_t at = 0; at < std::size_t{q.horizon} * q.inputs; ++at)
       part.set.factor.held[at] = bound_of(part.plain, at);
     good = good && part.set.kernel->factorise(q, part.set.factor);
@@ -263,7 +284,8 @@ void lay_out_parts(Arena& arena, const tiller_config_t& config, const RolloutTab
     SqpPart& part = s.part ? s.part[i] : nobody;
     lay_out_part(arena, sizes, s.bounds, plain, part);
     const LqProblem large = s.bounds.of_rates ? lifted_sizes(sizes, plain) : plain;
-    part.interior = lay_out_interior_point(arena, large, select_lq(table, large.states, large.inputs, large.scenarios));
+    const LqKernel& kernel = select_lq(table, large.states, large.inputs, large.scenarios);
+    part.interior = lay_out_interior_point(arena, large, kernel, part_cones(sizes, {}, s.bounds.of_rates));
   }
 }
 

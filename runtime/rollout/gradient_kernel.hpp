@@ -4,6 +4,7 @@
 // path, which are known beforehand, so the steps of a horizon run side by side. Rollouts with feedback: a step waits
 // for the one before, so the lanes are the candidates of the line search, which then cost nothing.
 
+#include "rollout/cone_lanes.hpp"
 #include "rollout/dual_step.hpp"
 #include "rollout/output_cost.hpp"
 #include "rollout/own_cost.hpp"
@@ -232,8 +233,9 @@ struct GradientKernel {
         const P high = min(P(job.high[i]), before[i] + P(job.most_change[i]));
         wish = select(wish < low, low, select(wish > high, high, wish));
         u[i] = wish;
-        wish.store(job.control_out + row * kCandidates + lane);
       });
+      if (job.cones) keep_within<Model, P>(*job.cones, before, job.most_change, u);
+      each(Model::nu(), [&](auto i) { u[i].store(job.control_out + (k * kInputs + i) * kCandidates + lane); });
       const P inputs = input_cost<Model, P>(stepper.model, *job.cost, u, before);
       for (int j = 0; j < count; ++j) {
         keep(k, j);

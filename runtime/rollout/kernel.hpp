@@ -4,6 +4,7 @@
 // trajectories are in flight: their steps do not depend on each other, which hides the latency of the arithmetic
 // (with one register a step waits for itself most of the time).
 
+#include "rollout/cone_lanes.hpp"
 #include "rollout/dual_step.hpp"
 #include "rollout/gradient_kernel.hpp"
 #include "rollout/lane_rows.hpp"
@@ -84,6 +85,7 @@ struct Kernel {
       const P high = min(P(loop.high[i]), before[i] + P(loop.most_change[i]));
       u[i] = select(wish < low, low, select(wish > high, high, wish));
     });
+    if (loop.cones) keep_within<Model, P>(*loop.cones, before, loop.most_change, u);
   }
 
   template <class P, class T>

@@ -32,8 +32,8 @@ struct PathJob {
 constexpr std::uint32_t kCandidates = 8;
 
 /// Rolls the model out under u_k = cut(control_k + alpha step_k + beta gain_k (z - state_k)) for every pair (alpha,
-/// beta), cut to the limits and to the rate of change. The gain acts on all M scenarios' deviations; each alpha has one
-/// input sequence.
+/// beta), cut to the limits, to the rate of change and to the cones. The gain acts on all M scenarios' deviations; each
+/// alpha has one input sequence.
 struct FeedbackJob {
   const StepSetup* setup = nullptr;
   double period_s = 0.0;
@@ -53,6 +53,7 @@ struct FeedbackJob {
   const double* high = nullptr;            // (nu)
   const double* most_change = nullptr;     // (nu) per period; infinity for none
   const double* previous_input = nullptr;  // (nu) command in force
+  const InputCones* cones = nullptr;       // kept after limits and changes; null: none
   const CostTerms<double>* cost = nullptr;
   std::uint64_t task_step = 0;    // time row of the first step
   double* cost_out = nullptr;     // (M x kCandidates)

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "core/input_cone.hpp"
 #include "rollout/cost.hpp"
 #include "scalar/isa.hpp"
 #include "tiller/tiller.h"
@@ -51,17 +52,19 @@ constexpr std::uint32_t kLanePadding = 16;
 ///
 ///     u = cut(controls_k + gain_k [x - reference_k; before - controls_(k-1)])
 ///
-/// with `before` the input of the step before, cut to the limits and to the change per period. x - reference is the
-/// plain difference: angles start on the reference's turn. The setup has no input delay, and the job has a cost.
+/// with `before` the input of the step before, cut to the limits, to the change per period and to the cones.
+/// x - reference is the plain difference: angles start on the reference's turn. The setup has no input delay, and the
+/// job has a cost.
 template <class T>
 struct RolloutFeedback {
-  std::uint32_t from = 1;          // >= 1
-  std::uint32_t columns = 0;       // of the gain: nx, or nx + nu with the rows' answer to the input before
-  const T* gain = nullptr;         // (horizon x nu x columns)
-  Lanes<T> reference;              // (horizon * nx)
-  const T* low = nullptr;          // (nu)
-  const T* high = nullptr;         // (nu)
-  const T* most_change = nullptr;  // (nu) per period; 1e15 for none
+  std::uint32_t from = 1;             // >= 1
+  std::uint32_t columns = 0;          // of the gain: nx, or nx + nu with the rows' answer to the input before
+  const T* gain = nullptr;            // (horizon x nu x columns)
+  Lanes<T> reference;                 // (horizon * nx)
+  const T* low = nullptr;             // (nu)
+  const T* high = nullptr;            // (nu)
+  const T* most_change = nullptr;     // (nu) per period; 1e15 for none
+  const InputCones* cones = nullptr;  // kept after limits and changes; null: none
 };
 
 template <class T>

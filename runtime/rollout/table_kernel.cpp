@@ -92,6 +92,10 @@ void feed_back(const TableModel& model, const RolloutJob<T>& job, std::uint32_t 
     const double high = std::fmin(static_cast<double>(loop.high[i]), before[i] + change);
     u[i] = wish < low ? low : wish > high ? high : wish;
   }
+  if (!loop.cones) return;
+  double most_change[TILLER_MAX_INPUTS];
+  for (int i = 0; i < nu; ++i) most_change[i] = static_cast<double>(loop.most_change[i]);
+  keep_cones(*loop.cones, static_cast<std::uint32_t>(nu), before.v, most_change, u.v);
 }
 
 template <class T>

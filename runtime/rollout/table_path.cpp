@@ -116,10 +116,9 @@ void feedback(const tiller_model_t& table, const FeedbackJob& job) {
     for (std::size_t k = 0; k < job.horizon; ++k) {
       const std::uint64_t row = job.task_step + k;
       Step::Input u{};
-      for (int i = 0; i < nu; ++i) {
-        u[i] = feedback_input(job, plane, t, before.v, k, lane, i, nu);
-        job.control_out[(k * nu + i) * kCandidates + lane] = u[i];
-      }
+      for (int i = 0; i < nu; ++i) u[i] = feedback_input(job, plane, t, before.v, k, lane, i, nu);
+      if (job.cones) keep_cones(*job.cones, static_cast<std::uint32_t>(nu), before.v, job.most_change, u.v);
+      for (int i = 0; i < nu; ++i) job.control_out[(k * nu + i) * kCandidates + lane] = u[i];
       const double inputs = input_cost<TableModel, double>(model, *job.cost, u, before);
       for (std::size_t j = 0; j < count; ++j) {
         Parameters<TableModel, double> p{};

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/bits.hpp"
+
 namespace tiller {
 namespace {
 
@@ -32,8 +34,29 @@ OutputGate::OutputGate(const GateLimits& limits) : limits_(limits) {
     if (!std::isfinite(safe)) safe = 0.0;
     if (!std::isfinite(low) || !std::isfinite(high) || low > high) low = high = safe;
     safe = std::clamp(safe, low, high);
-    last_[i] = safe;
   }
+  if (!cones_fit()) {
+    limits_.cones = InputCones{};
+    for (std::uint32_t i = 0; i < limits_.count; ++i) limits_.low[i] = limits_.high[i] = limits_.safe_command[i];
+  }
+  shrink_to_cones(limits_.cones, limits_.safe_command);
+  std::copy(limits_.safe_command, limits_.safe_command + TILLER_MAX_INPUTS, last_);
+}
+
+/// Whether shrinking a norm's inputs towards 0 stays within the limits, and no limit of an axis leaves a radius below 0.
+bool OutputGate::cones_fit() const {
+  const InputCones& cones = limits_.cones;
+  for (std::uint32_t c = 0; c < cones.count; ++c) {
+    const tiller_input_cone_t& cone = cones.cone[c];
+    if (!std::isfinite(cone.limit) || !std::isfinite(cone.slope) || cone.slope < 0.0) return false;
+    if ((cone.inputs & ~low_bits(limits_.count)) != 0 || (cone.slope > 0.0 && cone.axis >= limits_.count)) return false;
+    if (!(cone_radius(cone, limits_.low) >= 0.0)) return false;
+    for (std::uint32_t i = 0; i < limits_.count; ++i)
+      if (((cone.inputs >> i) & 1u) != 0 && !(limits_.low[i] <= 0.0 && limits_.high[i] >= 0.0)) return false;
+    for (std::uint32_t other = 0; other < cones.count; ++other)
+      if (cone.slope > 0.0 && ((cones.cone[other].inputs >> cone.axis) & 1u) != 0) return false;
+  }
+  return true;
 }
 
 bool OutputGate::all_finite(const double* command) const {
@@ -43,9 +66,33 @@ bool OutputGate::all_finite(const double* command) const {
   return true;
 }
 
+double OutputGate::step_of(std::uint32_t i, double elapsed_s) const {
+  return rate_step(limits_.rate_per_s[i], elapsed_s, limits_.period_s);
+}
+
+/// By more than rounding.
+bool OutputGate::differs(const double* a, const double* b) const {
+  for (std::uint32_t i = 0; i < limits_.count; ++i)
+    if (std::abs(a[i] - b[i]) > kRounding * (limits_.high[i] - limits_.low[i])) return true;
+  return false;
+}
+
+/// After every input by itself: onto the cones, and no farther than the rates allow.
+tiller_status_t OutputGate::limit_cones(double elapsed_s, double* command) const {
+  double before[TILLER_MAX_INPUTS], shrunk[TILLER_MAX_INPUTS], step[TILLER_MAX_INPUTS];
+  for (std::uint32_t i = 0; i < limits_.count; ++i) {
+    before[i] = shrunk[i] = command[i];
+    step[i] = step_of(i, elapsed_s);
+  }
+  shrink_to_cones(limits_.cones, shrunk);
+  keep_cones(limits_.cones, limits_.count, last_, step, command);
+  if (differs(before, shrunk)) return tiller_status_command_limited;
+  return differs(shrunk, command) ? tiller_status_rate_limited : tiller_status_ok;
+}
+
 tiller_status_t OutputGate::limit_input(std::uint32_t i, double elapsed_s, double& value) const {
   const double low = limits_.low[i], high = limits_.high[i];
-  const double step = rate_step(limits_.rate_per_s[i], elapsed_s, limits_.period_s);
+  const double step = step_of(i, elapsed_s);
   const double tolerance = kRounding * (high - low);
   const double wanted = value;
 
@@ -65,6 +112,10 @@ tiller_status_t OutputGate::pass(const double* wanted, const double* fallback, d
   for (std::uint32_t i = 0; i < limits_.count; ++i) {
     out[i] = source[i];
     const tiller_status_t limited = limit_input(i, elapsed_s, out[i]);
+    if (status == tiller_status_ok) status = limited;
+  }
+  if (limits_.cones.count > 0) {
+    const tiller_status_t limited = limit_cones(elapsed_s, out);
     if (status == tiller_status_ok) status = limited;
   }
   if (status != tiller_status_ok) ++cuts_;

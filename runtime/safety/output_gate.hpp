@@ -2,11 +2,12 @@
 
 #include <cstdint>
 
+#include "core/input_cone.hpp"
 #include "tiller/tiller.h"
 
 namespace tiller {
 
-/// Limits of a command, per input.
+/// Limits of a command, per input, and the cones that tie inputs together.
 struct GateLimits {
   std::uint32_t count = 0;  // nu
   double low[TILLER_MAX_INPUTS] = {};
@@ -14,11 +15,15 @@ struct GateLimits {
   double rate_per_s[TILLER_MAX_INPUTS] = {};  // INFINITY: none
   double safe_command[TILLER_MAX_INPUTS] = {};
   double period_s = 0.0;  // of the control tick
+  InputCones cones;
 };
 
 /// The last thing between tiller and the motor. It trusts nobody: whatever comes in, what goes out is finite,
-/// within [low, high] and within the rate limit from the last command that went out. It knows neither model
-/// nor planner nor state, so that a fault of theirs cannot be a fault of its.
+/// within [low, high], within the rate limit from the last command that went out and within the cones. It knows
+/// neither model nor planner nor state, so that a fault of theirs cannot be a fault of its.
+///
+/// Each input is cut to its limits and its rate by itself, and what is then outside a cone goes onto it as
+/// core/input_cone.hpp has it. Within a cone means the inequality in doubles, as they come out.
 ///
 /// The rate limit binds commands that move the robot. The safe command is exempt and goes out at once: a
 /// limit that spares a gearbox must not keep a motor pushing after tiller has decided to stop. (The
@@ -26,8 +31,9 @@ struct GateLimits {
 class OutputGate {
  public:
   OutputGate() = default;
-  /// Limits that are not finite or reversed leave only the safe command, and a safe command outside them is
-  /// brought in: tiller_config_check refuses both, the gate does not rely on it.
+  /// Limits that are not finite or reversed leave only the safe command, and so do cones that the limits do not
+  /// fit; a safe command outside limits or cones is brought in. tiller_config_check refuses all of these, the gate
+  /// does not rely on it.
   explicit OutputGate(const GateLimits& limits);
 
   /// `wanted` (nu) through the limits into `out` (nu). `elapsed_s` since the last command: the change allowed
@@ -48,7 +54,11 @@ class OutputGate {
 
  private:
   bool all_finite(const double* command) const;
+  bool cones_fit() const;
+  double step_of(std::uint32_t i, double elapsed_s) const;
+  bool differs(const double* a, const double* b) const;
   tiller_status_t limit_input(std::uint32_t i, double elapsed_s, double& value) const;
+  tiller_status_t limit_cones(double elapsed_s, double* command) const;
 
   GateLimits limits_;
   double last_[TILLER_MAX_INPUTS] = {};

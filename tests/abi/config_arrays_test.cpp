@@ -59,6 +59,7 @@ TEST(ConfigArrays, LeftOutIsAsSayingNone) {
   plain.effects = nullptr;
   plain.cost.state_low = plain.cost.state_high = plain.cost.bound_weight = nullptr;
   plain.cost.obstacles = nullptr;
+  plain.safety.cones = nullptr;
   plain.safety.hold_gain = plain.safety.measurement_low = plain.safety.measurement_high = nullptr;
   plain.safety.measurement_rate_per_s = nullptr;
   EXPECT_EQ(tiller_size(&plain), tiller_size(&full)) << "the size does not depend on what is left out";
@@ -70,6 +71,8 @@ TEST(ConfigArrays, AreCopiedByInit) {
   Config kept = rig::pendulum_config(), scribbled = kept;
   kept.cost.obstacle_count = scribbled.cost.obstacle_count = 1;
   kept.obstacles[0] = scribbled.obstacles[0] = {0, 1, 9.0, 9.0, 0.5, 1.0};
+  kept.safety.cone_count = scribbled.safety.cone_count = 1;
+  kept.cones[0] = scribbled.cones[0] = {1, 0, 0.0, 1.5};  // below the limits: it is in the swing-up's way
   kept.bound_weight[1] = scribbled.bound_weight[1] = 0.1;
   kept.state_high[1] = scribbled.state_high[1] = 8.0;
   Controller a(kept), b(scribbled);
@@ -79,7 +82,10 @@ TEST(ConfigArrays, AreCopiedByInit) {
                         scribbled.measurement_high, scribbled.measurement_rate_per_s, scribbled.hold_gain})
     std::fill(array, array + TILLER_MAX_STATES, NAN);
   for (tiller_obstacle_t& o : scribbled.obstacles) o = {7, 7, NAN, NAN, NAN, NAN};
-  EXPECT_EQ(a.commands(), b.commands());
+  for (tiller_input_cone_t& cone : scribbled.cones) cone = {7, 7, NAN, NAN};
+  const std::vector<double> commands = a.commands();
+  EXPECT_EQ(commands, b.commands());
+  for (const double u : commands) EXPECT_LE(std::fabs(u), 1.5);
 }
 
 TEST(ConfigArrays, CountsWithoutAnArrayAreRefused) {
@@ -100,6 +106,11 @@ TEST(ConfigArrays, CountsWithoutAnArrayAreRefused) {
   c.cost.obstacles = nullptr;
   EXPECT_EQ(tiller_config_check(&c, &field), tiller_status_null_argument);
   EXPECT_STREQ(field, "cost.obstacles");
+  c = good;
+  c.safety.cone_count = 1;
+  c.safety.cones = nullptr;
+  EXPECT_EQ(tiller_config_check(&c, &field), tiller_status_null_argument);
+  EXPECT_STREQ(field, "safety.cones");
   static const double high[] = {-8.0, -60.0};
   c = good;
   c.cost.state_low = nullptr;  // none, so that every upper bound lies above it
@@ -135,6 +146,7 @@ TEST(Config, CopiesPointToTheirOwnArrays) {
     EXPECT_EQ(plain.cost.state_high, c->state_high);
     EXPECT_EQ(plain.cost.bound_weight, c->bound_weight);
     EXPECT_EQ(plain.cost.obstacles, c->obstacles);
+    EXPECT_EQ(plain.safety.cones, c->cones);
     EXPECT_EQ(plain.safety.hold_gain, c->hold_gain);
     EXPECT_EQ(plain.safety.measurement_low, c->measurement_low);
     EXPECT_EQ(plain.safety.measurement_high, c->measurement_high);

@@ -186,6 +186,21 @@ TEST(Excite, BoundsThatNothingKeepsAreAnError) {
   EXPECT_NE(error.find("--keep"), std::string::npos) << error;
 }
 
+TEST(Excite, LimitsThatLeaveAConeAreAnError) {
+  const auto robot = pendulum();
+  std::vector<Rival> rivals = rivals_of(*robot, {"constant_offset:force_SI=1", "constant_offset:force_SI=1+tilt"});
+  ExciteOptions o = options();
+  o.rounds = 1;
+  rivals[0].config.safety.cone_count = 1;
+  rivals[0].config.cones[0] = {1, 0, 0.0, 1e-3};
+  Proposal p;
+  std::string error;
+  EXPECT_FALSE(propose_excitation(rivals, o, p, error));
+  EXPECT_NE(error.find("--limit"), std::string::npos) << error;
+  rivals[0].config.cones[0].limit = 1e3;
+  EXPECT_TRUE(propose_excitation(rivals, o, p, error)) << error;
+}
+
 TEST(Rivals, AmbiguitySetOfAReportComesWithItsValues) {
   const auto robot = pendulum();
   const std::string path = testing::TempDir() + "tiller_excite_gap.json";

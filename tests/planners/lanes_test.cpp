@@ -187,7 +187,7 @@ TEST_P(Lanes, controls_are_the_interpolated_rate_limited_knots) {
           std::vector<double> mean(kInputs * knots);
           for (std::size_t r = 0; r < mean.size(); ++r) mean[r] = static_cast<double>(rows[r * kLanes + lane]);
           std::vector<float> sequence(horizon * kInputs);
-          tiller::expand_sequence(job.grid, limits, mean.data(), starts, sequence.data(), nullptr,
+          tiller::expand_sequence(job.grid, limits, {}, mean.data(), starts, sequence.data(), nullptr,
                                   cubic ? befores : nullptr);
           for (std::size_t i = 0; i < sequence.size(); ++i)  // float against double: 133 roundings of 5 * 6e-8
             ASSERT_NEAR(controls[i * kLanes + lane], sequence[i], 4e-5) << horizon << " " << knots << " " << i;

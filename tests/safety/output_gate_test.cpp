@@ -138,6 +138,78 @@ TEST(OutputGate, NonsenseLimitsLeaveTheSafeCommandAlone) {
   EXPECT_EQ(out[3], 2.0);
 }
 
+/// Two tangential forces within half of the normal one, plus 1.
+GateLimits friction() {
+  GateLimits limits;
+  limits.count = 3;
+  limits.period_s = kPeriod_s;
+  for (int i = 0; i < 3; ++i) limits.low[i] = -10.0, limits.high[i] = 10.0, limits.rate_per_s[i] = kInf;
+  limits.low[2] = -2.0;
+  const tiller_input_cone_t cone = {0b011, 2, 0.5, 1.0};
+  limits.cones = make_input_cones(&cone, 1);
+  return limits;
+}
+
+TEST(OutputGate, CutsToAConeForTheAxisThatGoesOut) {
+  OutputGate gate(friction());
+  const double hold[] = {0.0, 0.0, 0.0}, wide[] = {6.0, 8.0, 40.0};
+  double out[3];
+  EXPECT_EQ(gate.pass(wide, hold, kPeriod_s, out), tiller_status_command_limited);
+  EXPECT_NEAR(out[0], 3.6, 1e-14);  // 1 + 0.5 * 10 = 6 in the direction of (3, 4) / 5
+  EXPECT_NEAR(out[1], 4.8, 1e-14);
+  EXPECT_EQ(out[2], 10.0);
+  const double inside[] = {1.0, -1.0, 4.0};
+  EXPECT_EQ(gate.pass(inside, hold, kPeriod_s, out), tiller_status_ok);
+  EXPECT_EQ(out[1], -1.0);
+  const double apex[] = {1.0, 1.0, -5.0};
+  (void)gate.pass(apex, hold, kPeriod_s, out);
+  EXPECT_EQ(out[0], 0.0);
+  EXPECT_EQ(out[2], -2.0);
+  EXPECT_EQ(gate.cuts(), 2u);
+}
+
+TEST(OutputGate, RatesHoldOnTheConesToo) {
+  GateLimits limits = friction();
+  limits.rate_per_s[0] = 50.0;  // 1 a period
+  OutputGate gate(limits);
+  const double hold[] = {0.0, 0.0, 0.0}, push[] = {4.0, 0.0, 6.0}, let_go[] = {0.0, 0.0, -2.0};
+  double out[3];
+  for (int k = 0; k < 5; ++k) (void)gate.pass(push, hold, kPeriod_s, out);
+  EXPECT_EQ(out[0], 4.0);
+  // the normal force may not go at once: the tangential one would be left outside
+  EXPECT_EQ(gate.pass(let_go, hold, kPeriod_s, out), tiller_status_rate_limited);
+  EXPECT_NEAR(out[0], 3.0, 1e-12);
+  EXPECT_NEAR(out[2], 4.0, 1e-12);
+}
+
+TEST(OutputGate, HoldAndSafeCommandsPassTheConesToo) {
+  GateLimits limits = friction();
+  limits.safe_command[0] = 3.0;  // outside of the cone, whose radius is 1 here
+  OutputGate gate(limits);
+  double out[3];
+  gate.send_safe(out);
+  EXPECT_EQ(out[0], 1.0);
+  const double lost[] = {kNan, 0.0, 0.0}, hold[] = {9.0, 0.0, 0.0};
+  EXPECT_EQ(gate.pass(lost, hold, kPeriod_s, out), tiller_status_command_not_finite);
+  EXPECT_EQ(out[0], 1.0);
+}
+
+TEST(OutputGate, ConesThatTheLimitsDoNotFitLeaveTheSafeCommandAlone) {
+  for (int fault = 0; fault < 4; ++fault) {
+    GateLimits limits = friction();
+    if (fault == 0) limits.cones.cone[0].limit = kNan;
+    if (fault == 1) limits.low[2] = -3.0;  // 1 - 0.5 * 3 is below 0
+    if (fault == 2) limits.low[0] = 0.5, limits.safe_command[0] = 0.5;
+    if (fault == 3) limits.cones.cone[0].inputs = 0b1011;
+    OutputGate gate(limits);
+    const double wanted[] = {2.0, 1.0, 3.0};
+    double out[3];
+    (void)gate.pass(wanted, wanted, kPeriod_s, out);
+    EXPECT_EQ(out[0], limits.safe_command[0]) << fault;
+    EXPECT_EQ(out[2], limits.safe_command[2]) << fault;
+  }
+}
+
 TEST(OutputGate, NothingGetsThrough) {
   // one million here; ./dev bench robot sends a hundred million
   const StormResult r = GateStorm(7).run(1000000);
@@ -146,6 +218,7 @@ TEST(OutputGate, NothingGetsThrough) {
   EXPECT_EQ(r.not_finite, 0u);
   EXPECT_EQ(r.beyond_limit, 0u);
   EXPECT_EQ(r.beyond_rate, 0u);
+  EXPECT_EQ(r.beyond_cone, 0u);
   EXPECT_EQ(r.altered, 0u) << "a gate that lets nothing through is no gate";
   EXPECT_GT(r.cut, 100000u) << "the commands were too tame to test anything";
   EXPECT_GT(r.rejected, 100000u);

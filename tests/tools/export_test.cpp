@@ -35,6 +35,7 @@ void expect_same_arrays(const tiller_config_t& one, const tiller_config_t& other
   expect_same_bytes("state_high", exported.state_high, read.state_high);
   expect_same_bytes("bound_weight", exported.bound_weight, read.bound_weight);
   expect_same_bytes("obstacles", exported.obstacles, read.obstacles);
+  expect_same_bytes("cones", exported.cones, read.cones);
   expect_same_bytes("hold_gain", exported.hold_gain, read.hold_gain);
   expect_same_bytes("measurement_low", exported.measurement_low, read.measurement_low);
   expect_same_bytes("measurement_high", exported.measurement_high, read.measurement_high);
@@ -48,6 +49,7 @@ tiller_cost_config_t without_arrays(tiller_cost_config_t cost) {
   return cost;
 }
 tiller_safety_config_t without_arrays(tiller_safety_config_t safety) {
+  safety.cones = nullptr;
   safety.hold_gain = safety.measurement_low = safety.measurement_high = safety.measurement_rate_per_s = nullptr;
   return safety;
 }
@@ -72,7 +74,7 @@ TEST_P(Exported, IsTheRobotFile) {
   expect_same_bytes("posterior", exported.posterior, read.posterior);
   expect_same_bytes("planner", exported.planner, read.planner);
   expect_same_bytes("cost", without_arrays(exported.cost), without_arrays(read.cost));
-  const std::size_t safety_fields = offsetof(tiller_safety_config_t, hold_ticks_to_safe) + sizeof(std::uint32_t);
+  const std::size_t safety_fields = offsetof(tiller_safety_config_t, cone_count) + sizeof(std::uint32_t);
   const tiller_safety_config_t one = without_arrays(exported.safety), other = without_arrays(read.safety);
   EXPECT_EQ(std::memcmp(&one, &other, safety_fields), 0);
   EXPECT_EQ(exported.size, read.size);
@@ -112,6 +114,7 @@ TEST(Export, TheWholeTask) {
   read.demonstration_root = exported.cost.demonstration_root;
   expect_same_bytes("cost", without_arrays(exported.cost), without_arrays(read));
   expect_same_arrays(exported, robot->config);
+  ASSERT_EQ(exported.safety.cone_count, 2u);
   expect_same_bytes("planner", exported.planner, robot->config.planner);
   EXPECT_EQ(tiller_size(&exported), tiller_size(&robot->config));
 }

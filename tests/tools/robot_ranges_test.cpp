@@ -31,6 +31,7 @@ double* field_of(const KeySpec& spec, C& c) {
   if (path == "cost.obstacles[]/y_m") return &c.obstacles[0].y_m;
   if (path == "cost.obstacles[]/radius_m") return &c.obstacles[0].radius_m;
   if (path == "cost.obstacles[]/weight") return &c.obstacles[0].weight;
+  if (path == "safety.cones[]/limit") return &c.cones[0].limit;
   if (path == "limits.*/low") return &c.safety.input_low[0];
   if (path == "limits.*/high") return &c.safety.input_high[0];
   if (path == "limits.*/rate_per_s") return &c.safety.input_rate_per_s[0];
@@ -63,6 +64,7 @@ torque_Nm = { low = -1e9, high = 1e9 }
   c.measurement_high[0] = kInf;
   c.cost.obstacle_count = 1;
   c.obstacles[0] = {0, 1, 0, 0, 1, 1};
+  c.cones[0] = {1, 0, 0.0, 1.0};
   c.safety.sensor_timeout_s = 3600;
   // the demonstration and the cost of one's own: weights that need something to weigh
   static const double zeros[4] = {};
@@ -80,8 +82,8 @@ bool is_named(const RobotFile& robot, const KeySpec& spec, const char* field) {
   const Words path = trace_field(robot, field);
   const std::string section = spec.section, first = section.substr(0, section.find_first_of(".["));
   if (path.empty() || path.front() != first) return false;
-  // an obstacle's field is named by its number alone
-  return section == "cost.obstacles[]" || std::find(path.begin(), path.end(), spec.key) != path.end();
+  // a field of an obstacle or a cone is named by its number alone
+  return section == "cost.obstacles[]" || section == "safety.cones[]" || std::find(path.begin(), path.end(), spec.key) != path.end();
 }
 
 TEST(RobotRanges, KeysAndFieldsEndWhereTheCheckSaysSo) {
@@ -94,6 +96,8 @@ TEST(RobotRanges, KeysAndFieldsEndWhereTheCheckSaysSo) {
     ++keys;
     const std::string name = std::string(spec.section) + "." + spec.key;
     const double before = *field;
+    // a cone asks of the limits that they contain 0: it is there for its own key alone
+    if (std::string(spec.section) == "safety.cones[]") c.safety.cone_count = 1;
     const auto is_refused = [&](double value) {
       *field = value;
       if (name == "limits.*.low" || name == "limits.*.high") c.safety.safe_command[0] = value;
@@ -103,7 +107,7 @@ TEST(RobotRanges, KeysAndFieldsEndWhereTheCheckSaysSo) {
       return refused && is_named(*robot, spec, wrong);
     };
     // an end at which the field says something else of another one is no end of its range
-    if (name != "safety.sensor_timeout_s") {
+    if (name != "safety.sensor_timeout_s" && name != "safety.cones[].limit") {
       EXPECT_FALSE(is_refused(spec.low)) << name << " at " << spec.low;
     }
     EXPECT_FALSE(is_refused(spec.high)) << name << " at " << spec.high;

@@ -31,6 +31,17 @@ std::string prior_text(const tiller_prior_t& p) {
   return text;
 }
 
+/// "|x_N, y_N| <= 2 + 0.5 z_N"
+std::string cone_text(const RobotFile& robot, const tiller_input_cone_t& cone) {
+  Words norm;
+  for (std::size_t i = 0; i < robot.inputs.size(); ++i)
+    if ((cone.inputs >> i) & 1u) norm.push_back(robot.inputs[i]);
+  std::string radius = cone.limit > 0.0 || !(cone.slope > 0.0) ? number_text(cone.limit) : "";
+  if (cone.slope > 0.0)
+    radius += (radius.empty() ? "" : " + ") + number_text(cone.slope) + " " + robot.inputs[cone.axis];
+  return "|" + join(norm) + "| <= " + radius;
+}
+
 /// Terms of the cost beside the quadratic ones.
 void print_cost(const RobotFile& robot) {
   const tiller_cost_config_t& c = robot.config.cost;
@@ -137,6 +148,8 @@ int check_command(const std::string& path) {
                 number_text(c.safety.input_low[i]).c_str(), number_text(c.safety.input_high[i]).c_str(),
                 number_text(c.safety.safe_command[i]).c_str());
   }
+  for (std::uint32_t k = 0; k < c.safety.cone_count; ++k)
+    std::printf("  cone       %s\n", cone_text(*robot, c.safety.cones[k]).c_str());
   const std::string planner = planner_names()[c.planner.kind];
   const bool samples = planner_reads(*find_key("planner", "rollouts"), planner);
   std::printf("  planner    %s, %u steps ahead (%.3g s), %s%u particles x %u iterations\n", planner.c_str(),

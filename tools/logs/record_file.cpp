@@ -37,6 +37,7 @@ std::string record_header(const tiller_config_t& config) {
   copy.cost.state_low = copy.cost.state_high = copy.cost.bound_weight = nullptr;
   copy.cost.obstacles = nullptr;
   copy.safety.hold_gain = nullptr;
+  copy.safety.cones = nullptr;
   copy.safety.measurement_low = copy.safety.measurement_high = copy.safety.measurement_rate_per_s = nullptr;
   copy.cost.reference = copy.cost.demonstration_mean = copy.cost.demonstration_root = nullptr;
   copy.cost.outputs = nullptr;

@@ -49,6 +49,7 @@ Words trace_field(const RobotFile& robot, const std::string& field) {
   if (name == "measured_state") return {"measurement", name_at(robot.measurements, i)};
   const std::string input = name_at(robot.inputs, i);
   if (name == "cost.obstacles") return {"cost", "obstacles", std::to_string(i)};
+  if (name == "safety.cones") return {"safety", "cones", std::to_string(i)};
   if (name == "cost.state_low") return {"cost", "bounds", name_at(robot.states, i), "low"};
   if (name == "cost.state_high") return {"cost", "bounds", name_at(robot.states, i), "high"};
   if (name == "cost.bound_weight") return {"cost", "bounds", name_at(robot.states, i), "weight"};

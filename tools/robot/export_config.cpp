@@ -139,6 +139,21 @@ std::string obstacles_text(const RobotFile& robot, const std::string& prefix) {
   return definition("tiller_obstacle_t", prefix + "_obstacles", robot.config.cost.obstacle_count, rows);
 }
 
+std::string cones_text(const RobotFile& robot, const std::string& prefix) {
+  if (robot.config.safety.cone_count == 0) return "";
+  std::string rows;
+  for (std::uint32_t c = 0; c < robot.config.safety.cone_count; ++c) {
+    const tiller_input_cone_t& cone = robot.config.safety.cones[c];
+    Words norm;
+    for (std::size_t i = 0; i < robot.inputs.size(); ++i)
+      if ((cone.inputs >> i) & 1u) norm.push_back(robot.inputs[i]);
+    rows += "  {" + std::to_string(cone.inputs) + "u, " + std::to_string(cone.axis) + "u, " + c_number(cone.slope) +
+            ", " + c_number(cone.limit) + "}, /* " + join(norm) +
+            (cone.slope > 0.0 ? "; along " + robot.inputs[cone.axis] : "") + " */\n";
+  }
+  return definition("tiller_input_cone_t", prefix + "_cones", robot.config.safety.cone_count, rows);
+}
+
 /// Rows of values; nothing where there are none.
 std::string array_text(const std::string& name, const double* values, std::size_t rows, std::size_t columns) {
   if (!values) return "";
@@ -220,7 +235,7 @@ std::string arrays_text(const RobotFile& robot, const std::string& prefix) {
   const tiller_cost_config_t& c = robot.config.cost;
   const std::size_t nx = robot.states.size();
   return effects_text(robot, prefix) + priors_text(robot, prefix) + mixture_text(robot, prefix) +
-         OptionalArrays(robot, prefix).text() + obstacles_text(robot, prefix) +
+         OptionalArrays(robot, prefix).text() + obstacles_text(robot, prefix) + cones_text(robot, prefix) +
          array_text(prefix + "_reference", c.reference, c.reference_steps, nx) +
          array_text(prefix + "_demonstration_mean", c.demonstration_mean, c.demonstration_steps, nx) +
          array_text(prefix + "_demonstration_root", c.demonstration_root, c.demonstration_steps, nx * nx) +
@@ -259,6 +274,8 @@ Initialiser safety_part(const RobotFile& robot, const std::string& prefix) {
   for (const char* field : {"hold_gain", "measurement_low", "measurement_high", "measurement_rate_per_s"})
     arrays.point(part, field);
   write_settings(part, robot, "safety");
+  part.count("cone_count", s.cone_count);
+  if (s.cone_count > 0) part.word("cones", prefix + "_cones");
   return part;
 }
 

@@ -238,6 +238,7 @@ bool read_controller(FileErrors& errors, const toml::table& root, RobotFile& rob
     robot.config.safety.sensor_timeout_s = kPeriodsToLate * robot.config.period_s;
   read_cost_terms(errors, root, robot);
   read_limits(errors, root, robot);
+  read_cones(errors, root, robot);
   read_transport(errors, root, robot);
   read_realtime(errors, root, robot);
   read_sim(errors, root, robot);

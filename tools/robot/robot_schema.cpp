@@ -62,6 +62,10 @@ const std::vector<SectionSpec> kSections = {
     {"limits", "[limits]", "One key for each input of the model; the value is a table."},
     {"limits.*", "below [limits]: input = { ... }", "Limits of the output gate."},
     {"safety", "[safety]", "The answers to faults."},
+    {"safety.cones[]", "[[safety.cones]]",
+     "A limit of a norm of inputs, as often as needed, at most 4 times: the root of the sum of the squares of `inputs` "
+     "stays at or below limit + slope * axis. Every command that is sent and every plan keep it. The limits of every "
+     "input of the norm contain 0, and those of the axis leave the norm something."},
     {"recorder", "[recorder]", "The ring of past ticks inside the controller's block."},
     {"transport", "[transport]",
      "How `tiller run` reaches the robot. The keys after `kind` belong to one kind each, see docs."},
@@ -222,6 +226,17 @@ const std::vector<KeySpec> kOthers = {
      "command in SAFE and before the controller is armed"},
     {"safety", "hold_gain", K::other, "SI/SI", "0", 0, 0, false, hand, nullptr,
      "HOLD commands u = safe - K (x - target): { input = { state = gain } }"},
+    {"safety", "cones", K::other, "", "none", 0, 0, false, hand, nullptr,
+     "limits of norms of inputs, as [[safety.cones]]"},
+    {"safety.cones[]", "inputs", K::other, "", kRequired, 0, 0, false, hand, nullptr,
+     "[\"..\", \"..\"]: the inputs of the norm"},
+    {"safety.cones[]", "limit", K::number, "SI", "0", 0, kScale, false, hand, nullptr,
+     "the largest norm; with a slope, that at axis = 0", nullptr, kLeastScale},
+    {"safety.cones[]", "axis", K::text, "", "none", 0, 0, false, hand, nullptr,
+     "the input along the cone's axis, in no cone's norm; required with a slope"},
+    {"safety.cones[]", "slope", K::number, "SI/SI", "0", 0, kWeight, false, hand, nullptr,
+     "what the largest norm grows by for each unit of the axis: a coefficient of friction, the tangent of a gimbal's "
+     "angle", nullptr, kLeastWeight},
 
     {"transport", "kind", K::choice, "", kRequired, 0, 0, false, hand,
      [] {

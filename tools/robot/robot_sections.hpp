@@ -19,6 +19,8 @@ void read_effects(FileErrors& errors, const toml::table& root, RobotFile& robot)
 void read_measurements(FileErrors& errors, const toml::table& root, RobotFile& robot);
 void read_limits(FileErrors& errors, const toml::table& root, RobotFile& robot);
 void read_hold_gain(SectionReader& safety, RobotFile& robot);
+/// [[safety.cones]]; after the limits, which have to fit.
+void read_cones(FileErrors& errors, const toml::table& root, RobotFile& robot);
 void choose_discrepancy(SectionReader& posterior, RobotFile& robot);
 void read_forgetting(SectionReader& posterior, RobotFile& robot);
 /// After the parameters and effects, whose priors it goes before.

@@ -57,11 +57,16 @@ InteriorPart::InteriorPart(InteriorPoint& work, const Qp& program, QpSolution& s
   delta.state_diagonal = work.px;
   delta.input_diagonal = work.pu;
   delta.low = delta.high = work.fixed_low;
+  if (program.cones.count() == 0) return;
+  if (program.cones.of_state)
+    delta.qxx = work.cone_hessian;
+  else
+    delta.quu = work.cone_hessian;
 }
 
 double& InteriorPart::value_of(const Bound& b) const { return b.of_state ? at.x[b.at] : at.u[b.at]; }
 double InteriorPart::step_of(const Bound& b) const { return b.of_state ? w->dx[b.at] : w->du[b.at]; }
-std::size_t InteriorPart::bounds() const { return w->count; }
+std::size_t InteriorPart::bounds() const { return std::size_t{w->count} + w->cone_count; }
 const double* InteriorPart::first_gradient() const { return w->gx; }
 const double* InteriorPart::end_step() const { return w->dx + N * s; }
 const double* InteriorPart::value() const { return w->factor.value; }
@@ -153,6 +158,7 @@ void InteriorPart::first_multipliers(double size, FirstIterate from) {
     b.y = std::fmin(size / b.t, 0.5 * b.linear + 1e-8);
     b.r = std::fmax(b.linear + b.quadratic * b.e - b.y, 1e-8);
   }
+  first_cones(size);
 }
 
 // ---- the iterate --------------------------------------------------------------------------------
@@ -249,6 +255,7 @@ void InteriorPart::state_residuals(const double* behind, double& worst) {
 double InteriorPart::residual(const double* behind) {
   double worst = 0.0;
   bound_residuals(worst);
+  cone_residuals(worst);
   input_residuals(worst);
   state_residuals(behind, worst);
   return worst;
@@ -271,6 +278,8 @@ void InteriorPart::complementarity(double alpha, double& sum, std::size_t& terms
     sum += (b.e + alpha * b.de) * (b.r + alpha * b.dr);
     ++terms;
   }
+  for (std::uint32_t c = 0; c < w->cone_count; ++c) sum += w->cone[c].complementarity(alpha);
+  terms += w->cone_count;
 }
 
 // ---- one step -----------------------------------------------------------------------------------
@@ -289,6 +298,7 @@ void InteriorPart::aim(double centre, double second) {
     b.target = centre - b.t * b.y - second * b.dt * b.dy;
     b.slack_target = centre - b.e * b.r - second * b.de * b.dr;
   }
+  for (std::uint32_t c = 0; c < w->cone_count; ++c) w->cone[c].aim(centre, second);
 }
 
 void InteriorPart::barrier_diagonals() {
@@ -299,6 +309,7 @@ void InteriorPart::barrier_diagonals() {
     const Bound& b = w->bound[i];
     (b.of_state ? w->px : w->pu)[b.at] += weight_of(b);
   }
+  cone_hessians();
 }
 
 void InteriorPart::barrier_gradients(const double* behind) {
@@ -308,6 +319,7 @@ void InteriorPart::barrier_gradients(const double* behind) {
     const Bound& b = w->bound[i];
     (b.of_state ? w->hx : w->hu)[b.at] -= b.sign * push_of(b);
   }
+  cone_gradients();
   for (std::size_t i = 0; behind && i < s; ++i) w->hx[N * s + i] += behind[i];
 }
 
@@ -326,6 +338,7 @@ void InteriorPart::roll_step(const double* from) {
   for (std::size_t i = 0; i < s; ++i) w->dx[i] = from ? from[i] : 0.0;
   w->kernel->roll(delta, w->factor, w->dx, w->du);
   for (std::uint32_t i = 0; i < w->count; ++i) recover(w->bound[i], step_of(w->bound[i]));
+  for (std::uint32_t c = 0; c < w->cone_count; ++c) w->cone[c].recover(inputs_of(w->cone[c].stage, w->dx, w->du));
 }
 
 void InteriorPart::shorten(double& alpha) const {
@@ -340,6 +353,7 @@ void InteriorPart::shorten(double& alpha) const {
     keep(b.e, b.de);
     keep(b.r, b.dr);
   }
+  for (std::uint32_t c = 0; c < w->cone_count; ++c) alpha = w->cone[c].longest_step(alpha);
 }
 
 void InteriorPart::move(double alpha) {
@@ -357,12 +371,92 @@ void InteriorPart::move(double alpha) {
     b.e += alpha * b.de;
     b.r += alpha * b.dr;
   }
+  for (std::uint32_t c = 0; c < w->cone_count; ++c) w->cone[c].move(alpha);
 }
 
 void InteriorPart::clip_inputs() {
   for (std::size_t i = 0; i < N * m; ++i) {
     if (qp->lq.low && at.u[i] < qp->lq.low[i]) at.u[i] = qp->lq.low[i];
     if (qp->lq.high && at.u[i] > qp->lq.high[i]) at.u[i] = qp->lq.high[i];
+  }
+}
+
+// ---- cones --------------------------------------------------------------------------------------
+
+/// What the program adds to stage k's inputs, in arrays as those of a solution or a step.
+double* InteriorPart::inputs_of(std::size_t k, double* x, double* u) const {
+  return qp->cones.of_state ? x + (k + 1) * s + qp->cones.first : u + k * m;
+}
+
+/// Stage k's inputs at the iterate.
+void InteriorPart::read_inputs(std::size_t k, double* out) const {
+  const double* added = inputs_of(k, at.x, at.u);
+  for (std::size_t i = 0; i < m; ++i) out[i] = qp->cones.base[k * m + i] + added[i];
+}
+
+void InteriorPart::first_cones(double size) {
+  w->cone_count = 0;
+  for (std::size_t k = 0; k < N; ++k)
+    for (std::uint32_t c = 0; c < qp->cones.count() && w->cone_count < w->most_cones; ++c) {
+      ConeBound& b = w->cone[w->cone_count++];
+      b = ConeBound{};
+      b.stage = static_cast<std::uint32_t>(k);
+      b.cone = &qp->cones.cones->cone[c];
+      b.size = 1;
+      for (std::uint32_t i = 0; i < m; ++i)
+        if ((b.cone->inputs >> i) & 1u) b.input[b.size++] = i;
+      double u[TILLER_MAX_INPUTS];
+      read_inputs(k, u);
+      const double radius = cone_radius(*b.cone, u);
+      b.begin(u, radius > 0.0 ? std::fmin(kLeastSlack, 0.1 * radius) : kLeastSlack, size);
+    }
+}
+
+/// gap, and the multipliers' share of the gradient.
+void InteriorPart::cone_residuals(double& worst) {
+  for (std::uint32_t c = 0; c < w->cone_count; ++c) {
+    ConeBound& b = w->cone[c];
+    double u[TILLER_MAX_INPUTS];
+    read_inputs(b.stage, u);
+    b.value(u, b.gap);
+    for (std::uint32_t r = 0; r < b.size; ++r) {
+      b.gap[r] -= b.s[r];
+      take_worse(std::fabs(b.gap[r]), worst);
+      // all of the pair's product: its head alone leaves their directions apart by the root of what is left of it
+      if (r > 0) take_worse(std::fabs(b.s[0] * b.z[r] + b.z[0] * b.s[r]), worst);
+    }
+    take_worse(b.complementarity(0.0), worst);
+    b.add_transposed(-1.0, b.z, inputs_of(b.stage, w->gx, w->gu));
+  }
+}
+
+/// Scales the pairs; the program's Hessian with the cones' share. A trunk's last row has the branches' costs to go by
+/// now.
+void InteriorPart::cone_hessians() {
+  if (w->cone_count == 0) return;
+  const bool of_state = qp->cones.of_state;
+  const std::size_t first = qp->cones.first, numbers = of_state ? (N + 1) * M * n * n : N * m * m;
+  const double* from = of_state ? qp->lq.qxx : qp->lq.quu;
+  for (std::size_t i = 0; i < numbers; ++i) w->cone_hessian[i] = from[i];
+  for (std::size_t i = 0; i < N * m * m; ++i) w->cone_curvature[i] = 0.0;
+  for (std::uint32_t c = 0; c < w->cone_count; ++c) {
+    ConeBound& b = w->cone[c];
+    b.scale();
+    b.add_curvature(w->cone_curvature + b.stage * m * m, m);
+  }
+  for (std::size_t k = 0; k < N; ++k)
+    for (std::size_t i = 0; i < m; ++i)
+      for (std::size_t j = 0; j < m; ++j) {
+        const std::size_t to = of_state ? ((k + 1) * M * n + first + i) * n + first + j : (k * m + i) * m + j;
+        w->cone_hessian[to] += w->cone_curvature[(k * m + i) * m + j];
+      }
+}
+
+void InteriorPart::cone_gradients() {
+  for (std::uint32_t c = 0; c < w->cone_count; ++c) {
+    ConeBound& b = w->cone[c];
+    b.compute_push();
+    b.add_transposed(-1.0, b.push, inputs_of(b.stage, w->hx, w->hu));
   }
 }
 

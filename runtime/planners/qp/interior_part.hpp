@@ -31,7 +31,8 @@ class InteriorPart {
   void collect_bounds();
   /// States by the dynamics.
   void simulate();
-  /// First distances and multipliers: on the central path as far as the iterate allows, at the size of the gradient.
+  /// First distances and multipliers, of cones too: on the central path as far as the iterate allows, at the size of
+  /// the gradient.
   void first_multipliers(double size, FirstIterate from);
 
   // ---- the iterate
@@ -77,6 +78,12 @@ class InteriorPart {
   void state_residuals(const double* behind, double& worst);
   void barrier_diagonals();
   void barrier_gradients(const double* behind);
+  double* inputs_of(std::size_t k, double* x, double* u) const;
+  void read_inputs(std::size_t k, double* out) const;
+  void first_cones(double size);
+  void cone_residuals(double& worst);
+  void cone_hessians();
+  void cone_gradients();
 
   InteriorPoint* w = nullptr;
   const Qp* qp = nullptr;

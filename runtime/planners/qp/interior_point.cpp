@@ -131,7 +131,8 @@ class Solve {
 
 }  // namespace
 
-InteriorPoint lay_out_interior_point(Arena& arena, const LqProblem& sizes, const LqKernel& kernel) {
+InteriorPoint lay_out_interior_point(Arena& arena, const LqProblem& sizes, const LqKernel& kernel,
+                                     const QpCones& cones) {
   InteriorPoint w;
   const std::size_t s = std::size_t{sizes.states} * sizes.scenarios, nx = (sizes.horizon + 1) * s,
                     nu = std::size_t{sizes.horizon} * sizes.inputs;
@@ -141,6 +142,11 @@ InteriorPoint lay_out_interior_point(Arena& arena, const LqProblem& sizes, const
   w.bound = arena.take<InteriorPoint::Bound>(w.most_bounds);
   for (double** rows : {&w.dx, &w.pi, &w.gx, &w.hx, &w.px}) *rows = arena.take<double>(nx);
   for (double** rows : {&w.du, &w.gu, &w.hu, &w.pu, &w.fixed_low}) *rows = arena.take<double>(nu);
+  if (cones.count() == 0) return w;
+  w.most_cones = cones.count() * sizes.horizon;
+  w.cone = arena.take<ConeBound>(w.most_cones);
+  w.cone_curvature = arena.take<double>(nu * sizes.inputs);
+  w.cone_hessian = arena.take<double>(cones.of_state ? nx * sizes.states : nu * sizes.inputs);
   return w;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "planners/qp/cone_bound.hpp"
 #include "planners/qp/qp_tree.hpp"
 
 namespace tiller {
@@ -7,7 +8,8 @@ namespace tiller {
 /// Interior point over the Riccati sweep: Mehrotra's predictor and corrector (SIAM J. Optimization 2, 1992) for
 /// programs along a horizon (Rao, Wright, Rawlings 1998). Bounds enter a sweep as additions to diagonals and gradients,
 /// so an iteration costs one factorisation (cubic in s, linear in N) and one more pass of matrix-vector products.
-/// Slacks of soft bounds are eliminated one by one and cost nothing.
+/// Slacks of soft bounds are eliminated one by one and cost nothing. Cones of a stage's inputs add a block to their
+/// curvature and to their gradient (cone_bound.hpp), so a program with cones costs hardly more.
 struct InteriorPoint {
   /// One side of one variable's bound: t = sign (v - bound) + e > 0 with multiplier y > 0; soft: e > 0 with multiplier
   /// r > 0 and l + w e - y - r = 0.
@@ -30,18 +32,25 @@ struct InteriorPoint {
   double *hx = nullptr, *hu = nullptr;  // and with the eliminated bounds' share
   double *px = nullptr, *pu = nullptr;  // additions to the diagonals
   double* fixed_low = nullptr;          // (N x m) zero: an input with low = high takes no step
+  // cones; null where there are none
+  std::uint32_t cone_count = 0, most_cones = 0;
+  ConeBound* cone = nullptr;         // (most_cones)
+  double* cone_curvature = nullptr;  // (N x m x m) what cones add to the inputs' curvature at the last iterate
+  double* cone_hessian = nullptr;    // quu, or of the lifted problem qxx, with it
 };
 
 /// Room for programs of these sizes.
-InteriorPoint lay_out_interior_point(Arena& arena, const LqProblem& sizes, const LqKernel& kernel);
+InteriorPoint lay_out_interior_point(Arena& arena, const LqProblem& sizes, const LqKernel& kernel,
+                                     const QpCones& cones = {});
 
 /// Starts from solution.u (brought inside its bounds); fills all of the solution. Never leaves an input outside its
-/// bounds. The cap and the deadline leave the best iterate so far, whose dynamics hold exactly.
+/// bounds; out of a cone by no more than the tolerance. The cap and the deadline leave the best iterate so far, whose
+/// dynamics hold exactly.
 QpReport solve_interior_point(InteriorPoint& work, const Qp& qp, const QpLimits& limits, QpSolution& solution);
 
-/// The same on a tree, with a workspace for each part: barriers are of single variables, so they leave the tree its
-/// structure, and one step length and one target serve all parts. An iteration is a sweep of every branch and one of
-/// the trunk.
+/// The same on a tree, with a workspace for each part: barriers are of single variables or of one stage's inputs, so
+/// they leave the tree its structure, and one step length and one target serve all parts. An iteration is a sweep of
+/// every branch and one of the trunk.
 QpReport solve_interior_point(InteriorPoint* const* work, const QpTree& tree, const QpLimits& limits);
 
 }  // namespace tiller

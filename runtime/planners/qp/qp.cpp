@@ -5,6 +5,8 @@
 namespace tiller {
 namespace {
 
+constexpr double kRounding = 1e-9;  // what a cone may be exceeded by in a solution, of its radius: rollouts cut it off
+
 /// Not std::fmax: a NaN has to come through.
 double worse(double a, double b) { return b > a || std::isnan(b) ? b : a; }
 
@@ -145,6 +147,19 @@ double worst_violation(const Qp& qp, const QpSolution& at) {
   for (std::size_t row = z.s; row < (z.N + 1) * z.s; ++row)
     worst = worse(worst, worse(at.x[row] - qp.state_high[row], qp.state_low[row] - at.x[row]));
   return worst;
+}
+
+bool cones_within(const QpCones& cones, const LqProblem& sizes, const double* added) {
+  const std::size_t m = sizes.inputs;
+  for (std::size_t k = 0; cones.count() > 0 && k < sizes.horizon; ++k) {
+    double u[TILLER_MAX_INPUTS];
+    for (std::size_t i = 0; i < m; ++i) u[i] = cones.base[k * m + i] + added[k * m + i];
+    for (std::uint32_t c = 0; c < cones.count(); ++c) {
+      const tiller_input_cone_t& cone = cones.cones->cone[c];
+      if (!(cone_norm(cone, u) <= cone_radius(cone, u) * (1.0 + kRounding))) return false;
+    }
+  }
+  return true;
 }
 
 double qp_cost(const Qp& qp, const QpSolution& at) {

@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "core/arena.hpp"
+#include "core/input_cone.hpp"
 #include "planners/planner.hpp"
 #include "rollout/lq.hpp"
 
@@ -10,6 +11,16 @@ namespace tiller {
 
 /// States of one scenario: the model's, its effects', and the inputs before, where their changes are bounded.
 constexpr std::uint32_t kMostQpStates = TILLER_MAX_STATES + TILLER_MAX_EFFECT_STATES + TILLER_MAX_INPUTS;
+
+/// Second-order cones of every stage's inputs, which are `base` (N x m) and what the program adds to it: its inputs, or
+/// with `of_state` the states of scenario 0 from `first` on, a stage later (the lifted problem's).
+struct QpCones {
+  const InputCones* cones = nullptr;  // null: none
+  const double* base = nullptr;
+  bool of_state = false;
+  std::uint32_t first = 0;
+  std::uint32_t count() const { return cones ? cones->count : 0; }
+};
 
 /// A quadratic program along a horizon: the linear-quadratic problem of rollout/lq.hpp (costs, dynamics, input bounds
 /// lq.low and lq.high, scenarios under one input sequence) with a start and bounds on the states. s = scenarios x n.
@@ -28,6 +39,7 @@ struct Qp {
   const double* state_high = nullptr;       // (N+1 x s)
   const double* slack_linear = nullptr;     // (s) l; infinity: a hard bound. Null: all hard
   const double* slack_quadratic = nullptr;  // (s) w
+  QpCones cones;                            // the interior point alone knows them; kkt_residual does not count them
   std::uint32_t stacked() const { return lq.states * lq.scenarios; }
   bool soft(std::uint32_t i) const;
 };
@@ -52,6 +64,9 @@ struct KktResidual {
   double worst() const;          // NaN if any is
 };
 KktResidual kkt_residual(const Qp& qp, const QpSolution& solution);
+
+/// Whether the program's inputs u (N x m) with their base are within its cones, to rounding; not for lifted ones.
+bool cones_within(const QpCones& cones, const LqProblem& sizes, const double* u);
 
 /// Cost with the soft bounds' penalties, and the largest violation of a soft bound.
 double qp_cost(const Qp& qp, const QpSolution& solution);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/input_cone.hpp"
 #include "effects/effect_info.hpp"
 #include "tools/gap/excite/excite_search.hpp"
 
@@ -41,6 +42,22 @@ void judge(const std::vector<Rival>& rivals, const ExciteOptions& options, Separ
   if (!pair.separable) pair.advice = advice_of(rivals[pair.a], rivals[pair.b]);
 }
 
+/// Sequences know ranges alone: the corner of them that is farthest out has to be within every cone.
+bool within_cones(const tiller_config_t& config, const std::vector<InputRange>& range, std::string& error) {
+  for (std::uint32_t c = 0; c < config.safety.cone_count; ++c) {
+    const tiller_input_cone_t& cone = config.safety.cones[c];
+    double corner[TILLER_MAX_INPUTS] = {};
+    for (std::size_t i = 0; i < range.size(); ++i) corner[i] = std::max(std::fabs(range[i].low), std::fabs(range[i].high));
+    const double norm = cone_norm(cone, corner);
+    if (cone.slope > 0.0) corner[cone.axis] = range[cone.axis].low;
+    if (norm <= cone_radius(cone, corner)) continue;
+    error = "sequences within the limits may leave safety.cones[" + std::to_string(c + 1) +
+            "]: narrow the limits of its inputs with --limit until their corners are within it";
+    return false;
+  }
+  return true;
+}
+
 bool check(const std::vector<Rival>& rivals, const ExciteOptions& options, std::string& error) {
   if (rivals.size() < 2) {
     error = "one candidate needs no experiment: name two or more";
@@ -57,7 +74,7 @@ bool check(const std::vector<Rival>& rivals, const ExciteOptions& options, std::
       error = "an input's limits leave nothing to excite with, or not its safe command";
       return false;
     }
-  return true;
+  return within_cones(rivals[0].config, options.range, error);
 }
 
 std::vector<InputRange> ranges_of(const tiller_config_t& config) {
