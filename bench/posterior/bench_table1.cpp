@@ -2,8 +2,8 @@
 // that get the same data and about the same number of simulations, beside the exact one.
 //
 // Data: one episode of 400 transitions, every state measured, noise of sigma .03 of a step's RMS change
-// (paper_tasks.hpp, accuracy_tasks.hpp). The truth is drawn from the prior. Data come from the model itself, so that an exact posterior
-// exists.
+// (paper_tasks.hpp, accuracy_tasks.hpp). The truth is drawn from the prior. Data come from the model itself, so that an
+// exact posterior exists.
 //
 //   online   the runtime's engine `transition`, one transition after the other, noise not told: 1,024 particles and 128
 //            moves over a window of 64 a transition, which is 1,024 + 128 x 64 = 9,216 simulations of the whole record
