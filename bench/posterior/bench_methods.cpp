@@ -12,13 +12,7 @@
 // parameters, at n and at every larger n tried. The fit has a fifth of the simulations. The online posterior stands
 // beside the two: what the same transitions are worth to a likelihood.
 //
-// The same on the hopper of robots/hopper.toml (--only hopper): body mass, leg stiffness and ground friction after n
-// transitions of hopping (paper_tasks.hpp). Figures: error of the three means, RMS, in deviations of the prior; cost of
-// 2 s of hopping of the true hopper under the planner with the fitted mean, over that with the true parameters. Open-loop
-// rollouts go through touchdowns and take-offs, so that short ones stand beside whole episodes.
-//
-//   bench_methods [--runs N] [--seed FIRST] [--task NAME] [--sigma S] [--simulations N]
-//                 [--only accuracy|efficiency|hopper]
+//   bench_methods [--runs N] [--seed FIRST] [--task NAME] [--sigma S] [--simulations N] [--only accuracy|efficiency]
 //
 // Scores are taken on seeds 1 and up; settings were chosen on seeds from 100001.
 
@@ -34,7 +28,6 @@
 
 #include "bench/posterior/method_episode.hpp"
 #include "bench/posterior/method_fits.hpp"
-#include "bench/posterior/paper_tasks.hpp"
 #include "bench/table/arguments.hpp"
 #include "bench/table/bench_table.hpp"
 #include "harness/accuracy/accuracy_run.hpp"
@@ -237,93 +230,6 @@ void efficiency(const Settings& settings, const AccuracyTask& task) {
   print_claims(returns);
 }
 
-// ---- the hopper ------------------------------------------------------------------------------------
-
-constexpr std::uint32_t kHops[] = {10, 20, 40, 80, 160, 320};
-constexpr std::uint32_t kHoppingTicks = 200;
-const Contender kHoppers[] = {{"trajectory_simopt, whole episode", "trajectory_simopt", 10, 0},
-                              {"trajectory_simopt, 0.1 s", "trajectory_simopt", 10, 0.1},
-                              {"simopt --l1 1 --scale", "simopt", 10, 0, true},
-                              {"online posterior", nullptr, 0, 0}};
-constexpr std::size_t kHopperCount = std::size(kHoppers), kHopCount = std::size(kHops);
-
-/// RMS over the unknowns of how far `mean` (np) is from the truth, in the prior's deviations.
-double error_in_prior_sd(const AccuracyTask& task, const std::vector<double>& mean, const std::vector<double>& truth) {
-  double square = 0;
-  for (const std::uint32_t i : task.inferred) {
-    const double sd = (task.config.priors[i].high - task.config.priors[i].low) / std::sqrt(12.0);
-    square += std::pow((mean[i] - truth[i]) / sd, 2) / static_cast<double>(task.inferred.size());
-  }
-  return std::sqrt(square);
-}
-
-struct HopperFigures {
-  std::vector<double> error[kHopperCount][kHopCount], cost[kHopperCount][kHopCount], prior_cost;
-};
-
-void add_hopper(const Settings& settings, const PaperTask& hopper, std::uint64_t seed, HopperFigures& figures) {
-  const AccuracyTask& task = hopper.task;
-  const Episode episode = hopper.episode(settings.sigma, kEpisodeTicks, seed);
-  const auto cost = [&](const std::vector<double>& params) {
-    return hopping_cost(hopper, episode.truth, params, kHoppingTicks, seed);
-  };
-  const double oracle = cost(episode.truth);
-  std::vector<double> middle = episode.truth;
-  for (const std::uint32_t i : task.inferred)
-    middle[i] = 0.5 * (task.config.priors[i].low + task.config.priors[i].high);
-  figures.prior_cost.push_back(cost(middle) / oracle);
-  for (std::size_t c = 0; c < kHopperCount; ++c)
-    for (std::size_t t = 0; t < kHopCount; ++t) {
-      const MethodResult fit = kHoppers[c].method ? learn(task, episode, kHops[t], settings.sigma, seed, kHoppers[c],
-                                                          settings.simulations / 5)
-                                                  : learn_online(task, episode, kHops[t], seed);
-      const std::vector<double>& mean = fit.history.back().mean;
-      figures.error[c][t].push_back(error_in_prior_sd(task, mean, episode.truth));
-      figures.cost[c][t].push_back(cost(mean) / oracle);
-    }
-}
-
-void print_hoppers(const char* title, const std::vector<double> (&figures)[kHopperCount][kHopCount]) {
-  std::printf("  %-36s", title);
-  for (const std::uint32_t n : kHops) std::printf(" %14u", n);
-  std::printf("\n");
-  for (std::size_t c = 0; c < kHopperCount; ++c) {
-    std::printf("  %-36s", kHoppers[c].label);
-    for (const std::vector<double>& values : figures[c])
-      std::printf(" %6.3f +- %5.3f", mean_of(values), error_of(values));
-    std::printf("\n");
-  }
-}
-
-/// Step by step against the better of the two kinds of trajectories, hopper by hopper.
-void print_hopper_claims(const HopperFigures& figures) {
-  for (std::size_t t = 0; t < kHopCount; ++t) {
-    const auto &whole = figures.error[0][t], &brief = figures.error[1][t], &steps = figures.error[2][t];
-    const std::vector<double>& rival = mean_of(whole) < mean_of(brief) ? whole : brief;
-    int nearer = 0;
-    for (std::size_t s = 0; s < steps.size(); ++s) nearer += steps[s] < rival[s];
-    std::printf("  n = %u: steps are nearer than %s in %d of %zu\n", kHops[t],
-                &rival == &whole ? kHoppers[0].label : kHoppers[1].label, nearer, steps.size());
-  }
-}
-
-void hoppers(const Settings& settings) {
-  std::printf("\nhopper after n real transitions, sigma %g, %d hoppers, %u simulations a fit\n", settings.sigma,
-              settings.runs, settings.simulations / 5);
-  const PaperTask hopper = hopper_three();
-  HopperFigures figures;
-  for (int run = 0; run < settings.runs; ++run) {
-    add_hopper(settings, hopper, settings.first_seed + static_cast<std::uint64_t>(run), figures);
-    std::fprintf(stderr, "\r\033[Khopper %d of %d", run + 1, settings.runs);
-  }
-  std::fprintf(stderr, "\r\033[K");
-  print_hoppers("error, prior sd (+- its error), n =", figures.error);
-  print_hoppers("cost over the oracle's, n =", figures.cost);
-  std::printf("  cost over the oracle's at the priors' centres: %.3f +- %.3f\n", mean_of(figures.prior_cost),
-              error_of(figures.prior_cost));
-  print_hopper_claims(figures);
-}
-
 bool parse(int argc, char** argv, Settings& s) {
   for (int i = 1; i + 1 < argc; i += 2) {
     const std::string key = argv[i], value = argv[i + 1];
@@ -352,14 +258,12 @@ int main(int argc, char** argv) {
   if (!parse(argc, argv, settings)) {
     std::fprintf(stderr,
                  "usage: bench_methods [--runs N] [--seed FIRST] [--task NAME] [--sigma S] [--simulations N] "
-                 "[--only accuracy|efficiency|hopper]\n");
+                 "[--only accuracy|efficiency]\n");
     return 2;
   }
-  const auto wants = [&](const char* part) { return settings.only.empty() || settings.only == part; };
   for (const AccuracyTask& task : accuracy_tasks()) {
-    if (wants("accuracy") && task.name == settings.task) accuracy(settings, task);
-    if (wants("efficiency") && task.name == "pendulum") efficiency(settings, task);
+    if (settings.only != "efficiency" && task.name == settings.task) accuracy(settings, task);
+    if (settings.only != "accuracy" && task.name == "pendulum") efficiency(settings, task);
   }
-  if (wants("hopper")) hoppers(settings);
   return 0;
 }

@@ -1,15 +1,16 @@
 // ./dev bench posterior table1: the rows of Online BayesSim's Table I (Possas et al. 2020), each by three posteriors
 // that get the same data and about the same number of simulations, beside the exact one.
 //
-// Data: one episode of 400 transitions, every state measured, noise of sigma .03 of a step's RMS change (paper_tasks.hpp,
-// accuracy_tasks.hpp). The truth is drawn from the prior. Data come from the model itself, so that an exact posterior
-// exists.
+// Data: one episode of 400 transitions, every state measured, noise of sigma .03 of a step's RMS change
+// (paper_tasks.hpp, accuracy_tasks.hpp). The truth is drawn from the prior. Data come from the model itself, so that an
+// exact posterior exists.
 //
 //   online   the runtime's engine `transition`, one transition after the other, noise not told: 1,024 particles and 128
 //            moves over a window of 64 a transition, which is 1,024 + 128 x 64 = 9,216 simulations of the whole record
-//   batch    tempered sequential Monte Carlo on the whole record at once (batch_smc.hpp), noise not told: 400 particles,
-//            10,000 simulations
-//   abc      rejection ABC of `tiller identify --method abc`, noise told: 10,000 simulations, the nearest hundredth kept
+//   batch    tempered sequential Monte Carlo on the whole record at once (batch_smc.hpp), noise not told: 400
+//            particles, 10,000 simulations
+//   abc      rejection ABC of `tiller identify --method abc`, noise told: 10,000 simulations, the nearest hundredth
+//            kept
 //   exact    quadrature or importance sampling (exact_likelihood.hpp), noise not told
 //
 // Figures: log density at the truth by a Gaussian kernel estimate from each one's own points (their covariance times

@@ -1,6 +1,7 @@
 #pragma once
 
-// The rows of Online BayesSim's Table I, contact among them, as tasks with exact posteriors.
+// The rows of Online BayesSim's Table I as tasks with exact posteriors, contact among them; the hopper's friction is
+// left out.
 
 #include <vector>
 
@@ -25,18 +26,7 @@ PaperTask slide_friction();
 /// push it acts through the limit surface alone.
 PaperTask push_friction();
 
-/// A hopper under a planner that knows the centres of the priors, with torques at the hip that make its foot slip. Of
-/// the robot file robots/hopper.toml; ground friction uniform on [0.2, 0.8], the rest known.
-PaperTask hopper_friction();
-
-/// The same with body mass, leg stiffness and ground friction unknown, within the robot file's priors.
-PaperTask hopper_three();
-
-/// Mean stage cost of `ticks` periods of the true hopper under the planner with `params`, no noise.
-double hopping_cost(const PaperTask& hopper, const std::vector<double>& truth, const std::vector<double>& params,
-                    std::uint32_t ticks, std::uint64_t seed);
-
-/// Every row: those of accuracy_tasks(), then hopper, push and slide friction.
+/// Those of accuracy_tasks(), then push and slide friction.
 std::vector<PaperTask> paper_tasks();
 
 }  // namespace tiller::bench
