@@ -82,7 +82,7 @@ TEST(Qp, interior_point_comes_away_from_wrong_bounds) {
     most = std::max(most, report.iterations);
   }
   std::printf("at most %u iterations from the wrong bounds\n", most);
-  EXPECT_LE(most, 40u);
+  EXPECT_LE(most, 30u);  // 67 where it does not begin anew
 }
 
 TEST(Qp, osqp_agrees) {

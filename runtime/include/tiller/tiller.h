@@ -238,7 +238,7 @@ typedef struct tiller_planner_config {
 
   /* plans that will learn */
   uint32_t closed_loop;  /**< 1: each particle corrects its way by feedback on its own state (sampling planners), or has
-                              a sequence of its own (iLQR), after the steps that all share */
+                              a sequence of its own (ilqr, sqp), after the steps that all share */
   uint32_t shared_steps; /**< with closed_loop: steps whose inputs are the same for all particles, 1..512 */
   uint32_t
       predict_spread; /**< 1: every plan comes with mean and deviation of the states ahead: tiller_get_prediction */
