@@ -54,8 +54,7 @@ void lay_out_cone_program(Arena& arena, const RolloutTable& table, const PathPla
   if (p.cones.count == 0) return;
   LqProblem sizes = p.problem;
   sizes.scenarios = p.most_scenarios;
-  program.interior =
-      lay_out_interior_point(arena, sizes, select_lq(table, p.n, p.nu, p.most_scenarios), path_cones(p));
+  program.interior = lay_out_interior_point(arena, sizes, select_lq(table, p.n, p.nu, p.most_scenarios), path_cones(p));
   program.solution = lay_out_qp_solution(arena, sizes);
 }
 

@@ -146,8 +146,8 @@ bool solve_program(Sqp& s, const Deadline& deadline) {
       return false;
     }
     p.has_gain = true;
-    const bool within = changes_within(s) && states_within(s.plain.qp, s.plain.solution) &&
-                        path_within_cones(p, s.plain.solution.u);
+    const bool within =
+        changes_within(s) && states_within(s.plain.qp, s.plain.solution) && path_within_cones(p, s.plain.solution.u);
     if (report.status == QpStatus::solved && within) return true;
   }
   if (!solve_whole(s, limits)) {

@@ -122,8 +122,7 @@ void ConeBound::add_curvature(double* block, std::size_t stride) const {
     block[input[r] * stride + input[r]] += factor;
   }
   for (std::uint32_t i = 0; i < count; ++i)
-    for (std::uint32_t j = 0; j < count; ++j)
-      block[at[i] * stride + at[j]] += 2.0 * factor * gradient[i] * gradient[j];
+    for (std::uint32_t j = 0; j < count; ++j) block[at[i] * stride + at[j]] += 2.0 * factor * gradient[i] * gradient[j];
 }
 
 void ConeBound::compute_push() {

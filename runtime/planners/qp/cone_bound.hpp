@@ -17,12 +17,12 @@ struct ConeBound {
   using Vector = double[kMost];
   std::uint32_t stage = 0;
   const tiller_input_cone_t* cone = nullptr;
-  std::uint32_t size = 0;                      // 1 + inputs of the norm
-  std::uint32_t input[kMost] = {};             // of component r > 0
-  Vector s = {}, z = {};                       // inside
-  Vector gap = {};                             // value at the iterate - s
-  Vector lambda = {}, axis = {};               // scaled point; W's axis, on the hyperboloid of determinant 1
-  double length = 1.0;                         // and W's factor
+  std::uint32_t size = 0;                           // 1 + inputs of the norm
+  std::uint32_t input[kMost] = {};                  // of component r > 0
+  Vector s = {}, z = {};                            // inside
+  Vector gap = {};                                  // value at the iterate - s
+  Vector lambda = {}, axis = {};                    // scaled point; W's axis, on the hyperboloid of determinant 1
+  double length = 1.0;                              // and W's factor
   Vector target = {}, push = {}, ds = {}, dz = {};  // v, dz at du = 0, and the step
 
   /// The cone at inputs `u` (m) of its stage.

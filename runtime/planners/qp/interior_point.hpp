@@ -43,7 +43,8 @@ InteriorPoint lay_out_interior_point(Arena& arena, const LqProblem& sizes, const
                                      const QpCones& cones = {});
 
 /// Starts from solution.u (brought inside its bounds); fills all of the solution. Never leaves an input outside its
-/// bounds; out of a cone by no more than the tolerance. The cap and the deadline leave the best iterate so far, whose dynamics hold exactly.
+/// bounds; out of a cone by no more than the tolerance. The cap and the deadline leave the best iterate so far, whose
+/// dynamics hold exactly.
 QpReport solve_interior_point(InteriorPoint& work, const Qp& qp, const QpLimits& limits, QpSolution& solution);
 
 }  // namespace tiller
