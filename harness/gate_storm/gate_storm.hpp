@@ -164,7 +164,6 @@ class GateStorm {
     return true;
   }
 
-
   double allowed(std::uint32_t i, double elapsed_s) const {
     const double rate = gate_limits_.rate_per_s[i];
     if (!(rate > 0.0)) return 0.0;

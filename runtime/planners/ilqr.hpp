@@ -14,7 +14,7 @@ struct Ilqr {
   double cost = 0.0;  // of the path under the risk; infinity: not known
   MultipleShooting shooting;
   ConeProgram cones;
-  Deadline deadline;  // of the plan under way
+  Deadline deadline;      // of the plan under way
   bool single = true;     // single shooting
   bool standing = false;  // the problem is that of the present path
   bool solved = false;    // and the factor is its

@@ -52,14 +52,14 @@ struct KnotGrid {
 struct ExpandJob {
   KnotGrid grid;
   std::uint32_t lanes = 0;
-  std::uint32_t stride = 0;          // of `knots`
-  const float* knots = nullptr;      // (inputs * knots x lanes)
-  const float* start = nullptr;      // (inputs) command in force
-  const float* rate_step = nullptr;  // (inputs) largest change a step; negative: no limit
-  const float* before = nullptr;     // (inputs) value a knot ahead of the first; null: linear
-  bool hold = false;                 // each knot's value until the next, in the place of a curve
+  std::uint32_t stride = 0;           // of `knots`
+  const float* knots = nullptr;       // (inputs * knots x lanes)
+  const float* start = nullptr;       // (inputs) command in force
+  const float* rate_step = nullptr;   // (inputs) largest change a step; negative: no limit
+  const float* before = nullptr;      // (inputs) value a knot ahead of the first; null: linear
+  bool hold = false;                  // each knot's value until the next, in the place of a curve
   const InputCones* cones = nullptr;  // null: none, and at no cost
-  float* controls = nullptr;         // (horizon * inputs x lanes), row stride `lanes`
+  float* controls = nullptr;          // (horizon * inputs x lanes), row stride `lanes`
 };
 
 /// Per rollout: the mean of the `tail` costliest of M particles (M: the plain mean; the last may count by a

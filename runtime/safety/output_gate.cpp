@@ -43,7 +43,8 @@ OutputGate::OutputGate(const GateLimits& limits) : limits_(limits) {
   std::copy(limits_.safe_command, limits_.safe_command + TILLER_MAX_INPUTS, last_);
 }
 
-/// Whether shrinking a norm's inputs towards 0 stays within the limits, and no limit of an axis leaves a radius below 0.
+/// Whether shrinking a norm's inputs towards 0 stays within the limits, and no limit of an axis leaves a radius below
+/// 0.
 bool OutputGate::cones_fit() const {
   const InputCones& cones = limits_.cones;
   for (std::uint32_t c = 0; c < cones.count; ++c) {

@@ -213,9 +213,8 @@ TEST_P(Flight, ReachesThePadWithinTheCone) {
   }
 }
 
-// Gradient planners err by their horizon of 2 s and by what is not known of the mass: 0.2 %. Samples have eight knots for
-// three inputs, and their means are as far inside of a limit as the samples spread: they cost 3 to 10 % more. The tree
-// has five values an input, each held for four periods: 13 %.
+// Gradient planners err by their horizon of 2 s and by what is not known of the mass: 0.2 %. Samples have eight knots
+// for three inputs: they cost 3 to 10 % more. The tree has five values an input, each held for four periods: 13 %.
 INSTANTIATE_TEST_SUITE_P(Planners, Flight,
                          testing::Values(Share{tiller_planner_sqp, 0.01}, Share{tiller_planner_ilqr, 0.01},
                                          Share{tiller_planner_hybrid, 0.01}, Share{tiller_planner_mppi, 0.12},

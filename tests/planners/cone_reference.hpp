@@ -59,6 +59,55 @@ class ConeReference {
     return u;
   }
 
+  /// With rate limits as well, of `step` (3) a period from forces `last` (3): two sets whose common projection has no
+  /// closed form, so alternating directions (ADMM, Boyd et al. 2011) over copies of the forces within the cone and of
+  /// their changes within the steps. The copies differ from the forces by 1e-7 N or so in the end.
+  std::vector<double> solve_with_rates(const double* step, const double* last, int rounds = 5000) const {
+    const std::size_t n = 3 * n_;
+    std::vector<double> zero(n, 0.0), pull(n), column(n), matrix(n * n);
+    (void)evaluate(zero, pull, true);
+    const double rho = 0.05 * largest_curvature();
+    for (std::size_t j = 0; j < n; ++j) {
+      std::vector<double> unit(n, 0.0);
+      unit[j] = 1.0;
+      (void)evaluate(unit, column, false);
+      for (std::size_t i = 0; i < n; ++i) matrix[i * n + j] = column[i] + (i == j ? 2.0 * rho : 0.0);
+      if (j + 3 < n) matrix[j * n + j] += rho;  // D'D of the changes: 2 on the diagonal, 1 at the end, -1 beside it
+      if (j + 3 < n) matrix[(j + 3) * n + j] -= rho, matrix[j * n + j + 3] -= rho;
+    }
+    for (std::size_t j = 0; j < n; ++j)  // Cholesky in the lower triangle
+      for (std::size_t i = j; i < n; ++i) {
+        double sum = matrix[i * n + j];
+        for (std::size_t k = 0; k < j; ++k) sum -= matrix[i * n + k] * matrix[j * n + k];
+        matrix[i * n + j] = i == j ? std::sqrt(sum) : sum / matrix[j * n + j];
+      }
+    std::vector<double> u(n, 0.0), in_cone(n, 0.0), change(n, 0.0), y(n, 0.0), w(n, 0.0);
+    const auto before = [&](const std::vector<double>& v, std::size_t i) { return i < 3 ? last[i] : v[i - 3]; };
+    for (int round = 0; round < rounds; ++round) {
+      for (std::size_t i = 0; i < n; ++i) {
+        u[i] = -pull[i] + rho * (in_cone[i] - y[i]) + rho * (change[i] - w[i] + (i < 3 ? last[i] : 0.0));
+        if (i + 3 < n) u[i] -= rho * (change[i + 3] - w[i + 3]);
+      }
+      for (std::size_t i = 0; i < n; ++i) {
+        for (std::size_t k = 0; k < i; ++k) u[i] -= matrix[i * n + k] * u[k];
+        u[i] /= matrix[i * n + i];
+      }
+      for (std::size_t i = n; i-- > 0;) {
+        for (std::size_t k = i + 1; k < n; ++k) u[i] -= matrix[k * n + i] * u[k];
+        u[i] /= matrix[i * n + i];
+      }
+      for (std::size_t i = 0; i < n; ++i) in_cone[i] = u[i] + y[i];
+      for (std::uint32_t k = 0; k < n_; ++k) project(&in_cone[3 * k]);
+      for (std::size_t i = 0; i < n; ++i) {
+        y[i] += u[i] - in_cone[i];
+        const double moved = u[i] - before(u, i);
+        change[i] = std::clamp(moved + w[i], -step[i % 3], step[i % 3]);
+        w[i] += moved - change[i];
+      }
+    }
+    return in_cone;
+  }
+
   /// The nearest forces within limits and cone. The distance is convex in the axis, so its best value under limits is
   /// the best one, cut to them.
   void project(double* u) const {

@@ -219,6 +219,64 @@ TEST(Cones, gradient_planners_find_the_constrained_optimum) {
   }
 }
 
+/// With rate limits the programs of sqp are lifted, and cones are cones of states. The reference is another one
+/// than above; programs solved to 1e-8 are 1e-9 of the cost from it.
+TEST(Cones, sqp_finds_the_optimum_under_rate_limits_too) {
+  for (const auto cone : {limit_norm, gimbal}) {
+    tiller::Config c = lander_config(tiller_planner_sqp);
+    cone(c);
+    const double rate[] = {4.0, 4.0, 20.0}, last[] = {0.5, 0.0, 9.0};
+    double step[3];
+    for (int i = 0; i < 3; ++i) {
+      c.safety.input_rate_per_s[i] = rate[i];
+      step[i] = rate[i] * c.period_s;
+    }
+    const ConeReference reference(c, in_float(kAway), {1.0}, c.planner.horizon);
+    const std::vector<double> best = reference.solve_with_rates(step, last);
+    double over = 0.0;
+    int at_rate = 0;
+    for (std::size_t i = 0; i < best.size(); ++i) {
+      const double change = std::fabs(best[i] - (i < 3 ? last[i] : best[i - 3]));
+      over = std::max(over, change - step[i % 3]);
+      at_rate += change > 0.999 * step[i % 3];
+    }
+    Bench bench(c, nullptr, table_of(c));
+    bench.set_state(kAway);
+    std::copy(last, last + 3, bench.last_command);
+    const tiller::PlanResult result = bench.plan();
+    const double gap = result.cost / reference.cost(best) - 1.0;
+    std::printf(
+        "%s: optimum %.5f, which exceeds rates by %.1e N; gap %.1e; %d changes at their rate, %d stages on the cone\n",
+        cone == gimbal ? "gimbal" : "norm  ", reference.cost(best), over, gap, at_rate, on_the_cone(c, best));
+    EXPECT_LE(over, 1e-9);
+    EXPECT_GE(at_rate, 5);
+    EXPECT_GE(on_the_cone(c, best), 5);
+    EXPECT_NEAR(gap, 0.0, 1e-7);
+    EXPECT_TRUE(tiller::within_cones(tiller::make_input_cones(c.safety.cones, 1), bench.command));
+    for (int i = 0; i < 3; ++i) EXPECT_LE(std::fabs(bench.command[i] - last[i]), step[i]);
+  }
+}
+
+/// The tree of ilqr projects its rollouts and has no cones in its problem: how far from the optimum that leaves it
+/// where all hypotheses are the same one.
+TEST(Cones, a_tree_is_within_them_and_short_of_the_optimum) {
+  for (const auto cone : {limit_norm, gimbal}) {
+    tiller::Config c = lander_config(tiller_planner_ilqr);
+    cone(c);
+    c.planner.particles = 2;
+    c.planner.closed_loop = 1;
+    const ConeReference reference(c, in_float(kAway), {1.0}, c.planner.horizon);
+    const double optimum = reference.cost(reference.solve(5000));
+    Bench bench(c, nullptr, table_of(c));
+    bench.set_state(kAway);
+    const tiller::PlanResult result = bench.plan();
+    std::printf("%s: the tree costs %.2f %% more than the optimum\n", cone == gimbal ? "gimbal" : "norm  ",
+                100.0 * (result.cost / optimum - 1.0));
+    EXPECT_GE(result.cost, optimum * (1.0 - 1e-9));
+    EXPECT_TRUE(tiller::within_cones(tiller::make_input_cones(c.safety.cones, 1), bench.command));
+  }
+}
+
 /// Without the cone in its programs a gradient planner would be left with a radial cut of what it planned: worse by far
 /// more than any tolerance here. So the test above can fail.
 TEST(Cones, a_cut_of_the_unconstrained_plan_is_no_optimum) {

@@ -37,8 +37,8 @@ struct Sequence {
   }
   std::vector<float> inputs(const InputLimit& limit, double start) const {
     std::vector<float> all(clock.horizon);
-    tiller::expand_sequence({clock.horizon, 1, clock.knots, first_step.data(), fraction.data()}, &limit, {}, knots.data(),
-                            &start, all.data(), nullptr, cubic ? &before : nullptr);
+    tiller::expand_sequence({clock.horizon, 1, clock.knots, first_step.data(), fraction.data()}, &limit, {},
+                            knots.data(), &start, all.data(), nullptr, cubic ? &before : nullptr);
     return all;
   }
 };

@@ -83,7 +83,8 @@ bool is_named(const RobotFile& robot, const KeySpec& spec, const char* field) {
   const std::string section = spec.section, first = section.substr(0, section.find_first_of(".["));
   if (path.empty() || path.front() != first) return false;
   // a field of an obstacle or a cone is named by its number alone
-  return section == "cost.obstacles[]" || section == "safety.cones[]" || std::find(path.begin(), path.end(), spec.key) != path.end();
+  return section == "cost.obstacles[]" || section == "safety.cones[]" ||
+         std::find(path.begin(), path.end(), spec.key) != path.end();
 }
 
 TEST(RobotRanges, KeysAndFieldsEndWhereTheCheckSaysSo) {

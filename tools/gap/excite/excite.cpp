@@ -47,7 +47,8 @@ bool within_cones(const tiller_config_t& config, const std::vector<InputRange>& 
   for (std::uint32_t c = 0; c < config.safety.cone_count; ++c) {
     const tiller_input_cone_t& cone = config.safety.cones[c];
     double corner[TILLER_MAX_INPUTS] = {};
-    for (std::size_t i = 0; i < range.size(); ++i) corner[i] = std::max(std::fabs(range[i].low), std::fabs(range[i].high));
+    for (std::size_t i = 0; i < range.size(); ++i)
+      corner[i] = std::max(std::fabs(range[i].low), std::fabs(range[i].high));
     const double norm = cone_norm(cone, corner);
     if (cone.slope > 0.0) corner[cone.axis] = range[cone.axis].low;
     if (norm <= cone_radius(cone, corner)) continue;
