@@ -62,7 +62,7 @@ class ConeReference {
   /// With rate limits as well, of `step` (3) a period from forces `last` (3): two sets whose common projection has no
   /// closed form, so alternating directions (ADMM, Boyd et al. 2011) over copies of the forces within the cone and of
   /// their changes within the steps. The copies differ from the forces by 1e-7 N or so in the end.
-  std::vector<double> solve_with_rates(const double* step, const double* last, int rounds = 5000) const {
+  std::vector<double> solve_with_rates(const double* step, const double* last, int rounds = 60000) const {
     const std::size_t n = 3 * n_;
     std::vector<double> zero(n, 0.0), pull(n), column(n), matrix(n * n);
     (void)evaluate(zero, pull, true);

@@ -67,6 +67,7 @@ InteriorPart::InteriorPart(InteriorPoint& work, const Qp& program, QpSolution& s
 double& InteriorPart::value_of(const Bound& b) const { return b.of_state ? at.x[b.at] : at.u[b.at]; }
 double InteriorPart::step_of(const Bound& b) const { return b.of_state ? w->dx[b.at] : w->du[b.at]; }
 std::size_t InteriorPart::bounds() const { return std::size_t{w->count} + w->cone_count; }
+std::size_t InteriorPart::cones() const { return w->cone_count; }
 const double* InteriorPart::first_gradient() const { return w->gx; }
 const double* InteriorPart::end_step() const { return w->dx + N * s; }
 const double* InteriorPart::value() const { return w->factor.value; }

@@ -62,6 +62,7 @@ class InteriorPart {
 
   std::size_t size() const { return N * (m + s); }
   std::size_t bounds() const;
+  std::size_t cones() const;
   const double* first_gradient() const;
   const double* end_step() const;
   const double* value() const;

@@ -40,6 +40,11 @@ class Solve {
     for (std::uint32_t i = 0; i < parts_; ++i) sum += part_[i].size();
     return static_cast<double>(sum);
   }
+  std::size_t cones() const {
+    std::size_t sum = 0;
+    for (std::uint32_t i = 0; i < parts_; ++i) sum += part_[i].cones();
+    return sum;
+  }
   std::size_t bounds() const {
     std::size_t sum = 0;
     for (std::uint32_t i = 0; i < parts_; ++i) sum += part_[i].bounds();
@@ -194,8 +199,9 @@ QpReport solve_interior_point(InteriorPoint* const* work, const QpTree& tree, co
     }
     const double longest = solve.longest_step();
     jammed = longest < kJam;
-    // Inputs that stand at the wrong bounds are not led away from them: an active set that circles leaves such ones.
-    if (jammed && balanced && !central) {
+    // Inputs that stand at the wrong bounds are not led away from them: an active set that circles leaves such ones. The
+    // middle of the limits may be outside of a cone, and what is left of one there is no good beginning.
+    if (jammed && balanced && !central && solve.cones() == 0) {
       central = true;
       solve.begin(FirstIterate::central);
       solve.first_multipliers(first, FirstIterate::central);
