@@ -126,7 +126,7 @@ std::vector<Point> grid(const std::string& planner) {
   };
   if (planner == "mppi" || planner == "cem" || planner == "random_shooting") {
     rollouts({32, 64, 128, 256, 512, 1536});
-    iterations({1, 2, 4});
+    iterations({1, 2, 4, 8});
     over(points, "%u knots", {5u, 6u, 8u, 10u}, [](Settings& s, unsigned v) { s.knots = v; });
     over(points, "sd %g", {8.0, 80.0}, [](Settings& s, double v) { s.noise_sd[0] = v; });
   }
