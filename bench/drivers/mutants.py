@@ -37,7 +37,9 @@ LINES = [
     ("output_gate", " || low > high) low", ") low"),
     ("output_gate", "low = high = safe;", "low = high = 0.0;"),
     ("output_gate", "safe = std::clamp(safe, low, high);", ""),
-    ("output_gate", "    last_[i] = safe;", "    last_[i] = 0.0;"),
+    ("output_gate", "std::copy(limits_.safe_command, limits_.safe_command + TILLER_MAX_INPUTS, last_)",
+     "std::fill(last_, last_ + TILLER_MAX_INPUTS, 0.0)"),
+    ("output_gate", "if (limits_.cones.count > 0)", "if (false)"),
     ("output_gate", "if (command == nullptr) return false;", "if (command == nullptr) return true;"),
     ("output_gate", "if (!std::isfinite(command[i])) return false;", "if (std::isnan(command[i])) return false;"),
     ("output_gate", "if (!std::isfinite(command[i])) return false;", "if (std::isinf(command[i])) return false;"),
@@ -141,7 +143,7 @@ class Bench:
         self.flags = ["-std=c++17", "-O1", f"-I{ROOT}", f"-I{ROOT / 'runtime'}", f"-I{ROOT / 'runtime/include'}"]
         self.objects = {name: self.compile(SAFETY / f"{name}.cpp", name) for name in sources}
         self.others = [self.compile(path, path.stem) for path in
-                       [*sorted((ROOT / "tests/safety").glob("*_test.cpp")), ROOT / "runtime/core/status.cpp"]]
+                       [*sorted((ROOT / "tests/safety").glob("*_test.cpp")), *sorted((ROOT / "runtime/core").glob("*.cpp"))]]
 
     def compile(self, path, name):
         out = self.folder / f"{name}.o"
