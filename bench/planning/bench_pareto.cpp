@@ -5,7 +5,8 @@
 // unwrapped, from the upright in which the run ends (tiller may swing up on either side; solvers that do not wrap
 // angles see the same problem mirrored), so every planner is judged by the same function.
 //
-//   bench_pareto [--planner NAME] [--seeds FIRST COUNT] [--repeats N] [--starts N] [--horizon N] [--settings TEXT]...
+//   bench_pareto [--planner NAME] [--seeds FIRST COUNT] [--repeats N] [--starts N] [--horizon N] [--noise SD]
+//                [--settings TEXT]...
 //
 // One JSON line for each setting; of several --settings, all texts have to be in its name.
 //
@@ -220,6 +221,7 @@ int main(int argc, char** argv) {
   std::vector<std::string> texts;
   std::uint64_t first = 1, seeds = 5;
   int repeats = 3, starts = 0, horizon = 0;
+  double noise = 0.0;
   for (int i = 1; i < argc; ++i) {
     if (!std::strcmp(argv[i], "--planner") && i + 1 < argc)
       only = argv[++i];
@@ -231,6 +233,8 @@ int main(int argc, char** argv) {
       starts = bench::whole_number(argv[++i]);
     else if (!std::strcmp(argv[i], "--horizon") && i + 1 < argc)
       horizon = bench::whole_number(argv[++i]);
+    else if (!std::strcmp(argv[i], "--noise") && i + 1 < argc)
+      noise = bench::real_number(argv[++i]);
     else if (!std::strcmp(argv[i], "--seeds") && i + 2 < argc) {
       first = std::strtoull(argv[++i], nullptr, 10);
       seeds = std::strtoull(argv[++i], nullptr, 10);
@@ -246,6 +250,7 @@ int main(int argc, char** argv) {
     const std::uint64_t runs = sampled(name) ? seeds : static_cast<std::uint64_t>(repeats);
     for (Point& point : grid(name)) {
       if (!has_all(point.settings, texts)) continue;
+      if (noise > 0.0) point.config.planner.noise_sd[0] = noise;  // whatever the grid says
       if (horizon > 0) point.config.planner.horizon = static_cast<std::uint32_t>(horizon);
       if (starts > 0)
         print_starts(name, point, starts, clock);

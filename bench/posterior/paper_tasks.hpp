@@ -21,9 +21,9 @@ struct PaperTask {
 /// friction's force is learnt, uniform on [1, 9] N for 1 kg: a coefficient of 0.1 to 0.9.
 PaperTask slide_friction();
 
-/// A finger that goes to and fro along the face of a box while it pushes it (the quasi-static pusher_slider): whether it
-/// sticks or slides there tells of its friction, uniform on [0.1, 0.9]. What the ground does is known: in a quasi-static
-/// push it acts through the limit surface alone.
+/// A finger that goes to and fro along the face of a box while it pushes it (the quasi-static pusher_slider): whether
+/// it sticks or slides there tells of its friction, uniform on [0.1, 0.9]. What the ground does is known: in a
+/// quasi-static push it acts through the limit surface alone.
 PaperTask push_friction();
 
 /// Those of accuracy_tasks(), then push and slide friction.

@@ -15,10 +15,10 @@ struct BatchPosterior {
   std::uint32_t simulations = 0;  ///< parameter vectors whose likelihood was evaluated
 };
 
-/// Tempered sequential Monte Carlo (Del Moral, Doucet, Jasra, Sequential Monte Carlo samplers, JRSS B 2006): `particles`
-/// draws from the prior; the exponent on the likelihood rises from 0 to 1 by steps that keep half of the effective
-/// number; each step resamples systematically and moves every particle once by a random-walk Metropolis step of
-/// 2.38 / sqrt(d) of the cloud's own root. What is left of the budget at exponent 1 goes into further moves. Cost:
+/// Tempered sequential Monte Carlo (Del Moral, Doucet, Jasra, Sequential Monte Carlo samplers, JRSS B 2006):
+/// `particles` draws from the prior; the exponent on the likelihood rises from 0 to 1 by steps that keep half of the
+/// effective number; each step resamples systematically and moves every particle once by a random-walk Metropolis step
+/// of 2.38 / sqrt(d) of the cloud's own root. What is left of the budget at exponent 1 goes into further moves. Cost:
 /// `budget` simulations of the whole record at most.
 BatchPosterior batch_smc(const ExactLikelihood& likelihood, int particles, std::uint32_t budget, std::uint64_t seed);
 

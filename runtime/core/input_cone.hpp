@@ -36,10 +36,10 @@ bool within_cones(const InputCones& cones, const double* u);
 void shrink_to_cones(const InputCones& cones, double* u);
 
 /// The same with rate limits: `u` is within the limits and within `step` of `last` (inf: no limit), and `last` within
-/// limits and cones (where it is not, to rounding, the result is not either). Where shrinking asks an input for a larger
-/// change than its step, all inputs of its group go from `last` towards the shrunk ones, as far as every step allows;
-/// limits, steps and cones are convex, so all hold there.
-/// Idempotent, and continuous where every step is above 0.
+/// limits and cones (where it is not, to rounding, the result is not either). Where shrinking asks an input for a
+/// larger change than its step, all inputs of its group go from `last` towards the shrunk ones, as far as every step
+/// allows; limits, steps and cones are convex, so all hold there. Idempotent, and continuous where every step is above
+/// 0.
 void keep_cones(const InputCones& cones, std::uint32_t inputs, const double* last, const double* step, double* u);
 
 // ---- in lanes: S is a pack ----------------------------------------------------------------------

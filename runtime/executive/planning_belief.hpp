@@ -27,9 +27,8 @@ class PlanningBelief {
 
   /// Takes sigma points of the posterior, or draws from it, as of `stamp_us`, and steps `ahead_s` on under the commands
   /// of the timeline. Less than a hundredth of a period is not stepped: it is below what the model is good for. Where
-  /// the configuration asks for predicted spreads the belief has one; over the steps ahead it grows by the process noise
-  /// alone.
-  /// Cost: at most M + (ahead + delay) / period rollouts of one step.
+  /// the configuration asks for predicted spreads the belief has one; over the steps ahead it grows by the process
+  /// noise alone. Cost: at most M + (ahead + delay) / period rollouts of one step.
   void draw(const Posterior& posterior, const CommandTimeline& timeline, std::uint64_t tick, std::int64_t stamp_us,
             double ahead_s);
 

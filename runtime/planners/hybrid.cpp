@@ -24,7 +24,7 @@ extern const PlannerTable mppi_planner;
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kClosed = 1e-6;  // share of its cost that a motion may cost more than the path that it replaces
+constexpr double kClosed = 1e-6;   // share of its cost that a motion may cost more than the path that it replaces
 constexpr double kCheaper = 1e-3;  // share of its cost that the scout has to save: equal ones take no turns
 constexpr double kOpenLoop[kCandidates] = {};
 

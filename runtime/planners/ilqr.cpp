@@ -4,7 +4,8 @@
 //   single    linearise around a motion of the model, solve, roll the model out under the gains for several step
 //             lengths at once, keep the cheapest
 //   multiple  states are variables too: linearise around any path, solve with its defects, step. One iteration a tick
-//             is the real-time iteration of Diehl et al. 2005
+//             is the real-time iteration of Diehl et al. 2005. Once its motion costs no more than the path, single
+//             shooting goes on
 //
 // Differences from the papers, and why:
 //   - the box holds for the whole sequence: which inputs are at a limit is found by an active set over Riccati sweeps
@@ -25,7 +26,7 @@ namespace tiller {
 namespace {
 
 constexpr std::uint32_t kSweeps = 6;  // of the active set, an iteration; the next one goes on from its set
-constexpr double kClosed = 1e-6;    // share of its cost that a motion may cost more than the path that it replaces
+constexpr double kClosed = 1e-6;      // share of its cost that a motion may cost more than the path that it replaces
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 std::uint32_t cheapest(const PathPlan& p, double& cost) {
@@ -175,8 +176,8 @@ bool begin(Ilqr& s) {
   s.converged = false;
   s.shooting.penalty = 0.0;
   s.cost = kInfinity;
-  // the inputs' motion from the present start: what single shooting linearises around; already known where prepared
   if (!p.has_path) s.single = p.settings->shooting == tiller_shooting_single;
+  // the inputs' motion from the present start: what single shooting linearises around; already known where prepared
   if (s.single && !s.standing) return roll_open(s);
   return p.has_path || roll_open(s);
 }

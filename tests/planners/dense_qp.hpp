@@ -6,6 +6,21 @@
 
 namespace tiller_test {
 
+/// b := a^-1 b, a symmetric positive definite.
+inline void eliminate(std::vector<std::vector<double>>& a, std::vector<double>& b) {
+  const std::size_t n = b.size();
+  for (std::size_t p = 0; p < n; ++p)
+    for (std::size_t i = p + 1; i < n; ++i) {
+      const double f = a[i][p] / a[p][p];
+      for (std::size_t j = p; j < n; ++j) a[i][j] -= f * a[p][j];
+      b[i] -= f * b[p];
+    }
+  for (std::size_t p = n; p-- > 0;) {
+    for (std::size_t j = p + 1; j < n; ++j) b[p] -= a[p][j] * b[j];
+    b[p] /= a[p][p];
+  }
+}
+
 /// minimise 1/2 z'Hz + g'z subject to rows z <= limits: written out densely, without any structure, to compare with.
 struct DenseQp {
   std::vector<std::vector<double>> hessian, rows;
@@ -112,20 +127,6 @@ struct DenseQp {
       const double along = dot(rows[c], dz);
       ds[c] = -rp[c] - along;
       dy[c] = (-rc[c] - y[c] * ds[c]) / s[c];
-    }
-  }
-  /// b := a^-1 b, a symmetric positive definite.
-  static void eliminate(std::vector<std::vector<double>>& a, std::vector<double>& b) {
-    const std::size_t n = b.size();
-    for (std::size_t p = 0; p < n; ++p)
-      for (std::size_t i = p + 1; i < n; ++i) {
-        const double f = a[i][p] / a[p][p];
-        for (std::size_t j = p; j < n; ++j) a[i][j] -= f * a[p][j];
-        b[i] -= f * b[p];
-      }
-    for (std::size_t p = n; p-- > 0;) {
-      for (std::size_t j = p + 1; j < n; ++j) b[p] -= a[p][j] * b[j];
-      b[p] /= a[p][p];
     }
   }
 };

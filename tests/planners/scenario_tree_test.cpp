@@ -108,21 +108,7 @@ TEST(ScenarioTree, goes_on_from_the_plan_before) {
 TEST(ScenarioTree, survives_bad_hypotheses_and_fewer_of_them) {
   Bench bench(tree_config(4, 1));
   spread_out(bench);
-  ASSERT_EQ(bench.plan().status, tiller_status_ok);
-  const std::vector<float> good = bench.params;
-  bench.params[2] = std::numeric_limits<float>::quiet_NaN();
-  EXPECT_EQ(bench.plan().status, tiller_status_plan_not_finite);
-  EXPECT_TRUE(std::isfinite(bench.command[0]));
-  bench.params = good;
-  EXPECT_EQ(bench.plan().status, tiller_status_ok);
-  const std::vector<float> params = {1.0f, 1.2f}, state = {0.5f, 0.4f, 0.0f, 0.1f};
-  bench.belief.count = 2;
-  bench.belief.params = params.data();
-  bench.belief.state = state.data();
-  EXPECT_EQ(bench.plan().status, tiller_status_ok);
-  bench.request.belief = nullptr;
-  EXPECT_EQ(bench.plan().status, tiller_status_plan_not_finite);
-  EXPECT_TRUE(std::isfinite(bench.command[0]));
+  survives_bad_hypotheses(bench);
 }
 
 TEST(ScenarioTree, feedback_of_a_branching_plan_answers_the_deviation) {

@@ -2,10 +2,14 @@
 
 // Masses on a line under a tree of inputs, written out by simulating.
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
+#include "dense_qp.hpp"
 #include "problem.hpp"
 
 namespace tiller_test {
@@ -32,6 +36,26 @@ inline void spread_out(Bench& bench) {
     bench.state[j] = 1.0f - 0.3f * static_cast<float>(j);
     bench.state[m + j] = 0.2f * static_cast<float>(j);
   }
+}
+
+/// A hypothesis that is no number, fewer of them, and none: each plan says so, and a finite command comes all the same.
+/// The bench has four of them, spread out.
+inline void survives_bad_hypotheses(Bench& bench) {
+  ASSERT_EQ(bench.plan().status, tiller_status_ok);
+  const std::vector<float> good = bench.params;
+  bench.params[2] = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_EQ(bench.plan().status, tiller_status_plan_not_finite);
+  EXPECT_TRUE(std::isfinite(bench.command[0]));
+  bench.params = good;
+  EXPECT_EQ(bench.plan().status, tiller_status_ok);
+  const std::vector<float> params = {1.0f, 1.2f}, state = {0.5f, 0.4f, 0.0f, 0.1f};
+  bench.belief.count = 2;
+  bench.belief.params = params.data();
+  bench.belief.state = state.data();
+  EXPECT_EQ(bench.plan().status, tiller_status_ok);
+  bench.request.belief = nullptr;
+  EXPECT_EQ(bench.plan().status, tiller_status_plan_not_finite);
+  EXPECT_TRUE(std::isfinite(bench.command[0]));
 }
 
 /// Inputs of the tree: first the shared ones, then branch by branch.
@@ -100,20 +124,10 @@ struct Quadratic {
 
   /// By elimination.
   Inputs minimum() const {
-    const std::size_t n = gradient.size();
     std::vector<Inputs> a = hessian;
-    Inputs b(n);
-    for (std::size_t i = 0; i < n; ++i) b[i] = -gradient[i];
-    for (std::size_t p = 0; p < n; ++p)
-      for (std::size_t i = p + 1; i < n; ++i) {
-        const double f = a[i][p] / a[p][p];
-        for (std::size_t j = p; j < n; ++j) a[i][j] -= f * a[p][j];
-        b[i] -= f * b[p];
-      }
-    for (std::size_t p = n; p-- > 0;) {
-      for (std::size_t j = p + 1; j < n; ++j) b[p] -= a[p][j] * b[j];
-      b[p] /= a[p][p];
-    }
+    Inputs b(gradient.size());
+    for (std::size_t i = 0; i < b.size(); ++i) b[i] = -gradient[i];
+    eliminate(a, b);
     return b;
   }
 

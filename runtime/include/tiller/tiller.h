@@ -233,7 +233,7 @@ typedef struct tiller_planner_config {
   double noise_colour;       /**< power of the samples' spectrum over the knots goes as f^-colour; 0 white, 2 a
                                     random walk; in [0, 4] */
   double filter;             /**< MPPI, PDDM's beta, 1e-6..1: n_t = beta noise_t + (1 - beta) n_(t-1); 1: off */
-  double anneal_iterations;  /**< e-folds by which the spread falls from a tick's first iteration to its last, [0, 20] */
+  double anneal_iterations;  /**< e-folds by which the spread falls from a tick's first iteration to its last, 0..20 */
   double anneal_horizon;     /**< e-folds by which the first knot's spread is below the last one's, [0, 20] */
 
   /* plans that will learn */

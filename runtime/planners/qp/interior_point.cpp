@@ -199,8 +199,8 @@ QpReport solve_interior_point(InteriorPoint* const* work, const QpTree& tree, co
     }
     const double longest = solve.longest_step();
     jammed = longest < kJam;
-    // Inputs that stand at the wrong bounds are not led away from them: an active set that circles leaves such ones. The
-    // middle of the limits may be outside of a cone, and what is left of one there is no good beginning.
+    // Inputs that stand at the wrong bounds are not led away from them: an active set that circles leaves such ones.
+    // The middle of the limits may be outside of a cone, and what is left of one there is no good beginning.
     if (jammed && balanced && !central && solve.cones() == 0) {
       central = true;
       solve.begin(FirstIterate::central);
