@@ -9,8 +9,9 @@ set(processor "-mcpu=cortex-m7 -mthumb -mfloat-abi=hard -mfpu=fpv5-d16 -ffunctio
 set(CMAKE_C_FLAGS_INIT "${processor}")
 # no locks around function-local statics and no exit handlers: there is one thread, and it never ends
 set(CMAKE_CXX_FLAGS_INIT "${processor} -fno-threadsafe-statics -fno-use-cxa-atexit -Wno-psabi")
-set(CMAKE_C_FLAGS_RELEASE_INIT "-Os -DNDEBUG")
-set(CMAKE_CXX_FLAGS_RELEASE_INIT "-Os -DNDEBUG")
+# in the cache: CMake appends its own -O3 to what the _INIT variables say, and the last option counts
+set(CMAKE_C_FLAGS_RELEASE "-Os -DNDEBUG" CACHE STRING "")
+set(CMAKE_CXX_FLAGS_RELEASE "-Os -DNDEBUG" CACHE STRING "")
 set(CMAKE_FIND_ROOT_PATH_MODE_PROGRAM NEVER)
 set(CMAKE_FIND_ROOT_PATH_MODE_LIBRARY ONLY)
 set(CMAKE_FIND_ROOT_PATH_MODE_INCLUDE BOTH)
