@@ -1,0 +1,62 @@
+# programs: bench_learned_dynamics bench_policy_search bench_local_models bench_distill bench_imitate bench_simulator
+"""./dev bench learned: what is learnt rather than derived: forces, policies, costs, posteriors of black boxes.
+
+    ./dev bench learned                          every section that this build has
+    ./dev bench learned simulator --seeds 5      one section; what follows goes to its program
+    ./dev bench learned --quick                  a fixed small part
+
+Sections:
+    dynamics    learned forces on data in which something without a name is hidden (bench_learned_dynamics)
+    policies    policy search with moment matching: the paper's pendulum and cart-pole (bench_policy_search)
+    local       local linear models with a prior, against none; guided policies (bench_local_models)
+    distill     small policies beside the planners that taught them (bench_distill)
+    imitate     costs from demonstrations (bench_imitate)
+    simulator   posteriors of black-box simulators (bench_simulator)
+
+    --build DIR    the CMake build folder (build/release)
+
+A program keeps a line for each seed in build/<program>.csv, so that a run that was cut goes on. Every row with a goal
+stands in the summary at the end, short or not. A short row is no error; a program that fails is.
+"""
+
+import argparse
+import json
+import pathlib
+import sys
+
+from _driver import HOME, ROOT, note, run_table, summary
+
+PROGRAMS = {"dynamics": "bench_learned_dynamics", "policies": "bench_policy_search", "local": "bench_local_models",
+            "distill": "bench_distill", "imitate": "bench_imitate", "simulator": "bench_simulator"}
+
+
+def parse(arguments):
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("section", nargs="?", choices=list(PROGRAMS))
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build/release")
+    args, rest = parser.parse_known_args([a for a in arguments if a != "--"])
+    if rest and not args.section:
+        parser.error(f"'{' '.join(rest)}' goes to a program: name its section first")
+    args.rest = rest + (["--quick"] if args.quick else [])
+    return args
+
+
+def main():
+    args = parse(sys.argv[1:])
+    HOME.mkdir(parents=True, exist_ok=True)
+    rows, good = [], True
+    for section in [args.section] if args.section else PROGRAMS:
+        program = args.build / "bench" / PROGRAMS[section]
+        print(f"\n==== {section}: {program.name} {' '.join(args.rest)}", flush=True)
+        found, ended = run_table(section, program, args.rest)
+        rows += found
+        good = good and ended
+    summary(rows)
+    (HOME / "learned.json").write_text(json.dumps(rows, indent=1), encoding="utf-8")
+    note(f"rows: {HOME / 'learned.json'}")
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
