@@ -39,6 +39,10 @@ inline bool are_states(const tiller_model_t& model, const double* rows, std::siz
 }
 
 Finding check_planner(const tiller_config_t& c);
+/// The network of an effect that reads one: by itself, and beside the model.
+Finding check_networks(const tiller_config_t& c);
+/// The policy of the planner `policy`; after the priors, which it may read.
+Finding check_policy(const tiller_config_t& c);
 Finding check_cost(const tiller_config_t& c);
 /// That the LQR cost-to-go exists, if it is asked for; after every other check, since it steps the model.
 Finding check_cost_to_go(const tiller_config_t& c);

@@ -1,5 +1,3 @@
-#include <cstring>
-
 #include "abi/check_parts.hpp"
 #include "core/bits.hpp"
 #include "core/element.hpp"
@@ -19,7 +17,7 @@ namespace {
 Finding check_tree(const tiller_planner_config_t& p, std::uint32_t inputs) {
   constexpr tiller_status_t kBad = tiller_status_bad_planner;
   // how the settings go together is of no interest to planners that read none of them
-  if (std::strcmp(find_planner(p.kind)->name, "mcts") != 0) return kGood;
+  if (planning_kind(p) != tiller_planner_mcts) return kGood;
   if (p.hold_steps > p.horizon) return {kBad, "planner.hold_steps"};
   const std::uint32_t joint = tree_actions(p.levels, inputs);
   if ((joint > 0 ? joint : p.levels) >= p.nodes) return {kBad, "planner.levels"};  // the root's children
@@ -142,9 +140,10 @@ Finding check_planner(const tiller_config_t& c) {
   const tiller_planner_config_t& p = c.planner;
   constexpr tiller_status_t kBad = tiller_status_bad_planner;
   if (find_planner(p.kind) == nullptr) return {kBad, "planner.kind"};
+  if (find_planner(planning_kind(p)) == nullptr) return {kBad, "planner.fallback"};
   if (p.qp_solver == tiller_qp_osqp && !has_osqp()) return {kBad, "planner.qp_solver"};
   // OSQP's pattern is that of one sequence, and it knows bounds and rows, no cones
-  const bool by_osqp = p.kind == tiller_planner_sqp && p.qp_solver == tiller_qp_osqp;
+  const bool by_osqp = planning_kind(p) == tiller_planner_sqp && p.qp_solver == tiller_qp_osqp;
   if (by_osqp && (wants_tree(c) || c.safety.cone_count > 0)) return {kBad, "planner.qp_solver"};
   // the filter's covariance of an attitude is of three differences, the linearised path's of four components
   if (p.predict_spread != 0 && c.model->quaternion_mask != 0) return {kBad, "planner.predict_spread"};

@@ -11,7 +11,7 @@ enum class PortKind {
   joint,   ///< a generalised force of a joint
   input,   ///< between a command and the force that it makes
   sensor,  ///< between a state and its measurement
-  body     ///< gravity and payload: one port, 0
+  body     ///< the whole robot, gravity and payload: one port, 0
 };
 constexpr int kPortKinds = 4;
 /// "joint", "input", "sensor", "body".
@@ -22,6 +22,7 @@ enum class Hook {
   period_input,  ///< once a period, before anything else: the acting input from the history of inputs
   input,         ///< once a substep: the acting input, advances the effect's own state
   force,         ///< generalised force that enters the dynamics as it stands
+  joints,        ///< the same at every joint, from all joints and inputs
   inertia,       ///< after the free step, first: more inertia
   drive,         ///< after the free step: what the drive train makes of the drive force
   elastic,       ///< after the free step: generalised force by position, implicit
@@ -75,6 +76,7 @@ struct EffectInfo {
   bool needs_position = false;       ///< only at a joint that has one
   bool paired_starts = false;        ///< starts go together, the k-th of each parameter; else each with each
   bool unnamed = false;              ///< stands for physics without a name: never a candidate of a search for names
+  bool learnt = false;               ///< is a function of the configuration's network; in a robot at most once
   const char* help = nullptr;        ///< one line
   const char* equation = nullptr;    ///< plain text
   const char* source = nullptr;      ///< paper or textbook

@@ -272,6 +272,7 @@ void Executive::replan(Tick& tick) {
   request.last_command = gate_.last();
   request.tick = info_.ticks;
   request.task_step = info_.ticks - task_tick_ + belief_.lead_periods();
+  request.doubted = info_.adequacy == tiller_adequacy_inadequate;
   request.deadline = deadline(tick);
   divergence_.weigh(prediction_, request.task_step);
   const PlanResult result = planner_table_->plan(planner_, request, tick.wanted);

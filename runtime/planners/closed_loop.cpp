@@ -81,7 +81,7 @@ void copy_gains(const PathPlan& p, ClosedLoop& loop) {
 }  // namespace
 
 bool closes_loop(const tiller_config_t& config, const SamplingMethod& method) {
-  return config.planner.closed_loop != 0 && !method.draw && config.planner.kind != tiller_planner_hybrid;
+  return config.planner.closed_loop != 0 && !method.draw && planning_kind(config.planner) != tiller_planner_hybrid;
 }
 
 ClosedLoop* lay_out_closed_loop(Arena& arena, const tiller_config_t& config, const StepSetup& setup,

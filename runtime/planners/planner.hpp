@@ -25,6 +25,7 @@ struct PlanRequest {
   std::uint64_t task_step = 0;           // periods since the task began: the row of a reference that is due now
   std::uint64_t goal = 0;                // changes of the goal so far
   const double* origin = nullptr;        // (nx) whole turns that the belief's angles come less; null: none
+  bool doubted = false;                  // the model has been found inadequate
   Deadline deadline;
 };
 
@@ -63,6 +64,10 @@ struct PlannerTable {
 
 /// By kind (tiller_planner_kind_t); null if there is none.
 const PlannerTable* find_planner(std::uint32_t kind);
+/// Who plans where anybody does: the fallback in the place of a policy.
+inline std::uint32_t planning_kind(const tiller_planner_config_t& planner) {
+  return planner.kind == tiller_planner_policy ? planner.fallback : planner.kind;
+}
 /// A short description; null if there is no such planner.
 const char* planner_help(std::uint32_t kind);
 

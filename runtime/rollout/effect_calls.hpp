@@ -6,6 +6,7 @@
 #include <type_traits>
 
 #include "effects/catalogue.hpp"
+#include "networks/evaluate.hpp"
 #include "scalar/inline.hpp"
 #include "tiller/model.hpp"
 
@@ -99,6 +100,12 @@ __attribute__((noinline)) void called_body(std::uint32_t kind, Body<L>& body, co
 #undef TILLER_EFFECT
     default: break;
   }
+}
+
+/// Forces of a network, in one function per scalar type: no model makes it longer.
+template <class L>
+__attribute__((noinline)) void called_network(const tiller_network_t& network, const L& member, const L* in, L* out) {
+  evaluate_network(network, member, in, out);
 }
 
 /// Type: an effect's, or Called.

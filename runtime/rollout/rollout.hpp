@@ -38,10 +38,17 @@ struct StepSetup {
   std::uint32_t effect_state_count = 0;  // ns
   std::uint32_t delay_steps = 0;         // history rows that rollouts read, 0..TILLER_MAX_DELAY_STEPS + 1
   EffectSlot effects[TILLER_MAX_EFFECTS] = {};
+  const tiller_network_t* network = nullptr;  // of the effects that are learnt
+  std::uint32_t network_angles = 0;           // bit j: the position of joint j is an angle
 };
 
+/// Inputs of a network of forces on this model: joint by joint position and velocity, of an angle sine and cosine, then
+/// the model's inputs.
+std::uint32_t network_input_count(const tiller_model_t& model);
+
 /// Binds the configuration's effects; the delay bound comes from the priors' upper bounds.
-/// Refuses (bad_effect) an effect whose port the model lacks.
+/// Refuses (bad_effect) an effect whose port the model lacks, and a learnt one without a network of its kind that fits
+/// the model.
 tiller_status_t make_step_setup(const tiller_config_t& config, StepSetup& setup);
 
 /// One batch: `lanes` trajectories of `horizon` periods. All rows are padded: `lanes` is a multiple of

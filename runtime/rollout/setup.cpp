@@ -1,6 +1,7 @@
 #include <cmath>
 
 #include "effects/effect_info.hpp"
+#include "networks/network_check.hpp"
 #include "rollout/attitude.hpp"
 #include "rollout/rollout.hpp"
 
@@ -15,7 +16,27 @@ std::uint32_t delay_rows(const tiller_prior_t& prior, double period_s) {
   return static_cast<std::uint32_t>(std::ceil(longest / period_s - 1e-9));
 }
 
+/// Whether the configuration's network is of the effect's kind and of the model's shape.
+bool network_fits(const tiller_config_t& config, std::uint32_t kind) {
+  const tiller_network_t* n = config.network;
+  const std::uint32_t wanted = kind == tiller_effect_network ? tiller_network_tanh : tiller_network_gaussian;
+  return n && !network_defect(*n) && n->kind == wanted && n->inputs == network_input_count(*config.model) &&
+         n->outputs == config.model->joint_count;
+}
+
+bool is_angle(const tiller_model_t& model, std::uint32_t joint) {
+  const std::uint8_t position = model.joints[joint].position;
+  return position != TILLER_NO_POSITION && ((model.angle_mask >> position) & 1u) != 0;
+}
+
 }  // namespace
+
+std::uint32_t network_input_count(const tiller_model_t& model) {
+  std::uint32_t count = model.joint_count + model.input_count;
+  for (std::uint32_t j = 0; j < model.joint_count; ++j)
+    count += model.joints[j].position == TILLER_NO_POSITION ? 0 : is_angle(model, j) ? 2 : 1;
+  return count;
+}
 
 tiller_status_t make_step_setup(const tiller_config_t& config, StepSetup& setup) {
   const tiller_model_t& model = *config.model;
@@ -25,13 +46,17 @@ tiller_status_t make_step_setup(const tiller_config_t& config, StepSetup& setup)
   setup.integrator = static_cast<tiller_integrator_t>(config.integrator);
   setup.body = config.body;
   if (config.effect_count > TILLER_MAX_EFFECTS) return tiller_status_bad_effect;
+  setup.network = config.network;
+  for (std::uint32_t j = 0; j < model.joint_count; ++j)
+    if (is_angle(model, j)) setup.network_angles |= 1u << j;
   std::uint32_t param = model.param_count, state = 0;
-  int lags = 0;
+  int lags = 0, learnt = 0;
   for (std::uint32_t e = 0; e < config.effect_count; ++e) {
     const tiller_effect_t& effect = config.effects[e];
     if (effect.kind >= effect_kind_count()) return tiller_status_bad_effect;
     const EffectInfo& info = effect_info(effect.kind);
     if (!port_fits(info, effect.port, model)) return tiller_status_bad_effect;
+    if (info.learnt && (++learnt > 1 || !network_fits(config, effect.kind))) return tiller_status_bad_effect;
     setup.effects[e] = {static_cast<std::uint16_t>(effect.kind), static_cast<std::uint16_t>(effect.port),
                         static_cast<std::uint16_t>(param), static_cast<std::uint16_t>(state)};
     if (param + static_cast<std::uint32_t>(info.param_count) > TILLER_MAX_PARAMS) return tiller_status_bad_effect;

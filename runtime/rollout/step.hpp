@@ -6,7 +6,7 @@
 //      body effects (tilt, payload)
 //   2. each substep, in two parts where a delayed command changes within it:
 //      a. input effects (lag) advance and give the acting input
-//      b. force effects add to the generalised forces
+//      b. force effects add to the generalised forces, then what was learnt of all joints together
 //      c. the integrator takes the free step, and quaternions come back to unit length
 //      d. effects act on the free step's velocities, implicitly, one after the other: more inertia, the drive train,
 //         what is elastic, what dissipates
@@ -350,6 +350,32 @@ struct Stepper {
                                                                  effect_params(p[kSets == 1 ? 0 : r], slot));
         }
       });
+    });
+    if (slot_count[static_cast<int>(Hook::joints)] > 0)
+      for (int r = 0; r < kCount; ++r) add_learnt(t[r].x, u[r], p[kSets == 1 ? 0 : r], f[r]);
+  }
+
+  /// Forces of the network at all joints: its inputs as network_input_count() has them.
+  __attribute__((noinline)) void add_learnt(State& x, const Input& u, const Parameters<Model, S>& p, Force& f) const {
+    S in[3 * TILLER_MAX_JOINTS + TILLER_MAX_INPUTS], out[TILLER_MAX_NETWORK_OUTPUTS];
+    int count = 0;
+    each(model.joints(), [&](auto j) {
+      if (const S* q = model.template position<S>(x, j)) {
+        if ((setup.network_angles >> static_cast<int>(j)) & 1u) {
+          sincos(*q, in[count], in[count + 1]);
+          count += 2;
+        } else {
+          in[count++] = *q;
+        }
+      }
+      in[count++] = model.template velocity<S>(x, j);
+    });
+    each(model.nu(), [&](auto i) { in[count++] = u[i]; });
+    const EffectSlot& slot = slots[static_cast<int>(Hook::joints)][0];
+    called_network<S>(*setup.network, *effect_params(p, slot), in, out);
+    each(model.joints(), [&](auto j) {
+      const auto k = model.force_index(j);
+      element(f, k) = element(f, k) + out[static_cast<int>(j)];
     });
   }
 

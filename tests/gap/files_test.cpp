@@ -137,6 +137,7 @@ TEST(RobotWriter, EveryKindReadsBack) {
   const auto robot = parse(kRobot);
   for (std::uint32_t kind = 0; kind < effect_kind_count(); ++kind) {
     const EffectInfo& info = effect_info(kind);
+    if (info.learnt) continue;  // a network stands beside it
     std::uint32_t port = 0;
     while (port < port_count(info.port, *robot->model) && !port_fits(info, port, *robot->model)) ++port;
     if (port == port_count(info.port, *robot->model)) continue;

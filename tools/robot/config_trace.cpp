@@ -44,6 +44,8 @@ Words trace_field(const RobotFile& robot, const std::string& field) {
   const std::string name = without_index(field, i);
   if (name == "priors") return prior_path(robot, i);
   if (name.rfind("prior_mixture.", 0) == 0) return {"posterior", "prior_file"};
+  if (name.rfind("network", 0) == 0) return {"network", "file"};
+  if (name.rfind("policy", 0) == 0) return {"policy", "file"};
   if (name == "effects") return effect_path(i);
   if (name == "measurement_sd") return {"measurement", name_at(robot.measurements, i), "sd"};
   if (name == "measured_state") return {"measurement", name_at(robot.measurements, i)};

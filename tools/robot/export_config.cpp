@@ -7,6 +7,7 @@
 
 #include "effects/effect_info.hpp"
 #include "tools/robot/export_build.hpp"
+#include "tools/robot/export_networks.hpp"
 #include "tools/robot/robot_schema.hpp"
 
 namespace tiller::tools {
@@ -235,6 +236,7 @@ std::string arrays_text(const RobotFile& robot, const std::string& prefix) {
   const tiller_cost_config_t& c = robot.config.cost;
   const std::size_t nx = robot.states.size();
   return effects_text(robot, prefix) + priors_text(robot, prefix) + mixture_text(robot, prefix) +
+         networks_text(robot, prefix) +
          OptionalArrays(robot, prefix).text() + obstacles_text(robot, prefix) + cones_text(robot, prefix) +
          array_text(prefix + "_reference", c.reference, c.reference_steps, nx) +
          array_text(prefix + "_demonstration_mean", c.demonstration_mean, c.demonstration_steps, nx) +
@@ -296,6 +298,8 @@ std::string config_text(const RobotFile& robot, const std::string& prefix) {
   all.numbers("measurement_sd", c.measurement_sd, TILLER_MAX_MEASUREMENTS, robot.measurements);
   all.group("posterior", posterior_part(robot));
   if (c.prior_mixture) all.word("prior_mixture", "&" + prefix + "_prior");
+  if (c.network) all.word("network", "&" + prefix + "_network");
+  if (c.policy && c.planner.kind == tiller_planner_policy) all.word("policy", "&" + prefix + "_policy");
   all.group("planner", plain_part(robot, "planner"));
   all.group("cost", cost_part(robot, prefix));
   all.group("safety", safety_part(robot, prefix));

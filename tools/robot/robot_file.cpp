@@ -8,6 +8,7 @@
 #include "rollout/attitude.hpp"
 #include "rollout/measurement.hpp"
 #include "tools/robot/config_trace.hpp"
+#include "tools/robot/network_file.hpp"
 #include "tools/robot/robot_sections.hpp"
 #include "tools/robot/robot_text.hpp"
 
@@ -230,6 +231,7 @@ bool read_controller(FileErrors& errors, const toml::table& root, RobotFile& rob
   read_robot(errors, root, robot);
   read_effects(errors, root, robot);  // before the parameters: both fill `priors`, the model's come first
   read_parameters(errors, root, robot);
+  read_networks(errors, root, robot);  // a policy may read the parameters that have priors
   read_measurements(errors, root, robot);
   read_bound_sections(errors, root, robot);
   // a slow machine's measurements are not late because they are a period old

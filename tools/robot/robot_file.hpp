@@ -95,15 +95,20 @@ struct TaskRows {
   std::vector<ClearanceOutput> clearance;
 };
 
+class LoadedNetwork;  // tools/robot/network_file.hpp
+class LoadedPolicy;
+
 /// A robot file, read, checked and complete.
 struct RobotFile {
   std::string path;
   std::string name;
   ModelRequest model_request;
   const tiller_model_t* model = nullptr;
-  const tiller_own_cost_t* own_cost = nullptr;  ///< of a C source that exports tiller_cost()
-  std::shared_ptr<const TaskRows> rows;         ///< what `config.cost` points to
-  std::shared_ptr<const JointPrior> joint;      ///< what `config.prior_mixture` points to
+  const tiller_own_cost_t* own_cost = nullptr;   ///< of a C source that exports tiller_cost()
+  std::shared_ptr<const TaskRows> rows;          ///< what `config.cost` points to
+  std::shared_ptr<const JointPrior> joint;       ///< what `config.prior_mixture` points to
+  std::shared_ptr<const LoadedNetwork> network;  ///< what `config.network` points to
+  std::shared_ptr<const LoadedPolicy> policy;    ///< what `config.policy` points to
   Config config{};
   Words states, inputs, measurements, outputs;
   Words params;  ///< (param_count) the model's, then each effect's as "<port>.<parameter>"

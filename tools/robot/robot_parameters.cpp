@@ -115,6 +115,9 @@ void read_effect_params(SectionReader& section, const EffectInfo& info, const st
     tiller_prior_t& prior = robot.config.priors[robot.params.size() - 1];
     if (const toml::node* node = section.node(name)) {
       read_prior(section.errors(), *node, section.path_of(name), info.params[i].low, info.params[i].high, prior);
+    } else if (info.learnt) {
+      prior = {tiller_prior_uniform, 0, info.params[i].low, info.params[i].high, info.params[i].low,
+               info.params[i].high};  // until the network is read
     } else if (index_of(meant, name) < 0) {
       section.missing(name, std::string("give it a value or a prior: ") + kPriorRemedy);
     }

@@ -32,6 +32,8 @@ const std::vector<SectionSpec> kSections = {
     {"effects[]", "[[effects]]",
      "Physics that the model lacks, as often as needed (`tiller effects` lists them). Beside the keys below, each "
      "parameter of the effect takes a number or a prior."},
+    {"network", "[network]", "What the effects `network` and `gaussian_process` have learnt."},
+    {"policy", "[policy]", "What the planner `policy` evaluates in the place of planning."},
     {"body", "[body]", "Gravity and payload."},
     {"measurement", "[measurement]",
      "One key for each measured state, in the order in which the transport delivers them; the value is a table."},
@@ -137,6 +139,10 @@ const std::vector<KeySpec> kOthers = {
     {"posterior", "prior_file", K::text, "", "none", 0, 0, false, hand, nullptr,
      "a posterior of an earlier run (docs/guide/episodes.md), relative to the robot file: it takes the place of the parameters' "
      "own priors, whose coordinates and bounds it keeps"},
+    {"network", "file", K::text, "", kRequired, 0, 0, false, hand, nullptr,
+     "JSON of `tiller learn` (docs/reference/networks.md), relative to the robot file"},
+    {"policy", "file", K::text, "", kRequired, 0, 0, false, hand, nullptr,
+     "JSON of `tiller distill` or `tiller policy` (docs/reference/networks.md), relative to the robot file"},
     {"cost", "bounds", K::other, "", "none", 0, 0, false, hand, nullptr,
      "bounds of states, { state = { low = .., high = .., weight = .., hard = .. } }"},
     {"cost", "obstacles", K::other, "", "none", 0, 0, false, hand, nullptr,

@@ -39,7 +39,7 @@ extern "C" {
 
 #define TILLER_VERSION_MAJOR 0
 #define TILLER_VERSION_MINOR 1
-#define TILLER_CONFIG_VERSION 10u
+#define TILLER_CONFIG_VERSION 11u
 #define TILLER_ALIGNMENT 64u /**< of the caller's block: one AVX-512 register, one cache line */
 #define TILLER_MAX_MEASUREMENTS TILLER_MAX_STATES
 
@@ -244,8 +244,9 @@ typedef struct tiller_planner_config {
       predict_spread; /**< 1: every plan comes with mean and deviation of the states ahead: tiller_get_prediction */
   uint32_t noisy_rollouts; /**< 1: each particle's rollouts carry a start error and process noise, drawn once a tick for
                                 all samples (sampling planners) */
-  uint32_t hypotheses; /**< tiller_hypotheses_t */
-  uint32_t reserved;   /**< 0 */
+  uint32_t hypotheses;     /**< tiller_hypotheses_t */
+  uint32_t fallback; /**< policy: tiller_planner_kind_t of who plans where the policy is not to be trusted; policy: it
+                            commands always */
 
   /* gradient planners */
   uint32_t shooting;          /**< iLQR, SQP, hybrid: tiller_shooting_t */
@@ -393,9 +394,67 @@ typedef struct tiller_safety_config {
   const tiller_input_cone_t* cones;     /**< (cone_count) kept by every planner and by the last gate */
 } tiller_safety_config_t;
 
+/** What a network's features are. */
+typedef enum tiller_network_kind {
+  tiller_network_tanh = 0,    /**< a perceptron: up to two layers of tanh, then a linear one */
+  tiller_network_gaussian = 1 /**< squared exponentials about centres, and cosines; then a linear layer */
+} tiller_network_kind_t;
+
+#define TILLER_MAX_NETWORK_MEMBERS 16
+#define TILLER_MAX_NETWORK_WIDTH 64     /**< of a layer of tanh */
+#define TILLER_MAX_NETWORK_FEATURES 512 /**< centres and waves together */
+#define TILLER_MAX_NETWORK_INPUTS (4 * TILLER_MAX_STATES + 2 * TILLER_MAX_PARAMS + TILLER_MAX_INPUTS)
+#define TILLER_MAX_NETWORK_OUTPUTS (TILLER_MAX_JOINTS > TILLER_MAX_INPUTS ? TILLER_MAX_JOINTS : TILLER_MAX_INPUTS)
+
+/** Functions that were learnt: `members` of one shape, as an ensemble has them. Layout of the weights, each of which is
+ *  at most TILLER_LARGEST_VALUE in size:
+ *
+ *    tanh      for each member, for each layer, for each of its outputs: bias, a weight for each of its inputs
+ *    gaussian  (inputs) inverse widths s; (hidden[0] x inputs) centres c; (hidden[1] x (1 + inputs)) phase and wave
+ *              vector of each wave; then for each member, for each output: bias, a weight for each centre and each wave.
+ *              Features: exp(-1/2 sum_i (s_i (x_i - c_i))^2) and cos(phase + sum_i k_i x_i) */
+typedef struct tiller_network {
+  uint32_t size;    /**< sizeof(tiller_network_t) */
+  uint32_t version; /**< TILLER_CONFIG_VERSION */
+  uint32_t kind;    /**< tiller_network_kind_t */
+  uint32_t inputs, outputs;
+  uint32_t members;      /**< 1..TILLER_MAX_NETWORK_MEMBERS */
+  uint32_t hidden[2];    /**< tanh: widths of the layers, 0: none; gaussian: numbers of centres and of waves */
+  const float* weights;  /**< (weight_count), the caller's, constant */
+  uint32_t weight_count; /**< as the layout has it: a check on the array */
+  uint32_t reserved;     /**< 0 */
+} tiller_network_t;
+
+/** What a policy reads, in this order. */
+typedef enum tiller_policy_input {
+  tiller_policy_state = 1,         /**< every state; of an angle its sine and its cosine */
+  tiller_policy_goal = 2,          /**< state less target, angles wrapped */
+  tiller_policy_belief_mean = 4,   /**< mean over the hypotheses of every parameter that is not fixed */
+  tiller_policy_belief_spread = 8, /**< and its standard deviation */
+  tiller_policy_last_command = 16
+} tiller_policy_input_t;
+
+/** How a policy's output o becomes an input between its limits: middle + half the range times */
+typedef enum tiller_policy_squash {
+  tiller_policy_cut = 0, /**< o cut to [-1, 1] */
+  tiller_policy_sine = 1 /**< (9 sin o + sin 3 o) / 8: PILCO's */
+} tiller_policy_squash_t;
+
+/** A learnt policy: the planner `policy` evaluates it in the place of planning. */
+typedef struct tiller_policy {
+  uint32_t size;                   /**< sizeof(tiller_policy_t) */
+  uint32_t version;                /**< TILLER_CONFIG_VERSION */
+  uint32_t reads;                  /**< tiller_policy_input_t, added up */
+  uint32_t squash;                 /**< tiller_policy_squash_t */
+  const tiller_network_t* network; /**< one member; an output for each input of the model */
+  const float* input_low;  /**< (network->inputs) range that the policy was trained on; beyond it by more than a tenth
+                                of its width the fallback plans; null: not watched */
+  const float* input_high; /**< likewise; both or none */
+} tiller_policy_t;
+
 /** Everything a controller is made from. Constant after init: it is copied into the block, with the arrays of priors,
- *  effects, bounds, obstacles, outputs, gains and sensor limits that it points to; the model's table, the mixture and
- *  the rows of references and demonstrations are the caller's. The host tools write it from a robot file; see
+ *  effects, bounds, obstacles, outputs, gains and sensor limits that it points to; the model's table, the mixture,
+ *  networks and the rows of references and demonstrations are the caller's. The host tools write it from a robot file; see
  *  docs/reference/robot_file.md. C++ fills one with its arrays by tiller::Config (tiller/config.hpp). */
 typedef struct tiller_config {
   uint32_t size;    /**< sizeof(tiller_config_t) */
@@ -425,6 +484,8 @@ typedef struct tiller_config {
 
   tiller_posterior_config_t posterior;
   const tiller_mixture_t* prior_mixture; /**< joint prior in the place of the marginals; null: none */
+  const tiller_network_t* network;       /**< of the effects `network` and `gaussian_process`; null: none */
+  const tiller_policy_t* policy;         /**< of the planner `policy`; null: none */
   tiller_planner_config_t planner;
   tiller_cost_config_t cost;
   tiller_safety_config_t safety;
