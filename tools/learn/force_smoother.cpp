@@ -184,6 +184,7 @@ class Smoother {
     const Eigen::Index at = out.state.cols();
     const std::uint32_t nu = plain_.model->input_count;
     out.state.conservativeResize(nx_, at + count);
+    out.filtered.conservativeResize(nx_, at + count);
     out.input.conservativeResize(nu, at + count);
     out.force.conservativeResize(nf_, at + count);
     out.variance.conservativeResize(nf_, at + count);
@@ -194,6 +195,7 @@ class Smoother {
       z = pass.z + back * (z - pass.next);
       p = pass.p + back * (p - pass.p_next) * back.transpose();
       out.state.col(at + k) = z.head(nx_);
+      out.filtered.col(at + k) = pass.z.head(nx_);
       out.force.col(at + k) = z.tail(nf_);
       out.variance.col(at + k) = p.diagonal().tail(nf_).cwiseMax(1e-12);
       for (std::uint32_t i = 0; i < nu; ++i) out.input(i, at + k) = grid.input[i][first + static_cast<std::size_t>(k)];

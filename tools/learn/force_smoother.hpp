@@ -12,6 +12,7 @@ namespace tiller::tools::learn {
 /// Periods of logs with what a model lacks there: smoothed states, and forces with their variance.
 struct SmoothedForces {
   Eigen::MatrixXd state;       ///< (nx x n) at a period's beginning
+  Eigen::MatrixXd filtered;    ///< (nx x n) the same from what was measured until then, as a controller knows it
   Eigen::MatrixXd input;       ///< (nu x n) over it
   Eigen::MatrixXd force;       ///< (nf x n) that the model lacks over it
   Eigen::MatrixXd variance;    ///< (nf x n)

@@ -72,7 +72,8 @@ struct Evidence {
       const Eigen::LLT<Matrix> llt(covariance);
       const Vector y = data.y.row(o).transpose(), alpha = llt.solve(y);
       const Matrix inverse = llt.solve(Matrix::Identity(n, n));
-      total -= 0.5 * y.dot(alpha) + llt.matrixLLT().diagonal().array().log().sum() + 0.5 * n * std::log(kTwoPi);
+      total -= 0.5 * y.dot(alpha) + llt.matrixLLT().diagonal().array().log().sum() +
+               0.5 * static_cast<double>(n) * std::log(kTwoPi);
       const Matrix half = 0.5 * (alpha * alpha.transpose() - inverse);  // d total / d covariance
       const Matrix by_kernel = half.cwiseProduct(signal * k);
       gradient(d + 2 * o) += 2.0 * by_kernel.sum();

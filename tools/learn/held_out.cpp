@@ -117,7 +117,7 @@ HeldOut judge_rollouts(const Hypotheses& who, const std::vector<Grid>& grids,
   return out;
 }
 
-std::vector<Eigen::MatrixXd> smoothed_states(const tiller_config_t& config, const std::vector<Grid>& grids,
+std::vector<Eigen::MatrixXd> filtered_states(const tiller_config_t& config, const std::vector<Grid>& grids,
                                              const std::vector<double>& params, const Eigen::VectorXd& force_sd) {
   std::vector<Eigen::MatrixXd> all;
   for (const Grid& grid : grids) {
@@ -127,9 +127,9 @@ std::vector<Eigen::MatrixXd> smoothed_states(const tiller_config_t& config, cons
     std::string error;
     if (smooth_forces(config, {grid}, params, force_sd, forces, error)) {
       // the filter begins where the first state is known, and its last period ends at the last point
-      const Eigen::Index first = points - 1 - forces.state.cols();
+      const Eigen::Index first = points - 1 - forces.filtered.cols();
       for (Eigen::Index k = 0; k < forces.state.cols(); ++k)
-        if (forces.weight[static_cast<std::size_t>(k)] > 0.0) states.col(first + k) = forces.state.col(k);
+        if (forces.weight[static_cast<std::size_t>(k)] > 0.0) states.col(first + k) = forces.filtered.col(k);
     }
     all.push_back(std::move(states));
   }

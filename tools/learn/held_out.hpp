@@ -6,7 +6,7 @@
 
 namespace tiller::tools::learn {
 
-/// How well rollouts of one second from smoothed states meet the sensors, and whether their spread says so.
+/// How well rollouts of one second from filtered states meet the sensors, and whether their spread says so.
 struct HeldOut {
   double rms_sigma = HUGE_VAL;  ///< error of the members' mean, in sensor deviations
   double covered = 0;           ///< share of readings at the end of a second within the central 90 % of the lanes
@@ -25,8 +25,9 @@ struct Hypotheses {
 HeldOut judge_rollouts(const Hypotheses& who, const std::vector<Grid>& grids,
                        const std::vector<Eigen::MatrixXd>& states);
 
-/// Smoothed states of every point of the grids (nx x points), from the model at `params` with forces that walk.
-std::vector<Eigen::MatrixXd> smoothed_states(const tiller_config_t& config, const std::vector<Grid>& grids,
+/// States of every point of the grids (nx x points) as a filter knows them there: the model at `params` with forces that
+/// walk. What comes later has no say, or a rollout would begin with knowledge of its end.
+std::vector<Eigen::MatrixXd> filtered_states(const tiller_config_t& config, const std::vector<Grid>& grids,
                                              const std::vector<double>& params, const Eigen::VectorXd& force_sd);
 
 }  // namespace tiller::tools::learn

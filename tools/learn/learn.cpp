@@ -15,6 +15,8 @@ using Matrix = Eigen::MatrixXd;
 using Vector = Eigen::VectorXd;
 
 constexpr std::uint32_t kMostRefitJoints = 3;
+constexpr double kCovered = 0.9, kMostNoise = 1e4;
+constexpr Eigen::Index kSeenEvery = 20;  // periods, of what is shown and of what the spread is taken of
 
 double centre_of(const tiller_prior_t& prior) {
   return prior.kind == tiller_prior_uniform ? 0.5 * (prior.low + prior.high) : prior.a;
@@ -37,18 +39,17 @@ class Learner {
   bool run(const std::vector<Grid>& grids, std::string& error) {
     split(grids);
     choose_params(train_);
-    const Vector typical = typical_forces(config_, train_, out_.params);
-    if (!(typical.maxCoeff() > 0.0)) {
+    typical_ = typical_forces(config_, train_, out_.params);
+    if (!(typical_.maxCoeff() > 0.0)) {
       error = "learn: the logs never move a joint, or are too short to tell; record a motion (`tiller excite`)";
       return false;
     }
     tell("smoothing", 0.0);
-    out_.force_sd = choose_force_sd(config_, train_, out_.params, typical.cwiseMax(1e-6 * typical.maxCoeff()));
+    out_.force_sd = choose_force_sd(config_, train_, out_.params, typical_.cwiseMax(1e-6 * typical_.maxCoeff()));
     if (!smooth_forces(config_, train_, out_.params, out_.force_sd, first_, error)) return false;
-    states_ = smoothed_states(config_, judge_, out_.params, out_.force_sd);
+    states_ = filtered_states(config_, judge_, out_.params, out_.force_sd);
     out_.samples = static_cast<std::size_t>(first_.force.cols());
-    Hypotheses nominal = {&config_, {out_.params}, process_sd(config_.process_sd, 1.0)};
-    out_.before = judge_rollouts(nominal, judge_, states_);
+    calibrate({&config_, {out_.params}, Vector()}, first_, out_.before, out_.before_process_sd);
     if (options_.form != Form::gaussian) add(Form::network);
     if (options_.form != Form::network && !stopped()) add(Form::gaussian);
     choose();
@@ -88,12 +89,6 @@ class Learner {
       out_.residual_ratio = {fit.rollout_ratio};
     }
     if (!refitted_.empty()) out_.params = refitted_;
-  }
-
-  Vector process_sd(const double* configured, double scale) const {
-    Vector sd(config_.model->state_count);
-    for (Eigen::Index i = 0; i < sd.size(); ++i) sd(i) = scale * configured[i];
-    return sd;
   }
 
   StoredNetwork fit(Form form, const DynamicsData& data, bool final) const {
@@ -185,39 +180,41 @@ class Learner {
     const LoadedNetwork loaded(c.network);
     Config with;
     if (c.network.weights.empty() || !with_network(config_, loaded, with)) return;
-    calibrate(with, force_sd, forces, c);
+    calibrate({&with, member_params(c.network.members), Vector()}, forces, c.held_out, c.process_sd);
     c.spread_ratio = spread_ratio(loaded.network, forces);
+    c.seen = seen(loaded.network, forces);
     out_.candidates.push_back(std::move(c));
   }
 
   /// The noise at which the held-out spread is honest: the configured one, plus what the force left over does to the
-  /// velocities, times the factor whose central 90 % hold 90 %.
-  void calibrate(const tiller_config_t& with, const Vector& force_sd, const SmoothedForces& forces, Candidate& c) {
-    Hypotheses who = {&with, member_params(c.network.members), process_sd(config_.process_sd, 1.0)};
-    const Vector left = velocity_noise(forces, force_sd);
-    double low = 0.0, high = 64.0;
-    for (int k = 0; k < 12 && !stopped(); ++k) {
-      const double factor = k == 0 ? 0.0 : k == 1 ? 1.0 : low > 0.0 ? std::sqrt(low * high) : 0.5 * high;
-      if (k == 1 && low == 0.0 && high == 0.0) break;
-      who.process_sd = (process_sd(config_.process_sd, 1.0).array().square() + (factor * left).array().square()).sqrt();
-      c.held_out = judge_rollouts(who, judge_, states_);
-      c.process_sd = who.process_sd;
-      if (c.held_out.covered >= 0.9) {
-        high = factor;
-        if (factor == 0.0) break;  // wide enough by the members alone
-      } else {
-        low = std::max(factor, 1e-2);
-      }
-      if (std::fabs(c.held_out.covered - 0.9) < 0.01) break;
+  /// velocities, times the factor at which the central 90 % hold 90 %.
+  void calibrate(Hypotheses who, const SmoothedForces& left_over, HeldOut& held_out, Vector& chosen) const {
+    const Vector configured =
+        Eigen::Map<const Vector>(config_.process_sd, static_cast<Eigen::Index>(config_.model->state_count));
+    const Vector left = velocity_noise(left_over);
+    const auto covers = [&](double factor) {
+      chosen = who.process_sd = (configured.array().square() + (factor * left).array().square()).sqrt();
+      held_out = judge_rollouts(who, judge_, states_);
+      return held_out.covered >= kCovered;
+    };
+    if (covers(0.0)) return;  // wide enough by the members alone
+    double low = 1e-2, high = 1.0;
+    while (!covers(high) && high < kMostNoise) {
+      low = high;
+      high *= 4.0;
     }
+    for (int k = 0; k < 5 && !stopped() && high < kMostNoise; ++k) {
+      const double middle = std::sqrt(low * high);
+      (covers(middle) ? high : low) = middle;
+    }
+    covers(high);
   }
-  /// Deviation of the velocities (nx) per root second that the residual forces, as white noise, would make.
-  Vector velocity_noise(const SmoothedForces& forces, const Vector& force_sd) const {
+  /// Deviation of the velocities (nx) per root second that the forces, as white noise, would make.
+  Vector velocity_noise(const SmoothedForces& forces) const {
     Vector noise = Vector::Zero(config_.model->state_count);
-    const Vector typical = typical_forces(config_, train_, out_.params);
     for (std::uint32_t j = 0; j < config_.model->joint_count; ++j) {
       const double rms = std::sqrt(forces.force.row(j).squaredNorm() / static_cast<double>(forces.force.cols()));
-      const double share = typical(j) > 0.0 ? std::max(rms, 1e-3 * force_sd(j)) / typical(j) : 0.0;
+      const double share = typical_(j) > 0.0 ? std::max(rms / typical_(j), 1e-3) : 0.0;
       noise(config_.model->joints[j].velocity) = share * acceleration(j) * std::sqrt(config_.period_s);
     }
     return noise;
@@ -236,21 +233,29 @@ class Learner {
     return count > 0.0 ? std::sqrt(squares / count) : 0.0;
   }
 
-  /// The members' deviation at twice the largest velocities and inputs, over that in the data.
+  /// Mean and deviation (outputs each) of the members at one column of inputs.
+  static void moments(const tiller_network_t& network, const double* x, double* mean, double* sd) {
+    double out[TILLER_MAX_NETWORK_OUTPUTS];
+    std::fill_n(mean, network.outputs, 0.0);
+    std::fill_n(sd, network.outputs, 0.0);
+    for (std::uint32_t m = 0; m < network.members; ++m) {
+      evaluate_member(network, m, x, out);
+      for (std::uint32_t o = 0; o < network.outputs; ++o) {
+        mean[o] += out[o] / network.members;
+        sd[o] += out[o] * out[o] / network.members;
+      }
+    }
+    for (std::uint32_t o = 0; o < network.outputs; ++o) sd[o] = std::sqrt(std::max(0.0, sd[o] - mean[o] * mean[o]));
+  }
+
+  /// The members' deviation at twice the largest velocities, over that in the data.
   double spread_ratio(const tiller_network_t& network, const SmoothedForces& forces) const {
-    const auto spread = [&](const Matrix& state, const Matrix& input) {
-      const Matrix x = network_features(*config_.model, state, input);
-      double sum = 0.0, out[TILLER_MAX_NETWORK_OUTPUTS];
-      for (Eigen::Index k = 0; k < x.cols(); k += 20) {
-        Vector mean = Vector::Zero(network.outputs), squares = mean;
-        for (std::uint32_t m = 0; m < network.members; ++m) {
-          evaluate_member(network, m, x.col(k).data(), out);
-          for (std::uint32_t o = 0; o < network.outputs; ++o) {
-            mean(o) += out[o] / network.members;
-            squares(o) += out[o] * out[o] / network.members;
-          }
-        }
-        sum += std::sqrt(std::max(0.0, (squares - mean.cwiseAbs2()).sum()));
+    const auto spread = [&](const Matrix& state) {
+      const Matrix x = network_features(*config_.model, state, forces.input);
+      double sum = 0.0, mean[TILLER_MAX_NETWORK_OUTPUTS], sd[TILLER_MAX_NETWORK_OUTPUTS];
+      for (Eigen::Index k = 0; k < x.cols(); k += kSeenEvery) {
+        moments(network, x.col(k).data(), mean, sd);
+        for (std::uint32_t o = 0; o < network.outputs; ++o) sum += sd[o];
       }
       return sum;
     };
@@ -260,7 +265,21 @@ class Learner {
       const double most = forces.state.row(v).cwiseAbs().maxCoeff();
       for (Eigen::Index k = 0; k < beyond.cols(); ++k) beyond(v, k) = beyond(v, k) >= 0.0 ? 2.0 * most : -2.0 * most;
     }
-    return spread(beyond, forces.input) / std::max(spread(forces.state, forces.input), 1e-300);
+    return spread(beyond) / std::max(spread(forces.state), 1e-300);
+  }
+
+  Matrix seen(const tiller_network_t& network, const SmoothedForces& forces) const {
+    const Matrix x = network_features(*config_.model, forces.state, forces.input);
+    const Matrix total = member_forces(network, forces) + forces.force;
+    const Eigen::Index nx = forces.state.rows(), nf = total.rows(), count = (x.cols() + kSeenEvery - 1) / kSeenEvery;
+    Matrix all(nx + 3 * nf, count);
+    for (Eigen::Index c = 0; c < count; ++c) {
+      const Eigen::Index k = c * kSeenEvery;
+      all.col(c).head(nx) = forces.state.col(k);
+      all.col(c).segment(nx, nf) = total.col(k);
+      moments(network, x.col(k).data(), &all(nx + nf, c), &all(nx + 2 * nf, c));
+    }
+    return all;
   }
 
   void choose() {
@@ -306,6 +325,7 @@ class Learner {
   std::vector<Grid> train_, judge_;
   std::vector<double> refitted_;
   SmoothedForces first_;
+  Vector typical_;
   std::vector<Matrix> states_;
 };
 

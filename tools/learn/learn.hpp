@@ -32,12 +32,16 @@ struct Candidate {
   HeldOut held_out;
   Eigen::VectorXd process_sd;  ///< (nx) that makes the held-out spread honest
   double spread_ratio = NAN;   ///< of the members' forces outside of the data, over inside
+  /// (nx + 3 nf x samples) some of the periods of the logs: state, force that the model lacks there, mean of the members,
+  /// and their deviation.
+  Eigen::MatrixXd seen;
 };
 
 struct Learnt {
   std::vector<double> params;  ///< (np) the robot's own, as the candidates have them
   Eigen::VectorXd force_sd;    ///< (nf) intensity of the force that is left
-  HeldOut before;              ///< the model without anything learnt
+  HeldOut before;              ///< the model without anything learnt, with the noise that makes its spread honest
+  Eigen::VectorXd before_process_sd;  ///< (nx) that noise
   std::vector<Candidate> candidates;
   int chosen = -1;                     ///< of the candidates; -1: refused
   std::string why;                     ///< a sentence: of the choice, or of the refusal

@@ -15,10 +15,18 @@ Json judged_json(const HeldOut& h) {
   return json;
 }
 
-/// Each output along each input, the other inputs at zero: rows of members, for the page.
-Json slices_json(const StoredNetwork& stored) {
-  (void)stored;
-  return Json::array();
+/// Columns of what is shown, by name: states, then for each force what the logs show, the members' mean and deviation.
+Json seen_json(const RobotFile& robot, const Candidate& c) {
+  Words names = robot.states;
+  const Words forces = network_outputs(robot);
+  for (const char* what : {"", "mean ", "sd "})
+    for (const std::string& force : forces) names.push_back(what + force);
+  Json json;
+  for (Eigen::Index r = 0; r < c.seen.rows(); ++r) {
+    const Eigen::RowVectorXd row = c.seen.row(r);
+    json[names[static_cast<std::size_t>(r)]] = std::vector<double>(row.data(), row.data() + row.size());
+  }
+  return json;
 }
 
 }  // namespace
@@ -33,6 +41,15 @@ std::string learnt_json(const RobotFile& robot, const Learnt& learnt, const std:
   json["seconds"] = learnt.seconds;
   json["samples"] = learnt.samples;
   json["before"] = judged_json(learnt.before);
+  json["joints"] = Json::array();
+  for (std::uint32_t j = 0; j < robot.model->joint_count; ++j) {
+    const tiller_joint_t& joint = robot.model->joints[j];
+    const bool placed = joint.position != TILLER_NO_POSITION;
+    json["joints"].push_back({{"name", joint.name},
+                              {"position", placed ? robot.states[joint.position] : std::string()},
+                              {"velocity", robot.states[joint.velocity]},
+                              {"force", robot.model->force_names[j]}});
+  }
   json["residual_ratio"] = learnt.residual_ratio;
   json["chosen"] = learnt.chosen < 0 ? "" : learnt.candidates[static_cast<std::size_t>(learnt.chosen)].name;
   json["why"] = learnt.why;
@@ -45,7 +62,7 @@ std::string learnt_json(const RobotFile& robot, const Learnt& learnt, const std:
     one["spread_ratio"] = c.spread_ratio;
     one["members"] = c.network.members;
     one["weights"] = c.network.weights.size();
-    one["slices"] = slices_json(c.network);
+    one["seen"] = seen_json(robot, c);
     json["candidates"].push_back(std::move(one));
   }
   return json.dump(1) + "\n";
