@@ -5,6 +5,7 @@
 
 #include "effects/effect_info.hpp"
 #include "networks/evaluate.hpp"
+#include "posterior/prior.hpp"
 #include "tools/base/text.hpp"
 #include "tools/gap/residual/fallback.hpp"
 
@@ -50,6 +51,7 @@ class Learner {
     states_ = filtered_states(config_, judge_, out_.params, out_.force_sd);
     out_.samples = static_cast<std::size_t>(first_.force.cols());
     calibrate({&config_, {out_.params}, Vector()}, first_, out_.before, out_.before_process_sd);
+    judge_residual();
     if (options_.form != Form::gaussian) add(Form::network);
     if (options_.form != Form::network && !stopped()) add(Form::gaussian);
     choose();
@@ -61,6 +63,18 @@ class Learner {
   bool stopped() const { return options_.stop && *options_.stop != 0; }
   void tell(const std::string& what, double share) const {
     if (options_.progress) options_.progress(what, share);
+  }
+
+  /// The nine weights at their mean.
+  void judge_residual() {
+    if (out_.residual_joint.empty()) return;
+    std::vector<double> params;
+    for (std::uint32_t p = 0; p < residual_.config.param_count; ++p) params.push_back(residual_.config.priors[p].a);
+    for (std::size_t i = 0; i < residual_.at.size(); ++i)
+      params[residual_.at[i]] = from_coordinate(residual_.config.priors[residual_.at[i]], residual_.mean[i]);
+    const Eigen::Index nx = config_.model->state_count;
+    out_.residual = judge_rollouts(
+        {&residual_.config, {params}, Eigen::Map<const Vector>(residual_.config.process_sd, nx)}, judge_, states_);
   }
 
   void split(const std::vector<Grid>& grids) {
@@ -86,7 +100,8 @@ class Learner {
       if (!(fit.log_evidence > best) || fit.nominal.size() != config_.param_count) continue;
       best = fit.log_evidence;
       refitted_ = fit.nominal;
-      out_.residual_ratio = {fit.rollout_ratio};
+      residual_ = fit;
+      out_.residual_joint = config_.model->joints[j].name;
     }
     if (!refitted_.empty()) out_.params = refitted_;
   }
@@ -283,7 +298,8 @@ class Learner {
   }
 
   void choose() {
-    double best = options_.most_ratio;
+    const double residual = out_.residual.rms_sigma / out_.before.rms_sigma;
+    double best = std::min(options_.most_ratio, residual);
     for (std::size_t i = 0; i < out_.candidates.size(); ++i) {
       const double ratio = out_.candidates[i].held_out.rms_sigma / out_.before.rms_sigma;
       if (!(ratio < best)) continue;
@@ -299,10 +315,12 @@ class Learner {
       double nearest = HUGE_VAL;
       for (const Candidate& c : out_.candidates)
         nearest = std::min(nearest, c.held_out.rms_sigma / out_.before.rms_sigma);
-      out_.why = format(
-          "refused: held-out rollouts of one second would be %.2f times as wrong as without it, and %.2f "
-          "is the most that earns a place",
-          nearest, options_.most_ratio);
+      out_.why =
+          format("refused: held-out rollouts of one second would be %.2f times as wrong as without it, ", nearest);
+      out_.why += nearest < options_.most_ratio
+                      ? format("and nine weights at %s come to %.2f (`tiller gap` writes them)",
+                               out_.residual_joint.c_str(), residual)
+                      : format("and %.2f is the most that earns a place", options_.most_ratio);
     }
   }
 
@@ -324,6 +342,7 @@ class Learner {
   Learnt& out_;
   std::vector<Grid> train_, judge_;
   std::vector<double> refitted_;
+  gap::ResidualFit residual_;
   SmoothedForces first_;
   Vector typical_;
   std::vector<Matrix> states_;

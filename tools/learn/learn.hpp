@@ -43,9 +43,10 @@ struct Learnt {
   HeldOut before;              ///< the model without anything learnt, with the noise that makes its spread honest
   Eigen::VectorXd before_process_sd;  ///< (nx) that noise
   std::vector<Candidate> candidates;
-  int chosen = -1;                     ///< of the candidates; -1: refused
-  std::string why;                     ///< a sentence: of the choice, or of the refusal
-  std::vector<double> residual_ratio;  ///< (0 or 1) rollout errors of the nine weights at one joint, over without
+  int chosen = -1;             ///< of the candidates; -1: refused
+  std::string why;             ///< a sentence: of the choice, or of the refusal
+  HeldOut residual;            ///< the nine local weights at one joint, from the same part of the logs
+  std::string residual_joint;  ///< where; "": none was fitted
   std::size_t samples = 0;
   double seconds = 0;  ///< of the logs
 };

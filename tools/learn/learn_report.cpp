@@ -50,7 +50,8 @@ std::string learnt_json(const RobotFile& robot, const Learnt& learnt, const std:
                               {"velocity", robot.states[joint.velocity]},
                               {"force", robot.model->force_names[j]}});
   }
-  json["residual_ratio"] = learnt.residual_ratio;
+  json["residual"] = judged_json(learnt.residual);
+  json["residual"]["joint"] = learnt.residual_joint;
   json["chosen"] = learnt.chosen < 0 ? "" : learnt.candidates[static_cast<std::size_t>(learnt.chosen)].name;
   json["why"] = learnt.why;
   json["candidates"] = Json::array();

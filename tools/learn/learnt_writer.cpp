@@ -24,15 +24,15 @@ std::string learnt_text(const Learnt& learnt) {
              learnt.seconds, learnt.samples, learnt.before.rollouts, "", "error", "of before", "90 % hold");
   text += format("%-28s %8.3g s %10s %10.0f %%\n", "model alone", learnt.before.rms_sigma, "1",
                  100.0 * learnt.before.covered);
-  for (const double ratio : learnt.residual_ratio)
-    text += format("%-28s %10s %10.2f\n", "nine weights at one joint *", "", ratio);
+  if (!learnt.residual_joint.empty())
+    text += format("%-28s %8.3g s %10.2f %10.0f %%\n", ("nine weights at " + learnt.residual_joint).c_str(),
+                   learnt.residual.rms_sigma, learnt.residual.rms_sigma / learnt.before.rms_sigma,
+                   100.0 * learnt.residual.covered);
   for (const Candidate& c : learnt.candidates)
     text += format("%-28s %8.3g s %10.2f %10.0f %%   beyond the data %.1f times as wide\n", c.name.c_str(),
                    c.held_out.rms_sigma, c.held_out.rms_sigma / learnt.before.rms_sigma, 100.0 * c.held_out.covered,
                    c.spread_ratio);
-  text += "\ns: sensor deviations, root mean square over a second";
-  if (!learnt.residual_ratio.empty()) text += "; * on the logs that it was fitted to";
-  return text + "\n" + learnt.why + "\n";
+  return text + "\ns: sensor deviations, root mean square over a second\n" + learnt.why + "\n";
 }
 
 }  // namespace tiller::tools::learn

@@ -19,8 +19,10 @@ from .table import ReportError, read_json, write_page
 def candidate_table(result: dict) -> str:
     before = result["before"]
     body = [["model alone", page.number(before["rms_sigma"], 3), "1", f"{100 * before['covered']:.0f} %", "", ""]]
-    for ratio in result["residual_ratio"]:
-        body.append(["nine weights at one joint, on the logs that they were fitted to", "", page.number(ratio, 2), "", "",
+    residual = result["residual"]
+    if residual["joint"]:
+        body.append([f"nine weights at {residual['joint']}", page.number(residual["rms_sigma"], 3),
+                     page.number(residual["rms_sigma"] / before["rms_sigma"], 2), f"{100 * residual['covered']:.0f} %", "",
                      "9"])
     for one in result["candidates"]:
         held = one["held_out"]
