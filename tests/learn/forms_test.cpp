@@ -41,7 +41,7 @@ struct Moments {
 
 TEST(Ensemble, AgreesWhereDataAreAndNotBeyond) {
   EnsembleOptions options;
-  options.steps = 2000;
+  options.steps = 1200;
   const DynamicsData data = line_data(300);
   const std::vector<Member> members = train_ensemble(data, options);
   ASSERT_EQ(members.size(), 5u);
@@ -100,6 +100,7 @@ TEST(GaussianFit, DrawsHaveTheExactPosteriorsMoments) {
   options.waves = 256;
   options.members = TILLER_MAX_NETWORK_MEMBERS;
   options.hyper_samples = 200;
+  options.hyper_steps = 30;
   constexpr int kSeeds = 12;  // members of several seeds together: the lengths depend on no seed, all samples are taken
   std::vector<std::vector<double>> drawn(5);
   const double at[5] = {-1.5, 0.0, 0.7, 3.0, 6.0};

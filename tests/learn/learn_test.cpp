@@ -70,9 +70,15 @@ TEST(ForceSmoother, FindsTheForceThatActs) {
 LearnOptions quick(Form form) {
   LearnOptions options;
   options.form = form;
-  options.ensemble.steps = 800;
+  options.ensemble.steps = 500;
+  options.ensemble.batch = 128;
+  options.ensemble.members = 3;
   options.passes = 2;
-  options.gaussian.hyper_samples = 150;
+  options.gaussian.hyper_samples = 100;
+  options.gaussian.hyper_steps = 40;
+  options.gaussian.inducing = 24;
+  options.gaussian.waves = 32;
+  options.gaussian.members = 4;
   return options;
 }
 
@@ -116,7 +122,7 @@ TEST(Learn, RefusesWhereNothingIsMissing) {
   std::string error;
   const LearnOptions options = quick(Form::automatic);
   ASSERT_TRUE(learn(*robot, hidden::logs({}, hidden::nothing, 3, 5), options, learnt, error)) << error;
-  EXPECT_EQ(learnt.chosen, -1) << learnt.why;
+  EXPECT_EQ(learnt.chosen, -1) << learnt_text(learnt);
   EXPECT_NE(learnt.why.find("refused"), std::string::npos);
 }
 
@@ -147,6 +153,23 @@ TEST(Learn, TheNewRobotFileReadsBackAndKeepsTheOldText) {
   Learnt again;
   EXPECT_FALSE(learn(*after, hidden::logs({}, hidden::spring_q2, 1, 8), options, again, error));
   EXPECT_NE(error.find("already"), std::string::npos);
+}
+
+TEST(Learn, ShortLogsAreHeldOutWhole) {
+  const auto robot = robot_of(kRobot);
+  hidden::Setup setup;
+  setup.seconds = 3.0;  // the last quarter is shorter than a rollout
+  LearnOptions options = quick(Form::gaussian);
+  options.gaussian.hyper_samples = 60;
+  options.passes = 1;
+  Learnt learnt;
+  std::string error;
+  ASSERT_TRUE(learn(*robot, hidden::logs(setup, hidden::spring_q2, 4, 9), options, learnt, error)) << error;
+  EXPECT_GT(learnt.before.rollouts, 0u);
+  EXPECT_TRUE(std::isfinite(learnt.before.rms_sigma));
+  Learnt again;
+  EXPECT_FALSE(learn(*robot, hidden::logs(setup, hidden::spring_q2, 1, 9), options, again, error));
+  EXPECT_NE(error.find("3.0 s"), std::string::npos) << error;
 }
 
 TEST(Learn, TellsWhatTheLogsLack) {

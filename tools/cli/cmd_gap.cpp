@@ -138,6 +138,7 @@ bool add_learnt(const GapOptions& options, const RobotFile& robot, const std::ve
   if (!found) return false;
   learn::LearnOptions how;
   how.stop = &stop_requested;
+  how.beat_residual = true;
   learn::Learnt learnt;
   std::fprintf(stderr, "gap: learning what is left at all joints (tiller learn)\n");
   if (!learn::learn(*found, grids, how, learnt, error) || learnt.chosen < 0 || stop_requested != 0) return false;

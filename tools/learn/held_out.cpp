@@ -10,12 +10,12 @@ namespace tiller::tools::learn {
 namespace {
 
 constexpr std::uint32_t kLanes = 64;
-constexpr double kHorizon_s = 1.0, kEvery_s = 0.5;
+constexpr double kHorizon_s = 1.0, kEvery_s = 0.25;
 
 /// Sums over all rollouts.
 struct Sums {
-  double squares = 0, count = 0, covered = 0, intervals = 0;
-  std::size_t rollouts = 0;
+  double squares = 0, count = 0, covered = 0, intervals = 0, seconds = 0;
+  std::vector<double> each;
 };
 
 class Judge {
@@ -35,12 +35,16 @@ class Judge {
   void take(const Grid& grid, const Eigen::MatrixXd& states, Sums& sums) {
     const auto horizon = static_cast<std::size_t>(std::max(1.0, std::round(kHorizon_s / grid.period_s)));
     const auto every = static_cast<std::size_t>(std::max(1.0, std::round(kEvery_s / grid.period_s)));
-    for (std::size_t k = 0; k + horizon < grid.points(); k += every) {
+    std::size_t k = 0;
+    while (k < grid.points() && !states.col(static_cast<Eigen::Index>(k)).allFinite()) ++k;
+    for (; k + horizon < grid.points(); k += every) {
       if (!states.col(static_cast<Eigen::Index>(k)).allFinite()) continue;
+      const double squares = sums.squares, count = sums.count;
       const double* const state = &states(0, static_cast<Eigen::Index>(k));
       errors(grid, k, horizon, calm_.run(grid, k, horizon, state), sums);
       cover(grid, k, horizon, run_noisy(grid, k, horizon, state), sums);
-      ++sums.rollouts;
+      sums.each.push_back((sums.squares - squares) / std::max(1.0, sums.count - count));
+      sums.seconds += kEvery_s;
     }
   }
 
@@ -113,8 +117,17 @@ HeldOut judge_rollouts(const Hypotheses& who, const std::vector<Grid>& grids,
   HeldOut out;
   if (sums.count > 0) out.rms_sigma = std::sqrt(sums.squares / sums.count);
   if (sums.intervals > 0) out.covered = sums.covered / sums.intervals;
-  out.rollouts = sums.rollouts;
+  out.rollouts = sums.each.size();
+  out.squares = std::move(sums.each);
+  out.seconds = sums.seconds;
   return out;
+}
+
+bool is_better(const HeldOut& before, const HeldOut& after) {
+  double improved = 0.0;
+  for (std::size_t i = 0; i < before.squares.size(); ++i) improved += after.squares[i] < before.squares[i];
+  const double share = improved / static_cast<double>(before.squares.size());
+  return share - 0.5 > 1.64 * 0.5 / std::sqrt(std::max(before.seconds, 1.0));
 }
 
 std::vector<Eigen::MatrixXd> filtered_states(const tiller_config_t& config, const std::vector<Grid>& grids,

@@ -11,6 +11,8 @@ struct HeldOut {
   double rms_sigma = HUGE_VAL;  ///< error of the members' mean, in sensor deviations
   double covered = 0;           ///< share of readings at the end of a second within the central 90 % of the lanes
   std::size_t rollouts = 0;
+  std::vector<double> squares;  ///< (rollouts) mean square error of each, in sensor deviations
+  double seconds = 0;           ///< that the rollouts begin in: they overlap
 };
 
 /// A robot whose lanes are hypotheses: parameters, and white noise of the states beside them.
@@ -20,10 +22,14 @@ struct Hypotheses {
   Eigen::VectorXd process_sd;               ///< (nx) per root second; drawn for the spread alone
 };
 
-/// Every half second of the grids one rollout, from `states` (nx x points) of each grid; NaN where none is known. Lanes:
+/// Every quarter of a second of the grids one rollout, from `states` (nx x points) of each grid; NaN where none is known. Lanes:
 /// 64. Cost: 64 rollouts of a second each.
 HeldOut judge_rollouts(const Hypotheses& who, const std::vector<Grid>& grids,
                        const std::vector<Eigen::MatrixXd>& states);
+
+/// Whether `after` is better in more rollouts than chance would have it: the share of rollouts that it improves, of as many
+/// independent ones as there are seconds, is above a half by 1.64 deviations (one-sided 5 %).
+bool is_better(const HeldOut& before, const HeldOut& after);
 
 /// States of every point of the grids (nx x points) as a filter knows them there: the model at `params` with forces that
 /// walk. What comes later has no say, or a rollout would begin with knowledge of its end.

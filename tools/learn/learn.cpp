@@ -23,6 +23,11 @@ double centre_of(const tiller_prior_t& prior) {
   return prior.kind == tiller_prior_uniform ? 0.5 * (prior.low + prior.high) : prior.a;
 }
 
+constexpr double kLeastJudged_s = 1.3;  // a rollout of one second, and what the filter needs to begin
+constexpr double kLeastLearnt_s = 3.0;
+
+double seconds_of(const Grid& grid) { return static_cast<double>(grid.points()) * grid.period_s; }
+
 /// A grid's first or last part.
 Grid part_of(const Grid& grid, std::size_t first, std::size_t end) {
   Grid part = grid;
@@ -38,7 +43,13 @@ class Learner {
       : robot_(robot), config_(robot.config), options_(options), out_(out) {}
 
   bool run(const std::vector<Grid>& grids, std::string& error) {
-    split(grids);
+    if (!split(grids)) {
+      error = format(
+          "learn: the logs hold %.1f s without a gap; rollouts of one second want a log of at least %.0f s, or "
+          "two of %.0f s each",
+          out_.seconds, kLeastLearnt_s / (1.0 - options_.hold_out) + kLeastJudged_s, kLeastLearnt_s);
+      return false;
+    }
     choose_params(train_);
     typical_ = typical_forces(config_, train_, out_.params);
     if (!(typical_.maxCoeff() > 0.0)) {
@@ -77,13 +88,29 @@ class Learner {
         {&residual_.config, {params}, Eigen::Map<const Vector>(residual_.config.process_sd, nx)}, judge_, states_);
   }
 
-  void split(const std::vector<Grid>& grids) {
+  /// The last share of every grid judges; where that is too short for rollouts, whole grids do, the last ones first. False
+  /// where there is too little of both.
+  bool split(const std::vector<Grid>& grids) {
+    std::size_t rollouts = 0;
     for (const Grid& grid : grids) {
-      out_.seconds += static_cast<double>(grid.points()) * grid.period_s;
+      out_.seconds += seconds_of(grid);
       const auto cut = static_cast<std::size_t>((1.0 - options_.hold_out) * static_cast<double>(grid.points()));
       train_.push_back(part_of(grid, 0, cut));
       judge_.push_back(part_of(grid, cut, grid.points()));
+      rollouts += seconds_of(judge_.back()) > kLeastJudged_s;
     }
+    if (rollouts > 0) return out_.seconds > kLeastLearnt_s;
+    train_ = grids;
+    judge_.clear();
+    double judged_s = 0.0;
+    while (train_.size() > 1 && judged_s < options_.hold_out * out_.seconds) {
+      if (seconds_of(train_.back()) > kLeastJudged_s) {
+        judged_s += seconds_of(train_.back());
+        judge_.push_back(train_.back());
+      }
+      train_.pop_back();
+    }
+    return !judge_.empty() && out_.seconds - judged_s > kLeastLearnt_s;
   }
 
   /// The priors' centres, refitted as the fallback of `tiller gap` does it, which is tried on the way.
@@ -299,10 +326,11 @@ class Learner {
 
   void choose() {
     const double residual = out_.residual.rms_sigma / out_.before.rms_sigma;
-    double best = std::min(options_.most_ratio, residual);
+    double best = options_.most_ratio;
+    if (options_.beat_residual && residual < best) best = residual;
     for (std::size_t i = 0; i < out_.candidates.size(); ++i) {
       const double ratio = out_.candidates[i].held_out.rms_sigma / out_.before.rms_sigma;
-      if (!(ratio < best)) continue;
+      if (!(ratio < best) || !is_better(out_.before, out_.candidates[i].held_out)) continue;
       best = ratio;
       out_.chosen = static_cast<int>(i);
     }
@@ -317,9 +345,10 @@ class Learner {
         nearest = std::min(nearest, c.held_out.rms_sigma / out_.before.rms_sigma);
       out_.why =
           format("refused: held-out rollouts of one second would be %.2f times as wrong as without it, ", nearest);
-      out_.why += nearest < options_.most_ratio
-                      ? format("and nine weights at %s come to %.2f (`tiller gap` writes them)",
-                               out_.residual_joint.c_str(), residual)
+      const bool beaten = options_.beat_residual && nearest >= residual && residual < options_.most_ratio;
+      out_.why += beaten ? format("and nine weights at %s come to %.2f", out_.residual_joint.c_str(), residual)
+                  : nearest < options_.most_ratio
+                      ? format("which %.1f s of rollouts do not tell from chance", out_.before.seconds)
                       : format("and %.2f is the most that earns a place", options_.most_ratio);
     }
   }

@@ -17,10 +17,11 @@ struct LearnOptions {
   Form form = Form::automatic;
   EnsembleOptions ensemble;
   GaussianOptions gaussian;
-  int passes = 3;           ///< of smoothing with what was learnt, and learning again
-  double hold_out = 0.25;   ///< last share of every grid, for the judgement alone
-  double most_ratio = 0.9;  ///< of rollout errors, with over without: what does not reach it is refused
-  bool refit = true;        ///< the robot's own parameters first, where the model has at most three joints
+  int passes = 3;              ///< of smoothing with what was learnt, and learning again
+  double hold_out = 0.25;      ///< last share of every grid, for the judgement alone
+  double most_ratio = 0.9;     ///< of rollout errors, with over without: what does not reach it is refused
+  bool beat_residual = false;  ///< refuses what nine weights at one joint do as well
+  bool refit = true;           ///< the robot's own parameters first, where the model has at most three joints
   std::function<void(const std::string& what, double share)> progress;  ///< may be empty
   const volatile int* stop = nullptr;
 };

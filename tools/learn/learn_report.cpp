@@ -51,6 +51,7 @@ std::string learnt_json(const RobotFile& robot, const Learnt& learnt, const std:
                               {"force", robot.model->force_names[j]}});
   }
   json["residual"] = judged_json(learnt.residual);
+  json["residual"]["ratio"] = learnt.residual.rms_sigma / learnt.before.rms_sigma;
   json["residual"]["joint"] = learnt.residual_joint;
   json["chosen"] = learnt.chosen < 0 ? "" : learnt.candidates[static_cast<std::size_t>(learnt.chosen)].name;
   json["why"] = learnt.why;

@@ -22,7 +22,7 @@ def candidate_table(result: dict) -> str:
     residual = result["residual"]
     if residual["joint"]:
         body.append([f"nine weights at {residual['joint']}", page.number(residual["rms_sigma"], 3),
-                     page.number(residual["rms_sigma"] / before["rms_sigma"], 2), f"{100 * residual['covered']:.0f} %", "",
+                     page.number(residual["ratio"], 2), f"{100 * residual['covered']:.0f} %", "",
                      "9"])
     for one in result["candidates"]:
         held = one["held_out"]
