@@ -51,8 +51,13 @@ void read(PolicyPlanner& p, const PlanRequest& request) {
     if (request.origin) state[i] += request.origin[i];
   }
   constexpr std::uint32_t kBelief = tiller_policy_belief_mean | tiller_policy_belief_spread;
-  for (std::uint32_t i = 0; i < c.param_count && (c.policy->reads & kBelief) != 0; ++i)
-    row_moments(belief, belief.params + i * belief.count, mean[i], sd[i]);
+  if (request.param_mean) {
+    std::copy(request.param_mean, request.param_mean + c.param_count, mean);
+    std::copy(request.param_sd, request.param_sd + c.param_count, sd);
+  } else {
+    for (std::uint32_t i = 0; i < c.param_count && (c.policy->reads & kBelief) != 0; ++i)
+      row_moments(belief, belief.params + i * belief.count, mean[i], sd[i]);
+  }
   fill_policy_inputs(c, c.policy->reads, {state, mean, sd, request.last_command, request.task_step}, p.in);
 }
 
