@@ -9,7 +9,7 @@ namespace tiller::tools::distill {
 namespace {
 
 constexpr std::uint32_t kDraws = 512;  // for a prior's moments
-constexpr double kShortest_s = 0.03, kLongest_s = 30.0;
+constexpr double kShortest_s = 1e-3, kLongest_s = 30.0;
 constexpr std::uint32_t kPurpose = 0x646d;  // streams that nobody else of a robot's seed draws from
 
 double next_uniform(void* rng) { return static_cast<Rng*>(rng)->uniform(); }

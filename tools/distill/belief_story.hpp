@@ -19,7 +19,7 @@ PriorMoments prior_moments(const tiller_config_t& config);
 ///
 ///     deviation  s0 sqrt(1 - w)          mean  (1 - w) m0 + w truth + s0 sqrt(w (1 - w)) z,   z ~ N(0, 1) once
 ///
-/// with w = t / (t + tau), and tau of each parameter log-uniform in [0.03, 30] s: some are known at once, others never.
+/// with w = t / (t + tau), and tau of each parameter log-uniform in [1e-3, 30] s: some are known at once, others never.
 /// Correlations between parameters are left out: a policy that reads moments does not see them.
 class BeliefStory {
  public:

@@ -100,6 +100,9 @@ StudyError Pupil::study(const Examples& examples, const StudyOptions& options) {
   const Vector low = raw.rowwise().minCoeff(), high = raw.rowwise().maxCoeff();
   low_.assign(low.data(), low.data() + low.size());
   high_.assign(high.data(), high.data() + high.size());
+  // a posterior may know better than any that was shown
+  for (std::size_t i = 0; i < low_.size(); ++i)
+    if (shape_.network.inputs[i].rfind("sd ", 0) == 0) low_[i] = 0.0f;
   std::vector<Eigen::Index> trained, held_out;
   for (Eigen::Index i = 0; i < n; ++i)
     (examples.of[static_cast<std::size_t>(i)] % kHeldOutOf == kHeldOutOf - 1 ? held_out : trained).push_back(i);
