@@ -62,7 +62,7 @@ class School {
 
 double mean_cost(const std::vector<LessonResult>& results) {
   double sum = 0;
-  for (const LessonResult& r : results) sum += r.lost ? std::numeric_limits<double>::infinity() : r.cost;
+  for (const LessonResult& r : results) sum += r.cost;
   return sum / static_cast<double>(results.size());
 }
 

@@ -47,17 +47,18 @@ class Lesson {
   LessonResult run() {
     const auto ticks = static_cast<std::uint32_t>(std::lround(o_.seconds / c_.period_s));
     std::uint32_t tick = 0;
-    double cost = 0;
+    double cost = 0, last = 0;
     for (; tick < ticks && !result_.lost; ++tick) {
       answer(tick);
-      cost += stage_cost(c_, tick, plant_.state(), command_, story_.truth().data());
+      last = stage_cost(c_, tick, plant_.state(), command_, story_.truth().data());
+      cost += last;
       plant_.step(command_);
       double sd[TILLER_MAX_STATES];
       for (std::uint32_t i = 0; i < c_.model->state_count; ++i) sd[i] = c_.process_sd[i] * std::sqrt(c_.period_s);
       disturb(sd, pushed() ? kNoise : 1.0);
       result_.lost = !readable();
     }
-    result_.cost = cost / std::max(tick, 1u);
+    result_.cost = (cost + last * (ticks - tick)) / std::max(ticks, 1u);
     if (!std::isfinite(result_.cost)) result_.cost = std::numeric_limits<double>::infinity();
     return std::move(result_);
   }

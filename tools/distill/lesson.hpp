@@ -31,7 +31,7 @@ struct LessonOptions {
 /// An episode's end.
 struct LessonResult {
   Examples examples;
-  double cost = 0;    ///< mean stage cost of the ticks, at the true state
+  double cost = 0;    ///< mean stage cost of the ticks at the true state; those after a loss cost what the last one did
   bool lost = false;  ///< it ended early: the state was no longer finite, or left what its sensors can read
 };
 
