@@ -1,4 +1,4 @@
-# programs: bench_learned_dynamics bench_policy_search bench_local_models bench_distill bench_imitate bench_simulator
+# programs: bench_network_step bench_learned_dynamics bench_policy_search bench_local_models bench_distill bench_imitate bench_simulator
 """./dev bench learned: what is learnt rather than derived: forces, policies, costs, posteriors of black boxes.
 
     ./dev bench learned                          every section that this build has
@@ -6,6 +6,7 @@
     ./dev bench learned --quick                  a fixed small part
 
 Sections:
+    step        what a network costs in a rollout (bench_network_step)
     dynamics    learned forces on data in which something without a name is hidden (bench_learned_dynamics)
     policies    policy search with moment matching: the paper's pendulum and cart-pole (bench_policy_search)
     local       local linear models with a prior, against none; guided policies (bench_local_models)
@@ -26,8 +27,8 @@ import sys
 
 from _driver import HOME, ROOT, note, run_table, summary
 
-PROGRAMS = {"dynamics": "bench_learned_dynamics", "policies": "bench_policy_search", "local": "bench_local_models",
-            "distill": "bench_distill", "imitate": "bench_imitate", "simulator": "bench_simulator"}
+PROGRAMS = {"step": "bench_network_step", "dynamics": "bench_learned_dynamics", "policies": "bench_policy_search",
+            "local": "bench_local_models", "distill": "bench_distill", "imitate": "bench_imitate", "simulator": "bench_simulator"}
 
 
 def parse(arguments):

@@ -22,6 +22,8 @@
 #include "tools/gap/report/outputs.hpp"
 #include "tools/gap/report/robot_writer.hpp"
 #include "tools/gap/residual/residual_writer.hpp"
+#include "tools/learn/learnt_writer.hpp"
+#include "tools/open/robot_open.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -128,6 +130,25 @@ std::vector<std::uint32_t> residual_joints(const gap::Result& result) {
   return joints;
 }
 
+/// Where learnt forces beat the nine weights of a residual on logs that neither has seen, they go into `text` in its
+/// place, and the network beside it.
+bool add_learnt(const GapOptions& options, const RobotFile& robot, const std::vector<Grid>& grids, std::string& text) {
+  std::string error;
+  const auto found = parse_robot_file(text, robot.path, error);
+  if (!found) return false;
+  learn::LearnOptions how;
+  how.stop = &stop_requested;
+  learn::Learnt learnt;
+  std::fprintf(stderr, "gap: learning what is left at all joints (tiller learn)\n");
+  if (!learn::learn(*found, grids, how, learnt, error) || learnt.chosen < 0 || stop_requested != 0) return false;
+  const std::string file = robot.name + "_gap_network.json";
+  const StoredNetwork& network = learnt.candidates[static_cast<std::size_t>(learnt.chosen)].network;
+  if (!save_network((fs::path(options.folder) / file).string(), network, error)) return complain(error), false;
+  text = learn::learnt_robot_text(*found, text, learnt, file);
+  if (!options.json) std::printf("%s\n", learnt.why.c_str());
+  return true;
+}
+
 /// Puts the unnamed effect for what is left into `text`, and its joint law beside the file; `text` stays where the logs
 /// do not speak for it.
 bool add_residual(const GapOptions& options, const RobotFile& robot, const gap::Result& result,
@@ -145,13 +166,17 @@ bool add_residual(const GapOptions& options, const RobotFile& robot, const gap::
                  robot.model->joints[joint].name);
   };
   constexpr double kVeryStrong_nats = 10.0;
-  if (!gap::load_logs(robot, options.find.logs, logs, grids, nullptr, scratch) ||
-      !gap::offer_residual(text, robot.path, grids, kVeryStrong_nats, offer, error, search)) {
+  if (!gap::load_logs(robot, options.find.logs, logs, grids, nullptr, scratch)) return false;
+  const bool offered = gap::offer_residual(text, robot.path, grids, kVeryStrong_nats, offer, error, search);
+  if (stop_requested == 0 && add_learnt(options, robot, grids, text)) return true;
+  if (!offered) {
     if (!options.json && !error.empty()) std::printf("nothing is learnt of the rest: %s\n", error.c_str());
     return false;
   }
   text = offer.text;
   if (!save_posterior(posterior, offer.posterior, error)) complain(error);
+  if (!options.json)
+    std::printf("what has no name is learnt as a residual; begin with tiller run --posterior %s\n", posterior.c_str());
   return true;
 }
 
@@ -170,12 +195,7 @@ bool write_new_robot(const GapOptions& options, const RobotFile& robot, const ga
     worth = gap::write_robot(robot, old_text, result.ranking[0], result.data_hash, text, error);
   }
   const std::string posterior = (folder / (robot.name + "_gap.posterior.json")).string();
-  if (error.empty() && rest && add_residual(options, robot, result, posterior, text)) {
-    worth = true;
-    if (!options.json)
-      std::printf("what has no name is learnt as a residual; begin with tiller run --posterior %s\n",
-                  posterior.c_str());
-  }
+  if (error.empty() && rest && add_residual(options, robot, result, posterior, text)) worth = true;
   if (error.empty() && !worth) return true;
   const std::string target = (folder / (robot.name + "_gap.toml")).string();
   if (!error.empty() || !replace_file(target, text, error)) {
@@ -231,7 +251,8 @@ int gap_command(GapOptions& options) {
   if (options.json) good = std::fputs(json.c_str(), stdout) >= 0 && good;
   good = std::fflush(stdout) == 0 && good;
   if (!good) return kExitGapIncomplete;
-  return result.interrupted || stop_requested != 0 ? kExitInterrupted : gap::exit_code_of(result, options.find.budget_sigma);
+  return result.interrupted || stop_requested != 0 ? kExitInterrupted
+                                                   : gap::exit_code_of(result, options.find.budget_sigma);
 }
 
 std::string check_kind(const std::string& name) {

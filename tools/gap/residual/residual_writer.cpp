@@ -20,11 +20,12 @@ std::size_t byte_of(const std::string& text, const toml::source_position& at) {
   return line + at.column - 1;
 }
 
-/// The random force that is left over, as noise of the states that it pushes.
-std::string with_noise(std::string text, const ResidualFit& fit, const RobotFile& robot) {
+}  // namespace
+
+std::string with_process_sd(std::string text, const RobotFile& robot, const double* process_sd) {
   std::string table = "{ ";
   for (std::uint32_t i = 0; i < robot.model->state_count; ++i) {
-    const double sd = std::max(fit.config.process_sd[i], robot.config.process_sd[i]);
+    const double sd = std::max(process_sd[i], robot.config.process_sd[i]);
     if (sd > 0.0) table += (table.size() > 2 ? ", " : "") + robot.states[i] + " = " + format("%.4g", sd);
   }
   table += " }";
@@ -41,8 +42,6 @@ std::string with_noise(std::string text, const ResidualFit& fit, const RobotFile
   }
   return text + "\n[noise]\nprocess_sd = " + table + "\n";
 }
-
-}  // namespace
 
 bool offer_residual(const std::string& text, const std::string& path, const std::vector<Grid>& grids, double least_nats,
                     ResidualOffer& offer, std::string& error, const ResidualSearch& search) {
@@ -75,7 +74,7 @@ bool offer_residual(const std::string& text, const std::string& path, const std:
         format("residual: rollouts of one second would be %.2f times as wrong as without it", offer.fit.rollout_ratio);
     return false;
   }
-  offer.text = with_noise(text, offer.fit, *robot);
+  offer.text = with_process_sd(text, *robot, offer.fit.config.process_sd);
   if (offer.text.back() != '\n') offer.text += '\n';
   offer.text +=
       format(

@@ -15,6 +15,10 @@ struct ResidualOffer {
   StoredPosterior posterior;  ///< to be written beside it, for tiller run --posterior
 };
 
+/// A robot file's text with process noise (nx) of at least `process_sd`: the random force that a fit leaves over, as noise
+/// of the states that it pushes.
+std::string with_process_sd(std::string text, const RobotFile& robot, const double* process_sd);
+
 /// Where a residual is looked for. A fit at one joint of an arm of six takes minutes.
 struct ResidualSearch {
   std::vector<std::uint32_t> joints;                ///< in this order; empty: all
