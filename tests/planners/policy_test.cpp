@@ -190,6 +190,8 @@ TEST(Policy, falls_back_from_a_doubted_model_and_from_no_number) {
   bench.set_state({std::nan(""), 0.0});
   EXPECT_EQ(bench.plan().status, tiller_status_plan_not_finite);
   EXPECT_EQ(bench.command[0], 0.0) << "the safe command";
+  bench.request.belief = nullptr;
+  EXPECT_EQ(bench.plan().status, tiller_status_plan_not_finite);
 }
 
 TEST(Policy, a_fallback_begins_anew_after_a_pause_and_goes_on_otherwise) {
@@ -235,7 +237,8 @@ TEST(Policy, keeps_limits_and_rates_whatever_it_is_told) {
     const double u = bench.command[0];
     ASSERT_GE(u, c.safety.input_low[0]) << i;
     ASSERT_LE(u, c.safety.input_high[0]) << i;
-    if (given) ASSERT_LE(std::fabs(u - from), c.safety.input_rate_per_s[0] * c.period_s * (1 + 1e-12)) << i;
+    const double moved = given ? std::fabs(u - from) : 0.0;
+    ASSERT_LE(moved, c.safety.input_rate_per_s[0] * c.period_s * (1 + 1e-12)) << i;
     at_limit += u == c.safety.input_low[0] || u == c.safety.input_high[0];
     at_rate += given && std::fabs(u - from) >= 0.999 * c.safety.input_rate_per_s[0] * c.period_s;
   }
