@@ -274,6 +274,8 @@ void Executive::replan(Tick& tick) {
   request.task_step = info_.ticks - task_tick_ + belief_.lead_periods();
   request.doubted = info_.adequacy == tiller_adequacy_inadequate;
   request.deadline = deadline(tick);
+  request.param_mean = info_.param_mean;
+  request.param_sd = info_.param_sd;
   divergence_.weigh(prediction_, request.task_step);
   const PlanResult result = planner_table_->plan(planner_, request, tick.wanted);
   tick.iterations = result.iterations;

@@ -27,6 +27,8 @@ struct PlanRequest {
   const double* origin = nullptr;        // (nx) whole turns that the belief's angles come less; null: none
   bool doubted = false;                  // the model has been found inadequate
   Deadline deadline;
+  const double* param_mean = nullptr;  // (np) moments of the whole posterior; null: those of the belief stand in, which
+  const double* param_sd = nullptr;    // are the moments of a few draws; both or none
 };
 
 struct PlanResult {

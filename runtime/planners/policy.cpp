@@ -42,7 +42,9 @@ void row_moments(const Belief& belief, const float* row, double& mean, double& s
   sd = std::sqrt(std::max(variance, 0.0));
 }
 
-void read(PolicyPlanner& p, const PlanRequest& request) {
+/// False without a belief.
+bool read(PolicyPlanner& p, const PlanRequest& request) {
+  if (!request.belief || request.belief->count == 0) return false;
   const tiller_config_t& c = *p.config;
   const Belief& belief = *request.belief;
   double *state = p.moments, *mean = state + c.model->state_count, *sd = mean + c.param_count, unused;
@@ -51,9 +53,15 @@ void read(PolicyPlanner& p, const PlanRequest& request) {
     if (request.origin) state[i] += request.origin[i];
   }
   constexpr std::uint32_t kBelief = tiller_policy_belief_mean | tiller_policy_belief_spread;
-  for (std::uint32_t i = 0; i < c.param_count && (c.policy->reads & kBelief) != 0; ++i)
-    row_moments(belief, belief.params + i * belief.count, mean[i], sd[i]);
+  if (request.param_mean) {
+    std::copy(request.param_mean, request.param_mean + c.param_count, mean);
+    std::copy(request.param_sd, request.param_sd + c.param_count, sd);
+  } else {
+    for (std::uint32_t i = 0; i < c.param_count && (c.policy->reads & kBelief) != 0; ++i)
+      row_moments(belief, belief.params + i * belief.count, mean[i], sd[i]);
+  }
   fill_policy_inputs(c, c.policy->reads, {state, mean, sd, request.last_command, request.task_step}, p.in);
+  return true;
 }
 
 /// Whether every input lies where the policy was trained, give or take a tenth of the width.
@@ -67,11 +75,13 @@ bool knows(const tiller_policy_t& policy, const double* in) {
   return true;
 }
 
-void evaluate(const PolicyPlanner& p, double* command) {
+/// False where the network gives no number: a cut would make one of it, at a limit.
+bool evaluate(const PolicyPlanner& p, double* command) {
   const tiller_policy_t& policy = *p.config->policy;
   double out[TILLER_MAX_NETWORK_OUTPUTS];
   evaluate_member(*policy.network, 0, p.in, out);
   squash_outputs(*p.config, policy.squash, out, command);
+  return std::all_of(out, out + policy.network->outputs, [](double o) { return std::isfinite(o); });
 }
 
 /// The command nearest to `wish` that limits, rates and cones allow after the last one.
@@ -102,11 +112,9 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
 
 PlanResult plan(void* self, const PlanRequest& request, double* command) {
   PolicyPlanner& p = *static_cast<PolicyPlanner*>(self);
-  read(p, request);
   double wish[TILLER_MAX_INPUTS];
-  evaluate(p, wish);
+  const bool number = read(p, request) && evaluate(p, wish);
   const std::uint32_t nu = p.config->model->input_count;
-  const bool number = std::all_of(wish, wish + nu, [](double u) { return std::isfinite(u); });
   const bool trusted = number && !request.doubted && knows(*p.config->policy, p.in);
   if (!trusted && p.fallback) {
     if (!p.planned || request.tick != p.tick + 1) p.fallback->reset(p.planner);

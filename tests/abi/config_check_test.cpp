@@ -68,6 +68,33 @@ Joint& joint(C& c) {
   return j;
 }
 
+constexpr float kNoWeights[4] = {2e9f, 0.0f, -INFINITY, NAN};
+
+/// The rig's policy, to be spoilt, as the planner; and the network that it was given.
+struct OwnPolicy {
+  tiller_network_t network{};
+  tiller_policy_t policy{};
+};
+OwnPolicy& own_policy(C& c) {
+  static OwnPolicy own;
+  own.policy = *c.policy;
+  own.network = *own.policy.network;
+  own.policy.network = &own.network;
+  c.policy = &own.policy;
+  c.planner.kind = tiller_planner_policy;
+  return own;
+}
+tiller_policy_t& policy(C& c) { return own_policy(c).policy; }
+tiller_network_t& policy_network(C& c) { return own_policy(c).network; }
+/// As an output more has it: right but for the robot.
+void add_output(C& c) {
+  static const float weights[8] = {};
+  tiller_network_t& network = policy_network(c);
+  network.outputs = 2;
+  network.weights = weights;
+  network.weight_count = 8;
+}
+
 /// The exact engine: every state measured, the damping unknown.
 void conjugate(C& c) {
   c.posterior.kind = tiller_posterior_conjugate;
@@ -182,6 +209,23 @@ const Spoiled kSpoiled[] = {
     {"posterior.ess_fraction", tiller_status_bad_posterior, [](C& c) { c.posterior.ess_fraction = 0.0; }},
     {"posterior.noise_scale_shape", tiller_status_bad_posterior, [](C& c) { c.posterior.noise_scale_shape = kNan; }},
     {"planner.kind", tiller_status_bad_planner, [](C& c) { c.planner.kind = tiller_planner_kind_count; }},
+    {"planner.fallback", tiller_status_bad_planner, [](C& c) { c.planner.fallback = tiller_planner_kind_count; }},
+    {"policy", tiller_status_null_argument, [](C& c) { policy(c), c.policy = nullptr; }},
+    {"policy.size", tiller_status_version_mismatch, [](C& c) { policy(c).size = 1; }},
+    {"policy.version", tiller_status_version_mismatch, [](C& c) { policy(c).version = 0; }},
+    {"policy.reads", tiller_status_bad_planner, [](C& c) { policy(c).reads = 0; }},
+    {"policy.reads", tiller_status_bad_planner, [](C& c) { policy(c).reads = 32; }},
+    {"policy.squash", tiller_status_bad_planner, [](C& c) { policy(c).squash = 2; }},
+    {"policy.network", tiller_status_null_argument, [](C& c) { policy(c).network = nullptr; }},
+    {"policy.network.inputs", tiller_status_bad_planner, [](C& c) { policy(c).reads = tiller_policy_goal; }},
+    {"policy.network.inputs", tiller_status_bad_planner, [](C& c) { policy(c).reads |= tiller_policy_last_command; }},
+    {"policy.network.size", tiller_status_version_mismatch, [](C& c) { policy_network(c).size = 1; }},
+    {"policy.network.version", tiller_status_version_mismatch, [](C& c) { policy_network(c).version = 0; }},
+    {"policy.network.outputs", tiller_status_bad_planner, add_output},
+    {"policy.network.weight_count", tiller_status_bad_planner, [](C& c) { policy_network(c).weight_count = 3; }},
+    {"policy.network.weights", tiller_status_bad_planner, [](C& c) { policy_network(c).weights = kNoWeights; }},
+    {"policy.input_low", tiller_status_bad_planner, [](C& c) { policy(c).input_low = nullptr; }},
+    {"policy.input_high", tiller_status_bad_planner, [](C& c) { policy(c).input_high = kNoWeights; }},
     {"planner.horizon", tiller_status_bad_planner, [](C& c) { c.planner.horizon = 1; }},
     {"planner.knots", tiller_status_bad_planner, [](C& c) { c.planner.knots = 65; }},
     {"planner.rollouts", tiller_status_bad_planner, [](C& c) { c.planner.rollouts = 20; }},

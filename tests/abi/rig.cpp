@@ -63,6 +63,18 @@ void CartPolePlant::step(const double* command, double time_s) {
   integrate(x, 4, time_s, [&](const double* s, double* dxdt) { derivative(s, command[0], dxdt); });
 }
 
+namespace {
+
+// u = 12 sin(angle) - 2 rate, over the 3 N m of the limits: holds the pendulum of the rig upright
+constexpr float kHold[] = {0.0f, 4.0f, 0.0f, -2.0f / 3.0f};
+constexpr float kLow[] = {-0.2f, -1.0f, -1.0f}, kHigh[] = {0.2f, -0.98f, 1.0f};
+constexpr tiller_network_t kNetwork = {
+    sizeof(tiller_network_t), TILLER_CONFIG_VERSION, tiller_network_tanh, 3, 1, 1, {0, 0}, kHold, 4, 0};
+constexpr tiller_policy_t kPolicy = {
+    sizeof(tiller_policy_t), TILLER_CONFIG_VERSION, tiller_policy_state, tiller_policy_cut, &kNetwork, kLow, kHigh};
+
+}  // namespace
+
 tiller::Config pendulum_config() {
   tiller::Config c;
   if (tiller_config_default(&c, tiller_find_model("pendulum")) != tiller_status_ok) return tiller::Config{};
@@ -78,6 +90,8 @@ tiller::Config pendulum_config() {
   c.planner.rollouts = 128;
   c.planner.particles = 4;
   c.planner.noise_sd[0] = 2.0;
+  c.planner.fallback = tiller_planner_mppi;
+  c.policy = &kPolicy;
   c.cost.target[0] = 3.141592653589793;
   c.cost.state_weight[0] = c.cost.terminal_weight[0] = 10.0;
   c.cost.state_weight[1] = c.cost.terminal_weight[1] = 0.5;

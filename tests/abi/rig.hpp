@@ -42,7 +42,8 @@ class CartPolePlant : public Plant {
 };
 
 /// Swing-up of the pendulum with half the torque it would take at once; mass and damping unknown. Sizes are small:
-/// the tests are about what happens, not about how well it steers.
+/// the tests are about what happens, not about how well it steers. Its policy knows the neighbourhood of upright alone;
+/// everywhere else its fallback plans.
 tiller::Config pendulum_config();
 /// Swing-up of the cart-pole, pole mass and half length unknown.
 tiller::Config cart_pole_config();

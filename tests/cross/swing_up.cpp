@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "swing_up_policy.hpp"
 #include "tiller/config.hpp"
 #include "tiller/portable_math.hpp"
 
@@ -73,6 +74,8 @@ tiller::Config config(const Task& task) {
   c.posterior.window = 16;
   c.posterior.moves_per_tick = 8;
   c.planner.kind = task.kind;
+  c.planner.fallback = tiller_planner_policy;  // none
+  c.policy = &kPolicy;
   c.planner.horizon = 40;
   c.planner.knots = 6;
   c.planner.rollouts = 32;
@@ -93,10 +96,10 @@ tiller::Config config(const Task& task) {
 }
 
 Result run(const Task& task, const tiller_config_t& config, void* memory, std::size_t size, std::uint32_t ticks,
-           Watch watch, void* context) {
+           Watch watch, void* context, const tiller_hooks_t* hooks) {
   Result result;
   tiller_t* t = nullptr;
-  result.status = tiller_init(&t, &config, nullptr, memory, size);
+  result.status = tiller_init(&t, &config, hooks, memory, size);
   if (result.status != tiller_status_ok) return result;
   (void)tiller_arm(t);
   Plant plant;
@@ -118,6 +121,8 @@ Result run(const Task& task, const tiller_config_t& config, void* memory, std::s
     if (tick % kPush == kPush - 1) plant.rate_rad_s += (tick / kPush) % 2 == 0 ? task.push_rad_s : -task.push_rad_s;
 
     tiller_get_info(t, &info);
+    result.plan_ns += info.plan_ns;
+    if (info.plan_ns > result.longest_plan_ns) result.longest_plan_ns = info.plan_ns;
     hash_bits(result.hash, command.value[0]);
     for (std::uint32_t i = 0; i < 2; ++i) hash_bits(result.hash, info.state_mean[i]);
     for (std::uint32_t i = 0; i < config.param_count; ++i) hash_bits(result.hash, info.param_mean[i]);

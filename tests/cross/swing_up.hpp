@@ -31,6 +31,9 @@ struct Task {
 /// let go near upright and keeps the pendulum there.
 constexpr Task kSwingUp = {"mppi", tiller_planner_mppi, 0.0, 5.0, 0.02};
 constexpr Task kHold = {"ilqr", tiller_planner_ilqr, 2.7, 0.5, 0.0};
+/// What holds it without planning: a network that was taught by such a planner.
+constexpr Task kHoldByPolicy = {"policy", tiller_planner_policy, 2.7, 0.5, 0.0};
+constexpr Task kTasks[] = {kSwingUp, kHold, kHoldByPolicy};
 constexpr std::uint32_t kPush = 500;
 
 /// 64 particles; small enough for 256 KiB of RAM.
@@ -48,14 +51,15 @@ struct Result {
   std::uint32_t upright_ticks = 0;  // within 0.3 rad of upright
   std::uint32_t safe_ticks = 0;     // in SAFE
   double mass_mean_kg = 0.0, mass_sd_kg = 0.0;
+  std::int64_t plan_ns = 0, longest_plan_ns = 0;  // in planning, of all ticks and of one; zero without a clock
 };
 
 /// Called after every tick; nullable.
 using Watch = void (*)(void* context, std::uint32_t tick);
 
-/// Runs `ticks` periods in `memory`.
+/// Runs `ticks` periods in `memory`. `hooks`, nullable, may bring a clock; no deadline goes by it.
 Result run(const Task& task, const tiller_config_t& config, void* memory, std::size_t size, std::uint32_t ticks,
-           Watch watch, void* context);
+           Watch watch, void* context, const tiller_hooks_t* hooks = nullptr);
 /// Ready, never in SAFE, and upright for most of the time.
 bool good(const Result& result);
 

@@ -91,7 +91,7 @@ constexpr long kPlans = 20;  // of one configuration
 long configurations() {
   const char* asked = std::getenv("TILLER_LIMIT_PLANS");
   const long plans = asked ? std::atol(asked) : 20000;
-  return std::max(plans / (kPlans * static_cast<long>(tiller_planner_kind_count)), 1L);
+  return std::max(plans / (kPlans * static_cast<long>(tiller_planner_policy)), 1L);
 }
 
 TEST_P(Limits, are_kept_in_random_problems) {

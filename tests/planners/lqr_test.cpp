@@ -79,7 +79,7 @@ TEST_P(Lqr, closed_loop_cost_is_near_optimal) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(planners, Lqr, ::testing::Range(0u, static_cast<std::uint32_t>(tiller_planner_kind_count)),
+INSTANTIATE_TEST_SUITE_P(planners, Lqr, ::testing::Range(0u, static_cast<std::uint32_t>(tiller_planner_policy)),
                          [](const auto& p) { return tiller::find_planner(p.param)->name; });
 
 }  // namespace

@@ -6,7 +6,7 @@
 
 namespace tiller_test {
 
-/// A suite that runs on every line of planners.def.
+/// A suite that runs on every line of planners.def that plans: what a policy promises is in policy_test.cpp.
 class EveryPlanner : public ::testing::TestWithParam<std::uint32_t> {};
 
 /// Solves along a linearisation: an iteration is two calls of the model's kernels, and where the model is linear the
@@ -25,9 +25,8 @@ inline std::vector<std::uint64_t> seeds_of(std::uint32_t planner, std::uint64_t 
   return seeds;
 }
 
-#define TILLER_EVERY_PLANNER(suite)                                                                     \
-  INSTANTIATE_TEST_SUITE_P(planners, suite,                                                             \
-                           ::testing::Range(0u, static_cast<std::uint32_t>(tiller_planner_kind_count)), \
+#define TILLER_EVERY_PLANNER(suite)                                                                                  \
+  INSTANTIATE_TEST_SUITE_P(planners, suite, ::testing::Range(0u, static_cast<std::uint32_t>(tiller_planner_policy)), \
                            [](const auto& p) { return tiller::find_planner(p.param)->name; })
 
 }  // namespace tiller_test

@@ -1,0 +1,99 @@
+#include "tools/distill/lone_planner.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+namespace tiller::tools::distill {
+namespace {
+
+/// The configuration as a lone planner can do it.
+Config lone_config(const tiller_config_t& config) {
+  Config lone = config;
+  lone.planner.deadline_us = 0;
+  lone.planner.hypotheses = lone.planner.predict_spread = lone.planner.noisy_rollouts = 0;
+  lone.cost.bound_risk = 0;
+  return lone;
+}
+
+void leave_delays_out(StepSetup& setup) {
+  const auto kept = std::remove_if(setup.effects, setup.effects + setup.effect_count,
+                                   [](const EffectSlot& slot) { return slot.kind == tiller_effect_input_delay; });
+  setup.effect_count = static_cast<std::uint32_t>(kept - setup.effects);
+  setup.delay_steps = 0;
+}
+
+}  // namespace
+
+void LonePlanner::FreeBlock::operator()(void* block) const { std::free(block); }
+
+std::unique_ptr<LonePlanner> LonePlanner::make(const tiller_config_t& config, std::string& error) {
+  auto lone = std::make_unique<LonePlanner>();
+  lone->config_ = lone_config(config);
+  const Config& c = lone->config_;
+  const char* field = nullptr;
+  tiller_status_t status = tiller_config_check(&c, &field);
+  if (status == tiller_status_ok) status = make_step_setup(c, lone->setup_);
+  lone->table_ = find_planner(c.planner.kind);
+  if (status != tiller_status_ok || !lone->table_) {
+    error = std::string("the planner cannot be made: ") + tiller_status_text(status) +
+            (field ? std::string(" (") + field + ")" : "");
+    return nullptr;
+  }
+  leave_delays_out(lone->setup_);
+  const RolloutTable& rollouts = select_rollout(*c.model);
+  Arena measure;
+  lone->table_->lay_out(measure, c, lone->setup_, rollouts, nullptr);
+  lone->block_.reset(std::aligned_alloc(Arena::kAlignment, measure.used()));
+  Arena arena(lone->block_.get(), measure.used());
+  lone->planner_ = lone->table_->lay_out(arena, c, lone->setup_, rollouts, nullptr);
+  const std::size_t m = c.planner.particles;
+  lone->params_.assign(m * c.param_count + kLanePadding, 0.0f);
+  lone->state_.assign(m * c.model->state_count + kLanePadding, 0.0f);
+  lone->effect_state_.assign(m * lone->setup_.effect_state_count + kLanePadding, 0.0f);
+  lone->reset();
+  return lone;
+}
+
+void LonePlanner::reset() {
+  table_->reset(planner_);
+  ++tick_;  // no plan before the last reset is a tick old
+}
+
+void LonePlanner::take_belief(const Situation& s) {
+  const std::uint32_t m = hypotheses(), np = config_.param_count;
+  for (std::uint32_t j = 0; j < m; ++j) {
+    for (std::uint32_t i = 0; i < np; ++i) params_[i * m + j] = static_cast<float>(s.params[j * np + i]);
+    for (std::uint32_t i = 0; i < config_.model->state_count; ++i) state_[i * m + j] = static_cast<float>(s.state[i]);
+    for (std::uint32_t i = 0; i < setup_.effect_state_count; ++i)
+      effect_state_[i * m + j] = static_cast<float>(s.effect_state[i]);
+  }
+}
+
+bool LonePlanner::plan(const Situation& s, double* command) {
+  take_belief(s);
+  Belief belief;
+  belief.count = hypotheses();
+  belief.params = params_.data();
+  belief.state = state_.data();
+  belief.effect_state = effect_state_.data();
+  PlanRequest request;
+  request.belief = &belief;
+  request.last_command = s.last_command;
+  request.tick = ++tick_;
+  request.task_step = s.step;
+  request.deadline.iterations = config_.planner.iterations;
+  request.param_mean = s.param_mean;
+  request.param_sd = s.param_sd;
+  const PlanResult result = table_->plan(planner_, request, command);
+  bool finite = result.status != tiller_status_plan_not_finite;
+  for (std::uint32_t i = 0; i < config_.model->input_count; ++i) finite = finite && std::isfinite(command[i]);
+  return finite;
+}
+
+bool LonePlanner::feedback(double* gain, double* state) const {
+  double input[TILLER_MAX_INPUTS];
+  return table_->feedback && table_->feedback(planner_, 0, gain, state, input);
+}
+
+}  // namespace tiller::tools::distill
