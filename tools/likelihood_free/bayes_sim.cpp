@@ -4,6 +4,7 @@
 // A round: v ~ p~(v), the prior first, then the posterior so far, widened; simulate; learn the summary and train q(v | s)
 // on this round's draws; the posterior is q(v | s observed) p(v) / p~(v).
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 

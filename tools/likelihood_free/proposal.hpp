@@ -2,6 +2,7 @@
 
 #include <memory>
 
+#include "tiller/config.hpp"
 #include "tools/likelihood_free/draws.hpp"
 #include "tools/robot/joint_prior.hpp"
 
