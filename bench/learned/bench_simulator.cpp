@@ -9,12 +9,13 @@
 //   online                     the particle posterior of the runtime, which has model and likelihood (bench_table1)
 //   exact                      quadrature or importance sampling
 //
-// Machines in MuJoCo behind the lines of docs/guide/simulator.md: a puck that is pushed and slides, and a hopper. Friction
-// is learnt from what sensors show with noise; no likelihood is known to anybody.
+// Machines in MuJoCo behind the lines of docs/guide/simulator.md: a puck that is pushed and slides, and a hopper.
+// Friction is learnt from what sensors show with noise; no likelihood is known to anybody.
 //
 //   bench_simulator [--seeds N|A..B] [--task NAME] [--way NAME] [--simulations N] [--python PATH] [--csv FILE] [--quick]
 //
-// The Python at PATH (TILLER_MUJOCO_PYTHON) has the package mujoco; without one the machines are left out, and it says so.
+// The Python at PATH (TILLER_MUJOCO_PYTHON) has the package mujoco; without one the machines are left out, and it says
+// so.
 
 #include <time.h>
 

@@ -25,7 +25,8 @@ position_m = { sd = 0.001 }
 )";
 
 const char* const kHopper = R"([simulator]
-command = ["%s", "-m", "tiller_tools.mujoco_simulator", "%s/hopper.xml", "--parameter", "friction=geom_friction[foot,0]",
+command = ["%s", "-m", "tiller_tools.mujoco_simulator", "%s/hopper.xml", "--parameter",
+  "friction=geom_friction[foot,0]",
   "--measure", "x_m=qpos:x", "--measure", "z_m=qpos:z", "--measure", "pitch_rad=qpos:pitch", "--measure",
   "hip_rad=qpos:hip", "--measure", "knee_rad=qpos:knee", "--measure", "ankle_rad=qpos:ankle", "--measure",
   "x_rate_m_s=qvel:x", "--measure", "z_rate_m_s=qvel:z", "--measure", "pitch_rate_rad_s=qvel:pitch", "--measure",

@@ -29,8 +29,8 @@ TEST(Summary, CrossCorrelationsAreThoseOfTheirDefinition) {
   EXPECT_NEAR(s(2), 2.0 - 4.0 / 9.0, 1e-15);
 }
 
-// Where the data are linear in the parameters the estimate is the best one: its errors have deviation one, and it explains
-// the parameters as least squares do.
+// Where the data are linear in the parameters the estimate is the best one: its errors have deviation one, and it
+// explains the parameters as least squares do.
 TEST(Summary, TheLinearEstimateIsLeastSquares) {
   DriftProblem drift(41);
   const Coordinates coordinates(drift.config);
@@ -73,7 +73,8 @@ TEST(Sequencer, StandardisesBlockByBlockOverTheDraws) {
   EXPECT_EQ(sequence[3](2, 0), sequence[3](2, 17));  // the input is the same for all
 }
 
-// The sequence alone: the density must be nearer to the exact posterior's entropy than what a network without memory has.
+// The sequence alone: the density must be nearer to the exact posterior's entropy than what a network without memory
+// has.
 TEST(DensityNet, LearnsThroughARecurrentUnit) {
   DriftProblem drift(43);
   const Coordinates coordinates(drift.config);

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/LU>
+#include <Eigen/Dense>
 #include <cmath>
 
 #include "core/rng.hpp"

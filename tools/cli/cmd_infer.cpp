@@ -125,15 +125,15 @@ void add_infer_command(CLI::App& app, int& exit_code) {
       ->check(CLI::Range(50, 10000000));
   command->add_option("--rounds", o.rounds, "of bayes_sim (default 5)")->check(CLI::Range(1, 100));
   command->add_option("--components", o.components, "of bayes_sim's mixture (default 3)")->check(CLI::Range(1, 16));
-  command->add_option("--particles", o.particles, "of smc_abc (default 500)")->check(CLI::Range(50, 100000));
+  command->add_option("--particles", o.particles, "of smc_abc (default 200)")->check(CLI::Range(50, 100000));
   command->add_option("--accept", o.accept, "share that abc and abc_regression keep (default 0.01)")
       ->check(number_between(1e-6, 1));
   command->add_option("--processes", a->processes, "simulators side by side (default: as the file says)")
       ->check(CLI::Range(1, 1024));
   command->footer(
       methods_help() +
-      "\nThe simulator is any program that answers lines on stdin with lines on stdout: docs/guide/simulator.md has one\n"
-      "of fifteen lines. No likelihood and no derivative of it is needed.\n\n"
+      "\nThe simulator is any program that answers lines on stdin with lines on stdout: docs/guide/simulator.md has\n"
+      "one of fifteen lines. No likelihood and no derivative of it is needed.\n\n"
       "Examples:\n"
       "  tiller infer puck.toml run1.csv run2.csv -o out/puck\n"
       "      the posterior of what puck.toml has a prior for, with a page and posterior.json for a run\n"

@@ -319,7 +319,7 @@ void add_run_command(CLI::App& app, int& exit_code) {
       "      what one episode learnt is the next one's prior; run it again, and it goes on from the file\n"
       "  tiller run robots/cart_pole.toml --sim --episodes 5 --seconds 6 --method simopt --kl 1\n"
       "      SimOpt: control with a Gaussian over the parameters, one bounded step of it after each episode\n"
-      "  tiller run my_robot.toml --sim --episodes 5 --seconds 6 --method bayes_sim --simulator mine.toml --simulations 1000\n"
+      "  tiller run robot.toml --sim --episodes 5 --seconds 6 --method bayes_sim --simulator mine.toml --simulations 900\n"
       "      Online BayesSim: control with the posterior of a simulator of your own, learnt anew after each episode\n"
       "  tiller run robots/cart_pole.toml --transport lcm --log run.csv\n"
       "      a robot (or `tiller sim robots/cart_pole.toml --serve lcm`) over LCM, until Ctrl-C");

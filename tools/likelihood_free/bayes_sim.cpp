@@ -1,8 +1,8 @@
-// BayesSim (Ramos, Possas, Fox, RSS 2019), in rounds: a mixture-density network trained on simulations says the posterior
-// at the logs. Online BayesSim's alternation with control (IROS 2020, algorithm 1) calls it between episodes.
+// BayesSim (Ramos, Possas, Fox, RSS 2019), in rounds: a mixture-density network trained on simulations says the
+// posterior at the logs. Online BayesSim's alternation with control (IROS 2020, algorithm 1) calls it between episodes.
 //
-// A round: v ~ p~(v), the prior first, then the posterior so far, widened; simulate; learn the summary and train q(v | s)
-// on this round's draws; the posterior is q(v | s observed) p(v) / p~(v).
+// A round: v ~ p~(v), the prior first, then the posterior so far, widened; simulate; learn the summary and train q(v |
+// s) on this round's draws; the posterior is q(v | s observed) p(v) / p~(v).
 
 #include <Eigen/Cholesky>
 #include <algorithm>

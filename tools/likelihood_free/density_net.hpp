@@ -21,13 +21,13 @@ struct DensityNetOptions {
   std::uint64_t seed = 1;
 };
 
-/// q(v | features): a mixture-density network over d numbers, behind a perceptron, behind a gated recurrent unit where the
-/// features have a sequence; all of it trained together on the mean of -log q (BayesSim, RSS 2019, eq. 5).
+/// q(v | features): a mixture-density network over d numbers, behind a perceptron, behind a gated recurrent unit where
+/// the features have a sequence; all of it trained together on the mean of -log q (BayesSim, RSS 2019, eq. 5).
 class DensityNet {
  public:
   /// Trains from random weights. A tenth of the samples is kept back: the weights are those of its least loss, the rate
-  /// falls to a third when that has not fallen for `patience` epochs, and training ends the third time. Returns that loss,
-  /// in nats of v.
+  /// falls to a third when that has not fallen for `patience` epochs, and training ends the third time. Returns that
+  /// loss, in nats of v.
   double train(const Features& features, const nets::Matrix& v, const DensityNetOptions& options);
   /// At one sample.
   nets::NormalMixture at(const Features& one) const;

@@ -47,12 +47,12 @@ struct InferenceOptions {
   std::uint32_t rounds = 5;              ///< of bayes_sim
   std::uint32_t components = 3;          ///< of its mixture
   double accept = 0.01;                  ///< share that abc and abc_regression keep
-  std::uint32_t particles = 500;         ///< of smc_abc
+  std::uint32_t particles = 200;         ///< of smc_abc
   std::function<void(double)> progress;  ///< share done, 0..1; may be empty
 };
 
-/// Parameters of a black box from logs: only the priors, names and seed of the configuration are read, never its model's
-/// equations.
+/// Parameters of a black box from logs: only the priors, names and seed of the configuration are read, never its
+/// model's equations.
 struct InferenceProblem {
   const tiller_config_t* config = nullptr;
   std::vector<Piece> pieces;     ///< at least one

@@ -6,8 +6,8 @@
 
 namespace tiller::tools {
 
-/// Grids of the configuration's period cut to pieces of `piece_s` (0: not cut), without the channels that no sensor has.
-/// A piece ends where a value is missing; what is shorter than half a piece, or than four periods, is left out.
+/// Grids of the configuration's period cut to pieces of `piece_s` (0: not cut), without the channels that no sensor
+/// has. A piece ends where a value is missing; what is shorter than half a piece, or than four periods, is left out.
 std::vector<Piece> make_pieces(const std::vector<Grid>& grids, const tiller_config_t& config, double piece_s);
 
 /// The deviations of the configuration's sensors (ny).

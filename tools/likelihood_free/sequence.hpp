@@ -4,13 +4,13 @@
 
 namespace tiller::tools {
 
-/// Trajectories as sequences that a recurrent network reads, at most kLongest steps: the periods of all pieces one after
-/// the other, in blocks. A step's rows are, each a mean over its block: the changes of the measured values (ny), the values
-/// at the end of each period (ny), and the inputs (nu).
+/// Trajectories as sequences that a recurrent network reads, at most kLongest steps: the periods of all pieces one
+/// after the other, in blocks. A step's rows are, each a mean over its block: the changes of the measured values (ny),
+/// the values at the end of each period (ny), and the inputs (nu).
 ///
-/// The first two are standardised block by block over the draws (their mean trajectory is the origin), not over time: what
-/// a parameter changes is else lost beside what the inputs do. The inputs are the same for all draws; they are standardised
-/// over time and tell the network what acted.
+/// The first two are standardised block by block over the draws (their mean trajectory is the origin), not over time:
+/// what a parameter changes is else lost beside what the inputs do. The inputs are the same for all draws; they are
+/// standardised over time and tell the network what acted.
 class Sequencer {
  public:
   static constexpr Eigen::Index kLongest = 50;

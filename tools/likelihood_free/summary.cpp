@@ -57,34 +57,64 @@ Vector flat(const Trajectory& trajectory) {
   return out;
 }
 
-class LinearEstimate : public Summary {
+/// The estimate of one linear model: of a trajectory's values, or of its changes.
+class Estimate {
  public:
-  bool is_scaled() const override { return true; }
-
-  void learn(const Draws& draws) override {
-    const Matrix w = nets::Standardiser::of(draws.v).apply(draws.v).transpose();  // (n x d)
-    Matrix y(draws.count(), flat(draws.trajectory[0]).size());
-    for (Eigen::Index k = 0; k < y.rows(); ++k) y.row(k) = flat(draws.trajectory[static_cast<std::size_t>(k)]);
-    const Matrix design = design_of(w);
+  /// design (n x terms): one, w (d), products; y (n x values).
+  void learn(const Matrix& design, Eigen::Index d, const Matrix& y) {
     const Matrix terms = design.colPivHouseholderQr().solve(y);
     const double freedom = std::max(1.0, static_cast<double>(design.rows() - design.cols()));
     Vector variance = (y - design * terms).colwise().squaredNorm().transpose() / freedom;
     // a value that never errs must not have all the say: a millionth of its spread is kept
     const Vector spread = (y.rowwise() - y.colwise().mean()).colwise().squaredNorm().transpose() / freedom;
     variance = variance.cwiseMax(1e-12 * spread).cwiseMax(1e-300);
-    const Matrix slope = terms.middleRows(1, w.cols());  // J' (d x values)
+    const Matrix slope = terms.middleRows(1, d);  // J' (d x values)
     const Matrix weighed = slope * variance.cwiseInverse().asDiagonal();
     Matrix information = weighed * slope.transpose();
     // what a parameter does not move must not make the others' statistics infinite
     information.diagonal().array() += 1e-9 * information.trace() + 1e-300;
     const Eigen::LLT<Matrix> root(information);
-    gain_ = root.matrixL().solve(weighed);  // L' (L L')^-1 = L^-1
+    gain_ = root.matrixL().solve(weighed);
     centre_ = terms.row(0).transpose();
   }
-
-  Vector of(const Trajectory& trajectory) const override { return gain_ * (flat(trajectory) - centre_); }
+  Vector of(const Vector& y) const { return gain_ * (y - centre_); }
 
  private:
+  Matrix gain_;    // (d x values)
+  Vector centre_;  // (values)
+};
+
+class LinearEstimate : public Summary {
+ public:
+  explicit LinearEstimate(const std::vector<Piece>& pieces) : pieces_(pieces) {
+    for (const Piece& piece : pieces) has_changes_ = has_changes_ || piece.measured.cols() > 1;
+  }
+  bool is_scaled() const override { return true; }
+
+  void learn(const Draws& draws) override {
+    const Matrix design = design_of(nets::Standardiser::of(draws.v).apply(draws.v).transpose());
+    Matrix y(draws.count(), flat(draws.trajectory[0]).size());
+    for (Eigen::Index k = 0; k < y.rows(); ++k) y.row(k) = flat(draws.trajectory[static_cast<std::size_t>(k)]);
+    values_.learn(design, draws.v.rows(), y);
+    if (!has_changes_) return;
+    for (Eigen::Index k = 0; k < y.rows(); ++k) y.row(k) = flat(changes(draws.trajectory[static_cast<std::size_t>(k)]));
+    changes_.learn(design, draws.v.rows(), y);
+  }
+
+  Vector of(const Trajectory& trajectory) const override {
+    const Vector values = values_.of(flat(trajectory));
+    if (!has_changes_) return values;
+    Vector both(2 * values.size());
+    both << values, changes_.of(flat(changes(trajectory)));
+    return both;
+  }
+
+ private:
+  Trajectory changes(const Trajectory& trajectory) const {
+    Trajectory out;
+    for (std::size_t p = 0; p < trajectory.size(); ++p) out.push_back(changes_of(trajectory[p], pieces_[p].start));
+    return out;
+  }
   /// One, w, and where there are ten draws for each term, its products.
   static Matrix design_of(const Matrix& w) {
     const Eigen::Index d = w.cols(), products = d * (d + 1) / 2;
@@ -98,8 +128,9 @@ class LinearEstimate : public Summary {
     return design;
   }
 
-  Matrix gain_;    // (d x values)
-  Vector centre_;  // (values)
+  const std::vector<Piece>& pieces_;
+  bool has_changes_ = false;  // else values and changes say the same
+  Estimate values_, changes_;
 };
 
 }  // namespace
@@ -117,7 +148,7 @@ Matrix Summary::of(const std::vector<Trajectory>& all) const {
 Words summary_names() { return {"linear", "cross_correlation", "recurrent"}; }
 
 std::unique_ptr<Summary> make_summary(const std::string& name, const std::vector<Piece>& pieces) {
-  if (name == "linear") return std::make_unique<LinearEstimate>();
+  if (name == "linear") return std::make_unique<LinearEstimate>(pieces);
   if (name == "cross_correlation") return std::make_unique<CrossCorrelation>(pieces);
   return nullptr;
 }

@@ -29,13 +29,15 @@ Words summary_names();
 ///
 /// - cross_correlation: the summary by hand of BayesSim (Ramos, Possas, Fox, RSS 2019): of the changes of each measured
 ///   value, the mean products with each input, the means, and the variances.
-/// - linear: one number per parameter, the estimate that a linear model of the data makes (Drovandi, Pettitt, Faddy, JRSS
-///   C 2011), the model fitted to the simulations themselves: with w the standardised coordinates,
+/// - linear: two numbers per parameter, the estimates that linear models of the values and of their changes make
+///   (Drovandi, Pettitt, Faddy, JRSS C 2011), fitted to the simulations themselves: with w the standardised coordinates,
 ///
 ///     y_o = a_o + J_o w + Q_o(w) + e_o,   s = L^-1 J' V^-1 (y - a),   V = diag(var e),  L L' = J' V^-1 J
 ///
-///   by least squares over the draws (Q the quadratic terms, where there are draws enough). Near-sufficient where the
-///   draws are close together; a black box's derivative is never asked for. Learning costs O(draws terms (terms + values)).
+///   by least squares over the draws (Q the quadratic terms, where there are draws enough). Sensors' noise is
+///   independent from value to value, a machine's own from change to change: either estimate is the good one of its
+///   kind. Near-sufficient where the draws are close together; a black box's derivative is never asked for. Learning
+///   costs O(draws terms (terms + values)).
 std::unique_ptr<Summary> make_summary(const std::string& name, const std::vector<Piece>& pieces);
 
 }  // namespace tiller::tools

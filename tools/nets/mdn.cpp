@@ -19,14 +19,36 @@ struct Places {
 };
 
 /// A: exponentials on the diagonal.
-Matrix triangle_of(const Places& at, const double* output, int k) {
-  Matrix a = Matrix::Zero(at.d, at.d);
+void read_triangle(const Places& at, const double* output, int k, Matrix& a) {
+  a.setZero(at.d, at.d);
   const double* from = output + at.triangle(k);
   for (int i = 0; i < at.d; ++i)
     for (int j = 0; j <= i; ++j, ++from)
       a(i, j) = i == j ? std::exp(std::fmin(std::fmax(*from, -kLargestLog), kLargestLog)) : *from;
-  return a;
 }
+
+/// A component at one target; kept from sample to sample, so that nothing is allocated in between.
+struct Component {
+  Matrix a;
+  Vector off, e, pull;
+  /// log density
+  double read(const Places& at, const Eigen::Ref<const Vector>& output, const Eigen::Ref<const Vector>& target, int k) {
+    read_triangle(at, output.data(), k, a);
+    off = target - output.segment(at.mean(k), at.d);
+    e.noalias() = a.lazyProduct(off);
+    double log_root = 0.0;
+    for (int i = 0; i < at.d; ++i) log_root += std::log(a(i, i));
+    return log_root - 0.5 * (e.squaredNorm() + at.d * kLogTwoPi);
+  }
+  /// Adds its derivatives, `share` its part of the density.
+  void add(const Places& at, int k, double share, double* by) {
+    pull.noalias() = a.transpose().lazyProduct(e);
+    for (int i = 0; i < at.d; ++i) by[at.mean(k) + i] -= share * pull(i);
+    double* to = by + at.triangle(k);
+    for (int i = 0; i < at.d; ++i)
+      for (int j = 0; j <= i; ++j, ++to) *to += share * (i == j ? e(i) * a(i, i) * off(i) - 1.0 : e(i) * off(j));
+  }
+};
 
 /// Of logits, in place of them: log softmax.
 Vector log_softmax(const Vector& logits) {
@@ -39,45 +61,25 @@ double log_sum(const Vector& logs) {
   return std::isfinite(top) ? top + std::log((logs.array() - top).exp().sum()) : top;
 }
 
-/// Adds the derivatives of one component, `share` its part of the density.
-void add_component(const Places& at, int k, double share, const Matrix& a, const Vector& off, const Vector& e,
-                   double* by) {
-  const Vector pull = a.transpose() * e;
-  for (int i = 0; i < at.d; ++i) by[at.mean(k) + i] -= share * pull(i);
-  double* to = by + at.triangle(k);
-  for (int i = 0; i < at.d; ++i)
-    for (int j = 0; j <= i; ++j, ++to) *to += share * (i == j ? e(i) * a(i, i) * off(i) - 1.0 : e(i) * off(j));
-}
-
 }  // namespace
 
 double MixtureHead::loss(const Matrix& output, const Matrix& target, Matrix* by_output) const {
   const Places at{dimension, components};
   const auto samples = static_cast<double>(output.cols());
   if (by_output) *by_output = Matrix::Zero(output.rows(), output.cols());
-  std::vector<Matrix> a(static_cast<std::size_t>(components));
-  std::vector<Vector> off(a.size()), e(a.size());
+  std::vector<Component> all(static_cast<std::size_t>(components));
+  Vector log_weight, part(components);
   double sum = 0.0;
   for (Eigen::Index s = 0; s < output.cols(); ++s) {
-    const double* column = output.col(s).data();
-    const Vector log_weight = log_softmax(output.col(s).head(components));
-    Vector part(components);
-    for (int k = 0; k < components; ++k) {
-      const auto i = static_cast<std::size_t>(k);
-      a[i] = triangle_of(at, column, k);
-      off[i] = target.col(s) - output.col(s).segment(at.mean(k), dimension);
-      e[i] = a[i] * off[i];
-      part(k) =
-          log_weight(k) + a[i].diagonal().array().log().sum() - 0.5 * (e[i].squaredNorm() + dimension * kLogTwoPi);
-    }
+    log_weight = log_softmax(output.col(s).head(components));
+    for (int k = 0; k < components; ++k)
+      part(k) = log_weight(k) + all[static_cast<std::size_t>(k)].read(at, output.col(s), target.col(s), k);
     const double density = log_sum(part);
     sum -= density;
-    if (!by_output) continue;
-    for (int k = 0; k < components; ++k) {
-      const auto i = static_cast<std::size_t>(k);
+    for (int k = 0; by_output && k < components; ++k) {
       const double share = std::exp(part(k) - density) / samples;
       (*by_output)(k, s) = std::exp(log_weight(k)) / samples - share;
-      add_component(at, k, share, a[i], off[i], e[i], by_output->col(s).data());
+      all[static_cast<std::size_t>(k)].add(at, k, share, by_output->col(s).data());
     }
   }
   return sum / samples;
@@ -88,8 +90,9 @@ NormalMixture MixtureHead::mixture(const Vector& output) const {
   NormalMixture out{log_softmax(output.head(components)).array().exp().matrix(), Matrix(dimension, components), {}};
   for (int k = 0; k < components; ++k) {
     out.mean.col(k) = output.segment(at.mean(k), dimension);
-    const Matrix root =
-        triangle_of(at, output.data(), k).triangularView<Eigen::Lower>().solve(Matrix::Identity(dimension, dimension));
+    Matrix a;
+    read_triangle(at, output.data(), k, a);
+    const Matrix root = a.triangularView<Eigen::Lower>().solve(Matrix::Identity(dimension, dimension));
     out.covariance.push_back(root * root.transpose());
   }
   return out;

@@ -13,11 +13,11 @@ struct NormalMixture {
   std::vector<Matrix> covariance;  ///< (components) of (d x d)
 };
 
-/// The output layer of a mixture-density network (Bishop, NCRG/94/004, 1994) with full covariances: reads the outputs of
-/// a network as a mixture of K normals over d numbers.
+/// The output layer of a mixture-density network (Bishop, NCRG/94/004, 1994) with full covariances: reads the outputs
+/// of a network as a mixture of K normals over d numbers.
 ///
-/// Of component k: a logit; a mean m; a lower triangular A with exp(a_ii) on its diagonal, so that the precision A' A is
-/// positive definite whatever the network says (Williams, Neural Computation 1996). Outputs: K logits, then K means,
+/// Of component k: a logit; a mean m; a lower triangular A with exp(a_ii) on its diagonal, so that the precision A' A
+/// is positive definite whatever the network says (Williams, Neural Computation 1996). Outputs: K logits, then K means,
 /// then K triangles row by row.
 struct MixtureHead {
   int dimension = 1, components = 1;

@@ -20,8 +20,8 @@ class LineProcess {
   /// argv[0] is looked up in PATH, or from `folder` where it has a slash; the program runs in `folder`. False with a
   /// sentence in `error`.
   bool start(const std::vector<std::string>& argv, const std::string& folder, std::string& error);
-  /// Kills what is left of the group, and reaps it. How it had ended: "ended with exit code 3", "was ended by signal 11";
-  /// "still ran" where it had not. Empty: it was not started.
+  /// Kills what is left of the group, and reaps it. How it had ended: "ended with exit code 3", "was ended by signal
+  /// 11"; "still ran" where it had not. Empty: it was not started.
   std::string stop();
 
   bool running() const { return process_ > 0; }

@@ -8,11 +8,11 @@
 
 namespace tiller::tools {
 
-/// A simulator file (docs/guide/simulator.md): how a black-box simulator is started, and what its parameters, inputs and
-/// measurements are called.
+/// A simulator file (docs/guide/simulator.md): how a black-box simulator is started, and what its parameters, inputs
+/// and measurements are called.
 ///
-/// `robot` is the robot file that it names, or one made from the sections [parameters], [inputs] and [measurements]: its
-/// model then has names and no equations. Either serves whoever reads priors, logs and posteriors of a robot.
+/// `robot` is the robot file that it names, or one made from the sections [parameters], [inputs] and [measurements]:
+/// its model then has names and no equations. Either serves whoever reads priors, logs and posteriors of a robot.
 struct SimulatorFile {
   std::string path;
   SimulatorSetup setup;

@@ -40,9 +40,9 @@ std::string request_line(std::uint64_t id, const SimulationRequest& request);
 
 /// Whether a line is {"tiller_simulator":1}; else a sentence in `error`.
 bool check_hello(const std::string& line, std::string& error);
-/// Reads {"id":7,"measured":[[0.0],[0.1]]} or {"id":7,"error":"..."}. An error and values that are not finite (NaN, null,
-/// Infinity) are failures of that simulation. False with a sentence in `error` where the line is no answer to request `id`
-/// of `request.periods` rows of `ny` values: then the program is wrong, and not the parameters.
+/// Reads {"id":7,"measured":[[0.0],[0.1]]} or {"id":7,"error":"..."}. An error and values that are not finite (NaN,
+/// null, Infinity) are failures of that simulation. False with a sentence in `error` where the line is no answer to
+/// request `id` of `request.periods` rows of `ny` values: then the program is wrong, and not the parameters.
 bool read_answer(const std::string& line, std::uint64_t id, const SimulationRequest& request, std::size_t ny,
                  SimulationAnswer& out, std::string& error);
 

@@ -23,9 +23,10 @@ struct SimulatorSetup {
 
 /// A black-box simulator as N processes that answer requests over stdin and stdout (docs/guide/simulator.md).
 ///
-/// A simulation fails where its answer is an error or not finite, where the process died, or where it was late: then the
-/// process is killed and started anew, and the requests behind go to another one. What fails stands in its answer, and
-/// nothing else stops. Answers do not depend on the number of processes, if the simulator is a function of its requests.
+/// A simulation fails where its answer is an error or not finite, where the process died, or where it was late: then
+/// the process is killed and started anew, and the requests behind go to another one. What fails stands in its answer,
+/// and nothing else stops. Answers do not depend on the number of processes, if the simulator is a function of its
+/// requests.
 class SimulatorPool {
  public:
   explicit SimulatorPool(SimulatorSetup setup);
@@ -33,8 +34,9 @@ class SimulatorPool {
   SimulatorPool(const SimulatorPool&) = delete;
   SimulatorPool& operator=(const SimulatorPool&) = delete;
 
-  /// Answers to all requests, in their order. False with a sentence in `error`, the line shown, where the program does not
-  /// speak the protocol, cannot be started, or has used up its restarts. `progress` (nullable) is told the share done.
+  /// Answers to all requests, in their order. False with a sentence in `error`, the line shown, where the program does
+  /// not speak the protocol, cannot be started, or has used up its restarts. `progress` (nullable) is told the share
+  /// done.
   bool run(const std::vector<SimulationRequest>& requests, std::vector<SimulationAnswer>& answers, std::string& error,
            const std::function<void(double)>& progress = {});
 

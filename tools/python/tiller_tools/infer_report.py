@@ -63,7 +63,8 @@ def build(result: dict) -> str:
             page.facts([("simulations", str(result["simulations"])), ("failed", str(result["failed"])),
                         ("effective sample size", page.number(result["effective_samples"], 3)),
                         ("seconds", page.number(result["seconds"], 3))]),
-            f"<p>Learnt by {escape(method['name'])} ({escape(method['citation'])}), summary {escape(result['summary'])}. "
+            f"<p>Learnt by {escape(method['name'])} ({escape(method['citation'])}), summary "
+            f"{escape(result['summary'])}. "
             f"Mind: {escape(method['caveat'])}.</p>",
             page.warnings(result["warnings"]), "<h2>What was learnt</h2>",
             page.rows(["parameter", "prior 5 .. 95 %", "mean", "sd", "90 % interval"], _rows(result)),
