@@ -7,6 +7,7 @@
 #include "tools/command/commands.hpp"
 #include "tools/doctor/tick_forecast.hpp"
 #include "tools/links/model_plant.hpp"
+#include "tools/refit/refit_by_simulator.hpp"
 #include "tools/refit/refit_prior.hpp"
 #include "tools/robot/goals.hpp"
 #include "tools/robot/transport_names.hpp"
@@ -28,6 +29,8 @@ struct Arguments {
   double patience_s = TransportLinkOptions::kPatience_s;
   bool online = false;  // the particles learn within the episodes of a refitted prior
   RefitOptions refit{"posterior", {}};
+  std::string simulator;    // of the method bayes_sim
+  RefitPrior by_simulator;  // made of it
   Overrides overrides;
 
   bool refits() const { return refit.method != "posterior"; }
@@ -126,7 +129,7 @@ EpisodesOptions episodes_options(const Arguments& a, const std::vector<Goal>& go
   options.posterior = a.posterior.empty() ? a.save_posterior : a.posterior;
   options.load = !a.posterior.empty();
   options.simulated = a.sim;
-  if (a.refits()) options.refit = make_refit(a.refit);
+  if (a.refits()) options.refit = a.by_simulator ? a.by_simulator : make_refit(a.refit);
   options.run.seconds = a.seconds;
   options.run.threads = a.overrides.threads;
   options.run.quiet = a.quiet;
@@ -160,9 +163,13 @@ bool predict_tick(const Arguments& a, const RobotFile& robot) {
 
 /// Why the method between episodes cannot be what the other options say; empty: it can.
 std::string contradicted_method(const Arguments& a) {
+  if (!a.refits() && !a.simulator.empty()) return "--simulator: only --method bayes_sim reads it; give both";
   if (!a.refits())
     return a.online ? "--online: the method posterior learns within the episodes anyway; leave --online out" : "";
   const std::string method = "--method " + a.refit.method;
+  if (a.simulator.empty() == (a.refit.method == "bayes_sim"))
+    return a.simulator.empty() ? method + ": name the black box with --simulator FILE (docs/guide/simulator.md)"
+                               : "--simulator: " + method + " does not read it; choose --method bayes_sim";
   if (a.overrides.frozen)
     return "--frozen, " + method +
            ": the one keeps the prior, the other refits it between episodes; give one (within "
@@ -176,11 +183,16 @@ std::string contradicted_method(const Arguments& a) {
 }
 
 /// SimOpt controls with what it has refitted between the episodes, and does not learn within them.
-bool prepare_refit(const Arguments& a, RobotFile& robot) {
+bool prepare_refit(Arguments& a, RobotFile& robot) {
   if (!a.refits()) return true;
   if (!a.online) robot.config.posterior.enabled = 0;
   std::string error;
-  if (check_refit(a.refit, robot, error)) return true;
+  if (a.refit.method == "bayes_sim") {
+    a.by_simulator = make_simulator_refit(a.simulator, robot, a.refit.how.simulations, a.refit.how.iterations, error);
+    if (a.by_simulator) return true;
+  } else if (check_refit(a.refit, robot, error)) {
+    return true;
+  }
   complain(error);
   return false;
 }
@@ -287,8 +299,12 @@ void add_run_command(CLI::App& app, int& exit_code) {
       ->check(CLI::Range(1, 100000));
   MethodOptionsText said{refit_methods(), "what the next episode's prior is made by", "(default 1, a step an episode)"};
   said.methods.insert(said.methods.begin(), "posterior");
+  said.methods.emplace_back("bayes_sim");
   a->refit.how.iterations = 1;
   add_method_options(*command, said, a->refit.method, a->refit.how);
+  command->add_option(
+      "--simulator", a->simulator,
+      "simulator file of --method bayes_sim: Online BayesSim, its black box simulates between episodes");
   command->add_flag("--online", a->online,
                     "the particles learn within each episode, too, from the prior that --method has refitted (default: "
                     "only the method posterior learns within episodes)");
@@ -303,6 +319,8 @@ void add_run_command(CLI::App& app, int& exit_code) {
       "      what one episode learnt is the next one's prior; run it again, and it goes on from the file\n"
       "  tiller run robots/cart_pole.toml --sim --episodes 5 --seconds 6 --method simopt --kl 1\n"
       "      SimOpt: control with a Gaussian over the parameters, one bounded step of it after each episode\n"
+      "  tiller run robot.toml --sim --episodes 5 --seconds 6 --method bayes_sim --simulator mine.toml --simulations 900\n"
+      "      Online BayesSim: control with the posterior of a simulator of your own, learnt anew after each episode\n"
       "  tiller run robots/cart_pole.toml --transport lcm --log run.csv\n"
       "      a robot (or `tiller sim robots/cart_pole.toml --serve lcm`) over LCM, until Ctrl-C");
   command->callback([a, command, known = said.methods, &exit_code] {

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <iostream>
 #include <memory>
 
 #include "io/udp_multicast.hpp"
@@ -10,6 +11,7 @@
 #include "tools/command/commands.hpp"
 #include "tools/links/lcm_seal.hpp"
 #include "tools/links/plant_setup.hpp"
+#include "tools/simulator/plant_lines.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -100,6 +102,8 @@ int sim_command(const Arguments& a) {
   if (!robot) return kExitBadInput;
   if (a.seed != 0) robot->sim.seed = a.seed;
   std::string error;
+  if (a.serve == "lines")  // stdout is for answers alone
+    return serve_plant_lines(*robot, std::cin, std::cout, error) ? static_cast<int>(kExitOk) : complain(error);
   const auto made = make_sim_plant(*robot, error);
   if (!made || !is_same_order(*robot, *made, error)) return complain(error);
   OpenError no_route;
@@ -124,7 +128,8 @@ void add_sim_command(CLI::App& app, int& exit_code) {
   auto* command = app.add_subcommand("sim", "serve the simulated plant of a robot file to `tiller run`");
   auto a = std::make_shared<Arguments>();
   command->add_option("ROBOT", a->robot, "robot file (.toml) with a [sim] section")->required();
-  command->add_option("--serve", a->serve, "how: lcm or can (default lcm)")->check(CLI::IsMember({"lcm", "can"}));
+  command->add_option("--serve", a->serve, "how: lcm, can, or lines (default lcm)")
+      ->check(CLI::IsMember({"lcm", "can", "lines"}));
   auto* lockstep = command->add_flag("--lockstep", a->lockstep, "simulated time waits for each command");
   command->add_flag("--real-time", a->real_time, "simulated time follows the wall clock (default)")->excludes(lockstep);
   command->add_option("--seconds", a->seconds, "end after this much simulated time (default: at Ctrl-C)")
@@ -152,7 +157,9 @@ void add_sim_command(CLI::App& app, int& exit_code) {
       "      a cart-pole over LCM in real time; steer it from another terminal:\n"
       "      tiller run robots/cart_pole.toml --transport lcm\n"
       "  tiller sim robots/cart_pole.toml --serve can --lockstep --seed 3\n"
-      "      the same on a CAN bus, waiting for each command\n\n" +
+      "      the same on a CAN bus, waiting for each command\n"
+      "  tiller sim robots/cart_pole.toml --serve lines\n"
+      "      answers requests on stdin, as a simulator of tiller infer (docs/guide/simulator.md)\n\n" +
       sim::plant_help());
   command->callback([a, &exit_code] { exit_code = sim_command(*a); });
 }

@@ -16,8 +16,8 @@ struct MethodOption {
 
 const std::vector<MethodOption>& method_options() {
   static const std::vector<MethodOption> list = {
-      {"--simulations", {"reps", "simopt", "trajectory_simopt", "abc", "abc_regression"}},
-      {"--iterations", {"simopt", "trajectory_simopt"}},
+      {"--simulations", {"reps", "simopt", "trajectory_simopt", "abc", "abc_regression", "bayes_sim"}},
+      {"--iterations", {"simopt", "trajectory_simopt", "bayes_sim"}},
       {"--kl", {"reps", "simopt", "trajectory_simopt"}},
       {"--eta", {"reps"}},
       {"--epsilon", {"abc", "abc_regression"}},

@@ -1,5 +1,4 @@
 // Approximate Bayesian computation: abc, abc_regression.
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -7,6 +6,7 @@
 #include "tools/base/text.hpp"
 #include "tools/identify/coordinates.hpp"
 #include "tools/identify/method_list.hpp"
+#include "tools/identify/regression_adjustment.hpp"
 #include "tools/identify/statistics.hpp"
 
 namespace tiller::tools {
@@ -141,55 +141,25 @@ std::vector<double> take(const Simulated& all, const std::vector<double>& rows, 
   return taken;
 }
 
-/// The whole line to the inside of the bounds and back: the adjusted draws stay within the prior (as Blum and
-/// Francois, Stat. Comput. 2010, do by logarithm and logit).
-class Unbounded {
- public:
-  Unbounded(double low, double high) : low_(low), high_(high) {}
-  double to(double v) const {
-    const bool below = std::isfinite(low_), above = std::isfinite(high_);
-    if (below && above) return std::log(std::max(v - low_, 1e-300)) - std::log(std::max(high_ - v, 1e-300));
-    if (below) return std::log(std::max(v - low_, 1e-300));
-    if (above) return -std::log(std::max(high_ - v, 1e-300));
-    return v;
-  }
-  double from(double t) const {
-    const bool below = std::isfinite(low_), above = std::isfinite(high_);
-    if (below && above) return low_ + (high_ - low_) / (1 + std::exp(-t));
-    if (below) return low_ + std::exp(t);
-    if (above) return high_ - std::exp(-t);
-    return t;
-  }
-
- private:
-  double low_, high_;
-};
-
-// Local-linear regression on the statistics: t = alpha + beta' (s - observed), then t* = t - beta' (s - observed).
+// The draws v (accepted x d), adjusted.
 void adjust(const Coordinates& coordinates, const Simulated& all, const std::vector<double>& weight,
             std::vector<double>& v) {
   const auto d = static_cast<Eigen::Index>(coordinates.count()), n = static_cast<Eigen::Index>(weight.size());
-  Eigen::MatrixXd design(n, d + 1), target(n, d);
-  Eigen::VectorXd root(n);
+  Eigen::MatrixXd off(n, d), rows(n, d);
+  std::vector<CoordinateBounds> bounds;
+  for (std::uint32_t j = 0; j < coordinates.count(); ++j) bounds.push_back({coordinates.low(j), coordinates.high(j)});
   for (Eigen::Index s = 0; s < n; ++s) {
     const std::size_t from = all.accepted[static_cast<std::size_t>(s)];
-    root[s] = std::sqrt(weight[static_cast<std::size_t>(s)]);
-    design(s, 0) = 1;
     for (Eigen::Index j = 0; j < d; ++j) {
-      const auto c = static_cast<std::uint32_t>(j);
+      const auto c = static_cast<std::size_t>(j);
       const double spread = all.spread[c] > 0 ? all.spread[c] : 1.0;
-      design(s, j + 1) = (all.statistic[from * coordinates.count() + c] - all.observed[c]) / spread;
-      target(s, j) = Unbounded(coordinates.low(c), coordinates.high(c)).to(v[static_cast<std::size_t>(s * d + j)]);
+      off(s, j) = (all.statistic[from * coordinates.count() + c] - all.observed[c]) / spread;
+      rows(s, j) = v[static_cast<std::size_t>(s * d + j)];
     }
   }
-  const Eigen::MatrixXd weighted_design = root.asDiagonal() * design, weighted_target = root.asDiagonal() * target;
-  const Eigen::MatrixXd solution = weighted_design.colPivHouseholderQr().solve(weighted_target);
-  const Eigen::MatrixXd adjusted = target - design.rightCols(d) * solution.bottomRows(d);
+  adjust_by_regression(off, Eigen::Map<const Eigen::VectorXd>(weight.data(), n), bounds, rows);
   for (Eigen::Index s = 0; s < n; ++s)
-    for (Eigen::Index j = 0; j < d; ++j) {
-      const auto c = static_cast<std::uint32_t>(j);
-      v[static_cast<std::size_t>(s * d + j)] = Unbounded(coordinates.low(c), coordinates.high(c)).from(adjusted(s, j));
-    }
+    for (Eigen::Index j = 0; j < d; ++j) v[static_cast<std::size_t>(s * d + j)] = rows(s, j);
 }
 
 }  // namespace
