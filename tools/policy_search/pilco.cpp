@@ -69,8 +69,9 @@ std::unique_ptr<Trainable> make_trainable(const SearchTask& task, const SearchOp
   return trainable;
 }
 
-bool pilco(const SearchTask& task, const RunTrial& run, const SearchOptions& options, const SearchProgress& after,
-           const volatile std::sig_atomic_t& stop, SearchResult& result, std::string& error) {
+bool search_policy(const SearchTask& task, const RunTrial& run, const SearchOptions& options, const Improve& improve,
+                   const SearchProgress& after, const volatile std::sig_atomic_t& stop, SearchResult& result,
+                   std::string& error) {
   result = {};
   Transitions data;
   GpShape shape;
@@ -84,14 +85,7 @@ bool pilco(const SearchTask& task, const RunTrial& run, const SearchOptions& opt
     if (i >= options.random_trials) {
       fit_shape(data.input, data.target, options.gp, options.seed, shape);
       const Bumps dynamics = condition(data.input, data.target, shape, options.gp);
-      const Objective objective = [&](const Vector& p, Vector& gradient) {
-        return stop ? std::numeric_limits<double>::quiet_NaN()
-                    : long_term_cost(task, dynamics, *trainable, p, &gradient);
-      };
-      LbfgsOptions how;
-      how.evaluations = options.evaluations;
-      how.decrease = 1e-4;
-      minimise(objective, parameters, how);
+      improve(dynamics, *trainable, i, parameters);
       step.predicted = long_term_cost(task, dynamics, *trainable, parameters, nullptr, &step.forecast);
       step.noise = shape.log_noise.array().exp().matrix();
       result.policy = policy_of(task, *trainable, parameters);
@@ -109,6 +103,20 @@ bool pilco(const SearchTask& task, const RunTrial& run, const SearchOptions& opt
     if (after) after(result.steps.back(), i);
   }
   return true;
+}
+
+bool pilco(const SearchTask& task, const RunTrial& run, const SearchOptions& options, const SearchProgress& after,
+           const volatile std::sig_atomic_t& stop, SearchResult& result, std::string& error) {
+  const Improve improve = [&](const Bumps& dynamics, Trainable& trainable, int, Vector& parameters) {
+    const Objective objective = [&](const Vector& p, Vector& gradient) {
+      return stop ? std::numeric_limits<double>::quiet_NaN() : long_term_cost(task, dynamics, trainable, p, &gradient);
+    };
+    LbfgsOptions how;
+    how.evaluations = options.evaluations;
+    how.decrease = 1e-4;
+    minimise(objective, parameters, how);
+  };
+  return search_policy(task, run, options, improve, after, stop, result, error);
 }
 
 }  // namespace tiller::tools::policy

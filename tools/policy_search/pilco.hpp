@@ -44,9 +44,17 @@ struct Transitions {
   void add(const SearchTask& task, const Trial& trial);
 };
 
-/// PILCO (Deisenroth and Rasmussen 2011): a trial with random commands; then, over and over, a Gaussian process of all
-/// transitions, a policy of least expected long-term cost under it (from the policy before), and a trial with it. False
-/// with a sentence in `error` where a trial could not be run. `after` is called after each trial.
+/// Makes the policy's parameters better on the dynamics learnt so far, before trial `trial`.
+using Improve = std::function<void(const Bumps& dynamics, Trainable& trainable, int trial, Vector& parameters)>;
+
+/// The loop of every policy search on a learnt model: trials with random commands; then, over and over, a Gaussian
+/// process of all transitions, a better policy on it (from the one before), and a trial with that. False with a sentence
+/// in `error` where a trial could not be run. `after` is called after each trial.
+bool search_policy(const SearchTask& task, const RunTrial& run, const SearchOptions& options, const Improve& improve,
+                   const SearchProgress& after, const volatile std::sig_atomic_t& stop, SearchResult& result,
+                   std::string& error);
+
+/// PILCO (Deisenroth and Rasmussen 2011): search_policy() by L-BFGS on long_term_cost().
 bool pilco(const SearchTask& task, const RunTrial& run, const SearchOptions& options, const SearchProgress& after,
            const volatile std::sig_atomic_t& stop, SearchResult& result, std::string& error);
 
