@@ -45,9 +45,9 @@ policy::TrialOptions trial_options(const RobotFile& robot, const PolicyArguments
   return options;
 }
 
-bool write_policy(const PolicyArguments& a, const policy::Policy& p) {
+bool write_policy(const PolicyArguments& a, const policy::SearchTask& task, const policy::Policy& p) {
   std::string error;
-  if (!replace_file(a.out, policy::policy_text(p), error)) {
+  if (!replace_file(a.out, policy::policy_text(p, task.angles), error)) {
     complain(error);
     return false;
   }
@@ -89,7 +89,7 @@ int search(const PolicyArguments& a, const RobotFile& robot, const policy::Searc
   if (!good) return complain(error);
   if (result.steps.size() <= static_cast<std::size_t>(a.search.random_trials)) return kExitInterrupted;
   name_policy(robot, a, result.policy);
-  if (!write_policy(a, result.policy) || !write_page(a, task, result)) return kExitLogIncomplete;
+  if (!write_policy(a, task, result.policy) || !write_page(a, task, result)) return kExitLogIncomplete;
   return result.interrupted ? kExitInterrupted : kExitOk;
 }
 
@@ -130,7 +130,7 @@ int guide(const PolicyArguments& a, const RobotFile& robot, policy::SearchTask& 
     return complain(error);
   if (result.steps.empty()) return kExitInterrupted;
   name_policy(robot, a, result.policy);
-  if (!write_policy(a, result.policy)) return kExitLogIncomplete;
+  if (!write_policy(a, task, result.policy)) return kExitLogIncomplete;
   return result.interrupted ? kExitInterrupted : kExitOk;
 }
 

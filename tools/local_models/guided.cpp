@@ -154,7 +154,11 @@ class Guided {
     }
     return laws;
   }
-  static Vector raw(const policy::Policy& p, const Vector& x) { return p.net.evaluate(p.features_of(x)); }
+  /// The network's command, not cut.
+  static Vector raw(const policy::Policy& p, const Vector& x) {
+    const Vector out = p.net.evaluate(p.features_of(x));
+    return 0.5 * (p.low + p.high + (p.high - p.low).cwiseProduct(out));
+  }
 
   bool improve(std::size_t c, int, const GuidedResult& result, GuidedStep& step, std::string& error) {
     Local& local = locals_[c];
@@ -206,7 +210,8 @@ class Guided {
     widths.push_back(static_cast<int>(nu_));
     nets::Mlp fresh(widths);
     fresh.randomise(options_.seed + static_cast<std::uint64_t>(iteration), 0.1);
-    const Matrix z = in.apply(input), target = scale.cwiseInverse().asDiagonal() * wanted;
+    const Matrix z = in.apply(input),
+                 target = scale.cwiseInverse().asDiagonal() * (wanted.colwise() - 0.5 * (task_.low + task_.high));
     double mean_precision = 0;
     for (const Matrix& p : precision)
       mean_precision += (scale.asDiagonal() * p * scale.asDiagonal()).trace() / static_cast<double>(precision.size());
@@ -224,7 +229,6 @@ class Guided {
       adam.step(fresh.weights, gradient);
     }
     nets::absorb_input_scale(fresh, in.mean, in.sd);
-    nets::absorb_output_scale(fresh, Vector::Zero(nu_), scale);
     net = fresh;
   }
 

@@ -24,7 +24,7 @@ std::vector<Feature> all_features(int states, const std::vector<int>& angles) {
 
 std::string feature_name(const Feature& feature, const Words& states) {
   const std::string& name = states[static_cast<std::size_t>(feature.state)];
-  return feature.kind == Feature::kState ? name : (feature.kind == Feature::kSine ? "sin(" : "cos(") + name + ")";
+  return feature.kind == Feature::kState ? name : (feature.kind == Feature::kSine ? "sin " : "cos ") + name;
 }
 
 Vector Policy::features_of(const Vector& state) const {
@@ -43,7 +43,8 @@ Vector Policy::command(const Vector& state) const {
   else
     v = net.evaluate(f);
   for (Eigen::Index a = 0; a < v.size(); ++a)
-    v(a) = sine ? squash(v(a), low(a), high(a)) : std::min(std::max(v(a), low(a)), high(a));
+    v(a) = sine ? squash(v(a), low(a), high(a))
+                : 0.5 * (low(a) + high(a) + (high(a) - low(a)) * std::min(std::max(v(a), -1.0), 1.0));
   return v;
 }
 

@@ -26,7 +26,7 @@ std::vector<Feature> all_features(int states, const std::vector<int>& angles);
 ///     v = weight f + bias                                              linear
 ///     v_a = sum_i beta_ia exp(-1/2 sum_d ((f_d - x_di) / length_da)^2)  rbf
 ///     v = the network's output                                         tanh
-///     u_a = v_a cut to [low, high], or the sine of squash()            squash
+///     u_a = middle + half v_a, v_a cut to [-1, 1], or squash() of v_a   of the range low to high
 struct Policy {
   std::string kind = "linear";  ///< linear, rbf, tanh
   bool sine = true;             ///< squash by the sine; else cut
@@ -45,7 +45,7 @@ struct Policy {
   Vector command(const Vector& state) const;
 };
 
-/// "position_m", "sin(angle_rad)".
+/// "position_m", "sin angle_rad".
 std::string feature_name(const Feature& feature, const Words& states);
 
 }  // namespace tiller::tools::policy

@@ -13,10 +13,74 @@ using Json = nlohmann::ordered_json;
 constexpr const char* kFormat = "tiller policy";
 
 Json list_of(const Vector& v) { return std::vector<double>(v.data(), v.data() + v.size()); }
-Json rows_of(const Matrix& m) {
-  Json rows = Json::array();
-  for (Eigen::Index i = 0; i < m.rows(); ++i) rows.push_back(list_of(m.row(i).transpose()));
-  return rows;
+
+/// States in their order, an angle by sine and cosine.
+std::vector<Feature> file_features(int states, const std::vector<int>& angles) {
+  std::vector<Feature> out;
+  for (int i = 0; i < states; ++i) {
+    const bool angle = std::find(angles.begin(), angles.end(), i) != angles.end();
+    if (!angle) out.push_back({Feature::kState, i});
+    if (angle) out.push_back({Feature::kSine, i});
+    if (angle) out.push_back({Feature::kCosine, i});
+  }
+  return out;
+}
+
+/// (file's inputs x policy's features), ones where they are the same.
+Matrix places(const std::vector<Feature>& file, const std::vector<Feature>& own) {
+  Matrix out = Matrix::Zero(static_cast<Eigen::Index>(file.size()), static_cast<Eigen::Index>(own.size()));
+  for (std::size_t i = 0; i < file.size(); ++i)
+    for (std::size_t j = 0; j < own.size(); ++j)
+      if (file[i].kind == own[j].kind && file[i].state == own[j].state)
+        out(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) = 1.0;
+  return out;
+}
+
+void append(std::vector<double>& out, const Matrix& m) {
+  for (Eigen::Index i = 0; i < m.rows(); ++i)
+    for (Eigen::Index j = 0; j < m.cols(); ++j) out.push_back(m(i, j));
+}
+
+/// Weights of a linear policy or of a network, its first layer by the file's inputs.
+std::vector<double> net_weights(const Policy& p, const Matrix& place) {
+  std::vector<double> out;
+  const Eigen::Index n = place.cols();
+  const bool linear = p.kind == "linear";
+  const Eigen::Index rows = linear ? p.weight.rows() : p.net.widths()[1];
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    const Vector own = linear ? Vector(p.weight.row(i).transpose()) : Vector(p.net.weights.segment(i * (n + 1) + 1, n));
+    out.push_back(linear ? p.bias(i) : p.net.weights(i * (n + 1)));
+    append(out, (place * own).transpose());
+  }
+  if (!linear) append(out, p.net.weights.tail(p.net.weights.size() - rows * (n + 1)).transpose());
+  return out;
+}
+
+std::vector<double> bump_weights(const Policy& p, const Matrix& place) {
+  std::vector<double> out;
+  append(out, (place * (-p.bumps.log_length.col(0).array()).exp().matrix()).transpose());
+  append(out, (place * p.bumps.x).transpose());
+  for (Eigen::Index a = 0; a < p.bumps.beta.cols(); ++a) {
+    out.push_back(0.0);
+    append(out, p.bumps.beta.col(a).transpose());
+  }
+  return out;
+}
+
+Json network_of(const Policy& p, const std::vector<Feature>& file) {
+  const Matrix place = places(file, p.features);
+  std::vector<int> hidden = {0, 0};
+  if (p.kind == "rbf") hidden[0] = static_cast<int>(p.bumps.x.cols());
+  if (p.kind == "tanh")
+    for (std::size_t l = 1; l + 1 < p.net.widths().size() && l <= 2; ++l) hidden[l - 1] = p.net.widths()[l];
+  Json json;
+  json["kind"] = p.kind == "rbf" ? "gaussian" : "tanh";
+  for (const Feature& f : file) json["inputs"].push_back(feature_name(f, p.states));
+  json["outputs"] = p.commands;
+  json["members"] = 1;
+  json["hidden"] = hidden;
+  json["weights"] = p.kind == "rbf" ? bump_weights(p, place) : net_weights(p, place);
+  return json;
 }
 
 /// Takes values and keeps the first thing that is wrong.
@@ -28,27 +92,27 @@ class Reader {
   void fail(const std::string& key, const std::string& what) {
     if (good()) error_ = path_ + ": " + key + ": " + what + "; write the file again with tiller policy";
   }
+  Json value(const char* key) const { return json_.value(key, Json()); }
   std::string text(const char* key, const Words& known) {
-    const auto v = json_.find(key);
-    if (v != json_.end() && v->is_string())
-      if (const std::string found = v->get<std::string>();
-          known.empty() || std::find(known.begin(), known.end(), found) != known.end())
-        return found;
-    fail(key, known.empty() ? "is no text" : "is not one of " + join(known));
+    const Json v = value(key);
+    if (v.is_string() && std::find(known.begin(), known.end(), v.get<std::string>()) != known.end())
+      return v.get<std::string>();
+    fail(key, "is not one of " + join(known));
     return "";
   }
-  Words words(const char* key) {
+  Words words(const char* key, bool may_be_empty) {
     Words out;
-    const auto v = json_.find(key);
-    bool fits = v != json_.end() && v->is_array() && !v->empty();
-    for (std::size_t i = 0; fits && i < v->size(); ++i) {
-      fits = (*v)[i].is_string();
-      if (fits) out.push_back((*v)[i].get<std::string>());
+    const Json v = value(key);
+    bool fits = v.is_array() && (may_be_empty || !v.empty());
+    for (std::size_t i = 0; fits && i < v.size(); ++i) {
+      fits = v[i].is_string();
+      if (fits) out.push_back(v[i].get<std::string>());
     }
     if (!fits) fail(key, "is no list of names");
     return out;
   }
-  Vector numbers(const Json& v, const char* key, std::size_t size) {
+  Vector numbers(const char* key, std::size_t size) {
+    const Json v = value(key);
     Vector out = Vector::Zero(static_cast<Eigen::Index>(size));
     bool fits = v.is_array() && v.size() == size;
     for (std::size_t i = 0; fits && i < size; ++i) {
@@ -58,27 +122,6 @@ class Reader {
     if (!fits) fail(key, "is no list of " + std::to_string(size) + " finite numbers");
     return out;
   }
-  Vector numbers(const char* key, std::size_t size) {
-    static const Json nothing;
-    const auto v = json_.find(key);
-    return numbers(v == json_.end() ? nothing : *v, key, size);
-  }
-  /// rows 0: as many as there are.
-  Matrix rows(const char* key, std::size_t rows, std::size_t cols) {
-    const auto v = json_.find(key);
-    if (v == json_.end() || !v->is_array() || v->empty() || (rows > 0 && v->size() != rows)) {
-      fail(key, "is no list of " + (rows > 0 ? std::to_string(rows) + " " : std::string()) + "rows");
-      return {};
-    }
-    Matrix out(static_cast<Eigen::Index>(v->size()), static_cast<Eigen::Index>(cols));
-    for (std::size_t i = 0; i < v->size(); ++i)
-      out.row(static_cast<Eigen::Index>(i)) = numbers((*v)[i], key, cols).transpose();
-    return out;
-  }
-  std::size_t size_of(const char* key) const {
-    const auto v = json_.find(key);
-    return v != json_.end() && v->is_array() ? v->size() : 0;
-  }
 
  private:
   const Json& json_;
@@ -86,59 +129,60 @@ class Reader {
   std::string& error_;
 };
 
-bool parse_feature(const std::string& name, const Words& states, Feature& out) {
-  for (const Feature::Kind kind : {Feature::kState, Feature::kSine, Feature::kCosine})
-    for (int i = 0; i < static_cast<int>(states.size()); ++i) {
-      out = {kind, i};
-      if (feature_name(out, states) == name) return true;
-    }
-  return false;
+void take_bumps(const Vector& w, Eigen::Index inputs, Eigen::Index outputs, Eigen::Index n, Policy& policy) {
+  Bumps& b = policy.bumps;
+  // an inverse length of zero: the input has no say
+  const Vector inverse = w.head(inputs).cwiseMax(1e-9);
+  b.log_length = (-inverse.array().log()).matrix().replicate(1, outputs);
+  b.x = Eigen::Map<const Matrix>(w.data() + inputs, inputs, n);
+  b.log_signal = Vector::Zero(outputs);
+  b.beta.resize(n, outputs);
+  for (Eigen::Index a = 0; a < outputs; ++a) b.beta.col(a) = w.segment(inputs + n * inputs + a * (n + 1) + 1, n);
 }
 
-void read_net(Reader& read, std::size_t features, std::size_t commands, Policy& policy) {
-  const Vector widths = read.numbers("widths", read.size_of("widths"));
-  std::vector<int> w;
-  for (Eigen::Index i = 0; i < widths.size(); ++i) w.push_back(static_cast<int>(widths(i)));
-  const bool fits = w.size() >= 2 && w.front() == static_cast<int>(features) &&
-                    w.back() == static_cast<int>(commands) && *std::min_element(w.begin(), w.end()) >= 1 &&
-                    *std::max_element(w.begin(), w.end()) <= 4096;
-  if (!fits) return read.fail("widths", "are not those of a network from the inputs to the commands");
-  policy.net = nets::Mlp(w);
-  policy.net.weights = read.numbers("weights", static_cast<std::size_t>(policy.net.weights.size()));
-}
-
-void read_bumps(Reader& read, std::size_t features, std::size_t commands, Policy& policy) {
-  const Matrix centres = read.rows("centres", 0, features), inverse = read.rows("inverse_lengths", commands, features);
-  const Matrix weights = read.rows("weights", commands, static_cast<std::size_t>(centres.rows()));
+void read_network(const Json& json, const std::string& path, std::string& error, Policy& policy) {
+  Reader read(json, path, error);
+  const auto inputs = static_cast<Eigen::Index>(policy.features.size());
+  Words names;
+  for (const Feature& f : policy.features) names.push_back(feature_name(f, policy.states));
+  if (read.words("inputs", false) != names) read.fail("network.inputs", "are not the states, " + join(names));
+  policy.commands = read.words("outputs", false);
+  policy.kind = read.text("kind", {"tanh", "gaussian"}) == "gaussian" ? "rbf" : "tanh";
+  if (read.value("members") != 1) read.fail("network.members", "is not 1");
+  const Vector hidden = read.numbers("hidden", 2);
+  if (hidden.minCoeff() < 0 || hidden.maxCoeff() > 512) read.fail("network.hidden", "is beyond 0 to 512");
   if (!read.good()) return;
-  if (!(inverse.minCoeff() > 0.0)) return read.fail("inverse_lengths", "are not all above zero");
-  policy.bumps.x = centres.transpose();
-  policy.bumps.log_length = -inverse.transpose().array().log();
-  policy.bumps.log_signal = Vector::Zero(static_cast<Eigen::Index>(commands));
-  policy.bumps.beta = weights.transpose();
+  const auto outputs = static_cast<Eigen::Index>(policy.commands.size());
+  const auto first = static_cast<Eigen::Index>(hidden(0));
+  if (policy.kind == "rbf") {
+    const Eigen::Index count = inputs * (1 + first) + outputs * (1 + first);
+    const Vector w = read.numbers("weights", static_cast<std::size_t>(count));
+    if (read.good()) take_bumps(w, inputs, outputs, first, policy);
+    return;
+  }
+  std::vector<int> widths = {static_cast<int>(inputs)};
+  for (int l = 0; l < 2; ++l)
+    if (hidden(l) > 0) widths.push_back(static_cast<int>(hidden(l)));
+  widths.push_back(static_cast<int>(outputs));
+  policy.net = nets::Mlp(widths);
+  policy.net.weights = read.numbers("weights", static_cast<std::size_t>(policy.net.weights.size()));
 }
 
 }  // namespace
 
-std::string policy_text(const Policy& policy) {
-  Json json = {{"format", kFormat},           {"version", 1},
-               {"kind", policy.kind},         {"squash", policy.sine ? "sine" : "cut"},
-               {"period_s", policy.period_s}, {"states", policy.states},
-               {"commands", policy.commands}};
-  for (const Feature& f : policy.features) json["inputs"].push_back(feature_name(f, policy.states));
+std::string policy_text(const Policy& policy, const std::vector<int>& angles) {
+  const std::vector<Feature> file = file_features(static_cast<int>(policy.states.size()), angles);
+  Json json = {{"format", kFormat}, {"version", 1}};
+  json["reads"] = {"state"};
+  json["squash"] = policy.sine ? "sine" : "cut";
+  json["input_low"] = json["input_high"] = Json::array();
+  json["network"] = network_of(policy, file);
+  json["period_s"] = policy.period_s;
+  json["states"] = policy.states;
+  json["angles"] = Json::array();
+  for (const int i : angles) json["angles"].push_back(policy.states[static_cast<std::size_t>(i)]);
   json["low"] = list_of(policy.low);
   json["high"] = list_of(policy.high);
-  if (policy.kind == "linear") {
-    json["weight"] = rows_of(policy.weight);
-    json["bias"] = list_of(policy.bias);
-  } else if (policy.kind == "rbf") {
-    json["centres"] = rows_of(policy.bumps.x.transpose());
-    json["inverse_lengths"] = rows_of((-policy.bumps.log_length.array()).exp().matrix().transpose());
-    json["weights"] = rows_of(policy.bumps.beta.transpose());
-  } else {
-    json["widths"] = policy.net.widths();
-    json["weights"] = list_of(policy.net.weights);
-  }
   return json.dump(1) + "\n";
 }
 
@@ -146,37 +190,32 @@ bool parse_policy(const std::string& text, const std::string& path, Policy& poli
   policy = {};
   error.clear();
   const Json json = Json::parse(text, nullptr, false);
-  if (json.is_discarded() || !json.is_object() || json.value("format", Json()) != kFormat) {
+  if (!json.is_object() || json.value("format", Json()) != kFormat) {
     error = path + ": is no policy file; write one with tiller policy";
     return false;
   }
   Reader read(json, path, error);
   if (json.value("version", Json()) != 1) read.fail("version", "is not 1, the one that this program knows");
-  policy.kind = read.text("kind", {"linear", "rbf", "tanh"});
+  if (read.words("reads", false) != Words{"state"}) read.fail("reads", "is more than the state");
   policy.sine = read.text("squash", {"sine", "cut"}) == "sine";
-  policy.states = read.words("states");
-  policy.commands = read.words("commands");
-  for (const std::string& name : read.words("inputs")) {
-    Feature feature;
-    if (!parse_feature(name, policy.states, feature)) read.fail("inputs", name + " is made of no state");
-    policy.features.push_back(feature);
+  policy.states = read.words("states", false);
+  std::vector<int> angles;
+  for (const std::string& name : read.words("angles", true)) {
+    const auto at = std::find(policy.states.begin(), policy.states.end(), name);
+    if (at == policy.states.end()) read.fail("angles", name + " is no state");
+    angles.push_back(static_cast<int>(at - policy.states.begin()));
   }
-  const std::size_t features = policy.features.size(), commands = policy.commands.size();
-  policy.low = read.numbers("low", commands);
-  policy.high = read.numbers("high", commands);
-  const Json period = json.value("period_s", Json());
+  const Json period = read.value("period_s"), network = read.value("network");
   if (period.is_number() && period.get<double>() > 0.0)
     policy.period_s = period.get<double>();
   else
     read.fail("period_s", "is no number above zero");
-  if (policy.kind == "linear") {
-    policy.weight = read.rows("weight", commands, features);
-    policy.bias = read.numbers("bias", commands);
-  } else if (policy.kind == "rbf") {
-    read_bumps(read, features, commands, policy);
-  } else if (policy.kind == "tanh") {
-    read_net(read, features, commands, policy);
-  }
+  if (!network.is_object()) read.fail("network", "is no object");
+  if (!read.good()) return false;
+  policy.features = file_features(static_cast<int>(policy.states.size()), angles);
+  read_network(network, path, error, policy);
+  policy.low = read.numbers("low", policy.commands.size());
+  policy.high = read.numbers("high", policy.commands.size());
   return read.good();
 }
 

@@ -6,15 +6,18 @@
 
 namespace tiller::tools::policy {
 
-/// The policy as JSON:
+/// The policy as the JSON that the planner `policy` takes in (`[policy] file = ...` of a robot file):
 ///
-///     {"format": "tiller policy", "version": 1, "kind": "rbf", "squash": "sine", "period_s": 0.1,
-///      "states": [...], "commands": [...], "inputs": ["position_m", "sin(angle_rad)", ...],
-///      "low": [...], "high": [...], ...}
+///     {"format": "tiller policy", "version": 1, "reads": ["state"], "squash": "sine", "input_low": [], "input_high": [],
+///      "network": {"kind": "gaussian", "inputs": ["position_m", "sin angle_rad", "cos angle_rad", ...],
+///                  "outputs": [...], "members": 1, "hidden": [20, 0], "weights": [...]},
+///      "period_s": 0.1, "states": [...], "angles": [...], "low": [...], "high": [...]}
 ///
-/// with, by kind: linear "weight" (a row a command) and "bias"; rbf "centres" (a row a bump), "inverse_lengths" (a row a
-/// command) and "weights" (a row a command); tanh "widths" and "weights" (nets::Mlp's order). "squash" is "sine" or "cut".
-std::string policy_text(const Policy& policy);
+/// Inputs are all states in the model's order, an angle by sine and cosine. Weights of "tanh" (a linear policy has no
+/// hidden layer): layer by layer, for each output its bias and a weight for each input. Of "gaussian": an inverse length
+/// for each input, the centres, then for each output a bias (zero) and a weight for each centre. The last line is for
+/// those who have no robot file at hand. Numbers keep 7 digits there, all of them here.
+std::string policy_text(const Policy& policy, const std::vector<int>& angles);
 
 /// Reads it. False with a sentence in `error` that names path, key and remedy.
 bool parse_policy(const std::string& text, const std::string& path, Policy& policy, std::string& error);

@@ -54,13 +54,13 @@ class Rbf final : public Trainable {
     bumps_.log_signal = Vector::Zero(commands);
     bumps_.beta.resize(bumps, commands);
   }
-  Eigen::Index count() const override { return bumps_.x.size() + bumps_.log_length.size() + targets_.size(); }
+  Eigen::Index count() const override { return bumps_.x.size() + bumps_.x.rows() + targets_.size(); }
   void set(const Vector& p) override {
     const double* at = p.data();
     bumps_.x = Eigen::Map<const Matrix>(at, bumps_.x.rows(), bumps_.x.cols());
     at += bumps_.x.size();
-    bumps_.log_length = Eigen::Map<const Matrix>(at, bumps_.log_length.rows(), bumps_.log_length.cols());
-    at += bumps_.log_length.size();
+    bumps_.log_length = Eigen::Map<const Vector>(at, bumps_.x.rows()).replicate(1, targets_.cols());
+    at += bumps_.x.rows();
     targets_ = Eigen::Map<const Matrix>(at, targets_.rows(), targets_.cols());
     factors_.clear();
     for (Eigen::Index a = 0; a < targets_.cols(); ++a) {
@@ -89,8 +89,7 @@ class Rbf final : public Trainable {
       }
     }
     Vector out(count());
-    out << Eigen::Map<const Vector>(by_x.data(), by_x.size()),
-        Eigen::Map<const Vector>(by_length.data(), by_length.size()),
+    out << Eigen::Map<const Vector>(by_x.data(), by_x.size()), by_length.rowwise().sum(),
         Eigen::Map<const Vector>(by_target.data(), by_target.size());
     return out;
   }
@@ -132,7 +131,6 @@ Vector first_parameters(const Trainable& trainable, const Vector& mean, const Ma
   trainable.write(policy);
   if (policy.kind == "linear") return 0.1 * p;
   const Eigen::Index features = policy.bumps.x.rows(), bumps = policy.bumps.x.cols();
-  const Eigen::Index commands = policy.bumps.beta.cols();
   const Eigen::SelfAdjointEigenSolver<Matrix> eigen(covariance);
   const Matrix root = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
   for (Eigen::Index i = 0; i < bumps; ++i) {
@@ -140,8 +138,7 @@ Vector first_parameters(const Trainable& trainable, const Vector& mean, const Ma
     for (Eigen::Index d = 0; d < features; ++d) z(d) = rng.normal();
     p.segment(i * features, features) = mean + root * z;
   }
-  for (Eigen::Index a = 0; a < commands; ++a)
-    p.segment(bumps * features + a * features, features) = length.array().log().matrix();
+  p.segment(bumps * features, features) = length.array().log().matrix();
   return p;
 }
 

@@ -29,8 +29,8 @@ std::unique_ptr<Trainable> make_linear(int features, int commands);
 
 /// A network of Gaussian bumps that passes near targets t at points x: beta = (K + 0.01^2 I)^-1 t (Deisenroth and
 /// Rasmussen 2011, section 3.2). Targets are searched rather than weights: a target moves the output near its point
-/// alone, a weight everywhere, and the search is far better conditioned. Parameters: x by column, log lengths
-/// (features x commands) by column, targets (n x commands) by column.
+/// alone, a weight everywhere, and the search is far better conditioned. All commands share points and lengths, as the
+/// runtime's networks have them. Parameters: x by column, log lengths (features), targets (n x commands) by column.
 std::unique_ptr<Trainable> make_rbf(int features, int commands, int bumps);
 
 /// Where a search begins. Linear: near zero. Bumps: points from `around` (features, mean and covariance), targets of
