@@ -39,8 +39,11 @@ TEST_F(PolicyCommand, GuidedWritesANetwork) {
 }
 
 TEST_F(PolicyCommand, TellsWhatIsMissing) {
-  const std::string arm = std::string(TILLER_TEST_ROBOTS) + "/dfki_pendulum.toml";
-  const Ended ended = run({"policy", arm, "-o", "p.json"});
+  std::ifstream file(std::string(TILLER_TEST_ROBOTS) + "/pendulum.toml");
+  std::stringstream text;
+  text << file.rdbuf();
+  std::ofstream(folder_ + "/bare.toml") << text.str().substr(0, text.str().find("[sim]"));
+  const Ended ended = run({"policy", "bare.toml", "-o", "p.json"});
   EXPECT_EQ(ended.code, 1) << ended.out;
   EXPECT_TRUE(has(ended.out, "has no [sim] section")) << ended.out;
   EXPECT_NE(run(policy({"--method", "magic"})).code, 0);
