@@ -7,8 +7,8 @@
 // one-step error is measured on 40 other repeats: RMS over periods, repeats and states, each state's error in deviations
 // of the state's change.
 //
-//   physics   normal-inverse-Wishart prior about the model's derivative, worth 5 samples
-//   mixture   the same prior from a mixture of 6 normals fitted to 10 earlier runs of other commands
+//   physics   normal-inverse-Wishart prior about the model's derivative, worth 20 samples (1 of the mean)
+//   mixture   a prior worth 5 samples from a mixture of 6 normals fitted to 10 earlier runs of other commands
 //   none      least squares
 //
 // Figure: how many samples least squares needs for the error that the prior gives with 4 (N from a grid up to 80,
@@ -155,7 +155,9 @@ class Samples {
     Matrix spread = m.covariance.topLeftCorner(nz, nz).diagonal().asDiagonal();
     spread.diagonal().array() += 1e-8;
     const Matrix noise = (1e-8 + 2.0 * options_.noise_sd.array().square()).matrix().asDiagonal();
-    return prior_of_physics(physics_, nx_, m.mean.head(nz), spread, noise, kStrength);
+    TransitionPrior p = prior_of_physics(physics_, nx_, m.mean.head(nz), spread, noise, 4 * kStrength);
+    p.mean_strength = 1;  // offsets show in few samples, slopes in many
+    return p;
   }
 
   RobotFile robot_;
@@ -241,6 +243,7 @@ bool run_break(const BreakTask& task, std::uint64_t seed, bool adapt, double& co
   how.spread.tail(nu) = 0.1 * (how.high - how.low);
   how.noise = Vector::Constant(nx, 0.01);
   how.period_memory = 15;
+  how.strength = 30;
   how.horizon = 40;
   how.target = task.target;
   how.state_weight = how.terminal_weight = task.state_weight.asDiagonal();

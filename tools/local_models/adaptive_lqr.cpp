@@ -27,9 +27,9 @@ LinearStep AdaptiveLqr::model(const Vector& x, const Vector& u) const {
   const Eigen::Index nx = x.size();
   Vector at(nx + u.size());
   at << x, u;
-  const TransitionPrior prior =
-      prior_of_physics(physics_, static_cast<int>(nx), at, options_.spread.cwiseAbs2().asDiagonal(),
-                       options_.noise.cwiseAbs2().asDiagonal(), options_.strength);
+  TransitionPrior prior = prior_of_physics(physics_, static_cast<int>(nx), at, options_.spread.cwiseAbs2().asDiagonal(),
+                                           options_.noise.cwiseAbs2().asDiagonal(), options_.strength);
+  prior.mean_strength = 1.0;  // an offset shows in few transitions, slopes in many
   if (!options_.adapt || data_.count == 0) {
     const TransitionMoments none{0.0, prior.mean, Matrix::Zero(prior.mean.size(), prior.mean.size())};
     return fit_step(none, prior, static_cast<int>(nx), 0.0);
@@ -41,8 +41,12 @@ Vector AdaptiveLqr::command(const Vector& x) {
   const LinearStep step = model(x, last_command_);
   const Eigen::Index nx = x.size(), nu = last_command_.size();
   const Matrix a = step.slope.leftCols(nx), b = step.slope.rightCols(nu);
-  // about the target: y = x - target, and the offset that stays there
-  const Vector drift = a * options_.target + step.offset - options_.target;
+  // about the target and the command that holds it best: y = x - target, v = u - hold, and the drift that is left
+  Vector drift = a * options_.target + step.offset - options_.target;
+  Matrix square = b.transpose() * b;
+  square.diagonal().array() += 1e-9 * (1e-12 + square.trace());
+  const Vector hold = (-square.ldlt().solve(b.transpose() * drift)).cwiseMax(options_.low).cwiseMin(options_.high);
+  drift += b * hold;
   Matrix value = options_.terminal_weight, gain;
   Vector slope = Vector::Zero(nx), offset;
   for (int k = 0; k < options_.horizon; ++k) {
@@ -56,7 +60,7 @@ Vector AdaptiveLqr::command(const Vector& x) {
         options_.state_weight + gain.transpose() * options_.input_weight * gain + closed.transpose() * value * closed;
     value = 0.5 * (value + value.transpose()).eval();
   }
-  last_command_ = (gain * (x - options_.target) + offset).cwiseMax(options_.low).cwiseMin(options_.high);
+  last_command_ = (hold + gain * (x - options_.target) + offset).cwiseMax(options_.low).cwiseMin(options_.high);
   return last_command_;
 }
 

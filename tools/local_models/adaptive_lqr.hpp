@@ -6,10 +6,11 @@ namespace tiller::tools::local {
 
 struct AdaptiveOptions {
   double period_memory = 10;  ///< periods after which a transition counts 1/e
-  double strength = 1;        ///< of the prior, in transitions; the data are never worth more than period_memory
-  Vector spread;              ///< (nx + nu) deviation of [x; u] that the prior takes the model's slope to hold for
-  Vector noise;               ///< (nx) deviation of a step that the prior expects
-  int horizon = 10;           ///< periods of the plan
+  double strength =
+      1;             ///< of the prior's slopes, in transitions: more than period_memory where the loop excites little
+  Vector spread;     ///< (nx + nu) deviation of [x; u] that the prior takes the model's slope to hold for
+  Vector noise;      ///< (nx) deviation of a step that the prior expects
+  int horizon = 10;  ///< periods of the plan
   Matrix state_weight, input_weight, terminal_weight;
   Vector target, low, high;  ///< (nx), (nu), (nu)
   bool adapt = true;         ///< false: the physics alone
