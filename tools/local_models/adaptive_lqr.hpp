@@ -19,9 +19,8 @@ struct AdaptiveOptions {
 /// Model predictive control on a linear model that is fitted anew in each period (Fu, Levine and Abbeel 2016, "One-shot
 /// learning of manipulation skills with online dynamics adaptation"): a normal-inverse-Wishart prior whose mean is the
 /// physics' derivative at the present state, and the mean and covariance of the last transitions, forgotten
-/// exponentially. The plan is an LQR of a short horizon on that model; its first command is cut to the limits. The memory
-/// is one mean and one covariance, whatever the run's length. The physics' one-step prediction of the present state is
-/// taken into the prior's mean as it is, so a model that fails shows in the data alone.
+/// exponentially. The plan is an LQR of a short horizon on that model, about the target and the command that holds it
+/// best; its first command is cut to the limits. The memory is one mean and one covariance, whatever the run's length.
 /// Cost of a period: O((nx + nu)^3 + horizon nx^3).
 class AdaptiveLqr {
  public:
