@@ -24,6 +24,7 @@ void add_identify_command(CLI::App& app, int& exit_code);
 void add_gap_command(CLI::App& app, int& exit_code);
 void add_excite_command(CLI::App& app, int& exit_code);
 void add_tune_command(CLI::App& app, int& exit_code);
+void add_imitate_command(CLI::App& app, int& exit_code);
 void add_export_command(CLI::App& app, int& exit_code);
 void add_import_command(CLI::App& app, int& exit_code);
 void add_replay_command(CLI::App& app, int& exit_code);
