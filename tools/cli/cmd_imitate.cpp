@@ -58,8 +58,7 @@ bool write_robot(const ImitateArguments& a, const std::string& text) {
 int write_page(const ImitateArguments& a, const std::string& json) {
   const fs::path data = fs::path(a.folder) / "imitate.json", page = fs::path(a.folder) / "imitate.html";
   std::string error;
-  if (!replace_file(data.string(), json, error) ||
-      !draw_page("imitate_report", data.string(), page.string(), error)) {
+  if (!replace_file(data.string(), json, error) || !draw_page("imitate_report", data.string(), page.string(), error)) {
     complain(error);
     return kExitLogIncomplete;
   }
@@ -80,8 +79,7 @@ int imitate_command(ImitateArguments& a) {
   if (!good) return complain(error);
   std::fputs(imitate::imitate_text(*robot, result).c_str(), stdout);
   if (!a.out.empty() && !write_robot(a, result.text)) return kExitLogIncomplete;
-  return a.folder.empty() ? static_cast<int>(kExitOk)
-                          : write_page(a, imitate::imitate_json(*robot, a.options, result));
+  return a.folder.empty() ? static_cast<int>(kExitOk) : write_page(a, imitate::imitate_json(*robot, a.options, result));
 }
 
 }  // namespace

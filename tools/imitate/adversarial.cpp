@@ -252,7 +252,8 @@ Matrix Observer::back(const Matrix& state, const Matrix& by_observed) const {
   for (Eigen::Index i = 0, r = 0; i < nx; ++i) {
     by.row(i) = by_observed.row(r++);
     if (!(angles >> i & 1u)) continue;
-    by.row(i) = by.row(i).array() * state.row(i).array().cos() - by_observed.row(r++).array() * state.row(i).array().sin();
+    by.row(i) =
+        by.row(i).array() * state.row(i).array().cos() - by_observed.row(r++).array() * state.row(i).array().sin();
   }
   return by;
 }

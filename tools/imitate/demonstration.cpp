@@ -39,15 +39,17 @@ bool take(const Scene& scene, const Grid& grid, std::vector<Demonstration>& all,
   Smoothed smoothed;
   if (!smooth(scene, grid, smoothed, problem)) return false;
   if (smoothed.misfit > kWrong) {
-    problem = format("%s: the model misses the measurements by %.0f of its deviations; is the log of this robot? "
-                     "tiller identify tells what the model lacks",
-                     grid.path.c_str(), smoothed.misfit);
+    problem = format(
+        "%s: the model misses the measurements by %.0f of its deviations; is the log of this robot? "
+        "tiller identify tells what the model lacks",
+        grid.path.c_str(), smoothed.misfit);
     return false;
   }
   if (smoothed.misfit > kOdd)
-    warnings.push_back(format("%s: the model misses the measurements by %.1f of its deviations; a wrong model makes a "
-                              "wrong cost (tiller identify)",
-                              grid.path.c_str(), smoothed.misfit));
+    warnings.push_back(
+        format("%s: the model misses the measurements by %.1f of its deviations; a wrong model makes a "
+               "wrong cost (tiller identify)",
+               grid.path.c_str(), smoothed.misfit));
   all.push_back({grid.path, grid.first_time_s, grid, std::move(smoothed.motion), smoothed.misfit, 0});
   return true;
 }
@@ -74,9 +76,10 @@ bool read_demonstrations(const RobotFile& robot, const Scene& scene, const std::
     if (!problem.empty())
       fail(problem);
     else if (taken == 0)
-      fail(format("%s: no stretch without a gap is longer than %zu periods of %g s (the longest has %zu); demonstrate "
-                  "longer, or give a shorter --horizon",
-                  path.c_str(), least, robot.config.period_s, longest > 0 ? longest - 1 : 0));
+      fail(
+          format("%s: no stretch without a gap is longer than %zu periods of %g s (the longest has %zu); demonstrate "
+                 "longer, or give a shorter --horizon",
+                 path.c_str(), least, robot.config.period_s, longest > 0 ? longest - 1 : 0));
   }
   return error.empty();
 }

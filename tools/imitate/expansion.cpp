@@ -90,7 +90,8 @@ class Features {
     SparseQuadratic q = states(e, k);
     for (std::uint32_t i = 0; i < nu_; ++i) {
       put(q.gradient, n_ + i, 0, e.lu.data[i * e.lu.lanes + k]);
-      for (std::uint32_t j = 0; j < nu_; ++j) put(q.hessian, n_ + i, n_ + j, e.luu.data[(i * nu_ + j) * e.luu.lanes + k]);
+      for (std::uint32_t j = 0; j < nu_; ++j)
+        put(q.hessian, n_ + i, n_ + j, e.luu.data[(i * nu_ + j) * e.luu.lanes + k]);
       for (std::uint32_t c = 0; c < nx_; ++c) {
         const double cross = e.lux.data[(i * nx_ + c) * e.lux.lanes + k];
         put(q.hessian, n_ + i, c, cross);
@@ -137,7 +138,8 @@ void expand_model(const Scene& scene, const Motion& motion, Expansion& e) {
 }
 
 /// Limits of the inputs, and of their change in a period.
-std::vector<std::int8_t> limits_met(const tiller_config_t& config, const Vector& u, const Vector& before, double share) {
+std::vector<std::int8_t> limits_met(const tiller_config_t& config, const Vector& u, const Vector& before,
+                                    double share) {
   std::vector<std::int8_t> met(static_cast<std::size_t>(u.size()), 0);
   for (Eigen::Index i = 0; i < u.size(); ++i) {
     const double most = config.safety.input_rate_per_s[i] * config.period_s;

@@ -29,11 +29,11 @@ struct SparseQuadratic {
 struct Expansion {
   Eigen::Index n = 0, nu = 0;  ///< of the state with the input before behind it, and of the input
   Eigen::Index steps = 0;
-  std::vector<Matrix> f;                                ///< (steps) of (n x n + nu): the step's derivatives
-  Matrix defect;                                        ///< (n x steps) model's next state minus the motion's
-  std::vector<std::vector<SparseQuadratic>> stage;      ///< (groups) of (steps)
-  std::vector<std::vector<SparseQuadratic>> terminal;   ///< (groups) of (steps + 1): as the end of a horizon
-  std::vector<std::vector<std::int8_t>> at_limit;       ///< (steps) of (nu): -1 low, 1 high, 0 free
+  std::vector<Matrix> f;                               ///< (steps) of (n x n + nu): the step's derivatives
+  Matrix defect;                                       ///< (n x steps) model's next state minus the motion's
+  std::vector<std::vector<SparseQuadratic>> stage;     ///< (groups) of (steps)
+  std::vector<std::vector<SparseQuadratic>> terminal;  ///< (groups) of (steps + 1): as the end of a horizon
+  std::vector<std::vector<std::int8_t>> at_limit;      ///< (steps) of (nu): -1 low, 1 high, 0 free
   std::size_t groups() const { return stage.size(); }
   /// Whether a group has a slope or a curvature anywhere but in ends of horizons, or anywhere at all.
   bool varies(std::size_t group) const;

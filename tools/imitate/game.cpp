@@ -69,7 +69,8 @@ bool linear_program(const MatrixXd& a, const VectorXd& b, const VectorXd& c, std
     for (Index r = 0; r < along.size(); ++r) {
       const double ratio = std::max(0.0, at(r)) / along(r);
       if (!(along(r) > kSmall) || ratio > least + kSmall) continue;
-      if (leave < 0 || ratio < least - kSmall || basis[static_cast<std::size_t>(r)] < basis[static_cast<std::size_t>(leave)])
+      if (leave < 0 || ratio < least - kSmall ||
+          basis[static_cast<std::size_t>(r)] < basis[static_cast<std::size_t>(leave)])
         leave = static_cast<int>(r), least = std::min(least, ratio);
     }
     if (leave < 0) return false;

@@ -17,8 +17,8 @@ namespace tiller::tools::imitate {
 enum class WeightSet { simplex, ball, box };
 
 struct Game {
-  Eigen::VectorXd demonstrated;                                             ///< (d)
-  std::function<Eigen::VectorXd(const Eigen::VectorXd& weight)> best;       ///< (d) of a policy that makes w' mu least
+  Eigen::VectorXd demonstrated;                                        ///< (d)
+  std::function<Eigen::VectorXd(const Eigen::VectorXd& weight)> best;  ///< (d) of a policy that makes w' mu least
 };
 
 struct Equilibrium {
@@ -45,7 +45,7 @@ Equilibrium total_variation(const Game& game, double tolerance, int rounds);
 
 /// Least c' x so that A x = b, x >= 0, from the basis `basis` (rows), which is feasible; it and `dual` (rows) are left
 /// at the solution. The revised simplex method with Bland's rule. False where the program has no bound.
-bool linear_program(const Eigen::MatrixXd& a, const Eigen::VectorXd& b, const Eigen::VectorXd& c, std::vector<int>& basis,
-                    Eigen::VectorXd& x, Eigen::VectorXd& dual);
+bool linear_program(const Eigen::MatrixXd& a, const Eigen::VectorXd& b, const Eigen::VectorXd& c,
+                    std::vector<int>& basis, Eigen::VectorXd& x, Eigen::VectorXd& dual);
 
 }  // namespace tiller::tools::imitate

@@ -20,7 +20,8 @@ Words keys_of(const std::vector<CostTerm>& terms) {
 bool choose_terms(const ImitateOptions& options, std::vector<CostTerm>& learnt, std::vector<CostTerm>& kept,
                   std::string& error) {
   const Words known = keys_of(learnt);
-  const auto first = std::find_if(learnt.begin(), learnt.end(), [](const CostTerm& t) { return t.kind == CostTerm::input; });
+  const auto first =
+      std::find_if(learnt.begin(), learnt.end(), [](const CostTerm& t) { return t.kind == CostTerm::input; });
   if (first == learnt.end()) {
     error = "cost.input_weight: no input has one, so that nothing fixes the scale of the cost; write one above 0";
     return false;

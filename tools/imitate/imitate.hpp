@@ -25,9 +25,9 @@ struct ImitateOptions {
 /// A demonstration beside what a cost makes of it.
 struct Replayed {
   const Demonstration* demonstration = nullptr;
-  Motion before, after;                ///< by the robot file's weights, by the learnt ones
-  double cost_demonstrated = 0;        ///< of the demonstration under the learnt cost
-  double cost_after = 0;               ///< of `after` under the learnt cost
+  Motion before, after;                  ///< by the robot file's weights, by the learnt ones
+  double cost_demonstrated = 0;          ///< of the demonstration under the learnt cost
+  double cost_after = 0;                 ///< of `after` under the learnt cost
   double rms_before = 0, rms_after = 0;  ///< of the states' distance, each over its spread in the demonstrations
 };
 

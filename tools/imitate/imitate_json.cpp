@@ -34,9 +34,10 @@ json measured_json(const Grid& grid, const tiller_model_t& model) {
 }
 
 json weight_json(const LearntWeight& w) {
-  return {{"key", w.term.key},        {"file", number(w.term.value)}, {"value", number(w.value)},
-          {"interval_90", {number(w.low), number(w.high)}},
-          {"log_sd", number(w.log_sd)}, {"varies", w.varies},           {"identified", w.identified}};
+  return {{"key", w.term.key},          {"file", number(w.term.value)},
+          {"value", number(w.value)},   {"interval_90", {number(w.low), number(w.high)}},
+          {"log_sd", number(w.log_sd)}, {"varies", w.varies},
+          {"identified", w.identified}};
 }
 
 json replayed_json(const Replayed& r, const tiller_model_t& model) {
@@ -58,8 +59,10 @@ json replayed_json(const Replayed& r, const tiller_model_t& model) {
 
 json units_json(const tiller_model_t& model) {
   json units = json::object();
-  for (std::uint32_t i = 0; i < model.state_count; ++i) units[model.state_names[i]] = unit_of_field(model.state_names[i]);
-  for (std::uint32_t i = 0; i < model.input_count; ++i) units[model.input_names[i]] = unit_of_field(model.input_names[i]);
+  for (std::uint32_t i = 0; i < model.state_count; ++i)
+    units[model.state_names[i]] = unit_of_field(model.state_names[i]);
+  for (std::uint32_t i = 0; i < model.input_count; ++i)
+    units[model.input_names[i]] = unit_of_field(model.input_names[i]);
   return units;
 }
 

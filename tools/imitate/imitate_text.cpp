@@ -23,13 +23,13 @@ std::string weights_table(const MaxentFit& fit) {
 }
 
 std::string replay_table(const Imitated& result) {
-  std::string text = format("\n  %-32s %8s %10s %12s %14s %14s\n", "demonstration", "periods", "at limits",
-                            "its cost", "cost replanned", "distance (was)");
+  std::string text = format("\n  %-32s %8s %10s %12s %14s %14s\n", "demonstration", "periods", "at limits", "its cost",
+                            "cost replanned", "distance (was)");
   for (const Replayed& r : result.replayed) {
     const Demonstration& d = *r.demonstration;
     text += format("  %-32s %8ld %8.0f %% %12.5g %14.5g %6.3f (%.3f)\n", d.path.c_str(),
-                   static_cast<long>(d.motion.steps()), 100 * d.limited, r.cost_demonstrated, r.cost_after,
-                   r.rms_after, r.rms_before);
+                   static_cast<long>(d.motion.steps()), 100 * d.limited, r.cost_demonstrated, r.cost_after, r.rms_after,
+                   r.rms_before);
   }
   return text + "  distance: RMS of the replanned states from the demonstrated ones, over their spread there\n";
 }
@@ -38,9 +38,9 @@ std::string replay_table(const Imitated& result) {
 
 std::string imitate_text(const RobotFile& robot, const Imitated& result) {
   const MaxentFit& fit = result.fit;
-  std::string text = format("%s: %zu demonstrations, %ld inputs judged, %ld more at limits; ", robot.name.c_str(),
-                            result.demonstrations.size(), static_cast<long>(fit.inputs),
-                            static_cast<long>(fit.limited));
+  std::string text =
+      format("%s: %zu demonstrations, %ld inputs judged, %ld more at limits; ", robot.name.c_str(),
+             result.demonstrations.size(), static_cast<long>(fit.inputs), static_cast<long>(fit.limited));
   text += result.horizon == 0 ? "each one plan to its end\n" : format("a horizon of %u periods\n", result.horizon);
   for (const CostTerm& term : result.kept) text += format("kept: %s = %g\n", term.key.c_str(), term.value);
   text += weights_table(fit);

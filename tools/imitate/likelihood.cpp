@@ -47,8 +47,7 @@ class Sweep {
     const auto& limit = e_.at_limit[static_cast<std::size_t>(k)];
     free_.clear();
     for (Eigen::Index i = 0; i < nu_; ++i)
-      if (limit[static_cast<std::size_t>(i)] == 0 ||
-          (planning && limit[static_cast<std::size_t>(i)] * q1_(n_ + i) > 0))
+      if (limit[static_cast<std::size_t>(i)] == 0 || (planning && limit[static_cast<std::size_t>(i)] * q1_(n_ + i) > 0))
         free_.push_back(static_cast<int>(i));
     const Matrix quu = q2_.bottomRightCorner(nu_, nu_);
     if (!free_.empty() && factor_.compute(pick(quu, free_, free_)).info() != Eigen::Success) return false;
@@ -136,7 +135,8 @@ class Sweep {
     const auto count = static_cast<Eigen::Index>(free_.size());
     const Vector qu = pick(Vector(q1_.tail(nu_)), free_), k = pick(wish, free_);
     const Matrix root = factor_.matrixL();
-    sum.value += root.diagonal().array().log().sum() + 0.5 * qu.dot(k) - 0.9189385332046727 * static_cast<double>(count);
+    sum.value +=
+        root.diagonal().array().log().sum() + 0.5 * qu.dot(k) - 0.9189385332046727 * static_cast<double>(count);
     sum.inputs += count;
     // columns: how the mean moves with each weight, and how the covariance does, in the covariance's own units
     Matrix mean(count, index(groups_)), shape(count * count, index(groups_));

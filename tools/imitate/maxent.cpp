@@ -119,8 +119,8 @@ void read_weights(const std::vector<CostTerm>& learnt, const std::vector<bool>& 
     w.identified = w.log_sd <= 1;
     fit.weights.push_back(w);
     for (Eigen::Index j = 0; j < i; ++j)
-      if (std::fabs(relative(i, j)) > 0.98 * std::sqrt(relative(i, i) * relative(j, j)) &&
-          w.varies && varies[static_cast<std::size_t>(j)])
+      if (std::fabs(relative(i, j)) > 0.98 * std::sqrt(relative(i, i) * relative(j, j)) && w.varies &&
+          varies[static_cast<std::size_t>(j)])
         fit.alike.emplace_back(j, i);
   }
 }
@@ -141,8 +141,9 @@ bool fit_maxent(const std::vector<Expansion>& motions, const std::vector<CostTer
     return false;
   }
   if (at.inputs == 0) {
-    error = "every demonstrated input is at a limit, where the cost has no say; demonstrate a slower motion, or raise "
-            "the limits in a copy of the robot file";
+    error =
+        "every demonstrated input is at a limit, where the cost has no say; demonstrate a slower motion, or raise "
+        "the limits in a copy of the robot file";
     return false;
   }
   fit.before = posterior.data(theta).value;

@@ -9,25 +9,25 @@ namespace tiller::tools::imitate {
 
 struct MaxentOptions {
   Foresight foresight;
-  double prior_sd = 5;      ///< of a learnt weight's logarithm around the robot file's
-  int iterations = 100;     ///< of Fisher scoring, at most
+  double prior_sd = 5;   ///< of a learnt weight's logarithm around the robot file's
+  int iterations = 100;  ///< of Fisher scoring, at most
 };
 
 /// What the demonstrations say of one weight.
 struct LearntWeight {
   CostTerm term;
-  double value = 0;              ///< relative to what is kept
-  double low = 0, high = 0;      ///< 90 % interval, by the curvature of the logarithm of the posterior
-  double log_sd = 0;             ///< standard deviation of its logarithm
-  bool varies = true;            ///< false: its feature has no slope anywhere along the demonstrations
-  bool identified = true;        ///< false: log_sd is above 1, the interval wider than a factor of 5 either way
+  double value = 0;          ///< relative to what is kept
+  double low = 0, high = 0;  ///< 90 % interval, by the curvature of the logarithm of the posterior
+  double log_sd = 0;         ///< standard deviation of its logarithm
+  bool varies = true;        ///< false: its feature has no slope anywhere along the demonstrations
+  bool identified = true;    ///< false: log_sd is above 1, the interval wider than a factor of 5 either way
 };
 
 struct MaxentFit {
   std::vector<LearntWeight> weights;  ///< in the order of the terms
-  double nats = 0;            ///< what one unit of the kept cost is in nats: the inverse temperature
-  double log_likelihood = 0;  ///< nats
-  double before = 0;          ///< that of the robot file's weights at their own best scale
+  double nats = 0;                    ///< what one unit of the kept cost is in nats: the inverse temperature
+  double log_likelihood = 0;          ///< nats
+  double before = 0;                  ///< that of the robot file's weights at their own best scale
   Eigen::Index inputs = 0, limited = 0;
   int iterations = 0;
   bool converged = false;

@@ -25,11 +25,13 @@ bool Scene::make(const tiller_config_t& robot, std::string& error) {
   } else if (config.model->quaternion_mask != 0) {
     error = "model: it turns in space (quaternions), for which demonstrations are not read; use a planar model";
   } else if (setup.effect_state_count > 0 || setup.delay_steps > 0) {
-    error = "effects: a lag, a delay or an effect with a state of its own hides the cause of an input; take the effect "
-            "out of a copy of the robot file, learn the weights with that, and copy them back";
+    error =
+        "effects: a lag, a delay or an effect with a state of its own hides the cause of an input; take the effect "
+        "out of a copy of the robot file, learn the weights with that, and copy them back";
   } else if (config.cost.terminal == tiller_terminal_lqr) {
-    error = "cost.terminal = \"lqr\": its matrix follows from the weights that are to be learnt; write "
-            "terminal = \"diagonal\" and terminal_weight";
+    error =
+        "cost.terminal = \"lqr\": its matrix follows from the weights that are to be learnt; write "
+        "terminal = \"diagonal\" and terminal_weight";
   } else {
     table = &select_rollout(*config.model);
     params.clear();

@@ -39,7 +39,9 @@ struct Scene {
 };
 
 /// Columns padded to the lanes that the kernels write.
-inline std::uint32_t padded(std::uint32_t columns) { return (columns + kLanePadding - 1) / kLanePadding * kLanePadding; }
+inline std::uint32_t padded(std::uint32_t columns) {
+  return (columns + kLanePadding - 1) / kLanePadding * kLanePadding;
+}
 
 /// Rows of lanes for the kernels: the columns of `m`, the last one repeated into the padding.
 struct LaneRows {

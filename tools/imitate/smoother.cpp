@@ -22,8 +22,7 @@ struct Belief1 {
 
 class Filter {
  public:
-  Filter(const Scene& scene, const Grid& grid)
-      : scene_(scene), grid_(grid), nx_(scene.nx()), maps_(nx_), sd_(nx_) {
+  Filter(const Scene& scene, const Grid& grid) : scene_(scene), grid_(grid), nx_(scene.nx()), maps_(nx_), sd_(nx_) {
     for (std::uint32_t i = 0; i < nx_; ++i) {
       maps_[i] = measurement_map(scene.config, i, scene.params.data(), 1);
       sd_[i] = sensor_sd(scene.config, i);
@@ -75,7 +74,9 @@ class Filter {
   double at(std::uint32_t i, std::size_t point) const { return grid_.state[i].empty() ? NAN : grid_.state[i][point]; }
   double read(std::uint32_t i, std::size_t point) const { return (at(i, point) - maps_[i].offset) / maps_[i].gain; }
   /// A state that is logged without being a sensor of the robot's is taken nearly as it is.
-  double known_sd(std::uint32_t i) const { return (std::isfinite(sd_[i]) && sd_[i] > 0 ? sd_[i] : 1e-6) / maps_[i].gain; }
+  double known_sd(std::uint32_t i) const {
+    return (std::isfinite(sd_[i]) && sd_[i] > 0 ? sd_[i] : 1e-6) / maps_[i].gain;
+  }
 
   /// The speed of a joint whose position alone is measured: the mean over five periods, known as badly as that.
   void begin_speed(const tiller_joint_t& joint, Belief1& b) const {

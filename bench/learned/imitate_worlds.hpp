@@ -1,0 +1,47 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "bench/problems/planning_problem.hpp"
+#include "core/rng.hpp"
+#include "tools/imitate/smoother.hpp"
+#include "tools/robot/robot_file.hpp"
+
+namespace tiller::bench {
+
+namespace imi = tools::imitate;
+
+/// A robot with a cost that is to be found again from noisy demonstrations of it.
+struct ImitateWorld {
+  std::string name;
+  tiller::Config config;              ///< with the true cost; parameters known
+  imi::Scene scene;                   ///< of `config`
+  std::vector<imi::CostTerm> learnt;  ///< with the values that the search begins at
+  std::vector<double> truth;          ///< of the learnt terms
+  std::vector<double> spread;         ///< (nx) of the starts around the target
+  double input_noise = 0.02;          ///< standard deviation, over the demonstrated inputs' root mean square
+};
+
+/// `robot`: cart_pole or two_link_arm. The weights of the states are drawn from `seed`, up to twice or half of a base's.
+/// False with a message in `error`.
+bool make_world(const std::string& robot, std::uint64_t seed, ImitateWorld& world, std::string& error);
+
+/// A start around the target.
+imi::Vector draw_start(const ImitateWorld& world, Rng& rng);
+
+/// The runtime's iLQR from `start`: its plan, converged, with its feedback. The planner shares no text with the tools'.
+struct Expert {
+  explicit Expert(const ImitateWorld& world);
+  /// Plans; the plan's inputs (nu x horizon).
+  imi::Matrix plan(const imi::Vector& start);
+  /// The plan followed by its own feedback with white noise of deviation `sd` (nu) on the inputs.
+  imi::Motion follow(const imi::Vector& start, const imi::Vector& sd, Rng& rng);
+  const ImitateWorld& world;
+  Planning planning;
+};
+
+/// What the sensors of the robot file measure of a motion: their noise, and nothing of the other states.
+tools::Grid measure(const ImitateWorld& world, const imi::Motion& motion, Rng& rng);
+
+}  // namespace tiller::bench
