@@ -10,7 +10,7 @@
 //   adversarial  cart-pole, an expert that balances; GAIL and its Wasserstein form from five demonstrations of 150
 //                periods. Return: mean of exp(-1/2 (position / 0.5 m)^2 - 1/2 (angle / 0.25 rad)^2), from 64 other starts.
 //
-//   bench_imitate [--seeds N] [--first SEED] [--part NAME] [--quick] [--csv FILE]
+//   bench_imitate [--seeds N] [--first SEED] [--part NAME] [--noise SHARE] [--detail] [--quick] [--csv FILE]
 //
 // Seeds 1 to 20 (adversarial: 1 to 10) are scored; settings were chosen on seeds from 1000 on. Every seed is a line of
 // the CSV (build/bench_imitate.csv), written when it is done; a run that was cut goes on behind the last one.
@@ -45,7 +45,8 @@ struct Settings {
   int seeds = 0;  // 0: 20, of adversarial methods 10
   std::uint64_t first = 1;
   std::string part, csv = "build/bench_imitate.csv";
-  bool quick = false;
+  double noise = 0.02;  // of the inputs
+  bool quick = false, detail = false;
   int count(int usual) const { return seeds > 0 ? seeds : quick ? 2 : usual; }
 };
 
@@ -103,10 +104,7 @@ std::vector<imi::Expansion> demonstrate(const ImitateWorld& world, Expert& exper
   std::vector<imi::Expansion> motions;
   imi::ExpandOptions how;
   for (int d = 0; d < 5; ++d) {
-    const Vector start = draw_start(world, rng);
-    const Matrix planned = expert.plan(start);
-    const Vector sd = world.input_noise * planned.rowwise().norm() / std::sqrt(static_cast<double>(planned.cols()));
-    const Motion motion = expert.follow(start, sd, rng);
+    const Motion motion = expert.follow(draw_start(world, rng), world.input_noise, rng);
     imi::Smoothed smoothed;
     std::string error;
     if (!imi::smooth(world.scene, measure(world, motion, rng), smoothed, error))
@@ -123,24 +121,24 @@ double excess(const ImitateWorld& world, const imi::MaxentFit& fit, Rng& rng) {
   double best = 0, made = 0;
   for (int i = 0; i < 5; ++i) {
     const Vector start = draw_start(world, rng);
-    const Matrix guess = Matrix::Zero(world.scene.nu(), world.config.planner.horizon);
-    double value = 0;
-    (void)imi::replan(world.scene, world.config, start, guess, {}, &value);
-    const Motion motion = imi::replan(world.scene, learnt.get(), start, guess);
-    best += value;
+    const int steps = static_cast<int>(world.config.planner.horizon);
+    const Motion ideal = best_motion(world, world.config, start, steps);
+    const Motion motion = best_motion(world, learnt.get(), start, steps);
+    best += world.scene.cost(world.config, ideal.state, ideal.input);
     made += world.scene.cost(world.config, motion.state, motion.input);
   }
   return made / best - 1;
 }
 
 /// Largest errors of Q and R, of Qf; excess; share of Q and R inside their 90 % interval.
-Values recover(const std::string& robot, std::uint64_t seed) {
+Values recover(const std::string& robot, std::uint64_t seed, const Settings& s) {
   ImitateWorld world;
   std::string error;
   if (!make_world(robot, seed, world, error)) {
     std::fprintf(stderr, "%s\n", error.c_str());
     std::exit(2);
   }
+  world.input_noise = s.noise;
   Rng rng(seed, kRngRollouts, 5);
   Expert expert(world);
   const std::vector<imi::Expansion> motions = demonstrate(world, expert, rng);
@@ -152,6 +150,9 @@ Values recover(const std::string& robot, std::uint64_t seed) {
     const double off = std::fabs(w.value / world.truth[i] - 1);
     const bool end = w.term.kind == imi::CostTerm::terminal;
     (end ? of_end : of_q) = std::max(end ? of_end : of_q, off);
+    if (s.detail)
+      std::fprintf(stderr, "  %-28s true %8.4g found %8.4g, %+6.2f of its deviations of %.3f\n", w.term.key.c_str(),
+                   world.truth[i], w.value, std::log(w.value / world.truth[i]) / w.log_sd, w.log_sd);
     if (end) continue;
     inside += w.low <= world.truth[i] && world.truth[i] <= w.high ? 1 : 0;
     ++count;
@@ -161,8 +162,8 @@ Values recover(const std::string& robot, std::uint64_t seed) {
 
 void weights(const Settings& s, Lines& lines, Table& table) {
   for (const char* robot : {"cart_pole", "two_link_arm"}) {
-    const auto all = of_seeds(s, lines, std::string("weights_") + robot, 20,
-                              [&](std::uint64_t seed) { return recover(robot, seed); });
+    const auto all = of_seeds(s, lines, std::string("weights_") + robot + "_" + tools::number_text(s.noise), 20,
+                              [&](std::uint64_t seed) { return recover(robot, seed, s); });
     table.heading(std::string(robot) + ": weights from five noisy demonstrations, " + std::to_string(all.size()) +
                   " seeds");
     const Values q = column(all, 0), end = column(all, 1), more = column(all, 2);
@@ -232,13 +233,12 @@ Balance make_balance(std::uint64_t seed) {
     b.world.scene.config.safety.input_high[i] = b.world.config.safety.input_high[i] = 20;
   }
   Rng rng(seed, kRngRollouts, 9);
-  const Matrix guess = Matrix::Zero(1, kSteps);
   for (int d = 0; d < 5; ++d)
-    b.motions.push_back(imi::replan(b.world.scene, b.world.config, draw_start(b.world, rng), guess));
+    b.motions.push_back(best_motion(b.world, b.world.config, draw_start(b.world, rng), kSteps));
   b.starts.resize(4, kStarts);
   for (int j = 0; j < kStarts; ++j) {
     b.starts.col(j) = draw_start(b.world, rng);
-    const Motion m = imi::replan(b.world.scene, b.world.config, b.starts.col(j), guess);
+    const Motion m = best_motion(b.world, b.world.config, b.starts.col(j), kSteps);
     b.expert += value_of(m.state.leftCols(kSteps)) / kStarts;
   }
   return b;
@@ -283,8 +283,8 @@ void adversarial(const Settings& s, Lines& lines, Table& table) {
 bool parse(int argc, char** argv, Settings& s) {
   for (int i = 1; i < argc; ++i) {
     const std::string key = argv[i];
-    if (key == "--quick") {
-      s.quick = true;
+    if (key == "--quick" || key == "--detail") {
+      (key == "--quick" ? s.quick : s.detail) = true;
       continue;
     }
     if (i + 1 == argc) return false;
@@ -295,6 +295,8 @@ bool parse(int argc, char** argv, Settings& s) {
       s.first = static_cast<std::uint64_t>(std::max(1, whole_number(value)));
     else if (key == "--part")
       s.part = value;
+    else if (key == "--noise")
+      s.noise = real_number(value);
     else if (key == "--csv")
       s.csv = value;
     else

@@ -1,5 +1,6 @@
 #include "bench/learned/imitate_worlds.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "tools/links/trial_plant.hpp"
@@ -84,29 +85,51 @@ imi::Vector draw_start(const ImitateWorld& world, Rng& rng) {
   return x;
 }
 
-Expert::Expert(const ImitateWorld& of) : world(of), planning(of.config) {}
-
-imi::Matrix Expert::plan(const imi::Vector& start) {
-  planning.set_state(start.data());
-  planning.plan_cold();
-  const float* u = planning.planner->sequence(planning.self);
-  return Eigen::Map<const Eigen::MatrixXf>(u, world.scene.nu(), kHorizon).cast<double>();
+imi::Motion best_motion(const ImitateWorld& world, const tiller_config_t& cost, const imi::Vector& start, int steps) {
+  imi::Motion motion;
+  imi::Matrix guess(world.scene.nu(), 0);
+  for (int length = 20; guess.cols() < steps; length += 20) {
+    const Eigen::Index now = std::min(length, steps), before = guess.cols();
+    guess.conservativeResize(Eigen::NoChange, now);
+    guess.rightCols(now - before).setZero();
+    motion = imi::replan(world.scene, cost, start, guess);
+    guess = motion.input;
+  }
+  return motion;
 }
 
-imi::Motion Expert::follow(const imi::Vector& start, const imi::Vector& sd, Rng& rng) {
-  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  const imi::Matrix planned = plan(start);
-  imi::Motion motion{imi::Matrix(4, kHorizon + 1), planned};
-  motion.state.col(0) = start;
-  Rows gain(world.scene.nu(), 4);
-  imi::Vector at(4);
+Expert::Expert(const ImitateWorld& of) : world_(of), planning_(of.config) {}
+
+void Expert::plan(const imi::Vector& start) {
+  gain_.assign(kHorizon, imi::Matrix());
+  if (world_.name == kBases[0].robot) {
+    planned_ = best_motion(world_, world_.config, start, kHorizon);
+    gain_ = imi::policy_along(imi::expand(world_.scene, planned_, world_.config, {}, {}), imi::Vector::Ones(1)).gain;
+    return;
+  }
+  planning_.set_state(start.data());
+  planning_.plan_cold();
+  const float* u = planning_.planner->sequence(planning_.self);
+  planned_.input = Eigen::Map<const Eigen::MatrixXf>(u, world_.scene.nu(), kHorizon).cast<double>();
+  planned_.state = world_.scene.roll(start, planned_.input);
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> gain(world_.scene.nu(), 4);
   for (std::uint32_t k = 0; k < kHorizon; ++k) {
-    imi::Vector u = planned.col(k);
-    if (planning.planner->feedback(planning.self, k, gain.data(), at.data(), nullptr))
-      u += gain * world.scene.difference(motion.state.col(k), at);
+    gain.setZero();
+    (void)planning_.planner->feedback(planning_.self, k, gain.data(), nullptr, nullptr);
+    gain_[k] = gain;
+  }
+}
+
+imi::Motion Expert::follow(const imi::Vector& start, double share, Rng& rng) {
+  plan(start);
+  const imi::Vector sd = share * planned_.input.rowwise().norm() / std::sqrt(static_cast<double>(kHorizon));
+  imi::Motion motion = planned_;
+  for (std::uint32_t k = 0; k < kHorizon; ++k) {
+    imi::Vector u = planned_.input.col(k);
+    u += gain_[k] * world_.scene.difference(motion.state.col(k), planned_.state.col(k));
     for (Eigen::Index i = 0; i < u.size(); ++i) u(i) += sd(i) * rng.normal();
     motion.input.col(k) = u;
-    motion.state.col(k + 1) = world.scene.step(motion.state.col(k), u);
+    motion.state.col(k + 1) = world_.scene.step(motion.state.col(k), u);
   }
   return motion;
 }

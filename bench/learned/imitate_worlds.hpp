@@ -5,6 +5,7 @@
 
 #include "bench/problems/planning_problem.hpp"
 #include "core/rng.hpp"
+#include "tools/imitate/replan.hpp"
 #include "tools/imitate/smoother.hpp"
 #include "tools/robot/robot_file.hpp"
 
@@ -30,15 +31,23 @@ bool make_world(const std::string& robot, std::uint64_t seed, ImitateWorld& worl
 /// A start around the target.
 imi::Vector draw_start(const ImitateWorld& world, Rng& rng);
 
-/// The runtime's iLQR from `start`: its plan, converged, with its feedback. The planner shares no text with the tools'.
+/// The best motion of `steps` periods from `start`: plans of 20 periods and then of 20 more at a time. Inputs of zero
+/// over the whole length would begin at a pole that has fallen, and end at another optimum.
+imi::Motion best_motion(const ImitateWorld& world, const tiller_config_t& cost, const imi::Vector& start, int steps);
+
+/// A converged plan followed by its own feedback. Of the arm the runtime's iLQR plans, which shares no text with the
+/// tools'; of the cart-pole best_motion(), since the runtime's begins at a fallen pole.
 struct Expert {
   explicit Expert(const ImitateWorld& world);
-  /// Plans; the plan's inputs (nu x horizon).
-  imi::Matrix plan(const imi::Vector& start);
-  /// The plan followed by its own feedback with white noise of deviation `sd` (nu) on the inputs.
-  imi::Motion follow(const imi::Vector& start, const imi::Vector& sd, Rng& rng);
-  const ImitateWorld& world;
-  Planning planning;
+  /// Plans, with white noise of deviation `share` of the plan's RMS on each input as it is followed.
+  imi::Motion follow(const imi::Vector& start, double share, Rng& rng);
+
+ private:
+  void plan(const imi::Vector& start);
+  const ImitateWorld& world_;
+  Planning planning_;
+  imi::Motion planned_;
+  std::vector<imi::Matrix> gain_;
 };
 
 /// What the sensors of the robot file measure of a motion: their noise, and nothing of the other states.

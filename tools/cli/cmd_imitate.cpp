@@ -77,7 +77,7 @@ int imitate_command(ImitateArguments& a) {
   const bool good = imitate::imitate(*robot, text_of(a.options.robot), a.options, result, error);
   for (const std::string& warning : result.warnings) std::fprintf(stderr, "warning: %s\n", warning.c_str());
   if (!good) return complain(error);
-  std::fputs(imitate::imitate_text(*robot, result).c_str(), stdout);
+  std::fputs(imitate::imitate_text(*robot, a.options, result).c_str(), stdout);
   if (!a.out.empty() && !write_robot(a, result.text)) return kExitLogIncomplete;
   return a.folder.empty() ? static_cast<int>(kExitOk) : write_page(a, imitate::imitate_json(*robot, a.options, result));
 }
@@ -105,6 +105,8 @@ void add_imitate_command(CLI::App& app, int& exit_code) {
                       "periods that the demonstrator looked ahead (default: the planner's), or \"whole\": each "
                       "demonstration is one plan to its end");
   command->add_option("--every", o.every, "with a horizon: judge each n-th input (default: about 400 in all)")
+      ->check(CLI::Range(1, 100000));
+  command->add_option("--rounds", o.rounds, "of matching: plans of every demonstration (default 40)")
       ->check(CLI::Range(1, 100000));
   command->footer(
       "Every weight of [cost] above 0 that stands in the file as a number is learnt, but for the first input's. Weights\n"

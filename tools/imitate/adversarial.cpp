@@ -127,7 +127,7 @@ class Adversary {
   }
 
   void improve_critic() {
-    constexpr int kCount = 256;
+    constexpr int kCount = 128;
     const Matrix shown = draw(shown_, kCount), made = draw(made_, kCount);
     Mlp::Tape of_shown, of_made;
     Mlp& critic = fit_.critic;

@@ -29,10 +29,10 @@ struct SmallPolicy {
 
 struct AdversarialOptions {
   bool wasserstein = false;  ///< a critic with slopes near one in place of GAIL's discriminator
-  int iterations = 400;
-  int critic_steps = 3;  ///< of each iteration
-  int batch = 32;        ///< rollouts of each iteration
-  int steps = 75;        ///< periods of a rollout
+  int iterations = 300;
+  int critic_steps = 2;  ///< of each iteration
+  int batch = 16;        ///< rollouts of each iteration
+  int steps = 60;        ///< periods of a rollout
   double policy_rate = 3e-3, critic_rate = 1e-3;
   double penalty = 10;       ///< of the critic's slopes (Gulrajani and others 2017); GAIL's is a tenth
   double noise = 0.1;        ///< on both sides' samples, in their deviations: without it the sides part too easily

@@ -97,6 +97,25 @@ std::uint32_t judged_every(const std::vector<Demonstration>& all, std::uint32_t 
   return static_cast<std::uint32_t>(std::max<Eigen::Index>(1, points / 400));
 }
 
+/// What matching finds, in the form of a fit without a likelihood.
+void match(const Scene& scene, const std::vector<CostTerm>& learnt, const ImitateOptions& options, Imitated& result) {
+  std::vector<Motion> motions;
+  for (const Demonstration& d : result.demonstrations) motions.push_back(d.motion);
+  MatchingOptions by;
+  by.rounds = options.rounds;
+  by.horizon = result.horizon;
+  result.matching = fit_matching(scene, motions, learnt, by);
+  result.fit.converged = true;
+  for (std::size_t i = 0; i < learnt.size(); ++i) {
+    LearntWeight w;
+    w.term = learnt[i];
+    w.varies = result.matching.demonstrated[i + 1] > 0;
+    w.value = w.varies ? result.matching.value[i] : learnt[i].value;
+    w.low = w.high = w.log_sd = NAN;
+    result.fit.weights.push_back(w);
+  }
+}
+
 bool write_weights(const MaxentFit& fit, std::string& text, std::string& error) {
   for (const LearntWeight& w : fit.weights)
     if (w.varies && !tune::set_number(text, w.term.key, format("%.6g", w.value), error)) return false;
@@ -136,7 +155,10 @@ bool imitate(const RobotFile& robot, const std::string& text, const ImitateOptio
   }
   MaxentOptions by;
   by.foresight = {result.horizon, result.every};
-  if (!fit_maxent(motions, learnt, by, result.fit, error)) return false;
+  if (options.method == "matching")
+    match(scene, learnt, options, result);
+  else if (!fit_maxent(motions, learnt, by, result.fit, error))
+    return false;
   result.text = text;
   if (!write_weights(result.fit, result.text, error)) return false;
   replay_all(robot, scene, result);

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "tools/imitate/demonstration.hpp"
-#include "tools/imitate/maxent.hpp"
+#include "tools/imitate/matching.hpp"
 
 namespace tiller::tools::imitate {
 
@@ -18,8 +18,6 @@ struct ImitateOptions {
   std::int64_t horizon = -1;      ///< periods; 0: each demonstration is one plan to its end; -1: the planner's
   std::uint32_t every = 0;        ///< periods between judged inputs of a receding horizon; 0: chosen by the length
   int rounds = 40;                ///< of matching
-  std::uint64_t seed = 1;         ///< of the adversarial methods
-  int iterations = 300;           ///< of the adversarial methods
 };
 
 /// A demonstration beside what a cost makes of it.
@@ -34,7 +32,8 @@ struct Replayed {
 struct Imitated {
   std::vector<Demonstration> demonstrations;
   std::vector<CostTerm> kept;
-  MaxentFit fit;
+  MaxentFit fit;         ///< by matching: its weights alone, without intervals
+  MatchingFit matching;  ///< by matching
   std::uint32_t horizon = 0, every = 1;
   std::vector<Replayed> replayed;
   std::vector<std::string> warnings;
@@ -49,7 +48,7 @@ bool imitate(const RobotFile& robot, const std::string& text, const ImitateOptio
 CostEdit learnt_cost(const RobotFile& robot, const MaxentFit& fit);
 
 /// The tables that the command prints.
-std::string imitate_text(const RobotFile& robot, const Imitated& result);
+std::string imitate_text(const RobotFile& robot, const ImitateOptions& options, const Imitated& result);
 /// Everything, for programs and for the page: see docs/guide/imitate.md for the keys.
 std::string imitate_json(const RobotFile& robot, const ImitateOptions& options, const Imitated& result);
 

@@ -90,6 +90,11 @@ std::string imitate_json(const RobotFile& robot, const ImitateOptions& options, 
                     {"alike", alike},
                     {"units", units_json(*robot.model)},
                     {"demonstrations", replayed},
+                    {"matching",
+                     {{"excess", number(result.matching.excess)},
+                      {"bound", number(result.matching.bound)},
+                      {"demonstrated", numbers(result.matching.demonstrated)},
+                      {"made", numbers(result.matching.made)}}},
                     {"warnings", result.warnings}};
   return out.dump(1);
 }

@@ -15,7 +15,7 @@ std::string judgement(const LearntWeight& w) {
 std::string weights_table(const MaxentFit& fit) {
   std::string text = format("  %-36s %12s %12s %25s\n", "weight", "file", "learnt", "90 % interval");
   for (const LearntWeight& w : fit.weights) {
-    const std::string interval = w.varies ? format("%.4g .. %.4g", w.low, w.high) : "-";
+    const std::string interval = std::isfinite(w.low) && w.varies ? format("%.4g .. %.4g", w.low, w.high) : "-";
     text += format("  %-36s %12.5g %12.5g %25s  %s\n", w.term.key.c_str(), w.term.value, w.value, interval.c_str(),
                    judgement(w).c_str());
   }
@@ -34,21 +34,31 @@ std::string replay_table(const Imitated& result) {
   return text + "  distance: RMS of the replanned states from the demonstrated ones, over their spread there\n";
 }
 
-}  // namespace
-
-std::string imitate_text(const RobotFile& robot, const Imitated& result) {
-  const MaxentFit& fit = result.fit;
-  std::string text =
-      format("%s: %zu demonstrations, %ld inputs judged, %ld more at limits; ", robot.name.c_str(),
-             result.demonstrations.size(), static_cast<long>(fit.inputs), static_cast<long>(fit.limited));
-  text += result.horizon == 0 ? "each one plan to its end\n" : format("a horizon of %u periods\n", result.horizon);
-  for (const CostTerm& term : result.kept) text += format("kept: %s = %g\n", term.key.c_str(), term.value);
-  text += weights_table(fit);
-  text += format("log likelihood %.1f (the file's weights: %.1f); %d iterations%s\n", fit.log_likelihood, fit.before,
-                 fit.iterations, fit.converged ? "" : ", not converged");
+std::string likelihood_text(const MaxentFit& fit) {
+  std::string text = format("log likelihood %.1f (the file's weights: %.1f); %d iterations%s\n", fit.log_likelihood,
+                            fit.before, fit.iterations, fit.converged ? "" : ", not converged");
   for (const auto& [a, b] : fit.alike)
     text += format("%s and %s: the demonstrations tell their ratio to each other, not their size\n",
                    fit.weights[a].term.key.c_str(), fit.weights[b].term.key.c_str());
+  return text;
+}
+
+}  // namespace
+
+std::string imitate_text(const RobotFile& robot, const ImitateOptions& options, const Imitated& result) {
+  const MaxentFit& fit = result.fit;
+  std::string text = format("%s: %zu demonstrations; ", robot.name.c_str(), result.demonstrations.size());
+  text += result.horizon == 0 ? "each one plan to its end\n" : format("a horizon of %u periods\n", result.horizon);
+  for (const CostTerm& term : result.kept) text += format("kept: %s = %g\n", term.key.c_str(), term.value);
+  text += weights_table(fit);
+  if (options.method == "matching")
+    text +=
+        format("plans spend at most %.1f %% more of a feature than the demonstrations (no weights: under %.1f %%)\n",
+               100 * result.matching.excess, 100 * result.matching.bound);
+  else
+    text += format("%ld inputs judged, %ld more at limits\n", static_cast<long>(fit.inputs),
+                   static_cast<long>(fit.limited)) +
+            likelihood_text(fit);
   return text + replay_table(result);
 }
 

@@ -15,22 +15,23 @@ double sensor_sd(const tiller_config_t& config, std::uint32_t state) {
 }
 
 /// Mean and covariance of a state, before and after a measurement.
-struct Belief1 {
+struct Estimate {
   Vector mean;
   Matrix covariance;
 };
 
 class Filter {
  public:
-  Filter(const Scene& scene, const Grid& grid) : scene_(scene), grid_(grid), nx_(scene.nx()), maps_(nx_), sd_(nx_) {
+  Filter(const Scene& scene, const Grid& grid, double process_scale)
+      : scene_(scene), grid_(grid), process_scale_(process_scale), nx_(scene.nx()), maps_(nx_), sd_(nx_) {
     for (std::uint32_t i = 0; i < nx_; ++i) {
       maps_[i] = measurement_map(scene.config, i, scene.params.data(), 1);
       sd_[i] = sensor_sd(scene.config, i);
     }
   }
 
-  Belief1 first() const {
-    Belief1 b{Vector(nx_), Matrix::Zero(nx_, nx_)};
+  Estimate first() const {
+    Estimate b{Vector(nx_), Matrix::Zero(nx_, nx_)};
     for (std::uint32_t i = 0; i < nx_; ++i) {
       b.mean(i) = scene_.config.initial_state[i];
       b.covariance(i, i) = std::pow(scene_.config.initial_state_sd[i], 2);
@@ -43,12 +44,12 @@ class Filter {
     return b;
   }
 
-  void correct(std::size_t point, Belief1& b) {
+  void correct(std::size_t point, Estimate& b) {
     for (std::uint32_t i = 0; i < nx_; ++i) {
       if (!std::isfinite(at(i, point))) continue;
       const double noise = std::pow(known_sd(i), 2), variance = b.covariance(i, i) + noise;
       const double miss = state_difference(*scene_.config.model, i, read(i, point), b.mean(i));
-      if (point > 0) sum_ += miss * miss / variance, ++count_;
+      if (point > 0) sum_ += miss * miss / variance, log_ += std::log(variance), ++count_;
       const Vector gain = b.covariance.col(i) / variance;
       b.mean += gain * miss;
       b.covariance -= gain * b.covariance.row(i).eval();
@@ -57,17 +58,17 @@ class Filter {
   }
 
   /// `a` is set to the step's derivative.
-  Belief1 predict(std::size_t point, const Belief1& b, const Vector& input, Matrix& a) const {
+  Estimate predict(const Estimate& b, const Vector& input, Matrix& a) const {
     Matrix rows;
-    Belief1 next;
+    Estimate next;
     next.mean = scene_.step(b.mean, input, &rows);
     a = Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(rows.data(), nx_, nx_);
     next.covariance = a * b.covariance * a.transpose();
     for (std::uint32_t i = 0; i < nx_; ++i)
-      next.covariance(i, i) += std::pow(scene_.config.process_sd[i], 2) * grid_.period_s + 1e-16;
-    (void)point;
+      next.covariance(i, i) += std::pow(process_scale_ * scene_.config.process_sd[i], 2) * grid_.period_s + 1e-16;
     return next;
   }
+  double log_likelihood() const { return -0.5 * (sum_ + log_); }
   double misfit() const { return count_ > 0 ? std::sqrt(sum_ / static_cast<double>(count_)) : 0; }
 
  private:
@@ -79,7 +80,7 @@ class Filter {
   }
 
   /// The speed of a joint whose position alone is measured: the mean over five periods, known as badly as that.
-  void begin_speed(const tiller_joint_t& joint, Belief1& b) const {
+  void begin_speed(const tiller_joint_t& joint, Estimate& b) const {
     const std::size_t ahead = std::min<std::size_t>(5, grid_.points() - 1);
     if (joint.position == TILLER_NO_POSITION || std::isfinite(at(joint.velocity, 0))) return;
     const double from = at(joint.position, 0), to = at(joint.position, ahead);
@@ -92,10 +93,11 @@ class Filter {
 
   const Scene& scene_;
   const Grid& grid_;
+  double process_scale_;
   std::uint32_t nx_;
   std::vector<MeasurementMap> maps_;
   std::vector<double> sd_;
-  double sum_ = 0;
+  double sum_ = 0, log_ = 0;
   std::size_t count_ = 0;
 };
 
@@ -115,35 +117,61 @@ bool has_start(const Scene& scene, const Grid& grid, std::string& error) {
   return true;
 }
 
+/// A forward pass with what the backward one needs.
+struct Forward {
+  std::vector<Estimate> filtered, predicted;
+  std::vector<Matrix> a;
+  double misfit = 0, log_likelihood = 0;
+};
+
+Forward filter_forward(const Scene& scene, const Grid& grid, const Matrix& input, double process_scale) {
+  const std::size_t points = grid.points();
+  Forward f{std::vector<Estimate>(points), std::vector<Estimate>(points), std::vector<Matrix>(points), 0, 0};
+  Filter filter(scene, grid, process_scale);
+  f.filtered[0] = filter.first();
+  filter.correct(0, f.filtered[0]);
+  for (std::size_t p = 1; p < points; ++p) {
+    f.predicted[p] = filter.predict(f.filtered[p - 1], input.col(static_cast<Eigen::Index>(p) - 1), f.a[p]);
+    f.filtered[p] = f.predicted[p];
+    filter.correct(p, f.filtered[p]);
+  }
+  f.misfit = filter.misfit();
+  f.log_likelihood = filter.log_likelihood();
+  return f;
+}
+
+/// The process noise of the robot file, or a part of it: what explains this log best. A state is known the better, the
+/// less the motion leaves the model.
+Forward best_forward(const Scene& scene, const Grid& grid, const Matrix& input) {
+  Forward best = filter_forward(scene, grid, input, 1);
+  for (const double scale : {0.3, 0.1, 0.03, 0.01}) {
+    Forward next = filter_forward(scene, grid, input, scale);
+    if (!(next.log_likelihood > best.log_likelihood)) break;
+    best = std::move(next);
+  }
+  return best;
+}
+
 }  // namespace
 
 bool smooth(const Scene& scene, const Grid& grid, Smoothed& result, std::string& error) {
   if (!has_start(scene, grid, error)) return false;
-  const std::size_t points = grid.points();
+  const auto points = static_cast<Eigen::Index>(grid.points());
   Motion& motion = result.motion;
-  motion.state.resize(scene.nx(), static_cast<Eigen::Index>(points));
-  motion.input.resize(scene.nu(), static_cast<Eigen::Index>(points) - 1);
-  for (Eigen::Index k = 0; k + 1 < static_cast<Eigen::Index>(points); ++k)
+  motion.state.resize(scene.nx(), points);
+  motion.input.resize(scene.nu(), points - 1);
+  for (Eigen::Index k = 0; k + 1 < points; ++k)
     for (std::uint32_t i = 0; i < scene.nu(); ++i) motion.input(i, k) = grid.input[i][static_cast<std::size_t>(k)];
-  Filter filter(scene, grid);
-  std::vector<Belief1> filtered(points), predicted(points);
-  std::vector<Matrix> a(points);
-  filtered[0] = filter.first();
-  filter.correct(0, filtered[0]);
-  for (std::size_t p = 1; p < points; ++p) {
-    predicted[p] = filter.predict(p - 1, filtered[p - 1], motion.input.col(static_cast<Eigen::Index>(p) - 1), a[p]);
-    filtered[p] = predicted[p];
-    filter.correct(p, filtered[p]);
+  const Forward f = best_forward(scene, grid, motion.input);
+  motion.state.col(points - 1) = f.filtered.back().mean;
+  for (std::size_t p = grid.points() - 1; p-- > 0;) {
+    const auto at = static_cast<Eigen::Index>(p);
+    const Matrix cross = f.a[p + 1] * f.filtered[p].covariance;
+    const Matrix gain = f.predicted[p + 1].covariance.ldlt().solve(cross).transpose();
+    motion.state.col(at) =
+        f.filtered[p].mean + gain * scene.difference(motion.state.col(at + 1), f.predicted[p + 1].mean);
   }
-  motion.state.col(static_cast<Eigen::Index>(points) - 1) = filtered.back().mean;
-  for (std::size_t p = points - 1; p-- > 0;) {
-    const Matrix cross = a[p + 1] * filtered[p].covariance;
-    const Matrix gain = predicted[p + 1].covariance.ldlt().solve(cross).transpose();
-    motion.state.col(static_cast<Eigen::Index>(p)) =
-        filtered[p].mean +
-        gain * scene.difference(motion.state.col(static_cast<Eigen::Index>(p) + 1), predicted[p + 1].mean);
-  }
-  result.misfit = filter.misfit();
+  result.misfit = f.misfit;
   if (motion.state.allFinite()) return true;
   error = grid.path + ": the model goes beyond all bounds along this log; is it of this robot?";
   return false;
