@@ -24,7 +24,7 @@ struct ImitateWorld {
   double input_noise = 0.02;          ///< standard deviation, over the demonstrated inputs' root mean square
 };
 
-/// `robot`: cart_pole or two_link_arm. The weights of the states are drawn from `seed`, up to twice or half of a base's.
+/// `robot`: cart_pole or two_link_arm. The weights of the states are drawn from `seed`, half to twice a base's.
 /// False with a message in `error`.
 bool make_world(const std::string& robot, std::uint64_t seed, ImitateWorld& world, std::string& error);
 

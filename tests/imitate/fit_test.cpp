@@ -1,4 +1,4 @@
-// Weights found again from motions that are optimal under them, limits met and not; the smoother; networks that imitate.
+// Weights found again from motions that are optimal under them, limits met and not; the smoother; imitating networks.
 
 #include <gtest/gtest.h>
 

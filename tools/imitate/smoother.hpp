@@ -6,8 +6,8 @@
 namespace tiller::tools::imitate {
 
 /// A logged motion as the model explains it: an extended Kalman filter forward and the smoother of Rauch, Tung and
-/// Striebel (1965) back, with the sensors' deviations of the robot file, and of its process noise the part (1 to 0.01) that
-/// explains the log best. What is measured of one state so tells of all.
+/// Striebel (1965) back, with the sensors' deviations of the robot file, and the part (1 to 0.01) of its process
+/// noise that explains the log best. What one sensor reads so tells of all states.
 struct Smoothed {
   Motion motion;
   double misfit = 0;  ///< RMS of the filter's innovations in their own deviations; about 1 if the model fits

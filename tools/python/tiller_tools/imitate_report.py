@@ -1,7 +1,7 @@
 """One page about a learnt cost: python -m tiller_tools.imitate_report imitate.json -o imitate.html
 
-The JSON is what `tiller imitate --page FOLDER` writes: weights with their intervals, and for each demonstration what the
-robot file's weights and the learnt ones do from the same start.
+The JSON is what `tiller imitate --page FOLDER` writes: weights with their intervals, and for each demonstration what
+the robot file's weights and the learnt ones do from the same start.
 """
 
 from __future__ import annotations
