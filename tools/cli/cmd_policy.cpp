@@ -94,7 +94,7 @@ int search(const PolicyArguments& a, const RobotFile& robot, const policy::Searc
 }
 
 local::GuidedOptions guided_options(const RobotFile& robot, const PolicyArguments& a) {
-  const tiller_cost_t& cost = robot.config.cost;
+  const tiller_cost_config_t& cost = robot.config.cost;
   const auto nx = static_cast<Eigen::Index>(robot.states.size()), nu = static_cast<Eigen::Index>(robot.inputs.size());
   local::GuidedOptions options;
   options.iterations = a.iterations;
