@@ -192,7 +192,7 @@ class Reader {
         errors_.at(*entry.node, "measurements." + entry.name, "has no deviation", remedy);
         continue;
       }
-      config.measured_state[config.measurement_count] = static_cast<int>(config.measurement_count);
+      config.measured_state[config.measurement_count] = static_cast<std::uint8_t>(config.measurement_count);
       config.measurement_sd[config.measurement_count++] = *sd;
       names.states.push_back(entry.name);
     }
