@@ -78,8 +78,8 @@ TEST(LinearProgram, SolvesATextbookCase) {
   EXPECT_NEAR(x(0), 2, 1e-12);
   EXPECT_NEAR(x(1), 6, 1e-12);
   EXPECT_NEAR(dual(2), -1, 1e-12);  // the price of the third row
-  std::vector<int> one = {1};
-  EXPECT_FALSE(linear_program(MatrixXd::Constant(1, 2, -1), vector({-1}), vector({-1, 0}), one, x, dual));
+  std::vector<int> one = {0};       // x - y = 1 for the largest x has no end
+  EXPECT_FALSE(linear_program((MatrixXd(1, 2) << 1, -1).finished(), vector({1}), vector({-1, 0}), one, x, dual));
 }
 
 TEST(FiniteProcess, OccupancySumsToOneAndObeysTheFlow) {
