@@ -110,6 +110,15 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
   return p;
 }
 
+/// A replay stops a planner by count where its clock stopped it: whether that is short of the end, the executive asks of
+/// planners that do not converge. Here it is told for those.
+PlanResult fall_back(const PolicyPlanner& p, const PlanRequest& request, double* command) {
+  PlanResult result = p.fallback->plan(p.planner, request, command);
+  const bool cut = request.deadline.iterations < p.config->planner.iterations && !p.fallback->converges;
+  if (cut && result.status == tiller_status_ok) result.status = tiller_status_iteration_capped;
+  return result;
+}
+
 PlanResult plan(void* self, const PlanRequest& request, double* command) {
   PolicyPlanner& p = *static_cast<PolicyPlanner*>(self);
   double wish[TILLER_MAX_INPUTS];
@@ -120,7 +129,7 @@ PlanResult plan(void* self, const PlanRequest& request, double* command) {
     if (!p.planned || request.tick != p.tick + 1) p.fallback->reset(p.planner);
     p.planned = true;
     p.tick = request.tick;
-    return p.fallback->plan(p.planner, request, command);
+    return fall_back(p, request, command);
   }
   p.planned = false;
   if (!number) std::copy(p.config->safety.safe_command, p.config->safety.safe_command + nu, wish);
