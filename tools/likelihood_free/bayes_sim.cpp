@@ -70,7 +70,8 @@ Answer correct(const nets::NormalMixture& q, const Proposal& proposal, std::uint
     log_weight(k) = std::isfinite(covered) ? proposal.log_prior(out.v.col(k).data()) - covered : covered;
   }
   const double top = log_weight.maxCoeff();
-  out.weight = std::isfinite(top) ? Vector((log_weight.array() - top).exp()) : Vector::Zero(kAnswers);
+  // std::exp: Eigen's own makes a subnormal number of minus infinity, and what is outside has no weight at all
+  for (std::uint32_t k = 0; k < kAnswers; ++k) out.weight(k) = std::isfinite(top) ? std::exp(log_weight(k) - top) : 0.0;
   return out;
 }
 
