@@ -2,8 +2,8 @@
 //
 // Each robot's policy (32 x 32 tanh, state and posterior moments in) is distilled on the robot's model by draws of seed
 // 1000 and kept in build/; each draw then steers the plant of the robot file's [sim], whose hidden parameters are drawn
-// from the priors by the seed, twice: whole controllers with their posterior, once with the teacher, once with the policy
-// alone (no fallback). Cost: mean stage cost a tick at the true state.
+// from the priors by the seed, twice: whole controllers with their posterior, once with the teacher, once with the
+// policy alone (no fallback). Cost: mean stage cost a tick at the true state.
 //
 //   bench_distill [--seeds N] [--robot NAME] [--csv FILE] [--quick]
 //

@@ -110,8 +110,8 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
   return p;
 }
 
-/// A replay stops a planner by count where its clock stopped it: whether that is short of the end, the executive asks of
-/// planners that do not converge. Here it is told for those.
+/// A replay stops a planner by count where its clock stopped it: whether that is short of the end, the executive asks
+/// of planners that do not converge. Here it is told for those.
 PlanResult fall_back(const PolicyPlanner& p, const PlanRequest& request, double* command) {
   PlanResult result = p.fallback->plan(p.planner, request, command);
   const bool cut = request.deadline.iterations < p.config->planner.iterations && !p.fallback->converges;

@@ -150,8 +150,8 @@ TEST_P(EveryPlanner, OneAndTwoThreadsAndReversedTasksGiveTheSameBits) {
   hooks = hooks_with(&tasks);
   hooks.parallel_for = backwards;
   expect_same(serial, eventful_run(config, &hooks));
-  // a planner that samples spreads every iteration; one that follows a single path leaves the hook to the posterior, and
-  // so does a policy where it answers itself
+  // a planner that samples spreads every iteration; one that follows a single path leaves the hook to the posterior,
+  // and so does a policy where it answers itself
   const bool samples = tiller::find_planner(GetParam())->feedback == nullptr && GetParam() != tiller_planner_policy;
   EXPECT_GT(tasks, samples ? 1000u : 0u) << "the hook was hardly used";
 }

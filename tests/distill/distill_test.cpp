@@ -1,4 +1,4 @@
-// Parts of the distiller against what they must be by themselves: moments, plants, fits, and a policy of a short course.
+// Parts of the distiller against what they must be by themselves: moments, plants, fits, and a short course.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -129,12 +129,11 @@ TEST(Learn, RefusesWhereNothingIsMissing) {
 TEST(Learn, TheNewRobotFileReadsBackAndKeepsTheOldText) {
   const auto robot = robot_of(kRobot);
   LearnOptions options = quick(Form::network);
-  options.ensemble.steps = 200;
   options.ensemble.members = 2;
-  options.most_ratio = 1.0;
+  options.passes = 1;
   Learnt learnt;
   std::string error;
-  ASSERT_TRUE(learn(*robot, hidden::logs({}, hidden::spring_q2, 2, 8), options, learnt, error)) << error;
+  ASSERT_TRUE(learn(*robot, hidden::logs({}, hidden::spring_q2, 4, 8), options, learnt, error)) << error;
   ASSERT_EQ(learnt.chosen, 0) << learnt.why;
   const char* folder = std::getenv("TEST_TMPDIR");
   const std::string path = std::string(folder ? folder : ".") + "/";

@@ -39,9 +39,9 @@ TEST(Summary, TheLinearEstimateIsLeastSquares) {
   auto summary = make_summary("linear", drift.problem.pieces);
   summary->learn(draws);
   const Matrix s = summary->of(draws.trajectory);
-  ASSERT_EQ(s.rows(), 2);
+  ASSERT_EQ(s.rows(), 4);  // by values and by changes
   // regress the coordinates on the summary: what is left is the posterior's own spread, less than 1.5 times the exact
-  Matrix design(s.cols(), 3);
+  Matrix design(s.cols(), 5);
   design << Vector::Ones(s.cols()), s.transpose();
   const Matrix fit = (design.transpose() * design).ldlt().solve(design.transpose() * draws.v.transpose());
   const Matrix left = draws.v.transpose() - design * fit;

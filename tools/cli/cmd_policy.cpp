@@ -58,7 +58,9 @@ bool write_policy(const PolicyArguments& a, const policy::SearchTask& task, cons
 /// The page and, beside it, the numbers that it is drawn from.
 bool write_page(const PolicyArguments& a, const policy::SearchTask& task, const policy::SearchResult& result) {
   if (a.page.empty()) return true;
-  const std::string json = fs::path(a.page).replace_extension(".json").string();
+  // a name of its own: the policy may lie beside the page, under the same one
+  const fs::path page = a.page;
+  const std::string json = (page.parent_path() / (page.stem().string() + "_search.json")).string();
   std::string error;
   if (!can_write_file(json, error) ||
       !replace_file(json, policy::search_text(task, result, a.robot, a.method), error) ||

@@ -35,9 +35,10 @@ struct LessonResult {
   bool lost = false;  ///< it ended early: the state was no longer finite, or left what its sensors can read
 };
 
-/// One episode on the model itself with hidden parameters of its own, in closed loop: the teacher says at each tick what
-/// it would do (DAgger: Ross, Gordon and Bagnell, AISTATS 2011), whoever drives. `pupil` may be null where teacher_share
-/// is 1; `teacher` may be null where it is 0, and nothing is then recorded. Both are reset. Same seed, same bits. Cost: a
+/// One episode on the model itself with hidden parameters of its own, in closed loop: the teacher says at each tick
+/// what it would do (DAgger: Ross, Gordon and Bagnell, AISTATS 2011), whoever drives. `pupil` may be null where
+/// teacher_share is 1; `teacher` may be null where it is 0, and nothing is then recorded. Both are reset. Same seed,
+/// same bits. Cost: a
 /// teacher's plan a tick.
 LessonResult give_lesson(const tiller_config_t& config, const PriorMoments& prior, LonePlanner* teacher,
                          LonePlanner* pupil, const LessonOptions& options);

@@ -32,8 +32,8 @@ class Pupil {
 
   /// Fits all of the examples from the present weights on, minibatches of 256 in Adam; every tenth episode is held out,
   /// and the weights of the least held-out error are kept. Loss: Huber's with a corner at a fifth of half the range, so
-  /// that where the teacher goes either way the answer is one way, not the mean of both; beyond a limit that the teacher
-  /// is at there is no error. O(epochs x samples x weights).
+  /// that where the teacher goes either way the answer is one way, not the mean of both; beyond a limit that the
+  /// teacher is at there is no error. O(epochs x samples x weights).
   StudyError study(const Examples& examples, const StudyOptions& options);
 
   /// As the runtime takes it: scales folded into the weights, the examples' ranges beside them.
