@@ -90,7 +90,7 @@ bool judge(const WorldCase& wanted, const Settings& settings, Judged& out, std::
   who.config = &with;
   who.params.clear();
   for (std::uint32_t m = 0; m < c.network.members; ++m) {
-    who.params.push_back(learnt.params);
+    who.params.push_back(learnt.base);
     who.params.back().push_back(m + 0.5);
   }
   who.process_sd = c.process_sd;

@@ -84,7 +84,7 @@ LearnOptions quick(Form form) {
 
 /// RMS error of rollouts of a second on logs that nothing has seen, with what was learnt over without.
 double fresh_ratio(const RobotFile& robot, const Learnt& learnt, const std::vector<Grid>& fresh) {
-  const std::vector<Eigen::MatrixXd> states = filtered_states(robot.config, fresh, learnt.params, learnt.force_sd);
+  const std::vector<Eigen::MatrixXd> states = filtered_states(robot.config, fresh, learnt.base, learnt.force_sd);
   Hypotheses who = {&robot.config, {learnt.params}, learnt.before_process_sd};
   const double before = judge_rollouts(who, fresh, states).rms_sigma;
   const Candidate& c = learnt.candidates[static_cast<std::size_t>(learnt.chosen)];
@@ -93,7 +93,7 @@ double fresh_ratio(const RobotFile& robot, const Learnt& learnt, const std::vect
   EXPECT_TRUE(with_network(robot.config, loaded, with));
   who = {&with, {}, c.process_sd};
   for (std::uint32_t m = 0; m < c.network.members; ++m) {
-    who.params.push_back(learnt.params);
+    who.params.push_back(learnt.base);
     who.params.back().push_back(m + 0.5);
   }
   return judge_rollouts(who, fresh, states).rms_sigma / before;
@@ -138,7 +138,8 @@ TEST(Learn, TheNewRobotFileReadsBackAndKeepsTheOldText) {
   const char* folder = std::getenv("TEST_TMPDIR");
   const std::string path = std::string(folder ? folder : ".") + "/";
   ASSERT_TRUE(save_network(path + "net.json", learnt.candidates[0].network, error)) << error;
-  const std::string text = learnt_robot_text(*robot, kRobot, learnt, "net.json");
+  std::string text;
+  ASSERT_TRUE(learnt_robot_text(*robot, kRobot, learnt, "net.json", text, error)) << error;
   EXPECT_NE(text.find("# of the file"), std::string::npos);
   const auto after = robot_of(text, path + "after.toml");
   ASSERT_TRUE(after);
@@ -147,6 +148,7 @@ TEST(Learn, TheNewRobotFileReadsBackAndKeepsTheOldText) {
   EXPECT_EQ(after->config.priors[3].high, 2.0) << "a member for each network that there is";
   EXPECT_EQ(after->network->stored.weights, learnt.candidates[0].network.weights) << "to the last bit";
   EXPECT_GE(after->config.process_sd[1], 0.01);
+  EXPECT_NEAR(after->config.priors[0].a, learnt.base[0], 1e-6) << "the mass that it was learnt on";
   const std::string json = learnt_json(*robot, learnt, "after.toml");
   EXPECT_NE(json.find("\"chosen\": \"network\""), std::string::npos);
   Learnt again;

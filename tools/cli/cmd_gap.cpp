@@ -145,7 +145,9 @@ bool add_learnt(const GapOptions& options, const RobotFile& robot, const std::ve
   const std::string file = robot.name + "_gap_network.json";
   const StoredNetwork& network = learnt.candidates[static_cast<std::size_t>(learnt.chosen)].network;
   if (!save_network((fs::path(options.folder) / file).string(), network, error)) return complain(error), false;
-  text = learn::learnt_robot_text(*found, text, learnt, file);
+  std::string with;
+  if (!learn::learnt_robot_text(*found, text, learnt, file, with, error)) return complain(error), false;
+  text = with;
   if (!options.json) std::printf("%s\n", learnt.why.c_str());
   return true;
 }

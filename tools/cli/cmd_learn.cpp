@@ -64,7 +64,8 @@ bool write_robot(const Arguments& a, const RobotFile& robot, const learn::Learnt
   old << in.rdbuf();
   std::string error;
   if (!save_network((fs::path(a.folder) / file).string(), c.network, error)) return complain(error), false;
-  const std::string text = learn::learnt_robot_text(robot, old.str(), learnt, file);
+  std::string text;
+  if (!learn::learnt_robot_text(robot, old.str(), learnt, file, text, error)) return complain(error), false;
   path = (fs::path(a.folder) / (robot.name + "_learnt.toml")).string();
   if (!replace_file(path, text, error)) return complain(error), false;
   if (parse_robot_file(text, path, error)) return true;

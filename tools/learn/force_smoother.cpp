@@ -240,10 +240,11 @@ Eigen::VectorXd typical_forces(const tiller_config_t& config, const std::vector<
   ForcedStep step(forced, params, Vector::Ones(nf));
   int responses = 0;
   for (const Grid& grid : grids) {
-    constexpr std::size_t kEvery = 5;
+    // twentieths of a second: between neighbours at a kilohertz the sensors' noise is most of the difference
+    const auto every = static_cast<std::size_t>(std::max(2.0, std::round(0.05 / grid.period_s)));
     double before[TILLER_MAX_STATES], state[TILLER_MAX_STATES];
     bool knew = false;
-    for (std::size_t point = 0; point + 1 < grid.points(); point += kEvery) {
+    for (std::size_t point = 0; point + 1 < grid.points(); point += every) {
       const bool knows = estimate_state(grid, config, point, kHalfWidth_s, state);
       Vector z = Vector::Zero(nx + nf), next;
       Matrix slope;
@@ -256,7 +257,7 @@ Eigen::VectorXd typical_forces(const tiller_config_t& config, const std::vector<
       }
       for (std::uint32_t j = 0; knows && knew && j < nf; ++j) {
         const std::uint32_t v = config.model->joints[j].velocity;
-        squares(j) += std::pow((state[v] - before[v]) / (kEvery * grid.period_s), 2);
+        squares(j) += std::pow((state[v] - before[v]) / (static_cast<double>(every) * grid.period_s), 2);
         count(j) += 1;
       }
       std::copy(state, state + nx, before);

@@ -51,15 +51,15 @@ class Learner {
       return false;
     }
     choose_params(train_);
-    typical_ = typical_forces(config_, train_, out_.params);
+    typical_ = typical_forces(config_, train_, out_.base);
     if (!(typical_.maxCoeff() > 0.0)) {
       error = "learn: the logs never move a joint, or are too short to tell; record a motion (`tiller excite`)";
       return false;
     }
     tell("smoothing", 0.0);
-    out_.force_sd = choose_force_sd(config_, train_, out_.params, typical_.cwiseMax(1e-6 * typical_.maxCoeff()));
-    if (!smooth_forces(config_, train_, out_.params, out_.force_sd, first_, error)) return false;
-    states_ = filtered_states(config_, judge_, out_.params, out_.force_sd);
+    out_.force_sd = choose_force_sd(config_, train_, out_.base, typical_.cwiseMax(1e-6 * typical_.maxCoeff()));
+    if (!smooth_forces(config_, train_, out_.base, out_.force_sd, first_, error)) return false;
+    states_ = filtered_states(config_, judge_, out_.base, out_.force_sd);
     out_.samples = static_cast<std::size_t>(first_.force.cols());
     calibrate({&config_, {out_.params}, Vector()}, first_, out_.before, out_.before_process_sd);
     judge_residual();
@@ -116,6 +116,8 @@ class Learner {
   /// The priors' centres, refitted as the fallback of `tiller gap` does it, which is tried on the way.
   void choose_params(const std::vector<Grid>& grids) {
     for (std::uint32_t p = 0; p < config_.param_count; ++p) out_.params.push_back(centre_of(config_.priors[p]));
+    out_.base = out_.params;
+    out_.base_sd.assign(out_.params.size(), 0.0);
     const std::uint32_t nf = config_.model->joint_count;
     if (!options_.refit || nf > kMostRefitJoints) return;
     double best = -HUGE_VAL;
@@ -130,7 +132,20 @@ class Learner {
       residual_ = fit;
       out_.residual_joint = config_.model->joints[j].name;
     }
-    if (!refitted_.empty()) out_.params = refitted_;
+    if (!refitted_.empty()) take_fit();
+  }
+  /// Both sets of parameters from the residual's fit.
+  void take_fit() {
+    out_.base = out_.params = refitted_;
+    const std::size_t d = residual_.at.size();
+    for (std::size_t i = 0; i < d; ++i) {
+      const std::uint32_t p = residual_.at[i];
+      if (p >= config_.param_count) continue;  // a force of the residual
+      const double value = from_coordinate(config_.priors[p], residual_.mean[i]);
+      const double sd = std::sqrt(residual_.covariance[i * d + i]);
+      out_.base[p] = value;
+      out_.base_sd[p] = config_.priors[p].kind == tiller_prior_log_normal ? value * sd : sd;
+    }
   }
 
   StoredNetwork fit(Form form, const DynamicsData& data, bool final) const {
@@ -180,7 +195,7 @@ class Learner {
       const LoadedNetwork loaded(network);
       Config with;
       if (!with_network(config_, loaded, with)) return network;
-      std::vector<double> params = out_.params;
+      std::vector<double> params = out_.base;
       params.push_back(0.0);
       const Vector sd = choose_force_sd(with, grids, params, force_sd / 1.5);
       SmoothedForces again;
@@ -207,7 +222,7 @@ class Learner {
   std::vector<std::vector<double>> member_params(std::uint32_t members) const {
     std::vector<std::vector<double>> all;
     for (std::uint32_t m = 0; m < members; ++m) {
-      all.push_back(out_.params);
+      all.push_back(out_.base);
       all.back().push_back(m + 0.5);
     }
     return all;
@@ -358,7 +373,7 @@ class Learner {
     Candidate& c = out_.candidates[static_cast<std::size_t>(out_.chosen)];
     SmoothedForces first, forces;
     std::string error;
-    if (!smooth_forces(config_, grids, out_.params, out_.force_sd, first, error)) return;
+    if (!smooth_forces(config_, grids, out_.base, out_.force_sd, first, error)) return;
     Vector force_sd = out_.force_sd;
     const StoredNetwork network =
         learn_in_passes(c.name == "network" ? Form::network : Form::gaussian, grids, first, force_sd, forces);

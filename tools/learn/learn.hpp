@@ -39,9 +39,12 @@ struct Candidate {
 };
 
 struct Learnt {
-  std::vector<double> params;  ///< (np) the robot's own, as the candidates have them
-  Eigen::VectorXd force_sd;    ///< (nf) intensity of the force that is left
-  HeldOut before;              ///< the model without anything learnt, with the noise that makes its spread honest
+  std::vector<double> params;   ///< (np) the robot's own, fitted without what is learnt: `before` has them
+  std::vector<double> base;     ///< (np) the same beside a free residual: what is learnt stands on them, unbiased by
+                                ///< what the model lacks
+  std::vector<double> base_sd;  ///< (np) of them; 0: fixed, or as the robot file has them
+  Eigen::VectorXd force_sd;     ///< (nf) intensity of the force that is left
+  HeldOut before;               ///< the model without anything learnt, with the noise that makes its spread honest
   Eigen::VectorXd before_process_sd;  ///< (nx) that noise
   std::vector<Candidate> candidates;
   int chosen = -1;             ///< of the candidates; -1: refused

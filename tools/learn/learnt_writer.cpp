@@ -1,21 +1,32 @@
 #include "tools/learn/learnt_writer.hpp"
 
 #include "tools/base/text.hpp"
+#include "tools/gap/report/robot_writer.hpp"
 #include "tools/gap/residual/residual_writer.hpp"
 
 namespace tiller::tools::learn {
 
-std::string learnt_robot_text(const RobotFile& robot, const std::string& old_text, const Learnt& learnt,
-                              const std::string& network_file) {
+bool learnt_robot_text(const RobotFile& robot, const std::string& old_text, const Learnt& learnt,
+                       const std::string& network_file, std::string& text, std::string& error) {
   const Candidate& c = learnt.candidates[static_cast<std::size_t>(learnt.chosen)];
-  std::string text = gap::with_process_sd(old_text, robot, c.process_sd.data());
+  gap::Explanation base;
+  for (std::size_t p = 0; p < learnt.base.size(); ++p) {
+    gap::Estimate e;
+    e.name = robot.params[p];
+    e.fixed = robot.config.priors[p].kind == tiller_prior_fixed;
+    e.mean = learnt.base[p];
+    e.sd = learnt.base_sd[p];
+    base.params.push_back(e);
+  }
+  if (!gap::write_robot(robot, old_text, base, "", text, error)) return false;
+  text = gap::with_process_sd(text, robot, c.process_sd.data());
   if (!text.empty() && text.back() != '\n') text += '\n';
-  return text +
-         format(
-             "\n# Forces learnt by `tiller learn` from %.0f s of logs: rollouts of one second %.2f times as wrong as "
-             "without.\n",
-             learnt.seconds, c.held_out.rms_sigma / learnt.before.rms_sigma) +
-         "[[effects]]\nkind = \"" + c.name + "\"\n\n[network]\nfile = \"" + network_file + "\"\n";
+  text += format(
+              "\n# Forces learnt by `tiller learn` from %.0f s of logs: rollouts of one second %.2f times as wrong as "
+              "without.\n",
+              learnt.seconds, c.held_out.rms_sigma / learnt.before.rms_sigma) +
+          "[[effects]]\nkind = \"" + c.name + "\"\n\n[network]\nfile = \"" + network_file + "\"\n";
+  return true;
 }
 
 std::string learnt_text(const Learnt& learnt) {
