@@ -270,7 +270,8 @@ Eigen::VectorXd typical_forces(const tiller_config_t& config, const std::vector<
 }
 
 Eigen::VectorXd choose_force_sd(const tiller_config_t& config, const std::vector<Grid>& grids,
-                                const std::vector<double>& params, const Eigen::VectorXd& typical) {
+                                const std::vector<double>& params, const Eigen::VectorXd& typical,
+                                double* log_likelihood) {
   const auto likelihood = [&](const Vector& sd) {
     SmoothedForces out;
     std::string error;
@@ -296,6 +297,28 @@ Eigen::VectorXd choose_force_sd(const tiller_config_t& config, const std::vector
       most = value;
       best = other;
     }
+  if (log_likelihood) *log_likelihood = most;
+  return best;
+}
+
+Config with_honest_sensors(const tiller_config_t& config, const std::vector<Grid>& grids,
+                           const std::vector<double>& params, const Eigen::VectorXd& typical,
+                           Eigen::VectorXd& force_sd) {
+  Config best = config;
+  double most = -HUGE_VAL;
+  for (const double factor : {1.0, 2.0, 4.0, 8.0}) {
+    Config with = config;
+    for (std::uint32_t c = 0; c < config.measurement_count; ++c) with.measurement_sd[c] *= factor;
+    double likelihood = -HUGE_VAL;
+    const Vector sd = choose_force_sd(with, grids, params, typical, &likelihood);
+    if (!(likelihood > most)) {
+      if (std::isfinite(most)) break;  // it has one maximum
+      continue;
+    }
+    most = likelihood;
+    best = with;
+    force_sd = sd;
+  }
   return best;
 }
 

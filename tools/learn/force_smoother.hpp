@@ -35,8 +35,16 @@ bool smooth_forces(const tiller_config_t& config, const std::vector<Grid>& grids
 Eigen::VectorXd typical_forces(const tiller_config_t& config, const std::vector<Grid>& grids,
                                const std::vector<double>& params);
 
-/// The intensity (nf) of the largest likelihood: one factor for all joints, then each joint's own.
+/// The intensity (nf) of the largest likelihood, which goes to `log_likelihood` unless it is null: one factor for all
+/// joints, then each joint's own.
 Eigen::VectorXd choose_force_sd(const tiller_config_t& config, const std::vector<Grid>& grids,
-                                const std::vector<double>& params, const Eigen::VectorXd& typical);
+                                const std::vector<double>& params, const Eigen::VectorXd& typical,
+                                double* log_likelihood = nullptr);
+
+/// The configuration with the sensors' deviations times the factor, of 1, 2, 4 and 8, that makes the logs likeliest
+/// beside forces that walk: spikes and steps of an encoder would else be forces. `force_sd` is set to the intensity there.
+Config with_honest_sensors(const tiller_config_t& config, const std::vector<Grid>& grids,
+                           const std::vector<double>& params, const Eigen::VectorXd& typical,
+                           Eigen::VectorXd& force_sd);
 
 }  // namespace tiller::tools::learn

@@ -57,9 +57,11 @@ class Learner {
       return false;
     }
     tell("smoothing", 0.0);
-    out_.force_sd = choose_force_sd(config_, train_, out_.base, typical_.cwiseMax(1e-6 * typical_.maxCoeff()));
-    if (!smooth_forces(config_, train_, out_.base, out_.force_sd, first_, error)) return false;
-    states_ = filtered_states(config_, judge_, out_.base, out_.force_sd);
+    out_.force_sd = typical_;
+    smoothing_ =
+        with_honest_sensors(config_, train_, out_.base, typical_.cwiseMax(1e-6 * typical_.maxCoeff()), out_.force_sd);
+    if (!smooth_forces(smoothing_, train_, out_.base, out_.force_sd, first_, error)) return false;
+    states_ = filtered_states(smoothing_, judge_, out_.base, out_.force_sd);
     out_.samples = static_cast<std::size_t>(first_.force.cols());
     calibrate({&config_, {out_.params}, Vector()}, first_, out_.before, out_.before_process_sd);
     judge_residual();
@@ -194,7 +196,7 @@ class Learner {
       network = fit(form, data, final);
       const LoadedNetwork loaded(network);
       Config with;
-      if (!with_network(config_, loaded, with)) return network;
+      if (!with_network(smoothing_, loaded, with)) return network;
       std::vector<double> params = out_.base;
       params.push_back(0.0);
       const Vector sd = choose_force_sd(with, grids, params, force_sd / 1.5);
@@ -373,7 +375,7 @@ class Learner {
     Candidate& c = out_.candidates[static_cast<std::size_t>(out_.chosen)];
     SmoothedForces first, forces;
     std::string error;
-    if (!smooth_forces(config_, grids, out_.base, out_.force_sd, first, error)) return;
+    if (!smooth_forces(smoothing_, grids, out_.base, out_.force_sd, first, error)) return;
     Vector force_sd = out_.force_sd;
     const StoredNetwork network =
         learn_in_passes(c.name == "network" ? Form::network : Form::gaussian, grids, first, force_sd, forces);
@@ -382,6 +384,7 @@ class Learner {
 
   const RobotFile& robot_;
   const tiller_config_t& config_;
+  Config smoothing_;  // of the filters: with the sensors as the logs have them
   const LearnOptions& options_;
   Learnt& out_;
   std::vector<Grid> train_, judge_;
