@@ -259,7 +259,7 @@ TEST(RobotFile, PlannersReadTheirSettings) {
   EXPECT_FALSE(planner_reads(elite, "mppi"));
   EXPECT_FALSE(planner_reads(elite, "ce"));
   EXPECT_TRUE(planner_reads(*find_key("planner", "horizon"), "mppi"));
-  const Words known = {"random_shooting", "cem", "mppi", "ilqr", "sqp", "mcts", "hybrid"};
+  const Words known = {"random_shooting", "cem", "mppi", "ilqr", "sqp", "mcts", "hybrid", "policy"};
   for (const std::string& name : planner_names()) EXPECT_GE(index_of(known, name), 0) << name << " reads nothing";
   for (const KeySpec& key : robot_keys()) {
     std::string readers = key.readers ? std::string(key.readers) + ", " : "";

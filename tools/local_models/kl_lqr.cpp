@@ -7,7 +7,7 @@ namespace tiller::tools::local {
 namespace {
 
 /// -log before(u | x) as a quadratic of [x; u].
-QuadraticCost surprise(const LinearLaw& law, Eigen::Index nx) {
+QuadraticCost negative_log_density(const LinearLaw& law, Eigen::Index nx) {
   const Eigen::Index nu = law.offset.size();
   Matrix rows(nu, nx + nu);
   rows << -law.gain, Matrix::Identity(nu, nu);
@@ -73,7 +73,7 @@ bool soft_lqr(const std::vector<LinearStep>& models, const std::vector<Quadratic
   Vector slope = costs.back().slope / eta;
   for (std::size_t k = models.size(); k-- > 0;) {
     const Eigen::Index nx = models[k].offset.size(), nu = models[k].slope.cols() - nx;
-    const QuadraticCost old = surprise(before[k], nx);
+    const QuadraticCost old = negative_log_density(before[k], nx);
     const Matrix q = costs[k].hessian / eta + old.hessian + models[k].slope.transpose() * value * models[k].slope;
     const Vector g =
         costs[k].slope / eta + old.slope + models[k].slope.transpose() * (value * models[k].offset + slope);

@@ -62,6 +62,12 @@ std::vector<Limit> all_limits() {
       TILLER_LIMIT("obstacles", TILLER_MAX_OBSTACLES),
       TILLER_LIMIT("cones of inputs", TILLER_MAX_INPUT_CONES),
       TILLER_LIMIT("periods of a reference or demonstration", kMostTrajectoryPeriods),
+      // what is learnt
+      TILLER_LIMIT("members of a network", TILLER_MAX_NETWORK_MEMBERS),
+      TILLER_LIMIT("units of a network's hidden layer", TILLER_MAX_NETWORK_WIDTH),
+      TILLER_LIMIT("centres and waves of a Gaussian network, together", TILLER_MAX_NETWORK_FEATURES),
+      TILLER_LIMIT("inputs of a network", TILLER_MAX_NETWORK_INPUTS),
+      TILLER_LIMIT("outputs of a network", TILLER_MAX_NETWORK_OUTPUTS),
   };
 }
 
