@@ -2,9 +2,10 @@
 //
 //   weights      five noisy demonstrations of 100 periods: the true cost's plan from random starts, followed by its own
 //                feedback; white noise of 2 % of the inputs' RMS on the inputs, the robot file's noise on
-//                positions; speeds not measured. Learnt: all of Q, R and Qf but the first R. True weights are drawn anew for each
-//                seed, half to twice where the search begins. What is learnt is judged by the largest error of Q and R,
-//                and by what plans under the learnt cost cost under the true one, from five other starts.
+//                positions; speeds not measured. Learnt: all of Q, R and Qf but the first R. True weights are drawn
+//                anew for each seed, half to twice where the search begins. What is learnt is judged by the largest
+//                error of Q and R, and by what plans under the learnt cost cost under the true one, from five other
+//                starts.
 //   occupancy    a process of two actions that slips: no policy of it makes the demonstrated occupancy, and the least
 //                discrepancy over |w| <= 1/2 is a total variation known in closed form.
 //   adversarial  cart-pole, an expert that balances; GAIL and its Wasserstein form from five demonstrations of 150

@@ -2,10 +2,10 @@
 // in each period.
 //
 // Samples: repeats of one motion on the ODE plant of a robot file, by commands that wander the same way in each repeat
-// plus white ones of a tenth of the range, from the file's start. The plant's parameters are drawn from the file's priors
-// by the seed; the prior's model stands at their centre. For each of 20 periods a model is fitted to N repeats, and its
-// one-step error is measured on 40 other repeats: RMS over periods, repeats and states, each state's error in deviations
-// of the state's change.
+// plus white ones of a tenth of the range, from the file's start. The plant's parameters are drawn from the file's
+// priors by the seed; the prior's model stands at their centre. For each of 20 periods a model is fitted to N repeats,
+// and its one-step error is measured on 40 other repeats: RMS over periods, repeats and states, each state's error in
+// deviations of the state's change.
 //
 //   physics   normal-inverse-Wishart prior about the model's derivative, worth 20 samples (1 of the mean)
 //   mixture   a prior worth 5 samples from a mixture of 6 normals fitted to 10 earlier runs of other commands
@@ -30,6 +30,7 @@
 #include <map>
 #include <sstream>
 
+#include "bench/table/arguments.hpp"
 #include "bench/table/bench_table.hpp"
 #include "core/rng.hpp"
 #include "tools/local_models/adaptive_lqr.hpp"
@@ -329,9 +330,9 @@ bool parse(int argc, char** argv, Settings& s) {
     if (i + 1 == argc) return false;
     const std::string value = argv[++i];
     if (key == "--seeds")
-      s.seeds = std::atoi(value.c_str());
+      s.seeds = std::max(1, tiller::bench::whole_number(value));
     else if (key == "--first")
-      s.first = std::strtoull(value.c_str(), nullptr, 10);
+      s.first = static_cast<std::uint64_t>(std::max(1, tiller::bench::whole_number(value)));
     else if (key == "--csv")
       s.csv = value;
     else

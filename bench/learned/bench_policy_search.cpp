@@ -1,8 +1,8 @@
 // ./dev bench learned policies: policy search with moment matching on the two first tasks of the PILCO papers
 // (Deisenroth and Rasmussen 2011; Deisenroth, Fox, Rasmussen 2015), on ODE plants.
 //
-//   pendulum    a rod of 1 kg and 1 m with friction 0.01 Nms and 2.5 Nm at its hinge, which cannot lift it; 0.1 s periods,
-//               4 s a trial. The ODE plant is a ball: 3/4 of the mass at 2/3 of the length has the rod's inertia and
+//   pendulum    a rod of 1 kg and 1 m with friction 0.01 Nms and 2.5 Nm at its hinge, which cannot lift it; 0.1 s
+//               periods, 4 s a trial. The ODE plant is a ball: 3/4 of the mass at 2/3 of the length has the rod's inertia and
 //               weight about the hinge.
 //   cart-pole   cart and rod of 0.5 kg each, rod 0.6 m, friction 0.1 Ns/m, 10 N; 0.1 s periods, 2.5 s a trial
 //
@@ -29,6 +29,7 @@
 #include <map>
 #include <sstream>
 
+#include "bench/table/arguments.hpp"
 #include "bench/table/bench_table.hpp"
 #include "core/rng.hpp"
 #include "tools/open/robot_open.hpp"
@@ -291,11 +292,11 @@ bool parse(int argc, char** argv, Settings& s) {
     if (i + 1 == argc) return false;
     const std::string value = argv[++i];
     if (key == "--seeds")
-      s.seeds = std::atoi(value.c_str());
+      s.seeds = std::max(1, tiller::bench::whole_number(value));
     else if (key == "--first")
-      s.first = std::strtoull(value.c_str(), nullptr, 10);
+      s.first = static_cast<std::uint64_t>(std::max(1, tiller::bench::whole_number(value)));
     else if (key == "--trials")
-      s.trials = std::atoi(value.c_str());
+      s.trials = std::max(1, tiller::bench::whole_number(value));
     else if (key == "--task")
       s.task = value;
     else if (key == "--csv")

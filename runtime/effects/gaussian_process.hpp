@@ -7,8 +7,8 @@ namespace tiller {
 
 /// Forces at all joints that a sparse Gaussian process has learnt (tiller_config_t.network, gaussian): the features are
 /// the process's squared exponentials about its inducing points, and waves that stand for its prior; each member is a
-/// draw from its posterior (Wilson et al. 2020, pathwise conditioning), so members agree where data are dense and are as
-/// wide as the prior where there are none. Inputs and `member` as for `network`.
+/// draw from its posterior (Wilson et al. 2020, pathwise conditioning), so members agree where data are dense and are
+/// as wide as the prior where there are none. Inputs and `member` as for `network`.
 template <class S>
 struct GaussianProcess {
   static constexpr Hook hook = Hook::joints;

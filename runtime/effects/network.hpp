@@ -5,8 +5,8 @@
 
 namespace tiller {
 
-/// Forces at all joints that a network has learnt (tiller_config_t.network, tanh): what the model lacks and nobody has a
-/// name for. Its inputs are, joint by joint, the position (of an angle its sine and its cosine; of a joint without
+/// Forces at all joints that a network has learnt (tiller_config_t.network, tanh): what the model lacks and nobody has
+/// a name for. Its inputs are, joint by joint, the position (of an angle its sine and its cosine; of a joint without
 /// position nothing) and the velocity, then the inputs as they act. An ensemble's members disagree where data are
 /// absent: particle by particle the parameter `member` says whom to believe, so planner and posterior see the spread
 /// (Chua et al. 2018), and the posterior learns whom the robot agrees with.
