@@ -12,7 +12,7 @@ Sections:
     local       local linear models with a prior, against none; guided policies (bench_local_models)
     distill     small policies beside the planners that taught them (bench_distill)
     imitate     costs from demonstrations (bench_imitate)
-    simulator   posteriors of black-box simulators (bench_simulator)
+    simulator   posteriors of black-box simulators (bench_simulator); MuJoCo is installed on first use
 
     --build DIR    the CMake build folder (build/release)
 
@@ -22,10 +22,11 @@ stands in the summary at the end, short or not. A short row is no error; a progr
 
 import argparse
 import json
+import os
 import pathlib
 import sys
 
-from _driver import HOME, ROOT, note, run_table, summary
+from _driver import HOME, ROOT, need_environment, note, python_of, run_table, summary
 
 PROGRAMS = {"step": "bench_network_step", "dynamics": "bench_learned_dynamics", "policies": "bench_policy_search",
             "local": "bench_local_models", "distill": "bench_distill", "imitate": "bench_imitate", "simulator": "bench_simulator"}
@@ -43,9 +44,17 @@ def parse(arguments):
     return args
 
 
+def need_mujoco():
+    """Hands bench_simulator a Python that has MuJoCo; without one its machines are left out, which it says."""
+    if "TILLER_MUJOCO_PYTHON" not in os.environ and need_environment("mujoco"):
+        os.environ["TILLER_MUJOCO_PYTHON"] = str(python_of("mujoco"))
+
+
 def main():
     args = parse(sys.argv[1:])
     HOME.mkdir(parents=True, exist_ok=True)
+    if args.section in (None, "simulator") and not args.quick:
+        need_mujoco()
     rows, good = [], True
     for section in [args.section] if args.section else PROGRAMS:
         program = args.build / "bench" / PROGRAMS[section]
