@@ -57,6 +57,9 @@ def dynamics_peers(args):
                           stdout=subprocess.DEVNULL, check=False)
     if made.returncode or not need_environment("dynamics"):
         return 1
+    # mbrl-lib pins a hydra that Python 3.11 refuses; its networks run on a later one.
+    subprocess.run([python_of("dynamics"), "-m", "pip", "install", "-q", "--disable-pip-version-check", "--no-deps",
+                    "hydra-core==1.3.2", "omegaconf==2.3.0"], check=False)
     done = subprocess.run([python_of("dynamics"), PEERS / "dynamics_peer.py", worlds, rows],
                           env=dict(os.environ, **ONE_THREAD), check=False)
     with open(rows, encoding="utf-8") as file:
