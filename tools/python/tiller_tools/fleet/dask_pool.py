@@ -29,6 +29,12 @@ def _client(address: str):
                          "workers with `dask worker ADDRESS --nthreads 1`") from None
 
 
+def _by_value():
+    """worker.run_package in a form that pickle refuses: Dask then sends the code itself, not the name of a module."""
+    run = worker.run_package
+    return lambda *arguments: run(*arguments)
+
+
 def _threads(client) -> int:
     """Single-threaded workers are asked for: a fit uses one core, and two in a worker would share its memory limit."""
     workers = client.scheduler_info(n_workers=-1)["workers"]
@@ -43,7 +49,7 @@ def _threads(client) -> int:
 class DaskPool:
     def __init__(self, address: str, candidates: list[str], version: str):
         self.distributed, self.client = _client(address)
-        self.candidates, self.version = candidates, version
+        self.candidates, self.version, self.run_package = candidates, version, _by_value()
         try:
             self.workers = _threads(self.client)
         except FleetError:
@@ -56,7 +62,7 @@ class DaskPool:
         room = 4 * self.workers
         first = [p for _, p in zip(range(room), waiting)]
         futures = [self._remember(p, known) for p in first]
-        flow = self.distributed.as_completed(futures)
+        flow = self.distributed.as_completed(futures, loop=self.client.loop)
         try:
             for future in flow:
                 package = known.pop(future.key)
@@ -73,7 +79,7 @@ class DaskPool:
             self.client.close()
 
     def _remember(self, package: Package, known: dict, again: str = ""):
-        future = self.client.submit(worker.run_package, package.arguments, package.files, self.candidates, self.version,
+        future = self.client.submit(self.run_package, package.arguments, package.files, self.candidates, self.version,
                                     pure=False, retries=RETRIES,
                                     key=f"tiller-{package.signature[:24]}-{package.name}{again}")
         known[future.key] = package
