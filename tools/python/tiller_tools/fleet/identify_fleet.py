@@ -66,20 +66,11 @@ class Robots:
 
 
 def _posterior(robots: Robots, alpha: float, seed: int):
-    """Draws of the population of those who belong to it; tail probabilities of all; who was left out."""
-    fleet, questions = robots.fleet, robots.fleet.size * (3 if any(len(p) > 1 for p in robots.parts.values()) else 2)
-    level = alpha / questions
+    """Draws of the population of those who belong to it; tail probabilities of all; who was left out; the level."""
+    several = any(len(parts) > 1 for parts in robots.parts.values())
+    level = alpha / (robots.fleet.size * (3 if several else 2))
     noise, own = odd.outliers(robots.log_noise()), robots.own_disagreement()
-    rank = odd.ranks(fleet)
-    out = odd.suspects(fleet, level) | (noise < level) | (own < level)
-    for _ in range(3):
-        draws = hierarchy.sample(fleet.part(~out), seed)
-        place = odd.predictive_tails(fleet, np.arange(fleet.size), draws)
-        back = out & (place >= level) & (noise >= level) & (own >= level)
-        if not back.any():
-            break
-        out &= ~back
-    place[rank == 0] = 1.0
+    draws, place, out = odd.judge(robots.fleet, [noise, own], level, seed)
     return draws, {"parameters": place, "noise": noise, "logs": own}, out, level
 
 

@@ -80,6 +80,25 @@ def predictive_tails(fleet: Fleet, which: np.ndarray, draws: hierarchy.Draws) ->
     return total / len(mean[::step])
 
 
+def judge(fleet: Fleet, others: list[np.ndarray], level: float, seed: int, **sampling):
+    """(draws of the population, tail probabilities (n) of the robots' parameters, who was left out of the population).
+
+    `others` are the tails of the other questions: who is odd by them is left out too. A suspect that the population of
+    the others could have made after all goes back, and the population is drawn anew.
+    """
+    strange = np.any([tails < level for tails in others], axis=0) if others else np.zeros(fleet.size, dtype=bool)
+    out, rank = suspects(fleet, level) | strange, ranks(fleet)
+    for _ in range(3):
+        draws = hierarchy.sample(fleet.part(~out), seed, **sampling)
+        tails = predictive_tails(fleet, np.arange(fleet.size), draws)
+        tails[rank == 0] = 1.0
+        back = out & (tails >= level) & ~strange
+        if not back.any():
+            break
+        out &= ~back
+    return draws, tails, out
+
+
 def outliers(values: np.ndarray) -> np.ndarray:
     """Tail probabilities of numbers that are alike but for a few: distance from the median in robust deviations."""
     known = np.isfinite(values)

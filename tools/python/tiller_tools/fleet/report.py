@@ -42,13 +42,13 @@ def _shrinkage_figure(result: dict, k: int) -> str:
     odd = np.array([r["odd"] for r in robots])
     figure, ax = page.axes(p["name"], page.unit_label(p["name"], p["unit"]), "robots, sorted")
     cut = page.thin(len(robots), 400)
-    ax.vlines(x[cut], alone[cut, 0], alone[cut, 1], color=page.PREDICTIVE, linewidth=1.5, label="its logs alone, 90 %")
+    ax.vlines(x[cut], alone[cut, 0], alone[cut, 1], color=page.BAND, linewidth=3, label="its logs alone, 90 %")
     ax.vlines(x[cut], own[cut, 0], own[cut, 1], color=page.ESTIMATE, linewidth=1.0, label="within the fleet, 90 %")
     if odd.any():
         middle = np.array([r["parameters"][k]["median"] for r in robots])
         ax.plot(x[odd], middle[odd], "v", color=page.LIMIT, markersize=7, linestyle="none", label="odd")
     page.legend(ax)
-    return page.svg(figure, "Where logs say little, a robot is drawn towards the fleet. Odd robots are not drawn.")
+    return page.svg(figure, "Where its logs say little, the fleet narrows what is known of a robot. An odd one stands alone.")
 
 
 def _plane_figure(result: dict, a: int, b: int) -> str:
