@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from ._errors import CommandError
-from ._paths import PACKAGE, prepare
+from ._paths import ABOVE, prepare
 
 
 def main() -> None:
@@ -28,7 +28,7 @@ def command_line(arguments: Sequence[str]) -> list[str]:
 
 def _environment() -> dict[str, str]:
     prepare()
-    folders = [str(PACKAGE.parent), os.environ.get("PYTHONPATH", "")]
+    folders = [ABOVE, os.environ.get("PYTHONPATH", "")]
     return dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, folders)))
 
 

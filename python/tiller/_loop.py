@@ -2,12 +2,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from ._errors import make_argument_error
 
+TYPE_CHECKING = False  # typing's own is not worth the time of its import
+
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from ._core import Measurement, Plant
 
 

@@ -3,20 +3,20 @@ from __future__ import annotations
 
 import os
 import sys
-from pathlib import Path
 
-PACKAGE = Path(__file__).parent
-ROBOTS = PACKAGE / "robots"
-INCLUDE = PACKAGE / "include"
+PACKAGE = os.path.dirname(os.path.abspath(__file__))
+ABOVE = os.path.dirname(PACKAGE)
+ROBOTS = os.path.join(PACKAGE, "robots")
+INCLUDE = os.path.join(PACKAGE, "include")
 
 
 def prepare() -> None:
-    """Sets what the tools read from the environment, where the user has not: interpreter, robots and headers."""
+    """Sets what the tools read from the environment, where the user has not: interpreter, robots, pages, headers."""
     os.environ.setdefault("TILLER_PYTHON", sys.executable)
-    os.environ.setdefault("TILLER_ROBOTS", str(ROBOTS))
-    os.environ.setdefault("TILLER_TOOLS", str(PACKAGE.parent))
-    library = PACKAGE.parent / "lib/liblcm.so.1"  # where the Python package lcm has it
-    if library.exists():
-        os.environ.setdefault("TILLER_LIBLCM", str(library))
-    if INCLUDE.is_dir():
-        os.environ.setdefault("TILLER_INCLUDE", os.pathsep.join((str(INCLUDE / "tiller/runtime"), str(INCLUDE))))
+    os.environ.setdefault("TILLER_ROBOTS", ROBOTS)
+    os.environ.setdefault("TILLER_TOOLS", ABOVE)
+    library = os.path.join(ABOVE, "lib/liblcm.so.1")  # where the Python package lcm has it
+    if os.path.exists(library):
+        os.environ.setdefault("TILLER_LIBLCM", library)
+    if os.path.isdir(INCLUDE):
+        os.environ.setdefault("TILLER_INCLUDE", os.pathsep.join((os.path.join(INCLUDE, "tiller/runtime"), INCLUDE)))

@@ -2,19 +2,15 @@
 from __future__ import annotations
 
 import os
-import tempfile
-import tomllib
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
-from . import _toml
 from ._errors import make_argument_error
 from ._paths import ROBOTS
 
 
 def names() -> list[str]:
     """Names of the robot files that come with the package, for Robot.from_toml."""
-    return sorted(file.stem for file in ROBOTS.glob("*.toml"))
+    return sorted(file[:-5] for file in os.listdir(ROBOTS) if file.endswith(".toml"))
 
 
 def find(path: object) -> str:
@@ -24,9 +20,9 @@ def find(path: object) -> str:
     except TypeError:
         raise make_argument_error("Robot.from_toml", "path", repr(path), "a path or a name", "pass a str or a Path",
                                   True) from None
-    own = ROBOTS / f"{text}.toml"
-    if not os.path.exists(text) and "/" not in text and own.is_file():
-        return str(own)
+    own = os.path.join(ROBOTS, f"{text}.toml")
+    if not os.path.exists(text) and "/" not in text and os.path.isfile(own):
+        return own
     if not os.path.exists(text) and not text.endswith(".toml") and "/" not in text:
         raise make_argument_error("Robot.from_toml", "path", repr(text), "a robot file or one of " + ", ".join(names()),
                                   "pass the path of a .toml file, or a name of the list", False)
@@ -35,6 +31,9 @@ def find(path: object) -> str:
 
 def import_description(description: str, folder: object, options: Sequence[str]) -> str:
     """Runs `tiller import`; the robot file that it wrote. Without a folder one below the user's cache."""
+    import tempfile
+    from pathlib import Path
+
     from ._command import run
 
     if folder is None:
@@ -47,6 +46,10 @@ def import_description(description: str, folder: object, options: Sequence[str])
 
 def with_model_header(header: object, type_name: str, settings: object) -> tuple[str, str]:
     """(text, path) of a robot file with this header as its model; settings: the other sections, or their file."""
+    from pathlib import Path
+
+    from . import _toml
+
     path = Path(os.fspath(header)).resolve()  # type: ignore[call-overload]
     if not path.is_file():
         raise make_argument_error("Robot.from_model_header", "header", repr(str(header)), "an existing C++ header",
@@ -62,6 +65,8 @@ def with_model_header(header: object, type_name: str, settings: object) -> tuple
 def _sections(settings: object) -> dict[str, dict[str, object]]:
     if isinstance(settings, Mapping):
         return {str(k): v for k, v in settings.items()}
+    import tomllib
+
     try:
         with open(os.fspath(settings), "rb") as file:  # type: ignore[call-overload]
             return dict(tomllib.load(file))

@@ -2,12 +2,15 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
 
 from . import _core
 from ._errors import make_argument_error
 
+TYPE_CHECKING = False  # typing's own is not worth the time of its import
+
 if TYPE_CHECKING:
+    from typing import Any
+
     import numpy as np
     import numpy.typing as npt
 

@@ -41,10 +41,10 @@ class Sources(unittest.TestCase):
 
     def test_public_names_are_imported(self):
         tree = ast.parse((PACKAGE / "__init__.py").read_text(encoding="utf-8"))
-        imported = {alias.asname or alias.name for node in tree.body if isinstance(node, ast.ImportFrom)
+        imported = {alias.asname or alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)
                     for alias in node.names}
         public = next(ast.literal_eval(node.value) for node in tree.body if isinstance(node, ast.Assign)
-                      and node.targets[0].id == "__all__")
+                      and isinstance(node.targets[0], ast.Name) and node.targets[0].id == "__all__")
         self.assertEqual(sorted(public), public)
         self.assertLessEqual(set(public), imported)
 
