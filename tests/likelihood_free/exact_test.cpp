@@ -48,7 +48,7 @@ TEST(SmcAbc, IsTheConjugateNormalsPosterior) {
     const double sd = std::sqrt(constant.exact_variance());
     EXPECT_NEAR(mean(0), constant.exact_mean(), 0.2 * sd) << seed;
     EXPECT_NEAR(std::sqrt(covariance(0, 0)) / sd, 1.0, 0.15) << seed;
-    EXPECT_LE(result.found.simulations, 8000u);
+    EXPECT_LE(result.found.simulations, 8040u);  // 40 look for doubts
   }
 }
 
