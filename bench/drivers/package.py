@@ -6,13 +6,14 @@
     --ticks N      compared bit by bit with the C interface (10000)
 
 From `pip install` of the built wheel to the first closed loop; size; time of an import; what a tick costs more than one
-through the C interface, and whether the commands have the same bits; views; batched rollouts beside the kernel alone and
-beside mujoco.rollout and JAX; mypy --strict; the package's tests on every CPython that is here.
+through the C interface, and whether the commands have the same bits; views; batched rollouts beside the kernel alone
+and beside mujoco.rollout and JAX; mypy --strict; the package's tests on every CPython that is here.
 """
 import argparse
 import json
 import os
 import pathlib
+import resource
 import shutil
 import statistics
 import subprocess
@@ -35,7 +36,11 @@ for m in tiller.lockstep(plant, seconds=4):
     plant.step(controller.tick(m.t, m))
 assert abs(plant.true_state[0] - 3.14159) < 0.2, plant.true_state
 """
-IMPORT = "import time; b = time.perf_counter(); import tiller; print(time.perf_counter() - b)"
+IMPORT = """
+import time; wall, used = time.perf_counter(), time.process_time()
+import tiller
+print(time.perf_counter() - wall, time.process_time() - used)
+"""
 TICKS = """
 import sys, time, statistics, tiller
 robot = tiller.Robot.from_toml(sys.argv[1])
@@ -57,8 +62,8 @@ VIEWS = """
 import gc, numpy as np, tiller
 robot = tiller.Robot.from_toml("pendulum")
 controller, plant = tiller.Controller(robot), tiller.Plant(robot); controller.arm()
-take = lambda c: [c.posterior.particles, c.posterior.weights, c.posterior.mean, c.posterior.sd, c.plan, c.info.state_mean,
-                  c.info.param_sd]
+take = lambda c: [c.posterior.particles, c.posterior.weights, c.posterior.mean, c.posterior.sd, c.plan,
+                  c.info.state_mean, c.info.param_sd]
 for m in tiller.lockstep(plant, 0.4): plant.step(controller.tick(m.t, m))
 first = take(controller); before = [v.copy() for v in first]
 for m in tiller.lockstep(plant, 0.4): plant.step(controller.tick(m.t, m))
@@ -82,7 +87,8 @@ print(best / (lanes * steps))
 """
 # a tick that is over soon, so that what the binding adds shows
 QUICK = {"horizon = 50": "horizon = 4", "knots = 10": "knots = 2", "rollouts = 256": "rollouts = 16",
-         "particles = 8": "particles = 1", "iterations = 3": "iterations = 1", 'kind = "cem"': 'kind = "random_shooting"'}
+         "particles = 8": "particles = 1", "iterations = 3": "iterations = 1",
+         'kind = "cem"': 'kind = "random_shooting"'}
 
 
 def say(text, **how):
@@ -103,7 +109,8 @@ def row(rows, heading, what, figure, unit, goal=None):
 
 
 def interpreter(version):
-    here = [shutil.which(f"python{version}"), *map(str, (pathlib.Path.home() / ".pyenv/versions").glob(f"{version}.*/bin/python"))]
+    pyenv = pathlib.Path.home() / ".pyenv/versions"
+    here = [shutil.which(f"python{version}"), *map(str, pyenv.glob(f"{version}.*/bin/python"))]
     for python in filter(None, here):
         if say([python, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"]).strip() == version:
             return python
@@ -113,6 +120,11 @@ def interpreter(version):
 def wheel_of(version):
     tag = "cp311-cp311" if version == "3.11" else "cp312-abi3"
     return next(iter(sorted(WHEELS.glob(f"tiller-*-{tag}-*{os.uname().machine}.whl"))), None)
+
+
+def processor_s():
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def empty_environment(folder, version):
@@ -126,20 +138,24 @@ def empty_environment(folder, version):
 
 def clean(python):
     """An environment without anything that would lead to the source tree or its build."""
-    return {"env": {"PATH": f"{python.parent}:/usr/bin:/bin", "HOME": str(python.parent.parent)}, "cwd": python.parent.parent}
+    home = python.parent.parent
+    return {"env": {"PATH": f"{python.parent}:/usr/bin:/bin", "HOME": str(home)}, "cwd": home}
 
 
 def measure_installation(rows, python, install_s):
     heading = "from an empty environment"
     print(heading)
-    begin = time.monotonic()
+    begin, used = time.monotonic(), processor_s()
     say([python, "-c", LOOP], **clean(python))
+    row(rows, heading, "processor time of the loop of 4 s", processor_s() - used, "s")
     row(rows, heading, "pip install of the wheel and its one dependency", install_s, "s")
     row(rows, heading, "pip install to the end of the first closed loop", install_s + time.monotonic() - begin, "s", 60)
     for wheel in sorted(WHEELS.glob("*.whl")):
         row(rows, heading, f"size of {wheel.name}", wheel.stat().st_size / 1e6, "MB", 12)
-    times = [float(say([python, "-c", IMPORT], **clean(python))) for _ in range(11)]
-    row(rows, heading, "import tiller, median of 11 processes", 1e3 * statistics.median(times), "ms", 150)
+    times = [[float(t) for t in say([python, "-c", IMPORT], **clean(python)).split()] for _ in range(11)]
+    wall, used = (1e3 * statistics.median(column) for column in zip(*times))
+    row(rows, heading, "import tiller, median of 11 processes", wall, "ms", 150)
+    row(rows, heading, "import tiller, processor time", used, "ms")
 
 
 def measure_ticks(rows, python, ticks, folder):
@@ -203,8 +219,8 @@ def run_tests(rows, folder):
             print(f"  not tested: no CPython {version} here, or no wheel for it")
             continue
         python, _ = empty_environment(folder / version, version)
-        say([python, "-m", "pip", "install", "-q", "--disable-pip-version-check", "pytest", "gymnasium", "mypy", "pandas",
-             "matplotlib"])
+        say([python, "-m", "pip", "install", "-q", "--disable-pip-version-check", "pytest", "gymnasium", "mypy",
+             "pandas", "matplotlib"])
         where = dict(os.environ, TILLER_C_LOOP=str(PROGRAM), PATH=f"{python.parent}:{os.environ['PATH']}")
         done = subprocess.run([str(python), "-m", "pytest", "-q", "-p", "no:cacheprovider", str(ROOT / "tests/python")],
                               capture_output=True, text=True, check=False, cwd=folder, env=where)
@@ -216,7 +232,7 @@ def run_tests(rows, folder):
         if version == "3.12":
             typed = subprocess.run([str(python), "-m", "mypy", "--strict", "--config-file", "pyproject.toml"], cwd=ROOT,
                                    capture_output=True, text=True, check=False)
-            row(rows, heading, "mypy --strict on package, stubs and examples, exit code", float(typed.returncode), "", 0)
+            row(rows, heading, "mypy --strict on package, stubs, examples, exit code", float(typed.returncode), "", 0)
 
 
 def main():

@@ -42,7 +42,8 @@ tiller_t* make_controller(const RobotFile& robot, Config& config) {
   config = robot.config;
   config.planner.deadline_us = 0;
   const std::size_t size = tiller_size(&config);
-  void* block = std::aligned_alloc(TILLER_ALIGNMENT, (size + TILLER_ALIGNMENT - 1) / TILLER_ALIGNMENT * TILLER_ALIGNMENT);
+  void* block =
+      std::aligned_alloc(TILLER_ALIGNMENT, (size + TILLER_ALIGNMENT - 1) / TILLER_ALIGNMENT * TILLER_ALIGNMENT);
   tiller_t* t = nullptr;
   const tiller_status_t status = tiller_init(&t, &config, nullptr, block, size);
   if (status == tiller_status_ok && tiller_arm(t) == tiller_status_ok) return t;
@@ -101,7 +102,8 @@ int time_kernel(const RobotFile& robot, int lanes, int steps) {
   if (make_step_setup(robot.config, setup) != tiller_status_ok) return 1;
   std::vector<double> params, state(nx, 0.1), effects(setup.effect_state_count + 1, 0.0);
   for (std::size_t i = 0; i < robot.params.size(); ++i) params.push_back(centre_of(robot.config.priors[i]));
-  const std::size_t pieces = (static_cast<std::size_t>(lanes) + kPiece - 1) / kPiece, rows = nx * (static_cast<std::size_t>(steps) + 1);
+  const std::size_t pieces = (static_cast<std::size_t>(lanes) + kPiece - 1) / kPiece,
+                    rows = nx * (static_cast<std::size_t>(steps) + 1);
   std::vector<double> controls(pieces * static_cast<std::size_t>(steps) * nu * kPiece), way(pieces * rows * kPiece);
   for (std::size_t i = 0; i < controls.size(); ++i) controls[i] = 0.01 * static_cast<double>(i % 97) - 0.5;
   std::vector<double> history((std::size_t{setup.delay_steps} + 1) * nu, 0.0);

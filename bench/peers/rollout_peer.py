@@ -1,5 +1,5 @@
-"""Batched rollouts of a cart-pole by mujoco.rollout and by JAX (vmap over lanes, scan over steps, jit): nanoseconds a lane
-and step, one line of JSON. rollout_peer.py mujoco|jax LANES STEPS"""
+"""Batched rollouts of a cart-pole by mujoco.rollout and by JAX (vmap over lanes, scan over steps, jit): nanoseconds a
+lane and step, one line of JSON. rollout_peer.py mujoco|jax LANES STEPS"""
 import json
 import sys
 import time
@@ -11,7 +11,8 @@ PERIOD_S, GRAVITY = 0.02, 9.81
 CART_KG, POLE_KG, HALF_M, DAMPING = 1.0, 0.1, 0.5, 0.2
 CART_POLE = f"""
 <mujoco>
-  <option timestep="{PERIOD_S}" integrator="RK4" gravity="0 0 -{GRAVITY}"><flag contact="disable" constraint="disable"/></option>
+  <option timestep="{PERIOD_S}" integrator="RK4" gravity="0 0 -{GRAVITY}">
+    <flag contact="disable" constraint="disable"/></option>
   <worldbody>
     <body><joint name="cart" type="slide" axis="1 0 0" damping="{DAMPING}"/>
       <geom type="box" size=".1 .1 .1" mass="{CART_KG}"/>

@@ -1,4 +1,4 @@
-"""A fleet: pendulums with different true masses, one controller each, in threads; then all their motions in one batch."""
+"""A fleet: pendulums with different true masses, one controller each, in threads; then their motions in one batch."""
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np

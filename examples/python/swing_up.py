@@ -15,7 +15,8 @@ def main() -> float:
         plant.step(command)
         controller.prepare()
 
-    for name, mean, sd, true in zip(robot.params, controller.posterior.mean, controller.posterior.sd, plant.true_params):
+    known = controller.posterior
+    for name, mean, sd, true in zip(robot.params, known.mean, known.sd, plant.true_params):
         print(f"{name:14} {mean:.4f} +- {sd:.4f}   true {true:.4f}")
     error = math.remainder(float(plant.true_state[0]) - math.pi, 2 * math.pi)
     print(f"angle error {error:+.4f} rad, command {command}")

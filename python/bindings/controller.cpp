@@ -148,12 +148,14 @@ void bind_messages(nb::module_& m) {
           },
           "robot"_a, "stamp"_a, "y"_a, "sequence"_a = 0, "latency_s"_a = 0.0,
           "`stamp` is the second at which y (ny) was read; `latency_s` from then until the answering command acts.")
-      .def_prop_ro("t", [](const Measurement& s) { return 1e-6 * static_cast<double>(s.now_us); },
-                   "Second of the tick that this measurement is for.")
+      .def_prop_ro(
+          "t", [](const Measurement& s) { return 1e-6 * static_cast<double>(s.now_us); },
+          "Second of the tick that this measurement is for.")
       .def_prop_ro("stamp", [](const Measurement& s) { return 1e-6 * static_cast<double>(s.raw.stamp_us); })
       .def_prop_ro("stamp_us", [](const Measurement& s) { return s.raw.stamp_us; })
       .def_prop_ro("sequence", [](const Measurement& s) { return s.raw.sequence; })
-      .def_prop_ro("fresh", [](const Measurement& s) { return s.fresh; }, "False: nothing new; a tick goes without.")
+      .def_prop_ro(
+          "fresh", [](const Measurement& s) { return s.fresh; }, "False: nothing new; a tick goes without.")
       .def_prop_ro("latency_s", [](const Measurement& s) { return 1e-6 * s.raw.command_latency_us; })
       .def_prop_ro(
           "y", [](const nb::pointer_and_handle<Measurement>& s) { return view(s.h, s.p->raw.value, {s.p->count}); },
@@ -162,12 +164,15 @@ void bind_messages(nb::module_& m) {
       .def_prop_ro(
           "value", [](const nb::pointer_and_handle<Command>& s) { return view(s.h, s.p->raw.value, {s.p->count}); },
           "(nu) inputs, in the order of Robot.inputs.")
-      .def_prop_ro("status", [](const Command& c) { return c.status; }, "Why the command is what it is.")
-      .def_prop_ro("ok", [](const Command& c) { return c.status == tiller_status_ok; }, "An unlimited fresh plan.")
+      .def_prop_ro(
+          "status", [](const Command& c) { return c.status; }, "Why the command is what it is.")
+      .def_prop_ro(
+          "ok", [](const Command& c) { return c.status == tiller_status_ok; }, "An unlimited fresh plan.")
       .def_prop_ro("text", [](const Command& c) { return std::string(tiller_status_text(c.status)); })
       .def_prop_ro("state", [](const Command& c) { return static_cast<tiller_state_t>(c.raw.state); })
       .def_prop_ro("stamp_us", [](const Command& c) { return c.raw.stamp_us; })
-      .def_prop_ro("sequence", [](const Command& c) { return c.raw.sequence; }, "Of the measurement that it answers.")
+      .def_prop_ro(
+          "sequence", [](const Command& c) { return c.raw.sequence; }, "Of the measurement that it answers.")
       .def_prop_ro("plan_sequence", [](const Command& c) { return c.raw.plan_sequence; })
       .def("__repr__", [](const Command& c) {
         std::string text = "<tiller.Command [";
@@ -192,20 +197,24 @@ void bind_controller(nb::module_& m) {
            "missing value; a Measurement where it was read before; None where there is nothing new. Always returns a "
            "command that is safe to send; its status says why it is what it is.")
       .def("prepare", &prepare, "Does now what the next plan needs and can be done without its measurement.")
-      .def("arm", [](Controller& c) { call<tiller_arm>(c, "Controller.arm"); }, "Permits motion.")
-      .def("disarm", [](Controller& c) { call<tiller_disarm>(c, "Controller.disarm"); }, "Stops motion: STANDBY.")
+      .def(
+          "arm", [](Controller& c) { call<tiller_arm>(c, "Controller.arm"); }, "Permits motion.")
+      .def(
+          "disarm", [](Controller& c) { call<tiller_disarm>(c, "Controller.disarm"); }, "Stops motion: STANDBY.")
       .def("stop", &stop, "Latches SAFE at once; reset() leaves it.")
-      .def("reset", [](Controller& c) { call<tiller_reset>(c, "Controller.reset"); },
-           "Leaves SAFE: INIT, disarmed. What was learned is kept.")
+      .def(
+          "reset", [](Controller& c) { call<tiller_reset>(c, "Controller.reset"); },
+          "Leaves SAFE: INIT, disarmed. What was learned is kept.")
       .def("set_target", &set_target, "target"_a, "Where to go, in states (nx).")
       .def("set_output_target", &set_output_target, "target"_a, "Where to bring the model's outputs (ny).")
       .def("set_reference", &set_reference, "states"_a = nb::none(), "outputs"_a = nb::none(),
            "Rows to follow, one a period; the last one holds. The arrays are copied.")
-      .def("force_iterations",
-           [](Controller& c, std::uint32_t n) {
-             check_status(tiller_force_iterations(c.get(), n), "Controller.force_iterations");
-           },
-           "iterations"_a, "The next plan takes exactly this many iterations.");
+      .def(
+          "force_iterations",
+          [](Controller& c, std::uint32_t n) {
+            check_status(tiller_force_iterations(c.get(), n), "Controller.force_iterations");
+          },
+          "iterations"_a, "The next plan takes exactly this many iterations.");
   bind_reads(m, controller);
 }
 

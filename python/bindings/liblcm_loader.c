@@ -1,6 +1,6 @@
-/* liblcm, found when something first asks for it: a wheel carries neither it nor glib. The runtime speaks udpm:// itself;
- * other providers, `tiller sim` over LCM and `tiller replay` over LCM need `pip install "tiller[lcm]"` or the system's
- * liblcm. TILLER_LIBLCM names the file; the package sets it where the Python package lcm is installed. */
+/* liblcm, found when something first asks for it: a wheel carries neither it nor glib. The runtime speaks udpm://
+ * itself; other providers, `tiller sim` over LCM and `tiller replay` over LCM need `pip install "tiller[lcm]"` or the
+ * system's liblcm. TILLER_LIBLCM names the file; the package sets it where the Python package lcm is installed. */
 #include <dlfcn.h>
 #include <lcm/lcm.h>
 #include <stdio.h>

@@ -39,10 +39,12 @@ void bind_names(nb::module_& m) {
       .value("UNTESTED", tiller_adequacy_untested)
       .value("ADEQUATE", tiller_adequacy_adequate)
       .value("INADEQUATE", tiller_adequacy_inadequate);
-  m.def("instruction_set", [] { return std::string(tiller_instruction_set()); },
-        "Name of the instruction set that this process runs.");
+  m.def(
+      "instruction_set", [] { return std::string(tiller_instruction_set()); },
+      "Name of the instruction set that this process runs.");
   m.def("version", [] { return std::string(tiller_version()); });
-  m.def("model_names", [] { return std::string(tiller_model_names()); }, "Names of the built-in models.");
+  m.def(
+      "model_names", [] { return std::string(tiller_model_names()); }, "Names of the built-in models.");
 }
 
 }  // namespace

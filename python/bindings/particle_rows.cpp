@@ -42,8 +42,7 @@ ParticleRows particle_rows(const tiller_config_t& config, const tiller::Posterio
     case tiller_posterior_transition:
       if (is_bank(config)) return {};
       return rows_of(static_cast<const tiller::TransitionPosterior&>(posterior).transitions().cloud());
-    default:
-      return {};
+    default: return {};
   }
 }
 

@@ -104,11 +104,12 @@ void bind_plant(nb::module_& m) {
       .def("step", &step, "command"_a, "One control period under a Command or an array (nu), held.")
       .def_prop_ro("time_s", &Plant::time_s, "Since the start.")
       .def_prop_ro("true_state", &true_state, "(nx) without any error; NaN: the plant has no such state.")
-      .def_prop_ro("true_params",
-                   [](const nb::pointer_and_handle<Plant>& s) {
-                     return view(s.h, s.p->true_params().data(), {s.p->true_params().size()});
-                   },
-                   "(np) in the order of Robot.params; NaN: the plant has nothing that answers to it.");
+      .def_prop_ro(
+          "true_params",
+          [](const nb::pointer_and_handle<Plant>& s) {
+            return view(s.h, s.p->true_params().data(), {s.p->true_params().size()});
+          },
+          "(np) in the order of Robot.params; NaN: the plant has nothing that answers to it.");
 }
 
 }  // namespace tiller::python

@@ -102,7 +102,7 @@ nb::object outputs(const Controller& c) {
   return array;
 }
 
-template <class T, T tiller_info_t::* Field>
+template <class T, T tiller_info_t::*Field>
 T scalar(const Info& info) {
   return info.get().*Field;
 }
@@ -117,6 +117,7 @@ nb::object field_view(const Info& info) {
   return view(info.owner, info.get().*Field, {Count(*info.controller)});
 }
 
+// clang-format off
 #define TILLER_SCALAR(name, type, help) .def_prop_ro(#name, &scalar<type, &tiller_info_t::name>, help)
 
 void bind_info(nb::module_& m) {
@@ -161,6 +162,7 @@ void bind_info(nb::module_& m) {
       .def_prop_ro("forgetting_weight", &field_view<&tiller_info_t::forgetting_weight, rate_count>, "(rates)");
 }
 #undef TILLER_SCALAR
+// clang-format on
 
 template <auto Field>
 nb::object param_view(const Particles& p) {
@@ -175,23 +177,29 @@ void bind_reads(nb::module_& m, nb::class_<Controller>& controller) {
       .def_prop_ro("particles", &particles,
                    "(N, np) a view; a copy where several delays or rates of forgetting are weighed (shared: False).")
       .def_prop_ro("weights", &weights, "(N), sum one; as particles.")
-      .def_prop_ro("shared", [](const Particles& p) { return p.rows().params != nullptr; },
-                   "Whether particles and weights are views.")
+      .def_prop_ro(
+          "shared", [](const Particles& p) { return p.rows().params != nullptr; },
+          "Whether particles and weights are views.")
       .def_prop_ro("mean", &param_view<&tiller_info_t::param_mean>, "(np) as of the last tick.")
       .def_prop_ro("sd", &param_view<&tiller_info_t::param_sd>, "(np) as of the last tick.")
-      .def_prop_ro("size", [](const Particles& p) { return p.get().size(); }, "N")
+      .def_prop_ro(
+          "size", [](const Particles& p) { return p.get().size(); }, "N")
       .def_prop_ro("names", [](const Particles& p) { return p.controller->robot()->params; })
       .def("quantiles", &quantiles, "q"_a, "(len(q), np) weighted quantiles.")
       .def("covariance", &covariance, "(np, np), zero rows for fixed parameters.");
-  controller
-      .def_prop_ro("info",
-                   [](const nb::pointer_and_handle<Controller>& s) { return Info{nb::borrow(s.h), s.p}; })
+  controller.def_prop_ro("info",
+                         [](const nb::pointer_and_handle<Controller>& s) {
+                           return Info{nb::borrow(s.h), s.p};
+                         })
       .def_prop_ro("posterior",
-                   [](const nb::pointer_and_handle<Controller>& s) { return Particles{nb::borrow(s.h), s.p}; })
+                   [](const nb::pointer_and_handle<Controller>& s) {
+                     return Particles{nb::borrow(s.h), s.p};
+                   })
       .def_prop_ro("plan", &plan, "(steps, nu) a view of what is left of the plan in force; (0, nu): none.")
       .def_prop_ro("robot", [](const Controller& c) { return c.robot(); })
       .def_prop_ro("block_bytes", &Controller::block_bytes, "Of the one block of memory.")
-      .def("prediction", &prediction, "(means, deviations) (horizon + 1, nx) of the states ahead; needs predict_spread.")
+      .def("prediction", &prediction,
+           "(means, deviations) (horizon + 1, nx) of the states ahead; needs predict_spread.")
       .def("outputs", &outputs, "The model's outputs at the present estimate.");
 }
 

@@ -89,10 +89,12 @@ nb::dict priors(const Robot& robot) {
 double stage_cost(const Robot& robot, const std::vector<double>& x, const std::vector<double>& u, std::uint64_t step) {
   if (x.size() != robot->states.size())
     raise_argument("Robot.stage_cost", "x", std::to_string(x.size()) + " numbers",
-                   std::to_string(robot->states.size()) + " numbers", "pass one for each of " + tools::join(robot->states));
+                   std::to_string(robot->states.size()) + " numbers",
+                   "pass one for each of " + tools::join(robot->states));
   if (u.size() != robot->inputs.size())
     raise_argument("Robot.stage_cost", "u", std::to_string(u.size()) + " numbers",
-                   std::to_string(robot->inputs.size()) + " numbers", "pass one for each of " + tools::join(robot->inputs));
+                   std::to_string(robot->inputs.size()) + " numbers",
+                   "pass one for each of " + tools::join(robot->inputs));
   return tools::stage_cost(robot->config, step, x.data(), u.data());
 }
 
@@ -122,20 +124,29 @@ void bind_robot(nb::module_& m) {
       .def_static("from_urdf", &from_urdf, "description"_a, "folder"_a = nb::none(), "options"_a = nb::make_tuple(),
                   "Imports a URDF, MJCF or CasADi function by `tiller import` with these options; model and robot file "
                   "go to `folder` (None: one below the user's cache). Needs a C++ compiler.")
-      .def_static("from_model_header", &from_model_header, "header"_a, "type"_a, "settings"_a,
-                  "A model of one's own, struct `type` in a C++ header; `settings` has the sections of a robot file but "
-                  "[model] file and type, as a dictionary or as a file. Needs a C++ compiler.")
+      .def_static(
+          "from_model_header", &from_model_header, "header"_a, "type"_a, "settings"_a,
+          "A model of one's own, struct `type` in a C++ header; `settings` has the sections of a robot file but "
+          "[model] file and type, as a dictionary or as a file. Needs a C++ compiler.")
       .def_prop_ro("name", [](const Robot& r) { return r->name; })
       .def_prop_ro("path", [](const Robot& r) { return r->path; })
       .def_prop_ro("model", [](const Robot& r) { return std::string(r->model->name); })
-      .def_prop_ro("states", [](const Robot& r) { return r->states; }, "Names of the model's states, with units.")
-      .def_prop_ro("inputs", [](const Robot& r) { return r->inputs; }, "Names of the model's inputs.")
-      .def_prop_ro("measurements", [](const Robot& r) { return r->measurements; }, "Names of what is measured.")
-      .def_prop_ro("outputs", [](const Robot& r) { return r->outputs; }, "Names of the model's outputs.")
-      .def_prop_ro("params", [](const Robot& r) { return r->params; }, "The model's parameters, then the effects'.")
-      .def_prop_ro("period_s", [](const Robot& r) { return r->config.period_s; }, "Of the control tick.")
-      .def_prop_ro("horizon", [](const Robot& r) { return r->config.planner.horizon; }, "Steps of a plan.")
-      .def_prop_ro("plant", [](const Robot& r) { return r->sim.plant; }, "Of [sim]; empty: none.")
+      .def_prop_ro(
+          "states", [](const Robot& r) { return r->states; }, "Names of the model's states, with units.")
+      .def_prop_ro(
+          "inputs", [](const Robot& r) { return r->inputs; }, "Names of the model's inputs.")
+      .def_prop_ro(
+          "measurements", [](const Robot& r) { return r->measurements; }, "Names of what is measured.")
+      .def_prop_ro(
+          "outputs", [](const Robot& r) { return r->outputs; }, "Names of the model's outputs.")
+      .def_prop_ro(
+          "params", [](const Robot& r) { return r->params; }, "The model's parameters, then the effects'.")
+      .def_prop_ro(
+          "period_s", [](const Robot& r) { return r->config.period_s; }, "Of the control tick.")
+      .def_prop_ro(
+          "horizon", [](const Robot& r) { return r->config.planner.horizon; }, "Steps of a plan.")
+      .def_prop_ro(
+          "plant", [](const Robot& r) { return r->sim.plant; }, "Of [sim]; empty: none.")
       .def_prop_ro("priors", &priors, "name -> {kind, value} or {kind, low, high, ...}.")
       .def_prop_ro("prior_centre", &centre, "(np) the value in the middle of what each prior expects.")
       .def_prop_ro("initial_state", row<initial_state>(states), "(nx) expected at the first measurement.")

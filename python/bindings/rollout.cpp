@@ -59,8 +59,15 @@ class Batch {
 
   Batch(const Robot& robot, Source<T> state, Source<T> controls, Source<T> params, Source<T> history, T* out,
         std::size_t count, std::uint32_t horizon)
-      : robot_(robot), state_(state), controls_(controls), params_(params), out_(out), count_(count), horizon_(horizon),
-        model_(*robot->model), table_(&select_rollout(model_)) {
+      : robot_(robot),
+        state_(state),
+        controls_(controls),
+        params_(params),
+        out_(out),
+        count_(count),
+        horizon_(horizon),
+        model_(*robot->model),
+        table_(&select_rollout(model_)) {
     check_status(make_step_setup(robot->config, setup_), "rollout");
     history_.assign(history.data, history.data + (history.data ? history.width : 0));
     history_.resize((std::size_t{setup_.delay_steps} + 1) * model_.input_count, T(0));
@@ -77,7 +84,8 @@ class Batch {
       if (threads == 1)
         for (std::uint32_t i = 0; i < n; ++i) piece(i);
       else
-        crew().run(threads, n, [](void* self, std::uint32_t i) { static_cast<Batch*>(self)->piece(i); }, this);
+        crew().run(
+            threads, n, [](void* self, std::uint32_t i) { static_cast<Batch*>(self)->piece(i); }, this);
       if (n == portion) ask_keyboard();
     }
   }

@@ -31,10 +31,11 @@ _prepare()
 
 __version__ = "0.1.0"
 __all__ = [
-    "Adequacy", "ArgumentError", "ArgumentTypeError", "Command", "CommandError", "Controller", "Error", "ExciteResult",
-    "GapResult", "IdentifyResult", "Info", "LearnResult", "Measurement", "MissingExtra", "Plant", "Posterior", "Result",
-    "Robot", "RobotFileError", "State", "Status", "StatusError", "excite", "gap", "identify", "instruction_set", "learn",
-    "lockstep", "model_names", "robot_names", "rollout", "version",
+    "Adequacy", "ArgumentError", "ArgumentTypeError", "Command", "CommandError", "Controller", "Error",
+    "ExciteResult", "GapResult", "IdentifyResult", "Info", "LearnResult", "Measurement", "MissingExtra",
+    "Plant", "Posterior", "Result", "Robot", "RobotFileError", "State", "Status", "StatusError", "excite",
+    "gap", "identify", "instruction_set", "learn", "lockstep", "model_names", "robot_names", "rollout",
+    "version",
 ]
 
 # Loaded when they are first asked for: an import of tiller is over before those of what they need would be.

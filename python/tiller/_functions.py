@@ -109,7 +109,8 @@ class IdentifyResult(Result):
         for axis, p in zip(axes, learnt):
             names = [c["name"] for c in self.candidates if c["learns"]]
             for k, name in enumerate(names):
-                of = {q["name"]: q for c in self.candidates if c["name"] == name for q in c["parameters"]}.get(p["name"])
+                candidate = next(c for c in self.candidates if c["name"] == name)
+                of = next((q for q in candidate["parameters"] if q["name"] == p["name"]), None)
                 if of and not of["fixed"]:
                     axis.plot(of["interval_90"], [k, k], lw=2, color="C0")
                     axis.plot(of["mean"], k, "o", color="C0")

@@ -68,7 +68,8 @@ def rollout(robot: _core.Robot, x0: npt.ArrayLike, U: npt.ArrayLike, params: npt
     nx, nu, n_params = len(robot.states), len(robot.inputs), len(robot.params)
     state = _numbers(x0, "x0", (1, 2), (nx,), robot.states, kind)
     controls = _numbers(U, "U", (2, 3), (nu,), robot.inputs, kind)
-    values = _numbers(robot.prior_centre if params is None else params, "params", (1, 2), (n_params,), robot.params, kind)
+    given = robot.prior_centre if params is None else params
+    values = _numbers(given, "params", (1, 2), (n_params,), robot.params, kind)
     rows = _core.history_rows(robot)
     before = _numbers(np.zeros((rows, nu)) if history is None else history, "history", (2, 2), (rows, nu),
                       robot.inputs, kind)
@@ -80,7 +81,8 @@ def rollout(robot: _core.Robot, x0: npt.ArrayLike, U: npt.ArrayLike, params: npt
                                   "pass a row for each period", False)
     single = state.ndim == 1 and controls.ndim == 2 and values.ndim == 1
     way = np.empty((count, horizon + 1, nx), kind) if out is None else out
-    if way.shape != (count, horizon + 1, nx) or way.dtype != kind or not way.flags.c_contiguous or not way.flags.writeable:
+    fits = way.shape == (count, horizon + 1, nx) and way.dtype == kind
+    if not (fits and way.flags.c_contiguous and way.flags.writeable):
         raise make_argument_error("rollout", "out", f"{way.dtype} of shape {way.shape}",
                                   f"{kind} of shape {(count, horizon + 1, nx)}, contiguous and writable",
                                   "pass such an array, or None", False)

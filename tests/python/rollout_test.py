@@ -20,7 +20,8 @@ def pendulum():
 def reference(robot, x0, inputs, params):
     """A damped pendulum by RK4 in numpy, as many substeps as bring its own error below 1e-9."""
     mass, length, damping = params
-    rate = lambda x, u: np.array([x[1], (u - damping * x[1] - mass * 9.81 * length * np.sin(x[0])) / (mass * length**2)])
+    weight_Nm, inertia = mass * 9.81 * length, mass * length**2
+    rate = lambda x, u: np.array([x[1], (u - damping * x[1] - weight_Nm * np.sin(x[0])) / inertia])
     way, substeps = [np.array(x0, float)], 40
     for u in inputs[:, 0]:
         x, h = way[-1], robot.period_s / substeps
