@@ -54,7 +54,14 @@ int write_results(const IdentifyOptions& options, const RobotFile& robot, const 
   return kExitOk;
 }
 
-int identify_command(IdentifyOptions& options) {
+int print_json(const RobotFile& robot, const Identified& result) {
+  const bool written = std::fputs(identify_json(robot, result).c_str(), stdout) >= 0 && std::fflush(stdout) == 0;
+  if (written) return kExitOk;
+  complain("standard output cannot be written; free space where it goes, or name a folder with -o");
+  return kExitLogIncomplete;
+}
+
+int identify_command(IdentifyOptions& options, bool as_json) {
   const auto robot = read_robot_or_complain(options.robot);
   if (!robot) return kExitBadInput;
   Identified result;
@@ -62,6 +69,7 @@ int identify_command(IdentifyOptions& options) {
   const bool good = identify(*robot, options, result, error);
   for (const std::string& warning : result.warnings) std::fprintf(stderr, "warning: %s\n", warning.c_str());
   if (!good) return complain(error);
+  if (as_json) return print_json(*robot, result);
   std::fputs(identify_text(*robot, result).c_str(), stdout);
   return options.folder.empty() ? static_cast<int>(kExitOk) : write_results(options, *robot, result);
 }
@@ -131,6 +139,8 @@ void add_identify_command(CLI::App& app, int& exit_code) {
   command->add_option("--moves", options->fit.moves, "Metropolis moves per transition (default 32)")
       ->check(CLI::Range(0, 1024))
       ->check([](const std::string& text) { return check_multiple(text, 8); });
+  auto as_json = std::make_shared<bool>(false);
+  command->add_flag("--json", *as_json, "identify.json on standard output instead of the tables")->excludes("--out");
   MethodOptionsText said;
   for (const Method& method : methods()) said.methods.emplace_back(method.name);
   add_method_options(*command, said, options->fit.method, options->fit.how);
@@ -152,13 +162,13 @@ void add_identify_command(CLI::App& app, int& exit_code) {
       "      the measured pendulum that comes with tiller (docs/guide/identify.md tells what to see)\n"
       "  tiller identify my_robot.toml run1.csv --method reps --eta 1 --simulations 100000\n"
       "      the posterior once more, by draws from the prior: a check of the particles where few parameters are learnt");
-  command->callback([options, command, simulator, known = said.methods, &exit_code] {
+  command->callback([options, as_json, command, simulator, known = said.methods, &exit_code] {
     if (!simulator->empty()) {
       exit_code = identify_by_simulator(*command, *options, *simulator);
       return;
     }
     const std::string misplaced = misplaced_option(*command, known, options->fit.method, options->fit.how);
-    exit_code = misplaced.empty() ? identify_command(*options) : complain(misplaced);
+    exit_code = misplaced.empty() ? identify_command(*options, *as_json) : complain(misplaced);
   });
 }
 
