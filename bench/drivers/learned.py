@@ -83,8 +83,6 @@ def main():
     HOME.mkdir(parents=True, exist_ok=True)
     if args.section in (None, "simulator") and not args.quick:
         need_mujoco()
-
-
     if args.section == "dynamics-peers":
         return dynamics_peers(args)
     rows, good = [], True
