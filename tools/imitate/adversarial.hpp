@@ -19,7 +19,8 @@ struct Observer {
   Eigen::Index nx = 0, rows = 0;
 };
 
-/// A small policy: u = centre + reach tanh(network), within the limits of the inputs.
+/// A small policy: u = centre + reach (9 sin v + sin 3 v) / 8, v the network's output, within the limits of the inputs:
+/// the squash of the runtime's policies (docs/reference/networks.md).
 struct SmallPolicy {
   nets::Mlp mlp;
   nets::Standardiser scale;  ///< of the observed
@@ -32,7 +33,7 @@ struct AdversarialOptions {
   int iterations = 300;
   int critic_steps = 2;  ///< of each iteration
   int batch = 16;        ///< rollouts of each iteration
-  int steps = 60;        ///< periods of a rollout
+  int steps = 60;        ///< periods of a rollout, no more than of the shortest demonstration
   double policy_rate = 3e-3, critic_rate = 1e-3;
   double penalty = 10;       ///< of the critic's slopes (Gulrajani and others 2017); GAIL's is a tenth
   double noise = 0.1;        ///< on both sides' samples, in their deviations: without it the sides part too easily
