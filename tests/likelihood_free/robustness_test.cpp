@@ -19,6 +19,7 @@ TEST(Inference, GivesTheSameBitsAgain) {
   for (const std::string& method : kMethods) {
     DriftProblem drift(5);
     set_small(drift.problem, method);
+    drift.problem.options.simulations = 480;
     Inferred first, second;
     std::string error;
     ASSERT_TRUE(infer(drift.problem, first, error)) << error;
@@ -119,6 +120,57 @@ TEST(BayesSim, TellsLogsThatNoParametersExplain) {
   EXPECT_TRUE(told.find("no parameters of the simulator explain") != std::string::npos ||
               told.find("outside of what was simulated") != std::string::npos)
       << told;
+}
+
+// Prior and noise are as small as the logs' mean is far: nothing the simulator shows is like them.
+TEST(Inference, TellsAPriorThatLeavesTheTruthOut) {
+  for (const char* method : {"smc_abc", "abc_regression", "abc"}) {
+    DriftProblem drift(10);
+    set_small(drift.problem, method);
+    Vector exact;
+    Matrix covariance;
+    drift.exact(exact, covariance);
+    drift.config.priors[1] = uniform(exact(1) + 3.0, exact(1) + 4.0);
+    drift.problem.names = {"push", "gain"};
+    drift.problem.measured = {"position_m"};
+    Inferred result;
+    std::string error;
+    ASSERT_TRUE(infer(drift.problem, result, error)) << method << ": " << error;
+    const std::string told = join(result.warnings, "\n");
+    EXPECT_NE(told.find("position_m: the logs lie "), std::string::npos) << method << ": " << told;
+    EXPECT_NE(told.find("gain at "), std::string::npos) << method << ": " << told;
+  }
+}
+
+// b acts on nothing where the input is zero: its posterior is its prior.
+TEST(Inference, TellsAParameterOfWhichTheLogsSayNothing) {
+  for (const std::string& method : {std::string("bayes_sim"), std::string("smc_abc")}) {
+    DriftProblem drift(11);
+    set_small(drift.problem, method);
+    drift.problem.names = {"push", "gain"};
+    drift.problem.pieces[0].input.setZero();
+    const Vector truth = (Vector(2) << 0.3, 0.7).finished();
+    drift.problem.pieces[0].measured = DriftProblem::run(drift.problem.pieces[0], truth, 0.0, 11, drift.step_sd);
+    Inferred result;
+    std::string error;
+    ASSERT_TRUE(infer(drift.problem, result, error)) << method << ": " << error;
+    const std::string told = join(result.warnings, "\n");
+    EXPECT_NE(told.find("gain: as wide as its prior"), std::string::npos) << method << ": " << told;
+    EXPECT_EQ(told.find("push"), std::string::npos) << method << ": " << told;
+    EXPECT_EQ(told.find("the logs lie"), std::string::npos) << method << ": " << told;
+  }
+}
+
+// Ordinary problems raise no doubt.
+TEST(Inference, HasNoDoubtsOfItsOwnModelsLogs) {
+  for (const std::uint64_t seed : {12u, 13u, 14u}) {
+    DriftProblem drift(seed);
+    set_small(drift.problem, "abc_regression");
+    Inferred result;
+    std::string error;
+    ASSERT_TRUE(infer(drift.problem, result, error)) << error;
+    EXPECT_EQ(join(result.warnings), "") << seed;
+  }
 }
 
 TEST(Inference, RefusesWhatCannotWork) {

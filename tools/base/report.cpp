@@ -1,6 +1,11 @@
 #include "tools/base/report.hpp"
 
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 
 #include "python_config.hpp"
@@ -19,8 +24,9 @@ std::string interpreter() {
   return fs::exists(TILLER_PYTHON_CONFIGURED, ignored) ? TILLER_PYTHON_CONFIGURED : "python3";
 }
 
-/// The source tree's package, or the one that was installed beside the program.
+/// TILLER_TOOLS, else the source tree's package, or the one that was installed beside the program.
 std::string package_folder() {
+  if (const char* named = std::getenv("TILLER_TOOLS"); named && *named) return named;
   std::error_code code;
   if (fs::exists(fs::path(TILLER_PYTHON_SOURCE) / "tiller_tools", code)) return TILLER_PYTHON_SOURCE;
   const fs::path self = fs::read_symlink("/proc/self/exe", code);
@@ -41,14 +47,28 @@ bool lacks_packages(const ChildResult& child) {
   return child.exit_code == 127 || child.output.find("No module named") != std::string::npos;
 }
 
-}  // namespace
-
-bool run_python_tool(const std::string& module, const std::vector<std::string>& arguments, std::string& error) {
+std::vector<std::string> python_command(const std::string& module, const std::vector<std::string>& arguments) {
   std::vector<std::string> command = {
       "env", "PYTHONPATH=" + package_folder(), "PYTHONDONTWRITEBYTECODE=1", interpreter(),
       "-m",  "tiller_tools." + module};
   command.insert(command.end(), arguments.begin(), arguments.end());
-  const ChildResult child = run_child(command);
+  return command;
+}
+
+}  // namespace
+
+void become_python_tool(const std::string& module, const std::vector<std::string>& arguments, std::string& error) {
+  std::vector<std::string> command = python_command(module, arguments);
+  std::vector<char*> argv;
+  for (std::string& word : command) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  std::fflush(nullptr);
+  execvp(argv[0], argv.data());
+  error = command[0] + " cannot be started: " + std::strerror(errno);
+}
+
+bool run_python_tool(const std::string& module, const std::vector<std::string>& arguments, std::string& error) {
+  const ChildResult child = run_child(python_command(module, arguments));
   if (child.started && child.exit_code == 0) return true;
   error = interpreter() + " -m tiller_tools." + module + " failed: " + last_lines(child.output, 3);
   if (lacks_packages(child))

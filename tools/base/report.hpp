@@ -9,6 +9,10 @@ namespace tiller::tools {
 /// the one that the build was configured with. False with a message in `error`.
 bool run_python_tool(const std::string& module, const std::vector<std::string>& arguments, std::string& error);
 
+/// Becomes one of the Python tools, with this terminal, its signals and its exit code. Returns only where Python cannot
+/// be started, with a message in `error`.
+void become_python_tool(const std::string& module, const std::vector<std::string>& arguments, std::string& error);
+
 /// A page that a tool draws from a file. One that cannot be written is told so, before Python is asked.
 bool draw_page(const std::string& module, const std::string& from, const std::string& page, std::string& error);
 

@@ -23,6 +23,7 @@ void add_can_command(CLI::App& app, int& exit_code);
 void add_identify_command(CLI::App& app, int& exit_code);
 void add_infer_command(CLI::App& app, int& exit_code);
 void add_gap_command(CLI::App& app, int& exit_code);
+void add_fleet_command(CLI::App& app, int& exit_code);
 void add_learn_command(CLI::App& app, int& exit_code);
 void add_excite_command(CLI::App& app, int& exit_code);
 void add_tune_command(CLI::App& app, int& exit_code);

@@ -18,7 +18,25 @@ json log_json(const Log& log) {
           {"stretches", split_at_gaps(log).size()}};
 }
 
-json param_json(const ParamSummary& p, const std::string& unit) {
+const char* kind_text(const tiller_prior_t& prior) {
+  switch (prior.kind) {
+    case tiller_prior_uniform: return "uniform";
+    case tiller_prior_normal: return "normal";
+    case tiller_prior_log_normal: return "log_normal";
+    default: return "fixed";
+  }
+}
+
+/// The prior as the robot file states it. Of a uniform one, a and b mean nothing; bounds that are not there are null.
+json stated_prior_json(const tiller_prior_t& prior) {
+  return {{"kind", kind_text(prior)},
+          {"a", number(prior.a)},
+          {"b", number(prior.b)},
+          {"low", number(prior.low)},
+          {"high", number(prior.high)}};
+}
+
+json param_json(const ParamSummary& p, const std::string& unit, const tiller_prior_t& prior) {
   json out = {{"name", p.name}, {"unit", unit}, {"fixed", p.fixed}, {"mean", number(p.mean)}};
   if (p.fixed) return out;
   out["sd"] = number(p.sd);
@@ -27,7 +45,8 @@ json param_json(const ParamSummary& p, const std::string& unit) {
   out["edge"] = edge_json(p.name, p.edge);
   out["prior"] = {{"mean", number(p.prior_mean)},
                   {"sd", number(p.prior_sd)},
-                  {"interval_90", {number(p.prior_low), number(p.prior_high)}}};
+                  {"interval_90", {number(p.prior_low), number(p.prior_high)}},
+                  {"stated", stated_prior_json(prior)}};
   return out;
 }
 
@@ -145,7 +164,8 @@ json candidate_json(const Assessed& assessed, const RobotFile& robot) {
   const Fit& fit = assessed.fit;
   json params = json::array();
   const Words units = parameter_units(assessed.candidate.config, assessed.candidate.params);
-  for (std::size_t i = 0; i < fit.params.size(); ++i) params.push_back(param_json(fit.params[i], units[i]));
+  for (std::size_t i = 0; i < fit.params.size(); ++i)
+    params.push_back(param_json(fit.params[i], units[i], assessed.candidate.config.priors[i]));
   const bool held_out = !assessed.on_held_out.states.empty();
   json out = {{"name", assessed.candidate.name},
               {"learns", assessed.candidate.learns()},
