@@ -132,7 +132,7 @@ void add_imitate_command(CLI::App& app, int& exit_code) {
       ->check(CLI::Range(1, 100000));
   command->add_option("--rounds", o.rounds, "of matching: plans of every demonstration (default 40)")
       ->check(CLI::Range(1, 100000));
-  command->add_option("--iterations", o.iterations, "of a policy: rollouts, critic and policy in turn (default 300)")
+  command->add_option("--iterations", o.iterations, "of a policy: rollouts, critic and policy in turn (default 400)")
       ->check(CLI::Range(1, 100000));
   command->add_option("--seed", o.seed, "of a policy: its first weights, rollouts and draws (default 1)")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40));

@@ -104,7 +104,8 @@ class Adversary {
       const double left = 1 - static_cast<double>(i) / options_.iterations;
       policy_adam_.rate = options_.policy_rate * (0.05 + 0.95 * left);
       roll();
-      for (int c = 0; c < options_.critic_steps; ++c) improve_critic();
+      const int critic_steps = (options_.wasserstein ? 2 : 1) * options_.critic_steps;
+      for (int c = 0; c < critic_steps; ++c) improve_critic();
       improve_policy();
       average_ += 0.02 * (fit_.policy.mlp.weights - average_);
     }
@@ -177,7 +178,7 @@ class Adversary {
     Matrix slope;
     Vector unused = Vector::Zero(gradient.size());
     critic.backward(tape, Matrix::Ones(1, between.cols()), unused, &slope);
-    const double strength = options_.wasserstein ? options_.penalty : 0.1 * options_.penalty;
+    const double strength = options_.wasserstein ? options_.penalty : options_.penalty / 200;
     Matrix pull(1, between.cols());
     for (Eigen::Index j = 0; j < between.cols(); ++j) {
       const double length = std::max(slope.col(j).norm(), 1e-9);

@@ -30,14 +30,14 @@ struct SmallPolicy {
 
 struct AdversarialOptions {
   bool wasserstein = false;  ///< a critic with slopes near one in place of GAIL's discriminator
-  int iterations = 300;
-  int critic_steps = 2;  ///< of each iteration
+  int iterations = 400;
+  int critic_steps = 5;  ///< of each iteration; of a Wasserstein critic twice as many
   int batch = 16;        ///< rollouts of each iteration
   int steps = 60;        ///< periods of a rollout, no more than of the shortest demonstration
-  double policy_rate = 3e-3, critic_rate = 1e-3;
-  double penalty = 10;       ///< of the critic's slopes (Gulrajani and others 2017); GAIL's is a tenth
-  double noise = 0.1;        ///< on both sides' samples, in their deviations: without it the sides part too easily
-  bool clone_first = false;  ///< begin at behaviour cloning
+  double policy_rate = 1e-3, critic_rate = 3e-3;
+  double penalty = 10;      ///< of the critic's slopes (Gulrajani and others 2017); GAIL's is a two-hundredth
+  double noise = 0.1;       ///< on both sides' samples, in their deviations: without it the sides part too easily
+  bool clone_first = true;  ///< begin at behaviour cloning
   std::uint64_t seed = 1;
 };
 

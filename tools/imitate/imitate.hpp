@@ -21,7 +21,7 @@ struct ImitateOptions {
                                      ///< 60 of a policy's rollouts
   std::uint32_t every = 0;           ///< periods between judged inputs of a receding horizon; 0: chosen by the length
   int rounds = 40;                   ///< of matching
-  int iterations = 300;              ///< of a policy
+  int iterations = 400;              ///< of a policy
   std::uint64_t seed = 1;            ///< of a policy's weights, rollouts and draws
 };
 
