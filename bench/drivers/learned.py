@@ -12,7 +12,10 @@ Sections:
     local       local linear models with a prior, against none; guided policies (bench_local_models)
     distill     small policies beside the planners that taught them (bench_distill)
     imitate     costs from demonstrations (bench_imitate)
-    simulator   posteriors of black-box simulators (bench_simulator)
+    simulator   posteriors of black-box simulators (bench_simulator); MuJoCo is installed on first use
+
+Only by name, since it installs torch:
+    dynamics-peers   the data of `dynamics`, learnt by PETS' ensemble (mbrl-lib) and by GPyTorch
 
     --build DIR    the CMake build folder (build/release)
 
@@ -21,11 +24,15 @@ stands in the summary at the end, short or not. A short row is no error; a progr
 """
 
 import argparse
+import csv
 import json
+import os
 import pathlib
+import statistics
+import subprocess
 import sys
 
-from _driver import HOME, ROOT, note, run_table, summary
+from _driver import HOME, ONE_THREAD, PEERS, ROOT, need_environment, note, python_of, run_table, summary
 
 PROGRAMS = {"step": "bench_network_step", "dynamics": "bench_learned_dynamics", "policies": "bench_policy_search",
             "local": "bench_local_models", "distill": "bench_distill", "imitate": "bench_imitate", "simulator": "bench_simulator"}
@@ -33,7 +40,7 @@ PROGRAMS = {"step": "bench_network_step", "dynamics": "bench_learned_dynamics", 
 
 def parse(arguments):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("section", nargs="?", choices=list(PROGRAMS))
+    parser.add_argument("section", nargs="?", choices=[*PROGRAMS, "dynamics-peers"])
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build/release")
     args, rest = parser.parse_known_args([a for a in arguments if a != "--"])
@@ -43,9 +50,41 @@ def parse(arguments):
     return args
 
 
+def need_mujoco():
+    """Hands bench_simulator a Python that has MuJoCo; without one its machines are left out, which it says."""
+    if "TILLER_MUJOCO_PYTHON" not in os.environ and need_environment("mujoco"):
+        os.environ["TILLER_MUJOCO_PYTHON"] = str(python_of("mujoco"))
+
+
+def dynamics_peers(args):
+    """The worlds of bench_learned_dynamics as files, learnt by others; a row each in build/dynamics_peers.csv."""
+    worlds, rows = ROOT / "build/learned_worlds", ROOT / "build/dynamics_peers.csv"
+    made = subprocess.run([args.build / "bench" / PROGRAMS["dynamics"], "--export", worlds, *args.rest], cwd=ROOT,
+                          stdout=subprocess.DEVNULL, check=False)
+    if made.returncode or not need_environment("dynamics"):
+        return 1
+    # mbrl-lib pins a hydra that Python 3.11 refuses; its networks run on a later one.
+    subprocess.run([python_of("dynamics"), "-m", "pip", "install", "-q", "--disable-pip-version-check", "--no-deps",
+                    "hydra-core==1.3.2", "omegaconf==2.3.0"], check=False)
+    done = subprocess.run([python_of("dynamics"), PEERS / "dynamics_peer.py", worlds, rows],
+                          env=dict(os.environ, **ONE_THREAD), check=False)
+    with open(rows, encoding="utf-8") as file:
+        found = list(csv.reader(file))
+    for name in dict.fromkeys(row[1] for row in found):
+        own = [row for row in found if row[1] == name]
+        ratio, covered, seconds = (statistics.median(float(row[i]) for row in own) for i in (4, 5, 6))
+        print(f"  {name:12s} {len(own):3d} cases: rollouts of 1 s, over the model without anything learnt: median "
+              f"{ratio:.3g}; 90 % hold {covered:.2f}; {seconds:.0f} s of CPU each")
+    return done.returncode
+
+
 def main():
     args = parse(sys.argv[1:])
     HOME.mkdir(parents=True, exist_ok=True)
+    if args.section in (None, "simulator") and not args.quick:
+        need_mujoco()
+    if args.section == "dynamics-peers":
+        return dynamics_peers(args)
     rows, good = [], True
     for section in [args.section] if args.section else PROGRAMS:
         program = args.build / "bench" / PROGRAMS[section]

@@ -2,6 +2,7 @@
 // logs are learnt from; its scoring runs, which nothing was fitted to, judge from their true states.
 //
 //   bench_learned_dynamics [--seeds N] [--tune] [--plants p,..] [--kinds k,..] [--form network|gaussian|auto]
+//                          [--export FOLDER]   every case as a file for bench/peers/dynamics_peer.py
 
 #include <CLI/CLI.hpp>
 
@@ -12,6 +13,7 @@
 #include <map>
 #include <sstream>
 
+#include "bench/learned/dynamics_export.hpp"
 #include "bench/table/bench_table.hpp"
 #include "harness/gap_worlds/gap_worlds.hpp"
 #include "tools/learn/learn.hpp"
@@ -27,7 +29,7 @@ struct Settings {
   std::uint32_t seeds = 2;
   bool tune = false, quick = false;
   std::vector<std::string> plants = {"pendulum", "cart_pole"}, kinds;
-  std::string form = "auto", store = "build/bench_learned_dynamics.csv";
+  std::string form = "auto", store = "build/bench_learned_dynamics.csv", export_folder;
 };
 
 struct Judged {
@@ -102,6 +104,20 @@ bool judge(const WorldCase& wanted, const Settings& settings, Judged& out, std::
   return true;
 }
 
+/// The cases again, which cost little to make, for learners that share no code with these.
+bool export_case(const WorldCase& wanted, const std::string& key, const Judged& judged, const Settings& settings,
+                 std::string& error) {
+  const auto world = make_world(wanted, error);
+  if (!world) return false;
+  const auto robot = parse_robot_file(world->robot_toml, "robot.toml", error);
+  if (!robot) return false;
+  std::string name = key;
+  std::replace(name.begin(), name.end(), '/', '-');
+  const std::filesystem::path folder = settings.export_folder;
+  std::filesystem::create_directories(folder);
+  return export_world(*world, robot->config.period_s, judged.before, (folder / (name + ".json")).string(), error);
+}
+
 /// A line for each case that is done: a run that was cut goes on behind them.
 class Store {
  public:
@@ -172,6 +188,7 @@ int main(int argc, char** argv) {
   app.add_option("--kinds", settings.kinds)->delimiter(',');
   app.add_option("--form", settings.form, "network, gaussian or auto");
   app.add_option("--store", settings.store, "a line for each case; a run that was cut goes on from there");
+  app.add_option("--export", settings.export_folder, "folder: every case as JSON, for other learners");
   CLI11_PARSE(app, argc, argv);
   if (settings.quick) {
     settings.seeds = 1;
@@ -207,6 +224,11 @@ int main(int argc, char** argv) {
             continue;
           }
           store.add(key, judged);
+        }
+        if (!settings.export_folder.empty()) {
+          WorldCase drawn;
+          if (!draw_case(wanted, drawn, error) || !export_case(drawn, key, judged, settings, error))
+            std::fprintf(stderr, "%s: not exported: %s\n", key.c_str(), error.c_str());
         }
         std::fprintf(stderr, "%s: %.3g -> %.3g sigma (%.2f), 90 %% hold %.2f, spread x%.3g, %.1f s, %s\n", key.c_str(),
                      judged.before, judged.after, judged.after / judged.before, judged.covered, judged.spread,

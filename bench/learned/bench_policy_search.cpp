@@ -15,7 +15,8 @@
 //
 // Moments: the exact ones of a step beside 1e5 samples, in standard errors of those.
 //
-//   bench_policy_search [--seeds N] [--first SEED] [--task pendulum|cart_pole] [--trials N] [--csv FILE] [--quick]
+//   bench_policy_search [--seeds N] [--first SEED] [--task pendulum|cart_pole] [--trials N] [--restarts N]
+//                      [--csv FILE] [--quick]
 //
 // Every seed is one line of the CSV (build/bench_policy_search.csv), written when it is done.
 
@@ -145,7 +146,7 @@ double cpu_s() {
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
 }
 
-bool run(const PaperTask& paper, std::uint64_t seed, int trials, Line& line, std::string& error) {
+bool run(const PaperTask& paper, std::uint64_t seed, int trials, int restarts, Line& line, std::string& error) {
   const auto robot = parse_robot_file(paper.text, "bench", error);
   if (!robot) return false;
   TaskOptions how;
@@ -163,6 +164,7 @@ bool run(const PaperTask& paper, std::uint64_t seed, int trials, Line& line, std
   options.trials = trials - 1;
   options.bumps = paper.bumps;
   options.seed = seed;
+  options.restarts = restarts;
   std::ostringstream distances;
   distances.precision(3);
   const double begun = cpu_s();
@@ -274,7 +276,7 @@ void report_moments(Table& table) {
 }
 
 struct Settings {
-  int seeds = 10, trials = 0;
+  int seeds = 10, trials = 0, restarts = 1;
   std::uint64_t first = 1;
   std::string task, csv = "build/bench_policy_search.csv";
   bool quick = false;
@@ -297,6 +299,8 @@ bool parse(int argc, char** argv, Settings& s) {
       s.first = static_cast<std::uint64_t>(std::max(1, tiller::bench::whole_number(value)));
     else if (key == "--trials")
       s.trials = std::max(1, tiller::bench::whole_number(value));
+    else if (key == "--restarts")
+      s.restarts = std::max(0, tiller::bench::whole_number(value));
     else if (key == "--task")
       s.task = value;
     else if (key == "--csv")
@@ -314,7 +318,7 @@ int main(int argc, char** argv) {
   if (!parse(argc, argv, settings)) {
     std::fprintf(stderr,
                  "usage: bench_policy_search [--seeds N] [--first SEED] [--task pendulum|cart_pole] [--trials N] "
-                 "[--csv FILE] [--quick]\n");
+                 "[--restarts N] [--csv FILE] [--quick]\n");
     return 2;
   }
   if (!std::ofstream(settings.csv, std::ios::app)) {
@@ -333,7 +337,7 @@ int main(int argc, char** argv) {
       if (done.count(seed) == 0) {
         Line line;
         std::string error;
-        if (!run(paper, seed, settings.trials > 0 ? settings.trials : paper.trials, line, error)) {
+        if (!run(paper, seed, settings.trials > 0 ? settings.trials : paper.trials, settings.restarts, line, error)) {
           std::fprintf(stderr, "%s: %s\n", paper.name, error.c_str());
           return 1;
         }

@@ -17,6 +17,8 @@ command = ["%s", "-m", "tiller_tools.mujoco_simulator", "%s/puck.xml", "--parame
            "--measure", "position_m=qpos:slide", "--input", "force_N=push"]
 inputs = ["force_N"]
 period_s = 0.02
+start_s = 600
+timeout_s = 120
 name = "puck"
 [parameters]
 friction = { uniform = [0.1, 0.9] }
@@ -34,6 +36,8 @@ command = ["%s", "-m", "tiller_tools.mujoco_simulator", "%s/hopper.xml", "--para
   "--input", "hip_Nm=hip", "--input", "knee_Nm=knee", "--input", "ankle_Nm=ankle"]
 inputs = ["hip_Nm", "knee_Nm", "ankle_Nm"]
 period_s = 0.02
+start_s = 600
+timeout_s = 120
 name = "hopper"
 [parameters]
 friction = { uniform = [0.1, 0.9] }

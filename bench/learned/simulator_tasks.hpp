@@ -40,6 +40,8 @@ class MujocoBox {
   /// False with a sentence in `error`.
   bool make_data(std::string& error);
   tools::InferenceProblem& problem() { return problem_; }
+  /// Ends the simulator; nothing can be simulated any more.
+  void close() { pool_.reset(); }
   double truth() const { return truth_; }
 
  private:

@@ -63,14 +63,14 @@ std::vector<Motion> motions_of(const Scene& scene) {
   return motions;
 }
 
-MaxentFit fit(const Scene& scene, const std::vector<Motion>& motions, double limit_share) {
+MaxentFit fit(const Scene& scene, const std::vector<Motion>& motions, double limit_share, double noise_Nm = 1e-4) {
   std::vector<Expansion> all;
   ExpandOptions how;
   how.limit_share = limit_share;
   for (Motion m : motions) {
     for (int k = 0; k < kSteps; ++k)  // a little noise where there is room, or nothing limits the scale
       if (std::fabs(m.input(0, k)) < 0.999 * scene.config.safety.input_high[0])
-        m.input(0, k) += 1e-4 * std::sin(37.0 * k * k);
+        m.input(0, k) += noise_Nm * std::sin(37.0 * k * k);
     m.state = scene.roll(m.state.col(0), m.input);
     all.push_back(expand(scene, m, scene.config, learnt_terms(), how));
   }
@@ -88,6 +88,41 @@ TEST(Maxent, FindsTheWeightsAgain) {
   EXPECT_NEAR(result.weights[2].value, 20, 1);
   EXPECT_TRUE(result.weights[0].identified);
   EXPECT_GT(result.log_likelihood, result.before);
+}
+
+TEST(Maxent, FindsTheTargetWithTheWeights) {
+  const Scene scene = pendulum(1e3);  // its target is 0.8 rad
+  Config believed = scene.config;
+  believed.cost.target[0] = 0.3;
+  CostTarget target;
+  target.value = 0.3;
+  target.of[0] = 1;  // angle
+  target.of[1] = 3;  // end angle
+  target.kept[0] = target.kept[1] = 1;
+  std::vector<Expansion> all;
+  for (Motion m : motions_of(scene)) {
+    for (int k = 0; k < kSteps; ++k) m.input(0, k) += 1e-4 * std::sin(37.0 * k * k);
+    m.state = scene.roll(m.state.col(0), m.input);
+    all.push_back(expand(scene, m, believed, learnt_terms(), {}, {0}));
+  }
+  MaxentFit result;
+  std::string error;
+  ASSERT_TRUE(fit_maxent(all, learnt_terms(), {target}, {}, result, error)) << error;
+  EXPECT_NEAR(result.targets[0].value, 0.8, 0.002);  // as the weights: a hundredth of the way
+  EXPECT_NEAR(result.weights[0].value, 4, 0.04);
+  EXPECT_TRUE(result.targets[0].identified);
+}
+
+TEST(Maxent, EndsSoonWhereThereIsHardlyNoise) {
+  const Scene scene = pendulum(1e3);
+  const std::vector<Motion> motions = motions_of(scene);
+  for (const double noise_Nm : {1e-6, 1e-8, 0.0}) {
+    const MaxentFit result = fit(scene, motions, 1e-3, noise_Nm);
+            result.weights[0].value, result.weights[1].value);
+            EXPECT_TRUE(result.converged) << noise_Nm;
+            EXPECT_LT(result.iterations, 50) << noise_Nm;  // of 100; damped by the weights they crawled to the last
+            EXPECT_NEAR(result.weights[0].value, 4, 0.04) << noise_Nm;
+  }
 }
 
 TEST(Maxent, NamesWhatNeverVaries) {

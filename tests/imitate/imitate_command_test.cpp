@@ -45,6 +45,26 @@ TEST_F(Imitate, LearnsWeightsAndWritesAFileThatRuns) {
   EXPECT_EQ(run({"check", "learnt.toml"}).code, 0);
 }
 
+TEST_F(Imitate, LearnsATarget) {
+  write_log("demo.csv", 120, kHeader, 1.0);
+  const Ended ended = run({"imitate", "robot.toml", "demo.csv", "--horizon", "whole", "--target", "angle_rad"});
+  ASSERT_EQ(ended.code, 0) << ended.out;
+  EXPECT_NE(ended.out.find("cost.target.angle_rad"), std::string::npos) << ended.out;
+  EXPECT_NE(run({"imitate", "robot.toml", "demo.csv", "--target", "angle_rat"}).out.find("did you mean angle_rad"),
+            std::string::npos);
+}
+
+TEST_F(Imitate, WritesAPolicyThatRuns) {
+  write_log("demo.csv", 120, kHeader, 1.0);
+  const Ended ended =
+      run({"imitate", "robot.toml", "demo.csv", "--method", "wasserstein", "--iterations", "3", "-o", "acts.toml"});
+  ASSERT_EQ(ended.code, 0) << ended.out;
+  EXPECT_NE(text_of("acts_policy.json").find("\"sin angle_rad\""), std::string::npos) << ended.out;
+  EXPECT_NE(text_of("acts.toml").find("fallback = \"cem\""), std::string::npos) << text_of("acts.toml");
+  const Ended ran = run({"run", "acts.toml", "--sim", "--seconds", "0.2", "--quiet"});
+  EXPECT_EQ(ran.code, 0) << ran.out;
+}
+
 TEST_F(Imitate, TellsWhatIsWrong) {
   write_log("short.csv", 30, kHeader, 1.0);
   write_log("still.csv", 120, kHeader, 0.0);

@@ -1,6 +1,8 @@
 // Simulators that fail for some parameters, for all, and logs that no parameters explain; bounds; the same bits.
 
 #include "problems.hpp"
+#include "tools/identify/coordinates.hpp"
+#include "tools/likelihood_free/doubts.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -19,6 +21,7 @@ TEST(Inference, GivesTheSameBitsAgain) {
   for (const std::string& method : kMethods) {
     DriftProblem drift(5);
     set_small(drift.problem, method);
+    drift.problem.options.simulations = 480;
     Inferred first, second;
     std::string error;
     ASSERT_TRUE(infer(drift.problem, first, error)) << error;
@@ -119,6 +122,66 @@ TEST(BayesSim, TellsLogsThatNoParametersExplain) {
   EXPECT_TRUE(told.find("no parameters of the simulator explain") != std::string::npos ||
               told.find("outside of what was simulated") != std::string::npos)
       << told;
+}
+
+/// Equally weighted rows of (push, gain).
+Inferred result_of(const std::vector<double>& rows) {
+  Inferred result;
+  result.found.params = rows;
+  result.found.weight.assign(rows.size() / 2, 2.0 / static_cast<double>(rows.size()));
+  return result;
+}
+
+std::string doubts_of(DriftProblem& drift, const std::vector<double>& rows) {
+  drift.problem.names = {"push", "gain"};
+  drift.problem.measured = {"position_m"};
+  Inferred result = result_of(rows);
+  std::string error;
+  EXPECT_TRUE(add_doubts(drift.problem, result, error)) << error;
+  EXPECT_EQ(result.found.simulations, 40u);
+  return join(result.warnings, "\n");
+}
+
+// Gains of 20 move the value by 1,200 in a log that moves by a few hundred at most.
+TEST(Doubts, TellAPriorThatLeavesTheTruthOut) {
+  DriftProblem drift(10);
+  drift.config.priors[1] = uniform(20.0, 21.0);
+  std::vector<double> rows;
+  for (int k = 0; k < 100; ++k) rows.insert(rows.end(), {0.0, 20.0 + 1e-4 * k});
+  const std::string told = doubts_of(drift, rows);
+  EXPECT_NE(told.find("position_m: the logs lie "), std::string::npos) << told;
+  EXPECT_NE(told.find("gain at "), std::string::npos) << told;
+}
+
+// The gain acts on nothing where the input is zero: its posterior is its prior.
+TEST(Doubts, TellAParameterOfWhichTheLogsSayNothing) {
+  DriftProblem drift(11);
+  Piece& piece = drift.problem.pieces[0];
+  piece.input.setZero();
+  piece.measured = DriftProblem::run(piece, (Vector(2) << 0.3, 0.7).finished(), 0.0, 11, drift.step_sd);
+  const Coordinates coordinates(drift.config);
+  std::vector<double> rows;
+  for (std::uint64_t k = 0; k < 400; ++k) {
+    double v[2];
+    coordinates.draw(k, v);
+    rows.insert(rows.end(), {0.3 + 0.01 * v[0], v[1]});
+  }
+  const std::string told = doubts_of(drift, rows);
+  EXPECT_NE(told.find("gain: as wide as its prior"), std::string::npos) << told;
+  EXPECT_EQ(told.find("push"), std::string::npos) << told;
+  EXPECT_EQ(told.find("the logs lie"), std::string::npos) << told;
+}
+
+// Ordinary problems raise no doubt.
+TEST(Inference, HasNoDoubtsOfItsOwnModelsLogs) {
+  for (const std::uint64_t seed : {12u, 13u, 14u}) {
+    DriftProblem drift(seed);
+    set_small(drift.problem, "abc_regression");
+    Inferred result;
+    std::string error;
+    ASSERT_TRUE(infer(drift.problem, result, error)) << error;
+    EXPECT_EQ(join(result.warnings), "") << seed;
+  }
 }
 
 TEST(Inference, RefusesWhatCannotWork) {

@@ -136,33 +136,55 @@ TEST(KlLqr, WithoutABoundIsTheLqr) {
   }
 }
 
-double held(bool adapt) {
+/// Holds the point mass at zero; from period 60 on a motor of 0.6 pushes against 1.5 N more.
+struct Break {
+  static constexpr double kGain = 0.6, kPush_N = 1.5;
   AdaptiveOptions options;
-  options.spread = (Vector(3) << 0.1, 0.1, 0.5).finished();
-  options.noise = Vector::Constant(2, 0.001);
-  options.target = Vector::Zero(2);
-  options.low = Vector::Constant(1, -5.0);
-  options.high = Vector::Constant(1, 5.0);
-  options.state_weight = options.terminal_weight = Vector((Vector(2) << 10.0, 1.0).finished()).asDiagonal();
-  options.input_weight = 0.1 * Matrix::Identity(1, 1);
-  options.horizon = 15;
-  options.adapt = adapt;
-  AdaptiveLqr controller(PointMass().step(), options);
-  Vector x = (Vector(2) << 0.5, 0.0).finished();
-  double worst = 0;
-  for (int k = 0; k < 200; ++k) {
-    const PointMass plant = k < 60 ? PointMass() : PointMass{0.6, 0.5, 1.5};
-    const Vector u = controller.command(x), next = plant.next(x, u);
-    controller.learn(x, u, next);
-    x = next;
-    if (k > 150) worst = std::max(worst, std::abs(x(0)));
+
+  Break() {
+    options.spread = (Vector(3) << 0.1, 0.1, 0.5).finished();
+    options.noise = Vector::Constant(2, 0.001);
+    options.target = Vector::Zero(2);
+    options.low = Vector::Constant(1, -5.0);
+    options.high = Vector::Constant(1, 5.0);
+    options.state_weight = options.terminal_weight = Vector((Vector(2) << 10.0, 1.0).finished()).asDiagonal();
+    options.input_weight = 0.1 * Matrix::Identity(1, 1);
+    options.horizon = 15;
   }
-  return worst;
-}
+  /// Where it comes to rest.
+  double held(bool adapt) {
+    options.adapt = adapt;
+    AdaptiveLqr controller(PointMass().step(), options);
+    Vector x = (Vector(2) << 0.5, 0.0).finished();
+    for (int k = 0; k < 400; ++k) {
+      const PointMass plant = k < 60 ? PointMass() : PointMass{kGain, 0.5, kPush_N};
+      const Vector u = controller.command(x), next = plant.next(x, u);
+      controller.learn(x, u, next);
+      x = next;
+    }
+    return std::abs(x(0));
+  }
+  /// The first gain of the model's LQR by position.
+  double stiffness() const {
+    const Matrix a = slope_of({}).leftCols(2), b = slope_of({}).rightCols(1);
+    Matrix value = options.terminal_weight, gain;
+    for (int k = 0; k < options.horizon; ++k) {
+      gain = -(options.input_weight + b.transpose() * value * b).ldlt().solve(b.transpose() * value * a);
+      value = options.state_weight + a.transpose() * value * (a + b * gain);
+    }
+    return -gain(0, 0);
+  }
+};
 
 TEST(AdaptiveLqr, HoldsAPlantThatBreaks) {
-  EXPECT_GT(held(false), 0.15);  // the push that the model lacks over the gain of the loop
-  EXPECT_LT(held(true), 0.5 * held(false));
+  // At rest the motor balances the push: u = -push / gain. The model alone commands -stiffness x, and rests where that is
+  // u. At rest the fitted model keeps the physics' slopes; of what the physics misses, u in units of the command, it
+  // believes the share n / (1 + n), n the memory's count against the prior's one, and commands it: x makes the rest.
+  Break task;
+  const double alone = Break::kPush_N / Break::kGain / task.stiffness();
+  const double count = 1.0 / (1.0 - std::exp(-1.0 / task.options.period_memory));
+  EXPECT_NEAR(task.held(false), alone, 1e-3 * alone);
+  EXPECT_NEAR(task.held(true), alone / (1.0 + count), 0.02 * alone / (1.0 + count));
 }
 
 TEST(Guided, TeachesANetworkWhatTheLqrDoes) {

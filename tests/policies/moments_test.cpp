@@ -220,7 +220,7 @@ SearchTask small_task() {
 
 void expect_gradient(const SearchTask& task, Trainable& trainable) {
   const Bumps dynamics = process(4, 20);
-  Vector p = first_parameters(trainable, Vector::Zero(3), Matrix::Identity(3, 3), Vector::Ones(3), 4), gradient;
+  Vector p = first_parameters(trainable, Vector::Zero(3), Matrix::Identity(3, 3), Vector::Ones(3), 0.1, 4), gradient;
   for (Eigen::Index i = 0; i < p.size(); ++i) p(i) += 0.1 * std::sin(3.0 * static_cast<double>(i));
   long_term_cost(task, dynamics, trainable, p, &gradient);
   ASSERT_GT(gradient.norm(), 1e-3);

@@ -47,6 +47,9 @@ TEST_F(PolicyCommand, TellsWhatIsMissing) {
   EXPECT_EQ(ended.code, 1) << ended.out;
   EXPECT_TRUE(has(ended.out, "has no [sim] section")) << ended.out;
   EXPECT_NE(run(policy({"--method", "magic"})).code, 0);
+  const Ended outputs = run({"policy", std::string(TILLER_TEST_ROBOTS) + "/two_link_arm.toml", "--method", "guided"});
+  EXPECT_EQ(outputs.code, 1) << outputs.out;
+  EXPECT_TRUE(has(outputs.out, "costs of states alone")) << outputs.out;
 }
 
 }  // namespace

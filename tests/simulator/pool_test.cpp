@@ -3,8 +3,13 @@
 #include "tools/simulator/simulator_pool.hpp"
 
 #include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include <cerrno>
 #include <cmath>
+#include <csignal>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 
@@ -45,12 +50,27 @@ struct Outcome {
   unsigned restarts = 0;
 };
 
+/// However it ends, no process is left behind, not even a dead one.
 Outcome run(const SimulatorSetup& setup, int count) {
-  SimulatorPool pool(setup);
   Outcome out;
-  out.good = pool.run(requests(count), out.answers, out.error);
-  out.restarts = pool.restarts();
+  {
+    SimulatorPool pool(setup);
+    out.good = pool.run(requests(count), out.answers, out.error);
+    out.restarts = pool.restarts();
+  }
+  errno = 0;
+  EXPECT_EQ(waitpid(-1, nullptr, WNOHANG), -1);
+  EXPECT_EQ(errno, ECHILD);
   return out;
+}
+
+/// Dead, and waiting for whoever inherited it.
+bool is_zombie(int process) {
+  std::ifstream file("/proc/" + std::to_string(process) + "/stat");
+  std::string text;
+  std::getline(file, text);
+  const std::size_t end = text.rfind(") ");
+  return end != std::string::npos && text.substr(end + 2, 1) == "Z";
 }
 
 void expect_right(const SimulationAnswer& answer, int i) {
@@ -146,12 +166,78 @@ TEST(SimulatorPool, TellsWhyOneDoesNotStart) {
   EXPECT_NE(out.error.find("cannot start /no/such/simulator"), std::string::npos) << out.error;
 }
 
+TEST(SimulatorPool, TellsWhatToDoAboutAFileThatIsNotExecutable) {
+  std::string folder = (std::filesystem::temp_directory_path() / "tiller-pool-XXXXXX").string();
+  ASSERT_NE(mkdtemp(folder.data()), nullptr);
+  std::ofstream(folder + "/box.py") << "print('no')\n";
+  SimulatorSetup setup = setup_of("");
+  setup.command = {"./box.py"};
+  setup.folder = folder;
+  const Outcome out = run(setup, 2);
+  EXPECT_FALSE(out.good);
+  EXPECT_NE(out.error.find("cannot start ./box.py in " + folder + ": Permission denied; make it executable"),
+            std::string::npos)
+      << out.error;
+  std::filesystem::remove_all(folder);
+}
+
+TEST(SimulatorPool, TellsWhatToDoAboutOneThatEndsAtOnce) {
+  SimulatorSetup setup = setup_of("");
+  setup.command = {"true"};
+  const Outcome out = run(setup, 2);
+  EXPECT_FALSE(out.good);
+  EXPECT_NE(out.error.find("ended with exit code 0 before it had greeted; run its command by hand"), std::string::npos)
+      << out.error;
+}
+
+// Half a line of the dead one must not become the beginning of the next one's.
+TEST(SimulatorPool, ForgetsTheHalfLineOfOneThatDies) {
+  const Outcome out = run(setup_of(script("    if p == 2:\n        sys.stdout.write('{\"id\": 3, \"meas')\n        "
+                                          "sys.stdout.flush(); os._exit(1)")),
+                          6);
+  ASSERT_TRUE(out.good) << out.error;
+  EXPECT_NE(out.answers[2].failure.find("exit code 1"), std::string::npos) << out.answers[2].failure;
+  for (const int i : {0, 1, 3, 4, 5}) expect_right(out.answers[static_cast<std::size_t>(i)], i);
+}
+
+// What went to stderr is shown with the line that is wrong, its end if it is long.
+TEST(SimulatorPool, ShowsTheEndOfStderrWithAWrongLine) {
+  const Outcome out = run(setup_of(script("    if p == 1:\n        sys.stderr.write('x' * 5000 + ' no gravity\\n')\n"
+                                          "        sys.stderr.flush(); time.sleep(0.1); rows = [[1, 2]] * 3")),
+                          3);
+  EXPECT_FALSE(out.good);
+  EXPECT_NE(out.error.find("row 1 of \"measured\" is no list of 1 numbers"), std::string::npos) << out.error;
+  EXPECT_NE(out.error.find("x no gravity"), std::string::npos) << out.error;
+  EXPECT_LT(out.error.size(), 3000u);
+}
+
+// A wrapper's own children hold the pipes open; they go with it.
+TEST(SimulatorPool, KillsTheChildrenOfOneThatHangs) {
+  SimulatorSetup setup = setup_of(
+      script("    import subprocess\n    child = subprocess.Popen(['sleep', '1000'])\n    sys.stderr.write('%d\\n' % "
+             "child.pid)\n    sys.stderr.flush(); time.sleep(1000)"));
+  setup.timeout_s = 2.0;  // Python loads a module first
+  setup.restarts = 0;
+  const Outcome out = run(setup, 1);
+  EXPECT_FALSE(out.good);
+  EXPECT_NE(out.error.find("raise timeout_s or restarts"), std::string::npos) << out.error;
+  const std::string mark = "stderr: ";
+  const std::size_t at = out.error.find(mark);
+  ASSERT_NE(at, std::string::npos) << out.error;
+  const int child = std::atoi(out.error.c_str() + at + mark.size());
+  ASSERT_GT(child, 1);
+  int tries = 0;  // it is killed at once, and reaped by whoever inherits it
+  for (; tries < 100 && ::kill(child, 0) == 0 && !is_zombie(child); ++tries) usleep(20000);
+  EXPECT_LT(tries, 100);
+}
+
 TEST(SimulatorPool, WaitsForTheGreetingNoLongerThanItsTime) {
   SimulatorSetup setup = setup_of(script("", "time.sleep(1000)"));
   setup.start_s = 0.3;
   const Outcome out = run(setup, 1);
   EXPECT_FALSE(out.good);
-  EXPECT_NE(out.error.find("did not answer within 0.3 s before it had greeted"), std::string::npos) << out.error;
+  EXPECT_NE(out.error.find("did not answer within 0.3 s before it had greeted; raise start_s"), std::string::npos)
+      << out.error;
 }
 
 // Longer than what a pipe holds, in both directions: whoever writes without reading would stand still for ever.

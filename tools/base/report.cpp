@@ -24,8 +24,9 @@ std::string interpreter() {
   return fs::exists(TILLER_PYTHON_CONFIGURED, ignored) ? TILLER_PYTHON_CONFIGURED : "python3";
 }
 
-/// The source tree's package, or the one that was installed beside the program.
+/// TILLER_TOOLS, else the source tree's package, or the one that was installed beside the program.
 std::string package_folder() {
+  if (const char* named = std::getenv("TILLER_TOOLS"); named && *named) return named;
   std::error_code code;
   if (fs::exists(fs::path(TILLER_PYTHON_SOURCE) / "tiller_tools", code)) return TILLER_PYTHON_SOURCE;
   const fs::path self = fs::read_symlink("/proc/self/exe", code);

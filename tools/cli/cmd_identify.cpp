@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -5,6 +6,7 @@
 #include "tools/base/output_file.hpp"
 #include "tools/base/report.hpp"
 #include "tools/base/text.hpp"
+#include "tools/cli/infer_logs.hpp"
 #include "tools/cli/method_options.hpp"
 #include "tools/command/commands.hpp"
 #include "tools/identify/identify.hpp"
@@ -72,6 +74,38 @@ int identify_command(IdentifyOptions& options, bool as_json) {
   return options.folder.empty() ? static_cast<int>(kExitOk) : write_results(options, *robot, result);
 }
 
+/// The first option given that a black box has no use for; empty: none.
+std::string beside_simulator(const CLI::App& command) {
+  const Words fine = {"--simulator", "--simulations", "--out", "--help"};
+  for (const CLI::Option* option : command.get_options())
+    if (option->count() > 0 && !option->get_lnames().empty() &&
+        std::find(fine.begin(), fine.end(), "--" + option->get_lnames()[0]) == fine.end())
+      return "--" + option->get_lnames()[0];
+  return "";
+}
+
+/// `tiller infer` with the robot file for names and priors, and this command in the place of its model.
+int identify_by_simulator(const CLI::App& command, const IdentifyOptions& options, const std::string& simulator) {
+  const std::string how = "write a file, box.toml, with [simulator], command = [...] and robot = \"" + options.robot +
+                          "\", and run\n  tiller infer box.toml " + join(options.logs, " ");
+  if (const std::string option = beside_simulator(command); !option.empty())
+    return complain(option +
+                    ": is of models that tiller computes, and --simulator names a black box; leave it out, or " + how);
+  std::string errors;
+  const auto file = simulator_of_command(simulator, options.robot, errors);
+  if (!file) {
+    std::fputs(errors.c_str(), stderr);
+    return kExitBadInput;
+  }
+  InferArguments arguments;
+  arguments.simulator = simulator;
+  arguments.folder = options.folder;
+  arguments.logs = options.logs;
+  if (command.count("--simulations") > 0) arguments.options.simulations = options.fit.how.simulations;
+  std::fprintf(stderr, "tiller: as tiller infer does; for its other methods and options %s\n", how.c_str());
+  return infer_logs(*file, arguments);
+}
+
 /// "name  help [citation]" of each method, for --help.
 std::string methods_help() {
   std::string text = "Methods (docs/theory/methods.md):\n";
@@ -112,6 +146,10 @@ void add_identify_command(CLI::App& app, int& exit_code) {
   add_method_options(*command, said, options->fit.method, options->fit.how);
   command->add_option("--horizon", options->score.horizons_s, "seconds that rollouts look ahead (default 1 2)")
       ->check(number_between(0.01, 60.0));
+  auto simulator = std::make_shared<std::string>();
+  command->add_option("--simulator", *simulator,
+                      "command of a black box that simulates in the model's place, words between spaces: learns as "
+                      "tiller infer does (docs/guide/simulator.md)");
   command->footer(
       methods_help() +
       "\nFits the model without its effects, then with one effect more at a time, and compares how well each foresees\n"
@@ -124,7 +162,11 @@ void add_identify_command(CLI::App& app, int& exit_code) {
       "      the measured pendulum that comes with tiller (docs/guide/identify.md tells what to see)\n"
       "  tiller identify my_robot.toml run1.csv --method reps --eta 1 --simulations 100000\n"
       "      the posterior once more, by draws from the prior: a check of the particles where few parameters are learnt");
-  command->callback([options, as_json, command, known = said.methods, &exit_code] {
+  command->callback([options, as_json, command, simulator, known = said.methods, &exit_code] {
+    if (!simulator->empty()) {
+      exit_code = identify_by_simulator(*command, *options, *simulator);
+      return;
+    }
     const std::string misplaced = misplaced_option(*command, known, options->fit.method, options->fit.how);
     exit_code = misplaced.empty() ? identify_command(*options, *as_json) : complain(misplaced);
   });

@@ -25,6 +25,7 @@ struct PolicyArguments {
   policy::TaskOptions task;
   policy::SearchOptions search;
   int conditions = 4, iterations = 8;
+  double epsilon = 0.5;
   bool quiet = false;
 };
 
@@ -100,6 +101,7 @@ local::GuidedOptions guided_options(const RobotFile& robot, const PolicyArgument
   const auto nx = static_cast<Eigen::Index>(robot.states.size()), nu = static_cast<Eigen::Index>(robot.inputs.size());
   local::GuidedOptions options;
   options.iterations = a.iterations;
+  options.epsilon = a.epsilon;
   options.seed = a.search.seed;
   options.target = Eigen::Map<const Vector>(cost.target, nx);
   options.state_weight = Eigen::Map<const Vector>(cost.state_weight, nx).asDiagonal();
@@ -136,10 +138,20 @@ int guide(const PolicyArguments& a, const RobotFile& robot, policy::SearchTask& 
   return result.interrupted ? kExitInterrupted : kExitOk;
 }
 
+bool costs_outputs(const RobotFile& robot) {
+  const tiller_cost_config_t& cost = robot.config.cost;
+  return cost.outputs && std::any_of(cost.outputs, cost.outputs + cost.output_count,
+                                     [](const tiller_output_cost_t& o) { return o.weight > 0; });
+}
+
 int policy_command(PolicyArguments& a) {
   const auto robot = read_robot_or_complain(a.robot);
   if (!robot) return kExitBadInput;
   if (robot->sim.line == 0) return complain(a.robot + ": has no [sim] section; trials need a simulated plant");
+  if (a.method == "guided" && costs_outputs(*robot))
+    return complain(a.robot +
+                    ": cost.outputs: guided knows costs of states alone; take them out of a copy of the "
+                    "file, with state_weight in their place");
   policy::SearchTask task;
   std::string error;
   if (!policy::make_task(*robot, a.task, task, error)) return complain(error);
@@ -173,6 +185,12 @@ void add_policy_command(CLI::App& app, int& exit_code) {
   command->add_option("--bumps", a->search.bumps, "basis functions of rbf (default 20)")->check(CLI::Range(1, 500));
   command->add_option("--evaluations", a->search.evaluations, "pilco: costs and gradients before a trial (default 100)")
       ->check(CLI::Range(1, 100000));
+  a->search.restarts = 1;
+  command
+      ->add_option("--restarts", a->search.restarts,
+                   "pilco: searches from fresh policies before a trial, as long as most of the cost is expected "
+                   "(default 1)")
+      ->check(CLI::Range(0, 100));
   command
       ->add_option("--width", a->task.width,
                    "pilco, reps: deviation at which the cost saturates, times the root of a weight (default: a "
@@ -182,6 +200,10 @@ void add_policy_command(CLI::App& app, int& exit_code) {
   command->add_option("--conditions", a->conditions, "guided: starts (default 4)")->check(CLI::Range(1, 100));
   command->add_option("--iterations", a->iterations, "guided: rounds of 5 trials a start (default 8)")
       ->check(CLI::Range(1, 1000));
+  command
+      ->add_option("--epsilon", a->epsilon,
+                   "guided: how far a round's laws may go from the network, nats a period (default 0.5)")
+      ->check(number_between(1e-3, 1e3));
   command->add_option("--seed", a->search.seed, "of commands, noise, starts and first policy (default 1)")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40));
   command->add_option("-o,--out", a->out, "the policy (default: ROBOT_policy.json beside the robot file)");
@@ -193,8 +215,8 @@ void add_policy_command(CLI::App& app, int& exit_code) {
       "Examples:\n"
       "  tiller policy robots/pendulum.toml --trials 6 -o out/policy.json --page out/policy.html\n"
       "      a swing-up from nothing but trials\n"
-      "  tiller policy robots/two_link_arm.toml --method guided --seconds 2 --period 0.05 -o out/arm.json\n"
-      "      a network, taught by local laws");
+      "  tiller policy robots/emps.toml --method guided --seconds 2 --period 0.05 -o out/axis_policy.json\n"
+      "      a network, taught by local laws; its cost is on states alone, since those know no outputs");
   command->callback([a, &exit_code] { exit_code = policy_command(*a); });
 }
 

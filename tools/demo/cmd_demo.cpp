@@ -26,9 +26,11 @@ struct Arguments {
   Overrides overrides;
 };
 
-/// The shipped file: of the source tree, or installed beside the program.
+/// The shipped file: in TILLER_ROBOTS, of the source tree, or installed beside the program.
 std::string demo_robot() {
   std::error_code code;
+  if (const char* named = std::getenv("TILLER_ROBOTS"); named && *named)
+    return (fs::path(named) / "cart_pole.toml").string();
   const fs::path source = fs::path(TILLER_ROBOTS_SOURCE) / "cart_pole.toml";
   if (fs::exists(source, code)) return source.string();
   const fs::path self = fs::read_symlink("/proc/self/exe", code);

@@ -52,17 +52,19 @@ SmallPolicy make_policy(const Scene& scene, const Observer& observer, const Pair
 /// Forward pass of the policy that remembers what its backward pass needs.
 struct PolicyTape {
   Mlp::Tape tape;
-  Matrix squash, input;
+  Matrix input;
   PolicyTape(const SmallPolicy& policy, const Observer& observer, const Matrix& state) {
     policy.mlp.forward(policy.scale.apply(observer.of(state)), tape);
-    squash = tape.output().array().tanh();
-    input = (policy.reach.asDiagonal() * squash).colwise() + policy.centre;
+    const auto v = tape.output().array();
+    const Matrix share = (9 * v.sin() + (3 * v).sin()) / 8;
+    input = (policy.reach.asDiagonal() * share).colwise() + policy.centre;
   }
   /// Adds to the weights' gradient; returns the derivatives by the state (nx x columns).
   Matrix back(const SmallPolicy& policy, const Observer& observer, const Matrix& state, const Matrix& by_input,
               Vector& gradient) const {
     const Matrix scaled = policy.reach.asDiagonal() * by_input;
-    const Matrix by_output = scaled.array() * (1 - squash.array().square());
+    const auto v = tape.output().array();
+    const Matrix by_output = scaled.array() * (9 * v.cos() + 3 * (3 * v).cos()) / 8;
     Matrix by_observed;
     policy.mlp.backward(tape, by_output, gradient, &by_observed);
     by_observed.array().colwise() /= policy.scale.sd.array();
@@ -73,13 +75,22 @@ struct PolicyTape {
 class Adversary {
  public:
   Adversary(const Scene& scene, const std::vector<Motion>& motions, const AdversarialOptions& options)
-      : scene_(scene), options_(options), observer_(scene), pairs_(motions), rng_(options.seed, kRngRollouts, 11) {
+      : scene_(scene),
+        motions_(motions),
+        options_(options),
+        observer_(scene),
+        pairs_(motions),
+        rng_(options.seed, kRngRollouts, 11) {
+    for (const Motion& m : motions) options_.steps = std::min(options_.steps, static_cast<int>(m.steps()));
     fit_.policy = options.clone_first ? clone_behaviour(scene, motions, options.seed)
                                       : make_policy(scene, observer_, pairs_, options.seed);
-    shown_ = stack(observer_.of(pairs_.state), pairs_.input);
-    fit_.critic_scale = nets::Standardiser::of(shown_);
-    shown_ = fit_.critic_scale.apply(shown_);
-    fit_.critic = Mlp({static_cast<int>(shown_.rows()), kHidden, kHidden, 1});
+    const Matrix all = stack(observer_.of(pairs_.state), pairs_.input);
+    fit_.critic_scale = nets::Standardiser::of(all);
+    for (const Motion& m : motions) {
+      const Matrix seen = stack(observer_.of(m.state.leftCols(m.steps())), m.input);
+      demonstrated_.push_back(fit_.critic_scale.apply(seen));
+    }
+    fit_.critic = Mlp({static_cast<int>(all.rows()), kHidden, kHidden, 1});
     fit_.critic.randomise(options.seed + 1, 0.1);
     policy_adam_.rate = options.policy_rate;
     policy_adam_.beta1 = 0.8;
@@ -93,7 +104,8 @@ class Adversary {
       const double left = 1 - static_cast<double>(i) / options_.iterations;
       policy_adam_.rate = options_.policy_rate * (0.05 + 0.95 * left);
       roll();
-      for (int c = 0; c < options_.critic_steps; ++c) improve_critic();
+      const int critic_steps = (options_.wasserstein ? 2 : 1) * options_.critic_steps;
+      for (int c = 0; c < critic_steps; ++c) improve_critic();
       improve_policy();
       average_ += 0.02 * (fit_.policy.mlp.weights - average_);
     }
@@ -102,12 +114,21 @@ class Adversary {
   }
 
  private:
+  /// Rollouts from demonstrated states, and what was demonstrated over the same periods: an expert's rollouts are then
+  /// the demonstrations, and no critic could tell them apart. Beside all that was demonstrated, rollouts that begin late
+  /// would be told by their lacking beginnings.
   void roll() {
     Matrix start(scene_.nx(), options_.batch);
-    for (Eigen::Index j = 0; j < start.cols(); ++j)
-      start.col(j) = pairs_.state.col(rng_.below(static_cast<std::uint32_t>(pairs_.state.cols())));
+    shown_.resize(fit_.critic.inputs(), Eigen::Index{options_.steps} * options_.batch);
+    for (Eigen::Index j = 0; j < start.cols(); ++j) {
+      const std::size_t d = rng_.below(static_cast<std::uint32_t>(motions_.size()));
+      const Eigen::Index last = motions_[d].steps() - options_.steps;
+      const Eigen::Index first = rng_.below(static_cast<std::uint32_t>(last + 1));
+      start.col(j) = motions_[d].state.col(first);
+      shown_.middleCols(j * options_.steps, options_.steps) = demonstrated_[d].middleCols(first, options_.steps);
+    }
     states_ = roll_policy(scene_, fit_.policy, start, options_.steps, &inputs_);
-    made_.resize(shown_.rows(), Eigen::Index{options_.steps} * options_.batch);
+    made_.resize(shown_.rows(), shown_.cols());
     for (int k = 0; k < options_.steps; ++k)
       made_.middleCols(Eigen::Index{k} * options_.batch, options_.batch) = seen(k);
   }
@@ -157,7 +178,7 @@ class Adversary {
     Matrix slope;
     Vector unused = Vector::Zero(gradient.size());
     critic.backward(tape, Matrix::Ones(1, between.cols()), unused, &slope);
-    const double strength = options_.wasserstein ? options_.penalty : 0.1 * options_.penalty;
+    const double strength = options_.wasserstein ? options_.penalty : options_.penalty / 200;
     Matrix pull(1, between.cols());
     for (Eigen::Index j = 0; j < between.cols(); ++j) {
       const double length = std::max(slope.col(j).norm(), 1e-9);
@@ -171,13 +192,14 @@ class Adversary {
     }
   }
 
-  /// Adjoints backward through model and policy; each rollout's are cut to a length, since an unstable motion's grow
-  /// without bound.
+  /// Adjoints backward through model and policy; each rollout's are cut to a multiple of all slopes that they are made of,
+  /// since an unstable motion's grow without bound.
   void improve_policy() {
-    constexpr double kLongest = 30;
+    constexpr double kLongest = 5;
     const SmallPolicy& policy = fit_.policy;
     Vector gradient = Vector::Zero(policy.mlp.weights.size());
     Matrix ahead = Matrix::Zero(scene_.nx(), options_.batch);
+    Vector slopes = Vector::Zero(options_.batch);
     for (int k = options_.steps; k-- > 0;) {
       const Matrix& x = states_[static_cast<std::size_t>(k)];
       const PolicyTape tape(policy, observer_, x);
@@ -185,6 +207,7 @@ class Adversary {
       by_seen.array().colwise() /= fit_.critic_scale.sd.array();
       Matrix a, b, by_input = by_seen.bottomRows(scene_.nu());
       Matrix by_state = observer_.back(x, by_seen.topRows(observer_.rows));
+      slopes += by_seen.colwise().norm().transpose();
       (void)scene_.step(x, tape.input, &a, &b);
       for (Eigen::Index j = 0; j < x.cols(); ++j)
         for (std::uint32_t r = 0; r < scene_.nx(); ++r) {
@@ -193,8 +216,8 @@ class Adversary {
         }
       ahead = by_state + tape.back(policy, observer_, x, by_input, gradient);
       for (Eigen::Index j = 0; j < ahead.cols(); ++j) {
-        const double length = ahead.col(j).norm();
-        if (!(length < kLongest)) ahead.col(j) *= std::isfinite(length) ? kLongest / length : 0;
+        const double length = ahead.col(j).norm(), longest = kLongest * slopes(j);
+        if (!(length <= longest)) ahead.col(j) *= std::isfinite(length) ? longest / length : 0;
       }
     }
     fit_.gap.push_back(last_gap_);
@@ -216,14 +239,16 @@ class Adversary {
   }
 
   const Scene& scene_;
-  const AdversarialOptions& options_;
+  const std::vector<Motion>& motions_;
+  AdversarialOptions options_;
   Observer observer_;
   Pairs pairs_;
   Rng rng_;
   AdversarialFit fit_;
   Adam policy_adam_, critic_adam_;
   Vector average_;
-  Matrix shown_, made_;  // scaled, a column each
+  std::vector<Matrix> demonstrated_;  // scaled, a column each
+  Matrix shown_, made_;               // of this iteration
   std::vector<Matrix> states_, inputs_;
   double last_gap_ = 0;
 };

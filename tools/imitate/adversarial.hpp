@@ -19,7 +19,8 @@ struct Observer {
   Eigen::Index nx = 0, rows = 0;
 };
 
-/// A small policy: u = centre + reach tanh(network), within the limits of the inputs.
+/// A small policy: u = centre + reach (9 sin v + sin 3 v) / 8, v the network's output, within the limits of the inputs:
+/// the squash of the runtime's policies (docs/reference/networks.md).
 struct SmallPolicy {
   nets::Mlp mlp;
   nets::Standardiser scale;  ///< of the observed
@@ -29,14 +30,14 @@ struct SmallPolicy {
 
 struct AdversarialOptions {
   bool wasserstein = false;  ///< a critic with slopes near one in place of GAIL's discriminator
-  int iterations = 300;
-  int critic_steps = 2;  ///< of each iteration
+  int iterations = 400;
+  int critic_steps = 5;  ///< of each iteration; of a Wasserstein critic twice as many
   int batch = 16;        ///< rollouts of each iteration
-  int steps = 60;        ///< periods of a rollout
-  double policy_rate = 3e-3, critic_rate = 1e-3;
-  double penalty = 10;       ///< of the critic's slopes (Gulrajani and others 2017); GAIL's is a tenth
-  double noise = 0.1;        ///< on both sides' samples, in their deviations: without it the sides part too easily
-  bool clone_first = false;  ///< begin at behaviour cloning
+  int steps = 60;        ///< periods of a rollout, no more than of the shortest demonstration
+  double policy_rate = 1e-3, critic_rate = 3e-3;
+  double penalty = 10;      ///< of the critic's slopes (Gulrajani and others 2017); GAIL's is a two-hundredth
+  double noise = 0.1;       ///< on both sides' samples, in their deviations: without it the sides part too easily
+  bool clone_first = true;  ///< begin at behaviour cloning
   std::uint64_t seed = 1;
 };
 

@@ -26,6 +26,7 @@ class CostEdit {
 
   const tiller_config_t& get() const { return config_; }
   void set(const CostTerm& term, double value);
+  void set_target(std::uint32_t state, double value) { config_.cost.target[state] = value; }
   /// Every weight zero, those of a demonstration and of an own cost too.
   void clear();
 

@@ -137,6 +137,15 @@ void expand_model(const Scene& scene, const Motion& motion, Expansion& e) {
   }
 }
 
+/// What a unit of a target's move adds at weight one: minus the state's curvature, as a slope.
+std::vector<SparseQuadratic> moved(const std::vector<SparseQuadratic>& of, std::uint32_t state) {
+  std::vector<SparseQuadratic> out(of.size());
+  for (std::size_t k = 0; k < of.size(); ++k)
+    for (const SparseQuadratic::Entry& e : of[k].hessian)
+      if (e.row == state && e.column == state) put(out[k].gradient, state, 0, -e.value);
+  return out;
+}
+
 /// Limits of the inputs, and of their change in a period.
 std::vector<std::int8_t> limits_met(const tiller_config_t& config, const Vector& u, const Vector& before,
                                     double share) {
@@ -166,7 +175,8 @@ bool Expansion::varies(std::size_t group) const {
 }
 
 Expansion expand(const Scene& scene, const Motion& motion, const tiller_config_t& cost,
-                 const std::vector<CostTerm>& learnt, const ExpandOptions& options) {
+                 const std::vector<CostTerm>& learnt, const ExpandOptions& options,
+                 const std::vector<std::uint32_t>& targets) {
   Expansion e;
   e.steps = motion.steps();
   e.nu = scene.nu();
@@ -177,6 +187,14 @@ Expansion expand(const Scene& scene, const Motion& motion, const tiller_config_t
     e.stage.push_back(features.stages(of));
     e.terminal.push_back(features.terminals(of, options.every_end));
   };
+  const auto add_target = [&](const tiller_config_t& of, std::uint32_t state) {
+    std::vector<SparseQuadratic> stages = moved(features.stages(of), state);
+    std::vector<SparseQuadratic> ends = moved(features.terminals(of, options.every_end), state);
+    e.stage.push_back(stages);
+    e.stage.emplace_back(stages.size());
+    e.terminal.emplace_back(ends.size());
+    e.terminal.push_back(ends);
+  };
   CostEdit kept(cost);
   for (const CostTerm& term : learnt) kept.set(term, 0);
   add_group(kept.get());
@@ -185,6 +203,13 @@ Expansion expand(const Scene& scene, const Motion& motion, const tiller_config_t
     one.clear();
     one.set(term, 1);
     add_group(one.get());
+  }
+  for (const std::uint32_t state : targets) {
+    CostEdit one(cost);
+    one.clear();
+    one.set({CostTerm::state, state, "", 0}, 1);
+    one.set({CostTerm::terminal, state, "", 0}, 1);
+    add_target(one.get(), state);
   }
   for (Eigen::Index k = 0; k < e.steps; ++k)
     e.at_limit.push_back(

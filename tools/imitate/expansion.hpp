@@ -25,7 +25,7 @@ struct SparseQuadratic {
 };
 
 /// Model and features along a motion. A group is what one weight multiplies: group 0 all that is kept, then a learnt
-/// term each, at weight one.
+/// term each, at weight one, then for each learnt target what a move of it adds to its stages and to the end.
 struct Expansion {
   Eigen::Index n = 0, nu = 0;  ///< of the state with the input before behind it, and of the input
   Eigen::Index steps = 0;
@@ -44,9 +44,10 @@ struct ExpandOptions {
   double limit_share = 1e-3;  ///< an input that is this share of its range from a limit counts as at it
 };
 
-/// `cost` with its weights; `learnt` are the groups behind group 0. Of quadratic terms exact, of the others as
-/// QuadratiseJob has it. O(groups steps) model expansions.
+/// `cost` with its weights; `learnt` are the groups behind group 0, `targets` the states whose targets are learnt. Of
+/// quadratic terms exact, of the others as QuadratiseJob has it. O(groups steps) model expansions.
 Expansion expand(const Scene& scene, const Motion& motion, const tiller_config_t& cost,
-                 const std::vector<CostTerm>& learnt, const ExpandOptions& options);
+                 const std::vector<CostTerm>& learnt, const ExpandOptions& options,
+                 const std::vector<std::uint32_t>& targets = {});
 
 }  // namespace tiller::tools::imitate

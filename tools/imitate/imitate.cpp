@@ -4,6 +4,8 @@
 #include <cmath>
 
 #include "tools/base/text.hpp"
+#include "tools/imitate/distance.hpp"
+#include "tools/imitate/imitate_policy.hpp"
 #include "tools/imitate/replan.hpp"
 #include "tools/tune/number_edit.hpp"
 
@@ -43,26 +45,6 @@ bool choose_terms(const ImitateOptions& options, std::vector<CostTerm>& learnt, 
   if (!learnt.empty()) return true;
   error = "cost: every weight above 0 is kept; leave one to be learnt: " + join(known);
   return false;
-}
-
-/// Each state over its spread in the demonstrations; one without spread has no say.
-Vector spread_of(const Scene& scene, const std::vector<Demonstration>& all) {
-  Vector squares = Vector::Zero(scene.nx());
-  double count = 0;
-  for (const Demonstration& d : all)
-    for (Eigen::Index k = 0; k < d.motion.state.cols(); ++k, ++count)
-      squares += scene.difference(d.motion.state.col(k), all[0].motion.state.col(0)).cwiseAbs2();
-  return (squares / std::max(1.0, count)).cwiseSqrt();
-}
-
-double distance(const Scene& scene, const Motion& a, const Motion& b, const Vector& spread) {
-  double sum = 0, count = 0;
-  for (Eigen::Index k = 0; k < a.state.cols(); ++k) {
-    const Vector d = scene.difference(a.state.col(k), b.state.col(k));
-    for (Eigen::Index i = 0; i < d.size(); ++i)
-      if (spread(i) > 0) sum += std::pow(d(i) / spread(i), 2), ++count;
-  }
-  return count > 0 ? std::sqrt(sum / count) : 0;
 }
 
 /// What a cost does from the demonstration's start: one plan to its end, or a receding horizon.
@@ -116,9 +98,74 @@ void match(const Scene& scene, const std::vector<CostTerm>& learnt, const Imitat
   }
 }
 
-bool write_weights(const MaxentFit& fit, std::string& text, std::string& error) {
+double share_at_limits(const Expansion& e) {
+  double limited = 0;
+  for (const auto& step : e.at_limit)
+    for (const std::int8_t side : step) limited += side != 0 ? 1 : 0;
+  return limited / static_cast<double>(e.steps * e.nu);
+}
+
+std::uint32_t foresight_of(const RobotFile& robot, const ImitateOptions& options) {
+  return options.horizon < 0 ? robot.config.planner.horizon : static_cast<std::uint32_t>(options.horizon);
+}
+
+bool write_cost(const MaxentFit& fit, std::string& text, std::string& error) {
   for (const LearntWeight& w : fit.weights)
     if (w.varies && !tune::set_number(text, w.term.key, format("%.6g", w.value), error)) return false;
+  for (const LearntTarget& t : fit.targets)
+    if (!tune::set_number(text, t.target.key, format("%.6g", t.value), error)) return false;
+  return true;
+}
+
+bool choose_targets(const RobotFile& robot, const std::string& text, const ImitateOptions& options,
+                    const std::vector<CostTerm>& learnt, std::vector<CostTarget>& targets, std::string& error) {
+  if (!options.targets.empty() && options.method != "maxent") {
+    error = "--target: is learnt by --method maxent alone; leave it out, or take that method";
+    return false;
+  }
+  for (const std::string& state : options.targets) {
+    targets.emplace_back();
+    if (!cost_target(robot, text, learnt, state, targets.back(), error)) return false;
+  }
+  return true;
+}
+
+/// A target may lie anywhere that the state goes: its unit is the farthest that it goes from the file's.
+void measure_targets(const Scene& scene, const std::vector<Demonstration>& all, std::vector<CostTarget>& targets) {
+  for (CostTarget& target : targets) {
+    Vector there = Vector::Zero(scene.nx());
+    there(target.state) = target.value;
+    target.unit = 1e-6;
+    for (const Demonstration& d : all)
+      for (Eigen::Index k = 0; k < d.motion.state.cols(); ++k)
+        target.unit = std::max(target.unit, std::fabs(scene.difference(d.motion.state.col(k), there)(target.state)));
+  }
+}
+
+/// The weights of the cost by maximum entropy or by matched features.
+bool imitate_cost(const RobotFile& robot, const Scene& scene, const std::vector<CostTerm>& learnt,
+                  std::vector<CostTarget>& targets, const std::string& text, const ImitateOptions& options,
+                  Imitated& result, std::string& error) {
+  measure_targets(scene, result.demonstrations, targets);
+  std::vector<std::uint32_t> moved;
+  for (const CostTarget& target : targets) moved.push_back(target.state);
+  result.every = options.every > 0 ? options.every : judged_every(result.demonstrations, result.horizon);
+  ExpandOptions how;
+  how.every_end = result.horizon > 0;
+  std::vector<Expansion> motions;
+  for (Demonstration& d : result.demonstrations) {
+    motions.push_back(expand(scene, d.motion, robot.config, learnt, how, moved));
+    d.limited = share_at_limits(motions.back());
+  }
+  MaxentOptions by;
+  by.foresight = {result.horizon, result.every};
+  if (options.method == "matching")
+    match(scene, learnt, options, result);
+  else if (!fit_maxent(motions, learnt, targets, by, result.fit, error))
+    return false;
+  result.text = text;
+  if (!write_cost(result.fit, result.text, error)) return false;
+  replay_all(robot, scene, result);
   return true;
 }
 
@@ -127,41 +174,28 @@ bool write_weights(const MaxentFit& fit, std::string& text, std::string& error) 
 CostEdit learnt_cost(const RobotFile& robot, const MaxentFit& fit) {
   CostEdit cost(robot.config);
   for (const LearntWeight& w : fit.weights) cost.set(w.term, w.value);
+  for (const LearntTarget& t : fit.targets) cost.set_target(t.target.state, t.value);
   return cost;
 }
 
 bool imitate(const RobotFile& robot, const std::string& text, const ImitateOptions& options, Imitated& result,
              std::string& error) {
+  const bool acts = learns_policy(options.method);
   Scene scene;
   std::vector<CostTerm> learnt = cost_terms(robot, text);
-  if (!scene.make(robot.config, error) || !choose_terms(options, learnt, result.kept, error)) {
+  std::vector<CostTarget> targets;
+  if (!scene.make(robot.config, error) || (!acts && !choose_terms(options, learnt, result.kept, error)) ||
+      !choose_targets(robot, text, options, learnt, targets, error) || (acts && !has_limits(robot, error))) {
     error = robot.path + ": " + error;
     return false;
   }
-  result.horizon = options.horizon < 0 ? robot.config.planner.horizon : static_cast<std::uint32_t>(options.horizon);
-  const std::size_t least = std::max<std::size_t>(10, result.horizon);
+  result.horizon = acts ? rollout_length(options) : foresight_of(robot, options);
+  const std::size_t least = acts ? 10 : std::max<std::size_t>(10, result.horizon);
   if (!read_demonstrations(robot, scene, options.logs, least, result.demonstrations, result.warnings, error))
     return false;
-  result.every = options.every > 0 ? options.every : judged_every(result.demonstrations, result.horizon);
-  ExpandOptions how;
-  how.every_end = result.horizon > 0;
-  std::vector<Expansion> motions;
-  for (Demonstration& d : result.demonstrations) {
-    motions.push_back(expand(scene, d.motion, robot.config, learnt, how));
-    double limited = 0;
-    for (const auto& step : motions.back().at_limit)
-      for (const std::int8_t side : step) limited += side != 0 ? 1 : 0;
-    d.limited = limited / static_cast<double>(d.motion.input.size());
-  }
-  MaxentOptions by;
-  by.foresight = {result.horizon, result.every};
-  if (options.method == "matching")
-    match(scene, learnt, options, result);
-  else if (!fit_maxent(motions, learnt, by, result.fit, error))
-    return false;
+  if (!acts) return imitate_cost(robot, scene, learnt, targets, text, options, result, error);
   result.text = text;
-  if (!write_weights(result.fit, result.text, error)) return false;
-  replay_all(robot, scene, result);
+  imitate_policy(robot, scene, options, result);
   return true;
 }
 

@@ -40,6 +40,14 @@ json weight_json(const LearntWeight& w) {
           {"identified", w.identified}};
 }
 
+json target_json(const LearntTarget& t) {
+  return {{"key", t.target.key},
+          {"file", number(t.target.value)},
+          {"value", number(t.value)},
+          {"interval_90", {number(t.low), number(t.high)}},
+          {"identified", t.identified}};
+}
+
 json replayed_json(const Replayed& r, const tiller_model_t& model) {
   const Demonstration& d = *r.demonstration;
   return {{"path", d.path},
@@ -57,6 +65,14 @@ json replayed_json(const Replayed& r, const tiller_model_t& model) {
           {"distance_after", number(r.rms_after)}};
 }
 
+json policy_json(const ImitatedPolicy& policy) {
+  const StoredNetwork& net = policy.stored.network;
+  return {{"inputs", net.inputs},
+          {"hidden", {net.hidden[0], net.hidden[1]}},
+          {"weights", net.weights.size()},
+          {"gap", numbers(policy.gap)}};
+}
+
 json units_json(const tiller_model_t& model) {
   json units = json::object();
   for (std::uint32_t i = 0; i < model.state_count; ++i)
@@ -69,8 +85,10 @@ json units_json(const tiller_model_t& model) {
 }  // namespace
 
 std::string imitate_json(const RobotFile& robot, const ImitateOptions& options, const Imitated& result) {
-  json weights = json::array(), kept = json::array(), alike = json::array(), replayed = json::array();
+  json weights = json::array(), targets = json::array(), kept = json::array(), alike = json::array(),
+       replayed = json::array();
   for (const LearntWeight& w : result.fit.weights) weights.push_back(weight_json(w));
+  for (const LearntTarget& t : result.fit.targets) targets.push_back(target_json(t));
   for (const CostTerm& term : result.kept) kept.push_back({{"key", term.key}, {"value", number(term.value)}});
   for (const auto& [a, b] : result.fit.alike)
     alike.push_back({result.fit.weights[a].term.key, result.fit.weights[b].term.key});
@@ -87,6 +105,7 @@ std::string imitate_json(const RobotFile& robot, const ImitateOptions& options, 
                     {"converged", result.fit.converged},
                     {"kept", kept},
                     {"weights", weights},
+                    {"targets", targets},
                     {"alike", alike},
                     {"units", units_json(*robot.model)},
                     {"demonstrations", replayed},
@@ -95,6 +114,7 @@ std::string imitate_json(const RobotFile& robot, const ImitateOptions& options, 
                       {"bound", number(result.matching.bound)},
                       {"demonstrated", numbers(result.matching.demonstrated)},
                       {"made", numbers(result.matching.made)}}},
+                    {"policy", policy_json(result.policy)},
                     {"warnings", result.warnings}};
   return out.dump(1);
 }

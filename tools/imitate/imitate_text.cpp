@@ -1,7 +1,8 @@
+#include <algorithm>
 #include <cmath>
 
 #include "tools/base/text.hpp"
-#include "tools/imitate/imitate.hpp"
+#include "tools/imitate/imitate_policy.hpp"
 
 namespace tiller::tools::imitate {
 namespace {
@@ -19,6 +20,9 @@ std::string weights_table(const MaxentFit& fit) {
     text += format("  %-36s %12.5g %12.5g %25s  %s\n", w.term.key.c_str(), w.term.value, w.value, interval.c_str(),
                    judgement(w).c_str());
   }
+  for (const LearntTarget& t : fit.targets)
+    text += format("  %-36s %12.5g %12.5g %25s  %s\n", t.target.key.c_str(), t.target.value, t.value,
+                   format("%.4g .. %.4g", t.low, t.high).c_str(), t.identified ? "" : "not identified");
   return text;
 }
 
@@ -38,14 +42,49 @@ std::string likelihood_text(const MaxentFit& fit) {
   std::string text = format("log likelihood %.1f (the file's weights: %.1f); %d iterations%s\n", fit.log_likelihood,
                             fit.before, fit.iterations, fit.converged ? "" : ", not converged");
   for (const auto& [a, b] : fit.alike)
-    text += format("%s and %s: the demonstrations tell their ratio to each other, not their size\n",
+    text += format("%s and %s: the demonstrations tell their ratio to each other better than their size\n",
                    fit.weights[a].term.key.c_str(), fit.weights[b].term.key.c_str());
   return text;
+}
+
+/// Means of the critic's gap over the first and the last tenth of the iterations.
+std::string gap_text(const std::vector<double>& gap) {
+  const std::size_t tenth = std::max<std::size_t>(1, gap.size() / 10);
+  double first = 0, last = 0;
+  for (std::size_t i = 0; i < tenth; ++i) {
+    first += gap[i] / static_cast<double>(tenth);
+    last += gap[gap.size() - 1 - i] / static_cast<double>(tenth);
+  }
+  return format("what the critic still tells apart: %.3g (first tenth of the iterations: %.3g)\n", last, first);
+}
+
+std::string policy_table(const Imitated& result) {
+  std::string text =
+      format("\n  %-32s %8s %10s %12s %12s\n", "demonstration", "periods", "at limits", "distance", "of cloning");
+  for (const Replayed& r : result.replayed)
+    text += format("  %-32s %8ld %8.0f %% %12.3f %12.3f\n", r.demonstration->path.c_str(),
+                   static_cast<long>(r.demonstration->motion.steps()), 100 * r.demonstration->limited, r.rms_after,
+                   r.rms_before);
+  return text +
+         "  distance: RMS of the states that the policy reaches on the model from the same start, over their spread\n"
+         "  cloning: least squares on the same inputs\n";
+}
+
+std::string policy_summary(const RobotFile& robot, const ImitateOptions& options, const Imitated& result) {
+  const StoredNetwork& net = result.policy.stored.network;
+  return format("%s: %zu demonstrations; a policy by %s, %d iterations, rollouts of %u periods\n", robot.name.c_str(),
+                result.demonstrations.size(),
+                options.method == "wasserstein" ? "adversarial imitation, Wasserstein" : "adversarial imitation",
+                options.iterations, result.horizon) +
+         format("network: %zu inputs, %u x %u, %zu weights\n", net.inputs.size(), net.hidden[0], net.hidden[1],
+                net.weights.size()) +
+         gap_text(result.policy.gap) + policy_table(result);
 }
 
 }  // namespace
 
 std::string imitate_text(const RobotFile& robot, const ImitateOptions& options, const Imitated& result) {
+  if (learns_policy(options.method)) return policy_summary(robot, options, result);
   const MaxentFit& fit = result.fit;
   std::string text = format("%s: %zu demonstrations; ", robot.name.c_str(), result.demonstrations.size());
   text += result.horizon == 0 ? "each one plan to its end\n" : format("a horizon of %u periods\n", result.horizon);

@@ -19,7 +19,7 @@ double log_mass(double z, double& slope) {
   return -0.5 * z * z - std::log(-z) - 0.9189385332046727 + std::log1p(-inverse + 3 * inverse * inverse);
 }
 
-/// A quadratic in the state, and its derivatives by the logarithm of each weight.
+/// A quadratic in the state, and its derivatives by the parameter of each weight.
 struct Value {
   Vector p;
   Matrix P;
@@ -29,8 +29,9 @@ struct Value {
 
 class Sweep {
  public:
-  Sweep(const Expansion& e, const Vector& weight, bool slopes)
-      : e_(e), w_(weight), groups_(slopes ? e.groups() : 0), n_(e.n), nu_(e.nu) {}
+  /// `rate` (groups): what a unit of its parameter adds to each weight; without numbers no slopes are made.
+  Sweep(const Expansion& e, const Vector& weight, const Vector& rate)
+      : e_(e), w_(weight), rate_(rate), groups_(static_cast<std::size_t>(rate.size())), n_(e.n), nu_(e.nu) {}
 
   void end(Eigen::Index point) {
     v_.p = Vector::Zero(n_);
@@ -38,7 +39,7 @@ class Sweep {
     for (std::size_t g = 0; g < e_.groups(); ++g) of(e_.terminal[g], point).add(w_(index(g)), v_.p, v_.P);
     v_.dp.assign(groups_, Vector::Zero(n_));
     v_.dP.assign(groups_, Matrix::Zero(n_, n_));
-    for (std::size_t g = 0; g < groups_; ++g) of(e_.terminal[g], point).add(w_(index(g)), v_.dp[g], v_.dP[g]);
+    for (std::size_t g = 0; g < groups_; ++g) of(e_.terminal[g], point).add(rate_(index(g)), v_.dp[g], v_.dP[g]);
   }
 
   /// One period back; the policy of its input stands in `gain`, `wish` and `quu` then. False: no positive curvature.
@@ -112,7 +113,7 @@ class Sweep {
     for (std::size_t g = 0; g < groups_; ++g) {
       dq1_[g] = f.transpose() * (v_.dp[g] + v_.dP[g] * defect);
       dq2_[g] = f.transpose() * v_.dP[g] * f;
-      of(e_.stage[g], k).add(w_(index(g)), dq1_[g], dq2_[g]);
+      of(e_.stage[g], k).add(rate_(index(g)), dq1_[g], dq2_[g]);
     }
   }
 
@@ -177,6 +178,7 @@ class Sweep {
 
   const Expansion& e_;
   const Vector& w_;
+  const Vector& rate_;
   std::size_t groups_;
   Eigen::Index n_, nu_;
   Value v_;
@@ -188,9 +190,9 @@ class Sweep {
   Eigen::LLT<Matrix> factor_;
 };
 
-void judge_window(const Expansion& e, const Vector& weight, Eigen::Index first, Eigen::Index last, bool all,
-                  Likelihood& sum) {
-  Sweep sweep(e, weight, true);
+void judge_window(const Expansion& e, const Vector& weight, const Vector& rate, Eigen::Index first, Eigen::Index last,
+                  bool all, Likelihood& sum) {
+  Sweep sweep(e, weight, rate);
   sweep.end(last);
   for (Eigen::Index k = last; k-- > first && sum.good;) {
     sum.good = sweep.back(k);
@@ -201,10 +203,15 @@ void judge_window(const Expansion& e, const Vector& weight, Eigen::Index first, 
 }  // namespace
 
 void add_likelihood(const Expansion& e, const Vector& weight, const Foresight& foresight, Likelihood& sum) {
+  add_likelihood(e, weight, weight, foresight, sum);
+}
+
+void add_likelihood(const Expansion& e, const Vector& weight, const Vector& rate, const Foresight& foresight,
+                    Likelihood& sum) {
   const Eigen::Index horizon = foresight.horizon;
-  if (horizon == 0) return judge_window(e, weight, 0, e.steps, true, sum);
+  if (horizon == 0) return judge_window(e, weight, rate, 0, e.steps, true, sum);
   for (Eigen::Index k = 0; k + horizon <= e.steps && sum.good; k += foresight.every)
-    judge_window(e, weight, k, k + horizon, false, sum);
+    judge_window(e, weight, rate, k, k + horizon, false, sum);
 }
 
 Policy policy_along(const Expansion& e, const Vector& weight, bool planning) {
@@ -212,7 +219,8 @@ Policy policy_along(const Expansion& e, const Vector& weight, bool planning) {
   policy.gain.resize(static_cast<std::size_t>(e.steps));
   policy.wish.resize(policy.gain.size());
   policy.precision.resize(policy.gain.size());
-  Sweep sweep(e, weight, false);
+  const Vector none;
+  Sweep sweep(e, weight, none);
   sweep.planning = planning;
   sweep.end(e.steps);
   for (Eigen::Index k = e.steps; k-- > 0;) {

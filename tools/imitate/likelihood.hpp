@@ -7,7 +7,8 @@ namespace tiller::tools::imitate {
 /// Log likelihood of demonstrated inputs under the policy of maximum entropy, with its derivatives.
 struct Likelihood {
   double value = 0;    ///< nats
-  Vector gradient;     ///< (groups) with respect to the logarithm of each weight
+  Vector gradient;     ///< (groups) with respect to the parameter of each weight: of add_likelihood()'s first form its
+                       ///< logarithm
   Matrix information;  ///< (groups x groups) expected (Fisher); of inputs at limits the outer product of the slopes
   Eigen::Index inputs = 0;   ///< that counted as drawn from the policy
   Eigen::Index limited = 0;  ///< that counted as beyond a limit
@@ -30,6 +31,9 @@ struct Foresight {
 /// An input at a limit counts as any wish beyond that limit (Tobit 1958): its slope may press against the limit at no
 /// loss. Cost: O(steps groups n^3), with a horizon times that.
 void add_likelihood(const Expansion& e, const Vector& weight, const Foresight& foresight, Likelihood& sum);
+/// The same for weights of any sign: `rate` (groups) is what a unit of its parameter adds to each.
+void add_likelihood(const Expansion& e, const Vector& weight, const Vector& rate, const Foresight& foresight,
+                    Likelihood& sum);
 
 /// Gains and wishes of that policy along a motion.
 struct Policy {

@@ -3,13 +3,14 @@
 #include <string>
 #include <vector>
 
+#include "tools/imitate/cost_parameters.hpp"
 #include "tools/imitate/likelihood.hpp"
 
 namespace tiller::tools::imitate {
 
 struct MaxentOptions {
   Foresight foresight;
-  double prior_sd = 5;   ///< of a learnt weight's logarithm around the robot file's
+  double prior_sd = 5;   ///< of a learnt weight's logarithm around the robot file's, and of a target in its units
   int iterations = 100;  ///< of Fisher scoring, at most
 };
 
@@ -23,8 +24,17 @@ struct LearntWeight {
   bool identified = true;    ///< false: log_sd is above 1, the interval wider than a factor of 5 either way
 };
 
+/// What they say of a target.
+struct LearntTarget {
+  CostTarget target;
+  double value = 0;          ///< SI
+  double low = 0, high = 0;  ///< 90 % interval
+  bool identified = true;    ///< false: its deviation is above the target's unit
+};
+
 struct MaxentFit {
   std::vector<LearntWeight> weights;  ///< in the order of the terms
+  std::vector<LearntTarget> targets;  ///< in the order of the targets
   double nats = 0;                    ///< what one unit of the kept cost is in nats: the inverse temperature
   double log_likelihood = 0;          ///< nats
   double before = 0;                  ///< that of the robot file's weights at their own best scale
@@ -41,5 +51,9 @@ struct MaxentFit {
 /// False with a sentence in `error`. O(iterations) likelihoods.
 bool fit_maxent(const std::vector<Expansion>& motions, const std::vector<CostTerm>& learnt,
                 const MaxentOptions& options, MaxentFit& fit, std::string& error);
+/// With targets of states: the motions are expanded with them.
+bool fit_maxent(const std::vector<Expansion>& motions, const std::vector<CostTerm>& learnt,
+                const std::vector<CostTarget>& targets, const MaxentOptions& options, MaxentFit& fit,
+                std::string& error);
 
 }  // namespace tiller::tools::imitate

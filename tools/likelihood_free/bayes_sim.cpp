@@ -133,8 +133,8 @@ bool run_bayes_sim(const InferenceProblem& problem, Inferred& result, std::strin
     const double far = outside(features, observed);
     if (!(answer.weight.sum() > 0)) {
       error = format(
-          "round %u: the density at the logs lies outside of what was simulated%s; raise --simulations, widen "
-          "the priors, or check that simulator and logs mean the same",
+          "round %u: the density at the logs lies outside of what was simulated%s; widen the priors, which "
+          "may leave the truth out, check that simulator and logs mean the same, or raise --simulations",
           round + 1, far > kFar ? ", as do the logs themselves" : "");
       return false;
     }

@@ -1,6 +1,6 @@
 #include <cmath>
 
-#include "tools/likelihood_free/inference.hpp"
+#include "tools/likelihood_free/doubts.hpp"
 #include "tools/likelihood_free/summary.hpp"
 
 namespace tiller::tools {
@@ -50,7 +50,8 @@ const InferenceMethod* find_inference_method(const std::string& name) {
 bool infer(const InferenceProblem& problem, Inferred& result, std::string& error) {
   error.clear();
   if (!check(problem, error)) return false;
-  return find_inference_method(problem.options.method)->run(problem, result, error);
+  return find_inference_method(problem.options.method)->run(problem, result, error) &&
+         add_doubts(problem, result, error);
 }
 
 }  // namespace tiller::tools

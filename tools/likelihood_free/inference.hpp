@@ -58,6 +58,7 @@ struct InferenceProblem {
   std::vector<Piece> pieces;     ///< at least one
   std::vector<double> noise_sd;  ///< (ny) of the sensors: added to what is simulated, and drawn at its start
   Simulator simulate;
+  Words names, measured;  ///< (np), (ny) for warnings; empty: by number
   InferenceOptions options;
 };
 
@@ -79,7 +80,7 @@ struct InferenceMethod {
 const std::vector<InferenceMethod>& inference_methods();
 const InferenceMethod* find_inference_method(const std::string& name);
 
-/// Runs options.method. False with a sentence in `error`. Same problem, same bits.
+/// Runs options.method and looks for doubts (doubts.hpp). False with a sentence in `error`. Same problem, same bits.
 bool infer(const InferenceProblem& problem, Inferred& result, std::string& error);
 
 // one for each method

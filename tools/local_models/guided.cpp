@@ -171,7 +171,8 @@ class Guided {
     }
     KlStep found;
     if (!kl_lqr(models, costs(), before, local.mean[0], start, options_.epsilon * task_.horizon, local.laws, found)) {
-      error = "guided: condition " + std::to_string(c + 1) + ": no laws near the policy; raise the bound epsilon";
+      error =
+          "guided: condition " + std::to_string(c + 1) + ": no laws within epsilon of the policy; raise it (--epsilon)";
       return false;
     }
     step.divergence += found.divergence / task_.horizon / static_cast<double>(conditions_.size());

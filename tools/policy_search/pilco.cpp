@@ -26,6 +26,14 @@ void start_features(const SearchTask& task, Vector& mean, Matrix& covariance) {
   covariance = seen.covariance.values();
 }
 
+/// Sine and cosine vary by about 0.7 over a turn.
+Vector first_lengths(const SearchTask& task) {
+  Vector length(static_cast<Eigen::Index>(task.policy_inputs.size()));
+  for (Eigen::Index i = 0; i < length.size(); ++i)
+    length(i) = task.policy_inputs[static_cast<std::size_t>(i)] < task.states ? 1.0 : 0.7;
+  return length;
+}
+
 }  // namespace
 
 void Transitions::add(const SearchTask& task, const Trial& trial) {
@@ -59,13 +67,10 @@ std::unique_ptr<Trainable> make_trainable(const SearchTask& task, const SearchOp
   const int features = static_cast<int>(task.policy_inputs.size());
   auto trainable = options.kind == "linear" ? make_linear(features, task.commands())
                                             : make_rbf(features, task.commands(), options.bumps);
-  Vector mean, length(features);
+  Vector mean;
   Matrix covariance;
   start_features(task, mean, covariance);
-  // sine and cosine vary by about 0.7 over a turn
-  for (int i = 0; i < features; ++i)
-    length(i) = task.policy_inputs[static_cast<std::size_t>(i)] < task.states ? 1.0 : 0.7;
-  first = first_parameters(*trainable, mean, covariance, length, options.seed);
+  first = first_parameters(*trainable, mean, covariance, first_lengths(task), 0.1, options.seed);
   return trainable;
 }
 
@@ -105,16 +110,61 @@ bool search_policy(const SearchTask& task, const RunTrial& run, const SearchOpti
   return true;
 }
 
+namespace {
+
+/// Fresh policies that are only judged for each one that is searched from.
+constexpr int kDrawn = 10;
+
+/// Mean and covariance of the policy's features where the dynamics have data; the start's where they look at others.
+void seen_features(const SearchTask& task, const Bumps& dynamics, Vector& mean, Matrix& covariance) {
+  if (task.policy_inputs != task.model_inputs) return start_features(task, mean, covariance);
+  const Matrix seen = dynamics.x.topRows(static_cast<Eigen::Index>(task.policy_inputs.size()));
+  mean = seen.rowwise().mean();
+  const Matrix away = seen.colwise() - mean;
+  covariance = away * away.transpose() / static_cast<double>(std::max<Eigen::Index>(1, seen.cols() - 1));
+}
+
+/// The best of `restarts` short searches from fresh policies, or `parameters` where none is better.
+void restart(const SearchTask& task, const Bumps& dynamics, Trainable& trainable, const SearchOptions& options,
+             const Objective& objective, int trial, Vector& parameters) {
+  double least = long_term_cost(task, dynamics, trainable, parameters, nullptr);
+  Vector mean;
+  Matrix covariance;
+  seen_features(task, dynamics, mean, covariance);
+  LbfgsOptions how;
+  how.evaluations = std::max(1, options.evaluations / 2);
+  how.decrease = 1e-3;
+  for (int r = 0; r < options.restarts; ++r) {
+    Vector best;
+    double best_cost = std::numeric_limits<double>::infinity();
+    for (int d = 0; d < kDrawn; ++d) {
+      const auto draw = static_cast<std::uint64_t>((trial * options.restarts + r) * kDrawn + d + 1);
+      // from a hundredth to all of the range: what swings and what holds are both among them
+      const Vector p = first_parameters(trainable, mean, covariance, first_lengths(task),
+                                        std::pow(10.0, -2.0 * d / kDrawn), options.seed + (draw << 40));
+      const double cost = long_term_cost(task, dynamics, trainable, p, nullptr);
+      if (cost < best_cost) best_cost = cost, best = p;
+    }
+    if (best.size() == 0) continue;
+    const double found = minimise(objective, best, how).value;
+    if (found < least) least = found, parameters = best;
+  }
+}
+
+}  // namespace
+
 bool pilco(const SearchTask& task, const RunTrial& run, const SearchOptions& options, const SearchProgress& after,
            const volatile std::sig_atomic_t& stop, SearchResult& result, std::string& error) {
-  const Improve improve = [&](const Bumps& dynamics, Trainable& trainable, int, Vector& parameters) {
+  const Improve improve = [&](const Bumps& dynamics, Trainable& trainable, int trial, Vector& parameters) {
     const Objective objective = [&](const Vector& p, Vector& gradient) {
       return stop ? std::numeric_limits<double>::quiet_NaN() : long_term_cost(task, dynamics, trainable, p, &gradient);
     };
     LbfgsOptions how;
     how.evaluations = options.evaluations;
     how.decrease = 1e-4;
-    minimise(objective, parameters, how);
+    const double expected = minimise(objective, parameters, how).value;
+    if (!(expected < options.restart_above * task.horizon))
+      restart(task, dynamics, trainable, options, objective, trial, parameters);
   };
   return search_policy(task, run, options, improve, after, stop, result, error);
 }

@@ -14,6 +14,8 @@ struct SearchOptions {
   std::string kind = "rbf";  ///< linear, rbf
   int bumps = 20;
   int evaluations = 100;  ///< of cost and gradient, before each trial
+  int restarts = 0;       ///< searches from fresh policies before each trial (see pilco())
+  double restart_above = 0.7;
   GpOptions gp;
   std::uint64_t seed = 1;
 };
@@ -54,7 +56,9 @@ bool search_policy(const SearchTask& task, const RunTrial& run, const SearchOpti
                    const SearchProgress& after, const volatile std::sig_atomic_t& stop, SearchResult& result,
                    std::string& error);
 
-/// PILCO (Deisenroth and Rasmussen 2011): search_policy() by L-BFGS on long_term_cost().
+/// PILCO (Deisenroth and Rasmussen 2011): search_policy() by L-BFGS on long_term_cost(). A search from the policy before
+/// may stay in the valley that it is in. With `restarts`, so many fresh policies are searched before each trial as long as
+/// more than `restart_above` of the horizon's cost is expected, and that of least expected cost is tried.
 bool pilco(const SearchTask& task, const RunTrial& run, const SearchOptions& options, const SearchProgress& after,
            const volatile std::sig_atomic_t& stop, SearchResult& result, std::string& error);
 

@@ -1,6 +1,7 @@
 #include "tools/policy_search/search_json.hpp"
 
 #include "tools/base/json_number.hpp"
+#include "tools/robot/units.hpp"
 
 namespace tiller::tools::policy {
 namespace {
@@ -12,6 +13,12 @@ nlohmann::json rows_of(const Matrix& m) {
     rows.push_back(numbers({row.data(), row.data() + row.size()}));
   }
   return rows;
+}
+
+nlohmann::json units_of(const Words& names) {
+  nlohmann::json units = nlohmann::json::object();
+  for (const std::string& name : names) units[name] = unit_of_field(name);
+  return units;
 }
 
 }  // namespace
@@ -27,6 +34,8 @@ std::string search_text(const SearchTask& task, const SearchResult& result, cons
                          {"period_s", p.period_s},
                          {"states", p.states},
                          {"commands", p.commands},
+                         {"units", units_of(p.states)},
+                         {"command_units", units_of(p.commands)},
                          {"horizon", task.horizon}};
   json["trials"] = nlohmann::json::array();
   for (const SearchStep& step : result.steps) {

@@ -123,10 +123,10 @@ std::unique_ptr<Trainable> make_rbf(int features, int commands, int bumps) {
 }
 
 Vector first_parameters(const Trainable& trainable, const Vector& mean, const Matrix& covariance, const Vector& length,
-                        std::uint64_t seed) {
+                        double deviation, std::uint64_t seed) {
   Vector p(trainable.count());
   Rng rng(seed, kRngFirstPolicy, 0);
-  for (Eigen::Index i = 0; i < p.size(); ++i) p(i) = 0.1 * rng.normal();
+  for (Eigen::Index i = 0; i < p.size(); ++i) p(i) = deviation * rng.normal();
   Policy policy;
   trainable.write(policy);
   if (policy.kind == "linear") return 0.1 * p;

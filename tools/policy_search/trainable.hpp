@@ -33,9 +33,9 @@ std::unique_ptr<Trainable> make_linear(int features, int commands);
 /// runtime's networks have them. Parameters: x by column, log lengths (features), targets (n x commands) by column.
 std::unique_ptr<Trainable> make_rbf(int features, int commands, int bumps);
 
-/// Where a search begins. Linear: near zero. Bumps: points from `around` (features, mean and covariance), targets of
-/// deviation 0.1, lengths `length` (features).
+/// Where a search begins. Linear: weights of a tenth of `deviation`. Bumps: points from a normal distribution (mean and
+/// covariance, features), lengths `length` (features), targets of `deviation`.
 Vector first_parameters(const Trainable& trainable, const Vector& mean, const Matrix& covariance, const Vector& length,
-                        std::uint64_t seed);
+                        double deviation, std::uint64_t seed);
 
 }  // namespace tiller::tools::policy

@@ -55,6 +55,8 @@ RefitPrior make_simulator_refit(const std::string& path, const RobotFile& robot,
     inference.config = &now.config;
     inference.pieces = make_pieces(make_grids(log, LogMap(), now.config), now.config, box->file->piece_s);
     inference.noise_sd = sensor_noise(now.config);
+    inference.names = now.params;
+    inference.measured = now.measurements;
     inference.simulate = pool_simulator(box->pool, inference.pieces);
     inference.options.simulations = simulations;
     inference.options.rounds = rounds;

@@ -62,6 +62,15 @@ int wait_for(pid_t process, int flags, int& status) {
   return got;
 }
 
+/// What to do about a program that is not executed.
+const char* remedy_of(int why) {
+  if (why == EACCES) return "make it executable (chmod +x), or name its interpreter in front of it";
+  if (why == ENOENT || why == ENOTDIR)
+    return "check folder and name; a program without a slash in its name is looked for in PATH, one with a slash from "
+           "that folder on";
+  return "try it by hand in that folder";
+}
+
 std::string ending_of(int status) {
   if (WIFEXITED(status)) return format("ended with exit code %d", WEXITSTATUS(status));
   return format("was ended by signal %d (%s)", WTERMSIG(status), strsignal(WTERMSIG(status)));
@@ -92,7 +101,8 @@ bool LineProcess::start(const std::vector<std::string>& argv, const std::string&
   if (child < 0 || n == sizeof why) {
     int status = 0;
     if (child > 0) wait_for(child, 0, status);
-    error = "cannot start " + argv[0] + " in " + (folder.empty() ? "." : folder) + ": " + std::strerror(why);
+    error = "cannot start " + argv[0] + " in " + (folder.empty() ? "." : folder) + ": " + std::strerror(why) + "; " +
+            remedy_of(why);
     return false;
   }
   process_ = child;

@@ -131,7 +131,10 @@ bool SimulatorPool::lose(Worker& worker, Batch& batch, const std::string& why, s
   const std::string ending = worker.process.stop(), words = trimmed(worker.errors);
   const std::string what = "the simulator " + (why.empty() ? ending : why);
   if (!worker.greeted) {
-    error = what + " before it had greeted" + last_words(words);
+    const bool late = !why.empty();
+    error = what + " before it had greeted; " +
+            (late ? "raise start_s, or flush the greeting" : "run its command by hand; it must greet, and stay") +
+            last_words(words);
     return false;
   }
   worker.out.clear();

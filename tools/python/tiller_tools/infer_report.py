@@ -21,7 +21,7 @@ def _candidate(result: dict) -> dict:
 
 
 def rounds_figure(result: dict, index: int) -> str | None:
-    """Mean and deviation of a parameter, round by round."""
+    """How wide the posterior is after each round, and how far from the last one its mean: both shrink by orders."""
     if len(result["rounds"]) < 2:
         return None
     everything = result["parameters"]
@@ -29,13 +29,18 @@ def rounds_figure(result: dict, index: int) -> str | None:
     param, rounds = everything[at], np.arange(1, len(result["rounds"]) + 1)
     mean = np.array([r["mean"][at] for r in result["rounds"]], dtype=float)
     sd = np.array([r["sd"][at] for r in result["rounds"]], dtype=float)
+    low, high = param["prior"]["interval_90"]
     figure, ax = page.axes(f"{param['name']} by round", page.unit_label(param["name"], param.get("unit")),
                            xlabel="round", height=3.0)
-    ax.axhspan(*param["prior"]["interval_90"], color=page.PRIOR, label="prior 90 %")
-    ax.errorbar(rounds, mean, yerr=1.645 * sd, color=page.ESTIMATE, fmt="o-", capsize=3, label="mean, 90 %")
+    ax.axhline((high - low) / 3.29, color=page.MEASURED, linestyle="--", linewidth=1.2, label="prior's deviation")
+    ax.plot(rounds, sd, "o-", color=page.ESTIMATE, markersize=4, label="deviation")
+    ax.plot(rounds[:-1], np.abs(mean - mean[-1])[:-1], "s:", color=page.BAND, markersize=4,
+            label="mean, from the last")
+    ax.set_yscale("log")
     ax.set_xticks(rounds)
     page.legend(ax)
-    return page.svg(figure, "A posterior that still moves or narrows by the last round needs more simulations.")
+    return page.svg(figure, "A posterior that still narrows by the last round needs more rounds or simulations; one "
+                    "whose mean moves by more than its deviation was too sure before.")
 
 
 def _rows(result: dict) -> list[list[str]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 
 import numpy as np
 
@@ -28,7 +29,7 @@ def cost_figure(search: dict) -> str:
     ax.plot(at, expected, "s--", color=page.ESTIMATE, label="expected before it")
     ax.plot(at, [t["cost"] for t in trials], "o-", color=page.TRUTH, label="of the trial")
     ax.set_xticks(at)
-    ax.set_ylim(bottom=0)
+    ax.set_ylim(0, 1.05 * search["horizon"])
     page.legend(ax)
     return page.svg(figure, "Where the two meet, the model explains what the policy does.")
 
@@ -38,7 +39,7 @@ def state_figure(search: dict, trial: dict, index: int) -> str:
     name = search["states"][index]
     state = _rows(trial["state"])[index]
     t = search["period_s"] * np.arange(state.size)
-    figure, ax = page.axes(name, page.quantity_label(name, None))
+    figure, ax = page.axes(name, page.unit_label(name, search.get("units", {}).get(name)))
     mean, sd = _rows(trial["forecast_mean"]), _rows(trial["forecast_sd"])
     if mean.size:
         ax.fill_between(t, mean[index] - 2 * sd[index], mean[index] + 2 * sd[index], color=page.PREDICTIVE,
@@ -49,12 +50,12 @@ def state_figure(search: dict, trial: dict, index: int) -> str:
     return page.svg(figure)
 
 
-def command_figure(search: dict, trial: dict) -> str:
-    """The commands of a trial, held over a period each."""
-    figure, ax = page.axes("commands", "command")
-    for name, row in zip(search["commands"], _rows(trial["command"])):
-        ax.step(search["period_s"] * np.arange(row.size), row, where="post", label=name)
-    page.legend(ax)
+def command_figure(search: dict, trial: dict, index: int) -> str:
+    """One command of a trial, held over each period."""
+    name = search["commands"][index]
+    row = _rows(trial["command"])[index]
+    figure, ax = page.axes(name, page.unit_label(name, search.get("command_units", {}).get(name)))
+    ax.step(search["period_s"] * np.arange(row.size + 1), np.append(row, row[-1]), where="post", color=page.TRUTH)
     return page.svg(figure)
 
 
@@ -62,16 +63,19 @@ def build(search: dict) -> str:
     """The page's HTML."""
     trials = search["trials"]
     last = trials[-1]
-    body = page.facts([("robot file", search["robot"]), ("method", search["method"]), ("policy", search["kind"]),
+    robot = page.html.escape(Path(search["robot"]).name)
+    body = f"<h1>{robot}: a policy from trials</h1>"
+    body += page.facts([("method", search["method"]), ("policy", search["kind"]),
                        ("trials", str(len(trials))), ("last cost", page.number(last["cost"]))])
     figures = [cost_figure(search)]
     figures += [state_figure(search, last, i) for i in range(len(search["states"]))]
-    figures.append(command_figure(search, last))
-    body += page.grid(figures)
+    figures += [command_figure(search, last, i) for i in range(len(search["commands"]))]
+    body += "<h2>Costs, and the last trial</h2>" + page.grid(figures) + "<h2>Trials</h2>"
     body += page.rows(["trial", "expected", "cost", "search, s"],
                       [[str(i + 1), "–" if t["predicted"] is None else page.number(t["predicted"]),
-                        page.number(t["cost"]), page.number(t["seconds"], 2)] for i, t in enumerate(trials)])
-    return page.page("Policy search", body)
+                        page.number(t["cost"]), "–" if t["predicted"] is None else page.number(t["seconds"], 2)]
+                       for i, t in enumerate(trials)])
+    return page.page(f"{robot}: a policy from trials", body)
 
 
 def main() -> int:

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <memory>
+#include <string>
+
+#include "tools/robot/robot_file.hpp"
+
+namespace tiller::python {
+
+namespace nb = nanobind;
+
+/// A robot file that was read and checked. Constant; copies share it.
+struct Robot {
+  std::shared_ptr<const tools::RobotFile> file;
+
+  const tools::RobotFile& operator*() const { return *file; }
+  const tools::RobotFile* operator->() const { return file.get(); }
+};
+
+void bind_robot(nb::module_& m);
+void bind_controller(nb::module_& m);
+void bind_plant(nb::module_& m);
+void bind_rollout(nb::module_& m);
+
+}  // namespace tiller::python

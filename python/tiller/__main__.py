@@ -1,0 +1,4 @@
+"""python -m tiller: the tiller command."""
+from ._command import main
+
+main()

@@ -1,0 +1,57 @@
+"""The `tiller` command: in a process of its own, by the interpreter that runs this one."""
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+
+from ._errors import CommandError
+from ._paths import ABOVE, prepare
+
+
+def main() -> None:
+    """The console script `tiller`, and `python -m tiller`."""
+    prepare()
+    from . import _core
+
+    for number in (signal.SIGINT, signal.SIGPIPE):
+        signal.signal(number, signal.SIG_DFL)  # the command has handlers of its own where it needs them
+    sys.exit(_core.run_command(["tiller", *sys.argv[1:]]))
+
+
+def command_line(arguments: Sequence[str]) -> list[str]:
+    """What starts the command with these arguments."""
+    return [sys.executable, "-m", "tiller", *arguments]
+
+
+def _environment() -> dict[str, str]:
+    prepare()
+    folders = [ABOVE, os.environ.get("PYTHONPATH", "")]
+    return dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, folders)))
+
+
+def run(arguments: Sequence[str], *, good: Sequence[int] = (0,)) -> tuple[int, str]:
+    """(exit code, what it printed). Raises CommandError for an exit code that is not good. Ctrl-C ends the command
+    too, and comes back as KeyboardInterrupt."""
+    with subprocess.Popen(command_line(arguments), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                          env=_environment(), stdin=subprocess.DEVNULL) as process:
+        try:
+            output, _ = process.communicate()
+        except BaseException:
+            process.send_signal(signal.SIGINT)
+            try:
+                process.wait(timeout=10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+            raise
+    if process.returncode in good:
+        return process.returncode, output
+    lines = output.strip().splitlines()
+    error = CommandError(f"tiller {arguments[0]} ended with {process.returncode}: " + "\n".join(lines[-5:]),
+                         status="command_failed", code=process.returncode,
+                         remedy=lines[-1].split("; ")[-1] if lines and "; " in lines[-1] else
+                         f"read the output; tiller {arguments[0]} --help explains the arguments")
+    error.exit_code, error.output = process.returncode, output
+    raise error
