@@ -12,7 +12,7 @@ Sections:
     local       local linear models with a prior, against none; guided policies (bench_local_models)
     distill     small policies beside the planners that taught them (bench_distill)
     imitate     costs from demonstrations (bench_imitate)
-    simulator   posteriors of black-box simulators (bench_simulator)
+    simulator   posteriors of black-box simulators (bench_simulator); MuJoCo is installed on first use
 
 Only by name, since it installs torch:
     dynamics-peers   the data of `dynamics`, learnt by PETS' ensemble (mbrl-lib) and by GPyTorch
@@ -50,6 +50,12 @@ def parse(arguments):
     return args
 
 
+def need_mujoco():
+    """Hands bench_simulator a Python that has MuJoCo; without one its machines are left out, which it says."""
+    if "TILLER_MUJOCO_PYTHON" not in os.environ and need_environment("mujoco"):
+        os.environ["TILLER_MUJOCO_PYTHON"] = str(python_of("mujoco"))
+
+
 def dynamics_peers(args):
     """The worlds of bench_learned_dynamics as files, learnt by others; a row each in build/dynamics_peers.csv."""
     worlds, rows = ROOT / "build/learned_worlds", ROOT / "build/dynamics_peers.csv"
@@ -75,6 +81,8 @@ def dynamics_peers(args):
 def main():
     args = parse(sys.argv[1:])
     HOME.mkdir(parents=True, exist_ok=True)
+    if args.section in (None, "simulator") and not args.quick:
+        need_mujoco()
     if args.section == "dynamics-peers":
         return dynamics_peers(args)
     rows, good = [], True

@@ -36,7 +36,7 @@ class PlantEnv(gymnasium.Env[Array, Array]):
     reward       minus the quadratic terms of the task's cost (Robot.stage_cost), of the state after the step
     terminated   the state is not finite any more
     truncated    after `seconds`
-    info         "true_params" (np), "measurement", "time_s"
+    info         "true_params" (np), "measured" (ny), "time_s"; a Controller takes env.unwrapped.plant.measurement
     """
 
     metadata: dict[str, Any] = {"render_modes": []}
@@ -70,7 +70,7 @@ class PlantEnv(gymnasium.Env[Array, Array]):
         return np.nan_to_num(seen, nan=0.0)
 
     def _info(self) -> dict[str, Any]:
-        return {"true_params": self._plant.true_params.copy(), "measurement": self._plant.measurement,
+        return {"true_params": self._plant.true_params.copy(), "measured": self._plant.measurement.y.copy(),
                 "time_s": self._plant.time_s}
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:

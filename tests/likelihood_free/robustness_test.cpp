@@ -1,6 +1,8 @@
 // Simulators that fail for some parameters, for all, and logs that no parameters explain; bounds; the same bits.
 
 #include "problems.hpp"
+#include "tools/identify/coordinates.hpp"
+#include "tools/likelihood_free/doubts.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -122,43 +124,52 @@ TEST(BayesSim, TellsLogsThatNoParametersExplain) {
       << told;
 }
 
-// Prior and noise are as small as the logs' mean is far: nothing the simulator shows is like them.
-TEST(Inference, TellsAPriorThatLeavesTheTruthOut) {
-  for (const char* method : {"smc_abc", "abc_regression", "abc"}) {
-    DriftProblem drift(10);
-    set_small(drift.problem, method);
-    Vector exact;
-    Matrix covariance;
-    drift.exact(exact, covariance);
-    drift.config.priors[1] = uniform(exact(1) + 3.0, exact(1) + 4.0);
-    drift.problem.names = {"push", "gain"};
-    drift.problem.measured = {"position_m"};
-    Inferred result;
-    std::string error;
-    ASSERT_TRUE(infer(drift.problem, result, error)) << method << ": " << error;
-    const std::string told = join(result.warnings, "\n");
-    EXPECT_NE(told.find("position_m: the logs lie "), std::string::npos) << method << ": " << told;
-    EXPECT_NE(told.find("gain at "), std::string::npos) << method << ": " << told;
-  }
+/// Equally weighted rows of (push, gain).
+Inferred result_of(const std::vector<double>& rows) {
+  Inferred result;
+  result.found.params = rows;
+  result.found.weight.assign(rows.size() / 2, 2.0 / static_cast<double>(rows.size()));
+  return result;
 }
 
-// b acts on nothing where the input is zero: its posterior is its prior.
-TEST(Inference, TellsAParameterOfWhichTheLogsSayNothing) {
-  for (const std::string& method : {std::string("bayes_sim"), std::string("smc_abc")}) {
-    DriftProblem drift(11);
-    set_small(drift.problem, method);
-    drift.problem.names = {"push", "gain"};
-    drift.problem.pieces[0].input.setZero();
-    const Vector truth = (Vector(2) << 0.3, 0.7).finished();
-    drift.problem.pieces[0].measured = DriftProblem::run(drift.problem.pieces[0], truth, 0.0, 11, drift.step_sd);
-    Inferred result;
-    std::string error;
-    ASSERT_TRUE(infer(drift.problem, result, error)) << method << ": " << error;
-    const std::string told = join(result.warnings, "\n");
-    EXPECT_NE(told.find("gain: as wide as its prior"), std::string::npos) << method << ": " << told;
-    EXPECT_EQ(told.find("push"), std::string::npos) << method << ": " << told;
-    EXPECT_EQ(told.find("the logs lie"), std::string::npos) << method << ": " << told;
+std::string doubts_of(DriftProblem& drift, const std::vector<double>& rows) {
+  drift.problem.names = {"push", "gain"};
+  drift.problem.measured = {"position_m"};
+  Inferred result = result_of(rows);
+  std::string error;
+  EXPECT_TRUE(add_doubts(drift.problem, result, error)) << error;
+  EXPECT_EQ(result.found.simulations, 40u);
+  return join(result.warnings, "\n");
+}
+
+// Gains of 20 move the value by 1,200 in a log that moves by a few hundred at most.
+TEST(Doubts, TellAPriorThatLeavesTheTruthOut) {
+  DriftProblem drift(10);
+  drift.config.priors[1] = uniform(20.0, 21.0);
+  std::vector<double> rows;
+  for (int k = 0; k < 100; ++k) rows.insert(rows.end(), {0.0, 20.0 + 1e-4 * k});
+  const std::string told = doubts_of(drift, rows);
+  EXPECT_NE(told.find("position_m: the logs lie "), std::string::npos) << told;
+  EXPECT_NE(told.find("gain at "), std::string::npos) << told;
+}
+
+// The gain acts on nothing where the input is zero: its posterior is its prior.
+TEST(Doubts, TellAParameterOfWhichTheLogsSayNothing) {
+  DriftProblem drift(11);
+  Piece& piece = drift.problem.pieces[0];
+  piece.input.setZero();
+  piece.measured = DriftProblem::run(piece, (Vector(2) << 0.3, 0.7).finished(), 0.0, 11, drift.step_sd);
+  const Coordinates coordinates(drift.config);
+  std::vector<double> rows;
+  for (std::uint64_t k = 0; k < 400; ++k) {
+    double v[2];
+    coordinates.draw(k, v);
+    rows.insert(rows.end(), {0.3 + 0.01 * v[0], v[1]});
   }
+  const std::string told = doubts_of(drift, rows);
+  EXPECT_NE(told.find("gain: as wide as its prior"), std::string::npos) << told;
+  EXPECT_EQ(told.find("push"), std::string::npos) << told;
+  EXPECT_EQ(told.find("the logs lie"), std::string::npos) << told;
 }
 
 // Ordinary problems raise no doubt.

@@ -15,7 +15,6 @@ using nets::Vector;
 using Index = std::vector<Eigen::Index>;
 
 constexpr std::uint32_t kRngShuffle = 82;  // purpose (core/rng.hpp)
-constexpr std::size_t kKept = 100;         // samples that a width is learnt from to a tenth
 
 Matrix columns_of(const Matrix& x, const Index& index) {
   Matrix out(x.rows(), static_cast<Eigen::Index>(index.size()));
@@ -82,13 +81,11 @@ double DensityNet::train(const Features& features, const Matrix& v, const Densit
   Index order(static_cast<std::size_t>(v.cols()));
   for (std::size_t k = 0; k < order.size(); ++k) order[k] = static_cast<Eigen::Index>(k);
   shuffle(order, rng);
-  const std::size_t tenth = order.size() / 10, quarter = order.size() / 4;
-  const auto kept = static_cast<std::ptrdiff_t>(std::max({std::size_t{1}, tenth, std::min(kKept, quarter)}));
+  const auto kept = static_cast<std::ptrdiff_t>(std::max<std::size_t>(1, order.size() / 10));
   const Index back(order.begin(), order.begin() + kept);
   Index used(order.begin() + kept, order.end());
   out_ = nets::Standardiser::of(columns_of(v, used));
   if (features.fixed.rows() > 0) in_ = nets::Standardiser::of(columns_of(features.fixed, used));
-  width_ = 1.0;
   head_ = {static_cast<int>(v.rows()), o.components};
   const bool recurrent = !features.sequence.empty();
   gru_ = recurrent ? nets::Gru(static_cast<int>(features.sequence[0].rows()), o.states) : nets::Gru();
@@ -120,43 +117,12 @@ double DensityNet::train(const Features& features, const Matrix& v, const Densit
       adam.rate /= 3.0, best.since = 0, ++best.slowed, set_weights(best.weights);
   }
   set_weights(best.weights);
-  return widen(kept_back, columns_of(v, back));
+  return best.loss + out_.sd.array().log().sum();
 }
 
-namespace {
-
-/// Mean of -log q over the columns of v, all deviations times `factor`.
-double loss_of(const std::vector<nets::NormalMixture>& all, const Matrix& v, double factor) {
-  double sum = 0.0;
-  for (std::size_t k = 0; k < all.size(); ++k) {
-    nets::NormalMixture q = all[k];
-    for (Matrix& c : q.covariance) c *= factor * factor;
-    sum -= nets::log_density(q, v.col(static_cast<Eigen::Index>(k)));
-  }
-  return sum / static_cast<double>(all.size());
+double DensityNet::loss(const Features& features, const Matrix& v) const {
+  return step(features, out_.apply(v), nullptr) + out_.sd.array().log().sum();
 }
-
-}  // namespace
-
-std::vector<nets::NormalMixture> DensityNet::at_each(const Features& features) const {
-  std::vector<nets::NormalMixture> all;
-  for (Eigen::Index k = 0; k < features.count(); ++k) all.push_back(at(features.at({k})));
-  return all;
-}
-
-/// Of all deviations the one factor under which what was kept back is likeliest. Networks are too sure: Guo, Pleiss,
-/// Sun, Weinberger (ICML 2017) scale their logits in the same way.
-double DensityNet::widen(const Features& kept_back, const Matrix& v) {
-  const std::vector<nets::NormalMixture> all = at_each(kept_back);
-  double best = std::numeric_limits<double>::infinity();
-  for (int k = -10; k <= 40; ++k) {
-    const double factor = std::exp(0.05 * k), loss = loss_of(all, v, factor);
-    if (loss < best) best = loss, width_ = factor;
-  }
-  return best;
-}
-
-double DensityNet::loss(const Features& features, const Matrix& v) const { return loss_of(at_each(features), v, 1.0); }
 
 nets::NormalMixture DensityNet::at(const Features& one) const {
   const bool recurrent = !one.sequence.empty();
@@ -169,7 +135,7 @@ nets::NormalMixture DensityNet::at(const Features& one) const {
   }
   nets::NormalMixture mixture = head_.mixture(mlp_.evaluate(x).col(0));
   mixture.mean = out_.revert(mixture.mean);
-  for (Matrix& c : mixture.covariance) c = width_ * width_ * (out_.sd.asDiagonal() * c * out_.sd.asDiagonal());
+  for (Matrix& c : mixture.covariance) c = out_.sd.asDiagonal() * c * out_.sd.asDiagonal();
   return mixture;
 }
 

@@ -25,10 +25,9 @@ struct DensityNetOptions {
 /// the features have a sequence; all of it trained together on the mean of -log q (BayesSim, RSS 2019, eq. 5).
 class DensityNet {
  public:
-  /// Trains from random weights. A tenth of the samples is kept back, a hundred of few: the weights are those of its
-  /// least loss, the rate falls to a third when that has not fallen for `patience` epochs, and training ends the third
-  /// time. All deviations are then scaled by the factor under which those samples are likeliest. Returns their loss
-  /// under it, in nats of v.
+  /// Trains from random weights. A tenth of the samples is kept back: the weights are those of its least loss, the rate
+  /// falls to a third when that has not fallen for `patience` epochs, and training ends the third time. Returns that
+  /// loss, in nats of v.
   double train(const Features& features, const nets::Matrix& v, const DensityNetOptions& options);
   /// At one sample.
   nets::NormalMixture at(const Features& one) const;
@@ -38,15 +37,12 @@ class DensityNet {
  private:
   nets::Vector weights() const;
   void set_weights(const nets::Vector& weights);
-  std::vector<nets::NormalMixture> at_each(const Features& features) const;
-  double widen(const Features& kept_back, const nets::Matrix& v);
   double step(const Features& features, const nets::Matrix& target, nets::Vector* gradient) const;
 
   nets::MixtureHead head_;
   nets::Gru gru_;
   nets::Mlp mlp_;
   nets::Standardiser in_, out_;
-  double width_ = 1.0;  // of the deviations that the head says
 };
 
 }  // namespace tiller::tools
