@@ -17,7 +17,8 @@ import subprocess
 import sys
 import urllib.parse
 
-LINK = re.compile(r"(!?\[[^\]\n]*\])\(([^)\s]+)\)")
+LINK = re.compile(r"(!?\[[^\]]*\])\(([^)\s]+)\)")
+FORMULA = re.compile(r"(\w\[\w+\])\((?=[^)]* )")  # network[member](sin q, ...): no link, though it looks like one
 FOLDERS = {"guide": "How to", "reference": "Reference", "theory": "Theory", "evidence": "Evidence", "project": "Project"}
 PICTURES = {".png", ".svg", ".jpg"}
 LANGUAGES = {".h": "c", ".c": "c", ".hpp": "cpp", ".cpp": "cpp", ".py": "python", ".toml": "toml", ".json": "json",
@@ -68,7 +69,8 @@ class Site:
 
         text = page.read_text(encoding="utf-8")
         parts = re.split(r"(^```.*?^```)", text, flags=re.M | re.S)
-        page.write_text("".join(p if p.startswith("```") else LINK.sub(one, p) for p in parts), encoding="utf-8")
+        prose = lambda part: LINK.sub(one, FORMULA.sub(r"\1\\(", part))
+        page.write_text("".join(p if p.startswith("```") else prose(p) for p in parts), encoding="utf-8")
 
 
 def relative(there, page):
@@ -230,8 +232,8 @@ def write_pages(root, out):
 def main(root, out):
     root, out = pathlib.Path(root).resolve(), pathlib.Path(out).resolve()
     write_pages(root, out)
-    built = subprocess.run([sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-f", str(out / "mkdocs.yml")],
-                           capture_output=True, text=True, check=False)
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "-f", str(out / "mkdocs.yml")]
+    built = subprocess.run(command, capture_output=True, text=True, check=False)
     print(built.stdout + built.stderr, end="")
     if built.returncode != 0:
         return 1
