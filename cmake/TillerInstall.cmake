@@ -108,7 +108,9 @@ foreach(part IN LISTS parts)
 endforeach()
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/runtime/include/tiller DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
   FILES_MATCHING PATTERN "*.hpp" PATTERN "*.h" PATTERN "*.def")
-install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+if(NOT TILLER_PACKAGES)
+  install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+endif()
 
 # The same for programs without CMake. The libraries need nothing of C++'s own: a program in C is linked by the C
 # driver.
@@ -124,8 +126,9 @@ string(REGEX REPLACE "/$" "" TILLER_PC_UP "${TILLER_PC_UP}")
 configure_file(cmake/tiller.pc.in ${PROJECT_BINARY_DIR}/tiller.pc @ONLY)
 install(FILES ${PROJECT_BINARY_DIR}/tiller.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
 
-# The liblcm of a Python environment goes along: the installed command must not need the build folder.
-if(TARGET lcm AND TARGET tiller_command AND TILLER_VENV)
+# The liblcm of a Python environment goes along: the installed command must not need the build folder. A package of the
+# distribution depends on the distribution's.
+if(TARGET lcm AND TARGET tiller_command AND TILLER_VENV AND NOT TILLER_PACKAGES)
   get_target_property(lcm_file lcm LOCATION)
   string(FIND "${lcm_file}" "${TILLER_VENV}/" at)
   if(at EQUAL 0)

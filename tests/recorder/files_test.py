@@ -6,6 +6,7 @@ import pathlib
 import signal
 import struct
 import subprocess
+import sys
 import tempfile
 import time
 import unittest
@@ -75,6 +76,22 @@ class Files(unittest.TestCase):
             cells = row.split(",")
             self.assertAlmostEqual(float(cells[1]), measured["angle_rad"], delta=1e-8 * max(1, abs(measured["angle_rad"])))
             self.assertAlmostEqual(float(cells[2]), command["torque_Nm"], delta=1e-8)
+
+    def test_a_layout_for_foxglove_plots_what_the_file_has(self):
+        package = ROBOTS.parent / "tools/python"
+        made = subprocess.run([sys.executable, "-m", "tiller_tools.foxglove_layout", "run.mcap", "-o", "run.layout.json"],
+                              cwd=self.home, env=dict(os.environ, PYTHONPATH=str(package)), check=False)
+        self.assertEqual(made.returncode, 0)
+        layout = json.loads((self.home / "run.layout.json").read_text())
+        ticks = [json.loads(m.data) for m in messages_of(self.home / "run.mcap")[0] if b'"mean"' in m.data]
+        drawn = {path["value"] for panel in layout["configById"].values() for path in panel.get("paths", [])}
+        for name in ticks[0]["mean"]:
+            self.assertIn("/tick.mean." + (f'"{name}"' if "." in name else name), drawn)
+
+        def panels(part):
+            return [part] if isinstance(part, str) else panels(part["first"]) + panels(part["second"])
+
+        self.assertEqual(sorted(panels(layout["layout"])), sorted(layout["configById"]))
 
     def test_a_reader_that_seeks_finds_an_interval(self):
         with open(self.home / "run.mcap", "rb") as file:

@@ -1,0 +1,79 @@
+# Debian packages (`./dev deb`), from a build with -DTILLER_PACKAGES=ON:
+#
+#   libtiller0     libtiller.so.0: the C ABI, for programs that link it
+#   libtiller-dev  headers, static libraries, CMake package, pkg-config file
+#   tiller-tools   the command, its Python tools, robots, message types, the unit for systemd
+#
+# Every install() names its part by CMAKE_INSTALL_DEFAULT_COMPONENT_NAME, which a folder sets once. The Python package
+# is a wheel (`./dev wheel`).
+
+# The shared library is every archive of the core, whole, with the C ABI alone to be seen.
+set(core "")
+foreach(part IN LISTS core_targets)
+  get_target_property(type ${part} TYPE)
+  if(type STREQUAL "STATIC_LIBRARY")
+    list(APPEND core ${part})
+  endif()
+endforeach()
+file(WRITE ${PROJECT_BINARY_DIR}/generated/libtiller.c "typedef int tiller_the_archives_hold_everything;\n")
+file(WRITE ${PROJECT_BINARY_DIR}/generated/libtiller.map "{ global: tiller_*; local: *; };\n")
+add_library(tiller_shared SHARED ${PROJECT_BINARY_DIR}/generated/libtiller.c)
+set_target_properties(tiller_shared PROPERTIES OUTPUT_NAME tiller VERSION ${PROJECT_VERSION}
+  SOVERSION ${PROJECT_VERSION_MAJOR} LINKER_LANGUAGE C LINK_DEPENDS ${PROJECT_BINARY_DIR}/generated/libtiller.map)
+target_link_options(tiller_shared PRIVATE -Wl,--version-script=${PROJECT_BINARY_DIR}/generated/libtiller.map
+  -Wl,--no-undefined)
+target_link_libraries(tiller_shared PRIVATE -Wl,--whole-archive ${core} -Wl,--no-whole-archive m)
+install(TARGETS tiller_shared LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT lib NAMELINK_COMPONENT dev)
+
+install(FILES ${PROJECT_SOURCE_DIR}/tools/packaging/tiller@.service DESTINATION lib/systemd/system COMPONENT tools)
+
+# What Debian asks of every package: a copyright file and a compressed changelog under its name.
+find_program(TILLER_GZIP gzip REQUIRED)
+set(CPACK_DEBIAN_LIB_PACKAGE_NAME libtiller${PROJECT_VERSION_MAJOR})
+set(CPACK_DEBIAN_DEV_PACKAGE_NAME libtiller-dev)
+set(CPACK_DEBIAN_TOOLS_PACKAGE_NAME tiller-tools)
+execute_process(COMMAND ${TILLER_GZIP} -9nc ${PROJECT_SOURCE_DIR}/tools/packaging/changelog
+  OUTPUT_FILE ${PROJECT_BINARY_DIR}/generated/changelog.gz)
+foreach(part lib dev tools)
+  string(TOUPPER ${part} upper)
+  set(folder ${CMAKE_INSTALL_DATADIR}/doc/${CPACK_DEBIAN_${upper}_PACKAGE_NAME})
+  install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${folder} RENAME copyright COMPONENT ${part})
+  install(FILES ${PROJECT_BINARY_DIR}/generated/changelog.gz DESTINATION ${folder} COMPONENT ${part})
+endforeach()
+
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME tiller)
+set(CPACK_PACKAGE_CONTACT "The tiller authors <tiller@localhost>")
+set(CPACK_PACKAGE_DIRECTORY ${PROJECT_SOURCE_DIR}/build/debs)
+set(CPACK_COMPONENTS_ALL lib dev tools)
+set(CPACK_COMPONENTS_GROUPING ONE_PER_GROUP)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE
+  WORLD_READ WORLD_EXECUTE)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON)
+set(CPACK_DEBIAN_ENABLE_COMPONENT_DEPENDS OFF)
+set(CPACK_DEBIAN_LIB_PACKAGE_SECTION libs)
+set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
+set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "libtiller${PROJECT_VERSION_MAJOR} (= ${PROJECT_VERSION})")
+set(CPACK_DEBIAN_DEV_PACKAGE_SUGGESTS "libxsimd-dev, libeigen3-dev")
+set(CPACK_DEBIAN_TOOLS_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_TOOLS_PACKAGE_DEPENDS "python3:any")
+set(CPACK_DEBIAN_TOOLS_PACKAGE_RECOMMENDS "python3-matplotlib, python3-numpy")
+set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS "libtiller-dev, g++, libxsimd-dev, python3-scipy")
+string(CONCAT CPACK_COMPONENT_LIB_DESCRIPTION
+  "model predictive control with an online posterior, in fixed memory\n"
+  " The C library that a robot's program links. It keeps a particle posterior over\n"
+  " the parameters of a model, plans over it, and guards every command.")
+string(CONCAT CPACK_COMPONENT_DEV_DESCRIPTION
+  "headers and static libraries of tiller\n"
+  " The C ABI, the headers for models of one's own, the static libraries of each\n"
+  " part, the CMake package and the pkg-config file.")
+string(CONCAT CPACK_COMPONENT_TOOLS_DESCRIPTION
+  "the tiller command\n"
+  " Runs robots, simulates plants, records and replays logs, identifies parameters\n"
+  " and finds what a model lacks. Models of one's own in C++ need g++ and\n"
+  " libtiller-dev.")
+include(CPack)
