@@ -110,7 +110,8 @@ int demo_command(const Arguments& a) {
   std::printf("\n%s\n", outcome.c_str());
   std::fputs(summary(*robot, options, result).c_str(), stdout);
   if (!result.readable_log.empty()) std::printf("log: %s\n", fs::absolute(result.readable_log).c_str());
-  const int reported = report_demo(a, *robot, folder, result, {"tiller demo: cart-pole swing-up", outcome, upright, options.true_params});
+  const int reported = report_demo(a, *robot, folder, result,
+                                   {"tiller demo: cart-pole swing-up", outcome, upright, options.true_params});
   if (result.exit_code != kExitOk) return result.exit_code;
   return moved ? static_cast<int>(kExitLogIncomplete) : reported;
 }
