@@ -57,8 +57,8 @@ class Command(unittest.TestCase):
 
     def test_a_killed_run_goes_on_to_the_same_bytes(self):
         out = self.fleet.parent / "killed"
-        run = subprocess.Popen([TILLER, "fleet", "identify", self.fleet, "-o", out, "-j", "2", "--", "--particles", "64"],
-                               stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        command = [TILLER, "fleet", "identify", self.fleet, "-o", out, "-j", "2", "--", "--particles", "64"]
+        run = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
         while run.poll() is None and len(list(out.glob("results/*.json"))) < 2:
             time.sleep(0.02)
         run.send_signal(signal.SIGKILL)
@@ -68,6 +68,19 @@ class Command(unittest.TestCase):
         self.assertEqual(rest.returncode, 0, rest.stderr)
         self.assertEqual(results(out), results(self.fleet / "fleet_identify"))
         self.assertEqual((out / "fleet.json").read_bytes(), (self.fleet / "fleet_identify/fleet.json").read_bytes())
+
+    def test_gap_names_the_effect_of_one_robot_and_why_a_log_is_of_no_use(self):
+        fleet = self.fleet.parent / "longer"
+        self.assertEqual(tiller("make", fleet, "--robots", 8, "--odd", 2, "--seed", 3, "--seconds", 24).returncode, 0)
+        (fleet / "too_short.csv").write_text((self.fleet / "robot_1.csv").read_text())
+        ran = tiller("gap", fleet, "--jobs", 2)
+        self.assertEqual(ran.returncode, 0, ran.stderr)
+        result = json.loads((fleet / "fleet_gap/fleet.json").read_text())
+        truth = json.loads((fleet / "truth.json").read_text())["odd"]
+        self.assertEqual([r["robot"] for r in result["robots"] if "coulomb_friction (joint)" in r["effects"]],
+                         [name for name, odd in truth.items() if odd["kind"] == "dry_friction"])
+        self.assertEqual([r["robot"] for r in result["refused"]], ["too_short"])
+        self.assertIn("too short; record at least", ran.stdout)
 
     def test_what_is_wrong_is_said(self):
         gone = tiller("identify", self.fleet / "nowhere")

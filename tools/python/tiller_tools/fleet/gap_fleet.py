@@ -18,10 +18,17 @@ LEAST_STRENGTHS = 5  # robots whose strengths make a population
 
 
 def line(kept: dict) -> str:
-    if "refusal" in kept:
-        return "refused: " + (kept["refusal"].splitlines() or ["without a word"])[-1][:160]
+    if why := _why_refused(kept):
+        return "refused: " + why[:160]
     names = " + ".join(_effects(kept["result"]))
     return kept["result"]["verdict"].replace("_", " ") + (f": {names}" if names else "")
+
+
+def _why_refused(kept: dict) -> str:
+    """A sentence where the log gave no verdict: the command refused it, or the data do not suffice."""
+    if "refusal" in kept:
+        return (kept["refusal"].splitlines() or ["without a word"])[-1]
+    return "; ".join(kept["result"]["reasons"]) if kept["result"]["verdict"] == "unfit" else ""
 
 
 def _effects(result: dict) -> list[str]:
@@ -35,7 +42,8 @@ def _equals(result: dict) -> list[str]:
     """Effects of explanations that did equally well."""
     if result["verdict"] != "ambiguous":
         return []
-    return sorted({f"{e['kind']} ({e['port']})" for r in result["ranking"] if r.get("equivalent") for e in r["effects"]})
+    equal = [r for r in result["ranking"] if r.get("equivalent")]
+    return sorted({f"{e['kind']} ({e['port']})" for r in equal for e in r["effects"]})
 
 
 def _share_interval(k: int, n: int) -> list[float]:
@@ -80,16 +88,15 @@ def _differences(own: set, common: set, rare: set) -> list[str]:
 
 
 def analyse(fitted: list[tuple[Job, dict]], alpha: float, seed: int) -> dict:
-    results = {job.robot: kept["result"] for job, kept in fitted if "result" in kept}
-    refused = [{"robot": job.robot, "log": job.log_names, "why": kept["refusal"]}
-               for job, kept in fitted if "refusal" in kept]
+    results = {job.robot: kept["result"] for job, kept in fitted if not _why_refused(kept)}
+    refused = [{"robot": job.robot, "log": job.log_names, "why": _why_refused(kept)}
+               for job, kept in fitted if _why_refused(kept)]
     if len(results) < 3:
         raise FleetError(f"{len(results)} robots could be looked at, which is no fleet; "
                          + (refused[0]["why"] if refused else "give at least 3"))
-    answered = {name: r for name, r in results.items() if r["verdict"] != "unfit"}
-    effects = sorted({e for r in answered.values() for e in _effects(r)})
-    counts = {e: sum(e in _effects(r) for r in answered.values()) for e in effects}
-    n = max(1, len(answered))
+    effects = sorted({e for r in results.values() for e in _effects(r)})
+    counts = {e: sum(e in _effects(r) for r in results.values()) for e in effects}
+    n = len(results)
     common = {e for e in effects if counts[e] / n >= COMMON}
     rare = {e for e in effects if counts[e] / n < RARE}
     names = sorted(results)
@@ -98,15 +105,16 @@ def analyse(fitted: list[tuple[Job, dict]], alpha: float, seed: int) -> dict:
     rows = []
     for i, name in enumerate(names):
         own = set(_effects(results[name]))
-        differs = _differences(own, common, rare) if name in answered else []
-        why = ["its gap is not as large as that of the others"] if tails[i] < level else []
+        differs = _differences(own, common, rare)
+        side = "larger" if sigma[i] > np.median(sigma) else "smaller"
+        why = [f"its gap is {side} than that of the others"] if tails[i] < level else []
         rows.append({"robot": name, "verdict": results[name]["verdict"], "effects": sorted(own),
                      "equals": _equals(results[name]), "sentence": results[name]["sentence"],
                      "gap_sigma": results[name]["gate"]["nominal_sigma"], "tail": float(tails[i]), "odd": bool(why),
                      "why": why, "differs": differs})
     table = [{"effect": e, "robots": counts[e], "share": counts[e] / n, "share_90": _share_interval(counts[e], n),
               "of": "the fleet" if e in common else "single robots" if e in rare else "a part of the fleet",
-              "parameters": _parameters_of(answered, e, seed)} for e in sorted(effects, key=lambda e: -counts[e])]
+              "parameters": _parameters_of(results, e, seed)} for e in sorted(effects, key=lambda e: -counts[e])]
     first = results[names[0]]
     return {"format": "tiller-fleet", "version": 1, "what": "gap", "tiller": first["tiller"],
             "robot": first["robot"]["name"], "false_alarm": alpha, "level": level, "effects": table, "robots": rows,
@@ -120,13 +128,15 @@ def text(result: dict) -> str:
     for e in result["effects"]:
         lines.append(f"  {e['effect']:<40} {e['robots']:5d} robots, {100 * e['share']:3.0f} % "
                      f"({100 * e['share_90'][0]:.0f} .. {100 * e['share_90'][1]:.0f} %): {e['of']}")
-        lines += [f"    {p['name']:<38} {p['centre']:.4g} {p['unit']} ({p['centre_90'][0]:.4g} .. {p['centre_90'][1]:.4g}), "
-                  f"from robot to robot {p['spread']:.2g}" for p in e["parameters"]]
+        for p in e["parameters"]:
+            low, high = p["centre_90"]
+            lines.append(f"    {p['name']:<38} {p['centre']:.4g} {p['unit']} ({low:.4g} .. {high:.4g}), "
+                         f"from robot to robot {p['spread']:.2g}")
     if not result["effects"]:
         lines.append("  no effect is named of any robot")
     lines.append("")
     for r in result["robots"]:
         if r["odd"] or r["differs"]:
             lines.append(f"  {'odd' if r['odd'] else 'differs'}: {r['robot']}: {'; '.join(r['why'] + r['differs'])}")
-    lines += [f"  refused: {r['robot']} ({r['log']})" for r in result["refused"]]
+    lines += [f"  refused: {r['robot']} ({r['log']}): {r['why'][:160]}" for r in result["refused"]]
     return "\n".join(lines) + "\n"
