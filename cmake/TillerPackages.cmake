@@ -16,7 +16,17 @@ foreach(part IN LISTS core_targets)
   endif()
 endforeach()
 file(WRITE ${PROJECT_BINARY_DIR}/generated/libtiller.c "typedef int tiller_the_archives_hold_everything;\n")
-file(WRITE ${PROJECT_BINARY_DIR}/generated/libtiller.map "{ global: tiller_*; local: *; };\n")
+# Seen from outside: the functions that the C headers declare.
+file(GLOB headers ${PROJECT_SOURCE_DIR}/runtime/include/tiller/*.h)
+set(seen "")
+foreach(header IN LISTS headers)
+  file(STRINGS ${header} lines REGEX "^[a-z].*tiller_[a-z0-9_]+\\(")
+  foreach(line IN LISTS lines)
+    string(REGEX MATCH "(tiller_[a-z0-9_]+)\\(" unused "${line}")
+    string(APPEND seen "${CMAKE_MATCH_1}; ")
+  endforeach()
+endforeach()
+file(WRITE ${PROJECT_BINARY_DIR}/generated/libtiller.map "{ global: ${seen} local: *; };\n")
 add_library(tiller_shared SHARED ${PROJECT_BINARY_DIR}/generated/libtiller.c)
 set_target_properties(tiller_shared PROPERTIES OUTPUT_NAME tiller VERSION ${PROJECT_VERSION}
   SOVERSION ${PROJECT_VERSION_MAJOR} LINKER_LANGUAGE C LINK_DEPENDS ${PROJECT_BINARY_DIR}/generated/libtiller.map)
@@ -27,23 +37,34 @@ install(TARGETS tiller_shared LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPON
 
 install(FILES ${PROJECT_SOURCE_DIR}/tools/packaging/tiller@.service DESTINATION lib/systemd/system COMPONENT tools)
 
-# What Debian asks of every package: a copyright file and a compressed changelog under its name.
-find_program(TILLER_GZIP gzip REQUIRED)
 set(CPACK_DEBIAN_LIB_PACKAGE_NAME libtiller${PROJECT_VERSION_MAJOR})
 set(CPACK_DEBIAN_DEV_PACKAGE_NAME libtiller-dev)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_NAME tiller-tools)
-execute_process(COMMAND ${TILLER_GZIP} -9nc ${PROJECT_SOURCE_DIR}/tools/packaging/changelog
-  OUTPUT_FILE ${PROJECT_BINARY_DIR}/generated/changelog.gz)
+
+# What Debian asks of every package: a copyright file and a compressed changelog under its name.
+find_program(TILLER_GZIP gzip REQUIRED)
+set(kept ${PROJECT_BINARY_DIR}/generated)
+file(READ ${PROJECT_SOURCE_DIR}/LICENSE licence)
+string(REGEX REPLACE "\n\n" "\n.\n" licence "${licence}")
+string(REGEX REPLACE "\n" "\n " licence "${licence}")
+file(WRITE ${kept}/copyright "Format: https://www.debian.org/doc/packaging-manuals/copyright-format/1.0/\n"
+  "Upstream-Name: tiller\n\nFiles: *\nCopyright: 2026 The tiller authors\nLicense: BSD-3-Clause\n ${licence}\n")
+foreach(page changelog tiller.1)
+  execute_process(COMMAND ${TILLER_GZIP} -9nc ${PROJECT_SOURCE_DIR}/tools/packaging/${page}
+    OUTPUT_FILE ${kept}/${page}.gz)
+endforeach()
+install(FILES ${PROJECT_SOURCE_DIR}/tools/packaging/lintian-overrides COMPONENT lib
+  DESTINATION ${CMAKE_INSTALL_DATADIR}/lintian/overrides RENAME ${CPACK_DEBIAN_LIB_PACKAGE_NAME})
+install(FILES ${kept}/tiller.1.gz DESTINATION ${CMAKE_INSTALL_DATADIR}/man/man1 COMPONENT tools)
 foreach(part lib dev tools)
   string(TOUPPER ${part} upper)
   set(folder ${CMAKE_INSTALL_DATADIR}/doc/${CPACK_DEBIAN_${upper}_PACKAGE_NAME})
-  install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${folder} RENAME copyright COMPONENT ${part})
-  install(FILES ${PROJECT_BINARY_DIR}/generated/changelog.gz DESTINATION ${folder} COMPONENT ${part})
+  install(FILES ${kept}/copyright ${kept}/changelog.gz DESTINATION ${folder} COMPONENT ${part})
 endforeach()
 
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME tiller)
-set(CPACK_PACKAGE_CONTACT "The tiller authors <tiller@localhost>")
+set(CPACK_PACKAGE_CONTACT "The tiller authors <tiller@tiller.example>")
 set(CPACK_PACKAGE_DIRECTORY ${PROJECT_SOURCE_DIR}/build/debs)
 set(CPACK_COMPONENTS_ALL lib dev tools)
 set(CPACK_COMPONENTS_GROUPING ONE_PER_GROUP)
@@ -53,27 +74,28 @@ set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXE
   WORLD_READ WORLD_EXECUTE)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
-set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON)
+# Debian wants a trigger for ldconfig, beside the script that CPack writes.
+set(name ${CPACK_DEBIAN_LIB_PACKAGE_NAME})
+file(WRITE ${kept}/shlibs "libtiller ${PROJECT_VERSION_MAJOR} ${name} (>= ${PROJECT_VERSION})\n")
+set(CPACK_DEBIAN_LIB_PACKAGE_CONTROL_EXTRA ${PROJECT_SOURCE_DIR}/tools/packaging/triggers ${kept}/shlibs)
+set(CPACK_DEBIAN_LIB_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_ENABLE_COMPONENT_DEPENDS OFF)
 set(CPACK_DEBIAN_LIB_PACKAGE_SECTION libs)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
-set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "libtiller${PROJECT_VERSION_MAJOR} (= ${PROJECT_VERSION})")
+set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "${CPACK_DEBIAN_LIB_PACKAGE_NAME} (= ${PROJECT_VERSION})")
 set(CPACK_DEBIAN_DEV_PACKAGE_SUGGESTS "libxsimd-dev, libeigen3-dev")
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_DEPENDS "python3:any")
 set(CPACK_DEBIAN_TOOLS_PACKAGE_RECOMMENDS "python3-matplotlib, python3-numpy")
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS "libtiller-dev, g++, libxsimd-dev, python3-scipy")
 string(CONCAT CPACK_COMPONENT_LIB_DESCRIPTION
-  "model predictive control with an online posterior, in fixed memory\n"
-  " The C library that a robot's program links. It keeps a particle posterior over\n"
+  "The C library that a robot's program links. It keeps a particle posterior over\n"
   " the parameters of a model, plans over it, and guards every command.")
 string(CONCAT CPACK_COMPONENT_DEV_DESCRIPTION
-  "headers and static libraries of tiller\n"
-  " The C ABI, the headers for models of one's own, the static libraries of each\n"
+  "The C ABI, the headers for models of one's own, the static libraries of each\n"
   " part, the CMake package and the pkg-config file.")
 string(CONCAT CPACK_COMPONENT_TOOLS_DESCRIPTION
-  "the tiller command\n"
-  " Runs robots, simulates plants, records and replays logs, identifies parameters\n"
-  " and finds what a model lacks. Models of one's own in C++ need g++ and\n"
-  " libtiller-dev.")
+  "The command runs robots, simulates plants, records and replays logs, learns\n"
+  " parameters and finds what a model lacks. Models of one's own in C++ need g++\n"
+  " and libtiller-dev.")
 include(CPack)

@@ -47,7 +47,8 @@ def row(section, what, figure, unit, low=None, high=None):
     """Prints a row and keeps it; met within [low, high]."""
     goals = [f">= {low}"] * (low is not None) + [f"<= {high}"] * (high is not None)
     met = all(((low is None or figure >= low), (high is None or figure <= high)))
-    print(f"  {what:<70} {figure:10.4g} {unit:<10} {' '.join(goals):<18} {('met' if met else 'short') if goals else ''}",
+    verdict = ('met' if met else 'short') if goals else ''
+    print(f"  {what:<70} {figure:10.4g} {unit:<10} {' '.join(goals):<18} {verdict}",
           flush=True)
     if goals:
         ROWS.append({"section": section, "heading": "tiller fleet", "row": what, "figure": figure, "unit": unit,
@@ -202,7 +203,8 @@ def start_identify(args, folder, out, *options):
 
 def children(pid):
     path = pathlib.Path(f"/proc/{pid}/task")
-    found = [int(p) for task in path.iterdir() for p in (task / "children").read_text().split()] if path.exists() else []
+    tasks = list(path.iterdir()) if path.exists() else []
+    found = [int(p) for task in tasks for p in (task / "children").read_text().split()]
     return found
 
 
@@ -292,9 +294,10 @@ def coverage(args):
         for k, p in enumerate(result["population"]["parameters"]):
             true_mean, true_sd = truth["population"]["mean"][k], math.sqrt(truth["population"]["covariance"][k][k])
             low, high = p["centre_coordinate_90"]
-            row("coverage", f"seed {seed}: {p['name']}: truth in the centre's interval", float(low < true_mean < high), "")
+            what = f"seed {seed}: {p['name']}: truth in the interval of the"
+            row("coverage", f"{what} centre", float(low < true_mean < high), "")
             low, high = p["spread"]["interval_90"]
-            row("coverage", f"seed {seed}: {p['name']}: truth in the spread's interval", float(low < true_sd < high), "")
+            row("coverage", f"{what} spread", float(low < true_sd < high), "")
     populations(40 if args.quick else 200)
 
 
@@ -344,7 +347,8 @@ class Reweighted:
         for draws, prior in zip(self.draws, self.log_prior):
             a, b = ((draws - mean) / sd).T
             rest = 1 - correlation**2
-            log = -0.5 * (a * a - 2 * correlation * a * b + b * b) / rest - np.log(sd).sum() - 0.5 * math.log(rest) - prior
+            log = -0.5 * (a * a - 2 * correlation * a * b + b * b) / rest
+            log += -np.log(sd).sum() - 0.5 * math.log(rest) - prior
             top = log.max()
             total += top + math.log(np.exp(log - top).mean())
         return total

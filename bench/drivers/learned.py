@@ -35,7 +35,8 @@ import sys
 from _driver import HOME, ONE_THREAD, PEERS, ROOT, need_environment, note, python_of, run_table, summary
 
 PROGRAMS = {"step": "bench_network_step", "dynamics": "bench_learned_dynamics", "policies": "bench_policy_search",
-            "local": "bench_local_models", "distill": "bench_distill", "imitate": "bench_imitate", "simulator": "bench_simulator"}
+            "local": "bench_local_models", "distill": "bench_distill", "imitate": "bench_imitate",
+            "simulator": "bench_simulator"}
 
 
 def parse(arguments):

@@ -97,8 +97,10 @@ def main():
     recorded = RECORDED.read_text(encoding="utf-8").splitlines()
     if now == recorded:
         return 0
-    for line in [f"+ {line}" for line in now if line not in recorded] + [f"- {line}" for line in recorded if line not in now]:
-        print(line)
+    for sign, lines, others in (("+", now, recorded), ("-", recorded, now)):
+        for line in lines:
+            if line not in others:
+                print(sign, line)
     if now[0] == recorded[0]:
         print(f"{HEADER}: the layout has changed and TILLER_CONFIG_VERSION has not; raise it, or undo the change")
     print("then write the record again: TILLER_APPROVE=1 ctest -R '^abi_layout$'")

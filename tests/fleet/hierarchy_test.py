@@ -9,7 +9,8 @@ sys.path.insert(0, os.environ["TILLER_PYTHON_PACKAGE"])
 import numpy as np  # noqa: E402
 
 from tiller_tools.fleet import chance, hierarchy, odd  # noqa: E402
-from tiller_tools.fleet.summaries import Coordinate, Evidence, disagreement, divide_prior, evidence_of, together  # noqa: E402
+from tiller_tools.fleet.summaries import (Coordinate, Evidence, disagreement, divide_prior,  # noqa: E402
+                                          evidence_of, together)
 
 LOG = Coordinate("mass_kg", "kg", True, np.log(0.5), 0.4, True)
 FLAT = Coordinate("offset_Nm", "N m", False, 0.0, 0.5, False)
@@ -82,7 +83,8 @@ class Summaries(unittest.TestCase):
     def test_draws_become_their_gaussian(self):
         draws = np.exp(np.random.default_rng(1).normal(-0.7, 0.02, (20000, 1)))
         found = evidence_of(draws, [LOG])
-        self.assertAlmostEqual(found.lam[0, 0] * 0.02**2, 1 - 0.05**2, delta=0.03)  # 0.05 = 0.02 / 0.4, the prior's part
+        # 0.05 = 0.02 / 0.4, the prior's part
+        self.assertAlmostEqual(found.lam[0, 0] * 0.02**2, 1 - 0.05**2, delta=0.03)
         self.assertAlmostEqual(found.eta[0] / found.lam[0, 0], -0.7, delta=0.002)
 
     def test_logs_that_disagree(self):

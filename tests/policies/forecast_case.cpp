@@ -1,5 +1,5 @@
-// Prints a case as JSON for forecast_test.py: data and shape of a Gaussian process, a linear policy, a cost, and what the
-// library forecasts over three periods.
+// Prints a case as JSON for forecast_test.py: data and shape of a Gaussian process, a linear policy, a cost, and what
+// the library forecasts over three periods.
 
 #include <cstdio>
 #include <string>
@@ -33,7 +33,7 @@ Matrix draws(Eigen::Index rows, Eigen::Index cols) {
   return out;
 }
 
-/// States: an angle and its rate. The process sees rate, sine, cosine and the command; what it learns is like a pendulum.
+/// States: an angle and its rate. The process sees rate, sine, cosine and the command, and learns a kind of pendulum.
 SearchTask make_task() {
   SearchTask task;
   task.states = 2;

@@ -79,8 +79,8 @@ class Files(unittest.TestCase):
 
     def test_a_layout_for_foxglove_plots_what_the_file_has(self):
         package = ROBOTS.parent / "tools/python"
-        made = subprocess.run([sys.executable, "-m", "tiller_tools.foxglove_layout", "run.mcap", "-o", "run.layout.json"],
-                              cwd=self.home, env=dict(os.environ, PYTHONPATH=str(package)), check=False)
+        command = [sys.executable, "-m", "tiller_tools.foxglove_layout", "run.mcap", "-o", "run.layout.json"]
+        made = subprocess.run(command, cwd=self.home, env=dict(os.environ, PYTHONPATH=str(package)), check=False)
         self.assertEqual(made.returncode, 0)
         layout = json.loads((self.home / "run.layout.json").read_text())
         ticks = [json.loads(m.data) for m in messages_of(self.home / "run.mcap")[0] if b'"mean"' in m.data]

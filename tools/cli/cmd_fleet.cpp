@@ -14,8 +14,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kLayout =
-    "DIR holds robot.toml and either NAME.csv, one log of robot NAME each, or folders NAME/ with the logs of one robot\n"
-    "(CSV, .lcm, .mcap, .rec). A folder's own robot.toml stands in the place of the common one.\n";
+    "DIR holds robot.toml and either NAME.csv, one log of robot NAME each, or folders NAME/ with the logs of one\n"
+    "robot (CSV, .lcm, .mcap, .rec). A folder's own robot.toml stands in the place of the common one.\n";
 
 /// Options that the fits and the posterior of the fleet share.
 struct FleetOptions {
@@ -113,8 +113,8 @@ void add_make(CLI::App& fleet, int& exit_code) {
   command->add_option("--seconds", o->length_s, "of each log (default 3)")->check(number_between(1, 600));
   command->add_option("--seed", o->seed, "same seed, same bytes (default 1)")->check(CLI::PositiveNumber);
   command->footer(
-      "Damped pendulums of one series. Odd ones carry a load, have dry friction, a weak drive, a cable that pulls, or a\n"
-      "worn bearing. truth.json tells which; `tiller fleet identify` does not read it.\n\nExamples:\n"
+      "Damped pendulums of one series. Odd ones carry a load, have dry friction, a weak drive, a cable that pulls, or\n"
+      "a worn bearing. truth.json tells which; `tiller fleet identify` does not read it.\n\nExamples:\n"
       "  tiller fleet make out/fleet\n"
       "      1,000 robots, five of them odd\n"
       "  tiller fleet make out/small --robots 20 --odd 1 --seed 7\n"

@@ -19,7 +19,8 @@ import urllib.parse
 
 LINK = re.compile(r"(!?\[[^\]]*\])\(([^)\s]+)\)")
 FORMULA = re.compile(r"(\w\[\w+\])\((?=[^)]* )")  # network[member](sin q, ...): no link, though it looks like one
-FOLDERS = {"guide": "How to", "reference": "Reference", "theory": "Theory", "evidence": "Evidence", "project": "Project"}
+FOLDERS = {"guide": "How to", "reference": "Reference", "theory": "Theory", "evidence": "Evidence",
+           "project": "Project"}
 PICTURES = {".png", ".svg", ".jpg"}
 LANGUAGES = {".h": "c", ".c": "c", ".hpp": "cpp", ".cpp": "cpp", ".py": "python", ".toml": "toml", ".json": "json",
              ".sh": "sh", ".def": "c", ".csv": "text", ".md": "markdown"}

@@ -42,7 +42,8 @@ def _threads(client) -> int:
         raise FleetError("the scheduler has no worker; start some with `dask worker ADDRESS --nthreads 1`")
     wide = [name for name, w in workers.items() if w["nthreads"] != 1]
     if wide:
-        raise FleetError(f"worker {wide[0]} has {workers[wide[0]]['nthreads']} threads; start workers with --nthreads 1")
+        threads = workers[wide[0]]["nthreads"]
+        raise FleetError(f"worker {wide[0]} has {threads} threads; start workers with --nthreads 1")
     return len(workers)
 
 

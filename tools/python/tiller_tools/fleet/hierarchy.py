@@ -153,4 +153,4 @@ def split_r_hat(values: np.ndarray) -> float:
 def worst_r_hat(draws: Draws) -> float:
     d = draws.mean.shape[2]
     sd = np.sqrt(np.diagonal(draws.covariance, axis1=2, axis2=3))
-    return max([split_r_hat(draws.mean[:, :, k]) for k in range(d)] + [split_r_hat(np.log(sd[:, :, k])) for k in range(d)])
+    return max(split_r_hat(chains[:, :, k]) for chains in (draws.mean, np.log(sd)) for k in range(d))

@@ -151,7 +151,8 @@ def analyse(fitted: list[tuple[Job, dict]], alpha: float, seed: int) -> dict:
                      "rough; more robots or longer logs help")
     low = [name for name in robots.names if min(r["exponent"] or 1 for r in robots.results[name]) < 0.5]
     if low:
-        notes.append(f"{len(low)} robots have fits that did not converge ({', '.join(low[:5])}): give each more --particles")
+        notes.append(f"{len(low)} robots have fits that did not converge ({', '.join(low[:5])}): "
+                     "give each more --particles")
     return {"format": "tiller-fleet", "version": 1, "what": "identify", "tiller": first["tiller"],
             "robot": first["robot"], "false_alarm": alpha, "level": level, "robots": rows,
             "odd": [r["robot"] for r in rows if r["odd"]], "refused": robots.refused, "population": population,
@@ -177,7 +178,8 @@ def text(result: dict) -> str:
                                zip(result["population"]["parameters"], r["parameters"]))
             lines.append(f"  odd: {r['robot']}: {'; '.join(r['why'])} ({values}; noise {r['noise_scale']:.2f})")
     if not result["odd"]:
-        lines.append(f"  no odd robot; one would be named by chance in {100 * result['false_alarm']:.2g} % of such fleets")
+        chance = 100 * result["false_alarm"]
+        lines.append(f"  no odd robot; one would be named by chance in {chance:.2g} % of such fleets")
     lines += [f"  refused: {r['robot']} ({r['log']}): {r['why'].splitlines()[-1] if r['why'] else '?'}"
               for r in result["refused"]]
     return "\n".join(lines + [f"  note: {note}" for note in result["notes"]]) + "\n"

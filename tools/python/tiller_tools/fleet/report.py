@@ -48,7 +48,8 @@ def _shrinkage_figure(result: dict, k: int) -> str:
         middle = np.array([r["parameters"][k]["median"] for r in robots])
         ax.plot(x[odd], middle[odd], "v", color=page.LIMIT, markersize=7, linestyle="none", label="odd")
     page.legend(ax)
-    return page.svg(figure, "Where its logs say little, the fleet narrows what is known of a robot. An odd one stands alone.")
+    return page.svg(figure, "Where its logs say little, the fleet narrows what is known of a robot. "
+                            "An odd one stands alone.")
 
 
 def _plane_figure(result: dict, a: int, b: int) -> str:
