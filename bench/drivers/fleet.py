@@ -227,7 +227,8 @@ def lost(args):
     before = len(results(folder / "killed"))
     identify(args, folder, folder / "killed", "--jobs", "2")
     different = sum(serial[n] != results(folder / "killed").get(n) for n in serial)
-    row("lost", f"pool: {killed} fits and the run killed after {before} of {len(serial)}: results that differ", different,
+    what = f"pool: {killed} fits and the run killed after {before} of {len(serial)}: results that differ"
+    row("lost", what, different,
         "logs", high=0)
 
     with cluster(2) as (address, workers):

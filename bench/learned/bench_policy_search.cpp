@@ -2,8 +2,8 @@
 // (Deisenroth and Rasmussen 2011; Deisenroth, Fox, Rasmussen 2015), on ODE plants.
 //
 //   pendulum    a rod of 1 kg and 1 m with friction 0.01 Nms and 2.5 Nm at its hinge, which cannot lift it; 0.1 s
-//               periods, 4 s a trial. The ODE plant is a ball: 3/4 of the mass at 2/3 of the length has the rod's inertia and
-//               weight about the hinge.
+//               periods, 4 s a trial. The ODE plant is a ball: 3/4 of the mass at 2/3 of the length has the rod's
+//               inertia and weight about the hinge.
 //   cart-pole   cart and rod of 0.5 kg each, rod 0.6 m, friction 0.1 Ns/m, 10 N; 0.1 s periods, 2.5 s a trial
 //
 // Every state is measured with white noise (0.01 m, m/s, rad, rad/s), the start is drawn anew for each trial, and

@@ -10,9 +10,9 @@ that a robot file would have given.
 
 States: the encoders, smoothed by Savitzky-Golay (cubic, eleven points), and their derivative. One step is 50 ms, a
 usual period of these learners. Figures: the RMS error of rollouts of one second from the scoring runs' true states,
-every quarter of a second, in sensor deviations, as `bench_learned_dynamics` counts it, over that of tiller's model without
-anything learnt (`before_sigma` in the file); and the share of readings at the end of the second within the central 90 %
-of the particles, sensor noise added.
+every quarter of a second, in sensor deviations, as `bench_learned_dynamics` counts it, over that of tiller's model
+without anything learnt (`before_sigma` in the file); and the share of readings at the end of the second within the
+central 90 % of the particles, sensor noise added.
 """
 
 import csv

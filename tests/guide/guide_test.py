@@ -2,8 +2,8 @@
 
     guide_test.py SOURCE TILLER WORK
 
-A command passes if it exits with a code that its page allows. Commands that steer a robot get one: a plant that `tiller sim`
-serves over LCM. Runs without an end are given one (`--seconds`), searches few trials. Synopses (with [OPTIONAL] or
+A command passes if it exits with a code that its page allows. Commands that steer a robot get one: a plant that `tiller
+sim` serves over LCM. Runs without an end are given one (`--seconds`), searches few trials. Synopses (with [OPTIONAL] or
 PLACEHOLDER words) are not run; their options must be in the command's help.
 """
 

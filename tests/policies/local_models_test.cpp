@@ -177,8 +177,8 @@ struct Break {
 };
 
 TEST(AdaptiveLqr, HoldsAPlantThatBreaks) {
-  // At rest the motor balances the push: u = -push / gain. The model alone commands -stiffness x, and rests where that is
-  // u. What the fitted model leaves has no such form that was confirmed: it shall be under half.
+  // At rest the motor balances the push: u = -push / gain. The model alone commands -stiffness x, and rests where that
+  // is u. What the fitted model leaves has no such form that was confirmed: it shall be under half.
   Break task;
   const double alone = Break::kPush_N / Break::kGain / task.stiffness();
   EXPECT_NEAR(task.held(false), alone, 1e-3 * alone);

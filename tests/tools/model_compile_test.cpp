@@ -121,4 +121,15 @@ TEST_F(ModelCompile, WhoWaitsGoesOnWhereTheFirstWasKilled) {
   EXPECT_EQ(finish(second, "second.txt").code, 0) << text_of("second.txt");
 }
 
+// As on a machine that has the command's package, and not that of the headers.
+TEST_F(ModelCompile, MissingHeadersNameTheirPackage) {
+  std::ofstream(folder_ + "/cc.sh") << R"(#!/bin/sh
+echo 'm.cpp:1:10: fatal error: rollout/export_model.hpp: No such file or directory' >&2
+exit 1
+)";
+  const Ended ended = run(wants_model());
+  EXPECT_NE(ended.code, 0);
+  EXPECT_TRUE(contains(ended.out, "install the package libtiller-dev, or set TILLER_INCLUDE")) << ended.out;
+}
+
 }  // namespace

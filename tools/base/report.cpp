@@ -73,8 +73,8 @@ bool run_python_tool(const std::string& module, const std::vector<std::string>& 
   error = interpreter() + " -m tiller_tools." + module + " failed: " + last_lines(child.output, 3);
   if (lacks_packages(child))
     error +=
-        "  it needs Python with the packages of tools/dev/requirements.txt: run ./dev setup, or set TILLER_PYTHON to an "
-        "interpreter that has them";
+        "  it needs Python with numpy, matplotlib and what else tools/dev/requirements.txt names: run ./dev setup, or "
+        "install python3-numpy and python3-matplotlib, or set TILLER_PYTHON to an interpreter that has them";
   return false;
 }
 

@@ -21,8 +21,8 @@ struct InferArguments {
 /// wrong stands on stderr.
 int infer_logs(SimulatorFile& file, const InferArguments& arguments);
 
-/// A simulator by its command alone, words between spaces; `robot` (a robot file's path) says what it is asked for. Null
-/// with every error in `errors`.
+/// A simulator by its command alone, words between spaces; `robot` (a robot file's path) says what it is asked for.
+/// Null with every error in `errors`.
 std::unique_ptr<SimulatorFile> simulator_of_command(const std::string& command, const std::string& robot,
                                                     std::string& errors);
 

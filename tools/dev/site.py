@@ -3,8 +3,8 @@
 
     site.py ROOT OUT        OUT/html is the site; needs the packages of requirements_site.txt and no network
 
-Pages are copied and their links followed: one to a file outside docs/ leads to a page that shows the file. Fails where a
-link leads nowhere, or a page cannot be reached from the first.
+Pages are copied and their links followed: one to a file outside docs/ leads to a page that shows the file. Fails where
+a link leads nowhere, or a page cannot be reached from the first.
 """
 
 import ast

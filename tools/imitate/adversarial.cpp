@@ -115,8 +115,8 @@ class Adversary {
 
  private:
   /// Rollouts from demonstrated states, and what was demonstrated over the same periods: an expert's rollouts are then
-  /// the demonstrations, and no critic could tell them apart. Beside all that was demonstrated, rollouts that begin late
-  /// would be told by their lacking beginnings.
+  /// the demonstrations, and no critic could tell them apart. Beside all that was demonstrated, rollouts that begin
+  /// late would be told by their lacking beginnings.
   void roll() {
     Matrix start(scene_.nx(), options_.batch);
     shown_.resize(fit_.critic.inputs(), Eigen::Index{options_.steps} * options_.batch);
@@ -192,8 +192,8 @@ class Adversary {
     }
   }
 
-  /// Adjoints backward through model and policy; each rollout's are cut to a multiple of all slopes that they are made of,
-  /// since an unstable motion's grow without bound.
+  /// Adjoints backward through model and policy; each rollout's are cut to a multiple of all slopes that they are made
+  /// of, since an unstable motion's grow without bound.
   void improve_policy() {
     constexpr double kLongest = 5;
     const SmallPolicy& policy = fit_.policy;

@@ -27,7 +27,7 @@ struct CostTarget {
 bool cost_target(const RobotFile& robot, const std::string& text, const std::vector<CostTerm>& learnt,
                  const std::string& state, CostTarget& target, std::string& error);
 
-/// The search's parameters theta: logarithm of the scale, logarithms of the learnt weights, targets' moves in their units.
+/// The search's parameters theta: logarithms of the scale and of the learnt weights, targets' moves in their units.
 /// The groups of an Expansion: what is kept, a learnt term each, then stage and end of each target.
 class CostParameters {
  public:

@@ -38,8 +38,8 @@ struct SearchResult {
 
 using SearchProgress = std::function<void(const SearchStep& step, int index)>;
 
-/// Transitions of trials as a process's data: inputs are the task's model inputs and the commands, targets what the state
-/// gained (beyond the physics where there are some).
+/// Transitions of trials as a process's data: inputs are the task's model inputs and the commands, targets what the
+/// state gained (beyond the physics where there are some).
 struct Transitions {
   Matrix input, target;  ///< columns are transitions
 
@@ -50,15 +50,15 @@ struct Transitions {
 using Improve = std::function<void(const Bumps& dynamics, Trainable& trainable, int trial, Vector& parameters)>;
 
 /// The loop of every policy search on a learnt model: trials with random commands; then, over and over, a Gaussian
-/// process of all transitions, a better policy on it (from the one before), and a trial with that. False with a sentence
-/// in `error` where a trial could not be run. `after` is called after each trial.
+/// process of all transitions, a better policy on it (from the one before), and a trial with that. False with a
+/// sentence in `error` where a trial could not be run. `after` is called after each trial.
 bool search_policy(const SearchTask& task, const RunTrial& run, const SearchOptions& options, const Improve& improve,
                    const SearchProgress& after, const volatile std::sig_atomic_t& stop, SearchResult& result,
                    std::string& error);
 
-/// PILCO (Deisenroth and Rasmussen 2011): search_policy() by L-BFGS on long_term_cost(). A search from the policy before
-/// may stay in the valley that it is in. With `restarts`, so many fresh policies are searched before each trial as long as
-/// more than `restart_above` of the horizon's cost is expected, and that of least expected cost is tried.
+/// PILCO (Deisenroth and Rasmussen 2011): search_policy() by L-BFGS on long_term_cost(). A search from the policy
+/// before may stay in the valley that it is in. With `restarts`, so many fresh policies are searched before each trial
+/// as long as more than `restart_above` of the horizon's cost is expected, and that of least expected cost is tried.
 bool pilco(const SearchTask& task, const RunTrial& run, const SearchOptions& options, const SearchProgress& after,
            const volatile std::sig_atomic_t& stop, SearchResult& result, std::string& error);
 

@@ -279,6 +279,12 @@ bool compile(const std::vector<std::string>& flags, const fs::path& source, bool
   if (child.exit_code != 0) {
     fs::remove(partial, failed);
     fs::remove(dependencies, failed);
+    if (child.output.find("rollout/export_model.hpp: No such file") != std::string::npos) {
+      error = path +
+              ": tiller's headers are not on this machine; install the package libtiller-dev, or set "
+              "TILLER_INCLUDE to their folder";
+      return false;
+    }
     error = path + ": the model does not compile:\n" + first_errors(child.output) + "  with: " + flags[0] +
             " (the authoring rules are in docs/guide/own_model.md)";
     return false;

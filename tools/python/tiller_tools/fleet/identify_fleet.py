@@ -28,8 +28,8 @@ def _same_coordinates(all_coordinates: dict[str, list[Coordinate]]) -> list[Coor
     first = all_coordinates[names[0]]
     for name in names[1:]:
         if all_coordinates[name] != first:
-            raise FleetError(f"robots '{names[0]}' and '{name}' do not learn the same parameters with the same priors; a "
-                             "fleet's robot files may differ in what is known alone")
+            raise FleetError(f"robots '{names[0]}' and '{name}' do not learn the same parameters with the same priors; "
+                             "a fleet's robot files may differ in what is known alone")
     if not first:
         raise FleetError("the robot file learns nothing: every parameter is a number; give one a prior")
     return first

@@ -135,8 +135,10 @@ def _gap(result: dict) -> list[str]:
     table = [[e["effect"], f"{e['robots']} ({100 * e['share']:.0f} %)", e["of"],
               "; ".join(f"{p['name']} {page.number(p['centre'])} {p['unit']}, spread {page.number(p['spread'], 2)}"
                         for p in e["parameters"])] for e in result["effects"]]
-    body += [page.rows(["effect", "robots", "of", "strength"], table), page.grid([_effects_figure(result)])] if table else \
-        ["<p>No effect is named of any robot.</p>"]
+    if table:
+        body += [page.rows(["effect", "robots", "of", "strength"], table), page.grid([_effects_figure(result)])]
+    else:
+        body += ["<p>No effect is named of any robot.</p>"]
     special = [r for r in result["robots"] if r["odd"] or r["differs"]]
     line = lambda r: [r["robot"], r["verdict"].replace("_", " "), " + ".join(r["effects"]) or "–",
                       page.number(r["gap_sigma"], 3), "; ".join(r["why"] + r["differs"])]
