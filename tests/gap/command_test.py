@@ -54,8 +54,9 @@ torque_Nm = { low = -3, high = 3 }
 MASS, LENGTH, FRICTION, NOISE = 0.5, 0.4, 0.08, 0.002
 
 
-def simulate(seed: int, friction: float, seconds: float = 8.0) -> list:
-    """Rows (time, angle, torque): RK4 at 1 ms under a held multisine, dry friction as a steep tanh."""
+def simulate(seed: int, friction: float, seconds: float = 8.0, force=lambda angle, rate: 0.0) -> list:
+    """Rows (time, angle, torque): RK4 at 0.5 ms under a held multisine, dry friction as a steep tanh, and another
+    force at the joint."""
     rng = random.Random(seed)
     waves = [(2 * math.pi * rng.uniform(0.2, 2.0), rng.uniform(0, 6.28)) for _ in range(5)]
     inertia = MASS * LENGTH * LENGTH
@@ -63,7 +64,7 @@ def simulate(seed: int, friction: float, seconds: float = 8.0) -> list:
     rows = []
 
     def slope(q, v, u):
-        return v, (u - friction * math.tanh(v / 0.003) - MASS * LENGTH * 9.81 * math.sin(q)) / inertia
+        return v, (u + force(q, v) - friction * math.tanh(v / 0.003) - MASS * LENGTH * 9.81 * math.sin(q)) / inertia
 
     for k in range(int(100 * seconds)):
         u = 0.45 * sum(math.sin(w * 0.01 * k + p) for w, p in waves)

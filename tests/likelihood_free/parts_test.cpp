@@ -37,8 +37,7 @@ TEST(Summary, TheLinearEstimateIsLeastSquares) {
   DrawMaker maker(drift.problem, coordinates);
   const Draws draws = simulated(drift, 2000, maker);
   auto summary = make_summary("linear", drift.problem.pieces);
-  summary->learn(draws);
-  const Matrix s = summary->of(draws.trajectory);
+  const Matrix s = summary->learn(draws);
   ASSERT_EQ(s.rows(), 4);  // by values and by changes
   // regress the coordinates on the summary: what is left is the posterior's own spread, less than 1.5 times the exact
   Matrix design(s.cols(), 5);
@@ -53,6 +52,50 @@ TEST(Summary, TheLinearEstimateIsLeastSquares) {
     EXPECT_LT(sd, 2.2 * std::sqrt(covariance(j, j))) << j;  // values are sums: their errors hang together
     EXPECT_GT(sd, 0.9 * std::sqrt(covariance(j, j))) << j;
   }
+}
+
+// Learnt once more without a draw, by the same code; V and L of all the draws differ by one in 300.
+TEST(Summary, ADrawsOwnEstimateIsThatOfTheOthers) {
+  DriftProblem drift(44, 30);
+  const Coordinates coordinates(drift.config);
+  DrawMaker maker(drift.problem, coordinates);
+  const Draws draws = simulated(drift, 300, maker);
+  auto summary = make_summary("linear", drift.problem.pieces);
+  const Matrix left_out = summary->learn(draws);
+  const Matrix spread = left_out.colwise() - left_out.rowwise().mean();
+  for (const Eigen::Index k : {0, 7, 299}) {
+    std::vector<Eigen::Index> others;
+    for (Eigen::Index i = 0; i < draws.count(); ++i)
+      if (i != k) others.push_back(i);
+    auto without = make_summary("linear", drift.problem.pieces);
+    without->learn(draws.at(others));
+    const Vector wanted = without->of(draws.trajectory[static_cast<std::size_t>(k)]);
+    for (Eigen::Index i = 0; i < wanted.size(); ++i)
+      EXPECT_NEAR(left_out(i, k), wanted(i), 0.05 * spread.row(i).norm() / std::sqrt(300.0)) << i << ", draw " << k;
+  }
+}
+
+// Values that no parameter moves, and more of them than draws: chance slopes tell a draw's own parameters from its own
+// values, and nobody else's.
+TEST(Summary, FindsNothingWhereThereIsNothing) {
+  DriftProblem drift(45);
+  const Eigen::Index n = 150, values = 600;
+  Draws draws{Matrix(1, n), {}};
+  Rng rng(45, 202, 0);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    draws.v(0, k) = rng.normal();
+    Matrix y(1, values);
+    for (Eigen::Index i = 0; i < values; ++i) y(0, i) = rng.normal();
+    draws.trajectory.push_back({y});
+  }
+  drift.problem.pieces[0] = {Vector::Zero(1), Matrix::Zero(1, values), Matrix::Zero(1, values)};
+  auto summary = make_summary("linear", drift.problem.pieces);
+  const auto correlation = [&](const Vector& s) {
+    const Vector a = s.array() - s.mean(), b = draws.v.row(0).transpose().array() - draws.v.mean();
+    return a.dot(b) / (a.norm() * b.norm());
+  };
+  EXPECT_LT(std::fabs(correlation(summary->learn(draws).row(0))), 4.0 / std::sqrt(static_cast<double>(n)));
+  EXPECT_GT(correlation(summary->of(draws.trajectory).row(0)), 0.7);  // what of() says of draws that it knows
 }
 
 TEST(Sequencer, StandardisesBlockByBlockOverTheDraws) {

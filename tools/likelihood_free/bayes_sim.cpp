@@ -6,6 +6,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "core/rng.hpp"
@@ -20,6 +21,7 @@ namespace {
 constexpr std::uint32_t kRngAnswer = 84;  // purpose (core/rng.hpp)
 constexpr std::uint32_t kAnswers = 4096, kFitted = 512;
 constexpr double kWider = 2.0;  // of a proposal's deviations over the posterior's before it
+constexpr int kNetworks = 5;    // whose densities are averaged
 
 /// A round's summary as features, and the logs'.
 class Observer {
@@ -27,24 +29,62 @@ class Observer {
   explicit Observer(const InferenceProblem& problem)
       : summary_(make_summary(problem.options.summary, problem.pieces)), sequencer_(problem.pieces) {}
 
-  void learn(const Draws& draws) {
-    if (summary_)
-      summary_->learn(draws);
-    else
+  /// Of the draws themselves, each as if it had been left out.
+  Features learn(const Draws& draws) {
+    Features out;
+    if (summary_) {
+      out.fixed = summary_->learn(draws);
+    } else {
       sequencer_.learn(draws.trajectory);
+      out.sequence = sequencer_.of(draws.trajectory);
+    }
+    return out;
   }
-  Features of(const std::vector<Trajectory>& all) const {
+  Features of(const Trajectory& one) const {
     Features out;
     if (summary_)
-      out.fixed = summary_->of(all);
+      out.fixed = summary_->of(one);
     else
-      out.sequence = sequencer_.of(all);
+      out.sequence = sequencer_.of({one});
     return out;
   }
 
  private:
   std::unique_ptr<Summary> summary_;  // null: recurrent
   Sequencer sequencer_;
+};
+
+/// Networks that differ in their first weights and in the tenth that each keeps back. Where draws are few they
+/// disagree, and their average is as wide as that.
+class Ensemble {
+ public:
+  /// Returns the mean of their losses.
+  double train(const Features& features, const Matrix& v, DensityNetOptions how) {
+    double loss = 0.0;
+    for (DensityNet& net : nets_) {
+      loss += net.train(features, v, how) / kNetworks;
+      how.seed += 10;
+    }
+    return loss;
+  }
+  /// The average is a mixture again, of as many normals as all of them have.
+  nets::NormalMixture at(const Features& one) const {
+    nets::NormalMixture all = nets_[0].at(one);
+    const Eigen::Index d = all.mean.rows(), each = all.mean.cols();
+    all.mean.conservativeResize(d, each * kNetworks);
+    all.weight.conservativeResize(each * kNetworks);
+    for (int k = 1; k < kNetworks; ++k) {
+      const nets::NormalMixture q = nets_[static_cast<std::size_t>(k)].at(one);
+      all.mean.middleCols(k * each, each) = q.mean;
+      all.weight.segment(k * each, each) = q.weight;
+      all.covariance.insert(all.covariance.end(), q.covariance.begin(), q.covariance.end());
+    }
+    all.weight /= kNetworks;
+    return all;
+  }
+
+ private:
+  std::array<DensityNet, kNetworks> nets_;
 };
 
 /// Draws from a mixture, weighed.
@@ -122,14 +162,13 @@ bool run_bayes_sim(const InferenceProblem& problem, Inferred& result, std::strin
     Draws draws;
     if (!maker.simulate(v, draws, error)) return false;
     Observer observer(problem);
-    observer.learn(draws);
-    const Features features = observer.of(draws.trajectory), observed = observer.of({maker.observed()});
+    const Features features = observer.learn(draws), observed = observer.of(maker.observed());
     DensityNetOptions how;
     how.components = static_cast<int>(o.components);
     how.seed = problem.config->seed + 1000 * round;
-    DensityNet net;
-    const double loss = net.train(features, draws.v, how);
-    answer = correct(net.at(observed), proposal, problem.config->seed, round);
+    Ensemble networks;
+    const double loss = networks.train(features, draws.v, how);
+    answer = correct(networks.at(observed), proposal, problem.config->seed, round);
     const double far = outside(features, observed);
     if (!(answer.weight.sum() > 0)) {
       error = format(

@@ -16,12 +16,6 @@ using Index = std::vector<Eigen::Index>;
 
 constexpr std::uint32_t kRngShuffle = 82;  // purpose (core/rng.hpp)
 
-Matrix columns_of(const Matrix& x, const Index& index) {
-  Matrix out(x.rows(), static_cast<Eigen::Index>(index.size()));
-  for (std::size_t k = 0; k < index.size(); ++k) out.col(static_cast<Eigen::Index>(k)) = x.col(index[k]);
-  return out;
-}
-
 void shuffle(Index& index, Rng& rng) {
   for (std::size_t k = index.size(); k > 1; --k)
     std::swap(index[k - 1], index[rng.below(static_cast<std::uint32_t>(k))]);
@@ -38,8 +32,8 @@ struct Best {
 
 Features Features::at(const Index& index) const {
   Features out;
-  if (fixed.rows() > 0) out.fixed = columns_of(fixed, index);
-  for (const Matrix& step : sequence) out.sequence.push_back(columns_of(step, index));
+  if (fixed.rows() > 0) out.fixed = fixed(Eigen::all, index);
+  for (const Matrix& step : sequence) out.sequence.push_back(step(Eigen::all, index));
   return out;
 }
 
@@ -84,8 +78,8 @@ double DensityNet::train(const Features& features, const Matrix& v, const Densit
   const auto kept = static_cast<std::ptrdiff_t>(std::max<std::size_t>(1, order.size() / 10));
   const Index back(order.begin(), order.begin() + kept);
   Index used(order.begin() + kept, order.end());
-  out_ = nets::Standardiser::of(columns_of(v, used));
-  if (features.fixed.rows() > 0) in_ = nets::Standardiser::of(columns_of(features.fixed, used));
+  out_ = nets::Standardiser::of(v(Eigen::all, used));
+  if (features.fixed.rows() > 0) in_ = nets::Standardiser::of(features.fixed(Eigen::all, used));
   head_ = {static_cast<int>(v.rows()), o.components};
   const bool recurrent = !features.sequence.empty();
   gru_ = recurrent ? nets::Gru(static_cast<int>(features.sequence[0].rows()), o.states) : nets::Gru();
@@ -94,7 +88,7 @@ double DensityNet::train(const Features& features, const Matrix& v, const Densit
   mlp_.randomise(o.seed, 0.3);
   const Matrix target = out_.apply(v);
   const Features kept_back = features.at(back);
-  const Matrix kept_target = columns_of(target, back);
+  const Matrix kept_target = target(Eigen::all, back);
   nets::Adam adam;
   adam.rate = o.rate;
   Best best;
@@ -105,7 +99,7 @@ double DensityNet::train(const Features& features, const Matrix& v, const Densit
       const Index batch(used.begin() + static_cast<std::ptrdiff_t>(from),
                         used.begin() + static_cast<std::ptrdiff_t>(to));
       Vector gradient, all = weights();
-      step(features.at(batch), columns_of(target, batch), &gradient);
+      step(features.at(batch), target(Eigen::all, batch), &gradient);
       gradient *= std::min(1.0, 5.0 / (gradient.norm() + 1e-300));  // one draw in a tail must not undo an epoch
       adam.step(all, gradient);
       set_weights(all);

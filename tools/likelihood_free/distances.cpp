@@ -20,27 +20,32 @@ double deviation_of(const Vector& row) {
   return median_of(values);
 }
 
+Vector distance_of(const Matrix& off) {
+  return (off.colwise().squaredNorm().transpose() / static_cast<double>(off.rows())).cwiseSqrt();
+}
+
 }  // namespace
 
 Distances::Distances(const std::string& summary, const std::vector<Piece>& pieces, const Draws& draws,
                      const Trajectory& observed)
     : summary_(make_summary(summary, pieces)) {
-  summary_->learn(draws);
+  const Matrix learnt = summary_->learn(draws);
   observed_ = summary_->of(observed);
   scale_ = Vector::Ones(observed_.size());
-  if (summary_->is_scaled()) return;
-  const Matrix all = summary_->of(draws.trajectory);
-  for (Eigen::Index i = 0; i < scale_.size(); ++i)
-    if (const double deviation = deviation_of(all.row(i)); deviation > 0) scale_(i) = deviation;
+  if (!summary_->is_scaled())
+    for (Eigen::Index i = 0; i < scale_.size(); ++i)
+      if (const double deviation = deviation_of(learnt.row(i)); deviation > 0) scale_(i) = deviation;
+  off_ = scaled(learnt);
 }
 
-Matrix Distances::off(const std::vector<Trajectory>& all) const {
-  return ((summary_->of(all).colwise() - observed_).array().colwise() / scale_.array()).matrix();
+Matrix Distances::scaled(const Matrix& summaries) const {
+  return ((summaries.colwise() - observed_).array().colwise() / scale_.array()).matrix();
 }
+
+Vector Distances::of_learnt() const { return distance_of(off_); }
 
 Vector Distances::of(const std::vector<Trajectory>& all) const {
-  if (all.empty()) return Vector();
-  return (off(all).colwise().squaredNorm().transpose() / static_cast<double>(scale_.size())).cwiseSqrt();
+  return all.empty() ? Vector() : distance_of(scaled(summary_->of(all)));
 }
 
 std::vector<Eigen::Index> nearest_of(const Vector& distance, std::size_t k) {

@@ -12,14 +12,19 @@ class Distances {
   /// Learns summary and scale from the draws.
   Distances(const std::string& summary, const std::vector<Piece>& pieces, const Draws& draws,
             const Trajectory& observed);
-  /// (size x n) differences from the logs', scaled.
-  Matrix off(const std::vector<Trajectory>& all) const;
-  /// (n)
+  /// (size x n) differences of the draws that were learnt from, each as if it had been left out (see Summary), scaled.
+  const Matrix& off() const { return off_; }
+  /// (n) of them
+  Vector of_learnt() const;
+  /// (n) of other draws
   Vector of(const std::vector<Trajectory>& all) const;
 
  private:
+  Matrix scaled(const Matrix& summaries) const;
+
   std::unique_ptr<Summary> summary_;
   Vector observed_, scale_;
+  Matrix off_;
 };
 
 /// The k smallest, in their order; equal ones by place.

@@ -29,11 +29,8 @@ std::vector<double> normalised(const Vector& weight) {
 }  // namespace
 
 Draws Draws::at(const std::vector<Eigen::Index>& index) const {
-  Draws out{Matrix(v.rows(), static_cast<Eigen::Index>(index.size())), {}};
-  for (std::size_t k = 0; k < index.size(); ++k) {
-    out.v.col(static_cast<Eigen::Index>(k)) = v.col(index[k]);
-    out.trajectory.push_back(trajectory[static_cast<std::size_t>(index[k])]);
-  }
+  Draws out{v(Eigen::all, index), {}};
+  for (const Eigen::Index k : index) out.trajectory.push_back(trajectory[static_cast<std::size_t>(k)]);
   return out;
 }
 

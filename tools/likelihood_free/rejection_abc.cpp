@@ -19,7 +19,7 @@ bool run(const InferenceProblem& problem, bool adjusted, Inferred& result, std::
   Draws draws;
   if (!maker.simulate(prior.draw(problem.config->seed, 0, problem.options.simulations), draws, error)) return false;
   const Distances distances(problem.options.summary, problem.pieces, draws, maker.observed());
-  const Vector distance = distances.of(draws.trajectory);
+  const Vector distance = distances.of_learnt();
   const auto kept = static_cast<std::size_t>(std::round(problem.options.accept * problem.options.simulations));
   const std::size_t least = coordinates.count() + 3;
   if (std::min<std::size_t>(kept, static_cast<std::size_t>(draws.count())) < least) {
@@ -36,7 +36,7 @@ bool run(const InferenceProblem& problem, bool adjusted, Inferred& result, std::
     std::vector<CoordinateBounds> bounds;
     for (std::uint32_t j = 0; j < coordinates.count(); ++j) bounds.push_back({coordinates.low(j), coordinates.high(j)});
     Matrix rows = near.v.transpose();
-    adjust_by_regression(distances.off(near.trajectory).transpose(), weight, bounds, rows);
+    adjust_by_regression(distances.off()(Eigen::all, nearest).transpose(), weight, bounds, rows);
     near.v = rows.transpose();
   }
   result.found.history.push_back(iteration_of(coordinates, problem.config->param_count, near.v, weight));

@@ -26,6 +26,7 @@ constexpr std::uint32_t kRngPerturb = 85;  // purpose (core/rng.hpp)
 struct Population {
   Draws draws;
   Vector weight, distance;
+  Matrix off;  // summaries less the logs' (Distances::off)
 };
 
 void append(Draws& to, const Draws& from) {
@@ -109,15 +110,15 @@ class Sampler {
                          first, error))
       return false;
     distances_ = std::make_unique<Distances>(problem_.options.summary, problem_.pieces, first, maker_.observed());
-    const Vector distance = distances_->of(first.trajectory);
+    const Vector distance = distances_->of_learnt();
     const auto nearest = nearest_of(distance, n);
     if (nearest.size() < coordinates_.count() + 3) {
       error = format("%zu simulations did not fail, too few for %u parameters; raise --simulations", nearest.size(),
                      coordinates_.count());
       return false;
     }
-    population_ = {first.at(nearest), Vector::Ones(static_cast<Eigen::Index>(nearest.size())), {}};
-    population_.distance = distances_->of(population_.draws.trajectory);
+    population_ = {first.at(nearest), Vector::Ones(static_cast<Eigen::Index>(nearest.size())), {}, {}};
+    measure(population_, nearest);
     tell(population_.distance.maxCoeff());
     return true;
   }
@@ -148,10 +149,16 @@ class Sampler {
     for (Eigen::Index k = 0; k < n; ++k)
       next.weight(k) = std::exp(prior_.log_prior(next.draws.v.col(k).data())) / kernel.density(next.draws.v.col(k));
     distances_ = std::make_unique<Distances>(problem_.options.summary, problem_.pieces, simulated, maker_.observed());
-    next.distance = distances_->of(next.draws.trajectory);
+    measure(next, kept);
     population_ = std::move(next);
     tell(epsilon);
     return true;
+  }
+
+  /// By the summary that was learnt from the simulations of which the population is the columns `kept`.
+  void measure(Population& population, const std::vector<Eigen::Index>& kept) const {
+    population.off = distances_->off()(Eigen::all, kept);
+    population.distance = distances_->of_learnt()(kept);
   }
 
   void tell(double epsilon) {
@@ -170,7 +177,7 @@ class Sampler {
     const Vector weight =
         population_.weight.cwiseProduct((1.0 - (population_.distance / epsilon).array().square()).matrix());
     Matrix rows = population_.draws.v.transpose();
-    adjust_by_regression(distances_->off(population_.draws.trajectory).transpose(), weight, bounds, rows);
+    adjust_by_regression(population_.off.transpose(), weight, bounds, rows);
     result_.found.simulations = maker_.simulations();
     result_.found.diverged = maker_.failed();
     if (maker_.failed() > 0) result_.warnings.push_back(maker_.failure_text());

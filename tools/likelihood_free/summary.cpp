@@ -19,7 +19,7 @@ Matrix changes_of(const Matrix& measured, const Vector& start) {
 class CrossCorrelation : public Summary {
  public:
   explicit CrossCorrelation(const std::vector<Piece>& pieces) : pieces_(pieces) {}
-  void learn(const Draws&) override {}
+  Matrix learn(const Draws& draws) override { return Summary::of(draws.trajectory); }
   bool is_scaled() const override { return false; }
 
   Vector of(const Trajectory& trajectory) const override {
@@ -60,11 +60,13 @@ Vector flat(const Trajectory& trajectory) {
 /// The estimate of one linear model: of a trajectory's values, or of its changes.
 class Estimate {
  public:
-  /// design (n x terms): one, w (d), products; y (n x values).
-  void learn(const Matrix& design, Eigen::Index d, const Matrix& y) {
+  /// design (n x terms): one, w (d), products; y (n x values). Gives the estimates of y's rows (d x n), each by the
+  /// terms that the other rows have.
+  Matrix learn(const Matrix& design, Eigen::Index d, const Matrix& y) {
     const Matrix terms = design.colPivHouseholderQr().solve(y);
     const double freedom = std::max(1.0, static_cast<double>(design.rows() - design.cols()));
-    Vector variance = (y - design * terms).colwise().squaredNorm().transpose() / freedom;
+    const Matrix residual = y - design * terms;
+    Vector variance = residual.colwise().squaredNorm().transpose() / freedom;
     // a value that never errs must not have all the say: a millionth of its spread is kept
     const Vector spread = (y.rowwise() - y.colwise().mean()).colwise().squaredNorm().transpose() / freedom;
     variance = variance.cwiseMax(1e-12 * spread).cwiseMax(1e-300);
@@ -76,10 +78,28 @@ class Estimate {
     const Eigen::LLT<Matrix> root(information);
     gain_ = root.matrixL().solve(weighed);
     centre_ = terms.row(0).transpose();
+    return left_out(design, d, y, residual, variance, root);
   }
   Vector of(const Vector& y) const { return gain_ * (y - centre_); }
 
  private:
+  /// Least squares without row k has the terms less p_k e_k / (1 - h_k), where p_k = (D' D)^-1 d_k, h_k = d_k' p_k and e_k
+  /// is the row's residual. V and L are those of all rows, of which one is an n-th.
+  Matrix left_out(const Matrix& design, Eigen::Index d, const Matrix& y, const Matrix& residual, const Vector& variance,
+                  const Eigen::LLT<Matrix>& root) const {
+    const Matrix squares = design.transpose() * design;
+    const Matrix p = squares.completeOrthogonalDecomposition().solve(design.transpose());  // (terms x n)
+    Matrix out(d, y.rows());
+    for (Eigen::Index k = 0; k < y.rows(); ++k) {
+      const double leverage = std::min(design.row(k).dot(p.col(k)), 1.0 - 1e-6);
+      const Vector error = residual.row(k).transpose() / (1.0 - leverage);
+      const Vector off = y.row(k).transpose() - centre_ + p(0, k) * error;
+      const double shared = error.cwiseQuotient(variance).dot(off);
+      out.col(k) = gain_ * off - root.matrixL().solve(p.col(k).segment(1, d) * shared);
+    }
+    return out;
+  }
+
   Matrix gain_;    // (d x values)
   Vector centre_;  // (values)
 };
@@ -91,14 +111,16 @@ class LinearEstimate : public Summary {
   }
   bool is_scaled() const override { return true; }
 
-  void learn(const Draws& draws) override {
+  Matrix learn(const Draws& draws) override {
     const Matrix design = design_of(nets::Standardiser::of(draws.v).apply(draws.v).transpose());
     Matrix y(draws.count(), flat(draws.trajectory[0]).size());
     for (Eigen::Index k = 0; k < y.rows(); ++k) y.row(k) = flat(draws.trajectory[static_cast<std::size_t>(k)]);
-    values_.learn(design, draws.v.rows(), y);
-    if (!has_changes_) return;
+    const Matrix values = values_.learn(design, draws.v.rows(), y);
+    if (!has_changes_) return values;
     for (Eigen::Index k = 0; k < y.rows(); ++k) y.row(k) = flat(changes(draws.trajectory[static_cast<std::size_t>(k)]));
-    changes_.learn(design, draws.v.rows(), y);
+    Matrix both(2 * values.rows(), values.cols());
+    both << values, changes_.learn(design, draws.v.rows(), y);
+    return both;
   }
 
   Vector of(const Trajectory& trajectory) const override {

@@ -10,8 +10,10 @@ namespace tiller::tools {
 class Summary {
  public:
   virtual ~Summary() = default;
-  /// Learns from simulations what it needs to know of them; nothing where it needs nothing.
-  virtual void learn(const Draws& draws) = 0;
+  /// Learns from simulations what it needs to know of them, and gives their summaries (size x n), each as if it had been
+  /// left out of what was learnt: of(), of a draw that was learnt from, would be nearer to its parameters than of the
+  /// logs. Nothing is learnt where nothing is needed.
+  virtual Matrix learn(const Draws& draws) = 0;
   /// Of one trajectory: (size), always as many.
   virtual Vector of(const Trajectory& trajectory) const = 0;
   /// Whether noise of the data alone gives each entry a deviation of about one: a distance then needs no scale.
@@ -36,8 +38,8 @@ Words summary_names();
 ///
 ///   by least squares over the draws (Q the quadratic terms, where there are draws enough). Sensors' noise is
 ///   independent from value to value, a machine's own from change to change: either estimate is the good one of its
-///   kind. Near-sufficient where the draws are close together; a black box's derivative is never asked for. Learning
-///   costs O(draws terms (terms + values)).
+///   kind. Near-sufficient where the draws are close together; a black box's derivative is never asked for. A draw is
+///   left out in closed form (residual over one less its leverage). Learning costs O(draws terms (terms + values)).
 std::unique_ptr<Summary> make_summary(const std::string& name, const std::vector<Piece>& pieces);
 
 }  // namespace tiller::tools
