@@ -35,6 +35,33 @@ endif()
 # What runtime code is compiled with: no exceptions, no RTTI, and never -ffast-math (NaN checks must work).
 set(TILLER_RUNTIME_OPTIONS $<$<COMPILE_LANGUAGE:CXX>:-fno-exceptions -fno-rtti>)
 
+# tiller_precompile(target name header libs ...): the target's C++ begins with `header`, which is parsed once for all
+# targets of one kind that name it so. A file includes what it needs all the same: builds through a compiler cache, which
+# does not go together with this, are without.
+function(tiller_precompile target name header)
+  get_target_property(sources ${target} SOURCES)
+  if(CMAKE_CXX_COMPILER_LAUNCHER OR CMAKE_CROSSCOMPILING OR NOT TILLER_PRECOMPILED OR sources MATCHES "[.]c(;|$)")
+    return()
+  endif()
+  if(NOT TARGET ${name})
+    set(source ${PROJECT_BINARY_DIR}/precompiled/${name}.cpp)
+    file(CONFIGURE OUTPUT ${source} CONTENT "// nothing: see tiller_precompile\n" @ONLY)
+    get_target_property(kind ${target} TYPE)
+    if(kind STREQUAL "EXECUTABLE")  # compiled with other options than a library
+      add_executable(${name} EXCLUDE_FROM_ALL ${source})
+    else()
+      add_library(${name} OBJECT EXCLUDE_FROM_ALL ${source})
+    endif()
+    target_link_libraries(${name} PRIVATE tiller_flags ${ARGN})
+    target_precompile_headers(${name} PRIVATE "$<$<COMPILE_LANGUAGE:CXX>:${header}>")
+    get_target_property(options ${target} COMPILE_OPTIONS)
+    if(options)
+      target_compile_options(${name} PRIVATE ${options})
+    endif()
+  endif()
+  target_precompile_headers(${target} REUSE_FROM ${name})
+endfunction()
+
 # tiller_library(name SOURCES a.cpp ... DEPENDS core scalar ...)
 #
 # Makes the static library tiller_<name> from runtime/<name>. Its headers are included as
@@ -97,6 +124,9 @@ function(tiller_module folder)
   if(ARG_SOURCES)
     add_library(tiller_${id} STATIC ${ARG_SOURCES})
     target_link_libraries(tiller_${id} PRIVATE tiller_flags ${ARG_PRIVATE_LIBS})
+    if("Eigen3::Eigen" IN_LIST ARG_PRIVATE_LIBS OR "Eigen3::Eigen" IN_LIST ARG_PUBLIC_LIBS)
+      tiller_precompile(tiller_${id} tiller_eigen_headers "<Eigen/Dense>" Eigen3::Eigen)
+    endif()
   else()
     add_library(tiller_${id} INTERFACE)
     set(scope INTERFACE)
@@ -245,6 +275,7 @@ function(tiller_test name)
   target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O1>)
   target_link_libraries(${name} PRIVATE tiller_flags ${ARG_LIBS} $<TARGET_NAME_IF_EXISTS:tiller_builtin>
     GTest::gtest GTest::gtest_main)
+  tiller_precompile(${name} tiller_test_headers "<gtest/gtest.h>" GTest::gtest_main)
   add_test(NAME ${name} COMMAND ${name} ${ARG_ARGS})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 300)

@@ -1,7 +1,6 @@
 #include "tools/likelihood_free/summary.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/QR>
 
 #include "tools/nets/standardise.hpp"
 
@@ -63,7 +62,8 @@ class Estimate {
   /// design (n x terms): one, w (d), products; y (n x values). Gives the estimates of y's rows (d x n), each by the
   /// terms that the other rows have.
   Matrix learn(const Matrix& design, Eigen::Index d, const Matrix& y) {
-    const Matrix terms = design.colPivHouseholderQr().solve(y);
+    const Eigen::LDLT<Matrix> squares(design.transpose() * design);
+    const Matrix terms = squares.solve(design.transpose() * y);
     const double freedom = std::max(1.0, static_cast<double>(design.rows() - design.cols()));
     const Matrix residual = y - design * terms;
     Vector variance = residual.colwise().squaredNorm().transpose() / freedom;
@@ -78,17 +78,15 @@ class Estimate {
     const Eigen::LLT<Matrix> root(information);
     gain_ = root.matrixL().solve(weighed);
     centre_ = terms.row(0).transpose();
-    return left_out(design, d, y, residual, variance, root);
+    return left_out(design, d, y, residual, variance, squares.solve(design.transpose()), root);
   }
   Vector of(const Vector& y) const { return gain_ * (y - centre_); }
 
  private:
   /// Least squares without row k has the terms less p_k e_k / (1 - h_k), where p_k = (D' D)^-1 d_k, h_k = d_k' p_k and e_k
-  /// is the row's residual. V and L are those of all rows, of which one is an n-th.
+  /// is the row's residual; p (terms x n). V and L are those of all rows, of which one is an n-th.
   Matrix left_out(const Matrix& design, Eigen::Index d, const Matrix& y, const Matrix& residual, const Vector& variance,
-                  const Eigen::LLT<Matrix>& root) const {
-    const Matrix squares = design.transpose() * design;
-    const Matrix p = squares.completeOrthogonalDecomposition().solve(design.transpose());  // (terms x n)
+                  const Matrix& p, const Eigen::LLT<Matrix>& root) const {
     Matrix out(d, y.rows());
     for (Eigen::Index k = 0; k < y.rows(); ++k) {
       const double leverage = std::min(design.row(k).dot(p.col(k)), 1.0 - 1e-6);
