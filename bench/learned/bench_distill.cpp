@@ -9,6 +9,7 @@
 //
 // Every draw is one line of the CSV (build/bench_distill.csv); a run that was cut goes on behind the last one.
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <csignal>
@@ -19,7 +20,6 @@
 #include <string>
 #include <vector>
 
-#include "bench/table/arguments.hpp"
 #include "bench/table/bench_table.hpp"
 #include "tools/distill/distill.hpp"
 #include "tools/open/robot_open.hpp"
@@ -154,36 +154,17 @@ void report(Table& table, const Task& task, const Settings& s, const std::map<st
   std::fflush(stdout);
 }
 
-bool parse(int argc, char** argv, Settings& s) {
-  for (int i = 1; i < argc; ++i) {
-    const std::string key = argv[i];
-    if (key == "--quick") {
-      s.quick = true;
-      s.seeds = std::min<std::uint64_t>(s.seeds, 3);
-      continue;
-    }
-    if (i + 1 == argc) return false;
-    const std::string value = argv[++i];
-    if (key == "--seeds")
-      s.seeds = static_cast<std::uint64_t>(std::max(1, whole_number(value)));
-    else if (key == "--robot")
-      s.robot = value;
-    else if (key == "--csv")
-      s.csv = value;
-    else
-      return false;
-  }
-  return true;
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
+  CLI::App app("Small policies beside the planners that taught them", "bench_distill");
   Settings s;
-  if (!parse(argc, argv, s)) {
-    std::fprintf(stderr, "usage: bench_distill [--seeds N] [--robot NAME] [--csv FILE] [--quick]\n");
-    return 2;
-  }
+  auto* seeds = app.add_option("--seeds", s.seeds, "draws of the hidden parameters")->check(CLI::PositiveNumber);
+  app.add_option("--robot", s.robot, "this one alone");
+  app.add_option("--csv", s.csv, "a line for each draw; a run that was cut goes on from there");
+  app.add_flag("--quick", s.quick, "three draws of policies that were taught little");
+  CLI11_PARSE(app, argc, argv);
+  if (s.quick && seeds->count() == 0) s.seeds = 3;
   if (!std::ofstream(s.csv, std::ios::app)) return fail(s.csv + ": cannot be written; name another file with --csv");
   Lines lines;
   read_lines(s.csv, lines);

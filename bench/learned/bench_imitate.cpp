@@ -16,6 +16,7 @@
 // Seeds 1 to 20 (adversarial: 1 to 10) are scored; settings were chosen on seeds from 1000 on. Every seed is a line of
 // the CSV (build/bench_imitate.csv), written when it is done; a run that was cut goes on behind the last one.
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -26,7 +27,6 @@
 #include <vector>
 
 #include "bench/learned/imitate_worlds.hpp"
-#include "bench/table/arguments.hpp"
 #include "bench/table/bench_table.hpp"
 #include "tools/imitate/adversarial.hpp"
 #include "tools/imitate/finite_process.hpp"
@@ -281,41 +281,19 @@ void adversarial(const Settings& s, Lines& lines, Table& table) {
   }
 }
 
-bool parse(int argc, char** argv, Settings& s) {
-  for (int i = 1; i < argc; ++i) {
-    const std::string key = argv[i];
-    if (key == "--quick" || key == "--detail") {
-      (key == "--quick" ? s.quick : s.detail) = true;
-      continue;
-    }
-    if (i + 1 == argc) return false;
-    const std::string value = argv[++i];
-    if (key == "--seeds")
-      s.seeds = std::max(1, whole_number(value));
-    else if (key == "--first")
-      s.first = static_cast<std::uint64_t>(std::max(1, whole_number(value)));
-    else if (key == "--part")
-      s.part = value;
-    else if (key == "--noise")
-      s.noise = real_number(value);
-    else if (key == "--csv")
-      s.csv = value;
-    else
-      return false;
-  }
-  return true;
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
+  CLI::App app("Costs from demonstrations", "bench_imitate");
   Settings s;
-  if (!parse(argc, argv, s)) {
-    std::fprintf(stderr,
-                 "usage: bench_imitate [--seeds N] [--first SEED] [--part weights|occupancy|adversarial] "
-                 "[--quick] [--csv FILE]\n");
-    return 2;
-  }
+  app.add_option("--seeds", s.seeds, "20; of adversarial methods 10")->check(CLI::PositiveNumber);
+  app.add_option("--first", s.first, "seed");
+  app.add_option("--part", s.part)->check(CLI::IsMember({"weights", "occupancy", "adversarial"}));
+  app.add_option("--noise", s.noise, "of the inputs, over their root mean square");
+  app.add_option("--csv", s.csv, "a line for each seed; a run that was cut goes on from there");
+  app.add_flag("--quick", s.quick, "two seeds");
+  app.add_flag("--detail", s.detail, "every weight");
+  CLI11_PARSE(app, argc, argv);
   if (!std::ofstream(s.csv, std::ios::app)) {
     std::fprintf(stderr, "%s: cannot be written; name another file with --csv\n", s.csv.c_str());
     return 2;

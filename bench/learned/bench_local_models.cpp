@@ -22,6 +22,7 @@
 //
 // Every seed is one line of the CSV (build/bench_local_models.csv), written when it is done.
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -30,7 +31,6 @@
 #include <map>
 #include <sstream>
 
-#include "bench/table/arguments.hpp"
 #include "bench/table/bench_table.hpp"
 #include "core/rng.hpp"
 #include "tools/local_models/adaptive_lqr.hpp"
@@ -320,27 +320,6 @@ struct Settings {
   std::string csv = "build/bench_local_models.csv";
 };
 
-bool parse(int argc, char** argv, Settings& s) {
-  for (int i = 1; i < argc; ++i) {
-    const std::string key = argv[i];
-    if (key == "--quick") {
-      s.seeds = 2;
-      continue;
-    }
-    if (i + 1 == argc) return false;
-    const std::string value = argv[++i];
-    if (key == "--seeds")
-      s.seeds = std::max(1, tiller::bench::whole_number(value));
-    else if (key == "--first")
-      s.first = static_cast<std::uint64_t>(std::max(1, tiller::bench::whole_number(value)));
-    else if (key == "--csv")
-      s.csv = value;
-    else
-      return false;
-  }
-  return s.seeds > 0;
-}
-
 /// All wanted seeds of a row, from the file or made now.
 template <class Make>
 bool fill(Rows& rows, const std::string& name, const Settings& settings, Make make,
@@ -367,11 +346,15 @@ bool fill(Rows& rows, const std::string& name, const Settings& settings, Make ma
 }  // namespace
 
 int main(int argc, char** argv) {
+  CLI::App app("Local linear models with a prior, against none", "bench_local_models");
   Settings settings;
-  if (!parse(argc, argv, settings)) {
-    std::fprintf(stderr, "usage: bench_local_models [--seeds N] [--first SEED] [--csv FILE] [--quick]\n");
-    return 2;
-  }
+  bool quick = false;
+  app.add_option("--seeds", settings.seeds)->check(CLI::PositiveNumber);
+  app.add_option("--first", settings.first, "seed");
+  app.add_option("--csv", settings.csv, "a line for each seed; a run that was cut goes on from there");
+  app.add_flag("--quick", quick, "two seeds");
+  CLI11_PARSE(app, argc, argv);
+  if (quick) settings.seeds = 2;
   if (!std::ofstream(settings.csv, std::ios::app)) {
     std::fprintf(stderr, "%s: cannot be written; name another file with --csv\n", settings.csv.c_str());
     return 2;

@@ -22,6 +22,7 @@
 
 #include <time.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -30,7 +31,6 @@
 #include <map>
 #include <sstream>
 
-#include "bench/table/arguments.hpp"
 #include "bench/table/bench_table.hpp"
 #include "core/rng.hpp"
 #include "tools/open/robot_open.hpp"
@@ -279,47 +279,25 @@ struct Settings {
   int seeds = 10, trials = 0, restarts = 1;
   std::uint64_t first = 1;
   std::string task, csv = "build/bench_policy_search.csv";
-  bool quick = false;
 };
-
-bool parse(int argc, char** argv, Settings& s) {
-  for (int i = 1; i < argc; ++i) {
-    const std::string key = argv[i];
-    if (key == "--quick") {
-      s.quick = true;
-      s.seeds = 1;
-      s.task = "pendulum";
-      continue;
-    }
-    if (i + 1 == argc) return false;
-    const std::string value = argv[++i];
-    if (key == "--seeds")
-      s.seeds = std::max(1, tiller::bench::whole_number(value));
-    else if (key == "--first")
-      s.first = static_cast<std::uint64_t>(std::max(1, tiller::bench::whole_number(value)));
-    else if (key == "--trials")
-      s.trials = std::max(1, tiller::bench::whole_number(value));
-    else if (key == "--restarts")
-      s.restarts = std::max(0, tiller::bench::whole_number(value));
-    else if (key == "--task")
-      s.task = value;
-    else if (key == "--csv")
-      s.csv = value;
-    else
-      return false;
-  }
-  return s.seeds > 0;
-}
 
 }  // namespace
 
 int main(int argc, char** argv) {
+  CLI::App app("Policy search with moment matching", "bench_policy_search");
   Settings settings;
-  if (!parse(argc, argv, settings)) {
-    std::fprintf(stderr,
-                 "usage: bench_policy_search [--seeds N] [--first SEED] [--task pendulum|cart_pole] [--trials N] "
-                 "[--restarts N] [--csv FILE] [--quick]\n");
-    return 2;
+  bool quick = false;
+  app.add_option("--seeds", settings.seeds)->check(CLI::PositiveNumber);
+  app.add_option("--first", settings.first, "seed");
+  app.add_option("--task", settings.task)->check(CLI::IsMember({"pendulum", "cart_pole"}));
+  app.add_option("--trials", settings.trials, "0: as many as the goal allows");
+  app.add_option("--restarts", settings.restarts, "fresh policies that are searched beside the last one");
+  app.add_option("--csv", settings.csv, "a line for each seed; a run that was cut goes on from there");
+  app.add_flag("--quick", quick, "one seed of the pendulum");
+  CLI11_PARSE(app, argc, argv);
+  if (quick) {
+    settings.seeds = 1;
+    settings.task = "pendulum";
   }
   if (!std::ofstream(settings.csv, std::ios::app)) {
     std::fprintf(stderr, "%s: cannot be written; name another file with --csv\n", settings.csv.c_str());

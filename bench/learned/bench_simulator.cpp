@@ -17,7 +17,7 @@
 // Every way gets the same number of simulations. Seconds are CPU time of one thread, the simulator's own included, so
 // that a busy machine does not change them.
 //
-//   bench_simulator [--seeds N|A..B] [--task NAME] [--way NAME] [--simulations N] [--python PATH] [--csv FILE]
+//   bench_simulator [--seeds N] [--first SEED] [--task NAME] [--way NAME] [--simulations N] [--python PATH] [--csv FILE]
 //                   [--quick]
 //
 // The Python at PATH (TILLER_MUJOCO_PYTHON) has the package mujoco; without one the machines are left out, and it says
@@ -25,6 +25,7 @@
 
 #include <sys/resource.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -33,7 +34,6 @@
 #include "bench/learned/simulator_rows.hpp"
 #include "bench/learned/simulator_tasks.hpp"
 #include "bench/posterior/method_fits.hpp"
-#include "bench/table/arguments.hpp"
 #include "bench/table/bench_table.hpp"
 #include "harness/accuracy/accuracy_statistics.hpp"
 #include "harness/accuracy/exact_likelihood.hpp"
@@ -239,46 +239,25 @@ void report_machine(Table& table, const SimulatorRows& rows, const std::string& 
   table.row("CPU seconds, median", quantile_of(column(lines, &SimulatorLine::seconds), 0.5), "s");
 }
 
-bool parse(int argc, char** argv, Settings& s) {
-  for (int i = 1; i < argc; ++i) {
-    const std::string key = argv[i];
-    if (key == "--quick") {
-      s.last = s.first + 1, s.task = "slide";
-      continue;
-    }
-    if (i + 1 == argc) return false;
-    const std::string value = argv[++i];
-    const std::size_t dots = value.find("..");
-    if (key == "--seeds")
-      s.first = dots == std::string::npos ? 1u : static_cast<unsigned>(whole_number(value.substr(0, dots))),
-      s.last = static_cast<unsigned>(whole_number(dots == std::string::npos ? value : value.substr(dots + 2)));
-    else if (key == "--simulations")
-      s.simulations = s.machine_simulations = static_cast<unsigned>(whole_number(value));
-    else if (key == "--task")
-      s.task = value;
-    else if (key == "--way")
-      s.way = value;
-    else if (key == "--python")
-      s.python = value;
-    else if (key == "--csv")
-      s.csv = value;
-    else
-      return false;
-  }
-  return s.last >= s.first;
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
+  CLI::App app("Posteriors of black boxes, without a likelihood", "bench_simulator");
   Settings s;
-  if (const char* python = std::getenv("TILLER_MUJOCO_PYTHON")) s.python = python;
-  if (!parse(argc, argv, s)) {
-    std::fprintf(stderr,
-                 "usage: bench_simulator [--seeds N|A..B] [--task NAME] [--way NAME] [--simulations N] "
-                 "[--python PATH] [--csv FILE] [--quick]\n");
-    return 2;
-  }
+  unsigned seeds = 20, simulations = 0;
+  bool quick = false;
+  app.add_option("--seeds", seeds)->check(CLI::PositiveNumber);
+  app.add_option("--first", s.first, "seed");
+  app.add_option("--task", s.task, "those whose name has this in it");
+  app.add_option("--way", s.way, "those whose name has this in it");
+  app.add_option("--simulations", simulations, "of each way; 0: 2000, of MuJoCo 500");
+  app.add_option("--python", s.python, "that has the package mujoco")->envname("TILLER_MUJOCO_PYTHON");
+  app.add_option("--csv", s.csv, "a line for each seed; a run that was cut goes on from there");
+  app.add_flag("--quick", quick, "two seeds of a sliding puck");
+  CLI11_PARSE(app, argc, argv);
+  if (quick) seeds = 2, s.task = "slide";
+  if (simulations > 0) s.simulations = s.machine_simulations = simulations;
+  s.last = s.first + seeds - 1;
   const auto wanted = [&](const std::string& name, const std::string& filter) {
     return filter.empty() || name.find(filter) != std::string::npos;
   };

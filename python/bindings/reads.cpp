@@ -5,7 +5,7 @@
 #include "abi/controller.hpp"
 #include "command.hpp"
 #include "errors.hpp"
-#include "particle_rows.hpp"
+#include "posterior/cloud.hpp"
 #include "views.hpp"
 
 namespace tiller::python {
@@ -25,7 +25,6 @@ struct Particles {
   nb::object owner;
   const Controller* controller;
   const tiller::Posterior& get() const { return controller->get()->executive->posterior(); }
-  ParticleRows rows() const { return particle_rows(controller->config(), get()); }
   std::size_t params() const { return controller->config().param_count; }
 };
 
@@ -48,15 +47,15 @@ nb::object copied_particles(const Particles& p, bool weights) {
 }
 
 nb::object particles(const Particles& p) {
-  const ParticleRows rows = p.rows();
+  const tiller::Cloud* cloud = p.get().cloud();
   const std::size_t n = p.get().size();
-  if (!rows.params) return copied_particles(p, false);
-  return view(p.owner, rows.params, {n, p.params()}, {1, static_cast<std::int64_t>(n)});
+  if (!cloud) return copied_particles(p, false);
+  return view(p.owner, cloud->params, {n, p.params()}, {1, static_cast<std::int64_t>(n)});
 }
 
 nb::object weights(const Particles& p) {
-  const ParticleRows rows = p.rows();
-  return rows.weight ? view(p.owner, rows.weight, {p.get().size()}) : copied_particles(p, true);
+  const tiller::Cloud* cloud = p.get().cloud();
+  return cloud ? view(p.owner, cloud->weight, {p.get().size()}) : copied_particles(p, true);
 }
 
 nb::object quantiles(const Particles& p, const std::vector<double>& q) {

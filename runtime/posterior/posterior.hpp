@@ -9,6 +9,8 @@
 
 namespace tiller {
 
+struct Cloud;
+
 /// Inputs and measurements of one transition.
 struct Transition {
   double period_s = 0.0;                          // measured
@@ -97,6 +99,9 @@ class Posterior {
   /// Measurements that no particle could explain and that were treated as missing.
   virtual std::uint64_t gated() const = 0;
   virtual std::uint32_t size() const = 0;
+  /// Where the particles lie, for those who look without copying: it stays there, and changes with every update. Null
+  /// where several clouds stand side by side (hypotheses of delay, rates of forgetting).
+  virtual const Cloud* cloud() const { return nullptr; }
   /// One particle; every pointer nullable.
   virtual void particle(std::uint32_t index, double* params, double* state, double* weight) const = 0;
   /// (ns) of the effects' states of one particle; as they are where the engine knows none.

@@ -1,5 +1,6 @@
 // `tiller imitate` end to end: demonstrations by the planner itself on the model, and everything that may be wrong.
 #include <cmath>
+#include <regex>
 
 #include "command_rig.hpp"
 
@@ -63,6 +64,18 @@ TEST_F(Imitate, WritesAPolicyThatRuns) {
   EXPECT_NE(text_of("acts.toml").find("fallback = \"cem\""), std::string::npos) << text_of("acts.toml");
   const Ended ran = run({"run", "acts.toml", "--sim", "--seconds", "0.2", "--quiet"});
   EXPECT_EQ(ran.code, 0) << ran.out;
+}
+
+// A push that grows with time is no function of the state: a policy that is at rest cannot know it.
+TEST_F(Imitate, WarnsOfAPolicyThatDoesSomethingElse) {
+  write_log("demo.csv", 120, kHeader, 1.0);
+  const Ended ended = run({"imitate", "robot.toml", "demo.csv", "--method", "wasserstein", "--iterations", "1"});
+  ASSERT_EQ(ended.code, 0) << ended.out;
+  std::smatch row;
+  ASSERT_TRUE(std::regex_search(ended.out, row, std::regex("demo.csv +[0-9]+ +[0-9]+ % +([0-9.]+)"))) << ended.out;
+  std::printf("distance %s\n", row[1].str().c_str());
+  EXPECT_GT(std::stod(row[1]), 1.0) << ended.out;
+  EXPECT_NE(ended.out.find("not fit for the robot"), std::string::npos) << ended.out;
 }
 
 TEST_F(Imitate, TellsWhatIsWrong) {

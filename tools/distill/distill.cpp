@@ -68,7 +68,7 @@ double mean_cost(const std::vector<LessonResult>& results) {
 
 std::string round_text(const DistillOptions& o, std::size_t k, const Round& round) {
   return "round " + std::to_string(k + 1) + " of " + std::to_string(o.iterations) + ": " +
-         std::to_string(round.samples) + " samples, error " + format("%.3f", round.error.held_out) +
+         std::to_string(round.samples) + " samples, error " + error_text(round.error) +
          " of half the range, cost over the teacher's " + format("%.3f", round.cost_ratio);
 }
 

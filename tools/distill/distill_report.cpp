@@ -36,7 +36,7 @@ std::string distill_text(const Distilled& result) {
   std::string text = "round   samples   error   cost over the teacher's\n";
   for (std::size_t k = 0; k < result.rounds.size(); ++k) {
     const Round& r = result.rounds[k];
-    text += format("%5zu %9zu %7.3f   %.3f%s\n", k + 1, r.samples, r.error.held_out, r.cost_ratio,
+    text += format("%5zu %9zu %7s   %.3f%s\n", k + 1, r.samples, error_text(r.error).c_str(), r.cost_ratio,
                    k == result.best ? "   kept" : "");
   }
   if (result.tests.empty()) return text;

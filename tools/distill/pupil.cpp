@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "core/rng.hpp"
+#include "tools/base/text.hpp"
 #include "tools/nets/adam.hpp"
 #include "tools/nets/standardise.hpp"
 
@@ -41,7 +42,7 @@ Matrix slopes(const Matrix& answers, const Matrix& wanted) {
 }
 
 double rms(const Matrix& answers, const Matrix& wanted) {
-  if (answers.size() == 0) return 0.0;
+  if (answers.size() == 0) return NAN;
   double sum = 0.0;
   for (Eigen::Index i = 0; i < answers.size(); ++i) {
     const double off = std::clamp(answers(i), -1.0, 1.0) - wanted(i);
@@ -67,6 +68,10 @@ double rate_at(const StudyOptions& options, std::uint32_t epoch) {
 }
 
 }  // namespace
+
+std::string error_text(const StudyError& error) {
+  return std::isfinite(error.held_out) ? format("%.3f", error.held_out) : "-";
+}
 
 Pupil::Pupil(const RobotFile& robot, std::uint32_t reads, std::vector<int> hidden, std::uint64_t seed) {
   shape_.reads = reads;

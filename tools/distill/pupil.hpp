@@ -18,11 +18,13 @@ struct StudyOptions {
 };
 
 /// How well the examples are answered: root mean square of the error in shares of half the command's range, of answers
-/// cut to the limits.
+/// cut to the limits. One in ten episodes is held out; NaN: there were fewer.
 struct StudyError {
   double trained = 0, held_out = 0;
   std::uint32_t epochs = 0;  ///< of the network that was kept
 };
+/// Of the held-out ones; "-": there were none.
+std::string error_text(const StudyError& error);
 
 /// A tanh perceptron that answers for the teacher.
 class Pupil {

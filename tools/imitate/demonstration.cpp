@@ -47,8 +47,8 @@ bool take(const Scene& scene, const Grid& grid, std::vector<Demonstration>& all,
   }
   if (smoothed.misfit > kOdd)
     warnings.push_back(
-        format("%s: the model misses the measurements by %.1f of its deviations; a wrong model makes a "
-               "wrong cost (tiller identify)",
+        format("%s: the model misses the measurements by %.1f of its deviations; what is learnt "
+               "on a wrong model is wrong (tiller identify)",
                grid.path.c_str(), smoothed.misfit));
   all.push_back({grid.path, grid.first_time_s, grid, std::move(smoothed.motion), smoothed.misfit, 0});
   return true;

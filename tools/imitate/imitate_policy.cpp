@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tools/base/text.hpp"
 #include "tools/imitate/distance.hpp"
 
 namespace tiller::tools::imitate {
@@ -43,6 +44,23 @@ Replayed replay(const Scene& scene, const Demonstration& d, const SmallPolicy& c
   r.rms_before = distance(scene, r.before, d.motion, spread);
   r.rms_after = distance(scene, r.after, d.motion, spread);
   return r;
+}
+
+/// Where the policy does not do what was shown, even on the model.
+void add_doubts(Imitated& result) {
+  constexpr double kElsewhere = 1.0;  // what it would be if the policy stayed at the demonstrations' mean
+  std::size_t elsewhere = 0;
+  const Replayed* worst = nullptr;
+  for (const Replayed& r : result.replayed) {
+    if (r.rms_after <= kElsewhere) continue;
+    ++elsewhere;
+    if (!worst || r.rms_after > worst->rms_after) worst = &r;
+  }
+  if (worst)
+    result.warnings.push_back(format(
+        "the policy does something else than %zu of %zu demonstrations show, on %s by %.1f of their spread; it is "
+        "not fit for the robot (more demonstrations, --iterations, --horizon)",
+        elsewhere, result.replayed.size(), worst->demonstration->path.c_str(), worst->rms_after));
 }
 
 }  // namespace
@@ -106,6 +124,7 @@ void imitate_policy(const RobotFile& robot, const Scene& scene, const ImitateOpt
   const Vector spread = spread_of(scene, result.demonstrations);
   for (std::size_t i = 0; i < std::min(kMostReplayed, result.demonstrations.size()); ++i)
     result.replayed.push_back(replay(scene, result.demonstrations[i], cloned, fit.policy, spread));
+  add_doubts(result);
   std::vector<const Motion*> seen;
   for (const Motion& motion : motions) seen.push_back(&motion);
   for (const Replayed& r : result.replayed) seen.push_back(&r.after);

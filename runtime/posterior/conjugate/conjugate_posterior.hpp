@@ -50,6 +50,7 @@ class ConjugatePosterior final : public Posterior {
   std::uint64_t resamplings() const override { return 0; }
   std::uint64_t gated() const override { return 0; }
   std::uint32_t size() const override { return cloud_.n; }
+  const Cloud* cloud() const override { return &cloud_; }
   void particle(std::uint32_t index, double* params, double* state, double* weight) const override;
   void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
             float* history) const override;

@@ -42,6 +42,7 @@ class FilterPosterior final : public Posterior {
   std::uint64_t resamplings() const override { return resamplings_; }
   std::uint64_t gated() const override { return gated_; }
   std::uint32_t size() const override { return n_; }
+  const Cloud* cloud() const override { return &cloud_; }
   void particle(std::uint32_t index, double* params, double* state, double* weight) const override;
   void particle_effects(std::uint32_t index, double* effect_state) const override;
   void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,

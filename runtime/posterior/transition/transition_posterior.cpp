@@ -146,7 +146,7 @@ tiller_status_t TransitionPosterior::update(const Transition& transition) {
 /// One step of the model at the particles' mean, for states that were not measured.
 void TransitionPosterior::predict(const Transition& transition) {
   double mean[TILLER_MAX_PARAMS];
-  cloud().moments(mean, nullptr);
+  particles_->cloud().moments(mean, nullptr);
   for (std::uint32_t i = 0; i < np_; ++i)
     for (std::uint32_t l = 0; l < kLanePadding; ++l) lane_params_[i * kLanePadding + l] = mean[i];
   RolloutJob<double> job;
@@ -192,7 +192,7 @@ void TransitionPosterior::remember_input(const double* input) {
 }
 
 void TransitionPosterior::moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const {
-  cloud().moments(param_mean, param_sd);
+  particles_->cloud().moments(param_mean, param_sd);
   for (std::uint32_t r = 0; r < nx_; ++r) {
     if (state_mean) state_mean[r] = state_[r];
     // how much of the residuals' noise is the sensor's is not known: all of it might be
@@ -210,20 +210,20 @@ double TransitionPosterior::noise_scale() const {
 
 void TransitionPosterior::particle(std::uint32_t index, double* params, double* state, double* weight) const {
   if (index >= n_) return;
-  for (std::uint32_t i = 0; i < np_ && params; ++i) params[i] = cloud().params[i * n_ + index];
+  for (std::uint32_t i = 0; i < np_ && params; ++i) params[i] = particles_->cloud().params[i * n_ + index];
   for (std::uint32_t r = 0; r < nx_ && state; ++r) state[r] = state_[r];
-  if (weight) *weight = cloud().weight[index];
+  if (weight) *weight = particles_->cloud().weight[index];
 }
 
 void TransitionPosterior::draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float*,
                                float* history) const {
   if (count == 1) {
     double mean[TILLER_MAX_PARAMS];
-    cloud().moments(mean, nullptr);
+    particles_->cloud().moments(mean, nullptr);
     for (std::uint32_t i = 0; i < np_ && params; ++i) params[i] = static_cast<float>(mean[i]);
   } else {
-    const Cloud::Drawn what[] = {{cloud().params, np_, params}};
-    cloud().draw(count, tick, what, 1);
+    const Cloud::Drawn what[] = {{particles_->cloud().params, np_, params}};
+    particles_->cloud().draw(count, tick, what, 1);
   }
   for (std::uint32_t r = 0; r < nx_ && state; ++r)
     for (std::uint32_t m = 0; m < count; ++m) state[r * count + m] = static_cast<float>(state_[r] - origin()[r]);

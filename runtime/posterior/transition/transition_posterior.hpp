@@ -31,9 +31,9 @@ class TransitionPosterior final : public Posterior {
   tiller_status_t update(const Transition& transition) override;
   bool started() const override { return started_; }
   void moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const override;
-  void covariance(double* covariance) const override { cloud().covariance(covariance); }
-  double quantile(std::uint32_t param, double q) const override { return cloud().quantile(param, q); }
-  double effective_samples() const override { return cloud().effective_samples; }
+  void covariance(double* covariance) const override { particles_->cloud().covariance(covariance); }
+  double quantile(std::uint32_t param, double q) const override { return particles_->cloud().quantile(param, q); }
+  double effective_samples() const override { return particles_->cloud().effective_samples; }
   double exponent() const override { return enabled_ ? particles_->exponent() : 0.0; }
   double noise_scale() const override;
   double acceptance() const override { return particles_->acceptance(); }
@@ -41,6 +41,7 @@ class TransitionPosterior final : public Posterior {
   /// Transitions that no particle could explain.
   std::uint64_t gated() const override { return particles_->outliers(); }
   std::uint32_t size() const override { return n_; }
+  const Cloud* cloud() const override { return &particles_->cloud(); }
   void particle(std::uint32_t index, double* params, double* state, double* weight) const override;
   void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
             float* history) const override;
@@ -54,7 +55,6 @@ class TransitionPosterior final : public Posterior {
  private:
   static constexpr std::uint32_t kHistory = TILLER_MAX_DELAY_STEPS + 2;
 
-  const Cloud& cloud() const { return particles_->cloud(); }
   void predict(const Transition& transition);
   void remember_input(const double* input);
   void test(const MeasuredStep& step);

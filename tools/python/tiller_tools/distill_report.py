@@ -27,6 +27,8 @@ def error_figure(result: dict) -> str:
     ax.plot(count, _array([r["error_trained"] for r in rounds]), marker="o", label="trained on", **page.curve(0))
     ax.plot(count, _array([r["error_held_out"] for r in rounds]), marker="o", label="held out", **page.curve(1))
     ax.set_ylim(bottom=0)
+    if len(rounds) <= 12:
+        ax.set_xticks(count)
     page.legend(ax)
     return page.svg(figure, "Root mean square. It may rise from round to round: later rounds add states to which the "
                             "policy itself leads, which are harder.")
@@ -38,7 +40,9 @@ def ratio_figure(result: dict) -> str:
     ax.axhline(1, color=page.MEASURED, linewidth=0.8)
     ax.plot(np.arange(1, len(ratios) + 1), ratios, marker="o", color=page.ESTIMATE)
     ax.axvline(result["best_round"], color=page.TRUTH, linestyle=(0, (4, 2)), label="kept")
-    ax.set_ylim(bottom=0)
+    ax.set_ylim(0, 1.15 * max(1.0, np.nanmax(ratios, initial=1.0)))
+    if len(ratios) <= 12:
+        ax.set_xticks(np.arange(1, len(ratios) + 1))
     page.legend(ax)
     return page.svg(figure, "Undisturbed episodes with hidden parameters drawn from the priors. A gap: an episode was "
                             "lost.")
@@ -59,7 +63,7 @@ def draws_figure(result: dict) -> str:
 
 def rounds_table(result: dict) -> str:
     body = [[str(i + 1) + (" (kept)" if i + 1 == result["best_round"] else ""), str(r["samples"]), str(r["epochs"]),
-             page.number(r["error_held_out"], 3), page.number(r["cost_ratio"], 4)]
+             "–" if r["error_held_out"] is None else page.number(r["error_held_out"], 3), page.number(r["cost_ratio"], 4)]
             for i, r in enumerate(result["rounds"])]
     return page.rows(["round", "samples", "epochs", "held-out error", "cost over the teacher's"], body)
 
