@@ -177,7 +177,7 @@ void bind_reads(nb::module_& m, nb::class_<Controller>& controller) {
                    "(N, np) a view; a copy where several delays or rates of forgetting are weighed (shared: False).")
       .def_prop_ro("weights", &weights, "(N), sum one; as particles.")
       .def_prop_ro(
-          "shared", [](const Particles& p) { return p.rows().params != nullptr; },
+          "shared", [](const Particles& p) { return p.get().cloud() != nullptr; },
           "Whether particles and weights are views.")
       .def_prop_ro("mean", &param_view<&tiller_info_t::param_mean>, "(np) as of the last tick.")
       .def_prop_ro("sd", &param_view<&tiller_info_t::param_sd>, "(np) as of the last tick.")
