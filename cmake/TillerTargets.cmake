@@ -256,6 +256,7 @@ function(tiller_isa_sources target)
       set(copy ${CMAKE_CURRENT_BINARY_DIR}/${stem}_${isa}.cpp)
       file(CONFIGURE OUTPUT ${copy} CONTENT "#include \"${path}\"  // NOLINT(bugprone-suspicious-include)\n" @ONLY)
       set_source_files_properties(${copy} PROPERTIES
+        SKIP_PRECOMPILE_HEADERS ON  # of other flags; GCC 12 crashes
         COMPILE_OPTIONS "${TILLER_ISA_OPTIMISATION};${TILLER_ISA_FLAGS_${isa}};${TILLER_ISA_QUIET}"
         COMPILE_DEFINITIONS "TILLER_COMPILE_ISA=${isa};TILLER_COMPILE_ISA_${isa}=1")
       target_sources(${target} PRIVATE ${copy})
