@@ -36,8 +36,8 @@ endif()
 set(TILLER_RUNTIME_OPTIONS $<$<COMPILE_LANGUAGE:CXX>:-fno-exceptions -fno-rtti>)
 
 # tiller_precompile(target name header libs ...): the target's C++ begins with `header`, which is parsed once for all
-# targets of one kind that name it so. A file includes what it needs all the same: builds through a compiler cache, which
-# does not go together with this, are without.
+# targets of one kind that name it so. A file includes what it needs all the same: builds through a compiler cache,
+# which does not go together with this, are without.
 function(tiller_precompile target name header)
   get_target_property(sources ${target} SOURCES)
   if(CMAKE_CXX_COMPILER_LAUNCHER OR CMAKE_CROSSCOMPILING OR NOT TILLER_PRECOMPILED OR sources MATCHES "[.]c(;|$)")

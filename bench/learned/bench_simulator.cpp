@@ -17,8 +17,8 @@
 // Every way gets the same number of simulations. Seconds are CPU time of one thread, the simulator's own included, so
 // that a busy machine does not change them.
 //
-//   bench_simulator [--seeds N] [--first SEED] [--task NAME] [--way NAME] [--simulations N] [--python PATH] [--csv FILE]
-//                   [--quick]
+//   bench_simulator [--seeds N] [--first SEED] [--task NAME] [--way NAME] [--simulations N] [--python PATH]
+//                   [--csv FILE] [--quick]
 //
 // The Python at PATH (TILLER_MUJOCO_PYTHON) has the package mujoco; without one the machines are left out, and it says
 // so.

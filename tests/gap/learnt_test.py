@@ -1,5 +1,5 @@
-"""`tiller gap` where the missing force has no name: what it learns is written, loads, and beats the robot without it on a
-log that it has never seen."""
+"""`tiller gap` where the missing force has no name: what it learns is written, loads, and beats the robot without it on
+a log that it has never seen."""
 
 import json
 import os
@@ -22,7 +22,8 @@ def spring_with_a_gap(angle: float, _rate: float) -> float:
 
 
 def gap(*arguments) -> subprocess.CompletedProcess:
-    return subprocess.run([TILLER, "gap", *map(str, arguments)], capture_output=True, text=True, timeout=900, check=False)
+    return subprocess.run([TILLER, "gap", *map(str, arguments)], capture_output=True, text=True, timeout=900,
+                          check=False)
 
 
 class Learnt(unittest.TestCase):

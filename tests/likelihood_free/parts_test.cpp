@@ -76,7 +76,8 @@ TEST(Summary, ADrawsOwnEstimateIsThatOfTheOthers) {
 }
 
 // Values that no parameter moves, and more of them than draws: chance slopes tell a draw's own parameters from its own
-// values, and nobody else's.
+// values, and nobody else's. Of draws that it knows, of() correlates by 4 / sqrt(16 + 4) = .89 (four values a draw);
+// 4 / sqrt(n) is four deviations of no correlation.
 TEST(Summary, FindsNothingWhereThereIsNothing) {
   DriftProblem drift(45);
   const Eigen::Index n = 150, values = 600;
@@ -95,7 +96,7 @@ TEST(Summary, FindsNothingWhereThereIsNothing) {
     return a.dot(b) / (a.norm() * b.norm());
   };
   EXPECT_LT(std::fabs(correlation(summary->learn(draws).row(0))), 4.0 / std::sqrt(static_cast<double>(n)));
-  EXPECT_GT(correlation(summary->of(draws.trajectory).row(0)), 0.7);  // what of() says of draws that it knows
+  EXPECT_GT(correlation(summary->of(draws.trajectory).row(0)), 0.7);
 }
 
 TEST(Sequencer, StandardisesBlockByBlockOverTheDraws) {

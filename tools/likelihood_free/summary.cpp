@@ -83,8 +83,8 @@ class Estimate {
   Vector of(const Vector& y) const { return gain_ * (y - centre_); }
 
  private:
-  /// Least squares without row k has the terms less p_k e_k / (1 - h_k), where p_k = (D' D)^-1 d_k, h_k = d_k' p_k and e_k
-  /// is the row's residual; p (terms x n). V and L are those of all rows, of which one is an n-th.
+  /// Least squares without row k has the terms less p_k e_k / (1 - h_k), where p_k = (D' D)^-1 d_k, h_k = d_k' p_k and
+  /// e_k is the row's residual; p (terms x n). V and L are those of all rows, of which one is an n-th.
   Matrix left_out(const Matrix& design, Eigen::Index d, const Matrix& y, const Matrix& residual, const Vector& variance,
                   const Matrix& p, const Eigen::LLT<Matrix>& root) const {
     Matrix out(d, y.rows());

@@ -10,9 +10,9 @@ namespace tiller::tools {
 class Summary {
  public:
   virtual ~Summary() = default;
-  /// Learns from simulations what it needs to know of them, and gives their summaries (size x n), each as if it had been
-  /// left out of what was learnt: of(), of a draw that was learnt from, would be nearer to its parameters than of the
-  /// logs. Nothing is learnt where nothing is needed.
+  /// Learns from simulations what it needs to know of them, and gives their summaries (size x n), each as if it had
+  /// been left out of what was learnt: of(), of a draw that was learnt from, would be nearer to its parameters than of
+  /// the logs. Nothing is learnt where nothing is needed.
   virtual Matrix learn(const Draws& draws) = 0;
   /// Of one trajectory: (size), always as many.
   virtual Vector of(const Trajectory& trajectory) const = 0;
@@ -32,7 +32,8 @@ Words summary_names();
 /// - cross_correlation: the summary by hand of BayesSim (Ramos, Possas, Fox, RSS 2019): of the changes of each measured
 ///   value, the mean products with each input, the means, and the variances.
 /// - linear: two numbers per parameter, the estimates that linear models of the values and of their changes make
-///   (Drovandi, Pettitt, Faddy, JRSS C 2011), fitted to the simulations themselves: with w the standardised coordinates,
+///   (Drovandi, Pettitt, Faddy, JRSS C 2011), fitted to the simulations themselves: with w the standardised
+///   coordinates,
 ///
 ///     y_o = a_o + J_o w + Q_o(w) + e_o,   s = L^-1 J' V^-1 (y - a),   V = diag(var e),  L L' = J' V^-1 J
 ///

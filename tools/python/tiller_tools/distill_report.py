@@ -40,7 +40,7 @@ def ratio_figure(result: dict) -> str:
     ax.axhline(1, color=page.MEASURED, linewidth=0.8)
     ax.plot(np.arange(1, len(ratios) + 1), ratios, marker="o", color=page.ESTIMATE)
     ax.axvline(result["best_round"], color=page.TRUTH, linestyle=(0, (4, 2)), label="kept")
-    ax.set_ylim(0, 1.15 * max(1.0, np.nanmax(ratios, initial=1.0)))
+    ax.set_ylim(0, 1.15 * np.nanmax(ratios, initial=1.0))
     if len(ratios) <= 12:
         ax.set_xticks(np.arange(1, len(ratios) + 1))
     page.legend(ax)
@@ -63,7 +63,7 @@ def draws_figure(result: dict) -> str:
 
 def rounds_table(result: dict) -> str:
     body = [[str(i + 1) + (" (kept)" if i + 1 == result["best_round"] else ""), str(r["samples"]), str(r["epochs"]),
-             "–" if r["error_held_out"] is None else page.number(r["error_held_out"], 3), page.number(r["cost_ratio"], 4)]
+             page.number(r["error_held_out"], 3), page.number(r["cost_ratio"], 4)]
             for i, r in enumerate(result["rounds"])]
     return page.rows(["round", "samples", "epochs", "held-out error", "cost over the teacher's"], body)
 
