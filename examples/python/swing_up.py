@@ -1,27 +1,57 @@
-"""A pendulum whose mass and damping are unknown, pumped up and held upright: the whole loop in ten lines."""
+"""# A swing-up whose pendulum is not known
+
+The robot file gives mass and damping as priors. The plant is simulated by ODE, with a mass and a damping that the
+controller is not told. It pumps the pendulum up and learns both on the way.
+"""
+# %%
 import math
+from typing import Any
+
+import numpy as np
 
 import tiller
 
+robot = tiller.Robot.from_toml("pendulum")
+controller = tiller.Controller(robot)
+plant = tiller.Plant(robot)
+print(robot.params, "true:", plant.true_params)
 
-def main() -> float:
-    """Runs the loop; the angle's error at its end, in rad."""
-    robot = tiller.Robot.from_toml("pendulum")
-    controller = tiller.Controller(robot)
-    plant = tiller.Plant(robot)
-    controller.arm()
-    for measurement in tiller.lockstep(plant, seconds=6):
-        command = controller.tick(measurement.t, measurement)
-        plant.step(command)
-        controller.prepare()
+# %% The loop: a measurement in, a command out. prepare() does what need not wait for the next measurement.
+seen = []
+controller.arm()
+for measurement in tiller.lockstep(plant, seconds=6):
+    command = controller.tick(measurement.t, measurement)
+    plant.step(command)
+    controller.prepare()
+    # what the controller shows are views of its own memory: copy what must stay
+    seen.append([measurement.t, plant.true_state[0], *controller.posterior.quantiles([0.05, 0.5, 0.95]).ravel()])
 
-    known = controller.posterior
-    for name, mean, sd, true in zip(robot.params, known.mean, known.sd, plant.true_params):
-        print(f"{name:14} {mean:.4f} +- {sd:.4f}   true {true:.4f}")
-    error = math.remainder(float(plant.true_state[0]) - math.pi, 2 * math.pi)
-    print(f"angle error {error:+.4f} rad, command {command}")
-    return error
+# %% What it knows at the end
+known = controller.posterior
+for name, mean, sd, true in zip(robot.params, known.mean, known.sd, plant.true_params):
+    print(f"{name:14} {mean:.4f} +- {sd:.4f}   true {true:.4f}")
+error_rad = math.remainder(float(plant.true_state[0]) - math.pi, 2 * math.pi)
+print(f"angle error {error_rad:+.4f} rad, last command {command}")
+assert abs(error_rad) < 0.05
 
 
-if __name__ == "__main__":
-    assert abs(main()) < 0.05
+# %% The picture: the angle, and the 90 % interval of each parameter with the true value
+def picture() -> Any:
+    """A matplotlib figure."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 6), layout="constrained")
+    axes = figure.subplots(1 + len(robot.params), 1, sharex=True)
+    rows = np.array(seen)
+    t = rows[:, 0] - rows[0, 0]
+    axes[0].plot(t, rows[:, 1])
+    axes[0].axhline(math.pi, color="0.6", lw=1)
+    axes[0].set_ylabel("angle [rad]")
+    bands = rows[:, 2:].reshape(len(rows), 3, -1)
+    for k, (axis, name) in enumerate(zip(axes[1:], robot.params)):
+        axis.fill_between(t, bands[:, 0, k], bands[:, 2, k], alpha=0.25)
+        axis.plot(t, bands[:, 1, k])
+        axis.axhline(plant.true_params[k], color="C1", ls="--")
+        axis.set_ylabel(name)
+    axes[-1].set_xlabel("time [s]")
+    return figure

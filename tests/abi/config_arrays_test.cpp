@@ -33,7 +33,9 @@ class Controller {
       tiller_measurement_t m = {k * kPeriod_us, static_cast<std::uint32_t>(k), 0, {}};
       plant_.measure(m.value);
       (void)tiller_tick(t_, m.stamp_us, &m, &command);
-      if (k == 2) EXPECT_EQ(tiller_arm(t_), tiller_status_ok);
+      if (k == 2) {
+        EXPECT_EQ(tiller_arm(t_), tiller_status_ok);
+      }
       all.push_back(command.value[0]);
       plant_.step(command.value, kPeriod_us * 1e-6);
     }

@@ -60,7 +60,9 @@ TEST(GaussianDivergence, of_one_dimension_is_written_in_every_book_and_is_zero_b
       double r = 0.0, rest = 0.0, work[3];
       ASSERT_TRUE(gaussian_divergence(1, &root, &covariance, &r, &rest, work));
       EXPECT_NEAR(0.5 * r * r * d * d + rest, std::log(p / s) + (s * s + d * d) / (2.0 * p * p) - 0.5, 1e-12);
-      if (s == p) EXPECT_NEAR(rest, 0.0, 1e-12);
+      if (s == p) {
+        EXPECT_NEAR(rest, 0.0, 1e-12);
+      }
     }
 }
 

@@ -3,12 +3,14 @@
 import os
 import sys
 import unittest
+from pathlib import Path
 
 sys.path.insert(0, os.environ["TILLER_PYTHON_PACKAGE"])
 
 import numpy as np  # noqa: E402
 
-from tiller_tools.fleet import chance, hierarchy, odd  # noqa: E402
+from tiller_tools.fleet import chance, hierarchy, identify_fleet, odd  # noqa: E402
+from tiller_tools.fleet.jobs import Job  # noqa: E402
 from tiller_tools.fleet.summaries import (Coordinate, Evidence, disagreement, divide_prior,  # noqa: E402
                                           evidence_of, together)
 
@@ -132,6 +134,28 @@ class Odd(unittest.TestCase):
         values = np.concatenate([np.random.default_rng(2).normal(0, 1, 200), [9.0, np.nan]])
         tails = odd.outliers(values)
         self.assertEqual(list(np.flatnonzero(tails < 0.05 / 200)), [200])
+
+    def test_residuals_that_go_with_something_are_named(self):
+        rng = np.random.default_rng(3)
+
+        def job_and_result(name, spring=0.0):
+            z = rng.standard_normal(3)
+            samples = np.exp(rng.normal(-0.7, 0.02, (64, 1))).tolist()
+            trend = {"name": "angle_rad", "value": z[0] + spring, "change": z[1], "inputs": {"torque_Nm": z[2]}}
+            prior = {"mean": 0.5, "sd": 0.2, "stated": {"kind": "log_normal", "a": 0.5, "b": 0.4}}
+            parameter = {"name": "mass_kg", "unit": "kg", "fixed": False, "prior": prior, "mean": 0.5, "sd": 0.01,
+                         "interval_90": [0.48, 0.52]}
+            result = {"tiller": "0", "robot": "r", "parameters": [parameter], "samples": samples, "noise_scale": 1.0,
+                      "residual_trends": [trend]}
+            return Job(name, name, Path(name), ()), {"result": result}
+
+        fitted = [job_and_result(f"r{i:02d}") for i in range(40)] + [job_and_result("spring", spring=-9.0)]
+        tails, quantities = identify_fleet.Robots(fitted).strange_residuals()
+        self.assertEqual(list(np.flatnonzero(tails < 0.05 / 41 / 3)), [40])
+        self.assertEqual(quantities[40], "angle_rad")
+        for _, kept in fitted:  # results of versions that say nothing of it
+            del kept["result"]["residual_trends"]
+        self.assertEqual(identify_fleet.Robots(fitted).strange_residuals()[0].min(), 1.0)
 
 
 if __name__ == "__main__":

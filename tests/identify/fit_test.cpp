@@ -30,18 +30,24 @@ const HorizonError& error_at(const Score& score, std::size_t horizon) {
 
 constexpr double kMass = 0.8, kLength = 0.4, kViscous = 0.05, kCoulomb = 0.12;
 
+// What else the joint has.
+struct Joint {
+  double coulomb_Nm = kCoulomb, spring_Nm_rad = 0;
+};
+
 // Angle and rate after `dt`, by semi-implicit Euler at 20 us with friction that sticks: no code shared with tiller.
-void swing(double& angle, double& rate, double torque, double dt) {
+void swing(double& angle, double& rate, double torque, double dt, const Joint& joint) {
   const double inertia = kMass * kLength * kLength, h = 2e-5;
   for (double t = 0; t < dt - 0.5 * h; t += h) {
-    const double drive = torque - kMass * 9.81 * kLength * std::sin(angle) - kViscous * rate;
-    const double free = rate + h * drive / inertia, stop = h * kCoulomb / inertia;
+    const double spring = joint.spring_Nm_rad * angle;
+    const double drive = torque - kMass * 9.81 * kLength * std::sin(angle) - kViscous * rate - spring;
+    const double free = rate + h * drive / inertia, stop = h * joint.coulomb_Nm / inertia;
     rate = std::fabs(free) <= stop ? 0 : free - std::copysign(stop, free);
     angle += h * rate;
   }
 }
 
-std::string write_log(const std::string& name, unsigned seed) {
+std::string write_log(const std::string& name, unsigned seed, const Joint& joint = {}) {
   const std::string path = (std::filesystem::path(testing::TempDir()) / name).string();
   std::ofstream file(path);
   file << "time_s,angle_rad,torque_Nm\n";
@@ -54,7 +60,7 @@ std::string write_log(const std::string& name, unsigned seed) {
     char row[96];
     std::snprintf(row, sizeof row, "%.6f,%.9f,%.9f\n", t, angle + noise(random), torque);
     file << row;
-    swing(angle, rate, torque, 0.01);
+    swing(angle, rate, torque, 0.01, joint);
   }
   return path;
 }
@@ -165,6 +171,33 @@ TEST(Identify, FindsParametersThatAreKnown) {
   EXPECT_TRUE(result.candidates[1].fit.history.alarm().raised) << "no friction, mass learnt";
   EXPECT_FALSE(best.fit.history.alarm().raised)
       << tiller_feature_name(best.fit.history.alarm().feature) << " at " << best.fit.history.alarm().data_s << " s";
+}
+
+// Mass and damping are learnt, which explain a part of what a spring or dry friction does.
+ResidualTrend trend_of(const std::string& log, const Joint& joint) {
+  std::string error, text = kRobot;
+  text.erase(text.find("[[effects]]"), text.find("[measurement]") - text.find("[[effects]]"));
+  text.replace(text.find("damping_Nms = 0.0"), 17, "damping_Nms = { uniform = [0.0, 0.3] }");
+  text.replace(text.find("rate_rad_s = 0.01"), 17, "rate_rad_s = 0.1 ");
+  const auto robot = parse_robot_file(text, "trend.toml", error);
+  EXPECT_TRUE(robot) << error;
+  if (!robot) std::abort();
+  IdentifyOptions options = few_rollouts();
+  options.logs = {write_log(log, 4, joint)};
+  const Identified result = identify_or_fail(*robot, options);
+  EXPECT_EQ(result.candidates.back().fit.trends.size(), 1u);
+  return result.candidates.back().fit.trends.at(0);
+}
+
+TEST(Identify, ResidualsGoWithWhatTheModelLacks) {
+  const ResidualTrend sound = trend_of("sound.csv", {0, 0}), spring = trend_of("spring.csv", {0, 0.6}),
+                      dry = trend_of("dry.csv", {0.25, 0});
+  // Three standard normal values: one beyond 3.5 in 700 logs. A spring of a fifth of gravity's slope in 8 s is six to
+  // ten deviations.
+  for (const double z : {sound.value, sound.change, sound.inputs.at(0)}) EXPECT_LT(std::fabs(z), 3.5);
+  EXPECT_LT(spring.value, -5.0);
+  EXPECT_LT(std::fabs(spring.change), std::fabs(spring.value));
+  EXPECT_GT(std::fmax(std::fabs(dry.change), std::fabs(dry.inputs.at(0))), std::fabs(dry.value));
 }
 
 void expect_begins_at_the_prior(const Fit& fit, const Snapshot& first) {

@@ -31,4 +31,8 @@ const tiller_model_t double_integrator = {
     dynamics,
     0,
     0,
+    0,
+    0,
+    0,
+    0,
 };

@@ -33,4 +33,8 @@ const tiller_model_t lander = {
     dynamics,
     0,
     0,
+    0,
+    0,
+    0,
+    0,
 };

@@ -237,7 +237,9 @@ TEST(Annealing, the_same_seed_plans_the_same_commands) {
       other.plan();
       ASSERT_EQ(one.command[0], other.command[0]) << kind << " " << t;
       // refinement ends at the one minimum of this problem, whatever it began from
-      if (t == 0 && kind != tiller_planner_hybrid) EXPECT_NE(one.command[0], plain) << kind;
+      if (t == 0 && kind != tiller_planner_hybrid) {
+        EXPECT_NE(one.command[0], plain) << kind;
+      }
     }
   }
 }

@@ -628,8 +628,9 @@ TEST(OutcomeRisk, is_that_of_the_hypotheses_one_by_one) {
     std::vector<double> each;
     for (int j = 0; j < 4; ++j) {
       cost[j] = static_cast<double>(random() % 100);
-      count[j] = 1 + static_cast<std::uint32_t>(random() % 5);
-      each.insert(each.end(), count[j], cost[j]);
+      const std::size_t copies = 1 + random() % 5;
+      count[j] = static_cast<double>(copies);
+      each.insert(each.end(), copies, cost[j]);
     }
     std::sort(each.begin(), each.end(), std::greater<double>());
     const double n = static_cast<double>(each.size());

@@ -36,7 +36,11 @@ const tiller_model_t kModel = {sizeof(tiller_model_t),
                                1u,
                                pendulum_and_belt,
                                nullptr,
-                               nullptr};
+                               nullptr,
+                               0,
+                               nullptr,
+                               nullptr,
+                               0};
 constexpr double kParams[3] = {1.2, 0.5, 0.08};
 constexpr double kBelt_m = 1.01, kLimit_m = 1.0;
 

@@ -157,7 +157,7 @@ TEST(BeliefWeights, pairs_are_not_cut_in_two_and_the_mean_stands_for_the_rest) {
 TEST(ScenarioRisk, is_that_of_scenarios_counted_as_often_as_they_are_likely) {
   std::mt19937 random(4);
   for (int trial = 0; trial < 300; ++trial) {
-    const double share = trial % 3 == 0 ? 1.0 : trial % 3 == 1 ? 0.05 + 0.9 * (random() % 100) / 100.0 : 0.0;
+    const double share = trial % 3 == 0 ? 1.0 : trial % 3 == 1 ? 0.05 + 0.9 * static_cast<double>(random() % 100) / 100.0 : 0.0;
     tiller::Config c = line_config(tiller_planner_ilqr);
     set_risk(c, share);
     tiller::ScenarioRisk risk;
@@ -166,7 +166,7 @@ TEST(ScenarioRisk, is_that_of_scenarios_counted_as_often_as_they_are_likely) {
     double cost[4], times[4], sum = 0.0;
     for (int j = 0; j < 4; ++j) {
       cost[j] = static_cast<double>(random() % 1000);
-      sum += times[j] = 1.0 + random() % 5;
+      sum += times[j] = 1.0 + static_cast<double>(random() % 5);
     }
     std::vector<Atom> atoms;
     double relative[4];
@@ -183,7 +183,9 @@ TEST(ScenarioRisk, is_that_of_scenarios_counted_as_often_as_they_are_likely) {
     double all = 0.0, mean = 0.0;
     for (int j = 0; j < 4; ++j) {
       EXPECT_GE(risk.weight()[j], 0.0);
-      if (share > 0.0) EXPECT_LE(risk.weight()[j], std::min(1.0, relative[j] / 4.0 / share) + 1e-9);
+      if (share > 0.0) {
+        EXPECT_LE(risk.weight()[j], std::min(1.0, relative[j] / 4.0 / share) + 1e-9);
+      }
       all += risk.weight()[j];
       mean += risk.weight()[j] * cost[j];
     }

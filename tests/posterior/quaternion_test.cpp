@@ -202,7 +202,9 @@ TEST(QuaternionFilter, NoiseAndDeviationsAreWhatTheyAre) {
     std::printf("seed %2u: noise %.3f, mass %.3f in %.3f .. %.3f%s\n", seed, p->noise_scale(), log.params[0],
                 p->quantile(0, 0.05), p->quantile(0, 0.95), inside ? "" : ": outside");
     EXPECT_EQ(p->gated(), 0u);
-    if (p->adequacy()) EXPECT_NE(p->adequacy()->state(), tiller_adequacy_inadequate);
+    if (p->adequacy()) {
+      EXPECT_NE(p->adequacy()->state(), tiller_adequacy_inadequate);
+    }
   }
   std::printf("noise %.4f, attitude's squared error over its variance %.3f\n", noise, squares / count);
   EXPECT_NEAR(noise, 1, 0.05);

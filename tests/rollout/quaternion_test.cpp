@@ -205,7 +205,9 @@ TEST(QuaternionCost, GradientIsThatOfTheValueAlongTheSphere) {
       // lengths alone cost nothing, but where a bound says so
       double radial = 0;
       for (int i = kAttitude; i < kAttitude + 4; ++i) radial += e.lx[i * 2 * kLanes] * x[i];
-      if (!every) EXPECT_NEAR(radial, 0, 1e-12 * e.value[0]);
+      if (!every) {
+        EXPECT_NEAR(radial, 0, 1e-12 * e.value[0]);
+      }
       for (std::uint32_t r = 0; r < kX; ++r)
         for (std::uint32_t c = 0; c < kX; ++c)
           EXPECT_NEAR(e.lxx[(r * kX + c) * 2 * kLanes], e.lxx[(c * kX + r) * 2 * kLanes], 1e-11);

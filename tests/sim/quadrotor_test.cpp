@@ -55,7 +55,9 @@ TEST(Quadrotor, EachPairOfRotorsTurnsItItsOwnWay) {
   EXPECT_GT(yaw[2], 0);    // clockwise rotors turn the body counter-clockwise
   for (const auto& [turn, axis] : {std::pair{roll, 0}, std::pair{pitch, 1}, std::pair{yaw, 2}})
     for (int i = 0; i < 3; ++i)
-      if (i != axis) EXPECT_NEAR(turn[static_cast<std::size_t>(i)], 0, 1e-12);
+      if (i != axis) {
+        EXPECT_NEAR(turn[static_cast<std::size_t>(i)], 0, 1e-12);
+      }
 }
 
 // A free body that spins about its middle axis tumbles; energy and the length of its angular momentum stay.

@@ -16,7 +16,7 @@ import pathlib
 import re
 import sys
 
-LEVELS = ["runtime", "sim", "tools", "harness", "bench", "tests"]
+LEVELS = ["runtime", "sim", "tools", "python", "harness", "bench", "tests"]
 BEGIN, END = "<!-- modules: made by ./dev modules -->", "<!-- end of modules -->"
 SOURCE = {".hpp", ".cpp", ".h", ".c", ".def", ".inc"}
 LINES_MAY_DIFFER = 0.25  # a table that is wrong after every commit would only be in the way

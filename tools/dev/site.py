@@ -17,6 +17,8 @@ import subprocess
 import sys
 import urllib.parse
 
+import notebooks
+
 LINK = re.compile(r"(!?\[[^\]]*\])\(([^)\s]+)\)")
 FORMULA = re.compile(r"(\w\[\w+\])\((?=[^)]* )")  # network[member](sin q, ...): no link, though it looks like one
 FOLDERS = {"guide": "How to", "reference": "Reference", "theory": "Theory", "evidence": "Evidence",
@@ -139,6 +141,27 @@ def python_page(package):
     return "\n".join(out)
 
 
+# ---- the gallery -----------------------------------------------------------------------------------
+
+
+def gallery(root, source):
+    """A page for each example of the Python package, with its picture and a notebook; a page that leads to them."""
+    folder = source / "gallery"
+    folder.mkdir()
+    notebooks.write_notebooks(folder)
+    index = ["# Gallery\n", "Each page is a script of `examples/python`, cell by cell, and a notebook for Jupyter. They "
+             "need `tiller[pages]` ([the Python package](../guide/python.md)).\n"]
+    for path in notebooks.examples():
+        text, name = path.read_text(encoding="utf-8"), path.stem
+        title, picture = notebooks.title(text), f"../images/gallery/{name}.png"
+        index.append(f"## [{title}]({name}.md)\n\n[![{title}]({picture})]({name}.md)\n")
+        cells = notebooks.cells(text)
+        page = [cells[0][1], f"\n![{title}]({picture})\n", f"[The notebook]({name}.ipynb)\n"]
+        page += [f"```python\n{part}\n```\n" if kind == "code" else f"**{part}**\n" for kind, part in cells[1:]]
+        (folder / f"{name}.md").write_text("\n".join(page), encoding="utf-8")
+    (folder / "index.md").write_text("\n".join(index), encoding="utf-8")
+
+
 # ---- the site --------------------------------------------------------------------------------------
 
 
@@ -149,7 +172,7 @@ def title_of(page):
 
 def navigation(source):
     lines = ["nav:", '  - "tiller": index.md']
-    groups = {**FOLDERS, "api": "Interfaces", "source": "Files"}
+    groups = {"gallery": "Gallery", **FOLDERS, "api": "Interfaces", "source": "Files"}
     for folder, name in groups.items():
         pages = sorted((source / folder).glob("*.md"), key=title_of)
         if pages:
@@ -227,6 +250,7 @@ def write_pages(root, out):
     for package in (root / "python/tiller", root / "tools/python/tiller_tools"):
         if package.is_dir():
             (api / f"{package.name}.md").write_text(python_page(package), encoding="utf-8")
+    gallery(root, site.source)
     (out / "mkdocs.yml").write_text(CONFIG.format(navigation=navigation(site.source)), encoding="utf-8")
 
 

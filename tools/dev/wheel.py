@@ -1,4 +1,4 @@
-"""Repairs and audits a wheel: wheel.py RAW.whl OUT_FOLDER [--most-MB 12]
+"""Repairs and audits a wheel: wheel.py RAW.whl OUT_FOLDER [--most-MB 12] [--sysroot FOLDER]
 
 auditwheel puts the shared libraries that Linux systems need not have into the wheel and names the oldest glibc that it
 runs on. Then the wheel is packed anew, as small as deflate gets (zopfli), and audited:
@@ -17,7 +17,9 @@ import base64
 import csv
 import hashlib
 import io
+import os
 import pathlib
+import platform
 import re
 import subprocess
 import sys
@@ -32,11 +34,16 @@ def run(*command):
     return subprocess.run([str(c) for c in command], check=True, capture_output=True, text=True).stdout
 
 
-def repair(raw, folder):
-    """The wheel with its libraries inside, by auditwheel."""
+def repair(raw, folder, sysroot):
+    """The wheel with its libraries inside, by auditwheel; of another processor, from its sysroot."""
     before = set(folder.glob("*.whl"))
-    done = subprocess.run([sys.executable, "-m", "auditwheel", "repair", "--strip", "-w", str(folder), str(raw)],
-                          capture_output=True, text=True)
+    command = [sys.executable, "-m", "auditwheel", "repair", "--strip", "-w", str(folder), str(raw)]
+    architecture, env = re.search(r"linux_(\w+)\.whl$", raw.name).group(1), dict(os.environ)
+    if architecture != platform.machine():
+        triplet = f"{architecture}-linux-gnu"
+        command += ["--ldpaths", f"{sysroot}/usr/lib/{triplet}:{sysroot}/lib/{triplet}"]
+        env["PATH"] = f"/usr/{triplet}/bin:{env['PATH']}"  # its strip
+    done = subprocess.run(command, capture_output=True, text=True, env=env)
     if done.returncode != 0:
         sys.exit(f"wheel: auditwheel refuses {raw.name}:\n{done.stdout}{done.stderr}")
     return (set(folder.glob("*.whl")) - before).pop()
@@ -157,11 +164,12 @@ def main():
     parser.add_argument("raw", type=pathlib.Path)
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("--most-MB", type=float, default=12.0)
+    parser.add_argument("--sysroot", type=pathlib.Path, help="of a wheel for another processor")
     parser.add_argument("--fast", action="store_true", help="pack with zlib: larger, in seconds")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
-        repaired = repair(options.raw.resolve(), pathlib.Path(scratch))
+        repaired = repair(options.raw.resolve(), pathlib.Path(scratch), options.sysroot)
         wheel = options.folder / repaired.name
         if options.fast:
             wheel.write_bytes(repaired.read_bytes())

@@ -136,16 +136,21 @@ void update_posterior(Posterior& posterior, const tiller_config_t& config, const
   std::size_t all = 0, done = 0;
   for (const Stretch& stretch : stretches) all += stretch.steps.size();
   result.history.begin(posterior, config, all);
+  ResidualPattern pattern;
+  pattern.begin(config);
   for (const Stretch& stretch : stretches) {
     result.history.begin_stretch();
+    pattern.begin_stretch(stretch.start);
     if (posterior.start(stretch.start) != tiller_status_ok) ++result.refused;
     for (const Transition& step : stretch.steps) {
       if (!is_taken(posterior.update(step))) ++result.refused;
       ++result.transitions;
       result.history.add(posterior, step.period_s);
+      if (posterior.adequacy() != nullptr) pattern.add(*posterior.adequacy(), step);
       if (options.progress && ++done % 64 == 0) options.progress(static_cast<double>(done) / static_cast<double>(all));
     }
   }
+  if (posterior.adequacy() != nullptr) result.trends = pattern.trends();
 }
 
 /// One pass over the data with process noise `process_scale` times the configured one.

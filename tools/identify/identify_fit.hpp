@@ -8,6 +8,7 @@
 #include "tiller/config.hpp"
 #include "tools/identify/identify_history.hpp"
 #include "tools/identify/method.hpp"
+#include "tools/identify/residual_pattern.hpp"
 #include "tools/logs/identify_data.hpp"
 #include "tools/robot/prior_edge.hpp"
 #include "tools/robot/robot_file.hpp"
@@ -57,6 +58,7 @@ struct Fit {
   std::uint64_t transitions = 0, refused = 0, gated = 0;
   bool tested = false;  ///< the model's adequacy: see history.alarm()
   History history;
+  std::vector<ResidualTrend> trends;  ///< (ny) of the posterior where it is tested, else empty
   // of a method other than the posterior; noise_scale and exponent are then NaN, the history is empty
   std::string method = "posterior";
   std::vector<MethodIteration> iterations;

@@ -160,6 +160,22 @@ json alarm_json(const Fit& fit, const RobotFile& robot) {
           {"feature", tiller_feature_name(alarm.feature)}};
 }
 
+// What the residuals of each measurement go with, in deviations.
+json trends_json(const Fit& fit, const RobotFile& robot) {
+  json list = json::array();
+  for (std::size_t k = 0; k < fit.trends.size(); ++k) {
+    const ResidualTrend& trend = fit.trends[k];
+    json inputs = json::object();
+    for (std::size_t j = 0; j < trend.inputs.size(); ++j)
+      inputs[robot.model->input_names[j]] = number(trend.inputs[j]);
+    list.push_back({{"name", robot.model->state_names[robot.config.measured_state[k]]},
+                    {"value", number(trend.value)},
+                    {"change", number(trend.change)},
+                    {"inputs", inputs}});
+  }
+  return list;
+}
+
 json candidate_json(const Assessed& assessed, const RobotFile& robot) {
   const Fit& fit = assessed.fit;
   json params = json::array();
@@ -186,7 +202,10 @@ json candidate_json(const Assessed& assessed, const RobotFile& robot) {
               {"prior_samples", samples_json(fit, fit.prior_samples)},
               {"history", history_json(fit, robot)},
               {"traces", traces_json(held_out ? assessed.on_held_out : assessed.on_fitted, robot)}};
-  if (fit.tested) out["alarm"] = alarm_json(fit, robot);
+  if (fit.tested) {
+    out["alarm"] = alarm_json(fit, robot);
+    out["residual_trends"] = trends_json(fit, robot);
+  }
   return out;
 }
 

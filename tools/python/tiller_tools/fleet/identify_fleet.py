@@ -64,18 +64,51 @@ class Robots:
         found = [disagreement(self.parts[name]) for name in self.names]
         return np.array([float(chi_square_tail(s, k)) if k > 0 else 1.0 for s, k in found])
 
+    def trends(self) -> tuple[list[str], np.ndarray]:
+        """(names of the quantities, (n x quantities) how far a robot's residuals go with each, in deviations)."""
+        tables = {name: [_trends_of(r) for r in self.results[name]] for name in self.names}
+        quantities = list(dict.fromkeys(q for logs in tables.values() for table in logs for q in table))
+        values = np.full((len(self.names), len(quantities)), math.nan)
+        for i, name in enumerate(self.names):
+            for j, quantity in enumerate(quantities):
+                z = [table[quantity] for table in tables[name] if table.get(quantity) is not None]
+                if z:
+                    values[i, j] = sum(z) / math.sqrt(len(z))
+        return quantities, values
+
+    def strange_residuals(self) -> tuple[np.ndarray, list[str]]:
+        """(n) tail probability of residuals that go with something as no other's do, over all that was asked
+        (Bonferroni); and (n) with what."""
+        quantities, values = self.trends()
+        if not quantities:
+            return np.ones(len(self.names)), [""] * len(self.names)
+        tails = np.column_stack([odd.outliers(column) for column in values.T])
+        return np.minimum(1.0, len(quantities) * tails.min(axis=1)), [quantities[k] for k in tails.argmin(axis=1)]
+
+
+def _trends_of(result: dict) -> dict[str, float | None]:
+    """Quantity -> deviations, of one log."""
+    out: dict[str, float | None] = {}
+    for channel in result.get("residual_trends") or []:
+        name = channel["name"]
+        out[name], out[f"the change of {name}"] = channel["value"], channel["change"]
+        for unit, z in channel["inputs"].items():
+            out[unit if len(result["residual_trends"]) == 1 else f"{unit} (in {name})"] = z
+    return out
+
 
 def _posterior(robots: Robots, alpha: float, seed: int):
     """Draws of the population of those who belong to it; tail probabilities of all; who was left out; the level."""
     several = any(len(parts) > 1 for parts in robots.parts.values())
-    level = alpha / (robots.fleet.size * (3 if several else 2))
+    level = alpha / (robots.fleet.size * (4 if several else 3))
     noise, own = odd.outliers(robots.log_noise()), robots.own_disagreement()
-    draws, place, out = odd.judge(robots.fleet, [noise, own], level, seed)
-    return draws, {"parameters": place, "noise": noise, "logs": own}, out, level
+    residuals, _ = robots.strange_residuals()
+    draws, place, out = odd.judge(robots.fleet, [noise, own, residuals], level, seed)
+    return draws, {"parameters": place, "noise": noise, "residuals": residuals, "logs": own}, out, level
 
 
 REASONS = {"parameters": "its parameters are not of this fleet", "noise": "its noise is not that of the others",
-           "logs": "its own logs disagree"}
+           "residuals": "its residuals go with {quantity} as no other's do", "logs": "its own logs disagree"}
 
 
 def _values(coordinates: list[Coordinate], draws: np.ndarray) -> list[dict]:
@@ -106,11 +139,11 @@ def _lone_draws(fleet: hierarchy.Fleet, i: int, rng: np.random.Generator) -> np.
 def _robot_rows(robots: Robots, draws, tails: dict, out: np.ndarray, level: float, seed: int) -> list[dict]:
     theta, place = draws.flat("theta"), np.cumsum(~out) - 1
     mu = draws.flat("mean").mean(axis=0)
-    rows = []
+    quantities, rows = robots.strange_residuals()[1], []
     for i, name in enumerate(robots.names):
         rng = np.random.Generator(np.random.PCG64([seed, 1000 + i]))
         own = _lone_draws(robots.fleet, i, rng) if out[i] else theta[:, place[i]]
-        why = [REASONS[kind] for kind in tails if tails[kind][i] < level]
+        why = [REASONS[kind].format(quantity=quantities[i]) for kind in tails if tails[kind][i] < level]
         centre = own.mean(axis=0)
         rows.append({"robot": name, "logs": len(robots.parts[name]), "odd": bool(why), "why": why,
                      "tails": {kind: float(tails[kind][i]) for kind in tails},

@@ -10,7 +10,7 @@ from .files import FleetError, replace_file
 # Exit codes that are answers. identify: 0. gap: its verdicts (docs/guide/gap.md).
 ANSWERS = {"identify": (0,), "gap": (0, 1, 2, 3)}
 IDENTIFY_KEYS = ("name", "parameters", "noise_scale", "process_scale", "effective_samples", "exponent", "transitions",
-                 "refused", "gated", "diverged", "samples", "alarm")
+                 "refused", "gated", "diverged", "samples", "alarm", "residual_trends")
 GAP_LEFT_OUT = ("windows", "traces", "maps", "rollouts", "curves", "figures")
 
 
