@@ -19,7 +19,7 @@ joints = len(robot.inputs)
 print(robot)
 
 # %% Left alone, it falls: one rollout, which may as well be thousands
-falls = tiller.rollout(robot, robot.initial_state, np.zeros((100, joints)))
+falls = tiller.rollout(robot, robot.initial_state, np.zeros((round(4 / robot.period_s), joints)))
 print("left alone, the joints go to", falls[-1, :joints].round(3))
 
 # %% Steered to the target of its robot file

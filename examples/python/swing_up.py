@@ -14,7 +14,8 @@ import tiller
 robot = tiller.Robot.from_toml("pendulum")
 controller = tiller.Controller(robot)
 plant = tiller.Plant(robot)
-print(robot.params, "true:", plant.true_params)
+learnt = [k for k, sd in enumerate(controller.posterior.sd) if sd > 0]  # the length is the drawing's
+print([robot.params[k] for k in learnt], "true:", plant.true_params[learnt])
 
 # %% The loop: a measurement in, a command out. prepare() does what need not wait for the next measurement.
 seen = []
@@ -24,7 +25,7 @@ for measurement in tiller.lockstep(plant, seconds=6):
     plant.step(command)
     controller.prepare()
     # what the controller shows are views of its own memory: copy what must stay
-    seen.append([measurement.t, plant.true_state[0], *controller.posterior.quantiles([0.05, 0.5, 0.95]).ravel()])
+    seen.append([measurement.t, plant.true_state[0], *controller.posterior.quantiles([0.05, 0.5, 0.95])[:, learnt].ravel()])
 
 # %% What it knows at the end
 known = controller.posterior
@@ -41,17 +42,18 @@ def picture() -> Any:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7, 6), layout="constrained")
-    axes = figure.subplots(1 + len(robot.params), 1, sharex=True)
+    axes = figure.subplots(1 + len(learnt), 1, sharex=True)
     rows = np.array(seen)
     t = rows[:, 0] - rows[0, 0]
     axes[0].plot(t, rows[:, 1])
     axes[0].axhline(math.pi, color="0.6", lw=1)
     axes[0].set_ylabel("angle [rad]")
     bands = rows[:, 2:].reshape(len(rows), 3, -1)
-    for k, (axis, name) in enumerate(zip(axes[1:], robot.params)):
-        axis.fill_between(t, bands[:, 0, k], bands[:, 2, k], alpha=0.25)
-        axis.plot(t, bands[:, 1, k])
-        axis.axhline(plant.true_params[k], color="C1", ls="--")
-        axis.set_ylabel(name)
+    for k, axis in enumerate(axes[1:]):
+        axis.fill_between(t, bands[:, 0, k], bands[:, 2, k], alpha=0.25, label="90 % interval")
+        axis.plot(t, bands[:, 1, k], label="median")
+        axis.axhline(plant.true_params[learnt[k]], color="C1", ls="--", label="true")
+        axis.set_ylabel(robot.params[learnt[k]])
+    axes[1].legend()
     axes[-1].set_xlabel("time [s]")
     return figure

@@ -139,17 +139,29 @@ class GapResult(Result):
         return self._file("_gap.toml")
 
     def rows(self) -> list[dict[str, Any]]:
-        return [_flat(one) for one in self.ranking]
+        rows = []
+        for one in self.ranking:
+            names = [f"{e['kind']} ({e['port']})" if e.get("port") else e["kind"] for e in one["effects"]]
+            rows.append({"effects": " + ".join(names) or "none", **_flat(one)})
+        return rows
 
     def _draw(self, figure: Figure) -> None:
-        axis = figure.subplots()
-        overlay = self.json["overlays"][0] if self.json["overlays"] else {}
-        for name, values in overlay.items():
-            if isinstance(values, list) and values and isinstance(values[0], (int, float)) and name != "time_s":
-                axis.plot(overlay.get("time_s", range(len(values))), values, label=name)
-        axis.set_title(self.sentence, fontsize="small", wrap=True)
-        if axis.lines:
-            axis.legend()
+        """A held-out stretch: measured, rolled out without and with what was found."""
+        figure.suptitle(self.sentence, fontsize="small", wrap=True)
+        if not self.json["overlays"]:
+            figure.subplots().set_axis_off()
+            return
+        overlay, channels = self.json["overlays"][0], self.json["data"]["channels"]
+        axes = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
+        for k, (axis, channel) in enumerate(zip(axes, channels)):
+            axis.plot(overlay["time_s"], overlay["measured"][k], "k.", ms=3, label="measured")
+            found = overlay["after"][k] != overlay["before"][k]
+            axis.plot(overlay["time_s"], overlay["before"][k], "C1--", label="before" if found else "the model as it is")
+            if found:
+                axis.plot(overlay["time_s"], overlay["after"][k], "C0", label="after")
+            axis.set_ylabel(channel["name"])
+        axes[0].legend()
+        axes[-1].set_xlabel("time [s]")
 
 
 class ExciteResult(Result):
@@ -209,7 +221,8 @@ class LearnResult(Result):
 
     def _draw(self, figure: Figure) -> None:
         axis = figure.subplots()
-        axis.bar([c["name"] for c in self.json["candidates"]], [c["ratio"] for c in self.json["candidates"]])
+        candidates = [c for c in self.json["candidates"] if c["ratio"] is not None]  # the others were not rolled out
+        axis.bar([c["name"] for c in candidates], [c["ratio"] for c in candidates])
         axis.axhline(1.0, color="black", lw=0.8)
         axis.set_ylabel("rollout error, with over without")
 

@@ -81,6 +81,17 @@ def test_identify_finds_the_damping_of_a_measured_pendulum(tmp_path):
                result.parameters().values())
 
 
+def test_gap_names_effects_in_its_table_and_draws_what_they_change(tmp_path):
+    result = tiller.gap(ROOT / "robots/dfki_pendulum_bare.toml", LOGS[:2], out=tmp_path / "gap", max_effects=1)
+    rows = result.rows()
+    assert rows[0]["effects"] == "none" and "friction (joint)" in " ".join(row["effects"] for row in rows[1:])
+    assert len(rows) == len(result.ranking) and all(row["gain_nats"] >= 0 for row in rows)
+    pytest.importorskip("matplotlib")
+    figure = result.figure()
+    assert [axis.get_ylabel() for axis in figure.axes] == ["angle_rad", "rate_rad_s"]
+    assert all(len(axis.lines) in (2, 3) and len(axis.lines[0].get_xdata()) > 50 for axis in figure.axes)
+
+
 def test_excite_gives_a_sequence_within_the_limits():
     robot = tiller.Robot.from_toml("pendulum")
     result = tiller.excite(robot, candidates="input_delay:delay_s=0.02,actuator_lag:time_constant_s=0.02", seconds=2,

@@ -174,7 +174,7 @@ def navigation(source):
     lines = ["nav:", '  - "tiller": index.md']
     groups = {"gallery": "Gallery", **FOLDERS, "api": "Interfaces", "source": "Files"}
     for folder, name in groups.items():
-        pages = sorted((source / folder).glob("*.md"), key=title_of)
+        pages = sorted((source / folder).glob("*.md"), key=lambda page: (page.stem != "index", title_of(page)))
         if pages:
             lines.append(f'  - "{name}":')
             lines += [f'      - "{title_of(p)}": {folder}/{p.name}' for p in pages]
