@@ -1,8 +1,8 @@
 """# What a model lacks, from logs of a real pendulum
 
-`data/dfki_simple_pendulum` holds logs of a machine. The robot file's model is bob and rod alone. `tiller.gap` finds where
-model and logs disagree, names the effect that explains it, and says how sure that is: two swing-ups of five seconds are
-little.
+`data/dfki_simple_pendulum` holds logs of a machine. The robot file's model is bob and rod alone. `tiller.gap` finds
+where model and logs disagree, names the effect that explains it, and says how sure that is: two swing-ups of five
+seconds are little.
 """
 # %%
 import pathlib

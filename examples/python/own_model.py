@@ -1,7 +1,7 @@
 """# A model of one's own
 
-A ball rolls on a beam. The model is a C++ header that tiller does not ship; it is compiled when the robot is made, which
-needs a C++ compiler. The plant is not tiller's either: it is a few lines of Python.
+A ball rolls on a beam. The model is a C++ header that tiller does not ship; it is compiled when the robot is made,
+which needs a C++ compiler. The plant is not tiller's either: it is a few lines of Python.
 """
 # %%
 import math

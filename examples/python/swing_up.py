@@ -25,7 +25,8 @@ for measurement in tiller.lockstep(plant, seconds=6):
     plant.step(command)
     controller.prepare()
     # what the controller shows are views of its own memory: copy what must stay
-    seen.append([measurement.t, plant.true_state[0], *controller.posterior.quantiles([0.05, 0.5, 0.95])[:, learnt].ravel()])
+    band = controller.posterior.quantiles([0.05, 0.5, 0.95])[:, learnt]
+    seen.append([measurement.t, plant.true_state[0], *band.ravel()])
 
 # %% What it knows at the end
 known = controller.posterior

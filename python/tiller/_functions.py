@@ -156,7 +156,8 @@ class GapResult(Result):
         for k, (axis, channel) in enumerate(zip(axes, channels)):
             axis.plot(overlay["time_s"], overlay["measured"][k], "k.", ms=3, label="measured")
             found = overlay["after"][k] != overlay["before"][k]
-            axis.plot(overlay["time_s"], overlay["before"][k], "C1--", label="before" if found else "the model as it is")
+            name = "before" if found else "the model as it is"
+            axis.plot(overlay["time_s"], overlay["before"][k], "C1--", label=name)
             if found:
                 axis.plot(overlay["time_s"], overlay["after"][k], "C0", label="after")
             axis.set_ylabel(channel["name"])

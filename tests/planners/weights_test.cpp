@@ -157,7 +157,9 @@ TEST(BeliefWeights, pairs_are_not_cut_in_two_and_the_mean_stands_for_the_rest) {
 TEST(ScenarioRisk, is_that_of_scenarios_counted_as_often_as_they_are_likely) {
   std::mt19937 random(4);
   for (int trial = 0; trial < 300; ++trial) {
-    const double share = trial % 3 == 0 ? 1.0 : trial % 3 == 1 ? 0.05 + 0.9 * static_cast<double>(random() % 100) / 100.0 : 0.0;
+    const double share = trial % 3 == 0   ? 1.0
+                         : trial % 3 == 1 ? 0.05 + 0.9 * static_cast<double>(random() % 100) / 100.0
+                                          : 0.0;
     tiller::Config c = line_config(tiller_planner_ilqr);
     set_risk(c, share);
     tiller::ScenarioRisk risk;
