@@ -1,5 +1,5 @@
-"""The examples run, each in a process of its own, as a script and as the notebook that is made of it; their pictures are
-drawn."""
+"""The examples run, each in a process of its own, as a script and as the notebook that is made of it; their pictures
+are drawn."""
 import json
 import pathlib
 import shutil

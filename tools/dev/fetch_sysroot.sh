@@ -1,7 +1,7 @@
 #!/bin/sh
-# fetch_sysroot.sh FOLDER ARCHITECTURE RELEASE|- PACKAGE...: unpacks Debian packages of another architecture into FOLDER,
-# with all that they depend on: libraries to link with, an interpreter to run under qemu-user. Nothing is installed, and
-# this machine's apt stays as it is: lists and packages are kept in FOLDER/apt while they are needed.
+# fetch_sysroot.sh FOLDER ARCHITECTURE RELEASE|- PACKAGE...: unpacks Debian packages of another architecture into
+# FOLDER, with all that they depend on: libraries to link with, an interpreter to run under qemu-user. Nothing is
+# installed, and this machine's apt stays as it is: lists and packages are kept in FOLDER/apt while they are needed.
 #
 # The packages come from where this machine's own come from; RELEASE (trixie, ...) asks there for another release than
 # this machine's. FOLDER/packages lists what was unpacked; it is written last, so its presence means complete.

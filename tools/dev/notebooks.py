@@ -1,6 +1,6 @@
 """Examples as notebooks: a script whose docstring is Markdown and whose cells begin with `# %%`.
 
-    notebooks.py pictures OUT [NAME ...]   runs the examples, with the installed package `tiller`; their pictures into OUT
+    notebooks.py pictures OUT [NAME ...]   runs the examples, with the package `tiller`; their pictures into OUT
     notebooks.py notebooks OUT             the examples as .ipynb, for Jupyter
 
 `# %% A sentence` gives a cell a sentence of Markdown above it. An example's last cell defines picture(), whose figure

@@ -149,8 +149,8 @@ def gallery(root, source):
     folder = source / "gallery"
     folder.mkdir()
     notebooks.write_notebooks(folder)
-    index = ["# Gallery\n", "Each page is a script of `examples/python`, cell by cell, and a notebook for Jupyter. They "
-             "need `tiller[pages]` ([the Python package](../guide/python.md)).\n"]
+    index = ["# Gallery\n", "Each page is a script of `examples/python`, cell by cell, and a notebook for Jupyter. "
+             "They need `tiller[pages]` ([the Python package](../guide/python.md)).\n"]
     for path in notebooks.examples():
         text, name = path.read_text(encoding="utf-8"), path.stem
         title, picture = notebooks.title(text), f"../images/gallery/{name}.png"

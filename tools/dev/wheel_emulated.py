@@ -39,9 +39,9 @@ def emulated_python(sysroot, architecture):
 def install(wheel, folder, version, architecture):
     shutil.rmtree(folder, ignore_errors=True)
     platforms = [f"--platform=manylinux_2_{glibc}_{architecture}" for glibc in range(17, 43)]
-    subprocess.run([sys.executable, "-m", "pip", "install", "-q", "--disable-pip-version-check", "--target", str(folder),
-                    "--only-binary=:all:", "--python-version", version, "--implementation", "cp", *platforms,
-                    str(wheel), "pytest"], check=True)
+    subprocess.run([sys.executable, "-m", "pip", "install", "-q", "--disable-pip-version-check", "--target",
+                    str(folder), "--only-binary=:all:", "--python-version", version, "--implementation", "cp",
+                    *platforms, str(wheel), "pytest"], check=True)
 
 
 def main():

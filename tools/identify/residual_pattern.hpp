@@ -22,7 +22,7 @@ struct ResidualTrend {
 /// runtime's alarm it makes no promise at every tick; it is for comparing robots by their whole logs.
 class ResidualPattern {
  public:
-  static constexpr std::uint32_t kSettling = 20;  ///< steps of a stretch whose residuals are left out: the state settles
+  static constexpr std::uint32_t kSettling = 20;  ///< first steps of a stretch, left out: the state settles
 
   void begin(const tiller_config_t& config);
   /// `start` (ny): the first measurements of a stretch.
