@@ -312,8 +312,8 @@ TEST(Outcomes, a_bridge_is_crossed_after_the_drift_was_seen) {
 }
 
 /// A bound that no plan can keep. The planner takes off what all simulations of a hypothesis pay for it, which changes
-/// from batch to batch, and the costs that outcomes keep have to follow. The optimum has a period more than the horizon,
-/// because bounds count in the last state too.
+/// from batch to batch, and the costs that outcomes keep have to follow. The optimum has a period more than the
+/// horizon, because bounds count in the last state too.
 TEST(Outcomes, cost_what_they_cost_beyond_a_bound) {
   for (const double weight : {1.0, 1e3, 1e6}) {
     World w = line_world();

@@ -23,21 +23,22 @@ exec 9>"$folder/lock"
 flock 9
 [ -s "$folder/packages" ] && [ "$(head -n 1 "$folder/packages")" = "$wanted" ] && exit 0
 for tool in apt-get dpkg-deb; do
-  command -v $tool >/dev/null || die "no $tool here: unpack $* for $architecture into $folder yourself, then write" \
+  command -v $tool >/dev/null || die "no $tool here: unpack $* for $architecture into $folder/tree yourself, then write" \
     "'$wanted' into $folder/packages"
 done
 
 apt=$folder/apt
-rm -rf "$apt" "$folder/packages" "$folder/root"
-mkdir -p "$apt/lists/partial" "$apt/archives/partial" "$apt/sources" "$folder/root"
+rm -rf "$apt" "$folder/packages" "$folder/tree"
+mkdir -p "$apt/lists/partial" "$apt/archives/partial" "$apt/sources" "$folder/tree"
 : >"$apt/status"
 for source in /etc/apt/sources.list /etc/apt/sources.list.d/*.list /etc/apt/sources.list.d/*.sources; do
   [ -e "$source" ] && cp "$source" "$apt/sources/$(basename "$source" | sed 's/^sources\.list$/own.list/')"
 done
 if [ "$release" != - ]; then
   # shellcheck disable=SC1091
-  own=$(. /etc/os-release && echo "${VERSION_CODENAME:-}")
-  [ -n "$own" ] || die "/etc/os-release names no release of this machine, so $release cannot be asked for"
+  own=$(. /etc/os-release && [ "$ID" = debian ] && echo "${VERSION_CODENAME:-}") || own=
+  [ -n "$own" ] || die "$release is a release of Debian, and /etc/os-release names none here: unpack $* of it for" \
+    "$architecture into $folder/tree yourself, then write '$wanted' into $folder/packages"
   sed -i "s/\\b$own/$release/g" "$apt"/sources/*
 fi
 own_apt() {
@@ -51,12 +52,12 @@ own_apt install --no-install-recommends --download-only -y "$@" >"$apt/log" 2>&1
   cat "$apt/log" >&2
   die "these packages cannot be had for $architecture: $*"
 }
-for package in "$apt"/archives/*.deb; do dpkg-deb -x "$package" "$folder/root"; done
-[ -e "$folder/root/lib" ] || ln -s usr/lib "$folder/root/lib" # newer releases leave this link to a package of its own
-find "$folder/root" -lname '/*' | while read -r link; do # they mean the target's own root
-  ln -sfn "$folder/root$(readlink "$link")" "$link"
+for package in "$apt"/archives/*.deb; do dpkg-deb -x "$package" "$folder/tree"; done
+[ -e "$folder/tree/lib" ] || ln -s usr/lib "$folder/tree/lib" # newer releases leave this link to a package of its own
+find "$folder/tree" -lname '/*' | while read -r link; do # they mean the target's own root
+  ln -sfn "$folder/tree$(readlink "$link")" "$link"
 done
 names=$(basename -a "$apt"/archives/*.deb)
 rm -rf "$apt"
 printf '%s\n' "$wanted" "$names" >"$folder/packages"
-echo "fetch_sysroot: $(echo "$names" | wc -l) packages in $folder/root"
+echo "fetch_sysroot: $(echo "$names" | wc -l) packages in $folder/tree"
