@@ -111,20 +111,31 @@ function(tiller_include_root result folder)
   set(${result} ${root} PARENT_SCOPE)
 endfunction()
 
-# tiller_module(folder SOURCES a.cpp ... DEPENDS folder ... PRIVATE_LIBS ... PUBLIC_LIBS ...)
+# Code of texts and files, which runs once: half the size, and a third of the compile time less, than what computes.
+set(TILLER_SMALL $<$<CONFIG:Release>:-Os>)
+
+# tiller_small_sources(file.cpp ...): files of texts in a module that computes.
+function(tiller_small_sources)
+  # A precompiled header is for the options that it was compiled with.
+  set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS ${TILLER_SMALL} SKIP_PRECOMPILE_HEADERS ON)
+endfunction()
+
+# tiller_module(folder [SMALL] SOURCES a.cpp ... DEPENDS folder ... PRIVATE_LIBS ... PUBLIC_LIBS ...)
 #
 # Makes the static library of a folder outside of runtime: tools/gap/fit gives tiller_tools_gap_fit. Its headers are
 # included by their path, "tools/gap/fit/file.hpp"; the include root is a folder of links that holds that one path, so
-# that a folder that is not in DEPENDS, or below one that is, cannot be included by accident.
+# that a folder that is not in DEPENDS, or below one that is, cannot be included by accident. SMALL: all of it is texts and files.
 function(tiller_module folder)
-  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS;PRIVATE_LIBS;PUBLIC_LIBS" ${ARGN})
+  cmake_parse_arguments(ARG "SMALL" "" "SOURCES;DEPENDS;PRIVATE_LIBS;PUBLIC_LIBS" ${ARGN})
   string(REPLACE "/" "_" id ${folder})
   tiller_include_root(root ${folder})
   set(scope PUBLIC)
   if(ARG_SOURCES)
     add_library(tiller_${id} STATIC ${ARG_SOURCES})
     target_link_libraries(tiller_${id} PRIVATE tiller_flags ${ARG_PRIVATE_LIBS})
-    if("Eigen3::Eigen" IN_LIST ARG_PRIVATE_LIBS OR "Eigen3::Eigen" IN_LIST ARG_PUBLIC_LIBS)
+    if(ARG_SMALL)
+      target_compile_options(tiller_${id} PRIVATE ${TILLER_SMALL})
+    elseif("Eigen3::Eigen" IN_LIST ARG_PRIVATE_LIBS OR "Eigen3::Eigen" IN_LIST ARG_PUBLIC_LIBS)
       tiller_precompile(tiller_${id} tiller_eigen_headers "<Eigen/Dense>" Eigen3::Eigen)
     endif()
   else()

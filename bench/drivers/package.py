@@ -113,7 +113,10 @@ def interpreter(version):
     pyenv = pathlib.Path.home() / ".pyenv/versions"
     here = [shutil.which(f"python{version}"), *map(str, pyenv.glob(f"{version}.*/bin/python"))]
     for python in filter(None, here):
-        if say([python, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"]).strip() == version:
+        # A version manager's shim is there for versions that it does not run.
+        asked = subprocess.run([python, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"],
+                               capture_output=True, text=True, check=False)
+        if asked.returncode == 0 and asked.stdout.strip() == version:
             return python
     return None
 

@@ -2,6 +2,7 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstring>
@@ -146,10 +147,26 @@ class Batch {
       table_->rollout_f64(model_, job);
     else
       table_->rollout_f32(model_, job);
-    for (std::size_t l = 0; l < lanes; ++l) {
-      T* to = out_ + (at + l) * rows;
-      for (std::size_t r = 0; r < rows; ++r) to[r] = way[r * kLanes + l];
-    }
+    store(way.data(), rows, lanes, out_ + at * rows);
+  }
+
+  /// One row for each lane from rows of kLanes, in squares of a cache line's side: each line is fetched once, where
+  /// lane after lane would fetch every line kLanes times.
+  static void store(const T* from, std::size_t rows, std::size_t lanes, T* to) {
+    constexpr std::size_t kSide = 64 / sizeof(T);
+    for (std::size_t r = 0; r < rows; r += kSide)
+      for (std::size_t l = 0; l < lanes; l += kSide) {
+        const T* const square = from + r * kLanes + l;
+        T* const out = to + l * rows + r;
+        const std::size_t high = std::min(kSide, lanes - l), wide = std::min(kSide, rows - r);
+        if (high == kSide && wide == kSide) {
+          for (std::size_t i = 0; i < kSide; ++i)
+            for (std::size_t j = 0; j < kSide; ++j) out[i * rows + j] = square[j * kLanes + i];
+        } else {
+          for (std::size_t i = 0; i < high; ++i)
+            for (std::size_t j = 0; j < wide; ++j) out[i * rows + j] = square[j * kLanes + i];
+        }
+      }
   }
 
   const Robot& robot_;

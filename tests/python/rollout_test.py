@@ -100,7 +100,8 @@ def test_options_are_checked(pendulum):
 @pytest.mark.parametrize("threads", [1, 2])
 def test_ctrl_c_ends_a_long_call(threads):
     script = textwrap.dedent(f"""
-        import numpy as np, tiller
+        import signal, numpy as np, tiller
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # which a job in the background is started without
         robot = tiller.Robot.from_toml("cart_pole")
         out = np.empty((100000, 101, 4))
         print("ready", flush=True)
