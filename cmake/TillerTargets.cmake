@@ -124,7 +124,8 @@ endfunction()
 #
 # Makes the static library of a folder outside of runtime: tools/gap/fit gives tiller_tools_gap_fit. Its headers are
 # included by their path, "tools/gap/fit/file.hpp"; the include root is a folder of links that holds that one path, so
-# that a folder that is not in DEPENDS, or below one that is, cannot be included by accident. SMALL: all of it is texts and files.
+# that a folder that is not in DEPENDS, or below one that is, cannot be included by accident. SMALL: all of it is texts
+# and files.
 function(tiller_module folder)
   cmake_parse_arguments(ARG "SMALL" "" "SOURCES;DEPENDS;PRIVATE_LIBS;PUBLIC_LIBS" ${ARGN})
   string(REPLACE "/" "_" id ${folder})

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -78,16 +79,19 @@ class Batch {
   /// Every piece, in portions between which the keyboard is asked. Called without the interpreter's lock.
   void run(unsigned threads) {
     const std::size_t pieces = (count_ + kLanes - 1) / kLanes;
-    const std::size_t portion = std::max<std::size_t>(threads, 1 + kPortionSteps / (kLanes * horizon_ + 1));
-    for (std::size_t from = 0; from < pieces; from += portion) {
-      first_ = from;
-      const auto n = static_cast<std::uint32_t>(std::min(portion, pieces - from));
+    std::size_t portion = threads;
+    while (first_ < pieces) {
+      const auto begin = Clock::now();
+      const auto n = static_cast<std::uint32_t>(std::min(portion, pieces - first_));
       if (threads == 1)
         for (std::uint32_t i = 0; i < n; ++i) piece(i);
       else
         crew().run(
             threads, n, [](void* self, std::uint32_t i) { static_cast<Batch*>(self)->piece(i); }, this);
-      if (n == portion) ask_keyboard();
+      first_ += n;
+      // What a step takes is the model's and the processor's: portions grow until one takes long enough.
+      if (Clock::now() - begin < kPortion / 4) portion *= 4;
+      if (first_ < pieces) ask_keyboard();
     }
   }
 
@@ -98,7 +102,8 @@ class Batch {
   std::size_t bad_param() const { return bad_param_; }
 
  private:
-  static constexpr std::size_t kPortionSteps = 4000000;  // some 20 ms
+  using Clock = std::chrono::steady_clock;
+  static constexpr std::chrono::milliseconds kPortion{20};  // nobody notices a wait of that
 
   static void ask_keyboard() {
     const nb::gil_scoped_acquire lock;
@@ -159,13 +164,8 @@ class Batch {
         const T* const square = from + r * kLanes + l;
         T* const out = to + l * rows + r;
         const std::size_t high = std::min(kSide, lanes - l), wide = std::min(kSide, rows - r);
-        if (high == kSide && wide == kSide) {
-          for (std::size_t i = 0; i < kSide; ++i)
-            for (std::size_t j = 0; j < kSide; ++j) out[i * rows + j] = square[j * kLanes + i];
-        } else {
-          for (std::size_t i = 0; i < high; ++i)
-            for (std::size_t j = 0; j < wide; ++j) out[i * rows + j] = square[j * kLanes + i];
-        }
+        for (std::size_t i = 0; i < high; ++i)
+          for (std::size_t j = 0; j < wide; ++j) out[i * rows + j] = square[j * kLanes + i];
       }
   }
 
