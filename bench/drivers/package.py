@@ -25,7 +25,8 @@ from _driver import CORE, PEERS, ROOT, lines_of, need_environment, note, python_
 
 WHEELS, PROGRAM = ROOT / "build/wheels", ROOT / "build/release/bench/bench_package"
 VERSIONS = ["3.11", "3.12", "3.13"]
-LANES, STEPS, ROUNDS = 4096, 50, 9
+LANES, STEPS = 4096, 50
+PAIRS = 21  # of runs in turns: a processor's clock wanders by half, which is more than what is sought
 LOOP = """
 import time; begin = time.time()
 import tiller
@@ -172,14 +173,16 @@ def measure_ticks(rows, python, ticks, folder):
         text = text.replace(old, new)
     quick.write_text(text + "\n[posterior]\nparticles = 16\nwindow = 16\nmoves_per_tick = 0\n", encoding="utf-8")
     more, base = [], []
-    for _ in range(5):
+    for _ in range(PAIRS):
         c_ns = json.loads(say([PROGRAM, "ticks", quick, 4000], preexec_fn=pinned))["tick_ns"]
         lines = say([PROGRAM, "commands", quick, 4000])
         python_ns = float(say([python, "-c", TICKS, quick], input=lines, preexec_fn=pinned, **clean(python)).split()[0])
         more.append((python_ns - c_ns) / 1e3)
         base.append(c_ns / 1e3)
     row(rows, heading, "a quick tick through the C interface, median", statistics.median(base), "us")
-    row(rows, heading, "what Controller.tick takes beyond it, median of 5 runs", statistics.median(more), "us", 2)
+    low, middle, high = statistics.quantiles(more)
+    row(rows, heading, f"what Controller.tick takes beyond it, median of {PAIRS} pairs", middle, "us", 2)
+    print(f"    quartiles {low:.2f} and {high:.2f} us")
     for robot in ("pendulum", "cart_pole", "furuta"):
         path = ROOT / f"robots/{robot}.toml"
         many = ticks if robot == "pendulum" else max(100, ticks // 20)
@@ -195,12 +198,14 @@ def measure_rollouts(rows, python, peers):
     print(heading)
     path, sizes = ROOT / "robots/cart_pole.toml", [str(LANES), str(STEPS)]
     kernel, package = [], []
-    for _ in range(5):  # in turns, so that a busy machine is busy for both
+    for _ in range(PAIRS):
         kernel.append(json.loads(say([PROGRAM, "rollout", path, *sizes], preexec_fn=pinned))["kernel_ns"])
         package.append(float(say([python, "-c", ROLLOUT, path, *sizes, 1], preexec_fn=pinned, **clean(python))))
-    row(rows, heading, "the kernel alone, one thread", min(kernel), "ns")
-    row(rows, heading, "tiller.rollout, one thread", min(package), "ns")
-    row(rows, heading, "tiller.rollout over the kernel", min(package) / min(kernel), "", 1.2)
+    low, middle, high = statistics.quantiles([p / k for p, k in zip(package, kernel)])
+    row(rows, heading, "the kernel alone, one thread, median", statistics.median(kernel), "ns")
+    row(rows, heading, "tiller.rollout, one thread, median", statistics.median(package), "ns")
+    row(rows, heading, f"tiller.rollout over the kernel, median of {PAIRS} pairs", middle, "", 1.2)
+    print(f"    quartiles {low:.3f} and {high:.3f}; fastest {min(package):.1f} over {min(kernel):.1f} ns")
     threads = len(os.sched_getaffinity(0))
     row(rows, heading, f"tiller.rollout, {threads} threads",
         float(say([python, "-c", ROLLOUT, path, *sizes, threads], **clean(python))), "ns")
@@ -210,7 +215,7 @@ def measure_rollouts(rows, python, peers):
         found = lines_of([python_of("rollout"), PEERS / "rollout_peer.py", name, *sizes])
         if found:
             row(rows, heading, f"{name}, one processor", found[0]["ns"], "ns")
-            print(f"    {found[0]['ns'] / min(package):.1f} times tiller.rollout's time")
+            print(f"    {found[0]['ns'] / statistics.median(package):.1f} times tiller.rollout's time")
         else:
             note(f"{name} did not run")
 
