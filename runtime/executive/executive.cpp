@@ -324,6 +324,7 @@ Deadline Executive::deadline(const Tick& tick) {
   if (forced_iterations_ != kNotForced) {
     // a replay: the clock of the recording has already decided
     deadline.iterations = forced_iterations_;
+    deadline.replayed = true;
   } else if (has_clock() && config_.planner.deadline_us > 0) {
     deadline.deadline_ns = tick.start_ns + std::int64_t{config_.planner.deadline_us} * 1000;
   }

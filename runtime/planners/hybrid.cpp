@@ -141,7 +141,8 @@ void weigh_scout(Hybrid& h) {
   h.scout.plans = 0;
 }
 
-/// Iterations within `request`'s cap; the number completed.
+/// Iterations within `request`'s cap, of the plan and then of the scout; the number completed, from which a replay
+/// tells where the clock cut either.
 std::uint32_t iterate(Hybrid& h, const PlanRequest& request, PlanResult& result) {
   PlanRequest first = request;
   first.deadline.iterations = 1;
@@ -156,19 +157,26 @@ std::uint32_t iterate(Hybrid& h, const PlanRequest& request, PlanResult& result)
     return 0;
   }
   const std::uint32_t most = 1 + s.plan.settings->refine_iterations;
-  const std::uint32_t cap = request.deadline.iterations < most ? request.deadline.iterations : most;
+  const Deadline& deadline = request.deadline;
+  const std::uint32_t wanted = deadline.replayed ? s.plan.settings->iterations : deadline.iterations;
+  const std::uint32_t cap = wanted < most ? wanted : most;
+  const std::uint32_t stop = deadline.replayed && deadline.iterations < cap ? deadline.iterations : cap;
   std::uint32_t done = 1;
-  for (; done < cap && !s.converged; ++done) {
-    if (request.deadline.passed()) {
+  for (; done < stop && !s.converged; ++done) {
+    if (deadline.passed()) {
       result.status = tiller_status_iteration_capped;
       break;
     }
     if (!(s.single ? iterate_single(s) : iterate_multiple(s))) s.converged = true;
   }
   settle(h);
-  if (cap > 1 && search_on(h.scout, *h.sampler, s.plan, request, cap - 1)) weigh_scout(h);
   if (!s.converged && done < most && done < s.plan.settings->iterations) result.status = tiller_status_iteration_capped;
-  return done;
+  if (cap < 2) return done;
+  const bool cut = deadline.replayed && deadline.iterations - done < cap - 1;
+  const std::uint32_t more = cut ? deadline.iterations - done : cap - 1;
+  const std::uint32_t searched = search_on(h.scout, *h.sampler, s.plan, request, more);
+  if (h.scout.motion) weigh_scout(h);
+  return done + searched;
 }
 
 PlanResult plan(void* self, const PlanRequest& request, double* command) {

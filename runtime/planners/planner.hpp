@@ -13,6 +13,7 @@ struct Deadline {
   const tiller_hooks_t* hooks = nullptr;  // null, or hooks->now_ns null: no clock
   std::int64_t deadline_ns = 0;           // 0: none
   std::uint32_t iterations = 1;
+  bool replayed = false;  // `iterations` is what a recording completed: PlanResult::iterations of the same plan
   bool passed() const {
     return deadline_ns != 0 && hooks && hooks->now_ns && hooks->now_ns(hooks->context) >= deadline_ns;
   }

@@ -69,23 +69,25 @@ bool resume(Scout& s, const Sampler& sampler, const PathPlan& present, const Pla
 
 }  // namespace
 
-bool search_on(Scout& s, const Sampler& sampler, const PathPlan& present, const PlanRequest& request,
-               std::uint32_t iterations) {
+std::uint32_t search_on(Scout& s, const Sampler& sampler, const PathPlan& present, const PlanRequest& request,
+                        std::uint32_t iterations) {
   Ilqr& g = *s.gradient;
+  s.motion = false;
   if (!resume(s, sampler, present, request)) {
     s.plans = 0;
-    return false;
+    return 0;
   }
   bool sound = true;
-  for (std::uint32_t i = 0; i < iterations && sound && !g.converged; ++i) {
+  std::uint32_t done = 0;
+  for (; done < iterations && sound && !g.converged; ++done) {
     if (request.deadline.passed()) break;
     sound = g.single ? iterate_single(g) : iterate_multiple(g);
   }
   if (sound && !g.single) close_path(g);
-  const bool motion = g.single && std::isfinite(g.cost);
+  s.motion = g.single && std::isfinite(g.cost);
   ++s.plans;
-  if (!sound || s.plans >= kMostPlans || (motion && g.converged)) s.plans = 0;
-  return motion;
+  if (!sound || s.plans >= kMostPlans || (s.motion && g.converged)) s.plans = 0;
+  return done;
 }
 
 void lay_out_scout(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
@@ -103,6 +105,7 @@ void reset_scout(Scout& s) {
   reset_ilqr(*s.gradient);
   s.plans = 0;
   s.begun = 0;
+  s.motion = false;
 }
 
 }  // namespace tiller

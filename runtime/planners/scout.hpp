@@ -16,16 +16,17 @@ struct Scout {
   float* sequence = nullptr;    // (N x nu)
   std::uint32_t plans = 0;      // since it began; 0: the next plan begins another
   std::uint64_t begun = 0;
+  bool motion = false;  // the path of the last plan is one
 };
 
 void lay_out_scout(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
                    Scout& s);
 void reset_scout(Scout& s);
 
-/// Up to `iterations` more of the scout for this request, after the sampler's iteration and the plan around `present`.
-/// True where it has become a motion; its cost on the first hypothesis is s.gradient->cost, its inputs are those of
-/// the path.
-bool search_on(Scout& s, const Sampler& sampler, const PathPlan& present, const PlanRequest& request,
-               std::uint32_t iterations);
+/// Up to `iterations` more of the scout for this request, after the sampler's iteration and the plan around `present`;
+/// the number completed. Where s.motion says that it has become a motion, its cost on the first hypothesis is
+/// s.gradient->cost, and its inputs are those of the path.
+std::uint32_t search_on(Scout& s, const Sampler& sampler, const PathPlan& present, const PlanRequest& request,
+                        std::uint32_t iterations);
 
 }  // namespace tiller

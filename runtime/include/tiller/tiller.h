@@ -572,7 +572,7 @@ typedef struct tiller_info {
   uint32_t state;              /**< tiller_state_t */
   int32_t status;              /**< tiller_status_t of the last tick */
   int32_t first_fault;         /**< tiller_status_t that led to SAFE or HOLD; ok if none */
-  uint32_t planner_iterations; /**< completed in the last tick */
+  uint32_t planner_iterations; /**< completed in the last tick; hybrid: with those of its scout */
   double plan_cost;            /**< of the chosen plan, under the configured risk; INFINITY: this tick made none */
   double effective_samples;    /**< of the posterior, 1..N */
   double likelihood_exponent;  /**< 1 once all data are taken in at full weight */
@@ -648,7 +648,7 @@ tiller_status_t tiller_prepare(tiller_t* t);
 tiller_status_t tiller_tick(tiller_t* t, int64_t now_us, const tiller_measurement_t* measurement,
                             tiller_command_t* command);
 
-/** For replay: the next tick's planner does exactly this many iterations, whatever the clock says. */
+/** For replay: the next tick's planner does the `planner_iterations` of a record, whatever the clock says. */
 tiller_status_t tiller_force_iterations(tiller_t* t, uint32_t iterations);
 
 void tiller_get_info(const tiller_t* t, tiller_info_t* info);
