@@ -82,12 +82,13 @@ set(CPACK_DEBIAN_LIB_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_ENABLE_COMPONENT_DEPENDS OFF)
 set(CPACK_DEBIAN_LIB_PACKAGE_SECTION libs)
 set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
-set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "${CPACK_DEBIAN_LIB_PACKAGE_NAME} (= ${PROJECT_VERSION})")
-set(CPACK_DEBIAN_DEV_PACKAGE_SUGGESTS "libxsimd-dev, libeigen3-dev")
+# a model in C++ includes xsimd through our headers
+set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS "${CPACK_DEBIAN_LIB_PACKAGE_NAME} (= ${PROJECT_VERSION}), libxsimd-dev")
+set(CPACK_DEBIAN_DEV_PACKAGE_SUGGESTS "libeigen3-dev")
 set(CPACK_DEBIAN_TOOLS_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_TOOLS_PACKAGE_DEPENDS "python3:any")
 set(CPACK_DEBIAN_TOOLS_PACKAGE_RECOMMENDS "python3-matplotlib, python3-numpy")
-set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS "libtiller-dev, g++, libxsimd-dev, python3-scipy")
+set(CPACK_DEBIAN_TOOLS_PACKAGE_SUGGESTS "libtiller-dev, g++, python3-scipy")
 string(CONCAT CPACK_COMPONENT_LIB_DESCRIPTION
   "The C library that a robot's program links. It keeps a particle posterior over\n"
   " the parameters of a model, plans over it, and guards every command.")
