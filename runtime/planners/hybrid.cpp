@@ -9,6 +9,7 @@
 // Then single shooting goes on: to keep shooting multiple finds cheaper plans that hop between valleys, and costs more
 // in closed loop (docs/evidence/planners.md).
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -159,10 +160,10 @@ std::uint32_t iterate(Hybrid& h, const PlanRequest& request, PlanResult& result)
   const std::uint32_t most = 1 + s.plan.settings->refine_iterations;
   const Deadline& deadline = request.deadline;
   const std::uint32_t wanted = deadline.replayed ? s.plan.settings->iterations : deadline.iterations;
-  const std::uint32_t cap = wanted < most ? wanted : most;
-  const std::uint32_t stop = deadline.replayed && deadline.iterations < cap ? deadline.iterations : cap;
+  const std::uint32_t cap = std::min(wanted, most);
+  const std::uint32_t budget = deadline.replayed ? deadline.iterations : 2 * cap;  // with the scout's
   std::uint32_t done = 1;
-  for (; done < stop && !s.converged; ++done) {
+  for (; done < cap && done < budget && !s.converged; ++done) {
     if (deadline.passed()) {
       result.status = tiller_status_iteration_capped;
       break;
@@ -172,9 +173,7 @@ std::uint32_t iterate(Hybrid& h, const PlanRequest& request, PlanResult& result)
   settle(h);
   if (!s.converged && done < most && done < s.plan.settings->iterations) result.status = tiller_status_iteration_capped;
   if (cap < 2) return done;
-  const bool cut = deadline.replayed && deadline.iterations - done < cap - 1;
-  const std::uint32_t more = cut ? deadline.iterations - done : cap - 1;
-  const std::uint32_t searched = search_on(h.scout, *h.sampler, s.plan, request, more);
+  const std::uint32_t searched = search_on(h.scout, *h.sampler, s.plan, request, std::min(cap - 1, budget - done));
   if (h.scout.motion) weigh_scout(h);
   return done + searched;
 }
