@@ -10,6 +10,9 @@ import numpy as np
 from matplotlib import image
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+OPTIONS = ("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--no-first-run",
+           "--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage",
+           "--force-device-scale-factor=1", "--host-resolver-rules=MAP * ~NOTFOUND")
 # What the browser asks for itself, whatever page it shows.
 BROWSERS_OWN = re.compile(r"https?://([a-z0-9.-]+\.)?(google\.com|googleapis\.com|gvt1\.com|gstatic\.com)/")
 
@@ -52,10 +55,7 @@ class Browser:
         self.folder, self.page = folder, page_file
 
     def _run(self, *options: str, url: str = "") -> subprocess.CompletedProcess:
-        command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--no-first-run",
-                   "--disable-background-networking", "--disable-component-update", "--disable-dev-shm-usage",
-                   "--force-device-scale-factor=1", "--host-resolver-rules=MAP * ~NOTFOUND",
-                   f"--user-data-dir={self.folder / 'profile'}", "--enable-logging=stderr", *options,
+        command = [CHROMIUM, *OPTIONS, f"--user-data-dir={self.folder / 'profile'}", "--enable-logging=stderr", *options,
                    url or self.page.as_uri()]
         # long beyond what any machine takes: it ends a browser that hangs
         return subprocess.run(command, capture_output=True, text=True, timeout=240, check=False)

@@ -1,14 +1,15 @@
 #!/usr/bin/env python3
-"""The documentation site: docs/, README, the C interface and the Python tools' docstrings, with search.
+"""The documentation site: docs/, README, the C interface and the Python package's names, with search.
 
-    site.py ROOT OUT        OUT/html is the site; needs the packages of requirements_site.txt and no network
+    site.py ROOT OUT        OUT/html is the site; needs mkdocs and no network
 
-Pages are copied and their links followed: one to a file outside docs/ leads to a page that shows the file. Fails where
-a link leads nowhere, or a page cannot be reached from the first.
+The navigation is docs/README.md: its headings and its links, in their order; a page of docs/ that it leaves out is an
+error. Pages are copied and their links followed: one to a file outside docs/ leads to a page that shows the file. Fails
+where a link leads nowhere, or a page cannot be reached from the first. The site works from its files, search too.
 """
 
-import ast
 import html.parser
+import json
 import os
 import pathlib
 import re
@@ -18,15 +19,15 @@ import sys
 import urllib.parse
 
 import notebooks
+import site_api
 
 LINK = re.compile(r"(!?\[[^\]]*\])\(([^)\s]+)\)")
 FORMULA = re.compile(r"(\w\[\w+\])\((?=[^)]* )")  # network[member](sin q, ...): no link, though it looks like one
-FOLDERS = {"guide": "How to", "reference": "Reference", "theory": "Theory", "evidence": "Evidence",
-           "project": "Project"}
-PICTURES = {".png", ".svg", ".jpg"}
 LANGUAGES = {".h": "c", ".c": "c", ".hpp": "cpp", ".cpp": "cpp", ".py": "python", ".toml": "toml", ".json": "json",
              ".sh": "sh", ".def": "c", ".csv": "text", ".md": "markdown"}
 LARGEST = 200_000  # characters of a file that is shown
+HEADERS = ("tiller.h", "model.h", "transport.h")
+HERE = pathlib.Path(__file__).resolve().parent
 
 
 class Site:
@@ -34,7 +35,13 @@ class Site:
         self.root, self.source = root, out / "pages"
         shutil.rmtree(out, ignore_errors=True)
         shutil.copytree(root / "docs", self.source)
-        self.shown = {}  # file outside docs -> its page
+        (self.source / "README.md").rename(self.source / "contents.md")  # mkdocs would take it for the first page
+        api, gallery = self.source / "api", self.source / "gallery"
+        self.shown = {root / "docs/README.md": self.source / "contents.md",
+                      root / "README.md": self.source / "index.md", root / "python/tiller": api / "python.md",
+                      root / "examples/python": gallery / "index.md"}
+        self.shown |= {root / "runtime/include/tiller" / name: api / f"{name}.md" for name in HEADERS}
+        self.shown |= {path: gallery / f"{path.stem}.md" for path in notebooks.examples()}
 
     def page_of(self, path):
         """The page that shows a file or folder outside docs/, made on first use."""
@@ -64,7 +71,7 @@ class Site:
             path = (origin.parent / urllib.parse.unquote(target)).resolve()
             if not path.exists() or not path.is_relative_to(self.root):
                 return match[0]  # mkdocs names it as dead
-            if path.is_relative_to(self.root / "docs") and path.is_file():
+            if path not in self.shown and path.is_relative_to(self.root / "docs") and path.is_file():
                 there = self.source / path.relative_to(self.root / "docs")
             else:
                 there, anchor = self.page_of(path), ""
@@ -78,67 +85,6 @@ class Site:
 
 def relative(there, page):
     return os.path.relpath(there, page.parent)
-
-
-# ---- the C interface -------------------------------------------------------------------------------
-
-
-def sections(header):
-    """(title, text) of a header that divides itself by /* ---- title ---- */."""
-    parts = re.split(r"^/\* -{3,} (.*?) -*-? ?\*/$", header, flags=re.M)
-    return [("Overview", parts[0])] + list(zip((p.strip(" -") for p in parts[1::2]), parts[2::2]))
-
-
-def names_of(text):
-    """Functions and types that a section declares."""
-    functions = re.findall(r"^[a-z].*?\b(tiller_\w+)\(", text, flags=re.M)
-    types = re.findall(r"^\} (tiller_\w+_t);|^typedef .*\b(tiller_\w+_t);", text, flags=re.M)
-    return list(dict.fromkeys([a or b for a, b in types] + functions))
-
-
-def api_page(path, root):
-    header = path.read_text(encoding="utf-8")
-    out = [f"# {path.name}\n", f"The header is the manual; this is all of `{path.relative_to(root)}`.\n"]
-    for title, text in sections(header):
-        if not text.strip():
-            continue
-        out += [f"## {title}\n"]
-        names = names_of(text)
-        if names:
-            out += [", ".join(f"`{n}`" for n in names) + "\n"]
-        out += ["```c", text.strip("\n"), "```\n"]
-    return "\n".join(out)
-
-
-# ---- docstrings ------------------------------------------------------------------------------------
-
-
-def signature(node):
-    return f"{node.name}({ast.unparse(node.args)})" + (f" -> {ast.unparse(node.returns)}" if node.returns else "")
-
-
-def documented(tree):
-    """(heading, docstring) of public functions and classes with their methods."""
-    for node in tree.body:
-        if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_"):
-            if ast.get_docstring(node):
-                name = f"class {node.name}" if isinstance(node, ast.ClassDef) else signature(node)
-                yield name, ast.get_docstring(node)
-            for inner in getattr(node, "body", []) if isinstance(node, ast.ClassDef) else []:
-                if isinstance(inner, ast.FunctionDef) and not inner.name.startswith("_") and ast.get_docstring(inner):
-                    yield f"{node.name}.{signature(inner)}", ast.get_docstring(inner)
-
-
-def python_page(package):
-    out = [f"# Python: {package.name}\n"]
-    for path in sorted(package.rglob("*.py")):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        if not ast.get_docstring(tree):
-            continue
-        name = ".".join(path.relative_to(package.parent).with_suffix("").parts).removesuffix(".__init__")
-        out += [f"## {name}\n", f"```text\n{ast.get_docstring(tree)}\n```\n"]
-        out += [f"### `{heading}`\n\n```text\n{text}\n```\n" for heading, text in documented(tree)]
-    return "\n".join(out)
 
 
 # ---- the gallery -----------------------------------------------------------------------------------
@@ -165,19 +111,19 @@ def gallery(root, source):
 # ---- the site --------------------------------------------------------------------------------------
 
 
-def title_of(page):
-    found = re.search(r"^# (.+)$", page.read_text(encoding="utf-8"), flags=re.M)
-    return re.sub(r"[`*]", "", found[1]).replace('"', "'") if found else page.stem
-
-
-def navigation(source):
-    lines = ["nav:", '  - "tiller": index.md']
-    groups = {"gallery": "Gallery", **FOLDERS, "api": "Interfaces", "source": "Files"}
-    for folder, name in groups.items():
-        pages = sorted((source / folder).glob("*.md"), key=lambda page: (page.stem != "index", title_of(page)))
-        if pages:
-            lines.append(f'  - "{name}":')
-            lines += [f'      - "{title_of(p)}": {folder}/{p.name}' for p in pages]
+def navigation(contents):
+    """mkdocs' list out of the headings and the links of the page of contents."""
+    lines, first = ["nav:", '  - "Overview": index.md', '  - "Contents": contents.md'], []
+    for line in contents.read_text(encoding="utf-8").splitlines():
+        heading, entry = re.match(r"## (.+)", line), re.match(r"- \[(.+?)\]\(([^)#]+)\)", line)
+        if heading:
+            lines.append(f'  - "{heading[1]}":')
+        if entry:
+            lines.append(f'      - "{entry[1].replace("`", "")}": {entry[2]}')
+            first.append(entry[2])
+    twice = {page for page in first if first.count(page) > 1}
+    if twice:
+        sys.exit(f"docs/README.md: twice in the navigation: {', '.join(sorted(twice))}")
     return "\n".join(lines)
 
 
@@ -187,10 +133,34 @@ site_dir: html
 use_directory_urls: false
 theme: {{name: readthedocs, highlightjs: false, navigation_depth: 2, include_homepage_in_sidebar: false}}
 plugins: [search]
+extra_css: [site.css]
 markdown_extensions: [tables, fenced_code, toc]
+not_in_nav: |
+  /source/
+  /gallery/
 validation: {{nav: {{omitted_files: warn, not_found: warn}}, links: {{not_found: warn, anchors: warn}}}}
 {navigation}
 """
+
+
+def make_search_local(site):
+    """A page opened from its file may not fetch: the index becomes a script, and site_search.js reads it."""
+    search = site / "search"
+    entries = json.loads((search / "search_index.json").read_text(encoding="utf-8"))["docs"]
+    shown = [[e["location"], e["title"], e["text"]] for e in entries
+             if not e["location"].startswith("source/") and (e["text"] or "#" not in e["location"])]
+    for unused in ("lunr.js", "worker.js", "search_index.json"):
+        (search / unused).unlink()
+    (search / "index.js").write_text(f"window.siteIndex = {json.dumps(shown, ensure_ascii=False)};\n", encoding="utf-8")
+    shutil.copy(HERE / "site_search.js", search / "main.js")
+
+
+def make_tables_scroll(site):
+    """A table that is wider than the page gets a bar of its own, and the keys move it."""
+    for page in site.rglob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        text = text.replace("<table>", '<div class="table" tabindex="0"><table>').replace("</table>", "</table></div>")
+        page.write_text(text, encoding="utf-8")
 
 
 class Links(html.parser.HTMLParser):
@@ -239,19 +209,18 @@ def crawl(site):
 
 def write_pages(root, out):
     site = Site(root, out)
-    (site.source / "index.md").write_text((root / "README.md").read_text(encoding="utf-8"), encoding="utf-8")
-    site.follow(site.source / "index.md", root / "README.md")
-    for page in sorted((root / "docs").rglob("*.md")):
-        site.follow(site.source / page.relative_to(root / "docs"), page)
+    shutil.copy(root / "README.md", site.source / "index.md")
+    shutil.copy(HERE / "site.css", site.source)
+    for page in [root / "README.md", *sorted((root / "docs").rglob("*.md"))]:
+        site.follow(site.shown.get(page) or site.source / page.relative_to(root / "docs"), page)
     api = site.source / "api"
     api.mkdir()
-    for name in ("tiller.h", "model.h", "transport.h"):
-        (api / f"{name}.md").write_text(api_page(root / "runtime/include/tiller" / name, root), encoding="utf-8")
-    for package in (root / "python/tiller", root / "tools/python/tiller_tools"):
-        if package.is_dir():
-            (api / f"{package.name}.md").write_text(python_page(package), encoding="utf-8")
+    for name in HEADERS:
+        header = root / "runtime/include/tiller" / name
+        (api / f"{name}.md").write_text(site_api.header_page(header, root), encoding="utf-8")
+    (api / "python.md").write_text(site_api.python_page(root / "python/tiller"), encoding="utf-8")
     gallery(root, site.source)
-    (out / "mkdocs.yml").write_text(CONFIG.format(navigation=navigation(site.source)), encoding="utf-8")
+    (out / "mkdocs.yml").write_text(CONFIG.format(navigation=navigation(site.source / "contents.md")), encoding="utf-8")
 
 
 def main(root, out):
@@ -262,6 +231,8 @@ def main(root, out):
     print(built.stdout + built.stderr, end="")
     if built.returncode != 0:
         return 1
+    make_search_local(out / "html")
+    make_tables_scroll(out / "html")
     faults, pages = crawl(out / "html")
     for fault in faults:
         print(fault)
