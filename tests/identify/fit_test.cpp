@@ -47,14 +47,14 @@ void swing(double& angle, double& rate, double torque, double dt, const Joint& j
   }
 }
 
-std::string write_log(const std::string& name, unsigned seed, const Joint& joint = {}) {
+std::string write_log(const std::string& name, unsigned seed, const Joint& joint = {}, int rows = 800) {
   const std::string path = (std::filesystem::path(testing::TempDir()) / name).string();
   std::ofstream file(path);
   file << "time_s,angle_rad,torque_Nm\n";
   std::mt19937_64 random(seed);
   std::normal_distribution<double> noise(0, 0.001);
   double angle = 0, rate = 0;
-  for (int i = 0; i < 800; ++i) {
+  for (int i = 0; i < rows; ++i) {
     const double t = 0.01 * i;
     const double torque = 1.2 * std::sin(2.1 * t + seed) + 0.8 * std::sin(5.3 * t + 2 * seed);
     char row[96];
@@ -124,9 +124,10 @@ std::unique_ptr<RobotFile> test_robot() {
 }
 
 /// One log through the command's own path, fitted once for all tests that read what came of it.
-Identified fit_one_log(const std::string& path) {
+Identified fit_one_log(const std::string& path, unsigned threads = 1) {
   IdentifyOptions options = few_rollouts();
   options.logs = {path};
+  options.threads = threads;
   return identify_or_fail(*test_robot(), options);
 }
 const Identified& one_log() {
@@ -273,10 +274,33 @@ TEST(Identify, MeasuredPendulum) {
   EXPECT_GT(error_at(nominal, 0).rollouts, 50u);
 }
 
-TEST(Identify, SameBitsTwice) {
+TEST(Identify, SameBitsTwiceAndOnSeveralThreads) {
   const auto robot = test_robot();
-  const Identified again = fit_one_log(one_log().logs.front().path);
+  const Identified again = fit_one_log(one_log().logs.front().path, 3);
   EXPECT_EQ(identify_json(*robot, one_log()), identify_json(*robot, again));
+}
+
+TEST(Identify, OfALongLogAPartIsUsedAndSaidSo) {
+  std::string error;
+  const std::string text = kRobot;
+  const auto robot = parse_robot_file(text.substr(0, text.find("[[effects]]")) + text.substr(text.find("[measurement]")),
+                                      "test.toml", error);
+  ASSERT_TRUE(robot) << error;
+  IdentifyOptions options = few_rollouts();
+  options.logs = {write_log("long.csv", 7, {}, 9000)};
+  options.hold_out = {write_log("long_held.csv", 8, {}, 9000)};
+  options.most_steps = 1;  // 30 s are used of however fast a machine
+  const Identified result = identify_or_fail(*robot, options);
+  EXPECT_NEAR(result.used.used_s, 30, 2);
+  EXPECT_NEAR(static_cast<double>(result.candidates.back().fit.transitions), 3000, 200);
+  EXPECT_NE(identify_text(*robot, result).find(result.used.text()), std::string::npos);
+  const nlohmann::json json = nlohmann::json::parse(identify_json(*robot, result));
+  EXPECT_EQ(json["logs"][0]["rows"], 9000) << "as read";
+  EXPECT_EQ(json["used"]["text"], result.used.text());
+  EXPECT_TRUE(result.used_held_out.evenly);
+  options.most_steps = 0;
+  options.hold_out.clear();
+  EXPECT_EQ(identify_or_fail(*robot, options).candidates.back().fit.transitions, 8999u);
 }
 
 // Every method through the command's own path: the same tables and the same JSON, with what it does not have left out.

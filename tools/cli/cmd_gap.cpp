@@ -169,7 +169,7 @@ bool add_residual(const GapOptions& options, const RobotFile& robot, const gap::
                  robot.model->joints[joint].name);
   };
   constexpr double kVeryStrong_nats = 10.0;
-  if (!gap::load_logs(robot, options.find.logs, logs, grids, nullptr, scratch)) return false;
+  if (!gap::load_logs(robot, options.find.logs, options.find.most_steps, false, logs, grids, nullptr, scratch)) return false;
   const bool offered = gap::offer_residual(text, robot.path, grids, kVeryStrong_nats, offer, error, search);
   if (stop_requested == 0 && add_learnt(options, robot, grids, text)) return true;
   if (!offered) {
@@ -289,6 +289,11 @@ void add_gap_command(CLI::App& app, int& exit_code) {
   command
       ->add_option("--threads", find.threads, "threads that share the work; results are the same bits (default: all)")
       ->check(CLI::Range(1, 256));
+  command
+      ->add_option("--most-steps", find.most_steps,
+                   "steps of the robot's period to work on (default 20000); of longer logs the pieces that tell most; "
+                   "0: all")
+      ->check(CLI::NonNegativeNumber);
   command->add_option("--seed", find.seed, "of the permutations (default 1)")->check(CLI::PositiveNumber);
   command->add_flag("--json", options->json, "gap.json on standard output instead of the tables");
   command->footer(

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <thread>
 
 #include "tools/base/output_file.hpp"
 #include "tools/base/report.hpp"
@@ -139,6 +140,14 @@ void add_identify_command(CLI::App& app, int& exit_code) {
   command->add_option("--moves", options->fit.moves, "Metropolis moves per transition (default 32)")
       ->check(CLI::Range(0, 1024))
       ->check([](const std::string& text) { return check_multiple(text, 8); });
+  command
+      ->add_option("--most-steps", options->most_steps,
+                   "steps of the robot's period to learn from (default 20000); of longer logs the pieces that tell most; "
+                   "0: all")
+      ->check(CLI::NonNegativeNumber);
+  options->threads = std::max(1u, std::thread::hardware_concurrency());
+  command->add_option("--threads", options->threads, "models that are fitted side by side (default: all processors)")
+      ->check(CLI::Range(1, 256));
   auto as_json = std::make_shared<bool>(false);
   command->add_flag("--json", *as_json, "identify.json on standard output instead of the tables")->excludes("--out");
   MethodOptionsText said;

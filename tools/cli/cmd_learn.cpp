@@ -32,7 +32,7 @@ struct Arguments {
 bool load(const RobotFile& robot, const Arguments& a, std::vector<Grid>& grids) {
   std::vector<Log> logs;
   gap::Result scratch;
-  if (gap::load_logs(robot, a.logs, logs, grids, nullptr, scratch)) return true;
+  if (gap::load_logs(robot, a.logs, kMostSteps, false, logs, grids, nullptr, scratch)) return true;
   for (const std::string& reason : scratch.reasons) complain(reason);
   return false;
 }

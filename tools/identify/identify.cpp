@@ -1,29 +1,28 @@
 #include "tools/identify/identify.hpp"
 
-#include <unistd.h>
-
 #include <algorithm>
+#include <atomic>
 #include <cmath>
-#include <cstdio>
 
+#include "tools/base/progress_line.hpp"
 #include "tools/base/text.hpp"
+#include "tools/base/thread_pool.hpp"
 #include "tools/identify/identify_method.hpp"
 #include "tools/logs/log_formats.hpp"
 
 namespace tiller::tools {
 namespace {
 
-/// [log] tells of files with columns of their own; the other formats say themselves what is what.
-LogMap map_of(const std::string& path, const RobotFile& robot) { return has_own_columns(path) ? robot.log : LogMap(); }
-
 bool read_logs(const RobotFile& robot, const std::vector<std::string>& paths, std::vector<Log>& logs,
-               std::vector<std::string>& warnings, std::string& error) {
+               std::vector<LogFacts>& facts, std::vector<std::string>& warnings, std::string& error) {
   for (const std::string& path : paths) {
     Log log;
     std::string problem;
     if (read_any_log(path, robot, log, problem))
-      check_log(log, map_of(path, robot), *robot.model, robot.config.period_s, warnings, problem);
+      check_log(log, log_map_of(path, robot), *robot.model, robot.config.period_s, warnings, problem);
     if (!problem.empty()) error += (error.empty() ? "" : "\n") + problem;
+    if (log.rows() > 0)
+      facts.push_back({path, log.rows(), split_at_gaps(log).size(), log.time_s.back(), median_step_s(log)});
     logs.push_back(std::move(log));
   }
   return error.empty();
@@ -40,21 +39,75 @@ template <class Item, class Make>
 std::vector<Item> collect(const std::vector<Log>& logs, const RobotFile& robot, Make make) {
   std::vector<Item> all;
   for (const Log& log : logs)
-    for (Item& item : make(log, map_of(log.path, robot), robot.config)) all.push_back(std::move(item));
+    for (Item& item : make(log, log_map_of(log.path, robot), robot.config)) all.push_back(std::move(item));
   return all;
 }
 
-// One line that is overwritten on a terminal and left out of logs.
-std::function<void(double)> progress_line(const std::string& what) {
-  if (!isatty(STDERR_FILENO)) return {};
-  return [what](double share) {
-    std::fprintf(stderr, "\r\033[Kfitting %s ... %2.0f %%", what.c_str(), 100 * share);
-    std::fflush(stderr);
-  };
+struct Data {
+  std::vector<Stretch> stretches;
+  std::vector<Grid> grids, held_grids;
+};
+
+/// Reads, checks and cuts; what is beyond the bound is gone before it is made into steps.
+bool load(const RobotFile& robot, const IdentifyOptions& options, Identified& result, Data& data, std::string& error) {
+  std::vector<Log> logs, hold_out;
+  const bool fitted = read_logs(robot, options.logs, logs, result.logs, result.warnings, error);
+  const bool held_out = read_logs(robot, options.hold_out, hold_out, result.hold_out, result.warnings, error);
+  if (!fitted || !held_out) return false;
+  result.used = keep_telling_rows(logs, robot.config, options.most_steps);
+  result.used_held_out = keep_telling_rows(hold_out, robot.config, options.most_steps, true);
+  data.stretches = collect<Stretch>(logs, robot, make_stretches);
+  data.grids = collect<Grid>(logs, robot, make_grids);
+  data.held_grids = collect<Grid>(hold_out, robot, make_grids);
+  return true;
 }
 
-void clear_line() {
-  if (isatty(STDERR_FILENO)) std::fprintf(stderr, "\r\033[K");
+bool assess(const Data& data, const IdentifyOptions& options, Assessed& assessed, std::string& error) {
+  const Candidate& candidate = assessed.candidate;
+  if (!fit_by_method(candidate, data.stretches, data.grids, options.fit, assessed.fit, error)) return false;
+  const std::vector<PriorEdge> edges = find_prior_edges(candidate.config, candidate.params, {assessed.fit.samples, {}});
+  for (std::size_t i = 0; i < edges.size(); ++i) assessed.fit.params[i].edge = edges[i];
+  assessed.on_fitted = score(candidate, assessed.fit, data.grids, options.score);
+  if (!data.held_grids.empty())
+    assessed.on_held_out = score(candidate, assessed.fit, data.held_grids, options.score);
+  return true;
+}
+
+/// The candidates, each a job of its own. What one costs grows with what it learns; the scores cost about a third.
+bool assess_all(const Data& data, const IdentifyOptions& options, std::vector<Assessed>& all, std::string& error) {
+  struct Job {
+    const Data& data;
+    const IdentifyOptions& options;
+    std::vector<Assessed>& all;
+    std::vector<std::string> errors;
+    std::vector<std::atomic<double>> shares;
+    ProgressLine line;
+    void show() {
+      double sum = 0;
+      for (const std::atomic<double>& share : shares) sum += share;
+      line.show(sum / static_cast<double>(shares.size()));
+    }
+  } job{data, options, all, std::vector<std::string>(all.size()), std::vector<std::atomic<double>>(all.size()),
+        ProgressLine("fitting " + std::to_string(all.size()) + " models")};
+  ThreadPool threads(options.threads);
+  threads.run(
+      static_cast<std::uint32_t>(all.size()),
+      [](void* argument, std::uint32_t index) {
+        constexpr double kFitShare = 0.7;
+        Job& j = *static_cast<Job*>(argument);
+        IdentifyOptions own = j.options;
+        own.fit.progress = [&j, index](double share) {
+          j.shares[index] = kFitShare * share;
+          j.show();
+        };
+        assess(j.data, own, j.all[index], j.errors[index]);
+        j.shares[index] = 1;
+        j.show();
+      },
+      &job);
+  for (const std::string& problem : job.errors)
+    if (error.empty()) error = problem;
+  return error.empty();
 }
 
 std::string error_cell(const HorizonError& e) {
@@ -107,28 +160,13 @@ void append_errors(const Identified& result, const RobotFile& robot, bool held_o
 
 bool identify(const RobotFile& robot, const IdentifyOptions& options, Identified& result, std::string& error) {
   warn_of_shared_logs(options, result.warnings);
-  const bool fitted = read_logs(robot, options.logs, result.logs, result.warnings, error);
-  const bool held_out = read_logs(robot, options.hold_out, result.hold_out, result.warnings, error);
-  if (!fitted || !held_out) return false;
-  const std::vector<Stretch> stretches = collect<Stretch>(result.logs, robot, make_stretches);
-  const std::vector<Grid> grids = collect<Grid>(result.logs, robot, make_grids);
-  const std::vector<Grid> held_grids = collect<Grid>(result.hold_out, robot, make_grids);
-  for (const Candidate& candidate : make_candidates(robot)) {
-    Assessed assessed;
-    assessed.candidate = candidate;
-    FitOptions fit_options = options.fit;
-    fit_options.progress = progress_line(candidate.name);
-    const bool good = fit_by_method(candidate, stretches, grids, fit_options, assessed.fit, error);
-    clear_line();
-    if (!good) return false;
-    const std::vector<PriorEdge> edges =
-        find_prior_edges(candidate.config, candidate.params, {assessed.fit.samples, {}});
-    for (std::size_t i = 0; i < edges.size(); ++i) assessed.fit.params[i].edge = edges[i];
-    assessed.on_fitted = score(candidate, assessed.fit, grids, options.score);
-    if (!held_grids.empty()) assessed.on_held_out = score(candidate, assessed.fit, held_grids, options.score);
-    result.candidates.push_back(std::move(assessed));
+  Data data;
+  if (!load(robot, options, result, data, error)) return false;
+  for (Candidate& candidate : make_candidates(robot)) {
+    result.candidates.emplace_back();
+    result.candidates.back().candidate = std::move(candidate);
   }
-  return true;
+  return assess_all(data, options, result.candidates, error);
 }
 
 std::string identify_text(const RobotFile& robot, const Identified& result) {
@@ -137,6 +175,9 @@ std::string identify_text(const RobotFile& robot, const Identified& result) {
       format("%s: %s\n%llu transitions from %zu log(s); effective sample size %.0f\n\n", robot.name.c_str(),
              best.candidate.name.c_str(), static_cast<unsigned long long>(best.fit.transitions), result.logs.size(),
              best.fit.effective_samples);
+  if (!result.used.everything()) text.insert(text.size() - 1, result.used.text() + "\n");
+  if (!result.used_held_out.everything())
+    text.insert(text.size() - 1, "of the held-out logs " + result.used_held_out.text() + "\n");
   append_parameters(best, text);
   text += method_text(best.fit);
   if (std::isfinite(best.fit.noise_scale))

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "tools/identify/identify_score.hpp"
+#include "tools/logs/telling_rows.hpp"
 
 namespace tiller::tools {
 
@@ -12,6 +13,8 @@ struct IdentifyOptions {
   std::string robot;
   std::vector<std::string> logs, hold_out;
   std::string folder;  ///< for identify.json and identify.html; empty: only the table is printed
+  std::size_t most_steps = kMostSteps;  ///< of the logs' time, in steps of period_s; 0: all
+  unsigned threads = 1;                 ///< candidates are fitted side by side; the results are the same bits
   FitOptions fit;
   ScoreOptions score;
 };
@@ -24,8 +27,16 @@ struct Assessed {
   Score on_held_out;  ///< and on those that were not; no states if none were given
 };
 
+/// A log as it was read.
+struct LogFacts {
+  std::string path;
+  std::size_t rows = 0, stretches = 0;
+  double length_s = 0, step_s = 0;
+};
+
 struct Identified {
-  std::vector<Log> logs, hold_out;
+  std::vector<LogFacts> logs, hold_out;
+  UsedRows used, used_held_out;  ///< what of long logs was worked on
   std::vector<Assessed> candidates;  ///< as make_candidates() orders them; the last has everything
   std::vector<std::string> warnings;
 };

@@ -131,10 +131,16 @@ std::vector<double> take_samples(const Posterior& posterior, std::uint32_t np, s
 
 bool is_taken(tiller_status_t status) { return status == tiller_status_ok || status >= tiller_status_command_limited; }
 
+std::size_t steps_of(const std::vector<Stretch>& stretches) {
+  std::size_t all = 0;
+  for (const Stretch& stretch : stretches) all += stretch.steps.size();
+  return all;
+}
+
 void update_posterior(Posterior& posterior, const tiller_config_t& config, const std::vector<Stretch>& stretches,
                       const FitOptions& options, Fit& result) {
-  std::size_t all = 0, done = 0;
-  for (const Stretch& stretch : stretches) all += stretch.steps.size();
+  const std::size_t all = steps_of(stretches);
+  std::size_t done = 0;
   result.history.begin(posterior, config, all);
   ResidualPattern pattern;
   pattern.begin(config);
@@ -193,6 +199,30 @@ bool fit_with(const Candidate& candidate, double process_scale, const std::vecto
   return false;
 }
 
+// Of many steps some 4,000, in runs of 400 evenly over the stretches: enough for the share of process noise.
+std::vector<Stretch> pilot_of(const std::vector<Stretch>& stretches) {
+  constexpr std::size_t kPilotSteps = 4000, kRun = 400;
+  const std::size_t all = steps_of(stretches);
+  if (all <= 2 * kPilotSteps) return stretches;
+  const std::size_t every = all / kPilotSteps * kRun;  // steps from the begin of one run to that of the next
+  std::vector<Stretch> pilot;
+  std::size_t next = 0, done = 0;
+  for (const Stretch& stretch : stretches) {
+    for (; next < done + stretch.steps.size(); next += every) {
+      const std::size_t first = next - done, last = std::min(first + kRun, stretch.steps.size());
+      if (last - first < kRun / 4) continue;
+      Stretch run;
+      run.path = stretch.path;
+      std::copy_n(first == 0 ? stretch.start : stretch.steps[first - 1].measured, TILLER_MAX_MEASUREMENTS, run.start);
+      run.steps.assign(stretch.steps.begin() + static_cast<std::ptrdiff_t>(first),
+                       stretch.steps.begin() + static_cast<std::ptrdiff_t>(last));
+      pilot.push_back(std::move(run));
+    }
+    done += stretch.steps.size();
+  }
+  return pilot;
+}
+
 std::vector<double> means_of(const Fit& fit) {
   std::vector<double> means;
   for (const ParamSummary& p : fit.params) means.push_back(p.mean);
@@ -239,14 +269,36 @@ bool fit(const Candidate& candidate, const std::vector<Stretch>& stretches, cons
          std::string& error) {
   constexpr int kRounds = 3;        // the second corrects what the first's parameters made of the noise
   constexpr double kSettled = 1.2;  // a factor that moves no interval by more than the width of a line
+  if (candidate.config.posterior.kind != tiller_posterior_filter)
+    return fit_with(candidate, 1.0, stretches, options, result, error);
+  const std::vector<Stretch> pilot = pilot_of(stretches);
+  const std::size_t few = steps_of(pilot), all = steps_of(stretches);
+  const bool piloted = few < all;
   double process_scale = 1;
+  std::size_t done = 0;
+  const std::size_t expected = few * (kRounds - 1) + all;  // steps, for the progress: rarely fewer
+  FitOptions shown = options;
+  const auto show_from = [&](std::size_t now) {
+    if (options.progress)
+      shown.progress = [&options, &done, now, expected](double share) {
+        options.progress(std::min(1.0, (static_cast<double>(done) + share * static_cast<double>(now)) /
+                                           static_cast<double>(expected)));
+      };
+  };
+  show_from(few);
   for (int round = 0;; ++round) {
-    if (!fit_with(candidate, process_scale, stretches, options, result, error)) return false;
-    if (round + 1 == kRounds || candidate.config.posterior.kind != tiller_posterior_filter) return true;
-    const double next = estimate_process_scale(candidate.config, means_of(result), result.noise_scale, stretches);
-    if (std::fabs(std::log(next / process_scale)) < std::log(kSettled)) return true;
-    process_scale = next;
+    if (!fit_with(candidate, process_scale, pilot, shown, result, error)) return false;
+    done += few;
+    if (round + 1 == kRounds) break;
+    const double next = estimate_process_scale(candidate.config, means_of(result), result.noise_scale, pilot);
+    const bool settled = std::fabs(std::log(next / process_scale)) < std::log(kSettled);
+    if (settled && !piloted) return true;
+    if (piloted || !settled) process_scale = next;
+    if (settled) break;
   }
+  if (!piloted) return true;
+  show_from(all);
+  return fit_with(candidate, process_scale, stretches, shown, result, error);
 }
 
 }  // namespace tiller::tools

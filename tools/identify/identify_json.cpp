@@ -10,12 +10,20 @@ namespace {
 
 using nlohmann::json;
 
-json log_json(const Log& log) {
+json log_json(const LogFacts& log) {
   return {{"path", log.path},
-          {"rows", log.rows()},
-          {"length_s", number(log.time_s.back())},
-          {"step_s", number(median_step_s(log))},
-          {"stretches", split_at_gaps(log).size()}};
+          {"rows", log.rows},
+          {"length_s", number(log.length_s)},
+          {"step_s", number(log.step_s)},
+          {"stretches", log.stretches}};
+}
+
+json used_json(const UsedRows& used) {
+  return {{"all_s", number(used.all_s)},
+          {"used_s", number(used.used_s)},
+          {"pieces", used.pieces},
+          {"piece_s", number(used.piece_s)},
+          {"text", used.text()}};
 }
 
 const char* kind_text(const tiller_prior_t& prior) {
@@ -221,8 +229,10 @@ std::string identify_json(const RobotFile& robot, const Identified& result) {
               {"logs", json::array()},
               {"held_out", json::array()},
               {"candidates", json::array()}};
-  for (const Log& log : result.logs) out["logs"].push_back(log_json(log));
-  for (const Log& log : result.hold_out) out["held_out"].push_back(log_json(log));
+  out["used"] = used_json(result.used);
+  if (!result.hold_out.empty()) out["used_held_out"] = used_json(result.used_held_out);
+  for (const LogFacts& log : result.logs) out["logs"].push_back(log_json(log));
+  for (const LogFacts& log : result.hold_out) out["held_out"].push_back(log_json(log));
   for (const Assessed& assessed : result.candidates) out["candidates"].push_back(candidate_json(assessed, robot));
   return out.dump(1) + "\n";
 }

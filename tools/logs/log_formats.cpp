@@ -72,6 +72,10 @@ bool has_own_columns(const std::string& path) {
   return kind == "csv" || kind == "arrays";
 }
 
+LogMap log_map_of(const std::string& path, const RobotFile& robot) {
+  return has_own_columns(path) ? robot.log : LogMap();
+}
+
 std::string log_format(const std::string& path) {
   unsigned char first[8] = {};
   std::ifstream file(log_file(path), std::ios::binary);

@@ -26,6 +26,9 @@ std::string log_format(const std::string& path);
 /// Whether names and units of its columns are the user's, as [log] has them.
 bool has_own_columns(const std::string& path);
 
+/// What [log] says of the file at `path`; nothing where the format says itself what is what.
+LogMap log_map_of(const std::string& path, const RobotFile& robot);
+
 /// Of "run.mat#2" the file.
 std::string log_file(const std::string& path);
 

@@ -7,6 +7,7 @@
 
 #include "tools/base/text.hpp"
 #include "tools/logs/log_formats.hpp"
+#include "tools/logs/telling_rows.hpp"
 
 namespace tiller::tools::gap {
 namespace {
@@ -129,15 +130,15 @@ std::string hash_of_files(const std::vector<std::string>& paths) {
   return format("fnv1a-%016llx", static_cast<unsigned long long>(hash));
 }
 
-bool load_logs(const RobotFile& robot, const std::vector<std::string>& paths, std::vector<Log>& logs,
-               std::vector<Grid>& grids, std::string* hash, Result& result) {
+bool load_logs(const RobotFile& robot, const std::vector<std::string>& paths, std::size_t most_steps, bool evenly,
+               std::vector<Log>& logs, std::vector<Grid>& grids, std::string* hash, Result& result) {
   const std::size_t before = result.reasons.size();
+  std::vector<Log> read;
   AtLimit at_limit[TILLER_MAX_INPUTS];
   for (const std::string& path : paths) {
     Log log;
     std::string error;
-    const bool csv = has_own_columns(path);
-    const LogMap map = csv ? robot.log : LogMap();
+    const LogMap map = log_map_of(path, robot);
     const std::size_t bad = result.reasons.size();
     if (read_any_log(path, robot, log, error))
       if (check_log(log, map, *robot.model, robot.config.period_s, result.notes, error))
@@ -145,7 +146,12 @@ bool load_logs(const RobotFile& robot, const std::vector<std::string>& paths, st
     add_lines(error, result.reasons);
     if (result.reasons.size() != bad) continue;
     for (std::uint32_t i = 0; i < robot.model->input_count; ++i) count_at_limit(log, map, robot.config, i, at_limit[i]);
-    for (Grid& grid : make_grids(log, map, robot.config)) grids.push_back(std::move(grid));
+    read.push_back(std::move(log));
+  }
+  const UsedRows used = keep_telling_rows(read, robot.config, most_steps, evenly);
+  if (!used.everything()) result.notes.push_back(used.text() + ".");
+  for (Log& log : read) {
+    for (Grid& grid : make_grids(log, log_map_of(log.path, robot), robot.config)) grids.push_back(std::move(grid));
     logs.push_back(std::move(log));
   }
   for (std::uint32_t i = 0; i < robot.model->input_count; ++i)

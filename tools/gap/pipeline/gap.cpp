@@ -182,8 +182,8 @@ Result find_gap(const RobotFile& robot, const Options& options) {
   std::vector<Log> logs;
   std::vector<Grid> grids[2];
   std::string hash[2];
-  load_logs(robot, options.logs, logs, grids[0], &hash[0], loaded);
-  load_logs(robot, options.hold_out, logs, grids[1], &hash[1], loaded);
+  load_logs(robot, options.logs, options.most_steps, false, logs, grids[0], &hash[0], loaded);
+  load_logs(robot, options.hold_out, options.most_steps, true, logs, grids[1], &hash[1], loaded);
   Result result = loaded;
   if (loaded.reasons.empty()) {
     result = find_gap_on(robot.config, robot.params, std::move(grids[0]), std::move(grids[1]), options);

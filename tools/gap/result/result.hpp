@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "tools/logs/identify_log.hpp"
+#include "tools/logs/telling_rows.hpp"
 #include "tools/robot/prior_edge.hpp"
 #include "tools/robot/robot_file.hpp"
 
@@ -136,6 +137,7 @@ struct Options {
   std::vector<std::string> logs;      ///< fitted, decided and tested on: split by windows
   std::vector<std::string> hold_out;  ///< tested on alone; empty: a share of the logs
   double budget_sigma = 1.1;          ///< --budget: a remaining gap up to this is no gap
+  std::size_t most_steps = kMostSteps;  ///< of the logs' time, in steps of period_s; 0: all
   std::uint32_t max_effects = 3;
   std::vector<std::string> only;  ///< kinds to consider; empty: all
   std::vector<EffectAt> given;    ///< taken for the explanation whatever the data say; empty: searched for

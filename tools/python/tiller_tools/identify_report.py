@@ -386,13 +386,19 @@ def iterations_section(candidate: dict) -> str:
     return "<h2>From iteration to iteration</h2>" + page.grid(figures)
 
 
+def _what_was_used(result: dict) -> str:
+    """Of long logs; empty where everything was used. Results of earlier versions do not say."""
+    return "".join(f" Of the {what} logs, {result[key]['text']}." for key, what in
+                   (("used", "fitted"), ("used_held_out", "held-out")) if result.get(key, {}).get("text"))
+
+
 def build(result: dict) -> str:
     best = result["candidates"][-1]
     logs = ", ".join(Path(log["path"]).name for log in result["logs"])
     held = ", ".join(Path(log["path"]).name for log in result["held_out"]) or "none"
     body = [f"<h1>{page.html.escape(result['robot'])}: parameters from logs</h1>",
             f"<p class=lead>{page.html.escape(best['name'])}. Fitted: {page.html.escape(logs)}. Held out: "
-            f"{page.html.escape(held)}.</p>",
+            f"{page.html.escape(held)}.{page.html.escape(_what_was_used(result))}</p>",
             page.facts(_facts(best))]
     if not _is_posterior(best):
         method = _method(best)
