@@ -99,7 +99,8 @@ Result judge(const std::vector<std::string>& paths) {
   Result result;
   std::vector<Log> logs;
   std::vector<Grid> grids;
-  if (load_logs(*file, paths, 0, false, logs, grids, &result.data_hash, result)) check_data_quality(file->config, grids, result);
+  if (load_logs(*file, paths, 0, false, logs, grids, &result.data_hash, result))
+    check_data_quality(file->config, grids, result);
   return result;
 }
 

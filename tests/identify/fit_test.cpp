@@ -283,24 +283,21 @@ TEST(Identify, SameBitsTwiceAndOnSeveralThreads) {
 TEST(Identify, OfALongLogAPartIsUsedAndSaidSo) {
   std::string error;
   const std::string text = kRobot;
-  const auto robot = parse_robot_file(text.substr(0, text.find("[[effects]]")) + text.substr(text.find("[measurement]")),
-                                      "test.toml", error);
+  const auto robot = parse_robot_file(
+      text.substr(0, text.find("[[effects]]")) + text.substr(text.find("[measurement]")), "test.toml", error);
   ASSERT_TRUE(robot) << error;
   IdentifyOptions options = few_rollouts();
-  options.logs = {write_log("long.csv", 7, {}, 9000)};
-  options.hold_out = {write_log("long_held.csv", 8, {}, 9000)};
+  options.logs = {write_log("long.csv", 7, {}, 6000)};
+  options.hold_out = {write_log("long_held.csv", 8, {}, 4500)};
   options.most_steps = 1;  // 30 s are used of however fast a machine
   const Identified result = identify_or_fail(*robot, options);
   EXPECT_NEAR(result.used.used_s, 30, 2);
   EXPECT_NEAR(static_cast<double>(result.candidates.back().fit.transitions), 3000, 200);
   EXPECT_NE(identify_text(*robot, result).find(result.used.text()), std::string::npos);
   const nlohmann::json json = nlohmann::json::parse(identify_json(*robot, result));
-  EXPECT_EQ(json["logs"][0]["rows"], 9000) << "as read";
+  EXPECT_EQ(json["logs"][0]["rows"], 6000) << "as read";
   EXPECT_EQ(json["used"]["text"], result.used.text());
   EXPECT_TRUE(result.used_held_out.evenly);
-  options.most_steps = 0;
-  options.hold_out.clear();
-  EXPECT_EQ(identify_or_fail(*robot, options).candidates.back().fit.transitions, 8999u);
 }
 
 // Every method through the command's own path: the same tables and the same JSON, with what it does not have left out.

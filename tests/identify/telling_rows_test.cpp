@@ -25,7 +25,9 @@ tiller_config_t pendulum_config() {
 
 constexpr double kBurst_s = 20, kEvery_s = 1000, kAt_s = 490;
 
-bool is_burst(double t) { return t >= 0 && std::fmod(t, kEvery_s) >= kAt_s && std::fmod(t, kEvery_s) < kAt_s + kBurst_s; }
+bool is_burst(double t) {
+  return t >= 0 && std::fmod(t, kEvery_s) >= kAt_s && std::fmod(t, kEvery_s) < kAt_s + kBurst_s;
+}
 
 // A machine that rests but for a burst of motion in 2 % of the time. Its angle is a filtered command: no model is asked.
 Log resting_log(double seconds, std::uint64_t seed) {
@@ -73,7 +75,7 @@ TEST(TellingRows, NoBoundTakesAll) {
 }
 
 TEST(TellingRows, BurstsAreFound) {
-  std::vector<Log> logs = {resting_log(6000, 3)};  // six bursts, 120 s together
+  std::vector<Log> logs = {resting_log(6000, 3)};                           // six bursts, 120 s together
   const UsedRows used = keep_telling_rows(logs, pendulum_config(), 20000);  // 400 s
   EXPECT_NEAR(used.used_s, 400, 10);
   EXPECT_NEAR(used.all_s, 6000, 1);

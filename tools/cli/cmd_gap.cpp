@@ -169,7 +169,8 @@ bool add_residual(const GapOptions& options, const RobotFile& robot, const gap::
                  robot.model->joints[joint].name);
   };
   constexpr double kVeryStrong_nats = 10.0;
-  if (!gap::load_logs(robot, options.find.logs, options.find.most_steps, false, logs, grids, nullptr, scratch)) return false;
+  if (!gap::load_logs(robot, options.find.logs, options.find.most_steps, false, logs, grids, nullptr, scratch))
+    return false;
   const bool offered = gap::offer_residual(text, robot.path, grids, kVeryStrong_nats, offer, error, search);
   if (stop_requested == 0 && add_learnt(options, robot, grids, text)) return true;
   if (!offered) {

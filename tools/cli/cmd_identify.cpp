@@ -141,9 +141,10 @@ void add_identify_command(CLI::App& app, int& exit_code) {
       ->check(CLI::Range(0, 1024))
       ->check([](const std::string& text) { return check_multiple(text, 8); });
   command
-      ->add_option("--most-steps", options->most_steps,
-                   "steps of the robot's period to learn from (default 20000); of longer logs the pieces that tell most; "
-                   "0: all")
+      ->add_option(
+          "--most-steps", options->most_steps,
+          "steps of the robot's period to learn from (default 20000); of longer logs the pieces that tell most; "
+          "0: all")
       ->check(CLI::NonNegativeNumber);
   options->threads = std::max(1u, std::thread::hardware_concurrency());
   command->add_option("--threads", options->threads, "models that are fitted side by side (default: all processors)")

@@ -68,8 +68,7 @@ bool assess(const Data& data, const IdentifyOptions& options, Assessed& assessed
   const std::vector<PriorEdge> edges = find_prior_edges(candidate.config, candidate.params, {assessed.fit.samples, {}});
   for (std::size_t i = 0; i < edges.size(); ++i) assessed.fit.params[i].edge = edges[i];
   assessed.on_fitted = score(candidate, assessed.fit, data.grids, options.score);
-  if (!data.held_grids.empty())
-    assessed.on_held_out = score(candidate, assessed.fit, data.held_grids, options.score);
+  if (!data.held_grids.empty()) assessed.on_held_out = score(candidate, assessed.fit, data.held_grids, options.score);
   return true;
 }
 
@@ -87,7 +86,11 @@ bool assess_all(const Data& data, const IdentifyOptions& options, std::vector<As
       for (const std::atomic<double>& share : shares) sum += share;
       line.show(sum / static_cast<double>(shares.size()));
     }
-  } job{data, options, all, std::vector<std::string>(all.size()), std::vector<std::atomic<double>>(all.size()),
+  } job{data,
+        options,
+        all,
+        std::vector<std::string>(all.size()),
+        std::vector<std::atomic<double>>(all.size()),
         ProgressLine("fitting " + std::to_string(all.size()) + " models")};
   ThreadPool threads(options.threads);
   threads.run(

@@ -12,7 +12,7 @@ namespace tiller::tools {
 struct IdentifyOptions {
   std::string robot;
   std::vector<std::string> logs, hold_out;
-  std::string folder;  ///< for identify.json and identify.html; empty: only the table is printed
+  std::string folder;                   ///< for identify.json and identify.html; empty: only the table is printed
   std::size_t most_steps = kMostSteps;  ///< of the logs' time, in steps of period_s; 0: all
   unsigned threads = 1;                 ///< candidates are fitted side by side; the results are the same bits
   FitOptions fit;
@@ -36,7 +36,7 @@ struct LogFacts {
 
 struct Identified {
   std::vector<LogFacts> logs, hold_out;
-  UsedRows used, used_held_out;  ///< what of long logs was worked on
+  UsedRows used, used_held_out;      ///< what of long logs was worked on
   std::vector<Assessed> candidates;  ///< as make_candidates() orders them; the last has everything
   std::vector<std::string> warnings;
 };

@@ -281,8 +281,8 @@ bool fit(const Candidate& candidate, const std::vector<Stretch>& stretches, cons
   const auto show_from = [&](std::size_t now) {
     if (options.progress)
       shown.progress = [&options, &done, now, expected](double share) {
-        options.progress(std::min(1.0, (static_cast<double>(done) + share * static_cast<double>(now)) /
-                                           static_cast<double>(expected)));
+        options.progress(std::min(
+            1.0, (static_cast<double>(done) + share * static_cast<double>(now)) / static_cast<double>(expected)));
       };
   };
   show_from(few);

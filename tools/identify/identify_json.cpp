@@ -174,8 +174,7 @@ json trends_json(const Fit& fit, const RobotFile& robot) {
   for (std::size_t k = 0; k < fit.trends.size(); ++k) {
     const ResidualTrend& trend = fit.trends[k];
     json inputs = json::object();
-    for (std::size_t j = 0; j < trend.inputs.size(); ++j)
-      inputs[robot.model->input_names[j]] = number(trend.inputs[j]);
+    for (std::size_t j = 0; j < trend.inputs.size(); ++j) inputs[robot.model->input_names[j]] = number(trend.inputs[j]);
     list.push_back({{"name", robot.model->state_names[robot.config.measured_state[k]]},
                     {"value", number(trend.value)},
                     {"change", number(trend.change)},

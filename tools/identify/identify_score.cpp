@@ -143,7 +143,7 @@ std::vector<double> errors_of(const tiller_model_t& model, const Grid& grid, std
   return error;
 }
 
-constexpr double kRunInSteps = 10;  // at least, for a filter to find the states that are not measured
+constexpr double kRunInSteps = 10;    // at least, for a filter to find the states that are not measured
 constexpr double kMostStarts = 2000;  // neighbours tell the same: 0.7 % of coverage, as its standard error, is enough
 
 struct Start {

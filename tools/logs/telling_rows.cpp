@@ -157,7 +157,8 @@ std::vector<Features> features_of(const std::vector<Log>& logs, const std::vecto
 void normalise(std::vector<Features>& all, std::uint32_t sensors) {
   const auto scale_of = [&all](Eigen::Index row) {
     double squares = 0, n = 0;
-    for (const Features& f : all) squares += static_cast<double>(f.row(row).squaredNorm()), n += static_cast<double>(f.cols());
+    for (const Features& f : all)
+      squares += static_cast<double>(f.row(row).squaredNorm()), n += static_cast<double>(f.cols());
     return n > 0 ? std::sqrt(squares / n) : 0;
   };
   for (std::uint32_t k = 0; k < sensors; ++k) {
@@ -213,9 +214,7 @@ void keep_telling(std::vector<Piece>& pieces, const std::vector<Features>& featu
   struct Bound {
     double gain;
     std::size_t piece, computed_at;
-    bool operator<(const Bound& other) const {
-      return gain != other.gain ? gain < other.gain : piece > other.piece;
-    }
+    bool operator<(const Bound& other) const { return gain != other.gain ? gain < other.gain : piece > other.piece; }
   };
   std::priority_queue<Bound> queue;
   for (std::size_t p = 0; p < pieces.size(); ++p)

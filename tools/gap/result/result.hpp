@@ -134,9 +134,9 @@ struct Result {
 };
 
 struct Options {
-  std::vector<std::string> logs;      ///< fitted, decided and tested on: split by windows
-  std::vector<std::string> hold_out;  ///< tested on alone; empty: a share of the logs
-  double budget_sigma = 1.1;          ///< --budget: a remaining gap up to this is no gap
+  std::vector<std::string> logs;        ///< fitted, decided and tested on: split by windows
+  std::vector<std::string> hold_out;    ///< tested on alone; empty: a share of the logs
+  double budget_sigma = 1.1;            ///< --budget: a remaining gap up to this is no gap
   std::size_t most_steps = kMostSteps;  ///< of the logs' time, in steps of period_s; 0: all
   std::uint32_t max_effects = 3;
   std::vector<std::string> only;  ///< kinds to consider; empty: all
