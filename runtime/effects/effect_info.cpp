@@ -3,16 +3,30 @@
 #include <cstring>
 
 #include "effects/catalogue.hpp"
+#include "effects/effect_roles.hpp"
 
 namespace tiller {
 namespace {
 constexpr EffectInfo kInfos[] = {
-#define TILLER_EFFECT(name, Type) Type<double>::info,
+#define TILLER_EFFECT(name, Type, ...) Type<double>::info,
+#include "tiller/effects.def"
+#undef TILLER_EFFECT
+};
+constexpr const char* kLike[] = {
+#define TILLER_EFFECT(name, Type, roles, like) like,
 #include "tiller/effects.def"
 #undef TILLER_EFFECT
 };
 constexpr std::uint32_t kCount = sizeof(kInfos) / sizeof(kInfos[0]);
 static_assert(kCount == tiller_effect_kind_count, "the C enumeration and the catalogue come from the same lines");
+
+/// Whether `name` is one of the words of `list`.
+bool lists(const char* list, const char* name) {
+  const std::size_t length = std::strlen(name);
+  for (const char* at = std::strstr(list, name); at; at = std::strstr(at + 1, name))
+    if ((at == list || at[-1] == ' ') && (at[length] == ' ' || at[length] == '\0')) return true;
+  return false;
+}
 }  // namespace
 
 const EffectInfo& effect_info(std::uint32_t kind) { return kInfos[kind]; }
@@ -21,6 +35,10 @@ int find_effect(const char* name) {
   for (std::uint32_t kind = 0; kind < kCount; ++kind)
     if (std::strcmp(kInfos[kind].name, name) == 0) return static_cast<int>(kind);
   return -1;
+}
+
+bool are_alike(std::uint32_t a, std::uint32_t b) {
+  return lists(kLike[a], kInfos[b].name) || lists(kLike[b], kInfos[a].name);
 }
 
 const char* port_kind_name(PortKind port) {

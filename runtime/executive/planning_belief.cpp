@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "effects/effect_roles.hpp"
+
 namespace tiller {
 namespace {
 
@@ -13,7 +15,7 @@ StepSetup without_delays(const StepSetup& setup) {
   result.effect_count = 0;
   result.delay_steps = 0;
   for (std::uint32_t e = 0; e < setup.effect_count; ++e)
-    if (setup.effects[e].kind != tiller_effect_input_delay) result.effects[result.effect_count++] = setup.effects[e];
+    if (!has_role(setup.effects[e].kind, kDelay)) result.effects[result.effect_count++] = setup.effects[e];
   return result;
 }
 
@@ -102,7 +104,7 @@ void PlanningBelief::compute_lookahead(double ahead_s) {
   for (std::uint32_t lane = 0; lane < belief_.count; ++lane) {
     double longest_s = 0.0;
     for (std::uint32_t e = 0; e < setup_->effect_count && over_delays_; ++e)
-      if (setup_->effects[e].kind == tiller_effect_input_delay)
+      if (has_role(setup_->effects[e].kind, kDelay))
         longest_s = std::max(longest_s, delay_s(setup_->effects[e], lane));
     Lookahead& ahead = lookahead_[lane];
     ahead.total_s = std::max(ahead_s, 0.0) + longest_s + ahead.late_s;
@@ -157,7 +159,7 @@ void PlanningBelief::fill_controls(const CommandTimeline& timeline, std::int64_t
   for (std::uint32_t i = 0; i < nu; ++i) controls_[i * lanes_ + lane] = static_cast<float>(command[i]);
   for (std::uint32_t e = 0; e < setup_->effect_count; ++e) {
     const EffectSlot& slot = setup_->effects[e];
-    if (slot.kind != tiller_effect_input_delay) continue;
+    if (!has_role(slot.kind, kDelay)) continue;
     const double back_s = delay_s(slot, lane) + late_s;
     timeline.mean(stamp_us, from_s - back_s, to_s - back_s, command);
     controls_[slot.port * lanes_ + lane] = static_cast<float>(command[slot.port]);

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "effects/effect_roles.hpp"
 #include "rollout/attitude.hpp"
 #include "tiller/math.hpp"
 
@@ -91,9 +92,7 @@ StepSetup without_memory(const StepSetup& setup) {
   s.effect_count = 0;
   s.delay_steps = 0;
   for (std::uint32_t e = 0; e < setup.effect_count; ++e)
-    if (setup.effects[e].kind == tiller_effect_viscous_friction ||
-        setup.effects[e].kind == tiller_effect_constant_offset)
-      s.effects[s.effect_count++] = setup.effects[e];
+    if (has_role(setup.effects[e].kind, kLinear)) s.effects[s.effect_count++] = setup.effects[e];
   return s;
 }
 

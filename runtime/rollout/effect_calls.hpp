@@ -18,7 +18,7 @@ constexpr int kHooks = static_cast<int>(Hook::body) + 1;
 /// Where the kernel calls an effect.
 TILLER_INLINE Hook hook_of(std::uint32_t kind) {
   switch (kind) {
-#define TILLER_EFFECT(name, Type) \
+#define TILLER_EFFECT(name, Type, ...) \
   case tiller_effect_##name:      \
     return Type<double>::hook;
 #include "tiller/effects.def"
@@ -59,7 +59,7 @@ TILLER_INLINE L joint_force(const JointStep<L>& in, L* state, const L* p) {
 template <class L>
 __attribute__((noinline)) L called_force(std::uint32_t kind, const JointStep<L>& in, L* state, const L* p) {
   switch (kind) {
-#define TILLER_EFFECT(name, Type)                                                                                    \
+#define TILLER_EFFECT(name, Type, ...)                                                                               \
   case tiller_effect_##name:                                                                                         \
     if constexpr (!InlinedEffect<Type<L>, L>::value &&                                                               \
                   (Type<L>::hook == Hook::force || Type<L>::hook == Hook::drive || Type<L>::hook == Hook::elastic || \
@@ -77,7 +77,7 @@ __attribute__((noinline)) L called_force(std::uint32_t kind, const JointStep<L>&
 template <class L>
 __attribute__((noinline)) L called_input(std::uint32_t kind, const InputStep<L>& in, L* state, const L* p) {
   switch (kind) {
-#define TILLER_EFFECT(name, Type)                                                    \
+#define TILLER_EFFECT(name, Type, ...)                                               \
   case tiller_effect_##name:                                                         \
     if constexpr (!InlinedEffect<Type<L>, L>::value && Type<L>::hook == Hook::input) \
       return Type<L>::apply(in, state, p);                                           \
@@ -92,7 +92,7 @@ __attribute__((noinline)) L called_input(std::uint32_t kind, const InputStep<L>&
 template <class L>
 __attribute__((noinline)) void called_body(std::uint32_t kind, Body<L>& body, const L* p) {
   switch (kind) {
-#define TILLER_EFFECT(name, Type)                                        \
+#define TILLER_EFFECT(name, Type, ...)                                   \
   case tiller_effect_##name:                                             \
     if constexpr (Type<L>::hook == Hook::body) Type<L>::change(body, p); \
     break;

@@ -39,7 +39,7 @@ inline MeasurementMap measurement_map(const tiller_config_t& config, std::uint32
       double own[kMaxEffectParams] = {};
       for (int i = 0; i < info.param_count; ++i) own[i] = params[(row + static_cast<std::size_t>(i)) * stride];
       switch (effect.kind) {
-#define TILLER_EFFECT(name, Type)              \
+#define TILLER_EFFECT(name, Type, ...)         \
   case tiller_effect_##name:                   \
     add_sensor_effect<Type<double>>(map, own); \
     break;

@@ -1,6 +1,7 @@
 #include <cmath>
 
 #include "effects/effect_info.hpp"
+#include "effects/effect_roles.hpp"
 #include "networks/network_check.hpp"
 #include "rollout/attitude.hpp"
 #include "rollout/rollout.hpp"
@@ -60,9 +61,9 @@ tiller_status_t make_step_setup(const tiller_config_t& config, StepSetup& setup)
     setup.effects[e] = {static_cast<std::uint16_t>(effect.kind), static_cast<std::uint16_t>(effect.port),
                         static_cast<std::uint16_t>(param), static_cast<std::uint16_t>(state)};
     if (param + static_cast<std::uint32_t>(info.param_count) > TILLER_MAX_PARAMS) return tiller_status_bad_effect;
-    if (effect.kind == tiller_effect_actuator_lag && ++lags > most_lags(static_cast<int>(model.input_count)))
+    if (has_role(effect.kind, kLag) && ++lags > most_lags(static_cast<int>(model.input_count)))
       return tiller_status_bad_effect;
-    if (effect.kind == tiller_effect_input_delay) {
+    if (has_role(effect.kind, kDelay)) {
       const tiller_prior_t& prior = config.priors[param];
       const std::uint32_t rows = delay_rows(prior, config.period_s);
       const bool none = prior.kind == tiller_prior_fixed && prior.a == 0.0;

@@ -165,7 +165,7 @@ struct Stepper {
       const EffectSlot& slot = slots[kList][e];
       bool called = true;
       switch (slot.kind) {
-#define TILLER_EFFECT(name, Type)                                               \
+#define TILLER_EFFECT(name, Type, ...)                                          \
   case tiller_effect_##name:                                                    \
     if constexpr (Type<S>::hook == kHook && InlinedEffect<Type<S>, S>::value) { \
       visit(Type<S>{}, slot);                                                   \

@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "effects/effect_info.hpp"
 #include "episodes_rig.hpp"
 #include "read_all.hpp"
 #include "tools/base/exit_codes.hpp"
@@ -218,18 +219,31 @@ TEST_F(RefitEpisodes, NothingToRefitIsRefusedBeforeAPlantOpens) {
   EXPECT_TRUE(plants_.truths.empty());
 }
 
-TEST_F(RefitEpisodes, ALagIsRefusedBySingleStepsAlone) {
-  RobotFile robot = small_robot();
-  robot.config.effect_count = 1;
-  robot.config.effects[0].kind = tiller_effect_actuator_lag;
-  robot.config.priors[robot.config.param_count++] = {tiller_prior_uniform, 0, 0, 0, 0.01, 0.1};
-  robot.params.emplace_back("lag.time_constant_s");
-  std::string error;
-  EXPECT_FALSE(check_refit(quick("simopt"), robot, error));
-  EXPECT_NE(error.find("small.toml: --method simopt: an actuator's lag"), std::string::npos) << error;
-  EXPECT_NE(error.find("trajectory_simopt"), std::string::npos) << error;
-  error.clear();
-  EXPECT_TRUE(check_refit(quick("trajectory_simopt"), robot, error)) << error;
+// Whatever has a state that no log shows, by the catalogue: a limiter and a play as well as a lag.
+TEST_F(RefitEpisodes, AnEffectWithMemoryIsRefusedBySingleStepsAlone) {
+  int refused = 0;
+  for (std::uint32_t kind = 0; kind < effect_kind_count(); ++kind) {
+    const EffectInfo& info = effect_info(kind);
+    RobotFile robot = small_robot();
+    if (info.learnt || info.port == PortKind::sensor || !port_fits(info, 0, *robot.config.model)) continue;
+    robot.config.effect_count = 1;
+    robot.config.effects[0] = {kind, 0};
+    for (int i = 0; i < info.param_count; ++i) {
+      robot.config.priors[robot.config.param_count++] = {tiller_prior_uniform, 0, 0, 0, 0.01, 0.1};
+      robot.params.emplace_back(std::string("effect.") + info.params[i].name);
+    }
+    std::string error;
+    EXPECT_EQ(check_refit(quick("simopt"), robot, error), info.state_count == 0) << info.name << ": " << error;
+    if (info.state_count > 0) {
+      const std::string wanted = std::string("small.toml: --method simopt: the effect ") + info.name + " has a state";
+      EXPECT_NE(error.find(wanted), std::string::npos) << error;
+      EXPECT_NE(error.find("trajectory_simopt"), std::string::npos) << error;
+      ++refused;
+    }
+    error.clear();
+    EXPECT_TRUE(check_refit(quick("trajectory_simopt"), robot, error)) << info.name << ": " << error;
+  }
+  EXPECT_GE(refused, 3);  // a lag, a rate limit and a supply at least
 }
 
 }  // namespace

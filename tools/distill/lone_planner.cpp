@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdlib>
 
+#include "effects/effect_roles.hpp"
+
 namespace tiller::tools::distill {
 namespace {
 
@@ -18,7 +20,7 @@ Config lone_config(const tiller_config_t& config) {
 
 void leave_delays_out(StepSetup& setup) {
   const auto kept = std::remove_if(setup.effects, setup.effects + setup.effect_count,
-                                   [](const EffectSlot& slot) { return slot.kind == tiller_effect_input_delay; });
+                                   [](const EffectSlot& slot) { return has_role(slot.kind, kDelay); });
   setup.effect_count = static_cast<std::uint32_t>(kept - setup.effects);
   setup.delay_steps = 0;
 }

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "tools/base/text.hpp"
+#include "tools/identify/candidates.hpp"
 #include "tools/identify/coordinates.hpp"
 #include "tools/identify/method_list.hpp"
 #include "tools/identify/regression_adjustment.hpp"
@@ -87,14 +88,7 @@ bool refuse(const MethodProblem& problem, std::string& error) {
     error = "ABC simulates changes from measured states, and not every state has a sensor; use posterior or simopt";
     return true;
   }
-  for (std::uint32_t e = 0; e < problem.config->effect_count; ++e)
-    if (problem.config->effects[e].kind == tiller_effect_actuator_lag) {
-      error =
-          "an actuator's lag has a state that no log shows, so a single step cannot be simulated; use posterior "
-          "or trajectory_simopt";
-      return true;
-    }
-  return false;
+  return refuse_hidden_states(problem, error);
 }
 
 bool simulate(const MethodProblem& problem, const Coordinates& coordinates, std::size_t least, Simulated& all,

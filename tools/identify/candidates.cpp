@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "effects/effect_info.hpp"
+
 namespace tiller::tools {
 
 std::vector<double> params_of(const Coordinates& coordinates, const std::vector<double>& v, std::size_t np) {
@@ -35,13 +37,13 @@ bool count_finite(const Coordinates& coordinates, const std::vector<double>& cos
 }
 
 bool refuse_hidden_states(const MethodProblem& problem, std::string& error) {
-  for (std::uint32_t e = 0; e < problem.config->effect_count; ++e)
-    if (problem.config->effects[e].kind == tiller_effect_actuator_lag) {
-      error =
-          "an actuator's lag has a state that no log shows, so a single step cannot be simulated; use posterior "
-          "or trajectory_simopt";
-      return true;
-    }
+  for (std::uint32_t e = 0; e < problem.config->effect_count; ++e) {
+    const EffectInfo& info = effect_info(problem.config->effects[e].kind);
+    if (info.state_count == 0) continue;
+    error = std::string("the effect ") + info.name +
+            " has a state that no log shows, so a single step cannot be simulated; use posterior or trajectory_simopt";
+    return true;
+  }
   return false;
 }
 

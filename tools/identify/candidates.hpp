@@ -20,8 +20,8 @@ void load_lanes(const Coordinates& coordinates, const std::vector<double>& v, st
 bool count_finite(const Coordinates& coordinates, const std::vector<double>& cost, MethodResult& result,
                   std::string& error);
 
-/// True with a sentence in `error` where a step from a measured state cannot be simulated: an actuator's lag has a
-/// state that no log shows.
+/// True with a sentence in `error` where a step from a measured state cannot be simulated: an effect with memory has
+/// a state that no log shows.
 bool refuse_hidden_states(const MethodProblem& problem, std::string& error);
 
 }  // namespace tiller::tools

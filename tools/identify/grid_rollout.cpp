@@ -2,6 +2,8 @@
 
 #include <cstdlib>
 
+#include "effects/effect_roles.hpp"
+
 namespace tiller::tools {
 
 GridRollout::GridRollout(const tiller_config_t& config, std::uint32_t lanes)
@@ -32,7 +34,7 @@ RolloutJob<double> GridRollout::job(const Grid& grid, std::size_t start, std::si
 std::vector<double> GridRollout::first_effect_state(const Grid& grid, std::size_t start) const {
   std::vector<double> first(std::size_t{setup_.effect_state_count} + 1, 0.0);
   for (std::uint32_t e = 0; e < setup_.effect_count; ++e)
-    if (setup_.effects[e].kind == tiller_effect_actuator_lag || setup_.effects[e].kind == tiller_effect_rate_limit)
+    if (has_role(setup_.effects[e].kind, kFollows))
       first[setup_.effects[e].state] = grid.input[setup_.effects[e].port][start > 0 ? start - 1 : 0];
   return first;
 }

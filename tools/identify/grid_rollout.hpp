@@ -9,8 +9,8 @@
 namespace tiller::tools {
 
 /// Rollouts of many parameter vectors at once, from a point of a grid, under the logged inputs: lanes are parameter
-/// vectors, in double. An actuator's lag or rate limit begins at the input of the
-/// period before.
+/// vectors, in double. An effect whose state follows the command (kFollows) begins
+/// at the input of the period before.
 class GridRollout {
  public:
   /// `lanes`: a multiple of kLanePadding. The configuration outlives the object and has passed tiller_config_check.

@@ -171,7 +171,7 @@ std::string wrapper_source(const std::string& path, const std::string& type, con
 namespace tiller {
 namespace {
 constexpr EffectInfo kInfos[] = {
-#define TILLER_EFFECT(name, Type) Type<double>::info,
+#define TILLER_EFFECT(name, Type, ...) Type<double>::info,
 #include "tiller/effects.def"
 #undef TILLER_EFFECT
 };

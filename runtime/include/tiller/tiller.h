@@ -97,7 +97,7 @@ typedef struct tiller_prior {
 
 /** The effects' kinds: one for each line of effects.def, in its order. */
 typedef enum tiller_effect_kind {
-#define TILLER_EFFECT(name, Type) tiller_effect_##name,
+#define TILLER_EFFECT(name, Type, ...) tiller_effect_##name,
 #include "tiller/effects.def"
 #undef TILLER_EFFECT
   tiller_effect_kind_count

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "effects/effect_roles.hpp"
 #include "posterior/force_response.hpp"
 
 namespace tiller {
@@ -15,7 +16,7 @@ constexpr double kMixtureSpread = 1.0;
 
 bool has_input_delay(const tiller_config_t& config) {
   for (std::uint32_t e = 0; e < config.effect_count; ++e)
-    if (config.effects[e].kind == tiller_effect_input_delay) return true;
+    if (has_role(config.effects[e].kind, kDelay)) return true;
   return false;
 }
 

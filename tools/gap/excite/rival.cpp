@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "effects/effect_info.hpp"
+#include "effects/effect_roles.hpp"
 #include "posterior/prior.hpp"
 #include "tiller/config.hpp"
 
@@ -127,7 +128,7 @@ bool settle(Rival& r, std::string& error) {
         return false;
       }
       r.spread[index] = std::max(std::fabs(value), 1e-9);
-      if (e.kind == tiller_effect_input_delay) bound_delay(r, index);
+      if (has_role(e.kind, kDelay)) bound_delay(r, index);
     }
   }
   StepSetup setup;

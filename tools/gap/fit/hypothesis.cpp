@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "effects/effect_info.hpp"
+#include "effects/effect_roles.hpp"
 #include "rollout/measurement.hpp"
 #include "tools/gap/result/thresholds.hpp"
 
@@ -28,11 +29,11 @@ void bound(std::uint32_t kind, const EffectParam& param, const tiller_config_t& 
   f.low = param.low;
   f.high = param.high;
   // a delay's bound is the longest that the runtime keeps commands for
-  if (kind == tiller_effect_input_delay) f.high = std::min(param.high, TILLER_MAX_DELAY_STEPS * config.period_s);
+  if (has_role(kind, kDelay)) f.high = std::min(param.high, TILLER_MAX_DELAY_STEPS * config.period_s);
   // where 0 means off, what is next to it is a machine that stands still
-  if (kind == tiller_effect_saturation || kind == tiller_effect_rate_limit) f.low = 0.02 * f.scale;
+  if (has_role(kind, kLimit)) f.low = 0.02 * f.scale;
   // a force that sags at once is a curve of the command, not a supply
-  if (kind == tiller_effect_supply_sag && param.scale == Scale::period) f.low = kLeastRecovery * f.scale;
+  if (has_role(kind, kLoad) && param.scale == Scale::period) f.low = kLeastRecovery * f.scale;
   if (param.scale == Scale::velocity) {
     f.low = std::max(f.low, kLeastShape * f.scale);
     f.high = std::min(f.high, kMostShape * f.scale);

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "effects/effect_info.hpp"
+#include "effects/effect_roles.hpp"
 #include "rollout/measurement.hpp"
 #include "tools/gap/result/thresholds.hpp"
 
@@ -68,7 +69,7 @@ void WindowRollout::follow_commands(const Window& w, const EffectSlot& slot, std
   const auto most = static_cast<std::size_t>(std::lround(kLimiterRunIn_s * data_.grids[w.grid].time_scale / period));
   double* out = effect_states_.data() + slot.state * kLanes;
   const double* params = params_.data() + slot.param * kLanes;
-  const bool limits = slot.kind == tiller_effect_rate_limit;
+  const bool limits = has_role(slot.kind, kLimit);
   std::size_t k = start > most ? start - most : 0;
   // a log begins with a drive that was off, unless the machine moves already; a stretch after a gap with its command
   const bool off = k == 0 && data_.begins_at_rest[w.grid];
@@ -99,10 +100,10 @@ void WindowRollout::run_in(const Window& w) {
   const std::uint32_t nu = model_.input_count;
   std::fill(effect_states_.begin(), effect_states_.end(), 0.0);
   for (std::uint32_t e = 0; e < setup.effect_count; ++e)
-    if (setup.effects[e].kind == tiller_effect_actuator_lag)
+    if (has_role(setup.effects[e].kind, kLag))
       std::fill_n(effect_states_.begin() + setup.effects[e].state * kLanes, kLanes,
                   data_.controls[w.grid][(start > 0 ? start - 1 : 0) * nu + setup.effects[e].port]);
-    else if (setup.effects[e].kind == tiller_effect_rate_limit || setup.effects[e].kind == tiller_effect_supply_sag)
+    else if (has_role(setup.effects[e].kind, kFollows | kLoad))
       follow_commands(w, setup.effects[e], start);
   if (along > 0) return follow_path(w, start);
   if (w.run_in_steps == 0) return;

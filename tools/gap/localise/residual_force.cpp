@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "effects/effect_info.hpp"
+#include "effects/effect_roles.hpp"
 #include "rollout/rollout.hpp"
 
 namespace tiller::tools::gap {
@@ -29,7 +30,7 @@ std::vector<std::vector<double>> acting_inputs(const tiller_config_t& config, co
     const EffectSlot& slot = setup.effects[e];
     std::vector<double>& u = acting[slot.port < acting.size() ? slot.port : 0];
     const double time = params[slot.param] / config.period_s;  // delay or time constant in periods
-    if (slot.kind == tiller_effect_input_delay) {
+    if (has_role(slot.kind, kDelay)) {
       const std::vector<double> before = u;
       for (std::size_t k = 0; k < u.size(); ++k) {
         const double at = std::max(0.0, static_cast<double>(k) - time);
@@ -37,7 +38,7 @@ std::vector<std::vector<double>> acting_inputs(const tiller_config_t& config, co
         const double share = at - static_cast<double>(i);
         u[k] = before[i] + share * (before[std::min(i + 1, k)] - before[i]);
       }
-    } else if (slot.kind == tiller_effect_actuator_lag && time > 1e-6) {
+    } else if (has_role(slot.kind, kLag) && time > 1e-6) {
       const double decay = std::exp(-1 / time);
       double state = u.empty() ? 0 : u[0];
       for (double& value : u) {  // mean of the lag's answer over the period
@@ -54,7 +55,7 @@ std::vector<std::vector<double>> acting_inputs(const tiller_config_t& config, co
 std::vector<double> without_delays(const tiller_config_t& config, const StepSetup& setup, const double* params) {
   std::vector<double> p(params, params + config.param_count);
   for (std::uint32_t e = 0; e < setup.effect_count; ++e)
-    if (setup.effects[e].kind == tiller_effect_input_delay || setup.effects[e].kind == tiller_effect_actuator_lag)
+    if (has_role(setup.effects[e].kind, kDelay | kLag))
       p[setup.effects[e].param] = 0;
   return p;
 }

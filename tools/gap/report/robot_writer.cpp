@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "effects/effect_info.hpp"
+#include "effects/effect_roles.hpp"
 #include "tools/base/text.hpp"
 #include "tools/base/toml.hpp"
 #include "tools/gap/report/outputs.hpp"
@@ -97,7 +98,7 @@ std::string effects_blocks(const RobotFile& robot, const Explanation& found, con
     for (int i = 0; i < info.param_count && param < found.params.size(); ++i, ++param) {
       const Estimate& e = found.params[param];
       double high = info.params[i].high;
-      if (effect.kind == tiller_effect_input_delay)
+      if (has_role(effect.kind, kDelay))
         high = std::min(TILLER_MAX_DELAY_STEPS * robot.config.period_s,
                         e.mean + std::max(kDelayReach * e.sd, robot.config.period_s));
       text += std::string(info.params[i].name) + " = " + prior_text(e.mean, e.sd, info.params[i].low, high, false);

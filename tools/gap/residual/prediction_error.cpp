@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdlib>
 
+#include "effects/effect_roles.hpp"
+
 namespace tiller::tools::gap {
 namespace {
 
@@ -62,7 +64,7 @@ PredictionSums PredictionError::run(const std::vector<double>& params, const std
     s_ = Eigen::MatrixXd::Zero(nx, d);
     std::fill(effect_state_.begin(), effect_state_.end(), 0.0);
     for (std::uint32_t e = 0; e < setup_.effect_count; ++e)
-      if (setup_.effects[e].kind == tiller_effect_actuator_lag)
+      if (has_role(setup_.effects[e].kind, kFollows))
         effect_state_[setup_.effects[e].state] = grids_[g].input[setup_.effects[e].port][start.point];
     for (std::size_t k = start.point; k + 1 < grids_[g].points() && sums.finite; ++k) {
       sums.finite = advance(grids_[g], k, force_sd);

@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "effects/effect_info.hpp"
+#include "effects/effect_roles.hpp"
 
 namespace tiller::tools::gap {
 namespace {
@@ -22,22 +23,6 @@ bool lists(const EffectInfo& a, const char* name) {
   const auto is = [&](const char* n) { return n != nullptr && std::strcmp(n, name) == 0; };
   return std::any_of(std::begin(a.contains), std::end(a.contains), is) ||
          std::any_of(std::begin(a.aliases), std::end(a.aliases), is);
-}
-
-// Like shapes that are no aliases: over less than a wave, cogging bends as springs do and pushes as an offset does, and
-// within a few waves of small motion it holds as a dead zone does; the rotor of a play is an inertia while it does not
-// chatter; a force against motion about one place shifts where it comes to rest, as a sensor's bias does.
-constexpr std::uint32_t kLike[][2] = {
-    {tiller_effect_cogging, tiller_effect_linear_spring},   {tiller_effect_cogging, tiller_effect_cubic_spring},
-    {tiller_effect_cogging, tiller_effect_constant_offset}, {tiller_effect_cogging, tiller_effect_dead_zone},
-    {tiller_effect_backlash, tiller_effect_joint_inertia},  {tiller_effect_coulomb_friction, tiller_effect_sensor_bias},
-    {tiller_effect_torque_ripple, tiller_effect_dead_zone},
-};
-
-bool alike(std::uint32_t a, std::uint32_t b) {
-  return std::any_of(std::begin(kLike), std::end(kLike), [&](const std::uint32_t(&pair)[2]) {
-    return (pair[0] == a && pair[1] == b) || (pair[0] == b && pair[1] == a);
-  });
 }
 
 }  // namespace
@@ -86,7 +71,7 @@ bool other_mechanism(const Candidate& simple, const Candidate& rich, const tille
 bool may_be_taken_for(const EffectAt& a, const EffectAt& b, const tiller_model_t& model) {
   if (a == b) return false;
   const EffectInfo &x = effect_info(a.kind), &y = effect_info(b.kind);
-  if (!lists(x, y.name) && !lists(y, x.name) && !alike(a.kind, b.kind)) return false;
+  if (!lists(x, y.name) && !lists(y, x.name) && !are_alike(a.kind, b.kind)) return false;
   return joint_of(model, a.kind, a.port) == joint_of(model, b.kind, b.port);
 }
 

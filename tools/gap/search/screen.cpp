@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "effects/effect_info.hpp"
+#include "effects/effect_roles.hpp"
 #include "tools/gap/result/thresholds.hpp"
 #include "tools/gap/search/spatial_period_scan.hpp"
 
@@ -61,12 +62,12 @@ std::vector<std::vector<double>> starts_of(const Session& s, const EffectAt& e) 
     std::vector<double> small = first;
     for (int i = 0; i < info.param_count; ++i)
       if (is_strength(info.params[i].scale) || info.params[i].scale == Scale::period ||
-          e.kind == tiller_effect_dead_zone)
+          has_role(e.kind, kWidth))
         small[static_cast<std::size_t>(i)] *= share;
     if (small != first) starts.push_back(small);
   }
   // what limits does less the larger it is
-  if (e.kind == tiller_effect_saturation || e.kind == tiller_effect_rate_limit)
+  if (has_role(e.kind, kLimit))
     for (const double share : kOtherLimits) starts.push_back({share * starts[1][0]});
   return starts;
 }
