@@ -5,10 +5,6 @@
 
 #include <algorithm>
 
-#include "sim/devices/mit_axis.hpp"
-#include "sim/devices/moteus_axis.hpp"
-#include "sim/devices/odrive_axis.hpp"
-
 namespace tiller::faults {
 namespace {
 
@@ -47,10 +43,10 @@ ActuatorSettings settings_of(const Setup& setup) {
 
 std::unique_ptr<sim::DriveAxis> drive_of(const ActuatorSettings& settings) {
   sim::DriveOptions options;
-  options.protocol = actuator_protocol(settings.kind).name;
+  options.protocol = actuator_name(settings.kind).word;
   options.node = settings.node;
   options.torque_Nm = settings.range.torque_Nm;
-  options.reply = settings.reply == MitReply::damiao ? "damiao" : settings.reply == MitReply::ak ? "ak" : "plain";
+  options.reply = kMitReplyNames[static_cast<std::size_t>(settings.reply)];
   std::string error;
   return sim::make_drive(options, error);
 }
@@ -167,10 +163,8 @@ void BusPlant::inject(DriveTrouble trouble) {
   }
   if (trouble == DriveTrouble::kRestarts) {
     axis_ = drive_of(settings_);
-  } else if (settings_.kind == ActuatorKind::moteus) {
-    static_cast<sim::MoteusAxis&>(*axis_).fail(33);  // the gate driver
-  } else if (settings_.kind == ActuatorKind::mit) {
-    static_cast<sim::MitAxis&>(*axis_).fail(0xa);  // over-current
+  } else {
+    axis_->break_down();
   }
   const double none = 0.0;
   device_.plant().apply(&none);  // the drive lets go by itself, whatever its board thinks of the plan

@@ -1,14 +1,30 @@
 #include "io/actuator.hpp"
 
-namespace tiller {
+#include <cstring>
 
-const ActuatorProtocol& actuator_protocol(ActuatorKind kind) {
-  static const ActuatorProtocol* const tables[] = {
-#define TILLER_ACTUATOR(name, table) &table,
+namespace tiller {
+namespace {
+
+struct Row {
+  const ActuatorProtocol* protocol;
+  ActuatorName name;
+};
+
+const Row kRows[] = {
+#define TILLER_ACTUATOR(name, motor, first, last, help) {&name##_protocol, {#name, motor, first, last, help}},
 #include "io/actuators.def"
-#undef TILLER_ACTUATOR
-  };
-  return *tables[static_cast<std::size_t>(kind)];
+};
+
+}  // namespace
+
+const ActuatorProtocol& actuator_protocol(ActuatorKind kind) { return *kRows[static_cast<std::size_t>(kind)].protocol; }
+
+const ActuatorName& actuator_name(ActuatorKind kind) { return kRows[static_cast<std::size_t>(kind)].name; }
+
+bool find_actuator(const char* name, ActuatorKind& kind) {
+  for (std::size_t i = 0; i < sizeof kRows / sizeof kRows[0]; ++i)
+    if (std::strcmp(kRows[i].name.word, name) == 0) return kind = static_cast<ActuatorKind>(i), true;
+  return false;
 }
 
 }  // namespace tiller

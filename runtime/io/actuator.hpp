@@ -8,21 +8,23 @@ namespace tiller {
 
 /// Protocols by the names of actuators.def.
 enum class ActuatorKind : std::uint8_t {
-#define TILLER_ACTUATOR(name, table) name,
+#define TILLER_ACTUATOR(name, motor, first, last, help) name,
 #include "io/actuators.def"
-#undef TILLER_ACTUATOR
   count
 };
 
 /// The quantity that a command sets. Radians and newton metres are those of the shaft that the drive reports.
 enum class ActuatorMode : std::uint8_t { torque, velocity, position };
+constexpr const char* kActuatorModeNames[] = {"torque", "velocity", "position"};
 
 /// How moteus registers travel. Integers save bandwidth: docs/guide/actuators.md has their steps and ranges.
 enum class MoteusResolution : std::uint8_t { int8, int16, int32, f32 };
+constexpr const char* kMoteusResolutionNames[] = {"int8", "int16", "int32", "f32"};
 
 /// Who answers how in the MIT protocol: 6 bytes and no more; with temperature and error code (CubeMars AK); with
 /// state, error and two temperatures (Damiao).
 enum class MitReply : std::uint8_t { plain, ak, damiao };
+constexpr const char* kMitReplyNames[] = {"plain", "ak", "damiao"};
 
 /// The numbers that 16 and 12 bits stand for; they differ from model to model and must be those of the drive.
 struct MitRange {
@@ -33,7 +35,7 @@ struct MitRange {
 /// One drive. What a protocol does not know, it does not read.
 struct ActuatorSettings {
   ActuatorKind kind = ActuatorKind::odrive;
-  std::uint32_t node = 0;  ///< odrive 0..63, moteus 1..126, mit 1..127 (damiao 1..15)
+  std::uint32_t node = 0;  ///< within the range of actuators.def; mit with damiao: 1..15
   ActuatorMode mode = ActuatorMode::torque;
 
   MoteusResolution resolution = MoteusResolution::f32;
@@ -76,7 +78,10 @@ enum ActuatorCapability : std::uint32_t {
   kAnswersQueries = 1u << 5,    ///< has a frame that asks for the state and commands nothing
   kNeedsFd = 1u << 6,           ///< CAN FD frames
   kStopClearsFaults = 1u << 7,  ///< `disable` forgets errors too, so a drive with an error is left as it is
-  kProvesEnabled = 1u << 8,  ///< one that reports that it is enabled obeys commands: no part of `enable` can be missing
+  kProvesEnabled = 1u << 8,     ///< one that reports that it is enabled obeys: no part of `enable` can be missing
+  kNodeInside = 1u << 9,        ///< answers carry their node: several drives may answer under one identifier
+  kBoardNumbers = 1u << 10,     ///< identifiers are node << 5 | command, as those of sensor boards
+  kEndsAtRange = 1u << 11,      ///< numbers on the wire end at settings.range
 };
 
 /// A protocol: frames from settings and numbers, numbers from frames. Pure functions over fixed memory, no system
@@ -87,7 +92,6 @@ struct ActuatorProtocol {
   static constexpr std::uint32_t kMaxFrames = 3;
   static constexpr std::uint32_t kMaxFilters = 6;
 
-  const char* name;
   std::uint32_t capabilities;
   /// The defect of the settings (a literal), or null.
   const char* (*settings_error)(const ActuatorSettings& settings);
@@ -111,9 +115,21 @@ struct ActuatorProtocol {
   std::uint32_t (*clear_faults)(const ActuatorSettings& settings, CanFrame* out);
 };
 
-extern const ActuatorProtocol kOdriveProtocol, kMoteusProtocol, kMitProtocol;
+#define TILLER_ACTUATOR(name, motor, first, last, help) extern const ActuatorProtocol name##_protocol;
+#include "io/actuators.def"
 
-/// The table of a kind.
+/// A line of actuators.def.
+struct ActuatorName {
+  const char* word;   ///< in robot files
+  const char* motor;  ///< "a moteus"
+  std::uint32_t first_node, last_node;
+  const char* help;
+};
+
+/// The table of a kind, and its line; kind < count.
 const ActuatorProtocol& actuator_protocol(ActuatorKind kind);
+const ActuatorName& actuator_name(ActuatorKind kind);
+/// The kind of a word; false, and `kind` as it was, where no protocol has that name.
+bool find_actuator(const char* name, ActuatorKind& kind);
 
 }  // namespace tiller

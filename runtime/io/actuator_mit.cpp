@@ -66,7 +66,7 @@ double unpack(std::uint32_t code, double limit, int bits) {
 }
 
 std::uint32_t capabilities_of(const ActuatorSettings& settings) {
-  std::uint32_t all = kTellsTorque;
+  std::uint32_t all = kTellsTorque | kNodeInside | kEndsAtRange;
   if (settings.reply != MitReply::plain) all |= kTellsFaults | kTellsTemperature;
   if (settings.reply == MitReply::damiao) all |= kTellsEnabled | kProvesEnabled;
   return all;
@@ -161,13 +161,18 @@ std::uint32_t clear_faults(const ActuatorSettings& settings, CanFrame* out) {
 
 }  // namespace
 
-const ActuatorProtocol kMitProtocol = {
-    "mit",          kTellsTorque | kTellsFaults | kTellsTemperature | kTellsEnabled | kProvesEnabled,
-    settings_error, capabilities_of,
-    filters,        command_filters,
-    receive,        enable,
-    disable,        disable,
-    command,        query,
+const ActuatorProtocol mit_protocol = {
+    kTellsTorque | kTellsFaults | kTellsTemperature | kTellsEnabled | kProvesEnabled | kNodeInside | kEndsAtRange,
+    settings_error,
+    capabilities_of,
+    filters,
+    command_filters,
+    receive,
+    enable,
+    disable,
+    disable,
+    command,
+    query,
     clear_faults};
 
 }  // namespace tiller

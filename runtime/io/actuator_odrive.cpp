@@ -61,7 +61,7 @@ CanFrame frame_of(const ActuatorSettings& settings, std::uint32_t command, std::
 }
 
 const char* settings_error(const ActuatorSettings& settings) {
-  return settings.node < kNodes ? nullptr : "a motor's node_id is above 63";
+  return settings.node < kNodes ? nullptr : "an ODrive axis has a node from 0 to 63";
 }
 
 std::uint32_t filters(const ActuatorSettings& settings, CanFilter* out) {
@@ -206,14 +206,14 @@ std::uint32_t clear_faults(const ActuatorSettings& settings, CanFrame* out) {
 }
 
 constexpr std::uint32_t kCapabilities =
-    kTellsEnabled | kTellsFaults | kTellsTorque | kTellsTemperature | kSpeaksUnasked;
+    kTellsEnabled | kTellsFaults | kTellsTorque | kTellsTemperature | kSpeaksUnasked | kBoardNumbers;
 
 std::uint32_t capabilities_of(const ActuatorSettings&) { return kCapabilities; }
 
 }  // namespace
 
-const ActuatorProtocol kOdriveProtocol = {"odrive",        kCapabilities, settings_error, capabilities_of, filters,
-                                          command_filters, receive,       enable,         disable,         idle,
-                                          command,         query,         clear_faults};
+const ActuatorProtocol odrive_protocol = {
+    kCapabilities, settings_error, capabilities_of, filters, command_filters, receive,
+    enable,        disable,        idle,            command, query,           clear_faults};
 
 }  // namespace tiller

@@ -24,10 +24,14 @@ std::uint32_t motor_filters(const CanMotor& motor, CanFilter* out) {
   return actuator_protocol(drive.kind).filters(drive, out);
 }
 
-// Frames under one identifier must be told apart: only motors of the MIT protocol put their node inside.
+bool has(const CanMotor& motor, ActuatorCapability capability) {
+  return (actuator_protocol(motor.drive.kind).capabilities & capability) != 0;
+}
+
+// Frames under one identifier must be told apart: only some protocols put the node inside.
 bool collide(const CanMotor& a, const CanMotor& b) {
   if (a.drive.kind == b.drive.kind && a.node == b.node) return true;
-  if (a.drive.kind == ActuatorKind::mit && b.drive.kind == ActuatorKind::mit) return false;
+  if (a.drive.kind == b.drive.kind && has(a, kNodeInside)) return false;
   CanFilter fa[ActuatorProtocol::kMaxFilters], fb[ActuatorProtocol::kMaxFilters];
   const std::uint32_t na = motor_filters(a, fa), nb = motor_filters(b, fb);
   for (std::uint32_t i = 0; i < na; ++i)
@@ -38,7 +42,7 @@ bool collide(const CanMotor& a, const CanMotor& b) {
 
 bool collides_with_board(const CanLayout& layout, const CanMotor& motor) {
   if (layout.sensor_node == CanLayout::kNoBoard) return false;
-  if (motor.drive.kind == ActuatorKind::odrive && motor.node == layout.sensor_node) return true;
+  if (has(motor, kBoardNumbers) && motor.node == layout.sensor_node) return true;
   CanFilter filters[ActuatorProtocol::kMaxFilters];
   const std::uint32_t count = motor_filters(motor, filters);
   for (std::uint32_t i = 0; i < count; ++i)

@@ -146,6 +146,14 @@ tiller_status_t bind_to(const SocketCanTransport* transport, const char* name, i
 }
 
 // After bind, so that an interface of another kind is called what it is.
+/// The word of the first protocol that needs CAN FD.
+const char* fd_protocol(const CanLayout& layout) {
+  for (std::uint32_t i = 0; i < layout.motor_count; ++i)
+    if ((actuator_protocol(layout.motors[i].drive.kind).capabilities & kNeedsFd) != 0)
+      return actuator_name(layout.motors[i].drive.kind).word;
+  return "a drive";
+}
+
 tiller_status_t check_up(const SocketCanTransport* transport, const char* name, OpenError* error) {
   ifreq request{};
   std::memcpy(request.ifr_name, name, std::strlen(name) + 1);
@@ -160,9 +168,9 @@ tiller_status_t check_up(const SocketCanTransport* transport, const char* name, 
       request.ifr_mtu >= static_cast<int>(CANFD_MTU))
     return tiller_status_ok;
   set_open_error(error,
-                 "socketcan: interface '%s' carries no CAN FD, which moteus needs. sudo ip link set %s down; sudo ip "
-                 "link set %s up type can bitrate 1000000 dbitrate 5000000 fd on (a virtual one: mtu 72)",
-                 name, name, name);
+                 "socketcan: interface '%s' carries no CAN FD, which %s needs. sudo ip link set %s down; "
+                 "sudo ip link set %s up type can bitrate 1000000 dbitrate 5000000 fd on (a virtual one: mtu 72)",
+                 name, fd_protocol(transport->robot.layout()), name, name);
   return tiller_status_io_error;
 }
 

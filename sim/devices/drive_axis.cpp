@@ -1,23 +1,36 @@
 #include "sim/devices/drive_axis.hpp"
 
-#include "sim/devices/mit_axis.hpp"
-#include "sim/devices/moteus_axis.hpp"
-#include "sim/devices/odrive_axis.hpp"
-
 namespace tiller::sim {
 
+#define TILLER_ACTUATOR(name, motor, first, last, help) \
+  std::unique_ptr<DriveAxis> make_##name##_axis(const DriveOptions& options);
+#include "io/actuators.def"
+
+namespace {
+
+struct Drive {
+  const char *name, *motor;
+  std::uint32_t first_node, last_node;
+  std::unique_ptr<DriveAxis> (*make)(const DriveOptions& options);
+};
+
+constexpr Drive kDrives[] = {
+#define TILLER_ACTUATOR(name, motor, first, last, help) {#name, motor, first, last, make_##name##_axis},
+#include "io/actuators.def"
+};
+
+}  // namespace
+
 std::unique_ptr<DriveAxis> make_drive(const DriveOptions& options, std::string& error) {
-  if (options.protocol == "odrive") {
-    if (options.node < can_node_count) return std::make_unique<OdriveAxis>(options.node);
-    error = "an ODrive axis has a node from 0 to 63";
-  } else if (options.protocol == "moteus") {
-    if (options.node >= 1 && options.node <= 126) return std::make_unique<MoteusAxis>(options.node);
-    error = "a moteus has a node from 1 to 126";
-  } else if (options.protocol == "mit") {
-    if (options.node >= 1 && options.node <= 127) return std::make_unique<MitAxis>(options);
-    error = "a motor of the MIT protocol has a node from 1 to 127";
-  } else {
-    error = "no drive speaks '" + options.protocol + "'; known: odrive, moteus, mit";
+  error = "no drive speaks '" + options.protocol + "'; known:";
+  for (const Drive& drive : kDrives) {
+    if (options.protocol == drive.name) {
+      if (options.node >= drive.first_node && options.node <= drive.last_node) return drive.make(options);
+      error = std::string(drive.motor) + " has a node from " + std::to_string(drive.first_node) + " to " +
+              std::to_string(drive.last_node);
+      return nullptr;
+    }
+    error += std::string(&drive == kDrives ? " " : ", ") + drive.name;
   }
   return nullptr;
 }

@@ -23,6 +23,8 @@ class DriveAxis {
   virtual Event take(const CanFrame& frame, const Shaft& shaft, CanFrames& replies) = 0;
   /// The watchdog of the motor has tripped.
   virtual void expire_watchdog() = 0;
+  /// Its power stage fails: it makes no force any more, and reports the fault where its protocol can.
+  virtual void break_down() = 0;
   /// What it sends on its own: before a reading of the sensors, and after a period.
   virtual CanFrames before_reading() const { return {}; }
   virtual CanFrames after_period(const Shaft&) const { return {}; }
@@ -34,9 +36,11 @@ class DriveAxis {
   virtual Listens listens() const = 0;
   virtual bool speaks_fd() const { return false; }
   virtual double torque_Nm() const = 0;
+  /// Whether its identifiers are node << 5 | command, as those of sensor boards.
+  virtual bool shares_board_numbers() const { return false; }
 };
 
-/// "odrive", "moteus" or "mit", with what its protocol needs to be told.
+/// A name of io/actuators.def, with what its protocol needs to be told.
 struct DriveOptions {
   std::string protocol = "odrive";
   std::uint32_t node = 1;

@@ -83,4 +83,7 @@ CanFrame MitAxis::answer(const Shaft& shaft) const {
   return frame;
 }
 
+std::unique_ptr<DriveAxis> make_mit_axis(const DriveOptions& options);
+std::unique_ptr<DriveAxis> make_mit_axis(const DriveOptions& options) { return std::make_unique<MitAxis>(options); }
+
 }  // namespace tiller::sim

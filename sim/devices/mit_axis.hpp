@@ -10,11 +10,13 @@ namespace tiller::sim {
 class MitAxis final : public DriveAxis {
  public:
   static constexpr int kLostCommunication = 0xd;  ///< Damiao's code; AK drives have none, theirs is 1 here
+  static constexpr int kOverCurrent = 0xa;
 
   explicit MitAxis(const DriveOptions& options) : options_(options) {}
 
   Event take(const CanFrame& frame, const Shaft& shaft, CanFrames& replies) override;
   void expire_watchdog() override;
+  void break_down() override { fail(kOverCurrent); }
   Listens listens() const override { return {options_.node, 0x7ff, false}; }
   double torque_Nm() const override { return torque_Nm_; }
 

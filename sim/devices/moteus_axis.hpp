@@ -13,6 +13,7 @@ namespace tiller::sim {
 /// the command arrives, and the torque is held until the next one (a real drive closes its loop 30,000 times a second).
 class MoteusAxis final : public DriveAxis {
  public:
+  static constexpr int kMotorDriverFault = 33;
   static constexpr int kStopped = 0, kFault = 1, kPosition = 10, kTimeout = 11;
   /// What the emulated drive's own position controller is tuned to.
   static constexpr double kKp_Nm_rev = 4.0, kKd_Nms_rev = 0.05;
@@ -23,6 +24,7 @@ class MoteusAxis final : public DriveAxis {
   void expire_watchdog() override {
     if (mode_ == kPosition) stop(kTimeout);
   }
+  void break_down() override { fail(kMotorDriverFault); }
   Listens listens() const override { return {node_, 0x7f, true}; }
   bool speaks_fd() const override { return true; }
   double torque_Nm() const override { return torque_Nm_; }

@@ -100,4 +100,7 @@ CanFrame OdriveAxis::error_frame() const {
   return frame;
 }
 
+std::unique_ptr<DriveAxis> make_odrive_axis(const DriveOptions& options);
+std::unique_ptr<DriveAxis> make_odrive_axis(const DriveOptions& options) { return std::make_unique<OdriveAxis>(options.node); }
+
 }  // namespace tiller::sim

@@ -15,6 +15,7 @@ class OdriveAxis final : public DriveAxis {
  public:
   /// ODriveError of firmware 0.6.
   static constexpr std::uint32_t kMissingInput = 0x40;
+  static constexpr std::uint32_t kDrvFault = 0x20;
   static constexpr std::uint32_t kWatchdogTimerExpired = 0x1000000;
   static constexpr std::uint32_t kEstopRequested = 0x2000000;
 
@@ -35,6 +36,8 @@ class OdriveAxis final : public DriveAxis {
   void expire_watchdog() override {
     if (armed_) fail(kWatchdogTimerExpired);
   }
+  void break_down() override { fail(kDrvFault); }
+  bool shares_board_numbers() const override { return true; }
 
   CanFrame heartbeat() const;
   CanFrame encoder_estimates(double position_rev, double velocity_rev_s) const;

@@ -77,7 +77,7 @@ class CanLink final : public PlantLink {
 std::unique_ptr<PlantLink> open_can_link(const CanOptions& options, const Plant& plant, std::string& error) {
   auto axis = make_drive(options.drive, error);
   if (axis == nullptr) return nullptr;
-  const bool same = options.drive.protocol == "odrive" && options.drive.node == options.sensor_node;
+  const bool same = axis->shares_board_numbers() && options.drive.node == options.sensor_node;
   if (options.sensor_node >= can_node_count || same) {
     error = "sensor_node must be from 0 to 63, and not the drive's";
     return nullptr;

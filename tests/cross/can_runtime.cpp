@@ -1,7 +1,7 @@
 // The controller of swing_up.hpp on a robot's computer, with a drive and a sensor board on a CAN bus: a command for
 // each measurement, the board's stamps being the time (lockstep). Prints a hash over the commands.
 //
-//   can_runtime INTERFACE PROTOCOL TICKS                       the controller; PROTOCOL: odrive, moteus or mit
+//   can_runtime INTERFACE PROTOCOL TICKS                       the controller; PROTOCOL: a name of actuators.def
 //   can_runtime --hand-over INTERFACE PROTOCOL COMMAND ...     opens the socket, and runs COMMAND with it as descriptor
 //   3
 //
@@ -35,9 +35,10 @@ bool open_transport(const char* interface, const char* protocol) {
   options.layout.motor_count = options.layout.channel_count = 1;
   options.layout.motors[0].node = 3;
   options.layout.motors[0].wheel_radius_m = 1.0;
-  for (int kind = 0; kind < static_cast<int>(tiller::ActuatorKind::count); ++kind)
-    if (std::strcmp(tiller::actuator_protocol(static_cast<tiller::ActuatorKind>(kind)).name, protocol) == 0)
-      options.layout.motors[0].drive.kind = static_cast<tiller::ActuatorKind>(kind);
+  if (!tiller::find_actuator(protocol, options.layout.motors[0].drive.kind)) {
+    std::fprintf(stderr, "no actuator '%s'\n", protocol);
+    return false;
+  }
   tiller::OpenError problem;
   if (socketcan_open(&transport, options, &problem) == tiller_status_ok) return true;
   std::fprintf(stderr, "%s\n", problem.text);

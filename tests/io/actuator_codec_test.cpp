@@ -338,7 +338,7 @@ TEST(Mit, SpecialFrames) {
   EXPECT_EQ(hex("fffffffffffffffc"), bytes_of(codec.make(codec.protocol().enable)[0]));
   EXPECT_EQ(hex("fffffffffffffffd"), bytes_of(codec.make(codec.protocol().disable)[0]));
   EXPECT_EQ(hex("fffffffffffffffd"), bytes_of(codec.make(codec.protocol().clear_faults)[0]));
-  EXPECT_EQ(hex("fffffffffffffffb"), bytes_of(mit(MitReply::damiao).make(kMitProtocol.clear_faults)[0]));
+  EXPECT_EQ(hex("fffffffffffffffb"), bytes_of(mit(MitReply::damiao).make(mit_protocol.clear_faults)[0]));
   EXPECT_TRUE(codec.make(codec.protocol().query).empty());
 }
 
@@ -391,6 +391,36 @@ TEST(Odrive, TorqueAndTemperatureAndTheReasonOfAnError) {
 }
 
 // ---- settings ----
+
+TEST(Actuators, AreFoundByTheirWordsAlone) {
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ActuatorKind::count); ++i) {
+    ActuatorKind kind = ActuatorKind::count;
+    EXPECT_TRUE(find_actuator(actuator_name(static_cast<ActuatorKind>(i)).word, kind));
+    EXPECT_EQ(static_cast<std::size_t>(kind), i);
+  }
+  ActuatorKind kind = ActuatorKind::mit;
+  EXPECT_FALSE(find_actuator("vesc", kind));
+  EXPECT_FALSE(find_actuator("", kind));
+  EXPECT_EQ(kind, ActuatorKind::mit) << "as it was";
+}
+
+TEST(Actuators, TakeTheNodesOfTheirLines) {
+  for (std::size_t i = 0; i < static_cast<std::size_t>(ActuatorKind::count); ++i) {
+    ActuatorSettings settings;
+    settings.kind = static_cast<ActuatorKind>(i);
+    const ActuatorName& name = actuator_name(settings.kind);
+    const auto error = [&](std::uint32_t node) {
+      settings.node = node;
+      return actuator_protocol(settings.kind).settings_error(settings);
+    };
+    EXPECT_EQ(error(name.first_node), nullptr) << name.word;
+    EXPECT_EQ(error(name.last_node), nullptr) << name.word;
+    EXPECT_NE(error(name.last_node + 1), nullptr) << name.word;
+    if (name.first_node > 0) {
+      EXPECT_NE(error(name.first_node - 1), nullptr) << name.word;
+    }
+  }
+}
 
 TEST(ActuatorSettings, EveryMistakeHasItsText) {
   const auto error = [](const Codec& codec) {

@@ -16,8 +16,8 @@ namespace {
 
 using namespace tiller;
 
-template <class E>
-E chosen(const std::string& word, std::initializer_list<const char*> names) {
+template <class E, std::size_t N>
+E chosen(const std::string& word, const char* const (&names)[N]) {
   int at = 0;
   for (const char* name : names) {
     if (word == name) return static_cast<E>(at);
@@ -33,10 +33,13 @@ ActuatorSettings read_settings(std::istream& in) {
   in >> kind >> s.node >> mode >> resolution >> s.watchdog_s >> reply >> s.reply_id >> s.range.position_rad >>
       s.range.velocity_rad_s >> s.range.torque_Nm >> s.range.kp_Nm_rad >> s.range.kd_Nms_rad >> s.kp_Nm_rad >>
       s.kd_Nms_rad;
-  s.kind = chosen<ActuatorKind>(kind, {"odrive", "moteus", "mit"});
-  s.mode = chosen<ActuatorMode>(mode, {"torque", "velocity", "position"});
-  s.resolution = chosen<MoteusResolution>(resolution, {"int8", "int16", "int32", "f32"});
-  s.reply = chosen<MitReply>(reply, {"plain", "ak", "damiao"});
+  if (!find_actuator(kind.c_str(), s.kind)) {
+    std::fprintf(stderr, "unknown word %s\n", kind.c_str());
+    std::exit(2);
+  }
+  s.mode = chosen<ActuatorMode>(mode, kActuatorModeNames);
+  s.resolution = chosen<MoteusResolution>(resolution, kMoteusResolutionNames);
+  s.reply = chosen<MitReply>(reply, kMitReplyNames);
   if (const char* error = actuator_protocol(s.kind).settings_error(s)) {
     std::fprintf(stderr, "%s\n", error);
     std::exit(2);

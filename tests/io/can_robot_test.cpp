@@ -360,7 +360,7 @@ TEST(CanLayoutError, EveryMistakeHasItsText) {
   EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motor_count = 17; }), "1..16 motors"));
   EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motor_count = 16; }), "at most 15 motors"));
   EXPECT_TRUE(has(text_of([](CanLayout& l) { l.channel_count = 0; }), "1..32 channels"));
-  EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motors[0].node = 64; }), "above 63"));
+  EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motors[0].node = 64; }), "from 0 to 63"));
   EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motors[0].node = kBoard; }), "sensor board"));
   EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motors[l.motor_count++] = l.motors[0]; }), "same node_id"));
   EXPECT_TRUE(has(text_of([](CanLayout& l) { l.motors[0].wheel_radius_m = 0; }), "wheel_radius_m"));

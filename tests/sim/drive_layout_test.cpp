@@ -6,7 +6,7 @@ namespace tiller {
 namespace {
 
 TEST(DrivePositions, APositionCommandBeginsWhereTheShaftIs) {
-  for (const ActuatorKind kind : {ActuatorKind::odrive, ActuatorKind::moteus, ActuatorKind::mit}) {
+  for (const ActuatorKind kind : every_actuator()) {
     CanLayout layout = one_motor(kind);
     layout.motors[0].drive.mode = ActuatorMode::position;
     layout.motors[0].drive.kp_Nm_rad = 5.0;

@@ -2,6 +2,8 @@
 // hold for every drive stands here once.
 #include <functional>
 #include <limits>
+#include <string>
+#include <vector>
 
 #include "drive_rig.hpp"
 
@@ -11,34 +13,51 @@ namespace {
 constexpr double kRate_Nm_s = 10.0, kPeriod_s = 0.02;
 
 struct Kind {
-  const char* name;
-  ActuatorKind kind;
-  MitReply reply;
-  MoteusResolution resolution;
+  std::string name;
+  ActuatorSettings drive;
   double step_Nm;  ///< of a torque on the wire
 };
 
-const Kind kKinds[] = {
-    {"odrive", ActuatorKind::odrive, MitReply::plain, MoteusResolution::f32, 1e-6},
-    {"moteus_f32", ActuatorKind::moteus, MitReply::plain, MoteusResolution::f32, 1e-6},
-    {"moteus_int32", ActuatorKind::moteus, MitReply::plain, MoteusResolution::int32, 0.001},
-    {"moteus_int16", ActuatorKind::moteus, MitReply::plain, MoteusResolution::int16, 0.01},
-    {"mit_plain", ActuatorKind::mit, MitReply::plain, MoteusResolution::f32, 36.0 / 4095},
-    {"mit_ak", ActuatorKind::mit, MitReply::ak, MoteusResolution::f32, 36.0 / 4095},
-    {"mit_damiao", ActuatorKind::mit, MitReply::damiao, MoteusResolution::f32, 36.0 / 4095},
-};
+/// Numbers that end at a range have 12 bits over it; other protocols send a float where not said otherwise.
+Kind kind_of(const std::string& name, ActuatorSettings drive, double step_Nm = 1e-6) {
+  const bool range = (actuator_protocol(drive.kind).capabilities & kEndsAtRange) != 0;
+  return {name, drive, range ? 2 * drive.range.torque_Nm / 4095 : step_Nm};
+}
+
+/// Every protocol as it is by default, and the dialects of some.
+std::vector<Kind> every_kind() {
+  std::vector<Kind> kinds;
+  for (const ActuatorKind kind : every_actuator()) {
+    ActuatorSettings drive;
+    drive.kind = kind;
+    kinds.push_back(kind_of(actuator_name(kind).word, drive));
+  }
+  ActuatorSettings moteus;
+  moteus.kind = ActuatorKind::moteus;
+  moteus.resolution = MoteusResolution::int32;
+  kinds.push_back(kind_of("moteus_int32", moteus, 0.001));
+  moteus.resolution = MoteusResolution::int16;
+  kinds.push_back(kind_of("moteus_int16", moteus, 0.01));
+  ActuatorSettings mit;
+  mit.kind = ActuatorKind::mit;
+  for (const MitReply reply : {MitReply::ak, MitReply::damiao}) {
+    mit.reply = reply;
+    kinds.push_back(kind_of(std::string("mit_") + kMitReplyNames[static_cast<int>(reply)], mit));
+  }
+  return kinds;
+}
 
 class Drives : public ::testing::TestWithParam<Kind> {
  protected:
   static CanLayout layout() {
-    CanLayout layout = one_motor(GetParam().kind);
+    CanLayout layout = one_motor(GetParam().drive.kind);
     layout.motors[0].entry_rate_per_s = kRate_Nm_s;
-    layout.motors[0].drive.reply = GetParam().reply;
-    layout.motors[0].drive.resolution = GetParam().resolution;
+    layout.motors[0].drive = GetParam().drive;
     return layout;
   }
-  static const char* reply() {
-    return GetParam().reply == MitReply::damiao ? "damiao" : GetParam().reply == MitReply::ak ? "ak" : "plain";
+  static const char* reply() { return kMitReplyNames[static_cast<int>(GetParam().drive.reply)]; }
+  static bool can(ActuatorCapability capability) {
+    return (actuator_protocol(GetParam().drive.kind).capabilities_of(GetParam().drive) & capability) != 0;
   }
 
   void hear(const sim::CanFrames& frames) { bus.hear(frames, now_us); }
@@ -62,8 +81,6 @@ class Drives : public ::testing::TestWithParam<Kind> {
     now_us += 20000;
     return drive->torque_Nm();
   }
-  bool tells_enabled() const { return GetParam().reply == MitReply::damiao || GetParam().kind != ActuatorKind::mit; }
-  bool tells_faults() const { return GetParam().reply != MitReply::plain || GetParam().kind != ActuatorKind::mit; }
   void run_to(double torque_Nm) {
     for (int k = 0; k < 200; ++k) period(tiller_state_active, torque_Nm);
     EXPECT_NEAR(torque_Nm, drive->torque_Nm(), GetParam().step_Nm);
@@ -71,7 +88,7 @@ class Drives : public ::testing::TestWithParam<Kind> {
 
   RobotBus bus{layout()};
   CanRobot& robot = bus.robot;
-  std::unique_ptr<sim::DriveAxis> drive = emulated(GetParam().kind, reply());
+  std::unique_ptr<sim::DriveAxis> drive = emulated(GetParam().drive.kind, reply());
   sim::Shaft shaft{0.3, -0.2};
   std::int64_t now_us = 1000000;
   std::uint32_t sequence = 0;
@@ -112,7 +129,7 @@ TEST_P(Drives, PreparedInStandbyItFollowsTheFirstCommand) {
 TEST_P(Drives, NoLostRequestLeavesItDeaf) {
   for (unsigned pattern = 0; pattern < 1u << (ActuatorAxis::kBlindRequests - 1); ++pattern) {
     bus = RobotBus(layout());
-    drive = emulated(GetParam().kind, reply());
+    drive = emulated(GetParam().drive.kind, reply());
     double before = 0.0;
     int periods = 1;  // since the drive has heard the last command
     for (unsigned k = 0; k < 60; ++k) {
@@ -143,7 +160,7 @@ TEST_P(Drives, AnExpiredWatchdogIsAFaultInTheNextReportAndIsNotUndoneByCommands)
   run_to(2.0);
   drive->expire_watchdog();
   EXPECT_EQ(0.0, drive->torque_Nm());
-  if (!tells_faults()) return;  // a plain one goes on with the next command: its manual says so, and so does docs
+  if (!can(kTellsFaults)) return;  // a plain one goes on with the next command: its manual says so, and so does docs
   period(tiller_state_active, 2.0);
   period(tiller_state_active, 2.0, false);
   ASSERT_EQ(tiller_status_actuator_fault, robot.fault());
@@ -154,7 +171,7 @@ TEST_P(Drives, AnExpiredWatchdogIsAFaultInTheNextReportAndIsNotUndoneByCommands)
   }
   // nor by SAFE, which stops what runs and leaves the evidence
   for (int k = 0; k < 5; ++k) EXPECT_EQ(0.0, period(tiller_state_safe, 0.0));
-  if (GetParam().reply != MitReply::ak) {
+  if (GetParam().drive.reply != MitReply::ak) {
     EXPECT_EQ(tiller_status_actuator_fault, robot.fault());
   }
   CanFrame frames[CanRobot::kMaxFrames];
@@ -167,11 +184,11 @@ TEST_P(Drives, AnExpiredWatchdogIsAFaultInTheNextReportAndIsNotUndoneByCommands)
 }
 
 TEST_P(Drives, OneThatDropsOutOnItsOwnIsNotPulledBackIn) {
-  if (!tells_enabled()) return;
+  if (!can(kTellsEnabled)) return;
   run_to(2.0);
   // somebody else switches it off
   CanFrame frames[ActuatorProtocol::kMaxFrames];
-  const std::uint32_t count = actuator_protocol(GetParam().kind).disable(robot.layout().motors[0].drive, frames);
+  const std::uint32_t count = actuator_protocol(GetParam().drive.kind).disable(robot.layout().motors[0].drive, frames);
   deliver(frames, count);
   hear(drive->before_reading());
   ASSERT_EQ(tiller_status_actuator_fault, robot.fault());
@@ -183,13 +200,23 @@ TEST_P(Drives, ReportsWhereItIsAndHowItDoes) {
   const ActuatorState& state = robot.motor(0);
   EXPECT_TRUE(state.heard && state.enabled);
   EXPECT_GE(state.heard_us, now_us - 40000);
-  const bool coarse = GetParam().kind == ActuatorKind::mit;
+  const bool coarse = can(kEndsAtRange);
   EXPECT_NEAR(0.3, state.position_rad, coarse ? 25.0 / 65535 : 7e-4);
   EXPECT_NEAR(-0.2, state.velocity_rad_s, coarse ? 100.0 / 4095 : 2e-3);
-  if (GetParam().kind != ActuatorKind::odrive) {  // which sends torques where it is configured to
+  if (!can(kSpeaksUnasked)) {  // which sends torques where it is configured to
     EXPECT_NEAR(2.0, state.torque_Nm, 2 * GetParam().step_Nm);
   }
   EXPECT_EQ(0u, state.fault);
+}
+
+TEST_P(Drives, OneThatBreaksDownIsAFaultWhereItCanSaySo) {
+  run_to(2.0);
+  drive->break_down();
+  EXPECT_EQ(0.0, drive->torque_Nm());
+  for (int k = 0; k < 2; ++k) period(tiller_state_active, 2.0);
+  if (!can(kTellsFaults)) return;
+  EXPECT_EQ(tiller_status_actuator_fault, robot.fault());
+  EXPECT_NE(nullptr, robot.fault_text());
 }
 
 TEST_P(Drives, ASilentOneIsAFault) {
@@ -213,8 +240,8 @@ TEST_P(Drives, NothingGoesOutForWhatIsNotFinite) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(All, Drives, ::testing::ValuesIn(kKinds),
-                         [](const ::testing::TestParamInfo<Kind>& one) { return std::string(one.param.name); });
+INSTANTIATE_TEST_SUITE_P(All, Drives, ::testing::ValuesIn(every_kind()),
+                         [](const ::testing::TestParamInfo<Kind>& one) { return one.param.name; });
 
 }  // namespace
 }  // namespace tiller

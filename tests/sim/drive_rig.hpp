@@ -47,9 +47,17 @@ inline CanLayout one_motor(ActuatorKind kind = ActuatorKind::odrive) {
   return layout;
 }
 
+/// Every protocol of actuators.def.
+inline std::vector<ActuatorKind> every_actuator() {
+  std::vector<ActuatorKind> kinds;
+  for (int kind = 0; kind < static_cast<int>(ActuatorKind::count); ++kind)
+    kinds.push_back(static_cast<ActuatorKind>(kind));
+  return kinds;
+}
+
 inline std::unique_ptr<sim::DriveAxis> emulated(ActuatorKind kind, const char* reply = "plain") {
   sim::DriveOptions options;
-  options.protocol = actuator_protocol(kind).name;
+  options.protocol = actuator_name(kind).word;
   options.node = kMotor;
   options.reply = reply;
   std::string error;

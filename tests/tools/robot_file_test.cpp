@@ -10,8 +10,11 @@
 
 #include "effects/effect_info.hpp"
 #include "robot_text.hpp"
+#include "sim/devices/drive_axis.hpp"
+#include "tools/links/link.hpp"
 #include "tools/links/plant_setup.hpp"
 #include "tools/open/robot_open.hpp"
+#include "tools/robot/drive_settings.hpp"
 #include "tools/robot/effects_text.hpp"
 #include "tools/robot/limits_text.hpp"
 #include "tools/robot/robot_help.hpp"
@@ -138,7 +141,7 @@ TEST(RobotFileDrives, WhatEachDriveNeedsToBeTold) {
   std::string errors;
   const auto robot = parse_robot_file(
       test::with("nodes = { force_N = 3 }",
-                 "nodes = { force_N = 70 }\nactuator = { force_N = \"mit\" }\n"
+                 "nodes = { force_N = 7 }\nactuator = { force_N = \"mit\" }\n"
                  "drives.force_N = { command = \"position\", reply = \"damiao\", reply_id = 5, kp_Nm_rad = 20, "
                  "position_rad = 500 }"),
       "robot.toml", errors);
@@ -150,6 +153,54 @@ TEST(RobotFileDrives, WhatEachDriveNeedsToBeTold) {
   EXPECT_EQ(drive.reply_id, 5u);
   EXPECT_EQ(drive.kp_Nm_rad, 20);
   EXPECT_EQ(drive.torque_Nm, 18) << "the default";
+}
+
+// A word that a list elsewhere lacked became number -1 of an enumeration.
+TEST(RobotFileDrives, AnUnknownWordIsRefusedWithTheKnownOnes) {
+  struct Case {
+    std::string DriveSection::*word;
+    const char* known;
+  };
+  for (const Case& c : {Case{&DriveSection::actuator, "write one of: odrive, moteus, mit"},
+                        Case{&DriveSection::command, "write one of: torque, velocity, position"},
+                        Case{&DriveSection::resolution, "write one of: int8, int16, int32, f32"},
+                        Case{&DriveSection::reply, "write one of: plain, ak, damiao"}}) {
+    DriveSection drive;
+    drive.*c.word = "vesc";
+    ActuatorSettings settings;
+    std::string error;
+    EXPECT_FALSE(drive_settings(drive, 3, settings, error));
+    EXPECT_NE(error.find("'vesc'"), std::string::npos) << error;
+    EXPECT_NE(error.find(c.known), std::string::npos) << error;
+    EXPECT_LT(settings.kind, ActuatorKind::count);
+  }
+  auto robot = good();
+  robot->transport.drives[0].actuator = "vesc";
+  TransportLinkOptions options;
+  std::string error;
+  EXPECT_EQ(make_transport_link(*robot, options, error), nullptr);
+  EXPECT_NE(error.find("transport.drives.force_N: 'vesc' is no actuator; write one of: odrive"), std::string::npos)
+      << error;
+}
+
+// Every protocol of actuators.def is a word of the file, of its help, and of the emulated drives.
+TEST(RobotFileDrives, EveryProtocolIsReadAndEmulated) {
+  const std::string manual = robot_file_markdown();
+  for (const std::string& word : actuator_words()) {
+    std::string errors;
+    const auto robot = parse_robot_file(
+        test::with("nodes = { force_N = 3 }", "nodes = { force_N = 3 }\nactuator = \"" + word + "\""), "robot.toml",
+        errors);
+    ASSERT_NE(robot, nullptr) << errors;
+    ActuatorSettings settings;
+    ASSERT_TRUE(drive_settings(robot->transport.drives[0], robot->transport.nodes[0], settings, errors)) << errors;
+    EXPECT_EQ(actuator_name(settings.kind).word, word);
+    EXPECT_EQ(settings.node, 3u);
+    EXPECT_NE(manual.find(word), std::string::npos);
+    sim::DriveOptions drive;
+    drive.protocol = word;
+    EXPECT_NE(sim::make_drive(drive, errors), nullptr) << errors;
+  }
 }
 
 // Sensors are delivered in the order of the file, not in that of their names.

@@ -7,6 +7,7 @@
 
 #include "tools/command/commands.hpp"
 #include "tools/doctor/can_doctor.hpp"
+#include "tools/robot/drive_settings.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -86,14 +87,15 @@ void add_listeners(const std::string& name, std::vector<CanFinding>& findings) {
   if (any) findings.push_back(describe_can_listeners(listeners));
 }
 
-/// Demands of the robot file on the bus: FD for moteus; at most three frames a motor and one for the board.
+/// Demands of the robot file on the bus: FD for some drives; at most so many frames a motor and one for the board.
 bool read_demand(const Arguments& a, CanDemand& demand, std::string& interface) {
   demand.fd = a.fd;
   if (a.robot.empty()) return true;
   const auto robot = read_robot_or_complain(a.robot);
   if (!robot) return false;
-  for (const DriveSection& drive : robot->transport.drives) demand.fd = demand.fd || drive.actuator == "moteus";
-  demand.frames_per_tick = 3 * static_cast<std::int64_t>(robot->inputs.size()) + 1;
+  const Words fd = actuators_with(kNeedsFd);
+  for (const DriveSection& drive : robot->transport.drives) demand.fd = demand.fd || index_of(fd, drive.actuator) >= 0;
+  demand.frames_per_tick = ActuatorProtocol::kMaxFrames * static_cast<std::int64_t>(robot->inputs.size()) + 1;
   if (interface.empty()) interface = robot->transport.interface;
   return true;
 }
@@ -124,7 +126,7 @@ void add_can_command(CLI::App& app, int& exit_code) {
   auto a = std::make_shared<Arguments>();
   command->add_option("INTERFACE", a->interface, "network interface, e.g. can0 (default: the robot file's)");
   command->add_option("--robot", a->robot, "robot file: what the bus will have to do");
-  command->add_flag("--fd", a->fd, "CAN FD is needed (moteus)");
+  command->add_flag("--fd", a->fd, "CAN FD is needed (" + join(actuators_with(kNeedsFd)) + ")");
   command->add_option("--seconds", a->seconds, "how long the load is measured (default 1)")
       ->check(number_between(0.05, 600));
   command->add_option("--from", a->from, "a file with the output of `ip -details -statistics -json link show IFACE`");

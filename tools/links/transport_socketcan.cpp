@@ -1,7 +1,9 @@
 #include <cmath>
+#include <cstdio>
 
 #include "io/socketcan_transport.hpp"
 #include "tools/links/transport.hpp"
+#include "tools/robot/drive_settings.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -20,28 +22,16 @@ CanChannel parse_channel(const std::string& text, const Words& inputs) {
   return channel;
 }
 
-ActuatorSettings drive_settings(const DriveSection& drive) {
-  ActuatorSettings settings;
-  settings.kind = static_cast<ActuatorKind>(index_of({"odrive", "moteus", "mit"}, drive.actuator));
-  settings.mode = static_cast<ActuatorMode>(index_of({"torque", "velocity", "position"}, drive.command));
-  settings.resolution = static_cast<MoteusResolution>(index_of({"int8", "int16", "int32", "f32"}, drive.resolution));
-  settings.watchdog_s = drive.watchdog_s;
-  settings.range = {drive.position_rad, drive.velocity_rad_s, drive.torque_Nm, drive.kp_max, drive.kd_max};
-  settings.reply = static_cast<MitReply>(index_of({"plain", "ak", "damiao"}, drive.reply));
-  settings.reply_id = drive.reply_id;
-  settings.kp_Nm_rad = drive.kp_Nm_rad;
-  settings.kd_Nms_rad = drive.kd_Nms_rad;
-  return settings;
-}
-
-CanLayout can_layout(const RobotFile& robot) {
+bool can_layout(const RobotFile& robot, CanLayout& layout, std::string& error) {
   const TransportSection& t = robot.transport;
-  CanLayout layout;
   layout.motor_count = robot.model->input_count;
   for (std::uint32_t i = 0; i < layout.motor_count; ++i) {
     layout.motors[i].node = i < t.nodes.size() ? t.nodes[i] : i + 1;
     layout.motors[i].wheel_radius_m = i < t.wheel_radius_m.size() ? t.wheel_radius_m[i] : 1;
-    if (i < t.drives.size()) layout.motors[i].drive = drive_settings(t.drives[i]);
+    if (i < t.drives.size() && !drive_settings(t.drives[i], layout.motors[i].node, layout.motors[i].drive, error)) {
+      error = robot.path + ": transport.drives." + robot.inputs[i] + ": " + error;
+      return false;
+    }
     const double rate_per_s = robot.config.safety.input_rate_per_s[i];
     layout.motors[i].entry_rate_per_s = std::isfinite(rate_per_s) ? rate_per_s : 0;
   }
@@ -55,7 +45,7 @@ CanLayout can_layout(const RobotFile& robot) {
   layout.sensor_node = board ? t.sensor_node : CanLayout::kNoBoard;
   layout.heartbeat_timeout_us = static_cast<std::uint32_t>(std::lround(1e6 * t.heartbeat_timeout_s));
   layout.stamp_on_arrival = t.stamp_on_arrival;
-  return layout;
+  return true;
 }
 
 class SocketCanHost final : public HostTransport {
@@ -63,7 +53,11 @@ class SocketCanHost final : public HostTransport {
   tiller_status_t open(const RobotFile& robot, const TransportLinkOptions& options, OpenError& problem) override {
     SocketCanOptions can;
     can.interface = robot.transport.interface.c_str();
-    can.layout = can_layout(robot);
+    std::string error;
+    if (!can_layout(robot, can.layout, error)) {
+      std::snprintf(problem.text, sizeof problem.text, "%s", error.c_str());
+      return tiller_status_bad_dimension;
+    }
     if (options.lockstep) can.layout.stamp_on_arrival = false;
     const tiller_status_t status = socketcan_open(&can_, can, &problem);
     asks_ = status == tiller_status_ok && can_.robot.needs_asking();

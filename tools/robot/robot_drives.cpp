@@ -2,19 +2,18 @@
 
 #include <cmath>
 
+#include "tools/robot/drive_settings.hpp"
 #include "tools/robot/robot_sections.hpp"
 
 namespace tiller::tools {
 namespace {
 
-const Words kActuators = {"odrive", "moteus", "mit"};
-
 void take_actuator(SectionReader& section, const toml::node& node, const std::string& path, DriveSection& drive) {
   const std::string word = node.value_or(std::string());
-  if (index_of(kActuators, word) >= 0)
+  if (index_of(actuator_words(), word) >= 0)
     drive.actuator = word;
   else
-    section.errors().at(node, path, "is no actuator", "write one of: " + join(kActuators));
+    section.errors().at(node, path, "is no actuator", "write one of: " + join(actuator_words()));
 }
 
 /// One word for all, or a table with one for each.
@@ -44,7 +43,7 @@ void refuse_other_protocols(SectionReader& drive, const std::string& actuator) {
     const std::string help = find_key("transport.drives.*", key)->help;
     const std::size_t colon = help.find(':');
     const std::string owner = help.substr(0, colon == std::string::npos ? 0 : colon);
-    if (!drive.has(key) || index_of(kActuators, owner) < 0 || owner == actuator) continue;
+    if (!drive.has(key) || index_of(actuator_words(), owner) < 0 || owner == actuator) continue;
     drive.error(key, "is no key of an " + actuator + " drive", "leave it out; it belongs to " + owner);
   }
 }
@@ -74,9 +73,10 @@ void read_drive(SectionReader& section, DriveSection& drive) {
 }
 
 /// The protocol clips what does not fit its numbers: limits beyond would be promised to the planner and not kept.
-void check_range(SectionReader& section, const RobotFile& robot, std::size_t i, const TransportSection& transport) {
+void check_range(SectionReader& section, const RobotFile& robot, std::size_t i, const TransportSection& transport,
+                 const ActuatorSettings& settings) {
   const DriveSection& drive = transport.drives[i];
-  if (drive.actuator != "mit") return;
+  if ((actuator_protocol(settings.kind).capabilities & kEndsAtRange) == 0) return;
   const double lever = std::fabs(transport.wheel_radius_m[i]);
   const double limit =
       std::fmax(std::fabs(robot.config.safety.input_low[i]), std::fabs(robot.config.safety.input_high[i]));
@@ -89,6 +89,23 @@ void check_range(SectionReader& section, const RobotFile& robot, std::size_t i, 
                 "[limits] " + robot.inputs[i] + " asks for " + number_text(wanted) +
                     " of a drive whose range ends at " + number_text(most),
                 "narrow [limits], or correct the drive's " + drive.command + " range");
+}
+
+/// What the protocol itself takes: its nodes, and combinations of settings.
+void check_drive(SectionReader& section, const RobotFile& robot, std::size_t i, const TransportSection& transport) {
+  ActuatorSettings settings;
+  std::string error;
+  if (!drive_settings(transport.drives[i], transport.nodes[i], settings, error))
+    return section.error("drives", error, "correct drives." + robot.inputs[i]);
+  const ActuatorName& name = actuator_name(settings.kind);
+  if (settings.node < name.first_node || settings.node > name.last_node)
+    return section.error("nodes",
+                         std::string(name.motor) + " has a node from " + std::to_string(name.first_node) + " to " +
+                             std::to_string(name.last_node),
+                         "choose another for " + robot.inputs[i]);
+  if (const char* defect = actuator_protocol(settings.kind).settings_error(settings))
+    return section.error("drives", defect, "correct drives." + robot.inputs[i] + ", or its node");
+  check_range(section, robot, i, transport, settings);
 }
 
 }  // namespace
@@ -115,9 +132,7 @@ void read_drives(SectionReader& section, const RobotFile& robot, TransportSectio
     if (transport.drives[i].command == "position" && !(robot.config.safety.input_rate_per_s[i] < 1e300))
       section.error("drives", "commands a position without a rate limit",
                     "add rate_per_s to [limits] " + robot.inputs[i]);
-    if (transport.drives[i].actuator == "odrive" && transport.nodes[i] > 63)
-      section.error("nodes", "an ODrive axis has a node from 0 to 63", "choose another for " + robot.inputs[i]);
-    check_range(section, robot, i, transport);
+    check_drive(section, robot, i, transport);
   }
 }
 

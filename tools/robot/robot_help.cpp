@@ -58,7 +58,7 @@ std::string type_text(const KeySpec& key) {
     case KeyKind::choice: return "one of " + join(key.choices());
     case KeyKind::state_numbers: return "{ state = number }";
     case KeyKind::input_numbers: return "{ input = number }";
-    default: return "";
+    default: return key.choices ? "one of " + join(key.choices()) : "";
   }
 }
 

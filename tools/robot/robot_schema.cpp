@@ -7,6 +7,7 @@
 #include "effects/effect_info.hpp"
 #include "planners/planner.hpp"
 #include "posterior/posterior.hpp"
+#include "tools/robot/drive_settings.hpp"
 #include "tools/robot/transport_names.hpp"
 
 namespace tiller::tools {
@@ -264,8 +265,8 @@ const std::vector<KeySpec> kOthers = {
     {"transport", "interface", K::text, "", "can0", 0, 0, false, hand, nullptr, "socketcan: network interface"},
     {"transport", "nodes", K::input_numbers, "", "1, 2, ..", 0, 127, false, hand, nullptr,
      "socketcan: node of each input's motor, { input = node }"},
-    {"transport", "actuator", K::other, "", "\"odrive\"", 0, 0, false, hand, nullptr,
-     "socketcan: what the motors speak: \"odrive\", \"moteus\" or \"mit\"; or for each, { input = \"moteus\" }"},
+    {"transport", "actuator", K::other, "", "odrive", 0, 0, false, hand, actuator_words,
+     "socketcan: what the motors speak; or for each, { input = \"odrive\" }"},
     {"transport", "drives", K::other, "", "", 0, 0, false, hand, nullptr,
      "socketcan: what a drive needs to be told, { input = { ... } }; docs/guide/actuators.md"},
     {"transport", "wheel_radius_m", K::input_numbers, "m", "1", -1e3, 1e3, false, hand, nullptr,
@@ -280,14 +281,10 @@ const std::vector<KeySpec> kOthers = {
      "socketcan: longest silence of a motor; 0: not watched"},
 
     {"transport.drives.*", "command", K::choice, "", "torque", 0, 0, false, hand,
-     [] {
-       return Words{"torque", "velocity", "position"};
-     },
+     [] { return words_of(kActuatorModeNames); },
      "what the input is to the drive; position needs a rate limit"},
     {"transport.drives.*", "resolution", K::choice, "", "f32", 0, 0, false, hand,
-     [] {
-       return Words{"int8", "int16", "int32", "f32"};
-     },
+     [] { return words_of(kMoteusResolutionNames); },
      "moteus: how registers travel"},
     {"transport.drives.*", "watchdog_s", K::number, "s", "0.1", 0, 10, false, hand, nullptr,
      "moteus: how long a command is valid; 0: as the drive is configured"},
@@ -306,9 +303,7 @@ const std::vector<KeySpec> kOthers = {
     {"transport.drives.*", "kd_Nms_rad", K::number, "Nm s/rad", "0", 0, 1e5, false, hand, nullptr,
      "mit: gain of position and velocity commands"},
     {"transport.drives.*", "reply", K::choice, "", "plain", 0, 0, false, hand,
-     [] {
-       return Words{"plain", "ak", "damiao"};
-     },
+     [] { return words_of(kMitReplyNames); },
      "mit: how the drive answers: 6 bytes; CubeMars AK; Damiao"},
     {"transport.drives.*", "reply_id", K::count, "", "0", 0, 2047, false, hand, nullptr,
      "mit: identifier of its answers"},
