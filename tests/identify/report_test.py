@@ -12,7 +12,7 @@ sys.path.insert(0, os.environ["TILLER_PYTHON_PACKAGE"])
 
 import numpy as np  # noqa: E402
 
-from tiller_tools import identify_report, page, report, table  # noqa: E402
+from tiller_tools import identify_report, interval, page, report, table  # noqa: E402
 
 # Meaning of write_run's columns, as run_facts_json gives it.
 COLUMNS = {"states": {"angle_rad": "rad", "rate_rad_s": "rad/s"}, "angles": ["angle_rad"], "measured": ["angle_rad"],
@@ -249,6 +249,22 @@ class Pages(unittest.TestCase):
         self.assertEqual(page.number(1234567.0), "1.235e+06")
         self.assertEqual(page.number(float("nan")), "–")
         self.assertEqual(page.number(0.0), "0")
+
+    def test_intervals_do_not_collapse(self):
+        self.assertEqual(page.interval(9.81, 9.92), "9.810 .. 9.920")
+        self.assertEqual(page.interval(1.20001, 1.20049), "1.20001 .. 1.20049")
+        self.assertEqual(page.interval(-0.5, 0.25, between=" … "), "-0.5000 … 0.2500")
+        self.assertEqual(page.interval(1.2, 1.2), "1.200 .. 1.200")
+        self.assertEqual(page.interval(None, 1.2), "– .. 1.200")
+        self.assertEqual(page.interval(0.0, 0.0), "0 .. 0")
+        self.assertEqual(page.mean(1.2000449, 1.1e-4), "1.20004")
+        self.assertEqual(page.mean(1.2, None), "1.200")
+        self.assertEqual(interval.plain_interval(1.20001, 1.20049), "1.20001 .. 1.20049")
+        for exponent in range(12):  # the ends differ in what is shown, however narrow
+            low, high = 1.2, 1.2 + 10.0 ** -exponent
+            for text in (page.interval(low, high), interval.plain_interval(low, high)):
+                ends = [float(end) for end in text.split(" .. ")]
+                self.assertAlmostEqual((ends[1] - ends[0]) / (high - low), 1.0, delta=0.1, msg=text)
 
 
 if __name__ == "__main__":

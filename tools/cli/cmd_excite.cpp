@@ -4,6 +4,7 @@
 #include <cstdio>
 
 #include "effects/effect_info.hpp"
+#include "tools/base/interval_text.hpp"
 #include "tools/base/output_file.hpp"
 #include "tools/base/stop_flag.hpp"
 #include "tools/base/text.hpp"
@@ -138,7 +139,7 @@ std::string pairs_text(const Arguments& a, const Proposal& p) {
 std::string reach_text(const RobotFile& robot, const Proposal& p) {
   std::string text = "\nreached by any candidate and any draw of the priors:";
   for (std::size_t i = 0; i < robot.states.size(); ++i)
-    text += format(" %s %.3g .. %.3g%s", robot.states[i].c_str(), p.state_low[i], p.state_high[i],
+    text += format(" %s %s%s", robot.states[i].c_str(), interval_text(p.state_low[i], p.state_high[i], 3).c_str(),
                    i + 1 < robot.states.size() ? "," : "\n");
   return text;
 }

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cmath>
 
+#include "tools/base/interval_text.hpp"
 #include "tools/base/progress_line.hpp"
 #include "tools/base/text.hpp"
 #include "tools/base/thread_pool.hpp"
@@ -124,8 +125,8 @@ void append_parameters(const Assessed& best, std::string& text) {
     if (p.fixed)
       text += format("  %-26s %21s %10.4g\n", p.name.c_str(), "known", p.mean);
     else
-      text += format("  %-26s %9.4g .. %8.4g %10.4g %9.2g %9.4g .. %8.4g\n", p.name.c_str(), p.prior_low, p.prior_high,
-                     p.mean, p.sd, p.low, p.high);
+      text += format("  %-26s %21s %10s %9.2g %21s\n", p.name.c_str(), interval_text(p.prior_low, p.prior_high).c_str(),
+                     mean_text(p.mean, p.sd).c_str(), p.sd, interval_text(p.low, p.high).c_str());
   }
   for (const ParamSummary& p : best.fit.params)
     if (p.edge.side != EdgeSide::none) text += "  " + edge_text(p.name, p.edge) + "\n";

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tools/base/interval_text.hpp"
 #include "tools/base/text.hpp"
 #include "tools/imitate/imitate_policy.hpp"
 
@@ -16,13 +17,13 @@ std::string judgement(const LearntWeight& w) {
 std::string weights_table(const MaxentFit& fit) {
   std::string text = format("  %-36s %12s %12s %25s\n", "weight", "file", "learnt", "90 % interval");
   for (const LearntWeight& w : fit.weights) {
-    const std::string interval = std::isfinite(w.low) && w.varies ? format("%.4g .. %.4g", w.low, w.high) : "-";
+    const std::string interval = std::isfinite(w.low) && w.varies ? interval_text(w.low, w.high) : "-";
     text += format("  %-36s %12.5g %12.5g %25s  %s\n", w.term.key.c_str(), w.term.value, w.value, interval.c_str(),
                    judgement(w).c_str());
   }
   for (const LearntTarget& t : fit.targets)
     text += format("  %-36s %12.5g %12.5g %25s  %s\n", t.target.key.c_str(), t.target.value, t.value,
-                   format("%.4g .. %.4g", t.low, t.high).c_str(), t.identified ? "" : "not identified");
+                   interval_text(t.low, t.high).c_str(), t.identified ? "" : "not identified");
   return text;
 }
 

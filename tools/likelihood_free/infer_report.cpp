@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "tools/base/interval_text.hpp"
 #include "tools/base/json_number.hpp"
 #include "tools/identify/coordinates.hpp"
 #include "tools/identify/identify_method.hpp"
@@ -81,8 +82,9 @@ std::string infer_text(const InferFacts& facts, const Inferred& result) {
   text += format("  %-26s %21s %10s %9s %21s\n", "parameter", "prior 5 .. 95 %", "mean", "sd", "90 % interval");
   for (const Row& row : rows_of(facts.file->robot, result))
     text += row.fixed ? format("  %-26s %21s %10.4g\n", row.name.c_str(), "known", row.mean)
-                      : format("  %-26s %9.4g .. %8.4g %10.4g %9.2g %9.4g .. %8.4g\n", row.name.c_str(), row.prior_low,
-                               row.prior_high, row.mean, row.sd, row.low, row.high);
+                      : format("  %-26s %21s %10s %9.2g %21s\n", row.name.c_str(),
+                               interval_text(row.prior_low, row.prior_high).c_str(),
+                               mean_text(row.mean, row.sd).c_str(), row.sd, interval_text(row.low, row.high).c_str());
   text += format("  effective sample size %.0f; mind: %s\n", result.found.effective_samples, method.caveat);
   return text;
 }

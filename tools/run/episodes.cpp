@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "tools/base/exit_codes.hpp"
+#include "tools/base/interval_text.hpp"
 #include "tools/run/run_summary.hpp"
 
 namespace tiller::tools {
@@ -165,7 +166,8 @@ void tell(const RobotFile& robot, const EpisodeRow& row, const RunResult& result
       format("episode %llu: cost %.4g over %.2f s", static_cast<unsigned long long>(row.episode), row.cost, row.time_s);
   const auto inferred = inferred_of(robot.config);
   for (std::size_t j = 0; j < inferred.size(); ++j)
-    text += format("%s %s %.4g +- %.2g", j ? "," : ";", robot.params[inferred[j]].c_str(), row.mean[j], row.sd[j]);
+    text += format("%s %s %s +- %.2g", j ? "," : ";", robot.params[inferred[j]].c_str(),
+                   mean_text(row.mean[j], row.sd[j]).c_str(), row.sd[j]);
   if (result.info.likelihood_exponent < 1.0 && robot.config.posterior.enabled)
     text += format("; not converged, exponent %.2f", result.info.likelihood_exponent);
   if (!row.note.empty()) text += "; " + row.note;
@@ -237,7 +239,7 @@ std::string episodes_table(const RobotFile& robot, const std::vector<EpisodeRow>
   for (const EpisodeRow& row : rows) {
     text += format("%8llu %12.4g", static_cast<unsigned long long>(row.episode), row.cost);
     for (std::size_t j = 0; j < row.mean.size(); ++j)
-      text += format(" %26s", format("%.4g +- %.2g", row.mean[j], row.sd[j]).c_str());
+      text += format(" %26s", format("%s +- %.2g", mean_text(row.mean[j], row.sd[j]).c_str(), row.sd[j]).c_str());
     text += "\n";
   }
   return text;

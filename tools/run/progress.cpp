@@ -7,6 +7,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include "tools/base/interval_text.hpp"
+
 namespace tiller::tools {
 namespace {
 
@@ -77,7 +79,8 @@ std::string Progress::line(const TickView& tick) const {
   text += format("  cost %.4g", info.plan_cost);
   for (std::size_t i = 0; i < robot_.params.size(); ++i) {
     if (robot_.config.priors[i].kind == tiller_prior_fixed) continue;
-    text += format("  %s %.4g +- %.2g", robot_.params[i].c_str(), info.param_mean[i], info.param_sd[i]);
+    text += format("  %s %s +- %.2g", robot_.params[i].c_str(), mean_text(info.param_mean[i], info.param_sd[i]).c_str(),
+                   info.param_sd[i]);
   }
   text += format("  ess %.0f", info.effective_samples);
   text += "  tick " + tick_text(tick, robot_.config.planner.deadline_us);

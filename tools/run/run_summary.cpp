@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "tools/base/interval_text.hpp"
 #include "tools/robot/prior_edge.hpp"
 
 namespace tiller::tools {
@@ -45,10 +46,12 @@ std::string posterior_lines(const RobotFile& robot, const RunOptions& options, c
   std::string text;
   for (std::size_t i = 0; i < robot.params.size(); ++i) {
     if (robot.config.priors[i].kind == tiller_prior_fixed) continue;
-    text += format("  %-24s %.4g +- %.2g   90 %% in [%.4g, %.4g]", robot.params[i].c_str(), result.info.param_mean[i],
-                   result.info.param_sd[i], result.q05[i], result.q95[i]);
+    const double mean = result.info.param_mean[i], sd = result.info.param_sd[i];
+    const IntervalText ends = interval_ends(result.q05[i], result.q95[i]);
+    text += format("  %-24s %s +- %.2g   90 %% in [%s, %s]", robot.params[i].c_str(), mean_text(mean, sd).c_str(), sd,
+                   ends.low.c_str(), ends.high.c_str());
     if (i < options.true_params.size() && std::isfinite(options.true_params[i])) {
-      text += format("   true %.4g", options.true_params[i]);
+      text += "   true " + mean_text(options.true_params[i], sd);
     }
     text += "\n";
   }

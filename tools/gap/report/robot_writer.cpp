@@ -5,6 +5,7 @@
 
 #include "effects/effect_info.hpp"
 #include "effects/effect_roles.hpp"
+#include "tools/base/interval_text.hpp"
 #include "tools/base/text.hpp"
 #include "tools/base/toml.hpp"
 #include "tools/gap/report/outputs.hpp"
@@ -103,7 +104,8 @@ std::string effects_blocks(const RobotFile& robot, const Explanation& found, con
                         e.mean + std::max(kDelayReach * e.sd, robot.config.period_s));
       text += std::string(info.params[i].name) + " = " + prior_text(e.mean, e.sd, info.params[i].low, high, false);
       if (e.sd > 0)
-        text += format("  # %.4g +- %.2g %s, 95 %%: %.4g .. %.4g", e.mean, e.sd, e.unit.c_str(), e.low, e.high);
+        text += format("  # %s +- %.2g %s, 95 %%: %s", mean_text(e.mean, e.sd).c_str(), e.sd, e.unit.c_str(),
+                       interval_text(e.low, e.high).c_str());
       text += "\n";
     }
   }

@@ -1,5 +1,6 @@
 #include <cmath>
 
+#include "tools/base/interval_text.hpp"
 #include "tools/base/text.hpp"
 #include "tools/gap/fit/hypothesis.hpp"
 #include "tools/gap/report/outputs.hpp"
@@ -40,8 +41,8 @@ void append_parameters(const Result& result, std::string& text) {
   for (const Estimate& e : result.ranking[0].params) {
     if (e.fixed) continue;
     const std::string before = std::isfinite(e.before) ? format("%.5g", e.before) : std::string("-");
-    text += format("  %-34s %12s %12.5g %10.2g   %.4g .. %.4g %s\n", e.name.c_str(), before.c_str(), e.mean, e.sd,
-                   e.low, e.high, e.unit.c_str());
+    text += format("  %-34s %12s %12s %10.2g   %s %s\n", e.name.c_str(), before.c_str(),
+                   mean_text(e.mean, e.sd, 5).c_str(), e.sd, interval_text(e.low, e.high).c_str(), e.unit.c_str());
   }
   for (const Estimate& e : result.ranking[0].params)
     if (e.edge.side != EdgeSide::none) text += "  " + edge_text(e.name, e.edge) + "\n";

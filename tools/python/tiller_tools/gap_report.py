@@ -265,8 +265,8 @@ def parameter_table(explanation: dict) -> str:
             body.append([p["name"], "known", page.number(p["mean"]), "", ""])
             continue
         low, high = p["interval_95"]
-        body.append([p["name"], before, f"{page.number(p['mean'])} {p['unit']}", page.number(p["sd"], 2),
-                     f"{page.number(low)} … {page.number(high)}"])
+        body.append([p["name"], before, f"{page.mean(p['mean'], p['sd'])} {p['unit']}",
+                     page.number(p["sd"], 2), page.interval(low, high, between=" … ")])
     return page.rows(["parameter", "before", "after", "sd", "95 %"], body)
 
 

@@ -315,8 +315,8 @@ def param_table(candidate: dict) -> str:
             body.append([p["name"], "known", page.number(p["mean"]), "", ""])
         else:
             prior, post = p["prior"]["interval_90"], p["interval_90"]
-            body.append([p["name"], f"{page.number(prior[0])} … {page.number(prior[1])}", page.number(p["mean"]),
-                         page.number(p["sd"], 2), f"{page.number(post[0])} … {page.number(post[1])}"])
+            body.append([p["name"], page.interval(*prior, between=" … "), page.mean(p["mean"], p["sd"]),
+                         page.number(p["sd"], 2), page.interval(*post, between=" … ")])
     return page.rows(["parameter", "prior 90 %", "mean", "sd", "posterior 90 %"], body)
 
 

@@ -35,7 +35,7 @@ def _judgement(weight: dict) -> str:
 
 def _interval(weight: dict) -> str:
     low, high = weight["interval_90"]
-    return "–" if low is None or high is None else f"{page.number(low)} .. {page.number(high)}"
+    return "–" if low is None or high is None else page.interval(low, high)
 
 
 def weights_table(result: dict) -> str:

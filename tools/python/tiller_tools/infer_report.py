@@ -51,8 +51,8 @@ def _rows(result: dict) -> list[list[str]]:
         else:
             low, high = p["interval_90"]
             prior = p["prior"]["interval_90"]
-            rows.append([p["name"], f"{page.number(prior[0])} .. {page.number(prior[1])}", page.number(p["mean"]),
-                         page.number(p["sd"], 2), f"{page.number(low)} .. {page.number(high)}"])
+            rows.append([p["name"], page.interval(*prior), page.mean(p["mean"], p["sd"]),
+                         page.number(p["sd"], 2), page.interval(low, high)])
     return rows
 
 

@@ -17,6 +17,8 @@ matplotlib.use("svg")
 from matplotlib import pyplot as plt  # noqa: E402  the backend is chosen first
 import numpy as np  # noqa: E402
 
+from .interval import digits_that_show  # noqa: E402
+
 # Colours that stay apart for colour-blind readers and on a washed-out projector; page_test measures it.
 ESTIMATE = "#1f5fa8"
 MEASURED = "#9aa3ad"
@@ -210,6 +212,18 @@ def number(value, digits: int = 4) -> str:
         return f"{value:.{digits - 1}e}"
     decimals = 0 if value == 0 else max(0, digits - 1 - int(np.floor(np.log10(abs(value)))))
     return f"{value:.{decimals}f}"
+
+
+def interval(low, high, least: int = 4, between: str = " .. ", unit: str = "") -> str:
+    """Both ends with the digits that the width needs."""
+    known = [v for v in (low, high) if v is not None and np.isfinite(v)]
+    digits = digits_that_show(known[1] - known[0], max(map(abs, known)), least) if len(known) == 2 else least
+    return f"{number(low, digits)}{unit}{between}{number(high, digits)}{unit}"
+
+
+def mean(value, sd, least: int = 4) -> str:
+    """A mean with the digits that its standard deviation needs."""
+    return number(value, digits_that_show(sd, value, least))
 
 
 def rows(header: list[str], body: list[list[str]]) -> str:

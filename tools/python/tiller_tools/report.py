@@ -406,9 +406,9 @@ def param_table(run: Run) -> str:
         edge = run.edge(name)
         if inside == "no" and edge and edge["by"] == "physics" and truth == edge["value"]:
             inside = "at its bound"  # which an interval from 5 to 95 % never reaches
-        body.append([name, page.number(truth), f"{page.number(prior[0])} … {page.number(prior[1])}",
-                     page.number(run.last(f"mean.{name}")), page.number(run.last(f"sd.{name}"), 2),
-                     f"{page.number(low)} … {page.number(high)}", inside or "–",
+        body.append([name, page.number(truth), page.interval(*prior, between=" … "),
+                     page.mean(run.last(f"mean.{name}"), run.last(f"sd.{name}")), page.number(run.last(f"sd.{name}"), 2),
+                     page.interval(low, high, between=" … "), inside or "–",
                      f"{shrink:.0f} ×" if np.isfinite(shrink) else "–"])
     header = ["parameter", "truth", "prior 90 %", "mean", "sd", "posterior 90 %", "truth inside", "narrower by"]
     return page.rows(header, body)

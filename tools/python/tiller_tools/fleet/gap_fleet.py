@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from ..interval import plain_interval
 from . import hierarchy, odd
 from .files import FleetError
 from .hierarchy import Fleet
@@ -130,7 +131,7 @@ def text(result: dict) -> str:
                      f"({100 * e['share_90'][0]:.0f} .. {100 * e['share_90'][1]:.0f} %): {e['of']}")
         for p in e["parameters"]:
             low, high = p["centre_90"]
-            lines.append(f"    {p['name']:<38} {p['centre']:.4g} {p['unit']} ({low:.4g} .. {high:.4g}), "
+            lines.append(f"    {p['name']:<38} {p['centre']:.4g} {p['unit']} ({plain_interval(low, high)}), "
                          f"from robot to robot {p['spread']:.2g}")
     if not result["effects"]:
         lines.append("  no effect is named of any robot")

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from ..interval import plain_interval
 from . import hierarchy, odd
 from .chance import chi_square_tail
 from .files import FleetError
@@ -201,9 +202,9 @@ def text(result: dict) -> str:
         factor = 100 if p["coordinate"] == "log" else 1
         unit = "%" if factor == 100 else ""
         c, s = p["centre"], p["spread"]
-        lines.append(f"  {p['name']:<28} {c['median']:10.4g} {c['interval_90'][0]:10.4g} .. {c['interval_90'][1]:<10.4g}   "
-                     f"{factor * s['median']:7.3g}{unit:1} {factor * s['interval_90'][0]:8.3g} .. "
-                     f"{factor * s['interval_90'][1]:<8.3g}")
+        lines.append(f"  {p['name']:<28} {c['median']:10.4g} {plain_interval(*c['interval_90']):>24}   "
+                     f"{factor * s['median']:7.3g}{unit:1} "
+                     f"{plain_interval(*(factor * end for end in s['interval_90']), 3):>20}")
     lines.append("")
     for r in result["robots"]:
         if r["odd"]:

@@ -15,8 +15,10 @@ def _percent(value: float) -> str:
     return f"{page.number(100 * value, 3)} %"
 
 
-def _range(interval, of=page.number) -> str:
-    return f"{of(interval[0])} .. {of(interval[1])}"
+def _range(interval, percent: bool = False) -> str:
+    if percent:
+        return page.interval(100 * interval[0], 100 * interval[1], 3, unit=" %")
+    return page.interval(interval[0], interval[1])
 
 
 # ---- identify --------------------------------------------------------------------------------------
@@ -28,7 +30,7 @@ def _population_table(result: dict) -> str:
         of = _percent if p["coordinate"] == "log" else page.number
         body.append([page.quantity_label(p["name"], p["unit"]), page.number(p["centre"]["median"]),
                      _range(p["centre"]["interval_90"]), of(p["spread"]["median"]),
-                     _range(p["spread"]["interval_90"], of)])
+                     _range(p["spread"]["interval_90"], of is _percent)])
     return page.rows(["parameter", "centre of the fleet", "90 %", "spread from robot to robot", "90 %"], body)
 
 
