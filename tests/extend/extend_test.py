@@ -1,9 +1,10 @@
-"""What it takes to add a setting, an engine and a transport: one folder and one line of a table each.
+"""What one more of something takes: a planner's setting, an engine, a transport, an effect, a CAN protocol.
 
-    extend_test.py SOURCE WORK VENV
+    extend_test.py SOURCE WORK VENV [--count]
 
-copies the tree to WORK, adds a planner's setting `dummy_count`, an engine `dummy` and a transport `dummy`, builds the
-command with one model and one planner, and looks for the three in what it reads, writes and says.
+copies the tree to WORK, adds one of each, counts the files that each one touches and compares the counts with the table
+of docs/project/extending.md. Then it builds the command with one model and one planner, and looks for all of them in
+what it reads, writes and says. --count: without the build.
 """
 
 import pathlib
@@ -11,6 +12,8 @@ import shutil
 import subprocess
 import sys
 
+# The files that each one touches, new and changed.
+TOUCHED = {"setting of a planner": 2, "engine of the posterior": 3, "transport": 2, "effect": 2, "CAN protocol": 3}
 FOLDERS = ["cmake", "runtime", "sim", "tools", "harness", "bench", "robots"]
 ENGINE = """#include "posterior/filter/filter_posterior.hpp"
 
@@ -47,6 +50,36 @@ std::unique_ptr<HostTransport> make_dummy_transport() { return std::make_unique<
 }  // namespace tiller::tools
 """
 
+EFFECT = """#pragma once
+
+#include "effects/effect_info.hpp"
+#include "effects/hook_arguments.hpp"
+
+namespace tiller {
+template <class S>
+struct Dummy {
+  static constexpr Hook hook = Hook::force;
+  static constexpr EffectInfo info = [] {
+    EffectInfo i;
+    i.name = "dummy";
+    i.param_count = 1;
+    i.params[0] = {"push_SI", "N or N m", 0.0, __builtin_huge_val(), Scale::force, 1, {0.3}};
+    i.help = "a push that nobody needs";
+    i.equation = "f += push";
+    return i;
+  }();
+  static S force(const JointStep<S>&, const S* p) { return p[0]; }
+};
+}  // namespace tiller
+"""
+DRIVE = """#include "sim/devices/mit_axis.hpp"
+
+namespace tiller::sim {
+std::unique_ptr<DriveAxis> make_dummy_axis(const DriveOptions& options);
+std::unique_ptr<DriveAxis> make_dummy_axis(const DriveOptions& options) { return std::make_unique<MitAxis>(options); }
+}  // namespace tiller::sim
+"""
+
 
 def add_line(path, before, line):
     text = path.read_text()
@@ -55,21 +88,72 @@ def add_line(path, before, line):
     path.write_text(text.replace(before, line + before, 1))
 
 
-def extend(work):
+def add_setting(work):
+    """Its field and its line, side by side in one folder."""
     api = work / "runtime/include/tiller"
-    # a setting: its field and its line, side by side in one folder
     add_line(api / "tiller.h", "} tiller_planner_config_t;", "  uint32_t dummy_count; uint32_t dummy_reserved;\n")
     add_line(api / "config.def", "TILLER_STATES(cost, target",
              'TILLER_COUNT(planner, dummy_count, planner.dummy_count, 4, 2, 9, 1, "", "", "what nobody needs")\n')
-    # an engine: its folder, and a line
+
+
+def add_engine(work):
+    """Its folder, and a line."""
     engine = work / "runtime/posterior/dummy"
     engine.mkdir()
     (engine / "dummy_posterior.cpp").write_text(ENGINE)
     (engine / "sources.cmake").write_text("set(sources dummy_posterior.cpp)\n")
-    add_line(api / "posteriors.def", "#undef", 'TILLER_POSTERIOR(dummy, "the filter by another name")\n')
-    # a transport: its file in the folder of transports, and a line
+    add_line(work / "runtime/include/tiller/posteriors.def", "#undef",
+             'TILLER_POSTERIOR(dummy, "the filter by another name")\n')
+
+
+def add_transport(work):
+    """Its file in the folder of transports, and a line."""
     (work / "tools/links/transport_dummy.cpp").write_text(TRANSPORT)
     add_line(work / "tools/robot/transports.def", "#undef", 'TILLER_TRANSPORT(dummy, "nobody", "no robot at all")\n')
+
+
+def add_effect(work):
+    """Its header, and a line behind the last one."""
+    (work / "runtime/effects/dummy.hpp").write_text(EFFECT)
+    add_line(work / "runtime/include/tiller/effects.def", "// Append-only",
+             'TILLER_EFFECT(dummy, Dummy, kLinear, "constant_offset")\n')
+
+
+def add_protocol(work):
+    """Its codec, its emulated drive, and a line: the MIT protocol by another name."""
+    io = work / "runtime/io"
+    codec = (io / "actuator_mit.cpp").read_text()
+    (io / "actuator_dummy.cpp").write_text(codec.replace("mit_protocol", "dummy_protocol"))
+    (work / "sim/devices/dummy_axis.cpp").write_text(DRIVE)
+    add_line(io / "actuators.def", "#undef", 'TILLER_ACTUATOR(dummy, "a motor of nobody", 1, 9, "the MIT protocol")\n')
+
+
+def files_of(work):
+    return {path: path.read_bytes() for folder in FOLDERS for path in (work / folder).rglob("*") if path.is_file()}
+
+
+def extend(work):
+    """Adds one of each; the names of the files that each one touched."""
+    touched, before = {}, files_of(work)
+    for what, add in zip(TOUCHED, (add_setting, add_engine, add_transport, add_effect, add_protocol)):
+        add(work)
+        after = files_of(work)
+        touched[what] = sorted(str(p.relative_to(work)) for p in after if after[p] != before.get(p))
+        before = after
+    return touched
+
+
+def count(touched, page):
+    """Whether each touched as many files as promised, here and on the page."""
+    wrong = 0
+    for what, files in touched.items():
+        row = f"| {what} | {len(files)} |"
+        told = row in page
+        good = len(files) == TOUCHED[what] and told
+        wrong += not good
+        print(f"{'ok      ' if good else 'FAILED  '}{what}: {len(files)} files: {', '.join(files)}"
+              + ("" if told else f"; docs/project/extending.md lacks '{row}'"))
+    return wrong
 
 
 def build(work, venv):
@@ -90,7 +174,12 @@ def main():
         shutil.copytree(source / folder, work / folder)
     for name in ["CMakeLists.txt", "LICENSE"]:
         shutil.copy(source / name, work / name)
-    extend(work)
+    page = (source / "docs/project/extending.md").read_text()
+    if count(extend(work), page):
+        sys.exit(1)
+    if "--count" in sys.argv:
+        shutil.rmtree(work)
+        return
     tiller = build(work, venv)
 
     text = (source / "robots/pendulum.toml").read_text()
@@ -125,6 +214,26 @@ def main():
     with_settings(7)
     code, told = say("run", str(robot), "--transport", "nobody", "--seconds", "1")
     expect("the transport is opened", code != 0 and "nobody's robot" in told, told)
+
+    _, effects = say("effects")
+    expect("the effect is in the catalogue", "a push that nobody needs" in effects, effects)
+    robot.write_text(text + '\n[[effects]]\nkind = "dummy"\nport = "joint"\npush_SI = { uniform = [0.0, 0.1] }\n')
+    code, told = say("run", str(robot), "--sim", "--seconds", "1")
+    expect("a run learns the effect's parameter", code == 0 and "joint.push_SI" in told, told)
+    code, told = say("export", str(robot), "-o", str(work / "config.c"))
+    exported = (work / "config.c").read_text() if code == 0 else told
+    expect("exported C has the effect", "tiller_effect_dummy" in exported, exported)
+
+    expect("the manual has the protocol", "dummy" in manual.split("actuator", 1)[1].splitlines()[0], manual)
+    can = '\n[transport]\nkind = "socketcan"\ninterface = "nowhere0"\nactuator = "dummy"\nnodes = { torque_Nm = %d }\n'
+    robot.write_text(text + can % 12)
+    code, told = say("run", str(robot), "--transport", "can", "--seconds", "1")
+    expect("the protocol's nodes are kept", code != 0 and "a motor of nobody has a node from 1 to 9" in told, told)
+    robot.write_text(text + can % 3)
+    code, told = say("run", str(robot), "--transport", "can", "--seconds", "1")
+    expect("the protocol is opened", code != 0 and "nowhere0" in told and "unknown" not in told, told)
+    code, told = say("sim", str(robot), "--serve", "can", "--seconds", "1")
+    expect("the drive is emulated", code != 0 and "nowhere0" in told and "no drive speaks" not in told, told)
 
 
 if __name__ == "__main__":
