@@ -191,7 +191,7 @@ int excite_command(const Arguments& a) {
 }  // namespace
 
 void add_excite_command(CLI::App& app, int& exit_code) {
-  auto* command = app.add_subcommand("excite", "propose an input sequence that tells candidate effects apart");
+  auto* command = app.add_subcommand("excite", "propose an input sequence that distinguishes candidate effects");
   auto a = std::make_shared<Arguments>();
   command->add_option("ROBOT", a->robot, "robot file (.toml): model, priors, sensors, noise, [limits]")->required();
   command->add_option("--gap", a->report, "gap.json of `tiller gap`: its ambiguity set, with the values it found");

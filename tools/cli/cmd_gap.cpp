@@ -298,7 +298,7 @@ void add_gap_command(CLI::App& app, int& exit_code) {
   command->add_option("--seed", find.seed, "of the permutations (default 1)")->check(CLI::PositiveNumber);
   command->add_flag("--json", options->json, "gap.json on standard output instead of the tables");
   command->footer(
-      "Compares what the model foresees with what was measured, in sigma: standard deviations of what sensor and\n"
+      "Compares what the model predicts with what was measured, in sigma: standard deviations of what sensor and\n"
       "process noise of the robot file leave; 1 is nothing but noise. Where there is more, it says where (joint, axis,\n"
       "region), which effect of the catalogue explains it (`tiller effects`), with parameters, or which several do\n"
       "equally well and how to tell them apart, or that none does; and shows on held-out windows what adding it brings.\n"

@@ -162,7 +162,7 @@ void add_identify_command(CLI::App& app, int& exit_code) {
                       "tiller infer does (docs/guide/simulator.md)");
   command->footer(
       methods_help() +
-      "\nFits the model without its effects, then with one effect more at a time, and compares how well each foresees\n"
+      "\nFits the model without its effects, then with one effect more at a time, and compares how well each predicts\n"
       "the robot from many points of the logs. Only what was held out can be trusted to compare.\n\n"
       "Examples:\n"
       "  tiller identify my_robot.toml run1.csv run2.csv --hold-out run3.csv -o out/identify\n"

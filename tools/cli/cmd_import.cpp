@@ -441,7 +441,7 @@ void add_import_command(CLI::App& app, int& exit_code) {
   command->add_flag("--model-only", o->model_only,
                     "write the model anew, with the spheres of the folder's robot.toml, which stays as it is");
   command->add_flag("--keep-unidentifiable", o->keep_unidentifiable,
-                    "unknowns that no motion can tell keep their priors, which filters of few particles make narrow\nby chance; without it they are held at the description's values");
+                    "infer also the unknowns that no motion identifies; a filter with few particles reports intervals\nfor them that are too narrow; without this flag they are fixed at the description's values");
   command->add_flag("--any-inertia", o->any_inertia, "take inertias that no body can have as they are");
   command->add_option("--value", o->value, "of a function's parameters: NAME=NUMBER; several by commas")
       ->delimiter(',');
