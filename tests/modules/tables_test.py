@@ -17,7 +17,7 @@ KINDS_MAY = {"runtime/rollout/step.hpp": 2, "runtime/rollout/setup.cpp": 1}
 # Beside codecs and emulated drives: the default, "odrive", and help.
 WORDS_MAY = {"runtime/io/actuator.hpp", "sim/devices/drive_axis.hpp", "tools/robot/robot_file.hpp",
              "tools/robot/robot_schema.cpp"}
-DOCUMENTS = ["README.md", "docs/guide", "docs/reference", "docs/theory", "docs/project/design.md"]
+DOCUMENTS = ["README.md", "docs/README.md", "docs/guide", "docs/reference", "docs/theory", "docs/project/design.md"]
 # Sentences that count what a table holds; evidence counts what it measured.
 COUNTS = [r"\badds (\d+) effects\b", r"\bamong (\d+) kinds\b", r"\b(\d+) named effects\b"]
 
