@@ -119,7 +119,6 @@ bool make_setup(const WorldCase& world, Setup& setup, std::string& error) {
   o.kind = world.plant;
   o.effects = world.effects;
   o.step_s = kWorldStep;
-  o.midpoint = true;
   o.command_limit = 1e9;
   o.watchdog_timeout_s = 0;
   for (const WorldPlant::Parameter& p : setup.plant->parameters) {

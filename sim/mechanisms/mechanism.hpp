@@ -44,9 +44,7 @@ class Mechanism {
   virtual double own_damping(std::size_t /*joint*/) const { return 0; }  ///< viscous coefficient among the parameters
   virtual Joint& joint(std::size_t /*index*/) { std::abort(); }          ///< order of MechanismInfo::joints
 
-  /// Steps of second order (PlanarMechanism). False: this mechanism has none.
-  virtual bool set_midpoint(bool midpoint) { return !midpoint; }
-  /// Before the forces of a step: midpoint steps bring the joints to where these act.
+  /// Before the forces of a step: steps of second order bring the joints to where these act.
   virtual void begin(double /*step_s*/) {}
 
   // What effects may build, before the first place(). False: there is no place for it.

@@ -94,15 +94,51 @@ void HingeJoint::set_dry_friction(double torque_Nm) {
   dJointSetHingeParam(id_, dParamFMax, torque_Nm);
 }
 
-void HingeJoint::place(double angle_rad) {
-  angle_rad_ = angle_rad;
-  seen_rad_ = dJointGetHingeAngle(id_);
+FreeBodySteps::Velocity FreeBodySteps::velocity() const {
+  const dReal *v = dBodyGetLinearVel(body_), *w = dBodyGetAngularVel(body_);
+  return {{v[0], v[1], v[2]}, {w[0], w[1], w[2]}};
 }
 
-void HingeJoint::follow() {
-  const double now = dJointGetHingeAngle(id_);
-  angle_rad_ += std::remainder(now - seen_rad_, two_pi);
-  seen_rad_ = now;
+void FreeBodySteps::set(const Velocity& v) {
+  dBodySetLinearVel(body_, v.linear[0], v.linear[1], v.linear[2]);
+  dBodySetAngularVel(body_, v.angular[0], v.angular[1], v.angular[2]);
+}
+
+void FreeBodySteps::drift(double duration_s) {
+  const dReal *at = dBodyGetPosition(body_), *v = dBodyGetLinearVel(body_), *w = dBodyGetAngularVel(body_);
+  dBodySetPosition(body_, at[0] + duration_s * v[0], at[1] + duration_s * v[1], at[2] + duration_s * v[2]);
+  const double rate = std::sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
+  if (rate == 0) return;
+  dQuaternion turn, whole;
+  dQFromAxisAndAngle(turn, w[0], w[1], w[2], rate * duration_s);
+  dQMultiply0(whole, turn, dBodyGetQuaternion(body_));
+  dBodySetQuaternion(body_, whole);
+}
+
+void FreeBodySteps::begin(double step_s) {
+  now_ = velocity();
+  drift(0.5 * step_s);
+  Velocity shown = now_;
+  for (int i = 0; i < 3; ++i) {
+    shown.linear[i] += 0.5 * (now_.linear[i] - last_.linear[i]);
+    shown.angular[i] += 0.5 * (now_.angular[i] - last_.angular[i]);
+  }
+  set(shown);
+}
+
+void FreeBodySteps::step(OdeWorld& world, double step_s) {
+  dMass mass;
+  dBodyGetMass(body_, &mass);
+  dVector3 w, momentum, torque;
+  dBodyVectorFromWorld(body_, dBodyGetAngularVel(body_)[0], dBodyGetAngularVel(body_)[1], dBodyGetAngularVel(body_)[2],
+                       w);
+  dMultiply0_331(momentum, mass.I, w);
+  dCalcVectorCross3(torque, momentum, w);
+  dBodyAddRelTorque(body_, torque[0], torque[1], torque[2]);
+  set(now_);
+  last_ = now_;
+  world.step(step_s);  // goes a whole step from the middle
+  drift(-0.5 * step_s);
 }
 
 void FreeAxis::set_dry_friction(double force) {

@@ -49,26 +49,42 @@ class SliderJoint final : public Joint {
 };
 
 /// A hinge about +y or -y through the anchor, a point of the z axis; parent null means the world. The angle is zero in
-/// the pose in which the hinge was built, and counts turns.
+/// the pose in which the hinge was built; it is ODE's, within one turn (PlanarMechanism counts turns).
 class HingeJoint final : public Joint {
  public:
   HingeJoint(OdeWorld& world, dBodyID body, dBodyID parent, double axis_y, double least_inertia, double anchor_z_m = 0);
-  double position() const override { return angle_rad_; }
+  double position() const override { return dJointGetHingeAngle(id_); }
   double rate() const override { return dJointGetHingeAngleRate(id_); }
   void add_force(double torque_Nm) override { dJointAddHingeTorque(id_, torque_Nm); }
   void set_dry_friction(double torque_Nm) override;
   double least_inertia() const override { return least_inertia_; }
 
-  /// To be told where the body was put, since ODE's own angle lies within one turn ...
-  void place(double angle_rad);
-  /// ... and to be called after each step: follows the angle through the cut at half a turn.
-  void follow();
-
  private:
   dJointID id_;
   double least_inertia_;
-  double angle_rad_ = 0;
-  double seen_rad_ = 0;
+};
+
+/// Steps of second order for a body that no joint holds: it goes half a step at its velocity, ODE changes the velocity
+/// there, it goes the other half. Between begin() and step() it stands in the middle with the velocity carried forward by
+/// half of the last step's change, which is what forces see. The gyroscopic torque is pushed here: ODE's own is implicit,
+/// of first order.
+class FreeBodySteps {
+ public:
+  explicit FreeBodySteps(dBodyID body) : body_(body) { dBodySetGyroscopicMode(body, 0); }
+  void place() { last_ = velocity(); }  ///< after the body was put somewhere
+  void begin(double step_s);
+  void step(OdeWorld& world, double step_s);
+
+ private:
+  struct Velocity {
+    dReal linear[3], angular[3];
+  };
+  Velocity velocity() const;
+  void set(const Velocity& v);
+  void drift(double duration_s);
+
+  dBodyID body_;
+  Velocity last_{}, now_{};  // at the start of the last step, of this one
 };
 
 /// One direction in which a free body moves: axis 0 is x, 1 y, 2 z. Dry friction is that of a motor against the world.
@@ -124,8 +140,8 @@ class FreeTilt final : public Joint {
   void set_dry_friction(double torque_Nm) override;
   double least_inertia() const override { return least_inertia_; }
 
-  void place(double angle_rad) { angle_rad_ = angle_rad; }  ///< as HingeJoint
-  void follow();                                            ///< as HingeJoint
+  void place(double angle_rad) { angle_rad_ = angle_rad; }
+  void follow();  ///< after each step: through the cut at half a turn
 
  private:
   OdeWorld& world_;

@@ -36,7 +36,6 @@ struct PlantOptions {
   double watchdog_timeout_s = 0.1;                 ///< no command for this long: motor at zero; 0: no watchdog
 
   double step_s = 0.0005;     ///< physics step: whole microseconds, at most 1 ms
-  bool midpoint = false;      ///< steps of second order (docs/evidence/hidden_effects.md); a planar plant has them
   bool rates = false;         ///< sensors for rates too, behind those for positions
   std::int64_t start_us = 0;  ///< the plant's clock at its start: process noise goes by it
   std::uint64_t seed = 1;     ///< of every random stream

@@ -21,10 +21,8 @@ Frame arm_end(const Frame& from, double length, double angle, double rate, doubl
 class PlanarMechanism::Coordinate final : public Joint {
  public:
   Coordinate(PlanarMechanism& owner, std::size_t index) : owner_(owner), index_(index) {}
-  double position() const override {
-    return owner_.midpoint_ ? owner_.shown_q_[index_] : owner_.ode_joint(index_).position();
-  }
-  double rate() const override { return owner_.midpoint_ ? owner_.shown_v_[index_] : owner_.ode_joint(index_).rate(); }
+  double position() const override { return owner_.shown_q_[index_]; }
+  double rate() const override { return owner_.shown_v_[index_]; }
   void add_force(double force) override { owner_.ode_joint(index_).add_force(force); }
   void set_dry_friction(double force) override { owner_.ode_joint(index_).set_dry_friction(force); }
   double least_inertia() const override { return owner_.ode_joint(index_).least_inertia(); }
@@ -102,9 +100,6 @@ void PlanarMechanism::put(const std::vector<double>& q, const std::vector<double
     dBodySetLinearVel(part.body, f.vx, 0, f.vz);
     dBodySetAngularVel(part.body, 0, part.up * f.rate, 0);
   }
-  for (std::size_t i = 0; i < slots_.size(); ++i) {
-    if (slots_[i].hinge != nullptr) slots_[i].hinge->place(q[i]);
-  }
 }
 
 void PlanarMechanism::set_velocities(const std::vector<double>& v) {
@@ -138,13 +133,13 @@ void PlanarMechanism::place(const std::vector<double>& state) {
 
 void PlanarMechanism::read_state(double* out) const {
   for (std::size_t i = 0; i < slots_.size(); ++i) {
-    out[i] = midpoint_ ? q_[i] : ode_joint(i).position();
-    out[slots_.size() + i] = midpoint_ ? v_[i] : ode_joint(i).rate();
+    out[i] = q_[i];
+    out[slots_.size() + i] = v_[i];
   }
 }
 
 double PlanarMechanism::energy_J() const {
-  if (midpoint_) put(q_, v_);  // the step left them halfway
+  put(q_, v_);  // the step left them halfway
   return world_.energy_J(bodies_);
 }
 
@@ -165,13 +160,7 @@ void PlanarMechanism::drive(const double* motor) {
   }
 }
 
-bool PlanarMechanism::set_midpoint(bool midpoint) {
-  midpoint_ = midpoint;
-  return true;
-}
-
 void PlanarMechanism::begin(double step_s) {
-  if (!midpoint_) return;
   for (std::size_t i = 0; i < q_.size(); ++i) {
     shown_q_[i] = q_[i] + 0.5 * step_s * v_[i];
     shown_v_[i] = v_[i] + 0.5 * (v_[i] - last_v_[i]);
@@ -209,15 +198,9 @@ void PlanarMechanism::step(double step_s) {
   for (std::size_t i = 0; i < slots_.size(); ++i) {
     if (own_damping(i) != 0) joints_[i]->add_force(-own_damping(i) * joints_[i]->rate());
   }
-  if (midpoint_) {
-    push_turning();  // frames_ are those of begin()
-    set_velocities(v_);
-  }
+  push_turning();  // frames_ are those of begin()
+  set_velocities(v_);
   world_.step(step_s);
-  for (const Slot& slot : slots_) {
-    if (slot.hinge != nullptr) slot.hinge->follow();
-  }
-  if (!midpoint_) return;
   last_v_ = v_;
   for (std::size_t i = 0; i < q_.size(); ++i) {
     v_[i] = ode_rate(i);

@@ -19,15 +19,15 @@ struct Frame {
 Frame arm_end(const Frame& from, double length, double angle, double rate, double up);
 
 /// Bodies that move in the vertical plane, in generalised coordinates: one per state's position, and further ones for
-/// what effects add. Two ways to step:
+/// what effects add.
 ///
-/// Plain: ODE moves the bodies. Its velocities are those that fit the joints where the step began, so a turning body
-/// loses a share of rate^2 step / 2 of its speed each second: an error of first order that looks like drag.
+/// Midpoint steps: coordinates go half a step, ODE solves for the velocities there, coordinates go the other half. The
+/// bodies are put on the joints exactly, and the part of their acceleration that comes from turning alone is handed to
+/// ODE as a force, for which d'Alembert stands. Second order; for forces that depend on position alone it is the
+/// symplectic leapfrog. Velocity-dependent forces see the rate carried forward by half of the last step's change.
 ///
-/// Midpoint: coordinates go half a step, ODE solves for the velocities there, coordinates go the other half. The bodies
-/// are put on the joints exactly, and the part of their acceleration that comes from turning alone is handed to ODE as
-/// a force, for which d'Alembert stands. Second order; for forces that depend on position alone it is the symplectic
-/// leapfrog. Velocity-dependent forces see the rate carried forward by half of the last step's change.
+/// ODE's own steps are no alternative: their velocities fit the joints where the step began, so a turning body loses a
+/// share of rate^2 step / 2 of its speed each second, an error of first order that looks like drag.
 class PlanarMechanism : public Mechanism {
  public:
   explicit PlanarMechanism(double gravity_m_s2) : world_(gravity_m_s2) {}
@@ -35,7 +35,6 @@ class PlanarMechanism : public Mechanism {
   void place(const std::vector<double>& state) override;
   void read_state(double* out) const override;
   void drive(const double* motor) override;
-  bool set_midpoint(bool midpoint) override;
   void begin(double step_s) override;
   void step(double step_s) override;
   double energy_J() const override;
@@ -72,7 +71,7 @@ class PlanarMechanism : public Mechanism {
   OdeWorld world_;
 
  private:
-  /// A joint as effects see it: at the middle of the step while one is being made.
+  /// A joint as effects see it: at the middle of the step while one is made, turns counted.
   class Coordinate;
   struct Part {
     dBodyID body;
@@ -115,7 +114,6 @@ class PlanarMechanism : public Mechanism {
 
   std::vector<Extra> extras_;  // one for each part that is not the mechanism's own
   std::vector<Rotor> rotors_;
-  bool midpoint_ = false;
   std::vector<double> q_, v_, last_v_;  // coordinates
   std::vector<double> shown_q_, shown_v_;
   mutable std::vector<Frame> frames_;

@@ -15,6 +15,7 @@ class PlanarQuadrotor final : public Mechanism {
         drag_Ns_m_(p.at("drag_Ns_m")),
         world_(p.at("gravity_m_s2")),
         body_(make_body(p.at("mass_kg"), p.at("inertia_kgm2"))),
+        steps_(body_),
         x_(world_, body_, 0, p.at("mass_kg")),
         z_(world_, body_, 2, p.at("mass_kg")),
         tilt_(world_, body_, p.at("inertia_kgm2")) {}
@@ -27,6 +28,7 @@ class PlanarQuadrotor final : public Mechanism {
     dBodySetLinearVel(body_, state[3], 0, state[4]);
     dBodySetAngularVel(body_, 0, -state[5], 0);
     tilt_.place(state[2]);
+    steps_.place();
   }
 
   void read_state(double* out) const override {
@@ -43,10 +45,14 @@ class PlanarQuadrotor final : public Mechanism {
     dBodyAddRelForceAtRelPos(body_, 0, 0, motor[1], arm_m_, 0, 0);
   }
 
+  void begin(double step_s) override {
+    steps_.begin(step_s);
+    tilt_.follow();
+  }
   void step(double step_s) override {
     x_.add_force(-drag_Ns_m_ * x_.rate());
     z_.add_force(-drag_Ns_m_ * z_.rate());
-    world_.step(step_s);
+    steps_.step(world_, step_s);
     tilt_.follow();
   }
 
@@ -72,6 +78,7 @@ class PlanarQuadrotor final : public Mechanism {
   double drag_Ns_m_;
   OdeWorld world_;
   dBodyID body_;
+  FreeBodySteps steps_;
   FreeAxis x_;
   FreeAxis z_;
   FreeTilt tilt_;

@@ -6,7 +6,7 @@ namespace tiller::sim {
 namespace {
 
 /// A free body with four rotors in an X: front left, front right, rear left, rear right; x forward, y left, z up. ODE
-/// turns it, gyroscopic torque included. Each rotor pushes along the body's z where it stands; front left and rear
+/// turns it. Each rotor pushes along the body's z where it stands; front left and rear
 /// right turn clockwise as seen from above, and their drag turns the body the other way.
 class Quadrotor final : public Mechanism {
  public:
@@ -16,6 +16,7 @@ class Quadrotor final : public Mechanism {
         drag_Ns_m_(p.at("drag_Ns_m")),
         world_(p.at("gravity_m_s2")),
         body_(make_body(p)),
+        steps_(body_),
         axes_{{world_, body_, 0, p.at("mass_kg")},
               {world_, body_, 1, p.at("mass_kg")},
               {world_, body_, 2, p.at("mass_kg")}},
@@ -31,6 +32,7 @@ class Quadrotor final : public Mechanism {
     dVector3 w;
     dBodyVectorToWorld(body_, state[10], state[11], state[12], w);
     dBodySetAngularVel(body_, w[0], w[1], w[2]);
+    steps_.place();
     for (int i = 0; i < 4; ++i) shown_[i] = state[3 + static_cast<std::size_t>(i)];
   }
 
@@ -55,9 +57,10 @@ class Quadrotor final : public Mechanism {
     }
   }
 
+  void begin(double step_s) override { steps_.begin(step_s); }
   void step(double step_s) override {
     for (FreeAxis& axis : axes_) axis.add_force(-drag_Ns_m_ * axis.rate());
-    world_.step(step_s);
+    steps_.step(world_, step_s);
   }
 
   double energy_J() const override { return world_.energy_J({body_}); }
@@ -95,6 +98,7 @@ class Quadrotor final : public Mechanism {
   double drag_Ns_m_;
   OdeWorld world_;
   dBodyID body_;
+  FreeBodySteps steps_;
   FreeAxis axes_[3];
   BodyRate rates_[3];
   mutable double shown_[4] = {1, 0, 0, 0};

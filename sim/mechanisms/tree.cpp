@@ -98,7 +98,6 @@ class TreeMechanism final : public Mechanism {
   void drive(const double* motor) override {
     for (std::size_t k = 0; k < motors_.size(); ++k) force_[motors_[k]] += gains_[k] * motor[k];
   }
-  bool set_midpoint(bool) override { return true; }  // it has no other steps
   void begin(double step_s) override {
     for (std::size_t i = 0; i < q_.size(); ++i) {
       shown_q_[i] = q_[i] + 0.5 * step_s * v_[i];

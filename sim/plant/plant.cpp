@@ -60,10 +60,6 @@ struct Plant::Impl {
   /// A new world each time: nothing that ODE keeps inside can leak from one run into the next.
   bool build(std::string& error) {
     mechanism = info.build(parameters);
-    if (!mechanism->set_midpoint(options.midpoint)) {
-      error = "midpoint: the plant " + info.kind + " has plain steps alone";
-      return false;
-    }
     for (PlacedEffect& e : effects) {
       if (!e.effect->build(*mechanism, e.port, error)) return false;
       e.effect->reset(options.seed);

@@ -2,9 +2,9 @@
 
 #include "plants.hpp"
 
-// Without friction and motor a plant keeps its energy, up to the error of a first-order integrator: with
-// bodies that accelerate at a and move at v, one step of h misplaces the energy by about m a v h / 2, and
-// the error swings with the motion instead of adding up.
+// Without friction and motor a plant keeps its energy, up to the error of a symplectic integrator of second order: with
+// a motion at w rad/s, one step of h misplaces the energy E by about E (w h)^2 / 10, and the error swings with the motion
+// instead of adding up.
 
 namespace tiller::sim {
 namespace {
@@ -21,29 +21,29 @@ double worst_energy_error_J(PlantOptions options, double step_s) {
   return worst;
 }
 
-void expect_first_order(const PlantOptions& options, double bound_J) {
+void expect_second_order(const PlantOptions& options, double bound_J) {
   const double coarse = worst_energy_error_J(options, 0.001);
   const double fine = worst_energy_error_J(options, 0.0005);
   std::printf("energy error over 10 s: %.3e J at 1 ms, %.3e J at 0.5 ms\n", coarse, fine);
   EXPECT_LT(coarse, bound_J);
   EXPECT_GT(fine, 0);
-  // halves with the step; second-order terms are below h times the fastest rate, 1 %, and 10 % is generous
-  EXPECT_NEAR(coarse / fine, 2.0, 0.2);
+  // a quarter at half the step; further terms are below (w h)^2, 1e-4, and 5 % is generous
+  EXPECT_NEAR(coarse / fine, 4.0, 0.2);
 }
 
 TEST(Energy, PendulumKeepsIt) {
   PlantOptions o = pendulum();
   o.initial_state["angle_rad"] = 2.0;
-  // m = 0.5, l = 0.5, g = 9.81: falls by 0.71 m, so v <= 3.73 m/s and a <= g along the path;
-  // m g v h / 2 = 0.5 * 9.81 * 3.73 * 0.001 / 2 = 9.2e-3 J
-  expect_first_order(o, 9.2e-3);
+  // m = 0.5, l = 0.5, g = 9.81: falls by 0.71 m, 3.5 J, at up to 7.5 rad/s: 3.5 * (7.5e-3)^2 / 10 = 2e-5 J
+  expect_second_order(o, 2e-5);
 }
 
 TEST(Energy, CartPoleKeepsIt) {
   PlantOptions o = cart_pole();
   o.initial_state["angle_rad"] = 2.0;
-  // rod of 0.1 kg, its centre falls by 0.29 m: v <= 2.4 m/s; 0.1 * 9.81 * 2.4 * 0.001 / 2 = 1.2e-3 J
-  expect_first_order(o, 1.2e-3);
+  // a rod of 0.1 kg whose centre falls by 0.29 m, 0.28 J, at up to 5 rad/s: 0.28 * (5e-3)^2 / 10 = 7e-7 J, and as much
+  // for the cart
+  expect_second_order(o, 1.5e-6);
 }
 
 TEST(Energy, MotorWorkIsWhatTheBodiesGain) {
@@ -59,10 +59,8 @@ TEST(Energy, MotorWorkIsWhatTheBodiesGain) {
     before = x;
   }
   const double gained = plant->energy_J() - start;
-  // semi-implicit steps count the force on the new velocity: off by F a h / 2 per step of a = 2.7 m/s^2,
-  // 1 s of them: 3 * 2.7 * 0.0005 / 2 = 2e-3 J per second, and the rod's own error as above
   EXPECT_GT(gained, 3.0);
-  EXPECT_NEAR(gained, work, 5e-3);
+  EXPECT_NEAR(gained, work, 1e-5);  // the rod's error as above, at twice the rates
 }
 
 }  // namespace

@@ -14,7 +14,6 @@ using Parameters = std::map<std::string, double>;
 PlantOptions axis(const std::string& kind = "", const std::string& port = "", const Parameters& parameters = {}) {
   PlantOptions o;
   o.kind = "linear_axis";
-  o.midpoint = true;
   o.watchdog_timeout_s = 0;
   if (!kind.empty()) o.effects = {{kind, port, parameters}};
   return o;
@@ -23,7 +22,6 @@ PlantOptions axis(const std::string& kind = "", const std::string& port = "", co
 /// 0.5 kg at 0.5 m.
 PlantOptions arm(const std::string& kind, const Parameters& parameters, double damping = 0) {
   PlantOptions o = pendulum();
-  o.midpoint = true;
   o.parameters["damping_Nms"] = damping;
   o.effects = {{kind, "", parameters}};
   return o;
@@ -235,7 +233,6 @@ TEST(Sensors, ShowWhatTheyWereTold) {
 
 TEST(HiddenEffects, AtZeroParametersChangeNothing) {
   PlantOptions plain = cart_pole();
-  plain.midpoint = true;
   PlantOptions zero = plain;
   for (const auto& [kind, parameters] : std::vector<std::pair<std::string, std::vector<std::string>>>{
            {"stribeck_friction", {"friction_SI", "stiction_extra_SI", "stribeck_velocity_SI"}},

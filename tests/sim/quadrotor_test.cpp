@@ -32,8 +32,7 @@ void thrust(Plant& plant, double front_left_N, double front_right_N, double rear
 TEST(Quadrotor, FallsAndHovers) {
   auto falling = make(quadrotor());
   falling->advance(1.0);
-  // semi-implicit steps fall half a step longer: g t h / 2 = 2.5e-3 m
-  EXPECT_NEAR(truth(*falling)[2], -g / 2, 2.6e-3);
+  EXPECT_NEAR(truth(*falling)[2], -g / 2, 1e-9);  // a parabola, which second-order steps follow exactly
   auto hovering = make(quadrotor());
   thrust(*hovering, mass * g / 4, mass * g / 4, mass * g / 4, mass * g / 4);
   hovering->advance(5.0);
@@ -63,7 +62,6 @@ TEST(Quadrotor, EachPairOfRotorsTurnsItItsOwnWay) {
 // A free body that spins about its middle axis tumbles; energy and the length of its angular momentum stay.
 TEST(Quadrotor, TumblesUnderNoTorque) {
   PlantOptions o = quadrotor();
-  o.step_s = 1e-4;
   o.parameters = {
       {"gravity_m_s2", 0.0}, {"inertia_x_kgm2", 0.003}, {"inertia_y_kgm2", 0.005}, {"inertia_z_kgm2", 0.009}};
   o.initial_state = {{"roll_rad_s", 0.05}, {"pitch_rad_s", 5.0}, {"yaw_rad_s", 0.05}};
@@ -79,7 +77,7 @@ TEST(Quadrotor, TumblesUnderNoTorque) {
     upside_down = upside_down || truth(*plant)[11] < -4;
   }
   EXPECT_TRUE(upside_down) << "the middle axis is not stable";
-  EXPECT_NEAR(momentum(), before, 2e-3 * before);  // of steps of first order
+  EXPECT_NEAR(momentum(), before, 1e-5 * before);
 }
 
 TEST(Quadrotor, ItsQuaternionGoesOnWithoutJumps) {
@@ -102,8 +100,7 @@ TEST(Quadrotor, ItsQuaternionGoesOnWithoutJumps) {
 }
 
 // One short step of the plant from random states, attitudes of every kind among them: the change of its rates over the
-// step is the model's acceleration. ODE takes the gyroscopic torque implicitly and turns the attitude by the rates
-// after the step, both of first order in it.
+// step is the model's acceleration, to the first order in it.
 TEST(Quadrotor, AcceleratesAsTheModelSays) {
   const tiller_model_t& model = *tiller_find_model("quadrotor");
   std::mt19937_64 random(11);

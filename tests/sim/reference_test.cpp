@@ -69,11 +69,10 @@ TEST(Reference, CartPoleFollowsItsLagrangian) {
       const double fine = worst_difference(p, start, 0.0005);
       std::printf("M %.2f m %.2f l %.2f b %.2f from %.2f rad: %.2e at 1 ms, %.2e at 0.5 ms, ratio %.2f\n", p.M, p.m,
                   p.l, p.b, start[1], coarse, fine, coarse / fine);
-      // first order: acceleration (up to 60 rad/s^2 where the rod whips through) times h / 2 = 0.015 in the
-      // rates at 0.5 ms, and three times that for what two seconds of swinging make of it
-      EXPECT_LT(fine, 0.045);
-      // only discretisation may separate the two, so the difference halves with the step
-      EXPECT_NEAR(coarse / fine, 2, 0.2);
+      // second order: rates of up to 14 rad/s where the rod whips through, times (14 h)^2 / 12 = 6e-5 at 0.5 ms
+      EXPECT_LT(fine, 6e-5);
+      // only discretisation may separate the two, so the difference falls with the square of the step
+      EXPECT_NEAR(coarse / fine, 4, 0.2);
     }
   }
 }

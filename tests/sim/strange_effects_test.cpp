@@ -12,7 +12,6 @@ constexpr double kPi = 3.141592653589793;
 PlantOptions axis(const std::string& kind, const std::map<std::string, double>& parameters) {
   PlantOptions o;
   o.kind = "linear_axis";
-  o.midpoint = true;
   o.watchdog_timeout_s = 0;
   o.effects = {{kind, "", parameters}};
   return o;
@@ -185,7 +184,6 @@ TEST(SwingingLoad, AddsAPendulumAndKeepsEnergy) {
   for (const char* kind : {"pendulum", "cart_pole", "two_link_arm"}) {
     PlantOptions o;
     o.kind = kind;
-    o.midpoint = true;
     o.watchdog_timeout_s = 0;
     if (o.kind == "pendulum") o.initial_state["angle_rad"] = 1.0;
     if (o.kind == "two_link_arm") o.initial_state["shoulder_rad"] = 1.0;

@@ -221,7 +221,6 @@ kind = "transition"
 [limits]
 torque_Nm = { low = -1, high = 1 }
 [sim]
-midpoint = true
 )";
   std::string errors;
   const auto without = parse_robot_file(model, "rates.toml", errors);
@@ -234,7 +233,6 @@ midpoint = true
   const auto plant = make_sim_plant(*with, errors);
   ASSERT_NE(plant, nullptr) << errors;
   EXPECT_EQ(plant->measured_from, (std::vector<std::size_t>{1, 0}));
-  EXPECT_TRUE(plant->plant->options().midpoint);
 }
 
 TEST(RobotFile, MeasurementsKeepTheOrderOfTheFile) {

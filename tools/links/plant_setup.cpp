@@ -94,7 +94,6 @@ sim::PlantOptions plant_options(const RobotFile& robot, const sim::MechanismInfo
   options.command_latency_s = s.command_latency_s;
   options.watchdog_timeout_s = s.watchdog_s;
   options.step_s = s.step_s;
-  options.midpoint = s.midpoint;
   options.rates = s.rates;
   options.seed = s.noise_seed ? s.noise_seed : s.seed;
   return options;

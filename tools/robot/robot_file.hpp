@@ -76,7 +76,7 @@ struct SimSection {
   double watchdog_s = 0.1;
   double plan_timeout_s = 1.0;  ///< of the device: 0: plans are not watched
   double step_s = 0.0005;
-  bool midpoint = false, rates = false;
+  bool rates = false;
   std::uint64_t seed = 1;
 };
 

@@ -223,7 +223,6 @@ void read_sim(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   if (const auto v = section.number("watchdog_s")) sim.watchdog_s = *v;
   read_plan_timeout(section, robot, sim);
   if (const auto v = section.number("step_s")) sim.step_s = *v;
-  sim.midpoint = section.flag("midpoint").value_or(false);
   sim.rates = section.flag("rates").value_or(false);
   if (const auto v = section.count("seed")) sim.seed = static_cast<std::uint64_t>(*v);
 }

@@ -350,8 +350,6 @@ const std::vector<KeySpec> kOthers = {
     {"sim", "plan_timeout_s", K::number, "s", "1", 0, 60, false, hand, nullptr,
      "tiller sim: commands without a new plan for this long: the motor stops; 0: plans are not watched"},
     {"sim", "step_s", K::number, "s", "0.0005", 1e-6, 1e-3, false, hand, nullptr, "physics step, whole microseconds"},
-    {"sim", "midpoint", K::flag, "", "false", 0, 1, false, hand, nullptr,
-     "true: physics steps of second order, where the plant has them"},
     {"sim", "rates", K::flag, "", "false", 0, 1, false, hand, nullptr, "true: the plant has sensors for rates too"},
     {"sim", "seed", K::count, "", "1", 0, 9007199254740992.0, false, hand, nullptr, "of the plant's noise and of draw"},
 
@@ -506,6 +504,11 @@ const char* renamed_key(const std::string& section, const std::string& key) {
                                          {"sim.effects[]", "pitch_SI", "spatial_period_SI"}};
   for (const Renamed& renamed : kRenamed)
     if (section == renamed.section && key == renamed.was) return renamed.now;
+  return nullptr;
+}
+
+const char* removed_key(const std::string& section, const std::string& key) {
+  if (section == "sim" && key == "midpoint") return "every plant has steps of second order";
   return nullptr;
 }
 

@@ -62,6 +62,8 @@ const KeySpec* find_key(const std::string& section, const std::string& key);
 
 /// The present name of a key of earlier versions; null: it was never one.
 const char* renamed_key(const std::string& section, const std::string& key);
+/// Why a key of earlier versions is gone; null: it never was one.
+const char* removed_key(const std::string& section, const std::string& key);
 
 /// Whether the planner reads the key of [planner].
 bool planner_reads(const KeySpec& key, const std::string& planner);

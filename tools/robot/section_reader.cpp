@@ -241,6 +241,11 @@ Words SectionReader::refuse_unknown(const Words& also) {
       meant.emplace_back(now);
       continue;
     }
+    if (const char* why = removed_key(schema_, word)) {
+      errors_->at(value, path_of(word), std::string("is no key any more: ") + why, "delete the line");
+      meant.emplace_back();
+      continue;
+    }
     errors_->at(value, path_of(word), "unknown key", remedy_for_unknown(word, known));
     meant.push_back(nearest(word, known));
   }
