@@ -27,6 +27,18 @@ TILLER_INLINE Hook hook_of(std::uint32_t kind) {
   }
 }
 
+/// How many states of its own an effect has.
+TILLER_INLINE int state_count_of(std::uint32_t kind) {
+  switch (kind) {
+#define TILLER_EFFECT(name, Type) \
+  case tiller_effect_##name:      \
+    return static_cast<int>(Type<double>::info.state_count);
+#include "tiller/effects.def"
+#undef TILLER_EFFECT
+    default: return 0;
+  }
+}
+
 /// Whether the kernel's loops have the effect's text in them: where it says so and the scalar carries no derivatives,
 /// whose arithmetic is long.
 template <class Effect, class L, class = void>

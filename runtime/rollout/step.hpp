@@ -9,7 +9,7 @@
 //      b. force effects add to the generalised forces, then what was learnt of all joints together
 //      c. the integrator takes the free step, and quaternions come back to unit length
 //      d. effects act on the free step's velocities, implicitly, one after the other: more inertia, the drive train,
-//         what is elastic, what dissipates
+//         what is elastic, what dissipates; where several joints dissipate, sweep after sweep until they agree
 // The forces of d. are split off because they are stiff: solved for the velocity at the end of the step it is stable
 // at any step and can stop a joint exactly. The splitting is second order in the substep where the force is smooth.
 // Dissipation comes last, so that a joint can stick against all the rest.
@@ -62,7 +62,12 @@ struct Stepper {
   std::uint32_t slot_count[kHooks] = {};
   std::uint8_t lag_of[TILLER_MAX_EFFECTS];  // of an input effect that is a lag: its place among the lags
   std::uint8_t lags = 0;
-  std::uint32_t reacting = 0;  // bit j: something acts at joint j after the free step
+  std::uint32_t reacting = 0;     // bit j: something acts at joint j after the free step
+  std::uint32_t dissipating = 0;  // bit j: something that is swept acts there
+  std::uint8_t swept_as[TILLER_MAX_EFFECTS];  // of what acts after the free step: its place among what is swept
+  static constexpr std::uint8_t kNotSwept = 255;
+  static constexpr int kMostSwept = 2 * Model::kMostForces;  // bounds the stack; further ones act once
+  int swept = 0;
   State* moved = nullptr;      // read only with kTracks
 
   Stepper(const Model& m, const StepSetup& s, const Time& period_s)
@@ -78,6 +83,11 @@ struct Stepper {
     if (hook == Hook::input && slot.kind == tiller_effect_actuator_lag)
       lag_of[slot_count[static_cast<int>(hook)]] = lags++;
     const int list = static_cast<int>(hook == Hook::drive || hook == Hook::elastic ? Hook::dissipation : hook);
+    if (list == static_cast<int>(Hook::dissipation)) {
+      const bool again = hook == Hook::dissipation && state_count_of(slot.kind) == 0 && swept < kMostSwept;
+      swept_as[slot_count[list]] = again ? static_cast<std::uint8_t>(swept++) : kNotSwept;
+      if (again) dissipating |= 1u << slot.port;
+    }
     slots[list][slot_count[list]++] = slot;
   }
   /// The first joint that an input drives; make_step_setup has seen to it that there is one.
@@ -466,33 +476,55 @@ struct Stepper {
     }
   }
 
+  /// Sweeps over what dissipates at several joints. What one joint's friction does to its neighbours' velocities is known
+  /// after these have had theirs: a single sweep leaves a joint that should stick creeping, an error of the first order
+  /// of the step that is tens of times that of the rest. Successive over-relaxation of the complementarity problem
+  /// (Cottle, Golub and Sacher 1978) comes within a tenth of the exact solution's own error in five sweeps for an arm of
+  /// two links; the first and the last are not relaxed, so that no force ends beyond its level.
+  static constexpr int kSweeps = 5;
+  static constexpr double kRelaxation = 1.35;
+
   /// Drive train, elastic and dissipating effects, in this order.
   template <int kCount, int kSets>
   TILLER_INLINE void react(State* begin, Trajectory<Model, S>* t, const Input* u, const Response* response,
                            const Parameters<Model, S>* p, const PartOfAll<Model, S>& part) const {
-    for_effects<Hook::dissipation>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
-      at_port(model.joints(), slot.port, [&](auto j) TILLER_INLINED {
-        for (int r = 0; r < kCount; ++r) {
-          const Length<S>& step = part[r].step;
-          const S h = S(step.h);
-          const S* column = response[r][j];
-          JointStep<S> in;
-          S *q = model.template position<S>(begin[r], j), *q_free = model.template position<S>(t[r].x, j);
-          in.position = q ? *q : S(0.0);
-          in.middle = in.position;
-          if (q && setup.integrator != tiller_integrator_semi_implicit_euler)
-            in.middle = S(0.5) * (in.position + *q_free);
-          in.velocity = model.template velocity<S>(begin[r], j);
-          in.free = model.template velocity<S>(t[r].x, j);
-          in.gain = h * column[j];
-          in.drive = drive_force(u[r], j);
-          in.dt_s = h;
-          const S push = call_force<decltype(effect), S>(slot.kind, in, t[r].effect_state + slot.state,
-                                                         effect_params(p[kSets == 1 ? 0 : r], slot));
-          each(model.joints(), [&](auto i) TILLER_INLINED { change_velocity(t[r].x, i, h * column[i] * push, step); });
-        }
+    const int sweeps = (dissipating & (dissipating - 1)) != 0 ? kSweeps : 1;  // two joints or more
+    S pushes[kCount][kMostSwept];  // of the sweeps so far
+    for (int sweep = 0; sweep < sweeps; ++sweep) {
+      const S relaxation = S(sweep == 0 || sweep == sweeps - 1 ? 1.0 : kRelaxation);
+      for_effects<Hook::dissipation>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {
+        const std::uint8_t e = swept_as[&slot - slots[static_cast<int>(Hook::dissipation)]];
+        if (sweep > 0 && e == kNotSwept) return;
+        at_port(model.joints(), slot.port, [&](auto j) TILLER_INLINED {
+          for (int r = 0; r < kCount; ++r) {
+            const Length<S>& step = part[r].step;
+            const S h = S(step.h);
+            const S* column = response[r][j];
+            JointStep<S> in;
+            S *q = model.template position<S>(begin[r], j), *q_free = model.template position<S>(t[r].x, j);
+            in.position = q ? *q : S(0.0);
+            in.middle = in.position;
+            if (q && setup.integrator != tiller_integrator_semi_implicit_euler)
+              in.middle = S(0.5) * (in.position + *q_free);
+            in.velocity = model.template velocity<S>(begin[r], j);
+            in.free = model.template velocity<S>(t[r].x, j);
+            in.gain = h * column[j];
+            in.drive = drive_force(u[r], j);
+            in.dt_s = h;
+            if (sweep > 0) in.free = in.free - in.gain * pushes[r][e];
+            S push = call_force<decltype(effect), S>(slot.kind, in, t[r].effect_state + slot.state,
+                                                     effect_params(p[kSets == 1 ? 0 : r], slot));
+            if (sweeps > 1 && e != kNotSwept) {
+              const S before = sweep > 0 ? pushes[r][e] : S(0.0);
+              push = relaxation * (push - before);
+              pushes[r][e] = before + push;
+            }
+            each(model.joints(),
+                 [&](auto i) TILLER_INLINED { change_velocity(t[r].x, i, h * column[i] * push, step); });
+          }
+        });
       });
-    });
+    }
   }
 
   template <int kCount, int kSets, tiller_integrator_t kIntegrator>
