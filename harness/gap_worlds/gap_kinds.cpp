@@ -152,6 +152,7 @@ Parameters loose(double s, Port, const Typical&, Draws d) {
 Parameters supply_sag(double s, Port p, const Typical& t, Draws d) {
   return {{"droop_per_SI", 2 * s / t.input[p]}, {"recovery_s", d.between(0.2, 0.8)}};
 }
+Parameters gain_drift(double s, Port, const Typical&, Draws) { return {{"drift_1_s", -0.05 * s}}; }  // logs of 8 s
 Parameters jitter(double s, Port, const Typical&, Draws) { return {{"delay_s", 0.12 * s}}; }
 Parameters elastic(double s, Port p, const Typical& t, Draws d) {
   // a rotor within what a mass is known to: the spring is what shows
@@ -201,6 +202,7 @@ const std::vector<HiddenKind>& hidden_kind_table() {
       {"position_friction", P::motor_joint, true, position_friction},
       {"supply_sag", P::input, true, supply_sag},
       {"elastic_joint", P::ground_input, true, elastic},
+      {"gain_drift", P::input, true, gain_drift},
 
       {"gap_spring", P::spring_joint, false, gap_spring},
       {"wind_gusts", P::joint, false, wind},

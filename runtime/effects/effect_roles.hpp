@@ -16,7 +16,8 @@ enum EffectRole : std::uint32_t {
   kFollows = 1u << 3,  ///< the state is a value that follows the command
   kLoad = 1u << 4,     ///< the state is the mean of |command| over the time of parameter 1
   kLinear = 1u << 5,   ///< a force that is linear in the state, without memory
-  kWidth = 1u << 6     ///< the parameters are widths; of no width it does nothing
+  kWidth = 1u << 6,    ///< the parameters are widths; of no width it does nothing
+  kClock = 1u << 7     ///< the state is the time since the start of the run, or of its log
 };
 
 constexpr std::uint32_t kEffectRoles[] = {

@@ -159,6 +159,21 @@ class SupplySag final : public Effect {
   double load_ = 0;
 };
 
+/// A drive whose force changes steadily from its start on.
+class GainDrift final : public Effect {
+ public:
+  explicit GainDrift(const Parameters& p) : drift_1_s_(p.at("drift_1_s")) {}
+  void reset(std::uint64_t) override { time_s_ = 0; }
+  double drive(double wanted, const Moment& now) override {
+    time_s_ += now.step_s;
+    return wanted * std::max(0.0, 1 + drift_1_s_ * (time_s_ - 0.5 * now.step_s));
+  }
+
+ private:
+  double drift_1_s_;
+  double time_s_ = 0;
+};
+
 /// A line whose latency changes from one 20 ms to the next.
 class CommandJitter final : public Effect {
  public:
@@ -270,6 +285,11 @@ std::vector<EffectInfo> of_commands_and_the_rest() {
        {{"droop_per_SI"}, {"recovery_s"}},
        "the force sags under load",
        make_effect<SupplySag>},
+      {"gain_drift",
+       PortKind::command,
+       {{"drift_1_s"}},
+       "the force changes by this share each second",
+       make_effect<GainDrift>},
       {"command_jitter",
        PortKind::command,
        {{"delay_s"}},

@@ -22,7 +22,7 @@ TEST(EffectRoles, AgreeWithTheEffectsOwnHeaders) {
   for (std::uint32_t kind = 0; kind < effect_kind_count(); ++kind) {
     const EffectInfo& info = effect_info(kind);
     SCOPED_TRACE(info.name);
-    if (has_role(kind, kDelay | kLag | kLimit | kFollows | kLoad)) {
+    if (has_role(kind, kDelay | kLag | kLimit | kFollows | kLoad | kClock)) {
       EXPECT_EQ(info.port, PortKind::input);
     }
     if (has_role(kind, kDelay | kLag)) {
@@ -31,7 +31,7 @@ TEST(EffectRoles, AgreeWithTheEffectsOwnHeaders) {
     }
     // the others with a state at an input are moved by the joint, too
     const bool by_commands = info.port == PortKind::input && info.state_count > 0 && !info.needs_drive;
-    EXPECT_EQ(by_commands, has_role(kind, kLag | kFollows | kLoad));
+    EXPECT_EQ(by_commands, has_role(kind, kLag | kFollows | kLoad | kClock));
     if (has_role(kind, kLimit)) {
       EXPECT_EQ(info.params[0].scale, Scale::input);
     }
@@ -46,7 +46,7 @@ TEST(EffectRoles, AgreeWithTheEffectsOwnHeaders) {
 }
 
 TEST(EffectRoles, OneHasEach) {
-  for (const std::uint32_t role : {kDelay, kLag, kLimit, kFollows, kLoad, kLinear, kWidth}) {
+  for (const std::uint32_t role : {kDelay, kLag, kLimit, kFollows, kLoad, kLinear, kWidth, kClock}) {
     bool found = false;
     for (std::uint32_t kind = 0; kind < effect_kind_count(); ++kind) found = found || has_role(kind, role);
     EXPECT_TRUE(found) << role;
@@ -66,11 +66,13 @@ TEST(EffectLikeness, NamesOtherEffectsAndGoesBothWays) {
     for (std::string word; words >> word;) {
       const std::uint32_t other = kind_of(word.c_str());
       EXPECT_TRUE(are_alike(kind, other) && are_alike(other, kind)) << effect_info(kind).name << " " << word;
-      for (const char* alias : effect_info(kind).aliases) EXPECT_TRUE(!alias || word != alias) << word << ": said twice";
+      for (const char* alias : effect_info(kind).aliases)
+        EXPECT_TRUE(!alias || word != alias) << word << ": said twice";
     }
   }
   EXPECT_TRUE(are_alike(kind_of("dead_zone"), kind_of("cogging")));
-  EXPECT_FALSE(are_alike(kind_of("linear_spring"), kind_of("cubic_spring"))) << "both like cogging, not like each other";
+  EXPECT_FALSE(are_alike(kind_of("linear_spring"), kind_of("cubic_spring")))
+      << "both like cogging, not like each other";
 }
 
 }  // namespace

@@ -331,6 +331,16 @@ TEST(PositionFriction, FollowsItsLawAndHoldsWhereItIsLarge) {
   EXPECT_EQ(Rotor::rate(r.run({0.3, 0.2, 0.0, 0.6}, 0.0, 0.4, 50, 0.0), 50), 0.0);   // 0.5 holds 0.4
 }
 
+TEST(GainDrift, FallsBySoMuchEachSecond) {
+  Rotor r;
+  add_effect(r.config, tiller_effect_gain_drift, 0);
+  const double drift = -0.4, torque = 0.8;
+  const auto b = r.run(drift, 0.0, torque, 50);  // 1 s
+  EXPECT_NEAR(Rotor::rate(b, 50), torque * (1.0 + 0.5 * drift) / Rotor::kInertia, 1e-9);
+  const auto gone = r.run(-2.0, 0.0, torque, 100);  // nothing acts from 0.5 s on
+  EXPECT_NEAR(Rotor::rate(gone, 100), torque * 0.25 / Rotor::kInertia, 2e-3);
+}
+
 TEST(SupplySag, FallsWithTheMeanOfWhatWasAsked) {
   Rotor r;
   add_effect(r.config, tiller_effect_supply_sag, 0);

@@ -258,6 +258,7 @@ TEST(HiddenEffects, AtZeroParametersChangeNothing) {
            {"hard_stop", {"position_SI", "stiffness_SI", "damping_SI"}},
            {"position_friction", {"friction_SI", "cosine_SI", "sine_SI", "spatial_period_SI"}},
            {"supply_sag", {"droop_per_SI", "recovery_s"}},
+           {"gain_drift", {"drift_1_s"}},
            {"elastic_joint", {"stiffness_SI", "rotor_inertia_SI", "damping_SI"}}}) {
     HiddenEffect effect{kind, "", {}};
     for (const std::string& name : parameters) effect.parameters[name] = 0;

@@ -136,6 +136,16 @@ TEST(LooseCoupling, SlipsItsShareOfTheTime) {
   EXPECT_NEAR(slips / 4000.0, 0.25, 0.03);
 }
 
+TEST(GainDrift, FallsBySoMuchEachSecond) {
+  auto plant = make(axis("gain_drift", {{"drift_1_s", -0.25}}));
+  command(*plant, 2.0);
+  plant->advance(2.0);
+  EXPECT_NEAR(motor(*plant), 1.0, 1e-3);
+  EXPECT_NEAR(truth(*plant)[1], 2.0 * 2.0 - 0.25 * 2.0 * 2.0 * 2.0 / 2, 1e-9);  // 1 kg: the impulse
+  plant->advance(3.0);
+  EXPECT_EQ(motor(*plant), 0.0);  // never a push the other way
+}
+
 TEST(SupplySag, SagsUnderLoadAndRecovers) {
   auto plant = make(axis("supply_sag", {{"droop_per_SI", 0.25}, {"recovery_s", 0.1}}));
   command(*plant, 2.0);

@@ -36,6 +36,8 @@ std::vector<double> GridRollout::first_effect_state(const Grid& grid, std::size_
   for (std::uint32_t e = 0; e < setup_.effect_count; ++e)
     if (has_role(setup_.effects[e].kind, kFollows))
       first[setup_.effects[e].state] = grid.input[setup_.effects[e].port][start > 0 ? start - 1 : 0];
+    else if (has_role(setup_.effects[e].kind, kClock))
+      first[setup_.effects[e].state] = static_cast<double>(start) * grid.period_s;
   return first;
 }
 

@@ -105,6 +105,9 @@ void WindowRollout::run_in(const Window& w) {
                   data_.controls[w.grid][(start > 0 ? start - 1 : 0) * nu + setup.effects[e].port]);
     else if (has_role(setup.effects[e].kind, kFollows | kLoad))
       follow_commands(w, setup.effects[e], start);
+    else if (has_role(setup.effects[e].kind, kClock))
+      std::fill_n(effect_states_.begin() + setup.effects[e].state * kLanes, kLanes,
+                  data_.since_start_s[w.grid] + static_cast<double>(start) * data_.grids[w.grid].period_s);
   if (along > 0) return follow_path(w, start);
   if (w.run_in_steps == 0) return;
   RolloutJob<double> job;
