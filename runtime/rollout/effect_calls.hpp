@@ -19,7 +19,7 @@ constexpr int kHooks = static_cast<int>(Hook::body) + 1;
 TILLER_INLINE Hook hook_of(std::uint32_t kind) {
   switch (kind) {
 #define TILLER_EFFECT(name, Type, ...) \
-  case tiller_effect_##name:      \
+  case tiller_effect_##name:           \
     return Type<double>::hook;
 #include "tiller/effects.def"
 #undef TILLER_EFFECT
@@ -30,8 +30,8 @@ TILLER_INLINE Hook hook_of(std::uint32_t kind) {
 /// How many states of its own an effect has.
 TILLER_INLINE int state_count_of(std::uint32_t kind) {
   switch (kind) {
-#define TILLER_EFFECT(name, Type) \
-  case tiller_effect_##name:      \
+#define TILLER_EFFECT(name, Type, ...) \
+  case tiller_effect_##name:           \
     return static_cast<int>(Type<double>::info.state_count);
 #include "tiller/effects.def"
 #undef TILLER_EFFECT

@@ -62,13 +62,13 @@ struct Stepper {
   std::uint32_t slot_count[kHooks] = {};
   std::uint8_t lag_of[TILLER_MAX_EFFECTS];  // of an input effect that is a lag: its place among the lags
   std::uint8_t lags = 0;
-  std::uint32_t reacting = 0;     // bit j: something acts at joint j after the free step
-  std::uint32_t dissipating = 0;  // bit j: something that is swept acts there
+  std::uint32_t reacting = 0;                 // bit j: something acts at joint j after the free step
+  std::uint32_t dissipating = 0;              // bit j: something that is swept acts there
   std::uint8_t swept_as[TILLER_MAX_EFFECTS];  // of what acts after the free step: its place among what is swept
   static constexpr std::uint8_t kNotSwept = 255;
   static constexpr int kMostSwept = 2 * Model::kMostForces;  // bounds the stack; further ones act once
   int swept = 0;
-  State* moved = nullptr;      // read only with kTracks
+  State* moved = nullptr;  // read only with kTracks
 
   Stepper(const Model& m, const StepSetup& s, const Time& period_s)
       : model(m), setup(s), body(Body<S>::from(s.body)), substep_s(period_s / s.substeps) {
@@ -489,7 +489,7 @@ struct Stepper {
   TILLER_INLINE void react(State* begin, Trajectory<Model, S>* t, const Input* u, const Response* response,
                            const Parameters<Model, S>* p, const PartOfAll<Model, S>& part) const {
     const int sweeps = (dissipating & (dissipating - 1)) != 0 ? kSweeps : 1;  // two joints or more
-    S pushes[kCount][kMostSwept];  // of the sweeps so far
+    S pushes[kCount][kMostSwept];                                             // of the sweeps so far
     for (int sweep = 0; sweep < sweeps; ++sweep) {
       const S relaxation = S(sweep == 0 || sweep == sweeps - 1 ? 1.0 : kRelaxation);
       for_effects<Hook::dissipation>([&](auto effect, const EffectSlot& slot) TILLER_INLINED {

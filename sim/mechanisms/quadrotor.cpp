@@ -122,9 +122,18 @@ MechanismInfo quadrotor_info() {
       {"drag_Ns_m", 0.0, 0, true, "linear drag against the velocity"},
       {"gravity_m_s2", 9.81, 0, true, "gravity, downwards"},
   };
-  info.states = {{"x_m", "m"},          {"y_m", "m"},           {"z_m", "m"},         {"attitude_w", "1"},
-                 {"attitude_x", "1"},   {"attitude_y", "1"},    {"attitude_z", "1"},  {"x_m_s", "m/s"},
-                 {"y_m_s", "m/s"},      {"z_m_s", "m/s"},       {"roll_rad_s", "rad/s"}, {"pitch_rad_s", "rad/s"},
+  info.states = {{"x_m", "m"},
+                 {"y_m", "m"},
+                 {"z_m", "m"},
+                 {"attitude_w", "1"},
+                 {"attitude_x", "1"},
+                 {"attitude_y", "1"},
+                 {"attitude_z", "1"},
+                 {"x_m_s", "m/s"},
+                 {"y_m_s", "m/s"},
+                 {"z_m_s", "m/s"},
+                 {"roll_rad_s", "rad/s"},
+                 {"pitch_rad_s", "rad/s"},
                  {"yaw_rad_s", "rad/s"}};
   info.default_state = {0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0};
   info.measured = {0, 1, 2, 3, 4, 5, 6};

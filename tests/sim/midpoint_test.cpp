@@ -15,8 +15,7 @@ PlantOptions moving(const std::string& kind, double step_s) {
   if (kind == "acrobot" || kind == "two_link_arm")
     o.initial_state = {{"shoulder_rad", 0.5}, {"elbow_rad", 1}, {"elbow_rad_s", -2}};
   if (kind == "planar_quadrotor") o.initial_state = {{"tilt_rad", 0.3}, {"x_m_s", 2}, {"tilt_rad_s", 3}};
-  if (kind == "quadrotor")
-    o.initial_state = {{"x_m_s", 2}, {"roll_rad_s", 3}, {"pitch_rad_s", -2}, {"yaw_rad_s", 4}};
+  if (kind == "quadrotor") o.initial_state = {{"x_m_s", 2}, {"roll_rad_s", 3}, {"pitch_rad_s", -2}, {"yaw_rad_s", 4}};
   return o;
 }
 

@@ -131,7 +131,7 @@ TEST(HopperPlant, FliesAsTheEquationsSay) {
     return most;
   };
   const double coarse = fly(1e-4), fine = fly(5e-5);
-  EXPECT_LT(fine, 0.02);  // of rates up to 6 rad/s
+  EXPECT_LT(fine, 0.02);                 // of rates up to 6 rad/s
   EXPECT_NEAR(coarse / fine, 2.0, 0.3);  // plain steps are of first order
 }
 

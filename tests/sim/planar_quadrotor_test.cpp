@@ -70,7 +70,7 @@ TEST(PlanarQuadrotor, KeepsItsEnergyWhileNothingPushes) {
   const double start = plant->energy_J();
   plant->advance(1.0);
   EXPECT_NEAR(plant->energy_J(), start, 1e-6);  // of 20 J
-  EXPECT_NEAR(truth(*plant)[2], 9.0, 1e-6);  // and turns at its rate, beyond half a turn
+  EXPECT_NEAR(truth(*plant)[2], 9.0, 1e-6);     // and turns at its rate, beyond half a turn
   plant->advance(1.0);
   EXPECT_NEAR(truth(*plant)[2], 18.0, 1e-6);
 }

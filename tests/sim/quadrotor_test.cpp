@@ -14,8 +14,8 @@ namespace {
 
 constexpr double g = 9.81;
 constexpr double mass = 0.8;  // the plant's own default
-const char* const kStates[] = {"x_m",        "y_m",   "z_m",   "attitude_w", "attitude_x", "attitude_y", "attitude_z",
-                               "x_m_s",      "y_m_s", "z_m_s", "roll_rad_s", "pitch_rad_s", "yaw_rad_s"};
+const char* const kStates[] = {"x_m",   "y_m",   "z_m",   "attitude_w", "attitude_x",  "attitude_y", "attitude_z",
+                               "x_m_s", "y_m_s", "z_m_s", "roll_rad_s", "pitch_rad_s", "yaw_rad_s"};
 
 PlantOptions quadrotor() {
   PlantOptions o;
@@ -49,7 +49,7 @@ TEST(Quadrotor, EachPairOfRotorsTurnsItItsOwnWay) {
     return std::array<double, 3>{x[10], x[11], x[12]};
   };
   const auto roll = rates(1, 0, 1, 0), pitch = rates(0, 0, 1, 1), yaw = rates(1, 0, 0, 1);
-  EXPECT_GT(roll[0], 0);  // the left side rises: a turn about x, forward
+  EXPECT_GT(roll[0], 0);   // the left side rises: a turn about x, forward
   EXPECT_GT(pitch[1], 0);  // the tail rises: a turn about y, to the left
   EXPECT_GT(yaw[2], 0);    // clockwise rotors turn the body counter-clockwise
   for (const auto& [turn, axis] : {std::pair{roll, 0}, std::pair{pitch, 1}, std::pair{yaw, 2}})
