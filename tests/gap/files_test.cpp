@@ -175,8 +175,12 @@ TEST(Verdicts, ExitCodes) {
     r.verdict = c.verdict;
     EXPECT_EQ(exit_code_of(r, 1.1), c.code) << verdict_name(c.verdict);
   }
-  r.verdict = Verdict::named;
-  EXPECT_EQ(exit_code_of(r, 3.5), 0) << "within the budget";
+  for (const Verdict within : {Verdict::named, Verdict::ambiguous, Verdict::partly, Verdict::unnamed}) {
+    r.verdict = within;
+    EXPECT_EQ(exit_code_of(r, 3.5), 0) << verdict_name(within) << " within the budget";
+  }
+  r.verdict = Verdict::off_prior;
+  EXPECT_EQ(exit_code_of(r, 3.5), 2);
 }
 
 // ---- logs ----

@@ -172,6 +172,10 @@ TEST(Identify, FindsParametersThatAreKnown) {
   EXPECT_TRUE(result.candidates[1].fit.history.alarm().raised) << "no friction, mass learnt";
   EXPECT_FALSE(best.fit.history.alarm().raised)
       << tiller_feature_name(best.fit.history.alarm().feature) << " at " << best.fit.history.alarm().data_s << " s";
+  // and by the measure that tiller gap has: what rollouts of 1 s leave, noise alone being 1
+  EXPECT_FALSE(result.candidates[1].adequate()) << result.candidates[1].rollout_sigma;
+  EXPECT_TRUE(best.adequate()) << best.rollout_sigma;
+  EXPECT_NEAR(best.rollout_sigma, 1.0, 0.1);
 }
 
 // Mass and damping are learnt, which explain a part of what a spring or dry friction does.
@@ -367,6 +371,8 @@ TEST(Identify, JsonHasWhatThePageNeeds) {
   ASSERT_EQ(best["history"]["residuals"].size(), 1u) << "one sensor";
   EXPECT_EQ(best["history"]["residuals"][0]["rms"].size(), snapshots);
   EXPECT_TRUE(best.contains("alarm"));
+  EXPECT_EQ(best["adequate"], true);
+  EXPECT_LT(best["rollout_sigma"], 1.1);
 }
 
 TEST(Identify, EveryBadLogIsNamed) {

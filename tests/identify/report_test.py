@@ -77,6 +77,7 @@ def fit_result(learnt: int = 2, history: bool = True, held_out: bool = True, ade
                "prior_samples": rng.random((512, learnt)).tolist() if learns else []}
         if adequacy:
             out["alarm"] = None if learns else {"data_s": 0.7, "channel": "angle_rad", "feature": "velocity_sign"}
+            out["rollout_sigma"], out["adequate"] = (1.02, True) if learns else (6.31, False)
         if history:
             out["history"] = {"data_s": list(time), "stretches_s": [0.0, 1.2], "parameters": over_time,
                               **{key: [0.5] * 200 for key in ("effective_samples", "noise_scale", "exponent",
@@ -207,7 +208,7 @@ class Pages(unittest.TestCase):
         for word in ("arm &lt;1&gt;", "damping_1_SI", "pairs of parameters", "While the logs were taken in",
                      "effective sample size", "acceptance of moves", "300 of 512", "88 %", "90 % of readings",
                      "rollouts on held-out logs", "a warning", "Does the model explain the logs?", "dry friction",
-                     "inadequate after 0.700 s", "normalised residuals of rate_rad_s", "1 beyond the axes",
+                     "inadequate", "6.31", "angle_rad, from 0.700 s on", "normalised residuals of rate_rad_s", "1 beyond the axes",
                      "⚠ damping_0_SI at 0, its bound by physics"):
             self.assertIn(word, text)
         self.assertLess(len(text), 2_000_000)

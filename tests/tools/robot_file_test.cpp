@@ -188,9 +188,9 @@ TEST(RobotFileDrives, EveryProtocolIsReadAndEmulated) {
   const std::string manual = robot_file_markdown();
   for (const std::string& word : actuator_words()) {
     std::string errors;
-    const auto robot = parse_robot_file(
-        test::with("nodes = { force_N = 3 }", "nodes = { force_N = 3 }\nactuator = \"" + word + "\""), "robot.toml",
-        errors);
+    const auto robot =
+        parse_robot_file(test::with("nodes = { force_N = 3 }", "nodes = { force_N = 3 }\nactuator = \"" + word + "\""),
+                         "robot.toml", errors);
     ASSERT_NE(robot, nullptr) << errors;
     ActuatorSettings settings;
     ASSERT_TRUE(drive_settings(robot->transport.drives[0], robot->transport.nodes[0], settings, errors)) << errors;
@@ -248,7 +248,8 @@ TEST(RobotFile, MeasurementsKeepTheOrderOfTheFile) {
 }
 
 TEST(RobotFile, ShippedFilesAreValid) {
-  for (const char* name : {"cart_pole.toml", "pendulum.toml", "acrobot.toml", "planar_quadrotor.toml", "furuta.toml", "hopper.toml"}) {
+  for (const char* name :
+       {"cart_pole.toml", "pendulum.toml", "acrobot.toml", "planar_quadrotor.toml", "furuta.toml", "hopper.toml"}) {
     std::string errors;
     const auto robot = read_robot_file(std::string(TILLER_TEST_ROBOTS) + "/" + name, errors);
     ASSERT_NE(robot, nullptr) << errors;

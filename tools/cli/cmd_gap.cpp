@@ -303,7 +303,7 @@ void add_gap_command(CLI::App& app, int& exit_code) {
       "region), which effect of the catalogue explains it (`tiller effects`), with parameters, or which several do\n"
       "equally well and how to tell them apart, or that none does; and shows on held-out windows what adding it brings.\n"
       "\n"
-      "Exit codes: 0 no gap, or a named one within --budget; 1 named, and over the budget; 2 ambiguous, partly\n"
+      "Exit codes: 0 no gap, or any within --budget; 1 named, and over the budget; 2 ambiguous, partly\n"
       "explained or unnamed; 3 the data cannot answer (what, where, how to mend it is printed); 4 wrong option, robot\n"
       "file or folder; 5 a result could not be written; 130 stopped by Ctrl-C, what was done is kept.\n"
       "\n"

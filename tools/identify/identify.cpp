@@ -8,6 +8,7 @@
 #include "tools/base/progress_line.hpp"
 #include "tools/base/text.hpp"
 #include "tools/base/thread_pool.hpp"
+#include "tools/gap/fit/rollout_error.hpp"
 #include "tools/identify/identify_method.hpp"
 #include "tools/logs/log_formats.hpp"
 
@@ -69,6 +70,7 @@ bool assess(const Data& data, const IdentifyOptions& options, Assessed& assessed
   const std::vector<PriorEdge> edges = find_prior_edges(candidate.config, candidate.params, {assessed.fit.samples, {}});
   for (std::size_t i = 0; i < edges.size(); ++i) assessed.fit.params[i].edge = edges[i];
   assessed.on_fitted = score(candidate, assessed.fit, data.grids, options.score);
+  assessed.rollout_sigma = gap::rollout_error_sigma(candidate.config, data.grids, means_of(assessed.fit));
   if (!data.held_grids.empty()) assessed.on_held_out = score(candidate, assessed.fit, data.held_grids, options.score);
   return true;
 }
@@ -160,6 +162,28 @@ void append_errors(const Identified& result, const RobotFile& robot, bool held_o
   }
 }
 
+std::vector<double> means_of(const Fit& fit) {
+  std::vector<double> means;
+  for (const ParamSummary& p : fit.params) means.push_back(p.mean);
+  return means;
+}
+
+// "rollouts of 1 s leave 0.86 sigma", and what the test of single steps found.
+void append_adequacy(const Assessed& best, const RobotFile& robot, std::string& text) {
+  if (std::isfinite(best.rollout_sigma))
+    text +=
+        format("  %s: rollouts of %g s leave %.2f times the noise (tiller gap's measure; up to %g)\n",
+               best.adequate() ? "adequate" : "inadequate", gap::kWindow_s, best.rollout_sigma, gap::kExplained_sigma);
+  if (!best.adequate())
+    text += "  the intervals above hold for the noise, not for what the model lacks: tiller gap looks for it\n";
+  const Alarm& alarm = best.fit.history.alarm();
+  if (alarm.raised)
+    text += format("  %sfrom %.3g s of data on, residuals of %s go with: %s (see docs/guide/identify.md)\n",
+                   best.adequate() && std::isfinite(best.rollout_sigma) ? "something below the noise: " : "",
+                   alarm.data_s, robot.model->state_names[robot.config.measured_state[alarm.channel]],
+                   tiller_feature_name(alarm.feature));
+}
+
 }  // namespace
 
 bool identify(const RobotFile& robot, const IdentifyOptions& options, Identified& result, std::string& error) {
@@ -194,11 +218,7 @@ std::string identify_text(const RobotFile& robot, const Identified& result) {
     text +=
         "  so much noise means that the model misses something in these logs, or that an input was not what it was "
         "logged to be;\n  the intervals above are wide enough for the noise, not for a wrong model\n";
-  const Alarm& alarm = best.fit.history.alarm();
-  if (alarm.raised)
-    text += format("  inadequate: from %.3g s of data on, residuals of %s go with: %s (see docs/guide/identify.md)\n",
-                   alarm.data_s, robot.model->state_names[robot.config.measured_state[alarm.channel]],
-                   tiller_feature_name(alarm.feature));
+  append_adequacy(best, robot, text);
   if (best.fit.exponent < 1)
     text += format("  not converged: the data count with exponent %.3f; give more --moves\n", best.fit.exponent);
   if (!result.hold_out.empty()) append_errors(result, robot, true, text);

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <cmath>
 #include <string>
 #include <vector>
 
+#include "tools/gap/result/thresholds.hpp"
 #include "tools/identify/identify_score.hpp"
 #include "tools/logs/telling_rows.hpp"
 
@@ -23,8 +25,11 @@ struct IdentifyOptions {
 struct Assessed {
   Candidate candidate;
   Fit fit;
-  Score on_fitted;    ///< rollouts on the logs that were fitted
-  Score on_held_out;  ///< and on those that were not; no states if none were given
+  Score on_fitted;             ///< rollouts on the logs that were fitted
+  Score on_held_out;           ///< and on those that were not; no states if none were given
+  double rollout_sigma = NAN;  ///< on the logs that were fitted, as `tiller gap` measures it: 1 is noise alone
+  /// One definition for both commands: up to gap::kExplained_sigma. The alarm of single steps sees less than that.
+  bool adequate() const { return !(rollout_sigma > gap::kExplained_sigma); }
 };
 
 /// A log as it was read.

@@ -195,6 +195,8 @@ json candidate_json(const Assessed& assessed, const RobotFile& robot) {
               {"parameters", params},
               {"method", method_json(fit)},
               {"noise_scale", number(fit.noise_scale)},
+              {"rollout_sigma", number(assessed.rollout_sigma)},
+              {"adequate", assessed.adequate()},
               {"process_scale", number(fit.process_scale)},
               {"particles", fit.particles},
               {"effective_samples", number(fit.effective_samples)},

@@ -8,6 +8,7 @@
 #include "tiller/config.hpp"
 #include "tools/base/text.hpp"
 #include "tools/gap/fit/identifiability.hpp"
+#include "tools/gap/fit/rollout_error.hpp"
 #include "tools/gap/localise/localise.hpp"
 #include "tools/gap/pipeline/data.hpp"
 #include "tools/gap/pipeline/data_quality.hpp"
@@ -105,9 +106,7 @@ Result find_gap_on(const tiller_config_t& config, const std::vector<std::string>
   for (Grid& grid : hold_out) work.push_back(std::move(grid));
   const double scale = measure_time_scale(config, work);
   for (Grid& grid : work) grid.time_scale = scale;
-  Config fine = config;  // the kernel's own step errors must not look like physics
-  const double steps = std::ceil(config.period_s / (kSubstep_s * scale) - 1e-9);
-  fine.substeps = std::max(config.substeps, static_cast<std::uint32_t>(std::min(64.0, steps)));
+  const Config fine = with_fine_steps(config, scale);
   Session s{
       fine, config.substeps, options, make_window_data(std::move(work), config), {}, {}, {}, {}, {}, {}, {}, {}, {},
       {},   scale,           1.0};

@@ -163,6 +163,7 @@ struct Answer {
   double left = 0;                    // normalised RMS error that the best explanation leaves
 
   const Candidate& best() const { return found.entries[found.best]; }
+  bool within_budget() const { return result.nominal_sigma <= s.options.budget_sigma; }
   std::string text(const Candidate& e) const { return effects_text(e.effects(), *s.config.model); }
   std::string sigmas() const { return format("%.2f", result.nominal_sigma) + " sigma"; }
   std::string length() const { return format("%.3g s", kWindow_s * s.time_scale); }
@@ -270,7 +271,7 @@ void note_few_windows(const Answer& a, Result& result) {
 }
 
 void say_nothing_found(const Answer& a, Result& result) {
-  if (result.nominal_sigma > a.s.options.budget_sigma) {
+  if (!a.within_budget()) {
     if (result.leading != 0) return say_leading(a, result);
     result.verdict = Verdict::unnamed;
     result.sentence = "There is a gap of " + a.sigmas() +
@@ -297,7 +298,20 @@ const HorizonGap* worse_horizon(const Result& result) {
   return nullptr;
 }
 
+// Within the budget nothing has to be explained: what an effect makes better without being proven is a note.
+void say_within_budget(const Answer& a, const std::string& why, Result& result) {
+  result.verdict = Verdict::no_gap;
+  result.ambiguity.clear();
+  result.sentence = "Model and measurement agree within the budget of " + format("%.3g", a.s.options.budget_sigma) +
+                    " sigma: rollouts of " + a.length() + " leave " + a.sigmas() + ".";
+  result.notes.push_back(a.text(a.best()) + " (" + a.values() + ") makes them better, to " + format("%.2f", a.left) +
+                         " sigma, but " + why + ": it is not named.");
+}
+
 void say_refuted(const Answer& a, const HorizonGap& h, Result& result) {
+  if (a.within_budget())
+    return say_within_budget(a, "not those of " + format("%.3g", h.seconds) + " s on the windows kept for the proof",
+                             result);
   result.verdict = Verdict::unnamed;
   result.ambiguity.clear();
   result.sentence = a.text(a.best()) + " (" + a.values() + ") explains the windows worked on, but rollouts of " +
@@ -308,6 +322,7 @@ void say_refuted(const Answer& a, const HorizonGap& h, Result& result) {
 
 // Nothing is named that leaves most of the gap.
 void say_nearest(const Answer& a, Result& result) {
+  if (a.within_budget()) return say_within_budget(a, "it takes more than two effects to imitate what is left", result);
   const double before = result.nominal_sigma * result.nominal_sigma - 1, after = a.left * a.left - 1;
   const bool partly = before > 0 && after < kPartlyShare * before;
   result.verdict = partly ? Verdict::partly : Verdict::unnamed;

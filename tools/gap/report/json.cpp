@@ -144,10 +144,12 @@ json overlays_json(const Result& result) {
 }  // namespace
 
 int exit_code_of(const Result& result, double budget_sigma) {
+  if (result.verdict == Verdict::unfit) return 3;
+  // a parameter off its prior is told whatever the gap: the model fits by it
+  if (result.verdict != Verdict::off_prior && result.nominal_sigma <= budget_sigma) return 0;
   switch (result.verdict) {
     case Verdict::no_gap: return 0;
-    case Verdict::named: return result.nominal_sigma > budget_sigma ? 1 : 0;
-    case Verdict::unfit: return 3;
+    case Verdict::named: return 1;
     default: return 2;
   }
 }

@@ -245,17 +245,21 @@ def adequacy_table(result: dict) -> str:
     for candidate in result["candidates"]:
         if "alarm" not in candidate:
             continue
-        alarm = candidate["alarm"]
+        alarm, left = candidate["alarm"], candidate.get("rollout_sigma")
+        verdict = "adequate" if candidate.get("adequate", alarm is None) else "inadequate"
+        row = [_short(candidate, result["model"]), verdict, "" if left is None else page.number(left, 3)]
         if alarm is None:
-            body.append([_short(candidate, result["model"]), "adequate", "", "", ""])
+            body.append(row + ["", "", ""])
         else:
-            body.append([_short(candidate, result["model"]), f"inadequate after {page.number(alarm['data_s'], 3)} s",
-                         alarm["channel"], alarm["feature"].replace("_", " "), MEANING.get(alarm["feature"], "")])
+            body.append(row + [f"{alarm['channel']}, from {page.number(alarm['data_s'], 3)} s on",
+                               alarm["feature"].replace("_", " "), MEANING.get(alarm["feature"], "")])
     if not body:
         return ""
-    return ("<h2>Does the model explain the logs?</h2><p>One-step residuals are tested at every step: they must go with "
-            "nothing that was known before.</p>"
-            + page.rows(["model", "verdict", "residual of", "goes with", "which points to"], body))
+    return ("<h2>Does the model explain the logs?</h2><p>A model is adequate where rollouts of 1 s leave no more than 1.1 "
+            "times the noise, as <code>tiller gap</code> measures it. One-step residuals are tested at every step, too: "
+            "they must go with nothing that was known before. That test sees what is far smaller than the noise.</p>"
+            + page.rows(["model", "verdict", "rollouts leave (noise: 1)", "residual of", "goes with", "which points to"],
+                        body))
 
 
 def history_section(candidate: dict) -> str:
