@@ -162,12 +162,6 @@ void append_errors(const Identified& result, const RobotFile& robot, bool held_o
   }
 }
 
-std::vector<double> means_of(const Fit& fit) {
-  std::vector<double> means;
-  for (const ParamSummary& p : fit.params) means.push_back(p.mean);
-  return means;
-}
-
 // "rollouts of 1 s leave 0.86 sigma", and what the test of single steps found.
 void append_adequacy(const Assessed& best, const RobotFile& robot, std::string& text) {
   if (std::isfinite(best.rollout_sigma))

@@ -223,13 +223,13 @@ std::vector<Stretch> pilot_of(const std::vector<Stretch>& stretches) {
   return pilot;
 }
 
+}  // namespace
+
 std::vector<double> means_of(const Fit& fit) {
   std::vector<double> means;
   for (const ParamSummary& p : fit.params) means.push_back(p.mean);
   return means;
 }
-
-}  // namespace
 
 bool can_be_fitted(const tiller_config_t& config, std::string& error) {
   const char* field = nullptr;

@@ -68,6 +68,9 @@ struct Fit {
 /// Whether the library takes the configuration; a sentence in `error` if not.
 bool can_be_fitted(const tiller_config_t& config, std::string& error);
 
+/// (np) The parameters' means.
+std::vector<double> means_of(const Fit& fit);
+
 /// The candidate's configuration with its process noise as the fit found it.
 Config fitted_config(const Candidate& candidate, const Fit& fit);
 
