@@ -39,14 +39,12 @@ SensorLimits sensor_limits(const tiller_config_t& config) {
   return limits;
 }
 
-/// Arrays of the caller's become ones of the block's. The block is as large where one is left out: what that means is
-/// then written down.
+/// Arrays of the caller's become ones of the block's; one without elements becomes null.
 template <class T>
 T* keep(Arena& arena, const T*& array, std::size_t count) {
   T* own = arena.take<T>(count);
-  if (own == nullptr) return nullptr;
-  if (array != nullptr) std::copy(array, array + count, own);
-  array = own;
+  if (own != nullptr) std::copy(array, array + count, own);
+  if (own != nullptr || count == 0) array = own;
   return own;
 }
 
@@ -56,6 +54,7 @@ void keep_arrays(Arena& arena, tiller_config_t& c) {
   (void)keep(arena, c.priors, c.param_count);
   (void)keep(arena, c.cost.obstacles, c.cost.obstacle_count);
   (void)keep(arena, c.safety.cones, c.safety.cone_count);
+  // the block is as large where one of these is left out: what that means is then written down
   const struct {
     const double*& array;
     std::size_t count;

@@ -90,6 +90,52 @@ TEST(ConfigArrays, AreCopiedByInit) {
   for (const double u : commands) EXPECT_LE(std::fabs(u), 1.5);
 }
 
+/// The cost of the plan of the third tick of an acrobot that hangs, planned within bounds of its speeds.
+double plan_cost(const tiller_output_cost_t* outputs, std::uint32_t count, std::uint32_t planner) {
+  Config c;
+  EXPECT_EQ(tiller_config_default(&c, tiller_find_model("acrobot")), tiller_status_ok);
+  for (int i = 0; i < 8; ++i) c.priors[i] = {tiller_prior_fixed, 0, i < 4 ? 1.0 : 0.1, 0.0, -INFINITY, INFINITY};
+  c.posterior.enabled = 0;
+  c.planner.kind = planner;
+  c.planner.horizon = 10;
+  c.planner.rollouts = 32;
+  c.cost.target[0] = 1.0;
+  c.cost.state_weight[0] = c.cost.state_weight[2] = 1.0;
+  for (int i = 2; i < 4; ++i) {
+    c.state_low[i] = -8.0;
+    c.state_high[i] = 8.0;
+    c.bound_weight[i] = 1.0;
+  }
+  c.safety.input_low[0] = -5.0;
+  c.safety.input_high[0] = 5.0;
+  c.cost.outputs = outputs;
+  c.cost.output_count = count;
+  rig::Block block(tiller_size(&c));
+  tiller_t* t = nullptr;
+  EXPECT_EQ(tiller_init(&t, &c, nullptr, block.memory(), block.size()), tiller_status_ok);
+  if (t == nullptr) return NAN;
+  tiller_command_t command = {};
+  for (int k = 1; k < 5; ++k) {
+    const tiller_measurement_t m = {static_cast<std::int64_t>(k * 1e6 * c.period_s), static_cast<std::uint32_t>(k), 0, {}};
+    (void)tiller_tick(t, m.stamp_us, &m, &command);
+    if (k == 1) EXPECT_EQ(tiller_arm(t), tiller_status_ok);
+  }
+  tiller_info_t info;
+  tiller_get_info(t, &info);
+  return info.plan_cost;
+}
+
+// A model has outputs and the cost names none: an array of none is null in the block too, where "is there one?" is asked.
+TEST(ConfigArrays, OutputsThatNobodyAsksForCostNothing) {
+  const tiller_output_cost_t none[2] = {{0.0, 0.0, 0.0, -INFINITY, INFINITY, 0.0}, {0.0, 0.0, 0.0, -INFINITY, INFINITY, 0.0}};
+  for (const std::uint32_t planner : {tiller_planner_random_shooting, tiller_planner_cem, tiller_planner_mppi,
+                                      tiller_planner_mcts, tiller_planner_ilqr, tiller_planner_sqp, tiller_planner_hybrid}) {
+    const double cost = plan_cost(nullptr, 0, planner);
+    EXPECT_TRUE(std::isfinite(cost)) << planner;
+    EXPECT_EQ(cost, plan_cost(none, 2, planner)) << planner;
+  }
+}
+
 TEST(ConfigArrays, CountsWithoutAnArrayAreRefused) {
   const Config good = rig::pendulum_config();
   const char* field = "";
