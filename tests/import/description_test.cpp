@@ -100,6 +100,69 @@ TEST(Description, MistakesAreToldByLineAndWithARemedy) {
   EXPECT_NE(refusal(robot(), held).find("is 'turn' meant?"), std::string::npos);
 }
 
+// What hangs on a joint that is refused is connected all the same; and only what carries the whole robot is a base.
+TEST(Description, AFloatingJointInsideIsOneSentence) {
+  const std::string ball =
+      "<joint name=\"loose\" type=\"floating\"><parent link=\"arm\"/><child link=\"ball\"/></joint>\n"
+      "<link name=\"ball\"/>\n<joint name=\"on\" type=\"fixed\"><parent link=\"ball\"/><child link=\"tip\"/></joint>\n"
+      "<link name=\"tip\"/>\n";
+  const std::string remedy =
+      ", which only the joint that carries the whole robot may be; write it as prismatic and revolute joints, or hold it: "
+      "--hold loose\n";
+  EXPECT_EQ(refusal(robot("", "", ball)),
+            ::testing::TempDir() + "description_test.urdf:11: joint 'loose' is floating" + remedy);
+  std::string beside = ball;
+  beside.replace(beside.find("\"arm\""), 5, "\"base\"");
+  EXPECT_EQ(refusal(robot("", "", beside)),
+            ::testing::TempDir() + "description_test.urdf:11: joint 'loose' is floating" + remedy)
+      << "a free base would carry the arm too";
+  MechanismOptions held;
+  held.held = {{"loose", 0.0}};
+  EXPECT_EQ(refusal(robot("", "", ball), held), "");
+}
+
+// Joints by a pattern, and joints of a base that moves.
+TEST(Description, JointsAreHeldByPatternsAndByTheBase) {
+  Description description;
+  std::vector<std::string> errors;
+  std::string more;
+  for (const char* leg : {"FL", "FR", "RL", "RR"}) {
+    std::string above = "base";
+    for (const char* joint : {"hip", "thigh", "calf"}) {
+      const std::string name = std::string(leg) + "_" + joint;
+      more += "<joint name=\"" + name + "_joint\" type=\"continuous\"><parent link=\"" + above + "\"/><child link=\"" +
+              name + "\"/><axis xyz=\"0 1 0\"/></joint><link name=\"" + name +
+              "\"><inertial><mass value=\"1\"/><inertia ixx=\"0.01\" iyy=\"0.01\" izz=\"0.01\"/></inertial></link>\n";
+      above = name;
+    }
+  }
+  ASSERT_TRUE(read_urdf(path_of(robot("", "", more)), description, errors));
+  const auto joints_with = [&](const MechanismOptions& given) {
+    MechanismOptions options = given;
+    Mechanism mechanism;
+    errors.clear();
+    (void)(expand_held(description, options, errors) && build_mechanism(description, options, mechanism, errors));
+    EXPECT_TRUE(errors.empty()) << errors[0];
+    return name_model(mechanism).joints;
+  };
+  MechanismOptions options;
+  options.base = BaseKind::free;
+  EXPECT_EQ(joints_with(options).size(), 19u);
+  options.held = {{"base_y", 0.0}, {"base_yaw", 0.5}, {"base_roll", 0.0}, {"*_hip_joint", 0.1}, {"turn", 0.0}};
+  const std::vector<std::string> left = joints_with(options);
+  EXPECT_EQ(left.size(), 11u);
+  EXPECT_EQ((std::vector<std::string>{left.begin(), left.begin() + 3}),
+            (std::vector<std::string>{"base_x", "base_z", "base_pitch"}));
+  options.held = {{"*_knee", 0.0}};
+  EXPECT_FALSE(expand_held(description, options, errors));
+  EXPECT_NE(errors[0].find("--hold *_knee: "), std::string::npos);
+  EXPECT_NE(errors[0].find("FL_hip_joint"), std::string::npos);
+
+  EXPECT_EQ(pattern_of({"FL_hip_joint", "FR_hip_joint", "FL_calf_joint", "FR_calf_joint", "waist"}, 2),
+            "'*_hip_joint' (2 joints)");
+  EXPECT_EQ(pattern_of({"a", "b_c", "d"}, 1), "") << "no pattern tells two and leaves one";
+}
+
 // Rotor inertia from the command line, and a note where it is missing: 3 Nm on 1e-4 kgm2 are 30,000 rad/s2.
 TEST(Description, AJointWithoutARotorIsTold) {
   const std::string light =

@@ -324,6 +324,45 @@ TEST(Function, NamesAreChecked) {
             "which is no input and no element of f");
 }
 
+// A bioreactor's rates are per hour: a model's derivatives are per second.
+TEST(Function, RatesPerHourAreTakenAsSuch) {
+  // xdot = [mu x, u]
+  const Json f = small({{"input", 0, 0, 0},
+                        {"input", 1, 2, 0},
+                        {"mul", 1, 0, 1},
+                        {"input", 2, 1, 0},
+                        {"output", 0, 0, 1},
+                        {"output", 0, 1, 2}},
+                       {"mu_1_h"});
+  const std::string names = "[names]\nx = [\"biomass_g_L\", \"volume_L\"]\nu = [\"feed_L_h\"]\n";
+  const std::string values = "[parameters]\nmu_1_h = 0.4\n";
+  const auto rate = [](FunctionModel& model, std::size_t k) {
+    Words code;
+    (void)emit_code(model.graph, {model.derivatives[k]}, "", code);
+    return code[0];
+  };
+  FunctionModel model;
+  expect_in(told(f, names + values, model), "its derivatives are taken as changes per hour, for its rates are (feed_L_h, "
+                                            "mu_1_h), and divided by 3600; if they are per second: time = \"s\"");
+  EXPECT_NE(rate(model, 1).find("3600"), std::string::npos) << rate(model, 1);
+  const std::string robot = write_function_robot(model, "f.hpp");
+  expect_in(robot, "\nperiod_s = 72\n");
+  expect_in(robot, "volume_L = 0.00017");
+  expect_in(robot, "sensor_timeout_s = 360\n");
+
+  EXPECT_EQ(told(f, "time = \"s\"\n" + names + values, model).find("per hour"), std::string::npos);
+  EXPECT_EQ(rate(model, 1).find("3600"), std::string::npos) << rate(model, 1);
+  (void)told(f, "time = \"min\"\n" + names + values, model);
+  EXPECT_NE(rate(model, 1).find("60"), std::string::npos) << rate(model, 1);
+
+  // names of both kinds decide nothing, and a joint's speed is per second
+  const std::string both = "[names]\nx = [\"x_m\", \"x_m_s\"]\nu = [\"feed_L_h\"]\n";
+  expect_in(refusal(f, both + values), "has rates per hour (feed_L_h, mu_1_h) and per second (x_m_s); say what");
+  expect_in(refusal(f, "time = \"day\"\n" + names + values), "time is not \"s\", \"min\" or \"h\"");
+  expect_in(refusal(with({"add", 3, 0, 2}), "time = \"h\"\n[joints]\na = { velocity = \"v_rad_s\", force = \"u_Nm\" }\n"),
+            "has derivatives per h and joints");
+}
+
 TEST(Function, ParametersHaveValues) {
   FunctionModel model;
   const std::string notes = told(function(), details(), model);

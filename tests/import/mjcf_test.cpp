@@ -79,6 +79,7 @@ std::string told(const Json& json, const MechanismOptions& options = {}) {
   EXPECT_EQ(refusal(json, robot, mechanism, options), "");
   std::string all;
   for (const std::string& note : mechanism.notes) all += note + "\n";
+  for (const std::string& what : mechanism.left_out) all += what + "\n";
   return all;
 }
 void expect_in(const std::string& all, const std::string& part) { EXPECT_NE(all.find(part), std::string::npos) << all; }
@@ -127,6 +128,7 @@ TEST(Mjcf, WhatActsAtAJointIsTaken) {
   expect_in(file, "gravity_x_m_s2 = 1.2\ngravity_z_m_s2 = -9.6\n");
   expect_in(file, "pan_rad = 0.5");
   const std::string notes = told(machine());
+  expect_in(file, "# - position servo lifter: the law is not read");
   for (const char* part : {"free thing toy: ", "position servo lifter: ", "geared motors drive (40), jaw (3): ",
                            "puller (tendon cord): ", "tendon cord: "})
     expect_in(notes, part);
@@ -173,6 +175,12 @@ TEST(Mjcf, WhatHasNoEquationsHereIsRefusedOrTold) {
   expect_in(told(changed([](Json& j) { j["actuators"] = Json::array(); })), "every joint is taken as driven");
   expect_in(told(changed([](Json& j) { j["joints"][1]["beyond"] = {"springs of higher order"}; })),
             "joint 'pan' has springs of higher order: not read");
+  expect_in(told(changed([](Json& j) {
+              j["touching"] = 9;
+              j["touching_world"] = {"arm", "a", "b", "c", "d", "e"};
+            })),
+            "CONTACTS are not read: 9 shapes may touch something, those of arm, a, b, c and 2 more also what stands on the "
+            "world; ");
   // the toy gets a limb: two robots; the machine floats itself: the toy is left out, and the base may move
   expect_in(refusal(changed([](Json& j) {
               j["joints"][6]["body"] = 8;

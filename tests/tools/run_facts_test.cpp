@@ -214,7 +214,17 @@ TEST(Units, AreWhatAFieldsNameEndsIn) {
                                    {"coefficient", ""},
                                    {"s", ""},
                                    {"upper_mass_kg", "kg"},
-                                   {"dead_zone_Nm", "N m"}};
+                                   {"dead_zone_Nm", "N m"},
+                                   {"mu_max_1_h", "1/h"},
+                                   {"feed_L_h", "L/h"},
+                                   {"sugar_g_L", "g/L"},
+                                   {"uptake_g_L_h", "g/L/h"},
+                                   {"speed_m_h", "m/h"},
+                                   {"com_h", ""},      // a height
+                                   {"wheel_L", ""},    // the left one
+                                   {"joint_1_m", "m"},
+                                   {"lag_1_s", "s"},
+                                   {"wheel_L_rad_s", "rad/s"}};
   for (const auto& [name, unit] : fields) EXPECT_EQ(unit_of_field(name), unit) << name;
 }
 

@@ -207,8 +207,35 @@ bool outputs_fit(const Spheres& spheres, const SphereOutputs& distances, std::si
   return false;
 }
 
+/// Of a model without inputs.
+std::string why_undriven(const Mechanism& mechanism) {
+  if (mechanism.idle_drives.empty()) return ", so there is nothing to control: what moves is held, follows or has no motor";
+  return ": the file's actuators drive " + join(mechanism.idle_drives) +
+         ", and only those at hinges and slides are read; give the joints motors there, or take <actuator> out, and every "
+         "joint is taken as driven";
+}
+
+/// What leaves a model with enough joints less, as options.
+std::string ways_out(const Options& o, const Mechanism& mechanism, const ModelNames& names, std::size_t many) {
+  Words own;
+  std::size_t of_base = 0;
+  for (const int b : names.bodies) {
+    const std::string& joint = mechanism.bodies[static_cast<std::size_t>(b)].joint;
+    const bool is_base = o.base != "fixed" && joint.rfind("base_", 0) == 0;
+    of_base += is_base ? 1 : 0;
+    if (!is_base) own.push_back(joint);
+  }
+  Words ways;
+  if (of_base == 6 && many <= 3)
+    ways.push_back("--hold base_y,base_yaw,base_roll: the base moves in its x-z plane alone");
+  if (const std::string pattern = pattern_of(own, many); !pattern.empty()) ways.push_back("--hold " + pattern);
+  if (of_base >= many) ways.push_back("no --base: the joints alone, " + std::to_string(own.size()));
+  ways.push_back("--hold JOINT[=POSITION],... of joints that do not matter; there are " + join(own));
+  return "hold " + std::to_string(many) + " or more:\n  " + join(ways, "\n  ");
+}
+
 /// What a model may have; the remedy names joints to hold.
-bool within_limits(const Mechanism& mechanism, const ModelNames& names, const Unknowns& unknowns,
+bool within_limits(const Options& o, const Mechanism& mechanism, const ModelNames& names, const Unknowns& unknowns,
                    std::vector<std::string>& errors) {
   const auto over = [&](const char* what, std::size_t has, int most, const std::string& remedy) {
     if (has > static_cast<std::size_t>(most))
@@ -216,19 +243,18 @@ bool within_limits(const Mechanism& mechanism, const ModelNames& names, const Un
                        std::to_string(most) + "; " + remedy);
   };
   const std::size_t many = names.joints.size() > TILLER_MAX_JOINTS ? names.joints.size() - TILLER_MAX_JOINTS : 0;
-  over("joints", names.joints.size(), TILLER_MAX_JOINTS,
-       "hold " + std::to_string(many) +
-           " that do not matter, by commas: --hold JOINT[=POSITION],..., for example --hold " +
-           mechanism.bodies.back().joint);
+  over("joints", names.joints.size(), TILLER_MAX_JOINTS, ways_out(o, mechanism, names, many));
   static_assert(2 * TILLER_MAX_JOINTS <= TILLER_MAX_STATES, "a position and a speed for each joint");
-  over("inputs", names.inputs.size(), TILLER_MAX_INPUTS, "hold some: --hold JOINT[=POSITION]");
+  if (many > 0) return false;  // what follows counts the same joints
+  static_assert(TILLER_MAX_INPUTS >= TILLER_MAX_JOINTS, "an input for each joint");
   std::size_t effects = unknowns.payload ? 1 : 0;
   for (const JointFriction& f : unknowns.friction) effects += (f.viscous.empty() ? 0 : 1) + (f.dry.empty() ? 0 : 1);
   for (const MovingBody& b : mechanism.bodies)
     if (b.mimics < 0 && b.stiffness > 0.0) effects += b.rest != 0.0 ? 2 : 1;
-  over("parameters", unknowns.parameters.size() + effects, TILLER_MAX_PARAMS, "name fewer with --unknown");
-  over("effects", effects, TILLER_MAX_EFFECTS, "name fewer with --unknown");
-  if (names.inputs.empty()) errors.push_back(mechanism.path + ": no joint is driven, so there is nothing to control");
+  const std::string fewer = "name fewer with --unknown, or hold joints: --hold JOINT[=POSITION],...";
+  over("parameters", unknowns.parameters.size() + effects, TILLER_MAX_PARAMS, fewer);
+  over("effects of friction and springs", effects, TILLER_MAX_EFFECTS, fewer);
+  if (names.inputs.empty()) errors.push_back(mechanism.path + ": no joint is driven" + why_undriven(mechanism));
   return errors.empty();
 }
 
@@ -250,9 +276,6 @@ bool make_plant(const Options& o, const MechanismOptions& options, const Mechani
                 std::vector<std::string>& notes, std::string& error) {
   if (options.base != BaseKind::fixed) {
     notes.push_back(o.description + ": a base that moves has no ODE plant; [sim] plant = \"model\"");
-    notes.push_back(o.description +
-                    ": neither thrust nor contact with the ground is described, so only the joints' own motors move the "
-                    "base; `tiller models` lists robots that fly and drive");
     return true;
   }
   if (mechanism.gravity_m_s2[0] != 0.0) {
@@ -327,6 +350,8 @@ int write_files(const Options& o, const MechanismOptions& options, const Descrip
   if (!frame_name.empty())
     std::printf("  frame %s carries the payload and has targets in [cost]; others: --frame NAME,...\n",
                 frame_name.c_str());
+  if (!mechanism.left_out.empty()) std::printf("neither in the model nor in its simulated plant:\n");
+  for (const std::string& what : mechanism.left_out) std::printf("  %s\n", what.c_str());
   std::printf("next:\n  tiller check %s\n  tiller run %s --sim --seconds 5 --report %s/run.html\n", robot_path.c_str(),
               robot_path.c_str(), o.folder.c_str());
   return kExitOk;
@@ -385,9 +410,9 @@ int import_command(Options& o) {
   Unknowns unknowns;
   std::vector<int> frames;
   if (!read_joint_options(o, options, errors) || !read_description(o.description, description, errors) ||
-      !build_mechanism(description, options, mechanism, errors) ||
+      !expand_held(description, options, errors) || !build_mechanism(description, options, mechanism, errors) ||
       !read_unknowns(o.unknown, mechanism, unknowns, errors) || !read_frames(mechanism, o.frame, frames, errors) ||
-      !within_limits(mechanism, name_model(mechanism), unknowns, errors))
+      !within_limits(o, mechanism, name_model(mechanism), unknowns, errors))
     return complain_all(errors);
   if (o.folder.empty()) o.folder = identifier(mechanism.name);
   while (o.folder.size() > 1 && o.folder.back() == '/') o.folder.pop_back();
@@ -424,7 +449,8 @@ void add_import_command(CLI::App& app, int& exit_code) {
       ->delimiter(',');
   command->add_option("--base", o->base, "fixed, planar (x, y, yaw) or free (x, y, z, yaw, pitch, roll) [fixed]")
       ->check(CLI::IsMember({"fixed", "planar", "free"}));
-  command->add_option("--hold", o->hold, "joints that do not move: JOINT or JOINT=POSITION; several by commas")
+  command->add_option("--hold", o->hold, "joints that do not move: JOINT or JOINT=POSITION, of a base that moves too (base_yaw);\n"
+                                        "'*_hip' for every one called so; several by commas")
       ->delimiter(',');
   command
       ->add_option("--armature", o->armature,

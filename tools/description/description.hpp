@@ -68,7 +68,9 @@ struct Description {
   std::string free_joint;  ///< what carries the whole robot through space, where the file has such a joint: fixed here
   Vec3<double> gravity_m_s2{0.0, 0.0, -9.81};
   std::string compiled;            ///< of an MJCF: what MuJoCo says of it, as JSON, which can be read in its place
-  std::vector<std::string> notes;  ///< "file:line: what was left out, and why"
+  std::vector<std::string> notes;  ///< "file:line: what was read otherwise than it stands there, and why"
+  std::vector<std::string> left_out;  ///< what acts on the robot and on no model of it, a sentence each
+  std::vector<std::string> idle_drives;  ///< "name (tendon t)" of actuators that drive no joint of the model
 };
 
 /// Reads a description, by what the file holds and not by its name: a URDF (<robot>), an MJCF (<mujoco>), an .mjb, or the

@@ -87,13 +87,17 @@ class DetailsReader {
 
   void read(const Json& json) {
     if (!json.is_object()) return error("", "is no table of keys");
-    const Words known{"name", "period_s", "names", "parameters", "limits", "joints", "angles"};
+    const Words known{"name", "period_s", "time", "names", "parameters", "limits", "joints", "angles"};
     for (const auto& [key, value] : json.items()) {
       if (key == "name") {
         if (expect(value.is_string(), key, "a text")) details_.name = value.get<std::string>();
       } else if (key == "period_s") {
         if (expect(value.is_number() && value.get<double>() > 0.0, key, "a number of seconds above 0"))
           details_.period_s = value.get<double>();
+      } else if (key == "time") {
+        const bool is = value.is_string() && (value == "s" || value == "min" || value == "h");
+        if (expect(is, key, "\"s\", \"min\" or \"h\", what the derivatives are per"))
+          details_.time = value.get<std::string>();
       } else if (key == "names") {
         each(value, key, [&](const std::string& port, const Json& names) { read_names(port, names); });
       } else if (key == "parameters") {

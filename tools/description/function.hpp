@@ -41,6 +41,7 @@ struct FunctionDetails {
   std::string path;                                       ///< for messages; empty: there is none
   std::string name;                                       ///< the robot's; empty: the file's
   double period_s = 0.0;                                  ///< 0: the default
+  std::string time;                                       ///< what xdot is per: "s", "min", "h"; empty: not said
   std::map<std::string, Words> names;                     ///< of the elements, by argument or result
   std::map<std::string, std::vector<double>> parameters;  ///< values, column by column, by element or symbol
   std::map<std::string, std::pair<double, double>> limits;

@@ -55,9 +55,16 @@ class CompiledReader {
  private:
   void error(const std::string& what) { errors_.push_back(robot_.path + ": " + what); }
   void note(const std::string& what) { robot_.notes.push_back(robot_.path + ": " + what); }
+  void leave_out(const std::string& what) { robot_.left_out.push_back(what); }
+  static std::string listed(const std::string& what, const Words& names) {
+    return what + (names.size() > 1 ? "s " : " ") + join(names) + ": ";
+  }
   /// A note about all that are named in a list.
   void note_of(const std::string& what, const Words& names, const std::string& says) {
-    if (!names.empty()) note(what + (names.size() > 1 ? "s " : " ") + join(names) + ": " + says);
+    if (!names.empty()) note(listed(what, names) + says);
+  }
+  void leave_out_of(const std::string& what, const Words& names, const std::string& says) {
+    if (!names.empty()) leave_out(listed(what, names) + says);
   }
 
   std::string body_name(std::size_t b) const { return text(bodies_[b], "name"); }
@@ -178,7 +185,7 @@ class CompiledReader {
     joint.armature = number(json, "armature");
     joint.actuated = false;
     for (const Json& what : json.at("beyond"))
-      note("joint '" + joint.name + "' has " + what.get<std::string>() + ": not read");
+      leave_out("joint '" + joint.name + "' has " + what.get<std::string>() + ": not read");
     robot_.joints.push_back(joint);
   }
 
@@ -218,11 +225,13 @@ class CompiledReader {
       effort[target] += gear * force;
     }
     for (const auto& [kind, names] : kinds)
-      note_of(kind, names, "the law is not read: inputs are joint forces; the force's limits are, where there are any");
+      leave_out_of(kind, names,
+                   "the law is not read: inputs are joint forces; the force's limits are, where there are any");
     note_of("geared motor", geared, "the input is the joint's force, so many times MuJoCo's ctrl");
     note_of("actuator", one_way, "pushes one way; [limits] has both: correct them there");
-    note_of("actuator", lagging, "filters and delays are not read; name a lag or a delay in [[effects]]");
-    note_of("actuator", elsewhere, "drives no hinge or slide, not read: what it moves has no input");
+    leave_out_of("actuator", lagging, "filters and delays are not read; name a lag or a delay in [[effects]]");
+    leave_out_of("actuator", elsewhere, "drives no hinge or slide, not read: what it moves has no input");
+    robot_.idle_drives = elsewhere;
     for (const Json& j : json_.at("joints")) {
       JointText* joint = find_joint(text(j, "name"));
       if (joint == nullptr) continue;
@@ -269,7 +278,7 @@ class CompiledReader {
         const auto ends = e.at("bodies").get<std::array<std::string, 2>>();
         robot_.ties.push_back({name, type, ends[0], ends[1]});
       } else {
-        note("equality '" + name + "' (" + type + ") is not read");
+        leave_out("equality '" + name + "' (" + type + ") is not read");
       }
     }
   }
@@ -280,7 +289,7 @@ class CompiledReader {
     const auto c = e.at("data").get<std::array<double, 5>>();
     JointText* joint = find_joint(own);
     if (joint == nullptr)
-      return note("equality '" + name + "' couples '" + own + "', which is no hinge or slide: not read");
+      return leave_out("equality '" + name + "' couples '" + own + "', which is no hinge or slide: not read");
     const bool alone = e.at("joints").size() < 2;
     if (alone || c[2] != 0.0 || c[3] != 0.0 || c[4] != 0.0)
       return error(
@@ -311,16 +320,31 @@ class CompiledReader {
     Words tendons, light;
     for (const Json& t : json_.at("tendons"))
       if (t.at("acts").get<bool>()) tendons.push_back(text(t, "name"));
-    note_of("tendon", tendons, "springs, damping, friction, inertia and limits of tendons are not read");
+    leave_out_of("tendon", tendons, "springs, damping, friction, inertia and limits of tendons are not read");
     for (std::size_t b = 0; b < bodies_.size(); ++b)
       if (number(bodies_[b], "gravcomp") != 0.0 && !left_out(b)) light.push_back(body_name(b));
-    note_of("link", light, "gravcomp is not read: the joints carry the whole weight");
+    leave_out_of("link", light, "gravcomp is not read: the joints carry the whole weight");
     if (number(json_, "density") > 0.0 || number(json_, "viscosity") > 0.0 || !json_.at("fluid_bodies").empty())
-      note("the medium's density and viscosity are not read");
-    note_of("plugin", json_.at("plugins").get<Words>(), "not read");
-    note_of("soft part", json_.at("flexes").get<Words>(), "not read: bodies are rigid");
-    if (const int count = json_.at("touching").get<int>(); count > 0)
-      note("contacts are not read (" + std::to_string(count) + " shapes that may touch)");
+      leave_out("the medium's density and viscosity are not read");
+    leave_out_of("plugin", json_.at("plugins").get<Words>(), "not read");
+    leave_out_of("soft part", json_.at("flexes").get<Words>(), "not read: bodies are rigid");
+    leave_out_contacts();
+  }
+
+  void leave_out_contacts() {
+    const int count = json_.at("touching").get<int>();
+    if (count == 0) return;
+    // of a JSON that an older import has kept, nobody knows
+    Words bodies = json_.value("touching_world", Words{});
+    constexpr std::size_t kTold = 4;
+    const std::size_t more = bodies.size() > kTold ? bodies.size() - kTold : 0;
+    bodies.resize(bodies.size() - more);
+    const std::string on_world = bodies.empty() ? ""
+                                                : ", those of " + join(bodies) +
+                                                      (more > 0 ? " and " + std::to_string(more) + " more" : "") +
+                                                      " also what stands on the world";
+    leave_out("CONTACTS are not read: " + std::to_string(count) + " shapes may touch something" + on_world +
+              "; in the model links pass through each other and the ground, feet push on nothing and grippers hold nothing");
   }
 
   const Json& json_;

@@ -87,7 +87,7 @@ class FigureText {
 
   std::string state_of(const std::string& joint) const {
     const auto body = body_.find(joint);
-    if (body == body_.end()) return "0";
+    if (body == body_.end()) return held_.count(joint) > 0 ? number(held_.at(joint)) : "0";
     const MovingBody& b = mechanism_.bodies[body->second];
     const int leader = b.mimics >= 0 ? b.mimics : static_cast<int>(body->second);
     const auto at = std::find(names_.bodies.begin(), names_.bodies.end(), leader);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <set>
 
+#include "tools/base/unit_names.hpp"
 #include "tools/import/function_equations.hpp"
 #include "tools/import/model_text.hpp"
 #include "tools/import/unknowns.hpp"
@@ -74,6 +75,7 @@ class Builder {
     read_parameters(unknown);
     read_limits();
     find_angles();
+    take_time_unit();
     note_the_rest();
   }
 
@@ -658,6 +660,36 @@ class Builder {
       }
     }
     return compared;
+  }
+
+  /// Names that end in a rate per second, or per hour.
+  Words rates_per(const std::string& unit) const {
+    Words all = model_.states, found;
+    all.insert(all.end(), model_.inputs.begin(), model_.inputs.end());
+    for (const FunctionParameter& p : model_.parameters) all.push_back(p.name);
+    for (const std::string& name : all)
+      if (ends_with(unit_of_field(name), "/" + unit)) found.push_back(name);
+    return found;
+  }
+
+  /// Derivatives per hour, by the details or by the names of what they are made of, become derivatives per second.
+  void take_time_unit() {
+    const Words hours = rates_per("h"), seconds = rates_per("s");
+    std::string unit = details_.time;
+    if (unit.empty() && !hours.empty() && !seconds.empty())
+      return error("has rates per hour (" + join(hours) + ") and per second (" + join(seconds) +
+                   "); say what its derivatives are per: time = \"h\" or time = \"s\" in " + details_path());
+    if (unit.empty() && !hours.empty()) {
+      unit = "h";
+      note("its derivatives are taken as changes per hour, for its rates are (" + join(hours) +
+           "), and divided by 3600; if they are per second: time = \"s\" in " + details_path());
+    }
+    model_.time_unit_s = unit == "h" ? 3600.0 : unit == "min" ? 60.0 : 1.0;
+    if (model_.time_unit_s == 1.0) return;
+    if (!model_.joints.empty())
+      return error("has derivatives per " + unit + " and joints, whose speeds are per second in every model; write the "
+                   "equations in seconds");
+    for (Expression& rate : model_.derivatives) rate = rate / model_.time_unit_s;
   }
 
   void note_the_rest() {

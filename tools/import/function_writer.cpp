@@ -50,12 +50,11 @@ class RobotText {
   explicit RobotText(const FunctionModel& model) : m_(model) {}
 
   std::string write(const std::string& header) {
-    const double period = m_.period_s > 0.0 ? m_.period_s : kPeriod_s;
     out_ += "# " + m_.name + ", imported from " + file_name(m_.path) +
             ". `tiller import` writes this file once; it is yours to change.\n"
             "# Every key: `tiller help robot-file`.\n\n[robot]\nname = \"" +
             m_.name + "\"\n\n[model]\nfile = \"" + header + "\"\ntype = \"" + m_.type +
-            "\"\nperiod_s = " + number_text(period) + "\n\n";
+            "\"\nperiod_s = " + number_text(period_s()) + "\n\n";
     parameters();
     measurement();
     task();
@@ -65,6 +64,11 @@ class RobotText {
   }
 
  private:
+  double period_s() const { return m_.period_s > 0.0 ? m_.period_s : kPeriod_s * m_.time_unit_s; }
+  /// Of a random walk whose standard deviation after one of the function's own units of time is `sd`.
+  std::string walk(double sd) const {
+    return m_.time_unit_s == 1.0 ? number_text(sd) : format("%.2g", sd / std::sqrt(m_.time_unit_s));
+  }
   bool is_velocity(std::size_t state) const {
     return std::find(m_.velocity_of.begin(), m_.velocity_of.end(), static_cast<int>(state)) != m_.velocity_of.end();
   }
@@ -106,9 +110,7 @@ class RobotText {
         "\n[noise]\n# what the equations do not know, as a random walk of each state: its standard deviation after a second\n"
         "process_sd = " +
         table(m_.states,
-              [&](std::size_t k) { return is_velocity(k)           ? "0.05"
-                                          : m_.velocity_of[k] >= 0 ? "0.001"
-                                                                   : "0.01"; }) +
+              [&](std::size_t k) { return walk(is_velocity(k) ? 0.05 : m_.velocity_of[k] >= 0 ? 0.001 : 0.01); }) +
         "\n\n";
     out_ +=
         is_unknown()
@@ -150,7 +152,7 @@ class RobotText {
               (m_.limit_stated[i] ? "" : "   # nobody states it: write the machine's") + "\n";
     }
     out_ +=
-        "\n[safety]\nsensor_timeout_s = " + number_text(5.0 * (m_.period_s > 0.0 ? m_.period_s : kPeriod_s)) + "\n\n";
+        "\n[safety]\nsensor_timeout_s = " + number_text(5.0 * period_s()) + "\n\n";
   }
 
   void plant() {

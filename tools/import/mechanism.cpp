@@ -1,5 +1,7 @@
 #include "tools/import/mechanism.hpp"
 
+#include <fnmatch.h>
+
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -127,6 +129,8 @@ class Builder {
     out_.name = robot_.name;
     out_.path = robot_.path;
     out_.notes = robot_.notes;
+    out_.left_out = robot_.left_out;
+    out_.idle_drives = robot_.idle_drives;
     for (const LinkText& link : robot_.links) link_[link.name] = &link;
     for (const JointText& joint : robot_.joints) below_[joint.parent].push_back(&joint);
     check_held();
@@ -154,11 +158,9 @@ class Builder {
 
   void check_held() {
     for (const MechanismOptions::Held& held : options_.held) {
-      const auto found = std::find_if(robot_.joints.begin(), robot_.joints.end(),
-                                      [&](const JointText& j) { return j.name == held.joint; });
-      if (found == robot_.joints.end()) {
-        Words names;
-        for (const JointText& j : robot_.joints) names.push_back(j.name);
+      Words names = base_joints();
+      for (const JointText& j : robot_.joints) names.push_back(j.name);
+      if (std::find(names.begin(), names.end(), held.joint) == names.end()) {
         const std::string near = nearest(held.joint, names);
         errors_.push_back("--hold " + held.joint + ": " + robot_.path + " has no such joint" +
                           (near.empty() ? "" : "; is '" + near + "' meant?"));
@@ -198,10 +200,31 @@ class Builder {
     return "";
   }
 
-  /// The base, and behind it the joints that carry it where it moves.
+  Words base_joints() const {
+    if (options_.base == BaseKind::planar) return {"base_x", "base_y", "base_yaw"};
+    if (options_.base == BaseKind::free) return {"base_x", "base_y", "base_z", "base_yaw", "base_pitch", "base_roll"};
+    return {};
+  }
+
+  /// The base, behind the joints that carry it where it moves.
   void add_base(const std::string& root) {
+    static const std::map<std::string, Vec3<double>> axes = {
+        {"base_x", {1, 0, 0}},   {"base_y", {0, 1, 0}},     {"base_z", {0, 0, 1}},
+        {"base_yaw", {0, 0, 1}}, {"base_pitch", {0, 1, 0}}, {"base_roll", {1, 0, 0}}};
     int at = -1;
-    const auto add = [&](const char* name, bool prismatic, const Vec3<double>& axis) {
+    Pose stands;  // what is held since the last joint that moves
+    for (const std::string& name : base_joints()) {
+      const Vec3<double>& axis = axes.at(name);
+      const bool prismatic = name.size() == std::string("base_x").size();
+      if (const auto held = held_.find(name); held != held_.end()) {
+        Pose motion;
+        if (prismatic)
+          motion.position = scaled(held->second, axis);
+        else
+          motion.rotation = rotation_about(axis, held->second);
+        stands = stands * motion;
+        continue;
+      }
       RawBody raw;
       raw.body.joint = name;
       raw.body.parent = at;
@@ -210,21 +233,13 @@ class Builder {
       raw.body.high = raw.body.effort = raw.body.speed = INFINITY;
       raw.body.actuated = false;
       raw.body.wraps = !prismatic;
+      raw.origin = stands;
       raw.axis = axis;
       raw_.push_back(raw);
       at = static_cast<int>(raw_.size()) - 1;
-    };
-    if (options_.base != BaseKind::fixed) {
-      add("base_x", true, {1, 0, 0});
-      add("base_y", true, {0, 1, 0});
-      if (options_.base == BaseKind::free) add("base_z", true, {0, 0, 1});
-      add("base_yaw", false, {0, 0, 1});
+      stands = Pose{};
     }
-    if (options_.base == BaseKind::free) {
-      add("base_pitch", false, {0, 1, 0});
-      add("base_roll", false, {1, 0, 0});
-    }
-    add_link(root, at, Pose{}, 0);
+    add_link(root, at, stands, 0);
   }
 
   void add_link(const std::string& name, int body, const Pose& pose, int depth) {
@@ -241,6 +256,35 @@ class Builder {
     for (const JointText* joint : below->second) add_joint(*joint, body, pose, depth);
   }
 
+  /// Whether anything moves that does not hang on `joint`.
+  bool moves_beside(const JointText& joint) const {
+    std::set<std::string> behind{joint.child};
+    std::vector<std::string> open{joint.child};
+    while (!open.empty()) {
+      const auto below = below_.find(open.back());
+      open.pop_back();
+      if (below == below_.end()) continue;
+      for (const JointText* next : below->second)
+        if (behind.insert(next->child).second) open.push_back(next->child);
+    }
+    return std::any_of(robot_.joints.begin(), robot_.joints.end(), [&](const JointText& other) {
+      return &other != &joint && other.kind != JointKind::fixed && behind.count(other.parent) == 0;
+    });
+  }
+
+  /// Why a joint cannot be one of a model's, and what to do; empty: it can.
+  std::string unreadable(const JointText& joint, int body) const {
+    const bool floats = joint.kind == JointKind::floating;
+    if (joint.kind == JointKind::ball)
+      return "joint '" + joint.name + "' is a ball; write it as three hinges, or hold it: --hold " + joint.name;
+    if (!floats && joint.kind != JointKind::planar) return "";
+    const std::string is = "joint '" + joint.name + "' is " + (floats ? "floating" : "planar");
+    if (body < 0 && !moves_beside(joint))
+      return is + "; make it fixed and import with --base " + (floats ? "free" : "planar");
+    return is + ", which only the joint that carries the whole robot may be; write it as prismatic and revolute joints, or "
+                "hold it: --hold " + joint.name;
+  }
+
   void add_joint(const JointText& joint, int body, const Pose& pose, int depth) {
     const auto held = held_.find(joint.name);
     if (joint.kind == JointKind::fixed || held != held_.end()) {
@@ -251,17 +295,10 @@ class Builder {
         motion.rotation = rotation_about(joint.axis, by);
       return add_link(joint.child, body, pose * joint.origin * motion, depth + 1);
     }
-    if (joint.kind == JointKind::floating || joint.kind == JointKind::planar) {
-      const bool is_base = body < 0;
-      error(joint.line, "joint '" + joint.name + "' is " + (joint.kind == JointKind::floating ? "floating" : "planar") +
-                            (is_base ? "; make it fixed and import with --base " +
-                                           std::string(joint.kind == JointKind::floating ? "free" : "planar")
-                                     : ", which only a base may be; write it as prismatic and revolute joints"));
-      return;
+    if (const std::string why = unreadable(joint, body); !why.empty()) {
+      error(joint.line, why);
+      return add_link(joint.child, body, pose * joint.origin, depth + 1);  // what hangs on it is connected all the same
     }
-    if (joint.kind == JointKind::ball)
-      return error(joint.line,
-                   "joint '" + joint.name + "' is a ball; write it as three hinges, or hold it: --hold " + joint.name);
     RawBody raw;
     MovingBody& b = raw.body;
     b.joint = joint.name;
@@ -336,6 +373,9 @@ class Builder {
       out_.notes.push_back(robot_.path + format(": gravity along y (%.4g m/s2) is left out: turn the robot so that "
                                                 "gravity has x and z alone",
                                                 g[1]));
+    if (options_.base != BaseKind::fixed)
+      out_.left_out.push_back("what carries the base: neither thrust nor a contact with the ground is read, so that only "
+                              "the joints' own motors move it; `tiller models` lists robots that fly and drive");
     if (!robot_.free_joint.empty() && options_.base == BaseKind::fixed)
       out_.notes.push_back(robot_.path + ": joint '" + robot_.free_joint +
                            "' is free and held where the file puts it; --base free lets it move");
@@ -491,6 +531,10 @@ class Builder {
   std::vector<std::pair<const LinkText*, std::string>> notes_of_shape_;
 };
 
+bool matches(const std::string& pattern, const std::string& name) {
+  return ::fnmatch(pattern.c_str(), name.c_str(), 0) == 0;
+}
+
 }  // namespace
 
 std::vector<double> start_position(const Mechanism& mechanism) {
@@ -531,6 +575,43 @@ std::vector<double> mobility(const Mechanism& mechanism, const std::vector<doubl
   std::vector<double> out;
   for (std::size_t j = 0; j < mechanism.bodies.size(); ++j) out.push_back(tree.respond(j)[j]);
   return out;
+}
+
+bool expand_held(const Description& robot, MechanismOptions& options, std::vector<std::string>& errors) {
+  std::vector<MechanismOptions::Held> all;
+  for (const MechanismOptions::Held& held : options.held) {
+    const std::size_t before = all.size();
+    if (held.joint.find_first_of("*?[") == std::string::npos)
+      all.push_back(held);
+    else
+      for (const JointText& joint : robot.joints)
+        if (joint.kind != JointKind::fixed && matches(held.joint, joint.name)) all.push_back({joint.name, held.position});
+    if (all.size() > before) continue;
+    Words names;
+    for (const JointText& joint : robot.joints)
+      if (joint.kind != JointKind::fixed) names.push_back(joint.name);
+    errors.push_back("--hold " + held.joint + ": " + robot.path + " has no such joints; there are " + join(names));
+  }
+  options.held = all;
+  return errors.empty();
+}
+
+std::string pattern_of(const std::vector<std::string>& names, std::size_t count) {
+  std::string best;
+  std::size_t fewest = names.size();
+  const auto consider = [&](const std::string& pattern) {
+    const auto found = static_cast<std::size_t>(std::count_if(
+        names.begin(), names.end(), [&](const std::string& name) { return matches(pattern, name); }));
+    if (found < count || found >= fewest || found < 2) return;
+    fewest = found;
+    best = pattern;
+  };
+  for (const std::string& name : names)
+    for (std::size_t at = name.find('_'); at != std::string::npos; at = name.find('_', at + 1)) {
+      consider("*" + name.substr(at));
+      consider(name.substr(0, at + 1) + "*");
+    }
+  return best.empty() ? best : "'" + best + "' (" + std::to_string(fewest) + " joints)";
 }
 
 bool build_mechanism(const Description& robot, const MechanismOptions& options, Mechanism& mechanism,

@@ -55,7 +55,7 @@ struct Mechanism {
   std::vector<MovingBody> bodies;
   std::vector<NamedFrame> frames;
   Vec3<double> gravity_m_s2{0.0, 0.0, -9.81};  ///< none along y
-  std::vector<std::string> notes;
+  std::vector<std::string> notes, left_out, idle_drives;  ///< as the description has them
 
   /// Indices of the bodies whose joints have states of their own.
   std::vector<int> free_joints() const;
@@ -67,7 +67,7 @@ enum class BaseKind { fixed, planar, free };
 struct MechanismOptions {
   BaseKind base = BaseKind::fixed;
   bool any_inertia = false;  ///< inertias that no body can have are taken as they are
-  /// Joints that do not move, and where they stand.
+  /// Joints that do not move, and where they stand: of the description, or of a base that moves (base_yaw).
   struct Held {
     std::string joint;
     double position = 0.0;
@@ -80,6 +80,14 @@ struct MechanismOptions {
   };
   std::vector<Armature> armature;
 };
+
+/// A pattern ("*_hip") among the held joints becomes the joints of the description that it matches. False with the reason
+/// where there are none.
+bool expand_held(const Description& robot, MechanismOptions& options, std::vector<std::string>& errors);
+
+/// The smallest set of the joints `names` that one pattern tells and that has `count` or more, for messages: "'*_hip'
+/// (4 joints)"; empty: there is none.
+std::string pattern_of(const std::vector<std::string>& names, std::size_t count);
 
 /// How fast one unit of force accelerates each joint (bodies), the robot standing at `position` (bodies).
 std::vector<double> mobility(const Mechanism& mechanism, const std::vector<double>& position);

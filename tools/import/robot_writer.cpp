@@ -33,8 +33,10 @@ class RobotText {
   std::string write(const std::string& header, const std::string& payload_frame, const DescribedPlant& made) {
     out_ += "# " + mechanism_.name + ", imported from " + file_name(mechanism_.path) +
             ". `tiller import` writes this file once; it is yours to change.\n"
-            "# Every key: `tiller help robot-file`.\n\n";
-    out_ += "[robot]\nname = \"" + identifier(mechanism_.name) + "\"\n\n[model]\nfile = \"" + header + "\"\ntype = \"" +
+            "# Every key: `tiller help robot-file`.\n";
+    if (!mechanism_.left_out.empty()) out_ += "# Neither in the model nor in its simulated plant:\n";
+    for (const std::string& what : mechanism_.left_out) out_ += "# - " + what + "\n";
+    out_ += "\n[robot]\nname = \"" + identifier(mechanism_.name) + "\"\n\n[model]\nfile = \"" + header + "\"\ntype = \"" +
             names_.type + "\"\nperiod_s = " + number_text(kPeriod_s) + "\nintegrator = \"midpoint\"\n" + substeps() +
             "\n";
     parameters();

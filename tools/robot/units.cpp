@@ -1,28 +1,9 @@
 #include "tools/robot/units.hpp"
 
-#include <algorithm>
-#include <cctype>
 #include <cmath>
-#include <cstring>
-#include <utility>
 
 namespace tiller::tools {
 namespace {
-
-// As names write them, and as readers do. A power stands behind as a digit: kgm2, s2.
-constexpr std::pair<const char*, const char*> kUnits[] = {
-    {"m", "m"},    {"s", "s"},      {"rad", "rad"},   {"kg", "kg"},   {"N", "N"}, {"Nm", "N m"},
-    {"Ns", "N s"}, {"kgm", "kg m"}, {"Nms", "N m s"}, {"V", "V"},     {"A", "A"}, {"W", "W"},
-    {"J", "J"},    {"K", "K"},      {"Hz", "Hz"},     {"Ohm", "Ohm"}, {"H", "H"}, {"Pa", "Pa"}};
-
-/// "kg m^2" of "kgm2"; empty: no unit.
-std::string unit_of_word(const std::string& word) {
-  const bool power = word.size() > 1 && std::isdigit(static_cast<unsigned char>(word.back()));
-  const std::string base = power ? word.substr(0, word.size() - 1) : word;
-  for (const auto& [written, read] : kUnits)
-    if (base == written) return power ? std::string(read) + "^" + word.back() : read;
-  return "";
-}
 
 bool turns(PortKind kind, std::uint32_t port, const tiller_model_t& model) {
   const std::string name = kind == PortKind::joint   ? model.force_names[model.joints[port].force]
@@ -32,17 +13,6 @@ bool turns(PortKind kind, std::uint32_t port, const tiller_model_t& model) {
 }
 
 }  // namespace
-
-std::string unit_of_field(const std::string& name) {
-  std::string unit, rest = name;
-  for (std::size_t at = rest.rfind('_'); at != std::string::npos && at > 0; at = rest.rfind('_')) {
-    const std::string word = unit_of_word(rest.substr(at + 1));
-    if (word.empty()) break;
-    unit = unit.empty() ? word : word + "/" + unit;
-    rest.resize(at);
-  }
-  return unit;
-}
 
 std::string unit_of_effect(const EffectInfo& info, int param, std::uint32_t port, const tiller_model_t& model) {
   std::string unit = info.params[param].unit;

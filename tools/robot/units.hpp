@@ -4,12 +4,9 @@
 
 #include "effects/effect_info.hpp"
 #include "tools/base/text.hpp"
+#include "tools/base/unit_names.hpp"
 
 namespace tiller::tools {
-
-/// The unit that a field's name ends in: "m/s" of velocity_m_s, "N m s" of damping_Nms, "kg m^2" of inertia_kgm2.
-/// Empty: the name does not tell ("torque_gain").
-std::string unit_of_field(const std::string& name);
 
 /// The unit of an effect's parameter at a port: of the catalogue's "N or N m" the first where the port slides, the
 /// second where it turns; "1" without a dimension.

@@ -39,6 +39,19 @@ class Names:
             self.of.append(name)
 
 
+def touching_world(m, body):
+    """Bodies that move and have a shape that may touch one of what stands on the world."""
+    stands = lambda g: m.body_weldid[m.geom_bodyid[g]] == 0
+    meets = lambda a, b: m.geom_contype[a] & m.geom_conaffinity[b] or m.geom_contype[b] & m.geom_conaffinity[a]
+    pairs = [(a, b) for b in range(m.ngeom) if stands(b) for a in range(m.ngeom) if meets(a, b)]
+    pairs += [ends for k in range(m.npair) for ends in ((m.pair_geom1[k], m.pair_geom2[k]), (m.pair_geom2[k], m.pair_geom1[k]))
+              if stands(ends[1])]
+    apart = {int(s) for s in m.exclude_signature}  # a body's number above 16 bits, the other's below
+    own = lambda g: int(m.geom_bodyid[g])
+    moving = {own(a) for a, b in pairs if not stands(a) and not {own(a) << 16 | own(b), own(b) << 16 | own(a)} & apart}
+    return [body[k] for k in sorted(moving)]
+
+
 def describe(mujoco, m, stem):
     obj, lists = mujoco.mjtObj, lambda rows: [[float(v) for v in row] for row in rows]
     body = Names(mujoco, m, obj.mjOBJ_BODY, m.nbody, lambda k: f"body{k}").of
@@ -124,6 +137,7 @@ def describe(mujoco, m, stem):
     out["keyframes"] = [{"name": name, "positions": [float(m.key_qpos[k][a]) for a in m.jnt_qposadr]}
                         for k, name in enumerate(names(obj.mjOBJ_KEY, m.nkey, "key"))]
     out["touching"] = int(sum(1 for k in range(m.ngeom) if m.geom_contype[k] or m.geom_conaffinity[k])) + m.npair
+    out["touching_world"] = touching_world(m, body)
     out["fluid_bodies"] = sorted({body[m.geom_bodyid[k]] for k in range(m.ngeom) if m.geom_fluid[k][0] > 0.0})
     out["plugins"] = names(obj.mjOBJ_PLUGIN, m.nplugin, "plugin")
     out["flexes"] = names(obj.mjOBJ_FLEX, m.nflex, "flex")
