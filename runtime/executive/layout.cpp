@@ -39,12 +39,15 @@ SensorLimits sensor_limits(const tiller_config_t& config) {
   return limits;
 }
 
-/// Arrays of the caller's become ones of the block's; one without elements becomes null.
+/// Arrays of the caller's become ones of the block's. One without elements becomes null: a piece of no elements begins
+/// where the next one does, and who asks "is there an array?" would read that.
 template <class T>
 T* keep(Arena& arena, const T*& array, std::size_t count) {
-  T* own = arena.take<T>(count);
-  if (own != nullptr) std::copy(array, array + count, own);
-  if (own != nullptr || count == 0) array = own;
+  if (count == 0) array = nullptr;
+  T* own = count > 0 ? arena.take<T>(count) : nullptr;
+  if (own == nullptr) return nullptr;
+  std::copy(array, array + count, own);
+  array = own;
   return own;
 }
 
