@@ -11,8 +11,15 @@ namespace tiller::tools {
 std::unique_ptr<RobotFile> read_robot_or_complain(const std::string& path) {
   std::string errors;
   auto robot = read_robot_file(path, errors);
-  if (!robot) std::fputs(errors.c_str(), stderr);
-  if (robot && robot->config.substeps < robot->substeps.needed)
+  std::fputs(robot ? robot->hints.c_str() : errors.c_str(), stderr);
+  if (robot && !robot->substeps.enough())
+    std::fprintf(stderr,
+                 "%s: [model] period_s = %s: the integrator's error in a period is %.2g times the noise expected of %s "
+                 "even with %u substeps, and the posterior takes it for physics; shorten the period, or raise [noise] "
+                 "process_sd\n",
+                 path.c_str(), number_text(robot->config.period_s).c_str(), robot->substeps.advised.share,
+                 robot->states[robot->substeps.advised.worst_state].c_str(), robot->substeps.needed);
+  else if (robot && robot->config.substeps < robot->substeps.needed)
     std::fprintf(
         stderr,
         "%s: [model] substeps = %u: the integrator's error in a period is %.0f %% of the noise expected of %s, and "

@@ -14,8 +14,7 @@ namespace tiller::tools {
 namespace {
 
 constexpr std::uint32_t kLanes = 16, kMostPoints = 25, kExcursion = 4, kMostSubsteps = 64;
-constexpr double kTolerance = 0.1;  // of the noise
-constexpr double kWander = 0.1;     // of an input's range, per period
+constexpr double kWander = 0.1;  // of an input's range, per period
 
 double draw(const tiller_prior_t& prior, Rng& rng) {
   return draw_from_prior(
@@ -139,7 +138,7 @@ SubstepAdvice advise_substeps(const tiller_config_t& config) {
   advice.configured = trial.error(config.substeps);
   for (;; advice.needed *= 2) {
     advice.advised = trial.error(advice.needed);
-    if (advice.advised.share <= kTolerance || advice.needed >= kMostSubsteps) return advice;
+    if (advice.enough() || advice.needed >= kMostSubsteps) return advice;
   }
 }
 

@@ -11,7 +11,6 @@
 #include <fstream>
 #include <iterator>
 #include <memory>
-#include <set>
 #include <sstream>
 #include <thread>
 
@@ -20,6 +19,7 @@
 #include "tools/base/child_process.hpp"
 #include "tools/base/file_lock.hpp"
 #include "tools/base/wait_line.hpp"
+#include "tools/robot/compiler_errors.hpp"
 
 namespace tiller::tools {
 namespace fs = std::filesystem;
@@ -93,9 +93,15 @@ std::vector<std::string> isa_flags(Isa isa) {
 }
 
 std::vector<std::string> command_line(bool cpp) {
-  std::vector<std::string> argv = {compiler(cpp), "-shared", "-fPIC", "-Wall", "-Wextra"};
+  std::vector<std::string> argv = {compiler(cpp), "-shared", "-fPIC", "-Wall", "-Wextra", "-fmax-errors=20"};
   // Hidden, because copies of the same templates for other instruction sets live in the program.
   if (cpp) argv.insert(argv.end(), {"-fvisibility=hidden", "-fvisibility-inlines-hidden"});
+  // What C lets pass with a warning and a robot cannot: a function of another signature in the table, an unknown
+  // function, a number nobody wrote.
+  if (!cpp)
+    for (const char* what : {"incompatible-pointer-types", "implicit-function-declaration", "implicit-int",
+                             "int-conversion", "return-type", "uninitialized"})
+      argv.push_back(std::string("-Werror=") + what);
   for (const std::string& flag : model_flags(cpp)) argv.push_back(flag);
   for (const std::string& folder : include_folders()) argv.push_back("-I" + folder);
   return argv;
@@ -184,26 +190,6 @@ extern "C" __attribute__((visibility("default"))) const tiller_model_t* tiller_m
          "\n";
 }
 
-// Of a compiler's output what a reader can act on: each place with an error once, with the lines that quote it.
-// The rest is the chain of templates through which every instruction set repeats the same error.
-std::string first_errors(const std::string& output) {
-  std::set<std::string> places;
-  std::string text;
-  bool keep = false;
-  int count = 0;
-  for (const std::string& line : split(output, '\n')) {
-    const auto at = line.find("error: ");
-    if (at != std::string::npos) {
-      keep = places.insert(line.substr(0, at)).second && count < 5;
-      if (keep) ++count;
-    } else if (line.empty() || line[0] != ' ') {
-      keep = false;  // "In file included from", "required from", warnings
-    }
-    if (keep) text += "  | " + line + "\n";
-  }
-  return text.empty() ? "  | " + output : text;
-}
-
 /// Parts of a cache entry.
 struct Entry {
   fs::path object;
@@ -235,13 +221,16 @@ std::string last_line(const std::string& text) {
 constexpr char kTwoHalves[] = R"(
 object=$1 dependencies=$2 source=$3
 shift 3
-trap 'rm -f "$object.1.o" "$object.2.o"' EXIT
-"$@" -c -DTILLER_KERNEL_PART=2 -o "$object.2.o" "$source" &
+trap 'rm -f "$object.1.o" "$object.2.o" "$object.2.txt"' EXIT
+"$@" -c -DTILLER_KERNEL_PART=2 -o "$object.2.o" "$source" > "$object.2.txt" 2>&1 &
 second=$!
 "$@" -c -DTILLER_KERNEL_PART=1 -MMD -MF "$dependencies" -MT model -o "$object.1.o" "$source"
 first=$?
-wait "$second" || exit
+wait "$second"
+second=$?
 [ "$first" -eq 0 ] || exit "$first"
+cat "$object.2.txt"
+[ "$second" -eq 0 ] || exit "$second"
 "$@" -o "$object" "$object.1.o" "$object.2.o"
 )";
 constexpr int kNoSuchProgram = 127;  // a shell's exit code
@@ -252,10 +241,11 @@ std::vector<std::string> compiler_words(std::vector<std::string> argv, const fs:
   if (cpp && std::thread::hardware_concurrency() > 1) {
     const std::vector<std::string> shell = {"sh", "-c", kTwoHalves, "sh", object, dependencies, source};
     argv.insert(argv.begin(), shell.begin(), shell.end());
-    return argv;
+  } else {
+    argv.insert(argv.end(), {source, "-MMD", "-MF", dependencies, "-MT", "model", "-o", object});
+    if (!cpp) argv.emplace_back("-lm");
   }
-  argv.insert(argv.end(), {source, "-MMD", "-MF", dependencies, "-MT", "model", "-o", object});
-  if (!cpp) argv.emplace_back("-lm");
+  argv.insert(argv.begin(), {"env", "LC_ALL=C"});  // its messages are read
   return argv;
 }
 
@@ -267,6 +257,8 @@ bool compile(const std::vector<std::string>& flags, const fs::path& source, bool
   const fs::path dependencies = entry.beside(".d").string() + suffix;
   const std::vector<std::string> argv = compiler_words(flags, source, cpp, partial, dependencies);
   WaitLine line("compiling model " + path + " (once)");
+  const CompiledSource told = {path, cpp ? source.string() : "", include_folders()};
+  const std::string rules = "  with: " + flags[0] + " (the authoring rules are in docs/guide/own_model.md)";
   int took = 0;
   const ChildResult child = run_child(argv, [&](int seconds) { line.show(took = seconds); });
   line.end(child.started && child.exit_code == 0 ? "done" : "failed", took);
@@ -285,8 +277,13 @@ bool compile(const std::vector<std::string>& flags, const fs::path& source, bool
               "TILLER_INCLUDE to their folder";
       return false;
     }
-    error = path + ": the model does not compile:\n" + first_errors(child.output) + "  with: " + flags[0] +
-            " (the authoring rules are in docs/guide/own_model.md)";
+    error = path + ": the model does not compile:\n" + author_errors(child.output, told) + rules;
+    return false;
+  }
+  if (const std::string left_out = left_out_fields(child.output, told); !left_out.empty()) {
+    fs::remove(partial, failed);
+    fs::remove(dependencies, failed);
+    error = path + ": the model leaves fields out:\n" + left_out + rules;
     return false;
   }
   return publish(partial, dependencies, entry, error);

@@ -4,9 +4,9 @@
 
 #include <cctype>
 #include <filesystem>
-#include <set>
 
 #include "tools/robot/model_compiler.hpp"
+#include "tools/robot/model_table.hpp"
 
 namespace tiller::tools {
 namespace fs = std::filesystem;
@@ -89,7 +89,8 @@ const tiller_model_t* open_object(const std::string& object, const std::string& 
     return nullptr;
   }
   const tiller_model_t* model = entry();
-  const std::string problem = check_model_table(model);
+  std::string problem = check_model_table(model, ObjectMemory(handle));
+  if (problem.empty() && !model->kernels) problem = check_model_functions(*model);  // a template's cannot miss its arrays
   if (!problem.empty()) {
     error = shown + ": " + problem;
     return nullptr;
@@ -139,55 +140,6 @@ const tiller_model_t* load_file(const ModelRequest& request, std::string& error,
   return object.empty() ? nullptr : open_object(object, path, error, own);
 }
 
-std::string check_names(const char* what, const char* const* names, std::uint32_t count) {
-  if (count > 0 && !names) return std::string(what) + " is null";
-  std::set<std::string> seen;
-  for (std::uint32_t i = 0; i < count; ++i) {
-    if (!names[i] || !*names[i]) return std::string(what) + "[" + std::to_string(i) + "] has no name";
-    if (!seen.insert(names[i]).second) return std::string(what) + " has '" + names[i] + "' twice";
-  }
-  return "";
-}
-
-std::string check_count(const char* what, std::uint32_t count, std::uint32_t low, std::uint32_t high) {
-  if (count >= low && count <= high) return "";
-  return std::string(what) + " is " + std::to_string(count) + "; allowed: " + std::to_string(low) + " to " +
-         std::to_string(high);
-}
-
-// Before the names, whose arrays are read as far as the counts say.
-std::string check_counts(const tiller_model_t& model) {
-  for (const std::string& problem : {check_count("state_count", model.state_count, 1, TILLER_MAX_STATES),
-                                     check_count("input_count", model.input_count, 1, TILLER_MAX_INPUTS),
-                                     check_count("param_count", model.param_count, 0, TILLER_MAX_PARAMS),
-                                     check_count("joint_count", model.joint_count, 0, TILLER_MAX_JOINTS)})
-    if (!problem.empty()) return problem;
-  return "";
-}
-
-std::string check_all_names(const tiller_model_t& model) {
-  for (const std::string& problem : {check_names("state_names", model.state_names, model.state_count),
-                                     check_names("input_names", model.input_names, model.input_count),
-                                     check_names("param_names", model.param_names, model.param_count),
-                                     check_names("force_names", model.force_names, model.joint_count)})
-    if (!problem.empty()) return problem;
-  return "";
-}
-
-std::string check_joints(const tiller_model_t& model) {
-  if (model.joint_count > 0 && !model.joints) return "joints is null";
-  for (std::uint32_t i = 0; i < model.joint_count; ++i) {
-    const tiller_joint_t& joint = model.joints[i];
-    const std::string who = "joints[" + std::to_string(i) + "]";
-    if (!joint.name || !*joint.name) return who + " has no name";
-    if (joint.position != TILLER_NO_POSITION && joint.position >= model.state_count)
-      return who + ".position is no index of a state";
-    if (joint.velocity >= model.state_count) return who + ".velocity is no index of a state";
-    if (joint.force >= model.joint_count) return who + ".force is no index of a force";
-  }
-  return "";
-}
-
 }  // namespace
 
 std::string model_path(const ModelRequest& request) {
@@ -195,19 +147,6 @@ std::string model_path(const ModelRequest& request) {
   const fs::path file(request.file);
   const fs::path base = request.robot_dir.empty() ? fs::path(".") : fs::path(request.robot_dir);
   return fs::absolute(file.is_absolute() ? file : base / file).lexically_normal().string();
-}
-
-std::string check_model_table(const tiller_model_t* model) {
-  if (!model) return "tiller_model() returned null";
-  if (model->size != sizeof(tiller_model_t) || model->version != TILLER_MODEL_VERSION)
-    return "the table's size or version is not this tiller's; set size = sizeof(tiller_model_t) and version = "
-           "TILLER_MODEL_VERSION, and compile against these headers";
-  if (!model->name || !*model->name) return "the table has no name";
-  if (!model->dynamics && !model->kernels) return "the table has no dynamics";
-  std::string problem = check_counts(*model);
-  if (problem.empty()) problem = check_all_names(*model);
-  if (problem.empty()) problem = check_joints(*model);
-  return problem.empty() ? "" : "model '" + std::string(model->name) + "': " + problem;
 }
 
 const tiller_model_t* load_model(const ModelRequest& request, std::string& error, const tiller_own_cost_t** own) {

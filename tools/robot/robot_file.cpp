@@ -247,6 +247,7 @@ bool read_controller(FileErrors& errors, const toml::table& root, RobotFile& rob
   read_log_map(errors, root, robot);
   read_figure(errors, root, robot);
   if (errors.empty()) check_whole(errors, root, robot);
+  if (errors.empty()) check_start(errors, root, robot);
   return errors.empty();
 }
 
@@ -269,7 +270,11 @@ RobotText parse_robot_text(const std::string& text, const std::string& path, std
     const toml::table root = toml::parse(std::string_view(text), std::string_view(path));
     read.says_substeps = static_cast<bool>(root["model"]["substeps"]);
     refuse_unknown_sections(errors, root);
-    read_controller(errors, root, robot);
+    if (read_controller(errors, root, robot)) {
+      FileErrors hints(path, text);
+      find_hints(hints, root, robot);
+      robot.hints = hints.text();
+    }
   } catch (const toml::parse_error& error) {
     errors.at_line(static_cast<int>(error.source().begin.line), "TOML", std::string(error.description()),
                    "correct the syntax (toml.io)");
