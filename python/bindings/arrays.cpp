@@ -101,4 +101,33 @@ double read_number(nb::handle from, const ArgumentName& name, const std::string&
   return value;
 }
 
+std::int64_t read_count(nb::handle from, const ArgumentName& name, std::int64_t low, std::int64_t high) {
+  const std::string expected = "a whole number from " + std::to_string(low) + " to " + std::to_string(high);
+  const nb::object index = nb::steal(PyNumber_Index(from.ptr()));
+  if (!index.is_valid()) {
+    PyErr_Clear();
+    raise_argument(name.function, name.argument, show(from), expected, "pass an int", true);
+  }
+  const long long value = PyLong_AsLongLong(index.ptr());
+  const bool too_long = value == -1 && PyErr_Occurred();
+  if (too_long) PyErr_Clear();
+  if (too_long || value < low || value > high)
+    raise_argument(name.function, name.argument, show(from), expected, "pass such an int");
+  return value;
+}
+
+bool read_flag(nb::handle from, const ArgumentName& name) {
+  if (!PyBool_Check(from.ptr()))
+    raise_argument(name.function, name.argument, show(from), "True or False", "pass one of them", true);
+  return from.ptr() == Py_True;
+}
+
+void refuse_more(const char* function, const char* parameters, const nb::args& more, const nb::kwargs& others) {
+  const std::string remedy = std::string("call ") + function + "(" + parameters + ")";
+  for (const nb::handle value : more)
+    raise_argument(function, "one argument more", show(value), "nothing", remedy, true);
+  for (const auto& [name, value] : others)
+    raise_argument(function, nb::cast<std::string>(name).c_str(), show(value), "no argument of that name", remedy, true);
+}
+
 }  // namespace tiller::python

@@ -3,8 +3,10 @@
 #include <nanobind/nanobind.h>
 
 #include <cstddef>
+#include <cstdint>
 #include <string>
 
+#include "errors.hpp"
 #include "tools/base/text.hpp"
 
 namespace tiller::python {
@@ -26,5 +28,22 @@ void read_numbers(nb::handle from, const ArgumentName& name, const tools::Words&
 
 /// One finite number.
 double read_number(nb::handle from, const ArgumentName& name, const std::string& unit);
+
+/// A whole number from `low` to `high`.
+std::int64_t read_count(nb::handle from, const ArgumentName& name, std::int64_t low, std::int64_t high);
+
+bool read_flag(nb::handle from, const ArgumentName& name);
+
+/// Of a constructor, whose own complaints no wrapper in Python could change: what it was called with beyond its
+/// parameters, which is nothing.
+void refuse_more(const char* function, const char* parameters, const nb::args& more, const nb::kwargs& others);
+
+/// The constructor of a class that only the package makes.
+template <class T>
+auto made_by(const char* name, const char* maker) {
+  return [name, maker](T*, const nb::args&, const nb::kwargs&) {
+    raise_argument(name, "the class", "called", "no call", maker, true);
+  };
+}
 
 }  // namespace tiller::python

@@ -129,25 +129,34 @@ void set_reference(Controller& c, const std::optional<Rows>& states, const std::
   c.output_rows().swap(output_rows);
 }
 
-void make(Controller* at, const Robot& robot, int threads, bool by_clock) {
-  if (threads < 1 || threads > 256)
-    raise_argument("Controller", "threads", std::to_string(threads), "1 to 256", "pass 1 for no other thread");
-  new (at) Controller(robot, static_cast<unsigned>(threads), by_clock);
+void make(Controller* at, nb::handle robot, nb::handle threads, nb::handle by_clock, const nb::args& more,
+          const nb::kwargs& others) {
+  refuse_more("Controller", "robot, threads=1, by_clock=False", more, others);
+  const Robot& of = read_robot(robot, "Controller");
+  const auto count = static_cast<unsigned>(read_count(threads, {"Controller", "threads"}, 1, 256));
+  new (at) Controller(of, count, read_flag(by_clock, {"Controller", "by_clock"}));
+}
+
+void make_measurement(Measurement* at, nb::handle robot, nb::handle stamp, nb::handle y, nb::handle sequence,
+                      nb::handle latency_s, const nb::args& more, const nb::kwargs& others) {
+  constexpr double kLongest_s = 4000.0;  // microseconds in 32 bits
+  refuse_more("Measurement", "robot, stamp, y, sequence=0, latency_s=0.0", more, others);
+  const Robot& of = read_robot(robot, "Measurement");
+  Measurement made = measurement_of(y, micros(stamp, {"Measurement", "stamp"}), *of);
+  made.raw.sequence =
+      static_cast<std::uint32_t>(read_count(sequence, {"Measurement", "sequence"}, 0, 0xffffffff));
+  const double latency = read_number(latency_s, {"Measurement", "latency_s"}, "seconds");
+  if (!(latency >= 0.0 && latency <= kLongest_s))
+    raise_argument("Measurement", "latency_s", show(latency_s), "0 to 4000 s", "pass the time until the command acts");
+  made.raw.command_latency_us = static_cast<std::uint32_t>(std::lround(1e6 * latency));
+  new (at) Measurement(made);
 }
 
 void bind_messages(nb::module_& m) {
   nb::class_<Measurement>(m, "Measurement", "What the sensors said, and when. NaN marks a missing value.")
-      .def(
-          "__init__",
-          [](Measurement* at, const Robot& robot, nb::handle stamp, nb::handle y, std::uint32_t sequence,
-             double latency_s) {
-            Measurement made = measurement_of(y, micros(stamp, {"Measurement", "stamp"}), *robot);
-            made.raw.sequence = sequence;
-            made.raw.command_latency_us = static_cast<std::uint32_t>(std::lround(1e6 * latency_s));
-            new (at) Measurement(made);
-          },
-          "robot"_a, "stamp"_a, "y"_a, "sequence"_a = 0, "latency_s"_a = 0.0,
-          "`stamp` is the second at which y (ny) was read; `latency_s` from then until the answering command acts.")
+      .def("__init__", &make_measurement, "robot"_a.none() = nb::none(), "stamp"_a.none() = nb::none(), "y"_a.none() = nb::none(),
+           "sequence"_a.none() = 0, "latency_s"_a.none() = 0.0, "more"_a, "others"_a,
+           "`stamp` is the second at which y (ny) was read; `latency_s` from then until the answering command acts.")
       .def_prop_ro(
           "t", [](const Measurement& s) { return 1e-6 * static_cast<double>(s.now_us); },
           "Second of the tick that this measurement is for.")
@@ -161,6 +170,7 @@ void bind_messages(nb::module_& m) {
           "y", [](const nb::pointer_and_handle<Measurement>& s) { return view(s.h, s.p->raw.value, {s.p->count}); },
           "(ny) values, in the order of Robot.measurements.");
   nb::class_<Command>(m, "Command", "One tick's answer: always finite and within the limits, whatever the status.")
+      .def("__init__", made_by<Command>("Command", "call Controller.tick, which returns one"))
       .def_prop_ro(
           "value", [](const nb::pointer_and_handle<Command>& s) { return view(s.h, s.p->raw.value, {s.p->count}); },
           "(nu) inputs, in the order of Robot.inputs.")
@@ -189,7 +199,8 @@ void bind_controller(nb::module_& m) {
   nb::class_<Controller> controller(m, "Controller",
                                     "A controller in a block of memory of its own. One thread at a time.");
   controller
-      .def("__init__", &make, "robot"_a, "threads"_a = 1, "by_clock"_a = false,
+      .def("__init__", &make, "robot"_a.none() = nb::none(), "threads"_a.none() = 1, "by_clock"_a.none() = false, "more"_a,
+           "others"_a,
            "by_clock: the planner keeps the robot file's deadline_us by the wall clock. Without it the iterations "
            "alone decide, and the same measurements give the same commands to the last bit.")
       .def("tick", &tick, "t"_a, "y"_a.none() = nb::none(),

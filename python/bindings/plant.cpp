@@ -69,6 +69,15 @@ class Plant {
   volatile std::sig_atomic_t stop_ = 0;
 };
 
+void make(Plant* at, nb::handle robot, nb::handle seed, const nb::args& more, const nb::kwargs& others) {
+  refuse_more("Plant", "robot, seed=None", more, others);
+  const Robot& of = read_robot(robot, "Plant");
+  std::optional<std::uint64_t> own;
+  if (!seed.is_none())
+    own = static_cast<std::uint64_t>(read_count(seed, {"Plant", "seed"}, 0, std::int64_t{1} << 53));
+  new (at) Plant(of, own);
+}
+
 void step(Plant& plant, nb::handle command) {
   const Command* given = nullptr;
   const std::size_t nu = plant.robot().inputs.size();
@@ -98,7 +107,7 @@ nb::object true_state(const Plant& plant) {
 
 void bind_plant(nb::module_& m) {
   nb::class_<Plant>(m, "Plant", "The simulated robot of [sim] (ODE), which stands still until it is stepped.")
-      .def(nb::init<const Robot&, std::optional<std::uint64_t>>(), "robot"_a, "seed"_a = nb::none(),
+      .def("__init__", &make, "robot"_a.none() = nb::none(), "seed"_a.none() = nb::none(), "more"_a, "others"_a,
            "`seed` in the place of [sim] seed: of the noise, and of true parameters that are drawn.")
       .def_prop_ro("measurement", &Plant::measurement, "What the sensors say now, stamped, for Controller.tick.")
       .def("step", &step, "command"_a, "One control period under a Command or an array (nu), held.")

@@ -3,6 +3,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "abi/controller.hpp"
+#include "arrays.hpp"
 #include "command.hpp"
 #include "errors.hpp"
 #include "posterior/cloud.hpp"
@@ -121,6 +122,7 @@ nb::object field_view(const Info& info) {
 
 void bind_info(nb::module_& m) {
   nb::class_<Info>(m, "Info", "The controller after its last tick: views of its memory, which change with every tick.")
+      .def("__init__", made_by<Info>("Info", "take Controller.info"))
       TILLER_SCALAR(ticks, std::uint64_t, "")
       TILLER_SCALAR(planner_iterations, std::uint32_t, "Completed in the last tick.")
       TILLER_SCALAR(plan_cost, double, "Of the chosen plan; inf: this tick made none.")
@@ -173,6 +175,7 @@ nb::object param_view(const Particles& p) {
 void bind_reads(nb::module_& m, nb::class_<Controller>& controller) {
   bind_info(m);
   nb::class_<Particles>(m, "Posterior", "What is known of the parameters: views that change with every tick.")
+      .def("__init__", made_by<Particles>("Posterior", "take Controller.posterior"))
       .def_prop_ro("particles", &particles,
                    "(N, np) a view; a copy where several delays or rates of forgetting are weighed (shared: False).")
       .def_prop_ro("weights", &weights, "(N), sum one; as particles.")

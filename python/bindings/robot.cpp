@@ -3,6 +3,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include "arrays.hpp"
 #include "errors.hpp"
 #include "tools/links/trial_plant.hpp"
 #include "tools/open/robot_open.hpp"
@@ -86,16 +87,12 @@ nb::dict priors(const Robot& robot) {
   return d;
 }
 
-double stage_cost(const Robot& robot, const std::vector<double>& x, const std::vector<double>& u, std::uint64_t step) {
-  if (x.size() != robot->states.size())
-    raise_argument("Robot.stage_cost", "x", std::to_string(x.size()) + " numbers",
-                   std::to_string(robot->states.size()) + " numbers",
-                   "pass one for each of " + tools::join(robot->states));
-  if (u.size() != robot->inputs.size())
-    raise_argument("Robot.stage_cost", "u", std::to_string(u.size()) + " numbers",
-                   std::to_string(robot->inputs.size()) + " numbers",
-                   "pass one for each of " + tools::join(robot->inputs));
-  return tools::stage_cost(robot->config, step, x.data(), u.data());
+double stage_cost(const Robot& robot, nb::handle x, nb::handle u, nb::handle step) {
+  double state[TILLER_MAX_STATES], input[TILLER_MAX_INPUTS];
+  read_numbers(x, {"Robot.stage_cost", "x"}, robot->states, Finite::all, state);
+  read_numbers(u, {"Robot.stage_cost", "u"}, robot->inputs, Finite::all, input);
+  const std::int64_t k = read_count(step, {"Robot.stage_cost", "step"}, 0, std::int64_t{1} << 53);
+  return tools::stage_cost(robot->config, static_cast<std::uint64_t>(k), state, input);
 }
 
 template <double* (*Pick)(Config&)>
@@ -115,8 +112,16 @@ double* input_high(Config& c) { return c.safety.input_high; }
 
 }  // namespace
 
+const Robot& read_robot(nb::handle from, const char* function) {
+  const Robot* robot = nullptr;
+  if (!nb::try_cast(from, robot, false) || !robot)
+    raise_argument(function, "robot", show(from), "a tiller.Robot", "pass tiller.Robot.from_toml(...)", true);
+  return *robot;
+}
+
 void bind_robot(nb::module_& m) {
   nb::class_<Robot>(m, "Robot", "A robot file, read, checked and complete; constant.")
+      .def("__init__", made_by<Robot>("Robot", "call Robot.from_toml, from_text, from_urdf or from_model_header"))
       .def_static("from_toml", &from_toml, "path"_a,
                   "Reads a robot file, or one that comes with the package, by its name (tiller.robot_names()).")
       .def_static("from_text", &read_text, "text"_a, "path"_a = "robot.toml",

@@ -19,6 +19,9 @@ struct Robot {
   const tools::RobotFile* operator->() const { return file.get(); }
 };
 
+/// The argument `robot`.
+const Robot& read_robot(nb::handle from, const char* function);
+
 void bind_robot(nb::module_& m);
 void bind_controller(nb::module_& m);
 void bind_plant(nb::module_& m);

@@ -129,8 +129,11 @@ class Batch {
   }
 
   static void note_bad(const T* from, const Source<T>& source, std::size_t lane, std::atomic<std::size_t>& bad) {
-    for (std::size_t i = 0; i < source.width; ++i)
-      if (!std::isfinite(from[i])) return bad.store(lane * source.width + i);
+    std::size_t i = 0, known = bad.load();
+    while (std::isfinite(from[i])) ++i;
+    const std::size_t found = lane * source.width + i;
+    while (found < known && !bad.compare_exchange_weak(known, found)) {  // the first one, whichever thread saw it
+    }
   }
 
   void piece(std::uint32_t index) {
@@ -182,11 +185,23 @@ class Batch {
   std::atomic<std::size_t> bad_state_{kNone}, bad_control_{kNone}, bad_param_{kNone};
 };
 
-void refuse(std::size_t index, const char* argument, std::size_t width, const tools::Words& names) {
-  if (index == Batch<double>::kNone) return;
-  const std::string name = names[index % width % names.size()];
-  raise_argument("rollout", argument, "NaN or infinity for " + name + " in row " + std::to_string(index / width),
-                 "finite numbers", "give every value of " + name + " a finite number");
+/// The place of a number as numpy counts it, "[3, 0]": `shape` has as many lengths as the array that was passed.
+std::string place(std::size_t index, const std::vector<std::size_t>& shape) {
+  std::string text;
+  for (std::size_t d = shape.size(); d-- > 0; index /= shape[d])
+    text = std::to_string(index % shape[d]) + (text.empty() ? "" : ", ") + text;
+  return "[" + text + "]";
+}
+
+template <class T>
+void refuse(std::size_t index, const char* argument, const Input<T>& array, const tools::Words& names) {
+  if (index == Batch<T>::kNone) return;
+  std::vector<std::size_t> shape;
+  for (std::size_t d = 0; d < array.ndim(); ++d) shape.push_back(array.shape(d));
+  const std::string name = names[index % names.size()];
+  raise_argument("rollout", argument,
+                 "NaN or infinity at " + (argument + place(index, shape)) + " (" + name + ")", "finite numbers",
+                 "give every value of " + name + " a finite number");
 }
 
 template <class T>
@@ -196,9 +211,9 @@ Source<T> source(const Input<T>& array, std::size_t ndim_shared) {
 }
 
 template <class T>
-void check_shared(const Source<T>& source, const char* argument, const tools::Words& names) {
+void check_shared(const Source<T>& source, const char* argument, const Input<T>& array, const tools::Words& names) {
   for (std::size_t i = 0; i < source.width && source.shared; ++i)
-    if (!std::isfinite(source.data[i])) refuse(i, argument, source.width, names);
+    if (!std::isfinite(source.data[i])) refuse(i, argument, array, names);
 }
 
 /// Shapes are checked by the package: x0 (nx) or (B, nx), controls (H, nu) or (B, H, nu), params (np) or (B, np),
@@ -207,18 +222,20 @@ template <class T>
 void rollout(const Robot& robot, const Input<T>& x0, const Input<T>& controls, const Input<T>& params,
              const Input<T>& history, nb::ndarray<T, nb::ndim<3>, nb::c_contig, nb::device::cpu> out, int threads) {
   const Source<T> state = source<T>(x0, 1), inputs = source<T>(controls, 2), values = source<T>(params, 1);
-  check_shared(state, "x0", robot->states);
-  check_shared(inputs, "U", robot->inputs);
-  check_shared(values, "params", robot->params);
-  Batch<T> batch(robot, state, inputs, values, source<T>(history, 2), out.data(), out.shape(0),
+  check_shared(state, "x0", x0, robot->states);
+  check_shared(inputs, "U", controls, robot->inputs);
+  check_shared(values, "params", params, robot->params);
+  const Source<T> before = source<T>(history, 2);
+  check_shared(before, "history", history, robot->inputs);
+  Batch<T> batch(robot, state, inputs, values, before, out.data(), out.shape(0),
                  static_cast<std::uint32_t>(out.shape(1) - 1));
   {
     const nb::gil_scoped_release others;
     batch.run(static_cast<unsigned>(threads));
   }
-  refuse(batch.bad_state(), "x0", state.width, robot->states);
-  refuse(batch.bad_control(), "U", inputs.width, robot->inputs);
-  refuse(batch.bad_param(), "params", values.width, robot->params);
+  refuse(batch.bad_state(), "x0", x0, robot->states);
+  refuse(batch.bad_control(), "U", controls, robot->inputs);
+  refuse(batch.bad_param(), "params", params, robot->params);
 }
 
 std::uint32_t history_rows(const Robot& robot) {

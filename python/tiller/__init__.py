@@ -16,8 +16,9 @@ from __future__ import annotations
 TYPE_CHECKING = False  # typing's own is not worth the time of its import
 
 from . import _core
-from ._core import (Adequacy, Command, Controller, Info, Measurement, Plant, Posterior, Robot, State, Status,
-                    instruction_set, model_names, version)
+from ._calls import public as _public
+from ._calls import public_methods as _public_methods
+from ._core import Adequacy, Command, Controller, Info, Measurement, Plant, Posterior, Robot, State, Status
 from ._errors import (ArgumentError, ArgumentTypeError, CommandError, Error, MissingExtra, RobotFileError, StatusError)
 from ._loop import lockstep
 from ._paths import prepare as _prepare
@@ -25,9 +26,14 @@ from ._rollout import rollout
 
 if TYPE_CHECKING:
     from ._functions import (ExciteResult, GapResult, IdentifyResult, LearnResult, Result, excite, gap, identify, learn)
-    from ._robots import names as robot_names
+    from ._robots import robot_names
 
 _prepare()
+for _kind in (Command, Controller, Info, Measurement, Plant, Posterior, Robot):
+    _public_methods(_kind)
+instruction_set = _public(_core.instruction_set, "instruction_set")
+model_names = _public(_core.model_names, "model_names")
+version = _public(_core.version, "version")
 
 __version__ = "0.1.0"
 __all__ = [
@@ -39,7 +45,7 @@ __all__ = [
 ]
 
 # Loaded when they are first asked for: an import of tiller is over before those of what they need would be.
-_LATER = {"robot_names": ("_robots", "names")} | {name: ("_functions", name) for name in (
+_LATER = {"robot_names": ("_robots", "robot_names")} | {name: ("_functions", name) for name in (
     "ExciteResult", "GapResult", "IdentifyResult", "LearnResult", "Result", "excite", "gap", "identify", "learn")}
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, Union
 
 from . import _core
+from ._calls import public
 from ._command import run
 from ._errors import make_argument_error, missing_extra
 
@@ -29,6 +30,7 @@ class Result:
     """What a command found: `json` as it wrote it, `folder` with all that it wrote, `text` with what it printed, and
     `exit_code`. A temporary folder is removed with the result."""
 
+    @public
     def __init__(self, document: dict[str, Any], folder: Path, text: str, exit_code: int,
                  keep: tempfile.TemporaryDirectory[str] | None) -> None:
         self.json = document
@@ -85,8 +87,13 @@ class IdentifyResult(Result):
     def candidates(self) -> list[dict[str, Any]]:
         return list(self.json["candidates"])
 
+    @public
     def parameters(self, candidate: int = -1) -> dict[str, dict[str, Any]]:
         """name -> mean, sd, interval_90, ... of one candidate, the last one by default."""
+        count = len(self.candidates)
+        if not -count <= candidate < count:
+            raise make_argument_error("IdentifyResult.parameters", "candidate", repr(candidate),
+                                      f"an index of the {count} candidates", "pass -1 for the last one", False)
         return {p["name"]: p for p in self.candidates[candidate]["parameters"]}
 
     @property
@@ -168,6 +175,7 @@ class GapResult(Result):
 class ExciteResult(Result):
     """The sequence: `time_s` (rows) and `inputs` (rows, nu), each in force until the next row."""
 
+    @public
     def __init__(self, document: dict[str, Any], folder: Path, text: str, exit_code: int,
                  keep: tempfile.TemporaryDirectory[str] | None) -> None:
         super().__init__(document, folder, text, exit_code, keep)
@@ -293,6 +301,7 @@ def _run(kind: type[Kind], command: str, words: Sequence[str], out: PathLike | N
         return kind(json.load(file), folder, text, code, keep)
 
 
+@public
 def identify(robot: _core.Robot | PathLike, logs: Logs, *, hold_out: Logs = (), out: PathLike | None = None,
              **options: Option) -> IdentifyResult:
     """Learns the parameters of a robot file from logs of the real robot; `tiller identify --help` has the options
@@ -303,6 +312,7 @@ def identify(robot: _core.Robot | PathLike, logs: Logs, *, hold_out: Logs = (), 
     return _run(IdentifyResult, "identify", words, out, (0, 2))
 
 
+@public
 def gap(robot: _core.Robot | PathLike, logs: Logs, *, hold_out: Logs = (), out: PathLike | None = None,
         **options: Option) -> GapResult:
     """Finds where model and logs disagree and names the missing effect; `tiller gap --help` has the options
@@ -313,6 +323,7 @@ def gap(robot: _core.Robot | PathLike, logs: Logs, *, hold_out: Logs = (), out: 
     return _run(GapResult, "gap", words, out, (0, 1, 2, 3, 5))
 
 
+@public
 def excite(robot: _core.Robot | PathLike, *, out: PathLike | None = None, **options: Option) -> ExciteResult:
     """Proposes the input sequence that tells candidate effects apart; `tiller excite --help` has the options
     (gap="report/gap.json" or candidates="input_delay:delay_s=0.02,...", seconds=10, keep="angle_rad=2", ...)."""
@@ -325,6 +336,7 @@ def excite(robot: _core.Robot | PathLike, *, out: PathLike | None = None, **opti
     return ExciteResult(document, file.parent, text, code, keep)
 
 
+@public
 def learn(robot: _core.Robot | PathLike, logs: Logs, *, out: PathLike | None = None, **options: Option) -> LearnResult:
     """Learns forces that no known effect explains; `tiller learn --help` has the options (form="gaussian",
     members=5, ...). What does not earn its place comes back with exit_code 2, logs that cannot answer raise."""

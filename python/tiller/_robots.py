@@ -4,13 +4,18 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 
+from ._calls import public
 from ._errors import make_argument_error
 from ._paths import ROBOTS
 
 
-def names() -> list[str]:
+@public
+def robot_names() -> list[str]:
     """Names of the robot files that come with the package, for Robot.from_toml."""
     return sorted(file[:-5] for file in os.listdir(ROBOTS) if file.endswith(".toml"))
+
+
+names = robot_names
 
 
 def find(path: object) -> str:
@@ -70,6 +75,9 @@ def _sections(settings: object) -> dict[str, dict[str, object]]:
     try:
         with open(os.fspath(settings), "rb") as file:  # type: ignore[call-overload]
             return dict(tomllib.load(file))
+    except (OSError, tomllib.TOMLDecodeError) as problem:
+        raise make_argument_error("Robot.from_model_header", "settings", repr(settings), "a robot file",
+                                  f"pass a file that can be read ({problem})", False) from problem
     except TypeError:
         raise make_argument_error("Robot.from_model_header", "settings", repr(settings), "a dictionary or a path",
                                   "pass the sections of a robot file, or the file that has them", True) from None

@@ -4,6 +4,7 @@ from __future__ import annotations
 import os
 
 from . import _core
+from ._calls import public
 from ._errors import make_argument_error
 
 TYPE_CHECKING = False  # typing's own is not worth the time of its import
@@ -20,7 +21,8 @@ def _numbers(value: object, name: str, ndims: tuple[int, int], last: tuple[int, 
     """`value` as a contiguous array of one of two numbers of dimensions that ends with the lengths `last`."""
     import numpy as np
 
-    what = "(" + ", ".join(["B", "H", "n"][3 - ndims[1]:]) + f") or without B, n = {last[-1]} ({', '.join(names)})"
+    shape = {"x0": "(n) or (B, n)", "U": "(H, n) or (B, H, n)", "params": "(n) or (B, n)", "history": f"({last[0]}, n)"}
+    what = f"{shape[name]}, n = {last[-1]} ({', '.join(names)})"
     try:
         array = np.asarray(value)
     except (TypeError, ValueError):
@@ -43,6 +45,7 @@ def _batch(arrays: dict[str, npt.NDArray[Any]], shared: dict[str, int]) -> int:
     return next(iter(sizes.values()), 1)
 
 
+@public
 def rollout(robot: _core.Robot, x0: npt.ArrayLike, U: npt.ArrayLike, params: npt.ArrayLike | None = None, *,
             history: npt.ArrayLike | None = None, dtype: npt.DTypeLike = "float64", threads: int | None = None,
             out: npt.NDArray[Any] | None = None) -> npt.NDArray[Any]:
@@ -62,6 +65,9 @@ def rollout(robot: _core.Robot, x0: npt.ArrayLike, U: npt.ArrayLike, params: npt
     """
     import numpy as np
 
+    if not isinstance(robot, _core.Robot):
+        raise make_argument_error("rollout", "robot", f"{robot!r:.60}", "a tiller.Robot",
+                                  "pass tiller.Robot.from_toml(...)", True)
     kind = np.dtype(dtype)
     if kind not in (np.dtype(np.float64), np.dtype(np.float32)):
         raise make_argument_error("rollout", "dtype", repr(dtype), "float64 or float32", "pass one of them", False)
@@ -81,9 +87,10 @@ def rollout(robot: _core.Robot, x0: npt.ArrayLike, U: npt.ArrayLike, params: npt
                                   "pass a row for each period", False)
     single = state.ndim == 1 and controls.ndim == 2 and values.ndim == 1
     way = np.empty((count, horizon + 1, nx), kind) if out is None else out
-    fits = way.shape == (count, horizon + 1, nx) and way.dtype == kind
+    fits = isinstance(way, np.ndarray) and way.shape == (count, horizon + 1, nx) and way.dtype == kind
     if not (fits and way.flags.c_contiguous and way.flags.writeable):
-        raise make_argument_error("rollout", "out", f"{way.dtype} of shape {way.shape}",
+        shown = f"{way.dtype} of shape {way.shape}" if isinstance(way, np.ndarray) else f"{way!r:.60}"
+        raise make_argument_error("rollout", "out", shown,
                                   f"{kind} of shape {(count, horizon + 1, nx)}, contiguous and writable",
                                   "pass such an array, or None", False)
     workers = len(os.sched_getaffinity(0)) if threads is None else int(threads)

@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core
+from ._calls import public
 from ._errors import make_argument_error
 from ._robots import find, names
 
@@ -36,16 +37,21 @@ class PlantEnv(gymnasium.Env[Array, Array]):
     reward       minus the quadratic terms of the task's cost (Robot.stage_cost), of the state after the step
     terminated   the state is not finite any more
     truncated    after `seconds`
-    info         "true_params" (np), "measured" (ny), "time_s"; a Controller takes env.unwrapped.plant.measurement
+    info         "true_params" and "measured": name -> value of what the plant knows and the sensors say; "time_s"; a
+                 Controller takes env.unwrapped.plant.measurement
     """
 
     metadata: dict[str, Any] = {"render_modes": []}
 
+    @public
     def __init__(self, robot: str | _core.Robot = "cart_pole", seconds: float = 8.0, observe: str = "state",
                  render_mode: str | None = None) -> None:
         if observe not in ("state", "measurement"):
             raise make_argument_error("PlantEnv", "observe", repr(observe), '"state" or "measurement"',
                                       "pass one of them", False)
+        if not (isinstance(seconds, (int, float)) and 0 < seconds < np.inf):
+            raise make_argument_error("PlantEnv", "seconds", repr(seconds), "a positive number of seconds",
+                                      "pass e.g. 8.0", False)
         if render_mode is not None:
             raise make_argument_error("PlantEnv", "render_mode", repr(render_mode), "None",
                                       "draw pages with `tiller run --report`", False)
@@ -70,17 +76,23 @@ class PlantEnv(gymnasium.Env[Array, Array]):
         return np.nan_to_num(seen, nan=0.0)
 
     def _info(self) -> dict[str, Any]:
-        return {"true_params": self._plant.true_params.copy(), "measured": self._plant.measurement.y.copy(),
-                "time_s": self._plant.time_s}
+        return {"true_params": _known(self.robot.params, self._plant.true_params),
+                "measured": _known(self.robot.measurements, self._plant.measurement.y), "time_s": self._plant.time_s}
 
+    @public
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         super().reset(seed=seed)
         self._plant = _core.Plant(self.robot, seed=int(self.np_random.integers(1, 2**31)))
         self._step = 0
         return self._observation(), self._info()
 
+    @public
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        command = np.clip(np.asarray(action, dtype=np.float64), self.robot.input_low, self.robot.input_high)
+        given, shape = np.asarray(action, dtype=np.float64), self.robot.input_low.shape
+        if given.shape != shape:
+            raise make_argument_error("PlantEnv.step", "action", f"an array of shape {given.shape}", f"shape {shape}",
+                                      "pass a number for each of " + ", ".join(self.robot.inputs), False)
+        command = np.clip(given, self.robot.input_low, self.robot.input_high)
         self._plant.step(command)
         self._step += 1
         state = self._plant.true_state
@@ -88,6 +100,11 @@ class PlantEnv(gymnasium.Env[Array, Array]):
         reward = -self.robot.stage_cost(known, command, self._step)
         terminated = bool(not np.isfinite(self._observation()).all())
         return self._observation(), reward, terminated, self._step >= self._steps, self._info()
+
+
+def _known(names: list[str], values: Array) -> dict[str, float]:
+    """Of numbers among which NaN says that there is none."""
+    return {name: float(value) for name, value in zip(names, values) if not np.isnan(value)}
 
 
 def _with_plant() -> dict[str, str]:
@@ -100,6 +117,7 @@ def _with_plant() -> dict[str, str]:
     return found
 
 
+@public
 def environment_names() -> list[str]:
     """Identifiers of the environments, "tiller/CartPole-v0", ..."""
     return sorted(_with_plant())

@@ -52,24 +52,42 @@ def test_stubs_name_what_the_extension_has():
             assert told == {n for n in dir(kind) if not n.startswith("_")}, name
 
 
-@pytest.mark.parametrize("identifier", ["tiller/CartPole-v0", "tiller/Pendulum-v0", "tiller/Furuta-v0"])
-def test_environments_pass_the_checker_of_gymnasium(identifier):
+def test_every_environment_passes_the_checker_of_gymnasium(recwarn):
     gymnasium = pytest.importorskip("gymnasium")
     import tiller.envs
     from gymnasium.utils.env_checker import check_env
-    assert identifier in tiller.envs.environment_names()
-    env = gymnasium.make(identifier, seconds=1.0)
-    check_env(env.unwrapped, skip_render_check=True)
-    first = env.reset(seed=5)[0]
-    assert np.array_equal(first, env.reset(seed=5)[0])
-    total, over = 0.0, False
-    while not over:
-        _, reward, ended, over, info = env.step(env.action_space.sample() * 0)
-        total += reward
-        assert not ended
-    assert total < 0 and info["time_s"] == pytest.approx(1.0, abs=0.021)
-    with pytest.raises(tiller.ArgumentError, match="observe"):
-        tiller.envs.PlantEnv("pendulum", observe="everything")
+    names = tiller.envs.environment_names()
+    assert {"tiller/CartPole-v0", "tiller/Pendulum-v0", "tiller/SkidSteer-v0"} <= set(names)
+    for identifier in names:
+        env = gymnasium.make(identifier, seconds=0.5)
+        check_env(env.unwrapped, skip_render_check=True)
+        first = env.reset(seed=5)[0]
+        assert np.array_equal(first, env.reset(seed=5)[0])
+        total, over = 0.0, False
+        while not over:
+            _, reward, ended, over, info = env.step(env.action_space.sample() * 0)
+            total += reward
+            assert not ended, identifier
+        period = env.unwrapped.robot.period_s
+        assert total < 0 and info["time_s"] == pytest.approx(0.5, abs=1.05 * period), identifier
+        assert set(info["measured"]) <= set(env.unwrapped.robot.measurements)
+
+
+def test_environments_refuse_wrong_arguments():
+    pytest.importorskip("gymnasium")
+    import tiller.envs
+    env = tiller.envs.PlantEnv("pendulum")
+    for call, args, options, word in ((tiller.envs.PlantEnv, ("pendulum",), {"observe": "everything"}, "observe"),
+                                      (tiller.envs.PlantEnv, (3,), {}, "path"),
+                                      (tiller.envs.PlantEnv, ("pendulum", float("nan")), {}, "seconds"),
+                                      (tiller.envs.PlantEnv, ("pendulum",), {"second": 3}, "second"),
+                                      (tiller.envs.environment_names, (1,), {}, "environment_names"),
+                                      (env.step, (), {}, "action"), (env.step, ("up",), {}, "could not convert"),
+                                      (env.step, (np.zeros(2),), {}, "torque_Nm"),
+                                      (env.step, ([float("nan")],), {}, "nan"), (env.reset, (1,), {}, "reset")):
+        with pytest.raises(tiller.Error, match=word) as caught:
+            call(*args, **options)
+        assert caught.value.remedy
 
 
 def test_identify_finds_the_damping_of_a_measured_pendulum(tmp_path):

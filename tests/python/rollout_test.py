@@ -81,7 +81,7 @@ def test_threads_lists_and_single_precision(pendulum):
     (("no", np.zeros((5, 1))), TypeError, ["x0", "'no'"]),
     (([0, float("nan")], np.zeros((5, 1))), ValueError, ["x0", "NaN", "rate_rad_s"]),
     ((np.zeros((40, 2)), np.where(np.arange(200).reshape(40, 5, 1) == 111, np.inf, 0)), ValueError,
-     ["U", "infinity", "torque_Nm", "row 22"]),
+     ["U", "infinity", "torque_Nm", "U[22, 1, 0]"]),
 ])
 def test_errors(pendulum, arguments, error, words):
     with pytest.raises(error) as caught:
