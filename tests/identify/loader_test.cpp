@@ -472,8 +472,8 @@ TEST_F(Loader, WhatCOnlyWarnsOfIsAnError) {
     const char* to;
     const char* said;
   } cases[] = {
-      {"double* dxdt", "float* dxdt", "table.c:11:91: error: initialization of"},
-      {"const double* x,", "const float* x,", "incompatible pointer type"},
+      {"double* dxdt", "float* dxdt", "table.c:13:38: error: initialization of"},
+      {"const double* x,", "const float* x,", "the arguments that tiller/model.h declares, double throughout"},
       {"x[1];", "velocity(x);", "implicit declaration of function 'velocity'"},
       {"dxdt[0] = x[1];", "double v; dxdt[0] = v;", "'v' is used uninitialized"},
   };

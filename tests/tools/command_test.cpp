@@ -111,6 +111,20 @@ std::string variant(const std::string& path, const std::vector<std::pair<std::st
   return changed;
 }
 
+TEST_F(Command, APeriodInMillisecondsIsHintedAt) {
+  const std::string pendulum = std::string(TILLER_TEST_ROBOTS) + "/pendulum.toml";
+  std::ofstream(folder_ + "/long.toml") << variant(
+      pendulum, {{"period_s = 0.02", "period_s = 20"}, {"sensor_timeout_s = 0.1", ""}});
+  const Ended check = run({"check", "long.toml"});
+  EXPECT_EQ(check.code, 0) << check.out;
+  EXPECT_TRUE(contains(check.out, "long.toml:8: model.period_s = 20: ")) << check.out;
+  EXPECT_TRUE(contains(check.out, "if 20 ms is meant, write period_s = 0.02")) << check.out;
+  // the error that no number of substeps mends is not told as mended
+  EXPECT_FALSE(contains(check.out, "below 0.1 with 64 substeps")) << check.out;
+  EXPECT_TRUE(contains(check.out, " with 64 substeps)") && contains(check.out, "(still ")) << check.out;
+  EXPECT_TRUE(contains(check.out, "even with 64 substeps")) << check.out;
+}
+
 // 8192 rollouts of a planner that takes 1 ms for 256 of them, in 0.5 ms: a busy machine makes it longer only.
 TEST_F(Command, ATickThatDoesNotFitItsPeriodIsWarnedOf) {
   const std::string pendulum = std::string(TILLER_TEST_ROBOTS) + "/pendulum.toml";

@@ -6,7 +6,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "tools/robot/robot_schema.hpp"
+#include "tools/robot/robot_hints.hpp"
 #include "tools/robot/robot_text.hpp"
 
 namespace tiller::tools {
@@ -43,7 +43,7 @@ class OwnModel : public testing::Test {
   RobotText parse(const std::string& text, const std::string& path = TILLER_TEST_REACTOR) {
     errors_.clear();
     RobotText read = parse_robot_text(text, path, errors_);
-    hints_ = read.robot ? read.robot->hints : "";
+    hints_ = read.robot ? robot_hints(*read.robot, text) : "";
     return read;
   }
   RobotText parse_shipped(const std::string& name, const std::string& from, const std::string& to) {
@@ -56,7 +56,7 @@ class OwnModel : public testing::Test {
 
 TEST_F(OwnModel, AStartWithoutMotionIsRefusedWithTheEquationsAndTheNumber) {
   EXPECT_EQ(parse(reactor()).robot, nullptr);
-  expect_said(errors_, "robot.toml:7: start: the model has no finite motion there: the rate of biomass_g_L is nan, ");
+  expect_said(errors_, "robot.toml:6: start: the model has no finite motion there: the rate of biomass_g_L is nan, ");
   expect_said(errors_, "the rate of substrate_g_L is nan, the rate of product_g_L is nan, because of volume_L = 0; ");
   EXPECT_EQ(errors_.find("the rate of volume_L"), std::string::npos) << "it is finite: " << errors_;
   EXPECT_EQ(errors_.find("because of biomass_g_L"), std::string::npos) << errors_;
@@ -111,7 +111,14 @@ TEST_F(OwnModel, ShippedRobotsHaveNoHints) {
 }
 
 TEST_F(OwnModel, MillisecondsAreTold) {
-  ASSERT_NE(parse_shipped("pendulum.toml", "period_s = 0.02", "period_s = 20").robot, nullptr) << errors_;
+  EXPECT_EQ(parse_shipped("pendulum.toml", "period_s = 0.02", "period_s = 20").robot, nullptr);
+  expect_said(errors_, "safety.sensor_timeout_s = 0.1: 0.1 s is below the control period of 20 s; if 20 ms is meant, "
+                       "write [model] period_s = 0.02");
+  const std::string path = std::string(TILLER_TEST_ROBOTS) + "/pendulum.toml";
+  ASSERT_NE(parse(changed(changed(read(path), "period_s = 0.02", "period_s = 20"), "sensor_timeout_s = 0.1", ""), path)
+                .robot,
+            nullptr)
+      << errors_;
   expect_said(hints_, "model.period_s = 20: a control period of 20 s is long for a robot, and the model's fastest mode");
   expect_said(hints_, "if 20 ms is meant, write period_s = 0.02");
   ASSERT_NE(parse_shipped("pendulum.toml", "sensor_timeout_s = 0.1", "sensor_timeout_s = 100").robot, nullptr) << errors_;

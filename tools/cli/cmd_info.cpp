@@ -10,6 +10,7 @@
 #include "tiller/config.hpp"
 #include "tools/command/commands.hpp"
 #include "tools/doctor/tick_forecast.hpp"
+#include "tools/open/substeps.hpp"
 #include "tools/robot/effects_text.hpp"
 #include "tools/robot/limits_text.hpp"
 #include "tools/robot/robot_help.hpp"
@@ -136,7 +137,7 @@ int check_command(const std::string& path) {
   const StepError& error = robot->substeps.configured;
   std::printf("  step error %.2g of the noise expected of %s in a period (%s with %u substeps)\n", error.share,
               robot->states[error.worst_state].c_str(),
-              robot->substeps.enough() ? "below 0.1" : format("still %.2g", robot->substeps.advised.share).c_str(),
+              is_enough(robot->substeps) ? "below 0.1" : format("still %.2g", robot->substeps.advised.share).c_str(),
               robot->substeps.needed);
   for (std::size_t i = 0; i < robot->params.size(); ++i) {
     std::printf("  parameter  %-24s %s\n", robot->params[i].c_str(), prior_text(c.priors[i]).c_str());

@@ -1,18 +1,31 @@
 #include "tools/command/commands.hpp"
 
 #include <cstdio>
+#include <fstream>
+#include <iterator>
 #include <thread>
 
 #include "tools/open/robot_open.hpp"
+#include "tools/open/substeps.hpp"
+#include "tools/robot/robot_hints.hpp"
 #include "tools/robot/robot_schema.hpp"
 
 namespace tiller::tools {
 
+namespace {
+
+std::string hints_of_file(const RobotFile& robot) {
+  std::ifstream file(robot.path, std::ios::binary);
+  return robot_hints(robot, {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()});
+}
+
+}  // namespace
+
 std::unique_ptr<RobotFile> read_robot_or_complain(const std::string& path) {
   std::string errors;
   auto robot = read_robot_file(path, errors);
-  std::fputs(robot ? robot->hints.c_str() : errors.c_str(), stderr);
-  if (robot && !robot->substeps.enough())
+  std::fputs(robot ? hints_of_file(*robot).c_str() : errors.c_str(), stderr);
+  if (robot && !is_enough(robot->substeps))
     std::fprintf(stderr,
                  "%s: [model] period_s = %s: the integrator's error in a period is %.2g times the noise expected of %s "
                  "even with %u substeps, and the posterior takes it for physics; shorten the period, or raise [noise] "

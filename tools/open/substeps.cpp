@@ -138,7 +138,7 @@ SubstepAdvice advise_substeps(const tiller_config_t& config) {
   advice.configured = trial.error(config.substeps);
   for (;; advice.needed *= 2) {
     advice.advised = trial.error(advice.needed);
-    if (advice.enough() || advice.needed >= kMostSubsteps) return advice;
+    if (is_enough(advice) || advice.needed >= kMostSubsteps) return advice;
   }
 }
 

@@ -5,6 +5,12 @@
 
 namespace tiller::tools {
 
+/// Of the noise: an error below that share is not seen.
+constexpr double kStepErrorTolerance = 0.1;
+
+/// Whether the advised number keeps the error below the tolerance: no number may.
+inline bool is_enough(const SubstepAdvice& advice) { return advice.advised.share <= kStepErrorTolerance; }
+
 /// The error is local: one period from states that the robot visits, which is what posterior and planner use; an error
 /// that grows over a long open loop is not the integrator's. The states are those of a short closed loop at the task
 /// (visit_states) and of 4 periods from 25 of its points in 16 lanes, with parameters drawn from the priors and inputs

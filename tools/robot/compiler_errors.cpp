@@ -10,7 +10,7 @@
 namespace tiller::tools {
 namespace {
 
-constexpr std::size_t kMostPlaces = 4, kMostLetters = 240;
+constexpr std::size_t kMostPlaces = 4, kMostLetters = 400;
 
 /// "file:line:column: error: text", and the lines that quote the place.
 struct Message {
@@ -114,6 +114,8 @@ class Reader {
   static std::string advice(const std::string& text) {
     if (contains(text, "to 'bool'") || contains(text, "used where a 'bool' is expected"))
       return "  an if or ?: of a state cannot differ between lanes: write select(condition, a, b)\n";
+    if (contains(text, "incompatible pointer type"))
+      return "  the table's functions have the arguments that tiller/model.h declares, double throughout\n";
     for (const char* function : {"sin(", "cos(", "tan(", "exp(", "log(", "sqrt(", "tanh(", "abs(", "fabs(", "atan2(",
                                  "pow(", "min(", "max("})
       if (contains(text, ("no matching function for call to '" + std::string(function)).c_str()))

@@ -197,7 +197,7 @@ std::string check_model_functions(const tiller_model_t& model) {
     const std::string problem = !copy.started ? work()
                                 : copy.signal ? function.name + " " + signal_text(copy.signal)
                                               : copy.answer;
-    if (!problem.empty()) return "model '" + std::string(model.name) + "': " + problem;
+    if (!problem.empty()) return problem;
   }
   return "";
 }

@@ -6,7 +6,6 @@
 #include <filesystem>
 
 #include "tools/robot/model_compiler.hpp"
-#include "tools/robot/model_table.hpp"
 
 namespace tiller::tools {
 namespace fs = std::filesystem;
@@ -89,8 +88,7 @@ const tiller_model_t* open_object(const std::string& object, const std::string& 
     return nullptr;
   }
   const tiller_model_t* model = entry();
-  std::string problem = check_model_table(model, ObjectMemory(handle));
-  if (problem.empty() && !model->kernels) problem = check_model_functions(*model);  // a template's cannot miss its arrays
+  const std::string problem = check_model_table(model);
   if (!problem.empty()) {
     error = shown + ": " + problem;
     return nullptr;

@@ -22,8 +22,7 @@ struct ModelRequest {
 /// A model file is compiled by this machine's compiler and loaded into this process: native code that may do
 /// whatever the user may. Load only models that you would run as a program. The compiled copy is kept under
 /// $XDG_CACHE_HOME/tiller/models (or TILLER_CACHE) until the file, anything it includes, the compiler or the
-/// flags change; the first time takes some seconds and says so on stderr. What it exports is checked before it is
-/// used (model_table.hpp).
+/// flags change; the first time takes some seconds and says so on stderr.
 ///
 /// Environment: TILLER_CXX, TILLER_CC (a compiler's path), TILLER_INCLUDE (folders with tiller's headers,
 /// separated by ':'), TILLER_CACHE.
@@ -32,5 +31,8 @@ const tiller_model_t* load_model(const ModelRequest& request, std::string& error
 
 /// The file that `request` names, relative names resolved against robot_dir; "" for a built-in model.
 std::string model_path(const ModelRequest& request);
+
+/// The defect of a table that came from outside; "" if it can be used.
+std::string check_model_table(const tiller_model_t* model);
 
 }  // namespace tiller::tools

@@ -9,6 +9,8 @@
 #include <set>
 
 #include "tools/base/text.hpp"
+#include "tools/robot/model_loader.hpp"
+#include "tools/robot/object_memory.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -143,8 +145,11 @@ class TableCheck {
 
 }  // namespace
 
-std::string check_model_table(const tiller_model_t* model, const ObjectMemory& memory) {
+// Counts, names, joints, and the lengths of their arrays as far as the object's symbol table tells them; then, of a table
+// without kernels, its functions: a template's cannot miss its arrays.
+std::string check_model_table(const tiller_model_t* model) {
   if (!model) return "tiller_model() returned null";
+  const ObjectMemory memory(model);
   struct {
     std::uint32_t size, version;
   } head;
@@ -155,7 +160,8 @@ std::string check_model_table(const tiller_model_t* model, const ObjectMemory& m
            "TILLER_MODEL_VERSION, and compile against these headers";
   std::string name;
   if (!model->name || !memory.text(model->name, name) || name.empty()) return "the table has no name";
-  const std::string problem = TableCheck(*model, memory).problem();
+  std::string problem = TableCheck(*model, memory).problem();
+  if (problem.empty() && !model->kernels) problem = check_model_functions(*model);
   return problem.empty() ? "" : "model '" + name + "': " + problem;
 }
 

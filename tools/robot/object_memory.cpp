@@ -26,14 +26,15 @@ bool record(const std::string& file, std::size_t at, T& out) {
 
 }  // namespace
 
-ObjectMemory::ObjectMemory(void* handle) {
+ObjectMemory::ObjectMemory(const void* inside) {
   int ends[2];
   if (pipe2(ends, O_CLOEXEC) == 0) {
     read_ = ends[0];
     write_ = ends[1];
   }
+  Dl_info info;
   link_map* map = nullptr;
-  if (dlinfo(handle, RTLD_DI_LINKMAP, &map) != 0) return;
+  if (dladdr1(inside, &info, reinterpret_cast<void**>(&map), RTLD_DL_LINKMAP) == 0 || !map) return;
   std::ifstream stream(map->l_name, std::ios::binary);
   const std::string file{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
   ElfW(Ehdr) head;

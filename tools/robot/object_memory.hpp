@@ -9,8 +9,8 @@ namespace tiller::tools {
 /// The memory of a shared object that was loaded from outside, read without trusting a pointer in it.
 class ObjectMemory {
  public:
-  /// `handle` is dlopen's. The sizes of its variables come from the symbol table of its file.
-  explicit ObjectMemory(void* handle);
+  /// Of the object that `inside` lies in. The sizes of its variables come from the symbol table of its file.
+  explicit ObjectMemory(const void* inside);
   ~ObjectMemory();
   ObjectMemory(const ObjectMemory&) = delete;
   ObjectMemory& operator=(const ObjectMemory&) = delete;

@@ -1,11 +1,10 @@
-// Whether the model's equations have finite values where the controller begins, and within the bounds that the file
-// states.
+#include "tools/robot/robot_equations.hpp"
+
 #include <algorithm>
 #include <cmath>
 
 #include "core/rng.hpp"
 #include "posterior/prior.hpp"
-#include "tools/robot/robot_sections.hpp"
 
 namespace tiller::tools {
 namespace {

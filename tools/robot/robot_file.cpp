@@ -9,6 +9,7 @@
 #include "rollout/measurement.hpp"
 #include "tools/robot/config_trace.hpp"
 #include "tools/robot/network_file.hpp"
+#include "tools/robot/robot_equations.hpp"
 #include "tools/robot/robot_sections.hpp"
 #include "tools/robot/robot_text.hpp"
 
@@ -187,6 +188,16 @@ Refusal tree_wants(const RobotFile& robot, const std::string& field) {
           "write qp_solver = \"riccati\", or closed_loop = false"};
 }
 
+/// A measurement is not late before the next one is due: a period in milliseconds is the likely mistake.
+Refusal timeout_wants(const RobotFile& robot, const std::string& field) {
+  const double period = robot.config.period_s, timeout = robot.config.safety.sensor_timeout_s;
+  if (field != "safety.sensor_timeout_s" || !(timeout < period)) return {};
+  return {number_text(timeout) + " s is below the control period of " + number_text(period) + " s",
+          period < 1.0 ? "write period_s at least"
+                       : "if " + number_text(period) + " ms is meant, write [model] period_s = " +
+                             number_text(1e-3 * period)};
+}
+
 /// Errors that only the library's own check sees: multiples, and combinations of values.
 void check_whole(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   const char* field = nullptr;
@@ -210,6 +221,7 @@ void check_whole(FileErrors& errors, const toml::table& root, RobotFile& robot) 
   const std::string key = join(path, ".");
   Refusal told = attitude_wants(robot, field ? field : "");
   if (told.problem.empty()) told = tree_wants(robot, field ? field : "");
+  if (told.problem.empty()) told = timeout_wants(robot, field ? field : "");
   if (told.problem.empty()) told = {tiller_status_text(status), remedy_for(path)};
   if (!node) {
     errors.at_line(errors.last_line(), key, told.problem, told.remedy);
@@ -270,11 +282,7 @@ RobotText parse_robot_text(const std::string& text, const std::string& path, std
     const toml::table root = toml::parse(std::string_view(text), std::string_view(path));
     read.says_substeps = static_cast<bool>(root["model"]["substeps"]);
     refuse_unknown_sections(errors, root);
-    if (read_controller(errors, root, robot)) {
-      FileErrors hints(path, text);
-      find_hints(hints, root, robot);
-      robot.hints = hints.text();
-    }
+    read_controller(errors, root, robot);
   } catch (const toml::parse_error& error) {
     errors.at_line(static_cast<int>(error.source().begin.line), "TOML", std::string(error.description()),
                    "correct the syntax (toml.io)");

@@ -117,7 +117,6 @@ struct RobotFile {
   SimSection sim;
   LogMap log;
   FigureSection figure;
-  std::string hints;       ///< what the file hardly means, as lines; empty: nothing
   SubstepAdvice substeps;  ///< what the period needs; taken where the file does not say
 };
 

@@ -1,8 +1,11 @@
 // What a robot file may say and hardly means: degrees, milliseconds, hours.
+#include "tools/robot/robot_hints.hpp"
+
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
+#include "tools/robot/robot_equations.hpp"
 #include "tools/robot/robot_sections.hpp"
 #include "tools/robot/units.hpp"
 
@@ -163,12 +166,21 @@ void hint_at_names(FileErrors& hints, const toml::table& root, const RobotFile& 
 
 }  // namespace
 
-void find_hints(FileErrors& hints, const toml::table& root, const RobotFile& robot) {
+std::string robot_hints(const RobotFile& robot, const std::string& text) {
+  toml::table root;
+  try {
+    root = toml::parse(std::string_view(text), std::string_view(robot.path));
+  } catch (const toml::parse_error&) {
+    return "";  // the file has changed since it was read
+  }
+  if (!root["model"].node()) return "";
+  FileErrors hints(robot.path, text);
   hint_at_period(hints, root, robot);
   hint_at_times(hints, root, robot);
   hint_at_angles(hints, root, robot);
   hint_at_names(hints, root, robot);
   hint_at_equations(hints, root, robot);
+  return hints.text();
 }
 
 }  // namespace tiller::tools

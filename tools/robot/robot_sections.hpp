@@ -42,14 +42,6 @@ void read_sim(FileErrors& errors, const toml::table& root, RobotFile& robot);
 void read_log_map(FileErrors& errors, const toml::table& root, RobotFile& robot);
 /// After the parameters and effects: it may name them.
 void read_figure(FileErrors& errors, const toml::table& root, RobotFile& robot);
-/// The value below which a share of the prior lies: 0.5 is its median.
-double parameter_at(const tiller_prior_t& prior, double share);
-/// Whether the model has a finite motion at the start; of a whole configuration.
-void check_start(FileErrors& errors, const toml::table& root, const RobotFile& robot);
-/// The same at random points near the start.
-void hint_at_equations(FileErrors& hints, const toml::table& root, const RobotFile& robot);
-/// What a valid file hardly means, with the likely meaning.
-void find_hints(FileErrors& hints, const toml::table& root, const RobotFile& robot);
 
 /// A key of a table with its value.
 struct Entry {

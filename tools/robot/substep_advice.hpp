@@ -14,12 +14,9 @@ struct StepError {
 /// integrator makes in one period stays below a tenth of the random change that the configuration expects in it. Above
 /// that the posterior takes the integrator's error for physics.
 struct SubstepAdvice {
-  static constexpr double kTolerance = 0.1;  ///< of the noise
   std::uint32_t needed = 1;  ///< 1, 2, 4, ... 64; 64 also if even that is not enough
   StepError configured;      ///< with config.substeps
   StepError advised;         ///< with `needed`
-
-  bool enough() const { return advised.share <= kTolerance; }
 };
 
 }  // namespace tiller::tools
