@@ -121,7 +121,7 @@ tools::StoredPosterior next_prior(Arm arm, const tools::RobotFile& robot, std::u
   tools::Log log;
   tools::RefittedPrior refitted;
   std::string error;
-  if (!tools::make_log(done.rows, "episode", "ticks with a measurement", now, log, error) ||
+  if (!done.rows.finish("episode", "ticks with a measurement", *now.model, log, error) ||
       !refit_of(arm)(now, log, refitted, error))
     give_up(seed, kName[arm] + (": " + error));
   return refitted.posterior;

@@ -124,6 +124,7 @@ class Controller {
 tiller_info_t run_ticks(tiller_t* t, const tools::RobotFile& robot, double seconds, tools::Link& link,
                         EpisodeResult& result) {
   Judge judge(robot);
+  result.rows.begin(robot);
   std::vector<double> tick_us, state(robot.states.size());
   const volatile std::sig_atomic_t go_on = 0;
   const auto ticks = static_cast<std::uint64_t>(std::llround(seconds / robot.config.period_s));
@@ -134,7 +135,7 @@ tiller_info_t run_ticks(tiller_t* t, const tools::RobotFile& robot, double secon
     tiller_command_t command{};
     tiller_tick(t, sensed.now_us, sensed.fresh ? &sensed.measurement : nullptr, &command);
     link.send(command);
-    if (sensed.fresh) tools::add_measured_row(static_cast<int>(k) + 1, sensed.measurement, command, result.rows);
+    if (sensed.fresh) result.rows.add(static_cast<int>(k) + 1, sensed.measurement, command);
     link.truth(state.data());
     judge.see(static_cast<double>(k) * robot.config.period_s, state.data(), command.value, result);
     for (std::size_t i = 0; i < robot.inputs.size(); ++i) hash_bits(result.command_hash, command.value[i]);

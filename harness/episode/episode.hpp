@@ -42,7 +42,7 @@ struct EpisodeResult {
   double noise_scale = 0, effective_samples = 0, acceptance = 0;
   std::vector<ParameterResult> parameters;  ///< those with a prior
   tools::Particles particles;               ///< of the posterior at the end
-  std::vector<tools::MeasuredRow> rows;     ///< what was measured and commanded
+  tools::MeasuredRows rows;                 ///< what was measured and commanded
   std::string error;                        ///< not empty: the episode could not run
 
   bool upright() const { return upright_from_s >= 0 && upright_from_s <= 6.0; }

@@ -24,9 +24,10 @@ void read_log(const std::string& text) {
 }
 
 void read_run(const std::string& text) {
+  fuzz::Stream file(reinterpret_cast<const std::uint8_t*>(text.data()), text.size());
   tiller::tools::RecordedRun run;
   std::string error;
-  const bool good = tiller::tools::read_csv_run(text, "fuzz.csv", fuzz::robot(), run, error);
+  const bool good = tiller::tools::read_csv_run(file, "fuzz.csv", fuzz::robot(), run, error);
   fuzz::require(good == error.empty(), "a run is refused with a reason, and taken without one");
   fuzz::require(!good || !run.entries.empty(), "a run that is taken has ticks");
 }

@@ -52,7 +52,8 @@ inline const tiller::tools::RobotFile& robot() {
 inline void check_log_shape(const tiller::tools::Log& log) {
   require(log.line.size() == log.rows(), "a line for every row");
   for (const auto& column : log.state) require(column.empty() || column.size() == log.rows(), "states of one length");
-  for (const auto& column : log.input) require(column.empty() || column.size() == log.rows(), "inputs of one length");
+  for (const auto& column : log.input)
+    require(column.empty() || column.size() == log.input_times().size(), "inputs of one length");
 }
 
 }  // namespace fuzz

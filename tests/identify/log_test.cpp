@@ -105,6 +105,183 @@ TEST(Log, MissingMeasurementIsNaN) {
   EXPECT_TRUE(std::isnan(outcome.log.state[0][10]));
 }
 
+// ---- as programs write them ----
+
+TEST(Log, ReadsDialectsAndNotesThem) {
+  const std::string good = swing(100);
+  const auto with = [&](char separator, bool comma) {
+    std::string text = good;
+    for (char& c : text) c = c == ',' ? separator : c == '.' && comma ? ',' : c;
+    return text;
+  };
+  std::string commented = good;
+  commented.insert(0, "# a logger of ours\n# ");
+  const struct {
+    const char* name;
+    std::string text;
+    const char* note;
+  } dialects[] = {{"plain", good, ""},
+                  {"semicolons", with(';', false), "read with semicolons"},
+                  {"decimal_commas", with(';', true), "read with semicolons, decimal commas"},
+                  {"tabs", with('\t', false), "read with tabs"},
+                  {"tabs_commas", with('\t', true), "read with tabs, decimal commas"},
+                  {"mark", "\xEF\xBB\xBF" + good, "read with a byte order mark"},
+                  {"numpy", commented, "read with a header behind '#'"},
+                  {"comments", "# made by hand\n\n" + good, ""}};
+  const Outcome plain = read(write_file("plain.csv", good));
+  ASSERT_TRUE(plain.good) << plain.error;
+  for (const auto& d : dialects) {
+    const Outcome outcome = read(write_file(std::string("dialect_") + d.name + ".csv", d.text));
+    ASSERT_TRUE(outcome.good) << d.name << ": " << outcome.error;
+    EXPECT_EQ(outcome.log.note, d.note) << d.name;
+    EXPECT_EQ(outcome.warnings.size(), *d.note == '\0' ? 0u : 1u) << d.name;
+    EXPECT_EQ(outcome.log.time_s, plain.log.time_s) << d.name;
+    EXPECT_EQ(outcome.log.state, plain.log.state) << d.name;
+    EXPECT_EQ(outcome.log.input, plain.log.input) << d.name;
+  }
+}
+
+TEST(Log, QuotedNamesMayHoldTheSeparator) {
+  LogMap map = dfki_map();
+  map.columns["angle_rad"] = "position, \"measured\"";
+  std::string text = swing(100);
+  text = "time,\"position, \"\"measured\"\"\",velocity,torque" + text.substr(text.find('\n'));
+  const Outcome outcome = read(write_file("quoted.csv", text), map);
+  ASSERT_TRUE(outcome.good) << outcome.error;
+  EXPECT_NEAR(outcome.log.state[0][25], 0.5, 1e-6);
+}
+
+TEST(Log, WordsForMissingValuesAreMissing) {
+  std::string text = with_line(swing(300), 12, "0.1,nan,NaN,0.1\n");
+  text = with_line(text, 13, "0.11,null,N/A,0.1\n");
+  const Outcome outcome = read(write_file("words.csv", text));
+  ASSERT_TRUE(outcome.good) << outcome.error;
+  for (const std::size_t row : {10u, 11u})
+    for (const std::size_t state : {0u, 1u}) EXPECT_TRUE(std::isnan(outcome.log.state[state][row])) << row;
+  EXPECT_EQ(outcome.log.note, "read with words as 'nan' for missing values");
+}
+
+tiller::Config pendulum_config(double period_s) {
+  tiller::Config config;
+  tiller_config_default(&config, &pendulum());
+  config.period_s = period_s;
+  config.measurement_count = 2;
+  config.measured_state[0] = 0;
+  config.measured_state[1] = 1;
+  config.measurement_sd[0] = 0.001;
+  config.measurement_sd[1] = 0.05;
+  return config;
+}
+
+// ---- columns at other rates ----
+
+// 100 Hz; the torque 0, 5, 10, ... has a value in every fifth row, from the third row on.
+std::string slow_torque() {
+  std::string text = "time_s,angle_rad,torque_Nm\n";
+  for (int i = 0; i < 100; ++i)
+    text += std::to_string(0.01 * i) + "," + std::to_string(0.5 * std::sin(0.1 * i)) + "," +
+            (i % 5 == 2 ? std::to_string(i - 2) : "") + "\n";
+  return text;
+}
+
+Log read_angle(const std::string& name, const std::string& text, const LogMap& map = LogMap()) {
+  Log log;
+  std::string error;
+  EXPECT_TRUE(read_log(write_file(name, text), map, pendulum(), {0}, log, error)) << error;
+  return log;
+}
+
+TEST(Rates, AnInputHoldsWhereItsCellIsEmpty) {
+  const Log log = read_angle("slow.csv", slow_torque());
+  ASSERT_EQ(log.rows(), 98u) << "nobody knows what acted before the first command";
+  EXPECT_EQ(log.line[0], 4);
+  for (std::size_t row = 0; row < log.rows(); ++row)
+    EXPECT_EQ(log.input[0][row], static_cast<double>(row / 5 * 5)) << row;
+  EXPECT_EQ(log.note,
+            "column 'torque_Nm' has a value in 20 of 100 rows and holds in between; 2 rows before the first "
+            "input are left out");
+}
+
+TEST(Rates, AMeasuredInputGoesOnInAStraightLine) {
+  LogMap map;
+  map.input = "mean";
+  const Log log = read_angle("slow_mean.csv", slow_torque(), map);
+  for (std::size_t row = 0; row < 96; ++row) EXPECT_NEAR(log.input[0][row], static_cast<double>(row), 1e-9) << row;
+  EXPECT_EQ(log.input[0][97], 95.0) << "nothing comes after it";
+}
+
+TEST(Rates, RowsOfOneStampAreOneWhereTheyAgree) {
+  std::string text = "time_s,angle_rad,torque_Nm\n";
+  for (int i = 0; i < 40; ++i) {
+    const std::string t = std::to_string(0.01 * i), angle = std::to_string(0.1 * i), torque = std::to_string(i);
+    text += t + "," + angle + ",\n" + t + ",," + torque + "\n";      // a logger with a row for each channel
+    if (i % 10 == 0) text += t + "," + angle + "," + torque + "\n";  // and a message that came twice
+  }
+  const Log log = read_angle("long.csv", text);
+  ASSERT_EQ(log.rows(), 40u);
+  EXPECT_NEAR(log.state[0][39], 3.9, 1e-9);
+  EXPECT_EQ(log.input[0][39], 39.0);
+  EXPECT_EQ(log.note, "4 identical rows count once");
+}
+
+// Two sensors of 100 Hz, 2 ms apart, for a robot of 50 Hz: no sample is lost to the other's rows, grids go through both.
+TEST(Rates, SensorsWithRowsOfTheirOwnAreBothUsed) {
+  std::string text = "time_s,angle_rad,rate_rad_s,torque_Nm\n";
+  const auto number = [](double v) { return std::to_string(v); };
+  for (int i = 0; i < 200; ++i) {
+    const double t = 0.01 * i, later = t + 0.002;
+    text += number(t) + "," + number(0.1 * t) + ",," + number(i % 7) + "\n" + number(later) + ",," +
+            number(0.3 * later) + ",\n";
+  }
+  Log log;
+  std::string error;
+  ASSERT_TRUE(read_log(write_file("two.csv", text), LogMap(), pendulum(), {0, 1}, log, error)) << error;
+  EXPECT_NEAR(median_step_s(log), 0.01, 1e-9);
+  EXPECT_EQ(split_at_gaps(log).size(), 1u);
+  const tiller::Config config = pendulum_config(0.02);
+  const std::vector<Stretch> stretches = make_stretches(log, LogMap(), config);
+  ASSERT_EQ(stretches.size(), 1u);
+  int angles = 0, rates = 0;
+  double length = 0;
+  for (const Transition& step : stretches[0].steps) {
+    angles += std::isfinite(step.measured[0]) ? 1 : 0;
+    rates += std::isfinite(step.measured[1]) ? 1 : 0;
+    length += step.period_s;
+  }
+  EXPECT_NEAR(angles, 99, 1);  // 2 s at 50 Hz of each
+  EXPECT_NEAR(rates, 100, 1);
+  EXPECT_NEAR(length, log.time_s.back(), 0.011);
+  const std::vector<Grid> grids = make_grids(log, LogMap(), config);
+  ASSERT_EQ(grids.size(), 1u);
+  for (std::size_t p = 1; p + 1 < grids[0].points(); ++p) {
+    EXPECT_NEAR(grids[0].state[0][p], 0.1 * 0.02 * static_cast<double>(p), 1e-6);
+    EXPECT_NEAR(grids[0].state[1][p], 0.3 * 0.02 * static_cast<double>(p), 1e-6);
+  }
+}
+
+TEST(Rates, AnAngleGoesTheShortWayBetweenSamples) {
+  std::string text = "time_s,angle_rad,torque_Nm\n";
+  for (int i = 0; i < 100; ++i)
+    text += std::to_string(0.01 * i) + "," + std::to_string(std::remainder(3.0 + 0.1 * i, 6.283185307179586)) + "," +
+            std::to_string(i % 3) + "\n";
+  const Log log = read_angle("wrap.csv", text);
+  const tiller::Config config = pendulum_config(0.015);
+  for (const Grid& grid : make_grids(log, LogMap(), config))
+    for (std::size_t p = 0; p < grid.points(); ++p)
+      EXPECT_NEAR(std::remainder(grid.state[0][p] - 3.0 - 10 * 0.015 * static_cast<double>(p), 6.283185307179586), 0,
+                  1e-5);
+}
+
+TEST(Rates, ALongLogTakesTheMemoryOfItsColumns) {
+  std::string text = "time_s,angle_rad,torque_Nm\n";
+  for (int i = 0; i < 1000; ++i) text += std::to_string(0.001 * i) + ",0." + std::to_string(i) + ",1\n";
+  const Log log = read_angle("columns.csv", text);
+  EXPECT_LE(log.time_s.capacity(), 2 * log.rows());
+  EXPECT_LE(log.state[0].capacity(), 2 * log.rows());
+  EXPECT_EQ(log.state[1].capacity(), 0u);
+  EXPECT_TRUE(log.input_time_s.empty());
+}
+
 struct Bad {
   const char* name;
   std::string text;
@@ -113,23 +290,27 @@ struct Bad {
 
 std::vector<Bad> bad_logs() {
   const std::string good = swing(300);
+  std::string no_torque = "time,position,velocity,torque\n";
+  for (int i = 0; i < 30; ++i) no_torque += std::to_string(0.01 * i) + ",0.1,3,\n";
   return {
       {"empty", "", {"empty", "header"}},
       {"only_header", "time,position,velocity,torque\n", {"0 rows are too few"}},
       {"short", swing(5), {"5 rows are too few"}},
-      {"semicolons", "time;position;velocity;torque\n0;0;0;0\n", {":1:", "separated", "commas"}},
+      {"sixteen_bits", std::string("\xFF\xFEt\0i\0", 6), {"UTF-16", "save it as UTF-8"}},
       {"no_column",
        with_line(good, 1, "time,pos,velocity,torque\n"),
        {":1:", "'position'", "angle_rad", "time, pos, velocity, torque", "[log] columns"}},
       {"typing_error", with_line(good, 1, "time,positon,velocity,torque\n"), {"did you mean 'positon'"}},
       {"twice", with_line(good, 1, "time,position,position,torque\n"), {":1:", "'position' appears twice"}},
-      {"nan", with_line(good, 10, "0.08,nan,3,0.1\n"), {":10:", "'position' is 'nan'", "leave the cell"}},
-      {"infinite_input", with_line(good, 11, "0.09,0.1,3,inf\n"), {":11:", "'torque' is 'inf'", "delete the row"}},
-      {"no_input", with_line(good, 11, "0.09,0.1,3,\n"), {":11:", "'torque' is empty"}},
+      {"infinite", with_line(good, 10, "0.08,-inf,3,0.1\n"), {":10:", "'position' is '-inf'", "leave the cell"}},
+      {"infinite_input", with_line(good, 11, "0.09,0.1,3,inf\n"), {":11:", "'torque' is 'inf'", "leave the cell"}},
+      {"no_stamp", with_line(good, 11, ",0.1,3,0.1\n"), {":11:", "'time' is empty", "delete the row"}},
+      {"no_input", no_torque, {"'torque': every cell is empty"}},
+      {"thousands", with_line(good, 7, "0.05,\"1.234,5\",3,0.1\n"), {":7:", "'1.234,5' is not a number"}},
       {"words", with_line(good, 7, "0.05,left,3,0.1\n"), {":7:", "'left' is not a number"}},
       {"ragged", with_line(good, 20, "0.18,0.1,3\n"), {":20:", "3 values where the header names 4"}},
       {"cut_off", good + "3.0,0.1", {":302:", "cut off"}},
-      {"repeated_stamp", with_line(good, 50, "0.47,0.1,3,0.1\n"), {":50:", "repeats line 49"}},
+      {"repeated_stamp", with_line(good, 50, "0.47,0.1,3,0.1\n"), {":50:", "repeats that of line 49", "other values"}},
       {"backwards", with_line(good, 50, "0.2,0.1,3,0.1\n"), {":50:", "time goes backwards by", "two files"}},
       {"milliseconds", swing(300, 1e3), {"'time'", "a row every 10 s", "ms"}},
       {"degrees", swing(300, 1, 57.29577951, 1), {"'velocity' is", "the position is in degrees", "[log] units"}},
@@ -185,18 +366,6 @@ TEST(Log, GapsSplitAndManyTurnsWarn) {
 }
 
 // ---- from rows to transitions ----
-
-tiller::Config pendulum_config(double period_s) {
-  tiller::Config config;
-  tiller_config_default(&config, &pendulum());
-  config.period_s = period_s;
-  config.measurement_count = 2;
-  config.measured_state[0] = 0;
-  config.measured_state[1] = 1;
-  config.measurement_sd[0] = 0.001;
-  config.measurement_sd[1] = 0.05;
-  return config;
-}
 
 TEST(Stretch, MergesRowsAndKeepsTheInputsArea) {
   const Outcome outcome = read(write_file("merge.csv", swing(301)));

@@ -1,5 +1,6 @@
 // The CSV of a run is a log that replays: what is read back is the tick that was written.
 #include <algorithm>
+#include <sstream>
 
 #include "run_rig.hpp"
 #include "tools/replay/replay.hpp"
@@ -78,7 +79,8 @@ TEST(CsvRun, CutAtEveryByteItsWholeRowsAreRead) {
     const auto rows = static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
     RecordedRun run;
     std::string error;
-    ASSERT_EQ(read_csv_run(text, "cut.csv", *robot, run, error), rows > 1) << size;
+    std::istringstream file(text);
+    ASSERT_EQ(read_csv_run(file, "cut.csv", *robot, run, error), rows > 1) << size;
     ASSERT_EQ(run.entries.size(), rows > 1 ? rows - 1 : 0) << size;
     ASSERT_EQ(run.cut_off, size > header && text.back() != '\n') << size;
   }
@@ -95,7 +97,8 @@ TEST(CsvRun, WhatIsNoRowIsToldWithItsLineAndColumn) {
     text.replace(at, from.size(), to);
     RecordedRun run;
     std::string error;
-    EXPECT_FALSE(read_csv_run(text, "run.csv", *robot, run, error)) << to;
+    std::istringstream file(text);
+    EXPECT_FALSE(read_csv_run(file, "run.csv", *robot, run, error)) << to;
     return error;
   };
   EXPECT_NE(told("now_us", "then_us").find("run.csv:2: it has no column now_us"), std::string::npos);
@@ -118,7 +121,8 @@ TEST(CsvRun, AnyBytesAreTakenOrRefused) {
     for (std::uint32_t i = 0; i < 1 + next() % 4; ++i) text[next() % text.size()] = static_cast<char>(next());
     RecordedRun run;
     std::string error;
-    const bool read = read_csv_run(text, "run.csv", *robot, run, error);
+    std::istringstream file(text);
+    const bool read = read_csv_run(file, "run.csv", *robot, run, error);
     ASSERT_NE(read, !error.empty());
     ASSERT_LT(run.entries.size(), static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n')) + 1);
     taken += read ? 1 : 0;

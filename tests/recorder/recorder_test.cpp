@@ -122,7 +122,8 @@ TEST(Recorder, ADiskThatHangsCostsTicksAndNoTime) {
   // the log tells by its numbers what it lacks, and the report tells the same
   RecordedRun run;
   std::string error;
-  ASSERT_TRUE(read_csv_run(got, pipe, *robot, run, error)) << error;
+  std::istringstream text(got);
+  ASSERT_TRUE(read_csv_run(text, pipe, *robot, run, error)) << error;
   find_holes(run);
   EXPECT_EQ(run.entries.back().record.tick, pushed - 1);
   ASSERT_EQ(run.holes.size(), report.holes.size());

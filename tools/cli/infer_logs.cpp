@@ -32,8 +32,7 @@ bool read_grids(const SimulatorFile& file, const Words& paths, std::vector<Grid>
       good = false;
       continue;
     }
-    for (Grid& grid : make_grids(log, log_map_of(path, file.robot), file.robot.config))
-      grids.push_back(std::move(grid));
+    for (Grid& grid : make_grids(log, log.map, file.robot.config)) grids.push_back(std::move(grid));
   }
   return good;
 }

@@ -21,7 +21,7 @@ bool read_logs(const RobotFile& robot, const std::vector<std::string>& paths, st
     Log log;
     std::string problem;
     if (read_any_log(path, robot, log, problem))
-      check_log(log, log_map_of(path, robot), *robot.model, robot.config.period_s, warnings, problem);
+      check_log(log, log.map, *robot.model, robot.config.period_s, warnings, problem);
     if (!problem.empty()) error += (error.empty() ? "" : "\n") + problem;
     if (log.rows() > 0)
       facts.push_back({path, log.rows(), split_at_gaps(log).size(), log.time_s.back(), median_step_s(log)});
@@ -41,7 +41,7 @@ template <class Item, class Make>
 std::vector<Item> collect(const std::vector<Log>& logs, const RobotFile& robot, Make make) {
   std::vector<Item> all;
   for (const Log& log : logs)
-    for (Item& item : make(log, log_map_of(log.path, robot), robot.config)) all.push_back(std::move(item));
+    for (Item& item : make(log, log.map, robot.config)) all.push_back(std::move(item));
   return all;
 }
 

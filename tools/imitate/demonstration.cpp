@@ -19,8 +19,7 @@ bool acts(const Log& log) {
 }
 
 bool check(const RobotFile& robot, const Log& log, std::vector<std::string>& warnings, std::string& problem) {
-  const LogMap map = log_map_of(log.path, robot);
-  if (!check_log(log, map, *robot.model, robot.config.period_s, warnings, problem)) return false;
+  if (!check_log(log, log.map, *robot.model, robot.config.period_s, warnings, problem)) return false;
   if (log.undriven) {
     problem = log.path + ": has no inputs; a demonstration is of what was done: log " + join([&] {
                 Words names;
@@ -68,7 +67,7 @@ bool read_demonstrations(const RobotFile& robot, const Scene& scene, const std::
       continue;
     }
     std::size_t longest = 0, taken = 0;
-    for (const Grid& grid : make_grids(log, log_map_of(path, robot), robot.config)) {
+    for (const Grid& grid : make_grids(log, log.map, robot.config)) {
       longest = std::max(longest, grid.points());
       if (grid.points() <= least) continue;
       if (take(scene, grid, all, warnings, problem)) ++taken;

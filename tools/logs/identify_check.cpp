@@ -131,6 +131,7 @@ bool check_log(const Log& log, const LogMap& map, const tiller_model_t& model, d
   for (std::uint32_t j = 0; j < model.joint_count && error.empty(); ++j)
     error = check_rate(log, map, model, model.joints[j]);
   if (!error.empty()) return false;
+  if (!log.note.empty()) warnings.push_back(log.path + ": " + log.note);
   if (log.undriven && model.input_count > 0)
     warnings.push_back(log.path + ": no column of an input: the robot is taken to move freely, every input 0");
   hint_degrees(log, map, model, warnings);

@@ -9,30 +9,64 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-// Integral of input `i` from row `a` to row a + 1 of the log, over its time.
-double mean_input(const Log& log, bool hold, std::size_t i, std::size_t a) {
-  const auto& u = log.input[i];
-  return hold ? u[a] : 0.5 * (u[a] + u[a + 1]);
-}
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kSameRate = 1.9;  // of a sensor's typical step: from there on, a sample is missing
+constexpr double kAllRows = 0.9;   // share of the rows: below, a sensor has a rate of its own
 
-// Mean input over [from, to), which may begin and end between rows.
-double mean_over(const Log& log, bool hold, std::size_t i, const Segment& segment, double from, double to) {
-  const auto begin = log.time_s.begin();
-  auto row = static_cast<std::size_t>(std::upper_bound(begin + static_cast<std::ptrdiff_t>(segment.first),
-                                                       begin + static_cast<std::ptrdiff_t>(segment.last), from) -
-                                      begin);
-  row = row > segment.first ? row - 1 : segment.first;
+// How often rows and sensors come, found once for a log.
+struct Rates {
+  double row_s = 0;
+  std::vector<double> state_s;  // (nx) 0: no such column
+  bool alike = true;            // every sensor has a value in nearly every row
+
+  Rates(const Log& log, const tiller_config_t& config) : row_s(median_step_s(log)) {
+    for (const auto& values : log.state) state_s.push_back(values.empty() ? 0 : median_step_s(log, values));
+    for (std::uint32_t k = 0; k < config.measurement_count; ++k) {
+      const auto& values = log.state[config.measured_state[k]];
+      const auto there = std::count_if(values.begin(), values.end(), [](double v) { return !std::isnan(v); });
+      alike = alike && static_cast<double>(there) >= kAllRows * static_cast<double>(values.size());
+    }
+  }
+};
+
+// Mean of an input over [from, to), which may begin and end between its samples.
+double mean_over(const Log& log, bool hold, std::size_t i, double from, double to) {
+  const std::vector<double>&time_s = log.input_times(), &u = log.input[i];
+  auto k = static_cast<std::size_t>(std::upper_bound(time_s.begin(), time_s.end(), from) - time_s.begin());
+  k = k > 0 ? k - 1 : 0;
   double area = 0;
-  for (; row + 1 < segment.last && log.time_s[row] < to; ++row) {
-    const double start = std::max(from, log.time_s[row]), end = std::min(to, log.time_s[row + 1]);
-    if (end > start) area += (end - start) * mean_input(log, hold, i, row);
+  for (; k < time_s.size() && time_s[k] < to; ++k) {
+    const bool last = k + 1 == time_s.size();  // nothing comes after: it goes on
+    const double start = std::max(from, time_s[k]), end = last ? to : std::min(to, time_s[k + 1]);
+    if (end > start) area += (end - start) * (hold || last ? u[k] : 0.5 * (u[k] + u[k + 1]));
   }
   return area / (to - from);
 }
 
-// Rows that make one step: a log at 1 kHz for a robot at 100 Hz gives every tenth.
-std::size_t rows_per_step(const Log& log, double period_s) {
-  return static_cast<std::size_t>(std::max(1.0, std::round(period_s / median_step_s(log))));
+// Rows at which steps of about period_s end; the first is the segment's. A log at 1 kHz for a robot at 100 Hz gives
+// every tenth row. A sensor with a rate of its own counts for itself: of each, samples about a period apart are taken,
+// so that none is lost to the rows of another one.
+std::vector<std::size_t> step_ends(const Log& log, const Rates& rates, const tiller_config_t& config,
+                                   const Segment& segment) {
+  std::vector<std::size_t> ends;
+  const auto stride = static_cast<std::size_t>(std::max(1.0, std::round(config.period_s / rates.row_s)));
+  if (rates.alike) {
+    for (std::size_t row = segment.first; row < segment.last; row += stride) ends.push_back(row);
+    return ends;
+  }
+  std::vector<double> next(config.measurement_count, -INFINITY);
+  for (std::size_t row = segment.first; row < segment.last; ++row) {
+    bool taken = row == segment.first;
+    for (std::uint32_t k = 0; k < config.measurement_count; ++k) {
+      const std::uint32_t state = config.measured_state[k];
+      if (log.state[state].empty() || std::isnan(log.state[state][row]) || log.time_s[row] < next[k]) continue;
+      const double own = rates.state_s[state];
+      next[k] = log.time_s[row] + std::max(config.period_s, own) - 0.5 * own;
+      taken = true;
+    }
+    if (taken) ends.push_back(row);
+  }
+  return ends;
 }
 
 void read_measured(const Log& log, const tiller_config_t& config, std::size_t row, double* out) {
@@ -42,52 +76,68 @@ void read_measured(const Log& log, const tiller_config_t& config, std::size_t ro
   }
 }
 
-Stretch make_stretch(const Log& log, bool hold, const tiller_config_t& config, const Segment& segment,
-                     std::size_t stride) {
+Stretch make_stretch(const Log& log, bool hold, const tiller_config_t& config, const std::vector<std::size_t>& ends) {
   Stretch stretch;
   stretch.path = log.path;
-  stretch.first_time_s = log.time_s[segment.first];
-  read_measured(log, config, segment.first, stretch.start);
-  for (std::size_t row = segment.first; row + stride < segment.last; row += stride) {
+  stretch.first_time_s = log.time_s[ends[0]];
+  read_measured(log, config, ends[0], stretch.start);
+  for (std::size_t k = 1; k < ends.size(); ++k) {
     Transition step;
-    const double from = log.time_s[row], to = log.time_s[row + stride];
+    const double from = log.time_s[ends[k - 1]], to = log.time_s[ends[k]];
     step.period_s = to - from;
-    for (std::uint32_t i = 0; i < config.model->input_count; ++i)
-      step.input[i] = mean_over(log, hold, i, segment, from, to);
-    read_measured(log, config, row + stride, step.measured);
+    for (std::uint32_t i = 0; i < config.model->input_count; ++i) step.input[i] = mean_over(log, hold, i, from, to);
+    read_measured(log, config, ends[k], step.measured);
     stretch.steps.push_back(step);
   }
   return stretch;
 }
 
-double interpolate(const Log& log, const std::vector<double>& values, const Segment& segment, double t) {
-  if (values.empty()) return kNaN;
-  const auto begin = log.time_s.begin();
-  const auto after =
-      static_cast<std::size_t>(std::upper_bound(begin + static_cast<std::ptrdiff_t>(segment.first) + 1,
-                                                begin + static_cast<std::ptrdiff_t>(segment.last) - 1, t) -
-                               begin);
-  const double share = (t - log.time_s[after - 1]) / (log.time_s[after] - log.time_s[after - 1]);
-  return values[after - 1] + share * (values[after] - values[after - 1]);
+// A sensor's values on the grid, in straight lines between its own samples; NaN where it missed some. An angle goes the
+// short way round.
+std::vector<double> on_grid(const Log& log, const std::vector<double>& values, double step_s, bool is_angle,
+                            const Segment& segment, double period_s, std::size_t points) {
+  std::vector<double> out(points, kNaN);
+  if (values.empty()) return out;
+  const auto next_sample = [&](std::size_t row) {
+    while (row < segment.last && std::isnan(values[row])) ++row;
+    return row;
+  };
+  std::size_t before = segment.last, after = next_sample(segment.first);
+  for (std::size_t p = 0; p < points; ++p) {
+    const double t = log.time_s[segment.first] + static_cast<double>(p) * period_s;
+    while (after < segment.last && log.time_s[after] <= t) {
+      before = after;
+      after = next_sample(after + 1);
+    }
+    if (before == segment.last) continue;
+    if (log.time_s[before] == t) out[p] = values[before];
+    if (log.time_s[before] == t || after == segment.last) continue;
+    const double apart = log.time_s[after] - log.time_s[before];
+    if (after > before + 1 && apart > kSameRate * step_s) continue;
+    double change = values[after] - values[before];
+    if (is_angle && std::fabs(change) > kPi) change = std::remainder(change, 2 * kPi);
+    out[p] = values[before] + (t - log.time_s[before]) / apart * change;
+  }
+  return out;
 }
 
-Grid make_grid(const Log& log, bool hold, const tiller_config_t& config, const Segment& segment) {
+Grid make_grid(const Log& log, const Rates& rates, bool hold, const tiller_config_t& config, const Segment& segment) {
   const tiller_model_t& model = *config.model;
   Grid grid;
   grid.path = log.path;
   grid.first_time_s = log.time_s[segment.first];
   grid.period_s = config.period_s;
-  grid.state.resize(model.state_count);
-  grid.input.resize(model.input_count);
   const double length = log.time_s[segment.last - 1] - grid.first_time_s;
   const auto points = static_cast<std::size_t>(length / config.period_s);
-  for (std::size_t p = 0; p < points; ++p) {
-    const double t = grid.first_time_s + static_cast<double>(p) * config.period_s;
-    for (std::uint32_t i = 0; i < model.state_count; ++i)
-      grid.state[i].push_back(interpolate(log, log.state[i], segment, t));
-    for (std::uint32_t i = 0; i < model.input_count; ++i)
-      grid.input[i].push_back(mean_over(log, hold, i, segment, t, t + config.period_s));
-  }
+  for (std::uint32_t i = 0; i < model.state_count; ++i)
+    grid.state.push_back(on_grid(log, log.state[i], rates.state_s[i], (model.angle_mask >> i & 1u) != 0, segment,
+                                 config.period_s, points));
+  grid.input.resize(model.input_count);
+  for (std::uint32_t i = 0; i < model.input_count; ++i)
+    for (std::size_t p = 0; p < points; ++p) {
+      const double t = grid.first_time_s + static_cast<double>(p) * config.period_s;
+      grid.input[i].push_back(mean_over(log, hold, i, t, t + config.period_s));
+    }
   return grid;
 }
 
@@ -156,18 +206,20 @@ bool estimate_joint(const Grid& grid, const tiller_config_t& config, const tille
 }  // namespace
 
 std::vector<Stretch> make_stretches(const Log& log, const LogMap& map, const tiller_config_t& config) {
-  const std::size_t stride = rows_per_step(log, config.period_s);
+  const Rates rates(log, config);
   std::vector<Stretch> stretches;
-  for (const Segment& segment : split_at_gaps(log))
-    if (segment.last - segment.first > 4 * stride)
-      stretches.push_back(make_stretch(log, map.input == "hold", config, segment, stride));
+  for (const Segment& segment : split_at_gaps(log)) {
+    const std::vector<std::size_t> ends = step_ends(log, rates, config, segment);
+    if (ends.size() > 4) stretches.push_back(make_stretch(log, map.input == "hold", config, ends));
+  }
   return stretches;
 }
 
 std::vector<Grid> make_grids(const Log& log, const LogMap& map, const tiller_config_t& config) {
+  const Rates rates(log, config);
   std::vector<Grid> grids;
   for (const Segment& segment : split_at_gaps(log))
-    if (segment.last - segment.first > 4) grids.push_back(make_grid(log, map.input == "hold", config, segment));
+    if (segment.last - segment.first > 4) grids.push_back(make_grid(log, rates, map.input == "hold", config, segment));
   return grids;
 }
 

@@ -8,19 +8,24 @@
 
 namespace tiller::tools {
 
-/// A log as it was measured, in SI units, in file order.
+/// A log as it was measured, in SI units, in the order of time. A row is a moment at which at least one sensor was read
+/// or, in a table, a line. Sensors that are read at other rates are missing (NaN) in between; inputs hold there.
 struct Log {
   std::string path;
-  std::vector<int> line;                   ///< (rows) of the file, 1-based
+  LogMap map;                              ///< how it was read: [log] where names and units are its writer's own
+  std::string note;                        ///< what of it is unlike a plain log, and how it was read; empty: nothing
+  std::vector<int> line;                   ///< (rows) of the file, 1-based; of a bag: number of the row
   std::vector<double> time_s;              ///< (rows) from the first row on
   std::vector<std::vector<double>> state;  ///< (nx) of (rows); NaN: not measured; empty: no such column
-  std::vector<std::vector<double>> input;  ///< (nu) of (rows)
+  std::vector<std::vector<double>> input;  ///< (nu) of (input_times())
+  std::vector<double> input_time_s;        ///< stamps of the inputs' own; empty: those of the rows
   bool undriven = false;                   ///< inputs are 0 because the log has none
   std::size_t rows() const { return time_s.size(); }
+  const std::vector<double>& input_times() const { return input_time_s.empty() ? time_s : input_time_s; }
 };
 
-/// Reads `path` and checks what can be checked without physics: columns, numbers, stamps. False with every reason
-/// in `error` as "file:line: column: problem; remedy".
+/// Reads a CSV and checks what can be checked without physics: columns, numbers, stamps. False with every reason in
+/// `error` as "file:line: column: problem; remedy".
 bool read_log(const std::string& path, const LogMap& map, const tiller_model_t& model, const std::vector<int>& measured,
               Log& log, std::string& error);
 
@@ -36,7 +41,11 @@ struct Segment {
 };
 std::vector<Segment> split_at_gaps(const Log& log);
 
-/// Typical (median) time between rows.
+/// Typical (median) time between the samples of the sensor that is read most often: between rows, where each has them
+/// all.
 double median_step_s(const Log& log);
+
+/// Typical time between the samples of one sensor, whose column is `values`.
+double median_step_s(const Log& log, const std::vector<double>& values);
 
 }  // namespace tiller::tools

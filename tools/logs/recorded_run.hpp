@@ -34,8 +34,11 @@ std::size_t sound_ticks(const RecordedRun& run);
 /// Number of iterations that a log does not tell: the planner does what the configuration says.
 constexpr std::uint32_t kIterationsUnknown = 0xffffffffu;
 
-/// Reads what can be replayed, by its first bytes: a record, an MCAP or a CSV of `tiller run`, a log of LCM. False with
-/// a message in `error`.
+/// State of a command whose log does not tell the controller's.
+constexpr std::uint32_t kStateUnknown = 0xffffffffu;
+
+/// Reads what can be replayed, by its first bytes: a record, an MCAP or a CSV of `tiller run`, a log of LCM; of any
+/// other log that read_any_log() takes, its rows. False with a message in `error`.
 bool read_recorded_run(const std::string& path, const RobotFile& robot, RecordedRun& run, std::string& error);
 
 /// The text of the robot file that the log carries: an MCAP of `tiller run` does. Empty: none.
@@ -48,9 +51,9 @@ bool read_lcm_run(const std::string& path, const RobotFile& robot, RecordedRun& 
 bool read_lcm_run(std::istream& file, const std::string& path, const RobotFile& robot, RecordedRun& run,
                   std::string& error);
 
-/// The ticks of a CSV of `tiller run --log`; `text` is the file's, `path` its name for messages. Like an LCM log, it
-/// does not hold the configuration.
-bool read_csv_run(const std::string& text, const std::string& path, const RobotFile& robot, RecordedRun& run,
+/// The ticks of a CSV of `tiller run --log`; `path` stands in errors. Like an LCM log, it does not hold the
+/// configuration.
+bool read_csv_run(std::istream& file, const std::string& path, const RobotFile& robot, RecordedRun& run,
                   std::string& error);
 
 }  // namespace tiller::tools

@@ -5,6 +5,7 @@
 #include <string_view>
 #include <unordered_map>
 
+#include "tools/base/csv_reader.hpp"
 #include "tools/logs/recorded_run.hpp"
 
 namespace tiller::tools {
@@ -12,16 +13,6 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr int kStatusCodes = 300, kStateCodes = tiller_state_safe + 1;  // more is no value of the enum (tiller.h)
-
-std::vector<std::string_view> cells_of(std::string_view row) {
-  std::vector<std::string_view> cells;
-  for (std::size_t from = 0;;) {
-    const std::size_t comma = row.find(',', from);
-    cells.push_back(row.substr(from, comma - from));
-    if (comma == std::string_view::npos) return cells;
-    from = comma + 1;
-  }
-}
 
 using CodeNames = std::unordered_map<std::string_view, int>;
 
@@ -36,15 +27,10 @@ CodeNames code_names(int codes, const Name& name_of) {
 /// One row after the other; the first cell that is not what it should be is remembered.
 class CsvRow {
  public:
-  explicit CsvRow(std::string_view header) {
-    for (const std::string_view name : cells_of(header)) index_.emplace(name, index_.size());
+  explicit CsvRow(CsvReader& csv) : csv_(csv) {
+    for (const std::string& name : csv.names()) index_.emplace(name, index_.size());
   }
 
-  /// False: another number of cells than the header's.
-  bool take(std::string_view row) {
-    cells_ = cells_of(row);
-    return cells_.size() == index_.size();
-  }
   const std::string& wrong() const { return wrong_; }
 
   bool has(const std::string& column) const { return index_.count(column) > 0; }
@@ -74,7 +60,7 @@ class CsvRow {
  private:
   std::string_view cell(const std::string& column) {
     const auto found = index_.find(column);
-    if (found != index_.end()) return cells_[found->second];
+    if (found != index_.end()) return csv_[found->second];
     if (wrong_.empty()) wrong_ = "it has no column " + column;
     return {};
   }
@@ -87,8 +73,8 @@ class CsvRow {
     return result.ec == std::errc() && result.ptr == text.data() + text.size();
   }
 
+  CsvReader& csv_;
   std::unordered_map<std::string, std::size_t> index_;
-  std::vector<std::string_view> cells_;
   std::string wrong_;
 };
 
@@ -152,21 +138,19 @@ RecordEntry entry_of(const RobotFile& robot, CsvRow& row) {
 
 }  // namespace
 
-bool read_csv_run(const std::string& text, const std::string& path, const RobotFile& robot, RecordedRun& run,
+bool read_csv_run(std::istream& file, const std::string& path, const RobotFile& robot, RecordedRun& run,
                   std::string& error) {
   run = {};
-  const std::string_view all = text;
-  std::size_t from = all.find('\n'), line = 1;
-  CsvRow row(all.substr(0, from));
-  for (; from != std::string_view::npos; ++line) {
-    const std::size_t begin = from + 1, end = all.find('\n', begin);
-    run.cut_off = end == std::string_view::npos && begin < all.size();
-    if (end == std::string_view::npos) break;
-    from = end;
-    const bool whole = row.take(all.substr(begin, end - begin));
+  CsvReader csv(file);
+  (void)csv.read_header();
+  CsvRow row(csv);
+  while (csv.next()) {
+    run.cut_off = !csv.is_whole();
+    if (run.cut_off) break;
+    const bool whole = csv.size() == csv.names().size();
     if (whole) run.entries.push_back(entry_of(robot, row));
     if (whole && row.wrong().empty()) continue;
-    error = path + ":" + std::to_string(line + 1) + ": " +
+    error = path + ":" + std::to_string(csv.line()) + ": " +
             (whole ? row.wrong() : "not as many cells as in the header") +
             "; a CSV that replays is one of `tiller run --log` with this robot file\n";
     return false;

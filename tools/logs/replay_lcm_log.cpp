@@ -1,5 +1,5 @@
-// Ticks from an LCM log. What a controller was given and what it answered are not one message, so they are put together
-// again: docs/guide/replay.md tells by which rules.
+// Ticks from the messages of an LCM log. What a controller was given and what it answered are not one message, so they
+// are put together again: docs/guide/replay.md tells by which rules.
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
@@ -8,8 +8,7 @@
 #include <limits>
 #include <map>
 
-#include "io/lcm_messages.hpp"
-#include "tools/logs/lcm_event_log.hpp"
+#include "tools/logs/lcm_messages.hpp"
 #include "tools/logs/recorded_run.hpp"
 
 namespace tiller::tools {
@@ -29,90 +28,26 @@ struct Answer {
   tiller_measurement_t waiting{};
 };
 
-tiller_measurement_t convert(const LcmMeasurement& message) {
-  tiller_measurement_t m{};
-  m.stamp_us = message.stamp_us;
-  m.sequence = static_cast<std::uint32_t>(message.sequence);
-  m.command_latency_us = static_cast<std::uint32_t>(std::max(message.command_latency_us, 0));
-  for (int i = 0; i < message.count; ++i)
-    m.value[i] = (static_cast<std::uint32_t>(message.valid_mask) >> i & 1u) != 0 ? message.value[i] : kNaN;
-  return m;
-}
-
-class LogReader {
+/// Commands with the measurement that each answers and the telemetry that tells of it.
+class Answers : public LcmSink {
  public:
-  LogReader(const RobotFile& robot, const std::string& path) : robot_(robot), path_(path) {}
+  void take_measurement(const LcmArrived&) override {}
 
-  bool read(std::istream& file, std::vector<Answer>& answers, std::string& error) {
-    const std::string& prefix = robot_.transport.channel_prefix;
-    LcmEventLog log(file);
-    for (LcmEvent event; log.next(event);) {
-      if (event.channel == prefix + "MEASUREMENT") take_measurement(event);
-      if (event.channel == prefix + "COMMAND") take_command(event, answers);
-      if (event.channel == prefix + "TELEMETRY") take_telemetry(event, answers);
-    }
-    if (log.skipped_bytes() > 0)
-      damage_ = format("%llu bytes of it belong to no event", static_cast<unsigned long long>(log.skipped_bytes()));
-    if (log.cut_off()) damage_ += (damage_.empty() ? "" : "; ") + std::string("it is cut off in its last event");
-    if (!answers.empty() && measurements_ > 0) return true;
-    error = path_ + ": no " + (answers.empty() ? "commands" : "measurements") + " on the channels " + prefix +
-            "MEASUREMENT and " + prefix + "COMMAND that fit " + robot_.path +
-            "; compare [transport] channel_prefix and [measurement]\n";
-    return false;
-  }
-
-  /// What is wrong with the file itself; empty: nothing.
-  const std::string& damage() const { return damage_; }
-
- private:
-  void take_measurement(const LcmEvent& event) {
-    LcmMeasurement m;
-    if (!read_event(event, m) || m.count < 0 || static_cast<std::uint32_t>(m.count) != robot_.config.measurement_count)
-      return;
-    ++measurements_;
-    const tiller_measurement_t measurement = convert(m);
-    if (measurements_ > 1 && is_same(measurement, newest_)) return;  // a plant in lockstep asked again
-    newest_ = measurement;
-    waiting_.push_back(measurement);
-    if (waiting_.size() > kMostWaiting) waiting_.erase(waiting_.begin());
-  }
-
-  void take_command(const LcmEvent& event, std::vector<Answer>& answers) {
+  void take_command(const LcmCommand& command, const LcmArrived* answered, const LcmArrived* waiting) override {
     Answer answer;
-    if (!read_event(event, answer.command)) return;
-    if (was_repeated(answer.command, answers)) return;
-    const auto sequence = static_cast<std::uint32_t>(answer.command.sequence);
-    const auto same = [&](const tiller_measurement_t& m) { return m.sequence == sequence; };
-    const auto found = std::find_if(waiting_.begin(), waiting_.end(), same);
-    answer.has_answered = found != waiting_.end();
-    if (answer.has_answered) answer.answered = *found;
-    answer.has_waiting = !answer.has_answered && !waiting_.empty();
-    if (answer.has_waiting) answer.waiting = waiting_.back();
-    // what came after the one that is answered waits for the next command
-    if (answer.has_answered) waiting_.erase(waiting_.begin(), found + 1);
-    answers.push_back(answer);
+    answer.command = command;
+    answer.has_answered = answered != nullptr;
+    if (answered) answer.answered = answered->measurement;
+    answer.has_waiting = waiting != nullptr;
+    if (waiting) answer.waiting = waiting->measurement;
+    list.push_back(answer);
   }
 
-  static bool is_same(const tiller_measurement_t& a, const tiller_measurement_t& b) {
-    return a.sequence == b.sequence && a.stamp_us == b.stamp_us;
-  }
-
-  /// In lockstep the answer to a measurement that came again is the same command once more, and no tick.
-  static bool was_repeated(const LcmCommand& command, const std::vector<Answer>& answers) {
-    const auto oldest = static_cast<std::ptrdiff_t>(std::min(answers.size(), kMostBack));
-    return std::any_of(answers.end() - oldest, answers.end(), [&](const Answer& a) {
-      return a.command.stamp_us == command.stamp_us && a.command.sequence == command.sequence &&
-             a.command.state == command.state && a.command.plan_sequence == command.plan_sequence &&
-             std::equal(std::begin(command.value), std::end(command.value), a.command.value);
-    });
-  }
-
-  void take_telemetry(const LcmEvent& event, std::vector<Answer>& answers) const {
-    LcmTelemetry t;
-    if (!read_event(event, t) || t.tick < 1 || t.tick > kMostTicks) return;
-    const std::size_t newest = answers.size(), oldest = newest - std::min(newest, kMostBack);
+  void take_telemetry(const LcmTelemetry& t) override {
+    if (t.tick < 1 || t.tick > kMostTicks) return;
+    const std::size_t newest = list.size(), oldest = newest - std::min(newest, kMostBack);
     for (std::size_t i = newest; i > oldest; --i) {
-      Answer& answer = answers[i - 1];
+      Answer& answer = list[i - 1];
       if (answer.told || answer.command.stamp_us != t.stamp_us) continue;
       answer.telemetry = t;
       answer.told = true;
@@ -120,15 +55,11 @@ class LogReader {
     }
   }
 
-  static constexpr std::size_t kMostWaiting = 64;
-  static constexpr std::size_t kMostBack = 4;  // how far telemetry or a repetition may come behind its command
+  std::vector<Answer> list;
+
+ private:
+  static constexpr std::size_t kMostBack = 4;                        // how far telemetry may come behind its command
   static constexpr std::int64_t kMostTicks = std::int64_t{1} << 53;  // more is no number of a tick
-  const RobotFile& robot_;
-  const std::string& path_;
-  tiller_measurement_t newest_{};
-  std::vector<tiller_measurement_t> waiting_;  // since the last one that was answered
-  std::size_t measurements_ = 0;
-  std::string damage_;
 };
 
 /// Which commands are ticks of the controller: those with telemetry, and those between them that its tick numbers miss.
@@ -277,10 +208,13 @@ bool read_lcm_run(const std::string& path, const RobotFile& robot, RecordedRun& 
 bool read_lcm_run(std::istream& file, const std::string& path, const RobotFile& robot, RecordedRun& run,
                   std::string& error) {
   run = {};
-  std::vector<Answer> answers;
-  LogReader reader(robot, path);
-  if (!reader.read(file, answers, error)) return false;
-  const std::vector<Answer> ticks = ticks_of(answers, run.note);
+  Answers answers;
+  std::string damage;
+  if (!read_lcm_messages(file, path, robot, answers, damage, error)) {
+    error += "\n";
+    return false;
+  }
+  const std::vector<Answer> ticks = ticks_of(answers.list, run.note);
   const auto stands_at_its_stamp = [](const Answer& a) {
     return !a.has_answered || a.command.stamp_us == a.answered.stamp_us;
   };
@@ -302,8 +236,8 @@ bool read_lcm_run(std::istream& file, const std::string& path, const RobotFile& 
     run.note +=
         (run.note.empty() ? "" : "; ") + std::string("the times of arrival are not in it: expect no equal bits");
   find_lost_messages(robot, ticks, lockstep, run.holes);
-  run.cut_off = !reader.damage().empty();
-  if (run.cut_off) run.note += (run.note.empty() ? "" : "; ") + reader.damage();
+  run.cut_off = !damage.empty();
+  if (run.cut_off) run.note += (run.note.empty() ? "" : "; ") + damage;
   find_holes(run);
   if (run.entries.empty()) error = path + ": no tick of a controller in it\n";
   return !run.entries.empty();

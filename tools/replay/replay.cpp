@@ -91,7 +91,7 @@ std::string bits_text(double v) { return format("%.17g", v); }
 
 bool same_command(const tiller_command_t& a, const tiller_command_t& b, std::uint32_t inputs, double tolerance,
                   double& difference) {
-  bool same = a.state == b.state;
+  bool same = a.state == b.state || a.state == kStateUnknown;
   for (std::uint32_t i = 0; i < inputs; ++i) {
     const double apart = std::fabs(a.value[i] - b.value[i]);
     if (!(apart <= difference)) difference = apart;
@@ -151,7 +151,9 @@ std::string divergence_text(const RobotFile& robot, const RecordedRun& run, cons
   if (!first.found) return "";
   const tiller_record_t& r = run.entries[first.at].record;
   const double time_s = 1e-6 * static_cast<double>(r.now_us - run.entries[0].record.now_us);
-  const auto state = [](std::uint32_t s) { return tiller_state_name(static_cast<tiller_state_t>(s)); };
+  const auto state = [](std::uint32_t s) {
+    return s == kStateUnknown ? "without a state" : tiller_state_name(static_cast<tiller_state_t>(s));
+  };
   std::string text =
       format("first difference in tick %llu, at %.6f s", static_cast<unsigned long long>(r.tick), time_s);
   if (first.silent) return text + ": no answer\n";

@@ -87,7 +87,7 @@ class Series {
     Log log;
     std::string error;
     RefittedPrior refitted;
-    if (!make_log(result.rows, episode, "ticks with a measurement", now, log, error))
+    if (!result.rows.finish(episode, "ticks with a measurement", *now.model, log, error))
       return fail(error + "; make the episodes longer (--seconds); the prior stays as it was");
     if (!options_.refit(now, log, refitted, error)) return fail(episode + ": " + error + "; the prior stays as it was");
     row.mean = std::move(refitted.mean);

@@ -42,7 +42,7 @@ class Runner {
         progress_(robot, Progress::style_for_stdout(options.quiet), options.seconds, options.true_params) {
     for (std::uint32_t j = 0; j < config_.cost.output_count; ++j) output_target_[j] = config_.cost.outputs[j].target;
     if (recorder_.wanted()) config_.record_ticks = std::max(config_.record_ticks, 1u);
-    if (options_.keep_rows) result_.rows.reserve(expected_ticks());
+    if (options_.keep_rows) result_.rows.begin(robot_, expected_ticks());
   }
 
   RunResult run() {
@@ -169,7 +169,7 @@ class Runner {
     const TickView view = look();
     count(view);
     if (options_.keep_rows && sensed_.fresh)
-      add_measured_row(static_cast<int>(info_.ticks), sensed_.measurement, command_, result_.rows);
+      result_.rows.add(static_cast<int>(info_.ticks), sensed_.measurement, command_);
     hand_over(view, entry, alarm);
     progress_.show(view);
   }

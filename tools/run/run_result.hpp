@@ -30,7 +30,7 @@ struct RunOptions {
   /// The safe command is sent, and nothing is learnt, until every measured state has stood within four deviations of
   /// the start's ([start] state, sd and the sensor's) for half a second: somebody puts the robot back.
   bool await_start = false;
-  bool keep_rows = false;  ///< RunResult::rows; takes half a kB a tick
+  bool keep_rows = false;  ///< RunResult::rows
 };
 
 /// The result of a run.
@@ -42,7 +42,7 @@ struct RunResult {
   std::vector<double> q05, q95;         // (param_count) at the end
   std::vector<double> last_true_state;  // (nx) empty: not known
   Particles particles;                  ///< at the end
-  std::vector<MeasuredRow> rows;        ///< what was measured and commanded, where RunOptions::keep_rows asks for it
+  MeasuredRows rows;                    ///< what was measured and commanded, where RunOptions::keep_rows asks for it
   std::uint64_t transitions = 0;        ///< ticks with a new measurement after the first
   double cost = 0;                      ///< mean stage_cost(), of the true states where they are known
   std::string readable_log;             ///< where the whole log is; empty: none

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 
@@ -22,6 +23,11 @@ std::string column_of(const LogMap& map, const std::string& field) {
 }
 
 std::string where(const Log& log, std::size_t row) { return log.path + ":" + std::to_string(log.line[row]) + ": "; }
+
+/// Of the n-th value of an input, which may have stamps of its own.
+std::string where_input(const Log& log, std::size_t n) {
+  return log.input_time_s.empty() ? where(log, n) : log.path + format(": at %.6g s: ", log.input_time_s[n]);
+}
 
 // Of the rows that change at all: a channel may be clipped most of the time.
 double typical_change(const std::vector<double>& values) {
@@ -85,7 +91,7 @@ void count_at_limit(const Log& log, const LogMap& map, const tiller_config_t& co
     all.above += top ? 1 : 0;
     all.below += bottom ? 1 : 0;
     if ((top || bottom) && all.first.empty())
-      all.first = where(log, i) + "column '" + column_of(map, config.model->input_names[input]) + "'";
+      all.first = where_input(log, i) + "column '" + column_of(map, config.model->input_names[input]) + "'";
   }
   all.rows += u.size();
 }
@@ -108,6 +114,20 @@ void add_lines(const std::string& text, std::vector<std::string>& out) {
     if (!line.empty()) out.push_back(line);
 }
 
+/// A bag of ROS 2 is a folder.
+std::vector<std::string> files_of(const std::vector<std::string>& paths) {
+  std::vector<std::string> files;
+  for (const std::string& path : paths) {
+    const std::size_t before = files.size();
+    std::error_code none;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(path, none))
+      if (entry.is_regular_file(none)) files.push_back(entry.path().string());
+    std::sort(files.begin() + static_cast<std::ptrdiff_t>(before), files.end());
+    if (files.size() == before) files.push_back(log_file(path));
+  }
+  return files;
+}
+
 }  // namespace
 
 void check_rows(const Log& log, const LogMap& map, const tiller_config_t& config, std::vector<std::string>& reasons) {
@@ -121,8 +141,8 @@ void check_rows(const Log& log, const LogMap& map, const tiller_config_t& config
 std::string hash_of_files(const std::vector<std::string>& paths) {
   std::uint64_t hash = 14695981039346656037ull;
   std::vector<char> block(1 << 16);
-  for (const std::string& path : paths) {
-    std::ifstream file(log_file(path), std::ios::binary);
+  for (const std::string& path : files_of(paths)) {
+    std::ifstream file(path, std::ios::binary);
     while (file.read(block.data(), static_cast<std::streamsize>(block.size())), file.gcount() > 0)
       for (std::streamsize i = 0; i < file.gcount(); ++i)
         hash = (hash ^ static_cast<unsigned char>(block[static_cast<std::size_t>(i)])) * 1099511628211ull;
@@ -138,20 +158,20 @@ bool load_logs(const RobotFile& robot, const std::vector<std::string>& paths, st
   for (const std::string& path : paths) {
     Log log;
     std::string error;
-    const LogMap map = log_map_of(path, robot);
     const std::size_t bad = result.reasons.size();
     if (read_any_log(path, robot, log, error))
-      if (check_log(log, map, *robot.model, robot.config.period_s, result.notes, error))
-        check_rows(log, map, robot.config, result.reasons);
+      if (check_log(log, log.map, *robot.model, robot.config.period_s, result.notes, error))
+        check_rows(log, log.map, robot.config, result.reasons);
     add_lines(error, result.reasons);
     if (result.reasons.size() != bad) continue;
-    for (std::uint32_t i = 0; i < robot.model->input_count; ++i) count_at_limit(log, map, robot.config, i, at_limit[i]);
+    for (std::uint32_t i = 0; i < robot.model->input_count; ++i)
+      count_at_limit(log, log.map, robot.config, i, at_limit[i]);
     read.push_back(std::move(log));
   }
   const UsedRows used = keep_telling_rows(read, robot.config, most_steps, evenly);
   if (!used.everything()) result.notes.push_back(used.text() + ".");
   for (Log& log : read) {
-    for (Grid& grid : make_grids(log, log_map_of(log.path, robot), robot.config)) grids.push_back(std::move(grid));
+    for (Grid& grid : make_grids(log, log.map, robot.config)) grids.push_back(std::move(grid));
     logs.push_back(std::move(log));
   }
   for (std::uint32_t i = 0; i < robot.model->input_count; ++i)

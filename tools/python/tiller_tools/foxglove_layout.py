@@ -11,7 +11,7 @@ import json
 import sys
 from pathlib import Path
 
-from .mcap_csv import read_channels
+from .channels import field_names
 from .table import ReportError, write_page
 
 
@@ -21,17 +21,17 @@ def plot(title: str, paths: list[str]) -> dict:
             "legendDisplay": "floating", "isSynced": True, "xAxisVal": "timestamp", "sidebarDimension": 240}
 
 
-def below(channels: dict, prefix: str) -> list[str]:
+def below(channels: list, prefix: str) -> list[str]:
     """What follows `prefix` in the channels' names."""
     return [name.removeprefix(prefix) for name in channels if name.startswith(prefix)]
 
 
-def values_of(channels: dict, topic: str) -> list[str]:
+def values_of(channels: list, topic: str) -> list[str]:
     return [f"/{topic}.{name}" for name in below(channels, topic + ".")
             if not name.endswith(("_us", "sequence"))]
 
 
-def panels(channels: dict) -> dict:
+def panels(channels: list) -> dict:
     """Id -> configuration, from top to bottom. Of `tick.mean`, what has a deviation beside it is a parameter."""
     parameters = below(channels, "tick.sd.")
     states = [name for name in below(channels, "tick.mean.") if name not in parameters]
@@ -54,7 +54,7 @@ def stacked(ids: list[str]) -> dict | str:
 
 
 def layout(path: Path) -> str:
-    made = panels(read_channels(path))
+    made = panels(field_names(path))
     return json.dumps({"configById": made, "globalVariables": {}, "userNodes": {}, "playbackConfig": {"speed": 1},
                        "layout": stacked(list(made))}, indent=1) + "\n"
 

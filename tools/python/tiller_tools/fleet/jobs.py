@@ -12,7 +12,7 @@ from pathlib import Path
 
 from .files import FleetError, read_bytes
 
-LOG_ENDINGS = {".csv", ".lcm", ".mcap", ".rec", ".mat", ".npz", ".parquet"}
+LOG_ENDINGS = {".csv", ".lcm", ".mcap", ".rec", ".mat", ".npz", ".parquet", ".bag", ".db3", ".ulg", ".ulog"}
 LARGEST_COMPANION = 64 << 20  # bytes of a file that a robot file names
 
 
@@ -47,8 +47,14 @@ class Package:
     signature: str
 
 
+def _is_bag(path: Path) -> bool:
+    """Of ROS 2: a folder."""
+    return (path / "metadata.yaml").is_file()
+
+
 def _logs_in(folder: Path) -> list[Path]:
-    return sorted(p for p in folder.iterdir() if p.is_file() and p.suffix in LOG_ENDINGS and not p.name.startswith("."))
+    return sorted(p for p in folder.iterdir() if not p.name.startswith(".") and
+                  (p.suffix in LOG_ENDINGS if p.is_file() else _is_bag(p)))
 
 
 def find_robots(folder: str | Path, robot_file: str | None = None, skip: Path | None = None) -> list[Robot]:
@@ -58,7 +64,7 @@ def find_robots(folder: str | Path, robot_file: str | None = None, skip: Path | 
         raise FleetError(f"{folder}: is no folder; name the one that holds robot.toml and the logs")
     common = Path(robot_file) if robot_file else folder / "robot.toml"
     robots = [Robot(log.stem, common, (log,)) for log in _logs_in(folder)]
-    for sub in sorted(p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".")):
+    for sub in sorted(p for p in folder.iterdir() if p.is_dir() and not _is_bag(p) and not p.name.startswith(".")):
         if skip is not None and sub.resolve() == skip.resolve() or sub.name in ("fleet_identify", "fleet_gap"):
             continue
         logs = _logs_in(sub)
@@ -145,7 +151,8 @@ def pack(job: Job, what: str, options: list[str], version: str, robot_files: Rob
     files = dict(robot_files.of(job.file))
     logs = [f"{job.robot}.logs/{log.name}" for log in job.logs]
     for name, log in zip(logs, job.logs):
-        files[name] = read_bytes(log)
+        parts = sorted(p for p in log.rglob("*") if p.is_file()) if log.is_dir() else [log]
+        files.update({name + str(part)[len(str(log)):]: read_bytes(part) for part in parts})
     arguments = [what, "robot.toml", *logs, "--json", *options]
     return Package(job.name, arguments, files, signature(arguments, version, files))
 
