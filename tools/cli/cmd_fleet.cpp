@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 
 constexpr const char* kLayout =
     "DIR holds robot.toml and either NAME.csv, one log of robot NAME each, or folders NAME/ with the logs of one\n"
-    "robot (CSV, .lcm, .mcap, .rec). A folder's own robot.toml stands in the place of the common one.\n";
+    "robot (any that tiller identify reads). A folder's own robot.toml stands in the place of the common one.\n";
 
 /// Options that the fits and the posterior of the fleet share.
 struct FleetOptions {

@@ -277,7 +277,7 @@ void add_gap_command(CLI::App& app, int& exit_code) {
   gap::Options& find = options->find;
   find.threads = std::max(1u, std::thread::hardware_concurrency());
   command->add_option("ROBOT", options->robot, "robot file (.toml): model, priors, sensors, [log]")->required();
-  command->add_option("LOGS", find.logs, "logs: CSV, LCM event logs, records of `tiller run --record`")->required();
+  command->add_option("LOGS", find.logs, "logs: CSV, ROS bags, ULog, MCAP, LCM event logs, records of `tiller run --record`")->required();
   command->add_option("--hold-out", find.hold_out, "logs for the proof alone (default: a share of LOGS)");
   command->add_option("-o,--out", options->folder, "folder for gap.html, gap.json and the new robot file");
   command->add_option("--budget", find.budget_sigma, "gap that is tolerated, in sigma (default 1.1)")

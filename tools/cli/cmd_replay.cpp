@@ -71,7 +71,9 @@ void add_replay_command(CLI::App& app, int& exit_code) {
   auto* command = app.add_subcommand("replay", "feed a log to a controller again and compare every command");
   auto a = std::make_shared<Arguments>();
   command
-      ->add_option("LOG", a->log, "of tiller run --record (record, MCAP or LCM log) or --log (CSV), or of lcm-logger")
+      ->add_option("LOG", a->log,
+                   "of tiller run --record (record, MCAP or LCM log) or --log (CSV), or of lcm-logger; or a CSV, ROS bag "
+                   "or ULog from elsewhere, whose inputs are compared")
       ->required();
   command->add_option("ROBOT", a->robot, "the robot file of that run; an MCAP carries it");
   command

@@ -29,7 +29,8 @@ struct Piece {
 struct Channel {
   const std::vector<double>* values;
   bool angle, input;
-  double sd;  // of the sensor
+  double sd;       // of the sensor
+  const Log* own;  // has stamps of the inputs' own; null: the rows'
 };
 
 std::vector<Channel> channels_of(const Log& log, const tiller_config_t& config) {
@@ -37,9 +38,10 @@ std::vector<Channel> channels_of(const Log& log, const tiller_config_t& config) 
   for (std::uint32_t k = 0; k < config.measurement_count; ++k) {
     const auto state = static_cast<std::uint32_t>(config.measured_state[k]);
     channels.push_back(
-        {&log.state[state], (config.model->angle_mask >> state & 1u) != 0, false, config.measurement_sd[k]});
+        {&log.state[state], (config.model->angle_mask >> state & 1u) != 0, false, config.measurement_sd[k], nullptr});
   }
-  for (std::uint32_t i = 0; i < config.model->input_count; ++i) channels.push_back({&log.input[i], false, true, 0});
+  for (std::uint32_t i = 0; i < config.model->input_count; ++i)
+    channels.push_back({&log.input[i], false, true, 0, log.input_time_s.empty() ? nullptr : &log});
   return channels;
 }
 
@@ -50,6 +52,14 @@ struct Moment {
 
 Moment moment_of(const Channel& channel, std::size_t first, std::size_t last, double before) {
   double sum = 0, squares = 0, n = 0, reference = before;
+  if (channel.own) {  // what was in force at the first row, and what came until the last
+    const std::vector<double>&rows = channel.own->time_s, &inputs = channel.own->input_time_s;
+    const auto until = [&](double t) {
+      return static_cast<std::size_t>(std::upper_bound(inputs.begin(), inputs.end(), t) - inputs.begin());
+    };
+    last = until(rows[last - 1]);
+    first = std::max<std::size_t>(until(rows[first]), 1) - 1;
+  }
   for (std::size_t row = first; row < last && row < channel.values->size(); ++row) {
     double v = (*channel.values)[row];
     if (!std::isfinite(v)) continue;
@@ -249,7 +259,8 @@ void drop_the_rest(std::vector<Log>& logs, const std::vector<Piece>& pieces) {
     keep_rows(pieces, l, log.line);
     keep_rows(pieces, l, log.time_s);
     for (auto& channel : log.state) keep_rows(pieces, l, channel);
-    for (auto& channel : log.input) keep_rows(pieces, l, channel);
+    for (auto& channel : log.input)
+      if (log.input_time_s.empty()) keep_rows(pieces, l, channel);
   }
   logs.erase(std::remove_if(logs.begin(), logs.end(), [](const Log& log) { return log.rows() == 0; }), logs.end());
 }

@@ -83,7 +83,7 @@ const std::vector<SectionSpec> kSections = {
     {"sim.effects[]", "[[sim.effects]]",
      "Physics that the plant has and the model may lack. Beside the keys below, the effect's own parameters take "
      "numbers."},
-    {"log", "[log]", "How `tiller identify` reads logs from elsewhere; logs of tiller need nothing."},
+    {"log", "[log]", "How logs from elsewhere are read; logs of tiller need nothing."},
     {"figure", "[figure]",
      "The stick figure that the page of a run shows. Nothing else reads it. Lengths are in metres, x and y level and z "
      "up. A value is a number, the name of a state or a parameter, or a sum of these: "
@@ -361,7 +361,8 @@ const std::vector<KeySpec> kOthers = {
      "joint or command on which it acts"},
 
     {"log", "time", K::text, "", "time_s", 0, 0, false, hand, nullptr, "column of the stamps"},
-    {"log", "columns", K::other, "", "the same names", 0, 0, false, hand, nullptr, "{ state or input = \"column\" }"},
+    {"log", "columns", K::other, "", "the same names", 0, 0, false, hand, nullptr,
+     "{ state or input = \"column\" }; of a ROS bag, ULog or MCAP \"topic.field\""},
     {"log", "units", K::other, "", "SI", 0, 0, false, hand, nullptr,
      "{ time, state or input = \"unit\" }, e.g. { angle_rad = \"deg\" }"},
     {"log", "zeros", K::other, "", "0", 0, 0, false, hand, nullptr,

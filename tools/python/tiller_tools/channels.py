@@ -12,9 +12,9 @@ of its name, a matrix one for each of its shorter side, "name.0", "name.1"; the 
 log's. FILE#2 is element 2 (from 0) of a MAT file's cell arrays.
 
 A sample's time is when it was measured: the message's header.stamp (ROS), timestamp_sample (ULog). Messages without one
-have the time when they were received (ROS) or published (ULog). Where the two clocks lie more than a second apart, or
-change against each other by that, all times are those of receipt. Samples are put in order of time; of messages with one
-stamp the last counts.
+have the time when they were received (ROS) or published (ULog); where that is another clock, as with simulated time, it is
+put on the headers' clock by a topic that has both. Where the headers' clock was set, or there are several, all times are
+those of receipt. Samples are put in order of time; of messages with one stamp the last counts.
 
 OUT is a line of JSON, then the numbers as 64-bit floats: each clock's times in s, then each channel's values.
 """
@@ -239,15 +239,15 @@ def assign(topics: dict, columns: list) -> dict:
         elif hits:
             problems[column] = "several topics have that field: " + ", ".join(f"{t.name}.{f}" for t, f in hits)
         else:
-            problems[column] = "there is no such field" + nearest(column, topics)
+            problems[column] = "there is no such field" + nearest(column, topics, told=bool(problems))
     return problems
 
 
-def nearest(column: str, topics: dict) -> str:
+def nearest(column: str, topics: dict, told: bool = False) -> str:
     known = [f"{t.name}.{f}" for t in topics.values() for f in t.fields]
     near = difflib.get_close_matches(column, known, 1)
-    return (f" (did you mean '{near[0]}'?)" if near else "") + "; the log has " + \
-        ("; ".join(t.text() for t in topics.values()) or "no message at all")
+    listed = "; ".join(t.text() for t in topics.values()) or "no message at all"
+    return (f" (did you mean '{near[0]}'?)" if near else "") + ("" if told else "; the log has " + listed)
 
 
 # ---- sources of messages: topics(), then read() of those with wanted columns ----
@@ -256,8 +256,8 @@ def nearest(column: str, topics: dict) -> str:
 class JsonMcap:
     clocks = ("header stamps", "times of receipt")
 
-    def __init__(self, path: Path, reader, channels):
-        self.path, self.reader, self.channels = path, reader, channels
+    def __init__(self, path: Path, file, reader, channels):
+        self.path, self.reader, self.channels, self.close = path, reader, channels, file.close
 
     def topics(self) -> dict:
         found: dict = {}
@@ -297,6 +297,7 @@ class Bag:
         except ImportError:
             raise needs("rosbags", "a ROS bag", path) from None
         self.path, self.errors = path, (AnyReaderError, OSError, ValueError, KeyError, AssertionError, EOFError)
+        self.close = lambda: self.reader.close()
         try:
             self.reader = AnyReader([path], default_typestore=get_typestore(Stores.LATEST))
             self.reader.open()
@@ -349,6 +350,7 @@ class ULogFile:
                 self.log = pyulog.ULog(str(path))
         except Exception as error:  # whatever damaged bytes lead to
             raise ReportError(f"{path}: cannot be read as ULog: {error!r}; the file is damaged or empty") from None
+        self.close = lambda: None
         self.note = "the file is damaged, and read as far as it goes" if self.log.file_corruption else ""
 
     def topics(self) -> dict:
@@ -376,20 +378,38 @@ class ULogFile:
 # ---- stamps ----
 
 
+def _was_set(topic: Topic) -> bool:
+    """Whether the clock of the header stamps goes back, or ahead by more than the receipts do. Not while a simulation
+    pauses: then the receipts alone go on."""
+    steps = np.diff(topic.measured)
+    return bool(np.any(steps < -CLOCKS_AGREE_NS) or np.any(steps - np.diff(topic.received) > CLOCKS_AGREE_NS))
+
+
+def _on_clock_of(topic: Topic, received: np.ndarray) -> np.ndarray:
+    """Times of receipt as times of the clock that stamps `topic`; beyond its ends both go equally fast."""
+    first_r, first_m, last_r, last_m = topic.received[0], topic.measured[0], topic.received[-1], topic.measured[-1]
+    inside = np.interp(received - first_r, topic.received - first_r, np.maximum.accumulate(topic.measured - first_m))
+    return np.where(received < first_r, first_m + received - first_r,
+                    np.where(received > last_r, last_m + received - last_r, first_m + np.round(inside).astype(np.int64)))
+
+
 def stamps_of(topics: list, clocks: tuple) -> tuple:
     """Topic name -> stamps in ns, and a note that says which they are."""
     measured, received = clocks
     headed = [t for t in topics if len(t.measured) and np.all(t.measured != 0)]
     bare = [t for t in topics if t not in headed]
-    apart = [t.received - t.measured for t in headed]
-    middle = [int(np.median(d)) for d in apart] + ([0] if bare else [])
-    agree = all(np.max(np.abs(d - m)) <= CLOCKS_AGREE_NS for d, m in zip(apart, middle)) and \
-        (not middle or max(middle) - min(middle) <= CLOCKS_AGREE_NS)
-    if not headed or not agree:
-        why = f": {measured} are of another clock, or their clock was set" if headed else ""
-        return {t.name: t.received for t in topics}, f"stamps are {received}{why}"
+    all_received = {t.name: t.received for t in topics}
+    if not headed:
+        return all_received, f"stamps are {received}"
+    most = max(headed, key=lambda t: len(t.received))
+    apart = [np.median(np.abs(_on_clock_of(most, t.received) - t.measured)) for t in headed]
+    if any(_was_set(t) for t in headed) or max(apart) > CLOCKS_AGREE_NS:
+        return all_received, f"stamps are {received}: {measured} are of several clocks, or their clock was set"
+    stamps = {t.name: t.measured for t in headed}
+    one_clock = np.max(np.abs(most.received - most.measured)) <= CLOCKS_AGREE_NS
+    stamps.update({t.name: t.received if one_clock else _on_clock_of(most, t.received) for t in bare})
     note = f"stamps are {measured}" + (f", of {', '.join(t.name for t in bare)} {received}" if bare else "")
-    return {t.name: (t.received if t in bare else t.measured) for t in topics}, note
+    return stamps, note + (f", put on the clock of {most.name}" if bare and not one_clock else "")
 
 
 def put_in_order(topic: Topic, stamps: np.ndarray, path: Path) -> tuple:
@@ -422,15 +442,18 @@ def open_source(path: Path, first: bytes):
             from mcap.reader import make_reader
         except ImportError:
             return Bag(path)  # reads all but JSON
+        file = open(path, "rb")
         try:
-            reader = make_reader(open(path, "rb"))
+            reader = make_reader(file)
             summary = reader.get_summary()
             channels = list(summary.channels.values()) if summary else []
         except (McapError, OSError, ValueError, EOFError) as error:
+            file.close()
             raise ReportError(f"{path}: cannot be read: {error}; the recording may be cut off: recover it with "
                               "`mcap recover`") from None
         if not channels or any(c.message_encoding == "json" for c in channels):
-            return JsonMcap(path, reader, channels)
+            return JsonMcap(path, file, reader, channels)
+        file.close()
     return Bag(path)
 
 
@@ -448,7 +471,10 @@ def first_bytes(path: Path) -> bytes:
 
 def field_names(path: Path) -> list:
     """"topic.field" of every number in a log of messages."""
-    return [f"{t.name.lstrip('/')}.{f}" for t in open_source(path, first_bytes(path)).topics().values() for f in t.fields]
+    source = open_source(path, first_bytes(path))
+    topics = source.topics()
+    source.close()
+    return [f"{t.name.lstrip('/')}.{f}" for t in topics.values() for f in t.fields]
 
 
 def read_messages(path: Path, first: bytes, columns: list) -> tuple:
@@ -460,6 +486,7 @@ def read_messages(path: Path, first: bytes, columns: list) -> tuple:
     for topic in topics.values():
         topic.values = {column: [] for column in topic.wanted}
     source.read(topics)
+    source.close()
     used = []
     for topic in (t for t in topics.values() if t.wanted):
         for column, field in topic.wanted.items():

@@ -1,7 +1,5 @@
-"""MCAP logs become the rows that were recorded."""
+"""MCAP with JSON messages: fields of topics, each with its stamps."""
 
-import csv
-import io
 import json
 import os
 import shutil
@@ -10,9 +8,11 @@ import tempfile
 import unittest
 from pathlib import Path
 
+import numpy as np
+
 sys.path.insert(0, os.environ["TILLER_PYTHON_PACKAGE"])
 
-from tiller_tools import mcap_csv, table  # noqa: E402
+from tiller_tools import channels, table  # noqa: E402
 
 try:
     from mcap.writer import Writer
@@ -40,34 +40,34 @@ class Mcap(unittest.TestCase):
             writer.finish()
         return path
 
-    def rows(self, path: Path, states: list, inputs: list) -> list:
-        return list(csv.DictReader(io.StringIO(mcap_csv.convert(path, states, inputs))))
+    def read(self, path: Path, *columns: str) -> tuple:
+        """Column -> (times, values), and what is wrong."""
+        _, clocks, found, _, problems, self.note = channels.read(str(path), list(columns))
+        return {name: (clocks[clock], values) for name, clock, values in found}, problems
 
-    def test_rows_states_and_held_commands(self):
+    def test_fields_have_the_stamps_of_their_messages(self):
         messages = [(10 * k, "/arm/joint", {"angle_rad": 0.1 * k, "name": "x"}) for k in range(6)]
         messages += [(10 * k + 5, "/arm/rate", {"twist": {"z": [1.0 * k, 0]}}) for k in range(6)]
-        # answers come 2 ms after what they answer; none to the first, and the one to number 3 is lost
         messages += [(10 * k + 2, "/arm/command", {"torque_Nm": 1.0 * k}) for k in (1, 2, 4, 5)]
-        rows = self.rows(self.write(messages), ["angle_rad", "arm/rate.twist.z.0"], ["torque_Nm"])
-        self.assertEqual([float(r["time_s"]) for r in rows], [0.01, 0.02, 0.03, 0.04, 0.05])
-        self.assertEqual([float(r["torque_Nm"]) for r in rows], [1, 2, 2, 4, 5])
-        self.assertAlmostEqual(float(rows[1]["angle_rad"]), 0.2)
-        self.assertAlmostEqual(float(rows[1]["arm/rate.twist.z.0"]), 1.5)
+        columns, problems = self.read(self.write(messages), "angle_rad", "arm/rate.twist.z.0", "torque_Nm")
+        self.assertEqual(problems, {})
+        for name, at, values in (("angle_rad", [0, 10, 20, 30, 40, 50], [0, 0.1, 0.2, 0.3, 0.4, 0.5]),
+                                 ("arm/rate.twist.z.0", [5, 15, 25, 35, 45, 55], [0, 1, 2, 3, 4, 5]),
+                                 ("torque_Nm", [12, 22, 42, 52], [1, 2, 4, 5])):
+            np.testing.assert_allclose(columns[name][0], np.array(at) * 1e-3, atol=1e-12)
+            np.testing.assert_allclose(columns[name][1], values)
+        self.assertEqual(self.note, "stamps are times of receipt")
 
     def test_what_is_wrong_is_told(self):
-        def told(path, states, inputs):
-            with self.assertRaises(table.ReportError) as caught:
-                mcap_csv.convert(path, states, inputs)
-            return str(caught.exception)
-
         path = self.write([(k, topic, {"x": k}) for k in range(9) for topic in ("/a", "/b")])
-        self.assertIn("channel 'y' is not there: a.x, b.x", told(path, ["y"], []))
-        self.assertIn("in several topics: a.x, b.x", told(path, ["x"], []))
-        self.assertIn("no such file", told(self.folder / "none.mcap", ["x"], []))
-        self.assertIn("no JSON messages; the file has /a (cdr)", told(self.write([(1, "/a", {})], "cdr"), ["x"], []))
+        self.assertIn("there is no such field; the log has /a (JSON, 9): x; /b (JSON, 9): x", self.read(path, "y")[1]["y"])
+        self.assertIn("several topics have that field: /a.x, /b.x", self.read(path, "x")[1]["x"])
+        self.assertIn("no message of /a has a field z", self.read(path, "/a.z")[1]["/a.z"])
         cut = self.folder / "cut.mcap"
         cut.write_bytes(path.read_bytes()[:60])
-        self.assertIn("cannot be read", told(cut, ["x"], []))
+        for wrong, said in ((self.folder / "none.mcap", "no such file"), (cut, "cannot be read")):
+            with self.assertRaisesRegex(table.ReportError, said):
+                self.read(wrong, "x")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,5 @@
 """Logs in MAT and NPZ: what of them becomes a column, and what is said of those that cannot be read."""
 
-import csv
-import io
 import json
 import os
 import subprocess
@@ -13,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, os.environ["TILLER_PYTHON_PACKAGE"])
-from tiller_tools import arrays_csv, table  # noqa: E402
+from tiller_tools import channels, table  # noqa: E402
 
 ROOT = Path(os.environ["TILLER_SOURCE"])
 
@@ -24,31 +22,34 @@ class Arrays(unittest.TestCase):
         self.folder = Path(self.home.name)
         self.addCleanup(self.home.cleanup)
 
-    def rows(self, path, element=None):
-        return list(csv.DictReader(io.StringIO(arrays_csv.convert(path, element))))
+    def columns(self, path, element=None):
+        return channels.columns_of(channels.load_arrays(path, channels.first_bytes(path)), element, path)
 
     def test_vectors_and_matrices_are_columns(self):
         path = self.folder / "run.npz"
         q = np.arange(12.0).reshape(6, 2)
         np.savez(path, t=np.arange(6) * 0.1, q=q, across=q.T, gain=3.0, note="words", other=np.zeros(4))
-        rows = self.rows(path)
-        self.assertEqual(list(rows[0]), ["t", "q.0", "q.1", "across.0", "across.1"])
-        self.assertEqual((rows[5]["t"], rows[5]["q.1"], rows[5]["across.1"]), ("0.5", "11", "11"))
+        columns = self.columns(path)
+        self.assertEqual(list(columns), ["t", "q.0", "q.1", "across.0", "across.1"])
+        self.assertEqual((columns["t"][5], columns["q.1"][5], columns["across.1"][5]), (0.5, 11, 11))
 
-    def test_a_value_that_lacks_is_an_empty_cell(self):
+    def test_columns_that_lack_are_told_with_those_that_are_there(self):
         path = self.folder / "run.npz"
         np.savez(path, t=np.arange(3.0), q=np.array([1.0, np.nan, 3.0]))
-        self.assertEqual([row["q"] for row in self.rows(path)], ["1", "", "3"])
+        topics, clocks, found, names, problems, note = channels.read(str(path), ["t", "qq"])
+        self.assertEqual((topics, clocks, names, note), (False, [], ["t", "q"], ""))
+        self.assertEqual([name for name, _, _ in found], ["t"])
+        self.assertIn("it has: t, q (did you mean 'q'?)", problems["qq"])
 
     def test_runs_of_a_published_file(self):
         path = ROOT / "data/multiarm_pendulum/single_pendulum.mat"
-        rows = self.rows(path, 3)
-        self.assertEqual(len(rows), 9167)
-        self.assertEqual(set(rows[0]), {"Time_id", "Y_id.0", "Y_id.1"})  # there are two runs for validation
-        self.assertIn("Time_vad", self.rows(path, 0)[0])
+        columns = self.columns(path, 3)
+        self.assertEqual({len(v) for v in columns.values()}, {9167})
+        self.assertEqual(set(columns), {"Time_id", "Y_id.0", "Y_id.1"})  # there are two runs for validation
+        self.assertIn("Time_vad", self.columns(path, 0))
         for element, said in ((None, "holds 4 runs"), (4, "no #4")):
             with self.assertRaisesRegex(table.ReportError, said):
-                arrays_csv.convert(path, element)
+                self.columns(path, element)
 
     def test_a_pendulum_that_swings_freely(self):
         """From the published bytes and a robot file written before: friction by name, the length as published."""
@@ -76,7 +77,7 @@ class Arrays(unittest.TestCase):
         for path, said in ((broken, "cannot be read"), (empty, "no vector of numbers; it has: gain"),
                            (parquet, "pyarrow|cannot be read"), (self.folder / "none.mat", "no such file")):
             with self.assertRaisesRegex(table.ReportError, said):
-                arrays_csv.convert(path, None)
+                self.columns(path)
 
 
 if __name__ == "__main__":
