@@ -121,13 +121,13 @@ class Controller {
 };
 
 /// Drives to the end; the controller's report after the last tick.
-tiller_info_t run_ticks(tiller_t* t, const tools::RobotFile& robot, double seconds, tools::Link& link,
+tiller_info_t run_ticks(tiller_t* t, const tools::RobotFile& robot, const EpisodeOptions& options, tools::Link& link,
                         EpisodeResult& result) {
   Judge judge(robot);
   result.rows.begin(robot);
   std::vector<double> tick_us, state(robot.states.size());
   const volatile std::sig_atomic_t go_on = 0;
-  const auto ticks = static_cast<std::uint64_t>(std::llround(seconds / robot.config.period_s));
+  const auto ticks = static_cast<std::uint64_t>(std::llround(options.seconds / robot.config.period_s));
   result.command_hash = 1469598103934665603ull;
   tiller_info_t info{};
   for (std::uint64_t k = 0; k < ticks; ++k) {
@@ -138,6 +138,7 @@ tiller_info_t run_ticks(tiller_t* t, const tools::RobotFile& robot, double secon
     if (sensed.fresh) result.rows.add(static_cast<int>(k) + 1, sensed.measurement, command);
     link.truth(state.data());
     judge.see(static_cast<double>(k) * robot.config.period_s, state.data(), command.value, result);
+    if (options.watch) options.watch(k, state.data());
     for (std::size_t i = 0; i < robot.inputs.size(); ++i) hash_bits(result.command_hash, command.value[i]);
     tiller_get_info(t, &info);
     if (info.tick_ns > 0) tick_us.push_back(static_cast<double>(info.tick_ns) * 1e-3);
@@ -200,7 +201,7 @@ EpisodeResult run_episode(const tools::RobotFile& given, const EpisodeOptions& o
     return result;
   }
   tiller_arm(controller.get());
-  const tiller_info_t info = run_ticks(controller.get(), robot, options.seconds, *link, result);
+  const tiller_info_t info = run_ticks(controller.get(), robot, options, *link, result);
   take_counters(info, result);
   take_particles(controller.get(), robot.config, result);
   take_parameters(controller.get(), robot, plant->true_params, info, result);

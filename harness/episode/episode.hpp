@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,8 @@ struct EpisodeOptions {
   bool clock = false;         ///< give the controller a clock: the robot file's deadline holds
   bool cpu_clock = false;     ///< and it is this thread's CPU time, to which other programs add nothing (one thread)
   std::uint64_t episode = 0;  ///< of several with the same truth: noise and controller have seeds of their own
+  /// Called after every tick, with its number and the true state (nx).
+  std::function<void(std::uint64_t tick, const double* state)> watch;
 };
 
 /// Outcome for one parameter.

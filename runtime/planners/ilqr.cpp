@@ -17,8 +17,8 @@
 #include <cstring>
 #include <limits>
 
+#include "planners/escape.hpp"
 #include "planners/flush_to_zero.hpp"
-#include "planners/ilqr.hpp"
 #include "planners/line_search.hpp"
 #include "planners/scenario_tree.hpp"
 
@@ -182,14 +182,29 @@ bool begin(Ilqr& s) {
   return p.has_path || roll_open(s);
 }
 
-void iterate(Ilqr& s, const Deadline& deadline, PlanResult& result) {
+/// The scout's motion becomes the path where it costs less on all hypotheses. A path with defects that promises more is
+/// left to close them first.
+void weigh_scout(Ilqr& s) {
+  PathPlan& p = s.plan;
+  if (!try_scout(*s.escape, p)) return;
+  const double cost = candidate_risk(p, kWarm);
+  const double promised = !s.single && s.standing ? p.risk.value(p.path_cost) : kInfinity;
+  if (!saves(cost, std::fmin(s.cost, promised))) return take_back(*s.escape, p);
+  follow_scout(*s.escape, p);
+  s.single = true;
+  s.settled = s.standing = s.solved = false;
+  s.cost = cost;
+}
+
+void iterate(Ilqr& s, const PlanRequest& request, PlanResult& result) {
   const FlushToZero flush;
   if (!begin(s)) {
     result.status = tiller_status_plan_not_finite;
     return;
   }
-  while (result.iterations < deadline.iterations && !s.converged) {
-    if (deadline.passed()) {
+  const IterationBudget budget = iteration_budget(request.deadline, *s.plan.settings);
+  while (result.iterations < budget.cap && !s.converged) {
+    if (request.deadline.passed()) {
       result.status = tiller_status_iteration_capped;
       break;
     }
@@ -205,6 +220,11 @@ void iterate(Ilqr& s, const Deadline& deadline, PlanResult& result) {
     return;
   }
   if (!s.single) close_path(s);
+  if (s.escape) {
+    result.iterations +=
+        search_beside(*s.escape, s.plan, s.cost, request, budget.left(result.iterations));
+    weigh_scout(s);
+  }
   result.cost = s.cost;
   // the path's inputs lead beyond all numbers from the present start: whoever sent them would send what nobody weighed
   if (!std::isfinite(s.cost)) result.status = tiller_status_plan_not_finite;
@@ -220,7 +240,7 @@ PlanResult plan(void* self, const PlanRequest& request, double* command) {
     result.status = tiller_status_plan_not_finite;
   } else if (request.deadline.iterations > 0) {
     if (!p.has_path) s.standing = s.solved = false;
-    iterate(s, request.deadline, result);
+    iterate(s, request, result);
   }
   s.standing = s.solved = false;
   write_sequence(p, s.settled ? p.settled : p.control, command);
@@ -250,12 +270,18 @@ void reset(void* self) {
     reset_tree(*s.tree);
   else
     reset_ilqr(s);
+  if (s.escape) reset_escape(*s.escape);
 }
 
 void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
               const tiller_hooks_t*) {
-  if (!wants_tree(config))
-    return lay_out_ilqr(arena, config, setup, table, config.planner.shooting == tiller_shooting_single);
+  if (!wants_tree(config)) {
+    Ilqr* const plain = lay_out_ilqr(arena, config, setup, table, config.planner.shooting == tiller_shooting_single);
+    Escape* const escape = lay_out_escape(arena, config, setup, table);
+    if (!plain || !escape) return nullptr;
+    plain->escape = escape;
+    return plain;
+  }
   auto* s = arena.take<Ilqr>(1);
   ScenarioTree* const tree = lay_out_tree(arena, config, setup, table);
   if (!s || !tree) return nullptr;

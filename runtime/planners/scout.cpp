@@ -52,35 +52,31 @@ bool begin(Scout& s, const Sampler& sampler, const PathPlan& present) {
   return restart_path(*s.gradient, s.inputs);
 }
 
-/// The path of this tick, a motion where it was one; false where there is none.
-bool resume(Scout& s, const Sampler& sampler, const PathPlan& present, const PlanRequest& request) {
+}  // namespace
+
+bool meet_request(Scout& s, const PathPlan& present, const PlanRequest& request) {
   Ilqr& g = *s.gradient;
-  const Belief one = one_hypothesis(g.plan, *request.belief, 0, s.hypothesis);
+  const Belief one = one_hypothesis(present, *request.belief, 0, s.hypothesis);
   PlanRequest own = request;
   own.belief = &one;
+  s.motion = false;
   if (!take_request(g, own)) return false;
   g.standing = g.solved = g.converged = false;
   g.shooting.penalty = 0.0;
-  if (s.plans > 0) return !g.single || roll_open(g);
-  if (!begin(s, sampler, present)) return false;
-  g.single = g.plan.settings->shooting == tiller_shooting_single;
   return true;
 }
 
-}  // namespace
-
-std::uint32_t search_on(Scout& s, const Sampler& sampler, const PathPlan& present, const PlanRequest& request,
-                        std::uint32_t iterations) {
+void set_out(Scout& s) {
   Ilqr& g = *s.gradient;
-  s.motion = false;
-  if (!resume(s, sampler, present, request)) {
-    s.plans = 0;
-    return 0;
-  }
+  g.single = g.plan.settings->shooting == tiller_shooting_single;
+}
+
+std::uint32_t refine(Scout& s, const Deadline& deadline, std::uint32_t iterations) {
+  Ilqr& g = *s.gradient;
   bool sound = true;
   std::uint32_t done = 0;
   for (; done < iterations && sound && !g.converged; ++done) {
-    if (request.deadline.passed()) break;
+    if (deadline.passed()) break;
     sound = g.single ? iterate_single(g) : iterate_multiple(g);
   }
   if (sound && !g.single) close_path(g);
@@ -88,6 +84,20 @@ std::uint32_t search_on(Scout& s, const Sampler& sampler, const PathPlan& presen
   ++s.plans;
   if (!sound || s.plans >= kMostPlans || (s.motion && g.converged)) s.plans = 0;
   return done;
+}
+
+std::uint32_t search_on(Scout& s, const Sampler& sampler, const PathPlan& present, const PlanRequest& request,
+                        std::uint32_t iterations) {
+  bool ready = meet_request(s, present, request);
+  if (ready && s.plans > 0) {
+    ready = !s.gradient->single || roll_open(*s.gradient);
+  } else if (ready) {
+    ready = begin(s, sampler, present);
+    if (ready) set_out(s);
+  }
+  if (ready) return refine(s, request.deadline, iterations);
+  s.plans = 0;
+  return 0;
 }
 
 void lay_out_scout(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,

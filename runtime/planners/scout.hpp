@@ -23,9 +23,15 @@ void lay_out_scout(Arena& arena, const tiller_config_t& config, const StepSetup&
                    Scout& s);
 void reset_scout(Scout& s);
 
-/// Up to `iterations` more of the scout for this request, after the sampler's iteration and the plan around `present`;
-/// the number completed. Where s.motion says that it has become a motion, its cost on the first hypothesis is
-/// s.gradient->cost, and its inputs are those of the path.
+/// Takes the request with its first hypothesis alone; the path is that of the plan before. False without a belief.
+bool meet_request(Scout& s, const PathPlan& present, const PlanRequest& request);
+/// From a motion on, with the configured shooting.
+void set_out(Scout& s);
+/// Up to `iterations` of the gradient; the number completed. Where s.motion says that the path has become a motion, its
+/// cost on the first hypothesis is s.gradient->cost, and its inputs are those of the path.
+std::uint32_t refine(Scout& s, const Deadline& deadline, std::uint32_t iterations);
+
+/// A plan of the scout of `hybrid`, after the sampler's iteration and the plan around `present`: as `refine`.
 std::uint32_t search_on(Scout& s, const Sampler& sampler, const PathPlan& present, const PlanRequest& request,
                         std::uint32_t iterations);
 

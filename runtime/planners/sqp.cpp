@@ -23,6 +23,7 @@
 #include <cstring>
 #include <limits>
 
+#include "planners/escape.hpp"
 #include "planners/flush_to_zero.hpp"
 #include "planners/line_search.hpp"
 #include "planners/sqp_tree.hpp"
@@ -229,6 +230,20 @@ bool iterate_single(Sqp& s, const Deadline& deadline) {
 
 // ---- a plan -------------------------------------------------------------------------------------
 
+/// The scout's motion becomes the path where it costs less on all hypotheses, with what it exceeds the bounds by. A path
+/// with defects that promises more is left to close them first.
+void weigh_scout(Sqp& s) {
+  PathPlan& p = s.plan;
+  if (!try_scout(*s.escape, p)) return;
+  const double cost = candidate_risk(p, kWarm), merit = cost + bounds_penalty(s, kWarm);
+  const double promised = s.open ? p.risk.value(p.path_cost) : kInfinity;
+  if (!saves(merit, std::fmin(s.merit, promised))) return take_back(*s.escape, p);
+  follow_scout(*s.escape, p);
+  s.open = s.multiple = s.prepared = s.part.set.stands = false;
+  s.cost = cost;
+  s.merit = merit;
+}
+
 void run(Sqp& s, const PlanRequest& request, PlanResult& result) {
   PathPlan& p = s.plan;
   const FlushToZero flush;
@@ -241,7 +256,8 @@ void run(Sqp& s, const PlanRequest& request, PlanResult& result) {
     return;
   }
   if (s.multiple && !cold) weigh_settled(s);
-  while (result.iterations < request.deadline.iterations && !s.converged) {
+  const IterationBudget budget = iteration_budget(request.deadline, *p.settings);
+  while (result.iterations < budget.cap && !s.converged) {
     if (request.deadline.passed()) {
       result.status = tiller_status_iteration_capped;
       break;
@@ -257,6 +273,10 @@ void run(Sqp& s, const PlanRequest& request, PlanResult& result) {
   const bool stopped = !s.converged && result.iterations < p.settings->iterations;
   if (stopped && result.status == tiller_status_ok) result.status = tiller_status_iteration_capped;
   if (result.iterations == 0) return;
+  if (result.status != tiller_status_plan_not_finite) {
+    result.iterations += search_beside(*s.escape, p, s.cost, request, budget.left(result.iterations));
+    weigh_scout(s);
+  }
   result.cost = s.cost;
   if (result.status != tiller_status_ok) return;
   if (s.violation > kRelaxed * p.settings->qp_tolerance) result.status = tiller_status_bounds_relaxed;
@@ -323,6 +343,7 @@ void reset(void* self) {
   Sqp& s = *static_cast<Sqp*>(self);
   if (s.tree) return reset_sqp_tree(*s.tree);
   reset_path_plan(s.plan);
+  reset_escape(*s.escape);
   s.prepared = s.converged = s.unsolved = s.part.set.stands = s.multiple = s.open = false;
   s.violation = 0.0;
   for (std::size_t i = 0; i < std::size_t{s.plan.horizon} * s.plan.nu; ++i) s.part.set.held[i] = 0;
@@ -341,7 +362,9 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
   Sqp& place = s ? *s : nobody;
   lay_out_path_plan(arena, config, setup, table, place.plan);
   lay_out_programs(arena, config, table, place);
-  if (!s || !arena.fits()) return nullptr;
+  Escape* const escape = lay_out_escape(arena, config, setup, table);
+  if (!s || !escape || !arena.fits()) return nullptr;
+  s->escape = escape;
   reset(s);
   return s;
 }

@@ -8,11 +8,13 @@
 
 namespace tiller {
 
+struct Escape;
 struct SqpTree;
 
 /// Sequential quadratic programming on a path (sqp.cpp).
 struct Sqp {
   SqpTree* tree = nullptr;  // plans in the place of everything below where it is set
+  Escape* escape = nullptr;
   PathPlan plan;
   HardBounds bounds;
   SqpPart part;               // of all of the path; the active set's factor is the plan's
