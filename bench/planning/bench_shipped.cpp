@@ -1,7 +1,7 @@
 // Runs of a shipped robot with any planner, in lockstep with its simulated plant: one JSON line a seed. What
 // `./dev bench shipped` runs for all robots and planners.
 //
-//   bench_shipped ROBOT PLANNER SECONDS [--horizon N] SEED...
+//   bench_shipped ROBOT PLANNER SECONDS [--horizon N] [--particles M] SEED...
 //
 // How far a robot is from its task is told by its own cost: the weighted squares of what its states and outputs are off by,
 // over the last quarter of the run, as a share of what they would be off by if the robot had stayed where it started. A
@@ -108,7 +108,7 @@ void print_run(const tools::RobotFile& robot, const std::string& name, const cha
 
 int main(int argc, char** argv) {
   if (argc < 5) {
-    std::fprintf(stderr, "bench_shipped ROBOT PLANNER SECONDS [--horizon N] SEED...\n");
+    std::fprintf(stderr, "bench_shipped ROBOT PLANNER SECONDS [--horizon N] [--particles M] SEED...\n");
     return 2;
   }
   std::string errors;
@@ -120,6 +120,8 @@ int main(int argc, char** argv) {
   for (int i = 4; i < argc; ++i) {
     if (!std::strcmp(argv[i], "--horizon") && i + 1 < argc)
       robot->config.planner.horizon = static_cast<std::uint32_t>(bench::whole_number(argv[++i]));
+    else if (!std::strcmp(argv[i], "--particles") && i + 1 < argc)
+      robot->config.planner.particles = static_cast<std::uint32_t>(bench::whole_number(argv[++i]));
     else
       print_run(*robot, argv[1], argv[2], bench::real_number(argv[3]), std::strtoull(argv[i], nullptr, 10));
   }

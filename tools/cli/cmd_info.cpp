@@ -11,6 +11,7 @@
 #include "tools/command/commands.hpp"
 #include "tools/doctor/tick_forecast.hpp"
 #include "tools/open/substeps.hpp"
+#include "tools/open/horizon.hpp"
 #include "tools/robot/effects_text.hpp"
 #include "tools/robot/limits_text.hpp"
 #include "tools/robot/robot_help.hpp"
@@ -109,6 +110,12 @@ void print_unread(const RobotFile& robot) {
   if (!unread.empty()) std::printf("             %s does not read %s\n", planner.c_str(), join(unread).c_str());
 }
 
+/// How far a plan looks ahead against what the model asks for.
+void print_horizon(const RobotFile& robot) {
+  const std::string text = horizon_text(robot.config);
+  if (!text.empty()) std::printf("             %s\n", text.c_str());
+}
+
 /// Time of a tick on this machine, predicted from its work and measured; a warning where the robot would wait for it.
 void print_tick(const RobotFile& robot) {
   constexpr double kBudget_s = 1.0;
@@ -159,6 +166,7 @@ int check_command(const std::string& path) {
               c.planner.horizon, c.planner.horizon * c.period_s,
               samples ? format("%u rollouts x ", c.planner.rollouts).c_str() : "", c.planner.particles,
               c.planner.iterations);
+  print_horizon(*robot);
   print_unread(*robot);
   print_cost(*robot);
   std::printf("  posterior  %s, %u particles\n", c.posterior.enabled ? "learning" : "frozen at the prior",

@@ -21,6 +21,9 @@ struct BodyInertia {
   Mat3<T> inertia;   ///< about the origin
 };
 
+/// Of all bodies, with what hangs on them by fixed joints.
+std::vector<BodyInertia<double>> body_inertias(const Mechanism& mechanism);
+
 namespace articulated {
 
 /// An angular and a linear part: of a motion, or of a force (moment and force).

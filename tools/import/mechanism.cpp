@@ -555,7 +555,7 @@ std::vector<double> start_position(const Mechanism& mechanism) {
   return out;
 }
 
-std::vector<double> mobility(const Mechanism& mechanism, const std::vector<double>& position) {
+std::vector<BodyInertia<double>> body_inertias(const Mechanism& mechanism) {
   std::vector<BodyInertia<double>> inertia;
   for (const MovingBody& body : mechanism.bodies) {
     RigidBody whole;
@@ -569,7 +569,11 @@ std::vector<double> mobility(const Mechanism& mechanism, const std::vector<doubl
       for (int c = 0; c < 3; ++c) b.inertia(r, c) = whole.inertia_kgm2(r, c) - whole.mass_kg * square(r, c);
     inertia.push_back(b);
   }
-  ArticulatedBody<double> tree(mechanism, inertia);
+  return inertia;
+}
+
+std::vector<double> mobility(const Mechanism& mechanism, const std::vector<double>& position) {
+  ArticulatedBody<double> tree(mechanism, body_inertias(mechanism));
   tree.place(position);
   tree.weigh();
   std::vector<double> out;

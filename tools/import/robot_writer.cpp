@@ -5,6 +5,7 @@
 
 #include "tools/base/text.hpp"
 #include "tools/import/articulated_body.hpp"
+#include "tools/import/mechanism_task.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -19,6 +20,10 @@ constexpr double kSpeedWeight = 1000.0;
 /// Share of the effort that nobody explains, from tick to tick.
 constexpr double kUnknownForce = 0.002;
 constexpr double kEncoder_rad = 0.0005, kEncoder_m = 0.0001;
+/// Weights of the default task: of positions and speeds, and at a plan's end.
+constexpr double kStage[] = {10.0, 0.1}, kTerminal[] = {100.0, 10.0};
+/// Periods that a plan looks ahead: enough for an arm that is driven at every joint, and what a tick has time for.
+constexpr std::uint32_t kFewestPeriods = 20, kMostPeriods = 100;
 
 class RobotText {
  public:
@@ -170,7 +175,7 @@ class RobotText {
                                     [](const JointFriction& f) { return !f.dry.empty(); });
     if (sticks) out_ += "# a joint that sticks has no gradient: samples find the force that frees it\n";
     out_ += std::string("[planner]\nkind = \"") + (sticks ? "hybrid" : "ilqr") +
-            "\"\nhorizon = 20\nparticles = 1\niterations = 2\n\n"
+            "\"\n" + horizon() + "particles = 1\niterations = 2\n\n"
             "# full effort for a tick costs what a tenth of a radian does\n[cost]\n";
     out_ += "target = " + table(names_.positions, [&](std::size_t j) { return number_text(target(j)); }) + "\n";
     std::vector<std::string> states = names_.positions;
@@ -178,17 +183,39 @@ class RobotText {
     const auto weights = [&](double position, double velocity) {
       return table(states, [&](std::size_t i) { return number_text(i < joints() ? position : velocity); });
     };
-    out_ += "state_weight = " + weights(10.0, 0.1) + "\nterminal_weight = " + weights(100.0, 10.0) + "\n";
-    const auto effort_weight = [&](std::size_t i) {
-      const double e = effort(body(driven(i)));
-      return format("%.3g", 0.1 / (e * e));
-    };
+    out_ += "state_weight = " + weights(kStage[0], kStage[1]) + "\nterminal_weight = " + weights(kTerminal[0], kTerminal[1]) +
+            "\n";
+    const auto effort_weight = [&](std::size_t i) { return format("%.3g", effort_weight_of(i)); };
     out_ += "input_weight = " + table(names_.inputs, effort_weight) +
             "\ninput_rate_weight = " + table(names_.inputs, effort_weight) + "\n";
     bounds();
     frame_target(frame);
     out_ += "\n";
     if (!extras_.spheres.empty()) out_ += clearance_text(extras_.spheres);
+  }
+
+  double effort_weight_of(std::size_t input) const {
+    const double e = effort(body(driven(input)));
+    return 0.1 / (e * e);
+  }
+
+  /// As long as the description's own model asks for at this task.
+  std::string horizon() const {
+    LinearTask task;
+    task.period_s = kPeriod_s;
+    for (std::size_t i = 0; i < names_.inputs.size(); ++i) {
+      task.effort.push_back(effort_weight_of(i));
+      task.reach.push_back(effort(body(driven(i))));
+    }
+    std::vector<double> goal = start_;
+    for (std::size_t j = 0; j < joints(); ++j) goal[static_cast<std::size_t>(names_.bodies[j])] = target(j);
+    for (const double* weight : {kStage, kTerminal})
+      for (std::size_t i = 0; i < 2 * joints(); ++i)
+        (weight == kStage ? task.stage : task.terminal).push_back(weight[i < joints() ? 0 : 1]);
+    linearise_mechanism(mechanism_, names_, start_, goal, task);
+    const HorizonAdvice advice = advise_horizon(task, kMostPeriods);
+    if (advice.needed <= kFewestPeriods) return "horizon = " + std::to_string(kFewestPeriods) + "\n";
+    return "horizon = " + std::to_string(advice.needed) + "   # " + advice.reason + "\n";
   }
 
   /// The same target told by where the tool would be; for whoever would rather say it so.

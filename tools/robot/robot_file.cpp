@@ -281,6 +281,7 @@ RobotText parse_robot_text(const std::string& text, const std::string& path, std
   try {
     const toml::table root = toml::parse(std::string_view(text), std::string_view(path));
     read.says_substeps = static_cast<bool>(root["model"]["substeps"]);
+    read.says_horizon = static_cast<bool>(root["planner"]["horizon"]);
     refuse_unknown_sections(errors, root);
     read_controller(errors, root, robot);
   } catch (const toml::parse_error& error) {
