@@ -139,7 +139,6 @@ def python_page(package):
             if isinstance(node, (ast.ClassDef, ast.FunctionDef)) and (node.name not in where or
                                                                      not ast.get_docstring(where[node.name])):
                 where[node.name] = node
-    where["robot_names"] = next(n for n in trees[package / "_robots.py"].body if getattr(n, "name", "") == "names")
     order = [n for n in FIRST if n in public] + sorted((n for n in public if n not in FIRST), key=str.lower)
     out = ["# Python: Robot, Controller, Plant\n", f"```python\n{ast.get_docstring(init)}\n```\n",
            "[The guide](../guide/python.md) shows them at work. Environments for Gymnasium are in `tiller.envs`.\n"]
