@@ -15,8 +15,7 @@ from __future__ import annotations
 
 TYPE_CHECKING = False  # typing's own is not worth the time of its import
 
-from . import _core
-from ._calls import public as _public
+from ._about import instruction_set, model_names, version
 from ._calls import public_methods as _public_methods
 from ._core import Adequacy, Command, Controller, Info, Measurement, Plant, Posterior, Robot, State, Status
 from ._errors import (ArgumentError, ArgumentTypeError, CommandError, Error, MissingExtra, RobotFileError, StatusError)
@@ -31,9 +30,6 @@ if TYPE_CHECKING:
 _prepare()
 for _kind in (Command, Controller, Info, Measurement, Plant, Posterior, Robot):
     _public_methods(_kind)
-instruction_set = _public(_core.instruction_set, "instruction_set")
-model_names = _public(_core.model_names, "model_names")
-version = _public(_core.version, "version")
 
 __version__ = "0.1.0"
 __all__ = [

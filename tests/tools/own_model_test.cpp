@@ -126,6 +126,7 @@ TEST_F(OwnModel, MillisecondsAreTold) {
   expect_said(hints_, "if 100 ms is meant, write sensor_timeout_s = 0.1");
   // a second is short for a vessel whose fastest mode takes several
   std::string slow = reactor("period_s = 0.02", "period_s = 2");
+  slow = changed(slow, "sensor_timeout_s = 0.1", "");
   slow = changed(slow, "[posterior]", "[start]\nstate = { volume_L = 1, substrate_g_L = 1 }\n\n[posterior]");
   ASSERT_NE(parse(slow).robot, nullptr) << errors_;
   EXPECT_EQ(hints_.find("model.period_s"), std::string::npos) << hints_;
