@@ -26,8 +26,11 @@ def _signature(function: Any, name: str) -> str:
 
 
 def _error(function: Any, name: str, problem: Exception) -> ArgumentError:
-    # the extension's own text goes on with what it was called with, and with lines of signatures
-    text = str(problem).split("\n")[0].split(". The following")[0].removeprefix(f"{name.split('.')[-1]}(): ")
+    # the extension's own text goes on with lines of signatures, and ends with what it was called with
+    lines = str(problem).split("\n")
+    text = lines[0].split(". The following")[0].removeprefix(f"{name.split('.')[-1]}(): ")
+    if lines[-1].startswith("Invoked with types: "):
+        text += f" ({lines[-1].removeprefix('Invoked with types: ').replace('tiller._core.', '')})"
     remedy = f"call {_signature(function, name)}"
     kind = ArgumentTypeError if isinstance(problem, TypeError) else ArgumentError
     error = kind(f"{name}: {text}; {remedy}", remedy=remedy)
@@ -37,7 +40,7 @@ def _error(function: Any, name: str, problem: Exception) -> ArgumentError:
 
 def public(function: Callable[P, R], name: str = "") -> Callable[P, R]:
     """`function`, whose complaints about its arguments are ArgumentErrors. `name`: "Class.method"."""
-    called = name or function.__qualname__
+    called = (name or function.__qualname__).removesuffix(".__init__")
 
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
@@ -47,10 +50,10 @@ def public(function: Callable[P, R], name: str = "") -> Callable[P, R]:
                 raise
             raise _error(function, called, problem) from problem
 
-    for attribute in ("__doc__", "__module__", "__annotations__", "__wrapped__"):
-        value = function if attribute == "__wrapped__" else getattr(function, attribute, None)
-        setattr(call, attribute, value)
-    call.__name__, call.__qualname__ = called.split(".")[-1], called
+    call.__doc__, call.__name__ = function.__doc__, function.__name__
+    call.__module__, call.__qualname__ = function.__module__, called
+    if not type(function).__name__.startswith("nb_"):
+        call.__wrapped__ = function  # type: ignore[attr-defined]
     return call
 
 
