@@ -25,7 +25,7 @@ def test_every_status_has_a_remedy_and_no_other_has():
 
 
 def test_a_wrong_file_lists_every_problem():
-    text = (ROOT / "robots/pendulum.toml").read_text().replace("horizon = 50", "horizon = -3").replace(
+    text = (ROOT / "robots/pendulum.toml").read_text().replace("horizon = 75", "horizon = -3").replace(
         "period_s = 0.02", "period_s = 'fast'")
     with pytest.raises(tiller.RobotFileError) as caught:
         tiller.Robot.from_text(text, "wrong.toml")

@@ -18,7 +18,7 @@ class Tune : public Command {
     std::stringstream stream;
     stream << file.rdbuf();
     std::string text = stream.str();
-    replace(text, "horizon = 50\nknots = 10\nrollouts = 256\nparticles = 8\niterations = 3",
+    replace(text, "horizon = 75\nknots = 10\nrollouts = 256\nparticles = 8\niterations = 3",
             "horizon = 5\nknots = 5\nrollouts = 32\nparticles = 2\niterations = 2");
     replace(text, "noise_sd = { torque_Nm = 1.0 }", "noise_sd = { torque_Nm = 0.05 }");
     std::ofstream(folder_ + "/bad.toml") << text;
