@@ -79,7 +79,7 @@ def run(folder, arm, seed):
         env=dict(os.environ, PYTHONPATH=ROOTS), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         log = folder / "run.csv"
-        done = subprocess.run([TILLER, "run", folder / "robot.toml", "--lockstep", "--seconds", str(seconds - 0.05), "--goals",
+        done = subprocess.run([TILLER, "run", folder / "robot.toml", "--arm", "--lockstep", "--seconds", str(seconds - 0.05), "--goals",
                                folder / "goals.csv", "--log", log, "--quiet"], capture_output=True, text=True, check=False,
                               preexec_fn=lambda: os.sched_setaffinity(0, {CORE}))
         if done.returncode != 0:

@@ -31,7 +31,7 @@ void bind_names(nb::module_& m) {
       ;
   nb::enum_<tiller_state_t>(m, "State", nb::is_arithmetic(), "Of a controller.")
       .value("INIT", tiller_state_init, "no measurement yet: safe command")
-      .value("STANDBY", tiller_state_standby, "measuring and learning; waits for arm()")
+      .value("STANDBY", tiller_state_standby, "measuring, not learning; waits for arm()")
       .value("ACTIVE", tiller_state_active, "planning")
       .value("HOLD", tiller_state_hold, "planner unusable, sensors fresh: HOLD feedback")
       .value("SAFE", tiller_state_safe, "latched safe command until reset()");

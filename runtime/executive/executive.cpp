@@ -97,6 +97,8 @@ tiller_status_t Executive::update_belief(Tick& tick) {
   const std::int64_t most_us = std::llround(kLongestLead_periods * config_.period_s * 1e6);
   actuation_latency_us_ = std::clamp<std::int64_t>(elapsed_us(m.command_latency_us, age_us), 0, most_us);
 
+  // nobody knows what moved a robot that stands by: its drive is off, and a hand may push it
+  if (!driven_) filters_run_ = false;
   if (!filters_run_ || tick.period_s > kLongestGap_periods * config_.period_s) return restart_filters(tick);
   const tiller_status_t status = bridge(tick, begin_us);
   if (!taken(status)) return status;
@@ -278,7 +280,9 @@ void Executive::replan(Tick& tick) {
   request.param_sd = info_.param_sd;
   divergence_.weigh(prediction_, request.task_step);
   const PlanResult result = planner_table_->plan(planner_, request, tick.wanted);
-  tick.iterations = result.iterations;
+  // what was begun counts where it failed: a replay that stops short of it would not fail
+  const bool refused = is_fault(result.status) && (result.refused || result.iterations == 0);
+  tick.iterations = result.iterations + (refused ? 1 : 0);
   info_.plan_cost = result.cost + divergence_.rest();
   info_.plan_lead = belief_.lead_periods();
 
@@ -374,6 +378,7 @@ void Executive::gate(Tick& tick, tiller_command_t& command) {
   command.sequence = sequence_;
   command.state = machine_.state();
   command.plan_sequence = static_cast<std::uint32_t>(info_.plans);
+  driven_ = moving();
   timeline_.push(effective_at_us(tick), command.value);
   info_.gate_clipped = gate_.cuts();
   info_.gate_rejections = gate_.rejections();

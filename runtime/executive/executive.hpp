@@ -162,6 +162,7 @@ class Executive {
   std::int64_t estimate_us_ = 0;           // stamp of the last measurement that the estimate stands on
   std::uint32_t untaken_ = 0;              // updates in a row that took no measurement in
   bool was_moving_ = false;
+  bool driven_ = false;          // the command of the tick before was of a motion
   std::uint64_t task_tick_ = 0;  // tick in which motion began: step 0 of a reference
   std::uint64_t goal_ = 0;       // how often the goal has changed
   std::uint32_t hold_ticks_ = 0;

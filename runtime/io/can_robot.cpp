@@ -282,8 +282,8 @@ std::uint32_t CanRobot::command(const tiller_command_t& command, CanFrame* frame
     pushes = pushes || (torque && static_cast<float>(set_point[i]) != 0.0f);
   }
   // a safe command other than zero (holding a weight) needs the drive enabled
-  const bool moves = command.state == tiller_state_active || command.state == tiller_state_hold || pushes ||
-                     (prepared_ && command.state == tiller_state_standby);
+  const bool moves = command.state == tiller_state_active || command.state == tiller_state_hold ||
+                     (!kept_off_ && (pushes || (prepared_ && command.state == tiller_state_standby)));
   std::uint32_t count = 0;
   for (std::uint32_t i = 0; i < layout_.motor_count; ++i)
     count += axes_[i].command(moves, set_point[i], command.stamp_us, frames + count);

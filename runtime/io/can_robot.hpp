@@ -75,9 +75,12 @@ class CanRobot {
   /// The frames that carry a command, in the order to send them: mode changes that are due, set points, the
   /// controller's status. 0 if a set point is not finite: nothing may be sent then.
   std::uint32_t command(const tiller_command_t& command, CanFrame* frames);
-  /// `on`: motors are enabled in STANDBY already, without torque, so that the first command that moves meets drives
-  /// that follow it.
+  /// What drives are allowed while the robot does not move. `on`: enabled in STANDBY already, without torque, so that
+  /// the first command that moves meets drives that follow it.
   void prepare(bool on) { prepared_ = on; }
+  /// `on`: off until a command of ACTIVE or HOLD, whatever the safe command is and whatever prepare() allows: nobody has
+  /// permitted motion yet.
+  void keep_off(bool on) { kept_off_ = on; }
   /// Every drive has confirmed that it is enabled, or there is a fault that says why not.
   bool is_ready() const;
 
@@ -136,7 +139,7 @@ class CanRobot {
   SequenceGate gate_;
   bool has_new_ = false;
   bool ask_due_ = false;
-  bool prepared_ = false;
+  bool prepared_ = false, kept_off_ = false;
   tiller_measurement_t newest_{};
   ActuatorAxis axes_[TILLER_MAX_INPUTS];
   std::uint64_t dropped_old_ = 0;

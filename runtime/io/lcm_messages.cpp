@@ -45,6 +45,13 @@ bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmGoal& message) {
   return true;
 }
 
+bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmArm& message) {
+  LcmArm read{};
+  if (!lcm_decode(kLcmArmType, bytes, size, &read)) return false;
+  message = read;
+  return true;
+}
+
 LcmMeasurement lcm_message(const tiller_measurement_t& measurement, std::uint32_t count) {
   LcmMeasurement message{};
   message.stamp_us = measurement.stamp_us;

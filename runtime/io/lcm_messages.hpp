@@ -43,6 +43,11 @@ struct LcmGoal {
   double value[64];
 };
 
+struct LcmArm {
+  std::int64_t answered_stamp_us;
+  std::int32_t arm;
+};
+
 // clang-format off
 #define TILLER_LCM_FIELD(Struct, kind, name, length) {#name, LcmKind::kind, length, offsetof(Struct, name)}
 #define TILLER_LCM_COUNTED(Struct, name, count, length) \
@@ -135,6 +140,10 @@ inline constexpr LcmField kLcmGoalFields[] = {
   TILLER_LCM_FIELD(LcmGoal, kInt32,  count,    0),
   TILLER_LCM_COUNTED(LcmGoal, value, count, 64),
 };
+inline constexpr LcmField kLcmArmFields[] = {
+  TILLER_LCM_FIELD(LcmArm, kInt64, answered_stamp_us, 0),
+  TILLER_LCM_FIELD(LcmArm, kInt32, arm,               0),
+};
 #undef TILLER_LCM_FIELD
 #undef TILLER_LCM_COUNTED
 // clang-format on
@@ -143,6 +152,7 @@ inline constexpr LcmType kLcmMeasurementType = make_lcm_type(kLcmMeasurementFiel
 inline constexpr LcmType kLcmCommandType = make_lcm_type(kLcmCommandFields);
 inline constexpr LcmType kLcmTelemetryType = make_lcm_type(kLcmTelemetryFields);
 inline constexpr LcmType kLcmGoalType = make_lcm_type(kLcmGoalFields);
+inline constexpr LcmType kLcmArmType = make_lcm_type(kLcmArmFields);
 inline constexpr LcmType kLcmWideMeasurementType = make_lcm_type(kLcmWideMeasurementFields);
 inline constexpr LcmType kLcmWideCommandType = make_lcm_type(kLcmWideCommandFields);
 inline constexpr LcmType kLcmWideTelemetryType = make_lcm_type(kLcmWideTelemetryFields);
@@ -166,6 +176,7 @@ constexpr const LcmType& lcm_telemetry_type(std::uint32_t states, std::uint32_t 
 [[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmCommand& message);
 [[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmTelemetry& message);
 [[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmGoal& message);
+[[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmArm& message);
 
 /// The state of the logs that a host writes. The defaults mean that all is well. Counters are never decremented, but
 /// for what waits.

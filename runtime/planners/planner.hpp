@@ -38,6 +38,7 @@ struct PlanResult {
   std::uint32_t iterations = 0;
   double cost = 0.0;  // of the chosen sequence (mcts: with what it does after each outcome), under the configured risk;
                       // infinity where no iteration was completed
+  bool refused = false;  // one more iteration was begun, and gave up for want of a finite plan
 };
 
 /// A planner: one entry of planners.def. Anytime: plan always fills `command` (nu), finite and within limits and

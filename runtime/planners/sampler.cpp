@@ -315,6 +315,7 @@ std::uint32_t iterate(Sampler& s, PlanResult& result) {
     if (s.range.finite == 0) {
       if (s.method->cancel) s.method->cancel(s);
       result.status = tiller_status_plan_not_finite;
+      result.refused = true;
       return s.iteration;
     }
     if (s.method->keep)

@@ -264,6 +264,7 @@ void run(Sqp& s, const PlanRequest& request, PlanResult& result) {
     }
     if (!(s.multiple ? iterate_multiple(s, request.deadline) : iterate_single(s, request.deadline))) {
       result.status = tiller_status_plan_not_finite;
+      result.refused = true;
       break;
     }
     ++result.iterations;

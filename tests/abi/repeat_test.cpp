@@ -162,6 +162,38 @@ TEST_P(EveryPlanner, RecordsReplayBitByBit) {
   expect_same(recorded, replay(config, recorded));
 }
 
+/// The pendulum, but for no numbers beyond 0.5 rad.
+void pendulum_until_half(const double* x, const double* u, const double* f, const tiller_body_t* body, const double* p,
+                         double* dxdt) {
+  tiller_find_model("pendulum")->dynamics(x, u, f, body, p, dxdt);
+  if (x[0] > 0.5) dxdt[1] = std::numeric_limits<double>::quiet_NaN();
+}
+
+/// One reading lies where the model has no numbers: the filter gets there, no plan gets on from there.
+TEST_P(EveryPlanner, ARefusedPlanReplaysBitByBit) {
+  tiller_model_t model = *tiller_find_model("pendulum");
+  model.kernels = nullptr;
+  model.jacobian = nullptr;
+  model.dynamics = pendulum_until_half;
+  tiller::Config config = config_of(GetParam());
+  config.model = &model;
+  const double angle_rad[] = {0.1, 0.1, 0.1, 0.1, 0.52, 0.1, 0.1, 0.1, 0.1, 0.1};
+  PendulumPlant unused;
+  Loop loop(config, unused);
+  ASSERT_TRUE(loop.ready());
+  (void)tiller_arm(loop.controller());
+  for (const double angle : angle_rad) {
+    tiller_measurement_t m = loop.measure();
+    m.value[0] = angle;
+    (void)loop.tick(&m);
+  }
+  const auto recorded = records_of(loop);
+  if (GetParam() != tiller_planner_policy) {
+    EXPECT_EQ(recorded[4].status, static_cast<std::uint32_t>(tiller_status_plan_not_finite));
+  }
+  expect_same(recorded, replay(config, recorded));
+}
+
 TEST_P(EveryPlanner, PreparationIsRecordedWhereThereIsOne) {
   const bool prepares = tiller::find_planner(GetParam())->prepare != nullptr;
   const auto recorded = eventful_run(config_of(GetParam()), nullptr);

@@ -71,7 +71,7 @@ TEST(Adequacy, StaysUntilReset) {
   Bench b;
   alarm(b);
   (void)b.executive->disarm();
-  EXPECT_EQ(b.tick(), tiller_status_model_inadequate) << "STANDBY learns, and knows as much";
+  EXPECT_EQ(b.tick(), tiller_status_model_inadequate) << "what was found stands while the robot stands by";
   (void)b.executive->stop(tiller_status_stopped);
   (void)b.tick();
   (void)b.executive->reset();

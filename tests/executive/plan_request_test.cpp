@@ -53,4 +53,22 @@ TEST(Plan, BeginsWhereTheRobotWillBeWhenTheCommandTakesHold) {
   EXPECT_NEAR(fakes::planner.belief_state[0], 0.51 - 6.7e-4, 1e-5);
 }
 
+// A replay asks for as many iterations as the record says: one that stopped before the refused one would not be refused.
+TEST(Plan, ARefusedIterationIsRecordedAsBegun) {
+  Bench b;
+  b.activate();
+  fakes::planner.result = {tiller_status_plan_not_finite, 0, 0.0};
+  (void)b.tick();
+  EXPECT_EQ(b.executive->info().planner_iterations, 1u);
+  fakes::planner.result = {tiller_status_plan_not_finite, 2, 0.0, true};
+  (void)b.tick();
+  EXPECT_EQ(b.executive->info().planner_iterations, 3u);
+  fakes::planner.result = {tiller_status_plan_not_finite, 2, 0.0};
+  (void)b.tick();
+  EXPECT_EQ(b.executive->info().planner_iterations, 2u) << "refused as a whole, after its last iteration";
+  fakes::planner.result = {tiller_status_ok, 0, 0.0};
+  (void)b.tick();
+  EXPECT_EQ(b.executive->info().planner_iterations, 0u) << "no time for one";
+}
+
 }  // namespace

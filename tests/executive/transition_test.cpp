@@ -141,4 +141,26 @@ TEST(Transition, GapIsPredictedThroughAndBeyondSixteenPeriodsTheFiltersBeginAnew
   EXPECT_EQ(b.state(), tiller_state_active) << "planned from the new start";
 }
 
+// A hand may move a robot that stands by, its drive is off: the estimate follows the sensors, and nothing is learnt.
+TEST(Standby, FollowsTheSensorsAndLearnsNothing) {
+  Bench b;
+  for (int i = 0; i < 50; ++i) {
+    (void)b.tick(0.05 * i);
+    EXPECT_EQ(b.state(), tiller_state_standby);
+    EXPECT_EQ(b.executive->info().state_mean[0], 0.05 * i);
+  }
+  EXPECT_TRUE(fakes::posterior.transitions.empty());
+  EXPECT_EQ(fakes::posterior.starts, 50);
+  EXPECT_EQ(b.executive->info().posterior_failures, 0u);
+  b.activate();
+  EXPECT_TRUE(fakes::posterior.transitions.empty()) << "the period before the first command was nobody's";
+  (void)b.tick();
+  EXPECT_EQ(fakes::posterior.transitions.size(), 1u);
+  (void)b.executive->disarm();
+  (void)b.tick();
+  EXPECT_EQ(fakes::posterior.transitions.size(), 2u) << "this period was still the last command's";
+  (void)b.tick();
+  EXPECT_EQ(fakes::posterior.transitions.size(), 2u);
+}
+
 }  // namespace

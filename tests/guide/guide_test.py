@@ -76,7 +76,7 @@ def prepare():
     mine = page.split("```toml\n", 1)[1].split("```", 1)[0]
     (WORK / "my_robot.toml").write_text(mine, encoding="utf-8")
     pendulum = (SOURCE / "robots/pendulum.toml").read_text(encoding="utf-8")
-    (WORK / "robot.toml").write_text(pendulum, encoding="utf-8")
+    (WORK / "robot.toml").write_text(f'{pendulum}\n[transport]\nkind = "lcm"\n', encoding="utf-8")
     # Logs of robots that have friction which their files do not name, one truth for all logs of a robot.
     for name, text, port in (("mine", mine, "cart"), ("pendulum", pendulum, "joint")):
         text = text.replace("draw = true", "")
@@ -140,7 +140,7 @@ def follow(command):
     if command.startswith("tiller replay") and "--through lcm" in command:
         # bits can be expected of a run in simulated time alone
         must([TILLER, "run", "my_robot.toml", "--sim", "--seconds", SECONDS, "--record", "run.mcap"])
-        controller = subprocess.Popen([TILLER, "run", "my_robot.toml", "--transport", "lcm", "--lockstep"], cwd=WORK,
+        controller = subprocess.Popen([TILLER, "run", "my_robot.toml", "--transport", "lcm", "--arm", "--lockstep"], cwd=WORK,
                                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         try:
             code, told = run(f"PATH={WORK}/bin:$PATH {command}")

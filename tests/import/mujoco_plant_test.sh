@@ -13,7 +13,7 @@ sed 's/ friction="[0-9.]*"//' "$source/examples/from_urdf/my_arm.urdf" >"$arm"
 PYTHONPATH=$types "$python" "$source/examples/mujoco_plant/plant.py" "$arm" "$folder/robot.toml" --seconds 4 \
   --payload 0.35 --frame tool >"$folder/plant.txt" &
 plant_id=$!
-"$tiller" run "$folder/robot.toml" --transport lcm --lockstep --patience 20 --seconds 4 --quiet --log "$folder/run.csv" \
+"$tiller" run "$folder/robot.toml" --transport lcm --arm --lockstep --patience 20 --seconds 4 --quiet --log "$folder/run.csv" \
   >"$folder/run.txt" 2>&1 || { kill $plant_id 2>/dev/null; cat "$folder/run.txt" >&2; exit 1; }
 wait $plant_id
 cat "$folder/plant.txt" "$folder/run.txt"

@@ -12,6 +12,7 @@
 #include "io/lc02.hpp"
 #include "io/lcm_messages.hpp"
 #include "io/udp_multicast.hpp"
+#include "tiller_lcm/arm_t.hpp"
 #include "tiller_lcm/command_t.hpp"
 #include "tiller_lcm/goal_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
@@ -125,6 +126,7 @@ TEST(LcmCodec, WideTypesAreLcmGensAtEveryCount) {
   EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::wide_measurement_t::getHash()), kLcmWideMeasurementType.fingerprint);
   EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::wide_command_t::getHash()), kLcmWideCommandType.fingerprint);
   EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::goal_t::getHash()), kLcmGoalType.fingerprint);
+  EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::arm_t::getHash()), kLcmArmType.fingerprint);
   EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::wide_telemetry_t::getHash()), kLcmWideTelemetryType.fingerprint);
   for (int count = 0; count <= 32; ++count) {
     tiller_lcm::wide_measurement_t m{};
@@ -154,6 +156,13 @@ TEST(LcmCodec, WideTypesAreLcmGensAtEveryCount) {
     EXPECT_EQ(encoded(c), again(kLcmWideCommandType, encoded(c), ours)) << count;
     EXPECT_EQ(ours.plan_sequence, 77);
   }
+  tiller_lcm::arm_t a{};
+  a.answered_stamp_us = 1234567890123;
+  a.arm = 1;
+  LcmArm of_ours{};
+  EXPECT_EQ(encoded(a), again(kLcmArmType, encoded(a), of_ours));
+  EXPECT_EQ(of_ours.answered_stamp_us, 1234567890123);
+  EXPECT_EQ(of_ours.arm, 1);
   for (int count = 0; count <= 64; ++count) {
     tiller_lcm::goal_t g{};
     g.sequence = 6;

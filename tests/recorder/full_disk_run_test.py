@@ -61,7 +61,7 @@ class Run:
             mount = ["unshare", "-m", "sh", "-c", f"mount -t tmpfs -o size={disk_bytes} tmpfs disk && "
                      "dd if=/dev/zero of=disk/ballast bs=4096 count=12 2>/dev/null && exec \"$@\"", "sh"]
         self.runtime = subprocess.Popen(
-            [*mount, TILLER, "run", ROBOT, "--transport", "lcm", "--lockstep", "--wait", "60", "--alarm-seconds", "0",
+            [*mount, TILLER, "run", ROBOT, "--transport", "lcm", "--arm", "--lockstep", "--wait", "60", "--alarm-seconds", "0",
              *options], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, preexec_fn=limit)
 
     def end(self):

@@ -123,6 +123,20 @@ TEST_P(Drives, PreparedInStandbyItFollowsTheFirstCommand) {
   EXPECT_NEAR(0.19, period(tiller_state_active, 0.19), GetParam().step_Nm);
 }
 
+// Whatever the safe command is and whoever prepares, before motion is permitted.
+TEST_P(Drives, KeptOffItStaysOffUntilMotionIsPermitted) {
+  robot.keep_off(true);
+  robot.prepare(true);
+  for (const tiller_state_t state : {tiller_state_init, tiller_state_standby, tiller_state_safe})
+    for (int k = 0; k < 8; ++k) {
+      EXPECT_EQ(0.0, period(state, 2.0));
+      EXPECT_FALSE(robot.motor(0).enabled) << state;
+    }
+  robot.keep_off(false);
+  for (int k = 0; k < 8; ++k) period(tiller_state_standby, 0.0);
+  EXPECT_TRUE(robot.is_ready());
+}
+
 // An ODrive reports closed loop although the frame that chose the torque mode was lost; a plain drive of the MIT
 // protocol answers whether it has entered its motor mode or not. Whichever of the first requests are lost, the drive
 // obeys.

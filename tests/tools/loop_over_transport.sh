@@ -84,7 +84,7 @@ column() { head -n 1 "$2" | tr , '\n' | grep -nx "$1" | cut -d: -f1; }
 echo "1. lockstep over $transport"
 for seed in $seeds; do
   start_plant "$seed"
-  "$tiller" run robot.toml --transport "$transport" --lockstep --seed "$seed" --seconds 5 --wait 60 \
+  "$tiller" run robot.toml --transport "$transport" --arm --lockstep --seed "$seed" --seconds 5 --wait 60 \
     --patience 60 --quiet --log run.csv >controller.txt 2>&1 || fail "seed $seed: the controller ended with $?"
   stop_plant
   tail -n 1 run.csv | awk -F, -v angle="$(column mean.angle_rad run.csv)" '{
@@ -104,7 +104,7 @@ done
 echo "2. the plant is killed"
 rm -f run.csv
 start_plant 1
-"$tiller" run robot.toml --transport "$transport" --lockstep --seed 1 --wait 60 --log run.csv >controller.txt 2>&1 &
+"$tiller" run robot.toml --transport "$transport" --arm --lockstep --seed 1 --wait 60 --log run.csv >controller.txt 2>&1 &
 controller=$!
 wait_for_rows
 kill -KILL "$plant"
@@ -128,7 +128,7 @@ awk -F, -v state="$(column state run.csv)" -v command="$(column force_N run.csv)
 echo "3. the controller is killed"
 rm -f run.csv
 start_plant 1 "$slowest_tick_s"
-"$tiller" run robot.toml --transport "$transport" --lockstep --seed 1 --wait 60 --log run.csv >controller.txt 2>&1 &
+"$tiller" run robot.toml --transport "$transport" --arm --lockstep --seed 1 --wait 60 --log run.csv >controller.txt 2>&1 &
 controller=$!
 wait_for_rows
 kill -KILL "$controller"
@@ -141,7 +141,7 @@ grep "watchdog trips" plant.txt | sed 's/^/   /'
 echo "4. the controller is stopped, and goes on"
 rm -f run.csv
 start_plant 1 "$slowest_tick_s"
-"$tiller" run robot.toml --transport "$transport" --lockstep --seed 1 --wait 60 --log run.csv >controller.txt 2>&1 &
+"$tiller" run robot.toml --transport "$transport" --arm --lockstep --seed 1 --wait 60 --log run.csv >controller.txt 2>&1 &
 controller=$!
 wait_for_rows
 kill -STOP "$controller"

@@ -100,7 +100,7 @@ class LossyLockstep(unittest.TestCase):
         relays = [Relay(PLANT, CONTROLLER, "TILLER_MEASUREMENT", 1), Relay(CONTROLLER, PLANT, "TILLER_COMMAND", 2)]
         plant = self.tiller("sim", "plant.toml", "--serve", "lcm", "--lockstep", "--repeat", "0.02",
                             "--answer-timeout", "60", "--seconds", str(SECONDS))
-        controller = self.tiller("run", "controller.toml", "--transport", "lcm", "--lockstep", "--wait", "60",
+        controller = self.tiller("run", "controller.toml", "--transport", "lcm", "--arm", "--lockstep", "--wait", "60",
                                  "--patience", "60", "--seconds", str(SECONDS), "--quiet", "--log", "run.csv",
                                  "--alarm-seconds", "0")
         try:

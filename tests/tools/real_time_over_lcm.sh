@@ -29,7 +29,7 @@ one_run() { # seed
   seed=$1
   "$tiller" sim robot.toml --serve lcm --seed "$seed" >plant.txt 2>&1 &
   plant=$!
-  "$tiller" run robot.toml --transport lcm --seed "$seed" --seconds 10 --wait 30 --quiet --log run.csv \
+  "$tiller" run robot.toml --transport lcm --arm --seed "$seed" --seconds 10 --wait 30 --quiet --log run.csv \
     >controller.txt 2>&1 || { echo "seed $seed: the controller ended with $?"; tail -n 5 controller.txt; }
   kill -INT "$plant" && wait "$plant" || true
   plant=

@@ -33,7 +33,7 @@ cp "$robot" "$folder/robot.toml"
 cd "$folder"
 
 controller() { # ROBOT [OPTIONS]: waits for measurements, in a process of its own
-  "$tiller" run "$@" --transport lcm --lockstep --wait 60 --patience 60 --quiet --alarm-seconds 0 \
+  "$tiller" run "$@" --transport lcm --arm --lockstep --wait 60 --patience 60 --quiet --alarm-seconds 0 \
     >controller.txt 2>&1 &
   children=$!
 }
@@ -112,7 +112,7 @@ logged() {
   children="$logging $plant"
   # shellcheck disable=SC2086
   code=0
-  "$tiller" run robot.toml --transport lcm --seconds 2 --wait 60 --quiet --alarm-seconds 0 --log "${1%.lcm}.csv" $3 \
+  "$tiller" run robot.toml --transport lcm --arm --seconds 2 --wait 60 --quiet --alarm-seconds 0 --log "${1%.lcm}.csv" $3 \
     >controller.txt 2>&1 || code=$?
   # by the wall clock, a machine that is busy elsewhere may let the sensors grow stale: SAFE, and as good a log
   [ "$code" -eq 0 ] || { [ "$code" -eq 3 ] && [ -z "$3" ]; } || fail "$1: the run ended with $code"

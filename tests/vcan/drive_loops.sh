@@ -36,7 +36,7 @@ loop() {
   "$tiller" sim "$work/robot.toml" --serve can --lockstep --seed 1 --seconds 2 --answer-timeout 20 \
     >"$work/plant.txt" 2>&1 &
   plant=$!
-  "$tiller" run "$work/robot.toml" --transport can --lockstep --seed 1 --seconds 2 --wait 60 --quiet \
+  "$tiller" run "$work/robot.toml" --transport can --arm --lockstep --seed 1 --seconds 2 --wait 60 --quiet \
     --log "$work/run.csv" >"$work/controller.txt" 2>&1 || fail "$1: the controller ended with $?"
   kill -INT "$plant" 2>/dev/null || true
   wait "$plant" || fail "$1: the plant did not end well"

@@ -71,9 +71,10 @@ void add_replay_command(CLI::App& app, int& exit_code) {
   auto* command = app.add_subcommand("replay", "feed a log to a controller again and compare every command");
   auto a = std::make_shared<Arguments>();
   command
-      ->add_option("LOG", a->log,
-                   "of tiller run --record (record, MCAP or LCM log) or --log (CSV), or of lcm-logger; or a CSV, ROS bag "
-                   "or ULog from elsewhere, whose inputs are compared")
+      ->add_option(
+          "LOG", a->log,
+          "of tiller run --record (record, MCAP or LCM log) or --log (CSV), or of lcm-logger; or a CSV, ROS bag "
+          "or ULog from elsewhere, whose inputs are compared")
       ->required();
   command->add_option("ROBOT", a->robot, "the robot file of that run; an MCAP carries it");
   command
@@ -84,7 +85,7 @@ void add_replay_command(CLI::App& app, int& exit_code) {
   command
       ->add_option("--through", a->through,
                    "file: to a controller in this process (default); lcm: over LCM to one that runs elsewhere, e.g. "
-                   "`tiller run ROBOT --transport lcm --lockstep` on the robot's computer")
+                   "`tiller run ROBOT --transport lcm --arm --lockstep` on the robot's computer")
       ->check(CLI::IsMember({"file", "lcm"}));
   command->add_flag("--real-time", a->options.real_time, "at the pace of the log (default: as fast as it goes)");
   command->add_option("--patience", a->options.patience_s, "over LCM: wall time in s to wait for an answer")

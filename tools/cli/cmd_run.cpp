@@ -6,11 +6,13 @@
 #include "tools/cli/method_options.hpp"
 #include "tools/command/commands.hpp"
 #include "tools/doctor/tick_forecast.hpp"
+#include "tools/links/lcm_arming.hpp"
 #include "tools/links/model_plant.hpp"
 #include "tools/refit/refit_by_simulator.hpp"
 #include "tools/refit/refit_prior.hpp"
 #include "tools/robot/goals.hpp"
 #include "tools/robot/transport_names.hpp"
+#include "tools/run/arm_keys.hpp"
 #include "tools/run/episodes.hpp"
 #include "tools/run/run_facts.hpp"
 #include "tools/run/run_loop.hpp"
@@ -23,7 +25,7 @@ struct Arguments {
   std::string robot, transport, log, report, goals, posterior, save_posterior, alarm_log, histogram;
   Words records;
   std::uint32_t episodes = 1;
-  bool sim = false, lockstep = false, real_time = false, quiet = false;
+  bool sim = false, arm = false, lockstep = false, real_time = false, quiet = false;
   double seconds = 0;
   double wait_s = 10, alarm_log_s = RunOptions().alarm_log_s;
   double patience_s = TransportLinkOptions::kPatience_s;
@@ -60,13 +62,18 @@ bool open_plant(const Arguments& a, const RobotFile& robot, Opened& opened, std:
   return true;
 }
 
+std::string transport_kind(const Arguments& a, const RobotFile& robot) {
+  return a.transport.empty() ? robot.transport.kind : transport_named(a.transport);
+}
+
 bool open_link(const Arguments& a, const RobotFile& robot, Opened& opened, std::string& error) {
   std::unique_ptr<Link>& link = opened.link;
   if (a.sim) {
     (void)open_plant(a, robot, opened, error);
   } else {
     TransportLinkOptions options;
-    options.kind = a.transport.empty() ? robot.transport.kind : transport_named(a.transport);
+    options.kind = transport_kind(a, robot);
+    options.kept_off = !a.arm;
     options.lockstep = a.lockstep;
     options.patience_s = a.patience_s;
     options.by_clock = robot.realtime.by_clock;
@@ -123,6 +130,31 @@ void write_histogram(const Arguments& a, const RunResult& result) {
   if (!a.histogram.empty() && !replace_file(a.histogram, histogram_csv(result.pace), error)) complain(error);
 }
 
+/// Who may arm and disarm a robot behind a transport. A plant in this process is nobody's danger.
+class ArmSources {
+ public:
+  ArmSources(const Arguments& a, const RobotFile& robot) {
+    if (a.sim) return;
+    add(std::make_unique<ArmKeys>());
+    if (transport_kind(a, robot) != "lcm") return;
+    auto messages = std::make_unique<LcmArming>(robot);
+    std::string deaf;
+    if (messages->open(deaf))
+      add(std::move(messages));
+    else if (!a.arm)
+      (void)complain(deaf + "; no message arms this run");
+  }
+  std::vector<ArmSource*> list() const {
+    std::vector<ArmSource*> all;
+    for (const auto& source : sources_) all.push_back(source.get());
+    return all;
+  }
+
+ private:
+  void add(std::unique_ptr<ArmSource> source) { sources_.push_back(std::move(source)); }
+  std::vector<std::unique_ptr<ArmSource>> sources_;
+};
+
 EpisodesOptions episodes_options(const Arguments& a, const std::vector<Goal>& goals, LcmGoals* lcm_goals) {
   EpisodesOptions options;
   options.episodes = a.episodes;
@@ -130,6 +162,7 @@ EpisodesOptions episodes_options(const Arguments& a, const std::vector<Goal>& go
   options.load = !a.posterior.empty();
   options.simulated = a.sim;
   if (a.refits()) options.refit = a.by_simulator ? a.by_simulator : make_refit(a.refit);
+  options.run.arm_at_once = a.sim || a.arm;
   options.run.seconds = a.seconds;
   options.run.threads = a.overrides.threads;
   options.run.quiet = a.quiet;
@@ -228,7 +261,10 @@ int run_command(Arguments& a) {
     true_params = opened.true_params;
     return opened.link.get();
   };
-  const EpisodesResult all = run_episodes(*robot, episodes_options(a, goals, from_lcm ? &lcm_goals : nullptr), open);
+  const ArmSources arm_sources(a, *robot);
+  EpisodesOptions episodes = episodes_options(a, goals, from_lcm ? &lcm_goals : nullptr);
+  episodes.run.arm_sources = arm_sources.list();
+  const EpisodesResult all = run_episodes(*robot, episodes, open);
   if (all.last.ticks == 0) return all.exit_code;
   RunOptions options;
   options.true_params = opened.true_params;
@@ -237,6 +273,8 @@ int run_command(Arguments& a) {
   std::fputs(summary(*robot, options, all.last).c_str(), stdout);
   if (const std::string counted = opened.link->counters(); !counted.empty()) std::printf("  %s\n", counted.c_str());
   if (const std::string counted = lcm_goals.counters(); !counted.empty()) std::printf("  %s\n", counted.c_str());
+  for (const ArmSource* source : episodes.run.arm_sources)
+    if (const std::string counted = source->counters(); !counted.empty()) std::printf("  %s\n", counted.c_str());
   const std::string misfit = misfit_text(*robot, 1e-6 * all.last.pace.tick_time.quantile_us(0.5));
   if (!told && !misfit.empty()) complain(misfit);
   if (!all.last.readable_log.empty()) std::printf("log: %s\n", all.last.readable_log.c_str());
@@ -257,6 +295,11 @@ void add_run_command(CLI::App& app, int& exit_code) {
   command->add_option("--transport", a->transport, "instead of the robot file's: " + join(transport_words()))
       ->check(CLI::IsMember(transport_words()))
       ->excludes(sim);
+  command->add_flag(
+      "--arm", a->arm,
+      "over a transport: permit motion as soon as the drives are ready. Without it the run begins in "
+      "STANDBY, with the drives off: it shows what the sensors read, and moves nothing until the key a, or "
+      "a message arm_t over LCM, arms (docs/guide/first_power_up.md)");
   auto* lockstep = command->add_flag(
       "--lockstep", a->lockstep,
       "time is that of the measurements; each tick waits for one, and the same seed gives the same commands");
@@ -265,14 +308,16 @@ void add_run_command(CLI::App& app, int& exit_code) {
                    "lockstep: wall time in s to wait for a measurement; then the tick comes without one (default 2)")
       ->check(number_between(0.001, 1e9))
       ->needs(lockstep);
-  command->add_option("--seconds", a->seconds, "end after this much robot time (default: at Ctrl-C)")
+  command
+      ->add_option("--seconds", a->seconds,
+                   "end after this much robot time (default: at Ctrl-C); counts anew when a key or a message arms")
       ->check(number_between(0.001, 1e9));
   command->add_option("--wait", a->wait_s, "wall time in s to wait for the first measurement")
       ->check(number_between(0.001, 1e9));
   command->add_option(
       "--goals", a->goals,
       "CSV of goals: time_s, then states, outputs or angles of frames by name; each row is the target from "
-      "its time after the first measurement on (docs/reference/costs.md). lcm: from the channel GOAL of [transport]");
+      "its time after the first measurement, or after a key or a message has armed, on (docs/reference/costs.md). lcm: from the channel GOAL of [transport]");
   command->add_option("--log", a->log, "write a CSV row per tick");
   command->add_option("--report", a->report, "write a one-file HTML page (and its CSV beside it)");
   command
@@ -311,7 +356,8 @@ void add_run_command(CLI::App& app, int& exit_code) {
   command->add_flag("--quiet", a->quiet, "no progress");
   add_override_options(*command, a->overrides);
   command->footer(
-      "Ctrl-C stops the robot with its safe command and keeps the log.\n\n"
+      "Over a transport the run begins in STANDBY. Keys: a arms, d or space disarms. Scripts say --arm. Ctrl-C stops the "
+      "robot with its safe command and keeps the log.\n\n"
       "Examples:\n"
       "  tiller run robots/cart_pole.toml --sim --seconds 10 --report out/run.html\n"
       "      the controller against the simulated plant, as fast as it goes, with a page at the end\n"
@@ -322,7 +368,10 @@ void add_run_command(CLI::App& app, int& exit_code) {
       "  tiller run robot.toml --sim --episodes 5 --seconds 6 --method bayes_sim --simulator mine.toml --simulations 900\n"
       "      Online BayesSim: control with the posterior of a simulator of your own, learnt anew after each episode\n"
       "  tiller run robots/cart_pole.toml --transport lcm --log run.csv\n"
-      "      a robot (or `tiller sim robots/cart_pole.toml --serve lcm`) over LCM, until Ctrl-C");
+      "      a robot (or `tiller sim robots/cart_pole.toml --serve lcm`) over LCM: sensors are shown, the key a arms,\n"
+      "      Ctrl-C ends\n"
+      "  tiller run robots/cart_pole.toml --transport lcm --arm\n"
+      "      the same for a script: it moves at once");
   command->callback([a, command, known = said.methods, &exit_code] {
     std::string wrong = misplaced_option(*command, known, a->refit.method, a->refit.how);
     if (wrong.empty()) wrong = contradicted_method(*a);

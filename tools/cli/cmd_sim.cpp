@@ -155,7 +155,7 @@ void add_sim_command(CLI::App& app, int& exit_code) {
       "Examples:\n"
       "  tiller sim robots/cart_pole.toml --serve lcm\n"
       "      a cart-pole over LCM in real time; steer it from another terminal:\n"
-      "      tiller run robots/cart_pole.toml --transport lcm\n"
+      "      tiller run robots/cart_pole.toml --transport lcm --arm\n"
       "  tiller sim robots/cart_pole.toml --serve can --lockstep --seed 3\n"
       "      the same on a CAN bus, waiting for each command\n"
       "  tiller sim robots/cart_pole.toml --serve lines\n"

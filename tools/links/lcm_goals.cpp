@@ -1,17 +1,10 @@
 #include "tools/links/lcm_goals.hpp"
 
 #include <cmath>
-#include <cstring>
 
-#include "io/lc02.hpp"
 #include "io/lcm_messages.hpp"
 
 namespace tiller::tools {
-namespace {
-
-constexpr int kMostHandled = 64;  // a flood holds up no tick
-
-}  // namespace
 
 bool LcmGoals::open(std::string& error) {
   const TransportSection& transport = robot_.transport;
@@ -21,20 +14,7 @@ bool LcmGoals::open(std::string& error) {
             "--goals, or leave key_file out";
     return false;
   }
-  UdpmUrl url;
-  const char* wrong = is_udpm_url(transport.url.c_str()) ? parse_udpm_url(transport.url.c_str(), &url)
-                                                         : "goals are read over udpm:// alone";
-  OpenError problem;
-  if (wrong != nullptr) {
-    error = robot_.path + ": [transport] url = \"" + transport.url + "\": " + wrong;
-    return false;
-  }
-  channel_ = transport.channel_prefix + "GOAL";
-  if (has_multicast_route(transport.url.c_str(), &problem) &&
-      socket_.open(url, channel_.c_str(), &problem) == tiller_status_ok)
-    return true;
-  error = robot_.path + ": goals over LCM: " + problem.text;
-  return false;
+  return channel_.open(robot_, "GOAL", "goals", error);
 }
 
 void LcmGoals::refuse(const char* why) {
@@ -64,16 +44,8 @@ void LcmGoals::take(const std::uint8_t* bytes, std::uint32_t size) {
 }
 
 bool LcmGoals::poll(Goal& goal) {
-  UdpDatagram datagram;
-  for (int handled = 0; handled < kMostHandled && socket_.read(&datagram) == UdpRead::kDatagram; ++handled) {
-    Lc02Packet packet;
-    if (datagram.refusal != nullptr)
-      refuse(datagram.refusal);
-    else if (const char* why = lc02_parse(datagram.bytes, datagram.size, &packet))
-      refuse(why);
-    else if (channel_ == packet.channel)
-      take(packet.message, packet.size);
-  }
+  channel_.poll([this](const std::uint8_t* bytes, std::uint32_t size) { take(bytes, size); },
+                [this](const char* why) { refuse(why); });
   if (!states_changed_ && !outputs_changed_) return false;
   goal = now_;
   if (!states_changed_) goal.states.clear();

@@ -2,18 +2,17 @@
 
 #include <string>
 
-#include "io/udp_multicast.hpp"
+#include "tools/links/lcm_channel.hpp"
 #include "tools/robot/goals.hpp"
 
 namespace tiller::tools {
 
 /// Goals from an LCM channel, <prefix>GOAL of [transport] (runtime/io/lcm/goal_t.lcm), whatever the robot itself is
-/// reached by. One socket that never waits; what arrived between two ticks counts by its last message. Goals are not
+/// reached by. What arrived between two ticks counts by its last message. Goals are not
 /// signed: a robot file with a key_file refuses to listen.
 class LcmGoals {
  public:
   explicit LcmGoals(const RobotFile& robot) : robot_(robot), now_(goal_of(robot)) {}
-  ~LcmGoals() { socket_.close(); }
   LcmGoals(const LcmGoals&) = delete;
   LcmGoals& operator=(const LcmGoals&) = delete;
 
@@ -29,8 +28,7 @@ class LcmGoals {
   void refuse(const char* why);
 
   const RobotFile& robot_;
-  UdpMulticast socket_;
-  std::string channel_;
+  LcmChannel channel_;
   Goal now_;  // every target in force
   bool states_changed_ = false, outputs_changed_ = false;
   std::int64_t sequence_ = -1;

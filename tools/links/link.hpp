@@ -29,9 +29,11 @@ class Link {
   virtual tiller_status_t send(const tiller_command_t& command) = 0;
   /// The true state (nx) where the plant is in this process; false elsewhere. NaN: the plant has no such state.
   virtual bool truth(double* state) const = 0;
-  /// Before the robot may move: drives get ready in STANDBY, and is_ready tells when they are, or that they will not
-  /// be.
-  virtual void prepare() {}
+  /// Somebody has permitted motion: drives that TransportLinkOptions::kept_off kept off need not stay so.
+  virtual void permit() {}
+  /// Before the robot may move: drives get ready in STANDBY (`on`), and is_ready tells when they are, or that they will
+  /// not be.
+  virtual void prepare(bool /*on*/) {}
   virtual bool is_ready() const { return true; }
   /// After every tick, for whoever listens.
   virtual void tell(const tiller_info_t&, std::int64_t, const LogState&) {}
@@ -49,6 +51,7 @@ std::unique_ptr<Link> make_sim_link(const RobotFile& robot, SimPlant& plant, boo
 struct TransportLinkOptions {
   std::string kind;       ///< a name of transports.def
   bool lockstep = false;  ///< the stamps are the time; a tick waits for its measurement
+  bool kept_off = false;  ///< drives stay off, whatever the safe command is, until permit()
   bool by_clock = false;  ///< not in lockstep: ticks at absolute times, with the newest measurement of the moment
   /// Lockstep: wall time to wait for a measurement before ticking without one.
   static constexpr double kPatience_s = 2.0;

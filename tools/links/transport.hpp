@@ -20,7 +20,8 @@ class HostTransport {
   virtual void* self() = 0;
 
   /// Before the robot may move, see Link.
-  virtual void prepare() {}
+  virtual void keep_off(bool /*on*/) {}
+  virtual void prepare(bool /*on*/) {}
   virtual bool is_ready() const { return true; }
   /// Devices that speak only when spoken to: a tick begins with the question.
   virtual bool asks() const { return false; }

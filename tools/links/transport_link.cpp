@@ -41,6 +41,7 @@ class TransportLink : public Link {
     const tiller_status_t status = transport_->open(robot_, options_, problem);
     if (status == tiller_status_ok) {
       table_ = &transport_->table();
+      transport_->keep_off(options_.kept_off);
       return true;
     }
     const std::string text = problem.text[0] ? problem.text : tiller_status_text(status);
@@ -55,7 +56,8 @@ class TransportLink : public Link {
 
   tiller_status_t send(const tiller_command_t& command) override { return table_->send(transport_->self(), &command); }
   bool truth(double*) const override { return false; }
-  void prepare() override { transport_->prepare(); }
+  void permit() override { transport_->keep_off(false); }
+  void prepare(bool on) override { transport_->prepare(on); }
   bool is_ready() const override { return transport_->is_ready(); }
   const PeriodicTimer* timer() const override { return options_.by_clock && !options_.lockstep ? &timer_ : nullptr; }
 

@@ -66,7 +66,8 @@ class SocketCanHost final : public HostTransport {
 
   const tiller_transport_t& table() const override { return kSocketCanTransport; }
   void* self() override { return &can_; }
-  void prepare() override { can_.robot.prepare(true); }
+  void keep_off(bool on) override { can_.robot.keep_off(on); }
+  void prepare(bool on) override { can_.robot.prepare(on); }
   bool is_ready() const override { return can_.robot.is_ready(); }
   bool asks() const override { return asks_; }
   void ask() override { (void)socketcan_ask(&can_); }

@@ -39,13 +39,17 @@ void read_rows(CsvReader& csv, const std::vector<LogColumn>& columns, const std:
                LogProblems& problems) {
   std::vector<std::vector<double>*> out;
   for (const LogColumn& column : columns) out.push_back(&values_of(log, column));
-  const std::size_t width = csv.names().size();
+  const std::vector<std::string>& names = csv.names();
+  const std::size_t width = names.size();
+  const auto state = static_cast<std::size_t>(std::find(names.begin(), names.end(), "state") - names.begin());
   while (csv.next()) {
     if (csv.size() != width) {
       problems.add(csv.line(), std::to_string(csv.size()) + " values where the header names " + std::to_string(width) +
                                    (csv.is_whole() ? "" : "; the last row is cut off: delete it"));
       continue;
     }
+    // before tiller moved the robot, a hand may have: what a run logged in STANDBY at its begin tells nothing of the model
+    if (log.line.empty() && state < width && csv[state] == "STANDBY") continue;
     for (std::size_t c = 0; c < columns.size(); ++c) out[c]->push_back(number_in(csv, at[c], columns[c], problems));
     log.line.push_back(csv.line());
   }

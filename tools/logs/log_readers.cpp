@@ -34,6 +34,9 @@ class LcmRows : public LcmSink {
   }
 
   void take_command(const LcmCommand& command, const LcmArrived* answered, const LcmArrived*) override {
+    // before tiller moved the robot, a hand may have: rows without an input at the begin are left out
+    stands_by_ = stands_by_ && command.state == tiller_state_standby;
+    if (stands_by_) return;
     if (answered && row_of_[answered->index] != kNone) rows_.set_input(row_of_[answered->index], command.value);
   }
 
@@ -50,7 +53,7 @@ class LcmRows : public LcmSink {
   std::vector<std::uint32_t> row_of_;  // by the measurement's index
   std::uint32_t count_ = 0, newest_sequence_ = 0;
   std::size_t late_ = 0;
-  bool second_run_ = false;
+  bool second_run_ = false, stands_by_ = true;
 };
 
 constexpr const char* kTicks = "ticks with a measurement";

@@ -185,15 +185,22 @@ void find_lost_messages(const RobotFile& robot, const std::vector<Answer>& ticks
   }
 }
 
-/// What `tiller run` does between two ticks: arms before the first, prepares after each, stops on a fault of the
-/// transport.
-void add_calls(const Answer& answer, bool first, bool was_safe, RecordEntry& entry) {
-  entry.record.calls = first ? tiller_call_arm : tiller_call_prepare;
-  const bool stopped = answer.told && answer.command.state == tiller_state_safe && !was_safe &&
+bool moves(std::uint32_t state) { return state == tiller_state_active || state == tiller_state_hold; }
+
+/// What `tiller run` does between two ticks, as the state before and after shows it: prepares after each, arms, disarms,
+/// and stops on a fault of the transport.
+void add_calls(const Answer& answer, bool first, std::uint32_t before, RecordEntry& entry) {
+  const std::uint32_t state = answer.command.state;
+  std::uint32_t calls = first ? 0u : tiller_call_prepare, shift = first ? 0 : 4;
+  if (moves(state) && !moves(before)) calls |= std::uint32_t{tiller_call_arm} << shift;
+  if (moves(before) && state == tiller_state_standby) calls |= std::uint32_t{tiller_call_disarm} << shift;
+  const bool stopped = answer.told && state == tiller_state_safe && before != tiller_state_safe &&
                        is_told_by_the_host(answer.telemetry.first_fault);
-  if (!stopped) return;
-  entry.record.calls |= std::uint32_t{tiller_call_stop} << 4;
-  entry.stop_status = static_cast<std::uint32_t>(answer.telemetry.first_fault);
+  if (stopped) {
+    calls |= std::uint32_t{tiller_call_stop} << shift;
+    entry.stop_status = static_cast<std::uint32_t>(answer.telemetry.first_fault);
+  }
+  entry.record.calls = calls;
 }
 
 }  // namespace
@@ -220,16 +227,16 @@ bool read_lcm_run(std::istream& file, const std::string& path, const RobotFile& 
   };
   const bool lockstep = std::all_of(ticks.begin(), ticks.end(), stands_at_its_stamp);
   Foresight foresight;
-  bool was_safe = false;
+  std::uint32_t before = tiller_state_init;
   for (const Answer& answer : ticks) {
     RecordEntry entry = entry_of(robot, answer, lockstep, foresight);
     entry.record.tick = answer.tick;
-    add_calls(answer, run.entries.empty(), was_safe, entry);
+    add_calls(answer, run.entries.empty(), before, entry);
     if (answer.told) {
       take_telemetry(robot, answer, entry);
       foresight.note(answer.telemetry.tick_ns);
     }
-    was_safe = entry.record.command.state == tiller_state_safe;
+    before = answer.command.state;
     run.entries.push_back(entry);
   }
   if (robot.transport.stamp_on_arrival && !lockstep)

@@ -216,7 +216,7 @@ bool replay_through_lcm(const RobotFile& robot, const RecordedRun& run, const Re
   const bool silent = !heard || (result.first.found && result.first.silent && result.first.at == 0);
   if (silent)
     error = "nobody answers on " + options.url + ": start `tiller run " + robot.path +
-            " --transport lcm --lockstep` first, with the same [transport], key_file included";
+            " --transport lcm --arm --lockstep` first, with the same [transport], key_file included";
   return !silent;
 }
 

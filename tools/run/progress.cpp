@@ -38,6 +38,10 @@ std::string tick_text(const TickView& tick, std::uint32_t deadline_us) {
   return text;
 }
 
+bool stands_by(const TickView& tick) {
+  return tick.info->state == tiller_state_init || tick.info->state == tiller_state_standby;
+}
+
 /// Where the posterior stands inside the prior's middle 90 %: "[...===|===...]".
 std::string bar(const tiller_prior_t& prior, double q05, double q95, double mean) {
   double low = prior.low;
@@ -62,7 +66,7 @@ std::string bar(const tiller_prior_t& prior, double q05, double q95, double mean
 }  // namespace
 
 Progress::Progress(const RobotFile& robot, Style style, double end_s, std::vector<double> true_params)
-    : robot_(robot), style_(style), end_s_(end_s), true_params_(std::move(true_params)) {}
+    : robot_(robot), style_(style), end_s_(end_s), true_params_(std::move(true_params)), sensors_(robot) {}
 
 Progress::Style Progress::style_for_stdout(bool quiet) {
   if (quiet) return Style::silent;
@@ -73,6 +77,11 @@ std::string Progress::line(const TickView& tick) const {
   const tiller_info_t& info = *tick.info;
   std::string text =
       time_text(tick.time_s, end_s_) + "  " + upper(tiller_state_name(static_cast<tiller_state_t>(info.state)));
+  if (stands_by(tick)) {
+    text += sensors_.line();
+    if (tick.status != tiller_status_ok) text += std::string("  ") + tiller_status_name(tick.status);
+    return text;
+  }
   for (std::size_t i = 0; i < robot_.states.size(); ++i) {
     text += format("  %s %.3f", robot_.states[i].c_str(), info.state_mean[i]);
   }
@@ -89,13 +98,19 @@ std::string Progress::line(const TickView& tick) const {
   return text;
 }
 
-std::string Progress::block(const TickView& tick) const {
+std::string Progress::head(const TickView& tick) const {
   const tiller_info_t& info = *tick.info;
   std::string text = format("  time    %s   %-7s  %s", time_text(tick.time_s, end_s_).c_str(),
                             upper(tiller_state_name(static_cast<tiller_state_t>(info.state))).c_str(),
                             tick.status == tiller_status_ok ? "" : tiller_status_name(tick.status));
   if (tick.log_status != tiller_status_ok) text += std::string("  log: ") + tiller_status_name(tick.log_status);
-  text += "\n";
+  return text + "\n";
+}
+
+std::string Progress::block(const TickView& tick) const {
+  const tiller_info_t& info = *tick.info;
+  std::string text = head(tick);
+  if (stands_by(tick)) return text + sensors_.block();
   text += "  state ";
   for (std::size_t i = 0; i < robot_.states.size(); ++i) {
     text += format("  %s %+.3f", robot_.states[i].c_str(), info.state_mean[i]);
@@ -121,7 +136,8 @@ std::string Progress::block(const TickView& tick) const {
 void Progress::draw(const TickView& tick) {
   const std::string text = block(tick);
   std::string out;
-  if (drawn_lines_ > 0) out += format("\033[%dA", drawn_lines_);
+  // and what a longer block left below this one
+  if (drawn_lines_ > 0) out += format("\033[%dA\033[J", drawn_lines_);
   std::size_t from = 0;
   for (std::size_t end; (end = text.find('\n', from)) != std::string::npos; from = end + 1) {
     // no wrap: a line that is wider than the terminal would break the count of lines
@@ -133,6 +149,7 @@ void Progress::draw(const TickView& tick) {
 }
 
 void Progress::show(const TickView& tick) {
+  if (style_ != Style::silent && tick.measurement != nullptr && stands_by(tick)) sensors_.take(*tick.measurement);
   if (style_ == Style::lines && tick.time_s >= next_line_s_ - 1e-9) {
     if (stdout_takes()) {
       std::printf("%s\n", line(tick).c_str());

@@ -12,6 +12,7 @@
 #include "tools/logs/recorder.hpp"
 #include "tools/robot/stage_cost.hpp"
 #include "tools/robot/task_clock.hpp"
+#include "tools/run/arming.hpp"
 #include "tools/run/foresight.hpp"
 #include "tools/run/host_controller.hpp"
 #include "tools/run/progress.hpp"
@@ -37,6 +38,7 @@ class Runner {
         options_(options),
         realtime_(robot, options.real_time),
         host_(options.threads),
+        arming_(link, options.arm_at_once, options.arm_sources),
         recorder_(robot, recorder_options()),
         foresight_(robot.config.planner.horizon, robot.config.model->state_count),
         progress_(robot, Progress::style_for_stdout(options.quiet), options.seconds, options.true_params) {
@@ -49,12 +51,10 @@ class Runner {
     if (!begin()) return result_;
     recorder_.start(config_);
     tell_realtime();
-    link_.prepare();
-    bool armed = false;
+    if (const std::string how = arming_.begin(); !how.empty()) say(how, true);
     while (!is_over()) {
       const auto begin = Clock::now();
-      // drives that follow, and then commands: one that enables late would meet a command that has moved on
-      if (!armed && link_.is_ready()) armed = tiller_arm(host_.get()) == tiller_status_ok;
+      decide_arming();
       tick();
       if (Clock::now() - begin > std::chrono::duration<double>(config_.period_s)) ++result_.pace.overruns;
       if (!is_over()) sensed_ = link_.wait(stop_.flag());
@@ -64,6 +64,16 @@ class Runner {
   }
 
  private:
+  /// Drives that follow, and then commands: one that enables late would meet a command that has moved on.
+  void decide_arming() {
+    const std::string news = arming_.step(host_.get(), info_);
+    if (!news.empty()) announce(format("at %.2f s: ", time_s()) + news, true);
+    if (!arming_.begins_task()) return;
+    since_us_ = sensed_.now_us;
+    next_goal_ = 0;
+    if (options_.seconds > 0) progress_.set_end(time_s() + options_.seconds);
+  }
+
   bool knows_truth() {
     double state[TILLER_MAX_STATES];
     return link_.truth(state);
@@ -91,7 +101,7 @@ class Runner {
     const bool begun = host_.make(robot_, config_, options_.real_time, error) &&
                        start.wait_for_first(options_.first_wait_s, sensed_, error) &&
                        (!options_.await_start || start.wait_for_start(sensed_, error));
-    start_us_ = sensed_.now_us;
+    start_us_ = since_us_ = sensed_.now_us;
     if (begun) return true;
     std::fprintf(stderr, "tiller: %s\n", error.c_str());
     result_.exit_code = kExitBadInput;
@@ -102,7 +112,7 @@ class Runner {
   bool is_over() const {
     if (stop_.flag() != 0) return true;
     if (static_cast<double>(safe_ticks_) * config_.period_s > kSafeFor_s) return true;
-    return options_.seconds > 0 && time_s() >= options_.seconds;
+    return options_.seconds > 0 && task_s() >= options_.seconds;
   }
 
   /// With room to spare, so that no tick waits for memory; an hour of them where the run has no end.
@@ -112,6 +122,8 @@ class Runner {
   }
 
   double time_s() const { return 1e-6 * static_cast<double>(sensed_.now_us - start_us_); }
+  /// Since the task began: with the first measurement, or when somebody armed.
+  double task_s() const { return 1e-6 * static_cast<double>(sensed_.now_us - since_us_); }
 
   void tick() {
     RecordEntry entry;
@@ -128,6 +140,7 @@ class Runner {
     const double deadline_us = config_.planner.deadline_us;
     if (deadline_us > 0 && tick_us_ > deadline_us) ++result_.late_ticks;
     (void)link_.send(command_);
+    for (ArmSource* source : options_.arm_sources) source->note_sent(command_);
     tiller_get_info(host_.get(), &info_);
     note_tick(entry);
     (void)tiller_prepare(host_.get());  // the command is out: what waits for no measurement is done while none is due
@@ -148,7 +161,8 @@ class Runner {
   void pursue_goals(RecordEntry& entry) {
     const std::vector<Goal>& goals = options_.goals;
     std::size_t due = next_goal_;
-    while (due < goals.size() && goals[due].time_s <= time_s()) ++due;
+    const bool begun = arming_.at_once() || arming_.was_armed();
+    while (begun && due < goals.size() && goals[due].time_s <= task_s()) ++due;
     if (due > next_goal_) pursue(goals[due - 1], entry);
     next_goal_ = due;
     Goal told;
@@ -195,6 +209,7 @@ class Runner {
   }
 
   void count(const TickView& view) {
+    if (info_.state == tiller_state_standby) return;
     double x[TILLER_MAX_STATES];
     for (std::uint32_t i = 0; i < config_.model->state_count; ++i) {
       const bool known = view.true_state && std::isfinite(view.true_state[i]);
@@ -237,10 +252,15 @@ class Runner {
   }
 
   /// A sentence on the screen; one that must not be missed goes to stderr where the screen is silent.
-  void announce(const std::string& text, bool must) {
-    progress_.finish(look());
+  void say(const std::string& text, bool must) {
     if (must && options_.quiet) std::fprintf(stderr, "tiller: %s\n", text.c_str());
     progress_.say(text);
+  }
+
+  /// The same, below the last tick.
+  void announce(const std::string& text, bool must) {
+    progress_.finish(look());
+    say(text, must);
   }
 
   void tell_safe() {
@@ -277,7 +297,9 @@ class Runner {
   void end() {
     const bool safe = info_.state == tiller_state_safe;
     if (!safe) (void)tiller_disarm(host_.get());
+    link_.prepare(false);
     progress_.finish(look());
+    if (!arming_.was_armed() && !arming_.at_once()) say("never armed: nothing was moved", true);
     tiller_command_t last{};
     for (int i = 0; i < 3; ++i) {
       (void)tiller_tick(host_.get(), sensed_.now_us, nullptr, &last);
@@ -329,6 +351,7 @@ class Runner {
   StopFlag stop_;
   RealtimeGuard realtime_;  // before the threads that a tick uses
   HostController host_;
+  Arming arming_;
   Recorder recorder_;
   LoggedTick logged_;
   Foresight foresight_;
@@ -338,7 +361,7 @@ class Runner {
   tiller_info_t info_{};
   tiller_status_t status_ = tiller_status_ok;
   LogState log_;
-  std::int64_t start_us_ = 0;
+  std::int64_t start_us_ = 0, since_us_ = 0;
   std::uint64_t safe_ticks_ = 0;
   bool told_inadequate_ = false;
   std::uint64_t costed_ = 0;

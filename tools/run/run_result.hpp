@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "io/lcm_messages.hpp"
+#include "tools/links/arm_source.hpp"
 #include "tools/links/lcm_goals.hpp"
 #include "tools/logs/measured_rows.hpp"
 #include "tools/logs/run_log.hpp"
@@ -15,7 +16,11 @@
 namespace tiller::tools {
 
 struct RunOptions {
-  double seconds = 0;  ///< robot time after the first measurement; 0: until Ctrl-C
+  /// Motion is permitted as soon as the drives are ready. Else the robot stands by until one of arm_sources decides.
+  bool arm_at_once = true;
+  std::vector<ArmSource*> arm_sources;  ///< may arm and disarm, in either case
+  /// Robot time after the first measurement, and again after an arming by a source; 0: until Ctrl-C.
+  double seconds = 0;
   unsigned threads = 1;
   bool quiet = false;
   std::string log;                  ///< CSV; empty: none
@@ -24,7 +29,7 @@ struct RunOptions {
   std::string alarm_log;            ///< CSV of the ticks about an inadequacy alarm (AlarmWindow); empty: none
   double alarm_log_s = 20;          ///< its length
   double first_wait_s = 10;         ///< wall time to wait for the first measurement
-  std::vector<Goal> goals;          ///< by time; empty: the robot file's alone
+  std::vector<Goal> goals;          ///< by time, counted like `seconds`; empty: the robot file's alone
   LcmGoals* lcm_goals = nullptr;    ///< in their place: from whoever sends them
   std::vector<double> true_params;  ///< (param_count) where the plant is in this process
   /// The safe command is sent, and nothing is learnt, until every measured state has stood within four deviations of
