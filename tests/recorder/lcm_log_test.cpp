@@ -7,6 +7,7 @@
 #include "tiller_lcm/command_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
 #include "tiller_lcm/telemetry_t.hpp"
+#include "tools/logs/log_formats.hpp"
 #include "tools/replay/replay.hpp"
 
 namespace tiller::tools {
@@ -100,13 +101,13 @@ class Logger {
   Logger(const Logger&) = delete;
   Logger& operator=(const Logger&) = delete;
 
-  void measurement(std::uint32_t sequence, std::int64_t stamp_us) {
+  void measurement(std::uint32_t sequence, std::int64_t stamp_us, double value = 0) {
     tiller_lcm::measurement_t m{};
     m.stamp_us = stamp_us;
     m.sequence = sequence;
     m.count = 2;
     m.valid_mask = 3;
-    m.value[0] = 0.5 * sequence;
+    m.value[0] = 0.5 * sequence + value;
     write("TILLER_MEASUREMENT", m);
   }
   void command(std::uint32_t sequence, std::int64_t stamp_us, int state = tiller_state_active) {
@@ -318,6 +319,56 @@ TEST_F(Holes, WithoutTelemetryRepeatedAnswersAreNoTicksEither) {
   });
   EXPECT_EQ(run.entries.size(), 3u);
   EXPECT_NE(run.note.find("no telemetry was logged"), std::string::npos) << run.note;
+}
+
+/// One reader: what replay takes for a repetition is one for `tiller gap` and `identify` too.
+TEST_F(Holes, ReplayAndLearningSayTheSameOfALog) {
+  const auto learn = [&] {
+    Log log;
+    std::string error;
+    EXPECT_EQ(read_any_log(folder_ / "logger.lcm", *robot_, log, error), error.empty());
+    return std::make_pair(log, error);
+  };
+  const RecordedRun again = read([&](Logger& log) {
+    for (std::uint32_t k = 1; k <= 30; ++k) {
+      tick(log, k, k);
+      if (k % 10 == 0) tick(log, k, k);  // the plant in lockstep asked again
+    }
+  });
+  EXPECT_EQ(error_, "");
+  EXPECT_EQ(again.entries.size(), 30u);
+  const auto [log, error] = learn();
+  EXPECT_EQ(error, "");
+  ASSERT_EQ(log.rows(), 30u);
+  for (std::size_t row = 0; row < 30; ++row) {
+    EXPECT_EQ(log.state[robot_->config.measured_state[0]][row], again.entries[row].record.measurement.value[0]);
+    EXPECT_EQ(log.input[0][row], again.entries[row].record.command.value[0]);
+  }
+  (void)read([&](Logger& out) {
+    for (std::uint32_t k = 1; k <= 30; ++k) {
+      tick(out, k, k);
+      out.measurement(k, 10000 * k, 1.0);  // another plant on the channel
+    }
+  });
+  for (const std::string& told : {error_, learn().second})
+    EXPECT_NE(told.find("30 messages repeat the stamp and the sequence"), std::string::npos) << told;
+}
+
+TEST_F(Holes, LearningLeavesOutASecondRunAndWhatWasOvertaken) {
+  (void)read([&](Logger& log) {
+    for (std::uint32_t k = 1; k <= 30; ++k) {
+      if (k == 20) log.measurement(18, 180001);  // after number 19
+      tick(log, k, k);
+    }
+    for (std::uint32_t k = 0; k < 10; ++k) tick(log, k, k + 1);
+  });
+  Log log;
+  std::string error;
+  ASSERT_TRUE(read_any_log(folder_ / "logger.lcm", *robot_, log, error)) << error;
+  EXPECT_EQ(log.rows(), 30u);
+  EXPECT_EQ(log.note,
+            "1 measurements that later ones overtook are left out; a second run begins in it, which is left "
+            "out");
 }
 
 TEST_F(Holes, OtherThingsThatAreMissingAreToldToo) {

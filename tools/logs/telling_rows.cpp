@@ -57,7 +57,7 @@ Moment moment_of(const Channel& channel, std::size_t first, std::size_t last, do
     const auto until = [&](double t) {
       return static_cast<std::size_t>(std::upper_bound(inputs.begin(), inputs.end(), t) - inputs.begin());
     };
-    last = until(rows[last - 1]);
+    last = until(rows[std::min(last, rows.size()) - 1]);
     first = std::max<std::size_t>(until(rows[first]), 1) - 1;
   }
   for (std::size_t row = first; row < last && row < channel.values->size(); ++row) {
