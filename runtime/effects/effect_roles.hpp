@@ -17,7 +17,8 @@ enum EffectRole : std::uint32_t {
   kLoad = 1u << 4,     ///< the state is the mean of |command| over the time of parameter 1
   kLinear = 1u << 5,   ///< a force that is linear in the state, without memory
   kWidth = 1u << 6,    ///< the parameters are widths; of no width it does nothing
-  kClock = 1u << 7     ///< the state is the time since the start of the run, or of its log
+  kClock = 1u << 7,    ///< the state is the time since the start of the run, or of its log
+  kSmooth = 1u << 8    ///< has a derivative at rest and no memory: part of a linear model of the robot there
 };
 
 constexpr std::uint32_t kEffectRoles[] = {

@@ -39,14 +39,14 @@ TEST(EffectRoles, AgreeWithTheEffectsOwnHeaders) {
       ASSERT_EQ(info.param_count, 2);
       EXPECT_EQ(info.params[1].scale, Scale::period);
     }
-    if (has_role(kind, kLinear | kWidth)) {
+    if (has_role(kind, kLinear | kSmooth | kWidth)) {
       EXPECT_EQ(info.state_count, 0);
     }
   }
 }
 
 TEST(EffectRoles, OneHasEach) {
-  for (const std::uint32_t role : {kDelay, kLag, kLimit, kFollows, kLoad, kLinear, kWidth, kClock}) {
+  for (const std::uint32_t role : {kDelay, kLag, kLimit, kFollows, kLoad, kLinear, kWidth, kClock, kSmooth}) {
     bool found = false;
     for (std::uint32_t kind = 0; kind < effect_kind_count(); ++kind) found = found || has_role(kind, role);
     EXPECT_TRUE(found) << role;

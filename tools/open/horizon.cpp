@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "effects/effect_roles.hpp"
 #include "rollout/rollout.hpp"
 #include "tools/base/text.hpp"
 #include "tools/links/trial_plant.hpp"
@@ -18,11 +19,7 @@ void keep_smooth_effects(StepSetup& setup) {
   EffectSlot* const end = setup.effects + setup.effect_count;
   setup.effect_count = static_cast<std::uint32_t>(
       std::remove_if(setup.effects, end,
-                     [](const EffectSlot& slot) {
-                       return slot.kind != tiller_effect_viscous_friction && slot.kind != tiller_effect_constant_offset &&
-                              slot.kind != tiller_effect_linear_spring && slot.kind != tiller_effect_joint_inertia &&
-                              slot.kind != tiller_effect_payload;
-                     }) -
+                     [](const EffectSlot& slot) { return !has_role(slot.kind, kSmooth); }) -
       setup.effects);
   setup.delay_steps = 0;
 }
