@@ -77,6 +77,13 @@ TEST(Localise, TheRightAxisOfEveryForce) {
     }
 }
 
+// An arm of six joints has 36 maps: what no permutation reaches must be found there as it is at one joint.
+TEST(Localise, TheSmallestPValueIsBelowTheLevelOfAnyNumberOfMaps) {
+  for (std::size_t maps = 1; maps <= 6 * TILLER_MAX_JOINTS; ++maps)
+    EXPECT_LT(1.0 / (1.0 + permutation_count(maps)), found_level(maps)) << maps << " maps";
+  EXPECT_EQ(permutation_count(12), 499) << "two joints cost what they did";
+}
+
 // Of 100 runs without a gap, the p-values of each axis are uniform: 50, 10 and 1 of them lie below 0.5, 0.1 and 0.01.
 // The bounds are the binomial's 99.9 % interval shared by 18 counts (none of 18 outside: 98 %).
 TEST(Localise, NothingIsUniform) {

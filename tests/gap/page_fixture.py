@@ -19,7 +19,7 @@ def _explanation(kinds: list, gain: float, z_to_best: float, left: float, params
             "rollout_ratio": left, "remaining_sigma": left, "equivalent": z_to_best == 0}
 
 
-def gap_result(verdict: str = "named") -> dict:
+def gap_result(verdict: str = "named", channels: int = 1) -> dict:
     x = np.linspace(-3, 3, 10)
     mass = {"name": "mass_kg", "unit": "kg", "of": "robot_file", "fixed": False, "before": 0.561, "before_sd": 0.004,
             "mean": 0.502, "sd": 0.002, "interval_95": [0.498, 0.506],
@@ -35,8 +35,8 @@ def gap_result(verdict: str = "named") -> dict:
                _explanation([], 0.0, 21.0, 5.2, [mass, length])]
     t = np.linspace(0, 2, 200)
     wave = np.sin(4 * t)
-    gap = {"horizons": [{"seconds": s, "before_sigma": b, "after_sigma": 1.0 + 0.02 * s, "before_rms": [2e-3 * b],
-                         "after_rms": [2e-3], "windows": 12} for s, b in ((0.5, 2.1), (1.0, 5.2), (2.0, 9.9))],
+    gap = {"horizons": [{"seconds": s, "before_sigma": b, "after_sigma": 1.0 + 0.02 * s, "before_rms": [2e-3 * b] * channels,
+                         "after_rms": [2e-3] * channels, "windows": 12} for s, b in ((0.5, 2.1), (1.0, 5.2), (2.0, 9.9))],
            "overlays": [{"log": log, "first_time_s": 3.0, "time_s": list(t), "measured": [list(wave)],
                          "before": [list(0.8 * wave)], "after": [list(wave)], "input": [list(np.sign(wave))]}
                         for log in ("runs/a.csv", "runs/b.csv")]}
@@ -53,8 +53,9 @@ def gap_result(verdict: str = "named") -> dict:
                   "inputs": ["torque_Nm"], "hash": "fnv1a-0123"},
         "data": {"logs": ["runs/a.csv", "runs/b.csv"], "hold_out": [], "hash": "fnv1a-4567", "seconds": 48.0,
                  "fit_windows": 40, "decide_windows": 40, "test_windows": 8,
-                 "channels": [{"name": "angle_rad", "unit": "rad", "sd": 0.002}]},
-        "gate": {"nominal_sigma": 5.2, "noise_ratio": 1.02, "whiteness_p": 0.001},
+                 "channels": [{"name": f"angle{k or ''}_rad", "unit": "rad", "sd": 0.002}
+                              for k in range(channels)]},
+        "gate": {"nominal_sigma": 5.45, "noise_ratio": 1.02, "whiteness_p": 0.001},
         "where": {"region": {"joint": "joint", "force": "joint_Nm", "axis": "velocity", "low": 0.0, "high": 3.0,
                              "mean": -0.1, "sd": 0.004, "z": 60.0},
                   "maps": [_map("joint", "joint_Nm", "velocity", "rate_rad_s", 61.0, -0.1 * np.sign(x)),

@@ -70,6 +70,34 @@ class Page(unittest.TestCase):
         self.assertIn("residual", self.draw(gap_result("unnamed")).read_text())
         self.assertIn("mass_kg at its lower bound 0.5: widen the prior in <code>arm.toml</code>", ambiguous)
 
+    def test_a_strong_map_without_a_region_is_not_told_as_nothing(self):
+        result = gap_result("named")
+        result["where"]["region"] = None
+        self.assertIn("beyond chance (z = 61.0)", self.draw(result).read_text())
+        for m in result["where"]["maps"]:
+            m.update(p_value=0.4, z=1.0)
+        text = self.draw(result).read_text()
+        self.assertIn("no stronger than chance makes one of them: z = 1.00, probability 0.40", text)
+        self.assertNotIn("beyond chance (", text)
+
+    def test_every_figure_of_the_gap_says_of_which_windows_it_is(self):
+        """The sentence's gap is that of the windows worked on, and stands in the table beside those of the proof."""
+        text = self.draw(gap_result("named")).read_text()
+        table = text[text.index("windows worked on"):text.index("</table>", text.index("windows worked on"))]
+        self.assertIn("<td>40</td><td>5.45 σ</td><td>1.01 σ</td>", table)
+        self.assertIn("<td>1 s, kept for the proof</td><td>12</td><td>5.20 σ</td><td>1.02 σ</td>", table)
+        facts = text[text.index("<ul class=facts>"):text.index("</ul>", text.index("<ul class=facts>"))]
+        self.assertIn("<b>5.45 σ</b><span>gap, before</span>", facts)
+        self.assertIn("<b>1.02 σ</b><span>after, at worst</span>", facts)
+
+    def test_a_robot_of_sixteen_joints_has_longer_tables_not_wider_ones(self):
+        def widest(channels: int) -> tuple[int, int]:
+            tables = re.findall(r"<table.*?</table>", self.draw(gap_result("named", channels)).read_text(), re.S)
+            return max(t.count("<th>") for t in tables), max(t.count("<tr>") for t in tables)
+
+        self.assertEqual(widest(16)[0], widest(1)[0])
+        self.assertGreater(widest(16)[1], widest(1)[1])
+
     def test_same_result_same_page(self):
         page._figures = 0
         first = self.draw(gap_result("named")).read_bytes()

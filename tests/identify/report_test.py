@@ -33,7 +33,8 @@ def write_run(path: Path, rows: int = 200, drop: tuple = (), facts: dict | None 
     columns.update({"ess": 100 + 50 * np.sin(t), "noise_scale": 1 + 0 * t, "plan_cost": np.exp(-t),
                     "iterations": 2 + 0 * t, "tick_us": 2000 + 100 * np.sin(9 * t), "deadline_us": 12000 + 0 * t,
                     "state": ["active"] * rows, "status": ["ok", "rate_limited"] * (rows // 2),
-                    "true.angle_rad": np.cos(t), "true.pole_mass_kg": 0.083 + 0 * t,
+                    "true.angle_rad": np.cos(t) - 0.02 * np.sin(37 * t), "true.pole_mass_kg": 0.083 + 0 * t,
+                    "innovation.angle_rad": np.random.default_rng(3).standard_normal(rows),
                     "tick": np.arange(rows), "now_us": 1e6 * t, "stamp_us": 1e6 * t, "adequacy_statistic": 0.5 + 0 * t,
                     "a_column_of_next_year": 1 + 0 * t})
     names = [name for name in columns if name not in drop]
@@ -132,7 +133,33 @@ class Pages(unittest.TestCase):
     def test_only_columns_with_a_role_are_drawn(self):
         self.assertEqual(self.figures_of(write_run(self.folder / "run.csv")),
                          ["posterior of pole_mass_kg", "posterior of cart.damping_SI", "spread of the posterior",
-                          "angle_rad", "rate_rad_s", "command force_N", "effective sample size", "time of a tick"])
+                          "angle_rad", "rate_rad_s", "command force_N", "error of the estimate of angle_rad",
+                          "innovation of angle_rad", "effective sample size", "time of a tick"])
+
+    def test_errors_and_innovations_are_told_in_their_own_deviations(self):
+        """The error is 0.02 rad times a sine, of an estimate that says 0.01: within 1.645 for 61 % of the time."""
+        run = write_run(self.folder / "run.csv", rows=2000)
+        text = self.check_page(report.write_report(run, self.folder / "run.html"))
+        caption = {name: re.search(rf"<h3>{name}</h3>.*?<figcaption>(.*?)</figcaption>", text, re.S)[1]
+                   for name in ("error of the estimate of angle_rad", "innovation of angle_rad")}
+        share, rms = re.search(r"([0-9.]+) % of 2000 rows lie in the band, RMS ([0-9]+[.][0-9]+)",
+                               caption["error of the estimate of angle_rad"]).groups()
+        self.assertAlmostEqual(float(share), 100 * 2 / np.pi * np.arcsin(1.645 / 2), delta=1)
+        self.assertAlmostEqual(float(rms), 2 / np.sqrt(2), delta=0.02)
+        self.assertIn("At most 0.0200 rad off", caption["error of the estimate of angle_rad"])
+        share, rms = re.search(r"([0-9.]+) % of 2000 rows lie in the band, RMS ([0-9]+[.][0-9]+)",
+                               caption["innovation of angle_rad"]).groups()
+        self.assertAlmostEqual(float(share), 90, delta=2)  # three standard errors of 2000 normal values
+        self.assertAlmostEqual(float(rms), 1, delta=0.05)
+        without = write_run(self.folder / "run.csv", drop=("innovation.angle_rad", "true.angle_rad"))
+        self.assertNotIn("What the estimate missed", self.check_page(report.write_report(without,
+                                                                                        self.folder / "run.html")))
+
+    def test_an_error_of_a_whole_turn_is_none(self):
+        run = report.read_run(write_run(self.folder / "run.csv"), None)
+        truth = run.column("true.angle_rad")
+        truth += 2 * np.pi
+        self.assertIn("At most 0.0200 rad off", report.estimate_error_figure(run, "angle_rad"))
 
     def test_what_says_nothing_of_the_columns_is_refused(self):
         run = write_run(self.folder / "run.csv")

@@ -45,6 +45,15 @@ TEST_F(Imitate, LearnsWeightsAndWritesAFileThatRuns) {
   EXPECT_EQ(run({"check", "learnt.toml"}).code, 0);
 }
 
+TEST_F(Imitate, ThePageIsTheFileThatWasNamed) {
+  write_log("demo.csv", 120, kHeader, 1.0);
+  const Ended ended = run({"imitate", "robot.toml", "demo.csv", "--horizon", "whole", "--page", "out/shown.html"});
+  ASSERT_EQ(ended.code, 0) << ended.out;
+  EXPECT_TRUE(fs::is_regular_file(folder_ + "/out/shown.html")) << ended.out;
+  EXPECT_NE(text_of("out/shown.html").find("cost.state_weight.angle_rad"), std::string::npos);
+  EXPECT_TRUE(fs::is_regular_file(folder_ + "/out/shown.json")) << ended.out;
+}
+
 TEST_F(Imitate, LearnsATarget) {
   write_log("demo.csv", 120, kHeader, 1.0);
   const Ended ended = run({"imitate", "robot.toml", "demo.csv", "--horizon", "whole", "--target", "angle_rad"});

@@ -4,6 +4,7 @@ The page and its picture stay in FOLDER. TILLER_APPROVE=1 approves them: look at
 goes by its verdict, which the last bits of a simulated run may turn: its figures are those that gap.json asks for.
 """
 
+import csv
 import json
 import math
 import os
@@ -115,6 +116,18 @@ def approved_differences(figures: list[dict], file: Path) -> list[str]:
                             AXES_ONLY_CHAOTIC if re.search("acrobot|hopper", file.stem) else AXES_ONLY)
 
 
+def innovation_faults(folder: Path) -> list[str]:
+    """Every measured value of the log has an innovation, but for those before the posterior has begun."""
+    with open(folder / "run.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    faults = []
+    for name in json.loads((folder / "run.json").read_text())["columns"]["measured"]:
+        there = sum(1 for row in rows if row[f"innovation.{name}"])
+        if there < 0.9 * sum(1 for row in rows if row[name]):
+            faults.append(f"{name}: {there} innovations in {len(rows)} rows")
+    return faults
+
+
 PAGES = {"run": page_of_run, "reference": page_of_reference, "demo": page_of_demo, "identify": page_of_identify,
          "gap": page_of_gap}
 
@@ -142,6 +155,7 @@ def main(kind: str, robot: Path, folder: Path) -> int:
     figures, found = look_at(PAGES[kind](robot, folder), folder)
     found += gap_differences(figures, folder) if kind == "gap" else approved_differences(
         figures, APPROVED / f"{kind}_{robot.stem}.json")
+    found += innovation_faults(folder) if kind == "run" else []
     for text in found:
         print(text)
     print(f"{len(figures)} figures; the page and its picture: {folder}")

@@ -103,7 +103,8 @@ TEST(RunFacts, EveryColumnThatTheyPromiseIsInTheLog) {
   const Words header = columns_of(*robot);
   const auto expect = [&](const std::string& column) { EXPECT_GE(index_of(header, column), 0) << column; };
   for (const std::string& input : keys_of(columns["inputs"])) expect(input);
-  for (const auto& measured : columns["measured"]) expect(measured.get<std::string>());
+  for (const auto& measured : columns["measured"])
+    for (const char* prefix : {"", "innovation."}) expect(prefix + measured.get<std::string>());
   for (const std::string& state : keys_of(columns["states"]))
     for (const char* prefix : {"mean.", "sd.", "true."}) expect(prefix + state);
   EXPECT_EQ(columns["tracked"].dump(), "[]");

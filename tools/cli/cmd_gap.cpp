@@ -280,7 +280,7 @@ void add_gap_command(CLI::App& app, int& exit_code) {
   command->add_option("LOGS", find.logs, "logs: CSV, ROS bags, ULog, MCAP, LCM event logs, records of `tiller run --record`")->required();
   command->add_option("--hold-out", find.hold_out, "logs for the proof alone (default: a share of LOGS)");
   command->add_option("-o,--out", options->folder, "folder for gap.html, gap.json and the new robot file");
-  command->add_option("--budget", find.budget_sigma, "gap that is tolerated, in sigma (default 1.1)")
+  command->add_option("--budget", find.budget_sigma, "gap over 1 s up to which the exit code is 0, in sigma (default 1.1)")
       ->check(number_between(0, 1e6));
   command->add_option("--only", find.only, "effects to consider, separated by commas (default: all; `tiller effects`)")
       ->delimiter(',')
@@ -303,9 +303,10 @@ void add_gap_command(CLI::App& app, int& exit_code) {
       "region), which effect of the catalogue explains it (`tiller effects`), with parameters, or which several do\n"
       "equally well and how to tell them apart, or that none does; and shows on held-out windows what adding it brings.\n"
       "\n"
-      "Exit codes: 0 no gap, or any within --budget; 1 named, and over the budget; 2 ambiguous, partly\n"
-      "explained or unnamed; 3 the data cannot answer (what, where, how to mend it is printed); 4 wrong option, robot\n"
-      "file or folder; 5 a result could not be written; 130 stopped by Ctrl-C, what was done is kept.\n"
+      "Exit codes: 0 no gap, or one within --budget, named or not; over the budget 1 named, 2 ambiguous, partly\n"
+      "explained or unnamed; 2 a parameter off its prior; 3 the data cannot answer (what, where, how to mend it is\n"
+      "printed); 4 wrong option, robot file or folder; 5 a result could not be written; 130 stopped by Ctrl-C, what was\n"
+      "done is kept.\n"
       "\n"
       "Examples:\n"
       "  tiller gap my_robot.toml run1.csv run2.csv run3.csv -o out/gap\n"

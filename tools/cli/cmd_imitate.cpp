@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 
 struct ImitateArguments {
   imitate::ImitateOptions options;
-  std::string out, folder, horizon;
+  std::string out, page, horizon;
 };
 
 bool read_horizon(ImitateArguments& a) {
@@ -71,8 +71,10 @@ bool write_policy(const ImitateArguments& a, const RobotFile& robot, imitate::Im
   return true;
 }
 
+/// The JSON lies beside the page, under its name.
 int write_page(const ImitateArguments& a, const std::string& json) {
-  const fs::path data = fs::path(a.folder) / "imitate.json", page = fs::path(a.folder) / "imitate.html";
+  const fs::path given = a.page, page = given.extension() == ".html" ? given : given / "imitate.html";
+  const fs::path data = fs::path(page).replace_extension(".json");
   std::string error;
   if (!replace_file(data.string(), json, error) || !draw_page("imitate_report", data.string(), page.string(), error)) {
     complain(error);
@@ -97,7 +99,7 @@ int imitate_command(ImitateArguments& a) {
   const bool acts = imitate::learns_policy(a.options.method);
   if (!a.out.empty() && acts && !write_policy(a, *robot, result)) return kExitLogIncomplete;
   if (!a.out.empty() && !write_robot(a, result.text)) return kExitLogIncomplete;
-  return a.folder.empty() ? static_cast<int>(kExitOk) : write_page(a, imitate::imitate_json(*robot, a.options, result));
+  return a.page.empty() ? static_cast<int>(kExitOk) : write_page(a, imitate::imitate_json(*robot, a.options, result));
 }
 
 }  // namespace
@@ -112,7 +114,7 @@ void add_imitate_command(CLI::App& app, int& exit_code) {
       ->required();
   command->add_option("-o,--out", a->out,
                       "robot file with the learnt weights; of a policy: with [policy], and OUT_policy.json");
-  command->add_option("--page", a->folder, "folder for imitate.json and imitate.html");
+  command->add_option("--page", a->page, "an HTML page, and its JSON beside it; a folder: imitate.html in it");
   command
       ->add_option("--method", o.method,
                    "maxent (default), matching: weights of the cost; adversarial (GAIL), wasserstein: a network that "
@@ -142,11 +144,11 @@ void add_imitate_command(CLI::App& app, int& exit_code) {
       "A policy imitates without a cost: a critic learns to tell its rollouts on the model from the demonstrations, and\n"
       "the policy to be mistaken for them. Its robot file plans as before wherever the policy was shown nothing.\n\n"
       "Examples:\n"
-      "  tiller imitate my_robot.toml demos/*.csv -o my_robot_imitated.toml --page out/imitate\n"
+      "  tiller imitate my_robot.toml demos/*.csv -o my_robot_imitated.toml --page out/imitate.html\n"
       "      weights that explain what was done, and a page with what they do from the same starts\n"
       "  tiller imitate my_robot.toml reach1.csv reach2.csv --horizon whole --keep cost.bounds.angle_rad.weight\n"
       "      motions that were planned from start to end; the price of the joint's ends stays\n"
-      "  tiller imitate my_robot.toml demos/*.csv --method wasserstein -o my_robot_acts.toml --page out/acts\n"
+      "  tiller imitate my_robot.toml demos/*.csv --method wasserstein -o my_robot_acts.toml --page out/acts.html\n"
       "      a network of 24 x 24 in my_robot_acts_policy.json, which tiller run my_robot_acts.toml --sim follows");
   command->callback([a, &exit_code] { exit_code = imitate_command(*a); });
 }

@@ -131,6 +131,7 @@ void Recorder::take(const LoggedTick& tick) {
     view.outputs = tick.outputs;
     view.foreseen_mean = tick.was_foreseen ? tick.foreseen_mean : nullptr;
     view.foreseen_sd = tick.was_foreseen ? tick.foreseen_sd : nullptr;
+    view.innovation = tick.innovation;
     log_.add(view);
   }
   for (McapRun& mcap : mcaps_) mcap.add(tick.entry);

@@ -30,6 +30,7 @@ struct LoggedTick {
   double outputs[TILLER_MAX_OUTPUTS] = {};
   bool was_foreseen = false;  ///< foreseen_mean and foreseen_sd are known
   double foreseen_mean[TILLER_MAX_STATES] = {}, foreseen_sd[TILLER_MAX_STATES] = {};
+  double innovation[TILLER_MAX_MEASUREMENTS] = {};  ///< normalised; NaN: none
 };
 
 struct RecorderOptions {

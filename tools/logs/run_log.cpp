@@ -34,6 +34,7 @@ std::string RunLog::header() const {
   if (robot_.config.cost.outputs) add_all("out.", robot_.outputs);
   if (robot_.config.planner.predict_spread != 0)
     for (const char* prefix : {"foreseen.mean.", "foreseen.sd."}) add_all(prefix, robot_.states);
+  if (robot_.config.posterior.adequacy != 0) add_all("innovation.", robot_.measurements);
   if (goals_ != 0) columns.emplace_back("goal");
   if ((goals_ & kGoalStates) != 0) add_all("goal.", robot_.states);
   if ((goals_ & kGoalOutputs) != 0) add_all("goal.", robot_.outputs);
@@ -69,13 +70,15 @@ void RunLog::reference(const tiller_info_t& info) {
     number(step ? reference_row(cost, robot_.states.size(), *step)[i] : NAN);
 }
 
-/// Outputs, what was foreseen, and goals.
+/// Outputs, what was foreseen, innovations, and goals.
 void RunLog::task(const TickView& tick) {
   for (std::size_t j = 0; robot_.config.cost.outputs && j < robot_.outputs.size(); ++j)
     number(tick.outputs ? tick.outputs[j] : NAN);
   if (robot_.config.planner.predict_spread != 0)
     for (const double* row : {tick.foreseen_mean, tick.foreseen_sd})
       for (std::size_t i = 0; i < robot_.states.size(); ++i) number(row ? row[i] : NAN);
+  for (std::size_t i = 0; robot_.config.posterior.adequacy != 0 && i < robot_.measurements.size(); ++i)
+    number(tick.innovation ? tick.innovation[i] : NAN);
   if (goals_ != 0) cell(tick.entry ? std::to_string(tick.entry->goal) : "");
   for (std::size_t i = 0; (goals_ & kGoalStates) != 0 && i < robot_.states.size(); ++i)
     exact(tick.entry ? tick.entry->target[i] : NAN);

@@ -26,6 +26,7 @@ struct TickView {
   const double* outputs = nullptr;                // (ny) at the estimate; null: no output has a cost
   const double* foreseen_mean = nullptr;          // (nx) of this tick's state, as it was foreseen; null: it was not
   const double* foreseen_sd = nullptr;            // (nx)
+  const double* innovation = nullptr;             // (measurements) normalised, NaN: none; null: not tested
 };
 
 /// One CSV row per tick. Columns, in this order:
@@ -43,6 +44,8 @@ struct TickView {
 ///   out.<output>...    the model's outputs at the estimate, where they have costs
 ///   foreseen.mean.<state>..., foreseen.sd.<state>...   what was foreseen of this row's state half a horizon before
 ///                      ([planner] predict_spread); empty where nothing was
+///   innovation.<measured>...   measured less predicted, over the deviation that the prediction came with ([posterior]
+///                      adequacy); empty where there was none
 ///   goal, goal.<state>..., goal.<output>...   in runs whose goals change (--goals): which was set in this tick (1
 ///                      states, 2 outputs, 3 both, 0 none), and the goals in force
 ///   tick, now_us, stamp_us, sequence, command_latency_us, infinite, calls, stop_status

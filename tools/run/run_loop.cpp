@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "abi/controller.hpp"
 #include "io/monotonic_clock.hpp"
 #include "tiller/config.hpp"
 #include "tools/base/exit_codes.hpp"
@@ -202,10 +203,18 @@ class Runner {
     logged_.has_truth = view.true_state != nullptr;
     if (config_.cost.outputs) (void)tiller_get_outputs(host_.get(), logged_.outputs);
     logged_.was_foreseen = foresight_.recall(info_, logged_.foreseen_mean, logged_.foreseen_sd);
+    take_innovations();
     std::copy(std::begin(q05_), std::end(q05_), logged_.q05);
     std::copy(std::begin(q95_), std::end(q95_), logged_.q95);
     std::copy(std::begin(true_state_), std::end(true_state_), logged_.true_state);
     recorder_.push(logged_);
+  }
+
+  /// A tick without a measurement has none, and neither has one that tests nothing.
+  void take_innovations() {
+    const AdequacyTest* test = sensed_.fresh ? host_.get()->executive->posterior().adequacy() : nullptr;
+    for (std::uint32_t k = 0; k < config_.measurement_count; ++k)
+      logged_.innovation[k] = test ? test->residual(k) : NAN;
   }
 
   void count(const TickView& view) {

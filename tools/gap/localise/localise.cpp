@@ -14,7 +14,7 @@ constexpr double kCentreSpacing = 0.1;  // s between test functions: a sixth of 
 // s; between blocks as many centres are left out as their test functions would share: blocks of noise are independent.
 constexpr double kBlock = 2.0, kBetweenBlocks = 0.5;
 constexpr std::size_t kFewestBlocks = 6;
-constexpr int kPermutations = 499;
+constexpr int kPermutations = 499;      // at least
 constexpr double kFoundLevel = 0.05;    // that any of the maps is found where there is nothing
 constexpr double kBinZ = 3.0;           // a bin of the region; 15 bins of noise reach it once in 25 maps
 constexpr double kLeastCount = 4;       // test functions: the deviation of a bin with fewer is not known
@@ -291,7 +291,7 @@ std::vector<double> shuffled(const std::vector<double>& residual, std::size_t bl
 double evidence(double explained) { return -std::log(std::max(1 - explained, 1e-9)); }
 
 AxisMap make_map(std::uint32_t joint, const AxisValues& axis, const std::vector<double>& edges, const BinFit& fit,
-                 const std::vector<double>& weak, std::size_t block, Rng& rng) {
+                 const std::vector<double>& weak, std::size_t block, int permutations, Rng& rng) {
   AxisMap map;
   map.joint = joint;
   map.axis = axis.axis;
@@ -302,16 +302,16 @@ AxisMap make_map(std::uint32_t joint, const AxisValues& axis, const std::vector<
   map.statistic = evidence(fit.explained(weak));
   double sum = 0, square = 0;
   int above = 0;
-  for (int i = 0; i < kPermutations; ++i) {
+  for (int i = 0; i < permutations; ++i) {
     const double value = evidence(fit.explained(shuffled(weak, block, rng)));
     map.null.push_back(value);
     sum += value;
     square += value * value;
     above += value >= map.statistic ? 1 : 0;
   }
-  const double centre = sum / kPermutations;
-  map.z = (map.statistic - centre) / std::sqrt(std::max(square / kPermutations - centre * centre, 1e-300));
-  map.p_value = (1.0 + above) / (1.0 + kPermutations);
+  const double centre = sum / permutations;
+  map.z = (map.statistic - centre) / std::sqrt(std::max(square / permutations - centre * centre, 1e-300));
+  map.p_value = (1.0 + above) / (1.0 + permutations);
   return map;
 }
 
@@ -359,6 +359,12 @@ Region strongest_stretch(const AxisMap& map) {
 
 }  // namespace
 
+double found_level(std::size_t maps) { return kFoundLevel / static_cast<double>(maps); }
+
+int permutation_count(std::size_t maps) {
+  return std::max(kPermutations, static_cast<int>(std::ceil(1.0 / found_level(maps))));
+}
+
 void localise(const tiller_config_t& config, const std::vector<Grid>& grids, const double* params, std::uint64_t seed,
               Result& result) {
   result.maps.clear();
@@ -371,6 +377,7 @@ void localise(const tiller_config_t& config, const std::vector<Grid>& grids, con
   }
   const tiller_model_t& model = *config.model;
   std::vector<std::vector<double>> weak(model.joint_count);
+  const int permutations = permutation_count(model.joint_count * static_cast<std::size_t>(Axis::count));
   for (std::uint32_t j = 0; j < model.joint_count; ++j) {
     std::size_t block = 1;
     const std::vector<Centre> centres = in_blocks(make_centres(forces, j), forces, block);
@@ -381,7 +388,7 @@ void localise(const tiller_config_t& config, const std::vector<Grid>& grids, con
       if (edges.size() < 3) continue;
       const BinFit fit(occupancy(forces, centres, axis, edges), edges.size() - 1);
       Rng rng(seed, kPurpose, j * static_cast<std::uint64_t>(Axis::count) + static_cast<std::uint64_t>(axis.axis));
-      result.maps.push_back(make_map(j, axis, edges, fit, weak[j], block, rng));
+      result.maps.push_back(make_map(j, axis, edges, fit, weak[j], block, permutations, rng));
     }
   }
   std::stable_sort(result.maps.begin(), result.maps.end(),
@@ -390,8 +397,7 @@ void localise(const tiller_config_t& config, const std::vector<Grid>& grids, con
     result.notes.push_back("The gap was not localised: no joint has 3 s of data without a hole.");
     return;
   }
-  const double level = kFoundLevel / static_cast<double>(result.maps.size());
-  if (result.maps.front().p_value > level) return;
+  if (result.maps.front().p_value > found_level(result.maps.size())) return;
   if (is_constant(result.maps.front(), weak[result.maps.front().joint]))
     std::stable_partition(result.maps.begin(), result.maps.end(), [j = result.maps.front().joint](const AxisMap& m) {
       return m.joint == j && m.axis == Axis::time;

@@ -16,10 +16,14 @@ std::string effects_line(const Explanation& x, const tiller_model_t& model) {
 
 void append_horizons(const Result& result, std::string& text) {
   if (result.horizons.empty()) return;
-  text += format("\n  %-12s %14s %14s %9s\n", "rollouts of", "before (sigma)", "after (sigma)", "windows");
+  const auto row = [&](const std::string& what, double before, double after, std::size_t windows) {
+    text += format("  %-24s %14.3g %14.3g %9zu\n", what.c_str(), before, after, windows);
+  };
+  text += format("\n  %-24s %14s %14s %9s\n", "rollouts", "before (sigma)", "after (sigma)", "windows");
+  if (!result.ranking.empty())
+    row("windows worked on", result.nominal_sigma, result.ranking[0].remaining_sigma, result.fit_windows);
   for (const HorizonGap& h : result.horizons)
-    text += format("  %-12s %14.3g %14.3g %9zu\n", format("%g s", h.seconds).c_str(), h.before_sigma, h.after_sigma,
-                   h.windows);
+    row(format("%g s, kept for the proof", h.seconds), h.before_sigma, h.after_sigma, h.windows);
 }
 
 void append_ranking(const RobotFile& robot, const Result& result, std::string& text) {

@@ -100,17 +100,23 @@ def horizon_figure(result: dict) -> str:
 
 
 def horizon_table(result: dict) -> str:
-    channels = result["data"]["channels"]
-    header = ["rollouts", "windows", "before", "after"]
-    for channel in channels:
-        header += [f"{channel['name']}: before", "after"]
+    """First the windows that the sentence and the budget go by, then those that no fit has seen."""
     body = []
-    for h in result["horizons"]:
-        row = [f"{h['seconds']:g} s", str(h["windows"]), _sigma(h["before_sigma"]), _sigma(h["after_sigma"])]
-        for k in range(len(channels)):
-            for key in ("before_rms", "after_rms"):
-                row.append(page.number(h[key][k], 3) if k < len(h[key]) else "–")
-        body.append(row)
+    if result["ranking"]:
+        body.append(["windows worked on", str(result["data"]["fit_windows"]), _sigma(result["gate"]["nominal_sigma"]),
+                     _sigma(_best(result)["remaining_sigma"])])
+    body += [[f"{h['seconds']:g} s, kept for the proof", str(h["windows"]), _sigma(h["before_sigma"]),
+              _sigma(h["after_sigma"])] for h in result["horizons"]]
+    return page.rows(["rollouts", "windows", "before", "after"], body)
+
+
+def channel_table(result: dict) -> str:
+    """A row for each measured channel: a robot of many joints makes it long, not wide."""
+    horizons = result["horizons"]
+    header = ["RMS error, kept for the proof"] + [f"{h['seconds']:g} s: before → after" for h in horizons]
+    body = [[page.quantity_label(channel["name"], channel["unit"])]
+            + [" → ".join(page.number(h[key][k], 3) if k < len(h[key]) else "–" for key in ("before_rms", "after_rms"))
+               for h in horizons] for k, channel in enumerate(result["data"]["channels"])]
     return page.rows(header, body)
 
 
@@ -118,7 +124,7 @@ def proof_section(result: dict) -> str:
     if not result["horizons"]:
         return ""
     return ("<h2>The gap before and after</h2>"
-            + page.grid([horizon_figure(result)]) + horizon_table(result))
+            + page.grid([horizon_figure(result)]) + horizon_table(result) + channel_table(result))
 
 
 # ---- where -----------------------------------------------------------------------------------------
@@ -162,6 +168,17 @@ def null_figure(result: dict) -> str:
                             "blocks of about 2 s changed places and signs: it then goes with nothing.")
 
 
+def _no_region(maps: list[dict]) -> str:
+    """Of maps without a region: chance, or something that no stretch of the axis holds."""
+    m = maps[0]
+    what = f"The strongest of {len(maps)} maps, the residual force of {m['joint']} over {_AXES.get(m['axis'], m['axis'])}"
+    if m["p_value"] > 0.05 / len(maps):
+        return (f"{what}, is no stronger than chance makes one of them: z = {page.number(m['z'], 3)}, probability "
+                f"{page.number(m['p_value'], 2)}.")
+    return (f"{what}, is beyond chance (z = {page.number(m['z'], 3)}), but no stretch of that axis holds a force of one "
+            "sign: look at the map.")
+
+
 def where_section(result: dict) -> str:
     maps, region = result["where"]["maps"], result["where"]["region"]
     if not maps:
@@ -174,7 +191,7 @@ def where_section(result: dict) -> str:
                      f"{page.number(region['sd'], 2)}</b> ({_esc(region['force'])}) are missing in the model's equation. "
                      f"{_MEANING.get(region['axis'], '')}</p>")
     else:
-        parts.append("<p>The residual force goes with nothing: no map is stronger than chance makes it.</p>")
+        parts.append(f"<p>{_esc(_no_region(maps))}</p>")
     figures = [map_figure(result, 0), null_figure(result)] + [map_figure(result, i) for i in range(1, len(maps))]
     return "".join(parts) + page.grid(figures)
 
@@ -379,13 +396,11 @@ def next_section(result: dict) -> str:
 
 def _facts(result: dict) -> list[tuple[str, str]]:
     facts = []
-    one = min(result["horizons"], key=lambda h: abs(h["seconds"] - 1), default=None)
-    if one:
-        facts.append((f"gap over {one['seconds']:g} s, before", _sigma(one["before_sigma"])))
-        if result["verdict"] != "no_gap":
-            facts.append(("after, held out", _sigma(one["after_sigma"])))
-    elif result["gate"]["nominal_sigma"]:
-        facts.append(("gap", _sigma(result["gate"]["nominal_sigma"])))
+    before, best = result["gate"]["nominal_sigma"], _best(result)
+    if before:  # the sentence's figure, and what the budget is compared with
+        facts.append(("gap, before" if result["verdict"] != "no_gap" else "gap", _sigma(before)))
+    if best and result["verdict"] != "no_gap":
+        facts.append(("after, at worst", _sigma(max(best["remaining_sigma"], result["remaining_sigma"] or 0))))
     facts.append(("noise / robot file's", page.number(result["gate"]["noise_ratio"], 2)))
     facts.append(("data", f"{page.number(result['data']['seconds'], 3)} s"))
     facts.append(("windows: worked on, proof", f"{result['data']['fit_windows']}, {result['data']['test_windows']}"))

@@ -45,6 +45,7 @@ from . import animation, page
 from .table import ReportError, Table, read_json, read_table, write_page
 
 _WORDS = ("state", "status")
+_INSIDE_90 = 1.645  # standard deviations to each side hold 90 % of a Gaussian
 
 
 class Run:
@@ -141,7 +142,7 @@ def state_figure(run: Run, name: str) -> str:
         _finite_line(ax, time, run.table[name][cut], color=page.MEASURED, linestyle="none", marker=".", markersize=3.5,
                      label="measured")
     mean, sd = run.table[f"mean.{name}"][cut], run.table[f"sd.{name}"][cut]
-    ax.fill_between(time, mean - 1.645 * sd, mean + 1.645 * sd, color=page.BAND, linewidth=0)
+    ax.fill_between(time, mean - _INSIDE_90 * sd, mean + _INSIDE_90 * sd, color=page.BAND, linewidth=0)
     _finite_line(ax, time, mean, color=page.ESTIMATE, label="estimate, 90 %")
     truth = run.column(f"true.{name}")
     if truth is not None:
@@ -168,15 +169,74 @@ def foreseen_figure(run: Run, name: str) -> str | None:
     figure, ax = page.axes(f"{name}, as foreseen", page.unit_label(name, run.units[name]))
     cut = page.thin(len(run.time))
     time, near = run.time[cut], (now - off)[cut]  # angles on the turn that the run was on
-    ax.fill_between(time, near - 1.645 * sd[cut], near + 1.645 * sd[cut], color=page.BAND, linewidth=0,
+    ax.fill_between(time, near - _INSIDE_90 * sd[cut], near + _INSIDE_90 * sd[cut], color=page.BAND, linewidth=0,
                     label=f"foreseen {page.number(run.meta['foreseen_s'], 3)} s before, 90 %")
     _finite_line(ax, time, now[cut], color=page.TRUTH if truth is not None else page.ESTIMATE, linewidth=1.2, label=what)
     ax.margins(x=0.01)
     page.legend(ax)
     known = np.isfinite(off) & np.isfinite(sd)
-    inside = 100 * np.mean(np.abs(off[known]) <= 1.645 * sd[known])
+    inside = 100 * np.mean(np.abs(off[known]) <= _INSIDE_90 * sd[known])
     return page.svg(figure, f"The {what} lies in the band in {page.number(inside, 3)} % of {np.count_nonzero(known)} "
                             "rows.")
+
+
+def _normalised_figure(run: Run, title: str, values: np.ndarray, note: str, **style) -> str:
+    """What should be noise of deviation one, within its 90 % band nine times in ten."""
+    figure, ax = page.axes(title, "standard deviations")
+    cut = page.thin(len(run.time))
+    ax.axhspan(-_INSIDE_90, _INSIDE_90, color=page.BAND, linewidth=0, label="90 %")
+    ax.axhline(0, color=page.MEASURED, linewidth=1.0)
+    _finite_line(ax, run.time[cut], values[cut], color=page.ESTIMATE, **style)
+    known = np.abs(values[np.isfinite(values)])
+    # all of it, but a first tick far off must not flatten the others
+    top = max(3.5, min(1.1 * known.max(), 3 * np.percentile(known, 99)))
+    ax.set_ylim(-top, top)
+    ax.margins(x=0.01)
+    page.legend(ax)
+    inside = f"{page.number(100 * np.mean(known <= _INSIDE_90), 3)} % of {known.size} rows lie in the band"
+    beyond = np.count_nonzero(known > top)
+    return page.svg(figure, f"{inside}, RMS {page.number(np.sqrt(np.mean(known ** 2)), 3)}"
+                            f"{f'; {beyond} beyond the plot' if beyond else ''}. {note}")
+
+
+def estimate_error_figure(run: Run, name: str) -> str | None:
+    """Truth less estimate in units of the estimate's deviation: in the state's own plot the two lie on each other."""
+    truth = run.column(f"true.{name}")
+    if truth is None:
+        return None
+    error, sd = run.table[f"mean.{name}"] - truth, run.table[f"sd.{name}"]
+    if name in run.angles:
+        error = _wrapped(error)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = np.where(sd > 0, error / sd, np.nan)
+    if not np.any(np.isfinite(values)):
+        return None
+    at_most = np.nanmax(np.abs(error))
+    return _normalised_figure(run, f"error of the estimate of {name}", values, "At most "
+                              f"{page.number(at_most, 3)} {page.unit_text(run.units[name])} off.", linewidth=1.2,
+                              label="estimate less truth")
+
+
+def innovation_figure(run: Run, name: str) -> str | None:
+    values = run.column(f"innovation.{name}")
+    if values is None or not np.any(np.isfinite(values)):
+        return None
+    steps = values[1:] * values[:-1]
+    memory = np.nanmean(steps) / np.nanmean(values ** 2) if np.any(np.isfinite(steps)) else np.nan
+    return _normalised_figure(run, f"innovation of {name}", values, "Each correlates with the one before "
+                              f"by {page.number(memory, 2)}; noise by 0.", linestyle="none", marker=".",
+                              markersize=3, label="measured less predicted")
+
+
+def missed_section(run: Run) -> str:
+    """What estimate and prediction missed, in units of what they said of themselves."""
+    figures = [estimate_error_figure(run, name) for name in run.states]
+    figures += [innovation_figure(run, name) for name in run.states if name in run.measured]
+    figures = [figure for figure in figures if figure]
+    if not figures:
+        return ""
+    return ("<h2>What the estimate missed</h2><p>Errors and innovations over the deviation that the filter states for them. "
+            "A right model stays in the band nine times in ten, without a pattern.</p>" + page.grid(figures))
 
 
 def _wrapped(values: np.ndarray) -> np.ndarray:
@@ -195,7 +255,7 @@ def error_figure(run: Run, name: str) -> str:
         errors = {which: _wrapped(error) for which, error in errors.items()}
     time, error = run.time[cut], errors["estimate"][cut]
     ax.axhline(0, color=page.MEASURED, linewidth=1.0)
-    ax.fill_between(time, error - 1.645 * sd[cut], error + 1.645 * sd[cut], color=page.BAND, linewidth=0)
+    ax.fill_between(time, error - _INSIDE_90 * sd[cut], error + _INSIDE_90 * sd[cut], color=page.BAND, linewidth=0)
     _finite_line(ax, time, error, color=page.ESTIMATE, label="estimate, 90 %")
     if truth is not None:
         _finite_line(ax, time, errors["truth"][cut], color=page.TRUTH, linewidth=1.2, linestyle=(0, (4, 2)),
@@ -455,6 +515,7 @@ def build(run: Run) -> str:
                           [error_figure(run, name) for name in run.tracked] +
                           [state_figure(run, name) for name in run.states] +
                           [input_figure(run, name) for name in run.inputs]))
+    body.append(missed_section(run))
     if foreseen:
         body += ["<h2>What was foreseen</h2>", page.grid(foreseen)]
     inner = [ess_figure(run)] if "ess" in run.table else []
