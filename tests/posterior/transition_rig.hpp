@@ -17,7 +17,7 @@ Levels levels(const tiller::StepSetup* setup, const Rows& params, std::uint32_t 
               const double* history, double period_s) {
   Levels now{0.0, input, input};
   for (std::uint32_t e = 0; setup && e < setup->effect_count; ++e) {
-    if (!has_role(setup->effects[e].kind, kDelay)) continue;
+    if (!tiller::has_role(setup->effects[e].kind, tiller::kDelay)) continue;
     const double delay_s = static_cast<double>(params.data[setup->effects[e].param * params.stride + lane]);
     now.share = std::fmin(std::fmax(delay_s / period_s, 0.0), 1.0);
     now.older = history[0];
