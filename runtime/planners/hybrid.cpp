@@ -146,7 +146,7 @@ void weigh_scout(Hybrid& h) {
 /// tells where the clock cut either.
 std::uint32_t iterate(Hybrid& h, const PlanRequest& request, PlanResult& result) {
   PlanRequest first = request;
-  first.deadline.iterations = 1;
+  first.deadline.iterations = std::min(request.deadline.iterations, 1u);
   double unused[TILLER_MAX_INPUTS];
   const PlanResult sampled = mppi_planner.plan(h.sampler, first, unused);
   result.status = sampled.status;
@@ -184,7 +184,7 @@ PlanResult plan(void* self, const PlanRequest& request, double* command) {
   result.cost = kInfinity;
   if (!take_request(*h.gradient, request))
     result.status = tiller_status_plan_not_finite;
-  else if (request.deadline.iterations > 0)
+  else if (request.deadline.begins())
     result.iterations = iterate(h, request, result);
   if (result.iterations > 0) result.cost = h.gradient->cost;
   h.gradient->standing = h.gradient->solved = false;

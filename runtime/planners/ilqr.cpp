@@ -238,7 +238,7 @@ PlanResult plan(void* self, const PlanRequest& request, double* command) {
   result.cost = kInfinity;
   if (!take_request(s, request)) {
     result.status = tiller_status_plan_not_finite;
-  } else if (request.deadline.iterations > 0) {
+  } else if (request.deadline.begins()) {
     if (!p.has_path) s.standing = s.solved = false;
     iterate(s, request, result);
   }

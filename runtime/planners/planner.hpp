@@ -14,6 +14,8 @@ struct Deadline {
   std::int64_t deadline_ns = 0;           // 0: none
   std::uint32_t iterations = 1;
   bool replayed = false;  // `iterations` is what a recording completed: PlanResult::iterations of the same plan
+  /// A plan is begun that its deadline ends before the first iteration; so must be its replay, which completes none.
+  bool begins() const { return iterations > 0 || replayed; }
   bool passed() const {
     return deadline_ns != 0 && hooks && hooks->now_ns && hooks->now_ns(hooks->context) >= deadline_ns;
   }

@@ -413,7 +413,7 @@ PlanResult plan_tree(ScenarioTree& t, const PlanRequest& request, double* comman
   result.cost = kInfinity;
   if (!take_request(t, request))
     result.status = tiller_status_plan_not_finite;
-  else if (request.deadline.iterations > 0)
+  else if (request.deadline.begins())
     iterate(t, request.deadline, result);
   for (std::size_t at = 0; at < std::size_t{first.horizon} * first.nu; ++at)
     first.settled[at] = t.count > 0 ? mean_input(t, at) : first.control[at];

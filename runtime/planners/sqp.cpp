@@ -315,7 +315,7 @@ PlanResult plan(void* self, const PlanRequest& request, double* command) {
   if (take_origin(p, request.origin)) place_hard_bounds(p, s.bounds);
   if (!take_belief(p, request.belief)) {
     result.status = tiller_status_plan_not_finite;
-  } else if (request.deadline.iterations > 0) {
+  } else if (request.deadline.begins()) {
     s.prepared = s.prepared && p.has_path;
     run(s, request, result);
   }

@@ -169,28 +169,28 @@ void pendulum_until_half(const double* x, const double* u, const double* f, cons
   if (x[0] > 0.5) dxdt[1] = std::numeric_limits<double>::quiet_NaN();
 }
 
-/// One reading lies where the model has no numbers: the filter gets there, no plan gets on from there.
-TEST_P(EveryPlanner, ARefusedPlanReplaysBitByBit) {
+/// Readings lead to where the model has no numbers: the filter gets there, and no plan gets on from there.
+TEST_P(EveryPlanner, RefusedPlansReplayBitByBit) {
   tiller_model_t model = *tiller_find_model("pendulum");
   model.kernels = nullptr;
   model.jacobian = nullptr;
   model.dynamics = pendulum_until_half;
   tiller::Config config = config_of(GetParam());
   config.model = &model;
-  const double angle_rad[] = {0.1, 0.1, 0.1, 0.1, 0.52, 0.1, 0.1, 0.1, 0.1, 0.1};
   PendulumPlant unused;
   Loop loop(config, unused);
   ASSERT_TRUE(loop.ready());
   (void)tiller_arm(loop.controller());
-  for (const double angle : angle_rad) {
+  for (int k = 0; k < 60; ++k) {
     tiller_measurement_t m = loop.measure();
-    m.value[0] = angle;
+    m.value[0] = 0.02 * (k % 30);  // 1 rad/s, twice
     (void)loop.tick(&m);
   }
   const auto recorded = records_of(loop);
-  if (GetParam() != tiller_planner_policy) {
-    EXPECT_EQ(recorded[4].status, static_cast<std::uint32_t>(tiller_status_plan_not_finite));
-  }
+  const bool refused = std::any_of(recorded.begin(), recorded.end(), [](const tiller_record_t& r) {
+    return r.status == static_cast<std::uint32_t>(tiller_status_plan_not_finite);
+  });
+  EXPECT_TRUE(refused) << "or nothing was tried";
   expect_same(recorded, replay(config, recorded));
 }
 
@@ -255,7 +255,8 @@ TEST_P(EveryPlanner, ADeadlineInTheRecordingIsReplayedWithoutAClock) {
   const tiller::PlannerTable& planner = *tiller::find_planner(GetParam());
   const bool samples = planner.feedback == nullptr || planner.feedback_if_closed;  // the others look less often
   EXPECT_GT(cut, samples ? 400 : 50) << "the deadline hardly bound";
-  EXPECT_GT(all, 50) << "it bound always";
+  const int without_scout = GetParam() == tiller_planner_ilqr ? counts[3] : 0;  // it has one in some ticks alone
+  EXPECT_GT(all + without_scout, 50) << "it bound always";
 }
 
 TEST(Records, RingGivesUpItsOldest) {

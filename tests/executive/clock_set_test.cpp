@@ -60,8 +60,9 @@ TEST(ClockSet, ReadingsOfTheFutureAreForgottenInStandby) {
   EXPECT_EQ(b.tick(), tiller_status_time_backwards);
   EXPECT_EQ(b.state(), tiller_state_init) << "nothing has been measured in this time";
   EXPECT_EQ(b.executive->info().rejected_measurements, 1u);
+  const int starts = fakes::posterior.starts;
   expect_good_start(b);
-  EXPECT_EQ(fakes::posterior.starts, 2);
+  EXPECT_EQ(fakes::posterior.starts, starts + 1);
 }
 
 TEST(ClockSet, ArmingOutlastsIt) {

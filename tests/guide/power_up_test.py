@@ -43,7 +43,7 @@ def robot_file(protocol):
     start = "state = { angle_rad = 3.09 }"
     text = text.replace("[start]\n", f"[start]\n{start}\n").replace("draw = true\n", f"draw = true\n{start}\n")
     drive = f"drives.torque_Nm = {{ {DRIVES[protocol]} }}\n" if DRIVES[protocol] else ""
-    return (f'{text}\n[posterior]\nparticles = 16\nwindow = 8\nmoves_per_tick = 4\n\n[transport]\nkind = "socketcan"\n'
+    return (f'{text}\n[posterior]\nparticles = 32\nwindow = 16\nmoves_per_tick = 8\n\n[transport]\nkind = "socketcan"\n'
             f'interface = "{INTERFACE}"\nnodes = {{ torque_Nm = {NODE} }}\nactuator = "{protocol}"\n{drive}')
 
 
@@ -120,6 +120,7 @@ class Run:
         self.reader.start()
 
     def read(self):
+        """Until the other end of the terminal is closed."""
         while True:
             try:
                 piece = os.read(self.terminal, 4096)
@@ -132,7 +133,7 @@ class Run:
     def wait(self, what, start=0):
         limit = time.monotonic() + PATIENCE_S
         while not re.search(what, self.text[start:]):
-            if time.monotonic() > limit:
+            if time.monotonic() > limit or not self.reader.is_alive():
                 fail(f"'{self.command}' does not say '{what}':\n{self.text[-3000:]}")
             time.sleep(0.05)
 

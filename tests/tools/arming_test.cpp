@@ -78,7 +78,8 @@ class ArmingRun : public ::testing::Test {
     robot_->config.planner.rollouts = 16;
     robot_->config.planner.iterations = 1;
     robot_->config.planner.deadline_us = 0;
-    robot_->config.posterior.particles = 16;
+    robot_->config.posterior.particles = 32;
+    robot_->config.posterior.moves_per_tick = 8;
     // what the hand does is no motion of the model's: here nothing is doubted for it
     robot_->config.safety.frozen_ticks = 0;
     robot_->config.measurement_sd[0] = 1.0;
