@@ -53,7 +53,7 @@ TEST(Plan, BeginsWhereTheRobotWillBeWhenTheCommandTakesHold) {
   EXPECT_NEAR(fakes::planner.belief_state[0], 0.51 - 6.7e-4, 1e-5);
 }
 
-// A replay asks for as many iterations as the record says: one that stopped before the refused one would not be refused.
+// A replay asks for as many iterations as the record says: a plan that stops before the refused one is not refused.
 TEST(Plan, ARefusedIterationIsRecordedAsBegun) {
   Bench b;
   b.activate();

@@ -1,5 +1,5 @@
-"""Follows docs/guide/first_power_up.md to the letter with an emulated drive of each protocol on a (virtual) CAN bus, and
-reads the bus: before somebody arms nothing that moves is on it.
+"""Follows docs/guide/first_power_up.md to the letter with an emulated drive of each protocol on a (virtual) CAN bus,
+and reads the bus: before somebody arms nothing that moves is on it.
 
     power_up_test.py GUIDE TILLER ROBOT INTERFACE
 

@@ -326,7 +326,8 @@ TEST_F(Holes, ReplayAndLearningSayTheSameOfALog) {
   const auto learn = [&] {
     Log log;
     std::string error;
-    EXPECT_EQ(read_any_log(folder_ / "logger.lcm", *robot_, log, error), error.empty());
+    const bool good = read_any_log(folder_ / "logger.lcm", *robot_, log, error);
+    EXPECT_EQ(good, error.empty());
     return std::make_pair(log, error);
   };
   const RecordedRun again = read([&](Logger& log) {

@@ -1,6 +1,6 @@
-"""arm_over_lcm_test.py TILLER ROBOT PYTHON_EXAMPLES: `tiller run` over LCM without a terminal stands by, a message arms and
-disarms it, --arm moves at once, and what was recorded replays to the last bit. To be run in a network namespace of its
-own, with the packages lcm and tiller_lcm.
+"""arm_over_lcm_test.py TILLER ROBOT PYTHON_EXAMPLES: `tiller run` over LCM without a terminal stands by, a message arms
+and disarms it, --arm moves at once, and what was recorded replays to the last bit. To be run in a network namespace of
+its own, with the packages lcm and tiller_lcm.
 """
 
 import pathlib
@@ -23,8 +23,11 @@ class Run:
         self.process = subprocess.Popen([TILLER, "run", "robot.toml", *options], cwd=folder, stdin=subprocess.DEVNULL,
                                         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         self.lines = []
-        self.reader = threading.Thread(target=lambda: self.lines.extend(iter(self.process.stdout.readline, "")), daemon=True)
+        self.reader = threading.Thread(target=self.read, daemon=True)
         self.reader.start()
+
+    def read(self):
+        self.lines.extend(iter(self.process.stdout.readline, ""))
 
     def wait(self, what, after=0):
         limit = time.monotonic() + PATIENCE_S
@@ -71,8 +74,8 @@ class ArmOverLcm(unittest.TestCase):
         run.wait("disarmed: STANDBY", seen)
         self.assertEqual(run.end(), 0, "".join(run.lines[-20:]))
         run.wait("arm messages: 2 taken")
-        replay = subprocess.run([TILLER, "replay", "run.mcap", "robot.toml"], cwd=self.folder, capture_output=True, text=True,
-                                check=False)
+        replay = subprocess.run([TILLER, "replay", "run.mcap", "robot.toml"], cwd=self.folder, capture_output=True,
+                                text=True, check=False)
         self.assertEqual(replay.returncode, 0, replay.stdout + replay.stderr)
 
     def test_arm_on_the_command_line_moves_at_once(self):

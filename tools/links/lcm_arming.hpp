@@ -10,8 +10,8 @@ namespace tiller::tools {
 
 /// arm_t on the LCM channel <prefix>ARM (runtime/io/lcm/arm_t.lcm). A message counts if it answers a command that this
 /// run sent within the last second, later than the one that the last message answered: neither a recording of another
-/// run nor the same message again arms. With a key_file it must be signed as well; what answers no challenge gets one on
-/// <prefix>ARM_CHALLENGE (docs/reference/security.md).
+/// run nor the same message again arms. With a key_file it must be signed as well; what answers no challenge gets one
+/// on <prefix>ARM_CHALLENGE (docs/reference/security.md).
 class LcmArming : public ArmSource {
  public:
   explicit LcmArming(const RobotFile& robot) : robot_(robot) {}

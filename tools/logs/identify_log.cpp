@@ -48,7 +48,7 @@ void read_rows(CsvReader& csv, const std::vector<LogColumn>& columns, const std:
                                    (csv.is_whole() ? "" : "; the last row is cut off: delete it"));
       continue;
     }
-    // before tiller moved the robot, a hand may have: what a run logged in STANDBY at its begin tells nothing of the model
+    // before tiller moved the robot, a hand may have: a run's STANDBY at its begin tells nothing of the model
     if (log.line.empty() && state < width && csv[state] == "STANDBY") continue;
     for (std::size_t c = 0; c < columns.size(); ++c) out[c]->push_back(number_in(csv, at[c], columns[c], problems));
     log.line.push_back(csv.line());

@@ -43,8 +43,8 @@ void MeasuredRows::set_input(std::size_t row, const double* input) {
 }
 
 void MeasuredRows::add(int line, const tiller_measurement_t& measurement, const tiller_command_t& command) {
-  if (log_.rows() == 0 && command.state == tiller_state_standby)
-    return;  // before tiller moved the robot, a hand may have
+  // before tiller moved the robot, a hand may have
+  if (log_.rows() == 0 && command.state == tiller_state_standby) return;
   if (measurement.sequence == 0 && is_before_last(measurement.stamp_us)) return;
   add(line, measurement.stamp_us, measurement.value, command.value);
 }

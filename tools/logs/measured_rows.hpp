@@ -17,7 +17,8 @@ class MeasuredRows {
   /// `line`: number of the message or tick, from 1. Without `input`, it is missing until set_input().
   void add(int line, std::int64_t stamp_us, const double* measured, const double* input);
   void set_input(std::size_t row, const double* input);
-  /// A tick. Left out are ticks of STANDBY at the begin, and what was sent before the row before it is left out where the sender begins to count anew.
+  /// A tick. Left out are ticks of STANDBY at the begin, and what was sent before the row before it where the sender
+  /// begins to count anew.
   void add(int line, const tiller_measurement_t& measurement, const tiller_command_t& command);
   bool is_before_last(std::int64_t stamp_us) const { return log_.rows() > 0 && stamp_us < last_us_; }
   void note(const std::string& text);

@@ -187,8 +187,8 @@ void find_lost_messages(const RobotFile& robot, const std::vector<Answer>& ticks
 
 bool moves(std::uint32_t state) { return state == tiller_state_active || state == tiller_state_hold; }
 
-/// What `tiller run` does between two ticks, as the state before and after shows it: prepares after each, arms, disarms,
-/// and stops on a fault of the transport.
+/// What `tiller run` does between two ticks, as the state before and after shows it: prepares after each, arms,
+/// disarms, and stops on a fault of the transport.
 void add_calls(const Answer& answer, bool first, std::uint32_t before, RecordEntry& entry) {
   const std::uint32_t state = answer.command.state;
   std::uint32_t calls = first ? 0u : tiller_call_prepare, shift = first ? 0 : 4;
