@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <string>
 
+#include "tools/links/model_plant.hpp"
 #include "tools/links/plant_setup.hpp"
 #include "tools/open/robot_open.hpp"
 #include "tools/run/run_loop.hpp"
@@ -46,9 +47,11 @@ int run(const char* path, std::uint32_t planner, unsigned ticks) {
     std::printf("%s: %s: not with this robot: %s\n", path, kPlanners[planner], field);
     return own ? -1 : 0;
   }
-  const auto plant = make_sim_plant(*robot, error);
-  if (!plant) return std::fprintf(stderr, "%s\n", error.c_str()), -1;
-  const auto link = make_sim_link(*robot, *plant, false);
+  const bool of_model = robot->sim.plant == "model";
+  const auto model = of_model ? ModelPlant::make(*robot, error) : nullptr;
+  const auto ode = of_model ? nullptr : make_sim_plant(*robot, error);
+  if (!model && !ode) return std::fprintf(stderr, "%s\n", error.c_str()), -1;
+  const auto link = of_model ? make_model_link(*robot, *model) : make_sim_link(*robot, *ode, false);
   RunOptions options;
   options.seconds = ticks * robot->config.period_s;
   options.quiet = true;
