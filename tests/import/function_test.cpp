@@ -344,16 +344,17 @@ TEST(Function, RatesPerHourAreTakenAsSuch) {
   FunctionModel model;
   expect_in(told(f, names + values, model), "its derivatives are taken as changes per hour, for its rates are (feed_L_h, "
                                             "mu_1_h), and divided by 3600; if they are per second: time = \"s\"");
-  EXPECT_NE(rate(model, 1).find("3600"), std::string::npos) << rate(model, 1);
+  EXPECT_EQ(rate(model, 1), "u.feed_L_h * S(0.0002777777777777778)");
   const std::string robot = write_function_robot(model, "f.hpp");
   expect_in(robot, "\nperiod_s = 72\n");
   expect_in(robot, "volume_L = 0.00017");
   expect_in(robot, "sensor_timeout_s = 360\n");
 
-  EXPECT_EQ(told(f, "time = \"s\"\n" + names + values, model).find("per hour"), std::string::npos);
-  EXPECT_EQ(rate(model, 1).find("3600"), std::string::npos) << rate(model, 1);
-  (void)told(f, "time = \"min\"\n" + names + values, model);
-  EXPECT_NE(rate(model, 1).find("60"), std::string::npos) << rate(model, 1);
+  FunctionModel by_second, by_minute;
+  EXPECT_EQ(told(f, "time = \"s\"\n" + names + values, by_second).find("per hour"), std::string::npos);
+  EXPECT_EQ(rate(by_second, 1), "u.feed_L_h");
+  (void)told(f, "time = \"min\"\n" + names + values, by_minute);
+  EXPECT_EQ(rate(by_minute, 1), "u.feed_L_h * S(0.016666666666666666)");
 
   // names of both kinds decide nothing, and a joint's speed is per second
   const std::string both = "[names]\nx = [\"x_m\", \"x_m_s\"]\nu = [\"feed_L_h\"]\n";
