@@ -160,6 +160,8 @@ TEST(Description, JointsAreHeldByPatternsAndByTheBase) {
 
   EXPECT_EQ(pattern_of({"FL_hip_joint", "FR_hip_joint", "FL_calf_joint", "FR_calf_joint", "waist"}, 2),
             "'*_hip_joint' (2 joints)");
+  EXPECT_EQ(pattern_of({"FL_hip", "FL_calf", "FR_hip", "FR_calf", "RL_hip", "RL_calf"}, 2), "'*_hip' (3 joints)")
+      << "not the two of a leg";
   EXPECT_EQ(pattern_of({"a", "b_c", "d"}, 1), "") << "no pattern tells two and leaves one";
 }
 

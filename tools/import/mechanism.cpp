@@ -610,11 +610,11 @@ std::string pattern_of(const std::vector<std::string>& names, std::size_t count)
     fewest = found;
     best = pattern;
   };
-  for (const std::string& name : names)
-    for (std::size_t at = name.find('_'); at != std::string::npos; at = name.find('_', at + 1)) {
-      consider("*" + name.substr(at));
-      consider(name.substr(0, at + 1) + "*");
-    }
+  // the same joint of every leg before all joints of one leg, which would lame it
+  for (const bool ends : {true, false})
+    for (const std::string& name : names)
+      for (std::size_t at = name.find('_'); at != std::string::npos && (ends || best.empty()); at = name.find('_', at + 1))
+        consider(ends ? "*" + name.substr(at) : name.substr(0, at + 1) + "*");
   return best.empty() ? best : "'" + best + "' (" + std::to_string(fewest) + " joints)";
 }
 
