@@ -1,4 +1,5 @@
-"""What one more of something takes: a planner's setting, an engine, a transport, an effect, a CAN protocol.
+"""What one more of something takes: a planner's setting, an engine, a transport, an effect, a CAN protocol, a log
+format.
 
     extend_test.py SOURCE WORK VENV [--count]
 
@@ -7,13 +8,15 @@ of docs/project/extending.md. Then it builds the command with one model and one 
 what it reads, writes and says. --count: without the build.
 """
 
+import math
 import pathlib
 import shutil
 import subprocess
 import sys
 
 # The files that each one touches, new and changed.
-TOUCHED = {"setting of a planner": 2, "engine of the posterior": 3, "transport": 2, "effect": 2, "CAN protocol": 3}
+TOUCHED = {"setting of a planner": 2, "engine of the posterior": 3, "transport": 2, "effect": 2, "CAN protocol": 3,
+           "log format": 2}
 FOLDERS = ["cmake", "runtime", "sim", "tools", "harness", "bench", "robots"]
 ENGINE = """#include "posterior/filter/filter_posterior.hpp"
 
@@ -80,6 +83,23 @@ std::unique_ptr<DriveAxis> make_dummy_axis(const DriveOptions& options) { return
 }  // namespace tiller::sim
 """
 
+LOG_FORMAT = """#include <fstream>
+
+#include "tools/logs/log_readers.hpp"
+
+namespace tiller::tools {
+bool read_dummy_format(const std::string& path, const RobotFile& robot, const std::vector<int>& measured, Log& log,
+                       std::string& error);
+bool read_dummy_format(const std::string& path, const RobotFile& robot, const std::vector<int>& measured, Log& log,
+                       std::string& error) {
+  std::ifstream file(path);
+  std::string first;
+  std::getline(file, first);
+  return read_csv_log(file, path, robot.log, *robot.model, measured, log, error);
+}
+}  // namespace tiller::tools
+"""
+
 
 def add_line(path, before, line):
     text = path.read_text()
@@ -128,6 +148,13 @@ def add_protocol(work):
     add_line(io / "actuators.def", "#undef", 'TILLER_ACTUATOR(dummy, "a motor of nobody", 1, 9, "the MIT protocol")\n')
 
 
+def add_log_format(work):
+    """Its reader, and a line before CSV, which takes everything: a CSV behind one line of its own."""
+    logs = work / "tools/logs"
+    (logs / "dummy_format.cpp").write_text(LOG_FORMAT)
+    add_line(logs / "log_formats.def", "TILLER_LOG_FORMAT(csv", 'TILLER_LOG_FORMAT(dummy, "DUMMY\\n")\n')
+
+
 def files_of(work):
     return {path: path.read_bytes() for folder in FOLDERS for path in (work / folder).rglob("*") if path.is_file()}
 
@@ -135,7 +162,7 @@ def files_of(work):
 def extend(work):
     """Adds one of each; the names of the files that each one touched."""
     touched, before = {}, files_of(work)
-    for what, add in zip(TOUCHED, (add_setting, add_engine, add_transport, add_effect, add_protocol)):
+    for what, add in zip(TOUCHED, (add_setting, add_engine, add_transport, add_effect, add_protocol, add_log_format)):
         add(work)
         after = files_of(work)
         touched[what] = sorted(str(p.relative_to(work)) for p in after if after[p] != before.get(p))
@@ -223,6 +250,14 @@ def main():
     code, told = say("export", str(robot), "-o", str(work / "config.c"))
     exported = (work / "config.c").read_text() if code == 0 else told
     expect("exported C has the effect", "tiller_effect_dummy" in exported, exported)
+
+    robot.write_text(text)
+    rows = ["DUMMY", "time_s,angle_rad,torque_Nm", *(f"{k / 50},{0.1 * math.sin(k / 8):.6f},0.0" for k in range(200))]
+    (work / "swing.dummy").write_text("\n".join(rows) + "\n")
+    code, told = say("identify", str(robot), str(work / "swing.dummy"))
+    expect("a log of the format is fitted", code in (0, 2) and "damping_Nms" in told, told)
+    code, told = say("replay", str(robot), str(work / "swing.dummy"), "--tolerance", "10")
+    expect("and replayed", "200 " in told and "cannot be read" not in told, told)
 
     expect("the manual has the protocol", "dummy" in manual.split("actuator", 1)[1].splitlines()[0], manual)
     can = '\n[transport]\nkind = "socketcan"\ninterface = "nowhere0"\nactuator = "dummy"\nnodes = { torque_Nm = %d }\n'

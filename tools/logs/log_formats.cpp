@@ -1,9 +1,11 @@
 #include "tools/logs/log_formats.hpp"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <sstream>
 
 #include "tools/logs/channels.hpp"
@@ -11,12 +13,53 @@
 #include "tools/logs/mcap_run.hpp"
 
 namespace tiller::tools {
+
+#define TILLER_LOG_FORMAT(reader, bytes)                                                                         \
+  bool read_##reader##_format(const std::string& path, const RobotFile& robot, const std::vector<int>& measured, \
+                              Log& log, std::string& error);
+#include "tools/logs/log_formats.def"
+
 namespace {
+
+struct Format {
+  const char* reader;
+  const char* bytes;
+  std::size_t size;
+  bool (*read)(const std::string& path, const RobotFile& robot, const std::vector<int>& measured, Log& log,
+               std::string& error);
+};
+
+constexpr Format kFormats[] = {
+#define TILLER_LOG_FORMAT(reader, bytes) {#reader, bytes, sizeof(bytes) - 1, read_##reader##_format},
+#include "tools/logs/log_formats.def"
+};
+
+const Format& format_named(const char* reader) {
+  return *std::find_if(std::begin(kFormats), std::end(kFormats),
+                       [&](const Format& format) { return std::strcmp(format.reader, reader) == 0; });
+}
 
 /// A folder of ROS 2 is a bag.
 bool is_bag_folder(const std::string& path) {
   std::error_code ignored;
   return std::filesystem::exists(std::filesystem::path(path) / "metadata.yaml", ignored);
+}
+
+/// The last format begins with nothing and takes what no other does.
+const Format& format_of(const std::string& path) {
+  if (is_bag_folder(path)) return format_named("channels");
+  char first[16] = {};
+  std::ifstream file(log_file(path), std::ios::binary);
+  file.read(first, sizeof first);
+  return *std::find_if(std::begin(kFormats), std::end(kFormats), [&](const Format& format) {
+    return format.size <= sizeof first && std::memcmp(first, format.bytes, format.size) == 0;
+  });
+}
+
+bool open_log(std::ifstream& file, const std::string& path, std::string& error) {
+  file.open(path, std::ios::binary);
+  if (!file) error = path + ": cannot be read: " + std::strerror(errno);
+  return static_cast<bool>(file);
 }
 
 }  // namespace
@@ -26,38 +69,46 @@ std::string log_file(const std::string& path) {
   return std::filesystem::exists(path, ignored) ? path : path.substr(0, path.rfind('#'));
 }
 
-std::string log_format(const std::string& path) {
-  if (is_bag_folder(path)) return "channels";
-  char first[16] = {};
-  std::ifstream file(log_file(path), std::ios::binary);
-  file.read(first, sizeof first);
-  const auto starts = [&](const char* magic, std::size_t size) { return std::memcmp(first, magic, size) == 0; };
-  if (starts("\xED\xA1\xDA\x01", 4)) return "lcm";  // the sync word of an event
-  if (starts("TILLREC", 7)) return "record";
-  if (starts("\x89MCAP0\r\n", 8)) return "mcap";
-  if (starts("MATLAB 5", 8) || starts("PK\x03\x04", 4) || starts("PAR1", 4) || starts("#ROSBAG V", 9) ||
-      starts("SQLite format 3", 16) || starts("ULog\x01\x12\x35", 7))
-    return "channels";
-  return "csv";
+std::string log_format(const std::string& path) { return format_of(path).reader; }
+
+bool read_csv_format(const std::string& path, const RobotFile& robot, const std::vector<int>& measured, Log& log,
+                     std::string& error) {
+  std::ifstream file;
+  return open_log(file, path, error) && read_csv_log(file, path, robot.log, *robot.model, measured, log, error);
 }
 
-bool read_any_log(const std::string& path, const RobotFile& robot, Log& log, std::string& error) {
-  const std::string kind = log_format(path);
-  std::vector<int> measured;
-  for (std::uint32_t k = 0; k < robot.config.measurement_count; ++k) measured.push_back(robot.config.measured_state[k]);
-  if (kind == "channels") return read_channels_log(path, robot, measured, log, error);
-  std::ifstream file(path, std::ios::binary);
-  if (!file) {
-    error = path + ": cannot be read: " + std::strerror(errno);
-    return false;
-  }
-  if (kind == "csv") return read_csv_log(file, path, robot.log, *robot.model, measured, log, error);
-  if (kind == "lcm") return read_lcm_log(file, path, robot, log, error);
-  if (kind == "record") return read_record_log(file, path, robot, log, error);
+bool read_lcm_format(const std::string& path, const RobotFile& robot, const std::vector<int>&, Log& log,
+                     std::string& error) {
+  std::ifstream file;
+  return open_log(file, path, error) && read_lcm_log(file, path, robot, log, error);
+}
+
+bool read_record_format(const std::string& path, const RobotFile& robot, const std::vector<int>&, Log& log,
+                        std::string& error) {
+  std::ifstream file;
+  return open_log(file, path, error) && read_record_log(file, path, robot, log, error);
+}
+
+bool read_channels_format(const std::string& path, const RobotFile& robot, const std::vector<int>& measured, Log& log,
+                          std::string& error) {
+  return read_channels_log(path, robot, measured, log, error);
+}
+
+/// Of `tiller run`, or of others.
+bool read_mcap_format(const std::string& path, const RobotFile& robot, const std::vector<int>& measured, Log& log,
+                      std::string& error) {
+  std::ifstream file;
+  if (!open_log(file, path, error)) return false;
   std::stringstream bytes;
   bytes << file.rdbuf();
   if (is_mcap_run(bytes.str())) return read_mcap_log(bytes.str(), path, robot, log, error);
   return read_channels_log(path, robot, measured, log, error);
+}
+
+bool read_any_log(const std::string& path, const RobotFile& robot, Log& log, std::string& error) {
+  std::vector<int> measured;
+  for (std::uint32_t k = 0; k < robot.config.measurement_count; ++k) measured.push_back(robot.config.measured_state[k]);
+  return format_of(path).read(path, robot, measured, log, error);
 }
 
 }  // namespace tiller::tools
