@@ -46,12 +46,17 @@ def run(arguments: Sequence[str], *, good: Sequence[int] = (0,)) -> tuple[int, s
             except subprocess.TimeoutExpired:
                 process.kill()
             raise
-    if process.returncode in good:
-        return process.returncode, output
+    if process.returncode not in good:
+        raise failed(arguments[0], process.returncode, output)
+    return process.returncode, output
+
+
+def failed(command: str, exit_code: int, output: str) -> CommandError:
+    """The exception for a command that did not do what it was asked for."""
     lines = output.strip().splitlines()
-    error = CommandError(f"tiller {arguments[0]} ended with {process.returncode}: " + "\n".join(lines[-5:]),
-                         status="command_failed", code=process.returncode,
+    error = CommandError(f"tiller {command} ended with {exit_code}: " + "\n".join(lines[-5:]),
+                         status="command_failed", code=exit_code,
                          remedy=lines[-1].split("; ")[-1] if lines and "; " in lines[-1] else
-                         f"read the output; tiller {arguments[0]} --help explains the arguments")
-    error.exit_code, error.output = process.returncode, output
-    raise error
+                         f"read the output; tiller {command} --help explains the arguments")
+    error.exit_code, error.output = exit_code, output
+    return error

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, Union
 
 from . import _core
 from ._calls import public
-from ._command import run
+from ._command import failed, run
 from ._errors import make_argument_error, missing_extra
 
 if TYPE_CHECKING:
@@ -297,7 +297,10 @@ def _run(kind: type[Kind], command: str, words: Sequence[str], out: PathLike | N
     keep = tempfile.TemporaryDirectory(prefix=f"tiller-{command}-") if out is None else None
     folder = Path(keep.name if keep else os.fspath(out))  # type: ignore[arg-type]
     code, text = run([command, *words, "-o", str(folder)], good=good)
-    with open(folder / f"{command}.json", encoding="utf-8") as file:
+    found = folder / f"{command}.json"
+    if not found.is_file():  # an exit code may also say that the arguments are wrong
+        raise failed(command, code, text)
+    with open(found, encoding="utf-8") as file:
         return kind(json.load(file), folder, text, code, keep)
 
 

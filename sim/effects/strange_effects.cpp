@@ -287,7 +287,7 @@ std::vector<EffectInfo> of_commands_and_the_rest() {
        make_effect<SupplySag>},
       {"gain_drift",
        PortKind::command,
-       {{"drift_1_s"}},
+       {{"drift_1_s", true}},
        "the force changes by this share each second",
        make_effect<GainDrift>},
       {"command_jitter",

@@ -34,13 +34,11 @@ fail() {
 }
 
 if [ "$transport" = can ]; then
-  # an emulated guest computes five hundred times slower: fewer rollouts and particles swing the pole up as well, and
-  # an ODE plant of 1 ms is swung up as well as one of 0.1 ms
+  # an emulated guest computes five hundred times slower: fewer rollouts and particles swing the pole up as well
   sed -e 's/^kind = "lcm"$/kind = "socketcan"\ninterface = "vcan0"/' -e 's/^rollouts = .*/rollouts = 64/' \
     -e 's/^particles = 8$/particles = 4/' -e 's/^horizon = .*/horizon = 40/' -e 's/^iterations = .*/iterations = 1/' \
     -e 's/^particles = 256$/particles = 32/' -e 's/^window = .*/window = 32/' \
-    -e 's/^moves_per_tick = .*/moves_per_tick = 8/' -e 's/^step_s = 0.0001 /step_s = 0.001 /' "$robot" >"$folder/robot.toml"
-  grep -q '^step_s = 0.001 ' "$folder/robot.toml" || fail "the robot file has another step_s"
+    -e 's/^moves_per_tick = .*/moves_per_tick = 8/' "$robot" >"$folder/robot.toml"
 elif [ "$transport" = signed ]; then
   transport=lcm
   sed 's/^kind = "lcm"$/kind = "lcm"\nkey_file = "robot.key"/' "$robot" >"$folder/robot.toml"
