@@ -146,7 +146,7 @@ void weigh_scout(Hybrid& h) {
 /// tells where the clock cut either.
 std::uint32_t iterate(Hybrid& h, const PlanRequest& request, PlanResult& result) {
   PlanRequest first = request;
-  first.deadline.iterations = std::min(request.deadline.iterations, 1u);
+  first.deadline.iterations = std::min(request.deadline.iterations, std::uint32_t{1});
   double unused[TILLER_MAX_INPUTS];
   const PlanResult sampled = mppi_planner.plan(h.sampler, first, unused);
   result.status = sampled.status;
