@@ -137,7 +137,9 @@ class LossRun {
     if (!second_half) return;
     if (!judged_) out_.up = true;
     judged_ = true;
-    if (std::fabs(std::remainder(state[0] - kPi, 2.0 * kPi)) > kUp_rad) out_.up = false;
+    const double off_rad = std::fabs(std::remainder(state[0] - kPi, 2.0 * kPi));
+    out_.most_off_rad = std::max(out_.most_off_rad, off_rad);
+    if (off_rad > kUp_rad) out_.up = false;
   }
 
   const LossCase& loss_;

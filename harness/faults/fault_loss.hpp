@@ -13,6 +13,7 @@ struct LossCase {
 
 struct LossOutcome {
   bool up = false;                 ///< within 0.3 rad of upright for the second half
+  double most_off_rad = 0.0;       ///< largest angle from upright in the second half
   bool safe = false;               ///< it went to SAFE
   double worst_age_s = 0.0;        ///< of the reading behind a command that drives the motor, when it is sent
   double worst_motor_age_s = 0.0;  ///< and while the motor obeys it

@@ -64,7 +64,7 @@ TEST_P(Lqr, closed_loop_cost_is_near_optimal) {
   const std::vector<Gain> gains = riccati(c, 1.0, 300);
   const double optimal = closed_loop_cost(
       c, [&](std::uint32_t t, const double* x) { return -gains[t].k[0] * x[0] - gains[t].k[1] * x[1]; });
-  for (const std::uint64_t seed : seeds_of(GetParam(), 3)) {
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     c.seed = seed;
     Bench bench(c);
     const double cost = closed_loop_cost(c, [&](std::uint32_t, const double* x) {

@@ -15,14 +15,9 @@ inline bool is_gradient(std::uint32_t planner) {
   return planner == tiller_planner_ilqr || planner == tiller_planner_hybrid || planner == tiller_planner_sqp;
 }
 
-/// Its commands are those of any seed: SwingUp holds it to that, and one run stands for all seeds.
-inline bool draws_nothing(std::uint32_t planner) {
+/// Draws only for the scout that leaves a local minimum: where the plan makes progress, commands are those of any seed.
+inline bool draws_where_stuck(std::uint32_t planner) {
   return planner == tiller_planner_ilqr || planner == tiller_planner_sqp;
-}
-inline std::vector<std::uint64_t> seeds_of(std::uint32_t planner, std::uint64_t count) {
-  std::vector<std::uint64_t> seeds;
-  for (std::uint64_t seed = 1; seed <= (draws_nothing(planner) ? 1 : count); ++seed) seeds.push_back(seed);
-  return seeds;
 }
 
 #define TILLER_EVERY_PLANNER(suite)                                                                                  \

@@ -90,7 +90,7 @@ double time_upright(const tiller_config_t& c) {
 
 TEST_P(SwingUp, within_six_seconds_and_held) {
   for (const std::uint32_t particles : {1u, 8u})
-    for (const std::uint64_t seed : seeds_of(GetParam(), 5)) {
+    for (std::uint64_t seed = 1; seed <= 5; ++seed) {
       tiller::Config c = cart_pole(GetParam(), particles);
       c.seed = seed;
       const double upright = time_upright(c);
@@ -119,9 +119,10 @@ std::vector<double> first_commands(tiller::Config c, std::uint64_t seed) {
 }
 
 TEST_P(SwingUp, seeds_make_a_difference_where_something_is_drawn) {
+  if (draws_where_stuck(GetParam())) GTEST_SKIP() << "the seed counts where the plan is stuck: escape_test.cpp";
   for (const std::uint32_t particles : {1u, 8u}) {
     const tiller::Config c = cart_pole(GetParam(), particles);
-    EXPECT_EQ(first_commands(c, 1) == first_commands(c, 2), draws_nothing(GetParam())) << particles;
+    EXPECT_NE(first_commands(c, 1), first_commands(c, 2)) << particles;
   }
 }
 

@@ -177,6 +177,7 @@ TEST(RobotFileDrives, AnUnknownWordIsRefusedWithTheKnownOnes) {
   auto robot = good();
   robot->transport.drives[0].actuator = "vesc";
   TransportLinkOptions options;
+  options.kind = robot->transport.kind;
   std::string error;
   EXPECT_EQ(make_transport_link(*robot, options, error), nullptr);
   EXPECT_NE(error.find("transport.drives.force_N: 'vesc' is no actuator; write one of: odrive"), std::string::npos)
