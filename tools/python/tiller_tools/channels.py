@@ -239,15 +239,16 @@ def assign(topics: dict, columns: list) -> dict:
         elif hits:
             problems[column] = "several topics have that field: " + ", ".join(f"{t.name}.{f}" for t, f in hits)
         else:
-            problems[column] = "there is no such field" + nearest(column, topics, told=bool(problems))
+            problems[column] = "there is no such field" + nearest(column, topics)
     return problems
 
 
-def nearest(column: str, topics: dict, told: bool = False) -> str:
+def nearest(column: str, topics: dict) -> str:
     known = [f"{t.name}.{f}" for t in topics.values() for f in t.fields]
     near = difflib.get_close_matches(column, known, 1)
-    listed = "; ".join(t.text() for t in topics.values()) or "no message at all"
-    return (f" (did you mean '{near[0]}'?)" if near else "") + ("" if told else "; the log has " + listed)
+    if near:
+        return f" (did you mean '{near[0]}'?)"
+    return "; the log has " + ("; ".join(t.text() for t in topics.values()) or "no message at all")
 
 
 # ---- sources of messages: topics(), then read() of those with wanted columns ----
