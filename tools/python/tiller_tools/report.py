@@ -219,7 +219,7 @@ def estimate_error_figure(run: Run, name: str) -> str | None:
 
 def innovation_figure(run: Run, name: str) -> str | None:
     values = run.column(f"innovation.{name}")
-    if values is None or not np.any(np.isfinite(values)):
+    if values is None or not np.any(np.abs(values) > 0):  # the first row's is zero; an attitude's w has no other
         return None
     steps = values[1:] * values[:-1]
     memory = np.nanmean(steps) / np.nanmean(values ** 2) if np.any(np.isfinite(steps)) else np.nan
