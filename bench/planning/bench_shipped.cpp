@@ -54,8 +54,7 @@ class Judge {
   /// RMS off the task over RMS off it at rest; the hopper: error of its mean speed as a share of the speed.
   double share() const {
     if (!hops()) return std::sqrt(off_ / rest_);
-    const double speed =
-        (last_m_s_[0] - first_m_s_[0]) / ((last_m_s_[1] - first_m_s_[1]) * robot_.config.period_s);
+    const double speed = (last_m_s_[0] - first_m_s_[0]) / ((last_m_s_[1] - first_m_s_[1]) * robot_.config.period_s);
     return fallen_ ? INFINITY : std::fabs(speed / robot_.config.cost.target[5] - 1.0);
   }
 

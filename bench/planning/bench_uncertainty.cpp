@@ -225,8 +225,9 @@ int main(int argc, char** argv) {
   bench::Table table;
   std::printf("parameters off by up to 30 %%, seeds from %llu, lockstep, %s\n", static_cast<unsigned long long>(first),
               tiller_instruction_set());
-  std::vector<UncertainTask> tasks = {bench::cart_pole_task(), bench::acrobot_task(), bench::planar_quadrotor_task(),
-                                      bench::bounded_quadrotor_task(), bench::rail_task(), bench::bounded_rail_task()};
+  std::vector<UncertainTask> tasks = {
+      bench::cart_pole_task(),         bench::acrobot_task(), bench::planar_quadrotor_task(),
+      bench::bounded_quadrotor_task(), bench::rail_task(),    bench::bounded_rail_task()};
   for (const double share : {0.2, 0.4})
     for (const std::uint32_t horizon : {30u, 50u}) tasks.push_back(bench::swing_up_task(horizon, share));
   for (UncertainTask& task : tasks) {

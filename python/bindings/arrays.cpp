@@ -127,7 +127,8 @@ void refuse_more(const char* function, const char* parameters, const nb::args& m
   for (const nb::handle value : more)
     raise_argument(function, "one argument more", show(value), "nothing", remedy, true);
   for (const auto& [name, value] : others)
-    raise_argument(function, nb::cast<std::string>(name).c_str(), show(value), "no argument of that name", remedy, true);
+    raise_argument(function, nb::cast<std::string>(name).c_str(), show(value), "no argument of that name", remedy,
+                   true);
 }
 
 }  // namespace tiller::python

@@ -143,8 +143,7 @@ void make_measurement(Measurement* at, nb::handle robot, nb::handle stamp, nb::h
   refuse_more("Measurement", "robot, stamp, y, sequence=0, latency_s=0.0", more, others);
   const Robot& of = read_robot(robot, "Measurement");
   Measurement made = measurement_of(y, micros(stamp, {"Measurement", "stamp"}), *of);
-  made.raw.sequence =
-      static_cast<std::uint32_t>(read_count(sequence, {"Measurement", "sequence"}, 0, 0xffffffff));
+  made.raw.sequence = static_cast<std::uint32_t>(read_count(sequence, {"Measurement", "sequence"}, 0, 0xffffffff));
   const double latency = read_number(latency_s, {"Measurement", "latency_s"}, "seconds");
   if (!(latency >= 0.0 && latency <= kLongest_s))
     raise_argument("Measurement", "latency_s", show(latency_s), "0 to 4000 s", "pass the time until the command acts");
@@ -154,8 +153,8 @@ void make_measurement(Measurement* at, nb::handle robot, nb::handle stamp, nb::h
 
 void bind_messages(nb::module_& m) {
   nb::class_<Measurement>(m, "Measurement", "What the sensors said, and when. NaN marks a missing value.")
-      .def("__init__", &make_measurement, "robot"_a.none() = nb::none(), "stamp"_a.none() = nb::none(), "y"_a.none() = nb::none(),
-           "sequence"_a.none() = 0, "latency_s"_a.none() = 0.0, "more"_a, "others"_a,
+      .def("__init__", &make_measurement, "robot"_a.none() = nb::none(), "stamp"_a.none() = nb::none(),
+           "y"_a.none() = nb::none(), "sequence"_a.none() = 0, "latency_s"_a.none() = 0.0, "more"_a, "others"_a,
            "`stamp` is the second at which y (ny) was read; `latency_s` from then until the answering command acts.")
       .def_prop_ro(
           "t", [](const Measurement& s) { return 1e-6 * static_cast<double>(s.now_us); },
@@ -199,8 +198,8 @@ void bind_controller(nb::module_& m) {
   nb::class_<Controller> controller(m, "Controller",
                                     "A controller in a block of memory of its own. One thread at a time.");
   controller
-      .def("__init__", &make, "robot"_a.none() = nb::none(), "threads"_a.none() = 1, "by_clock"_a.none() = false, "more"_a,
-           "others"_a,
+      .def("__init__", &make, "robot"_a.none() = nb::none(), "threads"_a.none() = 1, "by_clock"_a.none() = false,
+           "more"_a, "others"_a,
            "by_clock: the planner keeps the robot file's deadline_us by the wall clock. Without it the iterations "
            "alone decide, and the same measurements give the same commands to the last bit.")
       .def("tick", &tick, "t"_a, "y"_a.none() = nb::none(),

@@ -73,8 +73,7 @@ void make(Plant* at, nb::handle robot, nb::handle seed, const nb::args& more, co
   refuse_more("Plant", "robot, seed=None", more, others);
   const Robot& of = read_robot(robot, "Plant");
   std::optional<std::uint64_t> own;
-  if (!seed.is_none())
-    own = static_cast<std::uint64_t>(read_count(seed, {"Plant", "seed"}, 0, std::int64_t{1} << 53));
+  if (!seed.is_none()) own = static_cast<std::uint64_t>(read_count(seed, {"Plant", "seed"}, 0, std::int64_t{1} << 53));
   new (at) Plant(of, own);
 }
 

@@ -199,9 +199,8 @@ void refuse(std::size_t index, const char* argument, const Input<T>& array, cons
   std::vector<std::size_t> shape;
   for (std::size_t d = 0; d < array.ndim(); ++d) shape.push_back(array.shape(d));
   const std::string name = names[index % names.size()];
-  raise_argument("rollout", argument,
-                 "NaN or infinity at " + (argument + place(index, shape)) + " (" + name + ")", "finite numbers",
-                 "give every value of " + name + " a finite number");
+  raise_argument("rollout", argument, "NaN or infinity at " + (argument + place(index, shape)) + " (" + name + ")",
+                 "finite numbers", "give every value of " + name + " a finite number");
 }
 
 template <class T>

@@ -104,8 +104,7 @@ void PlanningBelief::compute_lookahead(double ahead_s) {
   for (std::uint32_t lane = 0; lane < belief_.count; ++lane) {
     double longest_s = 0.0;
     for (std::uint32_t e = 0; e < setup_->effect_count && over_delays_; ++e)
-      if (has_role(setup_->effects[e].kind, kDelay))
-        longest_s = std::max(longest_s, delay_s(setup_->effects[e], lane));
+      if (has_role(setup_->effects[e].kind, kDelay)) longest_s = std::max(longest_s, delay_s(setup_->effects[e], lane));
     Lookahead& ahead = lookahead_[lane];
     ahead.total_s = std::max(ahead_s, 0.0) + longest_s + ahead.late_s;
     // a period less a rounding is a period

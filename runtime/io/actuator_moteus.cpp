@@ -194,8 +194,8 @@ std::uint32_t capabilities_of(const ActuatorSettings&) { return kCapabilities; }
 
 }  // namespace
 
-const ActuatorProtocol moteus_protocol = {
-    kCapabilities, settings_error, capabilities_of, filters, command_filters, receive,
-    enable,        stop,           query,           command, query,           stop};
+const ActuatorProtocol moteus_protocol = {kCapabilities,   settings_error, capabilities_of, filters,
+                                          command_filters, receive,        enable,          stop,
+                                          query,           command,        query,           stop};
 
 }  // namespace tiller

@@ -212,8 +212,8 @@ std::uint32_t capabilities_of(const ActuatorSettings&) { return kCapabilities; }
 
 }  // namespace
 
-const ActuatorProtocol odrive_protocol = {
-    kCapabilities, settings_error, capabilities_of, filters, command_filters, receive,
-    enable,        disable,        idle,            command, query,           clear_faults};
+const ActuatorProtocol odrive_protocol = {kCapabilities, settings_error, capabilities_of, filters, command_filters,
+                                          receive,       enable,         disable,         idle,    command,
+                                          query,         clear_faults};
 
 }  // namespace tiller

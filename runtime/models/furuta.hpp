@@ -52,16 +52,13 @@ struct Furuta {
     const S swing = p.pendulum_inertia_kgm2 + p.pendulum_mass_kg * p.pendulum_com_m * p.pendulum_com_m +
                     body.payload_kg * p.pendulum_length_m * p.pendulum_length_m;
     const S h = moment * p.arm_length_m, swirl = swing * sine * cosine;
-    const S m11 =
-        p.arm_inertia_kgm2 + mass * p.arm_length_m * p.arm_length_m + swing * sine * sine + body.payload_kgm2;
+    const S m11 = p.arm_inertia_kgm2 + mass * p.arm_length_m * p.arm_length_m + swing * sine * sine + body.payload_kgm2;
     const S m12 = h * cosine, m22 = swing + body.payload_kgm2;
     const S gx = body.gravity_x_m_s2, gz = body.gravity_z_m_s2;
-    const S arm_pull =
-        -gx * ((p.arm_moment_kgm + mass * p.arm_length_m) * sine_a + moment * sine * cosine_a);
-    const S turn1 = u.arm_Nm + f.arm_Nm + arm_pull +
-                    x.pendulum_rad_s * (h * sine * x.pendulum_rad_s - swirl * x.arm_rad_s * 2.0);
-    const S turn2 =
-        f.pendulum_Nm + moment * (gz * sine - gx * sine_a * cosine) + swirl * x.arm_rad_s * x.arm_rad_s;
+    const S arm_pull = -gx * ((p.arm_moment_kgm + mass * p.arm_length_m) * sine_a + moment * sine * cosine_a);
+    const S turn1 =
+        u.arm_Nm + f.arm_Nm + arm_pull + x.pendulum_rad_s * (h * sine * x.pendulum_rad_s - swirl * x.arm_rad_s * 2.0);
+    const S turn2 = f.pendulum_Nm + moment * (gz * sine - gx * sine_a * cosine) + swirl * x.arm_rad_s * x.arm_rad_s;
     const S inverse = S(1.0) / (m11 * m22 - m12 * m12);
     return {x.arm_rad_s, x.pendulum_rad_s, (m22 * turn1 - m12 * turn2) * inverse,
             (m11 * turn2 - m12 * turn1) * inverse};

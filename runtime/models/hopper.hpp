@@ -92,8 +92,8 @@ struct Hopper {
     const S apart_z = (pull_z + normal - f.leg_N * cosine + extra_across * sine) * inverse_foot - body_z;
     const S pitch = (f.pitch_Nm - u.hip_Nm - f.hip_Nm) / (p.body_inertia_kgm2 + body.payload_kgm2);
     const S leg_turn = (apart_x * cosine + apart_z * sine - x.leg_m_s * turn * 2.0) * inverse_leg;
-    return {x.x_m_s, x.z_m_s, x.pitch_rad_s, x.hip_rad_s, x.leg_m_s, body_x, body_z, pitch, leg_turn - pitch,
-            apart_x * sine - apart_z * cosine + swing * turn};
+    return {x.x_m_s, x.z_m_s, x.pitch_rad_s, x.hip_rad_s,      x.leg_m_s,
+            body_x,  body_z,  pitch,         leg_turn - pitch, apart_x * sine - apart_z * cosine + swing * turn};
   }
 };
 

@@ -221,8 +221,7 @@ void iterate(Ilqr& s, const PlanRequest& request, PlanResult& result) {
   }
   if (!s.single) close_path(s);
   if (s.escape) {
-    result.iterations +=
-        search_beside(*s.escape, s.plan, s.cost, request, budget.left(result.iterations));
+    result.iterations += search_beside(*s.escape, s.plan, s.cost, request, budget.left(result.iterations));
     weigh_scout(s);
   }
   result.cost = s.cost;

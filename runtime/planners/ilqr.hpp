@@ -11,7 +11,7 @@ struct ScenarioTree;
 /// Iterative LQR: see ilqr.cpp. Also the second half of `hybrid`.
 struct Ilqr {
   ScenarioTree* tree = nullptr;  // plans in the place of everything below where it is set
-  Escape* escape = nullptr;  // of the planner `ilqr`; null in `hybrid`, which has a scout of its own, and in scouts
+  Escape* escape = nullptr;      // of the planner `ilqr`; null in `hybrid`, which has a scout of its own, and in scouts
   PathPlan plan;
   double cost = 0.0;  // of the path under the risk; infinity: not known
   MultipleShooting shooting;

@@ -168,7 +168,7 @@ class MctsTree {
   std::uint64_t all_ = 1;  // hypotheses of the belief
   bool weighted_ = false;
   double weight_[kMostHypotheses] = {};  // of each hypothesis, where they are weighted
-  bool released_ = false;  // nodes that wait for keep_below
+  bool released_ = false;                // nodes that wait for keep_below
   double base_ = 0.0;
 };
 

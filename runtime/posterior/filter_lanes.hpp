@@ -48,8 +48,8 @@ struct FilterRows {
 /// in `to` and get an infinite squared error; all others are written to `to`.
 struct CorrectJob {
   std::uint32_t nx = 0, ns = 0, ny = 0;
-  std::uint32_t lanes = 0;                       // a multiple of 16
-  std::uint32_t angle_mask = 0;                  // states whose innovation wraps to +-pi
+  std::uint32_t lanes = 0;       // a multiple of 16
+  std::uint32_t angle_mask = 0;  // states whose innovation wraps to +-pi
   /// bit i: states i to i + 3 are a unit quaternion. Its covariance is that of differences (rotation.hpp), in the last
   /// three; `measured` has its difference from no rotation there, and the first is missing.
   std::uint32_t quaternion_mask = 0;

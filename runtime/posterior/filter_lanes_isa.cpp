@@ -64,7 +64,9 @@ void predict_lanes(const PredictJob& job) {
 void predict_large(const PredictJob& job) {
   const std::uint32_t nx = job.nx;
   for (std::uint32_t lane = 0; lane < job.lanes; lane += P::width) {
-    const auto a = [&](std::uint32_t r, std::uint32_t c) { return P::load(job.a + (r * nx + c) * job.a_stride + lane); };
+    const auto a = [&](std::uint32_t r, std::uint32_t c) {
+      return P::load(job.a + (r * nx + c) * job.a_stride + lane);
+    };
     const double* covariance = job.covariance + lane;
     for (std::uint32_t r = 0; r < nx; ++r) {
       P ap[kMaxFilterStates];  // row r of A P
@@ -78,8 +80,8 @@ void predict_large(const PredictJob& job) {
         }
       }
       for (std::uint32_t c = r; c < nx; ++c) {
-        P sum = P(job.process[triangle_row(nx, r, c)]) *
-                (job.process_scale ? P::load(job.process_scale + lane) : P(1.0));
+        P sum =
+            P(job.process[triangle_row(nx, r, c)]) * (job.process_scale ? P::load(job.process_scale + lane) : P(1.0));
         for (std::uint32_t k = 0; k < nx; ++k) sum = fma(ap[k], a(c, k), sum);
         sum.store(job.predicted + triangle_row(nx, r, c) * job.predicted_stride + lane);
       }
@@ -163,8 +165,7 @@ void correct_lanes(const CorrectJob& job) {
       const bool mapped = job.gain != nullptr;
       const P slope = mapped ? P::load(job.gain + k * job.lanes + lane) : P(1.0);
       const P read = (turns.states >> m) & 1u ? turns.seen[m] : P(job.measured[k]);
-      P innovation =
-          read - (mapped ? fma(slope, x[m], P::load(job.offset + k * job.lanes + lane)) : x[m]);
+      P innovation = read - (mapped ? fma(slope, x[m], P::load(job.offset + k * job.lanes + lane)) : x[m]);
       if (job.angle_mask >> m & 1u) innovation = wrap_to_pi(innovation);
       P column[max_states];  // P h^T
       for (std::uint32_t i = 0; i < nx; ++i) column[i] = p[i < m ? triangle_row(nx, i, m) : triangle_row(nx, m, i)];

@@ -164,8 +164,8 @@ TILLER_INLINE typename Model::template State<S> from_target(const Model& model, 
   const double* row = nullptr;
   if (cost.has(kCostReference))
     row = cost.reference + cost_row(step, cost.reference_rows) * static_cast<std::size_t>(static_cast<int>(model.nx()));
-  return differences<Model, S>(
-      model, x, [&](auto i) { return S(row ? table_value<T>(model, i, row[i]) : cost.target[i]); });
+  return differences<Model, S>(model, x,
+                               [&](auto i) { return S(row ? table_value<T>(model, i, row[i]) : cost.target[i]); });
 }
 
 /// Everything that a state costs at time row `step` but the own cost; `weight` is Q or Qf.

@@ -63,8 +63,8 @@ template <class Model, class S, class B>
 TILLER_INLINE void turn_differences(const Model& model, const typename Model::template State<S>& x, const B& b,
                                     typename Model::template State<S>& d) {
   each_quaternion(model, [&](auto first) TILLER_INLINED {
-    const Vector3<S> turn = attitude_difference(quaternion_of<S>([&](auto i) { return x[i]; }, first),
-                                                quaternion_of<S>(b, first));
+    const Vector3<S> turn =
+        attitude_difference(quaternion_of<S>([&](auto i) { return x[i]; }, first), quaternion_of<S>(b, first));
     put_quaternion(d, first, Quaternion<S>{S(0.0), turn.x, turn.y, turn.z});
   });
 }

@@ -198,6 +198,8 @@ double MoteusAxis::register_value(std::uint32_t reg, const Shaft& shaft) const {
 }
 
 std::unique_ptr<DriveAxis> make_moteus_axis(const DriveOptions& options);
-std::unique_ptr<DriveAxis> make_moteus_axis(const DriveOptions& options) { return std::make_unique<MoteusAxis>(options.node); }
+std::unique_ptr<DriveAxis> make_moteus_axis(const DriveOptions& options) {
+  return std::make_unique<MoteusAxis>(options.node);
+}
 
 }  // namespace tiller::sim

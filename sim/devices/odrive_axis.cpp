@@ -101,6 +101,8 @@ CanFrame OdriveAxis::error_frame() const {
 }
 
 std::unique_ptr<DriveAxis> make_odrive_axis(const DriveOptions& options);
-std::unique_ptr<DriveAxis> make_odrive_axis(const DriveOptions& options) { return std::make_unique<OdriveAxis>(options.node); }
+std::unique_ptr<DriveAxis> make_odrive_axis(const DriveOptions& options) {
+  return std::make_unique<OdriveAxis>(options.node);
+}
 
 }  // namespace tiller::sim

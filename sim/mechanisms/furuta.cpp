@@ -54,10 +54,14 @@ std::shared_ptr<const Tree> make_tree(const std::map<std::string, double>& p) {
 
 MechanismInfo furuta_info() {
   // Quanser's QUBE-Servo 2: arm of 0.095 kg and 0.085 m, pendulum of 0.024 kg and 0.129 m, both as uniform rods
-  const std::map<std::string, double> rods = {
-      {"arm_length_m", 0.085},            {"arm_inertia_kgm2", 2.34e-4},  {"arm_moment_kgm", 0.00404},
-      {"pendulum_mass_kg", 0.024},        {"pendulum_length_m", 0.129},   {"pendulum_com_m", 0.0645},
-      {"pendulum_inertia_kgm2", 3.33e-5}, {"pendulum_axial_kgm2", 1e-9}};
+  const std::map<std::string, double> rods = {{"arm_length_m", 0.085},
+                                              {"arm_inertia_kgm2", 2.34e-4},
+                                              {"arm_moment_kgm", 0.00404},
+                                              {"pendulum_mass_kg", 0.024},
+                                              {"pendulum_length_m", 0.129},
+                                              {"pendulum_com_m", 0.0645},
+                                              {"pendulum_inertia_kgm2", 3.33e-5},
+                                              {"pendulum_axial_kgm2", 1e-9}};
   MechanismInfo info = tree_info(make_tree(rods));
   info.kind = "furuta";
   info.help =

@@ -216,8 +216,8 @@ MechanismInfo hopper_info() {
       {"ground_damping_Ns_m", 1200.0, 0, true, "of the ground under the foot"},
       {"gravity_m_s2", 9.81, 0, true, "gravity, downwards"},
   };
-  info.states = {{"x_m", "m"},         {"z_m", "m"},           {"pitch_rad", "rad"}, {"hip_rad", "rad"},
-                 {"leg_m", "m"},       {"x_m_s", "m/s"},       {"z_m_s", "m/s"},     {"pitch_rad_s", "rad/s"},
+  info.states = {{"x_m", "m"},           {"z_m", "m"},      {"pitch_rad", "rad"}, {"hip_rad", "rad"},
+                 {"leg_m", "m"},         {"x_m_s", "m/s"},  {"z_m_s", "m/s"},     {"pitch_rad_s", "rad/s"},
                  {"hip_rad_s", "rad/s"}, {"leg_m_s", "m/s"}};
   info.default_state = {0, 0.5, 0, 0, 0.5, 0, 0, 0, 0, 0};
   info.measured = {0, 1, 2, 3, 4};

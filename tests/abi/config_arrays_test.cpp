@@ -116,7 +116,8 @@ double plan_cost(const tiller_output_cost_t* outputs, std::uint32_t count, std::
   if (t == nullptr) return NAN;
   tiller_command_t command = {};
   for (int k = 1; k < 5; ++k) {
-    const tiller_measurement_t m = {static_cast<std::int64_t>(k * 1e6 * c.period_s), static_cast<std::uint32_t>(k), 0, {}};
+    const tiller_measurement_t m = {
+        static_cast<std::int64_t>(k * 1e6 * c.period_s), static_cast<std::uint32_t>(k), 0, {}};
     (void)tiller_tick(t, m.stamp_us, &m, &command);
     if (k == 1) EXPECT_EQ(tiller_arm(t), tiller_status_ok);
   }
@@ -127,9 +128,11 @@ double plan_cost(const tiller_output_cost_t* outputs, std::uint32_t count, std::
 
 // A model has outputs and the cost names none: an array of none is null in the block too, where "is there one?" is asked.
 TEST(ConfigArrays, OutputsThatNobodyAsksForCostNothing) {
-  const tiller_output_cost_t none[2] = {{0.0, 0.0, 0.0, -INFINITY, INFINITY, 0.0}, {0.0, 0.0, 0.0, -INFINITY, INFINITY, 0.0}};
-  for (const std::uint32_t planner : {tiller_planner_random_shooting, tiller_planner_cem, tiller_planner_mppi,
-                                      tiller_planner_mcts, tiller_planner_ilqr, tiller_planner_sqp, tiller_planner_hybrid}) {
+  const tiller_output_cost_t none[2] = {{0.0, 0.0, 0.0, -INFINITY, INFINITY, 0.0},
+                                        {0.0, 0.0, 0.0, -INFINITY, INFINITY, 0.0}};
+  for (const std::uint32_t planner :
+       {tiller_planner_random_shooting, tiller_planner_cem, tiller_planner_mppi, tiller_planner_mcts,
+        tiller_planner_ilqr, tiller_planner_sqp, tiller_planner_hybrid}) {
     const double cost = plan_cost(nullptr, 0, planner);
     EXPECT_TRUE(std::isfinite(cost)) << planner;
     EXPECT_EQ(cost, plan_cost(none, 2, planner)) << planner;

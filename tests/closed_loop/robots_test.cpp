@@ -27,8 +27,7 @@ double share_off(const std::string& file, const std::vector<double>& x, const ti
   // within 0.2 rad of upright
   if (file == "furuta.toml") return (1 + std::cos(x[1])) / (1 - std::cos(0.2));
   // on its leg, having come as far as 0.35 to 0.65 m/s take it in five seconds from rest
-  if (file == "hopper.toml")
-    return x[1] < 0.3 || std::fabs(x[2]) > 1 ? INFINITY : std::fabs(x[0] / 5 - 0.5) / 0.15;
+  if (file == "hopper.toml") return x[1] < 0.3 || std::fabs(x[2]) > 1 ? INFINITY : std::fabs(x[0] / 5 - 0.5) / 0.15;
   // a place within 0.1 m, a tilt within 0.1 rad, rates within 0.5 of their units
   double worst = 0;
   for (std::size_t i = 0; i < x.size(); ++i) {

@@ -498,8 +498,9 @@ TEST_F(Loader, AnObjectWithFloatsIsFoundByWhatItDoesNotWrite) {
 /// What a compiler says of a template, without kernels: of one instantiation, in a second.
 std::string compiler_says(const fs::path& folder, const std::string& model, const CompiledSource& source) {
   std::ofstream(source.path) << model;
-  std::ofstream(source.wrapper) << "#include \"" << source.path << "\"\nusing M = mine::Mass<double>;\n"
-                                << "M::State rate(const M::State& x) { return M::dynamics(x, {1.0}, {0.0}, {}, {2.0}); }\n";
+  std::ofstream(source.wrapper)
+      << "#include \"" << source.path << "\"\nusing M = mine::Mass<double>;\n"
+      << "M::State rate(const M::State& x) { return M::dynamics(x, {1.0}, {0.0}, {}, {2.0}); }\n";
   const ChildResult child = run_child({"env", "LC_ALL=C", "c++", "-std=c++17", "-Wextra", "-fsyntax-only",
                                        "-I" TILLER_TEST_INCLUDE, "-I" TILLER_TEST_INCLUDE "/..", source.wrapper});
   EXPECT_TRUE(child.started) << folder;
@@ -507,8 +508,8 @@ std::string compiler_says(const fs::path& folder, const std::string& model, cons
 }
 
 TEST_F(Loader, AFieldThatIsLeftOutIsNoZero) {
-  const CompiledSource source = {(folder_ / "mass.hpp").string(), (folder_ / "wrapper.cpp").string(),
-                                 {TILLER_TEST_INCLUDE}};
+  const CompiledSource source = {
+      (folder_ / "mass.hpp").string(), (folder_ / "wrapper.cpp").string(), {TILLER_TEST_INCLUDE}};
   EXPECT_EQ(left_out_fields(compiler_says(folder_, mass_hpp(), source), source), "");
   std::string model = mass_hpp();
   const std::string second = ", (u.force_N + f.rail_N) / p.mass_kg";
@@ -531,8 +532,9 @@ TEST_F(Loader, ErrorsInHeadersAreToldOfTheModel) {
       << author_errors(missing, source);
   const std::string name = "/cache/arm.cpp:3:21: error: 'Arm' was not declared in this scope; did you mean 'Arms'?\n";
   EXPECT_NE(author_errors(name, source).find("[model] type"), std::string::npos);
-  const std::string late = missing + "/home/me/parts/joint.hpp:7:3: error: 'q' was not declared in this scope\n"
-                                     "    7 |   q + 1\n      |   ^\n";
+  const std::string late = missing +
+                           "/home/me/parts/joint.hpp:7:3: error: 'q' was not declared in this scope\n"
+                           "    7 |   q + 1\n      |   ^\n";
   EXPECT_EQ(author_errors(late, source),
             "  | /home/me/parts/joint.hpp:7:3: error: 'q' was not declared in this scope\n"
             "  |     7 |   q + 1\n  |       |   ^\n  | (and 1 that follow from this or repeat it)\n");

@@ -113,9 +113,9 @@ TEST(Clearance, DistancesAreThoseOfTheCentres) {
 TEST(Clearance, OnlyWhatMayCollideIsTold) {
   const double q[3] = {0.1, 0.2, 0.3};
   const auto y = outputs_at(q);
-  EXPECT_EQ(y.count("apart_column_1_column_2_m"), 0u);  // one link
-  EXPECT_EQ(y.count("apart_column_1_turret_1_m"), 0u);  // joined
-  EXPECT_EQ(y.count("apart_forearm_1_hand_1_m"), 0u);   // screwed together
+  EXPECT_EQ(y.count("apart_column_1_column_2_m"), 0u);   // one link
+  EXPECT_EQ(y.count("apart_column_1_turret_1_m"), 0u);   // joined
+  EXPECT_EQ(y.count("apart_forearm_1_hand_1_m"), 0u);    // screwed together
   EXPECT_EQ(y.count("apart_turret_1_forearm_1_m"), 0u);  // may touch
   EXPECT_EQ(y.count("apart_turret_1_hand_1_m"), 0u);     // is the only pair that is named so
   EXPECT_EQ(y.count("height_column_1_m"), 0u);

@@ -186,7 +186,8 @@ TEST(Description, AJointWithoutARotorIsTold) {
 // A robot file takes no bound of 1e16, and what turns for ever is told apart from what has two ends.
 TEST(Description, EndsOf1e16AreNone) {
   Mechanism mechanism;
-  ASSERT_EQ(imported(robot("<limit lower=\"-1e+16\" upper=\"1e+16\" effort=\"1e9\" velocity=\"1e16\"/>"), mechanism), "");
+  ASSERT_EQ(imported(robot("<limit lower=\"-1e+16\" upper=\"1e+16\" effort=\"1e9\" velocity=\"1e16\"/>"), mechanism),
+            "");
   ASSERT_EQ(mechanism.bodies.size(), 1u);
   const MovingBody& turns = mechanism.bodies[0];
   EXPECT_EQ(turns.low, -INFINITY);

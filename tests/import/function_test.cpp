@@ -342,8 +342,9 @@ TEST(Function, RatesPerHourAreTakenAsSuch) {
     return code[0];
   };
   FunctionModel model;
-  expect_in(told(f, names + values, model), "its derivatives are taken as changes per hour, for its rates are (feed_L_h, "
-                                            "mu_1_h), and divided by 3600; if they are per second: time = \"s\"");
+  expect_in(told(f, names + values, model),
+            "its derivatives are taken as changes per hour, for its rates are (feed_L_h, "
+            "mu_1_h), and divided by 3600; if they are per second: time = \"s\"");
   EXPECT_EQ(rate(model, 1), "u.feed_L_h * S(0.0002777777777777778)");
   const std::string robot = write_function_robot(model, "f.hpp");
   expect_in(robot, "\nperiod_s = 72\n");
@@ -360,8 +361,9 @@ TEST(Function, RatesPerHourAreTakenAsSuch) {
   const std::string both = "[names]\nx = [\"x_m\", \"x_m_s\"]\nu = [\"feed_L_h\"]\n";
   expect_in(refusal(f, both + values), "has rates per hour (feed_L_h, mu_1_h) and per second (x_m_s); say what");
   expect_in(refusal(f, "time = \"day\"\n" + names + values), "time is not \"s\", \"min\" or \"h\"");
-  expect_in(refusal(with({"add", 3, 0, 2}), "time = \"h\"\n[joints]\na = { velocity = \"v_rad_s\", force = \"u_Nm\" }\n"),
-            "has derivatives per h and joints");
+  expect_in(
+      refusal(with({"add", 3, 0, 2}), "time = \"h\"\n[joints]\na = { velocity = \"v_rad_s\", force = \"u_Nm\" }\n"),
+      "has derivatives per h and joints");
 }
 
 TEST(Function, ParametersHaveValues) {

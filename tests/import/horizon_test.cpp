@@ -19,14 +19,15 @@ constexpr double kCart_kg = 1.0, kPole_kg = 0.1, kHalf_m = 0.5, kEffort_N = 20.0
 /// A cart that is driven along a rail, with a rod that stands on it and that nothing drives.
 bool read_balancer(Mechanism& mechanism) {
   const std::string path = ::testing::TempDir() + "horizon_test.urdf";
-  std::ofstream(path) << "<robot name=\"balancer\"><link name=\"rail\"/><joint name=\"slide\" type=\"prismatic\">"
-                         "<parent link=\"rail\"/><child link=\"cart\"/><axis xyz=\"1 0 0\"/>"
-                         "<limit lower=\"-2\" upper=\"2\" effort=\"20\" velocity=\"10\"/></joint>"
-                         "<link name=\"cart\"><inertial><mass value=\"1\"/><inertia ixx=\"0.01\" iyy=\"0.01\" izz=\"0.01\"/>"
-                         "</inertial></link><joint name=\"lean\" type=\"continuous\"><parent link=\"cart\"/>"
-                         "<child link=\"rod\"/><axis xyz=\"0 1 0\"/></joint><link name=\"rod\"><inertial>"
-                         "<origin xyz=\"0 0 0.5\"/><mass value=\"0.1\"/>"
-                         "<inertia ixx=\"0.00833333\" iyy=\"0.00833333\" izz=\"0.0001\"/></inertial></link></robot>";
+  std::ofstream(path)
+      << "<robot name=\"balancer\"><link name=\"rail\"/><joint name=\"slide\" type=\"prismatic\">"
+         "<parent link=\"rail\"/><child link=\"cart\"/><axis xyz=\"1 0 0\"/>"
+         "<limit lower=\"-2\" upper=\"2\" effort=\"20\" velocity=\"10\"/></joint>"
+         "<link name=\"cart\"><inertial><mass value=\"1\"/><inertia ixx=\"0.01\" iyy=\"0.01\" izz=\"0.01\"/>"
+         "</inertial></link><joint name=\"lean\" type=\"continuous\"><parent link=\"cart\"/>"
+         "<child link=\"rod\"/><axis xyz=\"0 1 0\"/></joint><link name=\"rod\"><inertial>"
+         "<origin xyz=\"0 0 0.5\"/><mass value=\"0.1\"/>"
+         "<inertia ixx=\"0.00833333\" iyy=\"0.00833333\" izz=\"0.0001\"/></inertial></link></robot>";
   Description description;
   std::vector<std::string> errors;
   if (!read_urdf(path, description, errors) || !build_mechanism(description, {}, mechanism, errors)) return false;

@@ -107,8 +107,8 @@ TEST(Identifiable, MassesThatShowAsASumAreToldWithTheirFactors) {
 // move them by size, stretch_x and stretch_y in the ratio of their moments, and the shifts in the plane.
 TEST(Identifiable, CoordinatesOfALinkThatStaysInAPlane) {
   const Robot robot(kFlat, {"inertia:l2"});
-  EXPECT_EQ(robot.unseen(), (std::vector<std::string>{"l2_stretch_z", "l2_shear_xy", "l2_shear_yz", "l2_shear_xz",
-                                                      "l2_shift_z_m"}));
+  EXPECT_EQ(robot.unseen(),
+            (std::vector<std::string>{"l2_stretch_z", "l2_shear_xy", "l2_shear_yz", "l2_shear_xz", "l2_shift_z_m"}));
   EXPECT_EQ(robot.found.rank, 4u);
   ASSERT_EQ(robot.found.shared.size(), 1u);
   const double half = 0.5 * (0.005 + 0.015 + 0.012);
@@ -126,7 +126,7 @@ TEST(Identifiable, MassesAndGainsShowAsRatiosUntilSomethingKnownHasAForce) {
   MechanismOptions rotor;
   rotor.armature = {{"j2", 0.1}};
   EXPECT_EQ(Robot(kUpright, {"mass:*", "gain:*"}, rotor).found.rank, 4u);
-  EXPECT_EQ(Robot(kUpright, {"mass:*", "gain:*", "friction:*"}).found.rank, 7u);  // scaled as well
+  EXPECT_EQ(Robot(kUpright, {"mass:*", "gain:*", "friction:*"}).found.rank, 7u);   // scaled as well
   EXPECT_EQ(Robot(kUpright, {"mass:*", "gain:j1", "friction:*"}).found.rank, 7u);  // the other gain is known
 }
 
@@ -145,7 +145,7 @@ TEST(Identifiable, ASixAxisArmHasThirtySix) {
     return Link{"0 0 1", origin, turn, "0.03 0.02 0.05", 1.5, 0.02, 0.03, 0.025};
   };
   const char *up = "0 0 0", *left = "-1.5707963267948966 0 0", *right = "1.5707963267948966 0 0";
-  const std::vector<Link> puma{link("0 0 0.6", up),       link("0 0 0", left),   link("0.4318 0 0.15", up),
+  const std::vector<Link> puma{link("0 0 0.6", up),        link("0 0 0", left),  link("0.4318 0 0.15", up),
                                link("0.02 -0.43 0", left), link("0 0 0", right), link("0 0 0", left)};
   const Robot robot(urdf_of(puma), {"inertia:*"});
   EXPECT_EQ(robot.found.rank, 36u);
@@ -153,8 +153,8 @@ TEST(Identifiable, ASixAxisArmHasThirtySix) {
   EXPECT_GT(robot.found.smallest_kept, 1e-4);
   EXPECT_LT(robot.found.largest_dropped, 1e-11);
   // three parallel axes, as the UR5 has
-  const std::vector<Link> ur{link("0 0 0.09", up),   link("0 0.14 0", left),  link("0.425 0 -0.12", up),
-                             link("0.39 0 0", up),   link("0 0.09 0", right), link("0 0 0.09", left)};
+  const std::vector<Link> ur{link("0 0 0.09", up), link("0 0.14 0", left),  link("0.425 0 -0.12", up),
+                             link("0.39 0 0", up), link("0 0.09 0", right), link("0 0 0.09", left)};
   EXPECT_EQ(Robot(urdf_of(ur), {"inertia:*"}).found.rank, 36u);
 }
 
@@ -274,8 +274,8 @@ TEST(Identifiable, WhatNoMotionTellsIsHeldAndTheSumHasItsWholePrior) {
     EXPECT_EQ(p.is_held, p.comment.find("; held") != std::string::npos) << p.name;
     EXPECT_EQ(p.is_held, p.prior() == "0.0") << p.name;
   }
-  EXPECT_EQ(held, (std::vector<std::string>{"l2_stretch_y", "l2_stretch_z", "l2_shear_xy", "l2_shear_yz",
-                                            "l2_shear_xz", "l2_shift_z_m"}));
+  EXPECT_EQ(held, (std::vector<std::string>{"l2_stretch_y", "l2_stretch_z", "l2_shear_xy", "l2_shear_yz", "l2_shear_xz",
+                                            "l2_shift_z_m"}));
   EXPECT_EQ(robot.unknowns.parameters[1].comment, "stands for l2_stretch_x + 0.0909 l2_stretch_y");
   EXPECT_NEAR(robot.unknowns.parameters[1].sd, 0.1 * std::hypot(1.0, 1.0 / 11.0), 1e-9);
   EXPECT_EQ(robot.unknowns.parameters[2].comment, "shows only with l2_stretch_x; held");

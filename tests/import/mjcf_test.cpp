@@ -175,12 +175,13 @@ TEST(Mjcf, WhatHasNoEquationsHereIsRefusedOrTold) {
   expect_in(told(changed([](Json& j) { j["actuators"] = Json::array(); })), "every joint is taken as driven");
   expect_in(told(changed([](Json& j) { j["joints"][1]["beyond"] = {"springs of higher order"}; })),
             "joint 'pan' has springs of higher order: not read");
-  expect_in(told(changed([](Json& j) {
-              j["touching"] = 9;
-              j["touching_world"] = {"arm", "a", "b", "c", "d", "e"};
-            })),
-            "CONTACTS are not read: 9 shapes may touch something, those of arm, a, b, c and 2 more also what stands on the "
-            "world; ");
+  expect_in(
+      told(changed([](Json& j) {
+        j["touching"] = 9;
+        j["touching_world"] = {"arm", "a", "b", "c", "d", "e"};
+      })),
+      "CONTACTS are not read: 9 shapes may touch something, those of arm, a, b, c and 2 more also what stands on the "
+      "world; ");
   // the toy gets a limb: two robots; the machine floats itself: the toy is left out, and the base may move
   expect_in(refusal(changed([](Json& j) {
               j["joints"][6]["body"] = 8;

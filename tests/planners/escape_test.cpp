@@ -56,7 +56,7 @@ void step(const Pendulum& p, double* x, double torque_Nm) {
 }
 
 struct Outcome {
-  double sway_rad = 0.0;          // largest angle from upright in the last of ten seconds
+  double sway_rad = 0.0;           // largest angle from upright in the last of ten seconds
   std::uint32_t resting_work = 0;  // most iterations of a plan in it
 };
 

@@ -135,10 +135,11 @@ TEST(Rotation, DerivativesHoldAtNoRotationToo) {
                           }),
               1e-8)
         << angle;
-    EXPECT_LT(slope_error(v, [](const auto& x) {
-                using S = std::decay_t<decltype(x.x)>;
-                return attitude_sum(Quaternion<S>{S(0.5), S(-0.5), S(0.5), S(0.5)}, x);
-              }),
+    EXPECT_LT(slope_error(v,
+                          [](const auto& x) {
+                            using S = std::decay_t<decltype(x.x)>;
+                            return attitude_sum(Quaternion<S>{S(0.5), S(-0.5), S(0.5), S(0.5)}, x);
+                          }),
               1e-8)
         << angle;
   }

@@ -64,7 +64,8 @@ TEST_F(OwnModel, AStartWithoutMotionIsRefusedWithTheEquationsAndTheNumber) {
 }
 
 TEST_F(OwnModel, AFiniteStartIsTakenAndPointsNearItAreProbed) {
-  ASSERT_NE(parse(reactor("[posterior]", "[start]\nstate = { volume_L = 1 }\n\n[posterior]")).robot, nullptr) << errors_;
+  ASSERT_NE(parse(reactor("[posterior]", "[start]\nstate = { volume_L = 1 }\n\n[posterior]")).robot, nullptr)
+      << errors_;
   EXPECT_EQ(hints_.find("no finite motion"), std::string::npos) << hints_;
   // x = -0.5 (1 +- sqrt(1 - 4 Ks / Ki)) Ki has no growth rate: a range that holds it, and a model that refuses it
   const std::string negative = "[start]\nstate = { volume_L = 1 }\nsd = { volume_L = 5 }\n\n[posterior]";
@@ -89,7 +90,8 @@ TEST_F(OwnModel, APartOfTheStartWithoutMotionIsAHint) {
 }
 
 TEST_F(OwnModel, UnitsThatAreNoneOfTillersAreTold) {
-  ASSERT_NE(parse(reactor("[posterior]", "[start]\nstate = { volume_L = 1 }\n\n[posterior]")).robot, nullptr) << errors_;
+  ASSERT_NE(parse(reactor("[posterior]", "[start]\nstate = { volume_L = 1 }\n\n[posterior]")).robot, nullptr)
+      << errors_;
   expect_said(hints_, "model.file = \"bioreactor.c\": feed_L_h, mu_max_1_h are in hours by name");
   expect_said(hints_, "convert in the equations and end the name with _s");
 }
@@ -112,16 +114,19 @@ TEST_F(OwnModel, ShippedRobotsHaveNoHints) {
 
 TEST_F(OwnModel, MillisecondsAreTold) {
   EXPECT_EQ(parse_shipped("pendulum.toml", "period_s = 0.02", "period_s = 20").robot, nullptr);
-  expect_said(errors_, "safety.sensor_timeout_s = 0.1: 0.1 s is below the control period of 20 s; if 20 ms is meant, "
-                       "write [model] period_s = 0.02");
+  expect_said(errors_,
+              "safety.sensor_timeout_s = 0.1: 0.1 s is below the control period of 20 s; if 20 ms is meant, "
+              "write [model] period_s = 0.02");
   const std::string path = std::string(TILLER_TEST_ROBOTS) + "/pendulum.toml";
-  ASSERT_NE(parse(changed(changed(read(path), "period_s = 0.02", "period_s = 20"), "sensor_timeout_s = 0.1", ""), path)
-                .robot,
-            nullptr)
+  ASSERT_NE(
+      parse(changed(changed(read(path), "period_s = 0.02", "period_s = 20"), "sensor_timeout_s = 0.1", ""), path).robot,
+      nullptr)
       << errors_;
-  expect_said(hints_, "model.period_s = 20: a control period of 20 s is long for a robot, and the model's fastest mode");
+  expect_said(hints_,
+              "model.period_s = 20: a control period of 20 s is long for a robot, and the model's fastest mode");
   expect_said(hints_, "if 20 ms is meant, write period_s = 0.02");
-  ASSERT_NE(parse_shipped("pendulum.toml", "sensor_timeout_s = 0.1", "sensor_timeout_s = 100").robot, nullptr) << errors_;
+  ASSERT_NE(parse_shipped("pendulum.toml", "sensor_timeout_s = 0.1", "sensor_timeout_s = 100").robot, nullptr)
+      << errors_;
   expect_said(hints_, "safety.sensor_timeout_s = 100: 100 s are 5000 control periods");
   expect_said(hints_, "if 100 ms is meant, write sensor_timeout_s = 0.1");
   // a second is short for a vessel whose fastest mode takes several

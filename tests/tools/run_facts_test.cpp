@@ -221,8 +221,8 @@ TEST(Units, AreWhatAFieldsNameEndsIn) {
                                    {"sugar_g_L", "g/L"},
                                    {"uptake_g_L_h", "g/L/h"},
                                    {"speed_m_h", "m/h"},
-                                   {"com_h", ""},      // a height
-                                   {"wheel_L", ""},    // the left one
+                                   {"com_h", ""},    // a height
+                                   {"wheel_L", ""},  // the left one
                                    {"joint_1_m", "m"},
                                    {"lag_1_s", "s"},
                                    {"wheel_L_rad_s", "rad/s"}};

@@ -19,7 +19,8 @@ bool Spheres::are_free_to_touch(const Sphere& a, const Sphere& b) const {
 }
 
 std::string sphere_mark(const Sphere& sphere) {
-  std::string text = sphere.is_obstacle() ? "// obstacle " + sphere.name : "// sphere " + sphere.name + " on " + sphere.link;
+  std::string text =
+      sphere.is_obstacle() ? "// obstacle " + sphere.name : "// sphere " + sphere.name + " on " + sphere.link;
   text += " at";
   for (const double x : sphere.at_m) text += " " + number_text(x + 0.0);
   return text;
@@ -33,11 +34,12 @@ std::string clearance_text(const Spheres& spheres) {
   if (spheres.has_floor) text += "floor_m = " + number_text(spheres.floor_m) + "\n";
   const auto row = [](const char* key, const std::string& name, const Sphere& s) {
     return std::string("  { ") + key + " = \"" + name + "\", at_m = [" + number_text(s.at_m[0]) + ", " +
-           number_text(s.at_m[1]) + ", " + number_text(s.at_m[2]) + "], radius_m = " + number_text(s.radius_m) + " },\n";
+           number_text(s.at_m[1]) + ", " + number_text(s.at_m[2]) + "], radius_m = " + number_text(s.radius_m) +
+           " },\n";
   };
   std::string links, obstacles, pairs;
-  for (const Sphere& s : spheres.list) (s.is_obstacle() ? obstacles : links) +=
-      s.is_obstacle() ? row("name", s.name, s) : row("link", s.link, s);
+  for (const Sphere& s : spheres.list)
+    (s.is_obstacle() ? obstacles : links) += s.is_obstacle() ? row("name", s.name, s) : row("link", s.link, s);
   for (const auto& [a, b] : spheres.may_touch) pairs += (pairs.empty() ? "[\"" : ", [\"") + a + "\", \"" + b + "\"]";
   text += "spheres = [\n" + links + "]\n";
   if (!obstacles.empty()) text += "obstacles = [\n" + obstacles + "]\n";

@@ -19,7 +19,7 @@ struct Sphere {
 };
 
 struct Spheres {
-  std::vector<Sphere> list;                                   ///< those on links first
+  std::vector<Sphere> list;                                    ///< those on links first
   std::vector<std::pair<std::string, std::string>> may_touch;  ///< links whose spheres are not kept apart
   bool has_floor = false;
   double floor_m = 0.0, margin_m = 0.03, weight = 1e5;

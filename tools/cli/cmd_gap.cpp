@@ -277,10 +277,14 @@ void add_gap_command(CLI::App& app, int& exit_code) {
   gap::Options& find = options->find;
   find.threads = std::max(1u, std::thread::hardware_concurrency());
   command->add_option("ROBOT", options->robot, "robot file (.toml): model, priors, sensors, [log]")->required();
-  command->add_option("LOGS", find.logs, "logs: CSV, ROS bags, ULog, MCAP, LCM event logs, records of `tiller run --record`")->required();
+  command
+      ->add_option("LOGS", find.logs,
+                   "logs: CSV, ROS bags, ULog, MCAP, LCM event logs, records of `tiller run --record`")
+      ->required();
   command->add_option("--hold-out", find.hold_out, "logs for the proof alone (default: a share of LOGS)");
   command->add_option("-o,--out", options->folder, "folder for gap.html, gap.json and the new robot file");
-  command->add_option("--budget", find.budget_sigma, "gap over 1 s up to which the exit code is 0, in sigma (default 1.1)")
+  command
+      ->add_option("--budget", find.budget_sigma, "gap over 1 s up to which the exit code is 0, in sigma (default 1.1)")
       ->check(number_between(0, 1e6));
   command->add_option("--only", find.only, "effects to consider, separated by commas (default: all; `tiller effects`)")
       ->delimiter(',')

@@ -127,7 +127,9 @@ void add_identify_command(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<IdentifyOptions>();
   command->add_option("ROBOT", options->robot, "robot file (.toml): model, effects, priors, sensors, [log]")
       ->required();
-  command->add_option("LOGS", options->logs, "to learn from: CSV, ROS bags, ULog, or what tiller run --record and lcm-logger write")
+  command
+      ->add_option("LOGS", options->logs,
+                   "to learn from: CSV, ROS bags, ULog, or what tiller run --record and lcm-logger write")
       ->required();
   command->add_option("--hold-out", options->hold_out, "logs to judge with, kept away from learning");
   command->add_option("-o,--out", options->folder,

@@ -108,11 +108,13 @@ bool read_spheres(const Options& o, Spheres& spheres, std::vector<std::string>& 
   const std::string robot = o.folder + "/robot.toml";
   const std::string file = o.sphere_file.empty() && o.model_only ? robot : o.sphere_file;
   if (o.model_only && !exists(robot)) {
-    errors.push_back(robot + ": is not there, so that --model-only would leave a model without a robot file; leave it out");
+    errors.push_back(robot +
+                     ": is not there, so that --model-only would leave a model without a robot file; leave it out");
     return false;
   }
   if (o.model_only && !(o.sphere.empty() && o.sphere_file.empty())) {
-    errors.push_back("--model-only takes the spheres of " + robot + "; write them there, without --sphere and --spheres");
+    errors.push_back("--model-only takes the spheres of " + robot +
+                     "; write them there, without --sphere and --spheres");
     return false;
   }
   if (!file.empty() && !o.sphere.empty()) {
@@ -200,16 +202,18 @@ bool outputs_fit(const Spheres& spheres, const SphereOutputs& distances, std::si
                  std::vector<std::string>& errors) {
   const std::size_t all = 12 * frames + distances.outputs.size();
   if (all <= TILLER_MAX_OUTPUTS) return true;
-  errors.push_back("spheres: " + std::to_string(spheres.list.size()) + " of them make " +
-                   std::to_string(distances.outputs.size()) + " distances, which with " + std::to_string(frames) +
-                   " frame(s) of 12 outputs is more than the " + std::to_string(TILLER_MAX_OUTPUTS) +
-                   " outputs of a model; use fewer spheres, or name links in may_touch whose distance is nobody's worry");
+  errors.push_back(
+      "spheres: " + std::to_string(spheres.list.size()) + " of them make " + std::to_string(distances.outputs.size()) +
+      " distances, which with " + std::to_string(frames) + " frame(s) of 12 outputs is more than the " +
+      std::to_string(TILLER_MAX_OUTPUTS) +
+      " outputs of a model; use fewer spheres, or name links in may_touch whose distance is nobody's worry");
   return false;
 }
 
 /// Of a model without inputs.
 std::string why_undriven(const Mechanism& mechanism) {
-  if (mechanism.idle_drives.empty()) return ", so there is nothing to control: what moves is held, follows or has no motor";
+  if (mechanism.idle_drives.empty())
+    return ", so there is nothing to control: what moves is held, follows or has no motor";
   return ": the file's actuators drive " + join(mechanism.idle_drives) +
          ", and only those at hinges and slides are read; give the joints motors there, or take <actuator> out, and every "
          "joint is taken as driven";
@@ -329,11 +333,10 @@ int write_files(const Options& o, const MechanismOptions& options, const Descrip
   if (!make_plant(o, options, mechanism, description.compiled, frame_name, plant, notes, error)) return complain(error);
   if (!replace_file(model_path, head_of(o, spheres) + model.text, error)) return complain(error);
   const std::string figure = write_figure(description, options, mechanism, model.names, frames);
-  if (!o.model_only &&
-      !replace_file(robot_path,
-                    write_robot(mechanism, unknowns, model.names, header, frame_name, plant,
-                                {o.margin_rad, spheres, figure}),
-                    error))
+  if (!o.model_only && !replace_file(robot_path,
+                                     write_robot(mechanism, unknowns, model.names, header, frame_name, plant,
+                                                 {o.margin_rad, spheres, figure}),
+                                     error))
     return complain(error);
   for (const std::string& note : notes) std::printf("note: %s\n", note.c_str());
   if (const std::size_t count = unknown_count(unknowns); count > kManyUnknowns)
@@ -449,25 +452,30 @@ void add_import_command(CLI::App& app, int& exit_code) {
       ->delimiter(',');
   command->add_option("--base", o->base, "fixed, planar (x, y, yaw) or free (x, y, z, yaw, pitch, roll) [fixed]")
       ->check(CLI::IsMember({"fixed", "planar", "free"}));
-  command->add_option("--hold", o->hold, "joints that do not move: JOINT or JOINT=POSITION, of a base that moves too (base_yaw);\n"
-                                        "'*_hip' for every one called so; several by commas")
+  command
+      ->add_option("--hold", o->hold,
+                   "joints that do not move: JOINT or JOINT=POSITION, of a base that moves too (base_yaw);\n"
+                   "'*_hip' for every one called so; several by commas")
       ->delimiter(',');
   command
       ->add_option("--armature", o->armature,
                    "rotor inertia behind the gear, where the description has none: JOINT=KGM2, *=KGM2; by commas")
       ->delimiter(',');
-  command->add_option("--sphere", o->sphere,
-                      "LINK:X,Y,Z,RADIUS, as often as needed: a sphere on a link, in m in its frame, that is to stay apart\n"
-                      "from those of other links; obstacles and a floor: --spheres");
-  command->add_option("--spheres", o->sphere_file, "a TOML file with the section [cost.clearance] (docs/reference/costs.md)");
+  command->add_option(
+      "--sphere", o->sphere,
+      "LINK:X,Y,Z,RADIUS, as often as needed: a sphere on a link, in m in its frame, that is to stay apart\n"
+      "from those of other links; obstacles and a floor: --spheres");
+  command->add_option("--spheres", o->sphere_file,
+                      "a TOML file with the section [cost.clearance] (docs/reference/costs.md)");
   command
       ->add_option("--margin", o->margin_rad,
                    "so many rad before its end a joint that turns begins to cost, in [cost] bounds [0]")
       ->check(CLI::Range(0.0, 3.0));
   command->add_flag("--model-only", o->model_only,
                     "write the model anew, with the spheres of the folder's robot.toml, which stays as it is");
-  command->add_flag("--keep-unidentifiable", o->keep_unidentifiable,
-                    "infer also the unknowns that no motion identifies; a filter with few particles reports intervals\nfor them that are too narrow; without this flag they are fixed at the description's values");
+  command->add_flag(
+      "--keep-unidentifiable", o->keep_unidentifiable,
+      "infer also the unknowns that no motion identifies; a filter with few particles reports intervals\nfor them that are too narrow; without this flag they are fixed at the description's values");
   command->add_flag("--any-inertia", o->any_inertia, "take inertias that no body can have as they are");
   command->add_option("--value", o->value, "of a function's parameters: NAME=NUMBER; several by commas")
       ->delimiter(',');

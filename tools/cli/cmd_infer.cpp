@@ -35,7 +35,8 @@ void add_infer_command(CLI::App& app, int& exit_code) {
   auto a = std::make_shared<InferArguments>();
   InferenceOptions& o = a->options;
   command->add_option("SIMULATOR", a->simulator, "simulator file (.toml): command, priors, sensors")->required();
-  command->add_option("LOGS", a->logs, "to learn from: CSV, ROS bags, ULog, as `tiller identify` takes them")->required();
+  command->add_option("LOGS", a->logs, "to learn from: CSV, ROS bags, ULog, as `tiller identify` takes them")
+      ->required();
   command->add_option("-o,--out", a->folder, "folder for infer.json, infer.html and posterior.json");
   command->add_option("--method", o.method, "how to learn (default bayes_sim)")
       ->check(CLI::IsMember(method_names_of_inference()));

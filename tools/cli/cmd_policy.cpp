@@ -201,8 +201,9 @@ void add_policy_command(CLI::App& app, int& exit_code) {
   command->add_option("--iterations", a->iterations, "guided: rounds of 5 trials a start (default 8)")
       ->check(CLI::Range(1, 1000));
   command
-      ->add_option("--epsilon", a->epsilon,
-                   "guided: largest mean KL divergence of a round's control laws from the network, nats per period (default 0.5)")
+      ->add_option(
+          "--epsilon", a->epsilon,
+          "guided: largest mean KL divergence of a round's control laws from the network, nats per period (default 0.5)")
       ->check(number_between(1e-3, 1e3));
   command->add_option("--seed", a->search.seed, "of commands, noise, starts and first policy (default 1)")
       ->check(CLI::Range(std::uint64_t{1}, std::uint64_t{1} << 40));

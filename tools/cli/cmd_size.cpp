@@ -61,9 +61,10 @@ void print_table(const RobotFile& robot, const Report& r) {
   std::printf("  at %.4g s a tick: %.0f million instructions a second\n", robot.config.period_s,
               1e-6 * r.instructions / robot.config.period_s);
   if (!r.stand_in.empty())
-    std::printf("  (%s was not measured there: its steps count as those of %s,"
-                " too few for a model with more joints)\n",
-                robot.model->name, r.stand_in.c_str());
+    std::printf(
+        "  (%s was not measured there: its steps count as those of %s,"
+        " too few for a model with more joints)\n",
+        robot.model->name, r.stand_in.c_str());
 }
 
 nlohmann::json work_json(const ModelWork& w) {

@@ -67,8 +67,8 @@ struct Description {
   std::vector<TieText> ties;
   std::string free_joint;  ///< what carries the whole robot through space, where the file has such a joint: fixed here
   Vec3<double> gravity_m_s2{0.0, 0.0, -9.81};
-  std::string compiled;            ///< of an MJCF: what MuJoCo says of it, as JSON, which can be read in its place
-  std::vector<std::string> notes;  ///< "file:line: what was read otherwise than it stands there, and why"
+  std::string compiled;               ///< of an MJCF: what MuJoCo says of it, as JSON, which can be read in its place
+  std::vector<std::string> notes;     ///< "file:line: what was read otherwise than it stands there, and why"
   std::vector<std::string> left_out;  ///< what acts on the robot and on no model of it, a sentence each
   std::vector<std::string> idle_drives;  ///< "name (tendon t)" of actuators that drive no joint of the model
 };

@@ -343,8 +343,9 @@ class CompiledReader {
                                                 : ", those of " + join(bodies) +
                                                       (more > 0 ? " and " + std::to_string(more) + " more" : "") +
                                                       " also what stands on the world";
-    leave_out("CONTACTS are not read: " + std::to_string(count) + " shapes may touch something" + on_world +
-              "; in the model links pass through each other and the ground, feet push on nothing and grippers hold nothing");
+    leave_out(
+        "CONTACTS are not read: " + std::to_string(count) + " shapes may touch something" + on_world +
+        "; in the model links pass through each other and the ground, feet push on nothing and grippers hold nothing");
   }
 
   const Json& json_;

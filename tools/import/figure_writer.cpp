@@ -47,7 +47,8 @@ class FigureText {
 
   std::string write(const std::vector<int>& told) {
     choose(told);
-    std::string text = "# The stick figure of the pages, from the description's joints; x ahead, z up.\n[figure]\nlinks = [\n";
+    std::string text =
+        "# The stick figure of the pages, from the description's joints; x ahead, z up.\n[figure]\nlinks = [\n";
     for (const NamedFrame& frame : mechanism_.frames)
       if (kept_.count(frame.name) > 0) text += "  { " + (frame.is_link ? row(frame.name) : point(frame.name)) + " },\n";
     return text + "]\n\n";
@@ -138,8 +139,8 @@ class FigureText {
       const Mat3<double>& i = link.body.inertia_kgm2;
       Vec3<double> size;
       for (int k = 0; k < 3; ++k)
-        size[static_cast<std::size_t>(k)] = std::sqrt(
-            std::max(0.0, 6.0 * (i((k + 1) % 3, (k + 1) % 3) + i((k + 2) % 3, (k + 2) % 3) - i(k, k)) / link.body.mass_kg));
+        size[static_cast<std::size_t>(k)] = std::sqrt(std::max(
+            0.0, 6.0 * (i((k + 1) % 3, (k + 1) % 3) + i((k + 2) % 3, (k + 2) % 3) - i(k, k)) / link.body.mass_kg));
       return ", boxes = [{ at_m = " + triple(com) + ", size_m = " + triple(size) + " }]";
     }
     if (carries_.count(name) > 0 || length(com) < kSame_m) return "";

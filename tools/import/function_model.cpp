@@ -687,7 +687,8 @@ class Builder {
     model_.time_unit_s = unit == "h" ? 3600.0 : unit == "min" ? 60.0 : 1.0;
     if (model_.time_unit_s == 1.0) return;
     if (!model_.joints.empty())
-      return error("has derivatives per " + unit + " and joints, whose speeds are per second in every model; write the "
+      return error("has derivatives per " + unit +
+                   " and joints, whose speeds are per second in every model; write the "
                    "equations in seconds");
     for (Expression& rate : model_.derivatives) rate = rate / model_.time_unit_s;
   }

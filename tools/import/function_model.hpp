@@ -34,7 +34,7 @@ struct FunctionModel {
   unsigned angles = 0;                            ///< states that wrap at +-pi
   double period_s = 0.0;
   double time_unit_s = 1.0;  ///< of the function's own time; `derivatives` are per second
-  bool is_smooth = true;  ///< no branch, no step; kinks do not count
+  bool is_smooth = true;     ///< no branch, no step; kinks do not count
   ExpressionGraph graph;
   std::vector<Expression> derivatives, told;
   Words notes;

@@ -110,7 +110,9 @@ class RobotText {
         "\n[noise]\n# what the equations do not know, as a random walk of each state: its standard deviation after a second\n"
         "process_sd = " +
         table(m_.states,
-              [&](std::size_t k) { return walk(is_velocity(k) ? 0.05 : m_.velocity_of[k] >= 0 ? 0.001 : 0.01); }) +
+              [&](std::size_t k) {
+                return walk(is_velocity(k) ? 0.05 : m_.velocity_of[k] >= 0 ? 0.001 : 0.01);
+              }) +
         "\n\n";
     out_ +=
         is_unknown()
@@ -151,8 +153,7 @@ class RobotText {
               ", safe = " + number_text(safe) + " }" +
               (m_.limit_stated[i] ? "" : "   # nobody states it: write the machine's") + "\n";
     }
-    out_ +=
-        "\n[safety]\nsensor_timeout_s = " + number_text(5.0 * period_s()) + "\n\n";
+    out_ += "\n[safety]\nsensor_timeout_s = " + number_text(5.0 * period_s()) + "\n\n";
   }
 
   void plant() {

@@ -165,8 +165,9 @@ class Derivatives {
       RigidBody unit;
       unit.mass_kg = 1.0;
       unit.com_m = frame.pose.position;
-      if (frame.body >= 0) take({Kind::payload, "payload's mass_kg", frame.name, sd_of_range(unknowns.payload_kg)},
-                                 {frame.body, whole(unit), -1});
+      if (frame.body >= 0)
+        take({Kind::payload, "payload's mass_kg", frame.name, sd_of_range(unknowns.payload_kg)},
+             {frame.body, whole(unit), -1});
     }
     const auto is_prior = [](const std::string& text) { return text.find('{') != std::string::npos; };
     for (const JointFriction& f : unknowns.friction) {
@@ -242,7 +243,9 @@ class Derivatives {
     }
     acceleration_ = inertia.ldlt().solve(rest);
   }
-  const MovingBody& body(Eigen::Index joint) const { return mechanism_.bodies[at(joints_[static_cast<std::size_t>(joint)])]; }
+  const MovingBody& body(Eigen::Index joint) const {
+    return mechanism_.bodies[at(joints_[static_cast<std::size_t>(joint)])];
+  }
   /// What the robot file has as effects: known or not, it takes part in what an input of unknown gain has to do.
   double friction(Eigen::Index joint) const {
     const MovingBody& b = body(joint);
@@ -470,9 +473,10 @@ std::vector<std::string> identifiable_notes(const Identifiability& found, bool a
   // whichever is shorter: what shows, or what may change together without showing
   const bool tell_idle = idle.size() < found.shared.size();
   const std::vector<Combination>& lines = tell_idle ? idle : found.shared;
-  std::string text = total + (tell_idle ? "these may change together and nothing shows"
-                                        : std::to_string(mixed.size()) + " show only as " + std::to_string(lines.size()) +
-                                              (lines.size() == 1 ? " combination" : " combinations"));
+  std::string text =
+      total + (tell_idle ? "these may change together and nothing shows"
+                         : std::to_string(mixed.size()) + " show only as " + std::to_string(lines.size()) +
+                               (lines.size() == 1 ? " combination" : " combinations"));
   if (are_held) text += tell_idle ? " (the first is held)" : " (the first stands for the sum, the others are held)";
   text += ":";
   for (std::size_t i = 0; i < lines.size() && i < kLines; ++i)

@@ -208,9 +208,9 @@ class Builder {
 
   /// The base, behind the joints that carry it where it moves.
   void add_base(const std::string& root) {
-    static const std::map<std::string, Vec3<double>> axes = {
-        {"base_x", {1, 0, 0}},   {"base_y", {0, 1, 0}},     {"base_z", {0, 0, 1}},
-        {"base_yaw", {0, 0, 1}}, {"base_pitch", {0, 1, 0}}, {"base_roll", {1, 0, 0}}};
+    static const std::map<std::string, Vec3<double>> axes = {{"base_x", {1, 0, 0}},     {"base_y", {0, 1, 0}},
+                                                             {"base_z", {0, 0, 1}},     {"base_yaw", {0, 0, 1}},
+                                                             {"base_pitch", {0, 1, 0}}, {"base_roll", {1, 0, 0}}};
     int at = -1;
     Pose stands;  // what is held since the last joint that moves
     for (const std::string& name : base_joints()) {
@@ -281,8 +281,10 @@ class Builder {
     const std::string is = "joint '" + joint.name + "' is " + (floats ? "floating" : "planar");
     if (body < 0 && !moves_beside(joint))
       return is + "; make it fixed and import with --base " + (floats ? "free" : "planar");
-    return is + ", which only the joint that carries the whole robot may be; write it as prismatic and revolute joints, or "
-                "hold it: --hold " + joint.name;
+    return is +
+           ", which only the joint that carries the whole robot may be; write it as prismatic and revolute joints, or "
+           "hold it: --hold " +
+           joint.name;
   }
 
   void add_joint(const JointText& joint, int body, const Pose& pose, int depth) {
@@ -374,8 +376,9 @@ class Builder {
                                                 "gravity has x and z alone",
                                                 g[1]));
     if (options_.base != BaseKind::fixed)
-      out_.left_out.push_back("what carries the base: neither thrust nor a contact with the ground is read, so that only "
-                              "the joints' own motors move it; `tiller models` lists robots that fly and drive");
+      out_.left_out.push_back(
+          "what carries the base: neither thrust nor a contact with the ground is read, so that only "
+          "the joints' own motors move it; `tiller models` lists robots that fly and drive");
     if (!robot_.free_joint.empty() && options_.base == BaseKind::fixed)
       out_.notes.push_back(robot_.path + ": joint '" + robot_.free_joint +
                            "' is free and held where the file puts it; --base free lets it move");
@@ -589,7 +592,8 @@ bool expand_held(const Description& robot, MechanismOptions& options, std::vecto
       all.push_back(held);
     else
       for (const JointText& joint : robot.joints)
-        if (joint.kind != JointKind::fixed && matches(held.joint, joint.name)) all.push_back({joint.name, held.position});
+        if (joint.kind != JointKind::fixed && matches(held.joint, joint.name))
+          all.push_back({joint.name, held.position});
     if (all.size() > before) continue;
     Words names;
     for (const JointText& joint : robot.joints)
@@ -604,8 +608,8 @@ std::string pattern_of(const std::vector<std::string>& names, std::size_t count)
   std::string best;
   std::size_t fewest = names.size();
   const auto consider = [&](const std::string& pattern) {
-    const auto found = static_cast<std::size_t>(std::count_if(
-        names.begin(), names.end(), [&](const std::string& name) { return matches(pattern, name); }));
+    const auto found = static_cast<std::size_t>(
+        std::count_if(names.begin(), names.end(), [&](const std::string& name) { return matches(pattern, name); }));
     if (found < count || found >= fewest || found < 2) return;
     fewest = found;
     best = pattern;
@@ -613,7 +617,8 @@ std::string pattern_of(const std::vector<std::string>& names, std::size_t count)
   // the same joint of every leg before all joints of one leg, which would lame it
   for (const bool ends : {true, false})
     for (const std::string& name : names)
-      for (std::size_t at = name.find('_'); at != std::string::npos && (ends || best.empty()); at = name.find('_', at + 1))
+      for (std::size_t at = name.find('_'); at != std::string::npos && (ends || best.empty());
+           at = name.find('_', at + 1))
         consider(ends ? "*" + name.substr(at) : name.substr(0, at + 1) + "*");
   return best.empty() ? best : "'" + best + "' (" + std::to_string(fewest) + " joints)";
 }

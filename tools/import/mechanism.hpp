@@ -54,7 +54,7 @@ struct Mechanism {
   std::string name, path;
   std::vector<MovingBody> bodies;
   std::vector<NamedFrame> frames;
-  Vec3<double> gravity_m_s2{0.0, 0.0, -9.81};  ///< none along y
+  Vec3<double> gravity_m_s2{0.0, 0.0, -9.81};             ///< none along y
   std::vector<std::string> notes, left_out, idle_drives;  ///< as the description has them
 
   /// Indices of the bodies whose joints have states of their own.

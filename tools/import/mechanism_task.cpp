@@ -36,7 +36,8 @@ class Resting {
           (forces(moved(position, j, kStep), rest, up) - forces(moved(position, j, -kStep), rest, up)) / (2.0 * kStep);
       stiffness(j, j) += body.stiffness;
       damping(j, j) = body.damping;
-      if (names_.input_of[static_cast<std::size_t>(j)] >= 0) drive(j, names_.input_of[static_cast<std::size_t>(j)]) = 1.0;
+      if (names_.input_of[static_cast<std::size_t>(j)] >= 0)
+        drive(j, names_.input_of[static_cast<std::size_t>(j)]) = 1.0;
     }
     const Eigen::LDLT<MatrixXd> solver(mass);
     MatrixXd whole = MatrixXd::Zero(2 * n + m, 2 * n + m);
@@ -74,7 +75,8 @@ class Resting {
     for (Eigen::Index j = 0; j < out.size(); ++j) {
       out[j] = all[body_of(j)];
       for (std::size_t i = 0; i < all.size(); ++i)
-        if (mechanism_.bodies[i].mimics == static_cast<int>(body_of(j))) out[j] += mechanism_.bodies[i].mimic_ratio * all[i];
+        if (mechanism_.bodies[i].mimics == static_cast<int>(body_of(j)))
+          out[j] += mechanism_.bodies[i].mimic_ratio * all[i];
     }
     return out;
   }

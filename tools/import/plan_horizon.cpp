@@ -16,11 +16,11 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-constexpr double kSettled = 0.1;     // of the endless plan's gain
-constexpr double kSwings = 0.3;      // damping ratio above which a mode does not swing
-constexpr int kEndless = 2000;       // periods
-constexpr double kNoise = 1e-9;      // of the largest weight: what an input without a weight is given
-constexpr double kUnstable = 1e-3;   // growth a period that is no integrator's rounding
+constexpr double kSettled = 0.1;    // of the endless plan's gain
+constexpr double kSwings = 0.3;     // damping ratio above which a mode does not swing
+constexpr int kEndless = 2000;      // periods
+constexpr double kNoise = 1e-9;     // of the largest weight: what an input without a weight is given
+constexpr double kUnstable = 1e-3;  // growth a period that is no integrator's rounding
 constexpr double kMargin = 1.0 - 1e-6;
 constexpr double kEFolds = 6.9;  // a thousandfold: what one sequence for several hypotheses may let grow
 
@@ -59,7 +59,8 @@ Growth growth_of(const MatrixXd& a, double period_s) {
 /// Gains of plans of 1, 2, ... periods by the Riccati recursion; the cost-to-go after the last.
 std::vector<MatrixXd> plan_gains(const LinearTask& t, const MatrixXd& a, const MatrixXd& b, MatrixXd& p) {
   VectorXd effort = vector(t.effort);
-  const double least = kNoise * std::max({vector(t.stage).maxCoeff(), vector(t.terminal).maxCoeff(), effort.maxCoeff()});
+  const double least =
+      kNoise * std::max({vector(t.stage).maxCoeff(), vector(t.terminal).maxCoeff(), effort.maxCoeff()});
   effort = effort.cwiseMax(std::max(least, 1e-300));
   p = vector(t.terminal).asDiagonal();
   std::vector<MatrixXd> gains;
@@ -89,8 +90,10 @@ std::uint32_t settling(const LinearTask& t, std::uint32_t most) {
   const double size = (gains.back() * scale.asDiagonal()).norm();
   std::size_t n = std::min<std::size_t>(gains.size(), most);
   for (; n > 0; --n) {
-    if ((gains[n - 1] - gains.back()).cwiseAbs().cwiseProduct(MatrixXd::Ones(gains[n - 1].rows(), 1) * scale.transpose()).norm() >
-        kSettled * size)
+    if ((gains[n - 1] - gains.back())
+            .cwiseAbs()
+            .cwiseProduct(MatrixXd::Ones(gains[n - 1].rows(), 1) * scale.transpose())
+            .norm() > kSettled * size)
       break;
     if (spectral_radius(a - b * gains[n - 1]) > kMargin) break;
   }

@@ -41,9 +41,9 @@ class RobotText {
             "# Every key: `tiller help robot-file`.\n";
     if (!mechanism_.left_out.empty()) out_ += "# Neither in the model nor in its simulated plant:\n";
     for (const std::string& what : mechanism_.left_out) out_ += "# - " + what + "\n";
-    out_ += "\n[robot]\nname = \"" + identifier(mechanism_.name) + "\"\n\n[model]\nfile = \"" + header + "\"\ntype = \"" +
-            names_.type + "\"\nperiod_s = " + number_text(kPeriod_s) + "\nintegrator = \"midpoint\"\n" + substeps() +
-            "\n";
+    out_ += "\n[robot]\nname = \"" + identifier(mechanism_.name) + "\"\n\n[model]\nfile = \"" + header +
+            "\"\ntype = \"" + names_.type + "\"\nperiod_s = " + number_text(kPeriod_s) +
+            "\nintegrator = \"midpoint\"\n" + substeps() + "\n";
     parameters();
     gravity();
     effects(payload_frame);
@@ -174,8 +174,8 @@ class RobotText {
     const bool sticks = std::any_of(unknowns_.friction.begin(), unknowns_.friction.end(),
                                     [](const JointFriction& f) { return !f.dry.empty(); });
     if (sticks) out_ += "# a joint that sticks has no gradient: samples find the force that frees it\n";
-    out_ += std::string("[planner]\nkind = \"") + (sticks ? "hybrid" : "ilqr") +
-            "\"\n" + horizon() + "particles = 1\niterations = 2\n\n"
+    out_ += std::string("[planner]\nkind = \"") + (sticks ? "hybrid" : "ilqr") + "\"\n" + horizon() +
+            "particles = 1\niterations = 2\n\n"
             "# full effort for a tick costs what a tenth of a radian does\n[cost]\n";
     out_ += "target = " + table(names_.positions, [&](std::size_t j) { return number_text(target(j)); }) + "\n";
     std::vector<std::string> states = names_.positions;
@@ -183,8 +183,8 @@ class RobotText {
     const auto weights = [&](double position, double velocity) {
       return table(states, [&](std::size_t i) { return number_text(i < joints() ? position : velocity); });
     };
-    out_ += "state_weight = " + weights(kStage[0], kStage[1]) + "\nterminal_weight = " + weights(kTerminal[0], kTerminal[1]) +
-            "\n";
+    out_ += "state_weight = " + weights(kStage[0], kStage[1]) +
+            "\nterminal_weight = " + weights(kTerminal[0], kTerminal[1]) + "\n";
     const auto effort_weight = [&](std::size_t i) { return format("%.3g", effort_weight_of(i)); };
     out_ += "input_weight = " + table(names_.inputs, effort_weight) +
             "\ninput_rate_weight = " + table(names_.inputs, effort_weight) + "\n";

@@ -18,8 +18,7 @@ constexpr std::uint32_t kMostPeriods = 200;
 void keep_smooth_effects(StepSetup& setup) {
   EffectSlot* const end = setup.effects + setup.effect_count;
   setup.effect_count = static_cast<std::uint32_t>(
-      std::remove_if(setup.effects, end,
-                     [](const EffectSlot& slot) { return !has_role(slot.kind, kSmooth); }) -
+      std::remove_if(setup.effects, end, [](const EffectSlot& slot) { return !has_role(slot.kind, kSmooth); }) -
       setup.effects);
   setup.delay_steps = 0;
 }
@@ -68,7 +67,8 @@ bool has_one_target(const tiller_cost_config_t& c) {
   const bool outputs = std::any_of(c.outputs, c.outputs + (c.outputs ? c.output_count : 0), [](const auto& output) {
     return output.weight > 0.0 || output.terminal_weight > 0.0;
   });
-  return c.terminal != tiller_terminal_lqr && !c.reference && !c.demonstration_mean && !(c.own_weight > 0.0) && !outputs;
+  return c.terminal != tiller_terminal_lqr && !c.reference && !c.demonstration_mean && !(c.own_weight > 0.0) &&
+         !outputs;
 }
 
 }  // namespace

@@ -53,8 +53,7 @@ class Reader {
     const std::string file = m.file();
     if (file == source_.wrapper) return false;
     const auto in = [&](const std::string& folder) { return file.compare(0, folder.size() + 1, folder + "/") == 0; };
-    return file == source_.path ||
-           (!in("/usr") && std::none_of(source_.folders.begin(), source_.folders.end(), in));
+    return file == source_.path || (!in("/usr") && std::none_of(source_.folders.begin(), source_.folders.end(), in));
   }
 
   std::string author_errors() const {
@@ -116,8 +115,8 @@ class Reader {
       return "  an if or ?: of a state cannot differ between lanes: write select(condition, a, b)\n";
     if (contains(text, "incompatible pointer type"))
       return "  the table's functions have the arguments that tiller/model.h declares, double throughout\n";
-    for (const char* function : {"sin(", "cos(", "tan(", "exp(", "log(", "sqrt(", "tanh(", "abs(", "fabs(", "atan2(",
-                                 "pow(", "min(", "max("})
+    for (const char* function :
+         {"sin(", "cos(", "tan(", "exp(", "log(", "sqrt(", "tanh(", "abs(", "fabs(", "atan2(", "pow(", "min(", "max("})
       if (contains(text, ("no matching function for call to '" + std::string(function)).c_str()))
         return "  call it without std::, so that lanes and derivatives find theirs\n";
     return "";
@@ -129,10 +128,12 @@ class Reader {
       if (m.kind != "error") continue;
       std::string text;
       if (m.file() == source_.wrapper) {
-        text = "  | " + source_.path + ": error: " + m.text + "\n  [model] type or cost_type names no template of the file\n";
+        text = "  | " + source_.path + ": error: " + m.text +
+               "\n  [model] type or cost_type names no template of the file\n";
       } else if (contains(m.text, "is not a member of '") || contains(m.text, "no type named '")) {
         const std::size_t from = m.text.find('\'') + 1;
-        text = "  | " + source_.path + ": error: the model has no " + m.text.substr(from, m.text.find('\'', from) - from) +
+        text = "  | " + source_.path + ": error: the model has no " +
+               m.text.substr(from, m.text.find('\'', from) - from) +
                "\n  a model needs name, State, Input and dynamics; with Force also joints, with Output also outputs\n";
       } else {
         text = "  | " + head(m) + "\n";

@@ -236,9 +236,8 @@ std::string arrays_text(const RobotFile& robot, const std::string& prefix) {
   const tiller_cost_config_t& c = robot.config.cost;
   const std::size_t nx = robot.states.size();
   return effects_text(robot, prefix) + priors_text(robot, prefix) + mixture_text(robot, prefix) +
-         networks_text(robot, prefix) +
-         OptionalArrays(robot, prefix).text() + obstacles_text(robot, prefix) + cones_text(robot, prefix) +
-         array_text(prefix + "_reference", c.reference, c.reference_steps, nx) +
+         networks_text(robot, prefix) + OptionalArrays(robot, prefix).text() + obstacles_text(robot, prefix) +
+         cones_text(robot, prefix) + array_text(prefix + "_reference", c.reference, c.reference_steps, nx) +
          array_text(prefix + "_demonstration_mean", c.demonstration_mean, c.demonstration_steps, nx) +
          array_text(prefix + "_demonstration_root", c.demonstration_root, c.demonstration_steps, nx * nx) +
          outputs_text(robot, prefix);

@@ -28,12 +28,12 @@ struct FigureBox {
 
 struct FigureLink {
   std::string name;
-  int parent = -1;                       ///< index of an earlier link; -1: the world
-  FigurePoint position_m, rpy_rad;       ///< in the parent's frame, as a URDF's origin
-  std::vector<FigureValue> quaternion;   ///< (4) w, x, y, z in the place of rpy_rad; empty: none
-  std::array<double, 3> axis{0, 0, 1};   ///< of the joint behind it
-  FigureValue turn_rad, slide_m;         ///< about and along it
-  bool joined = false;                   ///< a line from the parent's origin to this one's
+  int parent = -1;                      ///< index of an earlier link; -1: the world
+  FigurePoint position_m, rpy_rad;      ///< in the parent's frame, as a URDF's origin
+  std::vector<FigureValue> quaternion;  ///< (4) w, x, y, z in the place of rpy_rad; empty: none
+  std::array<double, 3> axis{0, 0, 1};  ///< of the joint behind it
+  FigureValue turn_rad, slide_m;        ///< about and along it
+  bool joined = false;                  ///< a line from the parent's origin to this one's
   std::vector<std::vector<FigurePoint>> lines_m;
   std::vector<FigureCircle> circles;
   std::vector<FigureBox> boxes;

@@ -131,8 +131,7 @@ class GoalReader {
       }
     }
     turn(frame, rpy);
-    for (const auto& [first, a] : angles)
-      write_quaternion(from_roll_pitch_yaw(a[0], a[1], a[2]), &now_.states[first]);
+    for (const auto& [first, a] : angles) write_quaternion(from_roll_pitch_yaw(a[0], a[1], a[2]), &now_.states[first]);
     for_quaternions(robot_.config.model->quaternion_mask, [&](std::uint32_t first) {
       if (!is_attitude(&now_.states[first]))
         add(line, robot_.states[first], "is the first of a quaternion whose length is not 1",

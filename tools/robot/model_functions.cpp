@@ -75,22 +75,20 @@ std::vector<Function> functions_of(const tiller_model_t& m) {
               p = {"p", "param_count", m.param_count};
   std::vector<Function> functions;
   if (m.dynamics)
-    functions.push_back({"dynamics", arrays({x, u, f, p}), arrays({{"dxdt", "state_count", nx}}), [&m](const Arrays& in, Arrays& out) {
-                           m.dynamics(in[0].data(), in[1].data(), in[2].data(), &body, in[3].data(), out[0].data());
-                         }});
+    functions.push_back(
+        {"dynamics", arrays({x, u, f, p}), arrays({{"dxdt", "state_count", nx}}), [&m](const Arrays& in, Arrays& out) {
+           m.dynamics(in[0].data(), in[1].data(), in[2].data(), &body, in[3].data(), out[0].data());
+         }});
   if (m.jacobian)
-    functions.push_back({"jacobian",
-                         arrays({x, u, f, p}),
-                         arrays({{"a", "state_count", nx * nx}, {"b", "input_count", nx * nu}}),
-                         [&m](const Arrays& in, Arrays& out) {
-                           m.jacobian(in[0].data(), in[1].data(), in[2].data(), &body, in[3].data(), out[0].data(),
-                                      out[1].data());
-                         }});
+    functions.push_back(
+        {"jacobian", arrays({x, u, f, p}), arrays({{"a", "state_count", nx * nx}, {"b", "input_count", nx * nu}}),
+         [&m](const Arrays& in, Arrays& out) {
+           m.jacobian(in[0].data(), in[1].data(), in[2].data(), &body, in[3].data(), out[0].data(), out[1].data());
+         }});
   if (m.output_count > 0)
-    functions.push_back({"outputs",
-                         arrays({x, p}),
-                         arrays({{"y", "output_count", m.output_count}}),
-                         [&m](const Arrays& in, Arrays& out) { m.outputs(in[0].data(), in[1].data(), out[0].data()); }});
+    functions.push_back(
+        {"outputs", arrays({x, p}), arrays({{"y", "output_count", m.output_count}}),
+         [&m](const Arrays& in, Arrays& out) { m.outputs(in[0].data(), in[1].data(), out[0].data()); }});
   return functions;
 }
 
@@ -136,8 +134,8 @@ class Probe {
       if (const std::string at = array.overwritten(fill); !at.empty() && problem_.empty())
         problem_ = f_.name + " writes " + at + ", outside of " + array.name + ", whose length is " + length(array);
     for (std::size_t j = 0; j < f_.in.size(); ++j)
-      if (problem_.empty() && (!f_.in[j].overwritten(guard_of(j)).empty() ||
-                               !same_bits(f_.in[j].data(), point_[j].data(), f_.in[j].count)))
+      if (problem_.empty() &&
+          (!f_.in[j].overwritten(guard_of(j)).empty() || !same_bits(f_.in[j].data(), point_[j].data(), f_.in[j].count)))
         problem_ = f_.name + " changes its argument " + f_.in[j].name;
     return out;
   }

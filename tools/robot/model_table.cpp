@@ -23,7 +23,8 @@ std::string check_count(const char* what, std::uint32_t count, std::uint32_t low
 
 /// What stands in robot files, in the heads of logs and in formulas of figures.
 bool is_name(const std::string& text) {
-  return std::all_of(text.begin(), text.end(), [](unsigned char c) { return std::isalnum(c) || std::strchr("_.-/", c); });
+  return std::all_of(text.begin(), text.end(),
+                     [](unsigned char c) { return std::isalnum(c) || std::strchr("_.-/", c); });
 }
 
 class TableCheck {
@@ -126,8 +127,8 @@ class TableCheck {
 
   std::string functions() {
     if (!model_.dynamics && !model_.kernels) return "the table has no dynamics";
-    if (model_.output_count > 0 && !model_.outputs) return "output_count is " + std::to_string(model_.output_count) +
-                                                           " and outputs is null";
+    if (model_.output_count > 0 && !model_.outputs)
+      return "output_count is " + std::to_string(model_.output_count) + " and outputs is null";
     const struct {
       const char* what;
       std::uint32_t bits;

@@ -28,9 +28,10 @@ bool fits_model(SectionReader& cost, const RobotFile& robot, const ClearanceSect
   const std::vector<std::string> compiled = marks_in(header);
   const std::string command = command_in(header);
   const std::string remedy =
-      (command.empty() ? std::string("write the model anew: `tiller import DESCRIPTION -o FOLDER --model-only`, with the "
-                                     "options that it had")
-                       : "write the model anew: `" + command + " --model-only`") +
+      (command.empty()
+           ? std::string("write the model anew: `tiller import DESCRIPTION -o FOLDER --model-only`, with the "
+                         "options that it had")
+           : "write the model anew: `" + command + " --model-only`") +
       " (this file stays as it is)";
   const toml::node& whole = *cost.node("clearance");
   const std::string file = path.empty() ? robot.model_request.name : path.substr(path.find_last_of('/') + 1);
@@ -52,8 +53,8 @@ bool fits_model(SectionReader& cost, const RobotFile& robot, const ClearanceSect
     lack("the model (" + file + ") tells no heights over a floor");
   for (const std::string& mark : compiled)
     if (mark.compare(0, kMayTouch.size(), kMayTouch) == 0 && !has(ours, mark))
-      lack("the model (" + file + ") does not keep these apart, and may_touch has them no more: " +
-           mark.substr(kMayTouch.size()));
+      lack("the model (" + file +
+           ") does not keep these apart, and may_touch has them no more: " + mark.substr(kMayTouch.size()));
   return errors.list().size() == before;
 }
 

@@ -46,8 +46,8 @@ class Equations {
       point.x[i] = low + (high - low) * rng.uniform();
     }
     for (std::uint32_t j = 0; j < model_.input_count; ++j)
-      point.u[j] = config_.safety.input_low[j] +
-                   (config_.safety.input_high[j] - config_.safety.input_low[j]) * rng.uniform();
+      point.u[j] =
+          config_.safety.input_low[j] + (config_.safety.input_high[j] - config_.safety.input_low[j]) * rng.uniform();
     for (std::uint32_t i = 0; i < model_.param_count; ++i) point.p[i] = parameter(i, rng.uniform());
     return point;
   }
@@ -63,7 +63,8 @@ class Equations {
     for (std::uint32_t i = 0; i < model_.output_count; ++i)
       if (!std::isfinite(shown[i])) found.push_back("the output " + robot_.outputs[i] + " is " + number(shown[i]));
     if (robot_.own_cost) {
-      const double cost = robot_.own_cost->stage(point.x.data(), point.u.data(), point.p.data(), 0.0, robot_.own_cost->context);
+      const double cost =
+          robot_.own_cost->stage(point.x.data(), point.u.data(), point.p.data(), 0.0, robot_.own_cost->context);
       if (!std::isfinite(cost)) found.push_back("the cost of the model's file is " + number(cost));
     }
     return found.empty() ? "" : join(found);

@@ -10,7 +10,8 @@ namespace tiller::tools {
 namespace {
 
 constexpr std::size_t kMostLinks = 1000;
-constexpr const char* kValueRemedy = "write a number, a state, a parameter, or a sum of such: \"0.1 - 2*half_length_m\"";
+constexpr const char* kValueRemedy =
+    "write a number, a state, a parameter, or a sum of such: \"0.1 - 2*half_length_m\"";
 
 /// One term of a sum: numbers times at most one name.
 class TermReader {
@@ -168,7 +169,8 @@ class FigureReader {
   }
 
   void read_joint(SectionReader& section, const Words& meant, FigureLink& link) {
-    if (const toml::node* node = section.node("turn_rad")) (void)value(*node, section.path_of("turn_rad"), link.turn_rad);
+    if (const toml::node* node = section.node("turn_rad"))
+      (void)value(*node, section.path_of("turn_rad"), link.turn_rad);
     if (const toml::node* node = section.node("slide_m")) (void)value(*node, section.path_of("slide_m"), link.slide_m);
     const bool moves = section.has("turn_rad") || section.has("slide_m");
     if (section.has("axis")) {
@@ -190,7 +192,8 @@ class FigureReader {
     for (const toml::node& element : *list) {
       const toml::array* line = element.as_array();
       if (!line || line->size() < 2) {
-        errors_.at(element, path, line ? "a line has fewer than two points" : "a line is " + kind_text(element), remedy);
+        errors_.at(element, path, line ? "a line has fewer than two points" : "a line is " + kind_text(element),
+                   remedy);
         continue;
       }
       std::vector<FigurePoint> points(line->size());
@@ -218,7 +221,8 @@ class FigureReader {
     FigureBox box;
     point(section, "at_m", box.at_m);
     point(section, "size_m", box.size_m);
-    if (!section.has("size_m") && index_of(meant, "size_m") < 0) section.missing("size_m", "write its extents, [0.4, 0.2, 0.2]");
+    if (!section.has("size_m") && index_of(meant, "size_m") < 0)
+      section.missing("size_m", "write its extents, [0.4, 0.2, 0.2]");
     link.boxes.push_back(box);
   }
 
@@ -226,8 +230,9 @@ class FigureReader {
   void each_table(SectionReader& section, const char* key, const Read& read) {
     const toml::node* node = section.node(key);
     if (!node) return;
-    const std::string remedy = std::string("write a list of tables, ") +
-                               (std::string(key) == "boxes" ? "[{ size_m = [0.4, 0.2, 0.2] }]" : "[{ radius_m = 0.1 }]");
+    const std::string remedy =
+        std::string("write a list of tables, ") +
+        (std::string(key) == "boxes" ? "[{ size_m = [0.4, 0.2, 0.2] }]" : "[{ radius_m = 0.1 }]");
     const toml::array* list = node->as_array();
     if (!list) return errors_.at(*node, section.path_of(key), "is " + kind_text(*node), remedy);
     for (std::size_t i = 0; i < list->size(); ++i) {

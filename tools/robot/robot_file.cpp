@@ -193,9 +193,9 @@ Refusal timeout_wants(const RobotFile& robot, const std::string& field) {
   const double period = robot.config.period_s, timeout = robot.config.safety.sensor_timeout_s;
   if (field != "safety.sensor_timeout_s" || !(timeout < period)) return {};
   return {number_text(timeout) + " s is below the control period of " + number_text(period) + " s",
-          period < 1.0 ? "write period_s at least"
-                       : "if " + number_text(period) + " ms is meant, write [model] period_s = " +
-                             number_text(1e-3 * period)};
+          period < 1.0
+              ? "write period_s at least"
+              : "if " + number_text(period) + " ms is meant, write [model] period_s = " + number_text(1e-3 * period)};
 }
 
 /// Errors that only the library's own check sees: multiples, and combinations of values.

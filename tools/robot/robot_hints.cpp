@@ -57,7 +57,8 @@ void hint_at_period(FileErrors& hints, const toml::table& root, const RobotFile&
   const double rate = fastest_rate(robot);
   if (rate > 0.0 && rate * period <= 1.0) return;
   std::string problem = "a control period of " + number_text(period) + " s is long for a robot";
-  if (rate > 0.0) problem += format(", and the model's fastest mode at the start has a time constant of %.2g s", 1 / rate);
+  if (rate > 0.0)
+    problem += format(", and the model's fastest mode at the start has a time constant of %.2g s", 1 / rate);
   hints.at(*node, "model.period_s", problem, as_milliseconds(period) + "period_s = " + number_text(1e-3 * period));
 }
 
@@ -137,12 +138,24 @@ void hint_at_angles(FileErrors& hints, const toml::table& root, const RobotFile&
 /// Units that people write at the end of names and tiller does not take: their SI unit, and how many of it they are.
 constexpr struct {
   const char *unit, *read, *si;
-} kForeign[] = {{"deg", "degrees", "rad"},  {"degs", "degrees", "rad"}, {"rpm", "turns a minute", "rad_s"},
-                {"ms", "milliseconds", "s"}, {"us", "microseconds", "s"}, {"min", "minutes", "s"},
-                {"h", "hours", "s"},        {"mm", "millimetres", "m"}, {"cm", "centimetres", "m"},
-                {"km", "kilometres", "m"},  {"kmh", "kilometres an hour", "m_s"}, {"kph", "kilometres an hour", "m_s"},
-                {"mph", "miles an hour", "m_s"}, {"degC", "degrees Celsius", "K"}, {"rads", "rad/s", "rad_s"},
-                {"Nmm", "newton millimetres", "Nm"}, {"mA", "milliamperes", "A"}, {"mV", "millivolts", "V"}};
+} kForeign[] = {{"deg", "degrees", "rad"},
+                {"degs", "degrees", "rad"},
+                {"rpm", "turns a minute", "rad_s"},
+                {"ms", "milliseconds", "s"},
+                {"us", "microseconds", "s"},
+                {"min", "minutes", "s"},
+                {"h", "hours", "s"},
+                {"mm", "millimetres", "m"},
+                {"cm", "centimetres", "m"},
+                {"km", "kilometres", "m"},
+                {"kmh", "kilometres an hour", "m_s"},
+                {"kph", "kilometres an hour", "m_s"},
+                {"mph", "miles an hour", "m_s"},
+                {"degC", "degrees Celsius", "K"},
+                {"rads", "rad/s", "rad_s"},
+                {"Nmm", "newton millimetres", "Nm"},
+                {"mA", "milliamperes", "A"},
+                {"mV", "millivolts", "V"}};
 
 /// Of a model of one's own: its names say units that differ from those in which it is stepped and reported.
 void hint_at_names(FileErrors& hints, const toml::table& root, const RobotFile& robot) {

@@ -129,7 +129,8 @@ void read_outputs(SectionReader& section, RobotFile& robot, TaskRows& rows) {
   each_named(section, "outputs", robot.outputs, "output", [&](const std::string& name, const toml::table& table) {
     if (taken.count(name) > 0)
       return section.errors().at(*section.node("outputs"), "cost.outputs." + name,
-                                 "is part of a frame or of the clearance, which are told already", "leave one of the two out");
+                                 "is part of a frame or of the clearance, which are told already",
+                                 "leave one of the two out");
     read_output(section.errors(), name, table, costs[static_cast<std::size_t>(index_of(robot.outputs, name))]);
   });
   rows.outputs = std::move(costs);

@@ -59,7 +59,8 @@ const std::vector<SectionSpec> kSections = {
      "Spheres on the robot's links that are to stay apart from each other, from obstacles and from the floor "
      "(docs/reference/costs.md). `tiller import` writes their centres into the model; radii, margin and weight are read "
      "here alone."},
-    {"cost.clearance.spheres[]", "in [cost.clearance]: spheres = [ { ... } ]", "A sphere that stands for part of a link."},
+    {"cost.clearance.spheres[]", "in [cost.clearance]: spheres = [ { ... } ]",
+     "A sphere that stands for part of a link."},
     {"cost.clearance.obstacles[]", "in [cost.clearance]: obstacles = [ { ... } ]",
      "A sphere that does not move, in the base's axes."},
     {"limits", "[limits]", "One key for each input of the model; the value is a table."},
@@ -223,7 +224,8 @@ const std::vector<KeySpec> kOthers = {
      "letters, digits and underscores"},
     {"cost.clearance.obstacles[]", "at_m", K::other, "m", kRequired, 0, 0, false, hand, nullptr,
      "[x, y, z] of its centre in the base's axes"},
-    {"cost.clearance.obstacles[]", "radius_m", K::number, "m", kRequired, kLeastScale, kScale, false, hand, nullptr, ""},
+    {"cost.clearance.obstacles[]", "radius_m", K::number, "m", kRequired, kLeastScale, kScale, false, hand, nullptr,
+     ""},
 
     {"limits.*", "low", K::number, "SI", kRequired, -kValue, kValue, false, hand, nullptr, "smallest command"},
     {"limits.*", "high", K::number, "SI", kRequired, -kValue, kValue, false, hand, nullptr, "largest command"},
@@ -243,7 +245,8 @@ const std::vector<KeySpec> kOthers = {
      "the input along the cone's axis, in no cone's norm; required with a slope"},
     {"safety.cones[]", "slope", K::number, "SI/SI", "0", 0, kWeight, false, hand, nullptr,
      "what the largest norm grows by for each unit of the axis: a coefficient of friction, the tangent of a gimbal's "
-     "angle", nullptr, kLeastWeight},
+     "angle",
+     nullptr, kLeastWeight},
 
     {"transport", "kind", K::choice, "", kRequired, 0, 0, false, hand,
      [] {
@@ -281,11 +284,9 @@ const std::vector<KeySpec> kOthers = {
      "socketcan: longest silence of a motor; 0: not watched"},
 
     {"transport.drives.*", "command", K::choice, "", "torque", 0, 0, false, hand,
-     [] { return words_of(kActuatorModeNames); },
-     "what the input is to the drive; position needs a rate limit"},
+     [] { return words_of(kActuatorModeNames); }, "what the input is to the drive; position needs a rate limit"},
     {"transport.drives.*", "resolution", K::choice, "", "f32", 0, 0, false, hand,
-     [] { return words_of(kMoteusResolutionNames); },
-     "moteus: how registers travel"},
+     [] { return words_of(kMoteusResolutionNames); }, "moteus: how registers travel"},
     {"transport.drives.*", "watchdog_s", K::number, "s", "0.1", 0, 10, false, hand, nullptr,
      "moteus: how long a command is valid; 0: as the drive is configured"},
     {"transport.drives.*", "position_rad", K::number, "rad", "12.5", 0, 1e4, true, hand, nullptr,
@@ -302,8 +303,7 @@ const std::vector<KeySpec> kOthers = {
      "mit: gain of position commands"},
     {"transport.drives.*", "kd_Nms_rad", K::number, "Nm s/rad", "0", 0, 1e5, false, hand, nullptr,
      "mit: gain of position and velocity commands"},
-    {"transport.drives.*", "reply", K::choice, "", "plain", 0, 0, false, hand,
-     [] { return words_of(kMitReplyNames); },
+    {"transport.drives.*", "reply", K::choice, "", "plain", 0, 0, false, hand, [] { return words_of(kMitReplyNames); },
      "mit: how the drive answers: 6 bytes; CubeMars AK; Damiao"},
     {"transport.drives.*", "reply_id", K::count, "", "0", 0, 2047, false, hand, nullptr,
      "mit: identifier of its answers"},

@@ -136,7 +136,8 @@ void add_outputs(const RobotFile& robot, Json& json) {
     const auto names = frame_output_names(frame);
     if (index_of(robot.outputs, names.back()) < 0) continue;
     rotations.insert(names.begin() + 3, names.end());
-    if (weighed(names[0]) || weighed(names[3])) frames.push_back({{"name", frame}, {"moves", weighed(names[0])}, {"turns", weighed(names[3])}});
+    if (weighed(names[0]) || weighed(names[3]))
+      frames.push_back({{"name", frame}, {"moves", weighed(names[0])}, {"turns", weighed(names[3])}});
   }
   for (std::size_t j = 0; j < robot.outputs.size(); ++j) {
     const std::string& name = robot.outputs[j];
@@ -166,10 +167,14 @@ Json values_json(const Values& values) {
 }
 
 Json link_json(const FigureLink& link) {
-  Json json = {{"name", link.name},         {"parent", link.parent},
-               {"position_m", values_json(link.position_m)}, {"rpy_rad", values_json(link.rpy_rad)},
-               {"axis", link.axis},         {"turn_rad", value_json(link.turn_rad)},
-               {"slide_m", value_json(link.slide_m)},        {"joined", link.joined}};
+  Json json = {{"name", link.name},
+               {"parent", link.parent},
+               {"position_m", values_json(link.position_m)},
+               {"rpy_rad", values_json(link.rpy_rad)},
+               {"axis", link.axis},
+               {"turn_rad", value_json(link.turn_rad)},
+               {"slide_m", value_json(link.slide_m)},
+               {"joined", link.joined}};
   if (!link.quaternion.empty()) json["quaternion"] = values_json(link.quaternion);
   json["lines_m"] = json["circles"] = json["boxes"] = Json::array();
   for (const auto& line : link.lines_m) {

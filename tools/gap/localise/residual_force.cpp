@@ -55,8 +55,7 @@ std::vector<std::vector<double>> acting_inputs(const tiller_config_t& config, co
 std::vector<double> without_delays(const tiller_config_t& config, const StepSetup& setup, const double* params) {
   std::vector<double> p(params, params + config.param_count);
   for (std::uint32_t e = 0; e < setup.effect_count; ++e)
-    if (has_role(setup.effects[e].kind, kDelay | kLag))
-      p[setup.effects[e].param] = 0;
+    if (has_role(setup.effects[e].kind, kDelay | kLag)) p[setup.effects[e].param] = 0;
   return p;
 }
 

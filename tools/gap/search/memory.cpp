@@ -69,11 +69,11 @@ std::size_t memory_bound(const Session& s) {
   for (const Window& w : s.windows) points = std::max<std::size_t>(points, w.points);
   // where many parameters begin (pool.cpp): pieces of the windows, before anything else is kept
   const auto pieces = static_cast<std::size_t>(kWindow_s / kBrief_s) + 1;
-  const std::size_t brief = prior_free(s.config) > kManyParams
-                                ? Shooting::bytes_for(s.config, pieces * s.windows.size(), points / pieces + 8,
-                                                      s.threads->size()) +
-                                      pieces * s.windows.size() * (sizeof(Window) + 4 * kNumber)
-                                : 0;
+  const std::size_t brief =
+      prior_free(s.config) > kManyParams
+          ? Shooting::bytes_for(s.config, pieces * s.windows.size(), points / pieces + 8, s.threads->size()) +
+                pieces * s.windows.size() * (sizeof(Window) + 4 * kNumber)
+          : 0;
   // a scan's path in lanes, steps of a search
   const std::size_t work = brief + 2 * WindowRollout::bytes_for(s.config, points) + 8 * one;
   return data_bytes(s) + Shooting::bytes_for(s.config, s.windows.size(), points, s.threads->size()) + sets * one +

@@ -76,9 +76,8 @@ void Pool::begin() {
   Candidate nominal;
   make_hypothesis(session_.config, {}, &session_.scales, nominal.hypothesis);
   session_.progress("nominal fit", 0);
-  const std::vector<double> start = nominal.hypothesis.free.size() > kManyParams
-                                        ? brief_fit(session_, nominal.hypothesis)
-                                        : std::vector<double>();
+  const std::vector<double> start =
+      nominal.hypothesis.free.size() > kManyParams ? brief_fit(session_, nominal.hypothesis) : std::vector<double>();
   nominal.fit = session_.shooting->begin(nominal.hypothesis, start, nullptr);
   for (int round = 0; round < 2; ++round) {
     session_.shooting->prepare_whitening(nominal.hypothesis, nominal.fit);

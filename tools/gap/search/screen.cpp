@@ -61,8 +61,7 @@ std::vector<std::vector<double>> starts_of(const Session& s, const EffectAt& e) 
   for (const double share : kSmallStarts) {
     std::vector<double> small = first;
     for (int i = 0; i < info.param_count; ++i)
-      if (is_strength(info.params[i].scale) || info.params[i].scale == Scale::period ||
-          has_role(e.kind, kWidth))
+      if (is_strength(info.params[i].scale) || info.params[i].scale == Scale::period || has_role(e.kind, kWidth))
         small[static_cast<std::size_t>(i)] *= share;
     if (small != first) starts.push_back(small);
   }
