@@ -1,5 +1,5 @@
-// An imported function alone: MODEL of HEADER (-D), and beside it CasADi's own C code of the same (-DC_NAME, linked in).
-// Compiled by robots.py; not part of the CMake build.
+// An imported function alone: MODEL of HEADER (-D), and beside it CasADi's own C code of the same (-DC_NAME, linked
+// in). Compiled by robots.py; not part of the CMake build.
 //
 //   imported_function values   reads rows x, u, p; prints xdot, then its slopes by x and u, row by row
 //   imported_function speed    nanoseconds of an Euler step: f32, f64, scalar, and CasADi's C code

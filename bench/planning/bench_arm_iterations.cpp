@@ -1,6 +1,6 @@
-// bench_arm_iterations ROBOT: iterations of `ilqr` on an imported arm of 7 joints over 30 steps of 10 ms, one JSON line.
-// A part of ./dev bench robots, which gives crocoddyl the same problem (bench/peers/crocoddyl_arm.py): from rest at one
-// posture to rest at another, semi-implicit Euler, quadratic in states and torques, no limit in reach.
+// bench_arm_iterations ROBOT: iterations of `ilqr` on an imported arm of 7 joints over 30 steps of 10 ms, one JSON
+// line. A part of ./dev bench robots, which gives crocoddyl the same problem (bench/peers/crocoddyl_arm.py): from rest
+// at one posture to rest at another, semi-implicit Euler, quadratic in states and torques, no limit in reach.
 
 #include <algorithm>
 #include <chrono>

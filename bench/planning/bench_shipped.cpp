@@ -3,9 +3,10 @@
 //
 //   bench_shipped ROBOT PLANNER SECONDS [--horizon N] [--particles M] SEED...
 //
-// How far a robot is from its task is told by its own cost: the weighted squares of what its states and outputs are off by,
-// over the last quarter of the run, as a share of what they would be off by if the robot had stayed where it started. A
-// gait oscillates about what it is asked for, so the hopper is judged by its mean speed and by whether it fell.
+// How far a robot is from its task is told by its own cost: the weighted squares of what its states and outputs are off
+// by, over the last quarter of the run, as a share of what they would be off by if the robot had stayed where it
+// started. A gait oscillates about what it is asked for, so the hopper is judged by its mean speed and by whether it
+// fell.
 
 #include <algorithm>
 #include <cmath>

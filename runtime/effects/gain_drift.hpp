@@ -5,8 +5,8 @@
 
 namespace tiller {
 
-/// A drive whose force changes steadily from its start on: a battery that empties, a magnet that warms through. The state
-/// is the time since then; a gain that would have become negative is none.
+/// A drive whose force changes steadily from its start on: a battery that empties, a magnet that warms through. The
+/// state is the time since then; a gain that would have become negative is none.
 template <class S>
 struct GainDrift {
   static constexpr Hook hook = Hook::input;

@@ -5,10 +5,10 @@
 
 namespace tiller {
 
-/// A buffer at one end of the travel: spring and damper beyond a position, which push and never pull. Within a step they
-/// act for the share of it that the joint spends beyond the position, with the mean depth of that share, and with the
-/// step's own result (implicit midpoint rule): second order through the contact, stable at any step and stiffness. The
-/// sign of the stiffness says on which side the stop is.
+/// A buffer at one end of the travel: spring and damper beyond a position, which push and never pull. Within a step
+/// they act for the share of it that the joint spends beyond the position, with the mean depth of that share, and with
+/// the step's own result (implicit midpoint rule): second order through the contact, stable at any step and stiffness.
+/// The sign of the stiffness says on which side the stop is.
 template <class S>
 struct HardStop {
   static constexpr Hook hook = Hook::elastic;

@@ -78,8 +78,8 @@ class CanRobot {
   /// What drives are allowed while the robot does not move. `on`: enabled in STANDBY already, without torque, so that
   /// the first command that moves meets drives that follow it.
   void prepare(bool on) { prepared_ = on; }
-  /// `on`: off until a command of ACTIVE or HOLD, whatever the safe command is and prepare() allows: nobody has permitted
-  /// motion yet.
+  /// `on`: off until a command of ACTIVE or HOLD, whatever the safe command is and prepare() allows: nobody has
+  /// permitted motion yet.
   void keep_off(bool on) { kept_off_ = on; }
   /// Every drive has confirmed that it is enabled, or there is a fault that says why not.
   bool is_ready() const;

@@ -10,8 +10,9 @@ namespace tiller {
 
 /// The messages of runtime/io/lcm/*.lcm, for the runtime's own codec. The .lcm files are the definition, with a
 /// comment for every field; a test compares fingerprints and bytes with what lcm-gen makes of them. Each message has
-/// two types on the wire: one with arrays of the lengths that small robots need, and a wide one with counted arrays; the
-/// structs hold either. A sender takes the first where it fits, so that logs and plants of small robots know one type.
+/// two types on the wire: one with arrays of the lengths that small robots need, and a wide one with counted arrays;
+/// the structs hold either. A sender takes the first where it fits, so that logs and plants of small robots know one
+/// type.
 struct LcmMeasurement {
   std::int64_t stamp_us, sequence;
   std::int32_t command_latency_us, count, valid_mask;

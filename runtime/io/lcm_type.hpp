@@ -6,8 +6,8 @@ namespace tiller {
 
 enum class LcmKind : std::uint8_t { kInt32, kInt64, kDouble };
 
-/// A field of an LCM type: a scalar (length 0), an array of constant length, or one whose length an int32 field before it
-/// says. The struct has room for `length` values; a packet that says more is refused.
+/// A field of an LCM type: a scalar (length 0), an array of constant length, or one whose length an int32 field before
+/// it says. The struct has room for `length` values; a packet that says more is refused.
 struct LcmField {
   const char* name;
   LcmKind kind;

@@ -1,7 +1,7 @@
 #pragma once
 
-// A network's text for any scalar: numbers, lanes, duals over either. Weights are the same for all lanes; which member a
-// lane takes may differ.
+// A network's text for any scalar: numbers, lanes, duals over either. Weights are the same for all lanes; which member
+// a lane takes may differ.
 
 #include <cstdint>
 #include <type_traits>
@@ -26,8 +26,8 @@ TILLER_INLINE Dual<V, N> add_weighted(const Dual<V, N>& sum, float weight, const
   return r;
 }
 
-/// tanh of each of x (n), in place: x P(x^2) / Q(x^2), whose coefficients are a minimax fit on [-7.5, 7.5], at most 2e-6
-/// off anywhere. Four share one division; arithmetic alone, so the bits are the same on every target.
+/// tanh of each of x (n), in place: x P(x^2) / Q(x^2), whose coefficients are a minimax fit on [-7.5, 7.5], at most
+/// 2e-6 off anywhere. Four share one division; arithmetic alone, so the bits are the same on every target.
 template <class S>
 TILLER_INLINE void tanh_parts(const S& x, S& numerator, S& denominator) {
   const S a = max(min(x, S(7.5)), S(-7.5)), s = a * a;
@@ -82,8 +82,8 @@ TILLER_INLINE void affine(const float* weights, const S* in, int columns, S* out
   }
 }
 
-/// Member `member` of a tanh network at in (inputs): out (outputs). Cost: the number of its weights, and a tanh for each
-/// hidden unit.
+/// Member `member` of a tanh network at in (inputs): out (outputs). Cost: the number of its weights, and a tanh for
+/// each hidden unit.
 template <class S>
 void evaluate_tanh(const tiller_network_t& n, std::uint32_t member, const S* in, S* out) {
   const float* weights = n.weights + member * (n.weight_count / n.members);
@@ -139,8 +139,8 @@ TILLER_INLINE void evaluate_member(const tiller_network_t& n, std::uint32_t memb
     evaluate_gaussian(n, member, in, out);
 }
 
-/// out (outputs) of the member that each lane asks for: the whole part of `member`, cut to those that there are. Members
-/// that no lane asks for cost nothing, so a register whose lanes agree costs one.
+/// out (outputs) of the member that each lane asks for: the whole part of `member`, cut to those that there are.
+/// Members that no lane asks for cost nothing, so a register whose lanes agree costs one.
 template <class S>
 void evaluate_network(const tiller_network_t& n, const S& member, const S* in, S* out) {
   const auto& wanted = value_of(member);

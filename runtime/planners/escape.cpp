@@ -1,10 +1,10 @@
-// A gradient planner stays in the valley in which it begins: it holds a motor at its limit where the torque just balances
-// a pendulum, or leaves a pole hanging. Its scout begins elsewhere.
+// A gradient planner stays in the valley in which it begins: it holds a motor at its limit where the torque just
+// balances a pendulum, or leaves a pole hanging. Its scout begins elsewhere.
 //
-// Samples come first: straight lines between a few knots whose values are normal with twice the range of the input, cut by
-// the limits, so that most of a sample switches between them. The line search's rollout takes eight multiples of one such
-// sequence at once, in double and with the planner's own cost, so that the scout needs no sampler and no memory beside its
-// path. Every other sequence is added to the present plan, the others to the middle of the range.
+// Samples come first: straight lines between a few knots whose values are normal with twice the range of the input, cut
+// by the limits, so that most of a sample switches between them. The line search's rollout takes eight multiples of one
+// such sequence at once, in double and with the planner's own cost, so that the scout needs no sampler and no memory
+// beside its path. Every other sequence is added to the present plan, the others to the middle of the range.
 //
 // Rejected: samples in every tick, as `hybrid` has them. They cost more than the gradient's iterations, and a plan that
 // makes progress does not need them.
@@ -121,16 +121,16 @@ bool saturates(const PathPlan& p) {
   return false;
 }
 
-/// A plan that follows a reference has a cost which stands still; it is stuck only where an input has nothing left. So is
-/// one at a fixed goal, and there also one that is still far from it.
+/// A plan that follows a reference has a cost which stands still; it is stuck only where an input has nothing left. So
+/// is one at a fixed goal, and there also one that is still far from it.
 bool is_stuck(const Escape& e, const PathPlan& p) {
   if (e.least < kProgress * e.mark) return false;
   return (p.cost.reference == nullptr && e.least > kDone * e.worst) || saturates(p);
 }
 
-/// Looked at every quarter of a horizon: the cheapest plan of each says how far the robot is, for a single one around an
-/// unstable state may cost any amount until its next iteration. What is wanted begins with the next plan: a first plan is as
-/// quick as one without a scout.
+/// Looked at every quarter of a horizon: the cheapest plan of each says how far the robot is, for a single one around
+/// an unstable state may cost any amount until its next iteration. What is wanted begins with the next plan: a first
+/// plan is as quick as one without a scout.
 void watch_progress(Escape& e, const PathPlan& p, double cost, std::uint64_t goal) {
   if (!e.begun || goal != e.goal) {
     e.begun = e.wanted = true;

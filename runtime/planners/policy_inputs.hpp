@@ -18,8 +18,8 @@ struct PolicyView {
 /// Number of inputs of a policy that reads `reads` (tiller_policy_input_t) on this robot.
 std::uint32_t policy_input_count(const tiller_config_t& config, std::uint32_t reads);
 
-/// in (policy_input_count): as tiller_policy_input_t orders them. A goal is the reference's row where there is one, else
-/// the target.
+/// in (policy_input_count): as tiller_policy_input_t orders them. A goal is the reference's row where there is one,
+/// else the target.
 void fill_policy_inputs(const tiller_config_t& config, std::uint32_t reads, const PolicyView& view, double* in);
 
 /// command (nu) that a network's outputs (nu) stand for, within the limits.

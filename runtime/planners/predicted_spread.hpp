@@ -39,8 +39,8 @@ void begin_spread(const StateSpread& spread, std::uint32_t size, double* error, 
 double gaussian_quantile_above(double risk);
 
 /// E of 1 - exp(-1/2 sum ((x_i - t_i) / width_i)^2) for x ~ N(mean, covariance), all of size n (Deisenroth and
-/// Rasmussen 2011): 1 - |I + P W|^(-1/2) exp(-1/2 d' W (I + P W)^(-1) d). difference (n) = mean - t; width INFINITY: no say.
-/// NaN where the covariance is not one. n <= TILLER_MAX_STATES. Cost: O(n^3).
+/// Rasmussen 2011): 1 - |I + P W|^(-1/2) exp(-1/2 d' W (I + P W)^(-1) d). difference (n) = mean - t; width INFINITY: no
+/// say. NaN where the covariance is not one. n <= TILLER_MAX_STATES. Cost: O(n^3).
 double expected_saturating_cost(std::uint32_t n, const double* difference, const double* covariance,
                                 const double* width);
 

@@ -10,10 +10,10 @@ namespace tiller {
 ///
 /// CVaR is a maximum over weights: max w'c with 0 <= w_j <= M p_j / tail, sum w_j = 1, of scenarios that are as likely
 /// as p_j (Rockafellar and Uryasev 2000; alike, the mean has tail M, the worst case tail 1). At the optimum several
-/// scenarios usually cost the same, and the weights that the ranking gives jump between them. So the weights are carried
-/// from iteration to iteration and take a proximal step, w <- project(w + rate c), on the costs that their own solution
-/// leads to: dual ascent, whose fixed points are the saddle points of the problem, with the weights between the extremes
-/// that make the tied scenarios balance.
+/// scenarios usually cost the same, and the weights that the ranking gives jump between them. So the weights are
+/// carried from iteration to iteration and take a proximal step, w <- project(w + rate c), on the costs that their own
+/// solution leads to: dual ascent, whose fixed points are the saddle points of the problem, with the weights between
+/// the extremes that make the tied scenarios balance.
 class ScenarioRisk {
  public:
   void lay_out(const tiller_planner_config_t& settings) { settings_ = &settings; }

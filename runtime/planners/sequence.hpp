@@ -53,8 +53,8 @@ void shift_knots(double* knots, std::uint32_t count, std::uint32_t gone);
 
 /// Fills `sequence` (horizon x inputs) from `knots` (inputs * knots, input-major) under limits and cones, step by step
 /// from `start` (inputs), and `command` (inputs) with its first step in full precision; command may be null. Cubic
-/// where `before` (inputs), the values a knot ahead of the first, is given: the curve through a plan's remaining knots is
-/// then the same after one has fallen off its front. With `hold` each knot's value until the next. Else linear.
+/// where `before` (inputs), the values a knot ahead of the first, is given: the curve through a plan's remaining knots
+/// is then the same after one has fallen off its front. With `hold` each knot's value until the next. Else linear.
 void expand_sequence(const KnotGrid& grid, const InputLimit* limits, const InputCones& cones, const double* knots,
                      const double* start, float* sequence, double* command, const double* before = nullptr,
                      bool hold = false);

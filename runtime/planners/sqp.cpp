@@ -230,8 +230,8 @@ bool iterate_single(Sqp& s, const Deadline& deadline) {
 
 // ---- a plan -------------------------------------------------------------------------------------
 
-/// The scout's motion becomes the path where it costs less on all hypotheses, with what it exceeds the bounds by. A path
-/// with defects that promises more is left to close them first.
+/// The scout's motion becomes the path where it costs less on all hypotheses, with what it exceeds the bounds by. A
+/// path with defects that promises more is left to close them first.
 void weigh_scout(Sqp& s) {
   PathPlan& p = s.plan;
   if (!try_scout(*s.escape, p)) return;

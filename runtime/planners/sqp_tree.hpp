@@ -12,9 +12,9 @@ namespace tiller {
 /// the tree. Single shooting; what bounds on states are exceeded by counts in the line search with the program's own
 /// penalty.
 ///
-/// Weights. The branches enter the trunk under the risk's weights. With bounds on states no weight is below a thousandth
-/// of an equal share: the trunk has to leave each hypothesis a way within its bounds, costly or not. The penalty is the
-/// same for a state of any branch.
+/// Weights. The branches enter the trunk under the risk's weights. With bounds on states no weight is below a
+/// thousandth of an equal share: the trunk has to leave each hypothesis a way within its bounds, costly or not. The
+/// penalty is the same for a state of any branch.
 struct SqpTree {
   ScenarioTree* tree = nullptr;
   HardBounds bounds;

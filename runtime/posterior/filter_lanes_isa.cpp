@@ -16,7 +16,8 @@ namespace {
 
 using P = Pack<double>;
 
-/// Matrices of larger filters stay in the block: copies in registers' width would take 200 kB of stack at the most states.
+/// Matrices of larger filters stay in the block: copies in registers' width would take 200 kB of stack at the most
+/// states.
 constexpr std::uint32_t kMostOnStack = 8;
 
 /// The number of states as a constant where it is common (the compiler then keeps the loops in registers), else

@@ -25,7 +25,8 @@ struct ScenarioSweep {
     TILLER_INLINE int m() const { return kInputs ? kInputs : inputs; }
   };
 
-  /// w entries of a sum of rows, in registers: out += sum_k s[k stride] rows[k pitch ...]. Two chains: half the latency.
+  /// w entries of a sum of rows, in registers: out += sum_k s[k stride] rows[k pitch ...]. Two chains: half the
+  /// latency.
   template <int w>
   static TILLER_INLINE void add_piece(const double* s, std::size_t stride, const double* rows, std::size_t pitch,
                                       int count, double* out) {

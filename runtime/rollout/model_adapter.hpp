@@ -181,8 +181,8 @@ struct StaticModel {
   }
 
   /// Derivatives of the accelerations of a model that knows its slopes, rows joints: with W the inverse inertia and ID
-  /// the forces for given accelerations, d a/dq = -W dID/dq (Carpentier and Mansard 2018, Analytical derivatives of rigid
-  /// body dynamics algorithms).
+  /// the forces for given accelerations, d a/dq = -W dID/dq (Carpentier and Mansard 2018, Analytical derivatives of
+  /// rigid body dynamics algorithms).
   template <class S>
   struct JointSlopes {
     S acceleration[kMostForces], column[kMostForces][kMostForces], input_gain[kMostForces];

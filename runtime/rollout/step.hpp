@@ -389,8 +389,8 @@ struct Stepper {
     });
   }
 
-  /// The same of a model that knows its slopes, on dual numbers: how the inverse inertia itself changes with the pose is
-  /// left out of derivatives. It would act through what reacts at the joints alone, to the second order of the step.
+  /// The same of a model that knows its slopes, on dual numbers: how the inverse inertia itself changes with the pose
+  /// is left out of derivatives. It would act through what reacts at the joints alone, to the second order of the step.
   template <class D>
   __attribute__((noinline)) void respond_still(const typename Model::template State<D>& x, const Body<D>& dual_body,
                                                const typename Model::template Params<D>& p,
@@ -476,11 +476,11 @@ struct Stepper {
     }
   }
 
-  /// Sweeps over what dissipates at several joints. What one joint's friction does to its neighbours' velocities is known
-  /// after these have had theirs: a single sweep leaves a joint that should stick creeping, an error of the first order
-  /// of the step that is tens of times that of the rest. Successive over-relaxation of the complementarity problem
-  /// (Cottle, Golub and Sacher 1978) comes within a tenth of the exact solution's own error in five sweeps for an arm of
-  /// two links; the first and the last are not relaxed, so that no force ends beyond its level.
+  /// Sweeps over what dissipates at several joints. What one joint's friction does to its neighbours' velocities is
+  /// known after these have had theirs: a single sweep leaves a joint that should stick creeping, an error of the first
+  /// order of the step that is tens of times that of the rest. Successive over-relaxation of the complementarity
+  /// problem (Cottle, Golub and Sacher 1978) comes within a tenth of the exact solution's own error in five sweeps for
+  /// an arm of two links; the first and the last are not relaxed, so that no force ends beyond its level.
   static constexpr int kSweeps = 5;
   static constexpr double kRelaxation = 1.35;
 

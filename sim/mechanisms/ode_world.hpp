@@ -65,9 +65,9 @@ class HingeJoint final : public Joint {
 };
 
 /// Steps of second order for a body that no joint holds: it goes half a step at its velocity, ODE changes the velocity
-/// there, it goes the other half. Between begin() and step() it stands in the middle with the velocity carried forward by
-/// half of the last step's change, which is what forces see. The gyroscopic torque is pushed here: ODE's own is implicit,
-/// of first order.
+/// there, it goes the other half. Between begin() and step() it stands in the middle with the velocity carried forward
+/// by half of the last step's change, which is what forces see. The gyroscopic torque is pushed here: ODE's own is
+/// implicit, of first order.
 class FreeBodySteps {
  public:
   explicit FreeBodySteps(dBodyID body) : body_(body) { dBodySetGyroscopicMode(body, 0); }

@@ -12,7 +12,8 @@ namespace tiller::sim {
 
 /// Two rods in a vertical plane, hinged at the shoulder to the world and at the elbow to each other, with a motor in
 /// both hinges or in the elbow alone (acrobot). The shoulder's angle is 0 where the upper rod hangs, the elbow's where
-/// the lower rod goes straight on; counter-clockwise is positive with x to the right and z up, so both hinges turn about
+/// the lower rod goes straight on; counter-clockwise is positive with x to the right and z up, so both hinges turn
+/// about
 /// -y.
 class TwoRods final : public PlanarMechanism {
  public:

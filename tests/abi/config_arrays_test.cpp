@@ -126,7 +126,8 @@ double plan_cost(const tiller_output_cost_t* outputs, std::uint32_t count, std::
   return info.plan_cost;
 }
 
-// A model has outputs and the cost names none: an array of none is null in the block too, where "is there one?" is asked.
+// A model has outputs and the cost names none: an array of none is null in the block too, where "is there one?" is
+// asked.
 TEST(ConfigArrays, OutputsThatNobodyAsksForCostNothing) {
   const tiller_output_cost_t none[2] = {{0.0, 0.0, 0.0, -INFINITY, INFINITY, 0.0},
                                         {0.0, 0.0, 0.0, -INFINITY, INFINITY, 0.0}};

@@ -1,5 +1,5 @@
-// A simulated twin must not lie: what the posterior says of a robot that is as its file says has to hold. Shipped files,
-// and files with numbers that a user would write in their place, each on its ODE plant at the default step.
+// A simulated twin must not lie: what the posterior says of a robot that is as its file says has to hold. Shipped
+// files, and files with numbers that a user would write in their place, each on its ODE plant at the default step.
 
 #include <gtest/gtest.h>
 

@@ -224,7 +224,8 @@ TEST(Rates, RowsOfOneStampAreOneWhereTheyAgree) {
   EXPECT_EQ(log.note, "4 identical rows count once");
 }
 
-// Two sensors of 100 Hz, 2 ms apart, for a robot of 50 Hz: no sample is lost to the other's rows, grids go through both.
+// Two sensors of 100 Hz, 2 ms apart, for a robot of 50 Hz: no sample is lost to the other's rows, grids go through
+// both.
 TEST(Rates, SensorsWithRowsOfTheirOwnAreBothUsed) {
   std::string text = "time_s,angle_rad,rate_rad_s,torque_Nm\n";
   const auto number = [](double v) { return std::to_string(v); };

@@ -29,7 +29,8 @@ bool is_burst(double t) {
   return t >= 0 && std::fmod(t, kEvery_s) >= kAt_s && std::fmod(t, kEvery_s) < kAt_s + kBurst_s;
 }
 
-// A machine that rests but for a burst of motion in 2 % of the time. Its angle is a filtered command: no model is asked.
+// A machine that rests but for a burst of motion in 2 % of the time. Its angle is a filtered command: no model is
+// asked.
 Log resting_log(double seconds, std::uint64_t seed) {
   Log log;
   log.path = "rests.csv";

@@ -262,7 +262,8 @@ TEST_F(Imported, AnUnknownGainMultipliesItsInput) {
   EXPECT_NEAR(pushed.look_rad_s, same.look_rad_s, 1e-10 * std::fabs(same.look_rad_s));
 }
 
-// ---- slopes -----------------------------------------------------------------------------------------------------------
+// ---- slopes
+// -----------------------------------------------------------------------------------------------------------
 
 using Stiff = StiffArm<double>;
 using StiffModel = tiller::StaticModel<StiffArm>;

@@ -156,8 +156,8 @@ LinearTask pendulum_task(double torque_Nm) {
   return t;
 }
 
-/// 1.5 Nm deflect it by 0.61 rad: 2.6 half swings of 0.71 s, so that three would have to fit. At the top it falls e-fold in
-/// 0.226 s, and a thousandfold in 1.56 s.
+/// 1.5 Nm deflect it by 0.61 rad: 2.6 half swings of 0.71 s, so that three would have to fit. At the top it falls
+/// e-fold in 0.226 s, and a thousandfold in 1.56 s.
 TEST(Horizon, WeakMotorHasToSwing) {
   const HorizonAdvice advice = advise_horizon(pendulum_task(1.5), 200);
   EXPECT_EQ(advice.needed, 75u) << advice.reason;

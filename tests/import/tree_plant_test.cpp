@@ -1,4 +1,5 @@
-// The ODE world of a description against Newton and Euler in the world's frame, which share nothing with it but the file.
+// The ODE world of a description against Newton and Euler in the world's frame, which share nothing with it but the
+// file.
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>

@@ -1,5 +1,6 @@
-// every_planner TICKS ROBOT.toml...: each robot file on its simulated plant, so many ticks with each planner in turn. What
-// is run under valgrind: a read of memory that nobody wrote ends it there. Here it fails where a run does not stay ACTIVE.
+// every_planner TICKS ROBOT.toml...: each robot file on its simulated plant, so many ticks with each planner in turn.
+// What is run under valgrind: a read of memory that nobody wrote ends it there. Here it fails where a run does not stay
+// ACTIVE.
 
 #include <algorithm>
 #include <cmath>

@@ -189,8 +189,8 @@ TEST(WassersteinDiscrepancy, TellsAnswersToOppositeInputsApart) {
   EXPECT_GT(found[1], 3 * found[2]) << "nearer parameters are nearer";
 }
 
-// Noise of .22 a step beside a motion of .09: a model that moves more would be spread as the logs are, if simulated steps
-// had no noise.
+// Noise of .22 a step beside a motion of .09: a model that moves more would be spread as the logs are, if simulated
+// steps had no noise.
 TEST(WassersteinDiscrepancy, NoiseOfTheLogsIsNotTakenForMotion) {
   for (const unsigned seed : {1u, 2u, 3u}) {
     TestLog log = linear_log(seed, 0.7, 1601);

@@ -1,4 +1,5 @@
-// The default planner with nothing set but the task: a pendulum whose torque cannot lift it comes up, whatever its size.
+// The default planner with nothing set but the task: a pendulum whose torque cannot lift it comes up, whatever its
+// size.
 
 #include <gtest/gtest.h>
 
@@ -9,8 +10,8 @@ namespace {
 
 constexpr double kUpright = 3.141592653589793, kLength_m = 0.5, kDamping = 0.05, kPeriod_s = 0.03;
 
-/// A bob of `mass_kg` on 0.5 m, whose weight takes 4.9 Nm per kg; the torque goes up to 2 Nm per kg. Costs are those of the
-/// torque per kg.
+/// A bob of `mass_kg` on 0.5 m, whose weight takes 4.9 Nm per kg; the torque goes up to 2 Nm per kg. Costs are those of
+/// the torque per kg.
 tiller::Config pendulum_config(double mass_kg) {
   tiller::Config c;
   EXPECT_EQ(tiller_config_default(&c, tiller_find_model("pendulum")), tiller_status_ok);

@@ -77,8 +77,8 @@ TEST(CoulombFriction, StopsAfterTheClosedFormTime) {
   EXPECT_NEAR(Rotor::angle(b, 100) - 0.3, rate0 * rate0 * Rotor::kInertia / (2 * friction), 2.0 * 0.002);
 }
 
-/// A level arm of two links with dry friction at both joints. What one joint's friction does to the other is as large as
-/// what it does to its own joint.
+/// A level arm of two links with dry friction at both joints. What one joint's friction does to the other is as large
+/// as what it does to its own joint.
 struct LevelArm {
   static constexpr double kFriction[2] = {0.6, 0.3};
   tiller::Config config = plain_config(tiller_find_model("two_link_arm"));
@@ -346,7 +346,8 @@ TEST(SupplySag, FallsWithTheMeanOfWhatWasAsked) {
   add_effect(r.config, tiller_effect_supply_sag, 0);
   const double droop = 0.5, recovery = 0.3, torque = 0.8;
   const auto b = r.run({droop, recovery}, 0.0, torque, 50);
-  // impulse of u / (1 + droop u (1 - exp(-t / recovery))): with s = droop u, recovery u / (1 + s) ln((1 + s) e^(t/T) - s)
+  // impulse of u / (1 + droop u (1 - exp(-t / recovery))): with s = droop u, recovery u / (1 + s) ln((1 + s) e^(t/T) -
+  // s)
   const double s = droop * torque;
   const auto impulse = [&](double t) {
     return recovery * torque / (1 + s) * std::log((1 + s) * std::exp(t / recovery) - s);

@@ -1,5 +1,5 @@
-// Rollouts under feedback against open-loop rollouts of the inputs that the law gives, which the test works out from the
-// motion itself.
+// Rollouts under feedback against open-loop rollouts of the inputs that the law gives, which the test works out from
+// the motion itself.
 
 #include <gtest/gtest.h>
 

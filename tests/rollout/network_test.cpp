@@ -1,5 +1,5 @@
-// Forces that a network has learnt: its values against plain loops, its place in a step against effects and differences,
-// and what is refused.
+// Forces that a network has learnt: its values against plain loops, its place in a step against effects and
+// differences, and what is refused.
 
 #include "networks/evaluate.hpp"
 

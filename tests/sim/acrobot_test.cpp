@@ -82,8 +82,8 @@ TEST(Acrobot, FollowsItsLagrangian) {
       const double coarse = mean_difference(r, start, 0.0002), fine = mean_difference(r, start, 0.0001);
       std::printf("from (%.1f, %.1f): %.2e at 0.2 ms, %.2e at 0.1 ms, ratio %.2f\n", start[0], start[1], coarse, fine,
                   coarse / fine);
-      // second order: rates of up to 40 rad/s where the lower rod whips round, times (40 h)^2 / 12 = 5e-5 at 0.1 ms, and
-      // twice that for what a second of swinging makes of it
+      // second order: rates of up to 40 rad/s where the lower rod whips round, times (40 h)^2 / 12 = 5e-5 at 0.1 ms,
+      // and twice that for what a second of swinging makes of it
       EXPECT_LT(fine, 1e-4);
       // only discretisation may separate the two, so the difference falls with the square of the step
       EXPECT_NEAR(coarse / fine, 4, 0.4);

@@ -3,8 +3,8 @@
 #include "plants.hpp"
 
 // Without friction and motor a plant keeps its energy, up to the error of a symplectic integrator of second order: with
-// a motion at w rad/s, one step of h misplaces the energy E by about E (w h)^2 / 10, and the error swings with the motion
-// instead of adding up.
+// a motion at w rad/s, one step of h misplaces the energy E by about E (w h)^2 / 10, and the error swings with the
+// motion instead of adding up.
 
 namespace tiller::sim {
 namespace {

@@ -16,7 +16,8 @@ PlantOptions options_of(int index) {
   return o;
 }
 
-// Ten seconds of 20 ms periods, long enough that threads meet; the plant is made, moved and taken down in the thread that calls.
+// Ten seconds of 20 ms periods, long enough that threads meet; the plant is made, moved and taken down in the thread
+// that calls.
 std::vector<double> motion_of(int index) {
   const auto plant = make(options_of(index));
   std::vector<double> motion;

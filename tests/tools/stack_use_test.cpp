@@ -17,7 +17,8 @@
 namespace tiller::tools {
 namespace {
 
-/// The bound of docs/guide/targets.md, a quarter of what `tiller run` touches before its first tick ([realtime] stack_kB).
+/// The bound of docs/guide/targets.md, a quarter of what `tiller run` touches before its first tick ([realtime]
+/// stack_kB).
 constexpr std::size_t kBound = 256 * 1024;
 
 volatile unsigned char sink;

@@ -6,8 +6,8 @@
 
 namespace tiller::tools {
 
-/// The outputs that tell where a frame stands in the base's axes: three of its origin, then nine of its rotation, row by
-/// row ("tool0_rxz": the x of the frame's z axis). Models that name their outputs so have a frame.
+/// The outputs that tell where a frame stands in the base's axes: three of its origin, then nine of its rotation, row
+/// by row ("tool0_rxz": the x of the frame's z axis). Models that name their outputs so have a frame.
 inline std::array<std::string, 12> frame_output_names(const std::string& frame) {
   std::array<std::string, 12> names;
   const char axes[] = "xyz";

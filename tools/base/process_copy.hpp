@@ -12,8 +12,8 @@ struct CopyResult {
   std::string answer;  ///< what `work` returned
 };
 
-/// Runs `work` in a copy of this process (fork) and waits for it: a fault, an endless loop or a number written to a wrong
-/// place harms the copy alone. `work` starts no threads and waits for none.
+/// Runs `work` in a copy of this process (fork) and waits for it: a fault, an endless loop or a number written to a
+/// wrong place harms the copy alone. `work` starts no threads and waits for none.
 CopyResult run_in_copy(const std::function<std::string()>& work, unsigned most_cpu_seconds);
 
 }  // namespace tiller::tools

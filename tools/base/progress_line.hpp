@@ -6,9 +6,9 @@
 
 namespace tiller::tools {
 
-/// A line on stderr for work whose share is known: what it is, the percent done, the seconds so far and those left. On a
-/// terminal the line is rewritten, at most five times a second, and goes away at the end; elsewhere it is told after two
-/// seconds, and then every ten. Work that takes less than two seconds leaves nothing. Any thread may show.
+/// A line on stderr for work whose share is known: what it is, the percent done, the seconds so far and those left. On
+/// a terminal the line is rewritten, at most five times a second, and goes away at the end; elsewhere it is told after
+/// two seconds, and then every ten. Work that takes less than two seconds leaves nothing. Any thread may show.
 class ProgressLine {
  public:
   explicit ProgressLine(std::string what);

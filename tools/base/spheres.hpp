@@ -7,8 +7,8 @@
 
 namespace tiller::tools {
 
-/// Spheres that stand for a robot's links and for what stands around it, as [cost.clearance] has them. Centres are compiled
-/// into the model as outputs; radii, margins and weights are the robot file's alone.
+/// Spheres that stand for a robot's links and for what stands around it, as [cost.clearance] has them. Centres are
+/// compiled into the model as outputs; radii, margins and weights are the robot file's alone.
 struct Sphere {
   std::string name;  ///< "forearm_1"; an obstacle's own
   std::string link;  ///< empty: an obstacle, which stands in the base's axes

@@ -83,9 +83,9 @@ class StepLine {
 
  private:
   using Clock = std::chrono::steady_clock;
-  /// Share of the whole that is done when each step begins: the nominal fit, then screening and fitting in turn, for one
-  /// effect and for the second that is looked for beside it. A search that finds nothing ends earlier, one for three
-  /// effects later.
+  /// Share of the whole that is done when each step begins: the nominal fit, then screening and fitting in turn, for
+  /// one effect and for the second that is looked for beside it. A search that finds nothing ends earlier, one for
+  /// three effects later.
   static constexpr double kDone[] = {0, 0.02, 0.3, 0.5, 0.72, 0.8, 0.93, 0.97, 1};
 
   std::string times(double done) const {

@@ -273,8 +273,8 @@ std::size_t unknown_count(const Unknowns& unknowns) {
   return count;
 }
 
-/// Copies the description beside the robot file and makes sure that a plant can be made of it; the reason against it is a
-/// note. False with `error` where the copy cannot be written.
+/// Copies the description beside the robot file and makes sure that a plant can be made of it; the reason against it is
+/// a note. False with `error` where the copy cannot be written.
 bool make_plant(const Options& o, const MechanismOptions& options, const Mechanism& mechanism,
                 const std::string& compiled, const std::string& frame, DescribedPlant& plant,
                 std::vector<std::string>& notes, std::string& error) {

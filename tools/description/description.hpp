@@ -73,8 +73,8 @@ struct Description {
   std::vector<std::string> idle_drives;  ///< "name (tendon t)" of actuators that drive no joint of the model
 };
 
-/// Reads a description, by what the file holds and not by its name: a URDF (<robot>), an MJCF (<mujoco>), an .mjb, or the
-/// JSON that is made of the two. False with every problem in `errors`, "file:line: what; remedy", one a line.
+/// Reads a description, by what the file holds and not by its name: a URDF (<robot>), an MJCF (<mujoco>), an .mjb, or
+/// the JSON that is made of the two. False with every problem in `errors`, "file:line: what; remedy", one a line.
 bool read_description(const std::string& path, Description& robot, std::vector<std::string>& errors);
 
 bool read_urdf(const std::string& path, Description& robot, std::vector<std::string>& errors);

@@ -12,8 +12,8 @@ struct Gaussian {
   std::vector<double> mean;        ///< (d)
   std::vector<double> covariance;  ///< (d x d)
 
-  /// The means and variances of the configuration's marginal priors; mean and covariance of its mixture, uncut, which is
-  /// the Gaussian itself where the mixture is one. `coordinates` are the configuration's.
+  /// The means and variances of the configuration's marginal priors; mean and covariance of its mixture, uncut, which
+  /// is the Gaussian itself where the mixture is one. `coordinates` are the configuration's.
   static Gaussian of_prior(const tiller_config_t& config, const Coordinates& coordinates);
   /// Weighted mean and covariance of v (count x d): the maximum-likelihood refit. Deviations are kept above 1e-6 of
   /// the prior's, so that a Gaussian that has shrunk to a point can still be drawn from.

@@ -30,8 +30,8 @@ bool reps_weights(const std::vector<double>& cost, double epsilon, RepsWeights& 
 ///
 ///     w_i ~ base_i exp(R_i / eta)
 ///
-/// At eta = 1 this is Bayes' rule; at any other eta > 0 the likelihood is raised to the power 1 / eta. The divergence is
-/// that from the base. A reward that is not finite gets weight zero. False where no reward of a positive share is
+/// At eta = 1 this is Bayes' rule; at any other eta > 0 the likelihood is raised to the power 1 / eta. The divergence
+/// is that from the base. A reward that is not finite gets weight zero. False where no reward of a positive share is
 /// finite, or eta is not above zero. Cost: O(n).
 bool reps_weights_at(const std::vector<double>& reward, const std::vector<double>& base, double eta,
                      RepsWeights& result);

@@ -22,8 +22,8 @@ X whole_power(const X& base, int exponent) {
   return exponent % 2 == 0 ? square(half) : square(half) * base;
 }
 
-/// Exponents that are whole or end in a half by products and a root. Others by exp(b log a), for positive bases: at 0 the
-/// root is 0 (or infinite for negative exponents) without a slope, and below it is NaN, as the power is.
+/// Exponents that are whole or end in a half by products and a root. Others by exp(b log a), for positive bases: at 0
+/// the root is 0 (or infinite for negative exponents) without a slope, and below it is NaN, as the power is.
 X power(const X& base, const X& exponent) {
   if (base.is_constant() && exponent.is_constant()) return std::pow(base.constant(), exponent.constant());
   if (exponent.is_constant() && std::fabs(exponent.constant()) <= kLargestPower) {

@@ -15,8 +15,8 @@ struct FunctionArgument {
 };
 
 /// Runs a function's instructions on expressions. `outputs`: (results x elements). Operations that have no counterpart
-/// for lanes and derivatives, and constants that are no numbers, are refused by name where a result needs them, with the
-/// results that do: in `errors`, and false.
+/// for lanes and derivatives, and constants that are no numbers, are refused by name where a result needs them, with
+/// the results that do: in `errors`, and false.
 bool rebuild_equations(const FunctionText& function, const std::vector<std::vector<FunctionArgument>>& inputs,
                        std::vector<std::vector<Expression>>& outputs, Words& errors);
 

@@ -16,8 +16,9 @@ namespace {
 using Inertia = BodyInertia<double>;
 using Values = std::vector<double>;
 
-/// What no other unknown does, as a share of an unknown's effect, below which it counts as nothing. Rounding leaves some
-/// 1e-14; the weakest unknown that counts has 1e-4 and more on arms of six axes (tests/import/identifiable_test.cpp).
+/// What no other unknown does, as a share of an unknown's effect, below which it counts as nothing. Rounding leaves
+/// some 1e-14; the weakest unknown that counts has 1e-4 and more on arms of six axes
+/// (tests/import/identifiable_test.cpp).
 constexpr double kNothing = 1e-8;
 constexpr int kMotions = 40;
 constexpr double kSpeed_rad_s = 3.0, kAcceleration_rad_s2 = 5.0, kRoom_m = 0.5;
@@ -353,8 +354,8 @@ std::string coordinate_of(const Unknown& unknown) {
   return unknown.name.compare(0, head.size(), head) == 0 ? unknown.name.substr(head.size()) : unknown.name;
 }
 
-/// Changes of unknowns by which nothing changes: of one that is no head of a combination by 1, of the heads by what makes
-/// up for it.
+/// Changes of unknowns by which nothing changes: of one that is no head of a combination by 1, of the heads by what
+/// makes up for it.
 std::vector<Combination> idle_directions(const Identifiability& found) {
   std::map<int, Combination> by_tail;
   for (const Combination& c : found.shared)

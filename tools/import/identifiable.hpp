@@ -7,12 +7,12 @@
 
 namespace tiller::tools {
 
-/// Which unknowns of a robot its joints' motions can tell, and which only together (base parameters: Mayeda, Yoshida and
-/// Osuka 1990; Gautier and Khalil 1990).
+/// Which unknowns of a robot its joints' motions can tell, and which only together (base parameters: Mayeda, Yoshida
+/// and Osuka 1990; Gautier and Khalil 1990).
 ///
-/// The joints' forces are linear in the bodies' inertial parameters, and their derivatives by the unknowns are analytic in
-/// positions, speeds and forces. Their rank is therefore the same in every region of motions that is not degenerate, so
-/// that random motions find it. Coordinates of an inertia are taken to first order about the description.
+/// The joints' forces are linear in the bodies' inertial parameters, and their derivatives by the unknowns are analytic
+/// in positions, speeds and forces. Their rank is therefore the same in every region of motions that is not degenerate,
+/// so that random motions find it. Coordinates of an inertia are taken to first order about the description.
 
 struct Unknown {
   enum class Kind { mass, inertia, gain, payload, viscous, dry };
@@ -22,8 +22,8 @@ struct Unknown {
   double sd = 1.0;    ///< of its prior, about the description's value
 };
 
-/// What a motion can tell where single unknowns cannot be told apart: a sum. Its first term, the head, has the factor 1 and
-/// is in no other sum; the others are unknowns that do less, by their priors, than what stands for them.
+/// What a motion can tell where single unknowns cannot be told apart: a sum. Its first term, the head, has the factor 1
+/// and is in no other sum; the others are unknowns that do less, by their priors, than what stands for them.
 struct Combination {
   struct Term {
     double factor = 1.0;

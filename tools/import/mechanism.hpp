@@ -8,8 +8,8 @@
 
 namespace tiller::tools {
 
-/// What moves: bodies in a tree, parents first, each behind one joint along its own z. Links on fixed joints are parts of
-/// the body that carries them.
+/// What moves: bodies in a tree, parents first, each behind one joint along its own z. Links on fixed joints are parts
+/// of the body that carries them.
 
 /// A link's share of a body, in the body's frame.
 struct LinkShare {
@@ -25,8 +25,9 @@ struct NamedFrame {
   bool is_link = true;
 };
 
-/// How a joint's frame stands in its parent's: turned by `azimuth` about z, moved along the new x, turned by `tilt` about
-/// it, moved along y and z, turned by `turn` about z (Denavit and Hartenberg, with what their four numbers cannot say).
+/// How a joint's frame stands in its parent's: turned by `azimuth` about z, moved along the new x, turned by `tilt`
+/// about it, moved along y and z, turned by `turn` about z (Denavit and Hartenberg, with what their four numbers cannot
+/// say).
 struct JointFrame {
   double azimuth_rad = 0.0, tilt_rad = 0.0, turn_rad = 0.0;
   double x_m = 0.0, y_m = 0.0, z_m = 0.0;
@@ -81,8 +82,8 @@ struct MechanismOptions {
   std::vector<Armature> armature;
 };
 
-/// A pattern ("*_hip") among the held joints becomes the joints of the description that it matches. False with the reason
-/// where there are none.
+/// A pattern ("*_hip") among the held joints becomes the joints of the description that it matches. False with the
+/// reason where there are none.
 bool expand_held(const Description& robot, MechanismOptions& options, std::vector<std::string>& errors);
 
 /// The smallest set of the joints `names` that one pattern tells and that has `count` or more, for messages: "'*_hip'

@@ -27,8 +27,9 @@ struct WrittenModel {
 };
 
 /// The equations as a header for [model] file: forward dynamics and the inverse inertia, unrolled, for any scalar. The
-/// payload of `body` hangs at `payload_frame` (an index of mechanism.frames; -1: nowhere). `told`: frames whose poses are
-/// the model's outputs (tools/base/frame_names.hpp); the distances of `spheres` follow them (tools/base/spheres.hpp).
+/// payload of `body` hangs at `payload_frame` (an index of mechanism.frames; -1: nowhere). `told`: frames whose poses
+/// are the model's outputs (tools/base/frame_names.hpp); the distances of `spheres` follow them
+/// (tools/base/spheres.hpp).
 WrittenModel write_model(const Mechanism& mechanism, const Unknowns& unknowns, int payload_frame,
                          const std::vector<int>& told, const SphereOutputs& spheres = {});
 

@@ -15,8 +15,8 @@ struct TaskExtras {
 };
 
 /// The robot file for an emitted model: priors from the unknowns, limits from the description, a task that moves every
-/// joint, a simulated plant, comments on what to look at. `header` is the model's file name. `plant` with its file relative
-/// to the robot file's folder; an empty one: the model itself has to do.
+/// joint, a simulated plant, comments on what to look at. `header` is the model's file name. `plant` with its file
+/// relative to the robot file's folder; an empty one: the model itself has to do.
 std::string write_robot(const Mechanism& mechanism, const Unknowns& unknowns, const ModelNames& names,
                         const std::string& header, const std::string& payload_frame, const DescribedPlant& plant,
                         const TaskExtras& extras = {});

@@ -23,8 +23,8 @@ struct SphereOutputs {
   std::vector<SphereOutput> outputs;
 };
 
-/// Finds the bodies of the spheres and the pairs that are to be kept apart: neither on one body nor on neighbours, which
-/// touch where they are joined, nor on links that may touch. False with what is wrong in `errors`.
+/// Finds the bodies of the spheres and the pairs that are to be kept apart: neither on one body nor on neighbours,
+/// which touch where they are joined, nor on links that may touch. False with what is wrong in `errors`.
 bool place_spheres(const Spheres& spheres, const Mechanism& mechanism, SphereOutputs& out,
                    std::vector<std::string>& errors);
 

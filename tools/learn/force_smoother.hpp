@@ -30,8 +30,8 @@ struct SmoothedForces {
 bool smooth_forces(const tiller_config_t& config, const std::vector<Grid>& grids, const std::vector<double>& params,
                    const Eigen::VectorXd& force_sd, SmoothedForces& out, std::string& error);
 
-/// A force at each joint (nf) that accelerates it as the logs show: the root mean square of its acceleration over what a
-/// unit force makes of it. Zeros where a joint never moves.
+/// A force at each joint (nf) that accelerates it as the logs show: the root mean square of its acceleration over what
+/// a unit force makes of it. Zeros where a joint never moves.
 Eigen::VectorXd typical_forces(const tiller_config_t& config, const std::vector<Grid>& grids,
                                const std::vector<double>& params);
 
@@ -42,7 +42,8 @@ Eigen::VectorXd choose_force_sd(const tiller_config_t& config, const std::vector
                                 double* log_likelihood = nullptr);
 
 /// The configuration with the sensors' deviations times the factor, of 1, 2, 4 and 8, that makes the logs likeliest
-/// beside forces that walk: spikes and steps of an encoder would else be forces. `force_sd` is set to the intensity there.
+/// beside forces that walk: spikes and steps of an encoder would else be forces. `force_sd` is set to the intensity
+/// there.
 Config with_honest_sensors(const tiller_config_t& config, const std::vector<Grid>& grids,
                            const std::vector<double>& params, const Eigen::VectorXd& typical,
                            Eigen::VectorXd& force_sd);

@@ -22,11 +22,11 @@ struct GaussianFit {
   std::vector<float> weights;     ///< tiller_network_t's layout, kind gaussian, on plain inputs and outputs
 };
 
-/// Lengths, signal and noise by the marginal likelihood of a part of the data (Rasmussen and Williams 2006, section 5.4);
-/// inducing points as far from each other as the data go; their posterior as of a subset of regressors (section 8.3.1),
-/// and `members` functions drawn from it by pathwise conditioning (Wilson et al. 2020): a draw from the prior, by waves,
-/// plus the kernel's update at the inducing points. The first member is the mean itself.
-/// Cost: hyper_steps x hyper_samples^3, and samples x inducing^2.
+/// Lengths, signal and noise by the marginal likelihood of a part of the data (Rasmussen and Williams 2006, section
+/// 5.4); inducing points as far from each other as the data go; their posterior as of a subset of regressors (section
+/// 8.3.1), and `members` functions drawn from it by pathwise conditioning (Wilson et al. 2020): a draw from the prior,
+/// by waves, plus the kernel's update at the inducing points. The first member is the mean itself. Cost: hyper_steps x
+/// hyper_samples^3, and samples x inducing^2.
 GaussianFit fit_gaussian(const DynamicsData& data, const GaussianOptions& options);
 
 }  // namespace tiller::tools::learn

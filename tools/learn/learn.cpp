@@ -90,8 +90,8 @@ class Learner {
         {&residual_.config, {params}, Eigen::Map<const Vector>(residual_.config.process_sd, nx)}, judge_, states_);
   }
 
-  /// The last share of every grid judges; where that is too short for rollouts, whole grids do, the last ones first. False
-  /// where there is too little of both.
+  /// The last share of every grid judges; where that is too short for rollouts, whole grids do, the last ones first.
+  /// False where there is too little of both.
   bool split(const std::vector<Grid>& grids) {
     std::size_t rollouts = 0;
     for (const Grid& grid : grids) {

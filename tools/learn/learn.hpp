@@ -33,8 +33,8 @@ struct Candidate {
   HeldOut held_out;
   Eigen::VectorXd process_sd;  ///< (nx) that makes the held-out spread honest
   double spread_ratio = NAN;   ///< of the members' forces outside of the data, over inside
-  /// (nx + 3 nf x samples) some of the periods of the logs: state, force that the model lacks there, mean of the members,
-  /// and their deviation.
+  /// (nx + 3 nf x samples) some of the periods of the logs: state, force that the model lacks there, mean of the
+  /// members, and their deviation.
   Eigen::MatrixXd seen;
 };
 

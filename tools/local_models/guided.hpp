@@ -42,16 +42,16 @@ struct GuidedResult {
   bool interrupted = false;
 };
 
-/// Guided policy search, the variant by mirror descent (Montgomery and Levine 2016; the alternation of Levine and Koltun
-/// 2013 and Levine and Abbeel 2014): an iteration runs each condition a few times under its local laws, fits a linear
-/// model to each step with the physics' derivative as prior, finds laws of less cost within a divergence of the network,
-/// linearised where the samples are, and fits the network to all laws,
+/// Guided policy search, the variant by mirror descent (Montgomery and Levine 2016; the alternation of Levine and
+/// Koltun 2013 and Levine and Abbeel 2014): an iteration runs each condition a few times under its local laws, fits a
+/// linear model to each step with the physics' derivative as prior, finds laws of less cost within a divergence of the
+/// network, linearised where the samples are, and fits the network to all laws,
 ///
 ///     min_pi sum_i,k E_x KL(p_ik(u | x) || pi(u | x))
 ///
 /// whose mean part is a regression weighed by the laws' precisions and whose covariance is the inverse of their mean.
-/// Commands are cut to the task's limits. `task` gives states, policy inputs, limits, horizon and physics (which must not
-/// be empty). False with a sentence in `error`.
+/// Commands are cut to the task's limits. `task` gives states, policy inputs, limits, horizon and physics (which must
+/// not be empty). False with a sentence in `error`.
 bool guided_search(const policy::SearchTask& task, const std::vector<Condition>& conditions,
                    const GuidedOptions& options, const GuidedProgress& after, const volatile std::sig_atomic_t& stop,
                    GuidedResult& result, std::string& error);

@@ -48,8 +48,8 @@ struct KlStep {
   double divergence = 0, cost = 0;
 };
 
-/// The laws of least expected cost within a divergence of `epsilon`, over all steps, from `before`: eta by bracketing, as
-/// the divergence falls with it. False where no eta up to 1e12 serves.
+/// The laws of least expected cost within a divergence of `epsilon`, over all steps, from `before`: eta by bracketing,
+/// as the divergence falls with it. False where no eta up to 1e12 serves.
 bool kl_lqr(const std::vector<LinearStep>& models, const std::vector<QuadraticCost>& costs, const LawSequence& before,
             const Vector& start_mean, const Matrix& start_covariance, double epsilon, LawSequence& laws, KlStep& step);
 

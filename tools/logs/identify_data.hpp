@@ -36,8 +36,8 @@ std::vector<Grid> make_grids(const Log& log, const LogMap& map, const tiller_con
 /// it: per joint a parabola of position over time, fitted by least squares to the positions and to the measured
 /// rates, weighted by the sensors' deviations, over +-half_width_s (at least two points to either side). States
 /// that belong to no joint are averaged over three points. `sd` (nx, nullable): what the sensors' deviations leave of
-/// doubt. A state that no sensor sees, and that is no speed of a measured position, is where [start] has it. False where
-/// a needed value is missing.
+/// doubt. A state that no sensor sees, and that is no speed of a measured position, is where [start] has it. False
+/// where a needed value is missing.
 bool estimate_state(const Grid& grid, const tiller_config_t& config, std::size_t point, double half_width_s,
                     double* state, double* sd = nullptr);
 

@@ -11,8 +11,8 @@ using Vector = Eigen::VectorXd;
 
 /// A multilayer perceptron: tanh in every hidden layer, linear at the end.
 ///
-/// All weights stand in one vector, layer by layer, each layer row by row: of output i first the bias, then a weight per
-/// input. A runtime that evaluates exported weights reads them in this order.
+/// All weights stand in one vector, layer by layer, each layer row by row: of output i first the bias, then a weight
+/// per input. A runtime that evaluates exported weights reads them in this order.
 class Mlp {
  public:
   Mlp() = default;

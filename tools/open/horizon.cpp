@@ -13,8 +13,8 @@ namespace {
 
 constexpr std::uint32_t kMostPeriods = 200;
 
-/// Those effects that are smooth at rest and have no memory: a lag would hide the input from the state, and dry friction
-/// holds whatever stands still.
+/// Those effects that are smooth at rest and have no memory: a lag would hide the input from the state, and dry
+/// friction holds whatever stands still.
 void keep_smooth_effects(StepSetup& setup) {
   EffectSlot* const end = setup.effects + setup.effect_count;
   setup.effect_count = static_cast<std::uint32_t>(

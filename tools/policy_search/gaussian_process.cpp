@@ -82,8 +82,8 @@ Weights exact_weights(const Matrix& x, const Vector& y, const GpShape& shape, Ei
   return {factor.solve(y), factor.solve(Matrix::Identity(x.cols(), x.cols()))};
 }
 
-/// FITC with inducing points u: with V = L^-1 K_uf, L L' = K_uu, and the diagonal D of what u leaves of the variance plus
-/// the noise, B = I + V D^-1 V', beta = L^-T B^-1 V D^-1 y and W = L^-T (I - B^-1) L^-1.
+/// FITC with inducing points u: with V = L^-1 K_uf, L L' = K_uu, and the diagonal D of what u leaves of the variance
+/// plus the noise, B = I + V D^-1 V', beta = L^-T B^-1 V D^-1 y and W = L^-T (I - B^-1) L^-1.
 Weights sparse_weights(const Matrix& u, const Matrix& x, const Vector& y, const GpShape& shape, Eigen::Index a) {
   const double signal = std::exp(2.0 * shape.log_signal(a));
   Matrix k = signal * correlation(u, u, shape.log_length.col(a));

@@ -19,9 +19,9 @@ struct GpOptions {
   double most_ratio = 500;  ///< of signal to noise, softly
 };
 
-/// Negative logarithm of the marginal likelihood of targets y (n) at x (inputs x n), a squared exponential kernel with a
-/// length scale for each input and white noise (Rasmussen and Williams 2006, equation 5.8), its gradient with respect to
-/// p = (log lengths, log signal, log noise). Cost: O(n^3).
+/// Negative logarithm of the marginal likelihood of targets y (n) at x (inputs x n), a squared exponential kernel with
+/// a length scale for each input and white noise (Rasmussen and Williams 2006, equation 5.8), its gradient with respect
+/// to p = (log lengths, log signal, log noise). Cost: O(n^3).
 double gp_evidence(const Matrix& x, const Vector& y, const Vector& p, Vector* gradient);
 
 /// Fits the shape to y (outputs x n) at x (inputs x n) by the marginal likelihood, from `shape` where it is not empty.

@@ -21,8 +21,8 @@ struct LbfgsResult {
   int evaluations = 0;
 };
 
-/// Minimises from x, which becomes the best point seen. Limited-memory BFGS (Nocedal and Wright 2006, algorithm 7.4) with
-/// the bisecting line search for the weak Wolfe conditions of Lewis and Overton (2013). Deterministic.
+/// Minimises from x, which becomes the best point seen. Limited-memory BFGS (Nocedal and Wright 2006, algorithm 7.4)
+/// with the bisecting line search for the weak Wolfe conditions of Lewis and Overton (2013). Deterministic.
 LbfgsResult minimise(const Objective& objective, Eigen::VectorXd& x, const LbfgsOptions& options);
 
 }  // namespace tiller::tools::policy

@@ -35,8 +35,8 @@ struct Forecast {
 
 /// Expected cost, summed over the horizon's states after the first, when the policy steers the dynamics: the state's
 /// distribution is taken for normal at each step, with the exact moments of the step (PILCO: Deisenroth and Rasmussen
-/// 2011). The physics' part, if there is one, is linearised about the mean. `gradient` (trainable.count()), if not null,
-/// is that with respect to the policy's parameters, by one reverse sweep. Cost: horizon times three times that of
+/// 2011). The physics' part, if there is one, is linearised about the mean. `gradient` (trainable.count()), if not
+/// null, is that with respect to the policy's parameters, by one reverse sweep. Cost: horizon times three times that of
 /// bump_moments. Not finite where the prediction runs away.
 double long_term_cost(const SearchTask& task, const Bumps& dynamics, Trainable& trainable, const Vector& parameters,
                       Vector* gradient, Forecast* forecast = nullptr);

@@ -14,7 +14,8 @@ Var mean_cosine(const VarMatrix& mean, const VarMatrix& s, int i, int k, double 
 
 constexpr double kQuarter = 1.5707963267948966;
 
-/// E[sin(a + p) sin(b + q)] as half the difference of E cos(a - b + p - q) and E cos(a + b + p + q). Within one angle too.
+/// E[sin(a + p) sin(b + q)] as half the difference of E cos(a - b + p - q) and E cos(a + b + p + q). Within one angle
+/// too.
 Var mean_of_sines(const VarMatrix& mean, const VarMatrix& s, int i, double p, int k, double q) {
   return 0.5 * (mean_cosine(mean, s, i, k, -1.0, p - q) - mean_cosine(mean, s, i, k, 1.0, p + q));
 }

@@ -33,8 +33,8 @@ class Tape {
     nodes_.push_back({a, b, by_a, by_b});
     return {this, static_cast<int>(nodes_.size()) - 1, value};
   }
-  /// `back` adds to the operands' derivatives (add) what the results' (derivative) make of them. `first` is the first of
-  /// the results, which were made after all operands.
+  /// `back` adds to the operands' derivatives (add) what the results' (derivative) make of them. `first` is the first
+  /// of the results, which were made after all operands.
   void defer(const Var& first, std::function<void()> back) { deferred_.emplace_back(first.id, std::move(back)); }
 
   void sweep(const Var& result);

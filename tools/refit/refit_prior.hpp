@@ -18,11 +18,11 @@ struct RefitOptions {
 Words refit_methods();
 
 /// Refits the episode's prior to the episode's log alone, as SimOpt does between real rollouts (Chebotar et al., ICRA
-/// 2019, algorithm 1). simopt, trajectory_simopt: the new prior is the method's Gaussian, one component. reps: a mixture
-/// fitted to 512 of the weighted draws, resampled (fit_mixture), as `tiller identify -o` writes it.
+/// 2019, algorithm 1). simopt, trajectory_simopt: the new prior is the method's Gaussian, one component. reps: a
+/// mixture fitted to 512 of the weighted draws, resampled (fit_mixture), as `tiller identify -o` writes it.
 ///
-/// It reads the same rows as `tiller identify --method` does of a record of the episode, and gives the same bits for the
-/// same seed. Cost: options.how.simulations times the transitions of the log.
+/// It reads the same rows as `tiller identify --method` does of a record of the episode, and gives the same bits for
+/// the same seed. Cost: options.how.simulations times the transitions of the log.
 RefitPrior make_refit(const RefitOptions& options);
 
 /// False with a sentence in `error` where the method cannot work with this robot, whatever an episode brings: to know

@@ -17,8 +17,8 @@ struct CompiledSource {
 /// follow from these. Where every error is in headers of tiller, what these miss in the model.
 std::string author_errors(const std::string& output, const CompiledSource& source);
 
-/// Of a compilation that succeeded: the warnings that a `return {...}` leaves fields of State or Output out, in the same
-/// form; "" where there are none. The language fills such fields with zeros.
+/// Of a compilation that succeeded: the warnings that a `return {...}` leaves fields of State or Output out, in the
+/// same form; "" where there are none. The language fills such fields with zeros.
 std::string left_out_fields(const std::string& output, const CompiledSource& source);
 
 }  // namespace tiller::tools

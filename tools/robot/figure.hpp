@@ -6,8 +6,8 @@
 
 namespace tiller::tools {
 
-/// [figure]: how the pages draw the robot. Frames in a tree, each placed in its parent by numbers, states and parameters,
-/// with lines that move along with it. Nothing but pages reads it.
+/// [figure]: how the pages draw the robot. Frames in a tree, each placed in its parent by numbers, states and
+/// parameters, with lines that move along with it. Nothing but pages reads it.
 
 /// A sum of factor * name; a constant has the empty name. Names are states or parameters of the robot.
 struct FigureTerm {

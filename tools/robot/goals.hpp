@@ -18,8 +18,8 @@ struct Goal {
 Goal goal_of(const RobotFile& robot);
 
 /// Reads a CSV of goals: `time_s`, and states and outputs by their names, of a frame also <frame>_roll_rad,
-/// <frame>_pitch_rad and <frame>_yaw_rad in the place of its nine. What has no column, or an empty cell, stays as it was.
-/// False with every problem in `errors`, "file:line: what: problem; remedy".
+/// <frame>_pitch_rad and <frame>_yaw_rad in the place of its nine. What has no column, or an empty cell, stays as it
+/// was. False with every problem in `errors`, "file:line: what: problem; remedy".
 bool read_goals(const std::string& path, const RobotFile& robot, std::vector<Goal>& goals, Words& errors);
 
 }  // namespace tiller::tools

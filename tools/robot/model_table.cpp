@@ -146,8 +146,8 @@ class TableCheck {
 
 }  // namespace
 
-// Counts, names, joints, and the lengths of their arrays as far as the object's symbol table tells them; then, of a table
-// without kernels, its functions: a template's cannot miss its arrays.
+// Counts, names, joints, and the lengths of their arrays as far as the object's symbol table tells them; then, of a
+// table without kernels, its functions: a template's cannot miss its arrays.
 std::string check_model_table(const tiller_model_t* model) {
   if (!model) return "tiller_model() returned null";
   const ObjectMemory memory(model);

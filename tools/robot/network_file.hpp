@@ -25,8 +25,8 @@ struct StoredPolicy {
   std::vector<float> low, high;               ///< (inputs) range of training; empty: not watched
 };
 
-/// Names of a force network's inputs on this robot, "sin pole_angle_rad" and the like (network_input_count of them), and
-/// of its outputs, the generalised forces.
+/// Names of a force network's inputs on this robot, "sin pole_angle_rad" and the like (network_input_count of them),
+/// and of its outputs, the generalised forces.
 Words network_inputs(const RobotFile& robot);
 Words network_outputs(const RobotFile& robot);
 /// Names of what a policy that reads `reads` takes in (policy_input_count of them).

@@ -19,8 +19,8 @@ std::string text_of(const std::string& path) {
   return text.str();
 }
 
-/// Centres are the model's: where they are not this file's, the model is that of other spheres. It may have more of them,
-/// and keep apart what may touch here.
+/// Centres are the model's: where they are not this file's, the model is that of other spheres. It may have more of
+/// them, and keep apart what may touch here.
 bool fits_model(SectionReader& cost, const RobotFile& robot, const ClearanceSection& section) {
   FileErrors& errors = cost.errors();
   const std::string path = model_path(robot.model_request);

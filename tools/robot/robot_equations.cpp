@@ -70,7 +70,8 @@ class Equations {
     return found.empty() ? "" : join(found);
   }
 
-  /// The numbers of a defective point that alone mend it where they are moved a little, "volume_L = 0"; empty: none does.
+  /// The numbers of a defective point that alone mend it where they are moved a little, "volume_L = 0"; empty: none
+  /// does.
   Words culprits(const Point& point) const {
     Words found;
     const auto each = [&](std::vector<double> Point::*part, const Words& names) {

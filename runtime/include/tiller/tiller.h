@@ -572,7 +572,7 @@ typedef struct tiller_info {
   uint32_t state;              /**< tiller_state_t */
   int32_t status;              /**< tiller_status_t of the last tick */
   int32_t first_fault;         /**< tiller_status_t that led to SAFE or HOLD; ok if none */
-  uint32_t planner_iterations; /**< completed in the last tick; hybrid: with those of its scout */
+  uint32_t planner_iterations; /**< completed in the last tick; ilqr, sqp, hybrid: with those of the scout */
   double plan_cost;            /**< of the chosen plan, under the configured risk; INFINITY: this tick made none */
   double effective_samples;    /**< of the posterior, 1..N */
   double likelihood_exponent;  /**< 1 once all data are taken in at full weight */

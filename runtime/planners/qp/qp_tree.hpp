@@ -4,8 +4,8 @@
 
 namespace tiller {
 
-/// A quadratic program on a tree: M scenarios under one input sequence, the trunk, behind which each goes on with inputs
-/// of its own, its branch.
+/// A quadratic program on a tree: M scenarios under one input sequence, the trunk, behind which each goes on with
+/// inputs of its own, its branch.
 ///
 ///     minimise  [trunk] + sum_j weight_j [branch j]
 ///     subject to  the constraints of the trunk and of the branches,  x_0 of branch j = block j of the trunk's last row

@@ -19,8 +19,8 @@ bool is_error_of_a_factor(const std::string& name) {
   return name.size() > kEnd.size() && name.compare(name.size() - kEnd.size(), kEnd.size(), kEnd) == 0;
 }
 
-// What a change of 1 is, in the relative coordinates: of an error of a factor that factor, else the value, or the prior's
-// width where that is more.
+// What a change of 1 is, in the relative coordinates: of an error of a factor that factor, else the value, or the
+// prior's width where that is more.
 double unit(const FreeParam& free, double value, const std::string& name) {
   if (is_error_of_a_factor(name)) return std::fabs(1 + value);
   const double wide = widest_sd(free, value);

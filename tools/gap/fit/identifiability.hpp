@@ -18,8 +18,9 @@ struct UntoldDirection {
 };
 
 /// Directions that the data of a fit with `information` leave open: of the data's information without the priors', in
-/// relative coordinates (parameters over their values or priors' widths, errors of a factor over that factor), the eigenvectors with
-/// a deviation above kUntold and above what the priors allow. At most free.size(). names: of the parameters, by index. Cost: one eigenvalue problem.
+/// relative coordinates (parameters over their values or priors' widths, errors of a factor over that factor), the
+/// eigenvectors with a deviation above kUntold and above what the priors allow. At most free.size(). names: of the
+/// parameters, by index. Cost: one eigenvalue problem.
 std::vector<UntoldDirection> untold_directions(const Hypothesis& h, const Fit& fit,
                                                const std::vector<std::string>& names);
 

@@ -7,8 +7,8 @@
 
 namespace tiller::tools::gap {
 
-/// The robot file's configuration with steps so fine that the integrator's own error does not look like physics: at most
-/// kSubstep_s times the time scale.
+/// The robot file's configuration with steps so fine that the integrator's own error does not look like physics: at
+/// most kSubstep_s times the time scale.
 Config with_fine_steps(const tiller_config_t& config, double time_scale);
 
 /// The measure of `tiller gap`, of given parameters (np): normalised RMS error of rollouts over windows of kWindow_s,

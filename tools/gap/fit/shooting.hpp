@@ -36,8 +36,8 @@ struct FitSettings {
 /// the trial steps: four lengths of the parameters' step by four of the start state's, each window taking the best of
 /// its own, which is what gets fits past the kinks of dry friction.
 ///
-/// Threads share the windows. Every window's numbers are its own and sums are taken in the windows' order, so results are
-/// the same bits for any number of threads.
+/// Threads share the windows. Every window's numbers are its own and sums are taken in the windows' order, so results
+/// are the same bits for any number of threads.
 ///
 /// Cost: two rollouts of 16 lanes per window and iteration (more lanes where parameters are many).
 class Shooting {

@@ -231,8 +231,8 @@ double Shooting::try_steps(const Hypothesis& h, const std::vector<std::size_t>& 
   return total[s];
 }
 
-// Start states of windows that are far from explained, drawn again about what the measurements say: under dry friction a
-// start at rest has no slope to leave it by. The first lane is the fit's own, so that nothing gets worse.
+// Start states of windows that are far from explained, drawn again about what the measurements say: under dry friction
+// a start at rest has no slope to leave it by. The first lane is the fit's own, so that nothing gets worse.
 double Shooting::rescue_window(Scratch& scratch, const Hypothesis& h, std::size_t index, Fit& fit) {
   if (fit.cost[index] < kRescueSquares * static_cast<double>(whitening_.values(index))) return 0;
   const Window& w = windows_[index];

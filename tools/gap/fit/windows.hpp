@@ -35,8 +35,8 @@ struct WindowData {
 /// Copies and unwraps the grids.
 WindowData make_window_data(std::vector<Grid> grids, const tiller_config_t& config);
 
-/// Windows of about `seconds` times the grids' time scale, end to end, each with a run-in before it. Stretches that are too short give none.
-/// `first_grid`, `last_grid`: of data.grids.
+/// Windows of about `seconds` times the grids' time scale, end to end, each with a run-in before it. Stretches that are
+/// too short give none. `first_grid`, `last_grid`: of data.grids.
 std::vector<Window> make_windows(const WindowData& data, const tiller_config_t& config, double seconds,
                                  std::size_t first_grid, std::size_t last_grid);
 

@@ -83,8 +83,8 @@ double weak_square(const std::vector<double>& values, const ResidualForce& r) {
   return sum;
 }
 
-// The share of the forces that the model leaves: residual over accelerating and driving force, 0 for a perfect model, about 1 or
-// more for one that tells nothing. The worst joint's.
+// The share of the forces that the model leaves: residual over accelerating and driving force, 0 for a perfect model,
+// about 1 or more for one that tells nothing. The worst joint's.
 double unexplained(const tiller_config_t& config, const std::vector<Grid>& grids, const double* params) {
   std::string why;
   const std::vector<ResidualForce> forces = residual_forces(config, grids, params, why);

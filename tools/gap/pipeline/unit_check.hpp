@@ -13,8 +13,8 @@ namespace tiller::tools::gap {
 void check_units(const tiller_config_t& config, const std::vector<Grid>& grids, const std::string& paths,
                  Result& result);
 
-/// Least share of the forces' square that the model leaves with parameters that its priors allow: 0 for a perfect model,
-/// about 1 for one that tells nothing. Cost: some ten times a rollout of the data for each parameter.
+/// Least share of the forces' square that the model leaves with parameters that its priors allow: 0 for a perfect
+/// model, about 1 for one that tells nothing. Cost: some ten times a rollout of the data for each parameter.
 double least_unexplained(const tiller_config_t& config, const std::vector<Grid>& grids);
 
 }  // namespace tiller::tools::gap

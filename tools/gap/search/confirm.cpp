@@ -187,8 +187,8 @@ struct Confirmer {
     }
   }
 
-  // Where nothing is proven: what comes nearest to it with parameters that the data determine, and how much more of such
-  // data would prove it.
+  // Where nothing is proven: what comes nearest to it with parameters that the data determine, and how much more of
+  // such data would prove it.
   void find_leading() {
     Candidate& nominal = found.entries[0];
     std::vector<std::pair<double, std::size_t>> leaders;

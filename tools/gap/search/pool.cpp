@@ -48,8 +48,8 @@ std::vector<Window> pieces_of(const Session& s) {
 }
 
 // Where the fit of many parameters begins: over pieces so short that a wrong friction does not leave the path, and the
-// problem is nearly linear. Over whole windows an arm of six joints with 24 parameters, begun at its priors' centres, ends
-// in a minimum far from the best. The same idea as progressively longer shooting intervals (Bock 1981).
+// problem is nearly linear. Over whole windows an arm of six joints with 24 parameters, begun at its priors' centres,
+// ends in a minimum far from the best. The same idea as progressively longer shooting intervals (Bock 1981).
 std::vector<double> brief_fit(Session& s, const Hypothesis& nominal) {
   const std::vector<Window> pieces = pieces_of(s);
   std::vector<std::size_t> all(pieces.size());

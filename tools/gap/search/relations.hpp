@@ -12,8 +12,8 @@ bool same_set(const std::vector<EffectAt>& a, const std::vector<EffectAt>& b);
 /// `simple` is a special case of `rich`: each of its effects is one of rich's or contained in one.
 bool nested(const Candidate& simple, const Candidate& rich);
 
-/// `rich` is `simple` with one or two more parameters, and one effect's place is taken by another kind that lists it as an alias
-/// without containing it: another mechanism that may do the same.
+/// `rich` is `simple` with one or two more parameters, and one effect's place is taken by another kind that lists it as
+/// an alias without containing it: another mechanism that may do the same.
 bool other_mechanism(const Candidate& simple, const Candidate& rich, const tiller_model_t& model);
 
 /// One may be taken for the other at the same joint: a special case, a richer one, an alias, or of like shape over the
