@@ -27,15 +27,12 @@ struct HorizonAdvice {
 
 /// The longer of two spans, at most `most` periods:
 ///
-// /   settling  from how many periods on the first feedback gain of the plan is that of a plan without end to a tenth,
-// and
-///             holds the robot at its target. A shorter plan leaves what falls over to its terminal weight
+///   settling  from how many periods on the first feedback gain of the plan is that of a plan without end to a tenth,
+///             and holds the robot at its target. A shorter plan leaves what falls over to its terminal weight
 ///   swings    where an input cannot reach the target against a swinging mode of the start at rest, it has to pump. Its
-// /             amplitude grows by twice the static deflection each half swing; a plan that ends before the last one
-// sees
-// /             little gain in the first. No longer than a fall at the target takes to grow a thousandfold: one
-// sequence of
-///             inputs for several hypotheses does not hold them beyond
+///             amplitude grows by twice the static deflection each half swing; a plan that ends before the last one
+///             sees little gain in the first. No longer than a fall at the target takes to grow a thousandfold: one
+///             sequence of inputs for several hypotheses does not hold them beyond
 HorizonAdvice advise_horizon(const LinearTask& task, std::uint32_t most);
 
 }  // namespace tiller::tools

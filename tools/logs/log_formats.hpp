@@ -11,8 +11,8 @@ namespace tiller::tools {
 /// Reads a log by what its first bytes say it is:
 ///   CSV with a header             columns and units of the robot file's [log], in the dialects of CsvReader
 ///   LCM event log (lcm-logger)    channels <prefix>MEASUREMENT and <prefix>COMMAND of [transport]
-// /                                 (docs/guide/lcm.md); values in the order of [measurement] and of the model's
-// inputs, SI units
+///                                 (docs/guide/lcm.md); values in the order of [measurement] and of the model's inputs,
+///                                 SI units
 ///   record of `tiller run --record`    measurements and commands of every tick
 ///   MCAP of `tiller run --record`    the same ticks
 ///   ROS bags, ULog, other MCAP, MAT, NPZ, Parquet    columns of [log] by a tool of Python (read_channels_log); a ROS 2

@@ -8,8 +8,8 @@ namespace tiller::tools::policy {
 
 /// The policy as the JSON that the planner `policy` takes in (`[policy] file = ...` of a robot file):
 ///
-// /     {"format": "tiller policy", "version": 1, "reads": ["state"], "squash": "sine", "input_low": [], "input_high":
-// [],
+///     {"format": "tiller policy", "version": 1, "reads": ["state"], "squash": "sine",
+///      "input_low": [], "input_high": [],
 ///      "network": {"kind": "gaussian", "inputs": ["position_m", "sin angle_rad", "cos angle_rad", ...],
 ///                  "outputs": [...], "members": 1, "hidden": [20, 0], "weights": [...]},
 ///      "period_s": 0.1, "states": [...], "angles": [...], "low": [...], "high": [...]}
