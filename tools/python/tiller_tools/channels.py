@@ -246,9 +246,8 @@ def assign(topics: dict, columns: list) -> dict:
 def nearest(column: str, topics: dict) -> str:
     known = [f"{t.name}.{f}" for t in topics.values() for f in t.fields]
     near = difflib.get_close_matches(column, known, 1)
-    if near:
-        return f" (did you mean '{near[0]}'?)"
-    return "; the log has " + ("; ".join(t.text() for t in topics.values()) or "no message at all")
+    asked = f" (did you mean '{near[0]}'?)" if near else ""
+    return asked + "; the log has " + ("; ".join(t.text() for t in topics.values()) or "no message at all")
 
 
 # ---- sources of messages: topics(), then read() of those with wanted columns ----
