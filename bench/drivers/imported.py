@@ -1,12 +1,12 @@
 # programs: tiller_command
-"""./dev bench imported: twelve robots that no other benchmark has, from their descriptions to parameters from logs.
+"""./dev bench imported: thirteen robots that no other benchmark has, from their descriptions to parameters from logs.
 
     --only NAME    robots whose name contains it
     --seeds N      simulated robots of each, drawn from the priors (1)
     --first N      seed to begin with (1)
     --seconds S    of each run (8)
 
-Eight descriptions are bench/imported's own; four are URDFs of example-robot-data (PyPI, installed once below
+Nine descriptions are bench/imported's own; four are URDFs of example-robot-data (PyPI, installed once below
 build/bench_peers). Each robot is imported with one or two unknowns, checked, run on the simulated plant that the import
 chose, and identified from the logs of two such runs (the second to other targets). All of it with what `tiller import`
 writes: nothing of the robot file is changed but the targets of the second run. A row for each robot and seed:
@@ -40,6 +40,7 @@ ROBOTS = [
     ("pan tilt", OWN / "pan_tilt.urdf", ["--unknown", "friction:tilt"]),
     ("gripper arm", OWN / "gripper_arm.urdf", ["--frame", "palm", "--unknown", "payload=1"]),
     ("trolley crane", OWN / "trolley_crane.urdf", ["--unknown", "mass:load"]),
+    ("scara", OWN / "scara.urdf", ["--frame", "tool", "--unknown", "payload=2"]),
     ("air bearing", OWN / "air_bearing.urdf", ["--base", "planar", "--unknown", "mass:outer"]),
     ("two dof", "asr_twodof_description/urdf/TwoDofs.urdf", ["--unknown", "payload=1", "--armature", "*=0.05"]),
     ("so100", "so_arm_description/urdf/so100.urdf", ["--unknown", "payload=0.3", "--armature", "*=0.01"]),

@@ -31,14 +31,15 @@ class Arena {
   /// False once a piece did not fit; every later piece is then null.
   bool fits() const { return fits_; }
 
-  /// `count` value-initialised objects; null while measuring or when the block is too small.
+  /// `count` value-initialised objects; null while measuring, when the block is too small, and for none: the place
+  /// behind the last piece is the next one's.
   template <class T>
   T* take(std::size_t count) {
     static_assert(std::is_trivially_destructible<T>::value, "nobody runs destructors in a block");
     static_assert(alignof(T) <= kAlignment, "raise kAlignment");
     const std::size_t at = used_;
     used_ += (count * sizeof(T) + kAlignment - 1) / kAlignment * kAlignment;
-    if (measuring()) return nullptr;
+    if (measuring() || count == 0) return nullptr;
     if (used_ > size_) {
       fits_ = false;
       return nullptr;

@@ -193,7 +193,8 @@ class Robot:
         """Starts the run; returns once it has stood by for a while, with nothing that moves on the bus."""
         run = Run(command)
         run.wait(page.shows)
-        run.wait(r"angle_rad +\+3\.\d+ rad +[+-]\d+\.\d+ rad/s")
+        # it falls from 3.09 rad: what is shown first may come after that, what was seen stays
+        run.wait(r"angle_rad +[+-]\d+\.\d+ rad +[+-]\d+\.\d+ rad/s +seen [+-]\d+\.\d+ \.\. \+3\.\d+")
         self.bus.wait("status", 25, self.start)
         self.bus.expect_rest(self.start, command)
         expect(self.bus.count("rests", self.start) > 0, f"{self.bus.protocol}: the run is not on the bus")

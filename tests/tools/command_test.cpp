@@ -125,6 +125,26 @@ TEST_F(Command, APeriodInMillisecondsIsHintedAt) {
   EXPECT_TRUE(contains(check.out, "even with 64 substeps")) << check.out;
 }
 
+// Where the robot file is silent the model decides, and a run says what it decided and why, as check does.
+TEST_F(Command, ARunSaysHowFarItLooksAndHowFinelyItSteps) {
+  const std::string pendulum = std::string(TILLER_TEST_ROBOTS) + "/pendulum.toml";
+  std::ofstream(folder_ + "/silent.toml") << variant(pendulum, {{"horizon = 75\n", ""}});
+  std::ofstream(folder_ + "/short.toml") << variant(pendulum, {{"horizon = 75", "horizon = 50"}});
+  const Ended chosen = run({"run", "silent.toml", "--sim", "--seconds", "0.1"});
+  EXPECT_EQ(chosen.code, 0);
+  EXPECT_FALSE(contains(chosen.out, "is short")) << chosen.out;
+  const Ended brief = run({"run", "short.toml", "--sim", "--seconds", "0.1"});
+  EXPECT_TRUE(contains(brief.out, "plan: 50 steps ahead (1 s); horizon = 50 is short: the model asks for"))
+      << brief.out;
+  // what it asks for is what it gets where the file is silent
+  const std::size_t asked = brief.out.find("asks for ") + 9;
+  const std::string periods = brief.out.substr(asked, brief.out.find(' ', asked) - asked);
+  EXPECT_TRUE(contains(chosen.out, "plan: " + periods + " steps ahead")) << chosen.out;
+  EXPECT_TRUE(contains(chosen.out, "period: 0.02 s, 1 substep(s); step error ")) << chosen.out;
+  EXPECT_TRUE(contains(chosen.out, "of the noise expected of ")) << chosen.out;
+  EXPECT_FALSE(contains(run({"run", "short.toml", "--sim", "--seconds", "0.1", "--quiet"}).out, "plan: "));
+}
+
 // 8192 rollouts of a planner that takes 1 ms for 256 of them, in 0.5 ms: a busy machine makes it longer only.
 TEST_F(Command, ATickThatDoesNotFitItsPeriodIsWarnedOf) {
   const std::string pendulum = std::string(TILLER_TEST_ROBOTS) + "/pendulum.toml";

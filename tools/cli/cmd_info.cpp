@@ -141,11 +141,7 @@ int check_command(const std::string& path) {
               join(robot->inputs).c_str());
   std::printf("  period     %s s, %u substep(s) of %s\n", number_text(c.period_s).c_str(), c.substeps,
               integrator_names()[c.integrator].c_str());
-  const StepError& error = robot->substeps.configured;
-  std::printf("  step error %.2g of the noise expected of %s in a period (%s with %u substeps)\n", error.share,
-              robot->states[error.worst_state].c_str(),
-              is_enough(robot->substeps) ? "below 0.1" : format("still %.2g", robot->substeps.advised.share).c_str(),
-              robot->substeps.needed);
+  std::printf("  step error %s\n", step_error_text(*robot).c_str());
   for (std::size_t i = 0; i < robot->params.size(); ++i) {
     std::printf("  parameter  %-24s %s\n", robot->params[i].c_str(), prior_text(c.priors[i]).c_str());
   }

@@ -8,6 +8,8 @@
 #include "tools/doctor/tick_forecast.hpp"
 #include "tools/links/lcm_arming.hpp"
 #include "tools/links/model_plant.hpp"
+#include "tools/open/horizon.hpp"
+#include "tools/open/substeps.hpp"
 #include "tools/refit/refit_by_simulator.hpp"
 #include "tools/refit/refit_prior.hpp"
 #include "tools/robot/goals.hpp"
@@ -174,6 +176,17 @@ EpisodesOptions episodes_options(const Arguments& a, const std::vector<Goal>& go
   return options;
 }
 
+/// How far the plan looks ahead and how finely it steps, and what the model asks for: of what the robot file says, or of
+/// what was chosen where it says nothing.
+void tell_choices(const RobotFile& robot) {
+  const tiller_config_t& c = robot.config;
+  const std::string horizon = horizon_text(c);
+  std::printf("plan: %u steps ahead (%.3g s)%s%s\n", c.planner.horizon, c.planner.horizon * c.period_s,
+              horizon.empty() ? "" : "; ", horizon.c_str());
+  std::printf("period: %s s, %u substep(s); step error %s\n", number_text(c.period_s).c_str(), c.substeps,
+              step_error_text(robot).c_str());
+}
+
 /// Predicted time of a tick, before a simulated run hides it; true where it does not fit the period.
 bool predict_tick(const Arguments& a, const RobotFile& robot) {
   constexpr double kBudget_s = 0.25;
@@ -230,6 +243,7 @@ bool prepare_refit(Arguments& a, RobotFile& robot) {
 int run_command(Arguments& a) {
   auto robot = read_robot_or_complain(a.robot);
   if (!robot || !apply_overrides(a.overrides, *robot) || !prepare_refit(a, *robot)) return kExitBadInput;
+  if (!a.quiet) tell_choices(*robot);
   bool told = !a.sim || robot->config.planner.deadline_us > 0;
   if (a.sim) told = predict_tick(a, *robot) || told;
   // a plan that ends by the wall clock is not repeatable: in lockstep the iterations alone decide

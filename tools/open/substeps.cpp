@@ -7,6 +7,7 @@
 
 #include "core/rng.hpp"
 #include "rollout/rollout.hpp"
+#include "tools/base/text.hpp"
 #include "tools/links/plant_setup.hpp"
 #include "tools/open/visited_states.hpp"
 
@@ -140,6 +141,14 @@ SubstepAdvice advise_substeps(const tiller_config_t& config) {
     advice.advised = trial.error(advice.needed);
     if (is_enough(advice) || advice.needed >= kMostSubsteps) return advice;
   }
+}
+
+std::string step_error_text(const RobotFile& robot) {
+  const SubstepAdvice& advice = robot.substeps;
+  const std::string with_needed =
+      is_enough(advice) ? format("below %.1g", kStepErrorTolerance) : format("still %.2g", advice.advised.share);
+  return format("%.2g of the noise expected of %s in a period (%s with %u substeps)", advice.configured.share,
+                robot.states[advice.configured.worst_state].c_str(), with_needed.c_str(), advice.needed);
 }
 
 }  // namespace tiller::tools

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <string>
+
 #include "tiller/tiller.h"
+#include "tools/robot/robot_file.hpp"
 #include "tools/robot/substep_advice.hpp"
 
 namespace tiller::tools {
@@ -17,5 +20,8 @@ inline bool is_enough(const SubstepAdvice& advice) { return advice.advised.share
 /// that wander about the loop's by a tenth of their range, by a fixed seed. The configuration must have passed
 /// tiller_config_check. States without process noise are left out.
 SubstepAdvice advise_substeps(const tiller_config_t& config);
+
+/// "0.05 of the noise expected of rate_rad_s in a period (below 0.1 with 2 substeps)", of the configured substeps.
+std::string step_error_text(const RobotFile& robot);
 
 }  // namespace tiller::tools
