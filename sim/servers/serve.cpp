@@ -156,6 +156,18 @@ class Server {
     advanced_us_ += behind_us;
   }
 
+  /// Lets time pass and takes what arrives meanwhile. False: the link has an error.
+  bool wait_until(std::int64_t until_us) {
+    PlantCommand command;
+    for (std::int64_t left_us; !stopped() && (left_us = until_us - wall_us()) > 0;) {
+      const bool received = link_.receive(command, std::min(left_us, look_up_us));
+      if (!link_.error().empty()) return false;
+      catch_up();
+      if (received && usable(command)) apply(command);
+    }
+    return true;
+  }
+
   bool real_time_period() {
     if (start_us_ == 0) start_us_ = due_us_ = wall_us();
     const std::int64_t period_us = to_us(options_.period_s);
@@ -166,16 +178,15 @@ class Server {
     }
     due_us_ += period_us;
     catch_up();
+    // after a period that was late the bodies may not have taken a step yet: the same reading would be sent twice
+    const std::int64_t step_us = std::max<std::int64_t>(1, to_us(plant_.options().step_s));
+    while (report_.periods > 0 && !stopped() && start_us_ + plant_.measured_us() <= measurement_.stamp_us)
+      if (!wait_until(wall_us() + step_us)) return false;
+    if (stopped()) return false;
     read_encoders(start_us_);
     stamps_us_[measurement_.sequence % kStamps] = measurement_.stamp_us;
     if (!link_.publish(measurement_)) return false;
-    PlantCommand command;
-    for (std::int64_t left_us; !stopped() && (left_us = due_us_ - wall_us()) > 0;) {
-      const bool received = link_.receive(command, std::min(left_us, look_up_us));
-      if (!link_.error().empty()) return false;
-      catch_up();
-      if (received && usable(command)) apply(command);
-    }
+    if (!wait_until(due_us_)) return false;
     end_period();
     return true;
   }

@@ -327,6 +327,41 @@ TEST(Serve, RealTimeTellsHowLateItsCommandsCome) {
   }
 }
 
+/// A machine that stalls now and then in a publication, until 100 us before the period after the next one is due.
+class StallingLink final : public PlantLink {
+ public:
+  explicit StallingLink(std::int64_t period_us) : period_us_(period_us) {}
+  bool publish(const PlantMeasurement& m) override {
+    published.push_back(m);
+    if (m.sequence % 4 == 1) clock_us += 2 * period_us_ - 100;
+    return true;
+  }
+  bool receive(PlantCommand&, std::int64_t timeout_us) override {
+    clock_us += std::max<std::int64_t>(timeout_us, 1);
+    return false;
+  }
+  std::string error() const override { return ""; }
+
+  std::int64_t clock_us = 1000000;
+  std::vector<PlantMeasurement> published;
+
+ private:
+  const std::int64_t period_us_;
+};
+
+TEST(Serve, AMachineThatStallsSendsNoReadingTwice) {
+  auto plant = make(cart_pole());
+  ServeOptions options = lockstep(0.5);
+  options.lockstep = false;
+  StallingLink link(std::llround(1e6 * options.period_s));
+  options.now_us = [&] { return link.clock_us; };
+  ServeReport report;
+  ASSERT_EQ(serve(*plant, link, options, report), 0) << report.error;
+  ASSERT_GE(link.published.size(), 8u);
+  for (std::size_t k = 1; k < link.published.size(); ++k)
+    EXPECT_GT(link.published[k].stamp_us, link.published[k - 1].stamp_us) << k;
+}
+
 TEST(Serve, PeriodBelowThePhysicsStepIsRefused) {
   auto plant = make(cart_pole());
   ScriptedLink link(obedient);
