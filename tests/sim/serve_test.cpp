@@ -327,13 +327,15 @@ TEST(Serve, RealTimeTellsHowLateItsCommandsCome) {
   }
 }
 
-/// A machine that stalls now and then in a publication, until 100 us before the period after the next one is due.
+/// A machine that stalls in publications: for so long that the periods begin anew between two steps of the physics, and
+/// then until 30 us before a period is due, within one step.
 class StallingLink final : public PlantLink {
  public:
   explicit StallingLink(std::int64_t period_us) : period_us_(period_us) {}
   bool publish(const PlantMeasurement& m) override {
     published.push_back(m);
-    if (m.sequence % 4 == 1) clock_us += 2 * period_us_ - 100;
+    if (m.sequence % 4 == 1) clock_us += 3 * period_us_ + 70;
+    if (m.sequence % 4 == 3) clock_us += 2 * period_us_ - 30;
     return true;
   }
   bool receive(PlantCommand&, std::int64_t timeout_us) override {
