@@ -82,7 +82,7 @@ std::uint32_t planner_kind(const char* name) {
   std::exit(2);
 }
 
-void print_run(const tools::RobotFile& robot, const std::string& name, const char* planner, double seconds,
+bool print_run(const tools::RobotFile& robot, const std::string& name, const char* planner, double seconds,
                std::uint64_t seed) {
   Judge judge(robot, seconds);
   bench::EpisodeOptions options;
@@ -92,7 +92,11 @@ void print_run(const tools::RobotFile& robot, const std::string& name, const cha
   options.watch = [&](std::uint64_t tick, const double* x) { judge.see(tick, x); };
   const double begin = cpu_s();
   const bench::EpisodeResult run = run_episode(robot, options);
-  const double share = run.error.empty() && run.state == tiller_state_active ? judge.share() : INFINITY;
+  if (!run.error.empty()) {  // no run, so that it says nothing of the planner
+    std::fprintf(stderr, "%s\n", run.error.c_str());
+    return false;
+  }
+  const double share = run.state == tiller_state_active ? judge.share() : INFINITY;
   std::printf("{\"robot\": \"%s\", \"planner\": \"%s\", \"seed\": %llu, \"share\": ", name.c_str(), planner,
               static_cast<unsigned long long>(seed));
   if (std::isfinite(share))
@@ -102,6 +106,7 @@ void print_run(const tools::RobotFile& robot, const std::string& name, const cha
   std::printf(", \"state\": %d, \"cpu_s\": %.3g, \"commands\": \"%016llx\"}\n", run.state, cpu_s() - begin,
               static_cast<unsigned long long>(run.command_hash));
   std::fflush(stdout);
+  return true;
 }
 
 }  // namespace
@@ -122,8 +127,8 @@ int main(int argc, char** argv) {
       robot->config.planner.horizon = static_cast<std::uint32_t>(bench::whole_number(argv[++i]));
     else if (!std::strcmp(argv[i], "--particles") && i + 1 < argc)
       robot->config.planner.particles = static_cast<std::uint32_t>(bench::whole_number(argv[++i]));
-    else
-      print_run(*robot, argv[1], argv[2], bench::real_number(argv[3]), std::strtoull(argv[i], nullptr, 10));
+    else if (!print_run(*robot, argv[1], argv[2], bench::real_number(argv[3]), std::strtoull(argv[i], nullptr, 10)))
+      return 1;
   }
   return 0;
 }
