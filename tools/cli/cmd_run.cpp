@@ -176,8 +176,8 @@ EpisodesOptions episodes_options(const Arguments& a, const std::vector<Goal>& go
   return options;
 }
 
-/// How far the plan looks ahead and how finely it steps, and what the model asks for: of what the robot file says, or of
-/// what was chosen where it says nothing.
+/// How far the plan looks ahead and how finely it steps, and what the model asks for: of what the robot file says, or
+/// of what was chosen where it says nothing.
 void tell_choices(const RobotFile& robot) {
   const tiller_config_t& c = robot.config;
   const std::string horizon = horizon_text(c);
