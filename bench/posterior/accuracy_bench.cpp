@@ -99,7 +99,7 @@ void Bench::configure(tiller::Config& config, int unknowns) const {
   p.window = window > 0 ? static_cast<std::uint32_t>(window) : 64;
   p.moves_per_tick = moves > 0 ? static_cast<std::uint32_t>(moves) : filter ? 16 : unknowns > 2 ? 256 : 128;
   p.robust = static_cast<std::uint32_t>(robust);
-  p.discrepancy = static_cast<std::uint32_t>(discrepancy);
+  p.disturbance = static_cast<std::uint32_t>(discrepancy);
   p.adequacy = 0;
   if (scouts >= 0.0) p.prior_proposal_fraction = scouts;
 }

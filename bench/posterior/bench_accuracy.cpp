@@ -114,7 +114,7 @@ void report_options(Table& table, const Bench& bench) {
     constexpr struct {
       const char* name;
       void (*set)(tiller_posterior_config_t&);
-    } kOptions[] = {{"discrepancy basis", [](tiller_posterior_config_t& p) { p.discrepancy = 1; }},
+    } kOptions[] = {{"discrepancy basis", [](tiller_posterior_config_t& p) { p.disturbance = 1; }},
                     {"robust weights", [](tiller_posterior_config_t& p) { p.robust = 1; }},
                     {"three delay hypotheses", [](tiller_posterior_config_t& p) { p.delay_hypotheses = 3; }},
                     {"forgetting 1, .99, .95", [](tiller_posterior_config_t& p) {

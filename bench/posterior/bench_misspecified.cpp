@@ -71,7 +71,7 @@ std::vector<Trial> trials(const AccuracyTask& task) {
 void apply(tiller::Config& config, const AccuracyTask& task, const Hidden& hidden, Remedy remedy) {
   tiller_posterior_config_t& p = config.posterior;
   const bool all = remedy == Remedy::all;
-  p.discrepancy = all || remedy == Remedy::discrepancy;
+  p.disturbance = all || remedy == Remedy::discrepancy;
   p.robust = all || remedy == Remedy::robust;
   if (all || remedy == Remedy::delays) p.delay_hypotheses = 3;
   if (remedy == Remedy::forgetting) {

@@ -49,7 +49,7 @@ tiller::Config posterior_config(const AccuracyTask& task, std::uint64_t seed) {
   c.posterior.particles = kParticles;
   c.posterior.window = kRing;
   c.posterior.moves_per_tick = kMoves;
-  c.posterior.discrepancy = 0;
+  c.posterior.disturbance = 0;
   c.posterior.adequacy = 0;
   c.seed = seed;
   return c;

@@ -49,7 +49,7 @@ MethodResult learn_online(const AccuracyTask& task, const Episode& episode, std:
   config.posterior.particles = 1024;
   config.posterior.window = 64;
   config.posterior.moves_per_tick = 128;
-  config.posterior.robust = config.posterior.discrepancy = config.posterior.adequacy = 0;
+  config.posterior.robust = config.posterior.disturbance = config.posterior.adequacy = 0;
   Episode first = episode;
   first.ticks = ticks;
   const EngineResult online = run_engine(task, config, first);

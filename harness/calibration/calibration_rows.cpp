@@ -188,7 +188,7 @@ void lacking_physics(Rows& rows) {
       r.problem.inferred.pop_back();
       r.problem.prior.pop_back();
       r.references = 0;
-      r.configure = [](tiller::Config& c) { c.posterior.discrepancy = 1; };
+      r.configure = [](tiller::Config& c) { c.posterior.disturbance = 1; };
     });
   }
   if (!rows.filter())
@@ -290,7 +290,7 @@ tiller::Config calibration_config(const CalibrationRow& row) {
   c.safety.input_low[0] = -c.safety.input_high[0];
   c.posterior.kind = row.engine == Engine::filter ? tiller_posterior_filter : tiller_posterior_transition;
   c.posterior.noise_scale_shape = q.noise_shape;
-  c.posterior.discrepancy = 0;
+  c.posterior.disturbance = 0;
   if (row.engine == Engine::transition) {
     c.posterior.particles = 1024;
     c.posterior.moves_per_tick = 128;

@@ -7,6 +7,7 @@
 #include "command.hpp"
 #include "errors.hpp"
 #include "posterior/cloud.hpp"
+#include "posterior/posterior.hpp"
 #include "views.hpp"
 
 namespace tiller::python {
@@ -110,6 +111,7 @@ T scalar(const Info& info) {
 std::size_t state_count(const Controller& c) { return c.config().model->state_count; }
 std::size_t param_count(const Controller& c) { return c.config().param_count; }
 std::size_t delay_count(const Controller& c) { return c.config().posterior.delay_hypotheses; }
+std::size_t force_count(const Controller& c) { return Posterior::force_joints(c.config()); }
 std::size_t rate_count(const Controller& c) { return c.config().posterior.forgetting_count; }
 
 template <auto Field, std::size_t (*Count)(const Controller&)>
@@ -146,6 +148,7 @@ void bind_info(nb::module_& m) {
       TILLER_SCALAR(discrepancy_share, double, "Of the residuals' squares.")
       TILLER_SCALAR(plans, std::uint64_t, "Finite plans made.")
       TILLER_SCALAR(relearned, std::uint64_t, "")
+      TILLER_SCALAR(touched, std::uint32_t, "Bit j: the force at joint j is a contact.")
       .def_prop_ro("state", [](const Info& i) { return static_cast<tiller_state_t>(i.get().state); })
       .def_prop_ro("status", [](const Info& i) { return static_cast<tiller_status_t>(i.get().status); })
       .def_prop_ro("first_fault", [](const Info& i) { return static_cast<tiller_status_t>(i.get().first_fault); })
@@ -158,6 +161,8 @@ void bind_info(nb::module_& m) {
       .def_prop_ro("state_sd", &field_view<&tiller_info_t::state_sd, state_count>, "(nx)")
       .def_prop_ro("param_mean", &field_view<&tiller_info_t::param_mean, param_count>, "(np)")
       .def_prop_ro("param_sd", &field_view<&tiller_info_t::param_sd, param_count>, "(np)")
+      .def_prop_ro("force_mean", &field_view<&tiller_info_t::force_mean, force_count>, "(joints) beyond the model, N or N m.")
+      .def_prop_ro("force_sd", &field_view<&tiller_info_t::force_sd, force_count>, "(joints)")
       .def_prop_ro("noise_sd", &field_view<&tiller_info_t::noise_sd, state_count>, "(nx)")
       .def_prop_ro("delay_weight", &field_view<&tiller_info_t::delay_weight, delay_count>, "(delay hypotheses)")
       .def_prop_ro("forgetting_weight", &field_view<&tiller_info_t::forgetting_weight, rate_count>, "(rates)");

@@ -36,6 +36,7 @@ REMEDIES: dict[str, str] = {
     "stopped": "call reset(), then arm(), once it is safe to move",
     "io_error": "read the operating system's message",
     "bad_message": "check that both ends use the same message types",
+    "contact": "see what pushes the robot; [safety] contact_force is the limit of what counts as a contact",
     "state_not_finite": "check the parameters' ranges, or take more substeps",
     "command_limited": "nothing: the command was cut to its limit",
     "rate_limited": "nothing: the command was cut to its rate limit",

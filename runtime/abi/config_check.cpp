@@ -222,6 +222,16 @@ Finding check_commands(const tiller_config_t& c) {
   return kGood;
 }
 
+/// A contact is a force beyond the model, which only a posterior that estimates it at the joint can tell.
+Finding check_contact(const tiller_config_t& c) {
+  static constexpr auto fields = element_names<TILLER_MAX_STATES>("safety.contact_force");
+  std::uint32_t felt = 0;
+  for (std::uint32_t j = 0; j < Posterior::force_joints(c); ++j) felt |= 1u << c.model->joints[j].velocity;
+  for (std::uint32_t i = 0; i < c.model->state_count; ++i)
+    if (c.safety.contact_force[i] < HUGE_VAL && ((felt >> i) & 1u) == 0) return {tiller_status_bad_limit, fields[i]};
+  return kGood;
+}
+
 /// One cone by itself.
 bool is_cone(const tiller_input_cone_t& cone, std::uint32_t inputs) {
   if (cone.inputs == 0 || (cone.inputs & ~low_bits(inputs)) != 0) return false;
@@ -311,6 +321,7 @@ constexpr Check kChecks[] = {
     check_commands,
     check_cones,
     check_group<FieldGroup::safety, tiller_status_bad_limit>,
+    check_contact,
     check_sensors,
     check_group<FieldGroup::recorder, tiller_status_bad_dimension>,
     check_cost_to_go,

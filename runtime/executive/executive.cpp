@@ -164,6 +164,7 @@ void Executive::read_posterior(Tick& tick) {
   info_.acceptance = posterior_->acceptance();
   info_.resamplings = posterior_->resamplings();
   read_adequacy();
+  read_forces();
   origin_.follow(info_.state_mean);
   posterior_->set_origin(origin());
   if (all_finite(info_.state_mean, config_.model->state_count)) return;
@@ -187,6 +188,16 @@ void Executive::read_adequacy() {
   info_.inadequate_channel = test->channel();
   info_.inadequate_feature = test->feature();
   info_.adequacy_statistic = test->statistic();
+}
+
+void Executive::read_forces() {
+  if (info_.force_joints == 0) return;
+  posterior_->forces(info_.force_mean, info_.force_sd);
+  double mean[TILLER_MAX_JOINTS] = {}, sd[TILLER_MAX_JOINTS] = {};
+  posterior_->contacts(mean, sd);
+  info_.touched = contact_.judge(info_.force_joints, mean, sd);
+  if (info_.touched != 0 && moving() && config_.safety.contact_action == tiller_contact_safe)
+    (void)machine_.on(Event::stop, tiller_status_contact);
 }
 
 /// Last of all reasons: the command is a fresh plan like any other, made with a model that is known to be wrong.
@@ -258,6 +269,7 @@ void Executive::enter_motion() {
   plan_.clear();
   prediction_.clear();
   divergence_.clear();
+  steady_.clear();
   unrenewed_plans_ = 0;
   task_tick_ = info_.ticks;
 }
@@ -269,8 +281,8 @@ void Executive::replan(Tick& tick) {
 
   PlanRequest request;
   request.belief = &belief_.belief();
-  request.goal = goal_;
-  request.origin = origin();
+  if (!steady_.stands()) steady_.update(*posterior_, info_.param_mean, info_.state_mean);
+  aim(request);
   request.last_command = gate_.last();
   request.tick = info_.ticks;
   request.task_step = info_.ticks - task_tick_ + belief_.lead_periods();
@@ -290,6 +302,8 @@ void Executive::replan(Tick& tick) {
   if (!all_finite(tick.wanted, config_.model->input_count)) return fail_plan(tick, tiller_status_plan_not_finite);
   plan_.keep(tick.now_us, planner_table_->sequence(planner_), tick.wanted);
   prediction_.predict(belief_.belief(), *planner_table_, planner_, request.task_step);
+  // for the next plan, which may be prepared: what stands still has that time
+  steady_.update(*posterior_, info_.param_mean, info_.state_mean);
 
   if (result.iterations == 0) {
     // no time for a single iteration: the planner moved its last plan on by a step
@@ -305,7 +319,24 @@ void Executive::replan(Tick& tick) {
   const bool cut_short =
       forced_iterations_ != kNotForced && result.iterations < config_.planner.iterations && !planner_table_->converges;
   tick.note(cut_short ? tiller_status_iteration_capped : result.status);
-  (void)machine_.on(Event::plan_good);
+  judge_plan(tick);
+}
+
+/// A good plan is followed unless something is in its way.
+void Executive::judge_plan(Tick& tick) {
+  if (info_.touched == 0) {
+    (void)machine_.on(Event::plan_good);
+    return;
+  }
+  tick.note(tiller_status_contact);
+  (void)machine_.on(Event::plan_failed, tiller_status_contact);
+}
+
+void Executive::aim(PlanRequest& request) const {
+  request.goal = goal_;
+  request.origin = origin();
+  request.steady_state = steady_.state();
+  request.steady_input = steady_.input();
 }
 
 void Executive::continue_plan(Tick& tick) {

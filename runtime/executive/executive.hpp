@@ -5,6 +5,7 @@
 #include "core/arena.hpp"
 #include "executive/angle_origin.hpp"
 #include "executive/command_timeline.hpp"
+#include "executive/contact_test.hpp"
 #include "executive/demonstration_divergence.hpp"
 #include "executive/motion_check.hpp"
 #include "executive/part_sizes.hpp"
@@ -12,6 +13,7 @@
 #include "executive/planning_belief.hpp"
 #include "executive/prediction.hpp"
 #include "executive/recorder.hpp"
+#include "executive/steady_target.hpp"
 #include "planners/planner.hpp"
 #include "posterior/posterior.hpp"
 #include "safety/output_gate.hpp"
@@ -113,9 +115,12 @@ class Executive {
   void watch_age(Tick& tick);
   void read_posterior(Tick& tick);
   void read_adequacy();
+  void read_forces();
   // plan
   void enter_motion();
   void replan(Tick& tick);
+  void aim(PlanRequest& request) const;
+  void judge_plan(Tick& tick);
   void continue_plan(Tick& tick);
   void fail_plan(Tick& tick, tiller_status_t why);
   Deadline deadline(const Tick& tick);
@@ -145,6 +150,8 @@ class Executive {
   void* planner_ = nullptr;
   AngleOrigin origin_;
   PlanningBelief belief_;
+  SteadyTarget steady_;
+  ContactTest contact_;
   PlanMemory plan_;
   Prediction prediction_;
   DemonstrationDivergence divergence_;

@@ -119,6 +119,8 @@ Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const
                            config.posterior.delay_hypotheses > 1;
   self.belief_.lay_out(arena, self.config_, self.setup_, *self.table_, over_delays);
   note("planning belief");
+  self.steady_.lay_out(arena, self.config_, self.belief_.planner_setup(), *self.table_);
+  note("steady target");
   self.divergence_.lay_out(arena, self.config_);
   note("demonstration");
   self.planner_ =
@@ -138,11 +140,13 @@ Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const
   note("delay history");
   if (placed == nullptr) return nullptr;
 
+  self.contact_.lay_out(self.config_);
   self.origin_.lay_out(periodic_angles(self.config_, self.setup_, *self.table_));
   self.posterior_->reset();
   self.planner_table_->reset(self.planner_);
   self.info_.effective_samples = self.posterior_->effective_samples();
   self.info_.noise_scale = self.posterior_->noise_scale();
+  self.info_.force_joints = Posterior::force_joints(self.config_);
   self.posterior_->moments(self.info_.param_mean, self.info_.param_sd, nullptr, nullptr);
   return placed;
 }

@@ -56,6 +56,7 @@ tiller_status_t Executive::reset() {
 
 void Executive::note_goal() {
   ++goal_;
+  steady_.clear();
   recorder_.note_call(tiller_call_goal);
 }
 
@@ -96,8 +97,7 @@ void Executive::prepare() {
   recorder_.note_call(tiller_call_prepare);
   PlanRequest expected;
   expected.belief = &belief_.belief();
-  expected.goal = goal_;
-  expected.origin = origin();
+  aim(expected);
   expected.last_command = gate_.last();
   expected.tick = info_.ticks;
   expected.task_step = info_.ticks - task_tick_ + belief_.lead_periods();

@@ -19,6 +19,17 @@ StepSetup without_delays(const StepSetup& setup) {
   return result;
 }
 
+StepSetup with_forces(const StepSetup& setup, std::uint32_t first_param, std::uint32_t joints) {
+  StepSetup result = setup;
+  if (joints == 0) return result;
+  for (std::uint32_t j = 0; j < joints; ++j)
+    result.effects[result.effect_count++] = {tiller_effect_constant_offset, static_cast<std::uint16_t>(j),
+                                             static_cast<std::uint16_t>(first_param + j), 0};
+  result.fading = joints;
+  result.fading_param = first_param;
+  return result;
+}
+
 }  // namespace
 
 void PlanningBelief::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
@@ -31,9 +42,14 @@ void PlanningBelief::lay_out(Arena& arena, const tiller_config_t& config, const 
   setup_ = &setup;
   table_ = &table;
   over_delays_ = over_delays;
-  undelayed_ = without_delays(setup);
+  const std::uint32_t joints = Posterior::force_joints(config);
+  const bool fits =
+      setup.effect_count + joints <= TILLER_MAX_EFFECTS && config.param_count + joints + 1 <= TILLER_MAX_PARAMS;
+  forces_ = fits ? joints : 0;
+  forced_ = with_forces(setup, config.param_count, forces_);
+  undelayed_ = without_delays(forced_);
   lanes_ = (count + kLanePadding - 1) / kLanePadding * kLanePadding;
-  params_ = arena.take<float>(std::size_t{config.param_count} * count + kLanePadding);
+  params_ = arena.take<float>(std::size_t{config.param_count + forced_.extra_params()} * count + kLanePadding);
   state_ = arena.take<float>(std::size_t{nx} * count + kLanePadding);
   effect_state_ = arena.take<float>(std::size_t{ns} * count + kLanePadding);
   history_ = arena.take<float>(std::size_t{setup.delay_steps} * nu + 1);
@@ -67,8 +83,21 @@ void PlanningBelief::take_hypotheses(const Posterior& posterior, std::uint64_t t
     points_.draw(posterior, params_, state_, effect_state_);
   else
     posterior.draw(belief_.count, tick, params_, state_, effect_state_, nullptr);
+  if (forces_ > 0) take_forces(posterior, tick);
   for (std::uint32_t lane = 0; lane < belief_.count; ++lane)
     lookahead_[lane].late_s = (belief_.weight ? points_.delay(lane) : posterior.drawn_delay(lane)) * config_->period_s;
+}
+
+/// Weighted points stand for the parameters alone: each has the mean's forces.
+void PlanningBelief::take_forces(const Posterior& posterior, std::uint64_t tick) {
+  const std::uint32_t count = belief_.count;
+  float* const rows = params_ + std::size_t{config_->param_count} * count;
+  const std::uint32_t drawn = belief_.weight ? 1 : count;
+  posterior.draw_forces(drawn, tick, rows);
+  for (std::uint32_t j = forces_ + 1; drawn < count && j-- > 0;)
+    for (std::uint32_t lane = count; lane-- > 0;) rows[std::size_t{j} * count + lane] = rows[j];
+  float* const rate = rows + std::size_t{forces_} * count;
+  for (std::uint32_t lane = 0; lane < count; ++lane) rate[lane] *= static_cast<float>(config_->period_s);
 }
 
 /// Noise as it is estimated: the process's where the engine tells it by state, else by its common scale.

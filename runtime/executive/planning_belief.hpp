@@ -22,6 +22,8 @@ namespace tiller {
 /// to hold until then.
 class PlanningBelief {
  public:
+  /// Where the posterior estimates forces beyond the model, the planner's setup has one at each of these joints, if
+  /// there is room for the effects and their parameters.
   void lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
                bool over_delays);
 
@@ -34,7 +36,7 @@ class PlanningBelief {
 
   const Belief& belief() const { return belief_; }
   /// The setup that fits the belief: without delays where they have been gone over.
-  const StepSetup& planner_setup() const { return over_delays_ ? undelayed_ : *setup_; }
+  const StepSetup& planner_setup() const { return over_delays_ ? undelayed_ : forced_; }
   /// Periods from the stamp of the last draw to the hypotheses' states, their mean, rounded.
   std::uint32_t lead_periods() const { return lead_periods_; }
 
@@ -49,6 +51,7 @@ class PlanningBelief {
   };
 
   void take_hypotheses(const Posterior& posterior, std::uint64_t tick);
+  void take_forces(const Posterior& posterior, std::uint64_t tick);
   void compute_lookahead(double ahead_s);
   double delay_s(const EffectSlot& slot, std::uint32_t lane) const;
   void step_parts(const CommandTimeline& timeline, std::int64_t stamp_us);
@@ -63,10 +66,12 @@ class PlanningBelief {
   const tiller_config_t* config_ = nullptr;
   const RolloutTable* table_ = nullptr;
   const StepSetup* setup_ = nullptr;
+  std::uint32_t forces_ = 0;  // joints whose forces the planner's setup has
   bool over_delays_ = false;
+  StepSetup forced_;                // the setup with the posterior's forces
   StepSetup undelayed_;             // the setup without its delays: the controls below have them already
   std::uint32_t lanes_ = 0;         // M, padded
-  float* params_ = nullptr;         // (np x M) and room to read up to `lanes_`
+  float* params_ = nullptr;         // (np + forces x M) and room to read up to `lanes_`
   float* state_ = nullptr;          // (nx x M) likewise
   float* effect_state_ = nullptr;   // (ns x M) likewise
   float* history_ = nullptr;        // (delay_steps x nu)

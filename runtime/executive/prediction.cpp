@@ -5,6 +5,7 @@
 
 #include "planners/belief_weights.hpp"
 #include "planners/predicted_spread.hpp"
+#include "tiller/math.hpp"
 
 namespace tiller {
 namespace {
@@ -22,7 +23,7 @@ void Prediction::lay_out(Arena& arena, const tiller_config_t& config, const Step
   table_ = &table;
   nx_ = config.model->state_count;
   nu_ = config.model->input_count;
-  np_ = config.param_count;
+  np_ = config.param_count + setup.extra_params();
   ns_ = setup.effect_state_count;
   const std::size_t m = config.planner.particles, square = std::size_t{nx_} * nx_;
   lanes_ = static_cast<std::uint32_t>((m + kLanePadding - 1) / kLanePadding * kLanePadding);
@@ -106,6 +107,11 @@ void Prediction::advance(const Belief& belief, bool answers) {
   job.b = b_;
   table_->linearise(*config_->model, job);
   std::copy(next_, next_ + std::size_t{nx_} * lanes_, state_);
+  double* const force = params_ + std::size_t{setup_->fading_param} * lanes_;
+  for (std::uint32_t l = 0; setup_->fading > 0 && l < lanes_; ++l) {
+    const double kept = math::exp(-force[setup_->fading * lanes_ + l]);
+    for (std::uint32_t j = 0; j < setup_->fading; ++j) force[j * lanes_ + l] *= kept;
+  }
   for (std::uint32_t i = setup_->delay_steps * nu_; i-- > nu_;) history_[i] = history_[i - nu_];
   for (std::uint32_t i = 0; setup_->delay_steps > 0 && i < nu_; ++i) history_[i] = input_[i];
 

@@ -141,7 +141,7 @@ void compute_gains(Sampler& s) {
   ClosedLoop& loop = *s.loop;
   PathPlan& p = loop.path;
   loop.has_gain = false;
-  (void)take_goal(p, s.request->goal);
+  (void)take_goal(p, *s.request);
   (void)take_origin(p, s.request->origin);
   take_command(p, s.request->last_command);
   p.task_step = s.request->task_step;

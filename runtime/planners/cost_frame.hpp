@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "planners/planner.hpp"
 #include "rollout/turns.hpp"
 
 namespace tiller {
@@ -12,15 +13,19 @@ class CostFrame {
   void lay_out(const tiller_config_t& config) {
     cost_ = &config.cost;
     states_ = config.model->state_count;
+    inputs_ = config.model->input_count;
     angles_ = config.model->angle_mask;
   }
-  /// `goal` counts the changes of the configuration's goal. True if it is not that of the call before.
+  /// The goal of the request. True if it is not that of the call before.
   template <class T>
-  bool take_goal(std::uint64_t goal, CostTerms<T>& terms) {
-    if (goal == goal_) return false;
-    goal_ = goal;
-    tiller::take_goal(*cost_, states_, angles_, terms);
-    return true;
+  bool take_goal(const PlanRequest& request, CostTerms<T>& terms) {
+    const bool moved = request.goal != goal_;
+    goal_ = request.goal;
+    if (moved) tiller::take_goal(*cost_, states_, angles_, terms);
+    const bool steady = request.steady_state != nullptr;
+    if (!steady && !steady_) return moved;
+    steady_ = steady;
+    return take_steady(*cost_, states_, inputs_, angles_, request.steady_state, request.steady_input, terms) || moved;
   }
   /// `origin` (nx; null: zeros). True if it is not that of the call before: a path planned until then has another
   /// frame.
@@ -38,7 +43,8 @@ class CostFrame {
 
  private:
   const tiller_cost_config_t* cost_ = nullptr;
-  std::uint32_t states_ = 0, angles_ = 0;
+  std::uint32_t states_ = 0, inputs_ = 0, angles_ = 0;
+  bool steady_ = false;
   std::uint64_t goal_ = 0;
   double origin_[TILLER_MAX_STATES] = {};
 };

@@ -308,7 +308,7 @@ bool take_request(Ilqr& s, const PlanRequest& request) {
   p.task_step = request.task_step;
   if (request.tick != p.last_tick) s.standing = s.solved = false;  // nothing was prepared for this tick
   shift_path(p, request.tick);
-  if (take_goal(p, request.goal)) s.standing = s.solved = false;
+  if (take_goal(p, request)) s.standing = s.solved = false;
   if (take_origin(p, request.origin)) s.standing = s.solved = false;
   return take_belief(p, request.belief);
 }

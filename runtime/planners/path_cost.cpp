@@ -50,8 +50,8 @@ double input_gradient(PathPlan& p) {
   for (std::size_t k = 0; k < p.horizon; ++k)
     for (std::size_t i = 0; i < nu; ++i) {
       const double u = p.control[k * nu + i];
-      const double pull = 2.0 * p.cost.input[i] * u;
-      sum += 0.5 * pull * u;
+      const double off = u - p.cost.input_centre[i], pull = 2.0 * p.cost.input[i] * off;
+      sum += 0.5 * pull * off;
       p.qu[k * nu + i] = pull;
       if (!p.rate) continue;
       const double change = u - (k > 0 ? p.control[(k - 1) * nu + i] : p.last_input[i]);

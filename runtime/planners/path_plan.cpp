@@ -12,8 +12,8 @@ void take_command(PathPlan& p, const double* last_command) {
   admit_commands(p.limits, p.cones, p.nu, last_command, p.fallback, p.last_input);
 }
 
-bool take_goal(PathPlan& p, std::uint64_t goal) {
-  if (!p.frame.take_goal(goal, p.cost)) return false;
+bool take_goal(PathPlan& p, const PlanRequest& request) {
+  if (!p.frame.take_goal(request, p.cost)) return false;
   p.hessians_stand = false;  // a reference may have come or gone
   return true;
 }

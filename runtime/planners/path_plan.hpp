@@ -93,7 +93,7 @@ void reset_path_plan(PathPlan& p);
 /// Takes the command in force, brought into limits and cones; the safe command if it is null.
 void take_command(PathPlan& p, const double* last_command);
 /// Takes the present goal; true if it has changed: what was prepared for the old one is void.
-bool take_goal(PathPlan& p, std::uint64_t goal);
+bool take_goal(PathPlan& p, const PlanRequest& request);
 /// Moves the cost into the belief's frame; a path of another frame is dropped, its inputs stay. True if the frame
 /// moved.
 bool take_origin(PathPlan& p, const double* origin);

@@ -27,6 +27,8 @@ struct PlanRequest {
   std::uint64_t tick = 0;                // names the random numbers; the old plan is shifted by one period a tick
   std::uint64_t task_step = 0;           // periods since the task began: the row of a reference that is due now
   std::uint64_t goal = 0;                // changes of the goal so far
+  const double* steady_state = nullptr;  // (nx) target in the place of the configuration's, and
+  const double* steady_input = nullptr;  // (nu) where the inputs' weights count from; null, both: its own, and zeros
   const double* origin = nullptr;        // (nx) whole turns that the belief's angles come less; null: none
   bool doubted = false;                  // the model has been found inadequate
   Deadline deadline;

@@ -358,7 +358,7 @@ PlanResult plan_by_sampling(void* self, const PlanRequest& request, double* comm
   Sampler& s = *static_cast<Sampler*>(self);
   PlanResult result;
   s.request = &request;
-  (void)s.frame.take_goal(request.goal, s.cost_terms);
+  (void)s.frame.take_goal(request, s.cost_terms);
   (void)s.frame.move_to(request.origin, s.cost_terms);
   start_from_command(s, request.last_command);
   shift_plan(s, request.tick);

@@ -321,7 +321,7 @@ bool take_request(ScenarioTree& t, const PlanRequest& request) {
   (void)t.risk.take_likelihoods(likelihood);
   bool moved = false;
   each_branch(t, [&](PathPlan& p, std::uint32_t j) {
-    (void)take_goal(p, request.goal);
+    (void)take_goal(p, request);
     moved = take_origin(p, request.origin) || moved;
     const Belief one = one_hypothesis(p, *belief, j, t.hypothesis);
     (void)take_belief(p, &one);

@@ -311,7 +311,7 @@ PlanResult plan(void* self, const PlanRequest& request, double* command) {
   take_command(p, request.last_command);
   p.task_step = request.task_step;
   shift(s, request.tick);
-  if (take_goal(p, request.goal)) s.prepared = false;
+  if (take_goal(p, request)) s.prepared = false;
   if (take_origin(p, request.origin)) place_hard_bounds(p, s.bounds);
   if (!take_belief(p, request.belief)) {
     result.status = tiller_status_plan_not_finite;
@@ -332,6 +332,7 @@ void prepare(void* self, const PlanRequest& expected) {
   if (!p.has_path || expected.tick <= p.last_tick) return;
   const FlushToZero flush;
   take_command(p, expected.last_command);
+  (void)take_goal(p, expected);
   p.task_step = expected.task_step;
   shift(s, expected.tick);
   if (!p.has_path) return;

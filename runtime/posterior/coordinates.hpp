@@ -6,9 +6,10 @@
 
 namespace tiller {
 
-/// Coordinates that an engine infers beside the named parameters: the ratio of process to sensor noise (`filter`), the
-/// fraction of a period by which a delay is off (`transition`).
-constexpr std::uint32_t kMaxExtra = 1;
+/// Coordinates that an engine infers beside the named parameters: the ratio of process to sensor noise, the size of the
+/// forces that the model lacks at each joint and how long they last (`filter`), the fraction of a period by which a
+/// delay is off (`transition`).
+constexpr std::uint32_t kMaxExtra = 6;
 constexpr std::uint32_t kMaxCoordinates = TILLER_MAX_PARAMS + kMaxExtra;
 
 /// Polynomials of the coordinates (polynomial_design.hpp) have terms of second order in this many of them at most.

@@ -10,7 +10,7 @@ namespace tiller {
 
 /// Joints of a model at which a discrepancy acts.
 inline std::uint32_t discrepancy_joints(const tiller_config_t& config) {
-  if (!config.posterior.discrepancy) return 0;
+  if (!config.posterior.disturbance) return 0;
   const std::uint32_t all = config.model->joint_count;
   return all < kDiscrepancyJoints ? all : kDiscrepancyJoints;
 }

@@ -119,6 +119,16 @@ class Posterior {
   /// draw() gives states less `state` (nx), subtracted before they become single precision. Zeros until the first call.
   virtual void set_origin(const double* state) { std::copy(state, state + TILLER_MAX_STATES, origin_); }
   const double* origin() const { return origin_; }  ///< (TILLER_MAX_STATES) of draw()'s states
+  /// Joints, the first ones, whose forces beyond the model the configured engine estimates; 0: none.
+  static std::uint32_t force_joints(const tiller_config_t& config);
+  /// The force beyond the model at each of these joints, in N or N m, and a row behind them, the rate 1 / tau in 1/s at
+  /// which what is expected of them fades (force_joints + 1 x count), of the hypotheses of draw(count, tick, ..). Cost:
+  /// as draw()'s.
+  virtual void draw_forces(std::uint32_t /*count*/, std::uint64_t /*tick*/, float* /*rows*/) const {}
+  /// Their means now (force_joints), and how far these may be off; nullable. Cost: O(N) a joint.
+  virtual void forces(double* /*mean*/, double* /*sd*/) const {}
+  /// The same, of an estimate that looks out for contacts (safety.contact_force): quicker, and less sure.
+  virtual void contacts(double* mean, double* sd) const { forces(mean, sd); }
   /// By how many periods, parts of them included, the inputs of the hypothesis in this column of the last draw() come
   /// late, beside the effects' own delays.
   virtual double drawn_delay(std::uint32_t /*column*/) const { return 0.0; }
@@ -144,6 +154,8 @@ struct PosteriorTable {
   /// As Posterior::check, of this engine; null: nothing beyond tiller_config_check.
   tiller_status_t (*check)(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
                            const char** field) = nullptr;
+  /// As Posterior::force_joints, of this engine; null: none.
+  std::uint32_t (*force_joints)(const tiller_config_t& config) = nullptr;
   bool hypotheses = false;  ///< weighs several input delays and rates of forgetting side by side
   bool discrepancy_default =
       false;  ///< of a robot file that does not say: the forces that the model may lack are marginalised

@@ -42,6 +42,11 @@ Posterior* Posterior::lay_out(Arena& arena, const tiller_config_t& config, const
   return engine ? engine->lay_out(arena, config, setup, table, hooks) : nullptr;  // check() refuses it
 }
 
+std::uint32_t Posterior::force_joints(const tiller_config_t& config) {
+  const PosteriorTable* const engine = find_posterior(config.posterior.kind);
+  return engine && engine->force_joints ? engine->force_joints(config) : 0;
+}
+
 tiller_status_t Posterior::check(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
                                  const char** field) {
   const tiller_posterior_config_t& p = config.posterior;

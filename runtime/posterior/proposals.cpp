@@ -29,11 +29,12 @@ constexpr double kFlat = 1e-10;
 /// Random numbers of coordinate steps, apart from others of the same stream.
 constexpr std::uint64_t kWidening = std::uint64_t{1} << 60;
 
-/// Lower Cholesky factor (d x d) of the covariance of the particles that stand still. False:
+/// Mean (d) and lower Cholesky factor (d x d) of the covariance of the particles that stand still. False:
 /// they do not span all dimensions.
-bool spread(const Cloud& cloud, std::uint32_t first_still, std::uint32_t still, double* factor) {
+bool spread(const Cloud& cloud, std::uint32_t first_still, std::uint32_t still, double* mean, double* factor) {
   const std::uint32_t n = cloud.n, d = cloud.d;
-  double mean[kMaxCoordinates] = {}, sum = 0.0;
+  double sum = 0.0;
+  std::fill(mean, mean + d, 0.0);
   for (std::uint32_t k = 0, i = first_still; k < still; ++k, i = i + 1 < n ? i + 1 : 0) {
     sum += cloud.weight[i];
     for (std::uint32_t j = 0; j < d; ++j) mean[j] += cloud.weight[i] * cloud.coordinate[j * n + i];
@@ -61,6 +62,40 @@ bool spread(const Cloud& cloud, std::uint32_t first_still, std::uint32_t still, 
   return whole;
 }
 
+/// Law of the particles that stand still, with the tails of six degrees of freedom: what is drawn from it owes nothing
+/// to where a particle is, so that one accepted step is a whole one. Where the posterior is near to it that is one in
+/// two or three, which a walk in many coordinates takes dozens of steps for.
+struct StillLaw {
+  static constexpr double kDegrees = 6.0;
+  const double *mean, *factor;
+  std::uint32_t d;
+
+  /// Up to a constant.
+  double log_density(const double* v) const {
+    double z[kMaxCoordinates], square = 0.0;
+    for (std::uint32_t r = 0; r < d; ++r) {
+      double rest = v[r] - mean[r];
+      for (std::uint32_t k = 0; k < r; ++k) rest -= factor[r * d + k] * z[k];
+      z[r] = rest / factor[r * d + r];
+      square += z[r] * z[r];
+    }
+    return -0.5 * (kDegrees + d) * math::log(1.0 + square / kDegrees);
+  }
+  void draw(Rng& rng, double* v) const {
+    double z[kMaxCoordinates], square = 0.0;  // chi^2 of six degrees: three exponentials
+    for (std::uint32_t j = 0; j < d; ++j) z[j] = rng.normal();
+    for (int i = 0; i < 3; ++i) square -= 2.0 * math::log(rng.uniform());
+    const double wide = std::sqrt(kDegrees / square);
+    for (std::uint32_t j = 0; j < d; ++j) {
+      v[j] = mean[j];
+      for (std::uint32_t k = 0; k <= j; ++k) v[j] += wide * factor[j * d + k] * z[k];
+    }
+  }
+};
+
+/// Shares of draws from the still particles' law, and of steps along one coordinate, where there are many coordinates.
+constexpr double kAnew = 0.4, kAlong = 0.3;
+
 }  // namespace
 
 CoordinateStep draw_coordinate_step(const PriorDistribution& prior, Rng& rng) {
@@ -74,8 +109,9 @@ CoordinateStep draw_coordinate_step(const PriorDistribution& prior, Rng& rng) {
 void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::uint32_t moves, Proposal* proposals) {
   const std::uint32_t n = cloud.n, d = cloud.d;
   const std::uint32_t first_still = (cursor + moves) % n, still = n - moves;
-  double factor[kMaxCoordinates * kMaxCoordinates];
-  const bool whole = spread(cloud, first_still, still, factor);
+  double mean[kMaxCoordinates], factor[kMaxCoordinates * kMaxCoordinates];
+  const bool whole = spread(cloud, first_still, still, mean, factor);
+  const bool many = d - cloud.named > 1;  // an engine with several coordinates of its own
   const double best = kOptimalStep / std::sqrt(static_cast<double>(d));
 
   for (std::uint32_t m = 0; m < moves; ++m) {
@@ -90,21 +126,30 @@ void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::
       noise = best * math::exp(-2.3 * rng.uniform());  // a decade of step lengths: far and near both occur
     for (std::uint32_t j = 0; j < d; ++j) walk[j] = noise * rng.normal();
 
+    // where an engine has several coordinates of its own, the parameters and these move apart half of the time: a step
+    // of few coordinates may be longer
+    const double block = many && cloud.named > 0 ? 4.0 * rng.uniform() : 0.0;
+    const std::uint32_t first = block >= 3.0 ? cloud.named : 0, last = block >= 2.0 && block < 3.0 ? cloud.named : d;
     double present[kMaxCoordinates];
-    for (std::uint32_t j = 0; j < d; ++j) {
+    for (std::uint32_t j = 0; j < d; ++j) p.coordinate[j] = present[j] = cloud.coordinate[j * n + p.particle];
+    for (std::uint32_t j = first; j < last; ++j) {
       const double* row = cloud.coordinate + j * n;
-      present[j] = row[p.particle];
       double to = present[j] + difference * (row[a] - row[b]);
       for (std::uint32_t k = 0; k <= j; ++k) to += factor[j * d + k] * walk[k];
       // no reflection at a bound: of one coordinate of a correlated step it is not symmetric
       p.coordinate[j] = to;
     }
-    if (!whole && m % 2 == 1) {
+    // of several more coordinates some are as good as not known: a step along one of them may be as wide as its prior
+    const double kind = whole && many ? rng.uniform() : 1.0;
+    const bool anew = kind < kAnew, along = kind >= kAnew && kind < kAnew + kAlong;
+    if (along || (!whole && m % 2 == 1)) {
       Rng widening(cloud.config->seed, kRngScout, kWidening + tick * 4096 + p.particle);
       const CoordinateStep step = draw_coordinate_step(cloud.prior, widening);
       for (std::uint32_t j = 0; j < d; ++j) p.coordinate[j] = present[j];
       p.coordinate[step.coordinate] += step.length;
     }
+    const StillLaw law = {mean, factor, d};
+    if (anew) law.draw(rng, p.coordinate);
     const double scouts = cloud.config->posterior.prior_proposal_fraction;
     if (scouts > 0.0 && rng.uniform() < scouts) {
       // a scout: an independent draw from the prior, whose density cancels out of the ratio
@@ -112,6 +157,7 @@ void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::
       p.log_prior_change = cloud.prior.log_excess(p.coordinate) - cloud.prior.log_excess(present);
     } else {
       p.log_prior_change = cloud.prior.log_density(p.coordinate) - cloud.prior.log_density(present);
+      if (anew) p.log_prior_change += law.log_density(present) - law.log_density(p.coordinate);
     }
     // refused by the prior: its lane still runs, where the particle is
     if (!std::isfinite(p.log_prior_change)) {

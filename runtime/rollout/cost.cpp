@@ -46,6 +46,12 @@ void take_states(const tiller_cost_config_t& cost, std::uint32_t states, CostTer
   }
 }
 
+/// The whole turns that the precision T does without in a target's state i.
+template <class T>
+double turns_without(double target, std::uint32_t i, std::uint32_t angles) {
+  return sizeof(T) < sizeof(double) && ((angles >> i) & 1u) ? far_turns(target) : 0.0;
+}
+
 template <class T>
 void take_reference(const tiller_cost_config_t& cost, CostTerms<T>& terms) {
   terms.reference = cost.reference;
@@ -62,14 +68,31 @@ void take_reference(const tiller_cost_config_t& cost, CostTerms<T>& terms) {
 
 template <class T>
 void take_goal(const tiller_cost_config_t& cost, std::uint32_t states, std::uint32_t angles, CostTerms<T>& terms) {
-  for (std::uint32_t i = 0; i < states; ++i) {
-    const bool turns = sizeof(T) < sizeof(double) && ((angles >> i) & 1u);
-    terms.target[i] = static_cast<T>(cost.target[i] - (turns ? far_turns(cost.target[i]) : 0.0));
-  }
+  for (std::uint32_t i = 0; i < states; ++i)
+    terms.target[i] = static_cast<T>(cost.target[i] - turns_without<T>(cost.target[i], i, angles));
   take_reference(cost, terms);
 }
 template void take_goal<float>(const tiller_cost_config_t&, std::uint32_t, std::uint32_t, CostTerms<float>&);
 template void take_goal<double>(const tiller_cost_config_t&, std::uint32_t, std::uint32_t, CostTerms<double>&);
+
+template <class T>
+bool take_steady(const tiller_cost_config_t& cost, std::uint32_t states, std::uint32_t inputs, std::uint32_t angles,
+                 const double* state, const double* input, CostTerms<T>& terms) {
+  bool changed = false;
+  const auto take = [&](double from, T& to) {
+    const T value = static_cast<T>(from);
+    changed = changed || value != to;
+    to = value;
+  };
+  const double* const target = state ? state : cost.target;
+  for (std::uint32_t i = 0; i < states; ++i) take(target[i] - turns_without<T>(target[i], i, angles), terms.target[i]);
+  for (std::uint32_t i = 0; i < inputs; ++i) take(input ? input[i] : 0.0, terms.input_centre[i]);
+  return changed;
+}
+template bool take_steady<float>(const tiller_cost_config_t&, std::uint32_t, std::uint32_t, std::uint32_t,
+                                 const double*, const double*, CostTerms<float>&);
+template bool take_steady<double>(const tiller_cost_config_t&, std::uint32_t, std::uint32_t, std::uint32_t,
+                                  const double*, const double*, CostTerms<double>&);
 
 template <class T>
 CostTerms<T> make_cost_terms(const tiller_cost_config_t& cost, std::uint32_t states) {

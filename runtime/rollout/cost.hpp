@@ -45,6 +45,7 @@ struct CostTerms {
   T terminal[TILLER_MAX_STATES];  // Qf
   T input[TILLER_MAX_INPUTS];
   T input_rate[TILLER_MAX_INPUTS];
+  T input_centre[TILLER_MAX_INPUTS];  // where R counts from: take_steady()
 
   std::uint32_t extra;  // CostTerm bits; 0: quadratic around `target`, and nothing below is read
   std::uint32_t obstacle_count;
@@ -88,6 +89,12 @@ tiller_status_t lay_out_cost(const tiller_config_t& config, const StepSetup& set
 /// the states that wrap, whose whole turns single precision does without.
 template <class T>
 void take_goal(const tiller_cost_config_t& cost, std::uint32_t states, std::uint32_t angles, CostTerms<T>& terms);
+
+/// Target and centre of the inputs' weights are a steady state (nx) and its input (nu); null, both: the configuration's
+/// target, and zeros. True if that is not what it was. `angles` as in take_goal.
+template <class T>
+bool take_steady(const tiller_cost_config_t& cost, std::uint32_t states, std::uint32_t inputs, std::uint32_t angles,
+                 const double* state, const double* input, CostTerms<T>& terms);
 
 /// Row of a table of `rows` that is due at `step`: the last row holds.
 TILLER_INLINE std::size_t cost_row(std::uint64_t step, std::uint32_t rows) {

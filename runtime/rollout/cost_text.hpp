@@ -58,14 +58,14 @@ TILLER_INLINE S state_cost(const Model& model, const T* target, const T* weight,
   return sum;
 }
 
-/// u' R u + du' S du.
+/// (u - centre)' R (u - centre) + du' S du.
 template <class Model, class S, class T>
 TILLER_INLINE S input_cost(const Model& model, const CostTerms<T>& cost, const typename Model::template Input<S>& u,
                            const typename Model::template Input<S>& before) {
   S sum = S(0.0);
   each(model.nu(), [&](auto i) {
-    const S change = u[i] - before[i];
-    sum = sum + S(cost.input[i]) * u[i] * u[i] + S(cost.input_rate[i]) * change * change;
+    const S change = u[i] - before[i], off = u[i] - S(cost.input_centre[i]);
+    sum = sum + S(cost.input[i]) * off * off + S(cost.input_rate[i]) * change * change;
   });
   return sum;
 }

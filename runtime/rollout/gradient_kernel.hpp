@@ -6,6 +6,7 @@
 
 #include "rollout/cone_lanes.hpp"
 #include "rollout/dual_step.hpp"
+#include "rollout/fading.hpp"
 #include "rollout/output_cost.hpp"
 #include "rollout/own_cost.hpp"
 #include "rollout/path.hpp"
@@ -98,6 +99,11 @@ struct GradientKernel {
     for (int l = 0; l < kWidth; ++l) params.lane[l] = job.params + at.scenario[l] * count;
     each(Model::np(), [&](auto i) { p.model[i] = S(params(i)); });
     for (std::size_t i = Model::kParams; i < count; ++i) p.effect[i - Model::kParams] = S(params(static_cast<int>(i)));
+    if (job.setup->fading == 0) return;
+    alignas(64) double stage[kWidth];
+    for (int l = 0; l < kWidth; ++l) stage[l] = at.stage[l];
+    const P rate = params(static_cast<int>(job.setup->fading_param + job.setup->fading));
+    fade(Model{}, *job.setup, S(exp(P(0.0) - rate * P::load(stage))), p);
   }
 
   /// Directions beyond (x, s, u) are not there; a pass takes kPass of them.
@@ -194,6 +200,7 @@ struct GradientKernel {
     Trajectory<Model, P> t[kScenarios];
     Parameters<Model, P> p[kScenarios];
     P cost[kScenarios];
+    [[maybe_unused]] P kept[kScenarios];  // of forces that fade
     Input before;
     for (int j = 0; j < count; ++j) {
       each(Model::nx(), [&](auto i) { t[j].x[i] = P(job.start[j * nz + i]); });
@@ -201,6 +208,7 @@ struct GradientKernel {
       each(Model::np(), [&](auto i) { p[j].model[i] = P(job.params[j * param_rows + i]); });
       for (int i = Model::kParams; kEffects && i < param_rows; ++i)
         p[j].effect[i - Model::kParams] = P(job.params[j * param_rows + i]);
+      if (kEffects && setup.fading > 0) kept[j] = exp(P(0.0) - fading_rate(Model{}, setup, p[j]));
       cost[j] = P(0.0);
     }
     each(Model::nu(), [&](auto i) { before[i] = P(job.previous_input[i]); });
@@ -244,10 +252,12 @@ struct GradientKernel {
           cost[j] = cost[j] + state_cost<Model, P>(stepper.model, job.cost->target, job.cost->state, t[j].x);
         else
           cost[j] = cost[j] + every_cost(job, k, t[j].x, &u, p[j].model);
-        if constexpr (kEffects)
+        if constexpr (kEffects) {
           stepper.advance(t[j], u, p[j]);
-        else
+          if (setup.fading > 0) fade(Model{}, setup, kept[j], p[j]);
+        } else {
           stepper.template advance_bare<kIntegrator>(t[j].x, u, p[j].model);
+        }
       }
       before = u;
     }

@@ -6,6 +6,7 @@
 
 #include "rollout/cone_lanes.hpp"
 #include "rollout/dual_step.hpp"
+#include "rollout/fading.hpp"
 #include "rollout/gradient_kernel.hpp"
 #include "rollout/lane_rows.hpp"
 #include "rollout/lq_scenarios.hpp"
@@ -113,6 +114,7 @@ struct Kernel {
     Parameters<Model, P> p[kParameterSets];
     Input before[kRegisters], commands[kRegisters];
     P cost[kRegisters], penalties[kRegisters];
+    [[maybe_unused]] P kept[kParameterSets];  // of forces that fade
     for (int r = 0; r < kRegisters; ++r) {
       const std::uint32_t at = lane + static_cast<std::uint32_t>(r * P::width);
       load_fields<P, P>(t[r].x, Model::nx(), job.state, 0, at);
@@ -135,6 +137,8 @@ struct Kernel {
     if constexpr (kEffects) {
       stepper.plan_bodies(plan, p);
       stepper.plan_steps(plan, p, true);
+      for (int r = 0; setup.fading > 0 && r < kParameterSets; ++r)
+        kept[r] = exp(P(0.0) - fading_rate(Model{}, setup, p[r]));
     }
     for (std::uint32_t step = 0; step < job.horizon; ++step) {
       for (int r = 0; r < kRegisters; ++r) {
@@ -167,6 +171,7 @@ struct Kernel {
                            : P(job.history[(-then - 1) * kInputs + input]);
         };
         stepper.advance_all(t, commands, p, plan, past);
+        for (int r = 0; setup.fading > 0 && r < kParameterSets; ++r) fade(Model{}, setup, kept[r], p[r]);
       }
       if (kExtra && job.noise.data)
         for (int r = 0; r < kRegisters; ++r)

@@ -177,9 +177,10 @@ TILLER_INLINE void expand_inputs(const Model& model, const CostTerms<double>& co
   const int nu = static_cast<int>(model.nu());
   each(model.nu(), [&](auto i) {
     const int k = static_cast<int>(i);
-    const S change = u[i] - before[i], rate = S(2.0 * cost.input_rate[k]) * change;
-    e.value = e.value + S(cost.input[k]) * u[i] * u[i] + S(cost.input_rate[k]) * change * change;
-    e.lu[k] = e.lu[k] + S(2.0 * cost.input[k]) * u[i] + rate;
+    const S off = u[i] - S(cost.input_centre[k]), change = u[i] - before[i];
+    const S rate = S(2.0 * cost.input_rate[k]) * change;
+    e.value = e.value + S(cost.input[k]) * off * off + S(cost.input_rate[k]) * change * change;
+    e.lu[k] = e.lu[k] + S(2.0 * cost.input[k]) * off + rate;
     e.lb[k] = e.lb[k] - rate;
     e.luu[k * nu + k] = e.luu[k * nu + k] + S(2.0 * (cost.input[k] + cost.input_rate[k]));
   });

@@ -3,10 +3,12 @@
 
 #include <cmath>
 
+#include "rollout/fading.hpp"
 #include "rollout/output_cost.hpp"
 #include "rollout/quadratise.hpp"
 #include "rollout/residual.hpp"
 #include "rollout/step.hpp"
+#include "tiller/math.hpp"
 
 namespace tiller {
 namespace {
@@ -27,6 +29,8 @@ void load_params(const TableModel& model, const StepSetup& setup, const Lanes<T>
     for (int i = slot.param; i < slot.param + effect_info(slot.kind).param_count; ++i)
       p.effect[i - model.np()] = cell(params, static_cast<std::size_t>(i), lane);
   }
+  const std::uint32_t rate = setup.fading_param + setup.fading;
+  if (setup.fading > 0) p.effect[rate - static_cast<std::uint32_t>(model.np())] = cell(params, rate, lane);
 }
 
 template <class T>
@@ -113,6 +117,7 @@ void roll_lane(const TableModel& model, const Step& step, const RolloutJob<T>& j
     for (int i = 0; i < nx; ++i) rows[static_cast<std::size_t>(i) * job.lanes + lane] = static_cast<T>(t.x[i]);
   };
   double cost = 0.0, penalty = 0.0;
+  const double kept = setup.fading > 0 ? math::exp(-fading_rate(model, setup, p)) : 1.0;
   for (std::uint32_t k = 0; k < job.horizon; ++k) {
     if (job.trajectory) keep(job.trajectory + static_cast<std::size_t>(k) * nx * job.lanes);
     Step::Input u{};
@@ -132,6 +137,7 @@ void roll_lane(const TableModel& model, const Step& step, const RolloutJob<T>& j
                  : static_cast<double>(job.history[(-then - 1) * nu + input]);
     };
     step.advance(t, u, p, past);
+    if (setup.fading > 0) fade(model, setup, kept, p);
     for (int i = 0; job.noise.data && i < nx; ++i)
       t.x[i] += cell(job.noise, static_cast<std::size_t>(k) * nx + i, lane);
   }

@@ -2,9 +2,11 @@
 
 #include <cmath>
 
+#include "rollout/fading.hpp"
 #include "rollout/output_cost.hpp"
 #include "rollout/path.hpp"
 #include "rollout/step.hpp"
+#include "tiller/math.hpp"
 
 namespace tiller {
 namespace {
@@ -26,10 +28,13 @@ struct Plane {
   }
 };
 
-void load_params(const TableModel& model, const double* row, std::size_t count, Parameters<TableModel, double>& p) {
+/// Of stage k: forces that fade are less by then.
+void load_params(const TableModel& model, const StepSetup& setup, const double* row, std::size_t count, std::size_t k,
+                 Parameters<TableModel, double>& p) {
   const std::size_t np = static_cast<std::size_t>(model.np());
   for (std::size_t i = 0; i < np; ++i) p.model.v[i] = row[i];
   for (std::size_t i = np; i < count; ++i) p.effect[i - np] = row[i];
+  if (setup.fading > 0) fade(model, setup, math::exp(-static_cast<double>(k) * fading_rate(model, setup, p)), p);
 }
 
 void linearise(const tiller_model_t& table, const PathJob& job) {
@@ -42,7 +47,7 @@ void linearise(const tiller_model_t& table, const PathJob& job) {
   for (std::size_t k = 0; k < job.horizon; ++k)
     for (std::size_t j = 0; j < job.scenarios; ++j) {
       const std::size_t at = k * job.scenarios + j;
-      load_params(model, job.params + j * params, params, p);
+      load_params(model, *job.setup, job.params + j * params, params, k, p);
       Point t{};
       Step::Input u{};
       plane.load(job.state + at * nz, t);
@@ -122,7 +127,7 @@ void feedback(const tiller_model_t& table, const FeedbackJob& job) {
       const double inputs = input_cost<TableModel, double>(model, *job.cost, u, before);
       for (std::size_t j = 0; j < count; ++j) {
         Parameters<TableModel, double> p{};
-        load_params(model, job.params + j * params, params, p);
+        load_params(model, *job.setup, job.params + j * params, params, k, p);
         keep(k, j);
         cost[j] += inputs + every_state_cost<TableModel, double>(model, *job.cost, job.cost->state, row, t[j].x) +
                    output_cost<TableModel, double>(model, *job.cost, false, row, t[j].x, p.model) +
@@ -135,7 +140,7 @@ void feedback(const tiller_model_t& table, const FeedbackJob& job) {
       const std::uint64_t row = job.task_step + job.horizon;
       keep(job.horizon, j);
       Parameters<TableModel, double> p{};
-      load_params(model, job.params + j * params, params, p);
+      load_params(model, *job.setup, job.params + j * params, params, job.horizon, p);
       job.cost_out[j * kCandidates + lane] =
           cost[j] + every_terminal_cost<TableModel, double>(model, *job.cost, row, t[j].x) +
           output_cost<TableModel, double>(model, *job.cost, true, row, t[j].x, p.model) +

@@ -30,6 +30,11 @@ PlanResult plan(void* pointer, const PlanRequest& request, double* command) {
   const std::size_t values = std::size_t{config.model->state_count} * request.belief->count;
   fake.belief_state.assign(request.belief->state, request.belief->state + values);
   for (std::uint32_t i = 0; i < config.model->input_count; ++i) fake.last_command[i] = request.last_command[i];
+  fake.steady = request.steady_state != nullptr;
+  for (std::uint32_t i = 0; fake.steady && i < config.model->state_count; ++i)
+    fake.steady_state[i] = request.steady_state[i];
+  for (std::uint32_t i = 0; fake.steady && i < config.model->input_count; ++i)
+    fake.steady_input[i] = request.steady_input[i];
   if (fake.before_answer) fake.before_answer();
   for (std::uint32_t i = 0; i < config.model->input_count; ++i) command[i] = fake.command[i];
   fake.sequence.resize(std::size_t{config.planner.horizon} * config.model->input_count, 0.0f);

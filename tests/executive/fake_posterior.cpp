@@ -74,6 +74,16 @@ class Obedient final : public Posterior {
         state[x * count + i] = static_cast<float>(posterior.state[x] - origin()[x]);
     if (effect_state) std::fill(effect_state, effect_state + std::size_t{setup_.effect_state_count} * count, 0.0f);
   }
+  void draw_forces(std::uint32_t count, std::uint64_t, float* rows) const override {
+    for (std::uint32_t j = 0; j <= config_->model->joint_count; ++j)
+      for (std::uint32_t i = 0; i < count; ++i)
+        rows[j * count + i] = j < config_->model->joint_count ? static_cast<float>(posterior.force[j]) : 0.5f;
+  }
+  void forces(double* mean, double* sd) const override {
+    const std::uint32_t joints = config_->model->joint_count;
+    if (mean) std::copy(posterior.force, posterior.force + joints, mean);
+    if (sd) std::fill(sd, sd + joints, posterior.force_sd);
+  }
   double drawn_delay(std::uint32_t column) const override {
     return column < posterior.delay.size() ? posterior.delay[column] : 0.0;
   }
@@ -97,6 +107,10 @@ Posterior* Posterior::lay_out(Arena& arena, const tiller_config_t& config, const
   if (arena.measuring()) return nullptr;
   self->bind(config, setup, adequacy);
   return self;
+}
+
+std::uint32_t Posterior::force_joints(const tiller_config_t& config) {
+  return config.posterior.disturbance ? config.model->joint_count : 0;
 }
 
 tiller_status_t Posterior::check(const tiller_config_t&, const StepSetup&, const RolloutTable&, const char**) {

@@ -20,6 +20,8 @@ struct Planner {
   std::uint32_t iterations_asked = 0;
   std::int64_t deadline_ns = 0;
   double last_command[TILLER_MAX_INPUTS] = {};
+  bool steady = false;  // the request had a steady target:
+  double steady_state[TILLER_MAX_STATES] = {}, steady_input[TILLER_MAX_INPUTS] = {};
   std::vector<float> belief_state;  // (nx x M)
   std::vector<float> sequence;      // (horizon x nu)
 };
@@ -35,9 +37,10 @@ struct Posterior {
   double state[TILLER_MAX_STATES] = {};
   double state_sd = 0.0;
   double param[TILLER_MAX_PARAMS] = {};
-  bool tested = false;        // the adequacy test below is shown; it is fed a constant of four deviations
-  float param_step = 0.0f;    // particle i of a draw has param + i * param_step
-  std::vector<double> delay;  // periods, of the columns of a draw; none: 0
+  bool tested = false;      // the adequacy test below is shown; it is fed a constant of four deviations
+  float param_step = 0.0f;  // particle i of a draw has param + i * param_step
+  double force[TILLER_MAX_JOINTS] = {}, force_sd = 0.0;  // at every joint, where the configuration looks for them
+  std::vector<double> delay;                             // periods, of the columns of a draw; none: 0
 };
 extern Posterior posterior;
 

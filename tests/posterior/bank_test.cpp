@@ -245,7 +245,7 @@ TEST(Bank, DelaysAreWholePeriodsWhereAFractionHasNoPlace) {
     full.priors[full.param_count++] = rig::fixed(0.0);
   }
   EXPECT_EQ(KernelBank(full)->size(), 2 * c.posterior.particles);
-  full.posterior.discrepancy = 1;
+  full.posterior.disturbance = 1;
   EXPECT_EQ(KernelBank(full)->size(), 3 * c.posterior.particles);
 }
 

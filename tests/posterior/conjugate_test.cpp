@@ -520,7 +520,7 @@ TEST_P(OtherEngine, AgreesOnALinearSystem) {
   auto c = config();
   c.posterior.particles = 1024;
   c.posterior.moves_per_tick = 128;
-  c.posterior.robust = c.posterior.discrepancy = 0;
+  c.posterior.robust = c.posterior.disturbance = 0;
   c.posterior.ess_fraction = 0.5;
   auto other = c;
   other.posterior.kind = GetParam();

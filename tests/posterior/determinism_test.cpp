@@ -168,7 +168,7 @@ std::vector<double> transition_outcome(const tiller_config_t& c, const rig::Tran
 
 TEST(Determinism, TransitionsKeepEveryBitOnAnyNumberOfThreads) {
   auto c = rig::transition_config();
-  c.posterior.discrepancy = c.posterior.robust = 1;
+  c.posterior.disturbance = c.posterior.robust = 1;
   c.posterior.prior_proposal_fraction = 0.05;
   c.posterior.particles = 2048;  // enough for one transition of all particles to be spread over threads with its moves
   c.posterior.moves_per_tick = 256;
@@ -185,7 +185,7 @@ TEST(Determinism, TransitionsKeepEveryBitOnAnyNumberOfThreads) {
 
 TEST(Determinism, NoHeapInTwoThousandTransitions) {
   auto c = rig::transition_config();
-  c.posterior.discrepancy = c.posterior.robust = 1;
+  c.posterior.disturbance = c.posterior.robust = 1;
   c.posterior.particles = 64;
   c.posterior.window = 16;
   c.posterior.moves_per_tick = 16;

@@ -36,7 +36,7 @@ tiller::Config quadrotor_config() {
   c.posterior.particles = 64;
   c.posterior.window = 32;
   c.posterior.moves_per_tick = 8;
-  c.posterior.discrepancy = 0;
+  c.posterior.disturbance = 0;
   return c;
 }
 

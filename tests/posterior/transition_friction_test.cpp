@@ -103,9 +103,9 @@ TEST(TransitionFriction, AtOneJointDoesNotSpoilAnother) {
     double viscous, coulomb;
   } kHidden[] = {{"viscous", 1.0, 0.0}, {"dry", 0.0, 1.0}};
   for (const auto& hidden : kHidden) {
-    c.posterior.discrepancy = 0;
+    c.posterior.disturbance = 0;
     const int plain = covered(c, 40, hidden.viscous, hidden.coulomb);
-    c.posterior.discrepancy = 1;
+    c.posterior.disturbance = 1;
     const int cured = covered(c, 40, hidden.viscous, hidden.coulomb);
     std::printf("hidden %s friction at the cart: 90 %% intervals cover %d of 80 without the discrepancy, %d with it\n",
                 hidden.name, plain, cured);

@@ -147,7 +147,7 @@ TEST(TransitionRobustness, ParticlesThatBlowUpDieAlone) {
 /// too).
 TEST(TransitionRobustness, OutliersAreDoubted) {
   auto c = rig::transition_config();
-  c.posterior.discrepancy = 0;
+  c.posterior.disturbance = 0;
   double off[2] = {}, widened[2] = {};
   for (unsigned seed = 0; seed < 8; ++seed) {
     const auto clean = rig::simulate_transitions(c, 0.9, 0.3, 400, 20 + seed);
@@ -193,7 +193,7 @@ TEST(TransitionRobustness, APersistentChangeIsBelieved) {
 /// 60 % of all samples missing: 16 % of the transitions are left, and the posterior is that of those alone.
 TEST(TransitionRobustness, MissingSamples) {
   auto c = rig::transition_config();
-  c.posterior.discrepancy = 0;
+  c.posterior.disturbance = 0;
   auto log = rig::simulate_transitions(c, 0.9, 0.3, 1500, 6);
   tiller::Rng rng(6, 99, 0);
   for (auto& t : log.transitions)
@@ -215,7 +215,7 @@ TEST(TransitionRobustness, MissingSamples) {
 /// The transition after it begins at a guess and is left out.
 TEST(TransitionRobustness, MissingRowsAreLeftOutRowByRow) {
   auto c = rig::transition_config();
-  c.posterior.discrepancy = 0;
+  c.posterior.disturbance = 0;
   auto log = rig::simulate_transitions(c, 0.9, 0.3, 600, 7), half = log;
   for (std::size_t k = 0; k < half.transitions.size(); k += 2) half.transitions[k].measured[0] = NAN;
   auto ends = log;
@@ -234,7 +234,7 @@ TEST(TransitionRobustness, MissingRowsAreLeftOutRowByRow) {
 /// The truth lies outside of the prior: the cloud gathers at the bound, and the noise scale says what is left.
 TEST(TransitionRobustness, PriorThatExcludesTheTruth) {
   auto c = rig::transition_config();
-  c.posterior.discrepancy = 0;
+  c.posterior.disturbance = 0;
   const auto log = rig::simulate_transitions(c, 4.0, 0.3, 400, 8);
   Instance p(c, nullptr, table());
   run(*p, log);

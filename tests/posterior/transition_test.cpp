@@ -129,7 +129,7 @@ void expect_exact(tiller::Config c, int steps, const char* what, double damping 
 TEST(Transition, ExactWhileTheRingHoldsAll) {
   auto c = rig::transition_config();
   c.posterior.window = 128;
-  c.posterior.discrepancy = 0;
+  c.posterior.disturbance = 0;
   expect_exact(c, 100, "all in the ring");
 }
 
@@ -137,7 +137,7 @@ TEST(Transition, ExactWhileTheRingHoldsAll) {
 TEST(Transition, ExactFromTheSummaryOfAnAffineModel) {
   auto c = rig::transition_config();
   c.posterior.window = 16;
-  c.posterior.discrepancy = 0;
+  c.posterior.disturbance = 0;
   expect_exact(c, 800, "all in the summary");
 }
 
@@ -146,7 +146,7 @@ TEST(Transition, ExactFromTheSummaryOfAnAffineModel) {
 TEST(Transition, ExactAtABoundOfCorrelatedParameters) {
   auto c = rig::transition_config();
   c.posterior.window = 128;
-  c.posterior.discrepancy = 0;
+  c.posterior.disturbance = 0;
   expect_exact(c, 100, "at a bound", 0.02);
 }
 
@@ -192,7 +192,7 @@ double log_multivariate_t(const std::vector<double>& e, const std::vector<float>
 /// The discrepancy integrated out by three sums a particle is the multivariate t over all residuals.
 TEST(Transition, EvidenceWithDiscrepancyIsAMultivariateT) {
   auto c = rig::transition_config();
-  c.posterior.discrepancy = 1;
+  c.posterior.disturbance = 1;
   tiller::Evidence evidence(c);
   ASSERT_EQ(evidence.joints(), 1u);
   const std::uint32_t rows = evidence.rows(), lanes = 16;
@@ -233,7 +233,7 @@ TEST(Transition, PredictiveDensitiesMultiplyToTheEvidence) {
   auto c = rig::transition_config();
   c.priors[0] = rig::fixed(0.9);
   c.priors[1] = rig::fixed(0.3);
-  c.posterior.discrepancy = 0;
+  c.posterior.disturbance = 0;
   const auto log = rig::simulate_transitions(c, 0.9, 0.3, 60, 4);
   Instance p(c, nullptr, rig::transition_table());
   ASSERT_EQ(p->start(log.first), tiller_status_ok);
@@ -259,7 +259,7 @@ TEST(Transition, PredictiveDensitiesAreThoseOfWhatForgettingLeaves) {
   auto c = rig::transition_config();
   c.priors[0] = rig::fixed(0.9);
   c.priors[1] = rig::fixed(0.3);
-  c.posterior.discrepancy = 0;
+  c.posterior.disturbance = 0;
   c.posterior.forgetting_count = 1;
   c.posterior.forgetting[0] = 0.9;
   const auto log = rig::simulate_transitions(c, 0.9, 0.3, 60, 4);
@@ -320,7 +320,7 @@ TEST(Transition, IntervalsCoverAsTheySay) {
   c.posterior.window = 32;
   c.posterior.moves_per_tick = 64;
   for (std::uint32_t discrepancy = 0; discrepancy < 2; ++discrepancy) {
-    c.posterior.discrepancy = discrepancy;
+    c.posterior.disturbance = discrepancy;
     const Coverage got = cover(c, 300, 150, 0.0);
     std::printf("discrepancy %u: 90 %% intervals cover %d, %d of 300, 50 %% intervals %d, %d\n", discrepancy,
                 got.covered90[0], got.covered90[1], got.covered50[0], got.covered50[1]);
@@ -342,7 +342,7 @@ TEST(Transition, HiddenFrictionIsTakenUpByTheDiscrepancy) {
   c.posterior.moves_per_tick = 64;
   int covered[2][2] = {};
   for (std::uint32_t discrepancy = 0; discrepancy < 2; ++discrepancy) {
-    c.posterior.discrepancy = discrepancy;
+    c.posterior.disturbance = discrepancy;
     const Coverage got = cover(c, 100, 300, 0.2);
     for (int j = 0; j < 2; ++j) covered[discrepancy][j] = got.covered90[j];
     std::printf("hidden friction, discrepancy %u: 90 %% intervals cover %d (gain), %d (damping) of 100\n", discrepancy,

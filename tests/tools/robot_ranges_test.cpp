@@ -32,6 +32,7 @@ double* field_of(const KeySpec& spec, C& c) {
   if (path == "cost.obstacles[]/radius_m") return &c.obstacles[0].radius_m;
   if (path == "cost.obstacles[]/weight") return &c.obstacles[0].weight;
   if (path == "safety.cones[]/limit") return &c.cones[0].limit;
+  if (path == "safety/contact_force") return &c.safety.contact_force[1];  // of the joint's velocity
   if (path == "limits.*/low") return &c.safety.input_low[0];
   if (path == "limits.*/high") return &c.safety.input_high[0];
   if (path == "limits.*/rate_per_s") return &c.safety.input_rate_per_s[0];
@@ -66,6 +67,7 @@ torque_Nm = { low = -1e9, high = 1e9 }
   c.obstacles[0] = {0, 1, 0, 0, 1, 1};
   c.cones[0] = {1, 0, 0.0, 1.0};
   c.safety.sensor_timeout_s = 3600;
+  c.posterior.disturbance = 1;  // which feels contacts
   // the demonstration and the cost of one's own: weights that need something to weigh
   static const double zeros[4] = {};
   c.cost.demonstration_mean = c.cost.demonstration_root = zeros;

@@ -33,6 +33,12 @@ std::unique_ptr<LonePlanner> LonePlanner::make(const tiller_config_t& config, st
   auto lone = std::make_unique<LonePlanner>();
   lone->config_ = lone_config(config);
   const Config& c = lone->config_;
+  if (c.cost.input_reference != tiller_input_reference_zero) {
+    error =
+        "cost.input_reference = \"steady\": the steady input follows from what a controller learns, which a policy's "
+        "teacher does not; take the line out of a copy of the robot file";
+    return nullptr;
+  }
   const char* field = nullptr;
   tiller_status_t status = tiller_config_check(&c, &field);
   if (status == tiller_status_ok) status = make_step_setup(c, lone->setup_);

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cmath>
+
 #include "tiller/tiller.h"
 
 namespace tiller::tools {
@@ -8,6 +10,7 @@ namespace tiller::tools {
 /// no work, and nothing of it could be measured.
 inline void never_tire(tiller_safety_config_t& safety) {
   safety.frozen_ticks = 0;
+  for (double& force : safety.contact_force) force = HUGE_VAL;
   safety.measurement_low = safety.measurement_high = safety.measurement_rate_per_s = nullptr;
 }
 

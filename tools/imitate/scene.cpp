@@ -32,6 +32,10 @@ bool Scene::make(const tiller_config_t& robot, std::string& error) {
     error =
         "cost.terminal = \"lqr\": its matrix follows from the weights that are to be learnt; write "
         "terminal = \"diagonal\" and terminal_weight";
+  } else if (config.cost.input_reference != tiller_input_reference_zero) {
+    error =
+        "cost.input_reference = \"steady\": demonstrations are read as if inputs counted from zero; take the line out of a "
+        "copy of the robot file";
   } else {
     table = &select_rollout(*config.model);
     params.clear();

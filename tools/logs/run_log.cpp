@@ -3,6 +3,7 @@
 #include <charconv>
 #include <cmath>
 
+#include "posterior/posterior.hpp"
 #include "tools/robot/stage_cost.hpp"
 
 namespace tiller::tools {
@@ -12,6 +13,13 @@ RunLog::RunLog(const RobotFile& robot, bool has_true_state, std::vector<double> 
   for (std::size_t i = 0; i < robot.params.size(); ++i) {
     if (robot.config.priors[i].kind != tiller_prior_fixed) inferred_.push_back(i);
   }
+}
+
+Words felt_forces(const tiller_config_t& config) {
+  Words names;
+  for (std::uint32_t j = 0; j < Posterior::force_joints(config); ++j)
+    names.emplace_back(config.model->force_names[config.model->joints[j].force]);
+  return names;
 }
 
 std::string RunLog::header() const {
@@ -35,6 +43,7 @@ std::string RunLog::header() const {
   if (robot_.config.planner.predict_spread != 0)
     for (const char* prefix : {"foreseen.mean.", "foreseen.sd."}) add_all(prefix, robot_.states);
   if (robot_.config.posterior.adequacy != 0) add_all("innovation.", robot_.measurements);
+  for (const char* prefix : {"force.mean.", "force.sd."}) add_all(prefix, felt_forces(robot_.config));
   if (goals_ != 0) columns.emplace_back("goal");
   if ((goals_ & kGoalStates) != 0) add_all("goal.", robot_.states);
   if ((goals_ & kGoalOutputs) != 0) add_all("goal.", robot_.outputs);
@@ -79,6 +88,8 @@ void RunLog::task(const TickView& tick) {
       for (std::size_t i = 0; i < robot_.states.size(); ++i) number(row ? row[i] : NAN);
   for (std::size_t i = 0; robot_.config.posterior.adequacy != 0 && i < robot_.measurements.size(); ++i)
     number(tick.innovation ? tick.innovation[i] : NAN);
+  for (const double* row : {tick.info->force_mean, tick.info->force_sd})
+    for (std::uint32_t j = 0; j < Posterior::force_joints(robot_.config); ++j) number(row[j]);
   if (goals_ != 0) cell(tick.entry ? std::to_string(tick.entry->goal) : "");
   for (std::size_t i = 0; (goals_ & kGoalStates) != 0 && i < robot_.states.size(); ++i)
     exact(tick.entry ? tick.entry->target[i] : NAN);

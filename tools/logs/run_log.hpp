@@ -29,6 +29,9 @@ struct TickView {
   const double* innovation = nullptr;             // (measurements) normalised, NaN: none; null: not tested
 };
 
+/// Names of the forces beyond the model that the configuration's posterior estimates; none where it looks for none.
+Words felt_forces(const tiller_config_t& config);
+
 /// One CSV row per tick. Columns, in this order:
 ///
 ///   time_s             robot time since the first measurement
@@ -46,6 +49,8 @@ struct TickView {
 ///                      ([planner] predict_spread); empty where nothing was
 ///   innovation.<measured>...   measured less predicted, over the deviation that the prediction came with ([posterior]
 ///                      adequacy); empty where there was none
+///   force.mean.<force>..., force.sd.<force>...   what pushes the joints beyond the model, by the force's name
+///                      ([posterior] disturbance)
 ///   goal, goal.<state>..., goal.<output>...   in runs whose goals change (--goals): which was set in this tick (1
 ///                      states, 2 outputs, 3 both, 0 none), and the goals in force
 ///   tick, now_us, stamp_us, sequence, command_latency_us, infinite, calls, stop_status

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "posterior/posterior.hpp"
 #include "rollout/attitude.hpp"
 #include "rollout/measurement.hpp"
 #include "tools/robot/config_trace.hpp"
@@ -198,6 +199,19 @@ Refusal timeout_wants(const RobotFile& robot, const std::string& field) {
               : "if " + number_text(period) + " ms is meant, write [model] period_s = " + number_text(1e-3 * period)};
 }
 
+/// A contact is felt by a posterior that estimates forces, at the joints that it estimates them of.
+Refusal contact_wants(const RobotFile& robot, const std::string& field) {
+  if (field.compare(0, std::strlen("safety.contact_force"), "safety.contact_force") != 0) return {};
+  const tiller_config_t& c = robot.config;
+  const std::uint32_t joints = Posterior::force_joints(c);
+  if (joints == 0)
+    return {"nothing estimates the forces at the joints",
+            "write [posterior] disturbance = true, with kind = \"filter\""};
+  Words felt;
+  for (std::uint32_t j = 0; j < joints; ++j) felt.push_back(robot.states[c.model->joints[j].velocity]);
+  return {"no force is estimated there", "forces are felt at " + join(felt, ", ")};
+}
+
 /// Errors that only the library's own check sees: multiples, and combinations of values.
 void check_whole(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   const char* field = nullptr;
@@ -222,6 +236,7 @@ void check_whole(FileErrors& errors, const toml::table& root, RobotFile& robot) 
   Refusal told = attitude_wants(robot, field ? field : "");
   if (told.problem.empty()) told = tree_wants(robot, field ? field : "");
   if (told.problem.empty()) told = timeout_wants(robot, field ? field : "");
+  if (told.problem.empty()) told = contact_wants(robot, field ? field : "");
   if (told.problem.empty()) told = {tiller_status_text(status), remedy_for(path)};
   if (!node) {
     errors.at_line(errors.last_line(), key, told.problem, told.remedy);

@@ -13,9 +13,9 @@ namespace tiller::tools {
 /// Where the file says nothing: `transition` has it, whose parameters come from differences of a step that a little
 /// friction spoils; `filter` does not, because it would blur the friction that most models have as a parameter.
 void choose_discrepancy(SectionReader& posterior, RobotFile& robot) {
-  if (posterior.node("discrepancy")) return;
+  if (posterior.node("disturbance")) return;
   const PosteriorTable* const engine = find_posterior(robot.config.posterior.kind);
-  robot.config.posterior.discrepancy = engine && engine->discrepancy_default ? 1 : 0;
+  robot.config.posterior.disturbance = engine && engine->discrepancy_default ? 1 : 0;
 }
 
 void read_forgetting(SectionReader& posterior, RobotFile& robot) {

@@ -417,7 +417,7 @@ const char* default_of_reader(const char* field) {
   static const std::pair<const char*, const char*> kKnown[] = {
       {"substeps", "by the noise"},
       {"safety.sensor_timeout_s", "0.1; 5 periods where these are longer"},
-      {"posterior.discrepancy", "true for transition, else false"},
+      {"posterior.disturbance", "true for transition, else false"},
       {"cost.saturating_width", "no say"},
       {"cost.own_weight", "1 with a cost of your own"}};
   for (const auto& [known, text] : kKnown)
@@ -542,6 +542,8 @@ Words shooting_names() { return {"single", "multiple"}; }
 Words qp_names() { return {"riccati", "osqp"}; }
 Words figure_view_names() { return {"3d", "side", "top"}; }
 Words terminal_names() { return {"diagonal", "lqr"}; }
+Words input_reference_names() { return {"zero", "steady"}; }
+Words contact_names() { return {"hold", "safe"}; }
 
 Words effect_names() {
   Words names;

@@ -78,6 +78,8 @@ Words divergence_names();
 Words shooting_names();
 Words qp_names();
 Words terminal_names();
+Words input_reference_names();
+Words contact_names();
 Words effect_names();
 Words builtin_model_names();
 Words figure_view_names();

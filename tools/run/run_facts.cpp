@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "posterior/posterior.hpp"
 #include "posterior/prior.hpp"
 #include "tools/base/frame_names.hpp"
 #include "tools/robot/prior_edge.hpp"
@@ -220,6 +221,13 @@ std::string run_facts_json(const RobotFile& robot, const RunResult& result, cons
   }
   for (std::size_t i = 0; i < robot.states.size(); ++i)  // of a reference the log has the rows
     if (!c.cost.reference && is_weighed(c.cost, i)) json["target"][robot.states[i]] = c.cost.target[i];
+  for (std::uint32_t j = 0; j < Posterior::force_joints(c); ++j) {
+    const tiller_joint_t& joint = c.model->joints[j];
+    const std::string name = c.model->force_names[joint.force];
+    json["columns"]["forces"][name] = unit_of_field(name);
+    if (const double limit = c.safety.contact_force[joint.velocity]; std::isfinite(limit))
+      json["contacts"][name] = limit;
+  }
   if (const Json plane = plane_of(robot); !plane.is_null()) json["plane"] = plane;
   for (std::size_t i = 0; i < robot.params.size(); ++i) {
     if (c.priors[i].kind != tiller_prior_fixed) json["priors"][robot.params[i]] = prior_range(c.priors[i]);

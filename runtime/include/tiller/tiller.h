@@ -39,7 +39,7 @@ extern "C" {
 
 #define TILLER_VERSION_MAJOR 0
 #define TILLER_VERSION_MINOR 1
-#define TILLER_CONFIG_VERSION 11u
+#define TILLER_CONFIG_VERSION 12u
 #define TILLER_ALIGNMENT 64u /**< of the caller's block: one AVX-512 register, one cache line */
 #define TILLER_MAX_MEASUREMENTS TILLER_MAX_STATES
 
@@ -177,8 +177,9 @@ typedef struct tiller_posterior_config {
                                     1e-6..1e6 */
   uint32_t kind;            /**< tiller_posterior_kind_t */
   uint32_t robust;          /**< transition: 1: one weight per transition, low where no particle explains it */
-  uint32_t discrepancy;     /**< filter, transition: 1: constant, viscous and dry forces at every joint (the first four)
-                                    that the model may lack, marginalised in closed form */
+  uint32_t disturbance;     /**< filter, transition: 1: forces at every joint (the first four) that the model may lack,
+                                    viscous, dry and constant, marginalised in closed form; in filter the constant one
+                                    wanders, and plans count it */
   uint32_t delay_hypotheses; /**< transition: input delays from 0 to n-1 periods, parts of a period included, weighed by
                                   their evidence; 1..TILLER_MAX_HYPOTHESES, 1: no delay */
   uint32_t forgetting_count; /**< transition: rates side by side, 1..TILLER_MAX_FORGETTING */
@@ -287,6 +288,14 @@ typedef enum tiller_divergence {
   tiller_divergence_kl = 1             /**< KL(demonstration || prediction), entropies included */
 } tiller_divergence_t;
 
+/** Where the inputs' weights count from. */
+typedef enum tiller_input_reference {
+  tiller_input_reference_zero = 0,  /**< no input */
+  tiller_input_reference_steady = 1 /**< the constant input that holds the target best, by the posterior's mean of
+                                         parameters and forces: it costs nothing, so that neither gravity nor a constant
+                                         force leaves an offset. While rows of a reference are followed: no input */
+} tiller_input_reference_t;
+
 /** A cost of your own in C: the slow path, one lane at a time, with central differences for gradients. The fast one
  *  is a template beside the model (docs/reference/costs.md). Pure functions; what is not finite fails the trajectory.
  *  */
@@ -362,7 +371,9 @@ typedef struct tiller_cost_config {
   const double* output_reference;      /**< (output_reference_steps x ny), values: rows as `reference` has them; null:
                                             the targets. The caller's */
   uint32_t output_reference_steps;
-  uint32_t output_count; /**< the model's count of outputs, or 0 */
+  uint32_t output_count;    /**< the model's count of outputs, or 0 */
+  uint32_t input_reference; /**< tiller_input_reference_t */
+  uint32_t reserved;        /**< 0 */
 } tiller_cost_config_t;
 
 /** A second-order cone of inputs: sqrt(sum over `inputs` of u_i^2) <= limit + slope * u_axis. With slope 0 the limit of
@@ -374,6 +385,12 @@ typedef struct tiller_input_cone {
   double limit;    /**< a scale, or 0 with a slope */
 } tiller_input_cone_t;
 #define TILLER_MAX_INPUT_CONES 4
+
+/** The answer to a force that the model does not contain. */
+typedef enum tiller_contact {
+  tiller_contact_hold = 0, /**< HOLD while it lasts */
+  tiller_contact_safe = 1  /**< SAFE, latched */
+} tiller_contact_t;
 
 /** Limits and the answers to faults. */
 typedef struct tiller_safety_config {
@@ -392,6 +409,11 @@ typedef struct tiller_safety_config {
   uint32_t hold_ticks_to_safe;          /**< consecutive ticks in HOLD: SAFE; 0: HOLD may last */
   uint32_t cone_count;                  /**< 0..TILLER_MAX_INPUT_CONES */
   const tiller_input_cone_t* cones;     /**< (cone_count) kept by every planner and by the last gate */
+  double contact_force[TILLER_MAX_STATES]; /**< of the joint whose velocity this state is, N or N m, scales: a larger
+                                                force beyond the model is a contact; INFINITY: none. Wants
+                                                posterior.disturbance */
+  uint32_t contact_action;                 /**< tiller_contact_t */
+  uint32_t contact_reserved;               /**< 0 */
 } tiller_safety_config_t;
 
 /** What a network's features are. */
@@ -602,6 +624,10 @@ typedef struct tiller_info {
   uint64_t plans;            /**< finite plans that the planner has made; stands still while it does not get that far */
   uint64_t relearned;        /**< times that the posterior began to learn again because the robot seemed changed */
   uint64_t lost_transitions; /**< transitions that no longer judge moves: no finite step near the particles */
+  uint32_t force_joints;     /**< the first joints of the model, whose forces beyond it are estimated; 0: none are */
+  uint32_t touched;          /**< bit j: the force at joint j is beyond safety.contact_force */
+  double force_mean[TILLER_MAX_JOINTS]; /**< N or N m: what pushes joint j beyond the model and its own friction */
+  double force_sd[TILLER_MAX_JOINTS];
 } tiller_info_t;
 
 /** Exact bytes that tiller_init needs; 0 if the configuration is not valid (tiller_config_check says why). */

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "tiller/math.hpp"
+
 namespace tiller {
 
 namespace {
@@ -18,6 +20,17 @@ constexpr double kReach_s = 0.2;
 constexpr double kSlow = 0.2;
 /// Ticks over which the usual speed is averaged.
 constexpr double kSpeedTicks = 256.0;
+/// Sizes of the forces, as logarithms over one that matters: from nothing that a sensor shows to all that half of the
+/// inputs' range can hold. The lower half is a world without: its likelihood is flat there.
+constexpr double kSmallest = -6.0, kLargest = 1.6;
+/// Times that a wandering force lasts, in s, as logarithms: from a gust to what is as good as constant.
+constexpr double kShortest = -2.3, kLongest = 4.1;
+/// Of a force that is looked out for: its deviation over the limit beyond which it is a contact, and how long it lasts.
+/// It then walks by a tenth of the limit in a period of 20 ms.
+constexpr double kContact = 0.7, kContact_s = 2.0;
+/// A viscous or dry force's random walk per square root of a second, in its own deviations: friction is no constant,
+/// and a filter that takes it for one never gets over what it once believed.
+constexpr double kDrift = 0.01;
 
 /// Mean direction of dry friction over a step, as the velocity and as the position feel it.
 struct DryShare {
@@ -35,22 +48,44 @@ DryShare dry_share(double v, double free, double dry) {
   return {sign * (until - after * rest), sign * (1.0 - (1.0 + after) * rest * rest)};
 }
 
+/// Of a force of deviation 1 that wanders, over a period of `a` times tau, given where it begins: the variance of its
+/// end, of its mean, and what they have in common.
+struct Wandering {
+  double end, mean, both;
+};
+Wandering wandering(double a) {
+  const double kept = math::exp(-a);
+  // the mean's terms cancel to third order: below, their series
+  const double mean = a > 0.01 ? (2.0 * a - 3.0 + kept * (4.0 - kept)) / (a * a) : a * (2.0 / 3.0 - 0.5 * a);
+  return {1.0 - kept * kept, mean, a > 1e-8 ? (1.0 - kept) * (1.0 - kept) / a : a};
+}
+
 }  // namespace
 
 FilterDiscrepancy::FilterDiscrepancy(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table)
     : config_(&config), table_(&table), setup_(setup), nx_(config.model->state_count) {
-  if (!config.posterior.discrepancy) return;
+  if (!config.posterior.disturbance) return;
   // of a configuration with as many effects as there can be, the responses are those without the last one
   slot_ = std::min<std::uint32_t>(setup.effect_count, TILLER_MAX_EFFECTS - 1);
   setup_.effect_count = slot_ + 1;
   for (std::uint32_t j = 0; j < config.model->joint_count; ++j)
     if (config.model->joints[j].position != TILLER_NO_POSITION) is_position_[config.model->joints[j].position] = true;
-  joints_ = std::min({config.model->joint_count, kDiscrepancyJoints, (kMaxFilterStates - nx_) / kDiscrepancyBasis});
+  joints_ = joints_of(config);
+}
+
+std::uint32_t FilterDiscrepancy::joints_of(const tiller_config_t& config) {
+  if (!config.posterior.disturbance) return 0;
+  const std::uint32_t room = (kMaxFilterStates - config.model->state_count) / kDiscrepancyBasis;
+  return std::min({config.model->joint_count, kDiscrepancyJoints, room});
 }
 
 void FilterDiscrepancy::clear() {
   for (double& square : speed_square_) square = 0.0;
   seen_ = 0.0;
+}
+
+double FilterDiscrepancy::rate_of(const Lanes16& job, std::uint32_t lane) const {
+  return job.law.data[joints_ * job.law.stride + lane];
 }
 
 RolloutJob<double> FilterDiscrepancy::rollout_of(const Lanes16& job) const {
@@ -93,14 +128,15 @@ void FilterDiscrepancy::push_lane(const Lanes16& job, std::uint32_t j, std::uint
   double beta[kDiscrepancyBasis];
   for (std::uint32_t k = 0; k < kDiscrepancyBasis; ++k) {
     beta[k] = job.state.data[(first + k) * job.state.stride + l];
-    job.next[(first + k) * lanes + l] = beta[k];
+    job.next[(first + k) * lanes + l] = beta[k] * (k == 0 ? kept(rate_of(job, l), job.period_s) : 1.0);
   }
+  const double mean = mean_kept(rate_of(job, l) * job.period_s);
   const double v = job.state.data[joint.velocity * job.state.stride + l], g = unit[joint.velocity * lanes + l];
   const double unforced = job.next[joint.velocity * lanes + l] - v, middle = v + 0.5 * unforced;
-  const double free = unforced + g * (beta[0] - beta[1] * middle);
+  const double free = unforced + g * (mean * beta[0] - beta[1] * middle);
   const DryShare dry = dry_share(v, free, std::fabs(g) * beta[2]);
   for (std::uint32_t r = 0; r < nx_; ++r) {
-    const double share[kDiscrepancyBasis] = {1.0, -middle, -(is_position_[r] ? dry.position : dry.velocity)};
+    const double share[kDiscrepancyBasis] = {mean, -middle, -(is_position_[r] ? dry.position : dry.velocity)};
     for (std::uint32_t k = 0; k < kDiscrepancyBasis; ++k) {
       const double push = unit[r * lanes + l] * share[k];
       job.next[r * lanes + l] += push * beta[k];
@@ -109,7 +145,64 @@ void FilterDiscrepancy::push_lane(const Lanes16& job, std::uint32_t j, std::uint
   }
 }
 
-void FilterDiscrepancy::prior_sd(const Lanes16& job, double* sd) const {
+double FilterDiscrepancy::kept(double rate, double period_s) { return math::exp(-rate * period_s); }
+
+double FilterDiscrepancy::mean_kept(double periods) {
+  return periods > 1e-8 ? (1.0 - math::exp(-periods)) / periods : 1.0;
+}
+
+tiller_prior_t FilterDiscrepancy::law_prior(std::uint32_t row) const {
+  if (row == joints_) return {tiller_prior_uniform, 0, kShortest, 0.0, kShortest, kLongest};
+  return {tiller_prior_uniform, 0, kSmallest, 0.0, kSmallest, kLargest};
+}
+
+void FilterDiscrepancy::read_law(const double* coordinate, std::uint32_t stride, double* law,
+                                 std::uint32_t law_stride) const {
+  for (std::uint32_t j = 0; j < joints_; ++j)
+    law[j * law_stride] = math::exp(2.0 * coordinate[std::size_t{j} * stride]);
+  law[joints_ * law_stride] = math::exp(-coordinate[std::size_t{joints_} * stride]);
+}
+
+void FilterDiscrepancy::fixed_law(double* law, std::uint32_t stride) const {
+  for (std::uint32_t row = 0; row <= joints_; ++row) law[row * stride] = 1.0;
+}
+
+void FilterDiscrepancy::contact_law(double* law, std::uint32_t stride) const {
+  for (std::uint32_t j = 0; j < joints_; ++j) {
+    const double limit = config_->safety.contact_force[config_->model->joints[j].velocity];
+    const double size = kContact * limit / sd_[j * kDiscrepancyBasis];
+    law[j * stride] = std::isfinite(size) ? size * size : 0.0;
+  }
+  law[joints_ * stride] = 1.0 / kContact_s;
+}
+
+void FilterDiscrepancy::prior_variance(const double* law, std::uint32_t stride, double* variance) const {
+  for (std::uint32_t f = 0; f < forces(); ++f) variance[f] = law[f / kDiscrepancyBasis * stride] * sd_[f] * sd_[f];
+}
+
+void FilterDiscrepancy::add_process(const Lanes16& job, double* covariance) const {
+  const std::uint32_t lanes = job.lanes, n = nx_ + forces();
+  const auto at = [&](std::uint32_t r, std::uint32_t c) { return covariance + triangle_row(n, r, c) * lanes; };
+  for (std::uint32_t l = 0; l < lanes; ++l) {
+    const Wandering w = wandering(rate_of(job, l) * job.period_s);
+    for (std::uint32_t j = 0; j < joints_; ++j) {
+      const double* unit = job.unit + std::size_t{j} * nx_ * lanes + l;
+      const std::uint32_t first = j * kDiscrepancyBasis;
+      const double size = job.law.data[j * job.law.stride + l];
+      const double variance = size * sd_[first] * sd_[first];
+      at(nx_ + first, nx_ + first)[l] += variance * w.end;
+      for (std::uint32_t r = 0; r < nx_; ++r) {
+        at(r, nx_ + first)[l] += variance * w.both * unit[r * lanes];
+        for (std::uint32_t c = r; c < nx_; ++c) at(r, c)[l] += variance * w.mean * unit[r * lanes] * unit[c * lanes];
+      }
+      for (std::uint32_t k = 1; k < kDiscrepancyBasis; ++k)
+        at(nx_ + first + k, nx_ + first + k)[l] +=
+            kDrift * kDrift * size * sd_[first + k] * sd_[first + k] * job.period_s;
+    }
+  }
+}
+
+void FilterDiscrepancy::measure_reach(const Lanes16& job) {
   // what half of each input's range does to the velocities over a period
   double reach[kDiscrepancyJoints] = {}, input[TILLER_MAX_INPUTS];
   RolloutJob<double> rollout = rollout_of(job);
@@ -134,8 +227,8 @@ void FilterDiscrepancy::prior_sd(const Lanes16& job, double* sd) const {
     const double push = std::fabs(job.unit[(std::size_t{j} * nx_ + rate) * job.lanes]);
     const double one = push > 0.0 && std::isfinite(push) ? kSpread * reach[j] / push : 0.0;
     const double speed = reach[j] * kReach_s / job.period_s;
-    sd[j * kDiscrepancyBasis] = sd[j * kDiscrepancyBasis + 2] = one;
-    sd[j * kDiscrepancyBasis + 1] = speed > 0.0 ? one / speed : 0.0;
+    sd_[j * kDiscrepancyBasis] = sd_[j * kDiscrepancyBasis + 2] = one;
+    sd_[j * kDiscrepancyBasis + 1] = speed > 0.0 ? one / speed : 0.0;
   }
 }
 

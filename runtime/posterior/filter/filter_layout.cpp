@@ -1,5 +1,7 @@
 // Where a filter posterior's rows are in its block.
 
+#include <cmath>
+
 #include "posterior/filter/filter_posterior.hpp"
 
 namespace tiller {
@@ -14,15 +16,22 @@ std::uint32_t round_up(std::uint32_t value, std::uint32_t multiple) {
   return (value + multiple - 1) / multiple * multiple;
 }
 
-/// The ratio of process to sensor noise, where there is process noise whose size may be misstated.
-ExtraCoordinates noise_ratio(const tiller_config_t& config) {
-  ExtraCoordinates extra;
+/// Whether the ratio of process to sensor noise is inferred: where there is process noise whose size may be misstated.
+bool infers_ratio(const tiller_config_t& config) {
   bool any = false;
   for (std::uint32_t i = 0; i < config.model->state_count; ++i) any = any || config.process_sd[i] > 0.0;
-  if (!any || !config.posterior.enabled || !(config.posterior.noise_ratio_sd > 0.0)) return extra;
-  extra.count = 1;
-  const double sd = config.posterior.noise_ratio_sd;
-  extra.prior[0] = {tiller_prior_normal, 0, 0.0, sd, -kWidestRatio * sd, kWidestRatio * sd};
+  return any && config.posterior.enabled && config.posterior.noise_ratio_sd > 0.0;
+}
+
+/// The ratio, then size and time of the forces that the model lacks.
+ExtraCoordinates own_coordinates(const tiller_config_t& config, const FilterDiscrepancy& forces) {
+  ExtraCoordinates extra;
+  if (infers_ratio(config)) {
+    const double sd = config.posterior.noise_ratio_sd;
+    extra.prior[extra.count++] = {tiller_prior_normal, 0, 0.0, sd, -kWidestRatio * sd, kWidestRatio * sd};
+  }
+  for (std::uint32_t row = 0; config.posterior.enabled && row < forces.law_rows(); ++row)
+    extra.prior[extra.count++] = forces.law_prior(row);
   return extra;
 }
 
@@ -33,7 +42,11 @@ ExtraCoordinates noise_ratio(const tiller_config_t& config) {
 class FilterPosterior::Layout {
  public:
   Layout(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table)
-      : arena_(arena), config_(config), setup_(setup), discrepancy_(config, setup, table), extra_(noise_ratio(config)) {
+      : arena_(arena),
+        config_(config),
+        setup_(setup),
+        discrepancy_(config, setup, table),
+        extra_(own_coordinates(config, discrepancy_)) {
     nf_ = nx_ + discrepancy_.forces();
   }
 
@@ -41,6 +54,7 @@ class FilterPosterior::Layout {
     cloud_ = Cloud::lay_out(arena_, config_, extra_);
     carried_.filter = filter(n_);
     carried_.process_scale = rows(1, n_);
+    if (discrepancy_.forces() > 0) carried_.force_law = rows(discrepancy_.law_rows(), n_);
     carried_.sums = rows(rows_, n_);
     carried_.base = rows(rows_, n_);
     carried_.log_likelihood = rows(1, n_);
@@ -66,6 +80,13 @@ class FilterPosterior::Layout {
       const Chunk taken = chunk();
       if (chunks_) chunks_[i] = taken;
     }
+    bool feels = false;
+    for (std::uint32_t j = 0; j < discrepancy_.joints(); ++j)
+      feels = feels || std::isfinite(config_.safety.contact_force[config_.model->joints[j].velocity]);
+    if (!feels) return;
+    touch_ = arena_.take<Chunk>(1);
+    const Chunk taken = chunk();
+    if (touch_) *touch_ = taken;
   }
 
   void take_scratch() {
@@ -104,6 +125,7 @@ class FilterPosterior::Layout {
     p.discrepancy_ = discrepancy_;
     p.rest_ = RestGuard(config_);
     p.chunks_ = chunks_;
+    p.touch_ = touch_;
     p.scratch_ = scratch_;
     p.proposals_ = proposals_;
     p.proposed_sums_ = proposed_sums_;
@@ -134,6 +156,7 @@ class FilterPosterior::Layout {
     c.filter = filter(kChunk);
     c.predicted = filter(kChunk);
     c.process_scale = rows(1, kChunk);
+    if (discrepancy_.forces() > 0) c.force_law = rows(discrepancy_.law_rows(), kChunk);
     c.jacobian = rows(nf_ * nf_, kChunk);
     c.sums = rows(rows_, kChunk);
     c.normalised = rows(ny_, kChunk);
@@ -162,7 +185,7 @@ class FilterPosterior::Layout {
     for (std::uint32_t k = 0; k < ny_; ++k)
       p.measurement_variance_[k] = config_.measurement_sd[k] * config_.measurement_sd[k];
     p.enabled_ = config_.posterior.enabled != 0;
-    p.has_ratio_ = extra_.count > 0;
+    p.has_ratio_ = infers_ratio(config_);
     p.keep_ = config_.posterior.forgetting_count > 0 ? config_.posterior.forgetting[0] : 1.0;
   }
 
@@ -184,7 +207,7 @@ class FilterPosterior::Layout {
   Kept* window_ = nullptr;
   double *window_history_ = nullptr, *input_history_ = nullptr;
   InitialStateDistribution start_;
-  Chunk* chunks_ = nullptr;
+  Chunk *chunks_ = nullptr, *touch_ = nullptr;
   Proposal* proposals_ = nullptr;
   double *scratch_ = nullptr, *proposed_sums_ = nullptr, *move_coordinate_ = nullptr, *point_innovation_ = nullptr;
   AdequacyTest* adequacy_ = nullptr;
@@ -221,6 +244,6 @@ Posterior* lay_out_engine(Arena& arena, const tiller_config_t& config, const Ste
 }  // namespace
 
 extern const PosteriorTable filter_posterior;
-const PosteriorTable filter_posterior = {lay_out_engine};
+const PosteriorTable filter_posterior = {lay_out_engine, nullptr, FilterDiscrepancy::joints_of};
 
 }  // namespace tiller

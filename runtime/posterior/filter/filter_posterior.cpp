@@ -29,7 +29,7 @@ void FilterPosterior::reset() {
   std::memset(carried_.base, 0, sizeof(double) * all);
   std::memset(carried_.log_likelihood, 0, sizeof(double) * n_);
   for (std::uint32_t k = 0; k < n_; ++k)
-    carried_.process_scale[k] = has_ratio_ ? ratio_scale(cloud_.coordinate[cloud_.named * n_ + k]) : 1.0;
+    read_own(cloud_.coordinate + k, n_, carried_.process_scale + k, forces_ > 0 ? carried_.force_law + k : nullptr, n_);
   evidence_.believe_configuration();
   evidence_.clear();
   window_.clear();
@@ -37,7 +37,6 @@ void FilterPosterior::reset() {
   window_exact_ = true;
   summary_.clear();
   discrepancy_.clear();
-  for (double& variance : force_drift_) variance = 0.0;
   started_ = false;
   tick_ = 0;
   exponent_ = 1.0;
@@ -50,6 +49,17 @@ void FilterPosterior::reset() {
   for (double& reach : reach_) reach = 0.0;
   set_start(config_->initial_state_sd, nullptr);
   begin_all_filters();
+}
+
+void FilterPosterior::read_own(const double* coordinate, std::uint32_t stride, double* process_scale, double* force_law,
+                               std::uint32_t law_stride) const {
+  const double* own = coordinate + std::size_t{cloud_.named} * stride;
+  *process_scale = has_ratio_ ? math::exp(2.0 * own[0]) : 1.0;
+  if (forces_ == 0) return;
+  if (enabled_)
+    discrepancy_.read_law(has_ratio_ ? own + stride : own, stride, force_law, law_stride);
+  else
+    discrepancy_.fixed_law(force_law, law_stride);
 }
 
 tiller_status_t FilterPosterior::skip(const Transition& transition) {
@@ -68,6 +78,7 @@ tiller_status_t FilterPosterior::advance(const Transition& transition, bool move
   now_.transition = transition;
   take_attitudes(*config_, now_.transition.measured);
   predict();
+  step_touch(now_.transition.measured);
   const bool doubted = gate(now_.transition);
   const bool resting = moves && rest_.resting(now_.transition);
   now_.weight = resting || sticks() ? 0.0 : 1.0;
@@ -111,6 +122,7 @@ FilterPosterior::Step FilterPosterior::particle_step(std::uint32_t c) const {
   step.from = carried_lanes(at);
   step.params = {cloud_.params + at, n_};
   step.process_scale = carried_.process_scale + at;
+  if (forces_ > 0) step.force_law = {carried_.force_law + at, n_};
   step.history = input_history_;
   return step;
 }
@@ -136,20 +148,21 @@ bool FilterPosterior::gate(Transition& t) {
 }
 
 bool FilterPosterior::explained(const Transition& t, std::uint32_t k) const {
-  const std::uint32_t state = config_->measured_state[k];
-  const double scale = std::fmax(1.0, noise_scale_ * noise_scale_);
-  const std::uint32_t row = triangle_row(nf_, state, state);
-  for (std::uint32_t i = 0; i < n_; ++i) {
-    const Chunk& chunk = chunks_[i / kChunk];
-    const std::uint32_t lane = i % kChunk;
-    const MeasurementMap map = sensor(chunk, k, lane);
-    const double error = innovation_of(*config_, t.measured, k, chunk.predicted.state + lane, kChunk, map);
-    const double variance =
-        map.gain * map.gain * chunk.predicted.covariance[row * kChunk + lane] + measurement_variance_[k];
-    // the first particle usually ends the search
-    if (cloud_.weight[i] > 0.0 && error * error <= kGate * kGate * scale * variance) return true;
-  }
+  // the first particle usually ends the search
+  for (std::uint32_t i = 0; i < n_; ++i)
+    if (cloud_.weight[i] > 0.0 && lane_explains(chunks_[i / kChunk], i % kChunk, t.measured, k)) return true;
   return false;
+}
+
+bool FilterPosterior::lane_explains(const Chunk& chunk, std::uint32_t lane, const double* measured,
+                                    std::uint32_t k) const {
+  const std::uint32_t state = config_->measured_state[k], row = triangle_row(nf_, state, state);
+  const double scale = std::fmax(1.0, noise_scale_ * noise_scale_);
+  const MeasurementMap map = sensor(chunk, k, lane);
+  const double error = innovation_of(*config_, measured, k, chunk.predicted.state + lane, kChunk, map);
+  const double variance =
+      map.gain * map.gain * chunk.predicted.covariance[row * kChunk + lane] + measurement_variance_[k];
+  return error * error <= kGate * kGate * scale * variance;
 }
 
 void FilterPosterior::correct() {

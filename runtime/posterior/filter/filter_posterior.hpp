@@ -47,6 +47,9 @@ class FilterPosterior final : public Posterior {
   void particle_effects(std::uint32_t index, double* effect_state) const override;
   void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
             float* history) const override;
+  void draw_forces(std::uint32_t count, std::uint64_t tick, float* rows) const override;
+  void forces(double* mean, double* sd) const override;
+  void contacts(double* mean, double* sd) const override;
   const AdequacyTest* adequacy() const override { return adequacy_; }
   void clear_adequacy() override;
   void report(PosteriorReport& report) const override;
@@ -62,6 +65,7 @@ class FilterPosterior final : public Posterior {
   struct Carried {
     FilterRows filter;
     double* process_scale = nullptr;   // (N) factor of the process noise's variance
+    double* force_law = nullptr;       // (law_rows x N) of the forces that the model lacks; null where there are none
     double* sums = nullptr;            // (ScaleEvidence::kRows x N) over all data
     double* base = nullptr;            // (as many) what came before the window's start (exact windows only)
     double* log_likelihood = nullptr;  // (N) of all data
@@ -97,6 +101,7 @@ class FilterPosterior final : public Posterior {
     FilterRows filter;
     FilterRows predicted;
     double* process_scale = nullptr;  // (1)
+    double* force_law = nullptr;      // (law_rows)
     double* jacobian = nullptr;       // (nf * nf)
     double* sums = nullptr;           // (ScaleEvidence::kRows)
     double* normalised = nullptr;     // (ny)
@@ -113,6 +118,7 @@ class FilterPosterior final : public Posterior {
     FilterRows from;
     Lanes<double> params;
     const double* process_scale = nullptr;
+    Lanes<double> force_law;
     const double* history = nullptr;
   };
 
@@ -124,6 +130,7 @@ class FilterPosterior final : public Posterior {
   void predict_chunk(std::uint32_t chunk) const;
   bool gate(Transition& transition);
   bool explained(const Transition& transition, std::uint32_t k) const;
+  bool lane_explains(const Chunk& chunk, std::uint32_t lane, const double* measured, std::uint32_t k) const;
   void correct();
   void correct_chunk(std::uint32_t chunk) const;
   void forget();
@@ -134,14 +141,16 @@ class FilterPosterior final : public Posterior {
   FilterRows carried_lanes(std::uint32_t at) const;
   std::uint32_t heaviest() const;
   const double* history_of(std::uint64_t index) const;
-  /// Factor of the process noise's variance at the coordinate of the ratio.
-  static double ratio_scale(double ratio) { return math::exp(2.0 * ratio); }
+  /// What the engine's own coordinates of one particle say: the factor of the process noise's variance, and the law of
+  /// the forces.
+  void read_own(const double* coordinate, std::uint32_t stride, double* process_scale, double* force_law,
+                std::uint32_t law_stride) const;
 
   // filter_step.cpp: one filtered transition of a chunk of lanes
   void predict_lanes(const Chunk& chunk, const Step& step) const;
   LineariseJob linearise_job(const Chunk& chunk, const Step& step) const;
   FilterDiscrepancy::Lanes16 discrepancy_job(const Chunk& chunk, const Step& step) const;
-  void widen_jacobian(const Chunk& chunk) const;
+  void widen_jacobian(const Chunk& chunk, const Step& step) const;
   void turn_jacobian(const Chunk& chunk, const Step& step) const;
   void predict_covariance(const Chunk& chunk, const Step& step) const;
   CorrectJob correct_job(const double* measured, const Chunk& chunk) const;
@@ -154,8 +163,8 @@ class FilterPosterior final : public Posterior {
   // filter_start.cpp: where the filters begin
   void set_start(const double* sd, const double* measured);
   void clear_start();
-  void set_force_start();
-  void begin_filters(const Chunk& chunk, const FilterRows& rows) const;
+  void measure_forces();
+  void begin_filters(const Chunk& chunk, const FilterRows& rows, Lanes<double> force_law) const;
   void begin_all_filters();
   void note_reach();
 
@@ -165,6 +174,11 @@ class FilterPosterior final : public Posterior {
   void keep_cloud_as_prior();
   void mix_cloud();
   void start_at_present();
+
+  // touch.cpp: a filter that looks out for contacts
+  void pick_touch();
+  void begin_touch();
+  void step_touch(const double* measured);
 
   // innovation.cpp: what the adequacy test is fed with
   void test_innovation();
@@ -238,15 +252,16 @@ class FilterPosterior final : public Posterior {
   std::uint64_t window_begin_ = 0;    // first transition of the window
   bool window_exact_ = true;          // begins at a start(): any lane's filter there is known exactly
   InitialStateDistribution start_;
-  double force_drift_[kMaxRegressors] = {};  // (forces) variance that a force gains per second
-  double reach_[TILLER_MAX_STATES] = {};     // farthest that a state has been from where it began
-  NormalLaw before_;                         // what was known before the robot changed
+  bool knows_forces_ = true;              // the start's law says what the forces are
+  double reach_[TILLER_MAX_STATES] = {};  // farthest that a state has been from where it began
+  NormalLaw before_;                      // what was known before the robot changed
   FilterSummary summary_;
   FilterDiscrepancy discrepancy_;
   RestGuard rest_;
 
   // scratch
   Chunk* chunks_ = nullptr;             // (N / kChunk)
+  Chunk* touch_ = nullptr;              // null: no contact is looked out for
   double* scratch_ = nullptr;           // (kRows + 2 x N)
   Proposal* proposals_ = nullptr;       // (N / 2)
   double* proposed_sums_ = nullptr;     // (rows x lanes of moves) what a proposal changes, then what it has

@@ -10,14 +10,6 @@
 
 namespace tiller {
 
-namespace {
-
-/// A missing force's random walk per square root of a second, in its prior deviations: friction is no constant, and a
-/// filter that takes it for one never gets over what it once believed.
-constexpr double kDrift = 0.01;
-
-}  // namespace
-
 void FilterPosterior::clear_start() {
   std::fill(start_.state, start_.state + nf_, 0.0);
   std::fill(start_.covariance, start_.covariance + triangle_, 0.0);
@@ -36,32 +28,29 @@ void FilterPosterior::set_start(const double* sd, const double* measured) {
   });
   for (std::uint32_t k = 0; k < ny_; ++k) start_.measured[k] = measured ? measured[k] : NAN;
   take_attitudes(*config_, start_.measured);
-  if (forces_ > 0 && measured) set_force_start();
+  knows_forces_ = false;
+  if (forces_ > 0 && measured) measure_forces();
 }
 
-/// The forces' law before any data, from what they do to the first chunk's particles at the configured state.
-void FilterPosterior::set_force_start() {
+/// How large a force has to be to matter, from what forces do to the first chunk's particles at the configured state.
+void FilterPosterior::measure_forces() {
   const Chunk& chunk = chunks_[0];
   map_sensors(chunk, cloud_.params, n_);
-  begin_filters(chunk, chunk.filter);
+  begin_filters(chunk, chunk.filter, {carried_.force_law, n_});
   Step step;
   step.period_s = config_->period_s;
   step.input = config_->safety.safe_command;
   step.from = chunk.filter;
   step.params = {cloud_.params, n_};
   step.history = input_history_;
+  step.force_law = {carried_.force_law, n_};
   predict_lanes(chunk, step);
-  double sd[kMaxRegressors];
-  discrepancy_.prior_sd(discrepancy_job(chunk, step), sd);
-  for (std::uint32_t f = 0; f < forces_; ++f) {
-    start_.covariance[triangle_row(nf_, nx_ + f, nx_ + f)] = sd[f] * sd[f];
-    force_drift_[f] = kDrift * kDrift * sd[f] * sd[f];
-  }
+  discrepancy_.measure_reach(discrepancy_job(chunk, step));
 }
 
 /// The start's law, corrected by its measurement, which does not count into the likelihood (of no parameter but a
 /// sensor's, and of these the others tell more). The chunk says how the sensors read.
-void FilterPosterior::begin_filters(const Chunk& chunk, const FilterRows& rows) const {
+void FilterPosterior::begin_filters(const Chunk& chunk, const FilterRows& rows, Lanes<double> force_law) const {
   double unused[2 * kChunk] = {};
   const auto fill = [&rows](double* to, std::uint32_t count, const double* value) {
     for (std::uint32_t i = 0; i < count; ++i)
@@ -70,6 +59,12 @@ void FilterPosterior::begin_filters(const Chunk& chunk, const FilterRows& rows) 
   fill(rows.state, nf_, start_.state);
   fill(rows.covariance, triangle_, start_.covariance);
   fill(rows.effect_state, ns_, start_.effect_state);
+  for (std::uint32_t l = 0; l < kChunk && forces_ > 0 && !knows_forces_; ++l) {
+    double variance[kMaxRegressors];
+    discrepancy_.prior_variance(force_law.data + l, static_cast<std::uint32_t>(force_law.stride), variance);
+    for (std::uint32_t f = 0; f < forces_; ++f)
+      rows.covariance[triangle_row(nf_, nx_ + f, nx_ + f) * rows.stride + l] = variance[f];
+  }
   CorrectJob job = correct_job(start_.measured, chunk);
   job.from = job.to = rows;
   job.squared_error = unused;
@@ -81,8 +76,8 @@ void FilterPosterior::begin_all_filters() {
   for (std::uint32_t c = 0; c < n_ / kChunk; ++c) {
     const std::uint32_t at = c * kChunk;
     map_sensors(chunks_[c], cloud_.params + at, n_);
-    begin_filters(chunks_[c],
-                  {carried_.filter.state + at, carried_.filter.covariance + at, carried_.filter.effect_state + at, n_});
+    begin_filters(chunks_[c], carried_lanes(at),
+                  forces_ > 0 ? Lanes<double>{carried_.force_law + at, n_} : Lanes<double>{});
   }
 }
 
@@ -98,6 +93,7 @@ tiller_status_t FilterPosterior::start(const double* measured) {
     for (std::uint32_t j = 0; j < nu_; ++j) input_history_[i * nu_ + j] = config_->safety.safe_command[j];
   set_start(sd, measured);
   begin_all_filters();
+  begin_touch();
   for (std::uint32_t& run : gate_run_) run = 0;
   rest_.begin();
   if (adequacy_) {

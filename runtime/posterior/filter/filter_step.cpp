@@ -15,10 +15,11 @@ void FilterPosterior::predict_lanes(const Chunk& chunk, const Step& step) const 
   table_->linearise(*config_->model, linearise_job(chunk, step));
   if (forces_ > 0) {
     discrepancy_.step(discrepancy_job(chunk, step));
-    widen_jacobian(chunk);
+    widen_jacobian(chunk, step);
   }
   if (quaternions_ != 0) turn_jacobian(chunk, step);
   predict_covariance(chunk, step);
+  if (forces_ > 0) discrepancy_.add_process(discrepancy_job(chunk, step), chunk.predicted.covariance);
 }
 
 LineariseJob FilterPosterior::linearise_job(const Chunk& chunk, const Step& step) const {
@@ -52,6 +53,7 @@ FilterDiscrepancy::Lanes16 FilterPosterior::discrepancy_job(const Chunk& chunk, 
   job.next = chunk.predicted.state;
   job.unit = chunk.unit;
   job.push = chunk.push;
+  job.law = step.force_law;
   return job;
 }
 
@@ -69,8 +71,12 @@ void FilterPosterior::turn_jacobian(const Chunk& chunk, const Step& step) const 
   }
 }
 
-/// [A G; 0 I] in the place of A. From the last element back: the wider rows begin behind the narrower ones.
-void FilterPosterior::widen_jacobian(const Chunk& chunk) const {
+/// [A G; 0 D] in the place of A, D what the forces keep of themselves. From the last element back: the wider rows begin
+/// behind the narrower ones.
+void FilterPosterior::widen_jacobian(const Chunk& chunk, const Step& step) const {
+  double kept[kChunk];
+  const double* rate = step.force_law.data + std::size_t{discrepancy_.joints()} * step.force_law.stride;
+  for (std::uint32_t l = 0; l < kChunk; ++l) kept[l] = FilterDiscrepancy::kept(rate[l], step.period_s);
   constexpr std::size_t kRow = sizeof(double) * kChunk;
   for (std::uint32_t r = nf_; r-- > 0;)
     for (std::uint32_t c = nf_; c-- > 0;) {
@@ -80,7 +86,8 @@ void FilterPosterior::widen_jacobian(const Chunk& chunk) const {
                      c < nx_ ? chunk.jacobian + (r * nx_ + c) * kChunk : chunk.push + (r * forces_ + c - nx_) * kChunk,
                      kRow);
       else
-        for (std::uint32_t l = 0; l < kChunk; ++l) to[l] = r == c ? 1.0 : 0.0;
+        for (std::uint32_t l = 0; l < kChunk; ++l)
+          to[l] = r != c ? 0.0 : (r - nx_) % kDiscrepancyBasis == 0 ? kept[l] : 1.0;
     }
 }
 
@@ -93,7 +100,6 @@ void FilterPosterior::predict_covariance(const Chunk& chunk, const Step& step) c
   fill_process_covariance(*config_->model, config_->process_sd, period_s, state_process);
   for (std::uint32_t r = 0; r < nx_; ++r)
     for (std::uint32_t c = r; c < nx_; ++c) at(r, c) = state_process[r * nx_ + c];
-  for (std::uint32_t f = 0; f < forces_; ++f) at(nx_ + f, nx_ + f) = force_drift_[f] * period_s;
   PredictJob job;
   job.nx = nf_;
   job.lanes = kChunk;

@@ -31,7 +31,7 @@ Evidence::Evidence(const tiller_config_t& config)
   double sensor[TILLER_MAX_STATES] = {};
   for (std::uint32_t k = 0; k < config.measurement_count; ++k)
     sensor[config.measured_state[k]] = config.measurement_sd[k];
-  if (config.posterior.discrepancy) {
+  if (config.posterior.disturbance) {
     joints_ = discrepancy_joints(config);
     const auto push = [this](std::uint32_t state, std::uint32_t joint) {
       pushed_joint_[pushed_count_] = joint;

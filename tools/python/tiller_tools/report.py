@@ -19,6 +19,9 @@ wanted somewhere ("frames": [{"name": "tool0", "turns": true}], in the log as ou
 "output_target" the targets of all outputs, for which the log's goal.* stand where they changed; "output_bounds" has those
 of outputs without a target, "clearance" the spheres' distances ({"apart_a_1_b_1_m": {"radii_m": .., "margin_m": ..}}).
 
+With [posterior] disturbance "columns" has the forces beyond the model ("forces": {"joint_Nm": "Nm"}), in the log as
+force.mean.* and force.sd.*; "contacts" their limits.
+
 With [planner] predict_spread the log has foreseen.mean.* and foreseen.sd.*, of each row's state "foreseen_s" before.
 
 Where the robot file has a [figure], "figure" holds it: its links with all values as sums of [factor, name], and the
@@ -61,7 +64,8 @@ class Run:
         self.measured, self.angles = set(columns["measured"]), set(columns["angles"])
         self.tracked = [name for name in self.states if name in columns["tracked"]]
         self.outputs, self.frames = columns.get("outputs", {}), columns.get("frames", [])
-        self.units = {**self.outputs, **columns["states"], **columns["inputs"], **columns["parameters"]}
+        self.forces = columns.get("forces", {})
+        self.units = {**self.outputs, **self.forces, **columns["states"], **columns["inputs"], **columns["parameters"]}
 
     def column(self, name: str) -> np.ndarray | None:
         return self.table[name] if name in self.table else None
@@ -178,6 +182,26 @@ def foreseen_figure(run: Run, name: str) -> str | None:
     inside = 100 * np.mean(np.abs(off[known]) <= _INSIDE_90 * sd[known])
     return page.svg(figure, f"The {what} lies in the band in {page.number(inside, 3)} % of {np.count_nonzero(known)} "
                             "rows.")
+
+
+def force_figure(run: Run, name: str) -> str:
+    """What pushed a joint beyond the model, as it was believed from tick to tick."""
+    mean, sd = run.table[f"force.mean.{name}"], run.table[f"force.sd.{name}"]
+    figure, ax = page.axes(f"force beyond the model at {name}", page.unit_label(name, run.units[name]))
+    cut = page.thin(len(run.time))
+    ax.axhline(0, color=page.MEASURED, linewidth=1.0)
+    ax.fill_between(run.time[cut], (mean - _INSIDE_90 * sd)[cut], (mean + _INSIDE_90 * sd)[cut], color=page.BAND, linewidth=0)
+    _finite_line(ax, run.time[cut], mean[cut], color=page.ESTIMATE, label="estimate, 90 %")
+    limit = run.meta.get("contacts", {}).get(name)
+    for side in (-1, 1) if limit is not None else ():
+        ax.axhline(side * limit, color=page.LIMIT, linewidth=0.9, linestyle=":", label="contact" if side > 0 else None)
+    known = np.isfinite(mean) & np.isfinite(sd)
+    # before it has learnt anything a band as wide as the motor is strong would flatten the rest
+    top = 1.3 * np.percentile((np.abs(mean) + _INSIDE_90 * sd)[known], 95) if known.any() else 1.0
+    ax.set_ylim(-top or -1.0, top or 1.0)
+    ax.margins(x=0.01)
+    page.legend(ax)
+    return page.svg(figure)
 
 
 def _normalised_figure(run: Run, title: str, values: np.ndarray, note: str, **style) -> str:
@@ -515,6 +539,8 @@ def build(run: Run) -> str:
                           [error_figure(run, name) for name in run.tracked] +
                           [state_figure(run, name) for name in run.states] +
                           [input_figure(run, name) for name in run.inputs]))
+    if run.forces:
+        body += ["<h2>What pushed it</h2>", page.grid([force_figure(run, name) for name in run.forces])]
     body.append(missed_section(run))
     if foreseen:
         body += ["<h2>What was foreseen</h2>", page.grid(foreseen)]
