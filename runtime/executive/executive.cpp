@@ -192,7 +192,7 @@ void Executive::read_adequacy() {
 
 void Executive::read_forces() {
   if (info_.force_joints == 0) return;
-  posterior_->forces(info_.force_mean, info_.force_sd);
+  (void)posterior_->forces(0.0, info_.force_mean, info_.force_sd);
   double mean[TILLER_MAX_JOINTS] = {}, sd[TILLER_MAX_JOINTS] = {};
   posterior_->contacts(mean, sd);
   info_.touched = contact_.judge(info_.force_joints, mean, sd);

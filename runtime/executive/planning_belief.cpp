@@ -83,21 +83,19 @@ void PlanningBelief::take_hypotheses(const Posterior& posterior, std::uint64_t t
     points_.draw(posterior, params_, state_, effect_state_);
   else
     posterior.draw(belief_.count, tick, params_, state_, effect_state_, nullptr);
-  if (forces_ > 0) take_forces(posterior, tick);
+  if (forces_ > 0) take_forces(posterior);
   for (std::uint32_t lane = 0; lane < belief_.count; ++lane)
     lookahead_[lane].late_s = (belief_.weight ? points_.delay(lane) : posterior.drawn_delay(lane)) * config_->period_s;
 }
 
-/// Weighted points stand for the parameters alone: each has the mean's forces.
-void PlanningBelief::take_forces(const Posterior& posterior, std::uint64_t tick) {
+/// All hypotheses have the mean's forces. How far these may be off is no bet to hedge: a force is seen as it comes, and
+/// one sequence of inputs for several forces lets every pole fall.
+void PlanningBelief::take_forces(const Posterior& posterior) {
   const std::uint32_t count = belief_.count;
-  float* const rows = params_ + std::size_t{config_->param_count} * count;
-  const std::uint32_t drawn = belief_.weight ? 1 : count;
-  posterior.draw_forces(drawn, tick, rows);
-  for (std::uint32_t j = forces_ + 1; drawn < count && j-- > 0;)
-    for (std::uint32_t lane = count; lane-- > 0;) rows[std::size_t{j} * count + lane] = rows[j];
-  float* const rate = rows + std::size_t{forces_} * count;
-  for (std::uint32_t lane = 0; lane < count; ++lane) rate[lane] *= static_cast<float>(config_->period_s);
+  double value[TILLER_MAX_JOINTS + 1];
+  value[forces_] = config_->period_s * posterior.forces(0.0, value, nullptr);
+  float* row = params_ + std::size_t{config_->param_count} * count;
+  for (std::uint32_t j = 0; j <= forces_; ++j, row += count) std::fill(row, row + count, static_cast<float>(value[j]));
 }
 
 /// Noise as it is estimated: the process's where the engine tells it by state, else by its common scale.

@@ -51,7 +51,7 @@ class PlanningBelief {
   };
 
   void take_hypotheses(const Posterior& posterior, std::uint64_t tick);
-  void take_forces(const Posterior& posterior, std::uint64_t tick);
+  void take_forces(const Posterior& posterior);
   void compute_lookahead(double ahead_s);
   double delay_s(const EffectSlot& slot, std::uint32_t lane) const;
   void step_parts(const CommandTimeline& timeline, std::int64_t stamp_us);

@@ -14,7 +14,12 @@ namespace {
 constexpr double kStill = 1e6;
 /// Of a state without a weight, and of inputs that do the same, over the largest.
 constexpr double kFree = 1e-6;
+/// Of a state that does not give way.
+constexpr double kFixed = 1e18;
 constexpr int kFirstSteps = 8;
+/// Farthest from the target that an angle, or a rotation, may have to give way, in rad. Beyond, what is linear about the
+/// target says little: a pole that is pushed harder than gravity can balance has no steady state near it.
+constexpr double kFarthest_rad = 0.5;
 
 /// What acts at rest: a lag passes its command, and dry friction holds wherever the robot stands.
 StepSetup at_rest(const StepSetup& setup) {
@@ -77,22 +82,42 @@ void SteadyTarget::update(const Posterior& posterior, const double* param_mean, 
   if (!asked()) return;
   if (config_->cost.reference != nullptr) return clear();
   std::copy(param_mean, param_mean + config_->param_count, params_);
-  posterior.forces(params_ + config_->param_count, nullptr);
+  (void)posterior.forces(config_->planner.horizon * config_->period_s, params_ + config_->param_count, nullptr);
   int steps = 1;
   if (!stands_) {
-    // what no weight says where to be is where the robot is
-    for (std::uint32_t i = 0; i < nx_; ++i) state_[i] = ((still_ >> i) & 1u) ? config_->cost.target[i] : state_mean[i];
-    for_quaternions(config_->model->quaternion_mask, [&](std::uint32_t first) {
-      if (!is_attitude(state_ + first)) std::copy(state_mean + first, state_mean + first + 4, state_ + first);
-    });
+    begin_at_target(state_mean);
     std::copy(config_->safety.safe_command, config_->safety.safe_command + nu_, input_);
     steps = kFirstSteps;
   }
   stands_ = true;
-  for (int k = 0; k < steps && stands_; ++k) stands_ = step(state_mean);
+  for (int k = 0; k < steps && stands_; ++k) stands_ = step(state_mean, true);
+  if (!stands_ || is_near()) return;
+  begin_at_target(state_mean);
+  stands_ = step(state_mean, false);
 }
 
-bool SteadyTarget::step(const double* state_mean) {
+/// What no weight says where to be is where the robot is.
+void SteadyTarget::begin_at_target(const double* state_mean) {
+  for (std::uint32_t i = 0; i < nx_; ++i) state_[i] = ((still_ >> i) & 1u) ? config_->cost.target[i] : state_mean[i];
+  for_quaternions(config_->model->quaternion_mask, [&](std::uint32_t first) {
+    if (!is_attitude(state_ + first)) std::copy(state_mean + first, state_mean + first + 4, state_ + first);
+  });
+}
+
+bool SteadyTarget::is_near() const {
+  double off[TILLER_MAX_STATES];
+  state_differences(*config_->model, state_, config_->cost.target, off);
+  for (std::uint32_t i = 0; i < nx_; ++i) {
+    const bool turns = (quaternion_states(config_->model->quaternion_mask) >> i) & 1u;
+    const bool angle = (config_->model->angle_mask >> i) & 1u;
+    if (((still_ >> i) & 1u) && (angle || turns) && !(std::fabs(off[i]) < (turns ? 0.5 : 1.0) * kFarthest_rad))
+      return false;
+  }
+  return true;
+}
+
+/// gives_way: the state may; else the input alone is looked for, which holds the state where it is best.
+bool SteadyTarget::step(const double* state_mean, bool gives_way) {
   PathJob job;
   job.setup = &setup_;
   job.horizon = 1;
@@ -111,7 +136,7 @@ bool SteadyTarget::step(const double* state_mean) {
     to_tangent_rows(turns, next_, 1, nx_, a_, 1);
     to_tangent_rows(turns, next_, 1, nu_, b_, 1);
   }
-  if (!solve(state_mean)) return false;
+  if (!solve(state_mean, gives_way)) return false;
   const double* const change = work_ + std::size_t{n_} * n_;
   add_differences(*config_->model, state_, change, state_);
   for (std::uint32_t i = 0; i < nu_; ++i)
@@ -120,7 +145,7 @@ bool SteadyTarget::step(const double* state_mean) {
 }
 
 /// The step (n) behind the matrix; false where it is not finite.
-bool SteadyTarget::solve(const double* state_mean) {
+bool SteadyTarget::solve(const double* state_mean, bool gives_way) {
   double *m = work_, *change = work_ + std::size_t{n_} * n_, *row = change + n_;
   std::fill(m, m + std::size_t{n_} * n_ + n_, 0.0);
   double pull[TILLER_MAX_STATES], here[TILLER_MAX_STATES], drift[TILLER_MAX_STATES];
@@ -130,7 +155,7 @@ bool SteadyTarget::solve(const double* state_mean) {
   const double largest = largest_weight_ > 0.0 ? largest_weight_ : 1.0;
   for (std::uint32_t i = 0; i < nx_; ++i) {
     const double own = config_->cost.state_weight[i] / largest;
-    m[i * n_ + i] += own + kFree;
+    m[i * n_ + i] += gives_way ? own + kFree : kFixed;
     change[i] += own * pull[i] + (own > 0.0 ? 0.0 : kFree * here[i]);
   }
   const double per_s = 1.0 / config_->period_s;

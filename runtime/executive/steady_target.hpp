@@ -15,8 +15,9 @@ namespace tiller {
 ///
 /// q the cost's state weights, t its target; a state without a weight stays where the robot is. Where the robot cannot
 /// stand at the target (a drone in the wind has to tilt) that gives way which is weighed against no other way to stand
-/// (Pannocchia and Rawlings 2003, AIChE J. 49:426; Maeder, Borrelli and Morari 2009, Automatica 45:2214). The input is
-/// cut to its limits.
+/// (Pannocchia and Rawlings 2003, AIChE J. 49:426; Maeder, Borrelli and Morari 2009, Automatica 45:2214). Forces are the
+/// means that are expected over the horizon. The input is cut to its limits. Where there is no such state within half a
+/// radian of the target's angles, it is the target, with the input that holds it best.
 class SteadyTarget {
  public:
   /// Takes no room where the configuration does not ask for it. `setup` is a planner's, with the posterior's forces.
@@ -33,8 +34,10 @@ class SteadyTarget {
   const double* input() const { return stands_ ? input_ : nullptr; }  ///< (nu) likewise
 
  private:
-  bool step(const double* state_mean);
-  bool solve(const double* state_mean);
+  void begin_at_target(const double* state_mean);
+  bool is_near() const;
+  bool step(const double* state_mean, bool gives_way);
+  bool solve(const double* state_mean, bool gives_way);
 
   const tiller_config_t* config_ = nullptr;
   const RolloutTable* table_ = nullptr;

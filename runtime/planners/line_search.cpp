@@ -39,6 +39,17 @@ double roll_open(PathPlan& p) {
   return cost;
 }
 
+double roll_warm(PathPlan& p, std::uint32_t& chosen) {
+  constexpr double kFalls = 2.0;
+  roll_candidates(p, kOpenLoop, kStepBeta);
+  const double plain = candidate_risk(p, kWarm), gains = candidate_risk(p, kWarmUnderGains);
+  chosen = std::isfinite(gains) && !(plain <= kFalls * gains) ? kWarmUnderGains : kWarm;
+  const double cost = chosen == kWarm ? plain : gains;
+  if (!std::isfinite(cost)) return std::numeric_limits<double>::infinity();
+  take_candidate(p, chosen);
+  return cost;
+}
+
 double weigh_full_step(PathPlan& p) {
   double full[TILLER_MAX_SCENARIOS];
   for (std::uint32_t j = 0; j < p.scenarios; ++j) full[j] = p.candidate_cost[j * kCandidates];

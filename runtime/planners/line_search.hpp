@@ -25,6 +25,9 @@ void lower_regularisation(PathPlan& p);
 /// The path becomes the motion of the model from the start under its inputs; its risk, or infinity, and then the path
 /// stays.
 double roll_open(PathPlan& p);
+/// The same, or under the old gains where the inputs alone cost twice as much: a pole that they let fall as soon as the
+/// start, or a force, is not what they were made for. `chosen`: the candidate that was taken.
+double roll_warm(PathPlan& p, std::uint32_t& chosen);
 
 /// The proximal step of the risk's weights on the full step's costs; the largest change of a weight.
 double weigh_full_step(PathPlan& p);

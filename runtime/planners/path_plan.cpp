@@ -5,6 +5,7 @@
 
 #include "planners/belief_weights.hpp"
 #include "rollout/attitude.hpp"
+#include "tiller/math.hpp"
 
 namespace tiller {
 
@@ -33,6 +34,16 @@ void take_near_signs(const PathPlan& p, std::uint32_t j, double* z) {
     if (!(dot(read_quaternion(z + first), read_quaternion(path + first)) < 0.0)) return;
     for (std::uint32_t i = first; i < first + 4; ++i) z[i] = -z[i];
   });
+}
+
+/// The parameters of forces that fade, as they are so many periods later.
+void fade_params(PathPlan& p, double periods) {
+  const std::uint32_t fading = p.setup->fading;
+  for (std::uint32_t j = 0; fading > 0 && j < p.scenarios; ++j) {
+    double* const force = p.params + std::size_t{j} * p.np + p.setup->fading_param;
+    const double kept = math::exp(-force[fading] * periods);
+    for (std::uint32_t i = 0; i < fading; ++i) force[i] *= kept;
+  }
 }
 
 }  // namespace
@@ -106,7 +117,8 @@ void shift_path(PathPlan& p, std::uint64_t tick) {
     const std::size_t gain_row = std::size_t{p.nu} * p.scenarios * p.n;
     std::memmove(p.factor.gain, p.factor.gain + gain_row, (h - 1) * gain_row * sizeof(double));
   }
-  // the new end goes on under the last input
+  // the new end goes on under the last input, and what is left there of forces that fade
+  fade_params(p, static_cast<double>(h - 1));
   PathJob job;
   job.setup = p.setup;
   job.horizon = 1;
@@ -117,6 +129,7 @@ void shift_path(PathPlan& p, std::uint64_t tick) {
   job.param_count = p.np;
   job.next = p.state + h * row;
   p.path->linearise(*p.model, job);
+  fade_params(p, -static_cast<double>(h - 1));
 }
 
 namespace {

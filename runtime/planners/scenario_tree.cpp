@@ -197,9 +197,13 @@ double merit_of(const ScenarioTree& t, std::uint32_t candidate) {
 }
 
 /// The branch's path becomes its inputs' motion; what it is charged, as if it were the only one.
-double roll_branch(ScenarioTree& t, std::uint32_t j) {
-  const double cost = roll_open(t.branch[j]);
-  return cost + t.count * penalty_of(t, j, kWarm);
+double roll_branch(ScenarioTree& t, std::uint32_t j, std::uint32_t& chosen) {
+  PathPlan& p = t.branch[j];
+  chosen = kWarm;
+  // in the shared periods nobody answers yet
+  if (t.has_gain) std::memset(p.factor.gain, 0, std::size_t{t.shared} * p.nu * p.n * sizeof(double));
+  const double cost = t.has_gain ? roll_warm(p, chosen) : roll_open(p);
+  return cost + t.count * penalty_of(t, j, chosen);
 }
 
 /// Mean of the branches' inputs of row `at` under the risk's weights.
@@ -219,16 +223,18 @@ bool begin_paths(ScenarioTree& t) {
   bool finite = true;
   double cost[TILLER_MAX_SCENARIOS];
   each_branch(t, [&](PathPlan& p, std::uint32_t j) {
+    std::uint32_t chosen = kWarm;
     double* const own = t.own;
+    const double of_own = roll_branch(t, j, chosen);
+    cost[j] = p.candidate_cost[chosen];
     std::memcpy(own, p.control, rows * sizeof(double));
     std::memcpy(p.control, first.settled, rows * sizeof(double));
-    const double of_mean = roll_branch(t, j);
-    std::memcpy(p.control, own, rows * sizeof(double));
-    if (of_mean < roll_branch(t, j)) {
-      std::memcpy(p.control, first.settled, rows * sizeof(double));
-      (void)roll_branch(t, j);
+    if (roll_branch(t, j, chosen) < of_own) {
+      cost[j] = p.candidate_cost[chosen];
+    } else {
+      std::memcpy(p.control, own, rows * sizeof(double));
+      (void)roll_open(p);
     }
-    cost[j] = p.candidate_cost[kWarm];
     finite = finite && std::isfinite(cost[j]);
   });
   t.standing = false;

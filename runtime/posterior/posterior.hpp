@@ -121,14 +121,12 @@ class Posterior {
   const double* origin() const { return origin_; }  ///< (TILLER_MAX_STATES) of draw()'s states
   /// Joints, the first ones, whose forces beyond the model the configured engine estimates; 0: none.
   static std::uint32_t force_joints(const tiller_config_t& config);
-  /// The force beyond the model at each of these joints, in N or N m, and a row behind them, the rate 1 / tau in 1/s at
-  /// which what is expected of them fades (force_joints + 1 x count), of the hypotheses of draw(count, tick, ..). Cost:
-  /// as draw()'s.
-  virtual void draw_forces(std::uint32_t /*count*/, std::uint64_t /*tick*/, float* /*rows*/) const {}
-  /// Their means now (force_joints), and how far these may be off; nullable. Cost: O(N) a joint.
-  virtual void forces(double* /*mean*/, double* /*sd*/) const {}
+  /// Forces beyond the model at these joints, in N or N m: their means over the next `ahead_s`, as they are expected, and
+  /// how far these may be off now (force_joints each); nullable. Returns the rate 1 / tau at which what is expected of
+  /// them fades, in 1/s. Cost: O(N) a joint.
+  virtual double forces(double /*ahead_s*/, double* /*mean*/, double* /*sd*/) const { return 0.0; }
   /// The same, of an estimate that looks out for contacts (safety.contact_force): quicker, and less sure.
-  virtual void contacts(double* mean, double* sd) const { forces(mean, sd); }
+  virtual void contacts(double* mean, double* sd) const { (void)forces(0.0, mean, sd); }
   /// By how many periods, parts of them included, the inputs of the hypothesis in this column of the last draw() come
   /// late, beside the effects' own delays.
   virtual double drawn_delay(std::uint32_t /*column*/) const { return 0.0; }

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <functional>
 #include <random>
+#include <string>
 #include <vector>
 
 #include "tiller/config.hpp"
@@ -150,6 +151,51 @@ TEST(Pushed, GustsMoveItLess) {
   EXPECT_LT(with, 0.8 * without);
   EXPECT_GE(hold, 4) << "of six 90 % intervals fewer than four hold in 2 of 100 cases";
 }
+
+/// Planners and what else may be asked of a plan, all with forces and a steady target.
+struct Asked {
+  const char* name;
+  tiller_planner_kind_t kind;
+  void (*more)(tiller::Config& c);
+};
+
+class PushedPlanner : public ::testing::TestWithParam<Asked> {};
+
+// A fifth of the motor's torque: a plan that did not see it would be off by 30 mrad and more.
+TEST_P(PushedPlanner, HoldsAgainstAForce) {
+  tiller::Config config = pendulum(true);
+  config.planner.kind = GetParam().kind;
+  config.planner.horizon = 25;
+  config.planner.rollouts = 128;
+  config.planner.knots = 5;
+  config.planner.noise_sd[0] = 0.5;
+  config.planner.levels = 9;
+  if (GetParam().more) GetParam().more(config);
+  const Outcome got = run(config, [](double) { return 0.6; }, 8.0, 3);
+  EXPECT_EQ(got.state, tiller_state_active);
+  // a tree of nine torques holds between two of them
+  EXPECT_LT(std::fabs(got.offset_rad), GetParam().kind == tiller_planner_mcts ? 0.1 : 0.015);
+  std::printf("%s: off by %.2f mrad, RMS %.1f\n", GetParam().name, 1e3 * got.offset_rad, 1e3 * got.rms_rad);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Planners, PushedPlanner,
+    ::testing::Values(
+        Asked{"random_shooting", tiller_planner_random_shooting, nullptr}, Asked{"cem", tiller_planner_cem, nullptr},
+        Asked{"mppi", tiller_planner_mppi, nullptr}, Asked{"mcts", tiller_planner_mcts, nullptr},
+        Asked{"ilqr", tiller_planner_ilqr, nullptr}, Asked{"sqp", tiller_planner_sqp, nullptr},
+        Asked{"hybrid", tiller_planner_hybrid, nullptr},
+        Asked{"ilqr_tree", tiller_planner_ilqr, [](tiller::Config& c) { c.planner.closed_loop = 1; }},
+        Asked{"sqp_tree", tiller_planner_sqp, [](tiller::Config& c) { c.planner.closed_loop = 1; }},
+        Asked{"mppi_closed", tiller_planner_mppi, [](tiller::Config& c) { c.planner.closed_loop = 1; }},
+        Asked{"mppi_noisy", tiller_planner_mppi, [](tiller::Config& c) { c.planner.noisy_rollouts = 1; }},
+        Asked{"ilqr_foreseen", tiller_planner_ilqr, [](tiller::Config& c) { c.planner.predict_spread = 1; }},
+        Asked{"sigma_points", tiller_planner_ilqr,
+              [](tiller::Config& c) { c.planner.hypotheses = tiller_hypotheses_sigma_points; }},
+        Asked{"lqr_at_the_end", tiller_planner_ilqr,
+              [](tiller::Config& c) { c.cost.terminal = tiller_terminal_lqr; }},
+        Asked{"contacts", tiller_planner_ilqr, [](tiller::Config& c) { c.safety.contact_force[1] = 2.0; }}),
+    [](const auto& test) { return std::string(test.param.name); });
 
 // Of 0.4 N m this encoder shows half a deviation after one period and 13 after five; felt within a quarter of a second.
 // Nothing is felt before.

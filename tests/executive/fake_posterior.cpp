@@ -74,15 +74,11 @@ class Obedient final : public Posterior {
         state[x * count + i] = static_cast<float>(posterior.state[x] - origin()[x]);
     if (effect_state) std::fill(effect_state, effect_state + std::size_t{setup_.effect_state_count} * count, 0.0f);
   }
-  void draw_forces(std::uint32_t count, std::uint64_t, float* rows) const override {
-    for (std::uint32_t j = 0; j <= config_->model->joint_count; ++j)
-      for (std::uint32_t i = 0; i < count; ++i)
-        rows[j * count + i] = j < config_->model->joint_count ? static_cast<float>(posterior.force[j]) : 0.5f;
-  }
-  void forces(double* mean, double* sd) const override {
+  double forces(double, double* mean, double* sd) const override {
     const std::uint32_t joints = config_->model->joint_count;
     if (mean) std::copy(posterior.force, posterior.force + joints, mean);
     if (sd) std::fill(sd, sd + joints, posterior.force_sd);
+    return 0.5;
   }
   double drawn_delay(std::uint32_t column) const override {
     return column < posterior.delay.size() ? posterior.delay[column] : 0.0;

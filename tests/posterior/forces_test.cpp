@@ -96,7 +96,7 @@ Outcome learn(bool discrepancy, const World& world, unsigned seed) {
     EXPECT_TRUE(rig::works(posterior->update(transition)));
     if (!discrepancy || 2 * k < kSteps) continue;
     double force = 0.0;
-    posterior->forces(&force, nullptr);
+    (void)posterior->forces(0.0, &force, nullptr);
     const double is = world(t + kPeriod_s);
     outcome.force_error += (force - is) * (force - is);
     outcome.force_rms += is * is;

@@ -47,8 +47,7 @@ class FilterPosterior final : public Posterior {
   void particle_effects(std::uint32_t index, double* effect_state) const override;
   void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
             float* history) const override;
-  void draw_forces(std::uint32_t count, std::uint64_t tick, float* rows) const override;
-  void forces(double* mean, double* sd) const override;
+  double forces(double ahead_s, double* mean, double* sd) const override;
   void contacts(double* mean, double* sd) const override;
   const AdequacyTest* adequacy() const override { return adequacy_; }
   void clear_adequacy() override;

@@ -109,38 +109,26 @@ void FilterPosterior::take_strata(std::uint32_t count, std::uint64_t tick, float
   cloud_.draw(count, tick, what, 3);
 }
 
-/// One hypothesis: what the forces are now, and the rate at which their means fade.
-void FilterPosterior::draw_forces(std::uint32_t count, std::uint64_t tick, float* rows) const {
-  const std::uint32_t joints = discrepancy_.joints();
-  const auto row = [&](std::uint32_t j) {
-    return j < joints ? carried_.filter.state + std::size_t{nx_ + j * kDiscrepancyBasis} * n_
-                      : carried_.force_law + std::size_t{joints} * n_;
-  };
-  Cloud::Drawn what[kDiscrepancyJoints + 1] = {};
-  for (std::uint32_t j = 0; j <= joints; ++j) {
-    what[j] = {row(j), 1, rows + std::size_t{j} * count};
-    double mean = 0.0;
-    for (std::uint32_t k = 0; count == 1 && k < n_; ++k) mean += cloud_.weight[k] * row(j)[k];
-    if (count == 1) rows[j] = static_cast<float>(mean);
-  }
-  if (count > 1) cloud_.draw(count, tick, what, joints + 1);
-}
-
-void FilterPosterior::forces(double* mean, double* sd) const {
+double FilterPosterior::forces(double ahead_s, double* mean, double* sd) const {
+  const double* const rate = carried_.force_law + std::size_t{discrepancy_.joints()} * n_;
   for (std::uint32_t j = 0; j < discrepancy_.joints(); ++j) {
     const std::uint32_t state = nx_ + j * kDiscrepancyBasis;
     const double* wandering = carried_.filter.state + std::size_t{state} * n_;
     const double* variance = carried_.filter.covariance + std::size_t{triangle_row(nf_, state, state)} * n_;
     double sum = 0.0, square = 0.0, within = 0.0;
     for (std::uint32_t k = 0; k < n_; ++k) {
-      sum += cloud_.weight[k] * wandering[k];
-      square += cloud_.weight[k] * wandering[k] * wandering[k];
-      within += cloud_.weight[k] * variance[k];
+      const double kept = FilterDiscrepancy::mean_kept(rate[k] * ahead_s);
+      sum += cloud_.weight[k] * kept * wandering[k];
+      square += cloud_.weight[k] * kept * kept * wandering[k] * wandering[k];
+      within += cloud_.weight[k] * kept * kept * variance[k];
     }
     if (mean) mean[j] = sum;
     if (sd)
       sd[j] = std::sqrt(std::fmax(0.0, square - sum * sum) + noise_scale_ * noise_scale_ * std::fmax(0.0, within));
   }
+  double mean_rate = 0.0;
+  for (std::uint32_t k = 0; k < n_; ++k) mean_rate += cloud_.weight[k] * rate[k];
+  return mean_rate;
 }
 
 /// The process noise's deviation with its own factor; the sensors' have the common scale alone.

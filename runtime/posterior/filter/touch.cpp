@@ -69,8 +69,9 @@ void FilterPosterior::step_touch(const double* measured) {
   filter_->correct(correct);
 }
 
+/// Of the noise as it was before a push put anything into it.
 void FilterPosterior::contacts(double* mean, double* sd) const {
-  if (!touch_) return forces(mean, sd);
+  if (!touch_) return Posterior::contacts(mean, sd);
   for (std::uint32_t j = 0; j < discrepancy_.joints(); ++j) {
     const std::uint32_t state = nx_ + j * kDiscrepancyBasis, row = triangle_row(nf_, state, state);
     double sum = 0.0, square = 0.0, within = 0.0;
@@ -81,7 +82,7 @@ void FilterPosterior::contacts(double* mean, double* sd) const {
       within += touch_->filter.covariance[row * kChunk + l] / kChunk;
     }
     mean[j] = sum;
-    sd[j] = std::sqrt(std::fmax(0.0, square - sum * sum) + noise_scale_ * noise_scale_ * std::fmax(0.0, within));
+    sd[j] = std::sqrt(std::fmax(0.0, square - sum * sum) + calm_scale_ * calm_scale_ * std::fmax(0.0, within));
   }
 }
 
