@@ -136,6 +136,17 @@ TEST(Pushed, NorDoesTheInputsWeightInAStillWorld) {
   }
 }
 
+/// Without looking for forces: gravity is the model's own.
+TEST(Pushed, ASteadyTargetAloneHoldsAgainstGravity) {
+  const World still = [](double) { return 0.0; };
+  tiller::Config config = pendulum(false);
+  config.cost.input_reference = tiller_input_reference_steady;
+  const Outcome got = run(config, still, 10.0, 1), zero = run(pendulum(false), still, 10.0, 1);
+  EXPECT_EQ(got.state, tiller_state_active);
+  EXPECT_LT(std::fabs(got.offset_rad), kSensor_rad);
+  EXPECT_GT(std::fabs(zero.offset_rad), kSensor_rad) << "or the test shows nothing";
+}
+
 TEST(Pushed, GustsMoveItLess) {
   double with = 0.0, without = 0.0;
   int hold = 0;
@@ -171,7 +182,8 @@ TEST_P(PushedPlanner, HoldsAgainstAForce) {
   config.planner.noise_sd[0] = 0.5;
   config.planner.levels = 9;
   if (GetParam().more) GetParam().more(config);
-  const Outcome got = run(config, [](double) { return 0.6; }, 8.0, 3);
+  const Outcome got = run(
+      config, [](double) { return 0.6; }, 8.0, 3);
   EXPECT_EQ(got.state, tiller_state_active);
   // a tree of nine torques holds between two of them
   EXPECT_LT(std::fabs(got.offset_rad), GetParam().kind == tiller_planner_mcts ? 0.1 : 0.015);
@@ -192,8 +204,7 @@ INSTANTIATE_TEST_SUITE_P(
         Asked{"ilqr_foreseen", tiller_planner_ilqr, [](tiller::Config& c) { c.planner.predict_spread = 1; }},
         Asked{"sigma_points", tiller_planner_ilqr,
               [](tiller::Config& c) { c.planner.hypotheses = tiller_hypotheses_sigma_points; }},
-        Asked{"lqr_at_the_end", tiller_planner_ilqr,
-              [](tiller::Config& c) { c.cost.terminal = tiller_terminal_lqr; }},
+        Asked{"lqr_at_the_end", tiller_planner_ilqr, [](tiller::Config& c) { c.cost.terminal = tiller_terminal_lqr; }},
         Asked{"contacts", tiller_planner_ilqr, [](tiller::Config& c) { c.safety.contact_force[1] = 2.0; }}),
     [](const auto& test) { return std::string(test.param.name); });
 

@@ -110,6 +110,7 @@ void FilterPosterior::take_strata(std::uint32_t count, std::uint64_t tick, float
 }
 
 double FilterPosterior::forces(double ahead_s, double* mean, double* sd) const {
+  if (forces_ == 0) return 0.0;
   const double* const rate = carried_.force_law + std::size_t{discrepancy_.joints()} * n_;
   for (std::uint32_t j = 0; j < discrepancy_.joints(); ++j) {
     const std::uint32_t state = nx_ + j * kDiscrepancyBasis;
