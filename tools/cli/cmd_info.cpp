@@ -48,6 +48,7 @@ std::string cone_text(const RobotFile& robot, const tiller_input_cone_t& cone) {
 void print_cost(const RobotFile& robot) {
   const tiller_cost_config_t& c = robot.config.cost;
   Words terms;
+  if (c.input_reference == tiller_input_reference_steady) terms.emplace_back("inputs from the steady one");
   if (c.terminal == tiller_terminal_lqr) terms.emplace_back("LQR cost-to-go at the end");
   if (c.saturating_weight > 0) terms.emplace_back("saturating");
   Words bounded;
@@ -165,8 +166,8 @@ int check_command(const std::string& path) {
   print_horizon(*robot);
   print_unread(*robot);
   print_cost(*robot);
-  std::printf("  posterior  %s, %u particles\n", c.posterior.enabled ? "learning" : "frozen at the prior",
-              c.posterior.particles);
+  std::printf("  posterior  %s, %u particles%s\n", c.posterior.enabled ? "learning" : "frozen at the prior",
+              c.posterior.particles, c.posterior.disturbance ? ", beside forces that the model lacks" : "");
   std::printf("  memory     %zu bytes\n", tiller_size(&c));
   print_tick(*robot);
   return kExitOk;

@@ -193,11 +193,13 @@ def force_figure(run: Run, name: str) -> str:
     ax.fill_between(run.time[cut], (mean - _INSIDE_90 * sd)[cut], (mean + _INSIDE_90 * sd)[cut], color=page.BAND, linewidth=0)
     _finite_line(ax, run.time[cut], mean[cut], color=page.ESTIMATE, label="estimate, 90 %")
     limit = run.meta.get("contacts", {}).get(name)
-    for side in (-1, 1) if limit is not None else ():
-        ax.axhline(side * limit, color=page.LIMIT, linewidth=0.9, linestyle=":", label="contact" if side > 0 else None)
     known = np.isfinite(mean) & np.isfinite(sd)
     # before it has learnt anything a band as wide as the motor is strong would flatten the rest
     top = 1.3 * np.percentile((np.abs(mean) + _INSIDE_90 * sd)[known], 95) if known.any() else 1.0
+    if limit is not None and limit < 3 * top:
+        top = max(top, 1.1 * limit)
+    for side in (-1, 1) if limit is not None and limit <= top else ():
+        ax.axhline(side * limit, color=page.LIMIT, linewidth=0.9, linestyle=":", label="contact" if side > 0 else None)
     ax.set_ylim(-top or -1.0, top or 1.0)
     ax.margins(x=0.01)
     page.legend(ax)
