@@ -4,11 +4,13 @@
 #include <cmath>
 
 #include "effects/effect_roles.hpp"
+#include "planners/planner.hpp"
 
 namespace tiller {
 namespace {
 
-constexpr double kLeastShare = 0.01;  // of a period that is worth a step
+constexpr std::uint32_t kForceKinds = 3;  // of forces beyond the model, at a joint
+constexpr double kLeastShare = 0.01;      // of a period that is worth a step
 
 StepSetup without_delays(const StepSetup& setup) {
   StepSetup result = setup;
@@ -22,11 +24,15 @@ StepSetup without_delays(const StepSetup& setup) {
 StepSetup with_forces(const StepSetup& setup, std::uint32_t first_param, std::uint32_t joints) {
   StepSetup result = setup;
   if (joints == 0) return result;
-  for (std::uint32_t j = 0; j < joints; ++j)
-    result.effects[result.effect_count++] = {tiller_effect_constant_offset, static_cast<std::uint16_t>(j),
-                                             static_cast<std::uint16_t>(first_param + j), 0};
+  // rows: viscous, dry, wandering, and how fast that fades
+  constexpr std::uint32_t kKinds[kForceKinds] = {tiller_effect_viscous_friction, tiller_effect_coulomb_friction,
+                                                 tiller_effect_constant_offset};
+  for (std::uint32_t kind = 0; kind < kForceKinds; ++kind)
+    for (std::uint32_t j = 0; j < joints; ++j)
+      result.effects[result.effect_count++] = {static_cast<std::uint16_t>(kKinds[kind]), static_cast<std::uint16_t>(j),
+                                               static_cast<std::uint16_t>(first_param + kind * joints + j), 0};
   result.fading = joints;
-  result.fading_param = first_param;
+  result.fading_param = first_param + (kForceKinds - 1) * joints;
   return result;
 }
 
@@ -43,13 +49,13 @@ void PlanningBelief::lay_out(Arena& arena, const tiller_config_t& config, const 
   table_ = &table;
   over_delays_ = over_delays;
   const std::uint32_t joints = Posterior::force_joints(config);
-  const bool fits =
-      setup.effect_count + joints <= TILLER_MAX_EFFECTS && config.param_count + joints + 1 <= TILLER_MAX_PARAMS;
+  const bool fits = setup.effect_count + kForceKinds * joints <= TILLER_MAX_EFFECTS &&
+                    config.param_count + kForceKinds * joints + 1 <= TILLER_MAX_PARAMS;
   forces_ = fits ? joints : 0;
   forced_ = with_forces(setup, config.param_count, forces_);
   undelayed_ = without_delays(forced_);
   lanes_ = (count + kLanePadding - 1) / kLanePadding * kLanePadding;
-  params_ = arena.take<float>(std::size_t{config.param_count + forced_.extra_params()} * count + kLanePadding);
+  params_ = arena.take<float>(std::size_t{param_rows(config, forced_)} * count + kLanePadding);
   state_ = arena.take<float>(std::size_t{nx} * count + kLanePadding);
   effect_state_ = arena.take<float>(std::size_t{ns} * count + kLanePadding);
   history_ = arena.take<float>(std::size_t{setup.delay_steps} * nu + 1);
@@ -92,10 +98,13 @@ void PlanningBelief::take_hypotheses(const Posterior& posterior, std::uint64_t t
 /// one sequence of inputs for several forces lets every pole fall.
 void PlanningBelief::take_forces(const Posterior& posterior) {
   const std::uint32_t count = belief_.count;
-  double value[TILLER_MAX_JOINTS + 1];
-  value[forces_] = config_->period_s * posterior.forces(0.0, value, nullptr);
+  double value[kForceKinds * TILLER_MAX_JOINTS + 1];
+  double* const wandering = value + (kForceKinds - 1) * forces_;
+  posterior.friction(value, value + forces_);
+  wandering[forces_] = config_->period_s * posterior.forces(0.0, wandering, nullptr);
   float* row = params_ + std::size_t{config_->param_count} * count;
-  for (std::uint32_t j = 0; j <= forces_; ++j, row += count) std::fill(row, row + count, static_cast<float>(value[j]));
+  for (std::uint32_t j = 0; j <= kForceKinds * forces_; ++j, row += count)
+    std::fill(row, row + count, static_cast<float>(value[j]));
 }
 
 /// Noise as it is estimated: the process's where the engine tells it by state, else by its common scale.

@@ -23,7 +23,7 @@ void Prediction::lay_out(Arena& arena, const tiller_config_t& config, const Step
   table_ = &table;
   nx_ = config.model->state_count;
   nu_ = config.model->input_count;
-  np_ = config.param_count + setup.extra_params();
+  np_ = param_rows(config, setup);
   ns_ = setup.effect_state_count;
   const std::size_t m = config.planner.particles, square = std::size_t{nx_} * nx_;
   lanes_ = static_cast<std::uint32_t>((m + kLanePadding - 1) / kLanePadding * kLanePadding);

@@ -61,7 +61,8 @@ void SteadyTarget::lay_out(Arena& arena, const tiller_config_t& config, const St
   if (config.cost.input_reference != tiller_input_reference_steady) return;
   config_ = &config;
   table_ = &table;
-  forces_ = setup.fading;
+  rows_ = param_rows(config, setup);
+  force_row_ = setup.fading_param;
   setup_ = at_rest(setup);
   const tiller_model_t& model = *config.model;
   nx_ = model.state_count;
@@ -72,8 +73,8 @@ void SteadyTarget::lay_out(Arena& arena, const tiller_config_t& config, const St
     largest_weight_ = std::fmax(largest_weight_, config.cost.state_weight[i]);
   }
   for (std::uint32_t j = 0; j < model.joint_count; ++j) still_ |= 1u << model.joints[j].velocity;
-  const std::size_t sizes[] = {
-      nx_, nu_, config.param_count + setup.extra_params(), nx_, nx_ * nx_, nx_ * nu_, std::size_t{n_} * n_ + 2 * n_};
+  const std::size_t sizes[] = {nx_,       nu_,       param_rows(config, setup),    nx_,
+                               nx_ * nx_, nx_ * nu_, std::size_t{n_} * n_ + 2 * n_};
   double** const rows[] = {&state_, &input_, &params_, &next_, &a_, &b_, &work_};
   for (int i = 0; i < 7; ++i) *rows[i] = arena.take<double>(sizes[i]);
 }
@@ -82,7 +83,7 @@ void SteadyTarget::update(const Posterior& posterior, const double* param_mean, 
   if (!asked()) return;
   if (config_->cost.reference != nullptr) return clear();
   std::copy(param_mean, param_mean + config_->param_count, params_);
-  (void)posterior.forces(config_->planner.horizon * config_->period_s, params_ + config_->param_count, nullptr);
+  (void)posterior.forces(config_->planner.horizon * config_->period_s, params_ + force_row_, nullptr);
   int steps = 1;
   if (!stands_) {
     begin_at_target(state_mean);
@@ -124,7 +125,7 @@ bool SteadyTarget::step(const double* state_mean, bool gives_way) {
   job.state = state_;
   job.control = input_;
   job.params = params_;
-  job.param_count = config_->param_count + (forces_ > 0 ? forces_ + 1 : 0);
+  job.param_count = rows_;
   job.next = next_;
   job.a = a_;
   job.b = b_;

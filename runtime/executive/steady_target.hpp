@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "core/arena.hpp"
+#include "planners/planner.hpp"
 #include "posterior/posterior.hpp"
 #include "rollout/path.hpp"
 
@@ -42,7 +43,7 @@ class SteadyTarget {
   const tiller_config_t* config_ = nullptr;
   const RolloutTable* table_ = nullptr;
   StepSetup setup_;
-  std::uint32_t nx_ = 0, nu_ = 0, n_ = 0, forces_ = 0;
+  std::uint32_t nx_ = 0, nu_ = 0, n_ = 0, rows_ = 0, force_row_ = 0;
   std::uint32_t still_ = 0;  // bits of the states that must not change
   bool stands_ = false;
   double largest_weight_ = 0.0;

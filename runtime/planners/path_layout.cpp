@@ -14,7 +14,7 @@ void take_sizes(const tiller_config_t& config, const StepSetup& setup, std::uint
   p.ns = setup.effect_state_count;
   p.nz = p.nx + p.ns;
   p.nu = config.model->input_count;
-  p.np = config.param_count + setup.extra_params();
+  p.np = param_rows(config, setup);
   p.cones = make_input_cones(config.safety.cones, config.safety.cone_count);
   p.rate = rate_weight(config);
   p.n = p.nz + (p.rate ? p.nu : 0);

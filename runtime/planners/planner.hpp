@@ -45,6 +45,11 @@ struct PlanResult {
   bool refused = false;  // one more iteration was begun, and gave up for want of a finite plan
 };
 
+/// Rows of parameters of a planner's hypotheses: the configuration's, and behind them those of forces beyond the model.
+inline std::uint32_t param_rows(const tiller_config_t& config, const StepSetup& setup) {
+  return setup.fading > 0 ? setup.fading_param + setup.extra_params() : config.param_count;
+}
+
 /// A planner: one entry of planners.def. Anytime: plan always fills `command` (nu), finite and within limits and
 /// rate limits, even with zero iterations. Nothing allocates after lay_out.
 struct PlannerTable {

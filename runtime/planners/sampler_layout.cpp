@@ -49,7 +49,7 @@ Sizes measure(const tiller_config_t& config, const StepSetup& setup, const Sampl
   z.particles = p.particles;
   z.padded = pad_lanes(p.particles);
   z.states = config.model->state_count;
-  z.params = config.param_count + setup.extra_params();
+  z.params = param_rows(config, setup);
   z.effects = setup.effect_state_count;
   z.penalised = (make_cost_terms<float>(config.cost, config.model->state_count).extra & kPenalties) != 0;
   z.branching = method.branches && method.branches(config);

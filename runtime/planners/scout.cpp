@@ -104,7 +104,7 @@ void lay_out_scout(Arena& arena, const tiller_config_t& config, const StepSetup&
                    Scout& s) {
   const std::size_t count = std::size_t{config.planner.horizon} * config.model->input_count;
   s.gradient = lay_out_ilqr(arena, config, setup, table, true, 1);
-  const std::size_t np = config.param_count + setup.extra_params(), nx = config.model->state_count;
+  const std::size_t np = param_rows(config, setup), nx = config.model->state_count;
   s.hypothesis = arena.take<float>(np + nx + setup.effect_state_count);
   s.knots = arena.take<double>(std::size_t{config.planner.knots} * config.model->input_count);
   s.inputs = arena.take<double>(count);

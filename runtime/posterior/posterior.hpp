@@ -125,7 +125,10 @@ class Posterior {
   /// how far these may be off now (force_joints each); nullable. Returns the rate 1 / tau at which what is expected of
   /// them fades, in 1/s. Cost: O(N) a joint.
   virtual double forces(double /*ahead_s*/, double* /*mean*/, double* /*sd*/) const { return 0.0; }
-  /// The same, of an estimate that looks out for contacts (safety.contact_force): quicker, and less sure.
+  /// Viscous and dry friction beyond the model at these joints, in N s/m or N m s and N or N m: what of it is sure, its
+  /// mean less a deviation, and not below zero (force_joints each).
+  virtual void friction(double* /*viscous*/, double* /*dry*/) const {}
+  /// Forces, of an estimate that looks out for contacts (safety.contact_force): quicker, and less sure.
   virtual void contacts(double* mean, double* sd) const { (void)forces(0.0, mean, sd); }
   /// By how many periods, parts of them included, the inputs of the hypothesis in this column of the last draw() come
   /// late, beside the effects' own delays.

@@ -48,6 +48,32 @@ struct Source {
   tiller::Posterior* source = nullptr;
 };
 
+TEST(PlanningBelief, HasTheForcesThatThePosteriorFound) {
+  tiller::Config c = bench::known_pendulum();
+  c.posterior.disturbance = 1;
+  Source s(c);
+  fakes::posterior.force[0] = -0.3;
+  fakes::posterior.viscous = 0.02;
+  fakes::posterior.dry = 0.1;
+  s.push(0, 0.0);
+  s.belief.draw(*s.source, s.timeline, 0, 1000000, 0.0);
+  const StepSetup& setup = s.belief.planner_setup();
+  ASSERT_EQ(setup.effect_count, 3u);
+  const std::uint32_t kinds[] = {tiller_effect_viscous_friction, tiller_effect_coulomb_friction,
+                                 tiller_effect_constant_offset};
+  const float values[] = {0.02f, 0.1f, -0.3f};
+  const Belief& belief = s.belief.belief();
+  for (std::uint32_t k = 0; k < 3; ++k) {
+    EXPECT_EQ(setup.effects[k].kind, kinds[k]);
+    for (std::uint32_t lane = 0; lane < belief.count; ++lane)
+      EXPECT_EQ(belief.params[setup.effects[k].param * belief.count + lane], values[k]) << k;
+  }
+  EXPECT_EQ(setup.fading, 1u) << "friction stays, what wanders fades";
+  EXPECT_EQ(setup.fading_param, setup.effects[2].param);
+  const float rate = belief.params[(setup.fading_param + setup.fading) * belief.count];
+  EXPECT_FLOAT_EQ(rate, static_cast<float>(0.5 * c.period_s));
+}
+
 TEST(PlanningBelief, StepsUnderTheCommandsAlreadySent) {
   Source s(bench::known_pendulum());
   s.push(0, 1.0);

@@ -48,6 +48,7 @@ class FilterPosterior final : public Posterior {
   void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
             float* history) const override;
   double forces(double ahead_s, double* mean, double* sd) const override;
+  void friction(double* viscous, double* dry) const override;
   void contacts(double* mean, double* sd) const override;
   const AdequacyTest* adequacy() const override { return adequacy_; }
   void clear_adequacy() override;

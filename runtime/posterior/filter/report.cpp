@@ -132,6 +132,24 @@ double FilterPosterior::forces(double ahead_s, double* mean, double* sd) const {
   return mean_rate;
 }
 
+void FilterPosterior::friction(double* viscous, double* dry) const {
+  for (std::uint32_t f = 0; f < forces_; ++f) {
+    if (f % kDiscrepancyBasis == 0) continue;
+    const std::uint32_t state = nx_ + f;
+    const double* row = carried_.filter.state + std::size_t{state} * n_;
+    const double* variance = carried_.filter.covariance + std::size_t{triangle_row(nf_, state, state)} * n_;
+    double sum = 0.0, square = 0.0, within = 0.0;
+    for (std::uint32_t k = 0; k < n_; ++k) {
+      sum += cloud_.weight[k] * row[k];
+      square += cloud_.weight[k] * row[k] * row[k];
+      within += cloud_.weight[k] * variance[k];
+    }
+    const double own = noise_scale_ * noise_scale_ * std::fmax(0.0, within);
+    const double sure = sum - std::sqrt(std::fmax(0.0, square - sum * sum) + own);
+    (f % kDiscrepancyBasis == 1 ? viscous : dry)[f / kDiscrepancyBasis] = std::fmax(0.0, sure);
+  }
+}
+
 /// The process noise's deviation with its own factor; the sensors' have the common scale alone.
 void FilterPosterior::report(PosteriorReport& report) const {
   report = {};
