@@ -166,6 +166,18 @@ def run_table(section, program, arguments):
     return rows_of(section, lines), process.returncode == 0
 
 
+def kept_rows(path, key):
+    """key(row) -> row of a file of JSON lines, the last of which may be half of one; {}: there is no file."""
+    rows = {}
+    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
+        try:
+            row = json.loads(line)
+        except ValueError:
+            continue
+        rows[key(row)] = row
+    return rows
+
+
 def summary(rows):
     print("\n==== summary: every row that has a goal")
     place = None

@@ -27,7 +27,7 @@ import tempfile
 
 import numpy as np
 
-from _driver import HOME, ROOT, note, summary
+from _driver import HOME, ROOT, kept_rows, note, summary
 
 SHARE_LOW, SHARE_HIGH = 0.86, 0.94
 PLAIN, WITH = "plain", "disturbance"
@@ -116,16 +116,8 @@ def run(build, robot, world, arm, seed):
     return found
 
 
-def load(path):
-    """(robot, world, arm, seed) -> row; the last line may be half of one."""
-    rows = {}
-    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
-        try:
-            row = json.loads(line)
-        except ValueError:
-            continue
-        rows[row["robot"], row["world"], row["arm"], row["seed"]] = row
-    return rows
+def key_of(row):
+    return row["robot"], row["world"], row["arm"], row["seed"]
 
 
 def tell(rows, robot, world, arm, seeds, table):
@@ -176,7 +168,7 @@ def main():
     asked = parser.parse_args()
     robots, places, arms = asked.robot or list(ROBOTS), asked.world or list(worlds("", 0)), asked.arm or list(ARMS)
     seeds = range(asked.first, asked.first + asked.seeds)
-    rows = load(asked.rows)
+    rows = kept_rows(asked.rows, key_of)
     wanted = [(robot, world, arm, seed) for seed in seeds for robot in robots for world in places for arm in arms
               if (robot, world, arm, seed) not in rows]
     if wanted:
@@ -186,7 +178,7 @@ def main():
         for found in pool.map(lambda w: run(asked.build.resolve(), *w), wanted):
             if found is None:
                 continue
-            rows[found["robot"], found["world"], found["arm"], found["seed"]] = found
+            rows[key_of(found)] = found
             file.write(json.dumps(found) + "\n")
             file.flush()
     table = []

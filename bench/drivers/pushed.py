@@ -41,7 +41,7 @@ import tomllib
 
 import numpy as np
 
-from _driver import HOME, PEERS, ROOT, Participant, need_environment, note, python_of, summary
+from _driver import HOME, PEERS, ROOT, Participant, kept_rows, need_environment, note, python_of, summary
 
 TODAY, WITH, INTEGRATOR, L1, DO_MPC = ARMS = ("today", "disturbance", "integrator", "L1", "do-mpc")
 FIRST_TUNING = 1001
@@ -355,16 +355,8 @@ def key_of(name, world, arm, seed, settings):
     return name, world, arm, seed, json.dumps(settings, sort_keys=True)
 
 
-def load(path):
-    """Key -> row; the last line may be half of one."""
-    rows = {}
-    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
-        try:
-            row = json.loads(line)
-        except ValueError:
-            continue
-        rows[key_of(row["plant"], row["world"], row["arm"], row["seed"], row["settings"])] = row
-    return rows
+def key_of_row(row):
+    return key_of(row["plant"], row["world"], row["arm"], row["seed"], row["settings"])
 
 
 def measure(asked, rows, wanted, what):
@@ -376,7 +368,7 @@ def measure(asked, rows, wanted, what):
         going = [pool.submit(run, asked.build.resolve(), *w) for w in wanted]
         for count, done in enumerate(concurrent.futures.as_completed(going), 1):
             row = done.result()
-            rows[key_of(row["plant"], row["world"], row["arm"], row["seed"], row["settings"])] = row
+            rows[key_of_row(row)] = row
             file.write(json.dumps(row) + "\n")
             file.flush()
             if count % 50 == 0:
@@ -465,7 +457,7 @@ def main():
         print("do-mpc is not measured: it does not install here")
         arms.remove(DO_MPC)
     asked.rows.parent.mkdir(parents=True, exist_ok=True)
-    rows, table = load(asked.rows), []
+    rows, table = kept_rows(asked.rows, key_of_row), []
     seeds = list(range(asked.first, asked.first + asked.seeds))
     for name in asked.plant or PLANTS:
         print(f"{name}, {len(seeds)} seeds from {asked.first}")

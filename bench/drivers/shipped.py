@@ -24,7 +24,7 @@ import pathlib
 import re
 import subprocess
 
-from _driver import HOME, ONE_THREAD, ROOT, note, summary
+from _driver import HOME, ONE_THREAD, ROOT, kept_rows, note, summary
 
 ARRIVED, HOPPER = 0.1, 0.3
 # seconds of a run: long enough to arrive and to hold, or the reference once
@@ -43,17 +43,8 @@ def has_arrived(row):
     return row["share"] is not None and row["share"] <= (HOPPER if row["robot"] == "hopper" else ARRIVED)
 
 
-def load(path):
-    """(robot, planner, seed) -> row; the last line may be half of one."""
-    rows = {}
-    if path.exists():
-        for line in path.read_text(encoding="utf-8").splitlines():
-            try:
-                row = json.loads(line)
-            except ValueError:
-                continue
-            rows[row["robot"], row["planner"], row["seed"]] = row
-    return rows
+def key_of(row):
+    return row["robot"], row["planner"], row["seed"]
 
 
 def run(program, robot, planner, seeds):
@@ -103,7 +94,7 @@ def main():
     if missing:
         note(f"no length of a run for {', '.join(sorted(missing))}")
     seeds = range(asked.first, asked.first + asked.seeds)
-    rows = load(asked.rows)
+    rows = kept_rows(asked.rows, key_of)
     measure(asked, robots, kinds, seeds, rows)
 
     print(f"arrived of {len(seeds)} seeds from {asked.first}\n")

@@ -161,7 +161,7 @@ void bind_info(nb::module_& m) {
       .def_prop_ro("state_sd", &field_view<&tiller_info_t::state_sd, state_count>, "(nx)")
       .def_prop_ro("param_mean", &field_view<&tiller_info_t::param_mean, param_count>, "(np)")
       .def_prop_ro("param_sd", &field_view<&tiller_info_t::param_sd, param_count>, "(np)")
-      .def_prop_ro("force_mean", &field_view<&tiller_info_t::force_mean, force_count>, "(joints) beyond the model, N or N m.")
+      .def_prop_ro("force_mean", &field_view<&tiller_info_t::force_mean, force_count>, "(joints) N or N m.")
       .def_prop_ro("force_sd", &field_view<&tiller_info_t::force_sd, force_count>, "(joints)")
       .def_prop_ro("noise_sd", &field_view<&tiller_info_t::noise_sd, state_count>, "(nx)")
       .def_prop_ro("delay_weight", &field_view<&tiller_info_t::delay_weight, delay_count>, "(delay hypotheses)")

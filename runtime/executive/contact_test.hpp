@@ -7,9 +7,9 @@
 
 namespace tiller {
 
-/// Whether a force beyond the model is a contact (safety.contact_force): where its estimate is larger than the limit, and
-/// by kDeviations another one than none; until it is half of the limit. An estimate of no force, independent every ten
-/// periods of 20 ms, is taken for one in 0.1 of an hour's (7e-6 of 18,000).
+/// Whether a force beyond the model is a contact (safety.contact_force): where its estimate is larger than the limit,
+/// and kDeviations from none; until it is below half of the limit. Of estimates of no force 7e-6 are that far: 0.1 an
+/// hour, if one is independent every ten periods of 20 ms.
 class ContactTest {
  public:
   void lay_out(const tiller_config_t& config) {

@@ -17,8 +17,8 @@ constexpr double kFree = 1e-6;
 /// Of a state that does not give way.
 constexpr double kFixed = 1e18;
 constexpr int kFirstSteps = 8;
-/// Farthest from the target that an angle, or a rotation, may have to give way, in rad. Beyond, what is linear about the
-/// target says little: a pole that is pushed harder than gravity can balance has no steady state near it.
+/// Farthest from the target that an angle, or a rotation, may have to give way, in rad. Beyond, what is linear about
+/// the target says little: a pole that is pushed harder than gravity can balance has no steady state near it.
 constexpr double kFarthest_rad = 0.5;
 
 /// What acts at rest: a lag passes its command, and dry friction holds wherever the robot stands.

@@ -20,8 +20,8 @@ constexpr double kReach_s = 0.2;
 constexpr double kSlow = 0.2;
 /// Ticks over which the usual speed is averaged.
 constexpr double kSpeedTicks = 256.0;
-/// Sizes of the forces, as logarithms over one that matters: from nothing that a sensor shows to two fifths of what half of
-/// the inputs' range can hold (one deviation). The lower half is a world without: its likelihood is flat there.
+/// Sizes of the forces, as logarithms over one that matters: from nothing that a sensor shows to two fifths of what half
+/// of the inputs' range can hold (one deviation). The lower half is a world without: its likelihood is flat there.
 constexpr double kSmallest = -6.0, kLargest = 0.7;
 /// Times that a wandering force lasts, in s, as logarithms: from a gust to what is as good as constant.
 constexpr double kShortest = -2.3, kLongest = 4.1;
