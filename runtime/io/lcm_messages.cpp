@@ -38,6 +38,13 @@ bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmTelemetry& messa
   return true;
 }
 
+bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmForces& message) {
+  LcmForces read{};
+  if (!lcm_decode(kLcmForcesType, bytes, size, &read)) return false;
+  message = read;
+  return true;
+}
+
 bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmGoal& message) {
   LcmGoal read{};
   if (!lcm_decode(kLcmGoalType, bytes, size, &read)) return false;
@@ -105,6 +112,18 @@ LcmTelemetry lcm_message(const tiller_info_t& info, std::int64_t stamp_us, std::
   message.log_dropped_ticks = static_cast<std::int64_t>(log.dropped_ticks);
   message.log_waiting_bytes = static_cast<std::int64_t>(log.waiting_bytes);
   message.log_lost_bytes = static_cast<std::int64_t>(log.lost_bytes);
+  return message;
+}
+
+LcmForces lcm_forces(const tiller_info_t& info, std::int64_t stamp_us) {
+  LcmForces message{};
+  message.stamp_us = stamp_us;
+  message.tick = static_cast<std::int64_t>(info.ticks);
+  message.touched = static_cast<std::int32_t>(info.touched);
+  const std::uint32_t joints = std::min<std::uint32_t>(info.force_joints, TILLER_MAX_JOINTS);
+  message.count = static_cast<std::int32_t>(joints);
+  std::copy(info.force_mean, info.force_mean + joints, message.mean);
+  std::copy(info.force_sd, info.force_sd + joints, message.sd);
   return message;
 }
 

@@ -38,6 +38,12 @@ struct LcmTelemetry {
   std::int64_t log_dropped_ticks, log_waiting_bytes, log_lost_bytes;
 };
 
+struct LcmForces {
+  std::int64_t stamp_us, tick;
+  std::int32_t touched, count;
+  double mean[TILLER_MAX_JOINTS], sd[TILLER_MAX_JOINTS];
+};
+
 struct LcmGoal {
   std::int64_t stamp_us, sequence;
   std::int32_t kind, count;
@@ -134,6 +140,14 @@ inline constexpr LcmField kLcmWideTelemetryFields[] = {
   TILLER_LCM_FIELD(LcmTelemetry, kInt64,  log_waiting_bytes,   0),
   TILLER_LCM_FIELD(LcmTelemetry, kInt64,  log_lost_bytes,      0),
 };
+inline constexpr LcmField kLcmForcesFields[] = {
+  TILLER_LCM_FIELD(LcmForces, kInt64, stamp_us, 0),
+  TILLER_LCM_FIELD(LcmForces, kInt64, tick,     0),
+  TILLER_LCM_FIELD(LcmForces, kInt32, touched,  0),
+  TILLER_LCM_FIELD(LcmForces, kInt32, count,    0),
+  TILLER_LCM_COUNTED(LcmForces, mean, count, TILLER_MAX_JOINTS),
+  TILLER_LCM_COUNTED(LcmForces, sd, count, TILLER_MAX_JOINTS),
+};
 inline constexpr LcmField kLcmGoalFields[] = {
   TILLER_LCM_FIELD(LcmGoal, kInt64,  stamp_us, 0),
   TILLER_LCM_FIELD(LcmGoal, kInt64,  sequence, 0),
@@ -152,6 +166,7 @@ inline constexpr LcmField kLcmArmFields[] = {
 inline constexpr LcmType kLcmMeasurementType = make_lcm_type(kLcmMeasurementFields);
 inline constexpr LcmType kLcmCommandType = make_lcm_type(kLcmCommandFields);
 inline constexpr LcmType kLcmTelemetryType = make_lcm_type(kLcmTelemetryFields);
+inline constexpr LcmType kLcmForcesType = make_lcm_type(kLcmForcesFields);
 inline constexpr LcmType kLcmGoalType = make_lcm_type(kLcmGoalFields);
 inline constexpr LcmType kLcmArmType = make_lcm_type(kLcmArmFields);
 inline constexpr LcmType kLcmWideMeasurementType = make_lcm_type(kLcmWideMeasurementFields);
@@ -176,6 +191,7 @@ constexpr const LcmType& lcm_telemetry_type(std::uint32_t states, std::uint32_t 
 [[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmMeasurement& message);
 [[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmCommand& message);
 [[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmTelemetry& message);
+[[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmForces& message);
 [[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmGoal& message);
 [[nodiscard]] bool lcm_read(const std::uint8_t* bytes, std::uint32_t size, LcmArm& message);
 
@@ -194,5 +210,7 @@ LcmMeasurement lcm_message(const tiller_measurement_t& measurement, std::uint32_
 LcmCommand lcm_message(const tiller_command_t& command, std::uint32_t count);
 LcmTelemetry lcm_message(const tiller_info_t& info, std::int64_t stamp_us, std::uint32_t state_count,
                          std::uint32_t param_count, const LogState& log);
+/// What the posterior believes to push the joints; no joints where it looks for nothing.
+LcmForces lcm_forces(const tiller_info_t& info, std::int64_t stamp_us);
 
 }  // namespace tiller

@@ -15,7 +15,7 @@ import zlib
 CHECK = sys.argv[1] == "--check"
 CORPUS, TYPES = sys.argv[1 + CHECK:3 + CHECK]
 sys.path.insert(0, TYPES)
-from tiller_lcm import command_t, measurement_t, telemetry_t  # noqa: E402
+from tiller_lcm import command_t, forces_t, measurement_t, telemetry_t  # noqa: E402
 
 
 def save(fuzzer, name, data):
@@ -140,6 +140,12 @@ def telemetry(i):
     return t.encode()
 
 
+def forces(i):
+    f = forces_t()
+    f.stamp_us, f.tick, f.touched, f.count, f.mean, f.sd = 1000 * i, i + 1, 1, 1, [0.5], [0.1]
+    return f.encode()
+
+
 # A command that is lost is held over, so one is enough for twenty rows: short inputs are fast ones.
 log = far = event(0, b"TILLER_MEASUREMENT", measurement(0, 1, 1)) + event(1, b"TILLER_COMMAND", command_to(0))
 for i in range(1, 20):
@@ -148,7 +154,7 @@ for i in range(1, 20):
 run = b""
 for i in range(3):
     run += event(3 * i, b"TILLER_MEASUREMENT", measurement(i, 1, 1)) + event(3 * i + 1, b"TILLER_COMMAND", command_to(i))
-    run += event(3 * i + 2, b"TILLER_TELEMETRY", telemetry(i))
+    run += event(3 * i + 2, b"TILLER_TELEMETRY", telemetry(i)) + event(3 * i + 3, b"TILLER_FORCES", forces(i))
 save("log", "lcm", log)
 save("log", "lcm_cut", log[:-17])
 save("log", "stamps_far_apart", far)

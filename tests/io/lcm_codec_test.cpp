@@ -14,6 +14,7 @@
 #include "io/udp_multicast.hpp"
 #include "tiller_lcm/arm_t.hpp"
 #include "tiller_lcm/command_t.hpp"
+#include "tiller_lcm/forces_t.hpp"
 #include "tiller_lcm/goal_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
 #include "tiller_lcm/telemetry_t.hpp"
@@ -128,6 +129,26 @@ TEST(LcmCodec, WideTypesAreLcmGensAtEveryCount) {
   EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::goal_t::getHash()), kLcmGoalType.fingerprint);
   EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::arm_t::getHash()), kLcmArmType.fingerprint);
   EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::wide_telemetry_t::getHash()), kLcmWideTelemetryType.fingerprint);
+  EXPECT_EQ(static_cast<std::uint64_t>(tiller_lcm::forces_t::getHash()), kLcmForcesType.fingerprint);
+  for (int count = 0; count <= TILLER_MAX_JOINTS; ++count) {
+    tiller_lcm::forces_t f{};
+    f.stamp_us = -4;
+    f.tick = 1ll << 40;
+    f.touched = 0x8001;
+    f.count = count;
+    f.mean = row(count, -2.0);
+    f.sd = row(count, 3.0);
+    LcmForces ours{};
+    EXPECT_EQ(encoded(f), again(kLcmForcesType, encoded(f), ours)) << count;
+    EXPECT_EQ(ours.stamp_us, -4);
+    EXPECT_EQ(ours.tick, 1ll << 40);
+    EXPECT_EQ(ours.touched, 0x8001);
+    EXPECT_EQ(ours.count, count);
+    for (int i = 0; i < count; ++i) {
+      EXPECT_EQ(ours.mean[i], -2.0 + 0.5 * i);
+      EXPECT_EQ(ours.sd[i], 3.0 + 0.5 * i);
+    }
+  }
   for (int count = 0; count <= 32; ++count) {
     tiller_lcm::wide_measurement_t m{};
     m.stamp_us = -9;

@@ -44,6 +44,7 @@ void publish(Bench& bench, const char* channel, std::int64_t sequence, std::uint
 void long_life(void* arg) {
   Bench& bench = *static_cast<Bench*>(arg);
   tiller_info_t info{};
+  info.force_joints = TILLER_MAX_JOINTS;
   for (int k = 0; k < kTicks; ++k) {
     publish(bench, "TILLER_MEASUREMENT", k, 0, false);
     if (k % 3 == 0) publish(bench, "TILLER_MEASUREMENT", k + 1, 5, false);

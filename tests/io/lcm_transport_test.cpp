@@ -13,6 +13,7 @@
 #include <lcm/lcm.h>
 
 #include "tiller_lcm/command_t.hpp"
+#include "tiller_lcm/forces_t.hpp"
 #include "tiller_lcm/measurement_t.hpp"
 #include "tiller_lcm/telemetry_t.hpp"
 
@@ -87,10 +88,12 @@ class Plant {
  public:
   std::vector<tiller_lcm::command_t> commands;
   std::vector<tiller_lcm::telemetry_t> telemetry;
+  std::vector<tiller_lcm::forces_t> forces;
 
   Plant() : lcm_(lcm_create("udpm://239.255.76.67:7667?ttl=0")) {
     lcm_subscribe(lcm_, "TILLER_COMMAND", &Plant::on_command, this);
     lcm_subscribe(lcm_, "TILLER_TELEMETRY", &Plant::on_telemetry, this);
+    lcm_subscribe(lcm_, "TILLER_FORCES", &Plant::on_forces, this);
   }
   ~Plant() { lcm_destroy(lcm_); }
   Plant(const Plant&) = delete;
@@ -104,6 +107,9 @@ class Plant {
  private:
   static void on_command(const lcm_recv_buf_t* buffer, const char*, void* self) {
     decode(buffer, static_cast<Plant*>(self)->commands);
+  }
+  static void on_forces(const lcm_recv_buf_t* buffer, const char*, void* self) {
+    decode(buffer, static_cast<Plant*>(self)->forces);
   }
   static void on_telemetry(const lcm_recv_buf_t* buffer, const char*, void* self) {
     decode(buffer, static_cast<Plant*>(self)->telemetry);
@@ -304,6 +310,30 @@ TEST_P(Lcm, TelemetryArrivesWhole) {
   EXPECT_EQ(10.0 + 23, message.param_sd[23]);
   EXPECT_EQ(tiller_status_bad_dimension,
             lcm_send_telemetry(&transport_, 77, info, TILLER_MAX_STATES + 1, TILLER_MAX_PARAMS));
+}
+
+TEST_P(Lcm, ForcesFollowTheTelemetryOfAPosteriorThatLooksForThem) {
+  Plant plant;
+  tiller_info_t info{};
+  info.ticks = 1;
+  info.force_mean[0] = 9.0;
+  ASSERT_EQ(tiller_status_ok, lcm_send_telemetry(&transport_, 77, info, 2, 3));
+  info.ticks = 2;
+  info.force_joints = 2;
+  info.touched = 2;
+  info.force_mean[0] = 1.0 / 3.0;
+  info.force_mean[1] = -7.5;
+  info.force_sd[1] = 0.25;
+  ASSERT_EQ(tiller_status_ok, lcm_send_telemetry(&transport_, 97, info, 2, 3));
+  while (plant.forces.empty()) ASSERT_TRUE(plant.handle_one());
+  EXPECT_EQ(2u, plant.telemetry.size());
+  ASSERT_EQ(1u, plant.forces.size()) << "nothing of the tick without forces";
+  const tiller_lcm::forces_t& message = plant.forces[0];
+  EXPECT_EQ(97, message.stamp_us);
+  EXPECT_EQ(2, message.tick);
+  EXPECT_EQ(2, message.touched);
+  EXPECT_EQ((std::vector<double>{1.0 / 3.0, -7.5}), message.mean);
+  EXPECT_EQ((std::vector<double>{0.0, 0.25}), message.sd);
 }
 
 TEST_P(Lcm, StampsOfArrivalReplaceAForeignClock) {

@@ -9,11 +9,12 @@ namespace tiller::tools {
 namespace {
 
 /// As the recorder writes it: numbers of every kind, infinite and missing ones among them.
-std::string write_run(const RobotFile& robot, const std::string& path, std::uint64_t ticks) {
+std::string write_run(const RobotFile& robot, const std::string& path, std::uint64_t ticks,
+                      LoggedTick (*tick_of)(std::uint64_t) = odd_tick) {
   RunLog log(robot, false, {});
   log.open(path);
   for (std::uint64_t k = 0; k < ticks; ++k) {
-    const LoggedTick tick = odd_tick(k);
+    const LoggedTick tick = tick_of(k);
     const tiller_record_t& r = tick.entry.record;
     tiller_info_t info = tick.info;
     info.planner_iterations = r.planner_iterations;
@@ -67,6 +68,22 @@ TEST(CsvRun, EveryTickComesBackToTheLastBit) {
   EXPECT_EQ(run.note, "");
   ASSERT_EQ(run.entries.size(), 200u);
   for (std::uint64_t k = 0; k < 200; ++k) expect_same_inputs(odd_tick(k).entry, run.entries[k]);
+}
+
+TEST(CsvRun, ForcesComeBackAndWhereALogHasNoneItSaysSo) {
+  const Folder folder;
+  const auto robot = pushed_arm();
+  (void)write_run(*robot, folder / "pushed.csv", 50, pushed_tick);
+  (void)write_run(*arm(), folder / "still.csv", 50);
+  for (const bool pushed : {true, false}) {
+    RecordedRun run;
+    std::string error;
+    ASSERT_TRUE(read_recorded_run(folder / (pushed ? "pushed.csv" : "still.csv"), *robot, run, error)) << error;
+    ASSERT_EQ(run.entries.size(), 50u);
+    for (std::uint64_t k = 0; k < 50; ++k)
+      expect_same_forces(pushed ? pushed_tick(k).entry : odd_tick(k).entry, run.entries[k]);
+    EXPECT_EQ(run.note, pushed ? "" : "the forces beyond the model are not in it");
+  }
 }
 
 TEST(CsvRun, CutAtEveryByteItsWholeRowsAreRead) {

@@ -17,6 +17,9 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 
+sys.path.insert(0, os.environ["TILLER_PYTHON"])
+from tiller_lcm import forces_t  # noqa: E402
+
 TILLER = os.environ["TILLER_COMMAND"]
 ROBOTS = pathlib.Path(os.environ["TILLER_ROBOTS"])
 
@@ -175,6 +178,29 @@ class Files(unittest.TestCase):
         self.assertLess(found[1].returncode, 4, found[1].stderr)
         strip = lambda text: {k: v for k, v in json.loads(text).items() if k in ("verdict", "effects", "explanations")}
         self.assertEqual(strip(found[0].stdout), strip(found[1].stdout))
+
+    def test_forces_are_the_same_numbers_in_every_format(self):
+        robot = self.home / "pushed.toml"
+        robot.write_text((ROBOTS / "pendulum.toml").read_text() + "\n[posterior]\ndisturbance = true\n")
+        done = tiller("run", robot, "--sim", "--seconds", "2", "--quiet", "--record", "pushed.mcap", "--record", "pushed.lcm",
+                      "--log", "pushed.csv", cwd=self.home)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        head, *rows = (line.split(",") for line in (self.home / "pushed.csv").read_text().splitlines())
+        columns = [head.index(name) for name in ("force.mean.joint_Nm", "force.sd.joint_Nm", "touched")]
+        wanted = [tuple(float(row[at]) for at in columns) for row in rows]
+        self.assertGreater(len({row[0] for row in wanted}), 50, "or the comparison says nothing")
+        ticks = [json.loads(m.data) for m in messages_of(self.home / "pushed.mcap")[0] if b'"force"' in m.data]
+        self.assertEqual([(t["force"]["mean"]["joint_Nm"], t["force"]["sd"]["joint_Nm"], t["force"]["touched"]) for t in ticks],
+                         wanted)
+        sent = [forces_t.decode(event.data) for event in lcm.EventLog(str(self.home / "pushed.lcm"), "r")
+                if event.channel == "TILLER_FORCES"]
+        self.assertEqual([(f.mean[0], f.sd[0], f.touched) for f in sent], wanted)
+        for log in ("pushed.mcap", "pushed.lcm", "pushed.csv"):
+            again = tiller("replay", log, robot, cwd=self.home)
+            self.assertEqual(again.returncode, 0, again.stdout + again.stderr)
+            self.assertNotIn("forces beyond the model are not in it", again.stdout)
+        older = tiller("replay", "run.lcm", robot, "--tolerance", "100", cwd=self.home)
+        self.assertIn("run.lcm: the forces beyond the model are not in it", older.stdout)
 
     def test_a_log_of_another_run_differs_and_says_where(self):
         other = tiller("replay", "run.lcm", ROBOTS / "pendulum.toml", "--seed", "9", cwd=self.home)

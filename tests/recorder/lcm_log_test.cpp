@@ -70,6 +70,36 @@ TEST(LcmLog, EveryTickComesBackToTheLastBit) {
   for (std::uint64_t k = 0; k < 50; ++k) expect_same(plain_tick(k).entry.record, run.entries[k].record);
 }
 
+TEST(LcmLog, ForcesComeBackAndWhereALogHasNoneItSaysSo) {
+  const Folder folder;
+  const auto robot = pushed_arm();
+  constexpr std::uint64_t kTicks = 50;
+  for (const bool pushed : {true, false}) {
+    LcmLog log(*robot);
+    log.open(folder / "run.lcm", 77);
+    for (std::uint64_t k = 0; k < kTicks; ++k) {
+      LoggedTick tick = plain_tick(k);
+      const tiller_info_t& force = pushed_tick(k).info;
+      tick.info.force_joints = pushed ? force.force_joints : 0;
+      tick.info.touched = force.touched;
+      tick.info.force_mean[0] = force.force_mean[0];
+      tick.info.force_sd[0] = force.force_sd[0];
+      log.add(tick.entry, tick.info);
+    }
+    ASSERT_TRUE(log.close());
+    EXPECT_EQ(events_in(folder / "run.lcm"), pushed ? 190u : 140u);
+    RecordedRun run;
+    std::string error;
+    ASSERT_TRUE(read_recorded_run(folder / "run.lcm", *robot, run, error)) << error;
+    ASSERT_EQ(run.entries.size(), kTicks);
+    for (std::uint64_t k = 0; k < kTicks; ++k) {
+      expect_same(plain_tick(k).entry.record, run.entries[k].record);
+      expect_same_forces(pushed ? pushed_tick(k).entry : plain_tick(k).entry, run.entries[k]);
+    }
+    EXPECT_EQ(run.note, pushed ? "" : "the forces beyond the model are not in it");
+  }
+}
+
 TEST(LcmLog, CutAtEveryByteItsWholeMessagesAreRead) {
   const Folder folder;
   const auto robot = arm();

@@ -41,6 +41,28 @@ TEST(Mcap, EveryNumberComesBackToTheLastBit) {
   EXPECT_TRUE(record_header(robot->config) == record_header(run.config)) << "the configuration of the run";
 }
 
+TEST(Mcap, ForcesComeBackAndWhereALogHasNoneItSaysSo) {
+  const Folder folder;
+  const auto robot = pushed_arm(), still = arm();
+  for (const bool pushed : {true, false}) {
+    McapRun out(pushed ? *robot : *still);
+    out.open(folder / "run.mcap", robot->config, 0);
+    for (std::uint64_t k = 0; k < kTicks; ++k) out.add(pushed ? pushed_tick(k).entry : odd_tick(k).entry);
+    ASSERT_TRUE(out.close(kTicks, 0));
+    RecordedRun run;
+    std::string error;
+    ASSERT_TRUE(read_recorded_run(folder / "run.mcap", *robot, run, error)) << error;
+    ASSERT_EQ(run.entries.size(), kTicks);
+    for (std::uint64_t k = 0; k < kTicks; ++k) {
+      expect_same(odd_tick(k).entry.record, run.entries[k].record);
+      expect_same_forces(pushed ? pushed_tick(k).entry : odd_tick(k).entry, run.entries[k]);
+    }
+    EXPECT_EQ(run.note, pushed ? "" : "the forces beyond the model are not in it");
+    ASSERT_TRUE(read_recorded_run(folder / "run.mcap", *still, run, error)) << error;
+    EXPECT_EQ(run.note, "") << "a robot that looks for none misses none";
+  }
+}
+
 /// Where each chunk ends, by walking over the file's records.
 std::vector<std::size_t> chunk_ends(const std::string& bytes) {
   std::vector<std::size_t> ends;

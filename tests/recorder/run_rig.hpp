@@ -47,6 +47,16 @@ inline std::unique_ptr<RobotFile> arm() {
   return robot;
 }
 
+/// The same, whose posterior looks for forces beyond the model.
+inline std::unique_ptr<RobotFile> pushed_arm() {
+  std::string text = kArm, errors;
+  const std::string posterior = "[posterior]\n";
+  text.insert(text.find(posterior) + posterior.size(), "disturbance = true\n");
+  auto robot = parse_robot_file(text, "arm.toml", errors);
+  EXPECT_TRUE(robot) << errors;
+  return robot;
+}
+
 /// A tick with every kind of number that a log must bring back: thirds, the smallest and largest, NaN, infinity, -0.
 inline LoggedTick odd_tick(std::uint64_t k) {
   const double inf = std::numeric_limits<double>::infinity();
@@ -87,6 +97,17 @@ inline LoggedTick odd_tick(std::uint64_t k) {
   return tick;
 }
 
+/// The same of a pushed arm.
+inline LoggedTick pushed_tick(std::uint64_t k) {
+  LoggedTick tick = odd_tick(k);
+  tick.info.force_joints = 1;
+  tick.info.touched = k % 3 == 1 ? 1 : 0;
+  tick.info.force_mean[0] = -1.0 / (3.0 + static_cast<double>(k));
+  tick.info.force_sd[0] = k == 0 ? 5e-324 : 1.0 / 7.0;
+  take_forces(tick.info, tick.entry);
+  return tick;
+}
+
 inline bool same_double(double a, double b) {
   return std::isnan(a) ? std::isnan(b) : std::memcmp(&a, &b, sizeof a) == 0;
 }
@@ -115,6 +136,14 @@ inline void expect_same(const tiller_record_t& a, const tiller_record_t& b) {
   EXPECT_PRED2(same_double, a.state_mean[0], b.state_mean[0]);
   EXPECT_PRED2(same_double, a.param_mean[0], b.param_mean[0]);
   EXPECT_PRED2(same_double, a.param_sd[0], b.param_sd[0]);
+}
+
+/// What the log tells of the forces, to the last bit.
+inline void expect_same_forces(const RecordEntry& a, const RecordEntry& b) {
+  EXPECT_EQ(a.force_joints, b.force_joints) << a.record.tick;
+  EXPECT_EQ(a.touched, b.touched) << a.record.tick;
+  EXPECT_PRED2(same_double, a.force_mean[0], b.force_mean[0]) << a.record.tick;
+  EXPECT_PRED2(same_double, a.force_sd[0], b.force_sd[0]) << a.record.tick;
 }
 
 inline std::string bytes_of(const std::string& path) {

@@ -43,6 +43,9 @@ void LcmLog::add(const RecordEntry& entry, const tiller_info_t& info, const LogS
   event("COMMAND", r.now_us, lcm_command_type(count(robot_.inputs.size())), &command);
   const LcmTelemetry telemetry = lcm_message(info, r.now_us, robot_.model->state_count, robot_.config.param_count, log);
   event("TELEMETRY", r.now_us, lcm_telemetry_type(robot_.model->state_count, robot_.config.param_count), &telemetry);
+  if (info.force_joints == 0) return;
+  const LcmForces forces = lcm_forces(info, r.now_us);
+  event("FORCES", r.now_us, kLcmForcesType, &forces);
 }
 
 }  // namespace tiller::tools

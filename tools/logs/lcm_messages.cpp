@@ -42,6 +42,7 @@ class Reader {
     if (event.channel == prefix_ + "MEASUREMENT") take_measurement(event);
     if (event.channel == prefix_ + "COMMAND") take_command(event);
     if (event.channel == prefix_ + "TELEMETRY") take_telemetry(event);
+    if (event.channel == prefix_ + "FORCES") take_forces(event);
     if (channels_.size() < kMostChannels || channels_.count(event.channel) > 0) ++channels_[event.channel];
   }
 
@@ -102,6 +103,11 @@ class Reader {
   void take_telemetry(const LcmEvent& event) {
     LcmTelemetry telemetry;
     if (read_event(event, telemetry)) sink_.take_telemetry(telemetry);
+  }
+
+  void take_forces(const LcmEvent& event) {
+    LcmForces forces;
+    if (read_event(event, forces)) sink_.take_forces(forces);
   }
 
   std::string channels_text() const {

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "tools/logs/mcap_reader.hpp"
+#include "tools/logs/run_log.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -75,6 +76,11 @@ Json tick_schema(const RobotFile& robot) {
   for (const char* name : {"state", "status"}) schema["properties"][name] = {{"type", "string"}};
   schema["properties"]["mean"] = object_schema({}, numbers);
   schema["properties"]["sd"] = object_schema({}, robot.params);
+  const Words forces = felt_forces(robot.config);
+  if (forces.empty()) return schema;
+  Json force = object_schema({"touched"}, {});
+  for (const char* name : {"mean", "sd"}) force["properties"][name] = object_schema({}, forces);
+  schema["properties"]["force"] = force;
   return schema;
 }
 
@@ -90,6 +96,13 @@ std::string command_json(const RobotFile& robot, const tiller_command_t& c) {
   Json json = {{"stamp_us", c.stamp_us}, {"sequence", c.sequence}, {"plan_sequence", c.plan_sequence}};
   put(json, robot.inputs, c.value);
   return json.dump();
+}
+
+Json force_json(const Words& forces, const RecordEntry& entry) {
+  Json mean = Json::object(), sd = Json::object();
+  put(mean, forces, entry.force_mean);
+  put(sd, forces, entry.force_sd);
+  return {{"mean", mean}, {"sd", sd}, {"touched", entry.touched}};
 }
 
 std::string tick_json(const RobotFile& robot, const RecordEntry& entry) {
@@ -114,6 +127,7 @@ std::string tick_json(const RobotFile& robot, const RecordEntry& entry) {
   put(sd, robot.params, r.param_sd);
   json["mean"] = mean;
   json["sd"] = sd;
+  if (const Words forces = felt_forces(robot.config); !forces.empty()) json["force"] = force_json(forces, entry);
   if (entry.goal != 0) {
     Json goal = Json::object();
     if ((entry.goal & kGoalStates) != 0) put(goal, robot.states, entry.target);
@@ -147,6 +161,19 @@ bool take_goal(const RobotFile& robot, const Json& json, RecordEntry& entry) {
   return take(goal, robot.outputs, entry.output_target);
 }
 
+/// Forces beyond the model; nothing in a log from before it had them.
+bool take_forces(const RobotFile& robot, const Json& json, RecordEntry& entry) {
+  const Words forces = felt_forces(robot.config);
+  if (forces.empty() || !json.contains("force")) return true;
+  const Json& force = json["force"];
+  entry.force_joints = static_cast<std::uint32_t>(forces.size());
+  const auto holds = [&](const char* name, double* values) {
+    return force.contains(name) && force[name].is_object() && take(force[name], forces, values);
+  };
+  return force.is_object() && take(force, "touched", entry.touched) && holds("mean", entry.force_mean) &&
+         holds("sd", entry.force_sd);
+}
+
 bool take_tick(const RobotFile& robot, const Json& json, RecordEntry& entry) {
   tiller_record_t& r = entry.record;
   const auto is_object = [&](const char* name) { return json.contains(name) && json[name].is_object(); };
@@ -158,7 +185,7 @@ bool take_tick(const RobotFile& robot, const Json& json, RecordEntry& entry) {
          take(json["mean"], robot.params, r.param_mean) && take(json["sd"], robot.params, r.param_sd) &&
          json.contains("plan_cost") && take(json["plan_cost"], r.plan_cost) && json.contains("effective_samples") &&
          take(json["effective_samples"], r.effective_samples) && json.contains("noise_scale") &&
-         take(json["noise_scale"], r.noise_scale) && take_goal(robot, json, entry);
+         take(json["noise_scale"], r.noise_scale) && take_goal(robot, json, entry) && take_forces(robot, json, entry);
 }
 
 std::string text_of(const std::string& path) {

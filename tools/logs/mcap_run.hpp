@@ -15,7 +15,7 @@ namespace tiller::tools {
 //   /measurement   stamp_us, sequence, command_latency_us and the measured states by name; only where there was one
 //   /command       stamp_us, sequence, plan_sequence and the inputs by name
 //   /tick          tick, now_us, status, planner_iterations, calls, ...; mean and sd: the estimate of state and
-//   parameters
+//   parameters; force: mean and sd of what pushes the joints beyond the model, and touched ([posterior] disturbance)
 //
 // Numbers are written so that they read back as the same double; NaN is null, infinity a text. The attachment
 // `controller` is what a record file begins with (record_header), `robot.toml` the robot file: with them, `tiller

@@ -9,6 +9,7 @@
 #include "tools/logs/log_formats.hpp"
 #include "tools/logs/mcap_run.hpp"
 #include "tools/logs/recorded_run.hpp"
+#include "tools/logs/run_log.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -83,13 +84,24 @@ bool read_measured(const std::string& path, const RobotFile& robot, RecordedRun&
   return true;
 }
 
+/// A log of the robot's may be older than its posterior's forces, or than the logs' having them.
+void note_missing_forces(const RobotFile& robot, RecordedRun& run) {
+  const auto tells = [](const RecordEntry& entry) { return entry.force_joints > 0; };
+  if (felt_forces(robot.config).empty() || std::any_of(run.entries.begin(), run.entries.end(), tells)) return;
+  run.note += (run.note.empty() ? "" : "; ") + std::string("the forces beyond the model are not in it");
+}
+
 }  // namespace
 
 bool read_recorded_run(const std::string& path, const RobotFile& robot, RecordedRun& run, std::string& error) {
   const std::string kind = log_format(path);
   run = {};
-  if (kind == "lcm") return read_lcm_run(path, robot, run, error);  // it finds holes itself
-  bool read = false;
+  if (kind == "lcm") {  // it finds holes itself
+    const bool read_lcm = read_lcm_run(path, robot, run, error);
+    note_missing_forces(robot, run);
+    return read_lcm;
+  }
+  bool read = false, ours = true;
   std::ifstream file(path, std::ios::binary);
   const std::string mcap = kind == "mcap" ? all_of(path) : "";
   if (kind == "record")
@@ -99,10 +111,11 @@ bool read_recorded_run(const std::string& path, const RobotFile& robot, Recorded
   else if (kind == "csv" && is_csv_run(path))
     read = read_csv_run(file, path, robot, run, error);
   else
-    read = read_measured(path, robot, run, error);
+    ours = false, read = read_measured(path, robot, run, error);
   if (!read && kind == "csv" && file && !is_csv_run(path))
     error += path + ": is no record of tiller either; `tiller run --record FILE` writes one\n";
   find_holes(run);
+  if (ours) note_missing_forces(robot, run);
   return read;
 }
 

@@ -1,5 +1,6 @@
 #include "tools/logs/record_file.hpp"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
@@ -27,6 +28,13 @@ bool read_joint(std::istream& file, std::shared_ptr<const JointPrior>& joint) {
   return static_cast<bool>(file);
 }
 }  // namespace
+
+void take_forces(const tiller_info_t& info, RecordEntry& entry) {
+  entry.force_joints = info.force_joints;
+  entry.touched = info.touched;
+  std::copy(std::begin(info.force_mean), std::end(info.force_mean), entry.force_mean);
+  std::copy(std::begin(info.force_sd), std::end(info.force_sd), entry.force_sd);
+}
 
 std::string record_header(const tiller_config_t& config) {
   Config copy = config;

@@ -19,8 +19,14 @@ struct RecordEntry {
   tiller_record_t record{};
   double target[TILLER_MAX_STATES] = {};          ///< then where to
   double output_target[TILLER_MAX_OUTPUTS] = {};  ///< and where to with the outputs
+  /// Forces beyond the model after the tick, as in tiller_info_t. No joints: the log tells none.
+  std::uint32_t force_joints = 0, touched = 0;
+  double force_mean[TILLER_MAX_JOINTS] = {}, force_sd[TILLER_MAX_JOINTS] = {};
 };
 constexpr std::uint32_t kGoalStates = 1u, kGoalOutputs = 2u;
+
+/// The forces that the controller tells of after a tick.
+void take_forces(const tiller_info_t& info, RecordEntry& entry);
 
 /// Record files are of one build of tiller: structs as they are in memory. Layout: "TILLREC2", uint32 sizes of
 /// Config and of RecordEntry, the configuration with its arrays and its pointers zero, uint32 components and dimension

@@ -7,6 +7,7 @@
 
 #include "tools/base/csv_reader.hpp"
 #include "tools/logs/recorded_run.hpp"
+#include "tools/logs/run_log.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -109,6 +110,16 @@ void take_goal(const RobotFile& robot, CsvRow& row, RecordEntry& entry) {
   if ((entry.goal & kGoalOutputs) != 0) row.numbers("goal.", robot.outputs, entry.output_target);
 }
 
+/// Forces beyond the model; nothing in a CSV from before it had `touched` beside them.
+void take_forces(const RobotFile& robot, CsvRow& row, RecordEntry& entry) {
+  const Words forces = felt_forces(robot.config);
+  if (forces.empty() || !row.has("touched")) return;
+  entry.force_joints = static_cast<std::uint32_t>(forces.size());
+  row.numbers("force.mean.", forces, entry.force_mean);
+  row.numbers("force.sd.", forces, entry.force_sd);
+  row.integer("touched", entry.touched);
+}
+
 RecordEntry entry_of(const RobotFile& robot, CsvRow& row) {
   static const CodeNames statuses =
       code_names(kStatusCodes, [](int code) { return tiller_status_name(static_cast<tiller_status_t>(code)); });
@@ -128,6 +139,7 @@ RecordEntry entry_of(const RobotFile& robot, CsvRow& row) {
   row.numbers("mean.", robot.states, r.state_mean);
   take_parameters(robot, row, r);
   take_goal(robot, row, entry);
+  take_forces(robot, row, entry);
   r.has_measurement = row.is_empty("stamp_us") ? 0 : 1;
   if (r.has_measurement != 0) {
     take_measurement(robot, row, r.measurement);

@@ -22,6 +22,7 @@ struct Answer {
   LcmCommand command{};
   bool told = false;
   LcmTelemetry telemetry{};
+  LcmForces forces{};         ///< no joints: none were logged
   bool has_answered = false;  ///< `answered` is the measurement that it answers
   tiller_measurement_t answered{};
   bool has_waiting = false;  ///< `waiting` is the newest one that came since the command before
@@ -51,6 +52,16 @@ class Answers : public LcmSink {
       if (answer.told || answer.command.stamp_us != t.stamp_us) continue;
       answer.telemetry = t;
       answer.told = true;
+      return;
+    }
+  }
+
+  void take_forces(const LcmForces& f) override {
+    const std::size_t newest = list.size(), oldest = newest - std::min(newest, kMostBack);
+    for (std::size_t i = newest; i > oldest; --i) {
+      Answer& answer = list[i - 1];
+      if (!answer.told || answer.telemetry.tick != f.tick || answer.command.stamp_us != f.stamp_us) continue;
+      answer.forces = f;
       return;
     }
   }
@@ -136,6 +147,13 @@ void take_telemetry(const RobotFile& robot, const Answer& answer, RecordEntry& e
   const auto params = std::min<std::uint32_t>(robot.config.param_count, TILLER_MAX_PARAMS);
   std::copy(t.param_mean, t.param_mean + params, r.param_mean);
   std::copy(t.param_sd, t.param_sd + params, r.param_sd);
+}
+
+void take_forces(const LcmForces& forces, RecordEntry& entry) {
+  entry.force_joints = static_cast<std::uint32_t>(forces.count);
+  entry.touched = static_cast<std::uint32_t>(forces.touched);
+  std::copy(std::begin(forces.mean), std::end(forces.mean), entry.force_mean);
+  std::copy(std::begin(forces.sd), std::end(forces.sd), entry.force_sd);
 }
 
 RecordEntry entry_of(const RobotFile& robot, const Answer& answer, bool lockstep, const Foresight& foresight) {
@@ -234,6 +252,7 @@ bool read_lcm_run(std::istream& file, const std::string& path, const RobotFile& 
     add_calls(answer, run.entries.empty(), before, entry);
     if (answer.told) {
       take_telemetry(robot, answer, entry);
+      take_forces(answer.forces, entry);
       foresight.note(answer.telemetry.tick_ns);
     }
     before = answer.command.state;

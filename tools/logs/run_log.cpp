@@ -43,7 +43,9 @@ std::string RunLog::header() const {
   if (robot_.config.planner.predict_spread != 0)
     for (const char* prefix : {"foreseen.mean.", "foreseen.sd."}) add_all(prefix, robot_.states);
   if (robot_.config.posterior.adequacy != 0) add_all("innovation.", robot_.measurements);
-  for (const char* prefix : {"force.mean.", "force.sd."}) add_all(prefix, felt_forces(robot_.config));
+  const Words forces = felt_forces(robot_.config);
+  for (const char* prefix : {"force.mean.", "force.sd."}) add_all(prefix, forces);
+  if (!forces.empty()) columns.emplace_back("touched");
   if (goals_ != 0) columns.emplace_back("goal");
   if ((goals_ & kGoalStates) != 0) add_all("goal.", robot_.states);
   if ((goals_ & kGoalOutputs) != 0) add_all("goal.", robot_.outputs);
@@ -89,7 +91,8 @@ void RunLog::task(const TickView& tick) {
   for (std::size_t i = 0; robot_.config.posterior.adequacy != 0 && i < robot_.measurements.size(); ++i)
     number(tick.innovation ? tick.innovation[i] : NAN);
   for (const double* row : {tick.info->force_mean, tick.info->force_sd})
-    for (std::uint32_t j = 0; j < Posterior::force_joints(robot_.config); ++j) number(row[j]);
+    for (std::uint32_t j = 0; j < Posterior::force_joints(robot_.config); ++j) exact(row[j]);
+  if (Posterior::force_joints(robot_.config) > 0) cell(std::to_string(tick.info->touched));
   if (goals_ != 0) cell(tick.entry ? std::to_string(tick.entry->goal) : "");
   for (std::size_t i = 0; (goals_ & kGoalStates) != 0 && i < robot_.states.size(); ++i)
     exact(tick.entry ? tick.entry->target[i] : NAN);

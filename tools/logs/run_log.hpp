@@ -49,8 +49,8 @@ Words felt_forces(const tiller_config_t& config);
 ///                      ([planner] predict_spread); empty where nothing was
 ///   innovation.<measured>...   measured less predicted, over the deviation that the prediction came with ([posterior]
 ///                      adequacy); empty where there was none
-///   force.mean.<force>..., force.sd.<force>...   what pushes the joints beyond the model, by the force's name
-///                      ([posterior] disturbance)
+///   force.mean.<force>..., force.sd.<force>..., touched   what pushes the joints beyond the model, by the force's name,
+///                      and which of them are touched, a bit for each ([posterior] disturbance)
 ///   goal, goal.<state>..., goal.<output>...   in runs whose goals change (--goals): which was set in this tick (1
 ///                      states, 2 outputs, 3 both, 0 none), and the goals in force
 ///   tick, now_us, stamp_us, sequence, command_latency_us, infinite, calls, stop_status
@@ -58,7 +58,7 @@ Words felt_forces(const tiller_config_t& config);
 ///                      where there was no measurement; bit i of infinite: the measured value i was infinite, bit 16 +
 ///                      i: it was negative too (its cell is empty)
 ///
-/// Measured values, commands and the estimates of states and parameters read back as the same double.
+/// Measured values, commands and the estimates of states, parameters and forces read back as the same double.
 class RunLog {
  public:
   /// `true_params` (param_count, NaN: not known) may be empty.

@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "tiller/config.hpp"
+#include "tools/logs/run_log.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -174,6 +175,9 @@ std::string divergence_text(const RobotFile& robot, const RecordedRun& run, cons
     if (robot.config.priors[i].kind != tiller_prior_fixed)
       row("parameter", robot.params[i], r.param_mean[i], first.info.param_mean[i]);
   if (!first.has_info) return text;
+  const Words forces = felt_forces(robot.config);
+  for (std::size_t j = 0; run.entries[first.at].force_joints > 0 && j < forces.size(); ++j)
+    row("force", forces[j], run.entries[first.at].force_mean[j], first.info.force_mean[j]);
   text +=
       format("  status    recorded %s, replayed %s; iterations %s, %u\n",
              tiller_status_name(static_cast<tiller_status_t>(r.status)),

@@ -194,6 +194,7 @@ class Runner {
     if (!recorder_.wanted()) return;
     logged_.entry = entry;
     if (tiller_get_record(host_.get(), info_.ticks - 1, &logged_.entry.record) != tiller_status_ok) return;
+    take_forces(info_, logged_.entry);
     logged_.info = info_;
     logged_.log = log_;
     logged_.time_s = view.time_s;

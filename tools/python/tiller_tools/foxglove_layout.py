@@ -1,7 +1,8 @@
 """A Foxglove layout for a recording: python -m tiller_tools.foxglove_layout run.mcap -o run.layout.json
 
 Foxglove reads it by "Import from file". One plot for what was measured and where the estimate is, one for the
-commands, one for each parameter's mean with its deviation, one for the time of a tick, and the tick itself as a table.
+commands, one for each parameter's mean with its deviation, one for the forces beyond the model, one for the time of a tick, and the
+tick itself as a table.
 """
 
 from __future__ import annotations
@@ -41,6 +42,9 @@ def panels(channels: list) -> dict:
     for name in parameters:
         quoted = f'"{name}"' if "." in name else name
         made[f"Plot!{name}"] = plot(name, [f"/tick.mean.{quoted}", f"/tick.sd.{quoted}"])
+    if forces := below(channels, "tick.force.mean."):
+        made["Plot!force"] = plot("forces beyond the model", [f"/tick.force.{kind}.{name}" for name in forces
+                                                              for kind in ("mean", "sd")])
     made["Plot!tick"] = plot("nanoseconds of a tick", ["/tick.tick_ns"])
     made["RawMessages!tick"] = {"topicPath": "/tick", "diffEnabled": False, "expansion": "none"}
     return made
