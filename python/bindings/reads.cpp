@@ -8,6 +8,7 @@
 #include "errors.hpp"
 #include "posterior/cloud.hpp"
 #include "posterior/posterior.hpp"
+#include "tools/logs/frame_forces.hpp"
 #include "views.hpp"
 
 namespace tiller::python {
@@ -101,6 +102,16 @@ nb::object outputs(const Controller& c) {
   const nb::object array = filled({c.robot()->outputs.size()}, data);
   check_status(tiller_get_outputs(c.get(), data), "Controller.outputs");
   return array;
+}
+
+nb::object frame_forces(const Controller& c) {
+  const tools::FrameForces frames(c.config());
+  double mean[TILLER_MAX_OUTPUTS], sd[TILLER_MAX_OUTPUTS];
+  frames.compute(c.get()->executive->info(), mean, sd);
+  nb::dict forces;
+  for (std::size_t i = 0; i < frames.names().size(); ++i)
+    forces[frames.names()[i].c_str()] = nb::make_tuple(mean[i], sd[i]);
+  return forces;
 }
 
 template <class T, T tiller_info_t::*Field>
@@ -207,7 +218,10 @@ void bind_reads(nb::module_& m, nb::class_<Controller>& controller) {
       .def_prop_ro("block_bytes", &Controller::block_bytes, "Of the one block of memory.")
       .def("prediction", &prediction,
            "(means, deviations) (horizon + 1, nx) of the states ahead; needs predict_spread.")
-      .def("outputs", &outputs, "The model's outputs at the present estimate.");
+      .def("outputs", &outputs, "The model's outputs at the present estimate.")
+      .def(
+          "frame_forces", &frame_forces,
+          "Forces beyond the model as forces at frames, {\"tip_x_N\": (mean, deviation)}; NaN: the joints do not tell it.");
 }
 
 }  // namespace tiller::python

@@ -111,6 +111,23 @@ def test_a_view_keeps_its_owner_alive(pendulum, take):
     assert np.array_equal(view, expected) and junk
 
 
+def test_forces_at_a_frame_are_those_of_the_joints(tmp_path):
+    text = open(tiller.Robot.from_toml("two_link_arm").path).read()
+    file = tmp_path / "arm.toml"
+    file.write_text(text.replace("[posterior]\n", "[posterior]\ndisturbance = true\n"))
+    controller = run(tiller.Robot.from_toml(str(file)))[0]
+    forces = controller.frame_forces()
+    assert list(forces) == ["tip_x_N", "tip_z_N"]
+    info, upper, lower = controller.info, 0.5, 0.4
+    q1, q12 = info.state_mean[0], info.state_mean[0] + info.state_mean[1]
+    along = np.array([[upper * np.cos(q1) + lower * np.cos(q12), upper * np.sin(q1) + lower * np.sin(q12)],
+                      [lower * np.cos(q12), lower * np.sin(q12)]])  # (joints, coordinates)
+    inverse = np.linalg.inv(along)
+    np.testing.assert_allclose([m for m, _ in forces.values()], inverse @ info.force_mean, rtol=1e-5)
+    np.testing.assert_allclose([s for _, s in forces.values()], np.sqrt(inverse ** 2 @ info.force_sd ** 2), rtol=1e-5)
+    assert run(tiller.Robot.from_toml("two_link_arm"), 0.1)[0].frame_forces() == {}
+
+
 def test_an_owner_goes_with_its_last_view(pendulum):
     resident = lambda: int(open("/proc/self/statm").read().split()[1])
     tiller.Controller(pendulum)

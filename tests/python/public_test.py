@@ -46,6 +46,7 @@ WRONG = {
     "Controller.force_iterations": [("two",), (-1,), (NAN,), (1.5,)],
     "Controller.prepare": [(1,)], "Controller.arm": [(1,)], "Controller.disarm": [(1,)], "Controller.stop": [(1,)],
     "Controller.reset": [(1,)], "Controller.prediction": [(1,), ()], "Controller.outputs": [(1,)],
+    "Controller.frame_forces": [(1,)],
     "Posterior": [(1,)], "Posterior.quantiles": [("x",), ([NAN],), ([2.0],), (0.5,)], "Posterior.covariance": [(1,)],
     "Info": [(1,)], "Command": [(1,)],
     "Measurement": [("robot",), (3, 0.0, [0.0]), ("robot", NAN, [0.0]), ("robot", 0.0, "x"), ("robot", 0.0, [0.0], -1),

@@ -112,6 +112,39 @@ TEST(RunFacts, EveryColumnThatTheyPromiseIsInTheLog) {
     for (const char* prefix : {"mean.", "sd.", "q05.", "q95.", "true."}) expect(prefix + parameter);
 }
 
+TEST(RunFacts, ForcesAtJointsAndAtFramesAreInTheLogAndOnThePage) {
+  const std::string arm = R"([model]
+name = "acrobot"
+period_s = 0.02
+[parameters]
+upper_mass_kg = { uniform = [0.5, 1.5] }
+lower_mass_kg = 1.0
+upper_length_m = 0.5
+lower_length_m = 0.5
+upper_com_m = 0.25
+lower_com_m = 0.25
+upper_inertia_kgm2 = 0.02
+lower_inertia_kgm2 = 0.02
+[measurement]
+shoulder_rad = { sd = 0.002 }
+elbow_rad = { sd = 0.002 }
+[posterior]
+disturbance = true
+[cost]
+state_weight = { shoulder_rad = 1.0 }
+[limits]
+elbow_Nm = { low = -5, high = 5 }
+)";
+  const auto robot = robot_of(arm);
+  ASSERT_NE(robot, nullptr);
+  const auto forces = nlohmann::ordered_json::parse(run_facts_json(*robot, RunResult{}, {}))["columns"]["forces"];
+  EXPECT_EQ(forces.dump(), R"({"shoulder_Nm":"N m","elbow_Nm":"N m","tip_x_N":"N","tip_z_N":"N"})");
+  const Words header = columns_of(*robot);
+  EXPECT_GE(index_of(header, "touched"), 0);
+  for (const auto& force : forces.items())
+    for (const char* prefix : {"force.mean.", "force.sd."}) EXPECT_GE(index_of(header, prefix + force.key()), 0);
+}
+
 TEST(RunFacts, PriorsAreTheirOwnQuantiles) {
   const auto robot = robot_of(test::kGoodRobot);
   const auto priors = nlohmann::json::parse(run_facts_json(*robot, RunResult{}, {}))["priors"];

@@ -9,7 +9,11 @@
 namespace tiller::tools {
 
 RunLog::RunLog(const RobotFile& robot, bool has_true_state, std::vector<double> true_params, std::uint32_t goals)
-    : robot_(robot), has_true_state_(has_true_state), goals_(goals), true_params_(std::move(true_params)) {
+    : robot_(robot),
+      has_true_state_(has_true_state),
+      goals_(goals),
+      true_params_(std::move(true_params)),
+      frames_(robot.config) {
   for (std::size_t i = 0; i < robot.params.size(); ++i) {
     if (robot.config.priors[i].kind != tiller_prior_fixed) inferred_.push_back(i);
   }
@@ -46,6 +50,7 @@ std::string RunLog::header() const {
   const Words forces = felt_forces(robot_.config);
   for (const char* prefix : {"force.mean.", "force.sd."}) add_all(prefix, forces);
   if (!forces.empty()) columns.emplace_back("touched");
+  for (const char* prefix : {"force.mean.", "force.sd."}) add_all(prefix, frames_.names());
   if (goals_ != 0) columns.emplace_back("goal");
   if ((goals_ & kGoalStates) != 0) add_all("goal.", robot_.states);
   if ((goals_ & kGoalOutputs) != 0) add_all("goal.", robot_.outputs);
@@ -81,7 +86,19 @@ void RunLog::reference(const tiller_info_t& info) {
     number(step ? reference_row(cost, robot_.states.size(), *step)[i] : NAN);
 }
 
-/// Outputs, what was foreseen, innovations, and goals.
+/// At the joints and at the frames.
+void RunLog::forces(const tiller_info_t& info) {
+  const std::uint32_t joints = Posterior::force_joints(robot_.config);
+  for (const double* row : {info.force_mean, info.force_sd})
+    for (std::uint32_t j = 0; j < joints; ++j) exact(row[j]);
+  if (joints > 0) cell(std::to_string(info.touched));
+  double mean[TILLER_MAX_OUTPUTS], sd[TILLER_MAX_OUTPUTS];
+  frames_.compute(info, mean, sd);
+  for (const double* row : {mean, sd})
+    for (std::size_t i = 0; i < frames_.names().size(); ++i) number(row[i]);
+}
+
+/// Outputs, what was foreseen, innovations, forces, and goals.
 void RunLog::task(const TickView& tick) {
   for (std::size_t j = 0; robot_.config.cost.outputs && j < robot_.outputs.size(); ++j)
     number(tick.outputs ? tick.outputs[j] : NAN);
@@ -90,9 +107,7 @@ void RunLog::task(const TickView& tick) {
       for (std::size_t i = 0; i < robot_.states.size(); ++i) number(row ? row[i] : NAN);
   for (std::size_t i = 0; robot_.config.posterior.adequacy != 0 && i < robot_.measurements.size(); ++i)
     number(tick.innovation ? tick.innovation[i] : NAN);
-  for (const double* row : {tick.info->force_mean, tick.info->force_sd})
-    for (std::uint32_t j = 0; j < Posterior::force_joints(robot_.config); ++j) exact(row[j]);
-  if (Posterior::force_joints(robot_.config) > 0) cell(std::to_string(tick.info->touched));
+  forces(*tick.info);
   if (goals_ != 0) cell(tick.entry ? std::to_string(tick.entry->goal) : "");
   for (std::size_t i = 0; (goals_ & kGoalStates) != 0 && i < robot_.states.size(); ++i)
     exact(tick.entry ? tick.entry->target[i] : NAN);

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "tools/base/output_file.hpp"
+#include "tools/logs/frame_forces.hpp"
 #include "tools/logs/record_file.hpp"
 #include "tools/robot/robot_file.hpp"
 #include "tools/robot/task_clock.hpp"
@@ -51,6 +52,8 @@ Words felt_forces(const tiller_config_t& config);
 ///                      adequacy); empty where there was none
 ///   force.mean.<force>..., force.sd.<force>..., touched   what pushes the joints beyond the model, by the force's name,
 ///                      and which of them are touched, a bit for each ([posterior] disturbance)
+///   force.mean.<frame>_x_N..., force.sd.<frame>_x_N...   the same as a force at a frame (FrameForces); empty where the
+///                      joints do not tell it
 ///   goal, goal.<state>..., goal.<output>...   in runs whose goals change (--goals): which was set in this tick (1
 ///                      states, 2 outputs, 3 both, 0 none), and the goals in force
 ///   tick, now_us, stamp_us, sequence, command_latency_us, infinite, calls, stop_status
@@ -78,12 +81,14 @@ class RunLog {
   void exact(double value);
   void reference(const tiller_info_t& info);
   void task(const TickView& tick);
+  void forces(const tiller_info_t& info);
   void replayed(const TickView& tick);
 
   const RobotFile& robot_;
   bool has_true_state_;
   std::uint32_t goals_;
   std::vector<double> true_params_;
+  FrameForces frames_;
   std::vector<std::size_t> inferred_;  // indices of parameters that are not fixed
   TaskClock task_;
   std::string row_;

@@ -9,6 +9,7 @@
 #include "posterior/posterior.hpp"
 #include "posterior/prior.hpp"
 #include "tools/base/frame_names.hpp"
+#include "tools/logs/frame_forces.hpp"
 #include "tools/robot/prior_edge.hpp"
 #include "tools/robot/robot_schema.hpp"
 #include "tools/robot/units.hpp"
@@ -228,6 +229,8 @@ std::string run_facts_json(const RobotFile& robot, const RunResult& result, cons
     if (const double limit = c.safety.contact_force[joint.velocity]; std::isfinite(limit))
       json["contacts"][name] = limit;
   }
+  const FrameForces frames(c);
+  for (const std::string& name : frames.names()) json["columns"]["forces"][name] = unit_of_field(name);
   if (const Json plane = plane_of(robot); !plane.is_null()) json["plane"] = plane;
   for (std::size_t i = 0; i < robot.params.size(); ++i) {
     if (c.priors[i].kind != tiller_prior_fixed) json["priors"][robot.params[i]] = prior_range(c.priors[i]);
