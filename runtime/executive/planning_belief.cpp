@@ -5,6 +5,7 @@
 
 #include "effects/effect_roles.hpp"
 #include "planners/planner.hpp"
+#include "tiller/math.hpp"
 
 namespace tiller {
 namespace {
@@ -95,7 +96,7 @@ void PlanningBelief::take_hypotheses(const Posterior& posterior, std::uint64_t t
 }
 
 /// All hypotheses have the mean's forces. How far these may be off is no bet to hedge: a force is seen as it comes, and
-/// one sequence of inputs for several forces lets every pole fall.
+/// one sequence of inputs for several forces lets every pole fall. Where bounds are to be kept it is a part of the spread.
 void PlanningBelief::take_forces(const Posterior& posterior) {
   const std::uint32_t count = belief_.count;
   double value[kForceKinds * TILLER_MAX_JOINTS + 1];
@@ -125,6 +126,10 @@ void PlanningBelief::take_spread(const Posterior& posterior) {
     const double noise = scale * config_->measurement_sd[k];
     spread_->sensor_variance[config_->measured_state[k]] = noise * noise;
   }
+  spread_->forces = forces_;
+  if (forces_ == 0) return;
+  spread_->force_kept = math::exp(-config_->period_s * posterior.forces(0.0, nullptr, spread_->force_sd));
+  posterior.force_sizes(spread_->force_size);
 }
 
 /// A hypothesis's own delay; one that is not a number, or outside of what the setup provides for, has none.

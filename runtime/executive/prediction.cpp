@@ -24,6 +24,7 @@ void Prediction::lay_out(Arena& arena, const tiller_config_t& config, const Step
   nx_ = config.model->state_count;
   nu_ = config.model->input_count;
   np_ = param_rows(config, setup);
+  all_ = nx_ + setup.fading;
   ns_ = setup.effect_state_count;
   const std::size_t m = config.planner.particles, square = std::size_t{nx_} * nx_;
   lanes_ = static_cast<std::uint32_t>((m + kLanePadding - 1) / kLanePadding * kLanePadding);
@@ -37,9 +38,14 @@ void Prediction::lay_out(Arena& arena, const tiller_config_t& config, const Step
   b_ = rows(std::size_t{nx_} * nu_);
   history_ = arena.take<double>(std::size_t{setup.delay_steps} * nu_);
   weight_ = arena.take<double>(m);
-  error_ = arena.take<double>(m * square);
-  estimate_ = arena.take<double>(m * square);
-  work_ = arena.take<double>(square + std::size_t{nx_} * nu_ + spread_scratch_size(nx_));
+  error_ = arena.take<double>(m * all_ * all_);
+  estimate_ = arena.take<double>(m * all_ * all_);
+  work_ = arena.take<double>(square + std::size_t{nx_} * (nu_ + setup.fading) + spread_scratch_size(all_));
+  if (setup.fading > 0) {
+    push_ = rows(std::size_t{nx_} * setup.fading);
+    pushed_ = rows(nx_);
+    force_ = rows(1);
+  }
   gain_ = arena.take<double>(std::size_t{nx_} * nu_);
   reference_ = arena.take<double>(nx_);
   input_ = arena.take<double>(nu_);
@@ -72,8 +78,28 @@ void Prediction::take_start(const Belief& belief) {
   for (std::uint32_t i = 0; i < setup_->delay_steps * nu_; ++i)
     history_[i] = belief.history ? static_cast<double>(belief.history[i]) : 0.0;
   for (std::uint32_t j = 0; j < hypotheses_; ++j) {
-    const std::size_t square = std::size_t{nx_} * nx_;
+    const std::size_t square = std::size_t{all_} * all_;
     begin_spread(*belief.spread, nx_, error_ + j * square, estimate_ + j * square);
+  }
+}
+
+/// How each force that wanders moves the states on, from the difference that a deviation of it makes.
+void Prediction::take_pushes(const StateSpread& spread, LineariseJob job) {
+  job.next_effect_state = nullptr;
+  job.a = job.b = nullptr;
+  for (std::uint32_t i = 0; i < spread.forces; ++i) {
+    double* const force = params_ + std::size_t{setup_->fading_param + i} * lanes_;
+    const double width = spread.force_sd[i] > 0.0 ? spread.force_sd[i] : 1.0;
+    std::copy(force, force + lanes_, force_);
+    for (const double way : {-width, width}) {
+      for (std::uint32_t l = 0; l < lanes_; ++l) force[l] = force_[l] + way;
+      job.next_state = way < 0.0 ? pushed_ : next_;
+      table_->linearise(*config_->model, job);
+    }
+    std::copy(force_, force_ + lanes_, force);
+    for (std::uint32_t r = 0; r < nx_; ++r)
+      for (std::uint32_t l = 0; l < lanes_; ++l)
+        push_[(r * spread.forces + i) * lanes_ + l] = (next_[r * lanes_ + l] - pushed_[r * lanes_ + l]) / (2.0 * width);
   }
 }
 
@@ -105,6 +131,7 @@ void Prediction::advance(const Belief& belief, bool answers) {
   job.next_effect_state = ns_ > 0 ? effects_ : nullptr;
   job.a = a_;
   job.b = b_;
+  take_pushes(*belief.spread, job);
   table_->linearise(*config_->model, job);
   std::copy(next_, next_ + std::size_t{nx_} * lanes_, state_);
   double* const force = params_ + std::size_t{setup_->fading_param} * lanes_;
@@ -115,9 +142,10 @@ void Prediction::advance(const Belief& belief, bool answers) {
   for (std::uint32_t i = setup_->delay_steps * nu_; i-- > nu_;) history_[i] = history_[i - nu_];
   for (std::uint32_t i = 0; setup_->delay_steps > 0 && i < nu_; ++i) history_[i] = input_[i];
 
-  const std::size_t square = std::size_t{nx_} * nx_;
+  const std::size_t square = std::size_t{nx_} * nx_, spread = std::size_t{all_} * all_, forces = all_ - nx_;
   double* const a = work_;
   double* const b = a + square;
+  double* const push = b + std::size_t{nx_} * nu_;
   SpreadStage stage;
   stage.size = nx_;
   stage.inputs = nu_;
@@ -128,10 +156,12 @@ void Prediction::advance(const Belief& belief, bool answers) {
   stage.gain = answers ? gain_ : nullptr;
   stage.gain_stride = nx_;
   stage.input_variance = revision_;
+  stage.push = push;
   for (std::uint32_t j = 0; j < hypotheses_; ++j) {
     for (std::size_t i = 0; i < square; ++i) a[i] = a_[i * lanes_ + j];
     for (std::size_t i = 0; i < std::size_t{nx_} * nu_; ++i) b[i] = b_[i * lanes_ + j];
-    step_spread(*belief.spread, stage, error_ + j * square, estimate_ + j * square, b + std::size_t{nx_} * nu_);
+    for (std::size_t i = 0; i < nx_ * forces; ++i) push[i] = push_[i * lanes_ + j];
+    step_spread(*belief.spread, stage, error_ + j * spread, estimate_ + j * spread, push + nx_ * forces);
   }
 }
 
@@ -141,7 +171,7 @@ void Prediction::summarise(std::uint32_t step) {
     double mean = 0.0, between = 0.0, within = 0.0;
     for (std::uint32_t j = 0; j < hypotheses_; ++j) mean += weight_[j] * row[j] / hypotheses_;
     for (std::uint32_t j = 0; j < hypotheses_; ++j) {
-      const std::size_t at = (std::size_t{j} * nx_ + i) * nx_ + i;
+      const std::size_t at = (std::size_t{j} * all_ + i) * all_ + i;
       between += weight_[j] * (row[j] - mean) * (row[j] - mean) / hypotheses_;
       within += weight_[j] * (error_[at] + estimate_[at]) / hypotheses_;
     }
@@ -160,7 +190,7 @@ void Prediction::mix_covariance(std::uint32_t step) {
   for (std::uint32_t j = 0; j < hypotheses_; ++j)
     for (std::uint32_t r = 0; r < nx_; ++r)
       for (std::uint32_t c = 0; c < nx_; ++c) {
-        const std::size_t at = j * square + std::size_t{r} * nx_ + c;
+        const std::size_t at = (std::size_t{j} * all_ + r) * all_ + c;
         const double between = (state_[r * lanes_ + j] - mean[r]) * (state_[c * lanes_ + j] - mean[c]);
         out[r * nx_ + c] += weight_[j] * (between + error_[at] + estimate_[at]) / hypotheses_;
       }

@@ -17,7 +17,8 @@ class Prediction {
  public:
   void lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table);
   /// Along the present plan of `planner` from `belief`, which knows its spread. Angles come less whole turns, as the
-  /// belief's. `task_step` is the plan's. Cost: N linearisations of M lanes, and 5 M N nx^3 multiplications.
+  /// belief's. `task_step` is the plan's. Cost: N linearisations of M lanes, 2 N steps of them for
+  /// each force that wanders, and 5 M N nx^3 multiplications.
   void predict(const Belief& belief, const PlannerTable& table, const void* planner, std::uint64_t task_step);
   bool made() const { return made_; }
   void clear() { made_ = expects_ = false; }
@@ -34,6 +35,7 @@ class Prediction {
   void weigh_revision(const PlannerTable& table, const void* planner);
   void take_inputs(const PlannerTable& table, const void* planner, std::uint32_t step, bool& answers);
   void advance(const Belief& belief, bool answers);
+  void take_pushes(const StateSpread& spread, LineariseJob job);
   void summarise(std::uint32_t step);
   void mix_covariance(std::uint32_t step);
 
@@ -41,12 +43,15 @@ class Prediction {
   const StepSetup* setup_ = nullptr;
   const RolloutTable* table_ = nullptr;
   std::uint32_t nx_ = 0, nu_ = 0, np_ = 0, ns_ = 0;
-  std::uint32_t hypotheses_ = 0, lanes_ = 0;                                               // M, padded
+  std::uint32_t all_ = 0;                     // nx and the forces that wander
+  std::uint32_t hypotheses_ = 0, lanes_ = 0;  // M, padded
   double *state_ = nullptr, *params_ = nullptr, *effects_ = nullptr, *control_ = nullptr;  // rows of lanes
   double *next_ = nullptr, *a_ = nullptr, *b_ = nullptr;                                   // rows of lanes
   double* history_ = nullptr;                      // (delay_steps x nu) newest first
   double* weight_ = nullptr;                       // (M) times M
-  double *error_ = nullptr, *estimate_ = nullptr;  // (M x nx x nx)
+  double *error_ = nullptr, *estimate_ = nullptr;  // (M x all x all)
+  double *push_ = nullptr, *pushed_ = nullptr;     // (nx * forces), (nx) rows of lanes
+  double* force_ = nullptr;                        // (lanes)
   double* work_ = nullptr;
   double *gain_ = nullptr, *reference_ = nullptr, *input_ = nullptr;  // of a step of the plan
   double* expected_ = nullptr;        // (nu) what this tick's input was to be by the last plan, at its reference

@@ -37,16 +37,31 @@ void read_sensors(std::size_t n, const StateSpread& spread, double* error, doubl
   }
 }
 
-/// a of a stage, and with the gain's answer.
-void take_stage(const SpreadStage& stage, double* open, double* closed) {
-  const std::size_t n = stage.size, nu = stage.inputs;
-  for (std::size_t r = 0; r < n; ++r)
-    for (std::size_t c = 0; c < n; ++c) {
+/// a of a stage, and with the gain's answer; n with the forces.
+void take_stage(const StateSpread& spread, const SpreadStage& stage, double* open, double* closed) {
+  const std::size_t states = stage.size, n = spread_size(spread, stage.size), nu = stage.inputs;
+  for (std::size_t r = 0; r < states; ++r)
+    for (std::size_t c = 0; c < states; ++c) {
       double sum = open[r * n + c] = stage.a[r * stage.stride + c];
       for (std::size_t i = 0; stage.gain && i < nu; ++i)
         sum += stage.b[r * nu + i] * stage.gain[i * stage.gain_stride + c];
       closed[r * n + c] = sum;
     }
+  for (std::size_t r = 0; r < n; ++r)
+    for (std::size_t c = r < states ? states : 0; c < n; ++c)
+      open[r * n + c] = closed[r * n + c] = r < states ? stage.push[r * spread.forces + c - states]
+                                            : r == c   ? spread.force_kept
+                                                       : 0.0;
+}
+
+/// What the period's own noise adds.
+void add_noise(const StateSpread& spread, std::size_t states, std::size_t n, double* covariance) {
+  const std::size_t nx = spread.states;
+  for (std::size_t r = 0; r < nx; ++r)
+    for (std::size_t c = 0; c < nx; ++c) covariance[r * n + c] += spread.process[r * nx + c];
+  for (std::size_t j = 0; j < spread.forces; ++j)
+    covariance[(states + j) * n + states + j] +=
+        spread.force_size[j] * spread.force_size[j] * (1.0 - spread.force_kept * spread.force_kept);
 }
 
 }  // namespace
@@ -54,33 +69,34 @@ void take_stage(const SpreadStage& stage, double* open, double* closed) {
 std::size_t spread_scratch_size(std::uint32_t size) { return std::size_t{4} * size * size + size; }
 
 void begin_spread(const StateSpread& spread, std::uint32_t size, double* error, double* estimate) {
-  const std::size_t n = size, nx = spread.states;
+  const std::size_t n = spread_size(spread, size), nx = spread.states;
   std::fill(error, error + n * n, 0.0);
   std::fill(estimate, estimate + n * n, 0.0);
   for (std::size_t r = 0; r < nx; ++r)
     std::copy(spread.covariance + r * nx, spread.covariance + (r + 1) * nx, error + r * n);
+  for (std::size_t j = 0; j < spread.forces; ++j)
+    error[(size + j) * n + size + j] = spread.force_sd[j] * spread.force_sd[j];
 }
 
 void step_spread(const StateSpread& spread, const SpreadStage& stage, double* error, double* estimate,
                  double* scratch) {
-  const std::size_t n = stage.size, nx = spread.states, square = n * n;
+  const std::size_t states = stage.size, n = spread_size(spread, stage.size), square = n * n;
   double* const open = scratch;
   double* const closed = open + square;
   double* const work = closed + square;
   double* const next = work + square;
   double* const column = next + square;
-  take_stage(stage, open, closed);
+  take_stage(spread, stage, open, closed);
   congruence(n, closed, estimate, work, next);
   std::copy(next, next + square, estimate);
   congruence(n, open, error, work, next);
-  for (std::size_t r = 0; r < nx; ++r)
-    for (std::size_t c = 0; c < nx; ++c) next[r * n + c] += spread.process[r * nx + c];
+  add_noise(spread, states, n, next);
   std::copy(next, next + square, error);
   read_sensors(n, spread, error, column);
   for (std::size_t i = 0; i < square; ++i) estimate[i] += next[i] - error[i];
   for (std::size_t i = 0; stage.input_variance && i < stage.inputs; ++i)
-    for (std::size_t r = 0; r < n; ++r)
-      for (std::size_t c = 0; c < n; ++c)
+    for (std::size_t r = 0; r < states; ++r)
+      for (std::size_t c = 0; c < states; ++c)
         estimate[r * n + c] += stage.b[r * stage.inputs + i] * stage.input_variance[i] * stage.b[c * stage.inputs + i];
 }
 

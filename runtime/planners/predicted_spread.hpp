@@ -14,6 +14,8 @@ namespace tiller {
 ///     S' = (A + B K) S (A + B K)' + (A E A' + Q - E') + B U B',    S = 0 at the start
 ///
 /// where U is the variance by which inputs come to differ from plan and feedback when they are planned again.
+/// Forces that wander stand behind the states: of each w+ = kept w + noise, and a state moves on by push w. The sensors
+/// tell of them as far as the states do; the gains do not answer them.
 /// The state's covariance is S + E (van den Berg, Abbeel and Goldberg, LQG-MP, IJRR 2011). Without gains, or without
 /// sensors, that is A P A' + Q. Sensors read single states.
 struct SpreadStage {
@@ -21,6 +23,7 @@ struct SpreadStage {
   std::uint32_t inputs = 0;      // nu
   const double* a = nullptr;     // (n x n) in rows of `stride`
   std::size_t stride = 0;        // >= n
+  const double* push = nullptr;  // (n x forces of the spread) d next / d force; null: the spread has no forces
   const double* b = nullptr;     // (n x nu)
   const double* gain = nullptr;  // (nu x n) in rows of `gain_stride`; null: none
   std::size_t gain_stride = 0;
@@ -28,8 +31,10 @@ struct SpreadStage {
 };
 
 std::size_t spread_scratch_size(std::uint32_t size);
+/// Rows of E and S: the states' and the forces'.
+inline std::uint32_t spread_size(const StateSpread& spread, std::uint32_t size) { return size + spread.forces; }
 
-/// E and S (n x n) one period on. Cost: about 5 n^3 multiplications.
+/// E and S (spread_size() each way) one period on, with scratch for as many. Cost: about 5 n^3 multiplications.
 void step_spread(const StateSpread& spread, const SpreadStage& stage, double* error, double* estimate, double* scratch);
 /// E and S at the start of a path.
 void begin_spread(const StateSpread& spread, std::uint32_t size, double* error, double* estimate);

@@ -1,4 +1,5 @@
-// What rollouts do not follow from their hypothesis: start errors and process noise. Attitudes start as they are.
+// What rollouts do not follow from their hypothesis: errors of the start and of the forces, and process noise. Attitudes
+// start as they are.
 
 #include <cmath>
 
@@ -37,12 +38,23 @@ void draw(Rng& rng, std::uint32_t n, const double* factor, double* x) {
   }
 }
 
+/// By how much the forces that wander are off, in one hypothesis. It fades as they do; what is yet to come is not drawn.
+void draw_force_errors(Sampler& s, Rng& rng, const StateSpread& spread, std::uint32_t m) {
+  const std::uint32_t forces = spread.forces < s.setup->fading ? spread.forces : s.setup->fading;
+  for (std::uint32_t j = 0; j < forces; ++j) {
+    const std::uint32_t row = s.setup->fading_param + j;
+    s.lane_params[row * s.padded + m] = s.particle_params[m * s.params + row] +=
+        static_cast<float>(spread.force_sd[j] * rng.normal());
+  }
+}
+
 }  // namespace
 
 void draw_rollout_noise(Sampler& s) {
   const std::uint32_t nx = s.states, rows = s.grid.horizon * nx;
   double start[TILLER_MAX_STATES * TILLER_MAX_STATES] = {}, process[TILLER_MAX_STATES * TILLER_MAX_STATES] = {};
-  if (const StateSpread* spread = s.request->belief->spread) {
+  const StateSpread* spread = s.request->belief->spread;
+  if (spread) {
     factorise(nx, spread->covariance, start);
     factorise(nx, spread->process, process);
   }
@@ -52,6 +64,7 @@ void draw_rollout_noise(Sampler& s) {
     if (m >= s.particles) {  // the padding repeats particle 0
       for (std::uint32_t i = 0; i < nx; ++i) s.lane_state[i * s.padded + m] = s.lane_state[i * s.padded];
       for (std::uint32_t r = 0; r < rows; ++r) s.lane_noise[r * s.padded + m] = s.lane_noise[r * s.padded];
+      for (std::uint32_t r = 0; r < s.params; ++r) s.lane_params[r * s.padded + m] = s.lane_params[r * s.padded];
       continue;
     }
     Rng rng(s.seed, kRngRollouts, s.request->tick * 64 + particle);
@@ -65,6 +78,7 @@ void draw_rollout_noise(Sampler& s) {
         s.noise[std::size_t{m} * rows + k * nx + i] = s.lane_noise[(k * nx + i) * s.padded + m] =
             static_cast<float>(x[i]);
     }
+    if (spread) draw_force_errors(s, rng, *spread, m);
   }
 }
 

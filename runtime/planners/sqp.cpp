@@ -363,7 +363,7 @@ void* lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setu
   Sqp nobody;
   Sqp& place = s ? *s : nobody;
   lay_out_path_plan(arena, config, setup, table, place.plan);
-  lay_out_programs(arena, config, table, place);
+  lay_out_programs(arena, config, setup, table, place);
   Escape* const escape = lay_out_escape(arena, config, setup, table);
   if (!s || !escape || !arena.fits()) return nullptr;
   s->escape = escape;

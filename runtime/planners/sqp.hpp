@@ -37,7 +37,8 @@ struct Sqp {
 };
 
 /// sqp_solve.cpp
-void lay_out_programs(Arena& arena, const tiller_config_t& config, const RolloutTable& table, Sqp& s);
+void lay_out_programs(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+                      Sqp& s);
 /// Solves the program around the path; leaves step and gains for the line search in the plan's factor.
 /// False where there is no solution at all.
 bool solve_program(Sqp& s, const Deadline& deadline);

@@ -12,8 +12,39 @@ namespace {
 // Bounds never meet: a spread as wide as their distance leaves a tenth of it in the middle.
 constexpr double kMostMargin = 0.45;
 
-std::size_t work_size(const PathPlan& p) {
-  return std::size_t{2} * p.nz * p.nz + spread_scratch_size(p.nz) + std::size_t{p.nu} * p.nz;
+std::size_t work_size(const PathPlan& p, std::uint32_t forces) {
+  const std::uint32_t n = p.nz + forces;
+  return std::size_t{2} * n * n + spread_scratch_size(n) + std::size_t{p.nu} * p.nz;
+}
+
+/// How a force that wanders moves the path's states on, from the difference that one of a deviation makes, one way and
+/// the other. It does not fade meanwhile, and the other forces are none: states move on by it nearly in proportion.
+void predict_pushes(const PathPlan& p, const SpreadRoom& room) {
+  const StateSpread& spread = *p.spread;
+  const std::size_t rows = std::size_t{p.horizon} * p.scenarios * p.nz, f = spread.forces;
+  PathJob job;
+  job.setup = p.setup;
+  job.horizon = p.horizon;
+  job.scenarios = p.scenarios;
+  job.state = p.state;
+  job.control = p.control;
+  job.params = room.params;
+  job.param_count = p.np;
+  std::copy(p.params, p.params + std::size_t{p.scenarios} * p.np, room.params);
+  for (std::size_t i = 0; i < f; ++i) {
+    const double width = spread.force_sd[i] > 0.0 ? spread.force_sd[i] : 1.0;
+    for (const bool less : {false, true}) {
+      for (std::size_t j = 0; j < p.scenarios; ++j) {
+        double* const force = room.params + j * p.np + p.setup->fading_param;
+        std::fill(force, force + f + 1, 0.0);
+        force[i] = less ? -width : width;
+      }
+      job.next = room.next + (less ? rows : 0);
+      p.path->linearise(*p.model, job);
+    }
+    for (std::size_t row = 0; row < rows; ++row)
+      room.push[row * f + i] = (room.next[row] - room.next[rows + row]) / (2.0 * width);
+  }
 }
 
 /// The answer to a deviation that all scenarios share, the estimate's: gains (nu x M x n) summed over the scenarios.
@@ -33,11 +64,11 @@ template <class Gain>
 void predict_deviations(const PathPlan& p, const HardBounds& bounds, const SpreadRoom& room, std::size_t j,
                         const Gain& gain_at, double* margin) {
   const StateSpread& spread = *p.spread;
-  const std::size_t m = p.scenarios, n = p.n, nz = p.nz;
+  const std::size_t m = p.scenarios, n = p.n, all = spread_size(spread, p.nz);
   double* const error = room.work;
-  double* const estimate = error + nz * nz;
-  double* const gain = estimate + nz * nz;
-  double* const scratch = gain + p.nu * nz;
+  double* const estimate = error + all * all;
+  double* const gain = estimate + all * all;
+  double* const scratch = gain + std::size_t{p.nu} * p.nz;
   begin_spread(spread, p.nz, error, estimate);
   for (std::size_t k = 0; k < p.horizon; ++k) {
     SpreadStage stage;
@@ -47,11 +78,12 @@ void predict_deviations(const PathPlan& p, const HardBounds& bounds, const Sprea
     stage.stride = n;
     stage.b = p.b + (k * m + j) * n * p.nu;
     stage.gain = gain_at(k, gain) ? gain : nullptr;
-    stage.gain_stride = nz;
+    stage.gain_stride = p.nz;
+    if (spread.forces > 0) stage.push = room.push + (k * m + j) * p.nz * spread.forces;
     step_spread(spread, stage, error, estimate, scratch);
     for (std::size_t i = 0; i < p.nx; ++i)
       if (bounds.names(i))
-        margin[((k + 1) * m + j) * p.nx + i] = std::sqrt(std::fmax(0.0, error[i * nz + i] + estimate[i * nz + i]));
+        margin[((k + 1) * m + j) * p.nx + i] = std::sqrt(std::fmax(0.0, error[i * all + i] + estimate[i * all + i]));
   }
 }
 
@@ -86,9 +118,16 @@ void share_risk(const PathPlan& p, const HardBounds& bounds, double equal_share,
 
 bool wants_margins(const tiller_config_t& config) { return config.cost.bound_risk > 0.0; }
 
-void lay_out_spread_room(Arena& arena, const tiller_config_t& config, const PathPlan& p, SpreadRoom& room) {
+void lay_out_spread_room(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const PathPlan& p,
+                         SpreadRoom& room) {
   room.quantile = gaussian_quantile_above(config.cost.bound_risk / p.horizon);
-  room.work = arena.take<double>(work_size(p));
+  const std::uint32_t forces = setup.fading;
+  room.work = arena.take<double>(work_size(p, forces));
+  if (forces == 0) return;
+  const std::size_t rows = std::size_t{p.horizon} * p.most_scenarios * p.nz;
+  room.push = arena.take<double>(rows * forces);
+  room.next = arena.take<double>(2 * rows);
+  room.params = arena.take<double>(std::size_t{p.most_scenarios} * p.np);
 }
 
 void predict_margins(const PathPlan& p, const HardBounds& bounds, const SpreadRoom& room, double* margin) {
@@ -97,6 +136,7 @@ void predict_margins(const PathPlan& p, const HardBounds& bounds, const SpreadRo
     if (p.has_gain) sum_gains(p, p.factor.gain + k * p.nu * p.scenarios * p.n, p.scenarios, gain);
     return p.has_gain;
   };
+  if (p.spread && p.spread->forces > 0) predict_pushes(p, room);
   for (std::size_t j = 0; p.spread && j < p.scenarios; ++j) {
     predict_deviations(p, bounds, room, j, gain_at, margin);
     share_risk(p, bounds, room.quantile, j, margin);
@@ -108,6 +148,7 @@ void predict_branch_margins(const ScenarioTree& t, std::uint32_t j, const HardBo
   const PathPlan& p = t.branch[j];
   std::fill(margin, margin + (std::size_t{p.horizon} + 1) * p.nx, 0.0);
   if (!p.spread) return;
+  if (p.spread->forces > 0) predict_pushes(p, room);
   const auto gain_at = [&](std::size_t k, double* gain) {
     if (t.has_gain && k < t.shared)
       sum_gains(p, t.trunk_factor.gain + k * p.nu * t.count * p.n, t.count, gain);

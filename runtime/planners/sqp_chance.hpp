@@ -16,8 +16,13 @@ bool wants_margins(const tiller_config_t& config);
 struct SpreadRoom {
   double quantile = 0.0;   // of the spread where every state has an equal share of the risk, in deviations
   double* work = nullptr;  // covariances, a gain and scratch of one path
+  // of forces that wander, where the setup has some
+  double* push = nullptr;    // (N x M x nz x forces) d next / d force along the path
+  double* next = nullptr;    // (2 x N x M x nz) with the force one way and the other
+  double* params = nullptr;  // (M x np) with it
 };
-void lay_out_spread_room(Arena& arena, const tiller_config_t& config, const PathPlan& p, SpreadRoom& room);
+void lay_out_spread_room(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const PathPlan& p,
+                         SpreadRoom& room);
 
 /// (N+1 x M x nx) by how much nearer the bounds stand at each state of the linearised path, under its gains. Zeros
 /// without a belief that knows its spread.

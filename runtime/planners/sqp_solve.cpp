@@ -104,12 +104,13 @@ void take_masks(const Sqp& s, const LqProblem& sizes, Masks& masks) {
 
 }  // namespace
 
-void lay_out_programs(Arena& arena, const tiller_config_t& config, const RolloutTable& table, Sqp& s) {
+void lay_out_programs(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+                      Sqp& s) {
   PathPlan& p = s.plan;
   lay_out_hard_bounds(config, p, s.bounds);
   if (wants_margins(config)) {
     s.margin = arena.take<double>((std::size_t{p.horizon} + 1) * p.most_scenarios * p.nx);
-    lay_out_spread_room(arena, config, p, s.room);
+    lay_out_spread_room(arena, config, setup, p, s.room);
   }
   lay_out_part(arena, p, s.bounds, p.problem, s.part);
   s.part.set.factor = p.factor;

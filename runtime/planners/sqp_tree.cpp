@@ -305,7 +305,7 @@ SqpTree* lay_out_sqp_tree(Arena& arena, const tiller_config_t& config, const Ste
   lay_out_hard_bounds(config, sizes, s.bounds);
   if (wants_margins(config)) {
     s.margin = arena.take<double>(most * margins_of_branch(sizes));
-    lay_out_spread_room(arena, config, sizes, s.room);
+    lay_out_spread_room(arena, config, setup, sizes, s.room);
   }
   s.part = arena.take<SqpPart>(std::size_t{most} + 1);
   lay_out_parts(arena, config, table, sizes, most, s);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 
 #include "core/arena.hpp"
@@ -125,6 +126,13 @@ class Posterior {
   /// how far these may be off now (force_joints each); nullable. Returns the rate 1 / tau at which what is expected of
   /// them fades, in 1/s. Cost: O(N) a joint.
   virtual double forces(double /*ahead_s*/, double* /*mean*/, double* /*sd*/) const { return 0.0; }
+  /// What the forces come to deviate by from none in the long run (TILLER_MAX_JOINTS). An engine that does not tell has their
+  /// mean square now, which is right on average.
+  virtual void force_sizes(double* size) const {
+    double mean[TILLER_MAX_JOINTS] = {}, sd[TILLER_MAX_JOINTS] = {};
+    (void)forces(0.0, mean, sd);
+    for (std::uint32_t j = 0; j < TILLER_MAX_JOINTS; ++j) size[j] = std::sqrt(mean[j] * mean[j] + sd[j] * sd[j]);
+  }
   /// Viscous and dry friction beyond the model at these joints, in N s/m or N m s and N or N m: what of it is sure, its
   /// mean less a deviation, and not below zero (force_joints each).
   virtual void friction(double* /*viscous*/, double* /*dry*/) const {}

@@ -419,4 +419,57 @@ TEST(Prediction, of_weighted_hypotheses_is_that_of_likelier_ones_held_twice) {
   }
 }
 
+TEST(Prediction, counts_the_force_that_is_not_known) {
+  const Rows rows(0.1, 0.5);
+  tiller::Config c = axis_config(rows, tiller_divergence_kl);
+  c.planner.particles = 2;
+  tiller::StepSetup setup;
+  ASSERT_EQ(tiller::make_step_setup(c, setup), tiller_status_ok);
+  const std::uint32_t row = c.param_count;
+  setup.effects[setup.effect_count++] = {tiller_effect_constant_offset, 0, static_cast<std::uint16_t>(row), 0};
+  setup.fading = 1;
+  setup.fading_param = row;
+  const tiller::RolloutTable& table = tiller::select_rollout(*c.model);
+  tiller::PlannerTable planner{};
+  planner.sequence = no_inputs;
+  constexpr double kSd_N = 0.7, kSize_N = 1.1, kKept = 0.8;
+  tiller::StateSpread spread;
+  spread.states = 2;
+  std::fill(spread.sensor_variance, spread.sensor_variance + TILLER_MAX_STATES, HUGE_VAL);
+  spread.forces = 1;
+  spread.force_kept = kKept;
+  spread.force_sd[0] = kSd_N;
+  spread.force_size[0] = kSize_N;
+  // both hypotheses alike, so that nothing but the force is not known; a mean force has no say in the spread
+  const float mass = 1.5f;
+  std::vector<float> params(std::size_t{row + 2} * 2, mass), state(4, 0.0f);
+  params[2 * row] = params[2 * row + 1] = 0.4f;
+  params[2 * row + 2] = params[2 * row + 3] = static_cast<float>(-std::log(kKept));
+  tiller::Belief belief;
+  belief.count = 2;
+  belief.params = params.data();
+  belief.state = state.data();
+  belief.spread = &spread;
+  tiller::Arena measure;
+  tiller::Prediction p;
+  p.lay_out(measure, c, setup, table);
+  rig::Block block(measure.used());
+  tiller::Arena arena(block.memory(), block.size());
+  p.lay_out(arena, c, setup, table);
+  ASSERT_TRUE(arena.fits());
+  p.predict(belief, planner, nullptr, 0);
+  // of unit impulses of the force: what each has made of the velocity, summed in squares
+  for (std::uint32_t k = 1; k <= kHorizon; ++k) {
+    double variance = 0.0;
+    for (std::uint32_t from = 0; from < k; ++from) {
+      double velocity = 0.0;
+      for (std::uint32_t i = from; i < k; ++i) velocity += std::pow(kKept, i - from) * c.period_s / 1.5;
+      const double square = from == 0 ? kSd_N * kSd_N : kSize_N * kSize_N * (1.0 - kKept * kKept);
+      variance += square * velocity * velocity;
+    }
+    EXPECT_NEAR(p.sd(k)[1], std::sqrt(variance), 1e-6 * std::sqrt(variance)) << k;
+    EXPECT_NEAR(p.covariance(k)[3], variance, 1e-5 * variance) << k;
+  }
+}
+
 }  // namespace

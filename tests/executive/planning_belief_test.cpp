@@ -74,6 +74,29 @@ TEST(PlanningBelief, HasTheForcesThatThePosteriorFound) {
   EXPECT_FLOAT_EQ(rate, static_cast<float>(0.5 * c.period_s));
 }
 
+TEST(PlanningBelief, SpreadHasHowFarTheForcesMayBeOffWhereSomebodyAsks) {
+  tiller::Config c = bench::known_pendulum();
+  c.posterior.disturbance = 1;
+  for (const double risk : {0.0, 0.05}) {
+    c.cost.bound_risk = risk;
+    Source s(c);
+    fakes::posterior.force[0] = -0.3;
+    fakes::posterior.force_sd = 0.4;
+    s.push(0, 0.0);
+    s.belief.draw(*s.source, s.timeline, 0, 1000000, 0.0);
+    const Belief& belief = s.belief.belief();
+    const std::uint32_t row = s.belief.planner_setup().fading_param;
+    for (std::uint32_t lane = 0; lane < belief.count; ++lane)
+      EXPECT_EQ(belief.params[row * belief.count + lane], -0.3f) << "plans are over the mean, asked or not";
+    ASSERT_EQ(belief.spread != nullptr, risk > 0.0);
+    if (!belief.spread) continue;
+    EXPECT_EQ(belief.spread->forces, 1u);
+    EXPECT_EQ(belief.spread->force_sd[0], 0.4);
+    EXPECT_DOUBLE_EQ(belief.spread->force_size[0], 0.5) << "its mean square";
+    EXPECT_DOUBLE_EQ(belief.spread->force_kept, std::exp(-0.5 * c.period_s));
+  }
+}
+
 TEST(PlanningBelief, StepsUnderTheCommandsAlreadySent) {
   Source s(bench::known_pendulum());
   s.push(0, 1.0);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -71,13 +72,19 @@ inline void switch_options_on(tiller::Config& c) {
 /// A planner in a block of its own, of exactly the measured size, and a belief to plan over.
 class Bench {
  public:
+  /// `pushed`: the setup has a force at joint 0 that fades, none and not fading until the belief's rows say otherwise.
   explicit Bench(const tiller_config_t& config, const tiller_hooks_t* hooks = nullptr,
-                 const tiller::RolloutTable& table = plain_rollout())
+                 const tiller::RolloutTable& table = plain_rollout(), bool pushed = false)
       : config_(config), table_(tiller::find_planner(config.planner.kind)) {
     setup_.period_s = config.period_s;
     setup_.substeps = config.substeps;
     setup_.integrator = static_cast<tiller_integrator_t>(config.integrator);
     setup_.body = config.body;
+    if (pushed) {
+      setup_.fading = setup_.effect_count = 1;
+      setup_.fading_param = config.param_count;
+      setup_.effects[0] = {tiller_effect_constant_offset, 0, static_cast<std::uint16_t>(config.param_count), 0};
+    }
     tiller::Arena measure;
     table_->lay_out(measure, config_, setup_, table, hooks);
     block_.reset(new (std::align_val_t{64}) unsigned char[measure.used()]);
@@ -85,7 +92,8 @@ class Bench {
     planner_ = table_->lay_out(arena, config_, setup_, table, hooks);
     bytes_ = measure.used();
     const std::uint32_t m = config.planner.particles;
-    params.assign(std::size_t{m} * config.param_count, 1.0f);
+    params.assign(std::size_t{m} * tiller::param_rows(config, setup_), 1.0f);
+    std::fill(params.begin() + std::size_t{m} * config.param_count, params.end(), 0.0f);
     state.assign(std::size_t{m} * config.model->state_count, 0.0f);
     belief.count = m;
     belief.params = params.data();

@@ -125,7 +125,8 @@ def test_wrong_calls_are_errors_with_a_remedy(name, robot, this):
     if name not in {"excite", "gap", "identify", "learn"}:  # which pass names on, as options of the command
         error = expect_error(call, (), {"nonsense": 1}, robot, this)
         assert isinstance(error, TypeError)
-    simple = {"prepare", "arm", "disarm", "stop", "reset", "prediction", "outputs", "covariance", "set_reference"}
+    simple = {"prepare", "arm", "disarm", "stop", "reset", "prediction", "outputs", "frame_forces", "covariance",
+              "set_reference"}
     if name not in OPTIONAL and name.split(".")[-1] not in simple:
         assert isinstance(expect_error(call, (), {}, robot, this), (TypeError, ValueError))
 
