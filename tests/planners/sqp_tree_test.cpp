@@ -400,6 +400,41 @@ TEST(SqpTree, keeps_margins_in_every_branch) {
   }
 }
 
+/// The same of a force that is not known.
+TEST(SqpTree, counts_the_force_in_every_branch) {
+  tiller::Config c = sqp_tree_config(3, 2);
+  c.safety.input_low[0] = -kBox;
+  c.safety.input_high[0] = kBox;
+  bound_speed(c);
+  c.cost.bound_risk = 0.05;
+  tiller::StateSpread still;
+  still.states = 2;
+  still.process[0] = 1e-8;
+  still.process[3] = 1e-4;
+  still.sensor_variance[0] = still.sensor_variance[1] = 1e-4;
+  tiller::StateSpread pushed = still;
+  pushed.forces = 1;
+  pushed.force_kept = 0.9;
+  pushed.force_sd[0] = 0.4;
+  pushed.force_size[0] = 0.6;
+  double slowest[2][2];
+  for (const bool counted : {false, true}) {
+    Bench b(c, nullptr, tiller::select_rollout(double_integrator), true);
+    b.belief.spread = counted ? &pushed : &still;
+    spread_out(b);
+    EXPECT_EQ(b.plan_again().status, tiller_status_ok);
+    for (std::uint32_t j = 0; j < 2; ++j) {
+      double& least = slowest[counted ? 1 : 0][j] = 0.0;
+      for (const auto& x : motion_of({b, 3, 2}, planned(b, {b, 3, 2}), j)) least = std::min(least, x[1]);
+    }
+  }
+  for (std::uint32_t j = 0; j < 2; ++j) {
+    std::printf("mass %u: as fast as %.4f m/s, with the force counted %.4f\n", j, slowest[0][j], slowest[1][j]);
+    EXPECT_GE(slowest[1][j], slowest[0][j] + 0.01);
+    EXPECT_LE(slowest[1][j], slowest[0][j] + 0.3);
+  }
+}
+
 // The clock counts how often it is read (deadline_test.cpp).
 TEST(SqpTree, stops_at_the_deadline) {
   static std::int64_t reads = 0;
