@@ -7,11 +7,12 @@
     --rows FILE      where finished pairs are kept (build/bench_peers/pushed_price.jsonl); a run that was cut goes on
     --build DIR      the CMake build folder (build/release)
 
-A pair is a run with the key and one without, each with its own plant in still air, whose ticks take turns in one process:
-a disturbance of the machine meets both. A tick is tiller_tick and the preparation behind it, in processor time of its one
-thread, and no planner's deadline ends it. The ratio of a pair is that of the two medians over the run's second half; the table has its median over the
-seeds whose runs both end ACTIVE: in SAFE a tick does next to nothing. Memory is the controller's one block, to the byte.
-Robots without a joint that is felt, and those whose posterior is not the filter, are left out.
+A pair is a run with the key and one without, each with its own plant in still air, whose ticks take turns in one
+process: a disturbance of the machine meets both. A tick is tiller_tick and the preparation behind it, in processor
+time of its one thread, and no planner's deadline ends it. The ratio of a pair is that of the two medians over the
+run's second half; the table has its median over the seeds whose runs both end ACTIVE: in SAFE a tick does next to
+nothing. Memory is the controller's one block, to the byte. Robots without a joint that is felt, and those whose
+posterior is not the filter, are left out.
 """
 
 import argparse

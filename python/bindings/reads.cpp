@@ -221,7 +221,7 @@ void bind_reads(nb::module_& m, nb::class_<Controller>& controller) {
       .def("outputs", &outputs, "The model's outputs at the present estimate.")
       .def(
           "frame_forces", &frame_forces,
-          "Forces beyond the model as forces at frames, {\"tip_x_N\": (mean, deviation)}; NaN: the joints do not tell it.");
+          "Forces beyond the model as forces at frames, {\"tip_x_N\": (mean, deviation)}; NaN: joints do not tell it.");
 }
 
 }  // namespace tiller::python

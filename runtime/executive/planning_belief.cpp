@@ -96,7 +96,8 @@ void PlanningBelief::take_hypotheses(const Posterior& posterior, std::uint64_t t
 }
 
 /// All hypotheses have the mean's forces. How far these may be off is no bet to hedge: a force is seen as it comes, and
-/// one sequence of inputs for several forces lets every pole fall. Where bounds are to be kept it is a part of the spread.
+/// one sequence of inputs for several forces lets every pole fall. Where bounds are to be kept it is a part of the
+/// spread.
 void PlanningBelief::take_forces(const Posterior& posterior) {
   const std::uint32_t count = belief_.count;
   double value[kForceKinds * TILLER_MAX_JOINTS + 1];

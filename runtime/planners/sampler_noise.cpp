@@ -1,5 +1,5 @@
-// What rollouts do not follow from their hypothesis: errors of the start and of the forces, and process noise. Attitudes
-// start as they are.
+// What rollouts do not follow from their hypothesis: errors of the start and of the forces, and process noise.
+// Attitudes start as they are.
 
 #include <cmath>
 
@@ -38,7 +38,8 @@ void draw(Rng& rng, std::uint32_t n, const double* factor, double* x) {
   }
 }
 
-/// By how much the forces that wander are off, in one hypothesis. It fades as they do; what is yet to come is not drawn.
+/// By how much the forces that wander are off, in one hypothesis. It fades as they do; what is yet to come is not
+/// drawn.
 void draw_force_errors(Sampler& s, Rng& rng, const StateSpread& spread, std::uint32_t m) {
   const std::uint32_t forces = spread.forces < s.setup->fading ? spread.forces : s.setup->fading;
   for (std::uint32_t j = 0; j < forces; ++j) {

@@ -126,8 +126,8 @@ class Posterior {
   /// how far these may be off now (force_joints each); nullable. Returns the rate 1 / tau at which what is expected of
   /// them fades, in 1/s. Cost: O(N) a joint.
   virtual double forces(double /*ahead_s*/, double* /*mean*/, double* /*sd*/) const { return 0.0; }
-  /// What the forces come to deviate by from none in the long run (TILLER_MAX_JOINTS). An engine that does not tell has their
-  /// mean square now, which is right on average.
+  /// What the forces come to deviate by from none in the long run (TILLER_MAX_JOINTS). An engine that does not tell has
+  /// the root of their mean square now, which is right on average.
   virtual void force_sizes(double* size) const {
     double mean[TILLER_MAX_JOINTS] = {}, sd[TILLER_MAX_JOINTS] = {};
     (void)forces(0.0, mean, sd);

@@ -214,8 +214,8 @@ INSTANTIATE_TEST_SUITE_P(
 
 // Of 0.4 N m this encoder shows half a deviation after one period and 13 after five; felt within a quarter of a second.
 // Nothing is felt before.
-// The target stands behind a wall, and gusts push towards it. Of the motions ahead, a horizon each, no more than the risk
-// that is asked for may cross it, with all that a real posterior knows of the force.
+// The target stands behind a wall, and gusts push towards it. Of the motions ahead, a horizon each, no more than the
+// risk that is asked for may cross it, with all that a real posterior knows of the force.
 TEST(Pushed, GustsDoNotPushItThroughAWallMoreOftenThanAsked) {
   constexpr double kWall_rad = 0.7;
   tiller::Config c = pendulum(true);

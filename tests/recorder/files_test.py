@@ -182,16 +182,16 @@ class Files(unittest.TestCase):
     def test_forces_are_the_same_numbers_in_every_format(self):
         robot = self.home / "pushed.toml"
         robot.write_text((ROBOTS / "pendulum.toml").read_text() + "\n[posterior]\ndisturbance = true\n")
-        done = tiller("run", robot, "--sim", "--seconds", "2", "--quiet", "--record", "pushed.mcap", "--record", "pushed.lcm",
-                      "--log", "pushed.csv", cwd=self.home)
+        done = tiller("run", robot, "--sim", "--seconds", "2", "--quiet", "--record", "pushed.mcap",
+                      "--record", "pushed.lcm", "--log", "pushed.csv", cwd=self.home)
         self.assertEqual(done.returncode, 0, done.stderr)
         head, *rows = (line.split(",") for line in (self.home / "pushed.csv").read_text().splitlines())
         columns = [head.index(name) for name in ("force.mean.joint_Nm", "force.sd.joint_Nm", "touched")]
         wanted = [tuple(float(row[at]) for at in columns) for row in rows]
         self.assertGreater(len({row[0] for row in wanted}), 50, "or the comparison says nothing")
         ticks = [json.loads(m.data) for m in messages_of(self.home / "pushed.mcap")[0] if b'"force"' in m.data]
-        self.assertEqual([(t["force"]["mean"]["joint_Nm"], t["force"]["sd"]["joint_Nm"], t["force"]["touched"]) for t in ticks],
-                         wanted)
+        forces = [tick["force"] for tick in ticks]
+        self.assertEqual([(f["mean"]["joint_Nm"], f["sd"]["joint_Nm"], f["touched"]) for f in forces], wanted)
         sent = [forces_t.decode(event.data) for event in lcm.EventLog(str(self.home / "pushed.lcm"), "r")
                 if event.channel == "TILLER_FORCES"]
         self.assertEqual([(f.mean[0], f.sd[0], f.touched) for f in sent], wanted)

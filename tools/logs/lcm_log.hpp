@@ -11,8 +11,8 @@
 namespace tiller::tools {
 
 /// A run as a log of LCM: what lcm-logger would have seen on the robot file's channels, MEASUREMENT, COMMAND,
-/// TELEMETRY and FORCES, whether or not the robot speaks LCM. lcm-logplayer plays it, lcm-logfilter and EventLog of Python read
-/// it; one that was cut off is read up to its last whole message.
+/// TELEMETRY and FORCES, whether or not the robot speaks LCM. lcm-logplayer plays it, lcm-logfilter and EventLog of
+/// Python read it; one that was cut off is read up to its last whole message.
 ///
 /// The events are written here, not by liblcm's lcm_eventlog_write_event: what the disk refuses must be known to the
 /// byte, and nothing may stand half written between two flushes.

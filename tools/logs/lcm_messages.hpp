@@ -29,10 +29,10 @@ class LcmSink {
   virtual void take_forces(const LcmForces& forces) { (void)forces; }
 };
 
-/// The one reader of a log of LCM: channels <prefix>MEASUREMENT, COMMAND, TELEMETRY and FORCES of the robot, front to back. A
-/// message that came again is told once: a plant in lockstep asks again where an answer was lost, and gets the same
-/// command again. `damage` says what is wrong with the file itself. False with the reason in `error`: no measurements
-/// or no commands, measurements of another robot, or of two plants at once.
+/// The one reader of a log of LCM: channels <prefix>MEASUREMENT, COMMAND, TELEMETRY and FORCES of the robot, front to
+/// back. A message that came again is told once: a plant in lockstep asks again where an answer was lost, and gets the
+/// same command again. `damage` says what is wrong with the file itself. False with the reason in `error`: no
+/// measurements or no commands, measurements of another robot, or of two plants at once.
 bool read_lcm_messages(std::istream& file, const std::string& path, const RobotFile& robot, LcmSink& sink,
                        std::string& damage, std::string& error);
 

@@ -50,7 +50,7 @@ Words felt_forces(const tiller_config_t& config);
 ///                      ([planner] predict_spread); empty where nothing was
 ///   innovation.<measured>...   measured less predicted, over the deviation that the prediction came with ([posterior]
 ///                      adequacy); empty where there was none
-///   force.mean.<force>..., force.sd.<force>..., touched   what pushes the joints beyond the model, by the force's name,
+///   force.mean.<force>..., force.sd.<force>..., touched   what pushes the joints beyond the model by the force's name,
 ///                      and which of them are touched, a bit for each ([posterior] disturbance)
 ///   force.mean.<frame>_x_N..., force.sd.<frame>_x_N...   the same as a force at a frame (FrameForces); empty where the
 ///                      joints do not tell it

@@ -1,8 +1,8 @@
 """A Foxglove layout for a recording: python -m tiller_tools.foxglove_layout run.mcap -o run.layout.json
 
 Foxglove reads it by "Import from file". One plot for what was measured and where the estimate is, one for the
-commands, one for each parameter's mean with its deviation, one for the forces beyond the model, one for the time of a tick, and the
-tick itself as a table.
+commands, one for each parameter's mean with its deviation, one for the forces beyond the model, one for the time of a
+tick, and the tick itself as a table.
 """
 
 from __future__ import annotations

@@ -20,7 +20,8 @@ wanted somewhere ("frames": [{"name": "tool0", "turns": true}], in the log as ou
 of outputs without a target, "clearance" the spheres' distances ({"apart_a_1_b_1_m": {"radii_m": .., "margin_m": ..}}).
 
 With [posterior] disturbance "columns" has the forces beyond the model ("forces": {"joint_Nm": "Nm"}), in the log as
-force.mean.* and force.sd.*; "contacts" their limits. Those at a frame ("tip_x_N") are empty where joints do not tell them.
+force.mean.* and force.sd.*; "contacts" their limits. Those at a frame ("tip_x_N") are empty where joints do not tell
+them.
 
 With [planner] predict_spread the log has foreseen.mean.* and foreseen.sd.*, of each row's state "foreseen_s" before.
 
@@ -203,9 +204,9 @@ def force_figure(run: Run, name: str) -> str:
     ax.set_ylim(-top or -1.0, top or 1.0)
     ax.margins(x=0.01)
     page.legend(ax)
-    unknown = "" if known.all() else (f"The joints tell it in {page.number(100 * np.mean(known), 3)} % of the rows: elsewhere a "
-                                      "force in this direction moves none of them.")
-    return page.svg(figure, unknown)
+    told = page.number(100 * np.mean(known), 3)
+    note = f"The joints tell it in {told} % of the rows: elsewhere a force in this direction moves none of them."
+    return page.svg(figure, "" if known.all() else note)
 
 
 def _normalised_figure(run: Run, title: str, values: np.ndarray, note: str, **style) -> str:
