@@ -19,8 +19,8 @@
 #include "harness/gap_scoring/gap_score.hpp"
 #include "tiller/config.hpp"
 #include "tools/gap/pipeline/gap.hpp"
-#include "tools/identify/grid_rollout.hpp"
 #include "tools/open/robot_open.hpp"
+#include "tools/smooth/grid_rollout.hpp"
 
 namespace tiller::bench {
 namespace {

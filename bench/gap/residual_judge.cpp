@@ -6,8 +6,8 @@
 #include "posterior/prior.hpp"
 #include "tiller/config.hpp"
 #include "tools/gap/residual/fallback.hpp"
-#include "tools/identify/grid_rollout.hpp"
 #include "tools/open/robot_open.hpp"
+#include "tools/smooth/grid_rollout.hpp"
 
 namespace tiller::bench {
 namespace {

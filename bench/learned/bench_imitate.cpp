@@ -108,7 +108,7 @@ std::vector<imi::Expansion> demonstrate(const ImitateWorld& world, Expert& exper
     const Motion motion = expert.follow(draw_start(world, rng), world.input_noise, rng);
     imi::Smoothed smoothed;
     std::string error;
-    if (!imi::smooth(world.scene, measure(world, motion, rng), smoothed, error))
+    if (!imi::smooth_motion(world.scene, measure(world, motion, rng), smoothed, error))
       std::fprintf(stderr, "%s\n", error.c_str());
     motions.push_back(imi::expand(world.scene, smoothed.motion, world.config, world.learnt, how));
   }

@@ -5,8 +5,8 @@
 
 #include "bench/problems/planning_problem.hpp"
 #include "core/rng.hpp"
+#include "tools/imitate/demonstration.hpp"
 #include "tools/imitate/replan.hpp"
-#include "tools/imitate/smoother.hpp"
 #include "tools/robot/robot_file.hpp"
 
 namespace tiller::bench {

@@ -15,8 +15,8 @@
 #include "tiller/config.hpp"
 #include "tools/gap/residual/prediction_error.hpp"
 #include "tools/gap/residual/residual_writer.hpp"
-#include "tools/identify/grid_rollout.hpp"
 #include "tools/open/robot_open.hpp"
+#include "tools/smooth/grid_rollout.hpp"
 
 namespace tiller::tools::gap {
 namespace {

@@ -6,9 +6,9 @@
 
 #include "core/rng.hpp"
 #include "tools/imitate/adversarial.hpp"
+#include "tools/imitate/demonstration.hpp"
 #include "tools/imitate/matching.hpp"
 #include "tools/imitate/replan.hpp"
-#include "tools/imitate/smoother.hpp"
 
 namespace tiller::tools::imitate {
 namespace {
@@ -177,7 +177,7 @@ TEST(Smoother, KnowsMoreThanTheSensor) {
   for (int k = 0; k < kSteps; ++k) grid.input[0][static_cast<std::size_t>(k)] = truth.input(0, k);
   Smoothed smoothed;
   std::string error;
-  ASSERT_TRUE(smooth(scene, grid, smoothed, error)) << error;
+  ASSERT_TRUE(smooth_motion(scene, grid, smoothed, error)) << error;
   const Matrix off = smoothed.motion.state - truth.state;
   EXPECT_LT(off.row(0).norm() / std::sqrt(kSteps), 0.001);  // half the sensor's
   EXPECT_LT(off.row(1).norm() / std::sqrt(kSteps), 0.01);   // differences of readings would be 0.14

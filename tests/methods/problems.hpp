@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "tiller/config.hpp"
-#include "tools/identify/grid_rollout.hpp"
 #include "tools/identify/method.hpp"
+#include "tools/smooth/grid_rollout.hpp"
 
 namespace tiller::tools {
 

@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "tools/identify/coordinates.hpp"
-#include "tools/identify/grid_rollout.hpp"
 #include "tools/identify/method.hpp"
+#include "tools/smooth/grid_rollout.hpp"
 
 namespace tiller::tools {
 

@@ -5,10 +5,10 @@
 #include "core/rng.hpp"
 #include "rollout/measurement.hpp"
 #include "tiller/config.hpp"
-#include "tools/identify/grid_rollout.hpp"
 #include "tools/identify/identify_fit.hpp"
 #include "tools/identify/lane_filter.hpp"
 #include "tools/logs/identify_data.hpp"
+#include "tools/smooth/grid_rollout.hpp"
 
 namespace tiller::tools {
 

@@ -7,7 +7,7 @@
 
 #include "tools/identify/coordinates.hpp"
 #include "tools/identify/episodes.hpp"
-#include "tools/identify/grid_rollout.hpp"
+#include "tools/smooth/grid_rollout.hpp"
 
 namespace tiller::tools {
 

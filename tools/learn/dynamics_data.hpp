@@ -3,8 +3,8 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "tools/learn/force_smoother.hpp"
 #include "tools/nets/standardise.hpp"
+#include "tools/smooth/forces.hpp"
 
 namespace tiller::tools::learn {
 

@@ -4,7 +4,8 @@
 #include <cmath>
 
 #include "core/rng.hpp"
-#include "tools/identify/grid_rollout.hpp"
+#include "tools/smooth/grid_rollout.hpp"
+#include "tools/smooth/smoother.hpp"
 
 namespace tiller::tools::learn {
 namespace {
@@ -136,14 +137,13 @@ std::vector<Eigen::MatrixXd> filtered_states(const tiller_config_t& config, cons
   for (const Grid& grid : grids) {
     const auto points = static_cast<Eigen::Index>(grid.points());
     Eigen::MatrixXd states = Eigen::MatrixXd::Constant(config.model->state_count, points, NAN);
-    SmoothedForces forces;
+    SmoothSettings settings;
+    settings.force_sd = force_sd;
+    SmoothedGrid smoothed;
     std::string error;
-    if (smooth_forces(config, {grid}, params, force_sd, forces, error)) {
-      // the filter begins where the first state is known, and its last period ends at the last point
-      const Eigen::Index first = points - 1 - forces.filtered.cols();
-      for (Eigen::Index k = 0; k < forces.state.cols(); ++k)
-        if (forces.weight[static_cast<std::size_t>(k)] > 0.0) states.col(first + k) = forces.filtered.col(k);
-    }
+    if (smooth_grid(config, params, grid, settings, smoothed, error))
+      for (Eigen::Index k = kForceBegins; k < smoothed.filtered.cols(); ++k)
+        states.col(static_cast<Eigen::Index>(smoothed.first) + k) = smoothed.filtered.col(k);
     all.push_back(std::move(states));
   }
   return all;

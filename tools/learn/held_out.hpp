@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "tools/learn/force_smoother.hpp"
+#include "tools/smooth/forces.hpp"
 
 namespace tiller::tools::learn {
 

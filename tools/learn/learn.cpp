@@ -28,15 +28,6 @@ constexpr double kLeastLearnt_s = 3.0;
 
 double seconds_of(const Grid& grid) { return static_cast<double>(grid.points()) * grid.period_s; }
 
-/// A grid's first or last part.
-Grid part_of(const Grid& grid, std::size_t first, std::size_t end) {
-  Grid part = grid;
-  part.first_time_s += static_cast<double>(first) * grid.period_s;
-  for (auto* rows : {&part.state, &part.input})
-    for (std::vector<double>& row : *rows) row = std::vector<double>(row.begin() + first, row.begin() + end);
-  return part;
-}
-
 class Learner {
  public:
   Learner(const RobotFile& robot, const LearnOptions& options, Learnt& out)
@@ -60,7 +51,10 @@ class Learner {
     out_.force_sd = typical_;
     smoothing_ =
         with_honest_sensors(config_, train_, out_.base, typical_.cwiseMax(1e-6 * typical_.maxCoeff()), out_.force_sd);
-    if (!smooth_forces(smoothing_, train_, out_.base, out_.force_sd, first_, error)) return false;
+    if (!smooth_forces(smoothing_, train_, out_.base, out_.force_sd, first_, error)) {
+      error = "learn: " + error;
+      return false;
+    }
     states_ = filtered_states(smoothing_, judge_, out_.base, out_.force_sd);
     out_.samples = static_cast<std::size_t>(first_.force.cols());
     calibrate({&config_, {out_.params}, Vector()}, first_, out_.before, out_.before_process_sd);

@@ -223,6 +223,17 @@ std::vector<Grid> make_grids(const Log& log, const LogMap& map, const tiller_con
   return grids;
 }
 
+Grid part_of(const Grid& grid, std::size_t first, std::size_t end) {
+  Grid part = grid;
+  part.first_time_s += static_cast<double>(first) * grid.period_s;
+  for (auto* rows : {&part.state, &part.input})
+    for (std::vector<double>& row : *rows)
+      if (!row.empty())
+        row = std::vector<double>(row.begin() + static_cast<std::ptrdiff_t>(first),
+                                  row.begin() + static_cast<std::ptrdiff_t>(end));
+  return part;
+}
+
 bool estimate_state(const Grid& grid, const tiller_config_t& config, std::size_t point, double half_width_s,
                     double* state, double* sd) {
   const tiller_model_t& model = *config.model;

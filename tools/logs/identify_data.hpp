@@ -31,6 +31,8 @@ struct Grid {
   std::size_t points() const { return input.empty() ? 0 : input[0].size(); }
 };
 std::vector<Grid> make_grids(const Log& log, const LogMap& map, const tiller_config_t& config);
+/// The points from `first` until before `end`.
+Grid part_of(const Grid& grid, std::size_t first, std::size_t end);
 
 /// A state at grid point `point` from the measurements around it alone, so that no candidate model has a hand in
 /// it: per joint a parabola of position over time, fitted by least squares to the positions and to the measured

@@ -4,7 +4,7 @@
 
 #include "posterior/prior.hpp"
 #include "tools/gap/residual/fallback.hpp"
-#include "tools/identify/grid_rollout.hpp"
+#include "tools/smooth/grid_rollout.hpp"
 
 namespace tiller::tools::gap {
 namespace {

@@ -1,4 +1,4 @@
-#include "tools/identify/grid_rollout.hpp"
+#include "tools/smooth/grid_rollout.hpp"
 
 #include <cstdlib>
 

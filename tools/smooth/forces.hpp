@@ -7,7 +7,10 @@
 #include "tiller/config.hpp"
 #include "tools/logs/identify_data.hpp"
 
-namespace tiller::tools::learn {
+namespace tiller::tools {
+
+/// Periods whose forces still hang on the filter's beginning.
+constexpr Eigen::Index kForceBegins = 10;
 
 /// Periods of logs with what a model lacks there: smoothed states, and forces with their variance.
 struct SmoothedForces {
@@ -17,16 +20,10 @@ struct SmoothedForces {
   Eigen::MatrixXd force;       ///< (nf x n) that the model lacks over it
   Eigen::MatrixXd variance;    ///< (nf x n)
   std::vector<double> weight;  ///< (n) 1, or 0 where the smoother had only begun
-  double log_likelihood = 0;   ///< of the measurements, by the prediction errors
 };
 
-/// The model with one unknown force per joint, a random walk of intensity force_sd(j) (N or N m per root second), under
-/// an extended Kalman filter and the smoother of Rauch, Tung and Striebel (1965) through every grid. Encoders suffice.
-/// Slopes are central differences of rollouts in lanes; cost: points x (nx + nf) rollouts of one period, and as many
-/// products of (nx + nf)-matrices.
-///
-/// `params` (np of `config`): fixed. False with a sentence in `error`: no room for the forces among the effects, or the
-/// filter ran away (the model is unusable at these parameters).
+/// All grids by smooth_grid() with a force of intensity force_sd (nf) at every joint. False with a sentence in `error`
+/// where that fails, and where no grid begins.
 bool smooth_forces(const tiller_config_t& config, const std::vector<Grid>& grids, const std::vector<double>& params,
                    const Eigen::VectorXd& force_sd, SmoothedForces& out, std::string& error);
 
@@ -48,4 +45,4 @@ Config with_honest_sensors(const tiller_config_t& config, const std::vector<Grid
                            const std::vector<double>& params, const Eigen::VectorXd& typical,
                            Eigen::VectorXd& force_sd);
 
-}  // namespace tiller::tools::learn
+}  // namespace tiller::tools
