@@ -59,8 +59,8 @@ TEST(Smoother, AForceComesBackWithinItsDeviation) {
   ASSERT_EQ(out.first, 0u);
   ASSERT_EQ(out.force.cols(), 800);
   const Errors e = errors_of(out, s.period_s, push);
-  EXPECT_LT(e.rms, 0.05);       // a quarter of the push
-  EXPECT_LT(e.normalised, 1.5); // a force that is smoother than a walk is better known than the walk's deviation says
+  EXPECT_LT(e.rms, 0.05);        // a quarter of the push
+  EXPECT_LT(e.normalised, 1.5);  // a force that is smoother than a walk is better known than the walk's deviation says
   EXPECT_GT(e.normalised, 0.3);
   EXPECT_NEAR(out.misfit, 1, 0.1);
 }

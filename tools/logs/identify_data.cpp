@@ -234,6 +234,20 @@ Grid part_of(const Grid& grid, std::size_t first, std::size_t end) {
   return part;
 }
 
+Grid unwrapped(const Grid& grid, const tiller_model_t& model) {
+  Grid copy = grid;
+  for (std::uint32_t i = 0; i < model.state_count; ++i) {
+    if ((model.angle_mask >> i & 1u) == 0) continue;
+    double last = NAN;
+    for (double& value : copy.state[i]) {
+      if (!std::isfinite(value)) continue;
+      if (std::isfinite(last)) value = last + state_difference(model, i, value, last);
+      last = value;
+    }
+  }
+  return copy;
+}
+
 bool estimate_state(const Grid& grid, const tiller_config_t& config, std::size_t point, double half_width_s,
                     double* state, double* sd) {
   const tiller_model_t& model = *config.model;

@@ -33,6 +33,8 @@ struct Grid {
 std::vector<Grid> make_grids(const Log& log, const LogMap& map, const tiller_config_t& config);
 /// The points from `first` until before `end`.
 Grid part_of(const Grid& grid, std::size_t first, std::size_t end);
+/// Angles made continuous, as a copy: a log that wraps them would have jumps.
+Grid unwrapped(const Grid& grid, const tiller_model_t& model);
 
 /// A state at grid point `point` from the measurements around it alone, so that no candidate model has a hand in
 /// it: per joint a parabola of position over time, fitted by least squares to the positions and to the measured

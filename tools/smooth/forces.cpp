@@ -59,7 +59,8 @@ Eigen::VectorXd typical_forces(const tiller_config_t& config, const std::vector<
   if (!with_forces(config, forced, error)) return squares;
   ForcedStep step(forced, params, Vector::Ones(nf));
   int responses = 0;
-  for (const Grid& grid : grids) {
+  for (const Grid& logged : grids) {
+    const Grid grid = unwrapped(logged, *config.model);
     // twentieths of a second: between neighbours at a kilohertz the sensors' noise is most of the difference
     const auto every = static_cast<std::size_t>(std::max(2.0, std::round(0.05 / grid.period_s)));
     double before[TILLER_MAX_STATES], state[TILLER_MAX_STATES];

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "tools/gap/localise/noise.hpp"
-#include "tools/gap/localise/residual_force.hpp"
 
 namespace tiller::tools::gap {
 namespace {

@@ -1,5 +1,6 @@
 #include "tools/gap/pipeline/unit_check.hpp"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -8,10 +9,12 @@
 #include "tools/gap/fit/hypothesis.hpp"
 #include "tools/gap/localise/residual_force.hpp"
 #include "tools/gap/result/thresholds.hpp"
+#include "tools/smooth/forced_step.hpp"
 
 namespace tiller::tools::gap {
 namespace {
 
+constexpr double kDifferenceHalfWidth_s = 0.04;  // of parabolas: 9 points at 100 Hz
 constexpr double kSuspicious = 0.3;      // share of the forces' square that is left: beyond it a unit may be wrong
 constexpr double kNearlyAll = 0.1;       // ... that a corrected unit may leave
 constexpr double kCorrectedShare = 0.1;  // ... of what is left without the correction
@@ -73,8 +76,8 @@ std::vector<Grid> corrected(const std::vector<Grid>& grids, const tiller_model_t
   return copy;
 }
 
-double weak_square(const std::vector<double>& values, const ResidualForce& r) {
-  const std::vector<double> bump = test_function(kTestHalfWidth * r.time_scale, r.period_s);
+double weak_square(const std::vector<double>& values, const Grid& grid) {
+  const std::vector<double> bump = test_function(kTestHalfWidth * grid.time_scale, grid.period_s);
   double sum = 0;
   for (std::size_t k = 0; k + bump.size() <= values.size(); k += bump.size() / 4) {
     const double weak = std::inner_product(bump.begin(), bump.end(), values.data() + k, 0.0);
@@ -83,25 +86,73 @@ double weak_square(const std::vector<double>& values, const ResidualForce& r) {
   return sum;
 }
 
+// A joint's forces at the points of a grid, N or N m; NaN where they are not known.
+struct JointForces {
+  std::vector<double> missing, measured, input;  // without the model's, with it, and the drive's command
+};
+
+// By differences, so that no model has a hand in the state that it is asked about: a smoother follows the data in any
+// unit, and calls a wrong unit a force. The inertia is what the model makes of unit forces over a period.
+std::vector<JointForces> forces_by_differences(const tiller_config_t& config, const Grid& grid,
+                                               const std::vector<double>& params) {
+  const tiller_model_t& model = *config.model;
+  const std::uint32_t nx = model.state_count, nf = model.joint_count;
+  const double half_width_s = kDifferenceHalfWidth_s * grid.time_scale;
+  std::vector<JointForces> all(nf);
+  for (JointForces& f : all) f.missing.assign(grid.points(), NAN), f.measured = f.input = f.missing;
+  Config forced;
+  std::string error;
+  if (!with_forces(config, forced, error)) return all;
+  ForcedStep step(forced, params, Eigen::VectorXd::Ones(nf));
+  double state[TILLER_MAX_STATES], after[TILLER_MAX_STATES];
+  bool begun = false;
+  for (std::size_t k = 0; k + 1 < grid.points(); ++k) {
+    if (!estimate_state(grid, config, k, half_width_s, state)) continue;
+    if (!estimate_state(grid, config, k + 1, half_width_s, after)) continue;
+    Eigen::VectorXd z = Eigen::VectorXd::Zero(nx + nf), next, change(nf), missing(nf);
+    Eigen::MatrixXd slope, by_force(nf, nf);
+    for (std::uint32_t i = 0; i < nx; ++i) z(i) = state[i];
+    if (!begun) step.begin(grid, k);
+    begun = true;
+    if (!step.run(grid, k, z, next, slope)) continue;
+    for (std::uint32_t j = 0; j < nf; ++j) {
+      const std::uint32_t v = model.joints[j].velocity;
+      by_force.row(j) = slope.row(v).tail(nf);
+      change(j) = next(v) - state[v];
+      missing(j) = after[v] - next(v);
+    }
+    const Eigen::FullPivLU<Eigen::MatrixXd> inertia(by_force);
+    if (!inertia.isInvertible()) continue;
+    missing = inertia.solve(missing).eval();
+    const Eigen::VectorXd measured = missing + inertia.solve(change);
+    for (std::uint32_t j = 0; j < nf; ++j) {
+      all[j].missing[k] = missing(j);
+      all[j].measured[k] = measured(j);
+      if (model.joints[j].drive != 0) all[j].input[k] = grid.input[model.joints[j].drive - 1u][k];
+    }
+  }
+  return all;
+}
+
 // The share of the forces that the model leaves: residual over accelerating and driving force, 0 for a perfect model,
 // about 1 or more for one that tells nothing. The worst joint's.
 double unexplained(const tiller_config_t& config, const std::vector<Grid>& grids, const double* params) {
   std::string why;
-  const std::vector<ResidualForce> forces = residual_forces(config, grids, params, why);
-  if (!why.empty()) return 0;
-  const tiller_model_t& model = *config.model;
-  double worst = 0;
-  for (std::uint32_t j = 0; j < model.joint_count; ++j) {
-    double left = 0, all = 0;
-    for (const ResidualForce& r : forces) {
-      std::vector<double> measured = r.force[j];
-      for (std::size_t k = 0; k < r.points(); ++k) measured[k] += r.model_force[j][k];
-      left += weak_square(r.force[j], r);
-      all += weak_square(measured, r);
-      if (model.joints[j].drive != 0) all += weak_square(r.input[model.joints[j].drive - 1u], r);
+  if (!states_are_measured(config, why)) return 0;
+  const std::vector<double> fixed(params, params + config.param_count);
+  const std::uint32_t joints = config.model->joint_count;
+  std::vector<double> left(joints, 0.0), all(joints, 0.0);
+  for (const Grid& wrapped : grids) {
+    const Grid grid = unwrapped(wrapped, *config.model);
+    const std::vector<JointForces> forces = forces_by_differences(config, grid, fixed);
+    for (std::uint32_t j = 0; j < joints; ++j) {
+      left[j] += weak_square(forces[j].missing, grid);
+      all[j] += weak_square(forces[j].measured, grid) + weak_square(forces[j].input, grid);
     }
-    if (all > 0) worst = std::max(worst, left / all);
   }
+  double worst = 0;
+  for (std::uint32_t j = 0; j < joints; ++j)
+    if (all[j] > 0) worst = std::max(worst, left[j] / all[j]);
   return worst;
 }
 

@@ -85,6 +85,13 @@ struct Region {
   double z = 0;
 };
 
+/// The force that the model lacks at a joint along a log, smoothed.
+struct MissingForce {
+  std::uint32_t joint = 0;
+  std::string log;
+  std::vector<double> time_s, mean, sd;  ///< (points), N or N m; NaN where no sensor was read
+};
+
 enum class Verdict { no_gap, named, ambiguous, partly, unnamed, leading, off_prior, unfit };
 const char* verdict_name(Verdict verdict);  ///< "partly_explained" for partly, else as it is called here
 
@@ -112,6 +119,7 @@ struct Result {
   // where
   std::vector<AxisMap> maps;  ///< strongest first
   Region region;
+  std::vector<MissingForce> forces;  ///< of each joint, along the longest stretch of the logs
 
   // what
   std::vector<Explanation> ranking;    ///< best first; the nominal model is among them

@@ -29,15 +29,18 @@ std::size_t data_bytes(const Session& s) {
   return numbers * kNumber + s.windows.capacity() * sizeof(Window);
 }
 
-// The residual force and its axes (residual_force.hpp, localise.cpp); vectors that grow hold up to twice their content.
+// The residual force and its axes (residual_force.hpp, localise.cpp), and the passes of the smoother over the longest
+// grid: two states and three matrices a point. Vectors that grow hold up to twice their content.
 std::size_t localise_bytes(const Session& s) {
   const tiller_model_t& model = *s.config.model;
-  std::size_t points = 0;
-  for (const Grid& grid : s.data.grids) points += grid.points();
+  std::size_t points = 0, longest = 0;
+  for (const Grid& grid : s.data.grids) points += grid.points(), longest = std::max(longest, grid.points());
+  const std::size_t smoothed = std::size_t{model.state_count} + model.joint_count;
+  const std::size_t passes = longest * (2 * smoothed + 3 * smoothed * smoothed) * kNumber;
   const std::size_t rows =
       8 * std::size_t{model.joint_count} + 3 * std::size_t{model.input_count} + 2 * std::size_t{model.state_count} + 14;
   const std::size_t maps = 6 * std::size_t{model.joint_count};
-  return 2 * points * rows * kNumber + maps * (sizeof(AxisMap) + 512 * kNumber + 32 * sizeof(AxisMap::Bin));
+  return 2 * points * rows * kNumber + passes + maps * (sizeof(AxisMap) + 512 * kNumber + 32 * sizeof(AxisMap::Bin));
 }
 
 // Rollouts of the windows kept for the proof, of the longest length, and what the page shows of them.
