@@ -121,6 +121,9 @@ class Command(unittest.TestCase):
         if friction:
             self.assertAlmostEqual(friction[0]["mean"], FRICTION, delta=0.05 * FRICTION)
         self.assertEqual(result["where"]["region"]["axis"], "velocity")
+        (force,) = result["where"]["forces"]  # of the one joint, as dry friction is: of its size, on both sides
+        sizes = sorted(abs(value) for value in force["mean"] if value is not None)
+        self.assertAlmostEqual(sizes[len(sizes) // 2], FRICTION, delta=0.25 * FRICTION)
         for horizon in result["horizons"]:
             self.assertLess(horizon["after_sigma"], horizon["before_sigma"])
         text = (out / "gap.html").read_text()

@@ -70,6 +70,14 @@ class Page(unittest.TestCase):
         self.assertIn("residual", self.draw(gap_result("unnamed")).read_text())
         self.assertIn("mass_kg at its lower bound 0.5: widen the prior in <code>arm.toml</code>", ambiguous)
 
+    def test_the_force_that_the_model_lacks_is_drawn_over_time(self):
+        result = gap_result("named")
+        text = self.draw(result).read_text()
+        self.assertIn("joint: the force that the model lacks", text)
+        self.assertIn("Along a.csv", text)
+        result["where"]["forces"] = []
+        self.assertNotIn("the force that the model lacks", self.draw(result).read_text())
+
     def test_a_strong_map_without_a_region_is_not_told_as_nothing(self):
         result = gap_result("named")
         result["where"]["region"] = None

@@ -40,6 +40,15 @@ json map_json(const AxisMap& map, const tiller_model_t& model) {
           {"null", numbers(map.null)}};
 }
 
+json force_json(const MissingForce& f, const tiller_model_t& model) {
+  return {{"joint", model.joints[f.joint].name},
+          {"force", force_name(model, f.joint)},
+          {"log", f.log},
+          {"time_s", numbers(f.time_s)},
+          {"mean", numbers(f.mean)},
+          {"sd", numbers(f.sd)}};
+}
+
 json region_json(const Region& region, const tiller_model_t& model) {
   if (!region.found) return nullptr;
   return {{"joint", model.joints[region.joint].name},
@@ -157,7 +166,8 @@ int exit_code_of(const Result& result, double budget_sigma) {
 std::string gap_json(const RobotFile& robot, const Options& options, const Result& result,
                      const std::string& robot_file) {
   const tiller_model_t& model = *robot.model;
-  json maps = json::array(), ranking = json::array();
+  json maps = json::array(), ranking = json::array(), forces = json::array();
+  for (const MissingForce& f : result.forces) forces.push_back(force_json(f, model));
   for (const AxisMap& map : result.maps) maps.push_back(map_json(map, model));
   for (const Explanation& x : result.ranking) ranking.push_back(explanation_json(x, robot));
   const json out = {{"format", "tiller-gap"},
@@ -191,7 +201,7 @@ std::string gap_json(const RobotFile& robot, const Options& options, const Resul
                      {{"nominal_sigma", number(result.nominal_sigma)},
                       {"noise_ratio", number(result.noise_ratio)},
                       {"whiteness_p", number(result.whiteness_p)}}},
-                    {"where", {{"region", region_json(result.region, model)}, {"maps", maps}}},
+                    {"where", {{"region", region_json(result.region, model)}, {"maps", maps}, {"forces", forces}}},
                     {"ranking", ranking},
                     {"ambiguity", result.ambiguity},
                     {"leading", result.leading == 0 ? json(nullptr) : json(result.leading)},

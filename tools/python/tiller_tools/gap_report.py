@@ -34,6 +34,8 @@ _MEANING = {
     "time": "A force that is there at all times, or that changes over time: an offset, a drift.",
     "input_sign_square": "Friction that grows with the load on the drive."}
 
+_INSIDE_90 = 1.645  # standard deviations to each side hold 90 % of a Gaussian
+
 
 def _esc(text) -> str:
     return page.html.escape(str(text))
@@ -153,6 +155,20 @@ def map_figure(result: dict, index: int) -> str:
                             f"{page.number(m['p_value'], 2)}.")
 
 
+def force_figure(force: dict) -> str:
+    """The smoothed force that the model lacks at a joint, over time."""
+    time, mean, sd = (_array(force[key]) for key in ("time_s", "mean", "sd"))
+    figure, ax = page.axes(f"{force['joint']}: the force that the model lacks", force["force"], xlabel="time (s)",
+                           height=3.2)
+    ax.axhline(0, color="#8b929a", linewidth=1.0)
+    ax.fill_between(time, mean - _INSIDE_90 * sd, mean + _INSIDE_90 * sd, color=page.BAND, linewidth=0, label="90 %")
+    ax.plot(time, mean, color=page.ESTIMATE, linewidth=1.2, label="smoothed")
+    ax.margins(x=0.01)
+    page.legend(ax)
+    return page.svg(figure, f"Along {_esc(Path(force['log']).name)}, of the robot file with its parameters fitted. A step "
+                            "is spread over the time in which the sensors tell a force.")
+
+
 def null_figure(result: dict) -> str:
     """What the strongest map's statistic is when the residual's blocks change places and signs."""
     m = result["where"]["maps"][0]
@@ -192,7 +208,8 @@ def where_section(result: dict) -> str:
                      f"{_MEANING.get(region['axis'], '')}</p>")
     else:
         parts.append(f"<p>{_esc(_no_region(maps))}</p>")
-    figures = [map_figure(result, 0), null_figure(result)] + [map_figure(result, i) for i in range(1, len(maps))]
+    figures = [force_figure(force) for force in result["where"]["forces"]]
+    figures += [map_figure(result, 0), null_figure(result)] + [map_figure(result, i) for i in range(1, len(maps))]
     return "".join(parts) + page.grid(figures)
 
 
