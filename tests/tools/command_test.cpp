@@ -516,6 +516,43 @@ TEST_F(Command, AnInadequateModelIsToldOnceAndLeavesItsTicks) {
   EXPECT_FALSE(fs::exists(folder_ + "/calm.alarm.csv")) << "no alarm, no file";
 }
 
+/// The pendulum whose posterior estimates forces, with an effect of the plant that its model lacks.
+std::string pendulum_with(const std::string& effect) {
+  std::ostringstream text;
+  text << std::ifstream(std::string(TILLER_TEST_ROBOTS) + "/pendulum.toml").rdbuf()
+       << "[posterior]\ndisturbance = true\n[[sim.effects]]\n"
+       << effect;
+  return text.str();
+}
+
+// A force that wanders cannot follow what a late drive leaves: the alarm says what it goes with, and gap on the ticks
+// about the alarm names it.
+TEST_F(Command, ASystematicForceBesideTheEstimatedOneIsToldAndNamed) {
+  std::ofstream(folder_ + "/late.toml") << pendulum_with(
+      "kind = \"input_delay\"\nport = \"torque_Nm\"\ndelay_s = 0.06\n");
+  const Ended ended = run({"run", "late.toml", "--sim", "--seconds", "10", "--log", "run.csv", "--quiet"});
+  EXPECT_EQ(ended.code, 0) << ended.out;
+  EXPECT_TRUE(contains(ended.out,
+                       "beside the force that is estimated, a force at joint 'joint' goes with the input's change "
+                       "(a delay, a lag or a wrong gain of the drive); tiller gap names it"))
+      << ended.out;
+  const Ended gap = run({"gap", "late.toml", "run.alarm.csv", "-o", "report"});
+  EXPECT_EQ(gap.code, 1) << gap.out;
+  EXPECT_TRUE(contains(gap.out, "Missing: input_delay (torque_Nm) (torque_Nm.delay_s = 0.06")) << gap.out;
+}
+
+// A drag is slow enough for the force that is estimated: gap finds what that goes with, whether the alarm sounds or not.
+TEST_F(Command, AForceThatTheEstimateTakesUpIsNamedByGap) {
+  std::ofstream(folder_ + "/drag.toml") << pendulum_with(
+      "kind = \"quadratic_drag\"\nport = \"joint\"\ndrag_SI = 0.05\n");
+  const Ended ended = run({"run", "drag.toml", "--sim", "--seconds", "20", "--log", "run.csv", "--quiet"});
+  EXPECT_EQ(ended.code, 0) << ended.out;
+  const Ended gap = run({"gap", "drag.toml", "run.csv", "-o", "report"});
+  EXPECT_EQ(gap.code, 1) << gap.out;
+  EXPECT_TRUE(contains(gap.out, "Missing: quadratic_drag (joint)")) << gap.out;
+  EXPECT_TRUE(contains(gap.out, "Where: at joint, rate_rad_s from")) << gap.out;
+}
+
 TEST_F(Command, ExciteProposesWithinLimitsAndTells) {
   const std::string pendulum = std::string(TILLER_TEST_ROBOTS) + "/pendulum.toml";
   const Words base = {

@@ -57,6 +57,28 @@ TEST(RunFacts, NameWhatEachColumnOfTheLogIs) {
   EXPECT_EQ(columns["parameters"].dump(), R"({"pole_mass_kg":"kg","half_length_m":"m","cart.damping_SI":"N s/m"})");
 }
 
+TEST(RunFacts, TheAlarmSaysWhichForceIsLeftWhereForcesAreEstimated) {
+  const auto robot = robot_of(test::kGoodRobot);
+  RunResult result;
+  result.inadequate_at_s = 2.5;
+  result.info.adequacy = tiller_adequacy_inadequate;
+  result.info.inadequate_channel = 1;
+  result.info.inadequate_feature = tiller_feature_velocity_sign;
+  const auto adequacy = [&] {
+    const auto facts = nlohmann::ordered_json::parse(run_facts_json(*robot, result, {"a run", "", true}));
+    return facts["facts"]["adequacy"].get<std::string>();
+  };
+  robot->config.posterior.disturbance = 0;
+  EXPECT_EQ(adequacy(), "2.50 s: angle_rad, velocity_sign");
+  robot->config.posterior.disturbance = 1;
+  EXPECT_EQ(
+      adequacy(),
+      "2.50 s: angle_rad, velocity_sign: a force at joint 'pole' goes with its direction of motion (a dry friction "
+      "that the model lacks)");
+  result.info.inadequate_feature = tiller_feature_size;
+  EXPECT_EQ(adequacy(), "2.50 s: angle_rad, size") << "noise is no force";
+}
+
 TEST(RunFacts, TellTheFigureInSumsOfNames) {
   const std::string figure = R"(
 [figure]

@@ -30,8 +30,10 @@ std::string adequacy_text(const RobotFile& robot, const RunResult& result) {
   const tiller_info_t& info = result.info;
   if (info.adequacy == tiller_adequacy_untested) return "not tested";
   if (info.adequacy == tiller_adequacy_adequate) return "adequate";
+  const std::string force = systematic_force_text(robot, info);
   return format("%.2f s: ", result.inadequate_at_s) + robot.measurements[info.inadequate_channel] + ", " +
-         tiller_feature_name(static_cast<tiller_feature_t>(info.inadequate_feature));
+         tiller_feature_name(static_cast<tiller_feature_t>(info.inadequate_feature)) +
+         (force.empty() ? "" : ": " + force);
 }
 
 Json facts(const RobotFile& robot, const RunResult& result) {

@@ -21,6 +21,28 @@ const char* feature_text(tiller_feature_t feature) {
   }
 }
 
+/// What a force that wanders did not take up, beside the usual causes; null: it is no force's.
+const char* systematic_force(tiller_feature_t feature) {
+  switch (feature) {
+    case tiller_feature_bias: return "stays as it is (gravity, a spring or a sensor's offset that the model lacks)";
+    case tiller_feature_velocity: return "goes with its velocity (a friction or a drag that the model lacks)";
+    case tiller_feature_velocity_sign: return "goes with its direction of motion (a dry friction that the model lacks)";
+    case tiller_feature_input: return "goes with the input (a wrong gain of the drive, or a wrong parameter)";
+    case tiller_feature_input_change:
+      return "goes with the input's change (a delay, a lag or a wrong gain of the drive)";
+    default: return nullptr;
+  }
+}
+
+/// The joint whose position or velocity a measurement is; null: none's.
+const tiller_joint_t* joint_of(const RobotFile& robot, std::uint32_t channel) {
+  const std::uint32_t state = robot.config.measured_state[channel];
+  for (std::uint32_t j = 0; j < robot.model->joint_count; ++j)
+    if (robot.model->joints[j].position == state || robot.model->joints[j].velocity == state)
+      return &robot.model->joints[j];
+  return nullptr;
+}
+
 /// Directions of which the data say next to nothing: those that keep more than half of the prior's deviation.
 std::string not_learnt(const RobotFile& robot, const RunResult& result) {
   constexpr double kKept = 0.25;   // of the prior's variance
@@ -104,10 +126,20 @@ std::string log_text(const LogState& log) {
                 count(log.dropped_ticks), count(log.lost_bytes), count(log.waiting_bytes));
 }
 
+std::string systematic_force_text(const RobotFile& robot, const tiller_info_t& info) {
+  const tiller_joint_t* const joint = joint_of(robot, info.inadequate_channel);
+  const char* const force = systematic_force(static_cast<tiller_feature_t>(info.inadequate_feature));
+  if (robot.config.posterior.disturbance == 0 || !joint || !force) return "";
+  return std::string("a force at joint '") + joint->name + "' " + force;
+}
+
 std::string inadequacy(const RobotFile& robot, const tiller_info_t& info) {
   const auto feature = static_cast<tiller_feature_t>(info.inadequate_feature);
-  return "the model does not explain " + robot.measurements[info.inadequate_channel] + ": what it leaves goes with " +
-         feature_text(feature) + " (" + tiller_feature_name(feature) + "; docs/theory/adequacy.md tells what to do)";
+  const std::string what = "the model does not explain " + robot.measurements[info.inadequate_channel] + ": ";
+  const std::string more = std::string(tiller_feature_name(feature)) + "; docs/theory/adequacy.md tells what to do)";
+  const std::string force = systematic_force_text(robot, info);
+  if (force.empty()) return what + "what it leaves goes with " + feature_text(feature) + " (" + more;
+  return what + "beside the force that is estimated, " + force + "; tiller gap names it (" + more;
 }
 
 Words run_edges(const RobotFile& robot, const RunResult& result) {
