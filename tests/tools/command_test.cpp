@@ -541,7 +541,8 @@ TEST_F(Command, ASystematicForceBesideTheEstimatedOneIsToldAndNamed) {
   EXPECT_TRUE(contains(gap.out, "Missing: input_delay (torque_Nm) (torque_Nm.delay_s = 0.06")) << gap.out;
 }
 
-// A drag is slow enough for the force that is estimated: gap finds what that goes with, whether the alarm sounds or not.
+// A drag is slow enough for the force that is estimated: gap finds what that goes with, whether the alarm sounds or
+// not.
 TEST_F(Command, AForceThatTheEstimateTakesUpIsNamedByGap) {
   std::ofstream(folder_ + "/drag.toml") << pendulum_with(
       "kind = \"quadratic_drag\"\nport = \"joint\"\ndrag_SI = 0.05\n");

@@ -14,10 +14,11 @@ Words run_edges(const RobotFile& robot, const RunResult& result);
 const char* log_news(const LogState& log);
 /// The defects of a run's logs, without a line's end; "complete" if there are none.
 std::string log_text(const LogState& log);
-/// "a force at joint 'pole' goes with ...", of an alarm of a posterior that estimates forces (`disturbance`); empty of any
-/// other, and where what is left is no force's.
+/// "a force at joint 'pole' goes with ...", of an alarm of a posterior that estimates forces (`disturbance`); empty of
+/// any other, and where what is left is no force's.
 std::string systematic_force_text(const RobotFile& robot, const tiller_info_t& info);
-/// One line on what the model does not explain, or, with `disturbance`, on the force that is left beside the estimated; info.adequacy is tiller_adequacy_inadequate.
+/// One line on what the model does not explain, or, with `disturbance`, on the force that is left beside the estimated
+/// one; info.adequacy is tiller_adequacy_inadequate.
 std::string inadequacy(const RobotFile& robot, const tiller_info_t& info);
 
 }  // namespace tiller::tools

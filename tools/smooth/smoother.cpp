@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <limits>
 
 #include "rollout/measurement.hpp"
 #include "tools/smooth/forced_step.hpp"
