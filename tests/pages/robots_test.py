@@ -91,6 +91,8 @@ def figures_of_gap(result: dict) -> list[str]:
     lines += [f"{m['joint']}: over {axes[m['axis']]} | {m['axis_label']} | residual {m['force']}" for m in maps]
     if maps:
         lines.append("what chance would give | evidence of the strongest map | density")
+        lines += [f"{f['joint']}: the force that the model lacks | time (s) | {f['force']}"
+                  for f in result["where"]["forces"]]
     if len(result["ranking"]) > 1:
         lines.append("log density behind the best | nats | explanation")
     for p in result["ranking"][0]["parameters"] if result["ranking"] else []:
