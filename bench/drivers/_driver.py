@@ -166,6 +166,20 @@ def run_table(section, program, arguments):
     return rows_of(section, lines), process.returncode == 0
 
 
+def with_forces(text):
+    """A robot file that looks for forces beyond its model, as docs/guide/disturbances.md has it."""
+    text = re.sub(r"^(moves_per_tick|window) = .*\n", "", text, flags=re.M)
+    lines = "[posterior]\ndisturbance = true\nwindow = 128\nmoves_per_tick = 16\n"
+    return text.replace("[posterior]\n", lines, 1) if "[posterior]\n" in text else text + "\n" + lines
+
+
+def held_against_forces(text):
+    """A robot file whose inputs count from those that hold the target."""
+    text, count = re.subn(r"^\[cost\]\n", '[cost]\ninput_reference = "steady"\n', text, flags=re.M)
+    assert count == 1
+    return text
+
+
 def kept_rows(path, key):
     """key(row) -> row of a file of JSON lines, the last of which may be half of one; {}: there is no file."""
     rows = {}

@@ -3,11 +3,13 @@
 
     --seeds N      loads and poses (20)
     --first N      seed to begin with (0); tuning uses 100 and up
-    --arms LIST    posterior, frozen, friction (all of them)
+    --arms LIST    posterior, frozen, friction, forces, touched (all of them)
 
 The robot file comes from `tiller import`; what is asked of it is the hand's pose alone. Encoders of 0.25 mrad, 100 Hz, one
 core. `posterior` learns the load (0 to 3 kg), `frozen` keeps the prior's mean, `friction` learns the dry friction of four
-joints beside it. Errors are MuJoCo's, 1.5 s after each goal was given.
+joints beside it, `forces` meets the friction of `friction` with a model that has none, and with `disturbance`. `touched`
+is pushed by 5 % of a joint's torque, one joint after the other, 0.2 s long; it feels for half of that. Errors are MuJoCo's, 1.5 s
+after each goal was given.
 """
 
 import argparse
@@ -20,12 +22,15 @@ import re
 import subprocess
 import sys
 
-from _driver import CORE, HOME, PEERS, ROOT, need_environment, note, python_of, site_packages, summary
+from _driver import (CORE, HOME, PEERS, ROOT, held_against_forces, need_environment, note, python_of, site_packages, summary)
 
 TILLER = ROOT / "build/release/tools/tiller"
 ROWS = []
 POSTURE = 0.1
 FRAME, HOLD_S, POSES = "panda_hand", 1.5, 10
+PUSH, PUSH_S, TORQUE_NM = 0.05, 0.2, (87, 87, 87, 87, 12, 12, 12)  # share of the joints' limits, in the description
+PUSHES = [(j, HOLD_S * (j + 1) + 1.0) for j in range(1, 8)]  # joint and when: one a pose, when it is nearly there
+FELT_WITHIN = 5  # periods
 ROOTS = os.pathsep.join([str(ROOT / "build/release/python"),
                          *map(str, (ROOT / "build/venv/lib").glob("python3*/site-packages"))])
 
@@ -50,6 +55,11 @@ def make_robot(folder, arm):
     if arm == "friction":  # dry friction alone: it is what MuJoCo's joints have
         text = "\n\n".join(part for part in text.split("\n\n") if "viscous_friction" not in part)
         text = re.sub(r"friction_SI = \{[^}]*\}", "friction_SI = { uniform = [0.0, 1.0] }", text)
+    if arm in ("forces", "touched"):
+        text = held_against_forces(text.replace("[posterior]\n", "[posterior]\ndisturbance = true\n", 1))
+    if arm == "touched":
+        felt = ", ".join(f"panda_joint{j}_rad_s = {0.5 * PUSH * TORQUE_NM[j - 1]}" for j in range(1, 8))
+        text = text.replace("[safety]", f"[safety]\ncontact_force = {{ {felt} }}", 1)
     if arm == "frozen":
         text = text.replace("[posterior]", "[posterior]\nenabled = false")
     text += f'\n[transport]\nkind = "lcm"\nchannel_prefix = "ARM_"\n'
@@ -72,10 +82,11 @@ def run(folder, arm, seed):
     (folder / "goals.json").write_text("".join(json.dumps(g) + "\n" for g in goals), encoding="utf-8")
     payload_kg = random.Random(seed).uniform(0.0, 3.0)
     seconds = HOLD_S * POSES
+    pushes = ",".join(f"panda_joint{j}:{PUSH * TORQUE_NM[j - 1]}:{at}:{at + PUSH_S}" for j, at in PUSHES)
     plant = subprocess.Popen(
         [python_of("robots"), ROOT / "examples/mujoco_plant/plant.py", urdf(), folder / "robot.toml", "--frame", FRAME,
          "--payload", str(payload_kg), "--armature", "0.1", "--seconds", str(seconds), "--seed", str(seed), "--prefix", "ARM_",
-         "--friction", "0.3" if arm == "friction" else "0"],
+         "--friction", "0.3" if arm in ("friction", "forces") else "0", "--push", pushes if arm == "touched" else ""],
         env=dict(os.environ, PYTHONPATH=ROOTS), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         log = folder / "run.csv"
@@ -93,9 +104,26 @@ def run(folder, arm, seed):
     result = {"arm": arm, "seed": seed, "payload_kg": payload_kg, "state": rows[-1]["state"],
               "mm": [1e3 * e["m"] for e in errors], "deg": [57.29578 * e["rad"] for e in errors],
               "tick_ms": [1e-3 * ticks[len(ticks) // 2], 1e-3 * ticks[int(0.99 * len(ticks))]]}
+    if arm == "touched":
+        result["felt"], result["false"] = contacts(rows)
     if "q05.body.mass_kg" in rows[-1]:
         result["interval"] = [float(rows[-1]["q05.body.mass_kg"]), float(rows[-1]["q95.body.mass_kg"])]
     return result
+
+
+def contacts(rows):
+    """Periods until each push was felt (None: never), and alarms that begin while nobody pushes."""
+    period_s = float(rows[1]["time_s"]) - float(rows[0]["time_s"])
+    start_s = float(rows[0]["time_s"])
+    time_s = [float(r["time_s"]) - start_s for r in rows]
+    alarm = [int(r["touched"]) != 0 for r in rows]
+    begins = [t for t, now, before in zip(time_s[1:], alarm[1:], alarm) if now and not before]
+    felt = []
+    for _, at in PUSHES:
+        within = [t for t, now in zip(time_s, alarm) if now and at < t <= at + PUSH_S]
+        felt.append(round((within[0] - at) / period_s) if within else None)
+    pushed = lambda t: any(at < t <= at + 2.0 * PUSH_S for _, at in PUSHES)
+    return felt, sum(not pushed(t) for t in begins)
 
 
 def row(what, figure, unit, goal, good):
@@ -115,6 +143,16 @@ def tell(results, arm):
     every_deg = sorted(v for r in of for v in r["deg"])
     print(f"    all poses: {every_mm[len(every_mm) // 2]:.2f} mm median, {every_mm[-1]:.2f} mm at most; "
           f"{every_deg[len(every_deg) // 2]:.3f} deg median, {every_deg[-1]:.3f} deg at most")
+    if arm == "touched":
+        felt = [f for r in of for f in r["felt"]]
+        hours = n * HOLD_S * POSES / 3600.0
+        soon = sum(f is not None and f <= FELT_WITHIN for f in felt)
+        row(f"touched: pushes felt within {FELT_WITHIN} periods, of {len(felt)}", soon, "", f">= {len(felt)}", soon == len(felt))
+        print(f"    periods until a push was felt: {sorted((f for f in felt if f is not None))}, never: {felt.count(None)}")
+        alarms = sum(r["false"] for r in of)
+        row(f"touched: alarms while nobody pushes, an hour ({alarms} in {60 * hours:.1f} min)", alarms / hours, "", "<= 1",
+            alarms <= hours)
+        return
     if arm == "frozen":
         print(f"    seeds with ten poses within 5 mm and 1 degree: {len(reached)} of {n}")
         return
@@ -131,7 +169,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="seed to begin with; tuning uses 100 and up")
-    parser.add_argument("--arms", default="posterior,frozen,friction")
+    parser.add_argument("--arms", default="posterior,frozen,friction,forces,touched")
     options = parser.parse_args()
     if not TILLER.exists():
         note(f"{TILLER.relative_to(ROOT)} is not there; run ./dev build")

@@ -27,7 +27,7 @@ import tempfile
 
 import numpy as np
 
-from _driver import HOME, ROOT, kept_rows, note, summary
+from _driver import HOME, ROOT, held_against_forces, kept_rows, note, summary, with_forces
 
 SHARE_LOW, SHARE_HIGH = 0.86, 0.94
 PLAIN, WITH = "plain", "disturbance"
@@ -80,11 +80,7 @@ def text_of(robot, world, arm):
         text, count = re.subn(pattern, to, text)
         assert count == 1, pattern
     if arm == WITH:
-        text = re.sub(r"^moves_per_tick = .*\n", "", text, flags=re.M)
-        lines = "[posterior]\ndisturbance = true\nmoves_per_tick = 32\n"  # as docs/guide/disturbances.md has it
-        text = text.replace("[posterior]\n", lines, 1) if "[posterior]\n" in text else text + "\n" + lines
-        text, count = re.subn(r"^\[cost\]\n", '[cost]\ninput_reference = "steady"\n', text, flags=re.M)
-        assert count == 1
+        text = held_against_forces(with_forces(text))
     return text + worlds(spec["port"], spec["force"])[world]
 
 

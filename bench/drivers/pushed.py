@@ -41,7 +41,8 @@ import tomllib
 
 import numpy as np
 
-from _driver import HOME, PEERS, ROOT, Participant, kept_rows, need_environment, note, python_of, summary
+from _driver import (HOME, PEERS, ROOT, Participant, held_against_forces, kept_rows, need_environment, note, python_of,
+                     summary, with_forces)
 
 TODAY, WITH, INTEGRATOR, L1, DO_MPC = ARMS = ("today", "disturbance", "integrator", "L1", "do-mpc")
 FIRST_TUNING = 1001
@@ -195,12 +196,9 @@ def text_of(plant, arm, seed):
         text, count = re.subn(pattern, to.replace("{seed}", str(seed)), text, count=1, flags=re.M)
         assert count == 1, pattern
     if arm == WITH:
-        text = re.sub(r"^moves_per_tick = .*\n", "", text, flags=re.M)
-        lines = "[posterior]\ndisturbance = true\nmoves_per_tick = 32\n"  # as docs/guide/disturbances.md has it
-        text = text.replace("[posterior]\n", lines, 1) if "[posterior]\n" in text else text + "\n" + lines
+        text = with_forces(text)
     if arm in (WITH, INTEGRATOR, L1):
-        text, count = re.subn(r"^\[cost\]\n", '[cost]\ninput_reference = "steady"\n', text, flags=re.M)
-        assert count == 1
+        text = held_against_forces(text)
     return text
 
 

@@ -3,10 +3,11 @@
 
     --seeds N      plants (20): mass, drag and the sensors' noise by the seed
     --first N      seed to begin with (1); tuning uses 100 and up
-    --arms LIST    posterior, frozen, gust, gust_frozen (all of them)
+    --arms LIST    posterior, frozen, gust, gust_frozen, gust_forces (all of them)
 
 robots/quadrotor.toml, two laps at up to 2.7 m/s, 50 Hz, lockstep. `posterior` learns, `frozen` keeps the prior's mean;
-`gust` hides a wind with the standard deviation of 0.3 N and a correlation of 0.5 s in each of three directions. Errors
+`gust` hides a wind with the standard deviation of 0.3 N and a correlation of 0.5 s in each of three directions;
+`gust_forces` looks for it (docs/guide/disturbances.md). Errors
 are the plant's own distances from the row of the reference that is due.
 """
 
@@ -18,7 +19,7 @@ import os
 import subprocess
 import sys
 
-from _driver import CORE, HOME, ROOT, note, summary
+from _driver import CORE, HOME, ROOT, note, summary, with_forces
 
 TILLER = ROOT / "build/release/tools/tiller"
 ROBOT = ROOT / "robots/quadrotor.toml"
@@ -28,9 +29,11 @@ GUST = "".join(f'\n[[sim.effects]]\nkind = "wind_gusts"\nport = "{axis}"\nforce_
                for axis in "xyz")
 
 
-def make_robot(folder, gust):
+def make_robot(folder, gust, forces):
     folder.mkdir(parents=True, exist_ok=True)
     text = ROBOT.read_text(encoding="utf-8") + (GUST if gust else "")
+    if forces:
+        text = with_forces(text)
     (folder / "robot.toml").write_text(text, encoding="utf-8")
     (folder / "quadrotor_eight.csv").write_bytes((ROBOT.parent / "quadrotor_eight.csv").read_bytes())
 
@@ -87,7 +90,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--first", type=int, default=1, help="seed to begin with; tuning uses 100 and up")
-    parser.add_argument("--arms", default="posterior,frozen,gust,gust_frozen")
+    parser.add_argument("--arms", default="posterior,frozen,gust,gust_frozen,gust_forces")
     options = parser.parse_args()
     if not TILLER.exists():
         note(f"{TILLER.relative_to(ROOT)} is not there; run ./dev build")
@@ -100,7 +103,7 @@ def main():
     results = [r for r in results if r.get("build") == build and options.first <= r["seed"] < options.first + options.seeds]
     kept.write_text("".join(json.dumps(r) + "\n" for r in results), encoding="utf-8")
     for arm in options.arms.split(","):
-        make_robot(home / arm, "gust" in arm)
+        make_robot(home / arm, "gust" in arm, "forces" in arm)
         for seed in range(options.first, options.first + options.seeds):
             if any(r["arm"] == arm and r["seed"] == seed for r in results):
                 continue

@@ -68,6 +68,7 @@ def read():
 
 def push(command):
     d.qfrc_applied[inputs] = np.nan_to_num(command.value[:len(inputs)], posinf=0.0, neginf=0.0) if command else 0.0
+    for at, force, begin_s, end_s in pushes: d.qfrc_applied[at] += force if begin_s <= d.time < end_s else 0.0
 
 def lockstep():
     for k in range(round(options.seconds / period_s)):
@@ -100,7 +101,8 @@ options.add_argument("--frame", default="", metavar="NAME", help="body or site t
 options.add_argument("--real-time", action="store_true", help="else lockstep")
 for name, value, unit in (("payload", 0.0, "KG"), ("friction", 0.0, "NM"), ("armature", 0.0, "KGM2"),
                           ("noise", 0.00025, "RAD"), ("seconds", 10.0, "S"), ("seed", 1, "N"),
-                          ("prefix", "TILLER_", "TEXT"), ("url", "udpm://239.255.76.67:7667?ttl=0", "URL")):
+                          ("push", "", "JOINT:NM:FROM_S:TO_S,.."), ("prefix", "TILLER_", "TEXT"),
+                          ("url", "udpm://239.255.76.67:7667?ttl=0", "URL")):
     options.add_argument("--" + name, type=type(value), default=value, metavar=unit, help=f"[{value}]")
 options = options.parse_args()
 with open(options.robot, "rb") as file: robot = tomllib.load(file)
@@ -112,6 +114,7 @@ d, noise = mujoco.MjData(m), np.random.default_rng(options.seed)
 place = {identifier(m.joint(j).name): (m.jnt_qposadr[j], m.jnt_dofadr[j]) for j in range(m.njnt)}
 inputs = [place[split(key)[0]][1] for key in robot["limits"]]
 for key, value in robot["start"]["state"].items(): d.qpos[place[split(key)[0]][0]] = value
+pushes = [(place[joint][1], *map(float, numbers)) for joint, *numbers in (p.split(":") for p in options.push.split(",") if p)]
 bus, newest = lcm.LCM(options.url), None
 bus.subscribe(options.prefix + "COMMAND", hear)
 real_time() if options.real_time else lockstep()
