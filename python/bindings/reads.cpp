@@ -2,6 +2,8 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <bitset>
+
 #include "abi/controller.hpp"
 #include "arrays.hpp"
 #include "command.hpp"
@@ -123,6 +125,7 @@ std::size_t state_count(const Controller& c) { return c.config().model->state_co
 std::size_t param_count(const Controller& c) { return c.config().param_count; }
 std::size_t delay_count(const Controller& c) { return c.config().posterior.delay_hypotheses; }
 std::size_t force_count(const Controller& c) { return Posterior::force_joints(c.config()); }
+std::size_t drift_count(const Controller& c) { return std::bitset<64>(c.config().posterior.drift).count(); }
 std::size_t rate_count(const Controller& c) { return c.config().posterior.forgetting_count; }
 
 template <auto Field, std::size_t (*Count)(const Controller&)>
@@ -176,6 +179,8 @@ void bind_info(nb::module_& m) {
       .def_prop_ro("force_sd", &field_view<&tiller_info_t::force_sd, force_count>, "(joints)")
       .def_prop_ro("noise_sd", &field_view<&tiller_info_t::noise_sd, state_count>, "(nx)")
       .def_prop_ro("delay_weight", &field_view<&tiller_info_t::delay_weight, delay_count>, "(delay hypotheses)")
+      .def_prop_ro("drift_evidence", &field_view<&tiller_info_t::drift_evidence, drift_count>,
+                   "(parameters of [posterior] drift) log odds of a drift, by the data.")
       .def_prop_ro("forgetting_weight", &field_view<&tiller_info_t::forgetting_weight, rate_count>, "(rates)");
 }
 #undef TILLER_SCALAR

@@ -179,6 +179,7 @@ void Executive::read_adequacy() {
   std::copy(report.noise_sd, report.noise_sd + TILLER_MAX_STATES, info_.noise_sd);
   std::copy(report.delay_weight, report.delay_weight + TILLER_MAX_HYPOTHESES, info_.delay_weight);
   std::copy(report.forgetting_weight, report.forgetting_weight + TILLER_MAX_FORGETTING, info_.forgetting_weight);
+  std::copy(report.drift_evidence, report.drift_evidence + TILLER_MAX_DRIFTS, info_.drift_evidence);
   info_.discrepancy_share = report.discrepancy_share;
   info_.relearned = report.relearned;
   info_.lost_transitions = report.lost;
@@ -302,8 +303,8 @@ void Executive::replan(Tick& tick) {
   if (!all_finite(tick.wanted, config_.model->input_count)) return fail_plan(tick, tiller_status_plan_not_finite);
   plan_.keep(tick.now_us, planner_table_->sequence(planner_), tick.wanted);
   prediction_.predict(belief_.belief(), *planner_table_, planner_, request.task_step);
-  // for the next plan, which may be prepared: what stands still has that time
-  steady_.update(*posterior_, info_.param_mean, info_.state_mean);
+  // for the next plan, which may be prepared: what stands still has that time. A hand is not held against
+  if (info_.touched == 0) steady_.update(*posterior_, info_.param_mean, info_.state_mean);
 
   if (result.iterations == 0) {
     // no time for a single iteration: the planner moved its last plan on by a step
@@ -366,13 +367,16 @@ Deadline Executive::deadline(const Tick& tick) {
   return deadline;
 }
 
-/// u = -K (x - target), with differences of angles wrapped and those of quaternions turned.
+/// u = base - K (x - target), with differences of angles wrapped and those of quaternions turned. The base is the safe
+/// command; of a robot that is touched, and knows what holds the target, that: an arm does not sink while it waits.
 void Executive::hold_command(double* command) const {
   const tiller_model_t& model = *config_.model;
   double off[TILLER_MAX_STATES];
   state_differences(model, info_.state_mean, config_.cost.target, off);
+  const double* const steady = info_.touched != 0 ? steady_.input() : nullptr;
+  const double* const base = steady ? steady : config_.safety.safe_command;
   for (std::uint32_t i = 0; i < model.input_count; ++i) {
-    command[i] = config_.safety.safe_command[i];
+    command[i] = base[i];
     for (std::uint32_t x = 0; x < model.state_count; ++x) {
       const double gain = config_.safety.hold_gain[i * model.state_count + x];
       // a state without a gain has no say, not even by being infinite

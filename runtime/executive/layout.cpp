@@ -132,7 +132,7 @@ Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const
   note("prediction");
   self.timeline_.lay_out(arena, config.model->input_count, command_window_us(self.config_, self.setup_));
   note("command timeline");
-  self.motion_.lay_out(arena, self.config_, self.setup_, *self.table_);
+  self.motion_.lay_out(arena, self.config_, self.belief_.forces(), *self.table_);
   note("motion check");
   self.recorder_.lay_out(arena, self.config_);
   note("recorder");

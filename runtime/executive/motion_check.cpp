@@ -4,19 +4,21 @@
 #include <cmath>
 
 #include "core/rng.hpp"
+#include "planners/planner.hpp"
 #include "rollout/attitude.hpp"
 
 namespace tiller {
 
-void MotionCheck::lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
+void MotionCheck::lay_out(Arena& arena, const tiller_config_t& config, const PlannedForces& forces,
                           const RolloutTable& table) {
-  const std::size_t nx = config.model->state_count, ns = setup.effect_state_count;
+  const std::size_t nx = config.model->state_count, ns = forces.setup().effect_state_count;
   config_ = &config;
-  setup_ = &setup;
+  forces_ = &forces;
+  setup_ = &forces.setup();
   table_ = &table;
   base_ = arena.take<float>(nx * kLanes);
   state_ = arena.take<float>(nx * kLanes);
-  params_ = arena.take<float>(config.param_count * kLanes);
+  params_ = arena.take<float>(std::size_t{param_rows(config, *setup_)} * kLanes);
   effect_state_ = arena.take<float>(ns * kLanes);
   final_state_ = arena.take<float>(nx * kLanes);
   final_effect_ = arena.take<float>(ns * kLanes);
@@ -34,10 +36,26 @@ void MotionCheck::begin(const Posterior& posterior, std::uint64_t tick, const do
     }
   }
   turn_quaternions(state_mean);
+  take_forces(posterior, rng);
   std::copy(state_, state_ + std::size_t{config_->model->state_count} * kLanes, base_);
   std::fill(moved_, moved_ + kLanes, false);
   steps_ = 0;
   begun_ = true;
+}
+
+/// Spread as the states are. A force goes with its particle's parameters: with the mean's it belongs to the mean of these,
+/// which the first hypothesis has.
+void MotionCheck::take_forces(const Posterior& posterior, Rng& rng) {
+  if (forces_->joints() == 0) return;
+  float mean[TILLER_MAX_PARAMS];
+  posterior.draw(1, 0, mean, nullptr, nullptr, nullptr);
+  for (std::uint32_t i = 0; i < config_->param_count; ++i) params_[i * kLanes] = mean[i];
+  forces_->fill(posterior, kLanes, params_);
+  double sd[TILLER_MAX_JOINTS] = {};
+  (void)posterior.forces(0.0, nullptr, sd);
+  float* row = params_ + std::size_t{setup_->fading_param} * kLanes;
+  for (std::uint32_t j = 0; j < forces_->joints(); ++j, row += kLanes)
+    for (std::uint32_t lane = 1; lane < kLanes; ++lane) row[lane] += static_cast<float>(kSpread * sd[j] * rng.normal());
 }
 
 /// What was added to a quaternion's states is a difference, and turns it.

@@ -3,6 +3,8 @@
 #include <cstdint>
 
 #include "core/arena.hpp"
+#include "core/rng.hpp"
+#include "executive/planned_forces.hpp"
 #include "posterior/posterior.hpp"
 #include "rollout/rollout.hpp"
 
@@ -19,7 +21,8 @@ namespace tiller {
 /// loop, the smallest error of the model walks away from a robot that rests).
 class MotionCheck {
  public:
-  void lay_out(Arena& arena, const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table);
+  /// `forces`, which outlives this: what the posterior tells of them holds a joint, or moves it.
+  void lay_out(Arena& arena, const tiller_config_t& config, const PlannedForces& forces, const RolloutTable& table);
 
   /// A new window. state_mean, state_sd (nx) are the present estimate.
   void begin(const Posterior& posterior, std::uint64_t tick, const double* state_mean, const double* state_sd);
@@ -39,15 +42,17 @@ class MotionCheck {
   static constexpr double kSpread = 2.0;      // of the start states, in the filter's standard deviations
   static constexpr std::uint32_t kLanes = kLanePadding;
 
+  void take_forces(const Posterior& posterior, Rng& rng);
   void note_moves();
   void turn_quaternions(const double* state_mean);
 
   const tiller_config_t* config_ = nullptr;
-  const StepSetup* setup_ = nullptr;
+  const PlannedForces* forces_ = nullptr;
+  const StepSetup* setup_ = nullptr;  // theirs
   const RolloutTable* table_ = nullptr;
   float* base_ = nullptr;          // (nx x kLanes)
   float* state_ = nullptr;         // (nx x kLanes)
-  float* params_ = nullptr;        // (np x kLanes)
+  float* params_ = nullptr;        // (np, and the forces' x kLanes)
   float* effect_state_ = nullptr;  // (ns x kLanes)
   float* final_state_ = nullptr;   // (nx x kLanes)
   float* final_effect_ = nullptr;  // (ns x kLanes)

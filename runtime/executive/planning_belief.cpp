@@ -10,8 +10,7 @@
 namespace tiller {
 namespace {
 
-constexpr std::uint32_t kForceKinds = 3;  // of forces beyond the model, at a joint
-constexpr double kLeastShare = 0.01;      // of a period that is worth a step
+constexpr double kLeastShare = 0.01;  // of a period that is worth a step
 
 StepSetup without_delays(const StepSetup& setup) {
   StepSetup result = setup;
@@ -19,21 +18,6 @@ StepSetup without_delays(const StepSetup& setup) {
   result.delay_steps = 0;
   for (std::uint32_t e = 0; e < setup.effect_count; ++e)
     if (!has_role(setup.effects[e].kind, kDelay)) result.effects[result.effect_count++] = setup.effects[e];
-  return result;
-}
-
-StepSetup with_forces(const StepSetup& setup, std::uint32_t first_param, std::uint32_t joints) {
-  StepSetup result = setup;
-  if (joints == 0) return result;
-  // rows: viscous, dry, wandering, and how fast that fades
-  constexpr std::uint32_t kKinds[kForceKinds] = {tiller_effect_viscous_friction, tiller_effect_coulomb_friction,
-                                                 tiller_effect_constant_offset};
-  for (std::uint32_t kind = 0; kind < kForceKinds; ++kind)
-    for (std::uint32_t j = 0; j < joints; ++j)
-      result.effects[result.effect_count++] = {static_cast<std::uint16_t>(kKinds[kind]), static_cast<std::uint16_t>(j),
-                                               static_cast<std::uint16_t>(first_param + kind * joints + j), 0};
-  result.fading = joints;
-  result.fading_param = first_param + (kForceKinds - 1) * joints;
   return result;
 }
 
@@ -49,14 +33,10 @@ void PlanningBelief::lay_out(Arena& arena, const tiller_config_t& config, const 
   setup_ = &setup;
   table_ = &table;
   over_delays_ = over_delays;
-  const std::uint32_t joints = Posterior::force_joints(config);
-  const bool fits = setup.effect_count + kForceKinds * joints <= TILLER_MAX_EFFECTS &&
-                    config.param_count + kForceKinds * joints + 1 <= TILLER_MAX_PARAMS;
-  forces_ = fits ? joints : 0;
-  forced_ = with_forces(setup, config.param_count, forces_);
-  undelayed_ = without_delays(forced_);
+  forces_ = PlannedForces(config, setup);
+  undelayed_ = without_delays(forces_.setup());
   lanes_ = (count + kLanePadding - 1) / kLanePadding * kLanePadding;
-  params_ = arena.take<float>(std::size_t{param_rows(config, forced_)} * count + kLanePadding);
+  params_ = arena.take<float>(std::size_t{param_rows(config, forces_.setup())} * count + kLanePadding);
   state_ = arena.take<float>(std::size_t{nx} * count + kLanePadding);
   effect_state_ = arena.take<float>(std::size_t{ns} * count + kLanePadding);
   history_ = arena.take<float>(std::size_t{setup.delay_steps} * nu + 1);
@@ -90,23 +70,12 @@ void PlanningBelief::take_hypotheses(const Posterior& posterior, std::uint64_t t
     points_.draw(posterior, params_, state_, effect_state_);
   else
     posterior.draw(belief_.count, tick, params_, state_, effect_state_, nullptr);
-  if (forces_ > 0) take_forces(posterior);
+  // All hypotheses have the mean's forces. How far these may be off is no bet to hedge: a force is seen as it comes,
+  // and one sequence of inputs for several forces lets every pole fall. Where bounds are to be kept it is a part of the
+  // spread.
+  forces_.fill(posterior, belief_.count, params_);
   for (std::uint32_t lane = 0; lane < belief_.count; ++lane)
     lookahead_[lane].late_s = (belief_.weight ? points_.delay(lane) : posterior.drawn_delay(lane)) * config_->period_s;
-}
-
-/// All hypotheses have the mean's forces. How far these may be off is no bet to hedge: a force is seen as it comes, and
-/// one sequence of inputs for several forces lets every pole fall. Where bounds are to be kept it is a part of the
-/// spread.
-void PlanningBelief::take_forces(const Posterior& posterior) {
-  const std::uint32_t count = belief_.count;
-  double value[kForceKinds * TILLER_MAX_JOINTS + 1];
-  double* const wandering = value + (kForceKinds - 1) * forces_;
-  posterior.friction(value, value + forces_);
-  wandering[forces_] = config_->period_s * posterior.forces(0.0, wandering, nullptr);
-  float* row = params_ + std::size_t{config_->param_count} * count;
-  for (std::uint32_t j = 0; j <= kForceKinds * forces_; ++j, row += count)
-    std::fill(row, row + count, static_cast<float>(value[j]));
 }
 
 /// Noise as it is estimated: the process's where the engine tells it by state, else by its common scale.
@@ -127,9 +96,9 @@ void PlanningBelief::take_spread(const Posterior& posterior) {
     const double noise = scale * config_->measurement_sd[k];
     spread_->sensor_variance[config_->measured_state[k]] = noise * noise;
   }
-  spread_->forces = forces_;
-  if (forces_ == 0) return;
-  spread_->force_kept = math::exp(-config_->period_s * posterior.forces(0.0, nullptr, spread_->force_sd));
+  spread_->forces = forces_.joints();
+  if (spread_->forces == 0) return;
+  spread_->force_kept = math::exp(-config_->period_s * posterior.forces(0.0, nullptr, spread_->force_sd).rate);
   posterior.force_sizes(spread_->force_size);
 }
 

@@ -4,6 +4,7 @@
 
 #include "core/arena.hpp"
 #include "executive/command_timeline.hpp"
+#include "executive/planned_forces.hpp"
 #include "posterior/posterior.hpp"
 #include "posterior/sigma_points.hpp"
 #include "rollout/rollout.hpp"
@@ -35,8 +36,9 @@ class PlanningBelief {
             double ahead_s);
 
   const Belief& belief() const { return belief_; }
+  const PlannedForces& forces() const { return forces_; }
   /// The setup that fits the belief: without delays where they have been gone over.
-  const StepSetup& planner_setup() const { return over_delays_ ? undelayed_ : forced_; }
+  const StepSetup& planner_setup() const { return over_delays_ ? undelayed_ : forces_.setup(); }
   /// Periods from the stamp of the last draw to the hypotheses' states, their mean, rounded.
   std::uint32_t lead_periods() const { return lead_periods_; }
 
@@ -51,7 +53,6 @@ class PlanningBelief {
   };
 
   void take_hypotheses(const Posterior& posterior, std::uint64_t tick);
-  void take_forces(const Posterior& posterior);
   void compute_lookahead(double ahead_s);
   double delay_s(const EffectSlot& slot, std::uint32_t lane) const;
   void step_parts(const CommandTimeline& timeline, std::int64_t stamp_us);
@@ -66,9 +67,8 @@ class PlanningBelief {
   const tiller_config_t* config_ = nullptr;
   const RolloutTable* table_ = nullptr;
   const StepSetup* setup_ = nullptr;
-  std::uint32_t forces_ = 0;  // joints whose forces the planner's setup has
   bool over_delays_ = false;
-  StepSetup forced_;                // the setup with the posterior's forces
+  PlannedForces forces_;            // the setup with the posterior's forces
   StepSetup undelayed_;             // the setup without its delays: the controls below have them already
   std::uint32_t lanes_ = 0;         // M, padded
   float* params_ = nullptr;         // (np + forces x M) and room to read up to `lanes_`

@@ -5,6 +5,7 @@
 
 #include "planners/belief_weights.hpp"
 #include "planners/predicted_spread.hpp"
+#include "rollout/turn.hpp"
 #include "tiller/math.hpp"
 
 namespace tiller {
@@ -136,8 +137,8 @@ void Prediction::advance(const Belief& belief, bool answers) {
   std::copy(next_, next_ + std::size_t{nx_} * lanes_, state_);
   double* const force = params_ + std::size_t{setup_->fading_param} * lanes_;
   for (std::uint32_t l = 0; setup_->fading > 0 && l < lanes_; ++l) {
-    const double kept = math::exp(-force[setup_->fading * lanes_ + l]);
-    for (std::uint32_t j = 0; j < setup_->fading; ++j) force[j * lanes_ + l] *= kept;
+    const double* const rates = force + std::size_t{2} * setup_->fading * lanes_ + l;
+    turn_forces(turn_after(rates[0], rates[lanes_], 1.0), setup_->fading, force + l, lanes_);
   }
   for (std::uint32_t i = setup_->delay_steps * nu_; i-- > nu_;) history_[i] = history_[i - nu_];
   for (std::uint32_t i = 0; setup_->delay_steps > 0 && i < nu_; ++i) history_[i] = input_[i];

@@ -5,6 +5,7 @@
 
 #include "planners/belief_weights.hpp"
 #include "rollout/attitude.hpp"
+#include "rollout/turn.hpp"
 #include "tiller/math.hpp"
 
 namespace tiller {
@@ -41,8 +42,7 @@ void fade_params(PathPlan& p, double periods) {
   const std::uint32_t fading = p.setup->fading;
   for (std::uint32_t j = 0; fading > 0 && j < p.scenarios; ++j) {
     double* const force = p.params + std::size_t{j} * p.np + p.setup->fading_param;
-    const double kept = math::exp(-force[fading] * periods);
-    for (std::uint32_t i = 0; i < fading; ++i) force[i] *= kept;
+    turn_forces(turn_after(force[2 * fading], force[2 * fading + 1], periods), fading, force);
   }
 }
 

@@ -36,7 +36,7 @@ void predict_pushes(const PathPlan& p, const SpreadRoom& room) {
     for (const bool less : {false, true}) {
       for (std::size_t j = 0; j < p.scenarios; ++j) {
         double* const force = room.params + j * p.np + p.setup->fading_param;
-        std::fill(force, force + f + 1, 0.0);
+        std::fill(force, force + p.setup->extra_params(), 0.0);
         force[i] = less ? -width : width;
       }
       job.next = room.next + (less ? rows : 0);

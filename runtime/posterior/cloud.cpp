@@ -149,7 +149,7 @@ void Cloud::permute(double* row) const {
   for (std::uint32_t i = 0; i < n; ++i) row[i] = spare[index[i]];
 }
 
-void Cloud::moments(double* mean_out, double* sd_out) const {
+void Cloud::moments(const double* params, double* mean_out, double* sd_out) const {
   for (std::uint32_t i = 0; i < np && (mean_out || sd_out); ++i) {
     const double* row = params + i * n;
     double mean = 0.0, square = 0.0;
@@ -162,9 +162,9 @@ void Cloud::moments(double* mean_out, double* sd_out) const {
   }
 }
 
-void Cloud::covariance(double* covariance) const {
+void Cloud::covariance(const double* params, double* covariance) const {
   double mean[TILLER_MAX_PARAMS];
-  moments(mean, nullptr);
+  moments(params, mean, nullptr);
   for (std::uint32_t i = 0; i < np * np; ++i) covariance[i] = 0.0;
   for (std::uint32_t a = 0; a < named; ++a) {
     for (std::uint32_t b = 0; b <= a; ++b) {

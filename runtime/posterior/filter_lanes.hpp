@@ -26,6 +26,8 @@ constexpr double kVarianceFloor = 1e-24;
 struct PredictJob {
   std::uint32_t nx = 0;
   std::uint32_t lanes = 0;    // a multiple of 16
+  std::uint32_t dense = 0;    // rows of a, the first ones, that are full; of the others the diagonal and its neighbours
+                              // alone are not zero; 0: all are full
   const double* a = nullptr;  // (nx * nx), row r * nx + c
   std::uint32_t a_stride = 0;
   const double* covariance = nullptr;  // (triangle)

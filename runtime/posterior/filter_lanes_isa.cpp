@@ -90,6 +90,36 @@ void predict_large(const PredictJob& job) {
   }
 }
 
+/// The same sums without what is zero where the last rows have their diagonal and its neighbours alone.
+void predict_banded(const PredictJob& job) {
+  const std::uint32_t nx = job.nx, dense = job.dense;
+  for (std::uint32_t lane = 0; lane < job.lanes; lane += P::width) {
+    const auto a = [&](std::uint32_t r, std::uint32_t c) {
+      return P::load(job.a + (r * nx + c) * job.a_stride + lane);
+    };
+    const auto covariance = [&](std::uint32_t r, std::uint32_t c) {
+      const std::uint32_t row = r <= c ? triangle_row(nx, r, c) : triangle_row(nx, c, r);
+      return P::load(job.covariance + row * job.covariance_stride + lane);
+    };
+    const auto first = [&](std::uint32_t r) { return r < dense ? 0 : r > dense ? r - 1 : r; };
+    const auto end = [&](std::uint32_t r) { return r < dense || r + 2 > nx ? nx : r + 2; };
+    const P scale = job.process_scale ? P::load(job.process_scale + lane) : P(1.0);
+    for (std::uint32_t r = 0; r < nx; ++r) {
+      P ap[kMaxFilterStates];  // row r of A P, from the first element that is read
+      for (std::uint32_t c = first(r); c < nx; ++c) ap[c] = P(0.0);
+      for (std::uint32_t k = first(r); k < end(r); ++k) {
+        const P factor = a(r, k);
+        for (std::uint32_t c = first(r); c < nx; ++c) ap[c] = fma(factor, covariance(k, c), ap[c]);
+      }
+      for (std::uint32_t c = r; c < nx; ++c) {
+        P sum = P(job.process[triangle_row(nx, r, c)]) * scale;
+        for (std::uint32_t k = first(c); k < end(c); ++k) sum = fma(ap[k], a(c, k), sum);
+        sum.store(job.predicted + triangle_row(nx, r, c) * job.predicted_stride + lane);
+      }
+    }
+  }
+}
+
 P wrap_to_pi(const P& angle) {
   constexpr double kTurn = 6.283185307179586476925;
   return angle - P(kTurn) * nearest(angle * P(1.0 / kTurn));
@@ -210,6 +240,7 @@ void correct_lanes(const CorrectJob& job) {
 }
 
 void predict(const PredictJob& job) {
+  if (job.dense > 0) return predict_banded(job);
   switch (job.nx) {
     case 2: return predict_lanes<2>(job);
     case 4: return predict_lanes<4>(job);

@@ -25,8 +25,9 @@ struct PosteriorReport {
   double noise_sd[TILLER_MAX_STATES] = {};          // (nx) estimated, per square root of a second, as process_sd
   double delay_weight[TILLER_MAX_HYPOTHESES] = {};  // (delay_hypotheses) about 0, 1, .. periods; sums to one
   double forgetting_weight[TILLER_MAX_FORGETTING] = {};
-  double discrepancy_share = 0.0;  // of the residuals' squares that the discrepancy basis takes up, 0..1
-  std::uint64_t relearned = 0;     // times that what was learnt became half of a new prior
+  double discrepancy_share = 0.0;                 // of the residuals' squares that the discrepancy basis takes up, 0..1
+  double drift_evidence[TILLER_MAX_DRIFTS] = {};  // log odds of a drift, by the data
+  std::uint64_t relearned = 0;                    // times that what was learnt became half of a new prior
   std::uint64_t lost = 0;  // transitions that proposals are no longer judged by: no finite step near the particles
 };
 
@@ -120,14 +121,20 @@ class Posterior {
   /// draw() gives states less `state` (nx), subtracted before they become single precision. Zeros until the first call.
   virtual void set_origin(const double* state) { std::copy(state, state + TILLER_MAX_STATES, origin_); }
   const double* origin() const { return origin_; }  ///< (TILLER_MAX_STATES) of draw()'s states
+  struct Fading {
+    double rate = 0.0, turn = 0.0;  // in 1/s
+  };
   /// Joints, the first ones, whose forces beyond the model the configured engine estimates; 0: none.
   static std::uint32_t force_joints(const tiller_config_t& config);
-  /// Forces beyond the model at these joints, in N or N m: their means over the next `ahead_s`, as they are expected, and
-  /// how far these may be off now (force_joints each); nullable. Returns the rate 1 / tau at which what is expected of
-  /// them fades, in 1/s. Cost: O(N) a joint.
-  virtual double forces(double /*ahead_s*/, double* /*mean*/, double* /*sd*/) const { return 0.0; }
+  /// Forces beyond the model at these joints, in N or N m: their means over the next `ahead_s`, as they are expected,
+  /// and how far these may be off now (force_joints each); nullable. `imaginary` (force_joints, nullable): with it a
+  /// force w is the real part of a z of which z exp((i turn - rate) t) is expected after t, as returned. Cost: O(N) a
+  /// joint.
+  virtual Fading forces(double /*ahead_s*/, double* /*mean*/, double* /*sd*/, double* /*imaginary*/ = nullptr) const {
+    return {};
+  }
   /// What the forces come to deviate by from none in the long run (TILLER_MAX_JOINTS). An engine that does not tell has
-  /// the root of their mean square now, which is right on average.
+  /// their mean square now, which is right on average.
   virtual void force_sizes(double* size) const {
     double mean[TILLER_MAX_JOINTS] = {}, sd[TILLER_MAX_JOINTS] = {};
     (void)forces(0.0, mean, sd);
@@ -168,6 +175,8 @@ struct PosteriorTable {
   bool hypotheses = false;  ///< weighs several input delays and rates of forgetting side by side
   bool discrepancy_default =
       false;  ///< of a robot file that does not say: the forces that the model may lack are marginalised
+  bool disturbances = false;  ///< marginalises forces that the model may lack
+  bool drifts = false;        ///< lets parameters drift
 };
 
 /// The engine of a kind; null where this build has none.

@@ -63,6 +63,14 @@ tiller_status_t Posterior::check(const tiller_config_t& config, const StepSetup&
     *field = "posterior.forgetting";
     return tiller_status_bad_posterior;
   }
+  if (!engine->disturbances && p.disturbance != 0) {
+    *field = "posterior.disturbance";
+    return tiller_status_bad_posterior;
+  }
+  if (!engine->drifts && p.drift != 0) {
+    *field = "posterior.drift";
+    return tiller_status_bad_posterior;
+  }
   // only the filter takes differences on the tangent plane
   if (config.model->quaternion_mask != 0 && p.kind != tiller_posterior_filter) {
     *field = "posterior.kind";

@@ -102,8 +102,9 @@ struct GradientKernel {
     if (job.setup->fading == 0) return;
     alignas(64) double stage[kWidth];
     for (int l = 0; l < kWidth; ++l) stage[l] = at.stage[l];
-    const P rate = params(static_cast<int>(job.setup->fading_param + job.setup->fading));
-    fade(Model{}, *job.setup, S(exp(P(0.0) - rate * P::load(stage))), p);
+    const int rates = static_cast<int>(job.setup->fading_param + 2 * job.setup->fading);
+    const Turn<P> turn = turn_after(params(rates), params(rates + 1), P::load(stage));
+    fade(Model{}, *job.setup, Turn<S>{S(turn.along), S(turn.across)}, p);
   }
 
   /// Directions beyond (x, s, u) are not there; a pass takes kPass of them.
@@ -200,7 +201,7 @@ struct GradientKernel {
     Trajectory<Model, P> t[kScenarios];
     Parameters<Model, P> p[kScenarios];
     P cost[kScenarios];
-    [[maybe_unused]] P kept[kScenarios];  // of forces that fade
+    [[maybe_unused]] Turn<P> kept[kScenarios];  // of forces that fade
     Input before;
     for (int j = 0; j < count; ++j) {
       each(Model::nx(), [&](auto i) { t[j].x[i] = P(job.start[j * nz + i]); });
@@ -208,7 +209,7 @@ struct GradientKernel {
       each(Model::np(), [&](auto i) { p[j].model[i] = P(job.params[j * param_rows + i]); });
       for (int i = Model::kParams; kEffects && i < param_rows; ++i)
         p[j].effect[i - Model::kParams] = P(job.params[j * param_rows + i]);
-      if (kEffects && setup.fading > 0) kept[j] = exp(P(0.0) - fading_rate(Model{}, setup, p[j]));
+      if (kEffects && setup.fading > 0) kept[j] = turn_after(Model{}, setup, p[j], P(1.0));
       cost[j] = P(0.0);
     }
     each(Model::nu(), [&](auto i) { before[i] = P(job.previous_input[i]); });

@@ -114,7 +114,7 @@ struct Kernel {
     Parameters<Model, P> p[kParameterSets];
     Input before[kRegisters], commands[kRegisters];
     P cost[kRegisters], penalties[kRegisters];
-    [[maybe_unused]] P kept[kParameterSets];  // of forces that fade
+    [[maybe_unused]] Turn<P> kept[kParameterSets];  // of forces that fade
     for (int r = 0; r < kRegisters; ++r) {
       const std::uint32_t at = lane + static_cast<std::uint32_t>(r * P::width);
       load_fields<P, P>(t[r].x, Model::nx(), job.state, 0, at);
@@ -137,8 +137,7 @@ struct Kernel {
     if constexpr (kEffects) {
       stepper.plan_bodies(plan, p);
       stepper.plan_steps(plan, p, true);
-      for (int r = 0; setup.fading > 0 && r < kParameterSets; ++r)
-        kept[r] = exp(P(0.0) - fading_rate(Model{}, setup, p[r]));
+      for (int r = 0; setup.fading > 0 && r < kParameterSets; ++r) kept[r] = turn_after(Model{}, setup, p[r], P(1.0));
     }
     for (std::uint32_t step = 0; step < job.horizon; ++step) {
       for (int r = 0; r < kRegisters; ++r) {

@@ -25,7 +25,7 @@ TILLER_INLINE void load_parameters(Parameters<Model, S>& p, const StepSetup& set
     const int end = setup.effects[e].param + effect_info(setup.effects[e].kind).param_count;
     if (end > last) last = end;
   }
-  if (setup.fading > 0) last = static_cast<int>(setup.fading_param + setup.fading) + 1;
+  if (setup.fading > 0) last = static_cast<int>(setup.fading_param + setup.extra_params());
   for (int i = Model::kParams; i < last; ++i) p.effect[i - Model::kParams] = S(load_row<P>(rows, i, lane));
 }
 

@@ -39,9 +39,9 @@ struct StepSetup {
   std::uint32_t delay_steps = 0;         // history rows that rollouts read, 0..TILLER_MAX_DELAY_STEPS + 1
   EffectSlot effects[TILLER_MAX_EFFECTS] = {};
   // Forces of a planner's own, behind the configuration's parameters (rollout/fading.hpp): rows `fading_param` on are
-  // the parameters of constant_offset effects that fade, and the row behind them the periods over e that they do it in.
+  // the parameters of constant_offset effects that fade and swing, their imaginary parts, and two for how fast.
   std::uint32_t fading = 0, fading_param = 0;
-  std::uint32_t extra_params() const { return fading > 0 ? fading + 1 : 0; }
+  std::uint32_t extra_params() const { return fading > 0 ? 2 * fading + 2 : 0; }
   const tiller_network_t* network = nullptr;  // of the effects that are learnt
   std::uint32_t network_angles = 0;           // bit j: the position of joint j is an angle
 };

@@ -29,8 +29,8 @@ void load_params(const TableModel& model, const StepSetup& setup, const Lanes<T>
     for (int i = slot.param; i < slot.param + effect_info(slot.kind).param_count; ++i)
       p.effect[i - model.np()] = cell(params, static_cast<std::size_t>(i), lane);
   }
-  const std::uint32_t rate = setup.fading_param + setup.fading;
-  if (setup.fading > 0) p.effect[rate - static_cast<std::uint32_t>(model.np())] = cell(params, rate, lane);
+  for (std::uint32_t i = setup.fading; i < setup.extra_params(); ++i)  // the others are effects' own
+    fading_rows(model, setup, p)[i] = cell(params, setup.fading_param + i, lane);
 }
 
 template <class T>
@@ -117,7 +117,7 @@ void roll_lane(const TableModel& model, const Step& step, const RolloutJob<T>& j
     for (int i = 0; i < nx; ++i) rows[static_cast<std::size_t>(i) * job.lanes + lane] = static_cast<T>(t.x[i]);
   };
   double cost = 0.0, penalty = 0.0;
-  const double kept = setup.fading > 0 ? math::exp(-fading_rate(model, setup, p)) : 1.0;
+  const Turn<double> kept = setup.fading > 0 ? turn_after(model, setup, p, 1.0) : Turn<double>{1.0, 0.0};
   for (std::uint32_t k = 0; k < job.horizon; ++k) {
     if (job.trajectory) keep(job.trajectory + static_cast<std::size_t>(k) * nx * job.lanes);
     Step::Input u{};

@@ -34,7 +34,7 @@ void load_params(const TableModel& model, const StepSetup& setup, const double* 
   const std::size_t np = static_cast<std::size_t>(model.np());
   for (std::size_t i = 0; i < np; ++i) p.model.v[i] = row[i];
   for (std::size_t i = np; i < count; ++i) p.effect[i - np] = row[i];
-  if (setup.fading > 0) fade(model, setup, math::exp(-static_cast<double>(k) * fading_rate(model, setup, p)), p);
+  if (setup.fading > 0) fade(model, setup, turn_after(model, setup, p, static_cast<double>(k)), p);
 }
 
 void linearise(const tiller_model_t& table, const PathJob& job) {

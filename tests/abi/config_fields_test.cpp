@@ -50,9 +50,10 @@ std::vector<std::size_t> unlisted(std::size_t begin, std::size_t size, const std
 
 TEST(ConfigFields, NoSettingOfPosteriorAndPlannerIsLeftOut) {
   const Bytes posterior = FIELD(posterior), planner = FIELD(planner), body = FIELD(body);
-  // rates of forgetting are a list, which the robot file's reader counts
+  // rates of forgetting and parameters that drift are lists, which the robot file's reader counts
   EXPECT_TRUE(unlisted(posterior.begin, posterior.size,
-                       {FIELD(posterior.forgetting_count), FIELD(posterior.forgetting), FIELD(posterior.reserved)})
+                       {FIELD(posterior.forgetting_count), FIELD(posterior.forgetting), FIELD(posterior.reserved),
+                        FIELD(posterior.drift)})
                   .empty());
   EXPECT_TRUE(unlisted(planner.begin, planner.size, {}).empty());
   EXPECT_TRUE(unlisted(body.begin, body.size, {}).empty());

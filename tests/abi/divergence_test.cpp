@@ -442,9 +442,10 @@ TEST(Prediction, counts_the_force_that_is_not_known) {
   spread.force_size[0] = kSize_N;
   // both hypotheses alike, so that nothing but the force is not known; a mean force has no say in the spread
   const float mass = 1.5f;
-  std::vector<float> params(std::size_t{row + 2} * 2, mass), state(4, 0.0f);
+  std::vector<float> params(std::size_t{row + 4} * 2, mass), state(4, 0.0f);
   params[2 * row] = params[2 * row + 1] = 0.4f;
-  params[2 * row + 2] = params[2 * row + 3] = static_cast<float>(-std::log(kKept));
+  params[2 * row + 4] = params[2 * row + 5] = static_cast<float>(-std::log(kKept));
+  for (std::uint32_t i : {2, 3, 6, 7}) params[2 * row + i] = 0.0f;  // it does not swing
   tiller::Belief belief;
   belief.count = 2;
   belief.params = params.data();

@@ -1,6 +1,8 @@
 // A force that the model does not contain: HOLD while it lasts, or SAFE.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "bench.hpp"
 #include "tiller/config.hpp"
 
@@ -34,6 +36,20 @@ TEST(Contact, IsHoldWhileItLasts) {
   EXPECT_EQ(b.state(), tiller_state_active);
   EXPECT_EQ(b.command.value[0], 9.0);
   EXPECT_EQ(b.executive->info().plan_failures, 0u) << "the plans were good";
+}
+
+TEST(Contact, IsWaitedForWithWhatHoldsTheTarget) {
+  tiller::Config c = watched_pendulum();
+  c.cost.input_reference = tiller_input_reference_steady;
+  c.cost.target[0] = 0.8;
+  c.cost.state_weight[0] = 1.0;
+  Bench b(c);
+  b.activate();
+  for (int k = 0; k < 20; ++k) (void)b.tick();
+  fakes::posterior.force[0] = -0.9;
+  for (int k = 0; k < 20; ++k) EXPECT_EQ(b.tick(), tiller_status_contact);
+  // against gravity, 0.25 kg m times 9.81 m/s^2, not against the hand
+  EXPECT_NEAR(b.command.value[0], 0.25 * 9.81 * std::sin(0.8) - 2.0 * (0.1 - 0.8), 1e-3);
 }
 
 TEST(Contact, IsNoneThatTheEstimateIsNotSureOf) {

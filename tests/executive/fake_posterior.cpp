@@ -78,11 +78,12 @@ class Obedient final : public Posterior {
     std::fill(viscous, viscous + config_->model->joint_count, posterior.viscous);
     std::fill(dry, dry + config_->model->joint_count, posterior.dry);
   }
-  double forces(double, double* mean, double* sd) const override {
+  Fading forces(double, double* mean, double* sd, double* imaginary) const override {
     const std::uint32_t joints = config_->model->joint_count;
     if (mean) std::copy(posterior.force, posterior.force + joints, mean);
     if (sd) std::fill(sd, sd + joints, posterior.force_sd);
-    return 0.5;
+    if (imaginary) std::fill(imaginary, imaginary + joints, posterior.force_imaginary);
+    return {0.5, 1.5};
   }
   double drawn_delay(std::uint32_t column) const override {
     return column < posterior.delay.size() ? posterior.delay[column] : 0.0;

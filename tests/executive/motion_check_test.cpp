@@ -9,12 +9,15 @@ namespace {
 
 class Motion : public ::testing::Test {
  protected:
-  Motion() : config_(bench::known_pendulum()), storage_(1 << 16), source_storage_(1 << 16) {
+  explicit Motion(bool disturbed = false)
+      : config_(bench::known_pendulum()), storage_(1 << 16), source_storage_(1 << 16) {
     fakes::reset();
+    config_.posterior.disturbance = disturbed ? 1 : 0;
     (void)make_step_setup(config_, setup_);
     const tiller::RolloutTable& table = tiller::select_rollout(*config_.model);
     tiller::Arena arena = storage_.arena();
-    motion_.lay_out(arena, config_, setup_, table);
+    forces_ = tiller::PlannedForces(config_, setup_);
+    motion_.lay_out(arena, config_, forces_, table);
     tiller::Arena source_arena = source_storage_.arena();
     source_ = tiller::Posterior::lay_out(source_arena, config_, setup_, table, nullptr);
   }
@@ -28,6 +31,7 @@ class Motion : public ::testing::Test {
   tiller::Config config_;
   bench::Storage storage_, source_storage_;
   tiller::StepSetup setup_;
+  tiller::PlannedForces forces_;
   tiller::MotionCheck motion_;
   tiller::Posterior* source_ = nullptr;
 };
@@ -45,6 +49,25 @@ TEST_F(Motion, RestRests) {
 TEST_F(Motion, TooLittleToSeeIsNoMotion) {
   // the sensor's noise is 1 mrad; this torque leans the pendulum by 2.4 mrad, below six deviations
   EXPECT_FALSE(moves(0.0, 0.0, 0.006, 25));
+}
+
+class PushedMotion : public Motion {
+ protected:
+  PushedMotion() : Motion(true) {}
+};
+
+/// Half a newton metre that a force beyond the model takes up is no motion: nor is it where that force is in doubt.
+TEST_F(PushedMotion, AForceThatHoldsIsNoDeadSensor) {
+  EXPECT_TRUE(moves(0.0, 0.0, 0.5, 10));
+  fakes::posterior.force[0] = -0.5;
+  EXPECT_FALSE(moves(0.0, 0.0, 0.5, 10));
+  fakes::posterior.force[0] = -0.3;
+  EXPECT_TRUE(moves(0.0, 0.0, 0.5, 10));
+  fakes::posterior.force_sd = 0.1;
+  EXPECT_FALSE(moves(0.0, 0.0, 0.5, 10));
+  fakes::posterior.force[0] = fakes::posterior.force_sd = 0.0;
+  fakes::posterior.dry = 0.6;
+  EXPECT_FALSE(moves(0.0, 0.0, 0.5, 10)) << "friction holds as well";
 }
 
 TEST_F(Motion, DoubtAboutTheRateIsDoubtAboutTheMotion) {

@@ -53,6 +53,7 @@ TEST(PlanningBelief, HasTheForcesThatThePosteriorFound) {
   c.posterior.disturbance = 1;
   Source s(c);
   fakes::posterior.force[0] = -0.3;
+  fakes::posterior.force_imaginary = 0.2;
   fakes::posterior.viscous = 0.02;
   fakes::posterior.dry = 0.1;
   s.push(0, 0.0);
@@ -70,8 +71,10 @@ TEST(PlanningBelief, HasTheForcesThatThePosteriorFound) {
   }
   EXPECT_EQ(setup.fading, 1u) << "friction stays, what wanders fades";
   EXPECT_EQ(setup.fading_param, setup.effects[2].param);
-  const float rate = belief.params[(setup.fading_param + setup.fading) * belief.count];
-  EXPECT_FLOAT_EQ(rate, static_cast<float>(0.5 * c.period_s));
+  const double behind[] = {0.2, 0.5 * c.period_s,
+                           1.5 * c.period_s};  // its imaginary part, how fast it fades and swings
+  for (std::uint32_t i = 0; i < 3; ++i)
+    EXPECT_FLOAT_EQ(belief.params[(setup.fading_param + 1 + i) * belief.count], static_cast<float>(behind[i]));
 }
 
 TEST(PlanningBelief, SpreadHasHowFarTheForcesMayBeOffWhereSomebodyAsks) {

@@ -266,7 +266,7 @@ TEST(NoisyRollouts, carry_the_force_that_may_be_off) {
   gust.fill(spread, c.period_s);
   bench.belief.spread = &spread;
   for (std::uint32_t j = 0; j < c.planner.particles; ++j)
-    bench.params[2 * c.planner.particles + j] = static_cast<float>(c.period_s / gust.time_s);
+    bench.params[3 * c.planner.particles + j] = static_cast<float>(c.period_s / gust.time_s);
   double sum = 0.0, squares = 0.0;
   constexpr int kTicks = 200;
   for (int tick = 0; tick < kTicks; ++tick) {
@@ -450,7 +450,7 @@ TEST(ChanceConstraints, count_the_force_that_is_not_known) {
   for (const bool counted : {false, true}) {
     Bench bench(c, nullptr, tiller::select_rollout(double_integrator), true);
     bench.params[1] = static_cast<float>(kMean_N);
-    bench.params[2] = static_cast<float>(c.period_s / gust.time_s);
+    bench.params[3] = static_cast<float>(c.period_s / gust.time_s);
     bench.belief.spread = counted ? &pushed : &known;
     ASSERT_EQ(bench.plan_again().status, tiller_status_ok);
     (counted ? with : without) = motions_beyond(bench, known, gust, kMean_N, kBound_m, kRuns);
@@ -493,7 +493,8 @@ TEST(ChanceConstraints, margins_without_gains_are_the_closed_form_s) {
   spread.sensor_variance[0] = spread.sensor_variance[1] = HUGE_VAL;
   const Gust gust;
   gust.fill(spread, c.period_s);
-  const float params[3] = {1.0f, 0.3f, static_cast<float>(c.period_s / gust.time_s)}, state[2] = {};
+  // mass, the force and its imaginary part, how fast it fades and swings
+  const float params[5] = {1.0f, 0.3f, 0.0f, static_cast<float>(c.period_s / gust.time_s), 0.0f}, state[2] = {};
   tiller::Belief belief;
   belief.count = 1;
   belief.params = params;

@@ -156,6 +156,136 @@ TEST(Forces, AWorldWithoutThemIsLearntAlmostAsWell) {
   EXPECT_LT(with.force_error, 0.01);
 }
 
+/// A drone that hovers level while a wind blows along x, 0.3 N: six joints have forces, the plant's own equations are
+/// two (Euler and Cromer, 1 ms).
+TEST(Forces, AWindThatPushesADroneIsNoMass) {
+  tiller::Config c;
+  ASSERT_EQ(tiller_config_default(&c, tiller_find_model("quadrotor")), tiller_status_ok);
+  c.period_s = kPeriod_s;
+  const double known[] = {0.8, 0.15, 0.004, 0.004, 0.008, 0.02, 0.0};
+  for (int i = 0; i < 7; ++i) c.priors[i] = rig::fixed(known[i]);
+  c.priors[0] = rig::uniform(0.5, 1.1);
+  c.measurement_count = 7;
+  for (std::uint32_t i = 0; i < 7; ++i) {
+    c.measured_state[i] = static_cast<std::uint8_t>(i);
+    c.measurement_sd[i] = 0.002;
+  }
+  for (std::uint32_t i = 7; i < 13; ++i) c.process_sd[i] = 0.02;
+  for (std::uint32_t i = 0; i < 13; ++i) c.initial_state_sd[i] = 0.01;
+  c.initial_state[3] = 1.0;
+  for (int i = 0; i < 4; ++i) c.safety.input_high[i] = 4.0;
+  c.posterior.adequacy = 0;
+  c.posterior.disturbance = 1;
+  ASSERT_EQ(tiller::Posterior::force_joints(c), 6u);
+
+  tiller::StepSetup setup;
+  ASSERT_EQ(tiller::make_step_setup(c, setup), tiller_status_ok);
+  rig::Instance posterior(c, nullptr, tiller::select_rollout(*c.model), &setup);
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> n;
+  double place[3] = {}, speed[3] = {};
+  tiller::Transition transition;
+  const auto measure = [&](double* to) {
+    for (int i = 0; i < 3; ++i) to[i] = place[i] + 0.002 * n(random);
+    to[3] = 1.0;
+    for (int i = 4; i < 7; ++i) to[i] = 0.002 * n(random);
+  };
+  measure(transition.measured);
+  ASSERT_EQ(posterior->start(transition.measured), tiller_status_ok);
+  for (int k = 0; k < 200; ++k) {
+    const double thrust = known[0] * kGravity_m_s2 + 0.8 * std::sin(0.15 * k);
+    for (int i = 0; i < 20; ++i) {
+      speed[0] += 1e-3 * 0.3 / known[0];
+      speed[2] += 1e-3 * (thrust / known[0] - kGravity_m_s2);
+      for (int x = 0; x < 3; ++x) place[x] += 1e-3 * speed[x];
+    }
+    transition.period_s = kPeriod_s;
+    for (int i = 0; i < 4; ++i) transition.input[i] = 0.25 * thrust;
+    measure(transition.measured);
+    ASSERT_TRUE(rig::works(posterior->update(transition)));
+  }
+  double force[6], sd[6];
+  (void)posterior->forces(0.0, force, sd);
+  for (int j = 0; j < 6; ++j) std::printf("force %d: %.3f +- %.3f\n", j, force[j], sd[j]);
+  EXPECT_NEAR(force[0], 0.3, 0.1);
+  EXPECT_NEAR(force[0], 0.3, 4.0 * sd[0]);
+  EXPECT_NEAR(force[1], 0.0, 4.0 * sd[1]);
+  EXPECT_LE(posterior->quantile(0, 0.005), known[0]);
+  EXPECT_GE(posterior->quantile(0, 0.995), known[0]);
+}
+
+/// A base that a slope pulls along x, 0.04 m/s, while it drives in circles.
+Outcome drive(bool slips, unsigned seed) {
+  tiller::Config c;
+  EXPECT_EQ(tiller_config_default(&c, tiller_find_model("skid_steer")), tiller_status_ok);
+  c.period_s = 0.05;
+  c.priors[0] = rig::uniform(0.08, 0.12);
+  c.priors[1] = rig::uniform(0.4, 0.9);
+  c.priors[2] = rig::fixed(0.0);
+  c.measurement_count = 3;
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    c.measured_state[i] = static_cast<std::uint8_t>(i);
+    c.measurement_sd[i] = 0.004;
+    c.process_sd[i] = 0.005;
+    c.initial_state_sd[i] = 0.01;
+  }
+  for (int i = 0; i < 2; ++i) {
+    c.safety.input_low[i] = -12.0;
+    c.safety.input_high[i] = 12.0;
+  }
+  c.posterior.adequacy = 0;
+  c.posterior.disturbance = slips ? 1 : 0;
+  EXPECT_EQ(tiller::Posterior::force_joints(c), 0u);
+  tiller::StepSetup setup;
+  EXPECT_EQ(tiller::make_step_setup(c, setup), tiller_status_ok);
+  rig::Instance posterior(c, nullptr, tiller::select_rollout(*c.model), &setup);
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> n;
+  std::uniform_real_distribution<double> u01;
+  const double radius = 0.09 + 0.02 * u01(random), axle = 0.5 + 0.2 * u01(random);
+  double x = 0.0, y = 0.0, heading = 0.0;
+  const double first[] = {0.004 * n(random), 0.004 * n(random), 0.004 * n(random)};
+  EXPECT_EQ(posterior->start(first), tiller_status_ok);
+  // half a circle more or less, so that the pull does not average out
+  for (int k = 0; k < 160; ++k) {
+    const double left = 4.0 + std::sin(0.3 * k), right = 7.0 + std::sin(0.2 * k);
+    for (int i = 0; i < 50; ++i) {
+      heading += 1e-3 * radius * (right - left) / axle;
+      x += 1e-3 * (0.5 * radius * (left + right) * std::cos(heading) + 0.04);
+      y += 1e-3 * 0.5 * radius * (left + right) * std::sin(heading);
+    }
+    tiller::Transition transition;
+    transition.period_s = 0.05;
+    transition.input[0] = left;
+    transition.input[1] = right;
+    transition.measured[0] = x + 0.004 * n(random);
+    transition.measured[1] = y + 0.004 * n(random);
+    transition.measured[2] = heading + 0.004 * n(random);
+    EXPECT_TRUE(rig::works(posterior->update(transition)));
+  }
+  const double low = posterior->quantile(0, 0.05), high = posterior->quantile(0, 0.95);
+  Outcome outcome;
+  outcome.holds = low <= radius && radius <= high;
+  outcome.width = high - low;
+  return outcome;
+}
+
+/// What no slip explains is noise of the process, which leaves the wheels less sure.
+TEST(Forces, ASlipIsNeitherWheelNorNoise) {
+  int hold = 0;
+  double with = 0.0, without = 0.0;
+  for (unsigned seed = 1; seed <= kSeeds; ++seed) {
+    const Outcome slips = drive(true, seed);
+    hold += slips.holds ? 1 : 0;
+    with += slips.width / kSeeds;
+    without += drive(false, seed).width / kSeeds;
+  }
+  std::printf("a slope: %d of %d intervals of the wheel's radius hold with slips, %.5f m wide, without %.5f\n", hold,
+              kSeeds, with, without);
+  EXPECT_GE(hold, kHonest);
+  EXPECT_LT(with, 0.8 * without);
+}
+
 /// Where nobody looks for forces none are told, and there is no joint that has any.
 TEST(Forces, AreThoseOfTheFirstJoints) {
   EXPECT_EQ(tiller::Posterior::force_joints(pendulum(false)), 0u);

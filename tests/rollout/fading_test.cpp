@@ -1,9 +1,10 @@
-// Forces that fade over a horizon (StepSetup::fading): every kernel against periods that are stepped one by one, each
-// with the force that is left by then.
+// Forces that fade and swing over a horizon (StepSetup::fading): every kernel against periods that are stepped one by
+// one, each with the force that is left by then.
 
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <complex>
 #include <functional>
 #include <string>
 #include <vector>
@@ -15,7 +16,7 @@ namespace tiller_test {
 namespace {
 
 constexpr std::uint32_t kLanes = tiller::kLanePadding, kHorizon = 9;
-constexpr double kRate = 0.17;  // periods over e
+constexpr double kRate = 0.17, kTurn = 0.4;  // of a period
 
 struct Case {
   const char* model;
@@ -36,11 +37,16 @@ class Fading : public ::testing::TestWithParam<Case> {
     setup_.fading = joints_;
     setup_.fading_param = np_;
   }
-  double force(std::uint32_t j, double k) const { return (j == 0 ? 0.7 : -0.4) * std::exp(-kRate * k); }
+  /// Real and imaginary parts of each force after k periods, then how fast they fade and swing.
   double param(std::uint32_t i, double k) const {
-    return i < np_ ? 0.5 + 0.05 * i : i < np_ + joints_ ? force(i - np_, k) : kRate;
+    if (i < np_) return 0.5 + 0.05 * i;
+    if (i >= np_ + 2 * joints_) return i == np_ + 2 * joints_ ? kRate : kTurn;
+    const std::uint32_t j = (i - np_) % joints_;
+    const std::complex<double> z = std::complex<double>(j == 0 ? 0.7 : -0.4, j == 0 ? -0.3 : 0.5) *
+                                   std::exp(std::complex<double>(-kRate, kTurn) * k);
+    return i < np_ + joints_ ? z.real() : z.imag();
   }
-  std::uint32_t rows() const { return np_ + joints_ + 1; }
+  std::uint32_t rows() const { return np_ + 2 * joints_ + 2; }
   /// The same forces, held.
   tiller::StepSetup held() const {
     tiller::StepSetup s = setup_;
@@ -115,7 +121,7 @@ TEST_P(Fading, SoIsAPathWithItsSlopesAndItsFeedback) {
   start.insert(start.end(), start.begin(), start.begin() + nx);
   for (std::uint32_t j = 0; j < kScenarios; ++j)
     for (std::uint32_t i = 0; i < rows(); ++i)
-      params.push_back(param(i, 0.0) * (i >= np_ && i < np_ + joints_ ? 1.0 + j : 1.0));
+      params.push_back(param(i, 0.0) * (i >= np_ && i < np_ + 2 * joints_ ? 1.0 + j : 1.0));
   for (std::uint32_t i = 0; i < kHorizon * nu; ++i) control.push_back(0.3 * batch.controls[i]);
 
   tiller::PathJob one;
@@ -129,8 +135,7 @@ TEST_P(Fading, SoIsAPathWithItsSlopesAndItsFeedback) {
   for (std::uint32_t k = 0; k < kHorizon; ++k) {
     one.setup = &still;
     for (std::uint32_t j = 0; j < kScenarios; ++j)
-      for (std::uint32_t i = np_; i < np_ + joints_; ++i)
-        left[j * rows() + i] = params[j * rows() + i] * std::exp(-kRate * k);
+      for (std::uint32_t i = np_; i < np_ + joints_; ++i) left[j * rows() + i] = param(i, k) * (1.0 + j);
     path.resize(std::size_t{k + 2} * kScenarios * nx);
     one.state = path.data() + std::size_t{k} * kScenarios * nx;
     one.control = control.data() + std::size_t{k} * nu;

@@ -118,6 +118,7 @@ Initialiser posterior_part(const RobotFile& robot) {
   part.count("forgetting_count", p.forgetting_count);
   part.word("forgetting", "{" + c_number(p.forgetting[0]) + ", " + c_number(p.forgetting[1]) + ", " +
                               c_number(p.forgetting[2]) + "}");
+  if (p.drift != 0) part.word("drift", std::to_string(p.drift) + "u");
   return part;
 }
 

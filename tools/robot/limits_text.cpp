@@ -48,6 +48,7 @@ std::vector<Limit> all_limits() {
       of_key("posterior", "window", "transitions kept for moves"),
       TILLER_LIMIT("hypotheses of the input delay: 0 .. one less periods", TILLER_MAX_HYPOTHESES),
       TILLER_LIMIT("rates of forgetting side by side", TILLER_MAX_FORGETTING),
+      TILLER_LIMIT("parameters that drift", TILLER_MAX_DRIFTS),
       TILLER_LIMIT("components of a joint prior", Mixture::kMaxComponents),
       // planner
       of_key("planner", "horizon", "periods ahead"),

@@ -93,6 +93,7 @@ void read_bound_sections(FileErrors& errors, const toml::table& root, RobotFile&
     if (std::string(name) == "posterior") {
       choose_discrepancy(section, robot);
       read_forgetting(section, robot);
+      read_drift(section, robot);
       read_prior_file(section, robot);
     }
     section.refuse_unknown();
@@ -212,6 +213,19 @@ Refusal contact_wants(const RobotFile& robot, const std::string& field) {
   return {"no force is estimated there", "forces are felt at " + join(felt, ", ")};
 }
 
+/// What an engine does not estimate beside the parameters as they are.
+Refusal lacking_wants(const RobotFile& robot, const std::string& field) {
+  const tiller_posterior_config_t& p = robot.config.posterior;
+  const std::string engine = std::string("the engine ") + posterior_names()[p.kind];
+  if (field == "posterior.disturbance")
+    return {engine + " estimates no forces beyond the model", "write kind = \"filter\", or leave it out"};
+  if (field != "posterior.drift") return {};
+  if (p.kind != tiller_posterior_filter)
+    return {engine + " lets no parameter drift", "write kind = \"filter\", or leave it out"};
+  return {"names more parameters than can drift, or one that only says how a sensor reads",
+          "name " + std::to_string(TILLER_MAX_DRIFTS) + " at most, of the model or of its forces"};
+}
+
 /// Errors that only the library's own check sees: multiples, and combinations of values.
 void check_whole(FileErrors& errors, const toml::table& root, RobotFile& robot) {
   const char* field = nullptr;
@@ -237,6 +251,7 @@ void check_whole(FileErrors& errors, const toml::table& root, RobotFile& robot) 
   if (told.problem.empty()) told = tree_wants(robot, field ? field : "");
   if (told.problem.empty()) told = timeout_wants(robot, field ? field : "");
   if (told.problem.empty()) told = contact_wants(robot, field ? field : "");
+  if (told.problem.empty()) told = lacking_wants(robot, field ? field : "");
   if (told.problem.empty()) told = {tiller_status_text(status), remedy_for(path)};
   if (!node) {
     errors.at_line(errors.last_line(), key, told.problem, told.remedy);

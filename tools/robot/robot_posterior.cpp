@@ -45,6 +45,31 @@ void read_forgetting(SectionReader& posterior, RobotFile& robot) {
   posterior.error("forgetting", "is in the wrong order: the largest rate stands first", "write [" + join(sorted) + "]");
 }
 
+void read_drift(SectionReader& posterior, RobotFile& robot) {
+  const toml::node* node = posterior.node("drift");
+  if (!node) return;
+  const toml::array* list = node->as_array();
+  if (!list) {
+    posterior.error("drift", "is not a list of parameters", "for example drift = [\"" + robot.params.front() + "\"]");
+    return;
+  }
+  for (const toml::node& element : *list) {
+    const std::optional<std::string> name = element.value<std::string>();
+    const int row = name ? index_of(robot.params, *name) : -1;
+    if (row < 0) {
+      posterior.error("drift", name ? "names \"" + *name + "\"" : "holds " + kind_text(element),
+                      "write parameters of this robot: " + join(robot.params));
+      return;
+    }
+    if (robot.config.priors[row].kind == tiller_prior_fixed) {
+      posterior.error("drift", "names \"" + *name + "\", which is known",
+                      "give it a prior below [parameters] or [[effects]], for example { log_normal = [1, 0.2] }");
+      return;
+    }
+    robot.config.posterior.drift |= std::uint64_t{1} << row;
+  }
+}
+
 void read_prior_file(SectionReader& posterior, RobotFile& robot) {
   const auto name = posterior.text("prior_file");
   if (!name) return;

@@ -138,6 +138,9 @@ const std::vector<KeySpec> kOthers = {
     {"posterior", "forgetting", K::other, "per tick", "[1]", 0, 0, false, hand, nullptr,
      "shares of the old data that each tick keeps, largest first; [1, 0.97] follows parameters that change. transition: "
      "up to three side by side; filter, conjugate: one"},
+    {"posterior", "drift", K::other, "", "[]", 0, 0, false, hand, nullptr,
+     "parameters that drift, by name, four at most and no sensor's: how fast is inferred. A gain that falls with the battery, "
+     "a load that is filled; filter only"},
     {"posterior", "prior_file", K::text, "", "none", 0, 0, false, hand, nullptr,
      "a posterior of an earlier run (docs/guide/episodes.md), relative to the robot file: it takes the place of the parameters' "
      "own priors, whose coordinates and bounds it keeps"},

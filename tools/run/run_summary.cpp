@@ -64,6 +64,19 @@ std::string not_learnt(const RobotFile& robot, const RunResult& result) {
   return text;
 }
 
+/// What the data say of each parameter that may drift.
+std::string drift_lines(const RobotFile& robot, const RunResult& result) {
+  std::string text;
+  std::size_t drift = 0;
+  for (std::size_t i = 0; i < robot.params.size(); ++i) {
+    if (((robot.config.posterior.drift >> i) & 1u) == 0) continue;
+    const double evidence = result.info.drift_evidence[drift++], times = std::exp(std::fabs(evidence));
+    text += "  " + robot.params[i] + (evidence > 0.0 ? " drifts: by the data that is " : ": by the data no drift is ") +
+            format("%.*f times likelier than ", times < 10 ? 1 : 0, times) + (evidence > 0.0 ? "none\n" : "one\n");
+  }
+  return text;
+}
+
 std::string posterior_lines(const RobotFile& robot, const RunOptions& options, const RunResult& result) {
   std::string text;
   for (std::size_t i = 0; i < robot.params.size(); ++i) {
@@ -78,6 +91,7 @@ std::string posterior_lines(const RobotFile& robot, const RunOptions& options, c
     text += "\n";
   }
   for (const std::string& edge : run_edges(robot, result)) text += "  " + edge + "\n";
+  text += drift_lines(robot, result);
   return text + not_learnt(robot, result);
 }
 

@@ -39,7 +39,7 @@ extern "C" {
 
 #define TILLER_VERSION_MAJOR 0
 #define TILLER_VERSION_MINOR 1
-#define TILLER_CONFIG_VERSION 12u
+#define TILLER_CONFIG_VERSION 13u
 #define TILLER_ALIGNMENT 64u /**< of the caller's block: one AVX-512 register, one cache line */
 #define TILLER_MAX_MEASUREMENTS TILLER_MAX_STATES
 
@@ -164,6 +164,7 @@ typedef enum tiller_posterior_kind {
 
 #define TILLER_MAX_HYPOTHESES 4 /**< input delays of 0 to 3 periods */
 #define TILLER_MAX_FORGETTING 3
+#define TILLER_MAX_DRIFTS 4
 
 /** How the posterior is kept. */
 typedef struct tiller_posterior_config {
@@ -177,9 +178,10 @@ typedef struct tiller_posterior_config {
                                     1e-6..1e6 */
   uint32_t kind;            /**< tiller_posterior_kind_t */
   uint32_t robust;          /**< transition: 1: one weight per transition, low where no particle explains it */
-  uint32_t disturbance;     /**< filter, transition: 1: forces at every joint (the first four) that the model may lack,
-                                    viscous, dry and constant, marginalised in closed form; in filter the constant one
-                                    wanders, and plans count it */
+  uint32_t disturbance;     /**< filter: 1: at each joint a force that the model lacks, which wanders (of a model
+                                    without joints a slip of each state with process_sd), beside the parameters; of up
+                                    to four joints a viscous and a dry one too; plans count them. transition: at the
+                                    first four joints, constant, viscous and dry */
   uint32_t delay_hypotheses; /**< transition: input delays from 0 to n-1 periods, parts of a period included, weighed by
                                   their evidence; 1..TILLER_MAX_HYPOTHESES, 1: no delay */
   uint32_t forgetting_count; /**< transition: rates side by side, 1..TILLER_MAX_FORGETTING */
@@ -194,6 +196,8 @@ typedef struct tiller_posterior_config {
   uint32_t relearn;      /**< filter: 1: an alarm of the adequacy test in motion makes what was learnt one half of a new
                               prior, beside the configured one, so that a robot that has changed is learnt again */
   uint32_t reserved;     /**< 0 */
+  uint64_t drift;        /**< filter: bit i: parameter i drifts, a random walk of its coordinate whose rate is inferred;
+                              TILLER_MAX_DRIFTS at most, none that is fixed or a sensor's */
 } tiller_posterior_config_t;
 
 /** A joint prior of the inferred parameters, in their order in `priors` and in their coordinates (the logarithm where
@@ -628,6 +632,8 @@ typedef struct tiller_info {
   uint32_t touched;          /**< bit j: the force at joint j is beyond safety.contact_force */
   double force_mean[TILLER_MAX_JOINTS]; /**< N or N m: what pushes joint j beyond the model and its own friction */
   double force_sd[TILLER_MAX_JOINTS];
+  double drift_evidence[TILLER_MAX_DRIFTS]; /**< of the parameters of posterior.drift, in their order: logarithm of how
+                                                 much likelier the data make a drift than none */
 } tiller_info_t;
 
 /** Exact bytes that tiller_init needs; 0 if the configuration is not valid (tiller_config_check says why). */

@@ -23,15 +23,15 @@ bool infers_ratio(const tiller_config_t& config) {
   return any && config.posterior.enabled && config.posterior.noise_ratio_sd > 0.0;
 }
 
-/// The ratio, then size and time of the forces that the model lacks.
-ExtraCoordinates own_coordinates(const tiller_config_t& config, const FilterDiscrepancy& forces) {
+/// The ratio, then sizes, time and rates of what the model lacks.
+ExtraCoordinates own_coordinates(const tiller_config_t& config, const DisturbanceStates& disturbances) {
   ExtraCoordinates extra;
   if (infers_ratio(config)) {
     const double sd = config.posterior.noise_ratio_sd;
     extra.prior[extra.count++] = {tiller_prior_normal, 0, 0.0, sd, -kWidestRatio * sd, kWidestRatio * sd};
   }
-  for (std::uint32_t row = 0; config.posterior.enabled && row < forces.law_rows(); ++row)
-    extra.prior[extra.count++] = forces.law_prior(row);
+  for (std::uint32_t row = 0; config.posterior.enabled && row < disturbances.coordinates(); ++row)
+    extra.prior[extra.count++] = disturbances.law_prior(row);
   return extra;
 }
 
@@ -45,16 +45,17 @@ class FilterPosterior::Layout {
       : arena_(arena),
         config_(config),
         setup_(setup),
-        discrepancy_(config, setup, table),
-        extra_(own_coordinates(config, discrepancy_)) {
-    nf_ = nx_ + discrepancy_.forces();
+        disturbances_(config, setup, table),
+        extra_(own_coordinates(config, disturbances_)) {
+    nf_ = nx_ + disturbances_.states();
   }
 
   void take_carried() {
     cloud_ = Cloud::lay_out(arena_, config_, extra_);
     carried_.filter = filter(n_);
     carried_.process_scale = rows(1, n_);
-    if (discrepancy_.forces() > 0) carried_.force_law = rows(discrepancy_.law_rows(), n_);
+    if (disturbances_.states() > 0) carried_.law = rows(disturbances_.law_rows(), n_);
+    if (disturbances_.drifts() > 0) carried_.present = rows(np_, n_);
     carried_.sums = rows(rows_, n_);
     carried_.base = rows(rows_, n_);
     carried_.log_likelihood = rows(1, n_);
@@ -81,7 +82,7 @@ class FilterPosterior::Layout {
       if (chunks_) chunks_[i] = taken;
     }
     bool feels = false;
-    for (std::uint32_t j = 0; j < discrepancy_.joints(); ++j)
+    for (std::uint32_t j = 0; j < disturbances_.joints(); ++j)
       feels = feels || std::isfinite(config_.safety.contact_force[config_.model->joints[j].velocity]);
     if (!feels) return;
     touch_ = arena_.take<Chunk>(1);
@@ -122,7 +123,7 @@ class FilterPosterior::Layout {
     p.input_history_ = input_history_;
     p.summary_ = summary_;
     p.before_ = before_;
-    p.discrepancy_ = discrepancy_;
+    p.disturbances_ = disturbances_;
     p.rest_ = RestGuard(config_);
     p.chunks_ = chunks_;
     p.touch_ = touch_;
@@ -151,17 +152,18 @@ class FilterPosterior::Layout {
 
   Chunk chunk() {
     Chunk c;
-    c.params = rows(np_ + 1, kChunk);
+    c.params = rows(np_, kChunk);
+    if (disturbances_.states() > 0) c.drifted = rows(np_ + 1, kChunk);
     c.coordinate = rows(cloud_.d, kChunk);
     c.filter = filter(kChunk);
     c.predicted = filter(kChunk);
     c.process_scale = rows(1, kChunk);
-    if (discrepancy_.forces() > 0) c.force_law = rows(discrepancy_.law_rows(), kChunk);
+    if (disturbances_.states() > 0) c.law = rows(disturbances_.law_rows(), kChunk);
     c.jacobian = rows(nf_ * nf_, kChunk);
     c.sums = rows(rows_, kChunk);
     c.normalised = rows(ny_, kChunk);
-    c.unit = rows(nx_ * discrepancy_.joints(), kChunk);
-    c.push = rows(nx_ * discrepancy_.forces(), kChunk);
+    c.unit = rows(nx_ * disturbances_.sources(), kChunk);
+    c.push = rows(nx_ * disturbances_.states(), kChunk);
     if (has_sensor_effects(config_)) {
       c.gain = rows(ny_, kChunk);
       c.offset = rows(ny_, kChunk);
@@ -179,7 +181,7 @@ class FilterPosterior::Layout {
     p.ny_ = ny_;
     p.triangle_ = triangle_rows(nf_);
     p.d_ = cloud_.d;
-    p.forces_ = discrepancy_.forces();
+    p.lacks_ = disturbances_.states();
     p.nf_ = nf_;
     p.move_lanes_ = move_lanes_;
     for (std::uint32_t k = 0; k < ny_; ++k)
@@ -192,7 +194,7 @@ class FilterPosterior::Layout {
   Arena& arena_;
   const tiller_config_t& config_;
   const StepSetup& setup_;
-  const FilterDiscrepancy discrepancy_;
+  const DisturbanceStates disturbances_;
   const ExtraCoordinates extra_;
   const std::uint32_t n_ = config_.posterior.particles, nx_ = config_.model->state_count;
   const std::uint32_t nu_ = config_.model->input_count, np_ = config_.param_count, ns_ = setup_.effect_state_count;
@@ -241,9 +243,40 @@ Posterior* lay_out_engine(Arena& arena, const tiller_config_t& config, const Ste
                           const RolloutTable& table, const tiller_hooks_t* hooks) {
   return FilterPosterior::lay_out(arena, config, setup, table, hooks);
 }
+
+/// Rows of parameters that only a sensor's map reads: the filter's states do not say how it reads.
+std::uint64_t sensor_rows(const tiller_config_t& config) {
+  std::uint64_t rows = 0;
+  std::uint32_t row = config.model->param_count;
+  for (std::uint32_t e = 0; e < config.effect_count; ++e) {
+    const EffectInfo& info = effect_info(config.effects[e].kind);
+    for (int i = 0; i < info.param_count; ++i, ++row)
+      if (info.port == PortKind::sensor) rows |= std::uint64_t{1} << row;
+  }
+  return rows;
+}
+
+std::uint32_t bits(std::uint64_t set) {
+  std::uint32_t count = 0;
+  for (; set != 0; set &= set - 1) ++count;
+  return count;
+}
+
+tiller_status_t check_drift(const tiller_config_t& config, const StepSetup& /*setup*/, const RolloutTable& /*table*/,
+                            const char** field) {
+  std::uint64_t may = 0;
+  for (std::uint32_t i = 0; i < config.param_count; ++i)
+    if (config.priors[i].kind != tiller_prior_fixed) may |= std::uint64_t{1} << i;
+  may &= ~sensor_rows(config);
+  if ((config.posterior.drift & ~may) == 0 && bits(config.posterior.drift) <= TILLER_MAX_DRIFTS)
+    return tiller_status_ok;
+  *field = "posterior.drift";
+  return tiller_status_bad_posterior;
+}
 }  // namespace
 
 extern const PosteriorTable filter_posterior;
-const PosteriorTable filter_posterior = {lay_out_engine, nullptr, FilterDiscrepancy::joints_of};
+const PosteriorTable filter_posterior = {lay_out_engine, check_drift, DisturbanceStates::joints_of, false, false,
+                                         true,           true};
 
 }  // namespace tiller

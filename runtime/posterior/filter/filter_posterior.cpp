@@ -29,14 +29,15 @@ void FilterPosterior::reset() {
   std::memset(carried_.base, 0, sizeof(double) * all);
   std::memset(carried_.log_likelihood, 0, sizeof(double) * n_);
   for (std::uint32_t k = 0; k < n_; ++k)
-    read_own(cloud_.coordinate + k, n_, carried_.process_scale + k, forces_ > 0 ? carried_.force_law + k : nullptr, n_);
+    read_own(cloud_.coordinate + k, n_, carried_.process_scale + k, lacks_ > 0 ? carried_.law + k : nullptr, n_);
   evidence_.believe_configuration();
   evidence_.clear();
   window_.clear();
   window_begin_ = 0;
   window_exact_ = true;
   summary_.clear();
-  discrepancy_.clear();
+  disturbances_.clear();
+  elapsed_s_ = began_s_ = 0.0;
   started_ = false;
   tick_ = 0;
   exponent_ = 1.0;
@@ -51,15 +52,15 @@ void FilterPosterior::reset() {
   begin_all_filters();
 }
 
-void FilterPosterior::read_own(const double* coordinate, std::uint32_t stride, double* process_scale, double* force_law,
+void FilterPosterior::read_own(const double* coordinate, std::uint32_t stride, double* process_scale, double* law,
                                std::uint32_t law_stride) const {
   const double* own = coordinate + std::size_t{cloud_.named} * stride;
   *process_scale = has_ratio_ ? math::exp(2.0 * own[0]) : 1.0;
-  if (forces_ == 0) return;
+  if (lacks_ == 0) return;
   if (enabled_)
-    discrepancy_.read_law(has_ratio_ ? own + stride : own, stride, force_law, law_stride);
+    disturbances_.read_law(has_ratio_ ? own + stride : own, stride, law, law_stride);
   else
-    discrepancy_.fixed_law(force_law, law_stride);
+    disturbances_.fixed_law(law, law_stride);
 }
 
 tiller_status_t FilterPosterior::skip(const Transition& transition) {
@@ -75,6 +76,7 @@ tiller_status_t FilterPosterior::advance(const Transition& transition, bool move
   const tiller_status_t refusal = check_transition(*config_, transition);
   if (refusal != tiller_status_ok) return refusal;
   ++tick_;
+  elapsed_s_ += transition.period_s;
   now_.transition = transition;
   take_attitudes(*config_, now_.transition.measured);
   predict();
@@ -94,6 +96,7 @@ tiller_status_t FilterPosterior::advance(const Transition& transition, bool move
     retire(config_->posterior.window);
   }
   note_reach();
+  note_drift();
   remember_input(now_.transition.input);
   watch_change(resting);
   return doubted ? tiller_status_measurement_outlier : status;
@@ -122,7 +125,7 @@ FilterPosterior::Step FilterPosterior::particle_step(std::uint32_t c) const {
   step.from = carried_lanes(at);
   step.params = {cloud_.params + at, n_};
   step.process_scale = carried_.process_scale + at;
-  if (forces_ > 0) step.force_law = {carried_.force_law + at, n_};
+  if (lacks_ > 0) step.law = {carried_.law + at, n_};
   step.history = input_history_;
   return step;
 }
@@ -204,9 +207,9 @@ std::uint32_t FilterPosterior::heaviest() const {
 
 /// Whether dry friction may hold a joint over the transition that is being taken in, as the heaviest particle has it.
 bool FilterPosterior::sticks() {
-  if (forces_ == 0) return false;
+  if (disturbances_.joints() == 0) return false;
   const std::uint32_t i = heaviest();
-  return discrepancy_.sticks(discrepancy_job(chunks_[i / kChunk], particle_step(i / kChunk)), i % kChunk);
+  return disturbances_.sticks(disturbance_job(chunks_[i / kChunk], particle_step(i / kChunk)), i % kChunk);
 }
 
 void FilterPosterior::remember_transition() {

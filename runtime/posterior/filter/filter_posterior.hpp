@@ -4,7 +4,7 @@
 
 #include "core/ring.hpp"
 #include "posterior/cloud.hpp"
-#include "posterior/filter/filter_discrepancy.hpp"
+#include "posterior/filter/disturbance_states.hpp"
 #include "posterior/filter/filter_summary.hpp"
 #include "posterior/filter/response.hpp"
 #include "posterior/filter/scale_evidence.hpp"
@@ -33,8 +33,8 @@ class FilterPosterior final : public Posterior {
   bool started() const override { return started_; }
   void moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const override;
   void state_covariance(std::uint32_t nx, double* covariance) const override;
-  void covariance(double* covariance) const override { cloud_.covariance(covariance); }
-  double quantile(std::uint32_t param, double q) const override { return cloud_.quantile(param, q); }
+  void covariance(double* covariance) const override;
+  double quantile(std::uint32_t param, double q) const override;
   double effective_samples() const override { return cloud_.effective_samples; }
   double exponent() const override { return enabled_ ? exponent_ : 0.0; }
   double noise_scale() const override { return noise_scale_; }
@@ -42,12 +42,13 @@ class FilterPosterior final : public Posterior {
   std::uint64_t resamplings() const override { return resamplings_; }
   std::uint64_t gated() const override { return gated_; }
   std::uint32_t size() const override { return n_; }
-  const Cloud* cloud() const override { return &cloud_; }
+  const Cloud* cloud() const override { return carried_.present ? nullptr : &cloud_; }  // its parameters have drifted
   void particle(std::uint32_t index, double* params, double* state, double* weight) const override;
   void particle_effects(std::uint32_t index, double* effect_state) const override;
   void draw(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state,
             float* history) const override;
-  double forces(double ahead_s, double* mean, double* sd) const override;
+  Fading forces(double ahead_s, double* mean, double* sd, double* imaginary) const override;
+  void force_sizes(double* size) const override;
   void friction(double* viscous, double* dry) const override;
   void contacts(double* mean, double* sd) const override;
   const AdequacyTest* adequacy() const override { return adequacy_; }
@@ -65,7 +66,8 @@ class FilterPosterior final : public Posterior {
   struct Carried {
     FilterRows filter;
     double* process_scale = nullptr;   // (N) factor of the process noise's variance
-    double* force_law = nullptr;       // (law_rows x N) of the forces that the model lacks; null where there are none
+    double* law = nullptr;             // (law_rows x N) of what the model lacks; null where nothing is looked for
+    double* present = nullptr;         // (np x N) parameters as they have drifted; null where none does
     double* sums = nullptr;            // (ScaleEvidence::kRows x N) over all data
     double* base = nullptr;            // (as many) what came before the window's start (exact windows only)
     double* log_likelihood = nullptr;  // (N) of all data
@@ -96,17 +98,18 @@ class FilterPosterior final : public Posterior {
 
   /// Scratch of one chunk of lanes: rows of kChunk.
   struct Chunk {
-    double* params = nullptr;      // (np), and one for the discrepancy's use
+    double* params = nullptr;      // (np)
+    double* drifted = nullptr;     // (np + 1) of the last step, and one for the disturbances' use; null without
     double* coordinate = nullptr;  // (d)
     FilterRows filter;
     FilterRows predicted;
     double* process_scale = nullptr;  // (1)
-    double* force_law = nullptr;      // (law_rows)
+    double* law = nullptr;            // (law_rows)
     double* jacobian = nullptr;       // (nf * nf)
     double* sums = nullptr;           // (ScaleEvidence::kRows)
     double* normalised = nullptr;     // (ny)
-    double* unit = nullptr;           // (joints x nx) and
-    double* push = nullptr;           // (nx x forces) of the discrepancy
+    double* unit = nullptr;           // (sources x nx) and
+    double* push = nullptr;           // (nx x states) of the disturbances
     double* gain = nullptr;           // (ny) of the sensors; null where the configuration has no sensor effects
     double* offset = nullptr;         // (ny)
   };
@@ -118,7 +121,7 @@ class FilterPosterior final : public Posterior {
     FilterRows from;
     Lanes<double> params;
     const double* process_scale = nullptr;
-    Lanes<double> force_law;
+    Lanes<double> law;
     const double* history = nullptr;
   };
 
@@ -142,15 +145,15 @@ class FilterPosterior final : public Posterior {
   std::uint32_t heaviest() const;
   const double* history_of(std::uint64_t index) const;
   /// What the engine's own coordinates of one particle say: the factor of the process noise's variance, and the law of
-  /// the forces.
-  void read_own(const double* coordinate, std::uint32_t stride, double* process_scale, double* force_law,
+  /// what the model lacks.
+  void read_own(const double* coordinate, std::uint32_t stride, double* process_scale, double* law,
                 std::uint32_t law_stride) const;
 
   // filter_step.cpp: one filtered transition of a chunk of lanes
   void predict_lanes(const Chunk& chunk, const Step& step) const;
   LineariseJob linearise_job(const Chunk& chunk, const Step& step) const;
-  FilterDiscrepancy::Lanes16 discrepancy_job(const Chunk& chunk, const Step& step) const;
-  void widen_jacobian(const Chunk& chunk, const Step& step) const;
+  DisturbanceStates::Lanes16 disturbance_job(const Chunk& chunk, const Step& step) const;
+  void widen_jacobian(const Chunk& chunk, const DisturbanceStates::Lanes16& lacking) const;
   void turn_jacobian(const Chunk& chunk, const Step& step) const;
   void predict_covariance(const Chunk& chunk, const Step& step) const;
   CorrectJob correct_job(const double* measured, const Chunk& chunk) const;
@@ -164,7 +167,7 @@ class FilterPosterior final : public Posterior {
   void set_start(const double* sd, const double* measured);
   void clear_start();
   void measure_forces();
-  void begin_filters(const Chunk& chunk, const FilterRows& rows, Lanes<double> force_law) const;
+  void begin_filters(const Chunk& chunk, const FilterRows& rows, Lanes<double> law) const;
   void begin_all_filters();
   void note_reach();
 
@@ -176,6 +179,7 @@ class FilterPosterior final : public Posterior {
   void start_at_present();
 
   // touch.cpp: a filter that looks out for contacts
+  bool may_touch(std::uint32_t f) const;
   void pick_touch();
   void begin_touch();
   void step_touch(const double* measured);
@@ -220,6 +224,13 @@ class FilterPosterior final : public Posterior {
   void close_window();
 
   // report.cpp
+  const double* params_now() const { return carried_.present ? carried_.present : cloud_.params; }
+  Fading forecast() const;
+  void note_drift();
+  double drift_spread(std::uint32_t drift, std::uint32_t particle) const;
+  double drift_sd(std::uint32_t drift) const;
+  double drifting_quantile(std::uint32_t drift, double q) const;
+  double drift_evidence(std::uint32_t drift) const;
   void turn_moments(std::uint32_t about, double* state_mean, double* state_sd) const;
   void take_mean(float* params, float* state, float* effect_state) const;
   void take_strata(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state) const;
@@ -234,10 +245,10 @@ class FilterPosterior final : public Posterior {
   const tiller_hooks_t* hooks_ = nullptr;
   static constexpr std::uint32_t rows_ = ScaleEvidence::kRows;
   std::uint32_t n_ = 0, nx_ = 0, nu_ = 0, np_ = 0, ns_ = 0, ny_ = 0;
-  std::uint32_t quaternions_ = 0;      // bits of their first states
-  std::uint32_t d_ = 0;                // coordinates
-  std::uint32_t forces_ = 0, nf_ = 0;  // of the discrepancy; states of the filters, forces included
-  std::uint32_t triangle_ = 0;         // of the filters' covariances
+  std::uint32_t quaternions_ = 0;     // bits of their first states
+  std::uint32_t d_ = 0;               // coordinates
+  std::uint32_t lacks_ = 0, nf_ = 0;  // states of what the model lacks; of the filters, these included
+  std::uint32_t triangle_ = 0;        // of the filters' covariances
   double measurement_variance_[TILLER_MAX_MEASUREMENTS] = {};
   bool enabled_ = true, has_ratio_ = false;
   double keep_ = 1.0;
@@ -252,11 +263,11 @@ class FilterPosterior final : public Posterior {
   std::uint64_t window_begin_ = 0;    // first transition of the window
   bool window_exact_ = true;          // begins at a start(): any lane's filter there is known exactly
   InitialStateDistribution start_;
-  bool knows_forces_ = true;              // the start's law says what the forces are
+  bool knows_lacks_ = true;               // the start's law says what the model lacks
   double reach_[TILLER_MAX_STATES] = {};  // farthest that a state has been from where it began
   NormalLaw before_;                      // what was known before the robot changed
   FilterSummary summary_;
-  FilterDiscrepancy discrepancy_;
+  DisturbanceStates disturbances_;
   RestGuard rest_;
 
   // scratch
@@ -274,6 +285,7 @@ class FilterPosterior final : public Posterior {
   bool started_ = false;
   std::uint64_t tick_ = 0;  // updates since reset: names the random numbers
   double exponent_ = 1.0;
+  double elapsed_s_ = 0.0, began_s_ = 0.0;       // since reset; when the window's filters began
   double noise_scale_ = 1.0, calm_scale_ = 1.0;  // calm: without what a sudden surprise puts into the noise
   double acceptance_ = 0.0;
   std::uint32_t cursor_ = 0;                 // next particle to move

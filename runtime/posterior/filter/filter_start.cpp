@@ -28,29 +28,29 @@ void FilterPosterior::set_start(const double* sd, const double* measured) {
   });
   for (std::uint32_t k = 0; k < ny_; ++k) start_.measured[k] = measured ? measured[k] : NAN;
   take_attitudes(*config_, start_.measured);
-  knows_forces_ = false;
-  if (forces_ > 0 && measured) measure_forces();
+  knows_lacks_ = false;
+  if (lacks_ > 0 && measured) measure_forces();
 }
 
 /// How large a force has to be to matter, from what forces do to the first chunk's particles at the configured state.
 void FilterPosterior::measure_forces() {
   const Chunk& chunk = chunks_[0];
   map_sensors(chunk, cloud_.params, n_);
-  begin_filters(chunk, chunk.filter, {carried_.force_law, n_});
+  begin_filters(chunk, chunk.filter, {carried_.law, n_});
   Step step;
   step.period_s = config_->period_s;
   step.input = config_->safety.safe_command;
   step.from = chunk.filter;
   step.params = {cloud_.params, n_};
   step.history = input_history_;
-  step.force_law = {carried_.force_law, n_};
+  step.law = {carried_.law, n_};
   predict_lanes(chunk, step);
-  discrepancy_.measure_reach(discrepancy_job(chunk, step));
+  disturbances_.measure_reach(disturbance_job(chunk, step));
 }
 
 /// The start's law, corrected by its measurement, which does not count into the likelihood (of no parameter but a
 /// sensor's, and of these the others tell more). The chunk says how the sensors read.
-void FilterPosterior::begin_filters(const Chunk& chunk, const FilterRows& rows, Lanes<double> force_law) const {
+void FilterPosterior::begin_filters(const Chunk& chunk, const FilterRows& rows, Lanes<double> law) const {
   double unused[2 * kChunk] = {};
   const auto fill = [&rows](double* to, std::uint32_t count, const double* value) {
     for (std::uint32_t i = 0; i < count; ++i)
@@ -59,10 +59,10 @@ void FilterPosterior::begin_filters(const Chunk& chunk, const FilterRows& rows, 
   fill(rows.state, nf_, start_.state);
   fill(rows.covariance, triangle_, start_.covariance);
   fill(rows.effect_state, ns_, start_.effect_state);
-  for (std::uint32_t l = 0; l < kChunk && forces_ > 0 && !knows_forces_; ++l) {
-    double variance[kMaxRegressors];
-    discrepancy_.prior_variance(force_law.data + l, static_cast<std::uint32_t>(force_law.stride), variance);
-    for (std::uint32_t f = 0; f < forces_; ++f)
+  for (std::uint32_t l = 0; l < kChunk && lacks_ > 0 && !knows_lacks_; ++l) {
+    double variance[kMaxFilterStates];
+    disturbances_.prior_variance(law.data + l, static_cast<std::uint32_t>(law.stride), began_s_, variance);
+    for (std::uint32_t f = 0; f < lacks_; ++f)
       rows.covariance[triangle_row(nf_, nx_ + f, nx_ + f) * rows.stride + l] = variance[f];
   }
   CorrectJob job = correct_job(start_.measured, chunk);
@@ -76,8 +76,7 @@ void FilterPosterior::begin_all_filters() {
   for (std::uint32_t c = 0; c < n_ / kChunk; ++c) {
     const std::uint32_t at = c * kChunk;
     map_sensors(chunks_[c], cloud_.params + at, n_);
-    begin_filters(chunks_[c], carried_lanes(at),
-                  forces_ > 0 ? Lanes<double>{carried_.force_law + at, n_} : Lanes<double>{});
+    begin_filters(chunks_[c], carried_lanes(at), lacks_ > 0 ? Lanes<double>{carried_.law + at, n_} : Lanes<double>{});
   }
 }
 

@@ -12,14 +12,25 @@ namespace tiller {
 
 /// The step of a chunk's lanes from `from`, into `predicted` and the Jacobian.
 void FilterPosterior::predict_lanes(const Chunk& chunk, const Step& step) const {
-  table_->linearise(*config_->model, linearise_job(chunk, step));
-  if (forces_ > 0) {
-    discrepancy_.step(discrepancy_job(chunk, step));
-    widen_jacobian(chunk, step);
+  if (lacks_ == 0) {
+    table_->linearise(*config_->model, linearise_job(chunk, step));
+    if (quaternions_ != 0) turn_jacobian(chunk, step);
+    predict_covariance(chunk, step);
+    return;
   }
+  Turn<double> kept[kChunk], mean[kChunk];
+  DisturbanceStates::Lanes16 lacking = disturbance_job(chunk, step);
+  lacking.kept = kept;
+  lacking.mean = mean;
+  disturbances_.drift(lacking);
+  Step drifted = step;
+  drifted.params = {chunk.drifted, kChunk};
+  table_->linearise(*config_->model, linearise_job(chunk, drifted));
+  disturbances_.step(lacking);
+  widen_jacobian(chunk, lacking);
   if (quaternions_ != 0) turn_jacobian(chunk, step);
   predict_covariance(chunk, step);
-  if (forces_ > 0) discrepancy_.add_process(discrepancy_job(chunk, step), chunk.predicted.covariance);
+  disturbances_.add_process(lacking, chunk.predicted.covariance);
 }
 
 LineariseJob FilterPosterior::linearise_job(const Chunk& chunk, const Step& step) const {
@@ -38,22 +49,21 @@ LineariseJob FilterPosterior::linearise_job(const Chunk& chunk, const Step& step
   return job;
 }
 
-FilterDiscrepancy::Lanes16 FilterPosterior::discrepancy_job(const Chunk& chunk, const Step& step) const {
-  if (step.params.data != chunk.params)
-    for (std::uint32_t i = 0; i < np_; ++i)
-      std::memcpy(chunk.params + i * kChunk, step.params.data + i * step.params.stride, sizeof(double) * kChunk);
-  FilterDiscrepancy::Lanes16 job;
+DisturbanceStates::Lanes16 FilterPosterior::disturbance_job(const Chunk& chunk, const Step& step) const {
+  for (std::uint32_t i = 0; i < np_; ++i)
+    std::memcpy(chunk.drifted + i * kChunk, step.params.data + i * step.params.stride, sizeof(double) * kChunk);
+  DisturbanceStates::Lanes16 job;
   job.lanes = kChunk;
   job.period_s = step.period_s;
   job.state = {step.from.state, step.from.stride};
   job.effect_state = {step.from.effect_state, step.from.stride};
-  job.params = chunk.params;
+  job.params = chunk.drifted;
   job.input = step.input;
   job.history = step.history;
   job.next = chunk.predicted.state;
   job.unit = chunk.unit;
   job.push = chunk.push;
-  job.law = step.force_law;
+  job.law = step.law;
   return job;
 }
 
@@ -71,24 +81,16 @@ void FilterPosterior::turn_jacobian(const Chunk& chunk, const Step& step) const 
   }
 }
 
-/// [A G; 0 D] in the place of A, D what the forces keep of themselves. From the last element back: the wider rows begin
-/// behind the narrower ones.
-void FilterPosterior::widen_jacobian(const Chunk& chunk, const Step& step) const {
-  double kept[kChunk];
-  const double* rate = step.force_law.data + std::size_t{discrepancy_.joints()} * step.force_law.stride;
-  for (std::uint32_t l = 0; l < kChunk; ++l) kept[l] = FilterDiscrepancy::kept(rate[l], step.period_s);
-  constexpr std::size_t kRow = sizeof(double) * kChunk;
-  for (std::uint32_t r = nf_; r-- > 0;)
-    for (std::uint32_t c = nf_; c-- > 0;) {
-      double* to = chunk.jacobian + (r * nf_ + c) * kChunk;
-      if (r < nx_)
-        std::memmove(to,
-                     c < nx_ ? chunk.jacobian + (r * nx_ + c) * kChunk : chunk.push + (r * forces_ + c - nx_) * kChunk,
-                     kRow);
-      else
-        for (std::uint32_t l = 0; l < kChunk; ++l)
-          to[l] = r != c ? 0.0 : (r - nx_) % kDiscrepancyBasis == 0 ? kept[l] : 1.0;
-    }
+/// [A G; 0 D] in the place of A, D what the disturbances keep of themselves. From the last row back: the wider rows
+/// begin behind the narrower ones.
+void FilterPosterior::widen_jacobian(const Chunk& chunk, const DisturbanceStates::Lanes16& lacking) const {
+  double* const a = chunk.jacobian;
+  disturbances_.fill_slopes(lacking, a + std::size_t{nx_} * nf_ * kChunk, nf_);
+  for (std::uint32_t r = nx_; r-- > 0;) {
+    std::memmove(a + std::size_t{r} * nf_ * kChunk, a + std::size_t{r} * nx_ * kChunk, sizeof(double) * nx_ * kChunk);
+    std::memcpy(a + (std::size_t{r} * nf_ + nx_) * kChunk, chunk.push + std::size_t{r} * lacks_ * kChunk,
+                sizeof(double) * lacks_ * kChunk);
+  }
 }
 
 /// P' = A P A^T + Q with the chunk's Jacobian, into the chunk.
@@ -103,6 +105,7 @@ void FilterPosterior::predict_covariance(const Chunk& chunk, const Step& step) c
   PredictJob job;
   job.nx = nf_;
   job.lanes = kChunk;
+  job.dense = lacks_ > 0 ? nx_ : 0;
   job.a = chunk.jacobian;
   job.a_stride = kChunk;
   job.covariance = step.from.covariance;

@@ -70,6 +70,7 @@ void FilterPosterior::respond(const double* speed, Innovation& now) {
   const std::uint32_t i = heaviest(), lane = i % kChunk;
   const Chunk& chunk = chunks_[i / kChunk];
   LineariseJob job = linearise_job(chunk, particle_step(i / kChunk));
+  if (chunk.drifted) job.params = {chunk.drifted, kChunk};
   job.next_state = response_scratch_;
   job.next_effect_state = nullptr;
   job.a = response_scratch_ + std::size_t{nx_} * kChunk;

@@ -72,7 +72,7 @@ void FilterPosterior::place_lane(const Chunk& chunk, std::uint32_t l, const doub
     const std::uint32_t i = cloud_.inferred[j];
     chunk.params[i * kChunk + l] = from_coordinate(config_->priors[i], coordinate[j]);
   }
-  read_own(coordinate, 1, chunk.process_scale + l, forces_ > 0 ? chunk.force_law + l : nullptr, kChunk);
+  read_own(coordinate, 1, chunk.process_scale + l, lacks_ > 0 ? chunk.law + l : nullptr, kChunk);
 }
 
 /// The summary's log density of each proposal less that of the present parameters.
@@ -128,8 +128,7 @@ void FilterPosterior::take_over(const Proposal& proposal, std::uint32_t lane, st
   const Chunk& from = chunks_[lane / kChunk];
   cloud_.set_coordinate(i, proposal.coordinate);
   carried_.process_scale[i] = from.process_scale[l];
-  for (std::uint32_t r = 0; r < discrepancy_.law_rows(); ++r)
-    carried_.force_law[r * n_ + i] = from.force_law[r * kChunk + l];
+  for (std::uint32_t r = 0; r < disturbances_.law_rows(); ++r) carried_.law[r * n_ + i] = from.law[r * kChunk + l];
   for (std::uint32_t r = 0; r < nf_; ++r) carried_.filter.state[r * n_ + i] = from.filter.state[r * kChunk + l];
   for (std::uint32_t r = 0; r < triangle_; ++r)
     carried_.filter.covariance[r * n_ + i] = from.filter.covariance[r * kChunk + l];

@@ -63,7 +63,7 @@ void FilterPosterior::relearn() {
 void FilterPosterior::start_at_present() {
   const std::uint32_t about = heaviest();
   clear_start();
-  knows_forces_ = true;
+  knows_lacks_ = true;
   const InitialStateDistribution& law = start_;
   double off[kMaxFilterStates];
   const auto from_about = [&](std::uint32_t i) {

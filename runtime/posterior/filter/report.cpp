@@ -32,8 +32,26 @@ void FilterPosterior::turn_moments(std::uint32_t about, double* state_mean, doub
   });
 }
 
+void FilterPosterior::covariance(double* covariance) const {
+  cloud_.covariance(params_now(), covariance);
+  for (std::uint32_t i = 0; i < disturbances_.drifts(); ++i) {
+    const double sd = drift_sd(i);
+    covariance[std::size_t{disturbances_.drift_param(i)} * (np_ + 1)] += sd * sd;
+  }
+}
+
+double FilterPosterior::quantile(std::uint32_t param, double q) const {
+  for (std::uint32_t i = 0; i < disturbances_.drifts(); ++i)
+    if (disturbances_.drift_param(i) == param) return drifting_quantile(i, q);
+  return cloud_.quantile(param, q);
+}
+
 void FilterPosterior::moments(double* param_mean, double* param_sd, double* state_mean, double* state_sd) const {
-  cloud_.moments(param_mean, param_sd);
+  cloud_.moments(params_now(), param_mean, param_sd);
+  for (std::uint32_t i = 0; i < disturbances_.drifts() && param_sd; ++i) {
+    const std::uint32_t param = disturbances_.drift_param(i);
+    param_sd[param] = std::hypot(param_sd[param], drift_sd(i));
+  }
   if (!state_mean && !state_sd) return;
   const std::uint32_t about = heaviest();
   for (std::uint32_t i = 0; i < nx_; ++i) {
@@ -68,7 +86,7 @@ void FilterPosterior::state_covariance(std::uint32_t nx, double* covariance) con
 
 void FilterPosterior::particle(std::uint32_t index, double* params, double* state, double* weight) const {
   if (index >= n_) return;
-  for (std::uint32_t i = 0; i < np_ && params; ++i) params[i] = cloud_.params[i * n_ + index];
+  for (std::uint32_t i = 0; i < np_ && params; ++i) params[i] = params_now()[i * n_ + index];
   for (std::uint32_t i = 0; i < nx_ && state; ++i) state[i] = carried_.filter.state[i * n_ + index];
   if (weight) *weight = cloud_.weight[index];
 }
@@ -103,51 +121,10 @@ void FilterPosterior::draw(std::uint32_t count, std::uint64_t tick, float* param
 
 void FilterPosterior::take_strata(std::uint32_t count, std::uint64_t tick, float* params, float* state,
                                   float* effect_state) const {
-  const Cloud::Drawn what[] = {{cloud_.params, np_, params},
+  const Cloud::Drawn what[] = {{params_now(), np_, params},
                                {carried_.filter.state, nx_, state, origin()},
                                {carried_.filter.effect_state, ns_, effect_state}};
   cloud_.draw(count, tick, what, 3);
-}
-
-double FilterPosterior::forces(double ahead_s, double* mean, double* sd) const {
-  if (forces_ == 0) return 0.0;
-  const double* const rate = carried_.force_law + std::size_t{discrepancy_.joints()} * n_;
-  for (std::uint32_t j = 0; j < discrepancy_.joints(); ++j) {
-    const std::uint32_t state = nx_ + j * kDiscrepancyBasis;
-    const double* wandering = carried_.filter.state + std::size_t{state} * n_;
-    const double* variance = carried_.filter.covariance + std::size_t{triangle_row(nf_, state, state)} * n_;
-    double sum = 0.0, square = 0.0, within = 0.0;
-    for (std::uint32_t k = 0; k < n_; ++k) {
-      const double kept = FilterDiscrepancy::mean_kept(rate[k] * ahead_s);
-      sum += cloud_.weight[k] * kept * wandering[k];
-      square += cloud_.weight[k] * kept * kept * wandering[k] * wandering[k];
-      within += cloud_.weight[k] * kept * kept * variance[k];
-    }
-    if (mean) mean[j] = sum;
-    if (sd)
-      sd[j] = std::sqrt(std::fmax(0.0, square - sum * sum) + noise_scale_ * noise_scale_ * std::fmax(0.0, within));
-  }
-  double mean_rate = 0.0;
-  for (std::uint32_t k = 0; k < n_; ++k) mean_rate += cloud_.weight[k] * rate[k];
-  return mean_rate;
-}
-
-void FilterPosterior::friction(double* viscous, double* dry) const {
-  for (std::uint32_t f = 0; f < forces_; ++f) {
-    if (f % kDiscrepancyBasis == 0) continue;
-    const std::uint32_t state = nx_ + f;
-    const double* row = carried_.filter.state + std::size_t{state} * n_;
-    const double* variance = carried_.filter.covariance + std::size_t{triangle_row(nf_, state, state)} * n_;
-    double sum = 0.0, square = 0.0, within = 0.0;
-    for (std::uint32_t k = 0; k < n_; ++k) {
-      sum += cloud_.weight[k] * row[k];
-      square += cloud_.weight[k] * row[k] * row[k];
-      within += cloud_.weight[k] * variance[k];
-    }
-    const double own = noise_scale_ * noise_scale_ * std::fmax(0.0, within);
-    const double sure = sum - std::sqrt(std::fmax(0.0, square - sum * sum) + own);
-    (f % kDiscrepancyBasis == 1 ? viscous : dry)[f / kDiscrepancyBasis] = std::fmax(0.0, sure);
-  }
 }
 
 /// The process noise's deviation with its own factor; the sensors' have the common scale alone.
@@ -157,6 +134,7 @@ void FilterPosterior::report(PosteriorReport& report) const {
   for (std::uint32_t i = 0; i < n_; ++i) factor += cloud_.weight[i] * carried_.process_scale[i];
   for (std::uint32_t r = 0; r < nx_; ++r)
     report.noise_sd[r] = noise_scale_ * std::sqrt(factor) * config_->process_sd[r];
+  for (std::uint32_t i = 0; i < disturbances_.drifts(); ++i) report.drift_evidence[i] = drift_evidence(i);
   report.delay_weight[0] = report.forgetting_weight[0] = 1.0;
   report.relearned = relearned_;
   report.lost = lost_;

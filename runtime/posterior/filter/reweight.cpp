@@ -77,7 +77,7 @@ void FilterPosterior::permute_carried() {
   permute(carried_.filter.covariance, triangle_);
   permute(carried_.filter.effect_state, ns_);
   permute(carried_.process_scale, 1);
-  permute(carried_.force_law, discrepancy_.law_rows());
+  permute(carried_.law, disturbances_.law_rows());
   permute(carried_.sums, rows_);
   permute(carried_.base, rows_);
   permute(carried_.log_likelihood, 1);

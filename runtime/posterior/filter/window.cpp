@@ -28,7 +28,7 @@ void FilterPosterior::rerun_chunk(std::uint32_t c) const {
   map_sensors(chunk, chunk.params, kChunk);
   std::memset(chunk.sums, 0, sizeof(double) * rows_ * kChunk);
   if (window_exact_)
-    begin_filters(chunk, chunk.filter, {chunk.force_law, kChunk});
+    begin_filters(chunk, chunk.filter, {chunk.law, kChunk});
   else
     read_summary(chunk);
   for (std::uint64_t index = window_begin_; index < window_.end(); ++index) step_chunk(chunk, index);
@@ -53,7 +53,7 @@ void FilterPosterior::step_chunk(const Chunk& chunk, std::uint64_t index) const 
   step.from = chunk.filter;
   step.params = {chunk.params, kChunk};
   step.process_scale = chunk.process_scale;
-  step.force_law = {chunk.force_law, kChunk};
+  step.law = {chunk.law, kChunk};
   step.history = history_of(index);
   predict_lanes(chunk, step);
   CorrectJob correct = correct_job(kept.measured, chunk);
@@ -99,7 +99,7 @@ FilterRows FilterPosterior::point_lanes(std::uint32_t at) const {
 
 void FilterPosterior::begin_points() {
   for_each_point_chunk([this](std::uint32_t at, const Chunk& chunk) {
-    begin_filters(chunk, point_lanes(at), {chunk.force_law, kChunk});
+    begin_filters(chunk, point_lanes(at), {chunk.law, kChunk});
   });
   summary_.fit_filters();
 }
@@ -140,7 +140,7 @@ void FilterPosterior::step_points(std::uint64_t index) {
     step.from = lanes;
     step.params = {chunk.params, kChunk};
     step.process_scale = chunk.process_scale;
-    step.force_law = {chunk.force_law, kChunk};
+    step.law = {chunk.law, kChunk};
     step.history = history_of(index);
     predict_lanes(chunk, step);
     double *squared = chunk.sums, *logs = chunk.sums + kChunk;

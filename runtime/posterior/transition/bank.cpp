@@ -188,6 +188,6 @@ Posterior* lay_out_engine(Arena& arena, const tiller_config_t& config, const Ste
 }  // namespace
 
 extern const PosteriorTable transition_posterior;
-const PosteriorTable transition_posterior = {lay_out_engine, TransitionPosterior::check, nullptr, true, true};
+const PosteriorTable transition_posterior = {lay_out_engine, TransitionPosterior::check, nullptr, true, true, true};
 
 }  // namespace tiller
