@@ -149,9 +149,9 @@ void Cloud::permute(double* row) const {
   for (std::uint32_t i = 0; i < n; ++i) row[i] = spare[index[i]];
 }
 
-void Cloud::moments(const double* params, double* mean_out, double* sd_out) const {
+void Cloud::moments(const double* rows, double* mean_out, double* sd_out) const {
   for (std::uint32_t i = 0; i < np && (mean_out || sd_out); ++i) {
-    const double* row = params + i * n;
+    const double* row = rows + i * n;
     double mean = 0.0, square = 0.0;
     for (std::uint32_t k = 0; k < n; ++k) mean += weight[k] * row[k];
     for (std::uint32_t k = 0; k < n; ++k) square += weight[k] * (row[k] - mean) * (row[k] - mean);
@@ -162,14 +162,14 @@ void Cloud::moments(const double* params, double* mean_out, double* sd_out) cons
   }
 }
 
-void Cloud::covariance(const double* params, double* covariance) const {
+void Cloud::covariance(const double* rows, double* covariance) const {
   double mean[TILLER_MAX_PARAMS];
-  moments(params, mean, nullptr);
+  moments(rows, mean, nullptr);
   for (std::uint32_t i = 0; i < np * np; ++i) covariance[i] = 0.0;
   for (std::uint32_t a = 0; a < named; ++a) {
     for (std::uint32_t b = 0; b <= a; ++b) {
       const std::uint32_t r = inferred[a], c = inferred[b];
-      const double *row_r = params + r * n, *row_c = params + c * n;
+      const double *row_r = rows + r * n, *row_c = rows + c * n;
       double sum = 0.0;
       for (std::uint32_t k = 0; k < n; ++k) sum += weight[k] * (row_r[k] - mean[r]) * (row_c[k] - mean[c]);
       covariance[r * np + c] = covariance[c * np + r] = sum;

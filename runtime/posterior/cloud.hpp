@@ -64,9 +64,9 @@ struct Cloud {
   /// (np) each, nullable
   void moments(double* mean, double* sd) const { moments(params, mean, sd); }
   void covariance(double* covariance) const { this->covariance(params, covariance); }  // (np x np)
-  /// Of `params` (np x N) in the place of the cloud's.
-  void moments(const double* params, double* mean, double* sd) const;
-  void covariance(const double* params, double* covariance) const;
+  /// Of `rows` (np x N) in the place of the cloud's.
+  void moments(const double* rows, double* mean, double* sd) const;
+  void covariance(const double* rows, double* covariance) const;
   double quantile(std::uint32_t param, double share) const;  // NaN for one that does not exist
 
   /// Rows of N to copy from, rows of `count` to copy to (null: none).
