@@ -43,8 +43,8 @@ void MotionCheck::begin(const Posterior& posterior, std::uint64_t tick, const do
   begun_ = true;
 }
 
-/// Spread as the states are. A force goes with its particle's parameters: with the mean's it belongs to the mean of these,
-/// which the first hypothesis has.
+/// Spread as the states are. A force goes with its particle's parameters: with the mean's it belongs to the mean of
+/// these, which the first hypothesis has.
 void MotionCheck::take_forces(const Posterior& posterior, Rng& rng) {
   if (forces_->joints() == 0) return;
   float mean[TILLER_MAX_PARAMS];

@@ -28,7 +28,8 @@ constexpr double kSmallest = -6.0, kLargest = 0.7;
 constexpr double kStill = 2.0;
 /// Times that a wandering force lasts, in s, as logarithms: from a gust to what is as good as constant.
 constexpr double kShortest = -2.3, kLongest = 4.1;
-/// How fast it swings, in rad/s, as logarithms: from once in ten minutes, which is not at all, to 5 Hz or a radian a period.
+/// How fast it swings, in rad/s, as logarithms: from once in ten minutes, which is not at all, to 5 Hz or a radian a
+/// period.
 constexpr double kSteadiest = -4.6, kQuickest = 3.4;
 /// It does not swing unless the data say so: the deviation of the half normal law of that.
 constexpr double kSteady = 4.0;

@@ -15,8 +15,8 @@ namespace tiller {
 ///  - a force at a joint (posterior.disturbance), which wanders: dw = -w / tau dt + s sd sqrt(2 / tau) dW
 ///    (Ornstein and Uhlenbeck 1930; the step is exact over any period). Where the model has kDiscrepancyJoints joints
 ///    or fewer it may swing as well: w is the real part of z, dz = (i omega - 1 / tau) z dt + s sd sqrt(2 / tau) dW,
-///    whose correlation over t is exp(-t / tau) cos(omega t); at omega = 0 the imaginary part does nothing. A viscous and
-///    a dry force stand beside it then, unless the model has such a friction as a parameter that is learnt;
+///    whose correlation over t is exp(-t / tau) cos(omega t); at omega = 0 the imaginary part does nothing. A viscous
+///    and a dry force stand beside it then, unless the model has such a friction as a parameter that is learnt;
 ///  - a slip (posterior.disturbance, of a model without joints): one that wanders, of the rate of a state with process
 ///    noise;
 ///  - a parameter that drifts (posterior.drift): its coordinate is the particle's own plus d, dd = s sd dW.
