@@ -634,6 +634,17 @@ typedef struct tiller_info {
   double force_sd[TILLER_MAX_JOINTS];
   double drift_evidence[TILLER_MAX_DRIFTS]; /**< of the parameters of posterior.drift, in their order: logarithm of how
                                                  much likelier the data make a drift than none */
+  double jump_evidence[TILLER_MAX_DRIFTS];   /**< the same, of one jump than of none */
+  double jump_age_s[TILLER_MAX_DRIFTS];      /**< how long ago the likeliest jump was */
+  double jump_by[TILLER_MAX_DRIFTS];         /**< and how large, in the parameter's unit */
+  double viscous_mean[TILLER_MAX_JOINTS];    /**< N s/m or N m s: friction at joint j beyond the model's that grows with
+                                                  speed; 0 where none is looked for */
+  double viscous_sd[TILLER_MAX_JOINTS];
+  double dry_mean[TILLER_MAX_JOINTS]; /**< N or N m: dry friction at joint j beyond the model's */
+  double dry_sd[TILLER_MAX_JOINTS];
+  uint64_t slip_states;                /**< bit i: a slip of state i is estimated */
+  double slip_mean[TILLER_MAX_STATES]; /**< of state i a second: what changes it beyond the model */
+  double slip_sd[TILLER_MAX_STATES];
 } tiller_info_t;
 
 /** Exact bytes that tiller_init needs; 0 if the configuration is not valid (tiller_config_check says why). */
