@@ -106,64 +106,115 @@ CoordinateStep draw_coordinate_step(const PriorDistribution& prior, Rng& rng) {
   return step;
 }
 
-void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::uint32_t moves, Proposal* proposals) {
-  const std::uint32_t n = cloud.n, d = cloud.d;
-  const std::uint32_t first_still = (cursor + moves) % n, still = n - moves;
-  double mean[kMaxCoordinates], factor[kMaxCoordinates * kMaxCoordinates];
-  const bool whole = spread(cloud, first_still, still, mean, factor);
-  const bool many = d - cloud.named > 1;  // an engine with several coordinates of its own
-  const double best = kOptimalStep / std::sqrt(static_cast<double>(d));
+Stepper::Stepper(const Cloud& cloud, std::uint64_t tick, std::uint32_t first_still, std::uint32_t still)
+    : cloud_(cloud), tick_(tick), first_still_(first_still), still_(still), many_(cloud.d - cloud.named > 1) {
+  whole_ = spread(cloud, first_still, still, mean_, factor_);
+}
 
+Rng Stepper::random(std::uint32_t particle) const { return {cloud_.config->seed, kRngMove, tick_ * 4096 + particle}; }
+
+Rng Stepper::widening(std::uint32_t particle) const {
+  return {cloud_.config->seed, kRngScout, kWidening + tick_ * 4096 + particle};
+}
+
+void Stepper::walk(Rng& rng, const double* present, double* to) const {
+  const std::uint32_t n = cloud_.n, d = cloud_.d, named = cloud_.named;
+  const double best = kOptimalStep / std::sqrt(static_cast<double>(d));
+  double walk[kMaxCoordinates], difference = 0.0, noise = kJitter;
+  const std::uint32_t a = (first_still_ + rng.below(still_)) % n, b = (first_still_ + rng.below(still_)) % n;
+  if (rng.uniform() < kEvolution)
+    difference = rng.uniform() < kWholeDifference ? 1.0 : best * 0.70710678 * (0.3 + 0.7 * rng.uniform());
+  else
+    noise = best * math::exp(-2.3 * rng.uniform());  // a decade of step lengths: far and near both occur
+  for (std::uint32_t j = 0; j < d; ++j) walk[j] = noise * rng.normal();
+
+  // where an engine has several coordinates of its own, the parameters and these move apart half of the time: a step
+  // of few coordinates may be longer
+  const double block = many_ && named > 0 ? 4.0 * rng.uniform() : 0.0;
+  const std::uint32_t first = block >= 3.0 ? named : 0, last = block >= 2.0 && block < 3.0 ? named : d;
+  for (std::uint32_t j = 0; j < d; ++j) to[j] = present[j];
+  for (std::uint32_t j = first; j < last; ++j) {
+    const double* row = cloud_.coordinate + j * n;
+    // no reflection at a bound: of one coordinate of a correlated step it is not symmetric
+    to[j] += difference * (row[a] - row[b]);
+    for (std::uint32_t k = 0; k <= j; ++k) to[j] += factor_[j * d + k] * walk[k];
+  }
+}
+
+double Stepper::step(Rng& rng, Rng& widening, bool flat, const double* present, double* to) const {
+  const std::uint32_t d = cloud_.d;
+  walk(rng, present, to);
+  // of several more coordinates some are as good as not known: a step along one of them may be as wide as its prior
+  const double kind = whole_ && many_ ? rng.uniform() : 1.0;
+  const bool anew = kind < kAnew, along = kind >= kAnew && kind < kAnew + kAlong;
+  if (along || (!whole_ && flat)) {
+    const CoordinateStep step = draw_coordinate_step(cloud_.prior, widening);
+    for (std::uint32_t j = 0; j < d; ++j) to[j] = present[j];
+    to[step.coordinate] += step.length;
+  }
+  const StillLaw law = {mean_, factor_, d};
+  if (anew) law.draw(rng, to);
+  const double scouts = cloud_.config->posterior.prior_proposal_fraction;
+  double change = 0.0;
+  if (scouts > 0.0 && rng.uniform() < scouts) {
+    // a scout: an independent draw from the prior, whose density cancels out of the ratio
+    cloud_.prior.draw_one(rng, to);
+    change = cloud_.prior.log_excess(to) - cloud_.prior.log_excess(present);
+  } else {
+    change = cloud_.prior.log_density(to) - cloud_.prior.log_density(present);
+    if (anew) change += law.log_density(present) - law.log_density(to);
+  }
+  if (std::isfinite(change)) return change;
+  for (std::uint32_t j = 0; j < d; ++j) to[j] = present[j];
+  return -INFINITY;
+}
+
+namespace {
+
+/// The end of a walk of kSteps from `present`, whose target is prior x likelihood^exponent as the shape has it; returns
+/// what is left to be judged: less the change that the walk was judged by.
+double rehearse(const Stepper& stepper, const Guides& guides, Rng& rng, Rng& widening, const double* present,
+                std::uint32_t d, double* to) {
+  constexpr int kSteps = 8;  // one in three or four is accepted: a walk of a few whole steps
+  const LikelihoodShape& shape = *guides.shape;
+  const double begin = shape.at(present);
+  double here = begin, at[kMaxCoordinates];
+  std::copy(present, present + d, to);
+  if (std::isinf(begin)) return -INFINITY;
+  for (int i = 0; i < kSteps; ++i) {
+    const double change = stepper.step(rng, widening, false, to, at), there = shape.at(at);
+    if (!(guides.exponent * (there - here) + change > math::log(rng.uniform()))) continue;
+    std::copy(at, at + d, to);
+    here = there;
+  }
+  return guides.exponent * (begin - here);
+}
+
+}  // namespace
+
+void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::uint32_t moves, Proposal* proposals,
+             const Guides* guides) {
+  constexpr double kSwings = 0.2;
+  const std::uint32_t n = cloud.n, d = cloud.d, first_still = (cursor + moves) % n, still = n - moves;
+  const Stepper stepper(cloud, tick, first_still, still);
+  // anew in every tick: a walk judged by what its particle was fitted to would not leave the target as it is
+  if (guides != nullptr) guides->shape->clear();
+  if (guides != nullptr && stepper.whole())
+    guides->shape->fit(cloud, first_still, still, stepper.mean(), stepper.factor(), guides->log_likelihood);
+  const bool rehearses = guides != nullptr && guides->shape->fitted();
   for (std::uint32_t m = 0; m < moves; ++m) {
     Proposal& p = proposals[m];
     p.particle = (cursor + m) % n;
-    Rng rng(cloud.config->seed, kRngMove, tick * 4096 + p.particle);
-    double walk[kMaxCoordinates], difference = 0.0, noise = kJitter;
-    const std::uint32_t a = (first_still + rng.below(still)) % n, b = (first_still + rng.below(still)) % n;
-    if (rng.uniform() < kEvolution)
-      difference = rng.uniform() < kWholeDifference ? 1.0 : best * 0.70710678 * (0.3 + 0.7 * rng.uniform());
-    else
-      noise = best * math::exp(-2.3 * rng.uniform());  // a decade of step lengths: far and near both occur
-    for (std::uint32_t j = 0; j < d; ++j) walk[j] = noise * rng.normal();
-
-    // where an engine has several coordinates of its own, the parameters and these move apart half of the time: a step
-    // of few coordinates may be longer
-    const double block = many && cloud.named > 0 ? 4.0 * rng.uniform() : 0.0;
-    const std::uint32_t first = block >= 3.0 ? cloud.named : 0, last = block >= 2.0 && block < 3.0 ? cloud.named : d;
+    Rng rng = stepper.random(p.particle), widening = stepper.widening(p.particle);
     double present[kMaxCoordinates];
-    for (std::uint32_t j = 0; j < d; ++j) p.coordinate[j] = present[j] = cloud.coordinate[j * n + p.particle];
-    for (std::uint32_t j = first; j < last; ++j) {
-      const double* row = cloud.coordinate + j * n;
-      double to = present[j] + difference * (row[a] - row[b]);
-      for (std::uint32_t k = 0; k <= j; ++k) to += factor[j * d + k] * walk[k];
-      // no reflection at a bound: of one coordinate of a correlated step it is not symmetric
-      p.coordinate[j] = to;
-    }
-    // of several more coordinates some are as good as not known: a step along one of them may be as wide as its prior
-    const double kind = whole && many ? rng.uniform() : 1.0;
-    const bool anew = kind < kAnew, along = kind >= kAnew && kind < kAnew + kAlong;
-    if (along || (!whole && m % 2 == 1)) {
-      Rng widening(cloud.config->seed, kRngScout, kWidening + tick * 4096 + p.particle);
-      const CoordinateStep step = draw_coordinate_step(cloud.prior, widening);
-      for (std::uint32_t j = 0; j < d; ++j) p.coordinate[j] = present[j];
-      p.coordinate[step.coordinate] += step.length;
-    }
-    const StillLaw law = {mean, factor, d};
-    if (anew) law.draw(rng, p.coordinate);
-    const double scouts = cloud.config->posterior.prior_proposal_fraction;
-    if (scouts > 0.0 && rng.uniform() < scouts) {
-      // a scout: an independent draw from the prior, whose density cancels out of the ratio
-      cloud.prior.draw_one(rng, p.coordinate);
-      p.log_prior_change = cloud.prior.log_excess(p.coordinate) - cloud.prior.log_excess(present);
-    } else {
-      p.log_prior_change = cloud.prior.log_density(p.coordinate) - cloud.prior.log_density(present);
-      if (anew) p.log_prior_change += law.log_density(present) - law.log_density(p.coordinate);
-    }
-    // refused by the prior: its lane still runs, where the particle is
-    if (!std::isfinite(p.log_prior_change)) {
-      p.log_prior_change = -INFINITY;
-      for (std::uint32_t j = 0; j < d; ++j) p.coordinate[j] = present[j];
-    }
+    for (std::uint32_t j = 0; j < d; ++j) present[j] = cloud.coordinate[j * n + p.particle];
+    // every other one, so that the cloud gets to where the shape is not believed, and away from there
+    if (rehearses && m % 2 == 0)
+      p.log_correction = rehearse(stepper, *guides, rng, widening, present, d, p.coordinate);
+    else if (guides != nullptr && guides->swing != nullptr && rng.uniform() < kSwings)
+      p.log_correction = guides->swing->step(cloud.prior, rng, present, p.coordinate);
+    else
+      p.log_correction = stepper.step(rng, widening, m % 2 == 1, present, p.coordinate);
     p.log_uniform = math::log(rng.uniform());
   }
 }

@@ -117,4 +117,117 @@ TEST_F(OnALine, MovesFindTheWholePosterior) {
   }
 }
 
+/// A crescent under the priors: its quadratic is wrong wherever a walk gets to.
+double crescent(const double* v) {
+  const double off = v[1] - 4.0 - 0.5 * (v[0] - 5.0) * (v[0] - 5.0);
+  return -0.5 * (std::pow((v[0] - 5.0) / 1.2, 2) + std::pow(off / 0.4, 2));
+}
+
+struct Moments {
+  double mean[2] = {}, deviation[2] = {};
+};
+
+/// Of prior x exp(crescent), on a grid.
+Moments exact_moments(const tiller::PriorDistribution& prior) {
+  double sum[2] = {}, square[2] = {}, all = 0.0;
+  for (double x = 0.005; x < 10.0; x += 0.01)
+    for (double y = -5.0; y < 15.0; y += 0.01) {
+      const double v[2] = {x, y}, density = std::exp(crescent(v) + prior.log_density(v));
+      all += density;
+      for (int j = 0; j < 2; ++j) {
+        sum[j] += density * v[j];
+        square[j] += density * v[j] * v[j];
+      }
+    }
+  Moments m;
+  for (int j = 0; j < 2; ++j) {
+    m.mean[j] = sum[j] / all;
+    m.deviation[j] = std::sqrt(square[j] / all - m.mean[j] * m.mean[j]);
+  }
+  return m;
+}
+
+// Guides say where to go, the data whether: with a shape that is wrong and a law of swings that has a peak of its own
+// the target is what it is.
+TEST_F(OnALine, GuidesLeaveThePosteriorAsItIs) {
+  std::vector<unsigned char> storage(1 << 16);
+  const auto at = reinterpret_cast<std::uintptr_t>(storage.data());
+  Arena arena(storage.data() + (Arena::kAlignment - at % Arena::kAlignment) % Arena::kAlignment, 1 << 15);
+  tiller::LikelihoodShape shape = tiller::LikelihoodShape::lay_out(arena, 2);
+  tiller::SwingLaw swing = tiller::SwingLaw::lay_out(arena, 1);
+  shape.clear();
+  config_.priors[2].low = -5.0;
+  config_.priors[2].high = 15.0;
+  swing.begin(cloud_.prior, 0, 0, 1e-3);
+  for (int k = 0; k < 4000; ++k) {
+    const double force = std::sin(0.4 * k);
+    swing.observe(&force);
+  }
+  std::vector<double> log_likelihood(kParticles);
+  for (std::uint32_t i = 0; i < kParticles; ++i) {
+    const double v[2] = {4.0 + 2.0 * i / kParticles, 3.5 + (i * 7 % kParticles) * 1.0 / kParticles};
+    cloud_.set_coordinate(i, v);
+    log_likelihood[i] = crescent(v);
+  }
+  Proposal proposals[kMoves];
+  double coordinate[kMoves][2];
+  for (std::uint32_t m = 0; m < kMoves; ++m) proposals[m].coordinate = coordinate[m];
+  const tiller::Guides guides = {&shape, log_likelihood.data(), 1.0, &swing};
+  std::uint32_t cursor = 0;
+  double sum[2] = {}, square[2] = {}, count = 0;
+  int fitted = 0;
+  for (std::uint64_t tick = 0; tick < 6000; ++tick) {
+    propose(cloud_, tick, cursor, kMoves, proposals, &guides);
+    fitted += shape.fitted();
+    for (const Proposal& p : proposals) {
+      const double there = crescent(p.coordinate);
+      if (!(there - log_likelihood[p.particle] + p.log_correction > p.log_uniform)) continue;
+      cloud_.set_coordinate(p.particle, p.coordinate);
+      log_likelihood[p.particle] = there;
+    }
+    cursor = (cursor + kMoves) % kParticles;
+    if (tick < 1000) continue;
+    for (std::uint32_t i = 0; i < kParticles; ++i, ++count)
+      for (std::uint32_t j = 0; j < 2; ++j) {
+        sum[j] += cloud_.coordinate[j * cloud_.n + i];
+        square[j] += std::pow(cloud_.coordinate[j * cloud_.n + i], 2);
+      }
+  }
+  EXPECT_GT(fitted, 5000) << "or the test shows nothing";
+  const Moments exact = exact_moments(cloud_.prior);
+  for (int j = 0; j < 2; ++j) {
+    const double mean = sum[j] / count, deviation = std::sqrt(square[j] / count - mean * mean);
+    std::printf("coordinate %d: %.4f +- %.4f, target %.4f +- %.4f\n", j, mean, deviation, exact.mean[j],
+                exact.deviation[j]);
+    // some 10,000 independent draws of the cloud: 1 % of a deviation, four times
+    EXPECT_NEAR(mean, exact.mean[j], 0.04 * exact.deviation[j]);
+    EXPECT_NEAR(deviation, exact.deviation[j], 0.04 * exact.deviation[j]);
+  }
+}
+
+// A force that swings once a second is looked for there: within an eighth of its frequency lies most of what is not
+// spread evenly.
+TEST_F(OnALine, ASwingIsAskedForWhereTheForceHasItsPower) {
+  std::vector<unsigned char> storage(1 << 14);
+  const auto at = reinterpret_cast<std::uintptr_t>(storage.data());
+  Arena arena(storage.data() + (Arena::kAlignment - at % Arena::kAlignment) % Arena::kAlignment, 1 << 13);
+  tiller::SwingLaw swing = tiller::SwingLaw::lay_out(arena, 1);
+  config_.priors[2] = {tiller_prior_uniform, 0, 0.0, 0.0, 0.0, 3.4};  // the logarithm of omega
+  swing.begin(cloud_.prior, 0, 0, 0.02);
+  for (int k = 0; k < 500; ++k) {
+    const double force = 0.7 + 0.3 * std::sin(6.2832 * 0.02 * k);
+    swing.observe(&force);
+  }
+  int near = 0;
+  const double present[2] = {5.0, 1.0};
+  for (std::uint32_t k = 0; k < 1000; ++k) {
+    tiller::Rng rng(1, tiller::kRngMove, k);
+    double to[2];
+    (void)swing.step(cloud_.prior, rng, present, to);
+    near += std::fabs(to[1] - 1.838) < 0.2;
+  }
+  std::printf("%d of 1000 near\n", near);
+  EXPECT_GT(near, 300);  // half of the draws are even, of which these are one in eight
+}
+
 }  // namespace

@@ -22,6 +22,19 @@ void FilterPosterior::note_drift() {
   }
 }
 
+/// The mean force goes into what guides the moves to its swing.
+void FilterPosterior::note_swing() {
+  if (!guided() || !disturbances_.swings()) return;
+  double force[TILLER_MAX_JOINTS] = {};
+  for (std::uint32_t j = 0; j < disturbances_.joints(); ++j) {
+    const double* row = carried_.filter.state + std::size_t{nx_ + disturbances_.force_state(j)} * n_;
+    for (std::uint32_t k = 0; k < n_; ++k) force[j] += cloud_.weight[k] * row[k];
+    const double size = disturbances_.size_of(j);
+    force[j] = size > 0.0 ? force[j] / size : 0.0;
+  }
+  swing_.observe(force);
+}
+
 /// How far a particle's drift may be off, in the parameter's coordinate.
 double FilterPosterior::drift_spread(std::uint32_t drift, std::uint32_t particle) const {
   const std::uint32_t state = nx_ + disturbances_.drift_state(drift);

@@ -94,6 +94,9 @@ class DisturbanceStates {
   std::uint32_t turn_row() const { return sources() + 1; }
   /// Coordinates of a particle that say how large and how long: the sizes, tau, omega, the drifts' rates.
   std::uint32_t coordinates() const { return sizes_ + times() + drifts_; }
+  std::uint32_t sizes() const { return sizes_; }
+  /// Forces swing: the law has an omega.
+  bool swings() const { return times() > 1; }
   tiller_prior_t law_prior(std::uint32_t coordinate) const;
   /// Of a rate in the upper half of its range, before any data.
   static double drift_odds();

@@ -98,6 +98,8 @@ class FilterPosterior::Layout {
       proposals_[m].coordinate = proposed + std::size_t{m} * cloud_.d;
     proposed_sums_ = rows(rows_, move_lanes_);
     move_coordinate_ = rows(cloud_.d, move_lanes_);
+    if (extra_.count > 1) shape_ = LikelihoodShape::lay_out(arena_, cloud_.d);
+    if (disturbances_.swings()) swing_ = SwingLaw::lay_out(arena_, disturbances_.joints());
     point_innovation_ = rows(ny_ + 1, summary_.design().points());
     start_.state = rows(nf_, 1);
     start_.covariance = rows(triangle_rows(nf_), 1);
@@ -124,6 +126,8 @@ class FilterPosterior::Layout {
     p.summary_ = summary_;
     p.before_ = before_;
     p.disturbances_ = disturbances_;
+    p.shape_ = shape_;
+    p.swing_ = swing_;
     p.rest_ = RestGuard(config_);
     p.chunks_ = chunks_;
     p.touch_ = touch_;
@@ -206,6 +210,8 @@ class FilterPosterior::Layout {
   Carried carried_;
   FilterSummary summary_;
   NormalLaw before_;
+  LikelihoodShape shape_;
+  SwingLaw swing_;
   Kept* window_ = nullptr;
   double *window_history_ = nullptr, *input_history_ = nullptr;
   InitialStateDistribution start_;

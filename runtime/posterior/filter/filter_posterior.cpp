@@ -37,6 +37,9 @@ void FilterPosterior::reset() {
   window_exact_ = true;
   summary_.clear();
   disturbances_.clear();
+  shape_.clear();
+  if (guided() && disturbances_.swings())
+    swing_.begin(cloud_.prior, d_ - disturbances_.drifts() - 2, disturbances_.sizes(), config_->period_s);
   elapsed_s_ = began_s_ = 0.0;
   started_ = false;
   tick_ = 0;
@@ -97,6 +100,7 @@ tiller_status_t FilterPosterior::advance(const Transition& transition, bool move
   }
   note_reach();
   note_drift();
+  note_swing();
   remember_input(now_.transition.input);
   watch_change(resting);
   return doubted ? tiller_status_measurement_outlier : status;

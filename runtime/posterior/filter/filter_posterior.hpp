@@ -11,6 +11,7 @@
 #include "posterior/posterior.hpp"
 #include "posterior/proposals.hpp"
 #include "posterior/rest_guard.hpp"
+#include "posterior/swing_law.hpp"
 #include "rollout/measurement.hpp"
 #include "tiller/math.hpp"
 
@@ -199,6 +200,9 @@ class FilterPosterior final : public Posterior {
 
   // moves.cpp
   void move();
+  /// Whether moves have guides: where the engine has several coordinates of its own.
+  bool guided() const { return d_ - cloud_.named > 1; }
+  void note_swing();
   std::uint32_t count_moves(bool pairs) const;
   void load_lanes(std::uint32_t moves, bool pairs);
   void place_lane(const Chunk& chunk, std::uint32_t lane, const double* coordinate) const;
@@ -268,6 +272,8 @@ class FilterPosterior final : public Posterior {
   NormalLaw before_;                      // what was known before the robot changed
   FilterSummary summary_;
   DisturbanceStates disturbances_;
+  LikelihoodShape shape_;
+  SwingLaw swing_;
   RestGuard rest_;
 
   // scratch

@@ -25,7 +25,8 @@ void FilterPosterior::move() {
   const bool pairs = !window_exact_;
   const std::uint32_t moves = count_moves(pairs);
   if (moves == 0) return;
-  propose(cloud_, tick_, cursor_, moves, proposals_);
+  const Guides guides = {&shape_, carried_.log_likelihood, exponent_, disturbances_.swings() ? &swing_ : nullptr};
+  propose(cloud_, tick_, cursor_, moves, proposals_, guided() ? &guides : nullptr);
   load_lanes(moves, pairs);
   rerun(pairs ? 2 * moves : moves);
   sum_past(moves);
@@ -109,7 +110,7 @@ void FilterPosterior::accept(std::uint32_t moves, bool pairs) {
   std::uint32_t accepted = 0;
   for (std::uint32_t m = 0; m < moves; ++m) {
     const Proposal& p = proposals_[m];
-    const double change = exponent_ * (updated[m] - carried_.log_likelihood[p.particle]) + p.log_prior_change;
+    const double change = exponent_ * (updated[m] - carried_.log_likelihood[p.particle]) + p.log_correction;
     if (!(change > p.log_uniform)) continue;  // NaN too
     ++accepted;
     carried_.log_likelihood[p.particle] = updated[m];
