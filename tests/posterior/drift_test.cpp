@@ -9,30 +9,18 @@
 #include <random>
 #include <vector>
 
-#include "linear_rig.hpp"
-#include "rollout/rollout.hpp"
-#include "tiller/config.hpp"
+#include "driven_pendulum_rig.hpp"
 
 namespace {
 
-constexpr double kLength_m = 0.5, kGravity_m_s2 = 9.81, kPeriod_s = 0.02;
+using Plant = rig::DrivenPendulum;
+
+constexpr double kPeriod_s = Plant::kPeriod_s;
 constexpr int kSeeds = 12, kSteps = 750;
 
 tiller::Config pendulum(bool drifts) {
-  tiller::Config c;
-  EXPECT_EQ(tiller_config_default(&c, tiller_find_model("pendulum")), tiller_status_ok);
-  c.period_s = kPeriod_s;
-  c.priors[0] = rig::log_normal(0.5, 0.4);
-  c.priors[1] = rig::fixed(kLength_m);
-  c.priors[2] = rig::uniform(0.0, 0.1);
-  c.measurement_sd[0] = 0.002;
-  c.process_sd[1] = 0.02;
-  c.initial_state_sd[0] = c.initial_state_sd[1] = 0.01;
-  c.safety.input_low[0] = -1.5;
-  c.safety.input_high[0] = 1.5;
+  tiller::Config c = Plant::config(rig::log_normal(0.5, 0.4));
   c.posterior.drift = drifts ? 1 : 0;
-  c.posterior.adequacy = 0;
-  c.posterior.moves_per_tick = 16;
   return c;
 }
 
@@ -41,54 +29,35 @@ using Course = std::function<double(double time_s)>;
 
 struct Outcome {
   bool holds = false;
-  double width = 0.0, off = 0.0, evidence = 0.0;
+  double mass_kg = 0.0, width = 0.0, off = 0.0;
+  tiller::PosteriorReport report;
 };
 
-/// Fifteen seconds of a pendulum with equations of its own (Euler and Cromer, 0.1 ms) whose mass changes, under a
-/// torque of three lines, beside a posterior that reads its encoder: the interval of the mass as it is at the end.
+/// Fifteen seconds: the interval of the mass as it is at the end.
 Outcome learn(bool drifts, const Course& course, unsigned seed) {
-  const tiller::Config c = pendulum(drifts);
-  std::mt19937_64 random(seed);
-  std::normal_distribution<double> n;
-  std::uniform_real_distribution<double> u01;
-  const double first_kg = 0.35 + 0.3 * u01(random), damping = 0.01 + 0.08 * u01(random);
-  double phase[3];
-  for (double& p : phase) p = 6.283 * u01(random);
-  double angle = 0.01 * n(random), rate = 0.01 * n(random);
-
-  tiller::StepSetup setup;
-  EXPECT_EQ(tiller::make_step_setup(c, setup), tiller_status_ok);
-  rig::Instance posterior(c, nullptr, tiller::select_rollout(*c.model), &setup);
-  const double first = angle + 0.002 * n(random);
-  EXPECT_EQ(posterior->start(&first), tiller_status_ok);
-  double mass = first_kg;
-  for (int k = 0; k < kSteps; ++k) {
-    const double t = k * kPeriod_s;
-    double torque = 0.0;
-    for (int i = 0; i < 3; ++i) torque += 0.4 * std::sin((1.3 + 2.1 * i) * t + phase[i]);
-    for (int i = 0; i < 200; ++i) {
-      mass = first_kg * course(t + 1e-4 * i);
-      rate += 1e-4 * ((torque - damping * rate) / (mass * kLength_m * kLength_m) -
-                      kGravity_m_s2 / kLength_m * std::sin(angle));
-      angle += 1e-4 * rate;
-    }
-    tiller::Transition transition;
-    transition.period_s = kPeriod_s;
-    transition.input[0] = torque;
-    transition.measured[0] = angle + 0.002 * n(random);
-    EXPECT_TRUE(rig::works(posterior->update(transition)));
-  }
-  const double low = posterior->quantile(0, 0.05), high = posterior->quantile(0, 0.95);
-  double mean[TILLER_MAX_PARAMS], sd[TILLER_MAX_PARAMS];
-  posterior->moments(mean, sd, nullptr, nullptr);
-  EXPECT_GT(mean[0], low);
-  EXPECT_LT(mean[0], high);
-  // of a normal law 3.3 deviations lie between these quantiles; a mixture's tails make that less or more
-  EXPECT_GT(high - low, 2.0 * sd[0]);
-  EXPECT_LT(high - low, 5.0 * sd[0]);
-  tiller::PosteriorReport report;
-  posterior->report(report);
-  return {low <= mass && mass <= high, high - low, std::fabs(mean[0] - mass), report.drift_evidence[0]};
+  Plant plant;
+  plant.least_kg = 0.35;
+  plant.most_kg = 0.65;
+  plant.steps = kSteps;
+  plant.share = course;
+  Outcome out;
+  plant.run(pendulum(drifts), seed, [&](const tiller::Posterior& posterior, int k, double mass_kg) {
+    if (k < kSteps) return;
+    const double low = posterior.quantile(0, 0.05), high = posterior.quantile(0, 0.95);
+    double mean[TILLER_MAX_PARAMS], sd[TILLER_MAX_PARAMS];
+    posterior.moments(mean, sd, nullptr, nullptr);
+    EXPECT_GT(mean[0], low);
+    EXPECT_LT(mean[0], high);
+    // of a normal law 3.3 deviations lie between these quantiles; a mixture's tails make that less or more
+    EXPECT_GT(high - low, 2.0 * sd[0]);
+    EXPECT_LT(high - low, 5.0 * sd[0]);
+    posterior.report(out.report);
+    out.holds = low <= mass_kg && mass_kg <= high;
+    out.mass_kg = mass_kg;
+    out.width = high - low;
+    out.off = std::fabs(mean[0] - mass_kg);
+  });
+  return out;
 }
 
 struct Sums {
@@ -100,10 +69,14 @@ Sums over_seeds(bool drifts, const Course& course, const char* name) {
   Sums sums;
   for (unsigned seed = 1; seed <= kSeeds; ++seed) {
     const Outcome one = learn(drifts, course, seed);
+    if (drifts)
+      std::printf("  seed %u: walk %6.1f, jump %6.1f, %.2f s ago by %+.4f +- %.4f kg\n", seed,
+                  one.report.drift_evidence[0], one.report.jump_evidence[0], one.report.jump_age_s[0],
+                  one.report.jump_by[0], one.report.jump_sd[0]);
     sums.hold += one.holds ? 1 : 0;
     sums.width += one.width / kSeeds;
     sums.off += one.off / kSeeds;
-    sums.evidence += one.evidence / kSeeds;
+    sums.evidence += one.report.drift_evidence[0] / kSeeds;
   }
   std::printf("%s, %s: %d of %d intervals of the mass hold, %.4f kg wide, %.4f kg off; evidence %.2f\n", name,
               drifts ? "drifting" : "constant", sums.hold, kSeeds, sums.width, sums.off, sums.evidence);

@@ -81,6 +81,7 @@ class FilterPosterior::Layout {
       const Chunk taken = chunk();
       if (chunks_) chunks_[i] = taken;
     }
+    take_banks();
     bool feels = false;
     for (std::uint32_t j = 0; j < disturbances_.joints(); ++j)
       feels = feels || std::isfinite(config_.safety.contact_force[config_.model->joints[j].velocity]);
@@ -88,6 +89,16 @@ class FilterPosterior::Layout {
     touch_ = arena_.take<Chunk>(1);
     const Chunk taken = chunk();
     if (touch_) *touch_ = taken;
+  }
+
+  void take_banks() {
+    banks_ = arena_.take<JumpBank>(disturbances_.drifts());
+    bank_chunks_ = arena_.take<Chunk>(disturbances_.drifts());
+    for (std::uint32_t i = 0; i < disturbances_.drifts(); ++i) {
+      const Chunk taken = chunk();
+      if (bank_chunks_) bank_chunks_[i] = taken;
+    }
+    if (disturbances_.drifts() == 0) banks_ = nullptr;
   }
 
   void take_scratch() {
@@ -125,8 +136,11 @@ class FilterPosterior::Layout {
     p.before_ = before_;
     p.disturbances_ = disturbances_;
     p.rest_ = RestGuard(config_);
+    p.bank_evidence_ = ScaleEvidence(config_);
     p.chunks_ = chunks_;
     p.touch_ = touch_;
+    p.banks_ = banks_;
+    p.bank_chunks_ = bank_chunks_;
     p.scratch_ = scratch_;
     p.proposals_ = proposals_;
     p.proposed_sums_ = proposed_sums_;
@@ -209,7 +223,8 @@ class FilterPosterior::Layout {
   Kept* window_ = nullptr;
   double *window_history_ = nullptr, *input_history_ = nullptr;
   InitialStateDistribution start_;
-  Chunk *chunks_ = nullptr, *touch_ = nullptr;
+  Chunk *chunks_ = nullptr, *touch_ = nullptr, *bank_chunks_ = nullptr;
+  JumpBank* banks_ = nullptr;
   Proposal* proposals_ = nullptr;
   double *scratch_ = nullptr, *proposed_sums_ = nullptr, *move_coordinate_ = nullptr, *point_innovation_ = nullptr;
   AdequacyTest* adequacy_ = nullptr;

@@ -38,7 +38,7 @@ void FilterPosterior::reset() {
   summary_.clear();
   disturbances_.clear();
   elapsed_s_ = began_s_ = 0.0;
-  started_ = false;
+  started_ = banks_begun_ = false;
   tick_ = 0;
   exponent_ = 1.0;
   noise_scale_ = calm_scale_ = 1.0;
@@ -85,6 +85,7 @@ tiller_status_t FilterPosterior::advance(const Transition& transition, bool move
   const bool resting = moves && rest_.resting(now_.transition);
   now_.weight = resting || sticks() ? 0.0 : 1.0;
   if (adequacy_ && !resting) test_innovation();
+  step_banks();
   std::memcpy(scratch_row(2), carried_.sums, sizeof(double) * rows_ * n_);
   correct();
   const tiller_status_t status = reweight();
@@ -97,6 +98,7 @@ tiller_status_t FilterPosterior::advance(const Transition& transition, bool move
   }
   note_reach();
   note_drift();
+  watch_jumps();
   remember_input(now_.transition.input);
   watch_change(resting);
   return doubted ? tiller_status_measurement_outlier : status;

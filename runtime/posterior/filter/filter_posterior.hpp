@@ -6,6 +6,7 @@
 #include "posterior/cloud.hpp"
 #include "posterior/filter/disturbance_states.hpp"
 #include "posterior/filter/filter_summary.hpp"
+#include "posterior/filter/jump_bank.hpp"
 #include "posterior/filter/response.hpp"
 #include "posterior/filter/scale_evidence.hpp"
 #include "posterior/posterior.hpp"
@@ -184,6 +185,20 @@ class FilterPosterior final : public Posterior {
   void begin_touch();
   void step_touch(const double* measured);
 
+  // jumps.cpp: banks of filters that tell a jump of a parameter from a walk
+  bool settled() const;
+  double weighted_mean(const double* row) const;
+  std::uint32_t drift_row(std::uint32_t drift) const;
+  void watch_jumps();
+  void begin_banks();
+  void spread_drift(const Chunk& chunk, std::uint32_t drift, std::uint32_t from);
+  void take_mean_law(std::uint32_t drift);
+  void step_banks();
+  void weigh_bank(std::uint32_t drift, double* log_likelihood) const;
+  void open_jump(std::uint32_t drift);
+  double bank_drift(std::uint32_t drift, std::uint32_t lane) const;
+  void report_jumps(PosteriorReport& report) const;
+
   // innovation.cpp: what the adequacy test is fed with
   void test_innovation();
   void respond(const double* speed, Innovation& now);
@@ -269,10 +284,14 @@ class FilterPosterior final : public Posterior {
   FilterSummary summary_;
   DisturbanceStates disturbances_;
   RestGuard rest_;
+  ScaleEvidence bank_evidence_;
+  bool banks_begun_ = false;
 
   // scratch
   Chunk* chunks_ = nullptr;             // (N / kChunk)
   Chunk* touch_ = nullptr;              // null: no contact is looked out for
+  Chunk* bank_chunks_ = nullptr;        // (drifts), and
+  JumpBank* banks_ = nullptr;           // (drifts); null: no parameter drifts
   double* scratch_ = nullptr;           // (kRows + 2 x N)
   Proposal* proposals_ = nullptr;       // (N / 2)
   double* proposed_sums_ = nullptr;     // (rows x lanes of moves) what a proposal changes, then what it has
