@@ -70,9 +70,9 @@ Sums over_seeds(bool drifts, const Course& course, const char* name) {
   for (unsigned seed = 1; seed <= kSeeds; ++seed) {
     const Outcome one = learn(drifts, course, seed);
     if (drifts)
-      std::printf("  seed %u: walk %6.1f, jump %6.1f, %.2f s ago by %+.4f +- %.4f kg\n", seed,
+      std::printf("  seed %u: walk %6.1f, jump %6.1f, %.2f s ago by %+.4f +- %.4f kg; present mass %.4f kg\n", seed,
                   one.report.drift_evidence[0], one.report.jump_evidence[0], one.report.jump_age_s[0],
-                  one.report.jump_by[0], one.report.jump_sd[0]);
+                  one.report.jump_by[0], one.report.jump_sd[0], one.mass_kg);
     sums.hold += one.holds ? 1 : 0;
     sums.width += one.width / kSeeds;
     sums.off += one.off / kSeeds;

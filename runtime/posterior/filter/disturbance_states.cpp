@@ -79,7 +79,8 @@ Wandering wandering_over(double a) {
 
 }  // namespace
 
-DisturbanceStates::DisturbanceStates(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table)
+DisturbanceStates::DisturbanceStates(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+                                     std::uint64_t drift)
     : config_(&config), table_(&table), setup_(setup), nx_(config.model->state_count) {
   // of a configuration with as many effects as there can be, the responses are those without the last one
   slot_ = std::min<std::uint32_t>(setup.effect_count, TILLER_MAX_EFFECTS - 1);
@@ -90,7 +91,7 @@ DisturbanceStates::DisturbanceStates(const tiller_config_t& config, const StepSe
   else
     add_slips();
   for (std::uint32_t i = 0; i < config.param_count; ++i) {
-    if (((config.posterior.drift >> i) & 1u) == 0) continue;
+    if (((drift >> i) & 1u) == 0) continue;
     sd_[states_] = prior_spread(config.priors[i]);
     add_source(i, 1, sizes_ + times() + drifts_);
     ++drifts_;
@@ -142,6 +143,16 @@ void DisturbanceStates::add_slips() {
 std::uint32_t DisturbanceStates::source_of(std::uint32_t state) const {
   const std::uint32_t by_force = joints_ * per_joint_;
   return state < by_force ? state / per_joint_ : joints_ + state - by_force;
+}
+
+std::uint32_t DisturbanceStates::drift_of(std::uint32_t param) const {
+  std::uint32_t drift = 0;
+  while (drift < drifts_ && drift_param(drift) != param) ++drift;
+  return drift;
+}
+
+void DisturbanceStates::take_sizes(const DisturbanceStates& other) {
+  std::copy(other.sd_, other.sd_ + states_ - drifts_, sd_);
 }
 
 void DisturbanceStates::clear() {
@@ -312,13 +323,6 @@ void DisturbanceStates::fill_slopes(const Lanes16& job, double* rows, std::uint3
       at(imaginary, imaginary)[l] = job.kept[l].along;
     }
   }
-}
-
-double DisturbanceStates::drift_odds() {
-  const auto beyond = [](double rate) { return math::erfc((rate - kSlowest) / (1.4142135623730951 * kStays)); };
-  const double middle = 0.5 * (kSlowest + kFastest), all = 1.0 - beyond(kFastest),
-               fast = beyond(middle) - beyond(kFastest);
-  return fast / (all - fast);
 }
 
 tiller_prior_t DisturbanceStates::law_prior(std::uint32_t coordinate) const {

@@ -99,6 +99,8 @@ class FilterPosterior final : public Posterior {
 
   /// Scratch of one chunk of lanes: rows of kChunk.
   struct Chunk {
+    const DisturbanceStates* lacking = nullptr;  // what its filters have beside the model's states
+    std::uint32_t nf = 0;                        // states with these
     double* params = nullptr;      // (np)
     double* drifted = nullptr;     // (np + 1) of the last step, and one for the disturbances' use; null without
     double* coordinate = nullptr;  // (d)
@@ -188,10 +190,13 @@ class FilterPosterior final : public Posterior {
   // jumps.cpp: banks of filters that tell a jump of a parameter from a walk
   bool settled() const;
   double weighted_mean(const double* row) const;
-  std::uint32_t drift_row(std::uint32_t drift) const;
+  std::uint32_t bank_state(std::uint32_t drift) const;
+  double& bank_variance(std::uint32_t drift, std::uint32_t lane) const;
   void watch_jumps();
   void begin_banks();
-  void spread_drift(const Chunk& chunk, std::uint32_t drift, std::uint32_t from);
+  void begin_lanes(const Chunk& chunk) const;
+  void differ_in_bank(std::uint32_t particle, std::uint32_t about, double* off) const;
+  std::uint32_t carried_row(std::uint32_t bank_state) const;
   void take_mean_law(std::uint32_t drift);
   void step_banks();
   void weigh_bank(std::uint32_t drift, double* log_likelihood) const;
@@ -245,7 +250,6 @@ class FilterPosterior final : public Posterior {
   double drift_spread(std::uint32_t drift, std::uint32_t particle) const;
   double drift_sd(std::uint32_t drift) const;
   double drifting_quantile(std::uint32_t drift, double q) const;
-  double drift_evidence(std::uint32_t drift) const;
   void turn_moments(std::uint32_t about, double* state_mean, double* state_sd) const;
   void take_mean(float* params, float* state, float* effect_state) const;
   void take_strata(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state) const;
@@ -282,7 +286,7 @@ class FilterPosterior final : public Posterior {
   double reach_[TILLER_MAX_STATES] = {};  // farthest that a state has been from where it began
   NormalLaw before_;                      // what was known before the robot changed
   FilterSummary summary_;
-  DisturbanceStates disturbances_;
+  DisturbanceStates disturbances_, bank_states_;
   RestGuard rest_;
   ScaleEvidence bank_evidence_;
   bool banks_begun_ = false;

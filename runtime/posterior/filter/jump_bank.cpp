@@ -38,7 +38,7 @@ std::uint32_t JumpBank::make_room(const double* log_likelihood, double time_s) {
   for (std::uint32_t l = kFirstJump; l < kLanes; ++l) {
     if (!used_[l]) return l;
     std::uint32_t at = count++;
-    for (; at > 0 && jump_[order[at - 1]].time_s > jump_[l].time_s; --at) order[at] = order[at - 1];
+    for (; at > 0 && opened_s_[order[at - 1]] > opened_s_[l]; --at) order[at] = order[at - 1];
     order[at] = l;
   }
   std::uint32_t from = kNone, into = kNone;
@@ -46,7 +46,7 @@ std::uint32_t JumpBank::make_room(const double* log_likelihood, double time_s) {
   for (std::uint32_t i = 0; i + 1 < count; ++i) {
     const std::uint32_t a = order[i], b = order[i + 1];
     const double in_a = prior_[a] + log_likelihood[a], in_b = prior_[b] + log_likelihood[b];
-    const double distance_s = jump_[b].time_s - jump_[a].time_s, age_s = time_s - jump_[b].time_s;
+    const double distance_s = opened_s_[b] - opened_s_[a], age_s = time_s - opened_s_[b];
     const double loss = std::fmin(in_a, in_b) + math::log(distance_s / age_s);
     if (into != kNone && !(loss < least)) continue;
     least = loss;
@@ -75,7 +75,9 @@ std::uint32_t JumpBank::likeliest(const double* log_likelihood) const {
 
 void JumpBank::open(std::uint32_t lane, std::uint32_t from, const Jump& jump) {
   used_[lane] = true;
-  jump_[lane] = jump;
+  opened_s_[lane] = jump.time_s;
+  const bool together = from >= kFirstJump && jump.time_s - jump_[from].time_s < kTogether_s;
+  jump_[lane] = together ? jump_[from] : jump;
   prior_[lane] = math::log(static_cast<double>(kEvery)) + (from == kStays ? 0.0 : prior_[from] - log_ticks());
 }
 

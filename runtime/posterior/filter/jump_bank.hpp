@@ -21,6 +21,10 @@ class JumpBank {
   /// Ticks between two jumps that are opened: what a jump does to a position within these few is below its noise.
   static constexpr std::uint32_t kEvery = 4;
 
+  /// Jumps that lie closer together are told as one: the first filter after a large one is linear about what was
+  /// before it, and takes a second start to get it right.
+  static constexpr double kTogether_s = 1.0;
+
   struct Jump {
     double time_s = 0.0;
     double before = 0.0, variance = 0.0;  // of the coordinate, as it was
@@ -53,7 +57,8 @@ class JumpBank {
   double rate_[kWalks] = {};
   double prior_[kLanes] = {};  // logarithms; of jumps in ticks, that is before they are shared out over the run
   bool used_[kLanes] = {};
-  Jump jump_[kLanes];
+  double opened_s_[kLanes] = {};
+  Jump jump_[kLanes];  // with those that are told as one, from the first of them
 };
 
 }  // namespace tiller

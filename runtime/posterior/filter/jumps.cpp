@@ -1,14 +1,15 @@
 // Banks of filters beside those that learn, one for each parameter that may drift: whether it jumped, walks or stays.
 //
 // A drift that is estimated follows whatever a parameter does, and its rate does not say which of these it was. In a
-// bank every lane has the parameters of the posterior's mean and a course of the drifting one (JumpBank); the lanes'
-// likelihoods, the noise's scale integrated out, are compared. A bank begins once the posterior has taken its first
-// data in, with what it knows then. Parameters that do not drift follow the posterior's mean, while that has settled.
+// bank every lane has a course of the drifting parameter (JumpBank), and all parameters that are learnt as states; the
+// lanes' likelihoods, the noise's scale integrated out, are compared. A bank begins once the posterior has taken its
+// first data in, with what it knows then: linear in the parameters, it would not do with what the prior leaves open.
 
 #include <algorithm>
 #include <cmath>
 
 #include "posterior/filter/filter_posterior.hpp"
+#include "rollout/attitude.hpp"
 
 namespace tiller {
 
@@ -38,9 +39,13 @@ double FilterPosterior::weighted_mean(const double* row) const {
   return sum;
 }
 
-std::uint32_t FilterPosterior::drift_row(std::uint32_t drift) const {
-  const std::uint32_t state = nx_ + disturbances_.drift_state(drift);
-  return triangle_row(nf_, state, state);
+std::uint32_t FilterPosterior::bank_state(std::uint32_t drift) const {
+  return nx_ + bank_states_.drift_state(bank_states_.drift_of(disturbances_.drift_param(drift)));
+}
+
+double& FilterPosterior::bank_variance(std::uint32_t drift, std::uint32_t lane) const {
+  const Chunk& chunk = bank_chunks_[drift];
+  return chunk.filter.covariance[triangle_row(chunk.nf, bank_state(drift), bank_state(drift)) * kChunk + lane];
 }
 
 /// After the tick.
@@ -50,44 +55,82 @@ void FilterPosterior::watch_jumps() {
   for (std::uint32_t i = 0; i < disturbances_.drifts(); ++i) take_mean_law(i);
 }
 
-/// All lanes of all banks are the heaviest particle's filter at the cloud's mean and deviation of what drifts.
 void FilterPosterior::begin_banks() {
   banks_begun_ = true;
   bank_evidence_.clear();
   bank_evidence_.believe(noise_scale_ * noise_scale_, kNoiseWorth);
-  const std::uint32_t from = heaviest();
-  const auto level = [](double* to, double value) { std::fill(to, to + kChunk, value); };
+  bank_states_.take_sizes(disturbances_);
+  const tiller_prior_t law = disturbances_.law_prior(disturbances_.coordinates() - 1);
   for (std::uint32_t i = 0; i < disturbances_.drifts(); ++i) {
-    const Chunk& chunk = bank_chunks_[i];
-    for (std::uint32_t p = 0; p < np_; ++p) level(chunk.params + p * kChunk, cloud_.params[p * n_ + from]);
-    const FilterRows all = carried_.filter;
-    for (std::uint32_t r = 0; r < nf_; ++r) level(chunk.filter.state + r * kChunk, all.state[r * n_ + from]);
-    for (std::uint32_t r = 0; r < triangle_; ++r)
-      level(chunk.filter.covariance + r * kChunk, all.covariance[r * n_ + from]);
-    for (std::uint32_t r = 0; r < ns_; ++r)
-      level(chunk.filter.effect_state + r * kChunk, all.effect_state[r * n_ + from]);
-    for (std::uint32_t j = 0; j < disturbances_.drifts(); ++j) spread_drift(chunk, j, from);
-    level(chunk.sums + ScaleEvidence::kSquared * kChunk, 0.0);
-    level(chunk.sums + ScaleEvidence::kLogs * kChunk, 0.0);
-    const tiller_prior_t law = disturbances_.law_prior(disturbances_.coordinates() - 1);
+    begin_lanes(bank_chunks_[i]);
     banks_[i].begin(law.a, law.b, 0.5 * (law.low + law.high), law.high);
   }
 }
 
-/// The lanes' drift, of one particle's filter so far, gets the cloud's mean, and what the particles disagree about.
-void FilterPosterior::spread_drift(const Chunk& chunk, std::uint32_t drift, std::uint32_t from) {
-  const std::uint32_t param = disturbances_.drift_param(drift);
-  const tiller_prior_t& prior = config_->priors[param];
-  double* const off = scratch_row(0);
-  const double own = to_coordinate(prior, params_now()[param * n_ + from]);
-  for (std::uint32_t k = 0; k < n_; ++k) off[k] = to_coordinate(prior, params_now()[param * n_ + k]) - own;
-  const double mean = weighted_mean(off);
-  for (std::uint32_t k = 0; k < n_; ++k) off[k] = (off[k] - mean) * (off[k] - mean);
-  const double variance = weighted_mean(off) / (noise_scale_ * noise_scale_);
-  for (std::uint32_t l = 0; l < kChunk; ++l) {
-    chunk.filter.state[(nx_ + disturbances_.drift_state(drift)) * kChunk + l] += mean;
-    chunk.filter.covariance[drift_row(drift) * kChunk + l] += variance;
+/// The row of a bank's state in the particles' filters; nf_: they have none.
+std::uint32_t FilterPosterior::carried_row(std::uint32_t state) const {
+  const std::uint32_t shared = nx_ + bank_states_.states() - bank_states_.drifts();
+  if (state < shared) return state;
+  const std::uint32_t drift = disturbances_.drift_of(bank_states_.drift_param(state - shared));
+  return drift < disturbances_.drifts() ? nx_ + disturbances_.drift_state(drift) : nf_;
+}
+
+/// How one particle differs from the filter of another, in a bank's states.
+void FilterPosterior::differ_in_bank(std::uint32_t k, std::uint32_t about, double* off) const {
+  const std::uint32_t shared = nx_ + bank_states_.states() - bank_states_.drifts();
+  const double* const state = carried_.filter.state;
+  for (std::uint32_t r = 0; r < shared; ++r) off[r] = state[r * n_ + k] - state[r * n_ + about];
+  for_quaternions(quaternions_, [&](std::uint32_t first) {
+    const double* q = state + first * n_;
+    const Vector3<double> d = attitude_difference(read_quaternion(q + k, n_), read_quaternion(q + about, n_));
+    write_quaternion({0.0, d.x, d.y, d.z}, off + first);
+  });
+  for (std::uint32_t j = 0; j < bank_states_.drifts(); ++j) {
+    const std::uint32_t param = bank_states_.drift_param(j);
+    const tiller_prior_t& prior = config_->priors[param];
+    off[shared + j] = to_coordinate(prior, params_now()[param * n_ + k]) -
+                      to_coordinate(prior, cloud_.params[param * n_ + about]);
   }
+}
+
+/// All lanes are the particles' mean, with what their filters leave open and what they disagree about. Attitudes stay
+/// those of the heaviest.
+void FilterPosterior::begin_lanes(const Chunk& chunk) const {
+  const std::uint32_t about = heaviest(), nf = chunk.nf;
+  const double between = 1.0 / (noise_scale_ * noise_scale_);
+  const auto level = [](double* row) { std::fill(row, row + kChunk, *row); };
+  double mean[kMaxFilterStates] = {}, off[kMaxFilterStates];
+  std::fill(chunk.filter.covariance, chunk.filter.covariance + triangle_rows(nf) * kChunk, 0.0);
+  for (std::uint32_t k = 0; k < n_; ++k) {
+    differ_in_bank(k, about, off);
+    for (std::uint32_t r = 0; r < nf; ++r) mean[r] += cloud_.weight[k] * off[r];
+  }
+  for (std::uint32_t k = 0; k < n_; ++k) {
+    differ_in_bank(k, about, off);
+    for (std::uint32_t r = 0; r < nf; ++r)
+      for (std::uint32_t c = r; c < nf; ++c) {
+        const std::uint32_t row = std::min(carried_row(r), carried_row(c)), column = std::max(carried_row(r), carried_row(c));
+        double own = (off[r] - mean[r]) * (off[c] - mean[c]) * between;
+        if (column < nf_) own += carried_.filter.covariance[triangle_row(nf_, row, column) * n_ + k];
+        chunk.filter.covariance[triangle_row(nf, r, c) * kChunk] += cloud_.weight[k] * own;
+      }
+  }
+  for_quaternions(quaternions_, [&](std::uint32_t first) { std::fill(mean + first, mean + first + 4, 0.0); });
+  for (std::uint32_t r = 0; r < nf; ++r) {
+    const bool is_param = r >= nx_ + bank_states_.states() - bank_states_.drifts();
+    chunk.filter.state[r * kChunk] = mean[r] + (is_param ? 0.0 : carried_.filter.state[r * n_ + about]);
+    level(chunk.filter.state + r * kChunk);
+  }
+  for (std::uint32_t r = 0; r < triangle_rows(nf); ++r) level(chunk.filter.covariance + r * kChunk);
+  for (std::uint32_t r = 0; r < ns_; ++r) {
+    chunk.filter.effect_state[r * kChunk] = carried_.filter.effect_state[r * n_ + about];
+    level(chunk.filter.effect_state + r * kChunk);
+  }
+  for (std::uint32_t p = 0; p < np_; ++p) {
+    chunk.params[p * kChunk] = cloud_.params[p * n_ + about];
+    level(chunk.params + p * kChunk);
+  }
+  std::fill(chunk.sums, chunk.sums + rows_ * kChunk, 0.0);
 }
 
 /// What a bank does not ask after is as the posterior has it on average. Other drifting parameters walk as they do
@@ -95,21 +138,31 @@ void FilterPosterior::spread_drift(const Chunk& chunk, std::uint32_t drift, std:
 void FilterPosterior::take_mean_law(std::uint32_t drift) {
   const Chunk& chunk = bank_chunks_[drift];
   const auto level = [](double* to, double value) { std::fill(to, to + kChunk, value); };
-  for (std::uint32_t j = 0; j < cloud_.named; ++j) {
+  const auto mean_law = [&](std::uint32_t to, std::uint32_t from) {
+    level(chunk.law + to * kChunk, weighted_mean(carried_.law + std::size_t{from} * n_));
+  };
+  for (std::uint32_t j = 0; j < cloud_.named; ++j) {  // a sensor's, or one that there is no room for
     const std::uint32_t i = cloud_.inferred[j];
-    if (((config_->posterior.drift >> i) & 1u) != 0) continue;
+    if (bank_states_.drift_of(i) < bank_states_.drifts()) continue;
     const double mean = weighted_mean(cloud_.coordinate + std::size_t{j} * n_);
     level(chunk.params + i * kChunk, from_coordinate(config_->priors[i], mean));
   }
   level(chunk.process_scale, weighted_mean(carried_.process_scale));
-  for (std::uint32_t r = 0; r < disturbances_.law_rows(); ++r)
-    level(chunk.law + r * kChunk, weighted_mean(carried_.law + std::size_t{r} * n_));
-  double* const own = chunk.law + disturbances_.source_of(disturbances_.drift_state(drift)) * kChunk;
-  level(own, 0.0);
-  const double spread = prior_spread(config_->priors[disturbances_.drift_param(drift)]);
-  for (std::uint32_t w = 0; w < JumpBank::kWalks; ++w) {
-    const double rate = banks_[drift].walk_rate(w) * spread;
-    own[1 + w] = rate * rate;
+  const std::uint32_t forces = bank_states_.sources() - bank_states_.drifts();
+  for (std::uint32_t s = 0; s < forces; ++s) mean_law(s, s);
+  mean_law(bank_states_.rate_row(), disturbances_.rate_row());
+  mean_law(bank_states_.turn_row(), disturbances_.turn_row());
+  for (std::uint32_t j = 0; j < bank_states_.drifts(); ++j) {
+    const std::uint32_t other = disturbances_.drift_of(bank_states_.drift_param(j));
+    double* const row = chunk.law + (forces + j) * kChunk;
+    level(row, 0.0);
+    if (other < disturbances_.drifts() && other != drift) mean_law(forces + j, forces + other);
+    if (other != drift) continue;
+    const double spread = prior_spread(config_->priors[disturbances_.drift_param(drift)]);
+    for (std::uint32_t w = 0; w < JumpBank::kWalks; ++w) {
+      const double rate = banks_[drift].walk_rate(w) * spread;
+      row[1 + w] = rate * rate;
+    }
   }
 }
 
@@ -154,16 +207,16 @@ void FilterPosterior::open_jump(std::uint32_t drift) {
   JumpBank& bank = banks_[drift];
   const Chunk& chunk = bank_chunks_[drift];
   const std::uint32_t to = bank.make_room(likelihood, elapsed_s_), from = bank.likeliest(likelihood);
-  copy_lane(chunk.filter, nf_, ns_, from, to);
+  copy_lane(chunk.filter, chunk.nf, ns_, from, to);
   for (std::uint32_t r = 0; r < rows_; ++r) chunk.sums[r * kChunk + to] = chunk.sums[r * kChunk + from];
-  double& variance = chunk.filter.covariance[drift_row(drift) * kChunk + to];
+  double& variance = bank_variance(drift, to);
   bank.open(to, from, {elapsed_s_, bank_drift(drift, to), variance});
   const double spread = prior_spread(config_->priors[disturbances_.drift_param(drift)]) / noise_scale_;
   variance += spread * spread;
 }
 
 double FilterPosterior::bank_drift(std::uint32_t drift, std::uint32_t lane) const {
-  return bank_chunks_[drift].filter.state[(nx_ + disturbances_.drift_state(drift)) * kChunk + lane];
+  return bank_chunks_[drift].filter.state[bank_state(drift) * kChunk + lane];
 }
 
 void FilterPosterior::report_jumps(PosteriorReport& report) const {
@@ -178,8 +231,7 @@ void FilterPosterior::report_jumps(PosteriorReport& report) const {
     const std::uint32_t param = disturbances_.drift_param(i);
     const double own = bank_chunks_[i].params[param * kChunk + lane];
     const double after = disturbances_.drifted(param, own, bank_drift(i, lane));
-    const double variance =
-        jump.variance + std::fmax(0.0, bank_chunks_[i].filter.covariance[drift_row(i) * kChunk + lane]);
+    const double variance = jump.variance + std::fmax(0.0, bank_variance(i, lane));
     const bool logarithmic = config_->priors[param].kind == tiller_prior_log_normal;
     report.jump_age_s[i] = elapsed_s_ - jump.time_s;
     report.jump_by[i] = after - disturbances_.drifted(param, own, jump.before);
