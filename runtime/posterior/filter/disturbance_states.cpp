@@ -40,9 +40,9 @@ constexpr double kContact = 0.7, kContact_s = 2.0;
 /// and a filter that takes it for one never gets over what it once believed.
 constexpr double kDrift = 0.01;
 /// Rates of a parameter's drift, as logarithms of deviations of its prior per square root of a second: from a twentieth
-/// of one in an hour, which no sensor shows, to a whole one in a second. The lower half is a parameter that stays,
-/// which it does unless the data say otherwise: kStays is the deviation of the half normal law that the rates have.
-constexpr double kSlowest = -7.0, kFastest = 0.0, kStays = 2.5;
+/// of one in an hour, which no sensor shows, to a whole one in a second. The lower half is a parameter that stays. Even
+/// odds: who names a parameter as one that may drift does not know that it stays.
+constexpr double kSlowest = -7.0, kFastest = 0.0;
 /// Share of the strongest change by the inputs below which they do not reach a joint that none drives, or a state: a
 /// drone's sideways. What matters there is what matters elsewhere.
 constexpr double kOutOfReach = 0.1;
@@ -332,7 +332,7 @@ tiller_prior_t DisturbanceStates::law_prior(std::uint32_t coordinate) const {
     const double quickest = std::fmin(kQuickest, -math::log(config_->period_s));
     return {tiller_prior_normal, 0, kSteadiest, kSteady, kSteadiest, quickest};
   }
-  return {tiller_prior_normal, 0, kSlowest, kStays, kSlowest, kFastest};
+  return {tiller_prior_uniform, 0, kSlowest, 0.0, kSlowest, kFastest};
 }
 
 void DisturbanceStates::read_law(const double* coordinate, std::uint32_t stride, double* law,

@@ -15,18 +15,14 @@ double log_add(double a, double b) {
 
 }  // namespace
 
-void JumpBank::begin(double still, double sd, double low, double high) {
+void JumpBank::begin(double low, double high) {
   ticks_ = 0;
   for (bool& used : used_) used = false;
   prior_[kStays] = 0.0;
-  double sum = -HUGE_VAL;
   for (std::uint32_t w = 0; w < kWalks; ++w) {
-    const double at = low + (w + 0.5) / kWalks * (high - low), off = (at - still) / sd;
-    rate_[w] = math::exp(at);
-    prior_[1 + w] = -0.5 * off * off;
-    sum = log_add(sum, prior_[1 + w]);
+    rate_[w] = math::exp(low + (w + 0.5) / kWalks * (high - low));
+    prior_[1 + w] = -math::log(static_cast<double>(kWalks));
   }
-  for (std::uint32_t w = 0; w < kWalks; ++w) prior_[1 + w] -= sum;
 }
 
 double JumpBank::log_ticks() const { return math::log(std::fmax(1.0, static_cast<double>(ticks_))); }

@@ -30,9 +30,8 @@ class JumpBank {
     double before = 0.0, variance = 0.0;  // of the coordinate, as it was
   };
 
-  /// Forgets everything. Walks have rates whose logarithms lie evenly between `low` and `high`, with the weights of a
-  /// half normal law of deviation `sd` from `still`.
-  void begin(double still, double sd, double low, double high);
+  /// Forgets everything. Walks have rates whose logarithms lie evenly between `low` and `high`.
+  void begin(double low, double high);
   double walk_rate(std::uint32_t walk) const { return rate_[walk]; }
 
   /// Counts a tick. True: a jump is to be opened.

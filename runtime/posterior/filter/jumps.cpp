@@ -63,7 +63,7 @@ void FilterPosterior::begin_banks() {
   const tiller_prior_t law = disturbances_.law_prior(disturbances_.coordinates() - 1);
   for (std::uint32_t i = 0; i < disturbances_.drifts(); ++i) {
     begin_lanes(bank_chunks_[i]);
-    banks_[i].begin(law.a, law.b, 0.5 * (law.low + law.high), law.high);
+    banks_[i].begin(0.5 * (law.low + law.high), law.high);  // the lower half is one that stays
   }
 }
 
