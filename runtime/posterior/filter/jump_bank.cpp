@@ -27,8 +27,9 @@ void JumpBank::begin(double low, double high) {
 
 double JumpBank::log_ticks() const { return math::log(std::fmax(1.0, static_cast<double>(ticks_))); }
 
-/// Times far back need not lie as close as late ones: what a merger loses is the weight of the less likely of two, by
-/// the share of their distance in their age.
+/// Times far back need not lie as close as late ones: what a merger loses is the likelihood of the less likely of two,
+/// by the share of their distance in their age. Not its weight, in which an old lane counts for all that it took up:
+/// late times would be merged before they can tell anything.
 std::uint32_t JumpBank::make_room(const double* log_likelihood, double time_s) {
   std::uint32_t order[kLanes], count = 0;  // jumps, oldest first
   for (std::uint32_t l = kFirstJump; l < kLanes; ++l) {
@@ -43,7 +44,7 @@ std::uint32_t JumpBank::make_room(const double* log_likelihood, double time_s) {
     const std::uint32_t a = order[i], b = order[i + 1];
     const double in_a = prior_[a] + log_likelihood[a], in_b = prior_[b] + log_likelihood[b];
     const double distance_s = opened_s_[b] - opened_s_[a], age_s = time_s - opened_s_[b];
-    const double loss = std::fmin(in_a, in_b) + math::log(distance_s / age_s);
+    const double loss = std::fmin(log_likelihood[a], log_likelihood[b]) + math::log(distance_s / age_s);
     if (into != kNone && !(loss < least)) continue;
     least = loss;
     into = in_a >= in_b ? a : b;
@@ -74,7 +75,12 @@ void JumpBank::open(std::uint32_t lane, std::uint32_t from, const Jump& jump) {
   opened_s_[lane] = jump.time_s;
   const bool together = from >= kFirstJump && jump.time_s - jump_[from].time_s < kTogether_s;
   jump_[lane] = together ? jump_[from] : jump;
-  prior_[lane] = math::log(static_cast<double>(kEvery)) + (from == kStays ? 0.0 : prior_[from] - log_ticks());
+  prior_[lane] = math::log(static_cast<double>(kEvery));
+  if (from == kStays) return;
+  // what follows a jump is a share of it
+  const double share = static_cast<double>(kEvery) / static_cast<double>(ticks_);
+  prior_[lane] = prior_[from] + math::log(share);
+  prior_[from] += math::log(1.0 - share);
 }
 
 double JumpBank::log_sum(const double* log_likelihood, std::uint32_t from, std::uint32_t to) const {
