@@ -276,7 +276,8 @@ void report_changing_mass(Table& table, const Bench& bench) {
   const std::uint32_t mass = task.inferred[0];
   for (const Source source : kSources) {
     table.heading("a pendulum's mass that changes, noisy readings, plant from " + std::string(source_name(source)) +
-                  ", " + std::to_string(bench.runs) + " runs: coverage of 90 % intervals at the end (median width), told as one that stays/walks/jumps");
+                  ", " + std::to_string(bench.runs) +
+                  " runs: coverage of 90 % intervals at the end (median width), told as one that stays/walks/jumps");
     for (const Course& course : kAll)
       for (const char* const way : {"plain", "forgetting .98", "drift"}) {
         Hidden hidden;
@@ -311,9 +312,10 @@ void report_changing_mass(Table& table, const Bench& bench) {
         const double all = static_cast<double>(std::accumulate(hits.begin(), hits.end(), 0));
         std::string what = text_of(" (%.3f of it)", quantile_of(width, 0.5));
         for (const Told as : {kStays, kWalks, kJumps})
-          if (drifts) what += (as == kStays ? ", told " : "/") + std::to_string(std::count(told.begin(), told.end(), as));
-        table.row(std::string(course.name) + ", " + way + what,
-                  all / static_cast<double>(hits.size()), "", drifts ? at_least(0.86) : Goal{});
+          if (drifts)
+            what += (as == kStays ? ", told " : "/") + std::to_string(std::count(told.begin(), told.end(), as));
+        table.row(std::string(course.name) + ", " + way + what, all / static_cast<double>(hits.size()), "",
+                  drifts ? at_least(0.86) : Goal{});
       }
   }
 }

@@ -6,7 +6,7 @@ namespace tiller::tools {
 
 /// What the data say of a parameter that may drift: tiller_info_t's fields of it.
 struct DriftFound {
-  double walk = 0.0, jump = 0.0;       ///< logarithms of how much likelier than none
+  double walk = 0.0, jump = 0.0;        ///< logarithms of how much likelier than none
   double age_s = 0.0, jumped_by = 0.0;  ///< of the likeliest jump
 };
 

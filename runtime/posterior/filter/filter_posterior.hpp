@@ -101,7 +101,7 @@ class FilterPosterior final : public Posterior {
   struct Chunk {
     const DisturbanceStates* lacking = nullptr;  // what its filters have beside the model's states
     std::uint32_t nf = 0;                        // states with these
-    double* params = nullptr;      // (np)
+    double* params = nullptr;                    // (np)
     double* drifted = nullptr;     // (np + 1) of the last step, and one for the disturbances' use; null without
     double* coordinate = nullptr;  // (d)
     FilterRows filter;

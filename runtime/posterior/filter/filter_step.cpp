@@ -77,7 +77,8 @@ void FilterPosterior::turn_jacobian(const Chunk& chunk, const Step& step) const 
       double* q = chunk.predicted.state + first * kChunk + l;
       write_quaternion(normalised(read_quaternion(q, kChunk)), q, kChunk);
     });
-    to_tangent_columns(quaternions_, step.from.state + l, step.from.stride, chunk.nf, chunk.nf, chunk.jacobian + l, kChunk);
+    to_tangent_columns(quaternions_, step.from.state + l, step.from.stride, chunk.nf, chunk.nf, chunk.jacobian + l,
+                       kChunk);
     to_tangent_rows(quaternions_, chunk.predicted.state + l, kChunk, chunk.nf, chunk.jacobian + l, kChunk);
   }
 }

@@ -51,8 +51,8 @@ std::uint32_t JumpBank::make_room(const double* log_likelihood, double time_s) {
     from = in_a >= in_b ? b : a;
   }
   if (std::isfinite(log_likelihood[into]))
-    prior_[into] = log_add(prior_[into] + log_likelihood[into], prior_[from] + log_likelihood[from]) -
-                   log_likelihood[into];
+    prior_[into] =
+        log_add(prior_[into] + log_likelihood[into], prior_[from] + log_likelihood[from]) - log_likelihood[into];
   used_[from] = false;
   return from;
 }

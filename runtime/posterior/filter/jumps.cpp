@@ -88,8 +88,8 @@ void FilterPosterior::differ_in_bank(std::uint32_t k, std::uint32_t about, doubl
   for (std::uint32_t j = 0; j < bank_states_.drifts(); ++j) {
     const std::uint32_t param = bank_states_.drift_param(j);
     const tiller_prior_t& prior = config_->priors[param];
-    off[shared + j] = to_coordinate(prior, params_now()[param * n_ + k]) -
-                      to_coordinate(prior, cloud_.params[param * n_ + about]);
+    off[shared + j] =
+        to_coordinate(prior, params_now()[param * n_ + k]) - to_coordinate(prior, cloud_.params[param * n_ + about]);
   }
 }
 
@@ -109,7 +109,8 @@ void FilterPosterior::begin_lanes(const Chunk& chunk) const {
     differ_in_bank(k, about, off);
     for (std::uint32_t r = 0; r < nf; ++r)
       for (std::uint32_t c = r; c < nf; ++c) {
-        const std::uint32_t row = std::min(carried_row(r), carried_row(c)), column = std::max(carried_row(r), carried_row(c));
+        const std::uint32_t row = std::min(carried_row(r), carried_row(c)),
+                            column = std::max(carried_row(r), carried_row(c));
         double own = (off[r] - mean[r]) * (off[c] - mean[c]) * between;
         if (column < nf_) own += carried_.filter.covariance[triangle_row(nf_, row, column) * n_ + k];
         chunk.filter.covariance[triangle_row(nf, r, c) * kChunk] += cloud_.weight[k] * own;
