@@ -34,14 +34,14 @@ struct Outcome {
 };
 
 /// Fifteen seconds: the interval of the mass as it is at the end.
-Outcome learn(bool drifts, const Course& course, unsigned seed) {
+Outcome learn(const tiller::Config& config, const Course& course, unsigned seed) {
   Plant plant;
   plant.least_kg = 0.35;
   plant.most_kg = 0.65;
   plant.steps = kSteps;
   plant.share = course;
   Outcome out;
-  plant.run(pendulum(drifts), seed, [&](const tiller::Posterior& posterior, int k, double mass_kg) {
+  plant.run(config, seed, [&](const tiller::Posterior& posterior, int k, double mass_kg) {
     if (k < kSteps) return;
     const double low = posterior.quantile(0, 0.05), high = posterior.quantile(0, 0.95);
     double mean[TILLER_MAX_PARAMS], sd[TILLER_MAX_PARAMS];
@@ -75,7 +75,7 @@ void print(const Outcome& run, unsigned seed) {
 Sums over_seeds(bool drifts, const Course& course, const char* name) {
   Sums sums;
   for (unsigned seed = 1; seed <= kSeeds; ++seed) {
-    const Outcome one = learn(drifts, course, seed);
+    const Outcome one = learn(pendulum(drifts), course, seed);
     if (drifts) print(one, seed);
     sums.hold += one.holds ? 1 : 0;
     sums.width += one.width / kSeeds;
@@ -140,6 +140,25 @@ TEST(Drift, ALoadThatIsPickedUpIsTakenInAndTold) {
 
 TEST(Drift, ALoadThatIsSetDownAgainIsToldAsTheLastJump) {
   expect_jump(over_seeds(true, is_set_down, "30 % for 5 s"), 5.0, 1.3);
+}
+
+/// Beside forces, which could take a load up, and a damping that may drift too and does not.
+TEST(Drift, AJumpIsToldBesideForcesAndOtherDrifts) {
+  tiller::Config forces = pendulum(true), both = pendulum(true);
+  forces.posterior.disturbance = 1;
+  both.posterior.drift = 5;
+  for (const tiller::Config& config : {forces, both}) {
+    Sums sums;
+    for (unsigned seed = 1; seed <= 4; ++seed) {
+      sums.runs.push_back(learn(config, is_loaded, seed));
+      print(sums.runs.back(), seed);
+    }
+    expect_jump(sums, 7.5, 1.0 / 1.3);
+    for (const Outcome& run : sums.runs) {  // of the damping; 0 where it may not drift
+      EXPECT_LT(run.report.jump_evidence[1], kStrong);
+      EXPECT_LT(run.report.drift_evidence[1], kStrong);
+    }
+  }
 }
 
 TEST(Drift, WhereNothingDriftsLittleIsLost) {

@@ -203,6 +203,7 @@ class FilterPosterior final : public Posterior {
   void open_jump(std::uint32_t drift);
   double bank_drift(std::uint32_t drift, std::uint32_t lane) const;
   void report_jumps(PosteriorReport& report) const;
+  void report_last_jump(std::uint32_t drift, std::uint32_t lane, PosteriorReport& report) const;
 
   // innovation.cpp: what the adequacy test is fed with
   void test_innovation();

@@ -220,24 +220,40 @@ double FilterPosterior::bank_drift(std::uint32_t drift, std::uint32_t lane) cons
   return bank_chunks_[drift].filter.state[bank_state(drift) * kChunk + lane];
 }
 
+/// All banks have seen the same data, so that their likelihoods compare: where another parameter's jump explains the data
+/// better than this one as it was, this one is judged beside that jump. A load that is picked up is no friction then.
 void FilterPosterior::report_jumps(PosteriorReport& report) const {
-  for (std::uint32_t i = 0; i < disturbances_.drifts() && banks_begun_; ++i) {
+  if (!banks_begun_) return;
+  const std::uint32_t drifts = disturbances_.drifts();
+  double stays[TILLER_MAX_DRIFTS], walks[TILLER_MAX_DRIFTS], jumps[TILLER_MAX_DRIFTS];
+  for (std::uint32_t i = 0; i < drifts; ++i) {
     double likelihood[kChunk];
     weigh_bank(i, likelihood);
-    report.drift_evidence[i] = banks_[i].walk_evidence(likelihood);
-    report.jump_evidence[i] = banks_[i].jump_evidence(likelihood);
-    const std::uint32_t lane = banks_[i].likeliest_jump(likelihood);
-    if (lane == JumpBank::kNone) continue;
-    const JumpBank::Jump& jump = banks_[i].jump(lane);
-    const std::uint32_t param = disturbances_.drift_param(i);
-    const double own = bank_chunks_[i].params[param * kChunk + lane];
-    const double after = disturbances_.drifted(param, own, bank_drift(i, lane));
-    const double variance = jump.variance + std::fmax(0.0, bank_variance(i, lane));
-    const bool logarithmic = config_->priors[param].kind == tiller_prior_log_normal;
-    report.jump_age_s[i] = elapsed_s_ - jump.time_s;
-    report.jump_by[i] = after - disturbances_.drifted(param, own, jump.before);
-    report.jump_sd[i] = noise_scale_ * std::sqrt(variance) * (logarithmic ? after : 1.0);
+    stays[i] = likelihood[JumpBank::kStays];
+    walks[i] = stays[i] + banks_[i].walk_evidence(likelihood);
+    jumps[i] = stays[i] + banks_[i].jump_evidence(likelihood);
+    report_last_jump(i, banks_[i].likeliest_jump(likelihood), report);
   }
+  for (std::uint32_t i = 0; i < drifts; ++i) {
+    double none = stays[i];
+    for (std::uint32_t j = 0; j < drifts; ++j)
+      if (j != i && jumps[j] > std::max(walks[j], stays[j])) none = std::max(none, jumps[j]);
+    report.drift_evidence[i] = walks[i] - none;
+    report.jump_evidence[i] = jumps[i] - none;
+  }
+}
+
+void FilterPosterior::report_last_jump(std::uint32_t drift, std::uint32_t lane, PosteriorReport& report) const {
+  if (lane == JumpBank::kNone) return;
+  const JumpBank::Jump& jump = banks_[drift].jump(lane);
+  const std::uint32_t param = disturbances_.drift_param(drift);
+  const double own = bank_chunks_[drift].params[param * kChunk + lane];
+  const double after = disturbances_.drifted(param, own, bank_drift(drift, lane));
+  const double variance = jump.variance + std::fmax(0.0, bank_variance(drift, lane));
+  const bool logarithmic = config_->priors[param].kind == tiller_prior_log_normal;
+  report.jump_age_s[drift] = elapsed_s_ - jump.time_s;
+  report.jump_by[drift] = after - disturbances_.drifted(param, own, jump.before);
+  report.jump_sd[drift] = noise_scale_ * std::sqrt(variance) * (logarithmic ? after : 1.0);
 }
 
 }  // namespace tiller
