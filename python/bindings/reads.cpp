@@ -180,7 +180,13 @@ void bind_info(nb::module_& m) {
       .def_prop_ro("noise_sd", &field_view<&tiller_info_t::noise_sd, state_count>, "(nx)")
       .def_prop_ro("delay_weight", &field_view<&tiller_info_t::delay_weight, delay_count>, "(delay hypotheses)")
       .def_prop_ro("drift_evidence", &field_view<&tiller_info_t::drift_evidence, drift_count>,
-                   "(parameters of [posterior] drift) log odds of a drift, by the data.")
+                   "(parameters of [posterior] drift) log odds of a walk over none, by the data.")
+      .def_prop_ro("jump_evidence", &field_view<&tiller_info_t::jump_evidence, drift_count>,
+                   "(parameters of [posterior] drift) log odds of a jump over none, by the data.")
+      .def_prop_ro("jump_age_s", &field_view<&tiller_info_t::jump_age_s, drift_count>,
+                   "(parameters of [posterior] drift) how long ago the likeliest jump was.")
+      .def_prop_ro("jump_by", &field_view<&tiller_info_t::jump_by, drift_count>,
+                   "(parameters of [posterior] drift) and how large, in the parameter's unit.")
       .def_prop_ro("forgetting_weight", &field_view<&tiller_info_t::forgetting_weight, rate_count>, "(rates)");
 }
 #undef TILLER_SCALAR

@@ -180,6 +180,9 @@ void Executive::read_adequacy() {
   std::copy(report.delay_weight, report.delay_weight + TILLER_MAX_HYPOTHESES, info_.delay_weight);
   std::copy(report.forgetting_weight, report.forgetting_weight + TILLER_MAX_FORGETTING, info_.forgetting_weight);
   std::copy(report.drift_evidence, report.drift_evidence + TILLER_MAX_DRIFTS, info_.drift_evidence);
+  std::copy(report.jump_evidence, report.jump_evidence + TILLER_MAX_DRIFTS, info_.jump_evidence);
+  std::copy(report.jump_age_s, report.jump_age_s + TILLER_MAX_DRIFTS, info_.jump_age_s);
+  std::copy(report.jump_by, report.jump_by + TILLER_MAX_DRIFTS, info_.jump_by);
   info_.discrepancy_share = report.discrepancy_share;
   info_.relearned = report.relearned;
   info_.lost_transitions = report.lost;

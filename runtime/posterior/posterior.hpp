@@ -26,7 +26,11 @@ struct PosteriorReport {
   double delay_weight[TILLER_MAX_HYPOTHESES] = {};  // (delay_hypotheses) about 0, 1, .. periods; sums to one
   double forgetting_weight[TILLER_MAX_FORGETTING] = {};
   double discrepancy_share = 0.0;                 // of the residuals' squares that the discrepancy basis takes up, 0..1
-  double drift_evidence[TILLER_MAX_DRIFTS] = {};  // log odds of a drift, by the data
+  double drift_evidence[TILLER_MAX_DRIFTS] = {};  // log odds of a walk of the parameter over none, by the data
+  double jump_evidence[TILLER_MAX_DRIFTS] = {};   // of jumps over none
+  double jump_age_s[TILLER_MAX_DRIFTS] = {};      // of the likeliest last jump
+  double jump_by[TILLER_MAX_DRIFTS] = {};         // its size, in the parameter's unit, and
+  double jump_sd[TILLER_MAX_DRIFTS] = {};         // how far that may be off
   std::uint64_t relearned = 0;                    // times that what was learnt became half of a new prior
   std::uint64_t lost = 0;  // transitions that proposals are no longer judged by: no finite step near the particles
 };

@@ -10,30 +10,18 @@
 #include <random>
 #include <vector>
 
-#include "linear_rig.hpp"
-#include "rollout/rollout.hpp"
-#include "tiller/config.hpp"
+#include "driven_pendulum_rig.hpp"
 
 namespace {
 
-constexpr double kLength_m = 0.5, kGravity_m_s2 = 9.81, kPeriod_s = 0.02;
+using Plant = rig::DrivenPendulum;
+
+constexpr double kPeriod_s = Plant::kPeriod_s;
 constexpr int kSeeds = 12, kSteps = 500;
 
 tiller::Config pendulum(bool discrepancy) {
-  tiller::Config c;
-  EXPECT_EQ(tiller_config_default(&c, tiller_find_model("pendulum")), tiller_status_ok);
-  c.period_s = kPeriod_s;
-  c.priors[0] = rig::uniform(0.25, 0.75);
-  c.priors[1] = rig::fixed(kLength_m);
-  c.priors[2] = rig::uniform(0.0, 0.1);
-  c.measurement_sd[0] = 0.002;
-  c.process_sd[1] = 0.02;
-  c.initial_state_sd[0] = c.initial_state_sd[1] = 0.01;
-  c.safety.input_low[0] = -1.5;
-  c.safety.input_high[0] = 1.5;
+  tiller::Config c = Plant::config(rig::uniform(0.25, 0.75));
   c.posterior.disturbance = discrepancy ? 1 : 0;
-  c.posterior.adequacy = 0;
-  c.posterior.moves_per_tick = 16;
   return c;
 }
 
@@ -62,48 +50,26 @@ struct Outcome {
   double width = 0.0, force_error = 0.0, force_rms = 0.0;
 };
 
-/// Ten seconds of a pendulum with equations of its own (Euler and Cromer, 0.1 ms) under a torque of three lines, beside
-/// a posterior that reads its encoder. Errors of the force are those of the second half.
+/// Ten seconds. Errors of the force are those of the second half.
 Outcome learn(bool discrepancy, const World& world, unsigned seed) {
-  const tiller::Config c = pendulum(discrepancy);
-  std::mt19937_64 random(seed);
-  std::normal_distribution<double> n;
-  std::uniform_real_distribution<double> u01;
-  const double mass = 0.3 + 0.4 * u01(random), damping = 0.01 + 0.08 * u01(random);
-  double phase[3];
-  for (double& p : phase) p = 6.283 * u01(random);
-  double angle = 0.01 * n(random), rate = 0.01 * n(random);
-
-  tiller::StepSetup setup;
-  EXPECT_EQ(tiller::make_step_setup(c, setup), tiller_status_ok);
-  rig::Instance posterior(c, nullptr, tiller::select_rollout(*c.model), &setup);
-  const double first = angle + 0.002 * n(random);
-  EXPECT_EQ(posterior->start(&first), tiller_status_ok);
+  Plant plant;
+  plant.steps = kSteps;
+  plant.force_Nm = world;
   Outcome outcome;
-  for (int k = 0; k < kSteps; ++k) {
-    const double t = k * kPeriod_s;
-    double torque = 0.0;
-    for (int i = 0; i < 3; ++i) torque += 0.4 * std::sin((1.3 + 2.1 * i) * t + phase[i]);
-    for (int i = 0; i < 200; ++i) {
-      const double push = torque + world(t + 1e-4 * i) - damping * rate;
-      rate += 1e-4 * (push / (mass * kLength_m * kLength_m) - kGravity_m_s2 / kLength_m * std::sin(angle));
-      angle += 1e-4 * rate;
+  plant.run(pendulum(discrepancy), seed, [&](const tiller::Posterior& posterior, int k, double mass_kg) {
+    if (k == kSteps) {
+      const double low = posterior.quantile(0, 0.05), high = posterior.quantile(0, 0.95);
+      outcome.holds = low <= mass_kg && mass_kg <= high;
+      outcome.width = high - low;
+      return;
     }
-    tiller::Transition transition;
-    transition.period_s = kPeriod_s;
-    transition.input[0] = torque;
-    transition.measured[0] = angle + 0.002 * n(random);
-    EXPECT_TRUE(rig::works(posterior->update(transition)));
-    if (!discrepancy || 2 * k < kSteps) continue;
+    if (!discrepancy || 2 * k < kSteps) return;
     double force = 0.0;
-    (void)posterior->forces(0.0, &force, nullptr);
-    const double is = world(t + kPeriod_s);
+    (void)posterior.forces(0.0, &force, nullptr);
+    const double is = world((k + 1) * kPeriod_s);
     outcome.force_error += (force - is) * (force - is);
     outcome.force_rms += is * is;
-  }
-  const double low = posterior->quantile(0, 0.05), high = posterior->quantile(0, 0.95);
-  outcome.holds = low <= mass && mass <= high;
-  outcome.width = high - low;
+  });
   outcome.force_error = std::sqrt(outcome.force_error / (0.5 * kSteps));
   outcome.force_rms = std::sqrt(outcome.force_rms / (0.5 * kSteps));
   return outcome;
@@ -193,10 +159,10 @@ TEST(Forces, AWindThatPushesADroneIsNoMass) {
   measure(transition.measured);
   ASSERT_EQ(posterior->start(transition.measured), tiller_status_ok);
   for (int k = 0; k < 200; ++k) {
-    const double thrust = known[0] * kGravity_m_s2 + 0.8 * std::sin(0.15 * k);
+    const double thrust = known[0] * Plant::kGravity_m_s2 + 0.8 * std::sin(0.15 * k);
     for (int i = 0; i < 20; ++i) {
       speed[0] += 1e-3 * 0.3 / known[0];
-      speed[2] += 1e-3 * (thrust / known[0] - kGravity_m_s2);
+      speed[2] += 1e-3 * (thrust / known[0] - Plant::kGravity_m_s2);
       for (int x = 0; x < 3; ++x) place[x] += 1e-3 * speed[x];
     }
     transition.period_s = kPeriod_s;

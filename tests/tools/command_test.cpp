@@ -563,8 +563,8 @@ TEST_F(Command, ADriftIsToldWithWhatTheDataSayOfIt) {
                                           << "\n[posterior]\ndrift = [\"mass_kg\"]\n";
   const Ended ended = run({"run", "filled.toml", "--sim", "--seconds", "4", "--quiet"});
   EXPECT_EQ(ended.code, 0) << ended.out;
-  EXPECT_TRUE(contains(ended.out, "mass_kg: by the data no drift is ")) << ended.out;
-  EXPECT_TRUE(contains(ended.out, " times likelier than one")) << ended.out;
+  EXPECT_TRUE(contains(ended.out, "mass_kg stays: by the data ")) << ended.out;
+  EXPECT_TRUE(contains(ended.out, " times likelier than a walk and ")) << ended.out;
 }
 
 TEST_F(Command, ExciteProposesWithinLimitsAndTells) {

@@ -4,6 +4,8 @@
 
 #include "tools/base/interval_text.hpp"
 #include "tools/robot/prior_edge.hpp"
+#include "tools/robot/units.hpp"
+#include "tools/run/drift_text.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -66,13 +68,16 @@ std::string not_learnt(const RobotFile& robot, const RunResult& result) {
 
 /// What the data say of each parameter that may drift.
 std::string drift_lines(const RobotFile& robot, const RunResult& result) {
+  const Words units = parameter_units(robot.config, robot.params);
+  const tiller_info_t& info = result.info;
   std::string text;
   std::size_t drift = 0;
   for (std::size_t i = 0; i < robot.params.size(); ++i) {
     if (((robot.config.posterior.drift >> i) & 1u) == 0) continue;
-    const double evidence = result.info.drift_evidence[drift++], times = std::exp(std::fabs(evidence));
-    text += "  " + robot.params[i] + (evidence > 0.0 ? " drifts: by the data that is " : ": by the data no drift is ") +
-            format("%.*f times likelier than ", times < 10 ? 1 : 0, times) + (evidence > 0.0 ? "none\n" : "one\n");
+    const DriftFound found = {info.drift_evidence[drift], info.jump_evidence[drift], info.jump_age_s[drift],
+                              info.jump_by[drift]};
+    text += "  " + drift_text(robot.params[i], units[i] == "1" ? "" : units[i], found) + "\n";
+    ++drift;
   }
   return text;
 }

@@ -172,15 +172,4 @@ void FilterPosterior::friction(double* viscous, double* dry) const {
   }
 }
 
-/// What the cloud's odds of a fast drift are beside the prior's. A cloud can tell no more than its size.
-double FilterPosterior::drift_evidence(std::uint32_t drift) const {
-  const std::uint32_t j = d_ - disturbances_.drifts() + drift;
-  const double middle = 0.5 * (cloud_.prior.low(j) + cloud_.prior.high(j)), least = 0.5 / n_;
-  double fast = 0.0;
-  for (std::uint32_t k = 0; k < n_; ++k)
-    if (cloud_.coordinate[std::size_t{j} * n_ + k] > middle) fast += cloud_.weight[k];
-  const double odds = std::fmax(least, fast) / std::fmax(least, 1.0 - fast);
-  return enabled_ ? math::log(odds / DisturbanceStates::drift_odds()) : 0.0;
-}
-
 }  // namespace tiller

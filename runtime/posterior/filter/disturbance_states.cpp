@@ -40,9 +40,9 @@ constexpr double kContact = 0.7, kContact_s = 2.0;
 /// and a filter that takes it for one never gets over what it once believed.
 constexpr double kDrift = 0.01;
 /// Rates of a parameter's drift, as logarithms of deviations of its prior per square root of a second: from a twentieth
-/// of one in an hour, which no sensor shows, to a whole one in a second. The lower half is a parameter that stays,
-/// which it does unless the data say otherwise: kStays is the deviation of the half normal law that the rates have.
-constexpr double kSlowest = -7.0, kFastest = 0.0, kStays = 2.5;
+/// of one in an hour, which no sensor shows, to a whole one in a second. The lower half is a parameter that stays. Even
+/// odds: who names a parameter as one that may drift does not know that it stays.
+constexpr double kSlowest = -7.0, kFastest = 0.0;
 /// Share of the strongest change by the inputs below which they do not reach a joint that none drives, or a state: a
 /// drone's sideways. What matters there is what matters elsewhere.
 constexpr double kOutOfReach = 0.1;
@@ -79,7 +79,8 @@ Wandering wandering_over(double a) {
 
 }  // namespace
 
-DisturbanceStates::DisturbanceStates(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table)
+DisturbanceStates::DisturbanceStates(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+                                     std::uint64_t drift)
     : config_(&config), table_(&table), setup_(setup), nx_(config.model->state_count) {
   // of a configuration with as many effects as there can be, the responses are those without the last one
   slot_ = std::min<std::uint32_t>(setup.effect_count, TILLER_MAX_EFFECTS - 1);
@@ -90,7 +91,7 @@ DisturbanceStates::DisturbanceStates(const tiller_config_t& config, const StepSe
   else
     add_slips();
   for (std::uint32_t i = 0; i < config.param_count; ++i) {
-    if (((config.posterior.drift >> i) & 1u) == 0) continue;
+    if (((drift >> i) & 1u) == 0) continue;
     sd_[states_] = prior_spread(config.priors[i]);
     add_source(i, 1, sizes_ + times() + drifts_);
     ++drifts_;
@@ -142,6 +143,16 @@ void DisturbanceStates::add_slips() {
 std::uint32_t DisturbanceStates::source_of(std::uint32_t state) const {
   const std::uint32_t by_force = joints_ * per_joint_;
   return state < by_force ? state / per_joint_ : joints_ + state - by_force;
+}
+
+std::uint32_t DisturbanceStates::drift_of(std::uint32_t param) const {
+  std::uint32_t drift = 0;
+  while (drift < drifts_ && drift_param(drift) != param) ++drift;
+  return drift;
+}
+
+void DisturbanceStates::take_sizes(const DisturbanceStates& other) {
+  std::copy(other.sd_, other.sd_ + states_ - drifts_, sd_);
 }
 
 void DisturbanceStates::clear() {
@@ -314,13 +325,6 @@ void DisturbanceStates::fill_slopes(const Lanes16& job, double* rows, std::uint3
   }
 }
 
-double DisturbanceStates::drift_odds() {
-  const auto beyond = [](double rate) { return math::erfc((rate - kSlowest) / (1.4142135623730951 * kStays)); };
-  const double middle = 0.5 * (kSlowest + kFastest), all = 1.0 - beyond(kFastest),
-               fast = beyond(middle) - beyond(kFastest);
-  return fast / (all - fast);
-}
-
 tiller_prior_t DisturbanceStates::law_prior(std::uint32_t coordinate) const {
   if (coordinate < sizes_) return {tiller_prior_normal, 0, kSmallest, kStill, kSmallest, kLargest};
   if (coordinate == sizes_ && times() > 0) return {tiller_prior_uniform, 0, kShortest, 0.0, kShortest, kLongest};
@@ -328,7 +332,7 @@ tiller_prior_t DisturbanceStates::law_prior(std::uint32_t coordinate) const {
     const double quickest = std::fmin(kQuickest, -math::log(config_->period_s));
     return {tiller_prior_normal, 0, kSteadiest, kSteady, kSteadiest, quickest};
   }
-  return {tiller_prior_normal, 0, kSlowest, kStays, kSlowest, kFastest};
+  return {tiller_prior_uniform, 0, kSlowest, 0.0, kSlowest, kFastest};
 }
 
 void DisturbanceStates::read_law(const double* coordinate, std::uint32_t stride, double* law,

@@ -33,7 +33,9 @@ namespace tiller {
 class DisturbanceStates {
  public:
   DisturbanceStates() = default;
-  DisturbanceStates(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table);
+  /// Parameters of the bits `drift` drift.
+  DisturbanceStates(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
+                    std::uint64_t drift);
 
   /// The first joints, which have forces by this configuration.
   static std::uint32_t joints_of(const tiller_config_t& config);
@@ -48,6 +50,8 @@ class DisturbanceStates {
   /// Of a drifting parameter, behind the others, and its row among the parameters.
   std::uint32_t drift_state(std::uint32_t drift) const { return states_ - drifts_ + drift; }
   std::uint32_t drift_param(std::uint32_t drift) const { return source_[joints_ + slips_ + drift].index; }
+  /// The drift of a parameter; drifts(): it does not.
+  std::uint32_t drift_of(std::uint32_t param) const;
   bool wanders(std::uint32_t state) const { return state < states_ - drifts_ && at_source_begin(state); }
   std::uint32_t source_of(std::uint32_t state) const;
   /// Of a force at a joint that matters.
@@ -98,14 +102,14 @@ class DisturbanceStates {
   /// Forces swing: the law has an omega.
   bool swings() const { return times() > 1; }
   tiller_prior_t law_prior(std::uint32_t coordinate) const;
-  /// Of a rate in the upper half of its range, before any data.
-  static double drift_odds();
   void read_law(const double* coordinate, std::uint32_t stride, double* law, std::uint32_t law_stride) const;
   /// The law of a posterior that does not learn it.
   void fixed_law(double* law, std::uint32_t stride) const;
   /// The law of a filter that looks out for contacts (safety.contact_force); no force at joints without a limit.
   void contact_law(double* law, std::uint32_t stride) const;
 
+  /// How large the forces are that matter, from another with the same.
+  void take_sizes(const DisturbanceStates& other);
   /// Learns how large a force has to be to matter, from what forces and inputs do in lane 0.
   void measure_reach(const Lanes16& job);
   /// Takes note of one lane of a step. True where a joint was so slow that dry friction may have held it: its friction

@@ -35,6 +35,33 @@ ExtraCoordinates own_coordinates(const tiller_config_t& config, const Disturbanc
   return extra;
 }
 
+/// Rows of parameters that only a sensor's map reads: the filter's states do not say how it reads.
+std::uint64_t sensor_rows(const tiller_config_t& config) {
+  std::uint64_t rows = 0;
+  std::uint32_t row = config.model->param_count;
+  for (std::uint32_t e = 0; e < config.effect_count; ++e) {
+    const EffectInfo& info = effect_info(config.effects[e].kind);
+    for (int i = 0; i < info.param_count; ++i, ++row)
+      if (info.port == PortKind::sensor) rows |= std::uint64_t{1} << row;
+  }
+  return rows;
+}
+
+std::uint32_t bits(std::uint64_t set) {
+  std::uint32_t count = 0;
+  for (; set != 0; set &= set - 1) ++count;
+  return count;
+}
+
+/// Parameters that a bank of filters (jumps.cpp) has as states: those that drift, and of the others as many as there is
+/// room for. What a filter takes for known it makes up for in what may change.
+std::uint64_t bank_params(const tiller_config_t& config, std::uint32_t room) {
+  std::uint64_t chosen = config.posterior.drift;
+  for (std::uint32_t i = 0; i < config.param_count && bits(chosen) < room; ++i)
+    if (config.priors[i].kind != tiller_prior_fixed) chosen |= (std::uint64_t{1} << i) & ~sensor_rows(config);
+  return config.posterior.drift != 0 ? chosen : 0;
+}
+
 }  // namespace
 
 /// Takes rows from the arena in a fixed order, which the arena's measuring pass repeats; the pointers go into the
@@ -45,14 +72,16 @@ class FilterPosterior::Layout {
       : arena_(arena),
         config_(config),
         setup_(setup),
-        disturbances_(config, setup, table),
+        disturbances_(config, setup, table, config.posterior.drift),
+        bank_states_(config, setup, table,
+                     bank_params(config, kMaxFilterStates - nx_ - disturbances_.states() + disturbances_.drifts())),
         extra_(own_coordinates(config, disturbances_)) {
     nf_ = nx_ + disturbances_.states();
   }
 
   void take_carried() {
     cloud_ = Cloud::lay_out(arena_, config_, extra_);
-    carried_.filter = filter(n_);
+    carried_.filter = filter(n_, nf_);
     carried_.process_scale = rows(1, n_);
     if (disturbances_.states() > 0) carried_.law = rows(disturbances_.law_rows(), n_);
     if (disturbances_.drifts() > 0) carried_.present = rows(np_, n_);
@@ -78,16 +107,27 @@ class FilterPosterior::Layout {
   void take_chunks() {
     chunks_ = arena_.take<Chunk>(n_ / kChunk);
     for (std::uint32_t i = 0; i < n_ / kChunk; ++i) {
-      const Chunk taken = chunk();
+      const Chunk taken = chunk(disturbances_);
       if (chunks_) chunks_[i] = taken;
     }
+    take_banks();
     bool feels = false;
     for (std::uint32_t j = 0; j < disturbances_.joints(); ++j)
       feels = feels || std::isfinite(config_.safety.contact_force[config_.model->joints[j].velocity]);
     if (!feels) return;
     touch_ = arena_.take<Chunk>(1);
-    const Chunk taken = chunk();
+    const Chunk taken = chunk(disturbances_);
     if (touch_) *touch_ = taken;
+  }
+
+  void take_banks() {
+    banks_ = arena_.take<JumpBank>(disturbances_.drifts());
+    bank_chunks_ = arena_.take<Chunk>(disturbances_.drifts());
+    for (std::uint32_t i = 0; i < disturbances_.drifts(); ++i) {
+      const Chunk taken = chunk(bank_states_);
+      if (bank_chunks_) bank_chunks_[i] = taken;
+    }
+    if (disturbances_.drifts() == 0) banks_ = nullptr;
   }
 
   void take_scratch() {
@@ -128,9 +168,16 @@ class FilterPosterior::Layout {
     p.disturbances_ = disturbances_;
     p.shape_ = shape_;
     p.swing_ = swing_;
+    p.bank_states_ = bank_states_;
+    for (std::uint32_t i = 0; i < n_ / kChunk; ++i) chunks_[i].lacking = &p.disturbances_;
+    if (touch_) touch_->lacking = &p.disturbances_;
+    for (std::uint32_t i = 0; i < disturbances_.drifts(); ++i) bank_chunks_[i].lacking = &p.bank_states_;
     p.rest_ = RestGuard(config_);
+    p.bank_evidence_ = ScaleEvidence(config_);
     p.chunks_ = chunks_;
     p.touch_ = touch_;
+    p.banks_ = banks_;
+    p.bank_chunks_ = bank_chunks_;
     p.scratch_ = scratch_;
     p.proposals_ = proposals_;
     p.proposed_sums_ = proposed_sums_;
@@ -145,29 +192,30 @@ class FilterPosterior::Layout {
  private:
   double* rows(std::uint32_t count, std::uint32_t stride) { return arena_.take<double>(std::size_t{count} * stride); }
 
-  FilterRows filter(std::uint32_t stride) {
+  FilterRows filter(std::uint32_t stride, std::uint32_t states) {
     FilterRows f;
-    f.state = rows(nf_, stride);
-    f.covariance = rows(triangle_rows(nf_), stride);
+    f.state = rows(states, stride);
+    f.covariance = rows(triangle_rows(states), stride);
     f.effect_state = rows(ns_, stride);
     f.stride = stride;
     return f;
   }
 
-  Chunk chunk() {
+  Chunk chunk(const DisturbanceStates& lacking) {
     Chunk c;
+    c.nf = nx_ + lacking.states();
     c.params = rows(np_, kChunk);
-    if (disturbances_.states() > 0) c.drifted = rows(np_ + 1, kChunk);
+    if (lacking.states() > 0) c.drifted = rows(np_ + 1, kChunk);
     c.coordinate = rows(cloud_.d, kChunk);
-    c.filter = filter(kChunk);
-    c.predicted = filter(kChunk);
+    c.filter = filter(kChunk, c.nf);
+    c.predicted = filter(kChunk, c.nf);
     c.process_scale = rows(1, kChunk);
-    if (disturbances_.states() > 0) c.law = rows(disturbances_.law_rows(), kChunk);
-    c.jacobian = rows(nf_ * nf_, kChunk);
+    if (lacking.states() > 0) c.law = rows(lacking.law_rows(), kChunk);
+    c.jacobian = rows(c.nf * c.nf, kChunk);
     c.sums = rows(rows_, kChunk);
     c.normalised = rows(ny_, kChunk);
-    c.unit = rows(nx_ * disturbances_.sources(), kChunk);
-    c.push = rows(nx_ * disturbances_.states(), kChunk);
+    c.unit = rows(nx_ * lacking.sources(), kChunk);
+    c.push = rows(nx_ * lacking.states(), kChunk);
     if (has_sensor_effects(config_)) {
       c.gain = rows(ny_, kChunk);
       c.offset = rows(ny_, kChunk);
@@ -198,12 +246,12 @@ class FilterPosterior::Layout {
   Arena& arena_;
   const tiller_config_t& config_;
   const StepSetup& setup_;
-  const DisturbanceStates disturbances_;
-  const ExtraCoordinates extra_;
   const std::uint32_t n_ = config_.posterior.particles, nx_ = config_.model->state_count;
   const std::uint32_t nu_ = config_.model->input_count, np_ = config_.param_count, ns_ = setup_.effect_state_count;
   const std::uint32_t ny_ = config_.measurement_count;
   const std::uint32_t slots_ = config_.posterior.window + 1, move_lanes_ = round_up(n_ / 2, kChunk);
+  const DisturbanceStates disturbances_, bank_states_;
+  const ExtraCoordinates extra_;
   std::uint32_t nf_ = 0;
 
   Cloud cloud_;
@@ -215,7 +263,8 @@ class FilterPosterior::Layout {
   Kept* window_ = nullptr;
   double *window_history_ = nullptr, *input_history_ = nullptr;
   InitialStateDistribution start_;
-  Chunk *chunks_ = nullptr, *touch_ = nullptr;
+  Chunk *chunks_ = nullptr, *touch_ = nullptr, *bank_chunks_ = nullptr;
+  JumpBank* banks_ = nullptr;
   Proposal* proposals_ = nullptr;
   double *scratch_ = nullptr, *proposed_sums_ = nullptr, *move_coordinate_ = nullptr, *point_innovation_ = nullptr;
   AdequacyTest* adequacy_ = nullptr;
@@ -248,24 +297,6 @@ namespace {
 Posterior* lay_out_engine(Arena& arena, const tiller_config_t& config, const StepSetup& setup,
                           const RolloutTable& table, const tiller_hooks_t* hooks) {
   return FilterPosterior::lay_out(arena, config, setup, table, hooks);
-}
-
-/// Rows of parameters that only a sensor's map reads: the filter's states do not say how it reads.
-std::uint64_t sensor_rows(const tiller_config_t& config) {
-  std::uint64_t rows = 0;
-  std::uint32_t row = config.model->param_count;
-  for (std::uint32_t e = 0; e < config.effect_count; ++e) {
-    const EffectInfo& info = effect_info(config.effects[e].kind);
-    for (int i = 0; i < info.param_count; ++i, ++row)
-      if (info.port == PortKind::sensor) rows |= std::uint64_t{1} << row;
-  }
-  return rows;
-}
-
-std::uint32_t bits(std::uint64_t set) {
-  std::uint32_t count = 0;
-  for (; set != 0; set &= set - 1) ++count;
-  return count;
 }
 
 tiller_status_t check_drift(const tiller_config_t& config, const StepSetup& /*setup*/, const RolloutTable& /*table*/,

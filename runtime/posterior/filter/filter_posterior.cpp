@@ -41,7 +41,7 @@ void FilterPosterior::reset() {
   if (guided() && disturbances_.swings())
     swing_.begin(cloud_.prior, d_ - disturbances_.drifts() - 2, disturbances_.sizes(), config_->period_s);
   elapsed_s_ = began_s_ = 0.0;
-  started_ = false;
+  started_ = banks_begun_ = false;
   tick_ = 0;
   exponent_ = 1.0;
   noise_scale_ = calm_scale_ = 1.0;
@@ -88,6 +88,7 @@ tiller_status_t FilterPosterior::advance(const Transition& transition, bool move
   const bool resting = moves && rest_.resting(now_.transition);
   now_.weight = resting || sticks() ? 0.0 : 1.0;
   if (adequacy_ && !resting) test_innovation();
+  step_banks();
   std::memcpy(scratch_row(2), carried_.sums, sizeof(double) * rows_ * n_);
   correct();
   const tiller_status_t status = reweight();
@@ -101,6 +102,7 @@ tiller_status_t FilterPosterior::advance(const Transition& transition, bool move
   note_reach();
   note_drift();
   note_swing();
+  watch_jumps();
   remember_input(now_.transition.input);
   watch_change(resting);
   return doubted ? tiller_status_measurement_outlier : status;

@@ -6,6 +6,7 @@
 #include "posterior/cloud.hpp"
 #include "posterior/filter/disturbance_states.hpp"
 #include "posterior/filter/filter_summary.hpp"
+#include "posterior/filter/jump_bank.hpp"
 #include "posterior/filter/response.hpp"
 #include "posterior/filter/scale_evidence.hpp"
 #include "posterior/posterior.hpp"
@@ -99,7 +100,9 @@ class FilterPosterior final : public Posterior {
 
   /// Scratch of one chunk of lanes: rows of kChunk.
   struct Chunk {
-    double* params = nullptr;      // (np)
+    const DisturbanceStates* lacking = nullptr;  // what its filters have beside the model's states
+    std::uint32_t nf = 0;                        // states with these
+    double* params = nullptr;                    // (np)
     double* drifted = nullptr;     // (np + 1) of the last step, and one for the disturbances' use; null without
     double* coordinate = nullptr;  // (d)
     FilterRows filter;
@@ -185,6 +188,24 @@ class FilterPosterior final : public Posterior {
   void begin_touch();
   void step_touch(const double* measured);
 
+  // jumps.cpp: banks of filters that tell a jump of a parameter from a walk
+  bool settled() const;
+  double weighted_mean(const double* row) const;
+  std::uint32_t bank_state(std::uint32_t drift) const;
+  double& bank_variance(std::uint32_t drift, std::uint32_t lane) const;
+  void watch_jumps();
+  void begin_banks();
+  void begin_lanes(const Chunk& chunk) const;
+  void differ_in_bank(std::uint32_t particle, std::uint32_t about, double* off) const;
+  std::uint32_t carried_row(std::uint32_t bank_state) const;
+  void take_mean_law(std::uint32_t drift);
+  void step_banks();
+  void weigh_bank(std::uint32_t drift, double* log_likelihood) const;
+  void open_jump(std::uint32_t drift);
+  double bank_drift(std::uint32_t drift, std::uint32_t lane) const;
+  void report_jumps(PosteriorReport& report) const;
+  void report_last_jump(std::uint32_t drift, std::uint32_t lane, PosteriorReport& report) const;
+
   // innovation.cpp: what the adequacy test is fed with
   void test_innovation();
   void respond(const double* speed, Innovation& now);
@@ -234,7 +255,6 @@ class FilterPosterior final : public Posterior {
   double drift_spread(std::uint32_t drift, std::uint32_t particle) const;
   double drift_sd(std::uint32_t drift) const;
   double drifting_quantile(std::uint32_t drift, double q) const;
-  double drift_evidence(std::uint32_t drift) const;
   void turn_moments(std::uint32_t about, double* state_mean, double* state_sd) const;
   void take_mean(float* params, float* state, float* effect_state) const;
   void take_strata(std::uint32_t count, std::uint64_t tick, float* params, float* state, float* effect_state) const;
@@ -271,14 +291,18 @@ class FilterPosterior final : public Posterior {
   double reach_[TILLER_MAX_STATES] = {};  // farthest that a state has been from where it began
   NormalLaw before_;                      // what was known before the robot changed
   FilterSummary summary_;
-  DisturbanceStates disturbances_;
+  DisturbanceStates disturbances_, bank_states_;
   LikelihoodShape shape_;
   SwingLaw swing_;
   RestGuard rest_;
+  ScaleEvidence bank_evidence_;
+  bool banks_begun_ = false;
 
   // scratch
   Chunk* chunks_ = nullptr;             // (N / kChunk)
   Chunk* touch_ = nullptr;              // null: no contact is looked out for
+  Chunk* bank_chunks_ = nullptr;        // (drifts), and
+  JumpBank* banks_ = nullptr;           // (drifts); null: no parameter drifts
   double* scratch_ = nullptr;           // (kRows + 2 x N)
   Proposal* proposals_ = nullptr;       // (N / 2)
   double* proposed_sums_ = nullptr;     // (rows x lanes of moves) what a proposal changes, then what it has

@@ -93,6 +93,7 @@ tiller_status_t FilterPosterior::start(const double* measured) {
   set_start(sd, measured);
   begin_all_filters();
   begin_touch();
+  banks_begun_ = false;  // no lane knows how far the robot got meanwhile
   for (std::uint32_t& run : gate_run_) run = 0;
   rest_.begin();
   if (adequacy_) {

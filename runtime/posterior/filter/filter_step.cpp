@@ -12,7 +12,8 @@ namespace tiller {
 
 /// The step of a chunk's lanes from `from`, into `predicted` and the Jacobian.
 void FilterPosterior::predict_lanes(const Chunk& chunk, const Step& step) const {
-  if (lacks_ == 0) {
+  const DisturbanceStates& disturbances = *chunk.lacking;
+  if (disturbances.states() == 0) {
     table_->linearise(*config_->model, linearise_job(chunk, step));
     if (quaternions_ != 0) turn_jacobian(chunk, step);
     predict_covariance(chunk, step);
@@ -22,15 +23,15 @@ void FilterPosterior::predict_lanes(const Chunk& chunk, const Step& step) const 
   DisturbanceStates::Lanes16 lacking = disturbance_job(chunk, step);
   lacking.kept = kept;
   lacking.mean = mean;
-  disturbances_.drift(lacking);
+  disturbances.drift(lacking);
   Step drifted = step;
   drifted.params = {chunk.drifted, kChunk};
   table_->linearise(*config_->model, linearise_job(chunk, drifted));
-  disturbances_.step(lacking);
+  disturbances.step(lacking);
   widen_jacobian(chunk, lacking);
   if (quaternions_ != 0) turn_jacobian(chunk, step);
   predict_covariance(chunk, step);
-  disturbances_.add_process(lacking, chunk.predicted.covariance);
+  disturbances.add_process(lacking, chunk.predicted.covariance);
 }
 
 LineariseJob FilterPosterior::linearise_job(const Chunk& chunk, const Step& step) const {
@@ -76,8 +77,9 @@ void FilterPosterior::turn_jacobian(const Chunk& chunk, const Step& step) const 
       double* q = chunk.predicted.state + first * kChunk + l;
       write_quaternion(normalised(read_quaternion(q, kChunk)), q, kChunk);
     });
-    to_tangent_columns(quaternions_, step.from.state + l, step.from.stride, nf_, nf_, chunk.jacobian + l, kChunk);
-    to_tangent_rows(quaternions_, chunk.predicted.state + l, kChunk, nf_, chunk.jacobian + l, kChunk);
+    to_tangent_columns(quaternions_, step.from.state + l, step.from.stride, chunk.nf, chunk.nf, chunk.jacobian + l,
+                       kChunk);
+    to_tangent_rows(quaternions_, chunk.predicted.state + l, kChunk, chunk.nf, chunk.jacobian + l, kChunk);
   }
 }
 
@@ -85,11 +87,12 @@ void FilterPosterior::turn_jacobian(const Chunk& chunk, const Step& step) const 
 /// begin behind the narrower ones.
 void FilterPosterior::widen_jacobian(const Chunk& chunk, const DisturbanceStates::Lanes16& lacking) const {
   double* const a = chunk.jacobian;
-  disturbances_.fill_slopes(lacking, a + std::size_t{nx_} * nf_ * kChunk, nf_);
+  const std::uint32_t nf = chunk.nf, lacks = nf - nx_;
+  chunk.lacking->fill_slopes(lacking, a + std::size_t{nx_} * nf * kChunk, nf);
   for (std::uint32_t r = nx_; r-- > 0;) {
-    std::memmove(a + std::size_t{r} * nf_ * kChunk, a + std::size_t{r} * nx_ * kChunk, sizeof(double) * nx_ * kChunk);
-    std::memcpy(a + (std::size_t{r} * nf_ + nx_) * kChunk, chunk.push + std::size_t{r} * lacks_ * kChunk,
-                sizeof(double) * lacks_ * kChunk);
+    std::memmove(a + std::size_t{r} * nf * kChunk, a + std::size_t{r} * nx_ * kChunk, sizeof(double) * nx_ * kChunk);
+    std::memcpy(a + (std::size_t{r} * nf + nx_) * kChunk, chunk.push + std::size_t{r} * lacks * kChunk,
+                sizeof(double) * lacks * kChunk);
   }
 }
 
@@ -97,15 +100,15 @@ void FilterPosterior::widen_jacobian(const Chunk& chunk, const DisturbanceStates
 void FilterPosterior::predict_covariance(const Chunk& chunk, const Step& step) const {
   const double period_s = step.period_s;
   double process[triangle_rows(kMaxFilterStates)], state_process[TILLER_MAX_STATES * TILLER_MAX_STATES];
-  std::fill(process, process + triangle_, 0.0);
-  const auto at = [&](std::uint32_t r, std::uint32_t c) -> double& { return process[triangle_row(nf_, r, c)]; };
+  std::fill(process, process + triangle_rows(chunk.nf), 0.0);
+  const auto at = [&](std::uint32_t r, std::uint32_t c) -> double& { return process[triangle_row(chunk.nf, r, c)]; };
   fill_process_covariance(*config_->model, config_->process_sd, period_s, state_process);
   for (std::uint32_t r = 0; r < nx_; ++r)
     for (std::uint32_t c = r; c < nx_; ++c) at(r, c) = state_process[r * nx_ + c];
   PredictJob job;
-  job.nx = nf_;
+  job.nx = chunk.nf;
   job.lanes = kChunk;
-  job.dense = lacks_ > 0 ? nx_ : 0;
+  job.dense = chunk.nf > nx_ ? nx_ : 0;
   job.a = chunk.jacobian;
   job.a_stride = kChunk;
   job.covariance = step.from.covariance;
@@ -131,7 +134,7 @@ void FilterPosterior::map_sensors(const Chunk& chunk, const double* params, std:
 /// From `predicted` into `filter`; the caller sets the sums.
 CorrectJob FilterPosterior::correct_job(const double* measured, const Chunk& chunk) const {
   CorrectJob job;
-  job.nx = nf_;
+  job.nx = chunk.nf;
   job.ns = ns_;
   job.ny = ny_;
   job.lanes = kChunk;

@@ -134,7 +134,7 @@ void FilterPosterior::report(PosteriorReport& report) const {
   for (std::uint32_t i = 0; i < n_; ++i) factor += cloud_.weight[i] * carried_.process_scale[i];
   for (std::uint32_t r = 0; r < nx_; ++r)
     report.noise_sd[r] = noise_scale_ * std::sqrt(factor) * config_->process_sd[r];
-  for (std::uint32_t i = 0; i < disturbances_.drifts(); ++i) report.drift_evidence[i] = drift_evidence(i);
+  report_jumps(report);
   report.delay_weight[0] = report.forgetting_weight[0] = 1.0;
   report.relearned = relearned_;
   report.lost = lost_;
