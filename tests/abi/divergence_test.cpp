@@ -497,7 +497,8 @@ TEST(Prediction, counts_the_slip_that_is_not_known) {
   spread.force_size[0] = kSize;
   // wheels, the mean slip and its imaginary part, how fast it fades and swings: of both hypotheses
   const float fades = static_cast<float>(-std::log(kKept));
-  const std::vector<float> params = {0.1f, 0.1f, 0.6f, 0.6f, 0.0f, 0.0f, 0.2f, 0.2f, 0.0f, 0.0f, fades, fades, 0.0f, 0.0f},
+  const std::vector<float> params = {0.1f, 0.1f, 0.6f, 0.6f,  0.0f,  0.0f, 0.2f,
+                                     0.2f, 0.0f, 0.0f, fades, fades, 0.0f, 0.0f},
                            state(6, 0.0f);
   tiller::Belief belief;
   belief.count = 2;

@@ -197,20 +197,21 @@ TEST_P(SlippingPlanner, SteersAgainstADrift) {
 
 INSTANTIATE_TEST_SUITE_P(
     Planners, SlippingPlanner,
-    ::testing::Values(
-        Asked{"random_shooting", tiller_planner_random_shooting, nullptr}, Asked{"cem", tiller_planner_cem, nullptr},
-        Asked{"mppi", tiller_planner_mppi, nullptr}, Asked{"mcts", tiller_planner_mcts, nullptr},
-        Asked{"ilqr", tiller_planner_ilqr, nullptr}, Asked{"sqp", tiller_planner_sqp, nullptr},
-        Asked{"hybrid", tiller_planner_hybrid, nullptr},
-        Asked{"ilqr_tree", tiller_planner_ilqr,
-              [](tiller::Config& c) { c.planner.closed_loop = 1, c.planner.particles = 4; }},
-        Asked{"sqp_tree", tiller_planner_sqp,
-              [](tiller::Config& c) { c.planner.closed_loop = 1, c.planner.particles = 4; }},
-        Asked{"mppi_closed", tiller_planner_mppi, [](tiller::Config& c) { c.planner.closed_loop = 1; }},
-        Asked{"mppi_noisy", tiller_planner_mppi, [](tiller::Config& c) { c.planner.noisy_rollouts = 1; }},
-        Asked{"ilqr_foreseen", tiller_planner_ilqr, [](tiller::Config& c) { c.planner.predict_spread = 1; }},
-        Asked{"sigma_points", tiller_planner_ilqr,
-              [](tiller::Config& c) { c.planner.hypotheses = tiller_hypotheses_sigma_points; }}),
+    ::testing::Values(Asked{"random_shooting", tiller_planner_random_shooting, nullptr},
+                      Asked{"cem", tiller_planner_cem, nullptr}, Asked{"mppi", tiller_planner_mppi, nullptr},
+                      Asked{"mcts", tiller_planner_mcts, nullptr}, Asked{"ilqr", tiller_planner_ilqr, nullptr},
+                      Asked{"sqp", tiller_planner_sqp, nullptr}, Asked{"hybrid", tiller_planner_hybrid, nullptr},
+                      Asked{"ilqr_tree", tiller_planner_ilqr,
+                            [](tiller::Config& c) { c.planner.closed_loop = 1, c.planner.particles = 4; }},
+                      Asked{"sqp_tree", tiller_planner_sqp,
+                            [](tiller::Config& c) { c.planner.closed_loop = 1, c.planner.particles = 4; }},
+                      Asked{"mppi_closed", tiller_planner_mppi,
+                            [](tiller::Config& c) { c.planner.closed_loop = 1, c.planner.particles = 4; }},
+                      Asked{"mppi_noisy", tiller_planner_mppi, [](tiller::Config& c) { c.planner.noisy_rollouts = 1; }},
+                      Asked{"ilqr_foreseen", tiller_planner_ilqr,
+                            [](tiller::Config& c) { c.planner.predict_spread = 1; }},
+                      Asked{"sigma_points", tiller_planner_ilqr,
+                            [](tiller::Config& c) { c.planner.hypotheses = tiller_hypotheses_sigma_points; }}),
     [](const auto& test) { return std::string(test.param.name); });
 
 }  // namespace

@@ -14,8 +14,8 @@ namespace tiller_test {
 namespace {
 
 constexpr std::uint32_t kLanes = tiller::kLanePadding, kHorizon = 9;
-constexpr double kFades = 0.17;                      // of a period
-constexpr double kSlip[] = {0.7, -0.4, 0.3};         // a second, of the first three states but the second
+constexpr double kFades = 0.17;                       // of a period
+constexpr double kSlip[] = {0.7, -0.4, 0.3};          // a second, of the first three states but the second
 constexpr std::uint32_t kStates = 0b101, kSlips = 2;  // which of them slip
 
 struct Case {
@@ -76,8 +76,8 @@ std::vector<T> in_lanes(const std::vector<double>& params) {
 /// The largest difference of a rollout with slips from one period after the other.
 template <class T, class SlipOf>
 double rollout_error(const tiller_model_t& model, const tiller::RolloutTable& table, const tiller::Config& config,
-                     const tiller::StepSetup& none, const tiller::StepSetup& slipping, std::vector<T> params, bool splat,
-                     const SlipOf& slip_of) {
+                     const tiller::StepSetup& none, const tiller::StepSetup& slipping, std::vector<T> params,
+                     bool splat, const SlipOf& slip_of) {
   tiller::Batch<T> batch(config, kLanes, kHorizon);
   if (splat)
     for (std::size_t i = 0; i * kLanes < params.size(); ++i) params[i] = params[i * kLanes];
@@ -111,10 +111,12 @@ double rollout_error(const tiller_model_t& model, const tiller::RolloutTable& ta
 TEST_P(Slip, ARolloutIsItsPeriodsEachWithWhatIsLeft) {
   const auto slip = [this](std::uint32_t i, double k) { return slip_of(i, k); };
   for (const bool splat : {false, true}) {
-    EXPECT_LT(rollout_error<double>(model_, *table_, config_, none_, slipping_, in_lanes<double>(params(1.0)), splat, slip),
-              1e-13);
-    EXPECT_LT(rollout_error<float>(model_, *table_, config_, none_, slipping_, in_lanes<float>(params(1.0)), splat, slip),
-              2e-5);
+    EXPECT_LT(
+        rollout_error<double>(model_, *table_, config_, none_, slipping_, in_lanes<double>(params(1.0)), splat, slip),
+        1e-13);
+    EXPECT_LT(
+        rollout_error<float>(model_, *table_, config_, none_, slipping_, in_lanes<float>(params(1.0)), splat, slip),
+        2e-5);
   }
 }
 
