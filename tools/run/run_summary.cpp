@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "tools/base/interval_text.hpp"
+#include "tools/base/unit_names.hpp"
 #include "tools/robot/prior_edge.hpp"
 
 namespace tiller::tools {
