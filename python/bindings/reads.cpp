@@ -177,6 +177,10 @@ void bind_info(nb::module_& m) {
       .def_prop_ro("param_sd", &field_view<&tiller_info_t::param_sd, param_count>, "(np)")
       .def_prop_ro("force_mean", &field_view<&tiller_info_t::force_mean, force_count>, "(joints) N or N m.")
       .def_prop_ro("force_sd", &field_view<&tiller_info_t::force_sd, force_count>, "(joints)")
+      TILLER_SCALAR(slip_states, std::uint64_t, "Bit i: a slip of state i is estimated.")
+      .def_prop_ro("slip_mean", &field_view<&tiller_info_t::slip_mean, state_count>,
+                   "(nx) a second: what changes each state beyond the model; 0 where none is estimated.")
+      .def_prop_ro("slip_sd", &field_view<&tiller_info_t::slip_sd, state_count>, "(nx)")
       .def_prop_ro("noise_sd", &field_view<&tiller_info_t::noise_sd, state_count>, "(nx)")
       .def_prop_ro("delay_weight", &field_view<&tiller_info_t::delay_weight, delay_count>, "(delay hypotheses)")
       .def_prop_ro("drift_evidence", &field_view<&tiller_info_t::drift_evidence, drift_count>,

@@ -195,6 +195,7 @@ void Executive::read_adequacy() {
 }
 
 void Executive::read_forces() {
+  if (info_.slip_states != 0) read_slips();
   if (info_.force_joints == 0) return;
   (void)posterior_->forces(0.0, info_.force_mean, info_.force_sd);
   double mean[TILLER_MAX_JOINTS] = {}, sd[TILLER_MAX_JOINTS] = {};
@@ -202,6 +203,16 @@ void Executive::read_forces() {
   info_.touched = contact_.judge(info_.force_joints, mean, sd);
   if (info_.touched != 0 && moving() && config_.safety.contact_action == tiller_contact_safe)
     (void)machine_.on(Event::stop, tiller_status_contact);
+}
+
+void Executive::read_slips() {
+  double mean[TILLER_MAX_JOINTS] = {}, sd[TILLER_MAX_JOINTS] = {};
+  (void)posterior_->forces(0.0, mean, sd);
+  for (std::uint32_t i = 0, slip = 0; i < config_.model->state_count; ++i) {
+    if (((info_.slip_states >> i) & 1u) == 0) continue;
+    info_.slip_mean[i] = mean[slip];
+    info_.slip_sd[i] = sd[slip++];
+  }
 }
 
 /// Last of all reasons: the command is a fresh plan like any other, made with a model that is known to be wrong.

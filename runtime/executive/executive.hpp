@@ -116,6 +116,7 @@ class Executive {
   void read_posterior(Tick& tick);
   void read_adequacy();
   void read_forces();
+  void read_slips();
   // plan
   void enter_motion();
   void replan(Tick& tick);

@@ -147,6 +147,7 @@ Executive* Executive::lay_out(Arena& arena, const tiller_config_t& config, const
   self.info_.effective_samples = self.posterior_->effective_samples();
   self.info_.noise_scale = self.posterior_->noise_scale();
   self.info_.force_joints = Posterior::force_joints(self.config_);
+  self.info_.slip_states = Posterior::slip_states(self.config_);
   self.posterior_->moments(self.info_.param_mean, self.info_.param_sd, nullptr, nullptr);
   return placed;
 }

@@ -44,9 +44,10 @@ void MotionCheck::begin(const Posterior& posterior, std::uint64_t tick, const do
 }
 
 /// Spread as the states are. A force goes with its particle's parameters: with the mean's it belongs to the mean of
-/// these, which the first hypothesis has.
+/// these, which the first hypothesis has. A slip may end with the motion that it came from, and the second has none: a
+/// base that stops on a slope need not go on drifting.
 void MotionCheck::take_forces(const Posterior& posterior, Rng& rng) {
-  if (forces_->joints() == 0) return;
+  if (forces_->count() == 0) return;
   float mean[TILLER_MAX_PARAMS];
   posterior.draw(1, 0, mean, nullptr, nullptr, nullptr);
   for (std::uint32_t i = 0; i < config_->param_count; ++i) params_[i * kLanes] = mean[i];
@@ -54,8 +55,10 @@ void MotionCheck::take_forces(const Posterior& posterior, Rng& rng) {
   double sd[TILLER_MAX_JOINTS] = {};
   (void)posterior.forces(0.0, nullptr, sd);
   float* row = params_ + std::size_t{setup_->fading_param} * kLanes;
-  for (std::uint32_t j = 0; j < forces_->joints(); ++j, row += kLanes)
+  for (std::uint32_t j = 0; j < forces_->count(); ++j, row += kLanes) {
     for (std::uint32_t lane = 1; lane < kLanes; ++lane) row[lane] += static_cast<float>(kSpread * sd[j] * rng.normal());
+    if (forces_->slip()) row[1] = 0.0f;
+  }
 }
 
 /// What was added to a quaternion's states is a difference, and turns it.

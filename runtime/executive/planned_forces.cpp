@@ -11,34 +11,47 @@ namespace {
 constexpr std::uint16_t kKinds[kDiscrepancyBasis] = {tiller_effect_viscous_friction, tiller_effect_coulomb_friction,
                                                      tiller_effect_constant_offset};
 
+std::uint32_t bits(std::uint32_t set) {
+  std::uint32_t count = 0;
+  for (; set != 0; set &= set - 1) ++count;
+  return count;
+}
+
 }  // namespace
 
 PlannedForces::PlannedForces(const tiller_config_t& config, const StepSetup& setup)
     : first_param_(config.param_count), period_s_(config.period_s), setup_(setup) {
-  const std::uint32_t joints = Posterior::force_joints(config);
-  kinds_ = joints <= kDiscrepancyJoints ? kDiscrepancyBasis : 1;
-  if (joints == 0 || setup.effect_count + kinds_ * joints > TILLER_MAX_EFFECTS ||
-      config.param_count + (kinds_ + 1) * joints + 2 > TILLER_MAX_PARAMS)
+  const std::uint32_t slips = Posterior::slip_states(config), joints = Posterior::force_joints(config);
+  const std::uint32_t count = slips != 0 ? bits(slips) : joints;
+  kinds_ = slips == 0 && joints <= kDiscrepancyJoints ? kDiscrepancyBasis : 1;
+  if (count == 0 || setup.effect_count + kinds_ * joints > TILLER_MAX_EFFECTS ||
+      config.param_count + (kinds_ + 1) * count + 2 > TILLER_MAX_PARAMS)
     return;
-  joints_ = joints;
+  count_ = count;
+  take_effects(joints);
+  setup_.slip_states = slips;
+  setup_.fading = count;
+  setup_.fading_param = first_param_ + (kinds_ - 1) * count;
+}
+
+void PlannedForces::take_effects(std::uint32_t joints) {
   for (std::uint32_t kind = 0; kind < kinds_; ++kind)
     for (std::uint32_t j = 0; j < joints; ++j)
       setup_.effects[setup_.effect_count++] = {kKinds[kDiscrepancyBasis - kinds_ + kind], static_cast<std::uint16_t>(j),
                                                static_cast<std::uint16_t>(first_param_ + kind * joints + j), 0};
-  setup_.fading = joints;
-  setup_.fading_param = first_param_ + (kinds_ - 1) * joints;
 }
 
+/// A slip is the filter's: its mean over the first period.
 void PlannedForces::fill(const Posterior& posterior, std::uint32_t count, float* params) const {
-  if (joints_ == 0) return;
+  if (count_ == 0) return;
   double value[kMaxRegressors + 2 * TILLER_MAX_JOINTS + 2] = {};
-  double* const wandering = value + (kinds_ - 1) * joints_;
-  if (kinds_ > 1) posterior.friction(value, value + joints_);
-  const Posterior::Fading fading = posterior.forces(0.0, wandering, nullptr, wandering + joints_);
-  wandering[2 * joints_] = period_s_ * fading.rate;
-  wandering[2 * joints_ + 1] = period_s_ * fading.turn;
+  double* const wandering = value + (kinds_ - 1) * count_;
+  if (kinds_ > 1) posterior.friction(value, value + count_);
+  const Posterior::Fading fading = posterior.forces(slip() ? period_s_ : 0.0, wandering, nullptr, wandering + count_);
+  wandering[2 * count_] = period_s_ * fading.rate;
+  wandering[2 * count_ + 1] = period_s_ * fading.turn;
   float* row = params + std::size_t{first_param_} * count;
-  for (std::uint32_t j = 0; j < (kinds_ + 1) * joints_ + 2; ++j, row += count)
+  for (std::uint32_t j = 0; j < (kinds_ + 1) * count_ + 2; ++j, row += count)
     std::fill(row, row + count, static_cast<float>(value[j]));
 }
 

@@ -96,7 +96,7 @@ void PlanningBelief::take_spread(const Posterior& posterior) {
     const double noise = scale * config_->measurement_sd[k];
     spread_->sensor_variance[config_->measured_state[k]] = noise * noise;
   }
-  spread_->forces = forces_.joints();
+  spread_->forces = forces_.count();
   if (spread_->forces == 0) return;
   spread_->force_kept = math::exp(-config_->period_s * posterior.forces(0.0, nullptr, spread_->force_sd).rate);
   posterior.force_sizes(spread_->force_size);

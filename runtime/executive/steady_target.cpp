@@ -24,7 +24,8 @@ constexpr double kFarthest_rad = 0.5;
 /// What acts at rest: a lag passes its command, and dry friction holds wherever the robot stands.
 StepSetup at_rest(const StepSetup& setup) {
   StepSetup s = setup;
-  s.effect_count = s.effect_state_count = s.delay_steps = s.fading = 0;
+  s.effect_count = s.effect_state_count = s.delay_steps = 0;
+  if (s.slip_states == 0) s.fading = 0;  // slips stand in these rows, at rates of zero
   for (std::uint32_t e = 0; e < setup.effect_count; ++e)
     if (has_role(setup.effects[e].kind, kLinear | kSmooth)) s.effects[s.effect_count++] = setup.effects[e];
   return s;

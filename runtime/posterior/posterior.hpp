@@ -130,10 +130,12 @@ class Posterior {
   };
   /// Joints, the first ones, whose forces beyond the model the configured engine estimates; 0: none.
   static std::uint32_t force_joints(const tiller_config_t& config);
-  /// Forces beyond the model at these joints, in N or N m: their means over the next `ahead_s`, as they are expected,
-  /// and how far these may be off now (force_joints each); nullable. `imaginary` (force_joints, nullable): with it a
-  /// force w is the real part of a z of which z exp((i turn - rate) t) is expected after t, as returned. Cost: O(N) a
-  /// joint.
+  /// Bits of the states that slip beyond the model, by the configured engine: of a model without joints.
+  static std::uint32_t slip_states(const tiller_config_t& config);
+  /// Forces beyond the model at these joints, in N or N m, or the slips of these states, in their own units a second:
+  /// their means over the next `ahead_s`, as they are expected, and how far these may be off now (one a joint or state);
+  /// nullable. `imaginary` (as many, nullable): with it a force w is the real part of a z of which
+  /// z exp((i turn - rate) t) is expected after t, as returned. Cost: O(N) a joint or state.
   virtual Fading forces(double /*ahead_s*/, double* /*mean*/, double* /*sd*/, double* /*imaginary*/ = nullptr) const {
     return {};
   }
@@ -181,6 +183,8 @@ struct PosteriorTable {
       false;  ///< of a robot file that does not say: the forces that the model may lack are marginalised
   bool disturbances = false;  ///< marginalises forces that the model may lack
   bool drifts = false;        ///< lets parameters drift
+  /// As Posterior::slip_states, of this engine; null: none.
+  std::uint32_t (*slip_states)(const tiller_config_t& config) = nullptr;
 };
 
 /// The engine of a kind; null where this build has none.

@@ -47,6 +47,11 @@ std::uint32_t Posterior::force_joints(const tiller_config_t& config) {
   return engine && engine->force_joints ? engine->force_joints(config) : 0;
 }
 
+std::uint32_t Posterior::slip_states(const tiller_config_t& config) {
+  const PosteriorTable* const engine = find_posterior(config.posterior.kind);
+  return engine && engine->slip_states ? engine->slip_states(config) : 0;
+}
+
 tiller_status_t Posterior::check(const tiller_config_t& config, const StepSetup& setup, const RolloutTable& table,
                                  const char** field) {
   const tiller_posterior_config_t& p = config.posterior;

@@ -79,6 +79,9 @@ struct GradientKernel {
       const int used = points - first < kWidth ? static_cast<int>(points - first) : kWidth;
       for (int l = 0; l < used; ++l) {
         for (int i = 0; i < kStates; ++i) job.next[at.point[l] * kStates + i] = next[i][l];
+        if (slips<Model>(*job.setup))
+          add_slips(*job.setup, period_s, job.params + std::size_t{at.scenario[l]} * job.param_count, at.stage[l],
+                    job.next + at.point[l] * kStates);
         if (!job.a) continue;
         double *a_out = job.a + at.point[l] * n * n, *b_out = job.b + at.point[l] * n * kInputs;
         for (int i = 0; i < kStates; ++i) {
@@ -280,7 +283,7 @@ struct GradientKernel {
   }
 
   static void feedback(const tiller_model_t&, const FeedbackJob& job) {
-    if (job.setup->effect_count > 0) return feedback_all<true, tiller_integrator_rk4>(job);
+    if (job.setup->effect_count > 0 || slips<Model>(*job.setup)) return feedback_all<true, tiller_integrator_rk4>(job);
     switch (job.setup->integrator) {
       case tiller_integrator_semi_implicit_euler:
         return feedback_all<false, tiller_integrator_semi_implicit_euler>(job);

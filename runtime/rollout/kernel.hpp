@@ -217,7 +217,7 @@ struct Kernel {
   }
   /// Planning without effects is the path worth a copy per integrator; everything else shares one.
   static void rollout_f32(const tiller_model_t&, const RolloutJob<float>& job) {
-    if (job.setup->effect_count > 0 || !job.params.splat())
+    if (job.setup->effect_count > 0 || slips<Model>(*job.setup) || !job.params.splat())
       return roll_all<float, 4, true, false, true, tiller_integrator_rk4>(job);
     const bool extra = job.feedback || job.noise.data || (job.cost && (!job.cost->only_quadratic() || job.penalty_out));
     return extra ? roll_bare<true>(job) : roll_bare<false>(job);
@@ -272,6 +272,7 @@ struct Kernel {
       slope.advance(x,
                     {job.next_state + lane, job.a ? job.a + lane : nullptr, job.b ? job.b + lane : nullptr, job.lanes});
     }
+    if (slips<Model>(*job.setup)) add_slips(job);
   }
   static void linearise(const tiller_model_t&, const LineariseJob& job) {
     if (job.setup->effect_count == 0) return linearise_bare(job);

@@ -121,6 +121,8 @@ struct StaticModel {
   static constexpr unsigned kQuaternions = QuaternionsOf<M<double>>::mask;
   static constexpr bool kMayTurn = kQuaternions != 0;
   static constexpr unsigned quaternions() { return kQuaternions; }
+  /// Joints have forces instead (StepSetup::slip_states).
+  static constexpr bool kMaySlip = kForces == 0;
   static_assert(quaternions_fit(kQuaternions, kStates, AnglesOf<M<double>>::mask),
                 "quaternions: bit i says that states i to i + 3 are one, and none of them an angle");
 
@@ -355,7 +357,7 @@ struct TableModel {
   int ny() const { return static_cast<int>(table->output_count); }
   int joints() const { return nf(); }
   bool is_angle(int i) const { return (table->angle_mask >> i) & 1u; }
-  static constexpr bool kMayTurn = true;
+  static constexpr bool kMayTurn = true, kMaySlip = true;
   std::uint32_t quaternions() const { return table->quaternion_mask; }
   template <class S>
   S* position(State<S>& x, int j) const {

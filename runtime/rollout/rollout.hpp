@@ -41,6 +41,9 @@ struct StepSetup {
   // Forces of a planner's own, behind the configuration's parameters (rollout/fading.hpp): rows `fading_param` on are
   // the parameters of constant_offset effects that fade and swing, their imaginary parts, and two for how fast.
   std::uint32_t fading = 0, fading_param = 0;
+  // Of a model without joints the rows are slips instead, in the states' own units a second: the next of them is added
+  // to the rate of each state whose bit is set here, at the end of a period.
+  std::uint32_t slip_states = 0;
   std::uint32_t extra_params() const { return fading > 0 ? 2 * fading + 2 : 0; }
   const tiller_network_t* network = nullptr;  // of the effects that are learnt
   std::uint32_t network_angles = 0;           // bit j: the position of joint j is an angle

@@ -14,8 +14,8 @@ struct StateSpread {
   double covariance[TILLER_MAX_STATES * TILLER_MAX_STATES] = {};  // (nx x nx) of the estimate that a plan starts from
   double process[TILLER_MAX_STATES * TILLER_MAX_STATES] = {};     // (nx x nx) added every period
   double sensor_variance[TILLER_MAX_STATES] = {};                 // of what is read every period; infinity: not read
-  // Forces that wander (StepSetup::fading), by joint: what is left of each after a period, by how much it may be off
-  // now, and what it comes to deviate by in the long run.
+  // Forces that wander, or slips (StepSetup::fading), in their order there: what is left of each after a period, by how
+  // much it may be off now, and what it comes to deviate by in the long run.
   std::uint32_t forces = 0;
   double force_kept = 1.0;
   double force_sd[TILLER_MAX_JOINTS] = {}, force_size[TILLER_MAX_JOINTS] = {};

@@ -10,6 +10,7 @@
 //      c. the integrator takes the free step, and quaternions come back to unit length
 //      d. effects act on the free step's velocities, implicitly, one after the other: more inertia, the drive train,
 //         what is elastic, what dissipates; where several joints dissipate, sweep after sweep until they agree
+//   3. slips that a planner expects
 // The forces of d. are split off because they are stiff: solved for the velocity at the end of the step it is stable
 // at any step and can stop a joint exactly. The splitting is second order in the substep where the force is smooth.
 // Dissipation comes last, so that a joint can stick against all the rest.
@@ -635,6 +636,19 @@ struct Stepper {
         for (int r = 0; stand && r < kCount; ++r) keep(t[r], before[r]);
         substep_all<kCount, kSets>(t, acting, p, plan.body, part);
         for (int r = 0; stand && r < kCount; ++r) keep_still(part[r].stands, before[r], t[r]);
+      });
+    }
+    if constexpr (Model::kMaySlip)
+      if (setup.slip_states != 0) slip<kCount, kSets>(t, p);
+  }
+  /// Out of line, so that periods without slips keep their registers to themselves.
+  template <int kCount, int kSets>
+  __attribute__((noinline)) void slip(Trajectory<Model, S>* t, const Parameters<Model, S>* p) const {
+    const S period_s(Value(substep_s * setup.substeps));
+    for (int r = 0; r < kCount; ++r) {
+      const S* rate = p[kSets == 1 ? 0 : r].effect + (setup.fading_param - static_cast<int>(model.np()));
+      each(model.nx(), [&](auto i) {
+        if ((setup.slip_states >> i) & 1u) t[r].x[i] = t[r].x[i] + period_s * *rate++;
       });
     }
   }

@@ -29,7 +29,7 @@ void load_params(const TableModel& model, const StepSetup& setup, const Lanes<T>
     for (int i = slot.param; i < slot.param + effect_info(slot.kind).param_count; ++i)
       p.effect[i - model.np()] = cell(params, static_cast<std::size_t>(i), lane);
   }
-  for (std::uint32_t i = setup.fading; i < setup.extra_params(); ++i)  // the others are effects' own
+  for (std::uint32_t i = 0; i < setup.extra_params(); ++i)
     fading_rows(model, setup, p)[i] = cell(params, setup.fading_param + i, lane);
 }
 

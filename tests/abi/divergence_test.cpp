@@ -473,4 +473,60 @@ TEST(Prediction, counts_the_force_that_is_not_known) {
   }
 }
 
+TEST(Prediction, counts_the_slip_that_is_not_known) {
+  constexpr double kSd = 0.3, kSize = 0.5, kKept = 0.8;  // a second, of the second state alone
+  tiller::Config c;
+  ASSERT_EQ(tiller_config_default(&c, tiller_find_model("skid_steer")), tiller_status_ok);
+  c.planner.horizon = kHorizon;
+  c.planner.particles = 2;
+  c.planner.predict_spread = 1;
+  tiller::StepSetup setup;
+  ASSERT_EQ(tiller::make_step_setup(c, setup), tiller_status_ok);
+  setup.slip_states = 0b010;
+  setup.fading = 1;
+  setup.fading_param = c.param_count;
+  const tiller::RolloutTable& table = tiller::select_rollout(*c.model);
+  tiller::PlannerTable planner{};
+  planner.sequence = no_inputs;
+  tiller::StateSpread spread;
+  spread.states = 3;
+  std::fill(spread.sensor_variance, spread.sensor_variance + TILLER_MAX_STATES, HUGE_VAL);
+  spread.forces = 1;
+  spread.force_kept = kKept;
+  spread.force_sd[0] = kSd;
+  spread.force_size[0] = kSize;
+  // wheels, the mean slip and its imaginary part, how fast it fades and swings: of both hypotheses
+  const float fades = static_cast<float>(-std::log(kKept));
+  const std::vector<float> params = {0.1f, 0.1f, 0.6f, 0.6f,  0.0f,  0.0f, 0.2f,
+                                     0.2f, 0.0f, 0.0f, fades, fades, 0.0f, 0.0f},
+                           state(6, 0.0f);
+  tiller::Belief belief;
+  belief.count = 2;
+  belief.params = params.data();
+  belief.state = state.data();
+  belief.spread = &spread;
+  tiller::Arena measure;
+  tiller::Prediction p;
+  p.lay_out(measure, c, setup, table);
+  rig::Block block(measure.used());
+  tiller::Arena arena(block.memory(), block.size());
+  p.lay_out(arena, c, setup, table);
+  ASSERT_TRUE(arena.fits());
+  p.predict(belief, planner, nullptr, 0);
+  double mean = 0.0;
+  for (std::uint32_t k = 1; k <= kHorizon; ++k) {
+    mean += 0.2 * c.period_s * std::pow(kKept, k - 1);
+    double variance = 0.0;
+    for (std::uint32_t from = 0; from < k; ++from) {
+      double moved = 0.0;
+      for (std::uint32_t i = from; i < k; ++i) moved += std::pow(kKept, i - from) * c.period_s;
+      variance += (from == 0 ? kSd * kSd : kSize * kSize * (1.0 - kKept * kKept)) * moved * moved;
+    }
+    EXPECT_NEAR(p.mean(k)[1], mean, 1e-6 * mean) << k;
+    EXPECT_NEAR(p.sd(k)[1], std::sqrt(variance), 1e-6 * std::sqrt(variance)) << k;
+    EXPECT_EQ(p.sd(k)[0], 0.0);
+    EXPECT_EQ(p.sd(k)[2], 0.0);
+  }
+}
+
 }  // namespace

@@ -24,6 +24,29 @@ inline tiller::Config known_pendulum() {
   return c;
 }
 
+/// A base whose parameters are known, a tenth each, and which may slip. It is seen to a millimetre, or a milliradian.
+inline tiller::Config slipping_base() {
+  tiller::Config c;
+  (void)tiller_config_default(&c, tiller_find_model("skid_steer"));
+  for (std::uint32_t i = 0; i < c.param_count; ++i) c.priors[i] = {tiller_prior_fixed, 0, 0.1, 0.0, 0.1, 0.1};
+  c.measurement_count = c.model->state_count;
+  for (std::uint32_t i = 0; i < c.measurement_count; ++i) {
+    c.measured_state[i] = static_cast<std::uint8_t>(i);
+    c.measurement_sd[i] = 0.001;
+    c.process_sd[i] = 0.01;
+  }
+  for (int i = 0; i < 2; ++i) {
+    c.safety.input_low[i] = -10.0;
+    c.safety.input_high[i] = 10.0;
+  }
+  c.safety.frozen_ticks = 0;
+  c.period_s = 0.05;
+  c.planner.horizon = 8;
+  c.planner.particles = 3;
+  c.posterior.disturbance = 1;
+  return c;
+}
+
 /// Storage of an arena, aligned.
 class Storage {
  public:

@@ -79,11 +79,12 @@ class Obedient final : public Posterior {
     std::fill(dry, dry + config_->model->joint_count, posterior.dry);
   }
   Fading forces(double, double* mean, double* sd, double* imaginary) const override {
-    const std::uint32_t joints = config_->model->joint_count;
-    if (mean) std::copy(posterior.force, posterior.force + joints, mean);
-    if (sd) std::fill(sd, sd + joints, posterior.force_sd);
-    if (imaginary) std::fill(imaginary, imaginary + joints, posterior.force_imaginary);
-    return {0.5, 1.5};
+    const bool slips = slip_states(*config_) != 0;
+    const std::uint32_t count = slips ? config_->model->state_count : config_->model->joint_count;
+    if (mean) std::copy(posterior.force, posterior.force + count, mean);
+    if (sd) std::fill(sd, sd + count, posterior.force_sd);
+    if (imaginary) std::fill(imaginary, imaginary + count, slips ? 0.0 : posterior.force_imaginary);
+    return {0.5, slips ? 0.0 : 1.5};
   }
   double drawn_delay(std::uint32_t column) const override {
     return column < posterior.delay.size() ? posterior.delay[column] : 0.0;
@@ -112,6 +113,11 @@ Posterior* Posterior::lay_out(Arena& arena, const tiller_config_t& config, const
 
 std::uint32_t Posterior::force_joints(const tiller_config_t& config) {
   return config.posterior.disturbance ? config.model->joint_count : 0;
+}
+
+/// All states slip where there are no joints.
+std::uint32_t Posterior::slip_states(const tiller_config_t& config) {
+  return config.posterior.disturbance && config.model->joint_count == 0 ? (1u << config.model->state_count) - 1u : 0;
 }
 
 tiller_status_t Posterior::check(const tiller_config_t&, const StepSetup&, const RolloutTable&, const char**) {

@@ -40,7 +40,7 @@ struct Posterior {
   bool tested = false;      // the adequacy test below is shown; it is fed a constant of four deviations
   float param_step = 0.0f;  // particle i of a draw has param + i * param_step
   double force[TILLER_MAX_JOINTS] = {}, force_imaginary = 0.0,
-         force_sd = 0.0;            // at every joint, where the configuration looks for them
+         force_sd = 0.0;            // at every joint, where the configuration looks for them; of a model without, slips
   double viscous = 0.0, dry = 0.0;  // likewise
   std::vector<double> delay;        // periods, of the columns of a draw; none: 0
 };

@@ -9,10 +9,9 @@ namespace {
 
 class Motion : public ::testing::Test {
  protected:
-  explicit Motion(bool disturbed = false)
-      : config_(bench::known_pendulum()), storage_(1 << 16), source_storage_(1 << 16) {
+  explicit Motion(const tiller::Config& config = bench::known_pendulum())
+      : config_(config), storage_(1 << 16), source_storage_(1 << 16) {
     fakes::reset();
-    config_.posterior.disturbance = disturbed ? 1 : 0;
     (void)make_step_setup(config_, setup_);
     const tiller::RolloutTable& table = tiller::select_rollout(*config_.model);
     tiller::Arena arena = storage_.arena();
@@ -23,8 +22,11 @@ class Motion : public ::testing::Test {
   }
   bool moves(double angle, double rate_sd, double torque_Nm, int steps) {
     const double mean[] = {angle, 0.0}, sd[] = {0.0, rate_sd};
+    return moves(mean, sd, &torque_Nm, steps);
+  }
+  bool moves(const double* mean, const double* sd, const double* input, int steps) {
     motion_.begin(*source_, 1, mean, sd);
-    for (int i = 0; i < steps; ++i) motion_.step(0.02, &torque_Nm, nullptr);
+    for (int i = 0; i < steps; ++i) motion_.step(config_.period_s, input, nullptr);
     EXPECT_EQ(motion_.steps(), static_cast<std::uint32_t>(steps));
     return motion_.should_move();
   }
@@ -51,9 +53,15 @@ TEST_F(Motion, TooLittleToSeeIsNoMotion) {
   EXPECT_FALSE(moves(0.0, 0.0, 0.006, 25));
 }
 
+tiller::Config pushed_pendulum() {
+  tiller::Config c = bench::known_pendulum();
+  c.posterior.disturbance = 1;
+  return c;
+}
+
 class PushedMotion : public Motion {
  protected:
-  PushedMotion() : Motion(true) {}
+  PushedMotion() : Motion(pushed_pendulum()) {}
 };
 
 /// Half a newton metre that a force beyond the model takes up is no motion: nor is it where that force is in doubt.
@@ -68,6 +76,33 @@ TEST_F(PushedMotion, AForceThatHoldsIsNoDeadSensor) {
   fakes::posterior.force[0] = fakes::posterior.force_sd = 0.0;
   fakes::posterior.dry = 0.6;
   EXPECT_FALSE(moves(0.0, 0.0, 0.5, 10)) << "friction holds as well";
+}
+
+class SlippingMotion : public Motion {
+ protected:
+  SlippingMotion() : Motion(bench::slipping_base()) {
+    fakes::posterior.param[0] = fakes::posterior.param[1] = 0.1;
+    fakes::posterior.param[2] = 0.0;
+  }
+  bool moves(double wheels_rad_s) {
+    const double mean[] = {0.0, 0.0, 0.0}, input[] = {wheels_rad_s, wheels_rad_s};
+    return Motion::moves(mean, mean, input, 10);
+  }
+};
+
+/// Half a second at 0.1 m/s. What stands against a wall slips as fast as its wheels turn.
+TEST_F(SlippingMotion, ABaseAtAWallIsNoDeadSensor) {
+  EXPECT_TRUE(moves(1.0));
+  fakes::posterior.force[0] = -0.1;
+  EXPECT_FALSE(moves(1.0));
+  fakes::posterior.force[0] = -0.05;
+  EXPECT_TRUE(moves(1.0));
+}
+
+TEST_F(SlippingMotion, NorIsOneThatStopsOnASlope) {
+  fakes::posterior.force[1] = -0.1;
+  EXPECT_FALSE(moves(0.0)) << "a slip may end with the motion";
+  EXPECT_TRUE(moves(1.0));
 }
 
 TEST_F(Motion, DoubtAboutTheRateIsDoubtAboutTheMotion) {

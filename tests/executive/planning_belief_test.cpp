@@ -34,7 +34,7 @@ struct Source {
     const tiller::RolloutTable& table = tiller::select_rollout(*config.model);
     tiller::Arena arena = storage.arena();
     belief.lay_out(arena, config, setup, table, over_delays);
-    timeline.lay_out(arena, 1, 1000000);
+    timeline.lay_out(arena, config.model->input_count, 1000000);
     tiller::Arena source_arena = source_storage.arena();
     source = tiller::Posterior::lay_out(source_arena, config, setup, table, nullptr);
   }
@@ -98,6 +98,32 @@ TEST(PlanningBelief, SpreadHasHowFarTheForcesMayBeOffWhereSomebodyAsks) {
     EXPECT_DOUBLE_EQ(belief.spread->force_size[0], 0.5) << "its mean square";
     EXPECT_DOUBLE_EQ(belief.spread->force_kept, std::exp(-0.5 * c.period_s));
   }
+}
+
+TEST(PlanningBelief, HasTheSlipsOfAModelWithoutJoints) {
+  tiller::Config c = bench::slipping_base();
+  c.cost.bound_risk = 0.05;
+  Source s(c);
+  const double slips[] = {0.02, 0.1, -0.05}, stop[] = {0.0, 0.0};
+  std::copy(std::begin(slips), std::end(slips), fakes::posterior.force);
+  fakes::posterior.force_sd = 0.4;
+  fakes::posterior.param[0] = fakes::posterior.param[1] = 0.1;
+  s.timeline.push(0, stop);
+  s.belief.draw(*s.source, s.timeline, 0, 1000000, 3.0 * c.period_s);
+  const StepSetup& setup = s.belief.planner_setup();
+  EXPECT_EQ(setup.effect_count, 0u);
+  EXPECT_EQ(setup.slip_states, 7u);
+  EXPECT_EQ(setup.fading, 3u);
+  EXPECT_EQ(setup.fading_param, c.param_count);
+  const Belief& belief = s.belief.belief();
+  for (std::uint32_t lane = 0; lane < belief.count; ++lane)
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      EXPECT_EQ(belief.params[(setup.fading_param + i) * belief.count + lane], static_cast<float>(slips[i]));
+      EXPECT_NEAR(belief.state[i * belief.count + lane], 3.0 * c.period_s * slips[i], 1e-6) << "as it stands there";
+    }
+  EXPECT_FLOAT_EQ(belief.params[(setup.fading_param + 6) * belief.count], static_cast<float>(0.5 * c.period_s));
+  EXPECT_EQ(belief.spread->forces, 3u);
+  EXPECT_EQ(belief.spread->force_sd[2], 0.4);
 }
 
 TEST(PlanningBelief, StepsUnderTheCommandsAlreadySent) {

@@ -34,9 +34,10 @@ struct Rig {
     const tiller::RolloutTable& table = tiller::select_rollout(*config.model);
     tiller::Arena source_arena = source_storage.arena();
     source = tiller::Posterior::lay_out(source_arena, config, setup, table, nullptr);
-    setup.fading = config.model->joint_count;
+    setup.slip_states = tiller::Posterior::slip_states(config);
+    setup.fading = setup.slip_states != 0 ? config.model->state_count : config.model->joint_count;
     setup.fading_param = config.param_count;
-    for (std::uint32_t j = 0; j < setup.fading; ++j)
+    for (std::uint32_t j = 0; j < config.model->joint_count; ++j)
       setup.effects[setup.effect_count++] = {tiller_effect_constant_offset, static_cast<std::uint16_t>(j),
                                              static_cast<std::uint16_t>(config.param_count + j), 0};
     tiller::Arena arena = storage.arena();
@@ -122,6 +123,18 @@ TEST(SteadyTarget, SoDoesOneInSpace) {
   double thrust = 0.0;
   for (int i = 0; i < 4; ++i) thrust += rig.target.input()[i];
   EXPECT_NEAR(thrust, whole, 1e-4);
+}
+
+TEST(SteadyTarget, ABaseStandsOnASlopeByItsWheels) {
+  tiller::Config c = steady("skid_steer");
+  for (int i = 0; i < 3; ++i) c.cost.state_weight[i] = 1.0;
+  c.cost.target[0] = 0.5;
+  Rig rig(c, {0.1, 0.6, 0.0}, {0.0, 0.0, 0.0});
+  fakes::posterior.force[0] = -0.2;
+  rig.update();
+  ASSERT_TRUE(rig.target.stands());
+  for (int i = 0; i < 3; ++i) EXPECT_NEAR(rig.target.state()[i], c.cost.target[i], 1e-5);
+  for (int i = 0; i < 2; ++i) EXPECT_NEAR(rig.target.input()[i], 2.0, 1e-5);
 }
 
 TEST(SteadyTarget, IsWhatThePlannerIsGiven) {

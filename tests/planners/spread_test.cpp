@@ -512,6 +512,59 @@ TEST(ChanceConstraints, margins_without_gains_are_the_closed_form_s) {
   }
 }
 
+TEST(ChanceConstraints, margins_count_the_slip_that_is_not_known) {
+  constexpr double kSd = 0.3, kSize = 0.5, kKept = 0.9;
+  tiller::Config c;
+  ASSERT_EQ(tiller_config_default(&c, tiller_find_model("skid_steer")), tiller_status_ok);
+  c.planner.kind = tiller_planner_sqp;
+  c.planner.horizon = 40;
+  c.planner.particles = 1;
+  c.state_high[1] = 50.0;
+  c.cost.hard_bounds = 1;
+  c.cost.bound_risk = 0.05;
+  tiller::StepSetup setup;
+  ASSERT_EQ(tiller::make_step_setup(c, setup), tiller_status_ok);
+  setup.slip_states = 0b010;
+  setup.fading = 1;
+  setup.fading_param = c.param_count;
+  const tiller::RolloutTable& table = tiller::select_rollout(*c.model);
+  std::vector<unsigned char> memory(1 << 20);
+  tiller::Arena arena(memory.data(), memory.size());
+  tiller::PathPlan plan;
+  tiller::lay_out_path_plan(arena, c, setup, table, plan);
+  tiller::HardBounds bounds;
+  tiller::lay_out_hard_bounds(c, plan, bounds);
+  tiller::SpreadRoom room;
+  tiller::lay_out_spread_room(arena, c, setup, plan, room);
+  ASSERT_TRUE(arena.fits());
+  StateSpread spread;
+  spread.states = 3;
+  std::fill(spread.sensor_variance, spread.sensor_variance + TILLER_MAX_STATES, HUGE_VAL);
+  spread.forces = 1;
+  spread.force_sd[0] = kSd;
+  spread.force_size[0] = kSize;
+  spread.force_kept = kKept;
+  const float params[7] = {0.1f, 0.6f, 0.0f, 0.2f, 0.0f, static_cast<float>(-std::log(kKept)), 0.0f}, state[3] = {};
+  tiller::Belief belief;
+  belief.count = 1;
+  belief.params = params;
+  belief.state = state;
+  belief.spread = &spread;
+  ASSERT_TRUE(tiller::take_belief(plan, &belief));
+  tiller::linearise_path(plan);
+  std::vector<double> margin((c.planner.horizon + 1) * 3);
+  tiller::predict_margins(plan, bounds, room, margin.data());
+  for (std::uint32_t k = 1; k <= c.planner.horizon; ++k) {
+    double variance = 0.0;
+    for (std::uint32_t from = 0; from < k; ++from) {
+      double moved = 0.0;
+      for (std::uint32_t i = from; i < k; ++i) moved += std::pow(kKept, i - from) * c.period_s;
+      variance += (from == 0 ? kSd * kSd : kSize * kSize * (1.0 - kKept * kKept)) * moved * moved;
+    }
+    EXPECT_NEAR(margin[3 * k + 1] / (1.6448536 * std::sqrt(variance)), 1.0, 1e-4) << k;
+  }
+}
+
 TEST(ChanceConstraints, between_bounds_closer_than_the_spread_leave_the_middle) {
   tiller::Config c = line_config(tiller_planner_sqp);
   c.state_low[0] = -0.1;

@@ -180,7 +180,9 @@ TEST(Forces, AWindThatPushesADroneIsNoMass) {
   EXPECT_GE(posterior->quantile(0, 0.995), known[0]);
 }
 
-/// A base that a slope pulls along x, 0.04 m/s, while it drives in circles.
+constexpr double kSlope_m_s = 0.04;
+
+/// A base that a slope pulls along x while it drives in circles.
 Outcome drive(bool slips, unsigned seed) {
   tiller::Config c;
   EXPECT_EQ(tiller_config_default(&c, tiller_find_model("skid_steer")), tiller_status_ok);
@@ -202,6 +204,7 @@ Outcome drive(bool slips, unsigned seed) {
   c.posterior.adequacy = 0;
   c.posterior.disturbance = slips ? 1 : 0;
   EXPECT_EQ(tiller::Posterior::force_joints(c), 0u);
+  EXPECT_EQ(tiller::Posterior::slip_states(c), slips ? 7u : 0u);
   tiller::StepSetup setup;
   EXPECT_EQ(tiller::make_step_setup(c, setup), tiller_status_ok);
   rig::Instance posterior(c, nullptr, tiller::select_rollout(*c.model), &setup);
@@ -217,7 +220,7 @@ Outcome drive(bool slips, unsigned seed) {
     const double left = 4.0 + std::sin(0.3 * k), right = 7.0 + std::sin(0.2 * k);
     for (int i = 0; i < 50; ++i) {
       heading += 1e-3 * radius * (right - left) / axle;
-      x += 1e-3 * (0.5 * radius * (left + right) * std::cos(heading) + 0.04);
+      x += 1e-3 * (0.5 * radius * (left + right) * std::cos(heading) + kSlope_m_s);
       y += 1e-3 * 0.5 * radius * (left + right) * std::sin(heading);
     }
     tiller::Transition transition;
@@ -233,21 +236,31 @@ Outcome drive(bool slips, unsigned seed) {
   Outcome outcome;
   outcome.holds = low <= radius && radius <= high;
   outcome.width = high - low;
+  double slip[3] = {}, sd[3] = {};
+  (void)posterior->forces(0.0, slip, sd);
+  outcome.force_error = std::fabs(slip[0] - kSlope_m_s);
+  if (slips) {
+    EXPECT_LT(outcome.force_error, 4.0 * sd[0]) << "seed " << seed;
+    EXPECT_LT(std::fabs(slip[1]), 4.0 * sd[1]) << "seed " << seed;
+    EXPECT_LT(std::fabs(slip[2]), 4.0 * sd[2]) << "seed " << seed;
+  }
   return outcome;
 }
 
 /// What no slip explains is noise of the process, which leaves the wheels less sure.
 TEST(Forces, ASlipIsNeitherWheelNorNoise) {
   int hold = 0;
-  double with = 0.0, without = 0.0;
+  double with = 0.0, without = 0.0, off = 0.0;
   for (unsigned seed = 1; seed <= kSeeds; ++seed) {
     const Outcome slips = drive(true, seed);
+    off += slips.force_error / kSeeds;
     hold += slips.holds ? 1 : 0;
     with += slips.width / kSeeds;
     without += drive(false, seed).width / kSeeds;
   }
   std::printf("a slope: %d of %d intervals of the wheel's radius hold with slips, %.5f m wide, without %.5f\n", hold,
               kSeeds, with, without);
+  std::printf("the slip is off by %.4f of %.2f m/s\n", off, kSlope_m_s);
   EXPECT_GE(hold, kHonest);
   EXPECT_LT(with, 0.8 * without);
 }

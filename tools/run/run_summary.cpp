@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "tools/base/interval_text.hpp"
+#include "tools/base/unit_names.hpp"
 #include "tools/robot/prior_edge.hpp"
 #include "tools/robot/units.hpp"
 #include "tools/run/drift_text.hpp"
@@ -82,6 +83,19 @@ std::string drift_lines(const RobotFile& robot, const RunResult& result) {
   return text;
 }
 
+/// What changes the states beyond a model without joints.
+std::string slip_line(const RobotFile& robot, const tiller_info_t& info) {
+  std::string text;
+  for (std::size_t i = 0; i < robot.states.size(); ++i) {
+    if (((info.slip_states >> i) & 1u) == 0) continue;
+    const std::string unit = unit_of_field(robot.states[i]);
+    text += (text.empty() ? " " : ", ") + robot.states[i] +
+            format(" %s +- %.2g ", mean_text(info.slip_mean[i], info.slip_sd[i]).c_str(), info.slip_sd[i]) +
+            (unit.empty() ? "1" : unit) + "/s";
+  }
+  return text.empty() ? text : "  slips beyond the model:" + text + "\n";
+}
+
 std::string posterior_lines(const RobotFile& robot, const RunOptions& options, const RunResult& result) {
   std::string text;
   for (std::size_t i = 0; i < robot.params.size(); ++i) {
@@ -96,7 +110,7 @@ std::string posterior_lines(const RobotFile& robot, const RunOptions& options, c
     text += "\n";
   }
   for (const std::string& edge : run_edges(robot, result)) text += "  " + edge + "\n";
-  text += drift_lines(robot, result);
+  text += drift_lines(robot, result) + slip_line(robot, result.info);
   return text + not_learnt(robot, result);
 }
 

@@ -84,11 +84,11 @@ double FilterPosterior::drifting_quantile(std::uint32_t drift, double q) const {
 }
 
 Posterior::Fading FilterPosterior::forces(double ahead_s, double* mean, double* sd, double* imaginary) const {
-  if (disturbances_.joints() == 0) return {};
+  if (disturbances_.wanderers() == 0) return {};
   const bool turns = disturbances_.per_joint() == DisturbanceStates::kAllKinds;
   const double* const rate = carried_.law + std::size_t{disturbances_.rate_row()} * n_;
   const double* const turn = carried_.law + std::size_t{disturbances_.turn_row()} * n_;
-  for (std::uint32_t j = 0; j < disturbances_.joints(); ++j) {
+  for (std::uint32_t j = 0; j < disturbances_.wanderers(); ++j) {
     const std::uint32_t state = nx_ + disturbances_.force_state(j);
     const double* wandering = carried_.filter.state + std::size_t{state} * n_;
     const double* variance = carried_.filter.covariance + std::size_t{triangle_row(nf_, state, state)} * n_;
@@ -111,7 +111,7 @@ Posterior::Fading FilterPosterior::forces(double ahead_s, double* mean, double* 
 }
 
 /// Of the particles' forecasts there is one mean; the law that is at it after kAhead periods, of what is there now,
-/// stands for it. Joints count by the size of a force that matters.
+/// stands for it. Each counts by the size of what matters.
 Posterior::Fading FilterPosterior::forecast() const {
   constexpr double kAhead = 8.0;  // short against what swings, long against a period
   const bool turns = disturbances_.per_joint() == DisturbanceStates::kAllKinds;
@@ -120,7 +120,7 @@ Posterior::Fading FilterPosterior::forecast() const {
   const double* const turn = carried_.law + std::size_t{disturbances_.turn_row()} * n_;
   double square = 0.0, along = 0.0, across = 0.0, mean_rate = 0.0;
   for (std::uint32_t k = 0; k < n_; ++k) mean_rate += cloud_.weight[k] * rate[k];
-  for (std::uint32_t j = 0; j < disturbances_.joints(); ++j) {
+  for (std::uint32_t j = 0; j < disturbances_.wanderers(); ++j) {
     const double* real = carried_.filter.state + std::size_t{nx_ + disturbances_.force_state(j)} * n_;
     const double* imaginary = turns ? real + n_ : nullptr;
     double now[2] = {}, then[2] = {};
@@ -144,7 +144,7 @@ Posterior::Fading FilterPosterior::forecast() const {
 
 void FilterPosterior::force_sizes(double* size) const {
   std::fill(size, size + TILLER_MAX_JOINTS, 0.0);
-  for (std::uint32_t j = 0; j < disturbances_.joints(); ++j) {
+  for (std::uint32_t j = 0; j < disturbances_.wanderers(); ++j) {
     double square = 0.0;
     for (std::uint32_t k = 0; k < n_; ++k) square += cloud_.weight[k] * carried_.law[std::size_t{j} * n_ + k];
     size[j] = noise_scale_ * std::sqrt(square) * disturbances_.size_of(j);

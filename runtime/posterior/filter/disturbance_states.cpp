@@ -129,11 +129,24 @@ void DisturbanceStates::add_forces() {
   sizes_ = few ? joints : static_cast<std::uint32_t>(placed) + static_cast<std::uint32_t>(loose);
 }
 
+/// No more than a plan has room for, of whatever wanders.
+std::uint32_t DisturbanceStates::slips_of(const tiller_config_t& config) {
+  if (!config.posterior.disturbance || config.model->joint_count > 0) return 0;
+  const std::uint32_t taken = quaternion_states(config.model->quaternion_mask);
+  const std::uint32_t most = std::min<std::uint32_t>(room(config), TILLER_MAX_JOINTS);
+  std::uint32_t slips = 0, count = 0;
+  for (std::uint32_t i = 0; i < config.model->state_count && count < most; ++i) {
+    if (!(config.process_sd[i] > 0.0) || ((taken >> i) & 1u) != 0) continue;
+    slips |= 1u << i;
+    ++count;
+  }
+  return slips;
+}
+
 void DisturbanceStates::add_slips() {
-  if (!config_->posterior.disturbance) return;
-  const std::uint32_t taken = quaternion_states(config_->model->quaternion_mask);
-  for (std::uint32_t i = 0; i < nx_ && slips_ < room(*config_); ++i) {
-    if (!(config_->process_sd[i] > 0.0) || ((taken >> i) & 1u) != 0) continue;
+  const std::uint32_t slips = slips_of(*config_);
+  for (std::uint32_t i = 0; i < nx_; ++i) {
+    if (((slips >> i) & 1u) == 0) continue;
     add_source(i, 1, 0);
     ++slips_;
   }

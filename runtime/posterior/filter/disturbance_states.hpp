@@ -40,6 +40,10 @@ class DisturbanceStates {
   /// The first joints, which have forces by this configuration.
   static std::uint32_t joints_of(const tiller_config_t& config);
   std::uint32_t joints() const { return joints_; }
+  /// Bits of the states that slip by this configuration.
+  static std::uint32_t slips_of(const tiller_config_t& config);
+  /// The first sources, which wander: forces at joints, or slips.
+  std::uint32_t wanderers() const { return joints_ + slips_; }
   std::uint32_t drifts() const { return drifts_; }
   std::uint32_t sources() const { return joints_ + slips_ + drifts_; }
   /// States; 0: nothing is looked for.
@@ -54,10 +58,9 @@ class DisturbanceStates {
   std::uint32_t drift_of(std::uint32_t param) const;
   bool wanders(std::uint32_t state) const { return state < states_ - drifts_ && at_source_begin(state); }
   std::uint32_t source_of(std::uint32_t state) const;
-  /// Of a force at a joint that matters.
-  double size_of(std::uint32_t joint) const { return sd_[source_[joint].first]; }
-  /// Of the force that wanders at a joint.
-  std::uint32_t force_state(std::uint32_t joint) const { return joint * per_joint_; }
+  /// Of a wanderer that matters.
+  double size_of(std::uint32_t wanderer) const { return sd_[source_[wanderer].first]; }
+  std::uint32_t force_state(std::uint32_t wanderer) const { return source_[wanderer].first + kWandering; }
   void clear();
 
   /// The lanes of a step; rows of `lanes`.

@@ -314,6 +314,6 @@ tiller_status_t check_drift(const tiller_config_t& config, const StepSetup& /*se
 
 extern const PosteriorTable filter_posterior;
 const PosteriorTable filter_posterior = {lay_out_engine, check_drift, DisturbanceStates::joints_of, false, false,
-                                         true,           true};
+                                         true,           true,        DisturbanceStates::slips_of};
 
 }  // namespace tiller
