@@ -1,6 +1,7 @@
 #include "executive/planned_forces.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "posterior/discrepancy_basis.hpp"
 
@@ -10,6 +11,9 @@ namespace {
 
 constexpr std::uint16_t kKinds[kDiscrepancyBasis] = {tiller_effect_viscous_friction, tiller_effect_coulomb_friction,
                                                      tiller_effect_constant_offset};
+
+/// What of a friction is sure: a plan that counts on more would be late where there is less.
+double sure(double mean, double sd) { return std::fmax(0.0, mean - sd); }
 
 }  // namespace
 
@@ -33,7 +37,13 @@ void PlannedForces::fill(const Posterior& posterior, std::uint32_t count, float*
   if (joints_ == 0) return;
   double value[kMaxRegressors + 2 * TILLER_MAX_JOINTS + 2] = {};
   double* const wandering = value + (kinds_ - 1) * joints_;
-  if (kinds_ > 1) posterior.friction(value, value + joints_);
+  if (kinds_ > 1) {
+    const Posterior::Friction friction = posterior.friction();
+    for (std::uint32_t j = 0; j < joints_; ++j) {
+      value[j] = sure(friction.viscous[j], friction.viscous_sd[j]);
+      value[joints_ + j] = sure(friction.dry[j], friction.dry_sd[j]);
+    }
+  }
   const Posterior::Fading fading = posterior.forces(0.0, wandering, nullptr, wandering + joints_);
   wandering[2 * joints_] = period_s_ * fading.rate;
   wandering[2 * joints_ + 1] = period_s_ * fading.turn;

@@ -65,7 +65,7 @@ void Disturbances::observe(std::uint32_t channels, std::uint32_t inputs, const d
   begun_ = true;
 }
 
-AdequacyTest* AdequacyTest::lay_out(Arena& arena, const tiller_config_t& config, bool overlap) {
+AdequacyTest* AdequacyTest::lay_out(Arena& arena, const tiller_config_t& config, bool overlap, std::uint32_t forces) {
   const std::uint32_t channels = config.measurement_count;
   const std::uint32_t disturbances = disturbance_count(config.model->input_count), features = disturbances + 2;
   auto* t = arena.take<AdequacyTest>(1);
@@ -81,7 +81,8 @@ AdequacyTest* AdequacyTest::lay_out(Arena& arena, const tiller_config_t& config,
   t->channel_data_ = channel_data;
   t->sums_ = sums;
   t->growth_ = growth;
-  const double tests = 1.0 * channels * (features + 1), cohorts = std::ceil(1.0 * kLevelTicks / kSpacing);
+  const double tests = 1.0 * channels * (features + 1) + forces;
+  const double cohorts = std::ceil(1.0 * kLevelTicks / kSpacing);
   t->first_threshold_ = math::log(tests / (kFirstShare * kLevel));
   t->threshold_ = math::log(tests * cohorts / ((1.0 - kFirstShare) * kLevel));
   t->reset();
@@ -93,6 +94,7 @@ void AdequacyTest::reset() {
   channel_ = 0;
   feature_ = tiller_feature_none;
   statistic_ = 0.0;
+  by_force_ = false;
   restart();
 }
 
@@ -175,7 +177,8 @@ void AdequacyTest::take(const Innovation& innovation) {
   if (!settled) return;
   ++ticks_;
   sounds_ = largest_ > 1.0;
-  if (state_ == tiller_adequacy_inadequate) return;
+  if (stands() || (by_force_ && !sounds_)) return;
+  by_force_ = false;
   statistic_ = std::fmax(0.0, largest_);
   state_ = largest_ > 1.0 ? tiller_adequacy_inadequate : tiller_adequacy_adequate;
 }
@@ -206,6 +209,19 @@ void AdequacyTest::test_channel(std::uint32_t k, double normalised, const double
   }
 }
 
+/// One likelihood ratio from the run's begin on, under the thresholds of the sums: that of those that begin with the run
+/// while they live, later that of one cohort in all. A force that may change need not be the same in each.
+void AdequacyTest::take_force(std::uint32_t channel, tiller_feature_t feature, double evidence) {
+  const double ratio = evidence / threshold_of(0);
+  const bool alarm = ratio > 1.0;
+  if (state_ != tiller_adequacy_adequate || !(alarm || ratio > statistic_)) return;
+  statistic_ = ratio;
+  channel_ = channel;
+  feature_ = feature;
+  by_force_ = alarm;
+  if (alarm) state_ = tiller_adequacy_inadequate;
+}
+
 /// The first cohort stands in slot 0 until its life is over.
 double AdequacyTest::threshold_of(std::uint32_t cohort) const {
   return cohort == 0 && ticks_ < std::uint64_t{kSpacing} * kCohorts ? first_threshold_ : threshold_;
@@ -214,7 +230,7 @@ double AdequacyTest::threshold_of(std::uint32_t cohort) const {
 void AdequacyTest::note(double ratio, std::uint32_t k, std::uint32_t feature) {
   if (!(ratio > largest_)) return;
   largest_ = ratio;
-  if (state_ == tiller_adequacy_inadequate) return;
+  if (stands() || (by_force_ && ratio <= 1.0)) return;
   channel_ = k;
   feature_ = name_of(feature);
 }

@@ -366,6 +366,10 @@ void DisturbanceStates::prior_variance(const double* law, std::uint32_t stride, 
   }
 }
 
+double DisturbanceStates::friction_variance(std::uint32_t state, double law, double after_s) const {
+  return law * sd_[state] * sd_[state] * (1.0 + kDrift * kDrift * after_s);
+}
+
 void DisturbanceStates::add_process(const Lanes16& job, double* covariance) const {
   const std::uint32_t lanes = job.lanes, n = nx_ + states_;
   const auto at = [&](std::uint32_t r, std::uint32_t c) { return covariance + triangle_row(n, r, c) * lanes; };
