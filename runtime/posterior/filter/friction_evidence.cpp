@@ -4,7 +4,7 @@
 // P). The data's density with the state, over that with the state at zero, is the ratio of the two laws' densities at
 // zero (Dickey, "The weighted likelihood ratio", Annals of Mathematical Statistics 42, 1971; Savage's),
 //
-//     B_i = L(S, l) / L(S + m^2 / P, l + log(V / P)),
+//     B_i = L(S, l) / L(S + m^2 / P, l - log(V / P)),
 //
 // L the likelihood of the innovations with their scale integrated out (ScaleEvidence). Over the particles, who are
 // drawn from the posterior with the friction,
@@ -19,6 +19,8 @@
 // m has, and the level is split over the times at which it could be another (AdequacyTest::take_force).
 
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 
 #include "posterior/filter/filter_posterior.hpp"
 #include "tiller/math.hpp"
@@ -62,7 +64,7 @@ double FilterPosterior::friction_evidence(std::uint32_t joint, std::uint32_t kin
     if (!(before > 0.0)) return 0.0;
     const double after = std::fmin(before, std::fmax(variance[i], kVarianceFloor * before));
     without[ScaleEvidence::kSquared * n_ + i] = squared[i] + mean[i] * mean[i] / after;
-    without[ScaleEvidence::kLogs * n_ + i] = logs[i] + math::log(before / after);
+    without[ScaleEvidence::kLogs * n_ + i] = logs[i] - math::log(before / after);
   }
   evidence_.log_likelihood(n_, without, n_, density);
   double none = 0.0;
@@ -71,6 +73,7 @@ double FilterPosterior::friction_evidence(std::uint32_t joint, std::uint32_t kin
     if (cloud_.weight[i] > 0.0 && std::isfinite(less)) none += cloud_.weight[i] * math::exp(less);
   }
   constexpr double kLeast = 1e-300;  // whose logarithm is one
+  if (std::getenv("DBG")) std::printf("  %.2f kind %u ev %.2f\n", elapsed_s_, kind, -math::log(std::fmax(none, kLeast)));
   return -math::log(std::fmax(none, kLeast));
 }
 
