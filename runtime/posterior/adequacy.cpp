@@ -1,5 +1,6 @@
 #include "posterior/adequacy.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "tiller/math.hpp"
@@ -102,6 +103,7 @@ void AdequacyTest::restart() {
   for (std::uint32_t k = 0; k < channels_; ++k) channel_data_[k] = {};
   for (std::uint32_t i = 0; i < channels_ * features_ * kCohorts; ++i) sums_[i] = {};
   for (std::uint32_t i = 0; i < channels_ * kCohorts; ++i) growth_[i] = 0.0;
+  for (std::uint32_t& held : held_) held = 0;
   ticks_ = 0;
   sounds_ = false;
   begin();
@@ -210,12 +212,14 @@ void AdequacyTest::test_channel(std::uint32_t k, double normalised, const double
 }
 
 /// One likelihood ratio from the run's begin on, under the thresholds of the sums: that of those that begin with the run
-/// while they live, later that of one cohort in all. A force that may change need not be the same in each.
-void AdequacyTest::take_force(std::uint32_t channel, tiller_feature_t feature, double evidence) {
+/// while they live, later that of one cohort in all. A force that may change need not be the same in each. It has to
+/// stand for kSpacing ticks, which only makes alarms rarer: a blow in a still world is taken for anything at first.
+void AdequacyTest::take_force(std::uint32_t force, std::uint32_t channel, tiller_feature_t feature, double evidence) {
   const double ratio = evidence / threshold_of(0);
-  const bool alarm = ratio > 1.0;
-  if (state_ != tiller_adequacy_adequate || !(alarm || ratio > statistic_)) return;
-  statistic_ = ratio;
+  held_[force] = ratio > 1.0 ? std::min(held_[force] + 1, kSpacing) : 0;
+  const bool alarm = held_[force] == kSpacing;
+  if (state_ != tiller_adequacy_adequate || !(alarm || std::fmin(ratio, 1.0) > statistic_)) return;
+  statistic_ = alarm ? ratio : std::fmin(ratio, 1.0);
   channel_ = channel;
   feature_ = feature;
   by_force_ = alarm;

@@ -93,10 +93,11 @@ class AdequacyTest {
   /// The state estimate starts again: the innovations of the next kSettling ticks are not tested.
   void begin();
   void take(const Innovation& innovation);
-  /// After take(): the logarithm of how much likelier the data are with a force that goes with the feature than without.
-  /// Its alarm says that the model lacks what the estimate follows, so one of the innovations, which nothing explains,
-  /// takes its place.
-  void take_force(std::uint32_t channel, tiller_feature_t feature, double evidence);
+  /// After take(), of `force` below kMostForces: the logarithm of how much likelier the data are with a force that goes
+  /// with the feature than without. Its alarm says that the model lacks what the estimate follows, so one of the
+  /// innovations, which nothing explains, takes its place.
+  void take_force(std::uint32_t force, std::uint32_t channel, tiller_feature_t feature, double evidence);
+  static constexpr std::uint32_t kMostForces = 8;
 
   tiller_adequacy_t state() const { return state_; }
   /// Of the alarm; before one, of the largest statistic.
@@ -154,7 +155,8 @@ class AdequacyTest {
   double statistic_ = 0.0;
   double largest_ = 0.0;  // in this tick
   bool sounds_ = false;
-  bool by_force_ = false;  // the alarm is take_force()'s
+  bool by_force_ = false;                 // the alarm is take_force()'s
+  std::uint32_t held_[kMostForces] = {};  // ticks in a row with evidence beyond the threshold
   double residual_[TILLER_MAX_MEASUREMENTS] = {};
 };
 

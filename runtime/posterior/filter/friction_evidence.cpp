@@ -19,13 +19,13 @@
 // m has, and the level is split over the times at which it could be another (AdequacyTest::take_force).
 
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 
 #include "posterior/filter/filter_posterior.hpp"
 #include "tiller/math.hpp"
 
 namespace tiller {
+
+static_assert(AdequacyTest::kMostForces >= 2 * kDiscrepancyJoints, "two of each joint");
 
 namespace {
 
@@ -38,13 +38,15 @@ std::uint32_t channel_of(const tiller_config_t& config, const tiller_joint_t& jo
 
 }  // namespace
 
-/// Only of all the data: a tempered posterior is not what the particles' weights would have to be.
+/// Only of all the data, for a tempered posterior is not what the particles' weights would have to be; and not on trial,
+/// when it is open whether the null explains the data at all.
 void FilterPosterior::test_friction() {
-  if (!disturbances_.has_friction() || exponent_ < 1.0 || early_ > 0) return;
+  if (!disturbances_.has_friction() || exponent_ < 1.0 || early_ > 0 || trial_ > 0) return;
   for (std::uint32_t j = 0; j < disturbances_.joints(); ++j) {
     const std::uint32_t channel = channel_of(*config_, config_->model->joints[j]);
-    adequacy_->take_force(channel, tiller_feature_velocity, friction_evidence(j, DisturbanceStates::kViscous));
-    adequacy_->take_force(channel, tiller_feature_velocity_sign, friction_evidence(j, DisturbanceStates::kDry));
+    adequacy_->take_force(2 * j, channel, tiller_feature_velocity, friction_evidence(j, DisturbanceStates::kViscous));
+    adequacy_->take_force(2 * j + 1, channel, tiller_feature_velocity_sign,
+                          friction_evidence(j, DisturbanceStates::kDry));
   }
 }
 
@@ -54,8 +56,8 @@ double FilterPosterior::friction_evidence(std::uint32_t joint, std::uint32_t kin
   const double* const mean = carried_.filter.state + std::size_t{state} * n_;
   const double* const variance = carried_.filter.covariance + std::size_t{triangle_row(nf_, state, state)} * n_;
   const double* const size = carried_.law + std::size_t{joint} * n_;
-  const double *const squared = carried_.sums + ScaleEvidence::kSquared * n_,
-               *const logs = carried_.sums + ScaleEvidence::kLogs * n_;
+  const double *const squared = carried_.sums + ScaleEvidence::kSquared * n_, *const logs = carried_.sums +
+                                                                                            ScaleEvidence::kLogs * n_;
   double* const without = scratch_row(0);  // sums, two rows
   double* const density = scratch_row(2);
   for (std::uint32_t i = 0; i < n_; ++i) {
@@ -73,7 +75,6 @@ double FilterPosterior::friction_evidence(std::uint32_t joint, std::uint32_t kin
     if (cloud_.weight[i] > 0.0 && std::isfinite(less)) none += cloud_.weight[i] * math::exp(less);
   }
   constexpr double kLeast = 1e-300;  // whose logarithm is one
-  if (std::getenv("DBG")) std::printf("  %.2f kind %u ev %.2f\n", elapsed_s_, kind, -math::log(std::fmax(none, kLeast)));
   return -math::log(std::fmax(none, kLeast));
 }
 
