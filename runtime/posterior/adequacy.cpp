@@ -47,8 +47,16 @@ std::uint32_t velocity_state(const tiller_model_t& model, std::uint32_t i) {
   return model.state_count;
 }
 
-void Disturbances::observe(std::uint32_t channels, std::uint32_t inputs, const double* velocity, const double* input,
-                           double (*phi)[kMaxDisturbances]) {
+std::uint32_t position_state(const tiller_model_t& model, std::uint32_t i) {
+  for (std::uint32_t j = 0; j < model.joint_count; ++j)
+    if ((model.joints[j].position == i || model.joints[j].velocity == i) &&
+        model.joints[j].position != TILLER_NO_POSITION)
+      return model.joints[j].position;
+  return model.state_count;
+}
+
+void Disturbances::observe(std::uint32_t channels, std::uint32_t inputs, const double* velocity, const double* position,
+                           const double* input, double (*phi)[kMaxDisturbances]) {
   count_ += 1.0;
   for (std::uint32_t k = 0; k < channels; ++k) {
     const double v = velocity[k];
@@ -57,6 +65,7 @@ void Disturbances::observe(std::uint32_t channels, std::uint32_t inputs, const d
     phi[k][kBias] = 1.0;
     phi[k][kVelocity] = v;
     phi[k][kSign] = v * v > kStill * kStill * square ? std::copysign(1.0, v) : 0.0;
+    phi[k][kPosition] = position ? position[k] : 0.0;
     for (std::uint32_t j = 0; j < inputs; ++j) {
       phi[k][kInputs + 2 * j] = input[j];
       phi[k][kInputs + 2 * j + 1] = begun_ ? input[j] - before_[j] : 0.0;
@@ -246,7 +255,7 @@ tiller_feature_t AdequacyTest::name_of(std::uint32_t feature) const {
   switch (feature) {
     case kVelocity: return tiller_feature_velocity;
     case kSign: return tiller_feature_velocity_sign;
-    default: return tiller_feature_bias;
+    default: return tiller_feature_bias;  // a spring and a gravity that the model lacks are both
   }
 }
 

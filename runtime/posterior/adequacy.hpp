@@ -8,8 +8,8 @@
 namespace tiller {
 
 /// Disturbances that a model may lack: a constant force at the channel's joint, one that goes with the joint's velocity
-/// or with its sign, and of each input its own share and that of its change.
-enum Disturbance : std::uint32_t { kBias, kVelocity, kSign, kInputs };
+/// its sign or its position, and of each input its own share and that of its change.
+enum Disturbance : std::uint32_t { kBias, kVelocity, kSign, kPosition, kInputs };
 constexpr std::uint32_t disturbance_count(std::uint32_t inputs) { return kInputs + 2 * inputs; }
 constexpr std::uint32_t kMaxDisturbances = disturbance_count(TILLER_MAX_INPUTS);
 
@@ -21,13 +21,14 @@ struct Innovation {
   double response[TILLER_MAX_MEASUREMENTS][kMaxDisturbances] = {};
 };
 
-/// The disturbances' own course: 1, v, sign v, and of each input u and its change.
+/// The disturbances' own course: 1, v, sign v, q, and of each input u and its change.
 class Disturbances {
  public:
   void begin() { begun_ = false; }
-  /// velocity (channels): of each channel's joint; input (inputs): in force.
-  void observe(std::uint32_t channels, std::uint32_t inputs, const double* velocity, const double* input,
-               double (*phi)[kMaxDisturbances]);
+  /// velocity, position (channels): of each channel's joint; input (inputs): in force. No position, no force by it:
+  /// who estimates no forces finds a spring by what it is at rest and by how it changes.
+  void observe(std::uint32_t channels, std::uint32_t inputs, const double* velocity, const double* position,
+               const double* input, double (*phi)[kMaxDisturbances]);
 
  private:
   double velocity_square_[TILLER_MAX_MEASUREMENTS] = {};  // running means
@@ -38,6 +39,8 @@ class Disturbances {
 
 /// The state that is the velocity of state `i`'s joint (itself, for a velocity); state_count where no joint has it.
 std::uint32_t velocity_state(const tiller_model_t& model, std::uint32_t i);
+/// Its position, likewise.
+std::uint32_t position_state(const tiller_model_t& model, std::uint32_t i);
 
 /// Whether the innovations are what the model says they are, one tick after the other.
 ///

@@ -25,7 +25,8 @@ const char* feature_text(tiller_feature_t feature) {
 /// What a force that wanders did not take up, beside the usual causes; null: it is no force's.
 const char* systematic_force(tiller_feature_t feature) {
   switch (feature) {
-    case tiller_feature_bias: return "stays as it is (gravity, a spring or a sensor's offset that the model lacks)";
+    case tiller_feature_bias:
+      return "stays as it is or goes with its position (gravity, a spring or a sensor's offset that the model lacks)";
     case tiller_feature_velocity: return "goes with its velocity (a friction or a drag that the model lacks)";
     case tiller_feature_velocity_sign: return "goes with its direction of motion (a dry friction that the model lacks)";
     case tiller_feature_input: return "goes with the input (a wrong gain of the drive, or a wrong parameter)";

@@ -110,7 +110,7 @@ class FilterPosterior::Layout {
     const bool tested = config_.posterior.adequacy != 0 && config_.posterior.enabled != 0;
     const std::uint32_t frictions = disturbances_.has_friction() ? 2 * disturbances_.joints() : 0;
     adequacy_ = tested ? AdequacyTest::lay_out(arena_, config_, false, frictions) : nullptr;
-    response_ = tested ? DisturbanceResponse::lay_out(arena_, config_) : nullptr;
+    response_ = tested ? DisturbanceResponse::lay_out(arena_, config_, nf_) : nullptr;
     response_scratch_ = rows(tested ? nx_ + nx_ * nx_ + nx_ * nu_ : 0, kChunk);
   }
 

@@ -186,8 +186,7 @@ class FilterPosterior final : public Posterior {
 
   // innovation.cpp: what the adequacy test is fed with
   void test_innovation();
-  void respond(const double* speed, Innovation& now);
-  void turn_response(const Step& step, std::uint32_t lane, const LineariseJob& job) const;
+  void respond(const double* speed, const double* place, Innovation& now);
   double mean_before(std::uint32_t state) const;
 
   // friction_evidence.cpp: whether a force goes with the velocity or its sign
