@@ -142,7 +142,8 @@ Posterior::Friction FilterPosterior::friction() const {
   Friction told;
   for (std::uint32_t j = 0; j < disturbances_.joints() && disturbances_.has_friction(); ++j) {
     const auto read = [&](std::uint32_t kind, double* mean, double* sd) {
-      const std::uint32_t state = nx_ + disturbances_.force_state(j) + kind;
+      const std::uint32_t lacking = disturbances_.force_state(j) + kind, state = nx_ + lacking;
+      if (!(disturbances_.friction_variance(lacking, 1.0, 0.0) > 0.0)) return;
       const double* row = carried_.filter.state + std::size_t{state} * n_;
       const double* variance = carried_.filter.covariance + std::size_t{triangle_row(nf_, state, state)} * n_;
       double sum = 0.0, square = 0.0, within = 0.0;
