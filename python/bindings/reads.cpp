@@ -181,6 +181,12 @@ void bind_info(nb::module_& m) {
       .def_prop_ro("slip_mean", &field_view<&tiller_info_t::slip_mean, state_count>,
                    "(nx) a second: what changes each state beyond the model; 0 where none is estimated.")
       .def_prop_ro("slip_sd", &field_view<&tiller_info_t::slip_sd, state_count>, "(nx)")
+      .def_prop_ro("viscous_mean", &field_view<&tiller_info_t::viscous_mean, force_count>,
+                   "(joints) N s/m or N m s, beyond the model's; 0 where none is looked for.")
+      .def_prop_ro("viscous_sd", &field_view<&tiller_info_t::viscous_sd, force_count>, "(joints)")
+      .def_prop_ro("dry_mean", &field_view<&tiller_info_t::dry_mean, force_count>,
+                   "(joints) N or N m, beyond the model's; 0 where none is looked for.")
+      .def_prop_ro("dry_sd", &field_view<&tiller_info_t::dry_sd, force_count>, "(joints)")
       .def_prop_ro("noise_sd", &field_view<&tiller_info_t::noise_sd, state_count>, "(nx)")
       .def_prop_ro("delay_weight", &field_view<&tiller_info_t::delay_weight, delay_count>, "(delay hypotheses)")
       .def_prop_ro("drift_evidence", &field_view<&tiller_info_t::drift_evidence, drift_count>,

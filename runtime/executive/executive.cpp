@@ -198,6 +198,11 @@ void Executive::read_forces() {
   if (info_.slip_states != 0) read_slips();
   if (info_.force_joints == 0) return;
   (void)posterior_->forces(0.0, info_.force_mean, info_.force_sd);
+  const Posterior::Friction friction = posterior_->friction();
+  std::copy(friction.viscous, friction.viscous + TILLER_MAX_JOINTS, info_.viscous_mean);
+  std::copy(friction.viscous_sd, friction.viscous_sd + TILLER_MAX_JOINTS, info_.viscous_sd);
+  std::copy(friction.dry, friction.dry + TILLER_MAX_JOINTS, info_.dry_mean);
+  std::copy(friction.dry_sd, friction.dry_sd + TILLER_MAX_JOINTS, info_.dry_sd);
   double mean[TILLER_MAX_JOINTS] = {}, sd[TILLER_MAX_JOINTS] = {};
   posterior_->contacts(mean, sd);
   info_.touched = contact_.judge(info_.force_joints, mean, sd);

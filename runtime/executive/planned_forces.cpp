@@ -1,6 +1,7 @@
 #include "executive/planned_forces.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "posterior/discrepancy_basis.hpp"
 
@@ -16,6 +17,9 @@ std::uint32_t bits(std::uint32_t set) {
   for (; set != 0; set &= set - 1) ++count;
   return count;
 }
+
+/// What of a friction is sure: a plan that counts on more would be late where there is less.
+double sure(double mean, double sd) { return std::fmax(0.0, mean - sd); }
 
 }  // namespace
 
@@ -46,7 +50,13 @@ void PlannedForces::fill(const Posterior& posterior, std::uint32_t count, float*
   if (count_ == 0) return;
   double value[kMaxRegressors + 2 * TILLER_MAX_JOINTS + 2] = {};
   double* const wandering = value + (kinds_ - 1) * count_;
-  if (kinds_ > 1) posterior.friction(value, value + count_);
+  if (kinds_ > 1) {
+    const Posterior::Friction friction = posterior.friction();
+    for (std::uint32_t j = 0; j < count_; ++j) {
+      value[j] = sure(friction.viscous[j], friction.viscous_sd[j]);
+      value[count_ + j] = sure(friction.dry[j], friction.dry_sd[j]);
+    }
+  }
   const Posterior::Fading fading = posterior.forces(slip() ? period_s_ : 0.0, wandering, nullptr, wandering + count_);
   wandering[2 * count_] = period_s_ * fading.rate;
   wandering[2 * count_ + 1] = period_s_ * fading.turn;

@@ -1,5 +1,6 @@
 #include "posterior/adequacy.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "tiller/math.hpp"
@@ -46,8 +47,16 @@ std::uint32_t velocity_state(const tiller_model_t& model, std::uint32_t i) {
   return model.state_count;
 }
 
-void Disturbances::observe(std::uint32_t channels, std::uint32_t inputs, const double* velocity, const double* input,
-                           double (*phi)[kMaxDisturbances]) {
+std::uint32_t position_state(const tiller_model_t& model, std::uint32_t i) {
+  for (std::uint32_t j = 0; j < model.joint_count; ++j)
+    if ((model.joints[j].position == i || model.joints[j].velocity == i) &&
+        model.joints[j].position != TILLER_NO_POSITION)
+      return model.joints[j].position;
+  return model.state_count;
+}
+
+void Disturbances::observe(std::uint32_t channels, std::uint32_t inputs, const double* velocity, const double* position,
+                           const double* input, double (*phi)[kMaxDisturbances]) {
   count_ += 1.0;
   for (std::uint32_t k = 0; k < channels; ++k) {
     const double v = velocity[k];
@@ -56,6 +65,7 @@ void Disturbances::observe(std::uint32_t channels, std::uint32_t inputs, const d
     phi[k][kBias] = 1.0;
     phi[k][kVelocity] = v;
     phi[k][kSign] = v * v > kStill * kStill * square ? std::copysign(1.0, v) : 0.0;
+    phi[k][kPosition] = position ? position[k] : 0.0;
     for (std::uint32_t j = 0; j < inputs; ++j) {
       phi[k][kInputs + 2 * j] = input[j];
       phi[k][kInputs + 2 * j + 1] = begun_ ? input[j] - before_[j] : 0.0;
@@ -65,7 +75,7 @@ void Disturbances::observe(std::uint32_t channels, std::uint32_t inputs, const d
   begun_ = true;
 }
 
-AdequacyTest* AdequacyTest::lay_out(Arena& arena, const tiller_config_t& config, bool overlap) {
+AdequacyTest* AdequacyTest::lay_out(Arena& arena, const tiller_config_t& config, bool overlap, std::uint32_t forces) {
   const std::uint32_t channels = config.measurement_count;
   const std::uint32_t disturbances = disturbance_count(config.model->input_count), features = disturbances + 2;
   auto* t = arena.take<AdequacyTest>(1);
@@ -81,7 +91,8 @@ AdequacyTest* AdequacyTest::lay_out(Arena& arena, const tiller_config_t& config,
   t->channel_data_ = channel_data;
   t->sums_ = sums;
   t->growth_ = growth;
-  const double tests = 1.0 * channels * (features + 1), cohorts = std::ceil(1.0 * kLevelTicks / kSpacing);
+  const double tests = 1.0 * channels * (features + 1) + forces;
+  const double cohorts = std::ceil(1.0 * kLevelTicks / kSpacing);
   t->first_threshold_ = math::log(tests / (kFirstShare * kLevel));
   t->threshold_ = math::log(tests * cohorts / ((1.0 - kFirstShare) * kLevel));
   t->reset();
@@ -93,6 +104,7 @@ void AdequacyTest::reset() {
   channel_ = 0;
   feature_ = tiller_feature_none;
   statistic_ = 0.0;
+  by_force_ = false;
   restart();
 }
 
@@ -100,6 +112,7 @@ void AdequacyTest::restart() {
   for (std::uint32_t k = 0; k < channels_; ++k) channel_data_[k] = {};
   for (std::uint32_t i = 0; i < channels_ * features_ * kCohorts; ++i) sums_[i] = {};
   for (std::uint32_t i = 0; i < channels_ * kCohorts; ++i) growth_[i] = 0.0;
+  for (std::uint32_t& held : held_) held = 0;
   ticks_ = 0;
   sounds_ = false;
   begin();
@@ -175,7 +188,8 @@ void AdequacyTest::take(const Innovation& innovation) {
   if (!settled) return;
   ++ticks_;
   sounds_ = largest_ > 1.0;
-  if (state_ == tiller_adequacy_inadequate) return;
+  if (stands() || (by_force_ && !sounds_)) return;
+  by_force_ = false;
   statistic_ = std::fmax(0.0, largest_);
   state_ = largest_ > 1.0 ? tiller_adequacy_inadequate : tiller_adequacy_adequate;
 }
@@ -206,6 +220,21 @@ void AdequacyTest::test_channel(std::uint32_t k, double normalised, const double
   }
 }
 
+/// One likelihood ratio from the run's begin on, under the thresholds of the sums: that of those that begin with the run
+/// while they live, later that of one cohort in all. A force that may change need not be the same in each. It has to
+/// stand for kSpacing ticks, which only makes alarms rarer: a blow in a still world is taken for anything at first.
+void AdequacyTest::take_force(std::uint32_t force, std::uint32_t channel, tiller_feature_t feature, double evidence) {
+  const double ratio = evidence / threshold_of(0);
+  held_[force] = ratio > 1.0 ? std::min(held_[force] + 1, kSpacing) : 0;
+  const bool alarm = held_[force] == kSpacing;
+  if (state_ != tiller_adequacy_adequate || !(alarm || std::fmin(ratio, 1.0) > statistic_)) return;
+  statistic_ = alarm ? ratio : std::fmin(ratio, 1.0);
+  channel_ = channel;
+  feature_ = feature;
+  by_force_ = alarm;
+  if (alarm) state_ = tiller_adequacy_inadequate;
+}
+
 /// The first cohort stands in slot 0 until its life is over.
 double AdequacyTest::threshold_of(std::uint32_t cohort) const {
   return cohort == 0 && ticks_ < std::uint64_t{kSpacing} * kCohorts ? first_threshold_ : threshold_;
@@ -214,7 +243,7 @@ double AdequacyTest::threshold_of(std::uint32_t cohort) const {
 void AdequacyTest::note(double ratio, std::uint32_t k, std::uint32_t feature) {
   if (!(ratio > largest_)) return;
   largest_ = ratio;
-  if (state_ == tiller_adequacy_inadequate) return;
+  if (stands() || (by_force_ && ratio <= 1.0)) return;
   channel_ = k;
   feature_ = name_of(feature);
 }
@@ -226,7 +255,7 @@ tiller_feature_t AdequacyTest::name_of(std::uint32_t feature) const {
   switch (feature) {
     case kVelocity: return tiller_feature_velocity;
     case kSign: return tiller_feature_velocity_sign;
-    default: return tiller_feature_bias;
+    default: return tiller_feature_bias;  // a spring and a gravity that the model lacks are both
   }
 }
 

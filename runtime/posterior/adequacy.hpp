@@ -8,8 +8,8 @@
 namespace tiller {
 
 /// Disturbances that a model may lack: a constant force at the channel's joint, one that goes with the joint's velocity
-/// or with its sign, and of each input its own share and that of its change.
-enum Disturbance : std::uint32_t { kBias, kVelocity, kSign, kInputs };
+/// its sign or its position, and of each input its own share and that of its change.
+enum Disturbance : std::uint32_t { kBias, kVelocity, kSign, kPosition, kInputs };
 constexpr std::uint32_t disturbance_count(std::uint32_t inputs) { return kInputs + 2 * inputs; }
 constexpr std::uint32_t kMaxDisturbances = disturbance_count(TILLER_MAX_INPUTS);
 
@@ -21,13 +21,14 @@ struct Innovation {
   double response[TILLER_MAX_MEASUREMENTS][kMaxDisturbances] = {};
 };
 
-/// The disturbances' own course: 1, v, sign v, and of each input u and its change.
+/// The disturbances' own course: 1, v, sign v, q, and of each input u and its change.
 class Disturbances {
  public:
   void begin() { begun_ = false; }
-  /// velocity (channels): of each channel's joint; input (inputs): in force.
-  void observe(std::uint32_t channels, std::uint32_t inputs, const double* velocity, const double* input,
-               double (*phi)[kMaxDisturbances]);
+  /// velocity, position (channels): of each channel's joint; input (inputs): in force. No position, no force by it:
+  /// who estimates no forces finds a spring by what it is at rest and by how it changes.
+  void observe(std::uint32_t channels, std::uint32_t inputs, const double* velocity, const double* position,
+               const double* input, double (*phi)[kMaxDisturbances]);
 
  private:
   double velocity_square_[TILLER_MAX_MEASUREMENTS] = {};  // running means
@@ -38,6 +39,8 @@ class Disturbances {
 
 /// The state that is the velocity of state `i`'s joint (itself, for a velocity); state_count where no joint has it.
 std::uint32_t velocity_state(const tiller_model_t& model, std::uint32_t i);
+/// Its position, likewise.
+std::uint32_t position_state(const tiller_model_t& model, std::uint32_t i);
 
 /// Whether the innovations are what the model says they are, one tick after the other.
 ///
@@ -59,6 +62,9 @@ std::uint32_t velocity_state(const tiller_model_t& model, std::uint32_t i);
 /// `size` is the likelihood ratio of a noise kGrowth times as large against the Student density that the values so far
 /// predict, the exact conditional density of normal values of unknown scale.
 ///
+/// Forces that are estimated beside the state (posterior.disturbance) leave no trace in the innovations. Whether they are
+/// systematic their own evidence says, which take_force() is told: a likelihood ratio under the same level.
+///
 /// The tests are those of the configuration's channels. Cost: O(kCohorts * channels * features) per tick.
 class AdequacyTest {
  public:
@@ -73,18 +79,28 @@ class AdequacyTest {
   /// measured do. A feature then is one of the tick before the last, and the sums of those that may alternate count
   /// kOverlap times their variance: of two series with lag-one correlations of -1/2 the products' sum has
   /// 1 + 2 (1/2)^2 times the variance that independent terms would give it (Bartlett 1946).
-  static AdequacyTest* lay_out(Arena& arena, const tiller_config_t& config, bool overlap);
+  ///
+  /// `forces`: of which evidence is told.
+  static AdequacyTest* lay_out(Arena& arena, const tiller_config_t& config, bool overlap, std::uint32_t forces = 0);
 
   void reset();
   /// The sums start again, because the posterior does; an alarm stays.
   void restart();
   /// Takes an alarm back: what was learnt since explains the data.
-  void withdraw() { state_ = tiller_adequacy_adequate; }
-  /// Whether the sums gave an alarm in this tick, an earlier one or not.
+  void withdraw() {
+    state_ = tiller_adequacy_adequate;
+    by_force_ = false;
+  }
+  /// Whether the innovations gave an alarm in this tick, an earlier one or not.
   bool sounds() const { return sounds_; }
   /// The state estimate starts again: the innovations of the next kSettling ticks are not tested.
   void begin();
   void take(const Innovation& innovation);
+  /// After take(), of `force` below kMostForces: the logarithm of how much likelier the data are with a force that goes
+  /// with the feature than without. Its alarm says that the model lacks what the estimate follows, so one of the
+  /// innovations, which nothing explains, takes its place.
+  void take_force(std::uint32_t force, std::uint32_t channel, tiller_feature_t feature, double evidence);
+  static constexpr std::uint32_t kMostForces = 8;
 
   tiller_adequacy_t state() const { return state_; }
   /// Of the alarm; before one, of the largest statistic.
@@ -120,6 +136,7 @@ class AdequacyTest {
   void test_channel(std::uint32_t k, double normalised, const double* feature);
   double threshold_of(std::uint32_t cohort) const;
   void note(double ratio, std::uint32_t k, std::uint32_t feature);
+  bool stands() const { return state_ == tiller_adequacy_inadequate && !by_force_; }
   tiller_feature_t name_of(std::uint32_t feature) const;
 
   // constant after lay_out
@@ -141,6 +158,8 @@ class AdequacyTest {
   double statistic_ = 0.0;
   double largest_ = 0.0;  // in this tick
   bool sounds_ = false;
+  bool by_force_ = false;                 // the alarm is take_force()'s
+  std::uint32_t held_[kMostForces] = {};  // ticks in a row with evidence beyond the threshold
   double residual_[TILLER_MAX_MEASUREMENTS] = {};
 };
 

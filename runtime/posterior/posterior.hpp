@@ -146,9 +146,13 @@ class Posterior {
     (void)forces(0.0, mean, sd);
     for (std::uint32_t j = 0; j < TILLER_MAX_JOINTS; ++j) size[j] = std::sqrt(mean[j] * mean[j] + sd[j] * sd[j]);
   }
-  /// Viscous and dry friction beyond the model at these joints, in N s/m or N m s and N or N m: what of it is sure, its
-  /// mean less a deviation, and not below zero (force_joints each).
-  virtual void friction(double* /*viscous*/, double* /*dry*/) const {}
+  /// Friction beyond the model at these joints, its mean and its deviation (force_joints each); zeros where none is
+  /// looked for. Cost: O(N) a joint.
+  struct Friction {
+    double viscous[TILLER_MAX_JOINTS] = {}, viscous_sd[TILLER_MAX_JOINTS] = {};  // N s/m or N m s
+    double dry[TILLER_MAX_JOINTS] = {}, dry_sd[TILLER_MAX_JOINTS] = {};          // N or N m
+  };
+  virtual Friction friction() const { return {}; }
   /// Forces, of an estimate that looks out for contacts (safety.contact_force): quicker, and less sure.
   virtual void contacts(double* mean, double* sd) const { (void)forces(0.0, mean, sd); }
   /// By how many periods, parts of them included, the inputs of the hypothesis in this column of the last draw() come

@@ -74,9 +74,11 @@ class Obedient final : public Posterior {
         state[x * count + i] = static_cast<float>(posterior.state[x] - origin()[x]);
     if (effect_state) std::fill(effect_state, effect_state + std::size_t{setup_.effect_state_count} * count, 0.0f);
   }
-  void friction(double* viscous, double* dry) const override {
-    std::fill(viscous, viscous + config_->model->joint_count, posterior.viscous);
-    std::fill(dry, dry + config_->model->joint_count, posterior.dry);
+  Friction friction() const override {
+    Friction sure;
+    std::fill(sure.viscous, sure.viscous + config_->model->joint_count, posterior.viscous);
+    std::fill(sure.dry, sure.dry + config_->model->joint_count, posterior.dry);
+    return sure;
   }
   Fading forces(double, double* mean, double* sd, double* imaginary) const override {
     const bool slips = slip_states(*config_) != 0;

@@ -262,10 +262,10 @@ struct Alone {
   Alone(std::uint32_t channels, bool overlap) {
     c.measurement_count = channels;
     tiller::Arena measure;
-    AdequacyTest::lay_out(measure, c, overlap);
+    AdequacyTest::lay_out(measure, c, overlap, 1);
     memory = std::aligned_alloc(64, measure.used());
     tiller::Arena arena(memory, measure.used());
-    test = AdequacyTest::lay_out(arena, c, overlap);
+    test = AdequacyTest::lay_out(arena, c, overlap, 1);
   }
   ~Alone() { std::free(memory); }
   Alone(const Alone&) = delete;
@@ -343,6 +343,37 @@ TEST(Adequacy, IsLatchedUntilReset) {
   alone.test->reset();
   EXPECT_EQ(alone.test->state(), tiller_adequacy_untested);
   EXPECT_EQ(alone.test->feature(), tiller_feature_none);
+}
+
+/// Evidence of a force has to stand for 128 ticks. Innovations that nothing explains say more than a force that is
+/// followed: their alarm takes its place, and withdrawn gives it back.
+TEST(Adequacy, AForceThatIsFollowedIsToldUntilSomethingWorseIs) {
+  Alone alone(1, false);
+  std::mt19937_64 random(11);
+  std::normal_distribution<double> n;
+  const auto tick = [&](double value, double evidence) {
+    alone.test->take(moment(value, n(random), n(random)));
+    alone.test->take_force(0, 0, tiller_feature_velocity_sign, evidence);
+  };
+  const auto sounds = [&] { return alone.test->state() == tiller_adequacy_inadequate; };
+  for (int k = 0; k < 400; ++k) tick(n(random), k % 100 == 0 ? 0.0 : 20.0);
+  EXPECT_FALSE(sounds()) << "it never stood for long";
+  for (int k = 0; k < 2000; ++k) tick(n(random), 5.0);
+  EXPECT_FALSE(sounds()) << "below the level";
+  for (int k = 0; k < 128; ++k) tick(n(random), 20.0);
+  EXPECT_TRUE(sounds());
+  EXPECT_EQ(alone.test->feature(), tiller_feature_velocity_sign);
+  EXPECT_GT(alone.test->statistic(), 1.0);
+  EXPECT_FALSE(alone.test->sounds()) << "nothing to learn again for";
+  for (int k = 0; k < 1000; ++k) tick(n(random), 0.0);
+  EXPECT_TRUE(sounds()) << "it stays";
+  for (int k = 0; k < 200; ++k) tick(2.0, 0.0);
+  EXPECT_NE(alone.test->feature(), tiller_feature_velocity_sign);
+  for (int k = 0; k < 2000; ++k) tick(n(random), 20.0);
+  EXPECT_NE(alone.test->feature(), tiller_feature_velocity_sign) << "which stays as well";
+  alone.test->withdraw();
+  tick(n(random), 20.0);
+  EXPECT_EQ(alone.test->feature(), tiller_feature_velocity_sign);
 }
 
 /// Innovations that alternate are a Kalman filter's whose process noise is stated too large, or what noise on measured

@@ -14,6 +14,7 @@
 #include "tools/robot/robot_schema.hpp"
 #include "tools/robot/units.hpp"
 #include "tools/run/foresight.hpp"
+#include "tools/run/friction_text.hpp"
 #include "tools/run/run_summary.hpp"
 
 namespace tiller::tools {
@@ -38,18 +39,23 @@ std::string adequacy_text(const RobotFile& robot, const RunResult& result) {
 
 Json facts(const RobotFile& robot, const RunResult& result) {
   const tiller_config_t& c = robot.config;
-  return {{"robot file", std::filesystem::path(robot.path).filename().string()},
-          {"model", robot.model->name},
-          {"planner", planner_names()[c.planner.kind]},
-          {"posterior", c.posterior.enabled ? std::to_string(c.posterior.particles) + " particles" : "frozen"},
-          {"period", number_text(1000 * c.period_s) + " ms"},
-          {"seed", std::to_string(c.seed)},
-          {"tick, median", format("%.2f ms", result.pace.tick_time.quantile_us(0.5) / 1000)},
-          {"tick, 99 %", format("%.2f ms", result.pace.tick_time.quantile_us(0.99) / 1000)},
-          {"ended in", tiller_state_name(static_cast<tiller_state_t>(result.info.state))},
-          {"adequacy", adequacy_text(robot, result)},
-          {"logs", log_text(result.log)},
-          {"lanes", tiller_instruction_set()}};
+  Json all = {{"robot file", std::filesystem::path(robot.path).filename().string()},
+              {"model", robot.model->name},
+              {"planner", planner_names()[c.planner.kind]},
+              {"posterior", c.posterior.enabled ? std::to_string(c.posterior.particles) + " particles" : "frozen"},
+              {"period", number_text(1000 * c.period_s) + " ms"},
+              {"seed", std::to_string(c.seed)},
+              {"tick, median", format("%.2f ms", result.pace.tick_time.quantile_us(0.5) / 1000)},
+              {"tick, 99 %", format("%.2f ms", result.pace.tick_time.quantile_us(0.99) / 1000)},
+              {"ended in", tiller_state_name(static_cast<tiller_state_t>(result.info.state))},
+              {"adequacy", adequacy_text(robot, result)},
+              {"logs", log_text(result.log)},
+              {"lanes", tiller_instruction_set()}};
+  for (const std::string& line : friction_lines(robot, result.info)) {
+    const std::size_t comma = line.find(", ");
+    all[line.substr(0, comma)] = line.substr(comma + 2);
+  }
+  return all;
 }
 
 Json with_units(const Words& names, const Words& units) {

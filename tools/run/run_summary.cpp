@@ -7,6 +7,7 @@
 #include "tools/robot/prior_edge.hpp"
 #include "tools/robot/units.hpp"
 #include "tools/run/drift_text.hpp"
+#include "tools/run/friction_text.hpp"
 
 namespace tiller::tools {
 namespace {
@@ -27,7 +28,8 @@ const char* feature_text(tiller_feature_t feature) {
 /// What a force that wanders did not take up, beside the usual causes; null: it is no force's.
 const char* systematic_force(tiller_feature_t feature) {
   switch (feature) {
-    case tiller_feature_bias: return "stays as it is (gravity, a spring or a sensor's offset that the model lacks)";
+    case tiller_feature_bias:
+      return "stays as it is or goes with its position (gravity, a spring or a sensor's offset that the model lacks)";
     case tiller_feature_velocity: return "goes with its velocity (a friction or a drag that the model lacks)";
     case tiller_feature_velocity_sign: return "goes with its direction of motion (a dry friction that the model lacks)";
     case tiller_feature_input: return "goes with the input (a wrong gain of the drive, or a wrong parameter)";
@@ -37,13 +39,25 @@ const char* systematic_force(tiller_feature_t feature) {
   }
 }
 
-/// The joint whose position or velocity a measurement is; null: none's.
-const tiller_joint_t* joint_of(const RobotFile& robot, std::uint32_t channel) {
+/// The joint whose position or velocity a measurement is; joint_count: none's.
+std::uint32_t joint_of(const RobotFile& robot, std::uint32_t channel) {
   const std::uint32_t state = robot.config.measured_state[channel];
-  for (std::uint32_t j = 0; j < robot.model->joint_count; ++j)
-    if (robot.model->joints[j].position == state || robot.model->joints[j].velocity == state)
-      return &robot.model->joints[j];
-  return nullptr;
+  std::uint32_t j = 0;
+  while (j < robot.model->joint_count && robot.model->joints[j].position != state &&
+         robot.model->joints[j].velocity != state)
+    ++j;
+  return j;
+}
+
+/// How large the friction is that the alarm is about, if it is one that the posterior estimates; else empty.
+std::string followed_friction(const RobotFile& robot, const tiller_info_t& info) {
+  const std::uint32_t joint = joint_of(robot, info.inadequate_channel);
+  if (robot.config.posterior.disturbance == 0 || joint == robot.model->joint_count) return "";
+  switch (info.inadequate_feature) {
+    case tiller_feature_velocity: return viscous_text(robot, info, joint);
+    case tiller_feature_velocity_sign: return dry_text(robot, info, joint);
+    default: return "";
+  }
 }
 
 /// Directions of which the data say next to nothing: those that keep more than half of the prior's deviation.
@@ -160,10 +174,12 @@ std::string log_text(const LogState& log) {
 }
 
 std::string systematic_force_text(const RobotFile& robot, const tiller_info_t& info) {
-  const tiller_joint_t* const joint = joint_of(robot, info.inadequate_channel);
+  const std::uint32_t joint = joint_of(robot, info.inadequate_channel);
   const char* const force = systematic_force(static_cast<tiller_feature_t>(info.inadequate_feature));
-  if (robot.config.posterior.disturbance == 0 || !joint || !force) return "";
-  return std::string("a force at joint '") + joint->name + "' " + force;
+  if (robot.config.posterior.disturbance == 0 || joint == robot.model->joint_count || !force) return "";
+  const std::string amount = followed_friction(robot, info);
+  return std::string("a force at joint '") + robot.model->joints[joint].name + "' " + force +
+         (amount.empty() ? "" : ", " + amount);
 }
 
 std::string inadequacy(const RobotFile& robot, const tiller_info_t& info) {
@@ -172,7 +188,8 @@ std::string inadequacy(const RobotFile& robot, const tiller_info_t& info) {
   const std::string more = std::string(tiller_feature_name(feature)) + "; docs/theory/adequacy.md tells what to do)";
   const std::string force = systematic_force_text(robot, info);
   if (force.empty()) return what + "what it leaves goes with " + feature_text(feature) + " (" + more;
-  return what + "beside the force that is estimated, " + force + "; tiller gap names it (" + more;
+  const char* const beside = followed_friction(robot, info).empty() ? "beside the force that is estimated, " : "";
+  return what + beside + force + "; tiller gap names it (" + more;
 }
 
 Words run_edges(const RobotFile& robot, const RunResult& result) {
@@ -189,6 +206,7 @@ std::string summary(const RobotFile& robot, const RunOptions& options, const Run
       "%.2f s, %llu ticks, ended in %s%s\n", result.time_s, static_cast<unsigned long long>(result.ticks),
       tiller_state_name(static_cast<tiller_state_t>(result.info.state)), result.interrupted ? " (interrupted)" : "");
   text += posterior_lines(robot, options, result);
+  for (const std::string& line : friction_lines(robot, result.info)) text += "  " + line + "; `tiller gap` names it\n";
   if (result.info.adequacy == tiller_adequacy_inadequate) text += "  " + inadequacy(robot, result.info) + "\n";
   if (result.info.relearned > 0)
     text += format("  the robot seemed to have changed: learnt again %llu times (docs/theory/posterior.md, relearn)\n",

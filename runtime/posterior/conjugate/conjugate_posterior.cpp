@@ -225,7 +225,7 @@ void ConjugatePosterior::test(const Transition& transition) {
     const double error = state_difference(*config_->model, i, transition.measured[k], mean);
     now.normalised[k] = config_->process_sd[i] > 0.0 ? error / std::sqrt(variance) : NAN;  // NaN where missing
   }
-  disturbances_.observe(nx_, nu_, speed, transition.input, phi);
+  disturbances_.observe(nx_, nu_, speed, nullptr, transition.input, phi);
   for (std::uint32_t k = 0; k < nx_; ++k)
     for (std::uint32_t f = 0; f < disturbance_count(nu_); ++f) now.response[k][f] = phi[k][f];
   adequacy_->take(now);

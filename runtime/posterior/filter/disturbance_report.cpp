@@ -151,25 +151,28 @@ void FilterPosterior::force_sizes(double* size) const {
   }
 }
 
-void FilterPosterior::friction(double* viscous, double* dry) const {
-  std::fill(viscous, viscous + disturbances_.joints(), 0.0);
-  std::fill(dry, dry + disturbances_.joints(), 0.0);
-  for (std::uint32_t f = 0; f < disturbances_.joints() * disturbances_.per_joint(); ++f) {
-    const std::uint32_t kind = f % disturbances_.per_joint();
-    if (kind < DisturbanceStates::kViscous) continue;
-    const std::uint32_t state = nx_ + f;
-    const double* row = carried_.filter.state + std::size_t{state} * n_;
-    const double* variance = carried_.filter.covariance + std::size_t{triangle_row(nf_, state, state)} * n_;
-    double sum = 0.0, square = 0.0, within = 0.0;
-    for (std::uint32_t k = 0; k < n_; ++k) {
-      sum += cloud_.weight[k] * row[k];
-      square += cloud_.weight[k] * row[k] * row[k];
-      within += cloud_.weight[k] * variance[k];
-    }
-    const double own = noise_scale_ * noise_scale_ * std::fmax(0.0, within);
-    const double sure = sum - std::sqrt(std::fmax(0.0, square - sum * sum) + own);
-    (kind == DisturbanceStates::kViscous ? viscous : dry)[disturbances_.source_of(f)] = std::fmax(0.0, sure);
+Posterior::Friction FilterPosterior::friction() const {
+  Friction told;
+  for (std::uint32_t j = 0; j < disturbances_.joints() && disturbances_.has_friction(); ++j) {
+    const auto read = [&](std::uint32_t kind, double* mean, double* sd) {
+      const std::uint32_t lacking = disturbances_.force_state(j) + kind, state = nx_ + lacking;
+      if (!(disturbances_.friction_variance(lacking, 1.0, 0.0) > 0.0)) return;
+      const double* row = carried_.filter.state + std::size_t{state} * n_;
+      const double* variance = carried_.filter.covariance + std::size_t{triangle_row(nf_, state, state)} * n_;
+      double sum = 0.0, square = 0.0, within = 0.0;
+      for (std::uint32_t k = 0; k < n_; ++k) {
+        sum += cloud_.weight[k] * row[k];
+        square += cloud_.weight[k] * row[k] * row[k];
+        within += cloud_.weight[k] * variance[k];
+      }
+      const double own = noise_scale_ * noise_scale_ * std::fmax(0.0, within);
+      mean[j] = sum;
+      sd[j] = std::sqrt(std::fmax(0.0, square - sum * sum) + own);
+    };
+    read(DisturbanceStates::kViscous, told.viscous, told.viscous_sd);
+    read(DisturbanceStates::kDry, told.dry, told.dry_sd);
   }
+  return told;
 }
 
 }  // namespace tiller

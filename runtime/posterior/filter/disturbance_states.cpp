@@ -48,6 +48,8 @@ constexpr double kSlowest = -7.0, kFastest = 0.0;
 constexpr double kOutOfReach = 0.1;
 /// Two forces whose effects on a step differ by less do the same: within a period a velocity changes by about as much.
 constexpr double kAlike = 0.05;
+/// Share of the inputs' range that moves a joint by a hundredth of kReach_s's speed within a period of 20 ms.
+constexpr double kNudge = 0.05;
 
 /// Mean direction of dry friction over a step, as the velocity and as the position feel it.
 struct DryShare {
@@ -383,6 +385,10 @@ void DisturbanceStates::prior_variance(const double* law, std::uint32_t stride, 
   }
 }
 
+double DisturbanceStates::friction_variance(std::uint32_t state, double law, double after_s) const {
+  return law * sd_[state] * sd_[state] * (1.0 + kDrift * kDrift * after_s);
+}
+
 void DisturbanceStates::add_process(const Lanes16& job, double* covariance) const {
   const std::uint32_t lanes = job.lanes, n = nx_ + states_;
   const auto at = [&](std::uint32_t r, std::uint32_t c) { return covariance + triangle_row(n, r, c) * lanes; };
@@ -476,6 +482,11 @@ void DisturbanceStates::drop_known(const Lanes16& job, std::uint32_t j, double s
   for (std::uint32_t l = 0; l < lanes; ++l) state[rate * lanes + l] = speed * kSpeeds[l % 4];
   RolloutJob<double> rollout = rollout_of(job);
   rollout.state = {state, lanes};
+  // under an input an inertia, which divides a friction as well, does not turn round with the speed
+  double input[TILLER_MAX_INPUTS];
+  for (std::uint32_t i = 0; i < config_->model->input_count; ++i)
+    input[i] = job.input[i] + kNudge * (config_->safety.input_high[i] - config_->safety.input_low[i]);
+  rollout.controls = {input, 0};
   rollout.final_state = before;
   table_->rollout_f64(*config_->model, rollout);
   rollout.final_state = after;

@@ -50,6 +50,7 @@ class DisturbanceStates {
   std::uint32_t states() const { return states_; }
   /// States of the forces at a joint: the one that wanders alone, or all of a kind.
   std::uint32_t per_joint() const { return per_joint_; }
+  bool has_friction() const { return per_joint_ == kAllKinds; }
   static constexpr std::uint32_t kWandering = 0, kTurning = 1, kViscous = 2, kDry = 3, kAllKinds = 4;
   /// Of a drifting parameter, behind the others, and its row among the parameters.
   std::uint32_t drift_state(std::uint32_t drift) const { return states_ - drifts_ + drift; }
@@ -95,6 +96,9 @@ class DisturbanceStates {
   /// Variances (states) of a filter that begins `after_s` after its parameters were what the particle says, in the lane
   /// whose law stands at `law`.
   void prior_variance(const double* law, std::uint32_t stride, double after_s, double* variance) const;
+
+  /// Variance that a viscous or dry force has after a time, before any data: of where it began, and of its walk.
+  double friction_variance(std::uint32_t state, double law, double after_s) const;
 
   std::uint32_t law_rows() const { return sources() > 0 ? sources() + 2 : 0; }
   std::uint32_t rate_row() const { return sources(); }

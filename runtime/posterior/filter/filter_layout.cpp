@@ -150,8 +150,9 @@ class FilterPosterior::Layout {
   void take_tests() {
     // a cloud that does not learn has innovations that go with whatever its parameters are off by
     const bool tested = config_.posterior.adequacy != 0 && config_.posterior.enabled != 0;
-    adequacy_ = tested ? AdequacyTest::lay_out(arena_, config_, false) : nullptr;
-    response_ = tested ? DisturbanceResponse::lay_out(arena_, config_) : nullptr;
+    const std::uint32_t frictions = disturbances_.has_friction() ? 2 * disturbances_.joints() : 0;
+    adequacy_ = tested ? AdequacyTest::lay_out(arena_, config_, false, frictions) : nullptr;
+    response_ = tested ? DisturbanceResponse::lay_out(arena_, config_, nf_) : nullptr;
     response_scratch_ = rows(tested ? nx_ + nx_ * nx_ + nx_ * nu_ : 0, kChunk);
   }
 

@@ -105,6 +105,7 @@ tiller_status_t FilterPosterior::advance(const Transition& transition, bool move
   watch_jumps();
   remember_input(now_.transition.input);
   watch_change(resting);
+  if (adequacy_ && !resting) test_friction();
   return doubted ? tiller_status_measurement_outlier : status;
 }
 

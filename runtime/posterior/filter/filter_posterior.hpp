@@ -51,7 +51,7 @@ class FilterPosterior final : public Posterior {
             float* history) const override;
   Fading forces(double ahead_s, double* mean, double* sd, double* imaginary) const override;
   void force_sizes(double* size) const override;
-  void friction(double* viscous, double* dry) const override;
+  Friction friction() const override;
   void contacts(double* mean, double* sd) const override;
   const AdequacyTest* adequacy() const override { return adequacy_; }
   void clear_adequacy() override;
@@ -208,9 +208,13 @@ class FilterPosterior final : public Posterior {
 
   // innovation.cpp: what the adequacy test is fed with
   void test_innovation();
-  void respond(const double* speed, Innovation& now);
-  void turn_response(const Step& step, std::uint32_t lane, const LineariseJob& job) const;
+  void respond(const double* speed, const double* place, Innovation& now);
   double mean_before(std::uint32_t state) const;
+
+  // friction_evidence.cpp: whether a force goes with the velocity or its sign
+  void test_friction();
+  double friction_evidence(std::uint32_t joint, std::uint32_t kind) const;
+  void keep_friction_law();
 
   // reweight.cpp: likelihood, exponent, resampling
   tiller_status_t reweight();
@@ -287,9 +291,10 @@ class FilterPosterior final : public Posterior {
   std::uint64_t window_begin_ = 0;    // first transition of the window
   bool window_exact_ = true;          // begins at a start(): any lane's filter there is known exactly
   InitialStateDistribution start_;
-  bool knows_lacks_ = true;               // the start's law says what the model lacks
-  double reach_[TILLER_MAX_STATES] = {};  // farthest that a state has been from where it began
-  NormalLaw before_;                      // what was known before the robot changed
+  bool knows_lacks_ = true;                   // the start's law says what the model lacks
+  double reach_[TILLER_MAX_STATES] = {};      // farthest that a state has been from where it began
+  double kept_law_[kDiscrepancyJoints] = {};  // of the forces' sizes when the start's law was taken from the particles
+  NormalLaw before_;                          // what was known before the robot changed
   FilterSummary summary_;
   DisturbanceStates disturbances_, bank_states_;
   LikelihoodShape shape_;

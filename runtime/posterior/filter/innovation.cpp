@@ -27,7 +27,7 @@ double FilterPosterior::mean_before(std::uint32_t state) const {
 /// estimated scale, and what the particles disagree about. Cost: O(N ny).
 void FilterPosterior::test_innovation() {
   Innovation now;
-  double speed[TILLER_MAX_MEASUREMENTS];
+  double speed[TILLER_MAX_MEASUREMENTS], place[TILLER_MAX_MEASUREMENTS];
   for (std::uint32_t k = 0; k < ny_; ++k) {
     const std::uint32_t state = config_->measured_state[k], row = triangle_row(nf_, state, state);
     double mean = 0.0, square = 0.0, within = 0.0, moved = 0.0;
@@ -50,42 +50,37 @@ void FilterPosterior::test_innovation() {
     now.normalised[k] = mean / std::sqrt(noise_scale_ * noise_scale_ * within + between);
     const std::uint32_t velocity = velocity_state(*config_->model, state);
     speed[k] = velocity < nx_ ? mean_before(velocity) : moved / now_.transition.period_s;
+    const std::uint32_t position = position_state(*config_->model, state);
+    place[k] = position < nx_ ? mean_before(position) : 0.0;
   }
-  respond(speed, now);
+  respond(speed, disturbances_.joints() > 0 ? place : nullptr, now);
   const bool early = early_ > 0;
   if (early) --early_;
   if (early && exponent_ < 1.0) adequacy_->begin();
   adequacy_->take(now);
 }
 
-/// As turn_jacobian(), for one lane.
-void FilterPosterior::turn_response(const Step& step, std::uint32_t lane, const LineariseJob& job) const {
-  to_tangent_columns(quaternions_, step.from.state + lane, step.from.stride, nx_, nx_, job.a + lane, kChunk);
-  to_tangent_rows(quaternions_, job.next_state + lane, kChunk, nx_, job.a + lane, kChunk);
-  to_tangent_rows(quaternions_, job.next_state + lane, kChunk, nu_, job.b + lane, kChunk);
-}
-
-/// The heaviest particle's filter stands for all: a feature need only be known beforehand, and they hardly differ.
-void FilterPosterior::respond(const double* speed, Innovation& now) {
+/// The heaviest particle's filter stands for all: a feature need only be known beforehand, and they hardly differ. Its
+/// Jacobian is the prediction's; that by the inputs is made here.
+void FilterPosterior::respond(const double* speed, const double* place, Innovation& now) {
   const std::uint32_t i = heaviest(), lane = i % kChunk;
   const Chunk& chunk = chunks_[i / kChunk];
-  LineariseJob job = linearise_job(chunk, particle_step(i / kChunk));
+  const Step step = particle_step(i / kChunk);
+  LineariseJob job = linearise_job(chunk, step);
   if (chunk.drifted) job.params = {chunk.drifted, kChunk};
   job.next_state = response_scratch_;
   job.next_effect_state = nullptr;
   job.a = response_scratch_ + std::size_t{nx_} * kChunk;
   job.b = job.a + std::size_t{nx_} * nx_ * kChunk;
   table_->linearise(*config_->model, job);
-  if (quaternions_ != 0) turn_response(particle_step(i / kChunk), lane, job);
-  double covariance[triangle_rows(TILLER_MAX_STATES)];  // of the model's states alone
-  for (std::uint32_t r = 0; r < nx_; ++r)
-    for (std::uint32_t c = r; c < nx_; ++c)
-      covariance[triangle_row(nx_, r, c)] = chunk.predicted.covariance[triangle_row(nf_, r, c) * kChunk + lane];
+  to_tangent_rows(quaternions_, job.next_state + lane, kChunk, nu_, job.b + lane, kChunk);
+  double covariance[triangle_rows(kMaxFilterStates)];
+  for (std::uint32_t r = 0; r < triangle_; ++r) covariance[r] = chunk.predicted.covariance[r * kChunk + lane];
 
   unsigned char used[TILLER_MAX_MEASUREMENTS];
   for (std::uint32_t k = 0; k < ny_; ++k) used[k] = std::isnan(now_.transition.measured[k]) ? 0 : 1;
-  const ErrorDynamics error = {job.a + lane, job.b + lane, kChunk, covariance};
-  response_->predict(error, now_.transition.period_s, speed, now_.transition.input, now);
+  const ErrorDynamics error = {chunk.jacobian + lane, job.b + lane, kChunk, covariance};
+  response_->predict(error, now_.transition.period_s, speed, place, now_.transition.input, now);
   response_->correct(error, used, measurement_variance_);
 }
 

@@ -63,6 +63,7 @@ void FilterPosterior::relearn() {
 void FilterPosterior::start_at_present() {
   const std::uint32_t about = heaviest();
   clear_start();
+  keep_friction_law();
   knows_lacks_ = true;
   const InitialStateDistribution& law = start_;
   double off[kMaxFilterStates];

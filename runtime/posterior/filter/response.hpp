@@ -9,7 +9,7 @@ namespace tiller {
 
 /// The filter of one particle, as far as its errors go.
 struct ErrorDynamics {
-  const double* a = nullptr;           // (nx * nx) d next / d state, row r * nx + c
+  const double* a = nullptr;           // (nf * nf) d next / d state, row r * nf + c; what the model lacks included
   const double* b = nullptr;           // (nx * nu) d next / d input
   std::uint32_t stride = 1;            // of both
   const double* covariance = nullptr;  // (triangle) predicted
@@ -20,16 +20,18 @@ struct ErrorDynamics {
 ///     xi' = A (I - K H) xi + g phi,   response = H xi
 /// so that its trace in an encoder's values comes a few ticks late and stays for a while (Willsky and Jones, "A
 /// generalized likelihood ratio approach to the detection and estimation of jumps in linear systems", IEEE TAC 21,
-/// 1976). All of it is known before the value is measured.
+/// 1976). All of it is known before the value is measured. Where the filter estimates forces beside the state (nf states
+/// of which the first nx are the model's), these take the disturbance up as well, and what is left in the response is
+/// what they are too slow for.
 ///
-/// Cost: O((3 ny + 2 nu) nx^2) per tick.
+/// Cost: O((4 ny + 2 nu) nf^2) per tick.
 class DisturbanceResponse {
  public:
-  static DisturbanceResponse* lay_out(Arena& arena, const tiller_config_t& config);
+  static DisturbanceResponse* lay_out(Arena& arena, const tiller_config_t& config, std::uint32_t states);
   void begin();
-  /// velocity (ny): of each channel's joint, input (nu): in force. Fills now.response.
-  void predict(const ErrorDynamics& error, double period_s, const double* velocity, const double* input,
-               Innovation& now);
+  /// velocity, position (ny; nullable): of each channel's joint, input (nu): in force. Fills now.response.
+  void predict(const ErrorDynamics& error, double period_s, const double* velocity, const double* position,
+               const double* input, Innovation& now);
   /// `used` (ny): zero for missing values. measurement_variance (ny).
   void correct(const ErrorDynamics& error, const unsigned char* used, const double* measurement_variance);
 
@@ -37,10 +39,10 @@ class DisturbanceResponse {
   double* trace_of(std::uint32_t channel, std::uint32_t disturbance);
 
   const tiller_config_t* config_ = nullptr;
-  std::uint32_t nx_ = 0, nu_ = 0, ny_ = 0;
-  double* joint_ = nullptr;  // (ny * kInputs x nx) traces of forces at each channel's joint
-  double* input_ = nullptr;  // (2 nu x nx) traces of the inputs' errors
-  double* next_ = nullptr;   // (nx)
+  std::uint32_t nx_ = 0, nf_ = 0, nu_ = 0, ny_ = 0;
+  double* joint_ = nullptr;  // (ny * kInputs x nf) traces of forces at each channel's joint
+  double* input_ = nullptr;  // (2 nu x nf) traces of the inputs' errors
+  double* next_ = nullptr;   // (nf)
   Disturbances course_;
 };
 

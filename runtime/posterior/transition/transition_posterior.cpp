@@ -176,7 +176,7 @@ void TransitionPosterior::test(const MeasuredStep& step) {
     now.normalised[k] = doubted ? NAN : particles_->innovation()[config_->measured_state[k]];
   }
   // speeds of the step before: the noise of the state where this step begins is in its innovation too
-  disturbances_.observe(nx_, nu_, speed_, step.input, phi);
+  disturbances_.observe(nx_, nu_, speed_, nullptr, step.input, phi);
   for (std::uint32_t k = 0; k < nx_; ++k) {
     const std::uint32_t r = config_->measured_state[k], rate = velocity_state(*config_->model, r);
     speed_[k] = rate < nx_ ? step.state[rate] : step.state[r];
