@@ -197,6 +197,8 @@ TEST(Transition, EvidenceWithDiscrepancyIsAMixtureOfMultivariateT) {
   auto c = rig::transition_config();
   c.posterior.disturbance = 1;
   tiller::Evidence evidence(c);
+  std::vector<double> matrices(evidence.matrix_count());
+  evidence.use(matrices.data());
   ASSERT_EQ(evidence.joints(), 1u);
   ASSERT_EQ(evidence.place_of(0), 1u);
   const std::uint32_t rows = evidence.rows(), lanes = 16, plain = 2 + evidence.columns();

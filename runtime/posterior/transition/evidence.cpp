@@ -49,6 +49,11 @@ Evidence::Evidence(const tiller_config_t& config)
       if (pushed_[b] == r) pushed_of_[r] = b;
   }
   believe_configuration();
+}
+
+void Evidence::use(double* matrices) {
+  information_ = matrices;
+  shrinkage_ = matrices + std::size_t{kLags} * pushed_count_ * upper_triangle(regressors());
   clear();
 }
 
@@ -62,9 +67,7 @@ void Evidence::believe(const double* variance, double values) {
 void Evidence::clear() {
   for (double& n : known_) n = 0.0;
   for (double& n : starts_) n = 0.0;
-  for (auto& lag : information_)
-    for (auto& matrix : lag)
-      for (double& element : matrix) element = 0.0;
+  for (std::uint32_t i = 0; i < kLags * pushed_count_ * upper_triangle(regressors()); ++i) information_[i] = 0.0;
   for (std::uint32_t& colour : lead_) colour = 0;
   prepare();
 }
@@ -73,9 +76,7 @@ void Evidence::forget(double keep) {
   if (keep == 1.0) return;
   for (double& n : known_) n *= keep;
   for (double& n : starts_) n *= keep;
-  for (auto& lag : information_)
-    for (auto& matrix : lag)
-      for (double& element : matrix) element *= keep;
+  for (std::uint32_t i = 0; i < kLags * pushed_count_ * upper_triangle(regressors()); ++i) information_[i] *= keep;
 }
 
 void Evidence::count(const Counted& one) {
@@ -90,18 +91,19 @@ void Evidence::add_basis(const Counted& one, double sign) {
     const double w = sign * static_cast<double>(one.weight[pushed_[j]]);
     const bool linked = one.linked[j] > 0.0f;
     const float *b = one.basis + j * regressors(), *before = one.before + j * regressors();
+    double *q0 = information(0, j), *q1 = information(1, j), *q2 = information(2, j);
     std::uint32_t at = 0;
     for (std::uint32_t r = 0; r < regressors(); ++r)
       for (std::uint32_t c = r; c < regressors(); ++c, ++at) {
         const double br = static_cast<double>(b[r]), bc = static_cast<double>(b[c]);
-        information_[0][j][at] += w * br * bc;
+        q0[at] += w * br * bc;
         if (!linked) {
-          information_[2][j][at] -= w * br * bc;
+          q2[at] -= w * br * bc;
           continue;
         }
         const double ar = static_cast<double>(before[r]), ac = static_cast<double>(before[c]);
-        information_[1][j][at] += w * (ar * bc + br * ac);
-        information_[2][j][at] += w * ar * ac;
+        q1[at] += w * (ar * bc + br * ac);
+        q2[at] += w * ar * ac;
       }
   }
 }
@@ -110,14 +112,14 @@ void Evidence::prepare() {
   constexpr double kPrecision = 1.0 / (kDiscrepancySpread * kDiscrepancySpread);
   const std::uint32_t size = upper_triangle(regressors());
   for (std::uint32_t j = 0; j < pushed_count_; ++j) {
+    const double *q0 = information(0, j), *q1 = information(1, j), *q2 = information(2, j);
     for (std::uint32_t g = 0; g < kColours; ++g) {
       double sum[upper_triangle(kMaxRegressors)], log_determinant;
       const double rho = kColour[g];
       std::uint32_t at = 0;
       for (std::uint32_t r = 0; r < regressors(); ++r)
         for (std::uint32_t c = r; c < regressors(); ++c, ++at)
-          sum[at] = information_[0][j][at] - rho * information_[1][j][at] + rho * rho * information_[2][j][at] +
-                    (r == c ? kPrecision : 0.0);
+          sum[at] = q0[at] - rho * q1[at] + rho * rho * q2[at] + (r == c ? kPrecision : 0.0);
       invert_packed(regressors(), sum, shrinkage_ + (j * kColours + g) * size, log_determinant);
       if (g == 0) log_determinant_[j] = log_determinant;
       log_weight_[j * kColours + g] = math::log(kColourPrior[g]) + 0.5 * starts_[j] * math::log(1.0 - rho * rho) -

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 #include "posterior/transition/transition_lanes.hpp"
@@ -26,6 +27,11 @@ class Evidence {
  public:
   Evidence() = default;
   explicit Evidence(const tiller_config_t& config);
+  /// Matrices (matrix_count()) stand there from now on; before anything is counted. Calls clear().
+  void use(double* matrices);
+  std::size_t matrix_count() const {
+    return std::size_t{kLags + kColours} * pushed_count_ * upper_triangle(regressors());
+  }
 
   void clear();
   /// The noise's law before the data: a0 and b from here on. As configured, or as worth `values` values of `variance`
@@ -93,6 +99,9 @@ class Evidence {
   const double* shrinkage(std::uint32_t place, std::uint32_t colour) const {
     return shrinkage_ + (place * kColours + colour) * upper_triangle(regressors());
   }
+  double* information(std::uint32_t lag, std::uint32_t place) {
+    return information_ + (lag * pushed_count_ + place) * upper_triangle(regressors());
+  }
   double at_colour(const double* sums, std::uint32_t stride, std::uint32_t plain, std::uint32_t lagged,
                    double rho) const;
   double squared_error(const double* sums, std::uint32_t stride, std::uint32_t place, std::uint32_t colour) const;
@@ -109,8 +118,8 @@ class Evidence {
   double b_[TILLER_MAX_STATES] = {};
   double known_[TILLER_MAX_STATES] = {};
   double starts_[kMaxPushed] = {};                                              // weight of transitions not linked
-  double information_[kLags][kMaxPushed][upper_triangle(kMaxRegressors)] = {};  // B as q0, q1, q2
-  double shrinkage_[kMaxPushed * kColours * upper_triangle(kMaxRegressors)] = {};  // M
+  double* information_ = nullptr;  // (kLags x pushed_count x triangle) B as q0, q1, q2
+  double* shrinkage_ = nullptr;    // (pushed_count x kColours x triangle) M
   double log_determinant_[kMaxPushed] = {};        // of B + K^-1 at rho = 0
   double log_weight_[kMaxPushed * kColours] = {};  // beside L(rho); of rho = 0 the prior's
   std::uint32_t lead_[kMaxPushed] = {};

@@ -38,6 +38,7 @@ TransitionCloud* TransitionCloud::lay_out(Arena& arena, const tiller_config_t& c
   made.steps_ = arena.take<MeasuredStep>(capacity);
   made.weight_ = arena.take<float>(std::size_t{capacity} * nx);
   made.basis_ = arena.take<float>(std::size_t{capacity} * columns);
+  auto* matrices = arena.take<double>(evidence.matrix_count());
   made.linked_ = arena.take<float>(std::size_t{capacity} * evidence.pushed_count());
   made.whitened_ = arena.take<float>(columns);
   made.history_ = arena.take<double>(std::size_t{capacity} * setup.delay_steps * config.model->input_count);
@@ -75,6 +76,7 @@ TransitionCloud* TransitionCloud::lay_out(Arena& arena, const tiller_config_t& c
   made.steps_of_one_ = 1 + lead_in;
   made.lanes_ = lanes;
   made.evidence_ = evidence;
+  made.evidence_.use(matrices);
   made.flat_prior_ = !made.cloud_.prior.is_mixture();
   for (std::uint32_t j = 0; j < made.d_; ++j)
     made.flat_prior_ = made.flat_prior_ && made.cloud_.prior.marginal(j).kind == tiller_prior_uniform;
