@@ -247,8 +247,8 @@ TEST(Transition, EvidenceWithDiscrepancyIsAMixtureOfMultivariateT) {
   for (std::uint32_t r = 0; r < 2; ++r) {
     double sum = 0.0, first = 0.0;
     for (std::uint32_t g = 0; g < tiller::kColours; ++g) {
-      const double one =
-          log_multivariate_t(e[r], basis[r], 10.0, a0, a0 * evidence.configured_variance(r), tiller::kColour[g], kRestart);
+      const double one = log_multivariate_t(e[r], basis[r], 10.0, a0, a0 * evidence.configured_variance(r),
+                                            tiller::kColour[g], kRestart);
       if (g == 0) first = one;
       sum += tiller::kColourPrior[g] * std::exp(one - first);
     }

@@ -141,6 +141,7 @@ EvidenceJob Evidence::job(std::uint32_t lanes, const double* sums, std::uint32_t
   }
   job.shrinkage = shrinkage_;
   job.log_weight = log_weight_;
+  job.lead = lead_;
   job.sums = sums;
   job.stride = stride;
   return job;

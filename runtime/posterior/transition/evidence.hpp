@@ -117,9 +117,9 @@ class Evidence {
   double configured_[TILLER_MAX_STATES] = {};  // variances
   double b_[TILLER_MAX_STATES] = {};
   double known_[TILLER_MAX_STATES] = {};
-  double starts_[kMaxPushed] = {};                                              // weight of transitions not linked
-  double* information_ = nullptr;  // (kLags x pushed_count x triangle) B as q0, q1, q2
-  double* shrinkage_ = nullptr;    // (pushed_count x kColours x triangle) M
+  double starts_[kMaxPushed] = {};                 // weight of transitions not linked
+  double* information_ = nullptr;                  // (kLags x pushed_count x triangle) B as q0, q1, q2
+  double* shrinkage_ = nullptr;                    // (pushed_count x kColours x triangle) M
   double log_determinant_[kMaxPushed] = {};        // of B + K^-1 at rho = 0
   double log_weight_[kMaxPushed * kColours] = {};  // beside L(rho); of rho = 0 the prior's
   std::uint32_t lead_[kMaxPushed] = {};

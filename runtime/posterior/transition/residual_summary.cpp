@@ -73,7 +73,8 @@ bool ResidualSummary::add(const float* residual, const float* before, const Evid
       if (pushed_[place] != r) continue;
       for (std::uint32_t b = 0; b < regressors_; ++b) {
         const std::uint32_t at = place * regressors_ + b;
-        for (std::uint32_t i = 0; i < terms; ++i) tilt_[at * terms + i] += w * static_cast<double>(one.basis[at]) * c[i];
+        for (std::uint32_t i = 0; i < terms; ++i)
+          tilt_[at * terms + i] += w * static_cast<double>(one.basis[at]) * c[i];
       }
       if (one.linked[place] > 0.0f) fit(before + r * points, c_before);
       add_lagged(place, c, c_before, one);

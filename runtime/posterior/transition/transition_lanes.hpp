@@ -25,8 +25,8 @@ struct ResidualSumJob {
   const float* basis = nullptr;           // (steps x pushed_count * regressors)
   const float* linked = nullptr;          // (steps x pushed_count) 1: the step before counts as its predecessor; else 0
   // of the step before the first, read where that is linked: nx rows of lanes before `residual`, and
-  const float* basis_before = nullptr;    // (pushed_count * regressors)
-  double* sums = nullptr;                 // (rows) +=
+  const float* basis_before = nullptr;  // (pushed_count * regressors)
+  double* sums = nullptr;               // (rows) +=
   std::uint32_t stride = 0;
 };
 
@@ -39,6 +39,7 @@ struct EvidenceJob {
   double half_precision[TILLER_MAX_STATES] = {};    // (nx) 1 / (2 b_r)
   double exponent[TILLER_MAX_STATES] = {};          // (nx)
   const double* shrinkage = nullptr;                // (pushed_count x kColours x upper_triangle(regressors)) M
+  const std::uint32_t* lead = nullptr;              // (pushed_count) the rho at which mean_errors() is taken
   const double* log_weight = nullptr;               // (pushed_count x kColours) what does not depend on the particle
   const double* sums = nullptr;                     // (rows), as above
   std::uint32_t stride = 0;

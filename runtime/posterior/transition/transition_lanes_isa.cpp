@@ -140,34 +140,27 @@ P coloured_error(const EvidenceJob& job, std::uint32_t row, std::uint32_t lane, 
   return scaled(job, row, squared - quadratic_form(shrinkage, p, regressors));
 }
 
-/// log sum over rho of weight (1 + S / (2 b))^-exponent, and the mean of S / (2 b) under that.
-P coloured_evidence(const EvidenceJob& job, std::uint32_t row, std::uint32_t lane, P* mean_error) {
+/// log sum over rho of weight (1 + S / (2 b))^-exponent.
+P coloured_evidence(const EvidenceJob& job, std::uint32_t row, std::uint32_t lane) {
   const double* log_weight = job.log_weight + job.pushed_of[row] * kColours;
-  P error[kColours], logs[kColours], top(-__builtin_huge_val());
+  P logs[kColours], top(-__builtin_huge_val()), broken(0.0);
   for (std::uint32_t c = 0; c < kColours; ++c) {
-    error[c] = coloured_error(job, row, lane, c);
-    logs[c] = P(log_weight[c]) - P(job.exponent[row]) * log(P(1.0) + error[c]);
+    logs[c] = P(log_weight[c]) - P(job.exponent[row]) * log(P(1.0) + coloured_error(job, row, lane, c));
+    broken = broken + (logs[c] - logs[c]);  // NOLINT(misc-redundant-expression): NaN where not finite
     top = max(logs[c], top);
   }
   const P lowest(-700.0);
-  P sum(0.0), mean(0.0);
-  for (std::uint32_t c = 0; c < kColours; ++c) {
-    const P w = exp(max(logs[c] - top, lowest));
-    sum = sum + w;
-    mean = fma(w, error[c], mean);
-  }
-  if (mean_error) *mean_error = mean / sum;
+  P sum(0.0);
+  for (const P& one : logs) sum = sum + exp(max(one - top, lowest));
   // NaN of one rho is NaN of all: max() may have dropped it
-  return top + log(sum) + (mean - mean);
+  return top + log(sum) + broken;
 }
 
 bool is_pushed(const EvidenceJob& job, std::uint32_t row) { return job.pushed_of[row] < job.pushed_count; }
 
 P scaled_error(const EvidenceJob& job, std::uint32_t row, std::uint32_t lane) {
-  if (!is_pushed(job, row)) return scaled(job, row, P::load(job.sums + row * job.stride + lane));
-  P mean(0.0);
-  (void)coloured_evidence(job, row, lane, &mean);
-  return mean;
+  if (is_pushed(job, row)) return coloured_error(job, row, lane, job.lead[job.pushed_of[row]]);
+  return scaled(job, row, P::load(job.sums + row * job.stride + lane));
 }
 
 void evidence(const EvidenceJob& job) {
@@ -175,7 +168,7 @@ void evidence(const EvidenceJob& job) {
     P total(0.0), product(1.0);
     for (std::uint32_t row = 0; row < job.nx; ++row) {
       if (is_pushed(job, row)) {
-        total = total + coloured_evidence(job, row, lane, nullptr);
+        total = total + coloured_evidence(job, row, lane);
         continue;
       }
       product = product * (P(1.0) + scaled_error(job, row, lane));
