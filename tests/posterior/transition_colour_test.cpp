@@ -1,5 +1,5 @@
-// A force that wanders colours the residuals: neighbours tell the same again, and an engine that counts them all is sure
-// and wrong. A pendulum with a plant of its own, both states measured with noise, mass and damping unknown.
+// A force that wanders colours the residuals: neighbours tell the same again, and an engine that counts them all is
+// sure and wrong. A pendulum with a plant of its own, both states measured with noise, mass and damping unknown.
 
 #include <gtest/gtest.h>
 

@@ -191,8 +191,8 @@ double log_multivariate_t(const std::vector<double>& e, const std::vector<float>
          0.5 * log_determinant - shape * std::log(b + 0.5 * square);
 }
 
-/// The discrepancy integrated out and the colours summed over, by the sums of a particle, is a mixture of multivariate t
-/// over all residuals; of two runs, each stationary from its start.
+/// The discrepancy integrated out and the colours summed over, by the sums of a particle, is a mixture of multivariate
+/// t over all residuals; of two runs, each stationary from its start.
 TEST(Transition, EvidenceWithDiscrepancyIsAMixtureOfMultivariateT) {
   auto c = rig::transition_config();
   c.posterior.disturbance = 1;

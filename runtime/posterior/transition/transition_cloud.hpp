@@ -89,6 +89,10 @@ class TransitionCloud {
   Evidence::Counted counted(std::uint32_t slot) const;
   void set_weight(std::uint32_t slot, double weight);
   void forget();
+  void load_params();
+  bool any_alive();
+
+  // transition_sums.cpp
   void sum(const SumsJob& job);
   void sum_chunk(const SumsJob& job, std::uint32_t chunk) const;
   void sum_squares(const SumsJob& job, std::uint32_t first, ResidualJob& steps) const;
@@ -97,8 +101,6 @@ class TransitionCloud {
                std::uint32_t stride);
   double newest_residual(std::uint32_t particle, std::uint32_t row) const;
   void sum_ring(Lanes<float> params, std::uint32_t lanes, double* sums, std::uint32_t stride);
-  void load_params();
-  bool any_alive();
 
   // discrepancy.cpp
   void respond(std::uint32_t slot, double* change);

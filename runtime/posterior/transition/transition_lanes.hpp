@@ -30,8 +30,8 @@ struct ResidualSumJob {
   std::uint32_t stride = 0;
 };
 
-/// log L = -sum_r exponent_r log(1 + S_r / (2 b_r)). A pushed state has S - p' M p in the place of S_r, both of a rho, and
-/// the logarithm of a sum over these.
+/// log L = -sum_r exponent_r log(1 + S_r / (2 b_r)). A pushed state has S - p' M p in the place of S_r, both of a rho,
+/// and the logarithm of a sum over these.
 struct EvidenceJob {
   std::uint32_t nx = 0, regressors = 0, pushed_count = 0;
   std::uint32_t lanes = 0;                          // a multiple of 16
