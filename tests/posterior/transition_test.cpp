@@ -165,15 +165,17 @@ TEST(Transition, NoiseOfEachState) {
   for (int r = 0; r < 2; ++r) EXPECT_NEAR(report.noise_sd[r] / truth.process_sd[r], 1.0, 0.1);
 }
 
-/// log density of e (n) where e ~ N(0, s^2 (I + B K B')) and s^2 ~ InvGamma(a0, b), with the whole n x n matrix.
+/// log density of e (n) where e ~ N(0, s^2 (R + B K B')) and s^2 ~ InvGamma(a0, b), with the whole n x n matrix. R is
+/// that of an autoregression of the first order whose innovations have variance one; anew from `restart` on.
 double log_multivariate_t(const std::vector<double>& e, const std::vector<float>& basis, double spread, double a0,
-                          double b) {
+                          double b, double rho = 0.0, std::size_t restart = 0) {
   const std::size_t n = e.size();
   std::vector<double> factor(n * n), white(e);
   double log_determinant = 0.0, square = 0.0;
   for (std::size_t r = 0; r < n; ++r) {
     for (std::size_t c = 0; c <= r; ++c) {
-      double v = r == c ? 1.0 : 0.0;
+      double v = r == c ? 1.0 / (1.0 - rho * rho) : std::pow(rho, static_cast<double>(r - c)) / (1.0 - rho * rho);
+      if (r >= restart && c < restart) v = 0.0;
       for (std::size_t i = 0; i < 3; ++i)
         v += spread * spread * static_cast<double>(basis[3 * r + i]) * static_cast<double>(basis[3 * c + i]);
       for (std::size_t k = 0; k < c; ++k) v -= factor[r * n + k] * factor[c * n + k];
@@ -189,41 +191,69 @@ double log_multivariate_t(const std::vector<double>& e, const std::vector<float>
          0.5 * log_determinant - shape * std::log(b + 0.5 * square);
 }
 
-/// The discrepancy integrated out by three sums a particle is the multivariate t over all residuals.
-TEST(Transition, EvidenceWithDiscrepancyIsAMultivariateT) {
+/// The discrepancy integrated out and the colours summed over, by the sums of a particle, is a mixture of multivariate
+/// t over all residuals; of two runs, each stationary from its start.
+TEST(Transition, EvidenceWithDiscrepancyIsAMixtureOfMultivariateT) {
   auto c = rig::transition_config();
   c.posterior.disturbance = 1;
   tiller::Evidence evidence(c);
+  std::vector<double> matrices(evidence.matrix_count());
+  evidence.use(matrices.data());
   ASSERT_EQ(evidence.joints(), 1u);
-  const std::uint32_t rows = evidence.rows(), lanes = 16;
+  ASSERT_EQ(evidence.place_of(0), 1u);
+  const std::uint32_t rows = evidence.rows(), lanes = 16, plain = 2 + evidence.columns();
+  constexpr std::size_t kRestart = 20;
   std::vector<double> sums(rows * lanes), before(lanes), after(lanes);
   std::vector<double> e[2];
-  std::vector<float> basis;
+  std::vector<float> basis[2];
   tiller::Rng rng(1, 99, 0);
   const double none = evidence.log_constant();
   evidence.log_likelihood(lanes, sums.data(), lanes, before.data());
-  for (int k = 0; k < 30; ++k) {
-    const float weight[2] = {1.0f, 1.0f};
+  double wander = 0.0;
+  std::vector<float> last(6);
+  for (std::size_t k = 0; k < 40; ++k) {
+    const float weight[2] = {1.0f, 1.0f}, linked = k > 0 && k != kRestart ? 1.0f : 0.0f, links[2] = {linked, linked};
     // of the velocity; then of the position, which nothing pushes here
-    const float b[6] = {1.0f, static_cast<float>(rng.normal()), rng.normal() < 0 ? -1.0f : 1.0f, 0.0f, 0.0f, 0.0f};
-    basis.insert(basis.end(), b, b + 3);
+    const std::vector<float> b{1.0f, static_cast<float>(rng.normal()), rng.normal() < 0 ? -1.0f : 1.0f, 0, 0, 0};
+    wander = 0.9 * wander + 0.02 * rng.normal();
     e[0].push_back(0.002 * rng.normal());
-    e[1].push_back(0.02 * rng.normal() + 0.05 * static_cast<double>(b[2]));
-    for (std::uint32_t l = 0; l < lanes; ++l) {
-      sums[l] += e[0].back() * e[0].back();
-      sums[lanes + l] += e[1].back() * e[1].back();
-      for (std::uint32_t i = 0; i < 3; ++i) sums[(2 + i) * lanes + l] += static_cast<double>(b[i]) * e[1].back();
+    e[1].push_back(wander + 0.05 * static_cast<double>(b[2]));
+    std::vector<double> one(rows);
+    for (std::uint32_t place = 0; place < 2; ++place) {
+      const std::uint32_t r = evidence.pushed(place);
+      const float *now = &b[3 * place], *then = &last[3 * place];
+      basis[r].insert(basis[r].end(), now, now + 3);
+      const double x = e[r].back(), y = linked > 0.0f ? e[r][k - 1] : 0.0;
+      one[r] = x * x;
+      one[plain + place] = 2.0 * x * y;
+      one[plain + evidence.lagged_rows() + place] = linked > 0.0f ? y * y : -x * x;
+      for (std::uint32_t i = 0; i < 3; ++i) {
+        const double p = static_cast<double>(now[i]), q = linked > 0.0f ? static_cast<double>(then[i]) : 0.0;
+        const std::uint32_t at = 3 * place + i;
+        one[2 + at] = p * x;
+        one[plain + 2 + at] = p * y + q * x;
+        one[plain + evidence.lagged_rows() + 2 + at] = linked > 0.0f ? q * y : -p * x;
+      }
     }
-    evidence.count(weight, b);
+    for (std::uint32_t i = 0; i < rows; ++i)
+      for (std::uint32_t l = 0; l < lanes; ++l) sums[i * lanes + l] += one[i];
+    evidence.count({weight, b.data(), links, last.data()});
+    last = b;
   }
   evidence.prepare();
   evidence.log_likelihood(lanes, sums.data(), lanes, after.data());
   const double a0 = c.posterior.noise_scale_shape;
-  const std::vector<float> zeros(90);
   double expected = 0.0;
-  for (int r = 0; r < 2; ++r)
-    expected += log_multivariate_t(e[r], r ? basis : zeros, 10.0, a0,
-                                   a0 * evidence.configured_variance(static_cast<std::uint32_t>(r)));
+  for (std::uint32_t r = 0; r < 2; ++r) {
+    double sum = 0.0, first = 0.0;
+    for (std::uint32_t g = 0; g < tiller::kColours; ++g) {
+      const double one = log_multivariate_t(e[r], basis[r], 10.0, a0, a0 * evidence.configured_variance(r),
+                                            tiller::kColour[g], kRestart);
+      if (g == 0) first = one;
+      sum += tiller::kColourPrior[g] * std::exp(one - first);
+    }
+    expected += first + std::log(sum);
+  }
   for (std::uint32_t l = 0; l < lanes; ++l)
     EXPECT_NEAR(after[l] - before[l] + evidence.log_constant() - none, expected, 1e-6);
 }

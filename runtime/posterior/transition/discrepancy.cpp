@@ -106,7 +106,24 @@ void TransitionCloud::keep_discrepancy() {
   again_ = last;
 }
 
-std::uint64_t TransitionCloud::renewal_work() const { return std::uint64_t{kScaleTicks} * n_; }
+/// Twice the transitions, one after them, and their predecessor.
+std::uint64_t TransitionCloud::renewal_work() const { return std::uint64_t{2} * (kScaleTicks + 2) * n_; }
+
+/// The newest regressors as newest_residual() is whitened.
+void TransitionCloud::whiten_basis(std::uint32_t slot) {
+  const Evidence::Counted one = counted(slot);
+  const std::uint32_t regressors = evidence_.regressors();
+  for (std::uint32_t c = 0; c < columns_; ++c) {
+    const std::uint32_t place = c / regressors;
+    const double rho = one.linked[place] > 0.0f ? evidence_.colour(evidence_.pushed(place)) : 0.0;
+    whitened_[c] = one.basis[c] - static_cast<float>(rho) * one.before[c];
+  }
+}
+
+void TransitionCloud::count_bases(std::uint64_t first, std::uint64_t last, double sign) {
+  for (std::uint64_t k = first; k < last; ++k)
+    evidence_.add_basis(counted(static_cast<std::uint32_t>(k % capacity_)), sign);
+}
 
 /// From what the ring holds last. False while a joint stands still.
 bool TransitionCloud::find_basis_scale() {
@@ -128,29 +145,28 @@ bool TransitionCloud::find_basis_scale() {
 }
 
 /// New regressors for transitions of the ring, and every particle's projections on them in place of those on the old.
+/// The transition after the last has the last's for its predecessor's.
 void TransitionCloud::renew_basis(std::uint64_t first, std::uint64_t last) {
   double change[kMaxPushed * kMaxRegressors];
-  float renewed[kMaxPushed * kMaxRegressors];
+  const std::uint64_t touched = last < end_ ? last + 1 : last;
+  const std::uint32_t all = rows_ * n_;
   estimate_dry_force();
-  std::memset(fresh_, 0, sizeof(double) * rows_ * n_);
+  std::memset(fresh_, 0, sizeof(double) * all);
+  sum_run({params_, n_}, n_, first, touched, fresh_, n_);
+  transition_table().add_scaled(all, -1.0, fresh_, total_);
+  transition_table().add_scaled(all, -1.0, fresh_, ring_sums_);
+  count_bases(first, touched, -1.0);
   for (std::uint64_t k = first; k < last; ++k) {
     const auto slot = static_cast<std::uint32_t>(k % capacity_);
-    float* basis = basis_ + slot * columns_;
-    const float* weight = weight_ + slot * nx_;
     respond(slot, change);
-    evidence_.add_basis(weight, basis, -1.0);
-    for (std::uint32_t c = 0; c < columns_; ++c) {
-      renewed[c] = static_cast<float>(change[c] * basis_scale_[c]);
-      basis[c] = renewed[c] - basis[c];
-    }
-    sum({{params_, n_}, n_, slot, 1, fresh_, n_});
-    std::memcpy(basis, renewed, sizeof(float) * columns_);
-    evidence_.add_basis(weight, basis, 1.0);
+    for (std::uint32_t c = 0; c < columns_; ++c)
+      basis_[slot * columns_ + c] = static_cast<float>(change[c] * basis_scale_[c]);
   }
-  const std::size_t projections = std::size_t{nx_} * n_;
-  const std::uint32_t count = (rows_ - nx_) * n_;
-  transition_table().add_scaled(count, 1.0, fresh_ + projections, total_ + projections);
-  transition_table().add_scaled(count, 1.0, fresh_ + projections, ring_sums_ + projections);
+  std::memset(fresh_, 0, sizeof(double) * all);
+  sum_run({params_, n_}, n_, first, touched, fresh_, n_);
+  transition_table().add_scaled(all, 1.0, fresh_, total_);
+  transition_table().add_scaled(all, 1.0, fresh_, ring_sums_);
+  count_bases(first, touched, 1.0);
   evidence_.prepare();
 }
 

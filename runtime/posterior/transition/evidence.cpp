@@ -49,6 +49,11 @@ Evidence::Evidence(const tiller_config_t& config)
       if (pushed_[b] == r) pushed_of_[r] = b;
   }
   believe_configuration();
+}
+
+void Evidence::use(double* matrices) {
+  information_ = matrices;
+  shrinkage_ = matrices + std::size_t{kLags} * pushed_count_ * upper_triangle(regressors());
   clear();
 }
 
@@ -61,31 +66,45 @@ void Evidence::believe(const double* variance, double values) {
 
 void Evidence::clear() {
   for (double& n : known_) n = 0.0;
-  for (auto& matrix : information_)
-    for (double& element : matrix) element = 0.0;
+  for (double& n : starts_) n = 0.0;
+  for (std::uint32_t i = 0; i < kLags * pushed_count_ * upper_triangle(regressors()); ++i) information_[i] = 0.0;
+  for (std::uint32_t& colour : lead_) colour = 0;
   prepare();
 }
 
 void Evidence::forget(double keep) {
   if (keep == 1.0) return;
   for (double& n : known_) n *= keep;
-  for (auto& matrix : information_)
-    for (double& element : matrix) element *= keep;
+  for (double& n : starts_) n *= keep;
+  for (std::uint32_t i = 0; i < kLags * pushed_count_ * upper_triangle(regressors()); ++i) information_[i] *= keep;
 }
 
-void Evidence::count(const float* weight, const float* basis) {
-  for (std::uint32_t r = 0; r < nx_; ++r) known_[r] += static_cast<double>(weight[r]);
-  add_basis(weight, basis, 1.0);
+void Evidence::count(const Counted& one) {
+  for (std::uint32_t r = 0; r < nx_; ++r) known_[r] += static_cast<double>(one.weight[r]);
+  for (std::uint32_t j = 0; j < pushed_count_; ++j)
+    if (!(one.linked[j] > 0.0f)) starts_[j] += static_cast<double>(one.weight[pushed_[j]]);
+  add_basis(one, 1.0);
 }
 
-void Evidence::add_basis(const float* weight, const float* basis, double sign) {
+void Evidence::add_basis(const Counted& one, double sign) {
   for (std::uint32_t j = 0; j < pushed_count_; ++j) {
-    const double w = sign * static_cast<double>(weight[pushed_[j]]);
-    const float* b = basis + j * regressors();
-    double* to = information_[j];
+    const double w = sign * static_cast<double>(one.weight[pushed_[j]]);
+    const bool linked = one.linked[j] > 0.0f;
+    const float *b = one.basis + j * regressors(), *before = one.before + j * regressors();
+    double *q0 = information(0, j), *q1 = information(1, j), *q2 = information(2, j);
+    std::uint32_t at = 0;
     for (std::uint32_t r = 0; r < regressors(); ++r)
-      for (std::uint32_t c = r; c < regressors(); ++c)
-        *to++ += w * static_cast<double>(b[r]) * static_cast<double>(b[c]);
+      for (std::uint32_t c = r; c < regressors(); ++c, ++at) {
+        const double br = static_cast<double>(b[r]), bc = static_cast<double>(b[c]);
+        q0[at] += w * br * bc;
+        if (!linked) {
+          q2[at] -= w * br * bc;
+          continue;
+        }
+        const double ar = static_cast<double>(before[r]), ac = static_cast<double>(before[c]);
+        q1[at] += w * (ar * bc + br * ac);
+        q2[at] += w * ar * ac;
+      }
   }
 }
 
@@ -93,12 +112,19 @@ void Evidence::prepare() {
   constexpr double kPrecision = 1.0 / (kDiscrepancySpread * kDiscrepancySpread);
   const std::uint32_t size = upper_triangle(regressors());
   for (std::uint32_t j = 0; j < pushed_count_; ++j) {
-    double sum[upper_triangle(kMaxRegressors)];
-    const double* from = information_[j];
-    double* to = sum;
-    for (std::uint32_t r = 0; r < regressors(); ++r)
-      for (std::uint32_t c = r; c < regressors(); ++c) *to++ = *from++ + (r == c ? kPrecision : 0.0);
-    invert_packed(regressors(), sum, shrinkage_ + j * size, log_determinant_[j]);
+    const double *q0 = information(0, j), *q1 = information(1, j), *q2 = information(2, j);
+    for (std::uint32_t g = 0; g < kColours; ++g) {
+      double sum[upper_triangle(kMaxRegressors)], log_determinant;
+      const double rho = kColour[g];
+      std::uint32_t at = 0;
+      for (std::uint32_t r = 0; r < regressors(); ++r)
+        for (std::uint32_t c = r; c < regressors(); ++c, ++at)
+          sum[at] = q0[at] - rho * q1[at] + rho * rho * q2[at] + (r == c ? kPrecision : 0.0);
+      invert_packed(regressors(), sum, shrinkage_ + (j * kColours + g) * size, log_determinant);
+      if (g == 0) log_determinant_[j] = log_determinant;
+      log_weight_[j * kColours + g] = math::log(kColourPrior[g]) + 0.5 * starts_[j] * math::log(1.0 - rho * rho) -
+                                      0.5 * (log_determinant - log_determinant_[j]);
+    }
   }
 }
 
@@ -114,6 +140,8 @@ EvidenceJob Evidence::job(std::uint32_t lanes, const double* sums, std::uint32_t
     job.exponent[r] = exponent(r);
   }
   job.shrinkage = shrinkage_;
+  job.log_weight = log_weight_;
+  job.lead = lead_;
   job.sums = sums;
   job.stride = stride;
   return job;
@@ -138,26 +166,63 @@ double Evidence::log_constant() const {
   return sum;
 }
 
+/// A sum at one rho: q0 in row `plain`, q1 and q2 in row `lagged` of theirs.
+double Evidence::at_colour(const double* sums, std::uint32_t stride, std::uint32_t plain, std::uint32_t lagged,
+                           double rho) const {
+  const double* q1 = sums + std::size_t{nx_ + columns() + lagged} * stride;
+  const double q2 = q1[std::size_t{lagged_rows()} * stride];
+  return sums[std::size_t{plain} * stride] - rho * q1[0] + rho * rho * q2;
+}
+
 /// p of one particle and one pushed state.
-void Evidence::projections(const double* sums, std::uint32_t stride, std::uint32_t place, double* p) const {
-  for (std::uint32_t i = 0; i < regressors(); ++i) p[i] = sums[(nx_ + place * regressors() + i) * stride];
+void Evidence::projections(const double* sums, std::uint32_t stride, std::uint32_t place, std::uint32_t colour,
+                           double* p) const {
+  for (std::uint32_t i = 0; i < regressors(); ++i) {
+    const std::uint32_t at = place * regressors() + i;
+    p[i] = at_colour(sums, stride, nx_ + at, pushed_count_ + at, kColour[colour]);
+  }
+}
+
+double Evidence::squared_error(const double* sums, std::uint32_t stride, std::uint32_t place,
+                               std::uint32_t colour) const {
+  double p[kMaxRegressors];
+  projections(sums, stride, place, colour, p);
+  const double squared = at_colour(sums, stride, pushed_[place], place, kColour[colour]) -
+                         quadratic_packed(regressors(), shrinkage(place, colour), p);
+  return squared < 0.0 ? 0.0 : squared;
 }
 
 double Evidence::squared_error(const double* sums, std::uint32_t stride, std::uint32_t row) const {
-  double squared = sums[row * stride];
   const std::uint32_t j = pushed_of_[row];
-  if (j < pushed_count_) {
-    double p[kMaxRegressors];
-    projections(sums, stride, j, p);
-    squared -= quadratic_packed(regressors(), shrinkage(j), p);
+  return j < pushed_count_ ? squared_error(sums, stride, j, lead_[j]) : sums[row * stride];
+}
+
+void Evidence::lead(std::uint32_t lanes, const double* sums, std::uint32_t stride, const double* weight,
+                    std::uint32_t step) {
+  for (std::uint32_t j = 0; j < pushed_count_; ++j) {
+    double share[kColours] = {};
+    for (std::uint32_t i = 0; i < lanes; i += step) {
+      double log_share[kColours], top = -INFINITY;
+      for (std::uint32_t g = 0; g < kColours; ++g) {
+        const double error = squared_error(sums + i, stride, j, g) / (2.0 * b_[pushed_[j]]);
+        log_share[g] = log_weight_[j * kColours + g] - exponent(pushed_[j]) * math::log(1.0 + error);
+        if (log_share[g] > top) top = log_share[g];
+      }
+      if (!(weight[i] > 0.0) || !std::isfinite(top)) continue;
+      double sum = 0.0;
+      for (double& l : log_share) sum += l = math::exp(l - top);
+      for (std::uint32_t g = 0; g < kColours; ++g) share[g] += weight[i] * log_share[g] / sum;
+    }
+    lead_[j] = 0;
+    for (std::uint32_t g = 1; g < kColours; ++g)
+      if (share[g] > share[lead_[j]]) lead_[j] = g;
   }
-  return squared < 0.0 ? 0.0 : squared;
 }
 
 void Evidence::coefficients(const double* sums, std::uint32_t stride, std::uint32_t place, double* beta) const {
   double p[kMaxRegressors];
-  projections(sums, stride, place, p);
-  multiply_packed(regressors(), shrinkage(place), p, beta);
+  projections(sums, stride, place, lead_[place], p);
+  multiply_packed(regressors(), shrinkage(place, lead_[place]), p, beta);
 }
 
 double Evidence::innovation(const double* sums, std::uint32_t stride, std::uint32_t row, double residual,
@@ -177,7 +242,7 @@ double Evidence::scale_square(const double* sums, std::uint32_t stride, std::uin
   if (j >= pushed_count_) return variance;
   double b[kMaxRegressors];
   for (std::uint32_t i = 0; i < regressors(); ++i) b[i] = static_cast<double>(basis[j * regressors() + i]);
-  return variance * (1.0 + quadratic_packed(regressors(), shrinkage(j), b));
+  return variance * (1.0 + quadratic_packed(regressors(), shrinkage(j, lead_[j]), b));
 }
 
 double Evidence::noise_variance(double squared_error, std::uint32_t row) const {

@@ -11,7 +11,6 @@ namespace tiller {
 /// is divided. Cost: O(kSubsample nx).
 void TransitionCloud::measure_innovation(std::uint32_t slot) {
   const MeasuredStep& step = steps_[slot];
-  const float* basis = basis_ + slot * columns_;
   const std::uint32_t stride = n_ > kSubsample ? n_ / kSubsample : 1;
   for (std::uint32_t r = 0; r < nx_; ++r) {
     innovation_[r] = NAN;
@@ -19,17 +18,13 @@ void TransitionCloud::measure_innovation(std::uint32_t slot) {
     double weight = 0.0, mean = 0.0, square = 0.0, within = 0.0;
     for (std::uint32_t i = 0; i < n_; i += stride) {
       const double w = cloud_.weight[i];
-      const std::uint32_t chunk = i / kChunk, first = chunk * kChunk, left = n_ - first;
-      const std::uint32_t lanes = left < kChunk ? left : kChunk;
-      // as sum() left it: one transition, lanes of a task together
-      const float* residual = residual_ + std::size_t{chunk} * kChunk * nx_;
-      const double raw = static_cast<double>(residual[r * lanes + (i - first)]);
+      const double raw = newest_residual(i, r);
       if (!(w > 0.0) || !std::isfinite(raw)) continue;
-      const double e = evidence_.innovation(total_ + i, n_, r, raw, basis);
+      const double e = evidence_.innovation(total_ + i, n_, r, raw, whitened_);
       weight += w;
       mean += w * e;
       square += w * e * e;
-      within += w * evidence_.scale_square(total_ + i, n_, r, basis);
+      within += w * evidence_.scale_square(total_ + i, n_, r, whitened_);
     }
     if (!(weight > 0.0)) continue;
     mean /= weight;

@@ -13,7 +13,7 @@ namespace tiller {
 ///
 ///   e_kr(v) ~ c_kr' phi(z),   S_r(v) = phi' G_r phi with G_r += w c c',   p_j(v) = t_j' phi with t_j += w b_j c
 ///
-/// S the squares, p the discrepancy's projections.
+/// S the squares, p the discrepancy's projections; q1 and q2 (colour.hpp) of the states that it pushes likewise.
 ///
 /// Meant for differences between two points: what the polynomials miss at one is missed at the other.
 class ResidualSummary {
@@ -27,9 +27,9 @@ class ResidualSummary {
   /// Lays the design around the cloud and carries the sums over.
   void centre_on(const Cloud& cloud);
 
-  /// Takes in one transition: residual (nx x points) at the design; weight (nx) with 0 for missing rows; basis
-  /// (projections). Residuals that are not finite are refused: false.
-  bool add(const float* residual, const float* weight, const float* basis);
+  /// Takes in one transition: residual (nx x points) at the design, and of the one before it where that is linked.
+  /// Residuals that are not finite are refused: false.
+  bool add(const float* residual, const float* before, const Evidence::Counted& one);
   /// sums += factor * the sums at coordinates (d), rows of `stride`, in the order of ResidualSumJob. Lanes beyond where
   /// the polynomials are believed get NaN.
   void add_sums(std::uint32_t lanes, const double* coordinate, double factor, double* sums, std::uint32_t stride) const;
@@ -38,12 +38,18 @@ class ResidualSummary {
   static constexpr std::uint32_t kPointsPerTerm = 4;  // of the design: residuals are cheap
   static constexpr std::uint32_t kMaxPoints = (kPointsPerTerm * PolynomialDesign::kMaxTerms + 15) / 16 * 16;
 
+  std::uint32_t forms() const { return nx_ + (kLags - 1) * pushed_count_; }
+  void add_lagged(std::uint32_t place, const double* c, const double* before, const Evidence::Counted& one);
+  bool all_finite(const float* residual, const float* before, const Evidence::Counted& one) const;
+  /// Coefficients of one row of residuals.
+  void fit(const float* residual, double* c) const;
+
   std::uint32_t nx_ = 0, regressors_ = 0, pushed_count_ = 0, projections_ = 0, triangle_ = 0;
   std::uint32_t pushed_[kMaxPushed] = {};
   bool empty_ = true;
   PolynomialDesign design_;
-  double* gram_ = nullptr;     // (nx x triangle) upper triangles
-  double* tilt_ = nullptr;     // (projections x terms)
+  double* gram_ = nullptr;     // (nx x triangle) upper triangles, then twice (pushed_count x triangle) of q1 and q2
+  double* tilt_ = nullptr;     // (projections x terms) three times
   double* scratch_ = nullptr;  // (terms)
 };
 

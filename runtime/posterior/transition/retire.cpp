@@ -17,7 +17,7 @@ void TransitionCloud::retire() {
   }
   for (int leaving = 0; leaving < 2; ++leaving) {
     const std::uint64_t size = end_ - begin_;
-    if (!(size > window_ && (converged() || size == capacity_))) return;
+    if (!(size > window_ && (converged() || size == longest_))) return;
     if (leaving == 1 && !converged()) return;
     retire_oldest();
   }
@@ -56,6 +56,8 @@ void TransitionCloud::lay_design() {
 
 bool TransitionCloud::summarise(std::uint32_t slot) {
   const std::uint32_t points = summary_.design().points();
+  const bool follows = linked(slot);
+  float* before = design_residual_ + std::size_t{nx_} * points;
   ResidualJob job;
   job.setup = &setup_;
   job.lanes = points;
@@ -65,7 +67,13 @@ bool TransitionCloud::summarise(std::uint32_t slot) {
   job.residual = design_residual_;
   table_->residual(*config_->model, job);
   work_ += points;
-  return summary_.add(design_residual_, weight_ + slot * nx_, basis_ + slot * columns_);
+  if (follows) {
+    job.steps = steps_ + slot_before(slot);
+    job.residual = before;
+    table_->residual(*config_->model, job);
+    work_ += points;
+  }
+  return summary_.add(design_residual_, before, counted(slot));
 }
 
 }  // namespace tiller

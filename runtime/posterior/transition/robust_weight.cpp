@@ -26,13 +26,9 @@ double TransitionCloud::outlier_ratio(std::uint32_t particle, const MeasuredStep
   double worst = 0.0;
   for (std::uint32_t r = 0; r < nx_; ++r) {
     if (std::isnan(step.change[r])) continue;
-    double residual = std::sqrt(fresh_[r * n_ + particle]);
-    const std::uint32_t place = evidence_.place_of(r);
-    if (place < evidence_.pushed_count()) {
-      // the sign is that of the projection on the joint's own constant force
-      const std::uint32_t own = place * evidence_.regressors() + evidence_.joint_of(place) * kDiscrepancyBasis;
-      if (fresh_[(nx_ + own) * n_ + particle] < 0.0) residual = -residual;
-    }
+    // without regressors the sign does not matter
+    const bool pushed = evidence_.place_of(r) < evidence_.pushed_count();
+    const double residual = pushed ? newest_residual(particle, r) : std::sqrt(fresh_[r * n_ + particle]);
     const double e = evidence_.innovation(total_ + particle, n_, r, residual, basis);
     const double freedom = evidence_.freedom(r);
     const double ordinary = freedom * math::expm1(kOrdinary * kOrdinary / (freedom + 1.0));
@@ -46,7 +42,7 @@ double TransitionCloud::find_robust_weight(std::uint32_t slot) {
   double least = INFINITY;
   for (std::uint32_t i = 0; i < n_; ++i) {
     if (!(cloud_.weight[i] * n_ > kHasSay)) continue;
-    const double share = outlier_ratio(i, steps_[slot], basis_ + slot * columns_);
+    const double share = outlier_ratio(i, steps_[slot], whitened_);
     if (share < least) least = share;
     // the first particle usually ends the search
     if (least <= 1.0) {

@@ -93,6 +93,9 @@ void TransitionCloud::resample() {
 
 void TransitionCloud::measure_noise() {
   double left[TILLER_MAX_STATES], before[TILLER_MAX_STATES];
+  // particles differ by less than colours do: few speak for all
+  constexpr std::uint32_t kSpeakers = 16;
+  evidence_.lead(n_, total_, n_, cloud_.weight, n_ > kSpeakers ? n_ / kSpeakers : 1);
   if (!evidence_.mean_errors(n_, total_, n_, cloud_.weight, left, before)) return;
   discrepancy_share_ = 0.0;
   for (std::uint32_t r = 0; r < nx_; ++r) {

@@ -5,8 +5,6 @@
 #include <cmath>
 #include <cstring>
 
-#include "posterior/tasks.hpp"
-
 namespace tiller {
 
 namespace {
@@ -22,7 +20,8 @@ TransitionCloud* TransitionCloud::lay_out(Arena& arena, const tiller_config_t& c
   const std::uint32_t n = config.posterior.particles, nx = config.model->state_count, np = config.param_count;
   const Evidence evidence(config);
   const std::uint32_t rows = evidence.rows(), columns = evidence.columns();
-  const std::uint32_t capacity = 2 * config.posterior.window, lanes = round_up(n / 2, 16);
+  const std::uint32_t longest = 2 * config.posterior.window, lanes = round_up(n / 2, 16);
+  const std::uint32_t capacity = columns > 0 ? longest + 1 : longest, lead_in = columns > 0 ? 1 : 0;
   auto* c = arena.take<TransitionCloud>(1);
   TransitionCloud made;
   made.cloud_ = Cloud::lay_out(arena, config);
@@ -37,6 +36,9 @@ TransitionCloud* TransitionCloud::lay_out(Arena& arena, const tiller_config_t& c
   made.steps_ = arena.take<MeasuredStep>(capacity);
   made.weight_ = arena.take<float>(std::size_t{capacity} * nx);
   made.basis_ = arena.take<float>(std::size_t{capacity} * columns);
+  auto* matrices = arena.take<double>(evidence.matrix_count());
+  made.linked_ = arena.take<float>(std::size_t{capacity} * evidence.pushed_count());
+  made.whitened_ = arena.take<float>(columns);
   made.history_ = arena.take<double>(std::size_t{capacity} * setup.delay_steps * config.model->input_count);
   made.proposed_change_ = arena.take<double>(lanes);
   made.proposed_uniform_ = arena.take<double>(lanes);
@@ -47,10 +49,11 @@ TransitionCloud* TransitionCloud::lay_out(Arena& arena, const tiller_config_t& c
   made.proposed_total_ = arena.take<double>(std::size_t{rows} * lanes);
   made.proposed_likelihood_ = arena.take<double>(lanes);
   // all particles at one transition, or the moves at a block of them
-  const std::uint32_t at_one = round_up(n, kChunk), at_block = round_up(lanes, kChunk) * kBlock;
+  const std::uint32_t at_one = round_up(n, kChunk) * (1 + lead_in);
+  const std::uint32_t at_block = round_up(lanes, kChunk) * (kBlock + lead_in);
   made.residual_ = arena.take<float>(std::size_t{at_one > at_block ? at_one : at_block} * nx);
   made.design_params_ = arena.take<float>(std::size_t{np} * made.summary_.design().points());
-  made.design_residual_ = arena.take<float>(std::size_t{nx} * made.summary_.design().points());
+  made.design_residual_ = arena.take<float>(std::size_t{nx} * made.summary_.design().points() * (1 + lead_in));
   if (evidence.joints() > 0) made.response_ = ForceResponse::lay_out(arena, config, setup, table, evidence.joints());
   if (arena.measuring() || !arena.fits()) return nullptr;
 
@@ -66,9 +69,12 @@ TransitionCloud* TransitionCloud::lay_out(Arena& arena, const tiller_config_t& c
   made.rows_ = rows;
   made.columns_ = columns;
   made.window_ = config.posterior.window;
+  made.longest_ = longest;
   made.capacity_ = capacity;
+  made.steps_of_one_ = 1 + lead_in;
   made.lanes_ = lanes;
   made.evidence_ = evidence;
+  made.evidence_.use(matrices);
   made.flat_prior_ = !made.cloud_.prior.is_mixture();
   for (std::uint32_t j = 0; j < made.d_; ++j)
     made.flat_prior_ = made.flat_prior_ && made.cloud_.prior.marginal(j).kind == tiller_prior_uniform;
@@ -111,9 +117,9 @@ void TransitionCloud::load_params() {
   for (std::size_t i = 0; i < std::size_t{np_} * n_; ++i) params_[i] = static_cast<float>(cloud_.params[i]);
 }
 
-tiller_status_t TransitionCloud::update(const MeasuredStep& step) {
+tiller_status_t TransitionCloud::update(const MeasuredStep& step, bool follows) {
   work_ = 0;
-  remember(step);
+  remember(step, follows);
   const std::uint32_t slot = static_cast<std::uint32_t>((end_ - 1) % capacity_);
   std::memset(fresh_, 0, sizeof(double) * rows_ * n_);
   sum({{params_, n_}, n_, slot, 1, fresh_, n_});
@@ -122,12 +128,13 @@ tiller_status_t TransitionCloud::update(const MeasuredStep& step) {
     return tiller_status_posterior_degenerate;
   }
   ++tick_;
+  if (columns_ > 0) whiten_basis(slot);
   if (config_->posterior.adequacy) measure_innovation(slot);
   robust_weight_ = config_->posterior.robust ? find_robust_weight(slot) : 1.0;
   set_weight(slot, robust_weight_);
   forget();
   const double before = evidence_.log_constant();
-  evidence_.count(weight_ + slot * nx_, basis_ + slot * columns_);
+  evidence_.count(counted(slot));
   evidence_.prepare();
   const std::uint32_t all = rows_ * n_;
   transition_table().add_scaled(all, robust_weight_, fresh_, total_);
@@ -153,7 +160,29 @@ bool TransitionCloud::any_alive() {
   return any;
 }
 
-void TransitionCloud::remember(const MeasuredStep& step) {
+/// A glitch tells nothing of what comes after it.
+void TransitionCloud::link(std::uint32_t slot, bool follows) {
+  const std::uint32_t before = slot_before(slot), pushed_count = evidence_.pushed_count();
+  const bool whole = follows && end_ >= 2 && robust_weight_ == 1.0;
+  for (std::uint32_t j = 0; j < pushed_count; ++j) {
+    const bool there = whole && weight_[before * nx_ + evidence_.pushed(j)] > 0.0f;
+    linked_[slot * pushed_count + j] = there ? 1.0f : 0.0f;
+  }
+}
+
+bool TransitionCloud::linked(std::uint32_t slot) const {
+  bool any = false;
+  for (std::uint32_t j = 0; j < evidence_.pushed_count(); ++j)
+    any = any || linked_[slot * evidence_.pushed_count() + j] > 0.0f;
+  return any;
+}
+
+Evidence::Counted TransitionCloud::counted(std::uint32_t slot) const {
+  return {weight_ + slot * nx_, basis_ + slot * columns_, linked_ + slot * evidence_.pushed_count(),
+          basis_ + slot_before(slot) * columns_};
+}
+
+void TransitionCloud::remember(const MeasuredStep& step, bool follows) {
   const std::uint32_t slot = static_cast<std::uint32_t>(end_++ % capacity_);
   MeasuredStep& to = steps_[slot];
   to = step;
@@ -165,6 +194,7 @@ void TransitionCloud::remember(const MeasuredStep& step) {
   }
   set_weight(slot, 1.0);
   set_basis(slot);
+  link(slot, follows);
 }
 
 void TransitionCloud::set_weight(std::uint32_t slot, double weight) {
@@ -193,75 +223,11 @@ void TransitionCloud::forget() {
   std::memcpy(log_likelihood_, gain_, sizeof(double) * n_);
 }
 
-void TransitionCloud::sum_ring(Lanes<float> params, std::uint32_t lanes, double* sums, std::uint32_t stride) {
-  const auto first = static_cast<std::uint32_t>(begin_ % capacity_), count = static_cast<std::uint32_t>(end_ - begin_);
-  const std::uint32_t head = first + count <= capacity_ ? count : capacity_ - first;
-  sum({params, lanes, first, head, sums, stride});
-  if (head < count) sum({params, lanes, 0, count - head, sums, stride});
-}
-
-void TransitionCloud::sum(const SumsJob& job) {
-  for_each_chunk(hooks_, (job.lanes + kChunk - 1) / kChunk, job.lanes * job.count >= 8192,
-                 [this, &job](std::uint32_t c) { sum_chunk(job, c); });
-  work_ += std::uint64_t{job.lanes} * job.count;
-}
-
-void TransitionCloud::sum_chunk(const SumsJob& job, std::uint32_t chunk) const {
-  const std::uint32_t first = chunk * kChunk, left = job.lanes - first;
-  ResidualJob steps;
-  steps.setup = &setup_;
-  steps.lanes = left < kChunk ? left : kChunk;
-  steps.params = {job.params.data + first, job.params.stride};
-  if (columns_ == 0)
-    sum_squares(job, first, steps);
-  else
-    sum_projections(job, chunk, steps);
-}
-
-/// Without a discrepancy the kernel sums by itself.
-void TransitionCloud::sum_squares(const SumsJob& job, std::uint32_t first, ResidualJob& steps) const {
-  double squared[TILLER_MAX_STATES * kChunk];
-  std::memset(squared, 0, sizeof(double) * nx_ * steps.lanes);
-  steps.count = job.count;
-  steps.steps = steps_ + job.slot;
-  steps.squared = squared;
-  // the newest transition's own are what the adequacy test looks at
-  if (config_->posterior.adequacy && job.count == 1) steps.residual = residual_ + std::size_t{first} * nx_;
-  table_->residual(*config_->model, steps);
-  for (std::uint32_t r = 0; r < nx_; ++r)
-    transition_table().add_scaled(steps.lanes, 1.0, squared + r * steps.lanes, job.sums + r * job.stride + first);
-}
-
-/// Each joint has regressors of its own, which the kernel's shared ones cannot be.
-void TransitionCloud::sum_projections(const SumsJob& job, std::uint32_t chunk, ResidualJob& steps) const {
-  const std::uint32_t block = job.count < kBlock ? job.count : kBlock;
-  float* residual = residual_ + std::size_t{chunk} * kChunk * block * nx_;
-  steps.residual = residual;
-  ResidualSumJob sums;
-  sums.nx = nx_;
-  sums.regressors = evidence_.regressors();
-  sums.pushed_count = evidence_.pushed_count();
-  for (std::uint32_t b = 0; b < sums.pushed_count; ++b) sums.pushed[b] = evidence_.pushed(b);
-  sums.lanes = steps.lanes;
-  sums.residual = residual;
-  sums.sums = job.sums + chunk * kChunk;
-  sums.stride = job.stride;
-  for (std::uint32_t done = 0; done < job.count; done += kBlock) {
-    const std::uint32_t slot = job.slot + done, rest = job.count - done;
-    steps.count = sums.steps = rest < kBlock ? rest : kBlock;
-    steps.steps = steps_ + slot;
-    sums.weight = weight_ + slot * nx_;
-    sums.basis = basis_ + slot * columns_;
-    table_->residual(*config_->model, steps);
-    transition_table().sum_residuals(sums);
-  }
-}
-
 std::uint64_t TransitionCloud::work_limit() const {
   const tiller_posterior_config_t& p = config_->posterior;
   std::uint64_t moves = std::uint64_t{p.moves_per_tick} * (p.window + kProposalWork);
   if (columns_ > 0 && moves < renewal_work()) moves = renewal_work();
-  return std::uint64_t{3} * n_ + 4 * summary_.design().points() + moves;
+  return (std::uint64_t{3} * n_ + 4 * summary_.design().points()) * steps_of_one_ + moves;
 }
 
 }  // namespace tiller

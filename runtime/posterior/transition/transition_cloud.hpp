@@ -25,9 +25,9 @@ class TransitionCloud {
   void reset(double keep = 1.0);
   /// The same, but what was learnt of the noise stays: worth kNoiseWorth values.
   void restart();
-  /// Takes in one transition; step.weight and step.basis are not read. ok, tempered, or posterior_degenerate with
-  /// nothing changed. History rows are copied.
-  tiller_status_t update(const MeasuredStep& step);
+  /// Takes in one transition; step.weight and step.basis are not read. `follows`: it begins where the last one that was
+  /// taken in ends. ok, tempered, or posterior_degenerate with nothing changed. History rows are copied.
+  tiller_status_t update(const MeasuredStep& step, bool follows);
 
   const Cloud& cloud() const { return cloud_; }
   const Evidence& evidence() const { return evidence_; }
@@ -82,16 +82,25 @@ class TransitionCloud {
 
   // transition_cloud.cpp
   void begin();
-  void remember(const MeasuredStep& step);
+  void remember(const MeasuredStep& step, bool follows);
+  void link(std::uint32_t slot, bool follows);
+  std::uint32_t slot_before(std::uint32_t slot) const { return (slot > 0 ? slot : capacity_) - 1; }
+  bool linked(std::uint32_t slot) const;
+  Evidence::Counted counted(std::uint32_t slot) const;
   void set_weight(std::uint32_t slot, double weight);
   void forget();
+  void load_params();
+  bool any_alive();
+
+  // transition_sums.cpp
   void sum(const SumsJob& job);
   void sum_chunk(const SumsJob& job, std::uint32_t chunk) const;
   void sum_squares(const SumsJob& job, std::uint32_t first, ResidualJob& steps) const;
   void sum_projections(const SumsJob& job, std::uint32_t chunk, ResidualJob& steps) const;
+  void sum_run(Lanes<float> params, std::uint32_t lanes, std::uint64_t first, std::uint64_t last, double* sums,
+               std::uint32_t stride);
+  double newest_residual(std::uint32_t particle, std::uint32_t row) const;
   void sum_ring(Lanes<float> params, std::uint32_t lanes, double* sums, std::uint32_t stride);
-  void load_params();
-  bool any_alive();
 
   // discrepancy.cpp
   void respond(std::uint32_t slot, double* change);
@@ -99,6 +108,8 @@ class TransitionCloud {
   void estimate_dry_force();
   void leave_out_sticking(std::uint32_t slot, const double* change);
   void keep_discrepancy();
+  void whiten_basis(std::uint32_t slot);
+  void count_bases(std::uint64_t first, std::uint64_t last, double sign);
   std::uint64_t renewal_work() const;
   bool find_basis_scale();
   void renew_basis(std::uint64_t first, std::uint64_t last);
@@ -136,7 +147,8 @@ class TransitionCloud {
   const RolloutTable* table_ = nullptr;
   const tiller_hooks_t* hooks_ = nullptr;
   std::uint32_t n_ = 0, nx_ = 0, nu_ = 0, np_ = 0, d_ = 0, rows_ = 0, columns_ = 0;
-  std::uint32_t window_ = 0, capacity_ = 0;
+  std::uint32_t window_ = 0, longest_ = 0, capacity_ = 0;  // the ring's, at the most, with its first's predecessor
+  std::uint32_t steps_of_one_ = 1;                         // that the sums of one transition take
   double keep_ = 1.0;
   bool flat_prior_ = false;  // constant within its bounds
 
@@ -156,6 +168,8 @@ class TransitionCloud {
   MeasuredStep* steps_ = nullptr;  // (capacity)
   float* weight_ = nullptr;        // (capacity x nx) 0: missing
   float* basis_ = nullptr;         // (capacity x columns)
+  float* linked_ = nullptr;        // (capacity x pushed_count) 1: the slot before is the predecessor
+  float* whitened_ = nullptr;      // (columns) the newest basis less rho times the one before
   double* history_ = nullptr;      // (capacity x delay_steps * nu)
   std::uint64_t begin_ = 0, end_ = 0;
 
@@ -169,9 +183,9 @@ class TransitionCloud {
   double* proposed_ring_ = nullptr;        // (rows x lanes)
   double* proposed_total_ = nullptr;       // (rows x lanes)
   double* proposed_likelihood_ = nullptr;  // (lanes)
-  float* residual_ = nullptr;              // (chunks x block * nx * kChunk)
+  float* residual_ = nullptr;              // (chunks x (predecessor, then a block) * nx * kChunk)
   float* design_params_ = nullptr;         // (np x points)
-  float* design_residual_ = nullptr;       // (nx x points)
+  float* design_residual_ = nullptr;       // (nx x points), then the predecessor's
 
   bool discrepancy_begun_ = false;
   std::uint64_t begun_at_ = 0, again_ = 0, again_end_ = 0;  // transitions whose regressors are to be taken again

@@ -4,6 +4,7 @@
 
 #include "posterior/discrepancy_basis.hpp"
 #include "posterior/packed_matrix.hpp"
+#include "posterior/transition/colour.hpp"
 #include "posterior/transition/proposal_lanes.hpp"
 #include "scalar/isa.hpp"
 #include "tiller/model.h"
@@ -11,7 +12,8 @@
 namespace tiller {
 
 /// Sums of squares and of projections from residuals. Rows of `sums`: nx squares sum_k w_kr e_kr^2, then for each
-/// pushed state r = pushed[b] its projections sum_k w_kr b_kbi e_kr at nx + b * regressors + i.
+/// pushed state r = pushed[b] its projections sum_k w_kr b_kbi e_kr at nx + b * regressors + i. Then twice, for q1 and
+/// q2 of colour.hpp, a row for each pushed state's squares and one for each projection.
 struct ResidualSumJob {
   std::uint32_t nx = 0, regressors = 0;
   std::uint32_t pushed_count = 0;
@@ -21,18 +23,24 @@ struct ResidualSumJob {
   const float* residual = nullptr;        // (steps * nx x lanes)
   const float* weight = nullptr;          // (steps x nx) 0: missing, the residual is then not read
   const float* basis = nullptr;           // (steps x pushed_count * regressors)
-  double* sums = nullptr;                 // (rows) +=
+  const float* linked = nullptr;          // (steps x pushed_count) 1: the step before counts as its predecessor; else 0
+  // of the step before the first, read where that is linked: nx rows of lanes before `residual`, and
+  const float* basis_before = nullptr;  // (pushed_count * regressors)
+  double* sums = nullptr;               // (rows) +=
   std::uint32_t stride = 0;
 };
 
-/// log L = -sum_r exponent_r log(1 + S_r / (2 b_r)), where a pushed state has S_r - p' M p in the place of S_r.
+/// log L = -sum_r exponent_r log(1 + S_r / (2 b_r)). A pushed state has S - p' M p in the place of S_r, both of a rho,
+/// and the logarithm of a sum over these.
 struct EvidenceJob {
   std::uint32_t nx = 0, regressors = 0, pushed_count = 0;
   std::uint32_t lanes = 0;                          // a multiple of 16
   std::uint32_t pushed_of[TILLER_MAX_STATES] = {};  // (nx) place among the pushed states; pushed_count for none
   double half_precision[TILLER_MAX_STATES] = {};    // (nx) 1 / (2 b_r)
   double exponent[TILLER_MAX_STATES] = {};          // (nx)
-  const double* shrinkage = nullptr;                // (pushed_count x upper_triangle(regressors)) M
+  const double* shrinkage = nullptr;                // (pushed_count x kColours x upper_triangle(regressors)) M
+  const std::uint32_t* lead = nullptr;              // (pushed_count) the rho at which mean_errors() is taken
+  const double* log_weight = nullptr;               // (pushed_count x kColours) what does not depend on the particle
   const double* sums = nullptr;                     // (rows), as above
   std::uint32_t stride = 0;
   double* log_likelihood = nullptr;  // (lanes) NaN where a sum is

@@ -55,6 +55,41 @@ void sum_row(const ResidualSumJob& job, std::uint32_t row, std::uint32_t lane, b
   }
 }
 
+/// q1 and q2 of one pushed state (`squares`: of its squares too) and of one joint's forces, from column `at` on.
+void sum_coloured(const ResidualSumJob& job, std::uint32_t place, std::uint32_t at, bool squares, std::uint32_t lane) {
+  const std::uint32_t columns = job.pushed_count * job.regressors, kind = job.pushed_count + columns;
+  const std::uint32_t row = job.pushed[place], first = job.nx + columns;
+  F square[2] = {F(0.0f), F(0.0f)}, projected[2][kDiscrepancyBasis];
+  for (auto& lag : projected)
+    for (F& sums : lag) sums = F(0.0f);
+  for (std::uint32_t k = 0; k < job.steps; ++k) {
+    const float w = job.weight[k * job.nx + row];
+    if (!(w > 0.0f)) continue;
+    const float* from = job.residual + (k * job.nx + row) * job.lanes + lane;
+    const F e = F::load(from) * F(w);
+    const float* b = job.basis + k * columns + at;
+    if (!(job.linked[k * job.pushed_count + place] > 0.0f)) {
+      square[1] = square[1] - e * F::load(from);
+      for (std::uint32_t c = 0; c < kDiscrepancyBasis; ++c) projected[1][c] = fma(e, F(-b[c]), projected[1][c]);
+      continue;
+    }
+    const F before = F::load(from - job.nx * job.lanes) * F(w);
+    const float* b_before = k > 0 ? b - columns : job.basis_before + at;
+    square[0] = fma(e + e, F::load(from - job.nx * job.lanes), square[0]);
+    square[1] = fma(before, F::load(from - job.nx * job.lanes), square[1]);
+    for (std::uint32_t c = 0; c < kDiscrepancyBasis; ++c) {
+      projected[0][c] = fma(e, F(b_before[c]), fma(before, F(b[c]), projected[0][c]));
+      projected[1][c] = fma(before, F(b_before[c]), projected[1][c]);
+    }
+  }
+  for (std::uint32_t lag = 0; lag < 2; ++lag) {
+    double* to = job.sums + (first + lag * kind) * job.stride + lane;
+    if (squares) add(to + place * job.stride, square[lag]);
+    for (std::uint32_t c = 0; c < kDiscrepancyBasis; ++c)
+      add(to + (job.pushed_count + at + c) * job.stride, projected[lag][c]);
+  }
+}
+
 void sum_residuals(const ResidualSumJob& job) {
   constexpr std::uint32_t kWidth = static_cast<std::uint32_t>(F::width);
   const std::uint32_t regressors = job.regressors;
@@ -70,33 +105,76 @@ void sum_residuals(const ResidualSumJob& job) {
       for (; lane + 4 * kWidth <= job.lanes; lane += 4 * kWidth)
         sum_row<4>(job, row, lane, first == 0, basis, projections);
       for (; lane < job.lanes; lane += kWidth) sum_row<1>(job, row, lane, first == 0, basis, projections);
+      for (lane = 0; moves && lane < job.lanes; lane += kWidth) sum_coloured(job, place, at, first == 0, lane);
     }
   }
 }
 
-/// S_r / (2 b_r), less what the discrepancy takes up.
-P scaled_error(const EvidenceJob& job, std::uint32_t row, std::uint32_t lane) {
-  P squared = P::load(job.sums + row * job.stride + lane);
-  const std::uint32_t place = job.pushed_of[row];
-  if (place < job.pushed_count) {
-    const std::uint32_t regressors = job.regressors;
-    P p[kMaxRegressors];
-    for (std::uint32_t i = 0; i < regressors; ++i)
-      p[i] = P::load(job.sums + (job.nx + place * regressors + i) * job.stride + lane);
-    squared = squared - quadratic_form(job.shrinkage + place * upper_triangle(regressors), p, regressors);
+/// q0 - rho q1 + rho^2 q2 of the rows of one sum.
+P at_colour(const double* q0, const double* q1, const double* q2, double rho) {
+  return fma(P(rho * rho), P::load(q2), fma(P(-rho), P::load(q1), P::load(q0)));
+}
+
+/// S_r / (2 b_r). Rounding leaves a little less than nothing; much less, and an approximate past has been left behind.
+P scaled(const EvidenceJob& job, std::uint32_t row, const P& squared) {
+  const P error = P(job.half_precision[row]) * squared;
+  return select(error < P(0.0), select(error < P(-1.0), P(__builtin_nan("")), P(0.0)), error);
+}
+
+/// Of a pushed state at one rho, less what the discrepancy takes up.
+P coloured_error(const EvidenceJob& job, std::uint32_t row, std::uint32_t lane, std::uint32_t colour) {
+  const std::uint32_t place = job.pushed_of[row], regressors = job.regressors, columns = job.pushed_count * regressors;
+  const std::size_t kind = std::size_t{job.pushed_count + columns} * job.stride;
+  const double* plain = job.sums + lane;
+  const double* lagged = plain + std::size_t{job.nx + columns} * job.stride;
+  const double rho = kColour[colour];
+  P p[kMaxRegressors];
+  for (std::uint32_t i = 0; i < regressors; ++i) {
+    const std::size_t at = std::size_t{place * regressors + i};
+    const double* q1 = lagged + (job.pushed_count + at) * job.stride;
+    p[i] = at_colour(plain + (job.nx + at) * job.stride, q1, q1 + kind, rho);
   }
-  // rounding leaves a little less than nothing; much less, and an approximate past has been left behind
-  const P scaled = P(job.half_precision[row]) * squared;
-  return select(scaled < P(0.0), select(scaled < P(-1.0), P(__builtin_nan("")), P(0.0)), scaled);
+  const double* q1 = lagged + std::size_t{place} * job.stride;
+  const P squared = at_colour(plain + std::size_t{row} * job.stride, q1, q1 + kind, rho);
+  const double* shrinkage = job.shrinkage + (place * kColours + colour) * upper_triangle(regressors);
+  return scaled(job, row, squared - quadratic_form(shrinkage, p, regressors));
+}
+
+/// log sum over rho of weight (1 + S / (2 b))^-exponent.
+P coloured_evidence(const EvidenceJob& job, std::uint32_t row, std::uint32_t lane) {
+  const double* log_weight = job.log_weight + job.pushed_of[row] * kColours;
+  P logs[kColours], top(-__builtin_huge_val()), broken(0.0);
+  for (std::uint32_t c = 0; c < kColours; ++c) {
+    logs[c] = P(log_weight[c]) - P(job.exponent[row]) * log(P(1.0) + coloured_error(job, row, lane, c));
+    broken = broken + (logs[c] - logs[c]);  // NOLINT(misc-redundant-expression): NaN where not finite
+    top = max(logs[c], top);
+  }
+  const P lowest(-700.0);
+  P sum(0.0);
+  for (const P& one : logs) sum = sum + exp(max(one - top, lowest));
+  // NaN of one rho is NaN of all: max() may have dropped it
+  return top + log(sum) + broken;
+}
+
+bool is_pushed(const EvidenceJob& job, std::uint32_t row) { return job.pushed_of[row] < job.pushed_count; }
+
+P scaled_error(const EvidenceJob& job, std::uint32_t row, std::uint32_t lane) {
+  if (is_pushed(job, row)) return coloured_error(job, row, lane, job.lead[job.pushed_of[row]]);
+  return scaled(job, row, P::load(job.sums + row * job.stride + lane));
 }
 
 void evidence(const EvidenceJob& job) {
   for (std::uint32_t lane = 0; lane < job.lanes; lane += static_cast<std::uint32_t>(P::width)) {
     P total(0.0), product(1.0);
     for (std::uint32_t row = 0; row < job.nx; ++row) {
+      if (is_pushed(job, row)) {
+        total = total + coloured_evidence(job, row, lane);
+        continue;
+      }
       product = product * (P(1.0) + scaled_error(job, row, lane));
       // one logarithm for all rows of the same count: factors are one or more, and far from overflow
-      if (row + 1 < job.nx && job.exponent[row + 1] == job.exponent[row] && row % 4 != 3) continue;
+      const bool joins = row + 1 < job.nx && !is_pushed(job, row + 1) && job.exponent[row + 1] == job.exponent[row];
+      if (joins && row % 4 != 3) continue;
       total = total - P(job.exponent[row]) * log(product);
       product = P(1.0);
     }

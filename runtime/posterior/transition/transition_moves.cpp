@@ -25,9 +25,9 @@ void TransitionCloud::move() {
   const std::uint32_t per_tick = config_->posterior.moves_per_tick;
   const std::uint64_t budget = std::uint64_t{per_tick} * (window_ + kProposalWork);
   // less what was spent beyond the one transition of an ordinary tick
-  const std::uint64_t spent = work_ - n_;
+  const std::uint64_t spent = work_ - std::uint64_t{n_} * steps_of_one_;
   std::uint64_t left = budget > spent ? budget - spent : 0;
-  const std::uint64_t cost = (end_ - begin_) + kProposalWork;
+  const std::uint64_t cost = (end_ - begin_) + (steps_of_one_ - 1) + kProposalWork;
   std::uint32_t done = 0;
   for (;;) {
     std::uint64_t moves = left / cost;

@@ -56,7 +56,7 @@ tiller_status_t TransitionPosterior::check(const tiller_config_t& config, const 
 void TransitionPosterior::reset() {
   particles_->reset(config_->posterior.forgetting_count > 0 ? config_->posterior.forgetting[0] : 1.0);
   clear_adequacy();
-  started_ = complete_ = false;
+  started_ = complete_ = counted_ = false;
   for (std::uint32_t r = 0; r < nx_; ++r) {
     state_[r] = config_->initial_state[r];
     unseen_variance_[r] = config_->initial_state_sd[r] * config_->initial_state_sd[r];
@@ -65,6 +65,7 @@ void TransitionPosterior::reset() {
 
 void TransitionPosterior::restart(const double*) {
   particles_->restart();
+  counted_ = false;
   clear_adequacy();
 }
 
@@ -90,6 +91,7 @@ tiller_status_t TransitionPosterior::start(const double* measured) {
   disturbances_.begin();
   for (double& speed : speed_) speed = 0.0;
   rest_.begin();
+  counted_ = false;
   started_ = true;
   return tiller_status_ok;
 }
@@ -99,7 +101,7 @@ tiller_status_t TransitionPosterior::skip(const Transition& transition) {
   const tiller_status_t refusal = check_transition(*config_, transition);
   if (refusal != tiller_status_ok) return refusal;
   predict(transition);
-  complete_ = false;
+  complete_ = counted_ = false;
   remember_input(transition.input);
   return tiller_status_ok;
 }
@@ -120,12 +122,14 @@ tiller_status_t TransitionPosterior::update(const Transition& transition) {
     any = any || !std::isnan(y);
     all = all && !std::isnan(y);
   }
-  const bool resting = rest_.resting(transition);
+  const bool resting = rest_.resting(transition), counted_before = counted_;
+  counted_ = false;
   if (complete_ && any && !resting) {
     std::memcpy(step.input, transition.input, sizeof step.input);
     step.period_s = transition.period_s;
     step.history = input_history_;
-    status = particles_->update(step);
+    status = particles_->update(step, counted_before);
+    counted_ = status != tiller_status_posterior_degenerate;
     log_predictive_ = status == tiller_status_posterior_degenerate ? -INFINITY : particles_->log_predictive();
     if (adequacy_ && status != tiller_status_posterior_degenerate) test(step);
   } else if (particles_->exponent() < 1.0) {

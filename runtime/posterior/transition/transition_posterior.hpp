@@ -75,6 +75,7 @@ class TransitionPosterior final : public Posterior {
   Disturbances disturbances_;
   double log_predictive_ = 0.0;
   bool started_ = false, complete_ = false;         // all states of the last measurement were there
+  bool counted_ = false;                            // the last transition was taken in
   double state_[TILLER_MAX_STATES] = {};            // measured, or predicted where missing
   double unseen_variance_[TILLER_MAX_STATES] = {};  // of the predicted ones
 };
