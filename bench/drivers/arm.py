@@ -7,12 +7,12 @@
     --jobs N       runs at the same time (1); ticks of more than one say nothing about time
     --build DIR    the CMake build folder (build/release)
 
-The robot file comes from `tiller import`; what is asked of it is the hand's pose alone. Encoders of 0.25 mrad, 100 Hz, one
-core. `posterior` learns the load (0 to 3 kg), `frozen` keeps the prior's mean, `friction` learns the dry friction of four
+The robot file comes from `tiller import`; what is asked of it is the hand's pose alone. Encoders of 0.25 mrad, 100 Hz.
+`posterior` learns the load (0 to 3 kg), `frozen` keeps the prior's mean, `friction` learns the dry friction of four
 joints beside it, `forces` meets the friction of `friction` with a model that has none, and with `disturbance`. `touched`
-is pushed by 5 % of a joint's torque, one joint after the other, 0.2 s long; it feels for half of that. Errors are MuJoCo's,
-1.5 s after each goal was given. `alone` is `touched` that nobody pushes, with twenty poses: every alarm is a false one. How soon
-`touched` feels is put beside the least that any test needs (bench/peers/arm_pushes.py).
+is pushed by 5 % of a joint's torque, one joint after the other, 0.2 s long; it feels for half of that, and how soon is
+put beside the least that any test needs (bench/peers/arm_pushes.py). `alone` is `touched` that nobody pushes, with twenty
+poses: every alarm is a false one. Errors are MuJoCo's, 1.5 s after each goal was given.
 """
 
 import argparse
@@ -158,12 +158,12 @@ def least_periods(results, robot):
 def tell_least(results, robot):
     least = least_periods(results, robot)
     mean = lambda values: sum(values) / max(len(values), 1)
-    print("    mean periods until a push is felt, by joint: ours (of those felt), the least of any test with an alarm an hour, and "
-          "of one that has rates walk as the robot file says")
+    print("    mean periods until a push is felt, by joint: ours (of those felt), the least of any test with an alarm an hour, "
+          "and of one that has rates walk as the robot file says")
     for j in range(7):
         ours = [r["felt"][j] for r in results if r["felt"][j] is not None]
-        print(f"      joint {j + 1}: {mean(ours):5.1f} ({len(ours)} of {len(results)})  {mean([a['known'][j] for a in least]):5.1f}"
-              f"  {mean([a['walking'][j] for a in least]):5.1f}")
+        known, walking = (mean([a[how][j] for a in least]) for how in ("known", "walking"))
+        print(f"      joint {j + 1}: {mean(ours):5.1f} ({len(ours)} of {len(results)}) {known:5.1f} {walking:5.1f}")
     every = [f for r in results for f in r["felt"] if f is not None]
     ratio = mean(every) / mean([v for a in least for v in a["known"]])
     print(f"      all: {mean(every):.1f}, {ratio:.1f} times the least")

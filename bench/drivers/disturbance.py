@@ -11,7 +11,8 @@
     --build DIR     the CMake build folder (build/release)
 
 Plants are the ODE stand-ins, with true parameters drawn by the seed. A world is an effect of the stand-in that the robot
-file does not have, or a parameter of it that is not the model's. What intervals are held to there: docs/evidence/disturbances.md. A row of each run: whether the 90 % interval of each parameter holds the truth at the end, how wide it is,
+file does not have, or a parameter of it that is not the model's; docs/evidence/disturbances.md tells what is held for
+the truth there. A row of each run: whether the 90 % interval of each parameter holds the truth at the end, how wide it is,
 and by how much the held coordinate is off (RMS of the second half; offset: its mean). Two arms: the robot file as it is
 shipped, and with the lines that docs/guide/disturbances.md adds to it.
 """
@@ -79,7 +80,8 @@ def worlds_of_a_cart(port, force, _):
 def worlds_of_a_hopper(port, force, _):
     """Ground of 10 kN/m, into which the foot sinks 17 mm where it presses with 170 N, four times the weight; the model's has
     a hundred times that."""
-    return {name: text for name, text in forces(port, force).items() if name in ("none", "constant", "gusts 1 s", "Coulomb")} | {
+    some = ("none", "constant", "gusts 1 s", "Coulomb")
+    return {name: text for name, text in forces(port, force).items() if name in some} | {
         "soft ground": plant_with(ground_stiffness_N_m=1e4, ground_damping_Ns_m=100.0),
         "inertia 10 %": plant_with(body_inertia_kgm2=0.11),
     }
@@ -157,7 +159,8 @@ def run(build, robot, world, arm, seed):
     if spec["held"].endswith("_rad"):
         off -= 2.0 * np.pi * np.round(off / (2.0 * np.pi))
     found = {"robot": robot, "world": world, "arm": arm, "seed": seed, "state": last["state"],
-             "rms": float(np.sqrt(np.mean(off**2))), "offset": float(np.mean(off)), "holds": {}, "width": {}, "error": {}}
+             "rms": float(np.sqrt(np.mean(off**2))), "offset": float(np.mean(off)), "truth": truth,
+             "holds": {}, "width": {}, "error": {}}
     for name in spec["parameters"]:
         low, high, true = number("q05." + name), number("q95." + name), truth[name]
         found["holds"][name] = bool(low <= true <= high)
@@ -184,8 +187,8 @@ def tell(rows, robot, world, arm, seeds, table):
                           "figure": share, "unit": f"of {len(of)}", "goal": f"{SHARE_LOW} .. {SHARE_HIGH}",
                           "met": SHARE_LOW <= share <= SHARE_HIGH})
     print(f"  {world:<18} {arm:<12} {'; '.join(texts)}; off by {1e3 * np.median([r['rms'] for r in of]):.1f}, mean "
-          f"{1e3 * np.median(np.abs([r['offset'] for r in of])):.1f} mrad, mm or mm/s; ACTIVE {sum(r['state'] == 'ACTIVE' for r in of)} "
-          f"of {len(of)}")
+          f"{1e3 * np.median(np.abs([r['offset'] for r in of])):.1f} mrad, mm or mm/s; ACTIVE "
+          f"{sum(r['state'] == 'ACTIVE' for r in of)} of {len(of)}")
 
 
 def compare(rows, robot, world, seeds, table):

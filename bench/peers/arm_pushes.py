@@ -1,11 +1,11 @@
 """arm_pushes.py URDF FRAME ARMATURE   how soon pushes on an arm can be told at all, by the lemma of Neyman and Pearson.
 
-Reads JSON lines {"payload_kg": .., "push_Nm": [..], "at": [[joint angles] of each push], "sensor_rad": .., "period_s": ..,
-"process_sd": [rad/s per root of a second], "alarms_an_hour": ..}; push i is at joint i. Answers with lines {"known": [..],
-"walking": [..]}: the mean number of periods, from a push's start to the first reading that tells it, below which no test of
-that rate of false alarms can come. `known`: encoders alone are noisy; inertia, load, motors and the state at the start are
-known, and so is the push but for when it comes, which joint and which way. `walking`: rates walk besides, with process_sd,
-and a Kalman filter knows that.
+Reads JSON lines {"payload_kg": .., "push_Nm": [..], "at": [[joint angles] of each push], "sensor_rad": ..,
+"period_s": .., "process_sd": [rad/s per root of a second], "alarms_an_hour": ..}; push i is at joint i. Answers with
+lines {"known": [..], "walking": [..]}: the mean number of periods, from a push's start to the first reading that tells
+it, below which no test of that rate of false alarms can come. `known`: encoders alone are noisy; inertia, load, motors
+and the state at the start are known, and so is the push but for when it comes, at which joint and which way. `walking`:
+rates walk besides, with process_sd, and a Kalman filter knows that.
 """
 
 import json
