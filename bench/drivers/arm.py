@@ -100,15 +100,17 @@ def pin():
 def run(build, folder, arm, seed, alone):
     write_goals(folder, arm, seed)
     prefix, robot, log = f"ARM_{os.getpid()}_{seed}_", folder / f"robot_{seed}.toml", folder / f"run_{seed}.csv"
+    # a port of its own: who shares one is woken by every message of the others
+    url = f"udpm://239.255.76.67:{20000 + (97 * os.getpid() + seed) % 20000}?ttl=0"
     robot.write_text((folder / "robot.toml").read_text(encoding="utf-8")
-                     + f'\n[transport]\nkind = "lcm"\nchannel_prefix = "{prefix}"\n', encoding="utf-8")
+                     + f'\n[transport]\nkind = "lcm"\nchannel_prefix = "{prefix}"\nurl = "{url}"\n', encoding="utf-8")
     payload_kg = random.Random(seed).uniform(0.0, 3.0)
     seconds = HOLD_S * poses_of(arm)
     pushes = ",".join(f"panda_joint{j}:{PUSH * TORQUE_NM[j - 1]}:{at}:{at + PUSH_S}" for j, at in PUSHES)
     plant = subprocess.Popen(
         [python_of("robots"), ROOT / "examples/mujoco_plant/plant.py", urdf(), robot, "--frame", FRAME, "--payload",
          str(payload_kg), "--armature", "0.1", "--seconds", str(seconds), "--seed", str(seed), "--prefix", prefix,
-         "--friction", "0.3" if arm in ("friction", "forces") else "0", "--push", pushes if arm == "touched" else ""],
+         "--url", url, "--friction", "0.3" if arm in ("friction", "forces") else "0", "--push", pushes if arm == "touched" else ""],
         env=dict(os.environ, PYTHONPATH=roots(build)), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         done = subprocess.run([build / "tools/tiller", "run", robot, "--arm", "--lockstep", "--seconds", str(seconds - 0.05),
