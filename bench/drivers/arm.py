@@ -97,7 +97,7 @@ def pin():
     os.sched_setaffinity(0, {CORE})
 
 
-def run(build, folder, arm, seed, alone):
+def run(build, folder, arm, seed, pinned):
     write_goals(folder, arm, seed)
     prefix, robot, log = f"ARM_{os.getpid()}_{seed}_", folder / f"robot_{seed}.toml", folder / f"run_{seed}.csv"
     # a port of its own: who shares one is woken by every message of the others
@@ -110,12 +110,13 @@ def run(build, folder, arm, seed, alone):
     plant = subprocess.Popen(
         [python_of("robots"), ROOT / "examples/mujoco_plant/plant.py", urdf(), robot, "--frame", FRAME, "--payload",
          str(payload_kg), "--armature", "0.1", "--seconds", str(seconds), "--seed", str(seed), "--prefix", prefix,
-         "--url", url, "--friction", "0.3" if arm in ("friction", "forces") else "0", "--push", pushes if arm == "touched" else ""],
+         "--url", url, "--friction", "0.3" if arm in ("friction", "forces") else "0",
+         "--push", pushes if arm == "touched" else ""],
         env=dict(os.environ, PYTHONPATH=roots(build)), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         done = subprocess.run([build / "tools/tiller", "run", robot, "--arm", "--lockstep", "--seconds", str(seconds - 0.05),
                                "--goals", folder / f"goals_{seed}.csv", "--log", log, "--quiet"], capture_output=True, text=True,
-                              check=False, preexec_fn=pin if alone else None)
+                              check=False, preexec_fn=pin if pinned else None)
         if done.returncode != 0:
             note(f"{arm}, seed {seed}: {done.stderr.strip() or done.stdout.strip()}")
     finally:
