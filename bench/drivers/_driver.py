@@ -1,6 +1,7 @@
 """What the drivers of the benchmarks share: environments of the peers, programs that take turns, rows with goals."""
 
 import json
+import math
 import os
 import pathlib
 import re
@@ -190,6 +191,27 @@ def kept_rows(path, key):
             continue
         rows[key(row)] = row
     return rows
+
+
+def poisson_bound(count, share):
+    """The exact interval (Garwood's) of the mean of a Poisson count: by bisection, since there is no scipy here."""
+    def tail(mean):  # of `count` or less
+        term = total = math.exp(-mean)
+        for k in range(1, count + 1):
+            term *= mean / k
+            total += term
+        return total
+
+    def where(of, value):  # `of` falls
+        low, high = 0.0, 10.0 * count + 20.0
+        for _ in range(80):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if of(middle) > value else (low, middle)
+        return low
+
+    edge = 0.5 * (1.0 - share)
+    point = lambda mean: math.exp(count * math.log(mean) - mean - math.lgamma(count + 1)) if mean > 0.0 else float(count == 0)
+    return where(lambda m: tail(m) - point(m), 1.0 - edge) if count else 0.0, where(tail, edge)
 
 
 def summary(rows):

@@ -124,6 +124,20 @@ class Payload final : public Effect {
   double mass_kg_;
 };
 
+/// A weight on a string from the centre of the joint's body, a cart for one.
+class HungLoad final : public Effect {
+ public:
+  explicit HungLoad(const Parameters& p) : mass_kg_(p.at("mass_kg")), length_m_(p.at("length_m")) {}
+  bool build(Mechanism& mechanism, std::size_t port, std::string& error) override {
+    if (mass_kg_ == 0 || length_m_ == 0 || mechanism.add_hung_load(port, mass_kg_, length_m_)) return true;
+    error = "hung_load: nothing can hang from this joint's body";
+    return false;
+  }
+
+ private:
+  double mass_kg_, length_m_;
+};
+
 }  // namespace
 
 std::vector<EffectInfo> joint_effects() {
@@ -147,6 +161,11 @@ std::vector<EffectInfo> joint_effects() {
        "the motor's force swings with the position",
        make_effect<TorqueRipple>},
       {"joint_inertia", PortKind::joint, {{"inertia_SI"}}, "a flywheel on the joint", make_effect<JointInertia>},
+      {"hung_load",
+       PortKind::joint,
+       {{"mass_kg"}, {"length_m"}},
+       "a weight on a string below the centre of the joint's body",
+       make_effect<HungLoad>},
       {"tilt", PortKind::body, {{"angle_rad", true}}, "the ground leans", make_effect<Tilt>},
       {"payload", PortKind::body, {{"mass_kg"}}, "a weight fixed to the last body", make_effect<Payload>},
   };

@@ -57,6 +57,8 @@ class Mechanism {
     return false;
   }
   virtual bool add_swinging_load(double /*mass_kg*/, double /*length_m*/) { return false; }  ///< hangs from the tip
+  /// The same, from the centre of the body behind a joint.
+  virtual bool add_hung_load(std::size_t /*joint*/, double /*mass_kg*/, double /*length_m*/) { return false; }
 };
 
 /// A physical parameter: its default and the open or closed lower bound that keeps the bodies real.

@@ -1,5 +1,6 @@
 #include "sim/mechanisms/planar.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace tiller::sim {
@@ -66,7 +67,7 @@ void PlanarMechanism::all_frames(const double* q, const double* v, std::vector<F
     if (e.what == Extra::Kind::payload) {
       f = tip(q, v);
     } else if (e.what == Extra::Kind::load) {
-      f = arm_end(tip(q, v), e.length_m, q[e.coordinate], v[e.coordinate], -1);
+      f = arm_end(e.slot < slots_.size() ? out[e.slot] : tip(q, v), e.length_m, q[e.coordinate], v[e.coordinate], -1);
     } else {  // about the hinge's axis, or along the rail
       const bool turns = slots_[e.slot].hinge != nullptr;
       (turns ? f.angle : f.x) = q[e.coordinate];
@@ -230,18 +231,19 @@ bool PlanarMechanism::add_payload(double mass_kg) {
   return true;
 }
 
-bool PlanarMechanism::add_swinging_load(double mass_kg, double length_m) {
-  if (extra(Extra::Kind::load) != nullptr) return false;
+bool PlanarMechanism::hang(std::size_t slot, double mass_kg, double length_m) {
+  if (extra(Extra::Kind::load) != nullptr || own_parts_ != slots_.size()) return false;
   const std::vector<double> zero(q_.size(), 0.0);
-  const Frame from = tip(zero.data(), zero.data());
+  all_frames(zero.data(), zero.data(), frames_);
+  const Frame from = slot < slots_.size() ? frames_[slot] : tip(zero.data(), zero.data());
   Frame at = from;
   at.z -= length_m;
   const dBodyID body = extra_body(mass_kg, 1e-6 * mass_kg * length_m * length_m, at, -1);
   const dJointID joint = dJointCreateHinge(world_.id(), nullptr);
-  dJointAttach(joint, body, slots_.back().body);
+  dJointAttach(joint, body, slots_[std::min(slot, slots_.size() - 1)].body);
   dJointSetHingeAnchor(joint, from.x, 0, from.z);
   dJointSetHingeAxis(joint, 0, -1, 0);
-  extras_.push_back({Extra::Kind::load, 0, new_coordinate(), length_m});
+  extras_.push_back({Extra::Kind::load, slot, new_coordinate(), length_m});
   return true;
 }
 

@@ -45,7 +45,10 @@ class PlanarMechanism : public Mechanism {
   bool add_flywheel(std::size_t joint, double inertia) override;
   bool add_rotor(std::size_t motor, double inertia, double gap) override;
   bool add_elastic_rotor(std::size_t motor, double inertia, double stiffness, double damping) override;
-  bool add_swinging_load(double mass_kg, double length_m) override;
+  bool add_swinging_load(double mass_kg, double length_m) override { return hang(slots_.size(), mass_kg, length_m); }
+  bool add_hung_load(std::size_t joint, double mass_kg, double length_m) override {
+    return hang(joint, mass_kg, length_m);
+  }
 
  protected:
   /// What stands at the end of a coordinate.
@@ -110,6 +113,8 @@ class PlanarMechanism : public Mechanism {
     double length_m;
   };
   const Extra* extra(Extra::Kind what) const;
+  /// A load on a string from the centre of a slot's body; behind the last slot: from the tip.
+  bool hang(std::size_t slot, double mass_kg, double length_m);
   std::size_t new_coordinate();
 
   std::vector<Extra> extras_;  // one for each part that is not the mechanism's own

@@ -211,6 +211,27 @@ TEST(SwingingLoad, AddsAPendulumAndKeepsEnergy) {
   }
 }
 
+// A force F pushes a cart M from rest, with a load m on a string l. Both together go with F / (M + m), and about that
+// the cart swings with w^2 = g/l (1 + m/M): x'' = F / (M + m) (1 + m/M cos wt). The string leans by 0.016 rad on the mean,
+// so that its sine is its angle.
+TEST(HungLoad, SwingsBelowTheCart) {
+  PlantOptions o;
+  o.kind = "cart_pole";
+  o.watchdog_timeout_s = 0;
+  o.parameters = {{"pole_mass_kg", 1e-6}};
+  o.effects = {{"hung_load", "cart", {{"mass_kg", 0.25}, {"length_m", 0.2}}}};
+  auto plant = make(o);
+  command(*plant, 0.2);
+  const double mean = 0.2 / 1.25, squared = 9.81 / 0.2 * 1.25;
+  for (int k = 1; k <= 200; ++k) {
+    plant->advance(0.01);
+    const double t = 0.01 * k;
+    const double swing = 0.25 / squared * (1 - std::cos(std::sqrt(squared) * t));
+    // a hundredth of the swing, which is 0.65 mm
+    ASSERT_NEAR(truth(*plant)[0], mean * (0.5 * t * t + swing), 1e-5) << k;
+  }
+}
+
 TEST(EncoderEccentricity, ShowsAWaveOverTheTurn) {
   PlantOptions o = axis("encoder_eccentricity", {{"amplitude_SI", 0.01}, {"spatial_period_SI", 0.4}});
   o.initial_state["position_m"] = 0.1;
