@@ -28,6 +28,7 @@ const char* tiller_feature_name(tiller_feature_t feature) {
     case tiller_feature_input_change: return "input_change";
     case tiller_feature_previous: return "previous";
     case tiller_feature_size: return "size";
+    case tiller_feature_position: return "position";
     case tiller_feature_count: break;
   }
   return "unknown";

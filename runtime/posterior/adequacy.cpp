@@ -255,7 +255,8 @@ tiller_feature_t AdequacyTest::name_of(std::uint32_t feature) const {
   switch (feature) {
     case kVelocity: return tiller_feature_velocity;
     case kSign: return tiller_feature_velocity_sign;
-    default: return tiller_feature_bias;  // a spring and a gravity that the model lacks are both
+    case kPosition: return tiller_feature_position;
+    default: return tiller_feature_bias;
   }
 }
 

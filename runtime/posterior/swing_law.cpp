@@ -72,8 +72,8 @@ double SwingLaw::step(const PriorDistribution& prior, Rng& rng, const double* pr
   to[time_ + 1] = low_ + (bin + rng.uniform()) * width_;
   if (rng.uniform() < 0.5)
     for (std::uint32_t j = time_ - sizes_; j < time_; ++j) to[j] += rng.normal();
-  const double change = prior.log_density(to) - prior.log_density(present) + log_density(present[time_ + 1]) -
-                        log_density(to[time_ + 1]);
+  const double change =
+      prior.log_density(to) - prior.log_density(present) + log_density(present[time_ + 1]) - log_density(to[time_ + 1]);
   if (std::isfinite(change)) return change;
   std::copy(present, present + prior.dimension(), to);
   return -INFINITY;

@@ -15,6 +15,7 @@ namespace {
 const char* feature_text(tiller_feature_t feature) {
   switch (feature) {
     case tiller_feature_bias: return "nothing: it is a constant";
+    case tiller_feature_position: return "the position";
     case tiller_feature_velocity: return "the velocity";
     case tiller_feature_velocity_sign: return "the direction of motion";
     case tiller_feature_input: return "the input";
@@ -28,8 +29,8 @@ const char* feature_text(tiller_feature_t feature) {
 /// What a force that wanders did not take up, beside the usual causes; null: it is no force's.
 const char* systematic_force(tiller_feature_t feature) {
   switch (feature) {
-    case tiller_feature_bias:
-      return "stays as it is or goes with its position (gravity, a spring or a sensor's offset that the model lacks)";
+    case tiller_feature_bias: return "stays as it is (gravity or a sensor's offset that the model lacks)";
+    case tiller_feature_position: return "goes with its position (a spring or gravity that the model lacks)";
     case tiller_feature_velocity: return "goes with its velocity (a friction or a drag that the model lacks)";
     case tiller_feature_velocity_sign: return "goes with its direction of motion (a dry friction that the model lacks)";
     case tiller_feature_input: return "goes with the input (a wrong gain of the drive, or a wrong parameter)";

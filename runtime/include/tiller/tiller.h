@@ -181,7 +181,7 @@ typedef struct tiller_posterior_config {
   uint32_t disturbance;     /**< filter: 1: at each joint a force that the model lacks, which wanders (of a model
                                     without joints a slip of each state with process_sd), beside the parameters; of up
                                     to four joints a viscous and a dry one too; plans count them. transition: at the
-                                    first four joints, constant, viscous and dry */
+                                    first four joints, constant, viscous and dry; residuals may be correlated */
   uint32_t delay_hypotheses; /**< transition: input delays from 0 to n-1 periods, parts of a period included, weighed by
                                   their evidence; 1..TILLER_MAX_HYPOTHESES, 1: no delay */
   uint32_t forgetting_count; /**< transition: rates side by side, 1..TILLER_MAX_FORGETTING */
@@ -587,6 +587,7 @@ typedef enum tiller_feature {
   tiller_feature_input_change = 5,  /**< the input's change: delay, lag */
   tiller_feature_previous = 6,      /**< the innovation before: anything that stays for a while */
   tiller_feature_size = 7,          /**< larger than the configured noise, or growing */
+  tiller_feature_position = 8,      /**< the joint's position: a spring, gravity */
   tiller_feature_count
 } tiller_feature_t;
 /** The feature's name, e.g. "velocity_sign"; "unknown" for one that does not exist. */
@@ -633,7 +634,7 @@ typedef struct tiller_info {
   double force_mean[TILLER_MAX_JOINTS]; /**< N or N m: what pushes joint j beyond the model and its own friction */
   double force_sd[TILLER_MAX_JOINTS];
   double drift_evidence[TILLER_MAX_DRIFTS]; /**< of the parameters of posterior.drift, in their order: logarithm of how
-                                                 much likelier the data make a drift than none */
+                                                 much likelier the data make a walk than none */
   double jump_evidence[TILLER_MAX_DRIFTS];   /**< the same, of one jump than of none */
   double jump_age_s[TILLER_MAX_DRIFTS];      /**< how long ago the likeliest jump was */
   double jump_by[TILLER_MAX_DRIFTS];         /**< and how large, in the parameter's unit */

@@ -235,7 +235,8 @@ def adequacy_figure(candidate: dict) -> str:
 
 
 # Likely causes of a feature of the residuals (tiller_feature_t).
-MEANING = {"bias": "a constant force, or an offset", "velocity": "viscous friction or drag",
+MEANING = {"bias": "a constant force, or an offset", "position": "a spring or gravity",
+           "velocity": "viscous friction or drag",
            "velocity_sign": "dry friction", "input": "a gain of the drive", "input_change": "a delay or lag of the drive",
            "previous": "something that stays for a while", "size": "more noise than was stated, or growing"}
 
