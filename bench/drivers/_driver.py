@@ -170,7 +170,7 @@ def run_table(section, program, arguments):
 def with_forces(text):
     """A robot file that looks for forces beyond its model, as docs/guide/disturbances.md has it."""
     text = re.sub(r"^(moves_per_tick|window) = .*\n", "", text, flags=re.M)
-    lines = "[posterior]\ndisturbance = true\nwindow = 128\nmoves_per_tick = 16\n"
+    lines = "[posterior]\ndisturbance = true\nwindow = 256\nmoves_per_tick = 8\n"
     return text.replace("[posterior]\n", lines, 1) if "[posterior]\n" in text else text + "\n" + lines
 
 
