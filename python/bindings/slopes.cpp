@@ -67,19 +67,19 @@ class Points {
 
   /// The effects' states along a trajectory, which begin at zero.
   void follow_effects(std::size_t n) {
-    constexpr std::uint32_t kLanes = kLanePadding;
+    constexpr std::uint32_t kPadded = kLanePadding;
     const std::size_t ns = nz_ - nx_;
-    std::vector<double> after(ns * kLanes);
+    std::vector<double> after(ns * kPadded);
     for (std::size_t k = 0; k + 1 < job_.horizon; ++k) {
       const std::size_t point = n * job_.horizon + k;
-      RolloutJob<double> step = one_step(kLanes);
+      RolloutJob<double> step = one_step(kPadded);
       step.state = {state(point), 0};
       step.effect_state = {state(point) + nx_, 0};
       step.params = {params(n), 0};
       step.controls = {job_.controls + point * nu_, 0};
       step.final_effect_state = after.data();
       robot_.table->rollout_f64(*robot_.model, step);
-      for (std::size_t s = 0; s < ns; ++s) state(point + 1)[nx_ + s] = after[s * kLanes];
+      for (std::size_t s = 0; s < ns; ++s) state(point + 1)[nx_ + s] = after[s * kPadded];
     }
   }
 
@@ -111,46 +111,75 @@ class Points {
     }
   }
 
-  /// A pair of lanes for each point and parameter.
+  /// Blocks of points in half of the lanes with a parameter's lower value, in the other half with its upper one.
   void difference() {
-    constexpr std::size_t kLanes = 64;
-    std::vector<double> rows((nz_ + np_ + nu_ + nz_ + 1) * kLanes);
-    double *const x = rows.data(), *const s = x + nx_ * kLanes, *const p = x + nz_ * kLanes, *const u = p + np_ * kLanes;
-    double *const x_end = u + nu_ * kLanes, *const s_end = x_end + nx_ * kLanes;
-    double width[kLanes / 2];
-    RolloutJob<double> step = one_step(kLanes);
-    step.state = {x, kLanes};
-    step.effect_state = {s, kLanes};
-    step.params = {p, kLanes};
-    step.controls = {u, kLanes};
-    step.final_state = x_end;
-    step.final_effect_state = nz_ > nx_ ? s_end : nullptr;
-    const std::size_t pairs = count_ * np_;
-    for (std::size_t first = 0; first < pairs; first += kLanes / 2) {
-      const std::size_t used = std::min(kLanes / 2, pairs - first);
-      for (std::size_t j = 0; j < kLanes / 2; ++j) {
-        const std::size_t pair = first + std::min(j, used - 1), point = pair / np_, i = pair % np_;
-        const double* const at = params(point / job_.horizon);
-        put_both(state(point), nz_, x + 2 * j, kLanes);
-        put_both(job_.controls + point * nu_, nu_, u + 2 * j, kLanes);
-        put_both(at, np_, p + 2 * j, kLanes);
-        const Around two = around(robot_.robot->config.priors[i], at[i]);
-        p[i * kLanes + 2 * j] = two.low;
-        p[i * kLanes + 2 * j + 1] = two.high;
-        width[j] = two.high - two.low;
-      }
-      robot_.table->rollout_f64(*robot_.model, step);
-      for (std::size_t j = 0; j < used; ++j) {
-        const std::size_t point = (first + j) / np_, i = (first + j) % np_;
-        for (std::size_t r = 0; r < nz_; ++r)
-          job_.p[(point * nz_ + r) * np_ + i] =
-              width[j] > 0.0 ? (x_end[r * kLanes + 2 * j + 1] - x_end[r * kLanes + 2 * j]) / width[j] : 0.0;
-      }
+    Block block(*this);
+    for (std::size_t first = 0; first < count_; first += kHalf) {
+      block.load(first, std::min(kHalf, count_ - first));
+      for (std::uint32_t i = 0; i < np_; ++i) block.differ(i);
     }
   }
-  static void put_both(const double* from, std::size_t count, double* to, std::size_t stride) {
-    for (std::size_t i = 0; i < count; ++i) to[i * stride] = to[i * stride + 1] = from[i];
-  }
+  static constexpr std::size_t kHalf = 32, kLanes = 2 * kHalf;
+
+  /// Lanes of a block: rows of kLanes.
+  class Block {
+   public:
+    explicit Block(const Points& points)
+        : all_(points),
+          rows_((2 * points.nz_ + points.np_ + points.nu_) * kLanes),
+          x_(rows_.data()),
+          p_(x_ + points.nz_ * kLanes),
+          u_(p_ + points.np_ * kLanes),
+          end_(u_ + points.nu_ * kLanes),
+          step_(points.one_step(kLanes)) {
+      step_.state = {x_, kLanes};
+      step_.effect_state = {x_ + points.nx_ * kLanes, kLanes};
+      step_.params = {p_, kLanes};
+      step_.controls = {u_, kLanes};
+      step_.final_state = end_;
+      step_.final_effect_state = points.nz_ > points.nx_ ? end_ + points.nx_ * kLanes : nullptr;
+    }
+
+    /// The last point stands for those behind it.
+    void load(std::size_t first, std::size_t used) {
+      first_ = first, used_ = used;
+      for (std::size_t l = 0; l < kHalf; ++l) {
+        const std::size_t point = first + std::min(l, used - 1);
+        put(all_.state_.data() + point * all_.nz_, all_.nz_, x_ + l);
+        put(all_.job_.controls + point * all_.nu_, all_.nu_, u_ + l);
+        put(all_.params(point / all_.job_.horizon), all_.np_, p_ + l);
+      }
+    }
+
+    void differ(std::uint32_t i) {
+      const tiller_prior_t& prior = all_.robot_.robot->config.priors[i];
+      double value[kHalf], inverse[kHalf];
+      double* const row = p_ + i * kLanes;
+      for (std::size_t l = 0; l < kHalf; ++l) {
+        value[l] = row[l];
+        const Around two = around(prior, value[l]);
+        row[l] = two.low, row[kHalf + l] = two.high;
+        inverse[l] = two.high > two.low ? 1.0 / (two.high - two.low) : 0.0;
+      }
+      all_.robot_.table->rollout_f64(*all_.robot_.model, step_);
+      double* const out = all_.job_.p + first_ * all_.nz_ * all_.np_ + i;
+      for (std::size_t r = 0; r < all_.nz_; ++r)
+        for (std::size_t l = 0; l < used_; ++l)
+          out[(l * all_.nz_ + r) * all_.np_] = (end_[r * kLanes + kHalf + l] - end_[r * kLanes + l]) * inverse[l];
+      for (std::size_t l = 0; l < kHalf; ++l) row[l] = row[kHalf + l] = value[l];
+    }
+
+   private:
+    static void put(const double* from, std::size_t count, double* to) {
+      for (std::size_t i = 0; i < count; ++i) to[i * kLanes] = to[i * kLanes + kHalf] = from[i];
+    }
+
+    const Points& all_;
+    std::vector<double> rows_;
+    double *x_, *p_, *u_, *end_;
+    RolloutJob<double> step_;
+    std::size_t first_ = 0, used_ = 0;
+  };
 
   const SlopesJob& job_;
   const JaxRobot& robot_;

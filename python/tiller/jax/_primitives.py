@@ -65,26 +65,13 @@ def _make(name: str, cores: tuple[int, ...], shapes: Any) -> Primitive:
     return one
 
 
-def _size(aval: Any, axis: int) -> int:
-    return int(aval.shape[axis])
-
-
-def _nz(x: Any, robot: int) -> int:
-    return _size(x, -1) + _core.effect_state_count(robot)
-
-
-rollout_p = _make("rollout", (1, 2, 1, 2), lambda lead, x0, u, p, history, **_: [
-    (*lead, _size(u, -2) + 1, _size(x0, -1))])
+rollout_p = _make("rollout", (1, 2, 1, 2), lambda lead, x0, u, *_, **__: [(*lead, u.shape[-2] + 1, x0.shape[-1])])
 cost_p = _make("cost", (1, 2, 1, 2), lambda lead, *_, **__: [lead])
-slopes_p = _make("slopes", (2, 2, 1), lambda lead, x, u, p, robot, by_params, **_: [
-    (*lead, _size(u, -2), _nz(x, robot), width) for width in (
-        _nz(x, robot), _size(u, -1), _size(p, -1) if by_params else 0)])
 cost_slopes_p = _make("cost_slopes", (2, 2, 1), lambda lead, x, u, p, **_: [
-    (*lead, *x.shape[-2:]), (*lead, *u.shape[-2:]), (*lead, _size(p, -1))])
-push_p = _make("push", (3, 3, 3, 1, 2, 1), lambda lead, a, b, c, x, *_, **__: [
-    (*lead, _size(a, -3) + 1, _size(x, -1))])
-pull_p = _make("pull", (3, 3, 3, 2), lambda lead, a, b, c, w, **_: [
-    (*lead, _size(w, -1)), (*lead, _size(a, -3), _size(b, -1)), (*lead, _size(c, -1))])
+    (*lead, *x.shape[-2:]), (*lead, *u.shape[-2:]), (*lead, p.shape[-1])])
+push_p = _make("push", (2, 2, 1, 1, 2, 1), lambda lead, x, *_, **__: [(*lead, *x.shape[-2:])])
+pull_p = _make("pull", (2, 2, 1, 2), lambda lead, x, u, p, w, by_params, **_: [
+    (*lead, x.shape[-1]), (*lead, *u.shape[-2:]), (*lead, p.shape[-1] if by_params else 0)])
 
 
 # ---- the derivative of values -------------------------------------------------------------------------
@@ -100,9 +87,8 @@ def _way_and_tangent(primals: Any, tangents: Any, robot: int, threads: int) -> t
     dx0, du, dp, _ = tangents
     by_params = not isinstance(dp, ad.Zero)
     states = rollout_p.bind(x0, u, p, history, robot=robot, threads=threads)[0]
-    a, b, c = slopes_p.bind(states, u, p, robot=robot, threads=threads, by_params=by_params)
     dp = _filled(dp) if by_params else jnp.zeros((*p.shape[:-1], 0), p.dtype)
-    return states, push_p.bind(a, b, c, _filled(dx0), _filled(du), dp, threads=threads)[0]
+    return states, push_p.bind(states, u, p, _filled(dx0), _filled(du), dp, robot=robot, threads=threads)[0]
 
 
 def _rollout_jvp(primals: Any, tangents: Any, **settings: Any) -> Any:
@@ -130,7 +116,6 @@ def _refuse(primals: Any, tangents: Any, **settings: Any) -> Any:
 
 ad.primitive_jvps[rollout_p] = _rollout_jvp
 ad.primitive_jvps[cost_p] = _cost_jvp
-ad.primitive_jvps[slopes_p] = _refuse
 ad.primitive_jvps[cost_slopes_p] = _refuse
 
 
@@ -152,19 +137,20 @@ def _linear_jvp(one: Primitive) -> Any:
     return jvp
 
 
-def _push_transpose(weights: Any, a: Array, b: Array, c: Array, dx0: Any, du: Any, dp: Any, threads: int) -> Any:
+def _push_transpose(weights: Any, x: Array, u: Array, p: Array, dx0: Any, du: Any, dp: Any, **settings: Any) -> Any:
     (weight,) = weights
     if isinstance(weight, ad.Zero):
         return [None] * 6
-    back = pull_p.bind(a, b, c, weight, threads=threads)
-    return [None] * 3 + [_folded(value, x.aval.shape) if ad.is_undefined_primal(x) else None
-                         for value, x in zip(back, (dx0, du, dp), strict=True)]
+    shape = dp.aval.shape if ad.is_undefined_primal(dp) else dp.shape
+    back = pull_p.bind(x, u, p, weight, by_params=ad.is_undefined_primal(dp) and shape[-1] > 0, **settings)
+    return [None] * 3 + [_folded(value, to.aval.shape) if ad.is_undefined_primal(to) else None
+                         for value, to in zip(back, (dx0, du, dp), strict=True)]
 
 
-def _pull_transpose(weights: Any, a: Array, b: Array, c: Array, w: Any, threads: int) -> Any:
+def _pull_transpose(weights: Any, x: Array, u: Array, p: Array, w: Any, by_params: bool, **settings: Any) -> Any:
     if all(isinstance(weight, ad.Zero) for weight in weights):
         return [None] * 4
-    ahead = push_p.bind(a, b, c, *map(_filled, weights), threads=threads)[0]
+    ahead = push_p.bind(x, u, p, *map(_filled, weights), **settings)[0]
     return [None] * 3 + [_folded(ahead, w.aval.shape)]
 
 
