@@ -111,7 +111,12 @@ void bind_jax(nb::module_& m) {
   m.def("jax_targets", &targets, "What XLA calls, by the names of tiller.jax's primitives.");
   m.def("jax_number", &jax_number, "robot"_a, "Of a robot in calls of these.");
   m.def(
-      "effect_state_count", [](std::int64_t number) { return jax_robot(number)->setup.effect_state_count; }, "number"_a);
+      "jax_memory",
+      [](std::int64_t number) {
+        const StepSetup& setup = jax_robot(number)->setup;
+        return nb::make_tuple(setup.effect_state_count, setup.delay_steps);
+      },
+      "number"_a, "States of the effects, and commands before the first that a rollout reads.");
 }
 
 }  // namespace tiller::python

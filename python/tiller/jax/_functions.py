@@ -144,8 +144,7 @@ def step(robot: _core.Robot, x: Array, u: Array, params: Params = None, *, threa
     state depends on more than these.
     """
     name = "tiller.jax.step"
-    number = _core.jax_number(_robot(name, robot))
-    remembered = _core.effect_state_count(number) + _core.history_rows(robot)
+    remembered = sum(_core.jax_memory(_core.jax_number(_robot(name, robot))))
     if remembered:
         raise make_argument_error(name, "robot", f"{robot!r} with {remembered} numbers that its effects remember",
                                   "effects without memory", "use tiller.jax.rollout, which begins them at rest", False)

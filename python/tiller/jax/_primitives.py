@@ -24,6 +24,9 @@ from .._errors import Error
 ONE_ORDER = ("tiller.jax has first derivatives: the kernel has no second ones; take jax.jacobian of residuals and "
              "their Gauss-Newton product, or differences of gradients")
 
+NO_DELAY = ("the kernel does not differentiate by commands of the past; leave the effect input_delay out, or shift the "
+            "inputs by whole periods in its place")
+
 Array = Any
 Tangent = Any
 
@@ -85,6 +88,9 @@ def _way_and_tangent(primals: Any, tangents: Any, robot: int, threads: int) -> t
     """The states and their tangent."""
     x0, u, p, history = primals
     dx0, du, dp, _ = tangents
+    if _core.jax_memory(robot)[1]:
+        raise Error(f"tiller.jax: a derivative of a robot with an input delay; {NO_DELAY}", status="delayed",
+                    remedy=NO_DELAY)
     by_params = not isinstance(dp, ad.Zero)
     states = rollout_p.bind(x0, u, p, history, robot=robot, threads=threads)[0]
     dp = _filled(dp) if by_params else jnp.zeros((*p.shape[:-1], 0), p.dtype)
