@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "rollout/path.hpp"
-#include "rollout/sensitivity.hpp"
 
 namespace tiller::python {
 namespace {
@@ -49,8 +48,6 @@ class Points {
 
   void run() {
     for (std::uint32_t n = 0; n < job_.trajectories; ++n) lay_out(n);
-    const SensitivityTable* const all = job_.p ? find_sensitivity(*robot_.model) : nullptr;
-    if (all) return differentiate(*all);
     linearise();
     if (job_.p) difference();
   }
@@ -92,21 +89,6 @@ class Points {
     job.lanes = lanes;
     job.horizon = 1;
     return job;
-  }
-
-  void differentiate(const SensitivityTable& table) {
-    SensitivityJob job;
-    job.setup = &robot_.setup;
-    job.points = static_cast<std::uint32_t>(count_);
-    job.points_a_set = job_.shared_params ? job.points : job_.horizon;
-    job.state = state_.data();
-    job.control = job_.controls;
-    job.params = job_.params;
-    job.param_count = np_;
-    job.a = job_.a;
-    job.b = job_.b;
-    job.c = job_.p;
-    table.run(job);
   }
 
   /// Points do not depend on each other: trajectories of shared parameters are one path.
