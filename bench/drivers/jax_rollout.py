@@ -5,9 +5,9 @@
     --quick        without MJX, which compiles for minutes
 
 One processor, one process, 4,096 lanes x 50 steps (MJX: 256). Values against tiller.rollout bit by bit and derivatives
-against differences of it, over every robot that tiller ships; then nanoseconds of the processor for a lane and step, the
-fastest of the rounds, and their ratios. The derivative is of the sum of squares of all states by start, inputs
-and parameters.
+against differences of it, over every robot that tiller ships; then nanoseconds of the processor for a lane and step,
+the fastest of the rounds, and their ratios. The derivative is of the sum of squares of all states by start, inputs and
+parameters.
 """
 import argparse
 import json
@@ -48,14 +48,14 @@ def show_exactness(rows, found):
     heading = "exactness"
     print(heading)
     for f in (f for f in found if f["part"] == "bits"):
-        row(rows, heading, f"{f['name']} values with other bits than tiller.rollout, of {f['compared']}", f["figure"], "",
-            0)
+        what = f"{f['name']} values with other bits than tiller.rollout, of {f['compared']}"
+        row(rows, heading, what, f["figure"], "", 0)
     gradients = [f for f in found if f["part"] == "gradients"]
     for f in gradients:
         row(rows, heading, f"{f['robot']}: derivatives against differences", f["figure"], "", MOST_ERROR)
     for f in (f for f in found if f["part"] == "apart"):
-        row(rows, heading, f"{f['robot']}: states apart from those of {f['name']} equations or MJX".replace(
-            "MJX equations or MJX", "MJX"), f["figure"])
+        other = f["name"] if f["name"] == "MJX" else f"equations in JAX, {f['name']}"
+        row(rows, heading, f"{f['robot']}: states of 50 steps apart from those of {other}", f["figure"])
 
 
 def show_speed(rows, found):

@@ -1,5 +1,5 @@
-"""tiller.jax beside tiller.rollout, beside equations written in JAX and beside MuJoCo's MJX: one processor, one process,
-in turns. jax_peer.py KERNEL_PROGRAM ROUNDS QUICK; prints lines of JSON {"part", "robot", "name", "figure", ...}."""
+"""tiller.jax beside tiller.rollout, beside equations written in JAX and beside MuJoCo's MJX: one processor, one
+process, in turns. jax_peer.py KERNEL_PROGRAM ROUNDS QUICK; prints lines of JSON {"part", "robot", "name", "figure", ...}."""
 import json
 import pathlib
 import subprocess

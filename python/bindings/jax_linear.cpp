@@ -1,6 +1,6 @@
-// The derivative of trajectories as XLA calls it: the linear map z+ = a z + b du + c dp along them, and its transpose. The
-// Jacobians are found where they are used, a share of trajectories at a time, so that they never leave the cache: those
-// of all trajectories would take a hundred times the states' memory.
+// The derivative of trajectories as XLA calls it: the linear map z+ = a z + b du + c dp along them, and its transpose.
+// The Jacobians are found where they are used, a share of trajectories at a time, so that they never leave the cache:
+// those of all trajectories would take some ten times the states' memory.
 #include "jax_rows.hpp"
 #include "slopes.hpp"
 
@@ -121,8 +121,8 @@ ffi::Error push(In x, In u, In p, In dx0, In du, In dp, Out dx, std::int64_t num
   });
 }
 
-/// The transpose: to_x0 (.., nx), to_u (.., H, nu) and to_p (.., np, or 0: not wanted) of weights (.., H + 1, nx) of the
-/// states.
+/// The transpose: to_x0 (.., nx), to_u (.., H, nu) and to_p (.., np, or 0: not wanted) of weights (.., H + 1, nx) of
+/// the states.
 ffi::Error pull(In x, In u, In p, In weights, Out to_x0, Out to_u, Out to_p, std::int64_t number,
                 std::int64_t threads) {
   const JaxRobot* robot = fitting(number, x, u, p);

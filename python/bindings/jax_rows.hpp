@@ -1,7 +1,7 @@
 #pragma once
 
-// Operands and results of the calls from XLA. They have leading batch dimensions, as many each, of which one of length 1
-// stands for whatever the others have.
+// Operands and results of the calls from XLA. They have leading batch dimensions, as many each, of which one of length
+// 1 stands for whatever the others have.
 
 #include <algorithm>
 #include <cstddef>
@@ -157,7 +157,9 @@ inline const JaxRobot* fitting(std::int64_t number, const In& x, const In& u, co
   const bool fits = robot && length(x, 1) == robot->nx() && length(u, 1) == robot->nu() && length(p, 1) == robot->np();
   return fits ? robot : nullptr;
 }
-inline ffi::Error unknown() { return ffi::Error::InvalidArgument("tiller.jax: a program that another process has compiled"); }
+inline ffi::Error unknown() {
+  return ffi::Error::InvalidArgument("tiller.jax: a program that another process has compiled");
+}
 
 extern XLA_FFI_Handler* const kJaxPush;
 extern XLA_FFI_Handler* const kJaxPull;

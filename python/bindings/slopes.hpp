@@ -10,9 +10,10 @@ namespace tiller::python {
 ///
 ///     dz' = a dz + b du + p dparams
 ///
-/// a and b are the kernel's own, by dual numbers. p is central differences of the kernel in double, within the support of
-/// the priors, to some 1e-9 of its size: dual numbers by parameters would be another third of a kernel's text. States are components: of a quaternion four, and the step's return to unit
-/// length is in a. The setup has no input delay.
+/// a and b are the kernel's own, by dual numbers. p is central differences of the kernel in double, within the support
+/// of the priors, to some 1e-9 of its size: dual numbers by parameters would be another third of a kernel's text.
+/// States are components: of a quaternion four, and the step's return to unit length is in a. The setup has no input
+/// delay.
 struct SlopesJob {
   const JaxRobot* robot = nullptr;
   std::uint32_t trajectories = 0;  // n

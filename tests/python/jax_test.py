@@ -126,8 +126,8 @@ def check_derivatives(robot, tolerance=1e-6, seed=3, size=1e-4):
             wanted = difference(at, arguments[k], size, relative=name == "params")
             for jacobian in found:
                 assert jacobian[k].shape == wanted.shape
-                np.testing.assert_allclose(jacobian[k], wanted, rtol=0, atol=tolerance * max(1e-9, np.abs(wanted).max()),
-                                           err_msg=f"by {name}")
+                most = tolerance * max(1e-9, np.abs(wanted).max())
+                np.testing.assert_allclose(jacobian[k], wanted, rtol=0, atol=most, err_msg=f"by {name}")
 
 
 @pytest.mark.parametrize("name", tiller.robot_names())
@@ -142,8 +142,8 @@ def test_effects_with_states_are_differentiated_with_them():
 
 def test_a_model_of_ones_own(tmp_path, monkeypatch):
     monkeypatch.setenv("TILLER_CACHE", str(tmp_path / "models"))
-    folder = ROOT / "examples/own_model"
-    check_derivatives(tiller.Robot.from_model_header(folder / "ball_and_beam.hpp", "BallAndBeam", folder / "robot.toml"))
+    own = ROOT / "examples/own_model"
+    check_derivatives(tiller.Robot.from_model_header(own / "ball_and_beam.hpp", "BallAndBeam", own / "robot.toml"))
 
 
 def test_single_precision_has_derivatives_in_double():
@@ -193,6 +193,15 @@ def test_a_policy_is_differentiated_through():
 
     gain = np.array([0.5, 20.0, 1.0, 3.0])
     np.testing.assert_allclose(jax.jit(jax.grad(cost))(gain), difference(jax.jit(cost), gain, 1e-4), rtol=1e-7)
+
+
+def test_the_guides_example_finds_the_mass():
+    if not (ROOT / "docs/guide/jax.md").exists():
+        pytest.skip("no guide beside these tests")
+    block = (ROOT / "docs/guide/jax.md").read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
+    space = {}
+    exec(compile(block, "docs/guide/jax.md", "exec"), space)
+    np.testing.assert_allclose(space["p"], [0.63, 0.04], rtol=1e-3)
 
 
 # ---- what is refused --------------------------------------------------------------------------------------
