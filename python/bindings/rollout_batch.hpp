@@ -10,6 +10,7 @@
 #include <limits>
 #include <memory>
 #include <mutex>
+#include <type_traits>
 #include <vector>
 
 #include "errors.hpp"
@@ -108,17 +109,17 @@ class Batch {
                 std::atomic<std::size_t>& bad) const {
     if (source.shared) return {source.data, 0};
     rows.resize(source.width * kLanes);
+    T* const to = rows.data();  // the loop would ask for it each time
     for (std::size_t l = 0; l < kLanes; ++l) {
       const std::size_t lane = at + std::min(l, lanes - 1);
       const T* from = source.of(lane);
-      T sum = T(0);
-      for (std::size_t i = 0; i < source.width; ++i) {
-        rows[i * kLanes + l] = from[i];
-        sum += from[i] * T(0);  // NaN where a value is not finite
-      }
-      if (!(sum == T(0))) note_bad(from, source, lane, bad);
+      for (std::size_t i = 0; i < source.width; ++i) to[i * kLanes + l] = from[i];
+      // a sum of such products would make each wait for the one before
+      int strange = 0;
+      for (std::size_t i = 0; i < source.width; ++i) strange |= from[i] * T(0) == T(0) ? 0 : 1;
+      if (strange) note_bad(from, source, lane, bad);
     }
-    return {rows.data(), kLanes};
+    return {to, kLanes};
   }
 
   static void note_bad(const T* from, const Source<T>& source, std::size_t lane, std::atomic<std::size_t>& bad) {
@@ -129,22 +130,31 @@ class Batch {
     }
   }
 
+  /// A thread's own, asked for once a piece: in a shared library each access to such a variable is a call.
+  struct Scratch {
+    std::vector<T> state, controls, params, way;
+  };
+  static __attribute__((noinline)) Scratch& scratch() {
+    thread_local Scratch one;
+    return one;
+  }
+
   void piece(std::uint32_t index) {
-    thread_local std::vector<T> state, controls, params, way;
+    Scratch& own = scratch();
     T cost[kLanes];
     const std::size_t at = (first_ + index) * kLanes, lanes = std::min<std::size_t>(kLanes, count_ - at);
     const std::size_t rows = (std::size_t{horizon_} + 1) * model_.state_count;
-    if (!cost_) way.resize(rows * kLanes);
+    if (!cost_) own.way.resize(rows * kLanes);
     RolloutJob<T> job;
     job.setup = &setup_;
     job.lanes = kLanes;
     job.horizon = horizon_;
-    job.state = load(state_, at, lanes, state, bad_state_);
-    job.params = load(params_, at, lanes, params, bad_param_);
-    job.controls = load(controls_, at, lanes, controls, bad_control_);
+    job.state = load(state_, at, lanes, own.state, bad_state_);
+    job.params = load(params_, at, lanes, own.params, bad_param_);
+    job.controls = load(controls_, at, lanes, own.controls, bad_control_);
     job.effect_state.data = effect_state_.data();
     job.history = history_.data();
-    job.trajectory = cost_ ? nullptr : way.data();
+    job.trajectory = cost_ ? nullptr : own.way.data();
     job.cost = cost_;
     job.cost_out = cost_ ? cost : nullptr;
     if constexpr (sizeof(T) == sizeof(double))
@@ -154,21 +164,30 @@ class Batch {
     if (cost_)
       std::copy(cost, cost + lanes, out_ + at);
     else
-      store(way.data(), rows, lanes, out_ + at * rows);
+      store(own.way.data(), rows, lanes, out_ + at * rows);
   }
 
   /// One row for each lane from rows of kLanes, in squares of a cache line's side: each line is fetched once, where
   /// lane after lane would fetch every line kLanes times.
   static void store(const T* from, std::size_t rows, std::size_t lanes, T* to) {
     constexpr std::size_t kSide = 64 / sizeof(T);
-    for (std::size_t r = 0; r < rows; r += kSide)
-      for (std::size_t l = 0; l < lanes; l += kSide) {
+    for (std::size_t l = 0; l < lanes; l += kSide)  // few lanes at once: what is written goes on where it was
+      for (std::size_t r = 0; r < rows; r += kSide) {
         const T* const square = from + r * kLanes + l;
         T* const out = to + l * rows + r;
-        const std::size_t high = std::min(kSide, lanes - l), wide = std::min(kSide, rows - r);
-        for (std::size_t i = 0; i < high; ++i)
-          for (std::size_t j = 0; j < wide; ++j) out[i * rows + j] = square[j * kLanes + i];
+        if (lanes - l >= kSide && rows - r >= kSide)
+          turn(square, rows, Side<kSide>{}, Side<kSide>{}, out);
+        else
+          turn(square, rows, std::min(kSide, lanes - l), std::min(kSide, rows - r), out);
       }
+  }
+  template <std::size_t kSize>
+  using Side = std::integral_constant<std::size_t, kSize>;
+  /// Whole squares by constants, which compilers unroll.
+  template <class High, class Wide>
+  static void turn(const T* square, std::size_t rows, High high, Wide wide, T* out) {
+    for (std::size_t i = 0; i < high; ++i)
+      for (std::size_t j = 0; j < wide; ++j) out[i * rows + j] = square[j * kLanes + i];
   }
 
   const Robot& robot_;
