@@ -16,6 +16,7 @@ import tiller.jax
 jax.config.update("jax_enable_x64", True)
 ROBOTS = pathlib.Path(__file__).resolve().parents[2] / "robots"
 LANES, STEPS, FEW = 4096, 50, 256  # FEW: of MJX, whose step takes a thousand times as long
+IN_A_ROW = 4
 PERIOD_S, GRAVITY = 0.02, 9.81
 
 MJCF = """
@@ -96,10 +97,14 @@ def problem(robot, lanes, dtype):
 
 
 def nanoseconds(call, work):
-    """Of the processor, all threads together: what else runs here does not count."""
-    begin = time.process_time_ns()
-    jax.block_until_ready(call())
-    return (time.process_time_ns() - begin) / work
+    """Of the processor, all threads together: what else runs here does not count. The fastest of some calls in a row,
+    as the kernel's own program has it: a call right after another participant's finds its memory cold."""
+    best = float("inf")
+    for _ in range(IN_A_ROW):
+        begin = time.process_time_ns()
+        jax.block_until_ready(call())
+        best = min(best, time.process_time_ns() - begin)
+    return best / work
 
 
 # ---- exactness --------------------------------------------------------------------------------------------
