@@ -56,6 +56,9 @@ NB_MODULE(_core, m) {
   bind_controller(m);
   bind_plant(m);
   bind_rollout(m);
+#ifdef TILLER_XLA_FFI
+  bind_jax(m);
+#endif
   m.def("run_command", &run_command, "arguments"_a, "The tiller command; arguments[0] is its name.");
 }
 

@@ -14,7 +14,7 @@ LOGS = sorted((ROOT / "data/dfki_simple_pendulum").glob("*_measured.csv"))
 
 
 def test_import_brings_nothing_along():
-    said = subprocess.run([sys.executable, "-c", "import sys, tiller; print([m for m in ('numpy', 'gymnasium',"
+    said = subprocess.run([sys.executable, "-c", "import sys, tiller; print([m for m in ('numpy', 'gymnasium', 'jax',"
                            "'pandas', 'matplotlib', 'subprocess') if m in sys.modules])"], check=True,
                           capture_output=True, text=True).stdout
     assert said.strip() == "[]"
@@ -142,3 +142,10 @@ def test_lockstep_wants_a_step():
             pass
     with pytest.raises(tiller.ArgumentError, match="seconds"):
         next(tiller.lockstep(plant, -1.0))
+
+
+def test_without_jax_the_package_stays_whole_and_says_what_is_missing():
+    script = ("import sys; sys.modules['jax'] = None\nimport tiller\nassert 'tiller.jax' not in sys.modules\n"
+              "try:\n import tiller.jax\nexcept ImportError as e:\n assert isinstance(e, tiller.Error); print(e)")
+    said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    assert said.count("\n") == 1 and 'pip install "tiller[jax]"' in said
