@@ -514,13 +514,15 @@ TEST(ChanceConstraints, margins_without_gains_are_the_closed_form_s) {
 
 TEST(ChanceConstraints, margins_count_the_slip_that_is_not_known) {
   constexpr double kSd = 0.3, kSize = 0.5, kKept = 0.9;
-  tiller::Config c;
-  ASSERT_EQ(tiller_config_default(&c, tiller_find_model("skid_steer")), tiller_status_ok);
-  c.planner.kind = tiller_planner_sqp;
+  tiller::Config c = line_config(tiller_planner_sqp);
+  c.model = tiller_find_model("skid_steer");
+  c.param_count = c.model->param_count;
   c.planner.horizon = 40;
-  c.planner.particles = 1;
-  c.state_high[1] = 50.0;
-  c.cost.hard_bounds = 1;
+  for (int i = 0; i < 3; ++i) {
+    c.state_low[i] = -INFINITY;
+    c.state_high[i] = i == 1 ? 50.0 : INFINITY;
+  }
+  c.cost.hard_bounds = 0b010;
   c.cost.bound_risk = 0.05;
   tiller::StepSetup setup;
   ASSERT_EQ(tiller::make_step_setup(c, setup), tiller_status_ok);
