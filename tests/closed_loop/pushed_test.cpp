@@ -41,6 +41,8 @@ tiller::Config pendulum(bool disturbance) {
   c.safety.input_high[0] = 3.0;
   c.safety.frozen_ticks = 0;
   c.posterior.disturbance = disturbance ? 1 : 0;
+  c.posterior.window = 256;  // as the guide has it
+  c.posterior.moves_per_tick = 8;
   c.cost.input_reference = disturbance ? tiller_input_reference_steady : tiller_input_reference_zero;
   return c;
 }

@@ -25,7 +25,9 @@ std::string amount(double mean, double sd, const char* unit) {
 
 }  // namespace
 
+/// One that pushes along with the motion is none; a viscous one may be less than what the model has.
 std::string dry_text(const RobotFile& robot, const tiller_info_t& info, std::uint32_t joint) {
+  if (info.dry_mean[joint] < 0.0) return "";
   return amount(info.dry_mean[joint], info.dry_sd[joint], slides(robot, joint) ? "N" : "N m");
 }
 
