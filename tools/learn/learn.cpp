@@ -5,6 +5,7 @@
 
 #include "effects/effect_info.hpp"
 #include "networks/evaluate.hpp"
+#include "networks/network_check.hpp"
 #include "posterior/prior.hpp"
 #include "tools/base/text.hpp"
 #include "tools/gap/residual/fallback.hpp"
@@ -393,6 +394,7 @@ class Learner {
 
 bool with_network(const tiller_config_t& config, const LoadedNetwork& loaded, Config& out) {
   if (config.effect_count >= TILLER_MAX_EFFECTS || config.param_count >= TILLER_MAX_PARAMS) return false;
+  if (network_defect(loaded.network) != nullptr) return false;  // weights that training has driven to infinity
   out = config;
   const bool tanh = loaded.network.kind == tiller_network_tanh;
   out.effects[out.effect_count++] = {

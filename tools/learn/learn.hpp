@@ -55,7 +55,8 @@ struct Learnt {
   double seconds = 0;  ///< of the logs
 };
 
-/// The configuration with the effect; `loaded` outlives it. False where there is no room for it.
+/// The configuration with the effect; `loaded` outlives it. False where there is no room for
+/// it, or where its weights are no network's: training that diverged.
 bool with_network(const tiller_config_t& config, const LoadedNetwork& loaded, Config& out);
 
 /// Learns the forces that the model lacks from grids of logs, on the part before the held-out one; judges on that one,
