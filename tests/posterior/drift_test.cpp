@@ -118,6 +118,24 @@ void expect_jump(const Sums& sums, double age_s, double share) {
   }
 }
 
+// The first plan is made before any transition has been taken in.
+TEST(Drift, BeforeAnyDataAParameterIsWhereItsPriorIs) {
+  double mean[2] = {};
+  for (const bool drifts : {false, true}) {
+    const tiller::Config c = pendulum(drifts);
+    tiller::StepSetup setup;
+    ASSERT_EQ(tiller::make_step_setup(c, setup), tiller_status_ok);
+    rig::Instance posterior(c, nullptr, tiller::select_rollout(*c.model), &setup);
+    const double angle = 0.0;
+    ASSERT_EQ(posterior->start(&angle), tiller_status_ok);
+    double all[TILLER_MAX_PARAMS];
+    posterior->moments(all, nullptr, nullptr, nullptr);
+    mean[drifts ? 1 : 0] = all[0];
+  }
+  EXPECT_GT(mean[0], 0.1);
+  EXPECT_NEAR(mean[1], mean[0], 0.01) << "clouds of other dimensions have other draws";
+}
+
 TEST(Drift, AMassThatGrowsOrShrinksIsFollowed) {
   for (const Course& course : {Course(fills), Course(empties)}) {
     const Sums with = over_seeds(true, course, "30 % in 15 s"), without = over_seeds(false, course, "30 % in 15 s");

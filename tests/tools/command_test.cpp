@@ -531,7 +531,8 @@ TEST_F(Command, ASystematicForceBesideTheEstimatedOneIsToldAndNamed) {
   std::ofstream(folder_ + "/late.toml") << pendulum_with(
       "kind = \"input_delay\"\nport = \"torque_Nm\"\ndelay_s = 0.06\n");
   // of seeds 1 to 3 gap proves the delay in the ticks of the last two; those of the first have a lag that fits as well
-  const Ended ended = run({"run", "late.toml", "--sim", "--seconds", "10", "--log", "run.csv", "--quiet", "--seed", "2"});
+  const Ended ended =
+      run({"run", "late.toml", "--sim", "--seconds", "10", "--log", "run.csv", "--quiet", "--seed", "2"});
   EXPECT_EQ(ended.code, 0) << ended.out;
   EXPECT_TRUE(contains(ended.out,
                        "beside the force that is estimated, a force at joint 'joint' goes with the input's change "

@@ -26,6 +26,15 @@ std::string beside(double own, const char* first, double first_odds, const char*
 std::string drift_text(const std::string& name, const std::string& unit, const DriftFound& found) {
   if (found.walk == 0.0 && found.jump == 0.0) return name + ": the data do not tell yet whether it drifts";
   const double likeliest = std::max({0.0, found.walk, found.jump});
+  // less than that is worth no more than a mention (Kass and Raftery 1995)
+  constexpr double kWorthIt = 3.0;
+  double odds[] = {0.0, found.walk, found.jump};
+  std::sort(odds, odds + 3);
+  if (odds[2] - odds[1] < std::log(kWorthIt))
+    return name + format(
+                      ": the data do not tell whether it stays, walks (%.2g times as likely) or jumps (%.2g times as "
+                      "likely)",
+                      std::exp(found.walk), std::exp(found.jump));
   if (likeliest == 0.0) return name + " stays" + beside(0.0, "a walk", found.walk, "a jump", found.jump);
   if (likeliest == found.walk) return name + " walks" + beside(found.walk, "a jump", found.jump, "none", 0.0);
   const std::string by = format("%+.3g", found.jumped_by) + (unit.empty() ? "" : " " + unit);

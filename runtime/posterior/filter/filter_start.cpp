@@ -78,6 +78,7 @@ void FilterPosterior::begin_all_filters() {
     map_sensors(chunks_[c], cloud_.params + at, n_);
     begin_filters(chunks_[c], carried_lanes(at), lacks_ > 0 ? Lanes<double>{carried_.law + at, n_} : Lanes<double>{});
   }
+  note_drift();
 }
 
 tiller_status_t FilterPosterior::start(const double* measured) {
