@@ -13,6 +13,7 @@ LAYER = 0.02  # of the prior's range, next to a bound
 ZONE, SHARE, RISE = 0.02, 0.3, 0.4  # of the prior next to a bound; of the posterior in it; its median over its 90 %
 TAIL = 0.005  # of the prior
 ERRORS = 3.0  # standard errors of a coverage
+OFF = 0.05  # of a coverage: .85 are intervals an eighth too narrow; one network is narrower than their average
 
 
 def _edge(problem: Problem, result: Inferred, j: int) -> str:
@@ -50,7 +51,7 @@ def _miscalibrated(problem: Problem, result: Inferred, j: int) -> str:
     if coverage is None or result.ranks is None:
         return ""
     error = np.sqrt(0.9 * 0.1 / len(result.ranks))
-    if abs(coverage[j] - 0.9) <= ERRORS * error:
+    if abs(coverage[j] - 0.9) <= max(OFF, ERRORS * error):
         return ""
     how = ("too narrow: raise --simulations" if coverage[j] < 0.9 else
            "wider than need be: raise --simulations for a sharper answer")

@@ -12,11 +12,12 @@ import numpy as np
 from .density import Ensemble
 from .mixture import Mixture, fit_mixture
 from .problem import Array, InferenceError, Problem, Simulations
-from .result import Inferred, Options, normalised, resampled
+from .result import Inferred, Options, effective, normalised, resampled
 from .summary import make_summary
 
 ANSWERS, FITTED = 4096, 512
 WIDER = 2.0  # of a proposal's deviations over the posterior's before it
+FEW = ANSWERS / 10  # effective draws after the correction: a few of them have the say
 FAR = 6.0  # deviations of the simulations' summaries: no simulation is like the logs
 
 
@@ -77,6 +78,9 @@ def run(problem: Problem, o: Options, simulations: Simulations) -> Inferred:
     if far > FAR:
         result.warnings.append(f"the logs' summary lies {far:.1f} deviations from the centre of the last round's "
                                "simulations: no parameters of the simulator explain the logs")
+    if effective(w) < FEW:
+        result.warnings.append(f"only {effective(w):.0f} of {ANSWERS} draws count after the correction by the proposals: "
+                               "the posterior may be far too wide; raise --simulations")
     result.v, result.weight = v, normalised(w)
     result.ranks = networks.ranks(problem.seed)
     return result
