@@ -79,7 +79,7 @@ def run(problem: Problem, o: Options, simulations: Simulations) -> Inferred:
         result.warnings.append(f"the logs' summary lies {far:.1f} deviations from the centre of the last round's "
                                "simulations: no parameters of the simulator explain the logs")
     if effective(w) < FEW:
-        result.warnings.append(f"only {effective(w):.0f} of {ANSWERS} draws count after the correction by the proposals: "
+        result.warnings.append(f"only {effective(w):.0f} of {ANSWERS} draws count after the correction: "
                                "the posterior may be far too wide; raise --simulations")
     result.v, result.weight = v, normalised(w)
     result.ranks = networks.ranks(problem.seed)
