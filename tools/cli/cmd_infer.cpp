@@ -54,6 +54,8 @@ void add_infer_command(CLI::App& app, int& exit_code) {
       ->check(number_between(1e-6, 1));
   command->add_option("--processes", a->processes, "simulators side by side (default: as the file says)")
       ->check(CLI::Range(1, 1024));
+  command->add_option("--problem", a->problem,
+                      "only write what would be learnt from into this file: python -m tiller.labs infer reads it");
   command->footer(
       methods_help() +
       "\nThe simulator is any program that answers lines on stdin with lines on stdout: docs/guide/simulator.md has\n"

@@ -11,6 +11,7 @@
 #include "tools/base/output_file.hpp"
 #include "tools/base/report.hpp"
 #include "tools/base/text.hpp"
+#include "tools/cli/infer_problem.hpp"
 #include "tools/command/commands.hpp"
 #include "tools/likelihood_free/infer_report.hpp"
 #include "tools/likelihood_free/pieces.hpp"
@@ -70,6 +71,12 @@ InferenceProblem problem_of(const SimulatorFile& file, const InferArguments& a, 
   return problem;
 }
 
+int write_problem(const SimulatorFile& file, const InferArguments& a, const InferenceProblem& problem) {
+  std::string error;
+  return replace_file(a.problem, inference_problem_json(file, a.logs, problem), error) ? static_cast<int>(kExitOk)
+                                                                                       : complain(error);
+}
+
 }  // namespace
 
 int infer_logs(SimulatorFile& file, const InferArguments& a) {
@@ -77,6 +84,7 @@ int infer_logs(SimulatorFile& file, const InferArguments& a) {
   std::vector<Grid> grids;
   if (!read_grids(file, a.logs, grids)) return kExitBadInput;
   InferenceProblem problem = problem_of(file, a, grids);
+  if (!a.problem.empty()) return write_problem(file, a, problem);
   SimulatorPool pool(file.setup);
   problem.simulate = pool_simulator(pool, problem.pieces);
   const auto begin = std::chrono::steady_clock::now();

@@ -12,6 +12,7 @@ namespace tiller::tools {
 struct InferArguments {
   std::string simulator;   ///< its file
   std::string folder;      ///< for the results; empty: the table alone
+  std::string problem;     ///< file for what would be learnt from, in the place of learning; empty: none
   Words logs;              ///< paths
   unsigned processes = 0;  ///< 0: as the file says
   InferenceOptions options;
