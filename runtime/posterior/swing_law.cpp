@@ -18,6 +18,7 @@ constexpr double kQuality = 8.0;
 SwingLaw SwingLaw::lay_out(Arena& arena, std::uint32_t joints) {
   SwingLaw law;
   law.joints_ = joints;
+  for (double** row : {&law.share_, &law.along_, &law.across_, &law.gain_}) *row = arena.take<double>(kBins);
   law.mean_ = arena.take<double>(joints);
   law.resonator_ = arena.take<double>(std::size_t{joints} * kBins * 2);
   return law;

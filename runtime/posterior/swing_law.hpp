@@ -34,8 +34,9 @@ class SwingLaw {
   std::uint32_t joints_ = 0, time_ = 0, sizes_ = 0;
   double low_ = 0.0, width_ = 1.0;  // of the first bin, of each bin
   double seen_ = 0.0;
-  double share_[kBins] = {};  // of the law
-  double along_[kBins] = {}, across_[kBins] = {}, gain_[kBins] = {};
+  double* share_ = nullptr;  // (kBins) of the law
+  // (kBins each) of the resonators
+  double *along_ = nullptr, *across_ = nullptr, *gain_ = nullptr;
   double* mean_ = nullptr;       // (joints)
   double* resonator_ = nullptr;  // (joints x kBins x 2)
 };

@@ -127,7 +127,10 @@ class FilterPosterior::Layout {
       const Chunk taken = chunk(bank_states_);
       if (bank_chunks_) bank_chunks_[i] = taken;
     }
-    if (disturbances_.drifts() == 0) banks_ = nullptr;
+    if (disturbances_.drifts() > 0)
+      bank_room_ = arena_.take<DisturbanceStates>(1);
+    else
+      banks_ = nullptr;
   }
 
   void take_scratch() {
@@ -169,10 +172,11 @@ class FilterPosterior::Layout {
     p.disturbances_ = disturbances_;
     p.shape_ = shape_;
     p.swing_ = swing_;
-    p.bank_states_ = bank_states_;
+    p.bank_states_ = bank_room_;
+    if (bank_room_) *bank_room_ = bank_states_;
     for (std::uint32_t i = 0; i < n_ / kChunk; ++i) chunks_[i].lacking = &p.disturbances_;
     if (touch_) touch_->lacking = &p.disturbances_;
-    for (std::uint32_t i = 0; i < disturbances_.drifts(); ++i) bank_chunks_[i].lacking = &p.bank_states_;
+    for (std::uint32_t i = 0; i < disturbances_.drifts(); ++i) bank_chunks_[i].lacking = bank_room_;
     p.rest_ = RestGuard(config_);
     p.bank_evidence_ = ScaleEvidence(config_);
     p.chunks_ = chunks_;
@@ -252,6 +256,7 @@ class FilterPosterior::Layout {
   const std::uint32_t ny_ = config_.measurement_count;
   const std::uint32_t slots_ = config_.posterior.window + 1, move_lanes_ = round_up(n_ / 2, kChunk);
   const DisturbanceStates disturbances_, bank_states_;
+  DisturbanceStates* bank_room_ = nullptr;
   const ExtraCoordinates extra_;
   std::uint32_t nf_ = 0;
 

@@ -296,7 +296,8 @@ class FilterPosterior final : public Posterior {
   double kept_law_[kDiscrepancyJoints] = {};  // of the forces' sizes when the start's law was taken from the particles
   NormalLaw before_;                          // what was known before the robot changed
   FilterSummary summary_;
-  DisturbanceStates disturbances_, bank_states_;
+  DisturbanceStates disturbances_;
+  DisturbanceStates* bank_states_ = nullptr;  // of the banks of jumps; null where no parameter drifts
   LikelihoodShape shape_;
   SwingLaw swing_;
   RestGuard rest_;

@@ -40,7 +40,7 @@ double FilterPosterior::weighted_mean(const double* row) const {
 }
 
 std::uint32_t FilterPosterior::bank_state(std::uint32_t drift) const {
-  return nx_ + bank_states_.drift_state(bank_states_.drift_of(disturbances_.drift_param(drift)));
+  return nx_ + bank_states_->drift_state(bank_states_->drift_of(disturbances_.drift_param(drift)));
 }
 
 double& FilterPosterior::bank_variance(std::uint32_t drift, std::uint32_t lane) const {
@@ -59,7 +59,7 @@ void FilterPosterior::begin_banks() {
   banks_begun_ = true;
   bank_evidence_.clear();
   bank_evidence_.believe(noise_scale_ * noise_scale_, kNoiseWorth);
-  bank_states_.take_sizes(disturbances_);
+  bank_states_->take_sizes(disturbances_);
   const tiller_prior_t law = disturbances_.law_prior(disturbances_.coordinates() - 1);
   for (std::uint32_t i = 0; i < disturbances_.drifts(); ++i) {
     begin_lanes(bank_chunks_[i]);
@@ -69,15 +69,15 @@ void FilterPosterior::begin_banks() {
 
 /// The row of a bank's state in the particles' filters; nf_: they have none.
 std::uint32_t FilterPosterior::carried_row(std::uint32_t state) const {
-  const std::uint32_t shared = nx_ + bank_states_.states() - bank_states_.drifts();
+  const std::uint32_t shared = nx_ + bank_states_->states() - bank_states_->drifts();
   if (state < shared) return state;
-  const std::uint32_t drift = disturbances_.drift_of(bank_states_.drift_param(state - shared));
+  const std::uint32_t drift = disturbances_.drift_of(bank_states_->drift_param(state - shared));
   return drift < disturbances_.drifts() ? nx_ + disturbances_.drift_state(drift) : nf_;
 }
 
 /// How one particle differs from the filter of another, in a bank's states.
 void FilterPosterior::differ_in_bank(std::uint32_t k, std::uint32_t about, double* off) const {
-  const std::uint32_t shared = nx_ + bank_states_.states() - bank_states_.drifts();
+  const std::uint32_t shared = nx_ + bank_states_->states() - bank_states_->drifts();
   const double* const state = carried_.filter.state;
   for (std::uint32_t r = 0; r < shared; ++r) off[r] = state[r * n_ + k] - state[r * n_ + about];
   for_quaternions(quaternions_, [&](std::uint32_t first) {
@@ -85,8 +85,8 @@ void FilterPosterior::differ_in_bank(std::uint32_t k, std::uint32_t about, doubl
     const Vector3<double> d = attitude_difference(read_quaternion(q + k, n_), read_quaternion(q + about, n_));
     write_quaternion({0.0, d.x, d.y, d.z}, off + first);
   });
-  for (std::uint32_t j = 0; j < bank_states_.drifts(); ++j) {
-    const std::uint32_t param = bank_states_.drift_param(j);
+  for (std::uint32_t j = 0; j < bank_states_->drifts(); ++j) {
+    const std::uint32_t param = bank_states_->drift_param(j);
     const tiller_prior_t& prior = config_->priors[param];
     off[shared + j] =
         to_coordinate(prior, params_now()[param * n_ + k]) - to_coordinate(prior, cloud_.params[param * n_ + about]);
@@ -118,7 +118,7 @@ void FilterPosterior::begin_lanes(const Chunk& chunk) const {
   }
   for_quaternions(quaternions_, [&](std::uint32_t first) { std::fill(mean + first, mean + first + 4, 0.0); });
   for (std::uint32_t r = 0; r < nf; ++r) {
-    const bool is_param = r >= nx_ + bank_states_.states() - bank_states_.drifts();
+    const bool is_param = r >= nx_ + bank_states_->states() - bank_states_->drifts();
     chunk.filter.state[r * kChunk] = mean[r] + (is_param ? 0.0 : carried_.filter.state[r * n_ + about]);
     level(chunk.filter.state + r * kChunk);
   }
@@ -144,17 +144,17 @@ void FilterPosterior::take_mean_law(std::uint32_t drift) {
   };
   for (std::uint32_t j = 0; j < cloud_.named; ++j) {  // a sensor's, or one that there is no room for
     const std::uint32_t i = cloud_.inferred[j];
-    if (bank_states_.drift_of(i) < bank_states_.drifts()) continue;
+    if (bank_states_->drift_of(i) < bank_states_->drifts()) continue;
     const double mean = weighted_mean(cloud_.coordinate + std::size_t{j} * n_);
     level(chunk.params + i * kChunk, from_coordinate(config_->priors[i], mean));
   }
   level(chunk.process_scale, weighted_mean(carried_.process_scale));
-  const std::uint32_t forces = bank_states_.sources() - bank_states_.drifts();
+  const std::uint32_t forces = bank_states_->sources() - bank_states_->drifts();
   for (std::uint32_t s = 0; s < forces; ++s) mean_law(s, s);
-  mean_law(bank_states_.rate_row(), disturbances_.rate_row());
-  mean_law(bank_states_.turn_row(), disturbances_.turn_row());
-  for (std::uint32_t j = 0; j < bank_states_.drifts(); ++j) {
-    const std::uint32_t other = disturbances_.drift_of(bank_states_.drift_param(j));
+  mean_law(bank_states_->rate_row(), disturbances_.rate_row());
+  mean_law(bank_states_->turn_row(), disturbances_.turn_row());
+  for (std::uint32_t j = 0; j < bank_states_->drifts(); ++j) {
+    const std::uint32_t other = disturbances_.drift_of(bank_states_->drift_param(j));
     double* const row = chunk.law + (forces + j) * kChunk;
     level(row, 0.0);
     if (other < disturbances_.drifts() && other != drift) mean_law(forces + j, forces + other);
