@@ -220,8 +220,8 @@ void AdequacyTest::test_channel(std::uint32_t k, double normalised, const double
   }
 }
 
-/// One likelihood ratio from the run's begin on, under the thresholds of the sums: that of those that begin with the run
-/// while they live, later that of one cohort in all. A force that may change need not be the same in each. It has to
+/// One likelihood ratio from the run's begin on, under the thresholds of the sums: that of those that begin with the
+/// run while they live, later that of one cohort in all. A force that may change need not be the same in each. It must
 /// stand for kSpacing ticks, which only makes alarms rarer: a blow in a still world is taken for anything at first.
 void AdequacyTest::take_force(std::uint32_t force, std::uint32_t channel, tiller_feature_t feature, double evidence) {
   const double ratio = evidence / threshold_of(0);

@@ -62,8 +62,8 @@ std::uint32_t position_state(const tiller_model_t& model, std::uint32_t i);
 /// `size` is the likelihood ratio of a noise kGrowth times as large against the Student density that the values so far
 /// predict, the exact conditional density of normal values of unknown scale.
 ///
-/// Forces that are estimated beside the state (posterior.disturbance) leave no trace in the innovations. Whether they are
-/// systematic their own evidence says, which take_force() is told: a likelihood ratio under the same level.
+/// Forces that are estimated beside the state (posterior.disturbance) leave no trace in the innovations. Whether they
+/// are systematic their own evidence says, which take_force() is told: a likelihood ratio under the same level.
 ///
 /// The tests are those of the configuration's channels. Cost: O(kCohorts * channels * features) per tick.
 class AdequacyTest {

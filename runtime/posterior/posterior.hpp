@@ -133,9 +133,9 @@ class Posterior {
   /// Bits of the states that slip beyond the model, by the configured engine: of a model without joints.
   static std::uint32_t slip_states(const tiller_config_t& config);
   /// Forces beyond the model at these joints, in N or N m, or the slips of these states, in their own units a second:
-  /// their means over the next `ahead_s`, as they are expected, and how far these may be off now (one a joint or state);
-  /// nullable. `imaginary` (as many, nullable): with it a force w is the real part of a z of which
-  /// z exp((i turn - rate) t) is expected after t, as returned. Cost: O(N) a joint or state.
+  /// their means over the next `ahead_s`, as they are expected, and how far these may be off now (one a joint or
+  /// state); nullable. `imaginary` (as many, nullable): with it a force w is the real part of a z of which z exp((i
+  /// turn - rate) t) is expected after t, as returned. Cost: O(N) a joint or state.
   virtual Fading forces(double /*ahead_s*/, double* /*mean*/, double* /*sd*/, double* /*imaginary*/ = nullptr) const {
     return {};
   }

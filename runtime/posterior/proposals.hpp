@@ -70,8 +70,8 @@ struct Guides {
 ///
 /// With guides every other proposal is the end of a walk of such steps, judged by the shape alone: the surrogate
 /// transition method (Liu 2001, section 9.4.3; Christen and Fox 2005 for one step). What the shape misses is judged
-/// with the data, so that the target stays; what it has right costs no data, and an accepted move is a far one. Of the others a share
-/// asks for a swing.
+/// with the data, so that the target stays; what it has right costs no data, and an accepted move is a far one. Of the
+/// others a share asks for a swing.
 void propose(const Cloud& cloud, std::uint64_t tick, std::uint32_t cursor, std::uint32_t moves, Proposal* proposals,
              const Guides* guides = nullptr);
 

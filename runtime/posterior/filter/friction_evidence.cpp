@@ -38,8 +38,8 @@ std::uint32_t channel_of(const tiller_config_t& config, const tiller_joint_t& jo
 
 }  // namespace
 
-/// Only of all the data, for a tempered posterior is not what the particles' weights would have to be; and not on trial,
-/// when it is open whether the null explains the data at all.
+/// Only of all the data, for a tempered posterior is not what the particles' weights would have to be; and not on
+/// trial, when it is open whether the null explains the data at all.
 void FilterPosterior::test_friction() {
   if (!disturbances_.has_friction() || exponent_ < 1.0 || early_ > 0 || trial_ > 0) return;
   for (std::uint32_t j = 0; j < disturbances_.joints(); ++j) {

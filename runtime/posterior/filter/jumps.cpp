@@ -220,8 +220,9 @@ double FilterPosterior::bank_drift(std::uint32_t drift, std::uint32_t lane) cons
   return bank_chunks_[drift].filter.state[bank_state(drift) * kChunk + lane];
 }
 
-/// All banks have seen the same data, so that their likelihoods compare: where another parameter's jump explains the data
-/// better than this one as it was, this one is judged beside that jump. A load that is picked up is no friction then.
+/// All banks have seen the same data, so that their likelihoods compare: where another parameter's jump explains the
+/// data better than this one as it was, this one is judged beside that jump. A load that is picked up is no friction
+/// then.
 void FilterPosterior::report_jumps(PosteriorReport& report) const {
   if (!banks_begun_) return;
   const std::uint32_t drifts = disturbances_.drifts();

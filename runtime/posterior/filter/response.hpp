@@ -20,9 +20,9 @@ struct ErrorDynamics {
 ///     xi' = A (I - K H) xi + g phi,   response = H xi
 /// so that its trace in an encoder's values comes a few ticks late and stays for a while (Willsky and Jones, "A
 /// generalized likelihood ratio approach to the detection and estimation of jumps in linear systems", IEEE TAC 21,
-/// 1976). All of it is known before the value is measured. Where the filter estimates forces beside the state (nf states
-/// of which the first nx are the model's), these take the disturbance up as well, and what is left in the response is
-/// what they are too slow for.
+/// 1976). All of it is known before the value is measured. Where the filter estimates forces beside the state (nf
+/// states of which the first nx are the model's), these take the disturbance up as well, and what is left in the
+/// response is what they are too slow for.
 ///
 /// Cost: O((4 ny + 2 nu) nf^2) per tick.
 class DisturbanceResponse {
