@@ -1,5 +1,5 @@
-// Slips of a model without joints over a horizon (StepSetup::slip_states): every kernel against periods that are stepped
-// one by one without slips, with what is left of each slip added by hand.
+// Slips of a model without joints over a horizon (StepSetup::slip_states): every kernel against periods that are
+// stepped one by one without slips, with what is left of each slip added by hand.
 
 #include <gtest/gtest.h>
 

@@ -212,8 +212,8 @@ TEST(SwingingLoad, AddsAPendulumAndKeepsEnergy) {
 }
 
 // A force F pushes a cart M from rest, with a load m on a string l. Both together go with F / (M + m), and about that
-// the cart swings with w^2 = g/l (1 + m/M): x'' = F / (M + m) (1 + m/M cos wt). The string leans by 0.016 rad on the mean,
-// so that its sine is its angle.
+// the cart swings with w^2 = g/l (1 + m/M): x'' = F / (M + m) (1 + m/M cos wt). The string leans by 0.016 rad on the
+// mean, so that its sine is its angle.
 TEST(HungLoad, SwingsBelowTheCart) {
   PlantOptions o;
   o.kind = "cart_pole";
