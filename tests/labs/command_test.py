@@ -1,4 +1,4 @@
-"""python -m tiller.labs infer, from the guide's own simulator and logs to a posterior that tiller reads; and what a
+"""tiller infer, from the guide's own simulator and logs to a posterior that tiller reads; and what a
 simulator does wrong."""
 import json
 import math

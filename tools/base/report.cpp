@@ -33,6 +33,13 @@ std::string package_folder() {
   return (self.parent_path().parent_path() / TILLER_PYTHON_INSTALLED).string();
 }
 
+/// Of the tools, and in a build folder of the package `tiller` too; what is installed is found where Python looks.
+std::string python_path() {
+  std::error_code ignored;
+  const bool is_built = fs::exists(fs::path(TILLER_PYTHON_PACKAGE) / "tiller", ignored);
+  return package_folder() + (is_built ? ":" TILLER_PYTHON_PACKAGE : "");
+}
+
 std::string last_lines(const std::string& text, std::size_t count) {
   std::size_t from = text.size();
   for (std::size_t found = 0; from > 0; --from) {
@@ -49,7 +56,7 @@ bool lacks_packages(const ChildResult& child) {
 
 std::vector<std::string> python_command(const std::string& module, const std::vector<std::string>& arguments) {
   std::vector<std::string> command = {
-      "env", "PYTHONPATH=" + package_folder(), "PYTHONDONTWRITEBYTECODE=1", interpreter(),
+      "env", "PYTHONPATH=" + python_path(), "PYTHONDONTWRITEBYTECODE=1", interpreter(),
       "-m",  "tiller_tools." + module};
   command.insert(command.end(), arguments.begin(), arguments.end());
   return command;

@@ -1,21 +1,26 @@
 """Laboratories: what learns on the host, in Python on JAX. They reach a robot by files alone.
 
-    python -m tiller.labs infer --help
+    tiller infer --help             or, where the command is not installed: python -m tiller.labs infer --help
 
-Needs pip install 'tiller[labs]'; nothing in tiller itself imports this package.
+Needs pip install 'tiller[labs]'; nothing in tiller itself imports this package, and it imports JAX where it learns.
 """
 from __future__ import annotations
 
-from .._errors import missing_extra
+from typing import Any
 
-for _name in ("jax", "equinox", "optax"):
-    try:
-        __import__(_name)
-    except ImportError as _problem:
-        raise missing_extra(_name, "labs", "tiller.labs") from _problem
-
-from .infer import METHODS, infer  # noqa: E402
-from .problem import InferenceError, Prior, Problem  # noqa: E402
-from .result import Inferred, Options  # noqa: E402
+_OF_INFER = {"METHODS": "options", "infer": "infer", "InferenceError": "problem", "Prior": "problem",
+             "Problem": "problem", "Inferred": "result", "Options": "options"}
 
 __all__ = ["METHODS", "InferenceError", "Inferred", "Options", "Prior", "Problem", "infer"]
+
+
+def __getattr__(name: str) -> Any:
+    """What infers, once it is asked for: --help and the other laboratories do not wait for it."""
+    if name not in _OF_INFER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    from ._install import check
+
+    check()
+    return getattr(import_module(f".{_OF_INFER[name]}", __name__), name)

@@ -1,127 +1,44 @@
-"""python -m tiller.labs: the laboratories' command line."""
+"""The laboratories' command line: `tiller NAME ...` becomes python -m tiller.labs NAME ..."""
 from __future__ import annotations
 
 import argparse
 import sys
-import tempfile
-import time
 from collections.abc import Sequence
-from pathlib import Path
+from importlib import import_module
 
-from .._command import run
-from .._errors import CommandError
-from . import report
-from .infer import METHODS, infer
-from .problem import InferenceError, read_problem
-from .result import Inferred, Options
-from .simulator import Pool
-from .summary import SUMMARIES
+from .._errors import Error
+from . import _install
 
-EPILOG = """
-The simulator is any program that answers lines on stdin with lines on stdout: docs/guide/simulator.md has one of
-fifteen lines. No likelihood and no derivative of it is needed. The table ends with a calibration: draws near the logs
-are held out, and their 90 % intervals should hold nine of ten of them.
-
-Examples:
-  python -m tiller.labs infer puck.toml run1.csv run2.csv -o out/puck
-      the posterior of what puck.toml has a prior for, with a page and posterior.json for a run
-  python -m tiller.labs infer puck.toml run1.csv --method smc_abc --simulations 20000 --processes 8
-      the same by another way, as a check
-"""
+# Each is a module NAME_command with add(parser), which needs no JAX, and run(arguments) -> exit code.
+# tools/cli/laboratories.cpp has the same names for `tiller --help`.
+LABORATORIES = {"infer": "learn the parameters of a simulator of your own from logs of the robot"}
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m tiller.labs", description="What learns on the host, on JAX.")
-    commands = parser.add_subparsers(dest="command", required=True)
-    default = Options()
-    methods = "".join(f"  {name:15} {m.help}\n  {'':15} [{m.citation}]\n" for name, m in METHODS.items())
-    one = commands.add_parser(
-        "infer", help="learn the parameters of a simulator of your own from logs of the robot",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        description="Learns the parameters of a simulator of your own from logs of the robot.\n\n"
-        f"Methods (docs/theory/likelihood_free.md):\n{methods}", epilog=EPILOG)
-    one.add_argument("simulator", help="simulator file (.toml): command, priors, sensors")
-    one.add_argument("logs", nargs="+", help="to learn from: CSV, ROS bags, ULog, as `tiller identify` takes them")
-    one.add_argument("-o", "--out", type=Path, help="folder for infer.json, infer.html and posterior.json")
-    one.add_argument("--method", choices=METHODS, default=default.method, help="how to learn (default %(default)s)")
-    one.add_argument("--summary", choices=SUMMARIES, default=default.summary,
-                     help="what simulations and logs are compared by: linear (default), or by hand, as BayesSim")
-    for name, least, most, what in (("simulations", 50, 10**7, "parameter vectors in all"),
-                                    ("rounds", 1, 100, "of bayes_sim"), ("components", 1, 16, "of its mixture"),
-                                    ("particles", 50, 10**5, "of smc_abc")):
-        one.add_argument(f"--{name}", type=_number_between(int, least, most), default=getattr(default, name),
-                         help=f"{what} (default %(default)s)")
-    one.add_argument("--accept", type=_number_between(float, 1e-6, 1), default=default.accept,
-                     help="share that abc and abc_regression keep (default %(default)s)")
-    one.add_argument("--processes", type=_number_between(int, 1, 1024),
-                     help="simulators side by side (default: as the file says)")
+def _parser(wanted: Sequence[str]) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="tiller", description="What learns on the host, on JAX.")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name, what in LABORATORIES.items():
+        one = commands.add_parser(name, help=what, formatter_class=argparse.RawDescriptionHelpFormatter)
+        if name in wanted[:1]:  # the others' arguments are not asked for
+            import_module(f".{name}_command", __package__).add(one)
     return parser
 
 
-def _number_between(kind: type, least: float, most: float):  # type: ignore[no-untyped-def]
-    def number(text: str) -> float:
-        value: float = kind(text)
-        if not least <= value <= most:
-            raise argparse.ArgumentTypeError(f"{text} is not in {least} .. {most}")
-        return value
-    return number
-
-
-def _infer(a: argparse.Namespace) -> tuple[Inferred, float]:
-    """tiller's own command reads simulator file and logs: no format has two readers."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "problem.json"
-        run(["infer", a.simulator, *a.logs, "--problem", str(path)]
-            + (["--processes", str(a.processes)] if a.processes else []))
-        problem = read_problem(path, Pool)
-    options = Options(a.method, a.summary, a.simulations, a.rounds, a.components, a.accept, a.particles)
-    shown = sys.stderr.isatty()
-    begun = time.monotonic()
-    try:
-        result = infer(problem, options, (lambda share: print(
-            f"\r\033[Ksimulating ... {share:4.0%}", end="", file=sys.stderr, flush=True)) if shown else None)
-    finally:
-        problem.simulate.close()  # type: ignore[attr-defined]
-        print("\r\033[K" if shown else "", end="", file=sys.stderr)
-    return result, time.monotonic() - begun
-
-
-def _write(folder: Path, result: Inferred, seconds: float) -> int:
-    """infer.json, the page and the posterior. The table is printed already: what fails here loses no result."""
-    names = [folder / name for name in ("infer.json", "posterior.json", "infer.html")]
-    try:
-        report.write_json(names[0], report.document(result, seconds))
-        report.write_json(names[1], report.posterior(result))
-    except OSError as problem:
-        print(f"{problem}; choose another folder", file=sys.stderr)
-        return 2
-    print(f"\nresult: {names[0].resolve()}\nposterior: {names[1].resolve()}, for [posterior] prior_file or tiller run "
-          "--posterior")
-    try:
-        from tiller_tools import infer_report
-
-        infer_report.write_report(names[0], names[2])
-    except Exception as problem:  # a page that cannot be drawn loses no result
-        print(f"no page: {problem}; pip install 'tiller[pages]'", file=sys.stderr)
-        return 2
-    print(f"report: {names[2].resolve()}")
-    return 0
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
-    a = _parser().parse_args(arguments)
+    words = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        result, seconds = _infer(a)
-    except InferenceError as problem:
-        print(f"{a.simulator}: {problem}", file=sys.stderr)
+        a = _parser(words).parse_args(words)
+    except SystemExit as end:  # argparse ends with 2 for a wrong option; tiller's commands with 1
+        return 1 if end.code else 0
+    try:
+        _install.provide(words)
+        return int(import_module(f".{a.command}_command", __package__).run(a))
+    except Error as problem:
+        print(f"tiller {a.command}: {problem}", file=sys.stderr)
         return 1
-    except CommandError as problem:
-        print(problem.output.strip(), file=sys.stderr)
-        return 1
-    for warning in result.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
-    print(report.text(result, seconds), end="", flush=True)
-    return _write(a.out, result, seconds) if a.out else 0
+    except KeyboardInterrupt:
+        print(f"\ntiller {a.command}: interrupted", file=sys.stderr)
+        return 130
 
 
 if __name__ == "__main__":

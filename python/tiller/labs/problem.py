@@ -147,7 +147,7 @@ class Simulations:
 
 
 def read_problem(path: str | Path, simulate_with: Callable[[dict[str, Any]], Simulate]) -> Problem:
-    """From the file of `tiller infer --problem`: names, priors, noise, and the logs cut to pieces."""
+    """From the file of `tiller data infer`: names, priors, noise, and the logs cut to pieces."""
     told = json.loads(Path(path).read_text(encoding="utf-8"))
     priors = [Prior(p["name"], p["kind"], p["numbers"][0] or 0.0, p["numbers"][1] or 0.0,
                     -np.inf if p["numbers"][2] is None else p["numbers"][2],

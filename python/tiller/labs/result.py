@@ -6,18 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from .options import Options
 from .problem import Array, Problem
-
-
-@dataclass
-class Options:
-    method: str = "bayes_sim"
-    summary: str = "linear"
-    simulations: int = 5000  # parameter vectors in all
-    rounds: int = 5  # of bayes_sim
-    components: int = 3  # of its mixture
-    accept: float = 0.01  # share that abc and abc_regression keep
-    particles: int = 200  # of smc_abc
 
 
 def normalised(weight: Array) -> Array:

@@ -1,0 +1,40 @@
+"""What `tiller infer` can be asked for; nothing here imports JAX."""
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+
+@dataclass
+class Options:
+    method: str = "bayes_sim"
+    summary: str = "linear"
+    simulations: int = 5000  # parameter vectors in all
+    rounds: int = 5  # of bayes_sim
+    components: int = 3  # of its mixture
+    accept: float = 0.01  # share that abc and abc_regression keep
+    particles: int = 200  # of smc_abc
+
+
+class Method(NamedTuple):
+    function: str  # module.function of this package: (Problem, Options, Simulations) -> Inferred
+    help: str
+    citation: str
+    caveat: str
+
+
+METHODS = {
+    "bayes_sim": Method("neural.run", "a mixture-density network that simulations teach, in rounds around the logs",
+                        "Ramos, Possas, Fox, RSS 2019; Possas et al., IROS 2020: Online BayesSim",
+                        "as good as the network: compare with smc_abc where much depends on the width"),
+    "smc_abc": Method("abc.smc", "a population whose tolerance falls, corrected by regression at the end",
+                      "Toni et al., J. R. Soc. Interface 2009; Beaumont et al., Biometrika 2009",
+                      "wider than the posterior by what the last tolerance lets in"),
+    "abc": Method("abc.rejection", "the draws from the prior that come nearest",
+                  "Pritchard et al., Mol. Biol. Evol. 1999", "wider than the posterior by what the tolerance lets in"),
+    "abc_regression": Method("abc.regression", "the same, corrected by local-linear regression",
+                             "Beaumont, Zhang, Balding, Genetics 2002",
+                             "the correction is linear within the tolerance"),
+}
+
+SUMMARY_NAMES = ("linear", "cross_correlation")

@@ -1,0 +1,39 @@
+// What learns on the host is Python on JAX (python/tiller/labs): each of these commands becomes it.
+#include "tools/base/report.hpp"
+#include "tools/command/commands.hpp"
+
+namespace tiller::tools {
+namespace {
+
+struct Laboratory {
+  const char* name;
+  const char* what;
+};
+
+/// LABORATORIES of python/tiller/labs/__main__.py are the same.
+constexpr Laboratory kLaboratories[] = {
+    {"infer", "learn the parameters of a simulator of your own from logs of the robot"},
+};
+
+int become_laboratory(const char* name, const std::vector<std::string>& arguments) {
+  std::vector<std::string> words = {name};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  std::string error;
+  become_python_tool("laboratory", words, error);
+  return complain(error + "; install Python 3, or set TILLER_PYTHON");
+}
+
+}  // namespace
+
+void add_laboratory_commands(CLI::App& app, int& exit_code) {
+  for (const Laboratory& laboratory : kLaboratories) {
+    auto* command = app.add_subcommand(laboratory.name, laboratory.what);
+    command->prefix_command();
+    command->set_help_flag();  // the laboratory's own
+    command->callback([command, &laboratory, &exit_code] {
+      exit_code = become_laboratory(laboratory.name, command->remaining());
+    });
+  }
+}
+
+}  // namespace tiller::tools
