@@ -76,6 +76,7 @@ class Posterior:
         self.targets = list(targets)
         acts = np.any([e.has_slope() for e in motions], 0)
         self.varies = acts[1:1 + len(start)]
+        self.start = start
         self.centre = np.concatenate([[0.0], np.log(start), np.zeros(len(self.targets))])
         # a weight without a slope anywhere stays where it is
         sd = np.where(self.varies, PRIOR_SD, 1e-3)
@@ -152,7 +153,7 @@ def _read(posterior: Posterior, keys: Sequence[str], theta: Numbers, covariance:
     count = len(keys)
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     for i, key in enumerate(keys):
-        file, varies = float(np.exp(posterior.centre[1 + i])), bool(posterior.varies[i])
+        file, varies = float(posterior.start[i]), bool(posterior.varies[i])
         value = float(np.exp(theta[1 + i])) if varies else file
         log_sd = float(sd[1 + i]) if varies else np.inf
         fit.weights.append(Weight(key, file, value, value * np.exp(-NINETY * log_sd), value * np.exp(NINETY * log_sd),
