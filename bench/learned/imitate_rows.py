@@ -51,7 +51,7 @@ HORIZON = 100
 
 
 class World:
-    """A robot file with a cost of its own; inputs unbounded but where `limit` says; changes of inputs cost as shipped."""
+    """A robot file with a cost of its own; inputs bounded by `limit`; changes of inputs cost as shipped."""
 
     def __init__(self, robot: str, seed: int, limit: float = 1e4) -> None:
         base, inputs, self.spread, target, change = WORLDS[robot]
@@ -286,7 +286,8 @@ def main():
             print(part, seed, *(f"{v:.4g}" for v in rows[-1]), flush=True)
         table = np.array(rows)
         for i, column in enumerate(columns):
-            goal, worst = GOALS.get((part, i)), table[:, i].min() if part.startswith(("adv", "exp")) else table[:, i].max()
+            least = part.startswith(("adversarial", "experts"))
+            goal, worst = GOALS.get((part, i)), table[:, i].min() if least else table[:, i].max()
             verdict = "" if not goal else f"  goal {goal[1]:g}: " + (
                 "met" if (worst >= goal[1] if goal[0] == "min" else worst <= goal[1]) else "short")
             print(f"  {part:22} {column:16} median {np.median(table[:, i]):10.4g}  worst {worst:10.4g}{verdict}")

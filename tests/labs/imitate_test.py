@@ -1,5 +1,5 @@
-"""Weights found again from motions that are optimal under them, changes of inputs and limits among the cost; and what is
-no optimum."""
+"""Weights found again from motions that are optimal under them, changes of inputs and limits among the cost; and what
+is no optimum."""
 import itertools
 import pathlib
 

@@ -39,8 +39,8 @@ def _replays(result: Imitated) -> str:
             f"{'distance (was)':>14}\n")
     for r in result.replayed:
         d = r.demonstration
-        text += (f"  {d.path:32} {d.motion.steps:8d} {d.limited:10.0%} {r.cost_demonstrated:12.5g} {r.cost_after:14.5g} "
-                 f"{r.distance_after:6.3f} ({r.distance_before:.3f})\n")
+        text += (f"  {d.path:32} {d.motion.steps:8d} {d.limited:10.0%} {r.cost_demonstrated:12.5g} "
+                 f"{r.cost_after:14.5g} {r.distance_after:6.3f} ({r.distance_before:.3f})\n")
     return text + "  distance: RMS of the replanned states from the demonstrated ones, over their spread there\n"
 
 
@@ -80,8 +80,8 @@ def text(problem: Problem, o: Options, result: Imitated) -> str:
     out = f"{problem.name}: {len(problem.demonstrations)} demonstrations; {ahead}\n"
     out += "".join(f"kept: {key} = {value:g}\n" for key, value in result.kept.items()) + _weights(result)
     if o.method == "matching":
-        out += (f"plans spend at most {100 * result.matched.excess:.1f} % more of a feature than the demonstrations (no "
-                f"weights: under {100 * result.matched.bound:.1f} %)\n")
+        out += (f"plans spend at most {100 * result.matched.excess:.1f} % more of a feature than the demonstrations "
+                f"(no weights: under {100 * result.matched.bound:.1f} %)\n")
     else:
         out += _likelihood(result)
     return out + _replays(result)
