@@ -65,7 +65,7 @@ def test_writes_a_policy_that_tiller_reads(folder):
 
 
 @pytest.mark.parametrize(("rows", "push", "header", "says"), [
-    (30, 1.0, "time_s,angle_rad,torque_Nm", "demonstrate longer"), (120, 0.0, "time_s,angle_rad,torque_Nm", "the same"),
+    (30, 1.0, "time_s,angle_rad,torque_Nm", "demonstrate longer"), (120, 0.0, "time_s,angle_rad,torque_Nm", "other.csv"),
     (120, 1.0, "time_s,angle_rad,something", "torque_Nm"), (120, 1.0, "time_s,cart_m,force_N", "angle_rad")])
 def test_tells_what_a_log_lacks(folder, rows, push, header, says):
     write_log(folder / "other.csv", rows, push, header)

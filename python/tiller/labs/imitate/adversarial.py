@@ -134,7 +134,7 @@ class _Game:
         draw = [rows + self.o.noise * jax.random.normal(k[2 + i], rows.shape) for i, rows in enumerate(draw)]
         between = draw[0] + jax.random.uniform(k[4], (128, 1)) * (draw[1] - draw[0])
         learnt, fixed = eqx.partition(critic, eqx.is_inexact_array)
-        slopes = jax.grad(lambda c: self.critic_loss(eqx.combine(c, fixed), *draw, between))(learnt)
+        slopes = jax.grad(lambda c: self.critic_loss(eqx.combine(c, fixed), draw[0], draw[1], between))(learnt)
         updates, state = self.critic_adam.update(slopes, state)
         return (eqx.apply_updates(critic, updates), state), None
 

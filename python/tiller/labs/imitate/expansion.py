@@ -2,13 +2,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
-Array = jax.Array
+Array = Any  # of JAX, which has no types here
 
 FREE, HIGH, LOW, GIVEN = 0, 1, -1, 2  # what an input is: free, at a limit, or the first one where its change costs
 

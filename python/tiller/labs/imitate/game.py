@@ -56,7 +56,7 @@ def projection(demonstrated: Numbers, best: Best, tolerance: float, rounds: int)
         e.value = float(np.linalg.norm(w))
         if e.value < tolerance:
             break
-        e.weight = w / e.value
+        e.weight = w / np.linalg.norm(w)
         mu = best(e.weight)
         e.bound = max(e.bound, float(e.weight @ (mu - demonstrated)))
         if e.value - e.bound < tolerance:

@@ -172,7 +172,7 @@ def _cost(problem: Problem, o: Options, result: Imitated, progress: Progress) ->
         result.fit.weights = [Weight(key, file, float(value) if a else file, varies=bool(a)) for key, file, value, a
                               in zip(learnt, start, result.matched.value, acts, strict=True)]
     else:
-        result.fit = fit_weights(motions, list(learnt), start, result.horizon, result.every, targets, progress=(
+        result.fit = fit_weights(motions, list(learnt), list(learnt.values()), result.horizon, result.every, targets, progress=(
             lambda i, value: progress(f"step {i}, {value:.1f} nats")) if progress else None)
         result.warnings += odd_motions(result.fit, problem.demonstrations)
     values = {w.key: w.value for w in result.fit.weights if w.varies}

@@ -214,6 +214,6 @@ def fit_weights(motions: Sequence[Expansion], keys: Sequence[str], start: Sequen
             break
     fit.log_likelihood, fit.nats = float(posterior.data(jnp.asarray(theta))), float(np.exp(theta[0]))
     _, info = posterior.with_information(theta)
-    _read(posterior, keys, theta, np.linalg.inv(info), fit)
+    _read(posterior, keys, theta, np.asarray(np.linalg.inv(info), np.float64), fit)
     _judge_motions(posterior, theta, fit)
     return fit

@@ -95,5 +95,5 @@ def acting(text: str, planner: str, policy: str) -> str:
                                 ("policy", "file", policy)):
         if section not in document:
             document[section] = tomlkit.table()
-        document[section][key] = value  # type: ignore[index]
+        document[section][key] = value
     return tomlkit.dumps(document)
