@@ -1,4 +1,4 @@
-# programs: bench_network_step bench_learned_dynamics bench_policy_search bench_local_models bench_distill bench_imitate bench_simulator
+# programs: bench_network_step bench_learned_dynamics bench_policy_search bench_local_models bench_distill bench_simulator
 """./dev bench learned: what is learnt rather than derived: forces, policies, costs, posteriors of black boxes.
 
     ./dev bench learned                          every section that this build has
@@ -11,7 +11,7 @@ Sections:
     policies    policy search with moment matching: the paper's pendulum and cart-pole (bench_policy_search)
     local       local linear models with a prior, against none; guided policies (bench_local_models)
     distill     small policies beside the planners that taught them (bench_distill)
-    imitate     costs from demonstrations (bench_imitate)
+    imitate     costs from demonstrations (bench/learned/imitate_rows.py, in Python: needs the extra labs)
     simulator   posteriors of black-box simulators (bench_simulator); MuJoCo is installed on first use
 
 Only by name, since it installs torch:
@@ -35,13 +35,12 @@ import sys
 from _driver import HOME, ONE_THREAD, PEERS, ROOT, need_environment, note, python_of, run_table, summary
 
 PROGRAMS = {"step": "bench_network_step", "dynamics": "bench_learned_dynamics", "policies": "bench_policy_search",
-            "local": "bench_local_models", "distill": "bench_distill", "imitate": "bench_imitate",
-            "simulator": "bench_simulator"}
+            "local": "bench_local_models", "distill": "bench_distill", "simulator": "bench_simulator"}
 
 
 def parse(arguments):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("section", nargs="?", choices=[*PROGRAMS, "dynamics-peers"])
+    parser.add_argument("section", nargs="?", choices=[*PROGRAMS, "imitate", "dynamics-peers"])
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--build", type=pathlib.Path, default=ROOT / "build/release")
     args, rest = parser.parse_known_args([a for a in arguments if a != "--"])
@@ -79,6 +78,15 @@ def dynamics_peers(args):
     return done.returncode
 
 
+def imitate(args):
+    """Demonstrations are learnt from in Python; every seed is a line of build/imitate_rows.csv."""
+    script = ROOT / "bench/learned/imitate_rows.py"
+    paths = os.pathsep.join(filter(None, (str(args.build / "python_package"), os.environ.get("PYTHONPATH"))))
+    print(f"\n==== imitate: {script.name} {' '.join(args.rest)}", flush=True)
+    return subprocess.run([sys.executable, script, *args.rest], cwd=ROOT,
+                          env=dict(os.environ, PYTHONPATH=paths, **ONE_THREAD), check=False).returncode
+
+
 def main():
     args = parse(sys.argv[1:])
     HOME.mkdir(parents=True, exist_ok=True)
@@ -86,6 +94,8 @@ def main():
         need_mujoco()
     if args.section == "dynamics-peers":
         return dynamics_peers(args)
+    if args.section == "imitate":
+        return imitate(args)
     rows, good = [], True
     for section in [args.section] if args.section else PROGRAMS:
         program = args.build / "bench" / PROGRAMS[section]
@@ -96,6 +106,8 @@ def main():
     summary(rows)
     (HOME / "learned.json").write_text(json.dumps(rows, indent=1), encoding="utf-8")
     note(f"rows: {HOME / 'learned.json'}")
+    if not args.section:
+        good = imitate(args) == 0 and good
     return 0 if good else 1
 
 

@@ -13,6 +13,7 @@ struct Laboratory {
 /// LABORATORIES of python/tiller/labs/__main__.py are the same.
 constexpr Laboratory kLaboratories[] = {
     {"infer", "learn the parameters of a simulator of your own from logs of the robot"},
+    {"imitate", "learn the weights of the cost, or a policy, from demonstrations"},
 };
 
 int become_laboratory(const char* name, const std::vector<std::string>& arguments) {
