@@ -6,6 +6,8 @@ import pathlib
 import re
 import subprocess
 import sys
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -85,6 +87,24 @@ def test_tiller_takes_the_posterior(tmp_path):
     assert run.returncode == 0, run.stderr
 
 
+def test_takes_a_command_with_a_robot_or_data_that_were_written(tmp_path):
+    robot = (GUIDE.parents[2] / "robots/pendulum.toml").read_text(encoding="utf-8")
+    (tmp_path / "robot.toml").write_text(robot, encoding="utf-8")
+    box, tiller = f"{sys.executable} -m tiller sim robot.toml --serve lines", [sys.executable, "-m", "tiller"]
+    subprocess.run([*tiller, "run", "robot.toml", "--sim", "--seconds", "1", "--log", "run.csv"], cwd=tmp_path,
+                   check=True, capture_output=True)
+    few = ("--method", "abc", "--simulations", "100", "--accept", "0.1")
+    named = labs(tmp_path, "--command", box, "--robot", "robot.toml", *few, "--", "run.csv")
+    assert named.returncode == 0, named.stderr
+    subprocess.run([*tiller, "data", "infer", "--command", box, "--robot", "robot.toml", "-o", "data.json", "run.csv"],
+                   cwd=tmp_path, check=True)
+    written = labs(tmp_path, "--data", "data.json", *few, "-o", "out", "--no-page")
+    assert written.returncode == 0, written.stderr
+    assert written.stdout.splitlines()[2:6] == named.stdout.splitlines()[2:6]
+    assert not (tmp_path / "out/infer.html").exists()
+    assert labs(tmp_path, "--data", "data.json", "run.csv").returncode == 1
+
+
 def test_tells_what_is_wrong_with_a_file(puck):
     (puck / "puck.toml").write_text(guide("toml").replace("uniform", "unifrom"), encoding="utf-8")
     ended = labs(puck, "puck.toml", "run1.csv")
@@ -144,9 +164,37 @@ def test_what_is_no_answer_ends_the_run(tmp_path, body, text):
         ask(pool(tmp_path, body), 8)
 
 
-def test_a_command_that_is_not_there_is_told(tmp_path):
-    with pytest.raises(InferenceError, match="cannot be started"):
+def test_a_command_that_cannot_be_started_is_told(tmp_path):
+    with pytest.raises(InferenceError, match="cannot start /nowhere/box in .*check folder"):
         ask(pool(tmp_path, ANSWER, command=["/nowhere/box"]))
+    (tmp_path / "box.sh").write_text("", encoding="utf-8")
+    with pytest.raises(InferenceError, match="chmod"):
+        ask(pool(tmp_path, ANSWER, command=[str(tmp_path / "box.sh")]))
+    with pytest.raises(InferenceError, match="ended with exit code 1 before it had greeted"):
+        ask(pool(tmp_path, ANSWER, command=["false"]))
+    with pytest.raises(InferenceError, match="did not answer within 0.2 s before it had greeted"):
+        ask(pool(tmp_path, ANSWER, command=["sleep", "60"], start_s=0.2))
+
+
+def test_takes_lines_longer_than_a_pipe(tmp_path):
+    rows = 20000  # 400 kB there and back
+    made = pool(tmp_path, "print(json.dumps({'id': ask['id'], 'measured': ask['inputs']}), flush=True)", inputs=["u"],
+                lengths=[rows], inputs_by_piece=[[[0.123456789012 + k] for k in range(rows)]], timeout_s=60.0)
+    y, failures = ask(made, 2)
+    assert failures == ["", ""] and y[1, -1, 0] == rows - 1 + 0.123456789012
+
+
+def test_children_of_a_simulator_end_with_it_and_nobody_waits(tmp_path):
+    made = pool(tmp_path, "import subprocess; p = subprocess.Popen(['sleep', '600']); "
+                          "open('child', 'w').write(str(p.pid)); time.sleep(600)", timeout_s=600.0, processes=1)
+    threading.Timer(3.0, made.close).start()
+    begun = time.monotonic()
+    with pytest.raises(BaseException):
+        ask(made, 2)
+        raise InferenceError("what was cancelled gave answers")
+    assert time.monotonic() - begun < 60
+    child = pathlib.Path("/proc") / (tmp_path / "child").read_text() / "stat"
+    assert not child.exists() or child.read_text().split()[2] == "Z"
 
 
 def test_reads_a_problem(tmp_path):

@@ -106,7 +106,7 @@ TEST_F(SimulatorCommand, IdentifyTakesABlackBoxInTheModelsPlace) {
   const Ended good = run({"identify", "robot.toml", "log.csv", "--simulator", box, "--simulations", "400"});
   EXPECT_EQ(good.code, 0) << good.out;
   EXPECT_TRUE(contains(good.out, "tiller infer box.toml log.csv")) << good.out;
-  EXPECT_TRUE(contains(good.out, "bayes_sim, summary linear: 440 simulations")) << good.out;
+  EXPECT_TRUE(contains(good.out, "by bayes_sim, summary linear: 440 simulations")) << good.out;
   const Ended refused = run({"identify", "robot.toml", "log.csv", "--simulator", box, "--method", "reps"});
   EXPECT_EQ(refused.code, 1) << refused.out;
   EXPECT_TRUE(contains(refused.out, "--method: is of models that tiller computes")) << refused.out;

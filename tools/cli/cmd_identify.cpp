@@ -7,7 +7,7 @@
 #include "tools/base/output_file.hpp"
 #include "tools/base/report.hpp"
 #include "tools/base/text.hpp"
-#include "tools/cli/infer_logs.hpp"
+#include "tools/cli/laboratories.hpp"
 #include "tools/cli/method_options.hpp"
 #include "tools/command/commands.hpp"
 #include "tools/identify/identify.hpp"
@@ -92,19 +92,14 @@ int identify_by_simulator(const CLI::App& command, const IdentifyOptions& option
   if (const std::string option = beside_simulator(command); !option.empty())
     return complain(option +
                     ": is of models that tiller computes, and --simulator names a black box; leave it out, or " + how);
-  std::string errors;
-  const auto file = simulator_of_command(simulator, options.robot, errors);
-  if (!file) {
-    std::fputs(errors.c_str(), stderr);
-    return kExitBadInput;
-  }
-  InferArguments arguments;
-  arguments.simulator = simulator;
-  arguments.folder = options.folder;
-  arguments.logs = options.logs;
-  if (command.count("--simulations") > 0) arguments.options.simulations = options.fit.how.simulations;
   std::fprintf(stderr, "tiller: as tiller infer does; for its other methods and options %s\n", how.c_str());
-  return infer_logs(*file, arguments);
+  Words words = {"infer", "--command", simulator, "--robot", options.robot};
+  if (!options.folder.empty()) words.insert(words.end(), {"-o", options.folder});
+  if (command.count("--simulations") > 0)
+    words.insert(words.end(), {"--simulations", std::to_string(options.fit.how.simulations)});
+  words.emplace_back("--");
+  words.insert(words.end(), options.logs.begin(), options.logs.end());
+  return become_laboratory(words);
 }
 
 /// "name  help [citation]" of each method, for --help.

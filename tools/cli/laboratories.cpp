@@ -1,4 +1,6 @@
 // What learns on the host is Python on JAX (python/tiller/labs): each of these commands becomes it.
+#include "tools/cli/laboratories.hpp"
+
 #include "tools/base/report.hpp"
 #include "tools/command/commands.hpp"
 
@@ -16,15 +18,13 @@ constexpr Laboratory kLaboratories[] = {
     {"imitate", "learn the weights of the cost, or a policy, from demonstrations"},
 };
 
-int become_laboratory(const char* name, const std::vector<std::string>& arguments) {
-  std::vector<std::string> words = {name};
-  words.insert(words.end(), arguments.begin(), arguments.end());
+}  // namespace
+
+int become_laboratory(const Words& words) {
   std::string error;
   become_python_tool("laboratory", words, error);
   return complain(error + "; install Python 3, or set TILLER_PYTHON");
 }
-
-}  // namespace
 
 void add_laboratory_commands(CLI::App& app, int& exit_code) {
   for (const Laboratory& laboratory : kLaboratories) {
@@ -32,7 +32,9 @@ void add_laboratory_commands(CLI::App& app, int& exit_code) {
     command->prefix_command();
     command->set_help_flag();  // the laboratory's own
     command->callback([command, &laboratory, &exit_code] {
-      exit_code = become_laboratory(laboratory.name, command->remaining());
+      Words words = {laboratory.name};
+      for (const std::string& word : command->remaining()) words.push_back(word);
+      exit_code = become_laboratory(words);
     });
   }
 }

@@ -1,17 +1,44 @@
 #include "tools/refit/refit_by_simulator.hpp"
 
-#include "tools/identify/identify_method.hpp"
-#include "tools/likelihood_free/infer_report.hpp"
-#include "tools/likelihood_free/pieces.hpp"
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "tools/base/output_file.hpp"
+#include "tools/base/report.hpp"
+#include "tools/simulator/inference_data.hpp"
 
 namespace tiller::tools {
 namespace {
 
-/// A simulator and its processes.
-struct Box {
-  std::unique_ptr<SimulatorFile> file;
-  SimulatorPool pool;
-  explicit Box(std::unique_ptr<SimulatorFile> given) : file(std::move(given)), pool(file->setup) {}
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+/// A folder for one inference, gone with this object.
+class Folder {
+ public:
+  Folder() {
+    std::error_code code;
+    path_ = (fs::temp_directory_path(code) / "tiller-infer-XXXXXX").string();
+    made_ = ::mkdtemp(path_.data()) != nullptr;
+  }
+  ~Folder() {
+    std::error_code code;
+    if (made_) fs::remove_all(path_, code);
+  }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  bool made(std::string& error) const {
+    if (!made_) error = path_ + ": no folder for temporary files; set TMPDIR to one that can be written";
+    return made_;
+  }
+  std::string of(const char* name) const { return path_ + "/" + name; }
+
+ private:
+  std::string path_;
+  bool made_ = false;
 };
 
 bool fits(const SimulatorFile& file, const RobotFile& robot, std::string& error) {
@@ -24,49 +51,56 @@ bool fits(const SimulatorFile& file, const RobotFile& robot, std::string& error)
   return false;
 }
 
-RefittedPrior refitted(const RobotFile& robot, const Inferred& found) {
-  RefittedPrior out;
-  const std::size_t np = robot.config.param_count;
-  out.posterior =
-      store_posterior(robot.config, robot.params, {resample(found.found.params, found.found.weight, np), {}});
-  out.posterior.effective_samples = found.found.effective_samples;
-  out.posterior.noise_scale = out.posterior.exponent = 1.0;  // it knows of neither
-  MethodIteration all;
-  weighted_moments(found.found.params, found.found.weight, np, all);
-  for (std::uint32_t i = 0; i < robot.config.param_count; ++i) {
-    if (robot.config.priors[i].kind == tiller_prior_fixed) continue;
-    out.mean.push_back(all.mean[i]);
-    out.sd.push_back(all.sd[i]);
+/// Moments and warnings of infer.json. False where the laboratory has not written them.
+bool take_result(const std::string& path, RefittedPrior& out) {
+  std::ifstream file(path);
+  const json found = json::parse(file, nullptr, false);
+  try {
+    for (const json& parameter : found.at("parameters")) {
+      if (parameter.at("fixed").get<bool>()) continue;
+      out.mean.push_back(parameter.at("mean").get<double>());
+      out.sd.push_back(parameter.at("sd").get<double>());
+    }
+    out.note = format("effective sample size %.0f", found.at("effective_samples").get<double>());
+    for (const json& warning : found.at("warnings")) out.note += "; " + warning.get<std::string>();
+  } catch (const json::exception&) {
+    return false;
   }
-  out.note = format("effective sample size %.0f", found.found.effective_samples);
-  for (const std::string& warning : found.warnings) out.note += "; " + warning;
-  return out;
+  return true;
+}
+
+/// The laboratory `infer` as a process of its own, between two files.
+bool learn(const std::string& data, std::uint32_t simulations, std::uint32_t rounds, RefittedPrior& out,
+           std::string& error) {
+  const Folder folder;
+  if (!folder.made(error) || !replace_file(folder.of("data.json"), data, error)) return false;
+  if (!run_python_tool("laboratory",
+                       {"infer", "--data", folder.of("data.json"), "--no-page", "-o", folder.of("out"), "--simulations",
+                        std::to_string(simulations), "--rounds", std::to_string(rounds)},
+                       error))
+    return false;
+  Words errors;
+  out = {};
+  if (read_posterior(folder.of("out/posterior.json"), out.posterior, errors) &&
+      take_result(folder.of("out/infer.json"), out))
+    return true;
+  error = "the laboratory's result cannot be read; are tiller and its Python package of one version? " +
+          join(errors, "; ");
+  return false;
 }
 
 }  // namespace
 
 RefitPrior make_simulator_refit(const std::string& path, const RobotFile& robot, std::uint32_t simulations,
                                 std::uint32_t rounds, std::string& error) {
-  auto file = read_simulator_file(path, error);
+  const std::shared_ptr<const SimulatorFile> file = read_simulator_file(path, error);
   if (!file || !fits(*file, robot, error)) return {};
-  const auto box = std::make_shared<Box>(std::move(file));
-  return [box, simulations, rounds](const RobotFile& now, const Log& log, RefittedPrior& out, std::string& problem) {
-    InferenceProblem inference;
-    inference.config = &now.config;
-    inference.pieces = make_pieces(make_grids(log, LogMap(), now.config), now.config, box->file->piece_s);
-    inference.noise_sd = sensor_noise(now.config);
-    inference.names = now.params;
-    inference.measured = now.measurements;
-    inference.simulate = pool_simulator(box->pool, inference.pieces);
-    inference.options.simulations = simulations;
-    inference.options.rounds = rounds;
-    Inferred found;
-    if (!infer(inference, found, problem)) {
-      problem = "bayes_sim: " + problem;
-      return false;
-    }
-    out = refitted(now, found);
-    return true;
+  if (!run_python_tool("laboratory", {"--check"}, error)) return {};
+  return [file, simulations, rounds](const RobotFile& now, const Log& log, RefittedPrior& out, std::string& problem) {
+    const auto pieces = make_pieces(make_grids(log, LogMap(), now.config), now.config, file->piece_s);
+    if (learn(inference_data_json(*file, now, {}, pieces), simulations, rounds, out, problem)) return true;
+    problem = "bayes_sim: " + problem;
+    return false;
   };
 }
 

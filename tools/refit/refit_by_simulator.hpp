@@ -13,8 +13,8 @@ namespace tiller::tools {
 /// the one before.
 ///
 /// The simulator's parameters, inputs and measurements are the robot file's. `simulations` in `rounds` an episode: the
-/// first round's proposal is the prior itself. The processes live as long as the returned function. Null with a
-/// sentence in `error`.
+/// first round's proposal is the prior itself. The laboratory `infer` (python/tiller/labs) learns, in a process for each
+/// episode. Null with a sentence in `error`, also where it cannot be started.
 RefitPrior make_simulator_refit(const std::string& path, const RobotFile& robot, std::uint32_t simulations,
                                 std::uint32_t rounds, std::string& error);
 

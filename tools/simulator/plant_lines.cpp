@@ -8,13 +8,23 @@
 
 #include "effects/effect_info.hpp"
 #include "tools/links/plant_setup.hpp"
-#include "tools/simulator/simulator_lines.hpp"
 
 namespace tiller::tools {
 namespace {
 
 using nlohmann::json;
 using Numbers = std::vector<double>;
+
+constexpr int kLinesVersion = 1;  ///< both sides say theirs first
+
+/// A line as an error shows it: control characters replaced, cut after 160 characters.
+std::string shown_line(const std::string& line) {
+  constexpr std::size_t kShown = 160;
+  std::string text = line.substr(0, kShown);
+  for (char& c : text)
+    if (static_cast<unsigned char>(c) < 32 || c == 127) c = '?';
+  return "'" + text + (line.size() > kShown ? "...'" : "'");
+}
 
 bool is_row(const json& value, std::size_t size) {
   return value.is_array() && value.size() == size &&

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "tools/base/toml.hpp"
@@ -122,7 +123,8 @@ class Reader {
     number("piece_s", 0.0, 1e6, file_.piece_s);
     count("processes", 1, 1024, s.processes);
     count("restarts", 0, 1e6, s.restarts);
-    count("ahead", 1, 1024, s.ahead);
+    unsigned ahead = 0;
+    count("ahead", 1, 1024, ahead);  // of older files: requests were given out ahead of answers
   }
 
   void take_robot() {
@@ -260,6 +262,19 @@ std::unique_ptr<SimulatorFile> read_simulator_file(const std::string& path, std:
   }
   errors = path + ": cannot be read: " + std::strerror(stream ? EISDIR : errno) + "; name a simulator file (.toml)\n";
   return nullptr;
+}
+
+std::unique_ptr<SimulatorFile> simulator_of_command(const std::string& command, const std::string& robot,
+                                                    std::string& errors) {
+  Words words;
+  std::istringstream text(command);
+  for (std::string word; text >> word;) words.push_back(word);
+  // strings of JSON are strings of TOML
+  const auto json = [](const nlohmann::json& value) {
+    return value.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
+  };
+  return parse_simulator_file("[simulator]\ncommand = " + json(words) + "\nrobot = " + json(robot) + "\n",
+                              "--simulator", errors);
 }
 
 }  // namespace tiller::tools

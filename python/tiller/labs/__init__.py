@@ -23,4 +23,5 @@ def __getattr__(name: str) -> Any:
     from ._install import check
 
     check()
-    return getattr(import_module(f".{_OF_INFER[name]}", __name__), name)
+    found = globals()[name] = getattr(import_module(f".{_OF_INFER[name]}", __name__), name)  # not the module infer
+    return found

@@ -25,8 +25,16 @@ def _parser(wanted: Sequence[str]) -> argparse.ArgumentParser:
     return parser
 
 
+def _tell_missing() -> int:
+    print(f"{_install.missing()[0]} is missing, for {sys.executable}; pip install 'tiller[labs]', or run `tiller "
+          "infer` once, which installs it for itself", file=sys.stderr)
+    return 1
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if words == ["--check"]:  # of a command that starts a laboratory later: can it?
+        return 0 if _install.is_ready() else _tell_missing()
     try:
         a = _parser(words).parse_args(words)
     except SystemExit as end:  # argparse ends with 2 for a wrong option; tiller's commands with 1

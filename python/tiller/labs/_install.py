@@ -40,6 +40,11 @@ def _is_complete(place: Path) -> bool:
         return False
 
 
+def is_ready() -> bool:
+    """Whether provide() has nothing to install."""
+    return not missing() or _is_complete(folder())
+
+
 def _install(place: Path) -> None:
     """Raises OSError or CalledProcessError; what is half done is done again by the next call."""
     print(f"the laboratories need {', '.join(REQUIRES)} ({SIZE_MB} MB). Installing them, once, into {place}; "

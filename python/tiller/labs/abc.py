@@ -48,7 +48,7 @@ def adjusted(problem: Problem, v: Array, off: Array, weight: Array) -> Array:
                                                          np.where(above, high - np.exp(-line), line)))
 
 
-def _epanechnikov(distance: Array) -> Array:
+def epanechnikov(distance: Array) -> Array:
     return np.asarray(1.0 - (distance / (1.0001 * distance.max())) ** 2)
 
 
@@ -60,7 +60,7 @@ def _ranks(problem: Problem, v: Array, off: Array, nearest: np.ndarray, regress:
         distance = length(off - off[k])
         distance[k] = np.inf
         near = np.argsort(distance, kind="stable")[:len(nearest)]
-        weight = _epanechnikov(distance[near]) if regress else np.ones(len(near))
+        weight = epanechnikov(distance[near]) if regress else np.ones(len(near))
         rows = adjusted(problem, v[near], off[near] - off[k], weight) if regress else v[near]
         ranks.append(normalised(weight) @ (rows < v[k]))
     return np.array(ranks)
@@ -78,7 +78,7 @@ def rejection(problem: Problem, o: Options, simulations: Simulations, regress: b
     nearest = np.argsort(distance, kind="stable")[:kept]
     result.v, result.weight = v[nearest], np.ones(kept)
     if regress:
-        result.weight = _epanechnikov(distance[nearest])
+        result.weight = epanechnikov(distance[nearest])
         result.v = adjusted(problem, result.v, distances.off[nearest], result.weight)
     result.add_round(result.v, result.weight, float(distance[nearest[-1]]), float(distance[nearest[0]]))
     result.weight = normalised(result.weight)
@@ -143,6 +143,6 @@ def smc(problem: Problem, o: Options, simulations: Simulations) -> Inferred:
         v, off = drawn[kept], distances.off[kept]
         log_weight = problem.log_prior(v) - kernel.log_density(v)
         weight = normalised(np.exp(log_weight - log_weight.max()))
-    weight = weight * _epanechnikov(length(off))
+    weight = weight * epanechnikov(length(off))
     result.v, result.weight = adjusted(problem, v, off, weight), normalised(weight)
     return result

@@ -2,6 +2,7 @@
 back."""
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -10,25 +11,26 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 
+from .bodies import Fourier, Perceptron, Recurrent
 from .mixture import Mixture
 from .problem import Array
 
-NETWORKS, HIDDEN, EPOCHS, BATCH, RATE = 5, 48, 200, 100, 3e-3
+NETWORKS, EPOCHS, BATCH, RATE = 5, 200, 100, 3e-3
 
 
 class _Net(eqx.Module):
     """Weights, means and lower roots R of the precisions R'R of a mixture of k normals over d numbers."""
-    mlp: eqx.nn.MLP
+    body: Any
     d: int = eqx.field(static=True)
     k: int = eqx.field(static=True)
 
-    def __init__(self, inputs: int, d: int, k: int, key: Any) -> None:
+    def __init__(self, d: int, k: int, body: Callable[[int], Any]) -> None:
         self.d, self.k = d, k
-        self.mlp = eqx.nn.MLP(inputs, k * (1 + d + d * (d + 1) // 2), HIDDEN, 2, jnp.tanh, key=key)
+        self.body = body(k * (1 + d + d * (d + 1) // 2))
 
     def __call__(self, s: Any) -> tuple[Any, Any, Any]:
         d, k = self.d, self.k
-        out = self.mlp(s)
+        out = self.body(s)
         below = out[k + k * d:].reshape(k, -1)
         root = jnp.zeros((k, d, d)).at[:, *np.tril_indices(d)].set(below)
         diagonal = jnp.exp(jnp.diagonal(root, axis1=1, axis2=2))
@@ -83,8 +85,10 @@ class Ensemble:
     """The average of the networks' densities. Where draws are few they disagree, and it is as wide as that (Hermans et
     al., TMLR 2022)."""
 
-    def __init__(self, s: Array, v: Array, components: int, seed: int) -> None:
-        """Trains on draws v (n, d) and their summaries s (n, size)."""
+    def __init__(self, s: Array, v: Array, components: int, seed: int, density: str = "mixture",
+                 inputs: Array | None = None) -> None:
+        """Trains on draws v (n, d) and their summaries s (n, size): sequences beside `inputs` (steps, nu) where there
+        are any."""
         n, d = v.shape
         self.s_mean, self.s_sd = s.mean(axis=0), _no_zeros(s.std(axis=0))
         self.v_mean, self.v_sd = v.mean(axis=0), _no_zeros(v.std(axis=0))
@@ -92,8 +96,8 @@ class Ensemble:
         order, size = np.random.default_rng(seed).permutation(n), max(1, n // 10)
         self.kept = np.stack([order[k * size:(k + 1) * size] for k in range(NETWORKS)])
         used = np.stack([np.setdiff1d(order, kept) for kept in self.kept])
-        keys = jax.random.split(jax.random.key(seed), 2 * NETWORKS)
-        nets = eqx.filter_vmap(lambda key: _Net(s.shape[1], d, components, key))(keys[:NETWORKS])
+        keys = jax.random.split(jax.random.key(seed % 2**32), 2 * NETWORKS)
+        nets = eqx.filter_vmap(_maker(density, s.shape[1], d, components, inputs))(keys[:NETWORKS])
         self.nets, losses = _train(nets, self.s, self.v, jnp.asarray(used), jnp.asarray(self.kept), keys[NETWORKS:])
         self.loss = float(jnp.mean(losses)) + float(np.log(self.v_sd).sum())  # nats of v, on draws kept back
 
@@ -126,6 +130,16 @@ class Ensemble:
             "nsij,nsj->nsi", inverse[rows, which], rng.normal(size=(len(flat), draws, d)))
         truth = np.asarray(self.v)[self.kept.ravel()]
         return np.asarray((drawn < truth[:, None]).mean(axis=1))
+
+
+def _maker(density: str, size: int, d: int, components: int, inputs: Array | None) -> Callable[[Any], _Net]:
+    """What makes a network of a key."""
+    def body(outputs: int, key: Any) -> Any:
+        if inputs is not None:
+            return Recurrent(inputs, size // len(inputs), outputs, key)
+        return (Fourier if density == "fourier" else Perceptron)(size, outputs, key)
+
+    return lambda key: _Net(d, components, lambda outputs: body(outputs, key))
 
 
 def _no_zeros(sd: Array) -> Array:

@@ -19,6 +19,11 @@ def infer(problem: Problem, options: Options | None = None,
     o = options or Options()
     if o.method not in METHODS:
         raise InferenceError(f"no method is called {o.method}; choose one of {', '.join(METHODS)}")
+    if o.method != "bayes_sim" and (o.summary == "recurrent" or o.density != "mixture"):
+        raise InferenceError(f"{o.method} trains no network; leave --summary recurrent and --density out, or choose "
+                             "--method bayes_sim")
+    if o.summary == "recurrent" and o.density != "mixture":
+        raise InferenceError("--summary recurrent has a network of its own; leave --density out")
     simulations = Simulations(problem, (lambda n: progress(n / o.simulations)) if progress else None)
     module, function = METHODS[o.method].function.split(".")
     result: Inferred = getattr(import_module(f".{module}", __package__), function)(problem, o, simulations)

@@ -13,7 +13,7 @@ from .density import Ensemble
 from .mixture import Mixture, fit_mixture
 from .problem import Array, InferenceError, Problem, Simulations
 from .result import Inferred, Options, effective, normalised, resampled
-from .summary import make_summary
+from .summary import Sequence, make_summary
 
 ANSWERS, FITTED = 4096, 512
 WIDER = 2.0  # of a proposal's deviations over the posterior's before it
@@ -62,7 +62,8 @@ def run(problem: Problem, o: Options, simulations: Simulations) -> Inferred:
         summary = make_summary(o.summary, problem)
         s = summary.learn(v, y)
         observed = summary.of(problem.measured[None])[0]
-        networks = Ensemble(s, v, o.components, problem.seed + 1000 * index)
+        networks = Ensemble(s, v, o.components, problem.seed + 1000 * index, o.density,
+                            summary.inputs if isinstance(summary, Sequence) else None)
         v, w = _corrected(problem, networks.at(observed), proposal, pooled, rng)
         spread = np.where(s.std(axis=0) > 0, s.std(axis=0), 1.0)
         far = float(np.abs((observed - s.mean(axis=0)) / spread).max())

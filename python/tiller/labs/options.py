@@ -12,8 +12,9 @@ class Options:
     simulations: int = 5000  # parameter vectors in all
     rounds: int = 5  # of bayes_sim
     components: int = 3  # of its mixture
-    accept: float = 0.01  # share that abc and abc_regression keep
-    particles: int = 200  # of smc_abc
+    density: str = "mixture"  # of bayes_sim
+    accept: float = 0.01  # share that abc and abc_regression keep, and that sets mcmc_abc's tolerance
+    particles: int = 200  # of smc_abc; chains of mcmc_abc
 
 
 class Method(NamedTuple):
@@ -30,6 +31,9 @@ METHODS = {
     "smc_abc": Method("abc.smc", "a population whose tolerance falls, corrected by regression at the end",
                       "Toni et al., J. R. Soc. Interface 2009; Beaumont et al., Biometrika 2009",
                       "wider than the posterior by what the last tolerance lets in"),
+    "mcmc_abc": Method("mcmc.run", "chains that stay within a tolerance, corrected by regression at the end",
+                       "Marjoram et al., PNAS 2003; Wegmann, Leuenberger, Excoffier, Genetics 2009",
+                       "wider than the posterior by what the tolerance lets in; draws of a chain resemble each other"),
     "abc": Method("abc.rejection", "the draws from the prior that come nearest",
                   "Pritchard et al., Mol. Biol. Evol. 1999", "wider than the posterior by what the tolerance lets in"),
     "abc_regression": Method("abc.regression", "the same, corrected by local-linear regression",
@@ -37,4 +41,5 @@ METHODS = {
                              "the correction is linear within the tolerance"),
 }
 
-SUMMARY_NAMES = ("linear", "cross_correlation")
+SUMMARY_NAMES = ("linear", "cross_correlation", "recurrent")
+DENSITY_NAMES = ("mixture", "fourier")

@@ -124,6 +124,14 @@ class Simulations:
 
     def run(self, v: Array) -> tuple[Array, Array]:
         """The coordinates that did not fail and what was measured of them: (n, d), (n, periods, ny)."""
+        good, y = self.marked(v)
+        if len(v) and not good.any():
+            raise InferenceError(f"all {len(v)} simulations failed, the first by: {self.first_failure}; try the "
+                                 "simulator by hand, or narrow the priors")
+        return v[good], y
+
+    def marked(self, v: Array) -> tuple[npt.NDArray[np.bool_], Array]:
+        """Which coordinates did not fail, and what was measured of those."""
         p = self.problem
         rng = np.random.default_rng([p.seed, self.purpose, self.total])
         starts = p.start + p.noise_sd * rng.normal(size=(len(v), *p.start.shape))
@@ -136,10 +144,7 @@ class Simulations:
             self.first_failure = failures[int(np.argmin(good))] or "not finite"
         if self.progress:
             self.progress(self.total)
-        if len(v) and not good.any():
-            raise InferenceError(f"all {len(v)} simulations failed, the first by: {self.first_failure}; try the "
-                                 "simulator by hand, or narrow the priors")
-        return v[good], y[good]
+        return good, y[good]
 
     def warnings(self) -> list[str]:
         return [f"{self.failed} of {self.total} simulations failed and count as impossible, the first by: "

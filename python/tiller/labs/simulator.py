@@ -35,7 +35,8 @@ class _Process:
             self.process = subprocess.Popen(told["command"], cwd=self.folder, stdin=subprocess.PIPE,
                                             stdout=subprocess.PIPE, stderr=self.errors, start_new_session=True)
         except OSError as problem:
-            raise InferenceError(f"the simulator cannot be started: {problem}; correct command") from None
+            raise InferenceError(f"cannot start {told['command'][0]} in {told['folder'] or '.'}: {problem.strerror}; "
+                                 f"{_remedy(problem)}") from None
         self.text = b""
         hello = {key: told[key] for key in ("inputs", "measurements", "period_s")}
         names = [p["name"] for p in told["parameters"]]
@@ -58,13 +59,13 @@ class _Process:
             self.process.stdin.write(json.dumps(request).encode() + b"\n")
             self.process.stdin.flush()
         except OSError:
-            raise _Lost("reads no more requests") from None
+            raise _Lost(self.ending() or "reads no more requests") from None
         while b"\n" not in self.text:
             if not select.select([self.process.stdout], [], [], max(0.0, due - time.monotonic()))[0]:
                 raise _Lost(f"did not answer within {limit_s:g} s")
             more = os.read(self.process.stdout.fileno(), 1 << 16)
             if not more:
-                raise _Lost(f"ended with exit code {self.process.wait()}")
+                raise _Lost(self.ending() or "closed its stdout")
             self.text += more
         line, self.text = self.text.split(b"\n", 1)
         with contextlib.suppress(ValueError):
@@ -74,20 +75,38 @@ class _Process:
         raise InferenceError(f"the simulator's line {line[:160]!r}: is no JSON object; print nothing but answers on "
                              f"stdout, one a line, and everything else on stderr{self.last_words()}")
 
+    def ending(self) -> str:
+        """Of one that has ended, or does at once; empty: it has not."""
+        try:
+            code = self.process.wait(1.0)
+        except subprocess.TimeoutExpired:
+            return ""
+        return f"ended with exit code {code}" if code >= 0 else f"was ended by signal {-code} ({signal.strsignal(-code)})"
+
     def last_words(self) -> str:
         size = self.errors.seek(0, os.SEEK_END)
         self.errors.seek(max(0, size - KEPT_ERRORS))
         text = self.errors.read().decode(errors="replace").strip()
         return f"\n  its last words on stderr: {text}" if text else ""
 
-    def stop(self) -> None:
+    def kill(self) -> None:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.process.pid, signal.SIGKILL)
+
+    def stop(self) -> None:
+        self.kill()
         self.process.wait()
         for pipe in (self.process.stdin, self.process.stdout):
             if pipe:
                 with contextlib.suppress(OSError):
                     pipe.close()
+
+
+def _remedy(problem: OSError) -> str:
+    if isinstance(problem, PermissionError):
+        return "make it executable (chmod +x), or name its interpreter in front of it"
+    return ("check folder and name; a program without a slash in its name is looked for in PATH, one with a slash from "
+            "that folder on")
 
 
 class Pool:
@@ -96,6 +115,7 @@ class Pool:
 
     def __init__(self, told: dict[str, Any]) -> None:
         self.told, self.restarts, self.lock, self.closed = told, 0, threading.Lock(), False
+        self.running: set[_Process] = set()
         self.names = [p["name"] for p in told["parameters"]]
         self.idle: queue.SimpleQueue[_Process | None] = queue.SimpleQueue()
         for _ in range(told["processes"]):
@@ -116,6 +136,7 @@ class Pool:
         process, rows, failure = self.idle.get(), [], ""
         try:
             process = process or _Process(self.told)
+            self.running.add(process)
             for piece, (start, inputs) in enumerate(zip(starts, self.told["inputs_by_piece"])):
                 request = {"id": piece, "seed": int(seed), "parameters": params.tolist(), "start": start.tolist(),
                            "inputs": inputs}
@@ -123,6 +144,7 @@ class Pool:
         except _Lost as why:
             assert process
             process.stop()
+            self.running.discard(process)
             failure, process = f"the simulator {why}{process.last_words()}", None
             self._count(params, failure)
         except ValueError as why:
@@ -161,8 +183,10 @@ class Pool:
                                      "or restarts, or narrow the priors")
 
     def close(self) -> None:
-        """Kills what runs."""
+        """Kills what runs, and waits for no answer."""
         self.closed = True
+        for process in list(self.running):
+            process.kill()
         self.workers.shutdown(wait=True, cancel_futures=True)
         while not self.idle.empty():
             process = self.idle.get()

@@ -93,7 +93,30 @@ class Linear:
         return np.concatenate(both, axis=1)
 
 
-SUMMARIES: dict[str, Callable[[Problem], Summary]] = {"linear": Linear, "cross_correlation": CrossCorrelation}
+class Sequence:
+    """What a recurrent network reads: changes and values, summed over blocks of all periods behind each other."""
+    is_scaled = False
+    LONGEST = 50  # steps
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        periods = len(problem.measured)
+        self.steps = min(self.LONGEST, periods)
+        self.first = -(-np.arange(self.steps) * periods // self.steps)
+        inputs = np.add.reduceat(problem.inputs, self.first, axis=0) if problem.inputs.size else problem.inputs[:0]
+        inputs = inputs.reshape(self.steps, -1) if inputs.size else np.zeros((self.steps, 0))
+        self.inputs = (inputs - inputs.mean(axis=0)) / np.where(inputs.std(axis=0) > 0, inputs.std(axis=0), 1.0)
+
+    def learn(self, v: Array, y: Array) -> Array:
+        return self.of(y)
+
+    def of(self, y: Array) -> Array:
+        rows = np.concatenate([self.problem.changes(y), y], axis=2)
+        return np.asarray(np.add.reduceat(rows, self.first, axis=1)).reshape(len(y), -1)
+
+
+SUMMARIES: dict[str, Callable[[Problem], Summary]] = {"linear": Linear, "cross_correlation": CrossCorrelation,
+                                                    "recurrent": Sequence}
 
 
 def make_summary(name: str, problem: Problem) -> Summary:

@@ -1,4 +1,4 @@
-#include "tools/cli/infer_problem.hpp"
+#include "tools/simulator/inference_data.hpp"
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -9,14 +9,6 @@ namespace tiller::tools {
 namespace {
 
 using nlohmann::json;
-
-/// A row for each column of `columns`.
-json rows_of(const Matrix& columns) {
-  json list = json::array();
-  for (Eigen::Index k = 0; k < columns.cols(); ++k)
-    list.push_back(std::vector<double>(columns.col(k).data(), columns.col(k).data() + columns.rows()));
-  return list;
-}
 
 const char* kind_name(std::uint32_t kind) {
   switch (kind) {
@@ -40,17 +32,27 @@ json parameters_json(const RobotFile& robot) {
   return list;
 }
 
+/// R R' of a root R (d x d), row by row.
+json covariance_json(const double* root, std::size_t d) {
+  json rows = json::array();
+  for (std::size_t i = 0; i < d; ++i) {
+    std::vector<double> row(d, 0.0);
+    for (std::size_t j = 0; j < d; ++j)
+      for (std::size_t k = 0; k < d; ++k) row[j] += root[i * d + k] * root[j * d + k];
+    rows.push_back(row);
+  }
+  return rows;
+}
+
 json mixture_json(const tiller_mixture_t* mixture) {
   if (!mixture) return nullptr;
-  using Row = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  const auto d = static_cast<Eigen::Index>(mixture->dimension);
+  const std::size_t d = mixture->dimension;
   json list = json::array();
-  for (Eigen::Index c = 0; c < static_cast<Eigen::Index>(mixture->components); ++c) {
+  for (std::size_t c = 0; c < mixture->components; ++c) {
     const double* mean = mixture->mean + c * d;
-    const Eigen::Map<const Row> root(mixture->root + c * d * d, d, d);
     list.push_back({{"weight", mixture->weight[c]},
                     {"mean", std::vector<double>(mean, mean + d)},
-                    {"covariance", rows_of(Matrix(root * root.transpose()))}});
+                    {"covariance", covariance_json(mixture->root + c * d * d, d)}});
   }
   return list;
 }
@@ -58,19 +60,18 @@ json mixture_json(const tiller_mixture_t* mixture) {
 json pieces_json(const std::vector<Piece>& pieces) {
   json list = json::array();
   for (const Piece& piece : pieces)
-    list.push_back({{"start", std::vector<double>(piece.start.data(), piece.start.data() + piece.start.size())},
-                    {"inputs", rows_of(piece.input)},
-                    {"measured", rows_of(piece.measured)}});
+    list.push_back({{"start", piece.start}, {"inputs", piece.input}, {"measured", piece.measured}});
   return list;
 }
 
 }  // namespace
 
-std::string inference_problem_json(const SimulatorFile& file, const Words& logs, const InferenceProblem& problem) {
-  const RobotFile& robot = file.robot;
+std::string inference_data_json(const SimulatorFile& file, const RobotFile& robot, const Words& logs,
+                                const std::vector<Piece>& pieces) {
   const SimulatorSetup& s = file.setup;
+  const tiller_config_t& c = robot.config;
   const json out = {{"simulator", robot.name},
-                    {"model", robot.config.model->name},
+                    {"model", c.model->name},
                     {"simulator_file", file.path},
                     {"logs", logs},
                     {"command", s.command},
@@ -79,14 +80,14 @@ std::string inference_problem_json(const SimulatorFile& file, const Words& logs,
                     {"start_s", s.start_s},
                     {"processes", s.processes},
                     {"restarts", s.restarts},
-                    {"period_s", robot.config.period_s},
-                    {"seed", robot.config.seed},
+                    {"period_s", c.period_s},
+                    {"seed", c.seed},
                     {"inputs", s.names.inputs},
                     {"measurements", s.names.measurements},
-                    {"noise_sd", problem.noise_sd},
+                    {"noise_sd", std::vector<double>(c.measurement_sd, c.measurement_sd + c.measurement_count)},
                     {"parameters", parameters_json(robot)},
-                    {"prior_mixture", mixture_json(robot.config.prior_mixture)},
-                    {"pieces", pieces_json(problem.pieces)}};
+                    {"prior_mixture", mixture_json(c.prior_mixture)},
+                    {"pieces", pieces_json(pieces)}};
   return out.dump(-1, ' ', false, json::error_handler_t::replace) + "\n";
 }
 
