@@ -1,4 +1,4 @@
-#include "tools/distill/lone_planner.hpp"
+#include "planner_alone.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,17 +6,19 @@
 
 #include "effects/effect_roles.hpp"
 
-namespace tiller::tools::distill {
+namespace tiller::python {
 namespace {
 
-/// The configuration as a lone planner can do it.
+/// The configuration as a planner without its controller can do it.
 Config lone_config(const tiller_config_t& config) {
-  Config lone = config;
-  lone.planner.deadline_us = 0;
-  lone.planner.hypotheses = lone.planner.predict_spread = lone.planner.noisy_rollouts = 0;
-  lone.cost.bound_risk = 0;
-  return lone;
+  Config alone = config;
+  alone.planner.deadline_us = 0;
+  alone.planner.hypotheses = alone.planner.predict_spread = alone.planner.noisy_rollouts = 0;
+  alone.cost.bound_risk = 0;
+  return alone;
 }
+
+}  // namespace
 
 void leave_delays_out(StepSetup& setup) {
   const auto kept = std::remove_if(setup.effects, setup.effects + setup.effect_count,
@@ -25,14 +27,12 @@ void leave_delays_out(StepSetup& setup) {
   setup.delay_steps = 0;
 }
 
-}  // namespace
+void PlannerAlone::FreeBlock::operator()(void* block) const { std::free(block); }
 
-void LonePlanner::FreeBlock::operator()(void* block) const { std::free(block); }
-
-std::unique_ptr<LonePlanner> LonePlanner::make(const tiller_config_t& config, std::string& error) {
-  auto lone = std::make_unique<LonePlanner>();
-  lone->config_ = lone_config(config);
-  const Config& c = lone->config_;
+std::unique_ptr<PlannerAlone> PlannerAlone::make(const tiller_config_t& config, std::string& error) {
+  auto alone = std::make_unique<PlannerAlone>();
+  alone->config_ = lone_config(config);
+  const Config& c = alone->config_;
   if (c.cost.input_reference != tiller_input_reference_zero) {
     error =
         "cost.input_reference = \"steady\": the steady input follows from what a controller learns, which a policy's "
@@ -41,34 +41,34 @@ std::unique_ptr<LonePlanner> LonePlanner::make(const tiller_config_t& config, st
   }
   const char* field = nullptr;
   tiller_status_t status = tiller_config_check(&c, &field);
-  if (status == tiller_status_ok) status = make_step_setup(c, lone->setup_);
-  lone->table_ = find_planner(c.planner.kind);
-  if (status != tiller_status_ok || !lone->table_) {
+  if (status == tiller_status_ok) status = make_step_setup(c, alone->setup_);
+  alone->table_ = find_planner(c.planner.kind);
+  if (status != tiller_status_ok || !alone->table_) {
     error = std::string("the planner cannot be made: ") + tiller_status_text(status) +
             (field ? std::string(" (") + field + ")" : "");
     return nullptr;
   }
-  leave_delays_out(lone->setup_);
+  leave_delays_out(alone->setup_);
   const RolloutTable& rollouts = select_rollout(*c.model);
   Arena measure;
-  lone->table_->lay_out(measure, c, lone->setup_, rollouts, nullptr);
-  lone->block_.reset(std::aligned_alloc(Arena::kAlignment, measure.used()));
-  Arena arena(lone->block_.get(), measure.used());
-  lone->planner_ = lone->table_->lay_out(arena, c, lone->setup_, rollouts, nullptr);
+  alone->table_->lay_out(measure, c, alone->setup_, rollouts, nullptr);
+  alone->block_.reset(std::aligned_alloc(Arena::kAlignment, measure.used()));
+  Arena arena(alone->block_.get(), measure.used());
+  alone->planner_ = alone->table_->lay_out(arena, c, alone->setup_, rollouts, nullptr);
   const std::size_t m = c.planner.particles;
-  lone->params_.assign(m * c.param_count + kLanePadding, 0.0f);
-  lone->state_.assign(m * c.model->state_count + kLanePadding, 0.0f);
-  lone->effect_state_.assign(m * lone->setup_.effect_state_count + kLanePadding, 0.0f);
-  lone->reset();
-  return lone;
+  alone->params_.assign(m * c.param_count + kLanePadding, 0.0f);
+  alone->state_.assign(m * c.model->state_count + kLanePadding, 0.0f);
+  alone->effect_state_.assign(m * alone->setup_.effect_state_count + kLanePadding, 0.0f);
+  alone->reset();
+  return alone;
 }
 
-void LonePlanner::reset() {
+void PlannerAlone::reset() {
   table_->reset(planner_);
   ++tick_;  // no plan before the last reset is a tick old
 }
 
-void LonePlanner::take_belief(const Situation& s) {
+void PlannerAlone::take_belief(const Situation& s) {
   const std::uint32_t m = hypotheses(), np = config_.param_count;
   for (std::uint32_t j = 0; j < m; ++j) {
     for (std::uint32_t i = 0; i < np; ++i) params_[i * m + j] = static_cast<float>(s.params[j * np + i]);
@@ -78,7 +78,7 @@ void LonePlanner::take_belief(const Situation& s) {
   }
 }
 
-bool LonePlanner::plan(const Situation& s, double* command) {
+bool PlannerAlone::plan(const Situation& s, double* command) {
   take_belief(s);
   Belief belief;
   belief.count = hypotheses();
@@ -99,9 +99,9 @@ bool LonePlanner::plan(const Situation& s, double* command) {
   return finite;
 }
 
-bool LonePlanner::feedback(double* gain, double* state) const {
+bool PlannerAlone::feedback(double* gain, double* state) const {
   double input[TILLER_MAX_INPUTS];
   return table_->feedback && table_->feedback(planner_, 0, gain, state, input);
 }
 
-}  // namespace tiller::tools::distill
+}  // namespace tiller::python

@@ -4,13 +4,13 @@
 
 #include "rollout/rollout.hpp"
 
-namespace tiller::tools::distill {
+namespace tiller::python {
 
 /// The configuration's model with these parameters, one lane, without input delays.
-class LessonPlant {
+class ModelMotion {
  public:
   /// `setup` outlives it; params (np).
-  LessonPlant(const tiller_config_t& config, const StepSetup& setup, std::vector<double> params);
+  ModelMotion(const tiller_config_t& config, const StepSetup& setup, std::vector<double> params);
 
   void start(const double* state);                                     ///< (nx); effects at rest
   void step(const double* command);                                    ///< (nu) held for one period
@@ -25,4 +25,4 @@ class LessonPlant {
   std::vector<double> params_, state_, effect_state_, next_, next_effects_;
 };
 
-}  // namespace tiller::tools::distill
+}  // namespace tiller::python

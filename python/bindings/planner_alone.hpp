@@ -7,7 +7,7 @@
 #include "planners/planner.hpp"
 #include "tiller/config.hpp"
 
-namespace tiller::tools::distill {
+namespace tiller::python {
 
 /// What a controller's posterior tells a planner: a state, hypotheses of the parameters, and their moments.
 struct Situation {
@@ -20,14 +20,17 @@ struct Situation {
   std::uint64_t step = 0;                // periods since the task began
 };
 
+/// For beliefs that are brought forward to when a command acts already.
+void leave_delays_out(StepSetup& setup);
+
 /// A planner of the runtime without its controller: a block of its own, and beliefs that somebody else makes up. Input
 /// delays are left out: a controller brings its hypotheses forward to when the command acts, so that a policy never
 /// sees one.
-class LonePlanner {
+class PlannerAlone {
  public:
   /// Plans as `config` says, but without a clock, and without what needs a spread of the state (chance constraints,
   /// predicted spread). Null with a sentence in `error` where the planner does not take the configuration.
-  static std::unique_ptr<LonePlanner> make(const tiller_config_t& config, std::string& error);
+  static std::unique_ptr<PlannerAlone> make(const tiller_config_t& config, std::string& error);
 
   /// Forgets what was planned: the next plan is a task's first.
   void reset();
@@ -56,4 +59,4 @@ class LonePlanner {
   std::vector<float> params_, state_, effect_state_;
 };
 
-}  // namespace tiller::tools::distill
+}  // namespace tiller::python

@@ -1,10 +1,10 @@
-#include "tools/distill/lesson_plant.hpp"
+#include "model_motion.hpp"
 
 #include <algorithm>
 
-namespace tiller::tools::distill {
+namespace tiller::python {
 
-LessonPlant::LessonPlant(const tiller_config_t& config, const StepSetup& setup, std::vector<double> params)
+ModelMotion::ModelMotion(const tiller_config_t& config, const StepSetup& setup, std::vector<double> params)
     : config_(config), setup_(setup), table_(select_rollout(*config.model)), params_(std::move(params)) {
   state_.resize(config.model->state_count);
   effect_state_.resize(std::max(1u, setup.effect_state_count));
@@ -12,14 +12,14 @@ LessonPlant::LessonPlant(const tiller_config_t& config, const StepSetup& setup, 
   next_effects_.resize(effect_state_.size() * kLanePadding);
 }
 
-void LessonPlant::start(const double* state) {
+void ModelMotion::start(const double* state) {
   std::copy(state, state + state_.size(), state_.begin());
   std::fill(effect_state_.begin(), effect_state_.end(), 0.0);
 }
 
-void LessonPlant::move(const double* off) { add_differences(*config_.model, state_.data(), off, state_.data()); }
+void ModelMotion::move(const double* off) { add_differences(*config_.model, state_.data(), off, state_.data()); }
 
-void LessonPlant::step(const double* command) {
+void ModelMotion::step(const double* command) {
   RolloutJob<double> job;
   job.setup = &setup_;
   job.lanes = kLanePadding;
@@ -35,4 +35,4 @@ void LessonPlant::step(const double* command) {
   for (std::uint32_t i = 0; i < setup_.effect_state_count; ++i) effect_state_[i] = next_effects_[i * kLanePadding];
 }
 
-}  // namespace tiller::tools::distill
+}  // namespace tiller::python
