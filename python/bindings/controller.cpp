@@ -131,7 +131,7 @@ void set_reference(Controller& c, const std::optional<Rows>& states, const std::
 
 void make(Controller* at, nb::handle robot, nb::handle threads, nb::handle by_clock, nb::handle seed,
           const nb::args& more, const nb::kwargs& others) {
-  refuse_more("Controller", "robot, threads=1, by_clock=False", more, others);
+  refuse_more("Controller", "robot, threads=1, by_clock=False, seed=None", more, others);
   const Robot& of = read_robot(robot, "Controller");
   const auto count = static_cast<unsigned>(read_count(threads, {"Controller", "threads"}, 1, 256));
   const bool clock = read_flag(by_clock, {"Controller", "by_clock"});

@@ -13,6 +13,8 @@ struct Laboratory {
 /// LABORATORIES of python/tiller/labs/__main__.py are the same.
 constexpr Laboratory kLaboratories[] = {
     {"infer", "learn the parameters of a simulator of your own from logs of the robot"},
+    {"distill", "teach a small network what a planner does, for small targets"},
+    {"tune", "search settings of planner, cost and priors on the simulated plant"},
 };
 
 int become_laboratory(const char* name, const std::vector<std::string>& arguments) {

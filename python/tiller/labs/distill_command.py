@@ -6,8 +6,9 @@ import sys
 from pathlib import Path
 
 from .._errors import Error
-from .arguments import can_write, number_between
+from .arguments import number_between
 from .distill.options import Options
+from .output import can_write
 
 READABLE = ("state", "goal", "belief_mean", "belief_spread", "last_command")
 MOST_WIDTH = 64  # TILLER_MAX_NETWORK_WIDTH

@@ -3,11 +3,11 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from pathlib import Path
 from typing import Any
 
 from ... import _core
+from ..output import replace_file
 from .course import Distilled
 from .options import Options
 from .teacher import policy_text, text_of
@@ -42,14 +42,6 @@ def report(robot: _core.Robot, teacher: str, o: Options, result: Distilled) -> d
             "hidden": o.hidden, "inputs": network["inputs"], "weights": len(network["weights"]),
             "episodes": o.episodes, "seconds": o.seconds, "best_round": result.best + 1, "rounds": rounds,
             "held_out": tests, "held_out_cost_ratio": _number(result.held_out_ratio) if tests else None}
-
-
-def replace_file(path: Path, text: str) -> None:
-    """Whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    os.replace(part, path)
 
 
 def write_policy_robot(robot: _core.Robot, teacher: str, policy: Path) -> Path:

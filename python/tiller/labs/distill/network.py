@@ -62,7 +62,7 @@ class Student:
         """Adam on all samples from the present weights on; the weights of the least held-out error are kept. A sample
         counts with its cost to go to this power."""
         read, y = np.array(samples.read), jnp.asarray(np.array(samples.share), jnp.float32)
-        self._scale = self._scale or (read.mean(0), np.maximum(read.std(0), 1e-9))
+        self._scale = self._scale or _scale(read)
         x = jnp.asarray((read - self._scale[0]) / self._scale[1], jnp.float32)
         self._low, self._high = read.min(0), read.max(0)
         self._low[[name.startswith("sd ") for name in self.inputs]] = 0  # a posterior may know better than any shown
@@ -91,12 +91,18 @@ class Student:
                 "input_low": _singles(self._low), "input_high": _singles(self._high), "network": network}
 
 
+def _scale(read: Array) -> tuple[Array, Array]:
+    """Mean and deviation; of what never changed, 1."""
+    mean, sd = read.mean(0), read.std(0)
+    return mean, np.where(sd > 1e-9 * (1 + np.abs(mean)), sd, 1.0)
+
+
 def _singles(values: Any) -> list[float]:
     """As the shortest text of a float."""
     return [float(str(v)) for v in np.asarray(values, np.float32)]
 
 
-def _train(network: Any, data: Any, rows: Array, kept: Array, seed: int, epochs: int) -> tuple[Any, Errors]:
+def _train(network: Any, data: Any, rows: Any, kept: Any, seed: int, epochs: int) -> tuple[Any, Errors]:
     x, y, weight = data
     batches = max(1, len(rows) // BATCH)
     size = min(BATCH, len(rows))
